@@ -1,0 +1,20 @@
+# Compile flags that every target of ours shares.  Linked PRIVATE, so nothing leaks to a user of the library.
+add_library(project_flags INTERFACE)
+
+set(EARSHOT_SANITIZE "" CACHE STRING "Value of -fsanitize=, empty for none")
+set(EARSHOT_ARCH "x86-64-v3" CACHE STRING "Value of -march= on x86-64 machines, empty for the compiler's default")
+
+target_compile_options(project_flags INTERFACE
+  -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wno-sign-conversion -Werror
+  # a*b+c must round the same way in every translation unit and on every machine: results are promised bit for bit.
+  -ffp-contract=off)
+target_include_directories(project_flags INTERFACE ${PROJECT_SOURCE_DIR} ${PROJECT_BINARY_DIR}/generated)
+
+if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64" AND EARSHOT_ARCH)
+  target_compile_options(project_flags INTERFACE -march=${EARSHOT_ARCH})
+endif()
+
+if(EARSHOT_SANITIZE)
+  add_compile_options(-fsanitize=${EARSHOT_SANITIZE} -fno-omit-frame-pointer)
+  add_link_options(-fsanitize=${EARSHOT_SANITIZE})
+endif()

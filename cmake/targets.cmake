@@ -1,0 +1,33 @@
+# earshot_library(NAME DIR): a static library of all .cpp files in DIR.
+function(earshot_library name dir)
+  file(GLOB sources CONFIGURE_DEPENDS ${dir}/*.cpp)
+  file(GLOB headers CONFIGURE_DEPENDS ${dir}/*.h)
+  add_library(${name} STATIC ${sources} ${headers})
+  set_target_properties(${name} PROPERTIES LINKER_LANGUAGE CXX)
+  target_include_directories(${name} PUBLIC $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}>)
+  target_link_libraries(${name} PRIVATE project_flags)
+endfunction()
+
+# earshot_tests(DIR LIBS...): the tests of one folder.  *_slow_test.cpp go to an executable of their own with the label
+# `slow`; the sanitizer presets leave it out.
+function(earshot_tests dir)
+  string(REPLACE "/" "_" stem ${dir})
+  file(GLOB all_tests CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/tests/${dir}/*_test.cpp)
+  foreach(label fast slow)
+    set(sources ${all_tests})
+    if(label STREQUAL "slow")
+      list(FILTER sources INCLUDE REGEX "_slow_test\\.cpp$")
+      set(target test_${stem}_slow)
+    else()
+      list(FILTER sources EXCLUDE REGEX "_slow_test\\.cpp$")
+      set(target test_${stem})
+    endif()
+    if(sources)
+      add_executable(${target} ${sources})
+      target_link_libraries(${target} PRIVATE ${ARGN} GTest::gtest GTest::gmock GTest::gtest_main project_flags)
+      target_compile_definitions(${target} PRIVATE EARSHOT_SOURCE_DIR="${PROJECT_SOURCE_DIR}")
+      gtest_discover_tests(${target} DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 120
+        PROPERTIES LABELS ${label} TIMEOUT 600)
+    endif()
+  endforeach()
+endfunction()

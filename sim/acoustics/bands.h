@@ -1,0 +1,23 @@
+#pragma once
+
+#include <span>
+#include <vector>
+
+namespace earshot {
+
+/// Upper bound of the band count everywhere; lets hot loops keep per-band values in fixed arrays.
+inline constexpr int kMaxBands = 32;
+
+/// Frequency bands, low to high; edge_hz has one entry more than centre_hz.
+struct BandLayout {
+  std::vector<float> edge_hz, centre_hz;
+  [[nodiscard]] int size() const { return static_cast<int>(centre_hz.size()); }
+
+  /// Octaves at 125 Hz ... 8 kHz (exact midbands 1000 * 10^(0.3 k)), cut at rate / 2: bands that start above it are dropped and
+  /// the last edge is clipped.  16 kHz sound gives seven bands.
+  static BandLayout octaves(float sample_rate_hz);
+  /// `count` bands of equal width in log f from 44.194 to 11313.7 Hz, clipped like octaves() (ORACLES O-31).  count in [1, kMaxBands].
+  static BandLayout log_spaced(int count, float sample_rate_hz);
+};
+
+}  // namespace earshot

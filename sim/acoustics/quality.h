@@ -1,0 +1,47 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "sim/base/config_reader.h"
+
+namespace earshot {
+
+enum class Switch { automatic, on, off };
+
+/// Every parameter of a RIR.  Defaults are the preset `fast`.  `--set key=value`, preset files and task configs use the names below.
+struct AcousticConfig {
+  // which parts
+  Switch direct = Switch::automatic, early = Switch::automatic, late = Switch::automatic, air_absorption = Switch::automatic;
+  Switch diffraction = Switch::automatic, transmission = Switch::automatic;
+  // early reflections
+  int early_order = 2;                ///< image paths up to this many specular reflections, [0, 4]
+  int early_candidate_rays = 2000;     ///< rays traced once per source to find plane sequences
+  // late field
+  int rays = 64;                       ///< from the listener, [0, 2^31)
+  int max_bounces = 1000;              ///< a safety bound; time and Russian roulette end rays
+  float time_bin_s = 0.004f;           ///< (0, 0.1]
+  int sh_order = 1;                    ///< of the arrival directions, [0, 5]
+  float rir_length_s = 0.5f;           ///< (0, 60]
+  float source_radius_m = 0.25f;       ///< volume in which specular paths meet the source, when late_connection is exact
+  /// exact: next-event estimation sees the diffuse share only, specular last legs are caught by the source volume (unbiased, noisy).
+  /// diffuse: the last leg of late paths is treated as diffuse (the share s of scattering as 1): far less noise, small bias.
+  bool diffuse_last_leg = true;
+  float scattering = -1.f;             ///< >= 0: one value for every material
+  // output
+  int bands = 0;                       ///< 0: octaves; otherwise this many log-spaced bands
+  float sample_rate_hz = 16000.f;      ///< [8000, 96000]
+  std::uint64_t seed = 0;
+  int threads = 1;                     ///< 0: all; any number gives the same bits
+};
+
+/// Presets `fast` (training), `balanced`, `high` (converged reference).  Throws InputError for another name.
+AcousticConfig acoustic_preset(std::string_view name);
+/// Reads any of the fields by name (switches as auto|on|off) over `config`; does not call finish().
+void read(ConfigReader& reader, AcousticConfig& config);
+/// Throws InputError with key, value, rule.
+void validate(const AcousticConfig& config);
+
+}  // namespace earshot

@@ -1,0 +1,40 @@
+#pragma once
+
+#include <array>
+#include <complex>
+#include <filesystem>
+#include <glm/vec3.hpp>
+#include <memory>
+#include <span>
+#include <vector>
+
+namespace earshot {
+
+/// Head-related transfer functions on a grid of directions, as spectra ready for synthesis.  Immutable.
+/// Directions are in head axes: x right, y up, -z front.
+class Hrtf {
+ public:
+  /// Rigid sphere of radius 8.75 cm with ears at +-100 degrees (Duda and Martens 1998), made by the product itself: no file needed.
+  static std::shared_ptr<const Hrtf> rigid_sphere(float sample_rate_hz);
+  /// Any SOFA file (libmysofa), resampled.  Throws InputError naming the file and the missing field.
+  static std::shared_ptr<const Hrtf> from_sofa(const std::filesystem::path& path, float sample_rate_hz);
+
+  [[nodiscard]] float sample_rate_hz() const { return sample_rate_hz_; }
+  [[nodiscard]] int fft_size() const { return fft_size_; }  ///< spectra hold fft_size / 2 + 1 bins
+  /// Writes the left and right spectra for `direction` (unit, head axes), interpolated; the common delay of `lead_samples` keeps
+  /// both ears causal.
+  void spectra(glm::vec3 direction, std::span<std::complex<float>> left, std::span<std::complex<float>> right) const;
+  [[nodiscard]] int lead_samples() const { return lead_samples_; }
+  /// Decoder of a first-order late field: for each of the 4 N3D channels (ACN, head axes as in ambisonics.h) and each ear a
+  /// spectrum [fft_size / 2 + 1], with the diffuse-field covariance of this head imposed per frequency (Zaunschirm et al. 2018).
+  [[nodiscard]] std::span<const std::complex<float>> diffuse_decoder(int channel, int ear) const;
+
+ private:
+  Hrtf() = default;
+  float sample_rate_hz_ = 0;
+  int fft_size_ = 0, lead_samples_ = 0;
+  struct Grid;
+  std::shared_ptr<const Grid> grid_;
+};
+
+}  // namespace earshot

@@ -1,0 +1,135 @@
+#include "sim/base/config_reader.h"
+
+#include <algorithm>
+#include <numeric>
+
+#include "sim/base/files.h"
+
+namespace earshot {
+namespace {
+
+/// Levenshtein distance, one row of memory.
+std::size_t edit_distance(std::string_view a, std::string_view b) {
+  std::vector<std::size_t> row(b.size() + 1);
+  std::iota(row.begin(), row.end(), std::size_t{0});
+  for (std::size_t i = 1; i <= a.size(); ++i) {
+    std::size_t diagonal = row[0];
+    row[0] = i;
+    for (std::size_t j = 1; j <= b.size(); ++j) {
+      const std::size_t above = row[j];
+      row[j] = std::min({row[j] + 1, row[j - 1] + 1, diagonal + (a[i - 1] == b[j - 1] ? 0 : 1)});
+      diagonal = above;
+    }
+  }
+  return row.back();
+}
+
+void apply_override(YAML::Node root, const std::string& text, const std::string& where) {
+  const auto equals = text.find('=');
+  if (equals == std::string::npos || equals == 0)
+    throw InputError("override '" + text + "'", "is not of the form key=value", "write for example ppo.lr=1e-4 (" + where + ")");
+  YAML::Node value;
+  try {
+    value = YAML::Load(text.substr(equals + 1));
+  } catch (const YAML::Exception& error) {
+    throw InputError("override '" + text + "'", error.msg, "quote the value as YAML asks");
+  }
+  std::string path = text.substr(0, equals);
+  YAML::Node node = root;
+  for (std::size_t dot = path.find('.'); dot != std::string::npos; dot = path.find('.')) {
+    const std::string key = path.substr(0, dot);
+    path.erase(0, dot + 1);
+    if (node[key].IsDefined() && !node[key].IsMap())
+      throw InputError("override '" + text + "'", "'" + key + "' is a value, not a map, in " + where, "check the path");
+    YAML::Node next = node[key];
+    if (!next.IsDefined() || next.IsNull()) {
+      node[key] = YAML::Node(YAML::NodeType::Map);
+      next = node[key];
+    }
+    node.reset(next);
+  }
+  node[path] = value;
+}
+
+}  // namespace
+
+ConfigReader::ConfigReader(YAML::Node map, std::string where, std::string prefix)
+    : map_(std::move(map)), where_(std::move(where)), prefix_(std::move(prefix)) {}
+
+ConfigReader ConfigReader::from_file(const std::filesystem::path& path, const std::vector<std::string>& overrides) {
+  return from_text(read_file(path, std::size_t{16} << 20), path.string(), overrides);
+}
+
+ConfigReader ConfigReader::from_text(std::string_view yaml, std::string where, const std::vector<std::string>& overrides) {
+  YAML::Node root;
+  try {
+    root = YAML::Load(std::string(yaml));
+  } catch (const YAML::Exception& error) {
+    throw InputError(where + ":" + std::to_string(error.mark.line + 1), error.msg, "correct the YAML");
+  }
+  if (!root.IsDefined() || root.IsNull()) root = YAML::Node(YAML::NodeType::Map);
+  if (!root.IsMap()) throw InputError(where, "is not a map of keys and values", "write 'key: value' lines");
+  for (const auto& text : overrides) apply_override(root, text, where);
+  return {root, std::move(where), ""};
+}
+
+bool ConfigReader::has(const std::string& key) { return static_cast<bool>(find(key)); }
+
+YAML::Node ConfigReader::find(const std::string& key) {
+  known_.insert(key);
+  const YAML::Node& constant = map_;
+  const YAML::Node node = constant[key];
+  return node.IsDefined() && !node.IsNull() ? node : YAML::Node(YAML::NodeType::Undefined);
+}
+
+ConfigReader ConfigReader::child(const std::string& key) {
+  const YAML::Node node = find(key);
+  if (!node) return {YAML::Node(YAML::NodeType::Map), where_, prefix_ + key + "."};
+  if (!node.IsMap()) fail(key, "must be a map of keys and values");
+  return {node, where_, prefix_ + key + "."};
+}
+
+YAML::Node ConfigReader::node(const std::string& key) { return find(key); }
+
+std::vector<std::string> ConfigReader::keys() {
+  std::vector<std::string> names;
+  for (const auto& item : map_) names.push_back(item.first.as<std::string>());
+  known_.insert(names.begin(), names.end());
+  return names;
+}
+
+void ConfigReader::finish() const {
+  for (const auto& item : map_) {
+    const auto key = item.first.as<std::string>();
+    if (known_.contains(key)) continue;
+    const std::string nearest = nearest_word(key, known_);
+    std::string all;
+    for (const auto& name : known_) all += (all.empty() ? "" : ", ") + name;
+    fail(key, "unknown key; " + (nearest.empty() ? "known keys: " + all : "did you mean '" + nearest + "'?"));
+  }
+}
+
+void ConfigReader::fail(const std::string& key, const std::string& problem) const {
+  throw InputError(where_, prefix_ + key + ": " + problem, "");
+}
+
+std::string ConfigReader::shown(const YAML::Node& node) {
+  YAML::Emitter out;
+  out << YAML::Flow << node;
+  return out.good() ? std::string(out.c_str()) : std::string("?");
+}
+
+std::string nearest_word(std::string_view word, const std::set<std::string>& candidates) {
+  std::string best;
+  std::size_t best_distance = std::max<std::size_t>(2, word.size() / 3) + 1;
+  for (const auto& candidate : candidates) {
+    const std::size_t distance = edit_distance(word, candidate);
+    if (distance < best_distance) {
+      best_distance = distance;
+      best = candidate;
+    }
+  }
+  return best;
+}
+
+}  // namespace earshot

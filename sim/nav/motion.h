@@ -1,0 +1,18 @@
+#pragma once
+
+#include <glm/vec3.hpp>
+
+#include "sim/nav/navmesh.h"
+
+namespace earshot {
+
+struct MoveResult {
+  glm::vec3 position;   ///< on the walkable surface
+  bool collided;        ///< the surface stopped or deflected the move: the covered part is shorter than the asked one by more than 1 mm
+};
+
+/// Moves along the walkable surface from `from` by `displacement` (horizontal), sliding along borders.  Never leaves the surface;
+/// same input, same bits.
+MoveResult slide(const Navmesh& navmesh, glm::vec3 from, glm::vec3 displacement);
+
+}  // namespace earshot

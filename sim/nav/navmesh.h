@@ -1,0 +1,48 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <glm/vec3.hpp>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "sim/base/random.h"
+#include "sim/scene/triangle_mesh.h"
+
+namespace earshot {
+
+struct NavmeshConfig {
+  float agent_radius_m = 0.1f, agent_height_m = 1.5f;
+  float max_climb_m = 0.2f, max_slope_deg = 45.f;
+  float cell_size_m = 0.05f, cell_height_m = 0.05f;
+  float min_region_area_m2 = 0.5f;  ///< smaller islands (table tops) are dropped
+};
+void validate(const NavmeshConfig& config);
+
+/// Walkable surface of a mesh for a cylinder agent (Recast/Detour).  Immutable; queries are safe from any thread (each
+/// query object is leased from a pool inside).  Throws InputError if nothing is walkable.
+class Navmesh {
+ public:
+  Navmesh(const TriangleMesh& mesh, const NavmeshConfig& config);
+  ~Navmesh();
+  Navmesh(Navmesh&&) noexcept;
+
+  /// Nearest point on the walkable surface within `reach_m` horizontally and 1 m vertically.
+  [[nodiscard]] std::optional<glm::vec3> snap(glm::vec3 point, float reach_m = 0.5f) const;
+  /// Uniform by area over the largest connected island (or the whole surface).  Draws from `random` at `draw`, `draw + 1`.
+  [[nodiscard]] glm::vec3 random_point(const RandomStream& random, std::uint32_t draw) const;
+  /// Length of the shortest walkable path; nullopt if there is none (another island).
+  [[nodiscard]] std::optional<float> path_length_m(glm::vec3 from, glm::vec3 to) const;
+  [[nodiscard]] float area_m2() const;          ///< of the whole surface
+  [[nodiscard]] int num_islands() const;
+  [[nodiscard]] const NavmeshConfig& config() const;
+
+  struct Impl;
+  [[nodiscard]] const Impl& impl() const { return *impl_; }  ///< for motion and geodesic_field only
+
+ private:
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace earshot

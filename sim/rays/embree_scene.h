@@ -1,0 +1,52 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <glm/vec3.hpp>
+#include <limits>
+#include <memory>
+#include <span>
+
+namespace earshot {
+
+/// Nearest hit of one ray.  `triangle == no_triangle` means that the ray left the scene.
+struct Hit {
+  static constexpr std::uint32_t no_triangle = 0xFFFFFFFFu;
+  float distance_m = std::numeric_limits<float>::infinity();
+  glm::vec3 position{0};  ///< on the triangle (barycentric, not origin + t * direction: smaller error), metres
+  glm::vec3 normal{0};    ///< unit, geometric, turned toward the ray's origin
+  std::uint32_t triangle = no_triangle;
+  [[nodiscard]] bool valid() const { return triangle != no_triangle; }
+};
+
+/// A point moved off a surface along `normal` (unit) by a few units in the last place, so that a ray started there cannot
+/// hit the surface it starts on, at any scale (Waechter and Binder, Ray Tracing Gems 2019, chapter 6).
+glm::vec3 offset_from_surface(glm::vec3 position, glm::vec3 normal);
+
+/// A static triangle soup ready for ray queries.  Immutable after construction and safe from any thread.
+/// An empty soup is valid: every ray escapes.
+class EmbreeScene {
+ public:
+  /// vertices [n] metres, triangles [m] indices into vertices (checked by the caller).  Copies both.
+  /// Throws InputError if Embree cannot be opened, with its own message.  Cost: about 0.5 s per million triangles.
+  EmbreeScene(std::span<const glm::vec3> vertices, std::span<const glm::uvec3> triangles);
+  ~EmbreeScene();
+  EmbreeScene(EmbreeScene&&) noexcept;
+  EmbreeScene& operator=(EmbreeScene&&) noexcept;
+
+  /// direction: unit.  Hits with distance in (0, max_distance_m).  About 0.3 to 1 us.
+  [[nodiscard]] Hit intersect(glm::vec3 origin, glm::vec3 direction,
+                              float max_distance_m = std::numeric_limits<float>::infinity()) const;
+  /// Is the open segment from -> to blocked?  Points on surfaces must have been moved by offset_from_surface.
+  [[nodiscard]] bool occluded(glm::vec3 from, glm::vec3 to) const;
+  /// Eight coherent rays at once (camera rows): distances only, infinity where a ray escapes.  About 0.8 us for all eight.
+  void intersect8(std::span<const glm::vec3, 8> origins, std::span<const glm::vec3, 8> directions,
+                  std::span<float, 8> distances_m) const;
+  [[nodiscard]] std::size_t num_triangles() const;
+
+ private:
+  struct Handles;
+  std::unique_ptr<Handles> handles_;
+};
+
+}  // namespace earshot

@@ -1,0 +1,65 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "sim/rays/embree_scene.h"
+#include "sim/scene/materials.h"
+#include "sim/scene/triangle_mesh.h"
+
+namespace earshot {
+
+struct Air {
+  float temperature_c = 20.f;       ///< [-20, 50]
+  float humidity_percent = 50.f;    ///< [0, 100]
+  float pressure_kpa = 101.325f;    ///< [50, 120]
+  /// 0: 343.2 sqrt(T / 293.15 K) of ISO 9613-1; otherwise this value (the oracles fix 343.0).
+  float speed_of_sound_m_per_s = 0.f;
+  [[nodiscard]] float speed() const;
+};
+
+/// What import repaired; all counts.
+struct ImportReport {
+  std::uint64_t triangles_read = 0, degenerate_removed = 0, duplicate_removed = 0, vertices_welded = 0;
+};
+
+/// Geometry with an acoustic material per triangle, ready for rays.  Built once, immutable, shared by all agents and threads.
+class Scene {
+ public:
+  /// material_of_slot: one Material per mesh.material_names entry.
+  Scene(std::string name, TriangleMesh mesh, std::vector<Material> material_of_slot, Air air, ImportReport report = {});
+
+  [[nodiscard]] const std::string& name() const { return name_; }  ///< the SCENE text it was loaded from
+  [[nodiscard]] const TriangleMesh& mesh() const { return mesh_; }
+  [[nodiscard]] const std::vector<Material>& materials() const { return materials_; }  ///< per mesh material slot
+  [[nodiscard]] const Air& air() const { return air_; }
+  [[nodiscard]] float speed_of_sound_m_per_s() const { return speed_of_sound_; }
+  [[nodiscard]] const EmbreeScene& rays() const { return rays_; }
+  [[nodiscard]] const Bounds& bounds() const { return bounds_; }
+  [[nodiscard]] const ImportReport& import_report() const { return report_; }
+  [[nodiscard]] std::uint64_t hash() const { return hash_; }  ///< geometry, names, coefficients and air
+  [[nodiscard]] float triangle_area_m2(std::uint32_t triangle) const;
+
+ private:
+  std::string name_;
+  TriangleMesh mesh_;
+  std::vector<Material> materials_;
+  Air air_;
+  float speed_of_sound_;
+  EmbreeScene rays_;
+  Bounds bounds_;
+  ImportReport report_;
+  std::uint64_t hash_;
+};
+
+/// Loads any SCENE of the command line: a mesh file, `shoebox:XxYxZ[@M]`, `house:SEED[,key=value...]`, or a scene YAML
+/// (mesh, up, unit_m, ceiling_m, materials, assign, default_material, air, two_sided).  Throws InputError, one clear line.
+Scene load_scene(const std::string& spec);
+
+}  // namespace earshot
