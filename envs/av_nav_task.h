@@ -1,0 +1,66 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "sim/base/config_reader.h"
+#include "sim/nav/geodesic_field.h"
+#include "sim/nav/motion.h"
+#include "sim/vision/camera.h"
+
+namespace earshot {
+
+enum class Action : std::int32_t { stop = 0, forward = 1, left = 2, right = 3 };
+inline constexpr int kNumActions = 4;
+
+/// Continuous AV-Nav (DESIGN.md "Task").
+struct TaskConfig {
+  float step_time_s = 0.15f;
+  float forward_m = 0.15f;
+  float turn_deg = 10.f;          ///< divides 360
+  float success_radius_m = 1.0f;  ///< geodesic
+  int max_steps = 500;
+  float step_reward = -0.01f, distance_reward = 1.0f, success_reward = 10.0f;
+  float ear_height_m = 1.5f, source_height_m = 1.5f;
+};
+void read(ConfigReader& reader, TaskConfig& config);
+void validate(const TaskConfig& config);
+
+/// Metrics of a finished episode (FACTS.md 2.5; SNA with an oracle of the same actions).
+struct EpisodeMetrics {
+  double success = 0, spl = 0, soft_spl = 0, sna = 0, dtg_m = 0, reward = 0;
+  int steps = 0, collisions = 0;
+};
+
+/// State of one agent in one episode: motion, reward and end.  A plain value; no rendering.
+class AvNavState {
+ public:
+  /// start_heading_rad plus turns * turn_deg is the heading: integer turns, so 36 turns of 10 degrees are no turn (H-54, H-58).
+  void begin(const TaskConfig& config, const GeodesicField& field, glm::vec3 start, double start_heading_rad, int oracle_actions);
+  /// Applies one action; returns the reward.  Afterwards terminated() (stop called), truncated() (out of steps) and collided() are current.
+  float step(const TaskConfig& config, const Navmesh& navmesh, const GeodesicField& field, Action action);
+
+  [[nodiscard]] Pose pose(const TaskConfig& config) const;
+  [[nodiscard]] bool terminated() const { return terminated_; }
+  [[nodiscard]] bool truncated() const { return truncated_; }
+  [[nodiscard]] bool collided() const { return collided_; }
+  [[nodiscard]] int steps() const { return steps_; }
+  [[nodiscard]] float distance_to_goal_m() const { return distance_m_; }
+  [[nodiscard]] EpisodeMetrics metrics(const TaskConfig& config) const;
+
+ private:
+  glm::vec3 position_{0};
+  double start_heading_rad_ = 0, path_m_ = 0, reward_ = 0;
+  int turns_ = 0, steps_ = 0, collisions_ = 0, oracle_actions_ = 1;
+  float start_distance_m_ = 0, distance_m_ = 0;
+  bool terminated_ = false, truncated_ = false, collided_ = false;
+};
+
+/// The oracle: next action along the geodesic with this task's step sizes.  `stop` once within half of the success radius, or as
+/// soon as the distance no longer falls.
+Action oracle_action(const TaskConfig& config, const GeodesicField& field, const Pose& pose);
+/// Number of actions of the oracle from a start, stop included; nullopt if it does not succeed within 4 * max_steps.
+std::optional<int> count_oracle_actions(const TaskConfig& config, const Navmesh& navmesh, const GeodesicField& field, glm::vec3 start,
+                                        double heading_rad);
+
+}  // namespace earshot

@@ -1,0 +1,102 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "envs/av_nav_task.h"
+#include "envs/episode_set.h"
+#include "envs/observation.h"
+#include "envs/scene_cache.h"
+
+namespace earshot {
+
+/// How envs draw episodes: at random for ever, or each episode of the set exactly once (env e of n takes e, e + n, ...).
+enum class EpisodeOrder { random, once };
+
+struct EnvConfig {
+  TaskConfig task;
+  ObservationSpec observation;
+  AcousticConfig acoustics;
+  NavmeshConfig navmesh;
+  std::string hrtf;                 ///< SOFA file; empty: rigid sphere
+  float sound_gain = 1.f;           ///< applied to the dry sound; the spectrogram is log(1 + x), so the scale matters
+  float crossfade_s = 0.05f;
+  EpisodeOrder order = EpisodeOrder::random;
+  int threads = 1;                  ///< over the batch; 0: all cores
+  std::uint64_t seed = 0;
+  std::string scene_root;           ///< folder of relative scene files
+  double scene_cache_gb = 4;
+};
+void read(ConfigReader& reader, EnvConfig& config);
+void validate(const EnvConfig& config);
+
+/// A finished episode, with what is needed to replay it.
+struct FinishedEpisode {
+  int env = 0;                      ///< global env id
+  std::uint64_t episode_index = 0;  ///< in the set
+  EpisodeMetrics metrics;
+  std::vector<std::int8_t> actions;
+};
+
+/// Wall seconds spent per stage since construction, summed over threads.
+struct StageSeconds {
+  double move = 0, trace = 0, synthesize = 0, convolve = 0, render = 0, observe = 0, reset = 0;
+};
+
+/// num_envs agents stepped together.  Buffers are flat [num_envs, ...], owned here, valid until the next step.  Results are a function of
+/// (set, config, global env id): not of threads, nor of how a batch is split.
+class BatchedEnv {
+ public:
+  /// Global ids are first_env ... first_env + num_envs - 1 of `total_envs` (all workers together; used by EpisodeOrder::once).
+  BatchedEnv(const EnvConfig& config, std::shared_ptr<const EpisodeSet> set, std::shared_ptr<SceneCache> scenes, int num_envs,
+             int first_env = 0, int total_envs = 0);
+  ~BatchedEnv();
+
+  /// Starts the first episode of every env and fills the observations.
+  void reset();
+  /// actions: [num_envs] in [0, 4).  An env whose episode ends starts its next episode in the same call: the row of observations is
+  /// then the new episode's first, and the ended one's last observation is in the final_* row.  Idle envs (EpisodeOrder::once, no episode left) ignore their action.
+  void step(std::span<const std::int32_t> actions);
+
+  [[nodiscard]] int num_envs() const;
+  [[nodiscard]] const EnvConfig& config() const;
+  [[nodiscard]] std::span<const float> depth() const;              ///< [num_envs, height, width, 1]
+  [[nodiscard]] std::span<const float> spectrogram() const;        ///< [num_envs, 65, 26, 2]
+  [[nodiscard]] std::span<const float> audiogoal() const;          ///< [num_envs, 2, new samples]: this step's sound
+  [[nodiscard]] std::span<const float> heard() const;              ///< [num_envs, 2, window]: the last second
+  [[nodiscard]] std::span<const float> pointgoal() const;          ///< [num_envs, 2] or empty
+  [[nodiscard]] std::span<const float> rewards() const;            ///< [num_envs] of the last step
+  [[nodiscard]] std::span<const std::uint8_t> terminated() const;  ///< stop was called
+  [[nodiscard]] std::span<const std::uint8_t> truncated() const;   ///< out of steps: bootstrap from the final observation
+  [[nodiscard]] std::span<const std::uint8_t> active() const;      ///< 0: idle
+  [[nodiscard]] std::span<const std::uint8_t> collided() const;
+  [[nodiscard]] std::span<const float> final_depth() const;        ///< like depth(); row valid where terminated or truncated
+  [[nodiscard]] std::span<const float> final_spectrogram() const;
+  [[nodiscard]] std::span<const float> final_pointgoal() const;
+  /// Episodes that ended in the last step, by env.
+  [[nodiscard]] std::span<const FinishedEpisode> finished() const;
+
+  /// For baselines and pages: what the policy must not see.
+  [[nodiscard]] Pose pose(int env) const;
+  [[nodiscard]] const EnvSource& source(int env) const;
+  [[nodiscard]] std::uint64_t episode_index(int env) const;
+  [[nodiscard]] int episode_count(int env) const;                  ///< episodes started before this one
+  [[nodiscard]] int episode_step(int env) const;
+  [[nodiscard]] const StageSeconds& stage_seconds() const;
+
+  /// Cursors and actions of all running episodes; restore() replays them, which gives the same bits.
+  [[nodiscard]] std::string save_state() const;
+  void restore(std::string_view state);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace earshot

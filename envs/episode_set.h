@@ -1,0 +1,25 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "envs/episode.h"
+
+namespace earshot {
+
+/// Episodes in file order.  Immutable once loaded; shared by all envs.
+struct EpisodeSet {
+  std::vector<Episode> episodes;
+  std::uint64_t hash = 0;  ///< of the canonical JSON text
+};
+
+/// Reads AudioNav JSON, gzip or plain (by content, not by name).  Throws InputError: missing file, JSON or gzip error, missing key
+/// (with episode id and key), non-finite number, geodesic distance that is not finite and positive, zero quaternion, no episodes.
+EpisodeSet load_episode_set(const std::filesystem::path& path);
+EpisodeSet parse_episode_set(std::string_view json_or_gzip, const std::string& where);
+/// Writes JSON, gzip if the name ends in .gz; atomically.  Same episodes, same bytes.
+void save_episode_set(const EpisodeSet& set, const std::filesystem::path& path);
+
+}  // namespace earshot

@@ -1,0 +1,63 @@
+#pragma once
+
+#include <torch/torch.h>
+
+#include <cstdint>
+#include <string>
+
+#include "envs/observation.h"
+#include "sim/base/config_reader.h"
+
+namespace earshot {
+
+/// Sizes of the network; the defaults are FACTS.md 4.1 (4,952,453 parameters with 128 x 128 depth and 65 x 26 x 2 spectrograms).
+struct PolicyConfig {
+  int hidden_size = 512;        ///< of the GRU
+  int visual_features = 512, audio_features = 512;
+  int conv_channels = 32;       ///< first layer; the others have twice as many
+  std::uint64_t seed = 0;       ///< of the initial weights
+};
+void read(ConfigReader& reader, PolicyConfig& config);
+void validate(const PolicyConfig& config);
+
+/// Observations of a batch, any leading dimensions folded into [N, ...].  An undefined tensor stands for a sensor that is off.
+struct ObservationTensors {
+  torch::Tensor depth;        ///< [N, height, width, 1] float in [0, 1]
+  torch::Tensor spectrogram;  ///< [N, rows, columns, 2] float
+  torch::Tensor pointgoal;    ///< [N, 2]
+};
+
+struct PolicyOutput {
+  torch::Tensor logits;   ///< [N, 4] (or [T * B, 4])
+  torch::Tensor value;    ///< [N]
+  torch::Tensor hidden;   ///< [B, hidden_size] after the last step
+};
+
+/// Recurrent actor-critic: visual CNN + audio CNN -> GRU -> categorical actor over four actions, scalar critic.
+class ActorCriticImpl : public torch::nn::Module {
+ public:
+  ActorCriticImpl(const ObservationSpec& spec, const PolicyConfig& config);
+
+  /// One step of N envs.  hidden [N, hidden_size]; not_done [N] float, 0 where a new episode begins (hidden is zeroed there).
+  PolicyOutput step(const ObservationTensors& observations, const torch::Tensor& hidden, const torch::Tensor& not_done);
+  /// T steps of B envs in time order: observations [T * B, ...] with T outermost; hidden [B, hidden_size] before the first step;
+  /// not_done [T, B].  Equal to T calls of step to 1e-6.
+  PolicyOutput sequence(const ObservationTensors& observations, const torch::Tensor& hidden, const torch::Tensor& not_done);
+
+  [[nodiscard]] int hidden_size() const { return config_.hidden_size; }
+  [[nodiscard]] std::int64_t num_parameters() const;
+  /// One line that says which weights fit: sensors, shapes and sizes.  Checkpoints compare it.
+  [[nodiscard]] std::string architecture() const;
+
+ private:
+  torch::Tensor encode(const ObservationTensors& observations);
+
+  ObservationSpec spec_;
+  PolicyConfig config_;
+  torch::nn::Sequential visual_{nullptr}, audio_{nullptr};
+  torch::nn::GRU rnn_{nullptr};
+  torch::nn::Linear actor_{nullptr}, critic_{nullptr};
+};
+TORCH_MODULE(ActorCritic);
+
+}  // namespace earshot

@@ -1,0 +1,38 @@
+#pragma once
+
+#include <torch/torch.h>
+
+#include <filesystem>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "policy/actor_critic.h"
+
+namespace earshot {
+
+/// Everything a run needs to go on with the same bits, or an evaluation to act.
+struct Checkpoint {
+  std::string config_yaml;               ///< the whole run config as it was resolved
+  std::string architecture;              ///< ActorCritic::architecture()
+  std::uint64_t update = 0, env_steps = 0;
+  std::uint64_t seed = 0;
+  int world_size = 1;
+  std::map<std::string, torch::Tensor> weights;
+  std::map<std::string, torch::Tensor> optimizer;   ///< Adam moments and step per parameter name; empty in exports
+  std::vector<std::string> env_states;               ///< BatchedEnv::save_state per rank
+  std::vector<torch::Tensor> hidden, not_done;       ///< per rank: recurrent state before the next step
+};
+
+/// File: "EARSHOT\0", version, length, MessagePack body, XXH3 of the body.  Written atomically.  Throws RunError if the disk is full.
+void save_checkpoint(const Checkpoint& checkpoint, const std::filesystem::path& path);
+/// Throws InputError, one line: missing, not a checkpoint, other version, truncated, hash mismatch, malformed body.
+Checkpoint load_checkpoint(const std::filesystem::path& path);
+
+std::map<std::string, torch::Tensor> weights_of(const ActorCritic& policy);
+/// Throws InputError naming both architectures if they differ.
+void load_weights(ActorCritic& policy, const Checkpoint& checkpoint, const std::string& where);
+std::map<std::string, torch::Tensor> optimizer_state_of(const ActorCritic& policy, torch::optim::Adam& optimizer);
+void load_optimizer_state(const ActorCritic& policy, torch::optim::Adam& optimizer, const Checkpoint& checkpoint);
+
+}  // namespace earshot

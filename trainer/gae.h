@@ -1,0 +1,19 @@
+#pragma once
+
+#include <torch/torch.h>
+
+namespace earshot {
+
+struct GaeConfig {
+  double gamma = 0.99, lambda = 0.95;
+};
+
+/// Generalized advantage estimation (Schulman et al. 2016, eqs. 11 to 16) with truncation bootstrapped from the final observation.
+/// rewards, values, terminated, truncated, final_values [T, B]; next_value [B] of the observation after the last row.
+/// values[t] = V(s_t).  terminated: the episode ended in the task sense: no bootstrap.  truncated: out of time: bootstrap from final_values[t] =
+/// V(final observation, hidden state after s_t).  Both: terminated wins.  Either ends the chain of lambda.
+/// Returns advantages [T, B]; returns are advantages + values.
+torch::Tensor gae(const torch::Tensor& rewards, const torch::Tensor& values, const torch::Tensor& terminated, const torch::Tensor& truncated,
+                  const torch::Tensor& final_values, const torch::Tensor& next_value, const GaeConfig& config);
+
+}  // namespace earshot
