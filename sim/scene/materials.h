@@ -8,7 +8,7 @@
 
 namespace earshot {
 
-/// A coefficient over frequency: points sorted by frequency, linear in log f between them, held beyond the ends.
+/// A coefficient over frequency: points sorted by frequency, linear in log f between them, held beyond the ends; 0 without points.
 struct CoefficientCurve {
   std::vector<float> hz, value;
   [[nodiscard]] float at(float frequency_hz) const;
@@ -34,13 +34,17 @@ struct MaterialWarning {
   std::string material, text;
 };
 
-/// Materials by exact name.  JSON layout of FACTS.md 1.7 ({"materials": [...]}) plus "source" per entry.
+/// Materials by exact name.  JSON: {"materials": [{"name", "labels", "absorption", "scattering", "transmission", "damping", "speed",
+/// "density", "source"}]}, curves as [Hz, value, ...]; name, absorption and scattering are required, the others default to none or 0.
 class MaterialDatabase {
  public:
   /// Throws InputError: missing file, JSON syntax with byte position, missing or mistyped key, coefficient outside [0, 1] or not a
   /// number, negative or zero frequency, unknown key (with the nearest known one), duplicate name, transmission > absorption.
-  static MaterialDatabase from_json(std::string_view json, const std::string& where);
-  static MaterialDatabase from_file(const std::filesystem::path& path);
+  /// Frequencies may come in any order; of equal ones the last wins.  With a list of warnings, transmission > absorption is
+  /// lowered and reported instead of refused: tables of others have such entries (ORACLES.md O-22, H-27).
+  static MaterialDatabase from_json(std::string_view json, const std::string& where,
+                                    std::vector<MaterialWarning>* warnings = nullptr);
+  static MaterialDatabase from_file(const std::filesystem::path& path, std::vector<MaterialWarning>* warnings = nullptr);
   /// The database that travels inside the binary (configs/materials.json).
   static MaterialDatabase builtin();
 

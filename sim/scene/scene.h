@@ -24,9 +24,10 @@ struct Air {
   [[nodiscard]] float speed() const;
 };
 
-/// What import repaired; all counts.
+/// What import repaired, as counts, and what it found odd, one line each (unmatched pattern, suspicious size, lowered transmission).
 struct ImportReport {
   std::uint64_t triangles_read = 0, degenerate_removed = 0, duplicate_removed = 0, vertices_welded = 0;
+  std::vector<std::string> warnings;
 };
 
 /// Geometry with an acoustic material per triangle, ready for rays.  Built once, immutable, shared by all agents and threads.

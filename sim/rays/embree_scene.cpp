@@ -1,0 +1,229 @@
+#include "sim/rays/embree_scene.h"
+
+#include <embree3/rtcore.h>
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstring>
+#include <glm/geometric.hpp>
+#include <mutex>
+#include <string>
+#include <tuple>
+#include <type_traits>
+#include <vector>
+
+#include "sim/base/errors.h"
+
+namespace earshot {
+namespace {
+
+struct ReleaseDevice {
+  void operator()(RTCDevice device) const noexcept { rtcReleaseDevice(device); }
+};
+struct ReleaseGeometry {
+  void operator()(RTCGeometry geometry) const noexcept { rtcReleaseGeometry(geometry); }
+};
+struct ReleaseScene {
+  void operator()(RTCScene scene) const noexcept { rtcReleaseScene(scene); }
+};
+using Device = std::unique_ptr<std::remove_pointer_t<RTCDevice>, ReleaseDevice>;
+using Geometry = std::unique_ptr<std::remove_pointer_t<RTCGeometry>, ReleaseGeometry>;
+using SceneHandle = std::unique_ptr<std::remove_pointer_t<RTCScene>, ReleaseScene>;
+
+/// First message that Embree reported.  Its builder calls back from worker threads.
+struct ErrorLog {
+  std::mutex mutex;
+  std::string first;
+};
+
+void keep_first_error(void* log_pointer, RTCError code, const char* text) {
+  auto& log = *static_cast<ErrorLog*>(log_pointer);
+  const std::lock_guard lock(log.mutex);
+  if (log.first.empty()) log.first = "Embree error " + std::to_string(code) + (text ? std::string(": ") + text : "");
+}
+
+[[noreturn]] void fail(const std::string& what) {
+  throw InputError("ray tracer", what, "check the installation of libembree3 and the free memory (earshot doctor)");
+}
+
+// A query's context with the winner so far.  Embree hands it back to the filter by address.
+struct TieContext {
+  RTCIntersectContext base;  // first, so that the addresses agree
+  float origin_size;         // largest coordinate of the ray's origin
+  float distance;            // of the winner
+  float normal[3];           // of the winner, not normalised
+  unsigned triangle = RTC_INVALID_GEOMETRY_ID;
+};
+
+// Overlapping coplanar triangles differ in distance only by rounding, so "the nearest" would be chosen by the direction of the
+// ray.  Among parallel triangles within the rounding of the coordinates, the lowest id wins.  Otherwise the nearest does.
+void prefer_lowest_id(const RTCFilterFunctionNArguments* arguments) {
+  if (arguments->valid[0] == 0) return;
+  auto& context = *reinterpret_cast<TieContext*>(arguments->context);
+  auto& ray = *reinterpret_cast<RTCRay*>(arguments->ray);
+  const auto& hit = *reinterpret_cast<const RTCHit*>(arguments->hit);
+  const float dot = hit.Ng_x * ray.dir_x + hit.Ng_y * ray.dir_y + hit.Ng_z * ray.dir_z;
+  const float length2 = hit.Ng_x * hit.Ng_x + hit.Ng_y * hit.Ng_y + hit.Ng_z * hit.Ng_z;
+  // Rounding moves the plane by about 1e-6 of the coordinates; a slanted ray sees that 1 / cos longer.
+  constexpr float plane_rounding = 1e-6f, least_cosine = 1e-3f;
+  const float cosine = std::max(std::fabs(dot) / std::sqrt(std::max(length2, 1e-38f)), least_cosine);
+  const float band = plane_rounding * (context.origin_size + ray.tfar) / cosine;
+
+  if (context.triangle != RTC_INVALID_GEOMETRY_ID) {
+    const float* n = context.normal;
+    const float along = n[0] * hit.Ng_x + n[1] * hit.Ng_y + n[2] * hit.Ng_z;
+    const float winner_length2 = n[0] * n[0] + n[1] * n[1] + n[2] * n[2];
+    const bool parallel = along * along >= 0.99999f * length2 * winner_length2;
+    const bool tied = ray.tfar == context.distance || (parallel && std::fabs(ray.tfar - context.distance) <= band);
+    const bool wins = tied ? hit.primID < context.triangle : ray.tfar < context.distance;
+    if (!wins) {
+      arguments->valid[0] = 0;
+      return;
+    }
+  }
+  context.distance = ray.tfar;
+  context.normal[0] = hit.Ng_x;
+  context.normal[1] = hit.Ng_y;
+  context.normal[2] = hit.Ng_z;
+  context.triangle = hit.primID;
+  ray.tfar += band;  // keep looking behind the winner as far as a tie reaches
+}
+
+}  // namespace
+
+struct EmbreeScene::Handles {
+  ErrorLog errors;  // outlives the device that writes to it
+  Device device;
+  SceneHandle scene;
+  std::vector<glm::vec3> vertices;
+  std::vector<glm::uvec3> triangles;
+  std::vector<glm::vec3> normals;  // unit; zero for a triangle without area
+
+  void throw_on_error(const char* doing) {
+    const std::lock_guard lock(errors.mutex);
+    if (!errors.first.empty()) fail(std::string(doing) + ": " + errors.first);
+  }
+};
+
+glm::vec3 offset_from_surface(glm::vec3 position, glm::vec3 normal) {
+  constexpr float near_origin = 1.f / 32.f, float_step = 1.f / 65536.f, integer_step = 256.f;
+  glm::vec3 moved;
+  for (int axis = 0; axis < 3; ++axis) {
+    const float p = position[axis], n = normal[axis];
+    const auto steps = static_cast<std::int32_t>(integer_step * n);
+    const float stepped = std::bit_cast<float>(std::bit_cast<std::int32_t>(p) + (p < 0 ? -steps : steps));
+    moved[axis] = std::fabs(p) < near_origin ? p + float_step * n : stepped;
+  }
+  return moved;
+}
+
+EmbreeScene::EmbreeScene(std::span<const glm::vec3> vertices, std::span<const glm::uvec3> triangles)
+    : handles_(std::make_unique<Handles>()) {
+  Handles& h = *handles_;
+  // No options: builds run on the process's TBB pool.  "threads=1" would cap that pool for everybody in the process.
+  h.device.reset(rtcNewDevice(nullptr));
+  if (!h.device) fail("rtcNewDevice failed, Embree error " + std::to_string(rtcGetDeviceError(nullptr)));
+  rtcSetDeviceErrorFunction(h.device.get(), keep_first_error, &h.errors);
+  h.scene.reset(rtcNewScene(h.device.get()));
+  if (!h.scene) fail("rtcNewScene failed");
+  // Robust: conservative boxes and watertight edges, so that rays cannot slip between neighbouring triangles.
+  rtcSetSceneFlags(h.scene.get(), RTC_SCENE_FLAG_ROBUST);
+  h.vertices.assign(vertices.begin(), vertices.end());
+  h.triangles.assign(triangles.begin(), triangles.end());
+
+  if (!triangles.empty()) {
+    const Geometry geometry{rtcNewGeometry(h.device.get(), RTC_GEOMETRY_TYPE_TRIANGLE)};
+    if (!geometry) fail("rtcNewGeometry failed");
+    void* vertex_buffer = rtcSetNewGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, sizeof(glm::vec3),
+                                                  vertices.size());
+    void* index_buffer = rtcSetNewGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, sizeof(glm::uvec3),
+                                                 triangles.size());
+    h.throw_on_error("allocating the triangles");
+    if (!vertex_buffer || !index_buffer) fail("allocating the triangles failed");
+    std::memcpy(vertex_buffer, vertices.data(), vertices.size_bytes());
+    std::memcpy(index_buffer, triangles.data(), triangles.size_bytes());
+    rtcCommitGeometry(geometry.get());
+    rtcAttachGeometryByID(h.scene.get(), geometry.get(), 0);
+  }
+  rtcCommitScene(h.scene.get());
+  h.throw_on_error("building the ray structure");
+
+  h.normals.reserve(triangles.size());
+  for (const glm::uvec3 t : h.triangles) {
+    const glm::dvec3 a = h.vertices[t.x], b = h.vertices[t.y], c = h.vertices[t.z];
+    const glm::dvec3 n = glm::cross(b - a, c - a);  // double: a needle of 1e-7 m still has a direction
+    const double length = glm::length(n);
+    h.normals.emplace_back(length > 0 && std::isfinite(length) ? n / length : glm::dvec3(0));
+  }
+}
+
+EmbreeScene::~EmbreeScene() = default;
+EmbreeScene::EmbreeScene(EmbreeScene&&) noexcept = default;
+EmbreeScene& EmbreeScene::operator=(EmbreeScene&&) noexcept = default;
+
+std::size_t EmbreeScene::num_triangles() const { return handles_->triangles.size(); }
+
+Hit EmbreeScene::intersect(glm::vec3 origin, glm::vec3 direction, float max_distance_m) const {
+  TieContext context;
+  rtcInitIntersectContext(&context.base);
+  context.base.filter = [](const RTCFilterFunctionNArguments* arguments) { prefer_lowest_id(arguments); };
+  context.origin_size = std::max({std::fabs(origin.x), std::fabs(origin.y), std::fabs(origin.z)});
+  RTCRayHit query{};
+  query.ray = {.org_x = origin.x, .org_y = origin.y, .org_z = origin.z, .tnear = 0.f,
+               .dir_x = direction.x, .dir_y = direction.y, .dir_z = direction.z, .time = 0.f,
+               .tfar = max_distance_m, .mask = ~0u, .id = 0, .flags = 0};
+  query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+  query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+  rtcIntersect1(handles_->scene.get(), &context.base, &query);
+  Hit hit;
+  if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return hit;
+
+  hit.triangle = query.hit.primID;
+  hit.distance_m = context.distance;
+  const glm::uvec3 t = handles_->triangles[hit.triangle];
+  const float u = query.hit.u, v = query.hit.v;
+  hit.position = (1.f - u - v) * handles_->vertices[t.x] + u * handles_->vertices[t.y] + v * handles_->vertices[t.z];
+  const glm::vec3 normal = handles_->normals[hit.triangle];
+  hit.normal = normal == glm::vec3(0) ? -direction : glm::dot(normal, direction) > 0 ? -normal : normal;
+  return hit;
+}
+
+bool EmbreeScene::occluded(glm::vec3 from, glm::vec3 to) const {
+  // Both directions of a segment must agree (reciprocity), and rounding at edges depends on the ray's origin: fix the order.
+  if (std::tie(to.x, to.y, to.z) < std::tie(from.x, from.y, from.z)) std::swap(from, to);
+  const glm::vec3 along = to - from;
+  RTCIntersectContext context;
+  rtcInitIntersectContext(&context);
+  RTCRay ray{.org_x = from.x, .org_y = from.y, .org_z = from.z, .tnear = 0.f,
+             .dir_x = along.x, .dir_y = along.y, .dir_z = along.z, .time = 0.f,
+             .tfar = 1.f, .mask = ~0u, .id = 0, .flags = 0};
+  rtcOccluded1(handles_->scene.get(), &context, &ray);
+  return ray.tfar < 0;
+}
+
+void EmbreeScene::intersect8(std::span<const glm::vec3, 8> origins, std::span<const glm::vec3, 8> directions,
+                             std::span<float, 8> distances_m) const {
+  RTCIntersectContext context;
+  rtcInitIntersectContext(&context);
+  context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
+  alignas(32) int valid[8];
+  RTCRayHit8 query{};
+  for (std::size_t i = 0; i < 8; ++i) {
+    valid[i] = -1;
+    query.ray.org_x[i] = origins[i].x;
+    query.ray.org_y[i] = origins[i].y;
+    query.ray.org_z[i] = origins[i].z;
+    query.ray.dir_x[i] = directions[i].x;
+    query.ray.dir_y[i] = directions[i].y;
+    query.ray.dir_z[i] = directions[i].z;
+    query.ray.tfar[i] = std::numeric_limits<float>::infinity();
+    query.ray.mask[i] = ~0u;
+    query.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
+    query.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
+  }
+  rtcIntersect8(valid, handles_->scene.get(), &context, &query);
+  for (std::size_t i = 0; i < 8; ++i) distances_m[i] = query.ray.tfar[i];
+}
+
+}  // namespace earshot

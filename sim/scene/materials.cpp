@@ -1,0 +1,186 @@
+#include "sim/scene/materials.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "sim/base/config_reader.h"
+#include "sim/base/errors.h"
+#include "sim/base/files.h"
+#include "sim/scene/text_match.h"
+
+namespace earshot {
+namespace {
+
+using Json = nlohmann::json;
+
+/// One entry of "materials"; knows how to name itself in a message.
+struct Entry {
+  const Json& json;
+  std::string where;  // file: material "name"
+  [[noreturn]] void fail(const std::string& key, const std::string& what, const std::string& remedy) const {
+    throw InputError(where + ", key '" + key + "'", what, remedy);
+  }
+};
+
+float read_number(const Entry& entry, const std::string& key, const Json& json) {
+  if (!json.is_number()) entry.fail(key, fmt::format("{} is not a number", json.dump(-1, ' ', false, Json::error_handler_t::replace)), "write a number");
+  const auto value = json.get<float>();
+  if (!std::isfinite(value)) entry.fail(key, "the number is too large", "write a finite number");
+  return value;
+}
+
+/// [f0, c0, f1, c1, ...]: any order; of equal frequencies the last wins.
+CoefficientCurve read_curve(const Entry& entry, const std::string& key, float largest) {
+  const Json& list = entry.json.at(key);
+  if (!list.is_array() || list.empty() || list.size() % 2 != 0) {
+    entry.fail(key, "is not a list of pairs", "write [Hz, value, Hz, value, ...]");
+  }
+  std::map<float, float> points;
+  for (std::size_t i = 0; i < list.size(); i += 2) {
+    const float hz = read_number(entry, key, list[i]), value = read_number(entry, key, list[i + 1]);
+    if (!(hz > 0)) entry.fail(key, fmt::format("frequency {} Hz is not positive", hz), "write frequencies above 0 Hz");
+    if (!(value >= 0 && value <= largest)) {
+      entry.fail(key, fmt::format("{} at {} Hz is outside [0, {}]", value, hz, largest),
+                 largest == 1 ? "coefficients are shares of the energy" : "write dB per metre");
+    }
+    points[hz] = value;
+  }
+  CoefficientCurve curve;
+  for (const auto& [hz, value] : points) {
+    curve.hz.push_back(hz);
+    curve.value.push_back(value);
+  }
+  return curve;
+}
+
+std::string read_text(const Entry& entry, const std::string& key) {
+  if (!entry.json.contains(key)) entry.fail(key, "is missing", "add it");
+  if (!entry.json[key].is_string()) entry.fail(key, "is not text", "write it in quotes");
+  return entry.json[key].get<std::string>();
+}
+
+/// What passes a wall cannot be more than what it does not reflect.  Strict without a list of warnings.
+void limit_transmission(const Entry& entry, Material& material, std::vector<MaterialWarning>* warnings) {
+  // Both are lines between their knots, so the difference is largest at a knot of one of them.
+  std::set<float> knots(material.absorption.hz.begin(), material.absorption.hz.end());
+  knots.insert(material.transmission.hz.begin(), material.transmission.hz.end());
+  CoefficientCurve limited;
+  for (const float hz : knots) {
+    const float a = material.absorption.at(hz), t = material.transmission.at(hz);
+    limited.hz.push_back(hz);
+    limited.value.push_back(std::min(a, t));
+    if (t <= a + 1e-6f) continue;  // 1e-6: rounding of interpolated knots
+    const std::string what = fmt::format("{:.4g} exceeds the absorption {:.4g} at {:.4g} Hz", t, a, hz);
+    if (!warnings) entry.fail("transmission", what, "absorption counts all that is not reflected, so it includes the transmitted share");
+    warnings->push_back({material.name, "transmission " + what + "; lowered to the absorption"});
+  }
+  material.transmission = std::move(limited);
+}
+
+Material read_material(const Json& json, std::size_t index, const std::string& where, std::vector<MaterialWarning>* warnings) {
+  static const std::set<std::string> known{"name",         "labels",  "absorption", "scattering", "transmission",
+                                           "damping", "speed",   "density",    "source"};
+  Entry entry{json, fmt::format("{}: material {}", where, index)};
+  if (!json.is_object()) throw InputError(entry.where, "is not an object", "write {\"name\": ..., \"absorption\": [...], ...}");
+  Material material;
+  material.name = read_text(entry, "name");
+  if (material.name.empty()) entry.fail("name", "is empty", "give each material a name");
+  entry.where = where + ": material '" + material.name + "'";
+  for (const auto& [key, unused] : json.items()) {
+    if (known.contains(key)) continue;
+    const std::string nearest = nearest_word(key, known);
+    entry.fail(key, "is unknown", nearest.empty() ? "remove it" : "did you mean '" + nearest + "'?");
+  }
+  for (const char* key : {"absorption", "scattering"}) {
+    if (!json.contains(key)) entry.fail(key, "is missing", "add [Hz, value, ...]");
+  }
+  material.absorption = read_curve(entry, "absorption", 1);
+  material.scattering = read_curve(entry, "scattering", 1);
+  material.transmission = json.contains("transmission") ? read_curve(entry, "transmission", 1) : CoefficientCurve::constant(0);
+  material.damping_db_per_m = json.contains("damping") ? read_curve(entry, "damping", 1e6f) : CoefficientCurve::constant(0);
+  limit_transmission(entry, material, warnings);
+  if (json.contains("labels")) {
+    if (!json["labels"].is_array()) entry.fail("labels", "is not a list", "write [\"wall\", ...]");
+    for (const Json& label : json["labels"]) {
+      if (!label.is_string()) entry.fail("labels", "holds something that is not text", "write each label in quotes");
+      material.labels.push_back(label.get<std::string>());
+    }
+  }
+  if (json.contains("speed")) material.speed_m_per_s = read_number(entry, "speed", json["speed"]);
+  if (json.contains("density")) material.density_kg_per_m3 = read_number(entry, "density", json["density"]);
+  if (material.speed_m_per_s < 0) entry.fail("speed", "is negative", "write metres per second");
+  if (material.density_kg_per_m3 < 0) entry.fail("density", "is negative", "write kilograms per cubic metre");
+  if (json.contains("source")) material.source = read_text(entry, "source");
+  return material;
+}
+
+constexpr std::string_view builtin_json =
+#include "builtin_materials.inc"
+    ;
+
+}  // namespace
+
+MaterialDatabase MaterialDatabase::from_json(std::string_view text, const std::string& where,
+                                             std::vector<MaterialWarning>* warnings) {
+  Json json;
+  try {
+    json = Json::parse(text);
+  } catch (const Json::parse_error& error) {
+    throw InputError(where, fmt::format("is not JSON: error at byte {}", error.byte), "correct the syntax there");
+  } catch (const Json::exception&) {
+    throw InputError(where, "is not JSON: a number is out of range", "write finite numbers");
+  }
+  if (!json.is_object() || !json.contains("materials") || !json["materials"].is_array()) {
+    throw InputError(where, "has no list 'materials'", "write {\"materials\": [...]}");
+  }
+  for (const auto& [key, unused] : json.items()) {
+    if (key != "materials") throw InputError(where, "key '" + key + "' is unknown", "the only key here is 'materials'");
+  }
+  MaterialDatabase database;
+  std::set<std::string> names;
+  for (const Json& entry : json["materials"]) {
+    database.materials_.push_back(read_material(entry, database.materials_.size(), where, warnings));
+    if (!names.insert(database.materials_.back().name).second) {
+      throw InputError(where, "material '" + database.materials_.back().name + "' is there twice", "rename or remove one");
+    }
+  }
+  return database;
+}
+
+MaterialDatabase MaterialDatabase::from_file(const std::filesystem::path& path, std::vector<MaterialWarning>* warnings) {
+  return from_json(read_file(path, std::size_t{64} << 20), path.string(), warnings);
+}
+
+MaterialDatabase MaterialDatabase::builtin() { return from_json(builtin_json, "built-in materials"); }
+
+const Material* MaterialDatabase::find(std::string_view name) const {
+  const auto found = std::find_if(materials_.begin(), materials_.end(), [&](const Material& m) { return m.name == name; });
+  return found == materials_.end() ? nullptr : &*found;
+}
+
+const Material& MaterialDatabase::get(std::string_view name, const std::string& where) const {
+  if (const Material* found = find(name)) return *found;
+  std::set<std::string> names;
+  for (const Material& material : materials_) names.insert(material.name);
+  const std::string nearest = nearest_word(name, names);
+  throw InputError(where, "material '" + std::string(name) + "' is unknown",
+                   nearest.empty() ? fmt::format("the database has {} materials, see its file", names.size())
+                                   : "did you mean '" + nearest + "'?");
+}
+
+const Material* MaterialDatabase::find_label(std::string_view category) const {
+  const std::string wanted = fold_case(category);
+  for (const Material& material : materials_) {
+    for (const std::string& label : material.labels) {
+      if (fold_case(label) == wanted) return &material;
+    }
+  }
+  return nullptr;
+}
+
+}  // namespace earshot
