@@ -128,7 +128,8 @@ EmbreeScene::EmbreeScene(std::span<const glm::vec3> vertices, std::span<const gl
   h.scene.reset(rtcNewScene(h.device.get()));
   if (!h.scene) fail("rtcNewScene failed");
   // Robust: conservative boxes and watertight edges, so that rays cannot slip between neighbouring triangles.
-  rtcSetSceneFlags(h.scene.get(), RTC_SCENE_FLAG_ROBUST);
+  // The context filter is what settles ties between coplanar triangles.
+  rtcSetSceneFlags(h.scene.get(), RTC_SCENE_FLAG_ROBUST | RTC_SCENE_FLAG_CONTEXT_FILTER_FUNCTION);
   h.vertices.assign(vertices.begin(), vertices.end());
   h.triangles.assign(triangles.begin(), triangles.end());
 
