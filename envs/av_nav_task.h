@@ -1,7 +1,7 @@
 #pragma once
 
 #include <cstdint>
-#include <string>
+#include <optional>
 
 #include "sim/base/config_reader.h"
 #include "sim/nav/geodesic_field.h"
@@ -32,10 +32,14 @@ struct EpisodeMetrics {
   int steps = 0, collisions = 0;
 };
 
+/// Whole turns in a circle: 36 for turns of 10 degrees.
+int turns_per_circle(const TaskConfig& config);
+
 /// State of one agent in one episode: motion, reward and end.  A plain value; no rendering.
 class AvNavState {
  public:
   /// start_heading_rad plus turns * turn_deg is the heading: integer turns, so 36 turns of 10 degrees are no turn (H-54, H-58).
+  /// Throws InputError if no path leads from `start` to the goal.
   void begin(const TaskConfig& config, const GeodesicField& field, glm::vec3 start, double start_heading_rad, int oracle_actions);
   /// Applies one action; returns the reward.  Afterwards terminated() (stop called), truncated() (out of steps) and collided() are current.
   float step(const TaskConfig& config, const Navmesh& navmesh, const GeodesicField& field, Action action);
@@ -46,18 +50,19 @@ class AvNavState {
   [[nodiscard]] bool collided() const { return collided_; }
   [[nodiscard]] int steps() const { return steps_; }
   [[nodiscard]] float distance_to_goal_m() const { return distance_m_; }
+  /// Steps at which the distance could not be told (the last known one was kept, so rewards stay finite).
+  [[nodiscard]] int lost_distances() const { return lost_distances_; }
   [[nodiscard]] EpisodeMetrics metrics(const TaskConfig& config) const;
 
  private:
   glm::vec3 position_{0};
   double start_heading_rad_ = 0, path_m_ = 0, reward_ = 0;
-  int turns_ = 0, steps_ = 0, collisions_ = 0, oracle_actions_ = 1;
+  int turns_ = 0, steps_ = 0, collisions_ = 0, oracle_actions_ = 1, lost_distances_ = 0;
   float start_distance_m_ = 0, distance_m_ = 0;
   bool terminated_ = false, truncated_ = false, collided_ = false;
 };
 
-/// The oracle: next action along the geodesic with this task's step sizes.  `stop` once within half of the success radius, or as
-/// soon as the distance no longer falls.
+/// The oracle: next action along the geodesic with this task's step sizes.  `stop` once within half of the success radius.
 Action oracle_action(const TaskConfig& config, const GeodesicField& field, const Pose& pose);
 /// Number of actions of the oracle from a start, stop included; nullopt if it does not succeed within 4 * max_steps.
 std::optional<int> count_oracle_actions(const TaskConfig& config, const Navmesh& navmesh, const GeodesicField& field, glm::vec3 start,

@@ -5,6 +5,7 @@
 
 #include "envs/av_nav_task.h"
 #include "envs/episode_set.h"
+#include "sim/scene/scene.h"
 
 namespace earshot {
 
@@ -17,8 +18,12 @@ void read(ConfigReader& reader, EpisodeFilter& filter);
 void validate(const EpisodeFilter& filter);
 
 /// `count` episodes in one scene: start and goal uniform on the largest island, sound drawn from `sounds`, heading uniform over multiples of the turn.
-/// A function of (scene, seed): not of what else is generated.  Throws InputError if the filter finds none in max_tries.
+/// A function of (scene_id, seed): not of what else is generated.  Throws InputError if the filter finds none in max_tries.
 std::vector<Episode> generate_episodes(const std::string& scene_id, const Navmesh& navmesh, const TaskConfig& task,
+                                       const EpisodeFilter& filter, const std::vector<std::string>& sounds, int count, std::uint64_t seed);
+/// The same, and start and goal have free air from knee to ear or source: the navmesh knows walls to a cell only, and a source inside
+/// a shelf would be heard by nobody.
+std::vector<Episode> generate_episodes(const std::string& scene_id, const Scene& scene, const Navmesh& navmesh, const TaskConfig& task,
                                        const EpisodeFilter& filter, const std::vector<std::string>& sounds, int count, std::uint64_t seed);
 
 }  // namespace earshot

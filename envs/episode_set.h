@@ -15,11 +15,14 @@ struct EpisodeSet {
   std::uint64_t hash = 0;  ///< of the canonical JSON text
 };
 
-/// Reads AudioNav JSON, gzip or plain (by content, not by name).  Throws InputError: missing file, JSON or gzip error, missing key
+/// Reads AudioNav JSON, gzip or plain (by content, not by name).  A set that is split by scene (empty `episodes`; files in content/ beside
+/// it, or where its `content_scenes_path` says) is read whole, files sorted by name.  Throws InputError: missing file, JSON or gzip error, missing key
 /// (with episode id and key), non-finite number, geodesic distance that is not finite and positive, zero quaternion, no episodes.
 EpisodeSet load_episode_set(const std::filesystem::path& path);
 EpisodeSet parse_episode_set(std::string_view json_or_gzip, const std::string& where);
 /// Writes JSON, gzip if the name ends in .gz; atomically.  Same episodes, same bytes.
 void save_episode_set(const EpisodeSet& set, const std::filesystem::path& path);
+/// EpisodeSet::hash of these episodes, for sets made in memory.
+std::uint64_t episode_set_hash(const std::vector<Episode>& episodes);
 
 }  // namespace earshot

@@ -1,0 +1,112 @@
+#include "envs/av_nav_task.h"
+
+#include <algorithm>
+#include <cmath>
+#include <glm/geometric.hpp>
+#include <numbers>
+
+#include "sim/base/errors.h"
+
+namespace earshot {
+
+void read(ConfigReader& reader, TaskConfig& config) {
+  reader.read("step_time_s", config.step_time_s);
+  reader.read("forward_m", config.forward_m);
+  reader.read("turn_deg", config.turn_deg);
+  reader.read("success_radius_m", config.success_radius_m);
+  reader.read("max_steps", config.max_steps);
+  reader.read("step_reward", config.step_reward);
+  reader.read("distance_reward", config.distance_reward);
+  reader.read("success_reward", config.success_reward);
+  reader.read("ear_height_m", config.ear_height_m);
+  reader.read("source_height_m", config.source_height_m);
+}
+
+void validate(const TaskConfig& config) {
+  const auto within = [](float value, float low, float high) { return value >= low && value <= high; };  // false for NaN
+  require(within(config.step_time_s, 0.001f, 10.f), "task.step_time_s", config.step_time_s, "must be in [0.001, 10] seconds");
+  require(within(config.forward_m, 0.01f, 10.f), "task.forward_m", config.forward_m, "must be in [0.01, 10] metres");
+  require(within(config.turn_deg, 0.1f, 180.f), "task.turn_deg", config.turn_deg, "must be in [0.1, 180] degrees");
+  require(std::abs(360.f / config.turn_deg - std::round(360.f / config.turn_deg)) < 1e-3f, "task.turn_deg", config.turn_deg,
+          "must divide 360: headings are whole numbers of turns, so that a full circle leads back to the same pose");
+  require(within(config.success_radius_m, 0.01f, 100.f), "task.success_radius_m", config.success_radius_m, "must be in [0.01, 100] metres");
+  require(config.max_steps >= 1 && config.max_steps <= 1'000'000, "task.max_steps", config.max_steps, "must be in [1, 1000000]");
+  require(std::isfinite(config.step_reward), "task.step_reward", config.step_reward, "must be finite");
+  require(std::isfinite(config.distance_reward), "task.distance_reward", config.distance_reward, "must be finite");
+  require(std::isfinite(config.success_reward), "task.success_reward", config.success_reward, "must be finite");
+  require(within(config.ear_height_m, 0.05f, 10.f), "task.ear_height_m", config.ear_height_m, "must be in [0.05, 10] metres");
+  require(within(config.source_height_m, 0.05f, 10.f), "task.source_height_m", config.source_height_m, "must be in [0.05, 10] metres");
+}
+
+int turns_per_circle(const TaskConfig& config) { return static_cast<int>(std::lround(360.f / config.turn_deg)); }
+
+void AvNavState::begin(const TaskConfig&, const GeodesicField& field, glm::vec3 start, double start_heading_rad, int oracle_actions) {
+  const std::optional<float> distance_m = field.distance_m(start);
+  if (!distance_m || !std::isfinite(*distance_m))
+    throw InputError("episode", "no walkable path leads from its start to its goal",
+                     "remove it from the set, or make the set again for this scene and agent size");
+  *this = AvNavState{};
+  position_ = start;
+  start_heading_rad_ = start_heading_rad;
+  oracle_actions_ = std::max(1, oracle_actions);
+  start_distance_m_ = distance_m_ = *distance_m;
+}
+
+float AvNavState::step(const TaskConfig& config, const Navmesh& navmesh, const GeodesicField& field, Action action) {
+  EARSHOT_EXPECT(!terminated_ && !truncated_);
+  ++steps_;
+  collided_ = false;
+  const float before_m = distance_m_;
+  switch (action) {
+    case Action::stop:
+      terminated_ = true;
+      break;
+    case Action::forward: {
+      const MoveResult moved = slide(navmesh, position_, config.forward_m * forward_of(pose(config).heading_rad));
+      path_m_ += glm::length(glm::dvec3(moved.position) - glm::dvec3(position_));
+      position_ = moved.position;
+      collided_ = moved.collided;
+      collisions_ += moved.collided ? 1 : 0;
+      const std::optional<float> distance_m = field.distance_m(position_);
+      if (distance_m && std::isfinite(*distance_m)) distance_m_ = *distance_m;
+      else ++lost_distances_;
+      break;
+    }
+    case Action::left:
+    case Action::right: {
+      const int circle = turns_per_circle(config);
+      turns_ = (turns_ + (action == Action::left ? 1 : circle - 1)) % circle;
+      break;
+    }
+  }
+  // Stopping on the last step is still the agent's own end: no bootstrap (TRAINER.md 2.1, row 4).
+  truncated_ = !terminated_ && steps_ >= config.max_steps;
+  float reward = config.step_reward + config.distance_reward * (before_m - distance_m_);
+  if (terminated_ && distance_m_ < config.success_radius_m) reward += config.success_reward;
+  reward_ += reward;
+  return reward;
+}
+
+Pose AvNavState::pose(const TaskConfig& config) const {
+  return {position_, start_heading_rad_ + turns_ * (2.0 * std::numbers::pi / turns_per_circle(config))};
+}
+
+EpisodeMetrics AvNavState::metrics(const TaskConfig& config) const {
+  EpisodeMetrics m;
+  const double start_m = start_distance_m_, end_m = distance_m_;
+  m.success = terminated_ && distance_m_ < config.success_radius_m ? 1 : 0;
+  // Anderson et al. 2018, "On evaluation of embodied navigation agents": S l / max(p, l).  A start on the goal needs no path: ratio 1.
+  const double longest_m = std::max(path_m_, start_m);
+  const double efficiency = longest_m > 0 ? start_m / longest_m : 1.0;
+  const double progress = start_m > 0 ? std::max(0.0, 1.0 - end_m / start_m) : (end_m > 0 ? 0.0 : 1.0);
+  m.spl = m.success * efficiency;
+  m.soft_spl = progress * efficiency;
+  m.sna = m.success * oracle_actions_ / std::max(oracle_actions_, steps_);
+  m.dtg_m = end_m;
+  m.reward = reward_;
+  m.steps = steps_;
+  m.collisions = collisions_;
+  return m;
+}
+
+}  // namespace earshot

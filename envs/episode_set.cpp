@@ -1,0 +1,212 @@
+#include "envs/episode_set.h"
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "envs/gzip.h"
+#include "sim/base/errors.h"
+#include "sim/base/files.h"
+
+namespace earshot {
+namespace {
+
+using nlohmann::json;
+
+constexpr std::size_t kMaxTextBytes = std::size_t{1} << 30;
+constexpr std::string_view kScenePrefix = "data/scene_datasets/";
+constexpr std::string_view kRemedy = "see docs for the episode format, or make a set with `earshot dataset episodes`";
+
+/// One JSON episode, with messages that name the episode and the key.
+class EpisodeReader {
+ public:
+  EpisodeReader(const json& episode, std::size_t index, const std::string& where) : episode_(episode), where_(where) {
+    const auto id = episode.find("episode_id");
+    label_ = id != episode.end() && id->is_string() ? "episode '" + id->get_ref<const std::string&>() + "'"
+                                                    : "episode number " + std::to_string(index);
+  }
+
+  Episode read() const {
+    Episode out;
+    const json& id = member(episode_, "episode_id");
+    // Some published sets number their episodes instead of naming them.
+    out.episode_id = id.is_number_integer() ? id.dump() : text(id, "episode_id");
+    out.scene_id = text(member(episode_, "scene_id"), "scene_id");
+    if (out.scene_id.starts_with(kScenePrefix)) out.scene_id.erase(0, kScenePrefix.size());
+    if (out.scene_id.empty()) fail("scene_id", "is empty");
+    const auto position = numbers<3>(member(episode_, "start_position"), "start_position");
+    out.start_position = {position[0], position[1], position[2]};
+    out.start_rotation = numbers<4>(member(episode_, "start_rotation"), "start_rotation");
+    const auto& q = out.start_rotation;
+    if (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3] < 1e-12f) fail("start_rotation", "is a zero quaternion");
+
+    const json& goals = member(episode_, "goals");
+    if (!goals.is_array() || goals.empty()) fail("goals", "must be a list with at least one goal");
+    const json& goal = goals.front();
+    if (!goal.is_object()) fail("goals[0]", "must be an object");
+    const auto target = numbers<3>(member(goal, "position", "goals[0]."), "goals[0].position");
+    out.goal_position = {target[0], target[1], target[2]};
+    if (goal.contains("radius") && !goal["radius"].is_null()) out.goal_radius_m = number(goal["radius"], "goals[0].radius");
+
+    const json& info = member(episode_, "info");
+    if (!info.is_object()) fail("info", "must be an object");
+    out.geodesic_distance_m = number(member(info, "geodesic_distance", "info."), "info.geodesic_distance");
+    if (!(out.geodesic_distance_m > 0)) fail("info.geodesic_distance", "must be positive: the goal must lie away from the start");
+    const json& actions = member(info, "num_action", "info.");
+    if (!actions.is_number_integer() || actions.get<double>() < 1 || actions.get<double>() > 1e9)
+      fail("info.num_action", "must be a whole number of at least 1");
+    out.num_action = actions.get<int>();
+    out.sound = text(member(info, "sound", "info."), "info.sound");
+    if (out.sound.empty()) fail("info.sound", "is empty");
+    return out;
+  }
+
+ private:
+  const json& member(const json& object, const char* key, const char* prefix = "") const {
+    const auto found = object.find(key);
+    if (found == object.end()) fail(std::string(prefix) + key, "is missing");
+    return *found;
+  }
+  std::string text(const json& value, const std::string& key) const {
+    if (!value.is_string()) fail(key, "must be text");
+    return value.get<std::string>();
+  }
+  float number(const json& value, const std::string& key) const {
+    if (!value.is_number()) fail(key, "must be a number");
+    const auto result = static_cast<float>(value.get<double>());
+    if (!std::isfinite(result)) fail(key, "must be a finite number");
+    return result;
+  }
+  template <std::size_t N>
+  std::array<float, N> numbers(const json& value, const std::string& key) const {
+    if (!value.is_array() || value.size() != N) fail(key, "must be a list of " + std::to_string(N) + " numbers");
+    std::array<float, N> result;
+    for (std::size_t i = 0; i < N; ++i) result[i] = number(value[i], key);
+    return result;
+  }
+  [[noreturn]] void fail(const std::string& key, const std::string& problem) const {
+    throw InputError(where_, label_ + ": " + key + " " + problem, kRemedy);
+  }
+
+  const json& episode_;
+  const std::string& where_;
+  std::string label_;
+};
+
+/// The two keys of a set: its episodes and, in sets split by scene, where the files of the scenes are.
+struct ParsedSet {
+  std::vector<Episode> episodes;
+  std::string content_pattern;
+};
+
+ParsedSet parse_text(std::string_view text, const std::string& where) {
+  ParsedSet set;
+  std::string key;
+  bool has_list = false;
+  // Episodes are taken out of the parse as they end: a document of half a million of them would need gigabytes.
+  const auto take = [&](int depth, json::parse_event_t event, json& parsed) {
+    if (depth == 1 && event == json::parse_event_t::key) {
+      key = parsed.get<std::string>();
+    } else if (depth == 1 && key == "episodes" && event == json::parse_event_t::array_end) {
+      has_list = true;
+    } else if (depth == 2 && key == "episodes") {
+      if (event == json::parse_event_t::object_end) {
+        set.episodes.push_back(EpisodeReader(parsed, set.episodes.size(), where).read());
+        return false;
+      }
+      if (event == json::parse_event_t::value || event == json::parse_event_t::array_end)
+        throw InputError(where, "episodes holds an entry that is not an object", kRemedy);
+    }
+    return true;
+  };
+  json document;
+  try {
+    document = json::parse(text, take);
+  } catch (const json::exception& error) {
+    throw InputError(where, std::string("is not valid JSON: ") + error.what(), kRemedy);
+  }
+  if (!document.is_object() || !has_list) throw InputError(where, "has no list 'episodes'", kRemedy);
+  if (const auto pattern = document.find("content_scenes_path"); pattern != document.end() && pattern->is_string())
+    set.content_pattern = pattern->get<std::string>();
+  return set;
+}
+
+ParsedSet parse_bytes(std::string_view bytes, const std::string& where) {
+  return is_gzip(bytes) ? parse_text(gunzip(bytes, where, kMaxTextBytes), where) : parse_text(bytes, where);
+}
+
+/// Files of a set that is split by scene, sorted by name: pattern has {data_path} (folder of the set) and {scene} (any name).
+std::vector<std::filesystem::path> content_files(const std::filesystem::path& set_path, std::string pattern) {
+  if (pattern.empty()) pattern = "{data_path}/content/{scene}.json.gz";
+  if (const auto at = pattern.find("{data_path}"); at != std::string::npos)
+    pattern.replace(at, std::string_view("{data_path}").size(), set_path.parent_path().empty() ? "." : set_path.parent_path().string());
+  const std::filesystem::path full(pattern);
+  const std::string name = full.filename().string();
+  const auto at = name.find("{scene}");
+  if (at == std::string::npos) return {full};
+  const std::string before = name.substr(0, at), after = name.substr(at + std::string_view("{scene}").size());
+
+  std::vector<std::filesystem::path> files;
+  std::error_code ignored;  // a folder that is not there holds no files
+  for (const auto& entry : std::filesystem::directory_iterator(full.parent_path(), ignored)) {
+    const std::string file = entry.path().filename().string();
+    if (file.size() > before.size() + after.size() && file.starts_with(before) && file.ends_with(after)) files.push_back(entry.path());
+  }
+  std::sort(files.begin(), files.end());
+  return files;
+}
+
+json to_json(const Episode& episode) {
+  const auto vector = [](glm::vec3 v) { return json::array({v.x, v.y, v.z}); };
+  return {{"episode_id", episode.episode_id},
+          {"scene_id", episode.scene_id},
+          {"start_position", vector(episode.start_position)},
+          {"start_rotation", episode.start_rotation},
+          {"goals", json::array({{{"position", vector(episode.goal_position)}, {"radius", episode.goal_radius_m}}})},
+          {"info",
+           {{"geodesic_distance", episode.geodesic_distance_m}, {"num_action", episode.num_action}, {"sound", episode.sound}}},
+          {"start_room", nullptr},
+          {"shortest_paths", nullptr}};
+}
+
+/// One episode per line: sets can be compared and cut with line tools.  Object keys are sorted, so the text is canonical.
+std::string canonical_text(const std::vector<Episode>& episodes) {
+  std::string text = "{\"episodes\":[";
+  for (std::size_t i = 0; i < episodes.size(); ++i) {
+    text += i == 0 ? "\n" : ",\n";
+    text += to_json(episodes[i]).dump(-1, ' ', false, json::error_handler_t::replace);
+  }
+  return text + "\n]}\n";
+}
+
+EpisodeSet finish(std::vector<Episode> episodes, const std::string& where) {
+  if (episodes.empty()) throw InputError(where, "holds no episodes", kRemedy);
+  const std::uint64_t hash = hash64(canonical_text(episodes));
+  return {std::move(episodes), hash};
+}
+
+}  // namespace
+
+EpisodeSet parse_episode_set(std::string_view json_or_gzip, const std::string& where) {
+  return finish(parse_bytes(json_or_gzip, where).episodes, where);
+}
+
+EpisodeSet load_episode_set(const std::filesystem::path& path) {
+  ParsedSet set = parse_bytes(read_file(path, kMaxTextBytes), path.string());
+  if (set.episodes.empty())
+    for (const auto& file : content_files(path, set.content_pattern)) {
+      auto part = parse_bytes(read_file(file, kMaxTextBytes), file.string()).episodes;
+      std::move(part.begin(), part.end(), std::back_inserter(set.episodes));
+    }
+  return finish(std::move(set.episodes), path.string());
+}
+
+void save_episode_set(const EpisodeSet& set, const std::filesystem::path& path) {
+  const std::string text = canonical_text(set.episodes);
+  write_file_atomically(path, path.extension() == ".gz" ? gzip(text) : text);
+}
+
+std::uint64_t episode_set_hash(const std::vector<Episode>& episodes) { return hash64(canonical_text(episodes)); }
+
+}  // namespace earshot

@@ -1,0 +1,38 @@
+#include <cmath>
+#include <glm/geometric.hpp>
+#include <numbers>
+
+#include "envs/av_nav_task.h"
+
+namespace earshot {
+namespace {
+
+double wrapped(double angle_rad) { return std::remainder(angle_rad, 2.0 * std::numbers::pi); }
+
+}  // namespace
+
+Action oracle_action(const TaskConfig& config, const GeodesicField& field, const Pose& pose) {
+  const auto distance_m = field.distance_m(pose.position);
+  if (!distance_m || *distance_m < 0.5f * config.success_radius_m) return Action::stop;
+  const auto corner = field.next_corner(pose.position);
+  if (!corner) return Action::stop;
+  const glm::vec3 toward = *corner - pose.position;
+  const double half_turn_rad = std::numbers::pi / turns_per_circle(config);
+  const double angle_rad = wrapped(std::atan2(-static_cast<double>(toward.x), -static_cast<double>(toward.z)) - pose.heading_rad);
+  if (std::abs(angle_rad) <= half_turn_rad * (1 + 1e-9)) return Action::forward;
+  return angle_rad > 0 ? Action::left : Action::right;
+}
+
+std::optional<int> count_oracle_actions(const TaskConfig& config, const Navmesh& navmesh, const GeodesicField& field, glm::vec3 start,
+                                        double heading_rad) {
+  if (!field.distance_m(start)) return std::nullopt;
+  TaskConfig patient = config;
+  patient.max_steps = 4 * config.max_steps;
+  AvNavState state;
+  state.begin(patient, field, start, heading_rad, 1);
+  while (!state.terminated() && !state.truncated()) state.step(patient, navmesh, field, oracle_action(patient, field, state.pose(patient)));
+  if (state.metrics(patient).success < 1) return std::nullopt;
+  return state.steps();
+}
+
+}  // namespace earshot
