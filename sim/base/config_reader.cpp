@@ -24,6 +24,14 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
   return row.back();
 }
 
+/// A YAML key may itself be a list or a map; ours never are, so such a key is shown but matches none that we know.
+std::string key_text(const YAML::Node& key) {
+  if (key.IsScalar()) return key.Scalar();
+  YAML::Emitter out;
+  out << YAML::Flow << key;
+  return out.good() ? std::string(out.c_str()) : std::string("?");
+}
+
 void apply_override(YAML::Node root, const std::string& text, const std::string& where) {
   const auto equals = text.find('=');
   if (equals == std::string::npos || equals == 0)
@@ -93,14 +101,14 @@ YAML::Node ConfigReader::node(const std::string& key) { return find(key); }
 
 std::vector<std::string> ConfigReader::keys() {
   std::vector<std::string> names;
-  for (const auto& item : map_) names.push_back(item.first.as<std::string>());
+  for (const auto& item : map_) names.push_back(key_text(item.first));
   known_.insert(names.begin(), names.end());
   return names;
 }
 
 void ConfigReader::finish() const {
   for (const auto& item : map_) {
-    const auto key = item.first.as<std::string>();
+    const std::string key = key_text(item.first);
     if (known_.contains(key)) continue;
     const std::string nearest = nearest_word(key, known_);
     std::string all;

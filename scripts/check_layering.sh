@@ -1,0 +1,48 @@
+#!/usr/bin/env bash
+# Fails on any include against the arrow  sim <- envs <- policy <- trainer <- apps,  on one between the stages inside sim against
+# base <- rays <- scene <- {acoustics, vision, nav} (audio stands on base), and on a library header outside the folder that owns it.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+failures=0
+
+# allowed FOLDER "ALLOWED PREFIXES": every #include "..." in FOLDER must start with one of them.
+allowed() {
+  local folder=$1 file line path prefix ok
+  while IFS=: read -r file line path; do
+    [ -n "$file" ] || continue
+    path=${path#*\"}; path=${path%%\"*}
+    [ -e "$path" ] || continue                      # a library's or a generated header
+    ok=0
+    for prefix in $2; do case "$path" in "$prefix"/*) ok=1 ;; esac; done
+    if [ "$ok" = 0 ]; then echo "layering: $file:$line includes $path, but $folder may only use: $2"; failures=1; fi
+  done < <(grep -rnE '^[[:space:]]*#[[:space:]]*include[[:space:]]*"' --include='*.h' --include='*.cpp' "$folder" || true)
+}
+
+# owned PATTERN "FOLDERS OR FILES": only they include headers that match PATTERN.
+owned() {
+  local hits
+  hits=$(grep -rlE "#[[:space:]]*include[[:space:]]*<($1)" --include='*.h' --include='*.cpp' sim envs policy trainer apps | grep -vE "^($2)" || true)
+  if [ -n "$hits" ]; then echo "layering: <$1> is included outside $2: $hits"; failures=1; fi
+}
+
+allowed sim/base      "sim/base"
+allowed sim/rays      "sim/base sim/rays"
+allowed sim/scene     "sim/base sim/rays sim/scene"
+allowed sim/audio     "sim/base sim/audio"
+allowed sim/acoustics "sim/base sim/rays sim/scene sim/audio sim/acoustics"
+allowed sim/vision    "sim/base sim/rays sim/scene sim/vision"
+allowed sim/nav       "sim/base sim/rays sim/scene sim/nav"
+allowed envs          "sim envs"
+allowed policy        "sim envs policy"
+allowed trainer       "sim envs policy trainer"
+allowed apps          "sim envs policy trainer apps"
+
+owned 'embree'            'sim/rays/|apps/doctor'
+owned 'assimp'            'sim/scene/'
+owned 'Recast|Detour'     'sim/nav/'
+owned 'sndfile|mysofa|libav|libsw' 'sim/audio/'
+owned 'zmq'               'trainer/'
+owned 'torch'             'policy/|trainer/|apps/'
+
+[ "$failures" = 0 ] && echo "layering: every include follows the arrow"
+exit "$failures"
