@@ -1,0 +1,198 @@
+#include "sim/scene/house_generator.h"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "sim/base/errors.h"
+#include "sim/scene/house_furniture.h"
+#include "sim/scene/house_plan.h"
+
+namespace earshot {
+namespace {
+
+// Division of two integers below 2^24 is correctly rounded: the same float on every machine.
+float metres(int millimetres) { return static_cast<float>(millimetres) / 1000.f; }
+
+const char* floor_material(RoomType type) {
+  switch (type) {
+    case RoomType::bedroom:
+    case RoomType::office: return "carpet_on_concrete";
+    case RoomType::kitchen:
+    case RoomType::bathroom: return "ceramic_tiles";
+    default: return "wood_parquet";
+  }
+}
+
+// Walls, floors, ceilings and doorways: the air is cut along every coordinate that occurs anywhere in the plan, and faces are
+// emitted where an air cell meets a solid one.  Cells share their corners, so there are no cracks and no T-junctions.
+class ShellBuilder {
+ public:
+  ShellBuilder(const HousePlan& plan, TriangleMesh& mesh) : plan_(plan), mesh_(mesh) {
+    lines_[1] = {0, kDoorHeightMm, plan.height_mm};
+    for (const PlanRoom& room : plan.rooms) add_lines(room.floor);
+    for (const PlanDoor& door : plan.doors) add_lines(door.hole);
+    for (const PlanWindow& window : plan.windows) add_lines(window.line);
+    if (!plan.windows.empty()) lines_[1].insert(lines_[1].end(), {kWindowBottomMm, kWindowTopMm});
+    for (auto& lines : lines_) {
+      std::sort(lines.begin(), lines.end());
+      lines.erase(std::unique(lines.begin(), lines.end()), lines.end());
+    }
+    fill_cells();
+  }
+
+  void emit() {
+    for (int i = 0; i < cells(0); ++i)
+      for (int k = 0; k < cells(2); ++k)
+        for (int j = 0; j < cells(1); ++j) {
+          if (air(i, j, k) == kSolid) continue;
+          for (int axis = 0; axis < 3; ++axis)
+            for (int step : {-1, 1}) emit_face({i, j, k}, axis, step);
+        }
+  }
+
+ private:
+  // Air cells carry the room's index, or the door's index after all rooms.
+  static constexpr int kSolid = -1;
+
+  void add_lines(const PlanRect& rect) {
+    lines_[0].insert(lines_[0].end(), {rect.x0, rect.x1});
+    lines_[2].insert(lines_[2].end(), {rect.z0, rect.z1});
+  }
+
+  [[nodiscard]] int cells(int axis) const { return static_cast<int>(lines_[axis].size()) - 1; }
+
+  [[nodiscard]] int air(int i, int j, int k) const {
+    if (i < 0 || j < 0 || k < 0 || i >= cells(0) || j >= cells(1) || k >= cells(2)) return kSolid;
+    const int owner = owner_[static_cast<std::size_t>(k) * cells(0) + i];
+    return is_door(owner) && lines_[1][j] >= kDoorHeightMm ? kSolid : owner;
+  }
+
+  [[nodiscard]] bool is_door(int owner) const { return owner >= static_cast<int>(plan_.rooms.size()); }
+  [[nodiscard]] const PlanDoor& door(int owner) const { return plan_.doors[owner - static_cast<int>(plan_.rooms.size())]; }
+
+  void fill_cells() {
+    owner_.assign(static_cast<std::size_t>(cells(0)) * cells(2), kSolid);
+    const auto fill = [&](const PlanRect& rect, int owner) {
+      for (int k = 0; k < cells(2); ++k)
+        for (int i = 0; i < cells(0); ++i)
+          if (lines_[0][i] >= rect.x0 && lines_[0][i] < rect.x1 && lines_[2][k] >= rect.z0 && lines_[2][k] < rect.z1)
+            owner_[static_cast<std::size_t>(k) * cells(0) + i] = owner;
+    };
+    int owner = 0;
+    for (const PlanRoom& room : plan_.rooms) fill(room.floor, owner++);
+    for (const PlanDoor& doorway : plan_.doors) fill(doorway.hole, owner++);
+  }
+
+  std::uint32_t vertex(std::array<int, 3> at) {
+    const auto [found, is_new] = vertex_of_.try_emplace(at, static_cast<std::uint32_t>(mesh_.vertices.size()));
+    if (is_new) mesh_.vertices.push_back({metres(lines_[0][at[0]]), metres(lines_[1][at[1]]), metres(lines_[2][at[2]])});
+    return found->second;
+  }
+
+  // The window that holds the face of a cell, -1 if none.
+  [[nodiscard]] int window_at(std::array<int, 3> cell, int axis, int line) const {
+    if (axis == 1 || lines_[1][cell[1]] < kWindowBottomMm || lines_[1][cell[1]] >= kWindowTopMm) return -1;
+    for (int w = 0; w < static_cast<int>(plan_.windows.size()); ++w) {
+      const PlanRect& r = plan_.windows[w].line;
+      if (axis == 0 && r.x0 == r.x1 && lines_[0][line] == r.x0 && lines_[2][cell[2]] >= r.z0 && lines_[2][cell[2]] < r.z1) return w;
+      if (axis == 2 && r.z0 == r.z1 && lines_[2][line] == r.z0 && lines_[0][cell[0]] >= r.x0 && lines_[0][cell[0]] < r.x1) return w;
+    }
+    return -1;
+  }
+
+  void emit_face(std::array<int, 3> cell, int axis, int step) {
+    std::array<int, 3> beyond = cell;
+    beyond[axis] += step;
+    if (air(beyond[0], beyond[1], beyond[2]) != kSolid) return;
+    const int line = cell[axis] + (step > 0 ? 1 : 0);
+    const int u = (axis + 1) % 3, v = (axis + 2) % 3;
+    std::array<std::uint32_t, 4> corner{};  // counter-clockwise about +axis
+    for (int c = 0; c < 4; ++c) {
+      std::array<int, 3> at = cell;
+      at[axis] = line;
+      at[u] += c == 1 || c == 2 ? 1 : 0;
+      at[v] += c >= 2 ? 1 : 0;
+      corner[c] = vertex(at);
+    }
+    if (step > 0) std::swap(corner[1], corner[3]);  // normals point into the air
+    const auto [material, object] = surface(cell, axis, step, line);
+    for (const glm::uvec3 triangle : {glm::uvec3{corner[0], corner[1], corner[2]}, glm::uvec3{corner[0], corner[2], corner[3]}}) {
+      mesh_.triangles.push_back(triangle);
+      mesh_.triangle_material.push_back(intern(mesh_.material_names, material));
+      mesh_.triangle_object.push_back(intern(mesh_.object_names, object));
+    }
+  }
+
+  [[nodiscard]] std::pair<std::string, std::string> surface(std::array<int, 3> cell, int axis, int step, int line) const {
+    const int owner = air(cell[0], cell[1], cell[2]);
+    const int room = is_door(owner) ? door(owner).room_a : owner;
+    const std::string room_index = std::to_string(room);
+    if (axis == 1 && step < 0) return {floor_material(plan_.rooms[room].type), "floor_" + room_index};
+    if (is_door(owner)) return {"gypsum_board", "doorframe_" + std::to_string(owner - static_cast<int>(plan_.rooms.size()))};
+    if (axis == 1) return {"plaster_ceiling", "ceiling_" + room_index};
+    if (const int window = window_at(cell, axis, line); window >= 0) return {"window_glass", "window_" + std::to_string(window)};
+    return {"gypsum_board", "wall_" + room_index};
+  }
+
+  const HousePlan& plan_;
+  TriangleMesh& mesh_;
+  std::array<std::vector<int>, 3> lines_;  // x, y, z in millimetres
+  std::vector<int> owner_;
+  std::map<std::array<int, 3>, std::uint32_t> vertex_of_;
+};
+
+template <class Number>
+Number parse_number(std::string_view key, std::string_view text) {
+  Number value{};
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc{} || end != text.data() + text.size())
+    throw InputError("house:" + std::string(key), "'" + std::string(text) + "' is not a number in range",
+                     "write house:SEED[,rooms=3][,area_m2=36][,height_m=2.7][,furnished=false]");
+  return value;
+}
+
+}  // namespace
+
+HouseConfig parse_house(std::string_view text) {
+  HouseConfig config;
+  bool first = true;
+  while (first || !text.empty()) {
+    const std::size_t comma = std::min(text.find(','), text.size());
+    const std::string_view item = text.substr(0, comma);
+    text.remove_prefix(std::min(comma + 1, text.size()));
+    if (first) {
+      config.seed = parse_number<std::uint64_t>("SEED", item);
+      first = false;
+      continue;
+    }
+    const std::size_t equals = std::min(item.find('='), item.size());
+    const std::string_view key = item.substr(0, equals), value = item.substr(std::min(equals + 1, item.size()));
+    if (key == "rooms") config.rooms = parse_number<int>(key, value);
+    else if (key == "area_m2") config.area_m2 = parse_number<float>(key, value);
+    else if (key == "height_m") config.height_m = parse_number<float>(key, value);
+    else if (key == "furnished" && (value == "true" || value == "false")) config.furnished = value == "true";
+    else
+      throw InputError("house:" + std::string(item), "is not a setting of a house",
+                       "use rooms=N, area_m2=A, height_m=H or furnished=true|false after the seed");
+  }
+  resolve_house(config);
+  return config;
+}
+
+TriangleMesh generate_house(const HouseConfig& config) {
+  const HouseConfig resolved = resolve_house(config);
+  const HousePlan plan = make_house_plan(resolved);
+  TriangleMesh mesh;
+  ShellBuilder(plan, mesh).emit();
+  if (!resolved.furnished) return mesh;
+  for (const FurnitureBox& box : furnish(plan, resolved.seed))
+    append_box(mesh, {metres(box.x0), metres(box.y0), metres(box.z0)}, {metres(box.x1), metres(box.y1), metres(box.z1)},
+               intern(mesh.material_names, box.material), intern(mesh.object_names, box.object));
+  return mesh;
+}
+
+}  // namespace earshot
