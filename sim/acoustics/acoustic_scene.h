@@ -1,56 +1,61 @@
 #pragma once
 
-#include <array>
 #include <cstdint>
-#include <glm/vec3.hpp>
 #include <memory>
 #include <span>
 #include <vector>
 
 #include "sim/acoustics/bands.h"
+#include "sim/acoustics/mirror_planes.h"
 #include "sim/acoustics/quality.h"
 #include "sim/scene/scene.h"
 
 namespace earshot {
 
-/// A group of coplanar triangles of one facing: what an image source mirrors in.
-struct MirrorPlane {
-  glm::vec3 normal;    ///< unit
-  float offset_m;      ///< dot(normal, x) on the plane
-  float area_m2;
-  std::uint32_t material;  ///< slot with the largest area on it
-};
-
 /// A scene seen through one acoustic configuration: coefficients per band, air, planes.  Immutable, shared by all threads; holds the
 /// scene alive.
 class AcousticScene {
  public:
+  /// Throws InputError if `config` breaks a rule (validate).
   AcousticScene(std::shared_ptr<const Scene> scene, const AcousticConfig& config);
 
   [[nodiscard]] const Scene& scene() const { return *scene_; }
   [[nodiscard]] const AcousticConfig& config() const { return config_; }
   [[nodiscard]] const BandLayout& bands() const { return bands_; }
   [[nodiscard]] int num_bands() const { return bands_.size(); }
-  /// Per material slot and band: [num_bands] each.
-  [[nodiscard]] std::span<const float> reflectance(std::uint32_t material) const;   ///< 1 - absorption
-  [[nodiscard]] std::span<const float> scattering(std::uint32_t material) const;
-  [[nodiscard]] std::span<const float> transmission(std::uint32_t material) const;
-  [[nodiscard]] float mean_scattering(std::uint32_t material) const;                ///< over bands: picks the lobe
-  /// Energy exponent of air per band, all zero if air absorption is off.
+  /// Per material slot and band: [num_bands] each.  Means of the material's curves over each band.
+  [[nodiscard]] std::span<const float> reflectance(std::uint32_t material) const { return row(reflectance_, material); }  ///< 1 - absorption
+  [[nodiscard]] std::span<const float> scattering(std::uint32_t material) const { return row(scattering_, material); }
+  [[nodiscard]] std::span<const float> transmission(std::uint32_t material) const { return row(transmission_, material); }
+  [[nodiscard]] float mean_scattering(std::uint32_t material) const { return mean_scattering_[material]; }                ///< over bands
+  /// Bands rounded up to a multiple of eight: the rows below are that long and end in zeros, so that hot loops have no remainder.
+  [[nodiscard]] int padded_bands() const { return stride_; }
+  [[nodiscard]] const float* padded_reflectance(std::uint32_t material) const { return &reflectance_[std::size_t{material} * stride_]; }
+  [[nodiscard]] const float* padded_scattering(std::uint32_t material) const { return &scattering_[std::size_t{material} * stride_]; }
+  /// Energy exponent of air per band, at its centre; all zero if air absorption is off.
   [[nodiscard]] std::span<const float> air_energy_per_m() const { return air_; }
-  [[nodiscard]] std::span<const MirrorPlane> planes() const { return planes_; }
-  [[nodiscard]] std::span<const std::uint32_t> plane_of_triangle() const { return plane_of_triangle_; }
+  [[nodiscard]] std::span<const MirrorPlane> planes() const { return planes_.planes; }
+  [[nodiscard]] std::span<const std::uint32_t> plane_of_triangle() const { return planes_.plane_of_triangle; }
   [[nodiscard]] float speed_of_sound_m_per_s() const { return scene_->speed_of_sound_m_per_s(); }
-  /// Identity of everything that decides bits: scene hash and config.
+  /// Longest path that still arrives within the configured RIR length.
+  [[nodiscard]] float max_path_m() const { return config_.rir_length_s * speed_of_sound_m_per_s(); }
+  /// Diagonal of the bounds; zero for an empty scene.
+  [[nodiscard]] float diagonal_m() const { return diagonal_m_; }
+  /// Identity of everything that decides bits: scene hash and config, without the thread count.
   [[nodiscard]] std::uint64_t hash() const { return hash_; }
 
  private:
+  [[nodiscard]] std::span<const float> row(const std::vector<float>& table, std::uint32_t material) const {
+    return {&table[std::size_t{material} * stride_], static_cast<std::size_t>(num_bands())};
+  }
+
   std::shared_ptr<const Scene> scene_;
   AcousticConfig config_;
   BandLayout bands_;
+  int stride_ = 0;
+  float diagonal_m_ = 0;
   std::vector<float> reflectance_, scattering_, transmission_, mean_scattering_, air_;
-  std::vector<MirrorPlane> planes_;
-  std::vector<std::uint32_t> plane_of_triangle_;
+  MirrorPlanes planes_;
   std::uint64_t hash_ = 0;
 };
 

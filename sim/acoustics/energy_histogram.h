@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstddef>
-#include <glm/vec3.hpp>
 #include <span>
 #include <vector>
 
@@ -25,10 +24,12 @@ class EnergyHistogram {
   /// Energy per bin of one band.
   [[nodiscard]] std::vector<double> band_energy(int band) const;
 
-  /// Adds energy [num_bands] arriving at time_s from `direction` (unit), split linearly between the two nearest bin centres (keeps the
-  /// mean time exact).  Beyond the last bin: counted in dropped_energy(), never wrapped.  sh: scratch [num_coefficients].
+  /// Adds energy [num_bands] arriving at time_s, split linearly between the two nearest bin centres (keeps the mean time exact; before
+  /// the first centre and after the last all goes to that bin).  Exactly on the last edge: the last bin.  Beyond it, negative or NaN:
+  /// counted in dropped_energy(), never wrapped.  sh: harmonics of the arrival direction [num_coefficients], sh[0] = 1.
   void add(float time_s, std::span<const float> energy, std::span<const float> sh);
   void add(const EnergyHistogram& other);      ///< same shape
+  void add_dropped(double energy) { dropped_energy_ += energy; }
   void scale(float factor);
   /// Multiplies each bin by exp(-m_b c t): exact for air, as path length is c t (ORACLES 3.2).
   void attenuate(std::span<const float> energy_per_m, float speed_of_sound_m_per_s);

@@ -1,0 +1,78 @@
+#include "sim/acoustics/acoustic_scene.h"
+
+#include <algorithm>
+#include <cstring>
+#include <glm/geometric.hpp>
+#include <string>
+
+#include "sim/acoustics/air_absorption.h"
+#include "sim/base/errors.h"
+#include "sim/base/files.h"
+
+namespace earshot {
+namespace {
+
+template <class T>
+void append_bytes(std::string& bytes, T value) {
+  char raw[sizeof(T)];
+  std::memcpy(raw, &value, sizeof(T));
+  bytes.append(raw, sizeof(T));
+}
+
+std::uint64_t hash_of(const AcousticConfig& c, std::uint64_t scene_hash) {
+  std::string bytes;
+  append_bytes(bytes, scene_hash);
+  for (const Switch s : {c.direct, c.early, c.late, c.air_absorption, c.diffraction, c.transmission}) {
+    append_bytes(bytes, static_cast<std::int32_t>(s));
+  }
+  for (const int value : {c.early_order, c.early_candidate_rays, c.rays, c.max_bounces, c.sh_order, c.diffuse_last_leg ? 1 : 0, c.bands}) {
+    append_bytes(bytes, value);
+  }
+  for (const float value : {c.time_bin_s, c.rir_length_s, c.source_radius_m, c.scattering, c.sample_rate_hz}) append_bytes(bytes, value);
+  append_bytes(bytes, c.seed);
+  return hash64(bytes);
+}
+
+}  // namespace
+
+AcousticScene::AcousticScene(std::shared_ptr<const Scene> scene, const AcousticConfig& config)
+    : scene_(std::move(scene)), config_(config) {
+  validate(config_);
+  bands_ = config_.bands > 0 ? BandLayout::log_spaced(config_.bands, config_.sample_rate_hz)
+                             : BandLayout::octaves(config_.sample_rate_hz);
+  stride_ = (num_bands() + 7) / 8 * 8;
+
+  const std::vector<Material>& materials = scene_->materials();
+  const std::size_t size = materials.size() * static_cast<std::size_t>(stride_);
+  reflectance_.assign(size, 0.f);
+  scattering_.assign(size, 0.f);
+  transmission_.assign(size, 0.f);
+  mean_scattering_.assign(materials.size(), 0.f);
+  for (std::size_t slot = 0; slot < materials.size(); ++slot) {
+    const Material& material = materials[slot];
+    double sum = 0;
+    for (int band = 0; band < num_bands(); ++band) {
+      const float low_hz = bands_.edge_hz[band], high_hz = bands_.edge_hz[band + 1];
+      const auto mean = [&](const CoefficientCurve& curve) { return std::clamp(curve.band_mean(low_hz, high_hz), 0.f, 1.f); };
+      const std::size_t cell = slot * stride_ + band;
+      reflectance_[cell] = 1.f - mean(material.absorption);
+      scattering_[cell] = config_.scattering >= 0.f ? config_.scattering : mean(material.scattering);
+      // What passes through is part of what is not reflected (ORACLES O-22, H-27).
+      transmission_[cell] = std::min(mean(material.transmission), 1.f - reflectance_[cell]);
+      sum += scattering_[cell];
+    }
+    mean_scattering_[slot] = static_cast<float>(sum / num_bands());
+  }
+
+  air_.assign(num_bands(), 0.f);
+  if (config_.air_absorption != Switch::off) {
+    for (int band = 0; band < num_bands(); ++band) {
+      air_[band] = static_cast<float>(air_absorption_energy_per_m(scene_->air(), bands_.centre_hz[band]));
+    }
+  }
+  planes_ = find_mirror_planes(scene_->mesh());
+  if (!scene_->mesh().triangles.empty()) diagonal_m_ = glm::length(scene_->bounds().upper - scene_->bounds().lower);
+  hash_ = hash_of(config_, scene_->hash());
+}
+
+}  // namespace earshot

@@ -1,0 +1,197 @@
+#include "sim/acoustics/early_reflections.h"
+
+#include <algorithm>
+#include <cmath>
+#include <glm/geometric.hpp>
+#include <numbers>
+
+#include "sim/acoustics/sampling.h"
+#include "sim/base/random.h"
+
+namespace earshot {
+namespace {
+
+constexpr double kMaxSequencesPerOrder = 2048;  // of the exhaustive search
+
+/// Double and exactly unit, so that mirroring forth and back keeps all digits of a float.
+struct ExactPlane {
+  explicit ExactPlane(const MirrorPlane& plane) : normal(plane.normal), offset_m(plane.offset_m) {
+    const double length = glm::length(normal);
+    normal /= length;
+    offset_m /= length;
+  }
+  [[nodiscard]] double height(glm::dvec3 point) const { return glm::dot(normal, point) - offset_m; }
+  [[nodiscard]] glm::dvec3 mirror(glm::dvec3 point) const { return point - 2.0 * height(point) * normal; }
+  glm::dvec3 normal;
+  double offset_m;
+};
+
+bool inside(const Bounds& bounds, glm::dvec3 p) {
+  return p.x >= bounds.lower.x && p.y >= bounds.lower.y && p.z >= bounds.lower.z &&  //
+         p.x <= bounds.upper.x && p.y <= bounds.upper.y && p.z <= bounds.upper.z;
+}
+
+/// Pressure per band of a path of `distance_m` whose reflections keep `energy_share` of the energy.  False if nothing is left.
+bool set_amplitude(const AcousticScene& scene, double distance_m, std::span<const double> energy_share, Arrival& arrival) {
+  bool any = false;
+  for (int band = 0; band < scene.num_bands(); ++band) {
+    const double air = std::exp(-0.5 * scene.air_energy_per_m()[band] * distance_m);
+    arrival.amplitude[band] = static_cast<float>(std::sqrt(energy_share[band]) * air / (4.0 * std::numbers::pi * distance_m));
+    any = any || arrival.amplitude[band] > 0.f;
+  }
+  return any;
+}
+
+bool same_path(const Arrival& a, const Arrival& b) {
+  constexpr float tolerance = 1e-4f;
+  return a.order == b.order && std::fabs(a.distance_m - b.distance_m) <= tolerance * a.distance_m &&
+         glm::dot(a.direction - b.direction, a.direction - b.direction) <= tolerance * tolerance;
+}
+
+}  // namespace
+
+EarlyCandidates::EarlyCandidates(const AcousticScene& scene, glm::vec3 source) : source_(source) {
+  const AcousticConfig& config = scene.config();
+  const int order = config.early == Switch::off ? 0 : config.early_order;
+  const auto num_planes = static_cast<std::uint32_t>(scene.planes().size());
+  if (order == 0 || num_planes == 0) return;
+
+  // Few planes: every sequence in which no plane follows itself, order by order.
+  std::vector<Sequence> last = {{}};
+  for (int n = 1; n <= order; ++n) {
+    if (static_cast<double>(last.size()) * num_planes > kMaxSequencesPerOrder) break;
+    std::vector<Sequence> longer;
+    for (const Sequence& prefix : last) {
+      for (std::uint32_t plane = 0; plane < num_planes; ++plane) {
+        if (n > 1 && prefix.plane[n - 2] == plane) continue;
+        Sequence& sequence = longer.emplace_back(prefix);
+        sequence.plane[n - 1] = plane;
+        sequence.order = n;
+      }
+    }
+    sequences_.insert(sequences_.end(), longer.begin(), longer.end());
+    last = std::move(longer);
+  }
+
+  // Many planes: those that specular rays from the source meet, whatever their share of energy.
+  const auto shift = RandomStream(config.seed, Purpose::source_ray).bits4(0);
+  const SphereSequence directions(shift[0], shift[1]);
+  for (int ray = 0; ray < config.early_candidate_rays; ++ray) {
+    Sequence sequence;
+    glm::vec3 origin = source, direction = directions.direction(static_cast<std::uint32_t>(ray));
+    while (sequence.order < order) {
+      const Hit hit = scene.scene().rays().intersect(origin, direction);
+      if (!hit.valid()) break;
+      const std::uint32_t plane = scene.plane_of_triangle()[hit.triangle];
+      if (sequence.order > 0 && sequence.plane[sequence.order - 1] == plane) break;
+      sequence.plane[sequence.order++] = plane;
+      sequences_.push_back(sequence);
+      origin = offset_from_surface(hit.position, hit.normal);
+      direction = mirror_direction(direction, hit.normal);
+    }
+  }
+  std::sort(sequences_.begin(), sequences_.end());
+  sequences_.erase(std::unique(sequences_.begin(), sequences_.end()), sequences_.end());
+
+  images_.reserve(sequences_.size());
+  for (const Sequence& sequence : sequences_) {
+    glm::dvec3 image(source);
+    for (int i = 0; i < sequence.order; ++i) image = ExactPlane(scene.planes()[sequence.plane[i]]).mirror(image);
+    images_.push_back(image);
+  }
+}
+
+bool EarlyCandidates::contains(std::span<const std::uint32_t> planes) const {
+  if (planes.empty() || planes.size() > kMaxOrder) return false;
+  Sequence key;
+  std::copy(planes.begin(), planes.end(), key.plane.begin());
+  key.order = static_cast<int>(planes.size());
+  return std::binary_search(sequences_.begin(), sequences_.end(), key);
+}
+
+bool EarlyCandidates::find_path(const AcousticScene& scene, std::size_t index, glm::vec3 listener, Arrival& arrival) const {
+  const Sequence& sequence = sequences_[index];
+  const glm::dvec3 from_listener = images_[index] - glm::dvec3(listener);
+  const double distance_m = std::max(glm::length(from_listener), double{kLeastDistanceM});
+  if (distance_m > scene.max_path_m()) return false;
+
+  // Geometry first, from the listener back to the source: each leg must cross its plane between its ends, where the plane has triangles.
+  std::array<glm::dvec3, kMaxOrder> point;
+  glm::dvec3 start(listener), image = images_[index];
+  for (int i = sequence.order - 1; i >= 0; --i) {
+    const MirrorPlane& rounded = scene.planes()[sequence.plane[i]];
+    const ExactPlane plane(rounded);
+    const double here = plane.height(start), there = plane.height(image);
+    if (!(here * there < 0)) return false;
+    point[i] = start + here / (here - there) * (image - start);
+    if (!inside(rounded.bounds, point[i])) return false;
+    start = point[i];
+    image = plane.mirror(image);
+  }
+
+  // Then rays: the first thing that each leg meets is a triangle of its plane.
+  std::array<double, kMaxBands> energy_share;
+  energy_share.fill(1.0);
+  glm::vec3 origin = listener;
+  for (int i = sequence.order - 1; i >= 0; --i) {
+    const glm::dvec3 leg = point[i] - glm::dvec3(origin);
+    const double leg_m = glm::length(leg);
+    if (!(leg_m > 0)) return false;
+    const Hit hit = scene.scene().rays().intersect(origin, glm::vec3(leg / leg_m));
+    if (!hit.valid()) return false;
+    const std::uint32_t met = scene.plane_of_triangle()[hit.triangle];
+    if (met != sequence.plane[i]) {
+      // At the edge of two planes of the sequence rounding decides which one the ray meets; the point is the same.
+      const bool other_side_of_edge = std::find(sequence.plane.begin(), sequence.plane.begin() + sequence.order, met) !=
+                                      sequence.plane.begin() + sequence.order;
+      if (!other_side_of_edge || std::fabs(hit.distance_m - leg_m) > 1e-5 * (leg_m + scene.diagonal_m())) return false;
+    }
+    const std::uint32_t material = scene.scene().mesh().triangle_material[hit.triangle];
+    for (int band = 0; band < scene.num_bands(); ++band) {
+      energy_share[band] *= double{scene.reflectance(material)[band]} * (1.0 - scene.scattering(material)[band]);
+    }
+    origin = offset_from_surface(hit.position, hit.normal);
+  }
+  if (scene.scene().rays().occluded(origin, source_)) return false;
+
+  arrival.distance_m = static_cast<float>(distance_m);
+  arrival.direction = glm::vec3(from_listener / glm::length(from_listener));
+  arrival.order = sequence.order;
+  return set_amplitude(scene, distance_m, energy_share, arrival);
+}
+
+void EarlyCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 listener, std::vector<Arrival>& arrivals) const {
+  const std::size_t first = arrivals.size();
+  const AcousticConfig& config = scene.config();
+
+  if (config.direct != Switch::off) {
+    const glm::dvec3 toward = glm::dvec3(source_) - glm::dvec3(listener);
+    const double true_distance_m = glm::length(toward);
+    const double distance_m = std::max(true_distance_m, double{kLeastDistanceM});
+    if (distance_m <= scene.max_path_m() && (true_distance_m == 0 || !scene.scene().rays().occluded(listener, source_))) {
+      Arrival& direct = arrivals.emplace_back();
+      direct.distance_m = static_cast<float>(distance_m);
+      direct.direction = true_distance_m > 0 ? glm::vec3(toward / true_distance_m) : glm::vec3(0, 0, -1);
+      std::array<double, kMaxBands> whole;
+      whole.fill(1.0);
+      set_amplitude(scene, distance_m, whole, direct);
+    }
+  }
+
+  const std::size_t first_image = arrivals.size();
+  Arrival arrival;
+  for (std::size_t i = 0; i < sequences_.size(); ++i) {
+    if (!find_path(scene, i, listener, arrival)) continue;
+    const bool known = std::any_of(arrivals.begin() + static_cast<std::ptrdiff_t>(first_image), arrivals.end(),
+                                   [&](const Arrival& other) { return same_path(arrival, other); });
+    if (!known) arrivals.push_back(arrival);
+  }
+  // Insertion sort: a few dozen entries, stable (ties stay in the order of their sequences), no allocation.
+  for (std::size_t i = first + 1; i < arrivals.size(); ++i) {
+    for (std::size_t j = i; j > first && arrivals[j].distance_m < arrivals[j - 1].distance_m; --j) {
+      std::swap(arrivals[j], arrivals[j - 1]);
+    }
+  }
+}
+
+}  // namespace earshot

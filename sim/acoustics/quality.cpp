@@ -1,0 +1,97 @@
+#include "sim/acoustics/quality.h"
+
+#include <cmath>
+#include <limits>
+
+#include "sim/acoustics/bands.h"
+#include "sim/base/errors.h"
+
+namespace earshot {
+namespace {
+
+const std::map<std::string, Switch> kSwitches = {{"auto", Switch::automatic}, {"on", Switch::on}, {"off", Switch::off}};
+
+bool in_range(float value, float lowest, float highest) { return value >= lowest && value <= highest; }  // false for NaN
+
+void refuse_if_on(Switch value, const char* key) {
+  require(value != Switch::on, key, "on", "this version does not simulate it; leave it at auto or off");
+}
+
+}  // namespace
+
+AcousticConfig acoustic_preset(std::string_view name) {
+  AcousticConfig config;
+  if (name == "fast") return config;
+  if (name == "balanced") {
+    config.early_order = 3;
+    config.early_candidate_rays = 10'000;
+    config.rays = 1024;
+    config.time_bin_s = 0.002f;
+    config.rir_length_s = 1.f;
+    return config;
+  }
+  if (name == "high") {
+    config.early_order = 3;
+    config.early_candidate_rays = 50'000;
+    config.rays = 32'768;
+    config.max_bounces = 10'000;
+    config.time_bin_s = 0.001f;
+    config.rir_length_s = 2.f;
+    config.diffuse_last_leg = false;
+    config.threads = 0;
+    return config;
+  }
+  throw InputError("preset '" + std::string(name) + "'", "is not a quality preset", "use fast, balanced or high");
+}
+
+void read(ConfigReader& reader, AcousticConfig& config) {
+  reader.read_choice("direct", config.direct, kSwitches);
+  reader.read_choice("early", config.early, kSwitches);
+  reader.read_choice("late", config.late, kSwitches);
+  reader.read_choice("diffraction", config.diffraction, kSwitches);
+  reader.read_choice("transmission", config.transmission, kSwitches);
+  reader.read_choice("air_absorption", config.air_absorption, kSwitches);
+  reader.read("early_order", config.early_order);
+  reader.read("early_candidate_rays", config.early_candidate_rays);
+  reader.read("rays", config.rays);
+  reader.read("max_bounces", config.max_bounces);
+  reader.read("time_bin_s", config.time_bin_s);
+  reader.read("sh_order", config.sh_order);
+  reader.read("rir_length_s", config.rir_length_s);
+  reader.read("source_radius_m", config.source_radius_m);
+  reader.read("diffuse_last_leg", config.diffuse_last_leg);
+  reader.read("scattering", config.scattering);
+  reader.read("bands", config.bands);
+  reader.read("sample_rate_hz", config.sample_rate_hz);
+  reader.read("seed", config.seed);
+  reader.read("threads", config.threads);
+}
+
+void validate(const AcousticConfig& config) {
+  refuse_if_on(config.diffraction, "diffraction");
+  refuse_if_on(config.transmission, "transmission");
+  require(config.early_order >= 0 && config.early_order <= 4, "early_order", config.early_order,
+          "must be in [0, 4]: the number of image paths grows with the power of it");
+  require(config.early_candidate_rays >= 0 && config.early_candidate_rays <= 10'000'000, "early_candidate_rays",
+          config.early_candidate_rays, "must be in [0, 10000000]");
+  require(config.rays >= 0, "rays", config.rays, "must be in [0, 2^31): each ray carries 1/rays of the energy");
+  require(config.max_bounces >= 0, "max_bounces", config.max_bounces, "must not be negative");
+  require(config.time_bin_s > 0.f && in_range(config.time_bin_s, 1e-5f, 0.1f), "time_bin_s", config.time_bin_s,
+          "must be in [0.00001, 0.1] s");
+  require(config.sh_order >= 0 && config.sh_order <= 5, "sh_order", config.sh_order, "must be in [0, 5]");
+  require(config.rir_length_s > 0.f && in_range(config.rir_length_s, 0.f, 60.f), "rir_length_s", config.rir_length_s,
+          "must be in (0, 60] s");
+  require(config.rir_length_s / config.time_bin_s <= 1e6f, "rir_length_s", config.rir_length_s,
+          "needs more than a million bins of time_bin_s; shorten it or widen the bins");
+  require(config.source_radius_m > 0.f && in_range(config.source_radius_m, 0.f, 100.f), "source_radius_m",
+          config.source_radius_m, "must be in (0, 100] m");
+  require(std::isfinite(config.scattering) && config.scattering <= 1.f, "scattering", config.scattering,
+          "must be in [0, 1], or negative to take each material's own");
+  require(config.bands >= 0 && config.bands <= kMaxBands, "bands", config.bands,
+          "must be in [1, 32], or 0 for octaves from 125 Hz");
+  require(in_range(config.sample_rate_hz, 8000.f, 96000.f), "sample_rate_hz", config.sample_rate_hz,
+          "must be in [8000, 96000] Hz");
+  require(config.threads >= 0 && config.threads <= 4096, "threads", config.threads, "must be in [0, 4096]; 0 means all");
+}
+
+}  // namespace earshot
