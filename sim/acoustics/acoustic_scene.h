@@ -20,6 +20,7 @@ class AcousticScene {
   AcousticScene(std::shared_ptr<const Scene> scene, const AcousticConfig& config);
 
   [[nodiscard]] const Scene& scene() const { return *scene_; }
+  [[nodiscard]] const std::shared_ptr<const Scene>& shared_scene() const { return scene_; }
   [[nodiscard]] const AcousticConfig& config() const { return config_; }
   [[nodiscard]] const BandLayout& bands() const { return bands_; }
   [[nodiscard]] int num_bands() const { return bands_.size(); }

@@ -121,6 +121,8 @@ void ConfigReader::fail(const std::string& key, const std::string& problem) cons
   throw InputError(where_, prefix_ + key + ": " + problem, "");
 }
 
+std::string ConfigReader::text() const { return YAML::Dump(map_) + "\n"; }
+
 std::string ConfigReader::shown(const YAML::Node& node) {
   YAML::Emitter out;
   out << YAML::Flow << node;

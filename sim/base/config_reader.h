@@ -77,6 +77,8 @@ class ConfigReader {
   /// Path prefix of this map inside the file, with a trailing dot, or empty.
   [[nodiscard]] const std::string& prefix() const { return prefix_; }
   [[nodiscard]] const std::string& where() const { return where_; }
+  /// The map as YAML text, overrides included.
+  [[nodiscard]] std::string text() const;
 
  private:
   ConfigReader(YAML::Node map, std::string where, std::string prefix);

@@ -1,0 +1,23 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <glm/vec3.hpp>
+#include <string>
+#include <vector>
+
+namespace earshot {
+
+/// Each adds one sub-command with its help; the callback does the work and throws InputError (exit 2) or RunError (exit 1).
+void add_doctor(CLI::App& app);
+void add_scene(CLI::App& app);
+void add_rir(CLI::App& app);
+void add_walk(CLI::App& app);
+void add_dataset(CLI::App& app);
+void add_train(CLI::App& app, const std::vector<std::string>& arguments, int& exit_code);
+void add_eval(CLI::App& app);
+void add_leaderboard(CLI::App& app);
+
+/// "X,Y,Z" as metres.  Throws InputError naming the option.
+glm::vec3 parse_point(const std::string& text, const std::string& option);
+
+}  // namespace earshot

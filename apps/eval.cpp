@@ -1,0 +1,63 @@
+#include <fmt/format.h>
+
+#include <memory>
+
+#include "apps/commands.h"
+#include "trainer/checkpoint.h"
+#include "trainer/evaluator.h"
+#include "trainer/leaderboard.h"
+#include "trainer/train_loop.h"
+
+namespace earshot {
+namespace {
+
+struct Options {
+  std::string agent, config, out, name;
+  std::vector<std::string> overrides;
+  EvaluationConfig evaluation;
+  bool argmax = false;
+};
+
+void run_eval(const Options& options) {
+  EvaluationConfig evaluation = options.evaluation;
+  evaluation.sample = !options.argmax;
+  const auto baseline = baseline_by_name(options.agent);
+  EvaluationResult result;
+  if (baseline) {
+    const RunConfig config = options.config.empty() ? parse_run_config("", "--set", options.overrides) : load_run_config(options.config, options.overrides);
+    if (evaluation.episodes.empty()) evaluation.episodes = config.eval.file;
+    if (evaluation.episodes.empty()) throw InputError("--episodes", "is missing", "name an episode set, or a --config that names one");
+    evaluation.num_envs = config.eval_envs;
+    result = evaluate_baseline(*baseline, options.agent, config.env, evaluation);
+  } else {
+    const auto checkpoint = find_checkpoint(options.agent);
+    const RunConfig config = parse_run_config(load_checkpoint(checkpoint).config_yaml, checkpoint.string() + " (its config)", options.overrides);
+    if (evaluation.episodes.empty()) evaluation.episodes = config.eval.file;
+    if (evaluation.episodes.empty()) throw InputError("--episodes", "is missing and the checkpoint's config names none", "name an episode set");
+    evaluation.num_envs = config.eval_envs;
+    result = evaluate_checkpoint(checkpoint, evaluation, options.overrides);
+  }
+  if (!options.name.empty()) result.agent = options.name;
+  if (!options.out.empty()) save_result(result, options.out);
+  fmt::print("{}", leaderboard_text({result}));
+}
+
+}  // namespace
+
+void add_eval(CLI::App& app) {
+  auto options = std::make_shared<Options>();
+  CLI::App* command = app.add_subcommand("eval", "Run an agent on every episode of a set and report its metrics");
+  command->add_option("AGENT", options->agent, "Checkpoint, run folder, or one of: random greedy oracle")->required();
+  command->add_option("--episodes", options->evaluation.episodes, "Episode set (default: data.eval.file of the config)");
+  command->add_option("--out", options->out, "Result file (JSON) to write");
+  command->add_option("--config", options->config, "Run config that fixes the environment of a baseline");
+  command->add_option("--set", options->overrides, "key=value over the config");
+  command->add_option("--name", options->name, "Name in tables (default: the config's name)");
+  command->add_option("--seed", options->evaluation.seed, "Seed of sampled actions")->capture_default_str();
+  command->add_option("--threads", options->evaluation.threads, "Simulation threads; 0: all cores; any number gives the same bits")->capture_default_str();
+  command->add_option("--max-episodes", options->evaluation.max_episodes, "Only the first N episodes; 0: all")->capture_default_str();
+  command->add_flag("--argmax", options->argmax, "Most probable action instead of a sampled one");
+  command->callback([options] { run_eval(*options); });
+}
+
+}  // namespace earshot

@@ -1,0 +1,101 @@
+#include <fmt/format.h>
+
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "apps/commands.h"
+#include "sim/base/files.h"
+#include "sim/nav/navmesh.h"
+#include "sim/scene/scene_report.h"
+
+namespace earshot {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+struct Options {
+  std::string scene, json;
+  bool explain = false;
+};
+
+/// What the engine does about each effect, and why.
+std::vector<std::pair<const char*, std::string>> effects(const SceneReport& report) {
+  const bool open = report.ray_efficiency < 0.5;
+  return {{"direct", "on: always"},
+          {"early", "on: image paths are confirmed by rays at every pose"},
+          {"late", open ? "on: but most rays escape, expect little of it" : "on"},
+          {"air_absorption", "on: one multiplication per time bin"},
+          {"transmission", "off: not simulated"},
+          {"diffraction", "off: not simulated"}};
+}
+
+Json numbers(const std::vector<double>& values) {
+  Json array = Json::array();
+  for (const double value : values) array.push_back(std::isfinite(value) ? Json(value) : Json(nullptr));
+  return array;
+}
+
+void run_scene(const Options& options) {
+  const Scene scene = load_scene(options.scene);
+  const SceneReport report = report_scene(scene);
+  std::optional<float> navigable_m2;
+  std::string navigation_problem;
+  try {
+    navigable_m2 = Navmesh(scene.mesh(), {}).area_m2();
+  } catch (const InputError& error) {
+    navigation_problem = error.what();
+  }
+
+  const Bounds& b = scene.bounds();
+  fmt::print("scene            {}\n", scene.name());
+  fmt::print("triangles        {} ({} degenerate and {} duplicate removed, {} vertices welded)\n", report.triangles, report.removed.degenerate_removed,
+             report.removed.duplicate_removed, report.removed.vertices_welded);
+  fmt::print("size             {:.2f} x {:.2f} x {:.2f} m\n", b.upper.x - b.lower.x, b.upper.y - b.lower.y, b.upper.z - b.lower.z);
+  fmt::print("open edges       {}\n", report.open_edges);
+  fmt::print("ray efficiency   {:.4f}: {:.2f} % of rays leaked{}\n", report.ray_efficiency, 100 * report.leaked_ray_share,
+             report.leaked_ray_share > 0.01 ? " (holes, or a missing ceiling: set ceiling_m in a scene YAML)" : "");
+  fmt::print("volume           {:.1f} m3\nsurface          {:.1f} m2\n", report.volume_m3, report.area_m2);
+  if (navigable_m2)
+    fmt::print("navigable        {:.1f} m2\n", *navigable_m2);
+  else
+    fmt::print("navigable        none ({})\n", navigation_problem);
+  fmt::print("RT60 estimate    ");
+  for (std::size_t i = 0; i < report.rt60_estimate_s.size(); ++i)
+    fmt::print("{}{:.0f} Hz {}", i == 0 ? "" : ", ", 125.0 * (1 << i), std::isfinite(report.rt60_estimate_s[i]) ? fmt::format("{:.2f} s", report.rt60_estimate_s[i]) : "-");
+  fmt::print("\n");
+  if (options.explain)
+    for (const auto& [name, why] : effects(report)) fmt::print("  {:<15} {}\n", name, why);
+
+  if (options.json.empty()) return;
+  Json plan = Json::object();
+  for (const auto& [name, why] : effects(report)) plan[name] = why;
+  const Json json = {{"scene", scene.name()},
+                     {"triangles", report.triangles},
+                     {"removed",
+                      {{"degenerate", report.removed.degenerate_removed},
+                       {"duplicate", report.removed.duplicate_removed},
+                       {"welded_vertices", report.removed.vertices_welded}}},
+                     {"open_edges", report.open_edges},
+                     {"ray_efficiency", report.ray_efficiency},
+                     {"leaked_ray_share", report.leaked_ray_share},
+                     {"volume_m3", report.volume_m3},
+                     {"area_m2", report.area_m2},
+                     {"navigable_area_m2", navigable_m2 ? Json(*navigable_m2) : Json(nullptr)},
+                     {"rt60_estimate_s", numbers(report.rt60_estimate_s)},
+                     {"effects", plan}};
+  write_file_atomically(options.json, json.dump(1) + "\n");
+}
+
+}  // namespace
+
+void add_scene(CLI::App& app) {
+  auto options = std::make_shared<Options>();
+  CLI::App* command = app.add_subcommand("scene", "Triangles, holes, ray efficiency, volume, RT60 estimate and navigable area of a scene");
+  command->add_option("SCENE", options->scene, "Mesh file, shoebox:XxYxZ[@M], house:SEED, or scene YAML")->required();
+  command->add_flag("--explain", options->explain, "Also say which acoustic effects are simulated, and why");
+  command->add_option("--json", options->json, "Also write the report to a file");
+  command->callback([options] { run_scene(*options); });
+}
+
+}  // namespace earshot

@@ -1,0 +1,53 @@
+#include <fmt/format.h>
+
+#include <memory>
+
+#include "apps/commands.h"
+#include "trainer/train_loop.h"
+#include "trainer/worker_group.h"
+
+namespace earshot {
+namespace {
+
+struct Options {
+  std::string config, resume;
+  std::vector<std::string> overrides;
+  int workers = 0;
+};
+
+int run_train(const Options& options, const std::vector<std::string>& arguments) {
+  // Everything that can be wrong with the input is found before a process is started.
+  const RunConfig config = load_run_config(options.config, options.overrides);
+  const auto identity = worker_from_environment();
+  if (!identity && config.train.file.empty())
+    throw InputError(options.config, "names no data.train.file", "add it, and write it with 'earshot dataset episodes --config'");
+  if (!identity && !std::filesystem::exists(config.train.file))
+    throw InputError(config.train.file, "no such episode set", "write it with 'earshot dataset episodes --config " + options.config + "'");
+  const std::filesystem::path resume = options.resume.empty() ? std::filesystem::path() : find_checkpoint(options.resume);
+
+  const int workers = options.workers > 0 ? options.workers : config.workers;
+  if (!identity && workers > 1) return spawn_workers(workers, arguments);
+
+  const auto collective = identity ? make_zmq_ring(*identity) : make_single_worker();
+  const TrainReport report = train(config, resolved_yaml(options.config, options.overrides), *collective, resume);
+  if (collective->identity().rank == 0)
+    fmt::print("{} updates, {} steps in {:.1f} min: {:.0f} steps/s\ncheckpoint: {}\n", report.updates, report.env_steps, report.wall_s / 60, report.steps_per_s,
+               report.checkpoint.string());
+  return 0;
+}
+
+}  // namespace
+
+void add_train(CLI::App& app, const std::vector<std::string>& arguments, int& exit_code) {
+  auto options = std::make_shared<Options>();
+  CLI::App* command = app.add_subcommand("train", "Train a policy with DD-PPO");
+  command->add_option("CONFIG", options->config, "Run config (YAML)")->required();
+  command->add_option("OVERRIDES", options->overrides, "key=value over the config, for example ppo.learning_rate=1e-4");
+  command->add_option("--workers", options->workers, "Worker processes on this machine (default: the config's)");
+  command->add_option("--resume", options->resume, "Run folder or checkpoint to go on from");
+  command->footer("Writes checkpoints, events.jsonl and TensorBoard curves under the config's `out`.  SIGTERM, SIGINT and SIGUSR1 end the run after the\n"
+                  "current update with a checkpoint.  A resumed run gives the bits that the unbroken one would have given.");
+  command->callback([options, &arguments, &exit_code] { exit_code = run_train(*options, arguments); });
+}
+
+}  // namespace earshot

@@ -1,0 +1,104 @@
+#include "trainer/evaluator.h"
+
+#include <functional>
+
+#include "sim/base/files.h"
+#include "sim/base/progress.h"
+#include "trainer/actor.h"
+#include "trainer/checkpoint.h"
+
+namespace earshot {
+namespace {
+
+/// Keeps the first `count` episodes.
+std::shared_ptr<const EpisodeSet> load_part(const EvaluationConfig& evaluation) {
+  EpisodeSet set = load_episode_set(evaluation.episodes);
+  if (evaluation.max_episodes > 0 && set.episodes.size() > static_cast<std::size_t>(evaluation.max_episodes))
+    set.episodes.resize(static_cast<std::size_t>(evaluation.max_episodes));
+  return std::make_shared<const EpisodeSet>(std::move(set));
+}
+
+/// The loop that all agents share: act until every episode has ended once.
+/// act: writes actions for the current observations.  after: called behind each step.
+EvaluationResult run_episodes(const EnvConfig& base, const EvaluationConfig& evaluation, const std::string& name,
+                              const std::function<void(BatchedEnv&, std::span<std::int32_t>)>& act, const std::function<void(const BatchedEnv&)>& after) {
+  const auto set = load_part(evaluation);
+  EnvConfig config = base;
+  config.order = EpisodeOrder::once;
+  config.threads = evaluation.threads;
+  const auto scenes = std::make_shared<SceneCache>(config.acoustics, config.navmesh, config.scene_root, static_cast<std::size_t>(config.scene_cache_gb * 1e9));
+  const auto num_episodes = set->episodes.size();
+  const int num_envs = static_cast<int>(std::min<std::size_t>(static_cast<std::size_t>(evaluation.num_envs), num_episodes));
+  BatchedEnv env(config, set, scenes, num_envs);
+  env.reset();
+
+  EvaluationResult result;
+  result.agent = name;
+  result.set_hash = hex64(set->hash);
+  result.engine_hash = engine_hash();
+  result.episodes_file = evaluation.episodes;
+  result.seed = evaluation.seed;
+  result.episodes.resize(num_episodes);
+
+  std::vector<std::int32_t> actions(static_cast<std::size_t>(num_envs));
+  Progress progress("evaluate " + name, "episode", num_episodes);
+  for (std::size_t done = 0; done < num_episodes;) {
+    act(env, actions);
+    env.step(actions);
+    after(env);
+    for (const auto& episode : env.finished()) {
+      const auto index = static_cast<std::size_t>(episode.episode_index);
+      const Episode& description = set->episodes[index];
+      result.episodes[index] = {description.episode_id, description.scene_id, episode.metrics, episode.actions};
+      ++done;
+    }
+    progress.update(done);
+  }
+  return result;
+}
+
+}  // namespace
+
+EvaluationResult evaluate_checkpoint(const std::filesystem::path& path, const EvaluationConfig& evaluation, const std::vector<std::string>& overrides) {
+  torch::set_num_threads(1);
+  const Checkpoint checkpoint = load_checkpoint(path);
+  const RunConfig config = parse_run_config(checkpoint.config_yaml, path.string() + " (its config)", overrides);
+  ActorCritic policy(config.env.observation, config.policy);
+  load_weights(policy, checkpoint, path.string());
+  policy->eval();
+
+  std::optional<Actor> actor;
+  std::vector<ActingEnv> acting;
+  const auto act = [&](BatchedEnv& env, std::span<std::int32_t> actions) {
+    if (!actor) actor.emplace(policy, env.num_envs());
+    const PolicyOutput& output = actor->observe(env);
+    if (!evaluation.sample) {
+      greedy_actions(output.logits, actions);
+      return;
+    }
+    // Keyed by the episode, not by the env that happens to run it.
+    acting.clear();
+    for (int i = 0; i < env.num_envs(); ++i)
+      acting.push_back({static_cast<std::uint32_t>(env.episode_index(i)), 0, static_cast<std::uint32_t>(env.episode_step(i))});
+    sample_actions(output.logits, acting, evaluation.seed, actions);
+  };
+  EvaluationResult result = run_episodes(config.env, evaluation, config.name, act, [&](const BatchedEnv& env) { actor->advance(env); });
+
+  std::uint64_t hash = hash64(checkpoint.architecture);
+  for (const auto& [name, tensor] : checkpoint.weights) {
+    const torch::Tensor flat = tensor.contiguous();
+    hash = hash64(std::as_bytes(std::span(flat.data_ptr<float>(), static_cast<std::size_t>(flat.numel()))), hash);
+  }
+  result.policy_hash = hex64(hash);
+  return result;
+}
+
+EvaluationResult evaluate_baseline(Baseline baseline, const std::string& name, const EnvConfig& env, const EvaluationConfig& evaluation) {
+  EvaluationResult result = run_episodes(
+      env, evaluation, name,
+      [&](BatchedEnv& batch, std::span<std::int32_t> actions) { baseline_actions(baseline, batch, evaluation.seed, 0, actions); }, [](const BatchedEnv&) {});
+  result.policy_hash = name;
+  return result;
+}
+
+}  // namespace earshot

@@ -1,0 +1,117 @@
+#include "trainer/leaderboard.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <functional>
+
+namespace earshot {
+namespace {
+
+struct Column {
+  const char* title;
+  std::function<Estimate(const EvaluationResult&)> get;
+  int digits;
+  double bar_scale;  ///< 0: no bar
+};
+
+const std::vector<Column>& columns() {
+  static const std::vector<Column> all{
+      {"success", [](const EvaluationResult& r) { return r.success(); }, 3, 1.0}, {"SPL", [](const EvaluationResult& r) { return r.spl(); }, 3, 1.0},
+      {"SoftSPL", [](const EvaluationResult& r) { return r.soft_spl(); }, 3, 0},   {"SNA", [](const EvaluationResult& r) { return r.sna(); }, 3, 0},
+      {"DTG m", [](const EvaluationResult& r) { return r.dtg_m(); }, 2, 0},        {"steps", [](const EvaluationResult& r) { return r.steps(); }, 0, 0},
+      {"collisions", [](const EvaluationResult& r) { return r.collisions(); }, 1, 0}};
+  return all;
+}
+
+std::string cell(const Estimate& estimate, int digits) {
+  return fmt::format("{:.{}f} [{:.{}f}, {:.{}f}]", estimate.mean, digits, estimate.low, digits, estimate.high, digits);
+}
+
+/// What makes the rows hard to compare, or empty.
+std::vector<std::string> notes(const std::vector<EvaluationResult>& results) {
+  std::vector<std::string> all;
+  const auto differ = [&](auto get) { return std::ranges::any_of(results, [&](const auto& r) { return get(r) != get(results.front()); }); };
+  if (differ([](const auto& r) { return r.set_hash; })) all.emplace_back("the agents ran different episode sets: the rows cannot be compared");
+  if (differ([](const auto& r) { return r.episodes.size(); })) all.emplace_back("the agents ran different numbers of episodes");
+  if (differ([](const auto& r) { return r.engine_hash; })) all.emplace_back("the agents ran in different builds of the engine");
+  return all;
+}
+
+std::string escaped(const std::string& text) {
+  std::string out;
+  for (const char c : text) {
+    if (c == '&') out += "&amp;";
+    else if (c == '<') out += "&lt;";
+    else if (c == '>') out += "&gt;";
+    else if (c == '"') out += "&quot;";
+    else out += c;
+  }
+  return out;
+}
+
+}  // namespace
+
+std::vector<EvaluationResult> ranked(std::vector<EvaluationResult> results) {
+  std::ranges::stable_sort(results, [](const auto& a, const auto& b) {
+    const auto key = [](const auto& r) { return std::tuple(-r.spl().mean, -r.success().mean); };
+    return key(a) != key(b) ? key(a) < key(b) : a.agent < b.agent;
+  });
+  return results;
+}
+
+std::string leaderboard_text(const std::vector<EvaluationResult>& results) {
+  std::vector<std::vector<std::string>> table{{"rank", "agent"}};
+  for (const auto& column : columns()) table[0].emplace_back(column.title);
+  table[0].emplace_back("episodes");
+  const auto rows = ranked(results);
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    std::vector<std::string> line{std::to_string(i + 1), rows[i].agent};
+    for (const auto& column : columns()) line.push_back(cell(column.get(rows[i]), column.digits));
+    line.push_back(std::to_string(rows[i].episodes.size()));
+    table.push_back(std::move(line));
+  }
+  std::vector<std::size_t> widths(table[0].size(), 0);
+  for (const auto& line : table)
+    for (std::size_t c = 0; c < line.size(); ++c) widths[c] = std::max(widths[c], line[c].size());
+  std::string text;
+  for (const auto& line : table) {
+    for (std::size_t c = 0; c < line.size(); ++c) text += fmt::format("{}{:<{}}", c == 0 ? "" : "  ", line[c], widths[c]);
+    while (!text.empty() && text.back() == ' ') text.pop_back();
+    text += '\n';
+  }
+  text += "mean [95 % interval]; success: Wilson, others: Student's t\n";
+  for (const auto& note : notes(rows)) text += "note: " + note + "\n";
+  return text;
+}
+
+std::string leaderboard_html(const std::vector<EvaluationResult>& results) {
+  std::string html =
+      "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>Earshot leaderboard</title>\n<style>\n"
+      "body{font:15px/1.4 system-ui,sans-serif;margin:2rem;color:#222}table{border-collapse:collapse}\n"
+      "th,td{padding:.4rem .8rem;text-align:left;border-bottom:1px solid #ddd;font-variant-numeric:tabular-nums}\n"
+      ".bar{position:relative;width:9rem;height:.7rem;background:#eee}.bar i{position:absolute;top:0;bottom:0;left:0;background:#3b7dd8}\n"
+      ".bar b{position:absolute;top:.25rem;height:.2rem;background:#123}small{color:#666}\n</style></head><body>\n<h1>Earshot leaderboard</h1>\n<table><thead><tr><th>rank</th><th>agent</th>";
+  for (const auto& column : columns()) html += fmt::format("<th>{}</th>", column.title);
+  html += "<th>episodes</th></tr></thead><tbody>\n";
+  const auto rows = ranked(results);
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    html += fmt::format("<tr><td>{}</td><td>{}</td>", i + 1, escaped(rows[i].agent));
+    for (const auto& column : columns()) {
+      const Estimate e = column.get(rows[i]);
+      html += fmt::format("<td>{:.{}f} <small>[{:.{}f}, {:.{}f}]</small>", e.mean, column.digits, e.low, column.digits, e.high, column.digits);
+      if (column.bar_scale > 0)
+        html += fmt::format("<div class=\"bar\"><i style=\"width:{:.1f}%\"></i><b style=\"left:{:.1f}%;width:{:.1f}%\"></b></div>", 100 * e.mean / column.bar_scale,
+                            100 * e.low / column.bar_scale, 100 * (e.high - e.low) / column.bar_scale);
+      html += "</td>";
+    }
+    html += fmt::format("<td>{}</td></tr>\n", rows[i].episodes.size());
+  }
+  html += "</tbody></table>\n<p>Mean and 95 % interval (success: Wilson; others: Student's t). Bars: mean, dark line: interval.</p>\n";
+  for (const auto& note : notes(rows)) html += "<p><strong>Note:</strong> " + escaped(note) + "</p>\n";
+  if (!rows.empty())
+    html += fmt::format("<p><small>Episodes: {}, set {}. Engine {}.</small></p>\n", escaped(rows.front().episodes_file), rows.front().set_hash, rows.front().engine_hash);
+  return html + "</body></html>\n";
+}
+
+}  // namespace earshot

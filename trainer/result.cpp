@@ -1,0 +1,140 @@
+#include "trainer/result.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "sim/base/errors.h"
+#include "sim/base/files.h"
+
+namespace earshot {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+/// 97.5 % point of Student's t, from the expansion of Abramowitz and Stegun 26.7.5 in 1/degrees: within 0.3 % from 3 degrees on.
+double student_t975(double degrees) {
+  const double z = 1.959963985, z3 = z * z * z, z5 = z3 * z * z, z7 = z5 * z * z;
+  return z + (z3 + z) / (4 * degrees) + (5 * z5 + 16 * z3 + 3 * z) / (96 * degrees * degrees) +
+         (3 * z7 + 19 * z5 + 17 * z3 - 15 * z) / (384 * degrees * degrees * degrees);
+}
+
+template <class Get>
+Estimate over(const std::vector<EvaluationResult::Row>& rows, Get get) {
+  std::vector<double> values;
+  values.reserve(rows.size());
+  for (const auto& row : rows) values.push_back(static_cast<double>(get(row.metrics)));
+  return mean_with_interval(values);
+}
+
+Json to_json(const Estimate& estimate) { return {{"mean", estimate.mean}, {"low", estimate.low}, {"high", estimate.high}}; }
+
+}  // namespace
+
+Estimate mean_with_interval(const std::vector<double>& values) {
+  const auto n = static_cast<double>(values.size());
+  if (values.empty()) return {};
+  double sum = 0;
+  for (const double value : values) sum += value;
+  const double mean = sum / n;
+  if (values.size() == 1) return {mean, mean, mean};
+  double square = 0;
+  for (const double value : values) square += (value - mean) * (value - mean);
+  const double half = student_t975(n - 1) * std::sqrt(square / (n - 1) / n);
+  return {mean, mean - half, mean + half};
+}
+
+Estimate share_with_interval(std::uint64_t hits, std::uint64_t n) {
+  if (n == 0) return {};
+  const double z = 1.959963985, count = static_cast<double>(n), share = static_cast<double>(hits) / count;
+  const double centre = (share + z * z / (2 * count)) / (1 + z * z / count);
+  const double half = z / (1 + z * z / count) * std::sqrt(share * (1 - share) / count + z * z / (4 * count * count));
+  return {share, std::max(0.0, centre - half), std::min(1.0, centre + half)};
+}
+
+Estimate EvaluationResult::success() const {
+  std::uint64_t hits = 0;
+  for (const auto& row : episodes) hits += row.metrics.success > 0.5 ? 1 : 0;
+  return share_with_interval(hits, episodes.size());
+}
+Estimate EvaluationResult::spl() const {
+  return over(episodes, [](const EpisodeMetrics& m) { return m.spl; });
+}
+Estimate EvaluationResult::soft_spl() const {
+  return over(episodes, [](const EpisodeMetrics& m) { return m.soft_spl; });
+}
+Estimate EvaluationResult::sna() const {
+  return over(episodes, [](const EpisodeMetrics& m) { return m.sna; });
+}
+Estimate EvaluationResult::dtg_m() const {
+  return over(episodes, [](const EpisodeMetrics& m) { return m.dtg_m; });
+}
+Estimate EvaluationResult::steps() const {
+  return over(episodes, [](const EpisodeMetrics& m) { return m.steps; });
+}
+Estimate EvaluationResult::collisions() const {
+  return over(episodes, [](const EpisodeMetrics& m) { return m.collisions; });
+}
+
+void save_result(const EvaluationResult& result, const std::filesystem::path& path) {
+  Json rows = Json::array();
+  for (const auto& row : result.episodes) {
+    const auto& m = row.metrics;
+    rows.push_back({{"id", row.id}, {"scene", row.scene}, {"success", m.success}, {"spl", m.spl}, {"soft_spl", m.soft_spl}, {"sna", m.sna},
+                    {"dtg_m", m.dtg_m}, {"reward", m.reward}, {"steps", m.steps}, {"collisions", m.collisions}, {"actions", row.actions}});
+  }
+  const Json json = {{"agent", result.agent},
+                     {"policy_hash", result.policy_hash},
+                     {"set_hash", result.set_hash},
+                     {"engine_hash", result.engine_hash},
+                     {"episodes_file", result.episodes_file},
+                     {"seed", result.seed},
+                     {"summary",
+                      {{"episodes", result.episodes.size()},
+                       {"success", to_json(result.success())},
+                       {"spl", to_json(result.spl())},
+                       {"soft_spl", to_json(result.soft_spl())},
+                       {"sna", to_json(result.sna())},
+                       {"dtg_m", to_json(result.dtg_m())},
+                       {"steps", to_json(result.steps())},
+                       {"collisions", to_json(result.collisions())}}},
+                     {"episodes", rows}};
+  write_file_atomically(path, json.dump(1) + "\n");
+}
+
+EvaluationResult load_result(const std::filesystem::path& path) {
+  const std::string text = read_file(path, std::size_t{1} << 30);
+  EvaluationResult result;
+  try {
+    const auto json = nlohmann::json::parse(text);
+    json.at("agent").get_to(result.agent);
+    json.at("policy_hash").get_to(result.policy_hash);
+    json.at("set_hash").get_to(result.set_hash);
+    json.at("engine_hash").get_to(result.engine_hash);
+    json.at("episodes_file").get_to(result.episodes_file);
+    json.at("seed").get_to(result.seed);
+    for (const auto& row : json.at("episodes")) {
+      EvaluationResult::Row read;
+      row.at("id").get_to(read.id);
+      row.at("scene").get_to(read.scene);
+      row.at("success").get_to(read.metrics.success);
+      row.at("spl").get_to(read.metrics.spl);
+      row.at("soft_spl").get_to(read.metrics.soft_spl);
+      row.at("sna").get_to(read.metrics.sna);
+      row.at("dtg_m").get_to(read.metrics.dtg_m);
+      row.at("reward").get_to(read.metrics.reward);
+      row.at("steps").get_to(read.metrics.steps);
+      row.at("collisions").get_to(read.metrics.collisions);
+      row.at("actions").get_to(read.actions);
+      result.episodes.push_back(std::move(read));
+    }
+  } catch (const nlohmann::json::exception& error) {
+    throw InputError(path.string(), error.what(), "it must be a file written by 'earshot eval --out'");
+  }
+  return result;
+}
+
+std::string engine_hash() { return hex64(hash64(read_file("/proc/self/exe"))); }
+
+}  // namespace earshot

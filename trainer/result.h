@@ -1,0 +1,50 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "envs/batched_env.h"
+
+namespace earshot {
+
+/// Mean of a metric over episodes with its 95 % interval: Wilson's for success (a share), Student's t for the others.
+struct Estimate {
+  double mean = 0, low = 0, high = 0;
+};
+/// values: one per episode.  An empty list gives zeros; one value gives an interval of zero width.
+Estimate mean_with_interval(const std::vector<double>& values);
+/// Wilson score interval of `hits` out of `n` (Wilson 1927).
+Estimate share_with_interval(std::uint64_t hits, std::uint64_t n);
+
+/// One evaluated agent: what `eval --out` writes and `leaderboard` and `replay` read.
+struct EvaluationResult {
+  std::string agent;                      ///< name in the table
+  std::string policy_hash, set_hash, engine_hash;
+  std::string episodes_file;
+  std::uint64_t seed = 0;
+  struct Row {
+    std::string id, scene;
+    EpisodeMetrics metrics;
+    std::vector<std::int8_t> actions;
+  };
+  std::vector<Row> episodes;              ///< in the order of the set
+
+  [[nodiscard]] Estimate success() const;
+  [[nodiscard]] Estimate spl() const;
+  [[nodiscard]] Estimate soft_spl() const;
+  [[nodiscard]] Estimate sna() const;
+  [[nodiscard]] Estimate dtg_m() const;
+  [[nodiscard]] Estimate steps() const;
+  [[nodiscard]] Estimate collisions() const;
+};
+
+void save_result(const EvaluationResult& result, const std::filesystem::path& path);
+/// Throws InputError: missing, not JSON, a key missing or mistyped.
+EvaluationResult load_result(const std::filesystem::path& path);
+
+/// XXH3 of the running program: results of different builds can be told apart.
+std::string engine_hash();
+
+}  // namespace earshot

@@ -1,0 +1,167 @@
+#include "trainer/run_config.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <set>
+
+#include "sim/base/files.h"
+#include "sim/base/progress.h"
+
+namespace earshot {
+namespace {
+
+void read(ConfigReader& reader, DataConfig& data) {
+  reader.read("file", data.file);
+  reader.read("scenes", data.scenes);
+  reader.read("sounds", data.sounds);
+  reader.read("episodes_per_scene", data.episodes_per_scene);
+  reader.read("seed", data.seed);
+  ConfigReader filter = reader.child("filter");
+  read(filter, data.filter);
+  filter.finish();
+  validate(data.filter);
+  require(data.episodes_per_scene > 0, reader.prefix() + "episodes_per_scene", data.episodes_per_scene, "must be positive");
+}
+
+RunConfig read_run(ConfigReader reader) {
+  RunConfig config;
+  reader.read("name", config.name);
+  config.out = "runs/" + config.name;
+  reader.read("out", config.out);
+  reader.read("seed", config.seed);
+  reader.read("workers", config.workers);
+  reader.read("envs_per_worker", config.envs_per_worker);
+  reader.read("rollout_steps", config.rollout_steps);
+  reader.read("total_steps", config.total_steps);
+  reader.read("max_minutes", config.max_minutes);
+  reader.read("checkpoint_every", config.checkpoint_every);
+  reader.read("eval_envs", config.eval_envs);
+  config.env.seed = config.policy.seed = config.seed;
+
+  ConfigReader env = reader.child("env");
+  read(env, config.env);
+  env.finish();
+  ConfigReader policy = reader.child("policy");
+  read(policy, config.policy);
+  policy.finish();
+  ConfigReader ppo = reader.child("ppo");
+  read(ppo, config.ppo);
+  ppo.finish();
+  ConfigReader data = reader.child("data");
+  ConfigReader train = data.child("train");
+  read(train, config.train);
+  train.finish();
+  ConfigReader eval = data.child("eval");
+  read(eval, config.eval);
+  eval.finish();
+  data.finish();
+  reader.finish();
+
+  validate(config.env);
+  validate(config.policy);
+  validate(config.ppo);
+  require(config.workers >= 1 && config.workers <= 256, "workers", config.workers, "must be in [1, 256]");
+  require(config.envs_per_worker >= 1, "envs_per_worker", config.envs_per_worker, "must be positive");
+  require(config.rollout_steps >= 1, "rollout_steps", config.rollout_steps, "must be positive");
+  require(config.total_steps >= 1, "total_steps", config.total_steps, "must be positive");
+  require(config.max_minutes >= 0, "max_minutes", config.max_minutes, "must not be negative; 0 means no bound");
+  require(config.checkpoint_every >= 1, "checkpoint_every", config.checkpoint_every, "must be positive");
+  require(config.eval_envs >= 1, "eval_envs", config.eval_envs, "must be positive");
+  require(!config.out.empty(), "out", config.out, "must name a folder");
+  return config;
+}
+
+/// Position and length of "A..B" with digits on both sides, or npos.
+struct Range {
+  std::size_t begin = std::string::npos, length = 0;
+  std::uint64_t first = 0, last = 0;
+};
+
+Range find_range(const std::string& text) {
+  const auto digit = [&](std::size_t i) { return i < text.size() && text[i] >= '0' && text[i] <= '9'; };
+  for (std::size_t dots = text.find(".."); dots != std::string::npos; dots = text.find("..", dots + 1)) {
+    std::size_t begin = dots, end = dots + 2;
+    while (begin > 0 && digit(begin - 1)) --begin;
+    while (digit(end)) ++end;
+    if (begin == dots || end == dots + 2) continue;
+    Range range{begin, end - begin, 0, 0};
+    const bool parsed = std::from_chars(text.data() + begin, text.data() + dots, range.first).ec == std::errc{} &&
+                        std::from_chars(text.data() + dots + 2, text.data() + end, range.last).ec == std::errc{};
+    if (!parsed || range.last < range.first || range.last - range.first >= 100000)
+      throw InputError(text, "is not a range of at most 100,000 numbers", "write A..B with A <= B");
+    return range;
+  }
+  return {};
+}
+
+}  // namespace
+
+RunConfig load_run_config(const std::filesystem::path& path, const std::vector<std::string>& overrides) {
+  return read_run(ConfigReader::from_file(path, overrides));
+}
+
+RunConfig parse_run_config(std::string_view yaml, const std::string& where, const std::vector<std::string>& overrides) {
+  return read_run(ConfigReader::from_text(yaml, where, overrides));
+}
+
+std::string resolved_yaml(const std::filesystem::path& path, const std::vector<std::string>& overrides) {
+  return ConfigReader::from_file(path, overrides).text();
+}
+
+std::vector<std::string> expand_range(const std::string& text) {
+  const Range range = find_range(text);
+  if (range.begin == std::string::npos) return {text};
+  std::vector<std::string> all;
+  for (std::uint64_t value = range.first; value <= range.last; ++value)
+    all.push_back(text.substr(0, range.begin) + std::to_string(value) + text.substr(range.begin + range.length));
+  return all;
+}
+
+std::vector<std::string> expand_sounds(const std::vector<std::string>& sounds) {
+  static const std::set<std::string> endings{".wav", ".flac", ".ogg", ".oga"};
+  std::vector<std::string> all;
+  for (const auto& sound : sounds) {
+    if (!std::filesystem::is_directory(sound)) {
+      const auto expanded = expand_range(sound);
+      all.insert(all.end(), expanded.begin(), expanded.end());
+      continue;
+    }
+    std::vector<std::string> files;
+    for (const auto& entry : std::filesystem::directory_iterator(sound))
+      if (entry.is_regular_file() && endings.contains(entry.path().extension().string())) files.push_back(entry.path().string());
+    if (files.empty()) throw InputError(sound, "holds no .wav, .flac, .ogg or .oga file", "name a folder of sounds");
+    std::ranges::sort(files);
+    all.insert(all.end(), files.begin(), files.end());
+  }
+  return all;
+}
+
+EpisodeSet generate_data(const DataConfig& data, const EnvConfig& env) {
+  if (data.scenes.empty()) throw InputError("data.scenes", "is empty", "name at least one SCENE, for example house:1");
+  std::vector<std::string> scenes;
+  for (const auto& scene : data.scenes) {
+    const auto expanded = expand_range(scene);
+    scenes.insert(scenes.end(), expanded.begin(), expanded.end());
+  }
+  const auto sounds = expand_sounds(data.sounds);
+  if (sounds.empty()) throw InputError("data.sounds", "is empty", "name at least one sound, for example synth:telephone");
+
+  SceneCache cache(env.acoustics, env.navmesh, env.scene_root, std::size_t{1} << 30);
+  Progress progress("episodes", "scene", scenes.size());
+  EpisodeSet set;
+  for (std::size_t i = 0; i < scenes.size(); ++i) {
+    const auto scene = cache.scene(scenes[i]);
+    auto episodes = generate_episodes(scenes[i], scene->navmesh, env.task, data.filter, sounds, data.episodes_per_scene, data.seed);
+    for (auto& episode : episodes) {
+      episode.episode_id = std::to_string(set.episodes.size());
+      set.episodes.push_back(std::move(episode));
+    }
+    progress.update(i + 1);
+  }
+  save_episode_set(set, data.file);
+  return load_episode_set(data.file);
+}
+
+}  // namespace earshot

@@ -1,0 +1,370 @@
+#include "trainer/train_loop.h"
+
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <csignal>
+#include <deque>
+#include <limits>
+#include <optional>
+
+#include "sim/base/files.h"
+#include "trainer/actor.h"
+#include "trainer/checkpoint.h"
+#include "trainer/event_log.h"
+#include "trainer/stage_times.h"
+
+namespace earshot {
+namespace {
+
+// A signal handler may only touch a lock-free atomic; it has to be reachable without an argument.
+std::atomic<bool> stop_requested{false};
+static_assert(std::atomic<bool>::is_always_lock_free);
+
+void request_stop(int) { stop_requested.store(true); }
+
+/// Asks for a graceful stop on the usual signals; the old handlers come back at the end.
+class StopSignals {
+ public:
+  StopSignals() {
+    stop_requested.store(false);
+    for (std::size_t i = 0; i < signals_.size(); ++i) previous_[i] = std::signal(signals_[i], request_stop);
+  }
+  ~StopSignals() {
+    for (std::size_t i = 0; i < signals_.size(); ++i) std::signal(signals_[i], previous_[i]);
+  }
+  StopSignals(const StopSignals&) = delete;
+  StopSignals& operator=(const StopSignals&) = delete;
+
+ private:
+  std::array<int, 3> signals_{SIGTERM, SIGINT, SIGUSR1};
+  std::array<void (*)(int), 3> previous_{};
+};
+
+/// Sums over the episodes that ended since the last report; the same layout on every worker, so that they add up by all-reduce.
+struct EpisodeSums {
+  enum Field { count, success, spl, soft_spl, sna, dtg, reward, steps, collisions, num_fields };
+  std::array<double, num_fields> values{};
+
+  void add(const EpisodeMetrics& m) {
+    const std::array<double, num_fields> row{1,     m.success, m.spl, m.soft_spl, m.sna, m.dtg_m, m.reward, static_cast<double>(m.steps),
+                                             static_cast<double>(m.collisions)};
+    for (std::size_t i = 0; i < row.size(); ++i) values[i] += row[i];
+  }
+  [[nodiscard]] double mean(Field field) const { return values[count] > 0 ? values[field] / values[count] : std::numeric_limits<double>::quiet_NaN(); }
+};
+
+/// Means over the last episodes (about 200) of all workers.
+class EpisodeWindow {
+ public:
+  void push(const EpisodeSums& sums) {
+    recent_.push_back(sums);
+    while (recent_.size() > 1 && total().values[EpisodeSums::count] - recent_.front().values[EpisodeSums::count] >= 200) recent_.pop_front();
+  }
+  [[nodiscard]] EpisodeSums total() const {
+    EpisodeSums all;
+    for (const auto& sums : recent_)
+      for (std::size_t i = 0; i < all.values.size(); ++i) all.values[i] += sums.values[i];
+    return all;
+  }
+
+ private:
+  std::deque<EpisodeSums> recent_;
+};
+
+/// Everything one worker holds during a run.
+class Worker {
+ public:
+  Worker(const RunConfig& config, const std::string& config_yaml, Collective& collective, const std::filesystem::path& resume)
+      : config_(config),
+        config_yaml_(config_yaml),
+        collective_(collective),
+        rank_(collective.identity().rank),
+        world_(collective.identity().world_size),
+        set_(std::make_shared<const EpisodeSet>(load_episode_set(config.train.file))),
+        scenes_(std::make_shared<SceneCache>(config.env.acoustics, config.env.navmesh, config.env.scene_root,
+                                             static_cast<std::size_t>(config.env.scene_cache_gb * 1e9))),
+        env_(training_env(config), set_, scenes_, config.envs_per_worker, rank_ * config.envs_per_worker, world_ * config.envs_per_worker),
+        policy_(config.env.observation, config.policy),
+        learner_(policy_, config.ppo, config.seed),
+        actor_(policy_, config.envs_per_worker),
+        rollout_(config.env.observation, config.rollout_steps, config.envs_per_worker, config.policy.hidden_size) {
+    if (resume.empty())
+      env_.reset();
+    else
+      restore(resume);
+    check_equal_weights();
+  }
+
+  TrainReport run();
+
+ private:
+  static EnvConfig training_env(const RunConfig& config) {
+    EnvConfig env = config.env;
+    env.order = EpisodeOrder::random;
+    return env;
+  }
+  void restore(const std::filesystem::path& path);
+  void check_equal_weights();
+  void collect();
+  UpdateStats learn();
+  void report(const UpdateStats& stats, double update_s);
+  void save(bool last);
+  bool finished(double elapsed_s);
+
+  [[nodiscard]] double progress() const {
+    return std::min(1.0, static_cast<double>(env_steps_) / static_cast<double>(config_.total_steps));
+  }
+  [[nodiscard]] std::uint64_t steps_per_update() const {
+    return static_cast<std::uint64_t>(config_.rollout_steps) * static_cast<std::uint64_t>(config_.envs_per_worker) * static_cast<std::uint64_t>(world_);
+  }
+
+  const RunConfig& config_;
+  const std::string& config_yaml_;
+  Collective& collective_;
+  int rank_, world_;
+  std::shared_ptr<const EpisodeSet> set_;
+  std::shared_ptr<SceneCache> scenes_;
+  BatchedEnv env_;
+  ActorCritic policy_;
+  PpoLearner learner_;
+  Actor actor_;
+  RolloutBuffer rollout_;
+
+  std::uint64_t update_ = 0, env_steps_ = 0;
+  EpisodeSums finished_;
+  EpisodeWindow window_;
+  StageTimes times_;             ///< this update, this worker
+  std::filesystem::path last_checkpoint_;
+  std::optional<EventLog> events_;
+  Stopwatch clock_;
+  double elapsed_s_ = 0;
+};
+
+void Worker::restore(const std::filesystem::path& path) {
+  const Checkpoint checkpoint = load_checkpoint(path);
+  if (checkpoint.world_size != world_ || checkpoint.env_states.size() != static_cast<std::size_t>(world_))
+    throw InputError(path.string(), fmt::format("is of a run with {} workers, this one has {}", checkpoint.world_size, world_),
+                     "resume with the same number of workers");
+  load_weights(policy_, checkpoint, path.string());
+  load_optimizer_state(policy_, learner_.optimizer(), checkpoint);
+  const auto rank = static_cast<std::size_t>(rank_);
+  env_.restore(checkpoint.env_states[rank]);
+  actor_.restore(checkpoint.hidden.at(rank), checkpoint.not_done.at(rank));
+  update_ = checkpoint.update;
+  env_steps_ = checkpoint.env_steps;
+}
+
+void Worker::check_equal_weights() {
+  std::uint64_t hash = 0;
+  for (const auto& [name, tensor] : weights_of(policy_)) {
+    const torch::Tensor flat = tensor.contiguous();
+    hash = hash64(std::as_bytes(std::span(flat.data_ptr<float>(), static_cast<std::size_t>(flat.numel()))), hash);
+  }
+  for (const auto& other : collective_.all_gather(hex64(hash)))
+    if (other != hex64(hash)) throw RunError("workers", "start with different weights; are they the same program, config and seed?");
+}
+
+void Worker::collect() {
+  rollout_.begin(actor_.hidden());
+  std::vector<std::int32_t> actions(static_cast<std::size_t>(config_.envs_per_worker));
+  std::vector<ActingEnv> acting(actions.size());
+  const StageTimes before = StageTimes::of(env_.stage_seconds());
+  Stopwatch watch;
+  double env_s = 0;
+  for (int t = 0; t < config_.rollout_steps; ++t) {
+    watch.lap();
+    const torch::Tensor not_done = actor_.not_done().clone();
+    const PolicyOutput& output = actor_.observe(env_);
+    for (std::size_t i = 0; i < acting.size(); ++i) {
+      const int env = static_cast<int>(i);
+      acting[i] = {static_cast<std::uint32_t>(rank_ * config_.envs_per_worker + env), static_cast<std::uint32_t>(env_.episode_count(env)),
+                   static_cast<std::uint32_t>(env_.episode_step(env))};
+    }
+    sample_actions(output.logits, acting, config_.seed, actions);
+    const torch::Tensor taken = torch::tensor(std::vector<std::int64_t>(actions.begin(), actions.end()));
+    rollout_.push(observation_tensors(env_), not_done, taken, log_probabilities(output.logits, taken), output.value);
+    times_.policy += watch.lap();
+
+    env_.step(actions);
+    env_s += watch.lap();
+
+    rollout_.push_outcome(env_.rewards(), env_.terminated(), env_.truncated(), actor_.truncated_values(env_), env_.active());
+    actor_.advance(env_);
+    for (const auto& episode : env_.finished()) finished_.add(episode.metrics);
+    times_.policy += watch.lap();
+  }
+  rollout_.finish(actor_.peek_value(env_));
+  times_.policy += watch.lap();
+
+  // Stage seconds are summed over the env's threads; scaled to wall time they add up with the other stages.
+  StageTimes stages = StageTimes::of(env_.stage_seconds());
+  stages.add(before, -1.0);
+  if (stages.total() > 0) times_.add(stages, env_s / stages.total());
+}
+
+UpdateStats Worker::learn() {
+  const float share = 1.0f / static_cast<float>(world_);
+  const UpdateStats stats = learner_.update(rollout_, progress(), update_, [&](std::span<float> buffer) {
+    if (world_ == 1) return;
+    collective_.all_reduce_sum(buffer);
+    for (float& value : buffer) value *= share;
+  });
+  times_.learn += stats.learn_s;
+  times_.reduce += stats.reduce_s;
+  return stats;
+}
+
+void Worker::report(const UpdateStats& stats, double update_s) {
+  std::array<double, EpisodeSums::num_fields + 7> sums{};
+  std::copy(finished_.values.begin(), finished_.values.end(), sums.begin());
+  const std::array<double, 7> stage{times_.simulate_sound, times_.convolve, times_.render, times_.move, times_.policy, times_.learn, times_.reduce};
+  std::copy(stage.begin(), stage.end(), sums.begin() + EpisodeSums::num_fields);
+  collective_.all_reduce_sum(std::span<double>(sums));
+  finished_ = {};
+  times_ = {};
+  if (rank_ != 0) return;
+
+  EpisodeSums all;
+  std::copy_n(sums.begin(), all.values.size(), all.values.begin());
+  window_.push(all);
+  const double* seconds = sums.data() + EpisodeSums::num_fields;
+  StageTimes mean;
+  mean.add({seconds[0], seconds[1], seconds[2], seconds[3], seconds[4], seconds[5], seconds[6]}, 1.0 / world_);
+
+  const EpisodeSums recent = window_.total();
+  const double steps_per_s = static_cast<double>(steps_per_update()) / update_s;
+  const double left_steps = static_cast<double>(config_.total_steps) - static_cast<double>(env_steps_);
+  double left_s = std::max(0.0, left_steps) / steps_per_s;
+  if (config_.max_minutes > 0) left_s = std::min(left_s, std::max(0.0, config_.max_minutes * 60 - elapsed_s_));
+  fmt::print(stderr, "update {:4}  {:>7} of {} steps  {:.0f} steps/s  success {:.3f}  SPL {:.3f}  reward {:.2f}  dtg {:.2f} m  [{}]  {:.0f} min to go\n", update_,
+             env_steps_, config_.total_steps, steps_per_s, recent.mean(EpisodeSums::success), recent.mean(EpisodeSums::spl),
+             recent.mean(EpisodeSums::reward), recent.mean(EpisodeSums::dtg), mean.shares(), left_s / 60);
+
+  events_->write(update_, env_steps_, elapsed_s_,
+                 {{"episodes/success", recent.mean(EpisodeSums::success)},
+                  {"episodes/spl", recent.mean(EpisodeSums::spl)},
+                  {"episodes/soft_spl", recent.mean(EpisodeSums::soft_spl)},
+                  {"episodes/sna", recent.mean(EpisodeSums::sna)},
+                  {"episodes/dtg_m", recent.mean(EpisodeSums::dtg)},
+                  {"episodes/reward", recent.mean(EpisodeSums::reward)},
+                  {"episodes/steps", recent.mean(EpisodeSums::steps)},
+                  {"episodes/collisions", recent.mean(EpisodeSums::collisions)},
+                  {"policy/loss", stats.policy_loss},
+                  {"policy/value_loss", stats.value_loss},
+                  {"policy/entropy", stats.entropy},
+                  {"policy/approx_kl", stats.approx_kl},
+                  {"policy/clip_fraction", stats.clip_fraction},
+                  {"policy/gradient_norm", stats.gradient_norm},
+                  {"policy/explained_variance", stats.explained_variance},
+                  {"policy/skipped_steps", static_cast<double>(stats.skipped_steps)},
+                  {"time/steps_per_s", steps_per_s},
+                  {"time/simulate_sound_s", mean.simulate_sound},
+                  {"time/convolve_s", mean.convolve},
+                  {"time/render_s", mean.render},
+                  {"time/move_s", mean.move},
+                  {"time/policy_s", mean.policy},
+                  {"time/learn_s", mean.learn},
+                  {"time/reduce_s", mean.reduce}});
+}
+
+void Worker::save(bool last) {
+  // Rank 0 needs everybody's cursor; hidden states travel as raw floats.
+  const torch::Tensor hidden = actor_.hidden().contiguous(), not_done = actor_.not_done().contiguous();
+  const auto raw = [](const torch::Tensor& tensor) {
+    return std::string(reinterpret_cast<const char*>(tensor.data_ptr<float>()), static_cast<std::size_t>(tensor.numel()) * sizeof(float));
+  };
+  const auto states = collective_.all_gather(env_.save_state());
+  const auto hiddens = collective_.all_gather(raw(hidden));
+  const auto starts = collective_.all_gather(raw(not_done));
+  if (rank_ != 0) return;
+
+  Checkpoint checkpoint;
+  checkpoint.config_yaml = config_yaml_;
+  checkpoint.architecture = policy_->architecture();
+  checkpoint.update = update_;
+  checkpoint.env_steps = env_steps_;
+  checkpoint.seed = config_.seed;
+  checkpoint.world_size = world_;
+  checkpoint.weights = weights_of(policy_);
+  checkpoint.optimizer = optimizer_state_of(policy_, learner_.optimizer());
+  checkpoint.env_states = states;
+  for (int rank = 0; rank < world_; ++rank) {
+    const auto tensor_of = [](const std::string& bytes, torch::IntArrayRef shape) {
+      torch::Tensor tensor = torch::empty(shape);
+      if (bytes.size() != static_cast<std::size_t>(tensor.numel()) * sizeof(float)) throw RunError("checkpoint", "workers disagree about the hidden state's size");
+      std::copy(bytes.begin(), bytes.end(), reinterpret_cast<char*>(tensor.data_ptr<float>()));
+      return tensor;
+    };
+    checkpoint.hidden.push_back(tensor_of(hiddens[static_cast<std::size_t>(rank)], hidden.sizes()));
+    checkpoint.not_done.push_back(tensor_of(starts[static_cast<std::size_t>(rank)], not_done.sizes()));
+  }
+  const std::filesystem::path folder = std::filesystem::path(config_.out) / "checkpoints";
+  last_checkpoint_ = folder / (last ? std::string("last.ckpt") : fmt::format("update_{:06}.ckpt", update_));
+  save_checkpoint(checkpoint, last_checkpoint_);
+}
+
+bool Worker::finished(double elapsed_s) {
+  // One worker's clock or signal must stop all at the same update: the sum of wishes decides.
+  std::array<double, 1> wishes{stop_requested.load() || env_steps_ >= config_.total_steps ||
+                                       (rank_ == 0 && config_.max_minutes > 0 && elapsed_s >= config_.max_minutes * 60)
+                                   ? 1.0
+                                   : 0.0};
+  collective_.all_reduce_sum(std::span<double>(wishes));
+  return wishes[0] > 0;
+}
+
+TrainReport Worker::run() {
+  if (rank_ == 0) {
+    events_.emplace(config_.out, update_);
+    fmt::print(stderr, "training {}: {} workers x {} envs, {} episodes, {} parameters\n", config_.name, world_, config_.envs_per_worker,
+               set_->episodes.size(), policy_->num_parameters());
+  }
+  const std::uint64_t first_steps = env_steps_;
+  clock_.lap();
+  while (!finished(elapsed_s_)) {
+    collect();
+    const UpdateStats stats = learn();
+    ++update_;
+    env_steps_ += steps_per_update();
+    const double update_s = clock_.lap();
+    elapsed_s_ += update_s;
+    report(stats, update_s);
+    if (update_ % static_cast<std::uint64_t>(config_.checkpoint_every) == 0) save(false);
+  }
+  save(true);
+  return {update_, env_steps_, elapsed_s_, elapsed_s_ > 0 ? static_cast<double>(env_steps_ - first_steps) / elapsed_s_ : 0, last_checkpoint_};
+}
+
+}  // namespace
+
+TrainReport train(const RunConfig& config, const std::string& config_yaml, Collective& collective, const std::filesystem::path& resume) {
+  // One thread per worker: the fast setting on shared cores, and the one that gives the same bits (TRAINER.md 2.4).
+  torch::set_num_threads(1);
+  const StopSignals signals;
+  return Worker(config, config_yaml, collective, resume).run();
+}
+
+std::filesystem::path find_checkpoint(const std::filesystem::path& folder_or_file) {
+  if (std::filesystem::is_regular_file(folder_or_file)) return folder_or_file;
+  std::filesystem::path newest;
+  std::uint64_t newest_update = 0;
+  for (const auto& folder : {folder_or_file, folder_or_file / "checkpoints"}) {
+    if (!std::filesystem::is_directory(folder)) continue;
+    for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+      if (entry.path().extension() != ".ckpt") continue;
+      const std::uint64_t update = load_checkpoint(entry.path()).update;
+      if (newest.empty() || update >= newest_update) {
+        newest = entry.path();
+        newest_update = update;
+      }
+    }
+  }
+  if (newest.empty()) throw InputError(folder_or_file.string(), "holds no checkpoint (*.ckpt)", "name a run folder or a checkpoint file");
+  return newest;
+}
+
+}  // namespace earshot
