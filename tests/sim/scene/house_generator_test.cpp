@@ -134,26 +134,6 @@ TEST(HouseGenerator, DifferentSeedsDiffer) {
   EXPECT_EQ(houses.size(), 50u);
 }
 
-TEST(HouseGenerator, EverySeedGivesAHouse) {
-  for (std::uint64_t seed = 0; seed <= 500; ++seed) {
-    std::vector<std::pair<int, float>> settings{{2, 24.f}, {3, 36.f}};
-    if (seed % 5 == 0) settings.insert(settings.end(), {{0, 0.f}, {static_cast<int>(1 + seed / 5 % 16), 0.f}});
-    for (const auto& [rooms, area_m2] : settings) {
-      const TriangleMesh mesh = generate_house({.seed = seed, .rooms = rooms, .area_m2 = area_m2});
-      const auto num_rooms = objects_of(mesh, "floor").size();
-      if (rooms > 0) EXPECT_EQ(num_rooms, static_cast<std::size_t>(rooms)) << seed;
-      else EXPECT_TRUE(num_rooms >= 4 && num_rooms <= 9) << seed;
-      EXPECT_GE(objects_of(mesh, "doorframe").size(), num_rooms - 1) << seed;
-    }
-  }
-}
-
-TEST(HouseGenerator, TightestAreaPerRoomStillGivesAHouse) {
-  for (std::uint64_t seed = 0; seed < 60; ++seed)
-    for (int rooms = 1; rooms <= 16; ++rooms)
-      EXPECT_NO_THROW(generate_house({.seed = seed, .rooms = rooms, .area_m2 = std::max(12.f, 6.f * static_cast<float>(rooms))})) << rooms;
-}
-
 TEST(HouseGenerator, FloorAreaIsTheAreaAskedFor) {
   for (std::uint64_t seed = 0; seed < 40; ++seed)
     for (const auto& [rooms, area_m2] : {std::pair{1, 12.f}, {2, 24.f}, {3, 36.f}, {7, 110.f}, {16, 400.f}}) {
