@@ -1,0 +1,59 @@
+#include "trainer/run_config.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace earshot {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+std::string message_of(const std::string& yaml, const std::vector<std::string>& overrides = {}) {
+  try {
+    parse_run_config(yaml, "run.yaml", overrides);
+  } catch (const InputError& error) {
+    return error.what();
+  }
+  return "accepted";
+}
+
+TEST(ExpandRange, CountsUpAndLeavesOtherTextAlone) {
+  EXPECT_THAT(expand_range("house:9..11,rooms=3"), ElementsAre("house:9,rooms=3", "house:10,rooms=3", "house:11,rooms=3"));
+  EXPECT_THAT(expand_range("../shared/a..b.glb"), ElementsAre("../shared/a..b.glb"));
+  EXPECT_THAT(expand_range("synth:bird:5..5"), ElementsAre("synth:bird:5"));
+  EXPECT_THROW(expand_range("house:5..4"), InputError);
+  EXPECT_THROW(expand_range("house:0..100000000"), InputError);
+}
+
+TEST(RunConfig, EverySectionRefusesUnknownKeys) {
+  EXPECT_THAT(message_of("ppo: {learning_rat: 1}"), HasSubstr("ppo.learning_rat: unknown key; did you mean 'learning_rate'"));
+  EXPECT_THAT(message_of("env: {task: {max_step: 1}}"), HasSubstr("did you mean 'max_steps'"));
+  EXPECT_THAT(message_of("env: {acoustics: {ray: 1}}"), HasSubstr("did you mean 'rays'"));
+  EXPECT_THAT(message_of("policy: {hidden: 1}"), HasSubstr("policy.hidden"));
+  EXPECT_THAT(message_of("worker: 2"), HasSubstr("did you mean 'workers'"));
+  EXPECT_THAT(message_of("data: {train: {seeds: 2}}"), HasSubstr("did you mean 'seed'"));
+}
+
+TEST(RunConfig, ValuesOutOfRangeNameKeyAndRule) {
+  EXPECT_THAT(message_of("workers: 0"), HasSubstr("workers = 0: must be in [1, 256]"));
+  EXPECT_THAT(message_of("rollout_steps: -1"), HasSubstr("rollout_steps"));
+  EXPECT_THAT(message_of("seed: many"), HasSubstr("cannot be read as a whole number"));
+  EXPECT_THAT(message_of("ppo: {clip: -0.1}"), HasSubstr("clip"));
+}
+
+TEST(RunConfig, SeedReachesEnvAndPolicyUnlessTheySayOtherwise) {
+  const RunConfig config = parse_run_config("seed: 7\npolicy: {seed: 9}", "run.yaml", {"env.task.max_steps=33"});
+  EXPECT_EQ(config.env.seed, 7u);
+  EXPECT_EQ(config.policy.seed, 9u);
+  EXPECT_EQ(config.env.task.max_steps, 33);
+}
+
+// The configs that ship with the product must stay readable.
+TEST(RunConfig, ShippedConfigsAreValid) {
+  for (const char* name : {"quick", "small_house", "avnav"})
+    EXPECT_NO_THROW(load_run_config(std::filesystem::path(EARSHOT_SOURCE_DIR) / "configs/train" / (std::string(name) + ".yaml"), {})) << name;
+}
+
+}  // namespace
+}  // namespace earshot
