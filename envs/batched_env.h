@@ -1,6 +1,5 @@
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -25,6 +24,7 @@ struct EnvConfig {
   AcousticConfig acoustics;
   NavmeshConfig navmesh;
   std::string hrtf;                 ///< SOFA file; empty: rigid sphere
+  std::string sound_root;           ///< folder of sounds that are named without a path ("my_ring", of original sets)
   float sound_gain = 1.f;           ///< applied to the dry sound; the spectrogram is log(1 + x), so the scale matters
   float crossfade_s = 0.05f;
   EpisodeOrder order = EpisodeOrder::random;
@@ -32,9 +32,13 @@ struct EnvConfig {
   std::uint64_t seed = 0;
   std::string scene_root;           ///< folder of relative scene files
   double scene_cache_gb = 4;
+  bool prefetch = true;             ///< load the scene and source of an env's next episode in the background
 };
 void read(ConfigReader& reader, EnvConfig& config);
 void validate(const EnvConfig& config);
+
+/// A scene cache as this configuration asks for it.
+std::shared_ptr<SceneCache> make_scene_cache(const EnvConfig& config);
 
 /// A finished episode, with what is needed to replay it.
 struct FinishedEpisode {
@@ -54,6 +58,7 @@ struct StageSeconds {
 class BatchedEnv {
  public:
   /// Global ids are first_env ... first_env + num_envs - 1 of `total_envs` (all workers together; used by EpisodeOrder::once).
+  /// scenes: must have config.acoustics.  Opens every sound of the set.  Throws InputError.
   BatchedEnv(const EnvConfig& config, std::shared_ptr<const EpisodeSet> set, std::shared_ptr<SceneCache> scenes, int num_envs,
              int first_env = 0, int total_envs = 0);
   ~BatchedEnv();
@@ -89,8 +94,13 @@ class BatchedEnv {
   [[nodiscard]] int episode_count(int env) const;                  ///< episodes started before this one
   [[nodiscard]] int episode_step(int env) const;
   [[nodiscard]] const StageSeconds& stage_seconds() const;
+  /// Sensor rows, sounds and rewards that were not finite and were set to zero, since construction.  The first is logged.
+  [[nodiscard]] std::uint64_t nonfinite_events() const;
+  /// Episodes passed over because no path leads to their goal in their scene (order `random` only; `once` throws), since construction.
+  [[nodiscard]] std::uint64_t skipped_episodes() const;
 
-  /// Cursors and actions of all running episodes; restore() replays them, which gives the same bits.
+  /// Cursors and actions of all running episodes; restore() replays them, which gives the same bits in all observations.  Rewards and flags
+  /// of the last step are not kept.  restore throws InputError if the state is damaged or is of another set, seed or batch.
   [[nodiscard]] std::string save_state() const;
   void restore(std::string_view state);
 

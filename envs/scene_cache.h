@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <glm/vec3.hpp>
 #include <memory>
 #include <string>
 
@@ -27,7 +28,7 @@ struct EnvSource {
 };
 
 /// Loads scenes once and keeps the most recently used ones within a bound on bytes (estimated from triangle counts).  Thread-safe;
-/// two threads that ask for the same scene wait for one load.
+/// two threads that ask for the same scene wait for one load.  Whoever holds a pointer keeps what it points to, evicted or not.
 class SceneCache {
  public:
   SceneCache(const AcousticConfig& acoustics, const NavmeshConfig& navmesh, std::filesystem::path scene_root, std::size_t max_bytes);
@@ -36,6 +37,13 @@ class SceneCache {
   std::shared_ptr<const EnvScene> scene(const std::string& scene_id);
   /// source: position of the sound source; goal: foot point.
   std::shared_ptr<const EnvSource> source(const std::string& scene_id, glm::vec3 goal, float source_height_m);
+  /// Loads the same in a background thread, so that it is there when source() asks.  Returns at once; errors wait for source().
+  void prefetch(const std::string& scene_id, glm::vec3 goal, float source_height_m);
+
+  [[nodiscard]] const AcousticConfig& acoustics() const;
+  [[nodiscard]] std::size_t num_scenes() const;        ///< held now
+  [[nodiscard]] std::uint64_t scenes_loaded() const;   ///< since construction
+  [[nodiscard]] std::uint64_t sources_built() const;
 
  private:
   struct Impl;

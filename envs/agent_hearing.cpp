@@ -1,0 +1,96 @@
+#include "envs/agent_hearing.h"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <utility>
+
+#include "sim/base/files.h"
+
+namespace earshot {
+namespace {
+
+bool same_bits(glm::vec3 a, glm::vec3 b) {
+  return std::bit_cast<std::array<std::uint32_t, 3>>(a) == std::bit_cast<std::array<std::uint32_t, 3>>(b);
+}
+
+/// Appends [2, n] to the end of a rolling [2, samples], dropping the oldest.
+void push(std::span<const float> sound, std::span<float> window) {
+  const std::size_t n = sound.size() / 2, samples = window.size() / 2;
+  for (std::size_t ear = 0; ear < 2; ++ear) {
+    const auto row = window.subspan(ear * samples, samples);
+    std::copy(row.begin() + static_cast<std::ptrdiff_t>(n), row.end(), row.begin());
+    std::copy_n(sound.begin() + static_cast<std::ptrdiff_t>(ear * n), n, row.end() - static_cast<std::ptrdiff_t>(n));
+  }
+}
+
+}  // namespace
+
+bool all_finite(std::span<const float> values) {
+  constexpr std::uint32_t exponent = 0x7F800000u;  // all ones for infinities and NaN
+  std::uint32_t bad = 0;
+  for (const float value : values) bad |= (std::bit_cast<std::uint32_t>(value) & exponent) == exponent ? 1u : 0u;
+  return bad == 0;
+}
+
+HearingEngines::HearingEngines(std::shared_ptr<const SynthesisTables> tables, const StreamConfig& stream,
+                               const SpectrogramConfig& spectrogram)
+    : synthesizer(std::move(tables)),
+      convolver(stream, 2),
+      analyzer(spectrogram),
+      block(2 * static_cast<std::size_t>(stream.max_block_samples)),
+      window(2 * static_cast<std::size_t>(spectrogram.num_samples)) {}
+
+void AgentHearing::begin(const EnvSource& source, const SoundClip& clip, std::uint64_t clip_offset) {
+  clip_ = &clip;
+  position_ = {.sample = 0, .clip_offset = clip_offset, .already_playing = true};
+  has_response_ = response_is_new_ = has_rir_ = fades_ = false;
+  // The carrier noise belongs to the source, not to the episode: walking past a source twice gives the same sound twice.
+  const std::uint64_t scene_hash = source.scene->scene->hash();
+  const glm::vec3 position = source.candidates.source();
+  std::array<std::byte, sizeof scene_hash + sizeof position> identity;
+  const auto scene_bytes = std::as_bytes(std::span(&scene_hash, 1)), position_bytes = std::as_bytes(std::span(&position, 1));
+  std::copy(position_bytes.begin(), position_bytes.end(), std::copy(scene_bytes.begin(), scene_bytes.end(), identity.begin()));
+  carrier_key_ = hash64(identity);
+}
+
+void AgentHearing::trace(const EnvSource& source, const Pose& pose, float ear_height_m) {
+  if (has_response_ && same_bits(pose.position, traced_position_)) return;
+  compute_energy_response(source.scene->acoustics, source.candidates, pose.position + glm::vec3(0, ear_height_m, 0), response_);
+  traced_position_ = pose.position;
+  has_response_ = response_is_new_ = true;
+}
+
+void AgentHearing::synthesize(HearingEngines& engines, double heading_rad) {
+  fades_ = false;  // fading between equal RIRs gives the bits of no fade
+  if (has_rir_ && !response_is_new_ && std::bit_cast<std::uint64_t>(heading_rad) == std::bit_cast<std::uint64_t>(rendered_heading_rad_))
+    return;
+  fades_ = has_rir_;
+  std::swap(rir_, previous_);
+  engines.synthesizer.render(response_, heading_rad, carrier_key_, rir_);
+  rendered_heading_rad_ = heading_rad;
+  response_is_new_ = false;
+  has_rir_ = true;
+}
+
+bool AgentHearing::convolve(HearingEngines& engines, int block, std::span<float> sound, std::span<float> window) {
+  engines.convolver.convolve(*clip_, position_, rir_.samples, fades_ ? std::span<const float>(previous_.samples) : std::span<const float>{},
+                             rir_.num_samples, block, sound);
+  position_.sample += static_cast<std::uint64_t>(block);
+  const bool finite = all_finite(sound);
+  if (!finite) std::fill(sound.begin(), sound.end(), 0.f);
+  push(sound, window);
+  return finite;
+}
+
+bool AgentHearing::fill_window(HearingEngines& engines, int block, std::span<float> sound, std::span<float> window) {
+  const auto samples = static_cast<int>(window.size() / 2);
+  bool finite = true;
+  // The odd piece first, so that the last call leaves whole block in `sound`.
+  if (const int odd = samples % block; odd > 0)
+    finite = convolve(engines, odd, std::span(engines.block).first(2 * static_cast<std::size_t>(odd)), window);
+  for (int piece = 0; piece < samples / block; ++piece) finite = convolve(engines, block, sound, window) && finite;
+  return finite;
+}
+
+}  // namespace earshot

@@ -1,0 +1,60 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "envs/scene_cache.h"
+#include "sim/acoustics/rir.h"
+#include "sim/acoustics/rir_synthesis.h"
+#include "sim/audio/sound_stream.h"
+#include "sim/audio/spectrogram.h"
+#include "sim/vision/camera.h"
+
+namespace earshot {
+
+/// Engines of the sound stages: plans and scratch, nothing that outlives a call.  One per thread.
+struct HearingEngines {
+  HearingEngines(std::shared_ptr<const SynthesisTables> tables, const StreamConfig& stream, const SpectrogramConfig& spectrogram);
+  RirSynthesizer synthesizer;
+  StreamConvolver convolver;
+  SpectrogramAnalyzer analyzer;
+  std::vector<float> block;   ///< [2, block samples]
+  std::vector<float> window;  ///< [2, window samples], for the legacy spectrogram
+};
+
+/// What one agent hears in one episode: the response of its source at its ears, the RIR made of it, and where the dry sound is.
+/// The stages are called in the order of the data: trace, synthesize, convolve.
+class AgentHearing {
+ public:
+  /// The sound has been playing before: at `begin` an agent hears the reverberation of a past that was spent at the start.
+  /// source, clip: must outlive the episode.  clip_offset: clip sample at stream sample 0, where the first window begins.
+  void begin(const EnvSource& source, const SoundClip& clip, std::uint64_t clip_offset);
+
+  /// Energy response at the ears.  Skipped where the position has the bits of the last call: the response is a function of it.
+  void trace(const EnvSource& source, const Pose& pose, float ear_height_m);
+  /// RIR of the response at this heading; the one before becomes the RIR to fade from.  Skipped where neither changed.
+  void synthesize(HearingEngines& engines, double heading_rad);
+  /// The next `block` samples: written to `sound` [2, block] and pushed into the rolling `window` [2, samples].  Returns false if they
+  /// were not finite: zeros are written then.
+  bool convolve(HearingEngines& engines, int block, std::span<float> sound, std::span<float> window);
+  /// Fills the window as if the agent had stood here before, and leaves its last `block` samples in `sound`.
+  bool fill_window(HearingEngines& engines, int block, std::span<float> sound, std::span<float> window);
+  /// Jumps to stream sample `sample`: a replay that starts in the middle.
+  void seek(std::uint64_t sample) { position_.sample = sample; }
+
+ private:
+  const SoundClip* clip_ = nullptr;
+  std::uint64_t carrier_key_ = 0;
+  StreamPosition position_;
+  EnergyResponse response_;
+  Rir rir_, previous_;
+  glm::vec3 traced_position_{0};
+  double rendered_heading_rad_ = 0;
+  bool has_response_ = false, response_is_new_ = false, has_rir_ = false, fades_ = false;
+};
+
+/// Are all values finite?  Compiles to a few vector instructions per eight values.
+bool all_finite(std::span<const float> values);
+
+}  // namespace earshot

@@ -1,0 +1,81 @@
+#include <cmath>
+#include <filesystem>
+
+#include "envs/batched_env.h"
+#include "sim/base/errors.h"
+
+namespace earshot {
+namespace {
+
+void read(ConfigReader& reader, NavmeshConfig& config) {
+  reader.read("agent_radius_m", config.agent_radius_m);
+  reader.read("agent_height_m", config.agent_height_m);
+  reader.read("max_climb_m", config.max_climb_m);
+  reader.read("max_slope_deg", config.max_slope_deg);
+  reader.read("cell_size_m", config.cell_size_m);
+  reader.read("cell_height_m", config.cell_height_m);
+  reader.read("min_region_area_m2", config.min_region_area_m2);
+}
+
+}  // namespace
+
+void read(ConfigReader& reader, EnvConfig& config) {
+  ConfigReader task = reader.child("task");
+  read(task, config.task);
+  task.finish();
+  ConfigReader acoustics = reader.child("acoustics");
+  std::string preset;
+  acoustics.read("preset", preset);
+  if (!preset.empty()) config.acoustics = acoustic_preset(preset);
+  read(acoustics, config.acoustics);
+  acoustics.finish();
+  ConfigReader observation = reader.child("observation");
+  read(observation, config.observation);
+  observation.finish();
+  // The analysed window is one second of what is rendered (DESIGN.md "Task").
+  config.observation.sound.sample_rate_hz = config.acoustics.sample_rate_hz;
+  config.observation.sound.num_samples = static_cast<int>(std::lround(config.acoustics.sample_rate_hz));
+  ConfigReader navmesh = reader.child("navmesh");
+  read(navmesh, config.navmesh);
+  navmesh.finish();
+
+  reader.read("hrtf", config.hrtf);
+  reader.read("sound_root", config.sound_root);
+  reader.read("sound_gain", config.sound_gain);
+  reader.read("crossfade_s", config.crossfade_s);
+  reader.read_choice<EpisodeOrder>("order", config.order, {{"random", EpisodeOrder::random}, {"once", EpisodeOrder::once}});
+  reader.read("threads", config.threads);
+  reader.read("seed", config.seed);
+  reader.read("scene_root", config.scene_root);
+  reader.read("scene_cache_gb", config.scene_cache_gb);
+  reader.read("prefetch", config.prefetch);
+}
+
+void validate(const EnvConfig& config) {
+  validate(config.task);
+  validate(config.observation);
+  validate(config.acoustics);
+  validate(config.navmesh);
+  const float rate_hz = config.acoustics.sample_rate_hz;
+  require(config.observation.sound.sample_rate_hz == rate_hz, "observation.sound.sample_rate_hz", config.observation.sound.sample_rate_hz,
+          "must equal acoustics.sample_rate_hz: the spectrogram is taken of what is rendered");
+  const double block = static_cast<double>(rate_hz) * static_cast<double>(config.task.step_time_s);
+  require(std::abs(block - std::round(block)) < 1e-3 && block >= 1, "task.step_time_s", config.task.step_time_s,
+          "must be a whole number of samples at acoustics.sample_rate_hz: sound and motion share one clock");
+  require(std::lround(block) <= config.observation.sound.num_samples, "task.step_time_s", config.task.step_time_s,
+          "must not exceed the window of sound that is analysed (1 s)");
+  require(config.sound_gain > 0 && std::isfinite(config.sound_gain), "sound_gain", config.sound_gain, "must be positive and finite");
+  require(config.crossfade_s >= 0 && config.crossfade_s <= config.task.step_time_s, "crossfade_s", config.crossfade_s,
+          "must be in [0, task.step_time_s]: a fade ends within its step");
+  require(config.threads >= 0 && config.threads <= 1024, "threads", config.threads, "must be in [0, 1024]; 0 means all cores");
+  require(config.scene_cache_gb >= 0 && std::isfinite(config.scene_cache_gb), "scene_cache_gb", config.scene_cache_gb, "must not be negative");
+  require(config.scene_root.empty() || std::filesystem::is_directory(config.scene_root), "scene_root", config.scene_root, "must be a folder");
+  require(config.sound_root.empty() || std::filesystem::is_directory(config.sound_root), "sound_root", config.sound_root, "must be a folder");
+}
+
+std::shared_ptr<SceneCache> make_scene_cache(const EnvConfig& config) {
+  return std::make_shared<SceneCache>(config.acoustics, config.navmesh, config.scene_root,
+                                      static_cast<std::size_t>(config.scene_cache_gb * 1e9));
+}
+
+}  // namespace earshot

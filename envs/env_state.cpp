@@ -1,0 +1,69 @@
+#include "envs/env_state.h"
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "envs/av_nav_task.h"
+#include "sim/base/errors.h"
+#include "sim/base/files.h"
+
+namespace earshot {
+namespace {
+
+using nlohmann::json;
+
+constexpr int kVersion = 1;
+
+[[noreturn]] void fail(const std::string& what) {
+  throw InputError("environment state", what, "resume from another checkpoint");
+}
+
+}  // namespace
+
+std::string encode(const EnvState& state) {
+  json envs = json::array();
+  for (const EnvCursor& env : state.envs) {
+    std::string actions;
+    for (const std::int8_t action : env.actions) actions += static_cast<char>('0' + action);
+    envs.push_back({{"active", env.active}, {"episode_index", env.episode_index}, {"episode_count", env.episode_count}, {"actions", actions}});
+  }
+  const json body = {{"set_hash", hex64(state.set_hash)}, {"seed", state.seed},       {"first_env", state.first_env},
+                     {"total_envs", state.total_envs},    {"started", state.started}, {"envs", envs}};
+  const json document = {{"earshot_env_state", kVersion}, {"checksum", hex64(hash64(body.dump()))}, {"body", body}};
+  return document.dump();
+}
+
+EnvState decode_env_state(std::string_view text) {
+  EnvState state;
+  try {
+    const json document = json::parse(text);
+    if (document.at("earshot_env_state").get<int>() != kVersion) fail("is of another version");
+    const json& body = document.at("body");
+    if (document.at("checksum").get<std::string>() != hex64(hash64(body.dump()))) fail("is damaged: its checksum is wrong");
+    const auto hash = body.at("set_hash").get<std::string>();
+    state.set_hash = std::stoull(hash, nullptr, 16);
+    state.seed = body.at("seed").get<std::uint64_t>();
+    state.first_env = body.at("first_env").get<int>();
+    state.total_envs = body.at("total_envs").get<int>();
+    state.started = body.at("started").get<bool>();
+    for (const json& env : body.at("envs")) {
+      EnvCursor cursor{.active = env.at("active").get<bool>(),
+                       .episode_index = env.at("episode_index").get<std::uint64_t>(),
+                       .episode_count = env.at("episode_count").get<int>(),
+                       .actions = {}};
+      for (const char action : env.at("actions").get_ref<const std::string&>()) {
+        if (action < '0' || action >= '0' + kNumActions) fail("holds an action that does not exist");
+        cursor.actions.push_back(static_cast<std::int8_t>(action - '0'));
+      }
+      if (cursor.episode_count < 0) fail("holds a negative episode count");
+      state.envs.push_back(std::move(cursor));
+    }
+  } catch (const json::exception& error) {
+    fail(std::string("cannot be read: ") + error.what());
+  } catch (const std::logic_error&) {  // std::stoull
+    fail("cannot be read: set_hash is not a hexadecimal number");
+  }
+  return state;
+}
+
+}  // namespace earshot

@@ -1,0 +1,31 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace earshot {
+
+/// Where one env is: which episode, and the actions since its start.  Everything else is a function of these.
+struct EnvCursor {
+  bool active = false;
+  std::uint64_t episode_index = 0;
+  int episode_count = 0;
+  std::vector<std::int8_t> actions;
+};
+
+/// State of a batch, with what it must be restored into.
+struct EnvState {
+  std::uint64_t set_hash = 0, seed = 0;
+  int first_env = 0, total_envs = 0;
+  bool started = false;
+  std::vector<EnvCursor> envs;
+};
+
+/// JSON with a version and a checksum.
+std::string encode(const EnvState& state);
+/// Throws InputError: not JSON, wrong version, checksum, missing or wrong fields.
+EnvState decode_env_state(std::string_view text);
+
+}  // namespace earshot

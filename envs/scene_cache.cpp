@@ -1,0 +1,253 @@
+#include "envs/scene_cache.h"
+
+#include <tbb/task_arena.h>
+
+#include <array>
+#include <bit>
+#include <condition_variable>
+#include <deque>
+#include <future>
+#include <map>
+#include <mutex>
+#include <thread>
+#include <utility>
+
+namespace earshot {
+namespace {
+
+/// Mesh, its copy in Embree, the BVH and the plane table together; measured on houses at 180 to 240 bytes per triangle.
+constexpr std::size_t kBytesPerTriangle = 256;
+constexpr std::size_t kBytesPerScene = std::size_t{1} << 20;
+constexpr std::size_t kMaxSourcesPerScene = 256;
+constexpr std::size_t kMaxPrefetches = 256;
+
+using SourceKey = std::array<std::uint32_t, 4>;
+
+SourceKey key_of(glm::vec3 goal, float source_height_m) {
+  return {std::bit_cast<std::uint32_t>(goal.x), std::bit_cast<std::uint32_t>(goal.y), std::bit_cast<std::uint32_t>(goal.z),
+          std::bit_cast<std::uint32_t>(source_height_m)};
+}
+
+/// Something that is loaded once: the first to ask makes it, the others wait for the future.
+template <class T>
+struct Entry {
+  std::shared_future<std::shared_ptr<const T>> future;
+  std::uint64_t last_used = 0;
+  bool ready = false;
+};
+
+struct SceneEntry : Entry<EnvScene> {
+  std::size_t bytes = 0;
+  std::map<SourceKey, Entry<EnvSource>> sources;
+};
+
+/// The ready entry that was used longest ago, `keep` excepted; end() if there is none.
+template <class Map>
+typename Map::iterator least_recently_used(Map& map, const typename Map::key_type& keep) {
+  auto oldest = map.end();
+  for (auto it = map.begin(); it != map.end(); ++it)
+    if (it->second.ready && it->first != keep && (oldest == map.end() || it->second.last_used < oldest->second.last_used)) oldest = it;
+  return oldest;
+}
+
+struct Wanted {
+  std::string scene_id;
+  glm::vec3 goal;
+  float source_height_m;
+};
+
+}  // namespace
+
+struct SceneCache::Impl {
+  AcousticConfig acoustics;
+  NavmeshConfig navmesh;
+  std::filesystem::path root;
+  std::size_t max_bytes;
+
+  mutable std::mutex mutex;  // guards everything below
+  std::map<std::string, SceneEntry> scenes;
+  std::size_t bytes = 0;
+  std::uint64_t clock = 0, scenes_loaded = 0, sources_built = 0;
+  std::deque<Wanted> wanted;
+  std::condition_variable_any wanted_changed;
+  std::jthread prefetcher;
+
+  std::string resolve(const std::string& scene_id) const {
+    if (root.empty() || std::filesystem::path(scene_id).is_absolute()) return scene_id;
+    const std::filesystem::path inside = root / scene_id;
+    std::error_code ignored;  // "house:3" is no file, and that is fine
+    return std::filesystem::exists(inside, ignored) ? inside.string() : scene_id;
+  }
+
+  /// Embree and Navmesh run parallel work: while this thread waits for it, it must not pick up another agent's reset, which could
+  /// wait for the very scene that is being loaded here.
+  std::shared_ptr<const EnvScene> load(const std::string& scene_id) const {
+    return tbb::this_task_arena::isolate([&]() -> std::shared_ptr<const EnvScene> {
+      auto scene = std::make_shared<const Scene>(load_scene(resolve(scene_id)));
+      return std::make_shared<const EnvScene>(scene, AcousticScene(scene, acoustics), Navmesh(scene->mesh(), navmesh));
+    });
+  }
+  std::shared_ptr<const EnvSource> build(std::shared_ptr<const EnvScene> scene, glm::vec3 goal, float source_height_m) const {
+    return tbb::this_task_arena::isolate([&]() -> std::shared_ptr<const EnvSource> {
+      const EnvScene& in = *scene;
+      return std::make_shared<const EnvSource>(scene, GeodesicField(in.navmesh, goal),
+                                               EarlyCandidates(in.acoustics, goal + glm::vec3(0, source_height_m, 0)));
+    });
+  }
+
+  void drop_scenes_over_the_bound(const std::string& keep) {
+    while (bytes > max_bytes) {
+      const auto oldest = least_recently_used(scenes, keep);
+      if (oldest == scenes.end()) return;
+      bytes -= oldest->second.bytes;
+      scenes.erase(oldest);
+    }
+  }
+
+  void prefetch_until(const std::stop_token& stop, SceneCache& cache) {
+    while (true) {
+      Wanted next;
+      {
+        std::unique_lock lock(mutex);
+        if (!wanted_changed.wait(lock, stop, [&] { return !wanted.empty(); }) || stop.stop_requested()) return;
+        next = std::move(wanted.front());
+        wanted.pop_front();
+      }
+      try {
+        cache.source(next.scene_id, next.goal, next.source_height_m);
+      } catch (const std::exception&) {
+        // Whoever needs it asks again, and gets the error where it can be told.
+      }
+    }
+  }
+};
+
+SceneCache::SceneCache(const AcousticConfig& acoustics, const NavmeshConfig& navmesh, std::filesystem::path scene_root, std::size_t max_bytes)
+    : impl_(std::make_unique<Impl>()) {
+  validate(acoustics);
+  validate(navmesh);
+  impl_->acoustics = acoustics;
+  impl_->navmesh = navmesh;
+  impl_->root = std::move(scene_root);
+  impl_->max_bytes = max_bytes;
+}
+
+SceneCache::~SceneCache() { impl_->prefetcher = {}; }
+
+std::shared_ptr<const EnvScene> SceneCache::scene(const std::string& scene_id) {
+  Impl& in = *impl_;
+  std::promise<std::shared_ptr<const EnvScene>> promise;
+  {
+    std::unique_lock lock(in.mutex);
+    if (const auto found = in.scenes.find(scene_id); found != in.scenes.end()) {
+      found->second.last_used = ++in.clock;
+      const auto future = found->second.future;
+      lock.unlock();
+      return future.get();
+    }
+    SceneEntry& entry = in.scenes[scene_id];
+    entry.future = promise.get_future().share();
+    entry.last_used = ++in.clock;
+  }
+  std::shared_ptr<const EnvScene> loaded;
+  try {
+    loaded = in.load(scene_id);
+  } catch (...) {
+    {
+      const std::scoped_lock lock(in.mutex);
+      in.scenes.erase(scene_id);  // not ready, so nobody else erased it; the next one to ask tries again
+    }
+    promise.set_exception(std::current_exception());
+    throw;
+  }
+  {
+    const std::scoped_lock lock(in.mutex);
+    SceneEntry& entry = in.scenes.at(scene_id);
+    entry.ready = true;
+    entry.bytes = kBytesPerScene + kBytesPerTriangle * loaded->scene->mesh().triangles.size();
+    in.bytes += entry.bytes;
+    ++in.scenes_loaded;
+    in.drop_scenes_over_the_bound(scene_id);
+  }
+  promise.set_value(loaded);
+  return loaded;
+}
+
+std::shared_ptr<const EnvSource> SceneCache::source(const std::string& scene_id, glm::vec3 goal, float source_height_m) {
+  Impl& in = *impl_;
+  const SourceKey key = key_of(goal, source_height_m);
+  const std::shared_ptr<const EnvScene> loaded_scene = scene(scene_id);
+  std::promise<std::shared_ptr<const EnvSource>> promise;
+  // Entries live in their scene's entry, which may be evicted (and loaded anew) at any time: look it up afresh each time.
+  const auto sources_of_scene = [&]() -> std::map<SourceKey, Entry<EnvSource>>* {
+    const auto found = in.scenes.find(scene_id);
+    return found == in.scenes.end() ? nullptr : &found->second.sources;
+  };
+  {
+    std::unique_lock lock(in.mutex);
+    if (auto* sources = sources_of_scene()) {
+      if (const auto found = sources->find(key); found != sources->end()) {
+        found->second.last_used = ++in.clock;
+        const auto future = found->second.future;
+        lock.unlock();
+        return future.get();
+      }
+      Entry<EnvSource>& entry = (*sources)[key];
+      entry.future = promise.get_future().share();
+      entry.last_used = ++in.clock;
+    }
+  }
+  std::shared_ptr<const EnvSource> built;
+  try {
+    built = in.build(loaded_scene, goal, source_height_m);
+  } catch (...) {
+    {
+      const std::scoped_lock lock(in.mutex);
+      if (auto* sources = sources_of_scene()) sources->erase(key);
+    }
+    promise.set_exception(std::current_exception());
+    throw;
+  }
+  {
+    const std::scoped_lock lock(in.mutex);
+    ++in.sources_built;
+    if (auto* sources = sources_of_scene()) {
+      if (const auto found = sources->find(key); found != sources->end()) found->second.ready = true;
+      while (sources->size() > kMaxSourcesPerScene) {
+        const auto oldest = least_recently_used(*sources, key);
+        if (oldest == sources->end()) break;
+        sources->erase(oldest);
+      }
+    }
+  }
+  promise.set_value(built);
+  return built;
+}
+
+void SceneCache::prefetch(const std::string& scene_id, glm::vec3 goal, float source_height_m) {
+  Impl& in = *impl_;
+  const std::scoped_lock lock(in.mutex);
+  if (!in.prefetcher.joinable()) in.prefetcher = std::jthread([this](const std::stop_token& stop) { impl_->prefetch_until(stop, *this); });
+  if (in.wanted.size() >= kMaxPrefetches) in.wanted.pop_front();
+  in.wanted.push_back({scene_id, goal, source_height_m});
+  in.wanted_changed.notify_one();
+}
+
+const AcousticConfig& SceneCache::acoustics() const { return impl_->acoustics; }
+
+std::size_t SceneCache::num_scenes() const {
+  const std::scoped_lock lock(impl_->mutex);
+  return impl_->scenes.size();
+}
+
+std::uint64_t SceneCache::scenes_loaded() const {
+  const std::scoped_lock lock(impl_->mutex);
+  return impl_->scenes_loaded;
+}
+
+std::uint64_t SceneCache::sources_built() const {
+  const std::scoped_lock lock(impl_->mutex);
+  return impl_->sources_built;
+}
+
+}  // namespace earshot

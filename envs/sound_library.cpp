@@ -1,0 +1,35 @@
+#include "envs/sound_library.h"
+
+#include <filesystem>
+
+#include "sim/base/errors.h"
+
+namespace earshot {
+
+std::string resolve_sound(const std::string& name, const std::string& sound_root) {
+  if (name.starts_with("synth:")) return name;
+  const auto is_file = [](const std::filesystem::path& path) {
+    std::error_code ignored;  // a name too long for a path is no file
+    return std::filesystem::is_regular_file(path, ignored);
+  };
+  for (const std::filesystem::path& base : {std::filesystem::path(sound_root) / name, std::filesystem::path(name)})
+    for (const char* ending : {"", ".wav", ".flac", ".ogg"})
+      if (const std::filesystem::path path = base.string() + ending; is_file(path)) return path.string();
+  return name;
+}
+
+SoundLibrary::SoundLibrary(const EpisodeSet& set, const std::string& sound_root, float sample_rate_hz, float gain) {
+  for (const Episode& episode : set.episodes) {
+    const auto [clip, is_new] = clips_.try_emplace(episode.sound);
+    if (!is_new) continue;
+    try {
+      clip->second = open_sound(resolve_sound(episode.sound, sound_root), sample_rate_hz);
+    } catch (const InputError& error) {
+      throw InputError("sound '" + episode.sound + "' of episode '" + episode.episode_id + "' in " + episode.scene_id, error.what(),
+                       "set sound_root to the folder of the sounds");
+    }
+    for (float& sample : clip->second.samples) sample *= gain;
+  }
+}
+
+}  // namespace earshot
