@@ -25,11 +25,16 @@ struct AcousticConfig {
   float time_bin_s = 0.004f;           ///< (0, 0.1]
   int sh_order = 1;                    ///< of the arrival directions, [0, 5]
   float rir_length_s = 0.5f;           ///< (0, 60]
-  float source_radius_m = 0.25f;       ///< volume in which specular paths meet the source, when late_connection is exact
-  /// exact: next-event estimation sees the diffuse share only, specular last legs are caught by the source volume (unbiased, noisy).
-  /// diffuse: the last leg of late paths is treated as diffuse (the share s of scattering as 1): far less noise, small bias.
+  float source_radius_m = 0.25f;       ///< volume in which specular paths meet the source, unless diffuse_last_leg
+  /// false: next-event estimation sees the diffuse share only, specular last legs are caught by the source volume (unbiased, noisy).
+  /// true: the last leg of late paths is treated as diffuse (the share s of scattering as 1): far less noise, small bias (a
+  /// furnished house with scattering near 0.1: T20 within 5 %, T30 within 9 %, level within 0.4 dB).
   bool diffuse_last_leg = true;
   float scattering = -1.f;             ///< >= 0: one value for every material
+  /// false: each material scatters all bands alike, with its mean over bands, so that one ray serves all bands.  With values of their own
+  /// the bands part ways after a few bounces and share the rays: in a house with 64 rays T30 is twice as noisy, while the mean
+  /// moves T20 and T30 by at most 5 %.
+  bool scattering_per_band = false;
   // output
   int bands = 0;                       ///< 0: octaves; otherwise this many log-spaced bands
   float sample_rate_hz = 16000.f;      ///< [8000, 96000]
