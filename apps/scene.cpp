@@ -1,10 +1,12 @@
 #include <fmt/format.h>
 
+#include <cmath>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
 
 #include "apps/commands.h"
+#include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/nav/navmesh.h"
 #include "sim/scene/scene_report.h"

@@ -3,15 +3,13 @@
 #include <cstdint>
 #include <optional>
 
+#include "envs/action.h"
 #include "sim/base/config_reader.h"
 #include "sim/nav/geodesic_field.h"
 #include "sim/nav/motion.h"
 #include "sim/vision/camera.h"
 
 namespace earshot {
-
-enum class Action : std::int32_t { stop = 0, forward = 1, left = 2, right = 3 };
-inline constexpr int kNumActions = 4;
 
 /// Continuous AV-Nav (DESIGN.md "Task").
 struct TaskConfig {
