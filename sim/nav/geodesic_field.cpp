@@ -1,0 +1,186 @@
+#include "sim/nav/geodesic_field.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <queue>
+#include <span>
+#include <sstream>
+
+#include "sim/base/errors.h"
+#include "sim/nav/navmesh_impl.h"
+
+namespace earshot {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr float kReachM = 0.5f;            // how far off the surface a query may be
+constexpr double kOffWallM = 2e-4;         // walks start this far from walls: above the rounding of float positions
+constexpr double kAtCornerM = 0.01;        // an agent this near a corner has reached it
+constexpr std::uint32_t kGoal = 0xFFFFFFFFu;
+constexpr int kMaxPath = 4096;
+
+glm::dvec3 off_walls(const Surface& surface, const Located& at) { return surface.off_walls(at.polygon, glm::dvec3(at.point), kOffWallM); }
+
+double horizontal_distance(glm::dvec3 a, glm::dvec3 b) {
+  const double dx = a.x - b.x, dz = a.z - b.z;
+  return std::sqrt(dx * dx + dz * dz);
+}
+
+// May a shortest path come to `corner` straight from `point`?
+bool is_tangent_from(const Corner& corner, glm::dvec3 point, double distance_m) {
+  if (distance_m <= 0) return true;
+  const glm::dvec3 direction{(corner.position.x - point.x) / distance_m, 0, (corner.position.z - point.z) / distance_m};
+  return is_tangent(corner, direction, tangent_slack(distance_m));
+}
+
+}  // namespace
+
+struct GeodesicField::Impl {
+  // Where a query goes first: a corner or the goal, and how long the whole path is.
+  struct Answer {
+    double length_m = kInfinity;
+    std::uint32_t via = kGoal;
+  };
+
+  const Navmesh::Impl& nav;
+  const CornerGraph& graph;
+  Located goal;
+  glm::dvec3 goal_start;
+  int island;
+  std::vector<double> to_goal_m;       ///< per corner; infinite where the goal cannot be reached
+  std::vector<std::uint32_t> next;     ///< per corner: next corner toward the goal, or kGoal
+  std::vector<std::uint32_t> useful;   ///< corners from which the goal can be reached
+
+  Impl(const Navmesh::Impl& n, const Located& g) : nav(n), graph(n.corners()), goal(g), goal_start(off_walls(n.surface, g)) {
+    island = nav.surface.polygons()[goal.polygon].island;
+    run_dijkstra();
+  }
+
+  void run_dijkstra() {
+    const auto corners = graph.corners();
+    to_goal_m.assign(corners.size(), kInfinity);
+    next.assign(corners.size(), kGoal);
+    using Entry = std::pair<double, std::uint32_t>;
+    std::priority_queue<Entry, std::vector<Entry>, std::greater<>> open;
+    for (std::uint32_t c = 0; c < corners.size(); ++c) {
+      if (corners[c].island != island) continue;
+      const double distance_m = horizontal_distance(corners[c].position, goal_start);
+      if (!is_tangent_from(corners[c], goal_start, distance_m)) continue;
+      if (const auto walk = nav.surface.walk(goal.polygon, goal_start, corners[c].position)) {
+        to_goal_m[c] = walk->length_m;
+        open.push({walk->length_m, c});
+      }
+    }
+    while (!open.empty()) {
+      const auto [length_m, corner] = open.top();
+      open.pop();
+      if (length_m > to_goal_m[corner]) continue;
+      for (const CornerGraph::Edge& edge : graph.edges_of(corner)) {
+        const double through_m = length_m + edge.length_m;
+        if (through_m >= to_goal_m[edge.to]) continue;
+        to_goal_m[edge.to] = through_m;
+        next[edge.to] = corner;
+        open.push({through_m, edge.to});
+      }
+    }
+    for (std::uint32_t c = 0; c < corners.size(); ++c)
+      if (to_goal_m[c] < kInfinity) useful.push_back(c);
+  }
+
+  [[nodiscard]] std::optional<Answer> ask(const Located& at) const {
+    if (nav.surface.polygons()[at.polygon].island != island) return std::nullopt;
+    const glm::dvec3 start = off_walls(nav.surface, at);
+    if (const auto walk = nav.surface.walk(at.polygon, start, goal_start)) return Answer{walk->length_m, kGoal};
+
+    // Lower bound of each corner: straight to it, then on.  A heap yields them in order; the first that is in sight wins, unless
+    // slopes made its walk longer than the bound.
+    struct Candidate {
+      double bound_m;
+      std::uint32_t corner;
+    };
+    std::array<Candidate, 512> storage;
+    std::vector<Candidate> overflow;  // empty, without allocation, in any scene of ordinary size
+    if (useful.size() > storage.size()) overflow.resize(useful.size());
+    const std::span<Candidate> all = overflow.empty() ? std::span<Candidate>(storage) : std::span<Candidate>(overflow);
+    std::size_t count = 0;
+    for (const std::uint32_t c : useful) {
+      const Corner& corner = graph.corners()[c];
+      const double distance_m = horizontal_distance(corner.position, start);
+      if (is_tangent_from(corner, start, distance_m)) all[count++] = {distance_m + to_goal_m[c], c};
+    }
+    // At equal bounds the corner nearer to the goal goes first: an agent that stands on a corner looks past it.
+    const auto later = [&](const Candidate& l, const Candidate& r) {
+      return l.bound_m != r.bound_m ? l.bound_m > r.bound_m : to_goal_m[l.corner] > to_goal_m[r.corner];
+    };
+    const auto first = all.begin(), last = first + static_cast<std::ptrdiff_t>(count);
+    std::make_heap(first, last, later);
+    Answer best;
+    for (auto end = last; end != first; --end) {
+      if (first->bound_m >= best.length_m) break;
+      const Candidate candidate = *first;
+      std::pop_heap(first, end, later);
+      const auto walk = nav.surface.walk(at.polygon, start, graph.corners()[candidate.corner].position);
+      if (!walk) continue;
+      const double length_m = walk->length_m + to_goal_m[candidate.corner];
+      if (length_m < best.length_m) best = {length_m, candidate.corner};
+    }
+    if (best.length_m < kInfinity) return best;
+    return follow_portals(at);
+  }
+
+  // Where rounding hides every corner: Detour's corridor, pulled taut.  Longer than the shortest path by little.
+  [[nodiscard]] std::optional<Answer> follow_portals(const Located& at) const {
+    std::vector<dtPolyRef> corridor(kMaxPath);
+    std::vector<float> points(3 * kMaxPath);
+    int num_polygons = 0, num_points = 0;
+    const auto query = nav.queries.lease();
+    const dtPolyRef from = nav.ref_of(at.polygon), to = nav.ref_of(goal.polygon);
+    query->findPath(from, to, &at.point.x, &goal.point.x, &nav.any_island, corridor.data(), &num_polygons, kMaxPath);
+    if (num_polygons == 0 || corridor[static_cast<std::size_t>(num_polygons) - 1] != to) return std::nullopt;
+    query->findStraightPath(&at.point.x, &goal.point.x, corridor.data(), num_polygons, points.data(), nullptr, nullptr, &num_points, kMaxPath);
+    double length_m = 0;
+    for (int i = 1; i < num_points; ++i) {
+      const float *a = &points[3 * (i - 1)], *b = &points[3 * i];
+      length_m += std::hypot(double{b[0]} - a[0], double{b[1]} - a[1], double{b[2]} - a[2]);
+    }
+    return Answer{length_m, kGoal};
+  }
+};
+
+GeodesicField::GeodesicField(const Navmesh& navmesh, glm::vec3 goal, float reach_m) {
+  const auto located = navmesh.impl().locate(goal, reach_m);
+  if (!located) {
+    std::ostringstream shown;
+    shown << "goal (" << goal.x << ", " << goal.y << ", " << goal.z << ")";
+    throw InputError(shown.str(), "is not within reach of the walkable surface", "move the goal onto the floor or drop the episode");
+  }
+  impl_ = std::make_unique<Impl>(navmesh.impl(), *located);
+}
+GeodesicField::~GeodesicField() = default;
+GeodesicField::GeodesicField(GeodesicField&&) noexcept = default;
+
+std::optional<float> GeodesicField::distance_m(glm::vec3 point) const {
+  const auto located = impl_->nav.locate(point, kReachM);
+  if (!located) return std::nullopt;
+  const auto answer = impl_->ask(*located);
+  if (!answer) return std::nullopt;
+  return static_cast<float>(answer->length_m);
+}
+
+std::optional<glm::vec3> GeodesicField::next_corner(glm::vec3 point) const {
+  const auto located = impl_->nav.locate(point, kReachM);
+  if (!located) return std::nullopt;
+  const auto answer = impl_->ask(*located);
+  if (!answer) return std::nullopt;
+  std::uint32_t via = answer->via;
+  const auto corners = impl_->graph.corners();
+  if (via != kGoal && horizontal_distance(corners[via].position, glm::dvec3(located->point)) < kAtCornerM) via = impl_->next[via];
+  return via == kGoal ? impl_->goal.point : glm::vec3(corners[via].position);
+}
+
+glm::vec3 GeodesicField::goal() const { return impl_->goal.point; }
+
+}  // namespace earshot

@@ -1,0 +1,196 @@
+#include "sim/nav/navmesh.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "sim/base/errors.h"
+#include "sim/nav/geodesic_field.h"
+#include "sim/nav/navmesh_impl.h"
+#include "sim/rays/embree_scene.h"
+
+namespace earshot {
+namespace {
+
+constexpr float kVerticalReachM = 1.f;
+constexpr float kOnSurfaceM = 1e-3f, kOnSurfaceHeightM = 0.25f;
+constexpr int kQueryNodes = 2048;
+constexpr double kCoveredShare = 0.25;
+
+bool is_finite(glm::vec3 v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
+
+float horizontal_distance(glm::vec3 a, glm::vec3 b) { return std::hypot(a.x - b.x, a.z - b.z); }
+
+OwnedNavMeshQuery make_query(const dtNavMesh& mesh) {
+  OwnedNavMeshQuery query(dtAllocNavMeshQuery());
+  if (!query || dtStatusFailed(query->init(&mesh, kQueryNodes))) throw RunError("navmesh", "no memory for a query");
+  return query;
+}
+
+Surface surface_of(const dtMeshTile& tile) {
+  std::vector<glm::dvec3> vertices;
+  for (int v = 0; v < tile.header->vertCount; ++v) vertices.emplace_back(tile.verts[3 * v], tile.verts[3 * v + 1], tile.verts[3 * v + 2]);
+  std::vector<Surface::Polygon> polygons(static_cast<std::size_t>(tile.header->polyCount));
+  for (std::size_t p = 0; p < polygons.size(); ++p) {
+    const dtPoly& poly = tile.polys[p];
+    polygons[p].num_corners = poly.vertCount;
+    for (int i = 0; i < poly.vertCount; ++i) {
+      polygons[p].corners[i] = poly.verts[i];
+      const bool joined = poly.neis[i] != 0 && (poly.neis[i] & DT_EXT_LINK) == 0;
+      polygons[p].neighbours[i] = joined ? poly.neis[i] - 1 : Surface::kWall;
+    }
+  }
+  return {std::move(vertices), std::move(polygons)};
+}
+
+}  // namespace
+
+void validate(const NavmeshConfig& config) {
+  require(config.agent_radius_m > 0.f && config.agent_radius_m <= 2.f, "nav.agent_radius_m", config.agent_radius_m, "must lie in (0, 2]");
+  require(config.agent_height_m > 0.f && config.agent_height_m <= 10.f, "nav.agent_height_m", config.agent_height_m, "must lie in (0, 10]");
+  require(config.max_climb_m >= 0.f && config.max_climb_m < config.agent_height_m, "nav.max_climb_m", config.max_climb_m,
+          "must lie between 0 and the agent's height");
+  require(config.max_slope_deg >= 0.f && config.max_slope_deg < 90.f, "nav.max_slope_deg", config.max_slope_deg, "must lie in [0, 90)");
+  require(config.cell_size_m >= 0.005f && config.cell_size_m <= 1.f, "nav.cell_size_m", config.cell_size_m, "must lie in [0.005, 1]");
+  require(config.cell_height_m >= 0.005f && config.cell_height_m <= 1.f, "nav.cell_height_m", config.cell_height_m, "must lie in [0.005, 1]");
+  require(config.min_region_area_m2 >= 0.f && config.min_region_area_m2 < 1e6f, "nav.min_region_area_m2", config.min_region_area_m2,
+          "must be at least 0");
+}
+
+QueryPool::Lease QueryPool::lease() {
+  {
+    const std::lock_guard lock(mutex_);
+    if (!idle_.empty()) {
+      OwnedNavMeshQuery query = std::move(idle_.back());
+      idle_.pop_back();
+      return {*this, std::move(query)};
+    }
+  }
+  return {*this, make_query(mesh_)};
+}
+
+QueryPool::Lease::~Lease() {
+  const std::lock_guard lock(pool_.mutex_);
+  pool_.idle_.push_back(std::move(query_));
+}
+
+Navmesh::Impl::Impl(const TriangleMesh& mesh, const NavmeshConfig& c)
+    : config(c), navmesh(build_tile(mesh, c)), lookup(make_query(*navmesh)), queries(*navmesh) {
+  const dtMeshTile& tile = *std::as_const(*navmesh).getTile(0);
+  first_ref = navmesh->getPolyRefBase(&tile);
+  surface = surface_of(tile);
+  any_island.setIncludeFlags(kKeptIsland);
+  main_only.setIncludeFlags(kMainIsland);
+  choose_islands(mesh);
+}
+
+// Drops small islands and finds the main one: where agents start.
+void Navmesh::Impl::choose_islands(const TriangleMesh& mesh) {
+  const auto count = static_cast<std::size_t>(surface.num_islands());
+  std::vector<double> area_m2(count, 0), covered_m2(count, 0);
+  const EmbreeScene scene(mesh.vertices, mesh.triangles);
+  const int num_polygons = static_cast<int>(surface.polygons().size());
+  for (int p = 0; p < num_polygons; ++p) {
+    const Surface::Polygon& polygon = surface.polygons()[p];
+    glm::dvec3 centre{};
+    for (int i = 0; i < polygon.num_corners; ++i) centre += surface.vertex(p, i) / static_cast<double>(polygon.num_corners);
+    area_m2[polygon.island] += surface.area_m2(p);
+    const glm::vec3 head = glm::vec3(centre) + glm::vec3(0, config.agent_height_m, 0);
+    if (scene.intersect(head, {0, 1, 0}).valid()) covered_m2[polygon.island] += surface.area_m2(p);
+  }
+  // A flat roof may be larger than any floor: where a good part of the surface lies under a ceiling, that part counts.
+  const auto largest = std::max_element(area_m2.begin(), area_m2.end());
+  const auto most_covered = std::max_element(covered_m2.begin(), covered_m2.end());
+  main_island = static_cast<int>(*most_covered >= kCoveredShare * *largest ? most_covered - covered_m2.begin() : largest - area_m2.begin());
+
+  for (std::size_t i = 0; i < count; ++i) {
+    if (static_cast<int>(i) != main_island && area_m2[i] < static_cast<double>(config.min_region_area_m2)) continue;
+    ++num_kept_islands;
+    kept_area_m2 += area_m2[i];
+  }
+  double sum_m2 = 0;
+  for (int p = 0; p < num_polygons; ++p) {
+    const Surface::Polygon& polygon = surface.polygons()[p];
+    const bool is_main = polygon.island == main_island;
+    const bool kept = is_main || area_m2[polygon.island] >= static_cast<double>(config.min_region_area_m2);
+    navmesh->setPolyFlags(ref_of(p), static_cast<unsigned short>((kept ? kKeptIsland : 0) | (is_main ? kMainIsland : 0)));
+    for (int i = 1; is_main && i + 1 < polygon.num_corners; ++i) {
+      const glm::dvec3 a = surface.vertex(p, 0), b = surface.vertex(p, i), c = surface.vertex(p, i + 1);
+      main_area_before.push_back(sum_m2);
+      main_triangles.insert(main_triangles.end(), {a, b, c});
+      main_triangle_polygon.push_back(p);
+      sum_m2 += 0.5 * ((b.x - a.x) * (c.z - a.z) - (b.z - a.z) * (c.x - a.x));
+    }
+  }
+  main_area_before.push_back(sum_m2);
+}
+
+std::optional<Located> Navmesh::Impl::nearest(glm::vec3 point, float reach_m, const dtQueryFilter& filter) const {
+  const float extents[3] = {reach_m, kVerticalReachM, reach_m};
+  dtPolyRef ref = 0;
+  glm::vec3 found{};
+  if (dtStatusFailed(lookup->findNearestPoly(&point.x, extents, &filter, &ref, &found.x)) || ref == 0) return std::nullopt;
+  if (horizontal_distance(point, found) > reach_m) return std::nullopt;
+  return Located{polygon_of(ref), found};
+}
+
+std::optional<Located> Navmesh::Impl::locate(glm::vec3 point, float reach_m) const {
+  if (!is_finite(point)) return std::nullopt;
+  const auto found = nearest(point, reach_m, any_island);
+  if (!found || surface.polygons()[found->polygon].island == main_island) return found;
+  const bool on_surface = horizontal_distance(found->point, point) < kOnSurfaceM && std::abs(found->point.y - point.y) < kOnSurfaceHeightM;
+  if (on_surface) return found;
+  const auto on_main = nearest(point, reach_m, main_only);
+  return on_main ? on_main : found;
+}
+
+float Navmesh::Impl::height_at(int polygon, glm::vec3 point) const {
+  float height = point.y;
+  if (dtStatusSucceed(lookup->getPolyHeight(ref_of(polygon), &point.x, &height))) return height;
+  glm::vec3 closest = point;  // rounding put the point a hair outside its polygon
+  lookup->closestPointOnPoly(ref_of(polygon), &point.x, &closest.x, nullptr);
+  return closest.y;
+}
+
+const CornerGraph& Navmesh::Impl::corners() const {
+  std::call_once(corners_built_, [this] { corners_ = CornerGraph(surface); });
+  return corners_;
+}
+
+Navmesh::Navmesh(const TriangleMesh& mesh, const NavmeshConfig& config) {
+  validate(config);
+  impl_ = std::make_unique<Impl>(mesh, config);
+}
+Navmesh::~Navmesh() = default;
+Navmesh::Navmesh(Navmesh&&) noexcept = default;
+
+std::optional<glm::vec3> Navmesh::snap(glm::vec3 point, float reach_m) const {
+  const auto located = impl_->locate(point, reach_m);
+  if (!located) return std::nullopt;
+  return located->point;
+}
+
+glm::vec3 Navmesh::random_point(const RandomStream& random, std::uint32_t draw) const {
+  const auto& before = impl_->main_area_before;
+  const double wanted_m2 = static_cast<double>(random.uniform(draw)) * before.back();
+  const auto above = std::upper_bound(before.begin(), before.end() - 1, wanted_m2);
+  const auto triangle = static_cast<std::size_t>(above - before.begin()) - 1;
+  const auto u = random.uniform2(draw + 1);
+  const double root = std::sqrt(static_cast<double>(u[0])), share = static_cast<double>(u[1]);
+  const glm::dvec3* corner = &impl_->main_triangles[3 * triangle];
+  const glm::dvec3 inside = (1 - root) * corner[0] + root * (1 - share) * corner[1] + root * share * corner[2];
+  glm::vec3 point(inside);
+  point.y = impl_->height_at(impl_->main_triangle_polygon[triangle], point);
+  return point;
+}
+
+std::optional<float> Navmesh::path_length_m(glm::vec3 from, glm::vec3 to) const {
+  if (!impl_->locate(to, 1.f)) return std::nullopt;
+  return GeodesicField(*this, to).distance_m(from);
+}
+
+float Navmesh::area_m2() const { return static_cast<float>(impl_->kept_area_m2); }
+int Navmesh::num_islands() const { return impl_->num_kept_islands; }
+const NavmeshConfig& Navmesh::config() const { return impl_->config; }
+
+}  // namespace earshot

@@ -1,0 +1,100 @@
+#pragma once
+
+#include <DetourNavMesh.h>
+#include <DetourNavMeshQuery.h>
+
+#include <glm/vec3.hpp>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <vector>
+
+#include "sim/nav/corner_graph.h"
+#include "sim/nav/navmesh.h"
+#include "sim/nav/surface.h"
+
+namespace earshot {
+
+struct FreeNavMesh {
+  void operator()(dtNavMesh* mesh) const noexcept { dtFreeNavMesh(mesh); }
+};
+struct FreeNavMeshQuery {
+  void operator()(dtNavMeshQuery* query) const noexcept { dtFreeNavMeshQuery(query); }
+};
+using OwnedNavMesh = std::unique_ptr<dtNavMesh, FreeNavMesh>;
+using OwnedNavMeshQuery = std::unique_ptr<dtNavMeshQuery, FreeNavMeshQuery>;
+
+/// Polygon flags: queries name the flags that they accept.
+enum NavFlag : unsigned short { kKeptIsland = 1, kMainIsland = 2 };
+
+/// The Recast pipeline, mesh to one Detour tile; every polygon has flag kKeptIsland.  Throws InputError if nothing is walkable.
+OwnedNavMesh build_tile(const TriangleMesh& mesh, const NavmeshConfig& config);
+
+/// A point of the surface and the polygon under it.
+struct Located {
+  int polygon;
+  glm::vec3 point;
+};
+
+/// moveAlongSurface and findPath write to the query's node pool, so each caller leases a query of its own.  They clear that pool
+/// first: which query it is cannot change a result (NavmeshThreads.* test it).
+class QueryPool {
+ public:
+  class Lease {
+   public:
+    Lease(QueryPool& pool, OwnedNavMeshQuery query) : pool_(pool), query_(std::move(query)) {}
+    ~Lease();
+    Lease(const Lease&) = delete;
+    Lease& operator=(const Lease&) = delete;
+    [[nodiscard]] const dtNavMeshQuery* operator->() const { return query_.get(); }
+
+   private:
+    QueryPool& pool_;
+    OwnedNavMeshQuery query_;
+  };
+
+  explicit QueryPool(const dtNavMesh& mesh) : mesh_(mesh) {}
+  [[nodiscard]] Lease lease();
+
+ private:
+  const dtNavMesh& mesh_;
+  std::mutex mutex_;
+  std::vector<OwnedNavMeshQuery> idle_;
+};
+
+struct Navmesh::Impl {
+  Impl(const TriangleMesh& mesh, const NavmeshConfig& config);
+
+  /// The surface point that a query at `point` means: the point below or above if it lies on the surface (to 1 mm and 0.25 m in
+  /// height), else the nearest of the main island within reach, else the nearest at all.
+  [[nodiscard]] std::optional<Located> locate(glm::vec3 point, float reach_m) const;
+  /// Height of the surface over a point of `polygon`, its border included.
+  [[nodiscard]] float height_at(int polygon, glm::vec3 point) const;
+  [[nodiscard]] dtPolyRef ref_of(int polygon) const { return first_ref | static_cast<dtPolyRef>(polygon); }
+  [[nodiscard]] int polygon_of(dtPolyRef ref) const { return static_cast<int>(ref - first_ref); }
+  /// Corners of the surface and who sees whom; built by the first caller.
+  [[nodiscard]] const CornerGraph& corners() const;
+
+  NavmeshConfig config;
+  OwnedNavMesh navmesh;
+  dtPolyRef first_ref = 0;
+  Surface surface;
+  int main_island = 0;
+  int num_kept_islands = 0;
+  double kept_area_m2 = 0;
+  std::vector<double> main_area_before;  ///< per triangle of the main island: area of all before it; one more at the end
+  std::vector<glm::dvec3> main_triangles;
+  std::vector<int> main_triangle_polygon;
+  OwnedNavMeshQuery lookup;  ///< for queries that touch no node pool
+  dtQueryFilter any_island, main_only;
+  mutable QueryPool queries;
+
+ private:
+  [[nodiscard]] std::optional<Located> nearest(glm::vec3 point, float reach_m, const dtQueryFilter& filter) const;
+  void choose_islands(const TriangleMesh& mesh);
+
+  mutable std::once_flag corners_built_;
+  mutable CornerGraph corners_;
+};
+
+}  // namespace earshot
