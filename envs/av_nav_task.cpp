@@ -68,8 +68,10 @@ float AvNavState::step(const TaskConfig& config, const Navmesh& navmesh, const G
       collided_ = moved.collided;
       collisions_ += moved.collided ? 1 : 0;
       const std::optional<float> distance_m = field.distance_m(position_);
-      if (distance_m && std::isfinite(*distance_m)) distance_m_ = *distance_m;
-      else ++lost_distances_;
+      if (distance_m && std::isfinite(*distance_m))
+        distance_m_ = *distance_m;
+      else
+        ++lost_distances_;
       break;
     }
     case Action::left:

@@ -23,16 +23,16 @@ struct EnvConfig {
   ObservationSpec observation;
   AcousticConfig acoustics;
   NavmeshConfig navmesh;
-  std::string hrtf;                 ///< SOFA file; empty: rigid sphere
-  std::string sound_root;           ///< folder of sounds that are named without a path ("my_ring", of original sets)
-  float sound_gain = 1.f;           ///< applied to the dry sound; the spectrogram is log(1 + x), so the scale matters
+  std::string hrtf;        ///< SOFA file; empty: rigid sphere
+  std::string sound_root;  ///< folder of sounds that are named without a path ("my_ring", of original sets)
+  float sound_gain = 1.f;  ///< applied to the dry sound; the spectrogram is log(1 + x), so the scale matters
   float crossfade_s = 0.05f;
   EpisodeOrder order = EpisodeOrder::random;
-  int threads = 1;                  ///< over the batch; 0: all cores
+  int threads = 1;  ///< over the batch; 0: all cores
   std::uint64_t seed = 0;
-  std::string scene_root;           ///< folder of relative scene files
+  std::string scene_root;  ///< folder of relative scene files
   double scene_cache_gb = 4;
-  bool prefetch = true;             ///< load the scene and source of an env's next episode in the background
+  bool prefetch = true;  ///< load the scene and source of an env's next episode in the background
 };
 void read(ConfigReader& reader, EnvConfig& config);
 void validate(const EnvConfig& config);
@@ -66,12 +66,14 @@ class BatchedEnv {
   /// Starts the first episode of every env and fills the observations.
   void reset();
   /// actions: [num_envs] in [0, 4).  An env whose episode ends starts its next episode in the same call: the row of observations is
-  /// then the new episode's first, and the ended one's last observation is in the final_* row.  Idle envs (EpisodeOrder::once, no episode left) ignore their action.
+  /// then the new episode's first, and the ended one's last observation is in the final_* row.  Idle envs (EpisodeOrder::once, no episode
+  /// left) ignore their action.
   void step(std::span<const std::int32_t> actions);
 
   [[nodiscard]] int num_envs() const;
   [[nodiscard]] const EnvConfig& config() const;
-  [[nodiscard]] std::span<const float> depth() const;              ///< [num_envs, height, width, 1]
+  [[nodiscard]] std::span<const float> depth() const;  ///< [num_envs, height, width, 1]
+  /// A sensor that is off has an empty span.  No spectrogram: nothing is rendered for the ears, and audiogoal and heard are empty too.
   [[nodiscard]] std::span<const float> spectrogram() const;        ///< [num_envs, 65, 26, 2]
   [[nodiscard]] std::span<const float> audiogoal() const;          ///< [num_envs, 2, new samples]: this step's sound
   [[nodiscard]] std::span<const float> heard() const;              ///< [num_envs, 2, window]: the last second
@@ -81,7 +83,7 @@ class BatchedEnv {
   [[nodiscard]] std::span<const std::uint8_t> truncated() const;   ///< out of steps: bootstrap from the final observation
   [[nodiscard]] std::span<const std::uint8_t> active() const;      ///< 0: idle
   [[nodiscard]] std::span<const std::uint8_t> collided() const;
-  [[nodiscard]] std::span<const float> final_depth() const;        ///< like depth(); row valid where terminated or truncated
+  [[nodiscard]] std::span<const float> final_depth() const;  ///< like depth(); row valid where terminated or truncated
   [[nodiscard]] std::span<const float> final_spectrogram() const;
   [[nodiscard]] std::span<const float> final_pointgoal() const;
   /// Episodes that ended in the last step, by env.
@@ -91,7 +93,7 @@ class BatchedEnv {
   [[nodiscard]] Pose pose(int env) const;
   [[nodiscard]] const EnvSource& source(int env) const;
   [[nodiscard]] std::uint64_t episode_index(int env) const;
-  [[nodiscard]] int episode_count(int env) const;                  ///< episodes started before this one
+  [[nodiscard]] int episode_count(int env) const;  ///< episodes started before this one
   [[nodiscard]] int episode_step(int env) const;
   [[nodiscard]] const StageSeconds& stage_seconds() const;
   /// Sensor rows, sounds and rewards that were not finite and were set to zero, since construction.  The first is logged.

@@ -68,9 +68,12 @@ void validate(const EnvConfig& config) {
   require(config.crossfade_s >= 0 && config.crossfade_s <= config.task.step_time_s, "crossfade_s", config.crossfade_s,
           "must be in [0, task.step_time_s]: a fade ends within its step");
   require(config.threads >= 0 && config.threads <= 1024, "threads", config.threads, "must be in [0, 1024]; 0 means all cores");
-  require(config.scene_cache_gb >= 0 && std::isfinite(config.scene_cache_gb), "scene_cache_gb", config.scene_cache_gb, "must not be negative");
-  require(config.scene_root.empty() || std::filesystem::is_directory(config.scene_root), "scene_root", config.scene_root, "must be a folder");
-  require(config.sound_root.empty() || std::filesystem::is_directory(config.sound_root), "sound_root", config.sound_root, "must be a folder");
+  require(config.scene_cache_gb >= 0 && std::isfinite(config.scene_cache_gb), "scene_cache_gb", config.scene_cache_gb,
+          "must not be negative");
+  require(config.scene_root.empty() || std::filesystem::is_directory(config.scene_root), "scene_root", config.scene_root,
+          "must be a folder");
+  require(config.sound_root.empty() || std::filesystem::is_directory(config.sound_root), "sound_root", config.sound_root,
+          "must be a folder");
 }
 
 std::shared_ptr<SceneCache> make_scene_cache(const EnvConfig& config) {

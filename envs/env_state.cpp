@@ -14,9 +14,7 @@ using nlohmann::json;
 
 constexpr int kVersion = 1;
 
-[[noreturn]] void fail(const std::string& what) {
-  throw InputError("environment state", what, "resume from another checkpoint");
-}
+[[noreturn]] void fail(const std::string& what) { throw InputError("environment state", what, "resume from another checkpoint"); }
 
 }  // namespace
 
@@ -25,7 +23,8 @@ std::string encode(const EnvState& state) {
   for (const EnvCursor& env : state.envs) {
     std::string actions;
     for (const std::int8_t action : env.actions) actions += static_cast<char>('0' + action);
-    envs.push_back({{"active", env.active}, {"episode_index", env.episode_index}, {"episode_count", env.episode_count}, {"actions", actions}});
+    envs.push_back(
+        {{"active", env.active}, {"episode_index", env.episode_index}, {"episode_count", env.episode_count}, {"actions", actions}});
   }
   const json body = {{"set_hash", hex64(state.set_hash)}, {"seed", state.seed},       {"first_env", state.first_env},
                      {"total_envs", state.total_envs},    {"started", state.started}, {"envs", envs}};

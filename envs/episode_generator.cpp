@@ -72,8 +72,8 @@ std::vector<Episode> generate(const std::string& scene_id, const Scene* scene, c
     }
     if (!episode)
       throw InputError(scene_id,
-                       fmt::format("no episode with a path of {} to {} m, {} times the straight distance, in {} tries", filter.min_geodesic_m,
-                                   filter.max_geodesic_m, filter.min_ratio, filter.max_tries),
+                       fmt::format("no episode with a path of {} to {} m, {} times the straight distance, in {} tries",
+                                   filter.min_geodesic_m, filter.max_geodesic_m, filter.min_ratio, filter.max_tries),
                        "loosen the filter (min_geodesic_m, min_ratio) or take a larger scene");
     episode->episode_id = std::to_string(index);
     episode->scene_id = scene_id;

@@ -164,8 +164,7 @@ json to_json(const Episode& episode) {
           {"start_position", vector(episode.start_position)},
           {"start_rotation", episode.start_rotation},
           {"goals", json::array({{{"position", vector(episode.goal_position)}, {"radius", episode.goal_radius_m}}})},
-          {"info",
-           {{"geodesic_distance", episode.geodesic_distance_m}, {"num_action", episode.num_action}, {"sound", episode.sound}}},
+          {"info", {{"geodesic_distance", episode.geodesic_distance_m}, {"num_action", episode.num_action}, {"sound", episode.sound}}},
           {"start_room", nullptr},
           {"shortest_paths", nullptr}};
 }

@@ -19,7 +19,8 @@ void read(ConfigReader& reader, ObservationSpec& spec) {
 }
 
 void validate(const ObservationSpec& spec) {
-  require(spec.depth || spec.spectrogram || spec.pointgoal, "observation", "nothing", "must have at least one sensor: a policy needs an input");
+  require(spec.depth || spec.spectrogram || spec.pointgoal, "observation", "nothing",
+          "must have at least one sensor: a policy needs an input");
   validate(spec.camera);
   const SpectrogramConfig& sound = spec.sound;
   require(sound.sample_rate_hz >= 8000.f && sound.sample_rate_hz <= 96000.f, "observation.sound.sample_rate_hz", sound.sample_rate_hz,

@@ -7,6 +7,11 @@
 namespace earshot {
 namespace {
 
+/// Turn when the corner is off by more than this share of a turn.  At half a turn, the angle that remains after a turn is half a turn the
+/// other way, grows with each step, and is turned back: 102 actions on average over 178 walks through ten houses, against 79 here.  Above
+/// one turn it scrapes along walls.
+constexpr double kDeadBand = 0.9;
+
 double wrapped(double angle_rad) { return std::remainder(angle_rad, 2.0 * std::numbers::pi); }
 
 }  // namespace
@@ -17,9 +22,9 @@ Action oracle_action(const TaskConfig& config, const GeodesicField& field, const
   const auto corner = field.next_corner(pose.position);
   if (!corner) return Action::stop;
   const glm::vec3 toward = *corner - pose.position;
-  const double half_turn_rad = std::numbers::pi / turns_per_circle(config);
+  const double turn_rad = 2.0 * std::numbers::pi / turns_per_circle(config);
   const double angle_rad = wrapped(std::atan2(-static_cast<double>(toward.x), -static_cast<double>(toward.z)) - pose.heading_rad);
-  if (std::abs(angle_rad) <= half_turn_rad * (1 + 1e-9)) return Action::forward;
+  if (std::abs(angle_rad) <= kDeadBand * turn_rad) return Action::forward;
   return angle_rad > 0 ? Action::left : Action::right;
 }
 

@@ -122,7 +122,8 @@ struct SceneCache::Impl {
   }
 };
 
-SceneCache::SceneCache(const AcousticConfig& acoustics, const NavmeshConfig& navmesh, std::filesystem::path scene_root, std::size_t max_bytes)
+SceneCache::SceneCache(const AcousticConfig& acoustics, const NavmeshConfig& navmesh, std::filesystem::path scene_root,
+                       std::size_t max_bytes)
     : impl_(std::make_unique<Impl>()) {
   validate(acoustics);
   validate(navmesh);

@@ -41,8 +41,8 @@ class SceneCache {
   void prefetch(const std::string& scene_id, glm::vec3 goal, float source_height_m);
 
   [[nodiscard]] const AcousticConfig& acoustics() const;
-  [[nodiscard]] std::size_t num_scenes() const;        ///< held now
-  [[nodiscard]] std::uint64_t scenes_loaded() const;   ///< since construction
+  [[nodiscard]] std::size_t num_scenes() const;       ///< held now
+  [[nodiscard]] std::uint64_t scenes_loaded() const;  ///< since construction
   [[nodiscard]] std::uint64_t sources_built() const;
 
  private:

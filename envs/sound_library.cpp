@@ -18,8 +18,8 @@ std::string resolve_sound(const std::string& name, const std::string& sound_root
   return name;
 }
 
-SoundLibrary::SoundLibrary(const EpisodeSet& set, const std::string& sound_root, float sample_rate_hz, float gain) {
-  for (const Episode& episode : set.episodes) {
+SoundLibrary::SoundLibrary(std::span<const Episode> episodes, const std::string& sound_root, float sample_rate_hz, float gain) {
+  for (const Episode& episode : episodes) {
     const auto [clip, is_new] = clips_.try_emplace(episode.sound);
     if (!is_new) continue;
     try {

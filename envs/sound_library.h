@@ -1,28 +1,28 @@
 #pragma once
 
 #include <map>
-#include <memory>
+#include <span>
 #include <string>
 
-#include "envs/episode_set.h"
+#include "envs/episode.h"
 #include "sim/audio/sound_clip.h"
 
 namespace earshot {
 
-/// The dry sounds of an episode set, opened once, scaled and shared.  Immutable.
+/// The dry sounds of episodes, opened once, scaled and shared.  Immutable.
 class SoundLibrary {
  public:
   /// Throws InputError that names the sound and an episode that wants it.
-  SoundLibrary(const EpisodeSet& set, const std::string& sound_root, float sample_rate_hz, float gain);
-  /// name: Episode::sound of an episode of the set.
+  SoundLibrary(std::span<const Episode> episodes, const std::string& sound_root, float sample_rate_hz, float gain);
+  /// name: Episode::sound of one of the episodes.
   [[nodiscard]] const SoundClip& clip(const std::string& name) const { return clips_.at(name); }
 
  private:
   std::map<std::string, SoundClip> clips_;
 };
 
-/// What open_sound takes for a name in an episode: `synth:...` as it is; else a file under sound_root (.wav, .flac or .ogg added if it has no such
-/// ending), else the path itself.
+/// What open_sound takes for a name in an episode: `synth:...` as it is; else a file under sound_root (.wav, .flac or .ogg added if it has
+/// no such ending), else the path itself.
 std::string resolve_sound(const std::string& name, const std::string& sound_root);
 
 }  // namespace earshot

@@ -2,7 +2,6 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-
 #include <unistd.h>
 
 #include <cmath>
@@ -110,9 +109,10 @@ TEST(EpisodeSet, DropsTheDatasetFolderOfTheOriginal) {
 TEST(EpisodeSet, AcceptsWhatSomePublishedSetsWrite) {
   EXPECT_EQ(parse_episode_set(replaced(kExample, "\"episode_id\":\"0\"", "\"episode_id\":17"), "set").episodes[0].episode_id, "17");
   EXPECT_EQ(parse_episode_set(replaced(kExample, "7.5", "7"), "set").episodes[0].geodesic_distance_m, 7.f);
-  EXPECT_EQ(parse_episode_set(replaced(kExample, "\"start_room\":null", "\"offset\":3,\"start_room\":{\"a\":[1,{\"episodes\":[2]}]}"), "set")
-                .episodes.size(),
-            1u);
+  EXPECT_EQ(
+      parse_episode_set(replaced(kExample, "\"start_room\":null", "\"offset\":3,\"start_room\":{\"a\":[1,{\"episodes\":[2]}]}"), "set")
+          .episodes.size(),
+      1u);
 }
 
 TEST(EpisodeSet, GzipIsFoundByContent) {
@@ -173,12 +173,15 @@ TEST_F(EpisodeSetFile, MissingAndEmptyFilesAreNamed) {
 }
 
 TEST(EpisodeSet, EveryKeyThatIsMissingIsNamedWithItsEpisode) {
-  const std::pair<const char*, const char*> cases[] = {
-      {"\"scene_id\"", "scene_id is missing"},          {"\"start_position\"", "start_position is missing"},
-      {"\"start_rotation\"", "start_rotation is missing"}, {"\"info\"", "info is missing"},
-      {"\"geodesic_distance\"", "info.geodesic_distance is missing"}, {"\"num_action\"", "info.num_action is missing"},
-      {"\"sound\"", "info.sound is missing"},           {"\"goals\"", "goals is missing"},
-      {"\"position\"", "goals[0].position is missing"}};
+  const std::pair<const char*, const char*> cases[] = {{"\"scene_id\"", "scene_id is missing"},
+                                                       {"\"start_position\"", "start_position is missing"},
+                                                       {"\"start_rotation\"", "start_rotation is missing"},
+                                                       {"\"info\"", "info is missing"},
+                                                       {"\"geodesic_distance\"", "info.geodesic_distance is missing"},
+                                                       {"\"num_action\"", "info.num_action is missing"},
+                                                       {"\"sound\"", "info.sound is missing"},
+                                                       {"\"goals\"", "goals is missing"},
+                                                       {"\"position\"", "goals[0].position is missing"}};
   for (const auto& [key, message] : cases) {
     const std::string error = error_of(replaced(kExample, key, "\"other\""));
     EXPECT_THAT(error, HasSubstr(message));
@@ -189,27 +192,28 @@ TEST(EpisodeSet, EveryKeyThatIsMissingIsNamedWithItsEpisode) {
 }
 
 TEST(EpisodeSet, BadValuesAreNamed) {
-  const struct { const char *from, *to, *message; } cases[] = {
-      {"[1.0,0.1,-2.0]", "[1.0,0.1]", "start_position must be a list of 3 numbers"},
-      {"[1.0,0.1,-2.0]", "[1.0,\"a\",2]", "start_position must be a number"},
-      {"[1.0,0.1,-2.0]", "[1.0,null,2]", "start_position must be a number"},
-      {"[1.0,0.1,-2.0]", "[1e200,0,0]", "start_position must be a finite number"},
-      {"[1.0,0.1,-2.0]", "[NaN,0,0]", "is not valid JSON"},
-      {"[1.0,0.1,-2.0]", "[1e999,0,0]", "is not valid JSON"},
-      {"[0,0.7071,0,0.7071]", "[0,0,0,0]", "start_rotation is a zero quaternion"},
-      {"[0,0.7071,0,0.7071]", "7", "start_rotation must be a list of 4 numbers"},
-      {"7.5", "0", "info.geodesic_distance must be positive"},
-      {"7.5", "-1", "info.geodesic_distance must be positive"},
-      {"7.5", "1e39", "info.geodesic_distance must be a finite number"},
-      {"7.5", "Infinity", "is not valid JSON"},
-      {"7.5", "null", "info.geodesic_distance must be a number"},
-      {":11", ":1.5", "info.num_action must be a whole number"},
-      {":11", ":0", "info.num_action must be a whole number of at least 1"},
-      {":11", ":99999999999999", "info.num_action must be a whole number"},
-      {"\"my_ring\"", "3", "info.sound must be text"},
-      {"\"my_ring\"", "\"\"", "info.sound is empty"},
-      {"\"mp3d/AAAA/AAAA.glb\"", "\"data/scene_datasets/\"", "scene_id is empty"},
-      {"\"0\"", "[]", "episode_id must be text"}};
+  const struct {
+    const char *from, *to, *message;
+  } cases[] = {{"[1.0,0.1,-2.0]", "[1.0,0.1]", "start_position must be a list of 3 numbers"},
+               {"[1.0,0.1,-2.0]", "[1.0,\"a\",2]", "start_position must be a number"},
+               {"[1.0,0.1,-2.0]", "[1.0,null,2]", "start_position must be a number"},
+               {"[1.0,0.1,-2.0]", "[1e200,0,0]", "start_position must be a finite number"},
+               {"[1.0,0.1,-2.0]", "[NaN,0,0]", "is not valid JSON"},
+               {"[1.0,0.1,-2.0]", "[1e999,0,0]", "is not valid JSON"},
+               {"[0,0.7071,0,0.7071]", "[0,0,0,0]", "start_rotation is a zero quaternion"},
+               {"[0,0.7071,0,0.7071]", "7", "start_rotation must be a list of 4 numbers"},
+               {"7.5", "0", "info.geodesic_distance must be positive"},
+               {"7.5", "-1", "info.geodesic_distance must be positive"},
+               {"7.5", "1e39", "info.geodesic_distance must be a finite number"},
+               {"7.5", "Infinity", "is not valid JSON"},
+               {"7.5", "null", "info.geodesic_distance must be a number"},
+               {":11", ":1.5", "info.num_action must be a whole number"},
+               {":11", ":0", "info.num_action must be a whole number of at least 1"},
+               {":11", ":99999999999999", "info.num_action must be a whole number"},
+               {"\"my_ring\"", "3", "info.sound must be text"},
+               {"\"my_ring\"", "\"\"", "info.sound is empty"},
+               {"\"mp3d/AAAA/AAAA.glb\"", "\"data/scene_datasets/\"", "scene_id is empty"},
+               {"\"0\"", "[]", "episode_id must be text"}};
   for (const auto& c : cases) EXPECT_THAT(error_of(replaced(kExample, c.from, c.to)), HasSubstr(c.message)) << c.to;
 }
 
@@ -257,10 +261,14 @@ TEST(EpisodeSet, RandomDamageGivesAnErrorOrASet) {
       const auto at = random.below(static_cast<std::uint32_t>(text.size()), 1 + 4 * edit);
       const auto kind = random.below(4, 2 + 4 * edit);
       const auto byte = static_cast<char>(random.bits(3 + 4 * edit));
-      if (kind == 0) text[at] = byte;
-      else if (kind == 1) text.insert(at, 1, byte);
-      else if (kind == 2) text.erase(at, 1 + random.below(8, 4 + 4 * edit));
-      else text = text.substr(0, at) + "}]0.-e,\"" + text.substr(at);
+      if (kind == 0)
+        text[at] = byte;
+      else if (kind == 1)
+        text.insert(at, 1, byte);
+      else if (kind == 2)
+        text.erase(at, 1 + random.below(8, 4 + 4 * edit));
+      else
+        text = text.substr(0, at) + "}]0.-e,\"" + text.substr(at);
       if (text.empty()) text = " ";
     }
     try {

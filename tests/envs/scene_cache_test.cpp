@@ -101,7 +101,8 @@ TEST(SceneCache, PrefetchLoadsInTheBackground) {
   cache.prefetch("no_such_file.glb", {0, 0, 0}, 1.5f);  // must not end the thread
   cache.prefetch("shoebox:6x3x4", {2, 0, 1}, 1.2f);
   const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(20);
-  while (cache.sources_built() == 0 && std::chrono::steady_clock::now() < deadline) std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  while (cache.sources_built() == 0 && std::chrono::steady_clock::now() < deadline)
+    std::this_thread::sleep_for(std::chrono::milliseconds(2));
   EXPECT_EQ(cache.sources_built(), 1u);
   cache.source("shoebox:6x3x4", {2, 0, 1}, 1.2f);
   EXPECT_EQ(cache.sources_built(), 1u);

@@ -1,0 +1,111 @@
+#include "envs/baselines.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "sim/base/random.h"
+
+namespace earshot {
+namespace {
+
+// The greedy agent's numbers.  Levels are of the sound at the ears, per unit of EnvConfig::sound_gain: a synthetic sound has an RMS near
+// 0.1, so its direct sound alone gives -42 dB at 1 m (1 / (4 pi) of it) and twice that at 0.5 m.
+constexpr double kStopLevel_db = -37;
+constexpr double kTurnDifference_db = 1.5;
+constexpr double kSilence_db = -110;
+constexpr float kNear_m = 0.35f;
+/// An agent that is stuck between two obstacles keeps one side for this many steps.
+constexpr int kPatience_steps = 24;
+
+std::int32_t as_int(Action action) { return static_cast<std::int32_t>(action); }
+
+double decibels(double power) { return 10.0 * std::log10(std::max(power, 1e-30)); }
+
+/// Levels of the last two steps at the left and the right ear.
+struct EarLevels {
+  double left_db, right_db;
+};
+
+EarLevels ear_levels(const BatchedEnv& env, std::size_t row) {
+  const std::size_t envs = static_cast<std::size_t>(env.num_envs());
+  const std::size_t samples = env.heard().size() / (2 * envs), block = env.audiogoal().size() / (2 * envs);
+  const std::size_t count = std::min(samples, 2 * block);
+  const double gain = static_cast<double>(env.config().sound_gain);
+  const auto level_db = [&](std::size_t ear) {
+    double energy = 0;
+    for (const float x : env.heard().subspan((2 * row + ear + 1) * samples - count, count)) energy += static_cast<double>(x) * x;
+    return decibels(energy / static_cast<double>(count) / (gain * gain));
+  };
+  return {level_db(0), level_db(1)};
+}
+
+/// Nearest depth ahead and mean depth of either half, in metres.
+struct Clearance {
+  float ahead_m, left_m, right_m;
+};
+
+Clearance clearance(const BatchedEnv& env, std::size_t row) {
+  const CameraConfig& camera = env.config().observation.camera;
+  const int width = camera.width_px, height = camera.height_px;
+  const auto image = env.depth().subspan(row * static_cast<std::size_t>(width * height), static_cast<std::size_t>(width * height));
+  Clearance clear{camera.max_depth_m, 0, 0};
+  for (int y = height / 4; y < 3 * height / 4; ++y)
+    for (int x = 0; x < width; ++x) {
+      const float depth_m = image[static_cast<std::size_t>(y * width + x)] * camera.max_depth_m;
+      (x < width / 2 ? clear.left_m : clear.right_m) += depth_m;
+      if (x >= width / 3 && x < width - width / 3) clear.ahead_m = std::min(clear.ahead_m, depth_m);
+    }
+  return clear;
+}
+
+Action greedy_action(const BatchedEnv& env, std::size_t row, const RandomStream& whim) {
+  const bool hears = !env.heard().empty(), sees = !env.depth().empty();
+  const EarLevels ears = hears ? ear_levels(env, row) : EarLevels{kSilence_db, kSilence_db};
+  const double louder_db = std::max(ears.left_db, ears.right_db);
+  if (hears && louder_db > kStopLevel_db) return Action::stop;
+  // Blocked: along the freer side, or any side if that has not helped for a while.
+  const bool blocked = env.collided()[row] || (sees && clearance(env, row).ahead_m < kNear_m);
+  if (blocked) {
+    if (!sees || whim.uniform(0) < 0.5f) return whim.uniform(1) < 0.5f ? Action::left : Action::right;
+    const Clearance clear = clearance(env, row);
+    return clear.left_m > clear.right_m ? Action::left : Action::right;
+  }
+  const double difference_db = ears.left_db - ears.right_db;
+  if (louder_db > kSilence_db && std::abs(difference_db) > kTurnDifference_db) return difference_db > 0 ? Action::left : Action::right;
+  return Action::forward;
+}
+
+}  // namespace
+
+std::optional<Baseline> baseline_by_name(std::string_view name) {
+  if (name == "random") return Baseline::random;
+  if (name == "greedy") return Baseline::greedy;
+  if (name == "oracle") return Baseline::oracle;
+  return std::nullopt;
+}
+
+void baseline_actions(Baseline baseline, const BatchedEnv& env, std::uint64_t seed, int first_env, std::span<std::int32_t> actions) {
+  EARSHOT_EXPECT(actions.size() == static_cast<std::size_t>(env.num_envs()));
+  for (std::size_t row = 0; row < actions.size(); ++row) {
+    const int index = static_cast<int>(row);
+    actions[row] = as_int(Action::stop);
+    if (!env.active()[row]) continue;
+    const auto id = static_cast<std::uint32_t>(first_env + index), episode = static_cast<std::uint32_t>(env.episode_count(index));
+    const int step = env.episode_step(index);
+    switch (baseline) {
+      case Baseline::random:
+        actions[row] = static_cast<std::int32_t>(
+            RandomStream(seed, Purpose::random_agent, id, episode, static_cast<std::uint32_t>(step)).below(kNumActions, 0));
+        break;
+      case Baseline::greedy:
+        actions[row] = as_int(greedy_action(
+            env, row, RandomStream(seed, Purpose::random_agent, id, episode, static_cast<std::uint32_t>(step / kPatience_steps))));
+        break;
+      case Baseline::oracle:
+        actions[row] = as_int(oracle_action(env.config().task, env.source(index).field, env.pose(index)));
+        break;
+    }
+  }
+}
+
+}  // namespace earshot

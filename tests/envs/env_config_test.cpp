@@ -1,0 +1,111 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <limits>
+
+#include "envs/batched_env.h"
+#include "envs/sound_library.h"
+#include "sim/base/errors.h"
+
+namespace earshot {
+namespace {
+
+EnvConfig from_text(const std::string& yaml, const std::vector<std::string>& overrides = {}) {
+  EnvConfig config;
+  ConfigReader reader = ConfigReader::from_text(yaml, "env.yaml", overrides);
+  read(reader, config);
+  reader.finish();
+  validate(config);
+  return config;
+}
+
+TEST(EnvConfig, DefaultsAreValid) {
+  EXPECT_NO_THROW(validate(EnvConfig{}));
+  EXPECT_NO_THROW(from_text(""));
+}
+
+TEST(EnvConfig, ReadsEveryPart) {
+  const EnvConfig config = from_text(R"(
+task: {max_steps: 77}
+observation: {pointgoal: true, camera: {width_px: 64, height_px: 32}}
+acoustics: {rays: 20, early_order: 1}
+navmesh: {agent_radius_m: 0.2}
+order: once
+threads: 3
+seed: 18446744073709551615
+sound_gain: 2.5
+scene_cache_gb: 0.5
+prefetch: false
+)",
+                                     {"task.forward_m=0.25"});
+  EXPECT_EQ(config.task.max_steps, 77);
+  EXPECT_EQ(config.task.forward_m, 0.25f);
+  EXPECT_EQ(config.observation.depth_size(), 64 * 32);
+  EXPECT_EQ(config.observation.spectrogram_size(), 65 * 26 * 2);
+  EXPECT_EQ(config.acoustics.rays, 20);
+  EXPECT_EQ(config.navmesh.agent_radius_m, 0.2f);
+  EXPECT_EQ(config.order, EpisodeOrder::once);
+  EXPECT_EQ(config.threads, 3);
+  EXPECT_EQ(config.seed, std::numeric_limits<std::uint64_t>::max());
+  EXPECT_FALSE(config.prefetch);
+}
+
+TEST(EnvConfig, PresetComesBeforeItsOverrides) {
+  const EnvConfig config = from_text("acoustics: {rays: 33, preset: high}");
+  EXPECT_EQ(config.acoustics.rays, 33);
+  EXPECT_EQ(config.acoustics.rir_length_s, acoustic_preset("high").rir_length_s);
+  EXPECT_THROW(from_text("acoustics: {preset: highest}"), InputError);
+}
+
+TEST(EnvConfig, SpectrogramFollowsTheRate) {
+  const EnvConfig config = from_text("{acoustics: {sample_rate_hz: 44100}, task: {step_time_s: 0.25}}");
+  EXPECT_EQ(config.observation.sound.num_samples, 44100);
+  EXPECT_EQ(config.observation.sound.rows(), 65);
+  EXPECT_EQ(config.observation.sound.columns(), 69);  // FACTS 2.4
+}
+
+TEST(EnvConfig, UnknownKeysAreErrorsAtEveryLevel) {
+  for (const char* text : {"{tasks: {}}", "{task: {max_step: 1}}", "{observation: {deph: true}}", "{observation: {camera: {fov: 9}}}",
+                           "{acoustics: {ray: 4}}", "{navmesh: {radius: 1}}", "{order: twice}", "{task: 3}"})
+    EXPECT_THROW(from_text(text), InputError) << text;
+  try {
+    from_text("{observation: {camera: {width: 9}}}");
+    FAIL();
+  } catch (const InputError& error) {
+    EXPECT_THAT(error.what(), testing::HasSubstr("observation.camera.width"));
+  }
+}
+
+TEST(EnvConfig, ValuesOutOfRangeAreRefused) {
+  const std::function<void(EnvConfig&)> changes[] = {
+      [](EnvConfig& c) { c.task.step_time_s = 0.1501f; },  // 2401.6 samples
+      [](EnvConfig& c) { c.task.step_time_s = 1.5f; },     // longer than the window
+      [](EnvConfig& c) { c.sound_gain = 0; },
+      [](EnvConfig& c) { c.sound_gain = std::numeric_limits<float>::quiet_NaN(); },
+      [](EnvConfig& c) { c.crossfade_s = 0.2f; },
+      [](EnvConfig& c) { c.crossfade_s = -0.1f; },
+      [](EnvConfig& c) { c.threads = -1; },
+      [](EnvConfig& c) { c.scene_cache_gb = -1; },
+      [](EnvConfig& c) { c.scene_root = "/no/such/folder"; },
+      [](EnvConfig& c) { c.sound_root = "/no/such/folder"; },
+      [](EnvConfig& c) { c.acoustics.sample_rate_hz = 48000; },  // the spectrogram still says 16000
+      [](EnvConfig& c) { c.observation.depth = c.observation.spectrogram = c.observation.pointgoal = false; },
+      [](EnvConfig& c) { c.observation.camera.width_px = 0; },
+  };
+  int index = 0;
+  for (const auto& change : changes) {
+    EnvConfig config;
+    change(config);
+    EXPECT_THROW(validate(config), InputError) << "change " << index;
+    ++index;
+  }
+}
+
+TEST(SoundLibrary, NamesAreResolvedUnderTheRootFirst) {
+  EXPECT_EQ(resolve_sound("synth:alarm:2", "/somewhere"), "synth:alarm:2");
+  EXPECT_EQ(resolve_sound("nowhere/none.wav", "/somewhere"), "nowhere/none.wav");
+}
+
+}  // namespace
+}  // namespace earshot
