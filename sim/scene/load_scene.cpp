@@ -1,18 +1,95 @@
+#include <fmt/format.h>
+
+#include <optional>
 #include <string>
 
 #include "sim/base/errors.h"
+#include "sim/scene/house_generator.h"
+#include "sim/scene/material_assignment.h"
+#include "sim/scene/mesh_import.h"
 #include "sim/scene/scene.h"
+#include "sim/scene/scene_config.h"
 #include "sim/scene/shoebox.h"
+#include "sim/scene/text_match.h"
 
 namespace earshot {
+namespace {
 
-Scene load_scene(const std::string& spec) {
-  const MaterialDatabase database = MaterialDatabase::builtin();
+/// A mesh and the materials that its slots came with (none for a mesh file).
+struct Geometry {
+  TriangleMesh mesh;
+  std::vector<std::optional<Material>> own;
+  ImportReport report;
+};
+
+Geometry make_geometry(const std::string& spec, const MeshImportOptions& options, const MaterialDatabase& database) {
+  Geometry geometry;
   if (spec.starts_with("shoebox:")) {
     Shoebox box = parse_shoebox(std::string_view(spec).substr(8), database);
-    return Scene(spec, std::move(box.mesh), std::move(box.material_of_slot), Air{});
+    geometry.mesh = std::move(box.mesh);
+    geometry.own.assign(box.material_of_slot.begin(), box.material_of_slot.end());
+  } else if (spec.starts_with("house:")) {
+    geometry.mesh = generate_house(parse_house(std::string_view(spec).substr(6)));
+    const MaterialDatabase builtin = MaterialDatabase::builtin();  // house materials are names of that one
+    for (const std::string& name : geometry.mesh.material_names) geometry.own.emplace_back(builtin.get(name, spec));
+  } else {
+    ImportedMesh imported = import_mesh(spec, options);
+    geometry.mesh = std::move(imported.mesh);
+    geometry.report = std::move(imported.report);
   }
-  throw InputError(spec, "is not a scene", "write shoebox:XxYxZ[@M]");
+  if (geometry.report.triangles_read == 0) geometry.report.triangles_read = geometry.mesh.triangles.size();
+  return geometry;
+}
+
+/// A horizontal lid over the bounding rectangle, facing down.
+void add_ceiling(Geometry& geometry, float height_m, const std::string& where) {
+  const Bounds bounds = bounds_of(geometry.mesh);
+  if (!(height_m > bounds.lower.y)) {
+    throw InputError(where, fmt::format("ceiling_m = {} is not above the lowest point of the mesh, {} m", height_m, bounds.lower.y),
+                     "it is a height in world coordinates, after up and unit_m");
+  }
+  TriangleMesh& mesh = geometry.mesh;
+  const auto first = static_cast<std::uint32_t>(mesh.vertices.size());
+  for (const float x : {bounds.lower.x, bounds.upper.x}) {
+    for (const float z : {bounds.lower.z, bounds.upper.z}) mesh.vertices.emplace_back(x, height_m, z);
+  }
+  const std::uint32_t slot = intern(mesh.material_names, "ceiling_lid"), object = intern(mesh.object_names, "ceiling_lid");
+  for (const glm::uvec3 corners : {glm::uvec3(0, 2, 3), glm::uvec3(0, 3, 1)}) {
+    mesh.triangles.push_back(corners + glm::uvec3(first));
+    mesh.triangle_material.push_back(slot);
+    mesh.triangle_object.push_back(object);
+  }
+}
+
+bool is_scene_yaml(const std::string& spec) {
+  const std::string extension = fold_case(std::filesystem::path(spec).extension().string());
+  return extension == ".yaml" || extension == ".yml";
+}
+
+}  // namespace
+
+Scene load_scene(const std::string& spec) {
+  const bool yaml = is_scene_yaml(spec), generated = spec.starts_with("shoebox:") || spec.starts_with("house:");
+  if (!yaml && !generated && !is_mesh_file(spec)) {
+    throw InputError(spec, "is not a scene", "name a glb, gltf, obj, ply, stl or yaml file, or write shoebox:XxYxZ[@M] or house:SEED");
+  }
+  SceneConfig config;
+  if (yaml) config = read_scene_config(spec);
+  else config.mesh = spec;
+
+  std::vector<MaterialWarning> material_warnings;
+  const MaterialDatabase database =
+      config.materials ? MaterialDatabase::from_file(*config.materials, &material_warnings) : MaterialDatabase::builtin();
+  if (yaml && config.has_import_options && !is_mesh_file(config.mesh)) {
+    throw InputError(spec, "up and unit_m are given, but mesh is generated", "remove them: they describe mesh files");
+  }
+  Geometry geometry = make_geometry(config.mesh, config.import, database);
+  for (const MaterialWarning& warning : material_warnings) {
+    geometry.report.warnings.push_back(fmt::format("{}: {}: {}", config.materials->string(), warning.material, warning.text));
+  }
+  if (config.ceiling_m) add_ceiling(geometry, *config.ceiling_m, spec);
+  std::vector<Material> materials = assign_materials(geometry.mesh, config.rules, database, geometry.own, spec, geometry.report.warnings);
+  return Scene(spec, std::move(geometry.mesh), std::move(materials), config.air, std::move(geometry.report));
 }
 
 }  // namespace earshot

@@ -1,0 +1,56 @@
+#include "sim/scene/mesh_builder.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <limits>
+
+#include "sim/base/errors.h"
+
+namespace earshot {
+
+std::string one_line(std::string text) {
+  for (char& letter : text) {
+    if (static_cast<unsigned char>(letter) < 0x20 || letter == 0x7F) letter = ' ';
+  }
+  if (text.size() > 200) text = text.substr(0, 200) + "...";
+  while (text.ends_with(' ')) text.pop_back();
+  return text;
+}
+
+void MeshBuilder::append(const std::string& object, const std::string& material, const glm::dmat4& to_world,
+                         std::span<const glm::vec3> positions, std::span<const std::uint32_t> corners) {
+  const std::size_t first = mesh_.vertices.size();
+  if (first + positions.size() >= std::numeric_limits<std::uint32_t>::max()) {
+    throw InputError(where_, "has more than 4 billion vertices", "simplify it");
+  }
+  for (std::size_t i = 0; i < positions.size(); ++i) {
+    const glm::vec3 world = to_world * glm::dvec4(glm::dvec3(positions[i]), 1.0);
+    if (!std::isfinite(world.x) || !std::isfinite(world.y) || !std::isfinite(world.z)) {
+      throw InputError(where_, fmt::format("vertex {} of '{}' is not finite", i, one_line(object)), "repair the mesh and export it again");
+    }
+    mesh_.vertices.push_back(world);
+  }
+  const std::uint32_t material_slot = intern_fast(mesh_.material_names, materials_, material);
+  const std::uint32_t object_index = intern_fast(mesh_.object_names, objects_, object);
+  for (std::size_t i = 0; i + 2 < corners.size(); i += 3) {
+    for (std::size_t c = i; c < i + 3; ++c) {
+      if (corners[c] >= positions.size()) {
+        throw InputError(where_, fmt::format("triangle {} of '{}' uses vertex {} of {}", i / 3, one_line(object), corners[c], positions.size()),
+                         "repair the mesh and export it again");
+      }
+    }
+    const auto base = static_cast<std::uint32_t>(first);
+    mesh_.triangles.emplace_back(base + corners[i], base + corners[i + 1], base + corners[i + 2]);
+    mesh_.triangle_material.push_back(material_slot);
+    mesh_.triangle_object.push_back(object_index);
+  }
+}
+
+std::uint32_t MeshBuilder::intern_fast(std::vector<std::string>& names, Index& index, const std::string& name) {
+  const auto [found, is_new] = index.try_emplace(name, static_cast<std::uint32_t>(names.size()));
+  if (is_new) names.push_back(name);
+  return found->second;
+}
+
+}  // namespace earshot

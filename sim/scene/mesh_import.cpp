@@ -1,0 +1,133 @@
+#include "sim/scene/mesh_import.h"
+
+#include <assimp/mesh.h>
+#include <assimp/postprocess.h>
+#include <assimp/scene.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <assimp/Importer.hpp>
+#include <cmath>
+#include <glm/common.hpp>
+#include <glm/mat4x4.hpp>
+
+#include "sim/base/errors.h"
+#include "sim/base/files.h"
+#include "sim/scene/gltf_reader.h"
+#include "sim/scene/mesh_builder.h"
+#include "sim/scene/mesh_repair.h"
+#include "sim/scene/ply_header.h"
+#include "sim/scene/text_match.h"
+
+namespace earshot {
+namespace {
+
+constexpr std::array<const char*, 5> extensions{".glb", ".gltf", ".obj", ".ply", ".stl"};
+
+std::string folded_extension(const std::filesystem::path& path) { return fold_case(path.extension().string()); }
+
+glm::dmat4 to_glm(const aiMatrix4x4& m) {  // Assimp's rows are GLM's columns
+  return glm::dmat4(m.a1, m.b1, m.c1, m.d1, m.a2, m.b2, m.c2, m.d2, m.a3, m.b3, m.c3, m.d3, m.a4, m.b4, m.c4, m.d4);
+}
+
+std::string material_name(const aiScene& scene, const aiMesh& part) {
+  aiString name;
+  if (part.mMaterialIndex < scene.mNumMaterials) name = scene.mMaterials[part.mMaterialIndex]->GetName();
+  return name.length ? name.C_Str() : fmt::format("material_{}", part.mMaterialIndex);
+}
+
+void append_part(const aiScene& scene, const aiMesh& part, const std::string& object, const glm::dmat4& to_world, MeshBuilder& builder) {
+  std::vector<glm::vec3> positions(part.mNumVertices);
+  for (unsigned i = 0; i < part.mNumVertices; ++i) positions[i] = {part.mVertices[i].x, part.mVertices[i].y, part.mVertices[i].z};
+  std::vector<std::uint32_t> corners;
+  corners.reserve(3 * std::size_t{part.mNumFaces});
+  for (unsigned i = 0; i < part.mNumFaces; ++i) {
+    const aiFace& face = part.mFaces[i];
+    if (face.mNumIndices == 3) corners.insert(corners.end(), face.mIndices, face.mIndices + 3);  // others are points and lines by now
+  }
+  builder.append(object, material_name(scene, part), to_world, positions, corners);
+}
+
+/// OBJ, PLY and STL.
+void read_with_assimp(const std::filesystem::path& path, const glm::dmat4& file_to_world, TriangleMesh& mesh) {
+  const std::string where = path.string();
+  if (folded_extension(path) == ".ply") check_ply_header(read_file(path), where);
+  Assimp::Importer importer;
+  const aiScene* scene = nullptr;
+  std::string failure;
+  try {
+    scene = importer.ReadFile(where, aiProcess_Triangulate);
+    if (!scene) failure = importer.GetErrorString();
+  } catch (const std::exception& thrown) {
+    failure = thrown.what();
+  }
+  if (!scene) throw InputError(where, "cannot be read: " + one_line(failure), "check the file in a mesh viewer or export it again");
+  if (!scene->mRootNode) return;
+
+  MeshBuilder builder(where, mesh);
+  struct Pending {
+    const aiNode* node;
+    glm::dmat4 to_world;
+  };
+  std::vector<Pending> pending{{scene->mRootNode, file_to_world}};
+  while (!pending.empty()) {
+    const auto [node, parent_to_world] = pending.back();
+    pending.pop_back();
+    const glm::dmat4 to_world = parent_to_world * to_glm(node->mTransformation);
+    for (unsigned i = 0; i < node->mNumMeshes; ++i) {
+      if (node->mMeshes[i] >= scene->mNumMeshes) throw InputError(where, "a node names a mesh that is not there", "export the file again");
+      const aiMesh& part = *scene->mMeshes[node->mMeshes[i]];
+      std::string object = node->mName.length ? node->mName.C_Str() : part.mName.C_Str();
+      if (object.empty()) object = path.stem().string();
+      append_part(*scene, part, object, to_world, builder);
+    }
+    for (unsigned i = node->mNumChildren; i-- > 0;) pending.push_back({node->mChildren[i], to_world});
+  }
+}
+
+void warn_about_size(const TriangleMesh& mesh, ImportReport& report) {
+  const Bounds bounds = bounds_of(mesh);
+  const glm::dvec3 size = glm::dvec3(bounds.upper) - glm::dvec3(bounds.lower);
+  const double largest_m = std::max({size.x, size.y, size.z});
+  if (largest_m > 500 || largest_m < 0.5) {
+    report.warnings.push_back(fmt::format("the scene is {:.4g} m in size: is the unit right? (unit_m in a scene YAML)", largest_m));
+  }
+  const glm::vec3 far = glm::max(glm::abs(bounds.lower), glm::abs(bounds.upper));
+  const float farthest_m = std::max({far.x, far.y, far.z});
+  if (farthest_m > 4000 && farthest_m > 4 * largest_m) {
+    report.warnings.push_back(fmt::format("the scene lies {:.4g} m from the origin, where coordinates are exact to {:.2g} m only: move it there",
+                                          farthest_m, std::nextafter(farthest_m, 2 * farthest_m) - farthest_m));
+  }
+}
+
+}  // namespace
+
+bool is_mesh_file(const std::filesystem::path& path) {
+  return std::find(extensions.begin(), extensions.end(), folded_extension(path)) != extensions.end();
+}
+
+ImportedMesh import_mesh(const std::filesystem::path& path, const MeshImportOptions& options) {
+  EARSHOT_EXPECT(options.unit_m > 0);
+  const std::string where = path.string();
+  std::error_code error;
+  if (!std::filesystem::exists(path, error)) throw InputError(where, "does not exist", "check the path of the mesh");
+  if (!std::filesystem::is_regular_file(path, error)) throw InputError(where, "is not a file", "name a glb, gltf, obj, ply or stl file");
+  if (!is_mesh_file(path)) throw InputError(where, "has an unknown extension", "name a glb, gltf, obj, ply or stl file");
+
+  const double unit = options.unit_m;
+  const glm::dmat4 file_to_world = options.up == MeshImportOptions::Up::z
+                                       ? glm::dmat4(unit, 0, 0, 0, 0, 0, -unit, 0, 0, unit, 0, 0, 0, 0, 0, 1)
+                                       : glm::dmat4(unit, 0, 0, 0, 0, unit, 0, 0, 0, 0, unit, 0, 0, 0, 0, 1);
+  ImportedMesh imported;
+  const std::string extension = folded_extension(path);
+  (extension == ".glb" || extension == ".gltf" ? read_gltf : read_with_assimp)(path, file_to_world, imported.mesh);
+  imported.report.triangles_read = imported.mesh.triangles.size();
+  if (imported.mesh.triangles.empty()) throw InputError(where, "has no triangles", "export the file with its surfaces");
+  repair_mesh(imported.mesh, imported.report);
+  if (imported.mesh.triangles.empty()) throw InputError(where, "has no triangle with an area", "export the file with its surfaces");
+  warn_about_size(imported.mesh, imported.report);
+  return imported;
+}
+
+}  // namespace earshot

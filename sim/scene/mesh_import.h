@@ -1,0 +1,31 @@
+#pragma once
+
+#include <filesystem>
+
+#include "sim/scene/scene.h"
+#include "sim/scene/triangle_mesh.h"
+
+namespace earshot {
+
+struct MeshImportOptions {
+  enum class Up { y, z };
+  Up up = Up::y;       ///< axis that points up in the file; z is turned to y, right-handed: (x, y, z) -> (x, z, -y)
+  float unit_m = 1.f;  ///< metres per unit of the file, above 0
+};
+
+struct ImportedMesh {
+  TriangleMesh mesh;
+  ImportReport report;
+};
+
+/// Can `path` be a mesh, by its extension (glb, gltf, obj, ply, stl; any case)?
+bool is_mesh_file(const std::filesystem::path& path);
+
+/// Reads a mesh file, bakes all node transforms (in double), cuts polygons into triangles, keeps material and node names, and repairs
+/// (mesh_repair.h).  Points and lines are dropped.  Skinned meshes come in their bind pose.  Coordinates stay those of the file;
+/// a scene far from the origin gets a warning.  About 0.3 s per 100,000 triangles.
+/// Throws InputError: missing file, unknown extension, not parsable, vertex NaN or infinite (with its index), index out of range,
+/// no triangles.
+ImportedMesh import_mesh(const std::filesystem::path& path, const MeshImportOptions& options = {});
+
+}  // namespace earshot

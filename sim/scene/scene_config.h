@@ -1,0 +1,41 @@
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+
+#include "sim/scene/material_assignment.h"
+#include "sim/scene/mesh_import.h"
+#include "sim/scene/scene.h"
+
+namespace earshot {
+
+/// A scene YAML, validated.
+///
+///   mesh: ../meshes/house.glb        # required; relative to this file, or shoebox:... or house:...
+///   up: y                            # axis that points up in the mesh file: y (default) or z
+///   unit_m: 1                        # metres per unit of the mesh file
+///   ceiling_m: 3                     # adds a lid over the bounding rectangle at this height (world y, after up and unit_m); its
+///                                    # slot and its object are called ceiling_lid
+///   materials: my_materials.json     # material database; the built-in one without it
+///   assign: {"Wall*": gypsum_board}  # pattern over mesh-material or node names; order of precedence in material_assignment.h
+///   default_material: default        # what no pattern matches
+///   air: {temperature_c: 20, humidity_percent: 50, pressure_kpa: 101.325, speed_of_sound_m_per_s: 0}
+///   two_sided: true                  # the only value: surfaces reflect from both sides
+struct SceneConfig {
+  std::string mesh;
+  MeshImportOptions import;
+  bool has_import_options = false;  ///< up or unit_m was given
+  std::optional<float> ceiling_m;
+  std::optional<std::filesystem::path> materials;
+  MaterialRules rules;
+  Air air;
+};
+
+/// Paths come out resolved against the folder of the file.  Throws InputError: unknown key, wrong type or range, duplicate pattern.
+SceneConfig read_scene_config(const std::filesystem::path& path);
+
+/// Throws InputError naming the value if air is outside the ranges of scene.h.
+void validate(const Air& air, const std::string& where);
+
+}  // namespace earshot
