@@ -10,9 +10,10 @@ namespace earshot {
 /// includes the 1 / size, so inverse(forward(x)) == x.  Owns aligned scratch: one per thread.
 class RealFft {
  public:
-  explicit RealFft(int size);  ///< power of two in [4, 2^22]
+  explicit RealFft(int size);  ///< power of two in [4, 2^24]; InputError otherwise
   ~RealFft();
   RealFft(RealFft&&) noexcept;
+  RealFft& operator=(RealFft&&) noexcept;
   [[nodiscard]] int size() const;
   [[nodiscard]] int num_bins() const;                                     ///< size / 2 + 1
   void forward(std::span<const float> time, std::span<std::complex<float>> spectrum);  ///< time may be shorter: zero-padded

@@ -1,0 +1,131 @@
+#include "sim/audio/sound_clip.h"
+
+#include <fmt/format.h>
+#include <sndfile.h>
+
+extern "C" {
+#include <libavutil/channel_layout.h>
+#include <libavutil/opt.h>
+#include <libswresample/swresample.h>
+}
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+
+#include "sim/base/errors.h"
+#include "sim/base/files.h"
+
+namespace earshot {
+namespace {
+
+constexpr double kMinRateHz = 1000, kMaxRateHz = 768000;
+constexpr double kMaxLengthS = 600;
+constexpr sf_count_t kBlockFrames = 4096;
+
+struct CloseFile {
+  void operator()(SNDFILE* file) const noexcept { sf_close(file); }
+};
+using SoundFile = std::unique_ptr<SNDFILE, CloseFile>;
+
+struct FreeResampler {
+  void operator()(SwrContext* context) const noexcept { swr_free(&context); }
+};
+using Resampler = std::unique_ptr<SwrContext, FreeResampler>;
+
+bool rate_is_valid(double rate_hz) { return rate_hz >= kMinRateHz && rate_hz <= kMaxRateHz; }
+
+int checked_rate(float sample_rate_hz) {
+  require(rate_is_valid(sample_rate_hz) && sample_rate_hz == std::round(sample_rate_hz), "sample_rate_hz", sample_rate_hz,
+          "must be a whole number in [1000, 768000]");
+  return static_cast<int>(sample_rate_hz);
+}
+
+/// The whole file as one channel, the mean of all, at the rate of the file.
+std::vector<float> read_mono(SNDFILE* file, const SF_INFO& info, const std::string& name) {
+  const auto max_frames = static_cast<std::size_t>(kMaxLengthS * info.samplerate);
+  const auto channels = static_cast<std::size_t>(info.channels);
+  std::vector<float> block(static_cast<std::size_t>(kBlockFrames) * channels), mono;
+  // Blocks, as the frame count of a damaged header may be anything.
+  for (sf_count_t read = 0; (read = sf_readf_float(file, block.data(), kBlockFrames)) > 0;) {
+    for (std::size_t frame = 0; frame < static_cast<std::size_t>(read); ++frame) {
+      double sum = 0;
+      for (std::size_t channel = 0; channel < channels; ++channel) sum += block[frame * channels + channel];
+      const auto mean = static_cast<float>(sum / static_cast<double>(channels));
+      if (!std::isfinite(mean))
+        throw InputError(name, fmt::format("sample {} is not a finite number", mono.size()), "export the sound again");
+      mono.push_back(mean);
+    }
+    if (mono.size() > max_frames) throw InputError(name, "is longer than 10 minutes", "cut the sound");
+  }
+  if (mono.empty()) throw InputError(name, "holds no samples", "is the file complete?");
+  return mono;
+}
+
+std::vector<float> resample(const std::vector<float>& input, int from_hz, int to_hz, const std::string& name) {
+  const auto refuse = [&](const char* what) { throw InputError(name, what, fmt::format("convert it to {} Hz first", to_hz)); };
+  AVChannelLayout mono;
+  av_channel_layout_default(&mono, 1);
+  SwrContext* raw = nullptr;
+  const int status = swr_alloc_set_opts2(&raw, &mono, AV_SAMPLE_FMT_FLT, to_hz, &mono, AV_SAMPLE_FMT_FLT, from_hz, 0, nullptr);
+  const Resampler context{raw};
+  if (status < 0) refuse("cannot be resampled");
+  // Twice the default filter, passband to 97 % of the lower Nyquist rate, and exact phases: no drift between the two clocks.
+  av_opt_set_int(context.get(), "filter_size", 64, 0);
+  av_opt_set_double(context.get(), "cutoff", 0.97, 0);
+  av_opt_set_int(context.get(), "exact_rational", 1, 0);
+  if (swr_init(context.get()) < 0) refuse("cannot be resampled");
+
+  const auto wanted = static_cast<std::size_t>(
+      std::max<std::int64_t>(1, std::llround(static_cast<double>(input.size()) * to_hz / static_cast<double>(from_hz))));
+  std::vector<float> output(wanted + 4096, 0.f);
+  std::size_t written = 0;
+  const auto convert = [&](const float* samples, int count) {
+    auto* out = reinterpret_cast<std::uint8_t*>(output.data() + written);
+    const auto* in = reinterpret_cast<const std::uint8_t*>(samples);
+    const int room = static_cast<int>(std::min<std::size_t>(output.size() - written, 1 << 24));
+    const int made = swr_convert(context.get(), &out, room, samples ? &in : nullptr, count);
+    if (made < 0) refuse("cannot be resampled");
+    written += static_cast<std::size_t>(made);
+    return made;
+  };
+  constexpr std::size_t block = 1 << 16;
+  for (std::size_t done = 0; done < input.size(); done += block)
+    convert(input.data() + done, static_cast<int>(std::min(block, input.size() - done)));
+  while (written < output.size() && convert(nullptr, 0) > 0) {
+  }
+  output.resize(wanted);  // what the filter still rings past the end is not part of the sound
+  return output;
+}
+
+}  // namespace
+
+SoundClip load_sound(const std::filesystem::path& path, float sample_rate_hz) {
+  const int rate = checked_rate(sample_rate_hz);
+  const std::string name = path.string();
+  std::error_code error;
+  const auto status = std::filesystem::status(path, error);
+  if (!std::filesystem::exists(status)) throw InputError(name, "no such file", "check the path");
+  if (!std::filesystem::is_regular_file(status)) throw InputError(name, "is not a file", "name a WAV, FLAC or OGG file");
+
+  SF_INFO info{};
+  const SoundFile file{sf_open(path.c_str(), SFM_READ, &info)};
+  if (!file)
+    throw InputError(name, fmt::format("cannot be read as sound ({})", sf_strerror(nullptr)), "give WAV, FLAC or OGG");
+  if (!rate_is_valid(info.samplerate))
+    throw InputError(name, fmt::format("has a sample rate of {} Hz, outside [1000, 768000]", info.samplerate), "correct its header");
+  if (info.channels < 1) throw InputError(name, "has no channels", "correct its header");
+
+  SoundClip clip{.name = path.stem().string(), .sample_rate_hz = sample_rate_hz, .samples = read_mono(file.get(), info, name)};
+  if (info.samplerate != rate) clip.samples = resample(clip.samples, info.samplerate, rate, name);
+  // Values near the largest float can overflow in the filter.
+  if (!std::all_of(clip.samples.begin(), clip.samples.end(), [](float value) { return std::isfinite(value); }))
+    throw InputError(name, "has samples too large to resample", "scale the sound to [-1, 1]");
+  return clip;
+}
+
+SoundClip open_sound(const std::string& spec, float sample_rate_hz) {
+  return spec.starts_with("synth:") ? synthesize_sound(spec, sample_rate_hz) : load_sound(spec, sample_rate_hz);
+}
+
+}  // namespace earshot

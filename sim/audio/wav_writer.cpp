@@ -1,0 +1,83 @@
+#include <fmt/format.h>
+#include <sndfile.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <memory>
+
+#include "sim/audio/sound_clip.h"
+#include "sim/base/errors.h"
+#include "sim/base/files.h"
+
+namespace earshot {
+namespace {
+
+/// A file in memory for libsndfile, so that the finished bytes can be written atomically.
+struct MemoryFile {
+  std::string bytes;
+  std::size_t position = 0;
+};
+
+SF_VIRTUAL_IO memory_io() {
+  SF_VIRTUAL_IO io{};
+  io.get_filelen = [](void* user) { return static_cast<sf_count_t>(static_cast<MemoryFile*>(user)->bytes.size()); };
+  io.tell = [](void* user) { return static_cast<sf_count_t>(static_cast<MemoryFile*>(user)->position); };
+  io.seek = [](sf_count_t offset, int whence, void* user) {
+    auto& file = *static_cast<MemoryFile*>(user);
+    const auto base = whence == SEEK_SET ? 0 : whence == SEEK_CUR ? file.position : file.bytes.size();
+    file.position = static_cast<std::size_t>(static_cast<sf_count_t>(base) + offset);
+    return static_cast<sf_count_t>(file.position);
+  };
+  io.read = [](void* target, sf_count_t count, void* user) {
+    auto& file = *static_cast<MemoryFile*>(user);
+    const std::size_t available = file.bytes.size() - std::min(file.position, file.bytes.size());
+    const std::size_t taken = std::min(available, static_cast<std::size_t>(count));
+    std::memcpy(target, file.bytes.data() + file.position, taken);
+    file.position += taken;
+    return static_cast<sf_count_t>(taken);
+  };
+  io.write = [](const void* source, sf_count_t count, void* user) {
+    auto& file = *static_cast<MemoryFile*>(user);
+    const auto size = static_cast<std::size_t>(count);
+    if (file.bytes.size() < file.position + size) file.bytes.resize(file.position + size);
+    std::memcpy(file.bytes.data() + file.position, source, size);
+    file.position += size;
+    return count;
+  };
+  return io;
+}
+
+}  // namespace
+
+void write_wav(const std::filesystem::path& path, std::span<const float> channels, int num_channels, float sample_rate_hz) {
+  const std::string name = path.string();
+  require(num_channels > 0 && channels.size() % static_cast<std::size_t>(num_channels) == 0, "num_channels", num_channels,
+          "must divide the number of samples");
+  require(sample_rate_hz >= 1 && sample_rate_hz == std::round(sample_rate_hz) && sample_rate_hz <= 1e7f, "sample_rate_hz", sample_rate_hz,
+          "must be a whole number: a WAV header holds no fraction");
+  if (channels.size() > (std::size_t{1} << 30) - 64) throw RunError(name, "would not fit into a WAV file of 4 GiB");
+  if (!std::all_of(channels.begin(), channels.end(), [](float value) { return std::isfinite(value); }))
+    throw RunError(name, "not written: the sound has samples that are not finite numbers");
+
+  const auto width = static_cast<std::size_t>(num_channels), frames = channels.size() / width;
+  std::vector<float> interleaved(channels.size());
+  for (std::size_t channel = 0; channel < width; ++channel)
+    for (std::size_t frame = 0; frame < frames; ++frame) interleaved[frame * width + channel] = channels[channel * frames + frame];
+
+  MemoryFile memory;
+  SF_VIRTUAL_IO io = memory_io();
+  SF_INFO info{};
+  info.samplerate = static_cast<int>(sample_rate_hz);
+  info.channels = num_channels;
+  info.format = SF_FORMAT_WAV | SF_FORMAT_FLOAT;
+  SNDFILE* file = sf_open_virtual(&io, SFM_WRITE, &info, &memory);
+  if (!file) throw RunError(name, fmt::format("cannot be encoded: {}", sf_strerror(nullptr)));
+  sf_command(file, SFC_SET_ADD_PEAK_CHUNK, nullptr, SF_FALSE);  // that chunk holds the time of day: same sound, same bytes
+  const sf_count_t written = sf_writef_float(file, interleaved.data(), static_cast<sf_count_t>(frames));
+  const int closed = sf_close(file);
+  if (written != static_cast<sf_count_t>(frames) || closed != 0) throw RunError(name, "cannot be encoded as WAV");
+  write_file_atomically(path, memory.bytes);
+}
+
+}  // namespace earshot
