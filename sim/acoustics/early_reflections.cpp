@@ -118,12 +118,14 @@ bool EarlyCandidates::find_path(const AcousticScene& scene, std::size_t index, g
   // Geometry first, from the listener back to the source: each leg must cross its plane between its ends, where the plane has triangles.
   std::array<glm::dvec3, kMaxOrder> point;
   glm::dvec3 start(listener), image = images_[index];
+  const double edge_m = 1e-6 * scene.diagonal_m();  // a path through the edge of two planes meets both at one point
   for (int i = sequence.order - 1; i >= 0; --i) {
     const MirrorPlane& rounded = scene.planes()[sequence.plane[i]];
     const ExactPlane plane(rounded);
     const double here = plane.height(start), there = plane.height(image);
-    if (!(here * there < 0)) return false;
-    point[i] = start + here / (here - there) * (image - start);
+    const bool at_edge = i + 1 < sequence.order && std::abs(here) < edge_m;
+    if (!at_edge && !(here * there < 0)) return false;
+    point[i] = at_edge ? start : start + here / (here - there) * (image - start);
     if (!inside(rounded.bounds, point[i])) return false;
     start = point[i];
     image = plane.mirror(image);
@@ -136,21 +138,28 @@ bool EarlyCandidates::find_path(const AcousticScene& scene, std::size_t index, g
   for (int i = sequence.order - 1; i >= 0; --i) {
     const glm::dvec3 leg = point[i] - glm::dvec3(origin);
     const double leg_m = glm::length(leg);
-    if (!(leg_m > 0)) return false;
-    const Hit hit = scene.scene().rays().intersect(origin, glm::vec3(leg / leg_m));
-    if (!hit.valid()) return false;
-    const std::uint32_t met = scene.plane_of_triangle()[hit.triangle];
-    if (met != sequence.plane[i]) {
-      // At the edge of two planes of the sequence rounding decides which one the ray meets; the point is the same.
-      const bool other_side_of_edge = std::find(sequence.plane.begin(), sequence.plane.begin() + sequence.order, met) !=
-                                      sequence.plane.begin() + sequence.order;
-      if (!other_side_of_edge || std::fabs(hit.distance_m - leg_m) > 1e-5 * (leg_m + scene.diagonal_m())) return false;
+    std::uint32_t material;
+    if (i + 1 < sequence.order && leg_m < 1e-5 * scene.diagonal_m()) {
+      // The second plane of an edge: no leg to trace, only its side to keep to.
+      const MirrorPlane& plane = scene.planes()[sequence.plane[i]];
+      material = plane.material;
+      origin = offset_from_surface(origin, ExactPlane(plane).height(glm::dvec3(listener)) > 0 ? plane.normal : -plane.normal);
+    } else {
+      const Hit hit = scene.scene().rays().intersect(origin, glm::vec3(leg / leg_m));
+      if (!hit.valid()) return false;
+      const std::uint32_t met = scene.plane_of_triangle()[hit.triangle];
+      if (met != sequence.plane[i]) {
+        // At an edge rounding decides which of its planes the ray meets; the point is the same.
+        const auto planes = std::span(sequence.plane).first(static_cast<std::size_t>(sequence.order));
+        const bool other_plane_of_edge = std::find(planes.begin(), planes.end(), met) != planes.end();
+        if (!other_plane_of_edge || std::abs(hit.distance_m - leg_m) > 1e-5 * (leg_m + scene.diagonal_m())) return false;
+      }
+      material = scene.scene().mesh().triangle_material[hit.triangle];
+      origin = offset_from_surface(hit.position, hit.normal);
     }
-    const std::uint32_t material = scene.scene().mesh().triangle_material[hit.triangle];
     for (int band = 0; band < scene.num_bands(); ++band) {
       energy_share[band] *= double{scene.reflectance(material)[band]} * (1.0 - scene.scattering(material)[band]);
     }
-    origin = offset_from_surface(hit.position, hit.normal);
   }
   if (scene.scene().rays().occluded(origin, source_)) return false;
 
