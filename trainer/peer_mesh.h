@@ -1,0 +1,109 @@
+#pragma once
+
+#include <chrono>
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <mutex>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+#include <zmq.hpp>
+
+#include "trainer/collective.h"
+#include "trainer/wire.h"
+
+namespace earshot {
+
+/// Counts buffers that libzmq still reads.  Its I/O thread gives them back (TRAINER.md 4.2: touching one earlier gave wrong sums).
+class BuffersInFlight {
+ public:
+  void lend();
+  void give_back();
+  /// False if some are still out at the deadline.
+  bool wait_until_empty(std::chrono::steady_clock::time_point deadline);
+
+ private:
+  std::mutex mutex_;
+  std::condition_variable empty_;
+  int count_ = 0;
+};
+
+/// Sockets between the workers of one run, all used by the one thread that owns this object.  Two planes, so that a gradient never stands in front of a
+/// farewell: control, everybody to everybody, small; bulk, only to the right neighbour, in chunks that libzmq reads from the caller's memory.
+/// Each plane has one listening ROUTER per worker; the sender's routing id says who speaks, anybody else is counted and dropped.  Queues hold four
+/// messages.  A peer's death shows on the connection to it (at once when killed, after four heartbeats when its machine or process hangs).
+class PeerMesh {
+ public:
+  using Clock = std::chrono::steady_clock;
+  struct Frame {
+    int from = 0;
+    FrameHeader header;
+    zmq::message_t payload;
+    [[nodiscard]] std::span<const std::byte> bytes() const { return {payload.data<const std::byte>(), payload.size()}; }
+  };
+
+  /// Rendezvous and connections.  Throws InputError (config), RunError (somebody does not come or refuses).
+  explicit PeerMesh(const RingConfig& config);
+  /// Says farewell, as finished or, while an exception passes through, as failed.
+  ~PeerMesh();
+  PeerMesh(const PeerMesh&) = delete;
+  PeerMesh& operator=(const PeerMesh&) = delete;
+
+  [[nodiscard]] WorkerIdentity identity() const { return config_.identity; }
+  [[nodiscard]] int right() const { return (config_.identity.rank + 1) % config_.identity.world_size; }
+  [[nodiscard]] int left() const { return (config_.identity.rank + config_.identity.world_size - 1) % config_.identity.world_size; }
+
+  /// Opens collective call number `sequence`: sets its deadline.
+  void begin(std::uint64_t sequence);
+  /// False when the peer's queue is full; wait() then waits for room.  Control copies the payload; bulk lends it until finish_sends().
+  bool send_control(int peer, FrameHeader header, std::span<const std::byte> payload);
+  bool send_bulk(FrameHeader header, std::span<const std::byte> payload);
+  /// The next message of the open call, or none yet.  A peer may be one call ahead: its control messages are kept for that call.
+  std::optional<Frame> receive_control();
+  std::optional<Frame> receive_bulk();
+  struct Interest {
+    std::vector<int> control_room;   ///< peers whose control queue was full
+    bool bulk_room = false, bulk_data = false;
+    std::vector<int> awaited;        ///< peers without whose data the call cannot end
+  };
+  /// Blocks until something of interest may have changed.  Throws RunError: deadline, a dead peer, a peer that has left or stopped the run.
+  void wait(const Interest& interest);
+  /// Returns when libzmq reads none of the lent payloads any more.
+  void finish_sends();
+
+  /// Ends the mesh: tells the peers why, closes all sockets, takes back all lent payloads.  Later calls throw RunError with the same reason.
+  void abandon(const std::string& reason);
+  [[nodiscard]] std::uint64_t strangers() const { return strangers_; }
+
+ private:
+  struct Peer {
+    zmq::socket_t control, monitor;
+    std::optional<Clock::time_point> lost_at;                 ///< its connection broke
+    std::optional<std::uint64_t> finished_after;              ///< it said farewell after that many calls
+    std::deque<Frame> early;                                  ///< of the next call
+  };
+  void connect(int rank, const std::string& control_endpoint);
+  std::optional<Frame> receive_from(zmq::socket_t& socket);
+  void take_farewell(const Frame& frame);
+  void read_monitors();
+  void check_peers(const std::vector<int>& awaited) const;
+  void say_farewell(const std::string& reason);
+  void close_all();
+
+  RingConfig config_;
+  int exceptions_at_start_;
+  BuffersInFlight in_flight_;        // outlives the context: its I/O thread gives buffers back
+  zmq::context_t context_{1};
+  zmq::socket_t control_in_, bulk_in_, bulk_out_;
+  std::vector<Peer> peers_;          // by rank; the own place stays empty
+  std::map<std::string, int> rank_of_routing_id_;
+  std::vector<zmq_pollitem_t> poll_items_;
+  std::uint64_t run_key_ = 0, sequence_ = 0, strangers_ = 0;
+  Clock::time_point deadline_;
+  std::optional<std::string> abandoned_;
+};
+
+}  // namespace earshot

@@ -1,0 +1,108 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <msgpack.hpp>
+#include <span>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace earshot {
+
+/// A message that cannot be what it should be: too large, truncated, of another type or version.  Never leaves trainer/: what it means (a stranger,
+/// a peer of another build) is decided where the message came in.
+class WireError : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+inline constexpr std::uint16_t kWireVersion = 1;
+inline constexpr std::size_t kMaxControlBytes = 64 * 1024;       ///< of one control message
+inline constexpr std::size_t kChunkBytes = std::size_t{1} << 20;  ///< payload of one bulk message (TRAINER.md 4.3: 1 MiB was the fastest)
+
+/// A worker introduces itself to rank 0.
+struct Hello {
+  static constexpr std::size_t kFields = 6;
+  std::uint16_t version = kWireVersion;
+  std::string run_id;
+  std::int32_t rank = 0, world_size = 0;
+  std::string control_endpoint, bulk_endpoint;
+  MSGPACK_DEFINE(version, run_id, rank, world_size, control_endpoint, bulk_endpoint)  // append fields, never reorder
+};
+
+/// Rank 0's answer: the table of all endpoints by rank, or why the worker is refused.
+struct Welcome {
+  static constexpr std::size_t kFields = 5;
+  std::uint16_t version = kWireVersion;
+  std::string refusal;         ///< empty: accepted
+  std::uint64_t run_key = 0;   ///< fresh per start; makes this run's routing ids and frames its own
+  std::vector<std::string> control_endpoints, bulk_endpoints;
+  MSGPACK_DEFINE(version, refusal, run_key, control_endpoints, bulk_endpoints)
+};
+
+/// The last message of a worker to its peers.
+struct Farewell {
+  static constexpr std::size_t kFields = 2;
+  std::uint16_t version = kWireVersion;
+  std::string reason;          ///< empty: it has finished
+  MSGPACK_DEFINE(version, reason)
+};
+
+template <class T>
+std::string encode(const T& message) {
+  msgpack::sbuffer buffer;
+  msgpack::pack(buffer, message);
+  return {buffer.data(), buffer.size()};
+}
+
+/// One whole MessagePack array, nothing before or after it; every length inside is bounded by the message itself, so a forged length cannot
+/// make it allocate.  The version comes first and is checked before the rest is read.
+template <class T>
+T decode(std::string_view bytes, std::size_t max_bytes = kMaxControlBytes) {
+  if (bytes.size() > max_bytes) throw WireError("control message of " + std::to_string(bytes.size()) + " bytes");
+  try {
+    std::size_t offset = 0;
+    const std::size_t limit = bytes.size();
+    const msgpack::object_handle handle =
+        msgpack::unpack(bytes.data(), bytes.size(), offset, nullptr, nullptr, msgpack::unpack_limit(limit, limit, limit, limit, limit, 8));
+    if (offset != bytes.size()) throw WireError("bytes after the end of a control message");
+    const msgpack::object& object = handle.get();
+    if (object.type != msgpack::type::ARRAY || object.via.array.size == 0) throw WireError("control message is not a list");
+    const auto version = object.via.array.ptr[0].as<std::uint64_t>();
+    if (version != kWireVersion)
+      throw WireError("protocol version " + std::to_string(version) + ", this program speaks " + std::to_string(kWireVersion));
+    T message;
+    if (object.via.array.size < T::kFields) throw WireError("control message lacks fields");
+    object.convert(message);
+    return message;
+  } catch (const WireError&) {
+    throw;
+  } catch (const std::exception& error) {  // msgpack throws several unrelated types
+    throw WireError(std::string("malformed control message: ") + error.what());
+  }
+}
+
+/// What a data message belongs to.
+enum class Operation : std::uint8_t { all_reduce_float, all_reduce_double, broadcast, barrier, all_gather, farewell };
+const char* name_of(Operation operation);
+
+/// Header frame of every message between workers: 64 bytes, little-endian, followed by one payload frame.
+struct FrameHeader {
+  Operation operation = Operation::barrier;
+  std::uint8_t phase = 0;          ///< 0 data on the way (reduce-scatter), 1 results on the way (all-gather)
+  std::uint64_t run_key = 0;
+  std::uint64_t sequence = 0;      ///< number of the collective call
+  std::uint32_t step = 0, segment = 0;
+  std::uint64_t offset = 0;        ///< in bytes, from the start of the buffer
+  std::uint64_t length = 0;        ///< of the payload
+  std::uint64_t total = 0;         ///< of the whole buffer
+  friend bool operator==(const FrameHeader&, const FrameHeader&) = default;
+};
+inline constexpr std::size_t kHeaderBytes = 64;
+std::array<std::byte, kHeaderBytes> encode_header(const FrameHeader& header);
+/// Throws WireError: size, magic, version, unknown operation, lengths that cannot be.
+FrameHeader decode_header(std::span<const std::byte> bytes);
+
+}  // namespace earshot

@@ -1,0 +1,272 @@
+#include "trainer/zmq_ring.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstring>
+
+#include "sim/base/errors.h"
+#include "trainer/rendezvous.h"
+
+namespace earshot {
+namespace {
+
+constexpr std::size_t kSmallBytes = 64 * 1024;                    // below this, latency counts and not bandwidth (TRAINER.md 4.1)
+constexpr std::size_t kMaxGatherBytes = std::size_t{1} << 30;     // of one worker's share: bounds what a peer can make us allocate
+constexpr std::size_t kSegmentAlignment = 16;                     // elements; keeps segments on cache lines
+
+[[noreturn]] void mismatch(int peer, const FrameHeader& got, Operation operation, std::size_t total) {
+  throw RunError(fmt::format("worker {}", peer),
+                 fmt::format("calls {} with {} bytes where this worker calls {} with {} bytes; do all workers run the same program and config?",
+                             name_of(got.operation), got.total, name_of(operation), total));
+}
+
+/// buffer += message, element by element.  The message may lie at any address.
+template <class T>
+void add_to(std::span<T> buffer, std::span<const std::byte> message) {
+  for (std::size_t i = 0; i < buffer.size(); ++i) {
+    T value;
+    std::memcpy(&value, message.data() + i * sizeof(T), sizeof(T));
+    buffer[i] += value;
+  }
+}
+
+/// Where the ring cuts a buffer.  Step s of 2 (P - 1): send segment (rank - s), receive segment (rank - s - 1), both mod P.
+class RingSchedule {
+ public:
+  RingSchedule(std::size_t count, std::size_t element_bytes, WorkerIdentity identity)
+      : count_(count), element_bytes_(element_bytes), rank_(identity.rank), world_size_(identity.world_size) {}
+
+  struct Chunk {
+    std::uint32_t step = 0, segment = 0;
+    std::size_t first = 0, count = 0;   ///< elements
+  };
+  [[nodiscard]] std::uint32_t num_steps() const { return static_cast<std::uint32_t>(2 * (world_size_ - 1)); }
+  [[nodiscard]] bool reducing(std::uint32_t step) const { return step < static_cast<std::uint32_t>(world_size_ - 1); }
+  [[nodiscard]] std::uint32_t sent_segment(std::uint32_t step) const { return modulo(rank_ - static_cast<int>(step)); }
+  [[nodiscard]] std::uint32_t received_segment(std::uint32_t step) const { return modulo(rank_ - static_cast<int>(step) - 1); }
+  [[nodiscard]] std::size_t num_chunks(std::uint32_t segment) const {
+    const std::size_t size = start(segment + 1) - start(segment);
+    return (size + chunk_count() - 1) / chunk_count();
+  }
+  [[nodiscard]] Chunk chunk(std::uint32_t step, std::uint32_t segment, std::size_t index) const {
+    const std::size_t first = start(segment) + index * chunk_count();
+    return {step, segment, first, std::min(chunk_count(), start(segment + 1) - first)};
+  }
+
+ private:
+  [[nodiscard]] std::uint32_t modulo(int value) const { return static_cast<std::uint32_t>(((value % world_size_) + world_size_) % world_size_); }
+  [[nodiscard]] std::size_t chunk_count() const { return kChunkBytes / element_bytes_; }
+  [[nodiscard]] std::size_t start(std::uint32_t segment) const {
+    if (segment == static_cast<std::uint32_t>(world_size_)) return count_;
+    return count_ * segment / static_cast<std::size_t>(world_size_) / kSegmentAlignment * kSegmentAlignment;
+  }
+
+  std::size_t count_, element_bytes_;
+  int rank_, world_size_;
+};
+
+/// A position in the order of all chunks of one direction.
+struct Cursor {
+  std::uint32_t step = 0;
+  std::size_t chunk = 0;
+  void advance(std::size_t chunks_in_step) {
+    if (++chunk < chunks_in_step) return;
+    chunk = 0;
+    ++step;
+  }
+};
+
+}  // namespace
+
+ZmqRing::ZmqRing(const RingConfig& config) : mesh_(config) { barrier(); }
+
+/// Runs one call; any failure in it ends the run for all workers and takes the lent memory back before the caller sees the exception.
+template <class Body>
+void ZmqRing::collective_call(Body&& body) {
+  mesh_.begin(sequence_);
+  try {
+    body();
+    ++sequence_;
+  } catch (const RunError& error) {
+    mesh_.abandon(error.what());
+    throw;
+  } catch (const zmq::error_t& error) {
+    mesh_.abandon(error.what());
+    throw RunError("ZeroMQ", error.what());
+  } catch (...) {
+    mesh_.abandon("an error of its own");
+    throw;
+  }
+}
+
+/// Everybody's bytes to everybody in one hop.  sink(peer, header, bytes) takes each piece, in order per peer.
+template <class Sink>
+void ZmqRing::exchange(Operation operation, std::span<const std::byte> mine, Sink&& sink) {
+  const auto [rank, world_size] = mesh_.identity();
+  struct Progress {
+    std::size_t sent = 0, received = 0;
+    bool sent_all = false, received_all = false;
+  };
+  std::vector<Progress> progress(static_cast<std::size_t>(world_size));
+  progress[static_cast<std::size_t>(rank)] = {0, 0, true, true};
+  FrameHeader header;
+  header.operation = operation;
+  header.total = mine.size();
+
+  PeerMesh::Interest interest;
+  while (true) {
+    interest.control_room.clear();
+    for (int peer = 0; peer < world_size; ++peer) {
+      Progress& p = progress[static_cast<std::size_t>(peer)];
+      while (!p.sent_all) {   // an empty share is one empty message
+        header.offset = p.sent;
+        const std::size_t length = std::min(kChunkBytes, mine.size() - p.sent);
+        if (!mesh_.send_control(peer, header, mine.subspan(p.sent, length))) {
+          interest.control_room.push_back(peer);
+          break;
+        }
+        p.sent += length;
+        p.sent_all = p.sent == mine.size();
+      }
+    }
+    while (auto frame = mesh_.receive_control()) {
+      Progress& p = progress[static_cast<std::size_t>(frame->from)];
+      if (frame->header.operation != operation) mismatch(frame->from, frame->header, operation, mine.size());
+      if (frame->header.offset != p.received || p.received_all) throw RunError(fmt::format("worker {}", frame->from), "sends its share out of order");
+      sink(frame->from, frame->header, frame->bytes());
+      p.received += frame->payload.size();
+      p.received_all = p.received == frame->header.total;
+    }
+    interest.awaited.clear();
+    for (int peer = 0; peer < world_size; ++peer)
+      if (!progress[static_cast<std::size_t>(peer)].received_all || !progress[static_cast<std::size_t>(peer)].sent_all) interest.awaited.push_back(peer);
+    if (interest.awaited.empty()) return;
+    mesh_.wait(interest);
+  }
+}
+
+template <class T>
+void ZmqRing::all_reduce(Operation operation, std::span<T> buffer) {
+  collective_call([&] {
+    if (buffer.size_bytes() < kSmallBytes)
+      all_reduce_small(operation, buffer);
+    else
+      all_reduce_ring(operation, buffer);
+  });
+}
+
+template <class T>
+void ZmqRing::all_reduce_small(Operation operation, std::span<T> buffer) {
+  const auto [rank, world_size] = mesh_.identity();
+  const std::size_t bytes = buffer.size_bytes();
+  contributions_.resize(bytes * static_cast<std::size_t>(world_size));
+  const auto share = [&](int peer) { return std::span(contributions_).subspan(static_cast<std::size_t>(peer) * bytes, bytes); };
+  std::ranges::copy(std::as_bytes(buffer), share(rank).begin());
+  exchange(operation, share(rank), [&](int peer, const FrameHeader& header, std::span<const std::byte> piece) {
+    if (header.total != bytes) mismatch(peer, header, operation, bytes);
+    std::ranges::copy(piece, share(peer).begin() + static_cast<std::ptrdiff_t>(header.offset));
+  });
+  std::ranges::copy(share(0), std::as_writable_bytes(buffer).begin());
+  for (int peer = 1; peer < world_size; ++peer) add_to(buffer, share(peer));
+}
+
+template <class T>
+void ZmqRing::all_reduce_ring(Operation operation, std::span<T> buffer) {
+  const RingSchedule schedule(buffer.size(), sizeof(T), mesh_.identity());
+  Cursor sent, received;
+  PeerMesh::Interest interest;
+  interest.awaited = {mesh_.left()};
+  while (true) {
+    // Send what is ready: the first segment at once, then each chunk as soon as it has come in and been summed one step before.  A chunk that libzmq
+    // still reads is never written: its sum comes back only after the right neighbour has read our share.
+    interest.bulk_room = false;
+    while (sent.step < schedule.num_steps() && (sent.step == 0 || received.step >= sent.step || (received.step + 1 == sent.step && received.chunk > sent.chunk))) {
+      const auto chunk = schedule.chunk(sent.step, schedule.sent_segment(sent.step), sent.chunk);
+      FrameHeader header;
+      header.operation = operation;
+      header.phase = schedule.reducing(chunk.step) ? 0 : 1;
+      header.step = chunk.step;
+      header.segment = chunk.segment;
+      header.offset = chunk.first * sizeof(T);
+      header.total = buffer.size_bytes();
+      if (!mesh_.send_bulk(header, std::as_bytes(buffer.subspan(chunk.first, chunk.count)))) {
+        interest.bulk_room = true;
+        break;
+      }
+      sent.advance(schedule.num_chunks(chunk.segment));
+    }
+    bool progress = false;
+    if (received.step < schedule.num_steps()) {
+      if (const auto frame = mesh_.receive_bulk()) {
+        const auto chunk = schedule.chunk(received.step, schedule.received_segment(received.step), received.chunk);
+        const FrameHeader& header = frame->header;
+        if (header.operation != operation || header.total != buffer.size_bytes()) mismatch(frame->from, header, operation, buffer.size_bytes());
+        if (header.step != chunk.step || header.segment != chunk.segment || header.phase != (schedule.reducing(chunk.step) ? 0 : 1) ||
+            header.offset != chunk.first * sizeof(T) || header.length != chunk.count * sizeof(T))
+          throw RunError(fmt::format("worker {}", frame->from), "sends another part of the buffer than is due");
+        const std::span<T> target = buffer.subspan(chunk.first, chunk.count);
+        if (schedule.reducing(chunk.step))
+          add_to(target, frame->bytes());
+        else
+          std::memcpy(target.data(), frame->payload.data(), target.size_bytes());
+        received.advance(schedule.num_chunks(chunk.segment));
+        progress = true;
+      }
+    }
+    if (progress) continue;
+    while (const auto frame = mesh_.receive_control()) mismatch(frame->from, frame->header, operation, buffer.size_bytes());
+    interest.bulk_data = received.step < schedule.num_steps();
+    if (!interest.bulk_data && sent.step == schedule.num_steps()) break;
+    mesh_.wait(interest);
+  }
+  mesh_.finish_sends();
+}
+
+void ZmqRing::all_reduce_sum(std::span<float> buffer) { all_reduce(Operation::all_reduce_float, buffer); }
+void ZmqRing::all_reduce_sum(std::span<double> buffer) { all_reduce(Operation::all_reduce_double, buffer); }
+
+void ZmqRing::broadcast(std::span<std::byte> buffer) {
+  collective_call([&] {
+    const bool root = mesh_.identity().rank == 0;
+    // The others answer with nothing: so rank 0 is never more than one call ahead.
+    exchange(Operation::broadcast, root ? std::span<const std::byte>(buffer) : std::span<const std::byte>(),
+             [&](int peer, const FrameHeader& header, std::span<const std::byte> piece) {
+               if (header.total != (peer == 0 ? buffer.size() : 0)) mismatch(peer, header, Operation::broadcast, buffer.size());
+               std::ranges::copy(piece, buffer.begin() + static_cast<std::ptrdiff_t>(header.offset));
+             });
+  });
+}
+
+void ZmqRing::barrier() {
+  collective_call([&] {
+    exchange(Operation::barrier, {}, [&](int peer, const FrameHeader& header, std::span<const std::byte>) {
+      if (header.total != 0) mismatch(peer, header, Operation::barrier, 0);
+    });
+  });
+}
+
+std::vector<std::string> ZmqRing::all_gather(const std::string& bytes) {
+  std::vector<std::string> shares(static_cast<std::size_t>(mesh_.identity().world_size));
+  shares[static_cast<std::size_t>(mesh_.identity().rank)] = bytes;
+  collective_call([&] {
+    if (bytes.size() > kMaxGatherBytes) throw RunError("all_gather", fmt::format("{} bytes, {} at most", bytes.size(), kMaxGatherBytes));
+    exchange(Operation::all_gather, std::as_bytes(std::span(bytes)), [&](int peer, const FrameHeader& header, std::span<const std::byte> piece) {
+      if (header.total > kMaxGatherBytes) mismatch(peer, header, Operation::all_gather, bytes.size());
+      shares[static_cast<std::size_t>(peer)].append(reinterpret_cast<const char*>(piece.data()), piece.size());
+    });
+  });
+  return shares;
+}
+
+std::unique_ptr<Collective> make_zmq_ring(const RingConfig& config) {
+  validate(config);
+  if (config.identity.world_size == 1) return make_single_worker();
+  try {
+    return std::make_unique<ZmqRing>(config);
+  } catch (const zmq::error_t& error) {
+    throw RunError(fmt::format("rendezvous {}", config.rendezvous), error.what());
+  }
+}
+
+}  // namespace earshot
