@@ -109,6 +109,7 @@ void run_rir(const Options& options) {
   if (options.components) {
     const auto write_part = [&](const char* name, int least_order, int most_order, bool late) {
       EnergyResponse part;
+      part.speed_of_sound_m_per_s = response.speed_of_sound_m_per_s;
       for (const auto& arrival : response.arrivals)
         if (arrival.order >= least_order && arrival.order <= most_order) part.arrivals.push_back(arrival);
       part.late = late ? response.late : make_histogram(acoustics);

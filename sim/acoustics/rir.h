@@ -16,6 +16,7 @@ struct EnergyResponse {
   std::vector<Arrival> arrivals;  ///< direct and early, sorted by distance
   EnergyHistogram late;
   TraceStats stats;
+  float speed_of_sound_m_per_s = 0;  ///< turns distances of arrivals into times; > 0 once computed
 };
 
 /// Energy response of (scene, source, listener).  A pure function of its arguments and the config: the same pose gives the same bits
