@@ -22,12 +22,15 @@ struct Rir {
   }
 };
 
-/// What synthesis shares between agents: band filters, seeded flattened carriers (ORACLES 2.6), head filters.  Immutable.
+/// What synthesis shares between agents: band filters, seeded flattened carriers, head filters.  Immutable.
 class SynthesisTables;
 std::shared_ptr<const SynthesisTables> make_synthesis_tables(const AcousticConfig& config, const BandLayout& bands,
                                                             ChannelLayout layout, std::shared_ptr<const Hrtf> hrtf);
 
-/// Renders energy responses to pressure.  Owns scratch: one per thread.  No allocation per call once warm.
+/// Renders energy responses to pressure (ORACLES 2.6): arrivals as fractional-delay impulses through band gains and the head's filter of their
+/// direction; the late field as the square root of its energy on carriers, each bin split by its energy vector into a plane wave and a
+/// decorrelated diffuse part, decoded at first order.  A response whose bands hold equal energy e gives a flat spectrum and sum h^2 = e.
+/// Sample n is time n / rate.  Owns scratch: one per thread.  No allocation per call once warm; about 0.3 ms for 0.5 s binaural at 16 kHz.
 class RirSynthesizer {
  public:
   explicit RirSynthesizer(std::shared_ptr<const SynthesisTables> tables);
@@ -40,6 +43,11 @@ class RirSynthesizer {
 
  private:
   struct Scratch;
+  void add_late_mono(const EnergyHistogram& late, int offset, Rir& rir);
+  void add_late_field(const EnergyHistogram& late, int band, int offset);
+  void add_late_binaural(const EnergyHistogram& late, double heading_rad, int offset, Rir& rir);
+  void add_arrival(const Arrival& arrival, float speed_of_sound_m_per_s, double heading_rad, Rir& rir);
+
   std::shared_ptr<const SynthesisTables> tables_;
   std::unique_ptr<Scratch> scratch_;
 };
