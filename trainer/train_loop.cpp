@@ -14,6 +14,7 @@
 #include "sim/base/files.h"
 #include "trainer/actor.h"
 #include "trainer/checkpoint.h"
+#include "trainer/curve_svg.h"
 #include "trainer/event_log.h"
 #include "trainer/stage_times.h"
 
@@ -305,6 +306,8 @@ void Worker::save(bool last) {
   const std::filesystem::path folder = std::filesystem::path(config_.out) / "checkpoints";
   last_checkpoint_ = folder / (last ? std::string("last.ckpt") : fmt::format("update_{:06}.ckpt", update_));
   save_checkpoint(checkpoint, last_checkpoint_);
+  const std::filesystem::path out = config_.out;
+  write_file_atomically(out / "curve.svg", curve_svg(config_.name, read_event_log(out / "events.jsonl")));
 }
 
 bool Worker::finished(double elapsed_s) {
