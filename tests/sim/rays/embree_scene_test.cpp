@@ -1,0 +1,306 @@
+#include "sim/rays/embree_scene.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <glm/geometric.hpp>
+#include <numbers>
+#include <thread>
+#include <vector>
+
+#include "sim/base/random.h"
+
+namespace earshot {
+namespace {
+
+struct Soup {
+  std::vector<glm::vec3> vertices;
+  std::vector<glm::uvec3> triangles;
+};
+
+/// Six faces of n x n squares, closed, each face with vertices of its own (edges meet only by position).
+Soup tessellated_cube(unsigned n, float size_m, float offset_m) {
+  Soup soup;
+  for (int axis = 0; axis < 3; ++axis) {
+    for (const float side : {0.f, 1.f}) {
+      const auto first = static_cast<unsigned>(soup.vertices.size());
+      for (unsigned i = 0; i <= n; ++i) {
+        for (unsigned j = 0; j <= n; ++j) {
+          glm::vec3 v;
+          v[axis] = side * size_m + offset_m;
+          v[(axis + 1) % 3] = static_cast<float>(i) / static_cast<float>(n) * size_m + offset_m;
+          v[(axis + 2) % 3] = static_cast<float>(j) / static_cast<float>(n) * size_m + offset_m;
+          soup.vertices.push_back(v);
+        }
+      }
+      for (unsigned i = 0; i < n; ++i) {
+        for (unsigned j = 0; j < n; ++j) {
+          const unsigned a = first + i * (n + 1) + j, b = a + 1, c = a + n + 1, d = c + 1;
+          soup.triangles.emplace_back(a, b, d);
+          soup.triangles.emplace_back(a, d, c);
+        }
+      }
+    }
+  }
+  return soup;
+}
+
+/// Two triangles over the rectangle [lower, upper] of the plane y = height.
+void append_rectangle(Soup& soup, float x0, float z0, float x1, float z1, float height) {
+  const auto first = static_cast<unsigned>(soup.vertices.size());
+  soup.vertices.insert(soup.vertices.end(), {{x0, height, z0}, {x1, height, z0}, {x1, height, z1}, {x0, height, z1}});
+  soup.triangles.emplace_back(first, first + 1, first + 2);
+  soup.triangles.emplace_back(first, first + 2, first + 3);
+}
+
+EmbreeScene build(const Soup& soup) { return EmbreeScene(soup.vertices, soup.triangles); }
+
+glm::vec3 uniform_direction(std::array<float, 2> u) {
+  const float y = 1 - 2 * u[0], radius = std::sqrt(std::max(0.f, 1 - y * y)), angle = 2 * std::numbers::pi_v<float> * u[1];
+  return {radius * std::cos(angle), y, radius * std::sin(angle)};
+}
+
+glm::vec3 lambert_direction(glm::vec3 normal, std::array<float, 2> u) { return glm::normalize(normal + 0.99999f * uniform_direction(u)); }
+
+struct Leaks {
+  std::uint64_t escapes = 0, same_triangle = 0, same_face = 0;
+};
+
+Leaks bounce(const EmbreeScene& scene, glm::vec3 centre, unsigned triangles_per_face, std::uint32_t bounces) {
+  Leaks leaks;
+  glm::vec3 from = centre, direction(0.6f, 0.64f, 0.48f);
+  std::uint32_t last = Hit::no_triangle;
+  for (std::uint32_t i = 0; i < bounces; ++i) {
+    const Hit hit = scene.intersect(from, direction);
+    if (!hit.valid()) {
+      ++leaks.escapes;
+      from = centre;
+      last = Hit::no_triangle;
+      direction = uniform_direction(RandomStream(7, Purpose::test, i, 1).uniform2(0));
+      continue;
+    }
+    leaks.same_triangle += hit.triangle == last;
+    leaks.same_face += last != Hit::no_triangle && hit.triangle / triangles_per_face == last / triangles_per_face;
+    last = hit.triangle;
+    from = offset_from_surface(hit.position, hit.normal);
+    direction = lambert_direction(hit.normal, RandomStream(7, Purpose::test, i).uniform2(0));
+  }
+  return leaks;
+}
+
+// ORACLES.md H-7, H-17: at most 1e-5 escapes per bounce with watertight triangles, at any scale and far from the origin.
+TEST(EmbreeScene, ClosedCubeKeepsItsRays) {
+  constexpr unsigned n = 16;
+  constexpr std::uint32_t bounces = 1'000'000;
+  struct Case {
+    float size_m, offset_m;
+  };
+  for (const Case c : {Case{1, 0}, Case{1000, 0}, Case{1, 1000}, Case{0.1f, 0}}) {
+    const EmbreeScene scene = build(tessellated_cube(n, c.size_m, c.offset_m));
+    const Leaks leaks = bounce(scene, glm::vec3(c.offset_m + 0.4f * c.size_m), 2 * n * n, bounces);
+    EXPECT_LE(leaks.escapes, bounces / 100'000) << c.size_m << " m, offset " << c.offset_m << " m";
+    EXPECT_EQ(leaks.same_triangle, 0u) << c.size_m << " m, offset " << c.offset_m << " m";
+    EXPECT_EQ(leaks.same_face, 0u) << c.size_m << " m, offset " << c.offset_m << " m";
+  }
+}
+
+// Inside an axis-aligned box the distance is the smallest of three quotients.
+TEST(EmbreeScene, DistanceInABoxIsTheSlabDistance) {
+  constexpr float size_m = 4;
+  const EmbreeScene scene = build(tessellated_cube(5, size_m, 0));
+  for (std::uint32_t i = 0; i < 20'000; ++i) {
+    const RandomStream random(1, Purpose::test, i);
+    const auto u = random.uniform4(0);
+    const glm::vec3 origin = size_m * (0.02f + 0.96f * glm::vec3(u[0], u[1], u[2]));
+    const glm::vec3 direction = uniform_direction(random.uniform2(1));
+    double expected = 1e9;
+    int wall = 0;
+    for (int axis = 0; axis < 3; ++axis) {
+      const double d = direction[axis];
+      const double distance = d > 0 ? (size_m - origin[axis]) / d : d < 0 ? -origin[axis] / d : 1e9;
+      if (distance < expected) {
+        expected = distance;
+        wall = axis;
+      }
+    }
+    const Hit hit = scene.intersect(origin, direction);
+    ASSERT_TRUE(hit.valid());
+    // A few roundings of float coordinates of 4 m (2.4e-7 each), seen 1 / cos longer.
+    const double tolerance = 4e-6 / std::fabs(direction[wall]) + 1e-6;
+    EXPECT_NEAR(hit.distance_m, expected, tolerance);
+    EXPECT_LT(glm::length(hit.position - (origin + static_cast<float>(expected) * direction)), tolerance);
+    EXPECT_NEAR(glm::length(hit.normal), 1.f, 1e-6f);
+    EXPECT_LT(glm::dot(hit.normal, direction), 0.f) << "the normal looks back at the ray";
+  }
+}
+
+TEST(EmbreeScene, EightRaysAtOnceMatchSingleRays) {
+  const EmbreeScene scene = build(tessellated_cube(7, 3, 0));
+  for (std::uint32_t packet = 0; packet < 2000; ++packet) {
+    std::array<glm::vec3, 8> origins, directions;
+    std::array<float, 8> distances;
+    for (std::uint32_t lane = 0; lane < 8; ++lane) {
+      const RandomStream random(2, Purpose::test, packet, lane);
+      const auto u = random.uniform4(0);
+      origins[lane] = glm::vec3(u[0], u[1], u[2]) * 5.f - 1.f;  // some start outside and escape
+      directions[lane] = uniform_direction(random.uniform2(1));
+    }
+    scene.intersect8(origins, directions, distances);
+    for (std::size_t lane = 0; lane < 8; ++lane) {
+      const Hit hit = scene.intersect(origins[lane], directions[lane]);
+      // The two kernels round differently: a few units in the last place, 1 / cos longer at grazing rays.
+      if (hit.valid()) EXPECT_NEAR(distances[lane], hit.distance_m, 1e-5f * (1 + hit.distance_m) / std::max(1e-2f, std::fabs(glm::dot(hit.normal, directions[lane]))));
+      else EXPECT_EQ(distances[lane], std::numeric_limits<float>::infinity());
+    }
+  }
+}
+
+TEST(EmbreeScene, EmptySceneLetsEveryRayEscape) {
+  const EmbreeScene scene = build({});
+  EXPECT_EQ(scene.num_triangles(), 0u);
+  EXPECT_FALSE(scene.intersect({1, 2, 3}, {0, -1, 0}).valid());
+  EXPECT_FALSE(scene.occluded({0, 0, 0}, {100, 0, 0}));
+  std::array<glm::vec3, 8> origins{}, directions;
+  directions.fill({0, 0, -1});
+  std::array<float, 8> distances{};
+  scene.intersect8(origins, directions, distances);
+  for (const float distance : distances) EXPECT_EQ(distance, std::numeric_limits<float>::infinity());
+}
+
+// A segment is blocked by a rectangle exactly if it crosses the plane inside it; both directions agree bit for bit.
+TEST(EmbreeScene, OcclusionIsTrueAndSymmetric) {
+  Soup soup;
+  append_rectangle(soup, -1, -1, 1, 1, 0.5f);
+  const EmbreeScene scene = build(soup);
+  int blocked = 0;
+  for (std::uint32_t i = 0; i < 50'000; ++i) {
+    const RandomStream random(3, Purpose::test, i);
+    const auto u = random.uniform4(0), v = random.uniform4(1);
+    const glm::vec3 a(4 * u[0] - 2, 2 * u[1] - 0.5f, 4 * u[2] - 2), b(4 * v[0] - 2, 2 * v[1] - 0.5f, 4 * v[2] - 2);
+    const bool there = scene.occluded(a, b);
+    ASSERT_EQ(there, scene.occluded(b, a));
+    const double share = (0.5 - a.y) / (static_cast<double>(b.y) - a.y);
+    const double x = a.x + share * (static_cast<double>(b.x) - a.x), z = a.z + share * (static_cast<double>(b.z) - a.z);
+    const double inside = std::min(1 - std::fabs(x), 1 - std::fabs(z));
+    if (std::fabs(inside) < 1e-4 || share < 1e-4 || share > 1 - 1e-4) continue;  // the border is either
+    EXPECT_EQ(there, share > 0 && share < 1 && inside > 0) << i;
+    blocked += there;
+  }
+  EXPECT_GT(blocked, 1000);
+  EXPECT_FALSE(scene.occluded({0, 0.5f, 0}, {0, 0.5f, 0})) << "a segment without length";
+}
+
+TEST(EmbreeScene, SegmentsEndAtSurfacesWithoutSeeingThem) {
+  const EmbreeScene scene = build(tessellated_cube(8, 10, 0));
+  for (std::uint32_t i = 0; i < 20'000; ++i) {
+    const RandomStream random(4, Purpose::test, i);
+    const glm::vec3 centre(3, 4, 5);
+    const Hit hit = scene.intersect(centre, uniform_direction(random.uniform2(0)));
+    ASSERT_TRUE(hit.valid());
+    EXPECT_FALSE(scene.occluded(centre, offset_from_surface(hit.position, hit.normal)));
+    EXPECT_TRUE(scene.occluded(centre, hit.position - 0.01f * hit.normal));
+  }
+}
+
+// ORACLES.md H-6: coplanar overlapping triangles give the lowest id, whatever the direction of the ray.
+TEST(EmbreeScene, CoplanarTrianglesGiveTheLowestId) {
+  for (const float height : {0.f, 0.3f, 777.7f}) {
+    Soup soup;
+    append_rectangle(soup, -3, -2.5f, 3, 2.5f, height);     // triangles 0, 1
+    append_rectangle(soup, -2.9f, -2.7f, 3.1f, 2.6f, height);  // 2, 3: other diagonals and edges
+    append_rectangle(soup, -5, -5, 5, 5, height);            // 4, 5
+    // Enough others that the tree puts the coplanar ones into different leaves.
+    for (int i = 0; i < 400; ++i) append_rectangle(soup, -4, -4, -3.9f, -3.9f, height - 50.f - static_cast<float>(i));
+    const EmbreeScene scene = build(soup);
+    for (std::uint32_t i = 0; i < 20'000; ++i) {
+      const RandomStream random(5, Purpose::test, i);
+      const auto u = random.uniform4(0);
+      const float side = i % 2 ? 1.f : -1.f;
+      const glm::vec3 target(4 * u[0] - 2, height, 4 * u[1] - 2), origin(20 * u[2] - 10, height + side * (0.05f + 3 * u[3]), 1);
+      const Hit hit = scene.intersect(origin, glm::normalize(target - origin));
+      ASSERT_TRUE(hit.valid());
+      EXPECT_LE(hit.triangle, 1u) << "height " << height << ", ray " << i;
+    }
+  }
+}
+
+TEST(EmbreeScene, NearerParallelSurfaceWinsWhateverItsId) {
+  Soup soup;
+  append_rectangle(soup, -1, -1, 1, 1, 0);
+  append_rectangle(soup, -1, -1, 1, 1, 0.001f);  // a poster a millimetre in front of the wall
+  const EmbreeScene scene = build(soup);
+  EXPECT_GE(scene.intersect({0.1f, 3, 0.2f}, {0, -1, 0}).triangle, 2u);
+  EXPECT_LE(scene.intersect({0.1f, -3, 0.2f}, {0, 1, 0}).triangle, 1u);
+}
+
+TEST(EmbreeScene, HitsLieBeforeTheMaximumDistance) {
+  Soup soup;
+  append_rectangle(soup, -1, -1, 1, 1, 0);
+  const EmbreeScene scene = build(soup);
+  EXPECT_FALSE(scene.intersect({0.1f, 2, 0.2f}, {0, -1, 0}, 1.99f).valid());
+  const Hit hit = scene.intersect({0.1f, 2, 0.2f}, {0, -1, 0}, 2.01f);
+  ASSERT_TRUE(hit.valid());
+  EXPECT_FLOAT_EQ(hit.distance_m, 2);
+}
+
+// ORACLES.md H-1, H-2: neither a triangle without area nor a needle gives a normal that is not a number.
+TEST(EmbreeScene, DegenerateTrianglesGiveFiniteHits) {
+  Soup soup;
+  append_rectangle(soup, -1, -1, 1, 1, 0);
+  soup.vertices.insert(soup.vertices.end(), {{0, 0, 0}, {1, 0, 0}, {0.5f, 1e-7f, 0}, {0, 0, 0}});
+  soup.triangles.emplace_back(4, 5, 6);
+  soup.triangles.emplace_back(4, 7, 5);
+  soup.triangles.emplace_back(4, 4, 4);
+  const EmbreeScene scene = build(soup);
+  for (std::uint32_t i = 0; i < 20'000; ++i) {
+    const RandomStream random(6, Purpose::test, i);
+    const auto u = random.uniform4(0);
+    const glm::vec3 origin(u[0], u[1] - 0.5f, 2 * u[2] - 1), target(u[3], 0, 0);
+    const Hit hit = scene.intersect(origin, glm::normalize(target - origin));
+    if (!hit.valid()) continue;
+    EXPECT_TRUE(std::isfinite(hit.distance_m) && std::isfinite(hit.position.x + hit.position.y + hit.position.z));
+    EXPECT_NEAR(glm::length(hit.normal), 1, 1e-5f);
+  }
+}
+
+TEST(EmbreeScene, ThreadsSeeTheSameHits) {
+  const EmbreeScene scene = build(tessellated_cube(9, 2, 0));
+  const auto trace = [&] {
+    std::vector<float> distances;
+    for (std::uint32_t i = 0; i < 5000; ++i) {
+      distances.push_back(scene.intersect(glm::vec3(0.7f), uniform_direction(RandomStream(8, Purpose::test, i).uniform2(0))).distance_m);
+    }
+    return distances;
+  };
+  const std::vector<float> expected = trace();
+  std::array<std::vector<float>, 4> seen;
+  std::vector<std::thread> threads;
+  for (auto& result : seen) threads.emplace_back([&] { result = trace(); });
+  for (std::thread& thread : threads) thread.join();
+  for (const auto& result : seen) EXPECT_EQ(result, expected);
+}
+
+TEST(EmbreeScene, MovesAndOutlivesItsInput) {
+  EmbreeScene scene = build(tessellated_cube(2, 1, 0));
+  EmbreeScene moved = std::move(scene);
+  scene = build(tessellated_cube(2, 8, 0));
+  EXPECT_NEAR(moved.intersect(glm::vec3(0.5f), {1, 0, 0}).distance_m, 0.5f, 1e-6f);
+  EXPECT_NEAR(scene.intersect(glm::vec3(0.5f), {1, 0, 0}).distance_m, 7.5f, 1e-5f);
+}
+
+// Waechter and Binder: 1/65536 near the origin, else 256 units in the last place; always along the normal.
+TEST(OffsetFromSurface, MovesByTheScaleOfThePosition) {
+  EXPECT_FLOAT_EQ(offset_from_surface({0, 0, 0}, {0, 1, 0}).y, 1.f / 65536);
+  EXPECT_EQ(offset_from_surface({0, 0, 0}, {0, 1, 0}).x, 0);
+  for (const float position : {0.5f, 10.f, -10.f, 1e4f, -1e6f}) {
+    for (const float normal : {1.f, -1.f}) {
+      const float moved = offset_from_surface({position, 0, 0}, {normal, 0, 0}).x - position;
+      const float ulp = std::nextafter(std::fabs(position), 2e9f) - std::fabs(position);
+      EXPECT_GT(moved * normal, 0) << position;
+      EXPECT_NEAR(std::fabs(moved), 256 * ulp, 129 * ulp) << position << ": half below a power of two";
+    }
+  }
+}
+
+}  // namespace
+}  // namespace earshot
