@@ -5,7 +5,11 @@
 #include <cstdint>
 #include <string>
 
+#include "envs/action.h"
+#include "envs/action.h"
 #include "envs/observation.h"
+#include "policy/conv_encoder.h"
+#include "policy/masked_gru.h"
 #include "sim/base/config_reader.h"
 
 namespace earshot {
@@ -28,14 +32,17 @@ struct ObservationTensors {
 };
 
 struct PolicyOutput {
-  torch::Tensor logits;   ///< [N, 4] (or [T * B, 4])
+  torch::Tensor logits;   ///< [N, kNumActions] (or [T * B, kNumActions])
   torch::Tensor value;    ///< [N]
   torch::Tensor hidden;   ///< [B, hidden_size] after the last step
 };
 
-/// Recurrent actor-critic: visual CNN + audio CNN -> GRU -> categorical actor over four actions, scalar critic.
+/// Recurrent actor-critic: [point goal, audio CNN, visual CNN] -> GRU -> categorical actor over four actions, scalar critic.
+/// Initial weights are a function of PolicyConfig::seed: convolutions and encoders Kaiming-normal for ReLU, GRU orthogonal for each of its gates,
+/// actor orthogonal with gain 0.01 (all actions about equally likely at first), critic orthogonal with gain 1, biases 0.
 class ActorCriticImpl : public torch::nn::Module {
  public:
+  /// Throws InputError if no sensor is on or a picture is too small for the convolutions.
   ActorCriticImpl(const ObservationSpec& spec, const PolicyConfig& config);
 
   /// One step of N envs.  hidden [N, hidden_size]; not_done [N] float, 0 where a new episode begins (hidden is zeroed there).
@@ -50,12 +57,13 @@ class ActorCriticImpl : public torch::nn::Module {
   [[nodiscard]] std::string architecture() const;
 
  private:
-  torch::Tensor encode(const ObservationTensors& observations);
+  torch::Tensor encode(const ObservationTensors& observations);  // -> [N, features]
+  void initialize_weights();
 
   ObservationSpec spec_;
   PolicyConfig config_;
-  torch::nn::Sequential visual_{nullptr}, audio_{nullptr};
-  torch::nn::GRU rnn_{nullptr};
+  ConvEncoder visual_{nullptr}, audio_{nullptr};
+  MaskedGru rnn_{nullptr};
   torch::nn::Linear actor_{nullptr}, critic_{nullptr};
 };
 TORCH_MODULE(ActorCritic);
