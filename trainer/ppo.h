@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <span>
 
 #include "policy/actor_critic.h"
 #include "trainer/gae.h"
@@ -29,7 +30,10 @@ struct PpoLoss {
 };
 /// log_prob, old_log_prob, advantages, values, old_values, returns, entropy, valid: [N]; rows with valid == 0 do not count.
 /// policy = -mean min(r A, clip(r) A), r = exp(clamp(log_prob - old_log_prob, -20, 20)); value = 0.5 mean max((v - R)^2, (v_clipped - R)^2);
+/// v_clipped = old_value + clamp(v - old_value, -clip, clip); without clip_value_loss, value = 0.5 mean (v - R)^2.
 /// total = policy + value_coefficient value - entropy_coefficient mean entropy.  (Schulman et al. 2017, eqs. 7 and 9.)
+/// approx_kl = mean (r - 1 - log r) >= 0; clip_fraction = share of rows with |r - 1| > clip.
+/// Rows that do not count may hold anything, NaN included; with no row left all is 0, and so are the gradients.
 PpoLoss ppo_loss(const torch::Tensor& log_prob, const torch::Tensor& old_log_prob, const torch::Tensor& advantages, const torch::Tensor& values,
                  const torch::Tensor& old_values, const torch::Tensor& returns, const torch::Tensor& entropy, const torch::Tensor& valid,
                  double clip, const PpoConfig& config);
@@ -39,27 +43,42 @@ struct UpdateStats {
   double policy_loss = 0, value_loss = 0, entropy = 0, approx_kl = 0, clip_fraction = 0, gradient_norm = 0;
   double explained_variance = 0;  ///< NaN if the returns do not vary
   int skipped_steps = 0;          ///< optimizer steps left out because the averaged gradient was not finite
+  int non_finite_here = 0;        ///< of these, how often this worker's own gradient was the culprit
+  double max_ratio_error = 0;     ///< max |r - 1| before the first step: 0 up to rounding, or the recomputation differs from what acted
   double learn_s = 0, reduce_s = 0;
 };
 
 /// Averages a flat float buffer over all workers in place; the identity for one worker.
 using AverageGradients = std::function<void(std::span<float> buffer)>;
+/// Sums a few doubles over all workers in place; the identity for one worker.
+using SumStatistics = std::function<void(std::span<double> sums)>;
 
 /// PPO with Adam over all parameters of one policy.  The gradient of each minibatch is averaged over workers before clipping and stepping, so all
 /// workers keep equal weights.  A non-finite averaged gradient skips the step on every worker alike.
+///
+/// A minibatch is a share of the envs with their whole sequences; each env is in one minibatch per epoch.  The loss is the mean over the valid rows of
+/// a worker's minibatch, and each worker that has such rows weighs the same (TRAINER.md 3.5 a); a worker that has none joins the average with weight 0.
 class PpoLearner {
  public:
   PpoLearner(ActorCritic policy, const PpoConfig& config, std::uint64_t seed);
   /// progress: share of training done, [0, 1], for the decays.  update: its index, keys the minibatch permutation.
-  UpdateStats update(const RolloutBuffer& rollout, double progress, std::uint64_t update, const AverageGradients& average);
+  /// average is called epochs x minibatches times with the same size on every worker, whatever this worker's rollout holds.
+  /// sum is called once if normalize_advantages is on, which pools mean and variance over workers; RunError if it is missing then.
+  UpdateStats update(const RolloutBuffer& rollout, double progress, std::uint64_t update, const AverageGradients& average,
+                     const SumStatistics& sum = {});
   torch::optim::Adam& optimizer() { return optimizer_; }
 
  private:
+  struct Rollout;  // rows [0, num_steps) with advantages and returns
+  PpoLoss minibatch_loss(const Rollout& rollout, std::span<const std::int64_t> envs, double clip, double* max_ratio_error);
+  enum class StepOutcome { stepped, not_finite, no_rows };
+  StepOutcome clip_and_step(double& norm);  // of the averaged flat_gradient_; norm: before clipping
+
   ActorCritic policy_;
   PpoConfig config_;
   torch::optim::Adam optimizer_;
   std::uint64_t seed_;
-  std::vector<float> flat_gradient_;
+  torch::Tensor flat_gradient_;  // [parameters + 1]: the parameters' gradients are views into it; the last element is the worker's weight
 };
 
 }  // namespace earshot

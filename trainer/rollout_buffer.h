@@ -17,7 +17,7 @@ class RolloutBuffer {
 
   /// hidden [B, hidden_size] before the first step of this rollout.
   void begin(const torch::Tensor& hidden);
-  /// What the policy saw and did at step t.  not_done [B]: 0 where this observation is the first of an episode.
+  /// What the policy saw and did at step t; everything is copied.  actions [B] int64.  not_done [B]: 0 where this observation is the first of an episode.
   void push(const ObservationTensors& observations, const torch::Tensor& not_done, const torch::Tensor& actions, const torch::Tensor& log_prob,
             const torch::Tensor& value);
   /// What came of it.  final_value [B]: V(final observation) where truncated, else 0.  valid [B]: 0 for idle envs.

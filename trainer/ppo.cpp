@@ -1,0 +1,255 @@
+#include "trainer/ppo.h"
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <utility>
+#include <vector>
+
+#include "policy/action_distribution.h"
+#include "sim/base/errors.h"
+#include "sim/base/random.h"
+
+namespace earshot {
+namespace {
+
+double seconds_since(std::chrono::steady_clock::time_point start) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+/// Fisher and Yates 1938: a permutation of the envs as a function of (seed, update, epoch).
+std::vector<std::int64_t> permutation(int count, std::uint64_t seed, std::uint64_t update, int epoch) {
+  std::vector<std::int64_t> order(static_cast<std::size_t>(count));
+  std::iota(order.begin(), order.end(), std::int64_t{0});
+  const RandomStream random(seed, Purpose::minibatch, static_cast<std::uint32_t>(update), static_cast<std::uint32_t>(update >> 32),
+                            static_cast<std::uint32_t>(epoch));
+  for (std::size_t left = order.size(); left > 1; --left)
+    std::swap(order[left - 1], order[random.below(static_cast<std::uint32_t>(left), static_cast<std::uint32_t>(left))]);
+  return order;
+}
+
+torch::Tensor index_of(std::span<const std::int64_t> envs) {
+  return torch::tensor(torch::ArrayRef<std::int64_t>(envs.data(), envs.size()));
+}
+
+/// In float64: the square of a float cannot overflow it, so the sum is finite if and only if every element is.  Eight partial sums in a fixed order,
+/// so that the compiler may use vector registers.
+double sum_of_squares(std::span<const float> values) {
+  std::array<double, 8> lanes{};
+  std::size_t i = 0;
+  for (; i + lanes.size() <= values.size(); i += lanes.size())
+    for (std::size_t lane = 0; lane < lanes.size(); ++lane) {
+      const double value = values[i + lane];
+      lanes[lane] += value * value;
+    }
+  for (; i < values.size(); ++i) lanes[0] += static_cast<double>(values[i]) * static_cast<double>(values[i]);
+  return std::accumulate(lanes.begin(), lanes.end(), 0.0);
+}
+
+/// 1 - Var[R - V] / Var[R].
+double explained_variance(const torch::Tensor& values, const torch::Tensor& returns, const torch::Tensor& valid) {
+  const torch::Tensor v = values.masked_select(valid).to(torch::kFloat64), r = returns.masked_select(valid).to(torch::kFloat64);
+  if (r.numel() < 2) return std::numeric_limits<double>::quiet_NaN();
+  const double variance = r.var(false).item<double>();
+  return variance > 0 ? 1 - (r - v).var(false).item<double>() / variance : std::numeric_limits<double>::quiet_NaN();
+}
+
+/// (A - mean) / (std + 1e-7) with mean and variance over the valid rows of all workers.  Constant advantages become 0.
+torch::Tensor normalized(const torch::Tensor& advantages, const torch::Tensor& valid, const SumStatistics& sum) {
+  if (!sum) throw RunError("ppo.normalize_advantages", "needs the sum over workers, and the caller gave none");
+  const torch::Tensor rows = advantages.masked_select(valid).to(torch::kFloat64);
+  std::array<double, 3> sums{static_cast<double>(rows.numel()), rows.sum().item<double>(), rows.square().sum().item<double>()};
+  sum(sums);
+  if (sums[0] < 1) return advantages;
+  const double mean = sums[1] / sums[0];
+  const double variance = std::max(0.0, sums[2] / sums[0] - mean * mean);
+  return (advantages - mean) / (std::sqrt(variance) + 1e-7);
+}
+
+}  // namespace
+
+void read(ConfigReader& reader, PpoConfig& config) {
+  reader.read("clip", config.clip);
+  reader.read("value_coefficient", config.value_coefficient);
+  reader.read("entropy_coefficient", config.entropy_coefficient);
+  reader.read("learning_rate", config.learning_rate);
+  reader.read("adam_epsilon", config.adam_epsilon);
+  reader.read("max_gradient_norm", config.max_gradient_norm);
+  reader.read("epochs", config.epochs);
+  reader.read("minibatches", config.minibatches);
+  reader.read("clip_value_loss", config.clip_value_loss);
+  reader.read("normalize_advantages", config.normalize_advantages);
+  reader.read("linear_learning_rate_decay", config.linear_learning_rate_decay);
+  reader.read("linear_clip_decay", config.linear_clip_decay);
+  reader.read("gamma", config.gae.gamma);
+  reader.read("lambda", config.gae.lambda);
+}
+
+void validate(const PpoConfig& config) {
+  const auto positive = [](const char* key, double value, const char* why) { require(value > 0 && std::isfinite(value), key, value, why); };
+  const auto not_negative = [](const char* key, double value, const char* why) { require(value >= 0 && std::isfinite(value), key, value, why); };
+  require(config.clip > 0 && config.clip < 1, "ppo.clip", config.clip, "must be between 0 and 1: the probability ratio stays in 1 - clip ... 1 + clip");
+  not_negative("ppo.value_coefficient", config.value_coefficient, "must not be negative: the value loss would grow");
+  not_negative("ppo.entropy_coefficient", config.entropy_coefficient, "must not be negative: it rewards exploration");
+  positive("ppo.learning_rate", config.learning_rate, "must be positive: it is the step of Adam");
+  positive("ppo.adam_epsilon", config.adam_epsilon, "must be positive: it keeps Adam from dividing by zero");
+  positive("ppo.max_gradient_norm", config.max_gradient_norm, "must be positive: longer gradients are scaled down to it");
+  require(config.epochs > 0, "ppo.epochs", config.epochs, "must be positive: passes over each rollout");
+  require(config.minibatches > 0, "ppo.minibatches", config.minibatches, "must be positive: they share the environments of a worker");
+  require(config.gae.gamma >= 0 && config.gae.gamma <= 1, "ppo.gamma", config.gae.gamma, "must be in [0, 1]: it discounts rewards per step");
+  require(config.gae.lambda >= 0 && config.gae.lambda <= 1, "ppo.lambda", config.gae.lambda, "must be in [0, 1]: it discounts advantages per step");
+}
+
+PpoLoss ppo_loss(const torch::Tensor& log_prob, const torch::Tensor& old_log_prob, const torch::Tensor& advantages, const torch::Tensor& values,
+                 const torch::Tensor& old_values, const torch::Tensor& returns, const torch::Tensor& entropy, const torch::Tensor& valid,
+                 double clip, const PpoConfig& config) {
+  // Selected before any arithmetic: multiplying by a mask afterwards would let NaN through, in the loss or in the gradient.
+  const torch::Tensor counts = valid.to(torch::kBool);
+  const auto select = [&](const torch::Tensor& rows) { return rows.masked_select(counts); };
+  const double share = 1.0 / static_cast<double>(std::max<std::int64_t>(1, counts.sum().item<std::int64_t>()));
+  const auto mean = [&](const torch::Tensor& rows) { return rows.sum() * share; };
+
+  // exp(89) is infinite in float32, and infinity times an advantage of 0 is NaN.
+  const torch::Tensor log_ratio = (select(log_prob) - select(old_log_prob)).clamp(-20, 20);
+  const torch::Tensor ratio = log_ratio.exp();
+  const torch::Tensor advantage = select(advantages);
+  const torch::Tensor policy = -mean(torch::min(ratio * advantage, ratio.clamp(1 - clip, 1 + clip) * advantage));
+
+  const torch::Tensor value = select(values), old_value = select(old_values), target = select(returns);
+  torch::Tensor squared_error = (value - target).square();
+  if (config.clip_value_loss) squared_error = torch::max(squared_error, (old_value + (value - old_value).clamp(-clip, clip) - target).square());
+  const torch::Tensor value_loss = 0.5 * mean(squared_error);
+
+  const torch::Tensor mean_entropy = mean(select(entropy));
+  return {.total = policy + config.value_coefficient * value_loss - config.entropy_coefficient * mean_entropy,
+          .policy = policy,
+          .value = value_loss,
+          .entropy = mean_entropy,
+          .approx_kl = mean(ratio - 1 - log_ratio).detach(),
+          .clip_fraction = mean(((ratio - 1).abs() > clip).to(log_prob.scalar_type())).detach()};
+}
+
+struct PpoLearner::Rollout {
+  ObservationTensors observations;                                     // [T, B, ...]
+  torch::Tensor hidden;                                                // [B, hidden_size]
+  torch::Tensor not_done, actions, log_prob, values, advantages, returns, valid;  // [T, B]
+
+  Rollout(const RolloutBuffer& buffer, const GaeConfig& config) {
+    const auto rows = [&](const torch::Tensor& slab) { return slab.defined() ? slab.slice(0, 0, buffer.num_steps()) : torch::Tensor(); };
+    observations = {rows(buffer.observations.depth), rows(buffer.observations.spectrogram), rows(buffer.observations.pointgoal)};
+    hidden = buffer.hidden;
+    not_done = rows(buffer.not_done);
+    actions = rows(buffer.actions);
+    log_prob = rows(buffer.log_prob);
+    values = rows(buffer.values);
+    valid = rows(buffer.valid).to(torch::kBool);
+    advantages = gae(rows(buffer.rewards), values, rows(buffer.terminated), rows(buffer.truncated), rows(buffer.final_values), buffer.next_value, config);
+    returns = advantages + values;
+  }
+};
+
+PpoLearner::PpoLearner(ActorCritic policy, const PpoConfig& config, std::uint64_t seed)
+    : policy_(std::move(policy)),
+      config_(config),
+      optimizer_(policy_->parameters(), torch::optim::AdamOptions(config.learning_rate).eps(config.adam_epsilon)),
+      seed_(seed),
+      flat_gradient_(torch::zeros({policy_->num_parameters() + 1})) {
+  std::int64_t first = 0;
+  for (torch::Tensor& parameter : policy_->parameters()) {
+    parameter.mutable_grad() = flat_gradient_.narrow(0, first, parameter.numel()).view(parameter.sizes());
+    first += parameter.numel();
+  }
+}
+
+PpoLoss PpoLearner::minibatch_loss(const Rollout& rollout, std::span<const std::int64_t> envs, double clip, double* max_ratio_error) {
+  const torch::Tensor index = index_of(envs);
+  const auto rows = [&](const torch::Tensor& slab) {  // [T, B, ...] -> [T * envs, ...]
+    return slab.defined() ? slab.index_select(1, index).flatten(0, 1) : torch::Tensor();
+  };
+  const PolicyOutput output = policy_->sequence(
+      {rows(rollout.observations.depth), rows(rollout.observations.spectrogram), rows(rollout.observations.pointgoal)},
+      rollout.hidden.index_select(0, index), rollout.not_done.index_select(1, index));
+  const torch::Tensor log_prob = log_probabilities(output.logits, rows(rollout.actions));
+  const torch::Tensor old_log_prob = rows(rollout.log_prob), valid = rows(rollout.valid);
+  if (max_ratio_error && valid.any().item<bool>())
+    *max_ratio_error = ((log_prob - old_log_prob).detach().masked_select(valid).exp() - 1).abs().max().item<double>();
+  return ppo_loss(log_prob, old_log_prob, rows(rollout.advantages), output.value, rows(rollout.values), rows(rollout.returns), entropy(output.logits),
+                  valid, clip, config_);
+}
+
+UpdateStats PpoLearner::update(const RolloutBuffer& buffer, double progress, std::uint64_t update, const AverageGradients& average,
+                               const SumStatistics& sum) {
+  const auto start = std::chrono::steady_clock::now();
+  UpdateStats stats;
+  const double left = std::clamp(1.0 - progress, 0.0, 1.0);
+  const double clip = config_.clip * (config_.linear_clip_decay ? left : 1.0);
+  for (auto& group : optimizer_.param_groups())
+    static_cast<torch::optim::AdamOptions&>(group.options()).lr(config_.learning_rate * (config_.linear_learning_rate_decay ? left : 1.0));
+
+  Rollout rollout(buffer, config_.gae);
+  stats.explained_variance = explained_variance(rollout.values, rollout.returns, rollout.valid);
+  if (config_.normalize_advantages) rollout.advantages = normalized(rollout.advantages, rollout.valid, sum);
+
+  const std::size_t num_envs = static_cast<std::size_t>(buffer.num_envs()), minibatches = static_cast<std::size_t>(config_.minibatches);
+  const std::span<float> gradient(flat_gradient_.data_ptr<float>(), static_cast<std::size_t>(flat_gradient_.numel()));
+  int counted = 0, stepped = 0;
+  for (int epoch = 0; epoch < config_.epochs; ++epoch) {
+    const std::vector<std::int64_t> order = permutation(buffer.num_envs(), seed_, update, epoch);
+    for (std::size_t minibatch = 0; minibatch < minibatches; ++minibatch) {
+      const std::size_t first = minibatch * num_envs / minibatches, end = (minibatch + 1) * num_envs / minibatches;
+      const auto envs = std::span(order).subspan(first, end - first);
+      const bool has_rows = !envs.empty() && rollout.valid.index_select(1, index_of(envs)).any().item<bool>();
+
+      flat_gradient_.zero_();
+      gradient.back() = has_rows ? 1.f : 0.f;
+      if (has_rows) {
+        const bool first_of_all = epoch == 0 && minibatch == 0;
+        const PpoLoss loss = minibatch_loss(rollout, envs, clip, first_of_all ? &stats.max_ratio_error : nullptr);
+        // The policy of the rollout is the policy of now: what differs would be a wrong mask, hidden state or observation (TRAINER.md 2.3, oracle 6).
+        EARSHOT_EXPECT(!(stats.max_ratio_error > 1e-4));
+        loss.total.backward();
+        stats.policy_loss += loss.policy.item<double>();
+        stats.value_loss += loss.value.item<double>();
+        stats.entropy += loss.entropy.item<double>();
+        stats.approx_kl += loss.approx_kl.item<double>();
+        stats.clip_fraction += loss.clip_fraction.item<double>();
+        ++counted;
+      }
+      const bool finite_here = std::isfinite(sum_of_squares(gradient));
+
+      const auto reduce_start = std::chrono::steady_clock::now();
+      average(gradient);
+      stats.reduce_s += seconds_since(reduce_start);
+
+      double norm = 0;
+      switch (clip_and_step(norm)) {
+        case StepOutcome::stepped: stats.gradient_norm += norm; ++stepped; break;
+        case StepOutcome::not_finite: ++stats.skipped_steps; stats.non_finite_here += finite_here ? 0 : 1; break;
+        case StepOutcome::no_rows: break;
+      }
+    }
+  }
+  for (double* mean : {&stats.policy_loss, &stats.value_loss, &stats.entropy, &stats.approx_kl, &stats.clip_fraction}) *mean /= std::max(1, counted);
+  stats.gradient_norm /= std::max(1, stepped);
+  stats.learn_s = seconds_since(start) - stats.reduce_s;
+  return stats;
+}
+
+PpoLearner::StepOutcome PpoLearner::clip_and_step(double& norm) {
+  const std::size_t count = static_cast<std::size_t>(flat_gradient_.numel()) - 1;
+  const std::span<float> gradient(flat_gradient_.data_ptr<float>(), count);
+  // What was averaged is weight times gradient, and the weight beside it: their quotient is the mean over the workers that had rows.
+  const double weight = flat_gradient_.data_ptr<float>()[count];
+  norm = std::sqrt(sum_of_squares(gradient)) / weight;
+  if (weight == 0) return StepOutcome::no_rows;  // Adam would still move along its moments
+  if (!std::isfinite(weight) || !std::isfinite(norm)) return StepOutcome::not_finite;
+  const double coefficient = std::min(1.0, config_.max_gradient_norm / (norm + 1e-6)) / weight;
+  for (float& element : gradient) element = static_cast<float>(element * coefficient);
+  optimizer_.step();
+  return StepOutcome::stepped;
+}
+
+}  // namespace earshot

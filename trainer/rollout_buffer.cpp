@@ -1,0 +1,68 @@
+#include "trainer/rollout_buffer.h"
+
+#include <algorithm>
+
+#include "sim/base/errors.h"
+
+namespace earshot {
+namespace {
+
+torch::Tensor flags(std::span<const std::uint8_t> bytes) {
+  torch::Tensor tensor = torch::empty({static_cast<std::int64_t>(bytes.size())}, torch::kFloat32);
+  float* row = tensor.data_ptr<float>();
+  for (std::size_t i = 0; i < bytes.size(); ++i) row[i] = bytes[i] ? 1.f : 0.f;
+  return tensor;
+}
+
+}  // namespace
+
+RolloutBuffer::RolloutBuffer(const ObservationSpec& spec, int max_steps, int num_envs, int hidden_size) : num_envs_(num_envs) {
+  EARSHOT_EXPECT(max_steps > 0 && num_envs > 0 && hidden_size > 0);
+  const std::int64_t T = max_steps, B = num_envs;
+  if (spec.depth) observations.depth = torch::zeros({T, B, spec.camera.height_px, spec.camera.width_px, 1});
+  if (spec.spectrogram) observations.spectrogram = torch::zeros({T, B, spec.sound.rows(), spec.sound.columns(), 2});
+  if (spec.pointgoal) observations.pointgoal = torch::zeros({T, B, 2});
+  hidden = torch::zeros({B, hidden_size});
+  for (torch::Tensor* slab : {&not_done, &log_prob, &values, &rewards, &terminated, &truncated, &final_values, &valid}) *slab = torch::zeros({T, B});
+  actions = torch::zeros({T, B}, torch::kInt64);
+  next_value = torch::zeros({B});
+}
+
+void RolloutBuffer::begin(const torch::Tensor& state) {
+  hidden.copy_(state.detach());
+  steps_ = 0;
+}
+
+void RolloutBuffer::push(const ObservationTensors& seen, const torch::Tensor& continues, const torch::Tensor& chosen, const torch::Tensor& chosen_log_prob,
+                         const torch::Tensor& value) {
+  EARSHOT_EXPECT(steps_ < rewards.size(0));
+  const torch::NoGradGuard no_gradient;
+  if (observations.depth.defined()) observations.depth[steps_].copy_(seen.depth);
+  if (observations.spectrogram.defined()) observations.spectrogram[steps_].copy_(seen.spectrogram);
+  if (observations.pointgoal.defined()) observations.pointgoal[steps_].copy_(seen.pointgoal);
+  not_done[steps_].copy_(continues);
+  actions[steps_].copy_(chosen);
+  log_prob[steps_].copy_(chosen_log_prob);
+  values[steps_].copy_(value);
+}
+
+void RolloutBuffer::push_outcome(std::span<const float> reward, std::span<const std::uint8_t> ended, std::span<const std::uint8_t> timed_out,
+                                 const torch::Tensor& final_value, std::span<const std::uint8_t> counts) {
+  EARSHOT_EXPECT(steps_ < rewards.size(0) && std::ssize(reward) == num_envs_ && std::ssize(ended) == num_envs_);
+  EARSHOT_EXPECT(std::ssize(timed_out) == num_envs_ && std::ssize(counts) == num_envs_);
+  const torch::NoGradGuard no_gradient;
+  std::copy(reward.begin(), reward.end(), rewards[steps_].data_ptr<float>());
+  terminated[steps_].copy_(flags(ended));
+  truncated[steps_].copy_(flags(timed_out));
+  final_values[steps_].copy_(final_value);
+  valid[steps_].copy_(flags(counts));
+  ++steps_;
+}
+
+void RolloutBuffer::finish(const torch::Tensor& value) {
+  EARSHOT_EXPECT(steps_ > 0);
+  const torch::NoGradGuard no_gradient;
+  next_value.copy_(value);
+}
+
+}  // namespace earshot
