@@ -45,6 +45,7 @@ void AgentHearing::begin(const EnvSource& source, const SoundClip& clip, std::ui
   clip_ = &clip;
   position_ = {.sample = 0, .clip_offset = clip_offset, .already_playing = true};
   has_response_ = response_is_new_ = has_rir_ = fades_ = false;
+  response_.arrivals.reserve(source.candidates.size() + 1);  // direct sound and every image: no step allocates
   // The carrier noise belongs to the source, not to the episode: walking past a source twice gives the same sound twice.
   const std::uint64_t scene_hash = source.scene->scene->hash();
   const glm::vec3 position = source.candidates.source();

@@ -8,9 +8,9 @@
 namespace earshot {
 namespace {
 
-// The greedy agent's numbers.  Levels are of the sound at the ears, per unit of EnvConfig::sound_gain: a synthetic sound has an RMS near
-// 0.1, so its direct sound alone gives -42 dB at 1 m (1 / (4 pi) of it) and twice that at 0.5 m.
-constexpr double kStopLevel_db = -37;
+// The greedy agent's numbers.  Levels are of the sound at the ears, per unit of EnvConfig::sound_gain: most synthetic sounds have an RMS
+// near -19 dB, so their direct sound alone gives -41 dB at 1 m (1 / (4 pi) of it) and -35 dB at 0.5 m.
+constexpr double kStopLevel_db = -38;
 constexpr double kTurnDifference_db = 1.5;
 constexpr double kSilence_db = -110;
 constexpr float kNear_m = 0.35f;
@@ -21,19 +21,18 @@ std::int32_t as_int(Action action) { return static_cast<std::int32_t>(action); }
 
 double decibels(double power) { return 10.0 * std::log10(std::max(power, 1e-30)); }
 
-/// Levels of the last two steps at the left and the right ear.
+/// Mean level at the left and the right ear over the last `count` samples.
 struct EarLevels {
   double left_db, right_db;
 };
 
-EarLevels ear_levels(const BatchedEnv& env, std::size_t row) {
-  const std::size_t envs = static_cast<std::size_t>(env.num_envs());
-  const std::size_t samples = env.heard().size() / (2 * envs), block = env.audiogoal().size() / (2 * envs);
-  const std::size_t count = std::min(samples, 2 * block);
+EarLevels ear_levels(const BatchedEnv& env, std::size_t row, std::size_t count) {
+  const std::size_t samples = env.heard().size() / (2 * static_cast<std::size_t>(env.num_envs()));
   const double gain = static_cast<double>(env.config().sound_gain);
   const auto level_db = [&](std::size_t ear) {
     double energy = 0;
-    for (const float x : env.heard().subspan((2 * row + ear + 1) * samples - count, count)) energy += static_cast<double>(x) * x;
+    for (const float x : env.heard().subspan((2 * row + ear + 1) * samples - count, count))
+      energy += static_cast<double>(x) * static_cast<double>(x);
     return decibels(energy / static_cast<double>(count) / (gain * gain));
   };
   return {level_db(0), level_db(1)};
@@ -60,9 +59,15 @@ Clearance clearance(const BatchedEnv& env, std::size_t row) {
 
 Action greedy_action(const BatchedEnv& env, std::size_t row, const RandomStream& whim) {
   const bool hears = !env.heard().empty(), sees = !env.depth().empty();
-  const EarLevels ears = hears ? ear_levels(env, row) : EarLevels{kSilence_db, kSilence_db};
-  const double louder_db = std::max(ears.left_db, ears.right_db);
-  if (hears && louder_db > kStopLevel_db) return Action::stop;
+  EarLevels now{kSilence_db, kSilence_db};
+  if (hears) {
+    const std::size_t num_rows = 2 * static_cast<std::size_t>(env.num_envs());
+    const std::size_t window = env.heard().size() / num_rows, two_steps = std::min(window, 2 * env.audiogoal().size() / num_rows);
+    // Sounds pause: the level is that of the whole second.  The side is that of the newest sound, heard since the last turns.
+    const EarLevels second = ear_levels(env, row, window);
+    if (std::max(second.left_db, second.right_db) > kStopLevel_db) return Action::stop;
+    now = ear_levels(env, row, two_steps);
+  }
   // Blocked: along the freer side, or any side if that has not helped for a while.
   const bool blocked = env.collided()[row] || (sees && clearance(env, row).ahead_m < kNear_m);
   if (blocked) {
@@ -70,8 +75,9 @@ Action greedy_action(const BatchedEnv& env, std::size_t row, const RandomStream&
     const Clearance clear = clearance(env, row);
     return clear.left_m > clear.right_m ? Action::left : Action::right;
   }
-  const double difference_db = ears.left_db - ears.right_db;
-  if (louder_db > kSilence_db && std::abs(difference_db) > kTurnDifference_db) return difference_db > 0 ? Action::left : Action::right;
+  const double difference_db = now.left_db - now.right_db;
+  if (std::max(now.left_db, now.right_db) > kSilence_db && std::abs(difference_db) > kTurnDifference_db)
+    return difference_db > 0 ? Action::left : Action::right;
   return Action::forward;
 }
 

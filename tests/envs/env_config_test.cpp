@@ -1,6 +1,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
+#include <filesystem>
 #include <functional>
 #include <limits>
 
@@ -105,6 +107,22 @@ TEST(EnvConfig, ValuesOutOfRangeAreRefused) {
 TEST(SoundLibrary, NamesAreResolvedUnderTheRootFirst) {
   EXPECT_EQ(resolve_sound("synth:alarm:2", "/somewhere"), "synth:alarm:2");
   EXPECT_EQ(resolve_sound("nowhere/none.wav", "/somewhere"), "nowhere/none.wav");
+
+  const auto root = std::filesystem::temp_directory_path() / ("earshot_sounds_" + std::to_string(::getpid()));
+  std::filesystem::create_directories(root);
+  const std::vector<float> samples = {0.f, 0.25f, -0.5f, 0.125f};
+  write_wav(root / "my_ring.wav", samples, 1, 16000);
+  EXPECT_EQ(resolve_sound("my_ring", root.string()), (root / "my_ring.wav").string());
+  EXPECT_EQ(resolve_sound("my_ring.wav", root.string()), (root / "my_ring.wav").string());
+  EXPECT_EQ(resolve_sound((root / "my_ring").string(), ""), (root / "my_ring.wav").string());
+
+  Episode episode;
+  episode.sound = "my_ring";
+  const SoundLibrary sounds(std::span(&episode, 1), root.string(), 16000, 2.f);
+  EXPECT_EQ(sounds.clip("my_ring").samples, (std::vector<float>{0.f, 0.5f, -1.f, 0.25f}));
+  episode.sound = "other";
+  EXPECT_THROW(SoundLibrary(std::span(&episode, 1), root.string(), 16000, 1.f), InputError);
+  std::filesystem::remove_all(root);
 }
 
 }  // namespace
