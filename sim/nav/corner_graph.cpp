@@ -9,8 +9,8 @@
 namespace earshot {
 namespace {
 
-// Off the vertex by this much: far above the rounding of float positions, and a path around a corner grows by less than a centimetre.
-constexpr double kStandoffM = 0.004, kSmallestStandoffM = 0.0002;
+// Off the vertex by this much: far above the rounding of float positions, and a path around a corner grows by a millimetre at most.
+constexpr double kStandoffM = 0.001, kSmallestStandoffM = 0.00005;
 constexpr double kStraightRad = 1e-4;  // walls that bend less than this make no corner
 
 glm::dvec3 horizontal_unit(glm::dvec3 v) {
@@ -73,9 +73,9 @@ std::optional<Corner> corner_at(const Surface& surface, int polygon, int edge) {
   const glm::dvec3 outward = turned(wall_out, middle_rad);
   for (double standoff = kStandoffM; standoff >= kSmallestStandoffM; standoff *= 0.5) {
     const glm::dvec3 target = position + standoff * outward;
-    const auto there = surface.walk(sector->polygon, position, target);
-    if (there && surface.walk(sector->polygon, position, position + 2.0 * standoff * outward))
-      return Corner{target, wall_in, wall_out, there->polygon, surface.polygons()[there->polygon].island};
+    const Surface::Walk there = surface.walk(sector->polygon, position, target);
+    if (there.arrived && surface.walk(sector->polygon, position, position + 2.0 * standoff * outward).arrived)
+      return Corner{target, wall_in, wall_out, there.polygon, surface.polygons()[there.polygon].island};
   }
   return std::nullopt;
 }
@@ -107,10 +107,10 @@ CornerGraph::CornerGraph(const Surface& surface) {
       const glm::dvec3 direction = distance_m > 0 ? glm::dvec3{dx / distance_m, 0, dz / distance_m} : glm::dvec3{1, 0, 0};
       const double slack = tangent_slack(distance_m);
       if (!is_tangent(from, direction, slack) || !is_tangent(to, direction, slack)) continue;
-      if (const auto walk = surface.walk(from.polygon, from.position, to.position)) {
-        edges[a].push_back({b, walk->length_m});
-        edges[b].push_back({a, walk->length_m});
-      }
+      const Surface::Walk walk = surface.walk(from.polygon, from.position, to.position);
+      if (!walk.arrived) continue;
+      edges[a].push_back({b, walk.length_m});
+      edges[b].push_back({a, walk.length_m});
     }
   first_edge_.assign(1, 0);
   for (const auto& list : edges) {

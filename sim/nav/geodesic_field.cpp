@@ -17,10 +17,11 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr float kReachM = 0.5f;            // how far off the surface a query may be
-constexpr double kOffWallM = 2e-4;         // walks start this far from walls: above the rounding of float positions
+constexpr double kOffWallM = 1e-4;         // walks start this far from walls: above the rounding of float positions
 constexpr double kAtCornerM = 0.01;        // an agent this near a corner has reached it
 constexpr std::uint32_t kGoal = 0xFFFFFFFFu;
 constexpr int kMaxPath = 4096;
+constexpr int kSearchNodes = 65535;  // Detour's largest pool: a search does not give up halfway
 
 glm::dvec3 off_walls(const Surface& surface, const Located& at) { return surface.off_walls(at.polygon, glm::dvec3(at.point), kOffWallM); }
 
@@ -69,10 +70,10 @@ struct GeodesicField::Impl {
       if (corners[c].island != island) continue;
       const double distance_m = horizontal_distance(corners[c].position, goal_start);
       if (!is_tangent_from(corners[c], goal_start, distance_m)) continue;
-      if (const auto walk = nav.surface.walk(goal.polygon, goal_start, corners[c].position)) {
-        to_goal_m[c] = walk->length_m;
-        open.push({walk->length_m, c});
-      }
+      const Surface::Walk walk = nav.surface.walk(goal.polygon, goal_start, corners[c].position);
+      if (!walk.arrived) continue;
+      to_goal_m[c] = walk.length_m;
+      open.push({walk.length_m, c});
     }
     while (!open.empty()) {
       const auto [length_m, corner] = open.top();
@@ -93,7 +94,8 @@ struct GeodesicField::Impl {
   [[nodiscard]] std::optional<Answer> ask(const Located& at) const {
     if (nav.surface.polygons()[at.polygon].island != island) return std::nullopt;
     const glm::dvec3 start = off_walls(nav.surface, at);
-    if (const auto walk = nav.surface.walk(at.polygon, start, goal_start)) return Answer{walk->length_m, kGoal};
+    const Surface::Walk direct = nav.surface.walk(at.polygon, start, goal_start);
+    if (direct.arrived) return Answer{direct.length_m, kGoal};
 
     // Lower bound of each corner: straight to it, then on.  A heap yields them in order; the first that is in sight wins, unless
     // slopes made its walk longer than the bound.
@@ -122,9 +124,9 @@ struct GeodesicField::Impl {
       if (first->bound_m >= best.length_m) break;
       const Candidate candidate = *first;
       std::pop_heap(first, end, later);
-      const auto walk = nav.surface.walk(at.polygon, start, graph.corners()[candidate.corner].position);
-      if (!walk) continue;
-      const double length_m = walk->length_m + to_goal_m[candidate.corner];
+      const Surface::Walk walk = nav.surface.walk(at.polygon, start, graph.corners()[candidate.corner].position);
+      if (!walk.arrived) continue;
+      const double length_m = walk.length_m + to_goal_m[candidate.corner];
       if (length_m < best.length_m) best = {length_m, candidate.corner};
     }
     if (best.length_m < kInfinity) return best;
@@ -136,7 +138,7 @@ struct GeodesicField::Impl {
     std::vector<dtPolyRef> corridor(kMaxPath);
     std::vector<float> points(3 * kMaxPath);
     int num_polygons = 0, num_points = 0;
-    const auto query = nav.queries.lease();
+    const OwnedNavMeshQuery query = nav.make_query(kSearchNodes);  // its own: a search writes to the query's node pool
     const dtPolyRef from = nav.ref_of(at.polygon), to = nav.ref_of(goal.polygon);
     query->findPath(from, to, &at.point.x, &goal.point.x, &nav.any_island, corridor.data(), &num_polygons, kMaxPath);
     if (num_polygons == 0 || corridor[static_cast<std::size_t>(num_polygons) - 1] != to) return std::nullopt;

@@ -14,18 +14,12 @@ namespace {
 
 constexpr float kVerticalReachM = 1.f;
 constexpr float kOnSurfaceM = 1e-3f, kOnSurfaceHeightM = 0.25f;
-constexpr int kQueryNodes = 2048;
+constexpr int kLookupNodes = 16;  // none is used
 constexpr double kCoveredShare = 0.25;
 
 bool is_finite(glm::vec3 v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
 
 float horizontal_distance(glm::vec3 a, glm::vec3 b) { return std::hypot(a.x - b.x, a.z - b.z); }
-
-OwnedNavMeshQuery make_query(const dtNavMesh& mesh) {
-  OwnedNavMeshQuery query(dtAllocNavMeshQuery());
-  if (!query || dtStatusFailed(query->init(&mesh, kQueryNodes))) throw RunError("navmesh", "no memory for a query");
-  return query;
-}
 
 Surface surface_of(const dtMeshTile& tile) {
   std::vector<glm::dvec3> vertices;
@@ -57,25 +51,14 @@ void validate(const NavmeshConfig& config) {
           "must be at least 0");
 }
 
-QueryPool::Lease QueryPool::lease() {
-  {
-    const std::lock_guard lock(mutex_);
-    if (!idle_.empty()) {
-      OwnedNavMeshQuery query = std::move(idle_.back());
-      idle_.pop_back();
-      return {*this, std::move(query)};
-    }
-  }
-  return {*this, make_query(mesh_)};
-}
-
-QueryPool::Lease::~Lease() {
-  const std::lock_guard lock(pool_.mutex_);
-  pool_.idle_.push_back(std::move(query_));
+OwnedNavMeshQuery Navmesh::Impl::make_query(int num_nodes) const {
+  OwnedNavMeshQuery query(dtAllocNavMeshQuery());
+  if (!query || dtStatusFailed(query->init(navmesh.get(), num_nodes))) throw RunError("navmesh", "no memory for a query");
+  return query;
 }
 
 Navmesh::Impl::Impl(const TriangleMesh& mesh, const NavmeshConfig& c)
-    : config(c), navmesh(build_tile(mesh, c)), lookup(make_query(*navmesh)), queries(*navmesh) {
+    : config(c), navmesh(build_tile(mesh, c)), lookup(make_query(kLookupNodes)) {
   const dtMeshTile& tile = *std::as_const(*navmesh).getTile(0);
   first_ref = navmesh->getPolyRefBase(&tile);
   surface = surface_of(tile);
@@ -190,6 +173,7 @@ std::optional<float> Navmesh::path_length_m(glm::vec3 from, glm::vec3 to) const 
 }
 
 float Navmesh::area_m2() const { return static_cast<float>(impl_->kept_area_m2); }
+float Navmesh::main_area_m2() const { return static_cast<float>(impl_->main_area_before.back()); }
 int Navmesh::num_islands() const { return impl_->num_kept_islands; }
 const NavmeshConfig& Navmesh::config() const { return impl_->config; }
 

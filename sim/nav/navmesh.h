@@ -20,21 +20,25 @@ struct NavmeshConfig {
 };
 void validate(const NavmeshConfig& config);
 
-/// Walkable surface of a mesh for a cylinder agent (Recast/Detour).  Immutable; queries are safe from any thread (each
-/// query object is leased from a pool inside).  Throws InputError if nothing is walkable.
+/// Walkable surface of a mesh for a cylinder agent (Recast/Detour).  Immutable; queries are safe from any thread.
+/// Heights are those of the mesh's faces.  Cost: 13 ms for a house of 36 m2, 0.2 s for 146,000 triangles.
+/// Throws InputError if nothing is walkable.
 class Navmesh {
  public:
   Navmesh(const TriangleMesh& mesh, const NavmeshConfig& config);
   ~Navmesh();
   Navmesh(Navmesh&&) noexcept;
 
-  /// Nearest point on the walkable surface within `reach_m` horizontally and 1 m vertically.
+  /// Nearest point on the walkable surface within `reach_m` horizontally and 1 m vertically.  A point over a table top, beside a table or
+  /// under it means the floor: the largest island is preferred, unless the point lies on another one (to 1 mm and 0.25 m in height).
   [[nodiscard]] std::optional<glm::vec3> snap(glm::vec3 point, float reach_m = 0.5f) const;
-  /// Uniform by area over the largest connected island (or the whole surface).  Draws from `random` at `draw`, `draw + 1`.
+  /// Uniform by area over the largest connected island; where a quarter of it or more lies under a ceiling, islands count by the area
+  /// that does, so that a flat roof is not taken for the floor.  Draws from `random` at `draw`, `draw + 1`.
   [[nodiscard]] glm::vec3 random_point(const RandomStream& random, std::uint32_t draw) const;
   /// Length of the shortest walkable path; nullopt if there is none (another island).
   [[nodiscard]] std::optional<float> path_length_m(glm::vec3 from, glm::vec3 to) const;
-  [[nodiscard]] float area_m2() const;          ///< of the whole surface
+  [[nodiscard]] float area_m2() const;          ///< of the whole surface, table tops and insides of wardrobes included
+  [[nodiscard]] float main_area_m2() const;     ///< of the island that agents start on
   [[nodiscard]] int num_islands() const;
   [[nodiscard]] const NavmeshConfig& config() const;
 

@@ -36,32 +36,6 @@ struct Located {
   glm::vec3 point;
 };
 
-/// moveAlongSurface and findPath write to the query's node pool, so each caller leases a query of its own.  They clear that pool
-/// first: which query it is cannot change a result (NavmeshThreads.* test it).
-class QueryPool {
- public:
-  class Lease {
-   public:
-    Lease(QueryPool& pool, OwnedNavMeshQuery query) : pool_(pool), query_(std::move(query)) {}
-    ~Lease();
-    Lease(const Lease&) = delete;
-    Lease& operator=(const Lease&) = delete;
-    [[nodiscard]] const dtNavMeshQuery* operator->() const { return query_.get(); }
-
-   private:
-    QueryPool& pool_;
-    OwnedNavMeshQuery query_;
-  };
-
-  explicit QueryPool(const dtNavMesh& mesh) : mesh_(mesh) {}
-  [[nodiscard]] Lease lease();
-
- private:
-  const dtNavMesh& mesh_;
-  std::mutex mutex_;
-  std::vector<OwnedNavMeshQuery> idle_;
-};
-
 struct Navmesh::Impl {
   Impl(const TriangleMesh& mesh, const NavmeshConfig& config);
 
@@ -72,6 +46,8 @@ struct Navmesh::Impl {
   [[nodiscard]] float height_at(int polygon, glm::vec3 point) const;
   [[nodiscard]] dtPolyRef ref_of(int polygon) const { return first_ref | static_cast<dtPolyRef>(polygon); }
   [[nodiscard]] int polygon_of(dtPolyRef ref) const { return static_cast<int>(ref - first_ref); }
+  /// A query of the caller's own, for path searches: those write to the query's node pool.
+  [[nodiscard]] OwnedNavMeshQuery make_query(int num_nodes) const;
   /// Corners of the surface and who sees whom; built by the first caller.
   [[nodiscard]] const CornerGraph& corners() const;
 
@@ -85,9 +61,9 @@ struct Navmesh::Impl {
   std::vector<double> main_area_before;  ///< per triangle of the main island: area of all before it; one more at the end
   std::vector<glm::dvec3> main_triangles;
   std::vector<int> main_triangle_polygon;
-  OwnedNavMeshQuery lookup;  ///< for queries that touch no node pool
+  /// Shared by all threads: looking up the nearest polygon, closest points and heights touches no node pool of a query.
+  OwnedNavMeshQuery lookup;
   dtQueryFilter any_island, main_only;
-  mutable QueryPool queries;
 
  private:
   [[nodiscard]] std::optional<Located> nearest(glm::vec3 point, float reach_m, const dtQueryFilter& filter) const;

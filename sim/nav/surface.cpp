@@ -57,15 +57,15 @@ void Surface::find_islands() {
 
 double Surface::area_m2(int polygon) const { return 0.5 * doubled_area(vertices_, polygons_[polygon]); }
 
-std::optional<Surface::Walk> Surface::walk(int polygon, glm::dvec3 from, glm::dvec3 to) const {
+Surface::Walk Surface::walk(int polygon, glm::dvec3 from, glm::dvec3 to) const {
   constexpr double tie_m = 1e-9;  // a walk through a vertex may leave by either edge: by the open one
   constexpr double storey_m = 1.0;
   const double dx = to.x - from.x, dz = to.z - from.z;
   const double tie = tie_m / std::max(std::sqrt(dx * dx + dz * dz), tie_m);
-  double length_m = 0;
+  Walk walk{.polygon = polygon};
   glm::dvec3 last = from;
   for (std::size_t steps = 0; steps <= polygons_.size(); ++steps) {
-    const Polygon& here = polygons_[polygon];
+    const Polygon& here = polygons_[walk.polygon];
     double exit = std::numeric_limits<double>::infinity();
     int exit_edge = -1;
     for (int i = 0; i < here.num_corners; ++i) {
@@ -75,21 +75,22 @@ std::optional<Surface::Walk> Surface::walk(int polygon, glm::dvec3 from, glm::dv
       const double outward = dx * normal_x + dz * normal_z;
       if (outward <= 0) continue;
       const double t = ((a.x - from.x) * normal_x + (a.z - from.z) * normal_z) / outward;
-      const bool earlier = exit_edge >= 0 && here.neighbours[i] != kWall && here.neighbours[exit_edge] == kWall ? t < exit + tie
-                           : exit_edge >= 0 && here.neighbours[i] == kWall && here.neighbours[exit_edge] != kWall ? t < exit - tie
-                                                                                                                   : t < exit;
-      if (earlier) {
+      double latest = exit;
+      if (exit_edge >= 0) {
+        const bool is_open = here.neighbours[i] != kWall, best_is_open = here.neighbours[exit_edge] != kWall;
+        latest += is_open == best_is_open ? 0 : is_open ? tie : -tie;
+      }
+      if (t < latest) {
         exit = t;
         exit_edge = i;
       }
     }
     if (exit >= 1) {
+      walk.length_m += glm::distance(last, to);
       // Storeys lie above each other: the same (x, z) may be on another floor.
-      const double floor_y = vertices_[here.corners[0]].y;
-      if (std::abs(floor_y - to.y) > storey_m && std::abs(last.y - to.y) > storey_m) return std::nullopt;
-      return Walk{length_m + glm::distance(last, to), polygon};
+      walk.arrived = std::abs(vertices_[here.corners[0]].y - to.y) < storey_m || std::abs(last.y - to.y) < storey_m;
+      return walk;
     }
-    if (here.neighbours[exit_edge] == kWall) return std::nullopt;
     const glm::dvec3& a = vertices_[here.corners[exit_edge]];
     const glm::dvec3& b = vertices_[here.corners[exit_edge + 1 == here.num_corners ? 0 : exit_edge + 1]];
     glm::dvec3 crossing{from.x + exit * dx, 0, from.z + exit * dz};
@@ -97,29 +98,54 @@ std::optional<Surface::Walk> Surface::walk(int polygon, glm::dvec3 from, glm::dv
     const double along = ((crossing.x - a.x) * edge_x + (crossing.z - a.z) * edge_z) / (edge_x * edge_x + edge_z * edge_z);
     crossing.y = a.y + std::clamp(along, 0.0, 1.0) * (b.y - a.y);
     if (exit > 0) {
-      length_m += glm::distance(last, crossing);
+      walk.length_m += glm::distance(last, crossing);
       last = crossing;
     }
-    polygon = here.neighbours[exit_edge];
+    if (here.neighbours[exit_edge] == kWall) {
+      walk.wall_edge = exit_edge;
+      walk.share = exit;
+      return walk;
+    }
+    walk.polygon = here.neighbours[exit_edge];
   }
-  return std::nullopt;
+  walk.share = 0;
+  return walk;
+}
+
+double Surface::clearance_of_wall_m(int polygon, int edge, glm::dvec3 point) const {
+  const glm::dvec3 a = vertex(polygon, edge), b = vertex(polygon, (edge + 1) % polygons_[polygon].num_corners);
+  const double inward_x = a.z - b.z, inward_z = b.x - a.x;
+  return ((point.x - a.x) * inward_x + (point.z - a.z) * inward_z) / std::sqrt(inward_x * inward_x + inward_z * inward_z);
 }
 
 glm::dvec3 Surface::off_walls(int polygon, glm::dvec3 point, double clearance_m) const {
   const Polygon& here = polygons_[polygon];
+  glm::dvec3 pushed = point;
   // Twice: in a corner the second wall may push back toward the first.
   for (int round = 0; round < 2; ++round)
     for (int i = 0; i < here.num_corners; ++i) {
       if (here.neighbours[i] != kWall) continue;
+      const double missing_m = clearance_m - clearance_of_wall_m(polygon, i, pushed);
+      if (missing_m <= 0) continue;
       const glm::dvec3 a = vertex(polygon, i), b = vertex(polygon, (i + 1) % here.num_corners);
-      const double inward_x = a.z - b.z, inward_z = b.x - a.x;
-      const double inverse_length = 1.0 / std::sqrt(inward_x * inward_x + inward_z * inward_z);
-      const double clear_m = ((point.x - a.x) * inward_x + (point.z - a.z) * inward_z) * inverse_length;
-      if (clear_m >= clearance_m) continue;
-      point.x += (clearance_m - clear_m) * inward_x * inverse_length;
-      point.z += (clearance_m - clear_m) * inward_z * inverse_length;
+      pushed += missing_m * glm::normalize(glm::dvec3(a.z - b.z, 0, b.x - a.x));
     }
-  return point;
+  bool clear = true;
+  for (int i = 0; i < here.num_corners; ++i)
+    clear = clear && (here.neighbours[i] != kWall || clearance_of_wall_m(polygon, i, pushed) > 0.5 * clearance_m);
+  if (clear) return pushed;
+
+  // A wedge: toward the middle, as far as the tightest wall asks for.
+  glm::dvec3 middle{};
+  for (int i = 0; i < here.num_corners; ++i) middle += vertex(polygon, i) / static_cast<double>(here.num_corners);
+  double share = 0;
+  for (int i = 0; i < here.num_corners; ++i) {
+    if (here.neighbours[i] != kWall) continue;
+    const double there_m = clearance_of_wall_m(polygon, i, middle), here_m = clearance_of_wall_m(polygon, i, point);
+    const double wanted_m = std::min(clearance_m, 0.5 * there_m);
+    if (here_m < wanted_m) share = std::max(share, (wanted_m - here_m) / (there_m - here_m));
+  }
+  return point + std::min(share, 1.0) * glm::dvec3(middle.x - point.x, 0, middle.z - point.z);
 }
 
 }  // namespace earshot

@@ -2,7 +2,6 @@
 
 #include <glm/vec2.hpp>
 #include <glm/vec3.hpp>
-#include <optional>
 #include <span>
 #include <vector>
 
@@ -31,17 +30,22 @@ class Surface {
   [[nodiscard]] double area_m2(int polygon) const;  ///< seen from above
   [[nodiscard]] glm::dvec3 vertex(int polygon, int corner) const { return vertices_[polygons_[polygon].corners[corner]]; }
 
+  /// How a straight walk ended.
   struct Walk {
-    double length_m;  ///< along the surface
-    int polygon;      ///< in which it ends
+    bool arrived = false;
+    int polygon = 0;       ///< where it ended: at its target, or at the wall
+    int wall_edge = kWall; ///< of that polygon, if it was stopped
+    double share = 1;      ///< of the way that was covered; below 0 or 1e-9 if the start was on the wall
+    double length_m = 0;   ///< along the surface, up to the target or the wall; polygons count as flat between their edges
   };
-  /// The straight walk (seen from above) from a point of `polygon`, nullopt if a wall is in between.  Safe on edges and corners: a walk leaves a polygon by the first edge that it crosses outward, whatever rounding
-  /// said about where it came in.  About 20 ns per polygon crossed, no allocation.
-  [[nodiscard]] std::optional<Walk> walk(int polygon, glm::dvec3 from, glm::dvec3 to) const;
+  /// The straight walk (seen from above) from a point of `polygon`.  Safe on edges and corners: a walk leaves a polygon by the first
+  /// edge that it crosses outward, whatever rounding said about where it came in.  About 20 ns per polygon crossed, no allocation.
+  [[nodiscard]] Walk walk(int polygon, glm::dvec3 from, glm::dvec3 to) const;
 
-  /// `point` of `polygon` moved to at least `clearance_m` from this polygon's walls, so that a walk that starts on a wall does
-  /// not stop there.
+  /// `point` of `polygon` moved to at least `clearance_m` from this polygon's walls (less where the polygon is too narrow), so that a
+  /// walk that starts on a wall does not stop there.
   [[nodiscard]] glm::dvec3 off_walls(int polygon, glm::dvec3 point, double clearance_m) const;
+  [[nodiscard]] double clearance_of_wall_m(int polygon, int edge, glm::dvec3 point) const;  ///< negative outside
 
  private:
   void find_islands();

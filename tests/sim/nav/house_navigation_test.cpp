@@ -1,0 +1,13 @@
+#include "tests/sim/nav/house_navigation.h"
+
+namespace earshot {
+namespace {
+
+TEST(HouseNavigation, EveryRoomIsReached) {
+  for (int seed = 0; seed < 15; ++seed)
+    for (const char* setting : {",rooms=2,area_m2=24", ",rooms=3,area_m2=36"}) expect_navigable(std::to_string(seed) + setting);
+  for (const char* spec : {"0", "1", "7,rooms=1,area_m2=12", "3,rooms=16,area_m2=96"}) expect_navigable(spec);
+}
+
+}  // namespace
+}  // namespace earshot
