@@ -23,6 +23,8 @@ constexpr std::uint32_t kChunksPerWave = 16;    // histograms held at once
 /// carried by as many rays as were started.  Measured in SHOE-1, a = 0.2, 64 rays, T30 rms error over 100 seeds: 22 % with 1e-1, 12 % with
 /// 1e-2, 2.9 % with 1e-3, 1.9 % with 1e-4, at costs of 0.5, 0.8, 1.0 and 1.1 ms.
 constexpr float kRouletteThreshold = 1e-4f;
+/// Of the scene's diagonal: shortest distance in the geometry term.  Small, because scenes with 20 km of ground are legal.
+constexpr float kLeastDistanceShare = 1e-5f;
 constexpr float kPi = std::numbers::pi_v<float>;
 constexpr int kMaxCoefficients = 36;
 constexpr int kMaxChain = 4;
@@ -284,7 +286,8 @@ void trace_chunks(const Trace& trace, std::uint32_t num_chunks, EnergyHistogram&
   std::vector<TraceStats> part_stats(wave_size);
   std::vector<double> sum(histogram.values().size(), 0.0);
   double dropped = 0;
-  tbb::task_arena arena(threads == 0 ? tbb::task_arena::automatic : threads);
+  const int available = tbb::this_task_arena::max_concurrency();
+  tbb::task_arena arena(threads == 0 ? available : std::min(threads, available));
 
   for (std::uint32_t first = 0; first < num_chunks; first += wave_size) {
     const std::uint32_t count = std::min(wave_size, num_chunks - first);
@@ -336,7 +339,7 @@ TraceStats trace_late(const AcousticScene& scene, const EarlyCandidates& candida
   stats.rays = num_rays;
 
   const auto shift = RandomStream(config.seed, Purpose::listener_ray).bits4(0);
-  const float least_distance_m = 1e-3f * scene.diagonal_m();
+  const float least_distance_m = kLeastDistanceShare * scene.diagonal_m();
   const Trace trace{.scene = scene,
                     .candidates = candidates,
                     .source = candidates.source(),

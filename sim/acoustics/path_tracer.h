@@ -30,7 +30,8 @@ struct TraceStats {
 ///  - true (fast): the last leg of a late path is treated as diffuse.  No such noise; small bias where s is small.
 ///
 /// histogram: shape of make_histogram(scene); overwritten.  The result is a function of (scene, config, source, listener), not of threads.
-/// Distances to the source below 1e-3 of the scene's diagonal are clamped in the geometry term (ORACLES H-18).
+/// Distances to the source below 1e-5 of the scene's diagonal are clamped in the geometry term (ORACLES H-18).  A source within a few
+/// centimetres of a surface lights a patch that few rays find: its late field comes out low until the number of rays is large.
 /// No allocation with up to 256 rays; 64 rays take about a millisecond.  Scratch with more: a few histograms.
 TraceStats trace_late(const AcousticScene& scene, const EarlyCandidates& candidates, glm::vec3 listener, EnergyHistogram& histogram);
 /// The same with candidates made on the spot, for single queries.

@@ -68,7 +68,8 @@ std::optional<double> fit_decay_time(const DecayCurve& curve, double from_db, do
   return -60.0 / slope_db_per_s;
 }
 
-/// Level, re the start of the whole curve, of the energy that a longer response would still have brought.
+/// Level, re the start of the whole curve, of the energy that a longer response would still have brought: the power at the end over its
+/// rate of decay, or, where it hardly decays (a noise floor, a room without losses), as much as that power brings in the same time again.
 double missing_level_db(std::span<const double> energy, double bin_s, double total) {
   const std::size_t n = energy.size();
   const std::size_t window = std::max<std::size_t>(n / 10, std::min<std::size_t>(n, 3));
@@ -80,10 +81,12 @@ double missing_level_db(std::span<const double> energy, double bin_s, double tot
   const double last = power(n - window);
   if (!(last > 0)) return kSilent;
   const std::size_t middle = std::min(n / 2, n - window);
-  const double before = power(middle);
   const double apart_s = static_cast<double>(n - window - middle) * bin_s;
-  if (!(before > last) || !(apart_s > 0)) return std::numeric_limits<double>::infinity();  // does not decay
-  return decibels(last * apart_s / std::log(before / last) / total);
+  const double rate_per_s = apart_s > 0 ? std::log(power(middle) / last) / apart_s : 0.0;
+  const double again = last * static_cast<double>(n) * bin_s;
+  if (!(rate_per_s > 0)) return decibels(again / total);
+  const double at_end = last * std::exp(-0.5 * rate_per_s * static_cast<double>(window) * bin_s);
+  return decibels(std::min(at_end / rate_per_s, again) / total);
 }
 
 double energy_before(std::span<const double> energy, double bin_s, double limit_s) {
