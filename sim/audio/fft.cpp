@@ -13,6 +13,7 @@ extern "C" {
 #include <numbers>
 #include <vector>
 
+#include "sim/audio/spectrum_math.h"
 #include "sim/base/errors.h"
 
 namespace earshot {
@@ -65,11 +66,6 @@ std::vector<Complex> unit_roots(int size, int count) {
   std::vector<Complex> roots(count);
   for (int k = 0; k < count; ++k) roots[k] = Complex(std::polar(1.0, -2.0 * std::numbers::pi * k / size));
   return roots;
-}
-
-// std::complex multiplication checks for NaN on every product, which keeps the loops from being vectorized.
-Complex multiply(Complex a, Complex b) {
-  return {a.real() * b.real() - a.imag() * b.imag(), a.real() * b.imag() + a.imag() * b.real()};
 }
 
 /// Forward complex transform of rows * columns points by the four-step method (Bailey 1990, "FFTs in external or hierarchical memory"):

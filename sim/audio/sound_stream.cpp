@@ -4,6 +4,7 @@
 #include <cmath>
 #include <complex>
 
+#include "sim/audio/spectrum_math.h"
 #include "sim/base/errors.h"
 
 namespace earshot {
@@ -13,15 +14,6 @@ using Complex = std::complex<float>;
 
 constexpr int kSmallestLog2 = 7;
 constexpr int kLargestLog2 = 17;  ///< beyond it the caches are lost, and parts of the RIR cost less than one long transform
-
-/// sum += a * b.  By parts, as std::complex multiplication checks for NaN.
-void multiply_add(std::span<const Complex> a, std::span<const Complex> b, std::span<Complex> sum) {
-  const Complex *x = a.data(), *y = b.data();
-  Complex* z = sum.data();
-  for (std::size_t k = 0; k < a.size(); ++k)
-    z[k] = {z[k].real() + (x[k].real() * y[k].real() - x[k].imag() * y[k].imag()),
-            z[k].imag() + (x[k].real() * y[k].imag() + x[k].imag() * y[k].real())};
-}
 
 }  // namespace
 
