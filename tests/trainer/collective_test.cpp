@@ -279,15 +279,15 @@ TEST(Collective, BusyWorkerIsNamedAfterTheTimeout) {
     const PrivateTestFolder folder;
     WorkerProcesses workers(2, [&](int rank) {
       RingConfig config = ring_in(folder, rank, 2);
-      config.timeout = std::chrono::milliseconds(700);
+      config.timeout = std::chrono::milliseconds(400);
       const auto ring = make_zmq_ring(config);
       std::vector<float> buffer(count);
       if (rank == 1) {   // alive, its heart beats, but it does not come
-        std::this_thread::sleep_for(std::chrono::milliseconds(1500));
+        std::this_thread::sleep_for(std::chrono::milliseconds(900));
         return fails_with([&] { ring->all_reduce_sum(buffer); }, {"worker 0"});
       }
       const auto start = Clock::now();
-      return fails_with([&] { ring->all_reduce_sum(buffer); }, {"worker 1", "700 ms"}) && seconds_since(start) > 0.6;
+      return fails_with([&] { ring->all_reduce_sum(buffer); }, {"worker 1", "400 ms"}) && seconds_since(start) > 0.35;
     });
     workers.expect_all_succeed();
   }

@@ -1,0 +1,260 @@
+#include "trainer/worker_group.h"
+
+#include <fmt/format.h>
+#include <signal.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <charconv>
+#include <chrono>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <system_error>
+
+#include "sim/base/errors.h"
+#include "sim/base/files.h"
+#include "trainer/rendezvous.h"
+
+extern char** environ;
+
+namespace earshot {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr std::size_t kMaxFolderLength = 60;  // leaves room for a socket's name within its 107 characters
+constexpr const char *kRank = "EARSHOT_RANK", *kWorldSize = "EARSHOT_WORLD_SIZE", *kRendezvous = "EARSHOT_RENDEZVOUS", *kRunId = "EARSHOT_RUN_ID";
+
+int parse_int(const char* name, const std::string& text) {
+  int value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc() || end != text.data() + text.size() || text.empty())
+    throw InputError(fmt::format("{} = {}", name, text), "is not a whole number", "set it to a rank or a count");
+  return value;
+}
+
+/// A folder that only this user may enter, with everything in it gone at the end.
+class PrivateFolder {
+ public:
+  PrivateFolder() {
+    std::error_code error;
+    std::filesystem::path parent = std::filesystem::temp_directory_path(error);
+    if (error || parent.string().size() > kMaxFolderLength) parent = "/tmp";
+    std::string name = (parent / "earshot-XXXXXX").string();
+    if (::mkdtemp(name.data()) == nullptr) throw RunError(name, fmt::format("cannot be created: {}", std::strerror(errno)));
+    path_ = name;
+  }
+  ~PrivateFolder() {
+    std::error_code ignored;
+    std::filesystem::remove_all(path_, ignored);
+  }
+  PrivateFolder(const PrivateFolder&) = delete;
+  PrivateFolder& operator=(const PrivateFolder&) = delete;
+  [[nodiscard]] const std::filesystem::path& path() const { return path_; }
+
+ private:
+  std::filesystem::path path_;
+};
+
+/// Holds back the signals that the parent waits for; the old mask comes back at the end.
+class BlockedSignals {
+ public:
+  BlockedSignals() {
+    sigemptyset(&set_);
+    for (const int signal : {SIGCHLD, SIGINT, SIGTERM, SIGHUP, SIGUSR1}) sigaddset(&set_, signal);
+    sigprocmask(SIG_BLOCK, &set_, &previous_);
+    previous_child_ = ::signal(SIGCHLD, SIG_DFL);  // ignored, it would take the exit codes away
+  }
+  ~BlockedSignals() {
+    ::signal(SIGCHLD, previous_child_);
+    sigprocmask(SIG_SETMASK, &previous_, nullptr);
+  }
+  BlockedSignals(const BlockedSignals&) = delete;
+  BlockedSignals& operator=(const BlockedSignals&) = delete;
+  [[nodiscard]] const sigset_t& previous() const { return previous_; }
+
+  /// The next signal, or 0 after the timeout.
+  siginfo_t wait(std::chrono::milliseconds timeout) const {
+    siginfo_t info{};
+    const timespec limit{timeout.count() / 1000, timeout.count() % 1000 * 1000000};
+    if (sigtimedwait(&set_, &info, &limit) < 0) info.si_signo = 0;
+    return info;
+  }
+
+ private:
+  sigset_t set_{}, previous_{};
+  sighandler_t previous_child_ = SIG_DFL;
+};
+
+/// argv or envp for execve: built before the fork, since only async-signal-safe calls are allowed between fork and exec.
+class CStrings {
+ public:
+  explicit CStrings(std::vector<std::string> strings) : strings_(std::move(strings)) {
+    for (auto& text : strings_) pointers_.push_back(text.data());
+    pointers_.push_back(nullptr);
+  }
+  [[nodiscard]] char* const* get() const { return pointers_.data(); }
+
+ private:
+  std::vector<std::string> strings_;
+  std::vector<char*> pointers_;
+};
+
+std::vector<std::string> environment_of(int rank, int num_workers, const std::string& rendezvous, const std::string& run_id) {
+  std::vector<std::string> variables;
+  bool omp = false, openblas = false;
+  for (char** variable = environ; *variable != nullptr; ++variable) {
+    const std::string_view text = *variable;
+    const std::string_view name = text.substr(0, text.find('='));
+    if (name == kRank || name == kWorldSize || name == kRendezvous || name == kRunId) continue;
+    omp = omp || name == "OMP_NUM_THREADS";
+    openblas = openblas || name == "OPENBLAS_NUM_THREADS";
+    variables.emplace_back(text);
+  }
+  if (!omp) variables.emplace_back("OMP_NUM_THREADS=1");
+  if (!openblas) variables.emplace_back("OPENBLAS_NUM_THREADS=1");
+  variables.push_back(fmt::format("{}={}", kRank, rank));
+  variables.push_back(fmt::format("{}={}", kWorldSize, num_workers));
+  variables.push_back(fmt::format("{}={}", kRendezvous, rendezvous));
+  variables.push_back(fmt::format("{}={}", kRunId, run_id));
+  return variables;
+}
+
+struct Worker {
+  int rank = 0;
+  pid_t pid = 0;
+  bool running = true;
+};
+
+/// The workers of one run; kills what is left when it goes.
+class WorkerGroup {
+ public:
+  WorkerGroup(const BlockedSignals& signals, std::chrono::milliseconds grace) : signals_(signals), grace_(grace) {}
+  ~WorkerGroup() {
+    send(SIGKILL);
+    for (Worker& worker : workers_)
+      if (worker.running) ::waitpid(worker.pid, nullptr, 0);
+  }
+  WorkerGroup(const WorkerGroup&) = delete;
+  WorkerGroup& operator=(const WorkerGroup&) = delete;
+
+  void start(int rank, const CStrings& arguments, const CStrings& environment) {
+    const pid_t parent = ::getpid();
+    const pid_t pid = ::fork();
+    if (pid < 0) throw RunError(fmt::format("worker {}", rank), fmt::format("cannot be started: {}", std::strerror(errno)));
+    if (pid == 0) {
+      ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+      if (::getppid() != parent) ::_exit(1);  // the parent died before prctl took effect
+      ::sigprocmask(SIG_SETMASK, &signals_.previous(), nullptr);
+      ::execve("/proc/self/exe", arguments.get(), environment.get());
+      ::_exit(127);
+    }
+    workers_.push_back({rank, pid, true});
+  }
+
+  /// Waits for all; returns the exit code of the run.
+  int wait() {
+    while (reap()) {
+      const bool stopping = kill_at_ != Clock::time_point::max();
+      if (Clock::now() >= kill_at_) send(SIGKILL);
+      // SIGCHLD may stand for several children and wakes at once; the timeout serves the grace time.
+      const siginfo_t info = signals_.wait(std::chrono::milliseconds(stopping ? 100 : 1000));
+      if (info.si_signo != 0 && info.si_signo != SIGCHLD) pass_on(info);
+    }
+    return exit_code_;
+  }
+
+ private:
+  void send(int signal) const {
+    for (const Worker& worker : workers_)
+      if (worker.running) ::kill(worker.pid, signal);
+  }
+
+  void pass_on(const siginfo_t& info) {
+    const bool ends = info.si_signo == SIGINT || info.si_signo == SIGTERM;
+    if (ends && asked_to_end_) {
+      stop();
+      return;
+    }
+    asked_to_end_ = asked_to_end_ || ends;
+    // A terminal's Ctrl-C reaches the workers by itself: they are in the same process group.
+    if (info.si_code != SI_KERNEL) send(info.si_signo);
+  }
+
+  void stop() {
+    if (kill_at_ != Clock::time_point::max()) return;
+    send(SIGTERM);
+    send(SIGCONT);  // a stopped worker could not die of SIGTERM
+    kill_at_ = Clock::now() + grace_;
+  }
+
+  /// Collects those that have ended; false when none is left.
+  bool reap() {
+    bool running = false;
+    for (Worker& worker : workers_) {
+      int status = 0;
+      if (worker.running && ::waitpid(worker.pid, &status, WNOHANG) == worker.pid) {
+        worker.running = false;
+        ended(worker.rank, status);
+      }
+      running = running || worker.running;
+    }
+    return running;
+  }
+
+  void ended(int rank, int status) {
+    if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return;
+    if (exit_code_ == 0) {
+      exit_code_ = WIFEXITED(status) ? WEXITSTATUS(status) : 1;
+      if (WIFSIGNALED(status))
+        fmt::print(stderr, "worker {}: was killed by signal {} ({}); the run ends\n", rank, WTERMSIG(status), ::strsignal(WTERMSIG(status)));
+      else
+        fmt::print(stderr, "worker {}: ended with code {}; the run ends\n", rank, exit_code_);
+    }
+    stop();
+  }
+
+  const BlockedSignals& signals_;
+  std::chrono::milliseconds grace_;
+  std::vector<Worker> workers_;
+  Clock::time_point kill_at_ = Clock::time_point::max();  ///< end of the grace time, once the group is being stopped
+  bool asked_to_end_ = false;
+  int exit_code_ = 0;
+};
+
+}  // namespace
+
+std::optional<RingConfig> worker_from_environment() {
+  const char* const names[] = {kRank, kWorldSize, kRendezvous, kRunId};
+  std::vector<std::string> set, missing;
+  for (const char* name : names) (std::getenv(name) != nullptr ? set : missing).emplace_back(name);
+  if (set.empty()) return std::nullopt;
+  if (!missing.empty())
+    throw InputError(missing.front(), fmt::format("is not set, but {} is", set.front()), "set all of EARSHOT_RANK, _WORLD_SIZE, _RENDEZVOUS and _RUN_ID, or none");
+  RingConfig config;
+  config.identity = {parse_int(kRank, std::getenv(kRank)), parse_int(kWorldSize, std::getenv(kWorldSize))};
+  config.rendezvous = std::getenv(kRendezvous);
+  config.run_id = std::getenv(kRunId);
+  validate(config);
+  return config;
+}
+
+int spawn_workers(int num_workers, const std::vector<std::string>& arguments, std::chrono::milliseconds grace) {
+  require(num_workers >= 1 && num_workers <= 64, "workers", num_workers, "must be 1 to 64");
+  std::vector<std::string> line{std::filesystem::read_symlink("/proc/self/exe").string()};
+  line.insert(line.end(), arguments.begin(), arguments.end());
+  const CStrings argv(std::move(line));
+
+  const PrivateFolder folder;
+  const std::string rendezvous = fmt::format("ipc://{}", (folder.path() / "meet").string());
+  const std::string run_id = hex64(hash64(folder.path().string(), static_cast<std::uint64_t>(::getpid())));
+  const BlockedSignals signals;
+  WorkerGroup group(signals, grace);
+  for (int rank = 0; rank < num_workers; ++rank) group.start(rank, argv, CStrings(environment_of(rank, num_workers, rendezvous, run_id)));
+  return group.wait();
+}
+
+}  // namespace earshot
