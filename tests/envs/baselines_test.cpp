@@ -93,14 +93,14 @@ TEST(Baselines, GreedyTurnsToTheLouderEar) {
 TEST(Baselines, GreedyFindsASourceInAnOpenRoom) {
   EnvConfig config = quick_env_config();
   config.order = EpisodeOrder::once;
-  config.task.max_steps = 200;
+  config.task.max_steps = 150;
   const std::string room = "shoebox:12x3x12@0.6";
   std::vector<Episode> episodes;
-  for (int i = 0; i < 6; ++i)
+  for (int i = 0; i < 4; ++i)
     episodes.push_back(room_episode(room, {9, 0, 9}, i * 1.0, {3, 0, 2.f + static_cast<float>(i)}, "synth:noise:" + std::to_string(i)));
   const auto set = make_set(std::move(episodes));
-  const Score greedy = score(Baseline::greedy, config, set, 6), random = score(Baseline::random, config, set, 6);
-  EXPECT_GE(greedy.success, 4);
+  const Score greedy = score(Baseline::greedy, config, set, 4), random = score(Baseline::random, config, set, 4);
+  EXPECT_GE(greedy.success, 3);
   EXPECT_EQ(random.success, 0);  // a quarter of its actions is stop: it ends metres away
 }
 

@@ -14,7 +14,7 @@ inline EnvConfig quick_env_config() {
   EnvConfig config;
   config.acoustics.rays = 8;
   config.acoustics.early_candidate_rays = 100;
-  config.acoustics.rir_length_s = 0.15f;
+  config.acoustics.rir_length_s = 0.1f;
   config.observation.camera.width_px = config.observation.camera.height_px = 16;
   config.observation.pointgoal = true;
   config.task.max_steps = 15;
