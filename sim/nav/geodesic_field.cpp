@@ -20,8 +20,6 @@ constexpr float kReachM = 0.5f;            // how far off the surface a query ma
 constexpr double kOffWallM = 1e-4;         // walks start this far from walls: above the rounding of float positions
 constexpr double kAtCornerM = 0.01;        // an agent this near a corner has reached it
 constexpr std::uint32_t kGoal = 0xFFFFFFFFu;
-constexpr int kMaxPath = 4096;
-constexpr int kSearchNodes = 65535;  // Detour's largest pool: a search does not give up halfway
 
 glm::dvec3 off_walls(const Surface& surface, const Located& at) { return surface.off_walls(at.polygon, glm::dvec3(at.point), kOffWallM); }
 
@@ -130,25 +128,9 @@ struct GeodesicField::Impl {
       if (length_m < best.length_m) best = {length_m, candidate.corner};
     }
     if (best.length_m < kInfinity) return best;
-    return follow_portals(at);
-  }
-
-  // Where rounding hides every corner: Detour's corridor, pulled taut.  Longer than the shortest path by little.
-  [[nodiscard]] std::optional<Answer> follow_portals(const Located& at) const {
-    std::vector<dtPolyRef> corridor(kMaxPath);
-    std::vector<float> points(3 * kMaxPath);
-    int num_polygons = 0, num_points = 0;
-    const OwnedNavMeshQuery query = nav.make_query(kSearchNodes);  // its own: a search writes to the query's node pool
-    const dtPolyRef from = nav.ref_of(at.polygon), to = nav.ref_of(goal.polygon);
-    query->findPath(from, to, &at.point.x, &goal.point.x, &nav.any_island, corridor.data(), &num_polygons, kMaxPath);
-    if (num_polygons == 0 || corridor[static_cast<std::size_t>(num_polygons) - 1] != to) return std::nullopt;
-    query->findStraightPath(&at.point.x, &goal.point.x, corridor.data(), num_polygons, points.data(), nullptr, nullptr, &num_points, kMaxPath);
-    double length_m = 0;
-    for (int i = 1; i < num_points; ++i) {
-      const float *a = &points[3 * (i - 1)], *b = &points[3 * i];
-      length_m += std::hypot(double{b[0]} - a[0], double{b[1]} - a[1], double{b[2]} - a[2]);
-    }
-    return Answer{length_m, kGoal};
+    // Should rounding hide every corner, Detour still knows a way.
+    if (const auto length_m = corridor_length_m(nav, at, goal)) return Answer{*length_m, kGoal};
+    return std::nullopt;
   }
 };
 

@@ -51,14 +51,14 @@ void validate(const NavmeshConfig& config) {
           "must be at least 0");
 }
 
-OwnedNavMeshQuery Navmesh::Impl::make_query(int num_nodes) const {
+OwnedNavMeshQuery make_query(const dtNavMesh& mesh, int num_nodes) {
   OwnedNavMeshQuery query(dtAllocNavMeshQuery());
-  if (!query || dtStatusFailed(query->init(navmesh.get(), num_nodes))) throw RunError("navmesh", "no memory for a query");
+  if (!query || dtStatusFailed(query->init(&mesh, num_nodes))) throw RunError("navmesh", "no memory for a query");
   return query;
 }
 
 Navmesh::Impl::Impl(const TriangleMesh& mesh, const NavmeshConfig& c)
-    : config(c), navmesh(build_tile(mesh, c)), lookup(make_query(kLookupNodes)) {
+    : config(c), navmesh(build_tile(mesh, c)), lookup(make_query(*navmesh, kLookupNodes)) {
   const dtMeshTile& tile = *std::as_const(*navmesh).getTile(0);
   first_ref = navmesh->getPolyRefBase(&tile);
   surface = surface_of(tile);

@@ -27,6 +27,9 @@ using OwnedNavMeshQuery = std::unique_ptr<dtNavMeshQuery, FreeNavMeshQuery>;
 /// Polygon flags: queries name the flags that they accept.
 enum NavFlag : unsigned short { kKeptIsland = 1, kMainIsland = 2 };
 
+/// A search writes to its query's node pool, so queries that search are never shared.
+OwnedNavMeshQuery make_query(const dtNavMesh& mesh, int num_nodes);
+
 /// The Recast pipeline, mesh to one Detour tile; every polygon has flag kKeptIsland.  Throws InputError if nothing is walkable.
 OwnedNavMesh build_tile(const TriangleMesh& mesh, const NavmeshConfig& config);
 
@@ -46,8 +49,6 @@ struct Navmesh::Impl {
   [[nodiscard]] float height_at(int polygon, glm::vec3 point) const;
   [[nodiscard]] dtPolyRef ref_of(int polygon) const { return first_ref | static_cast<dtPolyRef>(polygon); }
   [[nodiscard]] int polygon_of(dtPolyRef ref) const { return static_cast<int>(ref - first_ref); }
-  /// A query of the caller's own, for path searches: those write to the query's node pool.
-  [[nodiscard]] OwnedNavMeshQuery make_query(int num_nodes) const;
   /// Corners of the surface and who sees whom; built by the first caller.
   [[nodiscard]] const CornerGraph& corners() const;
 
@@ -72,5 +73,8 @@ struct Navmesh::Impl {
   mutable std::once_flag corners_built_;
   mutable CornerGraph corners_;
 };
+
+/// As in corridor.h.
+std::optional<double> corridor_length_m(const Navmesh::Impl& nav, const Located& from, const Located& to);
 
 }  // namespace earshot

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "sim/base/errors.h"
+#include "sim/nav/corridor.h"
 #include "sim/nav/motion.h"
 #include "sim/scene/house_generator.h"
 #include "tests/sim/nav/nav_scenes.h"
@@ -209,6 +210,21 @@ TEST_F(HouseField, EveryPointOfTheMainIslandHasAPath) {
       EXPECT_GE(*distance, flat_distance(point, goal) - 1e-3f);
     }
   }
+}
+
+// Detour's search is another algorithm on the same polygons: its taut corridor is a path, so ours is no longer, and most are the same.
+TEST_F(HouseField, IsNeverLongerThanDetoursCorridor) {
+  int same = 0;
+  for (std::uint32_t i = 0; i < 200; ++i) {
+    const glm::vec3 a = nav_.random_point(random_, 4 * i), b = nav_.random_point(random_, 4 * i + 2);
+    const auto corridor_m = corridor_length_m(nav_, a, b);
+    ASSERT_TRUE(corridor_m);
+    const double shortest_m = static_cast<double>(nav_.path_length_m(a, b).value());
+    EXPECT_LE(shortest_m, *corridor_m + 0.01);         // up to ten corners, 1 mm each
+    EXPECT_GE(shortest_m, 0.6 * *corridor_m - 0.01);
+    same += shortest_m > 0.99 * *corridor_m - 0.01;
+  }
+  EXPECT_GT(same, 150);
 }
 
 TEST_F(HouseField, IsSymmetric) {
