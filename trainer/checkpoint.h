@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <map>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "policy/actor_critic.h"
@@ -28,11 +29,17 @@ struct Checkpoint {
 void save_checkpoint(const Checkpoint& checkpoint, const std::filesystem::path& path);
 /// Throws InputError, one line: missing, not a checkpoint, other version, truncated, hash mismatch, malformed body.
 Checkpoint load_checkpoint(const std::filesystem::path& path);
+/// The same for bytes that are in memory; `where` is what errors name.  Nothing is executed and no count is believed beyond the bytes that are there.
+Checkpoint decode_checkpoint(std::string_view bytes, const std::string& where);
 
+/// By name: parameters and buffers of the policy, as copies.
 std::map<std::string, torch::Tensor> weights_of(const ActorCritic& policy);
-/// Throws InputError naming both architectures if they differ.
+/// Throws InputError naming both architectures if they differ, or what does not fit or is not finite; then nothing has changed.
 void load_weights(ActorCritic& policy, const Checkpoint& checkpoint, const std::string& where);
+/// Adam's state by parameter name and ".step", ".exp_avg" or ".exp_avg_sq"; parameters that were never stepped are left out.
 std::map<std::string, torch::Tensor> optimizer_state_of(const ActorCritic& policy, torch::optim::Adam& optimizer);
+/// Puts it back: further steps have the bits of the unbroken run.  Without any state in the checkpoint Adam starts anew.  Throws InputError if it does
+/// not fit the policy; then nothing has changed.
 void load_optimizer_state(const ActorCritic& policy, torch::optim::Adam& optimizer, const Checkpoint& checkpoint);
 
 }  // namespace earshot
