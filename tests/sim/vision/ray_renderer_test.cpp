@@ -18,7 +18,8 @@ struct TestBox {
 Scene scene_of(const std::vector<TestBox>& boxes) {
   TriangleMesh mesh;
   for (const TestBox& box : boxes) append_box(mesh, box.lower, box.upper, intern(mesh.material_names, "plain"), intern(mesh.object_names, "box_0"));
-  return Scene("test", std::move(mesh), {Material::uniform("plain", 0.1f, 0.1f)}, Air{});
+  std::vector<Material> materials(mesh.material_names.size(), Material::uniform("plain", 0.1f, 0.1f));
+  return Scene("test", std::move(mesh), std::move(materials), Air{});
 }
 
 std::vector<float> render(const Scene& scene, const CameraConfig& config, const Pose& pose) {
