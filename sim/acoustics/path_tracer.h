@@ -20,8 +20,9 @@ struct TraceStats {
 };
 
 /// Late field of a unit omnidirectional source at `listener`: listener-rooted path tracing with next-event estimation (ORACLES 2.1), a
-/// mixture of Lambert and mirror reflection by the scattering coefficient per band, unbiased Russian roulette.  Air is applied at the end,
-/// per bin.  Left out: the direct sound, and the purely specular paths whose plane sequence is among `candidates` (image paths carry them).
+/// mixture of Lambert and mirror reflection by the scattering coefficient per band.  Rays are balanced as a population: light ones end,
+/// heavy ones split (ray_population.h), which keeps every mean and makes the tail as accurate as the start.  Air is applied at the
+/// end, per bin.  Left out: the direct sound, and the purely specular paths whose plane sequence is among `candidates` (image paths carry them).
 ///
 /// Specular last legs, which next-event estimation cannot see (config.diffuse_last_leg):
 ///  - false (reference): the source is also a sphere of config.source_radius_m that blocks nothing; segments that leave a mirror add their

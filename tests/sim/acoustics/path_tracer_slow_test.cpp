@@ -52,7 +52,8 @@ TEST(PathTracerSlow, BandsWithTheirOwnScatteringAreUnbiased) {
   AcousticConfig config = plain_config();
   config.bands = 4;
   config.scattering_per_band = true;
-  config.rays = 2048;
+  config.diffuse_last_leg = true;  // the weights of the bands are in question here, not the source volume with its noise
+  config.rays = 1024;
   const auto late_share = [](const EnergyHistogram& h, int band) {  // 60 to 200 ms: a dozen bounces in
     double sum = 0;
     for (int i = 15; i < 50; ++i) sum += h.energy(i, band);
@@ -240,8 +241,8 @@ TEST(PathTracerSlow, ErrorFallsWithTheRootOfTheRays) {
     for (int i = 25; i < h.num_bins(); ++i) sum += h.energy(i, 0);
     return sum;
   };
-  const double truth = late_energy(300000, 4711);
-  const int seeds = 100, doublings = 8;
+  const double truth = late_energy(200000, 4711);
+  const int seeds = 64, doublings = 8;
   double x = 0, y = 0, xx = 0, xy = 0;
   for (int i = 0; i < doublings; ++i) {
     double squares = 0;
@@ -254,7 +255,7 @@ TEST(PathTracerSlow, ErrorFallsWithTheRootOfTheRays) {
   }
   const double slope = (doublings * xy - x * y) / (doublings * xx - x * x);
   // An rms over M seeds has a relative standard error of 1 / sqrt(2 M), in log2 1.4427 times that; over 8 points at 0 ... 7, whose
-  // squares about the mean sum to 42, the slope has 1.4427 / sqrt(2 * 100 * 42) = 0.016.
+  // squares about the mean sum to 42, the slope has 1.4427 / sqrt(2 * 64 * 42) = 0.020.
   EXPECT_NEAR(slope, -0.5, 0.08);
   RecordProperty("slope", std::to_string(slope));
 }

@@ -1,0 +1,223 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <glm/geometric.hpp>
+#include <numbers>
+#include <span>
+
+#include "sim/acoustics/path_tracer.h"
+#include "sim/acoustics/sampling.h"
+#include "sim/base/random.h"
+
+/// One listener ray of the path tracer, from vertex to vertex.  Internal to path_tracer.cpp; its equations are those of ORACLES 2.1 to 2.5.
+namespace earshot::listener_ray {
+
+inline constexpr float kPi = std::numbers::pi_v<float>;
+inline constexpr int kMaxCoefficients = 36;
+inline constexpr int kMaxChain = 4;
+
+/// What all rays of one trace share.
+struct Trace {
+  const AcousticScene& scene;
+  const EarlyCandidates& candidates;
+  glm::vec3 source, listener;
+  SphereSequence directions;
+  std::uint32_t num_rays;
+  int max_bounces, carried_order, sh_order, num_coefficients;
+  float share_of_ray;          // 1 / num_rays
+  float max_path_m, seconds_per_m;
+  float stage_m;               // rays are balanced each time they have gone this far
+  float least_distance2_m2;    // of the geometry term
+  float source_radius_m;       // zero: no source volume
+  bool diffuse_last_leg;
+};
+
+/// One listener ray in flight.  W: bands rounded up to whole vectors; lanes past the last band stay zero.
+template <int W>
+struct alignas(32) RayState {
+  float throughput[W], reflected[W], arriving[W];
+  /// Probability density of the path so far in each band, divided by its mean over bands.  Lobes are picked with the mean probability, so
+  /// this is the balance heuristic over bands (hero wavelengths, Wilkie et al. 2014): it never exceeds the number of bands, where
+  /// independent picks by the plain mean would let the weight of a band grow exponentially with the bounces.
+  float weight[W];
+  std::array<float, kMaxCoefficients> sh;
+  std::array<std::uint32_t, kMaxChain> chain;  // planes of a purely specular path, listener first
+  int chain_length = 0;
+  bool all_specular = true, after_mirror = false;
+  bool alive = true, at_vertex = false;  // at_vertex: `reflected` and `hit` wait for a lobe to be picked
+  int bounces = 0;
+  float path_m = 0;
+  glm::vec3 origin, direction;
+  Hit hit;
+};
+
+/// Do image paths carry this specular chain?  The last plane is `plane` if it is given, else the end of the chain.
+template <int W>
+bool carried(const Trace& trace, const RayState<W>& ray, const std::uint32_t* plane) {
+  const int length = ray.chain_length + (plane ? 1 : 0);
+  if (!ray.all_specular || length == 0 || length > trace.carried_order) return false;
+  std::array<std::uint32_t, kMaxChain> from_source;  // candidates count from the source
+  int i = 0;
+  if (plane) from_source[i++] = *plane;
+  for (int j = ray.chain_length - 1; j >= 0; --j) from_source[i++] = ray.chain[j];
+  return trace.candidates.contains(std::span(from_source.data(), static_cast<std::size_t>(length)));
+}
+
+/// Adds ray.arriving, which the caller has found finite, at path length `path_m`.
+template <int W>
+void deposit(const Trace& trace, const RayState<W>& ray, float path_m, EnergyHistogram& histogram) {
+  histogram.add(path_m * trace.seconds_per_m, std::span(ray.arriving, static_cast<std::size_t>(trace.scene.num_bands())),
+                std::span(ray.sh.data(), static_cast<std::size_t>(trace.num_coefficients)));
+}
+
+/// Combines the lanes as a tree: eight at a time, then halves.  A running sum would cost W dependent additions.
+template <int W, class Combine>
+float reduce(const float (&values)[W], Combine combine) {
+  float part[8];
+  for (int b = 0; b < 8; ++b) part[b] = values[b];
+  for (int block = 8; block < W; block += 8) {
+    for (int b = 0; b < 8; ++b) part[b] = combine(part[b], values[block + b]);
+  }
+  for (int b = 0; b < 4; ++b) part[b] = combine(part[b], part[b + 4]);
+  return combine(combine(part[0], part[2]), combine(part[1], part[3]));
+}
+template <int W>
+float sum_of(const float (&values)[W]) {
+  return reduce(values, [](float a, float b) { return a + b; });
+}
+
+/// Track-length estimate of a segment that left a mirror: chord / (4 pi volume) of the source sphere.
+template <int W>
+void cross_source_volume(const Trace& trace, RayState<W>& ray, glm::vec3 origin, glm::vec3 direction, float segment_m,
+                         EnergyHistogram& histogram, TraceStats& stats) {
+  const glm::vec3 to_source = trace.source - origin;
+  const float along_m = glm::dot(to_source, direction);
+  const float radius2 = trace.source_radius_m * trace.source_radius_m;
+  const glm::vec3 miss = to_source - along_m * direction;
+  const float half2 = radius2 - glm::dot(miss, miss);
+  if (!(half2 > 0)) return;
+  const float half_m = std::sqrt(half2);
+  const float enter_m = std::max(along_m - half_m, 0.f), leave_m = std::min(along_m + half_m, segment_m);
+  if (!(leave_m > enter_m) || carried<W>(trace, ray, nullptr)) return;
+  const float volume_m3 = 4.f / 3.f * kPi * radius2 * trace.source_radius_m;
+  const float factor = trace.share_of_ray * (leave_m - enter_m) / (4.f * kPi * volume_m3);
+  for (int b = 0; b < W; ++b) ray.arriving[b] = ray.throughput[b] * factor;
+  if (!std::isfinite(sum_of(ray.arriving))) {
+    ++stats.nonfinite_dropped;
+    return;
+  }
+  deposit(trace, ray, ray.path_m + 0.5f * (enter_m + leave_m), histogram);
+}
+
+/// Next-event estimation: d e = T f cos / (4 pi d^2) / (4 pi) with T starting at 4 pi / N and f = (1 - a) s / pi (ORACLES 2.1, O-11).
+template <int W>
+void connect_to_source(const Trace& trace, RayState<W>& ray, const Hit& hit, glm::vec3 start, const float* scattering,
+                       EnergyHistogram& histogram, TraceStats& stats) {
+  const glm::vec3 to_source = trace.source - start;
+  const float distance2 = glm::dot(to_source, to_source);
+  const float height_m = glm::dot(hit.normal, to_source);
+  if (!(height_m > 0)) return;
+  const float distance_m = std::sqrt(distance2);
+  const float path_m = ray.path_m + distance_m;
+  if (path_m > trace.max_path_m) return;
+  const float cosine = height_m / distance_m;
+  const float geometry = trace.share_of_ray * cosine / (4.f * kPi * kPi * std::max(distance2, trace.least_distance2_m2));
+  const std::uint32_t plane = trace.scene.plane_of_triangle()[hit.triangle];
+  if (trace.diffuse_last_leg && !carried(trace, ray, &plane)) {
+    for (int b = 0; b < W; ++b) ray.arriving[b] = ray.reflected[b] * geometry;
+  } else {
+    for (int b = 0; b < W; ++b) ray.arriving[b] = ray.reflected[b] * scattering[b] * geometry;
+  }
+  const float total = sum_of(ray.arriving);
+  if (!std::isfinite(total)) {
+    ++stats.nonfinite_dropped;
+    return;
+  }
+  if (!(total > 0)) return;
+  ++stats.shadow_rays;
+  if (trace.scene.scene().rays().occluded(start, trace.source)) return;
+  deposit(trace, ray, path_m, histogram);
+}
+
+/// Picks diffuse or mirror and updates throughput and weight.  Returns true for diffuse.
+template <int W>
+bool pick_lobe(RayState<W>& ray, const float* scattering, int num_bands, float random) {
+  alignas(32) float diffuse[W];
+  for (int b = 0; b < W; ++b) diffuse[b] = ray.weight[b] * scattering[b];
+  const float probability = std::min(sum_of(diffuse) / static_cast<float>(num_bands), 1.f);
+  if (random < probability) {
+    const float scale = 1.f / probability;
+    for (int b = 0; b < W; ++b) {
+      const float factor = scattering[b] * scale;
+      ray.throughput[b] = ray.reflected[b] * factor;
+      ray.weight[b] *= factor;
+    }
+    return true;
+  }
+  const float scale = 1.f / (1.f - probability);
+  for (int b = 0; b < W; ++b) {
+    const float factor = (1.f - scattering[b]) * scale;
+    ray.throughput[b] = ray.reflected[b] * factor;
+    ray.weight[b] *= factor;
+  }
+  return false;
+}
+
+/// Goes on from the vertex that the ray waits at: lobe and direction.  Ends the ray if nothing more can come of it.
+template <int W>
+void leave_vertex(const Trace& trace, RayState<W>& ray, const RandomStream& random) {
+  const AcousticScene& scene = trace.scene;
+  const Hit& hit = ray.hit;
+  const float* scattering = scene.padded_scattering(scene.scene().mesh().triangle_material[hit.triangle]);
+  const std::array<float, 4> u = random.uniform4(static_cast<std::uint32_t>(ray.bounces));
+  const bool diffuse = pick_lobe(ray, scattering, scene.num_bands(), u[2]);
+  ray.at_vertex = false;
+  ray.after_mirror = !diffuse;
+  if (diffuse) {
+    ray.all_specular = false;
+    ray.direction = lambert_direction(hit.normal, u[0], u[1]);
+  } else {
+    ray.all_specular = ray.all_specular && ray.chain_length < kMaxChain;  // longer chains are never carried
+    if (ray.all_specular) ray.chain[ray.chain_length++] = scene.plane_of_triangle()[hit.triangle];
+    ray.direction = mirror_direction(ray.direction, hit.normal);
+  }
+  // The last bounce goes on only for the sake of the source volume behind a mirror.
+  if (ray.bounces == trace.max_bounces && (diffuse || trace.source_radius_m == 0)) ray.alive = false;
+  if (!(sum_of(ray.throughput) > 0)) ray.alive = false;
+}
+
+/// Follows a ray until it has gone `until_m` and stands at a vertex, or ends.
+template <int W>
+void advance(const Trace& trace, RayState<W>& ray, float until_m, const RandomStream& random, EnergyHistogram& histogram,
+             TraceStats& stats) {
+  const AcousticScene& scene = trace.scene;
+  while (true) {
+    if (ray.at_vertex) {
+      if (ray.path_m >= until_m) return;
+      leave_vertex(trace, ray, random);
+      if (!ray.alive) return;
+    }
+    const Hit hit = scene.scene().rays().intersect(ray.origin, ray.direction);
+    ++(hit.valid() ? stats.ray_hits : stats.ray_escapes);
+    if (ray.after_mirror && trace.source_radius_m > 0) {
+      cross_source_volume(trace, ray, ray.origin, ray.direction, hit.distance_m, histogram, stats);
+    }
+    ray.path_m += hit.distance_m;
+    ray.alive = hit.valid() && ray.bounces < trace.max_bounces && ray.path_m < trace.max_path_m;
+    if (!ray.alive) return;
+
+    const std::uint32_t material = scene.scene().mesh().triangle_material[hit.triangle];
+    const float* reflectance = scene.padded_reflectance(material);
+    for (int b = 0; b < W; ++b) ray.reflected[b] = ray.throughput[b] * reflectance[b];
+    ray.hit = hit;
+    ray.origin = offset_from_surface(hit.position, hit.normal);
+    ray.at_vertex = true;
+    ++ray.bounces;
+    connect_to_source(trace, ray, hit, ray.origin, scene.padded_scattering(material), histogram, stats);
+  }
+}
+
+}  // namespace earshot::listener_ray
