@@ -8,6 +8,11 @@
 #include "sim/base/errors.h"
 
 namespace earshot {
+namespace {
+
+constexpr float farthest_m = 1e9f;  // squares and volumes of such coordinates still fit a float
+
+}  // namespace
 
 std::string one_line(std::string text) {
   for (char& letter : text) {
@@ -26,8 +31,10 @@ void MeshBuilder::append(const std::string& object, const std::string& material,
   }
   for (std::size_t i = 0; i < positions.size(); ++i) {
     const glm::vec3 world = to_world * glm::dvec4(glm::dvec3(positions[i]), 1.0);
-    if (!std::isfinite(world.x) || !std::isfinite(world.y) || !std::isfinite(world.z)) {
-      throw InputError(where_, fmt::format("vertex {} of '{}' is not finite", i, one_line(object)), "repair the mesh and export it again");
+    for (int axis = 0; axis < 3; ++axis) {
+      if (std::fabs(world[axis]) <= farthest_m) continue;  // not so for NaN
+      throw InputError(where_, fmt::format("vertex {} of '{}' is not finite or beyond {} m", i, one_line(object), farthest_m),
+                       "repair the mesh and export it again");
     }
     mesh_.vertices.push_back(world);
   }

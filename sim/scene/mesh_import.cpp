@@ -1,7 +1,6 @@
 #include "sim/scene/mesh_import.h"
 
 #include <assimp/mesh.h>
-#include <assimp/postprocess.h>
 #include <assimp/scene.h>
 #include <fmt/format.h>
 
@@ -11,6 +10,7 @@
 #include <cmath>
 #include <glm/common.hpp>
 #include <glm/mat4x4.hpp>
+#include <span>
 
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
@@ -18,6 +18,7 @@
 #include "sim/scene/mesh_builder.h"
 #include "sim/scene/mesh_repair.h"
 #include "sim/scene/ply_header.h"
+#include "sim/scene/polygon.h"
 #include "sim/scene/text_match.h"
 
 namespace earshot {
@@ -37,16 +38,37 @@ std::string material_name(const aiScene& scene, const aiMesh& part) {
   return name.length ? name.C_Str() : fmt::format("material_{}", part.mMaterialIndex);
 }
 
-void append_part(const aiScene& scene, const aiMesh& part, const std::string& object, const glm::dmat4& to_world, MeshBuilder& builder) {
-  std::vector<glm::vec3> positions(part.mNumVertices);
-  for (unsigned i = 0; i < part.mNumVertices; ++i) positions[i] = {part.mVertices[i].x, part.mVertices[i].y, part.mVertices[i].z};
+/// Corners of the triangles of one part.  Assimp's own triangulation trusts indices and aborts on faces without corners.
+std::vector<std::uint32_t> triangle_corners(const aiMesh& part, std::span<const glm::vec3> positions, const std::string& where) {
   std::vector<std::uint32_t> corners;
   corners.reserve(3 * std::size_t{part.mNumFaces});
+  std::vector<glm::vec3> polygon;
+  std::vector<std::uint32_t> cut;
   for (unsigned i = 0; i < part.mNumFaces; ++i) {
-    const aiFace& face = part.mFaces[i];
-    if (face.mNumIndices == 3) corners.insert(corners.end(), face.mIndices, face.mIndices + 3);  // others are points and lines by now
+    const std::span<const unsigned> face(part.mFaces[i].mIndices, part.mFaces[i].mNumIndices);
+    polygon.clear();
+    cut.clear();
+    if (face.size() > largest_polygon) {
+      throw InputError(where, fmt::format("face {} has {} corners", i, face.size()), "cut it into triangles and export it again");
+    }
+    for (const unsigned index : face) {
+      if (index >= positions.size()) {
+        throw InputError(where, fmt::format("face {} of '{}' uses vertex {} of {}", i, one_line(part.mName.C_Str()), index, positions.size()),
+                         "repair the mesh and export it again");
+      }
+      polygon.push_back(positions[index]);
+    }
+    triangulate_polygon(polygon, cut);  // points and lines give none
+    for (const std::uint32_t corner : cut) corners.push_back(face[corner]);
   }
-  builder.append(object, material_name(scene, part), to_world, positions, corners);
+  return corners;
+}
+
+void append_part(const aiScene& scene, const aiMesh& part, const std::string& object, const glm::dmat4& to_world, const std::string& where,
+                 MeshBuilder& builder) {
+  std::vector<glm::vec3> positions(part.mNumVertices);
+  for (unsigned i = 0; i < part.mNumVertices; ++i) positions[i] = {part.mVertices[i].x, part.mVertices[i].y, part.mVertices[i].z};
+  builder.append(object, material_name(scene, part), to_world, positions, triangle_corners(part, positions, where));
 }
 
 /// OBJ, PLY and STL.
@@ -57,7 +79,7 @@ void read_with_assimp(const std::filesystem::path& path, const glm::dmat4& file_
   const aiScene* scene = nullptr;
   std::string failure;
   try {
-    scene = importer.ReadFile(where, aiProcess_Triangulate);
+    scene = importer.ReadFile(where, 0);
     if (!scene) failure = importer.GetErrorString();
   } catch (const std::exception& thrown) {
     failure = thrown.what();
@@ -80,7 +102,7 @@ void read_with_assimp(const std::filesystem::path& path, const glm::dmat4& file_
       const aiMesh& part = *scene->mMeshes[node->mMeshes[i]];
       std::string object = node->mName.length ? node->mName.C_Str() : part.mName.C_Str();
       if (object.empty()) object = path.stem().string();
-      append_part(*scene, part, object, to_world, builder);
+      append_part(*scene, part, object, to_world, where, builder);
     }
     for (unsigned i = node->mNumChildren; i-- > 0;) pending.push_back({node->mChildren[i], to_world});
   }

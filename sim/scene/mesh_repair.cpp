@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <glm/geometric.hpp>
 #include <unordered_map>
@@ -27,10 +28,10 @@ struct HashWords {
   }
 };
 
-/// Twice the area squared over the longest edge to the fourth, from float coordinates in double: exact zeros stay near 1e-32.
+/// Float coordinates in double: what lies on a line comes out near 1e-16 of the longest edge squared.  A needle is kept while it is a
+/// thousand roundings thicker than that: dropping it would open a crack between its neighbours.
 bool has_area(glm::dvec3 a, glm::dvec3 b, glm::dvec3 c) {
   const double longest2 = std::max({glm::dot(b - a, b - a), glm::dot(c - b, c - b), glm::dot(a - c, a - c)});
-  // A needle is kept while it is a thousand roundings thicker than a line: dropping it would open a crack between its neighbours.
   return glm::length(glm::cross(b - a, c - a)) > 1e-13 * longest2;
 }
 
@@ -38,8 +39,11 @@ bool has_area(glm::dvec3 a, glm::dvec3 b, glm::dvec3 c) {
 
 std::vector<std::uint32_t> weld_map(std::span<const glm::vec3> vertices, float tolerance_m) {
   std::vector<std::uint32_t> first(vertices.size());
-  // Cells two tolerances wide: everything within one tolerance lies in the 2 x 2 x 2 cells around the nearest cell corner.
-  const double cell_m = tolerance_m > 0 ? 2.0 * tolerance_m : 0;
+  // Cells two tolerances wide: everything within one tolerance lies in the 2 x 2 x 2 cells around the nearest cell corner.  Not
+  // below the spacing of floats, so that far coordinates do not overflow the cell numbers.
+  float largest = 0;
+  for (const glm::vec3 vertex : vertices) largest = std::max({largest, std::fabs(vertex.x), std::fabs(vertex.y), std::fabs(vertex.z)});
+  const double cell_m = tolerance_m > 0 ? std::max(2.0 * tolerance_m, 0x1p-22 * largest) : 0;
   std::unordered_multimap<Cell, std::uint32_t, HashWords> kept;
   kept.reserve(vertices.size());
   for (std::uint32_t i = 0; i < vertices.size(); ++i) {
@@ -54,9 +58,7 @@ std::vector<std::uint32_t> weld_map(std::span<const glm::vec3> vertices, float t
                                                 static_cast<std::int64_t>(position - cell < 0.5 ? cell - 1 : cell + 1)};
       } else {  // the bits name the cell; 0 and -0 share one
         const float value = vertex[axis] == 0 ? 0.f : vertex[axis];
-        std::int32_t bits;
-        static_assert(sizeof bits == sizeof value);
-        std::copy_n(reinterpret_cast<const char*>(&value), sizeof bits, reinterpret_cast<char*>(&bits));
+        const auto bits = std::bit_cast<std::int32_t>(value);
         near[static_cast<std::size_t>(axis)] = {bits, bits};
       }
     }

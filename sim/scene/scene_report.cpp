@@ -78,7 +78,8 @@ class Regions {
 /// Stratified points of the bounds that have a floor below them.
 std::vector<glm::vec3> points_over_floor(const Scene& scene, std::uint64_t seed) {
   const Bounds& bounds = scene.bounds();
-  const glm::vec3 size = bounds.upper - bounds.lower;
+  glm::vec3 size = bounds.upper - bounds.lower;
+  size.y = std::max(size.y, 0.01f * std::max(size.x, size.z));  // a flat scene has its air above it
   std::vector<glm::vec3> points;
   for (std::uint32_t i = 0; i < passes * cells; ++i) {
     const std::uint32_t cell = i % cells;

@@ -1,0 +1,60 @@
+#pragma once
+
+#include <unistd.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <string_view>
+
+namespace earshot {
+
+/// A folder that lives as long as the object.
+class TempFolder {
+ public:
+  TempFolder() {
+    static int count = 0;
+    path_ = std::filesystem::temp_directory_path() / ("earshot_scene_test_" + std::to_string(getpid()) + "_" + std::to_string(count++));
+    std::filesystem::create_directories(path_);
+  }
+  ~TempFolder() {
+    std::error_code ignored;
+    std::filesystem::remove_all(path_, ignored);
+  }
+  TempFolder(const TempFolder&) = delete;
+  TempFolder& operator=(const TempFolder&) = delete;
+
+  std::string write(const std::string& name, std::string_view bytes) const {
+    const std::filesystem::path file = path_ / name;
+    std::filesystem::create_directories(file.parent_path());
+    std::ofstream(file, std::ios::binary) << bytes;
+    return file.string();
+  }
+  [[nodiscard]] std::string operator/(const std::string& name) const { return (path_ / name).string(); }
+
+ private:
+  std::filesystem::path path_;
+};
+
+/// Folder of the shared test data; it may be absent.
+inline std::filesystem::path data_folder() {
+  const char* given = std::getenv("EARSHOT_DATA");
+  return given ? std::filesystem::path(given) : std::filesystem::path(EARSHOT_SOURCE_DIR) / "../shared/data";
+}
+
+#define SKIP_WITHOUT_DATA() \
+  if (!std::filesystem::exists(data_folder())) GTEST_SKIP() << "no test data: set EARSHOT_DATA"
+
+/// what() of the exception of type E that `action` throws; empty if it throws nothing.
+template <class E, class Action>
+std::string message_of(Action action) {
+  try {
+    action();
+  } catch (const E& error) {
+    return error.what();
+  }
+  return {};
+}
+
+}  // namespace earshot
