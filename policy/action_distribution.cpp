@@ -11,9 +11,7 @@
 namespace earshot {
 namespace {
 
-torch::Tensor rows_on_host(const torch::Tensor& logits) {
-  return logits.detach().to(torch::kFloat64).contiguous();
-}
+torch::Tensor rows_on_host(const torch::Tensor& logits) { return logits.detach().to(torch::kFloat64).contiguous(); }
 
 bool all_finite(std::span<const double> row) {
   for (const double logit : row)
@@ -45,7 +43,8 @@ torch::Tensor log_probabilities(const torch::Tensor& logits, const torch::Tensor
 }
 
 torch::Tensor entropy(const torch::Tensor& logits) {
-  // An action masked by a logit of -inf has p log p = 0, but 0 * -inf is NaN: a large finite logarithm in its place gives the limit, gradient included.
+  // An action masked by a logit of -inf has p log p = 0, but 0 * -inf is NaN: a large finite logarithm in its place gives the limit,
+  // gradient included.
   const torch::Tensor log_p = logits.log_softmax(-1);
   return -(log_p.exp() * log_p.clamp_min(-1e9)).sum(-1);
 }

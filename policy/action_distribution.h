@@ -9,7 +9,7 @@ namespace earshot {
 
 /// Categorical distribution over the last axis of `logits`, as pure functions.
 torch::Tensor log_probabilities(const torch::Tensor& logits, const torch::Tensor& actions);  ///< [N, A], [N] int64 -> [N]
-torch::Tensor entropy(const torch::Tensor& logits);                                           ///< [N, A] -> [N]
+torch::Tensor entropy(const torch::Tensor& logits);                                          ///< [N, A] -> [N]
 
 /// Who acts: its random number is a function of these, not of the batch it sits in.
 struct ActingEnv {

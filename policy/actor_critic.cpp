@@ -12,10 +12,13 @@ void read(ConfigReader& reader, PolicyConfig& config) {
   reader.read("visual_features", config.visual_features);
   reader.read("audio_features", config.audio_features);
   reader.read("conv_channels", config.conv_channels);
+  reader.read("initial_stop_logit", config.initial_stop_logit);
   reader.read("seed", config.seed);
 }
 
 void validate(const PolicyConfig& config) {
+  require(config.initial_stop_logit >= -20 && config.initial_stop_logit <= 20, "policy.initial_stop_logit", config.initial_stop_logit,
+          "must be in [-20, 20]: beyond that the agent can never learn to stop, or to go");
   constexpr int largest = 8192;  // the recurrent weights of a layer twice this size would fill 3 GB
   const auto check = [](const char* key, int value) {
     require(value > 0 && value <= largest, key, value, "must be in 1 ... 8192: it is the width of a layer");
@@ -32,8 +35,8 @@ ActorCriticImpl::ActorCriticImpl(const ObservationSpec& spec, const PolicyConfig
   int features = spec.pointgoal ? 2 : 0;
   if (spec.spectrogram) {
     const int rows = spec.sound.rows(), columns = spec.sound.columns();
-    audio_ = register_module("audio", ConvEncoder("spectrogram", rows, columns, 2, audio_layers(rows, columns, config.conv_channels),
-                                                  config.audio_features));
+    audio_ = register_module(
+        "audio", ConvEncoder("spectrogram", rows, columns, 2, audio_layers(rows, columns, config.conv_channels), config.audio_features));
     features += config.audio_features;
   }
   if (spec.depth) {
@@ -45,6 +48,8 @@ ActorCriticImpl::ActorCriticImpl(const ObservationSpec& spec, const PolicyConfig
   actor_ = register_module("actor", torch::nn::Linear(config.hidden_size, kNumActions));
   critic_ = register_module("critic", torch::nn::Linear(config.hidden_size, 1));
   initialize_weights();
+  const torch::NoGradGuard no_gradient;
+  actor_->bias[static_cast<std::int64_t>(Action::stop)] = config.initial_stop_logit;
 }
 
 void ActorCriticImpl::initialize_weights() {
@@ -81,9 +86,9 @@ PolicyOutput ActorCriticImpl::step(const ObservationTensors& observations, const
 
 PolicyOutput ActorCriticImpl::sequence(const ObservationTensors& observations, const torch::Tensor& hidden, const torch::Tensor& not_done) {
   const std::int64_t T = not_done.size(0), B = not_done.size(1);
-  const torch::Tensor features = encode(observations);                                        // [T * B, features]
+  const torch::Tensor features = encode(observations);  // [T * B, features]
   EARSHOT_EXPECT(features.size(0) == T * B && hidden.size(0) == B && hidden.size(1) == config_.hidden_size);
-  const torch::Tensor states = rnn_->forward(features.view({T, B, -1}), hidden, not_done);    // [T, B, hidden_size]
+  const torch::Tensor states = rnn_->forward(features.view({T, B, -1}), hidden, not_done);  // [T, B, hidden_size]
   const torch::Tensor flat = states.view({T * B, config_.hidden_size});
   return {.logits = actor_->forward(flat), .value = critic_->forward(flat).squeeze(1), .hidden = states[T - 1]};
 }
@@ -96,8 +101,7 @@ std::int64_t ActorCriticImpl::num_parameters() const {
 
 std::string ActorCriticImpl::architecture() const {
   std::string line = "actor-critic v1:";
-  if (spec_.depth)
-    line += fmt::format(" depth {}x{}x1 -> {},", spec_.camera.height_px, spec_.camera.width_px, config_.visual_features);
+  if (spec_.depth) line += fmt::format(" depth {}x{}x1 -> {},", spec_.camera.height_px, spec_.camera.width_px, config_.visual_features);
   if (spec_.spectrogram)
     line += fmt::format(" spectrogram {}x{}x2 -> {},", spec_.sound.rows(), spec_.sound.columns(), config_.audio_features);
   if (spec_.pointgoal) line += " pointgoal 2,";

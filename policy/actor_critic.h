@@ -6,7 +6,6 @@
 #include <string>
 
 #include "envs/action.h"
-#include "envs/action.h"
 #include "envs/observation.h"
 #include "policy/conv_encoder.h"
 #include "policy/masked_gru.h"
@@ -16,10 +15,13 @@ namespace earshot {
 
 /// Sizes of the network; the defaults are FACTS.md 4.1 (4,952,453 parameters with 128 x 128 depth and 65 x 26 x 2 spectrograms).
 struct PolicyConfig {
-  int hidden_size = 512;        ///< of the GRU
+  int hidden_size = 512;  ///< of the GRU
   int visual_features = 512, audio_features = 512;
-  int conv_channels = 32;       ///< first layer; the others have twice as many
-  std::uint64_t seed = 0;       ///< of the initial weights
+  int conv_channels = 32;  ///< first layer; the others have twice as many
+  /// Bias of `stop` before training; 0 in the original.  At 0 a new agent stops once in four steps and long never learns what walking is worth;
+  /// at -4 its first episodes are walks of some fifty steps.
+  double initial_stop_logit = 0;
+  std::uint64_t seed = 0;  ///< of the initial weights
 };
 void read(ConfigReader& reader, PolicyConfig& config);
 void validate(const PolicyConfig& config);
@@ -32,14 +34,14 @@ struct ObservationTensors {
 };
 
 struct PolicyOutput {
-  torch::Tensor logits;   ///< [N, kNumActions] (or [T * B, kNumActions])
-  torch::Tensor value;    ///< [N]
-  torch::Tensor hidden;   ///< [B, hidden_size] after the last step
+  torch::Tensor logits;  ///< [N, kNumActions] (or [T * B, kNumActions])
+  torch::Tensor value;   ///< [N]
+  torch::Tensor hidden;  ///< [B, hidden_size] after the last step
 };
 
 /// Recurrent actor-critic: [point goal, audio CNN, visual CNN] -> GRU -> categorical actor over four actions, scalar critic.
-/// Initial weights are a function of PolicyConfig::seed: convolutions and encoders Kaiming-normal for ReLU, GRU orthogonal for each of its gates,
-/// actor orthogonal with gain 0.01 (all actions about equally likely at first), critic orthogonal with gain 1, biases 0.
+/// Initial weights are a function of PolicyConfig::seed: convolutions and encoders Kaiming-normal for ReLU, GRU orthogonal for each of its
+/// gates, actor orthogonal with gain 0.01 (all actions about equally likely at first), critic orthogonal with gain 1, biases 0.
 class ActorCriticImpl : public torch::nn::Module {
  public:
   /// Throws InputError if no sensor is on or a picture is too small for the convolutions.

@@ -8,9 +8,7 @@
 
 namespace earshot {
 
-std::vector<ConvLayer> visual_layers(int channels) {
-  return {{8, 4, channels}, {4, 2, 2 * channels}, {3, 2, 2 * channels}};
-}
+std::vector<ConvLayer> visual_layers(int channels) { return {{8, 4, channels}, {4, 2, 2 * channels}, {3, 2, 2 * channels}}; }
 
 std::vector<ConvLayer> audio_layers(int rows, int columns, int channels) {
   if (std::min(rows, columns) < 30) return {{5, 2, channels}, {3, 2, 2 * channels}, {3, 1, 2 * channels}};
@@ -36,8 +34,8 @@ ConvEncoderImpl::ConvEncoderImpl(const std::string& name, int height, int width,
 }
 
 torch::Tensor ConvEncoderImpl::forward(const torch::Tensor& pictures) {
-  // [N, height, width, channels] in memory is what torch calls channels-last: the permuted view needs no copy, and every layer keeps that order.
-  // The whole batch at once: passes of 8 to 64 pictures, whose activations fit the cache, were up to a third slower.
+  // [N, height, width, channels] in memory is what torch calls channels-last: the permuted view needs no copy, and every layer keeps that
+  // order. The whole batch at once: passes of 8 to 64 pictures, whose activations fit the cache, were up to a third slower.
   torch::Tensor x = pictures.permute({0, 3, 1, 2});  // [N, channels, height, width]
   for (std::size_t layer = 0; layer < convolutions_.size(); ++layer) {
     x = convolutions_[layer]->forward(x);

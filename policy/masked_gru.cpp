@@ -11,15 +11,15 @@ using torch::autograd::variable_list;
 /// The recurrence alone.  from_input = W_i x + b_i is a plain linear layer over all steps and stays outside.
 class Recurrence : public torch::autograd::Function<Recurrence> {
  public:
-  static torch::Tensor forward(AutogradContext* context, const torch::Tensor& from_input, const torch::Tensor& hidden, const torch::Tensor& not_done,
-                               const torch::Tensor& weight, const torch::Tensor& bias) {
+  static torch::Tensor forward(AutogradContext* context, const torch::Tensor& from_input, const torch::Tensor& hidden,
+                               const torch::Tensor& not_done, const torch::Tensor& weight, const torch::Tensor& bias) {
     const std::int64_t T = from_input.size(0), B = from_input.size(1), H = hidden.size(1);
     // [H, 3H] in memory: BLAS is up to a third faster on it for few rows, which pays for the copy after some steps.
     const torch::Tensor weight_t = T < 8 ? weight.t() : weight.t().contiguous();
-    const torch::Tensor mask = not_done.unsqueeze(2);        // [T, B, 1]
+    const torch::Tensor mask = not_done.unsqueeze(2);  // [T, B, 1]
 
-    torch::Tensor before = torch::empty({T, B, H}, from_input.options());       // masked state before each step
-    torch::Tensor gates = torch::empty({T, B, 3 * H}, from_input.options());    // r, z, n after their nonlinearity
+    torch::Tensor before = torch::empty({T, B, H}, from_input.options());         // masked state before each step
+    torch::Tensor gates = torch::empty({T, B, 3 * H}, from_input.options());      // r, z, n after their nonlinearity
     torch::Tensor recurrent = torch::empty({T, B, 3 * H}, from_input.options());  // W_h h + b_h
     torch::Tensor after = torch::empty({T, B, H}, from_input.options());
     for (std::int64_t t = 0; t < T; ++t) {

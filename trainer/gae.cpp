@@ -4,8 +4,9 @@
 
 namespace earshot {
 
-torch::Tensor gae(const torch::Tensor& rewards, const torch::Tensor& values, const torch::Tensor& terminated, const torch::Tensor& truncated,
-                  const torch::Tensor& final_values, const torch::Tensor& next_value, const GaeConfig& config) {
+torch::Tensor gae(const torch::Tensor& rewards, const torch::Tensor& values, const torch::Tensor& terminated,
+                  const torch::Tensor& truncated, const torch::Tensor& final_values, const torch::Tensor& next_value,
+                  const GaeConfig& config) {
   EARSHOT_EXPECT(rewards.dim() == 2 && values.sizes() == rewards.sizes() && terminated.sizes() == rewards.sizes());
   EARSHOT_EXPECT(truncated.sizes() == rewards.sizes() && final_values.sizes() == rewards.sizes() && next_value.numel() == rewards.size(1));
   const torch::NoGradGuard no_gradient;
@@ -14,7 +15,7 @@ torch::Tensor gae(const torch::Tensor& rewards, const torch::Tensor& values, con
   const torch::Tensor by_end = terminated.to(torch::kBool), by_time = truncated.to(torch::kBool);  // [T, B]
   const torch::Tensor ended = by_end | by_time;
   const torch::Tensor last = next_value.to(torch::kFloat64).view({1, -1});
-  const torch::Tensor following = T > 1 ? torch::cat({v.slice(0, 1), last}) : last;                // [T, B] V(s_{t+1})
+  const torch::Tensor following = T > 1 ? torch::cat({v.slice(0, 1), last}) : last;  // [T, B] V(s_{t+1})
 
   // Chosen by `where`, not multiplied by 0 and 1: what is not chosen may be anything, NaN included.
   torch::Tensor bootstrap = torch::where(by_time, final_values.to(torch::kFloat64), following);

@@ -35,8 +35,8 @@ torch::Tensor index_of(std::span<const std::int64_t> envs) {
   return torch::tensor(torch::ArrayRef<std::int64_t>(envs.data(), envs.size()));
 }
 
-/// In float64: the square of a float cannot overflow it, so the sum is finite if and only if every element is.  Eight partial sums in a fixed order,
-/// so that the compiler may use vector registers.
+/// In float64: the square of a float cannot overflow it, so the sum is finite if and only if every element is.  Eight partial sums in a
+/// fixed order, so that the compiler may use vector registers.
 double sum_of_squares(std::span<const float> values) {
   std::array<double, 8> lanes{};
   std::size_t i = 0;
@@ -90,8 +90,11 @@ void read(ConfigReader& reader, PpoConfig& config) {
 
 void validate(const PpoConfig& config) {
   const auto positive = [](const char* key, double value, const char* why) { require(value > 0 && std::isfinite(value), key, value, why); };
-  const auto not_negative = [](const char* key, double value, const char* why) { require(value >= 0 && std::isfinite(value), key, value, why); };
-  require(config.clip > 0 && config.clip < 1, "ppo.clip", config.clip, "must be between 0 and 1: the probability ratio stays in 1 - clip ... 1 + clip");
+  const auto not_negative = [](const char* key, double value, const char* why) {
+    require(value >= 0 && std::isfinite(value), key, value, why);
+  };
+  require(config.clip > 0 && config.clip < 1, "ppo.clip", config.clip,
+          "must be between 0 and 1: the probability ratio stays in 1 - clip ... 1 + clip");
   not_negative("ppo.value_coefficient", config.value_coefficient, "must not be negative: the value loss would grow");
   not_negative("ppo.entropy_coefficient", config.entropy_coefficient, "must not be negative: it rewards exploration");
   positive("ppo.learning_rate", config.learning_rate, "must be positive: it is the step of Adam");
@@ -99,13 +102,15 @@ void validate(const PpoConfig& config) {
   positive("ppo.max_gradient_norm", config.max_gradient_norm, "must be positive: longer gradients are scaled down to it");
   require(config.epochs > 0, "ppo.epochs", config.epochs, "must be positive: passes over each rollout");
   require(config.minibatches > 0, "ppo.minibatches", config.minibatches, "must be positive: they share the environments of a worker");
-  require(config.gae.gamma >= 0 && config.gae.gamma <= 1, "ppo.gamma", config.gae.gamma, "must be in [0, 1]: it discounts rewards per step");
-  require(config.gae.lambda >= 0 && config.gae.lambda <= 1, "ppo.lambda", config.gae.lambda, "must be in [0, 1]: it discounts advantages per step");
+  require(config.gae.gamma >= 0 && config.gae.gamma <= 1, "ppo.gamma", config.gae.gamma,
+          "must be in [0, 1]: it discounts rewards per step");
+  require(config.gae.lambda >= 0 && config.gae.lambda <= 1, "ppo.lambda", config.gae.lambda,
+          "must be in [0, 1]: it discounts advantages per step");
 }
 
-PpoLoss ppo_loss(const torch::Tensor& log_prob, const torch::Tensor& old_log_prob, const torch::Tensor& advantages, const torch::Tensor& values,
-                 const torch::Tensor& old_values, const torch::Tensor& returns, const torch::Tensor& entropy, const torch::Tensor& valid,
-                 double clip, const PpoConfig& config) {
+PpoLoss ppo_loss(const torch::Tensor& log_prob, const torch::Tensor& old_log_prob, const torch::Tensor& advantages,
+                 const torch::Tensor& values, const torch::Tensor& old_values, const torch::Tensor& returns, const torch::Tensor& entropy,
+                 const torch::Tensor& valid, double clip, const PpoConfig& config) {
   // Selected before any arithmetic: multiplying by a mask afterwards would let NaN through, in the loss or in the gradient.
   const torch::Tensor counts = valid.to(torch::kBool);
   const auto select = [&](const torch::Tensor& rows) { return rows.masked_select(counts); };
@@ -120,7 +125,8 @@ PpoLoss ppo_loss(const torch::Tensor& log_prob, const torch::Tensor& old_log_pro
 
   const torch::Tensor value = select(values), old_value = select(old_values), target = select(returns);
   torch::Tensor squared_error = (value - target).square();
-  if (config.clip_value_loss) squared_error = torch::max(squared_error, (old_value + (value - old_value).clamp(-clip, clip) - target).square());
+  if (config.clip_value_loss)
+    squared_error = torch::max(squared_error, (old_value + (value - old_value).clamp(-clip, clip) - target).square());
   const torch::Tensor value_loss = 0.5 * mean(squared_error);
 
   const torch::Tensor mean_entropy = mean(select(entropy));
@@ -133,8 +139,8 @@ PpoLoss ppo_loss(const torch::Tensor& log_prob, const torch::Tensor& old_log_pro
 }
 
 struct PpoLearner::Rollout {
-  ObservationTensors observations;                                     // [T, B, ...]
-  torch::Tensor hidden;                                                // [B, hidden_size]
+  ObservationTensors observations;                                                // [T, B, ...]
+  torch::Tensor hidden;                                                           // [B, hidden_size]
   torch::Tensor not_done, actions, log_prob, values, advantages, returns, valid;  // [T, B]
 
   Rollout(const RolloutBuffer& buffer, const GaeConfig& config) {
@@ -146,7 +152,8 @@ struct PpoLearner::Rollout {
     log_prob = rows(buffer.log_prob);
     values = rows(buffer.values);
     valid = rows(buffer.valid).to(torch::kBool);
-    advantages = gae(rows(buffer.rewards), values, rows(buffer.terminated), rows(buffer.truncated), rows(buffer.final_values), buffer.next_value, config);
+    advantages = gae(rows(buffer.rewards), values, rows(buffer.terminated), rows(buffer.truncated), rows(buffer.final_values),
+                     buffer.next_value, config);
     returns = advantages + values;
   }
 };
@@ -169,15 +176,15 @@ PpoLoss PpoLearner::minibatch_loss(const Rollout& rollout, std::span<const std::
   const auto rows = [&](const torch::Tensor& slab) {  // [T, B, ...] -> [T * envs, ...]
     return slab.defined() ? slab.index_select(1, index).flatten(0, 1) : torch::Tensor();
   };
-  const PolicyOutput output = policy_->sequence(
-      {rows(rollout.observations.depth), rows(rollout.observations.spectrogram), rows(rollout.observations.pointgoal)},
-      rollout.hidden.index_select(0, index), rollout.not_done.index_select(1, index));
+  const PolicyOutput output =
+      policy_->sequence({rows(rollout.observations.depth), rows(rollout.observations.spectrogram), rows(rollout.observations.pointgoal)},
+                        rollout.hidden.index_select(0, index), rollout.not_done.index_select(1, index));
   const torch::Tensor log_prob = log_probabilities(output.logits, rows(rollout.actions));
   const torch::Tensor old_log_prob = rows(rollout.log_prob), valid = rows(rollout.valid);
   if (max_ratio_error && valid.any().item<bool>())
     *max_ratio_error = ((log_prob - old_log_prob).detach().masked_select(valid).exp() - 1).abs().max().item<double>();
-  return ppo_loss(log_prob, old_log_prob, rows(rollout.advantages), output.value, rows(rollout.values), rows(rollout.returns), entropy(output.logits),
-                  valid, clip, config_);
+  return ppo_loss(log_prob, old_log_prob, rows(rollout.advantages), output.value, rows(rollout.values), rows(rollout.returns),
+                  entropy(output.logits), valid, clip, config_);
 }
 
 UpdateStats PpoLearner::update(const RolloutBuffer& buffer, double progress, std::uint64_t update, const AverageGradients& average,
@@ -208,7 +215,8 @@ UpdateStats PpoLearner::update(const RolloutBuffer& buffer, double progress, std
       if (has_rows) {
         const bool first_of_all = epoch == 0 && minibatch == 0;
         const PpoLoss loss = minibatch_loss(rollout, envs, clip, first_of_all ? &stats.max_ratio_error : nullptr);
-        // The policy of the rollout is the policy of now: what differs would be a wrong mask, hidden state or observation (TRAINER.md 2.3, oracle 6).
+        // The policy of the rollout is the policy of now: what differs would be a wrong mask, hidden state or observation (TRAINER.md 2.3,
+        // oracle 6).
         EARSHOT_EXPECT(!(stats.max_ratio_error > 1e-4));
         loss.total.backward();
         stats.policy_loss += loss.policy.item<double>();
@@ -226,13 +234,21 @@ UpdateStats PpoLearner::update(const RolloutBuffer& buffer, double progress, std
 
       double norm = 0;
       switch (clip_and_step(norm)) {
-        case StepOutcome::stepped: stats.gradient_norm += norm; ++stepped; break;
-        case StepOutcome::not_finite: ++stats.skipped_steps; stats.non_finite_here += finite_here ? 0 : 1; break;
-        case StepOutcome::no_rows: break;
+        case StepOutcome::stepped:
+          stats.gradient_norm += norm;
+          ++stepped;
+          break;
+        case StepOutcome::not_finite:
+          ++stats.skipped_steps;
+          stats.non_finite_here += finite_here ? 0 : 1;
+          break;
+        case StepOutcome::no_rows:
+          break;
       }
     }
   }
-  for (double* mean : {&stats.policy_loss, &stats.value_loss, &stats.entropy, &stats.approx_kl, &stats.clip_fraction}) *mean /= std::max(1, counted);
+  for (double* mean : {&stats.policy_loss, &stats.value_loss, &stats.entropy, &stats.approx_kl, &stats.clip_fraction})
+    *mean /= std::max(1, counted);
   stats.gradient_norm /= std::max(1, stepped);
   stats.learn_s = seconds_since(start) - stats.reduce_s;
   return stats;

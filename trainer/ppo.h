@@ -15,7 +15,7 @@ namespace earshot {
 struct PpoConfig {
   double clip = 0.2, value_coefficient = 0.5, entropy_coefficient = 0.05;
   double learning_rate = 2.5e-4, adam_epsilon = 1e-5, max_gradient_norm = 0.2;
-  int epochs = 2, minibatches = 2;      ///< minibatches split the envs, sequences stay whole
+  int epochs = 2, minibatches = 2;  ///< minibatches split the envs, sequences stay whole
   bool clip_value_loss = true, normalize_advantages = false;
   bool linear_learning_rate_decay = false, linear_clip_decay = false;
   GaeConfig gae;
@@ -26,17 +26,17 @@ void validate(const PpoConfig& config);
 /// The pieces of one PPO loss; all scalars.
 struct PpoLoss {
   torch::Tensor total, policy, value, entropy;
-  torch::Tensor approx_kl, clip_fraction;   ///< detached
+  torch::Tensor approx_kl, clip_fraction;  ///< detached
 };
 /// log_prob, old_log_prob, advantages, values, old_values, returns, entropy, valid: [N]; rows with valid == 0 do not count.
-/// policy = -mean min(r A, clip(r) A), r = exp(clamp(log_prob - old_log_prob, -20, 20)); value = 0.5 mean max((v - R)^2, (v_clipped - R)^2);
-/// v_clipped = old_value + clamp(v - old_value, -clip, clip); without clip_value_loss, value = 0.5 mean (v - R)^2.
-/// total = policy + value_coefficient value - entropy_coefficient mean entropy.  (Schulman et al. 2017, eqs. 7 and 9.)
-/// approx_kl = mean (r - 1 - log r) >= 0; clip_fraction = share of rows with |r - 1| > clip.
-/// Rows that do not count may hold anything, NaN included; with no row left all is 0, and so are the gradients.
-PpoLoss ppo_loss(const torch::Tensor& log_prob, const torch::Tensor& old_log_prob, const torch::Tensor& advantages, const torch::Tensor& values,
-                 const torch::Tensor& old_values, const torch::Tensor& returns, const torch::Tensor& entropy, const torch::Tensor& valid,
-                 double clip, const PpoConfig& config);
+/// policy = -mean min(r A, clip(r) A), r = exp(clamp(log_prob - old_log_prob, -20, 20)); value = 0.5 mean max((v - R)^2, (v_clipped -
+/// R)^2); v_clipped = old_value + clamp(v - old_value, -clip, clip); without clip_value_loss, value = 0.5 mean (v - R)^2. total = policy +
+/// value_coefficient value - entropy_coefficient mean entropy.  (Schulman et al. 2017, eqs. 7 and 9.) approx_kl = mean (r - 1 - log r) >=
+/// 0; clip_fraction = share of rows with |r - 1| > clip. Rows that do not count may hold anything, NaN included; with no row left all is 0,
+/// and so are the gradients.
+PpoLoss ppo_loss(const torch::Tensor& log_prob, const torch::Tensor& old_log_prob, const torch::Tensor& advantages,
+                 const torch::Tensor& values, const torch::Tensor& old_values, const torch::Tensor& returns, const torch::Tensor& entropy,
+                 const torch::Tensor& valid, double clip, const PpoConfig& config);
 
 /// Means over the minibatches of one update.
 struct UpdateStats {
@@ -53,11 +53,12 @@ using AverageGradients = std::function<void(std::span<float> buffer)>;
 /// Sums a few doubles over all workers in place; the identity for one worker.
 using SumStatistics = std::function<void(std::span<double> sums)>;
 
-/// PPO with Adam over all parameters of one policy.  The gradient of each minibatch is averaged over workers before clipping and stepping, so all
-/// workers keep equal weights.  A non-finite averaged gradient skips the step on every worker alike.
+/// PPO with Adam over all parameters of one policy.  The gradient of each minibatch is averaged over workers before clipping and stepping,
+/// so all workers keep equal weights.  A non-finite averaged gradient skips the step on every worker alike.
 ///
-/// A minibatch is a share of the envs with their whole sequences; each env is in one minibatch per epoch.  The loss is the mean over the valid rows of
-/// a worker's minibatch, and each worker that has such rows weighs the same (TRAINER.md 3.5 a); a worker that has none joins the average with weight 0.
+/// A minibatch is a share of the envs with their whole sequences; each env is in one minibatch per epoch.  The loss is the mean over the
+/// valid rows of a worker's minibatch, and each worker that has such rows weighs the same (TRAINER.md 3.5 a); a worker that has none joins
+/// the average with weight 0.
 class PpoLearner {
  public:
   PpoLearner(ActorCritic policy, const PpoConfig& config, std::uint64_t seed);

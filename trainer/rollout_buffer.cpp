@@ -23,7 +23,8 @@ RolloutBuffer::RolloutBuffer(const ObservationSpec& spec, int max_steps, int num
   if (spec.spectrogram) observations.spectrogram = torch::zeros({T, B, spec.sound.rows(), spec.sound.columns(), 2});
   if (spec.pointgoal) observations.pointgoal = torch::zeros({T, B, 2});
   hidden = torch::zeros({B, hidden_size});
-  for (torch::Tensor* slab : {&not_done, &log_prob, &values, &rewards, &terminated, &truncated, &final_values, &valid}) *slab = torch::zeros({T, B});
+  for (torch::Tensor* slab : {&not_done, &log_prob, &values, &rewards, &terminated, &truncated, &final_values, &valid})
+    *slab = torch::zeros({T, B});
   actions = torch::zeros({T, B}, torch::kInt64);
   next_value = torch::zeros({B});
 }
@@ -33,8 +34,8 @@ void RolloutBuffer::begin(const torch::Tensor& state) {
   steps_ = 0;
 }
 
-void RolloutBuffer::push(const ObservationTensors& seen, const torch::Tensor& continues, const torch::Tensor& chosen, const torch::Tensor& chosen_log_prob,
-                         const torch::Tensor& value) {
+void RolloutBuffer::push(const ObservationTensors& seen, const torch::Tensor& continues, const torch::Tensor& chosen,
+                         const torch::Tensor& chosen_log_prob, const torch::Tensor& value) {
   EARSHOT_EXPECT(steps_ < rewards.size(0));
   const torch::NoGradGuard no_gradient;
   if (observations.depth.defined()) observations.depth[steps_].copy_(seen.depth);
@@ -46,8 +47,9 @@ void RolloutBuffer::push(const ObservationTensors& seen, const torch::Tensor& co
   values[steps_].copy_(value);
 }
 
-void RolloutBuffer::push_outcome(std::span<const float> reward, std::span<const std::uint8_t> ended, std::span<const std::uint8_t> timed_out,
-                                 const torch::Tensor& final_value, std::span<const std::uint8_t> counts) {
+void RolloutBuffer::push_outcome(std::span<const float> reward, std::span<const std::uint8_t> ended,
+                                 std::span<const std::uint8_t> timed_out, const torch::Tensor& final_value,
+                                 std::span<const std::uint8_t> counts) {
   EARSHOT_EXPECT(steps_ < rewards.size(0) && std::ssize(reward) == num_envs_ && std::ssize(ended) == num_envs_);
   EARSHOT_EXPECT(std::ssize(timed_out) == num_envs_ && std::ssize(counts) == num_envs_);
   const torch::NoGradGuard no_gradient;

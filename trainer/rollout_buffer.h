@@ -9,17 +9,19 @@
 
 namespace earshot {
 
-/// One rollout of T steps of B envs, time first.  Row t holds what the policy saw before action t.  Begin with begin(), then one push per step, then
-/// finish(); a rollout may stop early, the rows past num_steps() are never read (TRAINER.md 3.4: stale rows corrupted the original).
+/// One rollout of T steps of B envs, time first.  Row t holds what the policy saw before action t.  Begin with begin(), then one push per
+/// step, then finish(); a rollout may stop early, the rows past num_steps() are never read (TRAINER.md 3.4: stale rows corrupted the
+/// original).
 class RolloutBuffer {
  public:
   RolloutBuffer(const ObservationSpec& spec, int max_steps, int num_envs, int hidden_size);
 
   /// hidden [B, hidden_size] before the first step of this rollout.
   void begin(const torch::Tensor& hidden);
-  /// What the policy saw and did at step t; everything is copied.  actions [B] int64.  not_done [B]: 0 where this observation is the first of an episode.
-  void push(const ObservationTensors& observations, const torch::Tensor& not_done, const torch::Tensor& actions, const torch::Tensor& log_prob,
-            const torch::Tensor& value);
+  /// What the policy saw and did at step t; everything is copied.  actions [B] int64.  not_done [B]: 0 where this observation is the first
+  /// of an episode.
+  void push(const ObservationTensors& observations, const torch::Tensor& not_done, const torch::Tensor& actions,
+            const torch::Tensor& log_prob, const torch::Tensor& value);
   /// What came of it.  final_value [B]: V(final observation) where truncated, else 0.  valid [B]: 0 for idle envs.
   void push_outcome(std::span<const float> rewards, std::span<const std::uint8_t> terminated, std::span<const std::uint8_t> truncated,
                     const torch::Tensor& final_value, std::span<const std::uint8_t> valid);
@@ -29,10 +31,10 @@ class RolloutBuffer {
   [[nodiscard]] int num_steps() const { return steps_; }
   [[nodiscard]] int num_envs() const { return num_envs_; }
 
-  ObservationTensors observations;  ///< [max_steps, B, ...]
-  torch::Tensor hidden;             ///< [B, hidden_size]
+  ObservationTensors observations;                                                                         ///< [max_steps, B, ...]
+  torch::Tensor hidden;                                                                                    ///< [B, hidden_size]
   torch::Tensor not_done, actions, log_prob, values, rewards, terminated, truncated, final_values, valid;  ///< [max_steps, B]
-  torch::Tensor next_value;         ///< [B]
+  torch::Tensor next_value;                                                                                ///< [B]
 
  private:
   int steps_ = 0, num_envs_ = 0;

@@ -45,7 +45,8 @@ TEST(ActionDistribution, FrequenciesFollowTheProbabilities) {
   const torch::Tensor logits = torch::tensor({1.0, 2.0, 3.0, 4.0}).log().unsqueeze(0);
   std::array<double, 4> count{};
   constexpr int draws = 100000;
-  for (std::uint32_t i = 0; i < draws; ++i) ++count[static_cast<std::size_t>(sample_one(logits, {.env = i % 7, .episode = i / 500, .step = i % 500}, 11))];
+  for (std::uint32_t i = 0; i < draws; ++i)
+    ++count[static_cast<std::size_t>(sample_one(logits, {.env = i % 7, .episode = i / 500, .step = i % 500}, 11))];
   double chi_square = 0;
   for (std::size_t a = 0; a < 4; ++a) chi_square += std::pow(count[a] - draws * probability[a], 2) / (draws * probability[a]);
   EXPECT_LT(chi_square, 16.27);  // three degrees of freedom: exceeded by chance once in a thousand seeds; ours is fixed
@@ -59,7 +60,8 @@ TEST(ActionDistribution, WhoActsDecidesAndNotTheBatch) {
   for (std::uint32_t i = 0; i < 6; ++i) who.push_back({.env = 10 + i, .episode = i % 2, .step = 3 * i});
   std::vector<std::int32_t> together(6), swapped(6);
   sample_actions(logits, who, 3, together);
-  for (std::size_t i = 0; i < 6; ++i) EXPECT_EQ(sample_one(logits.slice(0, static_cast<std::int64_t>(i), static_cast<std::int64_t>(i) + 1), who[i], 3), together[i]);
+  for (std::size_t i = 0; i < 6; ++i)
+    EXPECT_EQ(sample_one(logits.slice(0, static_cast<std::int64_t>(i), static_cast<std::int64_t>(i) + 1), who[i], 3), together[i]);
   std::vector<ActingEnv> reversed(who.rbegin(), who.rend());
   sample_actions(logits.flip(0), reversed, 3, swapped);
   EXPECT_TRUE(std::equal(swapped.rbegin(), swapped.rend(), together.begin()));

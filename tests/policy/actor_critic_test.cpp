@@ -79,7 +79,8 @@ TEST(ActorCritic, EverySensorMatters) {
   const torch::Tensor hidden = torch::zeros({1, 24}), not_done = torch::ones({1});
   const ObservationTensors seen = random_observations(spec, 1);
   const torch::Tensor value = policy->step(seen, hidden, not_done).value;
-  for (torch::Tensor ObservationTensors::*sensor : {&ObservationTensors::depth, &ObservationTensors::spectrogram, &ObservationTensors::pointgoal}) {
+  for (torch::Tensor ObservationTensors::*sensor :
+       {&ObservationTensors::depth, &ObservationTensors::spectrogram, &ObservationTensors::pointgoal}) {
     ObservationTensors other = seen;
     other.*sensor = seen.*sensor + 1;
     EXPECT_GT(largest(policy->step(other, hidden, not_done).value - value), 1e-4);
@@ -179,7 +180,8 @@ TEST(ActorCritic, RefusesWhatCannotWork) {
 }
 
 TEST(ActorCritic, ReadsItsConfig) {
-  ConfigReader reader = ConfigReader::from_text("{hidden_size: 128, visual_features: 64, audio_features: 32, conv_channels: 16, seed: 9}", "test");
+  ConfigReader reader =
+      ConfigReader::from_text("{hidden_size: 128, visual_features: 64, audio_features: 32, conv_channels: 16, seed: 9}", "test");
   PolicyConfig config;
   read(reader, config);
   reader.finish();
@@ -199,8 +201,8 @@ TEST(ActorCritic, ArchitectureTellsWeightsApart) {
   EXPECT_EQ(line(spec_of(64), reseeded), base);
   PolicyConfig wider = small_config();
   wider.hidden_size = 25;
-  for (const std::string& other : {line(spec_of(72), small_config()), line(spec_of(64), wider), line(spec_of(64, true, false), small_config()),
-                                   line(spec_of(64, true, true, true), small_config())})
+  for (const std::string& other : {line(spec_of(72), small_config()), line(spec_of(64), wider),
+                                   line(spec_of(64, true, false), small_config()), line(spec_of(64, true, true, true), small_config())})
     EXPECT_NE(other, base);
 }
 

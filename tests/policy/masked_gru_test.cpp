@@ -41,7 +41,8 @@ TEST(MaskedGru, EqualsTheCellsInValueAndInEveryGradient) {
   for (const std::int64_t T : {1, 3, 11}) {
     const std::int64_t B = 3, I = 5, H = 7;
     MaskedGru gru = random_gru(I, H);
-    torch::Tensor inputs = torch::randn({T, B, I}, kFloat64).requires_grad_(true), hidden = torch::randn({B, H}, kFloat64).requires_grad_(true);
+    torch::Tensor inputs = torch::randn({T, B, I}, kFloat64).requires_grad_(true),
+                  hidden = torch::randn({B, H}, kFloat64).requires_grad_(true);
     torch::Tensor not_done = (torch::rand({T, B}, kFloat64) > 0.3).to(kFloat64);
     not_done[0][0] = 1;  // a state that comes in and
     not_done[0][1] = 0;  // one that does not
