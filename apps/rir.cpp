@@ -112,7 +112,6 @@ void run_rir(const Options& options) {
       part.speed_of_sound_m_per_s = response.speed_of_sound_m_per_s;
       for (const auto& arrival : response.arrivals)
         if (arrival.order >= least_order && arrival.order <= most_order) part.arrivals.push_back(arrival);
-      part.speed_of_sound_m_per_s = response.speed_of_sound_m_per_s;
       part.late = late ? response.late : make_histogram(acoustics);
       Rir rendered;
       synthesizer.render(part, heading_rad, carrier_key, rendered);

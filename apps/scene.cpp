@@ -44,7 +44,7 @@ void run_scene(const Options& options) {
   std::optional<float> navigable_m2;
   std::string navigation_problem;
   try {
-    navigable_m2 = Navmesh(scene.mesh(), {}).area_m2();
+    navigable_m2 = Navmesh(scene.mesh(), {}).main_area_m2();
   } catch (const InputError& error) {
     navigation_problem = error.what();
   }

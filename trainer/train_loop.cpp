@@ -209,11 +209,13 @@ void Worker::collect() {
 
 UpdateStats Worker::learn() {
   const float share = 1.0f / static_cast<float>(world_);
-  const UpdateStats stats = learner_.update(rollout_, progress(), update_, [&](std::span<float> buffer) {
+  const auto average = [&](std::span<float> buffer) {
     if (world_ == 1) return;
     collective_.all_reduce_sum(buffer);
     for (float& value : buffer) value *= share;
-  });
+  };
+  const auto sum = [&](std::span<double> sums) { collective_.all_reduce_sum(sums); };
+  const UpdateStats stats = learner_.update(rollout_, progress(), update_, average, sum);
   times_.learn += stats.learn_s;
   times_.reduce += stats.reduce_s;
   return stats;
@@ -262,6 +264,7 @@ void Worker::report(const UpdateStats& stats, double update_s) {
                   {"policy/gradient_norm", stats.gradient_norm},
                   {"policy/explained_variance", stats.explained_variance},
                   {"policy/skipped_steps", static_cast<double>(stats.skipped_steps)},
+                  {"policy/max_ratio_error", stats.max_ratio_error},
                   {"time/steps_per_s", steps_per_s},
                   {"time/simulate_sound_s", mean.simulate_sound},
                   {"time/convolve_s", mean.convolve},
