@@ -11,7 +11,7 @@ namespace earshot {
 /// Point on the unit sphere from two numbers in [0, 1): equal areas of the square become equal areas of the sphere (Archimedes).
 inline glm::vec3 sphere_direction(float u, float v) {
   const float z = 1.f - 2.f * u;
-  const float radius = std::sqrt(std::fmax(0.f, 1.f - z * z));
+  const float radius = 2.f * std::sqrt(u * (1.f - u));  // sqrt(1 - z^2) without its cancellation
   const float angle = 2.f * std::numbers::pi_v<float> * v;
   return {radius * std::cos(angle), z, radius * std::sin(angle)};
 }

@@ -1,0 +1,43 @@
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <cstdlib>
+#include <new>
+
+#include "sim/acoustics/rir.h"
+#include "tests/sim/acoustics/rooms.h"
+
+// Counts every allocation of this test program through operator new.
+namespace {
+std::atomic<long> allocations{0};
+void* counted(std::size_t size, std::size_t alignment) {
+  ++allocations;
+  const std::size_t rounded = (size + alignment - 1) / alignment * alignment;
+  void* memory = std::aligned_alloc(alignment, rounded == 0 ? alignment : rounded);
+  if (!memory) throw std::bad_alloc();
+  return memory;
+}
+}  // namespace
+
+void* operator new(std::size_t size) { return counted(size, alignof(std::max_align_t)); }
+void* operator new(std::size_t size, std::align_val_t alignment) { return counted(size, static_cast<std::size_t>(alignment)); }
+void operator delete(void* memory) noexcept { std::free(memory); }
+void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
+void operator delete(void* memory, std::align_val_t) noexcept { std::free(memory); }
+void operator delete(void* memory, std::size_t, std::align_val_t) noexcept { std::free(memory); }
+
+namespace earshot {
+namespace {
+
+TEST(EnergyResponse, AllocatesNothingOnceWarm) {
+  const AcousticScene scene(rooms::shoe1(0.2, 0.3), AcousticConfig{});
+  const EarlyCandidates candidates(scene, rooms::shoe1_source());
+  EnergyResponse response;
+  for (int i = 0; i < 3; ++i) compute_energy_response(scene, candidates, rooms::shoe1_listener(), response);
+  const long before = allocations;
+  for (int i = 0; i < 10; ++i) compute_energy_response(scene, candidates, rooms::shoe1_listener(), response);
+  EXPECT_EQ(allocations - before, 0);
+}
+
+}  // namespace
+}  // namespace earshot
