@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <span>
 #include <vector>
 
@@ -7,12 +8,24 @@
 
 namespace earshot {
 
-/// Weight of band `band` at `frequency_hz`, in [0, 1]; the weights of all bands add up to exactly 1 at every frequency (amplitude-complementary),
-/// and so do the squares of their square roots (power-complementary).  Neighbours cross over within a quarter octave on each side of their common
-/// edge, as a raised cosine in log f; the lowest band reaches down to 0 Hz, the highest up to half of the sample rate.
-float band_weight(const BandLayout& bands, int band, float frequency_hz);
+/// Zero-phase band filters on the bins of an FFT.  Neighbours cross over with raised-cosine edges in log frequency, half an octave wide or as wide
+/// as the narrower band; the lowest band reaches down to 0 Hz and the highest up to half the rate.  The shares F_b of all bands sum to 1 in
+/// every bin: as amplitudes they leave an impulse an impulse, as powers (amplitude sqrt F_b) they leave the sum of independent noises white (ORACLES O-31).
+class BandFilters {
+ public:
+  BandFilters(const BandLayout& bands, float sample_rate_hz, int fft_size);
 
-/// Weights at the bins of a real FFT: [num_bands, fft_size / 2 + 1].
-std::vector<float> band_weights(const BandLayout& bands, float sample_rate_hz, int fft_size);
+  [[nodiscard]] int num_bands() const { return num_bands_; }
+  [[nodiscard]] std::size_t num_bins() const { return lower_.size(); }
+  /// F_b in bin k, in [0, 1].
+  [[nodiscard]] float share(int band, std::size_t bin) const;
+  /// Spectrum gain[k] = sum over b of F_b(k) value[b].  Equal values give exactly that value in every bin.
+  void blend(std::span<const float> value, std::span<float> gain) const;
+
+ private:
+  int num_bands_;
+  std::vector<std::uint8_t> lower_;   ///< per bin: the lower of the at most two bands that overlap there
+  std::vector<float> upper_share_;    ///< per bin: share of the band above `lower_`
+};
 
 }  // namespace earshot

@@ -8,24 +8,27 @@
 
 namespace earshot {
 
-/// Band-limited noise whose short-time level does not wander (ORACLES 2.6): seeded Gaussian noise, band-filtered, divided by its own smoothed local
-/// rms, filtered again, three times.  Plain noise puts 9 % rms error into an octave-band T20; this, 1.6 %.
+/// Noise on which late energy rides: one loop per band and channel, seeded.  The bands of a channel are cut from one white noise of unit variance
+/// by BandFilters, so they add up to it again: bands of equal energy give the same white tail for every number of bands (ORACLES O-31: one
+/// carrier, amplitude-complementary filters).  Channels are independent.
 ///
-/// Scale: the carrier of band b has the power that unit white noise has in that band, so that equal energies in all bands give a flat spectrum at the level of a direct
-/// sound of that energy.  Carriers of different channels and bands are independent.  Each is a circle: any offset may be its start.
+/// The noise is flattened (ORACLES 2.6): in every octave its power averaged over about 2 / bandwidth is nearly constant, so that the decay of
+/// a rendered response is that of its energy.  Flattening each channel alone would be lost where channels are mixed, as they are in the ears;
+/// here the local covariance of all channels is made the identity, so every mixture is flat.
 class CarrierBank {
  public:
-  /// length: least number of samples; rounded up to a power of two, at least 16,384.  Cost: about 20 ms per channel at that size.
-  CarrierBank(const BandLayout& bands, float sample_rate_hz, int length, int num_channels, std::uint64_t seed);
-
-  [[nodiscard]] int length() const { return length_; }
+  /// length: of the loops, a power of two; may be shorter than a response, which then repeats it.
+  CarrierBank(const BandLayout& bands, float sample_rate_hz, int num_channels, int length, std::uint64_t seed);
+  [[nodiscard]] std::size_t length() const { return length_; }
   [[nodiscard]] int num_channels() const { return num_channels_; }
-  /// [length], to be read circularly.
-  [[nodiscard]] std::span<const float> carrier(int channel, int band) const;
+  [[nodiscard]] std::span<const float> loop(int band, int channel) const {
+    return std::span(samples_).subspan((static_cast<std::size_t>(band) * static_cast<std::size_t>(num_channels_) + static_cast<std::size_t>(channel)) * length_, length_);
+  }
 
  private:
-  int length_, num_bands_, num_channels_;
-  std::vector<float> samples_;  ///< [channel][band][length]
+  std::size_t length_;
+  int num_channels_;
+  std::vector<float> samples_;  ///< [band][channel][length]
 };
 
 }  // namespace earshot
