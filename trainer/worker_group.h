@@ -11,6 +11,7 @@ namespace earshot {
 
 /// Rank, world size and meeting point of this process, from the environment variables EARSHOT_RANK, EARSHOT_WORLD_SIZE, EARSHOT_RENDEZVOUS and
 /// EARSHOT_RUN_ID that spawn_workers sets (or a launcher does).  nullopt if none is set; InputError if they contradict each other.
+/// The timeout is ten minutes: between two calls lies a rollout, or the loading of a large scene, and workers differ; a dead one is noticed anyway.
 std::optional<RingConfig> worker_from_environment();
 
 /// Starts `num_workers` copies of this program and waits for all.  arguments: those after the program's name.  Each copy has the variables above set, for a

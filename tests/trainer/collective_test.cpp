@@ -216,7 +216,7 @@ TEST_P(RingOf, AnotherSizeOnOneWorkerIsAnErrorOnAll) {
     });
     const auto start = Clock::now();
     workers.expect_all_succeed();
-    EXPECT_LT(seconds_since(start), 5.0);
+    EXPECT_LT(seconds_since(start), 10.0);   // by the error, not by the timeout of 20 s
   }
 }
 
@@ -251,7 +251,7 @@ TEST(Collective, KilledWorkerIsNamedWithinSeconds) {
     const auto killed = Clock::now();
     EXPECT_EQ(workers.wait(0), 0);
     EXPECT_EQ(workers.wait(2), 0);
-    EXPECT_LT(seconds_since(killed), 3.0);   // 0.3 s of grace for last words, the rest for a loaded machine
+    EXPECT_LT(seconds_since(killed), 5.0);   // 0.3 s of grace for last words, the rest for a loaded machine
   }
 }
 
@@ -275,22 +275,22 @@ TEST(Collective, StoppedWorkerIsNamedAfterFourHeartbeats) {
 }
 
 TEST(Collective, BusyWorkerIsNamedAfterTheTimeout) {
-  for (const std::size_t count : {10u, 1000000u}) {
-    const PrivateTestFolder folder;
-    WorkerProcesses workers(2, [&](int rank) {
-      RingConfig config = ring_in(folder, rank, 2);
-      config.timeout = std::chrono::milliseconds(400);
-      const auto ring = make_zmq_ring(config);
-      std::vector<float> buffer(count);
-      if (rank == 1) {   // alive, its heart beats, but it does not come
-        std::this_thread::sleep_for(std::chrono::milliseconds(900));
-        return fails_with([&] { ring->all_reduce_sum(buffer); }, {"worker 0"});
-      }
-      const auto start = Clock::now();
-      return fails_with([&] { ring->all_reduce_sum(buffer); }, {"worker 1", "400 ms"}) && seconds_since(start) > 0.35;
-    });
-    workers.expect_all_succeed();
-  }
+  const PrivateTestFolder folders[2];
+  const std::size_t counts[2] = {10, 1000000};   // one hop, ring
+  WorkerProcesses workers(4, [&](int process) {
+    const int rank = process % 2;
+    RingConfig config = ring_in(folders[process / 2], rank, 2);
+    config.timeout = std::chrono::milliseconds(1000);
+    const auto ring = make_zmq_ring(config);
+    std::vector<float> buffer(counts[process / 2]);
+    if (rank == 1) {   // alive, its heart beats, but it does not come
+      std::this_thread::sleep_for(std::chrono::milliseconds(1600));
+      return fails_with([&] { ring->all_reduce_sum(buffer); }, {"worker 0"});
+    }
+    const auto start = Clock::now();
+    return fails_with([&] { ring->all_reduce_sum(buffer); }, {"worker 1", "1000 ms"}) && seconds_since(start) > 0.9;
+  });
+  workers.expect_all_succeed();
 }
 
 TEST(Collective, WorkerThatHasFinishedIsNamedByTheNextCall) {
