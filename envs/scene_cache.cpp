@@ -15,7 +15,7 @@
 namespace earshot {
 namespace {
 
-/// Mesh, its copy in Embree, the BVH and the plane table together; measured on houses at 180 to 240 bytes per triangle.
+/// An estimate: 28 bytes of mesh, 36 of vertices and indices in Embree, about 100 of BVH, 4 of the plane table, and slack.
 constexpr std::size_t kBytesPerTriangle = 256;
 constexpr std::size_t kBytesPerScene = std::size_t{1} << 20;
 constexpr std::size_t kMaxSourcesPerScene = 256;

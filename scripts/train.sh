@@ -11,10 +11,11 @@ sets=()
 for override in "$@"; do sets+=(--set "$override"); done
 
 if [ -z "${EARSHOT_SKIP_SETUP:-}" ]; then scripts/setup.sh; fi
-cmake --preset release -DEARSHOT_BUILD_TESTS=OFF -DEARSHOT_BUILD_BENCH=OFF \
-  $(command -v ccache >/dev/null && echo -DCMAKE_CXX_COMPILER_LAUNCHER=ccache) -B build/product >/dev/null
-cmake --build build/product --target earshot -- -j "${EARSHOT_JOBS:-$(nproc)}"
-earshot=build/product/earshot
+launcher=()
+command -v ccache >/dev/null && launcher=(-DCMAKE_CXX_COMPILER_LAUNCHER=ccache)
+cmake --preset release "${launcher[@]}" >/dev/null
+cmake --build --preset release --target earshot -- -j "${EARSHOT_JOBS:-$(nproc)}"
+earshot=build/release/earshot
 
 name=$(basename "$config" .yaml)
 out=runs/$name

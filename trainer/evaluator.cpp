@@ -26,7 +26,7 @@ EvaluationResult run_episodes(const EnvConfig& base, const EvaluationConfig& eva
   EnvConfig config = base;
   config.order = EpisodeOrder::once;
   config.threads = evaluation.threads;
-  const auto scenes = std::make_shared<SceneCache>(config.acoustics, config.navmesh, config.scene_root, static_cast<std::size_t>(config.scene_cache_gb * 1e9));
+  const auto scenes = make_scene_cache(config);
   const auto num_episodes = set->episodes.size();
   const int num_envs = static_cast<int>(std::min<std::size_t>(static_cast<std::size_t>(evaluation.num_envs), num_episodes));
   BatchedEnv env(config, set, scenes, num_envs);

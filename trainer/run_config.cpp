@@ -148,12 +148,12 @@ EpisodeSet generate_data(const DataConfig& data, const EnvConfig& env) {
   const auto sounds = expand_sounds(data.sounds);
   if (sounds.empty()) throw InputError("data.sounds", "is empty", "name at least one sound, for example synth:telephone");
 
-  SceneCache cache(env.acoustics, env.navmesh, env.scene_root, std::size_t{1} << 30);
+  const auto cache = make_scene_cache(env);
   Progress progress("episodes", "scene", scenes.size());
   EpisodeSet set;
   for (std::size_t i = 0; i < scenes.size(); ++i) {
-    const auto scene = cache.scene(scenes[i]);
-    auto episodes = generate_episodes(scenes[i], scene->navmesh, env.task, data.filter, sounds, data.episodes_per_scene, data.seed);
+    const auto scene = cache->scene(scenes[i]);
+    auto episodes = generate_episodes(scenes[i], *scene->scene, scene->navmesh, env.task, data.filter, sounds, data.episodes_per_scene, data.seed);
     for (auto& episode : episodes) {
       episode.episode_id = std::to_string(set.episodes.size());
       set.episodes.push_back(std::move(episode));
