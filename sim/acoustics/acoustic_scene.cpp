@@ -25,8 +25,7 @@ std::uint64_t hash_of(const AcousticConfig& c, std::uint64_t scene_hash) {
   for (const Switch s : {c.direct, c.early, c.late, c.air_absorption, c.diffraction, c.transmission}) {
     append_bytes(bytes, static_cast<std::int32_t>(s));
   }
-  for (const int value : {c.early_order, c.early_candidate_rays, c.rays, c.max_bounces, c.sh_order, c.diffuse_last_leg ? 1 : 0,
-                          c.scattering_per_band ? 1 : 0, c.bands}) {
+  for (const int value : {c.early_order, c.early_candidate_rays, c.rays, c.max_bounces, c.sh_order, c.diffuse_last_leg ? 1 : 0, c.bands}) {
     append_bytes(bytes, value);
   }
   for (const float value : {c.time_bin_s, c.rir_length_s, c.source_radius_m, c.scattering, c.sample_rate_hz}) append_bytes(bytes, value);
@@ -63,9 +62,6 @@ AcousticScene::AcousticScene(std::shared_ptr<const Scene> scene, const AcousticC
       sum += scattering_[cell];
     }
     mean_scattering_[slot] = static_cast<float>(sum / num_bands());
-    if (!config_.scattering_per_band) {
-      std::fill_n(scattering_.begin() + static_cast<std::ptrdiff_t>(slot * stride_), num_bands(), mean_scattering_[slot]);
-    }
   }
 
   air_.assign(num_bands(), 0.f);

@@ -28,7 +28,6 @@ AcousticConfig acoustic_preset(std::string_view name) {
     config.rays = 1024;
     config.time_bin_s = 0.002f;
     config.rir_length_s = 1.f;
-    config.scattering_per_band = true;
     return config;
   }
   if (name == "high") {
@@ -39,7 +38,6 @@ AcousticConfig acoustic_preset(std::string_view name) {
     config.time_bin_s = 0.001f;
     config.rir_length_s = 2.f;
     config.diffuse_last_leg = false;
-    config.scattering_per_band = true;
     config.threads = 0;
     return config;
   }
@@ -63,7 +61,6 @@ void read(ConfigReader& reader, AcousticConfig& config) {
   reader.read("source_radius_m", config.source_radius_m);
   reader.read("diffuse_last_leg", config.diffuse_last_leg);
   reader.read("scattering", config.scattering);
-  reader.read("scattering_per_band", config.scattering_per_band);
   reader.read("bands", config.bands);
   reader.read("sample_rate_hz", config.sample_rate_hz);
   reader.read("seed", config.seed);

@@ -31,10 +31,6 @@ struct AcousticConfig {
   /// furnished house with scattering near 0.1: T20 within 5 %, T30 within 9 %, level within 0.4 dB).
   bool diffuse_last_leg = true;
   float scattering = -1.f;             ///< >= 0: one value for every material
-  /// false: each material scatters all bands alike, with its mean over bands, so that one ray serves all bands.  With values of their own
-  /// the bands part ways after a few bounces and share the rays: in a house with 64 rays T30 is twice as noisy, while the mean
-  /// moves T20 and T30 by at most 5 %.
-  bool scattering_per_band = false;
   // output
   int bands = 0;                       ///< 0: octaves; otherwise this many log-spaced bands
   float sample_rate_hz = 16000.f;      ///< [8000, 96000]

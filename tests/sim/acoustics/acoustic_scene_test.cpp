@@ -30,20 +30,16 @@ TEST(AcousticScene, CoefficientsAreBandMeans) {
   for (int b = scene.num_bands(); b < scene.padded_bands(); ++b) EXPECT_EQ(scene.padded_reflectance(2)[b], 0.f);
 }
 
-TEST(AcousticScene, ScatteringMayBeOverriddenOrShared) {
+TEST(AcousticScene, ScatteringMayBeOverridden) {
   Material material = Material::uniform("m", 0.1f, 0.f);
   material.scattering = {{125.f, 8000.f}, {0.1f, 0.7f}};
   std::array<Material, 6> walls;
   walls.fill(material);
   AcousticConfig config;
-  config.scattering_per_band = true;
   const auto room = rooms::box(5, 4, 3, walls);
   const AcousticScene own(room, config);
   EXPECT_LT(own.scattering(0)[0], 0.15f);
   EXPECT_GT(own.scattering(0)[6], 0.6f);
-  config.scattering_per_band = false;
-  const AcousticScene shared(room, config);
-  for (const float s : shared.scattering(0)) EXPECT_FLOAT_EQ(s, own.mean_scattering(0));
   config.scattering = 0.25f;
   const AcousticScene fixed(room, config);
   for (const float s : fixed.scattering(0)) EXPECT_EQ(s, 0.25f);

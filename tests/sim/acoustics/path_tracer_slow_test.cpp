@@ -51,7 +51,6 @@ TEST(PathTracerSlow, BandsWithTheirOwnScatteringAreUnbiased) {
   const auto room = rooms::box(5, 4, 3, walls);
   AcousticConfig config = plain_config();
   config.bands = 4;
-  config.scattering_per_band = true;
   config.diffuse_last_leg = true;  // the weights of the bands are in question here, not the source volume with its noise
   config.rays = 1024;
   const auto late_share = [](const EnergyHistogram& h, int band) {  // 60 to 200 ms: a dozen bounces in
