@@ -38,7 +38,8 @@ as_root apt-get update -qq
 wanted=()
 for package in "${packages[@]}"; do
   name=${package%%=*}
-  if [ "$name" != "$package" ] && ! apt-cache madison "$name" | grep -qF " ${package#*=} "; then
+  offered=$(apt-cache madison "$name")
+  if [ "$name" != "$package" ] && [[ "$offered" != *" ${package#*=} "* ]]; then
     echo "setup: ${package} is not offered here; taking the newest ${name}" >&2
     package=$name
   fi
