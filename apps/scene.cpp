@@ -57,7 +57,9 @@ void run_scene(const Options& options) {
   fmt::print("open edges       {}\n", report.open_edges);
   fmt::print("ray efficiency   {:.4f}: {:.2f} % of rays leaked{}\n", report.ray_efficiency, 100 * report.leaked_ray_share,
              report.leaked_ray_share > 0.01 ? " (holes, or a missing ceiling: set ceiling_m in a scene YAML)" : "");
-  fmt::print("volume           {:.1f} m3\nsurface          {:.1f} m2\n", report.volume_m3, report.area_m2);
+  // An open scene has no enclosed volume, nor a surface that can be told apart from its outside.
+  const auto shown = [](double value, const char* unit) { return std::isfinite(value) ? fmt::format("{:.1f} {}", value, unit) : std::string("-"); };
+  fmt::print("volume           {}\nsurface          {}\n", shown(report.volume_m3, "m3"), shown(report.area_m2, "m2"));
   if (navigable_m2)
     fmt::print("navigable        {:.1f} m2\n", *navigable_m2);
   else
