@@ -49,8 +49,9 @@ TEST(RunConfig, SeedReachesEnvAndPolicyUnlessTheySayOtherwise) {
   EXPECT_EQ(config.env.task.max_steps, 33);
 }
 
-// The configs that ship with the product must stay readable.
+// The configs that ship with the product must stay readable, from the project's folder as the README says.
 TEST(RunConfig, ShippedConfigsAreValid) {
+  std::filesystem::current_path(EARSHOT_SOURCE_DIR);
   for (const char* name : {"quick", "small_house", "avnav"})
     EXPECT_NO_THROW(load_run_config(std::filesystem::path(EARSHOT_SOURCE_DIR) / "configs/train" / (std::string(name) + ".yaml"), {})) << name;
 }
