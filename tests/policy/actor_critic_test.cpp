@@ -161,6 +161,20 @@ TEST(ActorCritic, InitialWeightsHaveTheStatedShape) {
   EXPECT_NEAR(critic.norm().item<double>(), 1.0, 1e-5);
 }
 
+TEST(ActorCritic, AtFirstStopIsAsRareAsAsked) {
+  torch::manual_seed(5);
+  const ObservationSpec spec = spec_of(64);
+  for (const double logit : {0.0, -4.0}) {
+    PolicyConfig config = small_config();
+    config.initial_stop_logit = logit;
+    ActorCritic policy(spec, config);
+    const torch::Tensor p = policy->step(random_observations(spec, 1), torch::zeros({1, 24}), torch::ones({1})).logits[0].softmax(0);
+    const double expected = std::exp(logit) / (std::exp(logit) + 3);  // 1/4, and 1/165: the weights of the actor, gain 0.01, hardly matter
+    EXPECT_NEAR(p[0].item<double>() / expected, 1.0, 0.05);
+    for (int other = 1; other < 4; ++other) EXPECT_NEAR(p[other].item<double>() * 3 / (1 - expected), 1.0, 0.05);
+  }
+}
+
 TEST(ActorCritic, RefusesWhatCannotWork) {
   EXPECT_THROW(ActorCritic(spec_of(128, false, false, false), PolicyConfig{}), InputError);
   // 32: 7 after the first convolution, 2 after the second, which the third (3 x 3) cannot take.  36: 8, 3, 1.
@@ -176,12 +190,15 @@ TEST(ActorCritic, RefusesWhatCannotWork) {
   EXPECT_THROW(validate(config), InputError);
   config.hidden_size = 1 << 20;
   EXPECT_THROW(validate(config), InputError);
+  config = PolicyConfig{};
+  config.initial_stop_logit = -1000;
+  EXPECT_THROW(validate(config), InputError);
   EXPECT_NO_THROW(validate(PolicyConfig{}));
 }
 
 TEST(ActorCritic, ReadsItsConfig) {
-  ConfigReader reader =
-      ConfigReader::from_text("{hidden_size: 128, visual_features: 64, audio_features: 32, conv_channels: 16, seed: 9}", "test");
+  ConfigReader reader = ConfigReader::from_text(
+      "{hidden_size: 128, visual_features: 64, audio_features: 32, conv_channels: 16, seed: 9, initial_stop_logit: -3}", "test");
   PolicyConfig config;
   read(reader, config);
   reader.finish();
@@ -190,6 +207,7 @@ TEST(ActorCritic, ReadsItsConfig) {
   EXPECT_EQ(config.audio_features, 32);
   EXPECT_EQ(config.conv_channels, 16);
   EXPECT_EQ(config.seed, 9u);
+  EXPECT_EQ(config.initial_stop_logit, -3);
 }
 
 TEST(ActorCritic, ArchitectureTellsWeightsApart) {
