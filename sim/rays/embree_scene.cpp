@@ -145,8 +145,9 @@ glm::vec3 offset_from_surface(glm::vec3 position, glm::vec3 normal) {
   glm::vec3 moved;
   for (int axis = 0; axis < 3; ++axis) {
     const float p = position[axis], n = normal[axis];
-    const auto steps = static_cast<std::int32_t>(integer_step * n);
-    const float stepped = std::bit_cast<float>(std::bit_cast<std::int32_t>(p) + (p < 0 ? -steps : steps));
+    // Unsigned, as the bits of -0 less one step would overflow a signed integer (that result is not used).
+    const auto steps = static_cast<std::uint32_t>(static_cast<std::int32_t>(integer_step * n));
+    const float stepped = std::bit_cast<float>(std::bit_cast<std::uint32_t>(p) + (p < 0 ? 0u - steps : steps));
     moved[axis] = std::fabs(p) < near_origin ? p + float_step * n : stepped;
   }
   return moved;
@@ -170,10 +171,10 @@ EmbreeScene::EmbreeScene(std::span<const glm::vec3> vertices, std::span<const gl
   if (!triangles.empty()) {
     const Geometry geometry{rtcNewGeometry(h.device.get(), RTC_GEOMETRY_TYPE_TRIANGLE)};
     if (!geometry) fail("rtcNewGeometry failed");
-    void* vertex_buffer = rtcSetNewGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, sizeof(glm::vec3),
-                                                  vertices.size());
-    void* index_buffer = rtcSetNewGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, sizeof(glm::uvec3),
-                                                 triangles.size());
+    void* vertex_buffer =
+        rtcSetNewGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, sizeof(glm::vec3), vertices.size());
+    void* index_buffer =
+        rtcSetNewGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, sizeof(glm::uvec3), triangles.size());
     h.throw_on_error("allocating the triangles");
     if (!vertex_buffer || !index_buffer) fail("allocating the triangles failed");
     std::memcpy(vertex_buffer, vertices.data(), vertices.size_bytes());
@@ -200,9 +201,18 @@ Hit EmbreeScene::intersect(glm::vec3 origin, glm::vec3 direction, float max_dist
   context.base.filter = [](const RTCFilterFunctionNArguments* arguments) { prefer_lowest_id(arguments); };
   context.origin_size = std::max({std::fabs(origin.x), std::fabs(origin.y), std::fabs(origin.z)});
   RTCRayHit query{};
-  query.ray = {.org_x = origin.x, .org_y = origin.y, .org_z = origin.z, .tnear = 0.f,
-               .dir_x = direction.x, .dir_y = direction.y, .dir_z = direction.z, .time = 0.f,
-               .tfar = max_distance_m, .mask = ~0u, .id = 0, .flags = 0};
+  query.ray = {.org_x = origin.x,
+               .org_y = origin.y,
+               .org_z = origin.z,
+               .tnear = 0.f,
+               .dir_x = direction.x,
+               .dir_y = direction.y,
+               .dir_z = direction.z,
+               .time = 0.f,
+               .tfar = max_distance_m,
+               .mask = ~0u,
+               .id = 0,
+               .flags = 0};
   query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
   query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
   rtcIntersect1(handles_->scene.get(), &context.base, &query);
@@ -223,9 +233,18 @@ bool EmbreeScene::occluded(glm::vec3 from, glm::vec3 to) const {
   const glm::vec3 along = to - from;
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);
-  RTCRay ray{.org_x = from.x, .org_y = from.y, .org_z = from.z, .tnear = 0.f,
-             .dir_x = along.x, .dir_y = along.y, .dir_z = along.z, .time = 0.f,
-             .tfar = 1.f, .mask = ~0u, .id = 0, .flags = 0};
+  RTCRay ray{.org_x = from.x,
+             .org_y = from.y,
+             .org_z = from.z,
+             .tnear = 0.f,
+             .dir_x = along.x,
+             .dir_y = along.y,
+             .dir_z = along.z,
+             .time = 0.f,
+             .tfar = 1.f,
+             .mask = ~0u,
+             .id = 0,
+             .flags = 0};
   rtcOccluded1(handles_->scene.get(), &context, &ray);
   return ray.tfar < 0;
 }

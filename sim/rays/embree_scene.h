@@ -13,7 +13,8 @@ namespace earshot {
 struct Hit {
   static constexpr std::uint32_t no_triangle = 0xFFFFFFFFu;
   float distance_m = std::numeric_limits<float>::infinity();
-  glm::vec3 position{0};  ///< on the triangle (barycentric, not origin + t * direction: smaller error), metres
+  /// On the triangle (barycentric, not origin + t * direction: smaller error) and a few roundings inside its edges, metres.
+  glm::vec3 position{0};
   glm::vec3 normal{0};    ///< unit, geometric, turned toward the ray's origin
   std::uint32_t triangle = no_triangle;
   [[nodiscard]] bool valid() const { return triangle != no_triangle; }
@@ -34,10 +35,12 @@ class EmbreeScene {
   EmbreeScene(EmbreeScene&&) noexcept;
   EmbreeScene& operator=(EmbreeScene&&) noexcept;
 
-  /// direction: unit.  Hits with distance in (0, max_distance_m).  About 0.3 to 1 us.
+  /// direction: unit.  Hits with distance in (0, max_distance_m).  About 0.2 to 0.8 us.  Among parallel triangles that lie within 1e-6
+  /// of the coordinates of each other (coplanar overlap) the lowest index wins, from every direction.
   [[nodiscard]] Hit intersect(glm::vec3 origin, glm::vec3 direction,
                               float max_distance_m = std::numeric_limits<float>::infinity()) const;
   /// Is the open segment from -> to blocked?  Points on surfaces must have been moved by offset_from_surface.
+  /// The same answer, bit for bit, with the ends swapped.
   [[nodiscard]] bool occluded(glm::vec3 from, glm::vec3 to) const;
   /// Eight coherent rays at once (camera rows): distances only, infinity where a ray escapes.  About 0.8 us for all eight.
   void intersect8(std::span<const glm::vec3, 8> origins, std::span<const glm::vec3, 8> directions,
