@@ -27,7 +27,7 @@ function(earshot_tests dir)
       target_link_libraries(${target} PRIVATE ${ARGN} GTest::gtest GTest::gmock GTest::gtest_main project_flags)
       target_compile_definitions(${target} PRIVATE EARSHOT_SOURCE_DIR="${PROJECT_SOURCE_DIR}")
       gtest_discover_tests(${target} DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 120
-        PROPERTIES LABELS ${label} TIMEOUT 600)
+        PROPERTIES LABELS ${label} TIMEOUT 1500)
     endif()
   endforeach()
 endfunction()
