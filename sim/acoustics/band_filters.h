@@ -8,9 +8,10 @@
 
 namespace earshot {
 
-/// Zero-phase band filters on the bins of an FFT.  Neighbours cross over with raised-cosine edges in log frequency, half an octave wide or as wide
-/// as the narrower band; the lowest band reaches down to 0 Hz and the highest up to half the rate.  The shares F_b of all bands sum to 1 in
-/// every bin: as amplitudes they leave an impulse an impulse, as powers (amplitude sqrt F_b) they leave the sum of independent noises white (ORACLES O-31).
+/// Zero-phase band filters on the bins of an FFT.  Neighbours cross over with raised-cosine edges in log frequency, half an octave wide or
+/// as wide as the narrower band; the lowest band reaches down to 0 Hz and the highest up to half the rate.  The shares F_b of all bands sum
+/// to 1 in every bin: as amplitudes they leave an impulse an impulse, as powers (amplitude sqrt F_b) they leave the sum of independent
+/// noises white (ORACLES O-31).
 class BandFilters {
  public:
   BandFilters(const BandLayout& bands, float sample_rate_hz, int fft_size);
@@ -24,8 +25,8 @@ class BandFilters {
 
  private:
   int num_bands_;
-  std::vector<std::uint8_t> lower_;   ///< per bin: the lower of the at most two bands that overlap there
-  std::vector<float> upper_share_;    ///< per bin: share of the band above `lower_`
+  std::vector<std::uint8_t> lower_;  ///< per bin: the lower of the at most two bands that overlap there
+  std::vector<float> upper_share_;   ///< per bin: share of the band above `lower_`
 };
 
 }  // namespace earshot

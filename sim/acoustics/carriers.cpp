@@ -30,8 +30,8 @@ using PerChannel = std::array<T, kMaxChannels>;
 using Spectra = PerChannel<std::vector<Complex>>;
 using Signals = PerChannel<std::vector<float>>;
 
-/// Octaves from about 30 Hz up to half the rate, independent of the bands of a response.  Those below 125 Hz keep what lies under the lowest octave that
-/// is measured from unsettling it.  shift: 0 for the usual midbands, 0.5 for octaves that straddle their edges.
+/// Octaves from about 30 Hz up to half the rate, independent of the bands of a response.  Those below 125 Hz keep what lies under the
+/// lowest octave that is measured from unsettling it.  shift: 0 for the usual midbands, 0.5 for octaves that straddle their edges.
 BandLayout flattening_octaves(float sample_rate_hz, double shift) {
   BandLayout octaves;
   octaves.edge_hz.push_back(static_cast<float>(1000.0 * std::pow(10.0, 0.3 * (shift - 5.5))));
@@ -48,7 +48,12 @@ BandLayout flattening_octaves(float sample_rate_hz, double shift) {
 class BandFlattener {
  public:
   BandFlattener(std::size_t num_channels, int length)
-      : num_channels_(num_channels), length_(static_cast<std::size_t>(length)), fft_(length), plane_(length_), bins_(static_cast<std::size_t>(fft_.num_bins())), smoothing_(bins_.size()) {
+      : num_channels_(num_channels),
+        length_(static_cast<std::size_t>(length)),
+        fft_(length),
+        plane_(length_),
+        bins_(static_cast<std::size_t>(fft_.num_bins())),
+        smoothing_(bins_.size()) {
     for (std::size_t c = 0; c < num_channels_; ++c) signal_[c].resize(length_);
     for (std::size_t i = 0; i < num_channels_; ++i)
       for (std::size_t j = 0; j < num_channels_; ++j) covariance_[i][j].resize(length_);
@@ -103,8 +108,8 @@ class BandFlattener {
     }
   }
 
-  /// Multiplies the channels at sample n by the inverse Cholesky factor of their covariance: channel 0 is only rescaled, each further channel
-  /// loses what it locally shares with those before it.  So channel 0 is the same for every number of channels.
+  /// Multiplies the channels at sample n by the inverse Cholesky factor of their covariance: channel 0 is only rescaled, each further
+  /// channel loses what it locally shares with those before it.  So channel 0 is the same for every number of channels.
   void whiten(std::size_t n) {
     PerChannel<PerChannel<Complex>> factor;
     PerChannel<Complex> white;
@@ -147,7 +152,8 @@ Spectra make_noise(float sample_rate_hz, std::size_t num_channels, int length, s
     const RandomStream random(seed, Purpose::carrier, static_cast<std::uint32_t>(c));
     noise[c].resize(num_bins);
     for (std::size_t k = 0; k < num_bins; ++k)
-      noise[c][k] = Complex(std::polar(static_cast<double>(magnitude_of(k, num_bins)), 2.0 * std::numbers::pi * static_cast<double>(random.uniform(static_cast<std::uint32_t>(k)))));
+      noise[c][k] = Complex(std::polar(static_cast<double>(magnitude_of(k, num_bins)),
+                                       2.0 * std::numbers::pi * static_cast<double>(random.uniform(static_cast<std::uint32_t>(k)))));
   }
   const BandFilters filters[2] = {BandFilters(flattening_octaves(sample_rate_hz, 0.0), sample_rate_hz, length),
                                   BandFilters(flattening_octaves(sample_rate_hz, 0.5), sample_rate_hz, length)};
@@ -157,7 +163,9 @@ Spectra make_noise(float sample_rate_hz, std::size_t num_channels, int length, s
     for (std::size_t c = 0; c < num_channels; ++c) signals[c].resize(static_cast<std::size_t>(length));
   for (int pass = 0; pass < kPasses; ++pass) {
     const BandFilters& bands = filters[(pass + 1) % 2];
-    tbb::parallel_for(0, bands.num_bands(), [&](int band) { BandFlattener(num_channels, length).flatten(noise, bands, band, flat[static_cast<std::size_t>(band)]); });
+    tbb::parallel_for(0, bands.num_bands(), [&](int band) {
+      BandFlattener(num_channels, length).flatten(noise, bands, band, flat[static_cast<std::size_t>(band)]);
+    });
     tbb::parallel_for(std::size_t{0}, num_channels, [&](std::size_t c) {
       for (std::size_t band = 1; band < static_cast<std::size_t>(bands.num_bands()); ++band)
         for (std::size_t n = 0; n < flat[0][c].size(); ++n) flat[0][c][n] += flat[band][c][n];

@@ -8,13 +8,13 @@
 
 namespace earshot {
 
-/// Noise on which late energy rides: one loop per band and channel, seeded.  The bands of a channel are cut from one white noise of unit variance
-/// by BandFilters, so they add up to it again: bands of equal energy give the same white tail for every number of bands (ORACLES O-31: one
-/// carrier, amplitude-complementary filters).  Channels are independent.
+/// Noise on which late energy rides: one loop per band and channel, seeded.  The bands of a channel are cut from one white noise of unit
+/// variance by BandFilters, so they add up to it again: bands of equal energy give the same white tail for every number of bands (ORACLES
+/// O-31: one carrier, amplitude-complementary filters).  Channels are independent.
 ///
-/// The noise is flattened (ORACLES 2.6): in every octave its power averaged over about 2 / bandwidth is nearly constant, so that the decay of
-/// a rendered response is that of its energy.  Flattening each channel alone would be lost where channels are mixed, as they are in the ears;
-/// here the local covariance of all channels is made the identity, so every mixture is flat.
+/// The noise is flattened (ORACLES 2.6): in every octave its power averaged over about 2 / bandwidth is nearly constant, so that the decay
+/// of a rendered response is that of its energy.  Flattening each channel alone would be lost where channels are mixed, as they are in the
+/// ears; here the local covariance of all channels is made the identity, so every mixture is flat.
 class CarrierBank {
  public:
   /// length: of the loops, a power of two; may be shorter than a response, which then repeats it.
@@ -22,7 +22,8 @@ class CarrierBank {
   [[nodiscard]] std::size_t length() const { return length_; }
   [[nodiscard]] int num_channels() const { return num_channels_; }
   [[nodiscard]] std::span<const float> loop(int band, int channel) const {
-    return std::span(samples_).subspan((static_cast<std::size_t>(band) * static_cast<std::size_t>(num_channels_) + static_cast<std::size_t>(channel)) * length_, length_);
+    return std::span(samples_).subspan(
+        (static_cast<std::size_t>(band) * static_cast<std::size_t>(num_channels_) + static_cast<std::size_t>(channel)) * length_, length_);
   }
 
  private:

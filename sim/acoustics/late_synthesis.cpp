@@ -24,8 +24,8 @@ struct FirstOrderRamps {
 };
 
 // Without the promise that the outputs overlap nothing, the loop is not vectorized (3 times the time).
-void add_first_order(int count, FirstOrderRamps ramps, const float* w, const float* n1, const float* n2, const float* n3, float* __restrict out0,
-                     float* __restrict out1, float* __restrict out2, float* __restrict out3) {
+void add_first_order(int count, FirstOrderRamps ramps, const float* w, const float* n1, const float* n2, const float* n3,
+                     float* __restrict out0, float* __restrict out1, float* __restrict out2, float* __restrict out3) {
   for (int i = 0; i < count; ++i) {
     const float s = std::sqrt(std::max(ramps.density.at(i), 0.f));
     const float omni = s * w[i], diffuse = s * ramps.d.at(i);
@@ -49,7 +49,8 @@ void LateSynthesizer::make_nodes(const EnergyHistogram& energy, double onset_sam
   for (int bin = 0; bin < num_bins && (bin - 0.5) * width < onset_sample; ++bin) {
     const double centre = (bin + 0.5) * width;
     double area = 0;
-    for (auto n = std::max<std::int64_t>(first_sample, static_cast<std::int64_t>(std::ceil(centre - width))); n < static_cast<std::int64_t>(centre + width) + 1; ++n) {
+    for (auto n = std::max<std::int64_t>(first_sample, static_cast<std::int64_t>(std::ceil(centre - width)));
+         n < static_cast<std::int64_t>(centre + width) + 1; ++n) {
       const double distance = (static_cast<double>(n) - centre) / width;
       const bool flat = (bin == 0 && distance < 0) || (bin + 1 == num_bins && distance > 0);
       area += flat ? (std::abs(distance) <= 0.5 ? 1.0 : 0.0) : std::max(0.0, 1.0 - std::abs(distance));
@@ -94,7 +95,9 @@ std::size_t LateSynthesizer::render(const EnergyHistogram& energy, const Carrier
   make_nodes(energy, onset_sample, num_samples);
 
   const double width = static_cast<double>(energy.bin_s()) * rate_hz_;
-  const auto clamp_sample = [&](double position) { return static_cast<std::size_t>(std::clamp(std::ceil(position), 0.0, static_cast<double>(num_samples))); };
+  const auto clamp_sample = [&](double position) {
+    return static_cast<std::size_t>(std::clamp(std::ceil(position), 0.0, static_cast<double>(num_samples)));
+  };
   const std::size_t onset = clamp_sample(onset_sample);
   std::size_t end_of_sound = 0;
   // Stretches between bin centres; before the first and after the last centre the density stays.
@@ -111,7 +114,8 @@ std::size_t LateSynthesizer::render(const EnergyHistogram& energy, const Carrier
         if (a.density == 0.f && b.density == 0.f) continue;
         end_of_sound = begin + static_cast<std::size_t>(count);
         const auto ramp = [&](float left, float right) {
-          return Ramp{static_cast<float>(left + share * (static_cast<double>(right) - left)), static_cast<float>((static_cast<double>(right) - left) / width)};
+          return Ramp{static_cast<float>(left + share * (static_cast<double>(right) - left)),
+                      static_cast<float>((static_cast<double>(right) - left) / width)};
         };
         const Ramp density = ramp(a.density, b.density);
         if (num_channels == 1) {
@@ -122,7 +126,8 @@ std::size_t LateSynthesizer::render(const EnergyHistogram& energy, const Carrier
         const Node &left = a.density > 0.f ? a : b, &right = b.density > 0.f ? b : a;
         const auto carrier = [&](int c) { return carriers.loop(band, c).data() + in_loop; };
         const auto out = [&](std::size_t c) { return channels[c].data() + begin; };
-        const FirstOrderRamps ramps{density, ramp(left.m[0], right.m[0]), ramp(left.m[1], right.m[1]), ramp(left.m[2], right.m[2]), ramp(left.d, right.d)};
+        const FirstOrderRamps ramps{density, ramp(left.m[0], right.m[0]), ramp(left.m[1], right.m[1]), ramp(left.m[2], right.m[2]),
+                                    ramp(left.d, right.d)};
         add_first_order(count, ramps, carrier(0), carrier(1), carrier(2), carrier(3), out(0), out(1), out(2), out(3));
       }
       begin += static_cast<std::size_t>(count);

@@ -29,7 +29,9 @@ int count_samples(const AcousticConfig& config) {
 }
 
 /// Room for a different stretch of noise for each source, and loops that a power-of-two transform can make.
-int carrier_length(int num_samples) { return std::min(kMaxCarrierLength, next_power_of_two(std::max(num_samples + num_samples / 4, 4096))); }
+int carrier_length(int num_samples) {
+  return std::min(kMaxCarrierLength, next_power_of_two(std::max(num_samples + num_samples / 4, 4096)));
+}
 
 /// The FFT size at which filtering `num_samples` with `taps` costs least, by overlap-add.
 int choose_block_fft(int num_samples, int taps) {
@@ -50,8 +52,10 @@ void add_circular(std::span<const float> response, int zero, std::int64_t at, st
   const std::int64_t begin = std::max<std::int64_t>(0, -first), end = std::min(size, length - first);
   // The response is cut at `seam` where its index wraps.
   const std::int64_t start = ((zero - size / 2) % size + size) % size, seam = size - start;
-  for (std::int64_t i = begin; i < std::min(end, seam); ++i) target[static_cast<std::size_t>(first + i)] += response[static_cast<std::size_t>(start + i)];
-  for (std::int64_t i = std::max(begin, seam); i < end; ++i) target[static_cast<std::size_t>(first + i)] += response[static_cast<std::size_t>(i - seam)];
+  for (std::int64_t i = begin; i < std::min(end, seam); ++i)
+    target[static_cast<std::size_t>(first + i)] += response[static_cast<std::size_t>(start + i)];
+  for (std::int64_t i = std::max(begin, seam); i < end; ++i)
+    target[static_cast<std::size_t>(first + i)] += response[static_cast<std::size_t>(i - seam)];
 }
 
 }  // namespace
@@ -95,8 +99,9 @@ class SynthesisTables {
 };
 
 std::shared_ptr<const SynthesisTables> make_synthesis_tables(const AcousticConfig& config, const BandLayout& bands, ChannelLayout layout,
-                                                            std::shared_ptr<const Hrtf> hrtf) {
-  require(config.sample_rate_hz >= 8000.f && config.sample_rate_hz <= 96000.f, "sample_rate_hz", config.sample_rate_hz, "must be in [8000, 96000]");
+                                                             std::shared_ptr<const Hrtf> hrtf) {
+  require(config.sample_rate_hz >= 8000.f && config.sample_rate_hz <= 96000.f, "sample_rate_hz", config.sample_rate_hz,
+          "must be in [8000, 96000]");
   require(config.rir_length_s > 0 && config.rir_length_s <= 60, "rir_length_s", config.rir_length_s, "must be in (0, 60]");
   if (layout == ChannelLayout::mono) return std::make_shared<const SynthesisTables>(config, bands, layout, nullptr);
   if (!hrtf) hrtf = Hrtf::rigid_sphere(config.sample_rate_hz);
@@ -106,7 +111,11 @@ std::shared_ptr<const SynthesisTables> make_synthesis_tables(const AcousticConfi
 
 struct RirSynthesizer::Scratch {
   explicit Scratch(const SynthesisTables& tables)
-      : early_fft(tables.early_fft), late_fft(tables.late_fft), late(tables.sample_rate_hz), gain(tables.filters.num_bins()), response(static_cast<std::size_t>(tables.early_fft)) {
+      : early_fft(tables.early_fft),
+        late_fft(tables.late_fft),
+        late(tables.sample_rate_hz),
+        gain(tables.filters.num_bins()),
+        response(static_cast<std::size_t>(tables.early_fft)) {
     for (auto& spectrum : ear) spectrum.resize(gain.size());
     if (!tables.hrtf) return;
     const auto bins = static_cast<std::size_t>(late_fft.num_bins());
@@ -127,7 +136,8 @@ struct RirSynthesizer::Scratch {
   std::vector<float> block;
 };
 
-RirSynthesizer::RirSynthesizer(std::shared_ptr<const SynthesisTables> tables) : tables_(std::move(tables)), scratch_(std::make_unique<Scratch>(*tables_)) {}
+RirSynthesizer::RirSynthesizer(std::shared_ptr<const SynthesisTables> tables)
+    : tables_(std::move(tables)), scratch_(std::make_unique<Scratch>(*tables_)) {}
 RirSynthesizer::~RirSynthesizer() = default;
 RirSynthesizer::RirSynthesizer(RirSynthesizer&&) noexcept = default;
 
@@ -148,7 +158,11 @@ void RirSynthesizer::add_arrival(const Arrival& arrival, double delay_samples, d
   const auto whole = std::llround(delay_samples);
   double part = delay_samples - static_cast<double>(whole);
   if (std::abs(part) < kWholeSample) part = 0;
-  const auto channel = [&](int index) { return std::span(rir.samples).subspan(static_cast<std::size_t>(index) * static_cast<std::size_t>(tables.num_samples), static_cast<std::size_t>(tables.num_samples)); };
+  const auto channel = [&](int index) {
+    return std::span(rir.samples)
+        .subspan(static_cast<std::size_t>(index) * static_cast<std::size_t>(tables.num_samples),
+                 static_cast<std::size_t>(tables.num_samples));
+  };
 
   const bool flat = all_equal(amplitude);
   if (!tables.hrtf && flat && part == 0) {
@@ -185,7 +199,8 @@ void RirSynthesizer::decode_late(std::size_t num_samples, Rir& rir) {
   const auto step = static_cast<std::size_t>(tables.late_fft - tables.hrtf->decoder_taps() + 1);
   for (std::size_t begin = 0; begin < num_samples; begin += step) {
     const std::size_t count = std::min(step, num_samples - begin);
-    for (std::size_t c = 0; c < 4; ++c) scratch.late_fft.forward(std::span(scratch.field[c]).subspan(begin, count), scratch.field_spectrum[c]);
+    for (std::size_t c = 0; c < 4; ++c)
+      scratch.late_fft.forward(std::span(scratch.field[c]).subspan(begin, count), scratch.field_spectrum[c]);
     for (std::size_t ear = 0; ear < 2; ++ear) {
       std::fill(scratch.ear_spectrum.begin(), scratch.ear_spectrum.end(), Complex{});
       for (std::size_t c = 0; c < 4; ++c) multiply_add(scratch.field_spectrum[c], tables.decoder[2 * c + ear], scratch.ear_spectrum);
@@ -208,14 +223,17 @@ void RirSynthesizer::render(const EnergyResponse& response, double heading_rad, 
   rir.num_samples = tables.num_samples;
   rir.sample_rate_hz = tables.sample_rate_hz;
   rir.samples.assign(static_cast<std::size_t>(rir.num_channels) * static_cast<std::size_t>(tables.num_samples), 0.f);
-  require(response.late.num_bins() == 0 || response.late.num_bands() == tables.num_bands, "bands of the response", response.late.num_bands(), "must be those of the tables");
-  require(response.arrivals.empty() || response.speed_of_sound_m_per_s > 0, "speed of sound", response.speed_of_sound_m_per_s, "must be set by whoever made the response");
+  require(response.late.num_bins() == 0 || response.late.num_bands() == tables.num_bands, "bands of the response",
+          response.late.num_bands(), "must be those of the tables");
+  require(response.arrivals.empty() || response.speed_of_sound_m_per_s > 0, "speed of sound", response.speed_of_sound_m_per_s,
+          "must be set by whoever made the response");
 
   // Nothing is heard before a direct sound.
   double onset_sample = 0;
   for (const Arrival& arrival : response.arrivals)
-    if (arrival.order == 0) onset_sample = delay_in_samples(response, arrival);
-  const RandomStream random(tables.seed, Purpose::carrier, static_cast<std::uint32_t>(carrier_key), static_cast<std::uint32_t>(carrier_key >> 32), 1);
+    if (arrival.order == 0) onset_sample = std::clamp(delay_in_samples(response, arrival), 0.0, static_cast<double>(tables.num_samples));
+  const RandomStream random(tables.seed, Purpose::carrier, static_cast<std::uint32_t>(carrier_key),
+                            static_cast<std::uint32_t>(carrier_key >> 32), 1);
   const std::size_t offset = random.below(static_cast<std::uint32_t>(tables.carriers.length()), 0);
   if (binaural) {
     const std::array<std::span<float>, 4> channels = {scratch.field[0], scratch.field[1], scratch.field[2], scratch.field[3]};

@@ -22,17 +22,18 @@ struct Rir {
   }
 };
 
-/// What synthesis shares between agents: band filters, seeded flattened carriers, head filters.  Immutable.  Making it for half a second at 16 kHz
-/// takes about half a second of one core (bands in parallel).  hrtf: ignored for mono; null for binaural means the rigid sphere.
+/// What synthesis shares between agents: band filters, seeded flattened carriers, head filters.  Immutable.  Making it for half a second at
+/// 16 kHz takes about half a second of one core (bands in parallel).  hrtf: ignored for mono; null for binaural means the rigid sphere.
 class SynthesisTables;
-std::shared_ptr<const SynthesisTables> make_synthesis_tables(const AcousticConfig& config, const BandLayout& bands,
-                                                            ChannelLayout layout, std::shared_ptr<const Hrtf> hrtf);
+std::shared_ptr<const SynthesisTables> make_synthesis_tables(const AcousticConfig& config, const BandLayout& bands, ChannelLayout layout,
+                                                             std::shared_ptr<const Hrtf> hrtf);
 
-/// Renders energy responses to pressure (ORACLES 2.6): arrivals as fractional-delay impulses through band gains and the head's filter of their
-/// direction; the late field as the square root of its energy on carriers, with the first-order moments of its directions, decoded at first
-/// order.  A response whose bands hold equal energy e gives a flat spectrum and sum h^2 = e.  Sample n is time n / rate after emission, at the
-/// head's centre; what a head or a filter rings before sample 0 is cut, arrivals past the end are dropped, and no late sound precedes
-/// the direct sound.  Owns scratch: one per thread.  No allocation per call once warm; 0.2 to 0.3 ms for 0.5 s binaural at 16 kHz with 20 arrivals.
+/// Renders energy responses to pressure (ORACLES 2.6): arrivals as fractional-delay impulses through band gains and the head's filter of
+/// their direction; the late field as the square root of its energy on carriers, with the first-order moments of its directions, decoded at
+/// first order.  A response whose bands hold equal energy e gives a flat spectrum and sum h^2 = e.  Sample n is time n / rate after
+/// emission, at the head's centre; what a head or a filter rings before sample 0 is cut, arrivals past the end are dropped, and no late
+/// sound precedes the direct sound.  Owns scratch: one per thread.  No allocation per call once warm; 0.2 to 0.3 ms for 0.5 s binaural at
+/// 16 kHz with 20 arrivals.
 class RirSynthesizer {
  public:
   explicit RirSynthesizer(std::shared_ptr<const SynthesisTables> tables);

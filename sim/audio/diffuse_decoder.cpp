@@ -81,15 +81,16 @@ void cut_to_taps(std::span<std::complex<float>> spectrum, RealFft& fft, int lead
   for (int i = 0; i < taps; ++i) {
     const double in = std::min(1.0, (i + 0.5) / fade_in), out = std::min(1.0, (taps - i - 0.5) / fade_out);
     const double weight = std::sin(0.5 * std::numbers::pi * in) * std::sin(0.5 * std::numbers::pi * out);
-    cut[static_cast<std::size_t>(i)] = static_cast<float>(weight * response[static_cast<std::size_t>((i - lead_samples + fft.size()) % fft.size())]);
+    cut[static_cast<std::size_t>(i)] =
+        static_cast<float>(weight * response[static_cast<std::size_t>((i - lead_samples + fft.size()) % fft.size())]);
   }
   fft.forward(cut, spectrum);
 }
 
 }  // namespace
 
-std::array<std::vector<std::complex<float>>, 8> make_diffuse_decoder(const EarSpectra& head, int fft_size, float sample_rate_hz, int lead_samples,
-                                                                     int taps) {
+std::array<std::vector<std::complex<float>>, 8> make_diffuse_decoder(const EarSpectra& head, int fft_size, float sample_rate_hz,
+                                                                     int lead_samples, int taps) {
   const std::vector<glm::vec3> directions = spread_directions();
   const auto bins = static_cast<std::size_t>(fft_size / 2 + 1);
   std::vector<std::complex<float>> spectra(directions.size() * 2 * bins);  // [direction][ear][bin]

@@ -132,7 +132,8 @@ class DirectRealFft {
 /// Real transform of a large size: even samples as real and odd ones as imaginary part of a complex transform of half the size.
 class PackedRealFft {
  public:
-  explicit PackedRealFft(int size) : half_(static_cast<std::size_t>(size) / 2), complex_(size / 2), roots_(unit_roots(size, size / 2 + 1)), z_(half_) {}
+  explicit PackedRealFft(int size)
+      : half_(static_cast<std::size_t>(size) / 2), complex_(size / 2), roots_(unit_roots(size, size / 2 + 1)), z_(half_) {}
 
   void forward(std::span<const float> time, std::span<Complex> spectrum) {
     const auto sample = [&](std::size_t i) { return i < time.size() ? time[i] : 0.f; };

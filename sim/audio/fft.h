@@ -15,9 +15,9 @@ class RealFft {
   RealFft(RealFft&&) noexcept;
   RealFft& operator=(RealFft&&) noexcept;
   [[nodiscard]] int size() const;
-  [[nodiscard]] int num_bins() const;                                     ///< size / 2 + 1
+  [[nodiscard]] int num_bins() const;                                                  ///< size / 2 + 1
   void forward(std::span<const float> time, std::span<std::complex<float>> spectrum);  ///< time may be shorter: zero-padded
-  void inverse(std::span<const std::complex<float>> spectrum, std::span<float> time);   ///< time: [size]
+  void inverse(std::span<const std::complex<float>> spectrum, std::span<float> time);  ///< time: [size]
 
  private:
   struct Impl;

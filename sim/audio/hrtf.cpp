@@ -37,10 +37,10 @@ void check_rate(float sample_rate_hz) {
 struct Hrtf::Grid {
   int fft_size = 0;
   std::size_t num_bins = 0;
-  int intervals = 0;                   ///< sphere: rows are incidence angles, pi / intervals apart; 0 for a measured head
-  std::vector<glm::vec3> direction;    ///< measured head: rows are [direction][ear]
-  std::vector<Complex> aligned;        ///< [row][num_bins]
-  std::vector<double> delay_samples;   ///< [row], relative to the head's centre
+  int intervals = 0;                  ///< sphere: rows are incidence angles, pi / intervals apart; 0 for a measured head
+  std::vector<glm::vec3> direction;   ///< measured head: rows are [direction][ear]
+  std::vector<Complex> aligned;       ///< [row][num_bins]
+  std::vector<double> delay_samples;  ///< [row], relative to the head's centre
 
   struct Blend {
     std::size_t count = 0;
@@ -115,7 +115,11 @@ struct Hrtf::Grid {
 };
 
 Hrtf::Hrtf(float sample_rate_hz, std::shared_ptr<const Grid> grid)
-    : sample_rate_hz_(sample_rate_hz), fft_size_(grid->fft_size), lead_samples_(lead_for(sample_rate_hz)), decoder_taps_(taps_for(sample_rate_hz)), grid_(std::move(grid)) {
+    : sample_rate_hz_(sample_rate_hz),
+      fft_size_(grid->fft_size),
+      lead_samples_(lead_for(sample_rate_hz)),
+      decoder_taps_(taps_for(sample_rate_hz)),
+      grid_(std::move(grid)) {
   const auto head = [this](glm::vec3 direction, std::span<Complex> left, std::span<Complex> right) {
     grid_->write(direction, 0.0, left, right);
   };
@@ -150,7 +154,8 @@ std::shared_ptr<const Hrtf> Hrtf::rigid_sphere(float sample_rate_hz) {
   return std::shared_ptr<const Hrtf>(new Hrtf(sample_rate_hz, std::move(grid)));
 }
 
-void Hrtf::spectra(glm::vec3 direction, std::span<std::complex<float>> left, std::span<std::complex<float>> right, double extra_delay_samples) const {
+void Hrtf::spectra(glm::vec3 direction, std::span<std::complex<float>> left, std::span<std::complex<float>> right,
+                   double extra_delay_samples) const {
   EARSHOT_EXPECT(left.size() >= grid_->num_bins && right.size() >= grid_->num_bins);
   grid_->write(direction, lead_samples_ + extra_delay_samples, left, right);
 }
@@ -180,24 +185,37 @@ double onset_samples(std::span<const float> response) {
 /// known at every frequency.  Bins above the Nyquist rate of the measurement are zero.
 class BinTransform {
  public:
-  BinTransform(std::size_t num_taps, std::size_t num_bins, double bin_hz, double response_rate_hz) : num_taps_(num_taps), waves_(num_taps * num_bins) {
-    used_ = std::min(num_bins, static_cast<std::size_t>(std::floor(0.5 * response_rate_hz / bin_hz + 1e-9)) + 1);
-    for (std::size_t k = 0; k < used_; ++k)
-      for (std::size_t n = 0; n < num_taps; ++n)
-        waves_[k * num_taps + n] = Complex(std::polar(1.0, -2.0 * std::numbers::pi * static_cast<double>(k) * bin_hz / response_rate_hz * static_cast<double>(n)));
-  }
-  void operator()(std::span<const float> response, std::span<Complex> spectrum) const {
-    std::fill(spectrum.begin(), spectrum.end(), Complex{});
-    for (std::size_t k = 0; k < used_; ++k) {
-      std::complex<double> sum = 0;
-      for (std::size_t n = 0; n < num_taps_; ++n) sum += static_cast<double>(response[n]) * std::complex<double>(waves_[k * num_taps_ + n]);
-      spectrum[k] = Complex(sum);
+  BinTransform(std::size_t num_taps, std::size_t num_bins, double bin_hz, double response_rate_hz)
+      : used_(std::min(num_bins, static_cast<std::size_t>(std::floor(0.5 * response_rate_hz / bin_hz + 1e-9)) + 1)),
+        cosine_(num_taps * used_),
+        sine_(num_taps * used_),
+        real_(used_),
+        imaginary_(used_) {
+    for (std::size_t n = 0; n < num_taps; ++n) {
+      for (std::size_t k = 0; k < used_; ++k) {
+        const double angle = 2.0 * std::numbers::pi * static_cast<double>(k) * bin_hz / response_rate_hz * static_cast<double>(n);
+        cosine_[n * used_ + k] = static_cast<float>(std::cos(angle));
+        sine_[n * used_ + k] = static_cast<float>(std::sin(angle));
+      }
     }
+  }
+  void operator()(std::span<const float> response, std::span<Complex> spectrum) {
+    std::fill(real_.begin(), real_.end(), 0.f);
+    std::fill(imaginary_.begin(), imaginary_.end(), 0.f);
+    for (std::size_t n = 0; n < response.size(); ++n) {
+      const float value = response[n];
+      const float *cosine = cosine_.data() + n * used_, *sine = sine_.data() + n * used_;
+      for (std::size_t k = 0; k < used_; ++k) real_[k] += value * cosine[k];
+      for (std::size_t k = 0; k < used_; ++k) imaginary_[k] -= value * sine[k];
+    }
+    std::fill(spectrum.begin(), spectrum.end(), Complex{});
+    for (std::size_t k = 0; k < used_; ++k) spectrum[k] = {real_[k], imaginary_[k]};
   }
 
  private:
-  std::size_t num_taps_, used_ = 0;
-  std::vector<Complex> waves_;
+  std::size_t used_;                  ///< bins below the Nyquist rate of the measurement
+  std::vector<float> cosine_, sine_;  ///< [tap][bin]
+  std::vector<float> real_, imaginary_;
 };
 
 /// Mean power of both ears from 250 Hz to 4 kHz.  Measured heads, whose scale is arbitrary, are brought to that of the rigid sphere.
@@ -227,7 +245,7 @@ std::shared_ptr<const Hrtf> Hrtf::from_sofa(const std::filesystem::path& path, f
   const std::size_t rows = 2 * sofa.direction.size();
   grid->aligned.resize(rows * grid->num_bins);
   const double bin_hz = static_cast<double>(sample_rate_hz) / grid->fft_size;
-  const BinTransform transform(taps, grid->num_bins, bin_hz, sofa.sample_rate_hz);
+  BinTransform transform(taps, grid->num_bins, bin_hz, sofa.sample_rate_hz);
   for (std::size_t row = 0; row < rows; ++row) {
     const auto response = std::span(sofa.taps).subspan(row * taps, taps);
     const auto spectrum = std::span(grid->aligned).subspan(row * grid->num_bins, grid->num_bins);
@@ -241,7 +259,8 @@ std::shared_ptr<const Hrtf> Hrtf::from_sofa(const std::filesystem::path& path, f
   const auto sphere = rigid_sphere(sample_rate_hz);
   double delay = 0, power = 0, sphere_power = 0;
   constexpr int num_directions = 500;
-  std::vector<Complex> left(grid->num_bins), right(grid->num_bins), sphere_left(static_cast<std::size_t>(sphere->fft_size() / 2 + 1)), sphere_right(sphere_left.size());
+  std::vector<Complex> left(grid->num_bins), right(grid->num_bins), sphere_left(static_cast<std::size_t>(sphere->fft_size() / 2 + 1)),
+      sphere_right(sphere_left.size());
   for (int i = 0; i < num_directions; ++i) {
     const double height = (2.0 * i + 1.0) / num_directions - 1.0, radius = std::sqrt(1.0 - height * height);
     const double angle = 2.0 * std::numbers::pi * std::fmod(i * std::numbers::phi, 1.0);

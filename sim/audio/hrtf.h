@@ -21,10 +21,11 @@ class Hrtf {
 
   [[nodiscard]] float sample_rate_hz() const { return sample_rate_hz_; }
   [[nodiscard]] int fft_size() const { return fft_size_; }  ///< spectra hold fft_size / 2 + 1 bins
-  /// Writes the left and right spectra for `direction` (unit, head axes), interpolated: pressure at the ear over the pressure that the head's
-  /// centre would have without the head.  The common delay of `lead_samples` keeps both ears causal; extra_delay_samples (>= -lead) adds to it.
-  /// Continuous in the direction.  About 1 us at 16 kHz for the sphere; no allocation.
-  void spectra(glm::vec3 direction, std::span<std::complex<float>> left, std::span<std::complex<float>> right, double extra_delay_samples = 0) const;
+  /// Writes the left and right spectra for `direction` (unit, head axes), interpolated: pressure at the ear over the pressure that the
+  /// head's centre would have without the head.  The common delay of `lead_samples` keeps both ears causal; extra_delay_samples (>= -lead)
+  /// adds to it. Continuous in the direction.  About 1 us at 16 kHz for the sphere; no allocation.
+  void spectra(glm::vec3 direction, std::span<std::complex<float>> left, std::span<std::complex<float>> right,
+               double extra_delay_samples = 0) const;
   [[nodiscard]] int lead_samples() const { return lead_samples_; }
   /// Length of the decoder filters, lead included.
   [[nodiscard]] int decoder_taps() const { return decoder_taps_; }

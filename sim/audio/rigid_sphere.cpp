@@ -36,7 +36,8 @@ void rigid_sphere_pressure(double ka, std::span<const double> incidence_rad, std
     Complex sum = 0;
     for (std::size_t m = 0; m < term.size(); ++m) {
       sum += term[m] * legendre;
-      const double next = ((2.0 * static_cast<double>(m) + 1.0) * cosine * legendre - static_cast<double>(m) * legendre_before) / (static_cast<double>(m) + 1.0);
+      const double next = ((2.0 * static_cast<double>(m) + 1.0) * cosine * legendre - static_cast<double>(m) * legendre_before) /
+                          (static_cast<double>(m) + 1.0);
       legendre_before = legendre;
       legendre = next;
     }

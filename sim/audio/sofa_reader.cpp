@@ -26,18 +26,30 @@ struct FreeResponses {
 
 std::string describe(int status) {
   switch (status) {
-    case MYSOFA_INVALID_FORMAT: return "is not a SOFA file, or a damaged one";
-    case MYSOFA_UNSUPPORTED_FORMAT: return "is of a SOFA version or HDF5 layout that libmysofa cannot read";
-    case MYSOFA_NO_MEMORY: return "asks for more memory than there is: damaged?";
-    case MYSOFA_READ_ERROR: return "ends too early";
-    case MYSOFA_INVALID_ATTRIBUTES: return "lacks global attributes of AES69 (Conventions, DataType)";
-    case MYSOFA_INVALID_DIMENSIONS: return "has wrong dimensions (M, R, E, N)";
-    case MYSOFA_INVALID_DIMENSION_LIST: return "has a wrong DIMENSION_LIST";
-    case MYSOFA_INVALID_COORDINATE_TYPE: return "has an unknown coordinate Type";
-    case MYSOFA_ONLY_DELAYS_WITH_IR_OR_MR_SUPPORTED: return "has Data.Delay of a shape other than [I, R] or [M, R]";
-    case MYSOFA_ONLY_THE_SAME_SAMPLING_RATE_SUPPORTED: return "has more than one Data.SamplingRate";
-    case MYSOFA_INVALID_RECEIVER_POSITIONS: return "has ReceiverPosition values that are not ears";
-    default: return fmt::format("is not readable as SOFA (libmysofa error {})", status);
+    case MYSOFA_INVALID_FORMAT:
+      return "is not a SOFA file, or a damaged one";
+    case MYSOFA_UNSUPPORTED_FORMAT:
+      return "is of a SOFA version or HDF5 layout that libmysofa cannot read";
+    case MYSOFA_NO_MEMORY:
+      return "asks for more memory than there is: damaged?";
+    case MYSOFA_READ_ERROR:
+      return "ends too early";
+    case MYSOFA_INVALID_ATTRIBUTES:
+      return "lacks global attributes of AES69 (Conventions, DataType)";
+    case MYSOFA_INVALID_DIMENSIONS:
+      return "has wrong dimensions (M, R, E, N)";
+    case MYSOFA_INVALID_DIMENSION_LIST:
+      return "has a wrong DIMENSION_LIST";
+    case MYSOFA_INVALID_COORDINATE_TYPE:
+      return "has an unknown coordinate Type";
+    case MYSOFA_ONLY_DELAYS_WITH_IR_OR_MR_SUPPORTED:
+      return "has Data.Delay of a shape other than [I, R] or [M, R]";
+    case MYSOFA_ONLY_THE_SAME_SAMPLING_RATE_SUPPORTED:
+      return "has more than one Data.SamplingRate";
+    case MYSOFA_INVALID_RECEIVER_POSITIONS:
+      return "has ReceiverPosition values that are not ears";
+    default:
+      return fmt::format("is not readable as SOFA (libmysofa error {})", status);
   }
 }
 
@@ -101,7 +113,8 @@ SofaResponses read_sofa(const std::filesystem::path& path) {
     responses.direction.push_back(head / length);
     for (std::size_t ear = 0; ear < 2; ++ear) {
       const std::size_t receiver = swapped ? 1 - ear : ear;
-      std::copy_n(sofa->DataIR.values + (2 * m + receiver) * taps, taps, responses.taps.begin() + static_cast<std::ptrdiff_t>((2 * m + ear) * taps));
+      std::copy_n(sofa->DataIR.values + (2 * m + receiver) * taps, taps,
+                  responses.taps.begin() + static_cast<std::ptrdiff_t>((2 * m + ear) * taps));
       const float delay = sofa->DataDelay.elements == 0 ? 0.f : sofa->DataDelay.values[shared_delay ? receiver : 2 * m + receiver];
       if (!(delay >= 0.f && delay <= static_cast<float>(kMaxTaps))) throw refuse(fmt::format("has Data.Delay {} samples", delay));
       responses.delay_samples.push_back(delay);

@@ -110,8 +110,7 @@ SoundClip load_sound(const std::filesystem::path& path, float sample_rate_hz) {
 
   SF_INFO info{};
   const SoundFile file{sf_open(path.c_str(), SFM_READ, &info)};
-  if (!file)
-    throw InputError(name, fmt::format("cannot be read as sound ({})", sf_strerror(nullptr)), "give WAV, FLAC or OGG");
+  if (!file) throw InputError(name, fmt::format("cannot be read as sound ({})", sf_strerror(nullptr)), "give WAV, FLAC or OGG");
   if (!rate_is_valid(info.samplerate))
     throw InputError(name, fmt::format("has a sample rate of {} Hz, outside [1000, 768000]", info.samplerate), "correct its header");
   if (info.channels < 1) throw InputError(name, "has no channels", "correct its header");

@@ -52,7 +52,8 @@ struct StreamConvolver::Impl {
   static bool copy_dry(const SoundClip& clip, const StreamPosition& position, std::uint64_t back, std::span<float> target) {
     const std::uint64_t length = clip.samples.size();
     std::size_t silent = 0;
-    if (!position.already_playing && back > position.sample) silent = static_cast<std::size_t>(std::min<std::uint64_t>(back - position.sample, target.size()));
+    if (!position.already_playing && back > position.sample)
+      silent = static_cast<std::size_t>(std::min<std::uint64_t>(back - position.sample, target.size()));
     std::fill_n(target.begin(), silent, 0.f);
     std::uint64_t index = (position.clip_offset % length + position.sample % length + length - back % length + silent) % length;
     for (std::size_t done = silent; done < target.size();) {
@@ -69,7 +70,8 @@ struct StreamConvolver::Impl {
                 std::span<float> output, int stride) {
     const int taps = last_tap(rir, rir_samples);
     const auto width = static_cast<std::size_t>(block);
-    for (int channel = 0; channel < num_channels; ++channel) std::fill_n(output.begin() + static_cast<std::ptrdiff_t>(channel) * stride, width, 0.f);
+    for (int channel = 0; channel < num_channels; ++channel)
+      std::fill_n(output.begin() + static_cast<std::ptrdiff_t>(channel) * stride, width, 0.f);
     if (taps == 0 || clip.samples.empty()) return;
 
     RealFft& fft = transform_for(block, taps);
@@ -86,7 +88,9 @@ struct StreamConvolver::Impl {
       fft.forward(dry, dry_spectrum);
       const auto count = static_cast<std::size_t>(std::min(room, taps - first));
       for (int channel = 0; channel < num_channels; ++channel) {
-        fft.forward(rir.subspan(static_cast<std::size_t>(channel) * static_cast<std::size_t>(rir_samples) + static_cast<std::size_t>(first), count), tap_spectrum);
+        fft.forward(
+            rir.subspan(static_cast<std::size_t>(channel) * static_cast<std::size_t>(rir_samples) + static_cast<std::size_t>(first), count),
+            tap_spectrum);
         multiply_add(dry_spectrum, tap_spectrum, sum_of(channel));
       }
     }
@@ -103,7 +107,9 @@ struct StreamConvolver::Impl {
     int taps = 0;
     for (int channel = 0; channel < num_channels; ++channel) {
       int end = rir_samples;
-      while (end > taps && rir[static_cast<std::size_t>(channel) * static_cast<std::size_t>(rir_samples) + static_cast<std::size_t>(end - 1)] == 0.f) --end;
+      while (end > taps &&
+             rir[static_cast<std::size_t>(channel) * static_cast<std::size_t>(rir_samples) + static_cast<std::size_t>(end - 1)] == 0.f)
+        --end;
       taps = std::max(taps, end);
     }
     return taps;
@@ -119,8 +125,10 @@ struct StreamConvolver::Impl {
 
 StreamConvolver::StreamConvolver(const StreamConfig& config, int num_channels) {
   require(num_channels >= 1 && num_channels <= 64, "num_channels", num_channels, "must be in [1, 64]");
-  require(config.max_rir_samples >= 1 && config.max_rir_samples <= 1 << 23, "stream.max_rir_samples", config.max_rir_samples, "must be in [1, 2^23]");
-  require(config.max_block_samples >= 1 && config.max_block_samples <= 1 << 22, "stream.max_block_samples", config.max_block_samples, "must be in [1, 2^22]");
+  require(config.max_rir_samples >= 1 && config.max_rir_samples <= 1 << 23, "stream.max_rir_samples", config.max_rir_samples,
+          "must be in [1, 2^23]");
+  require(config.max_block_samples >= 1 && config.max_block_samples <= 1 << 22, "stream.max_block_samples", config.max_block_samples,
+          "must be in [1, 2^22]");
   require(config.crossfade_samples >= 0, "stream.crossfade_samples", config.crossfade_samples, "must not be negative");
   StreamConfig checked = config;
   checked.crossfade_samples = std::min(config.crossfade_samples, config.max_block_samples);

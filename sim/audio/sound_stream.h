@@ -13,8 +13,8 @@ namespace earshot {
 struct StreamConfig {
   float sample_rate_hz = 16000.f;
   int max_rir_samples = 8000;
-  int max_block_samples = 2400;   ///< largest block asked of step()
-  int crossfade_samples = 800;    ///< clamped to the block
+  int max_block_samples = 2400;  ///< largest block asked of step()
+  int crossfade_samples = 800;   ///< clamped to the block
 };
 
 /// Where one agent is in the endless loop of its sound.  A plain value: saved in checkpoints, compared in tests.

@@ -34,7 +34,9 @@ class Dice {
 class Loop {
  public:
   Loop(double length_s, double rate_hz, std::uint64_t seed, std::uint32_t kind)
-      : rate_hz_(rate_hz), samples_(static_cast<std::size_t>(std::lround(length_s * rate_hz)), 0.0), noise_(seed, Purpose::sound, kind, 1) {}
+      : rate_hz_(rate_hz),
+        samples_(static_cast<std::size_t>(std::lround(length_s * rate_hz)), 0.0),
+        noise_(seed, Purpose::sound, kind, 1) {}
 
   [[nodiscard]] double rate_hz() const { return rate_hz_; }
   [[nodiscard]] double length_s() const { return static_cast<double>(samples_.size()) / rate_hz_; }
@@ -91,7 +93,9 @@ void telephone(Loop& loop, Dice& dice) {
         const double frequency = gong_hz[strike % 2] * partial[p];
         if (frequency > loop.highest_hz()) break;
         const double level = 1.0 / (1.0 + static_cast<double>(p));
-        loop.add(start, 0.4, [=](double t) { return level * pluck(t, 4e-4, 0.09 / (1.0 + 0.5 * static_cast<double>(p))) * std::sin(kTwoPi * frequency * t); });
+        loop.add(start, 0.4, [=](double t) {
+          return level * pluck(t, 4e-4, 0.09 / (1.0 + 0.5 * static_cast<double>(p))) * std::sin(kTwoPi * frequency * t);
+        });
       }
       loop.add_hiss(start, 0.02, [](double t) { return 0.25 * pluck(t, 2e-4, 0.002); });
     }
@@ -128,7 +132,8 @@ void music(Loop& loop, Dice& dice) {
     const double note_hz = root_hz * scale[static_cast<std::size_t>(dice.count(0, 4))] * (dice.chance(0.3) ? 2.0 : 1.0);
     const auto note = [&](double frequency, double level, double fade_s) {
       for (int k = 1; k <= 14 && k * frequency < loop.highest_hz(); ++k)
-        loop.add(beat * beat_s, 6 * fade_s, [=](double t) { return level / k * pluck(t, 2e-3, fade_s / std::sqrt(k)) * std::sin(kTwoPi * k * frequency * t); });
+        loop.add(beat * beat_s, 6 * fade_s,
+                 [=](double t) { return level / k * pluck(t, 2e-3, fade_s / std::sqrt(k)) * std::sin(kTwoPi * k * frequency * t); });
     };
     note(note_hz, 1.0, decay_s);
     if (beat % 4 == 0) note(root_hz / 2, 0.8, 1.5 * decay_s);
@@ -159,7 +164,8 @@ void speech(Loop& loop, Dice& dice) {
   for (int syllable = 0; syllable < syllables; ++syllable) {
     const double start = syllable * slot_s;
     const double voiced_s = slot_s * dice.between(0.55, 0.95);
-    const std::array<double, 3> formant_hz = {tract * dice.between(300, 850), tract * dice.between(900, 2300), tract * dice.between(2400, 3300)};
+    const std::array<double, 3> formant_hz = {tract * dice.between(300, 850), tract * dice.between(900, 2300),
+                                              tract * dice.between(2400, 3300)};
     const double from_hz = pitch_hz * dice.between(0.9, 1.25), bend = dice.between(-0.25, 0.15);
     for (int k = 1; k < 60; ++k) {
       const double frequency = k * from_hz;
@@ -167,7 +173,8 @@ void speech(Loop& loop, Dice& dice) {
       double level = 0;
       for (const double formant : formant_hz) level += 1.0 / (1.0 + std::pow((frequency - formant) / (60.0 + 0.06 * formant), 2));
       level = (level + 0.01) / std::sqrt(k);
-      loop.add(start, voiced_s, [=](double t) { return level * arch(t, voiced_s) * std::sin(kTwoPi * frequency * t * (1.0 + 0.5 * bend * t / voiced_s)); });
+      loop.add(start, voiced_s,
+               [=](double t) { return level * arch(t, voiced_s) * std::sin(kTwoPi * frequency * t * (1.0 + 0.5 * bend * t / voiced_s)); });
     }
     if (dice.chance(0.7)) {
       const double consonant_s = dice.between(0.03, 0.09);
@@ -200,7 +207,8 @@ void engine(Loop& loop, Dice& dice) {
   for (int i = 0; i < explosions; ++i) {
     const double level = strength[static_cast<std::size_t>(i % 4)];
     loop.add(i * period_s, 0.08, [=](double t) {
-      return level * (pluck(t, 1e-3, 0.015) * std::sin(kTwoPi * thump_hz * t) + 0.4 * pluck(t, 1e-3, 0.006) * std::sin(kTwoPi * rattle_hz * t));
+      return level *
+             (pluck(t, 1e-3, 0.015) * std::sin(kTwoPi * thump_hz * t) + 0.4 * pluck(t, 1e-3, 0.006) * std::sin(kTwoPi * rattle_hz * t));
     });
     loop.add_hiss(i * period_s, 0.04, [=](double t) { return 0.25 * level * pluck(t, 1e-3, 0.008); });
   }
@@ -219,7 +227,9 @@ void bird(Loop& loop, Dice& dice) {
       const double at = start + chirp * chirp_s * 1.25;
       for (int k = 1; k <= 2; ++k) {
         if (k * from_hz * (1.0 + std::max(sweep, 0.0)) > loop.highest_hz()) break;
-        loop.add(at, chirp_s, [=](double t) { return (k == 1 ? 1.0 : 0.3) * arch(t, chirp_s) * std::sin(kTwoPi * k * from_hz * t * (1.0 + 0.5 * sweep * t / chirp_s)); });
+        loop.add(at, chirp_s, [=](double t) {
+          return (k == 1 ? 1.0 : 0.3) * arch(t, chirp_s) * std::sin(kTwoPi * k * from_hz * t * (1.0 + 0.5 * sweep * t / chirp_s));
+        });
       }
       // Wings and breath: what lets low frequencies carry the direction, too.
       std::size_t index = static_cast<std::size_t>(at * loop.rate_hz());

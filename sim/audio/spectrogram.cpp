@@ -54,7 +54,7 @@ struct SpectrogramAnalyzer::Impl {
   RealFft fft;
   std::vector<float> window, frame;
   std::vector<std::complex<float>> spectrum;
-  std::vector<float> pooled;                                              ///< [rows, columns] of one channel
+  std::vector<float> pooled;  ///< [rows, columns] of one channel
   std::vector<float> magnitude = std::vector<float>(spectrum.size());
 };
 

@@ -13,7 +13,8 @@ inline std::complex<float> multiply(std::complex<float> a, std::complex<float> b
 }
 
 /// sum[k] += a[k] * b[k]
-inline void multiply_add(std::span<const std::complex<float>> a, std::span<const std::complex<float>> b, std::span<std::complex<float>> sum) {
+inline void multiply_add(std::span<const std::complex<float>> a, std::span<const std::complex<float>> b,
+                         std::span<std::complex<float>> sum) {
   const std::complex<float>*x = a.data(), *y = b.data();
   std::complex<float>* z = sum.data();
   for (std::size_t k = 0; k < sum.size(); ++k)

@@ -46,14 +46,21 @@ const TableRow kTable[] = {
     {-90, 0, {1, -1.73205, 0, 0, 0, 0, -1.11803, 0, -1.93649, 2.09165, 0, 1.62018, 0, 0, 0, 0}},
     {180, 0, {1, 0, 0, -1.73205, 0, 0, -1.11803, 0, 1.93649, 0, 0, 0, 0, 1.62018, 0, -2.09165}},
     {0, 90, {1, 0, 1.73205, 0, 0, 0, 2.23607, 0, 0, 0, 0, 0, 2.64575, 0, 0, 0}},
-    {30, 20, {1, 0.81380, 0.59240, 1.40954, 1.48087, 0.62238, -0.72568, 1.07799, 0.85498, 1.73559, 1.34004, -0.31600, -1.09272, -0.54732, 0.77367, 0}},
-    {-135, -35, {1, -1.00325, -0.99346, -1.00325, 1.29940, 1.28673, -0.01457, 1.28673, 0, -0.81296, -1.97190, -0.60526, 1.02817, -0.60526, 0, 0.81296}},
+    {30,
+     20,
+     {1, 0.81380, 0.59240, 1.40954, 1.48087, 0.62238, -0.72568, 1.07799, 0.85498, 1.73559, 1.34004, -0.31600, -1.09272, -0.54732, 0.77367,
+      0}},
+    {-135,
+     -35,
+     {1, -1.00325, -0.99346, -1.00325, 1.29940, 1.28673, -0.01457, 1.28673, 0, -0.81296, -1.97190, -0.60526, 1.02817, -0.60526, 0,
+      0.81296}},
 };
 
 TEST(SphericalHarmonics, MatchTheTable) {
   for (const TableRow& row : kTable) {
     const auto values = harmonics(direction_of(row.azimuth_deg, row.elevation_deg), 3);
-    for (std::size_t i = 0; i < 16; ++i) EXPECT_NEAR(values[i], row.values[i], 6e-6) << row.azimuth_deg << " acn " << i;  // half a unit of the last place
+    for (std::size_t i = 0; i < 16; ++i)
+      EXPECT_NEAR(values[i], row.values[i], 6e-6) << row.azimuth_deg << " acn " << i;  // half a unit of the last place
   }
 }
 
@@ -62,7 +69,8 @@ TEST(SphericalHarmonics, SquaresSumToTheChannelCount) {
     for (std::uint32_t i = 0; i < 200; ++i) {
       double sum = 0;
       for (const float value : harmonics(random_direction(i), order)) sum += static_cast<double>(value) * value;
-      EXPECT_NEAR(sum, (order + 1) * (order + 1), 2e-5 * (order + 1) * (order + 1));  // a float unit vector is off by 1e-7, to the 18th power
+      EXPECT_NEAR(sum, (order + 1) * (order + 1),
+                  2e-5 * (order + 1) * (order + 1));  // a float unit vector is off by 1e-7, to the 18th power
     }
   }
 }
@@ -164,7 +172,8 @@ TEST(SphericalHarmonics, AreOrthonormalOverTheSphere) {
     }
   }
   for (std::size_t a = 0; a < 16; ++a)
-    for (std::size_t b = 0; b < 16; ++b) EXPECT_NEAR(gram[a][b], a == b ? 1.0 : 0.0, 2e-4) << a << ' ' << b;  // midpoint error ~ 1 / num_z^2
+    for (std::size_t b = 0; b < 16; ++b)
+      EXPECT_NEAR(gram[a][b], a == b ? 1.0 : 0.0, 2e-4) << a << ' ' << b;  // midpoint error ~ 1 / num_z^2
 }
 
 }  // namespace

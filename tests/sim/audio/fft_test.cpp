@@ -30,7 +30,8 @@ std::complex<double> naive_bin(std::span<const float> time, int k) {
   std::complex<double> sum = 0;
   const auto size = static_cast<std::int64_t>(time.size());
   for (std::int64_t n = 0; n < size; ++n)
-    sum += static_cast<double>(time[n]) * std::polar(1.0, -2.0 * std::numbers::pi * static_cast<double>(n * k % size) / static_cast<double>(size));
+    sum += static_cast<double>(time[n]) *
+           std::polar(1.0, -2.0 * std::numbers::pi * static_cast<double>(n * k % size) / static_cast<double>(size));
   return sum;
 }
 

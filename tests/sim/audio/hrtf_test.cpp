@@ -41,7 +41,9 @@ double level_db(std::complex<float> value) { return 20.0 * std::log10(std::abs(v
 double ild_db(const Ears& e, std::size_t bin) { return level_db(e.right[bin]) - level_db(e.left[bin]); }
 
 /// Delay of the left ear behind the right one from the phase of one bin.
-double itd_us(const Ears& e, std::size_t bin, double frequency_hz) { return std::arg(e.right[bin] * std::conj(e.left[bin])) / (2.0 * std::numbers::pi * frequency_hz) * 1e6; }
+double itd_us(const Ears& e, std::size_t bin, double frequency_hz) {
+  return std::arg(e.right[bin] * std::conj(e.left[bin])) / (2.0 * std::numbers::pi * frequency_hz) * 1e6;
+}
 
 std::filesystem::path shared_data() {
   if (const char* named = std::getenv("EARSHOT_DATA")) return named;
@@ -71,14 +73,17 @@ TEST(RigidSphereSeries, HasTheExactTimeDifferenceAt200Hz) {
 // ORACLES O-27, ears at +-90 degrees: independent of the head's own +-100.
 TEST(RigidSphereSeries, HasTheExactLevelDifferences) {
   const double frequency_hz[] = {250, 500, 1000, 2000, 4000, 8000};
-  const double expected_db[3][6] = {{0.1493, 1.52, 4.864, 4.398, 5.937, 7.898}, {0.2365, 1.847, 4.284, 9.993, 9.647, 12.86}, {0.2615, 1.798, 2.849, 3.905, 4.694, 6.078}};
+  const double expected_db[3][6] = {
+      {0.1493, 1.52, 4.864, 4.398, 5.937, 7.898}, {0.2365, 1.847, 4.284, 9.993, 9.647, 12.86}, {0.2615, 1.798, 2.849, 3.905, 4.694, 6.078}};
   for (int a = 0; a < 3; ++a) {
     const double azimuth_deg = 30.0 * (a + 1);
     for (int f = 0; f < 6; ++f) {
       const double incidence[2] = {(90 + azimuth_deg) * kDegree, (90 - azimuth_deg) * kDegree};
       std::complex<double> pressure[2];
       rigid_sphere_pressure(2.0 * std::numbers::pi * frequency_hz[f] / 343.0 * 0.0875, incidence, pressure);
-      EXPECT_NEAR(20.0 * std::log10(std::abs(pressure[1]) / std::abs(pressure[0])), expected_db[a][f], 6e-4 * std::max(1.0, expected_db[a][f])) << azimuth_deg << ' ' << frequency_hz[f];
+      EXPECT_NEAR(20.0 * std::log10(std::abs(pressure[1]) / std::abs(pressure[0])), expected_db[a][f],
+                  6e-4 * std::max(1.0, expected_db[a][f]))
+          << azimuth_deg << ' ' << frequency_hz[f];
     }
   }
 }
@@ -100,10 +105,13 @@ TEST(RigidSphereSeries, HasItsLimits) {
 
 TEST_F(RigidSphereHead, HasTheTableOfLevelDifferences) {  // ORACLES O-27, ears at +-100 degrees
   const int bins[] = {5, 10, 20, 40, 80, 160};
-  const double expected_db[3][6] = {{2.256e-4, 0.8982, 4.694, 5.309, 7.264, 9.6}, {0.09622, 1.357, 3.206, 6.53, 15.12, 14.92}, {0.2588, 1.807, 3.022, 4.681, 8.057, 21.57}};
+  const double expected_db[3][6] = {{2.256e-4, 0.8982, 4.694, 5.309, 7.264, 9.6},
+                                    {0.09622, 1.357, 3.206, 6.53, 15.12, 14.92},
+                                    {0.2588, 1.807, 3.022, 4.681, 8.057, 21.57}};
   for (int a = 0; a < 3; ++a) {
     const Ears e = ears(*head_, from_right(30.0 * (a + 1)));
-    for (int f = 0; f < 6; ++f) EXPECT_NEAR(ild_db(e, static_cast<std::size_t>(bins[f])), expected_db[a][f], 0.01) << 30 * (a + 1) << " bin " << bins[f];
+    for (int f = 0; f < 6; ++f)
+      EXPECT_NEAR(ild_db(e, static_cast<std::size_t>(bins[f])), expected_db[a][f], 0.01) << 30 * (a + 1) << " bin " << bins[f];
   }
 }
 
@@ -111,7 +119,8 @@ TEST_F(RigidSphereHead, HasTheTableOfLevelDifferences) {  // ORACLES O-27, ears 
 TEST_F(RigidSphereHead, TimeDifferenceLiesBetweenItsLimits) {
   for (const auto& [azimuth_deg, at_90_us] : {std::pair{10.0, 136.87}, {30.0, 392.91}, {60.0, 675.95}, {90.0, 777.96}})
     EXPECT_NEAR(itd_us(ears(*head_, from_right(azimuth_deg)), 4, 200.0), at_90_us * std::sin(100 * kDegree), 1.0);
-  // High frequencies: slope of the interaural phase from 6 to 10 kHz against Woodworth's rays for these ears, within the ripple of the creeping waves.
+  // High frequencies: slope of the interaural phase from 6 to 10 kHz against Woodworth's rays for these ears, within the ripple of the
+  // creeping waves.
   for (const double azimuth_deg : {15.0, 30.0, 45.0, 60.0}) {
     const Ears e = ears(*head_, from_right(azimuth_deg));
     double turn = 0;
@@ -244,9 +253,11 @@ TEST_F(RigidSphereHead, DecoderKeepsTheSideOfAPlaneWave) {
   const glm::vec3 right_side = from_right(60.0);
   const std::complex<double> low = decoded(*head_, right_side, 1, 4) * std::conj(decoded(*head_, right_side, 0, 4));
   EXPECT_NEAR(std::arg(low) / (2.0 * std::numbers::pi * 200.0) * 1e6, 666.0, 40.0);  // first order holds the phase below 600 Hz
-  for (const std::size_t bin : {80u, 160u}) EXPECT_GT(std::abs(decoded(*head_, right_side, 1, bin)), 1.5 * std::abs(decoded(*head_, right_side, 0, bin)));
+  for (const std::size_t bin : {80u, 160u})
+    EXPECT_GT(std::abs(decoded(*head_, right_side, 1, bin)), 1.5 * std::abs(decoded(*head_, right_side, 0, bin)));
   const glm::vec3 front = from_right(0.0);
-  for (const std::size_t bin : {4u, 20u, 80u, 160u}) EXPECT_NEAR(std::abs(decoded(*head_, front, 1, bin)) / std::abs(decoded(*head_, front, 0, bin)), 1.0, 0.01);
+  for (const std::size_t bin : {4u, 20u, 80u, 160u})
+    EXPECT_NEAR(std::abs(decoded(*head_, front, 1, bin)) / std::abs(decoded(*head_, front, 0, bin)), 1.0, 0.01);
 }
 
 TEST_F(RigidSphereHead, DecoderIsCausalAndShort) {
@@ -260,12 +271,14 @@ TEST_F(RigidSphereHead, DecoderIsCausalAndShort) {
   }
   // The omnidirectional response arrives around the lead.
   fft.inverse(head_->diffuse_decoder(0, 0), response);
-  const auto peak = std::max_element(response.begin(), response.end(), [](float a, float b) { return std::abs(a) < std::abs(b); }) - response.begin();
+  const auto peak =
+      std::max_element(response.begin(), response.end(), [](float a, float b) { return std::abs(a) < std::abs(b); }) - response.begin();
   EXPECT_NEAR(static_cast<double>(peak), head_->lead_samples(), 0.0005 * 25600);
 }
 
 TEST(Hrtf, RatesAgree) {
-  const Ears at_16k = ears(*Hrtf::rigid_sphere(16000.f), from_right(50.0, 20.0)), at_48k = ears(*Hrtf::rigid_sphere(48000.f), from_right(50.0, 20.0));
+  const Ears at_16k = ears(*Hrtf::rigid_sphere(16000.f), from_right(50.0, 20.0)),
+             at_48k = ears(*Hrtf::rigid_sphere(48000.f), from_right(50.0, 20.0));
   // 3 kHz: bin 96 of 31.25 Hz, bin 64 of 46.875 Hz.
   EXPECT_NEAR(level_db(at_16k.right[96]), level_db(at_48k.right[64]), 0.02);
   EXPECT_NEAR(level_db(at_16k.left[96]), level_db(at_48k.left[64]), 0.02);
@@ -336,7 +349,8 @@ TEST_F(KemarHead, IsContinuousInDirection) {
   const auto largest_change = [&](double step_deg) {
     double largest = 0;
     for (double azimuth_deg = 0; azimuth_deg < 360; azimuth_deg += 1.7) {
-      const Ears a = ears(*head, from_right(azimuth_deg, 93 * std::sin(azimuth_deg))), b = ears(*head, from_right(azimuth_deg + step_deg, 93 * std::sin(azimuth_deg)));
+      const Ears a = ears(*head, from_right(azimuth_deg, 93 * std::sin(azimuth_deg))),
+                 b = ears(*head, from_right(azimuth_deg + step_deg, 93 * std::sin(azimuth_deg)));
       double change = 0, power = 0;
       for (std::size_t k = 0; k < a.left.size(); ++k) {
         change += std::norm(a.left[k] - b.left[k]);

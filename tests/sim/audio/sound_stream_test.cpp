@@ -79,9 +79,10 @@ TEST_P(SoundStreamCase, EqualsOneLongConvolution) {
 INSTANTIATE_TEST_SUITE_P(SoundStream, SoundStreamCase,
                          ::testing::Values(Case{"usual", 16000, 8000, 2400, true}, Case{"clip_shorter_than_block", 1000, 3000, 2400, true},
                                            Case{"clip_of_one_sample", 1, 700, 300, true}, Case{"clip_of_seven", 7, 8000, 2400, true},
-                                           Case{"rir_longer_than_clip", 5000, 8000, 1234, true}, Case{"from_silence", 5000, 8000, 1234, false},
-                                           Case{"short_blocks", 5000, 4000, 37, true}, Case{"block_of_one", 900, 500, 1, true},
-                                           Case{"rir_of_one_tap", 5000, 1, 2400, true}, Case{"short_clip_from_silence", 5, 2000, 777, false}),
+                                           Case{"rir_longer_than_clip", 5000, 8000, 1234, true},
+                                           Case{"from_silence", 5000, 8000, 1234, false}, Case{"short_blocks", 5000, 4000, 37, true},
+                                           Case{"block_of_one", 900, 500, 1, true}, Case{"rir_of_one_tap", 5000, 1, 2400, true},
+                                           Case{"short_clip_from_silence", 5, 2000, 777, false}),
                          [](const auto& test) { return test.param.name; });
 
 TEST(SoundStream, SilenceBeforeTheStartIsExact) {
@@ -144,7 +145,8 @@ TEST(SoundStream, FadeLongerThanTheBlockIsClamped) {
 // While the RIR changes, the sample-to-sample difference is bounded by that of the two still sounds plus the fade's own slope.
 TEST(SoundStream, MovingAgentHearsNoJump) {
   std::vector<float> samples(4000);
-  for (int i = 0; i < 4000; ++i) samples[i] = static_cast<float>(std::sin(2.0 * std::numbers::pi * 5.0 * i / 4000.0));  // 20 Hz: smooth, so jumps show
+  for (int i = 0; i < 4000; ++i)
+    samples[i] = static_cast<float>(std::sin(2.0 * std::numbers::pi * 5.0 * i / 4000.0));  // 20 Hz: smooth, so jumps show
   const SoundClip clip = clip_of(std::move(samples));
   constexpr int block = 2400, fade = 800, taps = 600;
   StreamConvolver convolver({.max_rir_samples = taps, .max_block_samples = block, .crossfade_samples = fade}, 1);

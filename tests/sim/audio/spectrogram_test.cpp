@@ -85,7 +85,9 @@ TEST(Spectrogram, ToneLandsInItsRowAndChannel) {
   for (int column = 1; column < 25; ++column) {  // the first and the last hold the switching clicks
     for (int row = 0; row < 65; ++row) {
       EXPECT_EQ(at(row, column, 0), 0.f);
-      if (row < 15 || row > 16) { EXPECT_LT(at(row, column, 1), 0.1f * at(16, column, 1)); }
+      if (row < 15 || row > 16) {
+        EXPECT_LT(at(row, column, 1), 0.1f * at(16, column, 1));
+      }
     }
   }
   // A steady sine of amplitude 1 under a window of sum 200: bins 100; the Hann window of 400 in 512 spreads over about three bins.
@@ -93,7 +95,8 @@ TEST(Spectrogram, ToneLandsInItsRowAndChannel) {
   double expected = 0;
   for (int k = 0; k < 4; ++k) {
     std::complex<double> sum = 0;
-    for (int i = 0; i < 400; ++i) sum += std::pow(std::sin(std::numbers::pi * i / 400.0), 2) * std::polar(1.0, -2.0 * std::numbers::pi * k * i / 512.0);
+    for (int i = 0; i < 400; ++i)
+      sum += std::pow(std::sin(std::numbers::pi * i / 400.0), 2) * std::polar(1.0, -2.0 * std::numbers::pi * k * i / 512.0);
     expected += std::abs(sum) / 2.0 / 4.0;
   }
   EXPECT_NEAR(at(16, 10, 1), std::log1p(expected), 1e-4);
