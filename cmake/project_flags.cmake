@@ -17,6 +17,8 @@ if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64" AND EARSHOT_ARCH)
 endif()
 
 if(EARSHOT_SANITIZE)
+  # Instrumented code makes g++ 12 see uninitialized and mismatched memory where there is none; the release build is the one that judges.
+  target_compile_options(project_flags INTERFACE -Wno-error)
   add_compile_options(-fsanitize=${EARSHOT_SANITIZE} -fno-omit-frame-pointer)
   add_link_options(-fsanitize=${EARSHOT_SANITIZE})
 endif()
