@@ -29,13 +29,20 @@ std::optional<std::string> decode_base64(std::string_view text) {
   int bits = 0;
   for (const char letter : text) {
     std::uint32_t value;
-    if (letter >= 'A' && letter <= 'Z') value = static_cast<std::uint32_t>(letter - 'A');
-    else if (letter >= 'a' && letter <= 'z') value = static_cast<std::uint32_t>(letter - 'a' + 26);
-    else if (letter >= '0' && letter <= '9') value = static_cast<std::uint32_t>(letter - '0' + 52);
-    else if (letter == '+') value = 62;
-    else if (letter == '/') value = 63;
-    else if (letter == '=') break;
-    else return std::nullopt;
+    if (letter >= 'A' && letter <= 'Z')
+      value = static_cast<std::uint32_t>(letter - 'A');
+    else if (letter >= 'a' && letter <= 'z')
+      value = static_cast<std::uint32_t>(letter - 'a' + 26);
+    else if (letter >= '0' && letter <= '9')
+      value = static_cast<std::uint32_t>(letter - '0' + 52);
+    else if (letter == '+')
+      value = 62;
+    else if (letter == '/')
+      value = 63;
+    else if (letter == '=')
+      break;
+    else
+      return std::nullopt;
     word = word << 6 | value;
     bits += 6;
     if (bits >= 8) {
@@ -62,21 +69,33 @@ std::string decode_percent(std::string_view uri) {
 
 std::size_t size_of_component(int type) {
   switch (type) {
-    case 5120: case 5121: return 1;
-    case 5122: case 5123: return 2;
-    case 5125: case 5126: return 4;
-    default: return 0;
+    case 5120:
+    case 5121:
+      return 1;
+    case 5122:
+    case 5123:
+      return 2;
+    case 5125:
+    case 5126:
+      return 4;
+    default:
+      return 0;
   }
 }
 
 /// Range of a normalized integer type (glTF 2.0, section 3.11).
 double normalizer(int type) {
   switch (type) {
-    case 5120: return 127;
-    case 5121: return 255;
-    case 5122: return 32767;
-    case 5123: return 65535;
-    default: return 1;
+    case 5120:
+      return 127;
+    case 5121:
+      return 255;
+    case 5122:
+      return 32767;
+    case 5123:
+      return 65535;
+    default:
+      return 1;
   }
 }
 
@@ -103,7 +122,8 @@ GltfAsset::GltfAsset(const std::filesystem::path& path) : where_(path.string()),
   std::string_view text = bytes_;
   std::string_view binary_chunk;
   if (text.starts_with("glTF")) {
-    if (text.size() < 20 || little_endian32(text, 4) != 2 || little_endian32(text, 8) > text.size()) fail("is not a whole GLB file of version 2");
+    if (text.size() < 20 || little_endian32(text, 4) != 2 || little_endian32(text, 8) > text.size())
+      fail("is not a whole GLB file of version 2");
     const std::size_t json_size = little_endian32(text, 12);
     if (json_size > text.size() - 20 || little_endian32(text, 16) != 0x4E4F534Au) fail("is cut off in its JSON chunk");
     const std::size_t binary_at = 20 + (json_size + 3) / 4 * 4;
@@ -133,7 +153,8 @@ GltfAsset::GltfAsset(const std::filesystem::path& path) : where_(path.string()),
       const auto uri = buffers[i]["uri"].get<std::string>();
       if (uri.starts_with("data:")) {
         const std::size_t comma = uri.find(',');
-        std::optional<std::string> decoded = decode_base64(std::string_view(uri).substr(comma == std::string::npos ? uri.size() : comma + 1));
+        std::optional<std::string> decoded =
+            decode_base64(std::string_view(uri).substr(comma == std::string::npos ? uri.size() : comma + 1));
         if (!decoded) fail(fmt::format("buffer {} is not base64", i));
         bytes = std::move(*decoded);
       } else {
@@ -148,12 +169,18 @@ GltfAsset::GltfAsset(const std::filesystem::path& path) : where_(path.string()),
 double GltfAsset::Numbers::at(std::size_t element, std::size_t component) const {
   const char* from = first + element * stride + component * size_of_component(type);
   switch (type) {
-    case 5120: return load<std::int8_t>(from);
-    case 5121: return load<std::uint8_t>(from);
-    case 5122: return load<std::int16_t>(from);
-    case 5123: return load<std::uint16_t>(from);
-    case 5125: return load<std::uint32_t>(from);
-    default: return load<float>(from);
+    case 5120:
+      return load<std::int8_t>(from);
+    case 5121:
+      return load<std::uint8_t>(from);
+    case 5122:
+      return load<std::int16_t>(from);
+    case 5123:
+      return load<std::uint16_t>(from);
+    case 5125:
+      return load<std::uint32_t>(from);
+    default:
+      return load<float>(from);
   }
 }
 
@@ -199,7 +226,8 @@ std::vector<double> GltfAsset::read_accessor(std::size_t index, std::size_t comp
     const Numbers places = locate(where, changed, 1, where_type), news = locate(sparse.at("values"), changed, components, type);
     for (std::size_t i = 0; i < changed; ++i) {
       const double place = places.at(i, 0);
-      if (!(place >= 0 && place < static_cast<double>(count))) fail(fmt::format("sparse accessor {} changes element {} of {}", index, place, count));
+      if (!(place >= 0 && place < static_cast<double>(count)))
+        fail(fmt::format("sparse accessor {} changes element {} of {}", index, place, count));
       for (std::size_t c = 0; c < components; ++c) values[static_cast<std::size_t>(place) * components + c] = scale * news.at(i, c);
     }
   }

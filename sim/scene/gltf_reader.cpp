@@ -40,8 +40,10 @@ std::vector<std::uint32_t> triangle_corners(const std::vector<std::uint32_t>& in
   std::vector<std::uint32_t> corners;
   if (mode != strip && mode != fan) return corners;
   for (std::size_t i = 0; i + 2 < indices.size(); ++i) {
-    if (mode == fan) corners.insert(corners.end(), {indices[i + 1], indices[i + 2], indices[0]});
-    else corners.insert(corners.end(), {indices[i], indices[i + 1 + i % 2], indices[i + 2 - i % 2]});
+    if (mode == fan)
+      corners.insert(corners.end(), {indices[i + 1], indices[i + 2], indices[0]});
+    else
+      corners.insert(corners.end(), {indices[i], indices[i + 1 + i % 2], indices[i + 2 - i % 2]});
   }
   return corners;
 }
@@ -119,9 +121,12 @@ class GltfReader {
       if (!attributes.contains("POSITION")) continue;
       const std::vector<glm::vec3> positions = asset_.read_positions(attributes["POSITION"].get<std::size_t>());
       std::vector<std::uint32_t> indices(primitive.contains("indices") ? 0 : positions.size());
-      if (primitive.contains("indices")) indices = asset_.read_indices(primitive["indices"].get<std::size_t>());
-      else std::iota(indices.begin(), indices.end(), 0u);
-      builder_.append(object, material_name(primitive), to_world, positions, triangle_corners(indices, primitive.value("mode", std::size_t{4})));
+      if (primitive.contains("indices"))
+        indices = asset_.read_indices(primitive["indices"].get<std::size_t>());
+      else
+        std::iota(indices.begin(), indices.end(), 0u);
+      builder_.append(object, material_name(primitive), to_world, positions,
+                      triangle_corners(indices, primitive.value("mode", std::size_t{4})));
     }
   }
 

@@ -74,8 +74,10 @@ Scene load_scene(const std::string& spec) {
     throw InputError(spec, "is not a scene", "name a glb, gltf, obj, ply, stl or yaml file, or write shoebox:XxYxZ[@M] or house:SEED");
   }
   SceneConfig config;
-  if (yaml) config = read_scene_config(spec);
-  else config.mesh = spec;
+  if (yaml)
+    config = read_scene_config(spec);
+  else
+    config.mesh = spec;
 
   std::vector<MaterialWarning> material_warnings;
   const MaterialDatabase database =

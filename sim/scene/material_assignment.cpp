@@ -59,8 +59,8 @@ class RuleBook {
   void note_matches(const std::vector<std::string>& names) {
     for (Rule& rule : rules_) {
       rule.matched = rule.matched || std::any_of(names.begin(), names.end(), [&](const std::string& name) {
-        return rule.pattern == name || (rule.glob && glob_match(rule.pattern, name));
-      });
+                       return rule.pattern == name || (rule.glob && glob_match(rule.pattern, name));
+                     });
     }
   }
 
@@ -104,7 +104,7 @@ std::vector<Material> assign_materials(TriangleMesh& mesh, const MaterialRules& 
   const std::vector<std::string> old_names = std::move(mesh.material_names);
   mesh.material_names.clear();
   std::vector<Material> materials;
-  using SlotOfPair = std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint32_t>;  // (old slot, node) -> new slot
+  using SlotOfPair = std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint32_t>;    // (old slot, node) -> new slot
   using SlotOfMaterial = std::map<std::pair<std::uint32_t, std::string>, std::uint32_t>;  // (old slot, material) -> new slot
   SlotOfPair slot_of_pair;
   SlotOfMaterial slot_of_material;

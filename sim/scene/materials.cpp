@@ -28,7 +28,8 @@ struct Entry {
 };
 
 float read_number(const Entry& entry, const std::string& key, const Json& json) {
-  if (!json.is_number()) entry.fail(key, fmt::format("{} is not a number", json.dump(-1, ' ', false, Json::error_handler_t::replace)), "write a number");
+  if (!json.is_number())
+    entry.fail(key, fmt::format("{} is not a number", json.dump(-1, ' ', false, Json::error_handler_t::replace)), "write a number");
   const auto value = json.get<float>();
   if (!std::isfinite(value)) entry.fail(key, "the number is too large", "write a finite number");
   return value;
@@ -83,8 +84,8 @@ void limit_transmission(const Entry& entry, Material& material, std::vector<Mate
 }
 
 Material read_material(const Json& json, std::size_t index, const std::string& where, std::vector<MaterialWarning>* warnings) {
-  static const std::set<std::string> known{"name",         "labels",  "absorption", "scattering", "transmission",
-                                           "damping", "speed",   "density",    "source"};
+  static const std::set<std::string> known{"name",    "labels", "absorption", "scattering", "transmission",
+                                           "damping", "speed",  "density",    "source"};
   Entry entry{json, fmt::format("{}: material {}", where, index)};
   if (!json.is_object()) throw InputError(entry.where, "is not an object", "write {\"name\": ..., \"absorption\": [...], ...}");
   Material material;
@@ -125,8 +126,7 @@ constexpr std::string_view builtin_json =
 
 }  // namespace
 
-MaterialDatabase MaterialDatabase::from_json(std::string_view text, const std::string& where,
-                                             std::vector<MaterialWarning>* warnings) {
+MaterialDatabase MaterialDatabase::from_json(std::string_view text, const std::string& where, std::vector<MaterialWarning>* warnings) {
   Json json;
   try {
     json = Json::parse(text);
@@ -168,9 +168,9 @@ const Material& MaterialDatabase::get(std::string_view name, const std::string& 
   std::set<std::string> names;
   for (const Material& material : materials_) names.insert(material.name);
   const std::string nearest = nearest_word(name, names);
-  throw InputError(where, "material '" + std::string(name) + "' is unknown",
-                   nearest.empty() ? fmt::format("the database has {} materials, see its file", names.size())
-                                   : "did you mean '" + nearest + "'?");
+  throw InputError(
+      where, "material '" + std::string(name) + "' is unknown",
+      nearest.empty() ? fmt::format("the database has {} materials, see its file", names.size()) : "did you mean '" + nearest + "'?");
 }
 
 const Material* MaterialDatabase::find_label(std::string_view category) const {

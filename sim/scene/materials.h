@@ -42,8 +42,7 @@ class MaterialDatabase {
   /// number, negative or zero frequency, unknown key (with the nearest known one), duplicate name, transmission > absorption.
   /// Frequencies may come in any order; of equal ones the last wins.  With a list of warnings, transmission > absorption is
   /// lowered and reported instead of refused: tables of others have such entries (ORACLES.md O-22, H-27).
-  static MaterialDatabase from_json(std::string_view json, const std::string& where,
-                                    std::vector<MaterialWarning>* warnings = nullptr);
+  static MaterialDatabase from_json(std::string_view json, const std::string& where, std::vector<MaterialWarning>* warnings = nullptr);
   static MaterialDatabase from_file(const std::filesystem::path& path, std::vector<MaterialWarning>* warnings = nullptr);
   /// The database that travels inside the binary (configs/materials.json).
   static MaterialDatabase builtin();

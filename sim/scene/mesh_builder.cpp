@@ -43,7 +43,8 @@ void MeshBuilder::append(const std::string& object, const std::string& material,
   for (std::size_t i = 0; i + 2 < corners.size(); i += 3) {
     for (std::size_t c = i; c < i + 3; ++c) {
       if (corners[c] >= positions.size()) {
-        throw InputError(where_, fmt::format("triangle {} of '{}' uses vertex {} of {}", i / 3, one_line(object), corners[c], positions.size()),
+        throw InputError(where_,
+                         fmt::format("triangle {} of '{}' uses vertex {} of {}", i / 3, one_line(object), corners[c], positions.size()),
                          "repair the mesh and export it again");
       }
     }

@@ -18,8 +18,8 @@ class MeshBuilder {
 
   /// positions in the part's own frame; corners: three per triangle, indices into positions.
   /// Throws InputError for a position that is not finite, or beyond 1e9 m, after the transform and for an index out of range.
-  void append(const std::string& object, const std::string& material, const glm::dmat4& to_world,
-              std::span<const glm::vec3> positions, std::span<const std::uint32_t> corners);
+  void append(const std::string& object, const std::string& material, const glm::dmat4& to_world, std::span<const glm::vec3> positions,
+              std::span<const std::uint32_t> corners);
 
  private:
   using Index = std::unordered_map<std::string, std::uint32_t>;

@@ -53,7 +53,8 @@ std::vector<std::uint32_t> triangle_corners(const aiMesh& part, std::span<const 
     }
     for (const unsigned index : face) {
       if (index >= positions.size()) {
-        throw InputError(where, fmt::format("face {} of '{}' uses vertex {} of {}", i, one_line(part.mName.C_Str()), index, positions.size()),
+        throw InputError(where,
+                         fmt::format("face {} of '{}' uses vertex {} of {}", i, one_line(part.mName.C_Str()), index, positions.size()),
                          "repair the mesh and export it again");
       }
       polygon.push_back(positions[index]);
@@ -118,8 +119,9 @@ void warn_about_size(const TriangleMesh& mesh, ImportReport& report) {
   const glm::vec3 far = glm::max(glm::abs(bounds.lower), glm::abs(bounds.upper));
   const float farthest_m = std::max({far.x, far.y, far.z});
   if (farthest_m > 4000 && farthest_m > 4 * largest_m) {
-    report.warnings.push_back(fmt::format("the scene lies {:.4g} m from the origin, where coordinates are exact to {:.2g} m only: move it there",
-                                          farthest_m, std::nextafter(farthest_m, 2 * farthest_m) - farthest_m));
+    report.warnings.push_back(
+        fmt::format("the scene lies {:.4g} m from the origin, where coordinates are exact to {:.2g} m only: move it there", farthest_m,
+                    std::nextafter(farthest_m, 2 * farthest_m) - farthest_m));
   }
 }
 

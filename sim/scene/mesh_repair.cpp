@@ -23,9 +23,7 @@ struct HashWords {
   std::size_t operator()(const Cell& cell) const {
     return mix(mix(mix(0, static_cast<std::uint64_t>(cell.x)), static_cast<std::uint64_t>(cell.y)), static_cast<std::uint64_t>(cell.z));
   }
-  std::size_t operator()(const std::array<std::uint32_t, 3>& corners) const {
-    return mix(mix(mix(0, corners[0]), corners[1]), corners[2]);
-  }
+  std::size_t operator()(const std::array<std::uint32_t, 3>& corners) const { return mix(mix(mix(0, corners[0]), corners[1]), corners[2]); }
 };
 
 /// Float coordinates in double: what lies on a line comes out near 1e-16 of the longest edge squared.  A needle is kept while it is a

@@ -26,7 +26,7 @@ std::vector<std::string_view> split_words(std::string_view line) {
 
 std::size_t size_of_type(std::string_view name) {  // 0: unknown
   static const std::map<std::string_view, std::size_t> sizes{
-      {"char", 1}, {"uchar", 1}, {"int8", 1},  {"uint8", 1}, {"short", 2}, {"ushort", 2},  {"int16", 2},  {"uint16", 2},
+      {"char", 1}, {"uchar", 1}, {"int8", 1},  {"uint8", 1},  {"short", 2}, {"ushort", 2},  {"int16", 2},  {"uint16", 2},
       {"int", 4},  {"uint", 4},  {"int32", 4}, {"uint32", 4}, {"float", 4}, {"float32", 4}, {"double", 8}, {"float64", 8}};
   const auto found = sizes.find(name);
   return found == sizes.end() ? 0 : found->second;
@@ -77,7 +77,8 @@ void check_ply_header(std::string_view bytes, const std::string& where) {
     }
   }
   if (!has_format) fail("PLY header has no format line");
-  if (body_bytes > static_cast<double>(bytes.size()) + 1) fail(fmt::format("PLY header promises at least {:.0f} bytes of data, {} are there", body_bytes, bytes.size()));
+  if (body_bytes > static_cast<double>(bytes.size()) + 1)
+    fail(fmt::format("PLY header promises at least {:.0f} bytes of data, {} are there", body_bytes, bytes.size()));
 }
 
 }  // namespace earshot

@@ -15,7 +15,8 @@ double cross(glm::dvec2 a, glm::dvec2 b, glm::dvec2 c) { return (b.x - a.x) * (c
 /// The polygon seen along its normal (Newell's), along the axis nearest to it, counter-clockwise.
 std::vector<glm::dvec2> flatten(std::span<const glm::vec3> corners) {
   glm::dvec3 normal(0);
-  for (std::size_t i = 0; i < corners.size(); ++i) normal += glm::cross(glm::dvec3(corners[i]), glm::dvec3(corners[(i + 1) % corners.size()]));
+  for (std::size_t i = 0; i < corners.size(); ++i)
+    normal += glm::cross(glm::dvec3(corners[i]), glm::dvec3(corners[(i + 1) % corners.size()]));
   int axis = 0;
   for (int other : {1, 2}) {
     if (std::fabs(normal[other]) > std::fabs(normal[axis])) axis = other;
@@ -49,7 +50,8 @@ void triangulate_polygon(std::span<const glm::vec3> corners, std::vector<std::ui
       if (other == before || other == here || other == after) continue;
       const glm::dvec2 p = flat[other];
       if (p == flat[before] || p == flat[here] || p == flat[after]) continue;  // a seam that joins a hole
-      if (cross(flat[before], flat[here], p) >= 0 && cross(flat[here], flat[after], p) >= 0 && cross(flat[after], flat[before], p) >= 0) return false;
+      if (cross(flat[before], flat[here], p) >= 0 && cross(flat[here], flat[after], p) >= 0 && cross(flat[after], flat[before], p) >= 0)
+        return false;
     }
     return true;
   };

@@ -21,8 +21,7 @@ std::uint64_t hash_scene(const TriangleMesh& mesh, const std::vector<Material>& 
   std::uint64_t hash = hash_of(mesh);
   for (const Material& material : materials) {
     hash = hash64(material.name, hash);
-    for (const CoefficientCurve* curve :
-         {&material.absorption, &material.scattering, &material.transmission, &material.damping_db_per_m}) {
+    for (const CoefficientCurve* curve : {&material.absorption, &material.scattering, &material.transmission, &material.damping_db_per_m}) {
       hash = hash_curve(*curve, hash);
     }
     const float inside[2] = {material.speed_m_per_s, material.density_kg_per_m3};

@@ -16,9 +16,9 @@
 namespace earshot {
 
 struct Air {
-  float temperature_c = 20.f;       ///< [-20, 50]
-  float humidity_percent = 50.f;    ///< [0, 100]
-  float pressure_kpa = 101.325f;    ///< [50, 120]
+  float temperature_c = 20.f;     ///< [-20, 50]
+  float humidity_percent = 50.f;  ///< [0, 100]
+  float pressure_kpa = 101.325f;  ///< [50, 120]
   /// 0: 343.2 sqrt(T / 293.15 K) of ISO 9613-1; otherwise this value (the oracles fix 343.0).
   float speed_of_sound_m_per_s = 0.f;
   [[nodiscard]] float speed() const;
@@ -59,8 +59,9 @@ class Scene {
   std::uint64_t hash_;
 };
 
-/// Loads any SCENE of the command line: a mesh file, `shoebox:XxYxZ[@M]`, `house:SEED[,key=value...]`, or a scene YAML
-/// (mesh, up, unit_m, ceiling_m, materials, assign, default_material, air, two_sided).  Throws InputError, one clear line.
+/// Loads any SCENE of the command line: a mesh file (mesh_import.h), `shoebox:XxYxZ[@M]` (shoebox.h), `house:SEED[,key=value...]`
+/// (house_generator.h), or a scene YAML (scene_config.h: mesh, up, unit_m, ceiling_m, materials, assign, default_material, air,
+/// two_sided).  Who gets which material: material_assignment.h.  Throws InputError, one clear line.
 Scene load_scene(const std::string& spec);
 
 }  // namespace earshot

@@ -107,7 +107,7 @@ double measure_ray_efficiency(const Scene& scene, std::span<const glm::vec3> poi
 /// Free paths and absorption that diffusely reflected sound meets.
 struct DiffuseWalk {
   double mean_free_path_m = 0;
-  double escaped_share = 0;                             ///< of the segments
+  double escaped_share = 0;                                 ///< of the segments
   std::array<double, report_bands_hz.size()> absorption{};  ///< mean over hits
 };
 
@@ -139,7 +139,8 @@ std::vector<std::uint32_t> largest_region(const Scene& scene, std::span<const gl
   return members;
 }
 
-DiffuseWalk walk_diffusely(const Scene& scene, std::span<const glm::vec3> points, std::span<const std::uint32_t> members, std::uint64_t seed) {
+DiffuseWalk walk_diffusely(const Scene& scene, std::span<const glm::vec3> points, std::span<const std::uint32_t> members,
+                           std::uint64_t seed) {
   std::vector<std::array<double, report_bands_hz.size()>> absorption(scene.materials().size());
   for (std::size_t slot = 0; slot < absorption.size(); ++slot) {
     for (std::size_t band = 0; band < report_bands_hz.size(); ++band) {

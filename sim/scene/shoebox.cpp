@@ -60,7 +60,8 @@ Shoebox parse_shoebox(std::string_view text, const MaterialDatabase& database) {
   const std::string where = "shoebox:" + std::string(text);
   const std::string_view size_text = text.substr(0, text.find('@'));
   const std::vector<std::string_view> parts = split(size_text, 'x');
-  if (parts.size() != 3) throw InputError(where, "does not have three sizes", "write shoebox:XxYxZ in metres, for example shoebox:6x3x4@0.1");
+  if (parts.size() != 3)
+    throw InputError(where, "does not have three sizes", "write shoebox:XxYxZ in metres, for example shoebox:6x3x4@0.1");
   glm::vec3 size_m;
   for (int axis = 0; axis < 3; ++axis) {
     const std::optional<float> size = parse_number(parts[static_cast<std::size_t>(axis)]);

@@ -149,8 +149,11 @@ TEST(EmbreeScene, EightRaysAtOnceMatchSingleRays) {
     for (std::size_t lane = 0; lane < 8; ++lane) {
       const Hit hit = scene.intersect(origins[lane], directions[lane]);
       // The two kernels round differently: a few units in the last place, 1 / cos longer at grazing rays.
-      if (hit.valid()) EXPECT_NEAR(distances[lane], hit.distance_m, 1e-5f * (1 + hit.distance_m) / std::max(1e-2f, std::fabs(glm::dot(hit.normal, directions[lane]))));
-      else EXPECT_EQ(distances[lane], std::numeric_limits<float>::infinity());
+      if (hit.valid())
+        EXPECT_NEAR(distances[lane], hit.distance_m,
+                    1e-5f * (1 + hit.distance_m) / std::max(1e-2f, std::fabs(glm::dot(hit.normal, directions[lane]))));
+      else
+        EXPECT_EQ(distances[lane], std::numeric_limits<float>::infinity());
     }
   }
 }
@@ -206,9 +209,9 @@ TEST(EmbreeScene, SegmentsEndAtSurfacesWithoutSeeingThem) {
 TEST(EmbreeScene, CoplanarTrianglesGiveTheLowestId) {
   for (const float height : {0.f, 0.3f, 777.7f}) {
     Soup soup;
-    append_rectangle(soup, -3, -2.5f, 3, 2.5f, height);     // triangles 0, 1
+    append_rectangle(soup, -3, -2.5f, 3, 2.5f, height);        // triangles 0, 1
     append_rectangle(soup, -2.9f, -2.7f, 3.1f, 2.6f, height);  // 2, 3: other diagonals and edges
-    append_rectangle(soup, -5, -5, 5, 5, height);            // 4, 5
+    append_rectangle(soup, -5, -5, 5, 5, height);              // 4, 5
     // Enough others that the tree puts the coplanar ones into different leaves.
     for (int i = 0; i < 400; ++i) append_rectangle(soup, -4, -4, -3.9f, -3.9f, height - 50.f - static_cast<float>(i));
     const EmbreeScene scene = build(soup);

@@ -31,7 +31,8 @@ std::string damaged(const std::string& original, std::uint32_t round) {
 }
 
 /// A file of its own per round: overwriting one makes some file systems write through.
-void expect_survival(const std::string& original, std::uint32_t rounds, const std::function<void(const std::string&, const std::string&)>& load) {
+void expect_survival(const std::string& original, std::uint32_t rounds,
+                     const std::function<void(const std::string&, const std::string&)>& load) {
   std::uint32_t loaded = 0, refused = 0;
   for (std::uint32_t round = 0; round < rounds; ++round) {
     try {
@@ -48,7 +49,8 @@ void expect_survival(const std::string& original, std::uint32_t rounds, const st
 
 void expect_mesh_survival(const std::string& name, const std::string& original, std::uint32_t rounds = 300) {
   const TempFolder folder;
-  expect_survival(original, rounds, [&](const std::string& round, const std::string& bytes) { import_mesh(folder.write(round + name, bytes)); });
+  expect_survival(original, rounds,
+                  [&](const std::string& round, const std::string& bytes) { import_mesh(folder.write(round + name, bytes)); });
 }
 
 GltfWriter two_boxes() {
@@ -56,7 +58,8 @@ GltfWriter two_boxes() {
   const std::size_t positions = file.add_positions({0, 0, 0, 1, 0, 0, 0, 1, 0, 1, 1, 0, 0, 0, 1, 1, 0, 1});
   const std::size_t indices = file.add_accessor(file.add_view(std::vector<std::uint16_t>{0, 1, 2, 1, 3, 2, 0, 4, 5}), 9, 5123, "SCALAR");
   file.json["materials"] = {{{"name", "wood"}}};
-  file.json["meshes"] = {{{"name", "m"}, {"primitives", {{{"attributes", {{"POSITION", positions}}}, {"indices", indices}, {"material", 0}}}}}};
+  file.json["meshes"] = {
+      {{"name", "m"}, {"primitives", {{{"attributes", {{"POSITION", positions}}}, {"indices", indices}, {"material", 0}}}}}};
   file.json["nodes"] = {{{"name", "a"}, {"mesh", 0}, {"children", {1}}}, {{"name", "b"}, {"mesh", 0}, {"translation", {3, 0, 0}}}};
   file.json["scenes"] = {{{"nodes", {0}}}};
   return file;
@@ -66,18 +69,23 @@ TEST(BrokenFiles, Gltf) { expect_mesh_survival("a.gltf", two_boxes().gltf(), 600
 TEST(BrokenFiles, Glb) { expect_mesh_survival("a.glb", two_boxes().glb(), 600); }
 
 TEST(BrokenFiles, Obj) {
-  expect_mesh_survival("a.obj", "mtllib a.mtl\no box\nusemtl wall\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0.5\nvn 0 0 1\nvt 0 0\nf 1/1/1 2/1/1 3/1/1 4/1/1\n"
-                                "g lid\nusemtl b\nf 1//1 2//1 4//1\nf -1 -2 -3\ns 1\nl 1 2\n");
+  expect_mesh_survival(
+      "a.obj",
+      "mtllib a.mtl\no box\nusemtl wall\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0.5\nvn 0 0 1\nvt 0 0\nf 1/1/1 2/1/1 3/1/1 4/1/1\n"
+      "g lid\nusemtl b\nf 1//1 2//1 4//1\nf -1 -2 -3\ns 1\nl 1 2\n");
 }
 
 TEST(BrokenFiles, PlyText) {
-  expect_mesh_survival("a.ply", "ply\nformat ascii 1.0\ncomment c\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
-                                "element face 2\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n1 1 0\n0 1 1\n3 0 1 2\n3 0 2 3\n");
+  expect_mesh_survival(
+      "a.ply",
+      "ply\nformat ascii 1.0\ncomment c\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
+      "element face 2\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n1 1 0\n0 1 1\n3 0 1 2\n3 0 2 3\n");
 }
 
 TEST(BrokenFiles, PlyBinary) {
-  std::string file = "ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
-                     "element face 1\nproperty list uchar int vertex_indices\nend_header\n";
+  std::string file =
+      "ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+      "element face 1\nproperty list uchar int vertex_indices\nend_header\n";
   const float vertices[9] = {0, 0, 0, 1, 0, 0, 0, 1, 0};
   const std::int32_t face[3] = {0, 1, 2};
   file.append(reinterpret_cast<const char*>(vertices), sizeof vertices);
@@ -87,8 +95,9 @@ TEST(BrokenFiles, PlyBinary) {
 }
 
 TEST(BrokenFiles, StlText) {
-  expect_mesh_survival("a.stl", "solid wedge\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 3 0 0\nvertex 0 4 0\nendloop\nendfacet\n"
-                                "facet normal 0 0 1\nouter loop\nvertex 3 0 0\nvertex 3 4 0\nvertex 0 4 0\nendloop\nendfacet\nendsolid wedge\n");
+  expect_mesh_survival("a.stl",
+                       "solid wedge\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 3 0 0\nvertex 0 4 0\nendloop\nendfacet\n"
+                       "facet normal 0 0 1\nouter loop\nvertex 3 0 0\nvertex 3 4 0\nvertex 0 4 0\nendloop\nendfacet\nendsolid wedge\n");
 }
 
 TEST(BrokenFiles, StlBinary) {

@@ -11,8 +11,9 @@ namespace earshot {
 /// Builds small glTF files for tests; knows nothing of the reader.
 class GltfWriter {
  public:
-  nlohmann::json json = {{"asset", {{"version", "2.0"}}},  {"buffers", nlohmann::json::array()},   {"bufferViews", nlohmann::json::array()},
-                         {"accessors", nlohmann::json::array()}, {"meshes", nlohmann::json::array()}, {"nodes", nlohmann::json::array()}};
+  nlohmann::json json = {{"asset", {{"version", "2.0"}}},          {"buffers", nlohmann::json::array()},
+                         {"bufferViews", nlohmann::json::array()}, {"accessors", nlohmann::json::array()},
+                         {"meshes", nlohmann::json::array()},      {"nodes", nlohmann::json::array()}};
   std::string bytes;
 
   template <class T>

@@ -86,7 +86,8 @@ TEST(GltfReader, ReadsEveryIndexTypeStripsAndFans) {
     const std::size_t view = type == 5121   ? file.add_view(std::vector<std::uint8_t>{0, 1, 2, 1, 3, 2})
                              : type == 5123 ? file.add_view(std::vector<std::uint16_t>{0, 1, 2, 1, 3, 2})
                                             : file.add_view(std::vector<std::uint32_t>{0, 1, 2, 1, 3, 2});
-    file.json["meshes"][0]["primitives"][0] = {{"attributes", {{"POSITION", positions}}}, {"indices", file.add_accessor(view, 6, type, "SCALAR")}};
+    file.json["meshes"][0]["primitives"][0] = {{"attributes", {{"POSITION", positions}}},
+                                               {"indices", file.add_accessor(view, 6, type, "SCALAR")}};
     const TriangleMesh mesh = import(file.gltf());
     ASSERT_EQ(mesh.triangles.size(), 2u) << type;
     expect_triangle(mesh, 1, {1, 0, 0}, {1, 1, 0}, {0, 1, 0});
@@ -117,7 +118,8 @@ TEST(GltfReader, ReadsInterleavedAccessors) {
 TEST(GltfReader, ReadsSparseAndQuantizedPositions) {
   GltfWriter file = one_triangle();
   const std::size_t places = file.add_view(std::vector<std::uint16_t>{1}), news = file.add_view(std::vector<float>{7, 8, 9});
-  file.json["accessors"][0]["sparse"] = {{"count", 1}, {"indices", {{"bufferView", places}, {"componentType", 5123}}}, {"values", {{"bufferView", news}}}};
+  file.json["accessors"][0]["sparse"] = {
+      {"count", 1}, {"indices", {{"bufferView", places}, {"componentType", 5123}}}, {"values", {{"bufferView", news}}}};
   expect_triangle(import(file.gltf()), 0, {0, 0, 0}, {7, 8, 9}, {0, 1, 0});
 
   GltfWriter quantized = one_triangle();  // a stride of 8: three shorts and a pad
@@ -152,7 +154,8 @@ TEST(GltfReader, RefusesBrokenFilesInOneLine) {
   EXPECT_THAT(changed([](Json& j) {
                 j["nodes"][0]["children"] = {0};
                 j["scenes"] = {{{"nodes", {0}}}};
-              }), HasSubstr("two parents"));
+              }),
+              HasSubstr("two parents"));
   EXPECT_THAT(changed([](Json& j) { j["nodes"][0]["matrix"] = {1, 2, 3}; }), HasSubstr("not valid glTF"));
   EXPECT_THAT(changed([](Json& j) { j["nodes"][0]["scale"] = {1e38, 1e38, 1e38}; }), HasSubstr("not finite"));
   EXPECT_THAT(changed([](Json& j) { j["extensionsRequired"] = {"KHR_draco_mesh_compression"}; }), HasSubstr("KHR_draco_mesh_compression"));
@@ -168,7 +171,8 @@ TEST(GltfReader, NamesTheVertexThatIsNotANumber) {
   file.json["meshes"][0]["primitives"][0]["attributes"]["POSITION"] = positions;
   EXPECT_THAT(error_of(file.gltf()), HasSubstr("vertex 2 of 'corner' is not finite"));
   GltfWriter far = one_triangle();
-  far.json["meshes"][0]["primitives"][0]["indices"] = far.add_accessor(far.add_view(std::vector<std::uint16_t>{0, 1, 3}), 3, 5123, "SCALAR");
+  far.json["meshes"][0]["primitives"][0]["indices"] =
+      far.add_accessor(far.add_view(std::vector<std::uint16_t>{0, 1, 3}), 3, 5123, "SCALAR");
   EXPECT_THAT(error_of(far.gltf()), HasSubstr("uses vertex 3 of 3"));
 }
 

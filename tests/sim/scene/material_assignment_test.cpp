@@ -56,20 +56,29 @@ TEST(AssignMaterials, PrecedenceIsExactMaterialExactNodeGlobMaterialGlobNode) {
 
 TEST(AssignMaterials, FirstMatchInFileOrderWins) {
   const TriangleMesh mesh = mesh_of({{"CoffeeTable/M", "a"}, {"Tablet/M", "a"}});
-  EXPECT_THAT(assign(mesh, {{{"Tablet*", "tv_glass"}, {"*Table*", "wood_furniture"}}, ""}).names(), ElementsAre("wood_furniture", "tv_glass"));
-  EXPECT_THAT(assign(mesh, {{{"*Table*", "wood_furniture"}, {"Tablet*", "tv_glass"}}, ""}).names(), ElementsAre("wood_furniture", "wood_furniture"));
+  EXPECT_THAT(assign(mesh, {{{"Tablet*", "tv_glass"}, {"*Table*", "wood_furniture"}}, ""}).names(),
+              ElementsAre("wood_furniture", "tv_glass"));
+  EXPECT_THAT(assign(mesh, {{{"*Table*", "wood_furniture"}, {"Tablet*", "tv_glass"}}, ""}).names(),
+              ElementsAre("wood_furniture", "wood_furniture"));
 }
 
 TEST(AssignMaterials, NodesSplitSlots) {
-  const Assigned result = assign(mesh_of({{"paint", "wall"}, {"paint", "table"}, {"paint", "wall"}, {"metal", "table"}}), {{{"table", "wood_furniture"}}, "snow"});
+  const Assigned result = assign(mesh_of({{"paint", "wall"}, {"paint", "table"}, {"paint", "wall"}, {"metal", "table"}}),
+                                 {{{"table", "wood_furniture"}}, "snow"});
   EXPECT_THAT(result.names(), ElementsAre("snow", "wood_furniture", "snow", "wood_furniture"));
   EXPECT_THAT(result.mesh.material_names, ElementsAre("paint", "paint (wood_furniture)", "metal"));
 }
 
 // Whole names, labels and '/'-separated components, case-folded; never parts of words.
 TEST(AssignMaterials, NamesAndLabelsAnswerWithoutRules) {
-  const Assigned result = assign(mesh_of({{"MARBLE", "n"}, {"Wall", "n"}, {"Bed/Material #3", "n"}, {"room/kitchen/Rug", "n"}, {"vegetable", "n"},
-                                          {"Walls", "n"}, {"", "n"}}), {});
+  const Assigned result = assign(mesh_of({{"MARBLE", "n"},
+                                          {"Wall", "n"},
+                                          {"Bed/Material #3", "n"},
+                                          {"room/kitchen/Rug", "n"},
+                                          {"vegetable", "n"},
+                                          {"Walls", "n"},
+                                          {"", "n"}}),
+                                 {});
   EXPECT_THAT(result.names(), ElementsAre("marble", "gypsum_board", "upholstery", "rug_heavy", "default", "default", "default"));
   EXPECT_THAT(result.warnings, IsEmpty());
 }
@@ -89,7 +98,9 @@ TEST(AssignMaterials, WarnsAboutPatternsWithoutAMatch) {
 }
 
 TEST(AssignMaterials, UnknownMaterialsAreErrorsWithASuggestion) {
-  EXPECT_THAT(message_of<InputError>([] { assign(mesh_of({{"a", "n"}}), {{{"zzz*", "marbel"}}, ""}); }),
+  EXPECT_THAT(message_of<InputError>([] {
+                assign(mesh_of({{"a", "n"}}), {{{"zzz*", "marbel"}}, ""});
+              }),
               testing::AllOf(HasSubstr("s.yaml"), HasSubstr("zzz*"), HasSubstr("'marble'")));
   EXPECT_THAT(message_of<InputError>([] { assign(mesh_of({{"a", "n"}}), {{}, "marbel"}); }), HasSubstr("default_material"));
 }

@@ -47,7 +47,8 @@ TEST(CoefficientCurve, ValueIsLinearInLogFrequencyAndHeldOutside) {
 TEST(MaterialDatabase, ReadsEveryKey) {
   const MaterialDatabase database = MaterialDatabase::from_json(R"({"materials": [
     {"name": "Felt", "labels": ["rug", "Wall Hanging"], "absorption": [4000, 0.5, 125, 0.2, 125, 0.1], "scattering": [1000, 0.25],
-     "transmission": [125, 0.05], "damping": [125, 3], "speed": 343, "density": 12.5, "source": "a book"}]})", "db");
+     "transmission": [125, 0.05], "damping": [125, 3], "speed": 343, "density": 12.5, "source": "a book"}]})",
+                                                                "db");
   const Material& felt = database.get("Felt", "test");
   EXPECT_THAT(felt.absorption.hz, testing::ElementsAre(125, 4000)) << "sorted; of equal frequencies the last wins";
   EXPECT_FLOAT_EQ(felt.absorption.at(125), 0.1f);
@@ -69,7 +70,8 @@ TEST(MaterialDatabase, LabelsMatchAsWholesWithoutCase) {
 }
 
 TEST(MaterialDatabase, UnknownNameSuggestsTheNearest) {
-  const std::string message = message_of<InputError>([] { static_cast<void>(MaterialDatabase::builtin().get("gypsum_bord", "house.yaml: assign.Wall*")); });
+  const std::string message =
+      message_of<InputError>([] { static_cast<void>(MaterialDatabase::builtin().get("gypsum_bord", "house.yaml: assign.Wall*")); });
   EXPECT_THAT(message, AllOf(HasSubstr("house.yaml: assign.Wall*"), HasSubstr("gypsum_bord"), HasSubstr("'gypsum_board'")));
 }
 
@@ -106,7 +108,8 @@ TEST(MaterialDatabase, RefusesWhatIsWrongInOneLine) {
       {with_entry(good + R"(, "source": 3)"), "source"},
       {with_entry(good + R"(, "transmission": [125, 0.3])"), "transmission"},
       {R"({"materials": [{"name": "a", "absorption": [125, 0.2], "scattering": [125, 0.1]},
-                         {"name": "a", "absorption": [125, 0.2], "scattering": [125, 0.1]}]})", "twice"},
+                         {"name": "a", "absorption": [125, 0.2], "scattering": [125, 0.1]}]})",
+       "twice"},
   };
   for (const auto& [json, hint] : wrong) {
     const std::string message = error_of(json);
@@ -116,7 +119,8 @@ TEST(MaterialDatabase, RefusesWhatIsWrongInOneLine) {
 
 // Between their knots the curves are lines, so a transmission may exceed the absorption where neither has a knot in common.
 TEST(MaterialDatabase, ComparesTransmissionAtTheKnotsOfBothCurves) {
-  const std::string crossing = with_entry(R"("absorption": [100, 0.1, 1000, 0.1, 10000, 0.9], "scattering": [125, 0], "transmission": [100, 0, 10000, 0.4])");
+  const std::string crossing =
+      with_entry(R"("absorption": [100, 0.1, 1000, 0.1, 10000, 0.9], "scattering": [125, 0], "transmission": [100, 0, 10000, 0.4])");
   EXPECT_THAT(error_of(crossing), HasSubstr("exceeds the absorption 0.1 at 1000 Hz"));
   std::vector<MaterialWarning> warnings;
   const MaterialDatabase lowered = MaterialDatabase::from_json(crossing, "db", &warnings);
@@ -126,9 +130,7 @@ TEST(MaterialDatabase, ComparesTransmissionAtTheKnotsOfBothCurves) {
   EXPECT_FLOAT_EQ(lowered.all()[0].transmission.at(10000), 0.4f);
 }
 
-TEST(MaterialDatabase, MissingFileIsAnInputError) {
-  EXPECT_THROW(MaterialDatabase::from_file("no/such/file.json"), InputError);
-}
+TEST(MaterialDatabase, MissingFileIsAnInputError) { EXPECT_THROW(MaterialDatabase::from_file("no/such/file.json"), InputError); }
 
 TEST(BuiltinMaterials, ArePhysicalSourcedAndDistinct) {
   const MaterialDatabase database = MaterialDatabase::builtin();
@@ -142,8 +144,9 @@ TEST(BuiltinMaterials, ArePhysicalSourcedAndDistinct) {
     }
     for (const std::string& label : material.labels) EXPECT_TRUE(labels.insert(label).second) << label << " is on two materials";
   }
-  for (const char* label : {"default", "wall", "floor", "ceiling", "table", "chair", "sofa", "bed", "cabinet", "door", "window", "curtain",
-                            "rug", "plant", "tv", "shelf", "counter", "refrigerator", "toilet", "bathtub", "sink", "stairs"}) {
+  for (const char* label :
+       {"default", "wall", "floor", "ceiling", "table", "chair",   "sofa",         "bed",    "cabinet", "door", "window",
+        "curtain", "rug",  "plant", "tv",      "shelf", "counter", "refrigerator", "toilet", "bathtub", "sink", "stairs"}) {
     EXPECT_TRUE(labels.contains(label)) << label;
   }
 }

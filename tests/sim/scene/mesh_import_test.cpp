@@ -66,7 +66,8 @@ TEST(MeshImport, ObjKeepsNamesAndCutsQuads) {
 }
 
 TEST(MeshImport, TurnsZUpAndScales) {
-  const ImportedMesh imported = import("a.obj", "v 100 200 300\nv 200 200 300\nv 100 300 400\nf 1 2 3\n", {MeshImportOptions::Up::z, 0.01f});
+  const ImportedMesh imported =
+      import("a.obj", "v 100 200 300\nv 200 200 300\nv 100 300 400\nf 1 2 3\n", {MeshImportOptions::Up::z, 0.01f});
   const glm::uvec3 t = imported.mesh.triangles[0];
   EXPECT_LT(glm::length(imported.mesh.vertices[t.x] - glm::vec3(1, 3, -2)), 1e-6f) << "(x, y, z) -> (x, z, -y)";
   EXPECT_LT(glm::length(imported.mesh.vertices[t.y] - glm::vec3(2, 3, -2)), 1e-6f);
@@ -75,7 +76,8 @@ TEST(MeshImport, TurnsZUpAndScales) {
 
 TEST(MeshImport, ReadsPlyInAllEncodings) {
   const auto header = [](const std::string& format) {
-    return "ply\nformat " + format + " 1.0\ncomment by hand\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
+    return "ply\nformat " + format +
+           " 1.0\ncomment by hand\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
            "element face 2\nproperty list uchar int vertex_indices\nend_header\n";
   };
   const float vertices[12] = {0, 0, 0, 2, 0, 0, 2, 2, 0, 0, 2, 2};
@@ -153,11 +155,13 @@ TEST(MeshImport, RefusesBadFilesInOneLine) {
   EXPECT_NE(error_of("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n"), "") << "index out of range";
   EXPECT_NE(error_of("a.stl", "solid x\n"), "");
   EXPECT_NE(error_of("a.stl", std::string(200, 'x')), "");
-  const std::string ply = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
-                          "element face 1\nproperty list uchar int vertex_indices\n";
+  const std::string ply =
+      "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+      "element face 1\nproperty list uchar int vertex_indices\n";
   EXPECT_THAT(error_of("a.ply", ply), HasSubstr("end_header"));
   EXPECT_THAT(error_of("a.ply", ply + "end_header\n0 0 0\n"), HasSubstr("promises"));
-  EXPECT_THAT(error_of("a.ply", "ply\nformat ascii 1.0\nelement vertex 99999999999999\nproperty float x\nend_header\n0\n"), HasSubstr("promises"));
+  EXPECT_THAT(error_of("a.ply", "ply\nformat ascii 1.0\nelement vertex 99999999999999\nproperty float x\nend_header\n0\n"),
+              HasSubstr("promises"));
   EXPECT_THAT(error_of("a.ply", "ply\nformat ascii 1.0\nelement vertex three\nend_header\n0\n"), HasSubstr("line 3"));
   EXPECT_NE(error_of("a.ply", ply + "end_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n"), "") << "index out of range";
   for (const char* name : {"a.glb", "a.gltf", "a.obj", "a.ply", "a.stl"}) {
@@ -190,7 +194,8 @@ TEST(MeshImport, ReadsTheSharedScenes) {
     const ImportedMesh imported = import_mesh(data_folder() / "scenes" / k.file);
     const Bounds bounds = bounds_of(imported.mesh);
     EXPECT_EQ(imported.report.triangles_read, k.triangles) << k.file;
-    EXPECT_EQ(imported.mesh.triangles.size() + imported.report.degenerate_removed + imported.report.duplicate_removed, k.triangles) << k.file;
+    EXPECT_EQ(imported.mesh.triangles.size() + imported.report.degenerate_removed + imported.report.duplicate_removed, k.triangles)
+        << k.file;
     EXPECT_EQ(imported.mesh.material_names.size(), k.materials) << k.file;
     EXPECT_LT(glm::length(bounds.lower - k.lower), 0.01f) << k.file;
     EXPECT_LT(glm::length(bounds.upper - k.upper), 0.01f) << k.file;

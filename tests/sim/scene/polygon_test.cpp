@@ -28,10 +28,9 @@ std::pair<double, double> areas(const std::vector<glm::vec3>& corners, glm::dvec
 
 TEST(TriangulatePolygon, ConcavePolygonsKeepTheirArea) {
   // An L of area 3 and an arrow of area 2 - 1 = 1, in three planes and both windings.
-  const std::vector<std::pair<std::vector<glm::dvec2>, double>> shapes{
-      {{{0, 0}, {2, 0}, {2, 1}, {1, 1}, {1, 2}, {0, 2}}, 3},
-      {{{0, 0}, {1, -1}, {0, 1}, {-1, -1}}, 1},
-      {{{0, 0}, {1, 0}, {2, 0}, {2, 1}, {1, 1}, {0, 1}}, 2}};
+  const std::vector<std::pair<std::vector<glm::dvec2>, double>> shapes{{{{0, 0}, {2, 0}, {2, 1}, {1, 1}, {1, 2}, {0, 2}}, 3},
+                                                                       {{{0, 0}, {1, -1}, {0, 1}, {-1, -1}}, 1},
+                                                                       {{{0, 0}, {1, 0}, {2, 0}, {2, 1}, {1, 1}, {0, 1}}, 2}};
   for (const auto& [shape, area] : shapes) {
     for (int axis = 0; axis < 3; ++axis) {
       for (const bool reversed : {false, true}) {

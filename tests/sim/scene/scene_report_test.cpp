@@ -58,7 +58,8 @@ TEST(SceneReport, AbsorptionIsReadPerBand) {
 }
 
 TEST(SceneReport, ExtremeAbsorptionGivesNoNan) {
-  for (const double rt60_s : report_scene(box_scene({6, 3, 4}, {}, 0)).rt60_estimate_s) EXPECT_EQ(rt60_s, std::numeric_limits<double>::infinity());
+  for (const double rt60_s : report_scene(box_scene({6, 3, 4}, {}, 0)).rt60_estimate_s)
+    EXPECT_EQ(rt60_s, std::numeric_limits<double>::infinity());
   for (const double rt60_s : report_scene(box_scene({6, 3, 4}, {}, 1)).rt60_estimate_s) EXPECT_EQ(rt60_s, 0);
 }
 

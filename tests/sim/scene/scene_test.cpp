@@ -65,8 +65,9 @@ TEST(Shoebox, TakesNamesNumbersAndTheDefault) {
 }
 
 TEST(Shoebox, RefusesNonsense) {
-  for (const char* spec : {"shoebox:", "shoebox:6x3", "shoebox:6x3x4x5", "shoebox:6x3x0", "shoebox:-6x3x4", "shoebox:6xax4", "shoebox:6x3x4@",
-                           "shoebox:6x3x4@1.5", "shoebox:6x3x4@-0.1", "shoebox:6x3x4@0.1,0.2", "shoebox:nanx3x4", "shoebox:infx3x4", "shoebox:6x3x4@0.1,0.1,0.1,0.1,0.1,nan"}) {
+  for (const char* spec : {"shoebox:", "shoebox:6x3", "shoebox:6x3x4x5", "shoebox:6x3x0", "shoebox:-6x3x4", "shoebox:6xax4",
+                           "shoebox:6x3x4@", "shoebox:6x3x4@1.5", "shoebox:6x3x4@-0.1", "shoebox:6x3x4@0.1,0.2", "shoebox:nanx3x4",
+                           "shoebox:infx3x4", "shoebox:6x3x4@0.1,0.1,0.1,0.1,0.1,nan"}) {
     EXPECT_THAT(error_of(spec), AllOf(HasSubstr("shoebox:"), Not(HasSubstr("\n")))) << spec;
   }
   EXPECT_THAT(error_of("shoebox:6x3x4@mabrle"), HasSubstr("did you mean 'marble'?"));
@@ -83,7 +84,8 @@ TEST(LoadScene, RefusesWhatIsNoScene) {
 TEST(LoadScene, HousesTakeTheirMaterialsByName) {
   const Scene house = load_scene("house:3,rooms=2,area_m2=30");
   ASSERT_FALSE(house.materials().empty());
-  for (std::size_t slot = 0; slot < house.materials().size(); ++slot) EXPECT_EQ(house.materials()[slot].name, house.mesh().material_names[slot]);
+  for (std::size_t slot = 0; slot < house.materials().size(); ++slot)
+    EXPECT_EQ(house.materials()[slot].name, house.mesh().material_names[slot]);
 }
 
 TEST(Scene, HashCoversGeometryMaterialsAndAir) {
@@ -108,8 +110,9 @@ TEST(Scene, Moves) {
 }
 
 /// A floor of 4 x 4 m with one wall, in centimetres and z up; node names "floor" and "back".
-const char* const open_room = "o floor\nusemtl Tiles/A\nv 0 0 0\nv 400 0 0\nv 400 400 0\nv 0 400 0\nf 1 2 3 4\n"
-                              "o back\nusemtl paint\nv 0 0 250\nv 400 0 250\nf 1 2 6 5\n";
+const char* const open_room =
+    "o floor\nusemtl Tiles/A\nv 0 0 0\nv 400 0 0\nv 400 400 0\nv 0 400 0\nf 1 2 3 4\n"
+    "o back\nusemtl paint\nv 0 0 250\nv 400 0 250\nf 1 2 6 5\n";
 
 TEST(SceneYaml, ReadsEveryKey) {
   const TempFolder folder;
@@ -117,9 +120,9 @@ TEST(SceneYaml, ReadsEveryKey) {
   folder.write("db.json", R"({"materials": [{"name": "felt", "labels": ["ceiling_lid"], "absorption": [125, 0.5], "scattering": [125, 0.1]},
                                            {"name": "slate", "labels": ["default"], "absorption": [125, 0.1], "scattering": [125, 0.1], "transmission": [125, 0.2]}]})");
   const Scene scene = load_scene(folder.write("scenes/room.yaml",
-      "mesh: ../meshes/room.obj\nup: z\nunit_m: 0.01\nceiling_m: 2.5\nmaterials: ../db.json\n"
-      "assign:\n  \"Tiles*\": slate\n  nobody: felt\n"
-      "air: {temperature_c: 25, humidity_percent: 30, pressure_kpa: 90}\ntwo_sided: true\n"));
+                                              "mesh: ../meshes/room.obj\nup: z\nunit_m: 0.01\nceiling_m: 2.5\nmaterials: ../db.json\n"
+                                              "assign:\n  \"Tiles*\": slate\n  nobody: felt\n"
+                                              "air: {temperature_c: 25, humidity_percent: 30, pressure_kpa: 90}\ntwo_sided: true\n"));
   EXPECT_LT(glm::length(scene.bounds().lower - glm::vec3(0, 0, -4)), 1e-5f);
   EXPECT_LT(glm::length(scene.bounds().upper - glm::vec3(4, 2.5f, 0)), 1e-5f);
   EXPECT_EQ(material_at(scene, {1, 1, -1}, {0, -1, 0}), "slate");
@@ -134,7 +137,8 @@ TEST(SceneYaml, ReadsEveryKey) {
 
 TEST(SceneYaml, TakesAShoeboxWithItsAir) {
   const TempFolder folder;
-  const Scene scene = load_scene(folder.write("s.yml", "mesh: shoebox:6x3x4@0.1\nassign: {y0: wood_parquet}\nair: {speed_of_sound_m_per_s: 343}\n"));
+  const Scene scene =
+      load_scene(folder.write("s.yml", "mesh: shoebox:6x3x4@0.1\nassign: {y0: wood_parquet}\nair: {speed_of_sound_m_per_s: 343}\n"));
   EXPECT_EQ(scene.speed_of_sound_m_per_s(), 343);
   EXPECT_EQ(scene.materials()[2].name, "wood_parquet");
   EXPECT_FLOAT_EQ(scene.materials()[0].absorption.at(1000), 0.1f);

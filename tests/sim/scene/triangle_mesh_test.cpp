@@ -72,9 +72,16 @@ TEST(TriangleMesh, InternKeepsOneOfEach) {
 }
 
 TEST(GlobMatch, KnowsStarAndQuestionMark) {
-  for (const auto& [pattern, text] : std::vector<std::pair<std::string, std::string>>{
-           {"*", ""}, {"*", "abc"}, {"a*c", "abbbc"}, {"a*c", "ac"}, {"?b?", "abc"}, {"*Table*", "CoffeeTable/M"}, {"**", "x"},
-           {"a*b*c", "aXbXbXc"}, {"", ""}, {"Bed/Material #?", "Bed/Material #3"}}) {
+  for (const auto& [pattern, text] : std::vector<std::pair<std::string, std::string>>{{"*", ""},
+                                                                                      {"*", "abc"},
+                                                                                      {"a*c", "abbbc"},
+                                                                                      {"a*c", "ac"},
+                                                                                      {"?b?", "abc"},
+                                                                                      {"*Table*", "CoffeeTable/M"},
+                                                                                      {"**", "x"},
+                                                                                      {"a*b*c", "aXbXbXc"},
+                                                                                      {"", ""},
+                                                                                      {"Bed/Material #?", "Bed/Material #3"}}) {
     EXPECT_TRUE(glob_match(pattern, text)) << pattern << " " << text;
   }
   for (const auto& [pattern, text] : std::vector<std::pair<std::string, std::string>>{
