@@ -227,8 +227,8 @@ TEST(PpoLearner, AGradientThatIsNotFiniteMovesNothing) {
     for (const bool first : {true, false}) {
       ActorCritic policy = make_policy();
       PpoLearner learner(policy, config, 1);
+      learner.update(make_rollout(policy, 6, 4, 6), 0, 0, kAlone);  // Adam has moments now, which would move the weights on their own
       const RolloutBuffer rollout = make_rollout(policy, 6, 4, 6);
-      learner.update(rollout, 0, 0, kAlone);  // Adam has moments now, which would move the weights on their own
       const torch::Tensor before = flat(policy).clone();
       UpdateStats stats =
           learner.update(rollout, 0, 1, [&](std::span<float> buffer) { (first ? buffer.front() : buffer[buffer.size() - 2]) = poison; });
@@ -366,6 +366,7 @@ TEST(PpoLearner, ReportsExplainedVariance) {
   rollout.values.copy_(torch::tensor({{1.f, 2.f}, {3.f, 6.f}}));
   EXPECT_NEAR(PpoLearner(policy, one_minibatch(), 1).update(rollout, 0, 0, kAlone).explained_variance, 1 - 0.75 / 1.25, 1e-9);
   rollout.rewards.fill_(1);
+  policy = make_policy();  // the one that the rollout is of
   EXPECT_TRUE(std::isnan(PpoLearner(policy, one_minibatch(), 1).update(rollout, 0, 0, kAlone).explained_variance));
 }
 
