@@ -25,21 +25,22 @@ std::uint64_t hash_of(const AcousticConfig& c, std::uint64_t scene_hash) {
   for (const Switch s : {c.direct, c.early, c.late, c.air_absorption, c.diffraction, c.transmission}) {
     append_bytes(bytes, static_cast<std::int32_t>(s));
   }
-  for (const int value : {c.early_order, c.early_candidate_rays, c.rays, c.max_bounces, c.sh_order, c.diffuse_last_leg ? 1 : 0, c.bands}) {
+  for (const int value : {c.early_order, c.early_candidate_rays, c.rays, c.max_bounces, c.sh_order, c.diffuse_last_leg ? 1 : 0, c.bands,
+                          c.diffraction_order, c.diffraction_paths, c.transmission_walls, c.source_rays, c.source_bounces}) {
     append_bytes(bytes, value);
   }
-  for (const float value : {c.time_bin_s, c.rir_length_s, c.source_radius_m, c.scattering, c.sample_rate_hz}) append_bytes(bytes, value);
+  for (const float value :
+       {c.time_bin_s, c.rir_length_s, c.source_radius_m, c.scattering, c.sample_rate_hz, c.diffraction_edge_m, c.specular_exponent})
+    append_bytes(bytes, value);
   append_bytes(bytes, c.seed);
   return hash64(bytes);
 }
 
 }  // namespace
 
-AcousticScene::AcousticScene(std::shared_ptr<const Scene> scene, const AcousticConfig& config)
-    : scene_(std::move(scene)), config_(config) {
+AcousticScene::AcousticScene(std::shared_ptr<const Scene> scene, const AcousticConfig& config) : scene_(std::move(scene)), config_(config) {
   validate(config_);
-  bands_ = config_.bands > 0 ? BandLayout::log_spaced(config_.bands, config_.sample_rate_hz)
-                             : BandLayout::octaves(config_.sample_rate_hz);
+  bands_ = config_.bands > 0 ? BandLayout::log_spaced(config_.bands, config_.sample_rate_hz) : BandLayout::octaves(config_.sample_rate_hz);
   stride_ = (num_bands() + 7) / 8 * 8;
 
   const std::vector<Material>& materials = scene_->materials();

@@ -25,10 +25,12 @@ class AcousticScene {
   [[nodiscard]] const BandLayout& bands() const { return bands_; }
   [[nodiscard]] int num_bands() const { return bands_.size(); }
   /// Per material slot and band: [num_bands] each.  Means of the material's curves over each band.
-  [[nodiscard]] std::span<const float> reflectance(std::uint32_t material) const { return row(reflectance_, material); }  ///< 1 - absorption
+  [[nodiscard]] std::span<const float> reflectance(std::uint32_t material) const {
+    return row(reflectance_, material);
+  }  ///< 1 - absorption
   [[nodiscard]] std::span<const float> scattering(std::uint32_t material) const { return row(scattering_, material); }
   [[nodiscard]] std::span<const float> transmission(std::uint32_t material) const { return row(transmission_, material); }
-  [[nodiscard]] float mean_scattering(std::uint32_t material) const { return mean_scattering_[material]; }                ///< over bands
+  [[nodiscard]] float mean_scattering(std::uint32_t material) const { return mean_scattering_[material]; }  ///< over bands
   /// Bands rounded up to a multiple of eight: the rows below are that long and end in zeros, so that hot loops have no remainder.
   [[nodiscard]] int padded_bands() const { return stride_; }
   [[nodiscard]] const float* padded_reflectance(std::uint32_t material) const { return &reflectance_[std::size_t{material} * stride_]; }

@@ -50,7 +50,9 @@ bool same_path(const Arrival& a, const Arrival& b) {
 
 }  // namespace
 
-EarlyCandidates::EarlyCandidates(const AcousticScene& scene, glm::vec3 source) : source_(source) {
+EarlyCandidates::EarlyCandidates(const AcousticScene& scene, const SoundSource& sound_source)
+    : source_(sound_source), emission_(sound_source, scene.bands()) {
+  const glm::vec3 source = source_.position;
   const AcousticConfig& config = scene.config();
   const int order = config.early == Switch::off ? 0 : config.early_order;
   const auto num_planes = static_cast<std::uint32_t>(scene.planes().size());
@@ -161,8 +163,11 @@ bool EarlyCandidates::find_path(const AcousticScene& scene, std::size_t index, g
       energy_share[band] *= double{scene.reflectance(material)[band]} * (1.0 - scene.scattering(material)[band]);
     }
   }
-  if (scene.scene().rays().occluded(origin, source_)) return false;
+  if (scene.scene().rays().occluded(origin, source())) return false;
 
+  const glm::dvec3 departure = point[0] - glm::dvec3(source());
+  arrival.kind = ArrivalKind::reflection;
+  arrival.departure = glm::vec3(departure / std::max(glm::length(departure), 1e-12));
   arrival.distance_m = static_cast<float>(distance_m);
   arrival.direction = glm::vec3(from_listener / glm::length(from_listener));
   arrival.order = sequence.order;
@@ -174,13 +179,14 @@ void EarlyCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 listen
   const AcousticConfig& config = scene.config();
 
   if (config.direct != Switch::off) {
-    const glm::dvec3 toward = glm::dvec3(source_) - glm::dvec3(listener);
+    const glm::dvec3 toward = glm::dvec3(source()) - glm::dvec3(listener);
     const double true_distance_m = glm::length(toward);
     const double distance_m = std::max(true_distance_m, double{kLeastDistanceM});
-    if (distance_m <= scene.max_path_m() && (true_distance_m == 0 || !scene.scene().rays().occluded(listener, source_))) {
+    if (distance_m <= scene.max_path_m() && (true_distance_m == 0 || !scene.scene().rays().occluded(listener, source()))) {
       Arrival& direct = arrivals.emplace_back();
       direct.distance_m = static_cast<float>(distance_m);
       direct.direction = true_distance_m > 0 ? glm::vec3(toward / true_distance_m) : glm::vec3(0, 0, -1);
+      direct.departure = -direct.direction;
       std::array<double, kMaxBands> whole;
       whole.fill(1.0);
       set_amplitude(scene, distance_m, whole, direct);

@@ -8,20 +8,10 @@
 #include <vector>
 
 #include "sim/acoustics/acoustic_scene.h"
+#include "sim/acoustics/arrival.h"
+#include "sim/acoustics/sound_source.h"
 
 namespace earshot {
-
-/// Paths shorter than this count as this long (ORACLES H-13): level and delay stay finite and continuous down to source == listener.
-inline constexpr float kLeastDistanceM = 0.01f;
-
-/// One deterministic arrival: direct sound (order 0) or an image path.
-struct Arrival {
-  float distance_m = 0;       ///< path length; delay = distance / c
-  glm::vec3 direction{0};     ///< unit, from the listener toward where the sound comes from, world axes; front (-z) if source == listener
-  int order = 0;              ///< number of specular reflections
-  /// Pressure amplitude per band, Green units: prod sqrt((1 - a)(1 - s)) exp(-m r / 2) / (4 pi r).
-  std::array<float, kMaxBands> amplitude{};
-};
 
 /// Image-source candidates of one source position: the plane sequences that specular rays from it meet, plus, in scenes of few planes
 /// (at most 2048 sequences of that order), all sequences.  Immutable; shared by every listener pose and episode of that source.
@@ -29,7 +19,7 @@ struct Arrival {
 class EarlyCandidates {
  public:
   /// Cost: config.early_candidate_rays times early_order rays.
-  EarlyCandidates(const AcousticScene& scene, glm::vec3 source);
+  EarlyCandidates(const AcousticScene& scene, const SoundSource& source);
   /// Appends the valid arrivals at `listener`: direct sound if in line of sight, then image paths whose every leg is confirmed by a ray.
   /// A path through the edge of two planes, which two sequences find, counts once.  Arrivals that carry no energy (fully absorbing or
   /// fully scattering surfaces) or come after config.rir_length_s are left out.  The appended part is sorted by (distance, plane
@@ -37,7 +27,9 @@ class EarlyCandidates {
   void find_arrivals(const AcousticScene& scene, glm::vec3 listener, std::vector<Arrival>& arrivals) const;
   /// Is this plane sequence, in the order seen from the source, among the candidates?  Then image paths carry its specular energy.
   [[nodiscard]] bool contains(std::span<const std::uint32_t> planes) const;
-  [[nodiscard]] glm::vec3 source() const { return source_; }
+  [[nodiscard]] glm::vec3 source() const { return source_.position; }
+  [[nodiscard]] const SoundSource& sound_source() const { return source_; }
+  [[nodiscard]] const Emission& emission() const { return emission_; }
   [[nodiscard]] std::size_t size() const { return sequences_.size(); }
 
  private:
@@ -49,7 +41,8 @@ class EarlyCandidates {
   };
   bool find_path(const AcousticScene& scene, std::size_t index, glm::vec3 listener, Arrival& arrival) const;
 
-  glm::vec3 source_;
+  SoundSource source_;
+  Emission emission_;
   std::vector<Sequence> sequences_;  ///< sorted, unique
   std::vector<glm::dvec3> images_;   ///< the source mirrored in all planes of the sequence
 };

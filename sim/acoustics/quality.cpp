@@ -53,7 +53,14 @@ void read(ConfigReader& reader, AcousticConfig& config) {
   reader.read_choice("air_absorption", config.air_absorption, kSwitches);
   reader.read("early_order", config.early_order);
   reader.read("early_candidate_rays", config.early_candidate_rays);
+  reader.read("diffraction_order", config.diffraction_order);
+  reader.read("diffraction_edge_m", config.diffraction_edge_m);
+  reader.read("diffraction_paths", config.diffraction_paths);
+  reader.read("transmission_walls", config.transmission_walls);
   reader.read("rays", config.rays);
+  reader.read("source_rays", config.source_rays);
+  reader.read("source_bounces", config.source_bounces);
+  reader.read("specular_exponent", config.specular_exponent);
   reader.read("max_bounces", config.max_bounces);
   reader.read("time_bin_s", config.time_bin_s);
   reader.read("sh_order", config.sh_order);
@@ -74,6 +81,18 @@ void validate(const AcousticConfig& config) {
           "must be in [0, 4]: the number of image paths grows with the power of it");
   require(config.early_candidate_rays >= 0 && config.early_candidate_rays <= 10'000'000, "early_candidate_rays",
           config.early_candidate_rays, "must be in [0, 10000000]");
+  require(config.diffraction_order >= 1 && config.diffraction_order <= 10, "diffraction_order", config.diffraction_order,
+          "must be in [1, 10]");
+  require(config.diffraction_edge_m > 0.f && in_range(config.diffraction_edge_m, 0.f, 100.f), "diffraction_edge_m",
+          config.diffraction_edge_m, "must be in (0, 100] m");
+  require(config.diffraction_paths >= 1 && config.diffraction_paths <= 10'000, "diffraction_paths", config.diffraction_paths,
+          "must be in [1, 10000]");
+  require(config.transmission_walls >= 1 && config.transmission_walls <= 50, "transmission_walls", config.transmission_walls,
+          "must be in [1, 50]");
+  require(config.source_rays >= 0 && config.source_rays <= 1 << 20, "source_rays", config.source_rays, "must be in [0, 2^20]");
+  require(config.source_bounces >= 1 && config.source_bounces <= 1000, "source_bounces", config.source_bounces, "must be in [1, 1000]");
+  require(config.specular_exponent == 0.f || in_range(config.specular_exponent, 1.f, 1000.f), "specular_exponent", config.specular_exponent,
+          "must be 0 (mirror) or in [1, 1000]");
   require(config.rays >= 0, "rays", config.rays, "must be in [0, 2^31): each ray carries 1/rays of the energy");
   require(config.max_bounces >= 0, "max_bounces", config.max_bounces, "must not be negative");
   require(config.time_bin_s > 0.f && in_range(config.time_bin_s, 1e-5f, 0.1f), "time_bin_s", config.time_bin_s,
@@ -83,14 +102,12 @@ void validate(const AcousticConfig& config) {
           "must be in (0, 60] s");
   require(config.rir_length_s / config.time_bin_s <= 1e6f, "rir_length_s", config.rir_length_s,
           "needs more than a million bins of time_bin_s; shorten it or widen the bins");
-  require(config.source_radius_m > 0.f && in_range(config.source_radius_m, 0.f, 100.f), "source_radius_m",
-          config.source_radius_m, "must be in (0, 100] m");
+  require(config.source_radius_m > 0.f && in_range(config.source_radius_m, 0.f, 100.f), "source_radius_m", config.source_radius_m,
+          "must be in (0, 100] m");
   require(std::isfinite(config.scattering) && config.scattering <= 1.f, "scattering", config.scattering,
           "must be in [0, 1], or negative to take each material's own");
-  require(config.bands >= 0 && config.bands <= kMaxBands, "bands", config.bands,
-          "must be in [1, 32], or 0 for octaves from 125 Hz");
-  require(in_range(config.sample_rate_hz, 8000.f, 96000.f), "sample_rate_hz", config.sample_rate_hz,
-          "must be in [8000, 96000] Hz");
+  require(config.bands >= 0 && config.bands <= kMaxBands, "bands", config.bands, "must be in [1, 32], or 0 for octaves from 125 Hz");
+  require(in_range(config.sample_rate_hz, 8000.f, 96000.f), "sample_rate_hz", config.sample_rate_hz, "must be in [8000, 96000] Hz");
   require(config.threads >= 0 && config.threads <= 4096, "threads", config.threads, "must be in [0, 4096]; 0 means all");
 }
 

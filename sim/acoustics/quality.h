@@ -17,25 +17,35 @@ struct AcousticConfig {
   Switch direct = Switch::automatic, early = Switch::automatic, late = Switch::automatic, air_absorption = Switch::automatic;
   Switch diffraction = Switch::automatic, transmission = Switch::automatic;
   // early reflections
-  int early_order = 2;                ///< image paths up to this many specular reflections, [0, 4]
-  int early_candidate_rays = 2000;     ///< rays traced once per source to find plane sequences
+  int early_order = 2;              ///< image paths up to this many specular reflections, [0, 4]
+  int early_candidate_rays = 2000;  ///< rays traced once per source to find plane sequences
+  // diffraction
+  int diffraction_order = 3;         ///< edges in a row, [1, 10]
+  float diffraction_edge_m = 0.25f;  ///< shorter edges are left out, (0, 100]
+  int diffraction_paths = 64;        ///< strongest paths that are kept, [1, 10000]
+  // transmission
+  int transmission_walls = 8;  ///< in a row, [1, 50]
   // late field
-  int rays = 64;                       ///< from the listener, [0, 2^31)
-  int max_bounces = 1000;              ///< a safety bound; time and Russian roulette end rays
-  float time_bin_s = 0.004f;           ///< (0, 0.1]
-  int sh_order = 1;                    ///< of the arrival directions, [0, 5]
-  float rir_length_s = 0.5f;           ///< (0, 60]
-  float source_radius_m = 0.25f;       ///< volume in which specular paths meet the source, unless diffuse_last_leg
+  int rays = 64;            ///< from the listener, [0, 2^31)
+  int max_bounces = 1000;   ///< a safety bound; time and Russian roulette end rays
+  int source_rays = 0;      ///< > 0: bidirectional path tracing with this many rays from the source, [0, 2^20]
+  int source_bounces = 10;  ///< of those, [1, 1000]
+  /// 0: the specular share leaves as from a mirror.  > 0: in a lobe of cos^n about it, normalised to keep all energy, [1, 1000].
+  float specular_exponent = 0.f;
+  float time_bin_s = 0.004f;      ///< (0, 0.1]
+  int sh_order = 1;               ///< of the arrival directions, [0, 5]
+  float rir_length_s = 0.5f;      ///< (0, 60]
+  float source_radius_m = 0.25f;  ///< volume in which specular paths meet the source, unless diffuse_last_leg
   /// false: next-event estimation sees the diffuse share only, specular last legs are caught by the source volume (unbiased, noisy).
   /// true: the last leg of late paths is treated as diffuse (the share s of scattering as 1): far less noise, small bias (a
   /// furnished house with scattering near 0.1: T20 within 5 %, T30 within 9 %, level within 0.4 dB).
   bool diffuse_last_leg = true;
-  float scattering = -1.f;             ///< >= 0: one value for every material
+  float scattering = -1.f;  ///< >= 0: one value for every material
   // output
-  int bands = 0;                       ///< 0: octaves; otherwise this many log-spaced bands
-  float sample_rate_hz = 16000.f;      ///< [8000, 96000]
+  int bands = 0;                   ///< 0: octaves; otherwise this many log-spaced bands
+  float sample_rate_hz = 16000.f;  ///< [8000, 96000]
   std::uint64_t seed = 0;
-  int threads = 1;                     ///< 0: all; any number gives the same bits
+  int threads = 1;  ///< 0: all; any number gives the same bits
 };
 
 /// Presets `fast` (training), `balanced`, `high` (converged reference).  Throws InputError for another name.

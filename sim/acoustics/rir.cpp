@@ -1,12 +1,32 @@
 #include "sim/acoustics/rir.h"
 
-namespace earshot {
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <span>
 
-void compute_energy_response(const AcousticScene& scene, const EarlyCandidates& candidates, glm::vec3 listener,
-                             EnergyResponse& response) {
+namespace earshot {
+namespace {
+
+void apply_emission(const Emission& emission, std::size_t num_bands, std::span<Arrival> arrivals) {
+  if (emission.omnidirectional()) return;
+  std::array<float, kMaxBands> gain;
+  for (Arrival& arrival : arrivals) {
+    emission.pressure(arrival.departure, std::span(gain).first(num_bands));
+    for (std::size_t band = 0; band < num_bands; ++band) {
+      arrival.amplitude[band] *= std::fabs(gain[band]);
+      if (gain[band] < 0) arrival.phase_rad[band] += std::numbers::pi_v<float>;
+    }
+  }
+}
+
+}  // namespace
+
+void compute_energy_response(const AcousticScene& scene, const EarlyCandidates& candidates, glm::vec3 listener, EnergyResponse& response) {
   response.speed_of_sound_m_per_s = scene.speed_of_sound_m_per_s();
   response.arrivals.clear();
   candidates.find_arrivals(scene, listener, response.arrivals);
+  apply_emission(candidates.emission(), static_cast<std::size_t>(scene.num_bands()), response.arrivals);
   if (!has_shape_of(scene, response.late)) response.late = make_histogram(scene);
   response.stats = trace_late(scene, candidates, listener, response.late);
 }

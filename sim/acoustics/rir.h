@@ -21,7 +21,6 @@ struct EnergyResponse {
 
 /// Energy response of (scene, source, listener).  A pure function of its arguments and the config: the same pose gives the same bits
 /// whenever and wherever it is asked.  Reuses the storage of `response`; no allocation once warm (single-threaded config).
-void compute_energy_response(const AcousticScene& scene, const EarlyCandidates& candidates, glm::vec3 listener,
-                             EnergyResponse& response);
+void compute_energy_response(const AcousticScene& scene, const EarlyCandidates& candidates, glm::vec3 listener, EnergyResponse& response);
 
 }  // namespace earshot

@@ -231,7 +231,7 @@ void RirSynthesizer::render(const EnergyResponse& response, double heading_rad, 
   // Nothing is heard before a direct sound.
   double onset_sample = 0;
   for (const Arrival& arrival : response.arrivals)
-    if (arrival.order == 0) onset_sample = std::clamp(delay_in_samples(response, arrival), 0.0, static_cast<double>(tables.num_samples));
+    if (arrival.kind == ArrivalKind::direct) onset_sample = std::clamp(delay_in_samples(response, arrival), 0.0, static_cast<double>(tables.num_samples));
   const RandomStream random(tables.seed, Purpose::carrier, static_cast<std::uint32_t>(carrier_key),
                             static_cast<std::uint32_t>(carrier_key >> 32), 1);
   const std::size_t offset = random.below(static_cast<std::uint32_t>(tables.carriers.length()), 0);

@@ -169,7 +169,7 @@ RoomMetrics measure(const AcousticScene& scene, const EnergyResponse& response) 
 
   // Time zero.
   double start_s = std::numeric_limits<double>::infinity();
-  const bool has_direct = !response.arrivals.empty() && response.arrivals.front().order == 0;
+  const bool has_direct = !response.arrivals.empty() && response.arrivals.front().kind == ArrivalKind::direct;
   if (!response.arrivals.empty()) start_s = response.arrivals.front().distance_m / speed;
   if (has_direct) {
     metrics.direct_delay_s = start_s;
@@ -197,7 +197,7 @@ RoomMetrics measure(const AcousticScene& scene, const EnergyResponse& response) 
     double direct = 0;
     for (const Arrival& arrival : response.arrivals) {
       const double energy = double{arrival.amplitude[band]} * arrival.amplitude[band];
-      if (arrival.order == 0) {
+      if (arrival.kind == ArrivalKind::direct) {
         direct += energy;
         continue;
       }

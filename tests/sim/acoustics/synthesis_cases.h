@@ -46,6 +46,7 @@ inline Arrival arrival_at(double distance_m, double amplitude, glm::vec3 directi
   arrival.distance_m = static_cast<float>(distance_m);
   arrival.direction = direction;
   arrival.order = order;
+  arrival.kind = order == 0 ? ArrivalKind::direct : ArrivalKind::reflection;
   arrival.amplitude.fill(static_cast<float>(amplitude));
   return arrival;
 }
