@@ -48,6 +48,7 @@ AcousticScene::AcousticScene(std::shared_ptr<const Scene> scene, const AcousticC
   reflectance_.assign(size, 0.f);
   scattering_.assign(size, 0.f);
   transmission_.assign(size, 0.f);
+  damping_.assign(size, 0.f);
   mean_scattering_.assign(materials.size(), 0.f);
   for (std::size_t slot = 0; slot < materials.size(); ++slot) {
     const Material& material = materials[slot];
@@ -60,6 +61,8 @@ AcousticScene::AcousticScene(std::shared_ptr<const Scene> scene, const AcousticC
       scattering_[cell] = config_.scattering >= 0.f ? config_.scattering : mean(material.scattering);
       // What passes through is part of what is not reflected (ORACLES O-22, H-27).
       transmission_[cell] = std::min(mean(material.transmission), 1.f - reflectance_[cell]);
+      transmits_ = transmits_ || transmission_[cell] > 0.f;
+      damping_[cell] = std::max(material.damping_db_per_m.band_mean(low_hz, high_hz), 0.f);
       sum += scattering_[cell];
     }
     mean_scattering_[slot] = static_cast<float>(sum / num_bands());

@@ -30,11 +30,15 @@ class AcousticScene {
   }  ///< 1 - absorption
   [[nodiscard]] std::span<const float> scattering(std::uint32_t material) const { return row(scattering_, material); }
   [[nodiscard]] std::span<const float> transmission(std::uint32_t material) const { return row(transmission_, material); }
+  [[nodiscard]] std::span<const float> damping_db_per_m(std::uint32_t material) const { return row(damping_, material); }  ///< inside it
+  /// Does any material of the scene let energy through in any band?
+  [[nodiscard]] bool transmits() const { return transmits_; }
   [[nodiscard]] float mean_scattering(std::uint32_t material) const { return mean_scattering_[material]; }  ///< over bands
   /// Bands rounded up to a multiple of eight: the rows below are that long and end in zeros, so that hot loops have no remainder.
   [[nodiscard]] int padded_bands() const { return stride_; }
   [[nodiscard]] const float* padded_reflectance(std::uint32_t material) const { return &reflectance_[std::size_t{material} * stride_]; }
   [[nodiscard]] const float* padded_scattering(std::uint32_t material) const { return &scattering_[std::size_t{material} * stride_]; }
+  [[nodiscard]] const float* padded_transmission(std::uint32_t material) const { return &transmission_[std::size_t{material} * stride_]; }
   /// Energy exponent of air per band, at its centre; all zero if air absorption is off.
   [[nodiscard]] std::span<const float> air_energy_per_m() const { return air_; }
   [[nodiscard]] std::span<const MirrorPlane> planes() const { return planes_.planes; }
@@ -57,7 +61,8 @@ class AcousticScene {
   BandLayout bands_;
   int stride_ = 0;
   float diagonal_m_ = 0;
-  std::vector<float> reflectance_, scattering_, transmission_, mean_scattering_, air_;
+  std::vector<float> reflectance_, scattering_, transmission_, damping_, mean_scattering_, air_;
+  bool transmits_ = false;
   MirrorPlanes planes_;
   std::uint64_t hash_ = 0;
 };
