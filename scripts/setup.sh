@@ -9,6 +9,7 @@ packages=(
   libembree-dev=3.13.5+dfsg-2
   libassimp-dev=5.2.5~ds0-1+b1
   librecast-dev=1.5.1+git20210215.e75adf8-1+b1
+  libmeshoptimizer-dev=0.18+dfsg-2
   libglm-dev=0.9.9.8+ds-6
   libtorch-dev=1.13.1+dfsg-4
   libopenblas0-pthread=0.3.21+ds-4

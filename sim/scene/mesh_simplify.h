@@ -1,0 +1,27 @@
+#pragma once
+
+#include <cstdint>
+
+#include "sim/scene/triangle_mesh.h"
+
+namespace earshot {
+
+/// What simplification took away and how far it moved the surface.
+struct SimplifyReport {
+  std::uint64_t triangles_before = 0, triangles_after = 0;
+  /// Largest distance of a vertex of the original from the simplified surface of the same material and object, measured on up to 512 evenly
+  /// spaced vertices of each; 0 if nothing was taken away.
+  double deviation_m = 0;
+};
+
+/// Collapses edges of the mesh (quadric errors of Garland and Heckbert 1997, meshoptimizer) while its surface stays within about
+/// `deviation_m` of where it was.  Every (material, object) is simplified for itself with its border held fixed, so that no gap opens
+/// between neighbours and no triangle changes its material.  The quadric error is an estimate: the report says what came out. Sound does
+/// not care for detail far below its wavelength (17 cm at 2 kHz): 0.01 m is a cautious choice. Throws InputError if deviation_m is not in
+/// (0, 1].  About 2 us per triangle; deterministic.
+SimplifyReport simplify_mesh(TriangleMesh& mesh, float deviation_m);
+
+/// Distance of a point from a triangle (Ericson, Real-Time Collision Detection, 5.1.5).
+double distance_to_triangle(glm::dvec3 point, glm::dvec3 a, glm::dvec3 b, glm::dvec3 c);
+
+}  // namespace earshot
