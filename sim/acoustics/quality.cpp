@@ -76,7 +76,6 @@ void read(ConfigReader& reader, AcousticConfig& config) {
 
 void validate(const AcousticConfig& config) {
   refuse_if_on(config.diffraction, "diffraction");
-  refuse_if_on(config.transmission, "transmission");
   require(config.early_order >= 0 && config.early_order <= 4, "early_order", config.early_order,
           "must be in [0, 4]: the number of image paths grows with the power of it");
   require(config.early_candidate_rays >= 0 && config.early_candidate_rays <= 10'000'000, "early_candidate_rays",

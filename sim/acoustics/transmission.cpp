@@ -1,8 +1,11 @@
 #include "sim/acoustics/transmission.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <glm/geometric.hpp>
+#include <numbers>
+#include <tuple>
 
 namespace earshot {
 namespace {
@@ -37,6 +40,47 @@ Hit find_far_face(const AcousticScene& scene, glm::vec3 start, glm::vec3 directi
   return far;
 }
 
+/// The walls of one straight line, added up.
+struct Walls {
+  int count = 0;
+  double inside_m = 0, extra_path_m = 0;
+  std::array<double, kMaxBands> gain_db{};
+};
+
+/// Adds one wall.  False if no band is left.
+bool add_wall(const AcousticScene& scene, const WallCrossing& crossing, Walls& walls) {
+  ++walls.count;
+  walls.inside_m += crossing.inside_m;
+  walls.extra_path_m += extra_path_m(scene, crossing);
+  const auto tau = scene.transmission(crossing.material), damping = scene.damping_db_per_m(crossing.material);
+  bool any = false;
+  for (std::size_t band = 0; band < tau.size(); ++band) {
+    walls.gain_db[band] += 10.0 * std::log10(double{tau[band]}) - double{damping[band]} * crossing.inside_m;  // tau = 0: minus infinity
+    any = any || walls.gain_db[band] >= kSilentTransmissionDb;
+  }
+  return any;
+}
+
+/// All walls between two points.  False if no sound passes.
+bool collect_walls(const AcousticScene& scene, glm::vec3 from, glm::vec3 to, Walls& walls) {
+  glm::vec3 point = from;
+  for (;;) {
+    const glm::vec3 rest = to - point;  // aimed anew from each wall, so that rounding does not add up
+    const float rest_m = glm::length(rest);
+    if (!(rest_m > 0)) return true;
+    const glm::vec3 direction = rest / rest_m;
+    const Hit hit = scene.scene().rays().intersect(point, direction, rest_m);
+    if (!hit.valid()) return true;
+    if (walls.count == scene.config().transmission_walls) return false;
+    WallCrossing crossing = cross_wall(scene, direction, hit);
+    const bool ends_inside = glm::dot(to - crossing.exit, direction) <= 0;
+    if (ends_inside && crossing.thick) crossing.inside_m = glm::length(to - hit.position);
+    if (!add_wall(scene, crossing, walls)) return false;
+    if (ends_inside) return true;
+    point = crossing.exit;
+  }
+}
+
 glm::vec3 past(const Hit& hit) { return offset_from_surface(hit.position, -hit.normal); }
 
 }  // namespace
@@ -67,6 +111,34 @@ void transmit(const AcousticScene& scene, const WallCrossing& crossing, std::spa
 float extra_path_m(const AcousticScene& scene, const WallCrossing& crossing) {
   const float speed = scene.scene().materials()[crossing.material].speed_m_per_s;
   return speed > 0 ? crossing.inside_m * (scene.speed_of_sound_m_per_s() / speed - 1.f) : 0.f;
+}
+
+void find_transmitted(const AcousticScene& scene, glm::vec3 source, glm::vec3 listener, std::vector<Arrival>& arrivals) {
+  if (scene.config().transmission == Switch::off || !scene.transmits() || source == listener) return;
+  const glm::dvec3 toward = glm::dvec3(source) - glm::dvec3(listener);
+  const double true_distance_m = glm::length(toward), distance_m = std::max(true_distance_m, double{kLeastDistanceM});
+  if (!scene.scene().rays().occluded(source, listener)) return;
+
+  // Rounding depends on where a ray starts: always walk from the same end (reciprocity).
+  const bool swapped = std::tie(listener.x, listener.y, listener.z) < std::tie(source.x, source.y, source.z);
+  Walls walls;
+  if (!collect_walls(scene, swapped ? listener : source, swapped ? source : listener, walls) || walls.count == 0) return;
+  const double delay_path_m = std::max(distance_m + walls.extra_path_m, double{kLeastDistanceM});
+  if (delay_path_m > scene.max_path_m()) return;
+
+  Arrival arrival{.kind = ArrivalKind::transmission, .order = walls.count, .distance_m = static_cast<float>(delay_path_m)};
+  arrival.direction = glm::vec3(toward / true_distance_m);
+  arrival.departure = -arrival.direction;
+  const double air_m = std::max(distance_m - walls.inside_m, 0.0);
+  for (int band = 0; band < scene.num_bands(); ++band) {
+    const double gain_db = walls.gain_db[band];
+    if (gain_db < kSilentTransmissionDb) continue;
+    const double air = std::exp(-0.5 * scene.air_energy_per_m()[band] * air_m);
+    arrival.amplitude[band] = static_cast<float>(std::pow(10.0, gain_db / 20.0) * air / (4.0 * std::numbers::pi * distance_m));
+  }
+  const auto place = std::upper_bound(arrivals.begin(), arrivals.end(), arrival,
+                                      [](const Arrival& a, const Arrival& b) { return a.distance_m < b.distance_m; });
+  arrivals.insert(place, arrival);
 }
 
 }  // namespace earshot

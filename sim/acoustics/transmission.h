@@ -7,7 +7,6 @@
 
 #include "sim/acoustics/acoustic_scene.h"
 #include "sim/acoustics/arrival.h"
-#include "sim/acoustics/early_reflections.h"
 
 namespace earshot {
 
@@ -31,9 +30,22 @@ struct WallCrossing {
 /// Triangles that coincide are passed together (ORACLES H-5).  Cost: one ray, two for a wall whose windings point inward.
 WallCrossing cross_wall(const AcousticScene& scene, glm::vec3 direction, const Hit& hit);
 
-/// Energy share that passes, per band: tau of the material once, times 10^(-damping * inside_m / 10).  share: [num_bands], multiplied.
+/// Energy share that passes, per band: tau of the material once, times 10^(-damping * inside_m / 10).  share: [num_bands], multiplied by
+/// it.
 void transmit(const AcousticScene& scene, const WallCrossing& crossing, std::span<float> share);
 /// What the crossing adds to a path counted in metres of air: inside_m (c / c_inside - 1); 0 without a speed of the material's own.
 float extra_path_m(const AcousticScene& scene, const WallCrossing& crossing);
+
+/// Quieter than this a band passes nothing (ORACLES H-69).
+inline constexpr double kSilentTransmissionDb = -200.0;
+
+/// Appends what goes straight from source to listener through the walls between them: at most one arrival, of kind transmission, with the
+/// number of walls as its order; inserted where `arrivals`, sorted by distance, stays sorted.  Nothing if the line of sight is free (that
+/// is the direct sound), if more than config.transmission_walls objects are in the way, if no band passes, if it comes after the end of the
+/// RIR, or with config.transmission off.  Losses add in dB per band; air absorbs outside the walls only; the delay is that of the material
+/// inside one with a speed of its own.  Refraction is left out, as is all but the straight line: reflections seen through walls are the
+/// late field's. Source and listener swapped give the bits of the same distance and amplitudes. Cost: nothing in a scene where no material
+/// transmits; otherwise one shadow ray, and one or two rays per wall if it is blocked.  No allocation once `arrivals` has room.
+void find_transmitted(const AcousticScene& scene, glm::vec3 source, glm::vec3 listener, std::vector<Arrival>& arrivals);
 
 }  // namespace earshot
