@@ -1,15 +1,18 @@
 #pragma once
 
+#include <filesystem>
 #include <glm/vec3.hpp>
 #include <memory>
+#include <optional>
 #include <span>
+#include <string>
 #include <string_view>
 #include <vector>
 
 namespace earshot {
 
 /// Directional pattern of a source or a microphone in its own axes: x right, y up, front -z.  Pressure gain, 1 in front; negative where
-/// the polarity is turned (back of a dipole).  Immutable.
+/// the polarity is turned (back of a dipole).  Immutable, thread-safe.
 class Directivity {
  public:
   virtual ~Directivity() = default;
@@ -17,25 +20,41 @@ class Directivity {
   [[nodiscard]] virtual float pressure(glm::vec3 direction, float frequency_hz) const = 0;
   /// Is the gain 1 everywhere?
   [[nodiscard]] virtual bool omnidirectional() const { return false; }
+  /// a of a pattern a + (1 - a) cos at all frequencies; nullopt for any other.
+  [[nodiscard]] virtual std::optional<float> omni_share() const { return std::nullopt; }
 
   /// a + (1 - a) cos: omni (a = 1), subcardioid 0.7, cardioid 0.5, supercardioid 0.37, hypercardioid 0.25, dipole 0 (ORACLES O-29).
   static std::shared_ptr<const Directivity> first_order(float omni_share);
-  /// By name, one of those above.  Throws InputError with the nearest known name.
+  /// A talker: the mouth as a point on a rigid sphere of 8.75 cm (the model of Flanagan 1960, exact series), and, as a sphere has no torso
+  /// and no hair, a loss of 10 dB times angle / 180 degrees that sets in with the shadow of the sphere, as (ka)^2 / (1 + (ka)^2).  With it
+  /// A-weighted speech has Q = 2.5, the usual value of a talker.  Behind it is 6 dB weaker than in front, where measured talkers are
+  /// quoted with up to 10 dB: expect errors of up to 4 dB there.  Symmetric about its axis: no lobe below the mouth.
+  static std::shared_ptr<const Directivity> voice();
+  /// A measured balloon: YAML or JSON with `frequencies_hz` [F] rising, `azimuths_deg` [A] rising within one turn, counter-clockwise from
+  /// the front seen from above, `elevations_deg` [E] rising within [-90, 90] and `gains_db` [F][E][A]; `name` and `source` are free text.
+  /// Gains are made relative to the front of each frequency.  Interpolated linearly in dB over angles and log frequency, continuous across
+  /// the seam and the poles (where rows that end before a pole go on as the mean of the last one); the end values hold outside the
+  /// frequencies.  Magnitudes only.  Throws InputError naming file and key.
+  static std::shared_ptr<const Directivity> balloon(const std::filesystem::path& path);
+  /// The same from text; where: how messages name it.
+  static std::shared_ptr<const Directivity> balloon_from_text(std::string_view text, const std::string& where);
+  /// omni, subcardioid, cardioid, supercardioid, hypercardioid, dipole, voice, or a path that ends in .json, .yaml or .yml of a balloon.
   static std::shared_ptr<const Directivity> named(std::string_view name);
 };
 
-/// A pattern tabulated for a set of frequencies, for hot loops.  Immutable, thread-safe.
+/// A pattern ready for a set of frequencies and hot loops: first-order patterns are evaluated, others are read off a grid of 5 degrees,
+/// bilinear and continuous (exact on the grid, so at the nodes of any balloon of 5, 10, 15 or 30 degrees).  Immutable, thread-safe.
 class BandDirectivity {
  public:
   BandDirectivity(std::shared_ptr<const Directivity> pattern, std::span<const float> centre_hz);
-  [[nodiscard]] bool omnidirectional() const { return omnidirectional_; }
+  [[nodiscard]] bool omnidirectional() const { return omni_share_ == 1.f; }
   /// gain: [number of frequencies]; pressure gains toward `direction` (unit, own axes).
   void pressure(glm::vec3 direction, std::span<float> gain) const;
 
  private:
-  std::shared_ptr<const Directivity> pattern_;
-  std::vector<float> centre_hz_;
-  bool omnidirectional_;
+  std::optional<float> omni_share_;
+  std::size_t num_frequencies_;
+  std::vector<float> table_;  ///< [elevation][azimuth][frequency], empty for first order
 };
 
 }  // namespace earshot
