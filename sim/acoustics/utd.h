@@ -1,0 +1,50 @@
+#pragma once
+
+#include <array>
+#include <complex>
+
+namespace earshot {
+
+/// exp(z^2) erfc(z) on the ray z = u exp(j pi / 4), u >= 0: 1 at u = 0, falling as 1 / (sqrt(pi) z).  Relative error below 1e-9.  About 50
+/// ns. All of the uniform theory rests on it: the Fresnel integral of a knife edge is half of it, and the transition function of
+/// Kouyoumjian and Pathak is F(x) = sqrt(pi x) exp(j pi / 4) times it at u = sqrt(x).  Convention exp(+j w t).
+std::complex<double> scaled_erfc(double u);
+
+/// A rigid wedge as one source direction and one listener direction see it: uniform theory of diffraction (Kouyoumjian and Pathak 1974,
+/// Proc. IEEE 62, eqs. 25 to 32), written without the product of an infinite cotangent and a vanishing transition function.
+///
+/// With x_i = sqrt(2 k L) |sin(d_i / 2)| and d_i the angle from the i-th shadow or reflection boundary, each term of the theory is
+///   cot(d_i / 2n) F(x_i^2) = sign(d_i) sqrt(2 pi k L) exp(j pi / 4) [sin(|d_i| / 2) / tan(|d_i| / 2n)] scaled_erfc(x_i),
+/// and the bracket tends to n at the boundary: nothing to expand there.  Divided by the field at the length of the whole path the
+/// diffracted field is the sum below, whose terms are at most 1/2 each, so that it stays finite down to kL = 0.
+///
+/// Error against the exact wedge (ORACLES O-24): 0.06 dB for a thin screen from 63 Hz on, 0.26 dB at 63 Hz for a 270 degree corner.
+class WedgeDiffraction {
+ public:
+  /// exterior_rad: angle of the air, in (pi, 2 pi].  Angles of source and listener from the first face through the air, in [0, exterior].
+  /// Swapped, they give the same bits.
+  WedgeDiffraction(double exterior_rad, double source_rad, double listener_rad);
+
+  /// Diffracted pressure over that of a free path as long as the one over the edge.  At most 2.
+  /// wave_lengths: k L with L = s s' sin^2(beta) / (s + s').
+  /// first_face, second_face: pressure reflection factors of the faces in [0, 1], 1 for rigid ones; they weigh the terms that make up for
+  /// reflections which end (Luebbers 1984, IEEE Trans. AP 32, 70-76).
+  /// beyond_end: 0 where the shortest way meets the edge itself; otherwise sqrt(k times the detour by way of the edge's end), see
+  /// diffraction_paths.h.
+  [[nodiscard]] std::complex<double> ratio(double wave_lengths, double first_face = 1, double second_face = 1, double beyond_end = 0) const;
+
+  /// How far the path bends from a straight one: 0 on the shadow boundary, up to 1.
+  [[nodiscard]] double bend() const { return boundary_[0]; }
+  /// Is the listener hidden from the source by the wedge?
+  [[nodiscard]] bool in_shadow() const { return weight_[0] > 0; }
+
+ private:
+  std::array<double, 4> weight_;    ///< -sign(d) [..] / 2n: incidence, incidence round the back, first face, second face
+  std::array<double, 4> boundary_;  ///< |sin(d / 2)|
+};
+
+/// Loss in dB of a thin screen at Fresnel number n >= 0 (Kurze and Anderson 1971): 5 + 20 log10(sqrt(2 pi n) / tanh(sqrt(2 pi n))).  Within
+/// 3 dB of the exact thin screen; at a 270 degree corner up to 4.1 dB too much (ORACLES O-24), so good for ranking only.
+double kurze_anderson_db(double fresnel_number);
+
+}  // namespace earshot
