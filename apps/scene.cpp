@@ -1,14 +1,18 @@
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
+#include <array>
 #include <cmath>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
 
 #include "apps/commands.h"
+#include "sim/acoustics/air_absorption.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/nav/navmesh.h"
+#include "sim/scene/hole_finder.h"
 #include "sim/scene/scene_report.h"
 
 namespace earshot {
@@ -18,8 +22,11 @@ using Json = nlohmann::ordered_json;
 
 struct Options {
   std::string scene, json;
+  double unit_m = 0, simplify_m = 0;
   bool explain = false;
 };
+
+constexpr double hardly_any_leak = 0.001;
 
 /// What the engine does about each effect, and why.
 std::vector<std::pair<const char*, std::string>> effects(const SceneReport& report) {
@@ -39,8 +46,15 @@ Json numbers(const std::vector<double>& values) {
 }
 
 void run_scene(const Options& options) {
-  const Scene scene = load_scene(options.scene);
-  const SceneReport report = report_scene(scene);
+  SceneOverrides overrides;
+  if (options.unit_m != 0) overrides.unit_m = static_cast<float>(options.unit_m);
+  if (options.simplify_m != 0) overrides.simplify_m = static_cast<float>(options.simplify_m);
+  const Scene scene = load_scene(options.scene, overrides);
+  std::array<double, report_bands_hz.size()> air_per_m;
+  for (std::size_t band = 0; band < air_per_m.size(); ++band)
+    air_per_m[band] = air_absorption_energy_per_m(scene.air(), report_bands_hz[band]);
+  const SceneReport report = report_scene(scene, 0, air_per_m);
+  const std::vector<Hole> holes = report.leaked_ray_share > hardly_any_leak ? find_holes(scene) : std::vector<Hole>{};
   std::optional<float> navigable_m2;
   std::string navigation_problem;
   try {
@@ -51,14 +65,24 @@ void run_scene(const Options& options) {
 
   const Bounds& b = scene.bounds();
   fmt::print("scene            {}\n", scene.name());
-  fmt::print("triangles        {} ({} degenerate and {} duplicate removed, {} vertices welded)\n", report.triangles, report.removed.degenerate_removed,
-             report.removed.duplicate_removed, report.removed.vertices_welded);
+  fmt::print("triangles        {} ({} degenerate and {} duplicate removed, {} vertices welded)\n", report.triangles,
+             report.removed.degenerate_removed, report.removed.duplicate_removed, report.removed.vertices_welded);
+  if (report.removed.simplified)
+    fmt::print("simplified       {} -> {} triangles, surface moved by at most {:.4f} m\n", report.removed.simplified->triangles_before,
+               report.removed.simplified->triangles_after, report.removed.simplified->deviation_m);
   fmt::print("size             {:.2f} x {:.2f} x {:.2f} m\n", b.upper.x - b.lower.x, b.upper.y - b.lower.y, b.upper.z - b.lower.z);
   fmt::print("open edges       {}\n", report.open_edges);
   fmt::print("ray efficiency   {:.4f}: {:.2f} % of rays leaked{}\n", report.ray_efficiency, 100 * report.leaked_ray_share,
              report.leaked_ray_share > 0.01 ? " (holes, or a missing ceiling: set ceiling_m in a scene YAML)" : "");
+  for (const Hole& hole : holes) {
+    const glm::vec3 centre = 0.5f * (hole.bounds.lower + hole.bounds.upper), size = hole.bounds.upper - hole.bounds.lower;
+    fmt::print("  hole           {:.2f} % of rays around ({:.2f}, {:.2f}, {:.2f}), {:.2f} x {:.2f} x {:.2f} m, beside {}\n",
+               100 * hole.ray_share, centre.x, centre.y, centre.z, size.x, size.y, size.z, fmt::join(hole.rim, ", "));
+  }
   // An open scene has no enclosed volume, nor a surface that can be told apart from its outside.
-  const auto shown = [](double value, const char* unit) { return std::isfinite(value) ? fmt::format("{:.1f} {}", value, unit) : std::string("-"); };
+  const auto shown = [](double value, const char* unit) {
+    return std::isfinite(value) ? fmt::format("{:.1f} {}", value, unit) : std::string("-");
+  };
   fmt::print("volume           {}\nsurface          {}\n", shown(report.volume_m3, "m3"), shown(report.area_m2, "m2"));
   if (navigable_m2)
     fmt::print("navigable        {:.1f} m2\n", *navigable_m2);
@@ -66,7 +90,8 @@ void run_scene(const Options& options) {
     fmt::print("navigable        none ({})\n", navigation_problem);
   fmt::print("RT60 estimate    ");
   for (std::size_t i = 0; i < report.rt60_estimate_s.size(); ++i)
-    fmt::print("{}{:.0f} Hz {}", i == 0 ? "" : ", ", 125.0 * (1 << i), std::isfinite(report.rt60_estimate_s[i]) ? fmt::format("{:.2f} s", report.rt60_estimate_s[i]) : "-");
+    fmt::print("{}{:.0f} Hz {}", i == 0 ? "" : ", ", 125.0 * (1 << i),
+               std::isfinite(report.rt60_estimate_s[i]) ? fmt::format("{:.2f} s", report.rt60_estimate_s[i]) : "-");
   fmt::print("\n");
   if (options.explain)
     for (const auto& [name, why] : effects(report)) fmt::print("  {:<15} {}\n", name, why);
@@ -74,6 +99,13 @@ void run_scene(const Options& options) {
   if (options.json.empty()) return;
   Json plan = Json::object();
   for (const auto& [name, why] : effects(report)) plan[name] = why;
+  Json hole_list = Json::array();
+  for (const Hole& hole : holes) {
+    const auto point = [](glm::vec3 p) { return Json{p.x, p.y, p.z}; };
+    hole_list.push_back(
+        {{"ray_share", hole.ray_share}, {"lower", point(hole.bounds.lower)}, {"upper", point(hole.bounds.upper)}, {"rim", hole.rim}});
+  }
+  const auto& simplified = report.removed.simplified;
   const Json json = {{"scene", scene.name()},
                      {"triangles", report.triangles},
                      {"removed",
@@ -83,6 +115,11 @@ void run_scene(const Options& options) {
                      {"open_edges", report.open_edges},
                      {"ray_efficiency", report.ray_efficiency},
                      {"leaked_ray_share", report.leaked_ray_share},
+                     {"holes", hole_list},
+                     {"simplified", simplified ? Json{{"triangles_before", simplified->triangles_before},
+                                                      {"triangles_after", simplified->triangles_after},
+                                                      {"deviation_m", simplified->deviation_m}}
+                                               : Json(nullptr)},
                      {"volume_m3", report.volume_m3},
                      {"area_m2", report.area_m2},
                      {"navigable_area_m2", navigable_m2 ? Json(*navigable_m2) : Json(nullptr)},
@@ -97,6 +134,9 @@ void add_scene(CLI::App& app) {
   auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand("scene", "Triangles, holes, ray efficiency, volume, RT60 estimate and navigable area of a scene");
   command->add_option("SCENE", options->scene, "Mesh file, shoebox:XxYxZ[@M], house:SEED, or scene YAML")->required();
+  command->add_option("--unit", options->unit_m,
+                      "Metres per unit of a mesh file (0.01 for centimetres); default: what a YAML says, else 1");
+  command->add_option("--simplify", options->simplify_m, "Simplify the mesh: largest deviation of its surface in metres, (0, 1]");
   command->add_flag("--explain", options->explain, "Also say which acoustic effects are simulated, and why");
   command->add_option("--json", options->json, "Also write the report to a file");
   command->callback([options] { run_scene(*options); });

@@ -68,7 +68,7 @@ bool is_scene_yaml(const std::string& spec) {
 
 }  // namespace
 
-Scene load_scene(const std::string& spec) {
+Scene load_scene(const std::string& spec, const SceneOverrides& overrides) {
   const bool yaml = is_scene_yaml(spec), generated = spec.starts_with("shoebox:") || spec.starts_with("house:");
   if (!yaml && !generated && !is_mesh_file(spec)) {
     throw InputError(spec, "is not a scene", "name a glb, gltf, obj, ply, stl or yaml file, or write shoebox:XxYxZ[@M] or house:SEED");
@@ -78,6 +78,13 @@ Scene load_scene(const std::string& spec) {
     config = read_scene_config(spec);
   else
     config.mesh = spec;
+
+  if (overrides.unit_m) {
+    if (!is_mesh_file(config.mesh)) throw InputError(spec, "is generated in metres, but a unit was given", "leave the unit out");
+    require(*overrides.unit_m >= 1e-6f && *overrides.unit_m <= 1e6f, "unit", *overrides.unit_m, "must be in [1e-6, 1e6] metres per unit");
+    config.import.unit_m = *overrides.unit_m;
+  }
+  if (overrides.simplify_m) config.simplify_m = overrides.simplify_m;
 
   std::vector<MaterialWarning> material_warnings;
   const MaterialDatabase database =
@@ -90,6 +97,7 @@ Scene load_scene(const std::string& spec) {
     geometry.report.warnings.push_back(fmt::format("{}: {}: {}", config.materials->string(), warning.material, warning.text));
   }
   if (config.ceiling_m) add_ceiling(geometry, *config.ceiling_m, spec);
+  if (config.simplify_m) geometry.report.simplified = simplify_mesh(geometry.mesh, *config.simplify_m);
   std::vector<Material> materials = assign_materials(geometry.mesh, config.rules, database, geometry.own, spec, geometry.report.warnings);
   return Scene(spec, std::move(geometry.mesh), std::move(materials), config.air, std::move(geometry.report));
 }

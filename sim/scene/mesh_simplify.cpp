@@ -15,6 +15,8 @@
 namespace earshot {
 namespace {
 
+constexpr float least_share = 0.01f;  // of the deviation asked for, below which a part stays as it is
+
 /// Corners of the triangles of one (material, object), three by three.
 using Corners = std::vector<std::uint32_t>;
 
@@ -51,6 +53,7 @@ double deviation_of(const TriangleMesh& mesh, const Corners& before, const Corne
   std::vector<std::uint32_t> removed;
   std::set_difference(gone.begin(), gone.end(), kept.begin(), kept.end(), std::back_inserter(removed));
   const std::size_t probes = std::min(removed.size(), most_probes);
+  if (after.empty() && probes > 0) return std::numeric_limits<double>::infinity();
   double largest_m = 0;
   for (std::size_t i = 0; i < probes; ++i) {
     const glm::dvec3 point = mesh.vertices[removed[i * removed.size() / probes]];
@@ -59,7 +62,7 @@ double deviation_of(const TriangleMesh& mesh, const Corners& before, const Corne
       nearest_m = std::min(nearest_m,
                            distance_to_triangle(point, mesh.vertices[after[t]], mesh.vertices[after[t + 1]], mesh.vertices[after[t + 2]]));
     }
-    if (std::isfinite(nearest_m)) largest_m = std::max(largest_m, nearest_m);
+    largest_m = std::max(largest_m, nearest_m);
   }
   return largest_m;
 }
@@ -95,8 +98,18 @@ SimplifyReport simplify_mesh(TriangleMesh& mesh, float deviation_m) {
   simple.material_names = mesh.material_names;
   simple.object_names = mesh.object_names;
   for (const auto& [key, part] : parts) {
-    const Corners left = simplify_part(mesh, part, deviation_m);
-    report.deviation_m = std::max(report.deviation_m, deviation_of(mesh, part, left));
+    Corners left = part;
+    double moved_m = 0;
+    // The quadric error can be far off on thin and folded parts: what does not measure up is done again with less.
+    for (float target_m = deviation_m; target_m > least_share * deviation_m; target_m *= 0.5f) {
+      const Corners candidate = simplify_part(mesh, part, target_m);
+      const double candidate_m = deviation_of(mesh, part, candidate);
+      if (candidate_m > deviation_m) continue;
+      left = candidate;
+      moved_m = candidate_m;
+      break;
+    }
+    report.deviation_m = std::max(report.deviation_m, moved_m);
     for (std::size_t t = 0; t < left.size(); t += 3) {
       simple.triangles.emplace_back(left[t], left[t + 1], left[t + 2]);
       simple.triangle_material.push_back(key.first);

@@ -11,6 +11,7 @@
 
 #include "sim/rays/embree_scene.h"
 #include "sim/scene/materials.h"
+#include "sim/scene/mesh_simplify.h"
 #include "sim/scene/triangle_mesh.h"
 
 namespace earshot {
@@ -27,6 +28,7 @@ struct Air {
 /// What import repaired, as counts, and what it found odd, one line each (unmatched pattern, suspicious size, lowered transmission).
 struct ImportReport {
   std::uint64_t triangles_read = 0, degenerate_removed = 0, duplicate_removed = 0, vertices_welded = 0;
+  std::optional<SimplifyReport> simplified;  ///< if simplification was asked for
   std::vector<std::string> warnings;
 };
 
@@ -59,9 +61,15 @@ class Scene {
   std::uint64_t hash_;
 };
 
+/// What a command line may set over the scene it names.
+struct SceneOverrides {
+  std::optional<float> unit_m;      ///< metres per unit of a mesh file, as unit_m in a scene YAML
+  std::optional<float> simplify_m;  ///< mesh_simplify.h, as simplify_m in a scene YAML
+};
+
 /// Loads any SCENE of the command line: a mesh file (mesh_import.h), `shoebox:XxYxZ[@M]` (shoebox.h), `house:SEED[,key=value...]`
 /// (house_generator.h), or a scene YAML (scene_config.h: mesh, up, unit_m, ceiling_m, materials, assign, default_material, air,
 /// two_sided).  Who gets which material: material_assignment.h.  Throws InputError, one clear line.
-Scene load_scene(const std::string& spec);
+Scene load_scene(const std::string& spec, const SceneOverrides& overrides = {});
 
 }  // namespace earshot

@@ -73,6 +73,10 @@ SceneConfig read_scene_config(const std::filesystem::path& path) {
     reader.read("ceiling_m", config.ceiling_m.emplace());
     if (!std::isfinite(*config.ceiling_m)) reader.fail("ceiling_m", "must be a finite height in metres");
   }
+  if (reader.has("simplify_m")) {
+    reader.read("simplify_m", config.simplify_m.emplace());
+    if (!(*config.simplify_m > 0 && *config.simplify_m <= 1)) reader.fail("simplify_m", "must be in (0, 1] m");
+  }
   if (reader.has("materials")) {
     std::string name;
     reader.read("materials", name);

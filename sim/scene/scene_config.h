@@ -17,6 +17,7 @@ namespace earshot {
 ///   unit_m: 1                        # metres per unit of the mesh file
 ///   ceiling_m: 3                     # adds a lid over the bounding rectangle at this height (world y, after up and unit_m); its
 ///                                    # slot and its object are called ceiling_lid
+///   simplify_m: 0.01                 # collapses edges while the surface moves by at most about this (mesh_simplify.h); not done without it
 ///   materials: my_materials.json     # material database; the built-in one without it
 ///   assign: {"Wall*": gypsum_board}  # pattern over mesh-material or node names; order of precedence in material_assignment.h
 ///   default_material: default        # what no pattern matches
@@ -26,7 +27,7 @@ struct SceneConfig {
   std::string mesh;
   MeshImportOptions import;
   bool has_import_options = false;  ///< up or unit_m was given
-  std::optional<float> ceiling_m;
+  std::optional<float> ceiling_m, simplify_m;
   std::optional<std::filesystem::path> materials;
   MaterialRules rules;
   Air air;

@@ -66,8 +66,8 @@ TEST(MeshSimplify, MaterialsKeepTheirAreas) {
   EXPECT_NEAR(area_of(mesh, 1), second, 1e-4);
 }
 
-// A dome of radius 10 m: the distance of any point of the simplified surface from the sphere is known.  The quadric error is an
-// estimate, hence a factor of two; a unit mistaken (relative for metres: a factor of 4 here) fails.
+// A dome of radius 10 m: the distance of any point of the simplified surface from the sphere is known.  Between its vertices a flat
+// triangle leaves the sphere by as much again as its vertices may, hence the factor of two for centroids.
 TEST(MeshSimplify, StaysWithinTheDeviationAskedForAndSaysWhatItIs) {
   const auto dome = [](float x, float z) { return std::sqrt(100.f - (x - 2) * (x - 2) - (z - 2) * (z - 2)); };
   std::size_t fewer = 100000;
@@ -82,7 +82,7 @@ TEST(MeshSimplify, StaysWithinTheDeviationAskedForAndSaysWhatItIs) {
       measured_m = std::max(measured_m, std::abs(glm::length(centroid - glm::dvec3(2, 0, 2)) - 10.0));
     }
     EXPECT_LT(measured_m, 2 * deviation_m);
-    EXPECT_LT(report.deviation_m, 2 * deviation_m);
+    EXPECT_LE(report.deviation_m, deviation_m);
     EXPECT_GT(report.deviation_m, 0.05 * deviation_m);
   }
 }

@@ -159,6 +159,8 @@ TEST(SceneYaml, RefusesWhatIsWrongInOneLine) {
       {"mesh: room.obj\nunit_m: big\n", "unit_m"},
       {"mesh: room.obj\nceiling_m: -1\n", "ceiling_m"},
       {"mesh: room.obj\nceiling_m: .inf\n", "ceiling_m"},
+      {"mesh: room.obj\nsimplify_m: 0\n", "simplify_m"},
+      {"mesh: room.obj\nsimplify_m: 2\n", "simplify_m"},
       {"mesh: room.obj\nmaterials: gone.json\n", "gone.json"},
       {"mesh: room.obj\nassign: {paint: gypsum_bord}\n", "gypsum_board"},
       {"mesh: room.obj\nassign: [paint]\n", "assign"},
