@@ -65,6 +65,29 @@ std::string read_text(const Entry& entry, const std::string& key) {
   return entry.json[key].get<std::string>();
 }
 
+/// Of a pressure ratio to a share of the energy.
+void read_as_pressure(Material& material) {
+  for (float& value : material.absorption.value) value = 1.f - (1.f - value) * (1.f - value);
+  for (float& value : material.transmission.value) value *= value;
+}
+
+void read_source(const Entry& entry, Material& material) {
+  static const std::set<std::string> known{"absorption", "scattering", "transmission", "damping", "speed", "density"};
+  if (!entry.json.contains("source")) return;
+  const Json& json = entry.json["source"];
+  if (!json.is_object()) {
+    material.source = read_text(entry, "source");
+    return;
+  }
+  const Entry inner{json, entry.where + ", key 'source'"};
+  for (const auto& [key, unused] : json.items()) {
+    const std::string nearest = nearest_word(key, known);
+    if (!known.contains(key)) inner.fail(key, "is unknown", nearest.empty() ? "remove it" : "did you mean '" + nearest + "'?");
+    material.sources[key] = read_text(inner, key);
+    material.source += (material.source.empty() ? "" : "; ") + key + ": " + material.sources[key];
+  }
+}
+
 /// What passes a wall cannot be more than what it does not reflect.  Strict without a list of warnings.
 void limit_transmission(const Entry& entry, Material& material, std::vector<MaterialWarning>* warnings) {
   // Both are lines between their knots, so the difference is largest at a knot of one of them.
@@ -83,7 +106,7 @@ void limit_transmission(const Entry& entry, Material& material, std::vector<Mate
   material.transmission = std::move(limited);
 }
 
-Material read_material(const Json& json, std::size_t index, const std::string& where, std::vector<MaterialWarning>* warnings) {
+Material read_material(const Json& json, std::size_t index, const std::string& where, const MaterialImport& import) {
   static const std::set<std::string> known{"name",    "labels", "absorption", "scattering", "transmission",
                                            "damping", "speed",  "density",    "source"};
   Entry entry{json, fmt::format("{}: material {}", where, index)};
@@ -104,7 +127,8 @@ Material read_material(const Json& json, std::size_t index, const std::string& w
   material.scattering = read_curve(entry, "scattering", 1);
   material.transmission = json.contains("transmission") ? read_curve(entry, "transmission", 1) : CoefficientCurve::constant(0);
   material.damping_db_per_m = json.contains("damping") ? read_curve(entry, "damping", 1e6f) : CoefficientCurve::constant(0);
-  limit_transmission(entry, material, warnings);
+  if (import.reading == CoefficientReading::pressure) read_as_pressure(material);
+  if (!import.keep_transmission) limit_transmission(entry, material, import.warnings);
   if (json.contains("labels")) {
     if (!json["labels"].is_array()) entry.fail("labels", "is not a list", "write [\"wall\", ...]");
     for (const Json& label : json["labels"]) {
@@ -116,8 +140,17 @@ Material read_material(const Json& json, std::size_t index, const std::string& w
   if (json.contains("density")) material.density_kg_per_m3 = read_number(entry, "density", json["density"]);
   if (material.speed_m_per_s < 0) entry.fail("speed", "is negative", "write metres per second");
   if (material.density_kg_per_m3 < 0) entry.fail("density", "is negative", "write kilograms per cubic metre");
-  if (json.contains("source")) material.source = read_text(entry, "source");
+  read_source(entry, material);
   return material;
+}
+
+/// The reading that the file asks for, if any.
+std::optional<CoefficientReading> read_reading(const Json& json, const std::string& where) {
+  if (!json.contains("coefficients")) return std::nullopt;
+  if (json["coefficients"] == "energy") return CoefficientReading::energy;
+  if (json["coefficients"] == "pressure") return CoefficientReading::pressure;
+  throw InputError(where, "key 'coefficients' is neither \"energy\" nor \"pressure\"",
+                   "write one of them: shares of the energy, or of the pressure");
 }
 
 constexpr std::string_view builtin_json =
@@ -126,7 +159,12 @@ constexpr std::string_view builtin_json =
 
 }  // namespace
 
-MaterialDatabase MaterialDatabase::from_json(std::string_view text, const std::string& where, std::vector<MaterialWarning>* warnings) {
+const std::string& Material::source_of(const std::string& key) const {
+  const auto found = sources.find(key);
+  return found == sources.end() ? source : found->second;
+}
+
+MaterialDatabase MaterialDatabase::from_json(std::string_view text, const std::string& where, const MaterialImport& import) {
   Json json;
   try {
     json = Json::parse(text);
@@ -139,12 +177,21 @@ MaterialDatabase MaterialDatabase::from_json(std::string_view text, const std::s
     throw InputError(where, "has no list 'materials'", "write {\"materials\": [...]}");
   }
   for (const auto& [key, unused] : json.items()) {
-    if (key != "materials") throw InputError(where, "key '" + key + "' is unknown", "the only key here is 'materials'");
+    if (key != "materials" && key != "coefficients") {
+      throw InputError(where, "key '" + key + "' is unknown", "the keys here are 'materials' and 'coefficients'");
+    }
+  }
+  MaterialImport resolved = import;
+  if (const auto written = read_reading(json, where)) {
+    if (import.reading && *import.reading != *written) {
+      throw InputError(where, "says what its coefficients mean, and the scene says otherwise", "remove 'coefficients' from one of them");
+    }
+    resolved.reading = written;
   }
   MaterialDatabase database;
   std::set<std::string> names;
   for (const Json& entry : json["materials"]) {
-    database.materials_.push_back(read_material(entry, database.materials_.size(), where, warnings));
+    database.materials_.push_back(read_material(entry, database.materials_.size(), where, resolved));
     if (!names.insert(database.materials_.back().name).second) {
       throw InputError(where, "material '" + database.materials_.back().name + "' is there twice", "rename or remove one");
     }
@@ -152,8 +199,16 @@ MaterialDatabase MaterialDatabase::from_json(std::string_view text, const std::s
   return database;
 }
 
+MaterialDatabase MaterialDatabase::from_json(std::string_view text, const std::string& where, std::vector<MaterialWarning>* warnings) {
+  return from_json(text, where, MaterialImport{.reading = std::nullopt, .warnings = warnings});
+}
+
+MaterialDatabase MaterialDatabase::from_file(const std::filesystem::path& path, const MaterialImport& import) {
+  return from_json(read_file(path, std::size_t{64} << 20), path.string(), import);
+}
+
 MaterialDatabase MaterialDatabase::from_file(const std::filesystem::path& path, std::vector<MaterialWarning>* warnings) {
-  return from_json(read_file(path, std::size_t{64} << 20), path.string(), warnings);
+  return from_file(path, MaterialImport{.reading = std::nullopt, .warnings = warnings});
 }
 
 MaterialDatabase MaterialDatabase::builtin() { return from_json(builtin_json, "built-in materials"); }
@@ -171,6 +226,21 @@ const Material& MaterialDatabase::get(std::string_view name, const std::string& 
   throw InputError(
       where, "material '" + std::string(name) + "' is unknown",
       nearest.empty() ? fmt::format("the database has {} materials, see its file", names.size()) : "did you mean '" + nearest + "'?");
+}
+
+const Material* MaterialDatabase::find_by_substrings(std::string_view category) const {
+  const std::string text = fold_case(category);
+  const Material* best = nullptr;
+  std::size_t most = 0;
+  for (const Material& material : materials_) {
+    std::size_t score = 0;
+    for (const std::string& label : material.labels) score += !label.empty() && text.find(label) != std::string::npos ? 1 : 0;
+    if (score > most) {
+      most = score;
+      best = &material;
+    }
+  }
+  return best;
 }
 
 const Material* MaterialDatabase::find_label(std::string_view category) const {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -25,7 +26,11 @@ struct Material {
   CoefficientCurve absorption, scattering, transmission;
   CoefficientCurve damping_db_per_m;  ///< inside the material
   float speed_m_per_s = 0, density_kg_per_m3 = 0;
-  std::string source;  ///< publication of the numbers
+  std::string source;                          ///< where the numbers come from, all of it as one text
+  std::map<std::string, std::string> sources;  ///< per key (absorption, scattering, ...), if the file says it per key
+  std::string category;                        ///< semantic category that chose this material (semantic_materials.h); empty if none did
+  /// What `sources` says about this key, else `source`.
+  [[nodiscard]] const std::string& source_of(const std::string& key) const;
   static Material uniform(std::string name, float absorption, float scattering, float transmission = 0);
 };
 
@@ -34,8 +39,25 @@ struct MaterialWarning {
   std::string material, text;
 };
 
-/// Materials by exact name.  JSON: {"materials": [{"name", "labels", "absorption", "scattering", "transmission", "damping", "speed",
-/// "density", "source"}]}, curves as [Hz, value, ...]; name, absorption and scattering are required, the others default to none or 0.
+/// What the numbers of a material file mean.  Textbooks print shares of the energy; the predecessor's header calls its table shares of the
+/// pressure, though it holds textbook values (ORACLES.md O-15).
+enum class CoefficientReading {
+  energy,
+  pressure,  ///< 1 - absorption is a pressure ratio: alpha = 1 - (1 - a)^2, tau = t^2; scattering as it stands
+};
+
+/// How to read a material file.
+struct MaterialImport {
+  std::optional<CoefficientReading> reading =
+      std::nullopt;                                  ///< not given: what the file says under "coefficients", else energy; both must agree
+  std::vector<MaterialWarning>* warnings = nullptr;  ///< as below
+  bool keep_transmission = false;                    ///< neither refuse nor lower transmission > absorption: for the lint, not for a scene
+};
+
+/// Materials by exact name.  JSON: {"coefficients": "energy" or "pressure", "materials": [{"name", "labels", "absorption", "scattering",
+/// "transmission", "damping", "speed", "density", "source"}]}, curves as [Hz, value, ...]; name, absorption and scattering are required,
+/// the others default to none or 0.  "source" is text, or one text per key: {"absorption": "...", ...}.  The files of the predecessor (flat
+/// arrays, labels, damping, speed, density) are of this layout too.
 class MaterialDatabase {
  public:
   /// Throws InputError: missing file, JSON syntax with byte position, missing or mistyped key, coefficient outside [0, 1] or not a
@@ -43,13 +65,19 @@ class MaterialDatabase {
   /// Frequencies may come in any order; of equal ones the last wins.  With a list of warnings, transmission > absorption is
   /// lowered and reported instead of refused: tables of others have such entries (ORACLES.md O-22, H-27).
   static MaterialDatabase from_json(std::string_view json, const std::string& where, std::vector<MaterialWarning>* warnings = nullptr);
+  static MaterialDatabase from_json(std::string_view json, const std::string& where, const MaterialImport& import);
   static MaterialDatabase from_file(const std::filesystem::path& path, std::vector<MaterialWarning>* warnings = nullptr);
+  static MaterialDatabase from_file(const std::filesystem::path& path, const MaterialImport& import);
   /// The database that travels inside the binary (configs/materials.json).
   static MaterialDatabase builtin();
 
   [[nodiscard]] const Material* find(std::string_view name) const;
   /// Like find, but throws InputError with the nearest known name; `where` names the asking file and key.
   [[nodiscard]] const Material& get(std::string_view name, const std::string& where) const;
+  /// The predecessor's choice (FACTS.md 1.6), for those who want its numbers: the material with the most labels that occur anywhere inside
+  /// the lower-cased `category`, a label listed twice counting twice; of equal ones the first in the file (the predecessor leaves that
+  /// open); nullptr if no label occurs.  So `vegetable` is a `table`.
+  [[nodiscard]] const Material* find_by_substrings(std::string_view category) const;
   /// The material that carries `category` as a label, compared as a whole, case-folded; nullptr if none.
   [[nodiscard]] const Material* find_label(std::string_view category) const;
   [[nodiscard]] const std::vector<Material>& all() const { return materials_; }

@@ -1,12 +1,15 @@
 #include "sim/scene/materials.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <nlohmann/json.hpp>
 #include <set>
 
 #include "sim/base/errors.h"
+#include "sim/base/files.h"
 #include "tests/sim/scene/test_files.h"
 
 namespace earshot {
@@ -58,6 +61,62 @@ TEST(MaterialDatabase, ReadsEveryKey) {
   EXPECT_EQ(felt.speed_m_per_s, 343);
   EXPECT_EQ(felt.density_kg_per_m3, 12.5f);
   EXPECT_EQ(felt.source, "a book");
+}
+
+TEST(MaterialDatabase, SourceMayBeOneTextPerKey) {
+  const std::string curves = R"("absorption": [125, 0.2], "scattering": [125, 0.1])";
+  const MaterialDatabase database =
+      MaterialDatabase::from_json(with_entry(curves + R"(, "source": {"absorption": "a book", "scattering": "derived: a guess"})"), "db");
+  const Material& felt = database.all()[0];
+  EXPECT_EQ(felt.source_of("absorption"), "a book");
+  EXPECT_EQ(felt.source_of("scattering"), "derived: a guess");
+  EXPECT_EQ(felt.source, "absorption: a book; scattering: derived: a guess");
+  const MaterialDatabase plain = MaterialDatabase::from_json(with_entry(curves + R"(, "source": "a book")"), "db");
+  EXPECT_EQ(plain.all()[0].source_of("scattering"), "a book");
+  EXPECT_THAT(error_of(with_entry(curves + R"(, "source": {"absorbtion": "a"})")), HasSubstr("did you mean 'absorption'"));
+  EXPECT_THAT(error_of(with_entry(curves + R"(, "source": {"absorption": 3})")), HasSubstr("absorption"));
+}
+
+// ORACLES O-15: R_E = (1 - a)^2, and every transmission loss doubles in dB.
+TEST(MaterialDatabase, PressureReadingSquaresTheReflection) {
+  const std::string entry =
+      R"("materials": [{"name": "felt", "absorption": [125, 0.1, 4000, 0.6], "scattering": [125, 0.3], "transmission": [125, 0.01]}]})";
+  const std::string plain = "{" + entry, marked = R"({"coefficients": "pressure", )" + entry;
+  const MaterialImport pressure{.reading = CoefficientReading::pressure}, energy{.reading = CoefficientReading::energy};
+  for (const MaterialDatabase& database : {MaterialDatabase::from_json(plain, "db", pressure), MaterialDatabase::from_json(marked, "db"),
+                                           MaterialDatabase::from_json(marked, "db", pressure)}) {
+    const Material& felt = database.all()[0];
+    EXPECT_FLOAT_EQ(felt.absorption.at(125), 0.19f);
+    EXPECT_FLOAT_EQ(felt.absorption.at(4000), 0.84f);
+    EXPECT_FLOAT_EQ(felt.scattering.at(125), 0.3f);
+    EXPECT_FLOAT_EQ(felt.transmission.at(125), 1e-4f);
+  }
+  EXPECT_FLOAT_EQ(MaterialDatabase::from_json(plain, "db").all()[0].absorption.at(125), 0.1f) << "energy is the default";
+  EXPECT_FLOAT_EQ(MaterialDatabase::from_json(plain, "db", energy).all()[0].transmission.at(125), 0.01f);
+  EXPECT_THAT(message_of<InputError>([&] { MaterialDatabase::from_json(marked, "db", energy); }), HasSubstr("otherwise"));
+  EXPECT_THAT(error_of(R"({"coefficients": "volts", "materials": []})"), HasSubstr("pressure"));
+}
+
+// FACTS.md 1.6: what the predecessor does, on request.
+TEST(MaterialDatabase, SubstringMatchingCountsLabels) {
+  const MaterialDatabase database = MaterialDatabase::from_json(R"({"materials": [
+    {"name": "Default", "labels": ["default"], "absorption": [125, 0.1], "scattering": [125, 0.1]},
+    {"name": "wood, Thick", "labels": ["table", "stairs"], "absorption": [125, 0.1], "scattering": [125, 0.1]},
+    {"name": "Wood Floor", "labels": ["stair"], "absorption": [125, 0.1], "scattering": [125, 0.1]},
+    {"name": "Gypsum Board", "labels": ["wall"], "absorption": [125, 0.1], "scattering": [125, 0.1]},
+    {"name": "Carpet", "labels": ["floor", "floor"], "absorption": [125, 0.1], "scattering": [125, 0.1]},
+    {"name": "Lamp", "labels": ["wall-lamp", "lamp"], "absorption": [125, 0.1], "scattering": [125, 0.1]}]})",
+                                                                "db");
+  const auto name = [&](const char* category) {
+    const Material* found = database.find_by_substrings(category);
+    return found ? found->name : "";
+  };
+  EXPECT_EQ(name("vegetable"), "wood, Thick") << "the predecessor's table in a vegetable";
+  EXPECT_EQ(name("Wall-Lamp"), "Lamp") << "two labels beat one";
+  EXPECT_EQ(name("wall-floor"), "Carpet") << "a label listed twice counts twice";
+  EXPECT_EQ(name("stairs"), "wood, Thick") << "a tie: the first in the file";
+  EXPECT_EQ(name("gypsum board"), "") << "names do not count";
+  for (const char* category : {"vegetable", "wall-lamp", "wall/lamp"}) EXPECT_TRUE(!database.find_label(category) || category[4] == '-');
 }
 
 // Whole words: the predecessor matched `table` inside `vegetable` (FACTS.md 1.6).
@@ -159,6 +218,49 @@ TEST(BuiltinMaterials, CarryThePublishedNumbers) {
   EXPECT_FLOAT_EQ(database.get("upholstery", "").absorption.at(1000), 0.89f);
   EXPECT_NEAR(10 * std::log10(database.get("wood_door", "").transmission.at(125)), -29, 0.05);
   EXPECT_EQ(database.find_label("default")->name, "default");
+}
+
+// Every row that is said to be Vorlaender's is the row of that name in the published file, number by number.
+TEST(BuiltinMaterials, AreThePublishedRowsTheyName) {
+  const std::filesystem::path path = data_folder() / "materials/pyroomacoustics_materials.json";
+  if (!std::filesystem::exists(path)) GTEST_SKIP() << "no " << path;
+  const nlohmann::json table = nlohmann::json::parse(read_file(path));
+  const auto row = [&](const char* kind, const std::string& key) {
+    for (const auto& group : table[kind]) {
+      if (group.contains(key)) return group[key]["coeffs"].get<std::vector<float>>();
+    }
+    return std::vector<float>{};
+  };
+  const std::string mark = "Vorlaender, Auralization (Springer 2008), annex, row '";
+  int compared = 0;
+  const MaterialDatabase database = MaterialDatabase::builtin();
+  for (const Material& material : database.all()) {
+    for (const auto& [kind, curve] : {std::pair{"absorption", &material.absorption}, std::pair{"scattering", &material.scattering}}) {
+      const std::string& source = material.source_of(kind);
+      const std::size_t at = source.find(mark);
+      if (at == std::string::npos) continue;
+      const std::size_t begin = at + mark.size();
+      EXPECT_EQ(curve->value, row(kind, source.substr(begin, source.find('\'', begin) - begin))) << material.name << " " << kind;
+      EXPECT_EQ(curve->hz.front(), 125.f);
+      ++compared;
+    }
+  }
+  EXPECT_GE(compared, 35);
+}
+
+TEST(BuiltinMaterials, AreTheTableInTheDocuments) {
+  const std::string text = read_file(std::filesystem::path(EARSHOT_SOURCE_DIR) / "docs/materials.md");
+  const MaterialDatabase database = MaterialDatabase::builtin();
+  for (const Material& material : database.all()) {
+    const std::pair<const char*, const CoefficientCurve*> rows[] = {
+        {"absorption", &material.absorption}, {"scattering", &material.scattering}, {"transmission", &material.transmission}};
+    for (const auto& [key, curve] : rows) {
+      std::string line = fmt::format("| {} | {} |", key[0] == 'a' ? material.name : "", key[0]);
+      for (const float hz : {125.f, 250.f, 500.f, 1000.f, 2000.f, 4000.f}) line += fmt::format(" {:.3g} |", curve->at(hz));
+      line += " " + material.source_of(key) + " |\n";
+      EXPECT_NE(text.find(line), std::string::npos) << "docs/materials.md lacks the line " << line;
+    }
+  }
 }
 
 TEST(BuiltinMaterials, AreTheFileInConfigs) {
