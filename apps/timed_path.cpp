@@ -1,0 +1,48 @@
+#include "apps/timed_path.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <fstream>
+#include <sstream>
+
+#include "sim/base/errors.h"
+
+namespace earshot {
+
+std::vector<TimedPose> read_timed_path(const std::string& path) {
+  std::ifstream stream(path);
+  if (!stream) throw InputError(path, "cannot be opened", "name a CSV file with the columns t_s,x,y,z,heading_deg");
+  std::vector<TimedPose> poses;
+  int line_number = 0;
+  for (std::string line; std::getline(stream, line);) {
+    ++line_number;
+    if (line.empty() || line == "\r" || line.starts_with("#") || line.starts_with("t_s")) continue;
+    std::istringstream fields(line);
+    TimedPose pose;
+    std::array<char, 4> commas{};
+    fields >> pose.t_s >> commas[0] >> pose.position.x >> commas[1] >> pose.position.y >> commas[2] >> pose.position.z >> commas[3] >> pose.heading_deg;
+    const double sum = pose.t_s + pose.position.x + pose.position.y + pose.position.z + pose.heading_deg;
+    if (fields.fail() || commas != std::array{',', ',', ',', ','} || !std::isfinite(sum))
+      throw InputError(fmt::format("{}:{}", path, line_number), "is not 't_s,x,y,z,heading_deg'", "write five finite numbers");
+    if (!poses.empty() && pose.t_s <= poses.back().t_s)
+      throw InputError(fmt::format("{}:{}", path, line_number), "time does not rise", "sort the poses by t_s");
+    poses.push_back(pose);
+  }
+  if (poses.size() < 2) throw InputError(path, "holds fewer than two poses", "give a start and an end");
+  return poses;
+}
+
+TimedPose pose_at(const std::vector<TimedPose>& path, double t_s) {
+  if (path.size() == 1) return {t_s, path[0].position, path[0].heading_deg};
+  std::size_t next = 1;
+  while (next + 1 < path.size() && path[next].t_s < t_s) ++next;
+  const TimedPose &a = path[next - 1], &b = path[next];
+  const double share = std::clamp((t_s - a.t_s) / (b.t_s - a.t_s), 0.0, 1.0);
+  const double turn_deg = std::remainder(b.heading_deg - a.heading_deg, 360.0);
+  return {t_s, a.position + share * (b.position - a.position), a.heading_deg + share * turn_deg};
+}
+
+}  // namespace earshot
