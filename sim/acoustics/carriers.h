@@ -16,9 +16,11 @@ namespace earshot {
 ///
 /// The noise is flattened (ORACLES 2.6): in every octave its power averaged over about 2 / bandwidth is nearly constant, so that the decay
 /// of a rendered response is that of its energy.  Flattening each channel alone would be lost where channels are mixed, as they are in the
-/// ears; here the local covariance of all channels is made the identity, so every mixture is flat.
+/// ears; the first four channels are therefore flattened together, so that every mixture of them is flat.  Further ones, which only
+/// ambisonics above first order have, are flattened alone.
 class CarrierBank {
  public:
+  static constexpr int kMaxChannels = 256;
   /// length: of the loops, a power of two; may be shorter than a response, which then repeats it.
   CarrierBank(const BandLayout& bands, float sample_rate_hz, int num_channels, int length, std::uint64_t seed);
   [[nodiscard]] std::size_t length() const { return length_; }

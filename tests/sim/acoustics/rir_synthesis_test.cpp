@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
+
 #include "sim/base/errors.h"
 #include "tests/sim/acoustics/synthesis_cases.h"
 
@@ -121,22 +123,28 @@ TEST(RirSynthesis, LateEnergyIsWhatWasPutIn) {  // ORACLES 2.6 (b); DESIGN.md, p
   }
 }
 
-TEST(RirSynthesis, LateSpectrumIsFlat) {  // ORACLES 2.6 (c)
+// ORACLES 2.6 (c).  One source alone scatters by 0.34 dB at 125 Hz, where an octave of this decay has few degrees of freedom, and by 0.2 dB
+// and less above; the mean over 32 must be four times flatter than the oracle asks.
+TEST(RirSynthesis, LateSpectrumIsFlat) {
   RirSynthesizer synthesizer = usual_mono();
   EnergyResponse response = response_with();
   response.late = decay_of(0.8, 0.02, 7);
-  const Rir rir = rendered(synthesizer, response);
-  const auto spectrum = spectrum_of(rir.samples);
-  const auto size = static_cast<double>(2 * (spectrum.size() - 1));
   const double put_in = 0.02 * (1.0 - std::exp(-6.0 * std::log(10.0) * 0.5 / 0.8));
-  for (int band = 0; band < 6; ++band) {
-    const double centre_hz = 1000.0 * std::pow(10.0, 0.3 * (band - 3));
-    double sum = 0, count = 0;
-    for (auto k = static_cast<std::size_t>(centre_hz / 1.41 / 16000.0 * size); static_cast<double>(k) < centre_hz * 1.41 / 16000.0 * size;
-         ++k, ++count)
-      sum += std::norm(spectrum[k]);
-    EXPECT_NEAR(db(sum / count / put_in), 0.0, 0.5) << centre_hz;
+  std::array<double, 6> sum{}, count{};
+  for (std::uint64_t key = 1; key <= 32; ++key) {
+    const auto spectrum = spectrum_of(rendered(synthesizer, response, 0, key).samples);
+    const auto size = static_cast<double>(2 * (spectrum.size() - 1));
+    for (std::size_t band = 0; band < 6; ++band) {
+      const double centre_hz = 1000.0 * std::pow(10.0, 0.3 * (static_cast<double>(band) - 3.0));
+      double of_band = 0, bins = 0;
+      for (auto k = static_cast<std::size_t>(centre_hz / 1.41 / 16000.0 * size); static_cast<double>(k) < centre_hz * 1.41 / 16000.0 * size;
+           ++k, ++bins)
+        of_band += std::norm(spectrum[k]);
+      EXPECT_NEAR(db(of_band / bins / put_in), 0.0, band == 0 ? 1.4 : band == 1 ? 1.0 : 0.6) << centre_hz;  // four sigma
+      sum[band] += of_band, count[band] += bins;
+    }
   }
+  for (std::size_t band = 0; band < 6; ++band) EXPECT_NEAR(db(sum[band] / count[band] / put_in), 0.0, band == 0 ? 0.25 : 0.125) << band;
 }
 
 TEST(RirSynthesis, BandEnergiesStayInTheirBands) {
