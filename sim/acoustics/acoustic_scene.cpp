@@ -6,6 +6,7 @@
 #include <string>
 
 #include "sim/acoustics/air_absorption.h"
+#include "sim/acoustics/specular_lobe.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 
@@ -74,6 +75,7 @@ AcousticScene::AcousticScene(std::shared_ptr<const Scene> scene, const AcousticC
       air_[band] = static_cast<float>(air_absorption_energy_per_m(scene_->air(), bands_.centre_hz[band]));
     }
   }
+  if (config_.specular_exponent > 0.f) specular_lobe_ = std::make_shared<const SpecularLobe>(config_.specular_exponent);
   planes_ = find_mirror_planes(scene_->mesh());
   if (!scene_->mesh().triangles.empty()) diagonal_m_ = glm::length(scene_->bounds().upper - scene_->bounds().lower);
   hash_ = hash_of(config_, scene_->hash());

@@ -12,6 +12,8 @@
 
 namespace earshot {
 
+class SpecularLobe;
+
 /// A scene seen through one acoustic configuration: coefficients per band, air, planes.  Immutable, shared by all threads; holds the
 /// scene alive.
 class AcousticScene {
@@ -39,6 +41,12 @@ class AcousticScene {
   [[nodiscard]] const float* padded_reflectance(std::uint32_t material) const { return &reflectance_[std::size_t{material} * stride_]; }
   [[nodiscard]] const float* padded_scattering(std::uint32_t material) const { return &scattering_[std::size_t{material} * stride_]; }
   [[nodiscard]] const float* padded_transmission(std::uint32_t material) const { return &transmission_[std::size_t{material} * stride_]; }
+  /// Lobe of the specular share; null for a mirror (config.specular_exponent = 0).
+  [[nodiscard]] const SpecularLobe* specular_lobe() const { return specular_lobe_.get(); }
+  /// Up to which order image paths carry specular reflections: 0 without mirrors.
+  [[nodiscard]] int image_order() const {
+    return config_.early == Switch::off || config_.specular_exponent > 0.f ? 0 : config_.early_order;
+  }
   /// Energy exponent of air per band, at its centre; all zero if air absorption is off.
   [[nodiscard]] std::span<const float> air_energy_per_m() const { return air_; }
   [[nodiscard]] std::span<const MirrorPlane> planes() const { return planes_.planes; }
@@ -63,6 +71,7 @@ class AcousticScene {
   float diagonal_m_ = 0;
   std::vector<float> reflectance_, scattering_, transmission_, damping_, mean_scattering_, air_;
   bool transmits_ = false;
+  std::shared_ptr<const SpecularLobe> specular_lobe_;
   MirrorPlanes planes_;
   std::uint64_t hash_ = 0;
 };

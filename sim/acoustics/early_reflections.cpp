@@ -54,7 +54,7 @@ EarlyCandidates::EarlyCandidates(const AcousticScene& scene, const SoundSource& 
     : source_(sound_source), emission_(sound_source, scene.bands()) {
   const glm::vec3 source = source_.position;
   const AcousticConfig& config = scene.config();
-  const int order = config.early == Switch::off ? 0 : config.early_order;
+  const int order = scene.image_order();
   const auto num_planes = static_cast<std::uint32_t>(scene.planes().size());
   if (order == 0 || num_planes == 0) return;
 

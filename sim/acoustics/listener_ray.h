@@ -10,6 +10,7 @@
 
 #include "sim/acoustics/path_tracer.h"
 #include "sim/acoustics/sampling.h"
+#include "sim/acoustics/source_volume.h"
 #include "sim/base/random.h"
 
 /// One listener ray of the path tracer, from vertex to vertex.  Internal to path_tracer.cpp; its equations are those of ORACLES 2.1 to 2.5.
@@ -27,11 +28,11 @@ struct Trace {
   SphereSequence directions;
   std::uint32_t num_rays;
   int max_bounces, carried_order, sh_order, num_coefficients;
-  float share_of_ray;          // 1 / num_rays
+  float share_of_ray;  // 1 / num_rays
   float max_path_m, seconds_per_m;
-  float stage_m;               // rays are balanced each time they have gone this far
-  float least_distance2_m2;    // of the geometry term
-  float source_radius_m;       // zero: no source volume
+  float stage_m;             // rays are balanced each time they have gone this far
+  float least_distance2_m2;  // of the geometry term
+  float source_radius_m;     // zero: no source volume
   bool diffuse_last_leg;
 };
 
@@ -93,16 +94,9 @@ float sum_of(const float (&values)[W]) {
 template <int W>
 void cross_source_volume(const Trace& trace, RayState<W>& ray, glm::vec3 origin, glm::vec3 direction, float segment_m,
                          EnergyHistogram& histogram, TraceStats& stats) {
-  const glm::vec3 to_source = trace.source - origin;
-  const float along_m = glm::dot(to_source, direction);
-  const float radius2 = trace.source_radius_m * trace.source_radius_m;
-  const glm::vec3 miss = to_source - along_m * direction;
-  const float half2 = radius2 - glm::dot(miss, miss);
-  if (!(half2 > 0)) return;
-  const float half_m = std::sqrt(half2);
-  const float enter_m = std::max(along_m - half_m, 0.f), leave_m = std::min(along_m + half_m, segment_m);
+  const auto [enter_m, leave_m] = chord_through(trace.source, trace.source_radius_m, origin, direction, segment_m);
   if (!(leave_m > enter_m) || carried<W>(trace, ray, nullptr)) return;
-  const float volume_m3 = 4.f / 3.f * kPi * radius2 * trace.source_radius_m;
+  const float volume_m3 = 4.f / 3.f * kPi * trace.source_radius_m * trace.source_radius_m * trace.source_radius_m;
   const float factor = trace.share_of_ray * (leave_m - enter_m) / (4.f * kPi * volume_m3);
   for (int b = 0; b < W; ++b) ray.arriving[b] = ray.throughput[b] * factor;
   if (!std::isfinite(sum_of(ray.arriving))) {

@@ -10,10 +10,11 @@
 #include <numbers>
 #include <vector>
 
+#include "sim/acoustics/arrival_harmonics.h"
 #include "sim/acoustics/listener_ray.h"
-#include "sim/acoustics/ray_population.h"
+#include "sim/acoustics/ray_balance.h"
 #include "sim/acoustics/sampling.h"
-#include "sim/audio/ambisonics.h"
+#include "sim/acoustics/source_volume.h"
 #include "sim/base/random.h"
 
 namespace earshot {
@@ -24,100 +25,13 @@ using listener_ray::Trace;
 
 namespace {
 
-constexpr std::uint32_t kRaysPerChunk = 256;   // unit of work and of the order of summation: part of the bits
-constexpr std::uint32_t kChunksPerWave = 16;    // histograms held at once
-/// Rays of a chunk are weighed against each other each time that they have gone half a diagonal of the scene further (a bounce or two).
-/// When their weights are so uneven that they are worth less than this share of their number, light ones end and heavy ones split.
-/// Measured, 64 rays, T30 rms error over 60 seeds and 7 bands in a furnished house whose surfaces absorb 2 to 90 %: 16 and 17 % (two sources)
-/// when each ray goes its own way, 11 and 11 % with this.
-constexpr double kUnevenShare = 0.7;
-constexpr float kStageOfDiagonal = 0.5f;
-/// Mean throughput, relative to the start, below which the number of rays falls with the energy.  1e-4 costs 30 % more rays for the same
-/// T30 error, 1e-2 has up to twice the error.
-constexpr double kTaperBelow = 1e-3;
+constexpr std::uint32_t kChunksPerWave = 16;  // histograms held at once
 /// Of the scene's diagonal: shortest distance in the geometry term.  Small, because scenes with 20 km of ground are legal.
 constexpr float kLeastDistanceShare = 1e-5f;
 
 int num_bins(const AcousticConfig& config) {
   // A hair's breadth against 0.5f / 0.004f = 125.0000001.
   return static_cast<int>(std::ceil(double{config.rir_length_s} / config.time_bin_s * (1.0 - 1e-6)));
-}
-
-void write_harmonics(glm::vec3 direction, int order, std::span<float> sh) {
-  if (order > 1) return spherical_harmonics_n3d(direction, order, sh);
-  sh[0] = 1.f;
-  if (order == 0) return;
-  // Ambisonic axes (x, y, z) = (-z, -x, y) of the world; ACN order W, Y, Z, X.
-  const float root3 = std::numbers::sqrt3_v<float>;
-  sh[1] = -root3 * direction.x;
-  sh[2] = root3 * direction.y;
-  sh[3] = -root3 * direction.z;
-}
-
-/// Radius of the source volume: as configured, or less where a surface is nearer.
-float free_radius_m(const AcousticScene& scene, glm::vec3 source) {
-  constexpr std::uint32_t probes = 64;
-  const SphereSequence directions(0x80000000u, 0x80000000u);
-  float nearest_m = std::numeric_limits<float>::infinity();
-  for (std::uint32_t i = 0; i < probes; ++i) {
-    nearest_m = std::min(nearest_m, scene.scene().rays().intersect(source, directions.direction(i)).distance_m);
-  }
-  return std::min(scene.config().source_radius_m, 0.9f * nearest_m);
-}
-
-/// Ends light rays and splits heavy ones if their weights have become too uneven, or if the energy is so far down that fewer will do.  A
-/// ray's weight is the mean over bands of its share of the band, so that bands that decay faster keep their rays too.
-template <int W>
-void balance(const Trace& trace, std::span<RayState<W>> rays, double random) {
-  std::array<double, W> band_sum{};
-  for (const RayState<W>& ray : rays) {
-    if (!ray.alive) continue;
-    for (int b = 0; b < W; ++b) band_sum[b] += ray.reflected[b];
-  }
-  std::array<double, W> per_band_sum;
-  double loudest = 0;
-  for (int b = 0; b < W; ++b) {
-    per_band_sum[b] = band_sum[b] > 0 ? 1.0 / (band_sum[b] * trace.scene.num_bands()) : 0.0;
-    loudest = std::max(loudest, band_sum[b]);
-  }
-  if (!(loudest > 0)) {
-    for (RayState<W>& ray : rays) ray.alive = false;
-    return;
-  }
-  std::array<double, kRaysPerChunk> weight;
-  int alive = 0;
-  for (std::size_t i = 0; i < rays.size(); ++i) {
-    weight[i] = 0;
-    if (!rays[i].alive) continue;
-    ++alive;
-    for (int b = 0; b < W; ++b) weight[i] += rays[i].reflected[b] * per_band_sum[b];
-  }
-  const auto started = static_cast<double>(rays.size());
-  const double level = loudest / started;
-  const int target = std::max(1, static_cast<int>(std::ceil(started * std::min(1.0, level / kTaperBelow))));
-  const auto weights = std::span<const double>(weight).first(rays.size());
-  if (effective_count(weights) >= kUnevenShare * target && alive <= 1.25 * target) return;
-
-  std::array<int, kRaysPerChunk> copies;
-  choose_copies(weights, target, random, std::span(copies).first(rays.size()));
-  double total = 0;
-  for (const double w : weights) total += w;
-  std::size_t free_slot = 0;
-  for (std::size_t i = 0; i < rays.size(); ++i) {
-    if (!rays[i].alive) continue;
-    if (copies[i] == 0) {
-      rays[i].alive = false;
-      continue;
-    }
-    const auto factor = static_cast<float>(total / (target * weight[i]));
-    for (int b = 0; b < W; ++b) rays[i].reflected[b] *= factor;
-  }
-  for (std::size_t i = 0; i < rays.size(); ++i) {
-    for (; copies[i] > 1 && weight[i] > 0; --copies[i]) {
-      while (rays[free_slot].alive) ++free_slot;
-      rays[free_slot] = rays[i];
-    }
-  }
 }
 
 template <int W>
@@ -144,7 +58,7 @@ void trace_chunk(const Trace& trace, std::uint32_t chunk, EnergyHistogram& histo
       any_alive = any_alive || rays[i].alive;
     }
     if (!any_alive) return;
-    balance<W>(trace, rays, RandomStream(seed, Purpose::roulette, chunk, stage).uniform(0));
+    balance<W>(trace.scene.num_bands(), rays, RandomStream(seed, Purpose::roulette, chunk, stage).uniform(0));
   }
 }
 
@@ -231,7 +145,7 @@ TraceStats trace_late(const AcousticScene& scene, const EarlyCandidates& candida
                     .directions = {shift[0], shift[1]},
                     .num_rays = num_rays,
                     .max_bounces = config.max_bounces,
-                    .carried_order = config.early == Switch::off ? 0 : config.early_order,
+                    .carried_order = scene.image_order(),
                     .sh_order = config.sh_order,
                     .num_coefficients = histogram.num_coefficients(),
                     .share_of_ray = 1.f / static_cast<float>(num_rays),

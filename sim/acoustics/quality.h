@@ -29,7 +29,7 @@ struct AcousticConfig {
   int rays = 64;            ///< from the listener, [0, 2^31)
   int max_bounces = 1000;   ///< a safety bound; time and Russian roulette end rays
   int source_rays = 0;      ///< > 0: bidirectional path tracing with this many rays from the source, [0, 2^20]
-  int source_bounces = 10;  ///< of those, [1, 1000]
+  int source_bounces = 10;  ///< of those, [1, 60]
   /// 0: the specular share leaves as from a mirror.  > 0: in a lobe of cos^n about it, normalised to keep all energy, [1, 1000].
   float specular_exponent = 0.f;
   float time_bin_s = 0.004f;      ///< (0, 0.1]

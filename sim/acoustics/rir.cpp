@@ -24,14 +24,21 @@ void apply_emission(const Emission& emission, std::size_t num_bands, std::span<A
 
 }  // namespace
 
-void compute_energy_response(const AcousticScene& scene, const EarlyCandidates& candidates, glm::vec3 listener, EnergyResponse& response) {
+void compute_energy_response(const AcousticScene& scene, const EarlyCandidates& candidates, glm::vec3 listener, EnergyResponse& response,
+                             const std::function<void(double share)>& progress) {
   response.speed_of_sound_m_per_s = scene.speed_of_sound_m_per_s();
   response.arrivals.clear();
   candidates.find_arrivals(scene, listener, response.arrivals);
   find_transmitted(scene, candidates.source(), listener, response.arrivals);
   apply_emission(candidates.emission(), static_cast<std::size_t>(scene.num_bands()), response.arrivals);
   if (!has_shape_of(scene, response.late)) response.late = make_histogram(scene);
-  response.stats = trace_late(scene, candidates, listener, response.late);
+  if (scene.config().source_rays > 0 || scene.config().specular_exponent > 0.f) {
+    response.stats =
+        trace_bidirectional(scene, candidates, listener, response.late, &response.batches, BidirectionalOptions{.progress = progress});
+  } else {
+    response.batches.clear();
+    response.stats = trace_late(scene, candidates, listener, response.late);
+  }
 }
 
 }  // namespace earshot

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "sim/acoustics/acoustic_scene.h"
+#include "sim/acoustics/bidirectional_tracer.h"
 #include "sim/acoustics/early_reflections.h"
 #include "sim/acoustics/energy_histogram.h"
 #include "sim/acoustics/path_tracer.h"
@@ -16,11 +17,15 @@ struct EnergyResponse {
   std::vector<Arrival> arrivals;  ///< direct and early, sorted by distance
   EnergyHistogram late;
   TraceStats stats;
+  LateBatches batches;  ///< parts of the late field for late_errors(); only from the bidirectional tracer
   float speed_of_sound_m_per_s = 0;  ///< turns distances of arrivals into times; > 0 once computed
 };
 
 /// Energy response of (scene, source, listener).  A pure function of its arguments and the config: the same pose gives the same bits
-/// whenever and wherever it is asked.  Reuses the storage of `response`; no allocation once warm (single-threaded config).
-void compute_energy_response(const AcousticScene& scene, const EarlyCandidates& candidates, glm::vec3 listener, EnergyResponse& response);
+/// whenever and wherever it is asked.  Reuses the storage of `response`; no allocation once warm (single-threaded config, listener-rooted).
+/// The late field is that of trace_bidirectional if config asks for source_rays or a specular_exponent, else of trace_late.
+/// progress: see BidirectionalOptions; only the bidirectional tracer reports.
+void compute_energy_response(const AcousticScene& scene, const EarlyCandidates& candidates, glm::vec3 listener, EnergyResponse& response,
+                             const std::function<void(double share)>& progress = {});
 
 }  // namespace earshot
