@@ -88,7 +88,10 @@ Scene load_scene(const std::string& spec, const SceneOverrides& overrides) {
 
   std::vector<MaterialWarning> material_warnings;
   const MaterialDatabase database =
-      config.materials ? MaterialDatabase::from_file(*config.materials, &material_warnings) : MaterialDatabase::builtin();
+      config.materials
+          ? MaterialDatabase::from_file(*config.materials, MaterialImport{.reading = config.coefficients, .warnings = &material_warnings})
+          : MaterialDatabase::builtin();
+  if (config.own_semantics) config.rules.semantics->require_materials(database);
   if (yaml && config.has_import_options && !is_mesh_file(config.mesh)) {
     throw InputError(spec, "up and unit_m are given, but mesh is generated", "remove them: they describe mesh files");
   }
@@ -99,6 +102,9 @@ Scene load_scene(const std::string& spec, const SceneOverrides& overrides) {
   if (config.ceiling_m) add_ceiling(geometry, *config.ceiling_m, spec);
   if (config.simplify_m) geometry.report.simplified = simplify_mesh(geometry.mesh, *config.simplify_m);
   std::vector<Material> materials = assign_materials(geometry.mesh, config.rules, database, geometry.own, spec, geometry.report.warnings);
+  if (config.randomization) {
+    materials = randomize_materials(spec, {}, materials, *config.rules.semantics, database, *config.randomization);
+  }
   return Scene(spec, std::move(geometry.mesh), std::move(materials), config.air, std::move(geometry.report));
 }
 

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <map>
+#include <tuple>
 
 #include "sim/base/errors.h"
 #include "sim/scene/text_match.h"
@@ -32,10 +33,17 @@ const Material* find_by_slot_name(const MaterialDatabase& database, std::string_
   return find_called(database, slot);
 }
 
+/// The material of a slot, and the category that chose it (empty: none).
+struct Decision {
+  const Material* material = nullptr;
+  std::string category = {};
+};
+
 /// The rules with their materials looked up, remembering which patterns matched anything.
 class RuleBook {
  public:
-  RuleBook(const MaterialRules& rules, const MaterialDatabase& database, const std::string& where) : database_(database) {
+  RuleBook(const MaterialRules& rules, const MaterialDatabase& database, const std::string& where)
+      : database_(database), semantics_(rules.semantics.get()), label_matching_(rules.label_matching) {
     for (const auto& [pattern, name] : rules.assign) {
       rules_.push_back({pattern, &database.get(name, where + ": assign." + pattern), is_glob(pattern)});
     }
@@ -43,17 +51,30 @@ class RuleBook {
     fallback_ = database.find_label("default");
   }
 
-  /// nullptr: nothing answers.
-  const Material* decide(const std::string& slot, const std::string& node, const std::optional<Material>& own) {
+  /// No material: nothing answers.
+  Decision decide(const std::string& slot, const std::string& node, const std::optional<Material>& own) const {
     for (const bool glob : {false, true}) {
       for (const std::string* name : {&slot, &node}) {
-        if (const Material* found = first_match(*name, glob)) return found;
+        if (const Material* found = first_match(*name, glob)) return {found};
       }
     }
-    if (own) return &*own;
-    if (default_) return default_;
-    if (const Material* found = find_by_slot_name(database_, slot)) return found;
-    return fallback_;
+    if (semantics_) {
+      for (const std::string* name : {&slot, &node}) {
+        const std::string category = semantics_->category_of(*name);
+        const std::vector<const Material*> materials = semantics_->materials_of(category, database_);
+        if (!materials.empty()) return {materials.front(), category};
+      }
+    }
+    if (own) return {&*own};
+    if (default_) return {default_};
+    if (label_matching_ == LabelMatching::exact) {
+      if (const Material* found = find_by_slot_name(database_, slot)) return {found};
+    } else {
+      for (const std::string* name : {&slot, &node}) {
+        if (const Material* found = database_.find_by_substrings(*name)) return {found};
+      }
+    }
+    return {fallback_};
   }
 
   void note_matches(const std::vector<std::string>& names) {
@@ -86,6 +107,8 @@ class RuleBook {
   }
 
   const MaterialDatabase& database_;
+  const SemanticMaterials* semantics_;
+  LabelMatching label_matching_;
   std::vector<Rule> rules_;
   const Material* default_ = nullptr;
   const Material* fallback_ = nullptr;
@@ -104,8 +127,8 @@ std::vector<Material> assign_materials(TriangleMesh& mesh, const MaterialRules& 
   const std::vector<std::string> old_names = std::move(mesh.material_names);
   mesh.material_names.clear();
   std::vector<Material> materials;
-  using SlotOfPair = std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint32_t>;    // (old slot, node) -> new slot
-  using SlotOfMaterial = std::map<std::pair<std::uint32_t, std::string>, std::uint32_t>;  // (old slot, material) -> new slot
+  using SlotOfPair = std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint32_t>;                  // (old slot, node) -> new slot
+  using SlotOfMaterial = std::map<std::tuple<std::uint32_t, std::string, std::string>, std::uint32_t>;  // (old, material, category) -> new
   SlotOfPair slot_of_pair;
   SlotOfMaterial slot_of_material;
   std::vector<bool> slot_taken(old_names.size(), false);
@@ -114,16 +137,19 @@ std::vector<Material> assign_materials(TriangleMesh& mesh, const MaterialRules& 
     const std::uint32_t slot = mesh.triangle_material[t], node = mesh.triangle_object[t];
     const auto [pair, is_new_pair] = slot_of_pair.try_emplace({slot, node}, 0u);
     if (is_new_pair) {
-      const Material* material = book.decide(old_names[slot], mesh.object_names[node], slot < own.size() ? own[slot] : no_material);
+      const auto [material, category] = book.decide(old_names[slot], mesh.object_names[node], slot < own.size() ? own[slot] : no_material);
       if (!material) {
         throw InputError(where, fmt::format("no material for '{}': the database has none labelled 'default'", old_names[slot]),
                          "set default_material, or label an entry 'default'");
       }
-      const auto [split, is_new_slot] = slot_of_material.try_emplace({slot, material->name}, static_cast<std::uint32_t>(materials.size()));
+      const auto [split, is_new_slot] =
+          slot_of_material.try_emplace({slot, material->name, category}, static_cast<std::uint32_t>(materials.size()));
       if (is_new_slot) {
-        mesh.material_names.push_back(slot_taken[slot] ? fmt::format("{} ({})", old_names[slot], material->name) : old_names[slot]);
+        mesh.material_names.push_back(
+            slot_taken[slot] ? fmt::format("{} ({})", old_names[slot], category.empty() ? material->name : category) : old_names[slot]);
         slot_taken[slot] = true;
         materials.push_back(*material);
+        materials.back().category = category;
       }
       pair->second = split->second;
     }

@@ -33,6 +33,28 @@ MaterialRules read_rules(ConfigReader& reader) {
   return rules;
 }
 
+void read_semantics(ConfigReader& reader, const std::filesystem::path& path, SceneConfig& config) {
+  if (reader.has("semantics")) {
+    std::string name;
+    reader.read("semantics", name);
+    config.own_semantics = name != "indoor";
+    config.rules.semantics = std::make_shared<const SemanticMaterials>(
+        config.own_semantics ? SemanticMaterials::from_file(beside(path, name)) : SemanticMaterials::indoor());
+  }
+  reader.read_choice<LabelMatching>("label_matching", config.rules.label_matching,
+                                    {{"exact", LabelMatching::exact}, {"legacy_substring", LabelMatching::legacy_substring}});
+  if (!reader.has("randomize")) return;
+  AcousticRandomization& randomization = config.randomization.emplace();
+  ConfigReader child = reader.child("randomize");
+  child.read("seed", randomization.seed);
+  child.read("candidates", randomization.candidates);
+  child.read("noise_std", randomization.noise_std);
+  child.read("transmission_noise_db", randomization.transmission_noise_db);
+  child.finish();
+  validate(randomization, reader.where());
+  if (!config.rules.semantics) config.rules.semantics = std::make_shared<const SemanticMaterials>(SemanticMaterials::indoor());
+}
+
 Air read_air(ConfigReader& reader) {
   Air air;
   ConfigReader child = reader.child("air");
@@ -82,7 +104,13 @@ SceneConfig read_scene_config(const std::filesystem::path& path) {
     reader.read("materials", name);
     config.materials = beside(path, name);
   }
+  if (reader.has("coefficients")) {
+    if (!config.materials) reader.fail("coefficients", "is given without materials; the built-in ones are energy coefficients");
+    reader.read_choice<CoefficientReading>("coefficients", config.coefficients.emplace(),
+                                           {{"energy", CoefficientReading::energy}, {"pressure", CoefficientReading::pressure}});
+  }
   config.rules = read_rules(reader);
+  read_semantics(reader, path, config);
   config.air = read_air(reader);
   bool two_sided = true;
   reader.read("two_sided", two_sided);

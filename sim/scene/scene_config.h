@@ -4,6 +4,7 @@
 #include <optional>
 #include <string>
 
+#include "sim/scene/acoustic_randomization.h"
 #include "sim/scene/material_assignment.h"
 #include "sim/scene/mesh_import.h"
 #include "sim/scene/scene.h"
@@ -17,8 +18,14 @@ namespace earshot {
 ///   unit_m: 1                        # metres per unit of the mesh file
 ///   ceiling_m: 3                     # adds a lid over the bounding rectangle at this height (world y, after up and unit_m); its
 ///                                    # slot and its object are called ceiling_lid
-///   simplify_m: 0.01                 # collapses edges while the surface moves by at most about this (mesh_simplify.h); not done without it
-///   materials: my_materials.json     # material database; the built-in one without it
+///   simplify_m: 0.01                 # collapses edges while the surface moves by at most about this (mesh_simplify.h); not done without
+///   it materials: my_materials.json     # material database; the built-in one without it coefficients: energy             # what the
+///   numbers of `materials` mean: energy or pressure; without it, what the file says, else energy semantics: indoor                #
+///   materials by semantic category of mesh-material and node names: indoor, or a file as
+///                                    # configs/semantic_materials.yaml; without it categories play no part
+///   label_matching: exact            # labels of the database as whole words, or legacy_substring: as the predecessor does
+///   randomize:                       # random materials (acoustic_randomization.h); {} takes these values; implies semantics: indoor
+///     {seed: 0, candidates: true, noise_std: 0.05, transmission_noise_db: 3}
 ///   assign: {"Wall*": gypsum_board}  # pattern over mesh-material or node names; order of precedence in material_assignment.h
 ///   default_material: default        # what no pattern matches
 ///   air: {temperature_c: 20, humidity_percent: 50, pressure_kpa: 101.325, speed_of_sound_m_per_s: 0}
@@ -29,7 +36,10 @@ struct SceneConfig {
   bool has_import_options = false;  ///< up or unit_m was given
   std::optional<float> ceiling_m, simplify_m;
   std::optional<std::filesystem::path> materials;
+  std::optional<CoefficientReading> coefficients;
   MaterialRules rules;
+  bool own_semantics = false;  ///< rules.semantics come from a file: every material they name must be in the database
+  std::optional<AcousticRandomization> randomization;
   Air air;
 };
 
