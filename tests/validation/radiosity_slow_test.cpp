@@ -2,7 +2,8 @@
 
 #include <cstdio>
 
-#include "tests/sim/acoustics/late_field.h"
+#include "sim/acoustics/bidirectional_tracer.h"
+#include "tests/sim/acoustics/rooms.h"
 #include "tests/validation/decay.h"
 #include "tests/validation/radiosity.h"
 
@@ -50,8 +51,15 @@ void expect_agreement(AcousticConfig config, int seeds, const char* name) {
   config.time_bin_s = static_cast<float>(kTracerBinS);
   for (int seed = 1; seed <= seeds; ++seed) {
     config.seed = static_cast<std::uint64_t>(seed);
-    const EnergyHistogram h = rooms::late_field(room(), config, rooms::point(kSource[0], kSource[1], kSource[2]),
-                                                rooms::point(kListener[0], kListener[1], kListener[2]));
+    const AcousticScene scene(room(), config);
+    EnergyHistogram h = make_histogram(scene);
+    const EarlyCandidates candidates(scene, rooms::point(kSource[0], kSource[1], kSource[2]));
+    const glm::vec3 listener = rooms::point(kListener[0], kListener[1], kListener[2]);
+    if (config.source_rays > 0) {
+      trace_bidirectional(scene, candidates, listener, h);
+    } else {
+      trace_late(scene, candidates, listener, h);
+    }
     const Parameters p = parameters(h.band_energy(0), kTracerBinS);
     energy.push_back(p.energy), drr_db.push_back(p.drr_db), t20_s.push_back(p.t20_s), t30_s.push_back(p.t30_s);
   }
@@ -73,6 +81,12 @@ TEST(RadiositySlow, PathTracerAgreesInARoomOfUnevenAbsorption) {
   AcousticConfig config = rooms::plain_config();
   config.rays = 16384;
   expect_agreement(config, 16, "path tracer");
+}
+
+TEST(RadiositySlow, BidirectionalTracerAgreesInARoomOfUnevenAbsorption) {
+  AcousticConfig config = rooms::plain_config();
+  config.rays = config.source_rays = 8192;
+  expect_agreement(config, 16, "bidirectional");
 }
 
 }  // namespace
