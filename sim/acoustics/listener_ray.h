@@ -9,8 +9,10 @@
 #include <span>
 
 #include "sim/acoustics/path_tracer.h"
+#include "sim/acoustics/reflection_model.h"
 #include "sim/acoustics/sampling.h"
 #include "sim/acoustics/source_volume.h"
+#include "sim/acoustics/transmission.h"
 #include "sim/base/random.h"
 
 /// One listener ray of the path tracer, from vertex to vertex.  Internal to path_tracer.cpp; its equations are those of ORACLES 2.1 to 2.5.
@@ -24,6 +26,8 @@ inline constexpr int kMaxChain = 4;
 struct Trace {
   const AcousticScene& scene;
   const EarlyCandidates& candidates;
+  const Emission* emission;      // null: omnidirectional
+  const ReflectionModel* walls;  // null: no surface lets anything through
   glm::vec3 source, listener;
   SphereSequence directions;
   std::uint32_t num_rays;
@@ -33,6 +37,7 @@ struct Trace {
   float stage_m;             // rays are balanced each time they have gone this far
   float least_distance2_m2;  // of the geometry term
   float source_radius_m;     // zero: no source volume
+  float source_spread_m;     // next-event estimation aims at points in a sphere of this radius; zero: at the centre
   bool diffuse_last_leg;
 };
 
@@ -47,8 +52,9 @@ struct alignas(32) RayState {
   std::array<float, kMaxCoefficients> sh;
   std::array<std::uint32_t, kMaxChain> chain;  // planes of a purely specular path, listener first
   int chain_length = 0;
-  bool all_specular = true, after_mirror = false;
-  bool alive = true, at_vertex = false;  // at_vertex: `reflected` and `hit` wait for a lobe to be picked
+  bool all_specular = true, after_mirror = false;  // after_mirror: or after a wall that was passed straight
+  bool only_walls = false;                         // all so far were walls passed straight
+  bool alive = true, at_vertex = false;            // at_vertex: `reflected` and `hit` wait for a lobe to be picked
   int bounces = 0;
   float path_m = 0;
   glm::vec3 origin, direction;
@@ -65,6 +71,15 @@ bool carried(const Trace& trace, const RayState<W>& ray, const std::uint32_t* pl
   if (plane) from_source[i++] = *plane;
   for (int j = ray.chain_length - 1; j >= 0; --j) from_source[i++] = ray.chain[j];
   return trace.candidates.contains(std::span(from_source.data(), static_cast<std::size_t>(length)));
+}
+
+/// Multiplies ray.arriving by the source's gain toward `departure`.
+template <int W>
+void apply_emission(const Trace& trace, RayState<W>& ray, glm::vec3 departure) {
+  if (!trace.emission) return;
+  std::array<float, W> gain{};
+  trace.emission->energy(departure, std::span(gain).first(static_cast<std::size_t>(trace.scene.num_bands())));
+  for (int b = 0; b < W; ++b) ray.arriving[b] *= gain[b];
 }
 
 /// Adds ray.arriving, which the caller has found finite, at path length `path_m`.
@@ -95,10 +110,11 @@ template <int W>
 void cross_source_volume(const Trace& trace, RayState<W>& ray, glm::vec3 origin, glm::vec3 direction, float segment_m,
                          EnergyHistogram& histogram, TraceStats& stats) {
   const auto [enter_m, leave_m] = chord_through(trace.source, trace.source_radius_m, origin, direction, segment_m);
-  if (!(leave_m > enter_m) || carried<W>(trace, ray, nullptr)) return;
+  if (!(leave_m > enter_m) || ray.only_walls || carried<W>(trace, ray, nullptr)) return;
   const float volume_m3 = 4.f / 3.f * kPi * trace.source_radius_m * trace.source_radius_m * trace.source_radius_m;
   const float factor = trace.share_of_ray * (leave_m - enter_m) / (4.f * kPi * volume_m3);
   for (int b = 0; b < W; ++b) ray.arriving[b] = ray.throughput[b] * factor;
+  apply_emission(trace, ray, -direction);
   if (!std::isfinite(sum_of(ray.arriving))) {
     ++stats.nonfinite_dropped;
     return;
@@ -106,11 +122,30 @@ void cross_source_volume(const Trace& trace, RayState<W>& ray, glm::vec3 origin,
   deposit(trace, ray, ray.path_m + 0.5f * (enter_m + leave_m), histogram);
 }
 
+/// Multiplies ray.arriving by what the walls between two points let through.  False if nothing is left.
+template <int W>
+bool pass_walls(const Trace& trace, RayState<W>& ray, glm::vec3 from, glm::vec3 to) {
+  const auto num_bands = static_cast<std::size_t>(trace.scene.num_bands());
+  for (int walls = 0; walls <= trace.scene.config().transmission_walls; ++walls) {
+    const glm::vec3 rest = to - from;
+    const float rest_m = std::sqrt(glm::dot(rest, rest));
+    if (!(rest_m > 0)) return true;
+    const glm::vec3 direction = rest / rest_m;
+    const Hit hit = trace.scene.scene().rays().intersect(from, direction, rest_m);
+    if (!hit.valid()) return true;
+    const WallCrossing crossing = cross_wall(trace.scene, direction, hit);
+    if (!trace.walls->transmits(crossing.material) || glm::dot(to - crossing.exit, direction) <= 0) return false;
+    transmit(trace.scene, crossing, std::span(ray.arriving, num_bands));
+    from = crossing.exit;
+  }
+  return false;
+}
+
 /// Next-event estimation: d e = T f cos / (4 pi d^2) / (4 pi) with T starting at 4 pi / N and f = (1 - a) s / pi (ORACLES 2.1, O-11).
 template <int W>
-void connect_to_source(const Trace& trace, RayState<W>& ray, const Hit& hit, glm::vec3 start, const float* scattering,
+void connect_to_source(const Trace& trace, RayState<W>& ray, const Hit& hit, glm::vec3 start, glm::vec3 source, const float* scattering,
                        EnergyHistogram& histogram, TraceStats& stats) {
-  const glm::vec3 to_source = trace.source - start;
+  const glm::vec3 to_source = source - start;
   const float distance2 = glm::dot(to_source, to_source);
   const float height_m = glm::dot(hit.normal, to_source);
   if (!(height_m > 0)) return;
@@ -125,6 +160,12 @@ void connect_to_source(const Trace& trace, RayState<W>& ray, const Hit& hit, glm
   } else {
     for (int b = 0; b < W; ++b) ray.arriving[b] = ray.reflected[b] * scattering[b] * geometry;
   }
+  if (trace.walls) {
+    // `reflected` holds what passes through as well.
+    const float* transmitted = trace.walls->transmitted(trace.scene.scene().mesh().triangle_material[hit.triangle]);
+    for (int b = 0; b < W; ++b) ray.arriving[b] *= 1.f - transmitted[b];
+  }
+  apply_emission(trace, ray, -to_source / distance_m);
   const float total = sum_of(ray.arriving);
   if (!std::isfinite(total)) {
     ++stats.nonfinite_dropped;
@@ -132,8 +173,46 @@ void connect_to_source(const Trace& trace, RayState<W>& ray, const Hit& hit, glm
   }
   if (!(total > 0)) return;
   ++stats.shadow_rays;
-  if (trace.scene.scene().rays().occluded(start, trace.source)) return;
+  if (trace.scene.scene().rays().occluded(start, source)) {
+    // Without a source volume a last leg through walls would be lost.
+    if (!trace.walls || !trace.diffuse_last_leg || !pass_walls(trace, ray, start, source)) return;
+  }
   deposit(trace, ray, path_m, histogram);
+}
+
+/// Does the ray go straight on through the wall that it waits at?  If not, what is left of `random` is returned in it.
+template <int W>
+bool pick_wall(const Trace& trace, RayState<W>& ray, std::uint32_t material, float& random) {
+  const float* transmitted = trace.walls->transmitted(material);
+  alignas(32) float shares[W];
+  for (int b = 0; b < W; ++b) shares[b] = ray.weight[b] * transmitted[b];
+  const float probability = std::min(sum_of(shares) / static_cast<float>(trace.scene.num_bands()), 1.f);
+  const bool passes = random < probability;
+  const float scale = passes ? 1.f / probability : 1.f / (1.f - probability);
+  for (int b = 0; b < W; ++b) {
+    const float factor = (passes ? transmitted[b] : 1.f - transmitted[b]) * scale;
+    ray.reflected[b] *= factor;
+    ray.weight[b] *= factor;
+  }
+  if (!passes) random = (random - probability) * scale;
+  return passes;
+}
+
+/// Takes the ray through the wall that it waits at.
+template <int W>
+void pass_wall(const Trace& trace, RayState<W>& ray, std::uint32_t material) {
+  const WallCrossing crossing = cross_wall(trace.scene, ray.direction, ray.hit);
+  for (int b = 0; b < W; ++b) ray.throughput[b] = ray.reflected[b];
+  if (crossing.inside_m > 0.f) {
+    // tau is in the shares already; what the wall absorbs on the way comes on top.
+    const auto tau = trace.scene.transmission(material);
+    transmit(trace.scene, crossing, std::span(ray.throughput, tau.size()));
+    for (std::size_t b = 0; b < tau.size(); ++b) ray.throughput[b] = tau[b] > 0.f ? ray.throughput[b] / tau[b] : 0.f;
+  }
+  ray.path_m += crossing.inside_m + extra_path_m(trace.scene, crossing);
+  ray.origin = crossing.exit;
+  ray.all_specular = false;  // image paths pass no walls
+  ray.after_mirror = true;
 }
 
 /// Picks diffuse or mirror and updates throughput and weight.  Returns true for diffuse.
@@ -166,7 +245,17 @@ void leave_vertex(const Trace& trace, RayState<W>& ray, const RandomStream& rand
   const AcousticScene& scene = trace.scene;
   const Hit& hit = ray.hit;
   const float* scattering = scene.padded_scattering(scene.scene().mesh().triangle_material[hit.triangle]);
-  const std::array<float, 4> u = random.uniform4(static_cast<std::uint32_t>(ray.bounces));
+  std::array<float, 4> u = random.uniform4(static_cast<std::uint32_t>(ray.bounces));
+  if (trace.walls) {
+    const std::uint32_t material = scene.scene().mesh().triangle_material[hit.triangle];
+    if (trace.walls->transmits(material) && pick_wall(trace, ray, material, u[2])) {
+      pass_wall(trace, ray, material);
+      ray.at_vertex = false;
+      ray.alive = sum_of(ray.throughput) > 0;
+      return;
+    }
+    ray.only_walls = false;
+  }
   const bool diffuse = pick_lobe(ray, scattering, scene.num_bands(), u[2]);
   ray.at_vertex = false;
   ray.after_mirror = !diffuse;
@@ -204,13 +293,18 @@ void advance(const Trace& trace, RayState<W>& ray, float until_m, const RandomSt
     if (!ray.alive) return;
 
     const std::uint32_t material = scene.scene().mesh().triangle_material[hit.triangle];
-    const float* reflectance = scene.padded_reflectance(material);
-    for (int b = 0; b < W; ++b) ray.reflected[b] = ray.throughput[b] * reflectance[b];
+    const float* kept = trace.walls ? trace.walls->kept(material) : scene.padded_reflectance(material);
+    for (int b = 0; b < W; ++b) ray.reflected[b] = ray.throughput[b] * kept[b];
     ray.hit = hit;
     ray.origin = offset_from_surface(hit.position, hit.normal);
     ray.at_vertex = true;
     ++ray.bounces;
-    connect_to_source(trace, ray, hit, ray.origin, scene.padded_scattering(material), histogram, stats);
+    glm::vec3 source = trace.source;
+    if (trace.source_spread_m > 0) {
+      const auto u = random.uniform4(0x80000000u | static_cast<std::uint32_t>(ray.bounces));
+      source = point_in_sphere(source, trace.source_spread_m, u[0], u[1], u[2]);
+    }
+    connect_to_source(trace, ray, hit, ray.origin, source, scene.padded_scattering(material), histogram, stats);
   }
 }
 

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <glm/geometric.hpp>
 #include <numbers>
+#include <optional>
 #include <vector>
 
 #include "sim/acoustics/arrival_harmonics.h"
@@ -43,6 +44,7 @@ void trace_chunk(const Trace& trace, std::uint32_t chunk, EnergyHistogram& histo
   for (std::uint32_t i = 0; i < rays.size(); ++i) {
     RayState<W>& ray = rays[i];
     for (int b = 0; b < W; ++b) ray.throughput[b] = ray.weight[b] = b < trace.scene.num_bands() ? 1.f : 0.f;
+    ray.only_walls = trace.walls != nullptr;
     ray.origin = trace.listener;
     ray.direction = trace.directions.direction(first + i);
     // All that comes along this ray arrives from its first direction.
@@ -137,9 +139,14 @@ TraceStats trace_late(const AcousticScene& scene, const EarlyCandidates& candida
   stats.rays = num_rays;
 
   const auto shift = RandomStream(config.seed, Purpose::listener_ray).bits4(0);
+  std::optional<ReflectionModel> walls;
+  if (traces_transmission(scene)) walls.emplace(scene, true);
+  const float spread_m = candidates.sound_source().radius_m;
   const float least_distance_m = kLeastDistanceShare * scene.diagonal_m();
   const Trace trace{.scene = scene,
                     .candidates = candidates,
+                    .emission = candidates.emission().omnidirectional() ? nullptr : &candidates.emission(),
+                    .walls = walls ? &*walls : nullptr,
                     .source = candidates.source(),
                     .listener = listener,
                     .directions = {shift[0], shift[1]},
@@ -153,7 +160,10 @@ TraceStats trace_late(const AcousticScene& scene, const EarlyCandidates& candida
                     .seconds_per_m = 1.f / scene.speed_of_sound_m_per_s(),
                     .stage_m = std::max(kStageOfDiagonal * scene.diagonal_m(), 1e-4f * scene.max_path_m()),
                     .least_distance2_m2 = least_distance_m * least_distance_m,
-                    .source_radius_m = config.diffuse_last_leg ? 0.f : free_radius_m(scene, candidates.source()),
+                    .source_radius_m = config.diffuse_last_leg ? 0.f
+                                       : spread_m > 0.f        ? spread_m
+                                                               : free_radius_m(scene, candidates.source()),
+                    .source_spread_m = spread_m,
                     .diffuse_last_leg = config.diffuse_last_leg};
   const std::uint32_t num_chunks = (num_rays + kRaysPerChunk - 1) / kRaysPerChunk;
   if (num_chunks == 1) {

@@ -11,7 +11,7 @@ namespace earshot {
 
 /// Counters of one trace.
 struct TraceStats {
-  std::uint64_t rays = 0;               ///< listener rays
+  std::uint64_t rays = 0;                       ///< listener rays
   std::uint64_t ray_hits = 0, ray_escapes = 0;  ///< of all traced segments
   std::uint64_t shadow_rays = 0;
   std::uint64_t nonfinite_dropped = 0;  ///< contributions that were NaN or infinite
@@ -19,16 +19,21 @@ struct TraceStats {
   [[nodiscard]] double ray_efficiency() const;
 };
 
-/// Late field of a unit omnidirectional source at `listener`: listener-rooted path tracing with next-event estimation (ORACLES 2.1), a
+/// Late field of a unit source at `listener`: listener-rooted path tracing with next-event estimation (ORACLES 2.1), a
 /// mixture of Lambert and mirror reflection by the scattering coefficient per band.  Rays are balanced as a population: light ones end,
 /// heavy ones split (ray_population.h), which keeps every mean and makes the tail as accurate as the start.  Air is applied at the
-/// end, per bin.  Left out: the direct sound, and the purely specular paths whose plane sequence is among `candidates` (image paths carry them).
+/// end, per bin.  Left out: the direct sound, and the purely specular paths whose plane sequence is among `candidates` (image paths carry
+/// them).
 ///
 /// Specular last legs, which next-event estimation cannot see (config.diffuse_last_leg):
 ///  - false (reference): the source is also a sphere of config.source_radius_m that blocks nothing; segments that leave a mirror add their
-///    chord through it (track-length estimator), which is the mean of the response over the sphere.  A sphere cut by a wall would be biased,
-///    so the radius is reduced to 0.9 of the distance to the nearest surface found by 64 rays.  Unbiased up to that average, noisy.
+///    chord through it (track-length estimator), which is the mean of the response over the sphere.  A sphere cut by a wall would be
+///    biased, so the radius is reduced to 0.9 of the distance to the nearest surface found by 64 rays.  Unbiased up to that average, noisy.
 ///  - true (fast): the last leg of a late path is treated as diffuse.  No such noise; small bias where s is small.
+///
+/// The source radiates by candidates.emission(), from the volume of a sphere if its radius_m > 0.  With config.transmission on (automatic:
+/// not here, see traces_transmission) rays pass walls by chance, weighed per band, and last legs see the source through walls; what goes
+/// straight from source to listener through walls is left out (find_transmitted carries it).
 ///
 /// histogram: shape of make_histogram(scene); overwritten.  The result is a function of (scene, config, source, listener), not of threads.
 /// Distances to the source below 1e-5 of the scene's diagonal are clamped in the geometry term (ORACLES H-18).  A source within a few
