@@ -26,7 +26,7 @@ class CapLoudspeaker final : public Directivity {
     const double sphere_m = cabinet_edge_m * std::cbrt(3 / (4 * std::numbers::pi));
     for (const float band_hz : bands_hz_) {
       const double k_centre = 2 * std::numbers::pi * band_hz / speed_of_sound_m_per_s;
-      const double cap_rad = std::asin(std::min(cone_radius_m, 2 / k_centre) / sphere_m);
+      const double cap_rad = std::asin(std::min(cone_radius_m, 3 / k_centre) / sphere_m);
       std::array<double, kAngles> energy{};
       for (int third = -4; third <= 4; ++third) {
         const double ka = k_centre * std::exp2(third / 9.0) * sphere_m;
@@ -42,15 +42,6 @@ class CapLoudspeaker final : public Directivity {
     const int i = std::min(static_cast<int>(at), kAngles - 2);
     const std::array<double, kAngles>& energy = energy_[band(frequency_hz)];
     return static_cast<float>(std::sqrt(energy[i] + (at - i) * (energy[i + 1] - energy[i])));
-  }
-  /// Over the sphere, relative to the front; its inverse is the directivity factor.
-  [[nodiscard]] double mean_energy(float frequency_hz) const {
-    double sum = 0, weight = 0;
-    for (int i = 0; i < kAngles; ++i) {
-      sum += energy_[band(frequency_hz)][i] * std::sin(i * std::numbers::pi / 36);
-      weight += std::sin(i * std::numbers::pi / 36);
-    }
-    return sum / weight;
   }
 
  private:
