@@ -22,6 +22,8 @@ using Complex = std::complex<float>;
 /// freedom make the search long and short transforms make it cheap, there are more passes first.
 constexpr int kLowPasses = 60, kPasses = 12;
 constexpr double kLowHz = 710;
+/// Streams of plain channels, apart from those of flattened ones.
+constexpr std::size_t kFirstPlainChannel = 1 << 16;
 
 /// Octaves from about 30 Hz up to half the rate, independent of the bands of a response.  Those below 125 Hz keep what lies under the
 /// lowest octave that is measured from unsettling it.  shift: 0 for the usual midbands, 0.5 for octaves that straddle their edges.
@@ -74,8 +76,8 @@ struct Octaves {
   }
 };
 
-/// White noise of the channels from `first_channel` on, flattened together; spectra of exactly equal magnitude.
-void make_noise(float sample_rate_hz, int length, std::uint64_t seed, std::size_t first_channel, std::span<std::vector<Complex>> noise) {
+/// White noise of the channels from `first_channel` on; spectra of exactly equal magnitude.
+void make_plain_noise(int length, std::uint64_t seed, std::size_t first_channel, std::span<std::vector<Complex>> noise) {
   const auto num_bins = static_cast<std::size_t>(length / 2 + 1);
   for (std::size_t c = 0; c < noise.size(); ++c) {
     const RandomStream random(seed, Purpose::carrier, static_cast<std::uint32_t>(first_channel + c));
@@ -84,6 +86,12 @@ void make_noise(float sample_rate_hz, int length, std::uint64_t seed, std::size_
       noise[c][k] = Complex(std::polar(static_cast<double>(magnitude_of(k, num_bins)),
                                        2.0 * std::numbers::pi * static_cast<double>(random.uniform(static_cast<std::uint32_t>(k)))));
   }
+}
+
+/// The same flattened together.
+void make_flat_noise(float sample_rate_hz, int length, std::uint64_t seed, std::size_t first_channel,
+                     std::span<std::vector<Complex>> noise) {
+  make_plain_noise(length, seed, first_channel, noise);
   std::array<Octaves, 2> octaves = {Octaves(sample_rate_hz, 0.0, noise.size(), length), Octaves(sample_rate_hz, 0.5, noise.size(), length)};
   for (int pass = 0; pass < kLowPasses + kPasses; ++pass) {
     Octaves& set = octaves[static_cast<std::size_t>((pass + 1) % 2)];
@@ -93,15 +101,19 @@ void make_noise(float sample_rate_hz, int length, std::uint64_t seed, std::size_
 
 }  // namespace
 
-CarrierBank::CarrierBank(const BandLayout& bands, float sample_rate_hz, int num_channels, int length, std::uint64_t seed)
+CarrierBank::CarrierBank(const BandLayout& bands, float sample_rate_hz, int num_channels, int length, std::uint64_t seed, CarrierKind kind)
     : length_(static_cast<std::size_t>(length)), num_channels_(num_channels) {
   require(num_channels >= 1 && num_channels <= kMaxChannels, "carrier channels", num_channels, "must be in [1, 256]");
   const auto channels = static_cast<std::size_t>(num_channels);
   std::vector<std::vector<Complex>> noise(channels);
-  const std::size_t together = std::min(channels, BandFlattener::kMaxChannels);
-  make_noise(sample_rate_hz, length, seed, 0, std::span(noise).first(together));
-  tbb::parallel_for(together, channels,
-                    [&](std::size_t c) { make_noise(sample_rate_hz, length, seed, c, std::span(noise).subspan(c, 1)); });
+  if (kind == CarrierKind::plain) {
+    make_plain_noise(length, seed, kFirstPlainChannel, noise);
+  } else {
+    const std::size_t together = std::min(channels, BandFlattener::kMaxChannels);
+    make_flat_noise(sample_rate_hz, length, seed, 0, std::span(noise).first(together));
+    tbb::parallel_for(together, channels,
+                      [&](std::size_t c) { make_flat_noise(sample_rate_hz, length, seed, c, std::span(noise).subspan(c, 1)); });
+  }
   const BandFilters filters(bands, sample_rate_hz, length);
   samples_.resize(static_cast<std::size_t>(bands.size()) * channels * length_);
   tbb::parallel_for(0, bands.size(), [&](int band) {

@@ -8,6 +8,9 @@
 
 namespace earshot {
 
+/// plain: noise that is not flattened, for sums of so many channels that flattening would be lost; quick to make.
+enum class CarrierKind { flattened, plain };
+
 /// Noise on which late energy rides: one loop per band and channel, seeded.  The bands of a channel are cut from one white noise of unit
 /// variance by BandFilters, so they add up to it again: bands of equal energy give the same white tail for every number of bands (ORACLES
 /// O-31: one carrier, amplitude-complementary filters).  Channels are independent.
@@ -22,7 +25,8 @@ class CarrierBank {
  public:
   static constexpr int kMaxChannels = 256;
   /// length: of the loops, a power of two; may be shorter than a response, which then repeats it.
-  CarrierBank(const BandLayout& bands, float sample_rate_hz, int num_channels, int length, std::uint64_t seed);
+  CarrierBank(const BandLayout& bands, float sample_rate_hz, int num_channels, int length, std::uint64_t seed,
+              CarrierKind kind = CarrierKind::flattened);
   [[nodiscard]] std::size_t length() const { return length_; }
   [[nodiscard]] int num_channels() const { return num_channels_; }
   [[nodiscard]] std::span<const float> loop(int band, int channel) const {

@@ -8,12 +8,6 @@
 namespace earshot {
 namespace {
 
-/// Value at one end of a stretch and its change per sample.
-struct Ramp {
-  float start, step;
-  [[nodiscard]] float at(int i) const { return start + step * static_cast<float>(i); }
-};
-
 void add_omni(int count, Ramp density, const float* w, float* out) {
   for (int i = 0; i < count; ++i) out[i] += std::sqrt(std::max(density.at(i), 0.f)) * w[i];
 }
@@ -36,50 +30,28 @@ void add_first_order(int count, FirstOrderRamps ramps, const float* w, const flo
   }
 }
 
+void add_higher(int count, Ramp density, Ramp m, Ramp d, const float* w, const float* n, float* __restrict out) {
+  for (int i = 0; i < count; ++i) out[i] += std::sqrt(std::max(density.at(i), 0.f)) * (m.at(i) * w[i] + d.at(i) * n[i]);
+}
+
 }  // namespace
 
-void LateSynthesizer::make_nodes(const EnergyHistogram& energy, double onset_sample, std::size_t num_samples) {
-  const int num_bins = energy.num_bins(), num_bands = energy.num_bands();
-  const double width = static_cast<double>(energy.bin_s()) * rate_hz_;
-  nodes_.assign(static_cast<std::size_t>(num_bins) * static_cast<std::size_t>(num_bands), Node{});
-  hat_area_.assign(static_cast<std::size_t>(num_bins), width);
-
-  // A bin's energy is spread by a hat that reaches the neighbours' centres.  Where the onset cuts the hat, what is left of it carries all.
-  const auto first_sample = static_cast<std::int64_t>(std::ceil(onset_sample));
-  for (int bin = 0; bin < num_bins && (bin - 0.5) * width < onset_sample; ++bin) {
-    const double centre = (bin + 0.5) * width;
-    double area = 0;
-    for (auto n = std::max<std::int64_t>(first_sample, static_cast<std::int64_t>(std::ceil(centre - width)));
-         n < static_cast<std::int64_t>(centre + width) + 1; ++n) {
-      const double distance = (static_cast<double>(n) - centre) / width;
-      const bool flat = (bin == 0 && distance < 0) || (bin + 1 == num_bins && distance > 0);
-      area += flat ? (std::abs(distance) <= 0.5 ? 1.0 : 0.0) : std::max(0.0, 1.0 - std::abs(distance));
-    }
-    hat_area_[static_cast<std::size_t>(bin)] = area;
-  }
-
-  const int num_known = energy.num_coefficients() >= 4 ? 4 : 1;
-  for (int band = 0; band < num_bands; ++band) {
-    std::array<double, 4> carried{};  // energy of bins that lie before the onset
-    for (int bin = 0; bin < num_bins; ++bin) {
-      std::array<double, 4> c = carried;
-      const auto cell = energy.at(bin, band);
-      for (int k = 0; k < num_known; ++k) c[static_cast<std::size_t>(k)] += static_cast<double>(cell[static_cast<std::size_t>(k)]);
-      const double area = hat_area_[static_cast<std::size_t>(bin)];
-      if (area < 0.25 * width && bin + 1 < num_bins) {
-        carried = c;
-        continue;
+void LateSynthesizer::make_shares(const EnergyHistogram& energy, std::size_t num_channels) {
+  const std::size_t higher = num_channels - 4;
+  shares_.assign(static_cast<std::size_t>(energy.num_bands() * energy.num_bins()) * higher, Share{});
+  for (int band = 0; band < energy.num_bands(); ++band) {
+    for (int bin = 0; bin < energy.num_bins(); ++bin) {
+      const auto known = nodes_.higher(band, bin);
+      Share* shares = shares_.data() + static_cast<std::size_t>(band * energy.num_bins() + bin) * higher;
+      for (std::size_t l = 2; (l + 1) * (l + 1) <= std::min(num_channels, known.size() + 4); ++l) {
+        const std::size_t first = l * l - 4, count = 2 * l + 1;
+        double square = 0;
+        for (std::size_t j = first; j < first + count; ++j) square += static_cast<double>(known[j]) * static_cast<double>(known[j]);
+        const double whole = static_cast<double>(count);
+        const double limit = square > whole ? std::sqrt(whole / square) : 1.0;
+        const auto d = static_cast<float>(std::sqrt(std::max(0.0, 1.0 - square / whole)));
+        for (std::size_t j = first; j < first + count; ++j) shares[j] = {static_cast<float>(limit * static_cast<double>(known[j])), d};
       }
-      carried = {};
-      if (!(c[0] > 0) || !(c[0] < 1e30) || area <= 0 || (bin - 0.5) * width > static_cast<double>(num_samples)) continue;
-      Node& node = nodes_[static_cast<std::size_t>(band) * static_cast<std::size_t>(num_bins) + static_cast<std::size_t>(bin)];
-      node.density = static_cast<float>(c[0] / area);
-      double square = 0;
-      for (std::size_t j = 0; j < 3; ++j) square += c[j + 1] * c[j + 1] / (c[0] * c[0]);
-      if (!(square >= 0)) continue;
-      const double limit = square > 3.0 ? std::sqrt(3.0 / square) : 1.0;  // rounding may point a single ray past its own energy
-      for (std::size_t j = 0; j < 3; ++j) node.m[j] = static_cast<float>(limit * c[j + 1] / c[0]);
-      node.d = static_cast<float>(std::sqrt(std::max(0.0, 1.0 - std::min(square, 3.0) / 3.0)));
     }
   }
 }
@@ -87,52 +59,43 @@ void LateSynthesizer::make_nodes(const EnergyHistogram& energy, double onset_sam
 std::size_t LateSynthesizer::render(const EnergyHistogram& energy, const CarrierBank& carriers, std::size_t offset, double onset_sample,
                                     std::span<const std::span<float>> channels) {
   const auto num_channels = static_cast<std::size_t>(carriers.num_channels());
-  EARSHOT_EXPECT(channels.size() == num_channels && (num_channels == 1 || num_channels == 4));
+  EARSHOT_EXPECT(channels.size() == num_channels && (num_channels == 1 || num_channels >= 4));
   const std::size_t num_samples = channels[0].size();
   for (const auto& channel : channels) std::fill(channel.begin(), channel.end(), 0.f);
   const int num_bins = energy.num_bins(), num_bands = energy.num_bands();
   if (num_bins == 0) return 0;
-  make_nodes(energy, onset_sample, num_samples);
+  nodes_.make(energy, rate_hz_, onset_sample, num_samples);
+  if (num_channels > 4) make_shares(energy, num_channels);
 
-  const double width = static_cast<double>(energy.bin_s()) * rate_hz_;
-  const auto clamp_sample = [&](double position) {
-    return static_cast<std::size_t>(std::clamp(std::ceil(position), 0.0, static_cast<double>(num_samples)));
-  };
-  const std::size_t onset = clamp_sample(onset_sample);
   std::size_t end_of_sound = 0;
-  // Stretches between bin centres; before the first and after the last centre the density stays.
-  for (int stretch = 0; stretch <= num_bins; ++stretch) {
-    const double from = stretch == 0 ? 0.0 : (stretch - 0.5) * width, to = stretch == num_bins ? num_bins * width : (stretch + 0.5) * width;
-    const std::size_t end = clamp_sample(to);
-    for (std::size_t begin = std::max(clamp_sample(from), onset); begin < end;) {
-      const std::size_t in_loop = (offset + begin) % carriers.length();
-      const auto count = static_cast<int>(std::min(end - begin, carriers.length() - in_loop));
-      const double share = (static_cast<double>(begin) - (stretch - 0.5) * width) / width;
-      for (int band = 0; band < num_bands; ++band) {
-        const Node* row = nodes_.data() + static_cast<std::size_t>(band) * static_cast<std::size_t>(num_bins);
-        const Node &a = row[std::max(stretch - 1, 0)], &b = row[std::min(stretch, num_bins - 1)];
-        if (a.density == 0.f && b.density == 0.f) continue;
-        end_of_sound = begin + static_cast<std::size_t>(count);
-        const auto ramp = [&](float left, float right) {
-          return Ramp{static_cast<float>(left + share * (static_cast<double>(right) - left)),
-                      static_cast<float>((static_cast<double>(right) - left) / width)};
-        };
-        const Ramp density = ramp(a.density, b.density);
-        if (num_channels == 1) {
-          add_omni(count, density, carriers.loop(band, 0).data() + in_loop, channels[0].data() + begin);
-          continue;
-        }
-        // A silent end has no direction of its own.
-        const Node &left = a.density > 0.f ? a : b, &right = b.density > 0.f ? b : a;
-        const auto carrier = [&](int c) { return carriers.loop(band, c).data() + in_loop; };
-        const auto out = [&](std::size_t c) { return channels[c].data() + begin; };
-        const FirstOrderRamps ramps{density, ramp(left.m[0], right.m[0]), ramp(left.m[1], right.m[1]), ramp(left.m[2], right.m[2]),
-                                    ramp(left.d, right.d)};
-        add_first_order(count, ramps, carrier(0), carrier(1), carrier(2), carrier(3), out(0), out(1), out(2), out(3));
+  nodes_.visit(offset, carriers.length(), [&](const LateStretch& stretch) {
+    for (int band = 0; band < num_bands; ++band) {
+      const auto row = nodes_.band(band);
+      const LateNode &a = row[static_cast<std::size_t>(stretch.left)], &b = row[static_cast<std::size_t>(stretch.right)];
+      if (a.density == 0.f && b.density == 0.f) continue;
+      end_of_sound = stretch.begin + static_cast<std::size_t>(stretch.count);
+      const auto carrier = [&](std::size_t c) { return carriers.loop(band, static_cast<int>(c)).data() + stretch.in_loop; };
+      const auto out = [&](std::size_t c) { return channels[c].data() + stretch.begin; };
+      const Ramp density = ramp_over(stretch, a.density, b.density);
+      if (num_channels == 1) {
+        add_omni(stretch.count, density, carrier(0), out(0));
+        continue;
       }
-      begin += static_cast<std::size_t>(count);
+      // A silent end has no direction of its own.
+      const int left_bin = a.density > 0.f ? stretch.left : stretch.right, right_bin = b.density > 0.f ? stretch.right : stretch.left;
+      const LateNode &left = row[static_cast<std::size_t>(left_bin)], &right = row[static_cast<std::size_t>(right_bin)];
+      const auto ramp = [&](float from, float to) { return ramp_over(stretch, from, to); };
+      const FirstOrderRamps ramps{density, ramp(left.m[0], right.m[0]), ramp(left.m[1], right.m[1]), ramp(left.m[2], right.m[2]),
+                                  ramp(left.d, right.d)};
+      add_first_order(stretch.count, ramps, carrier(0), carrier(1), carrier(2), carrier(3), out(0), out(1), out(2), out(3));
+      const std::size_t higher = num_channels - 4;
+      for (std::size_t c = 4; c < num_channels; ++c) {
+        const Share& from = shares_[static_cast<std::size_t>(band * num_bins + left_bin) * higher + c - 4];
+        const Share& to = shares_[static_cast<std::size_t>(band * num_bins + right_bin) * higher + c - 4];
+        add_higher(stretch.count, density, ramp(from.m, to.m), ramp(from.d, to.d), carrier(0), carrier(c), out(c));
+      }
     }
-  }
+  });
   return end_of_sound;
 }
 

@@ -4,12 +4,17 @@
 #include <array>
 #include <cmath>
 #include <complex>
+#include <glm/geometric.hpp>
+#include <numbers>
+#include <optional>
 
-#include "sim/acoustics/band_filters.h"
-#include "sim/acoustics/carriers.h"
+#include "sim/acoustics/arrival_spectrum.h"
+#include "sim/acoustics/late_array.h"
 #include "sim/acoustics/late_synthesis.h"
+#include "sim/acoustics/synthesis_tables.h"
 #include "sim/audio/ambisonics.h"
 #include "sim/audio/fft.h"
+#include "sim/audio/harmonic_rotation.h"
 #include "sim/audio/spectrum_math.h"
 #include "sim/base/errors.h"
 #include "sim/base/random.h"
@@ -19,31 +24,17 @@ namespace {
 
 using Complex = std::complex<float>;
 
-/// Longest carrier loop: 4 s at 16 kHz.  A longer response repeats it; making longer ones would take more time than they are worth.
-constexpr int kMaxCarrierLength = 1 << 16;
 /// Delays this close to a whole sample count as whole: an unfiltered arrival then is one sample exactly.
 constexpr double kWholeSample = 1e-5;
 
-int count_samples(const AcousticConfig& config) {
-  return std::max(1, static_cast<int>(std::lround(static_cast<double>(config.rir_length_s) * config.sample_rate_hz)));
-}
-
-/// Room for a different stretch of noise for each source, and loops that a power-of-two transform can make.
-int carrier_length(int num_samples) {
-  return std::min(kMaxCarrierLength, next_power_of_two(std::max(num_samples + num_samples / 4, 4096)));
-}
-
-/// The FFT size at which filtering `num_samples` with `taps` costs least, by overlap-add.
-int choose_block_fft(int num_samples, int taps) {
-  int best = 0;
-  double lowest = 0;
-  for (int size = next_power_of_two(2 * taps); size <= std::max(1 << 17, next_power_of_two(2 * taps)); size *= 2) {
-    const int blocks = (num_samples + size - taps) / (size - taps + 1);
-    const double cost = blocks * static_cast<double>(size) * std::log2(size);
-    if (best == 0 || cost < lowest) best = size, lowest = cost;
+/// A delay as the nearest whole sample and the rest.
+struct SplitDelay {
+  explicit SplitDelay(double samples) : whole(std::llround(samples)), part(samples - static_cast<double>(whole)) {
+    if (std::abs(part) < kWholeSample) part = 0;
   }
-  return best;
-}
+  std::int64_t whole;
+  double part;
+};
 
 /// Adds the circular response to `target` with its sample `zero` at sample `at`: samples up to half a turn before `zero` lie before it.
 void add_circular(std::span<const float> response, int zero, std::int64_t at, std::span<float> target) {
@@ -60,63 +51,21 @@ void add_circular(std::span<const float> response, int zero, std::int64_t at, st
 
 }  // namespace
 
-class SynthesisTables {
- public:
-  SynthesisTables(const AcousticConfig& config, const BandLayout& bands, ChannelLayout channel_layout, std::shared_ptr<const Hrtf> head)
-      : layout(channel_layout),
-        hrtf(std::move(head)),
-        sample_rate_hz(config.sample_rate_hz),
-        num_samples(count_samples(config)),
-        num_bands(bands.size()),
-        seed(config.seed),
-        early_fft(hrtf ? hrtf->fft_size() : next_power_of_two(static_cast<int>(std::ceil(0.02 * config.sample_rate_hz)))),
-        filters(bands, config.sample_rate_hz, early_fft),
-        carriers(bands, config.sample_rate_hz, hrtf ? 4 : 1, carrier_length(num_samples), config.seed) {
-    if (!hrtf) return;
-    // The decoder's taps at the FFT size of the late part.
-    late_fft = choose_block_fft(num_samples, hrtf->decoder_taps());
-    RealFft short_fft(early_fft), long_fft(late_fft);
-    std::vector<float> taps(static_cast<std::size_t>(early_fft));
-    for (std::size_t c = 0; c < 4; ++c) {
-      for (std::size_t ear = 0; ear < 2; ++ear) {
-        short_fft.inverse(hrtf->diffuse_decoder(static_cast<int>(c), static_cast<int>(ear)), taps);
-        auto& spectrum = decoder[2 * c + ear];
-        spectrum.resize(static_cast<std::size_t>(long_fft.num_bins()));
-        long_fft.forward(std::span(taps).first(static_cast<std::size_t>(hrtf->decoder_taps())), spectrum);
-      }
-    }
-  }
-
-  ChannelLayout layout;
-  std::shared_ptr<const Hrtf> hrtf;  ///< null for mono
-  float sample_rate_hz;
-  int num_samples, num_bands;
-  std::uint64_t seed;
-  int early_fft, late_fft = 4;
-  BandFilters filters;
-  CarrierBank carriers;
-  std::array<std::vector<Complex>, 8> decoder;  ///< [channel * 2 + ear][late_fft / 2 + 1]
-};
-
-std::shared_ptr<const SynthesisTables> make_synthesis_tables(const AcousticConfig& config, const BandLayout& bands, ChannelLayout layout,
-                                                             std::shared_ptr<const Hrtf> hrtf) {
-  require(config.sample_rate_hz >= 8000.f && config.sample_rate_hz <= 96000.f, "sample_rate_hz", config.sample_rate_hz,
-          "must be in [8000, 96000]");
-  require(config.rir_length_s > 0 && config.rir_length_s <= 60, "rir_length_s", config.rir_length_s, "must be in (0, 60]");
-  if (layout == ChannelLayout::mono) return std::make_shared<const SynthesisTables>(config, bands, layout, nullptr);
-  if (!hrtf) hrtf = Hrtf::rigid_sphere(config.sample_rate_hz);
-  require(hrtf->sample_rate_hz() == config.sample_rate_hz, "sample_rate_hz", config.sample_rate_hz, "must be that of the HRTF");
-  return std::make_shared<const SynthesisTables>(config, bands, layout, std::move(hrtf));
-}
-
 struct RirSynthesizer::Scratch {
   explicit Scratch(const SynthesisTables& tables)
       : early_fft(tables.early_fft),
         late_fft(tables.late_fft),
         late(tables.sample_rate_hz),
-        gain(tables.filters.num_bins()),
-        response(static_cast<std::size_t>(tables.early_fft)) {
-    for (auto& spectrum : ear) spectrum.resize(gain.size());
+        bands(tables.filters),
+        response(static_cast<std::size_t>(tables.early_fft)),
+        rotation(tables.layout.kind == ListenerKind::ambisonics ? tables.layout.order : 1) {
+    for (auto& spectrum : ear) spectrum.resize(tables.filters.num_bins());
+    if (tables.layout.kind == ListenerKind::ambisonics) {
+      harmonics.resize(static_cast<std::size_t>(tables.layout.num_channels()));
+      channels.resize(harmonics.size());
+    }
+    if (tables.layout.kind == ListenerKind::array)
+      array.emplace(tables.bands, tables.sample_rate_hz, tables.num_samples, tables.layout.microphones);
     if (!tables.hrtf) return;
     const auto bins = static_cast<std::size_t>(late_fft.num_bins());
     for (auto& channel : field) channel.resize(static_cast<std::size_t>(tables.num_samples));
@@ -127,13 +76,27 @@ struct RirSynthesizer::Scratch {
 
   RealFft early_fft, late_fft;
   LateSynthesizer late;
-  std::vector<float> gain;      ///< of one arrival, per bin
-  std::vector<float> response;  ///< of one arrival at one ear
+  ArrivalSpectrum bands;        ///< of one arrival
+  std::vector<float> response;  ///< of one arrival in one channel
   std::array<std::vector<Complex>, 2> ear;
+  HarmonicRotation rotation;
+  // binaural
   std::array<std::vector<float>, 4> field;  ///< late sound in N3D channels, world axes, then head axes
   std::array<std::vector<Complex>, 4> field_spectrum;
   std::vector<Complex> ear_spectrum;
   std::vector<float> block;
+  // ambisonics
+  std::vector<float> harmonics;
+  std::vector<std::span<float>> channels;
+  // array
+  std::optional<LateArray> array;
+};
+
+/// What one call renders.
+struct RirSynthesizer::Pass {
+  const EnergyResponse& response;
+  const ListenerTurn& turn;
+  double samples_per_m;
 };
 
 RirSynthesizer::RirSynthesizer(std::shared_ptr<const SynthesisTables> tables)
@@ -141,53 +104,116 @@ RirSynthesizer::RirSynthesizer(std::shared_ptr<const SynthesisTables> tables)
 RirSynthesizer::~RirSynthesizer() = default;
 RirSynthesizer::RirSynthesizer(RirSynthesizer&&) noexcept = default;
 
-namespace {
-
-bool all_equal(std::span<const float> values) {
-  return std::all_of(values.begin(), values.end(), [&](float value) { return value == values[0]; });
-}
-
-}  // namespace
-
-void RirSynthesizer::add_arrival(const Arrival& arrival, double delay_samples, double heading_rad, Rir& rir) {
-  const SynthesisTables& tables = *tables_;
+/// Adds the impulse that scratch_->bands describes to one channel.
+void RirSynthesizer::add_impulse(double delay_samples, std::size_t channel, Rir& rir) {
   Scratch& scratch = *scratch_;
-  if (!(delay_samples >= 0 && delay_samples < tables.num_samples + tables.early_fft / 2)) return;
-  const auto amplitude = std::span(arrival.amplitude).first(static_cast<std::size_t>(tables.num_bands));
-  if (std::all_of(amplitude.begin(), amplitude.end(), [](float value) { return value == 0.f; })) return;
-  const auto whole = std::llround(delay_samples);
-  double part = delay_samples - static_cast<double>(whole);
-  if (std::abs(part) < kWholeSample) part = 0;
-  const auto channel = [&](int index) {
-    return std::span(rir.samples)
-        .subspan(static_cast<std::size_t>(index) * static_cast<std::size_t>(tables.num_samples),
-                 static_cast<std::size_t>(tables.num_samples));
-  };
-
-  const bool flat = all_equal(amplitude);
-  if (!tables.hrtf && flat && part == 0) {
-    if (whole < tables.num_samples) channel(0)[static_cast<std::size_t>(whole)] += amplitude[0];
+  const auto length = static_cast<std::size_t>(rir.num_samples);
+  const auto samples = std::span(rir.samples).subspan(channel * length, length);
+  const SplitDelay delay(delay_samples);
+  if (scratch.bands.flat() && delay.part == 0) {
+    if (delay.whole >= 0 && delay.whole < rir.num_samples) samples[static_cast<std::size_t>(delay.whole)] += scratch.bands.factor();
     return;
   }
-  if (!flat) tables.filters.blend(amplitude, scratch.gain);
-  const int num_ears = tables.hrtf ? 2 : 1;
-  if (tables.hrtf) {
-    tables.hrtf->spectra(to_head_axes(arrival.direction, heading_rad), scratch.ear[0], scratch.ear[1], part);
-  } else {
-    std::fill(scratch.ear[0].begin(), scratch.ear[0].end(), Complex(1.f));
-    delay_spectrum(scratch.ear[0], part, tables.early_fft);
+  std::fill(scratch.ear[0].begin(), scratch.ear[0].end(), Complex(1.f));
+  delay_spectrum(scratch.ear[0], delay.part, tables_->early_fft);
+  scratch.bands.apply(scratch.ear[0]);
+  scratch.early_fft.inverse(scratch.ear[0], scratch.response);
+  add_circular(scratch.response, 0, delay.whole, samples);
+}
+
+void RirSynthesizer::add_to_ears(const Pass& pass, const Arrival& arrival, double delay_samples, Rir& rir) {
+  const SynthesisTables& tables = *tables_;
+  Scratch& scratch = *scratch_;
+  const SplitDelay delay(delay_samples);
+  const auto length = static_cast<std::size_t>(tables.num_samples);
+  tables.hrtf->spectra(pass.turn.to_own(arrival.direction), scratch.ear[0], scratch.ear[1], delay.part);
+  for (std::size_t ear = 0; ear < 2; ++ear) {
+    scratch.bands.apply(scratch.ear[ear]);
+    scratch.early_fft.inverse(scratch.ear[ear], scratch.response);
+    add_circular(scratch.response, tables.hrtf->lead_samples(), delay.whole, std::span(rir.samples).subspan(ear * length, length));
   }
-  const int zero = tables.hrtf ? tables.hrtf->lead_samples() : 0;
-  for (int ear = 0; ear < num_ears; ++ear) {
-    Complex* spectrum = scratch.ear[static_cast<std::size_t>(ear)].data();
-    const float* gain = scratch.gain.data();
-    const std::size_t bins = scratch.gain.size();
-    if (flat)
-      for (std::size_t k = 0; k < bins; ++k) spectrum[k] *= amplitude[0];
-    else
-      for (std::size_t k = 0; k < bins; ++k) spectrum[k] *= gain[k];
-    scratch.early_fft.inverse(scratch.ear[static_cast<std::size_t>(ear)], scratch.response);
-    add_circular(scratch.response, zero, whole, channel(ear));
+}
+
+/// One impulse, weighted with the harmonics of its direction.
+void RirSynthesizer::add_to_harmonics(const Pass& pass, const Arrival& arrival, double delay_samples, Rir& rir) {
+  Scratch& scratch = *scratch_;
+  const ListenerLayout& layout = tables_->layout;
+  const glm::vec3 from = layout.axes == HarmonicAxes::ego ? pass.turn.to_own(arrival.direction) : arrival.direction;
+  spherical_harmonics_n3d(from, layout.order, scratch.harmonics);
+  const auto length = static_cast<std::size_t>(rir.num_samples);
+  const SplitDelay delay(delay_samples);
+  if (scratch.bands.flat() && delay.part == 0) {
+    if (delay.whole >= rir.num_samples) return;
+    for (std::size_t c = 0; c < scratch.harmonics.size(); ++c)
+      rir.samples[c * length + static_cast<std::size_t>(delay.whole)] += scratch.bands.factor() * scratch.harmonics[c];
+    return;
+  }
+  std::fill(scratch.ear[0].begin(), scratch.ear[0].end(), Complex(1.f));
+  delay_spectrum(scratch.ear[0], delay.part, tables_->early_fft);
+  scratch.bands.apply(scratch.ear[0]);
+  scratch.early_fft.inverse(scratch.ear[0], scratch.response);
+  scratch.block.resize(scratch.response.size());
+  for (std::size_t c = 0; c < scratch.harmonics.size(); ++c) {
+    for (std::size_t n = 0; n < scratch.response.size(); ++n) scratch.block[n] = scratch.harmonics[c] * scratch.response[n];
+    add_circular(scratch.block, 0, delay.whole, std::span(rir.samples).subspan(c * length, length));
+  }
+}
+
+/// A spherical wave from the image of the source: each microphone has its own distance and direction.
+void RirSynthesizer::add_to_microphones(const Pass& pass, const Arrival& arrival, Rir& rir) {
+  const SynthesisTables& tables = *tables_;
+  const auto num_bands = static_cast<std::size_t>(tables.num_bands);
+  const float distance_m = std::max(arrival.distance_m, kLeastDistanceM);
+  const glm::vec3 image = distance_m * pass.turn.to_own(arrival.direction);
+  std::array<float, kMaxBands> gain{}, phase{};
+  for (std::size_t i = 0; i < tables.layout.microphones.size(); ++i) {
+    const Microphone& microphone = tables.layout.microphones[i];
+    const glm::vec3 to_image = image - microphone.position_m;
+    const float own_distance_m = glm::length(to_image);
+    const glm::vec3 from = own_distance_m > 1e-6f ? to_image / own_distance_m : glm::vec3(0, 0, -1);
+    const float spread = distance_m / std::max(own_distance_m, kLeastDistanceM);
+    tables.patterns[i].pressure(glm::conjugate(microphone.orientation) * from, std::span(gain).first(num_bands));
+    for (std::size_t b = 0; b < num_bands; ++b) {
+      phase[b] = arrival.phase_rad[b] + (gain[b] < 0 ? std::numbers::pi_v<float> : 0.f);
+      gain[b] = std::abs(gain[b]) * spread * arrival.amplitude[b];
+    }
+    scratch_->bands.set(std::span(gain).first(num_bands), std::span(phase).first(num_bands));
+    if (scratch_->bands.silent()) continue;
+    // The difference alone, so that a microphone at the listener's position has the listener's delay to the last bit.
+    const double delay = (static_cast<double>(arrival.distance_m) + static_cast<double>(own_distance_m - distance_m)) * pass.samples_per_m;
+    if (delay > -tables.early_fft && delay < tables.num_samples + tables.early_fft / 2) add_impulse(delay, i, rir);
+  }
+}
+
+void RirSynthesizer::add_arrival(const Pass& pass, const Arrival& arrival, Rir& rir) {
+  const SynthesisTables& tables = *tables_;
+  const double delay_samples = static_cast<double>(arrival.distance_m) * pass.samples_per_m;
+  if (tables.layout.kind == ListenerKind::array) return add_to_microphones(pass, arrival, rir);
+  if (!(delay_samples >= 0 && delay_samples < tables.num_samples + tables.early_fft / 2)) return;
+  const auto num_bands = static_cast<std::size_t>(tables.num_bands);
+  scratch_->bands.set(std::span(arrival.amplitude).first(num_bands), std::span(arrival.phase_rad).first(num_bands));
+  if (scratch_->bands.silent()) return;
+  if (tables.layout.kind == ListenerKind::mono) add_impulse(delay_samples, 0, rir);
+  if (tables.layout.kind == ListenerKind::binaural) add_to_ears(pass, arrival, delay_samples, rir);
+  if (tables.layout.kind == ListenerKind::ambisonics) add_to_harmonics(pass, arrival, delay_samples, rir);
+}
+
+/// World to head axes for the decoder.
+void RirSynthesizer::rotate_first_order(const ListenerTurn& turn, std::size_t num_samples) {
+  Scratch& scratch = *scratch_;
+  if (!turn.level()) {
+    const std::array<std::span<float>, 4> channels = {scratch.field[0], scratch.field[1], scratch.field[2], scratch.field[3]};
+    scratch.rotation.set(turn);
+    scratch.rotation.apply(channels, num_samples);
+    return;
+  }
+  // A turn about the vertical mixes the two horizontal dipoles only (rotate_to_heading for whole signals).
+  const auto cosine = static_cast<float>(std::cos(turn.heading_rad())), sine = static_cast<float>(std::sin(turn.heading_rad()));
+  float *side = scratch.field[1].data(), *front = scratch.field[3].data();
+  for (std::size_t n = 0; n < num_samples; ++n) {
+    const float s = side[n], f = front[n];
+    side[n] = cosine * s - sine * f;
+    front[n] = cosine * f + sine * s;
   }
 }
 
@@ -215,50 +241,67 @@ void RirSynthesizer::decode_late(std::size_t num_samples, Rir& rir) {
   }
 }
 
-void RirSynthesizer::render(const EnergyResponse& response, double heading_rad, std::uint64_t carrier_key, Rir& rir) {
+void RirSynthesizer::render_late(const Pass& pass, std::size_t offset, double onset_sample, Rir& rir) {
   const SynthesisTables& tables = *tables_;
   Scratch& scratch = *scratch_;
-  const bool binaural = tables.hrtf != nullptr;
-  rir.num_channels = binaural ? 2 : 1;
+  const EnergyHistogram& late = pass.response.late;
+  const auto length = static_cast<std::size_t>(tables.num_samples);
+  switch (tables.layout.kind) {
+    case ListenerKind::mono: {
+      const std::array<std::span<float>, 1> channels = {std::span(rir.samples)};
+      scratch.late.render(late, tables.carriers, offset, onset_sample, channels);
+      return;
+    }
+    case ListenerKind::binaural: {
+      const std::array<std::span<float>, 4> channels = {scratch.field[0], scratch.field[1], scratch.field[2], scratch.field[3]};
+      const std::size_t sounding = scratch.late.render(late, tables.carriers, offset, onset_sample, channels);
+      rotate_first_order(pass.turn, sounding);
+      decode_late(sounding, rir);
+      return;
+    }
+    case ListenerKind::ambisonics: {
+      for (std::size_t c = 0; c < scratch.channels.size(); ++c) scratch.channels[c] = std::span(rir.samples).subspan(c * length, length);
+      const std::size_t sounding = scratch.late.render(late, tables.carriers, offset, onset_sample, scratch.channels);
+      if (tables.layout.axes == HarmonicAxes::world) return;
+      scratch.rotation.set(pass.turn);
+      scratch.rotation.apply(scratch.channels, sounding);
+      return;
+    }
+    case ListenerKind::array:
+      scratch.array->render(late, tables.carriers, offset, onset_sample, pass.turn, pass.response.speed_of_sound_m_per_s, tables.patterns,
+                            rir.samples);
+  }
+}
+
+void RirSynthesizer::render(const EnergyResponse& response, const ListenerTurn& turn, std::uint64_t carrier_key, Rir& rir) {
+  const SynthesisTables& tables = *tables_;
+  rir.num_channels = tables.layout.num_channels();
   rir.num_samples = tables.num_samples;
   rir.sample_rate_hz = tables.sample_rate_hz;
   rir.samples.assign(static_cast<std::size_t>(rir.num_channels) * static_cast<std::size_t>(tables.num_samples), 0.f);
   require(response.late.num_bins() == 0 || response.late.num_bands() == tables.num_bands, "bands of the response",
           response.late.num_bands(), "must be those of the tables");
-  require(response.arrivals.empty() || response.speed_of_sound_m_per_s > 0, "speed of sound", response.speed_of_sound_m_per_s,
+  const bool needs_speed = !response.arrivals.empty() || tables.layout.kind == ListenerKind::array;
+  require(!needs_speed || response.speed_of_sound_m_per_s > 0, "speed of sound", response.speed_of_sound_m_per_s,
           "must be set by whoever made the response");
+  const Pass pass{response, turn,
+                  needs_speed ? static_cast<double>(tables.sample_rate_hz) / static_cast<double>(response.speed_of_sound_m_per_s) : 0.0};
 
   // Nothing is heard before a direct sound.
   double onset_sample = 0;
   for (const Arrival& arrival : response.arrivals)
-    if (arrival.kind == ArrivalKind::direct) onset_sample = std::clamp(delay_in_samples(response, arrival), 0.0, static_cast<double>(tables.num_samples));
+    if (arrival.kind == ArrivalKind::direct)
+      onset_sample = std::clamp(static_cast<double>(arrival.distance_m) * pass.samples_per_m, 0.0, static_cast<double>(tables.num_samples));
   const RandomStream random(tables.seed, Purpose::carrier, static_cast<std::uint32_t>(carrier_key),
                             static_cast<std::uint32_t>(carrier_key >> 32), 1);
   const std::size_t offset = random.below(static_cast<std::uint32_t>(tables.carriers.length()), 0);
-  if (binaural) {
-    const std::array<std::span<float>, 4> channels = {scratch.field[0], scratch.field[1], scratch.field[2], scratch.field[3]};
-    const std::size_t sounding = scratch.late.render(response.late, tables.carriers, offset, onset_sample, channels);
-    rotate_channels(heading_rad, sounding);
-    decode_late(sounding, rir);
-  } else {
-    const std::array<std::span<float>, 1> channels = {std::span(rir.samples)};
-    scratch.late.render(response.late, tables.carriers, offset, onset_sample, channels);
-  }
-  for (const Arrival& arrival : response.arrivals) add_arrival(arrival, delay_in_samples(response, arrival), heading_rad, rir);
-}
-
-double RirSynthesizer::delay_in_samples(const EnergyResponse& response, const Arrival& arrival) const {
-  return static_cast<double>(arrival.distance_m) / response.speed_of_sound_m_per_s * tables_->sample_rate_hz;
-}
-
-/// World to head axes: a turn about the vertical mixes the two horizontal dipoles (rotate_to_heading for whole signals).
-void RirSynthesizer::rotate_channels(double heading_rad, std::size_t num_samples) {
-  const auto cosine = static_cast<float>(std::cos(heading_rad)), sine = static_cast<float>(std::sin(heading_rad));
-  float *side = scratch_->field[1].data(), *front = scratch_->field[3].data();
-  for (std::size_t n = 0; n < num_samples; ++n) {
-    const float s = side[n], f = front[n];
-    side[n] = cosine * s - sine * f;
-    front[n] = cosine * f + sine * s;
+  render_late(pass, offset, onset_sample, rir);
+  for (const Arrival& arrival : response.arrivals) add_arrival(pass, arrival, rir);
+  if (tables.layout.kind != ListenerKind::ambisonics || tables.layout.norm == HarmonicNorm::n3d) return;
+  for (int c = 1; c < rir.num_channels; ++c) {
+    const float factor = sn3d_from_n3d(c);
+    for (std::size_t n = 0; n < static_cast<std::size_t>(rir.num_samples); ++n)
+      rir.samples[static_cast<std::size_t>(c) * static_cast<std::size_t>(rir.num_samples) + n] *= factor;
   }
 }
 

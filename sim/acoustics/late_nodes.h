@@ -1,0 +1,88 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <span>
+#include <vector>
+
+#include "sim/acoustics/energy_histogram.h"
+
+namespace earshot {
+
+/// Late energy of one band at one bin centre.
+struct LateNode {
+  float density = 0;         ///< energy per sample
+  std::array<float, 3> m{};  ///< N3D channels 1 to 3 over channel 0: sqrt 3 times the mean direction, by energy
+  float d = 1;               ///< amplitude of what is independent of channel 0 in each of them: d^2 = 1 - |m|^2 / 3
+};
+
+/// A stretch of samples between two bin centres on which densities change linearly.
+struct LateStretch {
+  std::size_t begin;    ///< first sample
+  int count;            ///< of samples
+  std::size_t in_loop;  ///< of `begin` in the carrier
+  int left, right;      ///< bins at its ends
+  double share;         ///< of the way from left to right at `begin`
+  double step;          ///< of that share per sample
+};
+
+/// Linear change over a stretch.
+struct Ramp {
+  float start, step;
+  [[nodiscard]] float at(int i) const { return start + step * static_cast<float>(i); }
+};
+inline Ramp ramp_over(const LateStretch& stretch, float left, float right) {
+  const double change = static_cast<double>(right) - static_cast<double>(left);
+  return {static_cast<float>(static_cast<double>(left) + stretch.share * change), static_cast<float>(change * stretch.step)};
+}
+
+/// The late part of a histogram as densities at bin centres.  Interpolated linearly they keep each bin's energy, but for what lies before
+/// the onset, which lands behind it.  Owns its storage: no allocation once warm.
+class LateNodes {
+ public:
+  /// onset_sample: no sound before it.  num_samples: of the response.
+  void make(const EnergyHistogram& energy, float sample_rate_hz, double onset_sample, std::size_t num_samples);
+  [[nodiscard]] std::span<const LateNode> band(int band) const {
+    return std::span(nodes_).subspan(static_cast<std::size_t>(band) * static_cast<std::size_t>(num_bins_),
+                                     static_cast<std::size_t>(num_bins_));
+  }
+  /// Harmonics 4, 5, ... over channel 0 of a node: [num_coefficients - 4], empty for first order.
+  [[nodiscard]] std::span<const float> higher(int band, int bin) const {
+    return std::span(higher_).subspan(static_cast<std::size_t>(band * num_bins_ + bin) * num_higher_, num_higher_);
+  }
+
+  /// Calls visit(stretch) for all stretches, in order of time and cut where the carrier loop wraps.  Before the first and after the last
+  /// centre the density stays.
+  template <class Visit>
+  void visit(std::size_t offset, std::size_t loop_length, Visit&& visit) const {
+    for (int stretch = 0; stretch <= num_bins_; ++stretch) {
+      const double from = stretch == 0 ? 0.0 : (stretch - 0.5) * width_;
+      const double to = stretch == num_bins_ ? num_bins_ * width_ : (stretch + 0.5) * width_;
+      const std::size_t end = clamp_sample(to);
+      for (std::size_t begin = std::max(clamp_sample(from), clamp_sample(onset_)); begin < end;) {
+        const std::size_t in_loop = (offset + begin) % loop_length;
+        const auto count = static_cast<int>(std::min(end - begin, loop_length - in_loop));
+        const double share = (static_cast<double>(begin) - (stretch - 0.5) * width_) / width_;
+        visit(LateStretch{begin, count, in_loop, std::max(stretch - 1, 0), std::min(stretch, num_bins_ - 1), share, 1.0 / width_});
+        begin += static_cast<std::size_t>(count);
+      }
+    }
+  }
+
+ private:
+  [[nodiscard]] std::size_t clamp_sample(double position) const {
+    return static_cast<std::size_t>(std::clamp(std::ceil(position), 0.0, static_cast<double>(num_samples_)));
+  }
+
+  int num_bins_ = 0;
+  double width_ = 1, onset_ = 0;  ///< in samples
+  std::size_t num_samples_ = 0, num_higher_ = 0;
+  std::vector<LateNode> nodes_;   ///< [band][bin]
+  std::vector<float> higher_;     ///< [band][bin][num_higher]
+  std::vector<double> hat_area_;  ///< [bin]: samples over which a bin spreads
+  std::vector<double> carried_;
+};
+
+}  // namespace earshot
