@@ -136,8 +136,7 @@ void find_transmitted(const AcousticScene& scene, glm::vec3 source, glm::vec3 li
     const double air = std::exp(-0.5 * scene.air_energy_per_m()[band] * air_m);
     arrival.amplitude[band] = static_cast<float>(std::pow(10.0, gain_db / 20.0) * air / (4.0 * std::numbers::pi * distance_m));
   }
-  const auto place = std::upper_bound(arrivals.begin(), arrivals.end(), arrival,
-                                      [](const Arrival& a, const Arrival& b) { return a.distance_m < b.distance_m; });
+  const auto place = std::find_if(arrivals.begin(), arrivals.end(), [&](const Arrival& a) { return a.distance_m > arrival.distance_m; });
   arrivals.insert(place, arrival);
 }
 
