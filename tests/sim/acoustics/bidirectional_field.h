@@ -1,5 +1,7 @@
 #pragma once
 
+#include <gtest/gtest.h>
+
 #include <cmath>
 #include <memory>
 
@@ -45,6 +47,17 @@ inline AcousticConfig bidirectional_config(int rays) {
   AcousticConfig config = plain_config();
   config.rays = config.source_rays = rays;
   return config;
+}
+
+/// Within `sigmas` standard errors, which must themselves be below `share` of the value: tight enough to see a lost factor.
+inline void expect_near(const Sample& sample, double expected, double sigmas, double share, const char* what = "") {
+  EXPECT_NEAR(sample.mean, expected, sigmas * sample.standard_error) << what << ": standard error " << sample.standard_error;
+  EXPECT_LT(sample.standard_error, share * expected) << what;
+}
+inline void expect_same(const Sample& a, const Sample& b, double sigmas, double share, const char* what = "") {
+  const double error = std::hypot(a.standard_error, b.standard_error);
+  EXPECT_NEAR(a.mean, b.mean, sigmas * error) << what << ": standard errors " << a.standard_error << ", " << b.standard_error;
+  EXPECT_LT(error, share * a.mean) << what;
 }
 
 }  // namespace earshot::rooms
