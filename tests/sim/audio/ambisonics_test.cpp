@@ -56,7 +56,7 @@ const TableRow kTable[] = {
       0.81296}},
 };
 
-TEST(SphericalHarmonics, MatchTheTable) {
+TEST(SphericalHarmonics, MatchTheTableO28) {
   for (const TableRow& row : kTable) {
     const auto values = harmonics(direction_of(row.azimuth_deg, row.elevation_deg), 3);
     for (std::size_t i = 0; i < 16; ++i)
@@ -64,7 +64,7 @@ TEST(SphericalHarmonics, MatchTheTable) {
   }
 }
 
-TEST(SphericalHarmonics, SquaresSumToTheChannelCount) {
+TEST(SphericalHarmonics, SquaresSumToTheChannelCountO28) {
   for (int order = 0; order <= 9; ++order) {
     for (std::uint32_t i = 0; i < 200; ++i) {
       double sum = 0;
@@ -111,7 +111,7 @@ TEST(HeadAxes, TurningLeftMovesAFrontSourceToTheRight) {
   EXPECT_EQ(to_head_axes({0.6f, 0.64f, -0.48f}, 0.0), glm::vec3(0.6f, 0.64f, -0.48f));
 }
 
-TEST(Rotation, TurningLeftMovesAFrontSourceToTheRight) {
+TEST(Rotation, TurningLeftMovesAFrontSourceToTheRightO28) {
   auto field = harmonics({0, 0, -1}, 1);
   rotate_to_heading(field, 1, 90 * kDegree);
   EXPECT_NEAR(field[0], 1, 1e-7);

@@ -60,7 +60,7 @@ class RigidSphereHead : public ::testing::Test {
 std::shared_ptr<const Hrtf> RigidSphereHead::head_;
 
 // ORACLES O-27: exact phase ITD at 200 Hz, ears at +-90 degrees.
-TEST(RigidSphereSeries, HasTheExactTimeDifferenceAt200Hz) {
+TEST(RigidSphereSeries, HasTheExactTimeDifferenceAt200HzO27) {
   const double ka = 2.0 * std::numbers::pi * 200.0 / 343.0 * 0.0875;
   for (const auto& [azimuth_deg, expected_us] : {std::pair{10.0, 136.87}, {30.0, 392.91}, {60.0, 675.95}, {90.0, 777.96}}) {
     const double incidence[2] = {(90 + azimuth_deg) * kDegree, (90 - azimuth_deg) * kDegree};
@@ -71,7 +71,7 @@ TEST(RigidSphereSeries, HasTheExactTimeDifferenceAt200Hz) {
 }
 
 // ORACLES O-27, ears at +-90 degrees: independent of the head's own +-100.
-TEST(RigidSphereSeries, HasTheExactLevelDifferences) {
+TEST(RigidSphereSeries, HasTheExactLevelDifferencesO27) {
   const double frequency_hz[] = {250, 500, 1000, 2000, 4000, 8000};
   const double expected_db[3][6] = {
       {0.1493, 1.52, 4.864, 4.398, 5.937, 7.898}, {0.2365, 1.847, 4.284, 9.993, 9.647, 12.86}, {0.2615, 1.798, 2.849, 3.905, 4.694, 6.078}};
@@ -103,7 +103,7 @@ TEST(RigidSphereSeries, HasItsLimits) {
   EXPECT_TRUE(std::isfinite(std::abs(pressure[2])));
 }
 
-TEST_F(RigidSphereHead, HasTheTableOfLevelDifferences) {  // ORACLES O-27, ears at +-100 degrees
+TEST_F(RigidSphereHead, HasTheTableOfLevelDifferencesO27) {  // ORACLES O-27, ears at +-100 degrees
   const int bins[] = {5, 10, 20, 40, 80, 160};
   const double expected_db[3][6] = {{2.256e-4, 0.8982, 4.694, 5.309, 7.264, 9.6},
                                     {0.09622, 1.357, 3.206, 6.53, 15.12, 14.92},
@@ -116,7 +116,7 @@ TEST_F(RigidSphereHead, HasTheTableOfLevelDifferences) {  // ORACLES O-27, ears 
 }
 
 // The low-frequency ITD is 3/2 a/c times the difference of the cosines of incidence: ears at +-100 degrees have sin 100 of those at +-90.
-TEST_F(RigidSphereHead, TimeDifferenceLiesBetweenItsLimits) {
+TEST_F(RigidSphereHead, TimeDifferenceLiesBetweenItsLimitsO27) {
   for (const auto& [azimuth_deg, at_90_us] : {std::pair{10.0, 136.87}, {30.0, 392.91}, {60.0, 675.95}, {90.0, 777.96}})
     EXPECT_NEAR(itd_us(ears(*head_, from_right(azimuth_deg)), 4, 200.0), at_90_us * std::sin(100 * kDegree), 1.0);
   // High frequencies: slope of the interaural phase from 6 to 10 kHz against Woodworth's rays for these ears, within the ripple of the
@@ -134,7 +134,7 @@ TEST_F(RigidSphereHead, TimeDifferenceLiesBetweenItsLimits) {
   }
 }
 
-TEST_F(RigidSphereHead, SourceOnTheRightIsEarlierAndLouderRight) {
+TEST_F(RigidSphereHead, SourceOnTheRightIsEarlierAndLouderRightO27) {
   for (double azimuth_deg = 5; azimuth_deg < 180; azimuth_deg += 5) {
     const Ears e = ears(*head_, from_right(azimuth_deg, 10.0));
     EXPECT_GT(itd_us(e, 4, 200.0), 0) << azimuth_deg;
@@ -147,7 +147,7 @@ TEST_F(RigidSphereHead, SourceOnTheRightIsEarlierAndLouderRight) {
   }
 }
 
-TEST_F(RigidSphereHead, MirroredSourceSwapsTheEarsExactly) {
+TEST_F(RigidSphereHead, MirroredSourceSwapsTheEarsExactlyO27) {
   for (const double azimuth_deg : {0.1, 17.0, 90.0, 133.3, 179.0}) {
     const glm::vec3 direction = from_right(azimuth_deg, 23.0);
     const Ears one = ears(*head_, direction), other = ears(*head_, {-direction.x, direction.y, direction.z});
@@ -227,7 +227,7 @@ DiffuseField diffuse_field(const Hrtf& head, std::size_t bin) {
   return field;
 }
 
-TEST_F(RigidSphereHead, DiffuseFieldHasTheCoherenceOfAHead) {  // ORACLES O-27
+TEST_F(RigidSphereHead, DiffuseFieldHasTheCoherenceOfAHeadO27) {  // ORACLES O-27
   for (const auto& [frequency_hz, expected] : {std::pair{250, 0.7636}, {500, 0.2037}, {1000, -0.1251}, {2000, -0.03115}, {4000, 0.003034}})
     EXPECT_NEAR(diffuse_field(*head_, static_cast<std::size_t>(frequency_hz / 50)).coherence, expected, 0.02) << frequency_hz;
   EXPECT_GT(diffuse_field(*head_, 1).coherence, 0.97);
