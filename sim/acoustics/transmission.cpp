@@ -33,10 +33,14 @@ bool same_material(const AcousticScene& scene, std::uint32_t a, std::uint32_t b)
 Hit find_far_face(const AcousticScene& scene, glm::vec3 start, glm::vec3 direction, const Hit& hit) {
   const float cosine = std::max(std::fabs(glm::dot(direction, hit.normal)), kLeastCosine);
   const Hit far = scene.scene().rays().intersect(start, direction, kMaxWallThicknessM / cosine);
-  if (!far.valid() || std::fabs(glm::dot(far.normal, hit.normal)) < kParallel) return {};
+  if (!far.valid()) return {};
+  const bool enters = meets_front(scene, direction, hit.triangle), enters_again = meets_front(scene, direction, far.triangle);
+  if (enters == enters_again) return {};
+  // Corners and ends of walls: in at the front, out at the side.  Only outward windings tell that the way between is inside.
+  const bool parallel = std::fabs(glm::dot(far.normal, hit.normal)) >= kParallel;
+  if (!parallel && (!enters || far.distance_m > kMaxWallThicknessM)) return {};
   const auto& material = scene.scene().mesh().triangle_material;
   if (!same_material(scene, material[hit.triangle], material[far.triangle])) return {};
-  if (meets_front(scene, direction, hit.triangle) == meets_front(scene, direction, far.triangle)) return {};
   return far;
 }
 

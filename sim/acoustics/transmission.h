@@ -25,9 +25,10 @@ struct WallCrossing {
 ///
 /// Transmission belongs to the object, not to its faces, so that a sheet and a box of the same wall let the same energy through (ORACLES
 /// O-22).  The next hit along the ray is the far face of the same wall if it has the opposite winding, a material of the same name and
-/// coefficients, a normal within 11 degrees, and lies within kMaxWallThicknessM across the wall.  Everything else is a sheet.  Where three
-/// faces alternate, a pair whose windings point outward is a wall before one whose windings point inward, from either side of the ray.
-/// Triangles that coincide are passed together (ORACLES H-5).  Cost: one ray, two for a wall whose windings point inward.
+/// coefficients, and either a normal within 11 degrees and a distance of at most kMaxWallThicknessM across the wall, or, where the windings
+/// point outward (corners and ends of walls), a distance of at most kMaxWallThicknessM along the ray.  Everything else is a sheet.  Where
+/// three faces alternate, a pair whose windings point outward is a wall before one whose windings point inward, from either side of the
+/// ray.  Triangles that coincide are passed together (ORACLES H-5).  Cost: one ray, two for a wall whose windings point inward.
 WallCrossing cross_wall(const AcousticScene& scene, glm::vec3 direction, const Hit& hit);
 
 /// Energy share that passes, per band: tau of the material once, times 10^(-damping * inside_m / 10).  share: [num_bands], multiplied by

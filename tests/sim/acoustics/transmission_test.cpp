@@ -138,6 +138,34 @@ TEST(O22_Transmission, BoxWallsNearEachOtherStayTwoWalls) {
   EXPECT_NEAR(loss_db(scene), 20 + 0.1 * 30, 1e-4);  // positions round to 1e-7 m times 30 dB/m
 }
 
+TEST(O22_Transmission, CornersOfAWallAreOneWall) {
+  // A post of 0.3 m: in at the front, out at the side.  The line at 45 degrees cuts a corner of 0.1 m.
+  const auto post = [](bool inside_out) {
+    TriangleMesh mesh;
+    const auto face = [&](std::array<glm::vec3, 4> c) {
+      if (inside_out) std::swap(c[1], c[3]);
+      rooms::append_quad(mesh, c, 0);
+    };
+    const float s = 0.3f;
+    const auto at = [&](float x, float y, float z) { return glm::vec3(x * s, 20 * y - 10, z * s); };
+    face({at(0, 0, 0), at(0, 0, 1), at(0, 1, 1), at(0, 1, 0)});  // -x
+    face({at(1, 0, 0), at(1, 1, 0), at(1, 1, 1), at(1, 0, 1)});  // +x
+    face({at(0, 0, 0), at(0, 1, 0), at(1, 1, 0), at(1, 0, 0)});  // -z
+    face({at(0, 0, 1), at(1, 0, 1), at(1, 1, 1), at(0, 1, 1)});  // +z
+    return rooms::scene_of(std::move(mesh), {wall_of(0.01)});
+  };
+  const glm::vec3 a(-0.9f, 0, 1), b(1.1f, 0, -1);  // along x + z = 0.1
+  for (const auto& [from, to] : {std::pair{a, b}, std::pair{b, a}}) {
+    const std::vector<Arrival> arrivals = transmitted(AcousticScene(post(false), config()), from, to);
+    ASSERT_EQ(arrivals.size(), 1u);
+    EXPECT_EQ(arrivals[0].order, 1);
+    const double free = 1 / (4 * std::numbers::pi * std::sqrt(8.0));
+    EXPECT_NEAR(-20 * std::log10(arrivals[0].amplitude[0] / free), 20, 1e-4);
+    // Inside out nothing tells a corner from two sheets.
+    EXPECT_EQ(transmitted(AcousticScene(post(true), config()), from, to)[0].order, 2);
+  }
+}
+
 TEST(H5_Transmission, CoincidentTrianglesCountOnce) {
   EXPECT_NEAR(loss_db({{.at_m = 1, .copies = 3}}, wall_of(0.01)), 20, kRoundingDb);
   EXPECT_NEAR(loss_db({{.at_m = 1, .thickness_m = 0.2, .copies = 2}}, wall_of(0.01)), 20, kRoundingDb);
