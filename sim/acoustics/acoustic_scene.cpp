@@ -6,6 +6,7 @@
 #include <string>
 
 #include "sim/acoustics/air_absorption.h"
+#include "sim/acoustics/diffraction_edges.h"
 #include "sim/acoustics/specular_lobe.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
@@ -76,6 +77,8 @@ AcousticScene::AcousticScene(std::shared_ptr<const Scene> scene, const AcousticC
     }
   }
   if (config_.specular_exponent > 0.f) specular_lobe_ = std::make_shared<const SpecularLobe>(config_.specular_exponent);
+  if (config_.diffraction != Switch::off)
+    diffraction_edges_ = std::make_shared<const DiffractionEdges>(*scene_, config_.diffraction_edge_m);
   planes_ = find_mirror_planes(scene_->mesh());
   if (!scene_->mesh().triangles.empty()) diagonal_m_ = glm::length(scene_->bounds().upper - scene_->bounds().lower);
   hash_ = hash_of(config_, scene_->hash());

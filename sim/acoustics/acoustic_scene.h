@@ -12,6 +12,7 @@
 
 namespace earshot {
 
+class DiffractionEdges;
 class SpecularLobe;
 
 /// A scene seen through one acoustic configuration: coefficients per band, air, planes.  Immutable, shared by all threads; holds the
@@ -47,6 +48,8 @@ class AcousticScene {
   [[nodiscard]] int image_order() const {
     return config_.early == Switch::off || config_.specular_exponent > 0.f ? 0 : config_.early_order;
   }
+  /// Edges round which sound bends; null with diffraction off.
+  [[nodiscard]] const DiffractionEdges* diffraction_edges() const { return diffraction_edges_.get(); }
   /// Energy exponent of air per band, at its centre; all zero if air absorption is off.
   [[nodiscard]] std::span<const float> air_energy_per_m() const { return air_; }
   [[nodiscard]] std::span<const MirrorPlane> planes() const { return planes_.planes; }
@@ -72,6 +75,7 @@ class AcousticScene {
   std::vector<float> reflectance_, scattering_, transmission_, damping_, mean_scattering_, air_;
   bool transmits_ = false;
   std::shared_ptr<const SpecularLobe> specular_lobe_;
+  std::shared_ptr<const DiffractionEdges> diffraction_edges_;
   MirrorPlanes planes_;
   std::uint64_t hash_ = 0;
 };

@@ -51,7 +51,7 @@ bool same_path(const Arrival& a, const Arrival& b) {
 }  // namespace
 
 EarlyCandidates::EarlyCandidates(const AcousticScene& scene, const SoundSource& sound_source)
-    : source_(sound_source), emission_(sound_source, scene.bands()) {
+    : source_(sound_source), emission_(sound_source, scene.bands()), diffraction_(scene, sound_source.position) {
   const glm::vec3 source = source_.position;
   const AcousticConfig& config = scene.config();
   const int order = scene.image_order();

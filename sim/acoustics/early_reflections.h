@@ -9,6 +9,7 @@
 
 #include "sim/acoustics/acoustic_scene.h"
 #include "sim/acoustics/arrival.h"
+#include "sim/acoustics/diffraction_paths.h"
 #include "sim/acoustics/sound_source.h"
 
 namespace earshot {
@@ -31,6 +32,8 @@ class EarlyCandidates {
   [[nodiscard]] const SoundSource& sound_source() const { return source_; }
   [[nodiscard]] const Emission& emission() const { return emission_; }
   [[nodiscard]] std::size_t size() const { return sequences_.size(); }
+  /// Ways round edges, of the same source.
+  [[nodiscard]] const DiffractionCandidates& diffraction() const { return diffraction_; }
 
  private:
   static constexpr int kMaxOrder = 4;
@@ -43,6 +46,7 @@ class EarlyCandidates {
 
   SoundSource source_;
   Emission emission_;
+  DiffractionCandidates diffraction_;
   std::vector<Sequence> sequences_;  ///< sorted, unique
   std::vector<glm::dvec3> images_;   ///< the source mirrored in all planes of the sequence
 };

@@ -13,10 +13,6 @@ const std::map<std::string, Switch> kSwitches = {{"auto", Switch::automatic}, {"
 
 bool in_range(float value, float lowest, float highest) { return value >= lowest && value <= highest; }  // false for NaN
 
-void refuse_if_on(Switch value, const char* key) {
-  require(value != Switch::on, key, "on", "this version does not simulate it; leave it at auto or off");
-}
-
 }  // namespace
 
 AcousticConfig acoustic_preset(std::string_view name) {
@@ -75,7 +71,6 @@ void read(ConfigReader& reader, AcousticConfig& config) {
 }
 
 void validate(const AcousticConfig& config) {
-  refuse_if_on(config.diffraction, "diffraction");
   require(config.early_order >= 0 && config.early_order <= 4, "early_order", config.early_order,
           "must be in [0, 4]: the number of image paths grows with the power of it");
   require(config.early_candidate_rays >= 0 && config.early_candidate_rays <= 10'000'000, "early_candidate_rays",

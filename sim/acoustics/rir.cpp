@@ -29,6 +29,7 @@ void compute_energy_response(const AcousticScene& scene, const EarlyCandidates& 
   response.speed_of_sound_m_per_s = scene.speed_of_sound_m_per_s();
   response.arrivals.clear();
   candidates.find_arrivals(scene, listener, response.arrivals);
+  candidates.diffraction().find_arrivals(scene, listener, response.arrivals);
   find_transmitted(scene, candidates.source(), listener, response.arrivals);
   apply_emission(candidates.emission(), static_cast<std::size_t>(scene.num_bands()), response.arrivals);
   if (!has_shape_of(scene, response.late)) response.late = make_histogram(scene);

@@ -59,7 +59,7 @@ WedgeDiffraction::WedgeDiffraction(double exterior_rad, double source_rad, doubl
   // pi -+ (phi - phi'), pi -+ (phi + phi'), each less the multiple of 2 pi n that brings it nearest to zero: N+ and N- of the paper.
   const std::array<double, 4> argument = {kPi - difference, kPi + difference, kPi - sum, kPi + sum};
   for (std::size_t i = 0; i < 4; ++i) {
-    const double from_boundary = std::remainder(argument[i], 2.0 * exterior_rad);
+    const double turn = 2.0 * exterior_rad, from_boundary = argument[i] - turn * std::nearbyint(argument[i] / turn);
     const double half = 0.5 * std::abs(from_boundary);
     boundary_[i] = std::abs(std::sin(half));
     const double slope = half > 1e-9 ? std::sin(half) / std::tan(half / n) : n;

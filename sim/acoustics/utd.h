@@ -21,6 +21,7 @@ std::complex<double> scaled_erfc(double u);
 /// Error against the exact wedge (ORACLES O-24): 0.06 dB for a thin screen from 63 Hz on, 0.26 dB at 63 Hz for a 270 degree corner.
 class WedgeDiffraction {
  public:
+  WedgeDiffraction() = default;  ///< diffracts nothing
   /// exterior_rad: angle of the air, in (pi, 2 pi].  Angles of source and listener from the first face through the air, in [0, exterior].
   /// Swapped, they give the same bits.
   WedgeDiffraction(double exterior_rad, double source_rad, double listener_rad);
@@ -39,8 +40,8 @@ class WedgeDiffraction {
   [[nodiscard]] bool in_shadow() const { return weight_[0] > 0; }
 
  private:
-  std::array<double, 4> weight_;    ///< -sign(d) [..] / 2n: incidence, incidence round the back, first face, second face
-  std::array<double, 4> boundary_;  ///< |sin(d / 2)|
+  std::array<double, 4> weight_{};    ///< -sign(d) [..] / 2n: incidence, incidence round the back, first face, second face
+  std::array<double, 4> boundary_{};  ///< |sin(d / 2)|
 };
 
 /// Loss in dB of a thin screen at Fresnel number n >= 0 (Kurze and Anderson 1971): 5 + 20 log10(sqrt(2 pi n) / tanh(sqrt(2 pi n))).  Within

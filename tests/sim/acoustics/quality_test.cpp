@@ -85,7 +85,6 @@ TEST(Quality, MessagesNameKeyAndValue) {
   EXPECT_NE(with([](C& c) { c.scattering = 1.5f; }).find("scattering"), std::string::npos);
   EXPECT_NE(with([](C& c) { c.early_order = 5; }).find("early_order"), std::string::npos);
   EXPECT_NE(with([](C& c) { c.sh_order = 6; }).find("sh_order"), std::string::npos);
-  EXPECT_NE(with([](C& c) { c.diffraction = Switch::on; }).find("diffraction"), std::string::npos);
   EXPECT_EQ(with([](C& c) { c.transmission = Switch::on; }), "");
   EXPECT_EQ(with([](C& c) { c.diffraction = c.transmission = Switch::off; }), "");
   EXPECT_EQ(with([](C& c) { c.rays = 0; }), "");  // H-48

@@ -1,0 +1,279 @@
+#include "sim/acoustics/diffraction_paths.h"
+
+#include <algorithm>
+#include <cmath>
+#include <glm/geometric.hpp>
+#include <map>
+#include <numbers>
+#include <queue>
+#include <tuple>
+
+namespace earshot {
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+constexpr double kRankingHz = 500;
+constexpr double kMostLossDb = 30;       // of an estimate, over all edges but the last
+constexpr double kMostBelowBestDb = 30;  // of a path that is still looked at
+/// An estimate may be this much too low: Kurze-Anderson at a corner (4.1 dB), and bands below the one it is made at.
+constexpr double kMarginDb = 9;
+
+/// Loss of the bend at `at` on the way from `before` to `after`.
+double estimate_loss_db(double speed_m_per_s, glm::dvec3 before, glm::dvec3 at, glm::dvec3 after) {
+  const double detour_m = glm::length(at - before) + glm::length(after - at) - glm::length(after - before);
+  return kurze_anderson_db(2.0 * detour_m * kRankingHz / speed_m_per_s);
+}
+
+double level_db(double amplitude) { return 20.0 * std::log10(std::max(amplitude, 1e-12)); }
+
+/// Level of an arrival, mean over bands, re 1 / (4 pi).
+double level_db(const Arrival& arrival, int num_bands) {
+  double sum = 0;
+  for (int band = 0; band < num_bands; ++band) sum += double{arrival.amplitude[band]} * arrival.amplitude[band];
+  return level_db(4.0 * kPi * std::sqrt(sum / num_bands));
+}
+
+glm::dvec3 nearest_point(const DiffractionEdge& edge, glm::dvec3 point) {
+  return edge.at(std::clamp(glm::dot(point - edge.start, edge.along), 0.0, edge.length_m));
+}
+
+bool before_in_space(glm::vec3 a, glm::vec3 b) { return std::tie(a.x, a.y, a.z) < std::tie(b.x, b.y, b.z); }
+
+}  // namespace
+
+DiffractionBudget::DiffractionBudget(const AcousticConfig& config) {
+  if (config.diffraction == Switch::off) return;
+  const bool automatic = config.diffraction == Switch::automatic;
+  sequences = automatic ? static_cast<int>(std::min(4096.0, 8.0 * std::max(config.rays, 16))) : 4096;
+  expansions = automatic ? std::clamp(config.rays / 2, 16, 512) : 512;
+  paths = automatic ? std::min(config.diffraction_paths, std::max(4, config.rays / 8)) : config.diffraction_paths;
+  only_without_sight = quick = automatic && config.rays < 512;
+}
+
+DiffractionCandidates::DiffractionCandidates(const AcousticScene& scene, glm::vec3 source) : source_(source) {
+  if (scene.diffraction_edges() == nullptr) return;
+  const DiffractionEdges& edges = *scene.diffraction_edges();
+  std::vector<std::uint32_t> in_sight;
+  for (std::uint32_t edge = 0; edge < edges.size(); ++edge) {
+    if (edges.sees(edge, source)) in_sight.push_back(edge);
+  }
+  if (!in_sight.empty()) grow(scene, DiffractionBudget(scene.config()), in_sight);
+}
+
+void DiffractionCandidates::grow(const AcousticScene& scene, const DiffractionBudget& budget, const std::vector<std::uint32_t>& in_sight) {
+  const DiffractionEdges& edges = *scene.diffraction_edges();
+  const double speed = scene.speed_of_sound_m_per_s();
+  struct Ranked {
+    double score_db;
+    std::uint32_t node;
+    bool operator<(const Ranked& other) const { return std::tie(score_db, other.node) < std::tie(other.score_db, node); }
+  };
+  std::vector<Candidate> nodes;
+  std::vector<Ranked> ranked;
+  std::priority_queue<Ranked> open;
+  const auto add = [&](const Candidate& candidate, glm::dvec3 end) {
+    const double length_m = candidate.reached_m + glm::length(end - glm::dvec3(candidate.before));
+    if (length_m > scene.max_path_m()) return;
+    // Long edges first: the frame of a door is passed by many more listeners than the rim of a table.
+    const double size_m = edges[candidate.sequence.edge[static_cast<std::size_t>(candidate.sequence.order - 1)]].length_m;
+    const Ranked rank{0.5 * level_db(size_m) - level_db(std::max(length_m, double{kLeastDistanceM})) - candidate.loss_db,
+                      static_cast<std::uint32_t>(nodes.size())};
+    nodes.push_back(candidate);
+    ranked.push_back(rank);
+    if (candidate.sequence.order < scene.config().diffraction_order) open.push(rank);
+  };
+
+  for (const std::uint32_t edge : in_sight) {
+    Candidate root;
+    root.sequence.edge[0] = edge;
+    root.sequence.order = 1;
+    root.before = source_;
+    add(root, nearest_point(edges[edge], glm::dvec3(source_)));
+  }
+  const std::size_t num_roots = nodes.size();
+  for (int expansion = 0; expansion < budget.expansions && !open.empty(); ++expansion) {
+    const Candidate node = nodes[open.top().node];
+    open.pop();
+    const auto path = std::span(node.sequence.edge).first(static_cast<std::size_t>(node.sequence.order));
+    const std::uint32_t last = path.back();
+    const DiffractionEdge& bend = edges[last];
+    const glm::dvec3 before(node.before);
+    for (const std::uint32_t next : edges.neighbours(last)) {
+      if (std::find(path.begin(), path.end(), next) != path.end()) continue;
+      const glm::dvec3 after = nearest_point(edges[next], before);
+      if (!bend.in_air(after, edges.clearance_m()) || !bend.in_air(before, edges.clearance_m())) continue;
+      const glm::dvec3 at = bend.at(std::clamp(fermat_point(bend, before, after), 0.0, bend.length_m));
+      const double detour_m = glm::length(at - before) + glm::length(after - at) - glm::length(after - before);
+      const double loss_db = node.loss_db + kurze_anderson_db(2.0 * detour_m * kRankingHz / speed);
+      if (loss_db > kMostLossDb) continue;
+      const bool lit = std::abs(bend.angle_of(before) - bend.angle_of(after)) < kPi;
+      if (lit && 2.0 * detour_m * kRankingHz / speed > 2.0) continue;
+      Candidate child;
+      child.sequence = node.sequence;
+      child.sequence.edge[path.size()] = next;
+      ++child.sequence.order;
+      child.before = glm::vec3(at);
+      child.reached_m = node.reached_m + static_cast<float>(glm::length(at - before));
+      child.loss_db = static_cast<float>(loss_db);
+      add(child, after);
+    }
+  }
+
+  // Single edges come without a loss and would crowd out the others where there are many: at most half of the budget if it is short.
+  const auto roots_end = ranked.begin() + static_cast<std::ptrdiff_t>(num_roots);
+  const auto stronger = [](const Ranked& a, const Ranked& b) { return b < a; };
+  std::sort(ranked.begin(), roots_end, stronger);
+  std::sort(roots_end, ranked.end(), stronger);
+  const auto limit = static_cast<std::size_t>(budget.sequences);
+  const std::size_t num_longer = std::min(ranked.size() - num_roots, std::max(limit / 2, limit - std::min(limit, num_roots)));
+  const std::size_t num_single = std::min(num_roots, limit - num_longer);
+  std::vector<Ranked> kept(ranked.begin(), ranked.begin() + static_cast<std::ptrdiff_t>(num_single));
+  kept.insert(kept.end(), roots_end, roots_end + static_cast<std::ptrdiff_t>(num_longer));
+  std::sort(kept.begin(), kept.end(), stronger);
+  std::map<std::uint32_t, std::vector<std::uint32_t>> by_last_edge;
+  std::vector<std::uint32_t> group_order;
+  for (const Ranked& rank : kept) {
+    const EdgeSequence& sequence = nodes[rank.node].sequence;
+    const std::uint32_t last = sequence.edge[static_cast<std::size_t>(sequence.order - 1)];
+    std::vector<std::uint32_t>& members = by_last_edge[last];
+    if (members.empty()) group_order.push_back(last);
+    members.push_back(rank.node);
+  }
+  candidates_.reserve(kept.size());
+  for (const std::uint32_t last : group_order) {
+    const std::size_t begin = candidates_.size();
+    for (const std::uint32_t node : by_last_edge[last]) candidates_.push_back(nodes[node]);
+    groups_.push_back({last, begin, candidates_.size()});
+  }
+}
+
+bool DiffractionCandidates::find_path(const AcousticScene& scene, const Candidate& candidate, glm::vec3 listener, double weakest_db,
+                                      Arrival& arrival) const {
+  const DiffractionEdges& edges = *scene.diffraction_edges();
+  const EmbreeScene& rays = scene.scene().rays();
+  const auto order = static_cast<std::size_t>(candidate.sequence.order);
+
+  // Cheap and generous first.
+  const DiffractionEdge& last = edges[candidate.sequence.edge[order - 1]];
+  const glm::dvec3 before(candidate.before), end(listener);
+  if (!last.in_air(end, edges.clearance_m())) return false;
+  const glm::dvec3 bend = last.at(std::clamp(fermat_point(last, before, end), 0.0, last.length_m));
+  const double about_m = candidate.reached_m + glm::length(bend - before) + glm::length(end - bend);
+  if (about_m > 2.0 * scene.max_path_m()) return false;
+  const double estimate_db = -level_db(std::max(about_m, double{kLeastDistanceM})) - candidate.loss_db -
+                             estimate_loss_db(scene.speed_of_sound_m_per_s(), before, bend, end);
+  if (estimate_db + kMarginDb < weakest_db) return false;
+
+  // The path itself, always computed from the same end (reciprocity).
+  const bool swapped = before_in_space(listener, source_);
+  EdgeSequence sequence = candidate.sequence;
+  if (swapped) std::reverse(sequence.edge.begin(), sequence.edge.begin() + candidate.sequence.order);
+  EdgePath path;
+  if (!shortest_path(edges, sequence, glm::dvec3(swapped ? listener : source_), glm::dvec3(swapped ? source_ : listener), path))
+    return false;
+  const double distance_m = std::max(path.length_m, double{kLeastDistanceM});
+  if (distance_m > scene.max_path_m()) return false;
+
+  // The listener's leg first, for it is the one most often in the way.
+  const auto air_point = [&](std::size_t i) {
+    const double length_m = edges[sequence.edge[i]].length_m, inset_m = std::min(2.0 * edges.clearance_m(), 0.5 * length_m);
+    return edges.air_point(sequence.edge[i], std::clamp(path.along_m[i], inset_m, length_m - inset_m));
+  };
+  const glm::vec3 from(path.from), to(path.to);
+  if (swapped ? rays.occluded(from, air_point(0)) : rays.occluded(to, air_point(order - 1))) return false;
+  if (swapped ? rays.occluded(to, air_point(order - 1)) : rays.occluded(from, air_point(0))) return false;
+  for (std::size_t i = 1; i < order; ++i) {
+    if (rays.occluded(air_point(i - 1), air_point(i))) return false;
+  }
+  const EdgePathField field(edges, path);
+  if (!field.valid()) return false;
+
+  arrival = Arrival{};
+  arrival.kind = ArrivalKind::diffraction;
+  arrival.order = candidate.sequence.order;
+  arrival.distance_m = static_cast<float>(distance_m);
+  const auto unit = [](glm::dvec3 vector, glm::dvec3 instead) {
+    const double length = glm::length(vector);
+    return glm::vec3(length > 0 ? vector / length : instead);
+  };
+  const glm::dvec3 near_source = swapped ? path.point[order - 1] : path.point[0];
+  const glm::dvec3 near_listener = swapped ? path.point[0] : path.point[order - 1];
+  arrival.direction = unit(near_listener - end, {0, 0, -1});
+  arrival.departure = unit(near_source - glm::dvec3(source_), {0, 0, 1});
+  bool any = false;
+  for (int band = 0; band < scene.num_bands(); ++band) {
+    const double wavenumber = 2.0 * kPi * scene.bands().centre_hz[band] / scene.speed_of_sound_m_per_s();
+    const std::complex<double> ratio = field.ratio(wavenumber, [&](std::uint32_t material) {
+      return std::sqrt(double{scene.reflectance(material)[band]} * (1.0 - scene.scattering(material)[band]));
+    });
+    const double air = std::exp(-0.5 * scene.air_energy_per_m()[band] * distance_m);
+    arrival.amplitude[band] = static_cast<float>(std::abs(ratio) * air / (4.0 * kPi * distance_m));
+    arrival.phase_rad[band] = static_cast<float>(std::arg(ratio));
+    any = any || arrival.amplitude[band] > 0.f;
+  }
+  return any;
+}
+
+void DiffractionCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 listener, std::vector<Arrival>& arrivals) const {
+  if (candidates_.empty()) return;
+  const DiffractionBudget budget(scene.config());
+  if (budget.only_without_sight && !scene.scene().rays().occluded(source_, listener)) return;
+
+  // The strongest `paths` at the back of `arrivals`, the weakest of them in front.
+  const std::size_t first = arrivals.size(), limit = static_cast<std::size_t>(budget.paths);
+  const int num_bands = scene.num_bands();
+  double best_db = -1e9, weakest_db = -1e9;
+  const auto bring_weakest_to_front = [&] {
+    std::size_t weakest = first;
+    for (std::size_t i = first; i < arrivals.size(); ++i) {
+      const double db = level_db(arrivals[i], num_bands);
+      if (i == first || db < weakest_db) weakest = i, weakest_db = db;
+    }
+    std::swap(arrivals[first], arrivals[weakest]);
+  };
+  const DiffractionEdges& edges = *scene.diffraction_edges();
+  const auto in_sight = [&](std::uint32_t edge) {
+    if (!edges[edge].in_air(glm::dvec3(listener), edges.clearance_m())) return false;
+    const double length_m = edges[edge].length_m, inset_m = std::min(2.0 * edges.clearance_m(), 0.5 * length_m);
+    const double nearest_m = std::clamp(glm::dot(glm::dvec3(listener) - edges[edge].start, edges[edge].along), inset_m, length_m - inset_m);
+    if (!scene.scene().rays().occluded(listener, edges.air_point(edge, nearest_m))) return true;
+    if (budget.quick) return !scene.scene().rays().occluded(listener, edges.air_point(edge, 0.5 * length_m));
+    return edges.sees(edge, listener);
+  };
+  Arrival arrival;
+  for (const Group& group : groups_) {
+    if (!in_sight(group.last_edge)) continue;
+    for (std::size_t i = group.begin; i < group.end; ++i) {
+      const bool full = arrivals.size() - first == limit;
+      const double least_db = std::max(full ? weakest_db : -1e9, best_db - kMostBelowBestDb);
+      if (!find_path(scene, candidates_[i], listener, least_db, arrival)) continue;
+      const double db = level_db(arrival, num_bands);
+      best_db = std::max(best_db, db);
+      if (!full) {
+        arrivals.push_back(arrival);
+        if (arrivals.size() - first == limit) bring_weakest_to_front();
+      } else if (db > weakest_db) {
+        arrivals[first] = arrival;
+        bring_weakest_to_front();
+      }
+    }
+  }
+
+  // Approximations of many edges must not add up to more than there is.
+  const double direct_m = std::max(glm::length(glm::dvec3(source_) - glm::dvec3(listener)), double{kLeastDistanceM});
+  const double most = 4.0 / (4.0 * kPi * direct_m * 4.0 * kPi * direct_m);
+  for (int band = 0; band < num_bands; ++band) {
+    double energy = 0;
+    for (std::size_t i = first; i < arrivals.size(); ++i) energy += double{arrivals[i].amplitude[band]} * arrivals[i].amplitude[band];
+    if (energy <= most) continue;
+    const double share = std::sqrt(most / energy) * (1.0 - 1e-6);
+    for (std::size_t i = first; i < arrivals.size(); ++i)
+      arrivals[i].amplitude[band] = static_cast<float>(share * arrivals[i].amplitude[band]);
+  }
+  // Insertion sort: few entries, stable, no allocation.
+  for (std::size_t i = std::max<std::size_t>(first, 1); i < arrivals.size(); ++i) {
+    for (std::size_t j = i; j > 0 && arrivals[j].distance_m < arrivals[j - 1].distance_m; --j) std::swap(arrivals[j], arrivals[j - 1]);
+  }
+}
+
+}  // namespace earshot

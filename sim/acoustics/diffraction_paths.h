@@ -1,0 +1,69 @@
+#pragma once
+
+#include <cstdint>
+#include <glm/vec3.hpp>
+#include <vector>
+
+#include "sim/acoustics/acoustic_scene.h"
+#include "sim/acoustics/arrival.h"
+#include "sim/acoustics/edge_path.h"
+
+namespace earshot {
+
+/// What diffraction may cost.  `on`: whatever config asks for.  `automatic`: in proportion to the rays of the late field, so that a preset
+/// of few rays stays as fast as it is:
+///  - sequences of edges that are tried per pose: 8 per ray, at most 4096 (fast: 512), grown in half as many expansions as rays;
+///  - arrivals that are kept: one per 8 rays, at least 4, at most config.diffraction_paths (fast: 8), since each is filtered in synthesis;
+///  - with fewer than 512 rays, only listeners without line of sight (in sight diffraction changes an octave by 1.25 dB at v = -1 and
+///    0.17 dB at v = -2, but 6 dB on the shadow boundary itself: ORACLES 3.3).
+struct DiffractionBudget {
+  explicit DiffractionBudget(const AcousticConfig& config);
+  int sequences = 0, expansions = 0, paths = 0;
+  bool only_without_sight = false;
+  bool quick = false;  ///< with fewer than 512 rays: two points of an edge, not six, decide whether the listener sees it
+};
+
+/// Edge sequences by which sound of one source position may go round corners.  Immutable; shared by every listener pose of that source.
+///
+/// Sequences of one edge are those in sight of the source.  Longer ones are grown best first (least estimated loss) over edges in sight of
+/// each other, within a bounded number of expansions (ORACLES H-68); Kurze-Anderson losses at 500 Hz rank and cull, never set an amplitude.
+/// Left out: paths that mix reflections and edges, edges in a row with a detour of more than two half waves (at 500 Hz) on the
+/// lit side, rims of one sheet in a row.
+class DiffractionCandidates {
+ public:
+  /// Nothing if config.diffraction is off or the scene has no edge in sight of the source.  About 0.5 us per edge of the scene and 10 us
+  /// per expansion, plus DiffractionEdges::neighbours for edges not asked before.
+  DiffractionCandidates(const AcousticScene& scene, glm::vec3 source);
+
+  /// Inserts the strongest paths to `listener`, each leg confirmed by a ray, so that `arrivals` stays sorted by distance.
+  ///
+  /// Amplitude and phase per band at its centre: EdgePathField times 1 / (4 pi r) and air.  Faces reflect with the root of their specular
+  /// share, (1 - absorption)(1 - scattering), so that the field joins the image paths.  In sight of the source the diffracted sound has the
+  /// sign, in its phase, that takes from the direct sound.  The energy of all of them together is kept below that of the unobstructed
+  /// direct sound + 6 dB.  Source and listener swapped give the bits of the same distances, amplitudes and phases wherever both find the
+  /// same sequences.  No allocation once `arrivals` has room for them.
+  void find_arrivals(const AcousticScene& scene, glm::vec3 listener, std::vector<Arrival>& arrivals) const;
+
+  [[nodiscard]] std::size_t size() const { return candidates_.size(); }
+
+ private:
+  /// Candidates that end with the same edge.
+  struct Group {
+    std::uint32_t last_edge;
+    std::size_t begin, end;
+  };
+  struct Candidate {
+    EdgeSequence sequence;
+    glm::vec3 before{0};  ///< where the last leg but one starts, about: source or a point of the last edge but one
+    float reached_m = 0;  ///< length of the way to there, about
+    float loss_db = 0;    ///< estimate of all edges but the last
+  };
+  bool find_path(const AcousticScene& scene, const Candidate& candidate, glm::vec3 listener, double weakest_db, Arrival& arrival) const;
+  void grow(const AcousticScene& scene, const DiffractionBudget& budget, const std::vector<std::uint32_t>& in_sight);
+
+  glm::vec3 source_;
+  std::vector<Candidate> candidates_;  ///< by group, strongest estimate first within each
+  std::vector<Group> groups_;          ///< the one with the strongest candidate first
+};
+
+}  // namespace earshot

@@ -1,0 +1,268 @@
+#include "sim/acoustics/diffraction_paths.h"
+
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <cmath>
+#include <complex>
+#include <cstring>
+#include <numbers>
+
+#include "sim/acoustics/rir.h"
+#include "sim/base/random.h"
+#include "tests/sim/acoustics/rooms.h"
+#include "tests/sim/acoustics/wedge_cases.h"
+
+namespace earshot {
+namespace {
+
+using Complex = std::complex<double>;
+constexpr double kPi = std::numbers::pi;
+
+std::shared_ptr<const Scene> hard(TriangleMesh mesh) { return rooms::scene_of(std::move(mesh), {Material::uniform("hard", 0.f, 0.f)}); }
+
+AcousticConfig config_with(Switch diffraction) {
+  AcousticConfig config;
+  config.diffraction = diffraction;
+  config.air_absorption = Switch::off;
+  config.late = Switch::off;
+  config.rays = 0;
+  return config;
+}
+
+std::vector<Arrival> arrivals_of(const AcousticScene& scene, glm::vec3 source, glm::vec3 listener) {
+  EnergyResponse response;
+  compute_energy_response(scene, EarlyCandidates(scene, source), listener, response);
+  return response.arrivals;
+}
+
+/// Coherent sum of all arrivals in a band, at its centre.
+Complex pressure(const AcousticScene& scene, const std::vector<Arrival>& arrivals, std::size_t band) {
+  Complex sum = 0;
+  const double k = 2 * kPi * scene.bands().centre_hz[band] / scene.speed_of_sound_m_per_s();
+  for (const Arrival& arrival : arrivals)
+    sum += std::polar(double{arrival.amplitude[band]}, arrival.phase_rad[band] - k * arrival.distance_m);
+  return sum;
+}
+
+double db(double amplitude) { return 20 * std::log10(amplitude); }
+
+/// The wedge of a case, long and wide, edge on the y axis (theirs: z), first face along +x.
+TriangleMesh wedge_mesh(double exterior_rad) {
+  const float reach = 200;
+  TriangleMesh mesh;
+  rooms::append_quad(mesh, {glm::vec3(0, -reach, 0), glm::vec3(reach, -reach, 0), glm::vec3(reach, reach, 0), glm::vec3(0, reach, 0)}, 0);
+  if (exterior_rad > 1.9 * kPi) return mesh;
+  const glm::vec3 tip(reach * std::cos(exterior_rad), 0, -reach * std::sin(exterior_rad));
+  rooms::append_quad(mesh, {glm::vec3(0, -reach, 0), tip - glm::vec3(0, reach, 0), tip + glm::vec3(0, reach, 0), glm::vec3(0, reach, 0)},
+                     0);
+  return mesh;
+}
+
+glm::vec3 cylindrical(const std::array<double, 3>& at) {
+  return {static_cast<float>(at[0] * std::cos(at[1])), static_cast<float>(at[2]), static_cast<float>(-at[0] * std::sin(at[1]))};
+}
+
+TEST(O24Diffraction, PathsOverWedgesHaveTheTabulatedLoss) {
+  for (const wedges::WedgeCase& wedge : wedges::kCases) {
+    const auto scene_geometry = hard(wedge_mesh(wedge.exterior_rad));
+    const AcousticScene scene(scene_geometry, config_with(Switch::on));
+    const glm::vec3 source = cylindrical(wedge.source), listener = cylindrical(wedge.listener);
+    const auto arrivals = arrivals_of(scene, source, listener);
+    ASSERT_EQ(arrivals.size(), 1u) << wedge.name;
+    EXPECT_EQ(arrivals[0].kind, ArrivalKind::diffraction);
+    EXPECT_EQ(arrivals[0].order, 1);
+    const double path_m = std::hypot(wedge.source[0] + wedge.listener[0], wedge.source[2] - wedge.listener[2]);
+    EXPECT_NEAR(arrivals[0].distance_m, path_m, 1e-5 * path_m);
+    const double direct_m = glm::length(source - listener);
+    for (int band = 0; band < scene.num_bands(); ++band) {
+      // The table has nominal frequencies, bands have exact midbands (1.2 % apart at most): 0.04 dB.  The highest band is cut at 8 kHz.
+      for (std::size_t i = 0; i < wedges::kFrequencyHz.size(); ++i) {
+        if (std::abs(scene.bands().centre_hz[band] / wedges::kFrequencyHz[i] - 1) > 0.02) continue;
+        const double loss = -db(4 * kPi * direct_m * arrivals[0].amplitude[band]);
+        EXPECT_NEAR(loss, wedge.utd_db[i], 0.06) << wedge.name << " " << wedges::kFrequencyHz[i];
+      }
+    }
+    // Sound leaves toward the edge and comes from it; equal angles with the edge.
+    EXPECT_NEAR(arrivals[0].departure.y, -arrivals[0].direction.y, 1e-5);
+  }
+}
+
+TEST(Diffraction, ConvexRoomGivesTheBitsOfOff) {
+  for (const Switch choice : {Switch::automatic, Switch::on}) {
+    EnergyResponse with, without;
+    for (const bool off : {false, true}) {
+      AcousticConfig config;
+      config.diffraction = off ? Switch::off : choice;
+      const AcousticScene scene(rooms::shoe1(0.2, 0.3), config);
+      compute_energy_response(scene, EarlyCandidates(scene, rooms::shoe1_source()), rooms::shoe1_listener(), off ? without : with);
+    }
+    ASSERT_EQ(with.arrivals.size(), without.arrivals.size());
+    for (std::size_t i = 0; i < with.arrivals.size(); ++i) {
+      EXPECT_EQ(with.arrivals[i].amplitude, without.arrivals[i].amplitude);
+      EXPECT_EQ(with.arrivals[i].distance_m, without.arrivals[i].distance_m);
+    }
+    for (int bin = 0; bin < with.late.num_bins(); ++bin)
+      for (int band = 0; band < with.late.num_bands(); ++band) ASSERT_EQ(with.late.energy(bin, band), without.late.energy(bin, band));
+  }
+}
+
+TEST(Diffraction, LevelFollowsAListenerPastACorner) {
+  // Corner of 270 degrees; the source looks along one face, the listener walks out of the shadow and past the reflection boundary.
+  const AcousticScene scene(hard(wedge_mesh(1.5 * kPi)), config_with(Switch::on));
+  const glm::vec3 source = cylindrical({3, 0.7, 0});
+  const EarlyCandidates candidates(scene, source);
+  EnergyResponse response;
+  const std::size_t band = 3;  // 1 kHz
+  double last_db = 0, largest_db = 0;
+  int without_sight = 0;
+  for (int step = 0; step < 300; ++step) {
+    const glm::vec3 listener(-1.2f, 0.3f, 2.5033f - 0.01f * static_cast<float>(step));
+    compute_energy_response(scene, candidates, listener, response);
+    const double level = db(std::abs(pressure(scene, response.arrivals, band)));
+    if (step > 0) largest_db = std::max(largest_db, std::abs(level - last_db));
+    last_db = level;
+    if (response.arrivals[0].kind != ArrivalKind::direct) ++without_sight;
+  }
+  EXPECT_GT(without_sight, 50);
+  EXPECT_LT(without_sight, 250);
+  EXPECT_LT(largest_db, 0.5);  // 6 dB at the shadow boundary without the lit side's share, endless without any
+}
+
+TEST(Diffraction, SwappedEndsGiveTheSameBits) {
+  TriangleMesh mesh;
+  append_box(mesh, {-1, 0, -0.5f}, {1, 2, 0.5f}, 0, 0);
+  append_box(mesh, {2, 0, -1}, {3, 2.5f, 1}, 0, 0);
+  const AcousticScene scene(hard(mesh), config_with(Switch::on));
+  int found = 0;
+  for (std::uint32_t i = 0; i < 20; ++i) {
+    const RandomStream random(7, Purpose::test, i);
+    const auto point = [&](std::uint32_t draw, float z) {
+      return glm::vec3(-3.f + 7.f * random.uniform(draw), 0.1f + 2.f * random.uniform(draw + 1), z);
+    };
+    const glm::vec3 a = point(0, 2.f), b = point(2, -2.f);
+    auto forth = arrivals_of(scene, a, b), back = arrivals_of(scene, b, a);
+    // Which of the many weak paths are tried may differ; those found from both ends are equal.
+    for (const Arrival& arrival : forth) {
+      if (arrival.kind != ArrivalKind::diffraction || arrival.order != 1) continue;
+      const auto same = std::find_if(back.begin(), back.end(), [&](const Arrival& other) {
+        return other.amplitude == arrival.amplitude && other.phase_rad == arrival.phase_rad && other.distance_m == arrival.distance_m &&
+               other.direction == arrival.departure && other.departure == arrival.direction;
+      });
+      EXPECT_NE(same, back.end());
+      ++found;
+    }
+  }
+  EXPECT_GT(found, 40);
+}
+
+TEST(Diffraction, BendsOverTwoEdgesOfAThickWall) {
+  // A wall 10 m thick: the way leads over both top edges, and is longer than the straight one by what a string would need.
+  TriangleMesh mesh;
+  append_box(mesh, {-1000, -500, -5}, {1000, 20, 5}, 0, 0);
+  const AcousticScene scene(hard(mesh), config_with(Switch::on));
+  const auto arrivals = arrivals_of(scene, {0, 10, 35}, {0, 10, -35});
+  ASSERT_FALSE(arrivals.empty());
+  EXPECT_EQ(arrivals[0].order, 2);
+  const double leg_m = std::hypot(30.0, 10.0), path_m = 2 * leg_m + 10;
+  EXPECT_NEAR(arrivals[0].distance_m, path_m, 1e-4);
+  // Keller's product far from all boundaries, 4 kHz: D = exp(-j pi/4) / (n sqrt(2 pi k)) sin(pi/n) [1 / (cos(pi/n) - cos((a - b)/n)) +
+  // 1 / (cos(pi/n) - cos((a + b)/n))] at each edge, half of one for the leg along the top, over sqrt(s0 s1 s2 (s0 + s1 + s2)).
+  const std::size_t band = 5;
+  const double k = 2 * kPi * scene.bands().centre_hz[band] / 343, n = 1.5, slope = std::atan2(10.0, 30.0);
+  const auto keller = [&](double a, double b) {
+    const auto term = [&](double angle) { return 1 / (std::cos(kPi / n) - std::cos(angle / n)); };
+    return std::sin(kPi / n) / (n * std::sqrt(2 * kPi * k)) * (term(a - b) + term(a + b));
+  };
+  const double in = kPi / 2 - slope;  // from the front face
+  const double expected =
+      std::abs(keller(in, 1.5 * kPi) * keller(0, 1.5 * kPi - in)) / 2 / std::sqrt(leg_m * 10 * leg_m * path_m) / (4 * kPi);
+  EXPECT_NEAR(db(arrivals[0].amplitude[band] / expected), 0, 0.06);  // the rest of the transition functions, 1 / (2 k L)
+}
+
+TEST(Diffraction, EdgesOnTheSameLineOfAThinWallJoinTheSingleEdge) {
+  // Listener rises behind a wall 0.2 m thick out of the shadow of its second edge: two edges, then one; no step.
+  TriangleMesh mesh;
+  append_box(mesh, {-100, -50, -0.1f}, {100, 2, 0.1f}, 0, 0);
+  AcousticConfig config = config_with(Switch::on);
+  config.early = Switch::off;
+  const AcousticScene scene(hard(mesh), config);
+  const EarlyCandidates candidates(scene, glm::vec3(0, 0.5f, 3));
+  EnergyResponse response;
+  double last_db = 0, largest_db = 0;
+  int orders = 0;
+  for (int step = 0; step < 400; ++step) {
+    compute_energy_response(scene, candidates, {0.2f, 0.5033f + 0.01f * static_cast<float>(step), -2}, response);
+    ASSERT_FALSE(response.arrivals.empty());
+    orders |= 1 << response.arrivals[0].order;
+    const double level = db(std::abs(pressure(scene, response.arrivals, 3)));
+    if (step > 0) largest_db = std::max(largest_db, std::abs(level - last_db));
+    last_db = level;
+  }
+  EXPECT_EQ(orders, 7);  // two edges, one edge, in sight
+  EXPECT_LT(largest_db, 1.0);
+}
+
+TEST(Diffraction, FadesWhereTheEdgeEnds) {
+  // The corner of a screen; source and listener walk past its side, below its top: the top's end, then sight.  (Further in, the sound of
+  // both edges cancels at places: steep, but no jump.)
+  TriangleMesh mesh;
+  rooms::append_quad(mesh, {glm::vec3(-40, -40, 0), glm::vec3(1, -40, 0), glm::vec3(1, 1, 0), glm::vec3(-40, 1, 0)}, 0);
+  const AcousticScene scene(hard(mesh), config_with(Switch::on));
+  double last_db = 0, largest_db = 0;
+  for (int step = 0; step < 140; ++step) {
+    const float x = 0.6033f + 0.01f * static_cast<float>(step);
+    const double level = db(std::abs(pressure(scene, arrivals_of(scene, {x, 0.2f, 2}, {x, 0.2f, -2}), 3)));
+    if (step > 0) largest_db = std::max(largest_db, std::abs(level - last_db));
+    last_db = level;
+  }
+  EXPECT_LT(largest_db, 1.0);
+}
+
+TEST(Diffraction, BoundedAtTheEdgeItself) {  // ORACLES H-66, H-67
+  const AcousticScene scene(hard(wedge_mesh(1.5 * kPi)), config_with(Switch::on));
+  for (const glm::vec3 listener :
+       {glm::vec3(-0.001f, 0, 0.001f), glm::vec3(-1e-5f, 0, 1e-5f), glm::vec3(0, 0.5f, 0), glm::vec3(0, 250, 0)}) {
+    const auto arrivals = arrivals_of(scene, {2, 0.2f, -2}, listener);
+    const double most = 2.0 / (4 * kPi * glm::length(listener - glm::vec3(2, 0.2f, -2)));
+    for (const Arrival& arrival : arrivals)
+      for (int band = 0; band < scene.num_bands(); ++band) {
+        EXPECT_TRUE(std::isfinite(arrival.amplitude[band]) && std::isfinite(arrival.phase_rad[band]));
+        EXPECT_LE(arrival.amplitude[band], most * 1.0001);
+      }
+  }
+}
+
+TEST(Diffraction, CombOfAThousandEdges) {  // ORACLES H-68
+  TriangleMesh mesh;
+  for (int tooth = 0; tooth < 1000; ++tooth) {
+    const float x = 0.02f * static_cast<float>(tooth);
+    rooms::append_quad(mesh, {glm::vec3(x, 0, -5), glm::vec3(x, 0, 5), glm::vec3(x, 2, 5), glm::vec3(x, 2, -5)}, 0);
+  }
+  AcousticConfig config = config_with(Switch::on);
+  config.diffraction_order = 10;
+  const AcousticScene scene(hard(mesh), config);
+  const glm::vec3 source(-2, 1, 0), listener(22, 1, 0.3f);
+  const auto start = std::chrono::steady_clock::now();
+  const auto arrivals = arrivals_of(scene, source, listener);
+  EXPECT_LT(std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count(), 20.0);  // 1 s on an idle core
+  const double direct = 1 / (4 * kPi * glm::length(source - listener));
+  for (int band = 0; band < scene.num_bands(); ++band) {
+    double energy = 0;
+    for (const Arrival& arrival : arrivals) energy += double{arrival.amplitude[band]} * arrival.amplitude[band];
+    EXPECT_LE(energy, direct * direct);
+  }
+}
+
+TEST(Diffraction, AutomaticWithFewRaysIsOnlyForListenersWithoutSight) {
+  AcousticConfig config = config_with(Switch::automatic);
+  config.rays = 64;
+  const AcousticScene scene(hard(wedge_mesh(1.5 * kPi)), config);
+  const auto lit = arrivals_of(scene, cylindrical({3, 0.7, 0}), cylindrical({3, 3.0, 0}));
+  EXPECT_TRUE(std::none_of(lit.begin(), lit.end(), [](const Arrival& a) { return a.kind == ArrivalKind::diffraction; }));
+  const auto dark = arrivals_of(scene, cylindrical({3, 0.7, 0}), cylindrical({3, 4.3, 0}));
+  EXPECT_TRUE(std::any_of(dark.begin(), dark.end(), [](const Arrival& a) { return a.kind == ArrivalKind::diffraction; }));
+}
+
+}  // namespace
+}  // namespace earshot
