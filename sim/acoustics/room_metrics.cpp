@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 #include "sim/base/errors.h"
 
@@ -111,6 +112,35 @@ void add_spread(std::vector<double>& series, double bin_s, double begin_s, doubl
   }
 }
 
+/// Energy of direct and diffracted sound together in a band from low_hz to high_hz, flat within it: sum over all pairs of a_i a_j times the
+/// band mean of cos(2 pi f t + p), t and p their differences in time and phase, which is cos(2 pi f_mid t + p) sinc(bandwidth t).
+double coherent_energy(std::span<const Arrival> arrivals, int band, double low_hz, double high_hz, double speed_m_per_s) {
+  const auto interferes = [](const Arrival& arrival) {
+    return arrival.kind == ArrivalKind::direct || arrival.kind == ArrivalKind::diffraction;
+  };
+  double sum = 0;
+  for (std::size_t i = 0; i < arrivals.size(); ++i) {
+    if (!interferes(arrivals[i])) continue;
+    const double own = arrivals[i].amplitude[band];
+    sum += own * own;
+    for (std::size_t j = 0; j < i; ++j) {
+      if (!interferes(arrivals[j])) continue;
+      const double apart_s = (double{arrivals[i].distance_m} - arrivals[j].distance_m) / speed_m_per_s;
+      const double phase = double{arrivals[j].phase_rad[band]} - arrivals[i].phase_rad[band];
+      const double half_turns = std::numbers::pi * (high_hz - low_hz) * apart_s;
+      const double sinc = std::abs(half_turns) > 1e-6 ? std::sin(half_turns) / half_turns : 1.0;
+      sum += 2.0 * own * arrivals[j].amplitude[band] * std::cos(std::numbers::pi * (low_hz + high_hz) * apart_s + phase) * sinc;
+    }
+  }
+  return std::max(sum, 0.0);
+}
+
+/// Share of diffracted sound that belongs to the direct sound: all within 1.5 ms, none after the 2.5 ms that count as direct in a RIR.
+double direct_share(double after_s) {
+  const double x = std::clamp((after_s - 1.5e-3) / 1e-3, 0.0, 1.0);
+  return 0.5 + 0.5 * std::cos(std::numbers::pi * x);
+}
+
 }  // namespace
 
 void energy_decay_curve(std::span<const double> energy, std::span<double> edc) {
@@ -183,6 +213,8 @@ RoomMetrics measure(const AcousticScene& scene, const EnergyResponse& response) 
       }
     }
   }
+  const bool has_diffraction = std::any_of(response.arrivals.begin(), response.arrivals.end(),
+                                           [](const Arrival& arrival) { return arrival.kind == ArrivalKind::diffraction; });
   metrics.bands.resize(scene.num_bands());
   if (!std::isfinite(start_s)) return metrics;  // silence
 
@@ -194,12 +226,29 @@ RoomMetrics measure(const AcousticScene& scene, const EnergyResponse& response) 
   double direct_sum = 0, reverberant_sum = 0, bandwidth_sum = 0;
   for (int band = 0; band < scene.num_bands(); ++band) {
     std::vector<double> series(num_bins, 0.0);
-    double direct = 0;
+    // What the diffracted sound keeps of its own energy when all that interferes is added up: as the direct sound's part if there is one.
+    double direct = 0, diffracted_share = 1;
+    if (has_diffraction) {
+      const double together = coherent_energy(response.arrivals, band, scene.bands().edge_hz[band], scene.bands().edge_hz[band + 1], speed);
+      double apart = 0;
+      for (const Arrival& arrival : response.arrivals) {
+        if (arrival.kind != ArrivalKind::diffraction) continue;
+        const double share = has_direct ? 1.0 - direct_share(arrival.distance_m / speed - start_s) : 1.0;
+        apart += share * arrival.amplitude[band] * arrival.amplitude[band];
+      }
+      if (has_direct)
+        direct = std::max(together - apart, 0.0);
+      else if (apart > 0)
+        diffracted_share = together / apart;
+    }
     for (const Arrival& arrival : response.arrivals) {
-      const double energy = double{arrival.amplitude[band]} * arrival.amplitude[band];
+      double energy = double{arrival.amplitude[band]} * arrival.amplitude[band];
       if (arrival.kind == ArrivalKind::direct) {
-        direct += energy;
+        if (!has_diffraction) direct += energy;
         continue;
+      }
+      if (arrival.kind == ArrivalKind::diffraction) {
+        energy *= has_direct ? 1.0 - direct_share(arrival.distance_m / speed - start_s) : diffracted_share;
       }
       const double position = (arrival.distance_m / speed - start_s) / bin_s;
       if (position < static_cast<double>(num_bins)) series[static_cast<std::size_t>(std::max(position, 0.0))] += energy;
