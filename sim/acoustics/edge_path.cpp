@@ -164,6 +164,10 @@ EdgePathField::EdgePathField(const DiffractionEdges& edges, const EdgePath& path
     const double sine_in = in_m > 0 ? glm::length(glm::cross(in, edge.along)) / in_m : 1.0;
     const double sine_out = out_m > 0 ? glm::length(glm::cross(out, edge.along)) / out_m : 1.0;
     wedge.length_m = sine_in * sine_out;
+    wedge.own_length_m = wedge.length_m * (in_m + out_m > 0 ? in_m * out_m / (in_m + out_m) : 0.0);
+    const double bend_m = wedge.own_length_m * wedge.diffraction.bend() * wedge.diffraction.bend();
+    least_bend_m_ = i == 0 ? bend_m : std::min(least_bend_m_, bend_m);
+    if (i > 0) least_leg_m_ = i == 1 ? in_m : std::min(least_leg_m_, in_m);
 
     if (last_edge != nullptr) {
       const double last_rad = out_rad[i - 1];
@@ -194,6 +198,7 @@ EdgePathField::EdgePathField(const DiffractionEdges& edges, const EdgePath& path
     }
     const double before_m = reached_m[least] - reached_m[left[least]], after_m = reached_m[right[least]] - reached_m[least];
     wedges_[least - 1].length_m *= before_m + after_m > 0 ? before_m * after_m / (before_m + after_m) : 0.0;
+    if (wedges_[least - 1].length_m > 0) spreading_ *= wedges_[least - 1].own_length_m / wedges_[least - 1].length_m;
     done[least] = true;
     if (left[least] >= 1) right[left[least]] = right[least];
     if (right[least] <= order) left[right[least]] = left[least];

@@ -42,6 +42,19 @@ TEST(EnergyResponse, AllocatesNothingOnceWarm) {
   EXPECT_EQ(allocations - before, 0);
 }
 
+TEST(EnergyResponse, AllocatesNothingRoundCorners) {
+  TriangleMesh mesh;
+  append_box(mesh, {-2, 0, -0.1f}, {2, 2, 0.1f}, 0, 0);
+  const AcousticScene scene(rooms::scene_of(std::move(mesh), {Material::uniform("wall", 0.2f, 0.2f)}), AcousticConfig{});
+  const EarlyCandidates candidates(scene, glm::vec3(0, 1, 2));
+  EnergyResponse response;
+  for (int i = 0; i < 3; ++i) compute_energy_response(scene, candidates, {0.3f, 1, -2}, response);
+  EXPECT_EQ(response.arrivals.front().kind, ArrivalKind::diffraction);
+  const long before = allocations;
+  for (int i = 0; i < 10; ++i) compute_energy_response(scene, candidates, {0.3f, 1, -2}, response);
+  EXPECT_EQ(allocations - before, 0);
+}
+
 }  // namespace
 }  // namespace earshot
 
