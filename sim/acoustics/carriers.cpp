@@ -53,26 +53,33 @@ struct Octaves {
       flatteners.emplace_back(num_channels, length, filters, band);
       if (static_cast<double>(layout.edge_hz[static_cast<std::size_t>(band) + 1]) < kLowHz * 1.5) num_low = band + 1;
     }
+    sum.resize(filters.num_bins());
+    while (num_low_bins < filters.num_bins() && (num_low_bins == 0 || filters.share(num_low, num_low_bins) < 1.f)) ++num_low_bins;
   }
 
   BandLayout layout;
   BandFilters filters;
   std::vector<BandFlattener> flatteners;
-  int num_low = 0;  ///< octaves that take part in the first passes
+  int num_low = 0;               ///< octaves that take part in the first passes
+  std::size_t num_low_bins = 0;  ///< bins that they reach
+  std::vector<Complex> sum;
 
-  /// Flattens the lowest `count` octaves of the noise; then every bin has the magnitude of white noise again.
-  void pass(int count, std::span<std::vector<Complex>> noise) {
+  /// Flattens all octaves of the noise, or the lowest ones only; then every bin has the magnitude of white noise again.
+  void pass(bool low_only, std::span<std::vector<Complex>> noise) {
+    const int count = low_only ? num_low : filters.num_bands();
     tbb::parallel_for(0, count, [&](int band) { flatteners[static_cast<std::size_t>(band)].flatten(noise); });
-    tbb::parallel_for(std::size_t{0}, noise.size(), [&](std::size_t c) {
-      std::vector<Complex> sum(noise[c].size());
+    for (std::vector<Complex>& channel : noise) {
+      const auto c = static_cast<std::size_t>(&channel - noise.data());
+      const std::size_t num_bins = channel.size(), used = low_only ? num_low_bins : num_bins;
+      std::fill(sum.begin(), sum.end(), Complex{});
       for (int band = 0; band < count; ++band) flatteners[static_cast<std::size_t>(band)].add_to(c, sum);
-      for (int band = count; band < filters.num_bands(); ++band)
-        for (std::size_t k = 0; k < sum.size(); ++k) sum[k] += filters.share(band, k) * noise[c][k];
-      for (std::size_t k = 0; k < sum.size(); ++k) {
-        const float size = std::abs(sum[k]), wanted = magnitude_of(k, sum.size());
-        noise[c][k] = size > 0 ? sum[k] * (wanted / size) : Complex(wanted);
+      if (low_only)  // what the octave above holds stays; beyond it, nothing changes
+        for (std::size_t k = 0; k < used; ++k) sum[k] += filters.share(num_low, k) * channel[k];
+      for (std::size_t k = 0; k < used; ++k) {
+        const float size = std::abs(sum[k]), wanted = magnitude_of(k, num_bins);
+        channel[k] = size > 0 ? sum[k] * (wanted / size) : Complex(wanted);
       }
-    });
+    }
   }
 };
 
@@ -95,7 +102,7 @@ void make_flat_noise(float sample_rate_hz, int length, std::uint64_t seed, std::
   std::array<Octaves, 2> octaves = {Octaves(sample_rate_hz, 0.0, noise.size(), length), Octaves(sample_rate_hz, 0.5, noise.size(), length)};
   for (int pass = 0; pass < kLowPasses + kPasses; ++pass) {
     Octaves& set = octaves[static_cast<std::size_t>((pass + 1) % 2)];
-    set.pass(pass < kLowPasses ? set.num_low : set.filters.num_bands(), noise);
+    set.pass(pass < kLowPasses, noise);
   }
 }
 

@@ -12,11 +12,12 @@ namespace earshot {
 /// Room-acoustic parameters per band (ISO 3382-1).  A value that does not exist (open field, too little decay) is nullopt.
 struct BandMetrics {
   std::optional<double> edt_s, t20_s, t30_s, rt60_s, c50_db, c80_db, d50, ts_s, g_db, drr_db;
+  std::optional<double> iacc, iacc_early, iacc_late;  ///< of two channels only: interaural.h
 };
 struct RoomMetrics {
   std::vector<float> bands_hz;
   std::vector<BandMetrics> bands;
-  std::optional<double> drr_db;            ///< broadband: of a source with equal energy per hertz
+  std::optional<double> drr_db;                            ///< broadband: of a source with equal energy per hertz
   std::optional<double> direct_delay_s, direct_amplitude;  ///< nullopt without line of sight; amplitude: rms over hertz
 };
 
@@ -46,5 +47,8 @@ RoomMetrics measure(const AcousticScene& scene, const EnergyResponse& response);
 /// From one channel of a rendered RIR: zero-phase octave filters, energies in 1 ms windows.  The direct sound is what lies within 2.5 ms of
 /// `direct_delay_s`.  Shorter than 16 / bandwidth a decay is that of the filter (ORACLES O-25).
 RoomMetrics measure(std::span<const float> rir, float sample_rate_hz, double direct_delay_s);
+
+/// The same of channel 0 of a RIR; with two channels the correlation between them is added.
+RoomMetrics measure(const Rir& rir, double direct_delay_s);
 
 }  // namespace earshot

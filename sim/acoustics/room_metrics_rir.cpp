@@ -1,8 +1,9 @@
 #include <algorithm>
 #include <cmath>
 #include <complex>
-#include <numbers>
 
+#include "sim/acoustics/interaural.h"
+#include "sim/acoustics/octave_filter.h"
 #include "sim/acoustics/room_metrics.h"
 #include "sim/audio/fft.h"
 #include "sim/base/errors.h"
@@ -12,21 +13,6 @@ namespace {
 
 constexpr double kDirectWindowS = 2.5e-3;
 constexpr double kBinS = 1e-3;
-
-/// Amplitude of a zero-phase octave filter: raised-cosine power edges half an octave wide in log frequency, centred on the band edges, so
-/// that neighbouring bands are power-complementary.  The top band of a clipped layout has no upper edge.
-double band_gain(const BandLayout& bands, int band, double frequency_hz, double nyquist_hz) {
-  constexpr double half_width = 0.25;  // octaves
-  const auto rise = [&](double edge_hz) {
-    const double x = (std::log2(frequency_hz / edge_hz) + half_width) / (2.0 * half_width);
-    return std::sin(0.5 * std::numbers::pi * std::clamp(x, 0.0, 1.0));
-  };
-  if (!(frequency_hz > 0)) return 0;
-  const double upper_hz = bands.edge_hz[band + 1];
-  const double up = rise(bands.edge_hz[band]);
-  const double passed_upper = upper_hz >= 0.999 * nyquist_hz ? 0.0 : rise(upper_hz);
-  return up * std::sqrt(std::max(0.0, 1.0 - passed_upper * passed_upper));
-}
 
 double energy_of(std::span<const float> samples) {
   double sum = 0;
@@ -67,7 +53,7 @@ RoomMetrics measure(std::span<const float> rir, float sample_rate_hz, double dir
   for (int band = 0; band < bands.size(); ++band) {
     double delta_energy = 0;  // of a unit sample behind this filter: makes every band read in Green units
     for (int k = 0; k < fft.num_bins(); ++k) {
-      gain[k] = static_cast<float>(band_gain(bands, band, k * rate / fft_size, 0.5 * rate));
+      gain[k] = static_cast<float>(octave_gain(bands, band, k * rate / fft_size, 0.5 * rate));
       delta_energy += (k == 0 || k == fft_size / 2 ? 1.0 : 2.0) * gain[k] * gain[k] / fft_size;
     }
     if (!(delta_energy > 0)) {
@@ -97,6 +83,19 @@ RoomMetrics measure(std::span<const float> rir, float sample_rate_hz, double dir
     metrics.direct_delay_s = direct_delay_s;
     metrics.direct_amplitude = std::sqrt(direct_energy);
     if (rest_energy > 0) metrics.drr_db = 10.0 * std::log10(direct_energy / rest_energy);
+  }
+  return metrics;
+}
+
+RoomMetrics measure(const Rir& rir, double direct_delay_s) {
+  require(rir.num_channels >= 1, "channels", rir.num_channels, "must be at least one");
+  RoomMetrics metrics = measure(rir.channel(0), rir.sample_rate_hz, direct_delay_s);
+  if (rir.num_channels != 2) return metrics;
+  const BandLayout bands = BandLayout::octaves(rir.sample_rate_hz);
+  for (int band = 0; band < bands.size(); ++band) {
+    const InterauralCorrelation iacc = interaural_correlation(rir.channel(0), rir.channel(1), rir.sample_rate_hz, direct_delay_s, band);
+    BandMetrics& of_band = metrics.bands[static_cast<std::size_t>(band)];
+    of_band.iacc = iacc.total, of_band.iacc_early = iacc.early, of_band.iacc_late = iacc.late;
   }
   return metrics;
 }

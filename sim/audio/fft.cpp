@@ -116,6 +116,9 @@ class DirectRealFft {
     std::fill(std::copy(time.begin(), time.end(), time_.data()), time_.data() + time_.size(), 0.f);
     forward_(spectrum_.data(), time_.data(), sizeof(float));
     std::copy_n(spectrum_.data(), spectrum_.size(), spectrum.begin());
+    // libavutil leaves the imaginary part of the last bin as the buffer had it: what an inverse transform left there.
+    spectrum[0].imag(0.f);
+    spectrum[spectrum_.size() - 1].imag(0.f);
   }
   void inverse(std::span<const Complex> spectrum, std::span<float> time) {
     std::copy_n(spectrum.begin(), spectrum_.size(), spectrum_.data());  // libavutil overwrites its input

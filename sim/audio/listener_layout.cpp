@@ -17,7 +17,7 @@ constexpr int kMaxOrder = 9;
 constexpr std::size_t kMaxMicrophones = 256;
 constexpr float kMaxOffsetM = 10.f;
 
-constexpr const char* kNames = "use mono, mono:PATTERN, binaural, ambisonics:ORDER[:n3d|:sn3d][:world|:ego] or array:FILE";
+constexpr const char* kNames = "use mono, mono:PATTERN, binaural, ambisonic:ORDER[:n3d|:sn3d][:world|:ego] or array:FILE";
 
 Microphone read_microphone(ConfigReader reader, const std::filesystem::path& folder) {
   Microphone microphone;
@@ -35,6 +35,9 @@ Microphone read_microphone(ConfigReader reader, const std::filesystem::path& fol
   reader.read("roll_deg", roll_deg);
   reader.finish();
   if (position.size() != 3) reader.fail("position_m", fmt::format("has {} numbers, not x, y, z", position.size()));
+  for (const float value : position)
+    if (!(std::abs(value) <= kMaxOffsetM))
+      reader.fail("position_m", fmt::format("{} m is not within {} m of the listener", value, kMaxOffsetM));
   if (has_share && has_pattern) reader.fail("omni_share", "stands beside pattern; give one of them");
   for (const auto& [key, value] : {std::pair{"azimuth_deg", azimuth_deg}, {"elevation_deg", elevation_deg}, {"roll_deg", roll_deg}})
     if (!std::isfinite(value)) reader.fail(key, "is not a finite number");
@@ -82,7 +85,7 @@ ListenerLayout ListenerLayout::named(std::string_view text) {
   if (kind == "mono") return rest.empty() ? ListenerLayout(ChannelLayout::mono) : mono(Directivity::named(rest));
   if (kind == "binaural" && rest.empty()) return ChannelLayout::binaural;
   if (kind == "array" && !rest.empty()) return from_file(std::filesystem::path(rest));
-  if (kind != "ambisonics") throw refuse("is not a known layout");
+  if (kind != "ambisonics" && kind != "ambisonic") throw refuse("is not a known layout");
   ListenerLayout layout;
   layout.kind = ListenerKind::ambisonics;
   const auto [end, error] = std::from_chars(rest.data(), rest.data() + rest.size(), layout.order);
@@ -113,6 +116,8 @@ ListenerLayout ListenerLayout::from_file(const std::filesystem::path& path) {
   const YAML::Node list = reader.node("microphones");
   reader.finish();
   if (!list || !list.IsSequence()) reader.fail("microphones", "is missing or not a list of microphones");
+  if (list.size() == 0 || list.size() > kMaxMicrophones)
+    reader.fail("microphones", fmt::format("holds {}, not 1 to {}", list.size(), kMaxMicrophones));
   std::vector<Microphone> microphones;
   for (std::size_t i = 0; i < list.size(); ++i) {
     const std::string where = fmt::format("{} microphones[{}]", path.string(), i);

@@ -24,7 +24,7 @@ struct Microphone {
   glm::vec3 position_m{0};                                   ///< from the listener's position
   std::shared_ptr<const Directivity> directivity = nullptr;  ///< null: omnidirectional
   glm::quat orientation{1, 0, 0, 0};                         ///< own axes to the listener's; unit
-  std::string name;
+  std::string name{};
 };
 
 /// What a listener writes down, as a plain value.  One channel: mono; two ears; (order + 1)^2 ambisonic channels in ACN order; one channel
@@ -43,7 +43,8 @@ struct ListenerLayout {
   static ListenerLayout array(std::vector<Microphone> microphones);
   /// One microphone with a pattern that looks to the front: an array of one.
   static ListenerLayout mono(std::shared_ptr<const Directivity> directivity);
-  /// mono, mono:PATTERN, binaural, ambisonics:ORDER with any of :n3d :sn3d :world :ego, array:FILE.  Patterns as in Directivity::named.
+  /// mono, mono:PATTERN, binaural, ambisonic:ORDER (or ambisonics:ORDER) with any of :n3d :sn3d :world :ego, array:FILE.  Patterns as in
+  /// Directivity::named.
   static ListenerLayout named(std::string_view text);
   /// YAML or JSON: `microphones`, a list of maps with `position_m` [x, y, z] (required), `pattern` (as in Directivity::named; files
   /// relative to this one) or `omni_share`, `azimuth_deg` counter-clockwise from the front, `elevation_deg`, `roll_deg` (its right side

@@ -124,6 +124,21 @@ TEST(RealFft, ShortInputIsPaddedWithZeros) {
   }
 }
 
+// An inverse transform of bins without a meaning must not come back in the next forward one.
+TEST(RealFft, ForwardDoesNotRememberTheInverseBeforeIt) {
+  for (const int size : {16, 1024, 16384}) {
+    RealFft fft(size), fresh(size);
+    std::vector<std::complex<float>> bins(static_cast<std::size_t>(fft.num_bins()), {1.f, 1.f});
+    std::vector<float> time(static_cast<std::size_t>(size));
+    fft.inverse(bins, time);
+    const auto input = noise(size, 3);
+    const auto after = spectrum_of(fft, input), expected = spectrum_of(fresh, input);
+    EXPECT_EQ(after, expected) << size;
+    EXPECT_EQ(after.back().imag(), 0.f) << size;
+    EXPECT_EQ(after.front().imag(), 0.f) << size;
+  }
+}
+
 TEST(RealFft, RefusesOtherSizes) {
   for (const int size : {-8, 0, 2, 3, 6, 1000, 1 << 25}) EXPECT_THROW(RealFft{size}, InputError) << size;
 }
