@@ -48,6 +48,7 @@ DiffractionBudget::DiffractionBudget(const AcousticConfig& config) {
   expansions = automatic ? std::clamp(config.rays / 2, 16, 512) : 512;
   paths = automatic ? std::min(config.diffraction_paths, std::max(4, config.rays / 8)) : config.diffraction_paths;
   only_without_sight = quick = automatic && config.rays < 512;
+  attempts = quick ? std::max(config.rays, 16) : sequences;
 }
 
 DiffractionCandidates::DiffractionCandidates(const AcousticScene& scene, glm::vec3 source) : source_(source) {
@@ -148,7 +149,7 @@ void DiffractionCandidates::grow(const AcousticScene& scene, const DiffractionBu
 }
 
 bool DiffractionCandidates::find_path(const AcousticScene& scene, const Candidate& candidate, glm::vec3 listener, double weakest_db,
-                                      Arrival& arrival) const {
+                                      int& attempts, Arrival& arrival) const {
   const DiffractionEdges& edges = *scene.diffraction_edges();
   const EmbreeScene& rays = scene.scene().rays();
   const auto order = static_cast<std::size_t>(candidate.sequence.order);
@@ -163,6 +164,7 @@ bool DiffractionCandidates::find_path(const AcousticScene& scene, const Candidat
   const double estimate_db = -level_db(std::max(about_m, double{kLeastDistanceM})) - candidate.loss_db -
                              estimate_loss_db(scene.speed_of_sound_m_per_s(), before, bend, end);
   if (estimate_db + kMarginDb < weakest_db) return false;
+  --attempts;
 
   // The path itself, always computed from the same end (reciprocity).
   const bool swapped = before_in_space(listener, source_);
@@ -241,12 +243,14 @@ void DiffractionCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 
     return edges.sees(edge, listener);
   };
   Arrival arrival;
+  int attempts = budget.attempts;
   for (const Group& group : groups_) {
+    if (attempts <= 0) break;
     if (!in_sight(group.last_edge)) continue;
-    for (std::size_t i = group.begin; i < group.end; ++i) {
+    for (std::size_t i = group.begin; i < group.end && attempts > 0; ++i) {
       const bool full = arrivals.size() - first == limit;
       const double least_db = std::max(full ? weakest_db : -1e9, best_db - kMostBelowBestDb);
-      if (!find_path(scene, candidates_[i], listener, least_db, arrival)) continue;
+      if (!find_path(scene, candidates_[i], listener, least_db, attempts, arrival)) continue;
       const double db = level_db(arrival, num_bands);
       best_db = std::max(best_db, db);
       if (!full) {

@@ -20,6 +20,7 @@ struct DiffractionBudget {
   explicit DiffractionBudget(const AcousticConfig& config);
   int sequences = 0, expansions = 0, paths = 0;
   bool only_without_sight = false;
+  int attempts = 0;    ///< paths per pose that pass the estimate and are worked out: one per ray with fewer than 512 rays
   bool quick = false;  ///< with fewer than 512 rays: two points of an edge, not six, decide whether the listener sees it
 };
 
@@ -58,7 +59,8 @@ class DiffractionCandidates {
     float reached_m = 0;  ///< length of the way to there, about
     float loss_db = 0;    ///< estimate of all edges but the last
   };
-  bool find_path(const AcousticScene& scene, const Candidate& candidate, glm::vec3 listener, double weakest_db, Arrival& arrival) const;
+  bool find_path(const AcousticScene& scene, const Candidate& candidate, glm::vec3 listener, double weakest_db, int& attempts,
+                 Arrival& arrival) const;
   void grow(const AcousticScene& scene, const DiffractionBudget& budget, const std::vector<std::uint32_t>& in_sight);
 
   glm::vec3 source_;
