@@ -24,7 +24,7 @@ struct PhotonRoom {
 /// Energy that arrives later than the direct sound, mean over a sphere of `radius_m`; time limited to `end_s` at 343 m/s.
 inline Sample photon_energy(const PhotonRoom& room, glm::dvec3 source, glm::dvec3 listener, double radius_m, double end_s, int photons) {
   constexpr int batches = 20;
-  std::mt19937_64 engine(7);
+  std::mt19937_64 engine(1);
   std::uniform_real_distribution<double> uniform(0, 1);
   const double volume_m3 = 4.0 / 3.0 * std::numbers::pi * radius_m * radius_m * radius_m;
   std::array<double, batches> energy{};
