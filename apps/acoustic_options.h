@@ -16,12 +16,13 @@ struct AcousticOptions {
   std::string scene, preset, channels = "binaural", hrtf;
   std::vector<std::string> settings;   ///< key=value
   double rate_hz = 0;                  ///< 0: the preset's
+  double unit_m = 0, simplify_m = 0;   ///< 0: what the scene says
   std::int64_t seed = -1;              ///< negative: the preset's
 
   void add_to(CLI::App& command, const std::string& default_preset);
-  /// Preset, then --set, --rate and --seed; validated.
+  /// Preset, then what the channels need (harmonics as far as the tracers carry them), then --set, --rate and --seed; validated.
   [[nodiscard]] AcousticConfig config() const;
-  [[nodiscard]] ChannelLayout layout() const;
+  [[nodiscard]] ListenerLayout layout() const { return ListenerLayout::named(channels); }
   [[nodiscard]] AcousticScene load(const AcousticConfig& config) const;
   [[nodiscard]] std::shared_ptr<const SynthesisTables> tables(const AcousticScene& scene) const;
 };

@@ -1,164 +1,213 @@
 #include <fmt/format.h>
 
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <memory>
-#include <nlohmann/json.hpp>
 #include <numbers>
+#include <optional>
 
 #include "apps/acoustic_options.h"
 #include "apps/commands.h"
-#include "sim/acoustics/room_metrics.h"
+#include "apps/echogram_svg.h"
+#include "apps/rir_json.h"
+#include "apps/source_options.h"
 #include "sim/audio/sound_clip.h"
+#include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/progress.h"
 
 namespace earshot {
 namespace {
 
-using Json = nlohmann::ordered_json;
-
 struct Options {
   AcousticOptions acoustics;
-  std::string source, listener, out, metrics;
-  double heading_deg = 0;
+  SourceOptions radiation;
+  std::vector<std::string> sources, listeners;
+  std::vector<double> heading_deg = {0};
+  double pitch_deg = 0, roll_deg = 0;
+  std::string out, metrics, plot;
+  double gain = 1;
   bool components = false;
 };
 
-Json number(const std::optional<double>& value) { return value && std::isfinite(*value) ? Json(*value) : Json(nullptr); }
+/// A part of a response: what kinds of arrivals, and whether the late field.
+struct Component {
+  const char* name;
+  std::optional<ArrivalKind> kind;  ///< nullopt: the late field
+};
+constexpr std::array<Component, 5> kComponents{{{"direct", ArrivalKind::direct},
+                                                {"early", ArrivalKind::reflection},
+                                                {"diffracted", ArrivalKind::diffraction},
+                                                {"transmitted", ArrivalKind::transmission},
+                                                {"late", std::nullopt}}};
 
-Json to_json(const RoomMetrics& metrics) {
-  struct Entry {
-    const char* key;
-    std::optional<double> BandMetrics::*value;
-  };
-  static constexpr std::array<Entry, 10> entries{{{"edt_s", &BandMetrics::edt_s},
-                                                  {"t20_s", &BandMetrics::t20_s},
-                                                  {"t30_s", &BandMetrics::t30_s},
-                                                  {"rt60_s", &BandMetrics::rt60_s},
-                                                  {"c50_db", &BandMetrics::c50_db},
-                                                  {"c80_db", &BandMetrics::c80_db},
-                                                  {"d50", &BandMetrics::d50},
-                                                  {"ts_s", &BandMetrics::ts_s},
-                                                  {"g_db", &BandMetrics::g_db},
-                                                  {"drr_band_db", &BandMetrics::drr_db}}};
-  Json json = Json::object();
-  for (const auto& entry : entries) {
-    Json values = Json::array();
-    for (const auto& band : metrics.bands) values.push_back(number(band.*entry.value));
-    json[entry.key] = values;
+std::string with_suffix(const std::string& file, const std::string& suffix) {
+  std::filesystem::path path = file;
+  path.replace_extension(suffix + path.extension().string());
+  return path.string();
+}
+
+/// The response with everything but one part silenced.  Silent arrivals stay, because the direct one tells when the late field may begin.
+EnergyResponse part_of(const EnergyResponse& response, const Component& component) {
+  EnergyResponse part = response;
+  for (Arrival& arrival : part.arrivals)
+    if (arrival.kind != component.kind) arrival.amplitude.fill(0.f);
+  if (component.kind) part.late.scale(0.f);
+  return part;
+}
+
+OrderedJson effects_json(const EnergyResponse& response, const AcousticConfig& config) {
+  OrderedJson json = OrderedJson::object();
+  for (const Component& component : kComponents) {
+    std::size_t count = 0;
+    for (const Arrival& arrival : response.arrivals) count += arrival.kind == component.kind;
+    if (component.kind)
+      json[component.name] = fmt::format("{} path{}", count, count == 1 ? "" : "s");
+    else
+      json[component.name] = response.stats.rays == 0 ? std::string("off") : fmt::format("{} rays", response.stats.rays);
   }
-  json["drr_db"] = number(metrics.drr_db);
+  json["air_absorption"] = config.air_absorption == Switch::off ? "off" : "on";
   return json;
 }
 
-/// Standard errors of the energy response by repetition: 8 traces with an eighth of the rays and seeds of their own; the spread of
-/// their mean is that of one trace with all rays.
-Json standard_errors(const std::shared_ptr<const Scene>& scene, const AcousticConfig& config, glm::vec3 source, glm::vec3 listener) {
-  constexpr int batches = 8;
-  if (config.rays < batches) return Json::object();
-  std::vector<std::vector<double>> rt60, level_db;
-  AcousticConfig part = config;
-  part.rays = config.rays / batches;
-  for (int batch = 0; batch < batches; ++batch) {
-    part.seed = config.seed + 0x9E3779B97F4A7C15ull * static_cast<std::uint64_t>(batch + 1);
-    const AcousticScene acoustics(scene, part);
+/// One source heard by one listener: WAV files, and what the metrics file says of it.
+class PairRenderer {
+ public:
+  PairRenderer(const Options& options, const AcousticScene& acoustics)
+      : options_(options), acoustics_(acoustics), synthesizer_(options.acoustics.tables(acoustics)) {}
+
+  OrderedJson render(const EarlyCandidates& candidates, glm::vec3 listener, double heading_deg, const std::string& file) {
+    const ListenerTurn turn = turn_of(heading_deg);
+    const auto begin = std::chrono::steady_clock::now();
     EnergyResponse response;
-    compute_energy_response(acoustics, EarlyCandidates(acoustics, source), listener, response);
-    const RoomMetrics metrics = measure(acoustics, response);
-    rt60.resize(metrics.bands.size());
-    level_db.resize(metrics.bands.size());
-    for (std::size_t b = 0; b < metrics.bands.size(); ++b) {
-      if (metrics.bands[b].rt60_s) rt60[b].push_back(*metrics.bands[b].rt60_s);
-      if (metrics.bands[b].g_db) level_db[b].push_back(*metrics.bands[b].g_db);
-    }
-  }
-  const auto errors = [](const std::vector<std::vector<double>>& bands) {
-    Json array = Json::array();
-    for (const auto& values : bands) {
-      if (values.size() < 2) {
-        array.push_back(nullptr);
-        continue;
+    constexpr std::uint64_t steps = 1000;
+    Progress progress("rir", "permille", steps);
+    compute_energy_response(acoustics_, candidates, listener, response,
+                            [&](double share) { progress.update(static_cast<std::uint64_t>(share * steps)); });
+    Rir rir;
+    synthesizer_.render(response, turn, acoustics_.hash(), rir);
+    const double render_ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count();
+    write(file, rir);
+    if (options_.components) {
+      Rir part;
+      for (const Component& component : kComponents) {
+        synthesizer_.render(part_of(response, component), turn, acoustics_.hash(), part);
+        write(with_suffix(file, fmt::format(".{}", component.name)), part);
       }
-      const double n = static_cast<double>(values.size());
-      double mean = 0, square = 0;
-      for (const double value : values) mean += value / n;
-      for (const double value : values) square += (value - mean) * (value - mean);
-      array.push_back(std::sqrt(square / (n - 1) / n));
     }
-    return array;
-  };
-  return {{"rt60_s", errors(rt60)}, {"g_db", errors(level_db)}};
-}
+    const RoomMetrics energy = measure(acoustics_, response);
+    print(file, rir, response, energy, render_ms);
+    if (!options_.plot.empty()) write_plot(file, response);
+    if (options_.metrics.empty()) return {};
+    const double delay_s = energy.direct_delay_s ? *energy.direct_delay_s : 0.0;
+    return {{"bands_hz", energy.bands_hz},
+            {"energy", metrics_json(energy)},
+            {"rir", metrics_json(measure(rir, delay_s))},
+            {"drr_db", number_or_null(energy.drr_db)},
+            {"direct_delay_s", number_or_null(energy.direct_delay_s)},
+            {"direct_amplitude", number_or_null(energy.direct_amplitude)},
+            {"ray_efficiency", response.stats.ray_efficiency()},
+            {"standard_error", standard_errors_json(acoustics_, candidates.sound_source(), listener, response)},
+            {"render_ms", render_ms},
+            {"effects", effects_json(response, acoustics_.config())},
+            {"seed", acoustics_.config().seed}};
+  }
+
+ private:
+  [[nodiscard]] ListenerTurn turn_of(double heading_deg) const {
+    constexpr double degree = std::numbers::pi / 180;
+    if (options_.pitch_deg == 0 && options_.roll_deg == 0) return ListenerTurn(heading_deg * degree);
+    return ListenerTurn(heading_deg * degree, options_.pitch_deg * degree, options_.roll_deg * degree);
+  }
+  void write(const std::string& file, Rir& rir) const {
+    if (options_.gain != 1)
+      for (float& sample : rir.samples) sample *= static_cast<float>(options_.gain);
+    write_wav(file, rir.samples, rir.num_channels, rir.sample_rate_hz);
+  }
+  void write_plot(const std::string& file, const EnergyResponse& response) const {
+    const std::string plot = file == options_.out ? options_.plot : std::filesystem::path(file).replace_extension(".svg").string();
+    write_file_atomically(
+        plot, echogram_svg(fmt::format("{}, {} rays", acoustics_.scene().name(), acoustics_.config().rays), acoustics_, response));
+  }
+  static void print(const std::string& file, const Rir& rir, const EnergyResponse& response, const RoomMetrics& energy, double render_ms) {
+    fmt::print("{}: {} channels, {} samples at {:.0f} Hz, {} arrivals, ray efficiency {:.3f}, {:.1f} ms\n", file, rir.num_channels,
+               rir.num_samples, rir.sample_rate_hz, response.arrivals.size(), response.stats.ray_efficiency(), render_ms);
+    for (std::size_t b = 0; b < energy.bands.size(); ++b)
+      fmt::print("  {:>6.0f} Hz  RT60 {}  DRR {}\n", energy.bands_hz[b],
+                 energy.bands[b].rt60_s ? fmt::format("{:.3f} s", *energy.bands[b].rt60_s) : "-",
+                 energy.bands[b].drr_db ? fmt::format("{:.2f} dB", *energy.bands[b].drr_db) : "-");
+  }
+
+  const Options& options_;
+  const AcousticScene& acoustics_;
+  RirSynthesizer synthesizer_;
+};
 
 void run_rir(const Options& options) {
+  require(std::isfinite(options.gain), "--gain", options.gain, "must be a finite number");
+  require(std::isfinite(options.pitch_deg + options.roll_deg), "--pitch, --roll", options.pitch_deg, "must be finite numbers");
+  if (options.heading_deg.size() != 1 && options.heading_deg.size() != options.listeners.size())
+    throw InputError("--heading", fmt::format("is given {} times for {} listeners", options.heading_deg.size(), options.listeners.size()),
+                     "give it once for all or once per listener");
   const AcousticConfig config = options.acoustics.config();
-  const glm::vec3 source = parse_point(options.source, "--source"), listener = parse_point(options.listener, "--listener");
+  std::vector<glm::vec3> listeners;
+  std::vector<SoundSource> sources;
+  for (const std::string& listener : options.listeners) listeners.push_back(parse_point(listener, "--listener"));
+  for (std::size_t i = 0; i < options.sources.size(); ++i)
+    sources.push_back(options.radiation.source(i, options.sources.size(), parse_point(options.sources[i], "--source")));
   const AcousticScene acoustics = options.acoustics.load(config);
-  RirSynthesizer synthesizer(options.acoustics.tables(acoustics));
-  const double heading_rad = options.heading_deg * std::numbers::pi / 180;
+  PairRenderer renderer(options, acoustics);
 
-  const auto begin = std::chrono::steady_clock::now();
-  EnergyResponse response;
-  compute_energy_response(acoustics, EarlyCandidates(acoustics, source), listener, response);
-  Rir rir;
-  const std::uint64_t carrier_key = acoustics.hash();
-  synthesizer.render(response, heading_rad, carrier_key, rir);
-  const double render_ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count();
-  write_wav(options.out, rir.samples, rir.num_channels, rir.sample_rate_hz);
-
-  if (options.components) {
-    const auto write_part = [&](const char* name, int least_order, int most_order, bool late) {
-      EnergyResponse part;
-      part.speed_of_sound_m_per_s = response.speed_of_sound_m_per_s;
-      for (const auto& arrival : response.arrivals)
-        if (arrival.order >= least_order && arrival.order <= most_order) part.arrivals.push_back(arrival);
-      part.late = late ? response.late : make_histogram(acoustics);
-      Rir rendered;
-      synthesizer.render(part, heading_rad, carrier_key, rendered);
-      std::filesystem::path path = options.out;
-      path.replace_extension(fmt::format(".{}{}", name, path.extension().string()));
-      write_wav(path, rendered.samples, rendered.num_channels, rendered.sample_rate_hz);
-    };
-    write_part("direct", 0, 0, false);
-    write_part("early", 1, 1000, false);
-    write_part("late", 1, 0, true);
+  const bool single = sources.size() == 1 && listeners.size() == 1;
+  OrderedJson pairs = OrderedJson::array();
+  for (std::size_t s = 0; s < sources.size(); ++s) {
+    const EarlyCandidates candidates(acoustics, sources[s]);
+    for (std::size_t l = 0; l < listeners.size(); ++l) {
+      const double heading_deg = options.heading_deg[options.heading_deg.size() == 1 ? 0 : l];
+      OrderedJson pair = renderer.render(candidates, listeners[l], heading_deg,
+                                         single ? options.out : with_suffix(options.out, fmt::format(".s{}.l{}", s, l)));
+      if (single) {
+        pairs = std::move(pair);
+        continue;
+      }
+      pair["source"] = s;
+      pair["listener"] = l;
+      pairs.push_back(std::move(pair));
+    }
   }
-
-  const RoomMetrics energy = measure(acoustics, response);
-  fmt::print("{}: {} channels, {} samples at {:.0f} Hz, {} arrivals, ray efficiency {:.3f}, {:.1f} ms\n", options.out, rir.num_channels, rir.num_samples, rir.sample_rate_hz,
-             response.arrivals.size(), response.stats.ray_efficiency(), render_ms);
-  for (std::size_t b = 0; b < energy.bands.size(); ++b)
-    fmt::print("  {:>6.0f} Hz  RT60 {}  DRR {}\n", energy.bands_hz[b], energy.bands[b].rt60_s ? fmt::format("{:.3f} s", *energy.bands[b].rt60_s) : "-",
-               energy.bands[b].drr_db ? fmt::format("{:.2f} dB", *energy.bands[b].drr_db) : "-");
-  if (options.metrics.empty()) return;
-
-  const double delay_s = energy.direct_delay_s ? *energy.direct_delay_s : 0.0;
-  const Json json = {{"bands_hz", energy.bands_hz},
-                     {"energy", to_json(energy)},
-                     {"rir", to_json(measure(rir.channel(0), rir.sample_rate_hz, delay_s))},
-                     {"drr_db", number(energy.drr_db)},
-                     {"direct_delay_s", number(energy.direct_delay_s)},
-                     {"direct_amplitude", number(energy.direct_amplitude)},
-                     {"ray_efficiency", response.stats.ray_efficiency()},
-                     {"standard_error", standard_errors(acoustics.shared_scene(), config, source, listener)},
-                     {"render_ms", render_ms},
-                     {"effects", {{"diffraction", "off"}, {"transmission", "off"}}},
-                     {"seed", config.seed}};
-  write_file_atomically(options.metrics, json.dump(1) + "\n");
+  if (!options.metrics.empty()) write_file_atomically(options.metrics, (single ? pairs : OrderedJson{{"pairs", pairs}}).dump(1) + "\n");
 }
 
 }  // namespace
 
 void add_rir(CLI::App& app) {
   auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand("rir", "Room impulse response between two points of a scene");
+  CLI::App* command = app.add_subcommand("rir", "Room impulse responses between points of a scene");
   options->acoustics.add_to(*command, "balanced");
-  command->add_option("--source", options->source, "X,Y,Z in metres")->required();
-  command->add_option("--listener", options->listener, "X,Y,Z in metres, between the ears")->required();
-  command->add_option("--heading", options->heading_deg, "Degrees counter-clockwise from -z, seen from above")->capture_default_str();
-  command->add_option("--out", options->out, "WAV file to write (32-bit float; a unit source gives 1 / (4 pi r))")->required();
-  command->add_option("--metrics", options->metrics, "JSON file with room-acoustic parameters per band");
-  command->add_flag("--components", options->components, "Also write OUT.direct.wav, OUT.early.wav and OUT.late.wav, which add up to the whole");
+  command->add_option("--source", options->sources, "X,Y,Z in metres; may be repeated")->required();
+  command->add_option("--listener", options->listeners, "X,Y,Z in metres, between the ears; may be repeated")->required();
+  command
+      ->add_option("--heading", options->heading_deg,
+                   "Degrees counter-clockwise from -z, seen from above; once for all listeners or once per listener")
+      ->capture_default_str()
+      ->delimiter(',');
+  command->add_option("--pitch", options->pitch_deg, "Degrees that the listener looks up")->capture_default_str();
+  command->add_option("--roll", options->roll_deg, "Degrees that the listener's right ear goes down")->capture_default_str();
+  options->radiation.add_to(*command);
+  command
+      ->add_option(
+          "--out", options->out,
+          "WAV file to write (32-bit float; a unit source gives 1 / (4 pi r)); with several sources or listeners OUT.s0.l0.wav and so on")
+      ->required();
+  command->add_option("--gain", options->gain, "Factor on what is written to WAV files")->capture_default_str();
+  command->add_option("--metrics", options->metrics,
+                      "JSON file with room-acoustic parameters per band (several pairs: a list under \"pairs\")");
+  command->add_option("--plot", options->plot,
+                      "SVG file: every path by its kind, the late field and the decay of each band (several pairs: beside each WAV)");
+  command->add_flag(
+      "--components", options->components,
+      "Also write OUT.direct.wav, OUT.early.wav, OUT.diffracted.wav, OUT.transmitted.wav and OUT.late.wav, which add up to the whole");
   command->callback([options] { run_rir(*options); });
 }
 

@@ -15,7 +15,8 @@ float radians(double degrees) { return static_cast<float>(degrees * std::numbers
 template <class T>
 const T& pick(const std::vector<T>& values, std::size_t index, std::size_t count, const char* option) {
   if (values.size() != 1 && values.size() != count)
-    throw InputError(option, fmt::format("is given {} times for {} sources", values.size(), count), "give it once for all or once per source");
+    throw InputError(option, fmt::format("is given {} times for {} sources", values.size(), count),
+                     "give it once for all or once per source");
   return values.size() == 1 ? values.front() : values[index];
 }
 
@@ -32,8 +33,10 @@ glm::quat orientation_of(double heading_deg, double pitch_deg, double roll_deg) 
 }
 
 void SourceOptions::add_to(CLI::App& command) {
-  command.add_option("--source-pattern", patterns,
-                     "How sources radiate: omni, subcardioid, cardioid, supercardioid, hypercardioid, dipole, voice, or a balloon file (JSON or YAML)")
+  command
+      .add_option(
+          "--source-pattern", patterns,
+          "How sources radiate: omni, subcardioid, cardioid, supercardioid, hypercardioid, dipole, voice, or a balloon file (JSON or YAML)")
       ->capture_default_str()
       ->delimiter(',');
   command.add_option("--source-heading", heading_deg, "Where the fronts of the sources look: degrees counter-clockwise from -z")

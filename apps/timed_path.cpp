@@ -23,7 +23,8 @@ std::vector<TimedPose> read_timed_path(const std::string& path) {
     std::istringstream fields(line);
     TimedPose pose;
     std::array<char, 4> commas{};
-    fields >> pose.t_s >> commas[0] >> pose.position.x >> commas[1] >> pose.position.y >> commas[2] >> pose.position.z >> commas[3] >> pose.heading_deg;
+    fields >> pose.t_s >> commas[0] >> pose.position.x >> commas[1] >> pose.position.y >> commas[2] >> pose.position.z >> commas[3] >>
+        pose.heading_deg;
     const double sum = pose.t_s + pose.position.x + pose.position.y + pose.position.z + pose.heading_deg;
     if (fields.fail() || commas != std::array{',', ',', ',', ','} || !std::isfinite(sum))
       throw InputError(fmt::format("{}:{}", path, line_number), "is not 't_s,x,y,z,heading_deg'", "write five finite numbers");

@@ -32,7 +32,8 @@ class WalkSource {
       : path_(std::move(path)), source_(std::move(at_start)), moving_(moving), clip_(std::move(clip)), carrier_key_(carrier_key) {}
 
   /// Adds what is heard of this source during the block that begins at t_s to `mix` [channels, block].
-  void add_block(const AcousticScene& acoustics, RirSynthesizer& synthesizer, const TimedPose& listener, double t_s, int block, std::vector<float>& mix) {
+  void add_block(const AcousticScene& acoustics, RirSynthesizer& synthesizer, const TimedPose& listener, double t_s, int block,
+                 std::vector<float>& mix) {
     if (moving_ || !candidates_) {
       const TimedPose pose = pose_at(path_, t_s);
       source_.position = glm::vec3(pose.position);
@@ -66,9 +67,11 @@ class WalkSource {
 
 std::vector<WalkSource> make_sources(const Options& options, const AcousticScene& acoustics) {
   const std::size_t count = options.sources.size() + options.source_paths.size();
-  if (count == 0) throw InputError("--source", "is missing", "give a source at rest with --source X,Y,Z or a moving one with --source-path FILE.csv");
+  if (count == 0)
+    throw InputError("--source", "is missing", "give a source at rest with --source X,Y,Z or a moving one with --source-path FILE.csv");
   if (options.sounds.size() != 1 && options.sounds.size() != count)
-    throw InputError("--sound", fmt::format("is given {} times for {} sources", options.sounds.size(), count), "give it once for all or once per source");
+    throw InputError("--sound", fmt::format("is given {} times for {} sources", options.sounds.size(), count),
+                     "give it once for all or once per source");
   std::vector<WalkSource> sources;
   for (std::size_t i = 0; i < count; ++i) {
     const bool moving = i >= options.sources.size();
@@ -106,30 +109,38 @@ void run_walk(const Options& options) {
     for (WalkSource& source : sources) source.add_block(acoustics, synthesizer, listener, t_s, block, mix);
     num_channels = mix.size() / static_cast<std::size_t>(block);
     sound.resize(num_samples * num_channels);
-    const std::size_t first = i * static_cast<std::size_t>(block), count = std::min<std::size_t>(static_cast<std::size_t>(block), num_samples - first);
+    const std::size_t first = i * static_cast<std::size_t>(block),
+                      count = std::min<std::size_t>(static_cast<std::size_t>(block), num_samples - first);
     for (std::size_t c = 0; c < num_channels; ++c)
       std::copy_n(mix.begin() + static_cast<std::ptrdiff_t>(c * static_cast<std::size_t>(block)), count,
                   sound.begin() + static_cast<std::ptrdiff_t>(c * num_samples + first));
     progress.update(i + 1);
   }
   write_wav(options.out, sound, static_cast<int>(num_channels), config.sample_rate_hz);
-  fmt::print("{}: {:.2f} s, {} sources, {} channels at {:.0f} Hz\n", options.out, duration_s, sources.size(), num_channels, config.sample_rate_hz);
+  fmt::print("{}: {:.2f} s, {} sources, {} channels at {:.0f} Hz\n", options.out, duration_s, sources.size(), num_channels,
+             config.sample_rate_hz);
 }
 
 }  // namespace
 
 void add_walk(CLI::App& app) {
   auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand("walk", "What a listener hears who walks through a scene: one gap-free sound of one or more sources, at rest or moving");
+  CLI::App* command = app.add_subcommand(
+      "walk", "What a listener hears who walks through a scene: one gap-free sound of one or more sources, at rest or moving");
   options->acoustics.add_to(*command, "fast");
-  command->add_option("--poses", options->poses, "CSV with the columns t_s,x,y,z,heading_deg (point between the ears, metres; degrees)")->required();
+  command->add_option("--poses", options->poses, "CSV with the columns t_s,x,y,z,heading_deg (point between the ears, metres; degrees)")
+      ->required();
   command->add_option("--source", options->sources, "X,Y,Z in metres of a source at rest; may be repeated");
-  command->add_option("--source-path", options->source_paths, "CSV like --poses of a source that moves; may be repeated; counted after those at rest");
+  command->add_option("--source-path", options->source_paths,
+                      "CSV like --poses of a source that moves; may be repeated; counted after those at rest");
   options->radiation.add_to(*command);
-  command->add_option("--sound", options->sounds, "Dry sound: a WAV, FLAC or OGG file, or synth:KIND[:SEED]; it loops.  Once for all sources, or once per source")
+  command
+      ->add_option("--sound", options->sounds,
+                   "Dry sound: a WAV, FLAC or OGG file, or synth:KIND[:SEED]; it loops.  Once for all sources, or once per source")
       ->required();
   command->add_option("--out", options->out, "WAV file to write (32-bit float)")->required();
-  command->add_option("--step", options->step_s, "Seconds between two impulse responses; the sound fades from one to the next")->capture_default_str();
+  command->add_option("--step", options->step_s, "Seconds between two impulse responses; the sound fades from one to the next")
+      ->capture_default_str();
   command->callback([options] { run_walk(*options); });
 }
 

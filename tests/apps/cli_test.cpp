@@ -6,12 +6,17 @@
 #include <unistd.h>
 
 #include <array>
+#include <cmath>
+#include <cstdint>
 #include <cstdio>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <limits>
+#include <numbers>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <vector>
 
 namespace {
 
@@ -44,6 +49,18 @@ class Cli : public testing::Test {
     const std::string command = std::string(EARSHOT_BINARY) + " " + arguments + " >" + file("stdout") + " 2>" + file("stderr");
     const int status = std::system(command.c_str());
     return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read("stdout"), read("stderr")};
+  }
+  /// Samples of a 32-bit float WAV, channels interleaved: what follows the head of the data chunk.
+  [[nodiscard]] std::vector<float> read_wav(const std::string& name) const {
+    const std::string bytes = read(name);
+    const std::size_t data = bytes.find("data");
+    EXPECT_NE(data, std::string::npos) << name;
+    if (data == std::string::npos) return {};
+    std::uint32_t size = 0;
+    std::memcpy(&size, bytes.data() + data + 4, 4);
+    std::vector<float> samples(size / sizeof(float));
+    std::memcpy(samples.data(), bytes.data() + data + 8, samples.size() * sizeof(float));
+    return samples;
   }
   /// Exit code 2 and one line on stderr that holds `text`; nothing of the promised output exists.
   void expect_bad_input(const std::string& arguments, const std::string& text) const {
@@ -108,11 +125,70 @@ TEST_F(Cli, RirWritesSoundAndMetrics) {
   EXPECT_NEAR(json.at("direct_delay_s").get<double>(), 2.765863 / 343.2, 1e-6);
   EXPECT_EQ(json.at("seed").get<int>(), 5);
   EXPECT_EQ(json.at("energy").at("rt60_s").size(), json.at("bands_hz").size());
-  for (const char* part : {"r.wav", "r.direct.wav", "r.early.wav", "r.late.wav"}) EXPECT_TRUE(std::filesystem::exists(file(part))) << part;
+  std::vector<float> sum;
+  for (const char* part : {"r.direct.wav", "r.early.wav", "r.diffracted.wav", "r.transmitted.wav", "r.late.wav"}) {
+    const std::vector<float> samples = read_wav(part);
+    sum.resize(samples.size());
+    for (std::size_t i = 0; i < samples.size(); ++i) sum[i] += samples[i];
+  }
+  const std::vector<float> whole = read_wav("r.wav");
+  ASSERT_EQ(sum.size(), whole.size());
+  for (std::size_t i = 0; i < whole.size(); ++i) ASSERT_NEAR(sum[i], whole[i], 1e-7) << "the parts add up, sample " << i;
 
   const std::string first = read("r.wav");
   ASSERT_EQ(earshot("rir shoebox:5x3x4@0.2 --source 1.2,1.1,1.5 --listener 3.8,1.6,2.3 --preset fast --channels mono --set air_absorption=off --seed 5 --set threads=2 --out " + file("r.wav")).exit_code, 0);
   EXPECT_EQ(read("r.wav"), first) << "same seed, other thread count: same bytes";
+}
+
+// A source behind a wall with a door beside the line of sight: every kind of path is there, and its part is not silent.
+TEST_F(Cli, ComponentsOfAPairBehindAWall) {
+  std::string corners, faces;
+  const auto box = [&](double x0, double x1, double z0, double z1) {
+    static const std::array<std::array<int, 3>, 12> sides{{{1, 2, 3}, {1, 3, 4}, {5, 7, 6}, {5, 8, 7}, {1, 6, 2}, {1, 5, 6}, {2, 7, 3}, {2, 6, 7}, {3, 8, 4}, {3, 7, 8}, {4, 5, 1}, {4, 8, 5}}};
+    const auto first = std::count(corners.begin(), corners.end(), '\n');
+    for (const double y : {0.0, 2.5})
+      for (const auto& [x, z] : {std::pair{x0, z0}, {x1, z0}, {x1, z1}, {x0, z1}}) corners += "v " + std::to_string(x) + " " + std::to_string(y) + " " + std::to_string(z) + "\n";
+    for (const auto& side : sides) faces += "f " + std::to_string(first + side[0]) + " " + std::to_string(first + side[1]) + " " + std::to_string(first + side[2]) + "\n";
+  };
+  box(-4, 4, -0.1, 0.1);
+  write("wall.obj", corners + "usemtl panel\n" + faces);
+  write("db.json", R"({"materials": [{"name": "panel", "labels": ["default"], "absorption": [1000, 0.2], "scattering": [1000, 0.1], "transmission": [1000, 0.05], "source": "a test"}]})");
+  write("wall.yaml", "mesh: wall.obj\nmaterials: db.json\nassign: {panel: panel}\n");
+  const Outcome outcome = earshot("rir " + file("wall.yaml") + " --source 3,1,-2 --listener 3,1,2 --preset fast --channels mono --set diffraction=on --set transmission=on --set air_absorption=off --components --plot " + file("p.svg") + " --out " + file("p.wav") + " --metrics " + file("p.json"));
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.errors;
+  const auto energy = [&](const std::string& name) {
+    double sum = 0;
+    for (const float sample : read_wav(name)) sum += double{sample} * sample;
+    return sum;
+  };
+  EXPECT_EQ(energy("p.direct.wav"), 0.0);
+  EXPECT_GT(energy("p.diffracted.wav"), 0.0);
+  EXPECT_THAT(read("p.svg"), HasSubstr("through walls"));
+  EXPECT_NEAR(energy("p.transmitted.wav"), 0.05 / std::pow(4 * std::numbers::pi * 4, 2), 0.02 * 0.05 / std::pow(4 * std::numbers::pi * 4, 2)) << "tau / (4 pi r)^2";
+  EXPECT_TRUE(nlohmann::json::parse(read("p.json")).at("direct_delay_s").is_null());
+}
+
+TEST_F(Cli, SeveralSourcesAndListenersGiveAFileEach) {
+  const Outcome outcome = earshot("rir shoebox:5x3x4@0.2 --source 1,1,1 --source 4,1,1 --source-pattern omni,cardioid --source-heading 0,180 --listener 2,1.5,3 --listener 3,1.5,3 --preset fast --channels mono --out " +
+                                  file("m.wav") + " --metrics " + file("m.json"));
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.errors;
+  for (const char* name : {"m.s0.l0.wav", "m.s0.l1.wav", "m.s1.l0.wav", "m.s1.l1.wav"}) EXPECT_TRUE(std::filesystem::exists(file(name))) << name;
+  EXPECT_EQ(nlohmann::json::parse(read("m.json")).at("pairs").size(), 4u);
+  expect_bad_input("rir shoebox:5x3x4 --source 1,1,1 --listener 2,1,2 --source-pattern cardoid --out " + file("x.wav"), "cardioid");
+  expect_bad_input("rir shoebox:5x3x4 --source 1,1,1 --listener 2,1,2 --heading 0,90 --out " + file("x.wav"), "--heading");
+}
+
+TEST_F(Cli, WalkHearsMovingSources) {
+  write("poses.csv", "t_s,x,y,z,heading_deg\n0,1,1.5,1,0\n0.6,1,1.5,2,90\n");
+  write("path.csv", "0,4,1.5,1,0\n0.6,4,1.5,3,0\n");
+  const std::string room = "walk shoebox:5x3x4@0.3 --poses " + file("poses.csv") + " --sound synth:noise --set rays=16 ";
+  ASSERT_EQ(earshot(room + "--source 4,1.5,1 --out " + file("a.wav")).exit_code, 0);
+  ASSERT_EQ(earshot(room + "--source-path " + file("path.csv") + " --out " + file("b.wav")).exit_code, 0);
+  ASSERT_EQ(earshot(room + "--source 4,1.5,1 --source-path " + file("path.csv") + " --out " + file("c.wav")).exit_code, 0);
+  const std::vector<float> rest = read_wav("a.wav"), moving = read_wav("b.wav");
+  EXPECT_NE(rest, moving);
+  EXPECT_EQ(read_wav("c.wav").size(), rest.size());
+  expect_bad_input(room + "--out " + file("x.wav"), "--source");
 }
 
 TEST_F(Cli, WalkIsAsLongAsItsPosesAndNeverSilent) {
@@ -126,6 +202,7 @@ TEST_F(Cli, WalkIsAsLongAsItsPosesAndNeverSilent) {
 TEST_F(Cli, SceneReportIsJson) {
   ASSERT_EQ(earshot("scene house:4,rooms=2,area_m2=24 --explain --json " + file("s.json")).exit_code, 0);
   const auto json = nlohmann::json::parse(read("s.json"));
+  EXPECT_TRUE(json.at("holes").empty());
   EXPECT_GT(json.at("ray_efficiency").get<double>(), 0.999);
   EXPECT_GT(json.at("navigable_area_m2").get<double>(), 10.0);
   EXPECT_LT(json.at("navigable_area_m2").get<double>(), 24.0);
