@@ -13,9 +13,13 @@ namespace earshot {
 /// What diffraction may cost.  `on`: whatever config asks for.  `automatic`: in proportion to the rays of the late field, so that a preset
 /// of few rays stays as fast as it is:
 ///  - sequences of edges that are tried per pose: 8 per ray, at most 4096 (fast: 512), grown in half as many expansions as rays;
+///  - of those, with fewer than 512 rays, one path per ray is worked out, strongest estimates first;
 ///  - arrivals that are kept: one per 8 rays, at least 4, at most config.diffraction_paths (fast: 8), since each is filtered in synthesis;
 ///  - with fewer than 512 rays, only listeners without line of sight (in sight diffraction changes an octave by 1.25 dB at v = -1 and
 ///    0.17 dB at v = -2, but 6 dB on the shadow boundary itself: ORACLES 3.3).
+/// CPU time per pose without sight at preset fast: 0.16 ms in house:1 (1,196 edges; the whole pose takes 2.6 ms), 0.28 ms in a furnished
+/// house of 145,597 triangles and 6,548 edges (0.8 ms); with sight one shadow ray.  Per source 10 and 65 ms, less once neighbours are
+/// known.
 struct DiffractionBudget {
   explicit DiffractionBudget(const AcousticConfig& config);
   int sequences = 0, expansions = 0, paths = 0;
