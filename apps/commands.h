@@ -10,6 +10,7 @@ namespace earshot {
 /// Each adds one sub-command with its help; the callback does the work and throws InputError (exit 2) or RunError (exit 1).
 void add_doctor(CLI::App& app);
 void add_scene(CLI::App& app);
+void add_materials(CLI::App& app);
 void add_rir(CLI::App& app);
 void add_walk(CLI::App& app);
 void add_dataset(CLI::App& app);

@@ -28,6 +28,7 @@ int main(int argc, char** argv) {
   const std::vector<std::string> arguments(argv + 1, argv + argc);
   earshot::add_doctor(app);
   earshot::add_scene(app);
+  earshot::add_materials(app);
   earshot::add_rir(app);
   earshot::add_walk(app);
   earshot::add_dataset(app);

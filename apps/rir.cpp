@@ -108,7 +108,7 @@ class PairRenderer {
             {"direct_delay_s", number_or_null(energy.direct_delay_s)},
             {"direct_amplitude", number_or_null(energy.direct_amplitude)},
             {"ray_efficiency", response.stats.ray_efficiency()},
-            {"standard_error", standard_errors_json(acoustics_, candidates.sound_source(), listener, response)},
+            {"standard_error", standard_errors_json(acoustics_, candidates, listener, response)},
             {"render_ms", render_ms},
             {"effects", effects_json(response, acoustics_.config())},
             {"seed", acoustics_.config().seed}};

@@ -19,18 +19,17 @@ OrderedJson error_of_mean(const std::vector<double>& values) {
   return std::sqrt(square / (n - 1) / n);
 }
 
-OrderedJson errors_by_repetition(const AcousticScene& acoustics, const SoundSource& source, glm::vec3 listener) {
+OrderedJson errors_by_repetition(const AcousticScene& acoustics, const EarlyCandidates& candidates, glm::vec3 listener) {
   constexpr int batches = 8;
-  AcousticConfig part = acoustics.config();
-  if (part.rays < batches || part.late == Switch::off) return OrderedJson::object();
+  const AcousticConfig& config = acoustics.config();
+  if (config.rays < batches || config.late == Switch::off) return OrderedJson::object();
   const auto num_bands = static_cast<std::size_t>(acoustics.num_bands());
   std::vector<std::vector<double>> rt60(num_bands), level_db(num_bands);
-  part.rays /= batches;
   for (int batch = 0; batch < batches; ++batch) {
-    part.seed = acoustics.config().seed + 0x9E3779B97F4A7C15ull * static_cast<std::uint64_t>(batch + 1);
-    const AcousticScene scene(acoustics.shared_scene(), part);
+    const AcousticScene scene =
+        acoustics.with_rays(config.rays / batches, config.seed + 0x9E3779B97F4A7C15ull * static_cast<std::uint64_t>(batch + 1));
     EnergyResponse response;
-    compute_energy_response(scene, EarlyCandidates(scene, source), listener, response);
+    compute_energy_response(scene, candidates, listener, response);
     const RoomMetrics metrics = measure(scene, response);
     for (std::size_t b = 0; b < num_bands; ++b) {
       if (metrics.bands[b].rt60_s) rt60[b].push_back(*metrics.bands[b].rt60_s);
@@ -86,10 +85,10 @@ OrderedJson metrics_json(const RoomMetrics& metrics) {
   return json;
 }
 
-OrderedJson standard_errors_json(const AcousticScene& acoustics, const SoundSource& source, glm::vec3 listener,
+OrderedJson standard_errors_json(const AcousticScene& acoustics, const EarlyCandidates& candidates, glm::vec3 listener,
                                  const EnergyResponse& response) {
   const std::vector<BandErrors> errors = late_errors(acoustics, response);
-  if (errors.empty()) return errors_by_repetition(acoustics, source, listener);
+  if (errors.empty()) return errors_by_repetition(acoustics, candidates, listener);
   OrderedJson json = {
       {"rt60_s", OrderedJson::array()}, {"t20_s", OrderedJson::array()}, {"t30_s", OrderedJson::array()}, {"g_db", OrderedJson::array()}};
   for (std::size_t b = 0; b < errors.size(); ++b) {

@@ -15,7 +15,7 @@ OrderedJson number_or_null(const std::optional<double>& value);
 OrderedJson metrics_json(const RoomMetrics& metrics);
 /// Standard errors per band of rt60_s and g_db.  From the batches of a bidirectional response; otherwise by repetition: eight traces with
 /// an eighth of the rays and seeds of their own, whose mean spreads as one trace with all rays.  Empty if there are too few rays to say.
-OrderedJson standard_errors_json(const AcousticScene& acoustics, const SoundSource& source, glm::vec3 listener,
+OrderedJson standard_errors_json(const AcousticScene& acoustics, const EarlyCandidates& candidates, glm::vec3 listener,
                                  const EnergyResponse& response);
 
 }  // namespace earshot

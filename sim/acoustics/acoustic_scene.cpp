@@ -84,4 +84,13 @@ AcousticScene::AcousticScene(std::shared_ptr<const Scene> scene, const AcousticC
   hash_ = hash_of(config_, scene_->hash());
 }
 
+AcousticScene AcousticScene::with_rays(int rays, std::uint64_t seed) const {
+  AcousticScene copy = *this;
+  copy.config_.rays = rays;
+  copy.config_.seed = seed;
+  validate(copy.config_);
+  copy.hash_ = hash_of(copy.config_, scene_->hash());
+  return copy;
+}
+
 }  // namespace earshot

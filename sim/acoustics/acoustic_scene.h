@@ -21,6 +21,8 @@ class AcousticScene {
  public:
   /// Throws InputError if `config` breaks a rule (validate).
   AcousticScene(std::shared_ptr<const Scene> scene, const AcousticConfig& config);
+  /// The same with another number of rays and another seed, as a copy: nothing is derived from the geometry again.
+  [[nodiscard]] AcousticScene with_rays(int rays, std::uint64_t seed) const;
 
   [[nodiscard]] const Scene& scene() const { return *scene_; }
   [[nodiscard]] const std::shared_ptr<const Scene>& shared_scene() const { return scene_; }

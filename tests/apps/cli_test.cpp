@@ -76,7 +76,7 @@ class Cli : public testing::Test {
 TEST_F(Cli, HelpIsCompleteAndUnknownCommandsAreRefused) {
   const Outcome help = earshot("--help");
   EXPECT_EQ(help.exit_code, 0);
-  for (const char* command : {"doctor", "scene", "rir", "walk", "dataset", "train", "eval", "leaderboard"}) {
+  for (const char* command : {"doctor", "scene", "materials", "rir", "walk", "dataset", "train", "eval", "leaderboard"}) {
     EXPECT_THAT(help.output, HasSubstr(command));
     EXPECT_EQ(earshot(std::string(command) + " --help").exit_code, 0) << command;
   }
@@ -197,6 +197,17 @@ TEST_F(Cli, WalkIsAsLongAsItsPosesAndNeverSilent) {
   ASSERT_EQ(outcome.exit_code, 0) << outcome.errors;
   EXPECT_GE(read("w.wav").size(), static_cast<std::size_t>(1.5 * 16000 * 2 * 4));
   expect_bad_input("walk shoebox:5x3x4@0.3 --poses " + write("back.csv", "1,0,0,0,0\n0,0,0,0,0\n") + " --source 4,1.5,1 --sound synth:noise --out " + file("v.wav"), "time does not rise");
+}
+
+TEST_F(Cli, MaterialsAreListedAndLinted) {
+  const Outcome builtin = earshot("materials");
+  EXPECT_EQ(builtin.exit_code, 0) << builtin.output;
+  EXPECT_THAT(builtin.output, HasSubstr("0 findings"));
+  const std::string slip = write("slip.json", R"({"materials": [{"name": "a", "labels": ["default"], "absorption": [125, 0.02, 250, 0.9], "scattering": [125, 0.1]}]})");
+  const Outcome linted = earshot("materials --lint " + slip);
+  EXPECT_EQ(linted.exit_code, 1);
+  EXPECT_THAT(linted.output, HasSubstr("lint: a: "));
+  expect_bad_input("materials " + write("bad.json", "{"), "bad.json");
 }
 
 TEST_F(Cli, SceneReportIsJson) {

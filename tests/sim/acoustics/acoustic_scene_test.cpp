@@ -7,6 +7,8 @@
 #include <set>
 
 #include "sim/acoustics/air_absorption.h"
+#include "sim/acoustics/path_tracer.h"
+#include "sim/base/errors.h"
 #include "tests/sim/acoustics/rooms.h"
 
 namespace earshot {
@@ -78,6 +80,20 @@ TEST(AcousticScene, HashKnowsTheConfigButNotTheThreads) {
   config.seed = 1;
   EXPECT_NE(AcousticScene(room, config).hash(), base);
   EXPECT_NE(AcousticScene(rooms::shoe1(0.3, 1), AcousticConfig{}).hash(), base);
+}
+
+TEST(AcousticScene, WithRaysIsTheSceneOfThatConfig) {
+  AcousticConfig config = acoustic_preset("fast");
+  const AcousticScene one(rooms::shoe1(0.2, 0.5), config);
+  config.rays = 32;
+  config.seed = 9;
+  const AcousticScene made(rooms::shoe1(0.2, 0.5), config), copied = one.with_rays(32, 9);
+  EXPECT_EQ(copied.hash(), made.hash());
+  EnergyHistogram first = make_histogram(made), second = make_histogram(copied);
+  trace_late(made, rooms::shoe1_source(), rooms::shoe1_listener(), first);
+  trace_late(copied, rooms::shoe1_source(), rooms::shoe1_listener(), second);
+  EXPECT_EQ(first.band_energy(3), second.band_energy(3));
+  EXPECT_THROW((void)one.with_rays(-1, 0), InputError);
 }
 
 TEST(MirrorPlanes, BoxHasSix) {

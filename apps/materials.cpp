@@ -1,0 +1,59 @@
+#include <fmt/format.h>
+
+#include <array>
+#include <memory>
+
+#include "apps/commands.h"
+#include "sim/base/errors.h"
+#include "sim/scene/material_lint.h"
+
+namespace earshot {
+namespace {
+
+struct Options {
+  std::string file, reading;
+  bool only_lint = false;
+};
+
+constexpr std::array<float, 6> kOctavesHz{125, 250, 500, 1000, 2000, 4000};
+
+void print_row(const Material& material, const char* key, const CoefficientCurve& curve) {
+  fmt::print("  {:<13}", key);
+  for (const float hz : kOctavesHz) fmt::print(" {:>7.3g}", curve.at(hz));
+  fmt::print("  {}\n", material.source_of(key));
+}
+
+void run_materials(const Options& options) {
+  MaterialImport import{.reading = std::nullopt, .warnings = nullptr, .keep_transmission = true};
+  if (options.reading == "energy") import.reading = CoefficientReading::energy;
+  if (options.reading == "pressure") import.reading = CoefficientReading::pressure;
+  const MaterialDatabase database = options.file.empty() ? MaterialDatabase::builtin() : MaterialDatabase::from_file(options.file, import);
+  if (!options.only_lint) {
+    fmt::print("{:<15} 125 Hz  250 Hz  500 Hz    1 kHz   2 kHz   4 kHz  source\n", "");
+    for (const Material& material : database.all()) {
+      fmt::print("{}\n", material.name);
+      print_row(material, "absorption", material.absorption);
+      print_row(material, "scattering", material.scattering);
+      print_row(material, "transmission", material.transmission);
+    }
+  }
+  const std::vector<MaterialWarning> findings = lint(database);
+  for (const MaterialWarning& finding : findings)
+    fmt::print("lint: {}{}{}\n", finding.material, finding.material.empty() ? "" : ": ", finding.text);
+  fmt::print("{} materials, {} findings\n", database.all().size(), findings.size());
+  if (!findings.empty()) throw RunError(options.file, fmt::format("has {} findings of the lint", findings.size()));
+}
+
+}  // namespace
+
+void add_materials(CLI::App& app) {
+  auto options = std::make_shared<Options>();
+  CLI::App* command = app.add_subcommand("materials", "Acoustic materials, their sources, and what looks wrong in a table of them");
+  command->add_option("FILE", options->file, "Material database (JSON); without it the built-in one");
+  command->add_option("--coefficients", options->reading, "What the numbers are shares of; default: what the file says, else energy")
+      ->check(CLI::IsMember({"energy", "pressure"}));
+  command->add_flag("--lint", options->only_lint, "Print the findings only.  Findings give exit code 1, with or without this");
+  command->callback([options] { run_materials(*options); });
+}
+
+}  // namespace earshot
