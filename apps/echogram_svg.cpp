@@ -86,7 +86,7 @@ std::string axes(const Panel& panel, const std::string& unit) {
         kLeft, kLeft + kWidth, panel.y(level), kLeft - 8, panel.y(level) + 4, level);
   const double step_s = tick_step_s(panel.end_s);
   for (int i = 0; i * step_s <= panel.end_s * (1 + 1e-9); ++i)
-    svg += fmt::format("<text x=\"{:.1f}\" y=\"{}\" text-anchor=\"middle\">{:.3g}</text>\n", panel.x(i * step_s),
+    svg += fmt::format("<text x=\"{:.1f}\" y=\"{}\" text-anchor=\"middle\">{:.4g}</text>\n", panel.x(i * step_s),
                        panel.top + panel.height + 16, 1000 * step_s * i);
   return svg + fmt::format("<text transform=\"translate(16 {:.1f}) rotate(-90)\" text-anchor=\"middle\">{}</text>\n",
                            panel.top + panel.height / 2, unit);

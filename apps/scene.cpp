@@ -8,7 +8,9 @@
 #include <optional>
 
 #include "apps/commands.h"
+#include "sim/acoustics/acoustic_scene.h"
 #include "sim/acoustics/air_absorption.h"
+#include "sim/acoustics/diffraction_edges.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/nav/navmesh.h"
@@ -28,15 +30,24 @@ struct Options {
 
 constexpr double hardly_any_leak = 0.001;
 
-/// What the engine does about each effect, and why.
-std::vector<std::pair<const char*, std::string>> effects(const SceneReport& report) {
+/// What the engine does about each effect when nothing is asked for (preset fast), and why.
+std::vector<std::pair<const char*, std::string>> effects(const SceneReport& report, const AcousticScene& acoustics) {
   const bool open = report.ray_efficiency < 0.5;
-  return {{"direct", "on: always"},
-          {"early", "on: image paths are confirmed by rays at every pose"},
-          {"late", open ? "on: but most rays escape, expect little of it" : "on"},
-          {"air_absorption", "on: one multiplication per time bin"},
-          {"transmission", "off: not simulated"},
-          {"diffraction", "off: not simulated"}};
+  const DiffractionEdges* edges = acoustics.diffraction_edges();
+  const std::size_t num_edges = edges ? edges->size() : 0;
+  return {
+      {"direct", "on: always"},
+      {"early", acoustics.planes().empty() ? std::string("off: nothing reflects")
+                                           : fmt::format("on: {} planes, paths up to order {}, each leg confirmed by a ray at every pose",
+                                                         acoustics.planes().size(), acoustics.config().early_order)},
+      {"diffraction", num_edges == 0
+                          ? std::string("off: no edge stands out into the air")
+                          : fmt::format("on where the direct sound is blocked (balanced and high: everywhere): {} edges", num_edges)},
+      {"transmission", acoustics.transmits()
+                           ? std::string("on where the direct sound is blocked: along the straight line (high: everywhere)")
+                           : std::string("off: no material lets sound through")},
+      {"late", open ? "on: but most rays escape, expect little of it" : "on"},
+      {"air_absorption", "on: one multiplication per time bin"}};
 }
 
 Json numbers(const std::vector<double>& values) {
@@ -49,7 +60,8 @@ void run_scene(const Options& options) {
   SceneOverrides overrides;
   if (options.unit_m != 0) overrides.unit_m = static_cast<float>(options.unit_m);
   if (options.simplify_m != 0) overrides.simplify_m = static_cast<float>(options.simplify_m);
-  const Scene scene = load_scene(options.scene, overrides);
+  const auto shared_scene = std::make_shared<const Scene>(load_scene(options.scene, overrides));
+  const Scene& scene = *shared_scene;
   std::array<double, report_bands_hz.size()> air_per_m;
   for (std::size_t band = 0; band < air_per_m.size(); ++band)
     air_per_m[band] = air_absorption_energy_per_m(scene.air(), report_bands_hz[band]);
@@ -93,12 +105,13 @@ void run_scene(const Options& options) {
     fmt::print("{}{:.0f} Hz {}", i == 0 ? "" : ", ", 125.0 * (1 << i),
                std::isfinite(report.rt60_estimate_s[i]) ? fmt::format("{:.2f} s", report.rt60_estimate_s[i]) : "-");
   fmt::print("\n");
+  if (!options.explain && options.json.empty()) return;
+  const auto plan_of_effects = effects(report, AcousticScene(shared_scene, acoustic_preset("fast")));
   if (options.explain)
-    for (const auto& [name, why] : effects(report)) fmt::print("  {:<15} {}\n", name, why);
-
+    for (const auto& [name, why] : plan_of_effects) fmt::print("  {:<15} {}\n", name, why);
   if (options.json.empty()) return;
   Json plan = Json::object();
-  for (const auto& [name, why] : effects(report)) plan[name] = why;
+  for (const auto& [name, why] : plan_of_effects) plan[name] = why;
   Json hole_list = Json::array();
   for (const Hole& hole : holes) {
     const auto point = [](glm::vec3 p) { return Json{p.x, p.y, p.z}; };
