@@ -7,6 +7,7 @@
 
 #include "sim/acoustics/air_absorption.h"
 #include "sim/acoustics/diffraction_edges.h"
+#include "sim/acoustics/reflection_model.h"
 #include "sim/acoustics/specular_lobe.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
@@ -81,6 +82,7 @@ AcousticScene::AcousticScene(std::shared_ptr<const Scene> scene, const AcousticC
     diffraction_edges_ = std::make_shared<const DiffractionEdges>(*scene_, config_.diffraction_edge_m);
   planes_ = find_mirror_planes(scene_->mesh());
   if (!scene_->mesh().triangles.empty()) diagonal_m_ = glm::length(scene_->bounds().upper - scene_->bounds().lower);
+  reflection_model_ = std::make_shared<const ReflectionModel>(*this, traces_transmission(*this));
   hash_ = hash_of(config_, scene_->hash());
 }
 

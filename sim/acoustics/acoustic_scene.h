@@ -13,6 +13,7 @@
 namespace earshot {
 
 class DiffractionEdges;
+class ReflectionModel;
 class SpecularLobe;
 
 /// A scene seen through one acoustic configuration: coefficients per band, air, planes.  Immutable, shared by all threads; holds the
@@ -43,13 +44,14 @@ class AcousticScene {
   [[nodiscard]] int padded_bands() const { return stride_; }
   [[nodiscard]] const float* padded_reflectance(std::uint32_t material) const { return &reflectance_[std::size_t{material} * stride_]; }
   [[nodiscard]] const float* padded_scattering(std::uint32_t material) const { return &scattering_[std::size_t{material} * stride_]; }
-  [[nodiscard]] const float* padded_transmission(std::uint32_t material) const { return &transmission_[std::size_t{material} * stride_]; }
   /// Lobe of the specular share; null for a mirror (config.specular_exponent = 0).
   [[nodiscard]] const SpecularLobe* specular_lobe() const { return specular_lobe_.get(); }
   /// Up to which order image paths carry specular reflections: 0 without mirrors.
   [[nodiscard]] int image_order() const {
     return config_.early == Switch::off || config_.specular_exponent > 0.f ? 0 : config_.early_order;
   }
+  /// What surfaces keep, scatter and let through, for the tracers; with transmission if traces_transmission(*this).
+  [[nodiscard]] const ReflectionModel& reflection_model() const { return *reflection_model_; }
   /// Edges round which sound bends; null with diffraction off.
   [[nodiscard]] const DiffractionEdges* diffraction_edges() const { return diffraction_edges_.get(); }
   /// Energy exponent of air per band, at its centre; all zero if air absorption is off.
@@ -77,6 +79,7 @@ class AcousticScene {
   std::vector<float> reflectance_, scattering_, transmission_, damping_, mean_scattering_, air_;
   bool transmits_ = false;
   std::shared_ptr<const SpecularLobe> specular_lobe_;
+  std::shared_ptr<const ReflectionModel> reflection_model_;
   std::shared_ptr<const DiffractionEdges> diffraction_edges_;
   MirrorPlanes planes_;
   std::uint64_t hash_ = 0;

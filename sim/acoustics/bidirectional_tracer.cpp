@@ -202,7 +202,7 @@ TraceStats trace_bidirectional(const AcousticScene& scene, const EarlyCandidates
   stats.rays = static_cast<std::uint64_t>(config.rays);
 
   const std::vector<Batch> dealt = deal_batches(static_cast<std::uint32_t>(config.rays), static_cast<std::uint32_t>(config.source_rays));
-  const ReflectionModel model(scene, traces_transmission(scene));
+  const ReflectionModel& model = scene.reflection_model();
   const float source_radius_m = candidates.sound_source().radius_m;
   const float least_distance_m = kLeastDistanceShare * scene.diagonal_m();
   const BidirectionalScene shared{.scene = scene,

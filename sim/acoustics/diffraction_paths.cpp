@@ -47,18 +47,18 @@ DiffractionBudget::DiffractionBudget(const AcousticConfig& config) {
   sequences = automatic ? static_cast<int>(std::min(4096.0, 8.0 * std::max(config.rays, 16))) : 4096;
   expansions = automatic ? std::clamp(config.rays / 2, 16, 512) : 512;
   paths = automatic ? std::min(config.diffraction_paths, std::max(4, config.rays / 8)) : config.diffraction_paths;
-  only_without_sight = quick = automatic && config.rays < 512;
+  near_boundary_only = quick = automatic && config.rays < 512;
   attempts = quick ? std::max(config.rays, 16) : sequences;
 }
 
-DiffractionCandidates::DiffractionCandidates(const AcousticScene& scene, glm::vec3 source) : source_(source) {
+DiffractionCandidates::DiffractionCandidates(const AcousticScene& scene, glm::vec3 source) : source_(source), budget_(scene.config()) {
   if (scene.diffraction_edges() == nullptr) return;
   const DiffractionEdges& edges = *scene.diffraction_edges();
   std::vector<std::uint32_t> in_sight;
   for (std::uint32_t edge = 0; edge < edges.size(); ++edge) {
     if (edges.sees(edge, source)) in_sight.push_back(edge);
   }
-  if (!in_sight.empty()) grow(scene, DiffractionBudget(scene.config()), in_sight);
+  if (!in_sight.empty()) grow(scene, budget_, in_sight);
 }
 
 void DiffractionCandidates::grow(const AcousticScene& scene, const DiffractionBudget& budget, const std::vector<std::uint32_t>& in_sight) {
@@ -218,8 +218,10 @@ bool DiffractionCandidates::find_path(const AcousticScene& scene, const Candidat
 
 void DiffractionCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 listener, std::vector<Arrival>& arrivals) const {
   if (candidates_.empty()) return;
-  const DiffractionBudget budget(scene.config());
-  if (budget.only_without_sight && !scene.scene().rays().occluded(source_, listener)) return;
+  const DiffractionBudget& budget = budget_;
+  const bool near_boundary_only = budget.near_boundary_only && !scene.scene().rays().occluded(source_, listener);
+  const double sight_m = glm::length(glm::dvec3(listener) - glm::dvec3(source_));
+  const double most_detour_m = 0.25 * scene.speed_of_sound_m_per_s() / scene.bands().centre_hz.front();
 
   // The strongest `paths` at the back of `arrivals`, the weakest of them in front.
   const std::size_t first = arrivals.size(), limit = static_cast<std::size_t>(budget.paths);
@@ -242,12 +244,19 @@ void DiffractionCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 
     if (budget.quick) return !scene.scene().rays().occluded(listener, edges.air_point(edge, 0.5 * length_m));
     return edges.sees(edge, listener);
   };
+  const auto near_boundary = [&](std::uint32_t edge) {
+    const glm::dvec3 bend =
+        edges[edge].at(std::clamp(fermat_point(edges[edge], glm::dvec3(source_), glm::dvec3(listener)), 0.0, edges[edge].length_m));
+    return glm::length(bend - glm::dvec3(source_)) + glm::length(glm::dvec3(listener) - bend) - sight_m <= most_detour_m;
+  };
   Arrival arrival;
   int attempts = budget.attempts;
   for (const Group& group : groups_) {
     if (attempts <= 0) break;
+    if (near_boundary_only && !near_boundary(group.last_edge)) continue;
     if (!in_sight(group.last_edge)) continue;
     for (std::size_t i = group.begin; i < group.end && attempts > 0; ++i) {
+      if (near_boundary_only && candidates_[i].sequence.order > 1) continue;
       const bool full = arrivals.size() - first == limit;
       const double least_db = std::max(full ? weakest_db : -1e9, best_db - kMostBelowBestDb);
       if (!find_path(scene, candidates_[i], listener, least_db, attempts, arrival)) continue;

@@ -13,19 +13,20 @@ namespace earshot {
 /// What diffraction may cost.  `on`: whatever config asks for.  `automatic`: in proportion to the rays of the late field, so that a preset
 /// of few rays stays as fast as it is:
 ///  - sequences of edges that are tried per pose: 8 per ray, at most 4096 (fast: 512), grown in half as many expansions as rays;
-///  - of those, with fewer than 512 rays, one path per ray is worked out, strongest estimates first;
+///  - of those, with fewer than 512 rays, one path per ray is worked out, those first that lose least on the way to their last edge;
 ///  - arrivals that are kept: one per 8 rays, at least 4, at most config.diffraction_paths (fast: 8), since each is filtered in synthesis;
-///  - with fewer than 512 rays, only listeners without line of sight (in sight diffraction changes an octave by 1.25 dB at v = -1 and
-///    0.17 dB at v = -2, but 6 dB on the shadow boundary itself: ORACLES 3.3).
+///  - with fewer than 512 rays, listeners in line of sight get single edges near their shadow boundary only: those with a detour of at most
+///    a quarter of a wave at the centre of the lowest band (v = -1 there, where an octave changes by 1.25 dB, and the less the higher the
+///    band: ORACLES 3.3), so that no level jumps by 6 dB where sight begins.
 /// CPU time per pose without sight at preset fast: 0.16 ms in house:1 (1,196 edges; the whole pose takes 2.6 ms), 0.28 ms in a furnished
 /// house of 145,597 triangles and 6,548 edges (0.8 ms); with sight one shadow ray.  Per source 10 and 65 ms, less once neighbours are
 /// known.
 struct DiffractionBudget {
   explicit DiffractionBudget(const AcousticConfig& config);
   int sequences = 0, expansions = 0, paths = 0;
-  bool only_without_sight = false;
-  int attempts = 0;    ///< paths per pose that pass the estimate and are worked out: one per ray with fewer than 512 rays
-  bool quick = false;  ///< with fewer than 512 rays: two points of an edge, not six, decide whether the listener sees it
+  bool near_boundary_only = false;  ///< in line of sight
+  int attempts = 0;                 ///< paths per pose that pass the estimate and are worked out: one per ray with fewer than 512 rays
+  bool quick = false;               ///< with fewer than 512 rays: two points of an edge, not six, decide whether the listener sees it
 };
 
 /// Edge sequences by which sound of one source position may go round corners.  Immutable; shared by every listener pose of that source.
@@ -68,6 +69,7 @@ class DiffractionCandidates {
   void grow(const AcousticScene& scene, const DiffractionBudget& budget, const std::vector<std::uint32_t>& in_sight);
 
   glm::vec3 source_;
+  DiffractionBudget budget_;           ///< of the config that this was made with
   std::vector<Candidate> candidates_;  ///< by group, strongest estimate first within each
   std::vector<Group> groups_;          ///< the one with the strongest candidate first
 };

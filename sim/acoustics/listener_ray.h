@@ -122,9 +122,10 @@ void cross_source_volume(const Trace& trace, RayState<W>& ray, glm::vec3 origin,
   deposit(trace, ray, ray.path_m + 0.5f * (enter_m + leave_m), histogram);
 }
 
-/// Multiplies ray.arriving by what the walls between two points let through.  False if nothing is left.
+/// Multiplies ray.arriving by what the walls between two points let through, and adds to `path_m` what they delay.  False if nothing is
+/// left.
 template <int W>
-bool pass_walls(const Trace& trace, RayState<W>& ray, glm::vec3 from, glm::vec3 to) {
+bool pass_walls(const Trace& trace, RayState<W>& ray, glm::vec3 from, glm::vec3 to, float& path_m) {
   const auto num_bands = static_cast<std::size_t>(trace.scene.num_bands());
   for (int walls = 0; walls <= trace.scene.config().transmission_walls; ++walls) {
     const glm::vec3 rest = to - from;
@@ -136,6 +137,7 @@ bool pass_walls(const Trace& trace, RayState<W>& ray, glm::vec3 from, glm::vec3 
     const WallCrossing crossing = cross_wall(trace.scene, direction, hit);
     if (!trace.walls->transmits(crossing.material) || glm::dot(to - crossing.exit, direction) <= 0) return false;
     transmit(trace.scene, crossing, std::span(ray.arriving, num_bands));
+    path_m += extra_path_m(trace.scene, crossing);
     from = crossing.exit;
   }
   return false;
@@ -150,12 +152,16 @@ void connect_to_source(const Trace& trace, RayState<W>& ray, const Hit& hit, glm
   const float height_m = glm::dot(hit.normal, to_source);
   if (!(height_m > 0)) return;
   const float distance_m = std::sqrt(distance2);
-  const float path_m = ray.path_m + distance_m;
+  float path_m = ray.path_m + distance_m;
   if (path_m > trace.max_path_m) return;
+  // Without a source volume a last leg through walls would be lost.
+  const bool may_pass_walls = trace.walls && trace.diffuse_last_leg;
+  const bool through_walls = may_pass_walls && trace.scene.scene().rays().occluded(start, source);
   const float cosine = height_m / distance_m;
   const float geometry = trace.share_of_ray * cosine / (4.f * kPi * kPi * std::max(distance2, trace.least_distance2_m2));
   const std::uint32_t plane = trace.scene.plane_of_triangle()[hit.triangle];
-  if (trace.diffuse_last_leg && !carried(trace, ray, &plane)) {
+  // Image paths pass no walls: behind one the mirror share is nobody else's.
+  if (trace.diffuse_last_leg && (through_walls || !carried(trace, ray, &plane))) {
     for (int b = 0; b < W; ++b) ray.arriving[b] = ray.reflected[b] * geometry;
   } else {
     for (int b = 0; b < W; ++b) ray.arriving[b] = ray.reflected[b] * scattering[b] * geometry;
@@ -173,9 +179,10 @@ void connect_to_source(const Trace& trace, RayState<W>& ray, const Hit& hit, glm
   }
   if (!(total > 0)) return;
   ++stats.shadow_rays;
-  if (trace.scene.scene().rays().occluded(start, source)) {
-    // Without a source volume a last leg through walls would be lost.
-    if (!trace.walls || !trace.diffuse_last_leg || !pass_walls(trace, ray, start, source)) return;
+  if (may_pass_walls) {
+    if (through_walls && !pass_walls(trace, ray, start, source, path_m)) return;
+  } else if (trace.scene.scene().rays().occluded(start, source)) {
+    return;
   }
   deposit(trace, ray, path_m, histogram);
 }

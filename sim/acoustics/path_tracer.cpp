@@ -8,7 +8,6 @@
 #include <cmath>
 #include <glm/geometric.hpp>
 #include <numbers>
-#include <optional>
 #include <vector>
 
 #include "sim/acoustics/arrival_harmonics.h"
@@ -139,14 +138,12 @@ TraceStats trace_late(const AcousticScene& scene, const EarlyCandidates& candida
   stats.rays = num_rays;
 
   const auto shift = RandomStream(config.seed, Purpose::listener_ray).bits4(0);
-  std::optional<ReflectionModel> walls;
-  if (traces_transmission(scene)) walls.emplace(scene, true);
   const float spread_m = candidates.sound_source().radius_m;
   const float least_distance_m = kLeastDistanceShare * scene.diagonal_m();
   const Trace trace{.scene = scene,
                     .candidates = candidates,
                     .emission = candidates.emission().omnidirectional() ? nullptr : &candidates.emission(),
-                    .walls = walls ? &*walls : nullptr,
+                    .walls = traces_transmission(scene) ? &scene.reflection_model() : nullptr,
                     .source = candidates.source(),
                     .listener = listener,
                     .directions = {shift[0], shift[1]},

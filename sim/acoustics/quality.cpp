@@ -89,6 +89,8 @@ void validate(const AcousticConfig& config) {
           "must be in [1, 50]");
   require(config.source_rays >= 0 && config.source_rays <= 1 << 20, "source_rays", config.source_rays, "must be in [0, 2^20]");
   require(config.source_bounces >= 1 && config.source_bounces <= 60, "source_bounces", config.source_bounces, "must be in [1, 60]");
+  require(std::int64_t{config.source_rays} * config.source_bounces <= 1 << 23, "source_rays", config.source_rays,
+          "times source_bounces must be at most 2^23: every vertex is kept");
   require(config.specular_exponent == 0.f || in_range(config.specular_exponent, 1.f, 1000.f), "specular_exponent", config.specular_exponent,
           "must be 0 (mirror) or in [1, 1000]");
   require(config.rays >= 0, "rays", config.rays, "must be in [0, 2^31): each ray carries 1/rays of the energy");

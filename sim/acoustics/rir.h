@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <glm/vec3.hpp>
 #include <memory>
 #include <vector>
@@ -14,10 +15,10 @@ namespace earshot {
 
 /// Everything the listener receives from one source, before any head or microphone: independent of heading.
 struct EnergyResponse {
-  std::vector<Arrival> arrivals;  ///< direct and early, sorted by distance
+  std::vector<Arrival> arrivals;  ///< of every kind (arrival.h), sorted by distance
   EnergyHistogram late;
   TraceStats stats;
-  LateBatches batches;  ///< parts of the late field for late_errors(); only from the bidirectional tracer
+  LateBatches batches;               ///< parts of the late field for late_errors(); only from the bidirectional tracer
   float speed_of_sound_m_per_s = 0;  ///< turns distances of arrivals into times; > 0 once computed
 };
 

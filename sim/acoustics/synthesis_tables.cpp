@@ -14,8 +14,6 @@ namespace {
 constexpr int kMaxCarrierLength = 1 << 16;
 /// Of the many carriers of an array.
 constexpr int kMaxArrayCarrierLength = 1 << 15;
-/// Delays this close to a whole sample count as whole: an unfiltered arrival then is one sample exactly.
-constexpr double kWholeSample = 1e-5;
 
 int count_samples(const AcousticConfig& config) {
   return std::max(1, static_cast<int>(std::lround(static_cast<double>(config.rir_length_s) * config.sample_rate_hz)));

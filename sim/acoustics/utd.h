@@ -36,8 +36,6 @@ class WedgeDiffraction {
 
   /// How far the path bends from a straight one: 0 on the shadow boundary, up to 1.
   [[nodiscard]] double bend() const { return boundary_[0]; }
-  /// Is the listener hidden from the source by the wedge?
-  [[nodiscard]] bool in_shadow() const { return weight_[0] > 0; }
 
  private:
   std::array<double, 4> weight_{};    ///< -sign(d) [..] / 2n: incidence, incidence round the back, first face, second face

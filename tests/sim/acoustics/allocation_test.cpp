@@ -42,6 +42,20 @@ TEST(EnergyResponse, AllocatesNothingOnceWarm) {
   EXPECT_EQ(allocations - before, 0);
 }
 
+TEST(EnergyResponse, AllocatesNothingWithWallsThatLetSoundThrough) {
+  AcousticConfig config;
+  config.transmission = Switch::on;
+  std::array<Material, 6> leaky;
+  leaky.fill(Material::uniform("leaky", 0.3f, 0.3f, 0.1f));
+  const AcousticScene scene(rooms::box(5, 4, 3, leaky), config);
+  const EarlyCandidates candidates(scene, rooms::shoe1_source());
+  EnergyResponse response;
+  for (int i = 0; i < 3; ++i) compute_energy_response(scene, candidates, rooms::shoe1_listener(), response);
+  const long before = allocations;
+  for (int i = 0; i < 10; ++i) compute_energy_response(scene, candidates, rooms::shoe1_listener(), response);
+  EXPECT_EQ(allocations - before, 0);
+}
+
 TEST(EnergyResponse, AllocatesNothingRoundCorners) {
   TriangleMesh mesh;
   append_box(mesh, {-2, 0, -0.1f}, {2, 2, 0.1f}, 0, 0);

@@ -104,6 +104,30 @@ TEST(PathTracer, LosslessRoomIsFlatO18H21) {
   }
 }
 
+// A floor between source and listener, and across it a sheet that reflects nothing and passes a tenth.  Every path over the floor crosses the sheet
+// once, before the floor or behind it, so the floor's diffuse energy (O-7, HS1) arrives with a tenth: also the mirror share, since image paths
+// pass no walls and the fast mode takes the last leg as diffuse.
+TEST(PathTracer, LastLegsThroughWallsKeepTheMirrorShare) {
+  TriangleMesh mesh;
+  const double far = 3000;
+  rooms::append_quad(mesh, {rooms::point(-far, -far, 0), rooms::point(far, -far, 0), rooms::point(far, far, 0), rooms::point(-far, far, 0)}, 0);
+  rooms::append_quad(mesh, {rooms::point(5, -far, 0), rooms::point(5, far, 0), rooms::point(5, far, far), rooms::point(5, -far, far)}, 1);
+  const auto room = rooms::scene_of(std::move(mesh), {Material::uniform("floor", 0.f, 0.1f), Material::uniform("sheet", 1.f, 0.f, 0.1f)});
+  AcousticConfig config = plain_config();
+  config.rays = 32768;
+  config.early = Switch::automatic;
+  config.transmission = Switch::on;
+  config.diffuse_last_leg = true;
+  config.max_bounces = 4;
+  const rooms::Sample energy = rooms::over_seeds(6, config, [&](const AcousticConfig& c) {
+    double sum = 0;
+    for (const double value : late_field(room, c, rooms::point(0, 0, 1.5), rooms::point(10, 0, 1.5)).band_energy(0)) sum += value;
+    return sum;
+  });
+  EXPECT_LT(energy.standard_error, 0.02 * energy.mean);
+  EXPECT_NEAR(energy.mean, 0.1 * 3.33881e-05, 0.02 * 3.33881e-06 + 4 * energy.standard_error);
+}
+
 TEST(PathTracer, HalfSpaceHasNoTailO7) {
   AcousticConfig config = plain_config();
   config.rays = 4096;
