@@ -101,9 +101,11 @@ Scene load_scene(const std::string& spec, const SceneOverrides& overrides) {
   }
   if (config.ceiling_m) add_ceiling(geometry, *config.ceiling_m, spec);
   if (config.simplify_m) geometry.report.simplified = simplify_mesh(geometry.mesh, *config.simplify_m);
+  config.rules.own_first = config.mesh.starts_with("shoebox:") && config.mesh.find('@') != std::string::npos;
   std::vector<Material> materials = assign_materials(geometry.mesh, config.rules, database, geometry.own, spec, geometry.report.warnings);
   if (config.randomization) {
-    materials = randomize_materials(spec, {}, materials, *config.rules.semantics, database, *config.randomization);
+    const SemanticMaterials semantics = config.rules.semantics ? *config.rules.semantics : SemanticMaterials::indoor();
+    materials = randomize_materials(spec, {}, materials, semantics, database, *config.randomization);
   }
   return Scene(spec, std::move(geometry.mesh), std::move(materials), config.air, std::move(geometry.report));
 }

@@ -43,7 +43,7 @@ struct Decision {
 class RuleBook {
  public:
   RuleBook(const MaterialRules& rules, const MaterialDatabase& database, const std::string& where)
-      : database_(database), semantics_(rules.semantics.get()), label_matching_(rules.label_matching) {
+      : database_(database), semantics_(rules.semantics.get()), label_matching_(rules.label_matching), own_first_(rules.own_first) {
     for (const auto& [pattern, name] : rules.assign) {
       rules_.push_back({pattern, &database.get(name, where + ": assign." + pattern), is_glob(pattern)});
     }
@@ -58,6 +58,7 @@ class RuleBook {
         if (const Material* found = first_match(*name, glob)) return {found};
       }
     }
+    if (own && own_first_) return {&*own};
     if (semantics_) {
       for (const std::string* name : {&slot, &node}) {
         const std::string category = semantics_->category_of(*name);
@@ -109,6 +110,7 @@ class RuleBook {
   const MaterialDatabase& database_;
   const SemanticMaterials* semantics_;
   LabelMatching label_matching_;
+  bool own_first_;
   std::vector<Rule> rules_;
   const Material* default_ = nullptr;
   const Material* fallback_ = nullptr;

@@ -24,6 +24,7 @@ struct MaterialRules {
   std::string default_material;                                  ///< empty: see below
   std::shared_ptr<const SemanticMaterials> semantics = nullptr;  ///< null: categories play no part
   LabelMatching label_matching = LabelMatching::exact;
+  bool own_first = false;  ///< step 6 before step 5: the slots' own materials are what the user wrote (shoebox:...@M)
 };
 
 /// One Material per slot of the mesh.  For a triangle, the first of these that answers:

@@ -11,7 +11,7 @@ namespace earshot {
 /// already been lowered.
 ///
 ///  - no source for absorption, scattering or a transmission above 0
-///  - transmission above the absorption that contains it; absorption and transmission that add up to more than 1
+///  - transmission above the absorption that contains it
 ///  - a step of more than x10 between neighbouring points of absorption or scattering, more than x100 (20 dB) of transmission; x10 of a
 ///    transmission without a source
 ///  - a row that is another material's but for one value that is x10 or x1/10: a slip of the decimal point

@@ -52,7 +52,8 @@ void read_semantics(ConfigReader& reader, const std::filesystem::path& path, Sce
   child.read("transmission_noise_db", randomization.transmission_noise_db);
   child.finish();
   validate(randomization, reader.where());
-  if (!config.rules.semantics) config.rules.semantics = std::make_shared<const SemanticMaterials>(SemanticMaterials::indoor());
+  if (randomization.candidates && !config.rules.semantics)
+    config.rules.semantics = std::make_shared<const SemanticMaterials>(SemanticMaterials::indoor());
 }
 
 Air read_air(ConfigReader& reader) {

@@ -18,13 +18,14 @@ namespace earshot {
 ///   unit_m: 1                        # metres per unit of the mesh file
 ///   ceiling_m: 3                     # adds a lid over the bounding rectangle at this height (world y, after up and unit_m); its
 ///                                    # slot and its object are called ceiling_lid
-///   simplify_m: 0.01                 # collapses edges while the surface moves by at most about this (mesh_simplify.h); not done without
-///   it materials: my_materials.json     # material database; the built-in one without it coefficients: energy             # what the
-///   numbers of `materials` mean: energy or pressure; without it, what the file says, else energy semantics: indoor                #
-///   materials by semantic category of mesh-material and node names: indoor, or a file as
+///   simplify_m: 0.01                 # lets the surface move by this much to save triangles (mesh_simplify.h); not done without it
+///   materials: my_materials.json     # material database; the built-in one without it
+///   coefficients: energy             # what the numbers of `materials` mean: energy or pressure; default: what the file says, else energy
+///   semantics: indoor                # materials by semantic category of mesh-material and node names: indoor, or a file as
 ///                                    # configs/semantic_materials.yaml; without it categories play no part
 ///   label_matching: exact            # labels of the database as whole words, or legacy_substring: as the predecessor does
-///   randomize:                       # random materials (acoustic_randomization.h); {} takes these values; implies semantics: indoor
+///   randomize:                       # random materials (acoustic_randomization.h); {} takes these values; with candidates it implies
+///                                    # semantics: indoor
 ///     {seed: 0, candidates: true, noise_std: 0.05, transmission_noise_db: 3}
 ///   assign: {"Wall*": gypsum_board}  # pattern over mesh-material or node names; order of precedence in material_assignment.h
 ///   default_material: default        # what no pattern matches

@@ -52,7 +52,6 @@ TEST(MaterialLint, FindsEachKindOfFault) {
       << "the joined text stands for the rest";
   EXPECT_THAT(findings_with("transmission", "[125, 0.1, 250, 0.35, 500, 0.1]"),
               Contains("felt: transmission 0.35 exceeds the absorption 0.3 at 250 Hz"));
-  EXPECT_THAT(findings_with("absorption", "[125, 0.2, 250, 0.99999, 500, 0.4]"), Contains(HasSubstr("add up to 1.002 at 250 Hz")));
   EXPECT_THAT(findings_with("absorption", "[125, 0.02, 250, 0.3, 500, 0.4]"), Contains(HasSubstr("absorption steps from 0.02 at 125 Hz")));
   EXPECT_THAT(findings_with("transmission", "[125, 0.1, 250, 0.0009, 500, 0.0009]"), Contains(HasSubstr("transmission steps")));
   EXPECT_THAT(findings_with("transmission", "[125, 0.1, 250, 0.005, 500, 0.003]"), IsEmpty()) << "13 dB an octave occurs in drywall";
@@ -115,14 +114,12 @@ TEST(MaterialLint, FindsThePredecessorsFaults) {
            "decimal "
            "point?",
            "plasterOnConcreteBlock: transmission steps from 0.0035 at 1000 Hz to 0.00011 at 2000 Hz",
-           "foliage: absorption and transmission add up to 1.01 at 500 Hz",
            "foliage: transmission 0.9 exceeds the absorption 0.03 at 125 Hz",
            "steel: transmission 0.25 exceeds the absorption 0.05 at 125 Hz",
            "steel: label 'piperefrigerator' looks like 'pipe' and 'refrigerator' run together",
            "carpet: label 'floor' is there twice, first on 'carpet'",
            "soundProof: absorption is 1 at all frequencies, which looks like a placeholder",
            "soundProof: scattering is 0 at all frequencies, which looks like a placeholder",
-           "grass: transmission is 0 at all frequencies, which looks like a placeholder",
            "brick: absorption has no source",
        }) {
     EXPECT_THAT(lines, Contains(finding));

@@ -181,5 +181,17 @@ TEST(SceneYaml, RefusesWhatIsWrongInOneLine) {
   for (const auto& [yaml, hint] : wrong) EXPECT_THAT(error(yaml), AllOf(HasSubstr(hint), Not(HasSubstr("\n")))) << yaml;
 }
 
+TEST(SceneYaml, RandomizationOfNothingKeepsWhatTheUserWrote) {
+  const TempFolder folder;
+  const auto absorption = [&](const std::string& randomize) {
+    const Scene scene = load_scene(folder.write("r.yaml", "mesh: shoebox:5x4x3@0.3\n" + randomize));
+    return scene.materials()[0].absorption.at(1000.f);
+  };
+  EXPECT_FLOAT_EQ(absorption(""), 0.3f);
+  EXPECT_FLOAT_EQ(absorption("randomize: {candidates: false, noise_std: 0, transmission_noise_db: 0}\n"), 0.3f);
+  EXPECT_FLOAT_EQ(absorption("randomize: {noise_std: 0, transmission_noise_db: 0}\n"), 0.3f);
+  EXPECT_NE(absorption("randomize: {seed: 1}\n"), 0.3f);
+}
+
 }  // namespace
 }  // namespace earshot
