@@ -74,7 +74,7 @@ class Balloon final : public Directivity {
       add_mean_of(0);
       for (std::size_t e = add_bottom ? 0 : 1; e < (add_top ? rows : rows - 1); ++e)
         for (std::size_t a = 0; a < columns; ++a) closed.push_back(at(f, e, a));
-      if (add_top || rows > 1) add_mean_of(rows - 1);
+      add_mean_of(rows - 1);
     }
     if (add_bottom) elevation_.insert(elevation_.begin(), -90.0);
     if (add_top) elevation_.push_back(90.0);

@@ -211,5 +211,15 @@ TEST(Balloon, BadFilesAreRefused) {
   EXPECT_THROW(Directivity::named("/nowhere/balloon.json"), InputError);
 }
 
+TEST(Balloon, OneElevationIsEnough) {
+  // One row holds for the whole sphere, also where it is a pole itself.
+  for (const char* elevation : {"90", "-90", "0"}) {
+    const auto pattern = Directivity::balloon_from_text(
+        std::string("{frequencies_hz: [1000], azimuths_deg: [0, 90], elevations_deg: [") + elevation + "], gains_db: [[[0, 0]]]}", "test");
+    for (const glm::vec3 direction : {glm::vec3(0, 0, -1), glm::vec3(0, 1, 0), glm::vec3(0, -1, 0), glm::vec3(1, 0, 0)})
+      EXPECT_NEAR(pattern->pressure(direction, 1000.f), 1.f, 1e-6f) << elevation;
+  }
+}
+
 }  // namespace
 }  // namespace earshot
