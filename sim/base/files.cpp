@@ -45,8 +45,7 @@ class TemporaryFile {
   }
 
   void rename_to(const std::filesystem::path& target) {
-    if (::rename(path_.c_str(), target.c_str()) != 0)
-      throw RunError(target.string(), "cannot be replaced: " + last_error());
+    if (::rename(path_.c_str(), target.c_str()) != 0) throw RunError(target.string(), "cannot be replaced: " + last_error());
     kept_ = true;
   }
 
@@ -83,6 +82,11 @@ void write_file_atomically(const std::filesystem::path& path, std::string_view b
     std::filesystem::create_directories(path.parent_path(), error);
     if (error) throw RunError(path.parent_path().string(), "cannot be created: " + error.message());
   }
+  // A rename would put a plain file in the place of a device or a folder.
+  std::error_code unknown;
+  const auto status = std::filesystem::status(path, unknown);
+  if (std::filesystem::exists(status) && !std::filesystem::is_regular_file(status))
+    throw InputError(path.string(), "is not a plain file", "name a file that may be written or replaced");
   std::filesystem::path temporary = path;
   temporary += fmt::format(".tmp{}", ::getpid());
   TemporaryFile file(temporary);
