@@ -15,7 +15,7 @@ namespace earshot {
 
 /// A cone in a small cabinet: a spherical cap that moves as one on a rigid sphere (Aarts and Janssen 2011, J. Audio Eng. Soc. 59,
 /// "Comparing sound radiation from a loudspeaker with that from a flexible spherical cap on a rigid sphere").  The sphere has the volume of
-/// the cabinet; the cap has the radius of the cone, or, where the cone has broken up and only its middle still moves as one, 2 / k. Rms
+/// the cabinet; the cap has the radius of the cone, or, where the cone has broken up and only its middle still moves as one, 3 / k. Rms
 /// gain over an octave about the frequency asked for, 1 in front (-z).
 class CapLoudspeaker final : public Directivity {
  public:

@@ -73,7 +73,10 @@ TEST(DEchorate, ArrivalTimesOfDirectSoundAndFirstReflections) {
     for (std::size_t m = 0; m < sizes_ms.size(); ++m) {
       // Of 36 annotations one is off by more: the floor at microphone 2 (-0.48 ms), picked from a peak where the absorbing floor left only
       // a faint reflection.
-      if (std::string_view(name) == "floor" && m == 2) continue;
+      if (std::string_view(name) == "floor" && m == 2) {
+        EXPECT_NEAR(sizes_ms[m], 0.476, 0.05);
+        continue;
+      }
       EXPECT_LT(sizes_ms[m], 0.3) << name << " " << m;
     }
   }

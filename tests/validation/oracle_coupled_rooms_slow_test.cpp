@@ -113,11 +113,14 @@ TEST(OracleO21, CoupledRooms) {
   // Reciprocity: source and listener in their places exchanged, every 200 ms.
   for (int w = 0; w < 10; ++w) {
     const decay::Estimate there = across.window(0.2 * w, 0.2 * w + 0.2), here = back.window(0.2 * w, 0.2 * w + 0.2);
-    EXPECT_NEAR(there.mean, here.mean, 4 * std::hypot(there.standard_error, here.standard_error)) << 200 * w << " ms";
+    const double sigma = std::hypot(there.standard_error, here.standard_error);
+    EXPECT_NEAR(there.mean, here.mean, 4 * sigma) << 200 * w << " ms";
+    EXPECT_LT(sigma, 0.05 * there.mean) << "noise must not hide a difference, " << 200 * w << " ms";
   }
   const decay::Estimate one_two = across.energy(), two_one = back.energy();
   std::printf("exchanged: %.5g +- %.2g and %.5g +- %.2g\n", one_two.mean, one_two.standard_error, two_one.mean, two_one.standard_error);
   EXPECT_NEAR(one_two.mean, two_one.mean, 4 * std::hypot(one_two.standard_error, two_one.standard_error));
+  EXPECT_LT(two_one.standard_error, 0.02 * two_one.mean);
 }
 
 }  // namespace

@@ -1,9 +1,13 @@
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <array>
 #include <cmath>
+#include <filesystem>
+#include <fstream>
 #include <glm/geometric.hpp>
 #include <numbers>
+#include <string>
 
 #include "envs/agent_hearing.h"
 #include "sim/acoustics/rir.h"
@@ -58,14 +62,26 @@ TEST(OriginalDefects, IndirectSoundIsNotRaisedBySqrtFourPi) {
 // Materials were off by default, and after a reset the material file was silently not read again.
 TEST(OriginalDefects, MaterialsCountInEverySceneThatIsLoaded) {
   SceneCache scenes(quick_config(), {}, "", std::size_t{1} << 30);
-  const auto decay_s = [&](const char* id) {
+  const auto decay_s = [&](const std::string& id) {
     const auto source = scenes.source(id, {1.2f, 0, 1.5f}, 1.1f);
     EnergyResponse response;
     compute_energy_response(source->scene->acoustics, source->candidates, {3.8f, 1.6f, 2.3f}, response);
     return decay::time_s(response.late.band_energy(3), response.late.bin_s(), -3, -13);
   };
-  const double live_s = decay_s("shoebox:5x3x4@0.15"), dead_s = decay_s("shoebox:5x3x4@0.6"), again_s = decay_s("shoebox:5x3x4@0.15");
-  EXPECT_EQ(again_s, live_s);
+  const auto folder = std::filesystem::temp_directory_path() / ("earshot_defects_" + std::to_string(::getpid()));
+  std::filesystem::create_directories(folder);
+  const auto scene_with =
+      [&](const std::string& name, const std::string& absorption) {
+        std::ofstream(folder / (name + ".json"))
+            << R"({"materials": [{"name": "wall", "labels": ["default"], "source": "a test", "absorption": [1000, )" + absorption +
+                   R"(], "scattering": [1000, 0.5]}]})";
+        std::ofstream(folder / (name + ".yaml")) << "mesh: shoebox:5x3x4\nmaterials: " + name + ".json\nassign: {\"*\": wall}\n";
+        return (folder / (name + ".yaml")).string();
+      };
+  const double live_s = decay_s(scene_with("live", "0.15")), dead_s = decay_s(scene_with("dead", "0.6")),
+               again_s = decay_s(scene_with("again", "0.15"));
+  std::filesystem::remove_all(folder);
+  EXPECT_EQ(again_s, live_s) << "the third file is read as the first was";
   // Eyring: 0.62 and 0.11 s; the predecessor would have had one value.
   EXPECT_GT(live_s, 3 * dead_s);
 }
