@@ -13,8 +13,11 @@ void AcousticOptions::add_to(CLI::App& command, const std::string& default_prese
   command.add_option(
       "--set", settings,
       "key=value over the preset.  Switches (auto|on|off): direct early late air_absorption diffraction transmission.  Numbers: rays "
-      "rir_length_s "
-      "bands threads scattering early_order early_candidate_rays max_bounces time_bin_s sh_order source_radius_m diffuse_last_leg");
+      "source_rays (above 0: bidirectional) source_bounces max_bounces early_order early_candidate_rays diffraction_order "
+      "diffraction_edge_m "
+      "diffraction_paths transmission_walls scattering specular_exponent (0: mirror) diffuse_last_leg source_radius_m rir_length_s "
+      "time_bin_s "
+      "bands (0: octaves) sh_order sample_rate_hz seed threads (0: all)");
   command
       .add_option(
           "--channels", channels,
@@ -35,16 +38,16 @@ AcousticConfig AcousticOptions::config() const {
   ConfigReader reader = ConfigReader::from_text("", "--set", settings);
   read(reader, config);
   reader.finish();
-  if (rate_hz != 0) config.sample_rate_hz = static_cast<float>(rate_hz);
-  if (seed >= 0) config.seed = static_cast<std::uint64_t>(seed);
+  if (rate_hz) config.sample_rate_hz = static_cast<float>(*rate_hz);
+  if (seed) config.seed = *seed;
   validate(config);
   return config;
 }
 
 AcousticScene AcousticOptions::load(const AcousticConfig& config) const {
   SceneOverrides overrides;
-  if (unit_m != 0) overrides.unit_m = static_cast<float>(unit_m);
-  if (simplify_m != 0) overrides.simplify_m = static_cast<float>(simplify_m);
+  if (unit_m) overrides.unit_m = static_cast<float>(*unit_m);
+  if (simplify_m) overrides.simplify_m = static_cast<float>(*simplify_m);
   return {std::make_shared<const Scene>(load_scene(scene, overrides)), config};
 }
 

@@ -3,6 +3,7 @@
 #include <CLI/CLI.hpp>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -14,10 +15,10 @@ namespace earshot {
 /// The options that every command which renders sound shares.
 struct AcousticOptions {
   std::string scene, preset, channels = "binaural", hrtf;
-  std::vector<std::string> settings;   ///< key=value
-  double rate_hz = 0;                  ///< 0: the preset's
-  double unit_m = 0, simplify_m = 0;   ///< 0: what the scene says
-  std::int64_t seed = -1;              ///< negative: the preset's
+  std::vector<std::string> settings;         ///< key=value
+  std::optional<double> rate_hz;             ///< default: the preset's
+  std::optional<double> unit_m, simplify_m;  ///< default: what the scene says
+  std::optional<std::uint64_t> seed;         ///< default: the preset's
 
   void add_to(CLI::App& command, const std::string& default_preset);
   /// Preset, then what the channels need (harmonics as far as the tracers carry them), then --set, --rate and --seed; validated.

@@ -50,7 +50,9 @@ void add_dataset(CLI::App& app) {
   episodes->add_option("SCENE", options->scenes, "Scenes; house:10..14,rooms=3 stands for five houses");
   episodes->add_option("--count", options->count, "Episodes per scene")->capture_default_str();
   episodes->add_option("--out", options->out, "File to write; .gz compresses");
-  episodes->add_option("--sounds", options->sounds, "Folder of sounds, one sound file, or synth:KIND[:SEED] (kinds: telephone alarm music noise speech click engine bird)");
+  episodes->add_option(
+      "--sounds", options->sounds,
+      "Folder of sounds, one sound file, or synth:KIND[:SEED] (kinds: telephone alarm music noise speech click engine bird)");
   episodes->add_option("--seed", options->seed, "Seed")->capture_default_str();
   episodes->add_option("--config", options->config, "Run config: writes its data.train and data.eval sets instead");
   episodes->add_option("--set", options->overrides, "key=value over the run config, for example data.train.filter.min_geodesic_m=2");

@@ -49,7 +49,8 @@ std::string embree_version() {
   const std::unique_ptr<std::remove_pointer_t<RTCDevice>, Release> device{rtcNewDevice(nullptr)};
   if (!device) return "";
   return fmt::format("{}.{}.{}", rtcGetDeviceProperty(device.get(), RTC_DEVICE_PROPERTY_VERSION_MAJOR),
-                     rtcGetDeviceProperty(device.get(), RTC_DEVICE_PROPERTY_VERSION_MINOR), rtcGetDeviceProperty(device.get(), RTC_DEVICE_PROPERTY_VERSION_PATCH));
+                     rtcGetDeviceProperty(device.get(), RTC_DEVICE_PROPERTY_VERSION_MINOR),
+                     rtcGetDeviceProperty(device.get(), RTC_DEVICE_PROPERTY_VERSION_PATCH));
 }
 
 std::vector<std::string> render_nodes() {
@@ -72,16 +73,21 @@ void run_doctor() {
   line(embree.empty() ? "BAD" : "ok", "Embree", embree.empty() ? "cannot be opened: apt-get install libembree-dev" : embree);
 
   const auto nodes = render_nodes();
-  line("ok", "camera", nodes.empty() ? "Embree on the CPU (no GPU render node under /dev/dri)" : "Embree on the CPU; GPU render node " + nodes.front() + " present");
+  line("ok", "camera",
+       nodes.empty() ? "Embree on the CPU (no GPU render node under /dev/dri)"
+                     : "Embree on the CPU; GPU render node " + nodes.front() + " present");
 
   torch::set_num_threads(1);
   torch::mm(torch::ones({2, 2}), torch::ones({2, 2}));  // loads the BLAS
   std::string blas = loaded_library("libopenblas");
   if (blas.empty()) blas = loaded_library("libblas");
-  const bool fast = blas.find("openblas") != std::string::npos || blas.find("mkl") != std::string::npos || blas.find("blis") != std::string::npos;
-  line(fast ? "ok" : "SLOW", "BLAS", blas + (fast ? "" : ": the reference BLAS trains several times slower: apt-get install libopenblas0-pthread"));
-  line("ok", "libtorch", fmt::format("{}, one thread per worker; {} cores make {} workers", TORCH_VERSION, std::thread::hardware_concurrency(),
-                                     std::thread::hardware_concurrency()));
+  const bool fast =
+      blas.find("openblas") != std::string::npos || blas.find("mkl") != std::string::npos || blas.find("blis") != std::string::npos;
+  line(fast ? "ok" : "SLOW", "BLAS",
+       blas + (fast ? "" : ": the reference BLAS trains several times slower: apt-get install libopenblas0-pthread"));
+  line("ok", "libtorch",
+       fmt::format("{}, one thread per worker; {} cores make {} workers", TORCH_VERSION, std::thread::hardware_concurrency(),
+                   std::thread::hardware_concurrency()));
   const char* data = std::getenv("EARSHOT_DATA");
   line("ok", "test data", data != nullptr ? data : "EARSHOT_DATA is not set: tests look for ../shared/data beside the project");
 }

@@ -76,6 +76,21 @@ double tick_step_s(double length_s) {
   return decade_s;
 }
 
+std::string escape_xml(const std::string& text) {
+  std::string escaped;
+  for (const char c : text) {
+    if (c == '&')
+      escaped += "&amp;";
+    else if (c == '<')
+      escaped += "&lt;";
+    else if (c == '>')
+      escaped += "&gt;";
+    else
+      escaped += c;
+  }
+  return escaped;
+}
+
 std::string axes(const Panel& panel, const std::string& unit) {
   std::string svg = fmt::format("<rect x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" fill=\"none\" stroke=\"#999\"/>\n", kLeft, panel.top,
                                 kWidth, panel.height);
@@ -143,7 +158,7 @@ std::string echogram_svg(const std::string& title, const AcousticScene& scene, c
   std::string svg =
       "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"730\" height=\"580\" font-family=\"sans-serif\" font-size=\"12\" fill=\"#333\">\n"
       "<rect width=\"730\" height=\"580\" fill=\"#fff\"/>\n";
-  svg += fmt::format("<text x=\"{}\" y=\"22\" font-size=\"15\">{}</text>\n", kLeft, title);
+  svg += fmt::format("<text x=\"{}\" y=\"22\" font-size=\"15\">{}</text>\n", kLeft, escape_xml(title));
   double x = kLeft;
   const auto legend = [&](const std::string& label, const std::string& colour, double y) {
     svg +=

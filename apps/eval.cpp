@@ -24,16 +24,19 @@ void run_eval(const Options& options) {
   const auto baseline = baseline_by_name(options.agent);
   EvaluationResult result;
   if (baseline) {
-    const RunConfig config = options.config.empty() ? parse_run_config("", "--set", options.overrides) : load_run_config(options.config, options.overrides);
+    const RunConfig config =
+        options.config.empty() ? parse_run_config("", "--set", options.overrides) : load_run_config(options.config, options.overrides);
     if (evaluation.episodes.empty()) evaluation.episodes = config.eval.file;
     if (evaluation.episodes.empty()) throw InputError("--episodes", "is missing", "name an episode set, or a --config that names one");
     evaluation.num_envs = config.eval_envs;
     result = evaluate_baseline(*baseline, options.agent, config.env, evaluation);
   } else {
     const auto checkpoint = find_checkpoint(options.agent);
-    const RunConfig config = parse_run_config(load_checkpoint(checkpoint).config_yaml, checkpoint.string() + " (its config)", options.overrides);
+    const RunConfig config =
+        parse_run_config(load_checkpoint(checkpoint).config_yaml, checkpoint.string() + " (its config)", options.overrides);
     if (evaluation.episodes.empty()) evaluation.episodes = config.eval.file;
-    if (evaluation.episodes.empty()) throw InputError("--episodes", "is missing and the checkpoint's config names none", "name an episode set");
+    if (evaluation.episodes.empty())
+      throw InputError("--episodes", "is missing and the checkpoint's config names none", "name an episode set");
     evaluation.num_envs = config.eval_envs;
     result = evaluate_checkpoint(checkpoint, evaluation, options.overrides);
   }
@@ -54,7 +57,8 @@ void add_eval(CLI::App& app) {
   command->add_option("--set", options->overrides, "key=value over the config");
   command->add_option("--name", options->name, "Name in tables (default: the config's name)");
   command->add_option("--seed", options->evaluation.seed, "Seed of sampled actions")->capture_default_str();
-  command->add_option("--threads", options->evaluation.threads, "Simulation threads; 0: all cores; any number gives the same bits")->capture_default_str();
+  command->add_option("--threads", options->evaluation.threads, "Simulation threads; 0: all cores; any number gives the same bits")
+      ->capture_default_str();
   command->add_option("--max-episodes", options->evaluation.max_episodes, "Only the first N episodes; 0: all")->capture_default_str();
   command->add_flag("--argmax", options->argmax, "Most probable action instead of a sampled one");
   command->callback([options] { run_eval(*options); });

@@ -21,8 +21,9 @@ int main(int argc, char** argv) {
   CLI::App app{"Earshot: a runtime in which reinforcement-learning agents see and hear", "earshot"};
   app.set_version_flag("--version", "earshot 0.1.0");
   app.require_subcommand(1);
-  app.footer("SCENE is a mesh file (glb, gltf, obj, ply, stl), shoebox:XxYxZ[@M], house:SEED[,rooms=N][,area_m2=A], or a scene YAML.\n"
-             "Exit codes: 0 done, 1 a run that failed, 2 bad usage or bad input.");
+  app.footer(
+      "SCENE is a mesh file (glb, gltf, obj, ply, stl), shoebox:XxYxZ[@M], house:SEED[,rooms=N][,area_m2=A], or a scene YAML.\n"
+      "Exit codes: 0 done, 1 a run that failed, 2 bad usage or bad input.");
 
   int exit_code = 0;
   const std::vector<std::string> arguments(argv + 1, argv + argc);

@@ -120,10 +120,10 @@ class PairRenderer {
     if (options_.pitch_deg == 0 && options_.roll_deg == 0) return ListenerTurn(heading_deg * degree);
     return ListenerTurn(heading_deg * degree, options_.pitch_deg * degree, options_.roll_deg * degree);
   }
-  void write(const std::string& file, Rir& rir) const {
-    if (options_.gain != 1)
-      for (float& sample : rir.samples) sample *= static_cast<float>(options_.gain);
-    write_wav(file, rir.samples, rir.num_channels, rir.sample_rate_hz);
+  void write(const std::string& file, const Rir& rir) const {
+    std::vector<float> samples = rir.samples;
+    for (float& sample : samples) sample *= static_cast<float>(options_.gain);
+    write_wav(file, samples, rir.num_channels, rir.sample_rate_hz);
   }
   void write_plot(const std::string& file, const EnergyResponse& response) const {
     const std::string plot = file == options_.out ? options_.plot : std::filesystem::path(file).replace_extension(".svg").string();
@@ -146,7 +146,12 @@ class PairRenderer {
 
 void run_rir(const Options& options) {
   require(std::isfinite(options.gain), "--gain", options.gain, "must be a finite number");
-  require(std::isfinite(options.pitch_deg + options.roll_deg), "--pitch, --roll", options.pitch_deg, "must be finite numbers");
+  for (const double heading_deg : options.heading_deg) require(std::isfinite(heading_deg), "--heading", heading_deg, "must be finite");
+  require(std::isfinite(options.pitch_deg), "--pitch", options.pitch_deg, "must be finite");
+  require(std::isfinite(options.roll_deg), "--roll", options.roll_deg, "must be finite");
+  for (const std::string& other : {options.metrics, options.plot})
+    if (other == options.out || (!other.empty() && options.metrics == options.plot))
+      throw InputError(other, "is named for two outputs", "give each its own file");
   if (options.heading_deg.size() != 1 && options.heading_deg.size() != options.listeners.size())
     throw InputError("--heading", fmt::format("is given {} times for {} listeners", options.heading_deg.size(), options.listeners.size()),
                      "give it once for all or once per listener");

@@ -24,7 +24,7 @@ using Json = nlohmann::ordered_json;
 
 struct Options {
   std::string scene, json;
-  double unit_m = 0, simplify_m = 0;
+  std::optional<double> unit_m, simplify_m;
   bool explain = false;
 };
 
@@ -58,8 +58,8 @@ Json numbers(const std::vector<double>& values) {
 
 void run_scene(const Options& options) {
   SceneOverrides overrides;
-  if (options.unit_m != 0) overrides.unit_m = static_cast<float>(options.unit_m);
-  if (options.simplify_m != 0) overrides.simplify_m = static_cast<float>(options.simplify_m);
+  if (options.unit_m) overrides.unit_m = static_cast<float>(*options.unit_m);
+  if (options.simplify_m) overrides.simplify_m = static_cast<float>(*options.simplify_m);
   const auto shared_scene = std::make_shared<const Scene>(load_scene(options.scene, overrides));
   const Scene& scene = *shared_scene;
   std::array<double, report_bands_hz.size()> air_per_m;

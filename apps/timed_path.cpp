@@ -25,8 +25,9 @@ std::vector<TimedPose> read_timed_path(const std::string& path) {
     std::array<char, 4> commas{};
     fields >> pose.t_s >> commas[0] >> pose.position.x >> commas[1] >> pose.position.y >> commas[2] >> pose.position.z >> commas[3] >>
         pose.heading_deg;
+    const bool complete = !fields.fail() && (fields >> std::ws).eof();
     const double sum = pose.t_s + pose.position.x + pose.position.y + pose.position.z + pose.heading_deg;
-    if (fields.fail() || commas != std::array{',', ',', ',', ','} || !std::isfinite(sum))
+    if (!complete || commas != std::array{',', ',', ',', ','} || !std::isfinite(sum))
       throw InputError(fmt::format("{}:{}", path, line_number), "is not 't_s,x,y,z,heading_deg'", "write five finite numbers");
     if (!poses.empty() && pose.t_s <= poses.back().t_s)
       throw InputError(fmt::format("{}:{}", path, line_number), "time does not rise", "sort the poses by t_s");

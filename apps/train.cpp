@@ -31,8 +31,8 @@ int run_train(const Options& options, const std::vector<std::string>& arguments)
   const auto collective = identity ? make_zmq_ring(*identity) : make_single_worker();
   const TrainReport report = train(config, resolved_yaml(options.config, options.overrides), *collective, resume);
   if (collective->identity().rank == 0)
-    fmt::print("{} updates, {} steps in {:.1f} min: {:.0f} steps/s\ncheckpoint: {}\n", report.updates, report.env_steps, report.wall_s / 60, report.steps_per_s,
-               report.checkpoint.string());
+    fmt::print("{} updates, {} steps in {:.1f} min: {:.0f} steps/s\ncheckpoint: {}\n", report.updates, report.env_steps, report.wall_s / 60,
+               report.steps_per_s, report.checkpoint.string());
   return 0;
 }
 
@@ -45,8 +45,10 @@ void add_train(CLI::App& app, const std::vector<std::string>& arguments, int& ex
   command->add_option("OVERRIDES", options->overrides, "key=value over the config, for example ppo.learning_rate=1e-4");
   command->add_option("--workers", options->workers, "Worker processes on this machine (default: the config's)");
   command->add_option("--resume", options->resume, "Run folder or checkpoint to go on from");
-  command->footer("Writes checkpoints, events.jsonl and TensorBoard curves under the config's `out`.  SIGTERM, SIGINT and SIGUSR1 end the run after the\n"
-                  "current update with a checkpoint.  A resumed run gives the bits that the unbroken one would have given.");
+  command->footer(
+      "Writes checkpoints, events.jsonl and TensorBoard curves under the config's `out`.  SIGTERM, SIGINT and SIGUSR1 end the run after "
+      "the\n"
+      "current update with a checkpoint.  A resumed run gives the bits that the unbroken one would have given.");
   command->callback([options, &arguments, &exit_code] { exit_code = run_train(*options, arguments); });
 }
 

@@ -97,6 +97,10 @@ void run_walk(const Options& options) {
 
   const int block = std::max(1, static_cast<int>(std::lround(options.step_s * config.sample_rate_hz)));
   const double duration_s = poses.back().t_s - poses.front().t_s;
+  constexpr double longest_s = 3600;
+  if (!(duration_s * config.sample_rate_hz >= 1 && duration_s <= longest_s))
+    throw InputError(options.poses, fmt::format("lasts {} s", duration_s),
+                     fmt::format("let t_s run over at least one sample and at most {} s", longest_s));
   const auto num_samples = static_cast<std::size_t>(std::lround(duration_s * config.sample_rate_hz));
   const std::size_t num_blocks = (num_samples + static_cast<std::size_t>(block) - 1) / static_cast<std::size_t>(block);
   std::size_t num_channels = 0;
@@ -131,8 +135,9 @@ void add_walk(CLI::App& app) {
   command->add_option("--poses", options->poses, "CSV with the columns t_s,x,y,z,heading_deg (point between the ears, metres; degrees)")
       ->required();
   command->add_option("--source", options->sources, "X,Y,Z in metres of a source at rest; may be repeated");
-  command->add_option("--source-path", options->source_paths,
-                      "CSV like --poses of a source that moves; may be repeated; counted after those at rest");
+  command->add_option(
+      "--source-path", options->source_paths,
+      "CSV like --poses of a source that moves; may be repeated; counted after those at rest; looks where its heading_deg says");
   options->radiation.add_to(*command);
   command
       ->add_option("--sound", options->sounds,
