@@ -42,7 +42,7 @@ std::vector<std::pair<const char*, std::string>> effects(const SceneReport& repo
                                                          acoustics.planes().size(), acoustics.config().early_order)},
       {"diffraction", num_edges == 0
                           ? std::string("off: no edge stands out into the air")
-                          : fmt::format("on where the direct sound is blocked (balanced and high: everywhere): {} edges", num_edges)},
+                          : fmt::format("on where the direct sound is blocked or nearly so (balanced and high: everywhere): {} edges", num_edges)},
       {"transmission", acoustics.transmits()
                            ? std::string("on where the direct sound is blocked: along the straight line (high: everywhere)")
                            : std::string("off: no material lets sound through")},
