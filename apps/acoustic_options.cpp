@@ -1,6 +1,8 @@
 #include "apps/acoustic_options.h"
 
 #include <algorithm>
+#include <cmath>
+#include <numbers>
 
 #include "sim/base/errors.h"
 
@@ -24,6 +26,11 @@ void AcousticOptions::add_to(CLI::App& command, const std::string& default_prese
           "mono[:PATTERN], binaural, ambisonic:ORDER[:n3d|:sn3d][:world|:ego] (ACN), or array:FILE (YAML or JSON list of microphones)")
       ->capture_default_str();
   command.add_option("--hrtf", hrtf, "SOFA file of head filters (default: a rigid sphere of 8.75 cm)");
+  command
+      .add_option("--hrtf-turn", hrtf_turn_deg,
+                  "HEADING,PITCH,ROLL in degrees of the head filters in the listener's axes (default: they look to its front)")
+      ->delimiter(',')
+      ->expected(3);
   command.add_option("--unit", unit_m, "Metres per unit of a mesh file (0.01 for centimetres); default: what a YAML says, else 1");
   command.add_option("--simplify", simplify_m, "Simplify the mesh: largest deviation of its surface in metres, (0, 1]");
   command.add_option("--rate", rate_hz, "Sample rate in Hz, 8000 to 96000 (default: the preset's)");
@@ -42,6 +49,19 @@ AcousticConfig AcousticOptions::config() const {
   if (seed) config.seed = *seed;
   validate(config);
   return config;
+}
+
+ListenerTurn AcousticOptions::turn(double heading_deg, double pitch_deg, double roll_deg) const {
+  constexpr double degree = std::numbers::pi / 180;
+  require(std::isfinite(heading_deg), "--heading", heading_deg, "must be finite");
+  require(std::isfinite(pitch_deg), "--pitch", pitch_deg, "must be finite");
+  require(std::isfinite(roll_deg), "--roll", roll_deg, "must be finite");
+  const ListenerTurn listener = pitch_deg == 0 && roll_deg == 0 ? ListenerTurn(heading_deg * degree)
+                                                                : ListenerTurn(heading_deg * degree, pitch_deg * degree, roll_deg * degree);
+  if (hrtf_turn_deg.empty() || layout().kind != ListenerKind::binaural) return listener;
+  for (const double value : hrtf_turn_deg) require(std::isfinite(value), "--hrtf-turn", value, "must be finite");
+  const ListenerTurn filters(hrtf_turn_deg[0] * degree, hrtf_turn_deg[1] * degree, hrtf_turn_deg[2] * degree);
+  return ListenerTurn(listener.own_to_world() * filters.own_to_world());
 }
 
 AcousticScene AcousticOptions::load(const AcousticConfig& config) const {

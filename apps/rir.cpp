@@ -4,7 +4,6 @@
 #include <chrono>
 #include <cmath>
 #include <memory>
-#include <numbers>
 #include <optional>
 
 #include "apps/acoustic_options.h"
@@ -78,7 +77,7 @@ class PairRenderer {
       : options_(options), acoustics_(acoustics), synthesizer_(options.acoustics.tables(acoustics)) {}
 
   OrderedJson render(const EarlyCandidates& candidates, glm::vec3 listener, double heading_deg, const std::string& file) {
-    const ListenerTurn turn = turn_of(heading_deg);
+    const ListenerTurn turn = options_.acoustics.turn(heading_deg, options_.pitch_deg, options_.roll_deg);
     const auto begin = std::chrono::steady_clock::now();
     EnergyResponse response;
     constexpr std::uint64_t steps = 1000;
@@ -115,11 +114,6 @@ class PairRenderer {
   }
 
  private:
-  [[nodiscard]] ListenerTurn turn_of(double heading_deg) const {
-    constexpr double degree = std::numbers::pi / 180;
-    if (options_.pitch_deg == 0 && options_.roll_deg == 0) return ListenerTurn(heading_deg * degree);
-    return ListenerTurn(heading_deg * degree, options_.pitch_deg * degree, options_.roll_deg * degree);
-  }
   void write(const std::string& file, const Rir& rir) const {
     std::vector<float> samples = rir.samples;
     for (float& sample : samples) sample *= static_cast<float>(options_.gain);
@@ -146,9 +140,8 @@ class PairRenderer {
 
 void run_rir(const Options& options) {
   require(std::isfinite(options.gain), "--gain", options.gain, "must be a finite number");
-  for (const double heading_deg : options.heading_deg) require(std::isfinite(heading_deg), "--heading", heading_deg, "must be finite");
-  require(std::isfinite(options.pitch_deg), "--pitch", options.pitch_deg, "must be finite");
-  require(std::isfinite(options.roll_deg), "--roll", options.roll_deg, "must be finite");
+  for (const double heading_deg : options.heading_deg)
+    (void)options.acoustics.turn(heading_deg, options.pitch_deg, options.roll_deg);  // before any work
   for (const std::string& other : {options.metrics, options.plot})
     if (other == options.out || (!other.empty() && options.metrics == options.plot))
       throw InputError(other, "is named for two outputs", "give each its own file");

@@ -2,7 +2,6 @@
 
 #include <cmath>
 #include <memory>
-#include <numbers>
 #include <optional>
 
 #include "apps/acoustic_options.h"
@@ -32,8 +31,8 @@ class WalkSource {
       : path_(std::move(path)), source_(std::move(at_start)), moving_(moving), clip_(std::move(clip)), carrier_key_(carrier_key) {}
 
   /// Adds what is heard of this source during the block that begins at t_s to `mix` [channels, block].
-  void add_block(const AcousticScene& acoustics, RirSynthesizer& synthesizer, const TimedPose& listener, double t_s, int block,
-                 std::vector<float>& mix) {
+  void add_block(const AcousticScene& acoustics, RirSynthesizer& synthesizer, const TimedPose& listener, const ListenerTurn& turn,
+                 double t_s, int block, std::vector<float>& mix) {
     if (moving_ || !candidates_) {
       const TimedPose pose = pose_at(path_, t_s);
       source_.position = glm::vec3(pose.position);
@@ -41,7 +40,7 @@ class WalkSource {
       candidates_.emplace(acoustics, source_);
     }
     compute_energy_response(acoustics, *candidates_, glm::vec3(listener.position), response_);
-    synthesizer.render(response_, listener.heading_deg * std::numbers::pi / 180, carrier_key_, rir_);
+    synthesizer.render(response_, turn, carrier_key_, rir_);
     if (!convolver_) convolver_.emplace(StreamConfig{rir_.sample_rate_hz, rir_.num_samples, block, block}, rir_.num_channels);
     part_.resize(static_cast<std::size_t>(block) * static_cast<std::size_t>(rir_.num_channels));
     convolver_->convolve(clip_, position_, rir_.samples, previous_.samples, rir_.num_samples, block, part_);
@@ -110,7 +109,8 @@ void run_walk(const Options& options) {
     const double t_s = poses.front().t_s + static_cast<double>(i) * block / static_cast<double>(config.sample_rate_hz);
     const TimedPose listener = pose_at(poses, t_s);
     std::fill(mix.begin(), mix.end(), 0.f);
-    for (WalkSource& source : sources) source.add_block(acoustics, synthesizer, listener, t_s, block, mix);
+    for (WalkSource& source : sources)
+      source.add_block(acoustics, synthesizer, listener, options.acoustics.turn(listener.heading_deg, 0, 0), t_s, block, mix);
     num_channels = mix.size() / static_cast<std::size_t>(block);
     sound.resize(num_samples * num_channels);
     const std::size_t first = i * static_cast<std::size_t>(block),

@@ -183,6 +183,21 @@ TEST_F(Cli, SeveralSourcesAndListenersGiveAFileEach) {
   expect_bad_input("rir shoebox:5x3x4 --source 1,1,1 --listener 2,1,2 --heading 0,90 --out " + file("x.wav"), "--heading");
 }
 
+TEST_F(Cli, HeadFiltersCanBeTurnedAgainstTheListener) {
+  const std::string room = "rir shoebox:5x3x4@0.2 --source 1.2,1.1,1.5 --listener 3.8,1.6,2.3 --preset fast --set late=off ";
+  ASSERT_EQ(earshot(room + "--heading 90 --out " + file("a.wav")).exit_code, 0);
+  ASSERT_EQ(earshot(room + "--heading 50 --hrtf-turn 40,0,0 --out " + file("b.wav")).exit_code, 0);
+  ASSERT_EQ(earshot(room + "--heading 50 --out " + file("c.wav")).exit_code, 0);
+  const std::vector<float> turned = read_wav("a.wav"), same = read_wav("b.wav"), other = read_wav("c.wav");
+  double difference = 0;
+  for (std::size_t i = 0; i < turned.size(); ++i) {
+    ASSERT_NEAR(same[i], turned[i], 1e-5);
+    difference = std::max<double>(difference, std::abs(other[i] - turned[i]));
+  }
+  EXPECT_GT(difference, 1e-3);
+  expect_bad_input(room + "--hrtf-turn 1,2 --out " + file("x.wav"), "--hrtf-turn");
+}
+
 TEST_F(Cli, WalkHearsMovingSources) {
   write("poses.csv", "t_s,x,y,z,heading_deg\n0,1,1.5,1,0\n0.6,1,1.5,2,90\n");
   write("path.csv", "0,4,1.5,1,0\n0.6,4,1.5,3,0\n");
