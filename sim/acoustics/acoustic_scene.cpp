@@ -52,10 +52,8 @@ AcousticScene::AcousticScene(std::shared_ptr<const Scene> scene, const AcousticC
   scattering_.assign(size, 0.f);
   transmission_.assign(size, 0.f);
   damping_.assign(size, 0.f);
-  mean_scattering_.assign(materials.size(), 0.f);
   for (std::size_t slot = 0; slot < materials.size(); ++slot) {
     const Material& material = materials[slot];
-    double sum = 0;
     for (int band = 0; band < num_bands(); ++band) {
       const float low_hz = bands_.edge_hz[band], high_hz = bands_.edge_hz[band + 1];
       const auto mean = [&](const CoefficientCurve& curve) { return std::clamp(curve.band_mean(low_hz, high_hz), 0.f, 1.f); };
@@ -66,9 +64,7 @@ AcousticScene::AcousticScene(std::shared_ptr<const Scene> scene, const AcousticC
       transmission_[cell] = std::min(mean(material.transmission), 1.f - reflectance_[cell]);
       transmits_ = transmits_ || transmission_[cell] > 0.f;
       damping_[cell] = std::max(material.damping_db_per_m.band_mean(low_hz, high_hz), 0.f);
-      sum += scattering_[cell];
     }
-    mean_scattering_[slot] = static_cast<float>(sum / num_bands());
   }
 
   air_.assign(num_bands(), 0.f);

@@ -39,7 +39,6 @@ class AcousticScene {
   [[nodiscard]] std::span<const float> damping_db_per_m(std::uint32_t material) const { return row(damping_, material); }  ///< inside it
   /// Does any material of the scene let energy through in any band?
   [[nodiscard]] bool transmits() const { return transmits_; }
-  [[nodiscard]] float mean_scattering(std::uint32_t material) const { return mean_scattering_[material]; }  ///< over bands
   /// Bands rounded up to a multiple of eight: the rows below are that long and end in zeros, so that hot loops have no remainder.
   [[nodiscard]] int padded_bands() const { return stride_; }
   [[nodiscard]] const float* padded_reflectance(std::uint32_t material) const { return &reflectance_[std::size_t{material} * stride_]; }
@@ -76,7 +75,7 @@ class AcousticScene {
   BandLayout bands_;
   int stride_ = 0;
   float diagonal_m_ = 0;
-  std::vector<float> reflectance_, scattering_, transmission_, damping_, mean_scattering_, air_;
+  std::vector<float> reflectance_, scattering_, transmission_, damping_, air_;
   bool transmits_ = false;
   std::shared_ptr<const SpecularLobe> specular_lobe_;
   std::shared_ptr<const ReflectionModel> reflection_model_;

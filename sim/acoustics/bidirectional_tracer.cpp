@@ -16,13 +16,11 @@ namespace {
 
 constexpr std::uint32_t kBatches = 16;
 constexpr std::size_t kWaveBytes = std::size_t{256} << 20;  // of batch histograms held at once
-/// Of the scene's diagonal: shortest distance in the geometry term (ORACLES H-18).
-constexpr float kLeastDistanceShare = 1e-5f;
 
 /// Counts finished units of work and passes their share on, one call at a time.
-class Progress {
+class ShareDone {
  public:
-  Progress(const std::function<void(double)>& report, std::uint64_t total) : report_(report), total_(total) {}
+  ShareDone(const std::function<void(double)>& report, std::uint64_t total) : report_(report), total_(total) {}
   void finish(std::uint64_t units) {
     if (!report_) return;
     const std::lock_guard lock(mutex_);
@@ -40,13 +38,6 @@ class Progress {
 struct Batch {
   std::uint32_t index = 0, num_rays = 0, num_source_paths = 0;
 };
-
-void add(TraceStats& total, const TraceStats& part) {
-  total.ray_hits += part.ray_hits;
-  total.ray_escapes += part.ray_escapes;
-  total.shadow_rays += part.shadow_rays;
-  total.nonfinite_dropped += part.nonfinite_dropped;
-}
 
 /// Sums histograms in double.
 class Accumulator {
@@ -71,7 +62,7 @@ class Accumulator {
 template <int W>
 class BatchTracer {
  public:
-  BatchTracer(const BidirectionalScene& shared, Batch batch, EnergyHistogram& result, TraceStats& stats, Progress& progress)
+  BatchTracer(const BidirectionalScene& shared, Batch batch, EnergyHistogram& result, TraceStats& stats, ShareDone& progress)
       : shared_(shared), batch_(batch), result_(result), part_(make_histogram(shared.scene)), stats_(stats), progress_(progress) {}
 
   void run() {
@@ -144,18 +135,18 @@ class BatchTracer {
   EnergyHistogram& result_;
   EnergyHistogram part_;
   TraceStats& stats_;
-  Progress& progress_;
+  ShareDone& progress_;
   std::vector<SourceVertex<W>> vertices_;
   SourceSubpaths<W> sources_;
 };
 
 template <int W>
-void trace_batch(const BidirectionalScene& shared, Batch batch, EnergyHistogram& result, TraceStats& stats, Progress& progress) {
+void trace_batch(const BidirectionalScene& shared, Batch batch, EnergyHistogram& result, TraceStats& stats, ShareDone& progress) {
   BatchTracer<W>(shared, batch, result, stats, progress).run();
 }
 
-void trace_batch(const BidirectionalScene& shared, Batch batch, EnergyHistogram& result, TraceStats& stats, Progress& progress) {
-  using TraceBatch = void (*)(const BidirectionalScene&, Batch, EnergyHistogram&, TraceStats&, Progress&);
+void trace_batch(const BidirectionalScene& shared, Batch batch, EnergyHistogram& result, TraceStats& stats, ShareDone& progress) {
+  using TraceBatch = void (*)(const BidirectionalScene&, Batch, EnergyHistogram&, TraceStats&, ShareDone&);
   constexpr TraceBatch by_width[] = {trace_batch<8>, trace_batch<16>, trace_batch<24>, trace_batch<32>};
   static_assert(kMaxBands == 32);
   by_width[shared.scene.padded_bands() / 8 - 1](shared, batch, result, stats, progress);
@@ -235,8 +226,9 @@ TraceStats trace_bidirectional(const AcousticScene& scene, const EarlyCandidates
   std::vector<EnergyHistogram> results(wave, make_histogram(scene));
   std::vector<TraceStats> part_stats(wave);
   Accumulator sum(histogram.values().size());
-  Progress progress(options.progress, stats.rays);
-  tbb::task_arena arena(config.threads > 0 ? config.threads : tbb::task_arena::automatic);
+  ShareDone progress(options.progress, stats.rays);
+  const int available = tbb::this_task_arena::max_concurrency();
+  tbb::task_arena arena(config.threads == 0 ? available : std::min(config.threads, available));
   for (std::size_t first = 0; first < dealt.size(); first += wave) {
     const std::size_t count = std::min(wave, dealt.size() - first);
     arena.execute([&] {
@@ -251,7 +243,7 @@ TraceStats trace_bidirectional(const AcousticScene& scene, const EarlyCandidates
     for (std::size_t i = 0; i < count; ++i) {
       if (batches) keep_energy(results[i], dealt[first + i].index, *batches);
       sum.add(results[i], 1.0 / static_cast<double>(dealt.size()));
-      add(stats, part_stats[i]);
+      stats.add(part_stats[i]);
     }
   }
   sum.write(histogram);

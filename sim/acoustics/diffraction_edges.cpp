@@ -122,6 +122,7 @@ std::span<const std::uint32_t> DiffractionEdges::neighbours(std::uint32_t edge) 
 
 void DiffractionEdges::find_neighbours(std::uint32_t edge) const {
   const DiffractionEdge& here = edges_[edge];
+  std::vector<std::uint32_t> found;  // moved in at the end: an exception leaves nothing half done
   constexpr std::array<std::array<double, 2>, 5> shares = {{{0.5, 0.5}, {0.1, 0.1}, {0.9, 0.9}, {0.1, 0.9}, {0.9, 0.1}}};
   for (std::uint32_t other = 0; other < edges_.size(); ++other) {
     if (other == edge) continue;
@@ -133,8 +134,9 @@ void DiffractionEdges::find_neighbours(std::uint32_t edge) const {
       if (!here.in_air(to, clearance_m_) || !there.in_air(from, clearance_m_)) continue;
       seen = !rays_->occluded(air_point(edge, here_m), air_point(other, there_m));
     }
-    if (seen) neighbours_[edge].push_back(other);
+    if (seen) found.push_back(other);
   }
+  neighbours_[edge] = std::move(found);
 }
 
 }  // namespace earshot

@@ -6,6 +6,9 @@
 
 namespace earshot {
 
+/// Of an arrival direction, at the highest order that the tracers carry: 5.
+inline constexpr int kMaxCoefficients = 36;
+
 /// Energy arriving at the listener by (time bin, band, spherical-harmonic coefficient), Green units: a direct path of length r
 /// has energy 1 / (4 pi r)^2.  Time counts from emission.  Coefficient 0 is the energy itself; the others are the energy
 /// weighted by real N3D harmonics of the arrival direction (pointing from the listener toward where the sound comes from, world axes).

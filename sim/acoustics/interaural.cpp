@@ -51,6 +51,7 @@ std::optional<double> largest_correlation(std::span<const float> left, std::span
   fft.forward(right, b);
   // A spectrum padded with zeros is the correlation at kPointsPerSample times the points.
   for (std::size_t k = 0; k < a.size(); ++k) cross[k] = static_cast<float>(kPointsPerSample) * std::conj(a[k]) * b[k];
+  cross[a.size() - 1] *= 0.5f;  // the top bin stands for both signs of its frequency, which the longer spectrum tells apart
   std::vector<float> correlation(static_cast<std::size_t>(fine.size()));
   fine.inverse(cross, correlation);
   const auto at = [&](int lag) {

@@ -8,6 +8,7 @@
 #include <numbers>
 #include <span>
 
+#include "sim/acoustics/band_sum.h"
 #include "sim/acoustics/path_tracer.h"
 #include "sim/acoustics/reflection_model.h"
 #include "sim/acoustics/sampling.h"
@@ -19,7 +20,6 @@
 namespace earshot::listener_ray {
 
 inline constexpr float kPi = std::numbers::pi_v<float>;
-inline constexpr int kMaxCoefficients = 36;
 inline constexpr int kMaxChain = 4;
 
 /// What all rays of one trace share.
@@ -89,22 +89,6 @@ void deposit(const Trace& trace, const RayState<W>& ray, float path_m, EnergyHis
                 std::span(ray.sh.data(), static_cast<std::size_t>(trace.num_coefficients)));
 }
 
-/// Combines the lanes as a tree: eight at a time, then halves.  A running sum would cost W dependent additions.
-template <int W, class Combine>
-float reduce(const float (&values)[W], Combine combine) {
-  float part[8];
-  for (int b = 0; b < 8; ++b) part[b] = values[b];
-  for (int block = 8; block < W; block += 8) {
-    for (int b = 0; b < 8; ++b) part[b] = combine(part[b], values[block + b]);
-  }
-  for (int b = 0; b < 4; ++b) part[b] = combine(part[b], part[b + 4]);
-  return combine(combine(part[0], part[2]), combine(part[1], part[3]));
-}
-template <int W>
-float sum_of(const float (&values)[W]) {
-  return reduce(values, [](float a, float b) { return a + b; });
-}
-
 /// Track-length estimate of a segment that left a mirror: chord / (4 pi volume) of the source sphere.
 template <int W>
 void cross_source_volume(const Trace& trace, RayState<W>& ray, glm::vec3 origin, glm::vec3 direction, float segment_m,
@@ -115,7 +99,7 @@ void cross_source_volume(const Trace& trace, RayState<W>& ray, glm::vec3 origin,
   const float factor = trace.share_of_ray * (leave_m - enter_m) / (4.f * kPi * volume_m3);
   for (int b = 0; b < W; ++b) ray.arriving[b] = ray.throughput[b] * factor;
   apply_emission(trace, ray, -direction);
-  if (!std::isfinite(sum_of(ray.arriving))) {
+  if (!std::isfinite(sum_over_bands<W>(ray.arriving))) {
     ++stats.nonfinite_dropped;
     return;
   }
@@ -172,7 +156,7 @@ void connect_to_source(const Trace& trace, RayState<W>& ray, const Hit& hit, glm
     for (int b = 0; b < W; ++b) ray.arriving[b] *= 1.f - transmitted[b];
   }
   apply_emission(trace, ray, -to_source / distance_m);
-  const float total = sum_of(ray.arriving);
+  const float total = sum_over_bands<W>(ray.arriving);
   if (!std::isfinite(total)) {
     ++stats.nonfinite_dropped;
     return;
@@ -193,7 +177,7 @@ bool pick_wall(const Trace& trace, RayState<W>& ray, std::uint32_t material, flo
   const float* transmitted = trace.walls->transmitted(material);
   alignas(32) float shares[W];
   for (int b = 0; b < W; ++b) shares[b] = ray.weight[b] * transmitted[b];
-  const float probability = std::min(sum_of(shares) / static_cast<float>(trace.scene.num_bands()), 1.f);
+  const float probability = std::min(sum_over_bands<W>(shares) / static_cast<float>(trace.scene.num_bands()), 1.f);
   const bool passes = random < probability;
   const float scale = passes ? 1.f / probability : 1.f / (1.f - probability);
   for (int b = 0; b < W; ++b) {
@@ -227,7 +211,7 @@ template <int W>
 bool pick_lobe(RayState<W>& ray, const float* scattering, int num_bands, float random) {
   alignas(32) float diffuse[W];
   for (int b = 0; b < W; ++b) diffuse[b] = ray.weight[b] * scattering[b];
-  const float probability = std::min(sum_of(diffuse) / static_cast<float>(num_bands), 1.f);
+  const float probability = std::min(sum_over_bands<W>(diffuse) / static_cast<float>(num_bands), 1.f);
   if (random < probability) {
     const float scale = 1.f / probability;
     for (int b = 0; b < W; ++b) {
@@ -258,7 +242,7 @@ void leave_vertex(const Trace& trace, RayState<W>& ray, const RandomStream& rand
     if (trace.walls->transmits(material) && pick_wall(trace, ray, material, u[2])) {
       pass_wall(trace, ray, material);
       ray.at_vertex = false;
-      ray.alive = sum_of(ray.throughput) > 0;
+      ray.alive = sum_over_bands<W>(ray.throughput) > 0;
       return;
     }
     ray.only_walls = false;
@@ -276,7 +260,7 @@ void leave_vertex(const Trace& trace, RayState<W>& ray, const RandomStream& rand
   }
   // The last bounce goes on only for the sake of the source volume behind a mirror.
   if (ray.bounces == trace.max_bounces && (diffuse || trace.source_radius_m == 0)) ray.alive = false;
-  if (!(sum_of(ray.throughput) > 0)) ray.alive = false;
+  if (!(sum_over_bands<W>(ray.throughput) > 0)) ray.alive = false;
 }
 
 /// Follows a ray until it has gone `until_m` and stands at a vertex, or ends.

@@ -6,9 +6,9 @@
 #include <numbers>
 #include <span>
 
-#include "sim/acoustics/arrival_harmonics.h"
 #include "sim/acoustics/energy_histogram.h"
 #include "sim/acoustics/source_subpath.h"
+#include "sim/audio/ambisonics.h"
 
 /// Subpaths from the listener and all ways in which they meet the source and its subpaths.  Internal to the tracer.
 ///
@@ -25,7 +25,7 @@ struct SourceSubpaths {
 
 template <int W>
 struct ListenerRay : BandEnergy<W> {
-  static constexpr int kMaxCoefficients = 36, kMaxImageOrder = 4;
+  static constexpr int kMaxImageOrder = 4;
   std::array<float, kMaxCoefficients> sh;              // of the first direction: all that comes along this ray arrives from there
   std::array<std::uint32_t, kMaxImageOrder> planes{};  // of a path of mirrors only, listener first
   int num_planes = 0;
@@ -180,8 +180,8 @@ void connect_to_listener(const BidirectionalScene& shared, const SourceVertex<W>
   const auto weight = static_cast<float>(mis::weight(shared.strategies.to_listener, earlier, 0));
   const float factor = share * weight * cosine / (4.f * std::numbers::pi_v<float> * std::max(distance2, shared.least_distance2_m2));
   for (int b = 0; b < W; ++b) energy[b] *= factor;
-  std::array<float, ListenerRay<W>::kMaxCoefficients> sh;
-  write_harmonics(-out, shared.sh_order, std::span(sh).first(output.num_coefficients));
+  std::array<float, kMaxCoefficients> sh;
+  spherical_harmonics_n3d(-out, shared.sh_order, std::span(sh).first(output.num_coefficients));
   output.deposit(energy, vertex.path_m + distance_m, sh.data(), [&] {
     ++output.stats.shadow_rays;
     return shared.scene.scene().rays().occluded(vertex.position, shared.listener);
@@ -193,7 +193,7 @@ void start_ray(const BidirectionalScene& shared, glm::vec3 direction, ListenerRa
   for (int b = 0; b < W; ++b) ray.arriving[b] = ray.weight[b] = b < shared.scene.num_bands() ? 1.f : 0.f;
   ray.origin = shared.listener;
   ray.direction = direction;
-  write_harmonics(direction, shared.sh_order, std::span(ray.sh).first(static_cast<std::size_t>(shared.num_coefficients)));
+  spherical_harmonics_n3d(direction, shared.sh_order, std::span(ray.sh).first(static_cast<std::size_t>(shared.num_coefficients)));
 }
 
 /// Goes on from the vertex that the ray waits at.  Ends the ray if nothing more can come of it.

@@ -10,24 +10,21 @@
 #include <numbers>
 #include <vector>
 
-#include "sim/acoustics/arrival_harmonics.h"
 #include "sim/acoustics/listener_ray.h"
 #include "sim/acoustics/ray_balance.h"
 #include "sim/acoustics/sampling.h"
 #include "sim/acoustics/source_volume.h"
+#include "sim/audio/ambisonics.h"
 #include "sim/base/random.h"
 
 namespace earshot {
 using listener_ray::advance;
-using listener_ray::kMaxCoefficients;
 using listener_ray::RayState;
 using listener_ray::Trace;
 
 namespace {
 
 constexpr std::uint32_t kChunksPerWave = 16;  // histograms held at once
-/// Of the scene's diagonal: shortest distance in the geometry term.  Small, because scenes with 20 km of ground are legal.
-constexpr float kLeastDistanceShare = 1e-5f;
 
 int num_bins(const AcousticConfig& config) {
   // A hair's breadth against 0.5f / 0.004f = 125.0000001.
@@ -47,7 +44,7 @@ void trace_chunk(const Trace& trace, std::uint32_t chunk, EnergyHistogram& histo
     ray.origin = trace.listener;
     ray.direction = trace.directions.direction(first + i);
     // All that comes along this ray arrives from its first direction.
-    write_harmonics(ray.direction, trace.sh_order, ray.sh);
+    spherical_harmonics_n3d(ray.direction, trace.sh_order, ray.sh);
   }
   for (std::uint32_t stage = 0;; ++stage) {
     const float until_m = static_cast<float>(stage + 1) * trace.stage_m;
@@ -68,13 +65,6 @@ void trace_chunk(const Trace& trace, std::uint32_t chunk, EnergyHistogram& histo
   constexpr TraceChunk by_width[] = {trace_chunk<8>, trace_chunk<16>, trace_chunk<24>, trace_chunk<32>};
   static_assert(kMaxBands == 32);
   by_width[trace.scene.padded_bands() / 8 - 1](trace, chunk, histogram, stats);
-}
-
-void add(TraceStats& total, const TraceStats& part) {
-  total.ray_hits += part.ray_hits;
-  total.ray_escapes += part.ray_escapes;
-  total.shadow_rays += part.shadow_rays;
-  total.nonfinite_dropped += part.nonfinite_dropped;
 }
 
 /// Chunks in waves; chunk histograms are summed in double and in the order of the chunks, so threads cannot change a bit.
@@ -104,7 +94,7 @@ void trace_chunks(const Trace& trace, std::uint32_t num_chunks, EnergyHistogram&
       const std::span<const float> values = parts[i].values();
       for (std::size_t k = 0; k < sum.size(); ++k) sum[k] += values[k];
       dropped += parts[i].dropped_energy();
-      add(stats, part_stats[i]);
+      stats.add(part_stats[i]);
     }
   }
   std::transform(sum.begin(), sum.end(), histogram.values().begin(), [](double value) { return static_cast<float>(value); });
@@ -112,6 +102,13 @@ void trace_chunks(const Trace& trace, std::uint32_t num_chunks, EnergyHistogram&
 }
 
 }  // namespace
+
+void TraceStats::add(const TraceStats& part) {
+  ray_hits += part.ray_hits;
+  ray_escapes += part.ray_escapes;
+  shadow_rays += part.shadow_rays;
+  nonfinite_dropped += part.nonfinite_dropped;
+}
 
 double TraceStats::ray_efficiency() const {
   const std::uint64_t segments = ray_hits + ray_escapes;

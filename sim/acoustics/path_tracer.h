@@ -9,12 +9,17 @@
 
 namespace earshot {
 
+/// Of the scene's diagonal: shortest distance in the geometry term (ORACLES H-18).  Small, because scenes with 20 km of ground are legal.
+inline constexpr float kLeastDistanceShare = 1e-5f;
+
 /// Counters of one trace.
 struct TraceStats {
   std::uint64_t rays = 0;                       ///< listener rays
   std::uint64_t ray_hits = 0, ray_escapes = 0;  ///< of all traced segments
   std::uint64_t shadow_rays = 0;
   std::uint64_t nonfinite_dropped = 0;  ///< contributions that were NaN or infinite
+  /// Adds the counters of a part; `rays` stays that of the whole.
+  void add(const TraceStats& part);
   /// Share of traced segments that hit geometry (RLR's "ray efficiency"); 1 in a closed room, 0 if nothing was traced.
   [[nodiscard]] double ray_efficiency() const;
 };

@@ -275,15 +275,15 @@ void RirSynthesizer::render_late(const Pass& pass, std::size_t offset, double on
 
 void RirSynthesizer::render(const EnergyResponse& response, const ListenerTurn& turn, std::uint64_t carrier_key, Rir& rir) {
   const SynthesisTables& tables = *tables_;
-  rir.num_channels = tables.layout.num_channels();
-  rir.num_samples = tables.num_samples;
-  rir.sample_rate_hz = tables.sample_rate_hz;
-  rir.samples.assign(static_cast<std::size_t>(rir.num_channels) * static_cast<std::size_t>(tables.num_samples), 0.f);
   require(response.late.num_bins() == 0 || response.late.num_bands() == tables.num_bands, "bands of the response",
           response.late.num_bands(), "must be those of the tables");
   const bool needs_speed = !response.arrivals.empty() || tables.layout.kind == ListenerKind::array;
   require(!needs_speed || response.speed_of_sound_m_per_s > 0, "speed of sound", response.speed_of_sound_m_per_s,
           "must be set by whoever made the response");
+  rir.num_channels = tables.layout.num_channels();
+  rir.num_samples = tables.num_samples;
+  rir.sample_rate_hz = tables.sample_rate_hz;
+  rir.samples.assign(static_cast<std::size_t>(rir.num_channels) * static_cast<std::size_t>(tables.num_samples), 0.f);
   const Pass pass{response, turn,
                   needs_speed ? static_cast<double>(tables.sample_rate_hz) / static_cast<double>(response.speed_of_sound_m_per_s) : 0.0};
 

@@ -199,7 +199,9 @@ RoomMetrics measure(const AcousticScene& scene, const EnergyResponse& response) 
 
   // Time zero.
   double start_s = std::numeric_limits<double>::infinity();
-  const bool has_direct = !response.arrivals.empty() && response.arrivals.front().kind == ArrivalKind::direct;
+  // Rounding may put sound diffracted on the shadow boundary before the direct sound.
+  const bool has_direct = std::any_of(response.arrivals.begin(), response.arrivals.end(),
+                                      [](const Arrival& arrival) { return arrival.kind == ArrivalKind::direct; });
   if (!response.arrivals.empty()) start_s = response.arrivals.front().distance_m / speed;
   if (has_direct) {
     metrics.direct_delay_s = start_s;

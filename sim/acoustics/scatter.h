@@ -6,6 +6,7 @@
 #include <numbers>
 #include <span>
 
+#include "sim/acoustics/band_sum.h"
 #include "sim/acoustics/reflection_model.h"
 #include "sim/acoustics/sampling.h"
 #include "sim/acoustics/specular_lobe.h"
@@ -23,18 +24,6 @@ struct alignas(32) BandEnergy {
   /// Probability density of the path so far in each band over its mean over bands (hero wavelengths, Wilkie et al. 2014; listener_ray.h).
   float weight[W];
 };
-
-/// Adds the lanes as a tree: a running sum would cost W dependent additions.
-template <int W>
-float sum_over_bands(const float (&values)[W]) {
-  float part[8];
-  for (int b = 0; b < 8; ++b) part[b] = values[b];
-  for (int block = 8; block < W; block += 8) {
-    for (int b = 0; b < 8; ++b) part[b] += values[block + b];
-  }
-  for (int b = 0; b < 4; ++b) part[b] += part[b + 4];
-  return (part[0] + part[2]) + (part[1] + part[3]);
-}
 
 template <int W>
 void meet_surface(const ReflectionModel& model, std::uint32_t material, BandEnergy<W>& energy) {

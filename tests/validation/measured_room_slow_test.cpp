@@ -123,24 +123,32 @@ TEST(DEchorate, DecayAndDirectToReverberantRatioAtHeldOutMicrophones) {
       fitted[b] = std::clamp(floors[i] + (floors[i + 1] - floors[i]) * low / (low - high), 0.2, 1.0);
     }
     const Octaves simulated = simulate(*room, fitted, std::array{held_out})[held_out];
-    double t20_error = 0, drr_error_db = 0;
+    double t20_error = 0, drr_error_db = 0, t20_size = 0, drr_size_db = 0;
     std::printf("held out %zu:", held_out);
     for (std::size_t b = 0; b < kOctavesHz.size(); ++b) {
       const double relative = simulated.t20_s[b] / measured[held_out].t20_s[b] - 1;
       const double difference_db = simulated.drr_db[b] - measured[held_out].drr_db[b];
       t20_error += relative / kOctavesHz.size();
+      t20_size += std::fabs(relative) / kOctavesHz.size();
+      EXPECT_LT(std::fabs(relative), 0.30) << held_out << " " << kOctavesHz[b];
       all_t20 += std::fabs(relative) / (kMicrophones * kOctavesHz.size());
       std::printf("  %4.0f Hz a %.2f T20 %.3f (%+5.1f %%)", kOctavesHz[b], fitted[b], measured[held_out].t20_s[b], 100 * relative);
       if (b < kFirstDrr) continue;
       std::printf(" DRR %+.2f (%+.2f dB)", measured[held_out].drr_db[b], difference_db);
       drr_error_db += difference_db / (kOctavesHz.size() - kFirstDrr);
+      drr_size_db += std::fabs(difference_db) / (kOctavesHz.size() - kFirstDrr);
+      EXPECT_LT(std::fabs(difference_db), 3.2) << held_out << " " << kOctavesHz[b];
       all_drr += std::fabs(difference_db) / (kMicrophones * (kOctavesHz.size() - kFirstDrr));
     }
     std::printf("\n            mean over octaves: T20 %+.1f %%, DRR %+.2f dB\n", 100 * t20_error, drr_error_db);
+    std::printf("            mean sizes: T20 %.1f %%, DRR %.2f dB\n", 100 * t20_size, drr_size_db);
     // The bounds, for the mean over octaves: a single octave of one response scatters by 5 to 10 % in T20 by its random phases
     // alone (ORACLES 0.2, finding 5), and its DRR by interference of the direct sound with what falls into its window.
     EXPECT_LT(std::fabs(t20_error), 0.10) << held_out;
     EXPECT_LT(std::fabs(drr_error_db), 1.5) << held_out;
+    // Errors of opposite sign must not pass for none.
+    EXPECT_LT(t20_size, 0.12) << held_out;
+    EXPECT_LT(drr_size_db, 1.7) << held_out;
   }
   std::printf("mean size over microphones and octaves: T20 %.1f %%, DRR %.2f dB\n", 100 * all_t20, all_drr);
   EXPECT_LT(all_t20, 0.10);

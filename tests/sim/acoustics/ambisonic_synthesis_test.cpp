@@ -7,44 +7,18 @@
 #include "sim/audio/harmonic_rotation.h"
 #include "sim/base/errors.h"
 #include "tests/sim/acoustics/synthesis_cases.h"
+#include "tests/sim/audio/harmonic_table.h"
 
 namespace earshot {
 namespace {
 
+using namespace harmonic_table;
 using namespace synthesis_cases;
 
 RirSynthesizer ambisonic(int order, HarmonicNorm norm = HarmonicNorm::n3d, HarmonicAxes axes = HarmonicAxes::world, float length_s = 0.1f) {
   return RirSynthesizer(make_synthesis_tables(config_at(16000.f, length_s), BandLayout::octaves(16000.f),
                                               ListenerLayout::ambisonics(order, norm, axes), nullptr));
 }
-
-/// World direction of an ambisonic azimuth (counter-clockwise from the front) and elevation.
-glm::vec3 direction_of(double azimuth_deg, double elevation_deg) {
-  const double azimuth = azimuth_deg * kDegree, elevation = elevation_deg * kDegree;
-  return {static_cast<float>(-std::cos(elevation) * std::sin(azimuth)), static_cast<float>(std::sin(elevation)),
-          static_cast<float>(-std::cos(elevation) * std::cos(azimuth))};
-}
-
-struct TableRow {
-  double azimuth_deg, elevation_deg;
-  std::array<double, 16> values;
-};
-// ORACLES O-28, five decimals.
-const TableRow kTable[] = {
-    {0, 0, {1, 0, 0, 1.73205, 0, 0, -1.11803, 0, 1.93649, 0, 0, 0, 0, -1.62018, 0, 2.09165}},
-    {90, 0, {1, 1.73205, 0, 0, 0, 0, -1.11803, 0, -1.93649, -2.09165, 0, -1.62018, 0, 0, 0, 0}},
-    {-90, 0, {1, -1.73205, 0, 0, 0, 0, -1.11803, 0, -1.93649, 2.09165, 0, 1.62018, 0, 0, 0, 0}},
-    {180, 0, {1, 0, 0, -1.73205, 0, 0, -1.11803, 0, 1.93649, 0, 0, 0, 0, 1.62018, 0, -2.09165}},
-    {0, 90, {1, 0, 1.73205, 0, 0, 0, 2.23607, 0, 0, 0, 0, 0, 2.64575, 0, 0, 0}},
-    {30,
-     20,
-     {1, 0.81380, 0.59240, 1.40954, 1.48087, 0.62238, -0.72568, 1.07799, 0.85498, 1.73559, 1.34004, -0.31600, -1.09272, -0.54732, 0.77367,
-      0}},
-    {-135,
-     -35,
-     {1, -1.00325, -0.99346, -1.00325, 1.29940, 1.28673, -0.01457, 1.28673, 0, -0.81296, -1.97190, -0.60526, 1.02817, -0.60526, 0,
-      0.81296}},
-};
 
 TEST(OracleO28, DirectSoundHasTheRatiosOfItsDirection) {
   RirSynthesizer n3d = ambisonic(3), sn3d = ambisonic(3, HarmonicNorm::sn3d);
