@@ -25,15 +25,16 @@ void append_bytes(std::string& bytes, T value) {
 std::uint64_t hash_of(const AcousticConfig& c, std::uint64_t scene_hash) {
   std::string bytes;
   append_bytes(bytes, scene_hash);
-  for (const Switch s : {c.direct, c.early, c.late, c.air_absorption, c.diffraction, c.transmission}) {
+  for (const Switch s : {c.direct, c.early, c.late, c.air_absorption, c.diffraction, c.transmission, c.field}) {
     append_bytes(bytes, static_cast<std::int32_t>(s));
   }
-  for (const int value : {c.early_order, c.early_candidate_rays, c.rays, c.max_bounces, c.sh_order, c.diffuse_last_leg ? 1 : 0, c.bands,
-                          c.diffraction_order, c.diffraction_paths, c.transmission_walls, c.source_rays, c.source_bounces}) {
+  for (const int value :
+       {c.early_order, c.early_candidate_rays, c.rays, c.max_bounces, c.sh_order, c.diffuse_last_leg ? 1 : 0, c.bands, c.diffraction_order,
+        c.diffraction_paths, c.transmission_walls, c.source_rays, c.source_bounces, c.field_photons, c.gather_rays}) {
     append_bytes(bytes, value);
   }
-  for (const float value :
-       {c.time_bin_s, c.rir_length_s, c.source_radius_m, c.scattering, c.sample_rate_hz, c.diffraction_edge_m, c.specular_exponent})
+  for (const float value : {c.time_bin_s, c.rir_length_s, c.source_radius_m, c.scattering, c.sample_rate_hz, c.diffraction_edge_m,
+                            c.specular_exponent, c.field_error, c.field_cell_m})
     append_bytes(bytes, value);
   append_bytes(bytes, c.seed);
   return hash64(bytes);

@@ -29,8 +29,8 @@ AcousticConfig acoustic_preset(std::string_view name) {
   if (name == "high") {
     config.early_order = 3;
     config.early_candidate_rays = 50'000;
-    // As many paths from the source as from the listener, kept for 60 events: at equal time the T30 error two rooms away in house:1 is a third
-    // (scattering 0.3) to 0.85 (scattering 1) of that of listener rays alone; fewer events leave more paths to the source volume.
+    // As many paths from the source as from the listener, kept for 60 events: at equal time the T30 error two rooms away in house:1 is a
+    // third (scattering 0.3) to 0.85 (scattering 1) of that of listener rays alone; fewer events leave more paths to the source volume.
     config.rays = 16'384;
     config.source_rays = 16'384;
     config.source_bounces = 60;
@@ -68,6 +68,11 @@ void read(ConfigReader& reader, AcousticConfig& config) {
   reader.read("source_radius_m", config.source_radius_m);
   reader.read("diffuse_last_leg", config.diffuse_last_leg);
   reader.read("scattering", config.scattering);
+  reader.read_choice("field", config.field, kSwitches);
+  reader.read("field_photons", config.field_photons);
+  reader.read("field_error", config.field_error);
+  reader.read("field_cell_m", config.field_cell_m);
+  reader.read("gather_rays", config.gather_rays);
   reader.read("bands", config.bands);
   reader.read("sample_rate_hz", config.sample_rate_hz);
   reader.read("seed", config.seed);
@@ -106,6 +111,10 @@ void validate(const AcousticConfig& config) {
           "must be in (0, 100] m");
   require(std::isfinite(config.scattering) && config.scattering <= 1.f, "scattering", config.scattering,
           "must be in [0, 1], or negative to take each material's own");
+  require(config.field_photons >= 256 && config.field_photons <= 1 << 24, "field_photons", config.field_photons, "must be in [256, 2^24]");
+  require(config.field_error > 0.f && config.field_error <= 1.f, "field_error", config.field_error, "must be in (0, 1]");
+  require(in_range(config.field_cell_m, 0.05f, 10.f), "field_cell_m", config.field_cell_m, "must be in [0.05, 10] m");
+  require(config.gather_rays >= 1 && config.gather_rays <= 1 << 20, "gather_rays", config.gather_rays, "must be in [1, 2^20]");
   require(config.bands >= 0 && config.bands <= kMaxBands, "bands", config.bands, "must be in [1, 32], or 0 for octaves from 125 Hz");
   require(in_range(config.sample_rate_hz, 8000.f, 96000.f), "sample_rate_hz", config.sample_rate_hz, "must be in [8000, 96000] Hz");
   require(config.threads >= 0 && config.threads <= 4096, "threads", config.threads, "must be in [0, 4096]; 0 means all");

@@ -41,6 +41,12 @@ struct AcousticConfig {
   /// furnished house with scattering near 0.1: T20 within 5 %, T30 within 9 %, level within 0.4 dB).
   bool diffuse_last_leg = true;
   float scattering = -1.f;  ///< >= 0: one value for every material
+  // source field (source_field.h): the late field of a source that stands still, built once and gathered at each pose
+  Switch field = Switch::automatic;  ///< automatic: where a source is held for many poses and the field is the cheaper way (effect plan)
+  int field_photons = 1 << 16;       ///< at most, from the source, [256, 2^24]
+  float field_error = 0.03f;         ///< photons are added until the relative standard error of T20 is below this, (0, 1]
+  float field_cell_m = 0.5f;         ///< of the patches that share a history, [0.05, 10]
+  int gather_rays = 32;              ///< from the listener, [1, 2^20]
   // output
   int bands = 0;                   ///< 0: octaves; otherwise this many log-spaced bands
   float sample_rate_hz = 16000.f;  ///< [8000, 96000]

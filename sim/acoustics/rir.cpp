@@ -5,6 +5,7 @@
 #include <numbers>
 #include <span>
 
+#include "sim/acoustics/source_field.h"
 #include "sim/acoustics/transmission.h"
 
 namespace earshot {
@@ -26,6 +27,11 @@ void apply_emission(const Emission& emission, std::size_t num_bands, std::span<A
 
 void compute_energy_response(const AcousticScene& scene, const EarlyCandidates& candidates, glm::vec3 listener, EnergyResponse& response,
                              const std::function<void(double share)>& progress) {
+  compute_energy_response(scene, candidates, nullptr, listener, response, progress);
+}
+
+void compute_energy_response(const AcousticScene& scene, const EarlyCandidates& candidates, const SourceField* field, glm::vec3 listener,
+                             EnergyResponse& response, const std::function<void(double share)>& progress) {
   response.speed_of_sound_m_per_s = scene.speed_of_sound_m_per_s();
   response.arrivals.clear();
   candidates.find_arrivals(scene, listener, response.arrivals);
@@ -33,7 +39,10 @@ void compute_energy_response(const AcousticScene& scene, const EarlyCandidates& 
   find_transmitted(scene, candidates.source(), listener, response.arrivals);
   apply_emission(candidates.emission(), static_cast<std::size_t>(scene.num_bands()), response.arrivals);
   if (!has_shape_of(scene, response.late)) response.late = make_histogram(scene);
-  if (scene.config().source_rays > 0 || scene.config().specular_exponent > 0.f) {
+  if (field != nullptr) {
+    response.batches.clear();
+    response.stats = field->gather(scene, candidates, listener, response.late);
+  } else if (scene.config().source_rays > 0 || scene.config().specular_exponent > 0.f) {
     response.stats =
         trace_bidirectional(scene, candidates, listener, response.late, &response.batches, BidirectionalOptions{.progress = progress});
   } else {

@@ -13,6 +13,8 @@
 
 namespace earshot {
 
+class SourceField;
+
 /// Everything the listener receives from one source, before any head or microphone: independent of heading.
 struct EnergyResponse {
   std::vector<Arrival> arrivals;  ///< of every kind (arrival.h), sorted by distance
@@ -28,5 +30,8 @@ struct EnergyResponse {
 /// progress: see BidirectionalOptions; only the bidirectional tracer reports.
 void compute_energy_response(const AcousticScene& scene, const EarlyCandidates& candidates, glm::vec3 listener, EnergyResponse& response,
                              const std::function<void(double share)>& progress = {});
+/// The same with the late field gathered from `field`, of the same source; null: traced as above.
+void compute_energy_response(const AcousticScene& scene, const EarlyCandidates& candidates, const SourceField* field, glm::vec3 listener,
+                             EnergyResponse& response, const std::function<void(double share)>& progress = {});
 
 }  // namespace earshot

@@ -24,6 +24,12 @@ enum class Purpose : std::uint32_t {
   random_agent = 13,
   material = 14,
   ray_efficiency = 15,
+  photon = 16,
+  photon_roulette = 17,
+  gather = 18,
+  effect_plan = 19,
+  bench = 20,
+  surface_sample = 21,
 };
 
 /// Philox4x32-10 (Salmon et al. 2011, "Parallel random numbers: as easy as 1, 2, 3", section 3.3).
