@@ -73,6 +73,7 @@ void read(ConfigReader& reader, AcousticConfig& config) {
   reader.read("field_error", config.field_error);
   reader.read("field_cell_m", config.field_cell_m);
   reader.read("gather_rays", config.gather_rays);
+  reader.read_choice("temporal_reuse", config.temporal_reuse, kSwitches);
   reader.read("bands", config.bands);
   reader.read("sample_rate_hz", config.sample_rate_hz);
   reader.read("seed", config.seed);

@@ -47,6 +47,8 @@ struct AcousticConfig {
   float field_error = 0.03f;         ///< photons are added until the relative standard error of T20 is below this, (0, 1]
   float field_cell_m = 0.5f;         ///< of the patches that share a history, [0.05, 10]
   int gather_rays = 32;              ///< from the listener, [1, 2^20]
+  /// Blend of traced late fields along a trajectory (temporal_reuse.h); automatic: where the source moves.  No part of a single response.
+  Switch temporal_reuse = Switch::automatic;
   // output
   int bands = 0;                   ///< 0: octaves; otherwise this many log-spaced bands
   float sample_rate_hz = 16000.f;  ///< [8000, 96000]
