@@ -23,6 +23,8 @@ struct LocalBox {
   int u0, u1, y0, y1, v0, v1;
   const char* material;
   int part = 0;
+  bool detail = false;
+  FurnitureShape shape = FurnitureShape::box;
 };
 
 struct Piece {
@@ -52,17 +54,45 @@ Piece box_piece(const char* category, const char* material, int width, int depth
   return {{category}, width, depth, {{0, width, -10, height, 0, depth, material}}};
 }
 
+void add_cushion(Piece& piece, LocalBox bounds) {
+  bounds.detail = true;
+  bounds.shape = FurnitureShape::cushion;
+  piece.boxes.push_back(bounds);
+}
+
+// Books side by side on a board whose upper side is at `board_y`, from the back at v0; none reaches `top_y`.  Sizes are a fixed sequence,
+// not draws, so that furniture stands where it does without them.
+void add_books(Piece& piece, int board_y, int top_y, int v0) {
+  const int gap = 3, sunk = 5;
+  int u = 40;
+  for (int i = board_y; u < piece.width - 90; ++i) {
+    const int thickness = 18 + i * 37 % 29, height = std::min(180 + i * 53 % 97, top_y - board_y - 20), depth = 130 + i * 71 % 61;
+    piece.boxes.push_back({u, u + thickness, board_y - sunk, board_y + height, v0, v0 + depth, "bookshelf", 0, true});
+    u += thickness + gap;
+  }
+}
+
 Piece make_sofa(HouseDraws& draws) {
   const int w = draws.between(28, 46) * kLatticeMm, d = draws.between(17, 19) * kLatticeMm;
-  return {{"sofa"}, w, d,
-          {{20, w - 20, -10, 420, 20, d - 30, soft}, {10, w - 10, 100, 850, 0, 180, soft},
-           {0, 170, 80, 600, 40, d, soft}, {w - 170, w, 80, 600, 40, d, soft}}};
+  Piece piece{{"sofa"}, w, d,
+              {{20, w - 20, -10, 420, 20, d - 30, soft}, {10, w - 10, 100, 850, 0, 180, soft},
+               {0, 170, 80, 600, 40, d, soft}, {w - 170, w, 80, 600, 40, d, soft}}};
+  const int seats = (w - 340) / 550, seat = seats > 0 ? (w - 340) / seats : 0;
+  for (int i = 0; i < seats; ++i) {
+    const int u = 170 + i * seat;
+    add_cushion(piece, {u + 10, u + seat - 10, 395, 520, 190, d - 40, soft});
+    add_cushion(piece, {u + 40, u + seat - 40, 500, 820, 160, 300, soft});
+  }
+  return piece;
 }
 
 Piece make_bed(HouseDraws& draws) {
   const int w = draws.between(18, 34) * kLatticeMm, d = 2050;
-  return {{"bed"}, w, d,
-          {{0, w, -10, 300, 10, d, wood}, {20, w - 20, 290, 540, 40, d - 20, soft}, {5, w - 5, 60, 950, 0, 60, wood}}};
+  Piece piece{{"bed"}, w, d,
+              {{0, w, -10, 300, 10, d, wood}, {20, w - 20, 290, 540, 40, d - 20, soft}, {5, w - 5, 60, 950, 0, 60, wood}}};
+  const int pillows = w / 800 > 0 ? w / 800 : 1, pillow = w / pillows;
+  for (int i = 0; i < pillows; ++i) add_cushion(piece, {i * pillow + 60, (i + 1) * pillow - 60, 525, 690, 80, 520, soft});
+  return piece;
 }
 
 Piece make_shelf(HouseDraws& draws) {
@@ -72,6 +102,7 @@ Piece make_shelf(HouseDraws& draws) {
   for (int i = 0; i < boards; ++i) {
     const int y = 50 + i * (h - 120) / (boards - 1);
     piece.boxes.push_back({20, w - 20, y, y + 25, 20, d - 10, wood});
+    if (i + 1 < boards) add_books(piece, y + 25, 50 + (i + 1) * (h - 120) / (boards - 1), 35);
   }
   return piece;
 }
@@ -252,7 +283,7 @@ struct Placement {
 
   [[nodiscard]] FurnitureBox place(const LocalBox& box, const std::string& object) const {
     const PlanRect& f = footprint;
-    FurnitureBox placed{0, 0, box.y0, box.y1, 0, 0, box.material, object};
+    FurnitureBox placed{0, 0, box.y0, box.y1, 0, 0, box.material, object, box.shape};
     switch (side) {
       case 0: placed.x0 = f.x0 + box.u0, placed.x1 = f.x0 + box.u1, placed.z0 = f.z0 + box.v0, placed.z1 = f.z0 + box.v1; break;
       case 1: placed.x0 = f.x1 - box.u1, placed.x1 = f.x1 - box.u0, placed.z0 = f.z1 - box.v1, placed.z1 = f.z1 - box.v0; break;
@@ -298,7 +329,7 @@ std::vector<PlanRect> door_zones_of(const HousePlan& plan, int room) {
 
 }  // namespace
 
-std::vector<FurnitureBox> furnish(const HousePlan& plan, std::uint64_t seed) {
+std::vector<FurnitureBox> furnish(const HousePlan& plan, std::uint64_t seed, bool detailed) {
   std::vector<FurnitureBox> boxes;
   std::map<std::string, int> next_index;
   for (int r = 0; r < static_cast<int>(plan.rooms.size()); ++r) {
@@ -320,7 +351,8 @@ std::vector<FurnitureBox> furnish(const HousePlan& plan, std::uint64_t seed) {
         }
         std::vector<std::string> objects;
         for (const char* category : piece.parts) objects.push_back(std::string(category) + "_" + std::to_string(next_index[category]++));
-        for (const LocalBox& box : piece.boxes) boxes.push_back(placement->place(box, objects[static_cast<std::size_t>(box.part)]));
+        for (const LocalBox& box : piece.boxes)
+          if (detailed || !box.detail) boxes.push_back(placement->place(box, objects[static_cast<std::size_t>(box.part)]));
         break;
       }
     }

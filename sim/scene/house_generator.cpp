@@ -8,14 +8,12 @@
 #include <vector>
 
 #include "sim/base/errors.h"
+#include "sim/scene/house_detail.h"
 #include "sim/scene/house_furniture.h"
 #include "sim/scene/house_plan.h"
 
 namespace earshot {
 namespace {
-
-// Division of two integers below 2^24 is correctly rounded: the same float on every machine.
-float metres(int millimetres) { return static_cast<float>(millimetres) / 1000.f; }
 
 const char* floor_material(RoomType type) {
   switch (type) {
@@ -31,7 +29,8 @@ const char* floor_material(RoomType type) {
 // emitted where an air cell meets a solid one.  Cells share their corners, so there are no cracks and no T-junctions.
 class ShellBuilder {
  public:
-  ShellBuilder(const HousePlan& plan, TriangleMesh& mesh) : plan_(plan), mesh_(mesh) {
+  // side_mm: longest side of a face; 0: as long as they come.
+  ShellBuilder(const HousePlan& plan, int side_mm, TriangleMesh& mesh) : plan_(plan), mesh_(mesh) {
     lines_[1] = {0, kDoorHeightMm, plan.height_mm};
     for (const PlanRoom& room : plan.rooms) add_lines(room.floor);
     for (const PlanDoor& door : plan.doors) add_lines(door.hole);
@@ -40,6 +39,7 @@ class ShellBuilder {
     for (auto& lines : lines_) {
       std::sort(lines.begin(), lines.end());
       lines.erase(std::unique(lines.begin(), lines.end()), lines.end());
+      lines = subdivided(lines, side_mm);
     }
     fill_cells();
   }
@@ -151,7 +151,7 @@ Number parse_number(std::string_view key, std::string_view text) {
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
   if (error != std::errc{} || end != text.data() + text.size())
     throw InputError("house:" + std::string(key), "'" + std::string(text) + "' is not a number in range",
-                     "write house:SEED[,rooms=3][,area_m2=36][,height_m=2.7][,furnished=false]");
+                     "write house:SEED[,rooms=3][,area_m2=36][,height_m=2.7][,furnished=false][,detail_m=0.12]");
   return value;
 }
 
@@ -174,10 +174,11 @@ HouseConfig parse_house(std::string_view text) {
     if (key == "rooms") config.rooms = parse_number<int>(key, value);
     else if (key == "area_m2") config.area_m2 = parse_number<float>(key, value);
     else if (key == "height_m") config.height_m = parse_number<float>(key, value);
+    else if (key == "detail_m") config.detail_m = parse_number<float>(key, value);
     else if (key == "furnished" && (value == "true" || value == "false")) config.furnished = value == "true";
     else
       throw InputError("house:" + std::string(item), "is not a setting of a house",
-                       "use rooms=N, area_m2=A, height_m=H or furnished=true|false after the seed");
+                       "use rooms=N, area_m2=A, height_m=H, furnished=true|false or detail_m=D after the seed");
   }
   resolve_house(config);
   return config;
@@ -186,12 +187,11 @@ HouseConfig parse_house(std::string_view text) {
 TriangleMesh generate_house(const HouseConfig& config) {
   const HouseConfig resolved = resolve_house(config);
   const HousePlan plan = make_house_plan(resolved);
+  const int side_mm = longest_side_mm(resolved.detail_m);
   TriangleMesh mesh;
-  ShellBuilder(plan, mesh).emit();
+  ShellBuilder(plan, side_mm, mesh).emit();
   if (!resolved.furnished) return mesh;
-  for (const FurnitureBox& box : furnish(plan, resolved.seed))
-    append_box(mesh, {metres(box.x0), metres(box.y0), metres(box.z0)}, {metres(box.x1), metres(box.y1), metres(box.z1)},
-               intern(mesh.material_names, box.material), intern(mesh.object_names, box.object));
+  for (const FurnitureBox& box : furnish(plan, resolved.seed, side_mm > 0)) append_furniture(mesh, box, side_mm);
   return mesh;
 }
 

@@ -236,6 +236,8 @@ HouseConfig resolve_house(HouseConfig config) {
   require(area_ok, "house.area_m2", config.area_m2, "must be 12 to 400, or 0 to draw it from the seed");
   require(config.height_m >= 2.2f && config.height_m <= 4.f, "house.height_m", config.height_m,
           "must be 2.2 to 4: doors are 2.05 m high");
+  require(config.detail_m == 0.f || (config.detail_m >= 0.05f && config.detail_m <= 10.f), "house.detail_m", config.detail_m,
+          "must be 0.05 to 10, or 0 for as few triangles as the shapes need");
   HouseDraws draws(config.seed, size_stage, 0);
   const int drawn_rooms = draws.between(4, 9);
   if (config.rooms == 0)

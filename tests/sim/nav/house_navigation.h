@@ -78,10 +78,11 @@ class FreeFloor {
   std::vector<Point> points_;
 };
 
-/// One island covers the free floor, and every room is on it.
-inline void expect_navigable(const std::string& spec) {
+/// One island covers the free floor, and every room is on it.  detail: more settings of the house that is walked in; the free floor is
+/// that of the house without them.
+inline void expect_navigable(const std::string& spec, const std::string& detail = "") {
   const TriangleMesh mesh = generate_house(parse_house(spec));
-  const Navmesh nav(mesh, {});
+  const Navmesh nav(generate_house(parse_house(spec + detail)), {});
   const FreeFloor floor(mesh);
   ASSERT_GT(floor.area_m2(), 3.f) << spec;
   EXPECT_GT(nav.main_area_m2(), 0.9f * floor.area_m2()) << spec;

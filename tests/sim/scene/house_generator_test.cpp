@@ -115,7 +115,7 @@ TEST(HouseGenerator, ReadsItsSettings) {
 
 TEST(HouseGenerator, RefusesBadSettings) {
   for (const char* text : {"", "x", "-1", "1.5", "3,rooms=17", "3,rooms=-1", "3,rooms=two", "3,rooms", "3,area_m2=5", "3,area_m2=nan",
-                           "3,area_m2=401", "3,height_m=2", "3,height_m=inf", "3,furnished=maybe", "3,room=2", "3,rooms=16,area_m2=40",
+                           "3,area_m2=401", "3,height_m=2", "3,height_m=inf", "3,furnished=maybe", "3,detail_m=0.04", "3,detail_m=11", "3,detail_m=nan", "3,room=2", "3,rooms=16,area_m2=40",
                            "18446744073709551616"})
     EXPECT_THROW(parse_house(text), InputError) << text;
   EXPECT_THROW(generate_house({.rooms = 99}), InputError);
@@ -254,6 +254,75 @@ TEST(HouseGenerator, NoTwoFurnitureFacesShareAPlane) {
               EXPECT_NE(plane_p, plane_q) << spec << " " << parts[a].category << " on " << parts[b].category;
         }
   }
+}
+
+// The benchmark's large house: as many triangles as a scan of eight rooms.
+constexpr const char* kDetailedHouse = "7,rooms=8,area_m2=140,detail_m=0.12";
+
+TEST(HouseGenerator, DetailGivesTheTrianglesOfAScan) {
+  const TriangleMesh mesh = generate_house(parse_house(kDetailedHouse));
+  EXPECT_GE(mesh.triangles.size(), 150'000u);
+  EXPECT_LE(mesh.triangles.size(), 400'000u);
+  EXPECT_EQ(bytes_of(mesh), bytes_of(generate_house(parse_house(kDetailedHouse))));
+  float longest_m = 0;
+  for (const glm::uvec3 t : mesh.triangles)
+    for (int c = 0; c < 3; ++c) longest_m = std::max(longest_m, glm::distance(mesh.vertices[t[c]], mesh.vertices[t[(c + 1) % 3]]));
+  EXPECT_LE(longest_m, 0.12f);
+  EXPECT_GT(longest_m, 0.1f);  // no finer than asked
+}
+
+TEST(HouseGenerator, DetailKeepsThePlanAndTheFurniture) {
+  for (const char* spec : {"7,rooms=8,area_m2=140", "3,rooms=2,area_m2=24", "11"}) {
+    const TriangleMesh plain = generate_house(parse_house(spec)), fine = generate_house(parse_house(std::string(spec) + ",detail_m=0.3"));
+    EXPECT_EQ(plain.object_names, fine.object_names);
+    for (const char* category : {"wall", "floor", "ceiling", "window", "doorframe", "table", "chair", "shelf", "sofa", "bed", "cabinet"}) {
+      const auto a = objects_of(plain, category), b = objects_of(fine, category);
+      ASSERT_EQ(a.size(), b.size()) << category;
+      for (const auto& [name, box] : a) {
+        EXPECT_EQ(b.at(name).lower, box.lower) << name;  // books and cushions stay inside the bounds of what they lie on
+        EXPECT_EQ(b.at(name).upper, box.upper) << name;
+      }
+    }
+    EXPECT_NEAR(floor_area_m2(plain), floor_area_m2(fine), 1e-3);
+  }
+}
+
+// Every surface closes: the shell, and each piece by itself.  So every edge has its opposite, and none occurs twice.
+TEST(HouseGenerator, DetailedSurfacesAreClosedAndEnclosedVolumesStay) {
+  const auto volume_m3 = [](const TriangleMesh& mesh) {
+    double sum = 0;
+    for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
+      const auto vertex = [&](int c) { return glm::dvec3(mesh.vertices[mesh.triangles[t][c]]); };
+      sum -= glm::dot(glm::cross(vertex(1) - vertex(0), vertex(2) - vertex(0)), vertex(0)) / 6.0;
+    }
+    return sum;
+  };
+  for (const char* spec : {"7,rooms=8,area_m2=140", "3,rooms=2,area_m2=24"}) {
+    const TriangleMesh mesh = generate_house(parse_house(std::string(spec) + ",detail_m=0.25"));
+    std::map<std::pair<std::uint32_t, std::uint32_t>, int> runs;
+    for (const glm::uvec3 t : mesh.triangles)
+      for (int c = 0; c < 3; ++c) ++runs[{t[c], t[(c + 1) % 3]}];
+    for (const auto& [edge, count] : runs) {
+      ASSERT_EQ(count, 1) << spec;
+      ASSERT_EQ(runs.count({edge.second, edge.first}), 1u) << spec;
+    }
+    const std::string bare = std::string(spec) + ",furnished=false";
+    EXPECT_NEAR(volume_m3(generate_house(parse_house(bare + ",detail_m=0.25"))), volume_m3(generate_house(parse_house(bare))), 1e-3);
+  }
+}
+
+// Faces of one wall stay in one plane bit for bit: that is what lets mirror planes merge.
+TEST(HouseGenerator, SubdividedFacesStayInTheirPlanes) {
+  const auto planes_of = [](const TriangleMesh& mesh) {
+    std::set<std::pair<int, float>> planes;
+    for (const glm::uvec3 t : mesh.triangles)
+      for (int axis = 0; axis < 3; ++axis)
+        if (mesh.vertices[t[0]][axis] == mesh.vertices[t[1]][axis] && mesh.vertices[t[0]][axis] == mesh.vertices[t[2]][axis])
+          planes.insert({axis, mesh.vertices[t[0]][axis]});
+    return planes;
+  };
+  const std::string bare = "7,rooms=8,area_m2=140,furnished=false";
+  EXPECT_EQ(planes_of(generate_house(parse_house(bare))), planes_of(generate_house(parse_house(bare + ",detail_m=0.12"))));
 }
 
 }  // namespace
