@@ -33,6 +33,10 @@ struct EnvConfig {
   std::string scene_root;  ///< folder of relative scene files
   double scene_cache_gb = 4;
   bool prefetch = true;  ///< load the scene and source of an env's next episode in the background
+  /// Folder of source fields (acoustics.field) that all environments, workers and runs share; made when it is needed.  Empty: in memory
+  /// only.
+  std::string field_store;
+  double field_store_gb = 20;  ///< in that folder; the least recently used go first
 };
 void read(ConfigReader& reader, EnvConfig& config);
 void validate(const EnvConfig& config);

@@ -49,6 +49,8 @@ void read(ConfigReader& reader, EnvConfig& config) {
   reader.read("scene_root", config.scene_root);
   reader.read("scene_cache_gb", config.scene_cache_gb);
   reader.read("prefetch", config.prefetch);
+  reader.read("field_store", config.field_store);
+  reader.read("field_store_gb", config.field_store_gb);
 }
 
 void validate(const EnvConfig& config) {
@@ -70,6 +72,7 @@ void validate(const EnvConfig& config) {
   require(config.threads >= 0 && config.threads <= 1024, "threads", config.threads, "must be in [0, 1024]; 0 means all cores");
   require(config.scene_cache_gb >= 0 && std::isfinite(config.scene_cache_gb), "scene_cache_gb", config.scene_cache_gb,
           "must not be negative");
+  require(config.field_store_gb >= 0 && config.field_store_gb <= 1e9, "field_store_gb", config.field_store_gb, "must be in [0, 1e9]");
   require(config.scene_root.empty() || std::filesystem::is_directory(config.scene_root), "scene_root", config.scene_root,
           "must be a folder");
   require(config.sound_root.empty() || std::filesystem::is_directory(config.sound_root), "sound_root", config.sound_root,
@@ -78,7 +81,11 @@ void validate(const EnvConfig& config) {
 
 std::shared_ptr<SceneCache> make_scene_cache(const EnvConfig& config) {
   return std::make_shared<SceneCache>(config.acoustics, config.navmesh, config.scene_root,
-                                      static_cast<std::size_t>(config.scene_cache_gb * 1e9));
+                                      static_cast<std::size_t>(config.scene_cache_gb * 1e9),
+                                      FieldStoreConfig{.folder = config.field_store,
+                                                       .max_bytes = static_cast<std::uint64_t>(config.field_store_gb * 1e9),
+                                                       .max_memory_bytes = 0,
+                                                       .warn = {}});
 }
 
 }  // namespace earshot

@@ -1,5 +1,6 @@
 #include "envs/scene_cache.h"
 
+#include <spdlog/spdlog.h>
 #include <tbb/task_arena.h>
 
 #include <array>
@@ -33,12 +34,17 @@ template <class T>
 struct Entry {
   std::shared_future<std::shared_ptr<const T>> future;
   std::uint64_t last_used = 0;
+  std::size_t bytes = 0;
   bool ready = false;
 };
 
 struct SceneEntry : Entry<EnvScene> {
-  std::size_t bytes = 0;
   std::map<SourceKey, Entry<EnvSource>> sources;
+  [[nodiscard]] std::size_t bytes_with_sources() const {
+    std::size_t sum = bytes;
+    for (const auto& [key, source] : sources) sum += source.bytes;
+    return sum;
+  }
 };
 
 /// The ready entry that was used longest ago, `keep` excepted; end() if there is none.
@@ -58,11 +64,18 @@ struct Wanted {
 
 }  // namespace
 
+bool keeps_sound_field(const AcousticScene& acoustics) {
+  return acoustics.config().field == Switch::on && acoustics.config().late != Switch::off;
+}
+
 struct SceneCache::Impl {
   AcousticConfig acoustics;
   NavmeshConfig navmesh;
   std::filesystem::path root;
   std::size_t max_bytes;
+  SourceFieldStore fields;
+
+  explicit Impl(FieldStoreConfig field_store) : fields(std::move(field_store)) {}
 
   mutable std::mutex mutex;  // guards everything below
   std::map<std::string, SceneEntry> scenes;
@@ -87,20 +100,43 @@ struct SceneCache::Impl {
       return std::make_shared<const EnvScene>(scene, AcousticScene(scene, acoustics), Navmesh(scene->mesh(), navmesh));
     });
   }
-  std::shared_ptr<const EnvSource> build(std::shared_ptr<const EnvScene> scene, glm::vec3 goal, float source_height_m) const {
+  std::shared_ptr<const EnvSource> build(std::shared_ptr<const EnvScene> scene, glm::vec3 goal, float source_height_m) {
     return tbb::this_task_arena::isolate([&]() -> std::shared_ptr<const EnvSource> {
       const EnvScene& in = *scene;
-      return std::make_shared<const EnvSource>(scene, GeodesicField(in.navmesh, goal),
-                                               EarlyCandidates(in.acoustics, goal + glm::vec3(0, source_height_m, 0)));
+      EarlyCandidates candidates(in.acoustics, goal + glm::vec3(0, source_height_m, 0));
+      auto sound_field = keeps_sound_field(in.acoustics) ? fields.get(in.acoustics, candidates) : nullptr;
+      return std::make_shared<const EnvSource>(scene, GeodesicField(in.navmesh, goal), std::move(candidates), std::move(sound_field));
     });
   }
 
-  void drop_scenes_over_the_bound(const std::string& keep) {
+  void drop_scene(std::map<std::string, SceneEntry>::iterator scene) {
+    bytes -= scene->second.bytes_with_sources();
+    scenes.erase(scene);
+  }
+  void drop_source(SceneEntry& scene, std::map<SourceKey, Entry<EnvSource>>::iterator source) {
+    bytes -= source->second.bytes;
+    scene.sources.erase(source);
+  }
+
+  /// Drops what was used longest ago, scenes with all their sources or sources alone, but not the scene and source that are kept.
+  void drop_over_the_bound(const std::string& keep, const SourceKey& keep_source) {
     while (bytes > max_bytes) {
-      const auto oldest = least_recently_used(scenes, keep);
-      if (oldest == scenes.end()) return;
-      bytes -= oldest->second.bytes;
-      scenes.erase(oldest);
+      const auto oldest_scene = least_recently_used(scenes, keep);
+      SceneEntry* of_scene = nullptr;
+      std::map<SourceKey, Entry<EnvSource>>::iterator oldest;
+      for (auto& [id, scene] : scenes)
+        for (auto it = scene.sources.begin(); it != scene.sources.end(); ++it)
+          if (it->second.ready && it->second.bytes > 0 && !(id == keep && it->first == keep_source) &&
+              (!of_scene || it->second.last_used < oldest->second.last_used)) {
+            of_scene = &scene;
+            oldest = it;
+          }
+      if (of_scene && (oldest_scene == scenes.end() || oldest->second.last_used <= oldest_scene->second.last_used))
+        drop_source(*of_scene, oldest);
+      else if (oldest_scene != scenes.end())
+        drop_scene(oldest_scene);
+      else
+        return;
     }
   }
 
@@ -123,8 +159,10 @@ struct SceneCache::Impl {
 };
 
 SceneCache::SceneCache(const AcousticConfig& acoustics, const NavmeshConfig& navmesh, std::filesystem::path scene_root,
-                       std::size_t max_bytes)
-    : impl_(std::make_unique<Impl>()) {
+                       std::size_t max_bytes, FieldStoreConfig fields) {
+  fields.max_memory_bytes = 0;  // the sources here hold what is used
+  fields.warn = [](const std::string& message) { spdlog::warn("{}", message); };
+  impl_ = std::make_unique<Impl>(std::move(fields));
   validate(acoustics);
   validate(navmesh);
   impl_->acoustics = acoustics;
@@ -168,7 +206,7 @@ std::shared_ptr<const EnvScene> SceneCache::scene(const std::string& scene_id) {
     entry.bytes = kBytesPerScene + kBytesPerTriangle * loaded->scene->mesh().triangles.size();
     in.bytes += entry.bytes;
     ++in.scenes_loaded;
-    in.drop_scenes_over_the_bound(scene_id);
+    in.drop_over_the_bound(scene_id, {});
   }
   promise.set_value(loaded);
   return loaded;
@@ -180,22 +218,23 @@ std::shared_ptr<const EnvSource> SceneCache::source(const std::string& scene_id,
   const std::shared_ptr<const EnvScene> loaded_scene = scene(scene_id);
   std::promise<std::shared_ptr<const EnvSource>> promise;
   // Entries live in their scene's entry, which may be evicted (and loaded anew) at any time: look it up afresh each time.
-  const auto sources_of_scene = [&]() -> std::map<SourceKey, Entry<EnvSource>>* {
+  const auto entry_of_scene = [&]() -> SceneEntry* {
     const auto found = in.scenes.find(scene_id);
-    return found == in.scenes.end() ? nullptr : &found->second.sources;
+    return found == in.scenes.end() ? nullptr : &found->second;
   };
   {
     std::unique_lock lock(in.mutex);
-    if (auto* sources = sources_of_scene()) {
-      if (const auto found = sources->find(key); found != sources->end()) {
-        found->second.last_used = ++in.clock;
+    if (SceneEntry* entry_of = entry_of_scene()) {
+      entry_of->last_used = ++in.clock;  // a scene is never older than its sources
+      if (const auto found = entry_of->sources.find(key); found != entry_of->sources.end()) {
+        found->second.last_used = in.clock;
         const auto future = found->second.future;
         lock.unlock();
         return future.get();
       }
-      Entry<EnvSource>& entry = (*sources)[key];
+      Entry<EnvSource>& entry = entry_of->sources[key];
       entry.future = promise.get_future().share();
-      entry.last_used = ++in.clock;
+      entry.last_used = in.clock;
     }
   }
   std::shared_ptr<const EnvSource> built;
@@ -204,7 +243,7 @@ std::shared_ptr<const EnvSource> SceneCache::source(const std::string& scene_id,
   } catch (...) {
     {
       const std::scoped_lock lock(in.mutex);
-      if (auto* sources = sources_of_scene()) sources->erase(key);
+      if (SceneEntry* entry_of = entry_of_scene()) entry_of->sources.erase(key);
     }
     promise.set_exception(std::current_exception());
     throw;
@@ -212,13 +251,18 @@ std::shared_ptr<const EnvSource> SceneCache::source(const std::string& scene_id,
   {
     const std::scoped_lock lock(in.mutex);
     ++in.sources_built;
-    if (auto* sources = sources_of_scene()) {
-      if (const auto found = sources->find(key); found != sources->end()) found->second.ready = true;
-      while (sources->size() > kMaxSourcesPerScene) {
-        const auto oldest = least_recently_used(*sources, key);
-        if (oldest == sources->end()) break;
-        sources->erase(oldest);
+    if (SceneEntry* entry_of = entry_of_scene()) {
+      if (const auto found = entry_of->sources.find(key); found != entry_of->sources.end() && !found->second.ready) {
+        found->second.ready = true;
+        found->second.bytes = built->sound_field ? built->sound_field->image().size() : 0;
+        in.bytes += found->second.bytes;
       }
+      while (entry_of->sources.size() > kMaxSourcesPerScene) {
+        const auto oldest = least_recently_used(entry_of->sources, key);
+        if (oldest == entry_of->sources.end()) break;
+        in.drop_source(*entry_of, oldest);
+      }
+      in.drop_over_the_bound(scene_id, key);
     }
   }
   promise.set_value(built);
@@ -250,5 +294,12 @@ std::uint64_t SceneCache::sources_built() const {
   const std::scoped_lock lock(impl_->mutex);
   return impl_->sources_built;
 }
+
+std::size_t SceneCache::bytes() const {
+  const std::scoped_lock lock(impl_->mutex);
+  return impl_->bytes;
+}
+
+FieldCounters SceneCache::field_counters() const { return impl_->fields.counters(); }
 
 }  // namespace earshot

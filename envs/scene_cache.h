@@ -8,6 +8,7 @@
 
 #include "sim/acoustics/acoustic_scene.h"
 #include "sim/acoustics/early_reflections.h"
+#include "sim/acoustics/source_field_store.h"
 #include "sim/nav/geodesic_field.h"
 #include "sim/nav/navmesh.h"
 
@@ -25,13 +26,21 @@ struct EnvSource {
   std::shared_ptr<const EnvScene> scene;
   GeodesicField field;
   EarlyCandidates candidates;
+  std::shared_ptr<const SourceField> sound_field;  ///< late sound, refined to its target; null: the path tracer finds it at each pose
 };
 
-/// Loads scenes once and keeps the most recently used ones within a bound on bytes (estimated from triangle counts).  Thread-safe;
-/// two threads that ask for the same scene wait for one load.  Whoever holds a pointer keeps what it points to, evicted or not.
+/// Does this scene's plan keep the late field of a standing source (config.field)?
+bool keeps_sound_field(const AcousticScene& acoustics);
+
+/// Loads scenes and sources once and keeps the most recently used ones within a bound on bytes: of scenes, estimated from triangle counts,
+/// and of the sound fields of sources.  Thread-safe; two threads that ask for the same scene wait for one load.  Whoever holds a pointer
+/// keeps what it points to, evicted or not.
 class SceneCache {
  public:
-  SceneCache(const AcousticConfig& acoustics, const NavmeshConfig& navmesh, std::filesystem::path scene_root, std::size_t max_bytes);
+  /// fields: folder and bound of the sound fields that runs and processes share; its memory bound is of no use here, and its warnings are
+  /// logged.
+  SceneCache(const AcousticConfig& acoustics, const NavmeshConfig& navmesh, std::filesystem::path scene_root, std::size_t max_bytes,
+             FieldStoreConfig fields = {});
   ~SceneCache();
   /// scene_id: a SCENE; a relative mesh or YAML path is looked up under scene_root first.  Throws InputError.
   std::shared_ptr<const EnvScene> scene(const std::string& scene_id);
@@ -44,6 +53,9 @@ class SceneCache {
   [[nodiscard]] std::size_t num_scenes() const;       ///< held now
   [[nodiscard]] std::uint64_t scenes_loaded() const;  ///< since construction
   [[nodiscard]] std::uint64_t sources_built() const;
+  [[nodiscard]] std::size_t bytes() const;  ///< held now, by the measure of the bound
+  /// Sound fields built and read since construction.
+  [[nodiscard]] FieldCounters field_counters() const;
 
  private:
   struct Impl;
