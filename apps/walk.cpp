@@ -1,4 +1,5 @@
 #include <fmt/format.h>
+#include <spdlog/spdlog.h>
 
 #include <cmath>
 #include <memory>
@@ -8,6 +9,9 @@
 #include "apps/commands.h"
 #include "apps/source_options.h"
 #include "apps/timed_path.h"
+#include "sim/acoustics/refining_field.h"
+#include "sim/acoustics/source_field_store.h"
+#include "sim/acoustics/temporal_reuse.h"
 #include "sim/audio/sound_clip.h"
 #include "sim/audio/sound_stream.h"
 #include "sim/base/errors.h"
@@ -20,26 +24,65 @@ struct Options {
   AcousticOptions acoustics;
   SourceOptions radiation;
   std::vector<std::string> sources, source_paths, sounds;
-  std::string poses, out;
-  double step_s = 0.05;
+  std::string poses, out, field_store;
+  double step_s = 0.05, field_store_gb = 20;
+  int refine_every = 0;
 };
+
+/// How the late sound of a source is found.
+enum class LateSound {
+  traced,    ///< at each pose, for itself
+  reused,    ///< traced, and blended along the walk
+  gathered,  ///< from a field that is complete before the walk begins
+  refined,   ///< from a field that gets better while the walk goes on, by a fixed schedule
+};
+
+/// A field pays for its photons over some hundred poses; `high` is the reference, where every pose stands for itself.
+LateSound choose_late_sound(const AcousticConfig& config, bool moving, std::size_t num_blocks, int refine_every) {
+  constexpr std::size_t many = 300;
+  const bool listener_rooted = config.source_rays == 0 && config.specular_exponent == 0.f;
+  const bool field = !moving && config.late != Switch::off && listener_rooted &&
+                     (config.field == Switch::on || (config.field == Switch::automatic && num_blocks >= many));
+  if (field) return refine_every > 0 ? LateSound::refined : LateSound::gathered;
+  const bool reuse = config.temporal_reuse == Switch::on || (config.temporal_reuse == Switch::automatic && moving && listener_rooted);
+  return reuse ? LateSound::reused : LateSound::traced;
+}
 
 /// One sound on its way to the listener.  A source at rest keeps its candidates; a moving one gets new ones where it is.
 class WalkSource {
  public:
-  WalkSource(std::vector<TimedPose> path, SoundSource at_start, bool moving, SoundClip clip, std::uint64_t carrier_key)
-      : path_(std::move(path)), source_(std::move(at_start)), moving_(moving), clip_(std::move(clip)), carrier_key_(carrier_key) {}
+  WalkSource(std::vector<TimedPose> path, SoundSource at_start, bool moving, LateSound late, int refine_every, SoundClip clip,
+             std::uint64_t carrier_key)
+      : path_(std::move(path)),
+        source_(std::move(at_start)),
+        moving_(moving),
+        late_(late),
+        refine_every_(refine_every),
+        clip_(std::move(clip)),
+        carrier_key_(carrier_key) {}
+
+  /// Of a source at rest: what belongs to it and not to the pose.  Once, before the first block.
+  void prepare(const AcousticScene& acoustics, SourceFieldStore& fields) {
+    if (moving_) return;
+    candidates_ = std::make_unique<EarlyCandidates>(acoustics, source_);
+    if (late_ == LateSound::gathered) {
+      Progress progress("source field", "%", 100);
+      field_ = fields.get(acoustics, *candidates_, [&](double share) { progress.update(static_cast<std::uint64_t>(100 * share)); });
+    } else if (late_ == LateSound::refined) {
+      refining_ = std::make_unique<RefiningField>(acoustics, *candidates_);
+    }
+  }
 
   /// Adds what is heard of this source during the block that begins at t_s to `mix` [channels, block].
   void add_block(const AcousticScene& acoustics, RirSynthesizer& synthesizer, const TimedPose& listener, const ListenerTurn& turn,
-                 double t_s, int block, std::vector<float>& mix) {
-    if (moving_ || !candidates_) {
+                 double t_s, std::size_t block_index, int block, std::vector<float>& mix) {
+    if (moving_) {
       const TimedPose pose = pose_at(path_, t_s);
       source_.position = glm::vec3(pose.position);
-      if (moving_) source_.orientation = orientation_of(pose.heading_deg, 0, 0);
-      candidates_.emplace(acoustics, source_);
+      source_.orientation = orientation_of(pose.heading_deg, 0, 0);
+      candidates_ = std::make_unique<EarlyCandidates>(acoustics, source_);
     }
-    compute_energy_response(acoustics, *candidates_, glm::vec3(listener.position), response_);
+    respond(acoustics, glm::vec3(listener.position), block_index);
     synthesizer.render(response_, turn, carrier_key_, rir_);
     if (!convolver_) convolver_.emplace(StreamConfig{rir_.sample_rate_hz, rir_.num_samples, block, block}, rir_.num_channels);
     part_.resize(static_cast<std::size_t>(block) * static_cast<std::size_t>(rir_.num_channels));
@@ -51,20 +94,40 @@ class WalkSource {
   }
 
  private:
+  void respond(const AcousticScene& acoustics, glm::vec3 listener, std::size_t block_index) {
+    if (late_ == LateSound::reused) return reuse_.compute(acoustics, *candidates_, listener, response_);
+    if (late_ == LateSound::refined) {
+      // Snapshot n from block n * refine_every on: what is heard does not depend on how fast the thread is.
+      auto snapshot =
+          refining_->wait_for(static_cast<int>(std::min<std::size_t>(block_index / static_cast<std::size_t>(refine_every_), 1000)));
+      if (snapshot != field_) responds_to_.reset();
+      field_ = std::move(snapshot);
+    }
+    if (!moving_ && responds_to_ == listener) return;  // turned in place, or stands
+    compute_energy_response(acoustics, *candidates_, field_.get(), listener, response_);
+    responds_to_ = listener;
+  }
+
   std::vector<TimedPose> path_;
   SoundSource source_;
   bool moving_;
+  LateSound late_;
+  int refine_every_;
   SoundClip clip_;
   std::uint64_t carrier_key_;
-  std::optional<EarlyCandidates> candidates_;
+  std::unique_ptr<EarlyCandidates> candidates_;  // at a place of its own: the thread that refines looks at it
+  std::shared_ptr<const SourceField> field_;
+  std::unique_ptr<RefiningField> refining_;
+  TemporalReuse reuse_;
   EnergyResponse response_;
+  std::optional<glm::vec3> responds_to_;
   Rir rir_, previous_;
   StreamPosition position_{0, 0, false};
   std::optional<StreamConvolver> convolver_;
   std::vector<float> part_;
 };
 
-std::vector<WalkSource> make_sources(const Options& options, const AcousticScene& acoustics) {
+std::vector<WalkSource> make_sources(const Options& options, const AcousticScene& acoustics, std::size_t num_blocks) {
   const std::size_t count = options.sources.size() + options.source_paths.size();
   if (count == 0)
     throw InputError("--source", "is missing", "give a source at rest with --source X,Y,Z or a moving one with --source-path FILE.csv");
@@ -81,17 +144,19 @@ std::vector<WalkSource> make_sources(const Options& options, const AcousticScene
       path = {{.t_s = 0, .position = parse_point(options.sources[i], "--source"), .heading_deg = 0}};
     const SoundSource at_start = options.radiation.source(i, count, glm::vec3(path[0].position));
     SoundClip clip = open_sound(options.sounds.size() == 1 ? options.sounds[0] : options.sounds[i], acoustics.config().sample_rate_hz);
-    sources.emplace_back(std::move(path), at_start, moving, std::move(clip), acoustics.hash() + i);
+    const LateSound late = choose_late_sound(acoustics.config(), moving, num_blocks, options.refine_every);
+    sources.emplace_back(std::move(path), at_start, moving, late, options.refine_every, std::move(clip), acoustics.hash() + i);
   }
   return sources;
 }
 
 void run_walk(const Options& options) {
   require(options.step_s > 0 && options.step_s <= 1, "--step", options.step_s, "must be in (0, 1] s");
+  require(options.refine_every >= 0, "--refine-every", options.refine_every, "must not be negative");
+  require(options.field_store_gb >= 0 && options.field_store_gb <= 1e9, "--field-store-gb", options.field_store_gb, "must be in [0, 1e9]");
   const AcousticConfig config = options.acoustics.config();
   const auto poses = read_timed_path(options.poses);
   const AcousticScene acoustics = options.acoustics.load(config);
-  std::vector<WalkSource> sources = make_sources(options, acoustics);
   RirSynthesizer synthesizer(options.acoustics.tables(acoustics));
 
   const int block = std::max(1, static_cast<int>(std::lround(options.step_s * config.sample_rate_hz)));
@@ -102,6 +167,12 @@ void run_walk(const Options& options) {
                      fmt::format("let t_s run over at least one sample and at most {} s", longest_s));
   const auto num_samples = static_cast<std::size_t>(std::lround(duration_s * config.sample_rate_hz));
   const std::size_t num_blocks = (num_samples + static_cast<std::size_t>(block) - 1) / static_cast<std::size_t>(block);
+  std::vector<WalkSource> sources = make_sources(options, acoustics, num_blocks);
+  SourceFieldStore fields({.folder = options.field_store,
+                           .max_bytes = static_cast<std::uint64_t>(options.field_store_gb * 1e9),
+                           .max_memory_bytes = 0,
+                           .warn = [](const std::string& message) { spdlog::warn("{}", message); }});
+  for (WalkSource& source : sources) source.prepare(acoustics, fields);
   std::size_t num_channels = 0;
   std::vector<float> sound, mix;
   Progress progress("walk", "block", num_blocks);
@@ -110,7 +181,7 @@ void run_walk(const Options& options) {
     const TimedPose listener = pose_at(poses, t_s);
     std::fill(mix.begin(), mix.end(), 0.f);
     for (WalkSource& source : sources)
-      source.add_block(acoustics, synthesizer, listener, options.acoustics.turn(listener.heading_deg, 0, 0), t_s, block, mix);
+      source.add_block(acoustics, synthesizer, listener, options.acoustics.turn(listener.heading_deg, 0, 0), t_s, i, block, mix);
     num_channels = mix.size() / static_cast<std::size_t>(block);
     sound.resize(num_samples * num_channels);
     const std::size_t first = i * static_cast<std::size_t>(block),
@@ -145,6 +216,16 @@ void add_walk(CLI::App& app) {
       ->required();
   command->add_option("--out", options->out, "WAV file to write (32-bit float)")->required();
   command->add_option("--step", options->step_s, "Seconds between two impulse responses; the sound fades from one to the next")
+      ->capture_default_str();
+  command->add_option(
+      "--field-store", options->field_store,
+      "Folder of the late fields of sources at rest (field=on, or auto over many blocks): read if they are there, kept if not");
+  command->add_option("--field-store-gb", options->field_store_gb, "Bound of that folder; the least recently used go first")
+      ->capture_default_str();
+  command
+      ->add_option("--refine-every", options->refine_every,
+                   "Start with a coarse field and take the next of its snapshots, each with up to twice the photons, every so many steps; "
+                   "0: the complete field from the start")
       ->capture_default_str();
   command->callback([options] { run_walk(*options); });
 }
