@@ -1,12 +1,17 @@
 #include "sim/acoustics/acoustic_scene.h"
 
+#include <tbb/task_arena.h>
+
 #include <algorithm>
 #include <cstring>
 #include <glm/geometric.hpp>
+#include <mutex>
+#include <optional>
 #include <string>
 
 #include "sim/acoustics/air_absorption.h"
 #include "sim/acoustics/diffraction_edges.h"
+#include "sim/acoustics/field_grid.h"
 #include "sim/acoustics/reflection_model.h"
 #include "sim/acoustics/specular_lobe.h"
 #include "sim/base/errors.h"
@@ -41,6 +46,11 @@ std::uint64_t hash_of(const AcousticConfig& c, std::uint64_t scene_hash) {
 }
 
 }  // namespace
+
+struct AcousticScene::LazyGrid {
+  std::once_flag once;
+  std::optional<FieldGrid> grid;
+};
 
 AcousticScene::AcousticScene(std::shared_ptr<const Scene> scene, const AcousticConfig& config) : scene_(std::move(scene)), config_(config) {
   validate(config_);
@@ -77,10 +87,19 @@ AcousticScene::AcousticScene(std::shared_ptr<const Scene> scene, const AcousticC
   if (config_.specular_exponent > 0.f) specular_lobe_ = std::make_shared<const SpecularLobe>(config_.specular_exponent);
   if (config_.diffraction != Switch::off)
     diffraction_edges_ = std::make_shared<const DiffractionEdges>(*scene_, config_.diffraction_edge_m);
+  field_grid_ = std::make_shared<LazyGrid>();
   planes_ = find_mirror_planes(scene_->mesh());
   if (!scene_->mesh().triangles.empty()) diagonal_m_ = glm::length(scene_->bounds().upper - scene_->bounds().lower);
   reflection_model_ = std::make_shared<const ReflectionModel>(*this, traces_transmission(*this));
   hash_ = hash_of(config_, scene_->hash());
+}
+
+const FieldGrid& AcousticScene::field_grid() const {
+  std::call_once(field_grid_->once, [&] {
+    // While this thread waits for its own parallel work it must not take up a task that asks for the grid again.
+    tbb::this_task_arena::isolate([&] { field_grid_->grid.emplace(*scene_, config_.field_cell_m); });
+  });
+  return *field_grid_->grid;
 }
 
 AcousticScene AcousticScene::with_rays(int rays, std::uint64_t seed) const {

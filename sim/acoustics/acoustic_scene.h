@@ -13,6 +13,7 @@
 namespace earshot {
 
 class DiffractionEdges;
+class FieldGrid;
 class ReflectionModel;
 class SpecularLobe;
 
@@ -53,6 +54,8 @@ class AcousticScene {
   [[nodiscard]] const ReflectionModel& reflection_model() const { return *reflection_model_; }
   /// Edges round which sound bends; null with diffraction off.
   [[nodiscard]] const DiffractionEdges* diffraction_edges() const { return diffraction_edges_.get(); }
+  /// Cells of the source fields, found on the first call, once, from any thread.
+  [[nodiscard]] const FieldGrid& field_grid() const;
   /// Energy exponent of air per band, at its centre; all zero if air absorption is off.
   [[nodiscard]] std::span<const float> air_energy_per_m() const { return air_; }
   [[nodiscard]] std::span<const MirrorPlane> planes() const { return planes_.planes; }
@@ -80,6 +83,8 @@ class AcousticScene {
   std::shared_ptr<const SpecularLobe> specular_lobe_;
   std::shared_ptr<const ReflectionModel> reflection_model_;
   std::shared_ptr<const DiffractionEdges> diffraction_edges_;
+  struct LazyGrid;
+  std::shared_ptr<LazyGrid> field_grid_;  ///< shared by copies
   MirrorPlanes planes_;
   std::uint64_t hash_ = 0;
 };

@@ -7,18 +7,6 @@
 namespace earshot {
 namespace {
 
-/// Standard error of a statistic from its values with one of n batches left out each: sqrt((n - 1) / n * sum of squared deviations).
-std::optional<double> jackknife_error(std::span<const std::optional<double>> values) {
-  const auto n = static_cast<double>(values.size());
-  double mean = 0, squares = 0;
-  for (const std::optional<double>& value : values) {
-    if (!value) return std::nullopt;
-    mean += *value / n;
-  }
-  for (const std::optional<double>& value : values) squares += (*value - mean) * (*value - mean);
-  return std::sqrt((n - 1) / n * squares);
-}
-
 /// The response with the late energy of all batches but one.  Harmonics above order 0 are left as they are: no decay time depends on them.
 void leave_out(const EnergyResponse& whole, int batch, EnergyResponse& rest) {
   const LateBatches& batches = whole.batches;
@@ -36,6 +24,17 @@ void leave_out(const EnergyResponse& whole, int batch, EnergyResponse& rest) {
 }
 
 }  // namespace
+
+std::optional<double> jackknife_error(std::span<const std::optional<double>> values) {
+  const auto n = static_cast<double>(values.size());
+  double mean = 0, squares = 0;
+  for (const std::optional<double>& value : values) {
+    if (!value) return std::nullopt;
+    mean += *value / n;
+  }
+  for (const std::optional<double>& value : values) squares += (*value - mean) * (*value - mean);
+  return std::sqrt((n - 1) / n * squares);
+}
 
 std::vector<BandErrors> late_errors(const AcousticScene& scene, const EnergyResponse& response) {
   const LateBatches& batches = response.batches;

@@ -16,6 +16,10 @@ struct BandErrors {
   std::optional<double> t20_error_s, t30_error_s;
 };
 
+/// Standard error of a statistic from its values with one of n batches left out each: sqrt((n - 1) / n * sum of squared deviations)
+/// (Tukey 1958).  nullopt if one of the values does not exist.
+std::optional<double> jackknife_error(std::span<const std::optional<double>> values);
+
 /// One entry per band; empty if the response was not traced in batches.  Cost: the metrics of one response per batch.
 std::vector<BandErrors> late_errors(const AcousticScene& scene, const EnergyResponse& response);
 

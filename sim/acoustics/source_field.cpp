@@ -1,32 +1,113 @@
 #include "sim/acoustics/source_field.h"
 
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <string>
+
+#include "sim/acoustics/field_grid.h"
+#include "sim/acoustics/field_image.h"
+#include "sim/acoustics/sampling.h"
 #include "sim/base/errors.h"
+#include "sim/base/files.h"
 
 namespace earshot {
+namespace {
 
-struct SourceFieldBuilder::Impl {};
-
-SourceField::SourceField(const AcousticScene&, const EarlyCandidates&, std::span<const std::byte> image, std::shared_ptr<const void> owner)
-    : image_(image), owner_(std::move(owner)) {}
-TraceStats SourceField::gather(const AcousticScene&, const EarlyCandidates&, glm::vec3, EnergyHistogram&) const {
-  throw RunError("source field", "not there yet");
+/// Adds `weight` times a history to `histogram`.
+void add_history(const FieldValue* values, const FieldEntry& entry, std::size_t stride, float weight, EnergyHistogram& histogram) {
+  const auto coefficients = static_cast<std::size_t>(histogram.num_coefficients()), bands = static_cast<std::size_t>(histogram.num_bands());
+  const FieldValue* row = values + entry.offset;
+  float* out = histogram.values().data() + entry.first * bands * coefficients;
+  for (std::uint32_t bin = 0; bin < entry.count; ++bin, row += coefficients * stride)
+    for (std::size_t band = 0; band < bands; ++band)
+      for (std::size_t k = 0; k < coefficients; ++k) *out++ += weight * from_field_value(row[k * stride + band]);
 }
-std::uint64_t SourceField::photons() const { return 0; }
-double SourceField::t20_error() const { return 1; }
-std::uint64_t source_field_key(const AcousticScene& scene, const EarlyCandidates&) { return scene.hash(); }
-SourceFieldBuilder::SourceFieldBuilder(const AcousticScene&, const EarlyCandidates&) {}
-SourceFieldBuilder::~SourceFieldBuilder() = default;
-SourceFieldBuilder::SourceFieldBuilder(SourceFieldBuilder&&) noexcept = default;
-bool SourceFieldBuilder::refine() { return false; }
-double SourceFieldBuilder::t20_error() const { return 1; }
-std::uint64_t SourceFieldBuilder::photons() const { return 0; }
-std::shared_ptr<const SourceField> SourceFieldBuilder::snapshot() const { return nullptr; }
-std::shared_ptr<const SourceField> build_source_field(const AcousticScene& scene, const EarlyCandidates& candidates,
-                                                      const std::function<void(double)>&) {
-  SourceFieldBuilder builder(scene, candidates);
-  while (builder.refine()) {
+
+FieldHeader header_of(std::span<const std::byte> image) {
+  FieldHeader header;
+  std::memcpy(&header, image.data(), sizeof header);
+  return header;
+}
+
+template <class T>
+void append(std::string& bytes, const T& value) {
+  bytes.append(reinterpret_cast<const char*>(&value), sizeof value);
+}
+
+}  // namespace
+
+std::uint64_t source_field_key(const AcousticScene& scene, const EarlyCandidates& candidates) {
+  const AcousticConfig& c = scene.config();
+  std::string bytes;
+  append(bytes, scene.scene().hash());
+  for (const int value :
+       {scene.num_bands(), c.bands, c.max_bounces, c.field_photons, c.sh_order, scene.image_order(), c.early_candidate_rays})
+    append(bytes, value);
+  for (const float value : {c.time_bin_s, c.rir_length_s, c.scattering, c.sample_rate_hz, c.field_error, c.field_cell_m})
+    append(bytes, value);
+  append(bytes, c.seed);
+  const SoundSource& source = candidates.sound_source();
+  append(bytes, source.position);
+  append(bytes, source.radius_m);
+  if (!candidates.emission().omnidirectional()) {
+    // A pattern is what it radiates: its gains in directions enough to tell any two apart.
+    std::array<float, kMaxBands> gain{};
+    const SphereSequence directions(0, 0);
+    for (std::uint32_t i = 0; i < 256; ++i) {
+      candidates.emission().pressure(directions.direction(i), std::span(gain).first(static_cast<std::size_t>(scene.num_bands())));
+      append(bytes, gain);
+    }
   }
-  return builder.snapshot();
+  return hash64(bytes);
+}
+
+SourceField::SourceField(const AcousticScene& scene, const EarlyCandidates& candidates, std::span<const std::byte> image,
+                         std::shared_ptr<const void> owner)
+    : image_(image), owner_(std::move(owner)) {
+  const auto refuse = [](std::string_view what) { throw InputError("source field", what, "delete the file: it is built anew"); };
+  if (image.size() < sizeof(FieldHeader)) refuse("is truncated");
+  const FieldHeader header = header_of(image);
+  if (header.magic != FieldHeader::kMagic) refuse("is of another version or no source field");
+  if (header.key != source_field_key(scene, candidates)) refuse("belongs to another scene, config or source");
+  const EnergyHistogram shape = make_histogram(scene);
+  if (header.num_cells != scene.field_grid().size() || header.num_bins != static_cast<std::uint32_t>(shape.num_bins()) ||
+      header.num_coefficients != static_cast<std::uint32_t>(shape.num_coefficients()) ||
+      header.padded_bands != static_cast<std::uint32_t>(scene.padded_bands()) || header.bin_s != double{shape.bin_s()})
+    refuse("has another shape than its scene");
+  const std::uint64_t entries_bytes = std::uint64_t{header.num_cells} * sizeof(FieldEntry);
+  if (header.bytes != image.size() || header.num_values > image.size() ||
+      sizeof header + entries_bytes + header.num_values * sizeof(FieldValue) != image.size())
+    refuse("is truncated");
+  const auto* entries = reinterpret_cast<const FieldEntry*>(image.data() + sizeof header);
+  for (std::size_t i = 0; i < header.num_cells; ++i) {
+    const FieldEntry& entry = entries[i];
+    const std::uint64_t values = std::uint64_t{entry.count} * header.num_coefficients * header.padded_bands;
+    if (entry.first > header.num_bins || entry.count > header.num_bins - entry.first || entry.offset > header.num_values ||
+        values > header.num_values - entry.offset)
+      refuse("is damaged");
+  }
+}
+
+std::uint64_t SourceField::photons() const { return header_of(image_).photons; }
+double SourceField::t20_error() const { return header_of(image_).t20_error; }
+
+TraceStats SourceField::gather(const AcousticScene& scene, const EarlyCandidates&, glm::vec3 listener,
+                               EnergyHistogram& histogram) const {
+  const AcousticConfig& config = scene.config();
+  histogram.clear();
+  TraceStats stats;
+  if (config.late == Switch::off || config.max_bounces == 0) return stats;
+  const FieldHeader header = header_of(image_);
+  stats.rays = header.photons;
+  const auto* entries = reinterpret_cast<const FieldEntry*>(image_.data() + sizeof header);
+  const auto* values = reinterpret_cast<const FieldValue*>(entries + header.num_cells);
+  std::array<FieldGrid::Share, 8> shares;
+  const std::size_t count = scene.field_grid().blend(listener, shares);
+  for (std::size_t i = 0; i < count; ++i) add_history(values, entries[shares[i].cell], header.padded_bands, shares[i].weight, histogram);
+  histogram.attenuate(scene.air_energy_per_m(), scene.speed_of_sound_m_per_s());
+  return stats;
 }
 
 }  // namespace earshot

@@ -26,7 +26,7 @@ enum class Purpose : std::uint32_t {
   ray_efficiency = 15,
   photon = 16,
   photon_roulette = 17,
-  gather = 18,
+  field_probe = 18,
   effect_plan = 19,
   bench = 20,
   surface_sample = 21,
