@@ -1,9 +1,11 @@
 #include "sim/audio/sound_stream.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
-#include <complex>
+#include <numeric>
 
+#include "sim/audio/fft.h"
 #include "sim/audio/spectrum_math.h"
 #include "sim/base/errors.h"
 
@@ -11,153 +13,223 @@ namespace earshot {
 namespace {
 
 using Complex = std::complex<float>;
+using Direction = ComplexFft::Direction;
 
-constexpr int kSmallestLog2 = 7;
-constexpr int kLargestLog2 = 17;  ///< beyond it the caches are lost, and parts of the RIR cost less than one long transform
+constexpr int kSmallestLog2 = 6, kLargestLog2 = 17;
+
+int ceil_divide(int a, int b) { return (a + b - 1) / b; }
+
+/// Time of one block in units of a multiplication of complex numbers, fitted to libavutil with AVX2.
+double cost_of(const StreamPlan& plan, int block, int fade, int taps, int num_pairs) {
+  const double size = plan.fft_size, transform = 0.4 * size * std::log2(size);
+  const double parts = ceil_divide(taps, plan.part), pieces = ceil_divide(block, plan.piece) + ceil_divide(fade, plan.piece);
+  // Stretches of the dry sound lie on a grid as fine as the common divisor of piece and part: that many of them are new in each piece.
+  const int grid = std::gcd(plan.piece, plan.part);
+  const double new_stretches = std::min(parts, static_cast<double>(plan.part == grid ? 1 : plan.part / grid));
+  return num_pairs * (parts * (transform + size) + pieces * (transform + size) + pieces * parts * size) +
+         ceil_divide(block, plan.piece) * new_stretches * (transform + size);
+}
 
 }  // namespace
 
-/// Overlap-save convolution with the impulse response in equal parts (Kulp 1988): a transform of N samples gives `block` outputs of
-/// N - block + 1 taps.  N is the one with the fewest operations for this block and length.
 struct StreamConvolver::Impl {
-  Impl(const StreamConfig& settings, int channel_count) : config(settings), num_channels(channel_count) {
-    // Larger transforms never pay: twice the block is the least that makes sense, the whole job in one transform the most.
-    const int whole = next_power_of_two(config.max_rir_samples + config.max_block_samples);
-    const int most = std::clamp(whole, 1 << kSmallestLog2, std::max(1 << kLargestLog2, next_power_of_two(2 * config.max_block_samples)));
-    for (int size = 1 << kSmallestLog2; size <= most; size *= 2) transforms.emplace_back(size);
-    segment.resize(static_cast<std::size_t>(most));
-    const auto bins = static_cast<std::size_t>(most / 2 + 1);
-    segment_spectrum.resize(bins);
-    part_spectrum.resize(bins);
-    sums.resize(bins * static_cast<std::size_t>(num_channels));
-    faded.resize(static_cast<std::size_t>(config.crossfade_samples) * static_cast<std::size_t>(num_channels));
-  }
+  Impl(const StreamConfig& settings, int channel_count, std::shared_ptr<DrySpectra> shared)
+      : config(settings),
+        num_channels(static_cast<std::size_t>(channel_count)),
+        num_pairs((num_channels + 1) / 2),
+        plan(StreamConvolver::plan(settings, channel_count)),
+        size(static_cast<std::size_t>(plan.fft_size)),
+        dry_spectra(std::move(shared)),
+        forward(plan.fft_size, Direction::forward),
+        inverse(plan.fft_size, Direction::inverse),
+        stretch(size),
+        stretch_spectrum(size),
+        sums(2 * num_pairs * size) {}
 
-  RealFft& transform_for(int block, int taps) {
-    RealFft* best = nullptr;
-    double lowest = 0;
-    for (RealFft& transform : transforms) {
-      const int room = transform.size() - block + 1;
-      if (room < 1) continue;
-      const int parts = (taps + room - 1) / room;
-      const double cost = (parts * (1.0 + num_channels) + num_channels) * transform.size() * std::log2(transform.size());
-      if (best && cost >= lowest) continue;
-      best = &transform;
-      lowest = cost;
-    }
-    return *best;
-  }
-
-  /// Writes stream samples [position.sample - back, ... + target.size()) of the dry loop.  Returns false if all are zero.
-  static bool copy_dry(const SoundClip& clip, const StreamPosition& position, std::uint64_t back, std::span<float> target) {
+  /// Writes `target.size()` samples of the dry loop that begin `back` samples before position.sample.
+  static void copy_dry(const SoundClip& clip, const StreamPosition& position, std::uint64_t back, std::span<float> target) {
     const std::uint64_t length = clip.samples.size();
     std::size_t silent = 0;
     if (!position.already_playing && back > position.sample)
       silent = static_cast<std::size_t>(std::min<std::uint64_t>(back - position.sample, target.size()));
     std::fill_n(target.begin(), silent, 0.f);
-    std::uint64_t index = (position.clip_offset % length + position.sample % length + length - back % length + silent) % length;
+    std::uint64_t index = (start_in_loop(clip, position, back) + silent) % length;
     for (std::size_t done = silent; done < target.size();) {
       const auto count = static_cast<std::size_t>(std::min<std::uint64_t>(length - index, target.size() - done));
       std::copy_n(clip.samples.begin() + static_cast<std::ptrdiff_t>(index), count, target.begin() + static_cast<std::ptrdiff_t>(done));
       done += count;
       index = 0;
     }
-    return std::any_of(target.begin(), target.end(), [](float value) { return value != 0.f; });
+  }
+  static std::uint64_t start_in_loop(const SoundClip& clip, const StreamPosition& position, std::uint64_t back) {
+    const std::uint64_t length = clip.samples.size();
+    return (position.clip_offset % length + position.sample % length + length - back % length) % length;
   }
 
-  /// output [num_channels] rows of `block` samples, `stride` apart.
-  void convolve(const SoundClip& clip, const StreamPosition& position, std::span<const float> rir, int rir_samples, int block,
-                std::span<float> output, int stride) {
-    const int taps = last_tap(rir, rir_samples);
-    const auto width = static_cast<std::size_t>(block);
-    for (int channel = 0; channel < num_channels; ++channel)
-      std::fill_n(output.begin() + static_cast<std::ptrdiff_t>(channel) * stride, width, 0.f);
-    if (taps == 0 || clip.samples.empty()) return;
+  /// Spectrum of the stretch of dry sound that part `part` of a RIR meets in the piece that begins at `position`, over the FFT size.
+  DrySpectra::View dry(const SoundClip& clip, std::uint64_t clip_key, const StreamPosition& position, int part) {
+    const std::uint64_t back =
+        static_cast<std::uint64_t>(part) * static_cast<std::uint64_t>(plan.part) + size - static_cast<std::uint64_t>(plan.piece);
+    const auto make = [&](std::span<Complex> spectrum) {
+      copy_dry(clip, position, back, stretch);
+      // Here, where it is kept, not in every inverse transform; a power of two costs no digits.
+      const float scale = 1.f / static_cast<float>(size);
+      for (float& value : stretch) value *= scale;
+      forward.set_input(stretch, {});
+      forward.transform(spectrum);
+    };
+    const bool in_silence = !position.already_playing && back > position.sample;
+    if (dry_spectra && clip_key != 0 && !in_silence)
+      return dry_spectra->get(clip_key, start_in_loop(clip, position, back), stretch_spectrum, make);
+    make(stretch_spectrum);
+    return DrySpectra::View(stretch_spectrum);
+  }
 
-    RealFft& fft = transform_for(block, taps);
-    const int room = fft.size() - block + 1;
-    const auto size = static_cast<std::size_t>(fft.size()), bins = static_cast<std::size_t>(fft.num_bins());
-    const auto sum_of = [&](int channel) { return std::span(sums).subspan(static_cast<std::size_t>(channel) * bins, bins); };
-    std::fill_n(sums.begin(), bins * static_cast<std::size_t>(num_channels), Complex{});
-    const auto dry = std::span(segment).first(size);
-    const auto dry_spectrum = std::span(segment_spectrum).first(bins), tap_spectrum = std::span(part_spectrum).first(bins);
-    bool sounding = false;
-    for (int first = 0; first < taps; first += room) {
-      if (!copy_dry(clip, position, static_cast<std::uint64_t>(first + room - 1), dry)) continue;
-      sounding = true;
-      fft.forward(dry, dry_spectrum);
-      const auto count = static_cast<std::size_t>(std::min(room, taps - first));
-      for (int channel = 0; channel < num_channels; ++channel) {
-        fft.forward(
-            rir.subspan(static_cast<std::size_t>(channel) * static_cast<std::size_t>(rir_samples) + static_cast<std::size_t>(first), count),
-            tap_spectrum);
-        multiply_add(dry_spectrum, tap_spectrum, sum_of(channel));
-      }
-    }
-    if (!sounding) return;
-    for (int channel = 0; channel < num_channels; ++channel) {
-      fft.inverse(sum_of(channel), dry);
-      // The first room - 1 samples hold the wrap-around.
-      std::copy_n(dry.begin() + (room - 1), width, output.begin() + static_cast<std::ptrdiff_t>(channel) * stride);
-    }
+  [[nodiscard]] std::span<Complex> sum(std::size_t generation, std::size_t pair) {
+    return std::span(sums).subspan((generation * num_pairs + pair) * size, size);
   }
 
   /// Taps up to the last that is not zero in any channel.
-  [[nodiscard]] int last_tap(std::span<const float> rir, int rir_samples) const {
-    int taps = 0;
-    for (int channel = 0; channel < num_channels; ++channel) {
-      int end = rir_samples;
-      while (end > taps &&
-             rir[static_cast<std::size_t>(channel) * static_cast<std::size_t>(rir_samples) + static_cast<std::size_t>(end - 1)] == 0.f)
-        --end;
+  [[nodiscard]] int last_tap(std::span<const float> rir, std::size_t rir_samples) const {
+    std::size_t taps = 0;
+    for (std::size_t channel = 0; channel < num_channels; ++channel) {
+      std::size_t end = rir_samples;
+      while (end > taps && rir[channel * rir_samples + end - 1] == 0.f) --end;
       taps = std::max(taps, end);
     }
-    return taps;
+    return static_cast<int>(taps);
   }
 
   StreamConfig config;
-  int num_channels;
-  std::vector<RealFft> transforms;  ///< sizes 2^7, 2^8, ...
-  std::vector<float> segment;
-  std::vector<Complex> segment_spectrum, part_spectrum, sums;
-  std::vector<float> faded;  ///< the fading part of the convolution with the previous RIR
+  std::size_t num_channels, num_pairs;
+  StreamPlan plan;
+  std::size_t size;  ///< of the transforms
+  std::shared_ptr<DrySpectra> dry_spectra;
+  ComplexFft forward, inverse;
+  std::vector<float> stretch;
+  AlignedSpectrum stretch_spectrum;
+  std::vector<Complex> sums;  ///< [now, previous][pair][size]
+  RirSpectra own_now, own_previous;
 };
 
-StreamConvolver::StreamConvolver(const StreamConfig& config, int num_channels) {
+StreamPlan StreamConvolver::plan(const StreamConfig& config, int num_channels) {
+  // Not the configured fade: bits shall not depend on what is not heard.
+  const int block = config.max_block_samples, fade = ceil_divide(block, 3);
+  StreamPlan best;
+  double lowest = 0;
+  const int whole = next_power_of_two(config.max_rir_samples + block);
+  for (int size = 1 << kSmallestLog2; size <= std::clamp(whole, 1 << kSmallestLog2, 1 << kLargestLog2); size *= 2) {
+    for (int pieces = 1; pieces <= 64; ++pieces) {
+      const int piece = ceil_divide(block, pieces), room = size - piece + 1;
+      if (room < 1 || (pieces > 1 && piece == ceil_divide(block, pieces - 1))) continue;
+      for (const int divisor : {1, 2, 3, 4}) {
+        if (piece % divisor != 0 || room < piece / divisor) continue;
+        const int grid = piece / divisor;
+        const StreamPlan candidate{size, piece, room / grid * grid};
+        const double cost = cost_of(candidate, block, fade, config.max_rir_samples, (num_channels + 1) / 2);
+        if (best.fft_size != 0 && cost >= lowest) continue;
+        best = candidate;
+        lowest = cost;
+      }
+    }
+  }
+  return best;
+}
+
+StreamConvolver::StreamConvolver(const StreamConfig& config, int num_channels, std::shared_ptr<DrySpectra> dry_spectra) {
   require(num_channels >= 1 && num_channels <= 64, "num_channels", num_channels, "must be in [1, 64]");
   require(config.max_rir_samples >= 1 && config.max_rir_samples <= 1 << 23, "stream.max_rir_samples", config.max_rir_samples,
           "must be in [1, 2^23]");
   require(config.max_block_samples >= 1 && config.max_block_samples <= 1 << 22, "stream.max_block_samples", config.max_block_samples,
           "must be in [1, 2^22]");
   require(config.crossfade_samples >= 0, "stream.crossfade_samples", config.crossfade_samples, "must not be negative");
-  StreamConfig checked = config;
-  checked.crossfade_samples = std::min(config.crossfade_samples, config.max_block_samples);
-  impl_ = std::make_unique<Impl>(checked, num_channels);
+  impl_ = std::make_unique<Impl>(config, num_channels, std::move(dry_spectra));
+  require(!impl_->dry_spectra || impl_->dry_spectra->fft_size() == impl_->plan.fft_size, "size of the shared spectra",
+          impl_->dry_spectra ? impl_->dry_spectra->fft_size() : 0, "must be that of StreamConvolver::plan");
 }
 StreamConvolver::~StreamConvolver() = default;
 StreamConvolver::StreamConvolver(StreamConvolver&&) noexcept = default;
 
-void StreamConvolver::convolve(const SoundClip& clip, const StreamPosition& position, std::span<const float> rir,
-                               std::span<const float> previous, int rir_samples, int block, std::span<float> output) {
+void StreamConvolver::transform(std::span<const float> rir, int rir_samples, RirSpectra& spectra) {
   Impl& in = *impl_;
-  EARSHOT_EXPECT(block >= 0 && block <= in.config.max_block_samples && rir_samples >= 0 && rir_samples <= in.config.max_rir_samples);
-  EARSHOT_EXPECT(rir.size() == static_cast<std::size_t>(rir_samples) * static_cast<std::size_t>(in.num_channels));
-  EARSHOT_EXPECT(previous.empty() || previous.size() == rir.size());
-  EARSHOT_EXPECT(output.size() >= static_cast<std::size_t>(block) * static_cast<std::size_t>(in.num_channels));
-  if (block == 0) return;
-  in.convolve(clip, position, rir, rir_samples, block, output, block);
-
-  const int fade = std::min(in.config.crossfade_samples, block);
-  if (fade == 0 || previous.empty() || std::equal(previous.begin(), previous.end(), rir.begin())) return;
-  in.convolve(clip, position, previous, rir_samples, fade, in.faded, fade);
-  for (int channel = 0; channel < in.num_channels; ++channel) {
-    const float* old_sound = in.faded.data() + static_cast<std::ptrdiff_t>(channel) * fade;
-    float* sound = output.data() + static_cast<std::ptrdiff_t>(channel) * block;
-    for (int i = 0; i < fade; ++i) {
-      const float weight = static_cast<float>(i) / static_cast<float>(fade);
-      sound[i] = old_sound[i] + weight * (sound[i] - old_sound[i]);
+  EARSHOT_EXPECT(rir_samples >= 0 && rir_samples <= in.config.max_rir_samples);
+  const auto length = static_cast<std::size_t>(rir_samples), part = static_cast<std::size_t>(in.plan.part);
+  EARSHOT_EXPECT(rir.size() == length * in.num_channels);
+  const int taps = in.last_tap(rir, length);
+  spectra.num_parts_ = ceil_divide(taps, in.plan.part);
+  const auto num_parts = static_cast<std::size_t>(spectra.num_parts_);
+  // At once for the longest response, so that later ones find room.
+  const auto most_parts = static_cast<std::size_t>(ceil_divide(in.config.max_rir_samples, in.plan.part));
+  if (spectra.values_.size() < in.num_pairs * most_parts * in.size) spectra.values_.resize(in.num_pairs * most_parts * in.size);
+  for (std::size_t pair = 0; pair < in.num_pairs; ++pair) {
+    const auto channel = [&](std::size_t index, std::size_t first, std::size_t count) {
+      return index < in.num_channels ? rir.subspan(index * length + first, count) : std::span<const float>();
+    };
+    for (std::size_t p = 0; p < num_parts; ++p) {
+      const std::size_t count = std::min(part, static_cast<std::size_t>(taps) - p * part);
+      in.forward.set_input(channel(2 * pair, p * part, count), channel(2 * pair + 1, p * part, count));
+      in.forward.transform(std::span(spectra.values_).subspan((pair * num_parts + p) * in.size, in.size));
     }
   }
+}
+
+void StreamConvolver::convolve(const SoundClip& clip, std::uint64_t clip_key, const StreamPosition& position, const RirSpectra& rir,
+                               const RirSpectra* previous, int block, std::span<float> output) {
+  Impl& in = *impl_;
+  const auto width = static_cast<std::size_t>(block);
+  EARSHOT_EXPECT(block >= 0 && block <= in.config.max_block_samples && output.size() >= width * in.num_channels);
+  std::fill_n(output.begin(), width * in.num_channels, 0.f);
+  if (clip.samples.empty()) return;
+  const int fade = previous != nullptr ? std::min(in.config.crossfade_samples, block) : 0;
+  const std::array<const RirSpectra*, 2> responses = {&rir, previous};
+
+  for (int begin = 0; begin < block; begin += in.plan.piece) {
+    StreamPosition piece_position = position;
+    piece_position.sample += static_cast<std::uint64_t>(begin);
+    const std::size_t generations = begin < fade ? 2 : 1;
+    for (std::size_t g = 0; g < generations; ++g)
+      for (std::size_t pair = 0; pair < in.num_pairs; ++pair) std::ranges::fill(in.sum(g, pair), Complex{});
+    const int num_parts = std::max(rir.num_parts(), generations > 1 ? previous->num_parts() : 0);
+    for (int part = 0; part < num_parts; ++part) {
+      const DrySpectra::View dry = in.dry(clip, clip_key, piece_position, part);
+      for (std::size_t g = 0; g < generations; ++g) {
+        if (part >= responses[g]->num_parts()) continue;
+        for (std::size_t pair = 0; pair < in.num_pairs; ++pair) {
+          const std::size_t row = pair * static_cast<std::size_t>(responses[g]->num_parts()) + static_cast<std::size_t>(part);
+          multiply_add(dry.spectrum(), std::span(responses[g]->values_).subspan(row * in.size, in.size), in.sum(g, pair));
+        }
+      }
+    }
+
+    const auto count = static_cast<std::size_t>(std::min(in.plan.piece, block - begin));
+    const std::size_t first = in.size - static_cast<std::size_t>(in.plan.piece);  // what lies before holds the wrap-around
+    for (std::size_t pair = 0; pair < in.num_pairs; ++pair) {
+      float* left = output.data() + 2 * pair * width + static_cast<std::size_t>(begin);
+      float* right = 2 * pair + 1 < in.num_channels ? left + width : nullptr;
+      std::ranges::copy(in.sum(0, pair), in.inverse.input().begin());
+      const Complex* now = in.inverse.transform().data() + first;
+      for (std::size_t i = 0; i < count; ++i) left[i] = now[i].real();
+      for (std::size_t i = 0; right != nullptr && i < count; ++i) right[i] = now[i].imag();
+      if (generations == 1) continue;
+      std::ranges::copy(in.sum(1, pair), in.inverse.input().begin());
+      const Complex* before = in.inverse.transform().data() + first;
+      const std::size_t faded = std::min(count, static_cast<std::size_t>(fade - begin));
+      for (std::size_t i = 0; i < faded; ++i) {
+        const float weight = static_cast<float>(begin + static_cast<int>(i)) / static_cast<float>(fade);
+        left[i] = before[i].real() + weight * (left[i] - before[i].real());
+        if (right != nullptr) right[i] = before[i].imag() + weight * (right[i] - before[i].imag());
+      }
+    }
+  }
+}
+
+void StreamConvolver::convolve(const SoundClip& clip, const StreamPosition& position, std::span<const float> rir,
+                               std::span<const float> previous, int rir_samples, int block, std::span<float> output) {
+  EARSHOT_EXPECT(previous.empty() || previous.size() == rir.size());
+  transform(rir, rir_samples, impl_->own_now);
+  const bool fades = !previous.empty() && !std::equal(previous.begin(), previous.end(), rir.begin());
+  if (fades) transform(previous, rir_samples, impl_->own_previous);
+  convolve(clip, 0, position, impl_->own_now, fades ? &impl_->own_previous : nullptr, block, output);
 }
 
 }  // namespace earshot

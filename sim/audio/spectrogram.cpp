@@ -1,61 +1,130 @@
 #include "sim/audio/spectrogram.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <complex>
+#include <cstdint>
 #include <numbers>
+#include <numeric>
 #include <vector>
 
 #include "sim/base/errors.h"
 
 namespace earshot {
 
+namespace {
+
+/// log(1 + x) for x >= 0 within 2 units in the last place, as a plain loop that the compiler vectorizes; NaN for infinity.  Polynomial of
+/// the Cephes library (Moshier 1989, logf), with the rounding of 1 + x made good by its first-order term.
+void log1p_of(std::span<float> values) {
+  constexpr float high_ln2 = 0.693359375f, low_ln2 = -2.12194440e-4f;
+  constexpr std::int32_t mantissa_bits = 23, half_root = 0x3F3504F3;  // sqrt(1/2)
+  float* out = values.data();
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    const float x = out[i], y = 1.f + x, lost = (x - (y - 1.f)) / y;
+    // y = 2^exponent * (1 + f), f in [sqrt(1/2) - 1, sqrt(2) - 1).
+    const std::int32_t bits = std::bit_cast<std::int32_t>(y) - half_root;
+    const auto exponent = static_cast<float>(bits >> mantissa_bits);
+    const float f = std::bit_cast<float>((bits & ((1 << mantissa_bits) - 1)) + half_root) - 1.f;
+    float p = 7.0376836292e-2f;
+    p = p * f - 1.1514610310e-1f;
+    p = p * f + 1.1676998740e-1f;
+    p = p * f - 1.2420140846e-1f;
+    p = p * f + 1.4249322787e-1f;
+    p = p * f - 1.6668057665e-1f;
+    p = p * f + 2.0000714765e-1f;
+    p = p * f - 2.4999993993e-1f;
+    p = p * f + 3.3333331174e-1f;
+    const float square = f * f;
+    const float tail = p * f * square + low_ln2 * exponent - 0.5f * square;
+    out[i] = (f + tail + high_ln2 * exponent) + lost;
+  }
+}
+
+/// Sums of `pool` neighbours, the last of what is left.
+void sum_rows(const float* magnitude, std::size_t num_bins, std::size_t pool, std::span<float> rows) {
+  const std::size_t whole = num_bins / pool;
+  if (pool == 4) {
+    for (std::size_t row = 0; row < whole; ++row) {
+      const float* m = magnitude + 4 * row;
+      rows[row] = ((m[0] + m[1]) + m[2]) + m[3];
+    }
+  } else {
+    for (std::size_t row = 0; row < whole; ++row) rows[row] = std::accumulate(magnitude + row * pool, magnitude + (row + 1) * pool, 0.f);
+  }
+  if (whole < rows.size()) rows[whole] = std::accumulate(magnitude + whole * pool, magnitude + num_bins, 0.f);
+}
+
+}  // namespace
+
 struct SpectrogramAnalyzer::Impl {
   explicit Impl(const SpectrogramConfig& settings)
       : config(settings),
+        num_frames(static_cast<std::size_t>(settings.num_frames())),
+        rows(static_cast<std::size_t>(settings.rows())),
+        columns(static_cast<std::size_t>(settings.columns())),
         fft(settings.fft_size),
         window(settings.window),
         frame(settings.fft_size, 0.f),
         spectrum(fft.num_bins()),
-        pooled(static_cast<std::size_t>(settings.rows()) * settings.columns()) {
+        magnitude(spectrum.size()),
+        pooled(rows) {
     // Periodic Hann window, as in librosa (scipy.signal.get_window with fftbins).
     for (int i = 0; i < config.window; ++i)
       window[i] = static_cast<float>(0.5 - 0.5 * std::cos(2.0 * std::numbers::pi * i / config.window));
   }
 
-  /// Writes the windowed frame centred at `centre` of one channel into the middle of `frame`.
-  void cut_frame(std::span<const float> sound, int centre) {
-    const int offset = (config.fft_size - config.window) / 2;
-    const int first = centre - config.fft_size / 2 + offset;  // sound sample under window[0]
-    const int begin = std::clamp(-first, 0, config.window);
-    const int end = std::clamp(config.num_samples - first, begin, config.window);
-    float* target = frame.data() + offset;
+  /// Sound sample under the first one of the window of a frame.
+  [[nodiscard]] int first_sample(std::size_t index) const {
+    return static_cast<int>(index) * config.hop - config.fft_size / 2 + (config.fft_size - config.window) / 2;
+  }
+  /// Does the frame see no padding?
+  [[nodiscard]] bool inside(std::size_t index) const {
+    return first_sample(index) >= 0 && first_sample(index) + config.window <= config.num_samples;
+  }
+
+  /// Magnitudes of one frame of one channel, summed over the bins of each row.
+  void analyze_frame(std::span<const float> sound, std::size_t index, std::span<float> sums) {
+    const int first = first_sample(index);
+    const int begin = std::clamp(-first, 0, config.window), end = std::clamp(config.num_samples - first, begin, config.window);
+    float* target = frame.data() + (config.fft_size - config.window) / 2;
     std::fill(target, target + begin, 0.f);
     for (int i = begin; i < end; ++i) target[i] = window[i] * sound[static_cast<std::size_t>(first + i)];
     std::fill(target + end, target + config.window, 0.f);
-  }
 
-  /// Adds the magnitude of the frame's spectrum to one column of `pooled`.
-  void add_to_column(int column) {
     fft.forward(frame, spectrum);
-    const int columns = config.columns(), rows = config.rows(), pool = config.pool, num_bins = static_cast<int>(spectrum.size());
     const std::complex<float>* bins = spectrum.data();
     float* squares = magnitude.data();
-    for (int k = 0; k < num_bins; ++k) squares[k] = bins[k].real() * bins[k].real() + bins[k].imag() * bins[k].imag();
-    for (int k = 0; k < num_bins; ++k) squares[k] = std::sqrt(squares[k]);
-    for (int row = 0; row < rows; ++row) {
-      float sum = 0;
-      for (int k = row * pool; k < std::min((row + 1) * pool, num_bins); ++k) sum += magnitude[k];
-      pooled[static_cast<std::size_t>(row) * columns + column] += sum;
+    for (std::size_t k = 0; k < spectrum.size(); ++k) squares[k] = bins[k].real() * bins[k].real() + bins[k].imag() * bins[k].imag();
+    for (std::size_t k = 0; k < spectrum.size(); ++k) squares[k] = std::sqrt(squares[k]);
+    sum_rows(squares, spectrum.size(), static_cast<std::size_t>(config.pool), sums);
+  }
+
+  /// Mean over the frames of each column and its logarithm.
+  void pool_columns(std::span<const float> frames, std::size_t channel, std::span<float> spectrogram) {
+    const auto pool = static_cast<std::size_t>(config.pool);
+    const float pool_area = static_cast<float>(config.pool * config.pool);
+    for (std::size_t column = 0; column < columns; ++column) {
+      std::ranges::fill(pooled, 0.f);
+      for (std::size_t t = column * pool; t < std::min((column + 1) * pool, num_frames); ++t) {
+        const float* sums = frames.data() + t * rows;
+        for (std::size_t row = 0; row < rows; ++row) pooled[row] += sums[row];
+      }
+      for (float& value : pooled) value /= pool_area;
+      log1p_of(pooled);
+      for (std::size_t row = 0; row < rows; ++row) spectrogram[2 * (row * columns + column) + channel] = pooled[row];
     }
   }
 
   SpectrogramConfig config;
+  std::size_t num_frames, rows, columns;
   RealFft fft;
   std::vector<float> window, frame;
   std::vector<std::complex<float>> spectrum;
-  std::vector<float> pooled;  ///< [rows, columns] of one channel
-  std::vector<float> magnitude = std::vector<float>(spectrum.size());
+  std::vector<float> magnitude;
+  std::vector<float> pooled;  ///< one column
+  SpectrogramHistory own;     ///< of callers that keep none
 };
 
 SpectrogramAnalyzer::SpectrogramAnalyzer(const SpectrogramConfig& config) {
@@ -69,18 +138,30 @@ SpectrogramAnalyzer::~SpectrogramAnalyzer() = default;
 SpectrogramAnalyzer::SpectrogramAnalyzer(SpectrogramAnalyzer&&) noexcept = default;
 
 void SpectrogramAnalyzer::analyze(std::span<const float> sound, std::span<float> spectrogram) {
-  const SpectrogramConfig& config = impl_->config;
-  const auto samples = static_cast<std::size_t>(config.num_samples);
-  EARSHOT_EXPECT(sound.size() == 2 * samples && spectrogram.size() == 2 * impl_->pooled.size());
-  const float pool_area = static_cast<float>(config.pool * config.pool);
+  impl_->own.forget();
+  analyze(sound, 0, impl_->own, spectrogram);
+}
+
+void SpectrogramAnalyzer::analyze(std::span<const float> sound, std::size_t new_samples, SpectrogramHistory& history,
+                                  std::span<float> spectrogram) {
+  Impl& in = *impl_;
+  const auto samples = static_cast<std::size_t>(in.config.num_samples), hop = static_cast<std::size_t>(in.config.hop);
+  EARSHOT_EXPECT(sound.size() == 2 * samples && spectrogram.size() == 2 * in.rows * in.columns);
+  const std::size_t per_channel = in.num_frames * in.rows;
+  history.rows_.resize(2 * per_channel);
+  const std::size_t moved = new_samples / hop;
+  const bool known = history.valid_ && new_samples % hop == 0;
   for (std::size_t channel = 0; channel < 2; ++channel) {
-    std::fill(impl_->pooled.begin(), impl_->pooled.end(), 0.f);
-    for (int frame = 0; frame < config.num_frames(); ++frame) {
-      impl_->cut_frame(sound.subspan(channel * samples, samples), frame * config.hop);
-      impl_->add_to_column(frame / config.pool);
+    const std::span<float> frames = std::span(history.rows_).subspan(channel * per_channel, per_channel);
+    if (known && moved > 0 && moved < in.num_frames)
+      std::copy(frames.begin() + static_cast<std::ptrdiff_t>(moved * in.rows), frames.end(), frames.begin());
+    for (std::size_t t = 0; t < in.num_frames; ++t) {
+      const bool kept = known && t + moved < in.num_frames && in.inside(t) && in.inside(t + moved);
+      if (!kept) in.analyze_frame(sound.subspan(channel * samples, samples), t, frames.subspan(t * in.rows, in.rows));
     }
-    for (std::size_t i = 0; i < impl_->pooled.size(); ++i) spectrogram[2 * i + channel] = std::log1p(impl_->pooled[i] / pool_area);
+    in.pool_columns(frames, channel, spectrogram);
   }
+  history.valid_ = true;
 }
 
 }  // namespace earshot

@@ -2,6 +2,7 @@
 
 #include <memory>
 #include <span>
+#include <vector>
 
 #include "sim/audio/fft.h"
 
@@ -18,6 +19,17 @@ struct SpectrogramConfig {
   [[nodiscard]] int columns() const { return (num_frames() + pool - 1) / pool; }   ///< 26
 };
 
+/// Frames of the window that one listener had last, so that the next analysis does those anew that hold new samples.  Starts empty.
+class SpectrogramHistory {
+ public:
+  void forget() { valid_ = false; }
+
+ private:
+  friend class SpectrogramAnalyzer;
+  bool valid_ = false;
+  std::vector<float> rows_;  ///< [2, frames, rows]: magnitudes summed over the bins of a row
+};
+
 /// Owns the FFT and scratch: one per thread.
 class SpectrogramAnalyzer {
  public:
@@ -26,6 +38,10 @@ class SpectrogramAnalyzer {
   SpectrogramAnalyzer(SpectrogramAnalyzer&&) noexcept;
   /// sound: [2, num_samples]; spectrogram: [rows, columns, 2].  About 0.2 ms; no allocation.
   void analyze(std::span<const float> sound, std::span<float> spectrogram);
+  /// The same bits where `sound` is the window that `history` knows, moved on by `new_samples`: frames that lie wholly inside both windows
+  /// are taken from there, those at the edges, which see the padding, are not.  Nothing is taken if new_samples is no multiple of the hop.
+  /// About 0.06 ms for 2,400 new samples of 16,000.  Allocates in the first call for `history`.
+  void analyze(std::span<const float> sound, std::size_t new_samples, SpectrogramHistory& history, std::span<float> spectrogram);
 
  private:
   struct Impl;

@@ -3,7 +3,9 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <memory>
 #include <numbers>
+#include <thread>
 
 #include "sim/base/errors.h"
 #include "sim/base/random.h"
@@ -222,11 +224,82 @@ TEST(SoundStream, ConvolversShareNothing) {
   EXPECT_EQ(a, b);
 }
 
+/// Sixty steps of an agent that turns: every step has a RIR of its own.
+std::vector<float> walk_of(StreamConvolver& convolver, const SoundClip& clip, std::uint64_t key, std::uint64_t offset) {
+  constexpr int taps = 3000, block = 2400;
+  RirSpectra now, before;
+  std::vector<float> sound, part(2 * block);
+  StreamPosition position{.clip_offset = offset};
+  for (std::uint32_t step = 0; step < 60; ++step) {
+    std::swap(now, before);
+    convolver.transform(stereo_rir(taps, 2 + step % 5), taps, now);
+    convolver.convolve(clip, key, position, now, step > 0 ? &before : nullptr, block, part);
+    sound.insert(sound.end(), part.begin(), part.end());
+    position.sample += block;
+  }
+  return sound;
+}
+
+// What others heard before, how much room there is and that several threads use the spectra at once: none of it may be heard.
+TEST(SoundStream, SharedDrySpectraChangeNoBitOnAnyThread) {
+  const SoundClip clip = clip_of(noise(16000, 1)), other = clip_of(noise(4801, 9));
+  const StreamConfig config{.max_rir_samples = 3000};
+  StreamConvolver alone(config, 2);
+  const std::vector<float> expected = walk_of(alone, clip, 0, 123), expected_other = walk_of(alone, other, 0, 7);
+  const int size = StreamConvolver::plan(config, 2).fft_size;
+  for (const std::size_t bytes : {std::size_t{1}, std::size_t{16} << 20}) {  // eight spectra, which all fight for; plenty
+    const auto shared = std::make_shared<DrySpectra>(size, bytes);
+    std::vector<std::vector<float>> heard(4);
+    {
+      std::vector<std::jthread> threads;
+      for (std::size_t i = 0; i < heard.size(); ++i)
+        threads.emplace_back([&, i] {
+          StreamConvolver convolver(config, 2, shared);
+          heard[i] = i % 2 == 0 ? walk_of(convolver, clip, 1, 123) : walk_of(convolver, other, 2, 7);
+        });
+    }
+    for (std::size_t i = 0; i < heard.size(); ++i) EXPECT_EQ(heard[i], i % 2 == 0 ? expected : expected_other) << i << ", " << bytes;
+  }
+}
+
+// The second form, which transforms both RIRs itself, and responses of different lengths, of which the longer ends in zeros.
+TEST(SoundStream, SpectraOfResponsesOfAnyLengthFade) {
+  const SoundClip clip = clip_of(noise(5000, 1));
+  StreamConvolver convolver({.max_rir_samples = 8000}, 2);
+  const auto brief = stereo_rir(1300, 2), lasting = stereo_rir(8000, 3);
+  std::vector<float> padded(16000, 0.f), by_spectra(4800), by_samples(4800);
+  for (std::size_t channel = 0; channel < 2; ++channel)
+    std::copy_n(brief.begin() + static_cast<std::ptrdiff_t>(channel * 1300), 1300,
+                padded.begin() + static_cast<std::ptrdiff_t>(channel * 8000));
+  RirSpectra of_brief, of_lasting;
+  convolver.transform(brief, 1300, of_brief);
+  convolver.transform(lasting, 8000, of_lasting);
+  EXPECT_LT(of_brief.num_parts(), of_lasting.num_parts());
+  convolver.convolve(clip, 0, {.sample = 5}, of_brief, &of_lasting, 2400, by_spectra);
+  convolver.convolve(clip, {.sample = 5}, padded, lasting, 8000, 2400, by_samples);
+  EXPECT_EQ(by_spectra, by_samples);
+  convolver.convolve(clip, 0, {.sample = 5}, of_lasting, &of_brief, 2400, by_spectra);
+  convolver.convolve(clip, {.sample = 5}, lasting, padded, 8000, 2400, by_samples);
+  EXPECT_EQ(by_spectra, by_samples);
+}
+
+TEST(SoundStream, PlansFitTheirTransforms) {
+  for (const int taps : {1, 100, 8000, 12800, 500000})
+    for (const int block : {1, 37, 1024, 2400, 48000}) {
+      const StreamPlan plan = StreamConvolver::plan({.max_rir_samples = taps, .max_block_samples = block}, 2);
+      EXPECT_GE(plan.part, 1);
+      EXPECT_GE(plan.piece, 1);
+      EXPECT_LE(plan.part + plan.piece, plan.fft_size + 1);
+    }
+}
+
 TEST(SoundStream, RefusesNonsense) {
   EXPECT_THROW(StreamConvolver({.max_rir_samples = 0}, 2), InputError);
   EXPECT_THROW(StreamConvolver({.max_block_samples = 0}, 2), InputError);
   EXPECT_THROW(StreamConvolver({.crossfade_samples = -1}, 2), InputError);
   EXPECT_THROW(StreamConvolver(StreamConfig{}, 0), InputError);
+  EXPECT_THROW(StreamConvolver({.max_rir_samples = 3000}, 2, std::make_shared<DrySpectra>(1 << 16, 1)), InputError);  // of another plan
+  EXPECT_THROW(DrySpectra(0, 1), InputError);
 }
 
 }  // namespace

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <complex>
 #include <numbers>
@@ -118,6 +119,60 @@ TEST(Spectrogram, SameSoundGivesTheSameBits) {
   one.analyze(sound, first);
   other.analyze(sound, second);
   EXPECT_EQ(first, second);
+}
+
+/// A window that moves over a long sound, by `steps` samples each time.
+void expect_history_changes_no_bit(const SpectrogramConfig& config, std::span<const int> steps) {
+  const auto samples = static_cast<std::size_t>(config.num_samples);
+  std::size_t total = samples;
+  for (const int step : steps) total += static_cast<std::size_t>(step);
+  const auto sound = stereo_noise(static_cast<int>(total));
+  SpectrogramAnalyzer keeping(config), full(config);
+  SpectrogramHistory history;
+  std::vector<float> window(2 * samples), kept(static_cast<std::size_t>(config.rows() * config.columns() * 2)), anew(kept.size());
+  std::size_t begin = 0, moved = 0;
+  for (std::size_t i = 0;; ++i) {
+    for (std::size_t channel = 0; channel < 2; ++channel)
+      std::copy_n(sound.begin() + static_cast<std::ptrdiff_t>(channel * total + begin), samples,
+                  window.begin() + static_cast<std::ptrdiff_t>(channel * samples));
+    keeping.analyze(window, moved, history, kept);
+    full.analyze(window, anew);
+    ASSERT_EQ(kept, anew) << "after step " << i;
+    if (i == steps.size()) return;
+    moved = static_cast<std::size_t>(steps[i]);
+    begin += moved;
+  }
+}
+
+// Steps of the environments, still windows, steps off the hop, nearly and wholly new windows.
+TEST(Spectrogram, HistoryChangesNoBit) {
+  expect_history_changes_no_bit({}, std::array{2400, 2400, 0, 4800, 160, 2400, 15840, 16000, 2400, 2401, 2400, 40000, 2400});
+  expect_history_changes_no_bit({.num_samples = 1001}, std::array{160, 320, 100, 160, 960, 160});
+  expect_history_changes_no_bit({.num_samples = 900, .fft_size = 256, .hop = 64, .window = 256, .pool = 3}, std::array{64, 128, 640, 64});
+}
+
+TEST(Spectrogram, ForgottenHistoryIsNotUsed) {
+  const auto sound = stereo_noise(16000);
+  SpectrogramAnalyzer analyzer{SpectrogramConfig{}};
+  SpectrogramHistory history;
+  std::vector<float> result(65 * 26 * 2);
+  analyzer.analyze(sound, 0, history, result);
+  history.forget();
+  analyzer.analyze(std::vector<float>(32000, 0.f), 0, history, result);
+  for (const float value : result) ASSERT_EQ(value, 0.f);
+}
+
+// The logarithm over its whole range, by a sine whose level grows: error of a few units in the last place of values up to 40.
+TEST(Spectrogram, LogarithmHoldsFromNearSilenceToTheLoudest) {
+  const SpectrogramConfig config{.num_samples = 400};
+  for (float level = 1e-12f; level < 1e15f; level *= 7.3f) {
+    auto sound = stereo_noise(config.num_samples);
+    for (float& value : sound) value *= level;
+    std::vector<float> result(static_cast<std::size_t>(config.rows() * config.columns() * 2));
+    SpectrogramAnalyzer(config).analyze(sound, result);
+    const auto expected = naive_spectrogram(sound, config);
+    for (std::size_t i = 0; i < expected.size(); ++i) ASSERT_NEAR(result[i], expected[i], 1e-6 * expected[i] + 1e-18) << level;
+  }
 }
 
 TEST(Spectrogram, RefusesNonsense) {
