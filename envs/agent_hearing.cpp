@@ -34,15 +34,22 @@ bool all_finite(std::span<const float> values) {
 }
 
 HearingEngines::HearingEngines(std::shared_ptr<const SynthesisTables> tables, const StreamConfig& stream,
-                               const SpectrogramConfig& spectrogram)
+                               const SpectrogramConfig& spectrogram, std::shared_ptr<DrySpectra> dry_spectra)
     : synthesizer(std::move(tables)),
-      convolver(stream, 2),
+      convolver(stream, 2, std::move(dry_spectra)),
       analyzer(spectrogram),
       block(2 * static_cast<std::size_t>(stream.max_block_samples)),
       window(2 * static_cast<std::size_t>(spectrogram.num_samples)) {}
 
+std::shared_ptr<DrySpectra> make_dry_spectra(const StreamConfig& stream) {
+  return std::make_shared<DrySpectra>(StreamConvolver::plan(stream, 2).fft_size, std::size_t{16} << 20);
+}
+
 void AgentHearing::begin(const EnvSource& source, const SoundClip& clip, std::uint64_t clip_offset) {
   clip_ = &clip;
+  clip_key_ = hash64(std::as_bytes(std::span(clip.samples)));
+  history_.forget();
+  new_samples_ = 0;
   position_ = {.sample = 0, .clip_offset = clip_offset, .already_playing = true};
   has_response_ = response_is_new_ = has_rir_ = fades_ = false;
   response_.arrivals.reserve(source.candidates.size() + 1);  // direct sound and every image: no step allocates
@@ -68,21 +75,27 @@ void AgentHearing::synthesize(HearingEngines& engines, double heading_rad) {
   if (has_rir_ && !response_is_new_ && std::bit_cast<std::uint64_t>(heading_rad) == std::bit_cast<std::uint64_t>(rendered_heading_rad_))
     return;
   fades_ = has_rir_;
-  std::swap(rir_, previous_);
+  std::swap(spectra_, previous_);
   engines.synthesizer.render(response_, heading_rad, carrier_key_, rir_);
+  engines.convolver.transform(rir_.samples, rir_.num_samples, spectra_);
   rendered_heading_rad_ = heading_rad;
   response_is_new_ = false;
   has_rir_ = true;
 }
 
 bool AgentHearing::convolve(HearingEngines& engines, int block, std::span<float> sound, std::span<float> window) {
-  engines.convolver.convolve(*clip_, position_, rir_.samples, fades_ ? std::span<const float>(previous_.samples) : std::span<const float>{},
-                             rir_.num_samples, block, sound);
+  engines.convolver.convolve(*clip_, clip_key_, position_, spectra_, fades_ ? &previous_ : nullptr, block, sound);
   position_.sample += static_cast<std::uint64_t>(block);
   const bool finite = all_finite(sound);
   if (!finite) std::fill(sound.begin(), sound.end(), 0.f);
   push(sound, window);
+  new_samples_ += static_cast<std::size_t>(block);
   return finite;
+}
+
+void AgentHearing::analyze(HearingEngines& engines, std::span<const float> window, std::span<float> spectrogram) {
+  engines.analyzer.analyze(window, new_samples_, history_, spectrogram);
+  new_samples_ = 0;
 }
 
 bool AgentHearing::fill_window(HearingEngines& engines, int block, std::span<float> sound, std::span<float> window) {

@@ -15,7 +15,9 @@ namespace earshot {
 
 /// Engines of the sound stages: plans and scratch, nothing that outlives a call.  One per thread.
 struct HearingEngines {
-  HearingEngines(std::shared_ptr<const SynthesisTables> tables, const StreamConfig& stream, const SpectrogramConfig& spectrogram);
+  /// dry_spectra: see make_dry_spectra; shared by the engines of all threads, null: none are kept.
+  HearingEngines(std::shared_ptr<const SynthesisTables> tables, const StreamConfig& stream, const SpectrogramConfig& spectrogram,
+                 std::shared_ptr<DrySpectra> dry_spectra = nullptr);
   RirSynthesizer synthesizer;
   StreamConvolver convolver;
   SpectrogramAnalyzer analyzer;
@@ -23,8 +25,11 @@ struct HearingEngines {
   std::vector<float> window;  ///< [2, window samples], for the legacy spectrogram
 };
 
+/// Room for the spectra of the dry sounds that all agents hear, 16 MiB.
+std::shared_ptr<DrySpectra> make_dry_spectra(const StreamConfig& stream);
+
 /// What one agent hears in one episode: the response of its source at its ears, the RIR made of it, and where the dry sound is.
-/// The stages are called in the order of the data: trace, synthesize, convolve.
+/// The stages are called in the order of the data: trace, synthesize, convolve, analyze.
 class AgentHearing {
  public:
   /// The sound has been playing before: at `begin` an agent hears the reverberation of a past that was spent at the start.
@@ -38,6 +43,8 @@ class AgentHearing {
   /// The next `block` samples: written to `sound` [2, block] and pushed into the rolling `window` [2, samples].  Returns false if they
   /// were not finite: zeros are written then.
   bool convolve(HearingEngines& engines, int block, std::span<float> sound, std::span<float> window);
+  /// Spectrogram [rows, columns, 2] of the window that convolve() filled: only frames with new samples are worked out.
+  void analyze(HearingEngines& engines, std::span<const float> window, std::span<float> spectrogram);
   /// Fills the window as if the agent had stood here before, and leaves its last `block` samples in `sound`.
   bool fill_window(HearingEngines& engines, int block, std::span<float> sound, std::span<float> window);
   /// Jumps to stream sample `sample`: a replay that starts in the middle.
@@ -46,9 +53,13 @@ class AgentHearing {
  private:
   const SoundClip* clip_ = nullptr;
   std::uint64_t carrier_key_ = 0;
+  std::uint64_t clip_key_ = 0;
   StreamPosition position_;
   EnergyResponse response_;
-  Rir rir_, previous_;
+  Rir rir_;
+  RirSpectra spectra_, previous_;  ///< of rir_ and of the one before
+  SpectrogramHistory history_;
+  std::size_t new_samples_ = 0;  ///< pushed since the last analysis
   glm::vec3 traced_position_{0};
   double rendered_heading_rad_ = 0;
   bool has_response_ = false, response_is_new_ = false, has_rir_ = false, fades_ = false;

@@ -52,8 +52,9 @@ BatchedEnv::Impl::Impl(const EnvConfig& env_config, std::shared_ptr<const Episod
     const BandLayout bands =
         config.acoustics.bands > 0 ? BandLayout::log_spaced(config.acoustics.bands, rate_hz) : BandLayout::octaves(rate_hz);
     const auto tables = make_synthesis_tables(config.acoustics, bands, ChannelLayout::binaural, hrtf);
-    for (int thread = 0; thread < threads; ++thread)
-      engines.emplace_back(tables, stream_config(config, block_samples, hrtf->fft_size()), spec.sound);
+    const StreamConfig stream = stream_config(config, block_samples, hrtf->fft_size());
+    const auto dry_spectra = make_dry_spectra(stream);
+    for (int thread = 0; thread < threads; ++thread) engines.emplace_back(tables, stream, spec.sound, dry_spectra);
   }
   rewards.assign(agents.size(), 0.f);
   for (auto* flags : {&terminated, &truncated, &active, &collided}) flags->assign(agents.size(), 0);

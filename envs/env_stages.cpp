@@ -61,7 +61,6 @@ void BatchedEnv::Impl::render(std::size_t env) {
 void BatchedEnv::Impl::observe(std::size_t env, HearingEngines* own) {
   if (!active[env]) return;
   if (own) {
-    std::span<const float> window = sound_row(heard, env);
     if (config.observation.legacy_spectrogram) {  // the new samples, then zeros (FACTS 2.3, step 7)
       const std::size_t samples = own->window.size() / 2, block = size_of(block_samples);
       const auto sound = sound_row(audiogoal, env);
@@ -69,9 +68,10 @@ void BatchedEnv::Impl::observe(std::size_t env, HearingEngines* own) {
       for (std::size_t ear = 0; ear < 2; ++ear)
         std::copy_n(sound.begin() + static_cast<std::ptrdiff_t>(ear * block), block,
                     own->window.begin() + static_cast<std::ptrdiff_t>(ear * samples));
-      window = own->window;
+      own->analyzer.analyze(own->window, spectrogram.row(env));
+    } else {
+      agents[env].hearing.analyze(*own, sound_row(heard, env), spectrogram.row(env));
     }
-    own->analyzer.analyze(window, spectrogram.row(env));
     clear_if_nonfinite(env, spectrogram, "spectrogram");
   }
   if (config.observation.pointgoal) {
