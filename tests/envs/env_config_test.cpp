@@ -39,6 +39,8 @@ seed: 18446744073709551615
 sound_gain: 2.5
 scene_cache_gb: 0.5
 prefetch: false
+field_store: some/folder
+field_store_gb: 2.5
 )",
                                      {"task.forward_m=0.25"});
   EXPECT_EQ(config.task.max_steps, 77);
@@ -51,6 +53,8 @@ prefetch: false
   EXPECT_EQ(config.threads, 3);
   EXPECT_EQ(config.seed, std::numeric_limits<std::uint64_t>::max());
   EXPECT_FALSE(config.prefetch);
+  EXPECT_EQ(config.field_store, "some/folder");
+  EXPECT_EQ(config.field_store_gb, 2.5);
 }
 
 TEST(EnvConfig, PresetComesBeforeItsOverrides) {
@@ -89,6 +93,8 @@ TEST(EnvConfig, ValuesOutOfRangeAreRefused) {
       [](EnvConfig& c) { c.crossfade_s = -0.1f; },
       [](EnvConfig& c) { c.threads = -1; },
       [](EnvConfig& c) { c.scene_cache_gb = -1; },
+      [](EnvConfig& c) { c.field_store_gb = -1; },
+      [](EnvConfig& c) { c.field_store_gb = std::numeric_limits<double>::quiet_NaN(); },
       [](EnvConfig& c) { c.scene_root = "/no/such/folder"; },
       [](EnvConfig& c) { c.sound_root = "/no/such/folder"; },
       [](EnvConfig& c) { c.acoustics.sample_rate_hz = 48000; },  // the spectrogram still says 16000
