@@ -225,6 +225,41 @@ TEST_F(Cli, WalkIsAsLongAsItsPosesAndNeverSilent) {
   expect_bad_input("walk shoebox:5x3x4@0.3 --poses " + write("back.csv", "1,0,0,0,0\n0,0,0,0,0\n") + " --source 4,1.5,1 --sound synth:noise --out " + file("v.wav"), "time does not rise");
 }
 
+TEST_F(Cli, WalkThroughAFieldIsReproducible) {
+  write("poses.csv", "t_s,x,y,z,heading_deg\n0,1,1.5,1,0\n0.5,2,1.5,2,90\n");
+  const std::string walk = "walk shoebox:5x3x4@0.3 --poses " + file("poses.csv") +
+                           " --source 4,1.5,1 --sound synth:noise --set rays=16 rir_length_s=0.2 field_photons=8192 field_error=0.001 ";
+  const auto heard = [&](const std::string& options) {
+    const Outcome outcome = earshot(walk + options + " --out " + file("w.wav"));
+    EXPECT_EQ(outcome.exit_code, 0) << outcome.errors;
+    return read("w.wav");
+  };
+  const std::string traced = heard("--set field=off"), gathered = heard("--set field=on");
+  EXPECT_NE(traced, gathered);
+  const std::string store = "--set field=on --field-store " + file("fields");
+  EXPECT_EQ(heard(store), gathered);  // built and kept
+  EXPECT_EQ(heard(store), gathered);  // read
+  const std::string refined = heard("--set field=on --refine-every 3");
+  EXPECT_NE(refined, gathered);  // the first blocks hear the coarse field
+  EXPECT_EQ(heard("--set field=on --refine-every 3"), refined);
+  expect_bad_input(walk + "--refine-every -1 --out " + file("x.wav"), "--refine-every");
+}
+
+TEST_F(Cli, WalkPastAMovingSourceReusesUnlessTold) {
+  write("poses.csv", "t_s,x,y,z,heading_deg\n0,1,1.5,1,0\n0.5,1,1.5,1,90\n");
+  write("path.csv", "t_s,x,y,z,heading_deg\n0,2,1.5,1,0\n0.5,2.5,1.5,1,0\n");
+  const std::string walk = "walk shoebox:5x3x4@0.3 --poses " + file("poses.csv") + " --source-path " + file("path.csv") +
+                           " --sound synth:noise --set rays=16 rir_length_s=0.2 ";
+  const auto heard = [&](const std::string& options) {
+    const Outcome outcome = earshot(walk + options + " --out " + file("w.wav"));
+    EXPECT_EQ(outcome.exit_code, 0) << outcome.errors;
+    return read("w.wav");
+  };
+  const std::string automatic = heard("");
+  EXPECT_EQ(heard("--set temporal_reuse=on"), automatic);
+  EXPECT_NE(heard("--set temporal_reuse=off"), automatic);
+}
+
 TEST_F(Cli, MaterialsAreListedAndLinted) {
   const Outcome builtin = earshot("materials");
   EXPECT_EQ(builtin.exit_code, 0) << builtin.output;
