@@ -21,7 +21,7 @@ allowed() {
 # owned PATTERN "FOLDERS OR FILES": only they include headers that match PATTERN.
 owned() {
   local hits
-  hits=$(grep -rlE "#[[:space:]]*include[[:space:]]*<($1)" --include='*.h' --include='*.cpp' sim envs policy trainer apps | grep -vE "^($2)" || true)
+  hits=$(grep -rlE "#[[:space:]]*include[[:space:]]*<($1)" --include='*.h' --include='*.cpp' sim envs bench policy trainer apps | grep -vE "^($2)" || true)
   if [ -n "$hits" ]; then echo "layering: <$1> is included outside $2: $hits"; failures=1; fi
 }
 
@@ -33,9 +33,10 @@ allowed sim/acoustics "sim/base sim/rays sim/scene sim/audio sim/acoustics"
 allowed sim/vision    "sim/base sim/rays sim/scene sim/vision"
 allowed sim/nav       "sim/base sim/rays sim/scene sim/nav"
 allowed envs          "sim envs"
+allowed bench         "sim envs bench"
 allowed policy        "sim envs policy"
 allowed trainer       "sim envs policy trainer"
-allowed apps          "sim envs policy trainer apps"
+allowed apps          "sim envs bench policy trainer apps"
 
 owned 'embree'            'sim/rays/|apps/doctor'
 owned 'assimp'            'sim/scene/'
