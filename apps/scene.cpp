@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <memory>
@@ -10,7 +11,7 @@
 #include "apps/commands.h"
 #include "sim/acoustics/acoustic_scene.h"
 #include "sim/acoustics/air_absorption.h"
-#include "sim/acoustics/diffraction_edges.h"
+#include "sim/acoustics/effect_plan.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/nav/navmesh.h"
@@ -23,31 +24,51 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 struct Options {
-  std::string scene, json;
+  std::string scene, json, preset = "fast";
+  std::vector<std::string> settings;
   std::optional<double> unit_m, simplify_m;
   bool explain = false;
 };
 
 constexpr double hardly_any_leak = 0.001;
 
-/// What the engine does about each effect when nothing is asked for (preset fast), and why.
-std::vector<std::pair<const char*, std::string>> effects(const SceneReport& report, const AcousticScene& acoustics) {
-  const bool open = report.ray_efficiency < 0.5;
-  const DiffractionEdges* edges = acoustics.diffraction_edges();
-  const std::size_t num_edges = edges ? edges->size() : 0;
-  return {
-      {"direct", "on: always"},
-      {"early", acoustics.planes().empty() ? std::string("off: nothing reflects")
-                                           : fmt::format("on: {} planes, paths up to order {}, each leg confirmed by a ray at every pose",
-                                                         acoustics.planes().size(), acoustics.config().early_order)},
-      {"diffraction", num_edges == 0
-                          ? std::string("off: no edge stands out into the air")
-                          : fmt::format("on where the direct sound is blocked or nearly so (balanced and high: everywhere): {} edges", num_edges)},
-      {"transmission", acoustics.transmits()
-                           ? std::string("on where the direct sound is blocked: along the straight line (high: everywhere)")
-                           : std::string("off: no material lets sound through")},
-      {"late", open ? "on: but most rays escape, expect little of it" : "on"},
-      {"air_absorption", "on: one multiplication per time bin"}};
+AcousticScene acoustics_of(const std::shared_ptr<const Scene>& scene, const Options& options) {
+  AcousticConfig config = acoustic_preset(options.preset);
+  ConfigReader reader = ConfigReader::from_text("", "--set", options.settings);
+  read(reader, config);
+  reader.finish();
+  return {scene, config};
+}
+
+std::string shown_change(const EffectDecision& decision) {
+  return std::isnan(decision.change) ? "-" : fmt::format("{}{:.3g} {}", decision.on ? "" : "<= ", decision.change, decision.unit);
+}
+
+/// The columns "leaving it out": for what is off the most that it may change a response, for what is on about what it contributes.
+void print_plan(const EffectPlan& plan) {
+  std::size_t widest = 0;
+  for (const EffectDecision& decision : plan.decisions) widest = std::max(widest, decision.decision.size());
+  fmt::print("effects          budget per effect: {} dB in every band down to -45 dB, {:.0f} % of RT60\n", kEffectBudgetDb,
+             100 * kEffectBudgetRt);
+  fmt::print("  {:<18} {:<{}} {:<15} {:<8} {:<11} {}\n", "effect", "decision", widest, "leaving it out", "bound", "saves/pose", "why");
+  for (const EffectDecision& decision : plan.decisions) {
+    fmt::print("  {:<18} {:<{}} {:<15} {:<8} {:<11} {}\n", decision.effect, decision.decision, widest, shown_change(decision),
+               name_of(decision.kind), decision.saved_ms > 0 ? fmt::format("{:.4f} ms", decision.saved_ms) : "-", decision.why);
+  }
+}
+
+Json plan_json(const EffectPlan& plan) {
+  Json json = Json::object();
+  for (const EffectDecision& decision : plan.decisions) {
+    json[decision.effect] = {{"decision", decision.decision},
+                             {"on", decision.on},
+                             {"change", std::isfinite(decision.change) ? Json(decision.change) : Json(nullptr)},
+                             {"unit", decision.unit},
+                             {"bound", name_of(decision.kind)},
+                             {"saved_ms", decision.saved_ms},
+                             {"why", decision.why}};
+  }
+  return json;
 }
 
 Json numbers(const std::vector<double>& values) {
@@ -106,12 +127,9 @@ void run_scene(const Options& options) {
                std::isfinite(report.rt60_estimate_s[i]) ? fmt::format("{:.2f} s", report.rt60_estimate_s[i]) : "-");
   fmt::print("\n");
   if (!options.explain && options.json.empty()) return;
-  const auto plan_of_effects = effects(report, AcousticScene(shared_scene, acoustic_preset("fast")));
-  if (options.explain)
-    for (const auto& [name, why] : plan_of_effects) fmt::print("  {:<15} {}\n", name, why);
+  const AcousticScene acoustics = acoustics_of(shared_scene, options);
+  if (options.explain) print_plan(acoustics.plan());
   if (options.json.empty()) return;
-  Json plan = Json::object();
-  for (const auto& [name, why] : plan_of_effects) plan[name] = why;
   Json hole_list = Json::array();
   for (const Hole& hole : holes) {
     const auto point = [](glm::vec3 p) { return Json{p.x, p.y, p.z}; };
@@ -137,7 +155,7 @@ void run_scene(const Options& options) {
                      {"area_m2", report.area_m2},
                      {"navigable_area_m2", navigable_m2 ? Json(*navigable_m2) : Json(nullptr)},
                      {"rt60_estimate_s", numbers(report.rt60_estimate_s)},
-                     {"effects", plan}};
+                     {"effects", plan_json(acoustics.plan())}};
   write_file_atomically(options.json, json.dump(1) + "\n");
 }
 
@@ -150,7 +168,9 @@ void add_scene(CLI::App& app) {
   command->add_option("--unit", options->unit_m,
                       "Metres per unit of a mesh file (0.01 for centimetres); default: what a YAML says, else 1");
   command->add_option("--simplify", options->simplify_m, "Simplify the mesh: largest deviation of its surface in metres, (0, 1]");
-  command->add_flag("--explain", options->explain, "Also say which acoustic effects are simulated, and why");
+  command->add_flag("--explain", options->explain, "Also print the effect plan: what is simulated, on which bound, and what it saves");
+  command->add_option("--preset", options->preset, "Whose plan: fast (training), balanced, high (reference)")->capture_default_str();
+  command->add_option("--set", options->settings, "key=value over that preset, as in `earshot rir`");
   command->add_option("--json", options->json, "Also write the report to a file");
   command->callback([options] { run_scene(*options); });
 }

@@ -11,6 +11,7 @@
 
 #include "sim/acoustics/air_absorption.h"
 #include "sim/acoustics/diffraction_edges.h"
+#include "sim/acoustics/effect_plan.h"
 #include "sim/acoustics/field_grid.h"
 #include "sim/acoustics/reflection_model.h"
 #include "sim/acoustics/specular_lobe.h"
@@ -78,18 +79,21 @@ AcousticScene::AcousticScene(std::shared_ptr<const Scene> scene, const AcousticC
     }
   }
 
-  air_.assign(num_bands(), 0.f);
-  if (config_.air_absorption != Switch::off) {
-    for (int band = 0; band < num_bands(); ++band) {
-      air_[band] = static_cast<float>(air_absorption_energy_per_m(scene_->air(), bands_.centre_hz[band]));
-    }
-  }
   if (config_.specular_exponent > 0.f) specular_lobe_ = std::make_shared<const SpecularLobe>(config_.specular_exponent);
   if (config_.diffraction != Switch::off)
     diffraction_edges_ = std::make_shared<const DiffractionEdges>(*scene_, config_.diffraction_edge_m);
   field_grid_ = std::make_shared<LazyGrid>();
   planes_ = find_mirror_planes(scene_->mesh());
   if (!scene_->mesh().triangles.empty()) diagonal_m_ = glm::length(scene_->bounds().upper - scene_->bounds().lower);
+
+  plan_ = std::make_shared<const EffectPlan>(plan_effects(*this));
+  config_.rir_length_s = plan_->rir_length_s;
+  if (!plan_->late) config_.late = Switch::off;
+  image_order_ = plan_->image_order;
+  air_.assign(num_bands(), 0.f);
+  for (int band = 0; band < num_bands(); ++band) {
+    if (plan_->air[band]) air_[band] = static_cast<float>(air_absorption_energy_per_m(scene_->air(), bands_.centre_hz[band]));
+  }
   reflection_model_ = std::make_shared<const ReflectionModel>(*this, traces_transmission(*this));
   hash_ = hash_of(config_, scene_->hash());
 }

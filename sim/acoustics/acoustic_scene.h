@@ -13,12 +13,13 @@
 namespace earshot {
 
 class DiffractionEdges;
+struct EffectPlan;
 class FieldGrid;
 class ReflectionModel;
 class SpecularLobe;
 
-/// A scene seen through one acoustic configuration: coefficients per band, air, planes.  Immutable, shared by all threads; holds the
-/// scene alive.
+/// A scene seen through one acoustic configuration: coefficients per band, air, planes, and the plan of what to simulate in it.  Immutable,
+/// shared by all threads; holds the scene alive.
 class AcousticScene {
  public:
   /// Throws InputError if `config` breaks a rule (validate).
@@ -28,7 +29,10 @@ class AcousticScene {
 
   [[nodiscard]] const Scene& scene() const { return *scene_; }
   [[nodiscard]] const std::shared_ptr<const Scene>& shared_scene() const { return scene_; }
+  /// As given, with what was left to the plan filled in: rir_length_s is never 0 here, and late is off where nothing comes back.
   [[nodiscard]] const AcousticConfig& config() const { return config_; }
+  /// Which effects are simulated, with the bound that each decision rests on (effect_plan.h).
+  [[nodiscard]] const EffectPlan& plan() const { return *plan_; }
   [[nodiscard]] const BandLayout& bands() const { return bands_; }
   [[nodiscard]] int num_bands() const { return bands_.size(); }
   /// Per material slot and band: [num_bands] each.  Means of the material's curves over each band.
@@ -47,16 +51,14 @@ class AcousticScene {
   /// Lobe of the specular share; null for a mirror (config.specular_exponent = 0).
   [[nodiscard]] const SpecularLobe* specular_lobe() const { return specular_lobe_.get(); }
   /// Up to which order image paths carry specular reflections: 0 without mirrors.
-  [[nodiscard]] int image_order() const {
-    return config_.early == Switch::off || config_.specular_exponent > 0.f ? 0 : config_.early_order;
-  }
+  [[nodiscard]] int image_order() const { return image_order_; }
   /// What surfaces keep, scatter and let through, for the tracers; with transmission if traces_transmission(*this).
   [[nodiscard]] const ReflectionModel& reflection_model() const { return *reflection_model_; }
   /// Edges round which sound bends; null with diffraction off.
   [[nodiscard]] const DiffractionEdges* diffraction_edges() const { return diffraction_edges_.get(); }
   /// Cells of the source fields, found on the first call, once, from any thread.
   [[nodiscard]] const FieldGrid& field_grid() const;
-  /// Energy exponent of air per band, at its centre; all zero if air absorption is off.
+  /// Energy exponent of air per band, at its centre; zero where air absorption is off.
   [[nodiscard]] std::span<const float> air_energy_per_m() const { return air_; }
   [[nodiscard]] std::span<const MirrorPlane> planes() const { return planes_.planes; }
   [[nodiscard]] std::span<const std::uint32_t> plane_of_triangle() const { return planes_.plane_of_triangle; }
@@ -78,9 +80,11 @@ class AcousticScene {
   BandLayout bands_;
   int stride_ = 0;
   float diagonal_m_ = 0;
+  int image_order_ = 0;
   std::vector<float> reflectance_, scattering_, transmission_, damping_, air_;
   bool transmits_ = false;
   std::shared_ptr<const SpecularLobe> specular_lobe_;
+  std::shared_ptr<const EffectPlan> plan_;
   std::shared_ptr<const ReflectionModel> reflection_model_;
   std::shared_ptr<const DiffractionEdges> diffraction_edges_;
   struct LazyGrid;

@@ -64,7 +64,12 @@ void read(ConfigReader& reader, AcousticConfig& config) {
   reader.read("max_bounces", config.max_bounces);
   reader.read("time_bin_s", config.time_bin_s);
   reader.read("sh_order", config.sh_order);
-  reader.read("rir_length_s", config.rir_length_s);
+  std::string length;
+  reader.read("rir_length_s", length);
+  if (length == "auto")
+    config.rir_length_s = 0.f;
+  else
+    reader.read("rir_length_s", config.rir_length_s);
   reader.read("source_radius_m", config.source_radius_m);
   reader.read("diffuse_last_leg", config.diffuse_last_leg);
   reader.read("scattering", config.scattering);
@@ -104,8 +109,7 @@ void validate(const AcousticConfig& config) {
   require(config.time_bin_s > 0.f && in_range(config.time_bin_s, 1e-5f, 0.1f), "time_bin_s", config.time_bin_s,
           "must be in [0.00001, 0.1] s");
   require(config.sh_order >= 0 && config.sh_order <= 5, "sh_order", config.sh_order, "must be in [0, 5]");
-  require(config.rir_length_s > 0.f && in_range(config.rir_length_s, 0.f, 60.f), "rir_length_s", config.rir_length_s,
-          "must be in (0, 60] s");
+  require(in_range(config.rir_length_s, 0.f, 60.f), "rir_length_s", config.rir_length_s, "must be in (0, 60] s, or auto");
   require(config.rir_length_s / config.time_bin_s <= 1e6f, "rir_length_s", config.rir_length_s,
           "needs more than a million bins of time_bin_s; shorten it or widen the bins");
   require(config.source_radius_m > 0.f && in_range(config.source_radius_m, 0.f, 100.f), "source_radius_m", config.source_radius_m,

@@ -34,7 +34,7 @@ struct AcousticConfig {
   float specular_exponent = 0.f;
   float time_bin_s = 0.004f;      ///< (0, 0.1]
   int sh_order = 1;               ///< of the arrival directions, [0, 5]
-  float rir_length_s = 0.5f;      ///< (0, 60]
+  float rir_length_s = 0.5f;      ///< (0, 60]; 0 or `auto`: as long as the scene's decay asks, at most 4 s (effect_plan.h)
   float source_radius_m = 0.25f;  ///< volume in which specular paths meet the source, unless diffuse_last_leg
   /// false: next-event estimation sees the diffuse share only, specular last legs are caught by the source volume (unbiased, noisy).
   /// true: the last leg of late paths is treated as diffuse (the share s of scattering as 1): far less noise, small bias (a

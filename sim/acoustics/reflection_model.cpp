@@ -4,6 +4,7 @@
 #include <glm/geometric.hpp>
 #include <numbers>
 
+#include "sim/acoustics/effect_plan.h"
 #include "sim/acoustics/specular_lobe.h"
 
 namespace earshot {
@@ -45,10 +46,6 @@ float ReflectionModel::mean_pdf(std::uint32_t material, glm::vec3 normal, glm::v
   return lobe_ && mean.specular > 0.f ? lambert + mean.specular * lobe_->pdf(normal, in, out) : lambert;
 }
 
-bool traces_transmission(const AcousticScene& scene) {
-  const AcousticConfig& config = scene.config();
-  if (config.transmission == Switch::off || !scene.transmits()) return false;
-  return config.transmission == Switch::on || config.source_rays > 0;
-}
+bool traces_transmission(const AcousticScene& scene) { return scene.plan().traced_transmission; }
 
 }  // namespace earshot

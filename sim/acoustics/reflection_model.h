@@ -46,8 +46,7 @@ class ReflectionModel {
   const SpecularLobe* lobe_;
 };
 
-/// Is transmission part of the late field here?  On request, and in the bidirectional reference unless switched off; only in scenes that
-/// have something to transmit.
+/// Is transmission part of the late field here?  On request, and where the plan finds that walls matter beside the air (effect_plan.h).
 bool traces_transmission(const AcousticScene& scene);
 
 }  // namespace earshot

@@ -5,6 +5,7 @@
 #include <numbers>
 #include <span>
 
+#include "sim/acoustics/effect_plan.h"
 #include "sim/acoustics/source_field.h"
 #include "sim/acoustics/transmission.h"
 
@@ -35,8 +36,9 @@ void compute_energy_response(const AcousticScene& scene, const EarlyCandidates& 
   response.speed_of_sound_m_per_s = scene.speed_of_sound_m_per_s();
   response.arrivals.clear();
   candidates.find_arrivals(scene, listener, response.arrivals);
-  candidates.diffraction().find_arrivals(scene, listener, response.arrivals);
-  find_transmitted(scene, candidates.source(), listener, response.arrivals);
+  const PoseEffects effects = decide_pose_effects(scene, candidates, listener);
+  if (effects.diffraction) candidates.diffraction().find_arrivals(scene, listener, response.arrivals);
+  if (effects.transmission) find_transmitted_behind_walls(scene, candidates.source(), listener, response.arrivals);
   apply_emission(candidates.emission(), static_cast<std::size_t>(scene.num_bands()), response.arrivals);
   if (!has_shape_of(scene, response.late)) response.late = make_histogram(scene);
   if (field != nullptr) {
@@ -49,6 +51,7 @@ void compute_energy_response(const AcousticScene& scene, const EarlyCandidates& 
     response.batches.clear();
     response.stats = trace_late(scene, candidates, listener, response.late);
   }
+  response.effects = count_effects(scene, effects, response.arrivals, field != nullptr);
 }
 
 }  // namespace earshot

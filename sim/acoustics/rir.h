@@ -8,6 +8,7 @@
 #include "sim/acoustics/acoustic_scene.h"
 #include "sim/acoustics/bidirectional_tracer.h"
 #include "sim/acoustics/early_reflections.h"
+#include "sim/acoustics/effect_plan.h"
 #include "sim/acoustics/energy_histogram.h"
 #include "sim/acoustics/path_tracer.h"
 
@@ -20,6 +21,7 @@ struct EnergyResponse {
   std::vector<Arrival> arrivals;  ///< of every kind (arrival.h), sorted by distance
   EnergyHistogram late;
   TraceStats stats;
+  EffectCounters effects;            ///< of this pose
   LateBatches batches;               ///< parts of the late field for late_errors(); only from the bidirectional tracer
   float speed_of_sound_m_per_s = 0;  ///< turns distances of arrivals into times; > 0 once computed
 };

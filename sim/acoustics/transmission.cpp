@@ -7,6 +7,8 @@
 #include <numbers>
 #include <tuple>
 
+#include "sim/acoustics/effect_plan.h"
+
 namespace earshot {
 namespace {
 
@@ -118,10 +120,13 @@ float extra_path_m(const AcousticScene& scene, const WallCrossing& crossing) {
 }
 
 void find_transmitted(const AcousticScene& scene, glm::vec3 source, glm::vec3 listener, std::vector<Arrival>& arrivals) {
-  if (scene.config().transmission == Switch::off || !scene.transmits() || source == listener) return;
+  if (!scene.plan().straight_transmission || source == listener) return;
+  if (scene.scene().rays().occluded(source, listener)) find_transmitted_behind_walls(scene, source, listener, arrivals);
+}
+
+void find_transmitted_behind_walls(const AcousticScene& scene, glm::vec3 source, glm::vec3 listener, std::vector<Arrival>& arrivals) {
   const glm::dvec3 toward = glm::dvec3(source) - glm::dvec3(listener);
   const double true_distance_m = glm::length(toward), distance_m = std::max(true_distance_m, double{kLeastDistanceM});
-  if (!scene.scene().rays().occluded(source, listener)) return;
 
   // Rounding depends on where a ray starts: always walk from the same end (reciprocity).
   const bool swapped = std::tie(listener.x, listener.y, listener.z) < std::tie(source.x, source.y, source.z);

@@ -48,5 +48,7 @@ inline constexpr double kSilentTransmissionDb = -200.0;
 /// late field's. Source and listener swapped give the bits of the same distance and amplitudes. Cost: nothing in a scene where no material
 /// transmits; otherwise one shadow ray, and one or two rays per wall if it is blocked.  No allocation once `arrivals` has room.
 void find_transmitted(const AcousticScene& scene, glm::vec3 source, glm::vec3 listener, std::vector<Arrival>& arrivals);
+/// The same for a line of sight that is known to be blocked, in a scene whose plan has straight transmission: no shadow ray.
+void find_transmitted_behind_walls(const AcousticScene& scene, glm::vec3 source, glm::vec3 listener, std::vector<Arrival>& arrivals);
 
 }  // namespace earshot

@@ -60,6 +60,7 @@ TEST(AcousticScene, TransmissionStaysBelowAbsorptionH27) {
 
 TEST(AcousticScene, AirFollowsTheSwitch) {
   AcousticConfig config;
+  config.air_absorption = Switch::on;
   const auto room = rooms::shoe1(0.2, 1);
   const AcousticScene with(room, config);
   for (int b = 0; b < with.num_bands(); ++b) {

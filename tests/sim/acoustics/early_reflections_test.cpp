@@ -101,7 +101,7 @@ TEST(DirectSound, FreeFieldO1) {
 TEST(DirectSound, AirTakesItsShare) {
   AcousticConfig config = early_config(0);
   config.bands = 0;
-  config.air_absorption = Switch::automatic;
+  config.air_absorption = Switch::on;
   Air air = rooms::oracle_air();
   const AcousticScene scene(rooms::scene_of({}, {}, air), config);
   const auto arrivals = arrivals_in(scene, {100, 0, 0}, {0, 0, 0});

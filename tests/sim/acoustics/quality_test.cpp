@@ -78,7 +78,7 @@ TEST(Quality, MessagesNameKeyAndValue) {
   EXPECT_NE(with([](C& c) { c.rays = -1; }).find("rays = -1"), std::string::npos);
   EXPECT_NE(with([](C& c) { c.bands = 33; }).find("bands = 33"), std::string::npos);
   EXPECT_NE(with([](C& c) { c.rir_length_s = NAN; }).find("rir_length_s"), std::string::npos);
-  EXPECT_NE(with([](C& c) { c.rir_length_s = 0; }).find("rir_length_s"), std::string::npos);  // H-33
+  EXPECT_NE(with([](C& c) { c.rir_length_s = -1; }).find("rir_length_s"), std::string::npos);  // H-33
   EXPECT_NE(with([](C& c) { c.time_bin_s = 0; }).find("time_bin_s"), std::string::npos);
   EXPECT_NE(with([](C& c) { c.sample_rate_hz = 100; }).find("sample_rate_hz"), std::string::npos);
   EXPECT_NE(with([](C& c) { c.scattering = NAN; }).find("scattering"), std::string::npos);
