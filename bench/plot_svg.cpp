@@ -104,11 +104,12 @@ class PanelDrawing {
 
   std::string svg() {
     draw_axes();
-    for (const PlotLevel& level : panel_.levels) draw_level(level);
+    for (const PlotLevel& level : panel_.levels) draw_level_line(level);
     for (const PlotSeries& series : panel_.series) draw_series(series);
     for (const PlotSeries& series : panel_.series)
       for (const PlotPoint& point : series.points)
-        if (shown(point, log_x())) taken_.push_back({x(point) - 6, y(point.y) - 6, x(point) + 6, y(point.y) + 6});
+        if (shown(point, log_x())) take(point);
+    for (const PlotLevel& level : panel_.levels) draw_level_label(level);
     for (const PlotSeries& series : panel_.series)
       for (const PlotPoint& point : series.points)
         if (shown(point, log_x()) && !point.label.empty()) draw_label(point, series.colour);
@@ -152,14 +153,36 @@ class PanelDrawing {
          fmt::format("transform=\"rotate(-90 {:.1f} {:.1f})\"", left_ - 48, top_ + kPanelHeight / 2));
   }
 
-  void draw_level(const PlotLevel& level) {
+  /// The marker and the error bar of a point, so that no text is written over them.
+  void take(const PlotPoint& point) {
+    taken_.push_back({x(point) - 6, y(point.y) - 6, x(point) + 6, y(point.y) + 6});
+    if (point.y_error > 0)
+      taken_.push_back({x(point) - 4, y(point.y + point.y_error), x(point) + 4, y(std::max(point.y - point.y_error, y_range_.low))});
+  }
+  [[nodiscard]] bool is_free(const Box& box) const {
+    const bool inside = box.x0 > left_ && box.x1 < left_ + kPanelWidth && box.y0 > top_ && box.y1 < top_ + kPanelHeight;
+    return inside && std::none_of(taken_.begin(), taken_.end(), [&](const Box& other) { return other.overlaps(box); });
+  }
+
+  void draw_level_line(const PlotLevel& level) {
     if (level.y < y_range_.low || level.y > y_range_.high) return;
-    const double at = y(level.y);
     svg_ += fmt::format("<line x1=\"{:.1f}\" x2=\"{:.1f}\" y1=\"{:.1f}\" y2=\"{:.1f}\" stroke=\"#444\" stroke-dasharray=\"6 4\"/>\n", left_,
-                        left_ + kPanelWidth, at, at);
-    text(left_ + kPanelWidth - 5, at - 4, level.label, "end", "font-size=\"10.5\" fill=\"#444\"");
-    taken_.push_back(
-        {left_ + kPanelWidth - 5 - kCharWidth * static_cast<double>(level.label.size()), at - 15, left_ + kPanelWidth, at + 2});
+                        left_ + kPanelWidth, y(level.y), y(level.y));
+  }
+
+  /// At the right end of the line, at the left one or in between, above it or below, wherever there is room.
+  void draw_level_label(const PlotLevel& level) {
+    if (level.y < y_range_.low || level.y > y_range_.high) return;
+    const double width = kCharWidth * static_cast<double>(level.label.size()), room = kPanelWidth - width - 10;
+    for (const double share : {1.0, 0.0, 0.75, 0.5, 0.25})
+      for (const double below : {-4.0, 13.0}) {
+        const double x0 = left_ + 5 + share * room, base = y(level.y) + below;
+        const Box box{x0, base - kLineHeight + 2, x0 + width, base + 2};
+        if (!is_free(box)) continue;
+        text(x0, base, level.label, "start", "font-size=\"10.5\" fill=\"#444\"");
+        taken_.push_back(box);
+        return;
+      }
   }
 
   void draw_series(const PlotSeries& series) {
@@ -201,8 +224,7 @@ class PanelDrawing {
     for (const Place& place : places) {
       const double x0 = px + place.dx + place.shift * width, y1 = py + place.dy + 2;
       const Box box{x0, y1 - kLineHeight, x0 + width, y1};
-      const bool inside = box.x0 > left_ && box.x1 < left_ + kPanelWidth && box.y0 > top_ && box.y1 < top_ + kPanelHeight;
-      if (!inside || std::any_of(taken_.begin(), taken_.end(), [&](const Box& other) { return other.overlaps(box); })) continue;
+      if (!is_free(box)) continue;
       text(px + place.dx, py + place.dy, point.label, place.anchor, fmt::format("font-size=\"10.5\" fill=\"{}\"", colour));
       taken_.push_back(box);
       return;

@@ -76,7 +76,7 @@ class Cli : public testing::Test {
 TEST_F(Cli, HelpIsCompleteAndUnknownCommandsAreRefused) {
   const Outcome help = earshot("--help");
   EXPECT_EQ(help.exit_code, 0);
-  for (const char* command : {"doctor", "scene", "materials", "rir", "walk", "dataset", "train", "eval", "leaderboard"}) {
+  for (const char* command : {"doctor", "scene", "materials", "rir", "walk", "dataset", "train", "eval", "leaderboard", "bench"}) {
     EXPECT_THAT(help.output, HasSubstr(command));
     EXPECT_EQ(earshot(std::string(command) + " --help").exit_code, 0) << command;
   }

@@ -1,0 +1,90 @@
+#include <fmt/format.h>
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "apps/commands.h"
+#include "bench/accuracy_report.h"
+#include "bench/bench_env.h"
+#include "bench/bench_rir.h"
+#include "sim/base/errors.h"
+
+namespace earshot {
+namespace {
+
+struct Options {
+  std::string json;
+  bool quick = false;
+};
+
+void finish(const BenchReport& report, const Options& options) {
+  fmt::print("\n{}", report.table());
+  report.write(options.json);
+}
+
+struct AccuracyCommand : Options {
+  std::string out = "accuracy";
+  std::optional<double> minutes;
+};
+
+void run_accuracy(const AccuracyCommand& command) {
+  AccuracyOptions options;
+  options.quick = command.quick;
+  options.minutes = command.minutes.value_or(command.quick ? 2.5 : 25);
+  require(options.minutes > 0 && options.minutes <= 1440, "--minutes", options.minutes, "must be in (0, 1440]");
+  const AccuracyStudy study = run_accuracy_study(options);
+  write_accuracy_files(study, command.out);
+  fmt::print("{}: accuracy.csv, accuracy_tables.md, accuracy_pareto.svg, accuracy_scenes.svg, accuracy_sweeps.svg\n", command.out);
+  finish(accuracy_bench_report(study), command);
+}
+
+/// The options that all benchmarks share.
+CLI::App* add_bench_command(CLI::App& bench, const std::string& name, const std::string& about, const std::shared_ptr<Options>& options) {
+  CLI::App* command = bench.add_subcommand(name, about);
+  command->add_option("--json", options->json, "Also write names, medians, ranges and settings to a file");
+  command->add_flag("--quick", options->quick, "A small run that shows that everything works; its numbers mean little");
+  return command;
+}
+
+}  // namespace
+
+void add_bench(CLI::App& app) {
+  CLI::App* bench = app.add_subcommand("bench", "Measure this machine: rir, env, accuracy");
+  const auto rir = std::make_shared<Options>();
+  add_bench_command(*bench, "rir", "Impulse responses per second on one thread, their errors, and where the time goes", rir)
+      ->callback([rir] {
+        RirBenchOptions options;
+        options.quick = rir->quick;
+        if (rir->quick) options.repeats = 3, options.poses = 2, options.reference_seconds = 0.2;
+        finish(bench_rir(options), *rir);
+      });
+
+  const auto env = std::make_shared<Options>();
+  add_bench_command(*bench, "env", "Agent steps per second, with all senses and bare, and the milliseconds of every stage", env)
+      ->callback([env] {
+        EnvBenchOptions options;
+        options.quick = env->quick;
+        if (env->quick) options.repeats = 3, options.seconds = 0.2;
+        finish(bench_env(options), *env);
+      });
+
+  const auto accuracy = std::make_shared<AccuracyCommand>();
+  CLI::App* command = add_bench_command(
+      *bench, "accuracy", "What accuracy costs in time: every mode in every scene against a converged truth; tables and figures", accuracy);
+  command->add_option("--out", accuracy->out, "Folder for accuracy.csv, accuracy_tables.md and the figures")->capture_default_str();
+  command->add_option("--minutes", accuracy->minutes,
+                      "Of the whole study; poses and repeats are cut to fit (default: 25, 2.5 with --quick)");
+  command->callback([accuracy] { run_accuracy(*accuracy); });
+
+  bench->allow_extras();  // not passed on to the benchmarks: for a message that names what there is
+  bench->callback([bench] {
+    if (!bench->get_subcommands().empty()) return;
+    const std::vector<std::string> unknown = bench->remaining();
+    throw InputError(unknown.empty() ? "bench" : "bench " + unknown.front(), unknown.empty() ? "names no benchmark" : "is not a benchmark",
+                     "use bench rir, bench env or bench accuracy");
+  });
+}
+
+}  // namespace earshot

@@ -1,0 +1,81 @@
+#include "bench/accuracy_modes.h"
+
+#include <fmt/format.h>
+
+#include <functional>
+
+namespace earshot {
+namespace {
+
+using Change = std::function<void(AcousticConfig&)>;
+
+AcousticConfig fast_config() {
+  AcousticConfig config = acoustic_preset("fast");
+  config.threads = 1;
+  config.rir_length_s = 0.f;
+  return config;
+}
+
+const char* method_of(const AcousticConfig& config) {
+  if (config.source_rays > 0) return "bidirectional";
+  return config.field == Switch::on ? "source field" : config.field == Switch::off ? "path tracer" : "plan's choice";
+}
+
+AccuracyMode preset_mode(const char* name) {
+  AcousticConfig config = acoustic_preset(name);
+  config.threads = 1;
+  config.rir_length_s = 0.f;
+  return {"preset", name, method_of(config), config};
+}
+
+class ModeList {
+ public:
+  void add(const std::string& sweep, const std::string& value, const Change& change) {
+    AcousticConfig config = fast_config();
+    change(config);
+    modes_.push_back({sweep, value, method_of(config), config});
+  }
+  std::vector<AccuracyMode> modes_;
+};
+
+void tracer(AcousticConfig& config) { config.field = Switch::off; }
+/// The photons are those asked for: no error target ends the pass before.
+void field_of(AcousticConfig& config, int photons) {
+  config.field = Switch::on;
+  config.field_photons = photons;
+  config.field_error = 1e-4f;
+}
+
+}  // namespace
+
+std::vector<AccuracyMode> accuracy_modes(bool quick) {
+  ModeList list;
+  list.modes_ = {preset_mode("fast"), preset_mode("balanced")};
+  if (!quick) list.modes_.push_back(preset_mode("high"));
+  for (const int rays : quick ? std::vector<int>{64, 512} : std::vector<int>{16, 64, 256, 1024})
+    list.add("rays", std::to_string(rays), [rays](AcousticConfig& c) { tracer(c), c.rays = rays; });
+  for (const int photons : quick ? std::vector<int>{1024, 8192} : std::vector<int>{1024, 4096, 16384, 65536})
+    list.add("photons", std::to_string(photons), [photons](AcousticConfig& c) { field_of(c, photons); });
+  if (quick) return list.modes_;
+
+  for (const float cell_m : {0.25f, 0.5f, 1.f, 2.f})
+    list.add("cell size", fmt::format("{:g} m", cell_m), [cell_m](AcousticConfig& c) { c.field = Switch::on, c.field_cell_m = cell_m; });
+  for (const int bounces : {8, 32, 128, 1000})
+    list.add("bounces", std::to_string(bounces), [bounces](AcousticConfig& c) { tracer(c), c.rays = 256, c.max_bounces = bounces; });
+  for (const int bands : {2, 4, 0, 14})
+    list.add("bands", bands == 0 ? "octaves" : std::to_string(bands), [bands](AcousticConfig& c) { c.bands = bands; });
+  for (const int order : {0, 1, 2}) list.add("SH order", std::to_string(order), [order](AcousticConfig& c) { c.sh_order = order; });
+  for (const float length_s : {0.25f, 0.5f, 1.f, 0.f})
+    list.add("RIR length", length_s == 0.f ? "auto" : fmt::format("{:g} s", length_s),
+             [length_s](AcousticConfig& c) { c.rir_length_s = length_s; });
+  list.add("effects", "all auto", [](AcousticConfig&) {});
+  list.add("effects", "no early", [](AcousticConfig& c) { c.early = Switch::off; });
+  list.add("effects", "no diffraction", [](AcousticConfig& c) { c.diffraction = Switch::off; });
+  list.add("effects", "diffraction on", [](AcousticConfig& c) { c.diffraction = Switch::on; });
+  list.add("effects", "no transmission", [](AcousticConfig& c) { c.transmission = Switch::off; });
+  list.add("effects", "transmission on", [](AcousticConfig& c) { c.transmission = Switch::on; });
+  list.add("effects", "no air", [](AcousticConfig& c) { c.air_absorption = Switch::off; });
+  return list.modes_;
+}
+
+}  // namespace earshot

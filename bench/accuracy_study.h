@@ -1,0 +1,50 @@
+#pragma once
+
+#include <array>
+#include <string>
+#include <vector>
+
+#include "bench/accuracy_modes.h"
+#include "bench/bench_scene.h"
+#include "bench/response_errors.h"
+
+namespace earshot {
+
+/// One mode in one scene.
+struct ModeResult {
+  std::string scene, sweep, value, method;
+  double rir_length_s = 0;
+  bool field = false;
+  double per_source_ms = 0;                         ///< candidates and photon pass
+  double per_rir_ms = 0, rirs_per_s_two = 0;        ///< warm, on one thread; of two threads that each render their own poses
+  double steps_per_s_one = 0, steps_per_s_two = 0;  ///< of an environment of eight agents; 0: not measured
+  int poses = 0;
+  std::array<ErrorSummary, kNumErrorKinds> errors = {};
+  [[nodiscard]] const ErrorSummary& error(ErrorKind kind) const { return errors[static_cast<std::size_t>(kind)]; }
+  /// Milliseconds per RIR on one thread when n of them share one source.
+  [[nodiscard]] double shared_ms(int n) const { return per_rir_ms + per_source_ms / n; }
+};
+
+/// A scene's truth in a few words.
+struct SceneFacts {
+  std::string name, spec;
+  std::size_t triangles = 0;
+  double rt60_s = 0;           ///< T20 of the truth, mean over bands and poses
+  double truth_error_pct = 0;  ///< its standard error in T20
+  int truth_runs = 0, poses = 0;
+};
+
+struct AccuracyStudy {
+  std::vector<SceneFacts> scenes;
+  std::vector<ModeResult> results;  ///< by scene, modes in the order of accuracy_modes()
+};
+
+struct AccuracyOptions {
+  bool quick = false;
+  double minutes = 25;  ///< of the whole study on two cores; poses and repeats are cut to fit
+};
+
+/// Question: what does accuracy cost in time?  Every mode in every scene against a converged truth.
+AccuracyStudy run_accuracy_study(const AccuracyOptions& options);
+
+}  // namespace earshot

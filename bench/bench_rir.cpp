@@ -1,0 +1,298 @@
+#include "bench/bench_rir.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "bench/bench_scene.h"
+#include "bench/converged_reference.h"
+#include "envs/agent_hearing.h"
+#include "sim/acoustics/effect_plan.h"
+#include "sim/acoustics/transmission.h"
+#include "sim/base/progress.h"
+
+namespace earshot {
+namespace {
+
+constexpr double kMs = 1e3;
+
+/// Times of one source and its poses on one thread, seconds.
+struct SourceTimes {
+  double candidates = 0, field = 0, per_response = 0, per_render = 0;
+  [[nodiscard]] double per_source() const { return candidates + field; }
+  [[nodiscard]] double per_rir() const { return per_response + per_render; }
+};
+
+/// One scene under one preset: everything the measurements share.
+class RirBench {
+ public:
+  RirBench(const BenchScene& scene, const RirBenchOptions& options, BenchReport& report)
+      : scene_(scene), options_(options), report_(report), fast_(scene.scene, config_of("fast")) {}
+
+  void run() {
+    fmt::print("\n{} ({}): {} triangles, RIR {:.1f} s\n", scene_.name, scene_.spec, scene_.scene->mesh().triangles.size(),
+               fast_.config().rir_length_s);
+    measure_fast();
+    measure_errors();
+    measure_observation();
+  }
+
+ private:
+  AcousticConfig config_of(const char* preset) const {
+    AcousticConfig config = acoustic_preset(preset);
+    config.threads = 1;
+    config.rir_length_s = 0.f;  // as long as the scene's decay asks
+    if (options_.quick) {
+      config.rays = std::min(config.rays, 256);
+      config.source_rays = std::min(config.source_rays, 256);
+      config.early_candidate_rays = std::min(config.early_candidate_rays, 2000);
+      config.field_photons = 4096;
+      config.rir_length_s = 0.4f;
+    }
+    return config;
+  }
+
+  BenchJson setting(const AcousticScene& acoustics) const {
+    const AcousticConfig& config = acoustics.config();
+    BenchJson json = {{"scene", scene_.name},
+                      {"spec", scene_.spec},
+                      {"triangles", scene_.scene->mesh().triangles.size()},
+                      {"threads", 1},
+                      {"sample_rate_hz", config.sample_rate_hz},
+                      {"channels", "binaural"},
+                      {"rir_length_s", config.rir_length_s},
+                      {"rays", config.rays},
+                      {"source_rays", config.source_rays},
+                      {"field", uses_source_field(acoustics)},
+                      {"repeats", options_.repeats}};
+    if (uses_source_field(acoustics)) {
+      json["field_cell_m"] = config.field_cell_m;
+      json["photons"] = photons_;
+      json["field_error"] = config.field_error;
+    }
+    return json;
+  }
+
+  void add(const std::string& name, const std::string& unit, Measured measured, BenchJson json) const {
+    report_.add(name, unit, measured, std::move(json));
+  }
+
+  /// One source from nothing, and the walk past it.
+  SourceTimes time_source() {
+    SourceTimes times;
+    Stopwatch watch;
+    candidates_ = std::make_unique<EarlyCandidates>(fast_, scene_.source());
+    times.candidates = watch.wall_s();
+    watch = {};
+    field_ = uses_source_field(fast_) ? build_source_field(fast_, *candidates_) : nullptr;
+    times.field = watch.wall_s();
+    if (field_) photons_ = field_->photons();
+    EnergyResponse response;
+    Rir rir;
+    for (const WalkPose& pose : scene_.walk) {
+      watch = {};
+      compute_energy_response(fast_, *candidates_, field_.get(), pose.ears(), response);
+      times.per_response += watch.wall_s();
+      watch = {};
+      synthesizer_->render(response, pose.heading_rad, fast_.hash(), rir);
+      times.per_render += watch.wall_s();
+    }
+    times.per_response /= static_cast<double>(scene_.walk.size());
+    times.per_render /= static_cast<double>(scene_.walk.size());
+    return times;
+  }
+
+  void measure_fast() {
+    tables_ = binaural_tables(fast_);
+    synthesizer_ = std::make_unique<RirSynthesizer>(tables_);
+    time_source();  // warms caches and scratch
+    std::vector<SourceTimes> all;
+    for (int i = 0; i < options_.repeats; ++i) all.push_back(time_source());
+    const auto over = [&](const auto& value) {
+      std::vector<double> values;
+      for (const SourceTimes& times : all) values.push_back(value(times));
+      return median_of(values);
+    };
+    const double early_ms = time_stage([&](const WalkPose& pose) { candidates_->find_arrivals(fast_, pose.ears(), arrivals_); });
+    const double diffraction_ms =
+        time_stage([&](const WalkPose& pose) { candidates_->diffraction().find_arrivals(fast_, pose.ears(), arrivals_); });
+    const double transmission_ms =
+        time_stage([&](const WalkPose& pose) { find_transmitted(fast_, scene_.source(), pose.ears(), arrivals_); });
+    const Measured source_ms = over([](const SourceTimes& t) { return kMs * t.per_source(); });
+    const Measured rir_ms = over([](const SourceTimes& t) { return kMs * t.per_rir(); });
+    const double candidates_ms = over([](const SourceTimes& t) { return kMs * t.candidates; }).value;
+    const double field_ms = over([](const SourceTimes& t) { return kMs * t.field; }).value;
+    const double render_ms = over([](const SourceTimes& t) { return kMs * t.per_render; }).value;
+    const double response_ms = over([](const SourceTimes& t) { return kMs * t.per_response; }).value;
+    const double late_ms = std::max(response_ms - early_ms - diffraction_ms - transmission_ms, 0.0);  // what remains of the response
+    fmt::print("  per source  {:9.1f} ms   candidates {:.1f}, photon pass {:.1f} ({} photons)\n", source_ms.value, candidates_ms, field_ms,
+               photons_);
+    fmt::print("  per RIR     {:9.3f} ms   early {:.3f}, diffraction {:.3f}, transmission {:.3f}, {} {:.3f}, synthesis {:.3f}\n",
+               rir_ms.value, early_ms, diffraction_ms, transmission_ms, field_ ? "gather" : "trace", late_ms, render_ms);
+    BenchJson json = setting(fast_);
+    json["per_source_ms"] = source_ms.value;
+    json["per_rir_ms"] = rir_ms.value;
+    json["stage_ms"] = {{"candidates", candidates_ms},   {"photon_pass", field_ms},         {"early", early_ms},
+                        {"diffraction", diffraction_ms}, {"transmission", transmission_ms}, {field_ ? "gather" : "trace", late_ms},
+                        {"synthesis", render_ms}};
+    for (const int n : {50, 150, 500, 2000}) {
+      BenchJson with_n = json;
+      with_n["n"] = n;
+      add(fmt::format("fast.rir_per_s.n{}", n), "1/s", over([n](const SourceTimes& t) { return n / (t.per_source() + n * t.per_rir()); }),
+          with_n);
+    }
+    json["n"] = "warm";
+    add("fast.rir_per_s.warm", "1/s", over([](const SourceTimes& t) { return 1 / t.per_rir(); }), json);
+  }
+
+  /// Milliseconds per pose of one stage: median over the repeats.
+  template <class Stage>
+  double time_stage(const Stage& stage) {
+    std::vector<double> values;
+    for (int i = 0; i < options_.repeats; ++i) {
+      const Stopwatch watch;
+      for (const WalkPose& pose : scene_.walk) {
+        arrivals_.clear();
+        stage(pose);
+      }
+      values.push_back(kMs * watch.wall_s() / static_cast<double>(scene_.walk.size()));
+    }
+    return median_of(values).value;
+  }
+
+  void measure_errors() {
+    AcousticConfig config = config_of("high");
+    config.rir_length_s = fast_.config().rir_length_s;
+    const AcousticScene high(scene_.scene, config);
+    const EarlyCandidates candidates(high, scene_.source());
+    const std::vector<WalkPose> poses = scene_.some_poses(options_.poses);
+    BenchJson json = setting(high);
+    json["poses"] = poses.size();
+
+    std::vector<double> rates, errors_pct;
+    EnergyResponse response;
+    Rir rir;
+    const auto high_tables = binaural_tables(high);
+    RirSynthesizer synthesizer(high_tables);
+    for (int i = 0; i < options_.repeats; ++i) {
+      const WalkPose& pose = poses[static_cast<std::size_t>(i) % poses.size()];
+      const Stopwatch watch;
+      compute_energy_response(high, candidates, pose.ears(), response);
+      synthesizer.render(response, pose.heading_rad, fast_.hash(), rir);
+      rates.push_back(1 / watch.wall_s());
+      std::vector<ConvergedPose> one = one_run(high, pose, response);
+      errors_pct.push_back(100 * mean_t20_error(one));
+    }
+    add("high.rir_per_s", "1/s", median_of(rates), json);
+    add("high.rt60_standard_error_pct", "%", median_of(errors_pct), json);
+
+    AcousticConfig shared = config;
+    shared.threads = 0;  // the same bits, sooner: this is not timed
+    const AcousticScene quick_high(scene_.scene, shared);
+    Progress progress("truth of " + scene_.name, "permille", 1000);
+    const std::vector<ConvergedPose> truth = converge(quick_high, candidates, poses, options_.reference_seconds,
+                                                      [&](double share) { progress.update(static_cast<std::uint64_t>(1000 * share)); });
+    const int samples = static_cast<int>(std::lround(config.rir_length_s * config.sample_rate_hz));
+    ResponseListener truth_listener(high_tables, config.sample_rate_hz, samples);
+    ResponseListener fast_listener(tables_, config.sample_rate_hz, samples);
+    std::vector<PoseErrors> errors;
+    for (const ConvergedPose& at : truth) {
+      compute_energy_response(fast_, *candidates_, field_.get(), at.pose.ears(), response);
+      errors.push_back(compare(truth_listener.hear(high, at.response, at.pose.heading_rad, fast_.hash()),
+                               fast_listener.hear(fast_, response, at.pose.heading_rad, fast_.hash())));
+    }
+    BenchJson fast_json = setting(fast_);
+    fast_json["poses"] = poses.size();
+    fast_json["reference_rt60_standard_error_pct"] = 100 * mean_t20_error(truth);
+    fast_json["reference_runs"] = truth.front().runs;
+    const auto add_error = [&](const std::string& name, const std::string& unit, ErrorKind kind) {
+      const ErrorSummary summary = summarise(errors, kind);
+      const double scale = scale_of(kind);
+      BenchJson with_spread = fast_json;
+      with_spread["rms"] = scale * summary.rms;
+      with_spread["p95"] = scale * summary.p95;
+      with_spread["values"] = summary.count;
+      with_spread["missing"] = summary.missing;
+      const double se = std::isnan(summary.standard_error) ? 0 : summary.standard_error;
+      add(name, unit, {scale * summary.mean, scale * (summary.mean - se), scale * (summary.mean + se)}, with_spread);
+    };
+    add_error("fast.rt60_error_pct.energy", "%", ErrorKind::t20);
+    add_error("fast.rt60_error_pct.rir", "%", ErrorKind::rir_t20);
+    add_error("fast.drr_error_db", "dB", ErrorKind::drr_db);
+    add_error("fast.edc_rms_db", "dB", ErrorKind::decay_db);
+  }
+
+  /// A single response as its own truth, for its standard errors.
+  static std::vector<ConvergedPose> one_run(const AcousticScene& high, const WalkPose& pose, const EnergyResponse& response);
+
+  /// What an agent hears at each step, through the stages that environments run: response, RIR, convolution with the running sound,
+  /// spectrogram of the last second.
+  void measure_observation() {
+    SceneCache cache(config_of("fast"), NavmeshConfig{}, ".", std::size_t{4} << 30);
+    const auto source = cache.source(scene_.spec, scene_.source_foot, 1.5f);
+    const AcousticConfig& config = source->scene->acoustics.config();
+    const int block = static_cast<int>(std::lround(0.15f * config.sample_rate_hz));
+    const StreamConfig stream{.sample_rate_hz = config.sample_rate_hz,
+                              .max_rir_samples = static_cast<int>(std::lround(config.rir_length_s * config.sample_rate_hz)),
+                              .max_block_samples = block,
+                              .crossfade_samples = 800};
+    const SpectrogramConfig shape{.sample_rate_hz = config.sample_rate_hz};
+    HearingEngines engines(tables_, stream, shape, make_dry_spectra(stream));
+    const SoundClip clip = synthesize_sound("synth:speech", config.sample_rate_hz);
+    std::vector<float> sound(2 * static_cast<std::size_t>(block)), window(2 * static_cast<std::size_t>(shape.num_samples)),
+        spectrogram(2 * static_cast<std::size_t>(shape.rows()) * static_cast<std::size_t>(shape.columns()));
+    AgentHearing hearing;
+    hearing.begin(*source, clip, 0);
+    std::vector<double> rates;
+    for (int i = 0; i <= options_.repeats; ++i) {  // the first warms up
+      const Stopwatch watch;
+      for (const WalkPose& walked : scene_.walk) {
+        const Pose pose{.position = walked.foot, .heading_rad = walked.heading_rad};
+        hearing.trace(*source, pose, 1.5f);
+        hearing.synthesize(engines, pose.heading_rad);
+        hearing.convolve(engines, block, sound, window);
+        hearing.analyze(engines, window, spectrogram);
+      }
+      if (i > 0) rates.push_back(static_cast<double>(scene_.walk.size()) / watch.wall_s());
+    }
+    add("observation_per_s", "1/s", median_of(rates), setting(fast_));
+    fmt::print("  observation {:9.3f} ms   (response, RIR, {} new samples, spectrogram)\n", kMs / median_of(rates).value, block);
+  }
+
+  const BenchScene& scene_;
+  const RirBenchOptions& options_;
+  BenchReport& report_;
+  AcousticScene fast_;
+  std::shared_ptr<const SynthesisTables> tables_;
+  std::unique_ptr<RirSynthesizer> synthesizer_;
+  std::unique_ptr<EarlyCandidates> candidates_;
+  std::shared_ptr<const SourceField> field_;
+  std::vector<Arrival> arrivals_;
+  std::uint64_t photons_ = 0;
+};
+
+std::vector<ConvergedPose> RirBench::one_run(const AcousticScene& high, const WalkPose& pose, const EnergyResponse& response) {
+  ConvergedPose one{.pose = pose, .response = response, .runs = 1, .t20_error = {}, .t30_error = {}};
+  add_errors(high, one);
+  return {one};
+}
+
+}  // namespace
+
+BenchReport bench_rir(const RirBenchOptions& options) {
+  BenchReport report("rir");
+  std::vector<SceneName> scenes;
+  if (options.quick) {
+    scenes.push_back({"two_rooms", "house:2,rooms=2,area_m2=24"});
+  } else {
+    if (const auto found = scene_file("small_house", "small_house.yaml")) scenes.push_back(*found);
+    scenes.push_back({"large_house", kLargeHouse});
+  }
+  for (const auto& [name, spec] : scenes) {
+    const BenchScene scene = load_bench_scene(name, spec);
+    RirBench(scene, options, report).run();
+  }
+  return report;
+}
+
+}  // namespace earshot

@@ -1,0 +1,20 @@
+#pragma once
+
+#include <string>
+
+#include "bench/bench_report.h"
+
+namespace earshot {
+
+struct RirBenchOptions {
+  bool quick = false;  ///< one small scene, few poses: for tests of the command, not for numbers
+  int repeats = 5;
+  int poses = 8;                  ///< at which errors are measured
+  double reference_seconds = 60;  ///< per scene, for the converged truth
+};
+
+/// Question: how many impulse responses per second does one thread render, how wrong are they, and where does the time go?  Prints a table
+/// of stages per scene as it goes.  Names and units: DESIGN.md "Command line".
+BenchReport bench_rir(const RirBenchOptions& options);
+
+}  // namespace earshot

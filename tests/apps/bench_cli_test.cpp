@@ -1,0 +1,97 @@
+// Runs the benchmarks as a script does: names, layout of the JSON, exit codes.  The numbers of such short runs mean nothing.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <string>
+
+namespace {
+
+using nlohmann::json;
+
+class BenchCli : public testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = std::filesystem::temp_directory_path() /
+              ("earshot_bench_" + std::string(testing::UnitTest::GetInstance()->current_test_info()->name()) + std::to_string(::getpid()));
+    std::filesystem::create_directories(folder_);
+  }
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+
+  [[nodiscard]] std::string file(const std::string& name) const { return (folder_ / name).string(); }
+  [[nodiscard]] std::string read(const std::string& name) const {
+    std::ifstream stream(file(name), std::ios::binary);
+    return {std::istreambuf_iterator<char>(stream), {}};
+  }
+  [[nodiscard]] int earshot(const std::string& arguments) const {
+    const std::string command = std::string(EARSHOT_BINARY) + " " + arguments + " >" + file("stdout") + " 2>" + file("stderr");
+    const int status = std::system(command.c_str());
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  }
+  /// Checks what DESIGN.md promises of every file, and returns the names in it.
+  [[nodiscard]] std::set<std::string> names_in(const std::string& name, const std::string& bench) const {
+    const json report = json::parse(read(name));
+    EXPECT_EQ(report.at("bench"), bench);
+    EXPECT_TRUE(report.at("machine").at("cpu").is_string());
+    EXPECT_GE(report.at("machine").at("cores"), 1);
+    EXPECT_TRUE(report.at("commit").is_string());
+    std::set<std::string> names;
+    for (const json& result : report.at("results")) {
+      names.insert(result.at("name").get<std::string>());
+      EXPECT_TRUE(result.at("unit").is_string()) << result;
+      EXPECT_TRUE(result.at("setting").is_object()) << result;
+      if (result.at("value").is_null()) continue;
+      EXPECT_LE(result.at("min"), result.at("value")) << result;
+      EXPECT_GE(result.at("max"), result.at("value")) << result;
+    }
+    return names;
+  }
+
+  std::filesystem::path folder_;
+};
+
+TEST_F(BenchCli, RirWritesTheNamesThatScriptsRelyOn) {
+  ASSERT_EQ(earshot("bench rir --quick --json " + file("rir.json")), 0) << read("stderr");
+  const std::set<std::string> names = names_in("rir.json", "rir");
+  for (const char* name : {"fast.rir_per_s.n50", "fast.rir_per_s.n150", "fast.rir_per_s.n500", "fast.rir_per_s.n2000",
+                           "fast.rir_per_s.warm", "fast.rt60_error_pct.energy", "fast.rt60_error_pct.rir", "fast.drr_error_db",
+                           "high.rir_per_s", "high.rt60_standard_error_pct", "observation_per_s"})
+    EXPECT_EQ(names.count(name), 1u) << name;
+  // More RIRs share the source's cost: rates rise with n, and serving n costs no more than that many warm ones and the source.
+  const json results = json::parse(read("rir.json")).at("results");
+  double last = 0;
+  for (const json& result : results) {
+    if (!result.at("name").get<std::string>().starts_with("fast.rir_per_s.")) continue;
+    EXPECT_GT(result.at("value"), last);
+    last = result.at("value");
+    for (const char* key : {"scene", "triangles", "n", "threads", "rir_length_s", "rays"})
+      EXPECT_TRUE(result.at("setting").contains(key)) << key;
+  }
+  EXPECT_THAT(read("stdout"), testing::HasSubstr("photon pass"));
+}
+
+TEST_F(BenchCli, EnvWritesTheNamesThatScriptsRelyOn) {
+  ASSERT_EQ(earshot("bench env --quick --json " + file("env.json")), 0) << read("stderr");
+  const std::set<std::string> names = names_in("env.json", "env");
+  for (const char* name : {"env.steps_per_s", "env.bare_steps_per_s", "env.stage_ms.trace", "env.stage_ms.synthesize",
+                           "env.stage_ms.convolve", "env.stage_ms.render", "env.stage_ms.observe"})
+    EXPECT_EQ(names.count(name), 1u) << name;
+}
+
+TEST_F(BenchCli, WrongNamesAreOneLineAndExitCodeTwo) {
+  for (const char* arguments : {"bench", "bench dance", "bench train", "bench rir --raya 3", "bench accuracy --quick --minutes 0"}) {
+    EXPECT_EQ(earshot(arguments), 2) << arguments;
+    const std::string errors = read("stderr");
+    EXPECT_EQ(std::count(errors.begin(), errors.end(), '\n'), 1) << errors;
+  }
+}
+
+}  // namespace
