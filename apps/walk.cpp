@@ -9,6 +9,7 @@
 #include "apps/commands.h"
 #include "apps/source_options.h"
 #include "apps/timed_path.h"
+#include "sim/acoustics/effect_plan.h"
 #include "sim/acoustics/refining_field.h"
 #include "sim/acoustics/source_field_store.h"
 #include "sim/acoustics/temporal_reuse.h"
@@ -37,13 +38,17 @@ enum class LateSound {
   refined,   ///< from a field that gets better while the walk goes on, by a fixed schedule
 };
 
-/// A field pays for its photons over some hundred poses; `high` is the reference, where every pose stands for itself.
-LateSound choose_late_sound(const AcousticConfig& config, bool moving, std::size_t num_blocks, int refine_every) {
+/// What `field = auto` means for a walk, before the scene is planned with it: photons pay over hundreds of poses, of sources at rest.
+Switch decide_field(Switch asked, bool any_moving, std::size_t num_blocks) {
   constexpr std::size_t many = 300;
+  return asked == Switch::automatic && (any_moving || num_blocks < many) ? Switch::off : asked;
+}
+
+/// The reference (preset `high`) stays without reuse unless that is asked for: there every pose stands for itself.
+LateSound choose_late_sound(const AcousticScene& acoustics, bool moving, int refine_every) {
+  const AcousticConfig& config = acoustics.config();
+  if (!moving && uses_source_field(acoustics)) return refine_every > 0 ? LateSound::refined : LateSound::gathered;
   const bool listener_rooted = config.source_rays == 0 && config.specular_exponent == 0.f;
-  const bool field = !moving && config.late != Switch::off && listener_rooted &&
-                     (config.field == Switch::on || (config.field == Switch::automatic && num_blocks >= many));
-  if (field) return refine_every > 0 ? LateSound::refined : LateSound::gathered;
   const bool reuse = config.temporal_reuse == Switch::on || (config.temporal_reuse == Switch::automatic && moving && listener_rooted);
   return reuse ? LateSound::reused : LateSound::traced;
 }
@@ -127,7 +132,7 @@ class WalkSource {
   std::vector<float> part_;
 };
 
-std::vector<WalkSource> make_sources(const Options& options, const AcousticScene& acoustics, std::size_t num_blocks) {
+std::vector<WalkSource> make_sources(const Options& options, const AcousticScene& acoustics) {
   const std::size_t count = options.sources.size() + options.source_paths.size();
   if (count == 0)
     throw InputError("--source", "is missing", "give a source at rest with --source X,Y,Z or a moving one with --source-path FILE.csv");
@@ -144,7 +149,7 @@ std::vector<WalkSource> make_sources(const Options& options, const AcousticScene
       path = {{.t_s = 0, .position = parse_point(options.sources[i], "--source"), .heading_deg = 0}};
     const SoundSource at_start = options.radiation.source(i, count, glm::vec3(path[0].position));
     SoundClip clip = open_sound(options.sounds.size() == 1 ? options.sounds[0] : options.sounds[i], acoustics.config().sample_rate_hz);
-    const LateSound late = choose_late_sound(acoustics.config(), moving, num_blocks, options.refine_every);
+    const LateSound late = choose_late_sound(acoustics, moving, options.refine_every);
     sources.emplace_back(std::move(path), at_start, moving, late, options.refine_every, std::move(clip), acoustics.hash() + i);
   }
   return sources;
@@ -154,11 +159,8 @@ void run_walk(const Options& options) {
   require(options.step_s > 0 && options.step_s <= 1, "--step", options.step_s, "must be in (0, 1] s");
   require(options.refine_every >= 0, "--refine-every", options.refine_every, "must not be negative");
   require(options.field_store_gb >= 0 && options.field_store_gb <= 1e9, "--field-store-gb", options.field_store_gb, "must be in [0, 1e9]");
-  const AcousticConfig config = options.acoustics.config();
+  AcousticConfig config = options.acoustics.config();
   const auto poses = read_timed_path(options.poses);
-  const AcousticScene acoustics = options.acoustics.load(config);
-  RirSynthesizer synthesizer(options.acoustics.tables(acoustics));
-
   const int block = std::max(1, static_cast<int>(std::lround(options.step_s * config.sample_rate_hz)));
   const double duration_s = poses.back().t_s - poses.front().t_s;
   constexpr double longest_s = 3600;
@@ -167,7 +169,11 @@ void run_walk(const Options& options) {
                      fmt::format("let t_s run over at least one sample and at most {} s", longest_s));
   const auto num_samples = static_cast<std::size_t>(std::lround(duration_s * config.sample_rate_hz));
   const std::size_t num_blocks = (num_samples + static_cast<std::size_t>(block) - 1) / static_cast<std::size_t>(block);
-  std::vector<WalkSource> sources = make_sources(options, acoustics, num_blocks);
+
+  config.field = decide_field(config.field, !options.source_paths.empty(), num_blocks);
+  const AcousticScene acoustics = options.acoustics.load(config);
+  RirSynthesizer synthesizer(options.acoustics.tables(acoustics));
+  std::vector<WalkSource> sources = make_sources(options, acoustics);
   SourceFieldStore fields({.folder = options.field_store,
                            .max_bytes = static_cast<std::uint64_t>(options.field_store_gb * 1e9),
                            .max_memory_bytes = 0,

@@ -63,9 +63,13 @@ void AgentHearing::begin(const EnvSource& source, const SoundClip& clip, std::ui
 }
 
 void AgentHearing::trace(const EnvSource& source, const Pose& pose, float ear_height_m) {
-  if (has_response_ && same_bits(pose.position, traced_position_)) return;
+  if (has_response_ && same_bits(pose.position, traced_position_)) {
+    ++kept_responses_;
+    return;
+  }
   compute_energy_response(source.scene->acoustics, source.candidates, source.sound_field.get(),
                           pose.position + glm::vec3(0, ear_height_m, 0), response_);
+  effects_.add(response_.effects);
   traced_position_ = pose.position;
   has_response_ = response_is_new_ = true;
 }

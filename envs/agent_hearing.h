@@ -49,6 +49,10 @@ class AgentHearing {
   bool fill_window(HearingEngines& engines, int block, std::span<float> sound, std::span<float> window);
   /// Jumps to stream sample `sample`: a replay that starts in the middle.
   void seek(std::uint64_t sample) { position_.sample = sample; }
+  /// Of all poses traced since construction.
+  [[nodiscard]] const EffectCounters& effects() const { return effects_; }
+  /// Calls of trace() that had nothing to do, since construction.
+  [[nodiscard]] std::uint64_t kept_responses() const { return kept_responses_; }
 
  private:
   const SoundClip* clip_ = nullptr;
@@ -56,6 +60,8 @@ class AgentHearing {
   std::uint64_t clip_key_ = 0;
   StreamPosition position_;
   EnergyResponse response_;
+  EffectCounters effects_;
+  std::uint64_t kept_responses_ = 0;
   Rir rir_;
   RirSpectra spectra_, previous_;  ///< of rir_ and of the one before
   SpectrogramHistory history_;

@@ -176,6 +176,16 @@ std::uint64_t BatchedEnv::episode_index(int env) const { return impl_->agents[si
 int BatchedEnv::episode_count(int env) const { return impl_->agents[size_of(env)].episode_count; }
 int BatchedEnv::episode_step(int env) const { return impl_->agents[size_of(env)].state.steps(); }
 const StageSeconds& BatchedEnv::stage_seconds() const { return impl_->stage_seconds; }
+EffectCounters BatchedEnv::effect_counters() const {
+  EffectCounters sum;
+  for (const Agent& agent : impl_->agents) sum.add(agent.hearing.effects());
+  return sum;
+}
+std::uint64_t BatchedEnv::kept_responses() const {
+  std::uint64_t sum = 0;
+  for (const Agent& agent : impl_->agents) sum += agent.hearing.kept_responses();
+  return sum;
+}
 std::uint64_t BatchedEnv::nonfinite_events() const { return impl_->nonfinite_events; }
 std::uint64_t BatchedEnv::skipped_episodes() const { return impl_->skipped_episodes; }
 

@@ -12,6 +12,7 @@
 #include "envs/episode_set.h"
 #include "envs/observation.h"
 #include "envs/scene_cache.h"
+#include "sim/acoustics/effect_plan.h"
 
 namespace earshot {
 
@@ -100,6 +101,10 @@ class BatchedEnv {
   [[nodiscard]] int episode_count(int env) const;  ///< episodes started before this one
   [[nodiscard]] int episode_step(int env) const;
   [[nodiscard]] const StageSeconds& stage_seconds() const;
+  /// What was heard without which effect, summed over agents since construction.  Fields built and loaded: SceneCache::field_counters().
+  [[nodiscard]] EffectCounters effect_counters() const;
+  /// Steps of agents who stood where they were (turned, collided): their response was kept.
+  [[nodiscard]] std::uint64_t kept_responses() const;
   /// Sensor rows, sounds and rewards that were not finite and were set to zero, since construction.  The first is logged.
   [[nodiscard]] std::uint64_t nonfinite_events() const;
   /// Episodes passed over because no path leads to their goal in their scene (order `random` only; `once` throws), since construction.

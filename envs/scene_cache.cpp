@@ -13,6 +13,8 @@
 #include <thread>
 #include <utility>
 
+#include "sim/acoustics/effect_plan.h"
+
 namespace earshot {
 namespace {
 
@@ -64,10 +66,6 @@ struct Wanted {
 
 }  // namespace
 
-bool keeps_sound_field(const AcousticScene& acoustics) {
-  return acoustics.config().field == Switch::on && acoustics.config().late != Switch::off;
-}
-
 struct SceneCache::Impl {
   AcousticConfig acoustics;
   NavmeshConfig navmesh;
@@ -104,7 +102,7 @@ struct SceneCache::Impl {
     return tbb::this_task_arena::isolate([&]() -> std::shared_ptr<const EnvSource> {
       const EnvScene& in = *scene;
       EarlyCandidates candidates(in.acoustics, goal + glm::vec3(0, source_height_m, 0));
-      auto sound_field = keeps_sound_field(in.acoustics) ? fields.get(in.acoustics, candidates) : nullptr;
+      auto sound_field = uses_source_field(in.acoustics) ? fields.get(in.acoustics, candidates) : nullptr;
       return std::make_shared<const EnvSource>(scene, GeodesicField(in.navmesh, goal), std::move(candidates), std::move(sound_field));
     });
   }
@@ -166,6 +164,8 @@ SceneCache::SceneCache(const AcousticConfig& acoustics, const NavmeshConfig& nav
   validate(acoustics);
   validate(navmesh);
   impl_->acoustics = acoustics;
+  // Before the scenes are planned: what a field cannot carry is left to the tracer only where there is no field.
+  if (acoustics.field == Switch::automatic) impl_->acoustics.field = Switch::off;
   impl_->navmesh = navmesh;
   impl_->root = std::move(scene_root);
   impl_->max_bytes = max_bytes;

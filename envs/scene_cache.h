@@ -29,14 +29,13 @@ struct EnvSource {
   std::shared_ptr<const SourceField> sound_field;  ///< late sound, refined to its target; null: the path tracer finds it at each pose
 };
 
-/// Does this scene's plan keep the late field of a standing source (config.field)?
-bool keeps_sound_field(const AcousticScene& acoustics);
-
 /// Loads scenes and sources once and keeps the most recently used ones within a bound on bytes: of scenes, estimated from triangle counts,
 /// and of the sound fields of sources.  Thread-safe; two threads that ask for the same scene wait for one load.  Whoever holds a pointer
 /// keeps what it points to, evicted or not.
 class SceneCache {
  public:
+  /// acoustics.field: `automatic` is off here.  The photons of a source in a generated house cost as much as tracing some 200 to 450 steps,
+  /// and an episode has 50 to 150: `on` pays where agents, episodes or runs share a source, or where its lower error is wanted.
   /// fields: folder and bound of the sound fields that runs and processes share; its memory bound is of no use here, and its warnings are
   /// logged.
   SceneCache(const AcousticConfig& acoustics, const NavmeshConfig& navmesh, std::filesystem::path scene_root, std::size_t max_bytes,

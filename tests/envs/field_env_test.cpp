@@ -55,8 +55,8 @@ void step(BatchedEnv& env, int first, int index) {
   env.step(actions);
 }
 
-Heard roll_out(const EnvConfig& config, const std::shared_ptr<SceneCache>& scenes, const std::vector<int>& batches, int steps = 16) {
-  static const auto set = quick_set(2);
+Heard roll_out(const EnvConfig& config, const std::shared_ptr<SceneCache>& scenes, const std::vector<int>& batches, int steps = 17) {
+  static const auto set = quick_set(1);
   Heard out;
   int first = 0;
   for (const int size : batches) {
@@ -111,7 +111,7 @@ TEST_F(FieldEnv, ThreadsSplitsAndPrefetchChangeNoBit) {
 TEST_F(FieldEnv, ARestoredBatchGoesOnWithTheSameBits) {
   EnvConfig config = field_config();
   config.task.max_steps = 30;
-  const auto set = quick_set(2);
+  const auto set = quick_set(1);
   const auto scenes = make_scene_cache(config);
   BatchedEnv original(config, set, scenes, 3, 1, 4);
   original.reset();
@@ -168,6 +168,31 @@ TEST_F(FieldEnv, TheBoundOfTheCacheCountsFields) {
   EXPECT_LE(two.bytes(), bound);
   two.source(id, {2, 0, 2.1f}, 1.5f);
   EXPECT_EQ(two.sources_built(), 2u);
+}
+
+TEST_F(FieldEnv, AutomaticIsOffForEpisodesAreShort) {
+  EnvConfig config = field_config();
+  config.acoustics.field = Switch::automatic;
+  EXPECT_FALSE(make_scene_cache(config)->source("house:2,rooms=2,area_m2=30", quick_set(1)->episodes[0].goal_position, 1.5f)->sound_field);
+}
+
+// A turn keeps the response, a step makes a new one; every new one is counted once.
+TEST_F(FieldEnv, CountersSumOverAgents) {
+  const EnvConfig config = field_config();
+  BatchedEnv env(config, quick_set(1), make_scene_cache(config), 3, 0, 3);
+  env.reset();
+  EXPECT_EQ(env.effect_counters().poses, 3u);
+  EXPECT_EQ(env.kept_responses(), 0u);
+  env.step(std::vector<std::int32_t>{2, 2, 3});
+  EXPECT_EQ(env.effect_counters().poses, 3u);
+  EXPECT_EQ(env.kept_responses(), 3u);
+  for (int i = 0; i < 4; ++i) env.step(std::vector<std::int32_t>{1, 3, 2});
+  const EffectCounters counters = env.effect_counters();
+  EXPECT_GT(counters.poses, 3u);
+  EXPECT_LE(counters.poses, 7u);  // env 0 may have walked into something
+  EXPECT_EQ(counters.poses + env.kept_responses(), 3u * 6u);
+  EXPECT_EQ(counters.field_gathers, counters.poses);
+  EXPECT_LE(counters.in_sight, counters.poses);
 }
 
 TEST_F(FieldEnv, WithoutLateSoundThereIsNoField) {
