@@ -18,7 +18,7 @@ namespace earshot {
 namespace {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-constexpr double kFallOfProbeDb = 45.0, kMargin = 1.2;
+constexpr double kMargin = 1.2, kOpenMargin = 2.0, kClosedShare = 0.98;
 constexpr double kShortestRirS = 0.1, kShortestHorizonS = 1.5, kLongestRirS = 4.0, kLongestDelayS = 0.6;
 constexpr double kPosesOfASource = 300;
 /// Rays for 5 % error of T30, one diffuse room; they grow with the inverse cube of the share of the air that a point sees: 10, 80, 640 and
@@ -86,24 +86,25 @@ class Planner {
   [[nodiscard]] double late_ms() const { return trace_ms(config_.rays + config_.source_rays, plan_.rir_length_s); }
 
   void decide_length() {
-    const auto& fall_s = config_.air_absorption == Switch::off ? probe_.decay_45db_s : probe_.decay_45db_with_air_s;
+    const auto& fall_s = config_.air_absorption == Switch::off ? probe_.decay_s : probe_.decay_with_air_s;
     const double longest_s = *std::max_element(fall_s.begin(), fall_s.end());
     const double delay_s = std::min(double{scene_.diagonal_m()} / scene_.speed_of_sound_m_per_s(), kLongestDelayS);
-    const double wanted_s = delay_s + kMargin * longest_s;
+    // In the open walks die out before they have fallen so far.
+    const double wanted_s = delay_s + (probe_.hit_share < kClosedShare ? kOpenMargin : kMargin) * longest_s;
     const double step_s = 0.01;
     const double asked_s = std::clamp(std::ceil(wanted_s / step_s) * step_s, kShortestRirS, kLongestRirS);
     const bool automatic = config_.rir_length_s == 0.f;
     plan_.rir_length_s = automatic ? static_cast<float>(asked_s) : config_.rir_length_s;
-    const double ends_db = longest_s > 0 ? kFallOfProbeDb * plan_.rir_length_s / longest_s : 1e3;
+    const double ends_db = longest_s > 0 ? kProbedFallDb * plan_.rir_length_s / longest_s : 1e3;
     const std::string decay =
-        longest_s > 0 ? fmt::format("the slowest band falls by 45 dB within {:.2f} s", longest_s) : "nothing comes back";
-    // Where the decay of -45 dB is cut off, an exponential one is 54 dB down: T30 is off by what ORACLES 3.1 gives for -45 dB at most.
+        longest_s > 0 ? fmt::format("the slowest band falls by {:.0f} dB within {:.2f} s", kProbedFallDb, longest_s) : "nothing comes back";
+    // An exponential decay is cut off 60 dB down: that moves T30 by less than the 0.85 % of a cut at -45 dB (ORACLES 3.1).
     if (automatic) {
       const bool capped = wanted_s > kLongestRirS;
       const double saved = trace_ms(config_.rays + config_.source_rays, kLongestRirS) - late_ms();
-      add("rir_length_s", false, fmt::format("{:.2f} s", plan_.rir_length_s), capped ? ends_db : 0.85,
+      add("rir_length_s", false, fmt::format("{:.2f} s", plan_.rir_length_s), capped ? ends_db : 100 * kEffectBudgetRt,
           capped ? "dB of decay kept" : "% of T30", capped ? BoundKind::traded : BoundKind::bounded, saved,
-          fmt::format("{}, after at most {:.2f} s on the way, with a margin of 20 %{}", decay, delay_s, capped ? "; cut at 4 s" : ""));
+          fmt::format("{}, after at most {:.2f} s on the way, with a margin{}", decay, delay_s, capped ? "; cut at 4 s" : ""));
     } else {
       add("rir_length_s", true, fmt::format("{:.2f} s", plan_.rir_length_s), kNan, "", BoundKind::asked, 0,
           fmt::format("{}; automatic would be {:.2f} s{}", decay, asked_s,
@@ -171,11 +172,12 @@ class Planner {
     }
     const DiffractionBudget budget(config_);
     if (budget.near_boundary_only) {
-      // Half a wave of detour at the two ends of the first octave: ORACLES 3.3 at v = -1.
-      add("diffraction", true, "where blocked, or nearly", 1.25, "dB", BoundKind::traded, 0,
-          "in line of sight only edges with a detour below a quarter of the longest wave: beyond, the direct sound of the lowest band "
-          "changes "
-          "by at most this, that of each higher one by less (on: everywhere)");
+      // One edge so far from its shadow boundary changes the direct sound of the lowest octave by 1.25 dB (ORACLES 3.3 at v = -1).  Many
+      // together are held to four times its energy, twice its amplitude: 20 log10(1 + 2).
+      add("diffraction", true, "where blocked, or nearly", 20.0 * std::log10(3.0), "dB", BoundKind::traded, 0,
+          "in line of sight only near shadow boundaries; without an edge beyond, the direct sound of the lowest band changes by at most "
+          "1.25 dB, "
+          "without all of them by this (on, or 512 rays: everywhere)");
     } else {
       add("diffraction", true, "on", 6.0, "dB", config_.diffraction == Switch::on ? BoundKind::asked : BoundKind::bounded, 0,
           "6 dB where sight ends, more behind it");
@@ -303,7 +305,7 @@ class Planner {
       const auto band = static_cast<std::size_t>(b);
       const double loss_db = 10.0 / std::numbers::ln10 * air_per_m_[band] * longest_m;
       // 1/T = 1/T0 + m c / (6 ln 10) (ORACLES O-16).
-      const double rt_share = air_per_m_[band] * speed / (6.0 * std::numbers::ln10) * probe_.decay_45db_s[band] * 60.0 / kFallOfProbeDb;
+      const double rt_share = air_per_m_[band] * speed / (6.0 * std::numbers::ln10) * probe_.decay_s[band] * 60.0 / kProbedFallDb;
       const bool matters = loss_db > kEffectBudgetDb || !(rt_share < kEffectBudgetRt);
       plan_.air[band] = config_.air_absorption == Switch::on || (config_.air_absorption == Switch::automatic && matters);
       if (plan_.air[band]) {

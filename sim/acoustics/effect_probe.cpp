@@ -24,7 +24,6 @@ constexpr std::uint32_t kCellsX = 4, kCellsY = 2, kCellsZ = 4, kCells = kCellsX 
 constexpr std::uint32_t kWalksPerPoint = 8, kMaxSteps = 2000;
 constexpr std::size_t kTimes = 160;
 constexpr double kFirstTimeS = 1e-3;
-constexpr double kFallDb = 45.0;
 constexpr std::size_t kMaxWalls = 12, kWallTests = 8;  // in all, per point
 constexpr std::uint32_t kWallWalks = 24, kWallBounces = 24;
 
@@ -108,7 +107,7 @@ class Decay {
       for (std::size_t band = 0; band < num_bands_; ++band) energy_[next * num_bands_ + band] += energy[band];
     }
   }
-  /// Time in which the backward integral falls by kFallDb, in air that takes `per_s` nepers of energy per second.
+  /// Time in which the backward integral falls by kProbedFallDb, in air that takes `per_s` nepers of energy per second.
   [[nodiscard]] double fall_s(std::size_t band, double per_s) const {
     std::array<double, kTimes> value;
     for (std::size_t i = 0; i < kTimes; ++i) value[i] = energy_[i * num_bands_ + band] * std::exp(-per_s * times_s_[i]);
@@ -122,7 +121,7 @@ class Decay {
     integral[late] = value[late] > 0 ? value[late] / rate : 0.0;
     for (std::size_t i = late; i-- > 0;) integral[i] = integral[i + 1] + 0.5 * (value[i] + value[i + 1]) * (times_s_[i + 1] - times_s_[i]);
     if (!(integral[0] > 0)) return 0;
-    const double least = integral[0] * std::pow(10.0, -0.1 * kFallDb);
+    const double least = integral[0] * std::pow(10.0, -0.1 * kProbedFallDb);
     if (integral[late] > least) return times_s_[late] + std::log(integral[late] / least) / rate;
     std::size_t i = late;
     while (i > 0 && integral[i - 1] <= least) --i;
@@ -138,6 +137,7 @@ class Decay {
 /// A wall with air on both sides, as a walk met it.
 struct Wall {
   glm::vec3 near, far;  ///< off its faces
+  glm::vec3 away;       ///< unit, from near to far
 };
 
 /// Sound at `listeners` from `source` by diffuse walks and next-event estimation; any scale.
@@ -171,6 +171,12 @@ void transfer(const AcousticScene& scene, glm::vec3 source, std::span<const glm:
   }
 }
 
+/// Half of the way from there to what comes next, at most a metre.
+glm::vec3 into_the_room(const AcousticScene& scene, glm::vec3 from, glm::vec3 direction) {
+  const float free_m = scene.scene().rays().intersect(from, direction).distance_m;
+  return from + std::min(0.5f * free_m, 1.f) * direction;
+}
+
 /// Largest share of energy that comes into a room through its walls: with energy densities D apart by air, a wall of transmission tau and
 /// area S brings (tau S / A) / D of what the air brings, S / A being the share of hits on such walls over the mean absorption.
 /// transmission: mean over hits of what goes through to other air.
@@ -179,8 +185,10 @@ void compare_walls(const AcousticScene& scene, const std::vector<Wall>& walls, s
   std::array<std::vector<double>, 2> energy;
   std::vector<std::vector<double>> ratios(num_bands);
   for (std::size_t i = 0; i < walls.size(); ++i) {
-    const std::array<glm::vec3, 2> listeners{walls[i].far, walls[i].near};
-    transfer(scene, walls[i].far, listeners, static_cast<std::uint32_t>(i), energy);
+    const Wall& wall = walls[i];
+    // Heard further from the wall than where the sound starts: the first reflection there is no measure of the room.
+    const std::array<glm::vec3, 2> listeners{into_the_room(scene, wall.far, wall.away), into_the_room(scene, wall.near, -wall.away)};
+    transfer(scene, wall.far, listeners, static_cast<std::uint32_t>(i), energy);
     for (std::size_t band = 0; band < num_bands; ++band) {
       const double through = transmission[band] / std::max(probe.absorption[band], 1e-3) * energy[0][band];
       const double none = std::numeric_limits<double>::infinity();
@@ -204,8 +212,8 @@ EffectProbe probe_effects(const AcousticScene& scene, std::span<const double> ai
   const auto num_bands = static_cast<std::size_t>(scene.num_bands());
   EffectProbe probe;
   probe.horizon_s = horizon_s;
-  for (auto* row : {&probe.absorption, &probe.transmission, &probe.decay_45db_s, &probe.decay_45db_with_air_s, &probe.wall_to_air,
-                    &probe.typical_wall_to_air})
+  for (auto* row :
+       {&probe.absorption, &probe.transmission, &probe.decay_s, &probe.decay_with_air_s, &probe.wall_to_air, &probe.typical_wall_to_air})
     row->assign(num_bands, 0.0);
   const std::size_t triangles = scene.scene().mesh().triangles.size();
   if (triangles == 0) return probe;
@@ -261,7 +269,7 @@ EffectProbe probe_effects(const AcousticScene& scene, std::span<const double> ai
           ++tested;
           const WallCrossing crossing = cross_wall(scene, direction, hit);
           constexpr float off_m = 0.3f;
-          const Wall wall{hit.position + off_m * hit.normal, crossing.exit - off_m * hit.normal};
+          const Wall wall{hit.position + off_m * hit.normal, crossing.exit - off_m * hit.normal, -hit.normal};
           const bool air_behind = rays.intersect(crossing.exit, direction).valid() && has_height(scene, wall.far);
           for (std::size_t band = 0; band < num_bands; ++band) {
             tau_of_tested[band] += tau[band];
@@ -277,8 +285,8 @@ EffectProbe probe_effects(const AcousticScene& scene, std::span<const double> ai
       }
     }
     for (std::size_t band = 0; band < num_bands; ++band) {
-      probe.decay_45db_s[band] = std::max(probe.decay_45db_s[band], decay.fall_s(band, 0.0));
-      probe.decay_45db_with_air_s[band] = std::max(probe.decay_45db_with_air_s[band], decay.fall_s(band, air_energy_per_m[band] * speed));
+      probe.decay_s[band] = std::max(probe.decay_s[band], decay.fall_s(band, 0.0));
+      probe.decay_with_air_s[band] = std::max(probe.decay_with_air_s[band], decay.fall_s(band, air_energy_per_m[band] * speed));
     }
   }
   probe.hit_share = segments == 0 ? 0.0 : static_cast<double>(hits) / static_cast<double>(segments);

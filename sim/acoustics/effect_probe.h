@@ -8,6 +8,9 @@
 
 namespace earshot {
 
+/// How far decays are followed.
+inline constexpr double kProbedFallDb = 50.0;
+
 /// What a few hundred rays tell about a scene.  The same for every seed of the config: what is decided from it must not change with the
 /// random numbers of a run.
 struct EffectProbe {
@@ -18,16 +21,16 @@ struct EffectProbe {
   double visible_share = 1;                      ///< of the pairs of points: 1 in a convex room, 0.1 to 0.3 in an apartment
   double query_us = 0;  ///< cost of one ray, a model of the number of triangles (a measurement would not be repeatable)
 
-  /// Time in which the energy released at a point falls by 45 dB without any air, [num_bands], the longest over all points; by
+  /// Time in which the energy released at a point falls by kProbedFallDb without any air, [num_bands], the longest over all points; by
   /// extrapolation where that is later than `horizon_s`; 0 where nothing comes back.
-  std::vector<double> decay_45db_s;
+  std::vector<double> decay_s;
   /// The same with air.
-  std::vector<double> decay_45db_with_air_s;
+  std::vector<double> decay_with_air_s;
   double horizon_s = 0;
 
   /// Behind walls that let sound through: the largest share by which the energy that reaches a room through its walls adds to what reaches
-  /// it through the air, [num_bands] (ORACLES 3.1: E_up / E_lo).  Zero if no wall has air behind it; infinite if most walls lead to where no
-  /// air does.
+  /// it through the air, [num_bands] (ORACLES 3.1: E_up / E_lo).  Zero if no wall has air behind it; infinite if most walls lead to where
+  /// no air does.
   std::vector<double> wall_to_air;
   std::vector<double> typical_wall_to_air;  ///< the median over walls
 };
