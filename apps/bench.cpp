@@ -34,8 +34,8 @@ void run_accuracy(const AccuracyCommand& command) {
   options.quick = command.quick;
   options.minutes = command.minutes.value_or(command.quick ? 2.5 : 25);
   require(options.minutes > 0 && options.minutes <= 1440, "--minutes", options.minutes, "must be in (0, 1440]");
+  options.after_scene = [&](const AccuracyStudy& so_far) { write_accuracy_files(so_far, command.out); };
   const AccuracyStudy study = run_accuracy_study(options);
-  write_accuracy_files(study, command.out);
   fmt::print("{}: accuracy.csv, accuracy_tables.md, accuracy_pareto.svg, accuracy_scenes.svg, accuracy_sweeps.svg\n", command.out);
   finish(accuracy_bench_report(study), command);
 }

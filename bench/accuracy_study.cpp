@@ -237,6 +237,7 @@ AccuracyStudy run_accuracy_study(const AccuracyOptions& options) {
       study.results.push_back(scene.run(modes[m]));
       tell(truth_share + (1 - truth_share) * static_cast<double>(m + 1) / num_modes, modes[m].sweep + " " + modes[m].value);
     }
+    if (options.after_scene) options.after_scene(study);
   }
   return study;
 }

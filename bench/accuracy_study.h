@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -41,7 +42,8 @@ struct AccuracyStudy {
 
 struct AccuracyOptions {
   bool quick = false;
-  double minutes = 25;  ///< of the whole study on two cores; poses and repeats are cut to fit
+  double minutes = 25;                                         ///< of the whole study on two cores; poses and repeats are cut to fit
+  std::function<void(const AccuracyStudy&)> after_scene = {};  ///< with what there is so far: a study that is cut short leaves its files
 };
 
 /// Question: what does accuracy cost in time?  Every mode in every scene against a converged truth.

@@ -209,6 +209,7 @@ class RirBench {
       const ErrorSummary summary = summarise(errors, kind);
       const double scale = scale_of(kind);
       BenchJson with_spread = fast_json;
+      with_spread["range"] = "mean of absolute values, less and plus one standard error over poses";
       with_spread["rms"] = scale * summary.rms;
       with_spread["p95"] = scale * summary.p95;
       with_spread["values"] = summary.count;
