@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <glm/common.hpp>
+#include <glm/vector_relational.hpp>
 #include <numeric>
 
 #include "sim/base/random.h"
@@ -17,7 +18,7 @@ constexpr float kMaxBoxes = 16'384.f;
 constexpr int kPointsPerEdge = 8;
 constexpr int kPoints = kPointsPerEdge * kPointsPerEdge * kPointsPerEdge;
 /// Pieces of fewer points are gaps behind furniture or the inside of walls: too small to know their volume.
-constexpr std::size_t kLeastPoints = 4;
+constexpr std::size_t kLeastPoints = 12;
 
 /// Sets that grow together.
 class Groups {
@@ -122,6 +123,11 @@ std::vector<FieldGrid::Cell> FieldGrid::pieces_of(const glm::ivec3& index) const
     // Spread over the piece: the first is the middle of the list, the others divide it.
     for (std::uint32_t i = 0; i < piece.num_views; ++i)
       piece.view[i] = point[group[((2 * i + 1) * group.size() / (2 * piece.num_views) + (i == 0 ? group.size() / 2 : 0)) % group.size()]];
+    piece.lower = piece.upper = point[group[0]];
+    for (const int i : group) piece.lower = glm::min(piece.lower, point[i]), piece.upper = glm::max(piece.upper, point[i]);
+    // The outermost of the many points along a wall lies a small part of their spacing from it.
+    piece.lower -= 0.5f / n * edge_m_;
+    piece.upper += 0.5f / n * edge_m_;
     pieces.push_back(piece);
   }
   return pieces;
@@ -135,8 +141,16 @@ bool FieldGrid::sees(const Cell& cell, glm::vec3 point) const {
 
 std::uint32_t FieldGrid::piece_at(const Box& box, glm::vec3 point) const {
   if (box.count == 1) return box.first;
+  // Mostly bounds tell already: a straight wall leaves its two sides apart.
+  std::uint32_t only = none, candidates = 0;
+  const auto may_hold = [&](const Cell& cell) {
+    return glm::all(glm::greaterThanEqual(point, cell.lower)) && glm::all(glm::lessThanEqual(point, cell.upper));
+  };
   for (std::uint32_t i = box.first; i < box.first + box.count; ++i)
-    if (sees(cells_[i], point)) return i;
+    if (may_hold(cells_[i])) only = i, ++candidates;
+  if (candidates == 1) return only;
+  for (std::uint32_t i = box.first; i < box.first + box.count; ++i)
+    if (may_hold(cells_[i]) && sees(cells_[i], point)) return i;
   return none;
 }
 

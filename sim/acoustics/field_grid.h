@@ -47,12 +47,11 @@ class FieldGrid {
     float volume_m3 = 0;
     std::uint32_t num_views = 0;
     std::array<glm::vec3, kViews> view{};  ///< points of the piece, spread over it
+    /// Bounds of the piece, wide enough that no point of it lies outside.
+    glm::vec3 lower{-std::numeric_limits<float>::infinity()}, upper{std::numeric_limits<float>::infinity()};
   };
   struct Box {
     std::uint32_t first = 0, count = 0;  ///< its cells
-  };
-  struct Pieces {
-    std::vector<Cell> cells;
   };
   [[nodiscard]] std::size_t box_at(const glm::ivec3& index) const {
     return (static_cast<std::size_t>(index.x) * static_cast<std::size_t>(count_.y) + static_cast<std::size_t>(index.y)) *

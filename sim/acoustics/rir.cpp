@@ -43,7 +43,7 @@ void compute_energy_response(const AcousticScene& scene, const EarlyCandidates& 
   if (!has_shape_of(scene, response.late)) response.late = make_histogram(scene);
   if (field != nullptr) {
     response.batches.clear();
-    response.stats = field->gather(scene, candidates, listener, response.late);
+    response.stats = field->gather(scene, listener, response.late);
   } else if (scene.config().source_rays > 0 || scene.config().specular_exponent > 0.f) {
     response.stats =
         trace_bidirectional(scene, candidates, listener, response.late, &response.batches, BidirectionalOptions{.progress = progress});

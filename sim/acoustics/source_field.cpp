@@ -8,6 +8,7 @@
 
 #include "sim/acoustics/field_grid.h"
 #include "sim/acoustics/field_image.h"
+#include "sim/acoustics/reflection_model.h"
 #include "sim/acoustics/sampling.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
@@ -15,14 +16,41 @@
 namespace earshot {
 namespace {
 
-/// Adds `weight` times a history to `histogram`.
-void add_history(const FieldValue* values, const FieldEntry& entry, std::size_t stride, float weight, EnergyHistogram& histogram) {
+/// Values of a few bins at a time: they stay in registers and the first cache.
+constexpr std::size_t kBlockValues = 2048;
+static_assert(kBlockValues >= kMaxCoefficients * kMaxBands);
+
+/// One cell's part of what a listener hears.
+struct Part {
+  const FieldValue* values;
+  std::size_t first, end;  ///< bins
+  float weight;
+};
+
+/// Adds the histories of all parts, whose values are [bin][coefficient][padded bands], to `histogram`.
+void add_parts(std::span<const Part> parts, std::size_t stride, EnergyHistogram& histogram) {
   const auto coefficients = static_cast<std::size_t>(histogram.num_coefficients()), bands = static_cast<std::size_t>(histogram.num_bands());
-  const FieldValue* row = values + entry.offset;
-  float* out = histogram.values().data() + entry.first * bands * coefficients;
-  for (std::uint32_t bin = 0; bin < entry.count; ++bin, row += coefficients * stride)
-    for (std::size_t band = 0; band < bands; ++band)
-      for (std::size_t k = 0; k < coefficients; ++k) *out++ += weight * from_field_value(row[k * stride + band]);
+  const std::size_t row = coefficients * stride, bins_per_block = kBlockValues / row;
+  std::size_t first = static_cast<std::size_t>(histogram.num_bins()), last = 0;
+  for (const Part& part : parts) first = std::min(first, part.first), last = std::max(last, part.end);
+  alignas(32) std::array<float, kBlockValues> sum;
+  for (std::size_t begin = first; begin < last; begin += bins_per_block) {
+    const std::size_t end = std::min(begin + bins_per_block, last);
+    std::fill_n(sum.begin(), (end - begin) * row, 0.f);
+    for (const Part& part : parts) {
+      const std::size_t from = std::max(begin, part.first), to = std::min(end, part.end);
+      if (from >= to) continue;
+      const FieldValue* values = part.values + (from - part.first) * row;
+      float* out = &sum[(from - begin) * row];
+      // Rows are whole vectors of eight.
+      for (std::size_t i = 0; i < (to - from) * row; i += 8)
+        for (std::size_t lane = 0; lane < 8; ++lane) out[i + lane] += part.weight * from_field_value(values[i + lane]);
+    }
+    float* out = histogram.values().data() + begin * bands * coefficients;
+    for (std::size_t bin = 0; bin < end - begin; ++bin)
+      for (std::size_t band = 0; band < bands; ++band)
+        for (std::size_t k = 0; k < coefficients; ++k) *out++ += sum[bin * row + k * stride + band];
+  }
 }
 
 FieldHeader header_of(std::span<const std::byte> image) {
@@ -47,6 +75,8 @@ std::uint64_t source_field_key(const AcousticScene& scene, const EarlyCandidates
     append(bytes, value);
   for (const float value : {c.time_bin_s, c.rir_length_s, c.scattering, c.sample_rate_hz, c.field_error, c.field_cell_m})
     append(bytes, value);
+  for (const float exponent : scene.air_energy_per_m()) append(bytes, exponent);
+  append(bytes, traces_transmission(scene));
   append(bytes, c.seed);
   const SoundSource& source = candidates.sound_source();
   append(bytes, source.position);
@@ -93,8 +123,7 @@ SourceField::SourceField(const AcousticScene& scene, const EarlyCandidates& cand
 std::uint64_t SourceField::photons() const { return header_of(image_).photons; }
 double SourceField::t20_error() const { return header_of(image_).t20_error; }
 
-TraceStats SourceField::gather(const AcousticScene& scene, const EarlyCandidates&, glm::vec3 listener,
-                               EnergyHistogram& histogram) const {
+TraceStats SourceField::gather(const AcousticScene& scene, glm::vec3 listener, EnergyHistogram& histogram) const {
   const AcousticConfig& config = scene.config();
   histogram.clear();
   TraceStats stats;
@@ -104,9 +133,13 @@ TraceStats SourceField::gather(const AcousticScene& scene, const EarlyCandidates
   const auto* entries = reinterpret_cast<const FieldEntry*>(image_.data() + sizeof header);
   const auto* values = reinterpret_cast<const FieldValue*>(entries + header.num_cells);
   std::array<FieldGrid::Share, 8> shares;
+  std::array<Part, 8> parts;
   const std::size_t count = scene.field_grid().blend(listener, shares);
-  for (std::size_t i = 0; i < count; ++i) add_history(values, entries[shares[i].cell], header.padded_bands, shares[i].weight, histogram);
-  histogram.attenuate(scene.air_energy_per_m(), scene.speed_of_sound_m_per_s());
+  for (std::size_t i = 0; i < count; ++i) {
+    const FieldEntry& entry = entries[shares[i].cell];
+    parts[i] = {values + entry.offset, entry.first, std::size_t{entry.first} + entry.count, shares[i].weight};
+  }
+  add_parts(std::span(parts).first(count), header.padded_bands, histogram);
   return stats;
 }
 

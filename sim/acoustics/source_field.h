@@ -15,9 +15,11 @@
 
 namespace earshot {
 
-/// Late field of one source in one scene, for any number of listeners: histories of energy over time and band that patches of the surfaces
-/// send out, found by tracing photons from the source; a listener sends out a few rays and adds the delayed histories of the patches that
-/// they meet (photon map with final gather, Jensen 1996, resolved in time; the construction and its figures: ORACLES 2.9 and 6).
+/// Late field of one source in one scene, for any number of listeners.  Photons are traced from the source; the air is cut into cells
+/// (field_grid.h), and each flight adds its length times its energy to the cells that it crosses (track-length estimator of fluence,
+/// Spanier and Gelbard 1969, resolved in time, band and direction).  A listener blends the cells round it that it sees.  Unbiased but for
+/// the blur of a cell, mirrors included: no last leg is treated as diffuse.  Against final gathering from patches (ORACLES 2.9, 6): half
+/// the error for the same photons, no rays and no noise of its own at the pose, a twentieth of the time per pose.
 ///
 /// Immutable, shared by threads.  All that it holds is one flat image of bytes (native byte order), which may lie in memory or in a mapped
 /// file; source_field_store.h keeps such files.
@@ -28,9 +30,9 @@ class SourceField {
   SourceField(const AcousticScene& scene, const EarlyCandidates& candidates, std::span<const std::byte> image,
               std::shared_ptr<const void> owner);
 
-  /// Late field at `listener`, what trace_late estimates with diffuse_last_leg off, up to the blur of a patch: same meaning, shape and
-  /// rules of `histogram` and TraceStats.  A function of (scene, field, listener).  No allocation; about 0.1 to 0.3 ms.
-  TraceStats gather(const AcousticScene& scene, const EarlyCandidates& candidates, glm::vec3 listener, EnergyHistogram& histogram) const;
+  /// Late field at `listener`: same meaning, shape and rules of `histogram` as in trace_late.  A function of (scene, field, listener).  No
+  /// allocation; 10 to 20 us for half a second, first order.  stats.rays: the photons.
+  TraceStats gather(const AcousticScene& scene, glm::vec3 listener, EnergyHistogram& histogram) const;
 
   [[nodiscard]] std::span<const std::byte> image() const { return image_; }
   [[nodiscard]] std::uint64_t photons() const;

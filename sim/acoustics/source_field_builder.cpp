@@ -20,6 +20,12 @@ namespace {
 constexpr std::uint32_t kChunksPerRound = FieldProbes::kBatches;  // photons come in whole rounds: a chunk for each batch
 constexpr std::uint64_t kPhotonsPerRound = std::uint64_t{kChunksPerRound} * kPhotonsPerChunk;
 
+/// to[i] += factor * from[i]; count: a multiple of eight, whole vectors.
+void add_scaled(const float* from, float factor, std::size_t count, float* to) {
+  for (std::size_t i = 0; i < count; i += 8)
+    for (std::size_t lane = 0; lane < 8; ++lane) to[i + lane] += factor * from[i + lane];
+}
+
 }  // namespace
 
 struct SourceFieldBuilder::Impl {
@@ -43,9 +49,8 @@ struct SourceFieldBuilder::Impl {
     const float to_next = bin >= 0 && bin + 1 < num_bins ? from_centre - static_cast<float>(bin) : 0.f;
     float* here = &bins[static_cast<std::size_t>(std::clamp(bin, 0, num_bins - 1)) * row];
     const float keep = length_m * (1.f - to_next), pass = length_m * to_next;
-    for (std::size_t i = 0; i < row; ++i) here[i] += keep * weighted[i];
-    if (pass > 0)
-      for (std::size_t i = 0; i < row; ++i) here[row + i] += pass * weighted[i];
+    add_scaled(weighted, keep, row, here);
+    if (pass > 0) add_scaled(weighted, pass, row, here + row);
   }
 
   void add(const PhotonTracks& of_chunk, std::uint32_t batch) {
@@ -165,9 +170,17 @@ std::shared_ptr<const SourceField> SourceFieldBuilder::snapshot() const {
     if (entries[i].count == 0) continue;
     // Fluence is track length per volume; the energy of the Green's function is that over 4 pi (ORACLES 0.1).
     const double per_photon = 1.0 / static_cast<double>(std::max<std::uint64_t>(in.photons(), 1));
-    const auto scale = static_cast<float>(per_photon / (4.0 * std::numbers::pi * in.grid.volume_m3(static_cast<std::uint32_t>(i))));
+    const double scale = per_photon / (4.0 * std::numbers::pi * double{in.grid.volume_m3(static_cast<std::uint32_t>(i))});
     const float* from = &in.history[i][entries[i].first * in.row];
-    for (std::size_t k = 0; k < entries[i].count * in.row; ++k) *values++ = to_field_value(from[k] * scale);
+    for (std::uint32_t bin = entries[i].first; bin < entries[i].first + entries[i].count; ++bin) {
+      // Air once, here: path length is c t (ORACLES 3.2).
+      const double path_m = (bin + 0.5) * in.bin_s * in.scene.speed_of_sound_m_per_s();
+      std::array<float, kMaxBands> kept{};
+      for (int band = 0; band < in.scene.num_bands(); ++band)
+        kept[static_cast<std::size_t>(band)] = static_cast<float>(scale * std::exp(-double{in.scene.air_energy_per_m()[band]} * path_m));
+      for (int k = 0; k < in.num_coefficients; ++k)
+        for (std::size_t b = 0; b < in.stride; ++b) *values++ = to_field_value(*from++ * kept[b]);
+    }
   }
   return std::make_shared<const SourceField>(in.scene, in.candidates, *image, image);
 }
