@@ -102,7 +102,8 @@ struct SceneCache::Impl {
     return tbb::this_task_arena::isolate([&]() -> std::shared_ptr<const EnvSource> {
       const EnvScene& in = *scene;
       EarlyCandidates candidates(in.acoustics, goal + glm::vec3(0, source_height_m, 0));
-      auto sound_field = uses_source_field(in.acoustics) ? fields.get(in.acoustics, candidates) : nullptr;
+      const bool keeps_field = acoustics.field == Switch::on && uses_source_field(in.acoustics);
+      auto sound_field = keeps_field ? fields.get(in.acoustics, candidates) : nullptr;
       return std::make_shared<const EnvSource>(scene, GeodesicField(in.navmesh, goal), std::move(candidates), std::move(sound_field));
     });
   }
@@ -164,8 +165,6 @@ SceneCache::SceneCache(const AcousticConfig& acoustics, const NavmeshConfig& nav
   validate(acoustics);
   validate(navmesh);
   impl_->acoustics = acoustics;
-  // Before the scenes are planned: what a field cannot carry is left to the tracer only where there is no field.
-  if (acoustics.field == Switch::automatic) impl_->acoustics.field = Switch::off;
   impl_->navmesh = navmesh;
   impl_->root = std::move(scene_root);
   impl_->max_bytes = max_bytes;
