@@ -2,7 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <numbers>
+
+#include "sim/audio/spectrum_math.h"
 
 namespace earshot {
 namespace {
@@ -11,10 +14,20 @@ constexpr double kPi = std::numbers::pi;
 /// Phases this close to a multiple of pi are signs.
 constexpr double kSignRad = 1e-5;
 
+using Complex = std::complex<float>;
+
+/// exp(i angle) for |angle| <= pi within 3e-7: series at a quarter of the angle, squared twice.
+Complex unit_turn(float angle) {
+  const float x = 0.25f * angle, y = x * x;
+  const Complex quarter(1.f + y * (-1.f / 2 + y * (1.f / 24 + y * (-1.f / 720 + y * (1.f / 40320)))),
+                        x * (1.f + y * (-1.f / 6 + y * (1.f / 120 + y * (-1.f / 5040 + y * (1.f / 362880))))));
+  const Complex half = multiply(quarter, quarter);
+  return multiply(half, half);
+}
+
 }  // namespace
 
-ArrivalSpectrum::ArrivalSpectrum(const BandFilters& filters)
-    : filters_(filters), gain_(filters.num_bins()), turn_(filters.num_bins()), factor_(filters.num_bins()) {}
+ArrivalSpectrum::ArrivalSpectrum(const BandFilters& filters) : filters_(filters), gain_(filters.num_bins()), factor_(filters.num_bins()) {}
 
 void ArrivalSpectrum::set(std::span<const float> amplitude, std::span<const float> phase_rad) {
   const auto bands = static_cast<std::size_t>(filters_.num_bands());
@@ -32,13 +45,18 @@ void ArrivalSpectrum::set(std::span<const float> amplitude, std::span<const floa
     filters_.blend(std::span(signed_).first(bands), gain_);
     return;
   }
-  phase_[0] = phase_rad[0];
-  for (std::size_t b = 1; b < bands; ++b)
-    phase_[b] = phase_[b - 1] +
-                static_cast<float>(std::remainder(static_cast<double>(phase_rad[b]) - static_cast<double>(phase_[b - 1]), 2.0 * kPi));
   filters_.blend(amplitude, gain_);
-  filters_.blend(std::span(phase_).first(bands), turn_);
-  for (std::size_t k = 0; k < factor_.size(); ++k) factor_[k] = std::polar(gain_[k], turn_[k]);
+  // From one band to the next by the shorter way; between their regions the share of the way decides.
+  for (std::size_t b = 0; b < bands; ++b) {
+    turn_[b] = Complex(std::polar(1.0, static_cast<double>(phase_rad[b])));
+    const double way =
+        b + 1 < bands ? std::remainder(static_cast<double>(phase_rad[b + 1]) - static_cast<double>(phase_rad[b]), 2.0 * kPi) : 0.0;
+    way_[b] = static_cast<float>(way);
+  }
+  const std::uint8_t* lower = filters_.lower_bands().data();
+  const float* share = filters_.upper_shares().data();
+  for (std::size_t k = 0; k < factor_.size(); ++k)
+    factor_[k] = gain_[k] * (share[k] == 0.f ? turn_[lower[k]] : multiply(turn_[lower[k]], unit_turn(share[k] * way_[lower[k]])));
 }
 
 void ArrivalSpectrum::apply(std::span<std::complex<float>> spectrum) const {

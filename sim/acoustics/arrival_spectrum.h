@@ -26,8 +26,9 @@ class ArrivalSpectrum {
 
  private:
   const BandFilters& filters_;
-  std::array<float, kMaxBands> signed_{}, phase_{};
-  std::vector<float> gain_, turn_;
+  std::array<float, kMaxBands> signed_{}, way_{};
+  std::array<std::complex<float>, kMaxBands> turn_{};
+  std::vector<float> gain_;
   std::vector<std::complex<float>> factor_;
   bool silent_ = true, flat_ = true, real_ = true;
 };

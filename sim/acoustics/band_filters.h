@@ -22,6 +22,9 @@ class BandFilters {
   [[nodiscard]] float share(int band, std::size_t bin) const;
   /// Spectrum gain[k] = sum over b of F_b(k) value[b].  Equal values give exactly that value in every bin.
   void blend(std::span<const float> value, std::span<float> gain) const;
+  /// Per bin: the lower of the at most two bands that overlap there, and the share of the band above it.
+  [[nodiscard]] std::span<const std::uint8_t> lower_bands() const { return lower_; }
+  [[nodiscard]] std::span<const float> upper_shares() const { return upper_share_; }
 
  private:
   int num_bands_;

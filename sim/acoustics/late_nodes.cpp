@@ -3,6 +3,30 @@
 #include <cstdint>
 
 namespace earshot {
+namespace {
+
+/// A bin that spreads over one width, in float: most are such.  c: its harmonics.
+inline void set_whole(LateNode& node, const float* c, bool has_moments, float per_width) {
+  if (!(c[0] > 0.f && c[0] < 1e30f)) return;
+  node.density = c[0] * per_width;
+  if (!has_moments) return;
+  const float share = 1.f / c[0], m1 = share * c[1], m2 = share * c[2], m3 = share * c[3];
+  const float square = m1 * m1 + m2 * m2 + m3 * m3;
+  if (!(square >= 0.f)) return;
+  const float limit = square > 3.f ? std::sqrt(3.f / square) : 1.f;  // as in set_node
+  node.m = {limit * m1, limit * m2, limit * m3};
+  node.d = std::sqrt(std::max(0.f, 1.f - square * (1.f / 3.f)));
+}
+
+}  // namespace
+
+template <class Float>
+void LateNodes::set_higher(std::size_t index, const Float* c, std::size_t num_known) {
+  for (std::size_t j = 4; j < num_known; ++j) {
+    const double ratio = static_cast<double>(c[j]) / static_cast<double>(c[0]);
+    higher_[index * num_higher_ + j - 4] = std::isfinite(ratio) ? static_cast<float>(ratio) : 0.f;
+  }
+}
 
 void LateNodes::make(const EnergyHistogram& energy, float sample_rate_hz, double onset_sample, std::size_t num_samples) {
   num_bins_ = energy.num_bins();
@@ -17,7 +41,8 @@ void LateNodes::make(const EnergyHistogram& energy, float sample_rate_hz, double
   num_higher_ = num_known > 4 ? num_known - 4 : 0;
   higher_.assign(cells * num_higher_, 0.f);
 
-  // A bin's energy is spread by a hat that reaches the neighbours' centres.  Where the onset cuts the hat, what is left of it carries all.
+  // A bin's energy is spread by a hat that reaches the neighbours' centres.  Where the onset cuts the hat, what is left of it carries
+  // all.
   const auto first_sample = static_cast<std::int64_t>(std::ceil(onset_sample));
   for (int bin = 0; bin < num_bins_ && (bin - 0.5) * width_ < onset_sample; ++bin) {
     const double centre = (bin + 0.5) * width_;
@@ -31,34 +56,45 @@ void LateNodes::make(const EnergyHistogram& energy, float sample_rate_hz, double
     hat_area_[static_cast<std::size_t>(bin)] = area;
   }
 
+  // From here on no hat is cut and nothing is carried.
+  const int first_whole_bin = onset_sample > 0 ? static_cast<int>(std::min(onset_sample / width_ + 2.5, 1e9)) : 1;
+  const float* values = energy.values().data();
+  const auto stride = static_cast<std::size_t>(num_bands) * static_cast<std::size_t>(energy.num_coefficients());
+  const int last_bin = std::min(num_bins_ - 1, static_cast<int>(static_cast<double>(num_samples) / width_ + 0.5));
+  carried_.resize(num_known);
   for (int band = 0; band < num_bands; ++band) {
-    carried_.assign(num_known, 0.0);  // energy of bins that lie before the onset
-    for (int bin = 0; bin < num_bins_; ++bin) {
-      const auto cell = energy.at(bin, band);
-      std::vector<double>& c = carried_;
-      for (std::size_t k = 0; k < num_known; ++k) c[k] += static_cast<double>(cell[k]);
+    double* c = carried_.data();  // energy of the bin, and of those before the onset
+    std::fill_n(c, num_known, 0.0);
+    const float* cell = values + static_cast<std::size_t>(band) * static_cast<std::size_t>(energy.num_coefficients());
+    for (int bin = 0; bin <= last_bin; ++bin, cell += stride) {
       const double area = hat_area_[static_cast<std::size_t>(bin)];
-      if (area < 0.25 * width_ && bin + 1 < num_bins_) continue;
-      const bool sounds = c[0] > 0 && c[0] < 1e30 && area > 0 && (bin - 0.5) * width_ <= static_cast<double>(num_samples);
-      if (sounds) {
+      if (bin >= first_whole_bin) {
         const std::size_t index = static_cast<std::size_t>(band) * static_cast<std::size_t>(num_bins_) + static_cast<std::size_t>(bin);
-        LateNode& node = nodes_[index];
-        node.density = static_cast<float>(c[0] / area);
-        double square = 0;
-        for (std::size_t j = 1; j < std::min<std::size_t>(num_known, 4); ++j) square += c[j] * c[j] / (c[0] * c[0]);
-        if (square >= 0) {
-          const double limit = square > 3.0 ? std::sqrt(3.0 / square) : 1.0;  // rounding may point a single ray past its own energy
-          for (std::size_t j = 1; j < std::min<std::size_t>(num_known, 4); ++j) node.m[j - 1] = static_cast<float>(limit * c[j] / c[0]);
-          node.d = static_cast<float>(std::sqrt(std::max(0.0, 1.0 - std::min(square, 3.0) / 3.0)));
-        }
-        for (std::size_t j = 4; j < num_known; ++j) {
-          const double ratio = c[j] / c[0];
-          higher_[index * num_higher_ + j - 4] = std::isfinite(ratio) ? static_cast<float>(ratio) : 0.f;
-        }
+        set_whole(nodes_[index], cell, num_known >= 4, static_cast<float>(1.0 / width_));
+        if (nodes_[index].density > 0.f) set_higher(index, cell, num_known);
+        continue;
       }
-      std::fill(carried_.begin(), carried_.end(), 0.0);
+      for (std::size_t k = 0; k < num_known; ++k) c[k] += static_cast<double>(cell[k]);
+      if (area < 0.25 * width_ && bin + 1 < num_bins_) continue;
+      if (c[0] > 0 && c[0] < 1e30 && area > 0) set_node(band, bin, std::span(carried_), area);
+      std::fill_n(c, num_known, 0.0);
     }
   }
+}
+
+void LateNodes::set_node(int band, int bin, std::span<const double> c, double area) {
+  const std::size_t index = static_cast<std::size_t>(band) * static_cast<std::size_t>(num_bins_) + static_cast<std::size_t>(bin);
+  LateNode& node = nodes_[index];
+  node.density = static_cast<float>(c[0] / area);
+  if (c.size() < 4) return;
+  const double share = 1.0 / c[0], m1 = share * c[1], m2 = share * c[2], m3 = share * c[3];
+  const double square = m1 * m1 + m2 * m2 + m3 * m3;
+  if (square >= 0) {
+    const double limit = square > 3.0 ? std::sqrt(3.0 / square) : 1.0;  // rounding may point a single ray past its own energy
+    node.m = {static_cast<float>(limit * m1), static_cast<float>(limit * m2), static_cast<float>(limit * m3)};
+    node.d = std::sqrt(static_cast<float>(std::max(0.0, 1.0 - std::min(square, 3.0) * (1.0 / 3.0))));
+  }
+  set_higher(index, c.data(), c.size());
 }
 
 }  // namespace earshot

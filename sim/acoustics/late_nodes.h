@@ -76,6 +76,11 @@ class LateNodes {
     return static_cast<std::size_t>(std::clamp(std::ceil(position), 0.0, static_cast<double>(num_samples_)));
   }
 
+  /// c: harmonics of its energy, from 0 on.  area: samples over which it spreads.
+  void set_node(int band, int bin, std::span<const double> c, double area);
+  template <class Float>
+  void set_higher(std::size_t index, const Float* c, std::size_t num_known);
+
   int num_bins_ = 0;
   double width_ = 1, onset_ = 0;  ///< in samples
   std::size_t num_samples_ = 0, num_higher_ = 0;

@@ -1,6 +1,7 @@
 #include "sim/acoustics/late_synthesis.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "sim/base/errors.h"
@@ -27,6 +28,28 @@ void add_first_order(int count, FirstOrderRamps ramps, const float* w, const flo
     out1[i] += ramps.m1.at(i) * omni + diffuse * n1[i];
     out2[i] += ramps.m2.at(i) * omni + diffuse * n2[i];
     out3[i] += ramps.m3.at(i) * omni + diffuse * n3[i];
+  }
+}
+
+/// What one band brings to one stretch.
+struct FirstOrderBand {
+  FirstOrderRamps ramps;
+  std::array<const float*, 4> carrier;
+};
+
+/// Two bands at a time: the outputs are read and written half as often.
+void add_first_order(int count, const FirstOrderBand& a, const FirstOrderBand& b, float* __restrict out0, float* __restrict out1,
+                     float* __restrict out2, float* __restrict out3) {
+  const FirstOrderRamps p = a.ramps, q = b.ramps;
+  const float *w = a.carrier[0], *n1 = a.carrier[1], *n2 = a.carrier[2], *n3 = a.carrier[3];
+  const float *v = b.carrier[0], *k1 = b.carrier[1], *k2 = b.carrier[2], *k3 = b.carrier[3];
+  for (int i = 0; i < count; ++i) {
+    const float s = std::sqrt(std::max(p.density.at(i), 0.f)), t = std::sqrt(std::max(q.density.at(i), 0.f));
+    const float omni = s * w[i], diffuse = s * p.d.at(i), other_omni = t * v[i], other_diffuse = t * q.d.at(i);
+    out0[i] = (out0[i] + omni) + other_omni;
+    out1[i] = (out1[i] + (p.m1.at(i) * omni + diffuse * n1[i])) + (q.m1.at(i) * other_omni + other_diffuse * k1[i]);
+    out2[i] = (out2[i] + (p.m2.at(i) * omni + diffuse * n2[i])) + (q.m2.at(i) * other_omni + other_diffuse * k2[i]);
+    out3[i] = (out3[i] + (p.m3.at(i) * omni + diffuse * n3[i])) + (q.m3.at(i) * other_omni + other_diffuse * k3[i]);
   }
 }
 
@@ -69,13 +92,15 @@ std::size_t LateSynthesizer::render(const EnergyHistogram& energy, const Carrier
 
   std::size_t end_of_sound = 0;
   nodes_.visit(offset, carriers.length(), [&](const LateStretch& stretch) {
+    const auto out = [&](std::size_t c) { return channels[c].data() + stretch.begin; };
+    FirstOrderBand waiting{};  // for another band to be added with
+    bool waits = false;
     for (int band = 0; band < num_bands; ++band) {
       const auto row = nodes_.band(band);
       const LateNode &a = row[static_cast<std::size_t>(stretch.left)], &b = row[static_cast<std::size_t>(stretch.right)];
       if (a.density == 0.f && b.density == 0.f) continue;
       end_of_sound = stretch.begin + static_cast<std::size_t>(stretch.count);
       const auto carrier = [&](std::size_t c) { return carriers.loop(band, static_cast<int>(c)).data() + stretch.in_loop; };
-      const auto out = [&](std::size_t c) { return channels[c].data() + stretch.begin; };
       const Ramp density = ramp_over(stretch, a.density, b.density);
       if (num_channels == 1) {
         add_omni(stretch.count, density, carrier(0), out(0));
@@ -85,9 +110,14 @@ std::size_t LateSynthesizer::render(const EnergyHistogram& energy, const Carrier
       const int left_bin = a.density > 0.f ? stretch.left : stretch.right, right_bin = b.density > 0.f ? stretch.right : stretch.left;
       const LateNode &left = row[static_cast<std::size_t>(left_bin)], &right = row[static_cast<std::size_t>(right_bin)];
       const auto ramp = [&](float from, float to) { return ramp_over(stretch, from, to); };
-      const FirstOrderRamps ramps{density, ramp(left.m[0], right.m[0]), ramp(left.m[1], right.m[1]), ramp(left.m[2], right.m[2]),
-                                  ramp(left.d, right.d)};
-      add_first_order(stretch.count, ramps, carrier(0), carrier(1), carrier(2), carrier(3), out(0), out(1), out(2), out(3));
+      const FirstOrderBand now{
+          {density, ramp(left.m[0], right.m[0]), ramp(left.m[1], right.m[1]), ramp(left.m[2], right.m[2]), ramp(left.d, right.d)},
+          {carrier(0), carrier(1), carrier(2), carrier(3)}};
+      if (waits)
+        add_first_order(stretch.count, waiting, now, out(0), out(1), out(2), out(3));
+      else
+        waiting = now;
+      waits = !waits;
       const std::size_t higher = num_channels - 4;
       for (std::size_t c = 4; c < num_channels; ++c) {
         const Share& from = shares_[static_cast<std::size_t>(band * num_bins + left_bin) * higher + c - 4];
@@ -95,6 +125,9 @@ std::size_t LateSynthesizer::render(const EnergyHistogram& energy, const Carrier
         add_higher(stretch.count, density, ramp(from.m, to.m), ramp(from.d, to.d), carrier(0), carrier(c), out(c));
       }
     }
+    if (waits)
+      add_first_order(stretch.count, waiting.ramps, waiting.carrier[0], waiting.carrier[1], waiting.carrier[2], waiting.carrier[3], out(0),
+                      out(1), out(2), out(3));
   });
   return end_of_sound;
 }

@@ -2,8 +2,11 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <complex>
+#include <cstdint>
+#include <cstring>
 #include <glm/geometric.hpp>
 #include <numbers>
 #include <optional>
@@ -13,6 +16,7 @@
 #include "sim/acoustics/late_synthesis.h"
 #include "sim/acoustics/synthesis_tables.h"
 #include "sim/audio/ambisonics.h"
+#include "sim/audio/complex_fft.h"
 #include "sim/audio/fft.h"
 #include "sim/audio/harmonic_rotation.h"
 #include "sim/audio/spectrum_math.h"
@@ -49,12 +53,51 @@ void add_circular(std::span<const float> response, int zero, std::int64_t at, st
     target[static_cast<std::size_t>(first + i)] += response[static_cast<std::size_t>(i - seam)];
 }
 
+// Plain loops over pointers that promise to overlap nothing: else they are not vectorized.
+
+/// out(k) = conj in(-k).  size: a multiple of four.
+void mirror(std::span<const Complex> in, std::span<Complex> out) {
+  // Four bins at a time, each a number of eight bytes: the compiler alone goes one by one, four times as long.
+  using FourBins = std::uint64_t __attribute__((vector_size(32)));
+  constexpr auto minus_imaginary = std::bit_cast<std::uint64_t>(std::array{0.f, -0.f});
+  const std::size_t size = in.size();
+  for (std::size_t k = 1; k + 4 <= size; k += 4) {
+    FourBins bins;
+    std::memcpy(&bins, in.data() + (size - k - 3), sizeof bins);
+    bins = __builtin_shufflevector(bins, bins, 3, 2, 1, 0) ^ minus_imaginary;
+    std::memcpy(static_cast<void*>(out.data() + k), &bins, sizeof bins);
+  }
+  out[0] = std::conj(in[0]);
+  for (std::size_t k = size - 3; k < size; ++k) out[k] = std::conj(in[size - k]);
+}
+
+/// See SynthesisTables::decoder.
+void decode(const std::array<AlignedSpectrum, 4>& decoder, const std::array<AlignedSpectrum, 2>& pair,
+            const std::array<AlignedSpectrum, 2>& mirrored, std::span<Complex> ears) {
+  Complex* __restrict sum = ears.data();
+  const std::array<const Complex*, 4> factor = {decoder[0].data(), decoder[1].data(), decoder[2].data(), decoder[3].data()};
+  const std::array<const Complex*, 4> value = {pair[0].data(), mirrored[0].data(), pair[1].data(), mirrored[1].data()};
+  for (std::size_t term = 0; term < 4; term += 2) {
+    const Complex *a = factor[term], *b = factor[term + 1], *x = value[term], *y = value[term + 1];
+    if (term == 0)
+      for (std::size_t k = 0; k < ears.size(); ++k) sum[k] = multiply(a[k], x[k]) + multiply(b[k], y[k]);
+    else
+      for (std::size_t k = 0; k < ears.size(); ++k) sum[k] += multiply(a[k], x[k]) + multiply(b[k], y[k]);
+  }
+}
+
+void add_ears(const Complex* ears, std::size_t count, float* __restrict left, float* __restrict right) {
+  for (std::size_t i = 0; i < count; ++i) {
+    left[i] += ears[i].real();
+    right[i] += ears[i].imag();
+  }
+}
+
 }  // namespace
 
 struct RirSynthesizer::Scratch {
   explicit Scratch(const SynthesisTables& tables)
       : early_fft(tables.early_fft),
-        late_fft(tables.late_fft),
         late(tables.sample_rate_hz),
         bands(tables.filters),
         response(static_cast<std::size_t>(tables.early_fft)),
@@ -67,14 +110,14 @@ struct RirSynthesizer::Scratch {
     if (tables.layout.kind == ListenerKind::array)
       array.emplace(tables.bands, tables.sample_rate_hz, tables.num_samples, tables.layout.microphones);
     if (!tables.hrtf) return;
-    const auto bins = static_cast<std::size_t>(late_fft.num_bins());
+    late_forward.emplace(tables.late_fft, ComplexFft::Direction::forward);
+    late_inverse.emplace(tables.late_fft, ComplexFft::Direction::inverse);
     for (auto& channel : field) channel.resize(static_cast<std::size_t>(tables.num_samples));
-    for (auto& spectrum : field_spectrum) spectrum.resize(bins);
-    ear_spectrum.resize(bins);
-    block.resize(static_cast<std::size_t>(tables.late_fft));
+    for (auto* spectra : {&pair_spectrum, &mirrored})
+      for (auto& spectrum : *spectra) spectrum.resize(static_cast<std::size_t>(tables.late_fft));
   }
 
-  RealFft early_fft, late_fft;
+  RealFft early_fft;
   LateSynthesizer late;
   ArrivalSpectrum bands;        ///< of one arrival
   std::vector<float> response;  ///< of one arrival in one channel
@@ -82,10 +125,10 @@ struct RirSynthesizer::Scratch {
   HarmonicRotation rotation;
   // binaural
   std::array<std::vector<float>, 4> field;  ///< late sound in N3D channels, world axes, then head axes
-  std::array<std::vector<Complex>, 4> field_spectrum;
-  std::vector<Complex> ear_spectrum;
-  std::vector<float> block;
+  std::optional<ComplexFft> late_forward, late_inverse;
+  std::array<AlignedSpectrum, 2> pair_spectrum, mirrored;  ///< Z and Z~ of SynthesisTables::decoder
   // ambisonics
+  std::vector<float> block;
   std::vector<float> harmonics;
   std::vector<std::span<float>> channels;
   // array
@@ -125,7 +168,7 @@ void RirSynthesizer::add_to_ears(const Pass& pass, const Arrival& arrival, doubl
   const SynthesisTables& tables = *tables_;
   Scratch& scratch = *scratch_;
   const SplitDelay delay(delay_samples);
-  const auto length = static_cast<std::size_t>(tables.num_samples);
+  const auto length = static_cast<std::size_t>(rir.num_samples);
   tables.hrtf->spectra(pass.turn.to_own(arrival.direction), scratch.ear[0], scratch.ear[1], delay.part);
   for (std::size_t ear = 0; ear < 2; ++ear) {
     scratch.bands.apply(scratch.ear[ear]);
@@ -181,7 +224,7 @@ void RirSynthesizer::add_to_microphones(const Pass& pass, const Arrival& arrival
     if (scratch_->bands.silent()) continue;
     // The difference alone, so that a microphone at the listener's position has the listener's delay to the last bit.
     const double delay = (static_cast<double>(arrival.distance_m) + static_cast<double>(own_distance_m - distance_m)) * pass.samples_per_m;
-    if (delay > -tables.early_fft && delay < tables.num_samples + tables.early_fft / 2) add_impulse(delay, i, rir);
+    if (delay > -tables.early_fft && delay < rir.num_samples + tables.early_fft / 2) add_impulse(delay, i, rir);
   }
 }
 
@@ -189,7 +232,7 @@ void RirSynthesizer::add_arrival(const Pass& pass, const Arrival& arrival, Rir& 
   const SynthesisTables& tables = *tables_;
   const double delay_samples = static_cast<double>(arrival.distance_m) * pass.samples_per_m;
   if (tables.layout.kind == ListenerKind::array) return add_to_microphones(pass, arrival, rir);
-  if (!(delay_samples >= 0 && delay_samples < tables.num_samples + tables.early_fft / 2)) return;
+  if (!(delay_samples >= 0 && delay_samples < rir.num_samples + tables.early_fft / 2)) return;
   const auto num_bands = static_cast<std::size_t>(tables.num_bands);
   scratch_->bands.set(std::span(arrival.amplitude).first(num_bands), std::span(arrival.phase_rad).first(num_bands));
   if (scratch_->bands.silent()) return;
@@ -221,23 +264,22 @@ void RirSynthesizer::rotate_first_order(const ListenerTurn& turn, std::size_t nu
 void RirSynthesizer::decode_late(std::size_t num_samples, Rir& rir) {
   const SynthesisTables& tables = *tables_;
   Scratch& scratch = *scratch_;
-  const auto length = static_cast<std::size_t>(tables.num_samples), lead = static_cast<std::size_t>(tables.hrtf->lead_samples());
+  const auto length = static_cast<std::size_t>(rir.num_samples), lead = static_cast<std::size_t>(tables.hrtf->lead_samples());
   const auto step = static_cast<std::size_t>(tables.late_fft - tables.hrtf->decoder_taps() + 1);
   for (std::size_t begin = 0; begin < num_samples; begin += step) {
     const std::size_t count = std::min(step, num_samples - begin);
-    for (std::size_t c = 0; c < 4; ++c)
-      scratch.late_fft.forward(std::span(scratch.field[c]).subspan(begin, count), scratch.field_spectrum[c]);
-    for (std::size_t ear = 0; ear < 2; ++ear) {
-      std::fill(scratch.ear_spectrum.begin(), scratch.ear_spectrum.end(), Complex{});
-      for (std::size_t c = 0; c < 4; ++c) multiply_add(scratch.field_spectrum[c], tables.decoder[2 * c + ear], scratch.ear_spectrum);
-      scratch.late_fft.inverse(scratch.ear_spectrum, scratch.block);
-      // Block sample i belongs at begin + i - lead: the decoder starts that much before time zero.
-      const std::size_t used = count + static_cast<std::size_t>(tables.hrtf->decoder_taps()) - 1;
-      float* ear_samples = rir.samples.data() + ear * length;
-      const std::size_t skipped = lead > begin ? lead - begin : 0;
-      const std::size_t end = std::min(used, length + lead - begin);
-      for (std::size_t i = skipped; i < end; ++i) ear_samples[begin + i - lead] += scratch.block[i];
+    for (std::size_t pair = 0; pair < 2; ++pair) {
+      const auto stretch = [&](std::size_t c) { return std::span<const float>(scratch.field[c]).subspan(begin, count); };
+      scratch.late_forward->set_input(stretch(2 * pair), stretch(2 * pair + 1));
+      scratch.late_forward->transform(scratch.pair_spectrum[pair]);
+      mirror(scratch.pair_spectrum[pair], scratch.mirrored[pair]);
     }
+    decode(tables.decoder, scratch.pair_spectrum, scratch.mirrored, scratch.late_inverse->input());
+    const Complex* block = scratch.late_inverse->transform().data();
+    // Block sample i belongs at begin + i - lead: the decoder starts that much before time zero.
+    const std::size_t used = count + static_cast<std::size_t>(tables.hrtf->decoder_taps()) - 1;
+    const std::size_t first = lead > begin ? lead - begin : 0, end = std::min(used, length + lead - begin);
+    if (end > first) add_ears(block + first, end - first, &rir.samples[begin + first - lead], &rir.samples[length + begin + first - lead]);
   }
 }
 
@@ -245,7 +287,7 @@ void RirSynthesizer::render_late(const Pass& pass, std::size_t offset, double on
   const SynthesisTables& tables = *tables_;
   Scratch& scratch = *scratch_;
   const EnergyHistogram& late = pass.response.late;
-  const auto length = static_cast<std::size_t>(tables.num_samples);
+  const auto length = static_cast<std::size_t>(rir.num_samples);
   switch (tables.layout.kind) {
     case ListenerKind::mono: {
       const std::array<std::span<float>, 1> channels = {std::span(rir.samples)};
@@ -253,7 +295,8 @@ void RirSynthesizer::render_late(const Pass& pass, std::size_t offset, double on
       return;
     }
     case ListenerKind::binaural: {
-      const std::array<std::span<float>, 4> channels = {scratch.field[0], scratch.field[1], scratch.field[2], scratch.field[3]};
+      const auto channel = [&](std::size_t c) { return std::span(scratch.field[c]).first(length); };
+      const std::array<std::span<float>, 4> channels = {channel(0), channel(1), channel(2), channel(3)};
       const std::size_t sounding = scratch.late.render(late, tables.carriers, offset, onset_sample, channels);
       rotate_first_order(pass.turn, sounding);
       decode_late(sounding, rir);
@@ -273,6 +316,15 @@ void RirSynthesizer::render_late(const Pass& pass, std::size_t offset, double on
   }
 }
 
+int RirSynthesizer::count_samples(const EnergyHistogram& late) const {
+  const SynthesisTables& tables = *tables_;
+  if (late.num_bins() == 0 || tables.layout.kind == ListenerKind::array) return tables.num_samples;
+  const double bin_samples = static_cast<double>(late.bin_s()) * static_cast<double>(tables.sample_rate_hz);
+  const double samples = static_cast<double>(late.num_bins()) * bin_samples;
+  if (samples > tables.num_samples - bin_samples) return tables.num_samples;
+  return std::max(1, static_cast<int>(std::lround(samples)));
+}
+
 void RirSynthesizer::render(const EnergyResponse& response, const ListenerTurn& turn, std::uint64_t carrier_key, Rir& rir) {
   const SynthesisTables& tables = *tables_;
   require(response.late.num_bins() == 0 || response.late.num_bands() == tables.num_bands, "bands of the response",
@@ -281,9 +333,9 @@ void RirSynthesizer::render(const EnergyResponse& response, const ListenerTurn& 
   require(!needs_speed || response.speed_of_sound_m_per_s > 0, "speed of sound", response.speed_of_sound_m_per_s,
           "must be set by whoever made the response");
   rir.num_channels = tables.layout.num_channels();
-  rir.num_samples = tables.num_samples;
+  rir.num_samples = count_samples(response.late);
   rir.sample_rate_hz = tables.sample_rate_hz;
-  rir.samples.assign(static_cast<std::size_t>(rir.num_channels) * static_cast<std::size_t>(tables.num_samples), 0.f);
+  rir.samples.assign(static_cast<std::size_t>(rir.num_channels) * static_cast<std::size_t>(rir.num_samples), 0.f);
   const Pass pass{response, turn,
                   needs_speed ? static_cast<double>(tables.sample_rate_hz) / static_cast<double>(response.speed_of_sound_m_per_s) : 0.0};
 
@@ -291,7 +343,7 @@ void RirSynthesizer::render(const EnergyResponse& response, const ListenerTurn& 
   double onset_sample = 0;
   for (const Arrival& arrival : response.arrivals)
     if (arrival.kind == ArrivalKind::direct)
-      onset_sample = std::clamp(static_cast<double>(arrival.distance_m) * pass.samples_per_m, 0.0, static_cast<double>(tables.num_samples));
+      onset_sample = std::clamp(static_cast<double>(arrival.distance_m) * pass.samples_per_m, 0.0, static_cast<double>(rir.num_samples));
   const RandomStream random(tables.seed, Purpose::carrier, static_cast<std::uint32_t>(carrier_key),
                             static_cast<std::uint32_t>(carrier_key >> 32), 1);
   const std::size_t offset = random.below(static_cast<std::uint32_t>(tables.carriers.length()), 0);

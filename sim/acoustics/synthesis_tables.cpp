@@ -77,16 +77,33 @@ SynthesisTables::SynthesisTables(const AcousticConfig& config, const BandLayout&
       carriers(make_carriers(layout, config, bands)) {
   for (const Microphone& microphone : layout.microphones) patterns.emplace_back(microphone.directivity, bands.centre_hz);
   if (!hrtf) return;
-  // The decoder's taps at the FFT size of the late part.
   late_fft = choose_block_fft(num_samples, hrtf->decoder_taps());
-  RealFft short_fft(early_fft), long_fft(late_fft);
-  std::vector<float> taps(static_cast<std::size_t>(early_fft));
+  make_decoder();
+}
+
+void SynthesisTables::make_decoder() {
+  using Complex = std::complex<float>;
+  RealFft short_fft(early_fft);
+  ComplexFft long_fft(late_fft, ComplexFft::Direction::forward);
+  const auto num_taps = static_cast<std::size_t>(hrtf->decoder_taps()), size = static_cast<std::size_t>(late_fft);
+  std::array<std::vector<float>, 2> taps;
+  for (auto& ear : taps) ear.resize(static_cast<std::size_t>(early_fft));
+  std::array<AlignedSpectrum, 4> both_ears;  // of each channel
   for (std::size_t c = 0; c < 4; ++c) {
-    for (std::size_t ear = 0; ear < 2; ++ear) {
-      short_fft.inverse(hrtf->diffuse_decoder(static_cast<int>(c), static_cast<int>(ear)), taps);
-      auto& spectrum = decoder[2 * c + ear];
-      spectrum.resize(static_cast<std::size_t>(long_fft.num_bins()));
-      long_fft.forward(std::span(taps).first(static_cast<std::size_t>(hrtf->decoder_taps())), spectrum);
+    for (std::size_t ear = 0; ear < 2; ++ear)
+      short_fft.inverse(hrtf->diffuse_decoder(static_cast<int>(c), static_cast<int>(ear)), taps[ear]);
+    long_fft.set_input(std::span(taps[0]).first(num_taps), std::span(taps[1]).first(num_taps));
+    both_ears[c].resize(size);
+    long_fft.transform(both_ears[c]);
+  }
+  // F0 = (Z + Z~) / 2, F1 = (Z - Z~) / 2i.
+  const float half = 0.5f / static_cast<float>(late_fft);
+  for (std::size_t pair = 0; pair < 2; ++pair) {
+    const AlignedSpectrum &first = both_ears[2 * pair], &second = both_ears[2 * pair + 1];
+    for (std::size_t k = 0; k < size; ++k) {
+      const Complex turned(-second[k].imag(), second[k].real());  // i times it
+      decoder[2 * pair].push_back(half * (first[k] - turned));
+      decoder[2 * pair + 1].push_back(half * (first[k] + turned));
     }
   }
 }

@@ -8,6 +8,7 @@
 #include "sim/acoustics/band_filters.h"
 #include "sim/acoustics/carriers.h"
 #include "sim/acoustics/rir_synthesis.h"
+#include "sim/audio/complex_fft.h"
 
 namespace earshot {
 
@@ -26,8 +27,14 @@ class SynthesisTables {
   int early_fft, late_fft = 4;
   BandFilters filters;
   CarrierBank carriers;
-  std::array<std::vector<std::complex<float>>, 8> decoder;  ///< binaural: [channel * 2 + ear][late_fft / 2 + 1]
-  std::vector<BandDirectivity> patterns;                    ///< of the microphones
+  /// Binaural: decoder of the late field with the left ear as real and the right one as imaginary part.  Channels come in two pairs, the
+  /// second of each as imaginary part: with Z the spectrum of a pair, Z~(k) = conj Z(-k), both ears are
+  /// sum over pairs of decoder[2 pair] Z + decoder[2 pair + 1] Z~.  [late_fft] each, divided by late_fft.
+  std::array<AlignedSpectrum, 4> decoder;
+  std::vector<BandDirectivity> patterns;  ///< of the microphones
+
+ private:
+  void make_decoder();
 };
 
 }  // namespace earshot

@@ -225,10 +225,9 @@ void StreamConvolver::convolve(const SoundClip& clip, std::uint64_t clip_key, co
 
 void StreamConvolver::convolve(const SoundClip& clip, const StreamPosition& position, std::span<const float> rir,
                                std::span<const float> previous, int rir_samples, int block, std::span<float> output) {
-  EARSHOT_EXPECT(previous.empty() || previous.size() == rir.size());
   transform(rir, rir_samples, impl_->own_now);
-  const bool fades = !previous.empty() && !std::equal(previous.begin(), previous.end(), rir.begin());
-  if (fades) transform(previous, rir_samples, impl_->own_previous);
+  const bool fades = !previous.empty() && !std::equal(previous.begin(), previous.end(), rir.begin(), rir.end());
+  if (fades) transform(previous, static_cast<int>(previous.size() / impl_->num_channels), impl_->own_previous);
   convolve(clip, 0, position, impl_->own_now, fades ? &impl_->own_previous : nullptr, block, output);
 }
 

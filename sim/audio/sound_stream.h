@@ -65,7 +65,7 @@ class StreamConvolver {
   /// bits depend on neither.  No allocation.
   void convolve(const SoundClip& clip, std::uint64_t clip_key, const StreamPosition& position, const RirSpectra& rir,
                 const RirSpectra* previous, int block, std::span<float> output);
-  /// The same of responses in time: rir [num_channels, rir_samples], previous of the same shape or empty.
+  /// The same of responses in time: rir [num_channels, rir_samples], previous of as many channels and any length, or empty.
   void convolve(const SoundClip& clip, const StreamPosition& position, std::span<const float> rir, std::span<const float> previous,
                 int rir_samples, int block, std::span<float> output);
 

@@ -26,9 +26,14 @@ inline void multiply_add(std::span<const std::complex<float>> a, std::span<const
 inline void delay_spectrum(std::span<std::complex<float>> spectrum, double delay_samples, int fft_size) {
   constexpr std::size_t block = 16;
   const double step = -2.0 * std::numbers::pi * delay_samples / fft_size;
+  // By multiplication in double: no drift that a float could hold.
+  const std::complex<double> one_step = std::polar(1.0, step);
   std::complex<float> within[block];
-  for (std::size_t i = 0; i < block; ++i) within[i] = std::complex<float>(std::polar(1.0, step * static_cast<double>(i)));
-  // Block starts by multiplication in double: no drift that a float could hold.
+  std::complex<double> turn = 1.0;
+  for (std::complex<float>& value : within) {
+    value = std::complex<float>(turn);
+    turn = {turn.real() * one_step.real() - turn.imag() * one_step.imag(), turn.real() * one_step.imag() + turn.imag() * one_step.real()};
+  }
   const std::complex<double> block_step = std::polar(1.0, step * static_cast<double>(block));
   std::complex<double> start = 1.0;
   for (std::size_t k = 0; k < spectrum.size(); k += block) {
