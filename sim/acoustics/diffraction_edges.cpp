@@ -120,21 +120,22 @@ std::span<const std::uint32_t> DiffractionEdges::neighbours(std::uint32_t edge) 
   return neighbours_[edge];
 }
 
-void DiffractionEdges::find_neighbours(std::uint32_t edge) const {
-  const DiffractionEdge& here = edges_[edge];
-  std::vector<std::uint32_t> found;  // moved in at the end: an exception leaves nothing half done
+bool DiffractionEdges::see_each_other(std::uint32_t edge, std::uint32_t other) const {
   constexpr std::array<std::array<double, 2>, 5> shares = {{{0.5, 0.5}, {0.1, 0.1}, {0.9, 0.9}, {0.1, 0.9}, {0.9, 0.1}}};
+  const DiffractionEdge &here = edges_[edge], &there = edges_[other];
+  for (const auto& share : shares) {
+    const double here_m = share[0] * here.length_m, there_m = share[1] * there.length_m;
+    const glm::dvec3 from = here.at(here_m), to = there.at(there_m);
+    if (!here.in_air(to, clearance_m_) || !there.in_air(from, clearance_m_)) continue;
+    if (!rays_->occluded(air_point(edge, here_m), air_point(other, there_m))) return true;
+  }
+  return false;
+}
+
+void DiffractionEdges::find_neighbours(std::uint32_t edge) const {
+  std::vector<std::uint32_t> found;  // moved in at the end: an exception leaves nothing half done
   for (std::uint32_t other = 0; other < edges_.size(); ++other) {
-    if (other == edge) continue;
-    const DiffractionEdge& there = edges_[other];
-    bool seen = false;
-    for (std::size_t i = 0; i < shares.size() && !seen; ++i) {
-      const double here_m = shares[i][0] * here.length_m, there_m = shares[i][1] * there.length_m;
-      const glm::dvec3 from = here.at(here_m), to = there.at(there_m);
-      if (!here.in_air(to, clearance_m_) || !there.in_air(from, clearance_m_)) continue;
-      seen = !rays_->occluded(air_point(edge, here_m), air_point(other, there_m));
-    }
-    if (seen) found.push_back(other);
+    if (other != edge && see_each_other(edge, other)) found.push_back(other);
   }
   neighbours_[edge] = std::move(found);
 }

@@ -54,6 +54,8 @@ class DiffractionEdges {
   /// Edges that some point of `edge` sees, ascending.  First call per edge: about 0.2 us per edge of the scene and ray tests of those in
   /// question.
   [[nodiscard]] std::span<const std::uint32_t> neighbours(std::uint32_t edge) const;
+  /// Does some point of one edge see some point of the other?  Up to five pairs of points are tried.
+  [[nodiscard]] bool see_each_other(std::uint32_t edge, std::uint32_t other) const;
   /// A point of the edge moved into the air by `clearance_m()`, from where rays can leave it.
   [[nodiscard]] glm::vec3 air_point(std::uint32_t edge, double along_m) const {
     return glm::vec3(edges_[edge].at(along_m) + clearance_m_ * outward_[edge]);

@@ -5,15 +5,15 @@
 #include <glm/geometric.hpp>
 #include <map>
 #include <numbers>
-#include <queue>
 #include <tuple>
+
+#include "sim/acoustics/edge_growth.h"
 
 namespace earshot {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
 constexpr double kRankingHz = 500;
-constexpr double kMostLossDb = 30;       // of an estimate, over all edges but the last
 constexpr double kMostBelowBestDb = 30;  // of a path that is still looked at
 /// An estimate may be this much too low: Kurze-Anderson at a corner (4.1 dB), and bands below the one it is made at.
 constexpr double kMarginDb = 9;
@@ -33,10 +33,6 @@ double level_db(const Arrival& arrival, int num_bands) {
   return level_db(4.0 * kPi * std::sqrt(sum / num_bands));
 }
 
-glm::dvec3 nearest_point(const DiffractionEdge& edge, glm::dvec3 point) {
-  return edge.at(std::clamp(glm::dot(point - edge.start, edge.along), 0.0, edge.length_m));
-}
-
 bool before_in_space(glm::vec3 a, glm::vec3 b) { return std::tie(a.x, a.y, a.z) < std::tie(b.x, b.y, b.z); }
 
 }  // namespace
@@ -53,102 +49,27 @@ DiffractionBudget::DiffractionBudget(const AcousticConfig& config) {
 
 DiffractionCandidates::DiffractionCandidates(const AcousticScene& scene, glm::vec3 source) : source_(source), budget_(scene.config()) {
   if (scene.diffraction_edges() == nullptr) return;
-  const DiffractionEdges& edges = *scene.diffraction_edges();
-  std::vector<std::uint32_t> in_sight;
-  for (std::uint32_t edge = 0; edge < edges.size(); ++edge) {
-    if (edges.sees(edge, source)) in_sight.push_back(edge);
-  }
-  if (!in_sight.empty()) grow(scene, budget_, in_sight);
-}
+  EdgeGrowth growth(scene, source);
+  growth.expand(budget_.expansions);
+  const std::vector<RankedCandidate> kept = growth.strongest(static_cast<std::size_t>(budget_.sequences));
 
-void DiffractionCandidates::grow(const AcousticScene& scene, const DiffractionBudget& budget, const std::vector<std::uint32_t>& in_sight) {
-  const DiffractionEdges& edges = *scene.diffraction_edges();
-  const double speed = scene.speed_of_sound_m_per_s();
-  struct Ranked {
-    double score_db;
-    std::uint32_t node;
-    bool operator<(const Ranked& other) const { return std::tie(score_db, other.node) < std::tie(other.score_db, node); }
-  };
-  std::vector<Candidate> nodes;
-  std::vector<Ranked> ranked;
-  std::priority_queue<Ranked> open;
-  const auto add = [&](const Candidate& candidate, glm::dvec3 end) {
-    const double length_m = candidate.reached_m + glm::length(end - glm::dvec3(candidate.before));
-    if (length_m > scene.max_path_m()) return;
-    // Long edges first: the frame of a door is passed by many more listeners than the rim of a table.
-    const double size_m = edges[candidate.sequence.edge[static_cast<std::size_t>(candidate.sequence.order - 1)]].length_m;
-    const Ranked rank{0.5 * level_db(size_m) - level_db(std::max(length_m, double{kLeastDistanceM})) - candidate.loss_db,
-                      static_cast<std::uint32_t>(nodes.size())};
-    nodes.push_back(candidate);
-    ranked.push_back(rank);
-    if (candidate.sequence.order < scene.config().diffraction_order) open.push(rank);
-  };
-
-  for (const std::uint32_t edge : in_sight) {
-    Candidate root;
-    root.sequence.edge[0] = edge;
-    root.sequence.order = 1;
-    root.before = source_;
-    add(root, nearest_point(edges[edge], glm::dvec3(source_)));
-  }
-  const std::size_t num_roots = nodes.size();
-  for (int expansion = 0; expansion < budget.expansions && !open.empty(); ++expansion) {
-    const Candidate node = nodes[open.top().node];
-    open.pop();
-    const auto path = std::span(node.sequence.edge).first(static_cast<std::size_t>(node.sequence.order));
-    const std::uint32_t last = path.back();
-    const DiffractionEdge& bend = edges[last];
-    const glm::dvec3 before(node.before);
-    for (const std::uint32_t next : edges.neighbours(last)) {
-      if (std::find(path.begin(), path.end(), next) != path.end()) continue;
-      const glm::dvec3 after = nearest_point(edges[next], before);
-      if (!bend.in_air(after, edges.clearance_m()) || !bend.in_air(before, edges.clearance_m())) continue;
-      const glm::dvec3 at = bend.at(std::clamp(fermat_point(bend, before, after), 0.0, bend.length_m));
-      const double detour_m = glm::length(at - before) + glm::length(after - at) - glm::length(after - before);
-      const double loss_db = node.loss_db + kurze_anderson_db(2.0 * detour_m * kRankingHz / speed);
-      if (loss_db > kMostLossDb) continue;
-      const bool lit = std::abs(bend.angle_of(before) - bend.angle_of(after)) < kPi;
-      if (lit && 2.0 * detour_m * kRankingHz / speed > 2.0) continue;
-      Candidate child;
-      child.sequence = node.sequence;
-      child.sequence.edge[path.size()] = next;
-      ++child.sequence.order;
-      child.before = glm::vec3(at);
-      child.reached_m = node.reached_m + static_cast<float>(glm::length(at - before));
-      child.loss_db = static_cast<float>(loss_db);
-      add(child, after);
-    }
-  }
-
-  // Single edges come without a loss and would crowd out the others where there are many: at most half of the budget if it is short.
-  const auto roots_end = ranked.begin() + static_cast<std::ptrdiff_t>(num_roots);
-  const auto stronger = [](const Ranked& a, const Ranked& b) { return b < a; };
-  std::sort(ranked.begin(), roots_end, stronger);
-  std::sort(roots_end, ranked.end(), stronger);
-  const auto limit = static_cast<std::size_t>(budget.sequences);
-  const std::size_t num_longer = std::min(ranked.size() - num_roots, std::max(limit / 2, limit - std::min(limit, num_roots)));
-  const std::size_t num_single = std::min(num_roots, limit - num_longer);
-  std::vector<Ranked> kept(ranked.begin(), ranked.begin() + static_cast<std::ptrdiff_t>(num_single));
-  kept.insert(kept.end(), roots_end, roots_end + static_cast<std::ptrdiff_t>(num_longer));
-  std::sort(kept.begin(), kept.end(), stronger);
-  std::map<std::uint32_t, std::vector<std::uint32_t>> by_last_edge;
+  // Together what ends with the same edge, in the order of their strongest.
+  std::map<std::uint32_t, std::vector<const RankedCandidate*>> by_last_edge;
   std::vector<std::uint32_t> group_order;
-  for (const Ranked& rank : kept) {
-    const EdgeSequence& sequence = nodes[rank.node].sequence;
-    const std::uint32_t last = sequence.edge[static_cast<std::size_t>(sequence.order - 1)];
-    std::vector<std::uint32_t>& members = by_last_edge[last];
-    if (members.empty()) group_order.push_back(last);
-    members.push_back(rank.node);
+  for (const RankedCandidate& ranked : kept) {
+    auto& members = by_last_edge[ranked.last_edge()];
+    if (members.empty()) group_order.push_back(ranked.last_edge());
+    members.push_back(&ranked);
   }
   candidates_.reserve(kept.size());
   for (const std::uint32_t last : group_order) {
     const std::size_t begin = candidates_.size();
-    for (const std::uint32_t node : by_last_edge[last]) candidates_.push_back(nodes[node]);
+    for (const RankedCandidate* ranked : by_last_edge[last]) candidates_.push_back(ranked->candidate);
     groups_.push_back({last, begin, candidates_.size()});
   }
 }
 
-bool DiffractionCandidates::find_path(const AcousticScene& scene, const Candidate& candidate, glm::vec3 listener, double weakest_db,
+bool DiffractionCandidates::find_path(const AcousticScene& scene, const EdgeCandidate& candidate, glm::vec3 listener, double weakest_db,
                                       int& attempts, Arrival& arrival) const {
   const DiffractionEdges& edges = *scene.diffraction_edges();
   const EmbreeScene& rays = scene.scene().rays();
@@ -236,13 +157,15 @@ void DiffractionCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 
     std::swap(arrivals[first], arrivals[weakest]);
   };
   const DiffractionEdges& edges = *scene.diffraction_edges();
-  const auto in_sight = [&](std::uint32_t edge) {
-    if (!edges[edge].in_air(glm::dvec3(listener), edges.clearance_m())) return false;
-    const double length_m = edges[edge].length_m, inset_m = std::min(2.0 * edges.clearance_m(), 0.5 * length_m);
-    const double nearest_m = std::clamp(glm::dot(glm::dvec3(listener) - edges[edge].start, edges[edge].along), inset_m, length_m - inset_m);
-    if (!scene.scene().rays().occluded(listener, edges.air_point(edge, nearest_m))) return true;
-    if (budget.quick) return !scene.scene().rays().occluded(listener, edges.air_point(edge, 0.5 * length_m));
-    return edges.sees(edge, listener);
+  const auto in_sight = [&](const Group& group) {
+    const DiffractionEdge& edge = edges[group.last_edge];
+    if (!edge.in_air(glm::dvec3(listener), edges.clearance_m())) return false;
+    if (!budget.quick) return edges.sees(group.last_edge, listener);
+    // Where the strongest candidate bends, about.
+    const double inset_m = std::min(2.0 * edges.clearance_m(), 0.5 * edge.length_m);
+    const double along_m = fermat_point(edge, glm::dvec3(candidates_[group.begin].before), glm::dvec3(listener));
+    return !scene.scene().rays().occluded(listener,
+                                          edges.air_point(group.last_edge, std::clamp(along_m, inset_m, edge.length_m - inset_m)));
   };
   const auto near_boundary = [&](std::uint32_t edge) {
     const glm::dvec3 bend =
@@ -254,7 +177,7 @@ void DiffractionCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 
   for (const Group& group : groups_) {
     if (attempts <= 0) break;
     if (near_boundary_only && !near_boundary(group.last_edge)) continue;
-    if (!in_sight(group.last_edge)) continue;
+    if (!in_sight(group)) continue;
     for (std::size_t i = group.begin; i < group.end && attempts > 0; ++i) {
       if (near_boundary_only && candidates_[i].sequence.order > 1) continue;
       const bool full = arrivals.size() - first == limit;

@@ -6,6 +6,7 @@
 
 #include "sim/acoustics/acoustic_scene.h"
 #include "sim/acoustics/arrival.h"
+#include "sim/acoustics/edge_growth.h"
 #include "sim/acoustics/edge_path.h"
 
 namespace earshot {
@@ -18,15 +19,14 @@ namespace earshot {
 ///  - with fewer than 512 rays, listeners in line of sight get single edges near their shadow boundary only: those with a detour of at most
 ///    a quarter of a wave at the centre of the lowest band (v = -1 there, where an octave changes by 1.25 dB, and the less the higher the
 ///    band: ORACLES 3.3), so that no level jumps by 6 dB where sight begins.
-/// CPU time per pose without sight at preset fast: 0.16 ms in house:1 (1,196 edges; the whole pose takes 2.6 ms), 0.28 ms in a furnished
-/// house of 145,597 triangles and 6,548 edges (0.8 ms); with sight one shadow ray.  Per source 10 and 65 ms, less once neighbours are
-/// known.
+/// CPU time per pose at preset fast: 0.06 ms in house:1,rooms=9 (1,222 edges), 0.07 ms in a furnished house of 145,597 triangles and 6,553
+/// edges; with sight less.  Per source 7 and 11 ms.
 struct DiffractionBudget {
   explicit DiffractionBudget(const AcousticConfig& config);
   int sequences = 0, expansions = 0, paths = 0;
   bool near_boundary_only = false;  ///< in line of sight
   int attempts = 0;                 ///< paths per pose that pass the estimate and are worked out: one per ray with fewer than 512 rays
-  bool quick = false;               ///< with fewer than 512 rays: two points of an edge, not six, decide whether the listener sees it
+  bool quick = false;               ///< with fewer than 512 rays: one point of an edge, not five, decides whether the listener sees it
 };
 
 /// Edge sequences by which sound of one source position may go round corners.  Immutable; shared by every listener pose of that source.
@@ -37,8 +37,8 @@ struct DiffractionBudget {
 /// lit side, rims of one sheet in a row.
 class DiffractionCandidates {
  public:
-  /// Nothing if config.diffraction is off or the scene has no edge in sight of the source.  About 0.5 us per edge of the scene and 10 us
-  /// per expansion, plus DiffractionEdges::neighbours for edges not asked before.
+  /// Nothing if config.diffraction is off or the scene has no edge in sight of the source.  About 0.1 us per edge of the scene and
+  /// expansion, and the rays of the links whose turn comes (edge_growth.h).
   DiffractionCandidates(const AcousticScene& scene, glm::vec3 source);
 
   /// Inserts the strongest paths to `listener`, each leg confirmed by a ray, so that `arrivals` stays sorted by distance.
@@ -58,20 +58,13 @@ class DiffractionCandidates {
     std::uint32_t last_edge;
     std::size_t begin, end;
   };
-  struct Candidate {
-    EdgeSequence sequence;
-    glm::vec3 before{0};  ///< where the last leg but one starts, about: source or a point of the last edge but one
-    float reached_m = 0;  ///< length of the way to there, about
-    float loss_db = 0;    ///< estimate of all edges but the last
-  };
-  bool find_path(const AcousticScene& scene, const Candidate& candidate, glm::vec3 listener, double weakest_db, int& attempts,
+  bool find_path(const AcousticScene& scene, const EdgeCandidate& candidate, glm::vec3 listener, double weakest_db, int& attempts,
                  Arrival& arrival) const;
-  void grow(const AcousticScene& scene, const DiffractionBudget& budget, const std::vector<std::uint32_t>& in_sight);
 
   glm::vec3 source_;
-  DiffractionBudget budget_;           ///< of the config that this was made with
-  std::vector<Candidate> candidates_;  ///< by group, strongest estimate first within each
-  std::vector<Group> groups_;          ///< the one with the strongest candidate first
+  DiffractionBudget budget_;               ///< of the config that this was made with
+  std::vector<EdgeCandidate> candidates_;  ///< by group, strongest estimate first within each
+  std::vector<Group> groups_;              ///< the one with the strongest candidate first
 };
 
 }  // namespace earshot

@@ -12,6 +12,7 @@ namespace earshot {
 namespace {
 
 constexpr double kMaxSequencesPerOrder = 2048;  // of the exhaustive search
+constexpr double kSlackM = 1e-6;                // of what only sifts
 
 /// Double and exactly unit, so that mirroring forth and back keeps all digits of a float.
 struct ExactPlane {
@@ -100,6 +101,34 @@ EarlyCandidates::EarlyCandidates(const AcousticScene& scene, const SoundSource& 
     glm::dvec3 image(source);
     for (int i = 0; i < sequence.order; ++i) image = ExactPlane(scene.planes()[sequence.plane[i]]).mirror(image);
     images_.push_back(image);
+    const MirrorPlane& rounded = scene.planes()[sequence.plane[static_cast<std::size_t>(sequence.order - 1)]];
+    const ExactPlane plane(rounded);
+    for (int axis = 0; axis < 3; ++axis) {
+      const auto a = static_cast<std::size_t>(axis);
+      last_.normal[a].push_back(plane.normal[axis]);
+      last_.image[a].push_back(image[axis]);
+      last_.lower[a].push_back(static_cast<double>(rounded.bounds.lower[axis]) - kSlackM);
+      last_.upper[a].push_back(static_cast<double>(rounded.bounds.upper[axis]) + kSlackM);
+    }
+    last_.offset_m.push_back(plane.offset_m);
+    last_.image_height_m.push_back(plane.height(image));
+  }
+}
+
+void EarlyCandidates::sift(std::size_t first, glm::dvec3 listener, std::span<std::uint8_t> possible) const {
+  const double x = listener.x, y = listener.y, z = listener.z;
+  const double *nx = &last_.normal[0][first], *ny = &last_.normal[1][first], *nz = &last_.normal[2][first];
+  const double *ix = &last_.image[0][first], *iy = &last_.image[1][first], *iz = &last_.image[2][first];
+  const double *lx = &last_.lower[0][first], *ly = &last_.lower[1][first], *lz = &last_.lower[2][first];
+  const double *ux = &last_.upper[0][first], *uy = &last_.upper[1][first], *uz = &last_.upper[2][first];
+  const double *offset = &last_.offset_m[first], *height = &last_.image_height_m[first];
+  std::uint8_t* __restrict out = possible.data();
+  for (std::size_t i = 0; i < possible.size(); ++i) {
+    const double here = nx[i] * x + ny[i] * y + nz[i] * z - offset[i], there = height[i];
+    const double share = here / (here - there);
+    const double px = x + share * (ix[i] - x), py = y + share * (iy[i] - y), pz = z + share * (iz[i] - z);
+    const bool inside_bounds = (px >= lx[i]) & (px <= ux[i]) & (py >= ly[i]) & (py <= uy[i]) & (pz >= lz[i]) & (pz <= uz[i]);
+    out[i] = static_cast<std::uint8_t>((here * there < kSlackM * kSlackM) & inside_bounds);
   }
 }
 
@@ -195,7 +224,11 @@ void EarlyCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 listen
 
   const std::size_t first_image = arrivals.size();
   Arrival arrival;
+  std::array<std::uint8_t, 256> possible;
   for (std::size_t i = 0; i < sequences_.size(); ++i) {
+    if (i % possible.size() == 0)
+      sift(i, glm::dvec3(listener), std::span(possible).first(std::min(possible.size(), sequences_.size() - i)));
+    if (possible[i % possible.size()] == 0) continue;
     if (!find_path(scene, i, listener, arrival)) continue;
     const bool known = std::any_of(arrivals.begin() + static_cast<std::ptrdiff_t>(first_image), arrivals.end(),
                                    [&](const Arrival& other) { return same_path(arrival, other); });

@@ -88,14 +88,13 @@ TEST(O24Diffraction, KnifeEdgeIsTheFresnelIntegral) {
 }
 
 TEST(ScaledErfc, MeetsItselfWhereTheMethodsMeet) {
-  for (const double u : {2.5, 4.0}) {
+  for (const double u : {2.5, 4.0, 8.0, 0.5 / 16, 39.5 / 16, 40.5 / 16, 127.5 / 16}) {  // of the rows, between rows, the far end
     const Complex below = scaled_erfc(u * (1 - 1e-15)), above = scaled_erfc(u);
     EXPECT_LT(std::abs(below - above), 1e-9 * std::abs(above)) << u;
   }
   // Derivative: d/du = 2 j u w - 2 exp(j pi / 4) / sqrt(pi), an identity of exp(z^2) erfc(z); central differences to 1e-8.
   for (double u = 0.05; u < 12; u += 0.05) {
     const double h = 1e-4;
-    if (std::abs(u - 2.5) < 2 * h || std::abs(u - 4) < 2 * h) continue;
     const Complex slope = (scaled_erfc(u + h) - scaled_erfc(u - h)) / (2 * h);
     const Complex exact = Complex(0, 2 * u) * scaled_erfc(u) - 2.0 / std::sqrt(kPi) * std::polar(1.0, kPi / 4);
     EXPECT_LT(std::abs(slope - exact), 2e-7) << u;
