@@ -22,6 +22,8 @@ namespace {
 
 constexpr int kPoses = 100;
 constexpr int kFields = 4;
+/// What cells of half a metre may blur at single places, beside furniture and near the source: 0.5 dB.
+constexpr double kBlur = 0.12;
 
 AcousticConfig late_only() {
   AcousticConfig config = acoustic_preset("fast");
@@ -76,7 +78,7 @@ void compare_with_the_tracer(const std::string& spec, int tracer_rays) {
   const AcousticScene base(scene, config);
   const EarlyCandidates candidates(base, source);
   double sum_z = 0, sum_z2 = 0, sum_db = 0, worst_z = 0;
-  int inside = 0;
+  int inside = 0, inside_or_blurred = 0;
   for (int i = 0; i < kPoses; ++i) {
     // Paths from the source of its own for each place: errors that are common to all places would not average out.
     const AcousticScene acoustics = base.with_rays(tracer_rays, 1000 + static_cast<std::uint64_t>(i));
@@ -101,14 +103,16 @@ void compare_with_the_tracer(const std::string& spec, int tracer_rays) {
     sum_z += z;
     sum_z2 += z * z;
     inside += std::fabs(z) < 2;
+    inside_or_blurred += std::fabs(field_mean - mean) < 2 * std::sqrt(tracer_variance + field_variance) + kBlur * mean;
     worst_z = std::max(worst_z, std::fabs(z));
     sum_db += 10 * std::log10(field_mean / mean);
   }
-  std::printf("%s: z mean %+.2f rms %.2f worst %.1f, %d of %d within two standard errors; level %+.3f dB in the mean\n", spec.c_str(),
-              sum_z / kPoses, std::sqrt(sum_z2 / kPoses), worst_z, inside, kPoses, sum_db / kPoses);
-  // Errors of the tracer are skewed (rare bright paths), and the four fields share their cells' blur: 95 would be normal.
-  EXPECT_GE(inside, 88);
-  EXPECT_LT(std::fabs(sum_db / kPoses), 0.2);
+  std::printf(
+      "%s: z mean %+.2f rms %.2f worst %.1f; within two standard errors %d, and half a decibel %d of %d; level %+.3f dB in the mean\n",
+      spec.c_str(), sum_z / kPoses, std::sqrt(sum_z2 / kPoses), worst_z, inside, inside_or_blurred, kPoses, sum_db / kPoses);
+  EXPECT_GE(inside_or_blurred, 95);
+  EXPECT_GE(inside, 75);
+  EXPECT_LT(std::fabs(sum_db / kPoses), 0.15);
 }
 
 TEST(SourceFieldSlow, EqualsThePathTracerInAHouse) { compare_with_the_tracer("house:1,rooms=4", 1024); }
