@@ -39,7 +39,7 @@ AccuracyStudy only(const AccuracyStudy& study, const std::string& scene) {
 
 PlotPoint point_of(const AccuracyStudy& study, const std::string& sweep, const std::string& value, ErrorKind kind) {
   const ModeMean mean = mean_over_scenes(study, sweep, value, kind);
-  return {mean_shared_ms(study, sweep, value, kShared), mean.mean, mean.standard_error, value};
+  return {mean_shared_ms(study, sweep, value, kShared, kind), mean.mean, mean.standard_error, value};
 }
 
 PlotPanel front_panel(const AccuracyStudy& study, const std::string& title, ErrorKind kind, const std::string& y_label,

@@ -64,7 +64,8 @@ std::vector<AccuracyMode> accuracy_modes(bool quick) {
     list.add("bounces", std::to_string(bounces), [bounces](AcousticConfig& c) { tracer(c), c.rays = 256, c.max_bounces = bounces; });
   for (const int bands : {2, 4, 0, 14})
     list.add("bands", bands == 0 ? "octaves" : std::to_string(bands), [bands](AcousticConfig& c) { c.bands = bands; });
-  for (const int order : {0, 1, 2}) list.add("SH order", std::to_string(order), [order](AcousticConfig& c) { c.sh_order = order; });
+  // Two ears use no more than first order.
+  for (const int order : {0, 1}) list.add("SH order", std::to_string(order), [order](AcousticConfig& c) { c.sh_order = order; });
   for (const float length_s : {0.25f, 0.5f, 1.f, 0.f})
     list.add("RIR length", length_s == 0.f ? "auto" : fmt::format("{:g} s", length_s),
              [length_s](AcousticConfig& c) { c.rir_length_s = length_s; });

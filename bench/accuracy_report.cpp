@@ -150,8 +150,13 @@ ModeMean mean_over_scenes(const AccuracyStudy& study, const std::string& sweep, 
   return mean;
 }
 
-double mean_shared_ms(const AccuracyStudy& study, const std::string& sweep, const std::string& value, int n) {
-  return mean_of(study, sweep, value, [n](const ModeResult& r) { return r.shared_ms(n); });
+double mean_shared_ms(const AccuracyStudy& study, const std::string& sweep, const std::string& value, int n,
+                      std::optional<ErrorKind> kind) {
+  double sum = 0;
+  int count = 0;
+  for (const ModeResult& result : study.results)
+    if (result.sweep == sweep && result.value == value && (!kind || result.error(*kind).count > 0)) sum += result.shared_ms(n), ++count;
+  return count > 0 ? sum / count : kNan;
 }
 
 std::string accuracy_csv(const AccuracyStudy& study) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
 
 #include "bench/accuracy_study.h"
@@ -20,8 +21,9 @@ struct ModeMean {
   int scenes = 0, missing = 0;
 };
 ModeMean mean_over_scenes(const AccuracyStudy& study, const std::string& sweep, const std::string& value, ErrorKind kind);
-/// Mean over scenes of the milliseconds per RIR when n share a source.
-double mean_shared_ms(const AccuracyStudy& study, const std::string& sweep, const std::string& value, int n);
+/// Mean over scenes of the milliseconds per RIR when n share a source; of the scenes that have a value of `kind`, if it is given.
+double mean_shared_ms(const AccuracyStudy& study, const std::string& sweep, const std::string& value, int n,
+                      std::optional<ErrorKind> kind = {});
 
 /// accuracy.csv, accuracy_tables.md, accuracy_pareto.svg, accuracy_scenes.svg, accuracy_sweeps.svg.
 void write_accuracy_files(const AccuracyStudy& study, const std::filesystem::path& folder);

@@ -115,7 +115,7 @@ class SceneStudy {
     const Stopwatch watch;
     // Where not all poses fit, those that do are spread over the walk: every other one first.
     const std::size_t n = poses_.size();
-    for (std::size_t k = 0; k < n && (k < least_poses || watch.wall_s() < 4 * budget_.mode_s); ++k) {
+    for (std::size_t k = 0; k < n && (k < least_poses || watch.wall_s() < 10 * budget_.mode_s); ++k) {
       const std::size_t even = (n + 1) / 2, i = k < even ? 2 * k : 2 * (k - even) + 1;
       compute_energy_response(acoustics, candidates, field, poses_[i].ears(), response);
       errors.push_back(compare(heard_truth_[i], listener.hear(acoustics, response, poses_[i].heading_rad, carrier_key())));

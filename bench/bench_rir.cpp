@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <cstdio>
 
 #include "bench/bench_scene.h"
 #include "bench/converged_reference.h"
@@ -33,6 +34,7 @@ class RirBench {
     fmt::print("\n{} ({}): {} triangles, RIR {:.1f} s\n", scene_.name, scene_.spec, scene_.scene->mesh().triangles.size(),
                fast_.config().rir_length_s);
     measure_fast();
+    std::fflush(stdout);  // the stages are of use while the truth is still being traced
     measure_errors();
     measure_observation();
   }
@@ -46,7 +48,7 @@ class RirBench {
       config.rays = std::min(config.rays, 256);
       config.source_rays = std::min(config.source_rays, 256);
       config.early_candidate_rays = std::min(config.early_candidate_rays, 2000);
-      config.field_photons = 4096;
+      config.field_photons = 1024;
       config.rir_length_s = 0.4f;
     }
     return config;

@@ -145,12 +145,21 @@ class PanelDrawing {
         text(at, top_ + kPanelHeight + 16, fmt::format("{:g}", tick), "middle");
       }
     } else {
-      for (std::size_t i = 0; i < panel_.categories.size(); ++i)
-        text(x({.x = static_cast<double>(i), .y = 1}), top_ + kPanelHeight + 16, panel_.categories[i], "middle");
+      for (std::size_t i = 0; i < panel_.categories.size(); ++i) draw_category(i);
     }
-    text(left_ + kPanelWidth / 2, top_ + kPanelHeight + 36, panel_.x_label, "middle");
+    text(left_ + kPanelWidth / 2, top_ + kPanelHeight + 42, panel_.x_label, "middle");
     text(left_ - 48, top_ + kPanelHeight / 2, panel_.y_label, "middle",
          fmt::format("transform=\"rotate(-90 {:.1f} {:.1f})\"", left_ - 48, top_ + kPanelHeight / 2));
+  }
+
+  /// In two lines if it has two words.
+  void draw_category(std::size_t i) {
+    const std::string& name = panel_.categories[i];
+    const double at = x({.x = static_cast<double>(i), .y = 1});
+    const std::size_t space = panel_.categories.size() > 5 ? name.find(' ') : std::string::npos;
+    const std::string size = panel_.categories.size() > 5 ? "font-size=\"9.5\"" : "";
+    text(at, top_ + kPanelHeight + 15, name.substr(0, space), "middle", size);
+    if (space != std::string::npos) text(at, top_ + kPanelHeight + 26, name.substr(space + 1), "middle", size);
   }
 
   /// The marker and the error bar of a point, so that no text is written over them.
@@ -225,7 +234,8 @@ class PanelDrawing {
       const double x0 = px + place.dx + place.shift * width, y1 = py + place.dy + 2;
       const Box box{x0, y1 - kLineHeight, x0 + width, y1};
       if (!is_free(box)) continue;
-      text(px + place.dx, py + place.dy, point.label, place.anchor, fmt::format("font-size=\"10.5\" fill=\"{}\"", colour));
+      text(px + place.dx, py + place.dy, point.label, place.anchor,
+           fmt::format("font-size=\"10.5\" fill=\"{}\" stroke=\"#fafbfc\" stroke-width=\"3\" style=\"paint-order:stroke\"", colour));
       taken_.push_back(box);
       return;
     }

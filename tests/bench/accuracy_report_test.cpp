@@ -39,6 +39,9 @@ AccuracyStudy two_scenes() {
 TEST(AccuracyReport, MeansOverScenesByHand) {
   const AccuracyStudy study = two_scenes();
   EXPECT_NEAR(mean_shared_ms(study, "preset", "fast", 500), 3, 1e-12);
+  AccuracyStudy one_silent = study;
+  one_silent.results[1].errors[static_cast<int>(ErrorKind::t20)].count = 0;
+  EXPECT_NEAR(mean_shared_ms(one_silent, "preset", "fast", 500, ErrorKind::t20), 2, 1e-12);
   const ModeMean mean = mean_over_scenes(study, "preset", "fast", ErrorKind::t20);
   EXPECT_NEAR(mean.mean, 3, 1e-12);               // per cent
   EXPECT_NEAR(mean.standard_error, 0.25, 1e-12);  // sqrt(0.3^2 + 0.4^2) / 2
