@@ -124,7 +124,8 @@ struct RirSynthesizer::Scratch {
   std::array<std::vector<Complex>, 2> ear;
   HarmonicRotation rotation;
   // binaural
-  std::array<std::vector<float>, 4> field;  ///< late sound in N3D channels, world axes, then head axes
+  LateSound sound;                          ///< of callers that keep none
+  std::array<std::vector<float>, 4> field;  ///< the same in head axes
   std::optional<ComplexFft> late_forward, late_inverse;
   std::array<AlignedSpectrum, 2> pair_spectrum, mirrored;  ///< Z and Z~ of SynthesisTables::decoder
   // ambisonics
@@ -140,6 +141,7 @@ struct RirSynthesizer::Pass {
   const EnergyResponse& response;
   const ListenerTurn& turn;
   double samples_per_m;
+  LateSound* kept;
 };
 
 RirSynthesizer::RirSynthesizer(std::shared_ptr<const SynthesisTables> tables)
@@ -242,26 +244,32 @@ void RirSynthesizer::add_arrival(const Pass& pass, const Arrival& arrival, Rir& 
 }
 
 /// World to head axes for the decoder.
-void RirSynthesizer::rotate_first_order(const ListenerTurn& turn, std::size_t num_samples) {
+RirSynthesizer::FirstOrder RirSynthesizer::rotate_first_order(const ListenerTurn& turn, const LateSound& sound) {
   Scratch& scratch = *scratch_;
+  const std::size_t num_samples = sound.sounding_;
+  const auto of = [&](const std::vector<float>& channel) { return std::span(channel).first(num_samples); };
   if (!turn.level()) {
+    for (std::size_t c = 0; c < 4; ++c) std::copy_n(sound.channels_[c].begin(), num_samples, scratch.field[c].begin());
     const std::array<std::span<float>, 4> channels = {scratch.field[0], scratch.field[1], scratch.field[2], scratch.field[3]};
     scratch.rotation.set(turn);
     scratch.rotation.apply(channels, num_samples);
-    return;
+    return {of(scratch.field[0]), of(scratch.field[1]), of(scratch.field[2]), of(scratch.field[3])};
   }
   // A turn about the vertical mixes the two horizontal dipoles only (rotate_to_heading for whole signals).
   const auto cosine = static_cast<float>(std::cos(turn.heading_rad())), sine = static_cast<float>(std::sin(turn.heading_rad()));
-  float *side = scratch.field[1].data(), *front = scratch.field[3].data();
+  const float *side = sound.channels_[1].data(), *front = sound.channels_[3].data();
+  float* __restrict turned_side = scratch.field[1].data(), * __restrict turned_front = scratch.field[3].data();
   for (std::size_t n = 0; n < num_samples; ++n) {
     const float s = side[n], f = front[n];
-    side[n] = cosine * s - sine * f;
-    front[n] = cosine * f + sine * s;
+    turned_side[n] = cosine * s - sine * f;
+    turned_front[n] = cosine * f + sine * s;
   }
+  return {of(sound.channels_[0]), of(scratch.field[1]), of(sound.channels_[2]), of(scratch.field[3])};
 }
 
 /// Late sound at the ears: N3D channels in head axes through the decoder, by overlap-add.
-void RirSynthesizer::decode_late(std::size_t num_samples, Rir& rir) {
+void RirSynthesizer::decode_late(const FirstOrder& field, Rir& rir) {
+  const std::size_t num_samples = field[0].size();
   const SynthesisTables& tables = *tables_;
   Scratch& scratch = *scratch_;
   const auto length = static_cast<std::size_t>(rir.num_samples), lead = static_cast<std::size_t>(tables.hrtf->lead_samples());
@@ -269,7 +277,7 @@ void RirSynthesizer::decode_late(std::size_t num_samples, Rir& rir) {
   for (std::size_t begin = 0; begin < num_samples; begin += step) {
     const std::size_t count = std::min(step, num_samples - begin);
     for (std::size_t pair = 0; pair < 2; ++pair) {
-      const auto stretch = [&](std::size_t c) { return std::span<const float>(scratch.field[c]).subspan(begin, count); };
+      const auto stretch = [&](std::size_t c) { return field[c].subspan(begin, count); };
       scratch.late_forward->set_input(stretch(2 * pair), stretch(2 * pair + 1));
       scratch.late_forward->transform(scratch.pair_spectrum[pair]);
       mirror(scratch.pair_spectrum[pair], scratch.mirrored[pair]);
@@ -295,11 +303,15 @@ void RirSynthesizer::render_late(const Pass& pass, std::size_t offset, double on
       return;
     }
     case ListenerKind::binaural: {
-      const auto channel = [&](std::size_t c) { return std::span(scratch.field[c]).first(length); };
-      const std::array<std::span<float>, 4> channels = {channel(0), channel(1), channel(2), channel(3)};
-      const std::size_t sounding = scratch.late.render(late, tables.carriers, offset, onset_sample, channels);
-      rotate_first_order(pass.turn, sounding);
-      decode_late(sounding, rir);
+      LateSound& sound = pass.kept != nullptr ? *pass.kept : scratch.sound;
+      if (!sound.known_ || pass.kept == nullptr) {
+        for (auto& channel : sound.channels_) channel.resize(static_cast<std::size_t>(tables.num_samples));
+        const auto channel = [&](std::size_t c) { return std::span(sound.channels_[c]).first(length); };
+        const std::array<std::span<float>, 4> channels = {channel(0), channel(1), channel(2), channel(3)};
+        sound.sounding_ = scratch.late.render(late, tables.carriers, offset, onset_sample, channels);
+        sound.known_ = true;
+      }
+      decode_late(rotate_first_order(pass.turn, sound), rir);
       return;
     }
     case ListenerKind::ambisonics: {
@@ -325,7 +337,8 @@ int RirSynthesizer::count_samples(const EnergyHistogram& late) const {
   return std::max(1, static_cast<int>(std::lround(samples)));
 }
 
-void RirSynthesizer::render(const EnergyResponse& response, const ListenerTurn& turn, std::uint64_t carrier_key, Rir& rir) {
+void RirSynthesizer::render(const EnergyResponse& response, const ListenerTurn& turn, std::uint64_t carrier_key, Rir& rir,
+                            LateSound* kept) {
   const SynthesisTables& tables = *tables_;
   require(response.late.num_bins() == 0 || response.late.num_bands() == tables.num_bands, "bands of the response",
           response.late.num_bands(), "must be those of the tables");
@@ -336,8 +349,9 @@ void RirSynthesizer::render(const EnergyResponse& response, const ListenerTurn& 
   rir.num_samples = count_samples(response.late);
   rir.sample_rate_hz = tables.sample_rate_hz;
   rir.samples.assign(static_cast<std::size_t>(rir.num_channels) * static_cast<std::size_t>(rir.num_samples), 0.f);
-  const Pass pass{response, turn,
-                  needs_speed ? static_cast<double>(tables.sample_rate_hz) / static_cast<double>(response.speed_of_sound_m_per_s) : 0.0};
+  const double samples_per_m =
+      needs_speed ? static_cast<double>(tables.sample_rate_hz) / static_cast<double>(response.speed_of_sound_m_per_s) : 0.0;
+  const Pass pass{response, turn, samples_per_m, kept};
 
   // Nothing is heard before a direct sound.
   double onset_sample = 0;

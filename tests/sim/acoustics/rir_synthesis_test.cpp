@@ -250,6 +250,22 @@ TEST(RirSynthesis, SourcesHaveDifferentNoise) {
             0.1);  // 1 / sqrt(1700 samples of decay) = 0.024
 }
 
+TEST(RirSynthesis, KeptLateSoundChangesNoBit) {
+  RirSynthesizer keeping(binaural_tables()), plain(binaural_tables());
+  EnergyResponse response = response_with({arrival_at(3.0, 0.1, {0.6f, 0, -0.8f})});
+  LateSound kept;
+  Rir with, without;
+  for (const double level : {1e-2, 3e-3}) {
+    response.late = decay_of(0.4, level, BandLayout::octaves(16000.f).size(), 0.004f, 0.5, 1, {0, 0, -1}, 0.5f);
+    kept.forget();
+    for (const ListenerTurn& turn : {ListenerTurn(0.0), ListenerTurn(1.3), ListenerTurn(0.4, 0.3, -0.2), ListenerTurn(-2.0)}) {
+      keeping.render(response, turn, 5, with, &kept);
+      plain.render(response, turn, 5, without);
+      ASSERT_EQ(with.samples, without.samples);
+    }
+  }
+}
+
 // A room whose decay is over early has a short response: the start of the long one, up to what the last bin spreads.
 TEST(RirSynthesis, ShortHistogramsGiveShortResponses) {
   AcousticConfig config;
