@@ -104,7 +104,7 @@ std::vector<ConvergedPose> converge(const AcousticScene& high, const EarlyCandid
       truth[i].runs = r + 1;
       if (progress) {
         const double share = (r + static_cast<double>(i + 1) / static_cast<double>(poses.size())) / min_runs;
-        progress(std::min({share, std::max(watch.wall_s() / seconds, r + 1 < min_runs ? 0.0 : share), 1.0}));
+        progress(std::min({share, watch.wall_s() / seconds, 1.0}));  // done when the runs and the time are
       }
     }
   }

@@ -46,7 +46,7 @@ LogRange range_of(const std::vector<double>& values) {
       }
     return best;
   };
-  LogRange range{nice(*smallest * 0.9, true), nice(*largest * 1.1, false)};
+  LogRange range{nice(*smallest * 0.75, true), nice(*largest * 1.33, false)};
   if (range.high < 4 * range.low) range = {range.low / 2, range.high * 2};
   return range;
 }
@@ -92,6 +92,7 @@ class PanelDrawing {
         xs.push_back(point.x);
         ys.push_back(point.y);
         if (point.y_error > 0) ys.push_back(point.y + point.y_error);
+        if (point.y_error > 0) ys.push_back(std::max(point.y - point.y_error, point.y / 3));
       }
     if (!ys.empty()) {
       const double lowest = *std::min_element(ys.begin(), ys.end()), highest = *std::max_element(ys.begin(), ys.end());
@@ -183,7 +184,7 @@ class PanelDrawing {
   void draw_level_label(const PlotLevel& level) {
     if (level.y < y_range_.low || level.y > y_range_.high) return;
     const double width = kCharWidth * static_cast<double>(level.label.size()), room = kPanelWidth - width - 10;
-    for (const double share : {1.0, 0.0, 0.75, 0.5, 0.25})
+    for (const double share : {1.0, 0.0, 0.85, 0.15, 0.7, 0.3, 0.6, 0.4, 0.5})
       for (const double below : {-4.0, 13.0}) {
         const double x0 = left_ + 5 + share * room, base = y(level.y) + below;
         const Box box{x0, base - kLineHeight + 2, x0 + width, base + 2};

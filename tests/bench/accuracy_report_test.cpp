@@ -101,7 +101,7 @@ TEST(AccuracyModes, AreDistinctAndValidAndLeaveTheLengthToTheScene) {
 TEST(Plot, PutsAPointWhereItsAxesSay) {
   // One decade each way: a point at the geometric middle of 1 .. 10 lies in the middle of an axis from 1 to 10.
   PlotPanel panel{.title = "t", .x_label = "x", .y_label = "y"};
-  panel.series.push_back({.name = "s", .colour = "#000", .points = {{1.2, 1.2}, {3.1622776, 3.1622776}, {9, 9}}});
+  panel.series.push_back({.name = "s", .colour = "#000", .points = {{1.4, 1.4}, {3.1622776, 3.1622776}, {7, 7}}});
   const std::string svg = plot_svg("title", "subtitle", {panel}, 1);
   EXPECT_THAT(svg, HasSubstr("cx=\"284.0\" cy=\"246.0\""));  // left 74 + 420 / 2, top 96 + 300 / 2
 }
