@@ -12,7 +12,8 @@ inline void set_whole(LateNode& node, const float* c, bool has_moments, float pe
   if (!has_moments) return;
   const float share = 1.f / c[0], m1 = share * c[1], m2 = share * c[2], m3 = share * c[3];
   const float square = m1 * m1 + m2 * m2 + m3 * m3;
-  if (!(square >= 0.f)) return;
+  // The reciprocal of an energy below 3e-39 is infinite.
+  if (!(square >= 0.f && square < 1e30f)) return;
   const float limit = square > 3.f ? std::sqrt(3.f / square) : 1.f;  // as in set_node
   node.m = {limit * m1, limit * m2, limit * m3};
   node.d = std::sqrt(std::max(0.f, 1.f - square * (1.f / 3.f)));
