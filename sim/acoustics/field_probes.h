@@ -14,7 +14,7 @@ namespace earshot {
 /// built, kept apart by batches of photons: the spread of the batches says how well decay times are known (ORACLES 2.10).
 class FieldProbes {
  public:
-  static constexpr std::uint32_t kBatches = 16;
+  static constexpr std::uint32_t kBatches = 8;
   static constexpr std::uint32_t kProbes = 16;
 
   /// Places the probes by random walks from the source.

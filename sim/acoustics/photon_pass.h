@@ -26,7 +26,7 @@ struct PhotonTracks {
 };
 
 /// Unit of work, of the order of summation, and of error estimates: photons of a chunk are balanced against each other (ray_balance.h).
-inline constexpr std::uint32_t kPhotonsPerChunk = 128;
+inline constexpr std::uint32_t kPhotonsPerChunk = 64;
 
 /// Traces chunk number `chunk` of the photons of a source, through mirrors, diffuse reflections and, where the late field is traced through
 /// them, walls.  Overwrites `tracks`.  Chunks are independent, and each is a function of (scene, source, grid, chunk).
