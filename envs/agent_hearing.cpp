@@ -80,7 +80,8 @@ void AgentHearing::synthesize(HearingEngines& engines, double heading_rad) {
     return;
   fades_ = has_rir_;
   std::swap(spectra_, previous_);
-  engines.synthesizer.render(response_, heading_rad, carrier_key_, rir_);
+  if (response_is_new_) late_.forget();
+  engines.synthesizer.render(response_, heading_rad, carrier_key_, rir_, &late_);
   engines.convolver.transform(rir_.samples, rir_.num_samples, spectra_);
   rendered_heading_rad_ = heading_rad;
   response_is_new_ = false;

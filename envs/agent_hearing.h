@@ -62,6 +62,7 @@ class AgentHearing {
   EnergyResponse response_;
   EffectCounters effects_;
   std::uint64_t kept_responses_ = 0;
+  LateSound late_;  ///< of response_
   Rir rir_;
   RirSpectra spectra_, previous_;  ///< of rir_ and of the one before
   SpectrogramHistory history_;
