@@ -32,7 +32,7 @@ struct AccuracyCommand : Options {
 void run_accuracy(const AccuracyCommand& command) {
   AccuracyOptions options;
   options.quick = command.quick;
-  options.minutes = command.minutes.value_or(command.quick ? 2.5 : 25);
+  options.minutes = command.minutes.value_or(command.quick ? 2.5 : 20);
   require(options.minutes > 0 && options.minutes <= 1440, "--minutes", options.minutes, "must be in (0, 1440]");
   options.after_scene = [&](const AccuracyStudy& so_far) { write_accuracy_files(so_far, command.out); };
   const AccuracyStudy study = run_accuracy_study(options);
@@ -75,7 +75,7 @@ void add_bench(CLI::App& app) {
       *bench, "accuracy", "What accuracy costs in time: every mode in every scene against a converged truth; tables and figures", accuracy);
   command->add_option("--out", accuracy->out, "Folder for accuracy.csv, accuracy_tables.md and the figures")->capture_default_str();
   command->add_option("--minutes", accuracy->minutes,
-                      "Of the whole study; poses and repeats are cut to fit (default: 25, 2.5 with --quick)");
+                      "Of the whole study; poses and repeats are cut to fit (default: 20, 2.5 with --quick)");
   command->callback([accuracy] { run_accuracy(*accuracy); });
 
   bench->allow_extras();  // not passed on to the benchmarks: for a message that names what there is

@@ -42,7 +42,7 @@ struct AccuracyStudy {
 
 struct AccuracyOptions {
   bool quick = false;
-  double minutes = 25;                                         ///< of the whole study on two cores; poses and repeats are cut to fit
+  double minutes = 20;                                         ///< of the whole study on two cores; poses and repeats are cut to fit
   std::function<void(const AccuracyStudy&)> after_scene = {};  ///< with what there is so far: a study that is cut short leaves its files
 };
 
