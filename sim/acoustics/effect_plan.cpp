@@ -300,7 +300,7 @@ class Planner {
     const double band_ms = double{plan_.rir_length_s} / config_.time_bin_s * coefficients * 1e-6;
     double largest_off_db = 0, largest_on_db = 0;
     int off = 0;
-    std::string kept;
+    int lowest_on = -1;
     for (int b = 0; b < scene_.num_bands(); ++b) {
       const auto band = static_cast<std::size_t>(b);
       const double loss_db = 10.0 / std::numbers::ln10 * air_per_m_[band] * longest_m;
@@ -309,7 +309,7 @@ class Planner {
       const bool matters = loss_db > kEffectBudgetDb || !(rt_share < kEffectBudgetRt);
       plan_.air[band] = config_.air_absorption == Switch::on || (config_.air_absorption == Switch::automatic && matters);
       if (plan_.air[band]) {
-        kept += fmt::format("{}{:.0f}", kept.empty() ? "" : ", ", scene_.bands().centre_hz[band]);
+        lowest_on = lowest_on < 0 ? b : lowest_on;  // air takes more the higher the band
         largest_on_db = std::max(largest_on_db, loss_db);
       } else {
         ++off;
@@ -323,8 +323,8 @@ class Planner {
       add("air_absorption", false, "off", largest_off_db, "dB", BoundKind::bounded, off * band_ms,
           fmt::format("on the longest path, {:.0f} m, and less than 1 % of RT60", longest_m));
     } else {
-      add("air_absorption", true, kept + " Hz", largest_on_db, "dB", BoundKind::bounded, 0,
-          fmt::format("on the longest path, {:.0f} m", longest_m));
+      add("air_absorption", true, fmt::format("from {:.0f} Hz up", scene_.bands().centre_hz[static_cast<std::size_t>(lowest_on)]),
+          largest_on_db, "dB", BoundKind::bounded, 0, fmt::format("on the longest path, {:.0f} m", longest_m));
       if (off > 0) {
         add("air_absorption_low", false, fmt::format("off in the lowest {}", off), largest_off_db, "dB", BoundKind::bounded, off * band_ms,
             fmt::format("on the longest path, {:.0f} m, and less than 1 % of RT60", longest_m));

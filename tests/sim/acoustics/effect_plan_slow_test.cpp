@@ -284,6 +284,33 @@ TEST(EffectPlanProof, LateTransmissionThatIsOnMatters) {
   EXPECT_LT(largest_db, estimate_db + 0.2) << "the estimate is meant to bound from above";
 }
 
+TEST(EffectPlanProof, LateTransmissionThatIsTradedIsWithinItsBound) {
+  // A house with a source field: what its walls would add stays below the number that the plan states.
+  AcousticConfig config;
+  config.rays = 512;
+  config.bands = 2;
+  AcousticConfig on = config;
+  on.transmission = Switch::on;
+  const EffectScene where = effects::apartment_scene();
+  const AcousticScene scene(where.scene, config);
+  const EffectDecision* decided = decision(scene, "transmission_late");
+  ASSERT_NE(decided, nullptr);
+  ASSERT_EQ(decided->kind, BoundKind::traded);
+  ASSERT_TRUE(uses_source_field(scene));
+  double largest_db = 0, error_db = 0;
+  for (const std::size_t i : {1u, 4u, 7u, 10u}) {
+    const Level without = late_level(where, config, where.listeners[i], 16), with = late_level(where, on, where.listeners[i], 16);
+    for (std::size_t b = 0; b < with.mean.size(); ++b) {
+      const double change_db = std::abs(effects::db(with.mean[b] / without.mean[b]));
+      const double this_error_db = 4.343 * std::hypot(with.error[b], without.error[b]);
+      if (change_db > largest_db) largest_db = change_db, error_db = this_error_db;
+      EXPECT_LT(change_db, decided->change + 3 * this_error_db);
+    }
+  }
+  fmt::print("late transmission left to the source field: stated {:.2f} dB, seen {:.2f} dB (standard error {:.2f})\n", decided->change,
+             largest_db, error_db);
+}
+
 TEST(EffectPlanProof, AutomaticLengthKeepsTheDecay) {
   // Against 4 s, same random numbers: rays only end later.
   Change worst;
@@ -314,7 +341,8 @@ TEST(EffectPlanProof, AutomaticLengthKeepsTheDecay) {
     }
   }
   fmt::print(
-      "| rir_length_s | all but the hall and the open field | {} of {} | {:.3f} ms with 128 rays, against 4 s | 1 % of T30 | {:.4f} dB, {:.2f} % T30 |\n",
+      "| rir_length_s | all but the hall and the open field | {} of {} | {:.3f} ms with 128 rays, against 4 s | 1 % of T30 | {:.4f} dB, "
+      "{:.2f} % T30 |\n",
       poses, poses, saved_ms / poses, worst.largest_db(), worst.t30_percent);
 }
 

@@ -107,6 +107,7 @@ TEST(EffectPlan, TransmissionIsTracedWhereWallsAreTheOnlyWay) {
   const AcousticScene scene(closed.scene, AcousticConfig{});
   EXPECT_TRUE(scene.plan().straight_transmission);
   EXPECT_TRUE(scene.plan().traced_transmission);
+  ASSERT_NE(decision(scene, "transmission_late"), nullptr);
   EXPECT_TRUE(std::isinf(decision(scene, "transmission_late")->change));
   EXPECT_FALSE(uses_source_field(scene));
   const EarlyCandidates candidates(scene, closed.source);
