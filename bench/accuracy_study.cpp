@@ -87,8 +87,10 @@ class SceneStudy {
     measure_errors(acoustics, candidates, field.get(), tables, result);
     measure_times(acoustics, candidates, field.get(), tables, result);
     if (mode.sweep == "preset" && mode.value != "high") {
-      result.steps_per_s_one = env_steps_per_s(acoustics.config(), 1);
-      result.steps_per_s_two = env_steps_per_s(acoustics.config(), kTwoThreads);
+      AcousticConfig shared = acoustics.config();
+      if (result.field) shared.field = Switch::on;  // left alone, environments trace: here all agents share the source
+      result.steps_per_s_one = env_steps_per_s(shared, 1);
+      result.steps_per_s_two = env_steps_per_s(shared, kTwoThreads);
     }
     return result;
   }

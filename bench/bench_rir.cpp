@@ -231,7 +231,9 @@ class RirBench {
   /// What an agent hears at each step, through the stages that environments run: response, RIR, convolution with the running sound,
   /// spectrogram of the last second.
   void measure_observation() {
-    SceneCache cache(config_of("fast"), NavmeshConfig{}, ".", std::size_t{4} << 30);
+    AcousticConfig shared = fast_.config();
+    if (field_) shared.field = Switch::on;  // left alone, environments trace: here the source is shared
+    SceneCache cache(shared, NavmeshConfig{}, ".", std::size_t{4} << 30);
     const auto source = cache.source(scene_.spec, scene_.source_foot, 1.5f);
     const AcousticConfig& config = source->scene->acoustics.config();
     const int block = static_cast<int>(std::lround(0.15f * config.sample_rate_hz));
