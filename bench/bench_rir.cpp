@@ -9,6 +9,7 @@
 #include "bench/converged_reference.h"
 #include "envs/agent_hearing.h"
 #include "sim/acoustics/effect_plan.h"
+#include "sim/acoustics/room_metrics.h"
 #include "sim/acoustics/transmission.h"
 #include "sim/base/progress.h"
 
@@ -162,38 +163,49 @@ class RirBench {
     return median_of(values).value;
   }
 
+  /// `high` as it serves many poses of one source: a field of its own seed, fine cells and a small error, which is the truth for `fast`;
+  /// and that truth against bidirectional paths, which share nothing with it but the scene.
   void measure_errors() {
     AcousticConfig config = config_of("high");
     config.rir_length_s = fast_.config().rir_length_s;
+    config.time_bin_s = fast_.config().time_bin_s;
+    config.field = Switch::on;
+    config.seed = fast_.config().seed + 1;
     const AcousticScene high(scene_.scene, config);
-    const EarlyCandidates candidates(high, scene_.source());
-    const std::vector<WalkPose> poses = scene_.some_poses(options_.poses);
-    BenchJson json = setting(high);
-    json["poses"] = poses.size();
-
-    std::vector<double> rates, errors_pct;
-    EnergyResponse response;
-    Rir rir;
     const auto high_tables = binaural_tables(high);
     RirSynthesizer synthesizer(high_tables);
+    const std::vector<WalkPose> poses = scene_.some_poses(options_.poses);
+    (void)high.field_grid();  // belongs to the scene
+    Stopwatch watch;
+    const EarlyCandidates candidates(high, scene_.source());
+    const auto field = build_source_field(high, candidates);
+    const double source_s = watch.wall_s();
+    EnergyResponse response;
+    Rir rir;
+    std::vector<double> rates;
+    constexpr int served = 500;
     for (int i = 0; i < options_.repeats; ++i) {
-      const WalkPose& pose = poses[static_cast<std::size_t>(i) % poses.size()];
-      const Stopwatch watch;
-      compute_energy_response(high, candidates, pose.ears(), response);
-      synthesizer.render(response, pose.heading_rad, fast_.hash(), rir);
-      rates.push_back(1 / watch.wall_s());
-      std::vector<ConvergedPose> one = one_run(high, pose, response);
-      errors_pct.push_back(100 * mean_t20_error(one));
+      watch = {};
+      for (const WalkPose& pose : poses) {
+        compute_energy_response(high, candidates, field.get(), pose.ears(), response);
+        synthesizer.render(response, pose.heading_rad, fast_.hash(), rir);
+      }
+      rates.push_back(served / (source_s + served * watch.wall_s() / static_cast<double>(poses.size())));
     }
+    BenchJson json = setting(high);
+    json["photons"] = field->photons();
+    json["n"] = served;
+    json["per_source_ms"] = kMs * source_s;
     add("high.rir_per_s", "1/s", median_of(rates), json);
-    add("high.rt60_standard_error_pct", "%", median_of(errors_pct), json);
+    add("high.rt60_standard_error_pct", "%", median_of({100 * field->t20_error()}), json);
 
-    AcousticConfig shared = config;
-    shared.threads = 0;  // the same bits, sooner: this is not timed
-    const AcousticScene quick_high(scene_.scene, shared);
-    Progress progress("truth of " + scene_.name, "permille", 1000);
-    const std::vector<ConvergedPose> truth = converge(quick_high, candidates, poses, options_.reference_seconds,
-                                                      [&](double share) { progress.update(static_cast<std::uint64_t>(1000 * share)); });
+    std::vector<ConvergedPose> truth;
+    for (const WalkPose& pose : poses) {
+      ConvergedPose& at = truth.emplace_back();
+      at.pose = pose;
+      compute_energy_response(high, candidates, field.get(), pose.ears(), at.response);
+    }
+    check_truth(high, candidates, truth);
     const int samples = static_cast<int>(std::lround(config.rir_length_s * config.sample_rate_hz));
     ResponseListener truth_listener(high_tables, config.sample_rate_hz, samples);
     ResponseListener fast_listener(tables_, config.sample_rate_hz, samples);
@@ -205,8 +217,8 @@ class RirBench {
     }
     BenchJson fast_json = setting(fast_);
     fast_json["poses"] = poses.size();
-    fast_json["reference_rt60_standard_error_pct"] = 100 * mean_t20_error(truth);
-    fast_json["reference_runs"] = truth.front().runs;
+    fast_json["reference_rt60_standard_error_pct"] = 100 * field->t20_error();
+    fast_json["reference_photons"] = field->photons();
     const auto add_error = [&](const std::string& name, const std::string& unit, ErrorKind kind) {
       const ErrorSummary summary = summarise(errors, kind);
       const double scale = scale_of(kind);
@@ -225,8 +237,40 @@ class RirBench {
     add_error("fast.edc_rms_db", "dB", ErrorKind::decay_db);
   }
 
-  /// A single response as its own truth, for its standard errors.
-  static std::vector<ConvergedPose> one_run(const AcousticScene& high, const WalkPose& pose, const EnergyResponse& response);
+  /// The truth against bidirectional path tracing at a few of its poses: how far apart their T20 are, and how well the paths know it.
+  void check_truth(const AcousticScene& high, const EarlyCandidates& candidates, const std::vector<ConvergedPose>& truth) const {
+    AcousticConfig config = high.config();
+    config.threads = 0;  // the same bits, sooner: this is not timed
+    config.field = Switch::off;
+    const AcousticScene paths(scene_.scene, config);
+    std::vector<WalkPose> poses;
+    const std::size_t count = std::min<std::size_t>(truth.size(), 4);
+    for (std::size_t i = 0; i < count; ++i) poses.push_back(truth[(2 * i + 1) * truth.size() / (2 * count)].pose);
+    Progress progress("paths of " + scene_.name, "permille", 1000);
+    const std::vector<ConvergedPose> traced = converge(paths, candidates, poses, options_.reference_seconds,
+                                                       [&](double share) { progress.update(static_cast<std::uint64_t>(1000 * share)); });
+    std::vector<double> differences;
+    for (std::size_t i = 0; i < count; ++i) {
+      const RoomMetrics of_paths = measure(paths, traced[i].response);
+      const RoomMetrics of_field = measure(high, truth[(2 * i + 1) * truth.size() / (2 * count)].response);
+      for (std::size_t b = 0; b < of_paths.bands.size(); ++b)
+        if (of_paths.bands[b].t20_s && of_field.bands[b].t20_s)
+          differences.push_back(*of_field.bands[b].t20_s / *of_paths.bands[b].t20_s - 1);
+    }
+    double mean = 0, size = 0;
+    for (const double difference : differences) {
+      mean += 100 * difference / static_cast<double>(differences.size());
+      size += 100 * std::fabs(difference) / static_cast<double>(differences.size());
+    }
+    BenchJson json = setting(paths);
+    json["poses"] = count;
+    json["runs"] = traced.front().runs;
+    json["standard_error_pct"] = 100 * mean_t20_error(traced);
+    json["mean_difference_pct"] = mean;
+    add("high.rt60_difference_to_paths_pct", "%", {size, size, size}, json);
+    fmt::print("  high against bidirectional paths, T20: {:.2f} % apart, {:+.2f} % in the mean; standard error of the paths {:.2f} %\n",
+               size, mean, 100 * mean_t20_error(traced));
+  }
 
   /// What an agent hears at each step, through the stages that environments run: response, RIR, convolution with the running sound,
   /// spectrogram of the last second.
@@ -275,12 +319,6 @@ class RirBench {
   std::vector<Arrival> arrivals_;
   std::uint64_t photons_ = 0;
 };
-
-std::vector<ConvergedPose> RirBench::one_run(const AcousticScene& high, const WalkPose& pose, const EnergyResponse& response) {
-  ConvergedPose one{.pose = pose, .response = response, .runs = 1, .t20_error = {}, .t30_error = {}};
-  add_errors(high, one);
-  return {one};
-}
 
 }  // namespace
 

@@ -9,7 +9,7 @@ namespace earshot {
 struct RirBenchOptions {
   bool quick = false;  ///< one small scene, few poses: for tests of the command, not for numbers
   int repeats = 5;
-  int poses = 8;                  ///< at which errors are measured
+  int poses = 24;                 ///< at which errors are measured
   double reference_seconds = 60;  ///< per scene, for the converged truth
 };
 

@@ -95,15 +95,17 @@ struct SceneCache::Impl {
   std::shared_ptr<const EnvScene> load(const std::string& scene_id) const {
     return tbb::this_task_arena::isolate([&]() -> std::shared_ptr<const EnvScene> {
       auto scene = std::make_shared<const Scene>(load_scene(resolve(scene_id)));
-      return std::make_shared<const EnvScene>(scene, AcousticScene(scene, acoustics), Navmesh(scene->mesh(), navmesh));
+      // Episodes are short: fields only on request, and what a plan would leave to them is planned without.
+      AcousticConfig planned = acoustics;
+      if (planned.field == Switch::automatic) planned.field = Switch::off;
+      return std::make_shared<const EnvScene>(scene, AcousticScene(scene, planned), Navmesh(scene->mesh(), navmesh));
     });
   }
   std::shared_ptr<const EnvSource> build(std::shared_ptr<const EnvScene> scene, glm::vec3 goal, float source_height_m) {
     return tbb::this_task_arena::isolate([&]() -> std::shared_ptr<const EnvSource> {
       const EnvScene& in = *scene;
       EarlyCandidates candidates(in.acoustics, goal + glm::vec3(0, source_height_m, 0));
-      const bool keeps_field = acoustics.field == Switch::on && uses_source_field(in.acoustics);
-      auto sound_field = keeps_field ? fields.get(in.acoustics, candidates) : nullptr;
+      auto sound_field = uses_source_field(in.acoustics) ? fields.get(in.acoustics, candidates) : nullptr;
       return std::make_shared<const EnvSource>(scene, GeodesicField(in.navmesh, goal), std::move(candidates), std::move(sound_field));
     });
   }

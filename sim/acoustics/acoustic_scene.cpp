@@ -36,7 +36,7 @@ std::uint64_t hash_of(const AcousticConfig& c, std::uint64_t scene_hash) {
   }
   for (const int value :
        {c.early_order, c.early_candidate_rays, c.rays, c.max_bounces, c.sh_order, c.diffuse_last_leg ? 1 : 0, c.bands, c.diffraction_order,
-        c.diffraction_paths, c.transmission_walls, c.source_rays, c.source_bounces, c.field_photons, c.gather_rays}) {
+        c.diffraction_paths, c.transmission_walls, c.source_rays, c.source_bounces, c.field_photons}) {
     append_bytes(bytes, value);
   }
   for (const float value : {c.time_bin_s, c.rir_length_s, c.source_radius_m, c.scattering, c.sample_rate_hz, c.diffraction_edge_m,

@@ -198,9 +198,8 @@ void compare_walls(const AcousticScene& scene, const std::vector<Wall>& walls, s
   if (walls.empty()) return;
   for (std::size_t band = 0; band < num_bands; ++band) {
     std::sort(ratios[band].begin(), ratios[band].end());
-    probe.typical_wall_to_air[band] = ratios[band][ratios[band].size() / 2];
     // Cavities that nothing else leads to count where they are the rule, not where they are a cupboard in the wall.
-    probe.wall_to_air[band] = probe.typical_wall_to_air[band];
+    probe.wall_to_air[band] = ratios[band][ratios[band].size() / 2];
     for (const double ratio : ratios[band])
       if (std::isfinite(ratio)) probe.wall_to_air[band] = std::max(probe.wall_to_air[band], ratio);
   }
@@ -212,8 +211,7 @@ EffectProbe probe_effects(const AcousticScene& scene, std::span<const double> ai
   const auto num_bands = static_cast<std::size_t>(scene.num_bands());
   EffectProbe probe;
   probe.horizon_s = horizon_s;
-  for (auto* row :
-       {&probe.absorption, &probe.transmission, &probe.decay_s, &probe.decay_with_air_s, &probe.wall_to_air, &probe.typical_wall_to_air})
+  for (auto* row : {&probe.absorption, &probe.transmission, &probe.decay_s, &probe.decay_with_air_s, &probe.wall_to_air})
     row->assign(num_bands, 0.0);
   const std::size_t triangles = scene.scene().mesh().triangles.size();
   if (triangles == 0) return probe;

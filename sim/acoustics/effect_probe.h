@@ -32,7 +32,6 @@ struct EffectProbe {
   /// it through the air, [num_bands] (ORACLES 3.1: E_up / E_lo).  Zero if no wall has air behind it; infinite if most walls lead to where
   /// no air does.
   std::vector<double> wall_to_air;
-  std::vector<double> typical_wall_to_air;  ///< the median over walls
 };
 
 /// A few milliseconds: 32 points, 256 walks of at most `horizon_s`, and up to 12 walls if something transmits.
