@@ -24,6 +24,7 @@ constexpr std::array<ErrorName, kNumErrorKinds> kNames{{{"t20_pct", 100},
                                                         {"drr_db", 1},
                                                         {"edc_rms_db", 1},
                                                         {"rir_t20_pct", 100},
+                                                        {"rir_to_rir_t20_pct", 100},
                                                         {"ild_db", 1},
                                                         {"iacc", 1},
                                                         {"lsd_db", 1}}};
@@ -143,8 +144,11 @@ PoseErrors compare(const HeardResponse& reference, const HeardResponse& test) {
   }
   add_difference(of(ErrorKind::drr_db), reference.energy.drr_db, test.energy.drr_db);
   for (std::size_t b = 0; b < reference.energy.bands.size(); ++b)
-    if (const BandMetrics* heard = band_near(test.rir, reference.energy.bands_hz[b]))
+    if (const BandMetrics* heard = band_near(test.rir, reference.energy.bands_hz[b])) {
       add_relative(of(ErrorKind::rir_t20), reference.energy.bands[b].t20_s, heard->t20_s);
+      if (const BandMetrics* truth = band_near(reference.rir, reference.energy.bands_hz[b]))
+        add_relative(of(ErrorKind::rir_to_rir_t20), truth->t20_s, heard->t20_s);
+    }
   add_difference(of(ErrorKind::ild_db), reference.ild_db, test.ild_db);
   add_difference(of(ErrorKind::iacc), reference.iacc, test.iacc);
   if (!reference.spectrogram.empty())

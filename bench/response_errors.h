@@ -31,7 +31,7 @@ std::optional<double> mean_interaural_correlation(const Rir& rir, double direct_
 
 /// Errors of one response at one pose.  Relative ones as shares, differences as they come, both with a sign (test minus reference);
 /// root-mean-square ones without.  Where the reference has a value and the test has none, the entry is NaN.
-enum class ErrorKind { t20, t30, edt, c50_db, drr_db, decay_db, rir_t20, ild_db, iacc, spectral_db, count };
+enum class ErrorKind { t20, t30, edt, c50_db, drr_db, decay_db, rir_t20, rir_to_rir_t20, ild_db, iacc, spectral_db, count };
 inline constexpr int kNumErrorKinds = static_cast<int>(ErrorKind::count);
 /// Name in files ("t20_pct"), and the factor from the unit above to that one.
 const char* name_of(ErrorKind kind);
@@ -49,7 +49,8 @@ struct HeardResponse {
   std::optional<double> ild_db, iacc;       ///< of the rendered pair
   std::vector<float> spectrogram;
 };
-/// reference.energy is the truth for the decay times of the test's rendered RIR too, so the noise of carriers counts.  Decay times of bands
+/// rir_t20: the test's rendered left ear against the energy of the reference, so the noise of carriers and the shadow of the head count.
+/// rir_to_rir_t20: against the reference's rendered left ear, as the SoundSpaces 2.0 paper compares its modes.  Decay times of bands
 /// are compared where both have the same bands; a test of other bands is compared by what is heard alone.
 PoseErrors compare(const HeardResponse& reference, const HeardResponse& test);
 

@@ -15,6 +15,9 @@
 namespace earshot {
 namespace {
 
+/// Decay times need no fine bins to be judged.
+constexpr int kBinsPerProbeBin = 4;
+
 /// Half way along the last leg of a random walk; the walks go further from probe to probe.
 glm::vec3 place_probe(const AcousticScene& scene, glm::vec3 source, std::uint32_t probe) {
   const RandomStream random(scene.config().seed, Purpose::field_probe, probe);
@@ -36,8 +39,8 @@ glm::vec3 place_probe(const AcousticScene& scene, glm::vec3 source, std::uint32_
 FieldProbes::FieldProbes(const AcousticScene& scene, glm::vec3 source, const FieldGrid& grid)
     : scene_(&scene), stride_(static_cast<std::size_t>(scene.padded_bands())) {
   const EnergyHistogram shape = make_histogram(scene);
-  num_bins_ = shape.num_bins();
-  bins_per_m_ = 1.f / (scene.speed_of_sound_m_per_s() * shape.bin_s());
+  num_bins_ = (shape.num_bins() + kBinsPerProbeBin - 1) / kBinsPerProbeBin;
+  bins_per_m_ = 1.f / (scene.speed_of_sound_m_per_s() * shape.bin_s() * kBinsPerProbeBin);
   energy_.assign(std::size_t{kBatches} * kProbes * static_cast<std::size_t>(num_bins_) * stride_, 0.f);
 
   std::vector<std::vector<Reader>> readers(grid.size());

@@ -5,6 +5,10 @@
 namespace earshot {
 namespace {
 
+/// A band's sound ends where only this share of its energy is left, 70 dB down: of a decay that T30 needs to -35 dB and observations hear
+/// to -45 dB.  Bands that fall faster than the slowest one then cost less.
+constexpr double kInaudibleShare = 1e-7;
+
 /// A bin that spreads over one width, in float: most are such.  c: its harmonics.
 inline void set_whole(LateNode& node, const float* c, bool has_moments, float per_width) {
   if (!(c[0] > 0.f && c[0] < 1e30f)) return;
@@ -80,6 +84,19 @@ void LateNodes::make(const EnergyHistogram& energy, float sample_rate_hz, double
       if (c[0] > 0 && c[0] < 1e30 && area > 0) set_node(band, bin, std::span(carried_), area);
       std::fill_n(c, num_known, 0.0);
     }
+    drop_inaudible_end(band);
+  }
+}
+
+void LateNodes::drop_inaudible_end(int band) {
+  const auto row =
+      std::span(nodes_).subspan(static_cast<std::size_t>(band) * static_cast<std::size_t>(num_bins_), static_cast<std::size_t>(num_bins_));
+  double total = 0, tail = 0;
+  for (const LateNode& node : row) total += static_cast<double>(node.density);
+  for (std::size_t bin = row.size(); bin-- > 0;) {
+    tail += static_cast<double>(row[bin].density);
+    if (tail > kInaudibleShare * total) return;
+    row[bin].density = 0.f;
   }
 }
 

@@ -39,7 +39,7 @@ inline Ramp ramp_over(const LateStretch& stretch, float left, float right) {
 }
 
 /// The late part of a histogram as densities at bin centres.  Interpolated linearly they keep each bin's energy, but for what lies before
-/// the onset, which lands behind it.  Owns its storage: no allocation once warm.
+/// the onset, which lands behind it, and the last 1e-7 of each band.  Owns its storage: no allocation once warm.
 class LateNodes {
  public:
   /// onset_sample: no sound before it.  num_samples: of the response.
@@ -72,6 +72,7 @@ class LateNodes {
   }
 
  private:
+  void drop_inaudible_end(int band);
   [[nodiscard]] std::size_t clamp_sample(double position) const {
     return static_cast<std::size_t>(std::clamp(std::ceil(position), 0.0, static_cast<double>(num_samples_)));
   }

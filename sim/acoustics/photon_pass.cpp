@@ -17,6 +17,10 @@ namespace {
 using listener_ray::RayState;
 using listener_ray::Trace;
 
+/// Mean energy, relative to the start, below which the number of photons falls with it.  All listeners share them, and T20 ends at -25 dB:
+/// 12 % less error per second of pass than with the 1e-3 of listener rays, and no more with 3e-2 (two houses, two seeds).
+constexpr double kPhotonTaper = 1e-2;
+
 /// Do image paths, or what goes straight through walls, carry the flight that the photon is about to make?  Its chain lists the mirrors
 /// source first.
 template <int W>
@@ -93,7 +97,7 @@ void trace_chunk(const Trace& trace, const FieldGrid& grid, std::uint32_t chunk,
     }
     if (!any_alive) return;
     balance<W>(trace.scene.num_bands(), std::span<RayState<W>>(photons),
-               RandomStream(seed, Purpose::photon_roulette, chunk, stage).uniform(0));
+               RandomStream(seed, Purpose::photon_roulette, chunk, stage).uniform(0), kPhotonTaper);
   }
 }
 

@@ -26,7 +26,7 @@ inline constexpr double kTaperBelow = 1e-3;
 /// ray's weight is the mean over bands of its share of the band, so that bands that decay faster keep their rays too.
 /// Ray: has bool alive and float reflected[W], its energy per band.  At most kRaysPerChunk rays.
 template <int W, class Ray>
-void balance(int num_bands, std::span<Ray> rays, double random) {
+void balance(int num_bands, std::span<Ray> rays, double random, double taper_below = kTaperBelow) {
   std::array<double, W> band_sum{};
   for (const Ray& ray : rays) {
     if (!ray.alive) continue;
@@ -52,7 +52,7 @@ void balance(int num_bands, std::span<Ray> rays, double random) {
   }
   const auto started = static_cast<double>(rays.size());
   const double level = loudest / started;
-  const int target = std::max(1, static_cast<int>(std::ceil(started * std::min(1.0, level / kTaperBelow))));
+  const int target = std::max(1, static_cast<int>(std::ceil(started * std::min(1.0, level / taper_below))));
   const auto weights = std::span<const double>(weight).first(rays.size());
   if (effective_count(weights) >= kUnevenShare * target && alive <= 1.25 * target) return;
 

@@ -133,12 +133,15 @@ TEST(Compare, RelativeErrorsDifferencesAndWhatIsMissing) {
 // The rendered RIR is held against the truth's energy response: its own noise counts.
 TEST(Compare, RenderedDecayTimesAreHeldAgainstTheEnergyOfTheTruth) {
   HeardResponse truth = heard(0.5, 0.8, 0), test = heard(0.5, 0.8, 0);
-  truth.rir.bands[0].t20_s = 9;    // plays no part
+  truth.rir.bands[0].t20_s = 9;    // plays no part in the first
   test.rir.bands_hz = {63, 1000};  // its octaves are others
   test.rir.bands[1].t20_s = 0.45;
   const PoseErrors errors = compare(truth, test);
   ASSERT_EQ(errors.values[static_cast<int>(ErrorKind::rir_t20)].size(), 1u);
   EXPECT_NEAR(errors.values[static_cast<int>(ErrorKind::rir_t20)][0], -0.1, 1e-9);
+  // Against the rendered truth the 9 s do play a part.
+  ASSERT_EQ(errors.values[static_cast<int>(ErrorKind::rir_to_rir_t20)].size(), 1u);
+  EXPECT_NEAR(errors.values[static_cast<int>(ErrorKind::rir_to_rir_t20)][0], 0.45 / 9 - 1, 1e-9);
 }
 
 TEST(Compare, OtherBandsAreComparedByWhatIsHeardAlone) {
