@@ -259,6 +259,7 @@ class RirBench {
         if (of_paths.bands[b].t20_s && of_field.bands[b].t20_s)
           differences.push_back(*of_field.bands[b].t20_s / *of_paths.bands[b].t20_s - 1);
     }
+    if (differences.empty()) return;
     double mean = 0, size = 0;
     for (const double difference : differences) {
       mean += 100 * difference / static_cast<double>(differences.size());

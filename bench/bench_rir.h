@@ -10,7 +10,7 @@ struct RirBenchOptions {
   bool quick = false;  ///< one small scene, few poses: for tests of the command, not for numbers
   int repeats = 5;
   int poses = 24;                 ///< at which errors are measured
-  double reference_seconds = 60;  ///< per scene, for the converged truth
+  double reference_seconds = 60;  ///< per scene, for the paths that check the truth
 };
 
 /// Question: how many impulse responses per second does one thread render, how wrong are they, and where does the time go?  Prints a table

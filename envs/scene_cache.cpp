@@ -244,7 +244,11 @@ std::shared_ptr<const EnvSource> SceneCache::source(const std::string& scene_id,
   } catch (...) {
     {
       const std::scoped_lock lock(in.mutex);
-      if (SceneEntry* entry_of = entry_of_scene()) entry_of->sources.erase(key);
+      // The scene may have been dropped and loaded anew meanwhile: what another thread has made there stays.
+      if (SceneEntry* entry_of = entry_of_scene()) {
+        const auto failed = entry_of->sources.find(key);
+        if (failed != entry_of->sources.end() && !failed->second.ready) entry_of->sources.erase(failed);
+      }
     }
     promise.set_exception(std::current_exception());
     throw;

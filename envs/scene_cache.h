@@ -34,10 +34,9 @@ struct EnvSource {
 /// keeps what it points to, evicted or not.
 class SceneCache {
  public:
-  /// acoustics.field: `on` keeps a field with each source.  `automatic` hears the effects that the plan would give to a field, and traces
-  /// them: in generated houses of a few rooms the photons of one source (T20 error 5 to 3 %) cost as much as tracing 160 to 760 poses with
-  /// 64 rays, which leave a larger error, and an episode has 50 to 150.  `on` pays where agents, episodes, workers or runs share a source,
-  /// or where its lower error is wanted.
+  /// acoustics.field: `on` keeps a field with each source.  `automatic` plans scenes without and traces: an episode has 50 to 150 poses, for
+  /// which photons cost as much as 64 rays at each, and only with fields do walls let late sound through.  `on` pays where agents, episodes,
+  /// workers or runs share a source, or where its lower error is wanted.
   /// fields: folder and bound of the sound fields that runs and processes share; its memory bound is of no use here, and its warnings are
   /// logged.
   SceneCache(const AcousticConfig& acoustics, const NavmeshConfig& navmesh, std::filesystem::path scene_root, std::size_t max_bytes,

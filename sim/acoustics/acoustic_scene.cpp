@@ -28,9 +28,11 @@ void append_bytes(std::string& bytes, T value) {
   bytes.append(raw, sizeof(T));
 }
 
-std::uint64_t hash_of(const AcousticConfig& c, std::uint64_t scene_hash) {
+/// traced_transmission: what the plan made of the config, which a copy with other rays keeps.
+std::uint64_t hash_of(const AcousticConfig& c, std::uint64_t scene_hash, bool traced_transmission) {
   std::string bytes;
   append_bytes(bytes, scene_hash);
+  append_bytes(bytes, traced_transmission);
   for (const Switch s : {c.direct, c.early, c.late, c.air_absorption, c.diffraction, c.transmission, c.field}) {
     append_bytes(bytes, static_cast<std::int32_t>(s));
   }
@@ -95,7 +97,7 @@ AcousticScene::AcousticScene(std::shared_ptr<const Scene> scene, const AcousticC
     if (plan_->air[band]) air_[band] = static_cast<float>(air_absorption_energy_per_m(scene_->air(), bands_.centre_hz[band]));
   }
   reflection_model_ = std::make_shared<const ReflectionModel>(*this, traces_transmission(*this));
-  hash_ = hash_of(config_, scene_->hash());
+  hash_ = hash_of(config_, scene_->hash(), plan_->traced_transmission);
 }
 
 const FieldGrid& AcousticScene::field_grid() const {
@@ -111,7 +113,7 @@ AcousticScene AcousticScene::with_rays(int rays, std::uint64_t seed) const {
   copy.config_.rays = rays;
   copy.config_.seed = seed;
   validate(copy.config_);
-  copy.hash_ = hash_of(copy.config_, scene_->hash());
+  copy.hash_ = hash_of(copy.config_, scene_->hash(), copy.plan_->traced_transmission);
   return copy;
 }
 

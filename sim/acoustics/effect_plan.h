@@ -41,7 +41,8 @@ struct EffectDecision {
   std::string why;
 };
 
-/// What to simulate in a scene.  A function of the scene and the config, without its seed, number of rays and threads.
+/// What to simulate in a scene.  A function of the scene and the config, without its seed and threads; of the number of
+/// rays only whether they are 512 or more.
 struct EffectPlan {
   std::vector<EffectDecision> decisions;
   // what the engine reads

@@ -43,8 +43,10 @@ FieldGrid::FieldGrid(const Scene& scene, float cell_m) : scene_(&scene) {
   if (scene.mesh().triangles.empty()) return;
   const glm::vec3 size = glm::max(scene.bounds().upper - scene.bounds().lower, glm::vec3(1e-3f));
   for (float edge = cell_m;; edge *= 1.1f) {
-    count_ = glm::ivec3(glm::max(glm::round(size / edge), glm::vec3(1.f)));
-    if (static_cast<float>(count_.x) * static_cast<float>(count_.y) * static_cast<float>(count_.z) <= kMaxBoxes) break;
+    const glm::vec3 boxes = glm::max(glm::round(size / edge), glm::vec3(1.f));
+    if (!(boxes.x * boxes.y * boxes.z <= kMaxBoxes)) continue;
+    count_ = glm::ivec3(boxes);
+    break;
   }
   origin_ = scene.bounds().lower;
   edge_m_ = size / glm::vec3(count_);
@@ -120,9 +122,9 @@ std::vector<FieldGrid::Cell> FieldGrid::pieces_of(const glm::ivec3& index) const
     if (group.size() < kLeastPoints) break;
     Cell piece{.volume_m3 = point_m3 * static_cast<float>(group.size())};
     piece.num_views = static_cast<std::uint32_t>(std::min(kViews, group.size()));
-    // Spread over the piece: the first is the middle of the list, the others divide it.
+    // Spread over the piece, from the middle of its list on.
     for (std::uint32_t i = 0; i < piece.num_views; ++i)
-      piece.view[i] = point[group[((2 * i + 1) * group.size() / (2 * piece.num_views) + (i == 0 ? group.size() / 2 : 0)) % group.size()]];
+      piece.view[i] = point[group[(2 * ((i + piece.num_views / 2) % piece.num_views) + 1) * group.size() / (2 * piece.num_views)]];
     piece.lower = piece.upper = point[group[0]];
     for (const int i : group) piece.lower = glm::min(piece.lower, point[i]), piece.upper = glm::max(piece.upper, point[i]);
     // The outermost of the many points along a wall lies a small part of their spacing from it.
@@ -140,6 +142,7 @@ bool FieldGrid::sees(const Cell& cell, glm::vec3 point) const {
 }
 
 std::uint32_t FieldGrid::piece_at(const Box& box, glm::vec3 point) const {
+  if (box.count == 0) return none;
   if (box.count == 1) return box.first;
   // Mostly bounds tell already: a straight wall leaves its two sides apart.
   std::uint32_t only = none, candidates = 0;
@@ -173,7 +176,7 @@ void FieldGrid::cross(glm::vec3 origin, glm::vec3 direction, float length_m, std
     const float leave_m = std::min(next_m[axis], length_m);
     if (leave_m > enter_m) {
       const std::uint32_t cell = piece_at(boxes_[box_at(index)], origin + 0.5f * (enter_m + leave_m) * direction);
-      if (cell != none && boxes_[box_at(index)].count > 0) crossings.push_back({cell, enter_m, leave_m});
+      if (cell != none) crossings.push_back({cell, enter_m, leave_m});
       enter_m = leave_m;
     }
     index[axis] += step[axis];

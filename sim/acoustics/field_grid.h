@@ -38,7 +38,7 @@ class FieldGrid {
     float weight;
   };
   /// The cells round a point that it sees, with the weights of trilinear interpolation between the centres of their boxes; weights add up
-  /// to 1.  Returns how many; 0 only in an empty scene or outside of all cells.  Cost: up to some tens of short rays.
+  /// to 1.  Returns how many; 0 only in an empty scene.  A point outside of the bounds of the scene gets the cells at the border.  Cost: up to some tens of short rays.
   std::size_t blend(glm::vec3 point, std::array<Share, 8>& shares) const;
 
  private:

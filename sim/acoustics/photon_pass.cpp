@@ -52,6 +52,8 @@ void advance(const Trace& trace, const FieldGrid& grid, RayState<W>& photon, flo
         tracks.energy.insert(tracks.energy.end(), photon.throughput, photon.throughput + W);
       } else {
         ++stats.nonfinite_dropped;
+        photon.alive = false;
+        return;
       }
     }
     photon.path_m += hit.distance_m;

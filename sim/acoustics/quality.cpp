@@ -120,7 +120,7 @@ void validate(const AcousticConfig& config) {
           "must be in (0, 100] m");
   require(std::isfinite(config.scattering) && config.scattering <= 1.f, "scattering", config.scattering,
           "must be in [0, 1], or negative to take each material's own");
-  require(config.field_photons >= 256 && config.field_photons <= 1 << 24, "field_photons", config.field_photons, "must be in [256, 2^24]");
+  require(config.field_photons >= 512 && config.field_photons <= 1 << 24, "field_photons", config.field_photons, "must be in [512, 2^24]");
   require(config.field_error > 0.f && config.field_error <= 1.f, "field_error", config.field_error, "must be in (0, 1]");
   require(in_range(config.field_cell_m, 0.05f, 10.f), "field_cell_m", config.field_cell_m, "must be in [0.05, 10] m");
   require(config.bands >= 0 && config.bands <= kMaxBands, "bands", config.bands, "must be in [1, 32], or 0 for octaves from 125 Hz");

@@ -28,7 +28,7 @@ struct AcousticConfig {
   // late field
   int rays = 64;            ///< from the listener, [0, 2^31)
   int max_bounces = 1000;   ///< a safety bound; time and Russian roulette end rays
-  int source_rays = 0;      ///< > 0: bidirectional path tracing with this many rays from the source, [0, 2^20]
+  int source_rays = 0;      ///< > 0: bidirectional path tracing with this many rays from the source, unless field is on, [0, 2^20]
   int source_bounces = 10;  ///< of those, [1, 60]
   /// 0: the specular share leaves as from a mirror.  > 0: in a lobe of cos^n about it, normalised to keep all energy, [1, 1000].
   float specular_exponent = 0.f;
@@ -43,7 +43,7 @@ struct AcousticConfig {
   float scattering = -1.f;  ///< >= 0: one value for every material
   // source field (source_field.h): the late field of a source that stands still, built once and gathered at each pose
   Switch field = Switch::automatic;  ///< automatic: where a source is held for many poses and the field is the cheaper way (effect plan)
-  int field_photons = 1 << 16;       ///< at most, from the source, [256, 2^24]
+  int field_photons = 1 << 16;       ///< at most, from the source, [512, 2^24]
   float field_error = 0.045f;        ///< photons are added until the relative standard error of T20 is below this, (0, 1]
   float field_cell_m = 1.f;          ///< about the edge of the cells that share a history, [0.05, 10]
   /// Blend of traced late fields along a trajectory (temporal_reuse.h); automatic: where the source moves.  No part of a single response.

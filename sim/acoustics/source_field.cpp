@@ -53,6 +53,9 @@ void add_parts(std::span<const Part> parts, std::size_t stride, EnergyHistogram&
   }
 }
 
+/// Part of the key: fields that were kept are built anew once photons or cells give other bits.  To be raised by whoever changes them.
+constexpr std::uint32_t kPassVersion = 1;
+
 FieldHeader header_of(std::span<const std::byte> image) {
   FieldHeader header;
   std::memcpy(&header, image.data(), sizeof header);
@@ -69,6 +72,7 @@ void append(std::string& bytes, const T& value) {
 std::uint64_t source_field_key(const AcousticScene& scene, const EarlyCandidates& candidates) {
   const AcousticConfig& c = scene.config();
   std::string bytes;
+  append(bytes, kPassVersion);
   append(bytes, scene.scene().hash());
   for (const int value :
        {scene.num_bands(), c.bands, c.max_bounces, c.field_photons, c.sh_order, scene.image_order(), c.early_candidate_rays})
@@ -97,7 +101,9 @@ SourceField::SourceField(const AcousticScene& scene, const EarlyCandidates& cand
                          std::shared_ptr<const void> owner)
     : image_(image), owner_(std::move(owner)) {
   const auto refuse = [](std::string_view what) { throw InputError("source field", what, "delete the file: it is built anew"); };
+  static_assert(sizeof(FieldHeader) % alignof(FieldEntry) == 0);
   if (image.size() < sizeof(FieldHeader)) refuse("is truncated");
+  if (reinterpret_cast<std::uintptr_t>(image.data()) % alignof(FieldEntry) != 0) refuse("does not lie on a multiple of 8 bytes");
   const FieldHeader header = header_of(image);
   if (header.magic != FieldHeader::kMagic) refuse("is of another version or no source field");
   if (header.key != source_field_key(scene, candidates)) refuse("belongs to another scene, config or source");

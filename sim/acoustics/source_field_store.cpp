@@ -80,6 +80,7 @@ struct SourceFieldStore::Impl {
 
   /// Call with the lock held.
   void keep(Entry& entry, const Field& field) {
+    forget_what_nobody_holds();
     if (field->image().size() > config.max_memory_bytes) return;
     entry.kept = field;
     kept_bytes += field->image().size();
@@ -90,6 +91,8 @@ struct SourceFieldStore::Impl {
       kept_bytes -= oldest->second.kept->image().size();
       oldest->second.kept.reset();
     }
+  }
+  void forget_what_nobody_holds() {
     std::erase_if(entries, [](const auto& item) { return !item.second.making.valid() && !item.second.kept && item.second.held.expired(); });
   }
 };
