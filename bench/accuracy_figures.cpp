@@ -12,6 +12,11 @@
 namespace earshot {
 namespace {
 
+/// Of which means are taken.
+std::ptrdiff_t num_closed_scenes(const AccuracyStudy& study) {
+  return std::count_if(study.scenes.begin(), study.scenes.end(), [](const SceneFacts& scene) { return scene.name != kOpenScene; });
+}
+
 constexpr int kShared = 500;
 constexpr const char *kTracerColour = "#d9480f", *kFieldColour = "#2a6fdb", *kPresetColour = "#111111", *kOriginalColour = "#9c36b5";
 
@@ -86,7 +91,7 @@ std::string pareto_figure(const AccuracyStudy& study) {
   const PlotPanel decay = front_panel(study, "Decay curve", ErrorKind::decay_db, "rms over 0 to -30 dB, dB", {1, "just heard: 1 dB"});
   return plot_svg("What accuracy costs in time",
                   fmt::format("Mean over {} scenes, ± one standard error; {}, 16 kHz, two ears, source's pass included",
-                              study.scenes.size(), machine()),
+                              num_closed_scenes(study), machine()),
                   {rt60, decay}, 2);
 }
 
@@ -152,7 +157,7 @@ std::string sweeps_figure(const AccuracyStudy& study) {
   }
   if (panels.empty()) panels.push_back({.title = "no sweeps in a quick run", .x_label = "", .y_label = ""});
   return plot_svg("What each parameter costs in accuracy",
-                  fmt::format("About the preset fast, mean over {} scenes, ± one standard error", study.scenes.size()), panels, 2);
+                  fmt::format("About the preset fast, mean over {} scenes, ± one standard error", num_closed_scenes(study)), panels, 2);
 }
 
 }  // namespace earshot

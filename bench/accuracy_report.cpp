@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <limits>
 
 #include "bench/accuracy_figures.h"
@@ -48,8 +49,9 @@ std::string scenes_table(const AccuracyStudy& study) {
       "## Scenes and their truth\n\n| scene | SCENE | triangles | RT60 (T20), s | truth: runs of `high` | poses | its standard error in "
       "T20 |\n|---|---|---|---|---|---|---|\n";
   for (const SceneFacts& scene : study.scenes)
-    text += fmt::format("| {} | `{}` | {} | {} | {} | {} | {} |\n", scene.name, scene.spec, scene.triangles, cell(scene.rt60_s),
-                        scene.truth_runs, scene.poses, std::isfinite(scene.truth_error_pct) ? cell(scene.truth_error_pct) + " %" : "-");
+    text += fmt::format("| {} | `{}` | {} | {} | {} | {} | {} |\n", scene.name, std::filesystem::path(scene.spec).filename().string(),
+                        scene.triangles, cell(scene.rt60_s), scene.truth_runs, scene.poses,
+                        std::isfinite(scene.truth_error_pct) ? cell(scene.truth_error_pct) + " %" : "-");
   return text;
 }
 
@@ -137,7 +139,7 @@ ModeMean mean_over_scenes(const AccuracyStudy& study, const std::string& sweep, 
   ModeMean mean;
   double sum = 0, squares = 0;
   for (const ModeResult& result : study.results) {
-    if (result.sweep != sweep || result.value != value) continue;
+    if (result.sweep != sweep || result.value != value || result.scene == kOpenScene) continue;
     const ErrorSummary& error = result.error(kind);
     mean.missing += error.missing;
     if (error.count == 0) continue;
@@ -155,7 +157,8 @@ double mean_shared_ms(const AccuracyStudy& study, const std::string& sweep, cons
   double sum = 0;
   int count = 0;
   for (const ModeResult& result : study.results)
-    if (result.sweep == sweep && result.value == value && (!kind || result.error(*kind).count > 0)) sum += result.shared_ms(n), ++count;
+    if (result.sweep == sweep && result.value == value && result.scene != kOpenScene && (!kind || result.error(*kind).count > 0))
+      sum += result.shared_ms(n), ++count;
   return count > 0 ? sum / count : kNan;
 }
 
