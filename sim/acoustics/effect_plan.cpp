@@ -27,7 +27,7 @@ constexpr double kPosesOfASource = 300;
 constexpr double kRaysOfARoom = 10;
 /// A field costs memory and blurs cells: it must be this much cheaper.
 constexpr double kFieldGain = 2;
-constexpr double kPhotonsOfAField = 1000, kProbesMs = 15, kBlendMs = 0.02, kRaysWithoutField = 30;
+constexpr double kPhotonsOfAField = 1000, kProbesMs = 15, kBlendMs = 0.02;
 /// From here on accuracy is worth more than time: diffraction is complete (DiffractionBudget) and walls are passed.
 constexpr int kManyRays = 512;
 
@@ -229,14 +229,15 @@ class Planner {
       throw InputError("field = on", "cannot be: " + unfit, "use field = auto, or drop the other setting");
 
     const double rays = std::min(kRaysOfARoom / std::pow(std::max(probe_.visible_share, 0.1), 3.0), 2000.0);
-    const double tracer_ms = kPosesOfASource * trace_ms(rays, plan_.rir_length_s);
+    // What would run instead: the rays that are asked for, or those that it takes if they are more.
+    const double tracer_ms = kPosesOfASource * trace_ms(std::max(rays, static_cast<double>(config_.rays)), plan_.rir_length_s);
     // Photons for 5 %: their error falls as 0.7 to 1.8 over the root of their number, from a room to a furnished house (measured).  Per
     // pose eight histories are blended.
     const double pass_ms =
         trace_ms(std::min(kPhotonsOfAField, static_cast<double>(std::max(config_.field_photons, 512))), plan_.rir_length_s) + kProbesMs;
     const double field_ms = pass_ms + kPosesOfASource * kBlendMs;
-    // One room needs no field: a few rays have the answer.
-    const bool cheaper = rays > kRaysWithoutField && tracer_ms > kFieldGain * field_ms;
+    // Cells fill the bounds of a scene: in the open a listener may be outside of them.
+    const bool cheaper = probe_.hit_share >= kClosedShare && tracer_ms > kFieldGain * field_ms;
     const bool wanted = unfit.empty() && (config_.field == Switch::on || (config_.field == Switch::automatic && cheaper));
     plan_.field = wanted;
 

@@ -15,13 +15,7 @@ namespace {
 /// A box of 5 x 4 x 3 with a sheet across it at x = 2.2 from floor to ceiling, closed or with a gap at one end.
 std::shared_ptr<const Scene> divided_box(double gap_m) {
   TriangleMesh mesh;
-  const auto at = [](int i, int j, int k) { return rooms::point(i * 5.0, j * 4.0, k * 3.0); };
-  rooms::append_quad(mesh, {at(0, 0, 0), at(0, 1, 0), at(0, 1, 1), at(0, 0, 1)}, 0);
-  rooms::append_quad(mesh, {at(1, 0, 0), at(1, 0, 1), at(1, 1, 1), at(1, 1, 0)}, 0);
-  rooms::append_quad(mesh, {at(0, 0, 0), at(0, 0, 1), at(1, 0, 1), at(1, 0, 0)}, 0);
-  rooms::append_quad(mesh, {at(0, 1, 0), at(1, 1, 0), at(1, 1, 1), at(0, 1, 1)}, 0);
-  rooms::append_quad(mesh, {at(0, 0, 0), at(1, 0, 0), at(1, 1, 0), at(0, 1, 0)}, 0);
-  rooms::append_quad(mesh, {at(0, 0, 1), at(0, 1, 1), at(1, 1, 1), at(1, 0, 1)}, 0);
+  rooms::append_box(mesh, {0, 0, 0}, {5, 4, 3}, 0);
   rooms::append_quad(
       mesh, {rooms::point(2.2, 0, 0), rooms::point(2.2, 4 - gap_m, 0), rooms::point(2.2, 4 - gap_m, 3), rooms::point(2.2, 0, 3)}, 0);
   return rooms::scene_of(mesh, {Material::uniform("wall", 0.2f, 1.f)});

@@ -10,9 +10,7 @@
 /// Rooms of ORACLES.md.  Its z is up and its walls are x0, x1, y0, y1, z0 (floor), z1 (ceiling); the product's y is up.
 namespace earshot::rooms {
 
-inline glm::vec3 point(double x, double y, double z) {
-  return {static_cast<float>(x), static_cast<float>(z), static_cast<float>(-y)};
-}
+inline glm::vec3 point(double x, double y, double z) { return {static_cast<float>(x), static_cast<float>(z), static_cast<float>(-y)}; }
 
 inline Air oracle_air() {
   Air air;
@@ -29,6 +27,17 @@ inline void append_quad(TriangleMesh& mesh, std::array<glm::vec3, 4> corner, std
     mesh.triangle_material.push_back(material);
     mesh.triangle_object.push_back(0);
   }
+}
+
+/// The six walls of a box between two corners, facing inward, in oracle axes.
+inline void append_box(TriangleMesh& mesh, glm::dvec3 lower, glm::dvec3 upper, std::uint32_t material) {
+  const auto at = [&](int i, int j, int k) { return point(i ? upper.x : lower.x, j ? upper.y : lower.y, k ? upper.z : lower.z); };
+  append_quad(mesh, {at(0, 0, 0), at(0, 1, 0), at(0, 1, 1), at(0, 0, 1)}, material);
+  append_quad(mesh, {at(1, 0, 0), at(1, 0, 1), at(1, 1, 1), at(1, 1, 0)}, material);
+  append_quad(mesh, {at(0, 0, 0), at(0, 0, 1), at(1, 0, 1), at(1, 0, 0)}, material);
+  append_quad(mesh, {at(0, 1, 0), at(1, 1, 0), at(1, 1, 1), at(0, 1, 1)}, material);
+  append_quad(mesh, {at(0, 0, 0), at(1, 0, 0), at(1, 1, 0), at(0, 1, 0)}, material);
+  append_quad(mesh, {at(0, 0, 1), at(0, 1, 1), at(1, 1, 1), at(1, 0, 1)}, material);
 }
 
 inline std::shared_ptr<const Scene> scene_of(TriangleMesh mesh, std::vector<Material> materials, Air air = oracle_air()) {

@@ -93,17 +93,8 @@ TEST(SourceField, MirrorsStayMirrorsO4) {
 TEST(SourceField, NothingLeaksThroughAClosedWall) {
   // Two rooms of one house, the door closed: a source in one, listeners along the wall in the other.
   TriangleMesh mesh;
-  const auto add_box = [&](double x0, double x1) {
-    const auto at = [&](int i, int j, int k) { return rooms::point(i ? x1 : x0, j * 3.0, k * 2.5); };
-    rooms::append_quad(mesh, {at(0, 0, 0), at(0, 1, 0), at(0, 1, 1), at(0, 0, 1)}, 0);
-    rooms::append_quad(mesh, {at(1, 0, 0), at(1, 0, 1), at(1, 1, 1), at(1, 1, 0)}, 0);
-    rooms::append_quad(mesh, {at(0, 0, 0), at(0, 0, 1), at(1, 0, 1), at(1, 0, 0)}, 0);
-    rooms::append_quad(mesh, {at(0, 1, 0), at(1, 1, 0), at(1, 1, 1), at(0, 1, 1)}, 0);
-    rooms::append_quad(mesh, {at(0, 0, 0), at(1, 0, 0), at(1, 1, 0), at(0, 1, 0)}, 0);
-    rooms::append_quad(mesh, {at(0, 0, 1), at(0, 1, 1), at(1, 1, 1), at(1, 0, 1)}, 0);
-  };
-  add_box(0, 3.3);
-  add_box(3.4, 7);
+  rooms::append_box(mesh, {0, 0, 0}, {3.3, 3, 2.5}, 0);
+  rooms::append_box(mesh, {3.4, 0, 0}, {7, 3, 2.5}, 0);
   const auto room = rooms::scene_of(mesh, {Material::uniform("wall", 0.1f, 0.5f)});
   const Field field(room, field_config(2048, 1.f), rooms::point(1, 1, 1));
   for (double x = 3.42; x < 6.9; x += 0.31)
@@ -114,13 +105,7 @@ TEST(SourceField, NothingLeaksThroughAClosedWall) {
 TEST(SourceField, WallsLetSoundThroughAsInTheTracer) {
   // Two rooms behind a sheet that lets 5 % through: the field in the far room against listener rays that pass walls, 8 seeds each.
   TriangleMesh mesh;
-  const auto at = [](int i, int j, int k) { return rooms::point(i * 6.0, j * 3.0, k * 2.5); };
-  rooms::append_quad(mesh, {at(0, 0, 0), at(0, 1, 0), at(0, 1, 1), at(0, 0, 1)}, 0);
-  rooms::append_quad(mesh, {at(1, 0, 0), at(1, 0, 1), at(1, 1, 1), at(1, 1, 0)}, 0);
-  rooms::append_quad(mesh, {at(0, 0, 0), at(0, 0, 1), at(1, 0, 1), at(1, 0, 0)}, 0);
-  rooms::append_quad(mesh, {at(0, 1, 0), at(1, 1, 0), at(1, 1, 1), at(0, 1, 1)}, 0);
-  rooms::append_quad(mesh, {at(0, 0, 0), at(1, 0, 0), at(1, 1, 0), at(0, 1, 0)}, 0);
-  rooms::append_quad(mesh, {at(0, 0, 1), at(0, 1, 1), at(1, 1, 1), at(1, 0, 1)}, 0);
+  rooms::append_box(mesh, {0, 0, 0}, {6, 3, 2.5}, 0);
   rooms::append_quad(mesh, {rooms::point(3.3, 0, 0), rooms::point(3.3, 3, 0), rooms::point(3.3, 3, 2.5), rooms::point(3.3, 0, 2.5)}, 1);
   Material sheet = Material::uniform("sheet", 0.2f, 1.f);
   sheet.transmission = CoefficientCurve::constant(0.05f);
