@@ -3,10 +3,16 @@
 namespace earshot {
 namespace {
 
+constexpr std::size_t kLongestMessage = 4000;
+
+/// One line, whatever names and values of others are in it: no line ends, nothing that a terminal obeys.
 std::string joined(std::string_view where, std::string_view what, std::string_view remedy) {
   std::string text{where};
   text.append(": ").append(what);
   if (!remedy.empty()) text.append("; ").append(remedy);
+  if (text.size() > kLongestMessage) text.replace(kLongestMessage, std::string::npos, "...");
+  for (char& letter : text)
+    if (static_cast<unsigned char>(letter) < 0x20 || letter == 0x7F) letter = ' ';
   return text;
 }
 

@@ -1,0 +1,55 @@
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace earshot {
+
+/// Some file formats are read by libraries that a damaged file can crash, or lead to write past their buffers, to loop, or to allocate
+/// without bound.  Such a library runs in a process of its own, a small program that reads one file, answers with bytes and ends.  What
+/// goes wrong there is an InputError here, and the memory of the run is out of its reach.
+///
+/// A program is started (posix_spawn) rather than this process copied (fork): in a process with threads a copy may find a lock held for
+/// ever by a thread that it does not have, OpenBLAS ends its threads while others compute when a process is copied, and copying the page
+/// tables of a run that holds 10 GB takes longer than starting a program that holds none.
+
+struct IsolationLimits {
+  std::chrono::milliseconds wall_time{60'000};
+  std::uint64_t memory_bytes = std::uint64_t{4} << 30;  ///< that the program may take beyond what it starts with; bounds the answer too
+};
+
+/// More for larger files: libraries were measured to take up to 12 times the size of a file, and to read 10 MB per second.
+IsolationLimits limits_for_file(const std::filesystem::path& file);
+
+/// Starts `program` with `arguments`, waits for its answer, and sees to its end: no process and no descriptor stays behind.
+/// where: the file that is read, named by errors.  Safe from any thread; Ctrl-C does not reach the program, which ends with this thread.
+/// Throws InputError: what the program refuses, crashed, over a limit, answer cut short or damaged.  Throws RunError: cannot be started.
+/// Costs about 10 ms, and 1 ms per MB of the answer.
+std::string call_isolated(const std::filesystem::path& program, const std::vector<std::string>& arguments, const std::string& where,
+                          const IsolationLimits& limits = {});
+
+/// The program that reads files of others: $EARSHOT_READER, or earshot_reader beside the running program or one folder up.
+/// Throws RunError if it is nowhere.
+std::filesystem::path reader_program();
+
+/// The whole main() of such a program: takes on the limits, then answers with what `work` makes of the arguments.  An InputError of
+/// `work` is thrown again by call_isolated.
+int answer_isolated(int argc, char** argv, const std::function<std::string(const std::vector<std::string>& arguments)>& work);
+
+/// What travels from the program: 32 bytes (magic number, kind, length, XXH3 of the rest), then the answer or the text of the refusal.
+enum class AnswerKind : std::uint64_t { answer = 1, refusal = 2 };
+std::string answer_header(AnswerKind kind, std::string_view bytes);
+struct Answer {
+  enum class State { cut_short, damaged, whole } state;
+  AnswerKind kind{};
+  std::string_view bytes{};  ///< inside the frame
+};
+/// cut_short: all good so far, but more must come.
+Answer decode_answer(std::string_view frame, std::uint64_t max_bytes);
+
+}  // namespace earshot

@@ -1,0 +1,220 @@
+#include "sim/base/isolated_call.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cerrno>
+#include <csignal>
+#include <cstdlib>
+#include <fstream>
+#include <thread>
+
+#include "sim/base/errors.h"
+
+namespace earshot {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::Not;
+using testing::StartsWith;
+using Clock = std::chrono::steady_clock;
+
+const std::filesystem::path program = EARSHOT_ISOLATED_CHILD;
+constexpr IsolationLimits kSmall{.wall_time = std::chrono::milliseconds(20'000), .memory_bytes = std::uint64_t{256} << 20};
+
+std::string call(const std::vector<std::string>& arguments, const IsolationLimits& limits = kSmall) {
+  return call_isolated(program, arguments, "house.obj", limits);
+}
+
+std::string refusal(const std::vector<std::string>& arguments, const IsolationLimits& limits = kSmall) {
+  try {
+    const std::string answer = call(arguments, limits);
+    return "answered " + std::to_string(answer.size()) + " bytes";
+  } catch (const InputError& error) {
+    return error.what();
+  }
+}
+
+std::size_t open_descriptors() {
+  std::size_t count = 0;
+  for (const auto& entry : std::filesystem::directory_iterator("/proc/self/fd")) count += entry.path().empty() ? 0 : 1;
+  return count;
+}
+
+bool has_children() { return !(::waitpid(-1, nullptr, WNOHANG) < 0 && errno == ECHILD); }
+
+TEST(IsolatedCall, GivesTheAnswer) {
+  EXPECT_EQ(call({"echo", "hello"}), "hello");
+  EXPECT_EQ(call({"echo", ""}), "");
+  EXPECT_EQ(call({"large", "50000000"}), std::string(50'000'000, 'x'));
+  EXPECT_EQ(call({"print"}), "quiet") << "what a library prints is not part of the answer";
+}
+
+TEST(IsolatedCall, ARefusalKeepsItsWords) {
+  EXPECT_EQ(refusal({"refuse", "house.obj"}), InputError("house.obj", "is of no use", "take another").what());
+  EXPECT_EQ(refusal({"refuse", "else.mtl"}), "house.obj: else.mtl: is of no use; take another");
+  EXPECT_EQ(refusal({"throw"}), "house.obj: a library gave up");
+}
+
+TEST(IsolatedCall, ACrashIsARefusal) {
+  for (const char* how : {"segv", "abort", "overflow"})
+    EXPECT_THAT(refusal({how}), AllOf(StartsWith("house.obj: "), HasSubstr("the library that reads it"), Not(HasSubstr("\n")))) << how;
+  EXPECT_THAT(refusal({"exit"}), HasSubstr("exit code 3"));
+  EXPECT_THAT(refusal({"leave"}), HasSubstr("no whole answer"));
+}
+
+TEST(IsolatedCall, AnEndlessReadEndsAtTheLimit) {
+  constexpr IsolationLimits brief{.wall_time = std::chrono::milliseconds(500), .memory_bytes = std::uint64_t{256} << 20};
+  for (const char* how : {"sleep", "spin", "deaf", "half_then_sleep"}) {
+    const auto start = Clock::now();
+    EXPECT_THAT(refusal({how}, brief), AllOf(StartsWith("house.obj: "), HasSubstr("within 0.5 s"))) << how;
+    const double elapsed_s = std::chrono::duration<double>(Clock::now() - start).count();
+    EXPECT_GE(elapsed_s, 0.5) << how;
+    EXPECT_LT(elapsed_s, 5.0) << how << " (the rest is for a busy machine)";
+  }
+}
+
+TEST(IsolatedCall, MemoryIsBounded) {
+  // 8 GB are asked for, in blocks that malloc maps one by one and in blocks that it cuts from an arena.
+  for (const char* block : {"67108864", "20000"}) {
+    const std::string text = refusal({"allocate", block});
+    EXPECT_THAT(text, StartsWith("house.obj: ")) << block;
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+    EXPECT_THAT(text, HasSubstr("more than 256 MB")) << block;  // a sanitizer's allocator ends the program instead of throwing
+#endif
+  }
+  EXPECT_THAT(refusal({"large", "300000000"}), StartsWith("house.obj: ")) << "the answer counts too";
+}
+
+TEST(IsolatedCall, AHalfOrWrongAnswerIsARefusal) {
+  for (const char* how : {"half", "header", "garbage", "flipped", "huge"})
+    EXPECT_THAT(refusal({how}), AllOf(StartsWith("house.obj: "), HasSubstr("no whole answer"))) << how;
+}
+
+TEST(IsolatedCall, CannotWriteFiles) {
+  const auto file = std::filesystem::temp_directory_path() / ("earshot_isolated_" + std::to_string(::getpid()));
+  refusal({"write", file.string()});
+  std::error_code error;
+  EXPECT_TRUE(!std::filesystem::exists(file) || std::filesystem::file_size(file) == 0);
+  std::filesystem::remove(file, error);
+}
+
+TEST(IsolatedCall, LeavesNoProcessAndNoDescriptor) {
+  const std::size_t before = open_descriptors();
+  constexpr IsolationLimits brief{.wall_time = std::chrono::milliseconds(300), .memory_bytes = std::uint64_t{256} << 20};
+  for (const char* how : {"echo", "segv", "sleep", "half", "garbage", "exit", "refuse"}) refusal({how, "x"}, brief);
+  EXPECT_THROW(call_isolated("/no/such/program", {}, "house.obj"), RunError);
+  EXPECT_EQ(open_descriptors(), before);
+  EXPECT_FALSE(has_children());
+}
+
+TEST(IsolatedCall, IsSafeBesideOtherThreads) {
+  std::atomic<bool> stop = false;
+  std::vector<std::thread> busy;
+  for (int i = 0; i < 3; ++i)  // a copy of this process would find the allocator locked sooner or later
+    busy.emplace_back([&stop, i] {
+      for (std::size_t size = 1; !stop; size = size * 7 % 100'003 + 1) std::string(size + static_cast<std::size_t>(i), 'x').shrink_to_fit();
+    });
+  std::atomic<int> wrong = 0;
+  std::vector<std::thread> callers;
+  for (int i = 0; i < 6; ++i)
+    callers.emplace_back([&wrong, i] {
+      for (int turn = 0; turn < 8; ++turn) {
+        const std::string text = std::to_string(100 * i + turn);
+        if (turn % 4 == 3
+                ? refusal({"segv"}).find("crashes") == std::string::npos && refusal({"segv"}).find("ends the") == std::string::npos
+                : call({"echo", text}) != text)
+          ++wrong;
+      }
+    });
+  for (auto& thread : callers) thread.join();
+  stop = true;
+  for (auto& thread : busy) thread.join();
+  EXPECT_EQ(wrong, 0);
+  EXPECT_FALSE(has_children());
+}
+
+TEST(IsolatedCall, AnswersThoughSomebodyElseTakesTheStatus) {
+  const auto previous = std::signal(SIGCHLD, SIG_IGN);  // the kernel then waits for children itself
+  EXPECT_EQ(call({"echo", "hello"}), "hello");
+  EXPECT_THAT(refusal({"segv"}), StartsWith("house.obj: "));
+  std::signal(SIGCHLD, previous);
+}
+
+TEST(IsolatedCall, WorksWithoutStandardStreams) {
+  const pid_t daemon = ::fork();
+  if (daemon == 0) {
+    for (const int descriptor : {0, 1, 2}) ::close(descriptor);
+    ::_exit(call({"echo", "hello"}) == "hello" ? 0 : 1);
+  }
+  int status = -1;
+  ASSERT_EQ(::waitpid(daemon, &status, 0), daemon);
+  EXPECT_EQ(status, 0);
+}
+
+TEST(IsolatedCall, EndsWithTheRun) {
+  const pid_t run = ::fork();
+  if (run == 0) {
+    refusal({"sleep"}, {.wall_time = std::chrono::milliseconds(60'000)});
+    ::_exit(0);
+  }
+  const auto child_of = [](pid_t parent) {
+    std::ifstream list("/proc/" + std::to_string(parent) + "/task/" + std::to_string(parent) + "/children");
+    pid_t child = 0;
+    list >> child;
+    return child;
+  };
+  const auto deadline = Clock::now() + std::chrono::seconds(20);
+  pid_t child = 0;
+  while ((child = child_of(run)) == 0 && Clock::now() < deadline) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  if (child == 0) GTEST_SKIP() << "this kernel does not list children";
+  std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  ::kill(run, SIGKILL);
+  ASSERT_EQ(::waitpid(run, nullptr, 0), run);
+  const auto is_there = [&] {
+    std::ifstream status("/proc/" + std::to_string(child) + "/stat");
+    std::string number, name, state;
+    return static_cast<bool>(status >> number >> name >> state) && state != "Z";
+  };
+  while (is_there() && Clock::now() < deadline) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  EXPECT_FALSE(is_there());
+}
+
+TEST(IsolatedCall, SaysWhenThereIsNoProgram) {
+  EXPECT_THROW(call_isolated("/no/such/program", {}, "house.obj"), RunError);
+  EXPECT_EQ(std::system((program.string() + " echo x 2>/dev/null").c_str()) >> 8, 2) << "by hand it says that it is not for that";
+}
+
+TEST(IsolatedCall, LimitsGrowWithTheFile) {
+  const IsolationLimits none = limits_for_file("/no/such/file");
+  EXPECT_EQ(none.wall_time, std::chrono::milliseconds(30'000));
+  EXPECT_EQ(none.memory_bytes, std::uint64_t{1} << 30);
+  const IsolationLimits own = limits_for_file("/proc/self/exe");
+  const std::uint64_t size = std::filesystem::file_size("/proc/self/exe");
+  EXPECT_EQ(own.memory_bytes, (std::uint64_t{1} << 30) + 40 * size);
+}
+
+TEST(AnswerFrame, OnlyAWholeOneIsTaken) {
+  const std::string bytes = "some bytes", frame = answer_header(AnswerKind::refusal, bytes) + bytes;
+  const Answer answer = decode_answer(frame, 100);
+  ASSERT_EQ(answer.state, Answer::State::whole);
+  EXPECT_EQ(answer.kind, AnswerKind::refusal);
+  EXPECT_EQ(answer.bytes, bytes);
+  for (std::size_t size = 0; size < frame.size(); ++size)
+    EXPECT_EQ(decode_answer(std::string_view(frame).substr(0, size), 100).state, Answer::State::cut_short) << size;
+  for (std::size_t at = 0; at < frame.size(); ++at) {
+    std::string flipped = frame;
+    flipped[at] ^= 0x40;
+    EXPECT_NE(decode_answer(flipped, 100).state, Answer::State::whole) << at;
+  }
+  EXPECT_EQ(decode_answer(frame + "x", 100).state, Answer::State::damaged);
+  EXPECT_EQ(decode_answer(frame, 5).state, Answer::State::damaged) << "more than the bound";
+}
+
+}  // namespace
+}  // namespace earshot
