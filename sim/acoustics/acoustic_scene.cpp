@@ -13,6 +13,7 @@
 #include "sim/acoustics/diffraction_edges.h"
 #include "sim/acoustics/effect_plan.h"
 #include "sim/acoustics/field_grid.h"
+#include "sim/acoustics/field_smoothing.h"
 #include "sim/acoustics/reflection_model.h"
 #include "sim/acoustics/specular_lobe.h"
 #include "sim/base/errors.h"
@@ -53,6 +54,11 @@ std::uint64_t hash_of(const AcousticConfig& c, std::uint64_t scene_hash, bool tr
 struct AcousticScene::LazyGrid {
   std::once_flag once;
   std::optional<FieldGrid> grid;
+  std::optional<FieldSmoothing> smoothing;
+  void build(const Scene& scene, float cell_m) {
+    // While this thread waits for its own parallel work it must not take up a task that asks for the grid again.
+    std::call_once(once, [&] { tbb::this_task_arena::isolate([&] { smoothing.emplace(grid.emplace(scene, cell_m)); }); });
+  }
 };
 
 AcousticScene::AcousticScene(std::shared_ptr<const Scene> scene, const AcousticConfig& config) : scene_(std::move(scene)), config_(config) {
@@ -101,11 +107,13 @@ AcousticScene::AcousticScene(std::shared_ptr<const Scene> scene, const AcousticC
 }
 
 const FieldGrid& AcousticScene::field_grid() const {
-  std::call_once(field_grid_->once, [&] {
-    // While this thread waits for its own parallel work it must not take up a task that asks for the grid again.
-    tbb::this_task_arena::isolate([&] { field_grid_->grid.emplace(*scene_, config_.field_cell_m); });
-  });
+  field_grid_->build(*scene_, config_.field_cell_m);
   return *field_grid_->grid;
+}
+
+const FieldSmoothing& AcousticScene::field_smoothing() const {
+  field_grid_->build(*scene_, config_.field_cell_m);
+  return *field_grid_->smoothing;
 }
 
 AcousticScene AcousticScene::with_rays(int rays, std::uint64_t seed) const {

@@ -15,6 +15,7 @@ namespace earshot {
 class DiffractionEdges;
 struct EffectPlan;
 class FieldGrid;
+class FieldSmoothing;
 class ReflectionModel;
 class SpecularLobe;
 
@@ -58,6 +59,8 @@ class AcousticScene {
   [[nodiscard]] const DiffractionEdges* diffraction_edges() const { return diffraction_edges_.get(); }
   /// Cells of the source fields, found on the first call, once, from any thread.
   [[nodiscard]] const FieldGrid& field_grid() const;
+  /// How late energy evens out between those cells; found with them.
+  [[nodiscard]] const FieldSmoothing& field_smoothing() const;
   /// Energy exponent of air per band, at its centre; zero where air absorption is off.
   [[nodiscard]] std::span<const float> air_energy_per_m() const { return air_; }
   [[nodiscard]] std::span<const MirrorPlane> planes() const { return planes_.planes; }

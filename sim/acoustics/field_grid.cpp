@@ -7,6 +7,7 @@
 #include <glm/common.hpp>
 #include <glm/vector_relational.hpp>
 #include <numeric>
+#include <utility>
 
 #include "sim/base/random.h"
 
@@ -217,6 +218,35 @@ std::size_t FieldGrid::blend(glm::vec3 point, std::array<Share, 8>& shares) cons
   }
   for (std::size_t i = 0; i < count; ++i) shares[i].weight /= sum;
   return count;
+}
+
+float FieldGrid::openness(const Cell& a, const Cell& b) const {
+  const std::uint32_t lines = std::max(a.num_views, b.num_views);
+  std::uint32_t free = 0;
+  for (std::uint32_t i = 0; i < lines; ++i)
+    if (!scene_->rays().occluded(a.view[i % a.num_views], b.view[i % b.num_views])) ++free;
+  return static_cast<float>(free) / static_cast<float>(lines);
+}
+
+std::vector<FieldGrid::Passage> FieldGrid::passages() const {
+  std::vector<std::vector<Passage>> of_box(boxes_.size());
+  tbb::parallel_for(std::size_t{0}, boxes_.size(), [&](std::size_t i) {
+    const auto box = static_cast<int>(i);
+    const glm::ivec3 index(box / (count_.y * count_.z), box / count_.z % count_.y, box % count_.z);
+    for (int axis = 0; axis < 3; ++axis) {
+      glm::ivec3 next = index;
+      if (++next[axis] == count_[axis]) continue;
+      const Box &here = boxes_[i], &there = boxes_[box_at(next)];
+      for (std::uint32_t a = here.first; a < here.first + here.count; ++a)
+        for (std::uint32_t b = there.first; b < there.first + there.count; ++b)
+          if (const float open = openness(cells_[a], cells_[b]); open > 0) of_box[i].push_back({a, b, open});
+    }
+  });
+  std::vector<Passage> all;
+  for (const std::vector<Passage>& some : of_box) all.insert(all.end(), some.begin(), some.end());
+  std::sort(all.begin(), all.end(),
+            [](const Passage& a, const Passage& b) { return std::pair(a.first, a.second) < std::pair(b.first, b.second); });
+  return all;
 }
 
 }  // namespace earshot

@@ -22,6 +22,7 @@ class FieldGrid {
   FieldGrid(const Scene& scene, float cell_m);
 
   [[nodiscard]] std::size_t size() const { return cells_.size(); }
+  [[nodiscard]] glm::vec3 edge_m() const { return edge_m_; }  ///< of a whole box
   [[nodiscard]] float volume_m3(std::uint32_t cell) const { return cells_[cell].volume_m3; }
 
   /// A stretch of a ray inside one cell, metres from its origin.
@@ -38,8 +39,17 @@ class FieldGrid {
     float weight;
   };
   /// The cells round a point that it sees, with the weights of trilinear interpolation between the centres of their boxes; weights add up
-  /// to 1.  Returns how many; 0 only in an empty scene.  A point outside of the bounds of the scene gets the cells at the border.  Cost: up to some tens of short rays.
+  /// to 1.  Returns how many; 0 only in an empty scene.  A point outside of the bounds of the scene gets the cells at the border.  Cost: up
+  /// to some tens of short rays.
   std::size_t blend(glm::vec3 point, std::array<Share, 8>& shares) const;
+
+  /// Two cells of adjacent boxes that see each other.
+  struct Passage {
+    std::uint32_t first, second;  ///< first < second
+    float openness;               ///< (0, 1]: share of lines between points of the two that geometry does not cut
+  };
+  /// Every passage once, in ascending order of (first, second).  Cost: up to six short rays for each pair of pieces.
+  [[nodiscard]] std::vector<Passage> passages() const;
 
  private:
   static constexpr std::size_t kViews = 6;
@@ -59,6 +69,7 @@ class FieldGrid {
            static_cast<std::size_t>(index.z);
   }
   [[nodiscard]] bool sees(const Cell& cell, glm::vec3 point) const;
+  [[nodiscard]] float openness(const Cell& a, const Cell& b) const;
   [[nodiscard]] std::uint32_t piece_at(const Box& box, glm::vec3 point) const;
   [[nodiscard]] std::vector<bool> boxes_with_geometry() const;
   [[nodiscard]] std::vector<Cell> pieces_of(const glm::ivec3& index) const;

@@ -7,39 +7,49 @@
 #include "sim/acoustics/acoustic_scene.h"
 #include "sim/acoustics/energy_histogram.h"
 #include "sim/acoustics/field_grid.h"
+#include "sim/acoustics/field_smoothing.h"
 
 namespace earshot {
 
-/// A few listeners spread over the air that sound from the source reaches, with the energy that arrives at each while the field is being
-/// built, kept apart by batches of photons: the spread of the batches says how well decay times are known (ORACLES 2.10).
+/// A few listeners spread over the air that sound from the source reaches, with the energy that arrives at each, smoothed as the field will
+/// be, kept apart by batches of photons: the spread of the batches says how well decay times are known (ORACLES 2.10).
 class FieldProbes {
  public:
   static constexpr std::uint32_t kBatches = 8;
   static constexpr std::uint32_t kProbes = 16;
 
   /// Places the probes by random walks from the source.
-  FieldProbes(const AcousticScene& scene, glm::vec3 source, const FieldGrid& grid);
-  /// Energy [padded bands] that belongs to a cell at a path length.
-  void add(std::uint32_t cell, float path_m, const float* energy, float factor, std::uint32_t batch) {
-    if (begin_[cell] != begin_[cell + 1]) add_to_probes(cell, path_m, energy, factor, batch);
+  FieldProbes(const AcousticScene& scene, glm::vec3 source);
+
+  /// Mean length of the legs of those walks.
+  [[nodiscard]] double mean_free_path_m() const { return mean_free_path_m_; }
+  /// Sweeps of smoothing for energy of this age, as the field gets them.
+  [[nodiscard]] int sweeps_at(double time_s) const;
+
+  /// Energy [padded bands] times a length, that belongs to a cell at a path length.
+  void add(std::uint32_t cell, float path_m, const float* energy, float length_m, std::uint32_t batch) {
+    if (slot_of_cell_[cell] != FieldGrid::none) add_to_slot(slot_of_cell_[cell], path_m, energy, length_m, batch);
   }
   /// Relative standard error of T20 by the jackknife over batches, mean over probes and bands that have one; 1 if none has.
   [[nodiscard]] double t20_error() const;
 
  private:
   struct Reader {
-    std::uint32_t probe;
+    std::uint32_t slot;
     float weight;
   };
-  void add_to_probes(std::uint32_t cell, float path_m, const float* energy, float factor, std::uint32_t batch);
+  void find_readers(const FieldGrid& grid, const FieldSmoothing& smoothing, const std::vector<glm::vec3>& places);
+  void add_to_slot(std::uint32_t slot, float path_m, const float* energy, float length_m, std::uint32_t batch);
+  void read(std::uint32_t probe, std::vector<float>& energy) const;
 
   const AcousticScene* scene_;
+  double mean_free_path_m_ = 0;
   int num_bins_ = 0;
   float bins_per_m_ = 0;
   std::size_t stride_ = 0;
-  std::vector<std::uint32_t> begin_;  ///< [cells + 1]: readers of each cell
-  std::vector<Reader> readers_;
-  std::vector<float> energy_;  ///< [batch][probe][bin][padded bands]
+  std::vector<std::uint32_t> slot_of_cell_;   ///< cells that some probe reads
+  std::vector<std::vector<Reader>> readers_;  ///< [sweeps][probe]
+  std::vector<std::vector<float>> energy_;    ///< [slots][batch][bin][padded bands]; empty where no photon came
 };
 
 }  // namespace earshot

@@ -54,7 +54,7 @@ void add_parts(std::span<const Part> parts, std::size_t stride, EnergyHistogram&
 }
 
 /// Part of the key: fields that were kept are built anew once photons or cells give other bits.  To be raised by whoever changes them.
-constexpr std::uint32_t kPassVersion = 1;
+constexpr std::uint32_t kPassVersion = 2;
 
 FieldHeader header_of(std::span<const std::byte> image) {
   FieldHeader header;

@@ -6,9 +6,11 @@
 #include <cmath>
 #include <cstring>
 #include <numbers>
+#include <span>
 
 #include "sim/acoustics/field_image.h"
 #include "sim/acoustics/field_probes.h"
+#include "sim/acoustics/field_smoothing.h"
 #include "sim/acoustics/photon_pass.h"
 #include "sim/acoustics/source_field.h"
 #include "sim/audio/ambisonics.h"
@@ -30,7 +32,7 @@ void add_scaled(const float* from, float factor, std::size_t count, float* to) {
 
 struct SourceFieldBuilder::Impl {
   Impl(const AcousticScene& in, const EarlyCandidates& of)
-      : scene(in), candidates(of), grid(in.field_grid()), probes(in, of.source(), grid), history(grid.size()) {
+      : scene(in), candidates(of), grid(in.field_grid()), probes(in, of.source()), history(grid.size()) {
     const EnergyHistogram shape = make_histogram(in);
     num_bins = shape.num_bins();
     num_coefficients = shape.num_coefficients();
@@ -96,6 +98,62 @@ struct SourceFieldBuilder::Impl {
 
   [[nodiscard]] std::uint64_t photons() const { return rounds * kPhotonsPerRound; }
 
+  /// Air once, here: path length is c t (ORACLES 3.2).  factor: [padded bands], what air leaves of energy in this bin.
+  void air_at(std::size_t bin, std::span<double> factor) const {
+    const double path_m = (static_cast<double>(bin) + 0.5) * bin_s * scene.speed_of_sound_m_per_s();
+    std::fill(factor.begin(), factor.end(), 0.0);
+    for (int band = 0; band < scene.num_bands(); ++band)
+      factor[static_cast<std::size_t>(band)] = std::exp(-double{scene.air_energy_per_m()[band]} * path_m);
+  }
+
+  /// Cells as the image holds them: late bins smoothed, air and units applied.
+  struct Kept {
+    std::uint32_t first = 0;         ///< bin
+    std::vector<FieldValue> values;  ///< [bins from first][coefficients][padded bands]
+  };
+  [[nodiscard]] std::vector<Kept> keep() const {
+    const FieldSmoothing& smoothing = scene.field_smoothing();
+    std::vector<Kept> kept(history.size());
+    std::vector<bool> lit(history.size());
+    for (std::size_t cell = 0; cell < history.size(); ++cell) lit[cell] = !history[cell].empty();
+    const std::vector<std::uint32_t> active = smoothing.reachable(lit);
+    // Fluence is track length per volume; the energy of the Green's function is that over 4 pi (ORACLES 0.1).
+    const double per_photon = 1.0 / (4.0 * std::numbers::pi * static_cast<double>(std::max<std::uint64_t>(photons(), 1)));
+    std::vector<float> rows(history.size() * row, 0.f), spare;
+    std::array<double, kMaxBands> air{};
+    std::array<float, kMaxBands> factor{};
+    // Bin by bin: all cells of one stay in the second cache.
+    for (std::size_t bin = 0; bin < static_cast<std::size_t>(num_bins); ++bin) {
+      bool any = false;
+      for (const std::uint32_t cell : active) {
+        float* to = &rows[cell * row];
+        if (history[cell].empty()) {
+          std::fill_n(to, row, 0.f);
+        } else {
+          std::copy_n(&history[cell][bin * row], row, to);
+          any = any || std::any_of(to, to + stride, [](float value) { return value != 0.f; });
+        }
+      }
+      if (!any) continue;
+      smoothing.sweep(probes.sweeps_at((static_cast<double>(bin) + 0.5) * bin_s), row, active, rows, spare);
+      air_at(bin, air);
+      for (const std::uint32_t cell : active) {
+        const float* from = &rows[cell * row];
+        // The first coefficient is the energy itself: where it is zero, the others are.
+        if (std::all_of(from, from + stride, [](float value) { return value == 0.f; })) continue;
+        Kept& out = kept[cell];
+        if (out.values.empty()) out.first = static_cast<std::uint32_t>(bin);
+        out.values.resize((bin - out.first + 1) * row, 0);
+        const double scale = per_photon / double{grid.volume_m3(cell)};
+        for (std::size_t b = 0; b < stride; ++b) factor[b] = static_cast<float>(scale * air[b]);
+        FieldValue* to = &out.values[(bin - out.first) * row];
+        for (std::size_t k = 0; k < row; k += stride)
+          for (std::size_t b = 0; b < stride; ++b) to[k + b] = to_field_value(from[k + b] * factor[b]);
+      }
+    }
+    return kept;
+  }
+
   const AcousticScene& scene;
   const EarlyCandidates& candidates;
   const FieldGrid& grid;
@@ -137,18 +195,13 @@ std::uint64_t SourceFieldBuilder::photons() const { return impl_->photons(); }
 
 std::shared_ptr<const SourceField> SourceFieldBuilder::snapshot() const {
   const Impl& in = *impl_;
-  std::vector<FieldEntry> entries(in.history.size());
+  const std::vector<Impl::Kept> kept = in.keep();
+  std::vector<FieldEntry> entries(kept.size());
   std::uint64_t num_values = 0;
   for (std::size_t i = 0; i < entries.size(); ++i) {
-    const std::vector<float>& history = in.history[i];
-    const auto any = [](float value) { return value != 0.f; };
-    const auto first = std::find_if(history.begin(), history.end(), any);
-    if (first == history.end()) continue;
-    const auto last = std::find_if(history.rbegin(), history.rend(), any).base() - 1;
-    entries[i].first = static_cast<std::uint32_t>(static_cast<std::size_t>(first - history.begin()) / in.row);
-    entries[i].count = static_cast<std::uint32_t>(static_cast<std::size_t>(last - history.begin()) / in.row) + 1 - entries[i].first;
-    entries[i].offset = num_values;
-    num_values += entries[i].count * in.row;
+    if (kept[i].values.empty()) continue;
+    entries[i] = {.first = kept[i].first, .count = static_cast<std::uint32_t>(kept[i].values.size() / in.row), .offset = num_values};
+    num_values += kept[i].values.size();
   }
   FieldHeader header;
   header.key = source_field_key(in.scene, in.candidates);
@@ -165,27 +218,11 @@ std::shared_ptr<const SourceField> SourceFieldBuilder::snapshot() const {
   const auto image = std::make_shared<std::vector<std::byte>>(header.bytes);
   std::memcpy(image->data(), &header, sizeof header);
   std::memcpy(image->data() + sizeof header, entries.data(), entries.size() * sizeof(FieldEntry));
-  // Air once, here: path length is c t (ORACLES 3.2).
-  std::vector<double> kept(static_cast<std::size_t>(in.num_bins) * in.stride, 0.0);
-  for (int bin = 0; bin < in.num_bins; ++bin) {
-    const double path_m = (bin + 0.5) * in.bin_s * in.scene.speed_of_sound_m_per_s();
-    for (int band = 0; band < in.scene.num_bands(); ++band)
-      kept[static_cast<std::size_t>(bin) * in.stride + static_cast<std::size_t>(band)] =
-          std::exp(-double{in.scene.air_energy_per_m()[band]} * path_m);
-  }
-  auto* values = reinterpret_cast<FieldValue*>(image->data() + sizeof header + entries.size() * sizeof(FieldEntry));
-  for (std::size_t i = 0; i < entries.size(); ++i) {
-    if (entries[i].count == 0) continue;
-    // Fluence is track length per volume; the energy of the Green's function is that over 4 pi (ORACLES 0.1).
-    const double per_photon = 1.0 / static_cast<double>(std::max<std::uint64_t>(in.photons(), 1));
-    const double scale = per_photon / (4.0 * std::numbers::pi * double{in.grid.volume_m3(static_cast<std::uint32_t>(i))});
-    const float* from = &in.history[i][entries[i].first * in.row];
-    for (std::uint32_t bin = entries[i].first; bin < entries[i].first + entries[i].count; ++bin) {
-      std::array<float, kMaxBands> factor{};
-      for (std::size_t b = 0; b < in.stride; ++b) factor[b] = static_cast<float>(scale * kept[bin * in.stride + b]);
-      for (int k = 0; k < in.num_coefficients; ++k)
-        for (std::size_t b = 0; b < in.stride; ++b) *values++ = to_field_value(*from++ * factor[b]);
-    }
+  std::byte* values = image->data() + sizeof header + entries.size() * sizeof(FieldEntry);
+  for (const Impl::Kept& cell : kept) {
+    if (cell.values.empty()) continue;
+    std::memcpy(values, cell.values.data(), cell.values.size() * sizeof(FieldValue));
+    values += cell.values.size() * sizeof(FieldValue);
   }
   return std::make_shared<const SourceField>(in.scene, in.candidates, *image, image);
 }
