@@ -9,6 +9,7 @@
 #include "bench/accuracy_report.h"
 #include "bench/bench_env.h"
 #include "bench/bench_rir.h"
+#include "bench/soak_report.h"
 #include "sim/base/errors.h"
 
 namespace earshot {
@@ -40,6 +41,49 @@ void run_accuracy(const AccuracyCommand& command) {
   finish(accuracy_bench_report(study), command);
 }
 
+struct SoakCommand {
+  SoakOptions options;
+  std::string json, out;
+};
+
+void run_soak_command(const SoakCommand& command) {
+  SoakOptions options = command.options;
+  if (!command.out.empty()) options.on_progress = [&](const SoakResult& so_far) { write_soak_files(so_far, command.out); };
+  const SoakResult result = run_soak(options);
+  if (!command.out.empty()) write_soak_files(result, command.out);
+  soak_bench_report(result).write(command.json);
+  fmt::print("{}", soak_markdown(result));
+  if (!result.passed()) throw RunError("bench soak", "a bound is broken: see the verdicts above");
+}
+
+void add_soak(CLI::App& bench) {
+  const auto soak = std::make_shared<SoakCommand>();
+  SoakOptions& options = soak->options;
+  CLI::App* command = bench.add_subcommand("soak",
+                                           "Steps a batch through generated scenes for a long time and watches observations, heard energy, "
+                                           "memory and step times; exit code 1 if a bound is broken");
+  command->add_option("--steps", options.steps, "Agent steps")->capture_default_str();
+  command->add_option("--scenes", options.scenes, "Generated scenes: houses and shoeboxes")->capture_default_str();
+  command
+      ->add_option("--hard-every", options.hard_every, "Every how many-th scene is a hard one: tiny, rigid, open, far away, ...; 0: none")
+      ->capture_default_str();
+  command->add_option("--num-envs", options.num_envs, "Agents in the batch")->capture_default_str();
+  command->add_option("--threads", options.threads, "Over the batch; 0: all cores")->capture_default_str();
+  command->add_option("--minutes", options.minutes, "The steps end here, done or not")->capture_default_str();
+  command->add_option("--seed", options.seed, "Of scenes, episodes and actions")->capture_default_str();
+  command->add_option("--camera-px", options.camera_px, "Width and height of the picture; small, so that rendering does not hide the rest")
+      ->capture_default_str();
+  command->add_option("--cache-mb", options.cache_mb, "Bound of the scene cache, MiB; below what the scenes take, so that they come and go")
+      ->capture_default_str();
+  command->add_option("--replays", options.replays, "Episodes that are run again at the end, alone, and must give the same bits")
+      ->capture_default_str();
+  command->add_option("--memory-limit", options.memory_limit_mib, "Allowed growth of resident memory, MiB per 100000 steps")
+      ->capture_default_str();
+  command->add_option("--out", soak->out, "Folder for soak.md, soak.json and soak.svg, also written while it runs");
+  command->add_option("--json", soak->json, "Also write names, values and settings to a file");
+  command->callback([soak] { run_soak_command(*soak); });
+}
+
 /// The options that all benchmarks share.
 CLI::App* add_bench_command(CLI::App& bench, const std::string& name, const std::string& about, const std::shared_ptr<Options>& options) {
   CLI::App* command = bench.add_subcommand(name, about);
@@ -51,7 +95,7 @@ CLI::App* add_bench_command(CLI::App& bench, const std::string& name, const std:
 }  // namespace
 
 void add_bench(CLI::App& app) {
-  CLI::App* bench = app.add_subcommand("bench", "Measure this machine: rir, env, accuracy");
+  CLI::App* bench = app.add_subcommand("bench", "Measure this machine: rir, env, accuracy, soak");
   const auto rir = std::make_shared<Options>();
   add_bench_command(*bench, "rir", "Impulse responses per second on one thread, their errors, and where the time goes", rir)
       ->callback([rir] {
@@ -78,12 +122,14 @@ void add_bench(CLI::App& app) {
                       "Of the whole study; poses and repeats are cut to fit (default: 20, 2.5 with --quick)");
   command->callback([accuracy] { run_accuracy(*accuracy); });
 
+  add_soak(*bench);
+
   bench->allow_extras();  // not passed on to the benchmarks: for a message that names what there is
   bench->callback([bench] {
     if (!bench->get_subcommands().empty()) return;
     const std::vector<std::string> unknown = bench->remaining();
     throw InputError(unknown.empty() ? "bench" : "bench " + unknown.front(), unknown.empty() ? "names no benchmark" : "is not a benchmark",
-                     "use bench rir, bench env or bench accuracy");
+                     "use bench rir, bench env, bench accuracy or bench soak");
   });
 }
 
