@@ -66,7 +66,7 @@ ListenerTurn AcousticOptions::turn(double heading_deg, double pitch_deg, double 
 
 AcousticScene AcousticOptions::load(const AcousticConfig& config) const {
   SceneOverrides overrides;
-  if (unit_m) overrides.unit_m = static_cast<float>(*unit_m);
+  overrides.unit_m = unit_m;
   if (simplify_m) overrides.simplify_m = static_cast<float>(*simplify_m);
   return {std::make_shared<const Scene>(load_scene(scene, overrides)), config};
 }

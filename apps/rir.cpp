@@ -100,7 +100,9 @@ class PairRenderer {
     if (!options_.plot.empty()) write_plot(file, response);
     if (options_.metrics.empty()) return {};
     const double delay_s = energy.direct_delay_s ? *energy.direct_delay_s : 0.0;
+    const glm::dvec3 origin = acoustics_.scene().origin_m();
     return {{"bands_hz", energy.bands_hz},
+            {"origin_m", {origin.x, origin.y, origin.z}},
             {"energy", metrics_json(energy)},
             {"rir", metrics_json(measure(rir, delay_s))},
             {"drr_db", number_or_null(energy.drr_db)},
@@ -149,12 +151,16 @@ void run_rir(const Options& options) {
     throw InputError("--heading", fmt::format("is given {} times for {} listeners", options.heading_deg.size(), options.listeners.size()),
                      "give it once for all or once per listener");
   const AcousticConfig config = options.acoustics.config();
-  std::vector<glm::vec3> listeners;
+  std::vector<glm::dvec3> listeners, source_points;
   std::vector<SoundSource> sources;
   for (const std::string& listener : options.listeners) listeners.push_back(parse_point(listener, "--listener"));
-  for (std::size_t i = 0; i < options.sources.size(); ++i)
-    sources.push_back(options.radiation.source(i, options.sources.size(), parse_point(options.sources[i], "--source")));
+  for (std::size_t i = 0; i < options.sources.size(); ++i) {
+    source_points.push_back(parse_point(options.sources[i], "--source"));
+    sources.push_back(options.radiation.source(i, options.sources.size(), glm::vec3(0)));
+  }
   const AcousticScene acoustics = options.acoustics.load(config);
+  const Scene& scene = acoustics.scene();
+  for (std::size_t i = 0; i < sources.size(); ++i) sources[i].position = scene.to_local(source_points[i]);
   PairRenderer renderer(options, acoustics);
 
   const bool single = sources.size() == 1 && listeners.size() == 1;
@@ -163,7 +169,7 @@ void run_rir(const Options& options) {
     const EarlyCandidates candidates(acoustics, sources[s]);
     for (std::size_t l = 0; l < listeners.size(); ++l) {
       const double heading_deg = options.heading_deg[options.heading_deg.size() == 1 ? 0 : l];
-      OrderedJson pair = renderer.render(candidates, listeners[l], heading_deg,
+      OrderedJson pair = renderer.render(candidates, scene.to_local(listeners[l]), heading_deg,
                                          single ? options.out : with_suffix(options.out, fmt::format(".s{}.l{}", s, l)));
       if (single) {
         pairs = std::move(pair);

@@ -79,7 +79,7 @@ Json numbers(const std::vector<double>& values) {
 
 void run_scene(const Options& options) {
   SceneOverrides overrides;
-  if (options.unit_m) overrides.unit_m = static_cast<float>(*options.unit_m);
+  overrides.unit_m = options.unit_m;
   if (options.simplify_m) overrides.simplify_m = static_cast<float>(*options.simplify_m);
   const auto shared_scene = std::make_shared<const Scene>(load_scene(options.scene, overrides));
   const Scene& scene = *shared_scene;
@@ -104,11 +104,16 @@ void run_scene(const Options& options) {
     fmt::print("simplified       {} -> {} triangles, surface moved by at most {:.4f} m\n", report.removed.simplified->triangles_before,
                report.removed.simplified->triangles_after, report.removed.simplified->deviation_m);
   fmt::print("size             {:.2f} x {:.2f} x {:.2f} m\n", b.upper.x - b.lower.x, b.upper.y - b.lower.y, b.upper.z - b.lower.z);
+  if (scene.origin_m() != glm::dvec3(0))
+    fmt::print("origin           computed around ({:.9g}, {:.9g}, {:.9g}); positions here and on the command line are those of the file\n",
+               scene.origin_m().x, scene.origin_m().y, scene.origin_m().z);
+  for (const std::string& warning : report.removed.warnings) fmt::print("warning          {}\n", warning);
   fmt::print("open edges       {}\n", report.open_edges);
   fmt::print("ray efficiency   {:.4f}: {:.2f} % of rays leaked{}\n", report.ray_efficiency, 100 * report.leaked_ray_share,
              report.leaked_ray_share > 0.01 ? " (holes, or a missing ceiling: set ceiling_m in a scene YAML)" : "");
   for (const Hole& hole : holes) {
-    const glm::vec3 centre = 0.5f * (hole.bounds.lower + hole.bounds.upper), size = hole.bounds.upper - hole.bounds.lower;
+    const glm::vec3 size = hole.bounds.upper - hole.bounds.lower;
+    const glm::dvec3 centre = scene.to_world(0.5f * (hole.bounds.lower + hole.bounds.upper));
     fmt::print("  hole           {:.2f} % of rays around ({:.2f}, {:.2f}, {:.2f}), {:.2f} x {:.2f} x {:.2f} m, beside {}\n",
                100 * hole.ray_share, centre.x, centre.y, centre.z, size.x, size.y, size.z, fmt::join(hole.rim, ", "));
   }
@@ -130,11 +135,13 @@ void run_scene(const Options& options) {
   const AcousticScene acoustics = acoustics_of(shared_scene, options);
   if (options.explain) print_plan(acoustics.plan());
   if (options.json.empty()) return;
+  const auto point = [](glm::dvec3 p) { return Json{p.x, p.y, p.z}; };
   Json hole_list = Json::array();
   for (const Hole& hole : holes) {
-    const auto point = [](glm::vec3 p) { return Json{p.x, p.y, p.z}; };
-    hole_list.push_back(
-        {{"ray_share", hole.ray_share}, {"lower", point(hole.bounds.lower)}, {"upper", point(hole.bounds.upper)}, {"rim", hole.rim}});
+    hole_list.push_back({{"ray_share", hole.ray_share},
+                         {"lower", point(scene.to_world(hole.bounds.lower))},
+                         {"upper", point(scene.to_world(hole.bounds.upper))},
+                         {"rim", hole.rim}});
   }
   const auto& simplified = report.removed.simplified;
   const Json json = {{"scene", scene.name()},
@@ -143,6 +150,8 @@ void run_scene(const Options& options) {
                       {{"degenerate", report.removed.degenerate_removed},
                        {"duplicate", report.removed.duplicate_removed},
                        {"welded_vertices", report.removed.vertices_welded}}},
+                     {"origin_m", point(scene.origin_m())},
+                     {"warnings", report.removed.warnings},
                      {"open_edges", report.open_edges},
                      {"ray_efficiency", report.ray_efficiency},
                      {"leaked_ray_share", report.leaked_ray_share},

@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <fstream>
+#include <locale>
 #include <sstream>
 
 #include "sim/base/errors.h"
@@ -19,16 +20,21 @@ std::vector<TimedPose> read_timed_path(const std::string& path) {
   int line_number = 0;
   for (std::string line; std::getline(stream, line);) {
     ++line_number;
+    if (line_number == 1 && line.starts_with("\xEF\xBB\xBF")) line.erase(0, 3);
     if (line.empty() || line == "\r" || line.starts_with("#") || line.starts_with("t_s")) continue;
     std::istringstream fields(line);
+    fields.imbue(std::locale::classic());
     TimedPose pose;
     std::array<char, 4> commas{};
     fields >> pose.t_s >> commas[0] >> pose.position.x >> commas[1] >> pose.position.y >> commas[2] >> pose.position.z >> commas[3] >>
         pose.heading_deg;
     const bool complete = !fields.fail() && (fields >> std::ws).eof();
+    constexpr double farthest_m = 1e9;
     const double sum = pose.t_s + pose.position.x + pose.position.y + pose.position.z + pose.heading_deg;
-    if (!complete || commas != std::array{',', ',', ',', ','} || !std::isfinite(sum))
-      throw InputError(fmt::format("{}:{}", path, line_number), "is not 't_s,x,y,z,heading_deg'", "write five finite numbers");
+    const double farthest = std::max({std::fabs(pose.position.x), std::fabs(pose.position.y), std::fabs(pose.position.z)});
+    if (!complete || commas != std::array{',', ',', ',', ','} || !std::isfinite(sum) || farthest > farthest_m)
+      throw InputError(fmt::format("{}:{}", path, line_number), "is not 't_s,x,y,z,heading_deg'",
+                       "write five finite numbers, positions within 1e9 m");
     if (!poses.empty() && pose.t_s <= poses.back().t_s)
       throw InputError(fmt::format("{}:{}", path, line_number), "time does not rise", "sort the poses by t_s");
     poses.push_back(pose);

@@ -12,8 +12,8 @@ struct TimedPose {
   double heading_deg = 0;
 };
 
-/// Reads a CSV with the columns t_s,x,y,z,heading_deg, times rising; a header line and lines that begin with # are skipped.
-/// Throws InputError naming file and line.  At least two poses.
+/// Reads a CSV, decimal points whatever the locale, with the columns t_s,x,y,z,heading_deg, times rising; a header line and lines that
+/// begin with # are skipped. Throws InputError naming file and line.  At least two poses.
 std::vector<TimedPose> read_timed_path(const std::string& path);
 
 /// Linear between poses, held beyond the ends; the heading turns the short way round.  path: not empty.

@@ -132,6 +132,11 @@ class WalkSource {
   std::vector<float> part_;
 };
 
+/// From where the file of the scene has it to where the scene has it.
+void shift(std::vector<TimedPose>& path, const Scene& scene) {
+  for (TimedPose& pose : path) pose.position -= scene.origin_m();
+}
+
 std::vector<WalkSource> make_sources(const Options& options, const AcousticScene& acoustics) {
   const std::size_t count = options.sources.size() + options.source_paths.size();
   if (count == 0)
@@ -147,6 +152,7 @@ std::vector<WalkSource> make_sources(const Options& options, const AcousticScene
       path = read_timed_path(options.source_paths[i - options.sources.size()]);
     else
       path = {{.t_s = 0, .position = parse_point(options.sources[i], "--source"), .heading_deg = 0}};
+    shift(path, acoustics.scene());
     const SoundSource at_start = options.radiation.source(i, count, glm::vec3(path[0].position));
     SoundClip clip = open_sound(options.sounds.size() == 1 ? options.sounds[0] : options.sounds[i], acoustics.config().sample_rate_hz);
     const LateSound late = choose_late_sound(acoustics, moving, options.refine_every);
@@ -160,7 +166,7 @@ void run_walk(const Options& options) {
   require(options.refine_every >= 0, "--refine-every", options.refine_every, "must not be negative");
   require(options.field_store_gb >= 0 && options.field_store_gb <= 1e9, "--field-store-gb", options.field_store_gb, "must be in [0, 1e9]");
   AcousticConfig config = options.acoustics.config();
-  const auto poses = read_timed_path(options.poses);
+  auto poses = read_timed_path(options.poses);
   const int block = std::max(1, static_cast<int>(std::lround(options.step_s * config.sample_rate_hz)));
   const double duration_s = poses.back().t_s - poses.front().t_s;
   constexpr double longest_s = 3600;
@@ -172,6 +178,7 @@ void run_walk(const Options& options) {
 
   config.field = decide_field(config.field, !options.source_paths.empty(), num_blocks);
   const AcousticScene acoustics = options.acoustics.load(config);
+  shift(poses, acoustics.scene());
   RirSynthesizer synthesizer(options.acoustics.tables(acoustics));
   std::vector<WalkSource> sources = make_sources(options, acoustics);
   SourceFieldStore fields({.folder = options.field_store,

@@ -281,7 +281,7 @@ class RirBench {
     AcousticConfig shared = fast_.config();
     if (field_) shared.field = Switch::on;  // left alone, environments trace: here the source is shared
     SceneCache cache(shared, NavmeshConfig{}, ".", std::size_t{4} << 30);
-    const auto source = cache.source(scene_.spec, scene_.source_foot, 1.5f);
+    const auto source = cache.source(scene_.spec, scene_.scene->to_world(scene_.source_foot), 1.5f);
     const AcousticConfig& config = source->scene->acoustics.config();
     const int block = static_cast<int>(std::lround(0.15f * config.sample_rate_hz));
     const StreamConfig stream{.sample_rate_hz = config.sample_rate_hz,

@@ -72,9 +72,9 @@ BenchScene load_bench_scene(const std::string& name, const std::string& spec, st
   const EpisodeFilter anywhere{.min_geodesic_m = 0.5f, .max_geodesic_m = 100.f, .min_ratio = 1.f, .max_tries = 1000};
   constexpr int num_points = 12;
   const auto episodes = generate_episodes(name, *bench.scene, *bench.navmesh, TaskConfig{}, anywhere, {"synth:speech"}, num_points, seed);
-  bench.source_foot = episodes.front().goal_position;
+  bench.source_foot = bench.scene->to_local(episodes.front().goal_position);
   std::vector<glm::vec3> points;
-  for (const Episode& episode : episodes) points.push_back(episode.start_position);
+  for (const Episode& episode : episodes) points.push_back(bench.scene->to_local(episode.start_position));
   bench.walk = walk_between(*bench.navmesh, points, kStepM, kSteps + 1);
   // On top of the source nothing but the direct sound is heard, and its level has no bound.
   std::erase_if(bench.walk, [&](const WalkPose& pose) { return level_distance(pose.foot, bench.source_foot) < 0.3f; });

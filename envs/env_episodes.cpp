@@ -68,7 +68,7 @@ bool BatchedEnv::Impl::begin_episode(std::size_t env, std::uint64_t episode_inde
   }
   const Navmesh& navmesh = agent.source->scene->navmesh;
   const GeodesicField& field = agent.source->field;
-  const auto start = navmesh.snap(episode.start_position);
+  const auto start = navmesh.snap(agent.source->scene->scene->to_local(episode.start_position));
   if (!start || !field.distance_m(*start)) return false;
   const double heading_rad = heading_of(episode.start_rotation);
   // Counted here and not read from the file: published sets count 1 m steps and 90 degree turns (FACTS 2.5).

@@ -47,8 +47,8 @@ std::optional<Episode> draw_episode(const RandomStream& random, const Scene* sce
   // Counted from the heading as a reader of the file will see it.
   const auto actions = count_oracle_actions(task, navmesh, field, start, heading_of(episode.start_rotation));
   if (!actions || *actions > task.max_steps) return std::nullopt;
-  episode.start_position = start;
-  episode.goal_position = goal;
+  episode.start_position = scene ? scene->to_world(start) : glm::dvec3(start);
+  episode.goal_position = scene ? scene->to_world(goal) : glm::dvec3(goal);
   episode.geodesic_distance_m = *geodesic_m;
   episode.num_action = *actions;
   return episode;

@@ -35,8 +35,7 @@ class EpisodeReader {
     out.scene_id = text(member(episode_, "scene_id"), "scene_id");
     if (out.scene_id.starts_with(kScenePrefix)) out.scene_id.erase(0, kScenePrefix.size());
     if (out.scene_id.empty()) fail("scene_id", "is empty");
-    const auto position = numbers<3>(member(episode_, "start_position"), "start_position");
-    out.start_position = {position[0], position[1], position[2]};
+    out.start_position = position(member(episode_, "start_position"), "start_position");
     out.start_rotation = numbers<4>(member(episode_, "start_rotation"), "start_rotation");
     const auto& q = out.start_rotation;
     if (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3] < 1e-12f) fail("start_rotation", "is a zero quaternion");
@@ -45,8 +44,7 @@ class EpisodeReader {
     if (!goals.is_array() || goals.empty()) fail("goals", "must be a list with at least one goal");
     const json& goal = goals.front();
     if (!goal.is_object()) fail("goals[0]", "must be an object");
-    const auto target = numbers<3>(member(goal, "position", "goals[0]."), "goals[0].position");
-    out.goal_position = {target[0], target[1], target[2]};
+    out.goal_position = position(member(goal, "position", "goals[0]."), "goals[0].position");
     if (goal.contains("radius") && !goal["radius"].is_null()) out.goal_radius_m = number(goal["radius"], "goals[0].radius");
 
     const json& info = member(episode_, "info");
@@ -77,6 +75,11 @@ class EpisodeReader {
     const auto result = static_cast<float>(value.get<double>());
     if (!std::isfinite(result)) fail(key, "must be a finite number");
     return result;
+  }
+  /// Double: scenes may lie far from the origin of their files.
+  glm::dvec3 position(const json& value, const std::string& key) const {
+    numbers<3>(value, key);
+    return {value[0].get<double>(), value[1].get<double>(), value[2].get<double>()};
   }
   template <std::size_t N>
   std::array<float, N> numbers(const json& value, const std::string& key) const {
@@ -158,7 +161,7 @@ std::vector<std::filesystem::path> content_files(const std::filesystem::path& se
 }
 
 json to_json(const Episode& episode) {
-  const auto vector = [](glm::vec3 v) { return json::array({v.x, v.y, v.z}); };
+  const auto vector = [](glm::dvec3 v) { return json::array({v.x, v.y, v.z}); };
   return {{"episode_id", episode.episode_id},
           {"scene_id", episode.scene_id},
           {"start_position", vector(episode.start_position)},

@@ -24,10 +24,10 @@ constexpr std::size_t kBytesPerScene = std::size_t{1} << 20;
 constexpr std::size_t kMaxSourcesPerScene = 256;
 constexpr std::size_t kMaxPrefetches = 256;
 
-using SourceKey = std::array<std::uint32_t, 4>;
+using SourceKey = std::array<std::uint64_t, 4>;
 
-SourceKey key_of(glm::vec3 goal, float source_height_m) {
-  return {std::bit_cast<std::uint32_t>(goal.x), std::bit_cast<std::uint32_t>(goal.y), std::bit_cast<std::uint32_t>(goal.z),
+SourceKey key_of(glm::dvec3 goal, float source_height_m) {
+  return {std::bit_cast<std::uint64_t>(goal.x), std::bit_cast<std::uint64_t>(goal.y), std::bit_cast<std::uint64_t>(goal.z),
           std::bit_cast<std::uint32_t>(source_height_m)};
 }
 
@@ -60,7 +60,7 @@ typename Map::iterator least_recently_used(Map& map, const typename Map::key_typ
 
 struct Wanted {
   std::string scene_id;
-  glm::vec3 goal;
+  glm::dvec3 goal;
   float source_height_m;
 };
 
@@ -213,7 +213,7 @@ std::shared_ptr<const EnvScene> SceneCache::scene(const std::string& scene_id) {
   return loaded;
 }
 
-std::shared_ptr<const EnvSource> SceneCache::source(const std::string& scene_id, glm::vec3 goal, float source_height_m) {
+std::shared_ptr<const EnvSource> SceneCache::source(const std::string& scene_id, glm::dvec3 goal, float source_height_m) {
   Impl& in = *impl_;
   const SourceKey key = key_of(goal, source_height_m);
   const std::shared_ptr<const EnvScene> loaded_scene = scene(scene_id);
@@ -240,7 +240,7 @@ std::shared_ptr<const EnvSource> SceneCache::source(const std::string& scene_id,
   }
   std::shared_ptr<const EnvSource> built;
   try {
-    built = in.build(loaded_scene, goal, source_height_m);
+    built = in.build(loaded_scene, loaded_scene->scene->to_local(goal), source_height_m);
   } catch (...) {
     {
       const std::scoped_lock lock(in.mutex);
@@ -274,7 +274,7 @@ std::shared_ptr<const EnvSource> SceneCache::source(const std::string& scene_id,
   return built;
 }
 
-void SceneCache::prefetch(const std::string& scene_id, glm::vec3 goal, float source_height_m) {
+void SceneCache::prefetch(const std::string& scene_id, glm::dvec3 goal, float source_height_m) {
   Impl& in = *impl_;
   const std::scoped_lock lock(in.mutex);
   if (!in.prefetcher.joinable()) in.prefetcher = std::jthread([this](const std::stop_token& stop) { impl_->prefetch_until(stop, *this); });

@@ -44,10 +44,10 @@ class SceneCache {
   ~SceneCache();
   /// scene_id: a SCENE; a relative mesh or YAML path is looked up under scene_root first.  Throws InputError.
   std::shared_ptr<const EnvScene> scene(const std::string& scene_id);
-  /// source: position of the sound source; goal: foot point.
-  std::shared_ptr<const EnvSource> source(const std::string& scene_id, glm::vec3 goal, float source_height_m);
+  /// goal: foot point under the sound source, in the coordinates of the scene's file (Scene::to_local).
+  std::shared_ptr<const EnvSource> source(const std::string& scene_id, glm::dvec3 goal, float source_height_m);
   /// Loads the same in a background thread, so that it is there when source() asks.  Returns at once; errors wait for source().
-  void prefetch(const std::string& scene_id, glm::vec3 goal, float source_height_m);
+  void prefetch(const std::string& scene_id, glm::dvec3 goal, float source_height_m);
 
   [[nodiscard]] const AcousticConfig& acoustics() const;
   [[nodiscard]] std::size_t num_scenes() const;       ///< held now

@@ -3,6 +3,7 @@
 #include <embree3/rtcore.h>
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cmath>
 #include <cstring>
@@ -90,6 +91,38 @@ void prefer_lowest_id(const RTCFilterFunctionNArguments* arguments) {
   ray.tfar += band;  // keep looking behind the winner as far as a tie reaches
 }
 
+/// The point with these weights of the corners, moved across each edge that it lies closer to than `margin_m`.  By no more than a few
+/// margins, and never past the middle of what is left: along a needle, which has no such room, a point stays where it is.
+glm::vec3 point_off_edges(const std::array<glm::dvec3, 3>& corners, std::array<double, 3> weights, double margin_m) {
+  double sum = 0;
+  for (double& weight : weights) sum += weight = std::max(weight, 0.0);
+  for (double& weight : weights) weight /= sum;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const std::size_t j = (i + 1) % 3, k = (i + 2) % 3;
+    const glm::dvec3 edge = corners[k] - corners[j], side = corners[i] - corners[j];
+    const double edge2 = glm::dot(edge, edge), area = glm::length(glm::cross(edge, side));
+    if (!(area > 0)) break;
+    const double wanted = margin_m * std::sqrt(edge2) / area;  // weight at that distance from the edge opposite corner i
+    double missing = wanted - weights[i];
+    if (!(missing > 0)) continue;
+    // At right angles to the edge: the others give by where the foot of the height stands.
+    const double share_k = glm::dot(side, edge) / edge2, share_j = 1 - share_k;
+    double straight = missing;
+    if (share_j > 0) straight = std::min(straight, 0.5 * weights[j] / share_j);
+    if (share_k > 0) straight = std::min(straight, 0.5 * weights[k] / share_k);
+    weights[i] += straight;
+    weights[j] -= straight * share_j;
+    weights[k] -= straight * share_k;
+    // In a corner one of them has nothing to give: the rest along the side to the other one.
+    missing -= straight;
+    const std::size_t donor = weights[j] > weights[k] ? j : k;
+    const double along = std::min({missing, 0.5 * weights[donor], 4 * margin_m / glm::length(corners[i] - corners[donor])});
+    weights[i] += along;
+    weights[donor] -= along;
+  }
+  return weights[0] * corners[0] + weights[1] * corners[1] + weights[2] * corners[2];
+}
+
 }  // namespace
 
 struct EmbreeScene::Handles {
@@ -119,18 +152,9 @@ struct EmbreeScene::Handles {
     const glm::uvec3 t = triangles[triangle];
     const glm::vec3 a = vertices[t.x], b = vertices[t.y], c = vertices[t.z];
     constexpr float roundings = 4 * 0x1p-23f;
-    const float size = std::max({std::fabs(a.x), std::fabs(a.y), std::fabs(a.z)});
-    const float margin = std::min(0.25f, roundings * size * shapes[triangle].inverse_height);
-    float w = 1.f - u - v;
-    if (std::min({u, v, w}) < margin) {
-      u = std::max(u, margin);
-      v = std::max(v, margin);
-      w = std::max(w, margin);
-      const float sum = u + v + w;
-      u /= sum;
-      v /= sum;
-      w /= sum;
-    }
+    const float margin_m = roundings * std::max({std::fabs(a.x), std::fabs(a.y), std::fabs(a.z)});
+    const float w = 1.f - u - v;
+    if (std::min({u, v, w}) < margin_m * shapes[triangle].inverse_height) return point_off_edges({a, b, c}, {w, u, v}, margin_m);
     return w * a + u * b + v * c;
   }
 
@@ -150,7 +174,16 @@ glm::vec3 offset_from_surface(glm::vec3 position, glm::vec3 normal) {
     const float stepped = std::bit_cast<float>(std::bit_cast<std::uint32_t>(p) + (p < 0 ? 0u - steps : steps));
     moved[axis] = std::fabs(p) < near_origin ? p + float_step * n : stepped;
   }
-  return moved;
+  // Steps are of each coordinate's own spacing: where those differ the sum leans to a side, and near an edge that is through the
+  // neighbouring wall (2e-5 of the bounces in a tilted cube beside the origin).  Its part along the normal does as much.
+  const glm::vec3 lean = moved - position;
+  const bool straight = (normal.x != 0) + (normal.y != 0) + (normal.z != 0) == 1;
+  return straight ? moved : position + glm::dot(lean, normal) * normal;
+}
+
+/// Spacing of floats at the farthest coordinate: what lies nearer than that to a point on a surface is that surface.
+static float rounding_of(glm::vec3 point) {
+  return 0x1p-23f * std::max({std::fabs(point.x), std::fabs(point.y), std::fabs(point.z), 1e-30f});
 }
 
 EmbreeScene::EmbreeScene(std::span<const glm::vec3> vertices, std::span<const glm::uvec3> triangles)
@@ -204,7 +237,7 @@ Hit EmbreeScene::intersect(glm::vec3 origin, glm::vec3 direction, float max_dist
   query.ray = {.org_x = origin.x,
                .org_y = origin.y,
                .org_z = origin.z,
-               .tnear = 0.f,
+               .tnear = rounding_of(origin),
                .dir_x = direction.x,
                .dir_y = direction.y,
                .dir_z = direction.z,
@@ -231,17 +264,19 @@ bool EmbreeScene::occluded(glm::vec3 from, glm::vec3 to) const {
   // Both directions of a segment must agree (reciprocity), and rounding at edges depends on the ray's origin: fix the order.
   if (std::tie(to.x, to.y, to.z) < std::tie(from.x, from.y, from.z)) std::swap(from, to);
   const glm::vec3 along = to - from;
+  // An open segment: what its ends lie on does not block it.
+  const float share = std::min(0.25f, std::max(rounding_of(from), rounding_of(to)) / std::max(glm::length(along), 1e-30f));
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);
   RTCRay ray{.org_x = from.x,
              .org_y = from.y,
              .org_z = from.z,
-             .tnear = 0.f,
+             .tnear = share,
              .dir_x = along.x,
              .dir_y = along.y,
              .dir_z = along.z,
              .time = 0.f,
-             .tfar = 1.f,
+             .tfar = 1.f - share,
              .mask = ~0u,
              .id = 0,
              .flags = 0};

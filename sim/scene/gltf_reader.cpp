@@ -10,7 +10,6 @@
 
 #include "sim/base/errors.h"
 #include "sim/scene/gltf_buffers.h"
-#include "sim/scene/mesh_builder.h"
 
 namespace earshot {
 namespace {
@@ -50,7 +49,7 @@ std::vector<std::uint32_t> triangle_corners(const std::vector<std::uint32_t>& in
 
 class GltfReader {
  public:
-  GltfReader(const std::filesystem::path& path, TriangleMesh& mesh) : where_(path.string()), asset_(path), builder_(where_, mesh) {
+  GltfReader(const std::filesystem::path& path, MeshBuilder& builder) : where_(path.string()), asset_(path), builder_(builder) {
     for (const Json& extension : list("extensionsRequired")) {
       const auto name = extension.get<std::string>();
       if (name == "KHR_draco_mesh_compression" || name == "EXT_meshopt_compression" || name == "EXT_mesh_gpu_instancing") {
@@ -139,14 +138,14 @@ class GltfReader {
 
   std::string where_;
   GltfAsset asset_;
-  MeshBuilder builder_;
+  MeshBuilder& builder_;
 };
 
 }  // namespace
 
-void read_gltf(const std::filesystem::path& path, const glm::dmat4& file_to_world, TriangleMesh& mesh) {
+void read_gltf(const std::filesystem::path& path, const glm::dmat4& file_to_world, MeshBuilder& builder) {
   try {
-    GltfReader(path, mesh).append_scene(file_to_world);
+    GltfReader(path, builder).append_scene(file_to_world);
   } catch (const Json::exception& error) {  // a key is missing or of the wrong type
     throw InputError(path.string(), "is not valid glTF: " + one_line(error.what()), "export the file again");
   } catch (const std::out_of_range&) {

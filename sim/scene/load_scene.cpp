@@ -42,13 +42,16 @@ Geometry make_geometry(const std::string& spec, const MeshImportOptions& options
 }
 
 /// A horizontal lid over the bounding rectangle, facing down.
-void add_ceiling(Geometry& geometry, float height_m, const std::string& where) {
+void add_ceiling(Geometry& geometry, double world_height_m, const std::string& where) {
   const Bounds bounds = bounds_of(geometry.mesh);
+  TriangleMesh& mesh = geometry.mesh;
+  const auto height_m = static_cast<float>(world_height_m - mesh.origin_m.y);
   if (!(height_m > bounds.lower.y)) {
-    throw InputError(where, fmt::format("ceiling_m = {} is not above the lowest point of the mesh, {} m", height_m, bounds.lower.y),
+    throw InputError(where,
+                     fmt::format("ceiling_m = {} is not above the lowest point of the mesh, {} m", static_cast<float>(world_height_m),
+                                 static_cast<float>(bounds.lower.y + mesh.origin_m.y)),
                      "it is a height in world coordinates, after up and unit_m");
   }
-  TriangleMesh& mesh = geometry.mesh;
   const auto first = static_cast<std::uint32_t>(mesh.vertices.size());
   for (const float x : {bounds.lower.x, bounds.upper.x}) {
     for (const float z : {bounds.lower.z, bounds.upper.z}) mesh.vertices.emplace_back(x, height_m, z);
@@ -81,7 +84,7 @@ Scene load_scene(const std::string& spec, const SceneOverrides& overrides) {
 
   if (overrides.unit_m) {
     if (!is_mesh_file(config.mesh)) throw InputError(spec, "is generated in metres, but a unit was given", "leave the unit out");
-    require(*overrides.unit_m >= 1e-6f && *overrides.unit_m <= 1e6f, "unit", *overrides.unit_m, "must be in [1e-6, 1e6] metres per unit");
+    require(*overrides.unit_m >= 1e-6 && *overrides.unit_m <= 1e6, "unit", *overrides.unit_m, "must be in [1e-6, 1e6] metres per unit");
     config.import.unit_m = *overrides.unit_m;
   }
   if (overrides.simplify_m) config.simplify_m = overrides.simplify_m;

@@ -2,7 +2,10 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
+#include <glm/common.hpp>
+#include <glm/geometric.hpp>
 #include <limits>
 
 #include "sim/base/errors.h"
@@ -10,7 +13,7 @@
 namespace earshot {
 namespace {
 
-constexpr float farthest_m = 1e9f;  // squares and volumes of such coordinates still fit a float
+constexpr double farthest_m = 1e9;  // squares and volumes of such coordinates still fit a float
 
 }  // namespace
 
@@ -25,21 +28,22 @@ std::string one_line(std::string text) {
 
 void MeshBuilder::append(const std::string& object, const std::string& material, const glm::dmat4& to_world,
                          std::span<const glm::vec3> positions, std::span<const std::uint32_t> corners) {
-  const std::size_t first = mesh_.vertices.size();
+  const std::size_t first = world_.size();
   if (first + positions.size() >= std::numeric_limits<std::uint32_t>::max()) {
     throw InputError(where_, "has more than 4 billion vertices", "simplify it");
   }
   for (std::size_t i = 0; i < positions.size(); ++i) {
-    const glm::vec3 world = to_world * glm::dvec4(glm::dvec3(positions[i]), 1.0);
+    const glm::dvec3 world = to_world * glm::dvec4(glm::dvec3(positions[i]), 1.0);
     for (int axis = 0; axis < 3; ++axis) {
       if (std::fabs(world[axis]) <= farthest_m) continue;  // not so for NaN
-      throw InputError(where_, fmt::format("vertex {} of '{}' is not finite or beyond {} m", i, one_line(object), farthest_m),
+      throw InputError(where_, fmt::format("vertex {} of '{}' is not finite or beyond {:g} m", i, one_line(object), farthest_m),
                        "repair the mesh and export it again");
     }
-    mesh_.vertices.push_back(world);
+    world_.push_back(world);
   }
   const std::uint32_t material_slot = intern_fast(mesh_.material_names, materials_, material);
   const std::uint32_t object_index = intern_fast(mesh_.object_names, objects_, object);
+  double farthest = 0;
   for (std::size_t i = 0; i + 2 < corners.size(); i += 3) {
     for (std::size_t c = i; c < i + 3; ++c) {
       if (corners[c] >= positions.size()) {
@@ -52,7 +56,35 @@ void MeshBuilder::append(const std::string& object, const std::string& material,
     mesh_.triangles.emplace_back(base + corners[i], base + corners[i + 1], base + corners[i + 2]);
     mesh_.triangle_material.push_back(material_slot);
     mesh_.triangle_object.push_back(object_index);
+    if (is_point_or_line(mesh_.triangles.back())) continue;
+    for (std::size_t c = i; c < i + 3; ++c)
+      for (int axis = 0; axis < 3; ++axis) farthest = std::max(farthest, std::fabs(double{positions[corners[c]][axis]}));
   }
+  if (!(farthest > 0)) return;
+  const double scale =
+      std::max({glm::length(glm::dvec3(to_world[0])), glm::length(glm::dvec3(to_world[1])), glm::length(glm::dvec3(to_world[2]))});
+  position_step_m_ = std::max(position_step_m_, 0x1p-23 * scale * std::exp2(std::floor(std::log2(farthest))));
+}
+
+bool MeshBuilder::is_point_or_line(glm::uvec3 triangle) const {
+  const glm::dvec3 a = world_[triangle.x], b = world_[triangle.y], c = world_[triangle.z];
+  return a == b || b == c || c == a;
+}
+
+void MeshBuilder::finish() {
+  constexpr double infinity = std::numeric_limits<double>::infinity();
+  glm::dvec3 lower(infinity), upper(-infinity);
+  for (const glm::uvec3 triangle : mesh_.triangles) {
+    if (is_point_or_line(triangle)) continue;  // dropped by the repair: it must not say where the mesh lies
+    for (int corner = 0; corner < 3; ++corner) {
+      lower = glm::min(lower, world_[triangle[corner]]);
+      upper = glm::max(upper, world_[triangle[corner]]);
+    }
+  }
+  mesh_.origin_m = origin_near(lower, upper);
+  mesh_.vertices.reserve(world_.size());
+  for (const glm::dvec3 position : world_) mesh_.vertices.emplace_back(position - mesh_.origin_m);
+  world_ = {};
 }
 
 std::uint32_t MeshBuilder::intern_fast(std::vector<std::string>& names, Index& index, const std::string& name) {

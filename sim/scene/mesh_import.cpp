@@ -1,5 +1,7 @@
 #include "sim/scene/mesh_import.h"
 
+#include <assimp/DefaultIOSystem.h>
+#include <assimp/MemoryIOWrapper.h>
 #include <assimp/mesh.h>
 #include <assimp/scene.h>
 #include <fmt/format.h>
@@ -8,12 +10,13 @@
 #include <array>
 #include <assimp/Importer.hpp>
 #include <cmath>
-#include <glm/common.hpp>
+#include <glm/ext/matrix_transform.hpp>
 #include <glm/mat4x4.hpp>
 #include <span>
 
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/scene/file_coordinates.h"
 #include "sim/scene/gltf_reader.h"
 #include "sim/scene/mesh_builder.h"
 #include "sim/scene/mesh_repair.h"
@@ -72,11 +75,32 @@ void append_part(const aiScene& scene, const aiMesh& part, const std::string& ob
   builder.append(object, material_name(scene, part), to_world, positions, triangle_corners(part, positions, where));
 }
 
+/// Hands Assimp the bytes of one file from memory; what else it asks for (the material library of an OBJ) comes from disk.
+class FileInMemory : public Assimp::DefaultIOSystem {
+ public:
+  FileInMemory(std::string path, const std::string& bytes) : path_(std::move(path)), bytes_(bytes) {}
+  bool Exists(const char* path) const override { return path == path_ || DefaultIOSystem::Exists(path); }
+  Assimp::IOStream* Open(const char* path, const char* mode) override {
+    if (path != path_) return DefaultIOSystem::Open(path, mode);
+    return new Assimp::MemoryIOStream(reinterpret_cast<const std::uint8_t*>(bytes_.data()), bytes_.size());
+  }
+
+ private:
+  std::string path_;
+  const std::string& bytes_;
+};
+
 /// OBJ, PLY and STL.
-void read_with_assimp(const std::filesystem::path& path, const glm::dmat4& file_to_world, TriangleMesh& mesh) {
-  const std::string where = path.string();
-  if (folded_extension(path) == ".ply") check_ply_header(read_file(path), where);
+void read_with_assimp(const std::filesystem::path& path, const glm::dmat4& file_to_world, MeshBuilder& builder) {
+  const std::string where = path.string(), extension = folded_extension(path);
+  std::string bytes = read_file(path);
+  const CoordinateText format = extension == ".ply"   ? CoordinateText::ply
+                                : extension == ".obj" ? CoordinateText::obj
+                                                      : CoordinateText::stl;
+  const glm::dvec3 file_origin = prepare_coordinates(bytes, format);
+  if (format == CoordinateText::ply) check_ply_header(bytes, where);
   Assimp::Importer importer;
+  importer.SetIOHandler(new FileInMemory(where, bytes));  // the importer owns it
   const aiScene* scene = nullptr;
   std::string failure;
   try {
@@ -88,12 +112,11 @@ void read_with_assimp(const std::filesystem::path& path, const glm::dmat4& file_
   if (!scene) throw InputError(where, "cannot be read: " + one_line(failure), "check the file in a mesh viewer or export it again");
   if (!scene->mRootNode) return;
 
-  MeshBuilder builder(where, mesh);
   struct Pending {
     const aiNode* node;
     glm::dmat4 to_world;
   };
-  std::vector<Pending> pending{{scene->mRootNode, file_to_world}};
+  std::vector<Pending> pending{{scene->mRootNode, glm::translate(file_to_world, file_origin)}};
   while (!pending.empty()) {
     const auto [node, parent_to_world] = pending.back();
     pending.pop_back();
@@ -109,19 +132,18 @@ void read_with_assimp(const std::filesystem::path& path, const glm::dmat4& file_
   }
 }
 
-void warn_about_size(const TriangleMesh& mesh, ImportReport& report) {
+void warn_about_size(const TriangleMesh& mesh, double position_step_m, ImportReport& report) {
   const Bounds bounds = bounds_of(mesh);
   const glm::dvec3 size = glm::dvec3(bounds.upper) - glm::dvec3(bounds.lower);
   const double largest_m = std::max({size.x, size.y, size.z});
   if (largest_m > 500 || largest_m < 0.5) {
     report.warnings.push_back(fmt::format("the scene is {:.4g} m in size: is the unit right? (unit_m in a scene YAML)", largest_m));
   }
-  const glm::vec3 far = glm::max(glm::abs(bounds.lower), glm::abs(bounds.upper));
-  const float farthest_m = std::max({far.x, far.y, far.z});
-  if (farthest_m > 4000 && farthest_m > 4 * largest_m) {
+  if (position_step_m > 2e-6 * largest_m) {
     report.warnings.push_back(
-        fmt::format("the scene lies {:.4g} m from the origin, where coordinates are exact to {:.2g} m only: move it there", farthest_m,
-                    std::nextafter(farthest_m, 2 * farthest_m) - farthest_m));
+        fmt::format("the file holds floats so far from its origin that they are exact to {:.2g} m only, in a scene of {:.4g} m: move the mesh "
+                    "to the origin of the file (a node may put it back)",
+                    position_step_m, largest_m));
   }
 }
 
@@ -145,12 +167,14 @@ ImportedMesh import_mesh(const std::filesystem::path& path, const MeshImportOpti
                                        : glm::dmat4(unit, 0, 0, 0, 0, unit, 0, 0, 0, 0, unit, 0, 0, 0, 0, 1);
   ImportedMesh imported;
   const std::string extension = folded_extension(path);
-  (extension == ".glb" || extension == ".gltf" ? read_gltf : read_with_assimp)(path, file_to_world, imported.mesh);
+  MeshBuilder builder(where, imported.mesh);
+  (extension == ".glb" || extension == ".gltf" ? read_gltf : read_with_assimp)(path, file_to_world, builder);
+  builder.finish();
   imported.report.triangles_read = imported.mesh.triangles.size();
   if (imported.mesh.triangles.empty()) throw InputError(where, "has no triangles", "export the file with its surfaces");
   repair_mesh(imported.mesh, imported.report);
   if (imported.mesh.triangles.empty()) throw InputError(where, "has no triangle with an area", "export the file with its surfaces");
-  warn_about_size(imported.mesh, imported.report);
+  warn_about_size(imported.mesh, builder.position_step_m(), imported.report);
   return imported;
 }
 

@@ -9,8 +9,8 @@ namespace earshot {
 
 struct MeshImportOptions {
   enum class Up { y, z };
-  Up up = Up::y;       ///< axis that points up in the file; z is turned to y, right-handed: (x, y, z) -> (x, z, -y)
-  float unit_m = 1.f;  ///< metres per unit of the file, above 0
+  Up up = Up::y;      ///< axis that points up in the file; z is turned to y, right-handed: (x, y, z) -> (x, z, -y)
+  double unit_m = 1;  ///< metres per unit of the file, above 0
 };
 
 struct ImportedMesh {
@@ -22,8 +22,9 @@ struct ImportedMesh {
 bool is_mesh_file(const std::filesystem::path& path);
 
 /// Reads a mesh file, bakes all node transforms (in double), cuts polygons into triangles, keeps material and node names, and repairs
-/// (mesh_repair.h).  Points and lines are dropped.  Skinned meshes come in their bind pose.  Coordinates stay those of the file;
-/// a scene far from the origin gets a warning.  About 0.3 s per 100,000 triangles.
+/// (mesh_repair.h).  Points and lines are dropped.  Skinned meshes come in their bind pose.  A mesh far from the
+/// origin is moved near it before its coordinates become floats (TriangleMesh::origin_m; text and doubles keep all their digits); where the
+/// file itself holds floats that are too coarse for the size of the mesh, there is a warning.  About 0.3 s per 100,000 triangles.
 /// Throws InputError: missing file, unknown extension, not parsable, vertex NaN or infinite (with its index), index out of range,
 /// no triangles.
 ImportedMesh import_mesh(const std::filesystem::path& path, const MeshImportOptions& options = {});

@@ -14,7 +14,11 @@ namespace earshot {
 /// O(n) by a grid of cells; the result depends on the order of the vertices alone.
 std::vector<std::uint32_t> weld_map(std::span<const glm::vec3> vertices, float tolerance_m);
 
-/// Welds vertices closer than 1e-6 of the diagonal of the bounds (rounding of baked node transforms; ten times the spacing of floats),
+/// The same with a tolerance per vertex: two are one if both are content with their distance.  At most 21 grids of cells.
+std::vector<std::uint32_t> weld_map(std::span<const glm::vec3> vertices, std::span<const float> tolerance_m);
+
+/// Welds vertices closer than 1e-6 of the diagonal of the bounds (rounding of baked node transforms; ten times the spacing of floats), but
+/// never farther apart than a tenth of the longest edge of a triangle there,
 /// then removes triangles without area and triangles on the same three vertices as an earlier one (either winding: a surface is
 /// two-sided for sound, and a doubled one would transmit twice), then unused vertices.  Adds to the counts of the report.
 void repair_mesh(TriangleMesh& mesh, ImportReport& report);

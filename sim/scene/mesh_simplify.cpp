@@ -97,6 +97,7 @@ SimplifyReport simplify_mesh(TriangleMesh& mesh, float deviation_m) {
   simple.vertices = mesh.vertices;
   simple.material_names = mesh.material_names;
   simple.object_names = mesh.object_names;
+  simple.origin_m = mesh.origin_m;
   for (const auto& [key, part] : parts) {
     Corners left = part;
     double moved_m = 0;

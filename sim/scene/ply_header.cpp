@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <charconv>
 #include <map>
 #include <vector>
@@ -79,6 +80,59 @@ void check_ply_header(std::string_view bytes, const std::string& where) {
   if (!has_format) fail("PLY header has no format line");
   if (body_bytes > static_cast<double>(bytes.size()) + 1)
     fail(fmt::format("PLY header promises at least {:.0f} bytes of data, {} are there", body_bytes, bytes.size()));
+}
+
+std::size_t end_of_ply_header(std::string_view bytes) {
+  for (std::size_t begin = 0; begin < bytes.size();) {
+    const std::size_t end = bytes.find('\n', begin);
+    if (end == std::string_view::npos) break;
+    const std::vector<std::string_view> words = split_words(bytes.substr(begin, end - begin));
+    begin = end + 1;
+    if (words.size() == 1 && words[0] == "end_header") return begin;
+  }
+  return std::string_view::npos;
+}
+
+std::optional<PlyVertices> find_ply_vertices(std::string_view bytes) {
+  PlyVertices found;
+  found.body_begin = end_of_ply_header(bytes);
+  if (found.body_begin == std::string_view::npos) return std::nullopt;
+  enum class Place { before, inside, after } place = Place::before;
+  std::array<bool, 3> has{};
+  std::array<bool, 3> is_double{};
+  for (std::size_t begin = 0; begin < found.body_begin;) {
+    const std::size_t end = bytes.find('\n', begin);
+    const std::vector<std::string_view> words = split_words(bytes.substr(begin, end - begin));
+    begin = end + 1;
+    if (words.size() == 3 && words[0] == "format") {
+      found.ascii = words[1] == "ascii";
+      found.big_endian = words[1] == "binary_big_endian";
+    } else if (words.size() == 3 && words[0] == "element") {
+      if (place == Place::inside) place = Place::after;
+      std::uint64_t count = 0;
+      std::from_chars(words[2].data(), words[2].data() + words[2].size(), count);
+      if (words[1] == "vertex" && place == Place::before) {
+        place = Place::inside;
+        found.count = count;
+      } else if (place == Place::before) {
+        found.elements_before += count;
+      }
+    } else if (words.size() >= 3 && words[0] == "property" && place == Place::inside) {
+      if (words.size() != 3) return std::nullopt;  // a list
+      for (std::size_t axis = 0; axis < 3; ++axis) {
+        if (words[2] != std::string_view("xyz").substr(axis, 1)) continue;
+        has[axis] = true;
+        is_double[axis] = size_of_type(words[1]) == 8;
+        found.xyz[axis] = found.num_properties;
+        found.xyz_bytes[axis] = found.bytes_per_vertex;
+      }
+      ++found.num_properties;
+      found.bytes_per_vertex += size_of_type(words[1]);
+    }
+  }
+  found.doubles = is_double[0] && is_double[1] && is_double[2];
+  if (!(has[0] && has[1] && has[2]) || found.bytes_per_vertex == 0) return std::nullopt;
+  return found;
 }
 
 }  // namespace earshot

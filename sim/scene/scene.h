@@ -48,6 +48,11 @@ class Scene {
   [[nodiscard]] const ImportReport& import_report() const { return report_; }
   [[nodiscard]] std::uint64_t hash() const { return hash_; }  ///< geometry, names, coefficients and air
   [[nodiscard]] float triangle_area_m2(std::uint32_t triangle) const;
+  /// Where the file's origin went: all geometry and every position here is relative to this point, which is zero for a scene near the
+  /// origin of its file (origin_near).  Positions that people give or read are world positions, those of the file: they cross here.
+  [[nodiscard]] glm::dvec3 origin_m() const { return mesh_.origin_m; }
+  [[nodiscard]] glm::vec3 to_local(glm::dvec3 world) const { return world - mesh_.origin_m; }
+  [[nodiscard]] glm::dvec3 to_world(glm::vec3 local) const { return glm::dvec3(local) + mesh_.origin_m; }
 
  private:
   std::string name_;
@@ -63,7 +68,7 @@ class Scene {
 
 /// What a command line may set over the scene it names.
 struct SceneOverrides {
-  std::optional<float> unit_m;      ///< metres per unit of a mesh file, as unit_m in a scene YAML
+  std::optional<double> unit_m;     ///< metres per unit of a mesh file, as unit_m in a scene YAML
   std::optional<float> simplify_m;  ///< mesh_simplify.h, as simplify_m in a scene YAML
 };
 

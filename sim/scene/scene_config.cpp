@@ -91,7 +91,7 @@ SceneConfig read_scene_config(const std::filesystem::path& path) {
   config.has_import_options = reader.has("up") || reader.has("unit_m");
   reader.read_choice<MeshImportOptions::Up>("up", config.import.up, {{"y", MeshImportOptions::Up::y}, {"z", MeshImportOptions::Up::z}});
   reader.read("unit_m", config.import.unit_m);
-  if (!(config.import.unit_m >= 1e-6f && config.import.unit_m <= 1e6f)) reader.fail("unit_m", "must be in [1e-6, 1e6] metres per unit");
+  if (!(config.import.unit_m >= 1e-6 && config.import.unit_m <= 1e6)) reader.fail("unit_m", "must be in [1e-6, 1e6] metres per unit");
   if (reader.has("ceiling_m")) {
     reader.read("ceiling_m", config.ceiling_m.emplace());
     if (!std::isfinite(*config.ceiling_m)) reader.fail("ceiling_m", "must be a finite height in metres");

@@ -35,7 +35,8 @@ struct SceneConfig {
   std::string mesh;
   MeshImportOptions import;
   bool has_import_options = false;  ///< up or unit_m was given
-  std::optional<float> ceiling_m, simplify_m;
+  std::optional<double> ceiling_m;  ///< in world coordinates
+  std::optional<float> simplify_m;
   std::optional<std::filesystem::path> materials;
   std::optional<CoefficientReading> coefficients;
   MaterialRules rules;

@@ -1,6 +1,7 @@
 #include "sim/scene/triangle_mesh.h"
 
 #include <algorithm>
+#include <cmath>
 #include <glm/common.hpp>
 #include <limits>
 #include <span>
@@ -63,6 +64,20 @@ std::uint32_t intern(std::vector<std::string>& names, const std::string& name) {
     return static_cast<std::uint32_t>(names.size() - 1);
   }
   return static_cast<std::uint32_t>(found - names.begin());
+}
+
+glm::dvec3 origin_near(glm::dvec3 lower, glm::dvec3 upper) {
+  constexpr double far = 8;  // times 2^-23, the spacing of floats, is 1e-6
+  const glm::dvec3 size = upper - lower;
+  const double largest_m = std::max({size.x, size.y, size.z});
+  glm::dvec3 origin(0);
+  if (!(largest_m > 0 && std::isfinite(largest_m))) return origin;
+  const double step_m = std::min(1.0, std::exp2(std::floor(std::log2(largest_m))));
+  for (int axis = 0; axis < 3; ++axis) {
+    if (std::max(std::fabs(lower[axis]), std::fabs(upper[axis])) > far * largest_m)
+      origin[axis] = std::floor(lower[axis] / step_m) * step_m;
+  }
+  return origin;
 }
 
 std::uint64_t hash_of(const TriangleMesh& mesh) {

@@ -280,4 +280,45 @@ TEST_F(Cli, SceneReportIsJson) {
   EXPECT_LT(json.at("navigable_area_m2").get<double>(), 24.0);
 }
 
+// A scene a thousand kilometres from the origin of its file: points on the command line and in CSVs are those of the file.
+TEST_F(Cli, FarScenesSoundAsNearOnes) {
+  const auto room = [&](const std::string& name, double x, double z) {
+    std::string text;
+    for (const double dx : {0.0, 5.0})
+      for (const double y : {0.0, 3.0})
+        for (const double dz : {0.0, 4.0})
+          text += "v " + std::to_string(x + dx) + " " + std::to_string(y) + " " + std::to_string(z + dz) + "\n";
+    return write(name, text + "f 1 2 4 3\nf 5 7 8 6\nf 1 5 6 2\nf 3 4 8 7\nf 1 3 7 5\nf 2 6 8 4\n");
+  };
+  const std::string near = room("near.obj", 0, 0), far = room("far.obj", 1e6, -2e5);
+  const std::string options = " --preset fast --set rays=50 --set rir_length_s=0.1 --channels mono";
+  const auto rir = [&](const std::string& scene, const std::string& points, const std::string& name) {
+    const Outcome outcome =
+        earshot("rir " + scene + points + options + " --out " + file(name + ".wav") + " --metrics " + file(name + ".json"));
+    EXPECT_EQ(outcome.exit_code, 0) << outcome.errors;
+    return read(name + ".wav");
+  };
+  // Eighths of a metre are exact in float and in double, so nothing rounds.
+  EXPECT_EQ(rir(far, " --source 1000001.25,1.125,-199998.5 --listener 1000003.75,1.625,-199997.75", "far"),
+            rir(near, " --source 1.25,1.125,1.5 --listener 3.75,1.625,2.25", "near"));
+  EXPECT_EQ(nlohmann::json::parse(read("far.json")).at("origin_m"), nlohmann::json({1e6, 0, -2e5}));
+  EXPECT_EQ(nlohmann::json::parse(read("near.json")).at("origin_m"), nlohmann::json({0, 0, 0}));
+
+  const auto walk = [&](const std::string& scene, const std::string& poses, const std::string& source, const std::string& name) {
+    const Outcome outcome = earshot("walk " + scene + " --poses " + write(name + ".csv", poses) + source + options +
+                                    " --sound synth:noise --step 0.1 --out " + file(name + ".wav"));
+    EXPECT_EQ(outcome.exit_code, 0) << outcome.errors;
+    return read(name + ".wav");
+  };
+  EXPECT_EQ(walk(far, "t_s,x,y,z,heading_deg\n0,1000003.75,1.5,-199997.75,0\n0.2,1000003.75,1.5,-199998.75,0\n",
+                 " --source 1000001.25,1.125,-199998.5", "far_walk"),
+            walk(near, "\xEF\xBB\xBFt_s,x,y,z,heading_deg\r\n0,3.75,1.5,2.25,0\r\n0.2,3.75,1.5,1.25,0\r\n", " --source 1.25,1.125,1.5",
+                 "near_walk"));
+
+  const Outcome report = earshot("scene " + far + " --json " + file("scene.json"));
+  EXPECT_THAT(report.output, HasSubstr("computed around (1000000, 0, -200000)"));
+  EXPECT_EQ(nlohmann::json::parse(read("scene.json")).at("origin_m"), nlohmann::json({1e6, 0, -2e5}));
+  expect_bad_input("rir " + near + " --source 1e39,0,0 --listener 1,1,1 --out " + file("x.wav"), "is not a point");
+}
+
 }  // namespace

@@ -44,7 +44,7 @@ TEST(EpisodeGenerator, EpisodesPassTheFilterAndCanBeWalked) {
     ASSERT_TRUE(path_m);
     // Two algorithms for the same path: a field from the goal and a query between the two.
     EXPECT_NEAR(*path_m, episode.geodesic_distance_m, 0.02f * *path_m + 0.05f);
-    const float straight_m = glm::length(episode.goal_position - episode.start_position);
+    const double straight_m = glm::length(episode.goal_position - episode.start_position);
     EXPECT_GE(episode.geodesic_distance_m, filter.min_geodesic_m);
     EXPECT_GE(episode.geodesic_distance_m, filter.min_ratio * straight_m);
     // An agent of 0.15 m steps cannot need fewer; success is within 1 m, the oracle goes to 0.5 m.

@@ -92,9 +92,9 @@ TEST(EpisodeSet, ReadsTheAudioNavLayout) {
   const Episode& episode = set.episodes[0];
   EXPECT_EQ(episode.episode_id, "0");
   EXPECT_EQ(episode.scene_id, "mp3d/AAAA/AAAA.glb");
-  EXPECT_EQ(episode.start_position, glm::vec3(1.0f, 0.1f, -2.0f));
+  EXPECT_EQ(episode.start_position, glm::dvec3(1.0, 0.1, -2.0));
   EXPECT_EQ(episode.start_rotation, (std::array<float, 4>{0, 0.7071f, 0, 0.7071f}));
-  EXPECT_EQ(episode.goal_position, glm::vec3(4.0f, 0.1f, 1.5f));
+  EXPECT_EQ(episode.goal_position, glm::dvec3(4.0, 0.1, 1.5));
   EXPECT_EQ(episode.goal_radius_m, 1e-5f);
   EXPECT_EQ(episode.geodesic_distance_m, 7.5f);
   EXPECT_EQ(episode.num_action, 11);
