@@ -17,6 +17,7 @@ void add_dataset(CLI::App& app);
 void add_train(CLI::App& app, const std::vector<std::string>& arguments, int& exit_code);
 void add_eval(CLI::App& app);
 void add_leaderboard(CLI::App& app);
+void add_replay(CLI::App& app);
 void add_bench(CLI::App& app);
 
 /// "X,Y,Z" as metres, at most 1e9 m from zero, with a decimal point whatever the locale.  Throws InputError naming the option.

@@ -36,6 +36,7 @@ int main(int argc, char** argv) {
   earshot::add_train(app, arguments, exit_code);
   earshot::add_eval(app);
   earshot::add_leaderboard(app);
+  earshot::add_replay(app);
   earshot::add_bench(app);
 
   try {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -38,8 +39,9 @@ class AgentHearing {
 
   /// Energy response at the ears.  Skipped where the position has the bits of the last call: the response is a function of it.
   void trace(const EnvSource& source, const Pose& pose, float ear_height_m);
-  /// RIR of the response at this heading; the one before becomes the RIR to fade from.  Skipped where neither changed.
-  void synthesize(HearingEngines& engines, double heading_rad);
+  /// RIR of the response at this heading; the one before becomes the RIR to fade from.  Skipped where neither changed.  tap: sees the RIR
+  /// before it is used.  Returns false if the RIR is not finite: nothing can be heard then until begin().
+  bool synthesize(HearingEngines& engines, double heading_rad, const std::function<void(std::span<float> rir)>& tap = {});
   /// The next `block` samples: written to `sound` [2, block] and pushed into the rolling `window` [2, samples].  Returns false if they
   /// were not finite: zeros are written then.
   bool convolve(HearingEngines& engines, int block, std::span<float> sound, std::span<float> window);

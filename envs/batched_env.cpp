@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <utility>
 
 #include "envs/batched_env_impl.h"
@@ -32,7 +33,8 @@ BatchedEnv::Impl::Impl(const EnvConfig& env_config, std::shared_ptr<const Episod
       block_samples((validate(config), static_cast<int>(std::lround(config.acoustics.sample_rate_hz * config.task.step_time_s)))),
       sounds(config.observation.spectrogram ? std::span<const Episode>(set->episodes) : std::span<const Episode>{}, config.sound_root, config.acoustics.sample_rate_hz, config.sound_gain),
       renderer(config.observation.camera),
-      agents(size_of(num_envs)) {
+      agents(size_of(num_envs)),
+      quarantine(config.quarantine_dir) {
   require(num_envs >= 1, "num_envs", num_envs, "must be at least 1");
   require(first_env >= 0 && first_env + num_envs <= total_envs, "first_env", first_env, "must leave room for this batch within total_envs");
   if (set->episodes.empty()) throw InputError("episode set", "holds no episodes", "make one with `earshot dataset episodes`");
@@ -57,7 +59,7 @@ BatchedEnv::Impl::Impl(const EnvConfig& env_config, std::shared_ptr<const Episod
     for (int thread = 0; thread < threads; ++thread) engines.emplace_back(tables, stream, spec.sound, dry_spectra);
   }
   rewards.assign(agents.size(), 0.f);
-  for (auto* flags : {&terminated, &truncated, &active, &collided}) flags->assign(agents.size(), 0);
+  for (auto* flags : {&terminated, &truncated, &active, &collided, &quarantined}) flags->assign(agents.size(), 0);
   finished.reserve(agents.size());
 }
 
@@ -83,14 +85,15 @@ BatchedEnv::~BatchedEnv() = default;
 void BatchedEnv::reset() {
   Impl& in = *impl_;
   in.finished.clear();
-  for (auto* flags : {&in.terminated, &in.truncated, &in.collided}) std::ranges::fill(*flags, std::uint8_t{0});
+  for (auto* flags : {&in.terminated, &in.truncated, &in.collided, &in.quarantined}) std::ranges::fill(*flags, std::uint8_t{0});
   std::ranges::fill(in.rewards, 0.f);
-  for (Agent& agent : in.agents) agent.episode_count = -1;
-  in.for_each_env(reset_stage, [&](std::size_t env, HearingEngines* own) {
-    in.begin_next_episode(env);
-    in.observe_start(env, own);
-  });
+  for (Agent& agent : in.agents) {
+    agent.episode_count = -1;
+    agent.failed_starts.clear();
+  }
+  in.for_each_env(reset_stage, [&](std::size_t env, HearingEngines* own) { in.begin_next_episode(env, own); });
   in.started = true;
+  in.stop_if_none_begins();
   in.book_stage_seconds();
 }
 
@@ -99,18 +102,18 @@ void BatchedEnv::step(std::span<const std::int32_t> actions) {
   EARSHOT_EXPECT(in.started && actions.size() == in.agents.size());
   in.finished.clear();
   in.for_each_env(move_stage, [&](std::size_t env, HearingEngines*) { in.move(env, static_cast<Action>(actions[env])); });
-  in.for_each_env(trace_stage, [&](std::size_t env, HearingEngines*) { in.trace(env); });
-  in.for_each_env(synthesize_stage, [&](std::size_t env, HearingEngines* own) { in.synthesize(env, own); });
-  in.for_each_env(convolve_stage, [&](std::size_t env, HearingEngines* own) { in.convolve(env, own); });
-  in.for_each_env(render_stage, [&](std::size_t env, HearingEngines*) { in.render(env); });
-  in.for_each_env(observe_stage, [&](std::size_t env, HearingEngines* own) { in.observe(env, own); });
-  for (std::size_t env = 0; env < in.agents.size(); ++env)
-    if (in.ended(env))
-      in.finished.push_back({.env = static_cast<int>(in.global_id(env)),
-                             .episode_index = in.agents[env].episode_index,
-                             .metrics = in.agents[env].state.metrics(in.config.task),
-                             .actions = std::move(in.agents[env].actions)});
-  if (!in.finished.empty()) in.for_each_env(reset_stage, [&](std::size_t env, HearingEngines* own) { in.restart(env, own); });
+  in.for_each_running_env(trace_stage, [&](std::size_t env, HearingEngines*) { in.trace(env); });
+  in.for_each_running_env(synthesize_stage, [&](std::size_t env, HearingEngines* own) { in.synthesize(env, own); });
+  in.for_each_running_env(convolve_stage, [&](std::size_t env, HearingEngines* own) { in.convolve(env, own); });
+  in.for_each_running_env(render_stage, [&](std::size_t env, HearingEngines*) { in.render(env); });
+  in.for_each_running_env(observe_stage, [&](std::size_t env, HearingEngines* own) { in.observe(env, own); });
+  for (std::size_t env = 0; env < in.agents.size(); ++env) in.end_faulty_episode(env);
+  if (in.collect_finished()) in.for_each_env(reset_stage, [&](std::size_t env, HearingEngines* own) { in.restart(env, own); });
+  for (Agent& agent : in.agents) {
+    std::ranges::move(agent.failed_starts, std::back_inserter(in.finished));
+    agent.failed_starts.clear();
+  }
+  in.stop_if_none_begins();
   in.book_stage_seconds();
 }
 
@@ -165,6 +168,7 @@ std::span<const std::uint8_t> BatchedEnv::terminated() const { return impl_->ter
 std::span<const std::uint8_t> BatchedEnv::truncated() const { return impl_->truncated; }
 std::span<const std::uint8_t> BatchedEnv::active() const { return impl_->active; }
 std::span<const std::uint8_t> BatchedEnv::collided() const { return impl_->collided; }
+std::span<const std::uint8_t> BatchedEnv::quarantined() const { return impl_->quarantined; }
 std::span<const float> BatchedEnv::final_depth() const { return impl_->depth.last; }
 std::span<const float> BatchedEnv::final_spectrogram() const { return impl_->spectrogram.last; }
 std::span<const float> BatchedEnv::final_pointgoal() const { return impl_->pointgoal.last; }
@@ -186,7 +190,29 @@ std::uint64_t BatchedEnv::kept_responses() const {
   for (const Agent& agent : impl_->agents) sum += agent.hearing.kept_responses();
   return sum;
 }
-std::uint64_t BatchedEnv::nonfinite_events() const { return impl_->nonfinite_events; }
-std::uint64_t BatchedEnv::skipped_episodes() const { return impl_->skipped_episodes; }
+QuarantineCounters BatchedEnv::quarantine_counters() const { return impl_->quarantine.counters(); }
+std::uint64_t BatchedEnv::nonfinite_events() const {
+  const QuarantineCounters counters = quarantine_counters();
+  return counters.total() - counters.of(Fault::scene) - counters.of(Fault::path) - counters.of(Fault::stage);
+}
+std::uint64_t BatchedEnv::skipped_episodes() const { return quarantine_counters().of(Fault::path); }
+void BatchedEnv::set_tap(StageTap tap) { impl_->tap = std::move(tap); }
+
+std::optional<FaultReport> BatchedEnv::begin(int env, std::uint64_t episode_index, int episode_count) {
+  Impl& in = *impl_;
+  EARSHOT_EXPECT(env >= 0 && env < in.num_envs() && episode_index < in.set->episodes.size() && episode_count >= 0);
+  const std::size_t row = size_of(env);
+  in.finished.clear();
+  in.rewards[row] = 0.f;
+  in.terminated[row] = in.truncated[row] = in.collided[row] = in.quarantined[row] = 0;
+  in.for_each_env(reset_stage, [&](std::size_t index, HearingEngines* own) {
+    if (index == row) in.begin_episode(row, episode_index, episode_count, own);
+  });
+  in.started = true;
+  std::optional<FaultReport> fault = in.agents[row].fault;
+  if (fault) in.go_idle(row);
+  in.book_stage_seconds();
+  return fault;
+}
 
 }  // namespace earshot

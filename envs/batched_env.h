@@ -11,6 +11,7 @@
 #include "envs/av_nav_task.h"
 #include "envs/episode_set.h"
 #include "envs/observation.h"
+#include "envs/quarantine.h"
 #include "envs/scene_cache.h"
 #include "sim/acoustics/effect_plan.h"
 
@@ -38,19 +39,25 @@ struct EnvConfig {
   /// only.
   std::string field_store;
   double field_store_gb = 20;  ///< in that folder; the least recently used go first
+  /// Folder for files of quarantined episodes, which `earshot replay` runs again; made when it is needed.  Empty: counted and logged only.
+  std::string quarantine_dir;
 };
 void read(ConfigReader& reader, EnvConfig& config);
 void validate(const EnvConfig& config);
+/// Every key with its value, as YAML that read() takes: the same environments.
+std::string config_text(const EnvConfig& config);
 
 /// A scene cache as this configuration asks for it.
 std::shared_ptr<SceneCache> make_scene_cache(const EnvConfig& config);
 
-/// A finished episode, with what is needed to replay it.
+/// A finished episode, with what is needed to replay it.  A quarantined one is among the finished only with EpisodeOrder::once, where it
+/// counts as failed: success, SPL, SoftSPL and SNA are 0, and all numbers are finite.
 struct FinishedEpisode {
   int env = 0;                      ///< global env id
   std::uint64_t episode_index = 0;  ///< in the set
   EpisodeMetrics metrics;
   std::vector<std::int8_t> actions;
+  std::optional<FaultReport> fault = std::nullopt;  ///< of a quarantined episode
 };
 
 /// Wall seconds spent per stage since construction, summed over threads.
@@ -60,6 +67,11 @@ struct StageSeconds {
 
 /// num_envs agents stepped together.  Buffers are flat [num_envs, ...], owned here, valid until the next step.  Results are a function of
 /// (set, config, global env id): not of threads, nor of how a batch is split.
+///
+/// Quarantine: an episode with a fault (quarantine.h) never reaches a policy and never ends a run.  One that cannot begin is passed over: the
+/// env draws another (`random`) or takes its next (`once`).  One that goes wrong in a step ends in that step: reward 0, truncated, marked in
+/// quarantined(), all final_* rows zero; the env begins its next episode in the same call.  Buffers hold finite numbers only.  reset() and
+/// step() throw InputError where 64 draws in a row fail, or where of a whole set in order `once` no episode could begin.
 class BatchedEnv {
  public:
   /// Global ids are first_env ... first_env + num_envs - 1 of `total_envs` (all workers together; used by EpisodeOrder::once).
@@ -88,6 +100,8 @@ class BatchedEnv {
   [[nodiscard]] std::span<const std::uint8_t> truncated() const;   ///< out of steps: bootstrap from the final observation
   [[nodiscard]] std::span<const std::uint8_t> active() const;      ///< 0: idle
   [[nodiscard]] std::span<const std::uint8_t> collided() const;
+  /// 1: the episode was quarantined in the last step.  What led there is no experience: mask it, bootstrap nothing.
+  [[nodiscard]] std::span<const std::uint8_t> quarantined() const;
   [[nodiscard]] std::span<const float> final_depth() const;  ///< like depth(); row valid where terminated or truncated
   [[nodiscard]] std::span<const float> final_spectrogram() const;
   [[nodiscard]] std::span<const float> final_pointgoal() const;
@@ -105,10 +119,18 @@ class BatchedEnv {
   [[nodiscard]] EffectCounters effect_counters() const;
   /// Steps of agents who stood where they were (turned, collided): their response was kept.
   [[nodiscard]] std::uint64_t kept_responses() const;
-  /// Sensor rows, sounds and rewards that were not finite and were set to zero, since construction.  The first is logged.
+  /// Episodes taken out of the run, by reason, and what became of their files.
+  [[nodiscard]] QuarantineCounters quarantine_counters() const;
+  /// Of them: those where something was not finite.
   [[nodiscard]] std::uint64_t nonfinite_events() const;
-  /// Episodes passed over because no path leads to their goal in their scene (order `random` only; `once` throws), since construction.
+  /// Of them: those without a path to their goal.
   [[nodiscard]] std::uint64_t skipped_episodes() const;
+  /// tap: see StageTap; empty: none.
+  void set_tap(StageTap tap);
+
+  /// Ends what env `env` of the batch does and begins this episode of the set there, as that env's episode number `episode_count`: replays.
+  /// Returns what is wrong if it cannot begin; the env is idle then.
+  std::optional<FaultReport> begin(int env, std::uint64_t episode_index, int episode_count);
 
   /// Cursors and actions of all running episodes; restore() replays them, which gives the same bits in all observations.  Rewards and flags
   /// of the last step are not kept.  restore throws InputError if the state is damaged or is of another set, seed or batch.

@@ -1,7 +1,7 @@
 #pragma once
 
-// The inside of BatchedEnv, shared by its three files: batched_env.cpp (construction and the public calls), env_stages.cpp (what a step
-// does for one env) and env_episodes.cpp (how episodes begin, end and are restored).
+// The inside of BatchedEnv, shared by its four files: batched_env.cpp (construction and the public calls), env_stages.cpp (what a step
+// does for one env), env_episodes.cpp (how episodes begin, end and are restored) and env_faults.cpp (how they are quarantined).
 
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
@@ -15,6 +15,8 @@
 #include "envs/batched_env.h"
 #include "envs/env_state.h"
 #include "envs/sound_library.h"
+#include "sim/base/denormals.h"
+#include "sim/base/errors.h"
 #include "sim/vision/ray_renderer.h"
 
 namespace earshot {
@@ -39,7 +41,9 @@ struct Agent {
   AvNavState state;
   AgentHearing hearing;
   Pose rendered_pose;
-  std::vector<std::int8_t> actions;  // since the start of the episode
+  std::vector<std::int8_t> actions;            // since the start of the episode
+  std::optional<FaultReport> fault;            // of this episode: its stages are skipped until it is quarantined, in this very step
+  std::vector<FinishedEpisode> failed_starts;  // order `once`: not yet among the finished
   std::array<double, num_stages> seconds{};
 };
 
@@ -74,10 +78,12 @@ struct BatchedEnv::Impl {
 
   SensorRows depth, spectrogram, pointgoal;
   std::vector<float> audiogoal, heard, rewards;
-  std::vector<std::uint8_t> terminated, truncated, active, collided;
+  std::vector<std::uint8_t> terminated, truncated, active, collided, quarantined;
   std::vector<FinishedEpisode> finished;
   StageSeconds stage_seconds;
-  std::atomic<std::uint64_t> nonfinite_events{0}, skipped_episodes{0};
+  Quarantine quarantine;
+  StageTap tap;
+  std::atomic<std::uint64_t> begun{0}, failed{0};  // episodes
 
   Impl(const EnvConfig& env_config, std::shared_ptr<const EpisodeSet> episodes, std::shared_ptr<SceneCache> cache, int num_envs, int first,
        int total);
@@ -85,6 +91,8 @@ struct BatchedEnv::Impl {
   int num_envs() const { return static_cast<int>(agents.size()); }
   std::uint32_t global_id(std::size_t env) const { return static_cast<std::uint32_t>(first_env) + static_cast<std::uint32_t>(env); }
   bool ended(std::size_t env) const { return terminated[env] || truncated[env]; }
+  /// Has the env an episode that goes on?
+  bool runs(std::size_t env) const { return active[env] && !agents[env].fault; }
   const Episode& episode_of(const Agent& agent) const { return set->episodes[agent.episode_index]; }
   std::span<float> sound_row(std::vector<float>& rows, std::size_t env) const {
     const std::size_t size = rows.size() / agents.size();
@@ -94,6 +102,9 @@ struct BatchedEnv::Impl {
   /// Runs body(env, engines of this thread) for every env, and books its time to `stage`.
   template <class Body>
   void for_each_env(Stage stage, const Body& body);
+  /// The same for envs that run; one in which body throws an InputError or a RunError has a fault.
+  template <class Body>
+  void for_each_running_env(Stage stage, const Body& body);
 
   // The stages of a step; each reads poses and writes one row of its buffer.  own: engines of this thread, null for a deaf agent.
   void move(std::size_t env, Action action);
@@ -105,19 +116,31 @@ struct BatchedEnv::Impl {
   void restart(std::size_t env, HearingEngines* own);
 
   std::optional<std::uint64_t> draw_episode(std::size_t env, int episode_count, std::uint32_t attempt) const;
-  void begin_next_episode(std::size_t env);
-  bool begin_episode(std::size_t env, std::uint64_t episode_index, int episode_count);
+  void begin_next_episode(std::size_t env, HearingEngines* own);
+  /// Sets the agent's fault if the episode cannot begin.
+  void begin_episode(std::size_t env, std::uint64_t episode_index, int episode_count, HearingEngines* own);
+  void prepare_episode(std::size_t env, std::uint64_t episode_index, int episode_count);
+  void enter_episode(std::size_t env);
   void go_idle(std::size_t env);
   void observe_start(std::size_t env, HearingEngines* own);
   void restore(std::size_t env, const EnvCursor& cursor, HearingEngines* own);
-  void report_nonfinite(std::size_t env, const char* what);
-  void clear_if_nonfinite(std::size_t env, SensorRows& sensor, const char* what);
+  /// Notes a fault of the running episode; the first one stays.
+  void report(std::size_t env, Fault fault, std::string detail);
+  /// Shows `values` to the tap, then: are they finite?  Reports the fault if not.
+  bool check(std::size_t env, Fault kind, std::span<float> values);
+  void clear_rows(std::size_t env);
+  void quarantine_episode(std::size_t env);
+  FinishedEpisode failed_episode(std::size_t env) const;
+  void end_faulty_episode(std::size_t env);
+  bool collect_finished();
+  void stop_if_none_begins() const;
   void book_stage_seconds();
 };
 
 template <class Body>
 void BatchedEnv::Impl::for_each_env(Stage stage, const Body& body) {
   const auto run = [&](std::size_t env, std::size_t thread) {
+    const FlushDenormals flush;  // here and not around the loop: TBB gives tasks the setting of the thread that made the arena
     const auto start = std::chrono::steady_clock::now();
     body(env, engines.empty() ? nullptr : &engines[thread]);
     agents[env].seconds[stage] += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
@@ -134,6 +157,20 @@ void BatchedEnv::Impl::for_each_env(Stage stage, const Body& body) {
             run(env, static_cast<std::size_t>(tbb::this_task_arena::current_thread_index()));
         },
         tbb::simple_partitioner());
+  });
+}
+
+template <class Body>
+void BatchedEnv::Impl::for_each_running_env(Stage stage, const Body& body) {
+  for_each_env(stage, [&](std::size_t env, HearingEngines* own) {
+    if (!runs(env)) return;
+    try {
+      body(env, own);
+    } catch (const InputError& error) {
+      report(env, Fault::stage, error.what());
+    } catch (const RunError& error) {
+      report(env, Fault::stage, error.what());
+    }
   });
 }
 

@@ -51,6 +51,14 @@ void read(ConfigReader& reader, EnvConfig& config) {
   reader.read("prefetch", config.prefetch);
   reader.read("field_store", config.field_store);
   reader.read("field_store_gb", config.field_store_gb);
+  reader.read("quarantine_dir", config.quarantine_dir);
+}
+
+std::string config_text(const EnvConfig& config) {
+  ConfigReader recorder = ConfigReader::recorder();
+  EnvConfig copy = config;
+  read(recorder, copy);
+  return recorder.effective();
 }
 
 void validate(const EnvConfig& config) {

@@ -1,5 +1,4 @@
 #include <fmt/format.h>
-#include <spdlog/spdlog.h>
 
 #include <algorithm>
 #include <optional>
@@ -11,7 +10,7 @@
 namespace earshot {
 namespace {
 
-/// How many other episodes an env tries when one has no path to its goal.
+/// How many other episodes an env tries when one cannot begin.
 constexpr std::uint32_t kMaxDraws = 64;
 
 }  // namespace
@@ -19,8 +18,7 @@ constexpr std::uint32_t kMaxDraws = 64;
 void BatchedEnv::Impl::restart(std::size_t env, HearingEngines* own) {
   if (!ended(env)) return;
   for (SensorRows* sensor : {&depth, &spectrogram, &pointgoal}) sensor->keep(env);
-  begin_next_episode(env);
-  observe_start(env, own);
+  begin_next_episode(env, own);
 }
 
 std::optional<std::uint64_t> BatchedEnv::Impl::draw_episode(std::size_t env, int episode_count, std::uint32_t attempt) const {
@@ -33,74 +31,104 @@ std::optional<std::uint64_t> BatchedEnv::Impl::draw_episode(std::size_t env, int
   return index < num_episodes ? std::optional(index) : std::nullopt;
 }
 
-void BatchedEnv::Impl::begin_next_episode(std::size_t env) {
-  const int count = agents[env].episode_count + 1;
-  for (std::uint32_t attempt = 0; attempt < kMaxDraws; ++attempt) {
-    const auto index = draw_episode(env, count, attempt);
+void BatchedEnv::Impl::begin_next_episode(std::size_t env, HearingEngines* own) {
+  Agent& agent = agents[env];
+  const bool once = config.order == EpisodeOrder::once;
+  int count = agent.episode_count + 1;
+  // Order `once` needs no bound: its episodes come to an end.
+  for (std::uint32_t attempt = 0; once || attempt < kMaxDraws; ++attempt) {
+    const auto index = draw_episode(env, count, once ? 0 : attempt);
     if (!index) return go_idle(env);
-    if (begin_episode(env, *index, count)) {
+    begin_episode(env, *index, count, own);
+    if (!agent.fault) {
       if (const auto next = draw_episode(env, count + 1, 0); next && config.prefetch) {
         const Episode& episode = set->episodes[*next];
         scenes->prefetch(episode.scene_id, episode.goal_position, config.task.source_height_m);
       }
       return;
     }
-    const Episode& episode = set->episodes[*index];
-    if (config.order == EpisodeOrder::once)
-      throw InputError("episode '" + episode.episode_id + "' in " + episode.scene_id, "no walkable path leads from its start to its goal",
-                       "remove it from the set, or make the set again for this scene and agent size");
-    if (skipped_episodes.fetch_add(1) == 0)
-      spdlog::warn("episode '{}' in {} is passed over, as will be all like it: no walkable path leads to its goal", episode.episode_id,
-                   episode.scene_id);
+    quarantine_episode(env);
+    ++failed;
+    if (once) {
+      agent.failed_starts.push_back(failed_episode(env));
+      ++count;
+    }
   }
-  throw InputError("episode set", fmt::format("{} episodes in a row have no walkable path to their goal", kMaxDraws),
-                   "make the set again for these scenes and this agent size");
+  const Episode& last = episode_of(agent);
+  const FaultReport fault = *agent.fault;
+  go_idle(env);
+  throw InputError("episode set",
+                   fmt::format("{} episodes in a row could not begin, the last one for its {}: episode '{}' in {}: {}", kMaxDraws,
+                               name_of(fault.fault), last.episode_id, last.scene_id, fault.detail),
+                   "bring back what is missing, or make the set again for these scenes and this agent size");
 }
 
-bool BatchedEnv::Impl::begin_episode(std::size_t env, std::uint64_t episode_index, int episode_count) {
+/// The agent as it is before its episode begins.
+void BatchedEnv::Impl::prepare_episode(std::size_t env, std::uint64_t episode_index, int episode_count) {
   Agent& agent = agents[env];
-  const Episode& episode = set->episodes[episode_index];
-  const TaskConfig& task = config.task;
+  agent.fault.reset();
+  agent.episode_index = episode_index;
+  agent.episode_count = episode_count;
+  agent.state = {};
+  agent.actions.clear();
+  agent.actions.reserve(size_of(config.task.max_steps));
+  agent.depth_is_current = false;
+  active[env] = 1;
+}
+
+void BatchedEnv::Impl::begin_episode(std::size_t env, std::uint64_t episode_index, int episode_count, HearingEngines* own) {
+  Agent& agent = agents[env];
+  prepare_episode(env, episode_index, episode_count);
   try {
-    agent.source = scenes->source(episode.scene_id, episode.goal_position, task.source_height_m);
+    enter_episode(env);
+    if (!agent.fault) observe_start(env, own);
   } catch (const InputError& error) {
-    throw InputError("episode '" + episode.episode_id + "'", error.what(), "");
+    report(env, Fault::scene, error.what());
+  } catch (const RunError& error) {
+    report(env, Fault::scene, error.what());
   }
+  if (!agent.fault) ++begun;
+}
+
+/// Scene, source, start and sound of the episode that the agent's index names.
+void BatchedEnv::Impl::enter_episode(std::size_t env) {
+  Agent& agent = agents[env];
+  const Episode& episode = episode_of(agent);
+  const TaskConfig& task = config.task;
+  agent.source = scenes->source(episode.scene_id, episode.goal_position, task.source_height_m);
   const Navmesh& navmesh = agent.source->scene->navmesh;
   const GeodesicField& field = agent.source->field;
-  const auto start = navmesh.snap(agent.source->scene->scene->to_local(episode.start_position));
-  if (!start || !field.distance_m(*start)) return false;
+  const auto start = navmesh.snap(episode.start_position);
+  const auto distance_m = start ? field.distance_m(*start) : std::nullopt;
+  if (!distance_m || !std::isfinite(*distance_m))
+    return report(env, Fault::path, start ? "no walkable path leads from its start to its goal" : "its start is off the walkable surface");
   const double heading_rad = heading_of(episode.start_rotation);
   // Counted here and not read from the file: published sets count 1 m steps and 90 degree turns (FACTS 2.5).
   const auto oracle_actions = count_oracle_actions(task, navmesh, field, *start, heading_rad);
   agent.state.begin(task, field, *start, heading_rad, oracle_actions.value_or(episode.num_action));
-  agent.episode_index = episode_index;
-  agent.episode_count = episode_count;
-  agent.depth_is_current = false;
-  agent.actions.clear();
-  agent.actions.reserve(size_of(task.max_steps));
   if (config.observation.spectrogram) {
     const SoundClip& clip = sounds.clip(episode.sound);
-    const RandomStream random(config.seed, Purpose::sound, global_id(env), static_cast<std::uint32_t>(episode_count));
+    const RandomStream random(config.seed, Purpose::sound, global_id(env), static_cast<std::uint32_t>(agent.episode_count));
     agent.hearing.begin(*agent.source, clip, random.below(static_cast<std::uint32_t>(clip.samples.size()), 0));
   }
-  active[env] = 1;
-  return true;
 }
 
 void BatchedEnv::Impl::go_idle(std::size_t env) {
   active[env] = 0;
   agents[env].source.reset();
-  for (SensorRows* sensor : {&depth, &spectrogram, &pointgoal}) sensor->clear(env);
-  for (std::vector<float>* sound : {&audiogoal, &heard}) std::ranges::fill(sound_row(*sound, env), 0.f);
+  agents[env].fault.reset();
+  clear_rows(env);
 }
 
 void BatchedEnv::Impl::observe_start(std::size_t env, HearingEngines* own) {
-  if (!active[env]) return;
   trace(env);
   synthesize(env, own);
-  if (own && !agents[env].hearing.fill_window(*own, block_samples, sound_row(audiogoal, env), sound_row(heard, env)))
-    report_nonfinite(env, "sound");
+  if (own && runs(env)) {
+    if (!agents[env].hearing.fill_window(*own, block_samples, sound_row(audiogoal, env), sound_row(heard, env)))
+      report(env, Fault::sound, "the sound before the first step is not finite");
+    else if (tap)
+      check(env, Fault::sound, sound_row(audiogoal, env));
+  }
   render(env);
   observe(env, own);
 }
@@ -108,11 +136,20 @@ void BatchedEnv::Impl::observe_start(std::size_t env, HearingEngines* own) {
 void BatchedEnv::Impl::restore(std::size_t env, const EnvCursor& cursor, HearingEngines* own) {
   Agent& agent = agents[env];
   rewards[env] = 0.f;
-  terminated[env] = truncated[env] = collided[env] = 0;
+  terminated[env] = truncated[env] = collided[env] = quarantined[env] = 0;
   agent.episode_count = cursor.episode_count;
+  agent.failed_starts.clear();
   if (!cursor.active) return go_idle(env);
   const auto damaged = [](const char* what) { throw InputError("environment state", what, "resume from another checkpoint"); };
-  if (!begin_episode(env, cursor.episode_index, cursor.episode_count)) damaged("its episode has no path to its goal in this scene");
+  const auto stop_at_fault = [&] {
+    if (agent.fault)
+      throw InputError("episode '" + episode_of(agent).episode_id + "' in " + episode_of(agent).scene_id, agent.fault->detail,
+                       "it ran when the state was saved: bring back what is missing, or resume from another checkpoint");
+  };
+  prepare_episode(env, cursor.episode_index, cursor.episode_count);
+  enter_episode(env);
+  stop_at_fault();
+  ++begun;
   // What is heard now depends on the poses of the last second only: poses before are walked, not rendered.
   const std::size_t window_blocks = (size_of(config.observation.sound.num_samples) + size_of(block_samples) - 1) / size_of(block_samples);
   const std::size_t silent = cursor.actions.size() > window_blocks ? cursor.actions.size() - window_blocks : 0;
@@ -125,7 +162,7 @@ void BatchedEnv::Impl::restore(std::size_t env, const EnvCursor& cursor, Hearing
     trace(env);
     synthesize(env, own);
     if (step == 0) {
-      if (own) agent.hearing.fill_window(*own, block_samples, sound_row(audiogoal, env), sound_row(heard, env));
+      if (own && runs(env)) agent.hearing.fill_window(*own, block_samples, sound_row(audiogoal, env), sound_row(heard, env));
     } else if (step == silent) {
       agent.hearing.seek(size_of(config.observation.sound.num_samples) + step * size_of(block_samples));
     } else {
@@ -136,6 +173,7 @@ void BatchedEnv::Impl::restore(std::size_t env, const EnvCursor& cursor, Hearing
   rewards[env] = 0.f;
   render(env);
   observe(env, own);
+  stop_at_fault();
 }
 
 }  // namespace earshot

@@ -1,7 +1,7 @@
-#include <spdlog/spdlog.h>
-
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include "envs/batched_env_impl.h"
@@ -15,17 +15,20 @@ bool same_pose(const Pose& a, const Pose& b) { return a.position == b.position &
 
 void BatchedEnv::Impl::move(std::size_t env, Action action) {
   rewards[env] = 0.f;
-  terminated[env] = truncated[env] = collided[env] = 0;
+  terminated[env] = truncated[env] = collided[env] = quarantined[env] = 0;
   if (!active[env]) return;
   Agent& agent = agents[env];
+  agent.actions.push_back(static_cast<std::int8_t>(action));
   const int lost_before = agent.state.lost_distances();
   float reward = agent.state.step(config.task, agent.source->scene->navmesh, agent.source->field, action);
-  if (agent.state.lost_distances() != lost_before) report_nonfinite(env, "distance to the goal");
-  if (!std::isfinite(reward)) {
-    report_nonfinite(env, "reward");
-    reward = 0.f;
-  }
-  agent.actions.push_back(static_cast<std::int8_t>(action));
+  const Pose pose = agent.state.pose(config.task);
+  std::array<float, 4> place = {pose.position.x, pose.position.y, pose.position.z, static_cast<float>(pose.heading_rad)};
+  // A distance that was lost has the value before it (AvNavState), which is a guess and no reward.
+  const bool lost = agent.state.lost_distances() != lost_before;
+  float distance_m = lost ? std::numeric_limits<float>::quiet_NaN() : agent.state.distance_to_goal_m();
+  if (!check(env, Fault::pose, place) || !check(env, Fault::distance, std::span(&distance_m, 1)) ||
+      !check(env, Fault::reward, std::span(&reward, 1)))
+    return;
   rewards[env] = reward;
   terminated[env] = agent.state.terminated();
   truncated[env] = agent.state.truncated();
@@ -33,33 +36,39 @@ void BatchedEnv::Impl::move(std::size_t env, Action action) {
 }
 
 void BatchedEnv::Impl::trace(std::size_t env) {
-  if (!active[env] || !config.observation.spectrogram) return;
+  if (!runs(env) || !config.observation.spectrogram) return;
   agents[env].hearing.trace(*agents[env].source, agents[env].state.pose(config.task), config.task.ear_height_m);
 }
 
 void BatchedEnv::Impl::synthesize(std::size_t env, HearingEngines* own) {
-  if (!active[env] || !own) return;
-  agents[env].hearing.synthesize(*own, agents[env].state.pose(config.task).heading_rad);
+  if (!runs(env) || !own) return;
+  std::function<void(std::span<float>)> show;
+  if (tap) show = [&](std::span<float> rir) { check(env, Fault::rir, rir); };
+  if (!agents[env].hearing.synthesize(*own, agents[env].state.pose(config.task).heading_rad, show))
+    report(env, Fault::rir, "the impulse response is not finite");
 }
 
 void BatchedEnv::Impl::convolve(std::size_t env, HearingEngines* own) {
-  if (!active[env] || !own) return;
-  if (!agents[env].hearing.convolve(*own, block_samples, sound_row(audiogoal, env), sound_row(heard, env))) report_nonfinite(env, "sound");
+  if (!runs(env) || !own) return;
+  if (!agents[env].hearing.convolve(*own, block_samples, sound_row(audiogoal, env), sound_row(heard, env)))
+    report(env, Fault::sound, "the sound of this step is not finite");
+  else if (tap)
+    check(env, Fault::sound, sound_row(audiogoal, env));
 }
 
 void BatchedEnv::Impl::render(std::size_t env) {
-  if (!active[env] || !config.observation.depth) return;
+  if (!runs(env) || !config.observation.depth) return;
   Agent& agent = agents[env];
   const Pose pose = agent.state.pose(config.task);
   if (agent.depth_is_current && same_pose(pose, agent.rendered_pose)) return;
   renderer.render_depth(*agent.source->scene->scene, pose, depth.row(env));
-  clear_if_nonfinite(env, depth, "depth");
+  if (!check(env, Fault::depth, depth.row(env))) return;
   agent.rendered_pose = pose;
   agent.depth_is_current = true;
 }
 
 void BatchedEnv::Impl::observe(std::size_t env, HearingEngines* own) {
-  if (!active[env]) return;
+  if (!runs(env)) return;
   if (own) {
     if (config.observation.legacy_spectrogram) {  // the new samples, then zeros (FACTS 2.3, step 7)
       const std::size_t samples = own->window.size() / 2, block = size_of(block_samples);
@@ -72,34 +81,16 @@ void BatchedEnv::Impl::observe(std::size_t env, HearingEngines* own) {
     } else {
       agents[env].hearing.analyze(*own, sound_row(heard, env), spectrogram.row(env));
     }
-    clear_if_nonfinite(env, spectrogram, "spectrogram");
+    check(env, Fault::spectrogram, spectrogram.row(env));
   }
   if (config.observation.pointgoal) {
     const Pose pose = agents[env].state.pose(config.task);
-    const glm::dvec3 toward = episode_of(agents[env]).goal_position - agents[env].source->scene->scene->to_world(pose.position);
+    const glm::dvec3 toward = glm::dvec3(episode_of(agents[env]).goal_position) - glm::dvec3(pose.position);
     const double bearing_rad = std::atan2(-toward.x, -toward.z);  // forward_of(h) = (-sin h, 0, -cos h)
     pointgoal.row(env)[0] = static_cast<float>(std::hypot(toward.x, toward.z));
     pointgoal.row(env)[1] = static_cast<float>(std::remainder(bearing_rad - pose.heading_rad, 2.0 * std::numbers::pi));
-    clear_if_nonfinite(env, pointgoal, "pointgoal");
+    check(env, Fault::pointgoal, pointgoal.row(env));
   }
-}
-
-void BatchedEnv::Impl::report_nonfinite(std::size_t env, const char* what) {
-  if (nonfinite_events.fetch_add(1) > 0) return;
-  const Agent& agent = agents[env];
-  const Pose pose = agent.state.pose(config.task);
-  spdlog::error(
-      "{} is not finite and was set to zero (further cases are counted only): scene {}, episode '{}', step {}, position {} {} {}, heading "
-      "{} rad, "
-      "env {}, seed {}",
-      what, episode_of(agent).scene_id, episode_of(agent).episode_id, agent.state.steps(), pose.position.x, pose.position.y,
-      pose.position.z, pose.heading_rad, global_id(env), config.seed);
-}
-
-void BatchedEnv::Impl::clear_if_nonfinite(std::size_t env, SensorRows& sensor, const char* what) {
-  if (all_finite(sensor.row(env))) return;
-  sensor.clear(env);
-  report_nonfinite(env, what);
 }
 
 }  // namespace earshot

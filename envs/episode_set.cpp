@@ -209,6 +209,8 @@ void save_episode_set(const EpisodeSet& set, const std::filesystem::path& path) 
   write_file_atomically(path, path.extension() == ".gz" ? gzip(text) : text);
 }
 
+std::string episode_set_text(const std::vector<Episode>& episodes) { return canonical_text(episodes); }
+
 std::uint64_t episode_set_hash(const std::vector<Episode>& episodes) { return hash64(canonical_text(episodes)); }
 
 }  // namespace earshot

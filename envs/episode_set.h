@@ -23,6 +23,8 @@ EpisodeSet load_episode_set(const std::filesystem::path& path);
 EpisodeSet parse_episode_set(std::string_view json_or_gzip, const std::string& where);
 /// Writes JSON, gzip if the name ends in .gz; atomically.  Same episodes, same bytes.
 void save_episode_set(const EpisodeSet& set, const std::filesystem::path& path);
+/// The JSON of a set of these episodes, as save_episode_set writes it.
+std::string episode_set_text(const std::vector<Episode>& episodes);
 /// EpisodeSet::hash of these episodes, for sets made in memory.
 std::uint64_t episode_set_hash(const std::vector<Episode>& episodes);
 

@@ -14,6 +14,7 @@
 #include <utility>
 
 #include "sim/acoustics/effect_plan.h"
+#include "sim/base/denormals.h"
 
 namespace earshot {
 namespace {
@@ -94,6 +95,7 @@ struct SceneCache::Impl {
   /// wait for the very scene that is being loaded here.
   std::shared_ptr<const EnvScene> load(const std::string& scene_id) const {
     return tbb::this_task_arena::isolate([&]() -> std::shared_ptr<const EnvScene> {
+      const FlushDenormals flush;
       auto scene = std::make_shared<const Scene>(load_scene(resolve(scene_id)));
       // Episodes are short: fields only on request, and what a plan would leave to them is planned without.
       AcousticConfig planned = acoustics;
@@ -103,10 +105,12 @@ struct SceneCache::Impl {
   }
   std::shared_ptr<const EnvSource> build(std::shared_ptr<const EnvScene> scene, glm::vec3 goal, float source_height_m) {
     return tbb::this_task_arena::isolate([&]() -> std::shared_ptr<const EnvSource> {
+      const FlushDenormals flush;
       const EnvScene& in = *scene;
+      GeodesicField field(in.navmesh, goal);  // first: it refuses a goal that is nowhere near the scene, before rays leave from there
       EarlyCandidates candidates(in.acoustics, goal + glm::vec3(0, source_height_m, 0));
       auto sound_field = uses_source_field(in.acoustics) ? fields.get(in.acoustics, candidates) : nullptr;
-      return std::make_shared<const EnvSource>(scene, GeodesicField(in.navmesh, goal), std::move(candidates), std::move(sound_field));
+      return std::make_shared<const EnvSource>(scene, std::move(field), std::move(candidates), std::move(sound_field));
     });
   }
 
@@ -142,6 +146,7 @@ struct SceneCache::Impl {
   }
 
   void prefetch_until(const std::stop_token& stop, SceneCache& cache) {
+    flush_denormals_on_this_thread();
     while (true) {
       Wanted next;
       {

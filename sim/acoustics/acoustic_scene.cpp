@@ -16,6 +16,7 @@
 #include "sim/acoustics/field_smoothing.h"
 #include "sim/acoustics/reflection_model.h"
 #include "sim/acoustics/specular_lobe.h"
+#include "sim/base/denormals.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 
@@ -62,6 +63,7 @@ struct AcousticScene::LazyGrid {
 };
 
 AcousticScene::AcousticScene(std::shared_ptr<const Scene> scene, const AcousticConfig& config) : scene_(std::move(scene)), config_(config) {
+  const FlushDenormals flush;
   validate(config_);
   bands_ = config_.bands > 0 ? BandLayout::log_spaced(config_.bands, config_.sample_rate_hz) : BandLayout::octaves(config_.sample_rate_hz);
   stride_ = (num_bands() + 7) / 8 * 8;

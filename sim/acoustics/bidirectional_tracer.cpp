@@ -9,6 +9,7 @@
 
 #include "sim/acoustics/listener_subpath.h"
 #include "sim/acoustics/ray_balance.h"
+#include "sim/base/denormals.h"
 #include "sim/base/errors.h"
 
 namespace earshot {
@@ -185,6 +186,7 @@ void keep_energy(const EnergyHistogram& histogram, std::uint32_t batch, LateBatc
 
 TraceStats trace_bidirectional(const AcousticScene& scene, const EarlyCandidates& candidates, glm::vec3 listener,
                                EnergyHistogram& histogram, LateBatches* batches, const BidirectionalOptions& options) {
+  const FlushDenormals flush;
   const AcousticConfig& config = scene.config();
   histogram.clear();
   if (batches) batches->clear();
@@ -233,6 +235,7 @@ TraceStats trace_bidirectional(const AcousticScene& scene, const EarlyCandidates
     const std::size_t count = std::min(wave, dealt.size() - first);
     arena.execute([&] {
       tbb::parallel_for(std::size_t{0}, count, [&](std::size_t i) {
+        const FlushDenormals flush_worker;
         BidirectionalScene own = shared;
         own.strategies = strategies_of(config, options, dealt[first + i]);
         part_stats[i] = {};

@@ -10,6 +10,7 @@
 #include "sim/acoustics/band_filters.h"
 #include "sim/acoustics/band_flattener.h"
 #include "sim/audio/fft.h"
+#include "sim/base/denormals.h"
 #include "sim/base/errors.h"
 #include "sim/base/random.h"
 
@@ -67,7 +68,10 @@ struct Octaves {
   /// Flattens all octaves of the noise, or the lowest ones only; then every bin has the magnitude of white noise again.
   void pass(bool low_only, std::span<std::vector<Complex>> noise) {
     const int count = low_only ? num_low : filters.num_bands();
-    tbb::parallel_for(0, count, [&](int band) { flatteners[static_cast<std::size_t>(band)].flatten(noise); });
+    tbb::parallel_for(0, count, [&](int band) {
+      const FlushDenormals flush;
+      flatteners[static_cast<std::size_t>(band)].flatten(noise);
+    });
     for (std::vector<Complex>& channel : noise) {
       const auto c = static_cast<std::size_t>(&channel - noise.data());
       const std::size_t num_bins = channel.size(), used = low_only ? num_low_bins : num_bins;
@@ -111,6 +115,7 @@ void make_flat_noise(float sample_rate_hz, int length, std::uint64_t seed, std::
 CarrierBank::CarrierBank(const BandLayout& bands, float sample_rate_hz, int num_channels, int length, std::uint64_t seed, CarrierKind kind)
     : length_(static_cast<std::size_t>(length)), num_channels_(num_channels) {
   require(num_channels >= 1 && num_channels <= kMaxChannels, "carrier channels", num_channels, "must be in [1, 256]");
+  const FlushDenormals flush;
   const auto channels = static_cast<std::size_t>(num_channels);
   std::vector<std::vector<Complex>> noise(channels);
   if (kind == CarrierKind::plain) {
@@ -118,12 +123,15 @@ CarrierBank::CarrierBank(const BandLayout& bands, float sample_rate_hz, int num_
   } else {
     const std::size_t together = std::min(channels, BandFlattener::kMaxChannels);
     make_flat_noise(sample_rate_hz, length, seed, 0, std::span(noise).first(together));
-    tbb::parallel_for(together, channels,
-                      [&](std::size_t c) { make_flat_noise(sample_rate_hz, length, seed, c, std::span(noise).subspan(c, 1)); });
+    tbb::parallel_for(together, channels, [&](std::size_t c) {
+      const FlushDenormals flush_worker;
+      make_flat_noise(sample_rate_hz, length, seed, c, std::span(noise).subspan(c, 1));
+    });
   }
   const BandFilters filters(bands, sample_rate_hz, length);
   samples_.resize(static_cast<std::size_t>(bands.size()) * channels * length_);
   tbb::parallel_for(0, bands.size(), [&](int band) {
+    const FlushDenormals flush_worker;
     RealFft fft(length);
     std::vector<Complex> spectrum(filters.num_bins());
     for (std::size_t c = 0; c < channels; ++c) {

@@ -6,6 +6,7 @@
 #include <numbers>
 
 #include "sim/acoustics/sampling.h"
+#include "sim/base/denormals.h"
 #include "sim/base/random.h"
 
 namespace earshot {
@@ -53,6 +54,7 @@ bool same_path(const Arrival& a, const Arrival& b) {
 
 EarlyCandidates::EarlyCandidates(const AcousticScene& scene, const SoundSource& sound_source)
     : source_(sound_source), emission_(sound_source, scene.bands()), diffraction_(scene, sound_source.position) {
+  const FlushDenormals flush;
   const glm::vec3 source = source_.position;
   const AcousticConfig& config = scene.config();
   const int order = scene.image_order();

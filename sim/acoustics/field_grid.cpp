@@ -9,6 +9,7 @@
 #include <numeric>
 #include <utility>
 
+#include "sim/base/denormals.h"
 #include "sim/base/random.h"
 
 namespace earshot {
@@ -55,6 +56,7 @@ FieldGrid::FieldGrid(const Scene& scene, float cell_m) : scene_(&scene) {
   const std::vector<bool> holds_geometry = boxes_with_geometry();
   std::vector<std::vector<Cell>> pieces(holds_geometry.size());
   tbb::parallel_for(std::size_t{0}, pieces.size(), [&](std::size_t i) {
+    const FlushDenormals flush;
     const auto box = static_cast<int>(i);
     const glm::ivec3 index(box / (count_.y * count_.z), box / count_.z % count_.y, box % count_.z);
     if (holds_geometry[i]) {

@@ -15,6 +15,7 @@
 #include "sim/acoustics/sampling.h"
 #include "sim/acoustics/source_volume.h"
 #include "sim/audio/ambisonics.h"
+#include "sim/base/denormals.h"
 #include "sim/base/random.h"
 
 namespace earshot {
@@ -81,6 +82,7 @@ void trace_chunks(const Trace& trace, std::uint32_t num_chunks, EnergyHistogram&
   for (std::uint32_t first = 0; first < num_chunks; first += wave_size) {
     const std::uint32_t count = std::min(wave_size, num_chunks - first);
     const auto run = [&](std::uint32_t i) {
+      const FlushDenormals flush;
       parts[i].clear();
       part_stats[i] = {};
       trace_chunk(trace, first + i, parts[i], part_stats[i]);
@@ -127,6 +129,7 @@ bool has_shape_of(const AcousticScene& scene, const EnergyHistogram& histogram) 
 }
 
 TraceStats trace_late(const AcousticScene& scene, const EarlyCandidates& candidates, glm::vec3 listener, EnergyHistogram& histogram) {
+  const FlushDenormals flush;
   const AcousticConfig& config = scene.config();
   histogram.clear();
   TraceStats stats;

@@ -9,6 +9,7 @@
 #include <thread>
 #include <utility>
 
+#include "sim/base/denormals.h"
 #include "sim/base/errors.h"
 
 namespace earshot {
@@ -23,6 +24,7 @@ struct RefiningField::Impl {
   std::jthread thread;  // last, so that it ends before what it uses goes
 
   void refine(const std::stop_token& stop, const AcousticScene& scene, const EarlyCandidates& candidates) {
+    flush_denormals_on_this_thread();
     try {
       SourceFieldBuilder builder(scene, candidates);
       while (!stop.stop_requested() && builder.refine()) publish(builder.snapshot());

@@ -8,6 +8,7 @@
 #include "sim/acoustics/effect_plan.h"
 #include "sim/acoustics/source_field.h"
 #include "sim/acoustics/transmission.h"
+#include "sim/base/denormals.h"
 
 namespace earshot {
 namespace {
@@ -33,6 +34,7 @@ void compute_energy_response(const AcousticScene& scene, const EarlyCandidates& 
 
 void compute_energy_response(const AcousticScene& scene, const EarlyCandidates& candidates, const SourceField* field, glm::vec3 listener,
                              EnergyResponse& response, const std::function<void(double share)>& progress) {
+  const FlushDenormals flush;
   response.speed_of_sound_m_per_s = scene.speed_of_sound_m_per_s();
   response.arrivals.clear();
   candidates.find_arrivals(scene, listener, response.arrivals);

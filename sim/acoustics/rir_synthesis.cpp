@@ -20,6 +20,7 @@
 #include "sim/audio/fft.h"
 #include "sim/audio/harmonic_rotation.h"
 #include "sim/audio/spectrum_math.h"
+#include "sim/base/denormals.h"
 #include "sim/base/errors.h"
 #include "sim/base/random.h"
 
@@ -339,6 +340,7 @@ int RirSynthesizer::count_samples(const EnergyHistogram& late) const {
 
 void RirSynthesizer::render(const EnergyResponse& response, const ListenerTurn& turn, std::uint64_t carrier_key, Rir& rir,
                             LateSound* kept) {
+  const FlushDenormals flush;
   const SynthesisTables& tables = *tables_;
   require(response.late.num_bins() == 0 || response.late.num_bands() == tables.num_bands, "bands of the response",
           response.late.num_bands(), "must be those of the tables");

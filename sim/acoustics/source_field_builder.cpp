@@ -14,6 +14,7 @@
 #include "sim/acoustics/photon_pass.h"
 #include "sim/acoustics/source_field.h"
 #include "sim/audio/ambisonics.h"
+#include "sim/base/denormals.h"
 #include "sim/base/errors.h"
 
 namespace earshot {
@@ -88,8 +89,10 @@ struct SourceFieldBuilder::Impl {
       const int available = tbb::this_task_arena::max_concurrency();
       tbb::task_arena arena(threads == 0 ? available : std::min(threads, available));
       arena.execute([&] {
-        tbb::parallel_for(0u, kChunksPerRound,
-                          [&](std::uint32_t i) { trace_photons(scene, candidates, grid, first + i, tracks[i], stats[i]); });
+        tbb::parallel_for(0u, kChunksPerRound, [&](std::uint32_t i) {
+          const FlushDenormals flush;
+          trace_photons(scene, candidates, grid, first + i, tracks[i], stats[i]);
+        });
       });
       for (std::uint32_t i = 0; i < kChunksPerRound; ++i) add(tracks[i], i);
     }
@@ -173,6 +176,7 @@ SourceFieldBuilder::~SourceFieldBuilder() = default;
 SourceFieldBuilder::SourceFieldBuilder(SourceFieldBuilder&&) noexcept = default;
 
 bool SourceFieldBuilder::refine() {
+  const FlushDenormals flush;
   Impl& in = *impl_;
   const AcousticConfig& config = in.scene.config();
   const auto most =
@@ -194,6 +198,7 @@ double SourceFieldBuilder::t20_error() const { return impl_->t20_error; }
 std::uint64_t SourceFieldBuilder::photons() const { return impl_->photons(); }
 
 std::shared_ptr<const SourceField> SourceFieldBuilder::snapshot() const {
+  const FlushDenormals flush;
   const Impl& in = *impl_;
   const std::vector<Impl::Kept> kept = in.keep();
   std::vector<FieldEntry> entries(kept.size());

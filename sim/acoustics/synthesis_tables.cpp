@@ -5,6 +5,7 @@
 
 #include "sim/acoustics/late_array.h"
 #include "sim/audio/fft.h"
+#include "sim/base/denormals.h"
 #include "sim/base/errors.h"
 
 namespace earshot {
@@ -110,6 +111,7 @@ void SynthesisTables::make_decoder() {
 
 std::shared_ptr<const SynthesisTables> make_synthesis_tables(const AcousticConfig& config, const BandLayout& bands,
                                                              const ListenerLayout& layout, std::shared_ptr<const Hrtf> hrtf) {
+  const FlushDenormals flush;
   require(config.sample_rate_hz >= 8000.f && config.sample_rate_hz <= 96000.f, "sample_rate_hz", config.sample_rate_hz,
           "must be in [8000, 96000]");
   require(config.rir_length_s > 0 && config.rir_length_s <= 60, "rir_length_s", config.rir_length_s, "must be in (0, 60]");

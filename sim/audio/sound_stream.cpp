@@ -7,6 +7,7 @@
 
 #include "sim/audio/fft.h"
 #include "sim/audio/spectrum_math.h"
+#include "sim/base/denormals.h"
 #include "sim/base/errors.h"
 
 namespace earshot {
@@ -151,6 +152,7 @@ StreamConvolver::~StreamConvolver() = default;
 StreamConvolver::StreamConvolver(StreamConvolver&&) noexcept = default;
 
 void StreamConvolver::transform(std::span<const float> rir, int rir_samples, RirSpectra& spectra) {
+  const FlushDenormals flush;
   Impl& in = *impl_;
   EARSHOT_EXPECT(rir_samples >= 0 && rir_samples <= in.config.max_rir_samples);
   const auto length = static_cast<std::size_t>(rir_samples), part = static_cast<std::size_t>(in.plan.part);
@@ -175,6 +177,7 @@ void StreamConvolver::transform(std::span<const float> rir, int rir_samples, Rir
 
 void StreamConvolver::convolve(const SoundClip& clip, std::uint64_t clip_key, const StreamPosition& position, const RirSpectra& rir,
                                const RirSpectra* previous, int block, std::span<float> output) {
+  const FlushDenormals flush;
   Impl& in = *impl_;
   const auto width = static_cast<std::size_t>(block);
   EARSHOT_EXPECT(block >= 0 && block <= in.config.max_block_samples && output.size() >= width * in.num_channels);

@@ -9,6 +9,7 @@
 #include <numeric>
 #include <vector>
 
+#include "sim/base/denormals.h"
 #include "sim/base/errors.h"
 
 namespace earshot {
@@ -144,6 +145,7 @@ void SpectrogramAnalyzer::analyze(std::span<const float> sound, std::span<float>
 
 void SpectrogramAnalyzer::analyze(std::span<const float> sound, std::size_t new_samples, SpectrogramHistory& history,
                                   std::span<float> spectrogram) {
+  const FlushDenormals flush;
   Impl& in = *impl_;
   const auto samples = static_cast<std::size_t>(in.config.num_samples), hop = static_cast<std::size_t>(in.config.hop);
   EARSHOT_EXPECT(sound.size() == 2 * samples && spectrogram.size() == 2 * in.rows * in.columns);

@@ -81,6 +81,13 @@ ConfigReader ConfigReader::from_text(std::string_view yaml, std::string where, c
   return {root, std::move(where), ""};
 }
 
+ConfigReader ConfigReader::recorder() {
+  ConfigReader reader(YAML::Node(YAML::NodeType::Map), "recorder", "");
+  reader.records_ = true;
+  reader.effective_ = YAML::Node(YAML::NodeType::Map);
+  return reader;
+}
+
 bool ConfigReader::has(const std::string& key) { return static_cast<bool>(find(key)); }
 
 YAML::Node ConfigReader::find(const std::string& key) {
@@ -92,7 +99,15 @@ YAML::Node ConfigReader::find(const std::string& key) {
 
 ConfigReader ConfigReader::child(const std::string& key) {
   const YAML::Node node = find(key);
-  if (!node) return {YAML::Node(YAML::NodeType::Map), where_, prefix_ + key + "."};
+  if (!node) {
+    ConfigReader absent(YAML::Node(YAML::NodeType::Map), where_, prefix_ + key + ".");
+    if (records_) {
+      absent.records_ = true;
+      absent.effective_ = YAML::Node(YAML::NodeType::Map);
+      effective_[key] = absent.effective_;
+    }
+    return absent;
+  }
   if (!node.IsMap()) fail(key, "must be a map of keys and values");
   return {node, where_, prefix_ + key + "."};
 }
@@ -120,6 +135,8 @@ void ConfigReader::finish() const {
 void ConfigReader::fail(const std::string& key, const std::string& problem) const {
   throw InputError(where_, prefix_ + key + ": " + problem, "");
 }
+
+std::string ConfigReader::effective() const { return YAML::Dump(effective_) + "\n"; }
 
 std::string ConfigReader::text() const { return YAML::Dump(map_) + "\n"; }
 

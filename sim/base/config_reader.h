@@ -29,6 +29,8 @@ class ConfigReader {
   static ConfigReader from_file(const std::filesystem::path& path, const std::vector<std::string>& overrides = {});
   /// where: how messages name the text.
   static ConfigReader from_text(std::string_view yaml, std::string where, const std::vector<std::string>& overrides = {});
+  /// Reads nothing, so that every value stays, and notes what each key holds: effective() is then the config as YAML, defaults included.
+  static ConfigReader recorder();
 
   /// Reads `key` into `value` if it is there.  Throws InputError naming file, key, value and the wanted type.
   template <class T>
@@ -40,6 +42,7 @@ class ConfigReader {
         fail(key, "'" + shown(node) + "' cannot be read as " + type_name<T>());
       }
     }
+    if (records_) effective_[key] = value;
   }
   /// Like read; the key must be there.
   template <class T>
@@ -51,6 +54,9 @@ class ConfigReader {
   template <class T>
   void read_choice(const std::string& key, T& value, const std::map<std::string, T>& choices) {
     std::string name;
+    if (records_)
+      for (const auto& [choice, meaning] : choices)
+        if (meaning == value) effective_[key] = choice;
     if (!has(key)) return;
     read(key, name);
     const auto found = choices.find(name);
@@ -79,6 +85,8 @@ class ConfigReader {
   [[nodiscard]] const std::string& where() const { return where_; }
   /// The map as YAML text, overrides included.
   [[nodiscard]] std::string text() const;
+  /// Of a recorder: what was noted, as YAML text.
+  [[nodiscard]] std::string effective() const;
 
  private:
   ConfigReader(YAML::Node map, std::string where, std::string prefix);
@@ -96,6 +104,8 @@ class ConfigReader {
   YAML::Node map_;
   std::string where_, prefix_;
   std::set<std::string> known_;
+  bool records_ = false;
+  YAML::Node effective_;  ///< shared with the reader of the parent map
 };
 
 /// The candidate nearest to `word` by edit distance, or empty if none is within a third of its length.

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "sim/base/denormals.h"
 #include "sim/base/errors.h"
 
 namespace earshot {
@@ -24,6 +25,7 @@ RayRenderer::RayRenderer(const CameraConfig& config) : config_(config) {
 }
 
 void RayRenderer::render_depth(const Scene& scene, const Pose& pose, std::span<float> depth) const {
+  const FlushDenormals flush;
   EARSHOT_EXPECT(depth.size() == directions_.size());
   const glm::vec3 forward = forward_of(pose.heading_rad), right = right_of(pose.heading_rad);
   const glm::vec3 eye = pose.position + glm::vec3(0.f, config_.height_m, 0.f);

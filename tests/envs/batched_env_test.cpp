@@ -399,18 +399,21 @@ TEST(BatchedEnv, LegacySpectrogramsHoldTheNewSamplesOnly) {
   EXPECT_GT(loudest, 0.f);
 }
 
-TEST(BatchedEnv, OverflowIsZeroedAndCounted) {
+// Every episode is too loud for a float: the run ends, and says so.  One among others: tests/stability/quarantine_replay_test.cpp.
+TEST(BatchedEnv, OverflowEverywhereStopsTheRun) {
   EnvConfig config = quick_env_config();
   config.sound_gain = 1e38f;  // finite sounds whose spectra are not
-  BatchedEnv env(config, quick_set(1), make_scene_cache(config), 2);
-  env.reset();
-  for (int i = 0; i < 4; ++i) step(env, 0, i);
-  EXPECT_GT(env.nonfinite_events(), 0u);
-  for (const auto rows : {env.spectrogram(), env.heard(), env.audiogoal(), env.depth(), env.rewards()})
-    for (const float value : rows) ASSERT_TRUE(std::isfinite(value));
+  for (const EpisodeOrder order : {EpisodeOrder::random, EpisodeOrder::once}) {
+    config.order = order;
+    BatchedEnv env(config, quick_set(1), make_scene_cache(config), 2);
+    EXPECT_THROW(env.reset(), InputError);
+    EXPECT_GT(env.nonfinite_events(), 0u);
+    for (const auto rows : {env.spectrogram(), env.heard(), env.audiogoal(), env.depth(), env.rewards()})
+      for (const float value : rows) ASSERT_TRUE(std::isfinite(value));
+  }
 }
 
-TEST(BatchedEnv, EpisodesWithoutAPathArePassedOverOrNamed) {
+TEST(BatchedEnv, EpisodesWithoutAPathArePassedOverOrCountAsFailed) {
   // The start lies outside of the room, where nothing can be walked on.
   auto bad = room_episode("shoebox:6x3x5@0.3", {60, 0, 1}, 0, {4, 0, 3}, "synth:noise");
   bad.episode_id = "lost";
@@ -423,15 +426,22 @@ TEST(BatchedEnv, EpisodesWithoutAPathArePassedOverOrNamed) {
 
   config.order = EpisodeOrder::once;
   BatchedEnv once(config, make_set({bad, good}), make_scene_cache(config), 2);
+  once.reset();
+  EXPECT_THAT(once.active(), testing::ElementsAre(0, 1));
+  once.step(std::vector<std::int32_t>{0, 0});
+  ASSERT_EQ(once.finished().size(), 2u);
+  for (const FinishedEpisode& end : once.finished()) {
+    EXPECT_EQ(end.fault.has_value(), end.episode_index == 0);
+    EXPECT_EQ(end.metrics.success, 0.0);
+  }
+  config.order = EpisodeOrder::random;
+  BatchedEnv hopeless(config, make_set({bad}), make_scene_cache(config), 1);
   try {
-    once.reset();
+    hopeless.reset();
     FAIL();
   } catch (const InputError& error) {
     EXPECT_THAT(error.what(), testing::HasSubstr("'lost'"));
   }
-  config.order = EpisodeOrder::random;
-  BatchedEnv hopeless(config, make_set({bad}), make_scene_cache(config), 1);
-  EXPECT_THROW(hopeless.reset(), InputError);
 }
 
 TEST(BatchedEnv, MissingScenesAndSoundsAreNamed) {

@@ -41,6 +41,7 @@ scene_cache_gb: 0.5
 prefetch: false
 field_store: some/folder
 field_store_gb: 2.5
+quarantine_dir: some/other
 )",
                                      {"task.forward_m=0.25"});
   EXPECT_EQ(config.task.max_steps, 77);
@@ -55,6 +56,7 @@ field_store_gb: 2.5
   EXPECT_FALSE(config.prefetch);
   EXPECT_EQ(config.field_store, "some/folder");
   EXPECT_EQ(config.field_store_gb, 2.5);
+  EXPECT_EQ(config.quarantine_dir, "some/other");
 }
 
 TEST(EnvConfig, PresetComesBeforeItsOverrides) {

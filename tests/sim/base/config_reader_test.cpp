@@ -105,6 +105,34 @@ TEST(ConfigReader, MutatedTextNeverEscapesAsAnotherException) {
   }
 }
 
+TEST(ConfigReader, ARecorderNotesEveryKeyWithItsValue) {
+  ConfigReader recorder = ConfigReader::recorder();
+  int rays = 7;
+  float gain = 0.1f;
+  std::string name = "auto: yes";
+  bool on = true;
+  recorder.read("rays", rays);
+  recorder.read("name", name);
+  recorder.read_choice<bool>("switch", on, {{"off", false}, {"on", true}});
+  ConfigReader child = recorder.child("sound");
+  child.read("gain", gain);
+  child.finish();
+  recorder.finish();
+  EXPECT_EQ(rays, 7);
+
+  rays = 0, gain = 0, name = "", on = false;
+  ConfigReader reader = ConfigReader::from_text(recorder.effective(), "recorded");
+  reader.read_required("rays", rays);
+  reader.read_required("name", name);
+  reader.read_choice<bool>("switch", on, {{"off", false}, {"on", true}});
+  ConfigReader sound = reader.child("sound");
+  sound.read_required("gain", gain);
+  EXPECT_EQ(rays, 7);
+  EXPECT_EQ(gain, 0.1f);
+  EXPECT_EQ(name, "auto: yes");
+  EXPECT_TRUE(on);
+}
+
 TEST(NearestWord, FindsTyposOnly) {
   EXPECT_EQ(nearest_word("enviroment", {"environment", "engine"}), "environment");
   EXPECT_EQ(nearest_word("xyz", {"environment", "engine"}), "");

@@ -1,0 +1,9 @@
+#include "envs/engine_commit.h"
+
+#include "build_commit.inc"
+
+namespace earshot {
+
+std::string engine_commit() { return kBuildCommit; }
+
+}  // namespace earshot

@@ -1,0 +1,113 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "envs/batched_env_impl.h"
+#include "envs/engine_commit.h"
+#include "sim/base/errors.h"
+
+namespace earshot {
+namespace {
+
+/// So many episodes that could not begin, and none that could, are taken for a set of which nothing can be used.
+constexpr std::uint64_t kHopeless = 64;
+
+}  // namespace
+
+void BatchedEnv::Impl::report(std::size_t env, Fault fault, std::string detail) {
+  if (!agents[env].fault) agents[env].fault = {fault, std::move(detail)};
+}
+
+bool BatchedEnv::Impl::check(std::size_t env, Fault kind, std::span<float> values) {
+  const Agent& agent = agents[env];
+  if (tap)
+    tap({.kind = kind, .env = static_cast<int>(global_id(env)), .episode_index = agent.episode_index, .step = agent.state.steps()}, values);
+  if (all_finite(values)) return true;
+  const auto bad = std::find_if(values.begin(), values.end(), [](float value) { return !std::isfinite(value); });
+  const Pose pose = agent.state.pose(config.task);
+  report(env, kind,
+         fmt::format("value {} of {} is {}, at position {} {} {}, heading {} rad", bad - values.begin(), values.size(), *bad,
+                     pose.position.x, pose.position.y, pose.position.z, pose.heading_rad));
+  return false;
+}
+
+void BatchedEnv::Impl::clear_rows(std::size_t env) {
+  for (SensorRows* sensor : {&depth, &spectrogram, &pointgoal}) sensor->clear(env);
+  for (std::vector<float>* sound : {&audiogoal, &heard}) std::ranges::fill(sound_row(*sound, env), 0.f);
+}
+
+/// Counts the agent's fault and writes its file.
+void BatchedEnv::Impl::quarantine_episode(std::size_t env) {
+  const Agent& agent = agents[env];
+  quarantine.add({.report = *agent.fault,
+                  .engine = engine_commit(),
+                  .set_hash = set->hash,
+                  .seed = config.seed,
+                  .episode_index = agent.episode_index,
+                  .env = static_cast<int>(global_id(env)),
+                  .episode_count = agent.episode_count,
+                  .step = static_cast<int>(agent.actions.size()),
+                  .actions = agent.actions,
+                  .episode = episode_of(agent),
+                  .config = config_text(config)});
+}
+
+/// How the faulty episode counts among the finished: as failed, at the distance that is known.
+FinishedEpisode BatchedEnv::Impl::failed_episode(std::size_t env) const {
+  const Agent& agent = agents[env];
+  FinishedEpisode failed_one{.env = static_cast<int>(global_id(env)),
+                             .episode_index = agent.episode_index,
+                             .metrics = agent.state.metrics(config.task),
+                             .actions = agent.actions,
+                             .fault = agent.fault};
+  EpisodeMetrics& metrics = failed_one.metrics;
+  metrics.success = metrics.spl = metrics.soft_spl = metrics.sna = 0;
+  metrics.steps = static_cast<int>(agent.actions.size());
+  if (metrics.steps == 0 || !std::isfinite(metrics.dtg_m)) metrics.dtg_m = static_cast<double>(episode_of(agent).geodesic_distance_m);
+  if (!std::isfinite(metrics.reward)) metrics.reward = 0;
+  return failed_one;
+}
+
+/// In the step that found the fault: no reward, truncated, nothing to see or hear.
+void BatchedEnv::Impl::end_faulty_episode(std::size_t env) {
+  if (!agents[env].fault) return;
+  quarantine_episode(env);
+  rewards[env] = 0.f;
+  terminated[env] = collided[env] = 0;
+  truncated[env] = quarantined[env] = 1;
+  clear_rows(env);
+}
+
+/// Has any episode ended in this step?
+bool BatchedEnv::Impl::collect_finished() {
+  bool any = false;
+  for (std::size_t env = 0; env < agents.size(); ++env) {
+    if (!ended(env)) continue;
+    any = true;
+    Agent& agent = agents[env];
+    if (!agent.fault)
+      finished.push_back({.env = static_cast<int>(global_id(env)),
+                          .episode_index = agent.episode_index,
+                          .metrics = agent.state.metrics(config.task),
+                          .actions = std::move(agent.actions)});
+    else if (config.order == EpisodeOrder::once)
+      finished.push_back(failed_episode(env));
+  }
+  return any;
+}
+
+void BatchedEnv::Impl::stop_if_none_begins() const {
+  if (begun > 0 || failed < std::min<std::uint64_t>(kHopeless, set->episodes.size())) return;
+  if (std::ranges::any_of(active, [](std::uint8_t flag) { return flag != 0; })) return;
+  const QuarantineCounters counters = quarantine.counters();
+  std::string reasons;
+  for (std::size_t i = 0; i < kNumFaults; ++i)
+    if (counters.episodes[i] > 0)
+      reasons += fmt::format("{}{} ({})", reasons.empty() ? "" : ", ", name_of(static_cast<Fault>(i)), counters.episodes[i]);
+  throw InputError("episode set", fmt::format("none of {} episodes could begin; reasons: {}", failed.load(), reasons),
+                   "see the log above for the first of each reason; are scene_root and sound_root right?");
+}
+
+}  // namespace earshot
