@@ -98,7 +98,7 @@ void BatchedEnv::Impl::enter_episode(std::size_t env) {
   agent.source = scenes->source(episode.scene_id, episode.goal_position, task.source_height_m);
   const Navmesh& navmesh = agent.source->scene->navmesh;
   const GeodesicField& field = agent.source->field;
-  const auto start = navmesh.snap(episode.start_position);
+  const auto start = navmesh.snap(agent.source->scene->scene->to_local(episode.start_position));
   const auto distance_m = start ? field.distance_m(*start) : std::nullopt;
   if (!distance_m || !std::isfinite(*distance_m))
     return report(env, Fault::path, start ? "no walkable path leads from its start to its goal" : "its start is off the walkable surface");

@@ -85,7 +85,7 @@ void BatchedEnv::Impl::observe(std::size_t env, HearingEngines* own) {
   }
   if (config.observation.pointgoal) {
     const Pose pose = agents[env].state.pose(config.task);
-    const glm::dvec3 toward = glm::dvec3(episode_of(agents[env]).goal_position) - glm::dvec3(pose.position);
+    const glm::dvec3 toward = episode_of(agents[env]).goal_position - agents[env].source->scene->scene->to_world(pose.position);
     const double bearing_rad = std::atan2(-toward.x, -toward.z);  // forward_of(h) = (-sin h, 0, -cos h)
     pointgoal.row(env)[0] = static_cast<float>(std::hypot(toward.x, toward.z));
     pointgoal.row(env)[1] = static_cast<float>(std::remainder(bearing_rad - pose.heading_rad, 2.0 * std::numbers::pi));
