@@ -7,6 +7,7 @@
 #include <cmath>
 #include <mutex>
 
+#include "sim/acoustics/histogram_sum.h"
 #include "sim/acoustics/listener_subpath.h"
 #include "sim/acoustics/ray_balance.h"
 #include "sim/base/denormals.h"
@@ -40,26 +41,6 @@ struct Batch {
   std::uint32_t index = 0, num_rays = 0, num_source_paths = 0;
 };
 
-/// Sums histograms in double.
-class Accumulator {
- public:
-  explicit Accumulator(std::size_t size) : sum_(size, 0.0) {}
-  void add(EnergyHistogram& part, double factor = 1.0) {
-    const std::span<const float> values = part.values();
-    for (std::size_t i = 0; i < sum_.size(); ++i) sum_[i] += factor * values[i];
-    dropped_ += factor * part.dropped_energy();
-  }
-  void write(EnergyHistogram& histogram) const {
-    histogram.clear();
-    std::transform(sum_.begin(), sum_.end(), histogram.values().begin(), [](double value) { return static_cast<float>(value); });
-    histogram.add_dropped(dropped_);
-  }
-
- private:
-  std::vector<double> sum_;
-  double dropped_ = 0;
-};
-
 template <int W>
 class BatchTracer {
  public:
@@ -67,9 +48,8 @@ class BatchTracer {
       : shared_(shared), batch_(batch), result_(result), part_(make_histogram(shared.scene)), stats_(stats), progress_(progress) {}
 
   void run() {
-    Accumulator sum(result_.values().size());
-    trace_sources();
-    sum.add(part_);
+    HistogramSum sum(result_);
+    trace_sources(sum);
     std::vector<ListenerRay<W>> rays;
     for (std::uint32_t first = 0; first < batch_.num_rays; first += kRaysPerChunk) {
       const std::uint32_t count = std::min(kRaysPerChunk, batch_.num_rays - first);
@@ -92,7 +72,8 @@ class BatchTracer {
     return {shift[0], shift[1]};
   }
 
-  void trace_sources() {
+  /// Keeps the source's paths, and adds what connects them to the listener to `sum`, by blocks that float can add.
+  void trace_sources(HistogramSum& sum) {
     const auto num_events = static_cast<std::uint32_t>(shared_.strategies.source_bounces);
     vertices_.assign(std::size_t{batch_.num_source_paths} * num_events, {});
     sources_ = {.vertices = vertices_, .num_paths = batch_.num_source_paths, .num_events = num_events};
@@ -106,6 +87,9 @@ class BatchTracer {
                               vertices, stats_);
       if (!(shared_.strategies.to_listener > 0)) continue;
       for (const SourceVertex<W>& vertex : vertices) connect_to_listener(shared_, vertex, share, out);
+      if ((path + 1) % kRaysPerChunk != 0 && path + 1 != batch_.num_source_paths) continue;
+      sum.add(part_);
+      part_.clear();
     }
   }
 
@@ -126,8 +110,9 @@ class BatchTracer {
         any_alive = any_alive || rays[i].alive;
       }
       if (!any_alive) return;
-      balance<W>(shared_.scene.num_bands(), rays,
-                 RandomStream(shared_.seed, Purpose::roulette, first / kRaysPerChunk, stage, batch_.index + 1).uniform(0));
+      stats_.nonfinite_dropped += static_cast<std::uint64_t>(
+          balance<W>(shared_.scene.num_bands(), rays,
+                     RandomStream(shared_.seed, Purpose::roulette, first / kRaysPerChunk, stage, batch_.index + 1).uniform(0)));
     }
   }
 
@@ -227,7 +212,7 @@ TraceStats trace_bidirectional(const AcousticScene& scene, const EarlyCandidates
   const std::size_t wave = std::clamp<std::size_t>(kWaveBytes / bytes, 1, dealt.size());
   std::vector<EnergyHistogram> results(wave, make_histogram(scene));
   std::vector<TraceStats> part_stats(wave);
-  Accumulator sum(histogram.values().size());
+  HistogramSum sum(histogram);
   ShareDone progress(options.progress, stats.rays);
   const int available = tbb::this_task_arena::max_concurrency();
   tbb::task_arena arena(config.threads == 0 ? available : std::min(config.threads, available));

@@ -1,5 +1,7 @@
 #include "sim/acoustics/early_reflections.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <glm/geometric.hpp>
@@ -7,10 +9,20 @@
 
 #include "sim/acoustics/sampling.h"
 #include "sim/base/denormals.h"
+#include "sim/base/errors.h"
 #include "sim/base/random.h"
 
 namespace earshot {
 namespace {
+
+/// Its position, if it is one.
+glm::vec3 checked_position(const SoundSource& source) {
+  const glm::vec3 p = source.position;
+  if (!(std::fabs(p.x) <= kFarthestM && std::fabs(p.y) <= kFarthestM && std::fabs(p.z) <= kFarthestM))
+    throw InputError(fmt::format("source ({}, {}, {})", p.x, p.y, p.z), "is no place in a scene", "give three numbers in metres");
+  require(source.radius_m >= 0.f && source.radius_m <= 100.f, "radius of the source", source.radius_m, "must be in [0, 100] m");
+  return p;
+}
 
 constexpr double kMaxSequencesPerOrder = 2048;  // of the exhaustive search
 constexpr double kSlackM = 1e-6;                // of what only sifts
@@ -53,7 +65,7 @@ bool same_path(const Arrival& a, const Arrival& b) {
 }  // namespace
 
 EarlyCandidates::EarlyCandidates(const AcousticScene& scene, const SoundSource& sound_source)
-    : source_(sound_source), emission_(sound_source, scene.bands()), diffraction_(scene, sound_source.position) {
+    : source_(sound_source), emission_(sound_source, scene.bands()), diffraction_(scene, checked_position(sound_source)) {
   const FlushDenormals flush;
   const glm::vec3 source = source_.position;
   const AcousticConfig& config = scene.config();

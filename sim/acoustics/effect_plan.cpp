@@ -76,6 +76,8 @@ class Planner {
                                .why = std::move(why)});
   }
 
+  /// As many as 2^31 - 1 from the listener alone: not an int.
+  [[nodiscard]] double all_rays() const { return double{1} * config_.rays + config_.source_rays; }
   // cost model, milliseconds on one core
   [[nodiscard]] double segments_per_ray(double length_s) const {
     if (!(probe_.mean_free_path_m > 0)) return 1;
@@ -86,7 +88,7 @@ class Planner {
   [[nodiscard]] double trace_ms(double rays, double length_s) const {
     return rays * segments_per_ray(length_s) * 3.0 * probe_.query_us * 1e-3;
   }
-  [[nodiscard]] double late_ms() const { return trace_ms(config_.rays + config_.source_rays, plan_.rir_length_s); }
+  [[nodiscard]] double late_ms() const { return trace_ms(all_rays(), plan_.rir_length_s); }
 
   void decide_length() {
     const auto& fall_s = config_.air_absorption == Switch::off ? probe_.decay_s : probe_.decay_with_air_s;
@@ -104,7 +106,7 @@ class Planner {
     // An exponential decay is cut off 60 dB down: that moves T30 by less than the 0.85 % of a cut at -45 dB (ORACLES 3.1).
     if (automatic) {
       const bool capped = wanted_s > kLongestRirS;
-      const double saved = trace_ms(config_.rays + config_.source_rays, kLongestRirS) - late_ms();
+      const double saved = trace_ms(all_rays(), kLongestRirS) - late_ms();
       add("rir_length_s", false, fmt::format("{:.2f} s", plan_.rir_length_s), capped ? ends_db : 100 * kEffectBudgetRt,
           capped ? "dB of decay kept" : "% of T30", capped ? BoundKind::traded : BoundKind::bounded, saved,
           fmt::format("{}, after at most {:.2f} s on the way, with a margin{}", decay, delay_s, capped ? "; cut at 4 s" : ""));
@@ -244,7 +246,7 @@ class Planner {
     if (plan_.straight_transmission) {
       // Photons pass walls once for all poses, many rays are asked for where accuracy counts; with few rays per pose walls would double the
       // time for less than their noise, unless they are the only way.
-      const bool affordable = wanted || config_.rays + config_.source_rays >= kManyRays || std::isinf(wall_to_air);
+      const bool affordable = wanted || all_rays() >= kManyRays || std::isinf(wall_to_air);
       plan_.traced_transmission = plan_.late && (forced || (matters && affordable));
       if (forced) {
         add("transmission_late", true, "on", change_db, "dB", BoundKind::asked, 0, "");

@@ -10,7 +10,7 @@ namespace earshot {
 
 /// The image: this, then [num_cells] FieldEntry, then the values of all entries, each [bins of the entry][coefficients][padded bands].
 struct FieldHeader {
-  static constexpr std::uint64_t kMagic = 0x31444C4546524145u;  // "EARFELD1"
+  static constexpr std::uint64_t kMagic = 0x32444C4546524145u;  // "EARFELD2"
   std::uint64_t magic = kMagic;
   std::uint64_t key = 0;    ///< source_field_key
   std::uint64_t bytes = 0;  ///< of the whole image
@@ -18,6 +18,7 @@ struct FieldHeader {
   std::uint64_t num_values = 0;
   std::uint32_t num_cells = 0, num_bins = 0, num_coefficients = 0, padded_bands = 0;
   double bin_s = 0, t20_error = 0;
+  std::uint64_t nonfinite_dropped = 0;
 };
 
 /// History of a cell: bins `first` to `first + count - 1` may differ from zero.
@@ -26,7 +27,7 @@ struct FieldEntry {
   std::uint64_t offset = 0;  ///< of its first value, in values
 };
 
-/// Values are the upper halves of floats (bfloat16): the range of a float, at most 0.4 % of rounding each, half the memory traffic.
+/// Values are the upper halves of floats (bfloat16): the range of a float, at most 0.2 % of rounding each, half the memory traffic.
 using FieldValue = std::uint16_t;
 
 inline FieldValue to_field_value(float value) {

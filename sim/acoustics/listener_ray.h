@@ -21,6 +21,7 @@ namespace earshot::listener_ray {
 
 inline constexpr float kPi = std::numbers::pi_v<float>;
 inline constexpr int kMaxChain = 4;
+inline constexpr float kBelowOne = 0x1.fffffep-1f;  // the largest float below 1
 
 /// What all rays of one trace share.
 struct Trace {
@@ -185,7 +186,8 @@ bool pick_wall(const Trace& trace, RayState<W>& ray, std::uint32_t material, flo
     ray.reflected[b] *= factor;
     ray.weight[b] *= factor;
   }
-  if (!passes) random = (random - probability) * scale;
+  // Rounded up to 1 it would pick a lobe of no probability.
+  if (!passes) random = std::min((random - probability) * scale, kBelowOne);
   return passes;
 }
 
@@ -230,9 +232,17 @@ bool pick_lobe(RayState<W>& ray, const float* scattering, int num_bands, float r
   return false;
 }
 
+/// Ends a ray that carries nothing, or nothing finite.
+template <int W>
+void end_if_spent(RayState<W>& ray, TraceStats& stats) {
+  const float total = sum_over_bands<W>(ray.throughput);
+  if (!std::isfinite(total)) ++stats.nonfinite_dropped;
+  if (!(total > 0) || !std::isfinite(total)) ray.alive = false;
+}
+
 /// Goes on from the vertex that the ray waits at: lobe and direction.  Ends the ray if nothing more can come of it.
 template <int W>
-void leave_vertex(const Trace& trace, RayState<W>& ray, const RandomStream& random) {
+void leave_vertex(const Trace& trace, RayState<W>& ray, const RandomStream& random, TraceStats& stats) {
   const AcousticScene& scene = trace.scene;
   const Hit& hit = ray.hit;
   const float* scattering = scene.padded_scattering(scene.scene().mesh().triangle_material[hit.triangle]);
@@ -242,7 +252,7 @@ void leave_vertex(const Trace& trace, RayState<W>& ray, const RandomStream& rand
     if (trace.walls->transmits(material) && pick_wall(trace, ray, material, u[2])) {
       pass_wall(trace, ray, material);
       ray.at_vertex = false;
-      ray.alive = sum_over_bands<W>(ray.throughput) > 0;
+      end_if_spent(ray, stats);
       return;
     }
     ray.only_walls = false;
@@ -260,7 +270,7 @@ void leave_vertex(const Trace& trace, RayState<W>& ray, const RandomStream& rand
   }
   // The last bounce goes on only for the sake of the source volume behind a mirror.
   if (ray.bounces == trace.max_bounces && (diffuse || trace.source_radius_m == 0)) ray.alive = false;
-  if (!(sum_over_bands<W>(ray.throughput) > 0)) ray.alive = false;
+  end_if_spent(ray, stats);
 }
 
 /// Follows a ray until it has gone `until_m` and stands at a vertex, or ends.
@@ -271,7 +281,7 @@ void advance(const Trace& trace, RayState<W>& ray, float until_m, const RandomSt
   while (true) {
     if (ray.at_vertex) {
       if (ray.path_m >= until_m) return;
-      leave_vertex(trace, ray, random);
+      leave_vertex(trace, ray, random, stats);
       if (!ray.alive) return;
     }
     const Hit hit = scene.scene().rays().intersect(ray.origin, ray.direction);

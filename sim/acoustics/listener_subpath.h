@@ -198,7 +198,7 @@ void start_ray(const BidirectionalScene& shared, glm::vec3 direction, ListenerRa
 
 /// Goes on from the vertex that the ray waits at.  Ends the ray if nothing more can come of it.
 template <int W>
-void leave_vertex(const BidirectionalScene& shared, ListenerRay<W>& ray, const std::array<float, 4>& u) {
+void leave_vertex(const BidirectionalScene& shared, ListenerRay<W>& ray, const std::array<float, 4>& u, TraceStats& stats) {
   const glm::vec3 in = -ray.direction, normal = ray.hit.normal;
   const std::uint32_t material = shared.scene.scene().mesh().triangle_material[ray.hit.triangle];
   float extra_path_m = 0.f;
@@ -222,7 +222,9 @@ void leave_vertex(const BidirectionalScene& shared, ListenerRay<W>& ray, const s
   }
   // The last bounce goes on only for the sake of the source volume behind a mirror or a wall.
   if (ray.events == shared.max_bounces && leaving == Leaving::rough) ray.alive = false;
-  if (!(sum_over_bands<W>(ray.arriving) > 0.f)) ray.alive = false;
+  const float total = sum_over_bands<W>(ray.arriving);
+  if (!std::isfinite(total)) ++stats.nonfinite_dropped;
+  if (!(total > 0.f) || !std::isfinite(total)) ray.alive = false;
 }
 
 /// Follows a ray until it has gone `until_m` and stands at a vertex, or ends.  slot: which source paths it is paired with.
@@ -233,7 +235,7 @@ void advance(const BidirectionalScene& shared, const SourceSubpaths<W>& sources,
   while (true) {
     if (ray.at_vertex) {
       if (ray.path_m >= until_m) return;
-      leave_vertex(shared, ray, random.uniform4(static_cast<std::uint32_t>(ray.events)));
+      leave_vertex(shared, ray, random.uniform4(static_cast<std::uint32_t>(ray.events)), output.stats);
       if (!ray.alive) return;
     }
     ray.hit = scene.scene().rays().intersect(ray.origin, ray.direction);

@@ -10,6 +10,7 @@
 #include <numbers>
 #include <vector>
 
+#include "sim/acoustics/histogram_sum.h"
 #include "sim/acoustics/listener_ray.h"
 #include "sim/acoustics/ray_balance.h"
 #include "sim/acoustics/sampling.h"
@@ -57,7 +58,8 @@ void trace_chunk(const Trace& trace, std::uint32_t chunk, EnergyHistogram& histo
       any_alive = any_alive || rays[i].alive;
     }
     if (!any_alive) return;
-    balance<W>(trace.scene.num_bands(), rays, RandomStream(seed, Purpose::roulette, chunk, stage).uniform(0));
+    stats.nonfinite_dropped += static_cast<std::uint64_t>(
+        balance<W>(trace.scene.num_bands(), rays, RandomStream(seed, Purpose::roulette, chunk, stage).uniform(0)));
   }
 }
 
@@ -74,8 +76,7 @@ void trace_chunks(const Trace& trace, std::uint32_t num_chunks, EnergyHistogram&
   const std::uint32_t wave_size = std::min(num_chunks, threads == 1 ? 1u : kChunksPerWave);
   std::vector<EnergyHistogram> parts(wave_size, make_histogram(trace.scene));
   std::vector<TraceStats> part_stats(wave_size);
-  std::vector<double> sum(histogram.values().size(), 0.0);
-  double dropped = 0;
+  HistogramSum sum(histogram);
   const int available = tbb::this_task_arena::max_concurrency();
   tbb::task_arena arena(threads == 0 ? available : std::min(threads, available));
 
@@ -93,14 +94,11 @@ void trace_chunks(const Trace& trace, std::uint32_t num_chunks, EnergyHistogram&
       arena.execute([&] { tbb::parallel_for(0u, count, run); });
     }
     for (std::uint32_t i = 0; i < count; ++i) {
-      const std::span<const float> values = parts[i].values();
-      for (std::size_t k = 0; k < sum.size(); ++k) sum[k] += values[k];
-      dropped += parts[i].dropped_energy();
+      sum.add(parts[i]);
       stats.add(part_stats[i]);
     }
   }
-  std::transform(sum.begin(), sum.end(), histogram.values().begin(), [](double value) { return static_cast<float>(value); });
-  histogram.add_dropped(dropped);
+  sum.write(histogram);
 }
 
 }  // namespace

@@ -38,7 +38,7 @@ void advance(const Trace& trace, const FieldGrid& grid, RayState<W>& photon, flo
   while (true) {
     if (photon.at_vertex) {
       if (photon.path_m >= until_m) return;
-      listener_ray::leave_vertex(trace, photon, random);
+      listener_ray::leave_vertex(trace, photon, random, stats);
       if (!photon.alive) return;
     }
     const Hit hit = scene.scene().rays().intersect(photon.origin, photon.direction);
@@ -86,7 +86,7 @@ void trace_chunk(const Trace& trace, const FieldGrid& grid, std::uint32_t chunk,
     photon.only_walls = trace.walls != nullptr;
     for (std::size_t b = 0; b < W; ++b) photon.throughput[b] = photon.weight[b] = b < num_bands ? 1.f : 0.f;
     if (trace.emission) trace.emission->energy(photon.direction, std::span<float>(photon.throughput).first(num_bands));
-    photon.alive = sum_over_bands<W>(photon.throughput) > 0;
+    listener_ray::end_if_spent(photon, stats);  // a pattern may be silent there, or loud beyond floats
   }
   for (std::uint32_t stage = 0;; ++stage) {
     const float until_m = static_cast<float>(stage + 1) * trace.stage_m;
@@ -98,8 +98,9 @@ void trace_chunk(const Trace& trace, const FieldGrid& grid, std::uint32_t chunk,
       any_alive = any_alive || photons[i].alive;
     }
     if (!any_alive) return;
-    balance<W>(trace.scene.num_bands(), std::span<RayState<W>>(photons),
-               RandomStream(seed, Purpose::photon_roulette, chunk, stage).uniform(0), kPhotonTaper);
+    stats.nonfinite_dropped +=
+        static_cast<std::uint64_t>(balance<W>(trace.scene.num_bands(), std::span<RayState<W>>(photons),
+                                              RandomStream(seed, Purpose::photon_roulette, chunk, stage).uniform(0), kPhotonTaper));
   }
 }
 

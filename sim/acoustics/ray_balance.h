@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <span>
 
+#include "sim/acoustics/band_sum.h"
 #include "sim/acoustics/ray_population.h"
 
 namespace earshot {
@@ -24,12 +25,19 @@ inline constexpr double kTaperBelow = 1e-3;
 
 /// Ends light rays and splits heavy ones if their weights have become too uneven, or if the energy is so far down that fewer will do.  A
 /// ray's weight is the mean over bands of its share of the band, so that bands that decay faster keep their rays too.
-/// Ray: has bool alive and float reflected[W], its energy per band.  At most kRaysPerChunk rays.
+/// Ray: has bool alive and float reflected[W], its energy per band.  At most kRaysPerChunk rays.  Returns how many rays were ended because
+/// their energy was not finite: one of them would spoil the weights of all.
 template <int W, class Ray>
-void balance(int num_bands, std::span<Ray> rays, double random, double taper_below = kTaperBelow) {
+int balance(int num_bands, std::span<Ray> rays, double random, double taper_below = kTaperBelow) {
   std::array<double, W> band_sum{};
-  for (const Ray& ray : rays) {
+  int nonfinite = 0;
+  for (Ray& ray : rays) {
     if (!ray.alive) continue;
+    if (!std::isfinite(sum_over_bands<W>(ray.reflected))) {
+      ray.alive = false;
+      ++nonfinite;
+      continue;
+    }
     for (int b = 0; b < W; ++b) band_sum[b] += ray.reflected[b];
   }
   std::array<double, W> per_band_sum;
@@ -40,7 +48,7 @@ void balance(int num_bands, std::span<Ray> rays, double random, double taper_bel
   }
   if (!(loudest > 0)) {
     for (Ray& ray : rays) ray.alive = false;
-    return;
+    return nonfinite;
   }
   std::array<double, kRaysPerChunk> weight;
   int alive = 0;
@@ -54,7 +62,7 @@ void balance(int num_bands, std::span<Ray> rays, double random, double taper_bel
   const double level = loudest / started;
   const int target = std::max(1, static_cast<int>(std::ceil(started * std::min(1.0, level / taper_below))));
   const auto weights = std::span<const double>(weight).first(rays.size());
-  if (effective_count(weights) >= kUnevenShare * target && alive <= 1.25 * target) return;
+  if (effective_count(weights) >= kUnevenShare * target && alive <= 1.25 * target) return nonfinite;
 
   std::array<int, kRaysPerChunk> copies;
   choose_copies(weights, target, random, std::span(copies).first(rays.size()));
@@ -76,6 +84,7 @@ void balance(int num_bands, std::span<Ray> rays, double random, double taper_bel
       rays[free_slot] = rays[i];
     }
   }
+  return nonfinite;
 }
 
 }  // namespace earshot

@@ -69,9 +69,13 @@ std::optional<double> fit_decay_time(const DecayCurve& curve, double from_db, do
   return -60.0 / slope_db_per_s;
 }
 
-/// Level, re the start of the whole curve, of the energy that a longer response would still have brought: the power at the end over its
-/// rate of decay, or, where it hardly decays (a noise floor, a room without losses), as much as that power brings in the same time again.
-double missing_level_db(std::span<const double> energy, double bin_s, double total) {
+struct MissingEnergy {
+  double level_db = kSilent;  ///< re the start of the whole curve
+  bool falls = true;          ///< does the energy decay toward the end?
+};
+/// The energy that a longer response would still have brought: the power at the end over its rate of decay, or, where it hardly decays (a
+/// noise floor, a room without losses), as much as that power brings in the same time again.
+MissingEnergy missing_energy(std::span<const double> energy, double bin_s, double total) {
   const std::size_t n = energy.size();
   const std::size_t window = std::max<std::size_t>(n / 10, std::min<std::size_t>(n, 3));
   const auto power = [&](std::size_t first) {
@@ -80,14 +84,14 @@ double missing_level_db(std::span<const double> energy, double bin_s, double tot
     return sum / (static_cast<double>(window) * bin_s);
   };
   const double last = power(n - window);
-  if (!(last > 0)) return kSilent;
+  if (!(last > 0)) return {};
   const std::size_t middle = std::min(n / 2, n - window);
   const double apart_s = static_cast<double>(n - window - middle) * bin_s;
   const double rate_per_s = apart_s > 0 ? std::log(power(middle) / last) / apart_s : 0.0;
   const double again = last * static_cast<double>(n) * bin_s;
-  if (!(rate_per_s > 0)) return decibels(again / total);
+  if (!(rate_per_s > 0)) return {decibels(again / total), false};
   const double at_end = last * std::exp(-0.5 * rate_per_s * static_cast<double>(window) * bin_s);
-  return decibels(std::min(at_end / rate_per_s, again) / total);
+  return {decibels(std::min(at_end / rate_per_s, again) / total), true};
 }
 
 double energy_before(std::span<const double> energy, double bin_s, double limit_s) {
@@ -143,6 +147,24 @@ double direct_share(double after_s) {
 
 }  // namespace
 
+const char* name_of(DecayVerdict verdict) {
+  switch (verdict) {
+    case DecayVerdict::measured:
+      return "measured";
+    case DecayVerdict::silent:
+      return "silent";
+    case DecayVerdict::no_reverberation:
+      return "nothing after the direct sound";
+    case DecayVerdict::too_few_points:
+      return "over within three points";
+    case DecayVerdict::no_decay:
+      return "does not fall";
+    case DecayVerdict::cut_short:
+      return "response too short";
+  }
+  return "";
+}
+
 void energy_decay_curve(std::span<const double> energy, std::span<double> edc) {
   require(energy.size() == edc.size(), "edc", edc.size(), "must be as long as the energy series");
   double sum = 0;
@@ -169,6 +191,7 @@ BandMetrics measure_band(std::span<const double> energy, double bin_s, double di
   metrics.d50 = std::min(early50 / total, 1.0);
   metrics.c50_db = ratio_db(early50, total - early50);
   metrics.c80_db = ratio_db(early80, total - early80);
+  metrics.decay = reverberant > 0 ? DecayVerdict::too_few_points : DecayVerdict::no_reverberation;
   if (!(reverberant > 0) || energy.size() < 3) return metrics;
 
   DecayCurve curve{.level_db = {}, .bin_s = bin_s};
@@ -176,10 +199,13 @@ BandMetrics measure_band(std::span<const double> energy, double bin_s, double di
   for (const double value : edc) curve.level_db.push_back(decibels(value / total));
   curve.level_db.push_back(kSilent);
   const double foot_db = curve.level_db[0];  // just after the direct step
-  const double missing_db = missing_level_db(energy, bin_s, total);
-  const auto fit = [&](double from_db, double to_db) -> std::optional<double> {
+  const MissingEnergy missing = missing_energy(energy, bin_s, total);
+  const auto trusted = [&](double to_db) {
     constexpr double margin_db = 10.0;
-    if (missing_db > to_db - margin_db) return std::nullopt;
+    return missing.level_db <= to_db - margin_db;
+  };
+  const auto fit = [&](double from_db, double to_db) -> std::optional<double> {
+    if (!trusted(to_db)) return std::nullopt;
     return fit_decay_time(curve, from_db, to_db);
   };
   metrics.edt_s = fit(foot_db, foot_db - 10.0);
@@ -187,6 +213,10 @@ BandMetrics measure_band(std::span<const double> energy, double bin_s, double di
   metrics.t20_s = fit(from_db, from_db - 20.0);
   metrics.t30_s = fit(from_db, from_db - 30.0);
   metrics.rt60_s = metrics.t30_s ? metrics.t30_s : metrics.t20_s;
+  metrics.decay = metrics.rt60_s             ? DecayVerdict::measured
+                  : trusted(from_db - 20.0) ? DecayVerdict::too_few_points
+                  : missing.falls           ? DecayVerdict::cut_short
+                                            : DecayVerdict::no_decay;
   return metrics;
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <span>
 #include <vector>
@@ -9,8 +10,20 @@
 
 namespace earshot {
 
+/// Is there a decay time, and if not, why (ORACLES H-75)?
+enum class DecayVerdict : std::uint8_t {
+  measured,          ///< rt60_s exists
+  silent,            ///< nothing arrives, or nothing finite
+  no_reverberation,  ///< nothing comes after the direct sound: all is absorbed, or there is nothing to come back from
+  too_few_points,    ///< the decay is over within three points of its curve
+  no_decay,          ///< the energy does not fall: a rigid room (infinite time), a noise floor, a growing response
+  cut_short          ///< it falls, but the response ends before it has fallen far enough
+};
+const char* name_of(DecayVerdict verdict);
+
 /// Room-acoustic parameters per band (ISO 3382-1).  A value that does not exist (open field, too little decay) is nullopt.
 struct BandMetrics {
+  DecayVerdict decay = DecayVerdict::silent;
   std::optional<double> edt_s, t20_s, t30_s, rt60_s, c50_db, c80_db, d50, ts_s, g_db, drr_db;
   std::optional<double> iacc, iacc_early, iacc_late;  ///< of two channels only: interaural.h
 };

@@ -13,6 +13,8 @@ namespace {
 
 constexpr double kDirectWindowS = 2.5e-3;
 constexpr double kBinS = 1e-3;
+/// Of minutes of response the first 20 s and more decide: the rest is 20 dB and more below, or noise.
+constexpr std::size_t kMaxInterauralSamples = std::size_t{1} << 21;
 
 double energy_of(std::span<const float> samples) {
   double sum = 0;
@@ -24,7 +26,7 @@ double energy_of(std::span<const float> samples) {
 
 RoomMetrics measure(std::span<const float> rir, float sample_rate_hz, double direct_delay_s) {
   require(!rir.empty(), "rir", rir.size(), "has no samples to measure");
-  require(rir.size() <= (std::size_t{1} << 21), "rir", rir.size(), "is longer than 2^21 samples");
+  require(rir.size() <= (std::size_t{1} << 23), "rir", rir.size(), "is longer than 2^23 samples, a minute at 96 kHz and more");
   require(direct_delay_s >= 0, "direct_delay_s", direct_delay_s, "must not be negative");
   const BandLayout bands = BandLayout::octaves(sample_rate_hz);
   const double rate = sample_rate_hz;
@@ -93,7 +95,9 @@ RoomMetrics measure(const Rir& rir, double direct_delay_s) {
   if (rir.num_channels != 2) return metrics;
   const BandLayout bands = BandLayout::octaves(rir.sample_rate_hz);
   for (int band = 0; band < bands.size(); ++band) {
-    const InterauralCorrelation iacc = interaural_correlation(rir.channel(0), rir.channel(1), rir.sample_rate_hz, direct_delay_s, band);
+    const std::size_t heard = std::min<std::size_t>(rir.channel(0).size(), kMaxInterauralSamples);
+    const InterauralCorrelation iacc =
+        interaural_correlation(rir.channel(0).first(heard), rir.channel(1).first(heard), rir.sample_rate_hz, direct_delay_s, band);
     BandMetrics& of_band = metrics.bands[static_cast<std::size_t>(band)];
     of_band.iacc = iacc.total, of_band.iacc_early = iacc.early, of_band.iacc_late = iacc.late;
   }

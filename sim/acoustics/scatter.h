@@ -62,7 +62,8 @@ Leaving leave_surface(const AcousticScene& scene, const ReflectionModel& model, 
     return std::min(sum_over_bands<W>(weighted) / num_bands, 1.f);
   };
   const auto take = [&](const float* shares, float probability) {
-    const float scale = 1.f / probability;
+    // Rounding may leave no probability for what is all but never picked.
+    const float scale = probability > 0.f ? 1.f / probability : 0.f;
     for (int b = 0; b < W; ++b) {
       const float factor = shares[b] * scale;
       energy.arriving[b] = energy.reflected[b] * factor;

@@ -54,7 +54,7 @@ void add_parts(std::span<const Part> parts, std::size_t stride, EnergyHistogram&
 }
 
 /// Part of the key: fields that were kept are built anew once photons or cells give other bits.  To be raised by whoever changes them.
-constexpr std::uint32_t kPassVersion = 2;
+constexpr std::uint32_t kPassVersion = 3;
 
 FieldHeader header_of(std::span<const std::byte> image) {
   FieldHeader header;
@@ -127,6 +127,7 @@ SourceField::SourceField(const AcousticScene& scene, const EarlyCandidates& cand
 }
 
 std::uint64_t SourceField::photons() const { return header_of(image_).photons; }
+std::uint64_t SourceField::nonfinite_dropped() const { return header_of(image_).nonfinite_dropped; }
 double SourceField::t20_error() const { return header_of(image_).t20_error; }
 
 TraceStats SourceField::gather(const AcousticScene& scene, glm::vec3 listener, EnergyHistogram& histogram) const {

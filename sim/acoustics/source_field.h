@@ -36,6 +36,8 @@ class SourceField {
 
   [[nodiscard]] std::span<const std::byte> image() const { return image_; }
   [[nodiscard]] std::uint64_t photons() const;
+  /// Photons that were ended because they carried something that was not finite.
+  [[nodiscard]] std::uint64_t nonfinite_dropped() const;
   /// Relative standard error of T20 that the photons leave, mean over bands and probe positions.
   [[nodiscard]] double t20_error() const;
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <glm/geometric.hpp>
 #include <glm/vec3.hpp>
 #include <span>
@@ -76,7 +77,9 @@ void trace_source_subpath(const BidirectionalScene& shared, glm::vec3 direction,
     SourceVertex<W>& vertex = vertices[i];
     vertex.material = scene.scene().mesh().triangle_material[hit.triangle];
     meet_surface(shared.model, vertex.material, energy);
-    if (!(sum_over_bands<W>(energy.reflected) > 0.f)) return;
+    const float total = sum_over_bands<W>(energy.reflected);
+    if (!std::isfinite(total)) ++stats.nonfinite_dropped;
+    if (!(total > 0.f) || !std::isfinite(total)) return;
     for (int b = 0; b < W; ++b) vertex.reflected[b] = energy.reflected[b];
     vertex.position = offset_from_surface(hit.position, hit.normal);
     vertex.normal = hit.normal;

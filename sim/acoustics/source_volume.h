@@ -20,7 +20,9 @@ inline float free_radius_m(const AcousticScene& scene, glm::vec3 source) {
   for (std::uint32_t i = 0; i < probes; ++i) {
     nearest_m = std::min(nearest_m, scene.scene().rays().intersect(source, directions.direction(i)).distance_m);
   }
-  return std::min(scene.config().source_radius_m, 0.9f * nearest_m);
+  const float radius_m = std::min(scene.config().source_radius_m, 0.9f * nearest_m);
+  // On a surface there is no room for a sphere: the volume of a tiny one would underflow.
+  return radius_m > 1e-6f * scene.diagonal_m() ? radius_m : 0.f;
 }
 
 /// Part of a ray's segment that lies inside the sphere; empty (leave_m <= enter_m) if it misses.

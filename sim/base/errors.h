@@ -6,6 +6,8 @@
 #include <string>
 #include <string_view>
 
+#include "sim/base/strict_floats.h"
+
 namespace earshot {
 
 /// The outside world is wrong: a file, a key, a message, a device.  `main` prints it as one line and exits with 2.
