@@ -1,5 +1,7 @@
 #include "sim/audio/hrtf.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <glm/geometric.hpp>
@@ -234,7 +236,12 @@ double mean_power(const std::vector<Complex>& left, const std::vector<Complex>& 
 
 std::shared_ptr<const Hrtf> Hrtf::from_sofa(const std::filesystem::path& path, float sample_rate_hz) {
   check_rate(sample_rate_hz);
-  const SofaResponses sofa = read_sofa(path);
+  return from_responses(read_sofa(path), sample_rate_hz, path.string());
+}
+
+std::shared_ptr<const Hrtf> Hrtf::from_responses(const SofaResponses& sofa, float sample_rate_hz, const std::string& where) {
+  check_rate(sample_rate_hz);
+  validate(sofa, where);
   const double ratio = static_cast<double>(sample_rate_hz) / sofa.sample_rate_hz;
   const auto taps = static_cast<std::size_t>(sofa.num_taps);
   auto grid = std::make_shared<Grid>();
@@ -243,6 +250,15 @@ std::shared_ptr<const Hrtf> Hrtf::from_sofa(const std::filesystem::path& path, f
   grid->fft_size = std::max(smallest_fft_for(sample_rate_hz), next_power_of_two(length));
   grid->num_bins = static_cast<std::size_t>(grid->fft_size / 2 + 1);
   const std::size_t rows = 2 * sofa.direction.size();
+  // A rate that is wrong in the file, or rooms instead of heads: every response costs a sum over its samples for each bin.
+  const double spectra_bytes = static_cast<double>(rows * grid->num_bins) * sizeof(Complex);
+  const double operations =
+      static_cast<double>(rows) * static_cast<double>(taps) * static_cast<double>(grid->num_bins) / std::max(1.0, ratio);
+  if (spectra_bytes > 4e9 || operations > 1e11)
+    throw InputError(
+        where,
+        fmt::format("holds {} responses of {} samples at {} Hz: too much for {} Hz", rows, taps, sofa.sample_rate_hz, sample_rate_hz),
+        "check Data.SamplingRate, or cut the responses to those of a head");
   grid->aligned.resize(rows * grid->num_bins);
   const double bin_hz = static_cast<double>(sample_rate_hz) / grid->fft_size;
   BinTransform transform(taps, grid->num_bins, bin_hz, sofa.sample_rate_hz);
@@ -273,7 +289,7 @@ std::shared_ptr<const Hrtf> Hrtf::from_sofa(const std::filesystem::path& path, f
     power += mean_power(left, right, bin_hz);
     sphere_power += mean_power(sphere_left, sphere_right, static_cast<double>(sample_rate_hz) / sphere->fft_size());
   }
-  if (!(power > 0)) throw InputError(path.string(), "has no energy between 250 Hz and 4 kHz in Data.IR", "give the responses of a head");
+  if (!(power > 0)) throw InputError(where, "has no energy between 250 Hz and 4 kHz in Data.IR", "give the responses of a head");
   // The mean over directions of the sphere's delay, (pi - 3) / 4 radius / c, is what "centre" means for it.
   const double sphere_delay = 0.25 * (std::numbers::pi - 3.0) * kHeadRadiusM / kHeadSpeedOfSoundMPerS * sample_rate_hz;
   for (double& value : grid->delay_samples) value += sphere_delay - delay / num_directions;

@@ -6,9 +6,12 @@
 #include <glm/vec3.hpp>
 #include <memory>
 #include <span>
+#include <string>
 #include <vector>
 
 namespace earshot {
+
+struct SofaResponses;
 
 /// Head-related transfer functions on a grid of directions, as spectra ready for synthesis.  Immutable.
 /// Directions are in head axes: x right, y up, -z front.
@@ -18,6 +21,9 @@ class Hrtf {
   static std::shared_ptr<const Hrtf> rigid_sphere(float sample_rate_hz);
   /// Any SOFA file (libmysofa), resampled.  Throws InputError naming the file and the missing field.
   static std::shared_ptr<const Hrtf> from_sofa(const std::filesystem::path& path, float sample_rate_hz);
+  /// The same from responses in memory; where: how messages name them.  Throws InputError too for a set whose spectra would take more than
+  /// 4 GB or some minutes.
+  static std::shared_ptr<const Hrtf> from_responses(const SofaResponses& responses, float sample_rate_hz, const std::string& where);
 
   [[nodiscard]] float sample_rate_hz() const { return sample_rate_hz_; }
   [[nodiscard]] int fft_size() const { return fft_size_; }  ///< spectra hold fft_size / 2 + 1 bins

@@ -11,14 +11,18 @@
 #include <string>
 #include <string_view>
 
+#include "sim/base/byte_stream.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/isolated_call.h"
 
 namespace earshot {
 namespace {
 
 constexpr std::size_t kMaxFileBytes = std::size_t{1} << 30;
 constexpr unsigned kMinDirections = 8, kMaxDirections = 100000, kMaxTaps = 16384;
+constexpr float kMinRateHz = 1000, kMaxRateHz = 768000;
+constexpr std::string_view kRemedy = "give a SimpleFreeFieldHRIR SOFA file";
 
 struct FreeResponses {
   void operator()(MYSOFA_HRTF* responses) const noexcept { mysofa_free(responses); }
@@ -69,8 +73,14 @@ std::uint64_t stated_size(std::string_view bytes) {
 }  // namespace
 
 SofaResponses read_sofa(const std::filesystem::path& path) {
+  const std::string where = path.string();
+  const IsolationLimits limits = limits_for_file(path);
+  return decode_responses(call_isolated(reader_program(), {"sofa", where}, where, limits), where);
+}
+
+SofaResponses parse_sofa(const std::filesystem::path& path) {
   const std::string name = path.string();
-  const auto refuse = [&](const std::string& what) { return InputError(name, what, "give a SimpleFreeFieldHRIR SOFA file"); };
+  const auto refuse = [&](const std::string& what) { return InputError(name, what, kRemedy); };
   const std::string bytes = read_file(path, kMaxFileBytes);
   // libmysofa 1.3 writes past its stack on files that end too early, so it never gets to see one.
   const std::uint64_t stated = stated_size(bytes);
@@ -100,8 +110,6 @@ SofaResponses read_sofa(const std::filesystem::path& path) {
   SofaResponses responses;
   responses.sample_rate_hz = sofa->DataSamplingRate.values[0];
   responses.num_taps = static_cast<int>(taps);
-  if (!(responses.sample_rate_hz >= 1000.f && responses.sample_rate_hz <= 768000.f))
-    throw refuse(fmt::format("has Data.SamplingRate {} Hz, outside [1000, 768000]", responses.sample_rate_hz));
   // SOFA: x front, y left, z up.  Ears come left first, but some files name the right one first.
   const bool swapped = sofa->ReceiverPosition.values[1] < sofa->ReceiverPosition.values[4];
   responses.taps.resize(measurements * 2 * taps);
@@ -116,16 +124,58 @@ SofaResponses read_sofa(const std::filesystem::path& path) {
       std::copy_n(sofa->DataIR.values + (2 * m + receiver) * taps, taps,
                   responses.taps.begin() + static_cast<std::ptrdiff_t>((2 * m + ear) * taps));
       const float delay = sofa->DataDelay.elements == 0 ? 0.f : sofa->DataDelay.values[shared_delay ? receiver : 2 * m + receiver];
-      if (!(delay >= 0.f && delay <= static_cast<float>(kMaxTaps))) throw refuse(fmt::format("has Data.Delay {} samples", delay));
       responses.delay_samples.push_back(delay);
     }
   }
+  validate(responses, name);
+  return responses;
+}
+
+void validate(const SofaResponses& responses, const std::string& where) {
+  const auto refuse = [&](const std::string& what) { return InputError(where, what, kRemedy); };
+  const std::size_t measurements = responses.direction.size();
+  if (!(responses.sample_rate_hz >= kMinRateHz && responses.sample_rate_hz <= kMaxRateHz))
+    throw refuse(fmt::format("has Data.SamplingRate {} Hz, outside [{}, {}]", responses.sample_rate_hz, kMinRateHz, kMaxRateHz));
+  if (measurements < kMinDirections || measurements > kMaxDirections) throw refuse(fmt::format("has {} measurements (M)", measurements));
+  if (responses.num_taps < 1 || responses.num_taps > static_cast<int>(kMaxTaps))
+    throw refuse(fmt::format("has {} samples per response (N)", responses.num_taps));
+  if (responses.taps.size() != measurements * 2 * static_cast<std::size_t>(responses.num_taps))
+    throw refuse(fmt::format("has {} values in Data.IR", responses.taps.size()));
+  if (responses.delay_samples.size() != measurements * 2)
+    throw refuse(fmt::format("has {} values in Data.Delay", responses.delay_samples.size()));
+  for (std::size_t m = 0; m < measurements; ++m)
+    if (!(std::abs(glm::length(responses.direction[m]) - 1.f) < 1e-3f))
+      throw refuse(fmt::format("has no direction in SourcePosition {}", m));
+  for (const float delay : responses.delay_samples)
+    if (!(delay >= 0.f && delay <= static_cast<float>(kMaxTaps))) throw refuse(fmt::format("has Data.Delay {} samples", delay));
   float largest = 0;
   for (const float value : responses.taps) {
     if (!std::isfinite(value)) throw refuse("has values in Data.IR that are not finite numbers");
     largest = std::max(largest, std::abs(value));
   }
   if (!(largest > 0)) throw refuse("has only zeros in Data.IR");
+}
+
+std::string encode_responses(const SofaResponses& responses) {
+  ByteWriter writer;
+  writer.put(responses.sample_rate_hz);
+  writer.put(responses.num_taps);
+  writer.put_list(responses.direction);
+  writer.put_list(responses.taps);
+  writer.put_list(responses.delay_samples);
+  return writer.take();
+}
+
+SofaResponses decode_responses(std::string_view bytes, const std::string& where) {
+  ByteReader reader(bytes, where);
+  SofaResponses responses;
+  responses.sample_rate_hz = reader.take<float>();
+  responses.num_taps = reader.take<int>();
+  responses.direction = reader.take_list<glm::vec3>();
+  responses.taps = reader.take_list<float>();
+  responses.delay_samples = reader.take_list<float>();
+  reader.finish();
+  validate(responses, where);
   return responses;
 }
 

@@ -2,6 +2,8 @@
 
 #include <filesystem>
 #include <glm/vec3.hpp>
+#include <string>
+#include <string_view>
 #include <vector>
 
 namespace earshot {
@@ -15,7 +17,20 @@ struct SofaResponses {
   std::vector<float> delay_samples;  ///< [direction][ear], to be added in front of the taps
 };
 
-/// Reads a SOFA file of the convention SimpleFreeFieldHRIR or one like it (libmysofa).  Throws InputError naming the file and the field.
+/// Reads a SOFA file of the convention SimpleFreeFieldHRIR or one like it.  libmysofa reads it in a process of its own (isolated_call.h):
+/// release 1.3 writes past its stack on some damaged files.  Throws InputError naming the file and the field; RunError if there is no such
+/// process to be had.
 SofaResponses read_sofa(const std::filesystem::path& path);
+
+/// The same, here and now: for the program that does nothing else.
+SofaResponses parse_sofa(const std::filesystem::path& path);
+
+/// Throws InputError naming `where` unless the lists have the sizes that the counts say, directions are unit vectors, and all numbers are
+/// finite and in range.
+void validate(const SofaResponses& responses, const std::string& where);
+
+/// Responses as bytes, for the way between the two.  decode_responses throws InputError for bytes that do not decode to valid responses.
+std::string encode_responses(const SofaResponses& responses);
+SofaResponses decode_responses(std::string_view bytes, const std::string& where);
 
 }  // namespace earshot

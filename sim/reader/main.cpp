@@ -1,0 +1,14 @@
+// earshot_reader: reads one file with a library that a damaged file can crash, in a process of its own (sim/base/isolated_call.h).
+#include "sim/audio/sofa_reader.h"
+#include "sim/base/errors.h"
+#include "sim/base/isolated_call.h"
+#include "sim/scene/assimp_reader.h"
+
+int main(int argc, char** argv) {
+  using namespace earshot;
+  return answer_isolated(argc, argv, [](const std::vector<std::string>& arguments) -> std::string {
+    if (arguments.size() == 2 && arguments[0] == "mesh") return encode_parts(read_parts_with_assimp(arguments[1]));
+    if (arguments.size() == 2 && arguments[0] == "sofa") return encode_responses(parse_sofa(arguments[1]));
+    throw InputError("earshot_reader", "is asked for something that it does not know", "build earshot and earshot_reader together");
+  });
+}

@@ -1,0 +1,36 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <glm/mat4x4.hpp>
+#include <glm/vec3.hpp>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "sim/scene/mesh_builder.h"
+
+namespace earshot {
+
+/// One part of a mesh file: positions in its own frame, cut into triangles.
+struct MeshPart {
+  std::string object, material;
+  glm::dmat4 to_file{1};  ///< from the part's frame to that of the file
+  std::vector<glm::vec3> positions;
+  std::vector<std::uint32_t> corners;  ///< three per triangle, indices into positions
+};
+
+/// Hands the builder the triangles of an OBJ, PLY or STL file.  Assimp reads it in a process of its own (isolated_call.h): release 5.2
+/// crashes on some damaged files, loops on others, and allocates whatever count it reads.
+/// Throws InputError naming the file; RunError if there is no such process to be had.
+void read_with_assimp(const std::filesystem::path& path, const glm::dmat4& file_to_world, MeshBuilder& builder);
+
+/// The same, here and now: for the program that does nothing else.
+std::vector<MeshPart> read_parts_with_assimp(const std::filesystem::path& path);
+
+/// Parts as bytes, for the way between the two.  decode_parts throws InputError naming `where` for bytes that encode_parts does not make;
+/// indices and coordinates are the builder's to check.
+std::string encode_parts(const std::vector<MeshPart>& parts);
+std::vector<MeshPart> decode_parts(std::string_view bytes, const std::string& where);
+
+}  // namespace earshot
