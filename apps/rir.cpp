@@ -11,6 +11,7 @@
 #include "apps/echogram_svg.h"
 #include "apps/rir_json.h"
 #include "apps/source_options.h"
+#include "sim/acoustics/place_check.h"
 #include "sim/audio/sound_clip.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
@@ -74,7 +75,7 @@ OrderedJson effects_json(const EnergyResponse& response, const AcousticConfig& c
 class PairRenderer {
  public:
   PairRenderer(const Options& options, const AcousticScene& acoustics)
-      : options_(options), acoustics_(acoustics), synthesizer_(options.acoustics.tables(acoustics)) {}
+      : options_(options), acoustics_(acoustics), places_(acoustics.scene()), synthesizer_(options.acoustics.tables(acoustics)) {}
 
   OrderedJson render(const EarlyCandidates& candidates, glm::vec3 listener, double heading_deg, const std::string& file) {
     const ListenerTurn turn = options_.acoustics.turn(heading_deg, options_.pitch_deg, options_.roll_deg);
@@ -97,6 +98,8 @@ class PairRenderer {
     }
     const RoomMetrics energy = measure(acoustics_, response);
     print(file, rir, response, energy, render_ms);
+    const std::vector<std::string> warnings = warnings_of(candidates.source(), listener, response);
+    for (const std::string& warning : warnings) fmt::print(stderr, "warning: {}\n", warning);
     if (!options_.plot.empty()) write_plot(file, response);
     if (options_.metrics.empty()) return {};
     const double delay_s = energy.direct_delay_s ? *energy.direct_delay_s : 0.0;
@@ -112,10 +115,26 @@ class PairRenderer {
             {"standard_error", standard_errors_json(acoustics_, candidates, listener, response)},
             {"render_ms", render_ms},
             {"effects", effects_json(response, acoustics_.config())},
+            {"warnings", warnings},
             {"seed", acoustics_.config().seed}};
   }
 
  private:
+  /// What is odd about the places, and what was not finite: with all that it takes to see it again.
+  [[nodiscard]] std::vector<std::string> warnings_of(glm::vec3 source, glm::vec3 listener, const EnergyResponse& response) const {
+    const auto text = [&](glm::vec3 place) {
+      const glm::dvec3 p = acoustics_.scene().to_world(place);
+      return fmt::format("{},{},{}", p.x, p.y, p.z);
+    };
+    std::vector<std::string> warnings;
+    if (places_.inside_solid(source)) warnings.push_back(fmt::format("the source {} lies inside a wall or a thing", text(source)));
+    if (places_.inside_solid(listener)) warnings.push_back(fmt::format("the listener {} lies inside a wall or a thing", text(listener)));
+    if (response.stats.nonfinite_dropped > 0)
+      warnings.push_back(fmt::format("{} contributions were not finite and were left out: scene {}, source {}, listener {}, seed {}",
+                                     response.stats.nonfinite_dropped, acoustics_.scene().name(), text(source), text(listener),
+                                     acoustics_.config().seed));
+    return warnings;
+  }
   void write(const std::string& file, const Rir& rir) const {
     std::vector<float> samples = rir.samples;
     for (float& sample : samples) sample *= static_cast<float>(options_.gain);
@@ -137,6 +156,7 @@ class PairRenderer {
 
   const Options& options_;
   const AcousticScene& acoustics_;
+  PlaceCheck places_;
   RirSynthesizer synthesizer_;
 };
 

@@ -173,11 +173,13 @@ void FieldGrid::cross(glm::vec3 origin, glm::vec3 direction, float length_m, std
     const float plane = origin_[axis] + static_cast<float>(index[axis] + (step[axis] > 0 ? 1 : 0)) * edge_m_[axis];
     next_m[axis] = direction[axis] == 0 ? std::numeric_limits<float>::infinity() : std::max((plane - origin[axis]) * inverse, 0.f);
   }
+  // What rounding puts across the border of a box, which may be a wall, is in the cell before.
+  const float least_m = 1e-5f * std::min({edge_m_.x, edge_m_.y, edge_m_.z});
   float enter_m = 0;
   while (enter_m < length_m) {
     const int axis = next_m.x <= next_m.y && next_m.x <= next_m.z ? 0 : next_m.y <= next_m.z ? 1 : 2;
     const float leave_m = std::min(next_m[axis], length_m);
-    if (leave_m > enter_m) {
+    if (leave_m > enter_m + least_m) {
       const std::uint32_t cell = piece_at(boxes_[box_at(index)], origin + 0.5f * (enter_m + leave_m) * direction);
       if (cell != none) crossings.push_back({cell, enter_m, leave_m});
       enter_m = leave_m;

@@ -27,7 +27,7 @@ struct FieldEntry {
   std::uint64_t offset = 0;  ///< of its first value, in values
 };
 
-/// Values are the upper halves of floats (bfloat16): the range of a float, at most 0.2 % of rounding each, half the memory traffic.
+/// Values are the upper halves of floats (bfloat16): the range of a float, at most 0.4 % of rounding each, half the memory traffic.
 using FieldValue = std::uint16_t;
 
 inline FieldValue to_field_value(float value) {

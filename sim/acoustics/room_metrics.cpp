@@ -213,7 +213,7 @@ BandMetrics measure_band(std::span<const double> energy, double bin_s, double di
   metrics.t20_s = fit(from_db, from_db - 20.0);
   metrics.t30_s = fit(from_db, from_db - 30.0);
   metrics.rt60_s = metrics.t30_s ? metrics.t30_s : metrics.t20_s;
-  metrics.decay = metrics.rt60_s             ? DecayVerdict::measured
+  metrics.decay = metrics.rt60_s            ? DecayVerdict::measured
                   : trusted(from_db - 20.0) ? DecayVerdict::too_few_points
                   : missing.falls           ? DecayVerdict::cut_short
                                             : DecayVerdict::no_decay;
