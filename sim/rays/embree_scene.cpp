@@ -7,6 +7,7 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
+#include <glm/common.hpp>
 #include <glm/geometric.hpp>
 #include <mutex>
 #include <string>
@@ -152,7 +153,8 @@ struct EmbreeScene::Handles {
     const glm::uvec3 t = triangles[triangle];
     const glm::vec3 a = vertices[t.x], b = vertices[t.y], c = vertices[t.z];
     constexpr float roundings = 4 * 0x1p-23f;
-    const float margin_m = roundings * std::max({std::fabs(a.x), std::fabs(a.y), std::fabs(a.z)});
+    const glm::vec3 far = glm::max(glm::max(glm::abs(a), glm::abs(b)), glm::abs(c));
+    const float margin_m = roundings * std::max({far.x, far.y, far.z});
     const float w = 1.f - u - v;
     if (std::min({u, v, w}) < margin_m * shapes[triangle].inverse_height) return point_off_edges({a, b, c}, {w, u, v}, margin_m);
     return w * a + u * b + v * c;
@@ -181,9 +183,10 @@ glm::vec3 offset_from_surface(glm::vec3 position, glm::vec3 normal) {
   return straight ? moved : position + glm::dot(lean, normal) * normal;
 }
 
-/// Spacing of floats at the farthest coordinate: what lies nearer than that to a point on a surface is that surface.
+/// Half the spacing of floats at the farthest coordinate: what lies nearer than that to a point is what the point lies on.  An eighth of
+/// the margin that hits keep from edges, so that the next wall is never taken for the one that a ray starts from.
 static float rounding_of(glm::vec3 point) {
-  return 0x1p-23f * std::max({std::fabs(point.x), std::fabs(point.y), std::fabs(point.z), 1e-30f});
+  return 0x1p-24f * std::max({std::fabs(point.x), std::fabs(point.y), std::fabs(point.z), 1e-30f});
 }
 
 EmbreeScene::EmbreeScene(std::span<const glm::vec3> vertices, std::span<const glm::uvec3> triangles)
