@@ -71,7 +71,8 @@ struct StageSeconds {
 /// Quarantine: an episode with a fault (quarantine.h) never reaches a policy and never ends a run.  One that cannot begin is passed over: the
 /// env draws another (`random`) or takes its next (`once`).  One that goes wrong in a step ends in that step: reward 0, truncated, marked in
 /// quarantined(), all final_* rows zero; the env begins its next episode in the same call.  Buffers hold finite numbers only.  reset() and
-/// step() throw InputError where 64 draws in a row fail, or where of a whole set in order `once` no episode could begin.
+/// step() throw InputError where 64 draws in a row cannot begin, where 64 episodes of an env in a row go wrong (`random`), or where of a whole
+/// set no episode could begin (`once`).
 class BatchedEnv {
  public:
   /// Global ids are first_env ... first_env + num_envs - 1 of `total_envs` (all workers together; used by EpisodeOrder::once).

@@ -43,6 +43,7 @@ struct Agent {
   Pose rendered_pose;
   std::vector<std::int8_t> actions;            // since the start of the episode
   std::optional<FaultReport> fault;            // of this episode: its stages are skipped until it is quarantined, in this very step
+  int faulty_in_a_row = 0;                     // episodes that went wrong in a step, since one that did not
   std::vector<FinishedEpisode> failed_starts;  // order `once`: not yet among the finished
   std::array<double, num_stages> seconds{};
 };

@@ -13,6 +13,8 @@ namespace {
 
 /// So many episodes that could not begin, and none that could, are taken for a set of which nothing can be used.
 constexpr std::uint64_t kHopeless = 64;
+/// So many of one env that began and went wrong, one after the other, for a run in which nothing can be learned.
+constexpr int kMostInARow = 64;
 
 }  // namespace
 
@@ -78,6 +80,12 @@ void BatchedEnv::Impl::end_faulty_episode(std::size_t env) {
   terminated[env] = collided[env] = 0;
   truncated[env] = quarantined[env] = 1;
   clear_rows(env);
+  // One bad scene among many is none of this: what is left is broken, and would go on for ever without a single whole episode.
+  if (++agents[env].faulty_in_a_row >= kMostInARow && config.order == EpisodeOrder::random)
+    throw InputError(fmt::format("env {}", global_id(env)),
+                     fmt::format("{} episodes in a row were quarantined, the last one for its {}: {}", kMostInARow,
+                                 name_of(agents[env].fault->fault), agents[env].fault->detail),
+                     "set quarantine_dir and run `earshot replay` on a file there");
 }
 
 /// Has any episode ended in this step?
@@ -87,13 +95,15 @@ bool BatchedEnv::Impl::collect_finished() {
     if (!ended(env)) continue;
     any = true;
     Agent& agent = agents[env];
-    if (!agent.fault)
+    if (!agent.fault) {
+      agent.faulty_in_a_row = 0;
       finished.push_back({.env = static_cast<int>(global_id(env)),
                           .episode_index = agent.episode_index,
                           .metrics = agent.state.metrics(config.task),
                           .actions = std::move(agent.actions)});
-    else if (config.order == EpisodeOrder::once)
+    } else if (config.order == EpisodeOrder::once) {
       finished.push_back(failed_episode(env));
+    }
   }
   return any;
 }

@@ -15,6 +15,7 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/json_depth.h"
+#include "sim/base/json_depth.h"
 #include "sim/base/json_number.h"
 
 namespace earshot {
@@ -72,6 +73,7 @@ std::string encode(const QuarantineRecord& record) {
 
 QuarantineRecord decode_quarantine_record(std::string_view text, const std::string& where) {
   const auto fail = [&](const std::string& what) { throw InputError(where, what, kRemedy); };
+  check_json_depth(text, where);
   check_json_depth(text, where);
   QuarantineRecord record;
   try {

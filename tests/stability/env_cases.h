@@ -59,6 +59,14 @@ inline bool is_finite(std::span<const float> values) {
   return true;
 }
 
+/// Resident memory of this process in MiB.
+inline double resident_mib() {
+  std::ifstream statm("/proc/self/statm");
+  double pages = 0, resident = 0;
+  statm >> pages >> resident;
+  return resident * static_cast<double>(::sysconf(_SC_PAGESIZE)) / 1048576.0;
+}
+
 /// Everything a policy or a learner may read.
 inline bool buffers_are_finite(const BatchedEnv& env) {
   for (const auto rows : {env.depth(), env.spectrogram(), env.audiogoal(), env.heard(), env.pointgoal(), env.rewards(), env.final_depth(),

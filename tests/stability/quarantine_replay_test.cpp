@@ -44,7 +44,7 @@ TEST(QuarantineRecord, RoundTrips) {
 TEST(QuarantineRecord, DamagedFilesAreRefused) {
   const std::string text = encode(example());
   const auto load = [](const std::string& bytes) { return decode_quarantine_record(bytes, "file.json"); };
-  for (const std::string& bytes : {std::string(), std::string("{}"), std::string("[]"), std::string("3")})
+  for (const std::string& bytes : {std::string(), std::string("{}"), std::string("[]"), std::string("3"), std::string(1 << 20, '[')})
     EXPECT_THROW(load(bytes), InputError);
   for (std::size_t size = 0; size + 2 < text.size(); size += 13) EXPECT_THROW(load(text.substr(0, size)), InputError);
   const auto with = [&](const std::string& from, const std::string& to) {

@@ -147,6 +147,23 @@ TEST_F(QuarantineInBatch, AFaultAtTheStartIsPassedOver) {
   }
 }
 
+// Every episode begins and then goes wrong: a run that learns nothing ends, and says why.
+TEST_F(QuarantineInBatch, NothingButFaultsStopsTheRun) {
+  BatchedEnv env(config_, set_, scenes_, 1);
+  env.set_tap([](const StageOutput& output, std::span<float> values) {
+    if (output.kind == Fault::reward) values[0] = kNan;
+  });
+  env.reset();
+  int steps = 0;
+  try {
+    for (; steps < 100; ++steps) env.step(std::vector<std::int32_t>{2});
+    FAIL();
+  } catch (const InputError& error) {
+    EXPECT_THAT(error.what(), testing::HasSubstr("reward"));
+  }
+  EXPECT_EQ(steps, 63);
+}
+
 TEST_F(QuarantineInBatch, EvaluationCountsAFaultyEpisodeAsFailed) {
   config_.order = EpisodeOrder::once;
   BatchedEnv env(config_, set_, scenes_, 1);
