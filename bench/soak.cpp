@@ -7,6 +7,7 @@
 #include <chrono>
 #include <ctime>
 #include <memory>
+#include <optional>
 #include <thread>
 
 #include "bench/measured.h"
@@ -207,7 +208,7 @@ class Soak {
     result_.loudness = watch_->loudness();
     result_.largest_reward = watch_->largest_reward();
     result_.nonfinite_events = env_->nonfinite_events();
-    result_.skipped_episodes = env_->skipped_episodes();
+    result_.quarantined = env_->quarantine_counters();
     result_.kept_responses = env_->kept_responses();
     fit_memory();
   }

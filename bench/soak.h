@@ -4,7 +4,6 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -58,7 +57,8 @@ struct SoakResult {
   std::array<SoakWatch::KindTotals, kNumSoakKinds> kinds{};
   LogHistogram loudness;
   double largest_reward = 0;
-  std::uint64_t nonfinite_events = 0, skipped_episodes = 0, kept_responses = 0;
+  std::uint64_t nonfinite_events = 0, kept_responses = 0;
+  QuarantineCounters quarantined;
 
   std::array<LogHistogram, kSoakStages.size()> stage_ms;
   std::vector<MemorySample> memory;
@@ -66,7 +66,6 @@ struct SoakResult {
   Slope resident_slope, heap_slope;           ///< MiB per agent step
   double cache_bound = 0, largest_cache = 0;  ///< MiB
   std::uint64_t evicted_scenes = 0;
-  std::optional<std::uint64_t> quarantined_episodes;
 
   int replayed = 0, replays_that_differ = 0;
   std::vector<std::string> differing;

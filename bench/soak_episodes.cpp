@@ -6,6 +6,7 @@
 #include <array>
 #include <atomic>
 #include <cmath>
+#include <exception>
 #include <limits>
 #include <map>
 #include <numbers>
@@ -93,6 +94,7 @@ EpisodeFilter filter_of(SoakKind kind) {
 struct MadeInScene {
   std::vector<Episode> episodes;
   std::string refused;
+  std::exception_ptr failed;  ///< anything but a refusal
 };
 
 MadeInScene make_in_scene(const SoakScene& scene, int per_scene, const EnvConfig& config, SceneCache& cache, std::uint64_t seed) {
@@ -103,6 +105,8 @@ MadeInScene make_in_scene(const SoakScene& scene, int per_scene, const EnvConfig
         generate_episodes(scene.spec, *loaded->scene, loaded->navmesh, config.task, filter_of(scene.kind), soak_sounds(), per_scene, seed);
   } catch (const InputError& error) {
     made.refused = error.what();
+  } catch (...) {
+    made.failed = std::current_exception();  // no exception leaves a worker thread
   }
   return made;
 }
@@ -153,6 +157,7 @@ SoakEpisodes make_soak_episodes(const std::vector<SoakScene>& scenes, int per_sc
   }
   SoakEpisodes result;
   for (std::size_t i = 0; i < scenes.size(); ++i) {
+    if (made[i].failed) std::rethrow_exception(made[i].failed);
     if (!made[i].refused.empty()) result.refused.push_back(made[i].refused);
     for (Episode& episode : made[i].episodes) {
       result.set.episodes.push_back(std::move(episode));

@@ -125,6 +125,11 @@ std::string soak_markdown(const SoakResult& result) {
   std::vector<std::string> examples;
   for (const SoakWatch::Example& example : result.examples) examples.push_back(fmt::format("{}: {}", name_of(example.fault), example.what));
   text += list_of("First faults", examples);
+  std::vector<std::string> quarantined;
+  for (std::size_t i = 0; i < kNumFaults; ++i)
+    if (const auto fault = static_cast<Fault>(i); result.quarantined.of(fault) > 0)
+      quarantined.push_back(fmt::format("{}: {}", name_of(fault), result.quarantined.of(fault)));
+  text += list_of("Quarantined episodes, by reason", quarantined);
   text += list_of("Replays that differ", result.differing);
   text += list_of("Scenes without room for an episode", result.refused_scenes);
   return text;

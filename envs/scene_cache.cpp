@@ -23,6 +23,9 @@ namespace {
 constexpr std::size_t kBytesPerTriangle = 256;
 constexpr std::size_t kBytesPerScene = std::size_t{1} << 20;
 constexpr std::size_t kMaxSourcesPerScene = 256;
+/// Of a source without its sound field: 156 bytes per image and 64 per way round edges, and what belongs to no path (distances of the
+/// corners, blocks of the allocator).  50 to 200 KiB in a house: 256 sources take ten times what their scene does.
+constexpr std::size_t kBytesPerImage = 160, kBytesPerEdgePath = 64, kBytesPerSource = 16384;
 constexpr std::size_t kMaxPrefetches = 256;
 
 using SourceKey = std::array<std::uint64_t, 4>;
@@ -49,6 +52,11 @@ struct SceneEntry : Entry<EnvScene> {
     return sum;
   }
 };
+
+std::size_t bytes_of(const EnvSource& source) {
+  return kBytesPerSource + kBytesPerImage * source.candidates.size() + kBytesPerEdgePath * source.candidates.diffraction().size() +
+         (source.sound_field ? source.sound_field->image().size() : 0);
+}
 
 /// The ready entry that was used longest ago, `keep` excepted; end() if there is none.
 template <class Map>
@@ -131,7 +139,7 @@ struct SceneCache::Impl {
       std::map<SourceKey, Entry<EnvSource>>::iterator oldest;
       for (auto& [id, scene] : scenes)
         for (auto it = scene.sources.begin(); it != scene.sources.end(); ++it)
-          if (it->second.ready && it->second.bytes > 0 && !(id == keep && it->first == keep_source) &&
+          if (it->second.ready && !(id == keep && it->first == keep_source) &&
               (!of_scene || it->second.last_used < oldest->second.last_used)) {
             of_scene = &scene;
             oldest = it;
@@ -264,7 +272,7 @@ std::shared_ptr<const EnvSource> SceneCache::source(const std::string& scene_id,
     if (SceneEntry* entry_of = entry_of_scene()) {
       if (const auto found = entry_of->sources.find(key); found != entry_of->sources.end() && !found->second.ready) {
         found->second.ready = true;
-        found->second.bytes = built->sound_field ? built->sound_field->image().size() : 0;
+        found->second.bytes = bytes_of(*built);
         in.bytes += found->second.bytes;
       }
       while (entry_of->sources.size() > kMaxSourcesPerScene) {

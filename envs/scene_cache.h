@@ -30,7 +30,7 @@ struct EnvSource {
 };
 
 /// Loads scenes and sources once and keeps the most recently used ones within a bound on bytes: of scenes, estimated from triangle counts,
-/// and of the sound fields of sources.  Thread-safe; two threads that ask for the same scene wait for one load.  Whoever holds a pointer
+/// and of sources, estimated from their paths, with their sound fields.  Thread-safe; two threads that ask for the same scene wait for one load.  Whoever holds a pointer
 /// keeps what it points to, evicted or not.
 class SceneCache {
  public:

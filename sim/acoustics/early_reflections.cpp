@@ -109,8 +109,13 @@ EarlyCandidates::EarlyCandidates(const AcousticScene& scene, const SoundSource& 
   }
   std::sort(sequences_.begin(), sequences_.end());
   sequences_.erase(std::unique(sequences_.begin(), sequences_.end()), sequences_.end());
+  sequences_.shrink_to_fit();  // of thousands of rays hundreds of sequences remain, and thousands of sources may be held
 
   images_.reserve(sequences_.size());
+  for (auto* rows : {&last_.normal, &last_.image, &last_.lower, &last_.upper})
+    for (std::vector<double>& row : *rows) row.reserve(sequences_.size());
+  last_.offset_m.reserve(sequences_.size());
+  last_.image_height_m.reserve(sequences_.size());
   for (const Sequence& sequence : sequences_) {
     glm::dvec3 image(source);
     for (int i = 0; i < sequence.order; ++i) image = ExactPlane(scene.planes()[sequence.plane[i]]).mirror(image);

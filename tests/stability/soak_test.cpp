@@ -9,7 +9,9 @@
 #include <utility>
 
 #include "bench/soak_report.h"
+#include "envs/scene_cache.h"
 #include "sim/base/errors.h"
+#include "sim/base/random.h"
 
 namespace earshot {
 namespace {
@@ -154,6 +156,23 @@ TEST(X_SoakBound, DiffuseFieldOfAHouseIsThatOfTheRoom) {
   const double all = diffuse_field_energy(whole, *loaded, {1, 1, 1}), room = diffuse_field_energy(house, *loaded, {1, 1, 1});
   EXPECT_GT(room, 1.5 * all);
   EXPECT_LT(room, 40 * all);
+}
+
+// The cache's bound is of bytes that it estimates.  The oracle is the allocator: sources of a long run must count for what they take.
+TEST(X_SceneCacheBound, SourcesCountForWhatTheyTake) {
+  SceneCache cache(acoustic_preset("fast"), {}, {}, std::size_t{1} << 32);
+  const auto scene = cache.scene("house:3,rooms=6");
+  MemorySample before, after;
+  const std::size_t bytes_before = cache.bytes();
+  read_process_memory(before);
+  for (std::uint32_t i = 0; i < 40; ++i)
+    cache.source("house:3,rooms=6", scene->navmesh.random_point(RandomStream(1, Purpose::test, i), 0), 1.5f);
+  read_process_memory(after);
+  ASSERT_EQ(cache.sources_built(), 40u);
+  const double counted_mib = static_cast<double>(cache.bytes() - bytes_before) / (1 << 20),
+               taken_mib = after.heap_in_use - before.heap_in_use;
+  EXPECT_GT(taken_mib, 2);  // 40 sources of 50 KiB and more
+  EXPECT_NEAR(counted_mib / taken_mib, 1, 0.35);
 }
 
 TEST(X_SoakBound, LargestMeanSquareOfALoopWrapsAround) {
