@@ -30,13 +30,13 @@ struct EnvSource {
 };
 
 /// Loads scenes and sources once and keeps the most recently used ones within a bound on bytes: of scenes, estimated from triangle counts,
-/// and of sources, estimated from their paths, with their sound fields.  Thread-safe; two threads that ask for the same scene wait for one load.  Whoever holds a pointer
-/// keeps what it points to, evicted or not.
+/// and of sources, estimated from their paths, with their sound fields.  Thread-safe; two threads that ask for the same scene wait for one
+/// load.  Whoever holds a pointer keeps what it points to, evicted or not.
 class SceneCache {
  public:
-  /// acoustics.field: `on` keeps a field with each source.  `automatic` plans scenes without and traces: an episode has 50 to 150 poses, for
-  /// which photons cost as much as 64 rays at each, and only with fields do walls let late sound through.  `on` pays where agents, episodes,
-  /// workers or runs share a source, or where its lower error is wanted.
+  /// acoustics.field: `on` keeps a field with each source.  `automatic` plans scenes without and traces: an episode has 50 to 150 poses,
+  /// for which photons cost as much as 64 rays at each, and only with fields do walls let late sound through.  `on` pays where agents,
+  /// episodes, workers or runs share a source, or where its lower error is wanted.
   /// fields: folder and bound of the sound fields that runs and processes share; its memory bound is of no use here, and its warnings are
   /// logged.
   SceneCache(const AcousticConfig& acoustics, const NavmeshConfig& navmesh, std::filesystem::path scene_root, std::size_t max_bytes,
