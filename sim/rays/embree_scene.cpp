@@ -92,6 +92,18 @@ void prefer_lowest_id(const RTCFilterFunctionNArguments* arguments) {
   ray.tfar += band;  // keep looking behind the winner as far as a tie reaches
 }
 
+/// Half the spacing of floats at the farthest coordinate: what lies nearer than that to a point is what the point lies on.  An eighth of
+/// the margin that hits keep from edges, so that the next wall is never taken for the one that a ray starts from.
+float rounding_of(glm::vec3 point) { return 0x1p-24f * std::max({std::fabs(point.x), std::fabs(point.y), std::fabs(point.z), 1e-30f}); }
+
+/// Embree 3 ends the process on a ray from 1e30 m.  Scenes end at 1e9 m: what comes from beyond this, or from no number at all, meets
+/// nothing.
+constexpr float farthest_m = 1e15f;
+
+bool is_near(glm::vec3 point) {  // not so for NaN
+  return std::fabs(point.x) <= farthest_m && std::fabs(point.y) <= farthest_m && std::fabs(point.z) <= farthest_m;
+}
+
 /// The point with these weights of the corners, moved across each edge that it lies closer to than `margin_m`.  By no more than a few
 /// margins, and never past the middle of what is left: along a needle, which has no such room, a point stays where it is.
 glm::vec3 point_off_edges(const std::array<glm::dvec3, 3>& corners, std::array<double, 3> weights, double margin_m) {
@@ -183,12 +195,6 @@ glm::vec3 offset_from_surface(glm::vec3 position, glm::vec3 normal) {
   return straight ? moved : position + glm::dot(lean, normal) * normal;
 }
 
-/// Half the spacing of floats at the farthest coordinate: what lies nearer than that to a point is what the point lies on.  An eighth of
-/// the margin that hits keep from edges, so that the next wall is never taken for the one that a ray starts from.
-static float rounding_of(glm::vec3 point) {
-  return 0x1p-24f * std::max({std::fabs(point.x), std::fabs(point.y), std::fabs(point.z), 1e-30f});
-}
-
 EmbreeScene::EmbreeScene(std::span<const glm::vec3> vertices, std::span<const glm::uvec3> triangles)
     : handles_(std::make_unique<Handles>()) {
   Handles& h = *handles_;
@@ -232,6 +238,7 @@ EmbreeScene& EmbreeScene::operator=(EmbreeScene&&) noexcept = default;
 std::size_t EmbreeScene::num_triangles() const { return handles_->triangles.size(); }
 
 Hit EmbreeScene::intersect(glm::vec3 origin, glm::vec3 direction, float max_distance_m) const {
+  if (!is_near(origin) || !is_near(direction)) return {};
   TieContext context;
   rtcInitIntersectContext(&context.base);
   context.base.filter = [](const RTCFilterFunctionNArguments* arguments) { prefer_lowest_id(arguments); };
@@ -264,6 +271,7 @@ Hit EmbreeScene::intersect(glm::vec3 origin, glm::vec3 direction, float max_dist
 }
 
 bool EmbreeScene::occluded(glm::vec3 from, glm::vec3 to) const {
+  if (!is_near(from) || !is_near(to)) return true;  // nothing reaches where nobody is
   // Both directions of a segment must agree (reciprocity), and rounding at edges depends on the ray's origin: fix the order.
   if (std::tie(to.x, to.y, to.z) < std::tie(from.x, from.y, from.z)) std::swap(from, to);
   const glm::vec3 along = to - from;
@@ -295,7 +303,7 @@ void EmbreeScene::intersect8(std::span<const glm::vec3, 8> origins, std::span<co
   alignas(32) int valid[8];
   RTCRayHit8 query{};
   for (std::size_t i = 0; i < 8; ++i) {
-    valid[i] = -1;
+    valid[i] = is_near(origins[i]) && is_near(directions[i]) ? -1 : 0;
     query.ray.org_x[i] = origins[i].x;
     query.ray.org_y[i] = origins[i].y;
     query.ray.org_z[i] = origins[i].z;

@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <glm/geometric.hpp>
+#include <limits>
 
 #include "sim/acoustics/rir.h"
 #include "sim/acoustics/rir_synthesis.h"
@@ -111,6 +112,36 @@ TEST(H11_HugeRoom, LongestResponseInAHugeRoom) {
   }
   for (const float value : response.late.values()) ASSERT_TRUE(std::isfinite(value));
   EXPECT_EQ(response.stats.ray_efficiency(), 1.0);
+}
+
+// From beyond all scenes, or from no number: no answer that is none, and no end of the process (Embree's, at 1e30 m).
+TEST(X_RayFromNowhere, MeetsNothing) {
+  const auto scene = scene_of(box({5, 3, 4}));
+  const EmbreeScene& rays = scene->rays();
+  const float nan = std::numeric_limits<float>::quiet_NaN(), infinity = std::numeric_limits<float>::infinity();
+  for (const float bad : {nan, infinity, -infinity, 1e16f, 1e30f, 3e38f}) {
+    for (int axis = 0; axis < 3; ++axis) {
+      glm::vec3 point(2, 1, 1.5f), direction(0.6f, 0.8f, 0);
+      point[axis] = bad;
+      direction[axis] = bad;
+      EXPECT_FALSE(rays.intersect(point, {0.6f, 0.8f, 0}).valid()) << bad;
+      EXPECT_FALSE(rays.intersect({2, 1, 1.5f}, direction).valid()) << bad;
+      EXPECT_TRUE(rays.occluded(point, {2, 1, 1.5f})) << bad;
+      EXPECT_TRUE(rays.occluded({2, 1, 1.5f}, point)) << bad;
+      std::array<glm::vec3, 8> origins, directions;
+      origins.fill({2, 1, 1.5f});
+      directions.fill({0, -1, 0});
+      origins[3] = point;
+      directions[5] = direction;
+      std::array<float, 8> distances{};
+      rays.intersect8(origins, directions, distances);
+      for (std::size_t i = 0; i < 8; ++i) EXPECT_EQ(distances[i], i == 3 || i == 5 ? infinity : 1.f) << i;
+    }
+  }
+  // As far as scenes go and a thousand times beyond, rays still find their way.
+  const Hit hit = rays.intersect({2, 1, 1e12f}, {0, 0, -1});
+  EXPECT_TRUE(hit.valid());
+  EXPECT_NEAR(hit.distance_m, 1e12f, 1e5f);
 }
 
 TEST(H12_WrongUnit, IsWarnedAbout) {
