@@ -6,6 +6,8 @@
 #include "envs/av_nav_task.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/json_depth.h"
+#include "sim/base/json_number.h"
 
 namespace earshot {
 namespace {
@@ -34,21 +36,22 @@ std::string encode(const EnvState& state) {
 
 EnvState decode_env_state(std::string_view text) {
   EnvState state;
+  check_json_depth(text, "environment state");
   try {
     const json document = json::parse(text);
-    if (document.at("earshot_env_state").get<int>() != kVersion) fail("is of another version");
+    if (whole_number<int>(document, "earshot_env_state") != kVersion) fail("is of another version");
     const json& body = document.at("body");
     if (document.at("checksum").get<std::string>() != hex64(hash64(body.dump()))) fail("is damaged: its checksum is wrong");
     const auto hash = body.at("set_hash").get<std::string>();
     state.set_hash = std::stoull(hash, nullptr, 16);
-    state.seed = body.at("seed").get<std::uint64_t>();
-    state.first_env = body.at("first_env").get<int>();
-    state.total_envs = body.at("total_envs").get<int>();
+    state.seed = whole_number<std::uint64_t>(body, "seed");
+    state.first_env = whole_number<int>(body, "first_env");
+    state.total_envs = whole_number<int>(body, "total_envs");
     state.started = body.at("started").get<bool>();
     for (const json& env : body.at("envs")) {
       EnvCursor cursor{.active = env.at("active").get<bool>(),
-                       .episode_index = env.at("episode_index").get<std::uint64_t>(),
-                       .episode_count = env.at("episode_count").get<int>(),
+                       .episode_index = whole_number<std::uint64_t>(env, "episode_index"),
+                       .episode_count = whole_number<int>(env, "episode_count"),
                        .actions = {}};
       for (const char action : env.at("actions").get_ref<const std::string&>()) {
         if (action < '0' || action >= '0' + kNumActions) fail("holds an action that does not exist");

@@ -8,6 +8,7 @@
 #include "envs/gzip.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/json_depth.h"
 
 namespace earshot {
 namespace {
@@ -104,6 +105,7 @@ struct ParsedSet {
 };
 
 ParsedSet parse_text(std::string_view text, const std::string& where) {
+  check_json_depth(text, where);
   ParsedSet set;
   std::string key;
   bool has_list = false;

@@ -13,6 +13,7 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/json_number.h"
 
 namespace earshot {
 namespace {
@@ -35,9 +36,9 @@ CurvePoint point_of(std::string_view line) {
   // To the parser a zero byte is the end of the text.
   const Json json = Json::parse(line.substr(0, line.find('\0') == std::string_view::npos ? line.size() : 0));
   CurvePoint point;
-  json.at("update").get_to(point.update);
-  json.at("env_steps").get_to(point.env_steps);
-  json.at("wall_s").get_to(point.wall_s);
+  point.update = whole_number<std::uint64_t>(json, "update");
+  point.env_steps = whole_number<std::uint64_t>(json, "env_steps");
+  point.wall_s = finite_number<double>(json, "wall_s");
   for (const auto& [name, value] : json.at("values").items())
     point.values.emplace_back(name, value.is_null() ? std::numeric_limits<double>::quiet_NaN() : value.get<double>());
   return point;

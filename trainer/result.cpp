@@ -5,8 +5,11 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "envs/action.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/json_depth.h"
+#include "sim/base/json_number.h"
 
 namespace earshot {
 namespace {
@@ -105,6 +108,7 @@ void save_result(const EvaluationResult& result, const std::filesystem::path& pa
 
 EvaluationResult load_result(const std::filesystem::path& path) {
   const std::string text = read_file(path, std::size_t{1} << 30);
+  check_json_depth(text, path.string());
   EvaluationResult result;
   try {
     const auto json = nlohmann::json::parse(text);
@@ -113,20 +117,24 @@ EvaluationResult load_result(const std::filesystem::path& path) {
     json.at("set_hash").get_to(result.set_hash);
     json.at("engine_hash").get_to(result.engine_hash);
     json.at("episodes_file").get_to(result.episodes_file);
-    json.at("seed").get_to(result.seed);
+    result.seed = whole_number<std::uint64_t>(json, "seed");
     for (const auto& row : json.at("episodes")) {
       EvaluationResult::Row read;
       row.at("id").get_to(read.id);
       row.at("scene").get_to(read.scene);
-      row.at("success").get_to(read.metrics.success);
-      row.at("spl").get_to(read.metrics.spl);
-      row.at("soft_spl").get_to(read.metrics.soft_spl);
-      row.at("sna").get_to(read.metrics.sna);
-      row.at("dtg_m").get_to(read.metrics.dtg_m);
-      row.at("reward").get_to(read.metrics.reward);
-      row.at("steps").get_to(read.metrics.steps);
-      row.at("collisions").get_to(read.metrics.collisions);
-      row.at("actions").get_to(read.actions);
+      read.metrics.success = finite_number<double>(row, "success");
+      read.metrics.spl = finite_number<double>(row, "spl");
+      read.metrics.soft_spl = finite_number<double>(row, "soft_spl");
+      read.metrics.sna = finite_number<double>(row, "sna");
+      read.metrics.dtg_m = finite_number<double>(row, "dtg_m");
+      read.metrics.reward = finite_number<double>(row, "reward");
+      read.metrics.steps = whole_number<int>(row, "steps");
+      read.metrics.collisions = whole_number<int>(row, "collisions");
+      for (const auto& action : row.at("actions")) {
+        if (!action.is_number_unsigned() || action.get<std::uint64_t>() >= static_cast<std::uint64_t>(kNumActions))
+          throw InputError(path.string(), "holds an action that does not exist", "it must be a file written by 'earshot eval --out'");
+        read.actions.push_back(action.get<std::int8_t>());
+      }
       result.episodes.push_back(std::move(read));
     }
   } catch (const nlohmann::json::exception& error) {

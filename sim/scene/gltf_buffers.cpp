@@ -8,6 +8,7 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/json_depth.h"
 
 namespace earshot {
 namespace {
@@ -134,6 +135,7 @@ GltfAsset::GltfAsset(const std::filesystem::path& path) : where_(path.string()),
     }
     text = text.substr(20, json_size);
   }
+  check_json_depth(text, where_);
   try {
     json_ = Json::parse(text);
   } catch (const Json::parse_error& error) {

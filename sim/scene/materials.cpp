@@ -11,6 +11,7 @@
 #include "sim/base/config_reader.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/json_depth.h"
 #include "sim/scene/text_match.h"
 
 namespace earshot {
@@ -165,6 +166,7 @@ const std::string& Material::source_of(const std::string& key) const {
 }
 
 MaterialDatabase MaterialDatabase::from_json(std::string_view text, const std::string& where, const MaterialImport& import) {
+  check_json_depth(text, where);
   Json json;
   try {
     json = Json::parse(text);
