@@ -7,7 +7,7 @@ set(EARSHOT_ARCH "x86-64-v3" CACHE STRING "Value of -march= on x86-64 machines, 
 target_compile_options(project_flags INTERFACE
   -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wno-sign-conversion -Werror
   # g++ 12 at -O3 sees an overlap in std::string's own operator+ (GCC bug 105651); the check has no other use here.
-  -Wno-restrict
+  $<$<CXX_COMPILER_ID:GNU>:-Wno-restrict>
   # a*b+c must round the same way in every translation unit and on every machine: results are promised bit for bit.
   -ffp-contract=off)
 target_include_directories(project_flags INTERFACE ${PROJECT_SOURCE_DIR} ${PROJECT_BINARY_DIR}/generated)

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Builds and passes the tests: all of them in release, the fast ones under the address and undefined-behaviour sanitizers and under
-# the thread sanitizer.  scripts/test.sh quick: release only, without the slow ones.
+# Builds and passes the tests: all of them in release, the fast ones under the address and undefined-behaviour sanitizers, those that use
+# threads under the thread sanitizer, and a minute of fuzzing.  scripts/test.sh quick: release only, without the slow ones.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -18,3 +18,4 @@ for preset in asan-ubsan tsan; do
   run scripts/build.sh "$preset"
   run ctest --preset "$preset" -j "$jobs"
 done
+run scripts/fuzz.sh 60

@@ -1,0 +1,25 @@
+// The state of the environments inside a checkpoint: as it is, or behind a checksum that is right.
+#include "envs/env_state.h"
+
+#include <nlohmann/json.hpp>
+
+#include "fuzz/fuzz_target.h"
+#include "sim/base/files.h"
+
+int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  using namespace earshot;
+  std::string_view bytes = fuzz::text_of(data, size);
+  const bool mend = fuzz::take_choice(bytes, 2) == 1;
+  std::string text(bytes);
+  if (mend) {
+    const auto body = nlohmann::json::parse(bytes, nullptr, false);
+    if (body.is_discarded()) return 0;
+    const std::string dumped = body.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+    text = R"({"earshot_env_state":1,"checksum":")" + hex64(hash64(dumped)) + R"(","body":)" + dumped + "}";
+  }
+  fuzz::expect_value_or_refusal([&] {
+    const EnvState state = decode_env_state(text);
+    if (decode_env_state(encode(state)).envs.size() != state.envs.size()) fuzz::report("the way back differs", "");
+  });
+  return 0;
+}

@@ -1,0 +1,19 @@
+// Result files and the leaderboard that is made of them.
+#include "trainer/result.h"
+
+#include "fuzz/fuzz_target.h"
+#include "trainer/leaderboard.h"
+
+int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  using namespace earshot;
+  static const fuzz::InputFile file("result.json");
+  fuzz::expect_value_or_refusal([&] {
+    const EvaluationResult result = load_result(file.write(fuzz::text_of(data, size)));
+    EvaluationResult other = result;
+    other.agent += "2";
+    const std::vector<EvaluationResult> table = ranked({result, other});
+    static_cast<void>(leaderboard_text(table));
+    static_cast<void>(leaderboard_html(table));
+  });
+  return 0;
+}
