@@ -31,8 +31,8 @@ int run_train(const Options& options, const std::vector<std::string>& arguments)
   const auto collective = identity ? make_zmq_ring(*identity) : make_single_worker();
   const TrainReport report = train(config, resolved_yaml(options.config, options.overrides), *collective, resume);
   if (collective->identity().rank == 0)
-    fmt::print("{} updates, {} steps in {:.1f} min: {:.0f} steps/s\ncheckpoint: {}\n", report.updates, report.env_steps, report.wall_s / 60,
-               report.steps_per_s, report.checkpoint.string());
+    fmt::print("{} updates, {} steps in {:.1f} min: {:.0f} steps/s\n{}checkpoint: {}\n", report.updates, report.env_steps,
+               report.wall_s / 60, report.steps_per_s, summary(report.counters, report.guards), report.checkpoint.string());
   return 0;
 }
 
@@ -48,7 +48,13 @@ void add_train(CLI::App& app, const std::vector<std::string>& arguments, int& ex
   command->footer(
       "Writes checkpoints, events.jsonl and TensorBoard curves under the config's `out`.  SIGTERM, SIGINT and SIGUSR1 end the run after "
       "the\n"
-      "current update with a checkpoint.  A resumed run gives the bits that the unbroken one would have given.");
+      "current update with a checkpoint.  A resumed run gives the bits that the unbroken one would have given.\n\n"
+      "Keys of CONFIG that save or keep something on disk:\n"
+      "  env.field_store=FOLDER     source fields (env.acoustics.field) that all workers and later runs share; empty: in memory only\n"
+      "  env.field_store_gb=20      bound of that folder; the least recently used go first\n"
+      "  env.quarantine_dir=FOLDER  episodes that went wrong, each as a file that replays it (default: `out`/quarantine)\n"
+      "  checkpoint_every=50        updates between checkpoints; a full disk is reported and training goes on\n"
+      "All keys, curves and counters: docs/training.md.");
   command->callback([options, &arguments, &exit_code] { exit_code = run_train(*options, arguments); });
 }
 

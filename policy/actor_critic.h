@@ -50,8 +50,8 @@ class ActorCriticImpl : public torch::nn::Module {
   /// One step of N envs.  hidden [N, hidden_size]; not_done [N] float, 0 where a new episode begins (hidden is zeroed there).
   PolicyOutput step(const ObservationTensors& observations, const torch::Tensor& hidden, const torch::Tensor& not_done);
   /// T steps of B envs in time order: observations [T * B, ...] with T outermost; hidden [B, hidden_size] before the first step;
-  /// not_done [T, B].  Equal to T calls of step to 1e-6.
-  PolicyOutput sequence(const ObservationTensors& observations, const torch::Tensor& hidden, const torch::Tensor& not_done);
+  /// not_done [T, B].  Equal to T calls of step to 1e-6.  Virtual, so that a test can put a fault into what the network says.
+  virtual PolicyOutput sequence(const ObservationTensors& observations, const torch::Tensor& hidden, const torch::Tensor& not_done);
 
   [[nodiscard]] int hidden_size() const { return config_.hidden_size; }
   [[nodiscard]] std::int64_t num_parameters() const;

@@ -1,5 +1,11 @@
 #include "trainer/actor.h"
 
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "sim/base/denormals.h"
+
 namespace earshot {
 namespace {
 
@@ -16,6 +22,33 @@ ObservationTensors views(const BatchedEnv& env, std::span<const float> depth, st
           view(pointgoal, {n, 2})};
 }
 
+bool row_is_finite(const torch::Tensor& rows, std::int64_t row) {
+  const std::int64_t size = rows.numel() / rows.size(0);
+  const float* values = rows.data_ptr<float>() + row * size;
+  return std::all_of(values, values + size, [](float value) { return std::isfinite(value); });
+}
+
+/// Sets rows that are not finite to zero, in a copy, and marks them.
+void mend(ObservationTensors& observations, std::vector<std::uint8_t>& mended) {
+  for (torch::Tensor* sensor : {&observations.depth, &observations.spectrogram, &observations.pointgoal}) {
+    if (!sensor->defined()) continue;
+    bool copied = false;
+    for (std::int64_t row = 0; row < sensor->size(0); ++row) {
+      if (row_is_finite(*sensor, row)) continue;
+      if (!copied) *sensor = sensor->clone();  // the env's buffer is not ours to write
+      copied = true;
+      (*sensor)[row].zero_();
+      mended[static_cast<std::size_t>(row)] = 1;
+    }
+  }
+}
+
+/// The value of a mended observation is nobody's value.
+void forget_mended(torch::Tensor& value, const std::vector<std::uint8_t>& mended) {
+  for (std::size_t row = 0; row < mended.size(); ++row)
+    if (mended[row]) value[static_cast<std::int64_t>(row)] = std::numeric_limits<float>::quiet_NaN();
+}
+
 }  // namespace
 
 ObservationTensors observation_tensors(const BatchedEnv& env) { return views(env, env.depth(), env.spectrogram(), env.pointgoal()); }
@@ -25,11 +58,27 @@ ObservationTensors final_observation_tensors(const BatchedEnv& env) {
 }
 
 Actor::Actor(ActorCritic policy, int num_envs)
-    : policy_(std::move(policy)), hidden_(torch::zeros({num_envs, policy_->hidden_size()})), not_done_(torch::zeros({num_envs})) {}
+    : policy_(std::move(policy)), hidden_(torch::zeros({num_envs, policy_->hidden_size()})), not_done_(torch::zeros({num_envs})), mended_(static_cast<std::size_t>(num_envs), 0) {}
 
-const PolicyOutput& Actor::observe(const BatchedEnv& env) {
+const PolicyOutput& Actor::observe(const ObservationTensors& observations) {
   const torch::NoGradGuard no_grad;
-  output_ = policy_->step(observation_tensors(env), hidden_, not_done_);
+  const FlushDenormals flush;
+  std::fill(mended_.begin(), mended_.end(), std::uint8_t{0});
+  seen_ = observations;
+  mend(seen_, mended_);
+  output_ = policy_->step(seen_, hidden_, not_done_);
+  bool again = false;
+  for (std::int64_t row = 0; row < output_.logits.size(0); ++row) {
+    if (row_is_finite(output_.logits, row) && row_is_finite(output_.value, row) && row_is_finite(output_.hidden, row)) continue;
+    for (torch::Tensor* sensor : {&seen_.depth, &seen_.spectrogram, &seen_.pointgoal})
+      if (sensor->defined()) *sensor = sensor->index_fill(0, torch::tensor({row}), 0);
+    hidden_[row].zero_();
+    not_done_[row] = 0;
+    mended_[static_cast<std::size_t>(row)] = 1;
+    again = true;
+  }
+  if (again) output_ = policy_->step(seen_, hidden_, not_done_);
+  for (const std::uint8_t mended : mended_) mended_rows_ += mended;
   return output_;
 }
 
@@ -40,12 +89,16 @@ torch::Tensor Actor::truncated_values(const BatchedEnv& env) {
     if (env.truncated()[i] != 0 && env.terminated()[i] == 0) rows.push_back(i);
   if (rows.empty()) return values;
   const torch::NoGradGuard no_grad;
+  const FlushDenormals flush;
   const torch::Tensor index = torch::tensor(rows);
   ObservationTensors last = final_observation_tensors(env);
   for (torch::Tensor* sensor : {&last.depth, &last.spectrogram, &last.pointgoal})
     if (sensor->defined()) *sensor = sensor->index_select(0, index);
   const auto count = static_cast<std::int64_t>(rows.size());
-  const PolicyOutput output = policy_->step(last, output_.hidden.index_select(0, index), torch::ones({count}));
+  std::vector<std::uint8_t> mended(rows.size(), 0);
+  mend(last, mended);
+  PolicyOutput output = policy_->step(last, output_.hidden.index_select(0, index), torch::ones({count}));
+  forget_mended(output.value, mended);
   values.index_copy_(0, index, output.value);
   return values;
 }
@@ -57,7 +110,13 @@ void Actor::advance(const BatchedEnv& env) {
 
 torch::Tensor Actor::peek_value(const BatchedEnv& env) {
   const torch::NoGradGuard no_grad;
-  return policy_->step(observation_tensors(env), hidden_, not_done_).value;
+  const FlushDenormals flush;
+  ObservationTensors now = observation_tensors(env);
+  std::vector<std::uint8_t> mended(mended_.size(), 0);
+  mend(now, mended);
+  torch::Tensor value = policy_->step(now, hidden_, not_done_).value;
+  forget_mended(value, mended);
+  return value;
 }
 
 void Actor::restore(const torch::Tensor& hidden, const torch::Tensor& not_done) {

@@ -2,6 +2,7 @@
 
 #include <functional>
 
+#include "policy/torch_threads.h"
 #include "sim/base/files.h"
 #include "sim/base/progress.h"
 #include "trainer/actor.h"
@@ -60,7 +61,7 @@ EvaluationResult run_episodes(const EnvConfig& base, const EvaluationConfig& eva
 }  // namespace
 
 EvaluationResult evaluate_checkpoint(const std::filesystem::path& path, const EvaluationConfig& evaluation, const std::vector<std::string>& overrides) {
-  torch::set_num_threads(1);
+  use_one_torch_thread();
   const Checkpoint checkpoint = load_checkpoint(path);
   const RunConfig config = parse_run_config(checkpoint.config_yaml, path.string() + " (its config)", overrides);
   ActorCritic policy(config.env.observation, config.policy);

@@ -10,7 +10,9 @@
 #include <vector>
 
 #include "policy/action_distribution.h"
+#include "sim/base/denormals.h"
 #include "sim/base/errors.h"
+#include "sim/base/files.h"
 #include "sim/base/random.h"
 
 namespace earshot {
@@ -57,16 +59,18 @@ double explained_variance(const torch::Tensor& values, const torch::Tensor& retu
   return variance > 0 ? 1 - (r - v).var(false).item<double>() / variance : std::numeric_limits<double>::quiet_NaN();
 }
 
-/// (A - mean) / (std + 1e-7) with mean and variance over the valid rows of all workers.  Constant advantages become 0.
-torch::Tensor normalized(const torch::Tensor& advantages, const torch::Tensor& valid, const SumStatistics& sum) {
-  if (!sum) throw RunError("ppo.normalize_advantages", "needs the sum over workers, and the caller gave none");
-  const torch::Tensor rows = advantages.masked_select(valid).to(torch::kFloat64);
-  std::array<double, 3> sums{static_cast<double>(rows.numel()), rows.sum().item<double>(), rows.square().sum().item<double>()};
-  sum(sums);
-  if (sums[0] < 1) return advantages;
-  const double mean = sums[1] / sums[0];
-  const double variance = std::max(0.0, sums[2] / sums[0] - mean * mean);
-  return (advantages - mean) / (std::sqrt(variance) + 1e-7);
+/// From the verdicts, so that every worker counts the same.
+void raise_alarms(std::span<const StepVerdict> verdicts, const PpoConfig& config, UpdateStats& stats) {
+  for (std::size_t rank = 0; rank < verdicts.size(); ++rank) {
+    const StepVerdict& verdict = verdicts[rank];
+    const bool loss = std::abs(verdict.loss) > config.loss_alarm, kl = verdict.approx_kl > config.kl_alarm;
+    stats.loss_alarms += loss;
+    stats.kl_alarms += kl;
+    if (!(loss || kl) || stats.alarm_rank >= 0) continue;
+    stats.alarm_rank = static_cast<int>(rank);
+    stats.alarm_loss = verdict.loss;
+    stats.alarm_kl = verdict.approx_kl;
+  }
 }
 
 }  // namespace
@@ -84,6 +88,8 @@ void read(ConfigReader& reader, PpoConfig& config) {
   reader.read("normalize_advantages", config.normalize_advantages);
   reader.read("linear_learning_rate_decay", config.linear_learning_rate_decay);
   reader.read("linear_clip_decay", config.linear_clip_decay);
+  reader.read("loss_alarm", config.loss_alarm);
+  reader.read("kl_alarm", config.kl_alarm);
   reader.read("gamma", config.gae.gamma);
   reader.read("lambda", config.gae.lambda);
 }
@@ -99,7 +105,10 @@ void validate(const PpoConfig& config) {
   not_negative("ppo.entropy_coefficient", config.entropy_coefficient, "must not be negative: it rewards exploration");
   positive("ppo.learning_rate", config.learning_rate, "must be positive: it is the step of Adam");
   positive("ppo.adam_epsilon", config.adam_epsilon, "must be positive: it keeps Adam from dividing by zero");
-  positive("ppo.max_gradient_norm", config.max_gradient_norm, "must be positive: longer gradients are scaled down to it");
+  require(config.max_gradient_norm > 0 && config.max_gradient_norm <= 1e9, "ppo.max_gradient_norm", config.max_gradient_norm,
+          "must be in (0, 1e9]: longer gradients are scaled down to it, and Adam keeps its square in a float");
+  positive("ppo.loss_alarm", config.loss_alarm, "must be positive: a larger loss is reported");
+  positive("ppo.kl_alarm", config.kl_alarm, "must be positive: a larger divergence from the policy that acted is reported");
   require(config.epochs > 0, "ppo.epochs", config.epochs, "must be positive: passes over each rollout");
   require(config.minibatches > 0, "ppo.minibatches", config.minibatches, "must be positive: they share the environments of a worker");
   require(config.gae.gamma >= 0 && config.gae.gamma <= 1, "ppo.gamma", config.gae.gamma,
@@ -152,9 +161,10 @@ struct PpoLearner::Rollout {
     log_prob = rows(buffer.log_prob);
     values = rows(buffer.values);
     valid = rows(buffer.valid).to(torch::kBool);
-    advantages = gae(rows(buffer.rewards), values, rows(buffer.terminated), rows(buffer.truncated), rows(buffer.final_values),
-                     buffer.next_value, config);
-    returns = advantages + values;
+    // In float64 until the loss: the return is rounded once.
+    advantages = gae(rows(buffer.rewards).to(torch::kFloat64), values, rows(buffer.terminated), rows(buffer.truncated),
+                     rows(buffer.final_values), buffer.next_value, config, valid);
+    returns = (advantages + values.to(torch::kFloat64)).to(values.scalar_type());
   }
 };
 
@@ -187,8 +197,38 @@ PpoLoss PpoLearner::minibatch_loss(const Rollout& rollout, std::span<const std::
                   entropy(output.logits), valid, clip, config_);
 }
 
+StepVerdict PpoLearner::accumulate_gradient(const Rollout& rollout, std::span<const std::int64_t> envs, double clip, bool first_of_all,
+                                            UpdateStats& stats) {
+  const std::span<float> gradient(flat_gradient_.data_ptr<float>(), static_cast<std::size_t>(flat_gradient_.numel()));
+  const bool has_rows = !envs.empty() && rollout.valid.index_select(1, index_of(envs)).any().item<bool>();
+  flat_gradient_.zero_();
+  gradient.back() = has_rows ? 1.f : 0.f;
+  StepVerdict verdict;
+  if (!has_rows) return verdict;
+
+  const PpoLoss loss = minibatch_loss(rollout, envs, clip, first_of_all ? &stats.max_ratio_error : nullptr);
+  loss.total.backward();
+  verdict.loss = loss.total.item<double>();
+  verdict.approx_kl = loss.approx_kl.item<double>();
+  verdict.finite_here = std::isfinite(verdict.loss) && std::isfinite(verdict.approx_kl) && std::isfinite(sum_of_squares(gradient));
+  if (!verdict.finite_here) {
+    ++stats.non_finite_here;
+    return verdict;
+  }
+  // The policy of the rollout is the policy of now: what differs would be a wrong mask, hidden state or observation (TRAINER.md 2.3,
+  // oracle 6).
+  EARSHOT_EXPECT(!(stats.max_ratio_error > 1e-4));
+  stats.policy_loss += loss.policy.item<double>();
+  stats.value_loss += loss.value.item<double>();
+  stats.entropy += loss.entropy.item<double>();
+  stats.approx_kl += verdict.approx_kl;
+  stats.clip_fraction += loss.clip_fraction.item<double>();
+  return verdict;
+}
+
 UpdateStats PpoLearner::update(const RolloutBuffer& buffer, double progress, std::uint64_t update, const AverageGradients& average,
-                               const SumStatistics& sum) {
+                               const SumStatistics& sum, const ExchangeVerdicts& exchange) {
+  const FlushDenormals flush;
   const auto start = std::chrono::steady_clock::now();
   UpdateStats stats;
   const double left = std::clamp(1.0 - progress, 0.0, 1.0);
@@ -198,74 +238,58 @@ UpdateStats PpoLearner::update(const RolloutBuffer& buffer, double progress, std
 
   Rollout rollout(buffer, config_.gae);
   stats.explained_variance = explained_variance(rollout.values, rollout.returns, rollout.valid);
-  if (config_.normalize_advantages) rollout.advantages = normalized(rollout.advantages, rollout.valid, sum);
+  if (config_.normalize_advantages) {
+    if (!sum) throw RunError("ppo.normalize_advantages", "needs the sum over workers, and the caller gave none");
+    rollout.advantages = normalize_advantages(rollout.advantages, rollout.valid, sum);
+  }
+  rollout.advantages = rollout.advantages.to(rollout.values.scalar_type());
 
   const std::size_t num_envs = static_cast<std::size_t>(buffer.num_envs()), minibatches = static_cast<std::size_t>(config_.minibatches);
   const std::span<float> gradient(flat_gradient_.data_ptr<float>(), static_cast<std::size_t>(flat_gradient_.numel()));
-  int counted = 0, stepped = 0;
+  int counted = 0;
   for (int epoch = 0; epoch < config_.epochs; ++epoch) {
     const std::vector<std::int64_t> order = permutation(buffer.num_envs(), seed_, update, epoch);
     for (std::size_t minibatch = 0; minibatch < minibatches; ++minibatch) {
       const std::size_t first = minibatch * num_envs / minibatches, end = (minibatch + 1) * num_envs / minibatches;
-      const auto envs = std::span(order).subspan(first, end - first);
-      const bool has_rows = !envs.empty() && rollout.valid.index_select(1, index_of(envs)).any().item<bool>();
-
-      flat_gradient_.zero_();
-      gradient.back() = has_rows ? 1.f : 0.f;
-      if (has_rows) {
-        const bool first_of_all = epoch == 0 && minibatch == 0;
-        const PpoLoss loss = minibatch_loss(rollout, envs, clip, first_of_all ? &stats.max_ratio_error : nullptr);
-        // The policy of the rollout is the policy of now: what differs would be a wrong mask, hidden state or observation (TRAINER.md 2.3,
-        // oracle 6).
-        EARSHOT_EXPECT(!(stats.max_ratio_error > 1e-4));
-        loss.total.backward();
-        stats.policy_loss += loss.policy.item<double>();
-        stats.value_loss += loss.value.item<double>();
-        stats.entropy += loss.entropy.item<double>();
-        stats.approx_kl += loss.approx_kl.item<double>();
-        stats.clip_fraction += loss.clip_fraction.item<double>();
-        ++counted;
-      }
-      const bool finite_here = std::isfinite(sum_of_squares(gradient));
+      StepVerdict mine =
+          accumulate_gradient(rollout, std::span(order).subspan(first, end - first), clip, epoch == 0 && minibatch == 0, stats);
+      counted += gradient.back() > 0 && mine.finite_here;
 
       const auto reduce_start = std::chrono::steady_clock::now();
       average(gradient);
+      mine.finite_average = std::isfinite(sum_of_squares(gradient));
+      if (exchange) mine.average_hash = hash64(std::as_bytes(gradient));
+      const std::vector<StepVerdict> verdicts = exchange ? exchange(mine) : std::vector<StepVerdict>{mine};
       stats.reduce_s += seconds_since(reduce_start);
 
-      double norm = 0;
-      switch (clip_and_step(norm)) {
-        case StepOutcome::stepped:
-          stats.gradient_norm += norm;
-          ++stepped;
-          break;
-        case StepOutcome::not_finite:
-          ++stats.skipped_steps;
-          stats.non_finite_here += finite_here ? 0 : 1;
-          break;
-        case StepOutcome::no_rows:
-          break;
+      raise_alarms(verdicts, config_, stats);
+      StepDecision decision = decide(verdicts);
+      if (!decision.take) {
+        stats.skipped.push_back({epoch, static_cast<int>(minibatch), decision.cause, std::move(decision.culprits)});
+      } else if (gradient.back() > 0) {  // somebody had rows; else Adam would still move along its moments
+        stats.gradient_norm += clip_and_step();
+        ++stats.taken_steps;
       }
     }
   }
   for (double* mean : {&stats.policy_loss, &stats.value_loss, &stats.entropy, &stats.approx_kl, &stats.clip_fraction})
     *mean /= std::max(1, counted);
-  stats.gradient_norm /= std::max(1, stepped);
+  stats.gradient_norm /= std::max(1, stats.taken_steps);
+  stats.skipped_steps = static_cast<int>(stats.skipped.size());
   stats.learn_s = seconds_since(start) - stats.reduce_s;
   return stats;
 }
 
-PpoLearner::StepOutcome PpoLearner::clip_and_step(double& norm) {
+double PpoLearner::clip_and_step() {
   const std::size_t count = static_cast<std::size_t>(flat_gradient_.numel()) - 1;
   const std::span<float> gradient(flat_gradient_.data_ptr<float>(), count);
   // What was averaged is weight times gradient, and the weight beside it: their quotient is the mean over the workers that had rows.
   const double weight = flat_gradient_.data_ptr<float>()[count];
-  norm = std::sqrt(sum_of_squares(gradient)) / weight;
-  if (weight == 0) return StepOutcome::no_rows;  // Adam would still move along its moments
-  if (!std::isfinite(weight) || !std::isfinite(norm)) return StepOutcome::not_finite;
+  const double norm = std::sqrt(sum_of_squares(gradient)) / weight;
   const double coefficient = std::min(1.0, config_.max_gradient_norm / (norm + 1e-6)) / weight;
   for (float& element : gradient) element = static_cast<float>(element * coefficient);
   optimizer_.step();
-  return StepOutcome::stepped;
+  return norm;
 }
 
 }  // namespace earshot

@@ -5,10 +5,13 @@
 #include <cstdint>
 #include <functional>
 #include <span>
+#include <vector>
 
 #include "policy/actor_critic.h"
+#include "trainer/advantage_normalization.h"
 #include "trainer/gae.h"
 #include "trainer/rollout_buffer.h"
+#include "trainer/step_agreement.h"
 
 namespace earshot {
 
@@ -18,6 +21,8 @@ struct PpoConfig {
   int epochs = 2, minibatches = 2;  ///< minibatches split the envs, sequences stay whole
   bool clip_value_loss = true, normalize_advantages = false;
   bool linear_learning_rate_decay = false, linear_clip_decay = false;
+  /// Above these a minibatch raises an alarm: it is counted and reported, the step is taken.  (Sample Factory's limits.)
+  double loss_alarm = 30, kl_alarm = 100;
   GaeConfig gae;
 };
 void read(ConfigReader& reader, PpoConfig& config);
@@ -41,20 +46,24 @@ PpoLoss ppo_loss(const torch::Tensor& log_prob, const torch::Tensor& old_log_pro
 /// Means over the minibatches of one update.
 struct UpdateStats {
   double policy_loss = 0, value_loss = 0, entropy = 0, approx_kl = 0, clip_fraction = 0, gradient_norm = 0;
-  double explained_variance = 0;  ///< NaN if the returns do not vary
-  int skipped_steps = 0;          ///< optimizer steps left out because the averaged gradient was not finite
-  int non_finite_here = 0;        ///< of these, how often this worker's own gradient was the culprit
-  double max_ratio_error = 0;     ///< max |r - 1| before the first step: 0 up to rounding, or the recomputation differs from what acted
+  double explained_variance = 0;     ///< NaN if the returns do not vary
+  int taken_steps = 0;               ///< optimizer steps, the same on every worker
+  int skipped_steps = 0;             ///< optimizer steps that no worker took because something was not finite or not the same everywhere
+  std::vector<SkippedStep> skipped;  ///< each of them: which one, why, whose fault; the same on every worker
+  int non_finite_here = 0;           ///< how often this worker's own loss or gradient was not finite
+  /// Minibatches of all workers over PpoConfig::loss_alarm or kl_alarm, and the first worker that had one (-1: none).
+  int loss_alarms = 0, kl_alarms = 0, alarm_rank = -1;
+  double alarm_loss = 0, alarm_kl = 0;  ///< of that first one
+  double max_ratio_error = 0;  ///< max |r - 1| before the first step: 0 up to rounding, or the recomputation differs from what acted
   double learn_s = 0, reduce_s = 0;
 };
 
 /// Averages a flat float buffer over all workers in place; the identity for one worker.
 using AverageGradients = std::function<void(std::span<float> buffer)>;
-/// Sums a few doubles over all workers in place; the identity for one worker.
-using SumStatistics = std::function<void(std::span<double> sums)>;
 
 /// PPO with Adam over all parameters of one policy.  The gradient of each minibatch is averaged over workers before clipping and stepping,
-/// so all workers keep equal weights.  A non-finite averaged gradient skips the step on every worker alike.
+/// so all workers keep equal weights.  Before each step the workers exchange verdicts (step_agreement.h): if a loss, a gradient or an
+/// average is not finite anywhere, or the averages differ, no worker steps; weights and Adam's state stay as they are and the run goes on.
 ///
 /// A minibatch is a share of the envs with their whole sequences; each env is in one minibatch per epoch.  The loss is the mean over the
 /// valid rows of a worker's minibatch, and each worker that has such rows weighs the same (TRAINER.md 3.5 a); a worker that has none joins
@@ -64,16 +73,19 @@ class PpoLearner {
   PpoLearner(ActorCritic policy, const PpoConfig& config, std::uint64_t seed);
   /// progress: share of training done, [0, 1], for the decays.  update: its index, keys the minibatch permutation.
   /// average is called epochs x minibatches times with the same size on every worker, whatever this worker's rollout holds.
-  /// sum is called once if normalize_advantages is on, which pools mean and variance over workers; RunError if it is missing then.
+  /// sum is called twice if normalize_advantages is on, which pools mean and variance over workers; RunError if it is missing then.
+  /// exchange is called after each average; without it this worker decides alone, which is right only where it is alone.
   UpdateStats update(const RolloutBuffer& rollout, double progress, std::uint64_t update, const AverageGradients& average,
-                     const SumStatistics& sum = {});
+                     const SumStatistics& sum = {}, const ExchangeVerdicts& exchange = {});
   torch::optim::Adam& optimizer() { return optimizer_; }
 
  private:
   struct Rollout;  // rows [0, num_steps) with advantages and returns
   PpoLoss minibatch_loss(const Rollout& rollout, std::span<const std::int64_t> envs, double clip, double* max_ratio_error);
-  enum class StepOutcome { stepped, not_finite, no_rows };
-  StepOutcome clip_and_step(double& norm);  // of the averaged flat_gradient_; norm: before clipping
+  /// Loss and gradient of this worker's part of a minibatch, into flat_gradient_ and `stats`; what it has to say about them.
+  StepVerdict accumulate_gradient(const Rollout& rollout, std::span<const std::int64_t> envs, double clip, bool first_of_all,
+                                  UpdateStats& stats);
+  double clip_and_step();  // of the averaged flat_gradient_; returns the norm before clipping
 
   ActorCritic policy_;
   PpoConfig config_;

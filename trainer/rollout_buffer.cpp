@@ -1,6 +1,7 @@
 #include "trainer/rollout_buffer.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "sim/base/errors.h"
 
@@ -58,13 +59,37 @@ void RolloutBuffer::push_outcome(std::span<const float> reward, std::span<const 
   truncated[steps_].copy_(flags(timed_out));
   final_values[steps_].copy_(final_value);
   valid[steps_].copy_(flags(counts));
+  const auto row = [&](const torch::Tensor& slab) { return slab[steps_].data_ptr<float>(); };
+  const float *r = row(rewards), *v = row(values), *p = row(log_prob), *f = row(final_values);
+  for (std::int64_t env = 0; env < num_envs_; ++env) {
+    const auto i = static_cast<std::size_t>(env);
+    const bool bootstraps = timed_out[i] != 0 && ended[i] == 0;  // gae() reads no other final value
+    if (!std::isfinite(r[i]) || !std::isfinite(v[i]) || !std::isfinite(p[i]) || (bootstraps && !std::isfinite(f[i]))) drop(steps_, env);
+  }
   ++steps_;
+}
+
+void RolloutBuffer::drop(std::int64_t step, std::int64_t env) {
+  if (valid[step][env].item<float>() != 0) ++dropped_rows_;
+  valid[step][env] = 0;
+  // What is finite stays: the row before may still bootstrap from this row's value.
+  for (torch::Tensor* slab : {&rewards, &values, &log_prob, &final_values}) {
+    float& number = (*slab)[step].data_ptr<float>()[env];
+    if (!std::isfinite(number)) number = 0;
+  }
 }
 
 void RolloutBuffer::finish(const torch::Tensor& value) {
   EARSHOT_EXPECT(steps_ > 0);
   const torch::NoGradGuard no_gradient;
   next_value.copy_(value);
+  // Without the value that the last row leads to, what came of that row is not known.
+  for (std::int64_t env = 0; env < num_envs_; ++env)
+    if (!std::isfinite(next_value.data_ptr<float>()[env])) {
+      next_value[env] = 0;
+      const bool ended = terminated[steps_ - 1][env].item<float>() != 0 || truncated[steps_ - 1][env].item<float>() != 0;
+      if (!ended) drop(steps_ - 1, env);
+    }
 }
 
 }  // namespace earshot

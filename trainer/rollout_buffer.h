@@ -2,6 +2,7 @@
 
 #include <torch/torch.h>
 
+#include <cstdint>
 #include <span>
 
 #include "envs/observation.h"
@@ -12,6 +13,9 @@ namespace earshot {
 /// One rollout of T steps of B envs, time first.  Row t holds what the policy saw before action t.  Begin with begin(), then one push per
 /// step, then finish(); a rollout may stop early, the rows past num_steps() are never read (TRAINER.md 3.4: stale rows corrupted the
 /// original).
+///
+/// Nothing that is not finite comes to rest here: a row whose reward, value, log-probability or bootstrap is NaN or infinite gets a zero
+/// there and valid = 0, which gae() and the losses know how to leave out, and is counted.
 class RolloutBuffer {
  public:
   RolloutBuffer(const ObservationSpec& spec, int max_steps, int num_envs, int hidden_size);
@@ -22,7 +26,8 @@ class RolloutBuffer {
   /// of an episode.
   void push(const ObservationTensors& observations, const torch::Tensor& not_done, const torch::Tensor& actions,
             const torch::Tensor& log_prob, const torch::Tensor& value);
-  /// What came of it.  final_value [B]: V(final observation) where truncated, else 0.  valid [B]: 0 for idle envs.
+  /// What came of it.  final_value [B]: V(final observation) where truncated, else 0.  valid [B]: 0 for idle envs and for steps that are no
+  /// experience (quarantined, or acted on a mended observation).
   void push_outcome(std::span<const float> rewards, std::span<const std::uint8_t> terminated, std::span<const std::uint8_t> truncated,
                     const torch::Tensor& final_value, std::span<const std::uint8_t> valid);
   /// next_value [B]: V of the observation after the last row.
@@ -30,6 +35,8 @@ class RolloutBuffer {
 
   [[nodiscard]] int num_steps() const { return steps_; }
   [[nodiscard]] int num_envs() const { return num_envs_; }
+  /// Rows left out because they were not finite, since construction.
+  [[nodiscard]] std::uint64_t dropped_rows() const { return dropped_rows_; }
 
   ObservationTensors observations;                                                                         ///< [max_steps, B, ...]
   torch::Tensor hidden;                                                                                    ///< [B, hidden_size]
@@ -37,7 +44,10 @@ class RolloutBuffer {
   torch::Tensor next_value;                                                                                ///< [B]
 
  private:
+  void drop(std::int64_t step, std::int64_t env);
+
   int steps_ = 0, num_envs_ = 0;
+  std::uint64_t dropped_rows_ = 0;
 };
 
 }  // namespace earshot

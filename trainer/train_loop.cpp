@@ -7,15 +7,17 @@
 #include <atomic>
 #include <cmath>
 #include <csignal>
-#include <deque>
-#include <limits>
+#include <cstdio>
 #include <optional>
 
+#include "policy/torch_threads.h"
 #include "sim/base/files.h"
 #include "trainer/actor.h"
 #include "trainer/checkpoint.h"
 #include "trainer/curve_svg.h"
+#include "trainer/episode_window.h"
 #include "trainer/event_log.h"
+#include "trainer/learner_links.h"
 #include "trainer/stage_times.h"
 
 namespace earshot {
@@ -45,41 +47,13 @@ class StopSignals {
   std::array<void (*)(int), 3> previous_{};
 };
 
-/// Sums over the episodes that ended since the last report; the same layout on every worker, so that they add up by all-reduce.
-struct EpisodeSums {
-  enum Field { count, success, spl, soft_spl, sna, dtg, reward, steps, collisions, num_fields };
-  std::array<double, num_fields> values{};
-
-  void add(const EpisodeMetrics& m) {
-    const std::array<double, num_fields> row{1,     m.success, m.spl, m.soft_spl, m.sna, m.dtg_m, m.reward, static_cast<double>(m.steps),
-                                             static_cast<double>(m.collisions)};
-    for (std::size_t i = 0; i < row.size(); ++i) values[i] += row[i];
-  }
-  [[nodiscard]] double mean(Field field) const { return values[count] > 0 ? values[field] / values[count] : std::numeric_limits<double>::quiet_NaN(); }
-};
-
-/// Means over the last episodes (about 200) of all workers.
-class EpisodeWindow {
- public:
-  void push(const EpisodeSums& sums) {
-    recent_.push_back(sums);
-    while (recent_.size() > 1 && total().values[EpisodeSums::count] - recent_.front().values[EpisodeSums::count] >= 200) recent_.pop_front();
-  }
-  [[nodiscard]] EpisodeSums total() const {
-    EpisodeSums all;
-    for (const auto& sums : recent_)
-      for (std::size_t i = 0; i < all.values.size(); ++i) all.values[i] += sums.values[i];
-    return all;
-  }
-
- private:
-  std::deque<EpisodeSums> recent_;
-};
+constexpr int kMaxBarrenUpdates = 20;  // in a row, before a run that learns nothing is ended
+constexpr std::uint64_t kLoggedSkips = 20;  // one line each; the others are counted
 
 /// Everything one worker holds during a run.
 class Worker {
  public:
-  Worker(const RunConfig& config, const std::string& config_yaml, Collective& collective, const std::filesystem::path& resume)
+  Worker(const RunConfig& config, const std::string& config_yaml, Collective& collective, const std::filesystem::path& resume, const TrainHooks& hooks)
       : config_(config),
         config_yaml_(config_yaml),
         collective_(collective),
@@ -92,6 +66,7 @@ class Worker {
         learner_(policy_, config.ppo, config.seed),
         actor_(policy_, config.envs_per_worker),
         rollout_(config.env.observation, config.rollout_steps, config.envs_per_worker, config.policy.hidden_size) {
+    env_.set_tap(hooks.env_tap);
     if (resume.empty())
       env_.reset();
     else
@@ -105,14 +80,19 @@ class Worker {
   static EnvConfig training_env(const RunConfig& config) {
     EnvConfig env = config.env;
     env.order = EpisodeOrder::random;
+    if (env.quarantine_dir.empty()) env.quarantine_dir = (std::filesystem::path(config.out) / "quarantine").string();
     return env;
   }
   void restore(const std::filesystem::path& path);
   void check_equal_weights();
   void collect();
+  [[nodiscard]] std::vector<std::uint8_t> experience() const;
   UpdateStats learn();
+  void note(const UpdateStats& stats);
   void report(const UpdateStats& stats, double update_s);
   void save(bool last);
+  template <class Write>
+  bool write_or_go_on(const Write& write);
   bool finished(double elapsed_s);
 
   [[nodiscard]] double progress() const {
@@ -140,6 +120,9 @@ class Worker {
   StageTimes times_;             ///< this update, this worker
   std::filesystem::path last_checkpoint_;
   std::optional<EventLog> events_;
+  RunCounters counters_;         ///< of all workers
+  GuardCounts guards_;
+  int barren_updates_ = 0;       ///< in a row
   Stopwatch clock_;
   double elapsed_s_ = 0;
 };
@@ -152,6 +135,8 @@ void Worker::restore(const std::filesystem::path& path) {
   load_weights(policy_, checkpoint, path.string());
   load_optimizer_state(policy_, learner_.optimizer(), checkpoint);
   const auto rank = static_cast<std::size_t>(rank_);
+  if (!torch::isfinite(checkpoint.hidden.at(rank)).all().item<bool>())
+    throw InputError(path.string(), "holds a recurrent state that is not finite", "take an earlier checkpoint");
   env_.restore(checkpoint.env_states[rank]);
   actor_.restore(checkpoint.hidden.at(rank), checkpoint.not_done.at(rank));
   update_ = checkpoint.update;
@@ -165,7 +150,7 @@ void Worker::check_equal_weights() {
     hash = hash64(std::as_bytes(std::span(flat.data_ptr<float>(), static_cast<std::size_t>(flat.numel()))), hash);
   }
   for (const auto& other : collective_.all_gather(hex64(hash)))
-    if (other != hex64(hash)) throw RunError("workers", "start with different weights; are they the same program, config and seed?");
+    if (other != hex64(hash)) throw RunError("workers", "hold different weights; are they the same program, config and seed, on sound memory?");
 }
 
 void Worker::collect() {
@@ -177,8 +162,8 @@ void Worker::collect() {
   double env_s = 0;
   for (int t = 0; t < config_.rollout_steps; ++t) {
     watch.lap();
-    const torch::Tensor not_done = actor_.not_done().clone();
     const PolicyOutput& output = actor_.observe(env_);
+    const torch::Tensor not_done = actor_.not_done().clone();
     for (std::size_t i = 0; i < acting.size(); ++i) {
       const int env = static_cast<int>(i);
       acting[i] = {static_cast<std::uint32_t>(rank_ * config_.envs_per_worker + env), static_cast<std::uint32_t>(env_.episode_count(env)),
@@ -186,13 +171,13 @@ void Worker::collect() {
     }
     sample_actions(output.logits, acting, config_.seed, actions);
     const torch::Tensor taken = torch::tensor(std::vector<std::int64_t>(actions.begin(), actions.end()));
-    rollout_.push(observation_tensors(env_), not_done, taken, log_probabilities(output.logits, taken), output.value);
+    rollout_.push(actor_.seen(), not_done, taken, log_probabilities(output.logits, taken), output.value);
     times_.policy += watch.lap();
 
     env_.step(actions);
     env_s += watch.lap();
 
-    rollout_.push_outcome(env_.rewards(), env_.terminated(), env_.truncated(), actor_.truncated_values(env_), env_.active());
+    rollout_.push_outcome(env_.rewards(), env_.terminated(), env_.truncated(), actor_.truncated_values(env_), experience());
     actor_.advance(env_);
     for (const auto& episode : env_.finished()) finished_.add(episode.metrics);
     times_.policy += watch.lap();
@@ -206,28 +191,69 @@ void Worker::collect() {
   if (stages.total() > 0) times_.add(stages, env_s / stages.total());
 }
 
+/// 1 for the envs whose last step is experience to learn from.
+std::vector<std::uint8_t> Worker::experience() const {
+  std::vector<std::uint8_t> counts(env_.active().begin(), env_.active().end());
+  for (std::size_t env = 0; env < counts.size(); ++env)
+    if (env_.quarantined()[env] != 0 || actor_.mended()[env] != 0) counts[env] = 0;
+  return counts;
+}
+
 UpdateStats Worker::learn() {
-  const float share = 1.0f / static_cast<float>(world_);
-  const auto average = [&](std::span<float> buffer) {
-    if (world_ == 1) return;
-    collective_.all_reduce_sum(buffer);
-    for (float& value : buffer) value *= share;
-  };
-  const auto sum = [&](std::span<double> sums) { collective_.all_reduce_sum(sums); };
-  const UpdateStats stats = learner_.update(rollout_, progress(), update_, average, sum);
+  const UpdateStats stats =
+      learner_.update(rollout_, progress(), update_, average_over(collective_), sum_over(collective_), exchange_over(collective_));
   times_.learn += stats.learn_s;
   times_.reduce += stats.reduce_s;
   return stats;
 }
 
+/// Books what the guards of one update did.  The verdicts are everybody's, so rank 0 can name any worker.
+void Worker::note(const UpdateStats& stats) {
+  if (rank_ == 0) {
+    for (std::size_t i = 0; i < stats.skipped.size() && guards_.skipped_steps + i < kLoggedSkips; ++i)
+      spdlog::warn("update {}, epoch {}, minibatch {}: no worker takes the step: {}{}", update_, stats.skipped[i].epoch, stats.skipped[i].minibatch,
+                   describe(stats.skipped[i]), guards_.skipped_steps + i + 1 == kLoggedSkips ? " (further ones are counted only)" : "");
+    if (stats.alarm_rank >= 0 && guards_.loss_alarms + guards_.kl_alarms == 0)
+      spdlog::warn("update {}, worker {}: a loss of {:.4g} and a KL divergence of {:.4g} (alarms at {} and {}; further ones are counted only)", update_,
+                   stats.alarm_rank, stats.alarm_loss, stats.alarm_kl, config_.ppo.loss_alarm, config_.ppo.kl_alarm);
+  }
+  guards_.taken_steps += static_cast<std::uint64_t>(stats.taken_steps);
+  guards_.skipped_steps += stats.skipped.size();
+  guards_.loss_alarms += static_cast<std::uint64_t>(stats.loss_alarms);
+  guards_.kl_alarms += static_cast<std::uint64_t>(stats.kl_alarms);
+  barren_updates_ = stats.taken_steps == 0 && !stats.skipped.empty() ? barren_updates_ + 1 : 0;
+  if (barren_updates_ < kMaxBarrenUpdates) return;
+  save(true);
+  throw RunError("training", fmt::format("{} updates in a row took no step, at last because {}; resume from an earlier checkpoint, with a smaller learning rate",
+                                         barren_updates_, describe(stats.skipped.back())));
+}
+
+/// A full disk must not end a run that may find room again: false, logged and counted.
+template <class Write>
+bool Worker::write_or_go_on(const Write& write) {
+  try {
+    write();
+    return true;
+  } catch (const RunError& error) {
+    ++guards_.failed_writes;
+    spdlog::error("{}; training goes on", error.what());
+    return false;
+  }
+}
+
 void Worker::report(const UpdateStats& stats, double update_s) {
-  std::array<double, EpisodeSums::num_fields + 7> sums{};
+  constexpr std::size_t num_stages = 7, first_counter = EpisodeSums::num_fields + num_stages;
+  std::array<double, first_counter + RunCounters::num_fields> sums{};
   std::copy(finished_.values.begin(), finished_.values.end(), sums.begin());
-  const std::array<double, 7> stage{times_.simulate_sound, times_.convolve, times_.render, times_.move, times_.policy, times_.learn, times_.reduce};
+  const RunCounters own = RunCounters::of(env_, *scenes_, actor_, rollout_);
+  std::copy(own.values.begin(), own.values.end(), sums.begin() + first_counter);
+  const std::array<double, num_stages> stage{times_.simulate_sound, times_.convolve, times_.render, times_.move, times_.policy, times_.learn, times_.reduce};
   std::copy(stage.begin(), stage.end(), sums.begin() + EpisodeSums::num_fields);
   collective_.all_reduce_sum(std::span<double>(sums));
   finished_ = {};
   times_ = {};
+  const RunCounters before = counters_;
+  std::copy_n(sums.begin() + first_counter, counters_.values.size(), counters_.values.begin());
   if (rank_ != 0) return;
 
   EpisodeSums all;
@@ -242,12 +268,13 @@ void Worker::report(const UpdateStats& stats, double update_s) {
   const double left_steps = static_cast<double>(config_.total_steps) - static_cast<double>(env_steps_);
   double left_s = std::max(0.0, left_steps) / steps_per_s;
   if (config_.max_minutes > 0) left_s = std::min(left_s, std::max(0.0, config_.max_minutes * 60 - elapsed_s_));
-  fmt::print(stderr, "update {:4}  {:>7} of {} steps  {:.0f} steps/s  success {:.3f}  SPL {:.3f}  reward {:.2f}  dtg {:.2f} m  [{}]  {:.0f} min to go\n", update_,
-             env_steps_, config_.total_steps, steps_per_s, recent.mean(EpisodeSums::success), recent.mean(EpisodeSums::spl),
-             recent.mean(EpisodeSums::reward), recent.mean(EpisodeSums::dtg), mean.shares(), left_s / 60);
+  const std::string troubles = trouble(counters_, guards_);
+  const std::string line = fmt::format("update {:4}  {:>7} of {} steps  {:.0f} steps/s  success {:.3f}  SPL {:.3f}  reward {:.2f}  dtg {:.2f} m  [{}]  {:.0f} min to go{}{}\n",
+             update_, env_steps_, config_.total_steps, steps_per_s, recent.mean(EpisodeSums::success), recent.mean(EpisodeSums::spl),
+             recent.mean(EpisodeSums::reward), recent.mean(EpisodeSums::dtg), mean.shares(), left_s / 60, troubles.empty() ? "" : "  ! ", troubles);
+  std::fputs(line.c_str(), stderr);  // fmt::print would throw where the log is on a full disk
 
-  events_->write(update_, env_steps_, elapsed_s_,
-                 {{"episodes/success", recent.mean(EpisodeSums::success)},
+  std::vector<std::pair<std::string, double>> values{{"episodes/success", recent.mean(EpisodeSums::success)},
                   {"episodes/spl", recent.mean(EpisodeSums::spl)},
                   {"episodes/soft_spl", recent.mean(EpisodeSums::soft_spl)},
                   {"episodes/sna", recent.mean(EpisodeSums::sna)},
@@ -271,10 +298,13 @@ void Worker::report(const UpdateStats& stats, double update_s) {
                   {"time/move_s", mean.move},
                   {"time/policy_s", mean.policy},
                   {"time/learn_s", mean.learn},
-                  {"time/reduce_s", mean.reduce}});
+                  {"time/reduce_s", mean.reduce}};
+  append_curve_values(values, counters_, before, guards_);
+  write_or_go_on([&] { events_->write(update_, env_steps_, elapsed_s_, std::move(values)); });
 }
 
 void Worker::save(bool last) {
+  check_equal_weights();  // else the checkpoint would be of nobody
   // Rank 0 needs everybody's cursor; hidden states travel as raw floats.
   const torch::Tensor hidden = actor_.hidden().contiguous(), not_done = actor_.not_done().contiguous();
   const auto raw = [](const torch::Tensor& tensor) {
@@ -306,10 +336,17 @@ void Worker::save(bool last) {
     checkpoint.not_done.push_back(tensor_of(starts[static_cast<std::size_t>(rank)], not_done.sizes()));
   }
   const std::filesystem::path folder = std::filesystem::path(config_.out) / "checkpoints";
-  last_checkpoint_ = folder / (last ? std::string("last.ckpt") : fmt::format("update_{:06}.ckpt", update_));
-  save_checkpoint(checkpoint, last_checkpoint_);
+  const std::filesystem::path file = folder / (last ? std::string("last.ckpt") : fmt::format("update_{:06}.ckpt", update_));
+  const auto write = [&] {
+    save_checkpoint(checkpoint, file);
+    last_checkpoint_ = file;
+  };
+  if (last)
+    write();
+  else
+    write_or_go_on(write);
   const std::filesystem::path out = config_.out;
-  write_file_atomically(out / "curve.svg", curve_svg(config_.name, read_event_log(out / "events.jsonl")));
+  write_or_go_on([&] { write_file_atomically(out / "curve.svg", curve_svg(config_.name, read_event_log(out / "events.jsonl"))); });
 }
 
 bool Worker::finished(double elapsed_s) {
@@ -337,39 +374,49 @@ TrainReport Worker::run() {
     env_steps_ += steps_per_update();
     const double update_s = clock_.lap();
     elapsed_s_ += update_s;
+    note(stats);
     report(stats, update_s);
     if (update_ % static_cast<std::uint64_t>(config_.checkpoint_every) == 0) save(false);
   }
   save(true);
-  return {update_, env_steps_, elapsed_s_, elapsed_s_ > 0 ? static_cast<double>(env_steps_ - first_steps) / elapsed_s_ : 0, last_checkpoint_};
+  return {update_,          env_steps_, elapsed_s_, elapsed_s_ > 0 ? static_cast<double>(env_steps_ - first_steps) / elapsed_s_ : 0,
+          last_checkpoint_, counters_,  guards_};
 }
 
 }  // namespace
 
-TrainReport train(const RunConfig& config, const std::string& config_yaml, Collective& collective, const std::filesystem::path& resume) {
+TrainReport train(const RunConfig& config, const std::string& config_yaml, Collective& collective, const std::filesystem::path& resume,
+                  const TrainHooks& hooks) {
   // One thread per worker: the fast setting on shared cores, and the one that gives the same bits (TRAINER.md 2.4).
-  torch::set_num_threads(1);
+  use_one_torch_thread();
   const StopSignals signals;
-  return Worker(config, config_yaml, collective, resume).run();
+  return Worker(config, config_yaml, collective, resume, hooks).run();
 }
 
 std::filesystem::path find_checkpoint(const std::filesystem::path& folder_or_file) {
   if (std::filesystem::is_regular_file(folder_or_file)) return folder_or_file;
   std::filesystem::path newest;
   std::uint64_t newest_update = 0;
+  std::string damaged;
   for (const auto& folder : {folder_or_file, folder_or_file / "checkpoints"}) {
     if (!std::filesystem::is_directory(folder)) continue;
     for (const auto& entry : std::filesystem::directory_iterator(folder)) {
       if (entry.path().extension() != ".ckpt") continue;
-      const std::uint64_t update = load_checkpoint(entry.path()).update;
-      if (newest.empty() || update >= newest_update) {
-        newest = entry.path();
-        newest_update = update;
+      try {
+        const std::uint64_t update = load_checkpoint(entry.path()).update;
+        if (newest.empty() || update >= newest_update) {
+          newest = entry.path();
+          newest_update = update;
+        }
+      } catch (const InputError& error) {
+        damaged = error.what();
+        spdlog::warn("passed over: {}", damaged);
       }
     }
   }
-  if (newest.empty()) throw InputError(folder_or_file.string(), "holds no checkpoint (*.ckpt)", "name a run folder or a checkpoint file");
-  return newest;
+  if (!newest.empty()) return newest;
+  if (!damaged.empty()) throw InputError(folder_or_file.string(), "holds no checkpoint that is whole: " + damaged, "start anew, or find a copy");
+  throw InputError(folder_or_file.string(), "holds no checkpoint (*.ckpt)", "name a run folder or a checkpoint file");
 }
 
 }  // namespace earshot

@@ -114,35 +114,7 @@ TEST(PpoLearner, TwoWorkersGiveTheGradientOfTheConcatenatedBatch) {
   EXPECT_GT(largest(of_a + of_b - of_both), 1e-2);
 }
 
-TEST(PpoLearner, AdvantagesAreNormalizedOverAllWorkers) {
-  const ActorCritic policy = make_policy();
-  RolloutBuffer a = make_rollout(policy, 7, 2, 1), b = make_rollout(policy, 7, 2, 2);
-  b.rewards.add_(3);  // the means of the two differ
-  const RolloutBuffer both = joined(policy, a, b);
-  PpoConfig config = one_minibatch();
-  config.normalize_advantages = true;
-
-  std::array<double, 3> pooled{};
-  int calls = 0;
-  const auto collect = [&](std::span<double> sums) {
-    ++calls;
-    for (std::size_t i = 0; i < 3; ++i) pooled[i] += sums[i];
-  };
-  gradient_of_first_minibatch(a, config, collect);
-  gradient_of_first_minibatch(b, config, collect);
-  EXPECT_EQ(calls, 2);
-  EXPECT_EQ(pooled[0], 28);
-  const SumStatistics replace = [&](std::span<double> sums) { std::copy(pooled.begin(), pooled.end(), sums.begin()); };
-  const SumStatistics keep = [](std::span<double>) {};
-  const torch::Tensor averaged = (gradient_of_first_minibatch(a, config, replace) + gradient_of_first_minibatch(b, config, replace)) / 2;
-  const torch::Tensor of_both = gradient_of_first_minibatch(both, config, keep);
-  EXPECT_LT(largest(averaged - of_both), 2e-6);
-  const torch::Tensor each_its_own = (gradient_of_first_minibatch(a, config, keep) + gradient_of_first_minibatch(b, config, keep)) / 2;
-  EXPECT_GT(largest(each_its_own - of_both), 1e-2);
-  EXPECT_THROW(gradient_of_first_minibatch(a, config), RunError);  // would be normalized per worker in silence
-}
-
-/// Averages over two threads, in rank order, for as long as both call.
+/// Averages and sums over two threads, in rank order, for as long as both call.
 class TwoWorkers {
  public:
   AverageGradients worker(int rank) {
@@ -153,11 +125,54 @@ class TwoWorkers {
       meet_.arrive_and_wait();
     };
   }
+  SumStatistics sum(int rank) {
+    return [this, rank](std::span<double> sums) {
+      sums_[static_cast<std::size_t>(rank)].assign(sums.begin(), sums.end());
+      meet_.arrive_and_wait();
+      for (std::size_t i = 0; i < sums.size(); ++i) sums[i] = sums_[0][i] + sums_[1][i];
+      meet_.arrive_and_wait();
+    };
+  }
 
  private:
   std::array<std::vector<float>, 2> parts_;
+  std::array<std::vector<double>, 2> sums_;
   std::barrier<> meet_{2};
 };
+
+TEST(PpoLearner, AdvantagesAreNormalizedOverAllWorkers) {
+  const ActorCritic policy = make_policy();
+  RolloutBuffer a = make_rollout(policy, 7, 2, 1), b = make_rollout(policy, 7, 2, 2);
+  b.rewards.add_(3);  // the means of the two differ
+  const RolloutBuffer both = joined(policy, a, b);
+  PpoConfig config = one_minibatch();
+  config.normalize_advantages = true;
+
+  TwoWorkers workers;
+  std::array<torch::Tensor, 2> gradients;
+  std::array<int, 2> calls{};
+  std::array<double, 2> counted{};
+  std::vector<std::thread> threads;
+  for (int rank = 0; rank < 2; ++rank)
+    threads.emplace_back([&, rank] {
+      torch::set_num_threads(1);
+      const auto r = static_cast<std::size_t>(rank);
+      const SumStatistics sum = [&, r](std::span<double> sums) {
+        workers.sum(rank)(sums);
+        if (++calls[r] == 1) counted[r] = sums[0];
+      };
+      gradients[r] = gradient_of_first_minibatch(rank == 0 ? a : b, config, sum);
+    });
+  for (std::thread& thread : threads) thread.join();
+  EXPECT_EQ(calls, (std::array<int, 2>{2, 2}));
+  EXPECT_EQ(counted, (std::array<double, 2>{28, 28}));
+  const SumStatistics keep = [](std::span<double>) {};
+  const torch::Tensor of_both = gradient_of_first_minibatch(both, config, keep);
+  EXPECT_LT(largest((gradients[0] + gradients[1]) / 2 - of_both), 2e-6);
+  const torch::Tensor each_its_own = (gradient_of_first_minibatch(a, config, keep) + gradient_of_first_minibatch(b, config, keep)) / 2;
+  EXPECT_GT(largest(each_its_own - of_both), 1e-2);
+  EXPECT_THROW(gradient_of_first_minibatch(a, config), RunError);  // would be normalized per worker in silence
+}
 
 TEST(PpoLearner, WorkersKeepEqualWeights) {
   PpoConfig config;

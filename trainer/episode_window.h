@@ -1,0 +1,31 @@
+#pragma once
+
+#include <array>
+#include <deque>
+
+#include "envs/av_nav_task.h"
+
+namespace earshot {
+
+/// Sums over finished episodes, in double; the same layout on every worker, so that they add up by all-reduce.
+struct EpisodeSums {
+  enum Field { count, success, spl, soft_spl, sna, dtg, reward, steps, collisions, num_fields };
+  std::array<double, num_fields> values{};
+
+  void add(const EpisodeMetrics& metrics);
+  /// NaN without an episode.
+  [[nodiscard]] double mean(Field field) const;
+};
+
+/// Means over the last episodes (about 200) of all workers.  Summed anew each time: nothing is ever subtracted, so rounding does not build
+/// up over a week.
+class EpisodeWindow {
+ public:
+  void push(const EpisodeSums& sums);
+  [[nodiscard]] EpisodeSums total() const;
+
+ private:
+  std::deque<EpisodeSums> recent_;
+};
+
+}  // namespace earshot
