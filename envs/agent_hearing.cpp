@@ -48,6 +48,7 @@ std::shared_ptr<DrySpectra> make_dry_spectra(const StreamConfig& stream) {
 void AgentHearing::begin(const EnvSource& source, const SoundClip& clip, std::uint64_t clip_offset) {
   clip_ = &clip;
   clip_key_ = hash64(std::as_bytes(std::span(clip.samples)));
+  silent_ = std::ranges::all_of(clip.samples, [](float sample) { return sample == 0.f; });
   history_.forget();
   new_samples_ = 0;
   position_ = {.sample = 0, .clip_offset = clip_offset, .already_playing = true};
@@ -63,6 +64,7 @@ void AgentHearing::begin(const EnvSource& source, const SoundClip& clip, std::ui
 }
 
 void AgentHearing::trace(const EnvSource& source, const Pose& pose, float ear_height_m) {
+  if (silent_) return;
   if (has_response_ && same_bits(pose.position, traced_position_)) {
     ++kept_responses_;
     return;
@@ -76,6 +78,7 @@ void AgentHearing::trace(const EnvSource& source, const Pose& pose, float ear_he
 
 bool AgentHearing::synthesize(HearingEngines& engines, double heading_rad, const std::function<void(std::span<float> rir)>& tap) {
   fades_ = false;  // fading between equal RIRs gives the bits of no fade
+  if (silent_) return true;
   if (has_rir_ && !response_is_new_ && std::bit_cast<std::uint64_t>(heading_rad) == std::bit_cast<std::uint64_t>(rendered_heading_rad_))
     return true;
   fades_ = has_rir_;
@@ -92,7 +95,10 @@ bool AgentHearing::synthesize(HearingEngines& engines, double heading_rad, const
 }
 
 bool AgentHearing::convolve(HearingEngines& engines, int block, std::span<float> sound, std::span<float> window) {
-  engines.convolver.convolve(*clip_, clip_key_, position_, spectra_, fades_ ? &previous_ : nullptr, block, sound);
+  if (silent_)
+    std::fill(sound.begin(), sound.end(), 0.f);
+  else
+    engines.convolver.convolve(*clip_, clip_key_, position_, spectra_, fades_ ? &previous_ : nullptr, block, sound);
   position_.sample += static_cast<std::uint64_t>(block);
   const bool finite = all_finite(sound);
   if (!finite) std::fill(sound.begin(), sound.end(), 0.f);

@@ -30,7 +30,8 @@ struct HearingEngines {
 std::shared_ptr<DrySpectra> make_dry_spectra(const StreamConfig& stream);
 
 /// What one agent hears in one episode: the response of its source at its ears, the RIR made of it, and where the dry sound is.
-/// The stages are called in the order of the data: trace, synthesize, convolve, analyze.
+/// The stages are called in the order of the data: trace, synthesize, convolve, analyze.  Of a sound that is silence throughout, nothing is
+/// traced, rendered or convolved: it is zeros in every room.
 class AgentHearing {
  public:
   /// The sound has been playing before: at `begin` an agent hears the reverberation of a past that was spent at the start.
@@ -71,6 +72,7 @@ class AgentHearing {
   std::size_t new_samples_ = 0;  ///< pushed since the last analysis
   glm::vec3 traced_position_{0};
   double rendered_heading_rad_ = 0;
+  bool silent_ = false;  ///< every sample of the clip is zero
   bool has_response_ = false, response_is_new_ = false, has_rir_ = false, fades_ = false;
 };
 

@@ -76,6 +76,7 @@ TEST(H38_SilentSource, IsExactlySilentToEarsAndSpectrogram) {
     env.step(std::vector<std::int32_t>{1 + step % 3});
   }
   EXPECT_EQ(env.quarantine_counters().total(), 0u);
+  EXPECT_EQ(env.effect_counters().poses, 0u);  // no response was worked out for it
 }
 
 // From a silent room into one that passes the sound on: a constant sound shows the weights themselves.
