@@ -1,7 +1,10 @@
 #include "apps/acoustic_options.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <numbers>
 
 #include "sim/base/errors.h"
@@ -68,7 +71,9 @@ AcousticScene AcousticOptions::load(const AcousticConfig& config) const {
   SceneOverrides overrides;
   overrides.unit_m = unit_m;
   if (simplify_m) overrides.simplify_m = static_cast<float>(*simplify_m);
-  return {std::make_shared<const Scene>(load_scene(scene, overrides)), config};
+  auto loaded = std::make_shared<const Scene>(load_scene(scene, overrides));
+  for (const std::string& warning : loaded->import_report().warnings) fmt::print(stderr, "warning: {}: {}\n", scene, warning);
+  return {std::move(loaded), config};
 }
 
 std::shared_ptr<const SynthesisTables> AcousticOptions::tables(const AcousticScene& acoustics) const {

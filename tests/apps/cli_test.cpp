@@ -319,6 +319,11 @@ TEST_F(Cli, FarScenesSoundAsNearOnes) {
   EXPECT_THAT(report.output, HasSubstr("computed around (1000000, 0, -200000)"));
   EXPECT_EQ(nlohmann::json::parse(read("scene.json")).at("origin_m"), nlohmann::json({1e6, 0, -2e5}));
   expect_bad_input("rir " + near + " --source 1e39,0,0 --listener 1,1,1 --out " + file("x.wav"), "is not a point");
+
+  // Centimetres taken for metres: said on the way, by every command that loads the scene.
+  const Outcome large = earshot("rir " + near + " --unit 1000 --source 1,1,1 --listener 2,1,1" + options + " --out " + file("x.wav"));
+  EXPECT_EQ(large.exit_code, 0) << large.errors;
+  EXPECT_THAT(large.errors, HasSubstr("is the unit right?"));
 }
 
 }  // namespace
