@@ -46,7 +46,7 @@ TEST(H29_AnyNumberOfBands, EveryEngineHearsTheSameRoom) {
 TEST(H29_AnyNumberOfBands, RendersTheSameEnergyAtEveryRate) {
   // Also where a band is a sliver below half the rate: 32 bands at 8, 11.025 and 22.05 kHz.
   for (const float rate_hz : {8000.f, 11025.f, 16000.f, 22050.f, 44100.f, 96000.f}) {
-    for (const int bands : {1, 2, 3, 4, 7, 8, 9, 17, 31, 32}) {
+    for (const int bands : {1, 2, 3, 9, 31, 32}) {
       EnergyResponse response = synthesis_cases::response_with({synthesis_cases::arrival_at(4.2, 0.1)});
       const int kept = BandLayout::log_spaced(bands, rate_hz).size();
       response.late = synthesis_cases::decay_of(0.1, 1e-2, kept, 0.004f, 0.12);
@@ -209,16 +209,16 @@ TEST(H48_NumberOfRays, TwoToThe31IsRefusedAndOneLessIsPlanned) {
 }
 
 TEST(H48_NumberOfRays, ManyAreTracedInBlocksWithoutLosingEnergy) {
-  // Free rays only: 2^22 of them, in 16,384 blocks.
-  AcousticConfig config = plain(1 << 22);
+  // Free rays only: 2^20 of them, in 4096 blocks.
+  AcousticConfig config = plain(1 << 20);
   config.late = Switch::on;
   config.max_bounces = 1;
   std::array<Material, 6> walls = rooms::uniform_walls(1, 1);
   walls[4] = Material::uniform("diffuse", 0.f, 1.f);
   const Heard heard(Engine::path_tracer, rooms::box(5, 4, 3, walls), config, rooms::shoe1_source());
   const EnergyResponse response = heard.at(rooms::shoe1_listener());
-  EXPECT_EQ(response.stats.ray_hits, 1u << 22);
-  EXPECT_NEAR(late_energy(response), 5.257685e-04, 3e-4 * 5.257685e-04);  // O-8: 5e-3 over 32,768, a tenth of that with 128 times as many
+  EXPECT_EQ(response.stats.ray_hits, 1u << 20);
+  EXPECT_NEAR(late_energy(response), 5.257685e-04, 1e-3 * 5.257685e-04);  // O-8: 5e-3 over 32,768, a fifth of that with 32 times as many
 }
 
 }  // namespace
