@@ -116,7 +116,6 @@ class Soak {
   SoakResult run() {
     try {
       take_steps();
-      result_.rounds = round_ + 1;
       run_again_cold();
     } catch (const std::exception& error) {
       result_.failure = error.what();
@@ -199,6 +198,7 @@ class Soak {
 
   void summarize() {
     result_.steps = watch_->steps();
+    result_.rounds = round_ + 1;
     result_.episodes = watch_->episodes();
     result_.successes = watch_->successes();
     if (!result_.memory.empty()) result_.seconds = result_.memory.back().seconds;

@@ -9,7 +9,8 @@ namespace earshot {
 namespace {
 
 constexpr double kPerSteps = 100'000;
-/// Allocators keep pages and threads warm up: in a run shorter than 100,000 steps, growth below this says nothing.
+/// The heap finds its high-water mark when the largest scene is loaded: before every scene has been there, and in fewer than 100,000 steps,
+/// growth below this says nothing.
 constexpr double kNoiseMiB = 32;
 
 SoakBound none_of(const std::string& name, std::uint64_t count, const std::string& unit) {
@@ -19,7 +20,8 @@ SoakBound none_of(const std::string& name, std::uint64_t count, const std::strin
 SoakBound memory_bound(const SoakResult& result) {
   const double slope = kPerSteps * result.resident_slope.per_x, error = kPerSteps * result.resident_slope.standard_error;
   const auto window = static_cast<double>(result.steps - std::min(result.steps, result.warm_up_steps));
-  const double noise = window > 0 && window < kPerSteps ? kNoiseMiB * kPerSteps / window : 0;
+  const bool warm = result.rounds > 1 && window >= kPerSteps;
+  const double noise = !warm && window > 0 ? kNoiseMiB * kPerSteps / window : 0;
   const double limit = std::max(result.options.memory_limit_mib, noise);
   SoakBound bound{.name = "resident memory",
                   .found = fmt::format("{:+.3f} ± {:.3f} MiB per 100,000 steps after the first {}", slope, error, result.warm_up_steps),
