@@ -224,6 +224,7 @@ void Worker::note(const UpdateStats& stats) {
   barren_updates_ = stats.taken_steps == 0 && !stats.skipped.empty() ? barren_updates_ + 1 : 0;
   if (barren_updates_ < kMaxBarrenUpdates) return;
   save(true);
+  collective_.barrier();  // who throws stops the others: not before rank 0 has everybody's share of the checkpoint, and has written it
   throw RunError("training", fmt::format("{} updates in a row took no step, at last because {}; resume from an earlier checkpoint, with a smaller learning rate",
                                          barren_updates_, describe(stats.skipped.back())));
 }
