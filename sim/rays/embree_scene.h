@@ -35,11 +35,13 @@ class EmbreeScene {
   EmbreeScene(EmbreeScene&&) noexcept;
   EmbreeScene& operator=(EmbreeScene&&) noexcept;
 
-  /// direction: unit.  Hits with distance in (0, max_distance_m).  About 0.2 to 0.8 us.  Among parallel triangles that lie within 1e-6
+  /// direction: unit.  Hits with distance in (0, max_distance_m); what the origin lies on, to half the spacing of floats there, is not hit.
+  /// From beyond 1e15 m, and from or along NaN, nothing is.  About 0.2 to 0.8 us.  Among parallel triangles that lie within 1e-6
   /// of the coordinates of each other (coplanar overlap) the lowest index wins, from every direction.
   [[nodiscard]] Hit intersect(glm::vec3 origin, glm::vec3 direction,
                               float max_distance_m = std::numeric_limits<float>::infinity()) const;
-  /// Is the open segment from -> to blocked?  Points on surfaces must have been moved by offset_from_surface.
+  /// Is the open segment from -> to blocked?  Not by what its ends lie on exactly; rounded points of tilted surfaces must have been moved by
+  /// offset_from_surface.  True if an end is NaN or beyond 1e15 m.
   /// The same answer, bit for bit, with the ends swapped.
   [[nodiscard]] bool occluded(glm::vec3 from, glm::vec3 to) const;
   /// Eight coherent rays at once (camera rows): distances only, infinity where a ray escapes.  About 0.8 us for all eight.
