@@ -215,7 +215,8 @@ class Soak {
 
   void fit_memory() {
     // Warm: every scene has been there, or, in a run of hardly more than one round, the first third is over.
-    result_.warm_up_steps = end_of_first_round_ && *end_of_first_round_ <= result_.steps / 2 ? *end_of_first_round_ : result_.steps / 3;
+    result_.all_scenes_before = end_of_first_round_ && *end_of_first_round_ <= result_.steps / 2;
+    result_.warm_up_steps = result_.all_scenes_before ? *end_of_first_round_ : result_.steps / 3;
     std::vector<double> steps, resident, heap;
     for (const MemorySample& sample : result_.memory) {
       result_.largest_cache = std::max(result_.largest_cache, sample.cache);

@@ -63,6 +63,7 @@ struct SoakResult {
   std::array<LogHistogram, kSoakStages.size()> stage_ms;
   std::vector<MemorySample> memory;
   std::uint64_t warm_up_steps = 0;            ///< slopes are of the samples after these
+  bool all_scenes_before = false;             ///< in the warm-up every scene was loaded
   Slope resident_slope, heap_slope;           ///< MiB per agent step
   double cache_bound = 0, largest_cache = 0;  ///< MiB
   std::uint64_t evicted_scenes = 0;

@@ -20,7 +20,7 @@ SoakBound none_of(const std::string& name, std::uint64_t count, const std::strin
 SoakBound memory_bound(const SoakResult& result) {
   const double slope = kPerSteps * result.resident_slope.per_x, error = kPerSteps * result.resident_slope.standard_error;
   const auto window = static_cast<double>(result.steps - std::min(result.steps, result.warm_up_steps));
-  const bool warm = result.rounds > 1 && window >= kPerSteps;
+  const bool warm = result.all_scenes_before && window >= kPerSteps;
   const double noise = !warm && window > 0 ? kNoiseMiB * kPerSteps / window : 0;
   const double limit = std::max(result.options.memory_limit_mib, noise);
   SoakBound bound{.name = "resident memory",

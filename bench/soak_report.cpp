@@ -118,7 +118,7 @@ std::string soak_markdown(const SoakResult& result) {
       "free, "
       "scene cache {:.0f} MiB. Slopes are of the samples after the first {} steps: {}.\n\n",
       last.resident, last.heap_in_use, in_use, in_use_error, last.heap_free, last.cache, result.warm_up_steps,
-      result.rounds > 1 ? "from then on every scene has been loaded before" : "less than one walk through all scenes");
+      result.all_scenes_before ? "from then on every scene has been loaded before" : "not every scene had been loaded by then");
   text += fmt::format("## Milliseconds of a step of {} agents\n\nWall time of the call; stages summed over agents and {} threads.\n\n{}",
                       options.num_envs, result.threads, time_table(result));
   text += fmt::format("\n## Kinds of scenes\n\n{}", kind_table(result));
