@@ -15,7 +15,6 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/json_depth.h"
-#include "sim/base/json_depth.h"
 #include "sim/base/json_number.h"
 
 namespace earshot {

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # scripts/build.sh [PRESET] [CTEST ARGUMENTS...]
-# Configures and builds one preset (release, debug, asan-ubsan, tsan; default release).  With further arguments it also runs ctest with them:
+# Configures and builds one preset (release, debug, asan-ubsan, tsan, fuzz; default release).  With further arguments it also runs ctest with them:
 #   scripts/build.sh release -R PathTracer
 set -euo pipefail
 cd "$(dirname "$0")/.."

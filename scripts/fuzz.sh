@@ -20,6 +20,10 @@ if [ ${#targets[@]} -eq 0 ]; then
   done
 fi
 each=$(((seconds * jobs + ${#targets[@]} - 1) / ${#targets[@]}))
+if [ "$each" -gt "$seconds" ]; then each=$seconds; fi
+# Where CI is set, the same inputs in the same order each time: a commit must not fail by the luck of another.
+seed=()
+if [ -n "${CI:-}" ]; then seed=(-seed=1); fi
 logs=$build/logs findings=$build/findings
 rm -rf "$logs" && mkdir -p "$logs" "$findings"
 
@@ -32,7 +36,7 @@ run_one() {
   local name=$1 corpus=$build/corpus/$1 options=()
   mkdir -p "$corpus"
   if [ -f "fuzz/dictionaries/$name.dict" ]; then options+=("-dict=fuzz/dictionaries/$name.dict"); fi
-  "$build/fuzz/fuzz_$name" -max_total_time="$each" -timeout=10 -rss_limit_mb=2048 -max_len=16384 -print_final_stats=1 \
+  "$build/fuzz/fuzz_$name" -max_total_time="$each" -timeout=60 -rss_limit_mb=2048 -max_len=16384 -print_final_stats=1 "${seed[@]}" \
     -artifact_prefix="$findings/$name-" "${options[@]}" "$corpus" "fuzz/corpus/$name" >"$logs/$name.log" 2>&1 || echo "$name" >>"$logs/failed"
 }
 

@@ -15,11 +15,12 @@ torch::Tensor view(std::span<const float> values, std::vector<std::int64_t> shap
   return torch::from_blob(const_cast<float*>(values.data()), shape, torch::kFloat32);
 }
 
-ObservationTensors views(const BatchedEnv& env, std::span<const float> depth, std::span<const float> spectrogram, std::span<const float> pointgoal) {
+ObservationTensors views(const BatchedEnv& env, std::span<const float> depth, std::span<const float> spectrogram,
+                         std::span<const float> pointgoal) {
   const ObservationSpec& spec = env.config().observation;
   const std::int64_t n = env.num_envs();
-  return {view(depth, {n, spec.camera.height_px, spec.camera.width_px, 1}), view(spectrogram, {n, spec.sound.rows(), spec.sound.columns(), 2}),
-          view(pointgoal, {n, 2})};
+  return {view(depth, {n, spec.camera.height_px, spec.camera.width_px, 1}),
+          view(spectrogram, {n, spec.sound.rows(), spec.sound.columns(), 2}), view(pointgoal, {n, 2})};
 }
 
 bool row_is_finite(const torch::Tensor& rows, std::int64_t row) {
@@ -58,7 +59,10 @@ ObservationTensors final_observation_tensors(const BatchedEnv& env) {
 }
 
 Actor::Actor(ActorCritic policy, int num_envs)
-    : policy_(std::move(policy)), hidden_(torch::zeros({num_envs, policy_->hidden_size()})), not_done_(torch::zeros({num_envs})), mended_(static_cast<std::size_t>(num_envs), 0) {}
+    : policy_(std::move(policy)),
+      hidden_(torch::zeros({num_envs, policy_->hidden_size()})),
+      not_done_(torch::zeros({num_envs})),
+      mended_(static_cast<std::size_t>(num_envs), 0) {}
 
 const PolicyOutput& Actor::observe(const ObservationTensors& observations) {
   const torch::NoGradGuard no_grad;
@@ -79,6 +83,7 @@ const PolicyOutput& Actor::observe(const ObservationTensors& observations) {
   }
   if (again) output_ = policy_->step(seen_, hidden_, not_done_);
   for (const std::uint8_t mended : mended_) mended_rows_ += mended;
+  forget_mended(output_.value, mended_);
   return output_;
 }
 

@@ -22,7 +22,8 @@ std::shared_ptr<const EpisodeSet> load_part(const EvaluationConfig& evaluation) 
 /// The loop that all agents share: act until every episode has ended once.
 /// act: writes actions for the current observations.  after: called behind each step.
 EvaluationResult run_episodes(const EnvConfig& base, const EvaluationConfig& evaluation, const std::string& name,
-                              const std::function<void(BatchedEnv&, std::span<std::int32_t>)>& act, const std::function<void(const BatchedEnv&)>& after) {
+                              const std::function<void(BatchedEnv&, std::span<std::int32_t>)>& act,
+                              const std::function<void(const BatchedEnv&)>& after) {
   const auto set = load_part(evaluation);
   EnvConfig config = base;
   config.order = EpisodeOrder::once;
@@ -60,7 +61,8 @@ EvaluationResult run_episodes(const EnvConfig& base, const EvaluationConfig& eva
 
 }  // namespace
 
-EvaluationResult evaluate_checkpoint(const std::filesystem::path& path, const EvaluationConfig& evaluation, const std::vector<std::string>& overrides) {
+EvaluationResult evaluate_checkpoint(const std::filesystem::path& path, const EvaluationConfig& evaluation,
+                                     const std::vector<std::string>& overrides) {
   use_one_torch_thread();
   const Checkpoint checkpoint = load_checkpoint(path);
   const RunConfig config = parse_run_config(checkpoint.config_yaml, path.string() + " (its config)", overrides);
@@ -97,7 +99,8 @@ EvaluationResult evaluate_checkpoint(const std::filesystem::path& path, const Ev
 EvaluationResult evaluate_baseline(Baseline baseline, const std::string& name, const EnvConfig& env, const EvaluationConfig& evaluation) {
   EvaluationResult result = run_episodes(
       env, evaluation, name,
-      [&](BatchedEnv& batch, std::span<std::int32_t> actions) { baseline_actions(baseline, batch, evaluation.seed, 0, actions); }, [](const BatchedEnv&) {});
+      [&](BatchedEnv& batch, std::span<std::int32_t> actions) { baseline_actions(baseline, batch, evaluation.seed, 0, actions); },
+      [](const BatchedEnv&) {});
   result.policy_hash = name;
   return result;
 }

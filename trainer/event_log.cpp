@@ -63,7 +63,8 @@ ParsedLog parse_log(const std::filesystem::path& file) {
       log.points.push_back(point_of(line));
     } catch (const Json::exception&) {
       if (begin == text.size() && number > 1) break;  // a machine that crashed may leave zeros where the last line was to be
-      throw InputError(fmt::format("{}:{}", file.string(), number), "is not a line of an event log", "move the file away, or correct the line");
+      throw InputError(fmt::format("{}:{}", file.string(), number), "is not a line of an event log",
+                       "move the file away, or correct the line");
     }
     log.lines.push_back(line);
   }
@@ -95,7 +96,7 @@ EventLog::~EventLog() {
 
 void EventLog::write(const CurvePoint& point) {
   const std::string line = line_of(point);
-  struct stat status{};
+  struct stat status {};
   if (::fstat(descriptor_, &status) != 0) throw RunError(path_.string(), "cannot be examined: " + last_error());
   ssize_t written = -1;
   do {

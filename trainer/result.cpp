@@ -84,8 +84,17 @@ void save_result(const EvaluationResult& result, const std::filesystem::path& pa
   Json rows = Json::array();
   for (const auto& row : result.episodes) {
     const auto& m = row.metrics;
-    rows.push_back({{"id", row.id}, {"scene", row.scene}, {"success", m.success}, {"spl", m.spl}, {"soft_spl", m.soft_spl}, {"sna", m.sna},
-                    {"dtg_m", m.dtg_m}, {"reward", m.reward}, {"steps", m.steps}, {"collisions", m.collisions}, {"actions", row.actions}});
+    rows.push_back({{"id", row.id},
+                    {"scene", row.scene},
+                    {"success", m.success},
+                    {"spl", m.spl},
+                    {"soft_spl", m.soft_spl},
+                    {"sna", m.sna},
+                    {"dtg_m", m.dtg_m},
+                    {"reward", m.reward},
+                    {"steps", m.steps},
+                    {"collisions", m.collisions},
+                    {"actions", row.actions}});
   }
   const Json json = {{"agent", result.agent},
                      {"policy_hash", result.policy_hash},

@@ -64,6 +64,10 @@ void RolloutBuffer::push_outcome(std::span<const float> reward, std::span<const 
   for (std::int64_t env = 0; env < num_envs_; ++env) {
     const auto i = static_cast<std::size_t>(env);
     const bool bootstraps = timed_out[i] != 0 && ended[i] == 0;  // gae() reads no other final value
+    // The row before leads to this row's value, unless an episode ended there.
+    if (!std::isfinite(v[i]) && steps_ > 0 && terminated[steps_ - 1][env].item<float>() == 0 &&
+        truncated[steps_ - 1][env].item<float>() == 0)
+      drop(steps_ - 1, env);
     if (!std::isfinite(r[i]) || !std::isfinite(v[i]) || !std::isfinite(p[i]) || (bootstraps && !std::isfinite(f[i]))) drop(steps_, env);
   }
   ++steps_;

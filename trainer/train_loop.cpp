@@ -47,13 +47,14 @@ class StopSignals {
   std::array<void (*)(int), 3> previous_{};
 };
 
-constexpr int kMaxBarrenUpdates = 20;  // in a row, before a run that learns nothing is ended
+constexpr int kMaxBarrenUpdates = 20;       // in a row, before a run that learns nothing is ended
 constexpr std::uint64_t kLoggedSkips = 20;  // one line each; the others are counted
 
 /// Everything one worker holds during a run.
 class Worker {
  public:
-  Worker(const RunConfig& config, const std::string& config_yaml, Collective& collective, const std::filesystem::path& resume, const TrainHooks& hooks)
+  Worker(const RunConfig& config, const std::string& config_yaml, Collective& collective, const std::filesystem::path& resume,
+         const TrainHooks& hooks)
       : config_(config),
         config_yaml_(config_yaml),
         collective_(collective),
@@ -99,7 +100,8 @@ class Worker {
     return std::min(1.0, static_cast<double>(env_steps_) / static_cast<double>(config_.total_steps));
   }
   [[nodiscard]] std::uint64_t steps_per_update() const {
-    return static_cast<std::uint64_t>(config_.rollout_steps) * static_cast<std::uint64_t>(config_.envs_per_worker) * static_cast<std::uint64_t>(world_);
+    return static_cast<std::uint64_t>(config_.rollout_steps) * static_cast<std::uint64_t>(config_.envs_per_worker) *
+           static_cast<std::uint64_t>(world_);
   }
 
   const RunConfig& config_;
@@ -117,12 +119,12 @@ class Worker {
   std::uint64_t update_ = 0, env_steps_ = 0;
   EpisodeSums finished_;
   EpisodeWindow window_;
-  StageTimes times_;             ///< this update, this worker
+  StageTimes times_;  ///< this update, this worker
   std::filesystem::path last_checkpoint_;
   std::optional<EventLog> events_;
-  RunCounters counters_;         ///< of all workers
+  RunCounters counters_;  ///< of all workers
   GuardCounts guards_;
-  int barren_updates_ = 0;       ///< in a row
+  int barren_updates_ = 0;  ///< in a row
   Stopwatch clock_;
   double elapsed_s_ = 0;
 };
@@ -150,7 +152,8 @@ void Worker::check_equal_weights() {
     hash = hash64(std::as_bytes(std::span(flat.data_ptr<float>(), static_cast<std::size_t>(flat.numel()))), hash);
   }
   for (const auto& other : collective_.all_gather(hex64(hash)))
-    if (other != hex64(hash)) throw RunError("workers", "hold different weights; are they the same program, config and seed, on sound memory?");
+    if (other != hex64(hash))
+      throw RunError("workers", "hold different weights; are they the same program, config and seed, on sound memory?");
 }
 
 void Worker::collect() {
@@ -211,22 +214,26 @@ UpdateStats Worker::learn() {
 void Worker::note(const UpdateStats& stats) {
   if (rank_ == 0) {
     for (std::size_t i = 0; i < stats.skipped.size() && guards_.skipped_steps + i < kLoggedSkips; ++i)
-      spdlog::warn("update {}, epoch {}, minibatch {}: no worker takes the step: {}{}", update_, stats.skipped[i].epoch, stats.skipped[i].minibatch,
-                   describe(stats.skipped[i]), guards_.skipped_steps + i + 1 == kLoggedSkips ? " (further ones are counted only)" : "");
+      spdlog::warn("update {}, epoch {}, minibatch {}: no worker takes the step: {}{}", update_, stats.skipped[i].epoch,
+                   stats.skipped[i].minibatch, describe(stats.skipped[i]),
+                   guards_.skipped_steps + i + 1 == kLoggedSkips ? " (further ones are counted only)" : "");
     if (stats.alarm_rank >= 0 && guards_.loss_alarms + guards_.kl_alarms == 0)
-      spdlog::warn("update {}, worker {}: a loss of {:.4g} and a KL divergence of {:.4g} (alarms at {} and {}; further ones are counted only)", update_,
-                   stats.alarm_rank, stats.alarm_loss, stats.alarm_kl, config_.ppo.loss_alarm, config_.ppo.kl_alarm);
+      spdlog::warn(
+          "update {}, worker {}: a loss of {:.4g} and a KL divergence of {:.4g} (alarms at {} and {}; further ones are counted only)",
+          update_, stats.alarm_rank, stats.alarm_loss, stats.alarm_kl, config_.ppo.loss_alarm, config_.ppo.kl_alarm);
   }
   guards_.taken_steps += static_cast<std::uint64_t>(stats.taken_steps);
   guards_.skipped_steps += stats.skipped.size();
   guards_.loss_alarms += static_cast<std::uint64_t>(stats.loss_alarms);
   guards_.kl_alarms += static_cast<std::uint64_t>(stats.kl_alarms);
-  barren_updates_ = stats.taken_steps == 0 && !stats.skipped.empty() ? barren_updates_ + 1 : 0;
+  barren_updates_ = stats.taken_steps > 0 ? 0 : barren_updates_ + 1;
   if (barren_updates_ < kMaxBarrenUpdates) return;
   save(true);
   collective_.barrier();  // who throws stops the others: not before rank 0 has everybody's share of the checkpoint, and has written it
-  throw RunError("training", fmt::format("{} updates in a row took no step, at last because {}; resume from an earlier checkpoint, with a smaller learning rate",
-                                         barren_updates_, describe(stats.skipped.back())));
+  throw RunError(
+      "training",
+      fmt::format("{} updates in a row took no step, at last because {}; resume from an earlier checkpoint, with a smaller learning rate",
+                  barren_updates_, stats.skipped.empty() ? "no row counted" : describe(stats.skipped.back())));
 }
 
 /// A full disk must not end a run that may find room again: false, logged and counted.
@@ -235,7 +242,7 @@ bool Worker::write_or_go_on(const Write& write) {
   try {
     write();
     return true;
-  } catch (const RunError& error) {
+  } catch (const std::exception& error) {
     ++guards_.failed_writes;
     spdlog::error("{}; training goes on", error.what());
     return false;
@@ -248,7 +255,8 @@ void Worker::report(const UpdateStats& stats, double update_s) {
   std::copy(finished_.values.begin(), finished_.values.end(), sums.begin());
   const RunCounters own = RunCounters::of(env_, *scenes_, actor_, rollout_);
   std::copy(own.values.begin(), own.values.end(), sums.begin() + first_counter);
-  const std::array<double, num_stages> stage{times_.simulate_sound, times_.convolve, times_.render, times_.move, times_.policy, times_.learn, times_.reduce};
+  const std::array<double, num_stages> stage{times_.simulate_sound, times_.convolve, times_.render, times_.move,
+                                             times_.policy,         times_.learn,    times_.reduce};
   std::copy(stage.begin(), stage.end(), sums.begin() + EpisodeSums::num_fields);
   collective_.all_reduce_sum(std::span<double>(sums));
   finished_ = {};
@@ -270,36 +278,39 @@ void Worker::report(const UpdateStats& stats, double update_s) {
   double left_s = std::max(0.0, left_steps) / steps_per_s;
   if (config_.max_minutes > 0) left_s = std::min(left_s, std::max(0.0, config_.max_minutes * 60 - elapsed_s_));
   const std::string troubles = trouble(counters_, guards_);
-  const std::string line = fmt::format("update {:4}  {:>7} of {} steps  {:.0f} steps/s  success {:.3f}  SPL {:.3f}  reward {:.2f}  dtg {:.2f} m  [{}]  {:.0f} min to go{}{}\n",
-             update_, env_steps_, config_.total_steps, steps_per_s, recent.mean(EpisodeSums::success), recent.mean(EpisodeSums::spl),
-             recent.mean(EpisodeSums::reward), recent.mean(EpisodeSums::dtg), mean.shares(), left_s / 60, troubles.empty() ? "" : "  ! ", troubles);
+  const std::string line = fmt::format(
+      "update {:4}  {:>7} of {} steps  {:.0f} steps/s  success {:.3f}  SPL {:.3f}  reward {:.2f}  dtg {:.2f} m  [{}]  {:.0f} min to "
+      "go{}{}\n",
+      update_, env_steps_, config_.total_steps, steps_per_s, recent.mean(EpisodeSums::success), recent.mean(EpisodeSums::spl),
+      recent.mean(EpisodeSums::reward), recent.mean(EpisodeSums::dtg), mean.shares(), left_s / 60, troubles.empty() ? "" : "  ! ",
+      troubles);
   std::fputs(line.c_str(), stderr);  // fmt::print would throw where the log is on a full disk
 
   std::vector<std::pair<std::string, double>> values{{"episodes/success", recent.mean(EpisodeSums::success)},
-                  {"episodes/spl", recent.mean(EpisodeSums::spl)},
-                  {"episodes/soft_spl", recent.mean(EpisodeSums::soft_spl)},
-                  {"episodes/sna", recent.mean(EpisodeSums::sna)},
-                  {"episodes/dtg_m", recent.mean(EpisodeSums::dtg)},
-                  {"episodes/reward", recent.mean(EpisodeSums::reward)},
-                  {"episodes/steps", recent.mean(EpisodeSums::steps)},
-                  {"episodes/collisions", recent.mean(EpisodeSums::collisions)},
-                  {"policy/loss", stats.policy_loss},
-                  {"policy/value_loss", stats.value_loss},
-                  {"policy/entropy", stats.entropy},
-                  {"policy/approx_kl", stats.approx_kl},
-                  {"policy/clip_fraction", stats.clip_fraction},
-                  {"policy/gradient_norm", stats.gradient_norm},
-                  {"policy/explained_variance", stats.explained_variance},
-                  {"policy/skipped_steps", static_cast<double>(stats.skipped_steps)},
-                  {"policy/max_ratio_error", stats.max_ratio_error},
-                  {"time/steps_per_s", steps_per_s},
-                  {"time/simulate_sound_s", mean.simulate_sound},
-                  {"time/convolve_s", mean.convolve},
-                  {"time/render_s", mean.render},
-                  {"time/move_s", mean.move},
-                  {"time/policy_s", mean.policy},
-                  {"time/learn_s", mean.learn},
-                  {"time/reduce_s", mean.reduce}};
+                                                     {"episodes/spl", recent.mean(EpisodeSums::spl)},
+                                                     {"episodes/soft_spl", recent.mean(EpisodeSums::soft_spl)},
+                                                     {"episodes/sna", recent.mean(EpisodeSums::sna)},
+                                                     {"episodes/dtg_m", recent.mean(EpisodeSums::dtg)},
+                                                     {"episodes/reward", recent.mean(EpisodeSums::reward)},
+                                                     {"episodes/steps", recent.mean(EpisodeSums::steps)},
+                                                     {"episodes/collisions", recent.mean(EpisodeSums::collisions)},
+                                                     {"policy/loss", stats.policy_loss},
+                                                     {"policy/value_loss", stats.value_loss},
+                                                     {"policy/entropy", stats.entropy},
+                                                     {"policy/approx_kl", stats.approx_kl},
+                                                     {"policy/clip_fraction", stats.clip_fraction},
+                                                     {"policy/gradient_norm", stats.gradient_norm},
+                                                     {"policy/explained_variance", stats.explained_variance},
+                                                     {"policy/skipped_steps", static_cast<double>(stats.skipped_steps)},
+                                                     {"policy/max_ratio_error", stats.max_ratio_error},
+                                                     {"time/steps_per_s", steps_per_s},
+                                                     {"time/simulate_sound_s", mean.simulate_sound},
+                                                     {"time/convolve_s", mean.convolve},
+                                                     {"time/render_s", mean.render},
+                                                     {"time/move_s", mean.move},
+                                                     {"time/policy_s", mean.policy},
+                                                     {"time/learn_s", mean.learn},
+                                                     {"time/reduce_s", mean.reduce}};
   append_curve_values(values, counters_, before, guards_);
   write_or_go_on([&] { events_->write(update_, env_steps_, elapsed_s_, std::move(values)); });
 }
@@ -329,7 +340,8 @@ void Worker::save(bool last) {
   for (int rank = 0; rank < world_; ++rank) {
     const auto tensor_of = [](const std::string& bytes, torch::IntArrayRef shape) {
       torch::Tensor tensor = torch::empty(shape);
-      if (bytes.size() != static_cast<std::size_t>(tensor.numel()) * sizeof(float)) throw RunError("checkpoint", "workers disagree about the hidden state's size");
+      if (bytes.size() != static_cast<std::size_t>(tensor.numel()) * sizeof(float))
+        throw RunError("checkpoint", "workers disagree about the hidden state's size");
       std::copy(bytes.begin(), bytes.end(), reinterpret_cast<char*>(tensor.data_ptr<float>()));
       return tensor;
     };
@@ -416,7 +428,8 @@ std::filesystem::path find_checkpoint(const std::filesystem::path& folder_or_fil
     }
   }
   if (!newest.empty()) return newest;
-  if (!damaged.empty()) throw InputError(folder_or_file.string(), "holds no checkpoint that is whole: " + damaged, "start anew, or find a copy");
+  if (!damaged.empty())
+    throw InputError(folder_or_file.string(), "holds no checkpoint that is whole: " + damaged, "start anew, or find a copy");
   throw InputError(folder_or_file.string(), "holds no checkpoint (*.ckpt)", "name a run folder or a checkpoint file");
 }
 

@@ -11,15 +11,15 @@
 
 namespace earshot {
 
-/// A message that cannot be what it should be: too large, truncated, of another type or version.  Never leaves trainer/: what it means (a stranger,
-/// a peer of another build) is decided where the message came in.
+/// A message that cannot be what it should be: too large, truncated, of another type or version.  Never leaves trainer/: what it means (a
+/// stranger, a peer of another build) is decided where the message came in.
 class WireError : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
 
-inline constexpr std::uint16_t kWireVersion = 1;
-inline constexpr std::size_t kMaxControlBytes = 64 * 1024;       ///< of one control message
+inline constexpr std::uint16_t kWireVersion = 2;
+inline constexpr std::size_t kMaxControlBytes = 64 * 1024;        ///< of one control message
 inline constexpr std::size_t kChunkBytes = std::size_t{1} << 20;  ///< payload of one bulk message (TRAINER.md 4.3: 1 MiB was the fastest)
 
 /// A worker introduces itself to rank 0.
@@ -36,8 +36,8 @@ struct Hello {
 struct Welcome {
   static constexpr std::size_t kFields = 5;
   std::uint16_t version = kWireVersion;
-  std::string refusal;         ///< empty: accepted
-  std::uint64_t run_key = 0;   ///< fresh per start; makes this run's routing ids and frames its own
+  std::string refusal;        ///< empty: accepted
+  std::uint64_t run_key = 0;  ///< fresh per start; makes this run's routing ids and frames its own
   std::vector<std::string> control_endpoints, bulk_endpoints;
   MSGPACK_DEFINE(version, refusal, run_key, control_endpoints, bulk_endpoints)
 };
@@ -46,7 +46,7 @@ struct Welcome {
 struct Farewell {
   static constexpr std::size_t kFields = 2;
   std::uint16_t version = kWireVersion;
-  std::string reason;          ///< empty: it has finished
+  std::string reason;  ///< empty: it has finished
   MSGPACK_DEFINE(version, reason)
 };
 
@@ -91,13 +91,13 @@ const char* name_of(Operation operation);
 /// Header frame of every message between workers: 64 bytes, little-endian, followed by one payload frame.
 struct FrameHeader {
   Operation operation = Operation::barrier;
-  std::uint8_t phase = 0;          ///< 0 data on the way (reduce-scatter), 1 results on the way (all-gather)
+  std::uint8_t phase = 0;  ///< 0 data on the way (reduce-scatter), 1 results on the way (all-gather)
   std::uint64_t run_key = 0;
-  std::uint64_t sequence = 0;      ///< number of the collective call
+  std::uint64_t sequence = 0;  ///< number of the collective call
   std::uint32_t step = 0, segment = 0;
-  std::uint64_t offset = 0;        ///< in bytes, from the start of the buffer
-  std::uint64_t length = 0;        ///< of the payload
-  std::uint64_t total = 0;         ///< of the whole buffer
+  std::uint64_t offset = 0;  ///< in bytes, from the start of the buffer
+  std::uint64_t length = 0;  ///< of the payload
+  std::uint64_t total = 0;   ///< of the whole buffer
   friend bool operator==(const FrameHeader&, const FrameHeader&) = default;
 };
 inline constexpr std::size_t kHeaderBytes = 64;

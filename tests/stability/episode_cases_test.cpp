@@ -200,7 +200,12 @@ TEST(X_TenThousandResets, StayFiniteAndKeepTheMemory) {
   double warm_mib = 0;
   env.reset();
   const std::vector<float> first = shown_by(env, 0);
-  for (int i = 0; i < 10000; ++i) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  constexpr int kResets = 500;  // they keep freed memory: no verdict, and twenty times slower
+#else
+  constexpr int kResets = 10000;
+#endif
+  for (int i = 0; i < kResets; ++i) {
     if (i == 1000) warm_mib = resident_mib();
     if (i % 2 == 0) {
       env.reset();
@@ -210,7 +215,7 @@ TEST(X_TenThousandResets, StayFiniteAndKeepTheMemory) {
       ASSERT_TRUE(buffers_are_finite(env));
     }
   }
-  EXPECT_LT(resident_mib() - warm_mib, 8.0);
+  if (kResets > 1000) EXPECT_LT(resident_mib() - warm_mib, 8.0);
   EXPECT_EQ(env.quarantine_counters().total(), 0u);
 }
 

@@ -26,7 +26,10 @@ TEST(G9_Observation, ThatIsNotFiniteIsZeroedMarkedAndSeenByNobodyElse) {
     EXPECT_TRUE(actor.seen().pointgoal.equal(zeroed));
     EXPECT_FALSE(torch::isfinite(faulty).all().item<bool>());  // the env's own buffer was not written to
     const PolicyOutput& expected = clean.observe(goals(zeroed));
-    EXPECT_TRUE(output.logits.equal(expected.logits) && output.value.equal(expected.value) && output.hidden.equal(expected.hidden));
+    EXPECT_TRUE(output.logits.equal(expected.logits) && output.hidden.equal(expected.hidden));
+    const torch::Tensor others = torch::tensor({0, 2, 3});
+    EXPECT_TRUE(output.value.index_select(0, others).equal(expected.value.index_select(0, others)));
+    EXPECT_TRUE(std::isnan(output.value[1].item<float>()));  // the value of zeros is nobody's value: the row before must not lead to it
     actor.observe(goals(good));
     EXPECT_EQ(mended_of(actor), (std::vector<std::uint8_t>(kEnvs, 0)));
   }
@@ -107,9 +110,10 @@ TEST(G9_RolloutRow, ThatIsNotFiniteIsLeftOutAndCounted) {
     idle.rewards[1] = bad;        // did not count before
     idle.valid[1] = 0;
     for (const Row* row : {&reward, &value, &log_prob, &final_value, &unused, &idle}) row->push_to(rollout);
-    EXPECT_EQ(rollout.dropped_rows(), 4u);
+    EXPECT_EQ(rollout.dropped_rows(), 5u);
     torch::Tensor expected = torch::ones({8, kEnvs});
     for (int i = 0; i < 4; ++i) expected[i][i] = 0;
+    expected[0][1] = 0;  // what followed it was the value that is not known
     expected[5][1] = 0;
     EXPECT_TRUE(rollout.valid.slice(0, 0, 6).equal(expected.slice(0, 0, 6)));
     for (const torch::Tensor* slab : {&rollout.rewards, &rollout.values, &rollout.log_prob})
@@ -117,7 +121,7 @@ TEST(G9_RolloutRow, ThatIsNotFiniteIsLeftOutAndCounted) {
     torch::Tensor next = torch::zeros({kEnvs});
     next[2] = bad;
     rollout.finish(next);
-    EXPECT_EQ(rollout.dropped_rows(), 5u);
+    EXPECT_EQ(rollout.dropped_rows(), 6u);
     EXPECT_EQ(rollout.valid[5][2].item<float>(), 0.f);
     EXPECT_TRUE(torch::isfinite(rollout.next_value).all().item<bool>());
   }
