@@ -73,7 +73,6 @@ std::string encode(const QuarantineRecord& record) {
 QuarantineRecord decode_quarantine_record(std::string_view text, const std::string& where) {
   const auto fail = [&](const std::string& what) { throw InputError(where, what, kRemedy); };
   check_json_depth(text, where);
-  check_json_depth(text, where);
   QuarantineRecord record;
   try {
     const json document = json::parse(text);

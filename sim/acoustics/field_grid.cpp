@@ -173,7 +173,7 @@ void FieldGrid::cross(glm::vec3 origin, glm::vec3 direction, float length_m, std
     const float plane = origin_[axis] + static_cast<float>(index[axis] + (step[axis] > 0 ? 1 : 0)) * edge_m_[axis];
     next_m[axis] = direction[axis] == 0 ? std::numeric_limits<float>::infinity() : std::max((plane - origin[axis]) * inverse, 0.f);
   }
-  // What rounding puts across the border of a box, which may be a wall, is in the cell before.
+  // What rounding puts across the border of a box, which may be a wall: such a sliver goes to the next cell, and at the end to none.
   const float least_m = 1e-5f * std::min({edge_m_.x, edge_m_.y, edge_m_.z});
   float enter_m = 0;
   while (enter_m < length_m) {
@@ -184,6 +184,7 @@ void FieldGrid::cross(glm::vec3 origin, glm::vec3 direction, float length_m, std
       if (cell != none) crossings.push_back({cell, enter_m, leave_m});
       enter_m = leave_m;
     }
+    if (leave_m >= length_m) return;
     index[axis] += step[axis];
     if (index[axis] < 0 || index[axis] >= count_[axis]) return;
     next_m[axis] += step_m[axis];
@@ -235,6 +236,7 @@ float FieldGrid::openness(const Cell& a, const Cell& b) const {
 std::vector<FieldGrid::Passage> FieldGrid::passages() const {
   std::vector<std::vector<Passage>> of_box(boxes_.size());
   tbb::parallel_for(std::size_t{0}, boxes_.size(), [&](std::size_t i) {
+    const FlushDenormals flush;
     const auto box = static_cast<int>(i);
     const glm::ivec3 index(box / (count_.y * count_.z), box / count_.z % count_.y, box % count_.z);
     for (int axis = 0; axis < 3; ++axis) {

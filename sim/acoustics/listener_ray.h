@@ -117,7 +117,7 @@ bool pass_walls(const Trace& trace, RayState<W>& ray, glm::vec3 from, glm::vec3 
     const float rest_m = std::sqrt(glm::dot(rest, rest));
     if (!(rest_m > 0)) return true;
     const glm::vec3 direction = rest / rest_m;
-    const Hit hit = trace.scene.scene().rays().intersect(from, direction, rest_m);
+    const Hit hit = trace.scene.scene().rays().intersect(from, direction, open_length_m(to, rest_m));
     if (!hit.valid()) return true;
     const WallCrossing crossing = cross_wall(trace.scene, direction, hit);
     if (!trace.walls->transmits(crossing.material) || glm::dot(to - crossing.exit, direction) <= 0) return false;

@@ -137,6 +137,7 @@ TraceStats SourceField::gather(const AcousticScene& scene, glm::vec3 listener, E
   if (config.late == Switch::off || config.max_bounces == 0) return stats;
   const FieldHeader header = header_of(image_);
   stats.rays = header.photons;
+  stats.nonfinite_dropped = header.nonfinite_dropped;
   const auto* entries = reinterpret_cast<const FieldEntry*>(image_.data() + sizeof header);
   const auto* values = reinterpret_cast<const FieldValue*>(entries + header.num_cells);
   std::array<FieldGrid::Share, 8> shares;

@@ -75,7 +75,7 @@ bool collect_walls(const AcousticScene& scene, glm::vec3 from, glm::vec3 to, Wal
     const float rest_m = glm::length(rest);
     if (!(rest_m > 0)) return true;
     const glm::vec3 direction = rest / rest_m;
-    const Hit hit = scene.scene().rays().intersect(point, direction, rest_m);
+    const Hit hit = scene.scene().rays().intersect(point, direction, open_length_m(to, rest_m));
     if (!hit.valid()) return true;
     if (walls.count == scene.config().transmission_walls) return false;
     WallCrossing crossing = cross_wall(scene, direction, hit);

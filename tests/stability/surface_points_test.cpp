@@ -6,6 +6,8 @@
 #include <glm/geometric.hpp>
 
 #include "sim/acoustics/rir.h"
+#include "sim/acoustics/transmission.h"
+#include "tests/sim/acoustics/rooms.h"
 #include "tests/stability/mesh_cases.h"
 
 namespace earshot {
@@ -102,6 +104,28 @@ TEST(H16_OnASurface, ResponseIsThatOfTheSpaceBeforeIt) {
     ASSERT_GT(late_energy(back), 0) << place.name;
     if (walls == 1) {
       EXPECT_NEAR(late_energy(there) / late_energy(back), 1, 0.1) << place.name;
+    }
+  }
+}
+
+// Behind a sheet, on the wall beyond it: sound passes the sheet, not the wall that the place is before.  From both ends of each axis.
+TEST(H16_OnASurface, TheWallOfThePlaceItselfIsNotPassed) {
+  using rooms::point;
+  TriangleMesh mesh;
+  rooms::append_box(mesh, {0, 0, 0}, {5, 4, 3}, 0);
+  rooms::append_quad(mesh, {point(2, 0, 0), point(2, 4, 0), point(2, 4, 3), point(2, 0, 3)}, 0);
+  Material wall = Material::uniform("wall", 0.3f, 1.f);
+  wall.transmission = CoefficientCurve::constant(0.1f);
+  AcousticConfig config;
+  config.diffraction = Switch::off;
+  const AcousticScene acoustics(rooms::scene_of(mesh, {wall}), config);
+  const glm::vec3 other = point(1, 1.3, 1.9);
+  for (const glm::vec3 place : {point(5, 1.1, 1.7), point(4, 4, 1.7), point(4, 0, 1.7), point(4, 1.1, 3), point(4, 1.1, 0)}) {
+    for (const bool back : {false, true}) {
+      std::vector<Arrival> arrivals;
+      find_transmitted(acoustics, back ? place : other, back ? other : place, arrivals);
+      ASSERT_EQ(arrivals.size(), 1u) << place.x << ' ' << place.y << ' ' << place.z;
+      EXPECT_EQ(arrivals[0].order, 1) << place.x << ' ' << place.y << ' ' << place.z;
     }
   }
 }
