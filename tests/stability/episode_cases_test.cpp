@@ -215,7 +215,9 @@ TEST(X_TenThousandResets, StayFiniteAndKeepTheMemory) {
       ASSERT_TRUE(buffers_are_finite(env));
     }
   }
-  if (kResets > 1000) EXPECT_LT(resident_mib() - warm_mib, 8.0);
+  if (kResets > 1000) {
+    EXPECT_LT(resident_mib() - warm_mib, 8.0);
+  }
   EXPECT_EQ(env.quarantine_counters().total(), 0u);
 }
 
