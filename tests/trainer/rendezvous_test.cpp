@@ -74,7 +74,7 @@ TEST(Rendezvous, StrangersAreToldWhyAndDisturbNobody) {
     return refusal_of(address, encode(changed));
   };
   EXPECT_NE(refusal([](Hello& h) { h.run_id = "another"; }).find("run id"), std::string::npos);
-  EXPECT_NE(refusal([](Hello& h) { h.version = 2; }).find("version 2"), std::string::npos);
+  EXPECT_NE(refusal([](Hello& h) { h.version = kWireVersion + 1; }).find("version " + std::to_string(kWireVersion + 1)), std::string::npos);
   EXPECT_NE(refusal([](Hello& h) { h.rank = 1; }).find("rank 1 is taken"), std::string::npos);
   EXPECT_NE(refusal([](Hello& h) { h.rank = 0; }).find("rank 0"), std::string::npos);
   EXPECT_NE(refusal([](Hello& h) { h.rank = -1; }).find("rank -1"), std::string::npos);
