@@ -44,7 +44,7 @@ struct AcousticConfig {
   // source field (source_field.h): the late field of a source that stands still, built once and gathered at each pose
   Switch field = Switch::automatic;  ///< automatic: where a source is held for many poses and the field is the cheaper way (effect plan)
   int field_photons = 1 << 16;       ///< at most, from the source, [512, 2^24]
-  float field_error = 0.045f;        ///< photons are added until the relative standard error of T20 is below this, (0, 1]
+  float field_error = 0.037f;        ///< photons are added until the relative standard error of T20 is below this, (0, 1]
   float field_cell_m = 1.f;          ///< about the edge of the cells that share a history, [0.05, 10]
   /// Blend of traced late fields along a trajectory (temporal_reuse.h); automatic: where the source moves.  No part of a single response.
   Switch temporal_reuse = Switch::automatic;

@@ -23,11 +23,14 @@ namespace {
 constexpr std::uint32_t kChunksPerRound = FieldProbes::kBatches;  // photons come in whole rounds: a chunk for each batch
 constexpr std::uint64_t kPhotonsPerRound = std::uint64_t{kChunksPerRound} * kPhotonsPerChunk;
 
-/// to[i] += factor * from[i]; count: a multiple of eight, whole vectors.  In double: ten million flights through one bin of one cell, which
-/// 2^23 photons in a small room are, would lose a per cent in float.
-void add_scaled(const float* from, float factor, std::size_t count, double* to) {
+/// Ten million flights through one bin of one cell, which 2^23 photons in a small room are, would lose a per cent in float.  So sums of
+/// this many rounds go to sums in double; the few photons of `fast` never do, and pay for half the memory.
+constexpr std::uint32_t kRoundsPerFold = 32;
+
+/// to[i] += factor * from[i]; count: a multiple of eight, whole vectors.
+void add_scaled(const float* from, float factor, std::size_t count, float* to) {
   for (std::size_t i = 0; i < count; i += 8)
-    for (std::size_t lane = 0; lane < 8; ++lane) to[i + lane] += static_cast<double>(factor * from[i + lane]);
+    for (std::size_t lane = 0; lane < 8; ++lane) to[i + lane] += factor * from[i + lane];
 }
 
 }  // namespace
@@ -47,11 +50,11 @@ struct SourceFieldBuilder::Impl {
   void add(std::uint32_t cell, float path_m, const float* weighted, float length_m) {
     const float from_centre = path_m / (scene.speed_of_sound_m_per_s() * bin_s) - 0.5f;
     if (!(from_centre < static_cast<float>(num_bins))) return;
-    std::vector<double>& bins = history[cell];
-    if (bins.empty()) bins.assign(static_cast<std::size_t>(num_bins) * row, 0.0);
+    std::vector<float>& bins = history[cell];
+    if (bins.empty()) bins.assign(static_cast<std::size_t>(num_bins) * row, 0.f);
     const auto bin = static_cast<int>(std::floor(from_centre));
     const float to_next = bin >= 0 && bin + 1 < num_bins ? from_centre - static_cast<float>(bin) : 0.f;
-    double* here = &bins[static_cast<std::size_t>(std::clamp(bin, 0, num_bins - 1)) * row];
+    float* here = &bins[static_cast<std::size_t>(std::clamp(bin, 0, num_bins - 1)) * row];
     const float keep = length_m * (1.f - to_next), pass = length_m * to_next;
     add_scaled(weighted, keep, row, here);
     if (pass > 0) add_scaled(weighted, pass, row, here + row);
@@ -98,7 +101,19 @@ struct SourceFieldBuilder::Impl {
       for (std::uint32_t i = 0; i < kChunksPerRound; ++i) add(tracks[i], i);
     }
     for (const TraceStats& of_chunk : stats) nonfinite_dropped += of_chunk.nonfinite_dropped;
-    ++rounds;
+    if (++rounds % kRoundsPerFold == 0) fold();
+  }
+
+  /// Moves the sums in float to those in double.
+  void fold() {
+    folded.resize(history.size());
+    for (std::size_t cell = 0; cell < history.size(); ++cell) {
+      if (history[cell].empty()) continue;
+      folded[cell].resize(history[cell].size(), 0.0);
+      std::transform(folded[cell].begin(), folded[cell].end(), history[cell].begin(), folded[cell].begin(),
+                     [](double sum, float part) { return sum + double{part}; });
+      std::fill(history[cell].begin(), history[cell].end(), 0.f);
+    }
   }
 
   [[nodiscard]] std::uint64_t photons() const { return rounds * kPhotonsPerRound; }
@@ -135,8 +150,11 @@ struct SourceFieldBuilder::Impl {
         if (history[cell].empty()) {
           std::fill_n(to, row, 0.f);
         } else {
-          const double* from = &history[cell][bin * row];
-          for (std::size_t i = 0; i < row; ++i) to[i] = static_cast<float>(from[i]);
+          std::copy_n(&history[cell][bin * row], row, to);
+          if (!folded.empty() && !folded[cell].empty()) {
+            const double* sum = &folded[cell][bin * row];
+            for (std::size_t i = 0; i < row; ++i) to[i] = static_cast<float>(sum[i] + double{to[i]});
+          }
           any = any || std::any_of(to, to + stride, [](float value) { return value != 0.f; });
         }
       }
@@ -166,8 +184,9 @@ struct SourceFieldBuilder::Impl {
   FieldProbes probes;
   int num_bins = 0, num_coefficients = 0;
   float bin_s = 0;
-  std::size_t stride = 0, row = 0;           ///< padded bands; times coefficients
-  std::vector<std::vector<double>> history;  ///< [cells][bins][coefficients][padded bands]; empty where no photon came
+  std::size_t stride = 0, row = 0;          ///< padded bands; times coefficients
+  std::vector<std::vector<float>> history;  ///< [cells][bins][coefficients][padded bands]; empty where no photon came
+  std::vector<std::vector<double>> folded;  ///< the same, of the rounds before the last fold; empty before the first
   std::array<PhotonTracks, kChunksPerRound> tracks;
   std::uint32_t rounds = 0;
   std::uint64_t nonfinite_dropped = 0;
