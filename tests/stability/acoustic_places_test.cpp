@@ -17,14 +17,7 @@
 namespace earshot {
 namespace {
 
-using engines::db;
-using engines::Engine;
-using engines::expect_sound;
-using engines::Heard;
-using engines::kEngines;
-using engines::late_energy;
-using engines::name_of;
-using engines::plain;
+using namespace engines;
 
 constexpr double kPi = std::numbers::pi;
 

@@ -11,13 +11,7 @@
 namespace earshot {
 namespace {
 
-using engines::bits_of;
-using engines::Engine;
-using engines::expect_sound;
-using engines::Heard;
-using engines::kEngines;
-using engines::name_of;
-using engines::same_bits;
+using namespace engines;
 
 AcousticConfig everything(int rays = 300) {
   AcousticConfig config;  // octaves, air, image paths, first-order harmonics

@@ -13,13 +13,7 @@
 namespace earshot {
 namespace {
 
-using engines::bits_of;
-using engines::Engine;
-using engines::expect_sound;
-using engines::Heard;
-using engines::kEngines;
-using engines::name_of;
-using engines::same_bits;
+using namespace engines;
 
 TEST(H51_RepeatedQueriesSlow, AHundredThousandAtOnePose) {
   for (const Engine engine : kEngines) {

@@ -12,14 +12,7 @@
 namespace earshot {
 namespace {
 
-using engines::db;
-using engines::Engine;
-using engines::expect_sound;
-using engines::Heard;
-using engines::kEngines;
-using engines::late_energy;
-using engines::name_of;
-using engines::plain;
+using namespace engines;
 
 constexpr double kPi = std::numbers::pi;
 /// First reflections of SHOE-1 by Lambert walls that keep everything, all six walls (ORACLES O-8).

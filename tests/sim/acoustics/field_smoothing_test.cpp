@@ -12,14 +12,7 @@ namespace {
 
 constexpr std::size_t kWidth = 8;
 
-/// A box of 5 x 4 x 3 with a sheet across it at x = 2.2 from floor to ceiling, closed or with a gap at one end.
-std::shared_ptr<const Scene> divided_box(double gap_m) {
-  TriangleMesh mesh;
-  rooms::append_box(mesh, {0, 0, 0}, {5, 4, 3}, 0);
-  rooms::append_quad(
-      mesh, {rooms::point(2.2, 0, 0), rooms::point(2.2, 4 - gap_m, 0), rooms::point(2.2, 4 - gap_m, 3), rooms::point(2.2, 0, 3)}, 0);
-  return rooms::scene_of(mesh, {Material::uniform("wall", 0.2f, 1.f)});
-}
+using rooms::divided_box;
 
 std::vector<std::uint32_t> all_cells(const FieldGrid& grid, const FieldSmoothing& smoothing) {
   return smoothing.reachable(std::vector<bool>(grid.size(), true));

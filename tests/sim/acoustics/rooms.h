@@ -46,6 +46,14 @@ inline std::shared_ptr<const Scene> scene_of(TriangleMesh mesh, std::vector<Mate
   return std::make_shared<Scene>("test", std::move(mesh), std::move(materials), air);
 }
 
+/// A box of 5 x 4 x 3 with a sheet across it at x = 2.2 from floor to ceiling, closed or with a gap at one end.
+inline std::shared_ptr<const Scene> divided_box(double gap_m) {
+  TriangleMesh mesh;
+  append_box(mesh, {0, 0, 0}, {5, 4, 3}, 0);
+  append_quad(mesh, {point(2.2, 0, 0), point(2.2, 4 - gap_m, 0), point(2.2, 4 - gap_m, 3), point(2.2, 0, 3)}, 0);
+  return scene_of(mesh, {Material::uniform("wall", 0.2f, 1.f)});
+}
+
 /// Box [0, x] x [0, y] x [0, z] with one material slot per wall, in the order of the oracles.  `scale` multiplies all lengths.
 inline std::shared_ptr<const Scene> box(double x, double y, double z, const std::array<Material, 6>& walls, double scale = 1,
                                         Air air = oracle_air()) {
