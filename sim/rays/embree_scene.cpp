@@ -139,36 +139,39 @@ glm::vec3 point_off_edges(const std::array<glm::dvec3, 3>& corners, std::array<d
 }  // namespace
 
 struct EmbreeScene::Handles {
-  struct Shape {
+  /// All that a hit asks of its triangle, in one line of the cache: in a large mesh every hit misses it.
+  struct alignas(64) Surface {
+    glm::vec3 a, b, c;
     glm::vec3 normal{0};       // unit; zero for a triangle without area
     float inverse_height = 0;  // of the smallest height, 1/m
+    float margin_m = 0;        // how far hits stay from the edges
   };
 
   ErrorLog errors;  // outlives the device that writes to it
   Device device;
   SceneHandle scene;
-  std::vector<glm::vec3> vertices;
-  std::vector<glm::uvec3> triangles;
-  std::vector<Shape> shapes;
+  std::vector<Surface> surfaces;  // [triangles]
 
-  static Shape shape_of(glm::dvec3 a, glm::dvec3 b, glm::dvec3 c) {
-    const glm::dvec3 n = glm::cross(b - a, c - a);  // double: a needle of 1e-7 m still has a direction
-    const double length = glm::length(n), longest = std::max({glm::length(b - a), glm::length(c - b), glm::length(a - c)});
-    if (!(length > 0 && std::isfinite(length))) return {};
-    return {n / length, static_cast<float>(std::min(longest / length, 1e30))};
+  static Surface surface_of(glm::vec3 a, glm::vec3 b, glm::vec3 c) {
+    constexpr float roundings = 4 * 0x1p-23f;
+    const glm::vec3 far = glm::max(glm::max(glm::abs(a), glm::abs(b)), glm::abs(c));
+    Surface surface{.a = a, .b = b, .c = c, .margin_m = roundings * std::max({far.x, far.y, far.z})};
+    const glm::dvec3 ab = glm::dvec3(b) - glm::dvec3(a), ac = glm::dvec3(c) - glm::dvec3(a);
+    const glm::dvec3 n = glm::cross(ab, ac);  // double: a needle of 1e-7 m still has a direction
+    const double length = glm::length(n), longest = std::max({glm::length(ab), glm::length(ac), glm::length(ac - ab)});
+    if (!(length > 0 && std::isfinite(length))) return surface;
+    surface.normal = n / length;
+    surface.inverse_height = static_cast<float>(std::min(longest / length, 1e30));
+    return surface;
   }
 
   /// The point of a triangle at barycentric (u, v), kept a few roundings away from its edges.  A point rounded onto or past an edge
   /// lies on or behind the neighbouring wall, and the next ray from there leaves a closed room: 4e-5 of the bounces in a cube of
   /// 1 m at 1000 m from the origin, none with this.
-  [[nodiscard]] glm::vec3 point_on(std::uint32_t triangle, float u, float v) const {
-    const glm::uvec3 t = triangles[triangle];
-    const glm::vec3 a = vertices[t.x], b = vertices[t.y], c = vertices[t.z];
-    constexpr float roundings = 4 * 0x1p-23f;
-    const glm::vec3 far = glm::max(glm::max(glm::abs(a), glm::abs(b)), glm::abs(c));
-    const float margin_m = roundings * std::max({far.x, far.y, far.z});
+  static glm::vec3 point_on(const Surface& surface, float u, float v) {
+    const auto& [a, b, c, normal, inverse_height, margin_m] = surface;
     const float w = 1.f - u - v;
-    if (std::min({u, v, w}) < margin_m * shapes[triangle].inverse_height) return point_off_edges({a, b, c}, {w, u, v}, margin_m);
+    if (std::min({u, v, w}) < margin_m * inverse_height) return point_off_edges({a, b, c}, {w, u, v}, margin_m);
     return w * a + u * b + v * c;
   }
 
@@ -207,8 +210,6 @@ EmbreeScene::EmbreeScene(std::span<const glm::vec3> vertices, std::span<const gl
   // Robust: conservative boxes and watertight edges, so that rays cannot slip between neighbouring triangles.
   // The context filter is what settles ties between coplanar triangles.
   rtcSetSceneFlags(h.scene.get(), RTC_SCENE_FLAG_ROBUST | RTC_SCENE_FLAG_CONTEXT_FILTER_FUNCTION);
-  h.vertices.assign(vertices.begin(), vertices.end());
-  h.triangles.assign(triangles.begin(), triangles.end());
 
   if (!triangles.empty()) {
     const Geometry geometry{rtcNewGeometry(h.device.get(), RTC_GEOMETRY_TYPE_TRIANGLE)};
@@ -227,15 +228,15 @@ EmbreeScene::EmbreeScene(std::span<const glm::vec3> vertices, std::span<const gl
   rtcCommitScene(h.scene.get());
   h.throw_on_error("building the ray structure");
 
-  h.shapes.reserve(triangles.size());
-  for (const glm::uvec3 t : h.triangles) h.shapes.push_back(Handles::shape_of(h.vertices[t.x], h.vertices[t.y], h.vertices[t.z]));
+  h.surfaces.reserve(triangles.size());
+  for (const glm::uvec3 t : triangles) h.surfaces.push_back(Handles::surface_of(vertices[t.x], vertices[t.y], vertices[t.z]));
 }
 
 EmbreeScene::~EmbreeScene() = default;
 EmbreeScene::EmbreeScene(EmbreeScene&&) noexcept = default;
 EmbreeScene& EmbreeScene::operator=(EmbreeScene&&) noexcept = default;
 
-std::size_t EmbreeScene::num_triangles() const { return handles_->triangles.size(); }
+std::size_t EmbreeScene::num_triangles() const { return handles_->surfaces.size(); }
 
 Hit EmbreeScene::intersect(glm::vec3 origin, glm::vec3 direction, float max_distance_m) const {
   if (!is_near(origin) || !is_near(direction)) return {};
@@ -264,8 +265,9 @@ Hit EmbreeScene::intersect(glm::vec3 origin, glm::vec3 direction, float max_dist
 
   hit.triangle = query.hit.primID;
   hit.distance_m = context.distance;
-  hit.position = handles_->point_on(hit.triangle, query.hit.u, query.hit.v);
-  const glm::vec3 normal = handles_->shapes[hit.triangle].normal;
+  const Handles::Surface& surface = handles_->surfaces[hit.triangle];
+  hit.position = Handles::point_on(surface, query.hit.u, query.hit.v);
+  const glm::vec3 normal = surface.normal;
   hit.normal = normal == glm::vec3(0) ? -direction : glm::dot(normal, direction) > 0 ? -normal : normal;
   return hit;
 }
