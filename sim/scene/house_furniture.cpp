@@ -74,9 +74,13 @@ void add_books(Piece& piece, int board_y, int top_y, int v0) {
 
 Piece make_sofa(HouseDraws& draws) {
   const int w = draws.between(28, 46) * kLatticeMm, d = draws.between(17, 19) * kLatticeMm;
-  Piece piece{{"sofa"}, w, d,
-              {{20, w - 20, -10, 420, 20, d - 30, soft}, {10, w - 10, 100, 850, 0, 180, soft},
-               {0, 170, 80, 600, 40, d, soft}, {w - 170, w, 80, 600, 40, d, soft}}};
+  Piece piece{{"sofa"},
+              w,
+              d,
+              {{20, w - 20, -10, 420, 20, d - 30, soft},
+               {10, w - 10, 100, 850, 0, 180, soft},
+               {0, 170, 80, 600, 40, d, soft},
+               {w - 170, w, 80, 600, 40, d, soft}}};
   const int seats = (w - 340) / 550, seat = seats > 0 ? (w - 340) / seats : 0;
   for (int i = 0; i < seats; ++i) {
     const int u = 170 + i * seat;
@@ -88,8 +92,7 @@ Piece make_sofa(HouseDraws& draws) {
 
 Piece make_bed(HouseDraws& draws) {
   const int w = draws.between(18, 34) * kLatticeMm, d = 2050;
-  Piece piece{{"bed"}, w, d,
-              {{0, w, -10, 300, 10, d, wood}, {20, w - 20, 290, 540, 40, d - 20, soft}, {5, w - 5, 60, 950, 0, 60, wood}}};
+  Piece piece{{"bed"}, w, d, {{0, w, -10, 300, 10, d, wood}, {20, w - 20, 290, 540, 40, d - 20, soft}, {5, w - 5, 60, 950, 0, 60, wood}}};
   const int pillows = w / 800 > 0 ? w / 800 : 1, pillow = w / pillows;
   for (int i = 0; i < pillows; ++i) add_cushion(piece, {i * pillow + 60, (i + 1) * pillow - 60, 525, 690, 80, 520, soft});
   return piece;
@@ -144,21 +147,28 @@ Piece make_rug(HouseDraws& draws, const PlanRect& floor) {
   return {{"rug"}, w, d, {{0, w, -5, 11, 0, d, "rug_heavy"}}, false, false};
 }
 
-Piece make_toilet() {
-  return {{"toilet"}, 380, 680, {{0, 380, 350, 800, 0, 190, ceramic}, {20, 360, -10, 420, 20, 680, ceramic}}};
-}
+Piece make_toilet() { return {{"toilet"}, 380, 680, {{0, 380, 350, 800, 0, 190, ceramic}, {20, 360, -10, 420, 20, 680, ceramic}}}; }
 
 Piece make_bathtub() {
   const int w = 1600, d = 720;  // rims stand around a sunken floor
-  return {{"bathtub"}, w, d,
-          {{20, w - 20, -10, 150, 20, d - 20, ceramic}, {0, 80, 10, 550, 5, d - 5, ceramic}, {w - 80, w, 10, 550, 5, d - 5, ceramic},
-           {60, w - 60, 15, 545, 0, 80, ceramic}, {60, w - 60, 15, 545, d - 80, d, ceramic}}};
+  return {{"bathtub"},
+          w,
+          d,
+          {{20, w - 20, -10, 150, 20, d - 20, ceramic},
+           {0, 80, 10, 550, 5, d - 5, ceramic},
+           {w - 80, w, 10, 550, 5, d - 5, ceramic},
+           {60, w - 60, 15, 545, 0, 80, ceramic},
+           {60, w - 60, 15, 545, d - 80, d, ceramic}}};
 }
 
 std::vector<Piece> wanted_pieces(const PlanRoom& room, HouseDraws& draws) {
   const int area_m2 = static_cast<int>(room.floor.area_mm2() / 1000000);
   std::vector<Piece> pieces;
-  const auto cabinet = [&] { return box_piece("cabinet", wood, draws.between(16, 32) * kLatticeMm, 450, draws.between(16, 20) * kLatticeMm); };
+  const auto cabinet = [&] {
+    // In an order of our own: that of arguments is the compiler's.
+    const int height = draws.between(16, 20) * kLatticeMm, width = draws.between(16, 32) * kLatticeMm;
+    return box_piece("cabinet", wood, width, 450, height);
+  };
   switch (room.type) {
     case RoomType::living:
       pieces = {make_sofa(draws), make_tv(draws)};
@@ -177,7 +187,8 @@ std::vector<Piece> wanted_pieces(const PlanRoom& room, HouseDraws& draws) {
       if (draws.chance(60)) pieces.push_back(make_rug(draws, room.floor));
       break;
     case RoomType::kitchen:
-      pieces = {box_piece("counter", steel, draws.between(24, 48) * kLatticeMm, 600, 900), box_piece("refrigerator", steel, 600, 650, 1800)};
+      pieces = {box_piece("counter", steel, draws.between(24, 48) * kLatticeMm, 600, 900),
+                box_piece("refrigerator", steel, 600, 650, 1800)};
       if (area_m2 >= 9) pieces.push_back(make_dining_set(draws));
       if (area_m2 >= 14) pieces.push_back(box_piece("counter", steel, draws.between(24, 40) * kLatticeMm, 600, 900));
       pieces.push_back(cabinet());
@@ -285,10 +296,18 @@ struct Placement {
     const PlanRect& f = footprint;
     FurnitureBox placed{0, 0, box.y0, box.y1, 0, 0, box.material, object, box.shape};
     switch (side) {
-      case 0: placed.x0 = f.x0 + box.u0, placed.x1 = f.x0 + box.u1, placed.z0 = f.z0 + box.v0, placed.z1 = f.z0 + box.v1; break;
-      case 1: placed.x0 = f.x1 - box.u1, placed.x1 = f.x1 - box.u0, placed.z0 = f.z1 - box.v1, placed.z1 = f.z1 - box.v0; break;
-      case 2: placed.x0 = f.x0 + box.v0, placed.x1 = f.x0 + box.v1, placed.z0 = f.z1 - box.u1, placed.z1 = f.z1 - box.u0; break;
-      default: placed.x0 = f.x1 - box.v1, placed.x1 = f.x1 - box.v0, placed.z0 = f.z0 + box.u0, placed.z1 = f.z0 + box.u1; break;
+      case 0:
+        placed.x0 = f.x0 + box.u0, placed.x1 = f.x0 + box.u1, placed.z0 = f.z0 + box.v0, placed.z1 = f.z0 + box.v1;
+        break;
+      case 1:
+        placed.x0 = f.x1 - box.u1, placed.x1 = f.x1 - box.u0, placed.z0 = f.z1 - box.v1, placed.z1 = f.z1 - box.v0;
+        break;
+      case 2:
+        placed.x0 = f.x0 + box.v0, placed.x1 = f.x0 + box.v1, placed.z0 = f.z1 - box.u1, placed.z1 = f.z1 - box.u0;
+        break;
+      default:
+        placed.x0 = f.x1 - box.v1, placed.x1 = f.x1 - box.v0, placed.z0 = f.z0 + box.u0, placed.z1 = f.z0 + box.u1;
+        break;
     }
     return placed;
   }
@@ -318,10 +337,14 @@ std::vector<PlanRect> door_zones_of(const HousePlan& plan, int room) {
   for (const PlanDoor& door : plan.doors) {
     if (door.room_a != room && door.room_b != room) continue;
     PlanRect zone = door.hole;
-    if (zone.x1 == floor.x0) zone.x0 = floor.x0, zone.x1 = floor.x0 + kDoorDepthMm;
-    else if (zone.x0 == floor.x1) zone.x1 = floor.x1, zone.x0 = floor.x1 - kDoorDepthMm;
-    else if (zone.z1 == floor.z0) zone.z0 = floor.z0, zone.z1 = floor.z0 + kDoorDepthMm;
-    else zone.z1 = floor.z1, zone.z0 = floor.z1 - kDoorDepthMm;
+    if (zone.x1 == floor.x0)
+      zone.x0 = floor.x0, zone.x1 = floor.x0 + kDoorDepthMm;
+    else if (zone.x0 == floor.x1)
+      zone.x1 = floor.x1, zone.x0 = floor.x1 - kDoorDepthMm;
+    else if (zone.z1 == floor.z0)
+      zone.z0 = floor.z0, zone.z1 = floor.z0 + kDoorDepthMm;
+    else
+      zone.z1 = floor.z1, zone.z0 = floor.z1 - kDoorDepthMm;
     zones.push_back(zone);
   }
   return zones;
