@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstring>
 #include <numbers>
 #include <span>
 
@@ -245,14 +244,11 @@ std::shared_ptr<const SourceField> SourceFieldBuilder::snapshot() const {
   header.nonfinite_dropped = in.nonfinite_dropped;
 
   const auto image = std::make_shared<std::vector<std::byte>>(header.bytes);
-  std::memcpy(image->data(), &header, sizeof header);
-  std::memcpy(image->data() + sizeof header, entries.data(), entries.size() * sizeof(FieldEntry));
-  std::byte* values = image->data() + sizeof header + entries.size() * sizeof(FieldEntry);
-  for (const Impl::Kept& cell : kept) {
-    if (cell.values.empty()) continue;
-    std::memcpy(values, cell.values.data(), cell.values.size() * sizeof(FieldValue));
-    values += cell.values.size() * sizeof(FieldValue);
-  }
+  std::byte* to = image->data();
+  const auto append = [&to](std::span<const std::byte> part) { to = std::copy(part.begin(), part.end(), to); };
+  append(std::as_bytes(std::span(&header, 1)));
+  append(std::as_bytes(std::span(entries)));
+  for (const Impl::Kept& cell : kept) append(std::as_bytes(std::span(cell.values)));
   return std::make_shared<const SourceField>(in.scene, in.candidates, *image, image);
 }
 
