@@ -108,7 +108,7 @@ struct SceneCache::Impl {
       // Episodes are short: fields only on request, and what a plan would leave to them is planned without.
       AcousticConfig planned = acoustics;
       if (planned.field == Switch::automatic) planned.field = Switch::off;
-      return std::make_shared<const EnvScene>(scene, AcousticScene(scene, planned), Navmesh(scene->mesh(), navmesh));
+      return std::make_shared<const EnvScene>(EnvScene{scene, AcousticScene(scene, planned), Navmesh(scene->mesh(), navmesh)});
     });
   }
   std::shared_ptr<const EnvSource> build(std::shared_ptr<const EnvScene> scene, glm::vec3 goal, float source_height_m) {
@@ -118,7 +118,7 @@ struct SceneCache::Impl {
       GeodesicField field(in.navmesh, goal);  // first: it refuses a goal that is nowhere near the scene, before rays leave from there
       EarlyCandidates candidates(in.acoustics, goal + glm::vec3(0, source_height_m, 0));
       auto sound_field = uses_source_field(in.acoustics) ? fields.get(in.acoustics, candidates) : nullptr;
-      return std::make_shared<const EnvSource>(scene, std::move(field), std::move(candidates), std::move(sound_field));
+      return std::make_shared<const EnvSource>(EnvSource{scene, std::move(field), std::move(candidates), std::move(sound_field)});
     });
   }
 

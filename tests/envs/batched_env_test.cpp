@@ -78,7 +78,7 @@ std::map<int, std::vector<Record>> roll_out(const EnvConfig& config, const std::
 
 // A sanitizer slows the simulation by a factor of twenty to eighty, and workers that wait without a core of their own slow it by as much
 // again (TBB spins): its finds need neither the long run nor a third thread.
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#ifdef EARSHOT_SANITIZED
 constexpr int kSteps = 6;
 constexpr std::array kThreadCounts{2};
 #else

@@ -7,7 +7,7 @@
 #include "tests/envs/env_fixture.h"
 
 // The sanitizers bring their own operators, and need them.
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#ifdef EARSHOT_SANITIZED
 #define EARSHOT_COUNTS_ALLOCATIONS 0
 #else
 #define EARSHOT_COUNTS_ALLOCATIONS 1

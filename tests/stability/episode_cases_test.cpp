@@ -200,7 +200,7 @@ TEST(X_TenThousandResets, StayFiniteAndKeepTheMemory) {
   double warm_mib = 0;
   env.reset();
   const std::vector<float> first = shown_by(env, 0);
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#ifdef EARSHOT_SANITIZED
   constexpr int kResets = 500;  // they keep freed memory: no verdict, and twenty times slower
 #else
   constexpr int kResets = 10000;

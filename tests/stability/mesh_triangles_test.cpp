@@ -111,7 +111,7 @@ TEST(H4_IndexOutOfRange, IsRefusedBeforeItIsRead) {
                                       {"b.ply", ply_file(mesh, PlyBody::text)},
                                       {"c.gltf", gltf_file(mesh)},
                                       {"d.obj", obj_text(mesh)}}) {
-      const std::string message = message_of<InputError>([&] { import(name, bytes); });
+      const std::string message = message_of<InputError>([&, &name = name, &bytes = bytes] { import(name, bytes); });
       EXPECT_THAT(message, AllOf(HasSubstr(name), Not(HasSubstr("\n")))) << bad;
     }
   }

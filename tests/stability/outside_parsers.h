@@ -68,7 +68,7 @@ inline Outcomes read_damaged_meshes(std::uint32_t per_format) {
   Outcomes outcomes;
   for (const auto& [name, bytes] : small_meshes())
     for (std::uint32_t number = 0; number < per_format; ++number)
-      count_outcome(outcomes, name, number, [&] { import_mesh(folder.write(name, mutated(bytes, number))); });
+      count_outcome(outcomes, name, number, [&, &name = name, &bytes = bytes] { import_mesh(folder.write(name, mutated(bytes, number))); });
   return outcomes;
 }
 

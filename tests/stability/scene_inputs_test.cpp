@@ -41,7 +41,7 @@ TEST(H25_NoTriangle, AFileWithoutTrianglesIsRefusedAnEmptySceneIsFreeField) {
                                     {"b.stl", "solid x\nendsolid x\n"},
                                     {"c.obj", "v 0 0 0\nv 1 0 0\nl 1 2\n"},
                                     {"d.ply", "ply\nformat ascii 1.0\nend_header\n"}})
-    EXPECT_THAT(message_of<InputError>([&] { import(name, bytes); }), HasSubstr(name));
+    EXPECT_THAT(message_of<InputError>([&, &name = name, &bytes = bytes] { import(name, bytes); }), HasSubstr(name));
   AcousticConfig config;
   config.bands = 1;
   config.air_absorption = Switch::off;

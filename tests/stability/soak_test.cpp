@@ -22,7 +22,7 @@ using testing::HasSubstr;
 using testing::Not;
 
 /// Sanitizers keep freed memory and answer the questions about the heap themselves: what memory a run takes is judged in the other builds.
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#ifdef EARSHOT_SANITIZED
 constexpr bool kMemoryIsKnown = false;
 #else
 constexpr bool kMemoryIsKnown = true;

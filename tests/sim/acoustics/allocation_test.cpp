@@ -8,7 +8,7 @@
 #include "tests/sim/acoustics/rooms.h"
 
 // A sanitizer brings its own operator new: allocations are counted in the other builds.
-#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+#ifndef EARSHOT_SANITIZED
 
 // Counts every allocation of this test program through operator new.
 namespace {

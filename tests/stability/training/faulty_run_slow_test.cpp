@@ -10,6 +10,7 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "tests/stability/training/fault_bench.h"
+#include "trainer/checkpoint.h"
 #include "trainer/event_log.h"
 #include "trainer/train_loop.h"
 

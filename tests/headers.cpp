@@ -1,0 +1,1 @@
+// Of this target only the precompiled headers are used.
