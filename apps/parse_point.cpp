@@ -1,23 +1,21 @@
-#include <algorithm>
-#include <cmath>
 #include <locale>
 #include <sstream>
 
 #include "apps/commands.h"
 #include "sim/base/errors.h"
+#include "sim/base/places.h"
 
 namespace earshot {
 
 glm::dvec3 parse_point(const std::string& text, const std::string& option) {
-  constexpr double farthest_m = 1e9;
   std::istringstream stream(text);
   stream.imbue(std::locale::classic());
   glm::dvec3 point{0};
   char comma1 = 0, comma2 = 0;
   stream >> point.x >> comma1 >> point.y >> comma2 >> point.z;
   const bool whole = !stream.fail() && comma1 == ',' && comma2 == ',' && (stream >> std::ws).eof();
-  const bool near = std::max({std::fabs(point.x), std::fabs(point.y), std::fabs(point.z)}) <= farthest_m;  // not so for NaN
-  if (!whole || !near) throw InputError(option + " " + text, "is not a point", "write three numbers in metres, for example 1.2,1.5,0.8");
+  if (!whole || !is_place(point))
+    throw InputError(option + " " + text, "is not a point", "write three numbers in metres, for example 1.2,1.5,0.8");
   return point;
 }
 

@@ -10,6 +10,7 @@
 #include <sstream>
 
 #include "sim/base/errors.h"
+#include "sim/base/places.h"
 
 namespace earshot {
 
@@ -29,10 +30,8 @@ std::vector<TimedPose> read_timed_path(const std::string& path) {
     fields >> pose.t_s >> commas[0] >> pose.position.x >> commas[1] >> pose.position.y >> commas[2] >> pose.position.z >> commas[3] >>
         pose.heading_deg;
     const bool complete = !fields.fail() && (fields >> std::ws).eof();
-    constexpr double farthest_m = 1e9;
-    const double sum = pose.t_s + pose.position.x + pose.position.y + pose.position.z + pose.heading_deg;
-    const double farthest = std::max({std::fabs(pose.position.x), std::fabs(pose.position.y), std::fabs(pose.position.z)});
-    if (!complete || commas != std::array{',', ',', ',', ','} || !std::isfinite(sum) || farthest > farthest_m)
+    const bool possible = std::isfinite(pose.t_s) && is_place(pose.position) && std::isfinite(pose.heading_deg);
+    if (!complete || commas != std::array{',', ',', ',', ','} || !possible)
       throw InputError(fmt::format("{}:{}", path, line_number), "is not 't_s,x,y,z,heading_deg'",
                        "write five finite numbers, positions within 1e9 m");
     if (!poses.empty() && pose.t_s <= poses.back().t_s)

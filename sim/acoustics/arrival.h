@@ -11,10 +11,6 @@ namespace earshot {
 /// Paths shorter than this count as this long (ORACLES H-13): level and delay stay finite and continuous down to source == listener.
 inline constexpr float kLeastDistanceM = 0.01f;
 
-/// Sources and listeners further from the origin than this in any axis are refused: no scene is as large, and squares of coordinates must not
-/// overflow, which the ray library answers by ending the process.
-inline constexpr float kFarthestM = 1e9f;
-
 /// By what a deterministic path gets from source to listener.
 enum class ArrivalKind : std::uint8_t {
   direct,        ///< in line of sight

@@ -10,6 +10,7 @@
 #include "sim/acoustics/sampling.h"
 #include "sim/base/denormals.h"
 #include "sim/base/errors.h"
+#include "sim/base/places.h"
 #include "sim/base/random.h"
 
 namespace earshot {
@@ -18,7 +19,7 @@ namespace {
 /// Its position, if it is one.
 glm::vec3 checked_position(const SoundSource& source) {
   const glm::vec3 p = source.position;
-  if (!(std::fabs(p.x) <= kFarthestM && std::fabs(p.y) <= kFarthestM && std::fabs(p.z) <= kFarthestM))
+  if (!is_place(p))
     throw InputError(fmt::format("source ({}, {}, {})", p.x, p.y, p.z), "is no place in a scene", "give three numbers in metres");
   require(source.radius_m >= 0.f && source.radius_m <= 100.f, "radius of the source", source.radius_m, "must be in [0, 100] m");
   return p;

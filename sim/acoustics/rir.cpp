@@ -13,6 +13,7 @@
 #include "sim/acoustics/transmission.h"
 #include "sim/base/denormals.h"
 #include "sim/base/errors.h"
+#include "sim/base/places.h"
 
 namespace earshot {
 namespace {
@@ -27,10 +28,6 @@ void apply_emission(const Emission& emission, std::size_t num_bands, std::span<A
       if (gain[band] < 0) arrival.phase_rad[band] += std::numbers::pi_v<float>;
     }
   }
-}
-
-bool is_place(glm::vec3 p) {  // false for NaN
-  return std::fabs(p.x) <= kFarthestM && std::fabs(p.y) <= kFarthestM && std::fabs(p.z) <= kFarthestM;
 }
 
 bool is_finite(glm::vec3 v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }

@@ -9,14 +9,9 @@
 #include <limits>
 
 #include "sim/base/errors.h"
+#include "sim/base/places.h"
 
 namespace earshot {
-namespace {
-
-constexpr double farthest_m = 1e9;  // squares and volumes of such coordinates still fit a float
-
-}  // namespace
-
 std::string one_line(std::string text) {
   for (char& letter : text) {
     if (static_cast<unsigned char>(letter) < 0x20 || letter == 0x7F) letter = ' ';
@@ -34,9 +29,8 @@ void MeshBuilder::append(const std::string& object, const std::string& material,
   }
   for (std::size_t i = 0; i < positions.size(); ++i) {
     const glm::dvec3 world = to_world * glm::dvec4(glm::dvec3(positions[i]), 1.0);
-    for (int axis = 0; axis < 3; ++axis) {
-      if (std::fabs(world[axis]) <= farthest_m) continue;  // not so for NaN
-      throw InputError(where_, fmt::format("vertex {} of '{}' is not finite or beyond {:g} m", i, one_line(object), farthest_m),
+    if (!is_place(world)) {
+      throw InputError(where_, fmt::format("vertex {} of '{}' is not finite or beyond {:g} m", i, one_line(object), kFarthestM),
                        "repair the mesh and export it again");
     }
     world_.push_back(world);
