@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "bench/accuracy_figures.h"
+#include "envs/engine_commit.h"
 #include "sim/base/files.h"
 
 namespace earshot {
@@ -191,7 +192,7 @@ std::string accuracy_csv(const AccuracyStudy& study) {
 }
 
 std::string accuracy_markdown(const AccuracyStudy& study) {
-  return fmt::format("<!-- written by `earshot bench accuracy`, commit {} -->\n", build_commit()) + scenes_table(study) +
+  return fmt::format("<!-- written by `earshot bench accuracy`, commit {} -->\n", engine_commit()) + scenes_table(study) +
          quality_table(study) + preset_table(study) + sweeps_table(study);
 }
 

@@ -7,7 +7,7 @@
 #include <fstream>
 #include <thread>
 
-#include "build_commit.inc"
+#include "envs/engine_commit.h"
 #include "sim/base/files.h"
 
 namespace earshot {
@@ -38,7 +38,7 @@ BenchJson BenchReport::json() const {
                        {"max", number(result.measured.max)},
                        {"setting", result.setting}});
   }
-  return {{"bench", bench_}, {"machine", machine_json()}, {"commit", build_commit()}, {"results", std::move(results)}};
+  return {{"bench", bench_}, {"machine", machine_json()}, {"commit", engine_commit()}, {"results", std::move(results)}};
 }
 
 std::string BenchReport::table() const {
@@ -62,9 +62,7 @@ BenchJson machine_json() {
           {"cores", std::thread::hardware_concurrency()},
           {"load_1min", has_load ? BenchJson(load[0]) : BenchJson(nullptr)},
           {"compiler", __VERSION__},
-          {"build", kBuildFlags}};
+          {"build", build_type()}};
 }
-
-std::string build_commit() { return kBuildCommit; }
 
 }  // namespace earshot

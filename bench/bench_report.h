@@ -34,7 +34,5 @@ class BenchReport {
 
 /// Processor, cores, load when asked, compiler and build type: what a number without is worth nothing.
 BenchJson machine_json();
-/// Of the sources that this program was built from, with "-dirty" if they were changed since; "unknown" outside a repository.
-std::string build_commit();
 
 }  // namespace earshot

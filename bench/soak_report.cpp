@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "bench/soak_plot.h"
+#include "envs/engine_commit.h"
 #include "sim/base/files.h"
 
 namespace earshot {
@@ -97,7 +98,7 @@ std::string soak_markdown(const SoakResult& result) {
       "{:.0f} per second, {:.0f} per second of processor; {} episodes, {} of them successful; {} walks through the scenes, {} scenes "
       "loaded, "
       "{} sources built.\n\n",
-      options.steps, options.scenes, options.num_envs, options.seed, build_commit(), machine["cpu"].get<std::string>(),
+      options.steps, options.scenes, options.num_envs, options.seed, engine_commit(), machine["cpu"].get<std::string>(),
       machine["cores"].dump(), machine["load_1min"].dump(), result.steps, result.seconds / 60, per(steps, result.seconds),
       per(steps, result.cpu_seconds), result.episodes, result.successes, result.rounds,
       result.memory.empty() ? 0 : result.memory.back().scenes_loaded, result.memory.empty() ? 0 : result.memory.back().sources_built);
@@ -165,7 +166,7 @@ BenchJson soak_json(const SoakResult& result) {
           {"envs", result.options.num_envs},
           {"threads", result.threads},
           {"seed", result.options.seed},
-          {"commit", build_commit()},
+          {"commit", engine_commit()},
           {"machine", machine_json()},
           {"bounds", std::move(bounds)},
           {"resident_slope", slope_json(result.resident_slope)},

@@ -4,6 +4,8 @@
 
 namespace earshot {
 
-std::string engine_commit() { return kBuildCommit; }
+std::string engine_commit() { return kCommit; }
+
+std::string build_type() { return kBuildType; }
 
 }  // namespace earshot

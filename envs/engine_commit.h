@@ -4,7 +4,9 @@
 
 namespace earshot {
 
-/// Commit of the sources that this engine was built of, `-dirty` behind it if they were changed; "unknown" outside of a repository.
+/// The commit that this program was built from, with "-dirty" if files differed from it; "unknown" outside a repository.
 std::string engine_commit();
+/// CMake's build type: Release, Debug.
+std::string build_type();
 
 }  // namespace earshot
