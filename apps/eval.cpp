@@ -6,7 +6,6 @@
 #include "trainer/checkpoint.h"
 #include "trainer/evaluator.h"
 #include "trainer/leaderboard.h"
-#include "trainer/train_loop.h"
 
 namespace earshot {
 namespace {

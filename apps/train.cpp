@@ -3,6 +3,7 @@
 #include <memory>
 
 #include "apps/commands.h"
+#include "trainer/checkpoint.h"
 #include "trainer/train_loop.h"
 #include "trainer/worker_group.h"
 

@@ -14,23 +14,28 @@ namespace earshot {
 
 /// Everything a run needs to go on with the same bits, or an evaluation to act.
 struct Checkpoint {
-  std::string config_yaml;               ///< the whole run config as it was resolved
-  std::string architecture;              ///< ActorCritic::architecture()
+  std::string config_yaml;   ///< the whole run config as it was resolved
+  std::string architecture;  ///< ActorCritic::architecture()
   std::uint64_t update = 0, env_steps = 0;
   std::uint64_t seed = 0;
   int world_size = 1;
   std::map<std::string, torch::Tensor> weights;
-  std::map<std::string, torch::Tensor> optimizer;   ///< Adam moments and step per parameter name; empty in exports
-  std::vector<std::string> env_states;               ///< BatchedEnv::save_state per rank
-  std::vector<torch::Tensor> hidden, not_done;       ///< per rank: recurrent state before the next step
+  std::map<std::string, torch::Tensor> optimizer;  ///< Adam moments and step per parameter name; empty in exports
+  std::vector<std::string> env_states;             ///< BatchedEnv::save_state per rank
+  std::vector<torch::Tensor> hidden, not_done;     ///< per rank: recurrent state before the next step
 };
 
 /// File: "EARSHOT\0", version, length, MessagePack body, XXH3 of the body.  Written atomically.  Throws RunError if the disk is full.
 void save_checkpoint(const Checkpoint& checkpoint, const std::filesystem::path& path);
 /// Throws InputError, one line: missing, not a checkpoint, other version, truncated, hash mismatch, malformed body.
 Checkpoint load_checkpoint(const std::filesystem::path& path);
-/// The same for bytes that are in memory; `where` is what errors name.  Nothing is executed and no count is believed beyond the bytes that are there.
+/// The same for bytes that are in memory; `where` is what errors name.  Nothing is executed and no count is believed beyond the bytes that
+/// are there.
 Checkpoint decode_checkpoint(std::string_view bytes, const std::string& where);
+
+/// The newest checkpoint under a run folder, or the file itself.  Damaged ones in a folder are passed over with a warning.  Throws
+/// InputError if there is none that is whole.
+std::filesystem::path find_checkpoint(const std::filesystem::path& folder_or_file);
 
 /// By name: parameters and buffers of the policy, as copies.
 std::map<std::string, torch::Tensor> weights_of(const ActorCritic& policy);
@@ -38,8 +43,8 @@ std::map<std::string, torch::Tensor> weights_of(const ActorCritic& policy);
 void load_weights(ActorCritic& policy, const Checkpoint& checkpoint, const std::string& where);
 /// Adam's state by parameter name and ".step", ".exp_avg" or ".exp_avg_sq"; parameters that were never stepped are left out.
 std::map<std::string, torch::Tensor> optimizer_state_of(const ActorCritic& policy, torch::optim::Adam& optimizer);
-/// Puts it back: further steps have the bits of the unbroken run.  Without any state in the checkpoint Adam starts anew.  Throws InputError if it does
-/// not fit the policy; then nothing has changed.
+/// Puts it back: further steps have the bits of the unbroken run.  Without any state in the checkpoint Adam starts anew.  Throws InputError
+/// if it does not fit the policy; then nothing has changed.
 void load_optimizer_state(const ActorCritic& policy, torch::optim::Adam& optimizer, const Checkpoint& checkpoint);
 
 }  // namespace earshot

@@ -4,9 +4,8 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
-#include <atomic>
+#include <array>
 #include <cmath>
-#include <csignal>
 #include <cstdio>
 #include <optional>
 
@@ -19,33 +18,10 @@
 #include "trainer/event_log.h"
 #include "trainer/learner_links.h"
 #include "trainer/stage_times.h"
+#include "trainer/stop_signals.h"
 
 namespace earshot {
 namespace {
-
-// A signal handler may only touch a lock-free atomic; it has to be reachable without an argument.
-std::atomic<bool> stop_requested{false};
-static_assert(std::atomic<bool>::is_always_lock_free);
-
-void request_stop(int) { stop_requested.store(true); }
-
-/// Asks for a graceful stop on the usual signals; the old handlers come back at the end.
-class StopSignals {
- public:
-  StopSignals() {
-    stop_requested.store(false);
-    for (std::size_t i = 0; i < signals_.size(); ++i) previous_[i] = std::signal(signals_[i], request_stop);
-  }
-  ~StopSignals() {
-    for (std::size_t i = 0; i < signals_.size(); ++i) std::signal(signals_[i], previous_[i]);
-  }
-  StopSignals(const StopSignals&) = delete;
-  StopSignals& operator=(const StopSignals&) = delete;
-
- private:
-  std::array<int, 3> signals_{SIGTERM, SIGINT, SIGUSR1};
-  std::array<void (*)(int), 3> previous_{};
-};
 
 constexpr int kMaxBarrenUpdates = 20;       // in a row, before a run that learns nothing is ended
 constexpr std::uint64_t kLoggedSkips = 20;  // one line each; the others are counted
@@ -364,7 +340,7 @@ void Worker::save(bool last) {
 
 bool Worker::finished(double elapsed_s) {
   // One worker's clock or signal must stop all at the same update: the sum of wishes decides.
-  std::array<double, 1> wishes{stop_requested.load() || env_steps_ >= config_.total_steps ||
+  std::array<double, 1> wishes{StopSignals::received() || env_steps_ >= config_.total_steps ||
                                        (rank_ == 0 && config_.max_minutes > 0 && elapsed_s >= config_.max_minutes * 60)
                                    ? 1.0
                                    : 0.0};
@@ -404,33 +380,6 @@ TrainReport train(const RunConfig& config, const std::string& config_yaml, Colle
   use_one_torch_thread();
   const StopSignals signals;
   return Worker(config, config_yaml, collective, resume, hooks).run();
-}
-
-std::filesystem::path find_checkpoint(const std::filesystem::path& folder_or_file) {
-  if (std::filesystem::is_regular_file(folder_or_file)) return folder_or_file;
-  std::filesystem::path newest;
-  std::uint64_t newest_update = 0;
-  std::string damaged;
-  for (const auto& folder : {folder_or_file, folder_or_file / "checkpoints"}) {
-    if (!std::filesystem::is_directory(folder)) continue;
-    for (const auto& entry : std::filesystem::directory_iterator(folder)) {
-      if (entry.path().extension() != ".ckpt") continue;
-      try {
-        const std::uint64_t update = load_checkpoint(entry.path()).update;
-        if (newest.empty() || update >= newest_update) {
-          newest = entry.path();
-          newest_update = update;
-        }
-      } catch (const InputError& error) {
-        damaged = error.what();
-        spdlog::warn("passed over: {}", damaged);
-      }
-    }
-  }
-  if (!newest.empty()) return newest;
-  if (!damaged.empty())
-    throw InputError(folder_or_file.string(), "holds no checkpoint that is whole: " + damaged, "start anew, or find a copy");
-  throw InputError(folder_or_file.string(), "holds no checkpoint (*.ckpt)", "name a run folder or a checkpoint file");
 }
 
 }  // namespace earshot

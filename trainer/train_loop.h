@@ -14,8 +14,8 @@ namespace earshot {
 struct TrainReport {
   std::uint64_t updates = 0, env_steps = 0;
   double wall_s = 0, steps_per_s = 0;
-  std::filesystem::path checkpoint;   ///< the last one
-  RunCounters counters;               ///< of all workers, since the run was started or resumed
+  std::filesystem::path checkpoint;  ///< the last one
+  RunCounters counters;              ///< of all workers, since the run was started or resumed
   GuardCounts guards;
 };
 
@@ -24,20 +24,16 @@ struct TrainHooks {
   StageTap env_tap;  ///< see BatchedEnv::set_tap
 };
 
-/// One worker's part of a DD-PPO run: roll out, average gradients, step, until config.total_steps or config.max_minutes.  Rank 0 writes curves
-/// (events.jsonl, TensorBoard) and checkpoints under config.out and shows progress.  SIGTERM, SIGINT and SIGUSR1 end the run after the
-/// current update with a checkpoint.  resume: a checkpoint file, or empty to start anew; a resumed run gives the bits of the unbroken one.
-/// config_yaml: the resolved text that checkpoints carry.
+/// One worker's part of a DD-PPO run: roll out, average gradients, step, until config.total_steps or config.max_minutes.  Rank 0 writes
+/// curves (events.jsonl, TensorBoard) and checkpoints under config.out and shows progress.  SIGTERM, SIGINT and SIGUSR1 end the run after
+/// the current update with a checkpoint.  resume: a checkpoint file, or empty to start anew; a resumed run gives the bits of the unbroken
+/// one. config_yaml: the resolved text that checkpoints carry.
 ///
-/// What goes wrong in one episode, one observation or one gradient is left out, counted and reported, and the run goes on (docs/stability.md); so it
-/// does when a curve point or a periodic checkpoint cannot be written.  RunError: a worker dies, weights differ between workers, the last
-/// checkpoint cannot be written, or twenty updates in a row take no step; the last good checkpoint stays.  Episodes that are quarantined leave
-/// their files in config.env.quarantine_dir, or else in `quarantine` under config.out.
+/// What goes wrong in one episode, one observation or one gradient is left out, counted and reported, and the run goes on
+/// (docs/stability.md); so it does when a curve point or a periodic checkpoint cannot be written.  RunError: a worker dies, weights differ
+/// between workers, the last checkpoint cannot be written, or twenty updates in a row take no step; the last good checkpoint stays.
+/// Episodes that are quarantined leave their files in config.env.quarantine_dir, or else in `quarantine` under config.out.
 TrainReport train(const RunConfig& config, const std::string& config_yaml, Collective& collective, const std::filesystem::path& resume,
                   const TrainHooks& hooks = {});
-
-/// The newest checkpoint under a run folder, or the file itself.  Damaged ones in a folder are passed over with a warning.  Throws InputError if there
-/// is none that is whole.
-std::filesystem::path find_checkpoint(const std::filesystem::path& folder_or_file);
 
 }  // namespace earshot

@@ -4,7 +4,6 @@
 #include "sim/base/files.h"
 #include "tests/trainer/worker_processes.h"
 #include "trainer/checkpoint.h"
-#include "trainer/train_loop.h"
 
 namespace earshot {
 namespace {

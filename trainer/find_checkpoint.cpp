@@ -1,0 +1,35 @@
+#include <spdlog/spdlog.h>
+
+#include "sim/base/errors.h"
+#include "trainer/checkpoint.h"
+
+namespace earshot {
+
+std::filesystem::path find_checkpoint(const std::filesystem::path& folder_or_file) {
+  if (std::filesystem::is_regular_file(folder_or_file)) return folder_or_file;
+  std::filesystem::path newest;
+  std::uint64_t newest_update = 0;
+  std::string damaged;
+  for (const auto& folder : {folder_or_file, folder_or_file / "checkpoints"}) {
+    if (!std::filesystem::is_directory(folder)) continue;
+    for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+      if (entry.path().extension() != ".ckpt") continue;
+      try {
+        const std::uint64_t update = load_checkpoint(entry.path()).update;
+        if (newest.empty() || update >= newest_update) {
+          newest = entry.path();
+          newest_update = update;
+        }
+      } catch (const InputError& error) {
+        damaged = error.what();
+        spdlog::warn("passed over: {}", damaged);
+      }
+    }
+  }
+  if (!newest.empty()) return newest;
+  if (!damaged.empty())
+    throw InputError(folder_or_file.string(), "holds no checkpoint that is whole: " + damaged, "start anew, or find a copy");
+  throw InputError(folder_or_file.string(), "holds no checkpoint (*.ckpt)", "name a run folder or a checkpoint file");
+}
+
+}  // namespace earshot

@@ -1,0 +1,23 @@
+#pragma once
+
+#include <array>
+
+namespace earshot {
+
+/// While it lives, SIGTERM, SIGINT and SIGUSR1 ask for a graceful stop instead of ending the process; the old handlers come back at its
+/// end. One at a time.
+class StopSignals {
+ public:
+  StopSignals();
+  ~StopSignals();
+  StopSignals(const StopSignals&) = delete;
+  StopSignals& operator=(const StopSignals&) = delete;
+
+  /// Has one come since the last of these objects was made?
+  static bool received();
+
+ private:
+  std::array<void (*)(int), 3> previous_{};
+};
+
+}  // namespace earshot
