@@ -29,9 +29,10 @@ bool BatchedEnv::Impl::check(std::size_t env, Fault kind, std::span<float> value
   if (all_finite(values)) return true;
   const auto bad = std::find_if(values.begin(), values.end(), [](float value) { return !std::isfinite(value); });
   const Pose pose = agent.state.pose(config.task);
+  const glm::dvec3 position = agent.source->scene->scene->to_world(pose.position);
   report(env, kind,
-         fmt::format("value {} of {} is {}, at position {} {} {}, heading {} rad", bad - values.begin(), values.size(), *bad,
-                     pose.position.x, pose.position.y, pose.position.z, pose.heading_rad));
+         fmt::format("value {} of {} is {}, at position {} {} {}, heading {} rad", bad - values.begin(), values.size(), *bad, position.x,
+                     position.y, position.z, pose.heading_rad));
   return false;
 }
 

@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <spdlog/spdlog.h>
 #include <unistd.h>
 
 #include <array>
@@ -149,11 +150,17 @@ void TensorBoardWriter::write_record(std::string_view event) {
   record += little_endian(masked_crc32c(record));
   record += event;
   record += little_endian(masked_crc32c(event));
+  const off_t whole = ::lseek(descriptor_, 0, SEEK_END);
   std::string_view rest = record;
   while (!rest.empty()) {
     const ssize_t written = ::write(descriptor_, rest.data(), rest.size());
     if (written < 0 && errno == EINTR) continue;
-    if (written <= 0) throw RunError(path_.string(), "cannot be written: " + std::generic_category().message(errno));
+    if (written <= 0) {
+      const std::string reason = std::generic_category().message(errno);
+      // Readers stop at a torn record: on a full disk the file ends with its last whole one.
+      if (whole < 0 || ::ftruncate(descriptor_, whole) != 0) spdlog::warn("{} ends with half a record", path_.string());
+      throw RunError(path_.string(), "cannot be written: " + reason);
+    }
     rest.remove_prefix(static_cast<std::size_t>(written));
   }
 }
