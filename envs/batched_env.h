@@ -68,11 +68,11 @@ struct StageSeconds {
 /// num_envs agents stepped together.  Buffers are flat [num_envs, ...], owned here, valid until the next step.  Results are a function of
 /// (set, config, global env id): not of threads, nor of how a batch is split.
 ///
-/// Quarantine: an episode with a fault (quarantine.h) never reaches a policy and never ends a run.  One that cannot begin is passed over: the
-/// env draws another (`random`) or takes its next (`once`).  One that goes wrong in a step ends in that step: reward 0, truncated, marked in
-/// quarantined(), all final_* rows zero; the env begins its next episode in the same call.  Buffers hold finite numbers only.  reset() and
-/// step() throw InputError where 64 draws in a row cannot begin, where 64 episodes of an env in a row go wrong (`random`), or where of a whole
-/// set no episode could begin (`once`).
+/// Quarantine: an episode with a fault (quarantine.h) never reaches a policy and never ends a run.  One that cannot begin is passed over:
+/// the env draws another (`random`) or takes its next (`once`).  One that goes wrong in a step ends in that step: reward 0, truncated,
+/// marked in quarantined(), all final_* rows zero; the env begins its next episode in the same call.  Buffers hold finite numbers only.
+/// reset() and step() throw InputError where 64 draws in a row cannot begin, where 64 episodes of an env in a row go wrong (`random`), or
+/// where of a whole set no episode could begin (`once`).
 class BatchedEnv {
  public:
   /// Global ids are first_env ... first_env + num_envs - 1 of `total_envs` (all workers together; used by EpisodeOrder::once).

@@ -18,8 +18,8 @@ struct PolicyConfig {
   int hidden_size = 512;  ///< of the GRU
   int visual_features = 512, audio_features = 512;
   int conv_channels = 32;  ///< first layer; the others have twice as many
-  /// Bias of `stop` before training; 0 in the original.  At 0 a new agent stops once in four steps and long never learns what walking is worth;
-  /// at -4 its first episodes are walks of some fifty steps.
+  /// Bias of `stop` before training; 0 in the original.  At 0 a new agent stops once in four steps and long never learns what walking is
+  /// worth; at -4 its first episodes are walks of some fifty steps.
   double initial_stop_logit = 0;
   std::uint64_t seed = 0;  ///< of the initial weights
 };

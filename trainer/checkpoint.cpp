@@ -6,9 +6,9 @@
 #include <array>
 #include <bit>
 #include <cstring>
-#include <span>
 #include <limits>
 #include <msgpack.hpp>
+#include <span>
 
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
@@ -45,7 +45,8 @@ struct StringStream {
 using Packer = msgpack::packer<StringStream>;
 
 void pack_bytes(Packer& packer, const void* data, std::size_t size) {
-  if (size > std::numeric_limits<std::uint32_t>::max()) throw RunError("checkpoint", fmt::format("a field of {} bytes is over the format's 4 GiB", size));
+  if (size > std::numeric_limits<std::uint32_t>::max())
+    throw RunError("checkpoint", fmt::format("a field of {} bytes is over the format's 4 GiB", size));
   packer.pack_bin(static_cast<std::uint32_t>(size));
   packer.pack_bin_body(static_cast<const char*>(data), static_cast<std::uint32_t>(size));
 }
@@ -53,7 +54,8 @@ void pack_bytes(Packer& packer, const void* data, std::size_t size) {
 void pack_tensor(Packer& packer, const torch::Tensor& tensor) {
   const torch::Tensor flat = tensor.detach().cpu().contiguous();
   const auto* known = std::find_if(kTypes.begin(), kTypes.end(), [&](const NamedType& type) { return type.type == flat.scalar_type(); });
-  if (known == kTypes.end()) throw RunError("checkpoint", fmt::format("cannot hold tensors of type {}", torch::toString(flat.scalar_type())));
+  if (known == kTypes.end())
+    throw RunError("checkpoint", fmt::format("cannot hold tensors of type {}", torch::toString(flat.scalar_type())));
   packer.pack_map(3);
   packer.pack("dtype").pack(std::string(known->name));
   packer.pack("shape").pack(flat.sizes().vec());
@@ -214,12 +216,15 @@ std::string_view checked_body(std::string_view file, const std::string& where) {
     throw InputError(where, "is not an Earshot checkpoint", "name a file that earshot train wrote");
   const auto version = read_little_endian<std::uint32_t>(file, kMagic.size());
   if (version != kVersion)
-    throw InputError(where, fmt::format("has checkpoint version {}, this program reads version {}", version, kVersion), "use the program that wrote it");
+    throw InputError(where, fmt::format("has checkpoint version {}, this program reads version {}", version, kVersion),
+                     "use the program that wrote it");
   const auto length = read_little_endian<std::uint64_t>(file, kMagic.size() + sizeof(version));
   const std::size_t present = file.size() - kHeaderBytes - kHashBytes;
-  if (length != present) throw InputError(where, fmt::format("is truncated or padded: {} bytes announced, {} there", length, present), remedy);
+  if (length != present)
+    throw InputError(where, fmt::format("is truncated or padded: {} bytes announced, {} there", length, present), remedy);
   const std::string_view body = file.substr(kHeaderBytes, present);
-  if (hash64(body) != read_little_endian<std::uint64_t>(file, kHeaderBytes + present)) throw InputError(where, "is damaged: its hash does not match", remedy);
+  if (hash64(body) != read_little_endian<std::uint64_t>(file, kHeaderBytes + present))
+    throw InputError(where, "is damaged: its hash does not match", remedy);
   return body;
 }
 
@@ -236,7 +241,8 @@ void save_checkpoint(const Checkpoint& checkpoint, const std::filesystem::path& 
   pack_body(packer, checkpoint);
 
   const std::size_t length = file.size() - kHeaderBytes;
-  if (file.size() + kHashBytes > kMaxFileBytes) throw RunError(path.string(), fmt::format("{} bytes are more than a checkpoint can hold", file.size()));
+  if (file.size() + kHashBytes > kMaxFileBytes)
+    throw RunError(path.string(), fmt::format("{} bytes are more than a checkpoint can hold", file.size()));
   file.replace(0, kMagic.size(), kMagic);
   write_little_endian(file, kMagic.size(), kVersion);
   write_little_endian(file, kMagic.size() + sizeof(kVersion), static_cast<std::uint64_t>(length));

@@ -14,8 +14,8 @@ struct WorkerIdentity {
   int rank = 0, world_size = 1;
 };
 
-/// What the workers of one run do together.  Calls are collective: every worker makes the same calls in the same order.  A peer that does not
-/// answer in time, dies, or speaks another protocol is a RunError that names it; no call waits for ever.
+/// What the workers of one run do together.  Calls are collective: every worker makes the same calls in the same order.  A peer that does
+/// not answer in time, dies, or speaks another protocol is a RunError that names it; no call waits for ever.
 class Collective {
  public:
   virtual ~Collective() = default;
@@ -33,13 +33,14 @@ class Collective {
 /// One worker alone: every call is the identity.
 std::unique_ptr<Collective> make_single_worker();
 
-/// Ring over ZeroMQ (TRAINER.md 4): reduce-scatter and all-gather in 1 MiB chunks, MessagePack control messages, version and run id checked.
+/// Ring over ZeroMQ (TRAINER.md 4): reduce-scatter and all-gather in 1 MiB chunks, MessagePack control messages, version and run id
+/// checked.
 struct RingConfig {
   WorkerIdentity identity;
-  std::string rendezvous;                        ///< "tcp://127.0.0.1:PORT" or "ipc:///path": rank 0 listens here
-  std::string run_id;                            ///< a stranger with another id is refused
-  std::chrono::milliseconds timeout{60000};      ///< of one collective call
-  std::chrono::milliseconds heartbeat{500};      ///< a dead peer is noticed within about four of these
+  std::string rendezvous;                    ///< "tcp://127.0.0.1:PORT" or "ipc:///path": rank 0 listens here
+  std::string run_id;                        ///< a stranger with another id is refused
+  std::chrono::milliseconds timeout{60000};  ///< of one collective call
+  std::chrono::milliseconds heartbeat{500};  ///< a dead peer is noticed within about four of these
 };
 std::unique_ptr<Collective> make_zmq_ring(const RingConfig& config);
 

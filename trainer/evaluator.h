@@ -11,16 +11,17 @@
 namespace earshot {
 
 struct EvaluationConfig {
-  std::string episodes;       ///< set to run; each episode once
-  int num_envs = 8;           ///< fixed batch: part of the bits of policy inference
+  std::string episodes;  ///< set to run; each episode once
+  int num_envs = 8;      ///< fixed batch: part of the bits of policy inference
   int threads = 0;
-  std::uint64_t seed = 0;     ///< of the sampled actions
-  bool sample = true;         ///< actions are sampled, as in the original; false: arg max
-  int max_episodes = 0;       ///< 0: all
+  std::uint64_t seed = 0;  ///< of the sampled actions
+  bool sample = true;      ///< actions are sampled, as in the original; false: arg max
+  int max_episodes = 0;    ///< 0: all
 };
 
 /// Runs a checkpoint (by its own config, scenes and sounds from the set) on every episode.  Same inputs, same bits.
-EvaluationResult evaluate_checkpoint(const std::filesystem::path& checkpoint, const EvaluationConfig& evaluation, const std::vector<std::string>& overrides);
+EvaluationResult evaluate_checkpoint(const std::filesystem::path& checkpoint, const EvaluationConfig& evaluation,
+                                     const std::vector<std::string>& overrides);
 /// Runs a baseline under the env of `config`.
 EvaluationResult evaluate_baseline(Baseline baseline, const std::string& name, const EnvConfig& env, const EvaluationConfig& evaluation);
 

@@ -14,12 +14,12 @@ namespace earshot {
 /// One point of the training curves.
 struct CurvePoint {
   std::uint64_t update = 0, env_steps = 0;
-  double wall_s = 0;                                     ///< since the run began, pauses left out
-  std::vector<std::pair<std::string, double>> values;    ///< by name, in file order; NaN where there is no value (null in the file)
+  double wall_s = 0;                                   ///< since the run began, pauses left out
+  std::vector<std::pair<std::string, double>> values;  ///< by name, in file order; NaN where there is no value (null in the file)
 };
 
-/// The training curves of one run, in its folder: events.jsonl, one line {"update", "env_steps", "wall_s", "values": {name: number or null}} per
-/// point, and the same values as TensorBoard scalars over env_steps.  Each line is one write, so a crash can tear only the last.
+/// The training curves of one run, in its folder: events.jsonl, one line {"update", "env_steps", "wall_s", "values": {name: number or
+/// null}} per point, and the same values as TensorBoard scalars over env_steps.  Each line is one write, so a crash can tear only the last.
 class EventLog {
  public:
   /// Creates the folder.  Points after `resumed_update` are of a future that a resumed run makes anew: they are cut off (0: a fresh curve).

@@ -16,11 +16,13 @@ struct Column {
 };
 
 const std::vector<Column>& columns() {
-  static const std::vector<Column> all{
-      {"success", [](const EvaluationResult& r) { return r.success(); }, 3, 1.0}, {"SPL", [](const EvaluationResult& r) { return r.spl(); }, 3, 1.0},
-      {"SoftSPL", [](const EvaluationResult& r) { return r.soft_spl(); }, 3, 0},   {"SNA", [](const EvaluationResult& r) { return r.sna(); }, 3, 0},
-      {"DTG m", [](const EvaluationResult& r) { return r.dtg_m(); }, 2, 0},        {"steps", [](const EvaluationResult& r) { return r.steps(); }, 0, 0},
-      {"collisions", [](const EvaluationResult& r) { return r.collisions(); }, 1, 0}};
+  static const std::vector<Column> all{{"success", [](const EvaluationResult& r) { return r.success(); }, 3, 1.0},
+                                       {"SPL", [](const EvaluationResult& r) { return r.spl(); }, 3, 1.0},
+                                       {"SoftSPL", [](const EvaluationResult& r) { return r.soft_spl(); }, 3, 0},
+                                       {"SNA", [](const EvaluationResult& r) { return r.sna(); }, 3, 0},
+                                       {"DTG m", [](const EvaluationResult& r) { return r.dtg_m(); }, 2, 0},
+                                       {"steps", [](const EvaluationResult& r) { return r.steps(); }, 0, 0},
+                                       {"collisions", [](const EvaluationResult& r) { return r.collisions(); }, 1, 0}};
   return all;
 }
 
@@ -32,7 +34,8 @@ std::string cell(const Estimate& estimate, int digits) {
 std::vector<std::string> notes(const std::vector<EvaluationResult>& results) {
   std::vector<std::string> all;
   const auto differ = [&](auto get) { return std::ranges::any_of(results, [&](const auto& r) { return get(r) != get(results.front()); }); };
-  if (differ([](const auto& r) { return r.set_hash; })) all.emplace_back("the agents ran different episode sets: the rows cannot be compared");
+  if (differ([](const auto& r) { return r.set_hash; }))
+    all.emplace_back("the agents ran different episode sets: the rows cannot be compared");
   if (differ([](const auto& r) { return r.episodes.size(); })) all.emplace_back("the agents ran different numbers of episodes");
   if (differ([](const auto& r) { return r.engine_hash; })) all.emplace_back("the agents ran in different builds of the engine");
   return all;
@@ -41,11 +44,16 @@ std::vector<std::string> notes(const std::vector<EvaluationResult>& results) {
 std::string escaped(const std::string& text) {
   std::string out;
   for (const char c : text) {
-    if (c == '&') out += "&amp;";
-    else if (c == '<') out += "&lt;";
-    else if (c == '>') out += "&gt;";
-    else if (c == '"') out += "&quot;";
-    else out += c;
+    if (c == '&')
+      out += "&amp;";
+    else if (c == '<')
+      out += "&lt;";
+    else if (c == '>')
+      out += "&gt;";
+    else if (c == '"')
+      out += "&quot;";
+    else
+      out += c;
   }
   return out;
 }
@@ -91,7 +99,8 @@ std::string leaderboard_html(const std::vector<EvaluationResult>& results) {
       "body{font:15px/1.4 system-ui,sans-serif;margin:2rem;color:#222}table{border-collapse:collapse}\n"
       "th,td{padding:.4rem .8rem;text-align:left;border-bottom:1px solid #ddd;font-variant-numeric:tabular-nums}\n"
       ".bar{position:relative;width:9rem;height:.7rem;background:#eee}.bar i{position:absolute;top:0;bottom:0;left:0;background:#3b7dd8}\n"
-      ".bar b{position:absolute;top:.25rem;height:.2rem;background:#123}small{color:#666}\n</style></head><body>\n<h1>Earshot leaderboard</h1>\n<table><thead><tr><th>rank</th><th>agent</th>";
+      ".bar b{position:absolute;top:.25rem;height:.2rem;background:#123}small{color:#666}\n</style></head><body>\n<h1>Earshot "
+      "leaderboard</h1>\n<table><thead><tr><th>rank</th><th>agent</th>";
   for (const auto& column : columns()) html += fmt::format("<th>{}</th>", column.title);
   html += "<th>episodes</th></tr></thead><tbody>\n";
   const auto rows = ranked(results);
@@ -99,10 +108,11 @@ std::string leaderboard_html(const std::vector<EvaluationResult>& results) {
     html += fmt::format("<tr><td>{}</td><td>{}</td>", i + 1, escaped(rows[i].agent));
     for (const auto& column : columns()) {
       const Estimate e = column.get(rows[i]);
-      html += fmt::format("<td>{:.{}f} <small>[{:.{}f}, {:.{}f}]</small>", e.mean, column.digits, e.low, column.digits, e.high, column.digits);
+      html +=
+          fmt::format("<td>{:.{}f} <small>[{:.{}f}, {:.{}f}]</small>", e.mean, column.digits, e.low, column.digits, e.high, column.digits);
       if (column.bar_scale > 0)
-        html += fmt::format("<div class=\"bar\"><i style=\"width:{:.1f}%\"></i><b style=\"left:{:.1f}%;width:{:.1f}%\"></b></div>", 100 * e.mean / column.bar_scale,
-                            100 * e.low / column.bar_scale, 100 * (e.high - e.low) / column.bar_scale);
+        html += fmt::format("<div class=\"bar\"><i style=\"width:{:.1f}%\"></i><b style=\"left:{:.1f}%;width:{:.1f}%\"></b></div>",
+                            100 * e.mean / column.bar_scale, 100 * e.low / column.bar_scale, 100 * (e.high - e.low) / column.bar_scale);
       html += "</td>";
     }
     html += fmt::format("<td>{}</td></tr>\n", rows[i].episodes.size());
@@ -110,7 +120,8 @@ std::string leaderboard_html(const std::vector<EvaluationResult>& results) {
   html += "</tbody></table>\n<p>Mean and 95 % interval (success: Wilson; others: Student's t). Bars: mean, dark line: interval.</p>\n";
   for (const auto& note : notes(rows)) html += "<p><strong>Note:</strong> " + escaped(note) + "</p>\n";
   if (!rows.empty())
-    html += fmt::format("<p><small>Episodes: {}, set {}. Engine {}.</small></p>\n", escaped(rows.front().episodes_file), rows.front().set_hash, rows.front().engine_hash);
+    html += fmt::format("<p><small>Episodes: {}, set {}. Engine {}.</small></p>\n", escaped(rows.front().episodes_file),
+                        rows.front().set_hash, rows.front().engine_hash);
   return html + "</body></html>\n";
 }
 

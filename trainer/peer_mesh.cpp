@@ -17,9 +17,9 @@ namespace {
 
 using std::chrono::milliseconds;
 
-constexpr int kQueuedMessages = 4;               // per peer and direction: at most 4 MiB wait
+constexpr int kQueuedMessages = 4;  // per peer and direction: at most 4 MiB wait
 constexpr std::int64_t kMaxFrameBytes = static_cast<std::int64_t>(kChunkBytes);
-constexpr milliseconds kLastWords{300};          // for a farewell to leave, or to arrive after its connection broke
+constexpr milliseconds kLastWords{300};  // for a farewell to leave, or to arrive after its connection broke
 constexpr std::size_t kMaxReasonBytes = 600;
 
 std::string worker(int rank) { return fmt::format("worker {}", rank); }
@@ -43,8 +43,8 @@ zmq::socket_t dial(zmq::context_t& context, const std::string& routing_id) {
   socket.set(zmq::sockopt::linger, static_cast<int>(kLastWords.count()));
   socket.set(zmq::sockopt::maxmsgsize, kMaxFrameBytes);
   socket.set(zmq::sockopt::sndhwm, kQueuedMessages);
-  socket.set(zmq::sockopt::immediate, true);     // nothing is queued for a connection that is not up
-  socket.set(zmq::sockopt::reconnect_ivl, -1);   // a broken connection has lost messages: it is the end, not a pause
+  socket.set(zmq::sockopt::immediate, true);    // nothing is queued for a connection that is not up
+  socket.set(zmq::sockopt::reconnect_ivl, -1);  // a broken connection has lost messages: it is the end, not a pause
   return socket;
 }
 
@@ -142,8 +142,10 @@ bool PeerMesh::send_bulk(FrameHeader header, std::span<const std::byte> payload)
   header.sequence = sequence_;
   header.length = payload.size();
   in_flight_.lend();
-  // libzmq never writes to the payload; its interface only lacks the const.  A message that is not sent gives the buffer back in its destructor.
-  return send_message(bulk_out_, header, zmq::message_t(const_cast<std::byte*>(payload.data()), payload.size(), give_back_buffer, &in_flight_));
+  // libzmq never writes to the payload; its interface only lacks the const.  A message that is not sent gives the buffer back in its
+  // destructor.
+  return send_message(bulk_out_, header,
+                      zmq::message_t(const_cast<std::byte*>(payload.data()), payload.size(), give_back_buffer, &in_flight_));
 }
 
 std::optional<PeerMesh::Frame> PeerMesh::receive_from(zmq::socket_t& socket) {
@@ -174,7 +176,8 @@ std::optional<PeerMesh::Frame> PeerMesh::receive_from(zmq::socket_t& socket) {
       if (count != parts.size()) throw WireError(fmt::format("message of {} parts", count));
       frame.header = decode_header({parts[1].data<const std::byte>(), parts[1].size()});
       if (frame.header.run_key != run_key_) throw WireError("frame of another run");
-      if (frame.header.length != parts[2].size()) throw WireError(fmt::format("{} bytes announced, {} sent", frame.header.length, parts[2].size()));
+      if (frame.header.length != parts[2].size())
+        throw WireError(fmt::format("{} bytes announced, {} sent", frame.header.length, parts[2].size()));
     } catch (const WireError& error) {
       throw RunError(worker(frame.from), fmt::format("breaks the protocol: {}", error.what()));
     }
@@ -198,7 +201,8 @@ std::optional<PeerMesh::Frame> PeerMesh::receive_control() {
     if (frame->header.sequence == sequence_) return frame;
     // Every call needs something from everybody, so nobody can be two calls ahead, or behind.
     if (frame->header.sequence != sequence_ + 1)
-      throw RunError(worker(frame->from), fmt::format("is at collective call {} where this worker is at {}", frame->header.sequence, sequence_));
+      throw RunError(worker(frame->from),
+                     fmt::format("is at collective call {} where this worker is at {}", frame->header.sequence, sequence_));
     peers_[static_cast<std::size_t>(frame->from)].early.push_back(std::move(*frame));
   }
   return std::nullopt;
@@ -207,7 +211,8 @@ std::optional<PeerMesh::Frame> PeerMesh::receive_control() {
 std::optional<PeerMesh::Frame> PeerMesh::receive_bulk() {
   auto frame = receive_from(bulk_in_);
   if (frame && (frame->from != left() || frame->header.sequence != sequence_))
-    throw RunError(worker(frame->from), fmt::format("sends part of collective call {} where call {} of worker {} is due", frame->header.sequence, sequence_, left()));
+    throw RunError(worker(frame->from), fmt::format("sends part of collective call {} where call {} of worker {} is due",
+                                                    frame->header.sequence, sequence_, left()));
   return frame;
 }
 
@@ -242,7 +247,9 @@ void PeerMesh::check_peers(const std::vector<int>& awaited) const {
     const Peer& peer = peers_[static_cast<std::size_t>(rank)];
     if (peer.finished_after) {
       // It has done its part of this call or it never will; what it did send may still be on its way.
-      if (*peer.finished_after < sequence_) throw RunError(worker(rank), fmt::format("has left the run after {} collective calls, this worker makes another", *peer.finished_after));
+      if (*peer.finished_after < sequence_)
+        throw RunError(worker(rank),
+                       fmt::format("has left the run after {} collective calls, this worker makes another", *peer.finished_after));
     } else if (peer.lost_at && now - *peer.lost_at >= kLastWords) {
       throw RunError(worker(rank), fmt::format("has gone in collective call {}: it was killed, crashed, or hangs", sequence_));
     }
@@ -258,7 +265,8 @@ void PeerMesh::wait(const Interest& interest) {
   poll_items_.push_back({control_in_.handle(), 0, ZMQ_POLLIN, 0});
   if (interest.bulk_data) poll_items_.push_back({bulk_in_.handle(), 0, ZMQ_POLLIN, 0});
   if (interest.bulk_room) poll_items_.push_back({bulk_out_.handle(), 0, ZMQ_POLLOUT, 0});
-  for (const int peer : interest.control_room) poll_items_.push_back({peers_[static_cast<std::size_t>(peer)].control.handle(), 0, ZMQ_POLLOUT, 0});
+  for (const int peer : interest.control_room)
+    poll_items_.push_back({peers_[static_cast<std::size_t>(peer)].control.handle(), 0, ZMQ_POLLOUT, 0});
   bool grace = false;
   for (Peer& peer : peers_) {
     if (peer.monitor && !peer.lost_at) poll_items_.push_back({peer.monitor.handle(), 0, ZMQ_POLLIN, 0});

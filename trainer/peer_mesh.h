@@ -31,10 +31,11 @@ class BuffersInFlight {
   int count_ = 0;
 };
 
-/// Sockets between the workers of one run, all used by the one thread that owns this object.  Two planes, so that a gradient never stands in front of a
-/// farewell: control, everybody to everybody, small; bulk, only to the right neighbour, in chunks that libzmq reads from the caller's memory.
-/// Each plane has one listening ROUTER per worker; the sender's routing id says who speaks, anybody else is counted and dropped.  Queues hold four
-/// messages.  A peer's death shows on the connection to it (at once when killed, after four heartbeats when its machine or process hangs).
+/// Sockets between the workers of one run, all used by the one thread that owns this object.  Two planes, so that a gradient never stands
+/// in front of a farewell: control, everybody to everybody, small; bulk, only to the right neighbour, in chunks that libzmq reads from the
+/// caller's memory. Each plane has one listening ROUTER per worker; the sender's routing id says who speaks, anybody else is counted and
+/// dropped.  Queues hold four messages.  A peer's death shows on the connection to it (at once when killed, after four heartbeats when its
+/// machine or process hangs).
 class PeerMesh {
  public:
   using Clock = std::chrono::steady_clock;
@@ -65,25 +66,26 @@ class PeerMesh {
   std::optional<Frame> receive_control();
   std::optional<Frame> receive_bulk();
   struct Interest {
-    std::vector<int> control_room;   ///< peers whose control queue was full
+    std::vector<int> control_room;  ///< peers whose control queue was full
     bool bulk_room = false, bulk_data = false;
-    std::vector<int> awaited;        ///< peers without whose data the call cannot end
+    std::vector<int> awaited;  ///< peers without whose data the call cannot end
   };
   /// Blocks until something of interest may have changed.  Throws RunError: deadline, a dead peer, a peer that has left or stopped the run.
   void wait(const Interest& interest);
   /// Returns when libzmq reads none of the lent payloads any more.
   void finish_sends();
 
-  /// Ends the mesh: tells the peers why, closes all sockets, takes back all lent payloads.  Later calls throw RunError with the same reason.
+  /// Ends the mesh: tells the peers why, closes all sockets, takes back all lent payloads.  Later calls throw RunError with the same
+  /// reason.
   void abandon(const std::string& reason);
   [[nodiscard]] std::uint64_t strangers() const { return strangers_; }
 
  private:
   struct Peer {
     zmq::socket_t control, monitor;
-    std::optional<Clock::time_point> lost_at;                 ///< its connection broke
-    std::optional<std::uint64_t> finished_after;              ///< it said farewell after that many calls
-    std::deque<Frame> early;                                  ///< of the next call
+    std::optional<Clock::time_point> lost_at;     ///< its connection broke
+    std::optional<std::uint64_t> finished_after;  ///< it said farewell after that many calls
+    std::deque<Frame> early;                      ///< of the next call
   };
   void connect(int rank, const std::string& control_endpoint);
   std::optional<Frame> receive_from(zmq::socket_t& socket);
@@ -95,10 +97,10 @@ class PeerMesh {
 
   RingConfig config_;
   int exceptions_at_start_;
-  BuffersInFlight in_flight_;        // outlives the context: its I/O thread gives buffers back
+  BuffersInFlight in_flight_;  // outlives the context: its I/O thread gives buffers back
   zmq::context_t context_{1};
   zmq::socket_t control_in_, bulk_in_, bulk_out_;
-  std::vector<Peer> peers_;          // by rank; the own place stays empty
+  std::vector<Peer> peers_;  // by rank; the own place stays empty
   std::map<std::string, int> rank_of_routing_id_;
   std::vector<zmq_pollitem_t> poll_items_;
   std::uint64_t run_key_ = 0, sequence_ = 0, strangers_ = 0;

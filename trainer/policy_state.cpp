@@ -28,7 +28,10 @@ std::map<std::string, torch::Tensor> weights_of(const ActorCritic& policy) {
 void load_weights(ActorCritic& policy, const Checkpoint& checkpoint, const std::string& where) {
   const std::string remedy = "use the config and sensors it was trained with";
   if (checkpoint.architecture != policy->architecture())
-    throw InputError(where, fmt::format("holds weights of the architecture '{}', the config asks for '{}'", checkpoint.architecture, policy->architecture()), remedy);
+    throw InputError(
+        where,
+        fmt::format("holds weights of the architecture '{}', the config asks for '{}'", checkpoint.architecture, policy->architecture()),
+        remedy);
   const auto live = live_tensors(policy);
   // Everything is checked before anything is changed.
   for (const auto& [name, tensor] : checkpoint.weights)

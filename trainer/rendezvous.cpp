@@ -33,7 +33,8 @@ bool is_loopback(std::string_view address) {
 
 /// A peer's endpoint comes from a message: it may only lead where we would listen ourselves.
 bool is_local_endpoint(const RingConfig& config, const std::string& endpoint) {
-  if (config.rendezvous.starts_with(kIpc)) return endpoint.starts_with(config.rendezvous + ".") && endpoint.find('/', config.rendezvous.size()) == std::string::npos;
+  if (config.rendezvous.starts_with(kIpc))
+    return endpoint.starts_with(config.rendezvous + ".") && endpoint.find('/', config.rendezvous.size()) == std::string::npos;
   return is_loopback(endpoint);
 }
 
@@ -42,9 +43,10 @@ void check_private_folder(const RingConfig& config) {
   if (socket.empty() || config.rendezvous[kIpc.size()] == '@')
     throw InputError(config.rendezvous, "is not the path of a socket file", "write ipc:///FOLDER/NAME");
   if (listening_path(config, "control").size() > kMaxSocketPath)
-    throw InputError(config.rendezvous, fmt::format("is too long for a socket file ({} characters at most)", kMaxSocketPath), "use a shorter folder, in /tmp for example");
+    throw InputError(config.rendezvous, fmt::format("is too long for a socket file ({} characters at most)", kMaxSocketPath),
+                     "use a shorter folder, in /tmp for example");
   const std::filesystem::path folder = socket.has_parent_path() ? socket.parent_path() : ".";
-  struct stat status{};
+  struct stat status {};
   if (::stat(folder.c_str(), &status) != 0 || !S_ISDIR(status.st_mode))
     throw InputError(folder.string(), "is no folder", "create it for the rendezvous, mode 0700");
   if (status.st_uid != ::geteuid() || (status.st_mode & 0077) != 0)
@@ -86,7 +88,9 @@ std::vector<zmq::message_t> receive_parts(zmq::socket_t& socket) {
 class Host {
  public:
   Host(zmq::context_t& context, const RingConfig& config, const std::string& control_endpoint, const std::string& bulk_endpoint)
-      : config_(config), socket_(open_socket(context, zmq::socket_type::router)), addresses_(static_cast<std::size_t>(config.identity.world_size)) {
+      : config_(config),
+        socket_(open_socket(context, zmq::socket_type::router)),
+        addresses_(static_cast<std::size_t>(config.identity.world_size)) {
     socket_.set(zmq::sockopt::router_mandatory, true);
     try {
       socket_.bind(config.rendezvous);
@@ -105,7 +109,8 @@ class Host {
     while (!missing().empty()) {
       if (!wait_readable(socket_, deadline))
         throw RunError(fmt::format("rendezvous {}", config_.rendezvous),
-                       fmt::format("worker {} of {} did not come within {} ms", fmt::join(missing(), ", "), config_.identity.world_size, config_.timeout.count()));
+                       fmt::format("worker {} of {} did not come within {} ms", fmt::join(missing(), ", "), config_.identity.world_size,
+                                   config_.timeout.count()));
       admit(receive_parts(socket_));
     }
     Welcome welcome;
@@ -162,7 +167,8 @@ class Host {
     if (hello.world_size != world_size) return fmt::format("it expects {} workers, this run has {}", hello.world_size, world_size);
     if (hello.rank < 1 || hello.rank >= world_size) return fmt::format("its rank {} is not within 1 to {}", hello.rank, world_size - 1);
     if (addresses_[static_cast<std::size_t>(hello.rank)]) return fmt::format("rank {} is taken", hello.rank);
-    if (!is_local_endpoint(config_, hello.control_endpoint) || !is_local_endpoint(config_, hello.bulk_endpoint)) return "its endpoints are not local ones";
+    if (!is_local_endpoint(config_, hello.control_endpoint) || !is_local_endpoint(config_, hello.bulk_endpoint))
+      return "its endpoints are not local ones";
     return {};
   }
 
@@ -211,9 +217,11 @@ PeerTable join(zmq::context_t& context, const RingConfig& config, const std::str
   try {
     if (parts.size() != 1) throw WireError("answer of several parts");
     Welcome welcome = decode<Welcome>(parts[0].to_string_view());
-    if (!welcome.refusal.empty()) throw RunError(where, fmt::format("worker 0 refuses worker {}: {}", config.identity.rank, welcome.refusal));
+    if (!welcome.refusal.empty())
+      throw RunError(where, fmt::format("worker 0 refuses worker {}: {}", config.identity.rank, welcome.refusal));
     const auto world_size = static_cast<std::size_t>(config.identity.world_size);
-    if (welcome.control_endpoints.size() != world_size || welcome.bulk_endpoints.size() != world_size) throw WireError("table of another size");
+    if (welcome.control_endpoints.size() != world_size || welcome.bulk_endpoints.size() != world_size)
+      throw WireError("table of another size");
     for (const auto* endpoints : {&welcome.control_endpoints, &welcome.bulk_endpoints})
       for (const auto& endpoint : *endpoints)
         if (!is_local_endpoint(config, endpoint)) throw WireError("endpoint that is not local");
@@ -237,10 +245,12 @@ void validate(const RingConfig& config) {
     check_private_folder(config);
   } else if (config.rendezvous.starts_with(kTcp)) {
     if (!is_loopback(config.rendezvous))
-      throw InputError(config.rendezvous, "is not on the loopback interface; that needs CURVE authentication, which this build does not have",
+      throw InputError(config.rendezvous,
+                       "is not on the loopback interface; that needs CURVE authentication, which this build does not have",
                        "use tcp://127.0.0.1:PORT or ipc:///FOLDER/NAME and keep the workers on one host");
   } else {
-    throw InputError(fmt::format("rendezvous '{}'", config.rendezvous), "is not an address", "write tcp://127.0.0.1:PORT or ipc:///FOLDER/NAME");
+    throw InputError(fmt::format("rendezvous '{}'", config.rendezvous), "is not an address",
+                     "write tcp://127.0.0.1:PORT or ipc:///FOLDER/NAME");
   }
 }
 

@@ -153,7 +153,8 @@ EpisodeSet generate_data(const DataConfig& data, const EnvConfig& env) {
   EpisodeSet set;
   for (std::size_t i = 0; i < scenes.size(); ++i) {
     const auto scene = cache->scene(scenes[i]);
-    auto episodes = generate_episodes(scenes[i], *scene->scene, scene->navmesh, env.task, data.filter, sounds, data.episodes_per_scene, data.seed);
+    auto episodes =
+        generate_episodes(scenes[i], *scene->scene, scene->navmesh, env.task, data.filter, sounds, data.episodes_per_scene, data.seed);
     for (auto& episode : episodes) {
       episode.episode_id = std::to_string(set.episodes.size());
       set.episodes.push_back(std::move(episode));

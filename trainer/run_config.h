@@ -13,9 +13,9 @@ namespace earshot {
 
 /// A set of episodes and how to generate it.
 struct DataConfig {
-  std::string file;                    ///< the set, relative to the working folder
-  std::vector<std::string> scenes;     ///< SCENEs; "house:10..14,rooms=3" stands for five of them
-  std::vector<std::string> sounds;     ///< drawn per episode; "synth:bird:0..3" stands for four, a folder for its sound files
+  std::string file;                 ///< the set, relative to the working folder
+  std::vector<std::string> scenes;  ///< SCENEs; "house:10..14,rooms=3" stands for five of them
+  std::vector<std::string> sounds;  ///< drawn per episode; "synth:bird:0..3" stands for four, a folder for its sound files
   int episodes_per_scene = 50;
   std::uint64_t seed = 0;
   EpisodeFilter filter;
@@ -24,15 +24,15 @@ struct DataConfig {
 /// One training run as its YAML file says it.  Sections: env, policy, ppo, data (train, eval); the other keys are below.
 struct RunConfig {
   std::string name = "run";
-  std::string out = "runs/run";        ///< checkpoints, curves and results go here
+  std::string out = "runs/run";  ///< checkpoints, curves and results go here
   std::uint64_t seed = 0;
-  int workers = 1;                     ///< processes on this machine if no launcher says otherwise
+  int workers = 1;  ///< processes on this machine if no launcher says otherwise
   int envs_per_worker = 8;
   int rollout_steps = 150;
-  std::uint64_t total_steps = 1000000; ///< over all workers
-  double max_minutes = 0;              ///< wall time of training; 0: no bound
-  int checkpoint_every = 50;           ///< updates
-  int eval_envs = 8;                   ///< batch of the evaluation: fixed, as it is part of the bits
+  std::uint64_t total_steps = 1000000;  ///< over all workers
+  double max_minutes = 0;               ///< wall time of training; 0: no bound
+  int checkpoint_every = 50;            ///< updates
+  int eval_envs = 8;                    ///< batch of the evaluation: fixed, as it is part of the bits
   EnvConfig env;
   PolicyConfig policy;
   PpoConfig ppo;
@@ -45,7 +45,8 @@ RunConfig parse_run_config(std::string_view yaml, const std::string& where, cons
 /// The file's text with the overrides applied: what a checkpoint keeps.
 std::string resolved_yaml(const std::filesystem::path& path, const std::vector<std::string>& overrides);
 
-/// Expands "PREFIX A..B REST" to one text per whole number in [A, B]; text without a range stays alone.  Throws InputError: over 100,000, or B < A.
+/// Expands "PREFIX A..B REST" to one text per whole number in [A, B]; text without a range stays alone.  Throws InputError: over 100,000,
+/// or B < A.
 std::vector<std::string> expand_range(const std::string& text);
 /// Expands ranges, and folders to the sound files in them by name order.
 std::vector<std::string> expand_sounds(const std::vector<std::string>& sounds);

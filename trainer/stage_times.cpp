@@ -38,7 +38,8 @@ std::string StageTimes::shares() const {
                                                              {"reduce", reduce}}};
   const double all = total();
   std::string text;
-  for (const auto& [name, seconds] : parts) text += fmt::format("{}{} {:.0f} %", text.empty() ? "" : "  ", name, all > 0 ? 100 * seconds / all : 0.0);
+  for (const auto& [name, seconds] : parts)
+    text += fmt::format("{}{} {:.0f} %", text.empty() ? "" : "  ", name, all > 0 ? 100 * seconds / all : 0.0);
   return text;
 }
 

@@ -27,7 +27,8 @@ using Clock = std::chrono::steady_clock;
 
 constexpr std::chrono::minutes kPatience(10);
 constexpr std::size_t kMaxFolderLength = 60;  // leaves room for a socket's name within its 107 characters
-constexpr const char *kRank = "EARSHOT_RANK", *kWorldSize = "EARSHOT_WORLD_SIZE", *kRendezvous = "EARSHOT_RENDEZVOUS", *kRunId = "EARSHOT_RUN_ID";
+constexpr const char *kRank = "EARSHOT_RANK", *kWorldSize = "EARSHOT_WORLD_SIZE", *kRendezvous = "EARSHOT_RENDEZVOUS",
+                     *kRunId = "EARSHOT_RUN_ID";
 
 int parse_int(const char* name, const std::string& text) {
   int value = 0;
@@ -211,7 +212,8 @@ class WorkerGroup {
     if (exit_code_ == 0) {
       exit_code_ = WIFEXITED(status) ? WEXITSTATUS(status) : 1;
       if (WIFSIGNALED(status))
-        fmt::print(stderr, "worker {}: was killed by signal {} ({}); the run ends\n", rank, WTERMSIG(status), ::strsignal(WTERMSIG(status)));
+        fmt::print(stderr, "worker {}: was killed by signal {} ({}); the run ends\n", rank, WTERMSIG(status),
+                   ::strsignal(WTERMSIG(status)));
       else
         fmt::print(stderr, "worker {}: ended with code {}; the run ends\n", rank, exit_code_);
     }
@@ -234,7 +236,8 @@ std::optional<RingConfig> worker_from_environment() {
   for (const char* name : names) (std::getenv(name) != nullptr ? set : missing).emplace_back(name);
   if (set.empty()) return std::nullopt;
   if (!missing.empty())
-    throw InputError(missing.front(), fmt::format("is not set, but {} is", set.front()), "set all of EARSHOT_RANK, _WORLD_SIZE, _RENDEZVOUS and _RUN_ID, or none");
+    throw InputError(missing.front(), fmt::format("is not set, but {} is", set.front()),
+                     "set all of EARSHOT_RANK, _WORLD_SIZE, _RENDEZVOUS and _RUN_ID, or none");
   RingConfig config;
   config.identity = {parse_int(kRank, std::getenv(kRank)), parse_int(kWorldSize, std::getenv(kWorldSize))};
   config.rendezvous = std::getenv(kRendezvous);

@@ -11,14 +11,15 @@
 namespace earshot {
 namespace {
 
-constexpr std::size_t kSmallBytes = 64 * 1024;                    // below this, latency counts and not bandwidth (TRAINER.md 4.1)
-constexpr std::size_t kMaxGatherBytes = std::size_t{1} << 30;     // of one worker's share: bounds what a peer can make us allocate
-constexpr std::size_t kSegmentAlignment = 16;                     // elements; keeps segments on cache lines
+constexpr std::size_t kSmallBytes = 64 * 1024;                 // below this, latency counts and not bandwidth (TRAINER.md 4.1)
+constexpr std::size_t kMaxGatherBytes = std::size_t{1} << 30;  // of one worker's share: bounds what a peer can make us allocate
+constexpr std::size_t kSegmentAlignment = 16;                  // elements; keeps segments on cache lines
 
 [[noreturn]] void mismatch(int peer, const FrameHeader& got, Operation operation, std::size_t total) {
-  throw RunError(fmt::format("worker {}", peer),
-                 fmt::format("calls {} with {} bytes where this worker calls {} with {} bytes; do all workers run the same program and config?",
-                             name_of(got.operation), got.total, name_of(operation), total));
+  throw RunError(
+      fmt::format("worker {}", peer),
+      fmt::format("calls {} with {} bytes where this worker calls {} with {} bytes; do all workers run the same program and config?",
+                  name_of(got.operation), got.total, name_of(operation), total));
 }
 
 /// buffer += message, element by element.  The message may lie at any address.
@@ -39,7 +40,7 @@ class RingSchedule {
 
   struct Chunk {
     std::uint32_t step = 0, segment = 0;
-    std::size_t first = 0, count = 0;   ///< elements
+    std::size_t first = 0, count = 0;  ///< elements
   };
   [[nodiscard]] std::uint32_t num_steps() const { return static_cast<std::uint32_t>(2 * (world_size_ - 1)); }
   [[nodiscard]] bool reducing(std::uint32_t step) const { return step < static_cast<std::uint32_t>(world_size_ - 1); }
@@ -55,7 +56,9 @@ class RingSchedule {
   }
 
  private:
-  [[nodiscard]] std::uint32_t modulo(int value) const { return static_cast<std::uint32_t>(((value % world_size_) + world_size_) % world_size_); }
+  [[nodiscard]] std::uint32_t modulo(int value) const {
+    return static_cast<std::uint32_t>(((value % world_size_) + world_size_) % world_size_);
+  }
   [[nodiscard]] std::size_t chunk_count() const { return kChunkBytes / element_bytes_; }
   [[nodiscard]] std::size_t start(std::uint32_t segment) const {
     if (segment == static_cast<std::uint32_t>(world_size_)) return count_;
@@ -119,7 +122,7 @@ void ZmqRing::exchange(Operation operation, std::span<const std::byte> mine, Sin
     interest.control_room.clear();
     for (int peer = 0; peer < world_size; ++peer) {
       Progress& p = progress[static_cast<std::size_t>(peer)];
-      while (!p.sent_all) {   // an empty share is one empty message
+      while (!p.sent_all) {  // an empty share is one empty message
         header.offset = p.sent;
         const std::size_t length = std::min(kChunkBytes, mine.size() - p.sent);
         if (!mesh_.send_control(peer, header, mine.subspan(p.sent, length))) {
@@ -133,14 +136,16 @@ void ZmqRing::exchange(Operation operation, std::span<const std::byte> mine, Sin
     while (auto frame = mesh_.receive_control()) {
       Progress& p = progress[static_cast<std::size_t>(frame->from)];
       if (frame->header.operation != operation) mismatch(frame->from, frame->header, operation, mine.size());
-      if (frame->header.offset != p.received || p.received_all) throw RunError(fmt::format("worker {}", frame->from), "sends its share out of order");
+      if (frame->header.offset != p.received || p.received_all)
+        throw RunError(fmt::format("worker {}", frame->from), "sends its share out of order");
       sink(frame->from, frame->header, frame->bytes());
       p.received += frame->payload.size();
       p.received_all = p.received == frame->header.total;
     }
     interest.awaited.clear();
     for (int peer = 0; peer < world_size; ++peer)
-      if (!progress[static_cast<std::size_t>(peer)].received_all || !progress[static_cast<std::size_t>(peer)].sent_all) interest.awaited.push_back(peer);
+      if (!progress[static_cast<std::size_t>(peer)].received_all || !progress[static_cast<std::size_t>(peer)].sent_all)
+        interest.awaited.push_back(peer);
     if (interest.awaited.empty()) return;
     mesh_.wait(interest);
   }
@@ -178,10 +183,11 @@ void ZmqRing::all_reduce_ring(Operation operation, std::span<T> buffer) {
   PeerMesh::Interest interest;
   interest.awaited = {mesh_.left()};
   while (true) {
-    // Send what is ready: the first segment at once, then each chunk as soon as it has come in and been summed one step before.  A chunk that libzmq
-    // still reads is never written: its sum comes back only after the right neighbour has read our share.
+    // Send what is ready: the first segment at once, then each chunk as soon as it has come in and been summed one step before.  A chunk
+    // that libzmq still reads is never written: its sum comes back only after the right neighbour has read our share.
     interest.bulk_room = false;
-    while (sent.step < schedule.num_steps() && (sent.step == 0 || received.step >= sent.step || (received.step + 1 == sent.step && received.chunk > sent.chunk))) {
+    while (sent.step < schedule.num_steps() &&
+           (sent.step == 0 || received.step >= sent.step || (received.step + 1 == sent.step && received.chunk > sent.chunk))) {
       const auto chunk = schedule.chunk(sent.step, schedule.sent_segment(sent.step), sent.chunk);
       FrameHeader header;
       header.operation = operation;
@@ -201,7 +207,8 @@ void ZmqRing::all_reduce_ring(Operation operation, std::span<T> buffer) {
       if (const auto frame = mesh_.receive_bulk()) {
         const auto chunk = schedule.chunk(received.step, schedule.received_segment(received.step), received.chunk);
         const FrameHeader& header = frame->header;
-        if (header.operation != operation || header.total != buffer.size_bytes()) mismatch(frame->from, header, operation, buffer.size_bytes());
+        if (header.operation != operation || header.total != buffer.size_bytes())
+          mismatch(frame->from, header, operation, buffer.size_bytes());
         if (header.step != chunk.step || header.segment != chunk.segment || header.phase != (schedule.reducing(chunk.step) ? 0 : 1) ||
             header.offset != chunk.first * sizeof(T) || header.length != chunk.count * sizeof(T))
           throw RunError(fmt::format("worker {}", frame->from), "sends another part of the buffer than is due");
@@ -251,10 +258,11 @@ std::vector<std::string> ZmqRing::all_gather(const std::string& bytes) {
   shares[static_cast<std::size_t>(mesh_.identity().rank)] = bytes;
   collective_call([&] {
     if (bytes.size() > kMaxGatherBytes) throw RunError("all_gather", fmt::format("{} bytes, {} at most", bytes.size(), kMaxGatherBytes));
-    exchange(Operation::all_gather, std::as_bytes(std::span(bytes)), [&](int peer, const FrameHeader& header, std::span<const std::byte> piece) {
-      if (header.total > kMaxGatherBytes) mismatch(peer, header, Operation::all_gather, bytes.size());
-      shares[static_cast<std::size_t>(peer)].append(reinterpret_cast<const char*>(piece.data()), piece.size());
-    });
+    exchange(Operation::all_gather, std::as_bytes(std::span(bytes)),
+             [&](int peer, const FrameHeader& header, std::span<const std::byte> piece) {
+               if (header.total > kMaxGatherBytes) mismatch(peer, header, Operation::all_gather, bytes.size());
+               shares[static_cast<std::size_t>(peer)].append(reinterpret_cast<const char*>(piece.data()), piece.size());
+             });
   });
   return shares;
 }

@@ -7,9 +7,10 @@
 
 namespace earshot {
 
-/// Collective calls over a PeerMesh.  Small buffers, and all that is not a sum, go from everybody to everybody in one hop and are summed in rank order.
-/// Large sums go round the ring: reduce-scatter, then all-gather (Patarasuk and Yuan 2009), 2 (P - 1) / P of the buffer per worker.  Segment k is summed
-/// in the order k, k + 1, ..., k + P - 1 (mod P): the same on every worker and in every run, but another one for another P.
+/// Collective calls over a PeerMesh.  Small buffers, and all that is not a sum, go from everybody to everybody in one hop and are summed in
+/// rank order. Large sums go round the ring: reduce-scatter, then all-gather (Patarasuk and Yuan 2009), 2 (P - 1) / P of the buffer per
+/// worker.  Segment k is summed in the order k, k + 1, ..., k + P - 1 (mod P): the same on every worker and in every run, but another one
+/// for another P.
 class ZmqRing : public Collective {
  public:
   explicit ZmqRing(const RingConfig& config);
@@ -36,7 +37,7 @@ class ZmqRing : public Collective {
 
   PeerMesh mesh_;
   std::uint64_t sequence_ = 0;
-  std::vector<std::byte> contributions_;   ///< [world_size, bytes] of a small sum
+  std::vector<std::byte> contributions_;  ///< [world_size, bytes] of a small sum
 };
 
 }  // namespace earshot

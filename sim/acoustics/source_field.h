@@ -30,8 +30,8 @@ class SourceField {
   SourceField(const AcousticScene& scene, const EarlyCandidates& candidates, std::span<const std::byte> image,
               std::shared_ptr<const void> owner);
 
-  /// Late field at `listener`, within the bounds of the scene: same meaning, shape and rules of `histogram` as in trace_late.  A function of (scene, field, listener).  No
-  /// allocation; 10 to 20 us for half a second, first order.  stats.rays: the photons.
+  /// Late field at `listener`, within the bounds of the scene: same meaning, shape and rules of `histogram` as in trace_late.  A function
+  /// of (scene, field, listener).  No allocation; 10 to 20 us for half a second, first order.  stats.rays: the photons.
   TraceStats gather(const AcousticScene& scene, glm::vec3 listener, EnergyHistogram& histogram) const;
 
   [[nodiscard]] std::span<const std::byte> image() const { return image_; }
@@ -58,8 +58,8 @@ class SourceFieldBuilder {
   ~SourceFieldBuilder();
   SourceFieldBuilder(SourceFieldBuilder&&) noexcept;
 
-  /// Adds photons: the first call 512, later ones what the error asks for, an eighth more to four times as many.  False, and nothing done, if the error target is met or the
-  /// photons are spent.
+  /// Adds photons: the first call 512, later ones what the error asks for, an eighth more to four times as many.  False, and nothing done,
+  /// if the error target is met or the photons are spent.
   bool refine();
   [[nodiscard]] double t20_error() const;
   [[nodiscard]] std::uint64_t photons() const;

@@ -16,7 +16,8 @@ std::optional<double> corridor_length_m(const Navmesh::Impl& nav, const Located&
   const dtPolyRef first = nav.ref_of(from.polygon), last = nav.ref_of(to.polygon);
   query->findPath(first, last, &from.point.x, &to.point.x, &nav.any_island, corridor.data(), &num_polygons, max_path);
   if (num_polygons == 0 || corridor[static_cast<std::size_t>(num_polygons) - 1] != last) return std::nullopt;
-  query->findStraightPath(&from.point.x, &to.point.x, corridor.data(), num_polygons, points.data(), nullptr, nullptr, &num_points, max_path);
+  query->findStraightPath(&from.point.x, &to.point.x, corridor.data(), num_polygons, points.data(), nullptr, nullptr, &num_points,
+                          max_path);
   double length_m = 0;
   for (int i = 1; i < num_points; ++i) {
     const float *a = &points[3 * (i - 1)], *b = &points[3 * i];

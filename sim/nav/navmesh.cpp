@@ -46,7 +46,8 @@ void validate(const NavmeshConfig& config) {
           "must lie between 0 and the agent's height");
   require(config.max_slope_deg >= 0.f && config.max_slope_deg < 90.f, "nav.max_slope_deg", config.max_slope_deg, "must lie in [0, 90)");
   require(config.cell_size_m >= 0.005f && config.cell_size_m <= 1.f, "nav.cell_size_m", config.cell_size_m, "must lie in [0.005, 1]");
-  require(config.cell_height_m >= 0.005f && config.cell_height_m <= 1.f, "nav.cell_height_m", config.cell_height_m, "must lie in [0.005, 1]");
+  require(config.cell_height_m >= 0.005f && config.cell_height_m <= 1.f, "nav.cell_height_m", config.cell_height_m,
+          "must lie in [0.005, 1]");
   require(config.min_region_area_m2 >= 0.f && config.min_region_area_m2 < 1e6f, "nav.min_region_area_m2", config.min_region_area_m2,
           "must be at least 0");
 }

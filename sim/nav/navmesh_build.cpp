@@ -6,8 +6,8 @@
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
 #include <limits>
-#include <numbers>
 #include <memory>
+#include <numbers>
 #include <string>
 #include <utility>
 #include <vector>
@@ -73,7 +73,8 @@ rcConfig recast_config(const Bounds& bounds, const NavmeshConfig& config) {
   const double columns = static_cast<double>(rc.bmax[0] - rc.bmin[0]) / static_cast<double>(rc.cs);
   const double rows = static_cast<double>(rc.bmax[2] - rc.bmin[2]) / static_cast<double>(rc.cs);
   if (!(columns * rows < static_cast<double>(kMaxCells)))
-    throw InputError("navmesh", "the mesh covers " + std::to_string(static_cast<std::int64_t>(columns * rows)) + " cells, more than 64 million",
+    throw InputError("navmesh",
+                     "the mesh covers " + std::to_string(static_cast<std::int64_t>(columns * rows)) + " cells, more than 64 million",
                      "check the unit of the mesh or raise nav.cell_size_m");
   rcCalcGridSize(rc.bmin, rc.bmax, rc.cs, &rc.width, &rc.height);
   return rc;
@@ -96,7 +97,8 @@ Recast<rcPolyMesh> build_polygons(const TriangleMesh& mesh, const rcConfig& rc, 
   rcContext context(false);
   std::vector<int> indices;
   indices.reserve(3 * mesh.triangles.size());
-  for (const glm::uvec3 t : mesh.triangles) indices.insert(indices.end(), {static_cast<int>(t.x), static_cast<int>(t.y), static_cast<int>(t.z)});
+  for (const glm::uvec3 t : mesh.triangles)
+    indices.insert(indices.end(), {static_cast<int>(t.x), static_cast<int>(t.y), static_cast<int>(t.z)});
   const std::vector<unsigned char> areas = walkable_areas(mesh, rc.walkableSlopeAngle, both_sides);
 
   Recast<rcHeightfield> solid(rcAllocHeightfield());
@@ -189,7 +191,8 @@ OwnedNavMesh build_tile(const TriangleMesh& mesh, const NavmeshConfig& config) {
 
   rcContext context(false);
   Recast<rcPolyMeshDetail> detail(rcAllocPolyMeshDetail());
-  check(detail && rcBuildPolyMeshDetail(&context, *polygons, *compact, rc.detailSampleDist, rc.detailSampleMaxError, *detail), "detail mesh");
+  check(detail && rcBuildPolyMeshDetail(&context, *polygons, *compact, rc.detailSampleDist, rc.detailSampleMaxError, *detail),
+        "detail mesh");
   OwnedNavMesh navmesh = make_tile(rc, config, *polygons, *detail);
   settle_heights(*navmesh, mesh, rc);
   return navmesh;

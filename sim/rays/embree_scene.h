@@ -15,7 +15,7 @@ struct Hit {
   float distance_m = std::numeric_limits<float>::infinity();
   /// On the triangle (barycentric, not origin + t * direction: smaller error) and a few roundings inside its edges, metres.
   glm::vec3 position{0};
-  glm::vec3 normal{0};    ///< unit, geometric, turned toward the ray's origin
+  glm::vec3 normal{0};  ///< unit, geometric, turned toward the ray's origin
   std::uint32_t triangle = no_triangle;
   [[nodiscard]] bool valid() const { return triangle != no_triangle; }
 };
@@ -38,15 +38,12 @@ class EmbreeScene {
   /// direction: unit.  Hits with distance in (0, max_distance_m); what the origin lies on, to half the spacing of floats there, is not hit.
   /// From beyond 1e15 m, and from or along NaN, nothing is.  About 0.2 to 0.8 us.  Among parallel triangles that lie within 1e-6
   /// of the coordinates of each other (coplanar overlap) the lowest index wins, from every direction.
-  [[nodiscard]] Hit intersect(glm::vec3 origin, glm::vec3 direction,
-                              float max_distance_m = std::numeric_limits<float>::infinity()) const;
-  /// Is the open segment from -> to blocked?  Not by what its ends lie on exactly; rounded points of tilted surfaces must have been moved by
-  /// offset_from_surface.  True if an end is NaN or beyond 1e15 m.
-  /// The same answer, bit for bit, with the ends swapped.
+  [[nodiscard]] Hit intersect(glm::vec3 origin, glm::vec3 direction, float max_distance_m = std::numeric_limits<float>::infinity()) const;
+  /// Is the open segment from -> to blocked?  Not by what its ends lie on exactly; rounded points of tilted surfaces must have been moved
+  /// by offset_from_surface.  True if an end is NaN or beyond 1e15 m. The same answer, bit for bit, with the ends swapped.
   [[nodiscard]] bool occluded(glm::vec3 from, glm::vec3 to) const;
   /// Eight coherent rays at once (camera rows): distances only, infinity where a ray escapes.  About 0.8 us for all eight.
-  void intersect8(std::span<const glm::vec3, 8> origins, std::span<const glm::vec3, 8> directions,
-                  std::span<float, 8> distances_m) const;
+  void intersect8(std::span<const glm::vec3, 8> origins, std::span<const glm::vec3, 8> directions, std::span<float, 8> distances_m) const;
   [[nodiscard]] std::size_t num_triangles() const;
 
  private:

@@ -14,8 +14,8 @@ namespace {
 
 constexpr int kLatticeMm = 50;
 constexpr int kMinSideMm = 1800, kTightSideMm = 1500, kMinCorridorMm = 1200;
-constexpr int kDoorMarginMm = 100;       // jamb to the nearest crossing wall
-constexpr float kMinRoomAreaM2 = 6.f;    // below that no plan with 0.9 m doors and furniture comes out
+constexpr int kDoorMarginMm = 100;     // jamb to the nearest crossing wall
+constexpr float kMinRoomAreaM2 = 6.f;  // below that no plan with 0.9 m doors and furniture comes out
 constexpr int kAttempts = 400;
 enum Stage : std::uint32_t { size_stage = 0, rooms_stage = 1, doors_stage = 2, windows_stage = 3 };
 
@@ -197,7 +197,7 @@ void name_rooms(std::vector<PlanRoom>& rooms) {
     if (rooms[i].type != RoomType::corridor) by_area.push_back(i);
   std::stable_sort(by_area.begin(), by_area.end(),
                    [&](std::size_t l, std::size_t r) { return rooms[l].floor.area_mm2() > rooms[r].floor.area_mm2(); });
-  constexpr RoomType types[] = {RoomType::living,  RoomType::bedroom, RoomType::kitchen, RoomType::bedroom, RoomType::office};
+  constexpr RoomType types[] = {RoomType::living, RoomType::bedroom, RoomType::kitchen, RoomType::bedroom, RoomType::office};
   for (std::size_t rank = 0; rank < by_area.size(); ++rank) rooms[by_area[rank]].type = types[rank == 0 ? 0 : 1 + (rank - 1) % 4];
   if (by_area.size() >= 4) rooms[by_area.back()].type = RoomType::bathroom;
 }
@@ -234,8 +234,7 @@ HouseConfig resolve_house(HouseConfig config) {
   const bool area_ok = config.area_m2 == 0.f || (config.area_m2 >= 12.f && config.area_m2 <= 400.f);
   require(config.rooms >= 0 && config.rooms <= 16, "house.rooms", config.rooms, "must be 1 to 16, or 0 to draw it from the seed");
   require(area_ok, "house.area_m2", config.area_m2, "must be 12 to 400, or 0 to draw it from the seed");
-  require(config.height_m >= 2.2f && config.height_m <= 4.f, "house.height_m", config.height_m,
-          "must be 2.2 to 4: doors are 2.05 m high");
+  require(config.height_m >= 2.2f && config.height_m <= 4.f, "house.height_m", config.height_m, "must be 2.2 to 4: doors are 2.05 m high");
   require(config.detail_m == 0.f || (config.detail_m >= 0.05f && config.detail_m <= 10.f), "house.detail_m", config.detail_m,
           "must be 0.05 to 10, or 0 for as few triangles as the shapes need");
   HouseDraws draws(config.seed, size_stage, 0);
@@ -272,7 +271,8 @@ HousePlan make_house_plan(const HouseConfig& config) {
     auto windows = place_windows(rooms, window_draws);
     return {std::move(rooms), *doors, std::move(windows), static_cast<int>(config.height_m * 1000.f + 0.5f)};
   }
-  throw InputError("house:" + std::to_string(config.seed), "no floor plan with these rooms and this area", "ask for fewer rooms or a larger area_m2");
+  throw InputError("house:" + std::to_string(config.seed), "no floor plan with these rooms and this area",
+                   "ask for fewer rooms or a larger area_m2");
 }
 
 }  // namespace earshot

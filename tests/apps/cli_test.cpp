@@ -13,8 +13,8 @@
 #include <filesystem>
 #include <fstream>
 #include <limits>
-#include <numbers>
 #include <nlohmann/json.hpp>
+#include <numbers>
 #include <string>
 #include <vector>
 
@@ -115,10 +115,13 @@ TEST_F(Cli, BadConfigsAndFilesAreOneLineAndExitCodeTwo) {
   EXPECT_FALSE(std::filesystem::exists(file("x.wav")));
 }
 
-// O-1 through the command line: r = 2.765863 m in SHOE-1 (ORACLES' z is up, ours is y): amplitude 0.0287713, delay 8.06374 ms at c = 343.2 / 343 of it.
+// O-1 through the command line: r = 2.765863 m in SHOE-1 (ORACLES' z is up, ours is y): amplitude 0.0287713, delay 8.06374 ms at c = 343.2
+// / 343 of it.
 TEST_F(Cli, RirWritesSoundAndMetrics) {
-  const Outcome outcome = earshot("rir shoebox:5x3x4@0.2 --source 1.2,1.1,1.5 --listener 3.8,1.6,2.3 --preset fast --channels mono --set air_absorption=off --components --seed 5 --out " + file("r.wav") +
-                                  " --metrics " + file("r.json"));
+  const Outcome outcome = earshot(
+      "rir shoebox:5x3x4@0.2 --source 1.2,1.1,1.5 --listener 3.8,1.6,2.3 --preset fast --channels mono --set air_absorption=off "
+      "--components --seed 5 --out " +
+      file("r.wav") + " --metrics " + file("r.json"));
   ASSERT_EQ(outcome.exit_code, 0) << outcome.errors;
   const auto json = nlohmann::json::parse(read("r.json"));
   EXPECT_NEAR(json.at("direct_amplitude").get<double>(), 0.0287713, 1e-4);
@@ -136,7 +139,11 @@ TEST_F(Cli, RirWritesSoundAndMetrics) {
   for (std::size_t i = 0; i < whole.size(); ++i) ASSERT_NEAR(sum[i], whole[i], 1e-7) << "the parts add up, sample " << i;
 
   const std::string first = read("r.wav");
-  ASSERT_EQ(earshot("rir shoebox:5x3x4@0.2 --source 1.2,1.1,1.5 --listener 3.8,1.6,2.3 --preset fast --channels mono --set air_absorption=off --seed 5 --set threads=2 --out " + file("r.wav")).exit_code, 0);
+  ASSERT_EQ(earshot("rir shoebox:5x3x4@0.2 --source 1.2,1.1,1.5 --listener 3.8,1.6,2.3 --preset fast --channels mono --set "
+                    "air_absorption=off --seed 5 --set threads=2 --out " +
+                    file("r.wav"))
+                .exit_code,
+            0);
   EXPECT_EQ(read("r.wav"), first) << "same seed, other thread count: same bytes";
 }
 
@@ -144,17 +151,36 @@ TEST_F(Cli, RirWritesSoundAndMetrics) {
 TEST_F(Cli, ComponentsOfAPairBehindAWall) {
   std::string corners, faces;
   const auto box = [&](double x0, double x1, double z0, double z1) {
-    static const std::array<std::array<int, 3>, 12> sides{{{1, 2, 3}, {1, 3, 4}, {5, 7, 6}, {5, 8, 7}, {1, 6, 2}, {1, 5, 6}, {2, 7, 3}, {2, 6, 7}, {3, 8, 4}, {3, 7, 8}, {4, 5, 1}, {4, 8, 5}}};
+    static const std::array<std::array<int, 3>, 12> sides{{{1, 2, 3},
+                                                           {1, 3, 4},
+                                                           {5, 7, 6},
+                                                           {5, 8, 7},
+                                                           {1, 6, 2},
+                                                           {1, 5, 6},
+                                                           {2, 7, 3},
+                                                           {2, 6, 7},
+                                                           {3, 8, 4},
+                                                           {3, 7, 8},
+                                                           {4, 5, 1},
+                                                           {4, 8, 5}}};
     const auto first = std::count(corners.begin(), corners.end(), '\n');
     for (const double y : {0.0, 2.5})
-      for (const auto& [x, z] : {std::pair{x0, z0}, {x1, z0}, {x1, z1}, {x0, z1}}) corners += "v " + std::to_string(x) + " " + std::to_string(y) + " " + std::to_string(z) + "\n";
-    for (const auto& side : sides) faces += "f " + std::to_string(first + side[0]) + " " + std::to_string(first + side[1]) + " " + std::to_string(first + side[2]) + "\n";
+      for (const auto& [x, z] : {std::pair{x0, z0}, {x1, z0}, {x1, z1}, {x0, z1}})
+        corners += "v " + std::to_string(x) + " " + std::to_string(y) + " " + std::to_string(z) + "\n";
+    for (const auto& side : sides)
+      faces +=
+          "f " + std::to_string(first + side[0]) + " " + std::to_string(first + side[1]) + " " + std::to_string(first + side[2]) + "\n";
   };
   box(-4, 4, -0.1, 0.1);
   write("wall.obj", corners + "usemtl panel\n" + faces);
-  write("db.json", R"({"materials": [{"name": "panel", "labels": ["default"], "absorption": [1000, 0.2], "scattering": [1000, 0.1], "transmission": [1000, 0.05], "source": "a test"}]})");
+  write(
+      "db.json",
+      R"({"materials": [{"name": "panel", "labels": ["default"], "absorption": [1000, 0.2], "scattering": [1000, 0.1], "transmission": [1000, 0.05], "source": "a test"}]})");
   write("wall.yaml", "mesh: wall.obj\nmaterials: db.json\nassign: {panel: panel}\n");
-  const Outcome outcome = earshot("rir " + file("wall.yaml") + " --source 3,1,-2 --listener 3,1,2 --preset fast --channels mono --set diffraction=on --set transmission=on --set air_absorption=off --components --plot " + file("p.svg") + " --out " + file("p.wav") + " --metrics " + file("p.json"));
+  const Outcome outcome = earshot("rir " + file("wall.yaml") +
+                                  " --source 3,1,-2 --listener 3,1,2 --preset fast --channels mono --set diffraction=on --set "
+                                  "transmission=on --set air_absorption=off --components --plot " +
+                                  file("p.svg") + " --out " + file("p.wav") + " --metrics " + file("p.json"));
   ASSERT_EQ(outcome.exit_code, 0) << outcome.errors;
   const auto energy = [&](const std::string& name) {
     double sum = 0;
@@ -164,15 +190,20 @@ TEST_F(Cli, ComponentsOfAPairBehindAWall) {
   EXPECT_EQ(energy("p.direct.wav"), 0.0);
   EXPECT_GT(energy("p.diffracted.wav"), 0.0);
   EXPECT_THAT(read("p.svg"), HasSubstr("through walls"));
-  EXPECT_NEAR(energy("p.transmitted.wav"), 0.05 / std::pow(4 * std::numbers::pi * 4, 2), 0.02 * 0.05 / std::pow(4 * std::numbers::pi * 4, 2)) << "tau / (4 pi r)^2";
+  EXPECT_NEAR(energy("p.transmitted.wav"), 0.05 / std::pow(4 * std::numbers::pi * 4, 2),
+              0.02 * 0.05 / std::pow(4 * std::numbers::pi * 4, 2))
+      << "tau / (4 pi r)^2";
   EXPECT_TRUE(nlohmann::json::parse(read("p.json")).at("direct_delay_s").is_null());
 }
 
 TEST_F(Cli, SeveralSourcesAndListenersGiveAFileEach) {
-  const Outcome outcome = earshot("rir shoebox:5x3x4@0.2 --source 1,1,1 --source 4,1,1 --source-pattern omni,cardioid --source-heading 0,180 --listener 2,1.5,3 --listener 3,1.5,3 --preset fast --channels mono --out " +
-                                  file("m.wav") + " --metrics " + file("m.json"));
+  const Outcome outcome = earshot(
+      "rir shoebox:5x3x4@0.2 --source 1,1,1 --source 4,1,1 --source-pattern omni,cardioid --source-heading 0,180 --listener 2,1.5,3 "
+      "--listener 3,1.5,3 --preset fast --channels mono --out " +
+      file("m.wav") + " --metrics " + file("m.json"));
   ASSERT_EQ(outcome.exit_code, 0) << outcome.errors;
-  for (const char* name : {"m.s0.l0.wav", "m.s0.l1.wav", "m.s1.l0.wav", "m.s1.l1.wav"}) EXPECT_TRUE(std::filesystem::exists(file(name))) << name;
+  for (const char* name : {"m.s0.l0.wav", "m.s0.l1.wav", "m.s1.l0.wav", "m.s1.l1.wav"})
+    EXPECT_TRUE(std::filesystem::exists(file(name))) << name;
   EXPECT_EQ(nlohmann::json::parse(read("m.json")).at("pairs").size(), 4u);
   expect_bad_input("rir shoebox:5x3x4 --source 1,1,1 --listener 2,1,2 --source-pattern cardoid --out " + file("x.wav"), "cardioid");
   expect_bad_input("rir shoebox:5x3x4 --source 1,1,1 --listener 2,1,2 --heading nan --out " + file("x.wav"), "--heading");
@@ -219,10 +250,13 @@ TEST_F(Cli, WalkHearsMovingSources) {
 
 TEST_F(Cli, WalkIsAsLongAsItsPosesAndNeverSilent) {
   write("poses.csv", "t_s,x,y,z,heading_deg\n0,1,1.5,1,0\n1.5,3,1.5,3,90\n");
-  const Outcome outcome = earshot("walk shoebox:5x3x4@0.3 --poses " + file("poses.csv") + " --source 4,1.5,1 --sound synth:noise --set rays=16 --out " + file("w.wav"));
+  const Outcome outcome = earshot("walk shoebox:5x3x4@0.3 --poses " + file("poses.csv") +
+                                  " --source 4,1.5,1 --sound synth:noise --set rays=16 --out " + file("w.wav"));
   ASSERT_EQ(outcome.exit_code, 0) << outcome.errors;
   EXPECT_GE(read("w.wav").size(), static_cast<std::size_t>(1.5 * 16000 * 2 * 4));
-  expect_bad_input("walk shoebox:5x3x4@0.3 --poses " + write("back.csv", "1,0,0,0,0\n0,0,0,0,0\n") + " --source 4,1.5,1 --sound synth:noise --out " + file("v.wav"), "time does not rise");
+  expect_bad_input("walk shoebox:5x3x4@0.3 --poses " + write("back.csv", "1,0,0,0,0\n0,0,0,0,0\n") +
+                       " --source 4,1.5,1 --sound synth:noise --out " + file("v.wav"),
+                   "time does not rise");
 }
 
 TEST_F(Cli, WalkThroughAFieldIsReproducible) {
@@ -264,7 +298,9 @@ TEST_F(Cli, MaterialsAreListedAndLinted) {
   const Outcome builtin = earshot("materials");
   EXPECT_EQ(builtin.exit_code, 0) << builtin.output;
   EXPECT_THAT(builtin.output, HasSubstr("0 findings"));
-  const std::string slip = write("slip.json", R"({"materials": [{"name": "a", "labels": ["default"], "absorption": [125, 0.02, 250, 0.9], "scattering": [125, 0.1]}]})");
+  const std::string slip =
+      write("slip.json",
+            R"({"materials": [{"name": "a", "labels": ["default"], "absorption": [125, 0.02, 250, 0.9], "scattering": [125, 0.1]}]})");
   const Outcome linted = earshot("materials --lint " + slip);
   EXPECT_EQ(linted.exit_code, 1);
   EXPECT_THAT(linted.output, HasSubstr("lint: a: "));

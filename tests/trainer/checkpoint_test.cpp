@@ -36,7 +36,7 @@ Checkpoint sample() {
   checkpoint.world_size = 2;
   checkpoint.weights["float"] = torch::arange(24, torch::kFloat32).reshape({2, 3, 4}) / 7;
   checkpoint.weights["empty"] = torch::empty({0, 3});
-  checkpoint.optimizer["step"] = torch::tensor(1234567890123, torch::kInt64);   // no dimensions
+  checkpoint.optimizer["step"] = torch::tensor(1234567890123, torch::kInt64);  // no dimensions
   checkpoint.optimizer["double"] = torch::tensor({1.0 / 3, -0.0, 1e300}, torch::kFloat64);
   checkpoint.optimizer["int"] = torch::tensor({-1, 2}, torch::kInt32);
   checkpoint.optimizer["byte"] = torch::tensor({0, 255}, torch::kUInt8);
@@ -95,7 +95,8 @@ TEST_F(CheckpointFile, ComesBackBitForBit) {
   };
   expect_same(saved.weights, loaded.weights);
   expect_same(saved.optimizer, loaded.optimizer);
-  for (std::size_t i = 0; i < 2; ++i) EXPECT_TRUE(same_bits(saved.hidden[i], loaded.hidden[i]) && same_bits(saved.not_done[i], loaded.not_done[i]));
+  for (std::size_t i = 0; i < 2; ++i)
+    EXPECT_TRUE(same_bits(saved.hidden[i], loaded.hidden[i]) && same_bits(saved.not_done[i], loaded.not_done[i]));
   EXPECT_EQ(loaded.hidden.size(), 2u);
 }
 
@@ -155,7 +156,8 @@ TEST_F(CheckpointFile, ForgedBodiesAreInputErrorsOrCheckpoints) {
     const RandomStream random(13, Purpose::test, trial);
     std::string bytes = good;
     for (std::uint32_t flip = 0; flip <= random.below(3, 100); ++flip)
-      bytes[20 + random.below(static_cast<std::uint32_t>(bytes.size() - 28), 2 * flip)] ^= static_cast<char>(1 + random.below(255, 2 * flip + 1));
+      bytes[20 + random.below(static_cast<std::uint32_t>(bytes.size() - 28), 2 * flip)] ^=
+          static_cast<char>(1 + random.below(255, 2 * flip + 1));
     try {
       decode_checkpoint(with_good_hash(bytes), "a.ckpt");
     } catch (const InputError&) {
@@ -218,7 +220,7 @@ TEST(CheckpointWeights, AnotherArchitectureIsAnInputErrorThatNamesBoth) {
   EXPECT_NE(error.find(large->architecture()), std::string::npos);
   EXPECT_NE(error.find(small->architecture()), std::string::npos);
 
-  checkpoint.architecture = small->architecture();   // lies about its shapes
+  checkpoint.architecture = small->architecture();  // lies about its shapes
   EXPECT_NE(error_of([&] { load_weights(small, checkpoint, "test.ckpt"); }).find("shape"), std::string::npos);
   checkpoint.weights = weights_of(small);
   const std::string name = checkpoint.weights.rbegin()->first;
@@ -229,14 +231,15 @@ TEST(CheckpointWeights, AnotherArchitectureIsAnInputErrorThatNamesBoth) {
   EXPECT_NE(error_of([&] { load_weights(small, checkpoint, "test.ckpt"); }).find("not finite"), std::string::npos);
   checkpoint.weights.erase(name);
   EXPECT_NE(error_of([&] { load_weights(small, checkpoint, "test.ckpt"); }).find(name), std::string::npos);
-  for (const auto& [key, tensor] : weights_of(small)) EXPECT_TRUE(same_bits(tensor, before.at(key))) << key;   // refused as a whole
+  for (const auto& [key, tensor] : weights_of(small)) EXPECT_TRUE(same_bits(tensor, before.at(key))) << key;  // refused as a whole
 }
 
 /// One step on gradients that are a function of the step, like any training.
 void train_step(ActorCritic& policy, torch::optim::Adam& optimizer, int step) {
   std::int64_t index = 0;
   for (auto& parameter : policy->parameters()) {
-    parameter.mutable_grad() = torch::sin(torch::arange(parameter.numel(), torch::kFloat32) + static_cast<double>(step + 10 * index++)).reshape(parameter.sizes());
+    parameter.mutable_grad() =
+        torch::sin(torch::arange(parameter.numel(), torch::kFloat32) + static_cast<double>(step + 10 * index++)).reshape(parameter.sizes());
   }
   optimizer.step();
 }
@@ -257,7 +260,7 @@ TEST(CheckpointOptimizer, ResumedAdamGoesOnWithTheSameBits) {
 
   ActorCritic resumed = small_policy(8, 2);
   torch::optim::Adam second(resumed->parameters(), options);
-  train_step(resumed, second, 99);   // what was there before must not shine through
+  train_step(resumed, second, 99);  // what was there before must not shine through
   const Checkpoint loaded = load_checkpoint(folder.path() / "a.ckpt");
   load_weights(resumed, loaded, "a.ckpt");
   ActorCritic forgetful = small_policy(8, 2);
@@ -271,7 +274,7 @@ TEST(CheckpointOptimizer, ResumedAdamGoesOnWithTheSameBits) {
   const auto expected = weights_of(unbroken), actual = weights_of(resumed), without = weights_of(forgetful);
   for (const auto& [name, tensor] : expected) {
     EXPECT_TRUE(same_bits(tensor, actual.at(name))) << name;
-    EXPECT_FALSE(same_bits(tensor, without.at(name))) << name;   // the test would see a lost state
+    EXPECT_FALSE(same_bits(tensor, without.at(name))) << name;  // the test would see a lost state
   }
 }
 
@@ -295,7 +298,7 @@ TEST(CheckpointOptimizer, WrongStateIsAnInputErrorAndChangesNothing) {
   expect_refused([&](State& state) { state["stranger.step"] = torch::tensor(1, torch::kInt64); }, "does not have");
   const auto after = optimizer_state_of(policy, optimizer);
   for (const auto& [key, tensor] : good.optimizer) EXPECT_TRUE(same_bits(tensor, after.at(key))) << key;
-  load_optimizer_state(policy, optimizer, Checkpoint{});   // an export has none: Adam starts anew
+  load_optimizer_state(policy, optimizer, Checkpoint{});  // an export has none: Adam starts anew
   EXPECT_TRUE(optimizer_state_of(policy, optimizer).empty());
 }
 

@@ -31,12 +31,13 @@ T addend(int rank, std::size_t i) {
   return static_cast<T>(std::ldexp(unit, static_cast<int>(bits % 9) - 4));
 }
 
-/// The stated order, written down a second time: rank order below 64 KiB, else segment k of the ring starts at rank k; segments are cut at n k / P,
-/// rounded down to 16 elements.
+/// The stated order, written down a second time: rank order below 64 KiB, else segment k of the ring starts at rank k; segments are cut at
+/// n k / P, rounded down to 16 elements.
 int first_rank(std::size_t i, std::size_t count, std::size_t element_bytes, int world_size) {
   if (count * element_bytes < 65536) return 0;
   int segment = 0;
-  while (segment + 1 < world_size && i >= count * static_cast<std::size_t>(segment + 1) / static_cast<std::size_t>(world_size) / 16 * 16) ++segment;
+  while (segment + 1 < world_size && i >= count * static_cast<std::size_t>(segment + 1) / static_cast<std::size_t>(world_size) / 16 * 16)
+    ++segment;
   return segment;
 }
 
@@ -137,7 +138,9 @@ TEST_P(RingOf, BroadcastGatherAndBarrier) {
         if (bytes[i] != std::byte(i * 31 >> 3 & 0xFF)) return false;
     }
     for (const std::size_t size : {0, 3, 3000000}) {
-      const auto share = [&](int of) { return std::string(size * static_cast<std::size_t>(of), static_cast<char>('a' + of)); };  // rank 0's is empty
+      const auto share = [&](int of) {
+        return std::string(size * static_cast<std::size_t>(of), static_cast<char>('a' + of));
+      };  // rank 0's is empty
       const auto shares = ring->all_gather(share(rank));
       if (static_cast<int>(shares.size()) != GetParam()) return false;
       for (int of = 0; of < GetParam(); ++of)
@@ -208,15 +211,16 @@ TEST_P(RingOf, AnotherSizeOnOneWorkerIsAnErrorOnAll) {
     WorkerProcesses workers(GetParam(), [&](int rank) {
       std::unique_ptr<Collective> ring;
       std::vector<float> buffer(rank == 1 ? odd : usual);
-      const auto connect_and_sum = [&] {   // the others may fail while we still connect
+      const auto connect_and_sum = [&] {  // the others may fail while we still connect
         ring = make_zmq_ring(ring_in(folder, rank, GetParam()));
         ring->all_reduce_sum(buffer);
       };
-      return fails_with(connect_and_sum, {"worker "}) && (!ring || fails_with([&] { ring->barrier(); }, {"stopped before"}));   // and it stays that way
+      return fails_with(connect_and_sum, {"worker "}) &&
+             (!ring || fails_with([&] { ring->barrier(); }, {"stopped before"}));  // and it stays that way
     });
     const auto start = Clock::now();
     workers.expect_all_succeed();
-    EXPECT_LT(seconds_since(start), 10.0);   // by the error, not by the timeout of 20 s
+    EXPECT_LT(seconds_since(start), 10.0);  // by the error, not by the timeout of 20 s
   }
 }
 
@@ -243,7 +247,12 @@ TEST(Collective, KilledWorkerIsNamedWithinSeconds) {
       ++ready[0];
       if (rank == 1 && !within_a_sum) ::pause();
       const auto start = Clock::now();
-      return fails_with([&] { while (true) ring->all_reduce_sum(buffer); }, {"worker 1"}) && seconds_since(start) < 10;
+      return fails_with(
+                 [&] {
+                   while (true) ring->all_reduce_sum(buffer);
+                 },
+                 {"worker 1"}) &&
+             seconds_since(start) < 10;
     });
     while (ready[0] < 3) std::this_thread::sleep_for(std::chrono::milliseconds(5));
     std::this_thread::sleep_for(std::chrono::milliseconds(150));
@@ -251,7 +260,7 @@ TEST(Collective, KilledWorkerIsNamedWithinSeconds) {
     const auto killed = Clock::now();
     EXPECT_EQ(workers.wait(0), 0);
     EXPECT_EQ(workers.wait(2), 0);
-    EXPECT_LT(seconds_since(killed), 5.0);   // 0.3 s of grace for last words, the rest for a loaded machine
+    EXPECT_LT(seconds_since(killed), 5.0);  // 0.3 s of grace for last words, the rest for a loaded machine
   }
 }
 
@@ -264,26 +273,30 @@ TEST(Collective, StoppedWorkerIsNamedAfterFourHeartbeats) {
     const auto ring = make_zmq_ring(config);
     std::vector<float> buffer(1000000);
     ++ready[0];
-    return fails_with([&] { while (true) ring->all_reduce_sum(buffer); }, {"worker 1"});
+    return fails_with(
+        [&] {
+          while (true) ring->all_reduce_sum(buffer);
+        },
+        {"worker 1"});
   });
   while (ready[0] < 3) std::this_thread::sleep_for(std::chrono::milliseconds(5));
   ::kill(workers.pid(1), SIGSTOP);
   const auto stopped = Clock::now();
   EXPECT_EQ(workers.wait(0), 0);
   EXPECT_EQ(workers.wait(2), 0);
-  EXPECT_LT(seconds_since(stopped), 5.0);   // 4 x 0.2 s, one interval until the next beat, 0.3 s of grace
+  EXPECT_LT(seconds_since(stopped), 5.0);  // 4 x 0.2 s, one interval until the next beat, 0.3 s of grace
 }
 
 TEST(Collective, BusyWorkerIsNamedAfterTheTimeout) {
   const PrivateTestFolder folders[2];
-  const std::size_t counts[2] = {10, 1000000};   // one hop, ring
+  const std::size_t counts[2] = {10, 1000000};  // one hop, ring
   WorkerProcesses workers(4, [&](int process) {
     const int rank = process % 2;
     RingConfig config = ring_in(folders[process / 2], rank, 2);
     config.timeout = std::chrono::milliseconds(1000);
     const auto ring = make_zmq_ring(config);
     std::vector<float> buffer(counts[process / 2]);
-    if (rank == 1) {   // alive, its heart beats, but it does not come
+    if (rank == 1) {  // alive, its heart beats, but it does not come
       std::this_thread::sleep_for(std::chrono::milliseconds(1600));
       return fails_with([&] { ring->all_reduce_sum(buffer); }, {"worker 0"});
     }
@@ -300,7 +313,7 @@ TEST(Collective, WorkerThatHasFinishedIsNamedByTheNextCall) {
     std::vector<float> buffer(300000, 1.0f);
     if (rank == 1) {
       ring->all_reduce_sum(buffer);
-      return buffer[0] == 3.0f;   // leaves in peace, maybe before the others have their sums
+      return buffer[0] == 3.0f;  // leaves in peace, maybe before the others have their sums
     }
     // A slow worker may learn it while it still collects its sum: the faster one is at the barrier by then and stops the run.
     return fails_with([&] { ring->all_reduce_sum(buffer), ring->barrier(); }, {"worker 1", "has left"});
@@ -315,7 +328,8 @@ TEST(Collective, PeerThatBreaksTheProtocolIsNamed) {
     if (rank == 0) return fails_with([&] { make_zmq_ring(config); }, {"worker 1", "breaks the protocol"});
     // A worker by its introduction, a babbler from then on.
     zmq::context_t context;
-    zmq::socket_t control(context, zmq::socket_type::router), bulk(context, zmq::socket_type::router), out(context, zmq::socket_type::dealer);
+    zmq::socket_t control(context, zmq::socket_type::router), bulk(context, zmq::socket_type::router),
+        out(context, zmq::socket_type::dealer);
     control.bind(listening_address(config, "control"));
     bulk.bind(listening_address(config, "bulk"));
     const PeerTable table = meet(context, config, listening_address(config, "control"), listening_address(config, "bulk"));

@@ -33,13 +33,14 @@ TEST(EventLog, PointsComeBack) {
   EXPECT_EQ(points[1].update, 2u);
   EXPECT_EQ(points[1].env_steps, 200u);
   EXPECT_EQ(points[1].wall_s, 1.0);
-  EXPECT_EQ(points[1].values, kValues);   // in order, and a double survives the text bit for bit
+  EXPECT_EQ(points[1].values, kValues);  // in order, and a double survives the text bit for bit
 }
 
 TEST(EventLog, LinesArePlainJson) {
   const PrivateTestFolder folder;
   EventLog(folder.path()).write(1, 2, 3.5, {{"a", 0.5}, {"gone", NAN}});
-  EXPECT_EQ(read_file(folder.path() / "events.jsonl"), "{\"update\":1,\"env_steps\":2,\"wall_s\":3.5,\"values\":{\"a\":0.5,\"gone\":null}}\n");
+  EXPECT_EQ(read_file(folder.path() / "events.jsonl"),
+            "{\"update\":1,\"env_steps\":2,\"wall_s\":3.5,\"values\":{\"a\":0.5,\"gone\":null}}\n");
   EXPECT_TRUE(std::isnan(read_event_log(folder.path() / "events.jsonl")[0].values[1].second));
 }
 
@@ -53,7 +54,7 @@ TEST(EventLog, TornLastLineIsIgnored) {
     std::ofstream(file, std::ios::binary) << whole.substr(0, length);
     ASSERT_EQ(read_event_log(file).size(), 2u) << length;
   }
-  append(file, std::string(30, '\0') + "\n");   // what a crashed machine may leave
+  append(file, std::string(30, '\0') + "\n");  // what a crashed machine may leave
   EXPECT_EQ(read_event_log(file).size(), 2u);
 }
 
@@ -62,7 +63,7 @@ TEST(EventLog, ResumeCutsOffTheFutureAndTornLines) {
   const auto file = folder.path() / "events.jsonl";
   write_points(folder.path(), 1, 5, 0);
   append(file, "{\"update\":6,\"env_st");
-  write_points(folder.path(), 4, 4, 3);   // goes on after update 3
+  write_points(folder.path(), 4, 4, 3);  // goes on after update 3
   std::vector<std::uint64_t> updates;
   for (const auto& point : read_event_log(file)) updates.push_back(point.update);
   EXPECT_EQ(updates, (std::vector<std::uint64_t>{1, 2, 3, 4}));
@@ -82,7 +83,7 @@ TEST(EventLog, AnotherFileIsAnInputError) {
       EXPECT_NE(std::string(error.what()).find("events.jsonl:3"), std::string::npos) << error.what();
     }
     EXPECT_THROW(EventLog(folder.path(), 1), InputError);
-    EXPECT_EQ(read_file(file), lines + bad + lines);   // and is left alone
+    EXPECT_EQ(read_file(file), lines + bad + lines);  // and is left alone
   }
   EXPECT_THROW(read_event_log(folder.path() / "none.jsonl"), InputError);
 }
@@ -92,7 +93,7 @@ TEST(EventLog, FullDiskLeavesWholeLines) {
   const pid_t pid = WorkerProcesses::start(0, [&](int) {
     EventLog log(folder.path());
     ::signal(SIGXFSZ, SIG_IGN);
-    const rlimit limit{1000, 1000};   // bytes in any file
+    const rlimit limit{1000, 1000};  // bytes in any file
     ::setrlimit(RLIMIT_FSIZE, &limit);
     try {
       for (std::uint64_t update = 1; update < 100; ++update) log.write(update, update, 1, kValues);
@@ -164,23 +165,33 @@ DecodedEvent decode_event(const std::string& bytes) {
   DecodedEvent event;
   for (Decoder fields(bytes); !fields.done();) {
     switch (fields.varint()) {
-      case 0x09: event.wall_time = fields.fixed<double>(); break;          // field 1, 64 bit
-      case 0x10: event.step = fields.varint(); break;                      // field 2, varint
-      case 0x1A: event.file_version = fields.take(fields.varint()); break; // field 3, bytes
-      case 0x3A: event.session_start = fields.take(fields.varint()) == "\x08\x01"; break;
-      case 0x2A: {                                                         // field 5: summary
+      case 0x09:
+        event.wall_time = fields.fixed<double>();
+        break;  // field 1, 64 bit
+      case 0x10:
+        event.step = fields.varint();
+        break;  // field 2, varint
+      case 0x1A:
+        event.file_version = fields.take(fields.varint());
+        break;  // field 3, bytes
+      case 0x3A:
+        event.session_start = fields.take(fields.varint()) == "\x08\x01";
+        break;
+      case 0x2A: {  // field 5: summary
         for (Decoder summary(fields.take(fields.varint())); !summary.done();) {
-          EXPECT_EQ(summary.varint(), 0x0Au);                              // value
+          EXPECT_EQ(summary.varint(), 0x0Au);  // value
           Decoder value(summary.take(summary.varint()));
-          EXPECT_EQ(value.varint(), 0x0Au);                                // tag
+          EXPECT_EQ(value.varint(), 0x0Au);  // tag
           const std::string tag = value.take(value.varint());
-          EXPECT_EQ(value.varint(), 0x15u);                                // simple_value, 32 bit
+          EXPECT_EQ(value.varint(), 0x15u);  // simple_value, 32 bit
           event.scalars[tag] = value.fixed<float>();
           EXPECT_TRUE(value.done());
         }
         break;
       }
-      default: ADD_FAILURE() << "unknown field"; return event;
+      default:
+        ADD_FAILURE() << "unknown field";
+        return event;
     }
   }
   return event;
@@ -231,7 +242,7 @@ TEST(TensorBoard, TwoStartsWithinASecondGiveTwoFilesAndTheLogWritesThem) {
   EXPECT_EQ(decode_file(files[0]).back().step, 500u);
   const auto resumed = decode_file(files[1]);
   EXPECT_TRUE(resumed[1].session_start);
-  EXPECT_EQ(resumed[1].step, 301u);   // points up to step 300 stand
+  EXPECT_EQ(resumed[1].step, 301u);  // points up to step 300 stand
   EXPECT_EQ(resumed[2].step, 400u);
 }
 

@@ -64,8 +64,9 @@ TEST(Rendezvous, StrangersAreToldWhyAndDisturbNobody) {
     ring->all_reduce_sum(buffer);
     return buffer[7] == 3.0f;
   });
-  while (!std::filesystem::exists(folder.path() / "meet") || !std::filesystem::exists(folder.path() / "meet.1.bulk")) std::this_thread::sleep_for(milliseconds(5));
-  std::this_thread::sleep_for(milliseconds(100));   // worker 1 has said hello
+  while (!std::filesystem::exists(folder.path() / "meet") || !std::filesystem::exists(folder.path() / "meet.1.bulk"))
+    std::this_thread::sleep_for(milliseconds(5));
+  std::this_thread::sleep_for(milliseconds(100));  // worker 1 has said hello
 
   Hello hello{kWireVersion, "test-run", 2, 3, address + ".2.control", address + ".2.bulk"};
   const auto refusal = [&](auto change) {
@@ -95,7 +96,7 @@ TEST(Rendezvous, StrangersOnTheDataPortsAreCountedAndIgnored) {
   WorkerProcesses workers(2, [&](int rank) {
     ZmqRing ring(ring_in(folder, rank, 2));
     double over = 0;
-    while (over < 2) {   // until both have seen the end of the noise
+    while (over < 2) {  // until both have seen the end of the noise
       std::vector<float> buffer(300000, 1.0f);
       ring.all_reduce_sum(buffer);
       for (const float value : buffer)
@@ -106,7 +107,8 @@ TEST(Rendezvous, StrangersOnTheDataPortsAreCountedAndIgnored) {
     strangers[static_cast<std::size_t>(rank)] = ring.strangers();
     return true;
   });
-  while (!std::filesystem::exists(folder.path() / "meet.1.bulk") || !std::filesystem::exists(folder.path() / "meet.0.bulk")) std::this_thread::sleep_for(milliseconds(5));
+  while (!std::filesystem::exists(folder.path() / "meet.1.bulk") || !std::filesystem::exists(folder.path() / "meet.0.bulk"))
+    std::this_thread::sleep_for(milliseconds(5));
   std::this_thread::sleep_for(milliseconds(50));
   {
     zmq::context_t context;
@@ -122,7 +124,7 @@ TEST(Rendezvous, StrangersOnTheDataPortsAreCountedAndIgnored) {
         socket.send(zmq::str_buffer(""), zmq::send_flags::none);
       }
       for (int i = 0; i < 9; ++i) socket.send(zmq::str_buffer("part"), i < 8 ? zmq::send_flags::sndmore : zmq::send_flags::none);
-      socket.send(zmq::buffer(large), zmq::send_flags::dontwait);   // over the size limit: libzmq hangs up on us
+      socket.send(zmq::buffer(large), zmq::send_flags::dontwait);  // over the size limit: libzmq hangs up on us
     }
     std::this_thread::sleep_for(milliseconds(200));
   }

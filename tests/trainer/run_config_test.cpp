@@ -53,7 +53,8 @@ TEST(RunConfig, SeedReachesEnvAndPolicyUnlessTheySayOtherwise) {
 TEST(RunConfig, ShippedConfigsAreValid) {
   std::filesystem::current_path(EARSHOT_SOURCE_DIR);
   for (const char* name : {"quick", "small_house", "avnav"})
-    EXPECT_NO_THROW(load_run_config(std::filesystem::path(EARSHOT_SOURCE_DIR) / "configs/train" / (std::string(name) + ".yaml"), {})) << name;
+    EXPECT_NO_THROW(load_run_config(std::filesystem::path(EARSHOT_SOURCE_DIR) / "configs/train" / (std::string(name) + ".yaml"), {}))
+        << name;
 }
 
 }  // namespace

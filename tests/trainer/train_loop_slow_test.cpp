@@ -1,5 +1,3 @@
-#include "trainer/train_loop.h"
-
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -7,6 +5,7 @@
 
 #include "trainer/checkpoint.h"
 #include "trainer/evaluator.h"
+#include "trainer/train_loop.h"
 
 namespace earshot {
 namespace {
@@ -14,13 +13,18 @@ namespace {
 /// A run that takes seconds: one small house, tiny images and network.
 std::string tiny_yaml(const std::filesystem::path& folder) {
   return "name: tiny\nseed: 3\nenvs_per_worker: 3\nrollout_steps: 8\ncheckpoint_every: 2\neval_envs: 2\nout: " + folder.string() +
-         "\nenv:\n  task: {max_steps: 12}\n  observation: {camera: {width_px: 40, height_px: 40}}\n  acoustics: {rays: 4, rir_length_s: 0.1, early_order: 1}\n"
+         "\nenv:\n  task: {max_steps: 12}\n  observation: {camera: {width_px: 40, height_px: 40}}\n  acoustics: {rays: 4, rir_length_s: "
+         "0.1, early_order: 1}\n"
          "policy: {hidden_size: 16, visual_features: 16, audio_features: 16, conv_channels: 4}\n"
          "ppo: {learning_rate: 1.0e-3, epochs: 2, minibatches: 2}\n"
-         "data:\n  train: {file: " + (folder / "train.json.gz").string() +
-         ", scenes: [\"house:5,rooms=2,area_m2=20\"], episodes_per_scene: 12, sounds: [\"synth:telephone\", \"synth:bird\"], filter: {min_geodesic_m: 1, min_ratio: 1}}\n"
-         "  eval: {file: " + (folder / "eval.json.gz").string() +
-         ", scenes: [\"house:6,rooms=2,area_m2=20\"], episodes_per_scene: 5, sounds: [\"synth:alarm\"], filter: {min_geodesic_m: 1, min_ratio: 1}}\n";
+         "data:\n  train: {file: " +
+         (folder / "train.json.gz").string() +
+         ", scenes: [\"house:5,rooms=2,area_m2=20\"], episodes_per_scene: 12, sounds: [\"synth:telephone\", \"synth:bird\"], filter: "
+         "{min_geodesic_m: 1, min_ratio: 1}}\n"
+         "  eval: {file: " +
+         (folder / "eval.json.gz").string() +
+         ", scenes: [\"house:6,rooms=2,area_m2=20\"], episodes_per_scene: 5, sounds: [\"synth:alarm\"], filter: {min_geodesic_m: 1, "
+         "min_ratio: 1}}\n";
 }
 
 class TrainLoop : public testing::Test {
@@ -55,7 +59,8 @@ class TrainLoop : public testing::Test {
   std::string yaml_;
 };
 
-// The unbroken run and the one that stopped in the middle of its episodes and went on: every weight, Adam moment, hidden state and env cursor, bit for bit.
+// The unbroken run and the one that stopped in the middle of its episodes and went on: every weight, Adam moment, hidden state and env
+// cursor, bit for bit.
 TEST_F(TrainLoop, ResumeGivesTheBitsOfTheUnbrokenRun) {
   const Checkpoint unbroken = run("unbroken", 5);
   run("first", 3);

@@ -54,17 +54,18 @@ TEST(WorkerGroupCopy, Acts) {
     note("rendezvous", config->rendezvous);
     std::_Exit(buffer[0] == 7.0 && alone ? 0 : 11);
   }
-  if (role == "fail") {   // rank 1 fails, the others would stay
+  if (role == "fail") {  // rank 1 fails, the others would stay
     note("pid" + std::to_string(rank), std::to_string(::getpid()));
     if (rank != 1) ::pause();
-    while (!std::filesystem::exists(notes() / "pid0") || !std::filesystem::exists(notes() / "pid2")) std::this_thread::sleep_for(milliseconds(5));
+    while (!std::filesystem::exists(notes() / "pid0") || !std::filesystem::exists(notes() / "pid2"))
+      std::this_thread::sleep_for(milliseconds(5));
     std::_Exit(5);
   }
   if (role == "killed") {
     if (rank == 1) ::raise(SIGKILL);
     ::pause();
   }
-  if (role == "stubborn") {   // does not listen to SIGTERM
+  if (role == "stubborn") {  // does not listen to SIGTERM
     ::signal(SIGTERM, SIG_IGN);
     note("pid" + std::to_string(rank), std::to_string(::getpid()));
     if (rank == 0) {
@@ -73,7 +74,7 @@ TEST(WorkerGroupCopy, Acts) {
     }
     while (true) ::pause();
   }
-  if (role == "polite") {   // ends in order when asked to
+  if (role == "polite") {  // ends in order when asked to
     ::signal(SIGTERM, [](int) { caught = 1; });
     note("pid" + std::to_string(rank), std::to_string(::getpid()));
     while (caught == 0) std::this_thread::sleep_for(milliseconds(5));
@@ -90,7 +91,7 @@ class WorkerGroup : public testing::Test {
  protected:
   WorkerGroup() {
     ::setenv("EARSHOT_TEST_NOTES", folder_.path().c_str(), 1);
-    ::setenv("TMPDIR", folder_.path().c_str(), 1);   // what a killed parent leaves there goes with the test
+    ::setenv("TMPDIR", folder_.path().c_str(), 1);  // what a killed parent leaves there goes with the test
   }
   [[nodiscard]] bool exists(const std::string& name) const { return std::filesystem::exists(folder_.path() / name); }
   [[nodiscard]] std::string read(const std::string& name) const { return read_file(folder_.path() / name); }
@@ -98,7 +99,7 @@ class WorkerGroup : public testing::Test {
   void wait_for(const std::string& name) const {
     while (!exists(name)) std::this_thread::sleep_for(milliseconds(5));
   }
-  static bool is_running(pid_t pid) {   // a zombie is not
+  static bool is_running(pid_t pid) {  // a zombie is not
     std::ifstream file("/proc/" + std::to_string(pid) + "/stat");
     std::string line;
     if (!std::getline(file, line)) return false;
@@ -114,7 +115,7 @@ class WorkerGroup : public testing::Test {
 };
 
 TEST_F(WorkerGroup, WorkersMeetAndLeaveNothingBehind) {
-  ::setenv("OMP_NUM_THREADS", "3", 1);   // the caller's choice stands; OpenBLAS's is made for it
+  ::setenv("OMP_NUM_THREADS", "3", 1);  // the caller's choice stands; OpenBLAS's is made for it
   ::unsetenv("OPENBLAS_NUM_THREADS");
   EXPECT_EQ(spawn(3, "sum"), 0);
   const std::string rendezvous = read("rendezvous");
@@ -125,7 +126,7 @@ TEST_F(WorkerGroup, WorkersMeetAndLeaveNothingBehind) {
 TEST_F(WorkerGroup, FirstFailureStopsTheOthersAndGivesItsCode) {
   const auto start = Clock::now();
   EXPECT_EQ(spawn(3, "fail", std::chrono::seconds(40)), 5);
-  EXPECT_LT(seconds_since(start), 30.0);   // SIGTERM sufficed; most of it is the start of three programs
+  EXPECT_LT(seconds_since(start), 30.0);  // SIGTERM sufficed; most of it is the start of three programs
   EXPECT_FALSE(is_running(pid(0)));
   EXPECT_FALSE(is_running(pid(2)));
 }

@@ -21,7 +21,8 @@ TEST(Bands, OctavesHaveExactMidbandsAndEndAtNyquist) {
   }
   for (int i = 0; i < 6; ++i) {
     EXPECT_NEAR(bands.edge_hz[i + 1] / bands.edge_hz[i], 1.995262, 1e-5);  // 10^0.3
-    EXPECT_NEAR(bands.edge_hz[i] * bands.edge_hz[i + 1], bands.centre_hz[i] * bands.centre_hz[i], 1e-4 * bands.centre_hz[i] * bands.centre_hz[i]);
+    EXPECT_NEAR(bands.edge_hz[i] * bands.edge_hz[i + 1], bands.centre_hz[i] * bands.centre_hz[i],
+                1e-4 * bands.centre_hz[i] * bands.centre_hz[i]);
   }
   EXPECT_EQ(bands.edge_hz[7], 8000.f);
 }

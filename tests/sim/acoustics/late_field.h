@@ -27,8 +27,8 @@ Sample over_seeds(int count, AcousticConfig config, Measure measure) {
   return {mean, std::sqrt(std::max(0.0, squares / count - mean * mean) / (count - 1))};
 }
 
-inline EnergyHistogram late_field(const std::shared_ptr<const Scene>& room, const AcousticConfig& config, glm::vec3 source, glm::vec3 listener,
-                           TraceStats* stats = nullptr) {
+inline EnergyHistogram late_field(const std::shared_ptr<const Scene>& room, const AcousticConfig& config, glm::vec3 source,
+                                  glm::vec3 listener, TraceStats* stats = nullptr) {
   const AcousticScene scene(room, config);
   EnergyHistogram histogram = make_histogram(scene);
   const TraceStats result = trace_late(scene, source, listener, histogram);

@@ -38,8 +38,8 @@ TEST(PathTracerSlow, EarlyOnAndOffHoldTheSameEnergy) {
     });
   };
   const Sample off = energy(Switch::off), on = energy(Switch::automatic);
-  EXPECT_NEAR(10 * std::log10(on.mean / off.mean), 0.0, 0.05) << "standard errors " << on.standard_error / on.mean << ", "
-                                                              << off.standard_error / off.mean;
+  EXPECT_NEAR(10 * std::log10(on.mean / off.mean), 0.0, 0.05)
+      << "standard errors " << on.standard_error / on.mean << ", " << off.standard_error / off.mean;
 }
 
 TEST(PathTracerSlow, BandsWithTheirOwnScatteringAreUnbiased) {
@@ -92,8 +92,8 @@ TEST(PathTracerSlow, LambertDecayTimesO10) {
     const char* name;
     double x, y, z, absorption, t60_s;
   };
-  const Case cases[] = {{"SHOE1", 5, 4, 3, 0.1, 0.99755},     {"SHOE1", 5, 4, 3, 0.2, 0.48135},   {"SHOE1", 5, 4, 3, 0.5, 0.1661},
-                        {"CUBE10", 10, 10, 10, 0.1, 2.6036},  {"CUBE10", 10, 10, 10, 0.5, 0.43193}, {"HALL", 30, 20, 12, 0.15, 3.0771}};
+  const Case cases[] = {{"SHOE1", 5, 4, 3, 0.1, 0.99755},    {"SHOE1", 5, 4, 3, 0.2, 0.48135},     {"SHOE1", 5, 4, 3, 0.5, 0.1661},
+                        {"CUBE10", 10, 10, 10, 0.1, 2.6036}, {"CUBE10", 10, 10, 10, 0.5, 0.43193}, {"HALL", 30, 20, 12, 0.15, 3.0771}};
   for (const Case& c : cases) {
     AcousticConfig config = plain_config();
     config.rays = 4000;
@@ -101,8 +101,8 @@ TEST(PathTracerSlow, LambertDecayTimesO10) {
     config.time_bin_s = static_cast<float>(c.t60_s / 500);
     const auto room = rooms::box(c.x, c.y, c.z, rooms::uniform_walls(c.absorption, 1));
     const double t60_s = decay_time_s(
-        late_field(room, config, rooms::point(0.24 * c.x, 0.375 * c.y, 0.37 * c.z), rooms::point(0.76 * c.x, 0.575 * c.y, 0.53 * c.z)),
-        -8, -35);
+        late_field(room, config, rooms::point(0.24 * c.x, 0.375 * c.y, 0.37 * c.z), rooms::point(0.76 * c.x, 0.575 * c.y, 0.53 * c.z)), -8,
+        -35);
     // 4000 rays leave 0.3 %; Eyring is 2 to 12 % lower and must fail.
     EXPECT_NEAR(t60_s, c.t60_s, 0.02 * c.t60_s) << c.name << " " << c.absorption;
   }
@@ -221,7 +221,8 @@ TEST(PathTracerSlow, ReciprocityO17) {
     }
     return result;
   };
-  const auto there = run(rooms::shoe1_source(), rooms::shoe1_listener(), 1), back = run(rooms::shoe1_listener(), rooms::shoe1_source(), 101);
+  const auto there = run(rooms::shoe1_source(), rooms::shoe1_listener(), 1),
+             back = run(rooms::shoe1_listener(), rooms::shoe1_source(), 101);
   for (int w = 0; w < windows; ++w) {
     EXPECT_NEAR(there[w].mean, back[w].mean, 4 * std::hypot(there[w].standard_error, back[w].standard_error)) << 20 * w << " ms";
   }

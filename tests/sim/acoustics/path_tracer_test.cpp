@@ -14,8 +14,8 @@
 namespace earshot {
 namespace {
 
-using rooms::late_field;
 using rooms::laplace_sum;
+using rooms::late_field;
 using rooms::over_seeds;
 using rooms::plain_config;
 using rooms::Sample;
@@ -91,8 +91,7 @@ TEST(PathTracer, LosslessRoomIsFlatO18H21) {
     config.source_radius_m = 0.6f;  // a large volume: the field is uniform, so its mean is that of a point
     config.rays = c.rays;
     TraceStats stats;
-    const EnergyHistogram h =
-        late_field(rooms::shoe1(0, c.scattering), config, rooms::shoe1_source(), rooms::shoe1_listener(), &stats);
+    const EnergyHistogram h = late_field(rooms::shoe1(0, c.scattering), config, rooms::shoe1_source(), rooms::shoe1_listener(), &stats);
     double windows[3] = {};
     for (int i = 25; i < 100; ++i) windows[(i - 25) / 25] += h.energy(i, 0);
     for (const double energy : windows) {
@@ -104,13 +103,14 @@ TEST(PathTracer, LosslessRoomIsFlatO18H21) {
   }
 }
 
-// A floor between source and listener, and across it a sheet that reflects nothing and passes a tenth.  Every path over the floor crosses the sheet
-// once, before the floor or behind it, so the floor's diffuse energy (O-7, HS1) arrives with a tenth: also the mirror share, since image paths
-// pass no walls and the fast mode takes the last leg as diffuse.
+// A floor between source and listener, and across it a sheet that reflects nothing and passes a tenth.  Every path over the floor crosses
+// the sheet once, before the floor or behind it, so the floor's diffuse energy (O-7, HS1) arrives with a tenth: also the mirror share,
+// since image paths pass no walls and the fast mode takes the last leg as diffuse.
 TEST(PathTracer, LastLegsThroughWallsKeepTheMirrorShare) {
   TriangleMesh mesh;
   const double far = 3000;
-  rooms::append_quad(mesh, {rooms::point(-far, -far, 0), rooms::point(far, -far, 0), rooms::point(far, far, 0), rooms::point(-far, far, 0)}, 0);
+  rooms::append_quad(mesh, {rooms::point(-far, -far, 0), rooms::point(far, -far, 0), rooms::point(far, far, 0), rooms::point(-far, far, 0)},
+                     0);
   rooms::append_quad(mesh, {rooms::point(5, -far, 0), rooms::point(5, far, 0), rooms::point(5, far, far), rooms::point(5, -far, far)}, 1);
   const auto room = rooms::scene_of(std::move(mesh), {Material::uniform("floor", 0.f, 0.1f), Material::uniform("sheet", 1.f, 0.f, 0.1f)});
   AcousticConfig config = plain_config();
@@ -203,7 +203,8 @@ TEST(PathTracer, ScalingByPowersOfTwoKeepsBitsO19) {
     }
     ASSERT_EQ(scaled.late.num_bins(), base.late.num_bins());
     EXPECT_EQ(scaled.stats.ray_hits, base.stats.ray_hits);
-    for (int i = 0; i < base.late.num_bins(); ++i) EXPECT_EQ(scaled.late.energy(i, 0), base.late.energy(i, 0) / (k * k)) << scale << " bin " << i;
+    for (int i = 0; i < base.late.num_bins(); ++i)
+      EXPECT_EQ(scaled.late.energy(i, 0), base.late.energy(i, 0) / (k * k)) << scale << " bin " << i;
   }
 }
 

@@ -84,7 +84,8 @@ TEST(ConfigReader, BrokenYamlSaysWhere) {
 
 // Bytes of a valid text changed at random: every outcome is a value or an InputError, never another exception or a crash.
 TEST(ConfigReader, MutatedTextNeverEscapesAsAnotherException) {
-  const std::string valid = "mesh: room.glb\nair: {temperature_c: 20, humidity_percent: 50}\nassign:\n  \"wall*\": brick\nlist: [1, 2, 3]\n";
+  const std::string valid =
+      "mesh: room.glb\nair: {temperature_c: 20, humidity_percent: 50}\nassign:\n  \"wall*\": brick\nlist: [1, 2, 3]\n";
   for (std::uint32_t round = 0; round < 2000; ++round) {
     const RandomStream random(11, Purpose::test, round);
     std::string text = valid;

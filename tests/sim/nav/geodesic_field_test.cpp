@@ -145,7 +145,9 @@ class GridOracle {
 
  private:
   static constexpr float kCellM = 0.03f;
-  [[nodiscard]] glm::vec3 at(int x, int z) const { return lower_ + glm::vec3(kCellM * static_cast<float>(x), 0, kCellM * static_cast<float>(z)); }
+  [[nodiscard]] glm::vec3 at(int x, int z) const {
+    return lower_ + glm::vec3(kCellM * static_cast<float>(x), 0, kCellM * static_cast<float>(z));
+  }
   [[nodiscard]] std::size_t index(int x, int z) const { return static_cast<std::size_t>(z * columns_ + x); }
   [[nodiscard]] bool is_free_between(int x, int z, int dx, int dz) const {
     const int samples = 2 * std::max(std::abs(dx), std::abs(dz));
@@ -220,7 +222,7 @@ TEST_F(HouseField, IsNeverLongerThanDetoursCorridor) {
     const auto corridor_m = corridor_length_m(nav_, a, b);
     ASSERT_TRUE(corridor_m);
     const double shortest_m = static_cast<double>(nav_.path_length_m(a, b).value());
-    EXPECT_LE(shortest_m, *corridor_m + 0.01);         // up to ten corners, 1 mm each
+    EXPECT_LE(shortest_m, *corridor_m + 0.01);  // up to ten corners, 1 mm each
     EXPECT_GE(shortest_m, 0.6 * *corridor_m - 0.01);
     same += shortest_m > 0.99 * *corridor_m - 0.01;
   }

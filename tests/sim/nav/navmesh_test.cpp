@@ -49,7 +49,8 @@ TEST(Navmesh, ObstaclesAreCutOut) {
   EXPECT_FALSE(nav.snap({3, 0, 2}, 0.5f));
   const auto beside = nav.snap({3, 0, 2}, 2.f);
   ASSERT_TRUE(beside);
-  EXPECT_NEAR(std::min({std::abs(beside->x - 2), std::abs(beside->x - 4), std::abs(beside->z - 1), std::abs(beside->z - 3)}), 0.125f, 0.075f);
+  EXPECT_NEAR(std::min({std::abs(beside->x - 2), std::abs(beside->x - 4), std::abs(beside->z - 1), std::abs(beside->z - 3)}), 0.125f,
+              0.075f);
 }
 
 TEST(Navmesh, SnapKeepsToItsReach) {
@@ -66,9 +67,9 @@ TEST(Navmesh, SnapKeepsToItsReach) {
 
 TEST(Navmesh, LowCeilingsAndStepsLimitTheAgent) {
   TriangleMesh mesh = floor_with(8, 4, {});
-  append_block(mesh, 5, 0.01f, 7, 3.99f, 1.6f, 1.4f);   // a beam 1.4 m above the floor: too low for 1.5 m
-  append_block(mesh, 1, 1, 2, 2, 0.15f);                // a step of 15 cm can be climbed,
-  append_block(mesh, 3, 1, 4, 2, 0.30f);                // one of 30 cm cannot
+  append_block(mesh, 5, 0.01f, 7, 3.99f, 1.6f, 1.4f);  // a beam 1.4 m above the floor: too low for 1.5 m
+  append_block(mesh, 1, 1, 2, 2, 0.15f);               // a step of 15 cm can be climbed,
+  append_block(mesh, 3, 1, 4, 2, 0.30f);               // one of 30 cm cannot
   const Navmesh nav(mesh, {});
   EXPECT_FALSE(nav.snap({6, 0, 2}, 0.3f));
   EXPECT_TRUE(nav.path_length_m({0.5f, 0, 3.5f}, {1.5f, 0.15f, 1.5f}));
@@ -129,7 +130,8 @@ TEST(Navmesh, InsideOutMeshesStillHaveAFloor) {
 TEST(Navmesh, MainIslandIsIndoorsNotTheRoof) {
   TriangleMesh mesh;
   append_floor(mesh, 0, 0, 6, 6);
-  for (const Block& wall : {Block{0, 0, 0.2f, 6}, {5.8f, 0, 6, 6}, {0, 0, 6, 0.2f}, {0, 5.8f, 6, 6}}) append_block(mesh, wall.x0, wall.z0, wall.x1, wall.z1);
+  for (const Block& wall : {Block{0, 0, 0.2f, 6}, {5.8f, 0, 6, 6}, {0, 0, 6, 0.2f}, {0, 5.8f, 6, 6}})
+    append_block(mesh, wall.x0, wall.z0, wall.x1, wall.z1);
   append_block(mesh, -1, -1, 7, 7, 2.7f, 2.45f);  // larger than the floor, and flat
   const Navmesh nav(mesh, {});
   const RandomStream random(7, Purpose::test);

@@ -114,8 +114,25 @@ TEST(HouseGenerator, ReadsItsSettings) {
 }
 
 TEST(HouseGenerator, RefusesBadSettings) {
-  for (const char* text : {"", "x", "-1", "1.5", "3,rooms=17", "3,rooms=-1", "3,rooms=two", "3,rooms", "3,area_m2=5", "3,area_m2=nan",
-                           "3,area_m2=401", "3,height_m=2", "3,height_m=inf", "3,furnished=maybe", "3,detail_m=0.04", "3,detail_m=11", "3,detail_m=nan", "3,room=2", "3,rooms=16,area_m2=40",
+  for (const char* text : {"",
+                           "x",
+                           "-1",
+                           "1.5",
+                           "3,rooms=17",
+                           "3,rooms=-1",
+                           "3,rooms=two",
+                           "3,rooms",
+                           "3,area_m2=5",
+                           "3,area_m2=nan",
+                           "3,area_m2=401",
+                           "3,height_m=2",
+                           "3,height_m=inf",
+                           "3,furnished=maybe",
+                           "3,detail_m=0.04",
+                           "3,detail_m=11",
+                           "3,detail_m=nan",
+                           "3,room=2",
+                           "3,rooms=16,area_m2=40",
                            "18446744073709551616"})
     EXPECT_THROW(parse_house(text), InputError) << text;
   EXPECT_THROW(generate_house({.rooms = 99}), InputError);
@@ -177,8 +194,7 @@ TEST(HouseGenerator, EnclosedVolumeIsThatOfRoomsAndDoorways) {
       EXPECT_NEAR(door.upper.y, 2.05f, 1e-6f);
       EXPECT_GE(std::max(door.upper.x - door.lower.x, door.upper.z - door.lower.z), 0.9f - 1e-5f);
     }
-    const double expected_m3 =
-        (floor_area_m2(mesh) - doorways_m2) * static_cast<double>(config.height_m) + doorways_m2 * 2.05;
+    const double expected_m3 = (floor_area_m2(mesh) - doorways_m2) * static_cast<double>(config.height_m) + doorways_m2 * 2.05;
     EXPECT_NEAR(volume_m3, expected_m3, 1e-4 * expected_m3) << spec;  // float rounding of a thousand products
   }
 }

@@ -17,7 +17,8 @@ struct TestBox {
 
 Scene scene_of(const std::vector<TestBox>& boxes) {
   TriangleMesh mesh;
-  for (const TestBox& box : boxes) append_box(mesh, box.lower, box.upper, intern(mesh.material_names, "plain"), intern(mesh.object_names, "box_0"));
+  for (const TestBox& box : boxes)
+    append_box(mesh, box.lower, box.upper, intern(mesh.material_names, "plain"), intern(mesh.object_names, "box_0"));
   std::vector<Material> materials(mesh.material_names.size(), Material::uniform("plain", 0.1f, 0.1f));
   return Scene("test", std::move(mesh), std::move(materials), Air{});
 }
@@ -75,11 +76,13 @@ TEST(RayRenderer, PanoramicPixelsAreSquare) {
 
 TEST(RayRenderer, TurnsWithTheHeading) {
   // Four walls at different distances; each quarter turn to the left shows the next: -z, -x, +z, +x.
-  const Scene scene = scene_of({{{-50, -50, -3}, {50, 50, -2}}, {{-4, -50, -50}, {-3, 50, 50}}, {{-50, -50, 4}, {50, 50, 5}}, {{5, -50, -50}, {6, 50, 50}}});
+  const Scene scene = scene_of(
+      {{{-50, -50, -3}, {50, 50, -2}}, {{-4, -50, -50}, {-3, 50, 50}}, {{-50, -50, 4}, {50, 50, 5}}, {{5, -50, -50}, {6, 50, 50}}});
   const CameraConfig config{.width_px = 16, .height_px = 16, .horizontal_fov_deg = 20.f};
   const float expected[] = {0.2f, 0.3f, 0.4f, 0.5f};
   for (int quarter = 0; quarter < 4; ++quarter)
-    for (const float depth : render(scene, config, {.heading_rad = quarter * std::numbers::pi / 2})) EXPECT_NEAR(depth, expected[quarter], 1e-5f);
+    for (const float depth : render(scene, config, {.heading_rad = quarter * std::numbers::pi / 2}))
+      EXPECT_NEAR(depth, expected[quarter], 1e-5f);
 }
 
 TEST(RayRenderer, MovesWithTheAgentAndItsEye) {
