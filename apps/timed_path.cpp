@@ -33,7 +33,7 @@ std::vector<TimedPose> read_timed_path(const std::string& path) {
     const bool possible = std::isfinite(pose.t_s) && is_place(pose.position) && std::isfinite(pose.heading_deg);
     if (!complete || commas != std::array{',', ',', ',', ','} || !possible)
       throw InputError(fmt::format("{}:{}", path, line_number), "is not 't_s,x,y,z,heading_deg'",
-                       "write five finite numbers, positions within 1e9 m");
+                       fmt::format("write five finite numbers, positions within {:g} m", kFarthestM));
     if (!poses.empty() && pose.t_s <= poses.back().t_s)
       throw InputError(fmt::format("{}:{}", path, line_number), "time does not rise", "sort the poses by t_s");
     poses.push_back(pose);

@@ -3,6 +3,7 @@
 #include <atomic>
 #include <csignal>
 #include <cstddef>
+#include <tuple>
 
 namespace earshot {
 namespace {
@@ -18,6 +19,7 @@ void request_stop(int) { stop_requested.store(true); }
 }  // namespace
 
 StopSignals::StopSignals() {
+  static_assert(kSignals.size() == std::tuple_size_v<decltype(previous_)>);
   stop_requested.store(false);
   for (std::size_t i = 0; i < kSignals.size(); ++i) previous_[i] = std::signal(kSignals[i], request_stop);
 }

@@ -12,6 +12,7 @@
 #include "sim/base/places.h"
 
 namespace earshot {
+
 std::string one_line(std::string text) {
   for (char& letter : text) {
     if (static_cast<unsigned char>(letter) < 0x20 || letter == 0x7F) letter = ' ';

@@ -115,8 +115,8 @@ TEST_F(Cli, BadConfigsAndFilesAreOneLineAndExitCodeTwo) {
   EXPECT_FALSE(std::filesystem::exists(file("x.wav")));
 }
 
-// O-1 through the command line: r = 2.765863 m in SHOE-1 (ORACLES' z is up, ours is y): amplitude 0.0287713, delay 8.06374 ms at c = 343.2
-// / 343 of it.
+// O-1 through the command line: r = 2.765863 m in SHOE-1 (ORACLES' z is up, ours is y): amplitude 0.0287713, delay 8.06374 ms at
+// c = 343 m/s, 343 / 343.2 of that here.
 TEST_F(Cli, RirWritesSoundAndMetrics) {
   const Outcome outcome = earshot(
       "rir shoebox:5x3x4@0.2 --source 1.2,1.1,1.5 --listener 3.8,1.6,2.3 --preset fast --channels mono --set air_absorption=off "

@@ -211,6 +211,28 @@ std::vector<DecodedEvent> decode_file(const std::filesystem::path& path) {
   return events;
 }
 
+TEST(TensorBoard, FullDiskLeavesWholeRecords) {
+  const PrivateTestFolder folder;
+  const pid_t pid = WorkerProcesses::start(0, [&](int) {
+    ::signal(SIGXFSZ, SIG_IGN);
+    const rlimit limit{1000, 1000};  // bytes in any file
+    ::setrlimit(RLIMIT_FSIZE, &limit);
+    TensorBoardWriter writer(folder.path());
+    try {
+      for (std::int64_t step = 1; step < 100; ++step) writer.write(step, kValues);
+    } catch (const RunError& error) {
+      return std::string(error.what()).find("events.out") != std::string::npos;
+    }
+    return false;
+  });
+  int status = -1;
+  ::waitpid(pid, &status, 0);
+  EXPECT_EQ(status, 0);
+  const auto file = std::filesystem::directory_iterator(folder.path())->path();
+  EXPECT_GT(std::filesystem::file_size(file), 800u);
+  EXPECT_GE(decode_file(file).size(), 5u);  // throws at a torn record
+}
+
 TEST(TensorBoard, FileDecodes) {
   const PrivateTestFolder folder;
   TensorBoardWriter writer(folder.path(), 1234);
