@@ -19,7 +19,8 @@
 namespace earshot {
 namespace {
 
-/// An estimate: 28 bytes of mesh, 36 of vertices and indices in Embree, about 100 of BVH, 4 of the plane table, and slack.
+/// An estimate: 28 bytes of mesh, 36 of vertices and indices in Embree, about 100 of BVH, 64 for what hits ask, 4 of the plane table, and
+/// slack.
 constexpr std::size_t kBytesPerTriangle = 256;
 constexpr std::size_t kBytesPerScene = std::size_t{1} << 20;
 constexpr std::size_t kMaxSourcesPerScene = 256;
