@@ -24,6 +24,23 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
   return row.back();
 }
 
+/// RFC 3629: whole sequences, none longer than it need be, no surrogates, nothing above U+10FFFF.  No zero byte either, which no text has.
+bool is_utf8(std::string_view text) {
+  for (std::size_t i = 0; i < text.size();) {
+    const auto lead = static_cast<unsigned char>(text[i++]);
+    if (lead == 0) return false;
+    if (lead < 0x80) continue;
+    const std::size_t more = lead >= 0xC2 && lead <= 0xDF ? 1 : lead >= 0xE0 && lead <= 0xEF ? 2 : lead >= 0xF0 && lead <= 0xF4 ? 3 : 0;
+    if (more == 0 || text.size() - i < more) return false;
+    const auto second = static_cast<unsigned char>(text[i]);
+    if ((lead == 0xE0 && second < 0xA0) || (lead == 0xED && second > 0x9F)) return false;
+    if ((lead == 0xF0 && second < 0x90) || (lead == 0xF4 && second > 0x8F)) return false;
+    for (const std::size_t end = i + more; i < end; ++i)
+      if ((static_cast<unsigned char>(text[i]) & 0xC0) != 0x80) return false;
+  }
+  return true;
+}
+
 /// A YAML key may itself be a list or a map; ours never are, so such a key is shown but matches none that we know.
 std::string key_text(const YAML::Node& key) {
   if (key.IsScalar()) return key.Scalar();
@@ -34,6 +51,7 @@ std::string key_text(const YAML::Node& key) {
 
 void apply_override(YAML::Node root, const std::string& text, const std::string& where) {
   const auto equals = text.find('=');
+  if (!is_utf8(text)) throw InputError("an override", "is not UTF-8 text", "write it in UTF-8 (" + where + ")");
   if (equals == std::string::npos || equals == 0)
     throw InputError("override '" + text + "'", "is not of the form key=value", "write for example ppo.lr=1e-4 (" + where + ")");
   YAML::Node value;
@@ -69,6 +87,8 @@ ConfigReader ConfigReader::from_file(const std::filesystem::path& path, const st
 }
 
 ConfigReader ConfigReader::from_text(std::string_view yaml, std::string where, const std::vector<std::string>& overrides) {
+  // YAML may also be UTF-16, which yaml-cpp guesses from the first bytes: of damaged ones it makes characters that it cannot read again.
+  if (!is_utf8(yaml)) throw InputError(where, "is not UTF-8 text", "save it as UTF-8");
   YAML::Node root;
   try {
     root = YAML::Load(std::string(yaml));

@@ -24,8 +24,8 @@ namespace earshot {
 ///   read(task, config.task); task.finish(); reader.finish();
 class ConfigReader {
  public:
-  /// overrides: "a.b.c=value" strings, applied in order after the file.  Throws InputError: missing file, YAML syntax (with
-  /// line), not a map, an override without '='.
+  /// overrides: "a.b.c=value" strings, applied in order after the file.  Throws InputError: missing file, not UTF-8, YAML
+  /// syntax (with line), not a map, an override without '='.
   static ConfigReader from_file(const std::filesystem::path& path, const std::vector<std::string>& overrides = {});
   /// where: how messages name the text.
   static ConfigReader from_text(std::string_view yaml, std::string where, const std::vector<std::string>& overrides = {});

@@ -83,6 +83,29 @@ TEST(ConfigReader, BrokenYamlSaysWhere) {
 }
 
 // Bytes of a valid text changed at random: every outcome is a value or an InputError, never another exception or a crash.
+// Found by fuzzing: half a UTF-16 text became characters that the resolved config could not be read with again.
+TEST(ConfigReader, TextIsUtf8OrRefused) {
+  using namespace std::string_literals;
+  for (const std::string& good : {"n: \u00e9\n"s, "n: \u20ac\n"s, "n: \U0001F600\n"s, "\xEF\xBB\xBFn: x\n"s}) {
+    ConfigReader reader = ConfigReader::from_text(good, "good");
+    std::string value;
+    reader.read("n", value);
+    EXPECT_FALSE(value.empty()) << good;
+  }
+  const std::string bad[] = {"n: \xE9\n"s,          // Latin 1
+                             "\xFE\xFF\0n\0:\0 "s,  // UTF-16
+                             "n: \xC0\x80\n"s,      // longer than it need be
+                             "n: \xED\xA0\x80\n"s,  // a surrogate
+                             "n: \xF4\x90\x80\x80\n"s,
+                             "n: \xE2\x82"s,
+                             "n: \x80\n"s,
+                             "n: a\0b\n"s};
+  for (const std::string& text : bad) {
+    EXPECT_THAT(message_of([&] { ConfigReader::from_text(text, "bad.yaml"); }), HasSubstr("bad.yaml: is not UTF-8 text")) << text;
+  }
+  EXPECT_THAT(message_of([&] { ConfigReader::from_text("n: x\n", "run.yaml", {"n=\xFF"}); }), HasSubstr("is not UTF-8 text"));
+}
+
 TEST(ConfigReader, MutatedTextNeverEscapesAsAnotherException) {
   const std::string valid =
       "mesh: room.glb\nair: {temperature_c: 20, humidity_percent: 50}\nassign:\n  \"wall*\": brick\nlist: [1, 2, 3]\n";
