@@ -41,6 +41,18 @@ bool is_utf8(std::string_view text) {
   return true;
 }
 
+/// Runs write down what their config has come to.  yaml-cpp's escapes \N and \_ give single bytes, of which that text cannot be made.
+bool can_be_written(const YAML::Node& root) {
+  const std::string text = YAML::Dump(root);
+  if (!is_utf8(text)) return false;
+  try {
+    static_cast<void>(YAML::Load(text));
+  } catch (const YAML::Exception&) {
+    return false;
+  }
+  return true;
+}
+
 /// A YAML key may itself be a list or a map; ours never are, so such a key is shown but matches none that we know.
 std::string key_text(const YAML::Node& key) {
   if (key.IsScalar()) return key.Scalar();
@@ -98,6 +110,7 @@ ConfigReader ConfigReader::from_text(std::string_view yaml, std::string where, c
   if (!root.IsDefined() || root.IsNull()) root = YAML::Node(YAML::NodeType::Map);
   if (!root.IsMap()) throw InputError(where, "is not a map of keys and values", "write 'key: value' lines");
   for (const auto& text : overrides) apply_override(root, text, where);
+  if (!can_be_written(root)) throw InputError(where, "holds text that cannot be written and read again", "use no \\N and \\_ in quotes");
   return {root, std::move(where), ""};
 }
 
