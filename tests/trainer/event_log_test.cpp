@@ -7,6 +7,7 @@
 #include <csignal>
 #include <cstring>
 #include <fstream>
+#include <functional>
 #include <map>
 
 #include "sim/base/errors.h"
@@ -88,23 +89,27 @@ TEST(EventLog, AnotherFileIsAnInputError) {
   EXPECT_THROW(read_event_log(folder.path() / "none.jsonl"), InputError);
 }
 
-TEST(EventLog, FullDiskLeavesWholeLines) {
-  const PrivateTestFolder folder;
+/// Where no file may have more than 1000 bytes: does `write_much` end with an error that names `file`?
+bool fails_on_a_full_disk(const std::string& file, const std::function<void()>& write_much) {
   const pid_t pid = WorkerProcesses::start(0, [&](int) {
-    EventLog log(folder.path());
     ::signal(SIGXFSZ, SIG_IGN);
-    const rlimit limit{1000, 1000};  // bytes in any file
+    const rlimit limit{1000, 1000};
     ::setrlimit(RLIMIT_FSIZE, &limit);
     try {
-      for (std::uint64_t update = 1; update < 100; ++update) log.write(update, update, 1, kValues);
+      write_much();
     } catch (const RunError& error) {
-      return std::string(error.what()).find("events") != std::string::npos;
+      return std::string(error.what()).find(file) != std::string::npos;
     }
     return false;
   });
   int status = -1;
   ::waitpid(pid, &status, 0);
-  EXPECT_EQ(status, 0);
+  return status == 0;
+}
+
+TEST(EventLog, FullDiskLeavesWholeLines) {
+  const PrivateTestFolder folder;
+  EXPECT_TRUE(fails_on_a_full_disk("events", [&] { write_points(folder.path(), 1, 99, 0); }));
   const std::string text = read_file(folder.path() / "events.jsonl");
   EXPECT_EQ(text.back(), '\n');
   EXPECT_GE(read_event_log(folder.path() / "events.jsonl").size(), 3u);
@@ -213,21 +218,10 @@ std::vector<DecodedEvent> decode_file(const std::filesystem::path& path) {
 
 TEST(TensorBoard, FullDiskLeavesWholeRecords) {
   const PrivateTestFolder folder;
-  const pid_t pid = WorkerProcesses::start(0, [&](int) {
-    ::signal(SIGXFSZ, SIG_IGN);
-    const rlimit limit{1000, 1000};  // bytes in any file
-    ::setrlimit(RLIMIT_FSIZE, &limit);
+  EXPECT_TRUE(fails_on_a_full_disk("events.out", [&] {
     TensorBoardWriter writer(folder.path());
-    try {
-      for (std::int64_t step = 1; step < 100; ++step) writer.write(step, kValues);
-    } catch (const RunError& error) {
-      return std::string(error.what()).find("events.out") != std::string::npos;
-    }
-    return false;
-  });
-  int status = -1;
-  ::waitpid(pid, &status, 0);
-  EXPECT_EQ(status, 0);
+    for (std::int64_t step = 1; step < 100; ++step) writer.write(step, kValues);
+  }));
   const auto file = std::filesystem::directory_iterator(folder.path())->path();
   EXPECT_GT(std::filesystem::file_size(file), 800u);
   EXPECT_GE(decode_file(file).size(), 5u);  // throws at a torn record
