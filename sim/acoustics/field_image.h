@@ -8,9 +8,9 @@
 /// Layout of a source field's bytes.  Internal to the source field.
 namespace earshot {
 
-/// The image: this, then [num_cells] FieldEntry, then the values of all entries, each [bins of the entry][coefficients][padded bands].
+/// The image: this, then [num_cells] FieldEntry, then the values of all entries, each [slots of the entry][coefficients][padded bands].
 struct FieldHeader {
-  static constexpr std::uint64_t kMagic = 0x32444C4546524145u;  // "EARFELD2"
+  static constexpr std::uint64_t kMagic = 0x33444C4546524145u;  // "EARFELD3"
   std::uint64_t magic = kMagic;
   std::uint64_t key = 0;    ///< source_field_key
   std::uint64_t bytes = 0;  ///< of the whole image
@@ -21,7 +21,7 @@ struct FieldHeader {
   std::uint64_t nonfinite_dropped = 0;
 };
 
-/// History of a cell: bins `first` to `first + count - 1` may differ from zero.
+/// History of a cell: slots (field_bins.h) `first` to `first + count - 1` may differ from zero.
 struct FieldEntry {
   std::uint32_t first = 0, count = 0;
   std::uint64_t offset = 0;  ///< of its first value, in values

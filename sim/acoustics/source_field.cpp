@@ -6,6 +6,7 @@
 #include <cstring>
 #include <string>
 
+#include "sim/acoustics/field_bins.h"
 #include "sim/acoustics/field_grid.h"
 #include "sim/acoustics/field_image.h"
 #include "sim/acoustics/reflection_model.h"
@@ -16,45 +17,98 @@
 namespace earshot {
 namespace {
 
-/// Values of a few bins at a time: they stay in registers and the first cache.
-constexpr std::size_t kBlockValues = 2048;
-static_assert(kBlockValues >= kMaxCoefficients * kMaxBands);
+/// Values of a few slots at a time: they stay in the first cache.
+constexpr std::size_t kBlockValues = 4096;
+constexpr std::size_t kLeastBlockSlots = 3;
+static_assert(kBlockValues >= kLeastBlockSlots * kMaxCoefficients * kMaxBands);
 
 /// One cell's part of what a listener hears.
 struct Part {
   const FieldValue* values;
-  std::size_t first, end;  ///< bins
+  std::size_t first, end;  ///< slots
   float weight;
 };
 
-/// Adds the histories of all parts, whose values are [bin][coefficient][padded bands], to `histogram`.
+/// sum: [slots from begin to end][coefficients][padded bands], of all parts.
+void sum_parts(std::span<const Part> parts, std::size_t begin, std::size_t end, std::size_t row, float* sum) {
+  std::fill_n(sum, (end - begin) * row, 0.f);
+  for (const Part& part : parts) {
+    const std::size_t from = std::max(begin, part.first), to = std::min(end, part.end);
+    if (from >= to) continue;
+    const FieldValue* values = part.values + (from - part.first) * row;
+    float* out = sum + (from - begin) * row;
+    // Rows are whole vectors of eight.
+    for (std::size_t i = 0; i < (to - from) * row; i += 8)
+      for (std::size_t lane = 0; lane < 8; ++lane) out[i + lane] += part.weight * from_field_value(values[i + lane]);
+  }
+}
+
+/// One of three slots in a row.
+struct SlotEnergy {
+  const float* sum;  ///< [padded bands]
+  float width;       ///< bins
+};
+
+/// How a late slot's energy lies over its bins: a line through the slot's mean, as steep as the neighbours make it but nowhere below zero
+/// (monotonized central slope, van Leer 1977).  At the ends of what is known the one neighbour decides.  tilt: [padded bands], change of a
+/// bin's share of the slot's energy from bin to bin.
+void find_tilt(const SlotEnergy* before, SlotEnergy slot, const SlotEnergy* after, std::size_t stride, float* __restrict tilt) {
+  std::fill_n(tilt, stride, 0.f);
+  if (slot.width < 2 || (!before && !after)) return;
+  const float per_before = before ? 2.f / (before->width + slot.width) : 0.f, per_after = after ? 2.f / (slot.width + after->width) : 0.f;
+  const float per_bin = 1.f / slot.width, steepest_of_mean = 2.f / (slot.width - 1);
+  for (std::size_t band = 0; band < stride; ++band) {
+    const float mean = slot.sum[band] * per_bin;
+    const float fall = before ? (mean - before->sum[band] / before->width) * per_before : 0.f;
+    const float rise = after ? (after->sum[band] / after->width - mean) * per_after : 0.f;
+    const float down = before ? fall : rise, up = after ? rise : fall;
+    const float least = 2 * std::min(std::fabs(down), std::fabs(up)), steepest = std::min(least, steepest_of_mean * mean);
+    const float slope = down * up > 0 ? std::clamp(0.5f * (down + up), -steepest, steepest) : 0.f;
+    tilt[band] = mean > 0 ? slope * per_bin / mean : 0.f;
+  }
+}
+
+/// Adds the histories of all parts, whose values are [slot][coefficient][padded bands], to `histogram`.
 void add_parts(std::span<const Part> parts, std::size_t stride, EnergyHistogram& histogram) {
+  const FieldBins bins(histogram.num_bins(), histogram.bin_s());
   const auto coefficients = static_cast<std::size_t>(histogram.num_coefficients()), bands = static_cast<std::size_t>(histogram.num_bands());
-  const std::size_t row = coefficients * stride, bins_per_block = kBlockValues / row;
-  std::size_t first = static_cast<std::size_t>(histogram.num_bins()), last = 0;
+  const std::size_t row = coefficients * stride, slots_per_block = kBlockValues / row;
+  std::size_t first = bins.size(), last = 0;
   for (const Part& part : parts) first = std::min(first, part.first), last = std::max(last, part.end);
   alignas(32) std::array<float, kBlockValues> sum;
-  for (std::size_t begin = first; begin < last; begin += bins_per_block) {
-    const std::size_t end = std::min(begin + bins_per_block, last);
-    std::fill_n(sum.begin(), (end - begin) * row, 0.f);
-    for (const Part& part : parts) {
-      const std::size_t from = std::max(begin, part.first), to = std::min(end, part.end);
-      if (from >= to) continue;
-      const FieldValue* values = part.values + (from - part.first) * row;
-      float* out = &sum[(from - begin) * row];
-      // Rows are whole vectors of eight.
-      for (std::size_t i = 0; i < (to - from) * row; i += 8)
-        for (std::size_t lane = 0; lane < 8; ++lane) out[i + lane] += part.weight * from_field_value(values[i + lane]);
+  std::array<float, kMaxBands> tilt;
+  // A block ends where the next begins, but for the neighbours whose slopes it asks for.
+  for (std::size_t begin = first; begin < last;) {
+    const std::size_t from = begin > first ? begin - 1 : begin, to = std::min(from + slots_per_block, last), end = to < last ? to - 1 : to;
+    sum_parts(parts, from, to, row, sum.data());
+    const auto energy_at = [&](std::size_t slot) { return SlotEnergy{&sum[(slot - from) * row], static_cast<float>(bins.width(slot))}; };
+    for (std::size_t slot = begin; slot < end; ++slot) {
+      const float* slot_sum = &sum[(slot - from) * row];
+      const std::size_t width = bins.width(slot);
+      float* out = histogram.values().data() + bins.first_bin(slot) * bands * coefficients;
+      if (width == 1) {
+        for (std::size_t band = 0; band < bands; ++band)
+          for (std::size_t k = 0; k < coefficients; ++k) *out++ += slot_sum[k * stride + band];
+        continue;
+      }
+      // A single bin before the first wide slot says less of its slope than the slot after it.
+      const bool has_before = slot > std::max(from, bins.fine()), has_after = slot + 1 < to;
+      const SlotEnergy before = energy_at(has_before ? slot - 1 : slot), after = energy_at(has_after ? slot + 1 : slot);
+      find_tilt(has_before ? &before : nullptr, energy_at(slot), has_after ? &after : nullptr, stride, tilt.data());
+      for (std::size_t bin = 0; bin < width; ++bin) {
+        const float from_middle = static_cast<float>(bin) - 0.5f * static_cast<float>(width - 1);
+        for (std::size_t band = 0; band < bands; ++band) {
+          const float share = 1.f / static_cast<float>(width) + tilt[band] * from_middle;
+          for (std::size_t k = 0; k < coefficients; ++k) *out++ += share * slot_sum[k * stride + band];
+        }
+      }
     }
-    float* out = histogram.values().data() + begin * bands * coefficients;
-    for (std::size_t bin = 0; bin < end - begin; ++bin)
-      for (std::size_t band = 0; band < bands; ++band)
-        for (std::size_t k = 0; k < coefficients; ++k) *out++ += sum[bin * row + k * stride + band];
+    begin = end;
   }
 }
 
 /// Part of the key: fields that were kept are built anew once photons or cells give other bits.  To be raised by whoever changes them.
-constexpr std::uint32_t kPassVersion = 3;
+constexpr std::uint32_t kPassVersion = 4;
 
 FieldHeader header_of(std::span<const std::byte> image) {
   FieldHeader header;
@@ -117,10 +171,11 @@ SourceField::SourceField(const AcousticScene& scene, const EarlyCandidates& cand
       sizeof header + entries_bytes + header.num_values * sizeof(FieldValue) != image.size())
     refuse("is truncated");
   const auto* entries = reinterpret_cast<const FieldEntry*>(image.data() + sizeof header);
+  const FieldBins bins(shape.num_bins(), shape.bin_s());
   for (std::size_t i = 0; i < header.num_cells; ++i) {
     const FieldEntry& entry = entries[i];
     const std::uint64_t values = std::uint64_t{entry.count} * header.num_coefficients * header.padded_bands;
-    if (entry.first > header.num_bins || entry.count > header.num_bins - entry.first || entry.offset > header.num_values ||
+    if (entry.first > bins.size() || entry.count > bins.size() - entry.first || entry.offset > header.num_values ||
         values > header.num_values - entry.offset)
       refuse("is damaged");
   }

@@ -7,6 +7,7 @@
 #include <numbers>
 #include <span>
 
+#include "sim/acoustics/field_bins.h"
 #include "sim/acoustics/field_image.h"
 #include "sim/acoustics/field_probes.h"
 #include "sim/acoustics/field_smoothing.h"
@@ -35,28 +36,37 @@ void add_scaled(const float* from, float factor, std::size_t count, float* to) {
 }  // namespace
 
 struct SourceFieldBuilder::Impl {
-  Impl(const AcousticScene& in, const EarlyCandidates& of)
-      : scene(in), candidates(of), grid(in.field_grid()), probes(in, of.source()), history(grid.size()) {
-    const EnergyHistogram shape = make_histogram(in);
-    num_bins = shape.num_bins();
-    num_coefficients = shape.num_coefficients();
-    bin_s = shape.bin_s();
+  Impl(const AcousticScene& in, const EarlyCandidates& of) : Impl(in, of, make_histogram(in)) {}
+
+  Impl(const AcousticScene& in, const EarlyCandidates& of, const EnergyHistogram& shape)
+      : scene(in),
+        candidates(of),
+        grid(in.field_grid()),
+        probes(in, of.source()),
+        bins(shape.num_bins(), shape.bin_s()),
+        num_bins(shape.num_bins()),
+        num_coefficients(shape.num_coefficients()),
+        bin_s(shape.bin_s()),
+        history(grid.size()) {
     stride = static_cast<std::size_t>(in.padded_bands());
     row = static_cast<std::size_t>(num_coefficients) * stride;
   }
 
-  /// Adds energy times length to bins of one cell, split between the two whose centres are nearest, as EnergyHistogram::add does.
+  /// Adds energy times length to slots of one cell.  In the fine part it is split between the two bins whose centres are nearest, as
+  /// EnergyHistogram::add does, and behind the last centre of that part all goes to that bin.
   void add(std::uint32_t cell, float path_m, const float* weighted, float length_m) {
-    const float from_centre = path_m / (scene.speed_of_sound_m_per_s() * bin_s) - 0.5f;
-    if (!(from_centre < static_cast<float>(num_bins))) return;
-    std::vector<float>& bins = history[cell];
-    if (bins.empty()) bins.assign(static_cast<std::size_t>(num_bins) * row, 0.f);
-    const auto bin = static_cast<int>(std::floor(from_centre));
-    const float to_next = bin >= 0 && bin + 1 < num_bins ? from_centre - static_cast<float>(bin) : 0.f;
-    float* here = &bins[static_cast<std::size_t>(std::clamp(bin, 0, num_bins - 1)) * row];
-    const float keep = length_m * (1.f - to_next), pass = length_m * to_next;
-    add_scaled(weighted, keep, row, here);
-    if (pass > 0) add_scaled(weighted, pass, row, here + row);
+    const float position = path_m / (scene.speed_of_sound_m_per_s() * bin_s);
+    if (!(position < static_cast<float>(num_bins) + 0.5f)) return;
+    std::vector<float>& slots = history[cell];
+    if (slots.empty()) slots.assign(bins.size() * row, 0.f);
+    const std::size_t slot = bins.slot_of(std::min(static_cast<std::size_t>(position), static_cast<std::size_t>(num_bins) - 1));
+    const float from_centre = position - 0.5f;
+    if (slot >= bins.fine() || from_centre <= 0 || from_centre >= static_cast<float>(bins.fine() - 1))
+      return add_scaled(weighted, length_m, row, &slots[slot * row]);
+    const float bin = std::floor(from_centre), to_next = from_centre - bin;
+    float* here = &slots[static_cast<std::size_t>(bin) * row];
+    add_scaled(weighted, length_m * (1.f - to_next), row, here);
+    if (to_next > 0) add_scaled(weighted, length_m * to_next, row, here + row);
   }
 
   void add(const PhotonTracks& of_chunk, std::uint32_t batch) {
@@ -117,18 +127,18 @@ struct SourceFieldBuilder::Impl {
 
   [[nodiscard]] std::uint64_t photons() const { return rounds * kPhotonsPerRound; }
 
-  /// Air once, here: path length is c t (ORACLES 3.2).  factor: [padded bands], what air leaves of energy in this bin.
-  void air_at(std::size_t bin, std::span<double> factor) const {
-    const double path_m = (static_cast<double>(bin) + 0.5) * bin_s * scene.speed_of_sound_m_per_s();
+  /// Air once, here: path length is c t (ORACLES 3.2).  factor: [padded bands], what air leaves of energy in this slot.
+  void air_at(std::size_t slot, std::span<double> factor) const {
+    const double path_m = bins.middle(slot) * bin_s * scene.speed_of_sound_m_per_s();
     std::fill(factor.begin(), factor.end(), 0.0);
     for (int band = 0; band < scene.num_bands(); ++band)
       factor[static_cast<std::size_t>(band)] = std::exp(-double{scene.air_energy_per_m()[band]} * path_m);
   }
 
-  /// Cells as the image holds them: late bins smoothed, air and units applied.
+  /// Cells as the image holds them: late slots smoothed, air and units applied.
   struct Kept {
-    std::uint32_t first = 0;         ///< bin
-    std::vector<FieldValue> values;  ///< [bins from first][coefficients][padded bands]
+    std::uint32_t first = 0;         ///< slot
+    std::vector<FieldValue> values;  ///< [slots from first][coefficients][padded bands]
   };
   [[nodiscard]] std::vector<Kept> keep() const {
     const FieldSmoothing& smoothing = scene.field_smoothing();
@@ -141,35 +151,35 @@ struct SourceFieldBuilder::Impl {
     std::vector<float> rows(history.size() * row, 0.f), spare;
     std::array<double, kMaxBands> air{};
     std::array<float, kMaxBands> factor{};
-    // Bin by bin: all cells of one stay in the second cache.
-    for (std::size_t bin = 0; bin < static_cast<std::size_t>(num_bins); ++bin) {
+    // Slot by slot: all cells of one stay in the second cache.
+    for (std::size_t slot = 0; slot < bins.size(); ++slot) {
       bool any = false;
       for (const std::uint32_t cell : active) {
         float* to = &rows[cell * row];
         if (history[cell].empty()) {
           std::fill_n(to, row, 0.f);
         } else {
-          std::copy_n(&history[cell][bin * row], row, to);
+          std::copy_n(&history[cell][slot * row], row, to);
           if (!folded.empty() && !folded[cell].empty()) {
-            const double* sum = &folded[cell][bin * row];
+            const double* sum = &folded[cell][slot * row];
             for (std::size_t i = 0; i < row; ++i) to[i] = static_cast<float>(sum[i] + double{to[i]});
           }
           any = any || std::any_of(to, to + stride, [](float value) { return value != 0.f; });
         }
       }
       if (!any) continue;
-      smoothing.sweep(probes.sweeps_at((static_cast<double>(bin) + 0.5) * bin_s), row, active, rows, spare);
-      air_at(bin, air);
+      smoothing.sweep(probes.sweeps_at(bins.middle(slot) * bin_s), row, active, rows, spare);
+      air_at(slot, air);
       for (const std::uint32_t cell : active) {
         const float* from = &rows[cell * row];
         // The first coefficient is the energy itself: where it is zero, the others are.
         if (std::all_of(from, from + stride, [](float value) { return value == 0.f; })) continue;
         Kept& out = kept[cell];
-        if (out.values.empty()) out.first = static_cast<std::uint32_t>(bin);
-        out.values.resize((bin - out.first + 1) * row, 0);
+        if (out.values.empty()) out.first = static_cast<std::uint32_t>(slot);
+        out.values.resize((slot - out.first + 1) * row, 0);
         const double scale = per_photon / double{grid.volume_m3(cell)};
         for (std::size_t b = 0; b < stride; ++b) factor[b] = static_cast<float>(scale * air[b]);
-        FieldValue* to = &out.values[(bin - out.first) * row];
+        FieldValue* to = &out.values[(slot - out.first) * row];
         for (std::size_t k = 0; k < row; k += stride)
           for (std::size_t b = 0; b < stride; ++b) to[k + b] = to_field_value(from[k + b] * factor[b]);
       }
@@ -181,10 +191,11 @@ struct SourceFieldBuilder::Impl {
   const EarlyCandidates& candidates;
   const FieldGrid& grid;
   FieldProbes probes;
-  int num_bins = 0, num_coefficients = 0;
-  float bin_s = 0;
+  FieldBins bins;
+  int num_bins, num_coefficients;
+  float bin_s;
   std::size_t stride = 0, row = 0;          ///< padded bands; times coefficients
-  std::vector<std::vector<float>> history;  ///< [cells][bins][coefficients][padded bands]; empty where no photon came
+  std::vector<std::vector<float>> history;  ///< [cells][slots][coefficients][padded bands]; empty where no photon came
   std::vector<std::vector<double>> folded;  ///< the same, of the rounds before the last fold; empty before the first
   std::array<PhotonTracks, kChunksPerRound> tracks;
   std::uint32_t rounds = 0;
