@@ -145,6 +145,7 @@ struct EmbreeScene::Handles {
     glm::vec3 normal{0};       // unit; zero for a triangle without area
     float inverse_height = 0;  // of the smallest height, 1/m
     float margin_m = 0;        // how far hits stay from the edges
+    std::uint32_t triangle = 0;
   };
 
   ErrorLog errors;  // outlives the device that writes to it
@@ -169,7 +170,7 @@ struct EmbreeScene::Handles {
   /// lies on or behind the neighbouring wall, and the next ray from there leaves a closed room: 4e-5 of the bounces in a cube of
   /// 1 m at 1000 m from the origin, none with this.
   static glm::vec3 point_on(const Surface& surface, float u, float v) {
-    const auto& [a, b, c, normal, inverse_height, margin_m] = surface;
+    const auto& [a, b, c, normal, inverse_height, margin_m, triangle] = surface;
     const float w = 1.f - u - v;
     if (std::min({u, v, w}) < margin_m * inverse_height) return point_off_edges({a, b, c}, {w, u, v}, margin_m);
     return w * a + u * b + v * c;
@@ -199,6 +200,10 @@ glm::vec3 offset_from_surface(glm::vec3 position, glm::vec3 normal) {
 }
 
 EmbreeScene::EmbreeScene(std::span<const glm::vec3> vertices, std::span<const glm::uvec3> triangles)
+    : EmbreeScene(vertices, triangles, triangles, {}) {}
+
+EmbreeScene::EmbreeScene(std::span<const glm::vec3> vertices, std::span<const glm::uvec3> triangles, std::span<const glm::uvec3> traced,
+                         std::span<const std::uint32_t> stands_for)
     : handles_(std::make_unique<Handles>()) {
   Handles& h = *handles_;
   // No options: builds run on the process's TBB pool.  "threads=1" would cap that pool for everybody in the process.
@@ -211,25 +216,30 @@ EmbreeScene::EmbreeScene(std::span<const glm::vec3> vertices, std::span<const gl
   // The context filter is what settles ties between coplanar triangles.
   rtcSetSceneFlags(h.scene.get(), RTC_SCENE_FLAG_ROBUST | RTC_SCENE_FLAG_CONTEXT_FILTER_FUNCTION);
 
-  if (!triangles.empty()) {
+  if (!traced.empty()) {
     const Geometry geometry{rtcNewGeometry(h.device.get(), RTC_GEOMETRY_TYPE_TRIANGLE)};
     if (!geometry) fail("rtcNewGeometry failed");
     void* vertex_buffer =
         rtcSetNewGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, sizeof(glm::vec3), vertices.size());
     void* index_buffer =
-        rtcSetNewGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, sizeof(glm::uvec3), triangles.size());
+        rtcSetNewGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, sizeof(glm::uvec3), traced.size());
     h.throw_on_error("allocating the triangles");
     if (!vertex_buffer || !index_buffer) fail("allocating the triangles failed");
     std::memcpy(vertex_buffer, vertices.data(), vertices.size_bytes());
-    std::memcpy(index_buffer, triangles.data(), triangles.size_bytes());
+    std::memcpy(index_buffer, traced.data(), traced.size_bytes());
     rtcCommitGeometry(geometry.get());
     rtcAttachGeometryByID(h.scene.get(), geometry.get(), 0);
   }
   rtcCommitScene(h.scene.get());
   h.throw_on_error("building the ray structure");
 
-  h.surfaces.reserve(triangles.size());
-  for (const glm::uvec3 t : triangles) h.surfaces.push_back(Handles::surface_of(vertices[t.x], vertices[t.y], vertices[t.z]));
+  const auto surface_of = [&](glm::uvec3 t) { return Handles::surface_of(vertices[t.x], vertices[t.y], vertices[t.z]); };
+  h.surfaces.reserve(traced.size());
+  for (std::uint32_t i = 0; i < traced.size(); ++i) {
+    Handles::Surface& surface = h.surfaces.emplace_back(surface_of(traced[i]));
+    surface.triangle = stands_for.empty() ? i : stands_for[i];
+    if (!stands_for.empty()) surface.normal = surface_of(triangles[surface.triangle]).normal;
+  }
 }
 
 EmbreeScene::~EmbreeScene() = default;
@@ -263,9 +273,9 @@ Hit EmbreeScene::intersect(glm::vec3 origin, glm::vec3 direction, float max_dist
   Hit hit;
   if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return hit;
 
-  hit.triangle = query.hit.primID;
+  const Handles::Surface& surface = handles_->surfaces[query.hit.primID];
+  hit.triangle = surface.triangle;
   hit.distance_m = context.distance;
-  const Handles::Surface& surface = handles_->surfaces[hit.triangle];
   hit.position = Handles::point_on(surface, query.hit.u, query.hit.v);
   const glm::vec3 normal = surface.normal;
   hit.normal = normal == glm::vec3(0) ? -direction : glm::dot(normal, direction) > 0 ? -normal : normal;

@@ -31,6 +31,10 @@ class EmbreeScene {
   /// vertices [n] metres, triangles [m] indices into vertices (checked by the caller).  Copies both.
   /// Throws InputError if Embree cannot be opened, with its own message.  Cost: about 0.5 s per million triangles.
   EmbreeScene(std::span<const glm::vec3> vertices, std::span<const glm::uvec3> triangles);
+  /// Traces other triangles than those it tells of: `traced` [k] is the same surface cut in another way, and a hit on traced[i] has the
+  /// index and the normal of triangles[stands_for[i]].  "The lowest index" of intersect is that of `traced`.
+  EmbreeScene(std::span<const glm::vec3> vertices, std::span<const glm::uvec3> triangles, std::span<const glm::uvec3> traced,
+              std::span<const std::uint32_t> stands_for);
   ~EmbreeScene();
   EmbreeScene(EmbreeScene&&) noexcept;
   EmbreeScene& operator=(EmbreeScene&&) noexcept;
@@ -44,6 +48,7 @@ class EmbreeScene {
   [[nodiscard]] bool occluded(glm::vec3 from, glm::vec3 to) const;
   /// Eight coherent rays at once (camera rows): distances only, infinity where a ray escapes.  About 0.8 us for all eight.
   void intersect8(std::span<const glm::vec3, 8> origins, std::span<const glm::vec3, 8> directions, std::span<float, 8> distances_m) const;
+  /// Of those that are traced.
   [[nodiscard]] std::size_t num_triangles() const;
 
  private:

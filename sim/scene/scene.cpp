@@ -6,6 +6,7 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/scene/flat_patches.h"
 
 namespace earshot {
 namespace {
@@ -31,6 +32,11 @@ std::uint64_t hash_scene(const TriangleMesh& mesh, const std::vector<Material>& 
   return hash64(std::as_bytes(std::span(conditions)), hash);
 }
 
+EmbreeScene rays_of(const TriangleMesh& mesh) {
+  const RaySurface surface = merge_flat_patches(mesh);
+  return {mesh.vertices, mesh.triangles, surface.triangles, surface.stands_for};
+}
+
 }  // namespace
 
 // ISO 9613-1:1993, eq. for the speed of sound in annex A: 343.2 m/s at 20 C.
@@ -45,7 +51,7 @@ Scene::Scene(std::string name, TriangleMesh mesh, std::vector<Material> material
       materials_(std::move(material_of_slot)),
       air_(air),
       speed_of_sound_(air.speed()),
-      rays_(mesh_.vertices, mesh_.triangles),
+      rays_(rays_of(mesh_)),
       bounds_(bounds_of(mesh_)),
       report_(std::move(report)),
       hash_(hash_scene(mesh_, materials_, air_)) {

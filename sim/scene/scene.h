@@ -43,6 +43,8 @@ class Scene {
   [[nodiscard]] const std::vector<Material>& materials() const { return materials_; }  ///< per mesh material slot
   [[nodiscard]] const Air& air() const { return air_; }
   [[nodiscard]] float speed_of_sound_m_per_s() const { return speed_of_sound_; }
+  /// Meets the surface of the mesh, flat patches in fewer triangles (flat_patches.h): a hit names one with the plane, facing, material and
+  /// object of what was hit, not always the very triangle.
   [[nodiscard]] const EmbreeScene& rays() const { return rays_; }
   [[nodiscard]] const Bounds& bounds() const { return bounds_; }
   [[nodiscard]] const ImportReport& import_report() const { return report_; }
