@@ -21,7 +21,7 @@ struct FieldHeader {
   std::uint64_t nonfinite_dropped = 0;
 };
 
-/// History of a cell: slots (field_bins.h) `first` to `first + count - 1` may differ from zero.
+/// History of a cell: slots (widening_bins.h) `first` to `first + count - 1` may differ from zero.
 struct FieldEntry {
   std::uint32_t first = 0, count = 0;
   std::uint64_t offset = 0;  ///< of its first value, in values

@@ -59,17 +59,17 @@ LateArray::LateArray(const BandLayout& bands, float sample_rate_hz, int num_samp
       band_gain_(static_cast<std::size_t>(num_bands_)),
       gain_(wave_spectrum_.size()) {}
 
-/// Shares of the waves in every bin and band.
+/// Shares of the waves in every slot and band.
 void LateArray::share_out(const EnergyHistogram& energy) {
-  share_.resize(static_cast<std::size_t>(energy.num_bands() * energy.num_bins()) * kNumWaves);
+  share_.resize(static_cast<std::size_t>(energy.num_bands() * nodes_.size()) * kNumWaves);
   for (int band = 0; band < energy.num_bands(); ++band) {
     const auto row = nodes_.band(band);
-    for (int bin = 0; bin < energy.num_bins(); ++bin) {
-      const auto& m = row[static_cast<std::size_t>(bin)].m;
+    for (int slot = 0; slot < nodes_.size(); ++slot) {
+      const auto& m = row[static_cast<std::size_t>(slot)].m;
       // ACN 1 to 3 are (y, z, x) of the ambisonic axes: (-x, y, -z) of the world.
       const glm::vec3 mean = glm::vec3(-m[0], m[1], -m[2]) / std::numbers::sqrt3_v<float>;
       const double length = std::min(static_cast<double>(glm::length(mean)), 1.0);
-      float* share = share_.data() + static_cast<std::size_t>(band * energy.num_bins() + bin) * kNumWaves;
+      float* share = share_.data() + static_cast<std::size_t>(band * nodes_.size() + slot) * kNumWaves;
       if (length < 1e-6) {
         std::fill_n(share, kNumWaves, 1.f / kNumWaves);
         continue;
@@ -91,9 +91,9 @@ void LateArray::sound_wave(const EnergyHistogram& energy, const CarrierBank& car
   nodes_.visit(offset, carriers.length(), [&](const LateStretch& stretch) {
     for (int band = 0; band < energy.num_bands(); ++band) {
       const auto row = nodes_.band(band);
-      const auto density_at = [&](int bin) {
-        return row[static_cast<std::size_t>(bin)].density *
-               share_[static_cast<std::size_t>(band * energy.num_bins() + bin) * kNumWaves + wave];
+      const auto density_at = [&](int slot) {
+        return row[static_cast<std::size_t>(slot)].density *
+               share_[static_cast<std::size_t>(band * nodes_.size() + slot) * kNumWaves + wave];
       };
       const Ramp density = ramp_over(stretch, density_at(stretch.left), density_at(stretch.right));
       const float* noise = carriers.loop(band, static_cast<int>(wave)).data() + stretch.in_loop;

@@ -9,7 +9,7 @@ namespace {
 /// to -45 dB.  Bands that fall faster than the slowest one then cost less.
 constexpr double kInaudibleShare = 1e-7;
 
-/// A bin that spreads over one width, in float: most are such.  c: its harmonics.
+/// A slot that spreads over its own width, in float: most are such.  c: its harmonics.
 inline void set_whole(LateNode& node, const float* c, bool has_moments, float per_width) {
   if (!(c[0] > 0.f && c[0] < 1e30f)) return;
   node.density = c[0] * per_width;
@@ -39,15 +39,17 @@ void LateNodes::make(const EnergyHistogram& energy, float sample_rate_hz, double
   onset_ = onset_sample;
   const int num_bands = energy.num_bands();
   width_ = static_cast<double>(energy.bin_s()) * static_cast<double>(sample_rate_hz);
-  const auto cells = static_cast<std::size_t>(num_bins_) * static_cast<std::size_t>(num_bands);
+  // From the onset: where widths change, a steep decay gains a little, and should not while it is loud.
+  bins_ = WideningBins(num_bins_, static_cast<std::size_t>(std::clamp(onset_sample / width_, 0.0, 1e9)));
+  const std::size_t cells = bins_.size() * static_cast<std::size_t>(num_bands);
   nodes_.assign(cells, LateNode{});
   hat_area_.assign(static_cast<std::size_t>(num_bins_), width_);
   const auto num_known = static_cast<std::size_t>(energy.num_coefficients() >= 4 ? energy.num_coefficients() : 1);
   num_higher_ = num_known > 4 ? num_known - 4 : 0;
   higher_.assign(cells * num_higher_, 0.f);
 
-  // A bin's energy is spread by a hat that reaches the neighbours' centres.  Where the onset cuts the hat, what is left of it carries
-  // all.
+  // A single bin's energy is spread by a hat that reaches the neighbours' centres.  Where the onset cuts the hat, what is left of it
+  // carries all.
   const auto first_sample = static_cast<std::int64_t>(std::ceil(onset_sample));
   for (int bin = 0; bin < num_bins_ && (bin - 0.5) * width_ < onset_sample; ++bin) {
     const double centre = (bin + 0.5) * width_;
@@ -67,14 +69,17 @@ void LateNodes::make(const EnergyHistogram& energy, float sample_rate_hz, double
   const auto stride = static_cast<std::size_t>(num_bands) * static_cast<std::size_t>(energy.num_coefficients());
   const int last_bin = std::min(num_bins_ - 1, static_cast<int>(static_cast<double>(num_samples) / width_ + 0.5));
   carried_.resize(num_known);
+  sum_.resize(num_known);
+  const auto fine = static_cast<int>(bins_.fine());
   for (int band = 0; band < num_bands; ++band) {
     double* c = carried_.data();  // energy of the bin, and of those before the onset
     std::fill_n(c, num_known, 0.0);
     const float* cell = values + static_cast<std::size_t>(band) * static_cast<std::size_t>(energy.num_coefficients());
-    for (int bin = 0; bin <= last_bin; ++bin, cell += stride) {
+    const std::size_t row = static_cast<std::size_t>(band) * bins_.size();
+    for (int bin = 0; bin <= last_bin && bin < fine; ++bin, cell += stride) {
       const double area = hat_area_[static_cast<std::size_t>(bin)];
       if (bin >= first_whole_bin) {
-        const std::size_t index = static_cast<std::size_t>(band) * static_cast<std::size_t>(num_bins_) + static_cast<std::size_t>(bin);
+        const std::size_t index = row + static_cast<std::size_t>(bin);
         set_whole(nodes_[index], cell, num_known >= 4, static_cast<float>(1.0 / width_));
         if (nodes_[index].density > 0.f) set_higher(index, cell, num_known);
         continue;
@@ -84,24 +89,32 @@ void LateNodes::make(const EnergyHistogram& energy, float sample_rate_hz, double
       if (c[0] > 0 && c[0] < 1e30 && area > 0) set_node(band, bin, std::span(carried_), area);
       std::fill_n(c, num_known, 0.0);
     }
+    for (std::size_t slot = bins_.fine(); slot < bins_.size() && static_cast<int>(bins_.first_bin(slot)) <= last_bin; ++slot) {
+      std::fill_n(sum_.begin(), num_known, 0.f);
+      for (std::size_t i = 0; i < bins_.width(slot); ++i, cell += stride)
+        for (std::size_t k = 0; k < num_known; ++k) sum_[k] += cell[k];
+      set_whole(nodes_[row + slot], sum_.data(), num_known >= 4,
+                static_cast<float>(1.0 / (static_cast<double>(bins_.width(slot)) * width_)));
+      if (nodes_[row + slot].density > 0.f) set_higher(row + slot, sum_.data(), num_known);
+    }
     drop_inaudible_end(band);
   }
 }
 
 void LateNodes::drop_inaudible_end(int band) {
-  const auto row =
-      std::span(nodes_).subspan(static_cast<std::size_t>(band) * static_cast<std::size_t>(num_bins_), static_cast<std::size_t>(num_bins_));
+  const auto row = std::span(nodes_).subspan(static_cast<std::size_t>(band) * bins_.size(), bins_.size());
   double total = 0, tail = 0;
-  for (const LateNode& node : row) total += static_cast<double>(node.density);
-  for (std::size_t bin = row.size(); bin-- > 0;) {
-    tail += static_cast<double>(row[bin].density);
+  const auto energy_in = [&](std::size_t slot) { return static_cast<double>(row[slot].density) * static_cast<double>(bins_.width(slot)); };
+  for (std::size_t slot = 0; slot < row.size(); ++slot) total += energy_in(slot);
+  for (std::size_t slot = row.size(); slot-- > 0;) {
+    tail += energy_in(slot);
     if (tail > kInaudibleShare * total) return;
-    row[bin].density = 0.f;
+    row[slot].density = 0.f;
   }
 }
 
 void LateNodes::set_node(int band, int bin, std::span<const double> c, double area) {
-  const std::size_t index = static_cast<std::size_t>(band) * static_cast<std::size_t>(num_bins_) + static_cast<std::size_t>(bin);
+  const std::size_t index = static_cast<std::size_t>(band) * bins_.size() + static_cast<std::size_t>(bin);
   LateNode& node = nodes_[index];
   node.density = static_cast<float>(c[0] / area);
   if (c.size() < 4) return;

@@ -61,11 +61,11 @@ void add_higher(int count, Ramp density, Ramp m, Ramp d, const float* w, const f
 
 void LateSynthesizer::make_shares(const EnergyHistogram& energy, std::size_t num_channels) {
   const std::size_t higher = num_channels - 4;
-  shares_.assign(static_cast<std::size_t>(energy.num_bands() * energy.num_bins()) * higher, Share{});
+  shares_.assign(static_cast<std::size_t>(energy.num_bands() * nodes_.size()) * higher, Share{});
   for (int band = 0; band < energy.num_bands(); ++band) {
-    for (int bin = 0; bin < energy.num_bins(); ++bin) {
-      const auto known = nodes_.higher(band, bin);
-      Share* shares = shares_.data() + static_cast<std::size_t>(band * energy.num_bins() + bin) * higher;
+    for (int slot = 0; slot < nodes_.size(); ++slot) {
+      const auto known = nodes_.higher(band, slot);
+      Share* shares = shares_.data() + static_cast<std::size_t>(band * nodes_.size() + slot) * higher;
       for (std::size_t l = 2; (l + 1) * (l + 1) <= std::min(num_channels, known.size() + 4); ++l) {
         const std::size_t first = l * l - 4, count = 2 * l + 1;
         double square = 0;
@@ -85,8 +85,8 @@ std::size_t LateSynthesizer::render(const EnergyHistogram& energy, const Carrier
   EARSHOT_EXPECT(channels.size() == num_channels && (num_channels == 1 || num_channels >= 4));
   const std::size_t num_samples = channels[0].size();
   for (const auto& channel : channels) std::fill(channel.begin(), channel.end(), 0.f);
-  const int num_bins = energy.num_bins(), num_bands = energy.num_bands();
-  if (num_bins == 0) return 0;
+  const int num_bands = energy.num_bands();
+  if (energy.num_bins() == 0) return 0;
   nodes_.make(energy, rate_hz_, onset_sample, num_samples);
   if (num_channels > 4) make_shares(energy, num_channels);
 
@@ -107,8 +107,8 @@ std::size_t LateSynthesizer::render(const EnergyHistogram& energy, const Carrier
         continue;
       }
       // A silent end has no direction of its own.
-      const int left_bin = a.density > 0.f ? stretch.left : stretch.right, right_bin = b.density > 0.f ? stretch.right : stretch.left;
-      const LateNode &left = row[static_cast<std::size_t>(left_bin)], &right = row[static_cast<std::size_t>(right_bin)];
+      const int left_slot = a.density > 0.f ? stretch.left : stretch.right, right_slot = b.density > 0.f ? stretch.right : stretch.left;
+      const LateNode &left = row[static_cast<std::size_t>(left_slot)], &right = row[static_cast<std::size_t>(right_slot)];
       const auto ramp = [&](float from, float to) { return ramp_over(stretch, from, to); };
       const FirstOrderBand now{
           {density, ramp(left.m[0], right.m[0]), ramp(left.m[1], right.m[1]), ramp(left.m[2], right.m[2]), ramp(left.d, right.d)},
@@ -120,8 +120,8 @@ std::size_t LateSynthesizer::render(const EnergyHistogram& energy, const Carrier
       waits = !waits;
       const std::size_t higher = num_channels - 4;
       for (std::size_t c = 4; c < num_channels; ++c) {
-        const Share& from = shares_[static_cast<std::size_t>(band * num_bins + left_bin) * higher + c - 4];
-        const Share& to = shares_[static_cast<std::size_t>(band * num_bins + right_bin) * higher + c - 4];
+        const Share& from = shares_[static_cast<std::size_t>(band * nodes_.size() + left_slot) * higher + c - 4];
+        const Share& to = shares_[static_cast<std::size_t>(band * nodes_.size() + right_slot) * higher + c - 4];
         add_higher(stretch.count, density, ramp(from.m, to.m), ramp(from.d, to.d), carrier(0), carrier(c), out(c));
       }
     }

@@ -6,11 +6,11 @@
 #include <cstring>
 #include <string>
 
-#include "sim/acoustics/field_bins.h"
 #include "sim/acoustics/field_grid.h"
 #include "sim/acoustics/field_image.h"
 #include "sim/acoustics/reflection_model.h"
 #include "sim/acoustics/sampling.h"
+#include "sim/acoustics/widening_bins.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 
@@ -70,7 +70,7 @@ void find_tilt(const SlotEnergy* before, SlotEnergy slot, const SlotEnergy* afte
 
 /// Adds the histories of all parts, whose values are [slot][coefficient][padded bands], to `histogram`.
 void add_parts(std::span<const Part> parts, std::size_t stride, EnergyHistogram& histogram) {
-  const FieldBins bins(histogram.num_bins(), histogram.bin_s());
+  const WideningBins bins(histogram.num_bins());
   const auto coefficients = static_cast<std::size_t>(histogram.num_coefficients()), bands = static_cast<std::size_t>(histogram.num_bands());
   const std::size_t row = coefficients * stride, slots_per_block = kBlockValues / row;
   std::size_t first = bins.size(), last = 0;
@@ -171,7 +171,7 @@ SourceField::SourceField(const AcousticScene& scene, const EarlyCandidates& cand
       sizeof header + entries_bytes + header.num_values * sizeof(FieldValue) != image.size())
     refuse("is truncated");
   const auto* entries = reinterpret_cast<const FieldEntry*>(image.data() + sizeof header);
-  const FieldBins bins(shape.num_bins(), shape.bin_s());
+  const WideningBins bins(shape.num_bins());
   for (std::size_t i = 0; i < header.num_cells; ++i) {
     const FieldEntry& entry = entries[i];
     const std::uint64_t values = std::uint64_t{entry.count} * header.num_coefficients * header.padded_bands;

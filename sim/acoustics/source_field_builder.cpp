@@ -7,12 +7,12 @@
 #include <numbers>
 #include <span>
 
-#include "sim/acoustics/field_bins.h"
 #include "sim/acoustics/field_image.h"
 #include "sim/acoustics/field_probes.h"
 #include "sim/acoustics/field_smoothing.h"
 #include "sim/acoustics/photon_pass.h"
 #include "sim/acoustics/source_field.h"
+#include "sim/acoustics/widening_bins.h"
 #include "sim/audio/ambisonics.h"
 #include "sim/base/denormals.h"
 #include "sim/base/errors.h"
@@ -43,7 +43,7 @@ struct SourceFieldBuilder::Impl {
         candidates(of),
         grid(in.field_grid()),
         probes(in, of.source()),
-        bins(shape.num_bins(), shape.bin_s()),
+        bins(shape.num_bins()),
         num_bins(shape.num_bins()),
         num_coefficients(shape.num_coefficients()),
         bin_s(shape.bin_s()),
@@ -191,7 +191,7 @@ struct SourceFieldBuilder::Impl {
   const EarlyCandidates& candidates;
   const FieldGrid& grid;
   FieldProbes probes;
-  FieldBins bins;
+  WideningBins bins;
   int num_bins, num_coefficients;
   float bin_s;
   std::size_t stride = 0, row = 0;          ///< padded bands; times coefficients

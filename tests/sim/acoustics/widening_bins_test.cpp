@@ -1,4 +1,4 @@
-#include "sim/acoustics/field_bins.h"
+#include "sim/acoustics/widening_bins.h"
 
 #include <gtest/gtest.h>
 
@@ -10,15 +10,15 @@
 namespace earshot {
 namespace {
 
-TEST(FieldBins, EveryBinHasOneSlot) {
-  for (const float bin_s : {0.001f, 0.004f, 0.03f})
-    for (const int num_bins : {1, 2, 24, 25, 26, 27, 100, 377}) {
-      const FieldBins bins(num_bins, bin_s);
-      EXPECT_GE(static_cast<double>(bins.fine()) * double{bin_s}, std::min(FieldBins::kFineS, num_bins * double{bin_s}) * (1 - 1e-5));
+TEST(WideningBins, EveryBinHasOneSlot) {
+  for (const std::size_t onset : {0, 1, 60})
+    for (const int num_bins : {1, 2, 39, 40, 41, 44, 100, 377}) {
+      const WideningBins bins(num_bins, onset);
+      EXPECT_EQ(bins.fine(), std::min(WideningBins::kFine + onset, static_cast<std::size_t>(num_bins)));
       std::size_t next = 0;
       for (std::size_t slot = 0; slot < bins.size(); ++slot) {
         EXPECT_EQ(bins.first_bin(slot), next);
-        EXPECT_TRUE(slot < bins.fine() ? bins.width(slot) == 1 : bins.width(slot) >= 1 && bins.width(slot) <= FieldBins::kWide);
+        EXPECT_TRUE(slot < bins.fine() ? bins.width(slot) == 1 : bins.width(slot) >= 1 && bins.width(slot) <= WideningBins::kWide);
         EXPECT_DOUBLE_EQ(bins.middle(slot), static_cast<double>(next) + 0.5 * static_cast<double>(bins.width(slot)));
         for (std::size_t i = 0; i < bins.width(slot); ++i) EXPECT_EQ(bins.slot_of(next++), slot);
       }
@@ -28,7 +28,7 @@ TEST(FieldBins, EveryBinHasOneSlot) {
 
 // Late energy of a diffuse room falls by the same share from bin to bin, inside the slots as from slot to slot: three quarters of a slot's
 // fall lie between the first and the last of its four bins.  Steps would give none of it.
-TEST(FieldBins, EnergyFallsInsideASlotAsItDoesOutside) {
+TEST(WideningBins, AFieldFallsInsideASlotAsItDoesOutside) {
   AcousticConfig config = rooms::plain_config();
   config.field_photons = 16'384;
   config.field_error = 1e-6f;
@@ -39,19 +39,19 @@ TEST(FieldBins, EnergyFallsInsideASlotAsItDoesOutside) {
   const EarlyCandidates candidates(scene, rooms::shoe1_source());
   EnergyHistogram late = make_histogram(scene);
   build_source_field(scene, candidates)->gather(scene, rooms::shoe1_listener(), late);
-  const FieldBins bins(late.num_bins(), late.bin_s());
+  const WideningBins bins(late.num_bins());
   const auto energy = [&](std::size_t bin) { return double{late.energy(static_cast<int>(bin), 0)}; };
   const auto mean = [&](std::size_t slot) {
     double sum = 0;
-    for (std::size_t i = 0; i < FieldBins::kWide; ++i) sum += energy(bins.first_bin(slot) + i);
+    for (std::size_t i = 0; i < WideningBins::kWide; ++i) sum += energy(bins.first_bin(slot) + i);
     return sum;
   };
   double inside = 0, outside = 0;
   const std::size_t first = bins.fine(), end = bins.slot_of(static_cast<std::size_t>(0.6f / late.bin_s()));
   for (std::size_t slot = first; slot < end; ++slot) {
     const std::size_t bin = bins.first_bin(slot);
-    for (std::size_t i = 0; i < FieldBins::kWide; ++i) ASSERT_GT(energy(bin + i), 0.0) << slot;
-    inside += std::log(energy(bin) / energy(bin + FieldBins::kWide - 1));
+    for (std::size_t i = 0; i < WideningBins::kWide; ++i) ASSERT_GT(energy(bin + i), 0.0) << slot;
+    inside += std::log(energy(bin) / energy(bin + WideningBins::kWide - 1));
     outside += std::log(mean(slot) / mean(slot + 1));
   }
   EXPECT_GT(outside, 5.0) << "20 dB and more of decay, or nothing is tested";

@@ -1,22 +1,25 @@
 #pragma once
 
 #include <algorithm>
-#include <cmath>
 #include <cstddef>
 
 namespace earshot {
 
-/// Time axis of a source field: the bins of the histogram one by one while single reflections stand out, later in fours.  Late energy
-/// changes by the decay alone, which is known from bin to bin once it is known from four to four: a third of the memory and of all that
-/// goes through it.  Slots: 0 to fine() - 1 hold one bin each, the others kWide, the last one what is left.
-class FieldBins {
+/// Time axis of late sound: the bins of a histogram one by one while single reflections stand out, later in fours.  Late energy changes by
+/// the decay alone, which is known from bin to bin once it is known from four to four: a third of the memory of a source field and of all
+/// that goes through it, a third of the stretches to render.  Slots: 0 to fine() - 1 hold one bin each, the others kWide, the last one what
+/// is left.
+class WideningBins {
  public:
   static constexpr std::size_t kWide = 4;
-  static constexpr double kFineS = 0.1;
+  /// Single bins: 0.16 s at preset fast.  A number, not a time: rooms of any size, in bins to their scale, are the same to the bit.
+  static constexpr std::size_t kFine = 40;
 
-  FieldBins(int num_bins, float bin_s)
+  WideningBins() = default;
+  /// Single bins are counted from bin `onset_bin`.
+  explicit WideningBins(int num_bins, std::size_t onset_bin = 0)
       : bins_(static_cast<std::size_t>(num_bins)),
-        fine_(std::min(bins_, static_cast<std::size_t>(std::ceil(kFineS / double{bin_s} * (1 - 1e-6))))),
+        fine_(std::min(bins_, kFine + onset_bin)),
         slots_(fine_ + (bins_ - fine_ + kWide - 1) / kWide) {}
 
   [[nodiscard]] std::size_t fine() const { return fine_; }
@@ -33,7 +36,7 @@ class FieldBins {
   }
 
  private:
-  std::size_t bins_, fine_, slots_;
+  std::size_t bins_ = 0, fine_ = 0, slots_ = 0;
 };
 
 }  // namespace earshot
