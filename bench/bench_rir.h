@@ -10,6 +10,7 @@ struct RirBenchOptions {
   bool quick = false;  ///< one small scene, few poses: for tests of the command, not for numbers
   int repeats = 5;
   int poses = 24;                 ///< at which errors are measured
+  int error_fields = 6;           ///< of as many seeds; the first is the one that is timed
   double reference_seconds = 60;  ///< per scene, for the paths that check the truth
 };
 
