@@ -219,7 +219,7 @@ class RirBench {
     std::vector<PoseErrors> errors;
     for (int i = 0; i < options_.error_fields; ++i) {
       AcousticConfig own = fast_.config();
-      own.seed = fast_.config().seed + static_cast<std::uint64_t>(i);
+      own.seed = fast_.config().seed + static_cast<std::uint64_t>(i == 0 ? 0 : i + 1);  // the next one is the truth's
       const AcousticScene scene(scene_.scene, own);
       const EarlyCandidates own_candidates(scene, scene_.source());
       const auto own_field = uses_source_field(scene) ? build_source_field(scene, own_candidates) : nullptr;
@@ -239,7 +239,9 @@ class RirBench {
       const ErrorSummary summary = summarise(errors, kind);
       const double scale = scale_of(kind);
       std::vector<double> means;
-      for (const auto& of_field : errors_of_field) means.push_back(scale * summarise(of_field, kind).mean);
+      for (const auto& of_field : errors_of_field)
+        if (const ErrorSummary own = summarise(of_field, kind); own.count > 0) means.push_back(scale * own.mean);
+      if (means.empty()) return;
       BenchJson with_spread = fast_json;
       with_spread["range"] = "least and largest mean of one field";
       with_spread["rms"] = scale * summary.rms;

@@ -5,6 +5,9 @@
 #include <cstdint>
 #include <span>
 
+#include "sim/acoustics/acoustic_scene.h"
+#include "sim/acoustics/widening_bins.h"
+
 /// Layout of a source field's bytes.  Internal to the source field.
 namespace earshot {
 
@@ -20,6 +23,9 @@ struct FieldHeader {
   double bin_s = 0, t20_error = 0;
   std::uint64_t nonfinite_dropped = 0;
 };
+
+/// Time axis of the histories in a scene: single bins from where sound that crosses the scene arrives.
+WideningBins field_bins(const AcousticScene& scene, int num_bins);
 
 /// History of a cell: slots (widening_bins.h) `first` to `first + count - 1` may differ from zero.
 struct FieldEntry {

@@ -71,6 +71,8 @@ void LateNodes::make(const EnergyHistogram& energy, float sample_rate_hz, double
   carried_.resize(num_known);
   sum_.resize(num_known);
   const auto fine = static_cast<int>(bins_.fine());
+  // A stretch to the middle of a slot may begin within the response though the slot does not.
+  const auto begins_before_the_end = [&](std::size_t slot) { return bins_.middle(slot - 1) * width_ < static_cast<double>(num_samples); };
   for (int band = 0; band < num_bands; ++band) {
     double* c = carried_.data();  // energy of the bin, and of those before the onset
     std::fill_n(c, num_known, 0.0);
@@ -89,7 +91,7 @@ void LateNodes::make(const EnergyHistogram& energy, float sample_rate_hz, double
       if (c[0] > 0 && c[0] < 1e30 && area > 0) set_node(band, bin, std::span(carried_), area);
       std::fill_n(c, num_known, 0.0);
     }
-    for (std::size_t slot = bins_.fine(); slot < bins_.size() && static_cast<int>(bins_.first_bin(slot)) <= last_bin; ++slot) {
+    for (std::size_t slot = bins_.fine(); slot < bins_.size() && begins_before_the_end(slot); ++slot) {
       std::fill_n(sum_.begin(), num_known, 0.f);
       for (std::size_t i = 0; i < bins_.width(slot); ++i, cell += stride)
         for (std::size_t k = 0; k < num_known; ++k) sum_[k] += cell[k];

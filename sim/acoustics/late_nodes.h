@@ -40,7 +40,8 @@ inline Ramp ramp_over(const LateStretch& stretch, float left, float right) {
 }
 
 /// The late part of a histogram as densities in the middle of slots.  Interpolated linearly they keep each slot's energy, but for what lies
-/// before the onset, which lands behind it, and the last 1e-7 of each band.  Owns its storage: no allocation once warm.
+/// before the onset, which lands behind it, the last 1e-7 of each band, and three slots where the width changes: those two and a last one
+/// that is cut short keep the sum of an even density.  Owns its storage: no allocation once warm.
 class LateNodes {
  public:
   /// onset_sample: no sound before it.  num_samples: of the response.

@@ -12,8 +12,8 @@ namespace earshot {
 
 /// Turns the late energy of a histogram into pressure.  Owns scratch: one per thread; no allocation once warm.
 ///
-/// One channel: p = sum over bands of sqrt(energy density) * carrier.  The density is interpolated linearly between bin centres, which
-/// keeps each bin's energy.  (N + 1)^2 channels (N3D, ACN, world axes): the omnidirectional channel is the same, s w with w its carrier;
+/// One channel: p = sum over bands of sqrt(energy density) * carrier.  The density is interpolated linearly between the slots of
+/// late_nodes.h.  (N + 1)^2 channels (N3D, ACN, world axes): the omnidirectional channel is the same, s w with w its carrier;
 /// the others are
 ///   s (m_j w + d_l n_j),   m_j = c_j / c_0,   d_l^2 = 1 - |m of order l|^2 / (2 l + 1)
 /// with independent carriers n_j.  That has exactly the moments that the histogram knows: power c_0 in W, covariance c_j between W and
@@ -38,7 +38,7 @@ class LateSynthesizer {
 
   float rate_hz_;
   LateNodes nodes_;
-  std::vector<Share> shares_;  ///< [band][bin][channel - 4]
+  std::vector<Share> shares_;  ///< [band][slot][channel - 4]
 };
 
 }  // namespace earshot

@@ -54,7 +54,7 @@ struct SlotEnergy {
 /// bin's share of the slot's energy from bin to bin.
 void find_tilt(const SlotEnergy* before, SlotEnergy slot, const SlotEnergy* after, std::size_t stride, float* __restrict tilt) {
   std::fill_n(tilt, stride, 0.f);
-  if (slot.width < 2 || (!before && !after)) return;
+  if (!before && !after) return;
   const float per_before = before ? 2.f / (before->width + slot.width) : 0.f, per_after = after ? 2.f / (slot.width + after->width) : 0.f;
   const float per_bin = 1.f / slot.width, steepest_of_mean = 2.f / (slot.width - 1);
   for (std::size_t band = 0; band < stride; ++band) {
@@ -63,14 +63,14 @@ void find_tilt(const SlotEnergy* before, SlotEnergy slot, const SlotEnergy* afte
     const float rise = after ? (after->sum[band] / after->width - mean) * per_after : 0.f;
     const float down = before ? fall : rise, up = after ? rise : fall;
     const float least = 2 * std::min(std::fabs(down), std::fabs(up)), steepest = std::min(least, steepest_of_mean * mean);
-    const float slope = down * up > 0 ? std::clamp(0.5f * (down + up), -steepest, steepest) : 0.f;
+    const bool same_way = (down > 0 && up > 0) || (down < 0 && up < 0);
+    const float slope = same_way ? std::clamp(0.5f * (down + up), -steepest, steepest) : 0.f;
     tilt[band] = mean > 0 ? slope * per_bin / mean : 0.f;
   }
 }
 
 /// Adds the histories of all parts, whose values are [slot][coefficient][padded bands], to `histogram`.
-void add_parts(std::span<const Part> parts, std::size_t stride, EnergyHistogram& histogram) {
-  const WideningBins bins(histogram.num_bins());
+void add_parts(std::span<const Part> parts, const WideningBins& bins, std::size_t stride, EnergyHistogram& histogram) {
   const auto coefficients = static_cast<std::size_t>(histogram.num_coefficients()), bands = static_cast<std::size_t>(histogram.num_bands());
   const std::size_t row = coefficients * stride, slots_per_block = kBlockValues / row;
   std::size_t first = bins.size(), last = 0;
@@ -108,7 +108,7 @@ void add_parts(std::span<const Part> parts, std::size_t stride, EnergyHistogram&
 }
 
 /// Part of the key: fields that were kept are built anew once photons or cells give other bits.  To be raised by whoever changes them.
-constexpr std::uint32_t kPassVersion = 4;
+constexpr std::uint32_t kPassVersion = 5;
 
 FieldHeader header_of(std::span<const std::byte> image) {
   FieldHeader header;
@@ -123,10 +123,17 @@ void append(std::string& bytes, const T& value) {
 
 }  // namespace
 
+WideningBins field_bins(const AcousticScene& scene, int num_bins) {
+  const float bins_across = scene.diagonal_m() / (scene.speed_of_sound_m_per_s() * scene.config().time_bin_s);
+  return WideningBins(num_bins, static_cast<std::size_t>(std::clamp(bins_across, 0.f, 1e6f)));
+}
+
 std::uint64_t source_field_key(const AcousticScene& scene, const EarlyCandidates& candidates) {
   const AcousticConfig& c = scene.config();
   std::string bytes;
   append(bytes, kPassVersion);
+  append(bytes, WideningBins::kFine);
+  append(bytes, WideningBins::kWide);
   append(bytes, scene.scene().hash());
   for (const int value :
        {scene.num_bands(), c.bands, c.max_bounces, c.field_photons, c.sh_order, scene.image_order(), c.early_candidate_rays})
@@ -171,7 +178,7 @@ SourceField::SourceField(const AcousticScene& scene, const EarlyCandidates& cand
       sizeof header + entries_bytes + header.num_values * sizeof(FieldValue) != image.size())
     refuse("is truncated");
   const auto* entries = reinterpret_cast<const FieldEntry*>(image.data() + sizeof header);
-  const WideningBins bins(shape.num_bins());
+  const WideningBins bins = field_bins(scene, shape.num_bins());
   for (std::size_t i = 0; i < header.num_cells; ++i) {
     const FieldEntry& entry = entries[i];
     const std::uint64_t values = std::uint64_t{entry.count} * header.num_coefficients * header.padded_bands;
@@ -202,7 +209,7 @@ TraceStats SourceField::gather(const AcousticScene& scene, glm::vec3 listener, E
     const FieldEntry& entry = entries[shares[i].cell];
     parts[i] = {values + entry.offset, entry.first, std::size_t{entry.first} + entry.count, shares[i].weight};
   }
-  add_parts(std::span(parts).first(count), header.padded_bands, histogram);
+  add_parts(std::span(parts).first(count), field_bins(scene, histogram.num_bins()), header.padded_bands, histogram);
   return stats;
 }
 

@@ -12,7 +12,6 @@
 #include "sim/acoustics/field_smoothing.h"
 #include "sim/acoustics/photon_pass.h"
 #include "sim/acoustics/source_field.h"
-#include "sim/acoustics/widening_bins.h"
 #include "sim/audio/ambisonics.h"
 #include "sim/base/denormals.h"
 #include "sim/base/errors.h"
@@ -43,7 +42,7 @@ struct SourceFieldBuilder::Impl {
         candidates(of),
         grid(in.field_grid()),
         probes(in, of.source()),
-        bins(shape.num_bins()),
+        bins(field_bins(in, shape.num_bins())),
         num_bins(shape.num_bins()),
         num_coefficients(shape.num_coefficients()),
         bin_s(shape.bin_s()),

@@ -12,11 +12,12 @@ namespace earshot {
 class WideningBins {
  public:
   static constexpr std::size_t kWide = 4;
-  /// Single bins: 0.16 s at preset fast.  A number, not a time: rooms of any size, in bins to their scale, are the same to the bit.
+  /// Single bins: 0.16, 0.08 and 0.04 s at fast, balanced and high.  A number, not a time: rooms of any size, in bins to their scale, are
+  /// the same to the bit.
   static constexpr std::size_t kFine = 40;
 
   WideningBins() = default;
-  /// Single bins are counted from bin `onset_bin`.
+  /// Bins up to `onset_bin` are single, and kFine from there.
   explicit WideningBins(int num_bins, std::size_t onset_bin = 0)
       : bins_(static_cast<std::size_t>(num_bins)),
         fine_(std::min(bins_, kFine + onset_bin)),

@@ -151,7 +151,7 @@ struct EmbreeScene::Handles {
   ErrorLog errors;  // outlives the device that writes to it
   Device device;
   SceneHandle scene;
-  std::vector<Surface> surfaces;  // [triangles]
+  std::vector<Surface> surfaces;  // [traced]
 
   static Surface surface_of(glm::vec3 a, glm::vec3 b, glm::vec3 c) {
     constexpr float roundings = 4 * 0x1p-23f;
@@ -200,10 +200,9 @@ glm::vec3 offset_from_surface(glm::vec3 position, glm::vec3 normal) {
 }
 
 EmbreeScene::EmbreeScene(std::span<const glm::vec3> vertices, std::span<const glm::uvec3> triangles)
-    : EmbreeScene(vertices, triangles, triangles, {}) {}
+    : EmbreeScene(vertices, triangles, {}) {}
 
-EmbreeScene::EmbreeScene(std::span<const glm::vec3> vertices, std::span<const glm::uvec3> triangles, std::span<const glm::uvec3> traced,
-                         std::span<const std::uint32_t> stands_for)
+EmbreeScene::EmbreeScene(std::span<const glm::vec3> vertices, std::span<const glm::uvec3> traced, std::span<const std::uint32_t> stands_for)
     : handles_(std::make_unique<Handles>()) {
   Handles& h = *handles_;
   // No options: builds run on the process's TBB pool.  "threads=1" would cap that pool for everybody in the process.
@@ -233,12 +232,12 @@ EmbreeScene::EmbreeScene(std::span<const glm::vec3> vertices, std::span<const gl
   rtcCommitScene(h.scene.get());
   h.throw_on_error("building the ray structure");
 
-  const auto surface_of = [&](glm::uvec3 t) { return Handles::surface_of(vertices[t.x], vertices[t.y], vertices[t.z]); };
+  EARSHOT_EXPECT(stands_for.empty() || stands_for.size() == traced.size());
   h.surfaces.reserve(traced.size());
   for (std::uint32_t i = 0; i < traced.size(); ++i) {
-    Handles::Surface& surface = h.surfaces.emplace_back(surface_of(traced[i]));
-    surface.triangle = stands_for.empty() ? i : stands_for[i];
-    if (!stands_for.empty()) surface.normal = surface_of(triangles[surface.triangle]).normal;
+    const glm::uvec3 t = traced[i];
+    h.surfaces.push_back(Handles::surface_of(vertices[t.x], vertices[t.y], vertices[t.z]));
+    h.surfaces.back().triangle = stands_for.empty() ? i : stands_for[i];
   }
 }
 

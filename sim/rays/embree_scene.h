@@ -15,8 +15,8 @@ struct Hit {
   float distance_m = std::numeric_limits<float>::infinity();
   /// On the triangle (barycentric, not origin + t * direction: smaller error) and a few roundings inside its edges, metres.
   glm::vec3 position{0};
-  glm::vec3 normal{0};  ///< unit, geometric, turned toward the ray's origin
-  std::uint32_t triangle = no_triangle;
+  glm::vec3 normal{0};                   ///< unit, geometric, turned toward the ray's origin
+  std::uint32_t triangle = no_triangle;  ///< of the mesh; where its surface is traced in other triangles, one that stands for what was met
   [[nodiscard]] bool valid() const { return triangle != no_triangle; }
 };
 
@@ -31,10 +31,9 @@ class EmbreeScene {
   /// vertices [n] metres, triangles [m] indices into vertices (checked by the caller).  Copies both.
   /// Throws InputError if Embree cannot be opened, with its own message.  Cost: about 0.5 s per million triangles.
   EmbreeScene(std::span<const glm::vec3> vertices, std::span<const glm::uvec3> triangles);
-  /// Traces other triangles than those it tells of: `traced` [k] is the same surface cut in another way, and a hit on traced[i] has the
-  /// index and the normal of triangles[stands_for[i]].  "The lowest index" of intersect is that of `traced`.
-  EmbreeScene(std::span<const glm::vec3> vertices, std::span<const glm::uvec3> triangles, std::span<const glm::uvec3> traced,
-              std::span<const std::uint32_t> stands_for);
+  /// Traces other triangles than those it tells of: `traced` [k] is the surface of a mesh cut in another way, and a hit on traced[i] is
+  /// reported as triangle stands_for[i] of that mesh.  "The lowest index" of intersect is that of `traced`.  Copies all three.
+  EmbreeScene(std::span<const glm::vec3> vertices, std::span<const glm::uvec3> traced, std::span<const std::uint32_t> stands_for);
   ~EmbreeScene();
   EmbreeScene(EmbreeScene&&) noexcept;
   EmbreeScene& operator=(EmbreeScene&&) noexcept;

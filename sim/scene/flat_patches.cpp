@@ -6,6 +6,7 @@
 #include <numeric>
 #include <span>
 
+#include "sim/base/errors.h"
 #include "sim/scene/patch_collapse.h"
 
 namespace earshot {
@@ -78,6 +79,7 @@ class PatchFinder {
   void find_neighbours() {
     // Sides, as 3 * triangle + side, by their lower vertex: the others that it may be shared with are few.
     const std::size_t num_sides = 3 * mesh_.triangles.size();
+    EARSHOT_EXPECT(num_sides < none);
     const auto start = [&](std::uint32_t side) { return mesh_.triangles[side / 3][static_cast<int>(side % 3)]; };
     const auto end_of = [&](std::uint32_t side) { return mesh_.triangles[side / 3][static_cast<int>((side + 1) % 3)]; };
     std::vector<std::uint32_t> first_of(mesh_.vertices.size() + 1, 0), sides(num_sides);
@@ -154,6 +156,8 @@ std::vector<glm::uvec3> merge(const TriangleMesh& mesh, const PatchFinder& finde
 RaySurface merge_flat_patches(const TriangleMesh& mesh) {
   constexpr std::size_t fewest = 3;  // triangles round an inner vertex
   RaySurface surface;
+  surface.triangles.reserve(mesh.triangles.size());
+  surface.stands_for.reserve(mesh.triangles.size());
   PatchFinder finder(mesh);
   std::vector<bool> replaced(mesh.triangles.size(), false);
   for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
@@ -162,8 +166,9 @@ RaySurface merge_flat_patches(const TriangleMesh& mesh) {
       std::vector<glm::uvec3> merged;
       std::uint32_t largest = t;  // its plane is known best
       if (members.size() >= fewest) {
+        double largest_m2 = 0;
         for (const std::uint32_t member : members)
-          if (finder.facet(member).area_m2 > finder.facet(largest).area_m2) largest = member;
+          if (const double area_m2 = finder.facet(member).area_m2; area_m2 > largest_m2) largest_m2 = area_m2, largest = member;
         merged = merge(mesh, finder, members, finder.facet(largest).normal);
       }
       surface.triangles.insert(surface.triangles.end(), merged.begin(), merged.end());

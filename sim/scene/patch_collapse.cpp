@@ -1,7 +1,6 @@
 #include "sim/scene/patch_collapse.h"
 
 #include <algorithm>
-#include <cmath>
 #include <cstddef>
 #include <glm/geometric.hpp>
 
@@ -10,8 +9,6 @@ namespace {
 
 /// Height over longest side, of new triangles.
 constexpr double kNarrowest = 0.01;
-/// Of the area of a hole, by which its fan may miss it.
-constexpr double kAreaTolerance = 1e-9;
 constexpr int kMostPasses = 64;
 
 /// Twice the area, positive counterclockwise.
@@ -50,30 +47,28 @@ class Collapse {
     return triangle[0] == vertex || triangle[1] == vertex || triangle[2] == vertex;
   }
 
-  /// Worst shape of the fan that fills the hole of `v` from `u`.
+  /// Worst shape of the fan that fills the hole of `v` from `u`.  The signed area of a fan is that of its hole from wherever it spreads: if
+  /// no triangle of it is turned over, it covers the hole once.
   [[nodiscard]] double worst_shape(std::uint32_t v, std::uint32_t u) const {
-    double worst = 1, before = 0, after = 0;
+    double worst = 1;
     for (const std::uint32_t t : around_[v]) {
       const Triangle& old = patch_.triangles[t];
-      std::array<glm::dvec2, 3> corner;
-      for (std::size_t i = 0; i < 3; ++i) corner[i] = patch_.vertices[old[i]];
-      before += twice_area(corner[0], corner[1], corner[2]);
       if (has(old, u)) continue;
-      for (std::size_t i = 0; i < 3; ++i)
-        if (old[i] == v) corner[i] = patch_.vertices[u];
-      after += twice_area(corner[0], corner[1], corner[2]);
+      std::array<glm::dvec2, 3> corner;
+      for (std::size_t i = 0; i < 3; ++i) corner[i] = patch_.vertices[old[i] == v ? u : old[i]];
       worst = std::min(worst, shape_of(corner[0], corner[1], corner[2]));
       if (worst < kNarrowest) return worst;
     }
-    return std::fabs(after - before) <= kAreaTolerance * before ? worst : 0;
+    return worst;
   }
 
   bool try_collapse(std::uint32_t v) {
     double best = kNarrowest;
     std::uint32_t to = v;
     for (const std::uint32_t t : around_[v])
-      for (const std::uint32_t u : patch_.triangles[t]) {
-        if (u == v) continue;
+      for (std::size_t i = 0; i < 3; ++i) {
+        if (patch_.triangles[t][i] != v) continue;
+        const std::uint32_t u = patch_.triangles[t][(i + 1) % 3];  // each neighbour comes after v in one triangle
         if (const double worst = worst_shape(v, u); worst > best) best = worst, to = u;
       }
     if (to == v) return false;

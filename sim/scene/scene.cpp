@@ -34,7 +34,7 @@ std::uint64_t hash_scene(const TriangleMesh& mesh, const std::vector<Material>& 
 
 EmbreeScene rays_of(const TriangleMesh& mesh) {
   const RaySurface surface = merge_flat_patches(mesh);
-  return {mesh.vertices, mesh.triangles, surface.triangles, surface.stands_for};
+  return {mesh.vertices, surface.triangles, surface.stands_for};
 }
 
 }  // namespace

@@ -227,6 +227,19 @@ TEST(EmbreeScene, CoplanarTrianglesGiveTheLowestId) {
   }
 }
 
+TEST(EmbreeScene, AHitOnOtherTrianglesNamesTheOneTheyStandFor) {
+  const std::vector<glm::vec3> vertices = {{0, 0, 0}, {4, 0, 0}, {4, 0, 4}, {0, 0, 4}, {0, 1, 0}, {4, 1, 0}, {4, 1, 4}};
+  const std::vector<glm::uvec3> traced = {{0, 1, 2}, {0, 2, 3}, {4, 5, 6}};
+  const std::vector<std::uint32_t> stands_for = {7, 7, 19};
+  const EmbreeScene scene(vertices, traced, stands_for);
+  EXPECT_EQ(scene.num_triangles(), 3u);
+  EXPECT_EQ(scene.intersect({1, 0.5f, 2}, {0, -1, 0}).triangle, 7u);
+  EXPECT_EQ(scene.intersect({2, 0.5f, 1}, {0, -1, 0}).triangle, 7u);
+  const Hit above = scene.intersect({2, 0.5f, 1}, {0, 1, 0});
+  EXPECT_EQ(above.triangle, 19u);
+  EXPECT_EQ(above.normal, glm::vec3(0, -1, 0));
+}
+
 TEST(EmbreeScene, NearerParallelSurfaceWinsWhateverItsId) {
   Soup soup;
   append_rectangle(soup, -1, -1, 1, 1, 0);

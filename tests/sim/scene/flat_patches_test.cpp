@@ -3,9 +3,11 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <functional>
 #include <glm/geometric.hpp>
+#include <limits>
 #include <map>
 #include <set>
 
@@ -138,6 +140,31 @@ TEST(FlatPatches, HolesStayOpen) {
   EXPECT_NEAR(after_m2, before_m2, 1e-5);
 }
 
+TEST(FlatPatches, OddTrianglesStayAsTheyAre) {
+  const TriangleMesh plain = sheet(12, [](float a, float b) { return glm::vec3(3 * a, 0, 3 * b); });
+  const std::size_t alone = merge_flat_patches(plain).triangles.size();
+  const auto with = [&](std::vector<glm::vec3> vertices, std::vector<glm::uvec3> triangles) {
+    TriangleMesh mesh = plain;
+    mesh.vertices.insert(mesh.vertices.end(), vertices.begin(), vertices.end());
+    mesh.triangles.insert(mesh.triangles.end(), triangles.begin(), triangles.end());
+    mesh.triangle_material.resize(mesh.triangles.size());
+    mesh.triangle_object.resize(mesh.triangles.size());
+    const RaySurface surface = merge_flat_patches(mesh);
+    for (const glm::uvec3 t : triangles) EXPECT_EQ(std::ranges::count(surface.triangles, t), 1);
+    double area_m2 = 0;
+    for (const glm::uvec3 t : surface.triangles)
+      if (mesh.vertices[t.x].y == 0 && mesh.vertices[t.y].y == 0 && mesh.vertices[t.z].y == 0) area_m2 += area_of(mesh, t);
+    EXPECT_NEAR(area_m2, 9.0, 1e-5);
+    return surface.triangles.size() - triangles.size();
+  };
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  EXPECT_EQ(with({}, {{0, 0, 1}}), alone) << "two corners in one place";
+  EXPECT_EQ(with({{nan, 1, 0}}, {{0, 1, 169}}), alone) << "a place that is no number";
+  EXPECT_EQ(with({{1.5f, 1, 1.5f}, {1.6f, 1, 1.5f}}, {{84, 169, 170}}), alone) << "the tip of another wall on an inner vertex";
+  // A wall that stands on a line of the sheet: three triangles at one side, which is a border for all.
+  EXPECT_GT(with({{1.5f, 1, 1.5f}}, {{84, 85, 169}}), alone);
+}
+
 TEST(FlatPatches, NoFanIsNarrow) {
   const auto shape = [](glm::dvec2 a, glm::dvec2 b, glm::dvec2 c) {
     const double longest2 = std::max({glm::dot(b - a, b - a), glm::dot(c - b, c - b), glm::dot(a - c, a - c)});
@@ -191,6 +218,63 @@ TEST(FlatPatches, RaysMeetTheSameHouse) {
   }
   EXPECT_GT(hits, 40'000);
   EXPECT_LT(elsewhere, hits / 1000);
+}
+
+// A cube of 3 m cut into 1 : 20, turned and moved so that no wall is flat to the last bit.  Bounces in all directions from where rays meet
+// the walls: none may get out.
+TEST(FlatPatches, ATurnedRoomKeepsItsRays) {
+  constexpr int n = 20;
+  const glm::vec3 u = glm::normalize(glm::vec3(0.6f, 0.3f, -0.5f)), v = glm::normalize(glm::cross(u, glm::vec3(0.2f, 1.f, 0.1f))),
+                  w = glm::cross(u, v), corner(17, -6, 31);
+  TriangleMesh mesh;
+  std::map<std::array<int, 3>, std::uint32_t> index_of;
+  const auto vertex = [&](std::array<int, 3> at) {
+    const auto [found, is_new] = index_of.try_emplace(at, static_cast<std::uint32_t>(mesh.vertices.size()));
+    const auto along = [](int i) { return 3.f * static_cast<float>(i) / n; };
+    if (is_new) mesh.vertices.push_back(corner + along(at[0]) * u + along(at[1]) * v + along(at[2]) * w);
+    return found->second;
+  };
+  for (std::size_t axis = 0; axis < 3; ++axis)
+    for (const int side : {0, n})
+      for (int i = 0; i < n; ++i)
+        for (int j = 0; j < n; ++j) {
+          std::array<std::uint32_t, 4> c{};
+          for (int k = 0; k < 4; ++k) {
+            std::array<int, 3> at{};
+            at[axis] = side;
+            at[(axis + 1) % 3] = i + (k == 1 || k == 2);
+            at[(axis + 2) % 3] = j + (k >= 2);
+            c[static_cast<std::size_t>(k)] = vertex(at);
+          }
+          if (side == n) std::swap(c[1], c[3]);
+          mesh.triangles.emplace_back(c[0], c[1], c[2]);
+          mesh.triangles.emplace_back(c[0], c[2], c[3]);
+        }
+  mesh.triangle_material.assign(mesh.triangles.size(), 0);
+  mesh.triangle_object.assign(mesh.triangles.size(), 0);
+  mesh.material_names = mesh.object_names = {"wall"};
+  const Scene scene("turned cube", mesh, {Material::uniform("wall", 0.1f, 0.5f)}, Air{});
+  EXPECT_LT(3 * scene.rays().num_triangles(), mesh.triangles.size());
+  const glm::vec3 middle = corner + 1.5f * (u + v + w);
+  glm::vec3 origin = middle, direction = u;
+  int escapes = 0;
+  for (std::uint32_t bounce = 0; bounce < 400'000; ++bounce) {
+    const Hit hit = scene.rays().intersect(origin, direction);
+    const glm::vec3 from = hit.valid() ? hit.position - middle : glm::vec3(0);
+    if (!hit.valid() || std::max({std::fabs(glm::dot(from, u)), std::fabs(glm::dot(from, v)), std::fabs(glm::dot(from, w))}) > 1.501f) {
+      ++escapes;
+      origin = middle;
+      continue;
+    }
+    ASSERT_LE(glm::dot(hit.normal, direction), 0.f);
+    origin = offset_from_surface(hit.position, hit.normal);
+    // Uniform over the half space, grazing directions too.
+    const auto x = RandomStream(5, Purpose::test, bounce).uniform4(0);
+    const float z = 2 * x[0] - 1, r = std::sqrt(std::max(0.f, 1 - z * z));
+    direction = {r * std::cos(6.2831853f * x[1]), z, r * std::sin(6.2831853f * x[1])};
+    if (glm::dot(direction, hit.normal) < 0) direction = -direction;
+  }
+  EXPECT_EQ(escapes, 0);
 }
 
 }  // namespace
