@@ -97,7 +97,7 @@ TEST(H73_ManyTrianglesSlow, OneOfAThousandKilometresAmongSmallOnes) {
   EXPECT_EQ(uneven.intersect({1, -1, 1}, {0, -1, 0}).triangle, first == 0 ? 0u : static_cast<std::uint32_t>(mixed.triangles.size() - 1));
 }
 
-// EARSHOT_MANY_TRIANGLES=20000000 for the whole case (3.2 GiB and 16 s of processor); two million without it.
+// EARSHOT_MANY_TRIANGLES=20000000 for the whole case (3.6 GiB and 15 s of processor); two million without it.
 TEST(H73_ManyTrianglesSlow, BuildAndTraceInTimeThatGrowsWithTheLogarithm) {
   const char* asked = std::getenv("EARSHOT_MANY_TRIANGLES");
   const double wanted = asked ? std::atof(asked) : 2e6;
