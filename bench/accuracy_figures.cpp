@@ -123,6 +123,10 @@ std::string sweeps_figure(const AccuracyStudy& study) {
       {"cell size", "Cells of the source field", {ErrorKind::t20, ErrorKind::t30, ErrorKind::rir_t20}, "%"},
       {"bands", "Bands (octaves: 7)", {ErrorKind::rir_t20}, "%"},
       {"SH order", "Harmonics of the late field", {ErrorKind::ild_db, ErrorKind::iacc, ErrorKind::spectral_db}, "dB, or 1 for IACC"},
+      {"late decoding",
+       "Late sound decoded as a waveform",
+       {ErrorKind::ild_db, ErrorKind::iacc, ErrorKind::spectral_db},
+       "dB, or 1 for IACC"},
       {"effects", "Effects", {ErrorKind::decay_db, ErrorKind::spectral_db, ErrorKind::c50_db}, "dB"}};
   struct Look {
     ErrorKind kind;

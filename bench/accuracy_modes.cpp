@@ -66,6 +66,9 @@ std::vector<AccuracyMode> accuracy_modes(bool quick) {
     list.add("bands", bands == 0 ? "octaves" : std::to_string(bands), [bands](AcousticConfig& c) { c.bands = bands; });
   // Two ears use no more than first order.
   for (const int order : {0, 1}) list.add("SH order", std::to_string(order), [order](AcousticConfig& c) { c.sh_order = order; });
+  for (const float decode_s : {0.f, 0.08f, 0.16f, 60.f})
+    list.add("late decoding", decode_s == 60.f ? "all" : fmt::format("{:g} s", decode_s),
+             [decode_s](AcousticConfig& c) { c.late_decode_s = decode_s; });
   for (const float length_s : {0.25f, 0.5f, 1.f, 0.f})
     list.add("RIR length", length_s == 0.f ? "auto" : fmt::format("{:g} s", length_s),
              [length_s](AcousticConfig& c) { c.rir_length_s = length_s; });

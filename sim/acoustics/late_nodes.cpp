@@ -37,7 +37,7 @@ void LateNodes::make(const EnergyHistogram& energy, float sample_rate_hz, double
   num_bins_ = energy.num_bins();
   num_samples_ = num_samples;
   onset_ = onset_sample;
-  const int num_bands = energy.num_bands();
+  const int num_bands = num_bands_ = energy.num_bands();
   width_ = static_cast<double>(energy.bin_s()) * static_cast<double>(sample_rate_hz);
   // From the onset: where widths change, a steep decay gains a little, and should not while it is loud.
   bins_ = WideningBins(num_bins_, static_cast<std::size_t>(std::clamp(onset_sample / width_, 0.0, 1e9)));
@@ -101,6 +101,18 @@ void LateNodes::make(const EnergyHistogram& energy, float sample_rate_hz, double
     }
     drop_inaudible_end(band);
   }
+}
+
+int LateNodes::slot_from(double sample) const {
+  int first = 0, last = size();
+  while (first < last) {
+    const int slot = (first + last) / 2;
+    if (bins_.middle(static_cast<std::size_t>(slot)) * width_ < sample)
+      first = slot + 1;
+    else
+      last = slot;
+  }
+  return first;
 }
 
 void LateNodes::drop_inaudible_end(int band) {

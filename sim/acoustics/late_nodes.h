@@ -76,6 +76,13 @@ class LateNodes {
     }
   }
   [[nodiscard]] int size() const { return static_cast<int>(bins_.size()); }  ///< slots
+  [[nodiscard]] int num_bands() const { return num_bands_; }
+  /// First slot whose middle does not lie before `sample`; size() if there is none.
+  [[nodiscard]] int slot_from(double sample) const;
+  /// First sample behind all stretches that end in a slot before `slot` or in its middle.
+  [[nodiscard]] std::size_t end_before(int slot) const {
+    return slot < size() ? clamp_sample(bins_.middle(static_cast<std::size_t>(slot)) * width_) : num_samples_;
+  }
 
  private:
   void drop_inaudible_end(int band);
@@ -88,7 +95,7 @@ class LateNodes {
   template <class Float>
   void set_higher(std::size_t index, const Float* c, std::size_t num_known);
 
-  int num_bins_ = 0;
+  int num_bins_ = 0, num_bands_ = 0;
   WideningBins bins_;
   double width_ = 1, onset_ = 0;  ///< in samples
   std::size_t num_samples_ = 0, num_higher_ = 0;

@@ -59,13 +59,13 @@ void add_higher(int count, Ramp density, Ramp m, Ramp d, const float* w, const f
 
 }  // namespace
 
-void LateSynthesizer::make_shares(const EnergyHistogram& energy, std::size_t num_channels) {
+void LateSynthesizer::make_shares(const LateNodes& nodes, int num_slots, std::size_t num_channels) {
   const std::size_t higher = num_channels - 4;
-  shares_.assign(static_cast<std::size_t>(energy.num_bands() * nodes_.size()) * higher, Share{});
-  for (int band = 0; band < energy.num_bands(); ++band) {
-    for (int slot = 0; slot < nodes_.size(); ++slot) {
-      const auto known = nodes_.higher(band, slot);
-      Share* shares = shares_.data() + static_cast<std::size_t>(band * nodes_.size() + slot) * higher;
+  shares_.assign(static_cast<std::size_t>(nodes.num_bands() * nodes.size()) * higher, Share{});
+  for (int band = 0; band < nodes.num_bands(); ++band) {
+    for (int slot = 0; slot < num_slots; ++slot) {
+      const auto known = nodes.higher(band, slot);
+      Share* shares = shares_.data() + static_cast<std::size_t>(band * nodes.size() + slot) * higher;
       for (std::size_t l = 2; (l + 1) * (l + 1) <= std::min(num_channels, known.size() + 4); ++l) {
         const std::size_t first = l * l - 4, count = 2 * l + 1;
         double square = 0;
@@ -79,35 +79,35 @@ void LateSynthesizer::make_shares(const EnergyHistogram& energy, std::size_t num
   }
 }
 
-std::size_t LateSynthesizer::render(const EnergyHistogram& energy, const CarrierBank& carriers, std::size_t offset, double onset_sample,
+std::size_t LateSynthesizer::render(const LateNodes& nodes, int num_slots, const CarrierBank& carriers, std::size_t offset,
                                     std::span<const std::span<float>> channels) {
   const auto num_channels = static_cast<std::size_t>(carriers.num_channels());
   EARSHOT_EXPECT(channels.size() == num_channels && (num_channels == 1 || num_channels >= 4));
-  const std::size_t num_samples = channels[0].size();
-  for (const auto& channel : channels) std::fill(channel.begin(), channel.end(), 0.f);
-  const int num_bands = energy.num_bands();
-  if (energy.num_bins() == 0) return 0;
-  nodes_.make(energy, rate_hz_, onset_sample, num_samples);
-  if (num_channels > 4) make_shares(energy, num_channels);
+  const std::size_t end = nodes.end_before(num_slots);
+  for (const auto& channel : channels) std::ranges::fill(channel.first(end), 0.f);
+  const int num_bands = nodes.num_bands();
+  if (num_channels > 4) make_shares(nodes, num_slots, num_channels);
 
   std::size_t end_of_sound = 0;
-  nodes_.visit(offset, carriers.length(), [&](const LateStretch& stretch) {
+  nodes.visit(offset, carriers.length(), [&](const LateStretch& stretch) {
+    if (stretch.left >= num_slots) return;
     const auto out = [&](std::size_t c) { return channels[c].data() + stretch.begin; };
     FirstOrderBand waiting{};  // for another band to be added with
     bool waits = false;
     for (int band = 0; band < num_bands; ++band) {
-      const auto row = nodes_.band(band);
+      const auto row = nodes.band(band);
       const LateNode &a = row[static_cast<std::size_t>(stretch.left)], &b = row[static_cast<std::size_t>(stretch.right)];
-      if (a.density == 0.f && b.density == 0.f) continue;
+      const float from_density = a.density, to_density = stretch.right < num_slots ? b.density : 0.f;
+      if (from_density == 0.f && to_density == 0.f) continue;
       end_of_sound = stretch.begin + static_cast<std::size_t>(stretch.count);
       const auto carrier = [&](std::size_t c) { return carriers.loop(band, static_cast<int>(c)).data() + stretch.in_loop; };
-      const Ramp density = ramp_over(stretch, a.density, b.density);
+      const Ramp density = ramp_over(stretch, from_density, to_density);
       if (num_channels == 1) {
         add_omni(stretch.count, density, carrier(0), out(0));
         continue;
       }
       // A silent end has no direction of its own.
-      const int left_slot = a.density > 0.f ? stretch.left : stretch.right, right_slot = b.density > 0.f ? stretch.right : stretch.left;
+      const int left_slot = from_density > 0.f ? stretch.left : stretch.right, right_slot = to_density > 0.f ? stretch.right : stretch.left;
       const LateNode &left = row[static_cast<std::size_t>(left_slot)], &right = row[static_cast<std::size_t>(right_slot)];
       const auto ramp = [&](float from, float to) { return ramp_over(stretch, from, to); };
       const FirstOrderBand now{
@@ -120,8 +120,8 @@ std::size_t LateSynthesizer::render(const EnergyHistogram& energy, const Carrier
       waits = !waits;
       const std::size_t higher = num_channels - 4;
       for (std::size_t c = 4; c < num_channels; ++c) {
-        const Share& from = shares_[static_cast<std::size_t>(band * nodes_.size() + left_slot) * higher + c - 4];
-        const Share& to = shares_[static_cast<std::size_t>(band * nodes_.size() + right_slot) * higher + c - 4];
+        const Share& from = shares_[static_cast<std::size_t>(band * nodes.size() + left_slot) * higher + c - 4];
+        const Share& to = shares_[static_cast<std::size_t>(band * nodes.size() + right_slot) * higher + c - 4];
         add_higher(stretch.count, density, ramp(from.m, to.m), ramp(from.d, to.d), carrier(0), carrier(c), out(c));
       }
     }

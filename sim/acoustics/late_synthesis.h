@@ -5,12 +5,11 @@
 #include <vector>
 
 #include "sim/acoustics/carriers.h"
-#include "sim/acoustics/energy_histogram.h"
 #include "sim/acoustics/late_nodes.h"
 
 namespace earshot {
 
-/// Turns the late energy of a histogram into pressure.  Owns scratch: one per thread; no allocation once warm.
+/// Turns late energy into pressure.  Owns scratch: one per thread; no allocation once warm.
 ///
 /// One channel: p = sum over bands of sqrt(energy density) * carrier.  The density is interpolated linearly between the slots of
 /// late_nodes.h.  (N + 1)^2 channels (N3D, ACN, world axes): the omnidirectional channel is the same, s w with w its carrier;
@@ -21,12 +20,10 @@ namespace earshot {
 /// does not hold are diffuse.
 class LateSynthesizer {
  public:
-  explicit LateSynthesizer(float sample_rate_hz) : rate_hz_(sample_rate_hz) {}
-
-  /// channels: [carriers.num_channels()], a square number, spans of equal length, overwritten.  offset: where in the carrier loops time
-  /// zero lies.  onset_sample: nothing is written before it; energy of bins that reach before it lands behind it.  Returns the number of
-  /// samples after which all are zero.
-  std::size_t render(const EnergyHistogram& energy, const CarrierBank& carriers, std::size_t offset, double onset_sample,
+  /// channels: [carriers.num_channels()], a square number, spans of the length of the nodes.  The first num_slots slots count, and only
+  /// what they reach is written.  offset: where in the carrier loops time zero lies.  Returns how much of each channel sounds: behind it,
+  /// all are zero or not written.
+  std::size_t render(const LateNodes& nodes, int num_slots, const CarrierBank& carriers, std::size_t offset,
                      std::span<const std::span<float>> channels);
 
  private:
@@ -34,10 +31,8 @@ class LateSynthesizer {
   struct Share {
     float m = 0, d = 1;
   };
-  void make_shares(const EnergyHistogram& energy, std::size_t num_channels);
+  void make_shares(const LateNodes& nodes, int num_slots, std::size_t num_channels);
 
-  float rate_hz_;
-  LateNodes nodes_;
   std::vector<Share> shares_;  ///< [band][slot][channel - 4]
 };
 

@@ -13,6 +13,7 @@
 
 #include "sim/acoustics/arrival_spectrum.h"
 #include "sim/acoustics/late_array.h"
+#include "sim/acoustics/late_ears.h"
 #include "sim/acoustics/late_synthesis.h"
 #include "sim/acoustics/synthesis_tables.h"
 #include "sim/audio/ambisonics.h"
@@ -99,7 +100,6 @@ void add_ears(const Complex* ears, std::size_t count, float* __restrict left, fl
 struct RirSynthesizer::Scratch {
   explicit Scratch(const SynthesisTables& tables)
       : early_fft(tables.early_fft),
-        late(tables.sample_rate_hz),
         bands(tables.filters),
         response(static_cast<std::size_t>(tables.early_fft)),
         rotation(tables.layout.kind == ListenerKind::ambisonics ? tables.layout.order : 1) {
@@ -119,7 +119,9 @@ struct RirSynthesizer::Scratch {
   }
 
   RealFft early_fft;
+  LateNodes nodes;
   LateSynthesizer late;
+  LateEars late_ears;
   ArrivalSpectrum bands;        ///< of one arrival
   std::vector<float> response;  ///< of one arrival in one channel
   std::array<std::vector<Complex>, 2> ear;
@@ -296,11 +298,13 @@ void RirSynthesizer::render_late(const Pass& pass, std::size_t offset, double on
   const SynthesisTables& tables = *tables_;
   Scratch& scratch = *scratch_;
   const EnergyHistogram& late = pass.response.late;
+  if (late.num_bins() == 0) return;
   const auto length = static_cast<std::size_t>(rir.num_samples);
   switch (tables.layout.kind) {
     case ListenerKind::mono: {
       const std::array<std::span<float>, 1> channels = {std::span(rir.samples)};
-      scratch.late.render(late, tables.carriers, offset, onset_sample, channels);
+      scratch.nodes.make(late, tables.sample_rate_hz, onset_sample, length);
+      scratch.late.render(scratch.nodes, scratch.nodes.size(), tables.carriers, offset, channels);
       return;
     }
     case ListenerKind::binaural: {
@@ -309,15 +313,20 @@ void RirSynthesizer::render_late(const Pass& pass, std::size_t offset, double on
         for (auto& channel : sound.channels_) channel.resize(static_cast<std::size_t>(tables.num_samples));
         const auto channel = [&](std::size_t c) { return std::span(sound.channels_[c]).first(length); };
         const std::array<std::span<float>, 4> channels = {channel(0), channel(1), channel(2), channel(3)};
-        sound.sounding_ = scratch.late.render(late, tables.carriers, offset, onset_sample, channels);
+        sound.nodes_.make(late, tables.sample_rate_hz, onset_sample, length);
+        sound.num_decoded_ = sound.nodes_.slot_from(onset_sample + tables.late_decode_samples);
+        sound.sounding_ = scratch.late.render(sound.nodes_, sound.num_decoded_, tables.carriers, offset, channels);
         sound.known_ = true;
       }
       decode_late(rotate_first_order(pass.turn, sound), rir);
+      scratch.late_ears.add(sound.nodes_, sound.num_decoded_, tables.ear_noise, offset, pass.turn, std::span(rir.samples).first(length),
+                            std::span(rir.samples).subspan(length));
       return;
     }
     case ListenerKind::ambisonics: {
       for (std::size_t c = 0; c < scratch.channels.size(); ++c) scratch.channels[c] = std::span(rir.samples).subspan(c * length, length);
-      const std::size_t sounding = scratch.late.render(late, tables.carriers, offset, onset_sample, scratch.channels);
+      scratch.nodes.make(late, tables.sample_rate_hz, onset_sample, length);
+      const std::size_t sounding = scratch.late.render(scratch.nodes, scratch.nodes.size(), tables.carriers, offset, scratch.channels);
       if (tables.layout.axes == HarmonicAxes::world) return;
       scratch.rotation.set(pass.turn);
       scratch.rotation.apply(scratch.channels, sounding);

@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "sim/acoustics/late_nodes.h"
 #include "sim/acoustics/rir.h"
 #include "sim/audio/hrtf.h"
 #include "sim/audio/listener_layout.h"
@@ -38,8 +39,10 @@ class LateSound {
  private:
   friend class RirSynthesizer;
   bool known_ = false;
-  std::size_t sounding_ = 0;                    ///< samples after which all are zero
-  std::array<std::vector<float>, 4> channels_;  ///< N3D, world axes
+  LateNodes nodes_;
+  int num_decoded_ = 0;                         ///< slots whose waveform is
+  std::size_t sounding_ = 0;                    ///< samples that those reach
+  std::array<std::vector<float>, 4> channels_;  ///< of those: N3D, world axes
 };
 
 /// Renders energy responses to pressure (ORACLES 2.6): arrivals as fractional-delay impulses through band gains and phases and what the

@@ -75,9 +75,11 @@ SynthesisTables::SynthesisTables(const AcousticConfig& config, const BandLayout&
       seed(config.seed),
       early_fft(hrtf ? hrtf->fft_size() : next_power_of_two(static_cast<int>(std::ceil(0.02 * config.sample_rate_hz)))),
       filters(bands, config.sample_rate_hz, early_fft),
-      carriers(make_carriers(layout, config, bands)) {
+      carriers(make_carriers(layout, config, bands)),
+      late_decode_samples(static_cast<double>(config.late_decode_s) * static_cast<double>(config.sample_rate_hz)) {
   for (const Microphone& microphone : layout.microphones) patterns.emplace_back(microphone.directivity, bands.centre_hz);
   if (!hrtf) return;
+  ear_noise = EarNoise(carriers, bands, *hrtf);
   late_fft = choose_block_fft(num_samples, hrtf->decoder_taps());
   make_decoder();
 }

@@ -1,0 +1,31 @@
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <vector>
+
+#include "sim/acoustics/ear_noise.h"
+#include "sim/acoustics/late_nodes.h"
+#include "sim/audio/harmonic_rotation.h"
+#include "sim/audio/listener_turn.h"
+
+namespace earshot {
+
+/// The end of the late field at two ears, straight from noise that was decoded beforehand (EarNoise): in every slot and band the power at
+/// each ear and the correlation between them are those of the field's first-order moments through the head's decoder.  An eighth of the
+/// time of four channels and their transforms.  Owns scratch: one per thread; no allocation once warm.
+class LateEars {
+ public:
+  /// Adds slots from first_slot on to both ears (equal lengths, at least those of the nodes); from the middle of the slot before it the
+  /// sound grows as linearly in power as LateSynthesizer's, told to stop there, falls.  offset: as there.
+  void add(const LateNodes& nodes, int first_slot, const EarNoise& noise, std::size_t offset, const ListenerTurn& turn,
+           std::span<float> left, std::span<float> right);
+
+ private:
+  void make_mixes(const LateNodes& nodes, int first_slot, const EarNoise& noise, const ListenerTurn& turn);
+
+  HarmonicRotation rotation_{1};
+  std::vector<EarNoise::Mix> mixes_;  ///< [band][slot], where there is sound
+};
+
+}  // namespace earshot
