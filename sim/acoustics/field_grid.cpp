@@ -162,32 +162,44 @@ std::uint32_t FieldGrid::piece_at(const Box& box, glm::vec3 point) const {
 
 void FieldGrid::cross(glm::vec3 origin, glm::vec3 direction, float length_m, std::vector<Crossing>& crossings) const {
   if (cells_.empty()) return;
-  // Amanatides and Woo 1987: from box to box by the nearest of the three next planes.
-  glm::ivec3 index = glm::clamp(glm::ivec3(glm::floor((origin - origin_) / edge_m_)), glm::ivec3(0), count_ - 1);
-  glm::vec3 next_m, step_m;
-  glm::ivec3 step;
-  for (int axis = 0; axis < 3; ++axis) {
-    step[axis] = direction[axis] < 0 ? -1 : 1;
+  // Amanatides and Woo 1987: from box to box by the nearest of the three next planes.  Which axis comes next is as good as random: no
+  // branch and no index depends on it.
+  const glm::ivec3 index = glm::clamp(glm::ivec3(glm::floor((origin - origin_) / edge_m_)), glm::ivec3(0), count_ - 1);
+  struct Axis {
+    float next_m, step_m;  // to the next plane, and from plane to plane
+    int left, stride;      // boxes before the border, and how far apart they are stored
+  };
+  const auto axis_of = [&](int axis, int stride) {
+    const bool backward = direction[axis] < 0;
     const float inverse = 1.f / direction[axis];
-    step_m[axis] = std::fabs(edge_m_[axis] * inverse);
-    const float plane = origin_[axis] + static_cast<float>(index[axis] + (step[axis] > 0 ? 1 : 0)) * edge_m_[axis];
-    next_m[axis] = direction[axis] == 0 ? std::numeric_limits<float>::infinity() : std::max((plane - origin[axis]) * inverse, 0.f);
-  }
+    const float plane = origin_[axis] + static_cast<float>(index[axis] + (backward ? 0 : 1)) * edge_m_[axis];
+    return Axis{.next_m = direction[axis] == 0 ? std::numeric_limits<float>::infinity() : std::max((plane - origin[axis]) * inverse, 0.f),
+                .step_m = std::fabs(edge_m_[axis] * inverse),
+                .left = backward ? index[axis] : count_[axis] - 1 - index[axis],
+                .stride = backward ? -stride : stride};
+  };
+  Axis x = axis_of(0, count_.y * count_.z), y = axis_of(1, count_.z), z = axis_of(2, 1);
+  auto box = static_cast<std::ptrdiff_t>(box_at(index));
   // What rounding puts across the border of a box, which may be a wall: such a sliver goes to the next cell, and at the end to none.
   const float least_m = 1e-5f * std::min({edge_m_.x, edge_m_.y, edge_m_.z});
   float enter_m = 0;
   while (enter_m < length_m) {
-    const int axis = next_m.x <= next_m.y && next_m.x <= next_m.z ? 0 : next_m.y <= next_m.z ? 1 : 2;
-    const float leave_m = std::min(next_m[axis], length_m);
+    const float nearest_m = std::min(x.next_m, std::min(y.next_m, z.next_m)), leave_m = std::min(nearest_m, length_m);
     if (leave_m > enter_m + least_m) {
-      const std::uint32_t cell = piece_at(boxes_[box_at(index)], origin + 0.5f * (enter_m + leave_m) * direction);
+      const std::uint32_t cell = piece_at(boxes_[static_cast<std::size_t>(box)], origin + 0.5f * (enter_m + leave_m) * direction);
       if (cell != none) crossings.push_back({cell, enter_m, leave_m});
       enter_m = leave_m;
     }
     if (leave_m >= length_m) return;
-    index[axis] += step[axis];
-    if (index[axis] < 0 || index[axis] >= count_[axis]) return;
-    next_m[axis] += step_m[axis];
+    const bool by_x = x.next_m == nearest_m, by_y = !by_x && y.next_m == nearest_m, by_z = !by_x && !by_y;
+    x.left -= by_x ? 1 : 0;
+    y.left -= by_y ? 1 : 0;
+    z.left -= by_z ? 1 : 0;
+    if ((x.left | y.left | z.left) < 0) return;
+    box += by_x ? x.stride : by_y ? y.stride : z.stride;
+    x.next_m += by_x ? x.step_m : 0.f;
+    y.next_m += by_y ? y.step_m : 0.f;
+    z.next_m += by_z ? z.step_m : 0.f;
   }
 }
 

@@ -30,6 +30,13 @@ class FieldProbes {
   void add(std::uint32_t cell, float path_m, const float* energy, float length_m, std::uint32_t batch) {
     if (slot_of_cell_[cell] != FieldGrid::none) add_to_slot(slot_of_cell_[cell], path_m, energy, length_m, batch);
   }
+  /// Asks for the memory that add() of the same will change.
+  void fetch(std::uint32_t cell, float path_m, std::uint32_t batch) const {
+    const std::uint32_t slot = slot_of_cell_[cell];
+    const float position = path_m * bins_per_m_;
+    if (slot == FieldGrid::none || energy_[slot].empty() || !(position < static_cast<float>(num_bins_))) return;
+    __builtin_prefetch(&energy_[slot][(batch * static_cast<std::size_t>(num_bins_) + static_cast<std::size_t>(position)) * stride_], 1);
+  }
   /// Relative standard error of T20 by the jackknife over batches, mean over probes and bands that have one; 1 if none has.
   [[nodiscard]] double t20_error() const;
 

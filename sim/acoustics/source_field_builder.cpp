@@ -26,6 +26,10 @@ constexpr std::uint64_t kPhotonsPerRound = std::uint64_t{kChunksPerRound} * kPho
 /// this many rounds go to sums in double; the few photons of `fast` never do, and pay for half the memory.
 constexpr std::uint32_t kRoundsPerFold = 32;
 
+/// Histories are larger than the caches near a core, and are visited in no order of memory: rows are asked for this long before they are
+/// used.  A flight crosses two or three cells.
+constexpr std::size_t kFloatsPerLine = 16, kFlightsAhead = 4, kCellsAhead = 8;
+
 /// to[i] += factor * from[i]; count: a multiple of eight, whole vectors.
 void add_scaled(const float* from, float factor, std::size_t count, float* to) {
   for (std::size_t i = 0; i < count; i += 8)
@@ -68,11 +72,25 @@ struct SourceFieldBuilder::Impl {
     if (to_next > 0) add_scaled(weighted, length_m * to_next, row, here + row);
   }
 
+  /// Asks for the memory that a flight's energy will be added to: its cells lie megabytes apart.
+  void fetch(const PhotonTracks& of_chunk, const PhotonTracks::Flight& flight, std::uint32_t batch) const {
+    const float slots_per_m = 1.f / (scene.speed_of_sound_m_per_s() * bin_s);
+    for (std::uint32_t c = flight.first_crossing; c < flight.end_crossing; ++c) {
+      const FieldGrid::Crossing& crossing = of_chunk.crossings[c];
+      const float path_m = flight.path_m + 0.5f * (crossing.enter_m + crossing.leave_m), position = path_m * slots_per_m;
+      if (history[crossing.cell].empty() || !(position < static_cast<float>(num_bins))) continue;
+      const float* slot = &history[crossing.cell][bins.slot_of(static_cast<std::size_t>(position)) * row];
+      for (std::size_t i = 0; i < row; i += kFloatsPerLine) __builtin_prefetch(slot + i, 1);
+      probes.fetch(crossing.cell, path_m, batch);
+    }
+  }
+
   void add(const PhotonTracks& of_chunk, std::uint32_t batch) {
     std::array<float, kMaxCoefficients> sh{};
     std::array<float, kMaxCoefficients * kMaxBands> weighted{};
     for (std::size_t i = 0; i < of_chunk.flights.size(); ++i) {
       const PhotonTracks::Flight& flight = of_chunk.flights[i];
+      if (i + kFlightsAhead < of_chunk.flights.size()) fetch(of_chunk, of_chunk.flights[i + kFlightsAhead], batch);
       const float* energy = &of_chunk.energy[i * stride];
       // The harmonics are those of where sound comes from.
       spherical_harmonics_n3d(-flight.direction, scene.config().sh_order, sh);
@@ -153,7 +171,12 @@ struct SourceFieldBuilder::Impl {
     // Slot by slot: all cells of one stay in the second cache.
     for (std::size_t slot = 0; slot < bins.size(); ++slot) {
       bool any = false;
-      for (const std::uint32_t cell : active) {
+      for (std::size_t rank = 0; rank < active.size(); ++rank) {
+        const std::uint32_t cell = active[rank];
+        if (rank + kCellsAhead < active.size()) {
+          const std::vector<float>& next = history[active[rank + kCellsAhead]];
+          for (std::size_t at = 0; at < row && !next.empty(); at += kFloatsPerLine) __builtin_prefetch(&next[slot * row + at]);
+        }
         float* to = &rows[cell * row];
         if (history[cell].empty()) {
           std::fill_n(to, row, 0.f);
@@ -174,7 +197,10 @@ struct SourceFieldBuilder::Impl {
         // The first coefficient is the energy itself: where it is zero, the others are.
         if (std::all_of(from, from + stride, [](float value) { return value == 0.f; })) continue;
         Kept& out = kept[cell];
-        if (out.values.empty()) out.first = static_cast<std::uint32_t>(slot);
+        if (out.values.empty()) {
+          out.first = static_cast<std::uint32_t>(slot);
+          out.values.reserve((bins.size() - slot) * row);
+        }
         out.values.resize((slot - out.first + 1) * row, 0);
         const double scale = per_photon / double{grid.volume_m3(cell)};
         for (std::size_t b = 0; b < stride; ++b) factor[b] = static_cast<float>(scale * air[b]);
