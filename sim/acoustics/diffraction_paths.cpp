@@ -65,7 +65,9 @@ DiffractionCandidates::DiffractionCandidates(const AcousticScene& scene, glm::ve
   for (const std::uint32_t last : group_order) {
     const std::size_t begin = candidates_.size();
     for (const RankedCandidate* ranked : by_last_edge[last]) candidates_.push_back(ranked->candidate);
-    groups_.push_back({last, begin, candidates_.size()});
+    const bool single = std::any_of(candidates_.begin() + static_cast<std::ptrdiff_t>(begin), candidates_.end(),
+                                    [](const EdgeCandidate& candidate) { return candidate.sequence.order == 1; });
+    groups_.push_back({last, begin, candidates_.size(), single});
   }
 }
 
@@ -130,7 +132,7 @@ bool DiffractionCandidates::find_path(const AcousticScene& scene, const EdgeCand
       return std::sqrt(double{scene.reflectance(material)[band]} * (1.0 - scene.scattering(material)[band]));
     });
     const double air = std::exp(-0.5 * scene.air_energy_per_m()[band] * distance_m);
-    arrival.amplitude[band] = static_cast<float>(std::abs(ratio) * air / (4.0 * kPi * distance_m));
+    arrival.amplitude[band] = static_cast<float>(std::sqrt(std::norm(ratio)) * air / (4.0 * kPi * distance_m));
     arrival.phase_rad[band] = static_cast<float>(std::arg(ratio));
     any = any || arrival.amplitude[band] > 0.f;
   }
@@ -176,7 +178,7 @@ void DiffractionCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 
   int attempts = budget.attempts;
   for (const Group& group : groups_) {
     if (attempts <= 0) break;
-    if (near_boundary_only && !near_boundary(group.last_edge)) continue;
+    if (near_boundary_only && (!group.single || !near_boundary(group.last_edge))) continue;
     if (!in_sight(group)) continue;
     for (std::size_t i = group.begin; i < group.end && attempts > 0; ++i) {
       if (near_boundary_only && candidates_[i].sequence.order > 1) continue;

@@ -57,6 +57,7 @@ class DiffractionCandidates {
   struct Group {
     std::uint32_t last_edge;
     std::size_t begin, end;
+    bool single;  ///< is a sequence of that edge alone among them?
   };
   bool find_path(const AcousticScene& scene, const EdgeCandidate& candidate, glm::vec3 listener, double weakest_db, int& attempts,
                  Arrival& arrival) const;

@@ -197,8 +197,11 @@ EdgePathField::EdgePathField(const DiffractionEdges& edges, const EdgePath& path
       if (!done[i] && (least == 0 || wedges_[i - 1].diffraction.bend() < wedges_[least - 1].diffraction.bend())) least = i;
     }
     const double before_m = reached_m[least] - reached_m[left[least]], after_m = reached_m[right[least]] - reached_m[least];
-    wedges_[least - 1].length_m *= before_m + after_m > 0 ? before_m * after_m / (before_m + after_m) : 0.0;
-    if (wedges_[least - 1].length_m > 0) spreading_ *= wedges_[least - 1].own_length_m / wedges_[least - 1].length_m;
+    Wedge& wedge = wedges_[least - 1];
+    wedge.ranks_by_own_legs = round == 0;
+    wedge.length_m =
+        round == 0 ? wedge.own_length_m : wedge.length_m * (before_m + after_m > 0 ? before_m * after_m / (before_m + after_m) : 0.0);
+    if (wedge.length_m > 0) spreading_ *= wedge.own_length_m / wedge.length_m;
     done[least] = true;
     if (left[least] >= 1) right[left[least]] = right[least];
     if (right[least] <= order) left[right[least]] = left[least];

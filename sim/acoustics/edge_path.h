@@ -70,7 +70,7 @@ class EdgePathField {
       const double beyond_end = wedge.beyond_m > 0 ? std::sqrt(wavenumber * wedge.beyond_m) : 0.0;
       const std::complex<double> one = wedge.diffraction.ratio(wavenumber * wedge.length_m, first, second, beyond_end);
       product = {product.real() * one.real() - product.imag() * one.imag(), product.real() * one.imag() + product.imag() * one.real()};
-      if (order_ > 1 && std::norm(one) > 0) {
+      if (order_ > 1 && !wedge.ranks_by_own_legs && std::norm(one) > 0) {
         own_legs_energy *= std::norm(wedge.diffraction.ratio(wavenumber * wedge.own_length_m, first, second, beyond_end)) / std::norm(one);
       }
       if (wedge.shares_next) product /= 1.0 + 0.5 * (reflection(wedge.shared_material) + reflection(wedge.next_shared_material));
@@ -85,6 +85,7 @@ class EdgePathField {
   struct Wedge {
     WedgeDiffraction diffraction;
     double length_m = 0, own_length_m = 0, beyond_m = 0;  ///< L by rank and by its own legs
+    bool ranks_by_own_legs = false;                       ///< both are the same: that of the least bend
     std::uint32_t first_material = 0, second_material = 0;
     bool shares_next = false;  ///< the leg to the next edge lies in a face of both
     std::uint32_t shared_material = 0, next_shared_material = 0;

@@ -9,16 +9,15 @@ namespace {
 
 /// What one band brings to one stretch.
 struct EarBand {
-  Ramp density, left, shared, own;
+  Ramp left, shared, own;
   const float *part0, *part1;
 };
 
 // Without the promise that the outputs overlap nothing, the loops are not vectorized.
 void add_band(int count, const EarBand& band, float* __restrict left, float* __restrict right) {
   for (int i = 0; i < count; ++i) {
-    const float s = std::sqrt(std::max(band.density.at(i), 0.f)), both = s * band.part0[i];
-    left[i] += band.left.at(i) * both;
-    right[i] += band.shared.at(i) * both + band.own.at(i) * (s * band.part1[i]);
+    left[i] += band.left.at(i) * band.part0[i];
+    right[i] += band.shared.at(i) * band.part0[i] + band.own.at(i) * band.part1[i];
   }
 }
 
@@ -26,11 +25,19 @@ void add_band(int count, const EarBand& band, float* __restrict left, float* __r
 void add_bands(int count, const EarBand& a, const EarBand& b, float* __restrict left, float* __restrict right) {
   const EarBand p = a, q = b;
   for (int i = 0; i < count; ++i) {
-    const float s = std::sqrt(std::max(p.density.at(i), 0.f)), both = s * p.part0[i];
-    const float t = std::sqrt(std::max(q.density.at(i), 0.f)), other_both = t * q.part0[i];
-    left[i] = (left[i] + p.left.at(i) * both) + q.left.at(i) * other_both;
-    right[i] = (right[i] + (p.shared.at(i) * both + p.own.at(i) * (s * p.part1[i]))) +
-               (q.shared.at(i) * other_both + q.own.at(i) * (t * q.part1[i]));
+    left[i] = (left[i] + p.left.at(i) * p.part0[i]) + q.left.at(i) * q.part0[i];
+    right[i] =
+        (right[i] + (p.shared.at(i) * p.part0[i] + p.own.at(i) * p.part1[i])) + (q.shared.at(i) * q.part0[i] + q.own.at(i) * q.part1[i]);
+  }
+}
+
+/// A band that begins: from nothing, in power.
+void add_beginning(int count, Ramp power, const EarNoise::Mix& mix, const float* part0, const float* part1, float* __restrict left,
+                   float* __restrict right) {
+  for (int i = 0; i < count; ++i) {
+    const float s = std::sqrt(std::max(power.at(i), 0.f)), both = s * part0[i];
+    left[i] += mix.left * both;
+    right[i] += mix.shared * both + mix.own * (s * part1[i]);
   }
 }
 
@@ -47,11 +54,16 @@ void LateEars::make_mixes(const LateNodes& nodes, int first_slot, const EarNoise
   for (int band = 0; band < nodes.num_bands(); ++band) {
     const auto row = nodes.band(band);
     for (auto slot = static_cast<std::size_t>(first_slot); slot < num_slots; ++slot) {
-      if (!(row[slot].density > 0.f)) continue;
+      if (!(row[slot].density > 0.f)) {
+        mixes_[static_cast<std::size_t>(band) * num_slots + slot] = {0, 0, 0};
+        continue;
+      }
       const auto& world = row[slot].m;
       std::array<float, 3> m;
       for (std::size_t i = 0; i < 3; ++i) m[i] = to_head[i][0] * world[0] + to_head[i][1] * world[1] + to_head[i][2] * world[2];
-      mixes_[static_cast<std::size_t>(band) * num_slots + slot] = noise.mix(band, m);
+      EarNoise::Mix& mix = mixes_[static_cast<std::size_t>(band) * num_slots + slot] = noise.mix(band, m);
+      const float amplitude = std::sqrt(row[slot].density);
+      mix.left *= amplitude, mix.shared *= amplitude, mix.own *= amplitude;
     }
   }
 }
@@ -68,15 +80,18 @@ void LateEars::add(const LateNodes& nodes, int first_slot, const EarNoise& noise
     float *out_left = left.data() + stretch.begin, *out_right = right.data() + stretch.begin;
     for (int band = 0; band < nodes.num_bands(); ++band) {
       const auto row = nodes.band(band);
-      const float from = stretch.left >= first_slot ? row[static_cast<std::size_t>(stretch.left)].density : 0.f;
-      const float to = row[static_cast<std::size_t>(stretch.right)].density;
-      if (from == 0.f && to == 0.f) continue;
-      // A silent end has no direction of its own.
       const EarNoise::Mix* mixes = mixes_.data() + static_cast<std::size_t>(band) * num_slots;
-      const EarNoise::Mix &a = mixes[from > 0.f ? stretch.left : stretch.right], &b = mixes[to > 0.f ? stretch.right : stretch.left];
-      const EarBand now{
-          ramp_over(stretch, from, to),     ramp_over(stretch, a.left, b.left),           ramp_over(stretch, a.shared, b.shared),
-          ramp_over(stretch, a.own, b.own), noise.loop(band, 0).data() + stretch.in_loop, noise.loop(band, 1).data() + stretch.in_loop};
+      const float *part0 = noise.loop(band, 0).data() + stretch.in_loop, *part1 = noise.loop(band, 1).data() + stretch.in_loop;
+      if (stretch.left < first_slot) {
+        if (row[static_cast<std::size_t>(stretch.right)].density > 0.f)
+          add_beginning(stretch.count, ramp_over(stretch, 0.f, 1.f), mixes[stretch.right], part0, part1, out_left, out_right);
+        continue;
+      }
+      if (row[static_cast<std::size_t>(stretch.left)].density == 0.f && row[static_cast<std::size_t>(stretch.right)].density == 0.f)
+        continue;
+      const EarNoise::Mix &a = mixes[stretch.left], &b = mixes[stretch.right];
+      const EarBand now{ramp_over(stretch, a.left, b.left), ramp_over(stretch, a.shared, b.shared), ramp_over(stretch, a.own, b.own), part0,
+                        part1};
       if (waits)
         add_bands(stretch.count, waiting, now, out_left, out_right);
       else

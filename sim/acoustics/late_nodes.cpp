@@ -69,38 +69,42 @@ void LateNodes::make(const EnergyHistogram& energy, float sample_rate_hz, double
   const auto stride = static_cast<std::size_t>(num_bands) * static_cast<std::size_t>(energy.num_coefficients());
   const int last_bin = std::min(num_bins_ - 1, static_cast<int>(static_cast<double>(num_samples) / width_ + 0.5));
   carried_.resize(num_known);
-  sum_.resize(num_known);
+  sum_.resize(stride);
   const auto fine = static_cast<int>(bins_.fine());
   // A stretch to the middle of a slot may begin within the response though the slot does not.
   const auto begins_before_the_end = [&](std::size_t slot) { return bins_.middle(slot - 1) * width_ < static_cast<double>(num_samples); };
+  const auto coefficients = static_cast<std::size_t>(energy.num_coefficients());
   for (int band = 0; band < num_bands; ++band) {
     double* c = carried_.data();  // energy of the bin, and of those before the onset
     std::fill_n(c, num_known, 0.0);
-    const float* cell = values + static_cast<std::size_t>(band) * static_cast<std::size_t>(energy.num_coefficients());
-    const std::size_t row = static_cast<std::size_t>(band) * bins_.size();
-    for (int bin = 0; bin <= last_bin && bin < fine; ++bin, cell += stride) {
+    const float* cell = values + static_cast<std::size_t>(band) * coefficients;
+    for (int bin = 0; bin <= last_bin && bin < std::min(first_whole_bin, fine); ++bin, cell += stride) {
       const double area = hat_area_[static_cast<std::size_t>(bin)];
-      if (bin >= first_whole_bin) {
-        const std::size_t index = row + static_cast<std::size_t>(bin);
-        set_whole(nodes_[index], cell, num_known >= 4, static_cast<float>(1.0 / width_));
-        if (nodes_[index].density > 0.f) set_higher(index, cell, num_known);
-        continue;
-      }
       for (std::size_t k = 0; k < num_known; ++k) c[k] += static_cast<double>(cell[k]);
       if (area < 0.25 * width_ && bin + 1 < num_bins_) continue;
       if (c[0] > 0 && c[0] < 1e30 && area > 0) set_node(band, bin, std::span(carried_), area);
       std::fill_n(c, num_known, 0.0);
     }
-    for (std::size_t slot = bins_.fine(); slot < bins_.size() && begins_before_the_end(slot); ++slot) {
-      std::fill_n(sum_.begin(), num_known, 0.f);
-      for (std::size_t i = 0; i < bins_.width(slot); ++i, cell += stride)
-        for (std::size_t k = 0; k < num_known; ++k) sum_[k] += cell[k];
-      set_whole(nodes_[row + slot], sum_.data(), num_known >= 4,
-                static_cast<float>(1.0 / (static_cast<double>(bins_.width(slot)) * width_)));
-      if (nodes_[row + slot].density > 0.f) set_higher(row + slot, sum_.data(), num_known);
-    }
-    drop_inaudible_end(band);
   }
+  for (auto slot = static_cast<std::size_t>(std::min(first_whole_bin, fine)); slot < bins_.size(); ++slot) {
+    const bool is_wide = slot >= bins_.fine();
+    if (is_wide ? !begins_before_the_end(slot) : static_cast<int>(slot) > last_bin) continue;
+    const float* all_bands = values + bins_.first_bin(slot) * stride;
+    if (is_wide) {
+      std::fill_n(sum_.begin(), stride, 0.f);
+      for (std::size_t i = 0; i < bins_.width(slot); ++i, all_bands += stride)
+        for (std::size_t k = 0; k < stride; ++k) sum_[k] += all_bands[k];
+      all_bands = sum_.data();
+    }
+    const auto per_width = static_cast<float>(1.0 / (static_cast<double>(bins_.width(slot)) * width_));
+    for (int band = 0; band < num_bands; ++band) {
+      const float* c = all_bands + static_cast<std::size_t>(band) * coefficients;
+      const std::size_t index = static_cast<std::size_t>(band) * bins_.size() + slot;
+      set_whole(nodes_[index], c, num_known >= 4, per_width);
+      if (nodes_[index].density > 0.f) set_higher(index, c, num_known);
+    }
+  }
+  for (int band = 0; band < num_bands; ++band) drop_inaudible_end(band);
 }
 
 int LateNodes::slot_from(double sample) const {

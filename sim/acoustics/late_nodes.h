@@ -103,7 +103,7 @@ class LateNodes {
   std::vector<float> higher_;     ///< [band][slot][num_higher]
   std::vector<double> hat_area_;  ///< [bin]: samples over which a bin spreads
   std::vector<double> carried_;
-  std::vector<float> sum_;  ///< of one slot
+  std::vector<float> sum_;  ///< of one slot: [band][coefficient]
 };
 
 }  // namespace earshot
