@@ -101,9 +101,9 @@ class SceneStudy {
     return static_cast<int>(std::lround(scene.config().rir_length_s * scene.config().sample_rate_hz));
   }
 
-  /// Tables depend on the bands, the length and the rate alone (and the seed, which no mode changes).
+  /// Tables depend on the bands, the length, the rate and what of the late field is decoded (and the seed, which no mode changes).
   std::shared_ptr<const SynthesisTables> tables_of(const AcousticScene& scene) {
-    auto& tables = tables_[{scene.num_bands(), samples_of(scene)}];
+    auto& tables = tables_[{scene.num_bands(), samples_of(scene), scene.config().late_decode_s}];
     if (!tables) tables = binaural_tables(scene);
     return tables;
   }
@@ -205,7 +205,7 @@ class SceneStudy {
   std::unique_ptr<AcousticScene> high_;
   std::vector<ConvergedPose> truth_;
   std::vector<HeardResponse> heard_truth_;
-  std::map<std::pair<int, int>, std::shared_ptr<const SynthesisTables>> tables_;
+  std::map<std::tuple<int, int, float>, std::shared_ptr<const SynthesisTables>> tables_;
 };
 
 }  // namespace

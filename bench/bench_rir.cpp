@@ -208,8 +208,10 @@ class RirBench {
     }
     check_truth(high, candidates, truth);
     const int samples = static_cast<int>(std::lround(config.rir_length_s * config.sample_rate_hz));
-    // The same carriers and head for both: what a user compares who renders a place in two modes.
-    ResponseListener truth_listener(tables_, config.sample_rate_hz, samples);
+    // The same carriers and head for both: what a user compares who renders a place in two modes.  The truth is decoded to its end.
+    AcousticConfig decoded = fast_.config();
+    decoded.late_decode_s = high.config().late_decode_s;
+    ResponseListener truth_listener(binaural_tables(AcousticScene(scene_.scene, decoded)), config.sample_rate_hz, samples);
     ResponseListener fast_listener(tables_, config.sample_rate_hz, samples);
     std::vector<HeardResponse> heard_truth;
     for (const ConvergedPose& at : truth) heard_truth.push_back(truth_listener.hear(high, at.response, at.pose.heading_rad, fast_.hash()));

@@ -132,6 +132,7 @@ bool DiffractionCandidates::find_path(const AcousticScene& scene, const EdgeCand
       return std::sqrt(double{scene.reflectance(material)[band]} * (1.0 - scene.scattering(material)[band]));
     });
     const double air = std::exp(-0.5 * scene.air_energy_per_m()[band] * distance_m);
+    // At most 2, and nothing below 1e-154 counts: no need for the care of std::abs.
     arrival.amplitude[band] = static_cast<float>(std::sqrt(std::norm(ratio)) * air / (4.0 * kPi * distance_m));
     arrival.phase_rad[band] = static_cast<float>(std::arg(ratio));
     any = any || arrival.amplitude[band] > 0.f;

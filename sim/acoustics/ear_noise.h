@@ -1,10 +1,12 @@
 #pragma once
 
 #include <array>
+#include <complex>
 #include <cstddef>
 #include <span>
 #include <vector>
 
+#include "sim/acoustics/band_filters.h"
 #include "sim/acoustics/bands.h"
 #include "sim/acoustics/carriers.h"
 #include "sim/audio/hrtf.h"
@@ -14,9 +16,9 @@ namespace earshot {
 /// A late field as two ears hear it, made beforehand: for each band a pair of noises, with the covariance of the ears in a diffuse field
 /// (that of Hrtf::diffuse_decoder on four independent carriers), split into what the left ear hears and what the right ear hears beside it.
 /// A real 2 x 2 matrix on them gives the power at each ear and the correlation between them that the decoder gives to a field with a mean
-/// direction, in every band exactly.  What it does not give is the time between the ears: their correlation keeps the shape over lag
-/// that it has in a diffuse field.
-/// Immutable.  The noise turns with the head, and is independent of what the carriers hold at the same place of their loops.
+/// direction, in every band as a whole.  What it does not give is the time between the ears: within a band the spectrum, and over lag the
+/// correlation, keep the shapes that they have in a diffuse field.
+/// Immutable.  The noise turns with the head.
 class EarNoise {
  public:
   EarNoise() = default;
@@ -45,6 +47,11 @@ class EarNoise {
       return sum;
     }
   };
+  /// Filters [channel * 2 + ear] on the bins of a loop.
+  using Decoder = std::array<std::vector<std::complex<float>>, 8>;
+  void find_covariances(int band, const BandFilters& filters, const Decoder& decoder);
+  void make_noise(int band, const CarrierBank& carriers, const Decoder& decoder);
+
   struct Band {
     Form left, right, cross;
     float one_over_left = 0, one_over_own = 0;  ///< of the powers of parts 0 and 1

@@ -31,14 +31,14 @@ class EnergyHistogram {
   /// the first centre and after the last all goes to that bin).  Exactly on the last edge: the last bin.  Beyond it, negative or NaN:
   /// counted in dropped_energy(), never wrapped.  sh: harmonics of the arrival direction [num_coefficients], sh[0] = 1.
   void add(float time_s, std::span<const float> energy, std::span<const float> sh);
-  void add(const EnergyHistogram& other);      ///< same shape
+  void add(const EnergyHistogram& other);  ///< same shape
   void add_dropped(double energy) { dropped_energy_ += energy; }
   void scale(float factor);
   /// Multiplies each bin by exp(-m_b c t): exact for air, as path length is c t (ORACLES 3.2).
   void attenuate(std::span<const float> energy_per_m, float speed_of_sound_m_per_s);
-  void clear();                                ///< keeps the shape
+  void clear();  ///< keeps the shape
   [[nodiscard]] double dropped_energy() const { return dropped_energy_; }
-  [[nodiscard]] std::span<float> values() { return values_; }              ///< [bin][band][coefficient]
+  [[nodiscard]] std::span<float> values() { return values_; }  ///< [bin][band][coefficient]
   [[nodiscard]] std::span<const float> values() const { return values_; }
 
  private:

@@ -30,7 +30,7 @@ class FieldProbes {
   void add(std::uint32_t cell, float path_m, const float* energy, float length_m, std::uint32_t batch) {
     if (slot_of_cell_[cell] != FieldGrid::none) add_to_slot(slot_of_cell_[cell], path_m, energy, length_m, batch);
   }
-  /// Asks for the memory that add() of the same will change.
+  /// Asks for the memory that add() of the same will change: the first line of it, which holds 16 bands.
   void fetch(std::uint32_t cell, float path_m, std::uint32_t batch) const {
     const std::uint32_t slot = slot_of_cell_[cell];
     const float position = path_m * bins_per_m_;

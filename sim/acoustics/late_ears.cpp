@@ -31,9 +31,9 @@ void add_bands(int count, const EarBand& a, const EarBand& b, float* __restrict 
   }
 }
 
-/// A band that begins: from nothing, in power.
-void add_beginning(int count, Ramp power, const EarNoise::Mix& mix, const float* part0, const float* part1, float* __restrict left,
-                   float* __restrict right) {
+/// From silence or to it: linearly in power.
+void add_fading(int count, Ramp power, const EarNoise::Mix& mix, const float* part0, const float* part1, float* __restrict left,
+                float* __restrict right) {
   for (int i = 0; i < count; ++i) {
     const float s = std::sqrt(std::max(power.at(i), 0.f)), both = s * part0[i];
     left[i] += mix.left * both;
@@ -54,10 +54,7 @@ void LateEars::make_mixes(const LateNodes& nodes, int first_slot, const EarNoise
   for (int band = 0; band < nodes.num_bands(); ++band) {
     const auto row = nodes.band(band);
     for (auto slot = static_cast<std::size_t>(first_slot); slot < num_slots; ++slot) {
-      if (!(row[slot].density > 0.f)) {
-        mixes_[static_cast<std::size_t>(band) * num_slots + slot] = {0, 0, 0};
-        continue;
-      }
+      if (!(row[slot].density > 0.f)) continue;
       const auto& world = row[slot].m;
       std::array<float, 3> m;
       for (std::size_t i = 0; i < 3; ++i) m[i] = to_head[i][0] * world[0] + to_head[i][1] * world[1] + to_head[i][2] * world[2];
@@ -73,7 +70,9 @@ void LateEars::add(const LateNodes& nodes, int first_slot, const EarNoise& noise
   if (first_slot >= nodes.size()) return;
   make_mixes(nodes, first_slot, noise, turn);
   const auto num_slots = static_cast<std::size_t>(nodes.size());
-  nodes.visit(offset, noise.loop(0, 0).size(), [&](const LateStretch& stretch) {
+  // Away from where the carriers are: what fades out there and in here must be independent, or powers would not add.
+  const std::size_t length = noise.loop(0, 0).size();
+  nodes.visit(offset + length / 8, length, [&](const LateStretch& stretch) {
     if (stretch.right < first_slot) return;
     EarBand waiting{};  // for another band to be added with
     bool waits = false;
@@ -82,13 +81,14 @@ void LateEars::add(const LateNodes& nodes, int first_slot, const EarNoise& noise
       const auto row = nodes.band(band);
       const EarNoise::Mix* mixes = mixes_.data() + static_cast<std::size_t>(band) * num_slots;
       const float *part0 = noise.loop(band, 0).data() + stretch.in_loop, *part1 = noise.loop(band, 1).data() + stretch.in_loop;
-      if (stretch.left < first_slot) {
-        if (row[static_cast<std::size_t>(stretch.right)].density > 0.f)
-          add_beginning(stretch.count, ramp_over(stretch, 0.f, 1.f), mixes[stretch.right], part0, part1, out_left, out_right);
+      const bool from_sound = stretch.left >= first_slot && row[static_cast<std::size_t>(stretch.left)].density > 0.f;
+      const bool to_sound = row[static_cast<std::size_t>(stretch.right)].density > 0.f;
+      if (!from_sound && !to_sound) continue;
+      if (from_sound != to_sound) {
+        add_fading(stretch.count, ramp_over(stretch, from_sound ? 1.f : 0.f, to_sound ? 1.f : 0.f),
+                   mixes[from_sound ? stretch.left : stretch.right], part0, part1, out_left, out_right);
         continue;
       }
-      if (row[static_cast<std::size_t>(stretch.left)].density == 0.f && row[static_cast<std::size_t>(stretch.right)].density == 0.f)
-        continue;
       const EarNoise::Mix &a = mixes[stretch.left], &b = mixes[stretch.right];
       const EarBand now{ramp_over(stretch, a.left, b.left), ramp_over(stretch, a.shared, b.shared), ramp_over(stretch, a.own, b.own), part0,
                         part1};

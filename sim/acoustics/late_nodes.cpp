@@ -107,6 +107,14 @@ void LateNodes::make(const EnergyHistogram& energy, float sample_rate_hz, double
   for (int band = 0; band < num_bands; ++band) drop_inaudible_end(band);
 }
 
+double LateNodes::first_sound() const {
+  for (std::size_t slot = 0; slot < bins_.size(); ++slot)
+    for (int band = 0; band < num_bands_; ++band)
+      if (nodes_[static_cast<std::size_t>(band) * bins_.size() + slot].density > 0.f)
+        return std::max(onset_, static_cast<double>(bins_.first_bin(slot)) * width_);
+  return onset_;
+}
+
 int LateNodes::slot_from(double sample) const {
   int first = 0, last = size();
   while (first < last) {

@@ -77,6 +77,8 @@ class LateNodes {
   }
   [[nodiscard]] int size() const { return static_cast<int>(bins_.size()); }  ///< slots
   [[nodiscard]] int num_bands() const { return num_bands_; }
+  /// Where late sound begins, in samples: the onset, or the first slot with sound if that comes later.
+  [[nodiscard]] double first_sound() const;
   /// First slot whose middle does not lie before `sample`; size() if there is none.
   [[nodiscard]] int slot_from(double sample) const;
   /// First sample behind all stretches that end in a slot before `slot` or in its middle.

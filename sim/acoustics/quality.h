@@ -49,8 +49,8 @@ struct AcousticConfig {
   /// Blend of traced late fields along a trajectory (temporal_reuse.h); automatic: where the source moves.  No part of a single response.
   Switch temporal_reuse = Switch::automatic;
   // output
-  /// Binaural: late sound up to so long after the onset goes through the head as a sound field of first order; what comes later has, by its
-  /// direction, the right level at each ear and the right correlation between them (ear_noise.h), [0, 60].
+  /// Binaural: late sound up to so long after its beginning goes through the head as a sound field of first order; what comes later has, by
+  /// its direction, the right level at each ear and the right correlation between them (ear_noise.h), [0, 60].
   float late_decode_s = 0.16f;
   int bands = 0;                   ///< 0: octaves; otherwise this many log-spaced bands
   float sample_rate_hz = 16000.f;  ///< [8000, 96000]

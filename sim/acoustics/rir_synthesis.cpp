@@ -121,12 +121,12 @@ struct RirSynthesizer::Scratch {
   RealFft early_fft;
   LateNodes nodes;
   LateSynthesizer late;
-  LateEars late_ears;
   ArrivalSpectrum bands;        ///< of one arrival
   std::vector<float> response;  ///< of one arrival in one channel
   std::array<std::vector<Complex>, 2> ear;
   HarmonicRotation rotation;
   // binaural
+  LateEars late_ears;
   LateSound sound;                          ///< of callers that keep none
   std::array<std::vector<float>, 4> field;  ///< the same in head axes
   std::optional<ComplexFft> late_forward, late_inverse;
@@ -314,7 +314,7 @@ void RirSynthesizer::render_late(const Pass& pass, std::size_t offset, double on
         const auto channel = [&](std::size_t c) { return std::span(sound.channels_[c]).first(length); };
         const std::array<std::span<float>, 4> channels = {channel(0), channel(1), channel(2), channel(3)};
         sound.nodes_.make(late, tables.sample_rate_hz, onset_sample, length);
-        sound.num_decoded_ = sound.nodes_.slot_from(onset_sample + tables.late_decode_samples);
+        sound.num_decoded_ = sound.nodes_.slot_from(sound.nodes_.first_sound() + tables.late_decode_samples);
         sound.sounding_ = scratch.late.render(sound.nodes_, sound.num_decoded_, tables.carriers, offset, channels);
         sound.known_ = true;
       }

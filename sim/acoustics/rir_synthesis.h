@@ -24,9 +24,10 @@ struct Rir {
   }
 };
 
-/// What synthesis shares between agents: band filters, seeded flattened carriers, head filters.  Immutable.  Making it for half a second at
-/// 16 kHz takes about half a second of one core (bands in parallel), 0.1 s more for each ambisonic channel above first order; arrays take
-/// 50 MB and more.  hrtf: for binaural only, null means the rigid sphere.  layout: a ChannelLayout converts.  Throws InputError.
+/// What synthesis shares between agents: band filters, seeded flattened carriers, head filters, noise for two ears.  Immutable.  Making it
+/// for half a second at 16 kHz takes about half a second of one core (bands in parallel), 0.1 s more for each ambisonic channel above first
+/// order; arrays take 50 MB and more.  hrtf: for binaural only, null means the rigid sphere.  layout: a ChannelLayout converts.  Throws
+/// InputError.
 class SynthesisTables;
 std::shared_ptr<const SynthesisTables> make_synthesis_tables(const AcousticConfig& config, const BandLayout& bands,
                                                              const ListenerLayout& layout, std::shared_ptr<const Hrtf> hrtf);
@@ -40,7 +41,7 @@ class LateSound {
   friend class RirSynthesizer;
   bool known_ = false;
   LateNodes nodes_;
-  int num_decoded_ = 0;                         ///< slots whose waveform is
+  int num_decoded_ = 0;                         ///< slots that are decoded, from 0 on
   std::size_t sounding_ = 0;                    ///< samples that those reach
   std::array<std::vector<float>, 4> channels_;  ///< of those: N3D, world axes
 };
@@ -49,7 +50,8 @@ class LateSound {
 /// layout makes of their direction, the late field as the square root of its energy on carriers.  A response whose bands hold equal energy
 /// e gives a flat spectrum and sum h^2 = e.  Sample n is time n / rate after emission, at the listener's position; what a head or a filter
 /// rings before sample 0 is cut, arrivals past the end are dropped, and no late sound precedes the direct sound.
-///  - binaural: the head's filters of each direction; the late field with its first-order moments, decoded at first order.
+///  - binaural: the head's filters of each direction; the late field with its first-order moments, decoded at first order up to
+///    late_decode_s, from there as in late_ears.h.
 ///  - ambisonics: harmonics of each direction; the late field with the moments that the histogram holds, diffuse above them.
 ///  - array: each arrival as a spherical wave from its image (distance times direction), so with the exact delay, level and angle at each
 ///    microphone; the late field as in late_array.h.

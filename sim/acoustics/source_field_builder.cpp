@@ -74,10 +74,10 @@ struct SourceFieldBuilder::Impl {
 
   /// Asks for the memory that a flight's energy will be added to: its cells lie megabytes apart.
   void fetch(const PhotonTracks& of_chunk, const PhotonTracks::Flight& flight, std::uint32_t batch) const {
-    const float slots_per_m = 1.f / (scene.speed_of_sound_m_per_s() * bin_s);
+    const float bins_per_m = 1.f / (scene.speed_of_sound_m_per_s() * bin_s);
     for (std::uint32_t c = flight.first_crossing; c < flight.end_crossing; ++c) {
       const FieldGrid::Crossing& crossing = of_chunk.crossings[c];
-      const float path_m = flight.path_m + 0.5f * (crossing.enter_m + crossing.leave_m), position = path_m * slots_per_m;
+      const float path_m = flight.path_m + 0.5f * (crossing.enter_m + crossing.leave_m), position = path_m * bins_per_m;
       if (history[crossing.cell].empty() || !(position < static_cast<float>(num_bins))) continue;
       const float* slot = &history[crossing.cell][bins.slot_of(static_cast<std::size_t>(position)) * row];
       for (std::size_t i = 0; i < row; i += kFloatsPerLine) __builtin_prefetch(slot + i, 1);

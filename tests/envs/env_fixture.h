@@ -15,6 +15,7 @@ inline EnvConfig quick_env_config() {
   config.acoustics.rays = 8;
   config.acoustics.early_candidate_rays = 100;
   config.acoustics.rir_length_s = 0.1f;
+  config.acoustics.late_decode_s = 0.02f;
   config.observation.camera.width_px = config.observation.camera.height_px = 16;
   config.observation.pointgoal = true;
   config.task.max_steps = 15;

@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
+#include <memory>
 
 #include "sim/acoustics/rir_synthesis.h"
 #include "tests/sim/acoustics/synthesis_cases.h"
@@ -75,8 +77,9 @@ TEST(LateEars, PowersAndCorrelationAreThoseOfTheDecoder) {
   }
 }
 
-// Up to the slot where decoding ends nothing differs; from there to the next slot the one falls in power as the other grows, so that the
-// level of a steady field has neither a dip nor a bump: 20 ms of white noise at two ears and 64 keys are 0.1 dB.
+// Up to the slot where decoding ends nothing differs; from there to the next slot, 4 ms, the one falls in power as the other grows, so that
+// the level of a steady field has neither a dip nor a bump: 64 samples of two ears and 64 keys, 0.15 dB.  Fades in amplitude would leave
+// -1.8 dB, one fade alone 3 dB.
 TEST(LateEars, TakesOverWithoutAStep) {
   constexpr float decode_s = 0.1f;
   constexpr int keys = 64, onset = 320, block = 320;
@@ -85,7 +88,7 @@ TEST(LateEars, TakesOverWithoutAStep) {
   EnergyResponse response = response_with({arrival_at(onset / 16000.0 * 343.0, 0.0)});
   response.late = decay_of(1e6, 1e5, 7, 0.004f, 0.5, 1, {1, 0, 0}, 0.4f);
   std::array<double, 8000 / block> level{}, decoded_level{};
-  double worst = 0;
+  double worst = 0, fading = 0, decoded_fading = 0;
   for (std::uint64_t key = 0; key < keys; ++key) {
     const Rir rir = rendered(synthesizer, response, 0.3, key), decoded = rendered(decoding, response, 0.3, key);
     const double peak = static_cast<double>(*std::ranges::max_element(decoded.samples));
@@ -94,58 +97,56 @@ TEST(LateEars, TakesOverWithoutAStep) {
         // The slot of 4 ms before 0.12 s, less the 2 ms by which the decoder rings ahead.
         if (n < onset + 1600 - 64 - 32)
           worst = std::max(worst, std::abs(static_cast<double>(rir.channel(ear)[n] - decoded.channel(ear)[n])) / peak);
-        const auto at = static_cast<std::size_t>(n / block);
-        level[at] += static_cast<double>(rir.channel(ear)[n]) * static_cast<double>(rir.channel(ear)[n]);
-        decoded_level[at] += static_cast<double>(decoded.channel(ear)[n]) * static_cast<double>(decoded.channel(ear)[n]);
+        const double power = static_cast<double>(rir.channel(ear)[n]) * static_cast<double>(rir.channel(ear)[n]);
+        const double decoded_power = static_cast<double>(decoded.channel(ear)[n]) * static_cast<double>(decoded.channel(ear)[n]);
+        level[static_cast<std::size_t>(n / block)] += power;
+        decoded_level[static_cast<std::size_t>(n / block)] += decoded_power;
+        if (n >= onset + 1600 - 32 && n < onset + 1600 + 32) fading += power, decoded_fading += decoded_power;
       }
   }
   EXPECT_LT(worst, 1e-5);
+  EXPECT_NEAR(db(fading / decoded_fading), 0.0, 0.5);
   for (std::size_t i = 2; i + 1 < level.size(); ++i) EXPECT_NEAR(db(level[i] / decoded_level[i]), 0.0, 0.3) << i;
   EXPECT_NE(level.back(), decoded_level.back());
 }
 
-// The two noises of a band are uncorrelated, and have the powers that a diffuse field has through the decoder.
-TEST(EarNoise, MixesADiffuseFieldBackToItself) {
-  const auto head = Hrtf::rigid_sphere(16000.f);
-  const BandLayout bands = BandLayout::octaves(16000.f);
-  const CarrierBank carriers(bands, 16000.f, 4, 1 << 14, 0);
-  const EarNoise noise(carriers, bands, *head);
-  const auto bins = static_cast<std::size_t>(head->fft_size() / 2 + 1);
-  double expected = 0;
-  for (std::size_t k = 0; k < bins; ++k)
-    for (int c = 0; c < 4; ++c) expected += std::norm(head->diffuse_decoder(c, 0)[k]) / static_cast<double>(bins);
-  std::vector<float> whole_left(1 << 14), whole_right(1 << 14);
-  for (int band = 0; band < bands.size(); ++band) {
-    const EarNoise::Mix mix = noise.mix(band, {0, 0, 0});
-    double both = 0;
-    const auto first = noise.loop(band, 0), second = noise.loop(band, 1);
-    for (std::size_t n = 0; n < first.size(); ++n) {
-      both += static_cast<double>(first[n]) * static_cast<double>(second[n]);
-      whole_left[n] += mix.left * first[n];
-      whole_right[n] += mix.shared * first[n] + mix.own * second[n];
-    }
-    EXPECT_NEAR(both / std::sqrt(energy_of(first) * energy_of(second)), 0.0, 1e-4) << band;
-  }
-  const double left = energy_of(whole_left) / static_cast<double>(whole_left.size());
-  const double right = energy_of(whole_right) / static_cast<double>(whole_right.size());
-  EXPECT_NEAR(db(left / expected), 0.0, 0.1);
-  EXPECT_NEAR(db(right / expected), 0.0, 0.1);
+// Without a direct sound the late sound itself says where it begins: the same waveform for so long, however far the source.
+TEST(LateEars, DecodingCountsFromTheFirstSound) {
+  const auto tables = tables_with(0.1f);
+  RirSynthesizer synthesizer(tables), decoding(decoded_tables());
+  EnergyResponse response = response_with();
+  response.late = decay_of(1.0, 1.0, 7);
+  constexpr int first_bin = 50;  // 0.2 s
+  std::fill_n(response.late.values().begin(), first_bin * 7 * 4, 0.f);
+  const Rir rir = rendered(synthesizer, response, 0.3, 3), decoded = rendered(decoding, response, 0.3, 3);
+  const double peak = static_cast<double>(*std::ranges::max_element(decoded.samples));
+  // Its slot of 256 samples begins at 3072.  The fade may begin up to a slot before 0.1 s are over, less the 2 ms of the decoder.
+  for (int n = 0; n < 3072 + 1600 - 256 - 32; ++n) ASSERT_NEAR(rir.channel(0)[n], decoded.channel(0)[n], 1e-5 * peak) << n;
+  double apart = 0;
+  for (int n = 5200; n < 8000; ++n) apart = std::max(apart, std::abs(static_cast<double>(rir.channel(0)[n] - decoded.channel(0)[n])));
+  EXPECT_GT(apart, 1e-2 * peak);
 }
 
-// Whatever finite direction a slot claims, its mixes are finite and have the powers asked for: even one past its own energy.
-TEST(EarNoise, StaysFiniteForEveryDirection) {
-  const BandLayout bands = BandLayout::octaves(16000.f);
-  const CarrierBank carriers(bands, 16000.f, 4, 4096, 0);
-  const EarNoise noise(carriers, bands, *Hrtf::rigid_sphere(16000.f));
-  for (int band = 0; band < bands.size(); ++band)
-    for (const float size : {0.f, 1e-20f, 0.5f, 1.7320508f, 2.f})
-      for (const glm::vec3 side :
-           {glm::vec3(1, 0, 0), glm::vec3(-1, 0, 0), glm::vec3(0, 1, 0), glm::vec3(0, 0, 1), glm::vec3(0.6f, 0.8f, 0)}) {
-        const EarNoise::Mix mix = noise.mix(band, {size * side.x, size * side.y, size * side.z});
-        for (const float factor : {mix.left, mix.shared, mix.own}) ASSERT_TRUE(std::isfinite(factor) && std::abs(factor) < 4.f);
-        EXPECT_GE(mix.left, 0.f);
-        EXPECT_GE(mix.own, 0.f);
-      }
+// Slots of very different energy, and silent ones between: none of it is lost but what lines in amplitude take from lines in power.
+// A slot alone keeps all.
+TEST(LateEars, UnevenSlotsKeepTheirEnergy) {
+  RirSynthesizer synthesizer(mixed_tables()), decoding(decoded_tables());
+  EnergyResponse response = response_with();
+  for (const bool alone : {true, false}) {
+    response.late = EnergyHistogram(125, 7, 1, 0.004f);
+    for (int bin = 44; bin < 120; ++bin) {
+      const int slot = bin / 4;
+      const float energy = alone ? (slot % 5 == 1 ? 1.f : 0.f) : (slot % 2 == 0 ? 1.f : 0.5f);
+      for (int band = 0; band < 7; ++band) response.late.values()[static_cast<std::size_t>((bin * 7 + band) * 4)] = energy;
+    }
+    double mixed = 0, decoded = 0;
+    for (std::uint64_t key = 0; key < 24; ++key) {
+      mixed += energy_of(rendered(synthesizer, response, 0.3, key).samples);
+      decoded += energy_of(rendered(decoding, response, 0.3, key).samples);
+    }
+    // (1 - sqrt 1/2)^2 / 6 of a mean of 3/4: 0.08 dB.
+    EXPECT_NEAR(db(mixed / decoded), alone ? 0.0 : -0.08, 0.1) << alone;
+  }
 }
 
 }  // namespace
