@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "sim/acoustics/acoustic_scene.h"
-#include "sim/acoustics/rir_synthesis.h"
+#include "sim/acoustics/model/acoustic_scene.h"
+#include "sim/acoustics/synthesis/rir_synthesis.h"
 
 namespace earshot {
 

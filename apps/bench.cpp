@@ -9,7 +9,7 @@
 #include "bench/accuracy_report.h"
 #include "bench/bench_env.h"
 #include "bench/bench_rir.h"
-#include "bench/soak_report.h"
+#include "bench/soak/soak_report.h"
 #include "sim/base/errors.h"
 
 namespace earshot {

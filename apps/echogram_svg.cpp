@@ -7,7 +7,7 @@
 #include <cmath>
 #include <vector>
 
-#include "sim/acoustics/room_metrics.h"
+#include "sim/acoustics/metrics/room_metrics.h"
 
 namespace earshot {
 namespace {

@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "sim/acoustics/rir.h"
+#include "sim/acoustics/response/energy_response.h"
 
 namespace earshot {
 

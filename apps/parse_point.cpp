@@ -3,7 +3,7 @@
 
 #include "apps/commands.h"
 #include "sim/base/errors.h"
-#include "sim/base/places.h"
+#include "sim/base/coordinates.h"
 
 namespace earshot {
 

@@ -11,7 +11,7 @@
 #include "apps/echogram_svg.h"
 #include "apps/rir_json.h"
 #include "apps/source_options.h"
-#include "sim/acoustics/place_check.h"
+#include "sim/acoustics/geometry/position_check.h"
 #include "sim/audio/sound_clip.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <vector>
 
-#include "sim/acoustics/late_errors.h"
+#include "sim/acoustics/metrics/late_errors.h"
 
 namespace earshot {
 namespace {

@@ -3,7 +3,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
-#include "sim/acoustics/room_metrics.h"
+#include "sim/acoustics/metrics/room_metrics.h"
 
 namespace earshot {
 

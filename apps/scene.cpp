@@ -9,9 +9,9 @@
 #include <optional>
 
 #include "apps/commands.h"
-#include "sim/acoustics/acoustic_scene.h"
-#include "sim/acoustics/air_absorption.h"
-#include "sim/acoustics/effect_plan.h"
+#include "sim/acoustics/model/acoustic_scene.h"
+#include "sim/acoustics/model/air_absorption.h"
+#include "sim/acoustics/model/effect_plan.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/nav/navmesh.h"

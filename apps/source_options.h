@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "sim/acoustics/sound_source.h"
+#include "sim/acoustics/core/sound_source.h"
 
 namespace earshot {
 

@@ -10,7 +10,7 @@
 #include <sstream>
 
 #include "sim/base/errors.h"
-#include "sim/base/places.h"
+#include "sim/base/coordinates.h"
 
 namespace earshot {
 

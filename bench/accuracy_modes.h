@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "sim/acoustics/quality.h"
+#include "sim/acoustics/core/acoustic_config.h"
 
 namespace earshot {
 

@@ -9,9 +9,9 @@
 #include "bench/bench_scene.h"
 #include "bench/converged_reference.h"
 #include "envs/agent_hearing.h"
-#include "sim/acoustics/effect_plan.h"
-#include "sim/acoustics/room_metrics.h"
-#include "sim/acoustics/transmission.h"
+#include "sim/acoustics/model/effect_plan.h"
+#include "sim/acoustics/metrics/room_metrics.h"
+#include "sim/acoustics/paths/transmission.h"
 #include "sim/base/progress.h"
 
 namespace earshot {

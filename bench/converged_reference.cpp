@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "bench/measured.h"
-#include "sim/acoustics/late_errors.h"
+#include "sim/acoustics/metrics/late_errors.h"
 #include "sim/base/random.h"
 
 namespace earshot {

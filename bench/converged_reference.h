@@ -9,7 +9,7 @@
 
 #include "bench/bench_scene.h"
 #include "bench/response_errors.h"
-#include "sim/acoustics/source_field.h"
+#include "sim/acoustics/source_field/source_field.h"
 #include "sim/audio/sound_clip.h"
 #include "sim/audio/sound_stream.h"
 #include "sim/audio/spectrogram.h"

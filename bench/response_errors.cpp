@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include "sim/acoustics/interaural.h"
+#include "sim/acoustics/metrics/interaural.h"
 #include "sim/base/errors.h"
 
 namespace earshot {

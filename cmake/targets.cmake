@@ -1,7 +1,7 @@
-# earshot_library(NAME DIR): a static library of all .cpp files in DIR.
+# earshot_library(NAME DIR): a static library of all .cpp files in DIR and below.
 function(earshot_library name dir)
-  file(GLOB sources CONFIGURE_DEPENDS ${dir}/*.cpp)
-  file(GLOB headers CONFIGURE_DEPENDS ${dir}/*.h)
+  file(GLOB_RECURSE sources CONFIGURE_DEPENDS ${dir}/*.cpp)
+  file(GLOB_RECURSE headers CONFIGURE_DEPENDS ${dir}/*.h)
   add_library(${name} STATIC ${sources} ${headers})
   set_target_properties(${name} PROPERTIES LINKER_LANGUAGE CXX)
   target_include_directories(${name} PUBLIC $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}>)
@@ -9,14 +9,19 @@ function(earshot_library name dir)
 endfunction()
 
 # earshot_tests(DIR LIBS...): the tests of one folder.  *_slow_test.cpp go to an executable of their own with the label
-# `slow`; the sanitizer presets leave it out.  PCH TARGET: the target whose precompiled headers these tests read.
+# `slow`; the sanitizer presets leave it out.  RECURSE: of the folders in it too.  PCH TARGET: the target whose precompiled headers these tests read.
 function(earshot_tests dir)
-  cmake_parse_arguments(PARSE_ARGV 1 arg "" "PCH" "")
+  cmake_parse_arguments(PARSE_ARGV 1 arg "RECURSE" "PCH" "")
   if(NOT arg_PCH)
     set(arg_PCH test_headers)
   endif()
-  string(REPLACE "/" "_" stem ${dir})
-  file(GLOB all_tests CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/tests/${dir}/*_test.cpp)
+  string(REGEX REPLACE "^unit/" "" stem ${dir})
+  string(REPLACE "/" "_" stem ${stem})
+  if(arg_RECURSE)
+    file(GLOB_RECURSE all_tests CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/tests/${dir}/*_test.cpp)
+  else()
+    file(GLOB all_tests CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/tests/${dir}/*_test.cpp)
+  endif()
   foreach(label fast slow)
     set(sources ${all_tests})
     if(label STREQUAL "slow")
@@ -31,7 +36,7 @@ function(earshot_tests dir)
       target_link_libraries(${target} PRIVATE ${arg_UNPARSED_ARGUMENTS} GTest::gtest GTest::gmock GTest::gtest_main project_flags)
       target_precompile_headers(${target} REUSE_FROM ${arg_PCH})
       target_compile_definitions(${target} PRIVATE EARSHOT_SOURCE_DIR="${PROJECT_SOURCE_DIR}")
-      if(NOT dir MATCHES "^sim/(base|rays)$")
+      if(NOT dir MATCHES "^unit/sim/(base|rays)$")
         add_dependencies(${target} earshot_reader)
       endif()
       gtest_discover_tests(${target} DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 120

@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "envs/scene_cache.h"
-#include "sim/acoustics/rir.h"
-#include "sim/acoustics/rir_synthesis.h"
+#include "sim/acoustics/response/energy_response.h"
+#include "sim/acoustics/synthesis/rir_synthesis.h"
 #include "sim/audio/sound_stream.h"
 #include "sim/audio/spectrogram.h"
 #include "sim/vision/camera.h"

@@ -13,7 +13,7 @@
 #include "envs/observation.h"
 #include "envs/quarantine.h"
 #include "envs/scene_cache.h"
-#include "sim/acoustics/effect_plan.h"
+#include "sim/acoustics/model/effect_plan.h"
 
 namespace earshot {
 

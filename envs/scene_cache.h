@@ -6,9 +6,9 @@
 #include <memory>
 #include <string>
 
-#include "sim/acoustics/acoustic_scene.h"
-#include "sim/acoustics/early_reflections.h"
-#include "sim/acoustics/source_field_store.h"
+#include "sim/acoustics/model/acoustic_scene.h"
+#include "sim/acoustics/paths/early_reflections.h"
+#include "sim/acoustics/source_field/source_field_store.h"
 #include "sim/nav/geodesic_field.h"
 #include "sim/nav/navmesh.h"
 

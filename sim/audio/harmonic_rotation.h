@@ -3,7 +3,7 @@
 #include <span>
 #include <vector>
 
-#include "sim/audio/listener_turn.h"
+#include "sim/audio/listener_orientation.h"
 
 namespace earshot {
 

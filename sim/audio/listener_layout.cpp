@@ -6,7 +6,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "sim/audio/listener_turn.h"
+#include "sim/audio/listener_orientation.h"
 #include "sim/base/config_reader.h"
 #include "sim/base/errors.h"
 

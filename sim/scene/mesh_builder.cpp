@@ -9,7 +9,7 @@
 #include <limits>
 
 #include "sim/base/errors.h"
-#include "sim/base/places.h"
+#include "sim/base/coordinates.h"
 
 namespace earshot {
 

@@ -2,9 +2,9 @@
 
 #include <cstdio>
 
-#include "sim/acoustics/rir.h"
-#include "tests/validation/cap_loudspeaker.h"
-#include "tests/validation/measured_room.h"
+#include "sim/acoustics/response/energy_response.h"
+#include "tests/support/cap_loudspeaker.h"
+#include "tests/support/measured_room.h"
 
 namespace earshot {
 namespace {

@@ -1,4 +1,4 @@
-#include "tests/validation/measured_room.h"
+#include "tests/support/measured_room.h"
 
 #include <gtest/gtest.h>
 
@@ -6,7 +6,7 @@
 #include <cstdio>
 #include <glm/geometric.hpp>
 
-#include "sim/acoustics/early_reflections.h"
+#include "sim/acoustics/paths/early_reflections.h"
 
 namespace earshot {
 namespace {

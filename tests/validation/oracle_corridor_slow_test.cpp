@@ -2,10 +2,10 @@
 
 #include <cstdio>
 
-#include "sim/acoustics/rir.h"
-#include "tests/sim/acoustics/late_field.h"
-#include "tests/validation/decay.h"
-#include "tests/validation/image_sum.h"
+#include "sim/acoustics/response/energy_response.h"
+#include "tests/support/late_field.h"
+#include "tests/support/decay.h"
+#include "tests/support/image_sum.h"
 
 // ORACLES O-6: corridor of mirrors, 40 x 2 x 2.5 m, absorption 0.1.
 namespace earshot {

@@ -2,10 +2,10 @@
 
 #include <cstdio>
 
-#include "sim/acoustics/rir.h"
-#include "sim/acoustics/room_metrics.h"
-#include "tests/sim/acoustics/late_field.h"
-#include "tests/validation/decay.h"
+#include "sim/acoustics/response/energy_response.h"
+#include "sim/acoustics/metrics/room_metrics.h"
+#include "tests/support/late_field.h"
+#include "tests/support/decay.h"
 
 // ORACLES O-5: two parallel planes 3.43 m apart, open sides.
 namespace earshot {

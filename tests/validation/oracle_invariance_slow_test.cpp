@@ -3,9 +3,9 @@
 #include <glm/geometric.hpp>
 #include <glm/gtc/quaternion.hpp>
 
-#include "sim/acoustics/rir.h"
-#include "tests/sim/acoustics/late_field.h"
-#include "tests/validation/decay.h"
+#include "sim/acoustics/response/energy_response.h"
+#include "tests/support/late_field.h"
+#include "tests/support/decay.h"
 
 // ORACLES O-20: what a rigid motion of scene, source and listener must not change.
 namespace earshot {

@@ -2,10 +2,10 @@
 
 #include <cstdio>
 
-#include "sim/acoustics/rir.h"
-#include "tests/validation/decay.h"
-#include "tests/validation/image_sum.h"
-#include "tests/validation/shoe2.h"
+#include "sim/acoustics/response/energy_response.h"
+#include "tests/support/decay.h"
+#include "tests/support/image_sum.h"
+#include "tests/support/shoe2.h"
 
 // ORACLES O-4: decay in rooms of mirrors, by all images.
 namespace earshot {

@@ -10,10 +10,10 @@
 #include <string>
 
 #include "envs/agent_hearing.h"
-#include "sim/acoustics/rir.h"
-#include "sim/acoustics/rir_synthesis.h"
-#include "tests/sim/acoustics/rooms.h"
-#include "tests/validation/decay.h"
+#include "sim/acoustics/response/energy_response.h"
+#include "sim/acoustics/synthesis/rir_synthesis.h"
+#include "tests/support/rooms.h"
+#include "tests/support/decay.h"
 
 // One test per defect that the predecessor had or its users reported (FACTS.md 1.5, 1.6, 2.3, 6.4): each would have caught it.
 namespace earshot {

@@ -2,10 +2,10 @@
 
 #include <cstdio>
 
-#include "sim/acoustics/bidirectional_tracer.h"
-#include "tests/sim/acoustics/rooms.h"
-#include "tests/validation/decay.h"
-#include "tests/validation/radiosity.h"
+#include "sim/acoustics/tracers/bidirectional_tracer.h"
+#include "tests/support/rooms.h"
+#include "tests/support/decay.h"
+#include "tests/support/radiosity.h"
 
 namespace earshot {
 namespace {

@@ -1,8 +1,8 @@
-#include "tests/validation/radiosity.h"
+#include "tests/support/radiosity.h"
 
 #include <gtest/gtest.h>
 
-#include "tests/validation/decay.h"
+#include "tests/support/decay.h"
 
 // The radiosity solver is judged first, by closed forms and by ORACLES O-10, before it judges the tracer (radiosity_slow_test.cpp).
 namespace earshot {

@@ -1,0 +1,74 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "bench/soak/soak.h"
+
+namespace earshot {
+namespace {
+
+constexpr double kPerSteps = 100'000;
+/// The heap finds its high-water mark when the largest scene is loaded: before every scene has been there, and in fewer than 100,000 steps,
+/// growth below this says nothing.
+constexpr double kNoiseMiB = 32;
+
+SoakBound none_of(const std::string& name, std::uint64_t count, const std::string& unit) {
+  return {name, fmt::format("{} {}", count, unit), "0", count == 0 ? Verdict::held : Verdict::broken};
+}
+
+SoakBound memory_bound(const SoakResult& result) {
+  const double slope = kPerSteps * result.resident_slope.per_x, error = kPerSteps * result.resident_slope.standard_error;
+  const auto window = static_cast<double>(result.steps - std::min(result.steps, result.warm_up_steps));
+  const bool warm = result.all_scenes_before && window >= kPerSteps;
+  const double noise = !warm && window > 0 ? kNoiseMiB * kPerSteps / window : 0;
+  const double limit = std::max(result.options.memory_limit_mib, noise);
+  SoakBound bound{.name = "resident memory",
+                  .found = fmt::format("{:+.3f} ± {:.3f} MiB per 100,000 steps after the first {}", slope, error, result.warm_up_steps),
+                  .bound = fmt::format("{:.3g} MiB per 100,000 steps, two standard errors clear", limit)};
+  if (result.resident_slope.points < 10)
+    bound.verdict = Verdict::open;
+  else if (slope - 2 * error > limit)
+    bound.verdict = Verdict::broken;
+  else if (slope + 2 * error > limit)
+    bound.verdict = Verdict::open;
+  return bound;
+}
+
+}  // namespace
+
+std::vector<SoakBound> SoakResult::bounds() const {
+  std::vector<SoakBound> list;
+  const bool all_steps = steps >= options.steps;
+  list.push_back({"steps", failure.empty() ? fmt::format("{} in {:.1f} min", steps, seconds / 60) : failure,
+                  fmt::format("{}", options.steps),
+                  !failure.empty() ? Verdict::broken
+                  : all_steps      ? Verdict::held
+                                   : Verdict::open});
+  const auto fault = [&](SoakFault which) { return faults[static_cast<std::size_t>(which)]; };
+  list.push_back(none_of("finite observations and rewards", fault(SoakFault::not_finite) + nonfinite_events, "not finite"));
+  list.push_back(none_of("observations and rewards in their ranges", fault(SoakFault::out_of_range), "outside"));
+  list.push_back(none_of("agents inside their scene", fault(SoakFault::out_of_the_scene), "outside"));
+  list.push_back({"heard energy",
+                  fmt::format("largest {:+.1f} dB re free field and diffuse field, {} over the bound",
+                              10 * std::log10(std::max(loudness.max(), 1e-30)), fault(SoakFault::too_loud)),
+                  fmt::format("{:+.1f} dB", 10 * std::log10(kLoudnessMargin)),
+                  fault(SoakFault::too_loud) == 0 ? Verdict::held : Verdict::broken});
+  list.push_back(memory_bound(*this));
+  list.push_back({"scene cache", fmt::format("at most {:.1f} MiB, {} scenes dropped", largest_cache, evicted_scenes),
+                  fmt::format("{:.1f} MiB", cache_bound), largest_cache <= cache_bound ? Verdict::held : Verdict::broken});
+  list.push_back(none_of("quarantined episodes", quarantined.total(), "episodes"));
+  list.push_back({"cold replays", fmt::format("{} of {} differ", replays_that_differ, replayed), "0, bit for bit",
+                  replays_that_differ > 0 ? Verdict::broken
+                  : replayed > 0          ? Verdict::held
+                                          : Verdict::open});
+  return list;
+}
+
+bool SoakResult::passed() const {
+  for (const SoakBound& bound : bounds())
+    if (bound.verdict == Verdict::broken) return false;
+  return true;
+}
+
+}  // namespace earshot

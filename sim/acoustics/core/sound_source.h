@@ -1,0 +1,42 @@
+#pragma once
+
+#include <glm/gtc/quaternion.hpp>
+#include <glm/vec3.hpp>
+#include <memory>
+#include <span>
+
+#include "sim/acoustics/core/bands.h"
+#include "sim/audio/directivity.h"
+
+namespace earshot {
+
+/// Where a sound comes from and how it radiates.  A position alone is an omnidirectional point.
+struct SoundSource {
+  SoundSource(glm::vec3 at) : position(at) {}  // a point is the common case and converts by itself
+  glm::vec3 position;
+  std::shared_ptr<const Directivity> directivity = nullptr;  ///< null: omnidirectional
+  glm::quat orientation{1, 0, 0, 0};                         ///< own axes to world; unit
+  /// Sphere over whose volume the source is spread for the late field; 0: a point.  Direct sound and image paths stay those of its centre.
+  float radius_m = 0;
+};
+
+/// A source's pattern ready for the bands of a scene.
+class Emission {
+ public:
+  Emission(const SoundSource& source, const BandLayout& bands)
+      : to_own_axes_(glm::conjugate(source.orientation)), pattern_(source.directivity, bands.centre_hz) {}
+  [[nodiscard]] bool omnidirectional() const { return pattern_.omnidirectional(); }
+  /// Pressure gain per band toward `direction` (unit, world axes), 1 in front: [num_bands].
+  void pressure(glm::vec3 direction, std::span<float> gain) const { pattern_.pressure(to_own_axes_ * direction, gain); }
+  /// Its square: what energy is multiplied by.
+  void energy(glm::vec3 direction, std::span<float> gain) const {
+    pressure(direction, gain);
+    for (float& value : gain) value *= value;
+  }
+
+ private:
+  glm::quat to_own_axes_;
+  BandDirectivity pattern_;
+};
+
+}  // namespace earshot

@@ -1,0 +1,143 @@
+#include "sim/acoustics/geometry/diffraction_edges.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+
+#include "sim/acoustics/geometry/wedge_finder.h"
+
+namespace earshot {
+namespace {
+
+constexpr double kPi = std::numbers::pi, kDegree = kPi / 180.0;
+constexpr double kLeastExterior = kPi + 5.0 * kDegree;
+
+struct Found {
+  double angle_rad;
+  std::uint32_t material;
+};
+
+/// The widest sector of air about the edge at `along_m`, among the faces of the wedge and whatever rays meet between them on a circle of
+/// `radius_m`.  False if none is wide enough.
+bool narrow(const Scene& scene, DiffractionEdge& edge, double along_m, double radius_m) {
+  constexpr double margin = 4.0 * kDegree, widest_step = 20.0 * kDegree;
+  const int steps = static_cast<int>(std::ceil((edge.exterior_rad - 2.0 * margin) / widest_step));
+  const double step = (edge.exterior_rad - 2.0 * margin) / steps;
+  const auto point_at = [&](double angle) {
+    return glm::vec3(edge.at(along_m) + radius_m * (std::cos(angle) * edge.face + std::sin(angle) * edge.first_normal));
+  };
+  std::array<Found, 20> face;
+  std::size_t count = 0;
+  face[count++] = {0, edge.first_material};
+  glm::vec3 from = point_at(margin);
+  for (int i = 1; i <= steps; ++i) {
+    const glm::vec3 to = point_at(margin + i * step);
+    const float length_m = glm::length(to - from);
+    const Hit hit = scene.rays().intersect(from, (to - from) / length_m, length_m);
+    if (hit.valid())
+      face[count++] = {std::clamp(edge.angle_of(glm::dvec3(hit.position)), face[count - 1].angle_rad, edge.exterior_rad),
+                       scene.mesh().triangle_material[hit.triangle]};
+    from = to;
+  }
+  if (count == 1) return true;
+  face[count++] = {edge.exterior_rad, edge.second_material};
+  for (std::size_t i = 0; i + 1 < count; ++i) {
+    const double sector = face[i + 1].angle_rad - face[i].angle_rad;
+    if (sector < kLeastExterior) continue;
+    const double turn = face[i].angle_rad;
+    edge.face = std::cos(turn) * edge.face + std::sin(turn) * edge.first_normal;
+    edge.first_normal = glm::cross(edge.along, edge.face);
+    edge.exterior_rad = sector;
+    const glm::dvec3 second = std::cos(sector) * edge.face + std::sin(sector) * edge.first_normal;
+    edge.second_normal = glm::cross(second, edge.along);
+    edge.first_material = face[i].material;
+    edge.second_material = face[i + 1].material;
+    return true;
+  }
+  return false;
+}
+
+/// Two sheets that meet without sharing vertices both bring the wedge between them: keep the longer.
+bool covers(const DiffractionEdge& longer, const DiffractionEdge& edge, double tolerance_m) {
+  const double cosine = glm::dot(longer.along, edge.along);
+  if (std::abs(cosine) < std::cos(1.0 * kDegree)) return false;
+  if (std::abs(longer.exterior_rad - edge.exterior_rad) > 5.0 * kDegree) return false;
+  if (glm::dot(longer.outward(), edge.outward()) < std::cos(5.0 * kDegree)) return false;
+  const glm::dvec3 middle = edge.at(0.5 * edge.length_m) - longer.start;
+  const double along_m = glm::dot(middle, longer.along);
+  return along_m > 0 && along_m < longer.length_m && glm::length(middle - along_m * longer.along) < tolerance_m;
+}
+
+}  // namespace
+
+double DiffractionEdge::angle_of(glm::dvec3 point) const {
+  const glm::dvec3 from = point - start;
+  double angle = std::atan2(glm::dot(from, first_normal), glm::dot(from, face));
+  if (angle < 0) angle += 2.0 * kPi;
+  if (angle <= exterior_rad) return angle;
+  return angle - exterior_rad < 0.5 * (2.0 * kPi - exterior_rad) ? exterior_rad : 0.0;
+}
+
+glm::dvec3 DiffractionEdge::outward() const { return std::cos(0.5 * exterior_rad) * face + std::sin(0.5 * exterior_rad) * first_normal; }
+
+DiffractionEdges::DiffractionEdges(const Scene& scene, float least_length_m) : rays_(&scene.rays()) {
+  if (scene.mesh().triangles.empty()) return;
+  const double diagonal_m = glm::length(glm::dvec3(scene.bounds().upper) - glm::dvec3(scene.bounds().lower));
+  // Ten times the rounding of coordinates as large as the scene; far below anything that sound would notice.
+  clearance_m_ = 2e-5 * diagonal_m;
+  for (DiffractionEdge& wedge : find_wedges(scene.mesh(), least_length_m)) {
+    const double radius_m = std::min(0.05 * wedge.length_m, 5e-4 * diagonal_m);
+    // A beam may rest on a part of the edge: one free place is enough, rays decide about each path.
+    bool open = false;
+    for (const double share : {0.5, 0.19, 0.83}) {
+      DiffractionEdge candidate = wedge;
+      if (!narrow(scene, candidate, share * wedge.length_m, radius_m)) continue;
+      wedge = candidate;
+      open = true;
+      break;
+    }
+    if (!open) continue;
+    const bool known =
+        std::any_of(edges_.begin(), edges_.end(), [&](const DiffractionEdge& longer) { return covers(longer, wedge, radius_m); });
+    if (!known) edges_.push_back(wedge);
+  }
+  for (const DiffractionEdge& edge : edges_) outward_.push_back(edge.outward());
+  found_ = std::make_unique<std::once_flag[]>(edges_.size());
+  neighbours_.resize(edges_.size());
+}
+
+bool DiffractionEdges::sees(std::uint32_t edge, glm::vec3 point) const {
+  if (!edges_[edge].in_air(glm::dvec3(point), clearance_m_)) return false;
+  for (const double share : {0.5, 0.2, 0.8, 0.02, 0.98}) {
+    if (!rays_->occluded(point, air_point(edge, share * edges_[edge].length_m))) return true;
+  }
+  return false;
+}
+
+std::span<const std::uint32_t> DiffractionEdges::neighbours(std::uint32_t edge) const {
+  std::call_once(found_[edge], [&] { find_neighbours(edge); });
+  return neighbours_[edge];
+}
+
+bool DiffractionEdges::see_each_other(std::uint32_t edge, std::uint32_t other) const {
+  constexpr std::array<std::array<double, 2>, 5> shares = {{{0.5, 0.5}, {0.1, 0.1}, {0.9, 0.9}, {0.1, 0.9}, {0.9, 0.1}}};
+  const DiffractionEdge &here = edges_[edge], &there = edges_[other];
+  for (const auto& share : shares) {
+    const double here_m = share[0] * here.length_m, there_m = share[1] * there.length_m;
+    const glm::dvec3 from = here.at(here_m), to = there.at(there_m);
+    if (!here.in_air(to, clearance_m_) || !there.in_air(from, clearance_m_)) continue;
+    if (!rays_->occluded(air_point(edge, here_m), air_point(other, there_m))) return true;
+  }
+  return false;
+}
+
+void DiffractionEdges::find_neighbours(std::uint32_t edge) const {
+  std::vector<std::uint32_t> found;  // moved in at the end: an exception leaves nothing half done
+  for (std::uint32_t other = 0; other < edges_.size(); ++other) {
+    if (other != edge && see_each_other(edge, other)) found.push_back(other);
+  }
+  neighbours_[edge] = std::move(found);
+}
+
+}  // namespace earshot

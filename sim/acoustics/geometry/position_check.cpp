@@ -1,0 +1,55 @@
+#include "sim/acoustics/geometry/position_check.h"
+
+#include <algorithm>
+#include <cstdint>
+#include <glm/geometric.hpp>
+
+#include "sim/acoustics/core/sampling.h"
+#include "sim/scene/air_sample.h"
+
+namespace earshot {
+namespace {
+
+constexpr std::uint32_t kRays = 5;
+constexpr int kMajority = 4;
+constexpr std::size_t kAirPoints = 100;
+/// Share of the air's rays that must agree before windings count as consistent.
+constexpr double kConsistent = 0.8;
+
+}  // namespace
+
+PlaceCheck::PlaceCheck(const Scene& scene) : scene_(&scene) {
+  const std::vector<glm::vec3> points = sample_air(scene, 0).points;
+  int front = 0, back = 0;
+  const std::size_t count = std::min(points.size(), kAirPoints);
+  for (std::size_t i = 0; i < count; ++i) {
+    const Votes votes = vote(points[i * points.size() / count]);
+    front += votes.front;
+    back += votes.back;
+  }
+  air_sees_front_ = front > kConsistent * (front + back);
+  air_sees_back_ = back > kConsistent * (front + back);
+}
+
+PlaceCheck::Votes PlaceCheck::vote(glm::vec3 point) const {
+  const TriangleMesh& mesh = scene_->mesh();
+  const SphereSequence directions(0x2C1B3C6Du, 0x297A2D39u);  // any that lie along no wall
+  Votes votes;
+  for (std::uint32_t i = 0; i < kRays; ++i) {
+    const glm::vec3 direction = directions.direction(i);
+    const Hit hit = scene_->rays().intersect(point, direction);
+    if (!hit.valid()) continue;
+    const glm::uvec3 corner = mesh.triangles[hit.triangle];
+    const glm::dvec3 a = mesh.vertices[corner.x], b = mesh.vertices[corner.y], c = mesh.vertices[corner.z];
+    ++(glm::dot(glm::cross(b - a, c - a), glm::dvec3(direction)) < 0 ? votes.front : votes.back);
+  }
+  return votes;
+}
+
+bool PlaceCheck::inside_solid(glm::vec3 point) const {
+  if (!knows()) return false;
+  const Votes votes = vote(point);
+  return (air_sees_front_ ? votes.back : votes.front) >= kMajority;
+}
+
+}  // namespace earshot

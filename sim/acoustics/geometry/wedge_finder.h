@@ -1,0 +1,14 @@
+#pragma once
+
+#include <vector>
+
+#include "sim/acoustics/geometry/diffraction_edges.h"
+#include "sim/scene/triangle_mesh.h"
+
+namespace earshot {
+
+/// The wedges of a mesh by adjacency alone, straight runs merged, at least `least_length_m` long; longest first.  Faces that touch an edge
+/// without sharing its vertices are not seen here.
+std::vector<DiffractionEdge> find_wedges(const TriangleMesh& mesh, double least_length_m);
+
+}  // namespace earshot

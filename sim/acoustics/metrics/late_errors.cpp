@@ -1,0 +1,75 @@
+#include "sim/acoustics/metrics/late_errors.h"
+
+#include <cmath>
+
+#include "sim/acoustics/metrics/room_metrics.h"
+
+namespace earshot {
+namespace {
+
+/// The response with the late energy of all batches but one.  Harmonics above order 0 are left as they are: no decay time depends on them.
+void leave_out(const EnergyResponse& whole, int batch, EnergyResponse& rest) {
+  const LateBatches& batches = whole.batches;
+  const double n = batches.count;
+  const auto stride = static_cast<std::size_t>(whole.late.num_coefficients());
+  for (int bin = 0; bin < batches.num_bins; ++bin) {
+    for (int band = 0; band < batches.num_bands; ++band) {
+      double sum = 0;
+      for (int i = 0; i < batches.count; ++i) {
+        if (i != batch) sum += batches.at(i, bin, band);
+      }
+      rest.late.values()[(static_cast<std::size_t>(bin) * batches.num_bands + band) * stride] = static_cast<float>(sum / (n - 1));
+    }
+  }
+}
+
+}  // namespace
+
+std::optional<double> jackknife_error(std::span<const std::optional<double>> values) {
+  const auto n = static_cast<double>(values.size());
+  double mean = 0, squares = 0;
+  for (const std::optional<double>& value : values) {
+    if (!value) return std::nullopt;
+    mean += *value / n;
+  }
+  for (const std::optional<double>& value : values) squares += (*value - mean) * (*value - mean);
+  return std::sqrt((n - 1) / n * squares);
+}
+
+std::vector<BandErrors> late_errors(const AcousticScene& scene, const EnergyResponse& response) {
+  const LateBatches& batches = response.batches;
+  if (batches.count < 2) return {};
+  std::vector<BandErrors> errors(static_cast<std::size_t>(batches.num_bands));
+  for (int band = 0; band < batches.num_bands; ++band) {
+    double mean = 0, squares = 0;
+    std::vector<double> total(static_cast<std::size_t>(batches.count), 0.0);
+    for (int i = 0; i < batches.count; ++i) {
+      for (int bin = 0; bin < batches.num_bins; ++bin) total[i] += batches.at(i, bin, band);
+      mean += total[i] / batches.count;
+    }
+    for (const double energy : total) squares += (energy - mean) * (energy - mean);
+    errors[band].late_energy = mean;
+    errors[band].late_energy_error = std::sqrt(squares / (double{1} * batches.count * (batches.count - 1)));
+  }
+
+  EnergyResponse rest;
+  rest.arrivals = response.arrivals;
+  rest.late = response.late;
+  rest.speed_of_sound_m_per_s = response.speed_of_sound_m_per_s;
+  std::vector<std::vector<std::optional<double>>> t20_s(errors.size()), t30_s(errors.size());
+  for (int i = 0; i < batches.count; ++i) {
+    leave_out(response, i, rest);
+    const RoomMetrics metrics = measure(scene, rest);
+    for (std::size_t band = 0; band < errors.size(); ++band) {
+      t20_s[band].push_back(metrics.bands[band].t20_s);
+      t30_s[band].push_back(metrics.bands[band].t30_s);
+    }
+  }
+  for (std::size_t band = 0; band < errors.size(); ++band) {
+    errors[band].t20_error_s = jackknife_error(t20_s[band]);
+    errors[band].t30_error_s = jackknife_error(t30_s[band]);
+  }
+  return errors;
+}
+
+}  // namespace earshot

@@ -1,0 +1,90 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <glm/vec3.hpp>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "sim/acoustics/core/arrival.h"
+#include "sim/acoustics/core/bands.h"
+
+namespace earshot {
+
+class AcousticScene;
+class EarlyCandidates;
+
+/// What leaving an effect out may change: 0.1 dB in the energy of any band at every time down to -45 dB, and 1 % of RT60 (ORACLES 3.1: a
+/// tenth and a fifth of what is just heard).
+inline constexpr double kEffectBudgetDb = 0.1, kEffectBudgetRt = 0.01;
+/// The share of energy that changes a level by the budget, 10^0.01 - 1: -16.3 dB.
+inline constexpr double kEffectBudgetShare = 0.023293;
+
+/// What a decision rests on.
+enum class BoundKind : std::uint8_t {
+  exact,    ///< nothing is left out: the same bits, or only zeros dropped
+  bounded,  ///< what is left out stays within the budget, by a bound that the plan computes from the scene
+  traded,   ///< more than the budget is given up for speed, by at most the number that is stated; `on` takes it back
+  asked     ///< by the user
+};
+
+/// One line of the plan.
+struct EffectDecision {
+  std::string effect;    ///< key of the config
+  std::string decision;  ///< "on", "off", or a value
+  bool on = false;
+  double change = 0;  ///< off: by how much that changes a response at most; on: about how much leaving it out would.  NaN: no such number
+  std::string unit;   ///< of `change`
+  BoundKind kind = BoundKind::exact;
+  double saved_ms = 0;  ///< per pose on one core, by the cost model; 0 if on
+  std::string why;
+};
+
+/// What to simulate in a scene.  A function of the scene and the config, without its seed and threads; of the number of
+/// rays only whether they are 512 or more.
+struct EffectPlan {
+  std::vector<EffectDecision> decisions;
+  // what the engine reads
+  std::array<bool, kMaxBands> air{};  ///< bands that air damps
+  int image_order = 0;                ///< of early reflections
+  bool late = true;
+  bool straight_transmission = false;  ///< along the line of sight, at poses where it is blocked
+  bool traced_transmission = false;    ///< inside the tracers
+  bool field = false;
+  float rir_length_s = 0;
+};
+
+/// Decides for a scene whose coefficients are known.  A few milliseconds: 256 short walks (effect_probe.h).  Throws InputError if
+/// field = on meets a config that no field can carry.
+EffectPlan plan_effects(const AcousticScene& scene);
+/// The largest share of any specular reflection in any band: (1 - absorption)(1 - scattering).
+float largest_specular_share(const AcousticScene& scene);
+
+/// Does the plan want a SourceField for the late part of a source that stands still?  Where that is the cheaper way to the same error over
+/// a few hundred poses: not in single rooms, where tens of rays per pose do.
+bool uses_source_field(const AcousticScene& scene);
+
+/// How often poses went without an effect.
+struct EffectCounters {
+  std::uint64_t poses = 0;
+  std::uint64_t in_sight = 0;              ///< poses with a free line of sight
+  std::uint64_t transmission_skipped = 0;  ///< nothing transmits, or the line of sight is free
+  std::uint64_t diffraction_skipped = 0;   ///< no edge in the scene's air, or none that matters from here
+  std::uint64_t early_skipped = 0, late_skipped = 0;
+  std::uint64_t field_gathers = 0;  ///< late fields that came from a source field
+  void add(const EffectCounters& other);
+};
+
+/// What a pose calls for.
+struct PoseEffects {
+  bool in_sight = false, transmission = false, diffraction = false;
+};
+/// One shadow ray.
+PoseEffects decide_pose_effects(const AcousticScene& scene, const EarlyCandidates& candidates, glm::vec3 listener);
+/// The counters of one pose, from what was decided and found there.
+EffectCounters count_effects(const AcousticScene& scene, const PoseEffects& effects, std::span<const Arrival> arrivals, bool gathered);
+
+const char* name_of(BoundKind kind);
+
+}  // namespace earshot

@@ -1,0 +1,265 @@
+#include "sim/acoustics/paths/early_reflections.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <glm/geometric.hpp>
+#include <numbers>
+
+#include "sim/acoustics/core/sampling.h"
+#include "sim/base/denormals.h"
+#include "sim/base/errors.h"
+#include "sim/base/coordinates.h"
+#include "sim/base/random.h"
+
+namespace earshot {
+namespace {
+
+/// Its position, if it is one.
+glm::vec3 checked_position(const SoundSource& source) {
+  const glm::vec3 p = source.position;
+  if (!is_place(p))
+    throw InputError(fmt::format("source ({}, {}, {})", p.x, p.y, p.z), "is no place in a scene", "give three numbers in metres");
+  require(source.radius_m >= 0.f && source.radius_m <= 100.f, "radius of the source", source.radius_m, "must be in [0, 100] m");
+  return p;
+}
+
+constexpr double kMaxSequencesPerOrder = 2048;  // of the exhaustive search
+constexpr double kSlackM = 1e-6;                // of what only sifts
+
+/// Double and exactly unit, so that mirroring forth and back keeps all digits of a float.
+struct ExactPlane {
+  explicit ExactPlane(const MirrorPlane& plane) : normal(plane.normal), offset_m(plane.offset_m) {
+    const double length = glm::length(normal);
+    normal /= length;
+    offset_m /= length;
+  }
+  [[nodiscard]] double height(glm::dvec3 point) const { return glm::dot(normal, point) - offset_m; }
+  [[nodiscard]] glm::dvec3 mirror(glm::dvec3 point) const { return point - 2.0 * height(point) * normal; }
+  glm::dvec3 normal;
+  double offset_m;
+};
+
+bool inside(const Bounds& bounds, glm::dvec3 p) {
+  return p.x >= bounds.lower.x && p.y >= bounds.lower.y && p.z >= bounds.lower.z &&  //
+         p.x <= bounds.upper.x && p.y <= bounds.upper.y && p.z <= bounds.upper.z;
+}
+
+/// Pressure per band of a path of `distance_m` whose reflections keep `energy_share` of the energy.  False if nothing is left.
+bool set_amplitude(const AcousticScene& scene, double distance_m, std::span<const double> energy_share, Arrival& arrival) {
+  bool any = false;
+  for (int band = 0; band < scene.num_bands(); ++band) {
+    const double air = std::exp(-0.5 * scene.air_energy_per_m()[band] * distance_m);
+    arrival.amplitude[band] = static_cast<float>(std::sqrt(energy_share[band]) * air / (4.0 * std::numbers::pi * distance_m));
+    any = any || arrival.amplitude[band] > 0.f;
+  }
+  return any;
+}
+
+bool same_path(const Arrival& a, const Arrival& b) {
+  constexpr float tolerance = 1e-4f;
+  return a.order == b.order && std::fabs(a.distance_m - b.distance_m) <= tolerance * a.distance_m &&
+         glm::dot(a.direction - b.direction, a.direction - b.direction) <= tolerance * tolerance;
+}
+
+}  // namespace
+
+EarlyCandidates::EarlyCandidates(const AcousticScene& scene, const SoundSource& sound_source)
+    : source_(sound_source), emission_(sound_source, scene.bands()), diffraction_(scene, checked_position(sound_source)) {
+  const FlushDenormals flush;
+  const glm::vec3 source = source_.position;
+  const AcousticConfig& config = scene.config();
+  const int order = scene.image_order();
+  const auto num_planes = static_cast<std::uint32_t>(scene.planes().size());
+  if (order == 0 || num_planes == 0) return;
+
+  // Few planes: every sequence in which no plane follows itself, order by order.
+  std::vector<Sequence> last = {{}};
+  for (int n = 1; n <= order; ++n) {
+    if (static_cast<double>(last.size()) * num_planes > kMaxSequencesPerOrder) break;
+    std::vector<Sequence> longer;
+    for (const Sequence& prefix : last) {
+      for (std::uint32_t plane = 0; plane < num_planes; ++plane) {
+        if (n > 1 && prefix.plane[n - 2] == plane) continue;
+        Sequence& sequence = longer.emplace_back(prefix);
+        sequence.plane[n - 1] = plane;
+        sequence.order = n;
+      }
+    }
+    sequences_.insert(sequences_.end(), longer.begin(), longer.end());
+    last = std::move(longer);
+  }
+
+  // Many planes: those that specular rays from the source meet, whatever their share of energy.
+  const auto shift = RandomStream(config.seed, Purpose::source_ray).bits4(0);
+  const SphereSequence directions(shift[0], shift[1]);
+  for (int ray = 0; ray < config.early_candidate_rays; ++ray) {
+    Sequence sequence;
+    glm::vec3 origin = source, direction = directions.direction(static_cast<std::uint32_t>(ray));
+    while (sequence.order < order) {
+      const Hit hit = scene.scene().rays().intersect(origin, direction);
+      if (!hit.valid()) break;
+      const std::uint32_t plane = scene.plane_of_triangle()[hit.triangle];
+      if (sequence.order > 0 && sequence.plane[sequence.order - 1] == plane) break;
+      sequence.plane[sequence.order++] = plane;
+      sequences_.push_back(sequence);
+      origin = offset_from_surface(hit.position, hit.normal);
+      direction = mirror_direction(direction, hit.normal);
+    }
+  }
+  std::sort(sequences_.begin(), sequences_.end());
+  sequences_.erase(std::unique(sequences_.begin(), sequences_.end()), sequences_.end());
+  sequences_.shrink_to_fit();  // of thousands of rays hundreds of sequences remain, and thousands of sources may be held
+
+  images_.reserve(sequences_.size());
+  for (auto* rows : {&last_.normal, &last_.image, &last_.lower, &last_.upper})
+    for (std::vector<double>& row : *rows) row.reserve(sequences_.size());
+  last_.offset_m.reserve(sequences_.size());
+  last_.image_height_m.reserve(sequences_.size());
+  for (const Sequence& sequence : sequences_) {
+    glm::dvec3 image(source);
+    for (int i = 0; i < sequence.order; ++i) image = ExactPlane(scene.planes()[sequence.plane[i]]).mirror(image);
+    images_.push_back(image);
+    const MirrorPlane& rounded = scene.planes()[sequence.plane[static_cast<std::size_t>(sequence.order - 1)]];
+    const ExactPlane plane(rounded);
+    for (int axis = 0; axis < 3; ++axis) {
+      const auto a = static_cast<std::size_t>(axis);
+      last_.normal[a].push_back(plane.normal[axis]);
+      last_.image[a].push_back(image[axis]);
+      last_.lower[a].push_back(static_cast<double>(rounded.bounds.lower[axis]) - kSlackM);
+      last_.upper[a].push_back(static_cast<double>(rounded.bounds.upper[axis]) + kSlackM);
+    }
+    last_.offset_m.push_back(plane.offset_m);
+    last_.image_height_m.push_back(plane.height(image));
+  }
+}
+
+void EarlyCandidates::sift(std::size_t first, glm::dvec3 listener, std::span<std::uint8_t> possible) const {
+  const double x = listener.x, y = listener.y, z = listener.z;
+  const double *nx = &last_.normal[0][first], *ny = &last_.normal[1][first], *nz = &last_.normal[2][first];
+  const double *ix = &last_.image[0][first], *iy = &last_.image[1][first], *iz = &last_.image[2][first];
+  const double *lx = &last_.lower[0][first], *ly = &last_.lower[1][first], *lz = &last_.lower[2][first];
+  const double *ux = &last_.upper[0][first], *uy = &last_.upper[1][first], *uz = &last_.upper[2][first];
+  const double *offset = &last_.offset_m[first], *height = &last_.image_height_m[first];
+  std::uint8_t* __restrict out = possible.data();
+  for (std::size_t i = 0; i < possible.size(); ++i) {
+    const double here = nx[i] * x + ny[i] * y + nz[i] * z - offset[i], there = height[i];
+    const double share = here / (here - there);
+    const double px = x + share * (ix[i] - x), py = y + share * (iy[i] - y), pz = z + share * (iz[i] - z);
+    const bool inside_bounds = (px >= lx[i]) & (px <= ux[i]) & (py >= ly[i]) & (py <= uy[i]) & (pz >= lz[i]) & (pz <= uz[i]);
+    out[i] = static_cast<std::uint8_t>((here * there < kSlackM * kSlackM) & inside_bounds);
+  }
+}
+
+bool EarlyCandidates::contains(std::span<const std::uint32_t> planes) const {
+  if (planes.empty() || planes.size() > kMaxOrder) return false;
+  Sequence key;
+  std::copy(planes.begin(), planes.end(), key.plane.begin());
+  key.order = static_cast<int>(planes.size());
+  return std::binary_search(sequences_.begin(), sequences_.end(), key);
+}
+
+bool EarlyCandidates::find_path(const AcousticScene& scene, std::size_t index, glm::vec3 listener, Arrival& arrival) const {
+  const Sequence& sequence = sequences_[index];
+  const glm::dvec3 from_listener = images_[index] - glm::dvec3(listener);
+  const double distance_m = std::max(glm::length(from_listener), double{kLeastDistanceM});
+  if (distance_m > scene.max_path_m()) return false;
+
+  // Geometry first, from the listener back to the source: each leg must cross its plane between its ends, where the plane has triangles.
+  std::array<glm::dvec3, kMaxOrder> point;
+  glm::dvec3 start(listener), image = images_[index];
+  const double edge_m = 1e-6 * scene.diagonal_m();  // a path through the edge of two planes meets both at one point
+  for (int i = sequence.order - 1; i >= 0; --i) {
+    const MirrorPlane& rounded = scene.planes()[sequence.plane[i]];
+    const ExactPlane plane(rounded);
+    const double here = plane.height(start), there = plane.height(image);
+    const bool at_edge = i + 1 < sequence.order && std::abs(here) < edge_m;
+    if (!at_edge && !(here * there < 0)) return false;
+    point[i] = at_edge ? start : start + here / (here - there) * (image - start);
+    if (!inside(rounded.bounds, point[i])) return false;
+    start = point[i];
+    image = plane.mirror(image);
+  }
+
+  // Then rays: the first thing that each leg meets is a triangle of its plane.
+  std::array<double, kMaxBands> energy_share;
+  energy_share.fill(1.0);
+  glm::vec3 origin = listener;
+  for (int i = sequence.order - 1; i >= 0; --i) {
+    const glm::dvec3 leg = point[i] - glm::dvec3(origin);
+    const double leg_m = glm::length(leg);
+    std::uint32_t material;
+    if (i + 1 < sequence.order && leg_m < 1e-5 * scene.diagonal_m()) {
+      // The second plane of an edge: no leg to trace, only its side to keep to.
+      const MirrorPlane& plane = scene.planes()[sequence.plane[i]];
+      material = plane.material;
+      origin = offset_from_surface(origin, ExactPlane(plane).height(glm::dvec3(listener)) > 0 ? plane.normal : -plane.normal);
+    } else {
+      const Hit hit = scene.scene().rays().intersect(origin, glm::vec3(leg / leg_m));
+      if (!hit.valid()) return false;
+      const std::uint32_t met = scene.plane_of_triangle()[hit.triangle];
+      if (met != sequence.plane[i]) {
+        // At an edge rounding decides which of its planes the ray meets; the point is the same.
+        const auto planes = std::span(sequence.plane).first(static_cast<std::size_t>(sequence.order));
+        const bool other_plane_of_edge = std::find(planes.begin(), planes.end(), met) != planes.end();
+        if (!other_plane_of_edge || std::abs(hit.distance_m - leg_m) > 1e-5 * (leg_m + scene.diagonal_m())) return false;
+      }
+      material = scene.scene().mesh().triangle_material[hit.triangle];
+      origin = offset_from_surface(hit.position, hit.normal);
+    }
+    for (int band = 0; band < scene.num_bands(); ++band) {
+      energy_share[band] *= double{scene.reflectance(material)[band]} * (1.0 - scene.scattering(material)[band]);
+    }
+  }
+  if (scene.scene().rays().occluded(origin, source())) return false;
+
+  const glm::dvec3 departure = point[0] - glm::dvec3(source());
+  arrival.kind = ArrivalKind::reflection;
+  arrival.departure = glm::vec3(departure / std::max(glm::length(departure), 1e-12));
+  arrival.distance_m = static_cast<float>(distance_m);
+  arrival.direction = glm::vec3(from_listener / glm::length(from_listener));
+  arrival.order = sequence.order;
+  return set_amplitude(scene, distance_m, energy_share, arrival);
+}
+
+void EarlyCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 listener, std::vector<Arrival>& arrivals) const {
+  const std::size_t first = arrivals.size();
+  const AcousticConfig& config = scene.config();
+
+  if (config.direct != Switch::off) {
+    const glm::dvec3 toward = glm::dvec3(source()) - glm::dvec3(listener);
+    const double true_distance_m = glm::length(toward);
+    const double distance_m = std::max(true_distance_m, double{kLeastDistanceM});
+    if (distance_m <= scene.max_path_m() && (true_distance_m == 0 || !scene.scene().rays().occluded(listener, source()))) {
+      Arrival& direct = arrivals.emplace_back();
+      direct.distance_m = static_cast<float>(distance_m);
+      direct.direction = true_distance_m > 0 ? glm::vec3(toward / true_distance_m) : glm::vec3(0, 0, -1);
+      direct.departure = -direct.direction;
+      std::array<double, kMaxBands> whole;
+      whole.fill(1.0);
+      set_amplitude(scene, distance_m, whole, direct);
+    }
+  }
+
+  const std::size_t first_image = arrivals.size();
+  Arrival arrival;
+  std::array<std::uint8_t, 256> possible;
+  for (std::size_t i = 0; i < sequences_.size(); ++i) {
+    if (i % possible.size() == 0)
+      sift(i, glm::dvec3(listener), std::span(possible).first(std::min(possible.size(), sequences_.size() - i)));
+    if (possible[i % possible.size()] == 0) continue;
+    if (!find_path(scene, i, listener, arrival)) continue;
+    const bool known = std::any_of(arrivals.begin() + static_cast<std::ptrdiff_t>(first_image), arrivals.end(),
+                                   [&](const Arrival& other) { return same_path(arrival, other); });
+    if (!known) arrivals.push_back(arrival);
+  }
+  // Insertion sort: a few dozen entries, stable (ties stay in the order of their sequences), no allocation.
+  for (std::size_t i = first + 1; i < arrivals.size(); ++i) {
+    for (std::size_t j = i; j > first && arrivals[j].distance_m < arrivals[j - 1].distance_m; --j) {
+      std::swap(arrivals[j], arrivals[j - 1]);
+    }
+  }
+}
+
+}  // namespace earshot

@@ -1,0 +1,63 @@
+#pragma once
+
+#include <array>
+#include <compare>
+#include <cstdint>
+#include <glm/vec3.hpp>
+#include <span>
+#include <vector>
+
+#include "sim/acoustics/model/acoustic_scene.h"
+#include "sim/acoustics/core/arrival.h"
+#include "sim/acoustics/paths/diffraction_paths.h"
+#include "sim/acoustics/core/sound_source.h"
+
+namespace earshot {
+
+/// Image-source candidates of one source position: the plane sequences that specular rays from it meet, plus, in scenes of few planes
+/// (at most 2048 sequences of that order), all sequences.  Immutable; shared by every listener pose and episode of that source.
+/// Image sources: Allen and Berkley 1979 for a box, Borish 1984 for any polyhedron.
+class EarlyCandidates {
+ public:
+  /// Cost: config.early_candidate_rays times early_order rays, and the edges round which sound leaves (diffraction_paths.h): 8 to 13 ms
+  /// in a house.
+  EarlyCandidates(const AcousticScene& scene, const SoundSource& source);
+  /// Appends the valid arrivals at `listener`: direct sound if in line of sight, then image paths whose every leg is confirmed by a ray.
+  /// A path through the edge of two planes, which two sequences find, counts once.  Arrivals that carry no energy (fully absorbing or
+  /// fully scattering surfaces) or come after config.rir_length_s are left out.  The appended part is sorted by (distance, plane
+  /// sequence): same input, same bits.  Source and listener swapped give the bits of the same distances and amplitudes.
+  void find_arrivals(const AcousticScene& scene, glm::vec3 listener, std::vector<Arrival>& arrivals) const;
+  /// Is this plane sequence, in the order seen from the source, among the candidates?  Then image paths carry its specular energy.
+  [[nodiscard]] bool contains(std::span<const std::uint32_t> planes) const;
+  [[nodiscard]] glm::vec3 source() const { return source_.position; }
+  [[nodiscard]] const SoundSource& sound_source() const { return source_; }
+  [[nodiscard]] const Emission& emission() const { return emission_; }
+  [[nodiscard]] std::size_t size() const { return sequences_.size(); }
+  /// Ways round edges, of the same source.
+  [[nodiscard]] const DiffractionCandidates& diffraction() const { return diffraction_; }
+
+ private:
+  static constexpr int kMaxOrder = 4;
+  struct Sequence {
+    std::array<std::uint32_t, kMaxOrder> plane{};
+    int order = 0;
+    auto operator<=>(const Sequence&) const = default;
+  };
+  bool find_path(const AcousticScene& scene, std::size_t index, glm::vec3 listener, Arrival& arrival) const;
+  /// Can the last leg of the sequences from `first` on be?  Sides of the last plane and its bounds, for all poses in one plain loop that
+  /// lets pass a little more than find_path does.
+  void sift(std::size_t first, glm::dvec3 listener, std::span<std::uint8_t> possible) const;
+
+  SoundSource source_;
+  Emission emission_;
+  DiffractionCandidates diffraction_;
+  std::vector<Sequence> sequences_;  ///< sorted, unique
+  std::vector<glm::dvec3> images_;   ///< the source mirrored in all planes of the sequence
+  /// Of the last plane of each sequence, one array per quantity: unit normal, offset, height of the image, bounds; and the image.
+  struct LastPlanes {
+    std::array<std::vector<double>, 3> normal, image, lower, upper;
+    std::vector<double> offset_m, image_height_m;
+  } last_;
+};
+
+}  // namespace earshot

@@ -1,0 +1,211 @@
+#include "sim/acoustics/paths/edge_path.h"
+
+#include <algorithm>
+#include <cmath>
+#include <glm/geometric.hpp>
+#include <numbers>
+
+namespace earshot {
+namespace {
+
+using Numbers = std::array<double, kMaxDiffractionOrder>;
+
+glm::dvec3 point_before(const EdgePath& path, int i) { return i > 0 ? path.point[static_cast<std::size_t>(i - 1)] : path.from; }
+glm::dvec3 point_after(const EdgePath& path, int i) {
+  return i + 1 < path.sequence.order ? path.point[static_cast<std::size_t>(i + 1)] : path.to;
+}
+
+double length_of(const EdgePath& path) {
+  double sum = 0;
+  glm::dvec3 last = path.from;
+  for (int i = 0; i < path.sequence.order; ++i) {
+    sum += glm::length(path.point[static_cast<std::size_t>(i)] - last);
+    last = path.point[static_cast<std::size_t>(i)];
+  }
+  return sum + glm::length(path.to - last);
+}
+
+void place(const DiffractionEdges& edges, EdgePath& path) {
+  for (std::size_t i = 0; i < static_cast<std::size_t>(path.sequence.order); ++i)
+    path.point[i] = edges[path.sequence.edge[i]].at(path.along_m[i]);
+}
+
+/// Each point in turn to its best place between its neighbours, kept on the edge or not.  Returns the largest move.
+double sweep(const DiffractionEdges& edges, bool keep_on_edge, EdgePath& path) {
+  double largest_m = 0;
+  for (int i = 0; i < path.sequence.order; ++i) {
+    const auto at = static_cast<std::size_t>(i);
+    const DiffractionEdge& edge = edges[path.sequence.edge[at]];
+    double along_m = fermat_point(edge, point_before(path, i), point_after(path, i));
+    if (keep_on_edge) along_m = std::clamp(along_m, 0.0, edge.length_m);
+    largest_m = std::max(largest_m, std::abs(along_m - path.along_m[at]));
+    path.along_m[at] = along_m;
+    path.point[at] = edge.at(along_m);
+  }
+  return largest_m;
+}
+
+/// One Newton step on the length, halved until it does not grow.  The Hessian is tridiagonal and positive.  Returns the largest move.
+double newton_step(const DiffractionEdges& edges, EdgePath& path) {
+  const auto order = static_cast<std::size_t>(path.sequence.order);
+  Numbers gradient{}, diagonal{}, upper{};
+  for (std::size_t i = 0; i < order; ++i) {
+    const glm::dvec3 axis = edges[path.sequence.edge[i]].along;
+    const glm::dvec3 in = path.point[i] - point_before(path, static_cast<int>(i)),
+                     out = point_after(path, static_cast<int>(i)) - path.point[i];
+    const double in_m = glm::length(in), out_m = glm::length(out);
+    if (!(in_m > 0) || !(out_m > 0)) return 0;
+    const double cos_in = glm::dot(axis, in) / in_m, cos_out = glm::dot(axis, out) / out_m;
+    gradient[i] = cos_in - cos_out;
+    diagonal[i] = (1 - cos_in * cos_in) / in_m + (1 - cos_out * cos_out) / out_m;
+    if (!(diagonal[i] > 0)) return 0;
+    if (i + 1 < order) {
+      const glm::dvec3 next = edges[path.sequence.edge[i + 1]].along;
+      upper[i] = -(glm::dot(axis, next) - cos_out * glm::dot(next, out) / out_m) / out_m;
+    }
+  }
+  Numbers step = gradient;
+  for (std::size_t i = 1; i < order; ++i) {
+    const double factor = upper[i - 1] / diagonal[i - 1];
+    diagonal[i] -= factor * upper[i - 1];
+    step[i] -= factor * step[i - 1];
+    if (!(diagonal[i] > 0)) return 0;
+  }
+  for (std::size_t i = order; i-- > 0;) step[i] = (step[i] - (i + 1 < order ? upper[i] * step[i + 1] : 0.0)) / diagonal[i];
+
+  const double before_m = length_of(path);
+  const Numbers start = path.along_m;
+  for (double share = 1; share > 1e-3; share *= 0.5) {
+    double largest_m = 0;
+    for (std::size_t i = 0; i < order; ++i) {
+      path.along_m[i] = start[i] - share * step[i];
+      largest_m = std::max(largest_m, std::abs(share * step[i]));
+    }
+    place(edges, path);
+    if (length_of(path) <= before_m) return largest_m;
+  }
+  path.along_m = start;
+  place(edges, path);
+  return 0;
+}
+
+}  // namespace
+
+double fermat_point(const DiffractionEdge& edge, glm::dvec3 a, glm::dvec3 b) {
+  const glm::dvec3 from_a = a - edge.start, from_b = b - edge.start;
+  const double along_a = glm::dot(from_a, edge.along), along_b = glm::dot(from_b, edge.along);
+  const double away_a = glm::length(from_a - along_a * edge.along), away_b = glm::length(from_b - along_b * edge.along);
+  if (!(away_a + away_b > 0)) return 0.5 * edge.length_m;
+  return (along_a * away_b + along_b * away_a) / (away_a + away_b);
+}
+
+bool shortest_path(const DiffractionEdges& edges, const EdgeSequence& sequence, glm::dvec3 from, glm::dvec3 to, EdgePath& path) {
+  path.sequence = sequence;
+  path.from = from;
+  path.to = to;
+  const auto order = static_cast<std::size_t>(sequence.order);
+  for (std::size_t i = 0; i < order; ++i) path.along_m[i] = 0.5 * edges[sequence.edge[i]].length_m;
+  place(edges, path);
+  sweep(edges, false, path);
+  if (order > 1) {
+    sweep(edges, false, path);
+    for (int i = 0; i < 20; ++i) {
+      if (newton_step(edges, path) <= 1e-9 * length_of(path)) break;
+    }
+  }
+  path.length_m = length_of(path);
+  path.beyond_m = 0;
+  bool past_end = false;
+  for (std::size_t i = 0; i < order; ++i) {
+    path.at_end[i] = path.along_m[i] < 0 || path.along_m[i] > edges[sequence.edge[i]].length_m;
+    past_end = past_end || path.at_end[i];
+    path.along_m[i] = std::clamp(path.along_m[i], 0.0, edges[sequence.edge[i]].length_m);
+  }
+  if (past_end) {
+    const double free_m = path.length_m;
+    place(edges, path);
+    for (int i = 0; order > 1 && i < 30; ++i) {
+      if (sweep(edges, true, path) <= 1e-6 * free_m) break;
+    }
+    path.length_m = length_of(path);
+    path.beyond_m = std::max(path.length_m - free_m, 0.0);
+  }
+  for (std::size_t i = 1; i < order; ++i) {
+    if (glm::length(path.point[i] - path.point[i - 1]) < 4.0 * edges.clearance_m()) return false;
+  }
+  return true;
+}
+
+EdgePathField::EdgePathField(const DiffractionEdges& edges, const EdgePath& path) : order_(path.sequence.order) {
+  constexpr double grazing_rad = 1e-3, sheet_rad = 2.0 * std::numbers::pi - 0.01;
+  const auto order = static_cast<std::size_t>(order_);
+  std::array<double, kMaxDiffractionOrder + 2> reached_m{};  // path length at source, edges, listener
+  std::array<double, kMaxDiffractionOrder> out_rad{};
+  const DiffractionEdge* last_edge = nullptr;
+  for (std::size_t i = 0; i < order; ++i) {
+    const DiffractionEdge& edge = edges[path.sequence.edge[i]];
+    const glm::dvec3 before = point_before(path, static_cast<int>(i)), after = point_after(path, static_cast<int>(i));
+    const glm::dvec3 in = path.point[i] - before, out = after - path.point[i];
+    const double in_m = glm::length(in), out_m = glm::length(out);
+    reached_m[i + 1] = reached_m[i] + in_m;
+    reached_m[i + 2] = reached_m[i + 1] + out_m;
+    if (!edge.in_air(before, edges.clearance_m()) || !edge.in_air(after, edges.clearance_m())) {
+      valid_ = false;
+      return;
+    }
+    const double in_rad = edge.angle_of(before);
+    out_rad[i] = edge.angle_of(after);
+    Wedge& wedge = wedges_[i];
+    wedge.diffraction = WedgeDiffraction(edge.exterior_rad, in_rad, out_rad[i]);
+    wedge.first_material = edge.first_material;
+    wedge.second_material = edge.second_material;
+    wedge.beyond_m = path.at_end[i] ? path.beyond_m : 0.0;
+    // sin^2 of the angle with the edge; the same on both sides but where the path is kept on the edge by its end.
+    const double sine_in = in_m > 0 ? glm::length(glm::cross(in, edge.along)) / in_m : 1.0;
+    const double sine_out = out_m > 0 ? glm::length(glm::cross(out, edge.along)) / out_m : 1.0;
+    wedge.length_m = sine_in * sine_out;
+    wedge.own_length_m = wedge.length_m * (in_m + out_m > 0 ? in_m * out_m / (in_m + out_m) : 0.0);
+    const double bend_m = wedge.own_length_m * wedge.diffraction.bend() * wedge.diffraction.bend();
+    least_bend_m_ = i == 0 ? bend_m : std::min(least_bend_m_, bend_m);
+    if (i > 0) least_leg_m_ = i == 1 ? in_m : std::min(least_leg_m_, in_m);
+
+    if (last_edge != nullptr) {
+      const double last_rad = out_rad[i - 1];
+      const bool last_first = last_rad < grazing_rad, last_second = last_edge->exterior_rad - last_rad < grazing_rad;
+      const bool first = in_rad < grazing_rad, second = edge.exterior_rad - in_rad < grazing_rad;
+      if ((last_first || last_second) && (first || second)) {
+        if (last_edge->exterior_rad > sheet_rad && edge.exterior_rad > sheet_rad) {
+          valid_ = false;
+          return;
+        }
+        Wedge& last = wedges_[i - 1];
+        last.shares_next = true;
+        last.shared_material = last_first ? last.first_material : last.second_material;
+        last.next_shared_material = first ? wedge.first_material : wedge.second_material;
+      }
+    }
+    last_edge = &edge;
+  }
+
+  // L of each wedge, from the least bent to the most.
+  std::array<std::size_t, kMaxDiffractionOrder + 2> left, right;
+  for (std::size_t i = 1; i <= order; ++i) left[i] = i - 1, right[i] = i + 1;
+  std::array<bool, kMaxDiffractionOrder + 2> done{};
+  for (std::size_t round = 0; round < order; ++round) {
+    std::size_t least = 0;
+    for (std::size_t i = 1; i <= order; ++i) {
+      if (!done[i] && (least == 0 || wedges_[i - 1].diffraction.bend() < wedges_[least - 1].diffraction.bend())) least = i;
+    }
+    const double before_m = reached_m[least] - reached_m[left[least]], after_m = reached_m[right[least]] - reached_m[least];
+    Wedge& wedge = wedges_[least - 1];
+    wedge.ranks_by_own_legs = round == 0;
+    wedge.length_m =
+        round == 0 ? wedge.own_length_m : wedge.length_m * (before_m + after_m > 0 ? before_m * after_m / (before_m + after_m) : 0.0);
+    if (wedge.length_m > 0) spreading_ *= wedge.own_length_m / wedge.length_m;
+    done[least] = true;
+    if (left[least] >= 1) right[left[least]] = right[least];
+    if (right[least] <= order) left[right[least]] = left[least];
+  }
+}
+
+}  // namespace earshot

@@ -1,0 +1,83 @@
+#include "sim/acoustics/response/energy_response.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <span>
+
+#include "sim/acoustics/model/effect_plan.h"
+#include "sim/acoustics/source_field/source_field.h"
+#include "sim/acoustics/paths/transmission.h"
+#include "sim/base/denormals.h"
+#include "sim/base/errors.h"
+#include "sim/base/coordinates.h"
+
+namespace earshot {
+namespace {
+
+void apply_emission(const Emission& emission, std::size_t num_bands, std::span<Arrival> arrivals) {
+  if (emission.omnidirectional()) return;
+  std::array<float, kMaxBands> gain;
+  for (Arrival& arrival : arrivals) {
+    emission.pressure(arrival.departure, std::span(gain).first(num_bands));
+    for (std::size_t band = 0; band < num_bands; ++band) {
+      arrival.amplitude[band] *= std::fabs(gain[band]);
+      if (gain[band] < 0) arrival.phase_rad[band] += std::numbers::pi_v<float>;
+    }
+  }
+}
+
+bool is_finite(glm::vec3 v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
+
+bool is_finite(const Arrival& arrival, std::size_t num_bands) {
+  bool finite = std::isfinite(arrival.distance_m) && is_finite(arrival.direction) && is_finite(arrival.departure);
+  for (std::size_t band = 0; band < num_bands; ++band)
+    finite = finite && std::isfinite(arrival.amplitude[band]) && std::isfinite(arrival.phase_rad[band]);
+  return finite;
+}
+
+/// Takes out what is not finite.  Returns how many.
+std::uint64_t drop_nonfinite(std::size_t num_bands, std::vector<Arrival>& arrivals) {
+  return std::erase_if(arrivals, [&](const Arrival& arrival) { return !is_finite(arrival, num_bands); });
+}
+
+}  // namespace
+
+void compute_energy_response(const AcousticScene& scene, const EarlyCandidates& candidates, glm::vec3 listener, EnergyResponse& response,
+                             const std::function<void(double share)>& progress) {
+  compute_energy_response(scene, candidates, nullptr, listener, response, progress);
+}
+
+void compute_energy_response(const AcousticScene& scene, const EarlyCandidates& candidates, const SourceField* field, glm::vec3 listener,
+                             EnergyResponse& response, const std::function<void(double share)>& progress) {
+  const FlushDenormals flush;
+  if (!is_place(listener))
+    throw InputError(fmt::format("listener ({}, {}, {}) in {}", listener.x, listener.y, listener.z, scene.scene().name()),
+                     "is no place in a scene", "give three numbers in metres");
+  response.speed_of_sound_m_per_s = scene.speed_of_sound_m_per_s();
+  response.arrivals.clear();
+  candidates.find_arrivals(scene, listener, response.arrivals);
+  const PoseEffects effects = decide_pose_effects(scene, candidates, listener);
+  if (effects.diffraction) candidates.diffraction().find_arrivals(scene, listener, response.arrivals);
+  if (effects.transmission) find_transmitted_behind_walls(scene, candidates.source(), listener, response.arrivals);
+  apply_emission(candidates.emission(), static_cast<std::size_t>(scene.num_bands()), response.arrivals);
+  const std::uint64_t nonfinite_arrivals = drop_nonfinite(static_cast<std::size_t>(scene.num_bands()), response.arrivals);
+  if (!has_shape_of(scene, response.late)) response.late = make_histogram(scene);
+  if (field != nullptr) {
+    response.batches.clear();
+    response.stats = field->gather(scene, listener, response.late);
+  } else if (scene.config().source_rays > 0 || scene.config().specular_exponent > 0.f) {
+    response.stats =
+        trace_bidirectional(scene, candidates, listener, response.late, &response.batches, BidirectionalOptions{.progress = progress});
+  } else {
+    response.batches.clear();
+    response.stats = trace_late(scene, candidates, listener, response.late);
+  }
+  response.stats.nonfinite_dropped += nonfinite_arrivals;
+  response.effects = count_effects(scene, effects, response.arrivals, field != nullptr);
+}
+
+}  // namespace earshot

@@ -1,0 +1,178 @@
+#include "sim/acoustics/source_field/field_probes.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <glm/geometric.hpp>
+#include <optional>
+#include <span>
+#include <utility>
+
+#include "sim/acoustics/metrics/late_errors.h"
+#include "sim/acoustics/tracers/path_tracer.h"
+#include "sim/acoustics/metrics/room_metrics.h"
+#include "sim/acoustics/core/sampling.h"
+#include "sim/base/random.h"
+
+namespace earshot {
+namespace {
+
+/// Decay times need no fine bins to be judged.
+constexpr int kBinsPerProbeBin = 4;
+
+/// Share of a probe's weights that may be left out, in the cells that count least.
+constexpr float kDroppedShare = 0.05f;
+
+/// A random walk from the source.
+struct Walk {
+  glm::vec3 place;  ///< half way along the last leg
+  double legs_m = 0;
+  int legs = 0;
+};
+
+/// Walks go further from probe to probe.
+Walk walk_to_probe(const AcousticScene& scene, glm::vec3 source, std::uint32_t probe) {
+  const RandomStream random(scene.config().seed, Purpose::field_probe, probe);
+  const auto first = random.uniform2(0);
+  glm::vec3 origin = source, direction = sphere_direction(first[0], first[1]);
+  Walk walk{.place = source};
+  for (std::uint32_t leg = 1; leg <= probe + 2; ++leg) {
+    const Hit hit = scene.scene().rays().intersect(origin, direction);
+    if (!hit.valid()) break;
+    walk.place = 0.5f * (origin + hit.position);
+    walk.legs_m += glm::distance(origin, hit.position);
+    ++walk.legs;
+    origin = offset_from_surface(hit.position, hit.normal);
+    const auto u = random.uniform2(leg);
+    direction = lambert_direction(hit.normal, u[0], u[1]);
+  }
+  return walk;
+}
+
+}  // namespace
+
+FieldProbes::FieldProbes(const AcousticScene& scene, glm::vec3 source)
+    : scene_(&scene), stride_(static_cast<std::size_t>(scene.padded_bands())) {
+  const EnergyHistogram shape = make_histogram(scene);
+  num_bins_ = (shape.num_bins() + kBinsPerProbeBin - 1) / kBinsPerProbeBin;
+  bins_per_m_ = 1.f / (scene.speed_of_sound_m_per_s() * shape.bin_s() * kBinsPerProbeBin);
+  std::vector<glm::vec3> places;
+  double legs_m = 0;
+  int legs = 0;
+  for (std::uint32_t probe = 0; probe < kProbes; ++probe) {
+    const Walk walk = walk_to_probe(scene, source, probe);
+    places.push_back(walk.place);
+    legs_m += walk.legs_m;
+    legs += walk.legs;
+  }
+  if (legs > 0) mean_free_path_m_ = legs_m / legs;
+  find_readers(scene.field_grid(), scene.field_smoothing(), places);
+}
+
+/// With which weights each probe reads the cells, for every number of sweeps.
+void FieldProbes::find_readers(const FieldGrid& grid, const FieldSmoothing& smoothing, const std::vector<glm::vec3>& places) {
+  slot_of_cell_.assign(grid.size(), FieldGrid::none);
+  std::vector<float> weights(grid.size() * kProbes, 0.f), spare;
+  std::vector<bool> read(grid.size(), false);
+  for (std::uint32_t probe = 0; probe < kProbes; ++probe) {
+    std::array<FieldGrid::Share, 8> shares;
+    const std::size_t count = grid.blend(places[probe], shares);
+    for (std::size_t i = 0; i < count; ++i) {
+      weights[shares[i].cell * kProbes + probe] += shares[i].weight;
+      read[shares[i].cell] = true;
+    }
+  }
+  const std::vector<std::uint32_t> active = smoothing.reachable(read);
+  std::vector<std::pair<float, std::uint32_t>> order;
+  for (int sweeps = 0; sweeps <= FieldSmoothing::kMostSweeps; ++sweeps) {
+    if (sweeps > 0) smoothing.sweep(1, kProbes, active, weights, spare);
+    for (std::uint32_t probe = 0; probe < kProbes; ++probe) {
+      order.clear();
+      for (const std::uint32_t cell : active)
+        if (const float weight = weights[cell * kProbes + probe]; weight > 0) order.emplace_back(weight, cell);
+      std::sort(order.begin(), order.end(),
+                [](const auto& a, const auto& b) { return a.first != b.first ? a.first > b.first : a.second < b.second; });
+      double kept = 0;
+      std::size_t count = 0;
+      while (count < order.size() && kept < 1 - kDroppedShare) kept += order[count++].first;
+      std::vector<Reader>& readers = readers_.emplace_back();
+      for (std::size_t i = 0; i < count; ++i) {
+        std::uint32_t& slot = slot_of_cell_[order[i].second];
+        if (slot == FieldGrid::none) {
+          slot = static_cast<std::uint32_t>(energy_.size());
+          energy_.emplace_back();
+        }
+        readers.push_back({slot, static_cast<float>(order[i].first / (kept * grid.volume_m3(order[i].second)))});
+      }
+    }
+  }
+}
+
+int FieldProbes::sweeps_at(double time_s) const {
+  return scene_->field_smoothing().sweeps_at(time_s, mean_free_path_m_, scene_->speed_of_sound_m_per_s());
+}
+
+void FieldProbes::add_to_slot(std::uint32_t slot, float path_m, const float* energy, float length_m, std::uint32_t batch) {
+  const float position = path_m * bins_per_m_;
+  if (!(position < static_cast<float>(num_bins_))) return;
+  const auto bins = static_cast<std::size_t>(num_bins_);
+  std::vector<float>& of_cell = energy_[slot];
+  if (of_cell.empty()) of_cell.assign(kBatches * bins * stride_, 0.f);
+  float* row = &of_cell[(batch * bins + static_cast<std::size_t>(position)) * stride_];
+  for (std::size_t b = 0; b < stride_; b += 8)
+    for (std::size_t lane = 0; lane < 8; ++lane) row[b + lane] += energy[b + lane] * length_m;
+}
+
+/// What a probe hears.  energy: [batch][bin][padded bands].
+void FieldProbes::read(std::uint32_t probe, std::vector<float>& energy) const {
+  const auto bins = static_cast<std::size_t>(num_bins_);
+  const double bin_s = 1.0 / (double{bins_per_m_} * scene_->speed_of_sound_m_per_s());
+  energy.assign(kBatches * bins * stride_, 0.f);
+  for (std::size_t first = 0, last; first < bins; first = last) {
+    const int sweeps = sweeps_at((static_cast<double>(first) + 0.5) * bin_s);
+    for (last = first + 1; last < bins && sweeps_at((static_cast<double>(last) + 0.5) * bin_s) == sweeps;) ++last;
+    for (const Reader& reader : readers_[static_cast<std::size_t>(sweeps) * kProbes + probe]) {
+      const std::vector<float>& of_cell = energy_[reader.slot];
+      if (of_cell.empty()) continue;
+      for (std::uint32_t batch = 0; batch < kBatches; ++batch)
+        for (std::size_t i = (batch * bins + first) * stride_; i < (batch * bins + last) * stride_; i += 8)
+          for (std::size_t lane = 0; lane < 8; ++lane) energy[i + lane] += reader.weight * of_cell[i + lane];
+    }
+  }
+}
+
+double FieldProbes::t20_error() const {
+  const auto bins = static_cast<std::size_t>(num_bins_), bands = static_cast<std::size_t>(scene_->num_bands());
+  const double bin_s = 1.0 / (double{bins_per_m_} * scene_->speed_of_sound_m_per_s());
+  std::vector<double> whole(bins), rest(bins);
+  std::vector<float> energy;
+  double sum = 0;
+  int count = 0;
+  for (std::uint32_t probe = 0; probe < kProbes; ++probe) {
+    read(probe, energy);
+    for (std::size_t band = 0; band < bands; ++band) {
+      const auto at = [&](std::uint32_t batch, std::size_t bin) { return double{energy[(batch * bins + bin) * stride_ + band]}; };
+      const double air_per_s = double{scene_->air_energy_per_m()[band]} * scene_->speed_of_sound_m_per_s();
+      for (std::size_t bin = 0; bin < bins; ++bin) {
+        whole[bin] = 0;
+        for (std::uint32_t batch = 0; batch < kBatches; ++batch) whole[bin] += at(batch, bin);
+      }
+      std::array<std::optional<double>, kBatches> without;
+      for (std::uint32_t batch = 0; batch < kBatches; ++batch) {
+        for (std::size_t bin = 0; bin < bins; ++bin)
+          rest[bin] = std::max(whole[bin] - at(batch, bin), 0.0) * std::exp(-air_per_s * (static_cast<double>(bin) + 0.5) * bin_s);
+        without[batch] = measure_band(rest, bin_s, 0.0).t20_s;
+      }
+      const std::optional<double> error = jackknife_error(without);
+      if (!error) continue;
+      double mean = 0;
+      for (const std::optional<double>& value : without) mean += *value / kBatches;
+      if (!(mean > 0)) continue;
+      sum += *error / mean;
+      ++count;
+    }
+  }
+  return count > 0 ? sum / count : 1.0;
+}
+
+}  // namespace earshot

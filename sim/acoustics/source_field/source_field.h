@@ -1,0 +1,77 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <glm/vec3.hpp>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "sim/acoustics/model/acoustic_scene.h"
+#include "sim/acoustics/paths/early_reflections.h"
+#include "sim/acoustics/core/energy_histogram.h"
+#include "sim/acoustics/tracers/path_tracer.h"
+
+namespace earshot {
+
+/// Late field of one source in one scene, for any number of listeners.  Photons are traced from the source; the air is cut into cells
+/// (field_grid.h), and each flight adds its length times its energy to the cells that it crosses (track-length estimator of fluence,
+/// Spanier and Gelbard 1969, resolved in time, band and direction).  A listener blends the cells round it that it sees.  Unbiased but for
+/// the blur of a cell, mirrors included: no last leg is treated as diffuse.  Against final gathering from patches (ORACLES 2.9, 6): half
+/// the error for the same photons, no rays and no noise of its own at the pose, a twentieth of the time per pose.
+///
+/// Immutable, shared by threads.  All that it holds is one flat image of bytes (native byte order), which may lie in memory or in a mapped
+/// file; source_field_store.h keeps such files.
+class SourceField {
+ public:
+  /// From an image that image() gave for the same (scene, source).  `owner` keeps the bytes alive.  Throws InputError if the image is
+  /// damaged, of another version, or of another scene, config or source.
+  SourceField(const AcousticScene& scene, const EarlyCandidates& candidates, std::span<const std::byte> image,
+              std::shared_ptr<const void> owner);
+
+  /// Late field at `listener`, within the bounds of the scene: same meaning, shape and rules of `histogram` as in trace_late.  A function
+  /// of (scene, field, listener).  No allocation; 10 to 20 us for half a second, first order.  stats.rays: the photons.
+  TraceStats gather(const AcousticScene& scene, glm::vec3 listener, EnergyHistogram& histogram) const;
+
+  [[nodiscard]] std::span<const std::byte> image() const { return image_; }
+  [[nodiscard]] std::uint64_t photons() const;
+  /// Photons that were ended because they carried something that was not finite.
+  [[nodiscard]] std::uint64_t nonfinite_dropped() const;
+  /// Relative standard error of T20 that the photons leave, mean over bands and probe positions.
+  [[nodiscard]] double t20_error() const;
+
+ private:
+  std::span<const std::byte> image_;
+  std::shared_ptr<const void> owner_;
+};
+
+/// Identity of a field: hash of everything that decides its bits (scene, config, source position, pattern, orientation, radius).
+std::uint64_t source_field_key(const AcousticScene& scene, const EarlyCandidates& candidates);
+
+/// Builds a field step by step: each refine() adds photons, at any time a snapshot can be taken.  The bits of snapshot n are a function of
+/// (scene, source, n), not of threads or time.  Not thread-safe.
+class SourceFieldBuilder {
+ public:
+  /// Both must outlive this.
+  SourceFieldBuilder(const AcousticScene& scene, const EarlyCandidates& candidates);
+  ~SourceFieldBuilder();
+  SourceFieldBuilder(SourceFieldBuilder&&) noexcept;
+
+  /// Adds photons: the first call 512, later ones what the error asks for, an eighth more to four times as many.  False, and nothing done,
+  /// if the error target is met or the photons are spent.
+  bool refine();
+  [[nodiscard]] double t20_error() const;
+  [[nodiscard]] std::uint64_t photons() const;
+  [[nodiscard]] std::shared_ptr<const SourceField> snapshot() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/// Refines to the target of the config.  progress: called with the share done.
+std::shared_ptr<const SourceField> build_source_field(const AcousticScene& scene, const EarlyCandidates& candidates,
+                                                      const std::function<void(double share)>& progress = {});
+
+}  // namespace earshot

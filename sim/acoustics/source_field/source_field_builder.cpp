@@ -1,0 +1,303 @@
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <span>
+
+#include "sim/acoustics/source_field/field_image.h"
+#include "sim/acoustics/source_field/field_probes.h"
+#include "sim/acoustics/geometry/field_smoothing.h"
+#include "sim/acoustics/source_field/photon_pass.h"
+#include "sim/acoustics/source_field/source_field.h"
+#include "sim/audio/ambisonics.h"
+#include "sim/base/denormals.h"
+#include "sim/base/errors.h"
+
+namespace earshot {
+namespace {
+
+constexpr std::uint32_t kChunksPerRound = FieldProbes::kBatches;  // photons come in whole rounds: a chunk for each batch
+constexpr std::uint64_t kPhotonsPerRound = std::uint64_t{kChunksPerRound} * kPhotonsPerChunk;
+
+/// Ten million flights through one bin of one cell, which 2^23 photons in a small room are, would lose a per cent in float.  So sums of
+/// this many rounds go to sums in double; the few photons of `fast` never do, and pay for half the memory.
+constexpr std::uint32_t kRoundsPerFold = 32;
+
+/// Histories are larger than the caches near a core, and are visited in no order of memory: rows are asked for this long before they are
+/// used.  A flight crosses two or three cells.
+constexpr std::size_t kFloatsPerLine = 16, kFlightsAhead = 4, kCellsAhead = 8;
+
+/// to[i] += factor * from[i]; count: a multiple of eight, whole vectors.
+void add_scaled(const float* from, float factor, std::size_t count, float* to) {
+  for (std::size_t i = 0; i < count; i += 8)
+    for (std::size_t lane = 0; lane < 8; ++lane) to[i + lane] += factor * from[i + lane];
+}
+
+}  // namespace
+
+struct SourceFieldBuilder::Impl {
+  Impl(const AcousticScene& in, const EarlyCandidates& of) : Impl(in, of, make_histogram(in)) {}
+
+  Impl(const AcousticScene& in, const EarlyCandidates& of, const EnergyHistogram& shape)
+      : scene(in),
+        candidates(of),
+        grid(in.field_grid()),
+        probes(in, of.source()),
+        bins(field_bins(in, shape.num_bins())),
+        num_bins(shape.num_bins()),
+        num_coefficients(shape.num_coefficients()),
+        bin_s(shape.bin_s()),
+        history(grid.size()) {
+    stride = static_cast<std::size_t>(in.padded_bands());
+    row = static_cast<std::size_t>(num_coefficients) * stride;
+  }
+
+  /// Adds energy times length to slots of one cell.  In the fine part it is split between the two bins whose centres are nearest, as
+  /// EnergyHistogram::add does, and behind the last centre of that part all goes to that bin.
+  void add(std::uint32_t cell, float path_m, const float* weighted, float length_m) {
+    const float position = path_m / (scene.speed_of_sound_m_per_s() * bin_s);
+    if (!(position < static_cast<float>(num_bins) + 0.5f)) return;
+    std::vector<float>& slots = history[cell];
+    if (slots.empty()) slots.assign(bins.size() * row, 0.f);
+    const std::size_t slot = bins.slot_of(std::min(static_cast<std::size_t>(position), static_cast<std::size_t>(num_bins) - 1));
+    const float from_centre = position - 0.5f;
+    if (slot >= bins.fine() || from_centre <= 0 || from_centre >= static_cast<float>(bins.fine() - 1))
+      return add_scaled(weighted, length_m, row, &slots[slot * row]);
+    const float bin = std::floor(from_centre), to_next = from_centre - bin;
+    float* here = &slots[static_cast<std::size_t>(bin) * row];
+    add_scaled(weighted, length_m * (1.f - to_next), row, here);
+    if (to_next > 0) add_scaled(weighted, length_m * to_next, row, here + row);
+  }
+
+  /// Asks for the memory that a flight's energy will be added to: its cells lie megabytes apart.
+  void fetch(const PhotonTracks& of_chunk, const PhotonTracks::Flight& flight, std::uint32_t batch) const {
+    const float bins_per_m = 1.f / (scene.speed_of_sound_m_per_s() * bin_s);
+    for (std::uint32_t c = flight.first_crossing; c < flight.end_crossing; ++c) {
+      const FieldGrid::Crossing& crossing = of_chunk.crossings[c];
+      const float path_m = flight.path_m + 0.5f * (crossing.enter_m + crossing.leave_m), position = path_m * bins_per_m;
+      if (history[crossing.cell].empty() || !(position < static_cast<float>(num_bins))) continue;
+      const float* slot = &history[crossing.cell][bins.slot_of(static_cast<std::size_t>(position)) * row];
+      for (std::size_t i = 0; i < row; i += kFloatsPerLine) __builtin_prefetch(slot + i, 1);
+      probes.fetch(crossing.cell, path_m, batch);
+    }
+  }
+
+  void add(const PhotonTracks& of_chunk, std::uint32_t batch) {
+    std::array<float, kMaxCoefficients> sh{};
+    std::array<float, kMaxCoefficients * kMaxBands> weighted{};
+    for (std::size_t i = 0; i < of_chunk.flights.size(); ++i) {
+      const PhotonTracks::Flight& flight = of_chunk.flights[i];
+      if (i + kFlightsAhead < of_chunk.flights.size()) fetch(of_chunk, of_chunk.flights[i + kFlightsAhead], batch);
+      const float* energy = &of_chunk.energy[i * stride];
+      // The harmonics are those of where sound comes from.
+      spherical_harmonics_n3d(-flight.direction, scene.config().sh_order, sh);
+      for (int k = 0; k < num_coefficients; ++k)
+        for (std::size_t b = 0; b < stride; ++b) weighted[static_cast<std::size_t>(k) * stride + b] = sh[k] * energy[b];
+      for (std::uint32_t c = flight.first_crossing; c < flight.end_crossing; ++c) {
+        const FieldGrid::Crossing& crossing = of_chunk.crossings[c];
+        const float length_m = crossing.leave_m - crossing.enter_m;
+        const float path_m = flight.path_m + 0.5f * (crossing.enter_m + crossing.leave_m);
+        add(crossing.cell, path_m, weighted.data(), length_m);
+        probes.add(crossing.cell, path_m, energy, length_m, batch);
+      }
+    }
+  }
+
+  void trace_round() {
+    std::array<TraceStats, kChunksPerRound> stats;
+    const std::uint32_t first = rounds * kChunksPerRound;
+    const int threads = scene.config().threads;
+    if (threads == 1) {
+      for (std::uint32_t i = 0; i < kChunksPerRound; ++i) {
+        trace_photons(scene, candidates, grid, first + i, tracks[0], stats[i]);
+        add(tracks[0], i);
+      }
+    } else {
+      const int available = tbb::this_task_arena::max_concurrency();
+      tbb::task_arena arena(threads == 0 ? available : std::min(threads, available));
+      arena.execute([&] {
+        tbb::parallel_for(0u, kChunksPerRound, [&](std::uint32_t i) {
+          const FlushDenormals flush;
+          trace_photons(scene, candidates, grid, first + i, tracks[i], stats[i]);
+        });
+      });
+      for (std::uint32_t i = 0; i < kChunksPerRound; ++i) add(tracks[i], i);
+    }
+    for (const TraceStats& of_chunk : stats) nonfinite_dropped += of_chunk.nonfinite_dropped;
+    if (++rounds % kRoundsPerFold == 0) fold();
+  }
+
+  /// Moves the sums in float to those in double.
+  void fold() {
+    folded.resize(history.size());
+    for (std::size_t cell = 0; cell < history.size(); ++cell) {
+      if (history[cell].empty()) continue;
+      folded[cell].resize(history[cell].size(), 0.0);
+      std::transform(folded[cell].begin(), folded[cell].end(), history[cell].begin(), folded[cell].begin(),
+                     [](double sum, float part) { return sum + double{part}; });
+      std::fill(history[cell].begin(), history[cell].end(), 0.f);
+    }
+  }
+
+  [[nodiscard]] std::uint64_t photons() const { return rounds * kPhotonsPerRound; }
+
+  /// Air once, here: path length is c t (ORACLES 3.2).  factor: [padded bands], what air leaves of energy in this slot.
+  void air_at(std::size_t slot, std::span<double> factor) const {
+    const double path_m = bins.middle(slot) * bin_s * scene.speed_of_sound_m_per_s();
+    std::fill(factor.begin(), factor.end(), 0.0);
+    for (int band = 0; band < scene.num_bands(); ++band)
+      factor[static_cast<std::size_t>(band)] = std::exp(-double{scene.air_energy_per_m()[band]} * path_m);
+  }
+
+  /// Cells as the image holds them: late slots smoothed, air and units applied.
+  struct Kept {
+    std::uint32_t first = 0;         ///< slot
+    std::vector<FieldValue> values;  ///< [slots from first][coefficients][padded bands]
+  };
+  [[nodiscard]] std::vector<Kept> keep() const {
+    const FieldSmoothing& smoothing = scene.field_smoothing();
+    std::vector<Kept> kept(history.size());
+    std::vector<bool> lit(history.size());
+    for (std::size_t cell = 0; cell < history.size(); ++cell) lit[cell] = !history[cell].empty();
+    const std::vector<std::uint32_t> active = smoothing.reachable(lit);
+    // Fluence is track length per volume; the energy of the Green's function is that over 4 pi (ORACLES 0.1).
+    const double per_photon = 1.0 / (4.0 * std::numbers::pi * static_cast<double>(std::max<std::uint64_t>(photons(), 1)));
+    std::vector<float> rows(history.size() * row, 0.f), spare;
+    std::array<double, kMaxBands> air{};
+    std::array<float, kMaxBands> factor{};
+    // Slot by slot: all cells of one stay in the second cache.
+    for (std::size_t slot = 0; slot < bins.size(); ++slot) {
+      bool any = false;
+      for (std::size_t rank = 0; rank < active.size(); ++rank) {
+        const std::uint32_t cell = active[rank];
+        if (rank + kCellsAhead < active.size()) {
+          const std::vector<float>& next = history[active[rank + kCellsAhead]];
+          for (std::size_t at = 0; at < row && !next.empty(); at += kFloatsPerLine) __builtin_prefetch(&next[slot * row + at]);
+        }
+        float* to = &rows[cell * row];
+        if (history[cell].empty()) {
+          std::fill_n(to, row, 0.f);
+        } else {
+          std::copy_n(&history[cell][slot * row], row, to);
+          if (!folded.empty() && !folded[cell].empty()) {
+            const double* sum = &folded[cell][slot * row];
+            for (std::size_t i = 0; i < row; ++i) to[i] = static_cast<float>(sum[i] + double{to[i]});
+          }
+          any = any || std::any_of(to, to + stride, [](float value) { return value != 0.f; });
+        }
+      }
+      if (!any) continue;
+      smoothing.sweep(probes.sweeps_at(bins.middle(slot) * bin_s), row, active, rows, spare);
+      air_at(slot, air);
+      for (const std::uint32_t cell : active) {
+        const float* from = &rows[cell * row];
+        // The first coefficient is the energy itself: where it is zero, the others are.
+        if (std::all_of(from, from + stride, [](float value) { return value == 0.f; })) continue;
+        Kept& out = kept[cell];
+        if (out.values.empty()) {
+          out.first = static_cast<std::uint32_t>(slot);
+          out.values.reserve((bins.size() - slot) * row);
+        }
+        out.values.resize((slot - out.first + 1) * row, 0);
+        const double scale = per_photon / double{grid.volume_m3(cell)};
+        for (std::size_t b = 0; b < stride; ++b) factor[b] = static_cast<float>(scale * air[b]);
+        FieldValue* to = &out.values[(slot - out.first) * row];
+        for (std::size_t k = 0; k < row; k += stride)
+          for (std::size_t b = 0; b < stride; ++b) to[k + b] = to_field_value(from[k + b] * factor[b]);
+      }
+    }
+    return kept;
+  }
+
+  const AcousticScene& scene;
+  const EarlyCandidates& candidates;
+  const FieldGrid& grid;
+  FieldProbes probes;
+  WideningBins bins;
+  int num_bins, num_coefficients;
+  float bin_s;
+  std::size_t stride = 0, row = 0;          ///< padded bands; times coefficients
+  std::vector<std::vector<float>> history;  ///< [cells][slots][coefficients][padded bands]; empty where no photon came
+  std::vector<std::vector<double>> folded;  ///< the same, of the rounds before the last fold; empty before the first
+  std::array<PhotonTracks, kChunksPerRound> tracks;
+  std::uint32_t rounds = 0;
+  std::uint64_t nonfinite_dropped = 0;
+  double t20_error = 1;
+};
+
+SourceFieldBuilder::SourceFieldBuilder(const AcousticScene& scene, const EarlyCandidates& candidates)
+    : impl_(std::make_unique<Impl>(scene, candidates)) {}
+SourceFieldBuilder::~SourceFieldBuilder() = default;
+SourceFieldBuilder::SourceFieldBuilder(SourceFieldBuilder&&) noexcept = default;
+
+bool SourceFieldBuilder::refine() {
+  const FlushDenormals flush;
+  Impl& in = *impl_;
+  const AcousticConfig& config = in.scene.config();
+  const auto most =
+      static_cast<std::uint32_t>(std::max<std::uint64_t>(static_cast<std::uint64_t>(config.field_photons) / kPhotonsPerRound, 1));
+  if (in.rounds >= most || (in.rounds > 0 && in.t20_error <= double{config.field_error})) return false;
+  std::uint32_t add = 1;
+  if (in.rounds > 0) {
+    // The error falls as the root of the photons: as many as that asks for, but between an eighth more and four times as many.
+    const double ratio = in.t20_error / config.field_error;
+    const double wanted = in.rounds * std::clamp(ratio * ratio, 1.125, 4.0);
+    add = std::max(1u, static_cast<std::uint32_t>(std::ceil(wanted)) - in.rounds);
+  }
+  for (const std::uint32_t end = std::min(in.rounds + add, most); in.rounds < end;) in.trace_round();
+  in.t20_error = in.probes.t20_error();
+  return true;
+}
+
+double SourceFieldBuilder::t20_error() const { return impl_->t20_error; }
+std::uint64_t SourceFieldBuilder::photons() const { return impl_->photons(); }
+
+std::shared_ptr<const SourceField> SourceFieldBuilder::snapshot() const {
+  const FlushDenormals flush;
+  const Impl& in = *impl_;
+  const std::vector<Impl::Kept> kept = in.keep();
+  std::vector<FieldEntry> entries(kept.size());
+  std::uint64_t num_values = 0;
+  for (std::size_t i = 0; i < entries.size(); ++i) {
+    if (kept[i].values.empty()) continue;
+    entries[i] = {.first = kept[i].first, .count = static_cast<std::uint32_t>(kept[i].values.size() / in.row), .offset = num_values};
+    num_values += kept[i].values.size();
+  }
+  FieldHeader header;
+  header.key = source_field_key(in.scene, in.candidates);
+  header.bytes = sizeof header + entries.size() * sizeof(FieldEntry) + num_values * sizeof(FieldValue);
+  header.photons = in.photons();
+  header.num_values = num_values;
+  header.num_cells = static_cast<std::uint32_t>(entries.size());
+  header.num_bins = static_cast<std::uint32_t>(in.num_bins);
+  header.num_coefficients = static_cast<std::uint32_t>(in.num_coefficients);
+  header.padded_bands = static_cast<std::uint32_t>(in.stride);
+  header.bin_s = double{in.bin_s};
+  header.t20_error = in.t20_error;
+  header.nonfinite_dropped = in.nonfinite_dropped;
+
+  const auto image = std::make_shared<std::vector<std::byte>>(header.bytes);
+  std::byte* to = image->data();
+  const auto append = [&to](std::span<const std::byte> part) { to = std::copy(part.begin(), part.end(), to); };
+  append(std::as_bytes(std::span(&header, 1)));
+  append(std::as_bytes(std::span(entries)));
+  for (const Impl::Kept& cell : kept) append(std::as_bytes(std::span(cell.values)));
+  return std::make_shared<const SourceField>(in.scene, in.candidates, *image, image);
+}
+
+std::shared_ptr<const SourceField> build_source_field(const AcousticScene& scene, const EarlyCandidates& candidates,
+                                                      const std::function<void(double share)>& progress) {
+  SourceFieldBuilder builder(scene, candidates);
+  while (builder.refine()) {
+    if (!progress) continue;
+    const double target = scene.config().field_error / builder.t20_error();
+    const double share = static_cast<double>(builder.photons()) / scene.config().field_photons;
+    progress(std::clamp(std::max(target * target, share), 0.0, 1.0));
+  }
+  return builder.snapshot();
+}
+
+}  // namespace earshot

@@ -1,0 +1,162 @@
+#include "sim/acoustics/source_field/source_field_store.h"
+
+#include <tbb/task_arena.h>
+
+#include <chrono>
+#include <future>
+#include <map>
+#include <mutex>
+#include <optional>
+#include <utility>
+
+#include "sim/base/errors.h"
+#include "sim/base/image_store.h"
+
+namespace earshot {
+namespace {
+
+using Field = std::shared_ptr<const SourceField>;
+
+/// Ending of the file names.  What an image holds has a version of its own, which SourceField checks.
+constexpr const char* kSuffix = "field";
+
+double seconds_since(std::chrono::steady_clock::time_point start) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+struct Entry {
+  std::shared_future<Field> making;       // valid while a thread makes it
+  std::weak_ptr<const SourceField> held;  // by anybody
+  Field kept;                             // by the store, within its bound
+  std::uint64_t last_used = 0;
+};
+
+}  // namespace
+
+struct SourceFieldStore::Impl {
+  FieldStoreConfig config;
+  std::optional<ImageStore> files;
+
+  mutable std::mutex mutex;  // guards everything below
+  std::map<std::uint64_t, Entry> entries;
+  std::size_t kept_bytes = 0;
+  std::uint64_t clock = 0;
+  FieldCounters counters;
+
+  Field load(std::uint64_t key, const AcousticScene& scene, const EarlyCandidates& candidates) {
+    if (!files) return nullptr;
+    const auto image = files->load(key);
+    if (!image) return nullptr;
+    try {
+      return std::make_shared<const SourceField>(scene, candidates, image->bytes, image->owner);
+    } catch (const InputError& error) {
+      files->reject(key, error.what());
+      return nullptr;
+    }
+  }
+
+  void count(bool built, const Field& field, double seconds) {
+    const std::scoped_lock lock(mutex);
+    ++(built ? counters.built : counters.loaded);
+    (built ? counters.build_seconds : counters.load_seconds) += seconds;
+    counters.bytes += field->image().size();
+  }
+
+  Field make(std::uint64_t key, const AcousticScene& scene, const EarlyCandidates& candidates,
+             const std::function<void(double share)>& progress) {
+    const auto start = std::chrono::steady_clock::now();
+    if (Field loaded = load(key, scene, candidates)) {
+      count(false, loaded, seconds_since(start));
+      return loaded;
+    }
+    // While this thread waits for parallel work, it must not pick up a task that waits for this very field.
+    Field built = tbb::this_task_arena::isolate([&] { return build_source_field(scene, candidates, progress); });
+    count(true, built, seconds_since(start));
+    // From here on through the pages of the file, which all processes share: one copy in memory instead of one per worker.
+    if (files && files->save(key, built->image()))
+      if (Field mapped = load(key, scene, candidates)) return mapped;
+    return built;
+  }
+
+  /// Call with the lock held.
+  void keep(Entry& entry, const Field& field) {
+    forget_what_nobody_holds();
+    if (field->image().size() > config.max_memory_bytes) return;
+    entry.kept = field;
+    kept_bytes += field->image().size();
+    while (kept_bytes > config.max_memory_bytes) {
+      auto oldest = entries.end();
+      for (auto it = entries.begin(); it != entries.end(); ++it)
+        if (it->second.kept && (oldest == entries.end() || it->second.last_used < oldest->second.last_used)) oldest = it;
+      kept_bytes -= oldest->second.kept->image().size();
+      oldest->second.kept.reset();
+    }
+  }
+  void forget_what_nobody_holds() {
+    std::erase_if(entries, [](const auto& item) { return !item.second.making.valid() && !item.second.kept && item.second.held.expired(); });
+  }
+};
+
+SourceFieldStore::SourceFieldStore(FieldStoreConfig config) : impl_(std::make_unique<Impl>()) {
+  impl_->config = std::move(config);
+  if (!impl_->config.folder.empty())
+    impl_->files.emplace(ImageStoreConfig{
+        .folder = impl_->config.folder, .suffix = kSuffix, .max_bytes = impl_->config.max_bytes, .warn = impl_->config.warn});
+}
+
+SourceFieldStore::~SourceFieldStore() = default;
+
+Field SourceFieldStore::get(const AcousticScene& scene, const EarlyCandidates& candidates,
+                            const std::function<void(double share)>& progress) {
+  Impl& in = *impl_;
+  const std::uint64_t key = source_field_key(scene, candidates);
+  std::promise<Field> promise;
+  {
+    std::unique_lock lock(in.mutex);
+    Entry& entry = in.entries[key];
+    entry.last_used = ++in.clock;
+    if (Field held = entry.held.lock()) {
+      ++in.counters.shared;
+      return held;
+    }
+    if (entry.making.valid()) {
+      ++in.counters.shared;
+      const auto making = entry.making;
+      lock.unlock();
+      return making.get();
+    }
+    entry.making = promise.get_future().share();
+  }
+  Field made;
+  try {
+    made = in.make(key, scene, candidates, progress);
+  } catch (...) {
+    {
+      const std::scoped_lock lock(in.mutex);
+      in.entries.erase(key);  // the next one to ask tries again
+    }
+    promise.set_exception(std::current_exception());
+    throw;
+  }
+  {
+    const std::scoped_lock lock(in.mutex);
+    Entry& entry = in.entries.at(key);  // not erased while it is being made
+    entry.making = {};
+    entry.held = made;
+    in.keep(entry, made);
+  }
+  promise.set_value(made);
+  return made;
+}
+
+FieldCounters SourceFieldStore::counters() const {
+  const std::scoped_lock lock(impl_->mutex);
+  return impl_->counters;
+}
+
+std::size_t SourceFieldStore::kept_bytes() const {
+  const std::scoped_lock lock(impl_->mutex);
+  return impl_->kept_bytes;
+}
+
+}  // namespace earshot

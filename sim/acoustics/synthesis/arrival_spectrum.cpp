@@ -1,0 +1,77 @@
+#include "sim/acoustics/synthesis/arrival_spectrum.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <numbers>
+
+#include "sim/audio/spectrum_math.h"
+
+namespace earshot {
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+/// Phases this close to a multiple of pi are signs.
+constexpr double kSignRad = 1e-5;
+
+using Complex = std::complex<float>;
+
+/// exp(i angle) for |angle| <= pi within 3e-7: series at a quarter of the angle, squared twice.
+Complex unit_turn(float angle) {
+  const float x = 0.25f * angle, y = x * x;
+  const Complex quarter(1.f + y * (-1.f / 2 + y * (1.f / 24 + y * (-1.f / 720 + y * (1.f / 40320)))),
+                        x * (1.f + y * (-1.f / 6 + y * (1.f / 120 + y * (-1.f / 5040 + y * (1.f / 362880))))));
+  const Complex half = multiply(quarter, quarter);
+  return multiply(half, half);
+}
+
+}  // namespace
+
+ArrivalSpectrum::ArrivalSpectrum(const BandFilters& filters) : filters_(filters), gain_(filters.num_bins()), factor_(filters.num_bins()) {}
+
+void ArrivalSpectrum::set(std::span<const float> amplitude, std::span<const float> phase_rad) {
+  const auto bands = static_cast<std::size_t>(filters_.num_bands());
+  silent_ = std::all_of(amplitude.begin(), amplitude.end(), [](float value) { return value == 0.f; });
+  real_ = true;
+  for (std::size_t b = 0; b < bands; ++b) {
+    const double phase = static_cast<double>(phase_rad[b]), halves = std::round(phase / kPi);
+    real_ = real_ && std::abs(phase - halves * kPi) < kSignRad;
+    signed_[b] = std::fmod(std::abs(halves), 2.0) == 1.0 ? -amplitude[b] : amplitude[b];
+  }
+  flat_ =
+      real_ && std::all_of(signed_.begin(), signed_.begin() + static_cast<std::ptrdiff_t>(bands), [&](float v) { return v == signed_[0]; });
+  if (silent_ || flat_) return;
+  if (real_) {
+    filters_.blend(std::span(signed_).first(bands), gain_);
+    return;
+  }
+  filters_.blend(amplitude, gain_);
+  // From one band to the next by the shorter way; between their regions the share of the way decides.
+  for (std::size_t b = 0; b < bands; ++b) {
+    turn_[b] = Complex(std::polar(1.0, static_cast<double>(phase_rad[b])));
+    const double way =
+        b + 1 < bands ? std::remainder(static_cast<double>(phase_rad[b + 1]) - static_cast<double>(phase_rad[b]), 2.0 * kPi) : 0.0;
+    way_[b] = static_cast<float>(way);
+  }
+  const std::uint8_t* lower = filters_.lower_bands().data();
+  const float* share = filters_.upper_shares().data();
+  for (std::size_t k = 0; k < factor_.size(); ++k)
+    factor_[k] = gain_[k] * (share[k] == 0.f ? turn_[lower[k]] : multiply(turn_[lower[k]], unit_turn(share[k] * way_[lower[k]])));
+}
+
+void ArrivalSpectrum::apply(std::span<std::complex<float>> spectrum) const {
+  std::complex<float>* values = spectrum.data();
+  if (flat_) {
+    const float factor = signed_[0];
+    for (std::size_t k = 0; k < spectrum.size(); ++k) values[k] *= factor;
+  } else if (real_) {
+    const float* gain = gain_.data();
+    for (std::size_t k = 0; k < spectrum.size(); ++k) values[k] *= gain[k];
+  } else {
+    for (std::size_t k = 0; k < spectrum.size(); ++k)
+      values[k] = {values[k].real() * factor_[k].real() - values[k].imag() * factor_[k].imag(),
+                   values[k].real() * factor_[k].imag() + values[k].imag() * factor_[k].real()};
+  }
+}
+
+}  // namespace earshot

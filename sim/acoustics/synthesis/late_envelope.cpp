@@ -1,0 +1,157 @@
+#include "sim/acoustics/synthesis/late_envelope.h"
+
+#include <cstdint>
+
+namespace earshot {
+namespace {
+
+/// A band's sound ends where only this share of its energy is left, 70 dB down: of a decay that T30 needs to -35 dB and observations hear
+/// to -45 dB.  Bands that fall faster than the slowest one then cost less.
+constexpr double kInaudibleShare = 1e-7;
+
+/// A slot that spreads over its own width, in float: most are such.  c: its harmonics.
+inline void set_whole(LateNode& node, const float* c, bool has_moments, float per_width) {
+  if (!(c[0] > 0.f && c[0] < 1e30f)) return;
+  node.density = c[0] * per_width;
+  if (!has_moments) return;
+  const float share = 1.f / c[0], m1 = share * c[1], m2 = share * c[2], m3 = share * c[3];
+  const float square = m1 * m1 + m2 * m2 + m3 * m3;
+  // The reciprocal of an energy below 3e-39 is infinite.
+  if (!(square >= 0.f && square < 1e30f)) return;
+  const float limit = square > 3.f ? std::sqrt(3.f / square) : 1.f;  // as in set_node
+  node.m = {limit * m1, limit * m2, limit * m3};
+  node.d = std::sqrt(std::max(0.f, 1.f - square * (1.f / 3.f)));
+}
+
+}  // namespace
+
+template <class Float>
+void LateNodes::set_higher(std::size_t index, const Float* c, std::size_t num_known) {
+  for (std::size_t j = 4; j < num_known; ++j) {
+    const double ratio = static_cast<double>(c[j]) / static_cast<double>(c[0]);
+    higher_[index * num_higher_ + j - 4] = std::isfinite(ratio) ? static_cast<float>(ratio) : 0.f;
+  }
+}
+
+void LateNodes::make(const EnergyHistogram& energy, float sample_rate_hz, double onset_sample, std::size_t num_samples) {
+  num_bins_ = energy.num_bins();
+  num_samples_ = num_samples;
+  onset_ = onset_sample;
+  const int num_bands = num_bands_ = energy.num_bands();
+  width_ = static_cast<double>(energy.bin_s()) * static_cast<double>(sample_rate_hz);
+  // From the onset: where widths change, a steep decay gains a little, and should not while it is loud.
+  bins_ = WideningBins(num_bins_, static_cast<std::size_t>(std::clamp(onset_sample / width_, 0.0, 1e9)));
+  const std::size_t cells = bins_.size() * static_cast<std::size_t>(num_bands);
+  nodes_.assign(cells, LateNode{});
+  hat_area_.assign(static_cast<std::size_t>(num_bins_), width_);
+  const auto num_known = static_cast<std::size_t>(energy.num_coefficients() >= 4 ? energy.num_coefficients() : 1);
+  num_higher_ = num_known > 4 ? num_known - 4 : 0;
+  higher_.assign(cells * num_higher_, 0.f);
+
+  // A single bin's energy is spread by a hat that reaches the neighbours' centres.  Where the onset cuts the hat, what is left of it
+  // carries all.
+  const auto first_sample = static_cast<std::int64_t>(std::ceil(onset_sample));
+  for (int bin = 0; bin < num_bins_ && (bin - 0.5) * width_ < onset_sample; ++bin) {
+    const double centre = (bin + 0.5) * width_;
+    double area = 0;
+    for (auto n = std::max<std::int64_t>(first_sample, static_cast<std::int64_t>(std::ceil(centre - width_)));
+         n < static_cast<std::int64_t>(centre + width_) + 1; ++n) {
+      const double distance = (static_cast<double>(n) - centre) / width_;
+      const bool flat = (bin == 0 && distance < 0) || (bin + 1 == num_bins_ && distance > 0);
+      area += flat ? (std::abs(distance) <= 0.5 ? 1.0 : 0.0) : std::max(0.0, 1.0 - std::abs(distance));
+    }
+    hat_area_[static_cast<std::size_t>(bin)] = area;
+  }
+
+  // From here on no hat is cut and nothing is carried.
+  const int first_whole_bin = onset_sample > 0 ? static_cast<int>(std::min(onset_sample / width_ + 2.5, 1e9)) : 1;
+  const float* values = energy.values().data();
+  const auto stride = static_cast<std::size_t>(num_bands) * static_cast<std::size_t>(energy.num_coefficients());
+  const int last_bin = std::min(num_bins_ - 1, static_cast<int>(static_cast<double>(num_samples) / width_ + 0.5));
+  carried_.resize(num_known);
+  sum_.resize(stride);
+  const auto fine = static_cast<int>(bins_.fine());
+  // A stretch to the middle of a slot may begin within the response though the slot does not.
+  const auto begins_before_the_end = [&](std::size_t slot) { return bins_.middle(slot - 1) * width_ < static_cast<double>(num_samples); };
+  const auto coefficients = static_cast<std::size_t>(energy.num_coefficients());
+  for (int band = 0; band < num_bands; ++band) {
+    double* c = carried_.data();  // energy of the bin, and of those before the onset
+    std::fill_n(c, num_known, 0.0);
+    const float* cell = values + static_cast<std::size_t>(band) * coefficients;
+    for (int bin = 0; bin <= last_bin && bin < std::min(first_whole_bin, fine); ++bin, cell += stride) {
+      const double area = hat_area_[static_cast<std::size_t>(bin)];
+      for (std::size_t k = 0; k < num_known; ++k) c[k] += static_cast<double>(cell[k]);
+      if (area < 0.25 * width_ && bin + 1 < num_bins_) continue;
+      if (c[0] > 0 && c[0] < 1e30 && area > 0) set_node(band, bin, std::span(carried_), area);
+      std::fill_n(c, num_known, 0.0);
+    }
+  }
+  for (auto slot = static_cast<std::size_t>(std::min(first_whole_bin, fine)); slot < bins_.size(); ++slot) {
+    const bool is_wide = slot >= bins_.fine();
+    if (is_wide ? !begins_before_the_end(slot) : static_cast<int>(slot) > last_bin) continue;
+    const float* all_bands = values + bins_.first_bin(slot) * stride;
+    if (is_wide) {
+      std::fill_n(sum_.begin(), stride, 0.f);
+      for (std::size_t i = 0; i < bins_.width(slot); ++i, all_bands += stride)
+        for (std::size_t k = 0; k < stride; ++k) sum_[k] += all_bands[k];
+      all_bands = sum_.data();
+    }
+    const auto per_width = static_cast<float>(1.0 / (static_cast<double>(bins_.width(slot)) * width_));
+    for (int band = 0; band < num_bands; ++band) {
+      const float* c = all_bands + static_cast<std::size_t>(band) * coefficients;
+      const std::size_t index = static_cast<std::size_t>(band) * bins_.size() + slot;
+      set_whole(nodes_[index], c, num_known >= 4, per_width);
+      if (nodes_[index].density > 0.f) set_higher(index, c, num_known);
+    }
+  }
+  for (int band = 0; band < num_bands; ++band) drop_inaudible_end(band);
+}
+
+double LateNodes::first_sound() const {
+  for (std::size_t slot = 0; slot < bins_.size(); ++slot)
+    for (int band = 0; band < num_bands_; ++band)
+      if (nodes_[static_cast<std::size_t>(band) * bins_.size() + slot].density > 0.f)
+        return std::max(onset_, static_cast<double>(bins_.first_bin(slot)) * width_);
+  return onset_;
+}
+
+int LateNodes::slot_from(double sample) const {
+  int first = 0, last = size();
+  while (first < last) {
+    const int slot = (first + last) / 2;
+    if (bins_.middle(static_cast<std::size_t>(slot)) * width_ < sample)
+      first = slot + 1;
+    else
+      last = slot;
+  }
+  return first;
+}
+
+void LateNodes::drop_inaudible_end(int band) {
+  const auto row = std::span(nodes_).subspan(static_cast<std::size_t>(band) * bins_.size(), bins_.size());
+  double total = 0, tail = 0;
+  const auto energy_in = [&](std::size_t slot) { return static_cast<double>(row[slot].density) * static_cast<double>(bins_.width(slot)); };
+  for (std::size_t slot = 0; slot < row.size(); ++slot) total += energy_in(slot);
+  for (std::size_t slot = row.size(); slot-- > 0;) {
+    tail += energy_in(slot);
+    if (tail > kInaudibleShare * total) return;
+    row[slot].density = 0.f;
+  }
+}
+
+void LateNodes::set_node(int band, int bin, std::span<const double> c, double area) {
+  const std::size_t index = static_cast<std::size_t>(band) * bins_.size() + static_cast<std::size_t>(bin);
+  LateNode& node = nodes_[index];
+  node.density = static_cast<float>(c[0] / area);
+  if (c.size() < 4) return;
+  const double share = 1.0 / c[0], m1 = share * c[1], m2 = share * c[2], m3 = share * c[3];
+  const double square = m1 * m1 + m2 * m2 + m3 * m3;
+  if (square >= 0) {
+    const double limit = square > 3.0 ? std::sqrt(3.0 / square) : 1.0;  // rounding may point a single ray past its own energy
+    node.m = {static_cast<float>(limit * m1), static_cast<float>(limit * m2), static_cast<float>(limit * m3)};
+    node.d = std::sqrt(static_cast<float>(std::max(0.0, 1.0 - std::min(square, 3.0) * (1.0 / 3.0))));
+  }
+  set_higher(index, c.data(), c.size());
+}
+
+}  // namespace earshot

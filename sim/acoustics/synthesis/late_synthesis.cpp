@@ -1,0 +1,135 @@
+#include "sim/acoustics/synthesis/late_synthesis.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "sim/base/errors.h"
+
+namespace earshot {
+namespace {
+
+void add_omni(int count, Ramp density, const float* w, float* out) {
+  for (int i = 0; i < count; ++i) out[i] += std::sqrt(std::max(density.at(i), 0.f)) * w[i];
+}
+
+/// Amplitudes of the four channels at one stretch.
+struct FirstOrderRamps {
+  Ramp density, m1, m2, m3, d;
+};
+
+// Without the promise that the outputs overlap nothing, the loop is not vectorized (3 times the time).
+void add_first_order(int count, FirstOrderRamps ramps, const float* w, const float* n1, const float* n2, const float* n3,
+                     float* __restrict out0, float* __restrict out1, float* __restrict out2, float* __restrict out3) {
+  for (int i = 0; i < count; ++i) {
+    const float s = std::sqrt(std::max(ramps.density.at(i), 0.f));
+    const float omni = s * w[i], diffuse = s * ramps.d.at(i);
+    out0[i] += omni;
+    out1[i] += ramps.m1.at(i) * omni + diffuse * n1[i];
+    out2[i] += ramps.m2.at(i) * omni + diffuse * n2[i];
+    out3[i] += ramps.m3.at(i) * omni + diffuse * n3[i];
+  }
+}
+
+/// What one band brings to one stretch.
+struct FirstOrderBand {
+  FirstOrderRamps ramps;
+  std::array<const float*, 4> carrier;
+};
+
+/// Two bands at a time: the outputs are read and written half as often.
+void add_first_order(int count, const FirstOrderBand& a, const FirstOrderBand& b, float* __restrict out0, float* __restrict out1,
+                     float* __restrict out2, float* __restrict out3) {
+  const FirstOrderRamps p = a.ramps, q = b.ramps;
+  const float *w = a.carrier[0], *n1 = a.carrier[1], *n2 = a.carrier[2], *n3 = a.carrier[3];
+  const float *v = b.carrier[0], *k1 = b.carrier[1], *k2 = b.carrier[2], *k3 = b.carrier[3];
+  for (int i = 0; i < count; ++i) {
+    const float s = std::sqrt(std::max(p.density.at(i), 0.f)), t = std::sqrt(std::max(q.density.at(i), 0.f));
+    const float omni = s * w[i], diffuse = s * p.d.at(i), other_omni = t * v[i], other_diffuse = t * q.d.at(i);
+    out0[i] = (out0[i] + omni) + other_omni;
+    out1[i] = (out1[i] + (p.m1.at(i) * omni + diffuse * n1[i])) + (q.m1.at(i) * other_omni + other_diffuse * k1[i]);
+    out2[i] = (out2[i] + (p.m2.at(i) * omni + diffuse * n2[i])) + (q.m2.at(i) * other_omni + other_diffuse * k2[i]);
+    out3[i] = (out3[i] + (p.m3.at(i) * omni + diffuse * n3[i])) + (q.m3.at(i) * other_omni + other_diffuse * k3[i]);
+  }
+}
+
+void add_higher(int count, Ramp density, Ramp m, Ramp d, const float* w, const float* n, float* __restrict out) {
+  for (int i = 0; i < count; ++i) out[i] += std::sqrt(std::max(density.at(i), 0.f)) * (m.at(i) * w[i] + d.at(i) * n[i]);
+}
+
+}  // namespace
+
+void LateSynthesizer::make_shares(const LateNodes& nodes, int num_slots, std::size_t num_channels) {
+  const std::size_t higher = num_channels - 4;
+  shares_.assign(static_cast<std::size_t>(nodes.num_bands() * nodes.size()) * higher, Share{});
+  for (int band = 0; band < nodes.num_bands(); ++band) {
+    for (int slot = 0; slot < num_slots; ++slot) {
+      const auto known = nodes.higher(band, slot);
+      Share* shares = shares_.data() + static_cast<std::size_t>(band * nodes.size() + slot) * higher;
+      for (std::size_t l = 2; (l + 1) * (l + 1) <= std::min(num_channels, known.size() + 4); ++l) {
+        const std::size_t first = l * l - 4, count = 2 * l + 1;
+        double square = 0;
+        for (std::size_t j = first; j < first + count; ++j) square += static_cast<double>(known[j]) * static_cast<double>(known[j]);
+        const double whole = static_cast<double>(count);
+        const double limit = square > whole ? std::sqrt(whole / square) : 1.0;
+        const auto d = static_cast<float>(std::sqrt(std::max(0.0, 1.0 - square / whole)));
+        for (std::size_t j = first; j < first + count; ++j) shares[j] = {static_cast<float>(limit * static_cast<double>(known[j])), d};
+      }
+    }
+  }
+}
+
+std::size_t LateSynthesizer::render(const LateNodes& nodes, int num_slots, const CarrierBank& carriers, std::size_t offset,
+                                    std::span<const std::span<float>> channels) {
+  const auto num_channels = static_cast<std::size_t>(carriers.num_channels());
+  EARSHOT_EXPECT(channels.size() == num_channels && (num_channels == 1 || num_channels >= 4));
+  const std::size_t end = nodes.end_before(num_slots);
+  for (const auto& channel : channels) std::ranges::fill(channel.first(end), 0.f);
+  const int num_bands = nodes.num_bands();
+  if (num_channels > 4) make_shares(nodes, num_slots, num_channels);
+
+  std::size_t end_of_sound = 0;
+  nodes.visit(offset, carriers.length(), [&](const LateStretch& stretch) {
+    if (stretch.left >= num_slots) return;
+    const auto out = [&](std::size_t c) { return channels[c].data() + stretch.begin; };
+    FirstOrderBand waiting{};  // for another band to be added with
+    bool waits = false;
+    for (int band = 0; band < num_bands; ++band) {
+      const auto row = nodes.band(band);
+      const LateNode &a = row[static_cast<std::size_t>(stretch.left)], &b = row[static_cast<std::size_t>(stretch.right)];
+      const float from_density = a.density, to_density = stretch.right < num_slots ? b.density : 0.f;
+      if (from_density == 0.f && to_density == 0.f) continue;
+      end_of_sound = stretch.begin + static_cast<std::size_t>(stretch.count);
+      const auto carrier = [&](std::size_t c) { return carriers.loop(band, static_cast<int>(c)).data() + stretch.in_loop; };
+      const Ramp density = ramp_over(stretch, from_density, to_density);
+      if (num_channels == 1) {
+        add_omni(stretch.count, density, carrier(0), out(0));
+        continue;
+      }
+      // A silent end has no direction of its own.
+      const int left_slot = from_density > 0.f ? stretch.left : stretch.right, right_slot = to_density > 0.f ? stretch.right : stretch.left;
+      const LateNode &left = row[static_cast<std::size_t>(left_slot)], &right = row[static_cast<std::size_t>(right_slot)];
+      const auto ramp = [&](float from, float to) { return ramp_over(stretch, from, to); };
+      const FirstOrderBand now{
+          {density, ramp(left.m[0], right.m[0]), ramp(left.m[1], right.m[1]), ramp(left.m[2], right.m[2]), ramp(left.d, right.d)},
+          {carrier(0), carrier(1), carrier(2), carrier(3)}};
+      if (waits)
+        add_first_order(stretch.count, waiting, now, out(0), out(1), out(2), out(3));
+      else
+        waiting = now;
+      waits = !waits;
+      const std::size_t higher = num_channels - 4;
+      for (std::size_t c = 4; c < num_channels; ++c) {
+        const Share& from = shares_[static_cast<std::size_t>(band * nodes.size() + left_slot) * higher + c - 4];
+        const Share& to = shares_[static_cast<std::size_t>(band * nodes.size() + right_slot) * higher + c - 4];
+        add_higher(stretch.count, density, ramp(from.m, to.m), ramp(from.d, to.d), carrier(0), carrier(c), out(c));
+      }
+    }
+    if (waits)
+      add_first_order(stretch.count, waiting.ramps, waiting.carrier[0], waiting.carrier[1], waiting.carrier[2], waiting.carrier[3], out(0),
+                      out(1), out(2), out(3));
+  });
+  return end_of_sound;
+}
+
+}  // namespace earshot

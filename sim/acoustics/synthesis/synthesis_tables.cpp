@@ -1,0 +1,127 @@
+#include "sim/acoustics/synthesis/synthesis_tables.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "sim/acoustics/synthesis/late_array.h"
+#include "sim/audio/fft.h"
+#include "sim/base/denormals.h"
+#include "sim/base/errors.h"
+
+namespace earshot {
+namespace {
+
+/// Longest carrier loop: 4 s at 16 kHz.  A longer response repeats it; making longer ones would take more time than they are worth.
+constexpr int kMaxCarrierLength = 1 << 16;
+/// Of the many carriers of an array.
+constexpr int kMaxArrayCarrierLength = 1 << 15;
+
+int count_samples(const AcousticConfig& config) {
+  return std::max(1, static_cast<int>(std::lround(static_cast<double>(config.rir_length_s) * config.sample_rate_hz)));
+}
+
+/// Room for a different stretch of noise for each source, and loops that a power-of-two transform can make.
+int carrier_length(int num_samples) {
+  return std::min(kMaxCarrierLength, next_power_of_two(std::max(num_samples + num_samples / 4, 4096)));
+}
+
+/// The FFT size at which filtering `num_samples` with `taps` costs least, by overlap-add.
+int choose_block_fft(int num_samples, int taps) {
+  int best = 0;
+  double lowest = 0;
+  for (int size = next_power_of_two(2 * taps); size <= std::max(1 << 17, next_power_of_two(2 * taps)); size *= 2) {
+    const int blocks = (num_samples + size - taps) / (size - taps + 1);
+    const double cost = blocks * static_cast<double>(size) * std::log2(size);
+    if (best == 0 || cost < lowest) best = size, lowest = cost;
+  }
+  return best;
+}
+
+int num_carriers(const ListenerLayout& layout) {
+  switch (layout.kind) {
+    case ListenerKind::mono:
+      return 1;
+    case ListenerKind::binaural:
+      return 4;
+    case ListenerKind::ambisonics:
+      return layout.num_channels();
+    case ListenerKind::array:
+      return LateArray::kNumWaves;
+  }
+  return 1;
+}
+
+CarrierBank make_carriers(const ListenerLayout& layout, const AcousticConfig& config, const BandLayout& bands) {
+  const bool array = layout.kind == ListenerKind::array;
+  const int length = carrier_length(count_samples(config));
+  return {bands,
+          config.sample_rate_hz,
+          num_carriers(layout),
+          array ? std::min(length, kMaxArrayCarrierLength) : length,
+          config.seed,
+          array ? CarrierKind::plain : CarrierKind::flattened};
+}
+
+}  // namespace
+
+SynthesisTables::SynthesisTables(const AcousticConfig& config, const BandLayout& band_layout, ListenerLayout listener_layout,
+                                 std::shared_ptr<const Hrtf> head)
+    : bands(band_layout),
+      layout(std::move(listener_layout)),
+      hrtf(std::move(head)),
+      sample_rate_hz(config.sample_rate_hz),
+      num_samples(count_samples(config)),
+      num_bands(bands.size()),
+      seed(config.seed),
+      early_fft(hrtf ? hrtf->fft_size() : next_power_of_two(static_cast<int>(std::ceil(0.02 * config.sample_rate_hz)))),
+      filters(bands, config.sample_rate_hz, early_fft),
+      carriers(make_carriers(layout, config, bands)),
+      late_decode_samples(static_cast<double>(config.late_decode_s) * static_cast<double>(config.sample_rate_hz)) {
+  for (const Microphone& microphone : layout.microphones) patterns.emplace_back(microphone.directivity, bands.centre_hz);
+  if (!hrtf) return;
+  ear_noise = EarNoise(carriers, bands, *hrtf);
+  late_fft = choose_block_fft(num_samples, hrtf->decoder_taps());
+  make_decoder();
+}
+
+void SynthesisTables::make_decoder() {
+  using Complex = std::complex<float>;
+  RealFft short_fft(early_fft);
+  ComplexFft long_fft(late_fft, ComplexFft::Direction::forward);
+  const auto num_taps = static_cast<std::size_t>(hrtf->decoder_taps()), size = static_cast<std::size_t>(late_fft);
+  std::array<std::vector<float>, 2> taps;
+  for (auto& ear : taps) ear.resize(static_cast<std::size_t>(early_fft));
+  std::array<AlignedSpectrum, 4> both_ears;  // of each channel
+  for (std::size_t c = 0; c < 4; ++c) {
+    for (std::size_t ear = 0; ear < 2; ++ear)
+      short_fft.inverse(hrtf->diffuse_decoder(static_cast<int>(c), static_cast<int>(ear)), taps[ear]);
+    long_fft.set_input(std::span(taps[0]).first(num_taps), std::span(taps[1]).first(num_taps));
+    both_ears[c].resize(size);
+    long_fft.transform(both_ears[c]);
+  }
+  // F0 = (Z + Z~) / 2, F1 = (Z - Z~) / 2i.
+  const float half = 0.5f / static_cast<float>(late_fft);
+  for (std::size_t pair = 0; pair < 2; ++pair) {
+    const AlignedSpectrum &first = both_ears[2 * pair], &second = both_ears[2 * pair + 1];
+    for (std::size_t k = 0; k < size; ++k) {
+      const Complex turned(-second[k].imag(), second[k].real());  // i times it
+      decoder[2 * pair].push_back(half * (first[k] - turned));
+      decoder[2 * pair + 1].push_back(half * (first[k] + turned));
+    }
+  }
+}
+
+std::shared_ptr<const SynthesisTables> make_synthesis_tables(const AcousticConfig& config, const BandLayout& bands,
+                                                             const ListenerLayout& layout, std::shared_ptr<const Hrtf> hrtf) {
+  const FlushDenormals flush;
+  require(config.sample_rate_hz >= 8000.f && config.sample_rate_hz <= 96000.f, "sample_rate_hz", config.sample_rate_hz,
+          "must be in [8000, 96000]");
+  require(config.rir_length_s > 0 && config.rir_length_s <= 60, "rir_length_s", config.rir_length_s, "must be in (0, 60]");
+  validate(layout);
+  if (layout.kind != ListenerKind::binaural) return std::make_shared<const SynthesisTables>(config, bands, layout, nullptr);
+  if (!hrtf) hrtf = Hrtf::rigid_sphere(config.sample_rate_hz);
+  require(hrtf->sample_rate_hz() == config.sample_rate_hz, "sample_rate_hz", config.sample_rate_hz, "must be that of the HRTF");
+  return std::make_shared<const SynthesisTables>(config, bands, layout, std::move(hrtf));
+}
+
+}  // namespace earshot

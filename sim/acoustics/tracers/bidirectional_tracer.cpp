@@ -1,0 +1,241 @@
+#include "sim/acoustics/tracers/bidirectional_tracer.h"
+
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
+
+#include <algorithm>
+#include <cmath>
+#include <mutex>
+
+#include "sim/acoustics/core/histogram_sum.h"
+#include "sim/acoustics/tracers/listener_subpath.h"
+#include "sim/acoustics/tracers/population_control.h"
+#include "sim/base/denormals.h"
+#include "sim/base/errors.h"
+
+namespace earshot {
+namespace {
+
+constexpr std::uint32_t kBatches = 16;
+constexpr std::size_t kWaveBytes = std::size_t{256} << 20;  // of batch histograms held at once
+
+/// Counts finished units of work and passes their share on, one call at a time.
+class ShareDone {
+ public:
+  ShareDone(const std::function<void(double)>& report, std::uint64_t total) : report_(report), total_(total) {}
+  void finish(std::uint64_t units) {
+    if (!report_) return;
+    const std::lock_guard lock(mutex_);
+    done_ += units;
+    report_(static_cast<double>(done_) / static_cast<double>(total_));
+  }
+
+ private:
+  const std::function<void(double)>& report_;
+  std::mutex mutex_;
+  std::uint64_t done_ = 0, total_;
+};
+
+/// What one batch works on.
+struct Batch {
+  std::uint32_t index = 0, num_rays = 0, num_source_paths = 0;
+};
+
+template <int W>
+class BatchTracer {
+ public:
+  BatchTracer(const BidirectionalScene& shared, Batch batch, EnergyHistogram& result, TraceStats& stats, ShareDone& progress)
+      : shared_(shared), batch_(batch), result_(result), part_(make_histogram(shared.scene)), stats_(stats), progress_(progress) {}
+
+  void run() {
+    HistogramSum sum(result_);
+    trace_sources(sum);
+    std::vector<ListenerRay<W>> rays;
+    for (std::uint32_t first = 0; first < batch_.num_rays; first += kRaysPerChunk) {
+      const std::uint32_t count = std::min(kRaysPerChunk, batch_.num_rays - first);
+      part_.clear();
+      rays.assign(count, {});
+      trace_rays(first, rays);
+      sum.add(part_);
+      progress_.finish(count);
+    }
+    sum.write(result_);
+  }
+
+ private:
+  [[nodiscard]] BatchOutput<W> output() {
+    return {part_, stats_, shared_.seconds_per_m, static_cast<std::size_t>(shared_.scene.num_bands()),
+            static_cast<std::size_t>(shared_.num_coefficients)};
+  }
+  [[nodiscard]] SphereSequence directions(Purpose purpose) const {
+    const auto shift = RandomStream(shared_.seed, purpose, 0xFFFFFFFFu, 0, batch_.index + 1).bits4(0);
+    return {shift[0], shift[1]};
+  }
+
+  /// Keeps the source's paths, and adds what connects them to the listener to `sum`, by blocks that float can add.
+  void trace_sources(HistogramSum& sum) {
+    const auto num_events = static_cast<std::uint32_t>(shared_.strategies.source_bounces);
+    vertices_.assign(std::size_t{batch_.num_source_paths} * num_events, {});
+    sources_ = {.vertices = vertices_, .num_paths = batch_.num_source_paths, .num_events = num_events};
+    if (vertices_.empty()) return;
+    const SphereSequence sequence = directions(Purpose::source_ray);
+    const float share = 1.f / static_cast<float>(batch_.num_source_paths);
+    BatchOutput<W> out = output();
+    for (std::uint32_t path = 0; path < batch_.num_source_paths; ++path) {
+      const auto vertices = std::span(vertices_).subspan(std::size_t{path} * num_events, num_events);
+      trace_source_subpath<W>(shared_, sequence.direction(path), RandomStream(shared_.seed, Purpose::source_ray, path, 0, batch_.index + 1),
+                              vertices, stats_);
+      if (!(shared_.strategies.to_listener > 0)) continue;
+      for (const SourceVertex<W>& vertex : vertices) connect_to_listener(shared_, vertex, share, out);
+      if ((path + 1) % kRaysPerChunk != 0 && path + 1 != batch_.num_source_paths) continue;
+      sum.add(part_);
+      part_.clear();
+    }
+  }
+
+  /// Rays `first` and following, balanced as a population (population_control.h).
+  void trace_rays(std::uint32_t first, std::span<ListenerRay<W>> rays) {
+    const SphereSequence sequence = directions(Purpose::listener_ray);
+    const float share = 1.f / static_cast<float>(batch_.num_rays);
+    for (std::uint32_t i = 0; i < rays.size(); ++i) start_ray(shared_, sequence.direction(first + i), rays[i]);
+    BatchOutput<W> out = output();
+    for (std::uint32_t stage = 0;; ++stage) {
+      const float until_m = static_cast<float>(stage + 1) * shared_.stage_m;
+      bool any_alive = false;
+      for (std::uint32_t i = 0; i < rays.size(); ++i) {
+        if (!rays[i].alive) continue;
+        // A slot draws new numbers in each stage, whichever ray sits in it.
+        advance(shared_, sources_, first + i, rays[i], until_m, share,
+                RandomStream(shared_.seed, Purpose::scatter, first + i, stage, batch_.index + 1), out);
+        any_alive = any_alive || rays[i].alive;
+      }
+      if (!any_alive) return;
+      stats_.nonfinite_dropped += static_cast<std::uint64_t>(
+          balance<W>(shared_.scene.num_bands(), rays,
+                     RandomStream(shared_.seed, Purpose::roulette, first / kRaysPerChunk, stage, batch_.index + 1).uniform(0)));
+    }
+  }
+
+  const BidirectionalScene& shared_;
+  Batch batch_;
+  EnergyHistogram& result_;
+  EnergyHistogram part_;
+  TraceStats& stats_;
+  ShareDone& progress_;
+  std::vector<SourceVertex<W>> vertices_;
+  SourceSubpaths<W> sources_;
+};
+
+template <int W>
+void trace_batch(const BidirectionalScene& shared, Batch batch, EnergyHistogram& result, TraceStats& stats, ShareDone& progress) {
+  BatchTracer<W>(shared, batch, result, stats, progress).run();
+}
+
+void trace_batch(const BidirectionalScene& shared, Batch batch, EnergyHistogram& result, TraceStats& stats, ShareDone& progress) {
+  using TraceBatch = void (*)(const BidirectionalScene&, Batch, EnergyHistogram&, TraceStats&, ShareDone&);
+  constexpr TraceBatch by_width[] = {trace_batch<8>, trace_batch<16>, trace_batch<24>, trace_batch<32>};
+  static_assert(kMaxBands == 32);
+  by_width[shared.scene.padded_bands() / 8 - 1](shared, batch, result, stats, progress);
+}
+
+/// Rays and paths of each batch; the first ones get what is left over.
+std::vector<Batch> deal_batches(std::uint32_t num_rays, std::uint32_t num_source_paths) {
+  const std::uint32_t count = std::min(num_rays, kBatches);
+  std::vector<Batch> batches(count);
+  for (std::uint32_t i = 0; i < count; ++i) {
+    const auto part = [&](std::uint32_t all) { return all / count + (i < all % count ? 1u : 0u); };
+    // With fewer paths than batches each batch still needs one: its estimate stands alone.
+    batches[i] = {i, part(num_rays), num_source_paths == 0 ? 0u : std::max(part(num_source_paths), 1u)};
+  }
+  return batches;
+}
+
+mis::Strategies strategies_of(const AcousticConfig& config, const BidirectionalOptions& options, const Batch& batch) {
+  mis::Strategies strategies{.next_event = options.next_event ? 1.0 : 0.0};
+  if (batch.num_source_paths == 0) return strategies;
+  strategies.source_bounces = std::min(config.source_bounces, config.max_bounces);
+  if (options.connection) strategies.connection = 1.0 / strategies.source_bounces;
+  if (options.to_listener) strategies.to_listener = static_cast<double>(batch.num_source_paths) / batch.num_rays;
+  return strategies;
+}
+
+void keep_energy(const EnergyHistogram& histogram, std::uint32_t batch, LateBatches& batches) {
+  const std::size_t size = static_cast<std::size_t>(batches.num_bins) * batches.num_bands;
+  float* to = &batches.energy[batch * size];
+  for (int bin = 0; bin < batches.num_bins; ++bin) {
+    for (int band = 0; band < batches.num_bands; ++band) *to++ = histogram.energy(bin, band);
+  }
+}
+
+}  // namespace
+
+TraceStats trace_bidirectional(const AcousticScene& scene, const EarlyCandidates& candidates, glm::vec3 listener,
+                               EnergyHistogram& histogram, LateBatches* batches, const BidirectionalOptions& options) {
+  const FlushDenormals flush;
+  const AcousticConfig& config = scene.config();
+  histogram.clear();
+  if (batches) batches->clear();
+  TraceStats stats;
+  if (config.late == Switch::off || config.rays == 0 || config.max_bounces == 0) return stats;
+  stats.rays = static_cast<std::uint64_t>(config.rays);
+
+  const std::vector<Batch> dealt = deal_batches(static_cast<std::uint32_t>(config.rays), static_cast<std::uint32_t>(config.source_rays));
+  const ReflectionModel& model = scene.reflection_model();
+  const float source_radius_m = candidates.sound_source().radius_m;
+  const float least_distance_m = kLeastDistanceShare * scene.diagonal_m();
+  const BidirectionalScene shared{.scene = scene,
+                                  .candidates = candidates,
+                                  .model = model,
+                                  .emission = candidates.emission().omnidirectional() ? nullptr : &candidates.emission(),
+                                  .source = candidates.source(),
+                                  .listener = listener,
+                                  .source_radius_m = source_radius_m,
+                                  .volume_radius_m = source_radius_m > 0.f ? source_radius_m : free_radius_m(scene, candidates.source()),
+                                  .strategies = {},
+                                  .max_bounces = config.max_bounces,
+                                  .carried_order = scene.image_order(),
+                                  .sh_order = config.sh_order,
+                                  .num_coefficients = histogram.num_coefficients(),
+                                  .max_path_m = scene.max_path_m(),
+                                  .seconds_per_m = 1.f / scene.speed_of_sound_m_per_s(),
+                                  .stage_m = std::max(kStageOfDiagonal * scene.diagonal_m(), 1e-4f * scene.max_path_m()),
+                                  .least_distance2_m2 = least_distance_m * least_distance_m,
+                                  .seed = config.seed};
+  if (batches) {
+    *batches = {
+        .count = static_cast<int>(dealt.size()), .num_bins = histogram.num_bins(), .num_bands = histogram.num_bands(), .energy = {}};
+    batches->energy.resize(dealt.size() * static_cast<std::size_t>(histogram.num_bins()) * histogram.num_bands());
+  }
+
+  // Batches in waves, summed in double and in their order, so that threads cannot change a bit.
+  const std::size_t bytes = std::max<std::size_t>(histogram.values().size() * sizeof(float), 1);
+  const std::size_t wave = std::clamp<std::size_t>(kWaveBytes / bytes, 1, dealt.size());
+  std::vector<EnergyHistogram> results(wave, make_histogram(scene));
+  std::vector<TraceStats> part_stats(wave);
+  HistogramSum sum(histogram);
+  ShareDone progress(options.progress, stats.rays);
+  const int available = tbb::this_task_arena::max_concurrency();
+  tbb::task_arena arena(config.threads == 0 ? available : std::min(config.threads, available));
+  for (std::size_t first = 0; first < dealt.size(); first += wave) {
+    const std::size_t count = std::min(wave, dealt.size() - first);
+    arena.execute([&] {
+      tbb::parallel_for(std::size_t{0}, count, [&](std::size_t i) {
+        const FlushDenormals flush_worker;
+        BidirectionalScene own = shared;
+        own.strategies = strategies_of(config, options, dealt[first + i]);
+        part_stats[i] = {};
+        trace_batch(own, dealt[first + i], results[i], part_stats[i], progress);
+        results[i].attenuate(scene.air_energy_per_m(), scene.speed_of_sound_m_per_s());
+      });
+    });
+    for (std::size_t i = 0; i < count; ++i) {
+      if (batches) keep_energy(results[i], dealt[first + i].index, *batches);
+      sum.add(results[i], 1.0 / static_cast<double>(dealt.size()));
+      stats.add(part_stats[i]);
+    }
+  }
+  sum.write(histogram);
+  return stats;
+}
+
+}  // namespace earshot

@@ -1,0 +1,312 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <glm/geometric.hpp>
+#include <numbers>
+#include <span>
+
+#include "sim/acoustics/core/band_sum.h"
+#include "sim/acoustics/tracers/path_tracer.h"
+#include "sim/acoustics/model/reflection_model.h"
+#include "sim/acoustics/core/sampling.h"
+#include "sim/acoustics/tracers/source_volume.h"
+#include "sim/acoustics/paths/transmission.h"
+#include "sim/base/random.h"
+
+/// One listener ray of the path tracer, from vertex to vertex.  Internal to path_tracer.cpp; its equations are those of ORACLES 2.1 to 2.5.
+namespace earshot::listener_ray {
+
+inline constexpr float kPi = std::numbers::pi_v<float>;
+inline constexpr int kMaxChain = 4;
+inline constexpr float kBelowOne = 0x1.fffffep-1f;  // the largest float below 1
+
+/// What all rays of one trace share.
+struct Trace {
+  const AcousticScene& scene;
+  const EarlyCandidates& candidates;
+  const Emission* emission;      // null: omnidirectional
+  const ReflectionModel* walls;  // null: no surface lets anything through
+  glm::vec3 source, listener;
+  SphereSequence directions;
+  std::uint32_t num_rays;
+  int max_bounces, carried_order, sh_order, num_coefficients;
+  float share_of_ray;  // 1 / num_rays
+  float max_path_m, seconds_per_m;
+  float stage_m;             // rays are balanced each time they have gone this far
+  float least_distance2_m2;  // of the geometry term
+  float source_radius_m;     // zero: no source volume
+  float source_spread_m;     // next-event estimation aims at points in a sphere of this radius; zero: at the centre
+  bool diffuse_last_leg;
+};
+
+/// One listener ray in flight.  W: bands rounded up to whole vectors; lanes past the last band stay zero.
+template <int W>
+struct alignas(32) RayState {
+  float throughput[W], reflected[W], arriving[W];
+  /// Probability density of the path so far in each band, divided by its mean over bands.  Lobes are picked with the mean probability, so
+  /// this is the balance heuristic over bands (hero wavelengths, Wilkie et al. 2014): it never exceeds the number of bands, where
+  /// independent picks by the plain mean would let the weight of a band grow exponentially with the bounces.
+  float weight[W];
+  std::array<float, kMaxCoefficients> sh;
+  std::array<std::uint32_t, kMaxChain> chain;  // planes of a purely specular path, listener first
+  int chain_length = 0;
+  bool all_specular = true, after_mirror = false;  // after_mirror: or after a wall that was passed straight
+  bool only_walls = false;                         // all so far were walls passed straight
+  bool alive = true, at_vertex = false;            // at_vertex: `reflected` and `hit` wait for a lobe to be picked
+  int bounces = 0;
+  float path_m = 0;
+  glm::vec3 origin, direction;
+  Hit hit;
+};
+
+/// Do image paths carry this specular chain?  The last plane is `plane` if it is given, else the end of the chain.
+template <int W>
+bool carried(const Trace& trace, const RayState<W>& ray, const std::uint32_t* plane) {
+  const int length = ray.chain_length + (plane ? 1 : 0);
+  if (!ray.all_specular || length == 0 || length > trace.carried_order) return false;
+  std::array<std::uint32_t, kMaxChain> from_source;  // candidates count from the source
+  int i = 0;
+  if (plane) from_source[i++] = *plane;
+  for (int j = ray.chain_length - 1; j >= 0; --j) from_source[i++] = ray.chain[j];
+  return trace.candidates.contains(std::span(from_source.data(), static_cast<std::size_t>(length)));
+}
+
+/// Multiplies ray.arriving by the source's gain toward `departure`.
+template <int W>
+void apply_emission(const Trace& trace, RayState<W>& ray, glm::vec3 departure) {
+  if (!trace.emission) return;
+  std::array<float, W> gain{};
+  trace.emission->energy(departure, std::span(gain).first(static_cast<std::size_t>(trace.scene.num_bands())));
+  for (int b = 0; b < W; ++b) ray.arriving[b] *= gain[b];
+}
+
+/// Adds ray.arriving, which the caller has found finite, at path length `path_m`.
+template <int W>
+void deposit(const Trace& trace, const RayState<W>& ray, float path_m, EnergyHistogram& histogram) {
+  histogram.add(path_m * trace.seconds_per_m, std::span(ray.arriving, static_cast<std::size_t>(trace.scene.num_bands())),
+                std::span(ray.sh.data(), static_cast<std::size_t>(trace.num_coefficients)));
+}
+
+/// Track-length estimate of a segment that left a mirror: chord / (4 pi volume) of the source sphere.
+template <int W>
+void cross_source_volume(const Trace& trace, RayState<W>& ray, glm::vec3 origin, glm::vec3 direction, float segment_m,
+                         EnergyHistogram& histogram, TraceStats& stats) {
+  const auto [enter_m, leave_m] = chord_through(trace.source, trace.source_radius_m, origin, direction, segment_m);
+  if (!(leave_m > enter_m) || ray.only_walls || carried<W>(trace, ray, nullptr)) return;
+  const float volume_m3 = 4.f / 3.f * kPi * trace.source_radius_m * trace.source_radius_m * trace.source_radius_m;
+  const float factor = trace.share_of_ray * (leave_m - enter_m) / (4.f * kPi * volume_m3);
+  for (int b = 0; b < W; ++b) ray.arriving[b] = ray.throughput[b] * factor;
+  apply_emission(trace, ray, -direction);
+  if (!std::isfinite(sum_over_bands<W>(ray.arriving))) {
+    ++stats.nonfinite_dropped;
+    return;
+  }
+  deposit(trace, ray, ray.path_m + 0.5f * (enter_m + leave_m), histogram);
+}
+
+/// Multiplies ray.arriving by what the walls between two points let through, and adds to `path_m` what they delay.  False if nothing is
+/// left.
+template <int W>
+bool pass_walls(const Trace& trace, RayState<W>& ray, glm::vec3 from, glm::vec3 to, float& path_m) {
+  const auto num_bands = static_cast<std::size_t>(trace.scene.num_bands());
+  for (int walls = 0; walls <= trace.scene.config().transmission_walls; ++walls) {
+    const glm::vec3 rest = to - from;
+    const float rest_m = std::sqrt(glm::dot(rest, rest));
+    if (!(rest_m > 0)) return true;
+    const glm::vec3 direction = rest / rest_m;
+    const Hit hit = trace.scene.scene().rays().intersect(from, direction, open_length_m(to, rest_m));
+    if (!hit.valid()) return true;
+    const WallCrossing crossing = cross_wall(trace.scene, direction, hit);
+    if (!trace.walls->transmits(crossing.material) || glm::dot(to - crossing.exit, direction) <= 0) return false;
+    transmit(trace.scene, crossing, std::span(ray.arriving, num_bands));
+    path_m += extra_path_m(trace.scene, crossing);
+    from = crossing.exit;
+  }
+  return false;
+}
+
+/// Next-event estimation: d e = T f cos / (4 pi d^2) / (4 pi) with T starting at 4 pi / N and f = (1 - a) s / pi (ORACLES 2.1, O-11).
+template <int W>
+void connect_to_source(const Trace& trace, RayState<W>& ray, const Hit& hit, glm::vec3 start, glm::vec3 source, const float* scattering,
+                       EnergyHistogram& histogram, TraceStats& stats) {
+  const glm::vec3 to_source = source - start;
+  const float distance2 = glm::dot(to_source, to_source);
+  const float height_m = glm::dot(hit.normal, to_source);
+  if (!(height_m > 0)) return;
+  const float distance_m = std::sqrt(distance2);
+  float path_m = ray.path_m + distance_m;
+  if (path_m > trace.max_path_m) return;
+  // Without a source volume a last leg through walls would be lost.
+  const bool may_pass_walls = trace.walls && trace.diffuse_last_leg;
+  const bool through_walls = may_pass_walls && trace.scene.scene().rays().occluded(start, source);
+  const float cosine = height_m / distance_m;
+  const float geometry = trace.share_of_ray * cosine / (4.f * kPi * kPi * std::max(distance2, trace.least_distance2_m2));
+  const std::uint32_t plane = trace.scene.plane_of_triangle()[hit.triangle];
+  // Image paths pass no walls: behind one the mirror share is nobody else's.
+  if (trace.diffuse_last_leg && (through_walls || !carried(trace, ray, &plane))) {
+    for (int b = 0; b < W; ++b) ray.arriving[b] = ray.reflected[b] * geometry;
+  } else {
+    for (int b = 0; b < W; ++b) ray.arriving[b] = ray.reflected[b] * scattering[b] * geometry;
+  }
+  if (trace.walls) {
+    // `reflected` holds what passes through as well.
+    const float* transmitted = trace.walls->transmitted(trace.scene.scene().mesh().triangle_material[hit.triangle]);
+    for (int b = 0; b < W; ++b) ray.arriving[b] *= 1.f - transmitted[b];
+  }
+  apply_emission(trace, ray, -to_source / distance_m);
+  const float total = sum_over_bands<W>(ray.arriving);
+  if (!std::isfinite(total)) {
+    ++stats.nonfinite_dropped;
+    return;
+  }
+  if (!(total > 0)) return;
+  ++stats.shadow_rays;
+  if (may_pass_walls) {
+    if (through_walls && !pass_walls(trace, ray, start, source, path_m)) return;
+  } else if (trace.scene.scene().rays().occluded(start, source)) {
+    return;
+  }
+  deposit(trace, ray, path_m, histogram);
+}
+
+/// Does the ray go straight on through the wall that it waits at?  If not, what is left of `random` is returned in it.
+template <int W>
+bool pick_wall(const Trace& trace, RayState<W>& ray, std::uint32_t material, float& random) {
+  const float* transmitted = trace.walls->transmitted(material);
+  alignas(32) float shares[W];
+  for (int b = 0; b < W; ++b) shares[b] = ray.weight[b] * transmitted[b];
+  const float probability = std::min(sum_over_bands<W>(shares) / static_cast<float>(trace.scene.num_bands()), 1.f);
+  const bool passes = random < probability;
+  const float scale = passes ? 1.f / probability : 1.f / (1.f - probability);
+  for (int b = 0; b < W; ++b) {
+    const float factor = (passes ? transmitted[b] : 1.f - transmitted[b]) * scale;
+    ray.reflected[b] *= factor;
+    ray.weight[b] *= factor;
+  }
+  // Rounded up to 1 it would pick a lobe of no probability.
+  if (!passes) random = std::min((random - probability) * scale, kBelowOne);
+  return passes;
+}
+
+/// Takes the ray through the wall that it waits at.
+template <int W>
+void pass_wall(const Trace& trace, RayState<W>& ray, std::uint32_t material) {
+  const WallCrossing crossing = cross_wall(trace.scene, ray.direction, ray.hit);
+  for (int b = 0; b < W; ++b) ray.throughput[b] = ray.reflected[b];
+  if (crossing.inside_m > 0.f) {
+    // tau is in the shares already; what the wall absorbs on the way comes on top.
+    const auto tau = trace.scene.transmission(material);
+    transmit(trace.scene, crossing, std::span(ray.throughput, tau.size()));
+    for (std::size_t b = 0; b < tau.size(); ++b) ray.throughput[b] = tau[b] > 0.f ? ray.throughput[b] / tau[b] : 0.f;
+  }
+  ray.path_m += crossing.inside_m + extra_path_m(trace.scene, crossing);
+  ray.origin = crossing.exit;
+  ray.all_specular = false;  // image paths pass no walls
+  ray.after_mirror = true;
+}
+
+/// Picks diffuse or mirror and updates throughput and weight.  Returns true for diffuse.
+template <int W>
+bool pick_lobe(RayState<W>& ray, const float* scattering, int num_bands, float random) {
+  alignas(32) float diffuse[W];
+  for (int b = 0; b < W; ++b) diffuse[b] = ray.weight[b] * scattering[b];
+  const float probability = std::min(sum_over_bands<W>(diffuse) / static_cast<float>(num_bands), 1.f);
+  if (random < probability) {
+    const float scale = 1.f / probability;
+    for (int b = 0; b < W; ++b) {
+      const float factor = scattering[b] * scale;
+      ray.throughput[b] = ray.reflected[b] * factor;
+      ray.weight[b] *= factor;
+    }
+    return true;
+  }
+  const float scale = 1.f / (1.f - probability);
+  for (int b = 0; b < W; ++b) {
+    const float factor = (1.f - scattering[b]) * scale;
+    ray.throughput[b] = ray.reflected[b] * factor;
+    ray.weight[b] *= factor;
+  }
+  return false;
+}
+
+/// Ends a ray that carries nothing, or nothing finite.
+template <int W>
+void end_if_spent(RayState<W>& ray, TraceStats& stats) {
+  const float total = sum_over_bands<W>(ray.throughput);
+  if (!std::isfinite(total)) ++stats.nonfinite_dropped;
+  if (!(total > 0) || !std::isfinite(total)) ray.alive = false;
+}
+
+/// Goes on from the vertex that the ray waits at: lobe and direction.  Ends the ray if nothing more can come of it.
+template <int W>
+void leave_vertex(const Trace& trace, RayState<W>& ray, const RandomStream& random, TraceStats& stats) {
+  const AcousticScene& scene = trace.scene;
+  const Hit& hit = ray.hit;
+  const float* scattering = scene.padded_scattering(scene.scene().mesh().triangle_material[hit.triangle]);
+  std::array<float, 4> u = random.uniform4(static_cast<std::uint32_t>(ray.bounces));
+  if (trace.walls) {
+    const std::uint32_t material = scene.scene().mesh().triangle_material[hit.triangle];
+    if (trace.walls->transmits(material) && pick_wall(trace, ray, material, u[2])) {
+      pass_wall(trace, ray, material);
+      ray.at_vertex = false;
+      end_if_spent(ray, stats);
+      return;
+    }
+    ray.only_walls = false;
+  }
+  const bool diffuse = pick_lobe(ray, scattering, scene.num_bands(), u[2]);
+  ray.at_vertex = false;
+  ray.after_mirror = !diffuse;
+  if (diffuse) {
+    ray.all_specular = false;
+    ray.direction = lambert_direction(hit.normal, u[0], u[1]);
+  } else {
+    ray.all_specular = ray.all_specular && ray.chain_length < kMaxChain;  // longer chains are never carried
+    if (ray.all_specular) ray.chain[ray.chain_length++] = scene.plane_of_triangle()[hit.triangle];
+    ray.direction = mirror_direction(ray.direction, hit.normal);
+  }
+  // The last bounce goes on only for the sake of the source volume behind a mirror.
+  if (ray.bounces == trace.max_bounces && (diffuse || trace.source_radius_m == 0)) ray.alive = false;
+  end_if_spent(ray, stats);
+}
+
+/// Follows a ray until it has gone `until_m` and stands at a vertex, or ends.
+template <int W>
+void advance(const Trace& trace, RayState<W>& ray, float until_m, const RandomStream& random, EnergyHistogram& histogram,
+             TraceStats& stats) {
+  const AcousticScene& scene = trace.scene;
+  while (true) {
+    if (ray.at_vertex) {
+      if (ray.path_m >= until_m) return;
+      leave_vertex(trace, ray, random, stats);
+      if (!ray.alive) return;
+    }
+    const Hit hit = scene.scene().rays().intersect(ray.origin, ray.direction);
+    ++(hit.valid() ? stats.ray_hits : stats.ray_escapes);
+    if (ray.after_mirror && trace.source_radius_m > 0) {
+      cross_source_volume(trace, ray, ray.origin, ray.direction, hit.distance_m, histogram, stats);
+    }
+    ray.path_m += hit.distance_m;
+    ray.alive = hit.valid() && ray.bounces < trace.max_bounces && ray.path_m < trace.max_path_m;
+    if (!ray.alive) return;
+
+    const std::uint32_t material = scene.scene().mesh().triangle_material[hit.triangle];
+    const float* kept = trace.walls ? trace.walls->kept(material) : scene.padded_reflectance(material);
+    for (int b = 0; b < W; ++b) ray.reflected[b] = ray.throughput[b] * kept[b];
+    ray.hit = hit;
+    ray.origin = offset_from_surface(hit.position, hit.normal);
+    ray.at_vertex = true;
+    ++ray.bounces;
+    glm::vec3 source = trace.source;
+    if (trace.source_spread_m > 0) {
+      const auto u = random.uniform4(0x80000000u | static_cast<std::uint32_t>(ray.bounces));
+      source = point_in_sphere(source, trace.source_spread_m, u[0], u[1], u[2]);
+    }
+    connect_to_source(trace, ray, hit, ray.origin, source, scene.padded_scattering(material), histogram, stats);
+  }
+}
+
+}  // namespace earshot::listener_ray

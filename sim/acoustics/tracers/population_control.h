@@ -1,0 +1,90 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include "sim/acoustics/core/band_sum.h"
+#include "sim/acoustics/tracers/ray_population.h"
+
+namespace earshot {
+
+inline constexpr std::uint32_t kRaysPerChunk = 256;  // unit of work and of the order of summation: part of the bits
+/// Rays of a chunk are weighed against each other each time that they have gone half a diagonal of the scene further (a bounce or two).
+/// When their weights are so uneven that they are worth less than this share of their number, light ones end and heavy ones split.
+/// Measured, 64 rays, T30 rms error over 60 seeds and 7 bands in a furnished house whose surfaces absorb 2 to 90 %: 16 and 17 % (two
+/// sources) when each ray goes its own way, 11 and 11 % with this.
+inline constexpr double kUnevenShare = 0.7;
+inline constexpr float kStageOfDiagonal = 0.5f;
+/// Mean throughput, relative to the start, below which the number of rays falls with the energy.  1e-4 costs 30 % more rays for the same
+/// T30 error, 1e-2 has up to twice the error.
+inline constexpr double kTaperBelow = 1e-3;
+
+/// Ends light rays and splits heavy ones if their weights have become too uneven, or if the energy is so far down that fewer will do.  A
+/// ray's weight is the mean over bands of its share of the band, so that bands that decay faster keep their rays too.
+/// Ray: has bool alive and float reflected[W], its energy per band.  At most kRaysPerChunk rays.  Returns how many rays were ended because
+/// their energy was not finite: one of them would spoil the weights of all.
+template <int W, class Ray>
+int balance(int num_bands, std::span<Ray> rays, double random, double taper_below = kTaperBelow) {
+  std::array<double, W> band_sum{};
+  int nonfinite = 0;
+  for (Ray& ray : rays) {
+    if (!ray.alive) continue;
+    if (!std::isfinite(sum_over_bands<W>(ray.reflected))) {
+      ray.alive = false;
+      ++nonfinite;
+      continue;
+    }
+    for (int b = 0; b < W; ++b) band_sum[b] += ray.reflected[b];
+  }
+  std::array<double, W> per_band_sum;
+  double loudest = 0;
+  for (int b = 0; b < W; ++b) {
+    per_band_sum[b] = band_sum[b] > 0 ? 1.0 / (band_sum[b] * num_bands) : 0.0;
+    loudest = std::max(loudest, band_sum[b]);
+  }
+  if (!(loudest > 0)) {
+    for (Ray& ray : rays) ray.alive = false;
+    return nonfinite;
+  }
+  std::array<double, kRaysPerChunk> weight;
+  int alive = 0;
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    weight[i] = 0;
+    if (!rays[i].alive) continue;
+    ++alive;
+    for (int b = 0; b < W; ++b) weight[i] += rays[i].reflected[b] * per_band_sum[b];
+  }
+  const auto started = static_cast<double>(rays.size());
+  const double level = loudest / started;
+  const int target = std::max(1, static_cast<int>(std::ceil(started * std::min(1.0, level / taper_below))));
+  const auto weights = std::span<const double>(weight).first(rays.size());
+  if (effective_count(weights) >= kUnevenShare * target && alive <= 1.25 * target) return nonfinite;
+
+  std::array<int, kRaysPerChunk> copies;
+  choose_copies(weights, target, random, std::span(copies).first(rays.size()));
+  double total = 0;
+  for (const double w : weights) total += w;
+  std::size_t free_slot = 0;
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    if (!rays[i].alive) continue;
+    if (copies[i] == 0) {
+      rays[i].alive = false;
+      continue;
+    }
+    const auto factor = static_cast<float>(total / (target * weight[i]));
+    for (int b = 0; b < W; ++b) rays[i].reflected[b] *= factor;
+  }
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    for (; copies[i] > 1 && weight[i] > 0; --copies[i]) {
+      while (rays[free_slot].alive) ++free_slot;
+      rays[free_slot] = rays[i];
+    }
+  }
+  return nonfinite;
+}
+
+}  // namespace earshot

@@ -1,0 +1,39 @@
+#include "sim/acoustics/tracers/ray_population.h"
+
+#include <cmath>
+
+#include "sim/base/errors.h"
+
+namespace earshot {
+
+double effective_count(std::span<const double> weights) {
+  double sum = 0, squares = 0;
+  for (const double weight : weights) {
+    sum += weight;
+    squares += weight * weight;
+  }
+  return squares > 0 ? sum * sum / squares : 0.0;
+}
+
+void choose_copies(std::span<const double> weights, int target, double random, std::span<int> copies) {
+  EARSHOT_EXPECT(weights.size() == copies.size());
+  double sum = 0;
+  for (const double weight : weights) sum += weight;
+  // Ray i gets the integers that lie between its ends of the running total, shifted by one random number for all.
+  const double scale = target / sum;
+  double running = 0, before = std::floor(random);
+  std::size_t last = 0;
+  int given = 0;
+  for (std::size_t i = 0; i < weights.size(); ++i) {
+    running += weights[i];
+    const double here = std::floor(running * scale + random);
+    copies[i] = static_cast<int>(here - before);
+    given += copies[i];
+    before = here;
+    if (weights[i] > 0) last = i;
+  }
+  // The end of the running total may be an ulp off `target`.
+  copies[last] += target - given;
+}
+
+}  // namespace earshot

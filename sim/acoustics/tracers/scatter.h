@@ -1,0 +1,124 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <glm/geometric.hpp>
+#include <numbers>
+#include <span>
+
+#include "sim/acoustics/core/band_sum.h"
+#include "sim/acoustics/model/reflection_model.h"
+#include "sim/acoustics/core/sampling.h"
+#include "sim/acoustics/model/specular_lobe.h"
+#include "sim/acoustics/paths/transmission.h"
+#include "sim/rays/embree_scene.h"
+
+/// How a subpath of the bidirectional tracer goes on from a surface: the same for both ends.
+namespace earshot {
+
+/// Energy of a subpath per band.  W: bands rounded up to whole vectors; lanes past the last band stay zero.
+template <int W>
+struct alignas(32) BandEnergy {
+  float arriving[W];   ///< before the surface
+  float reflected[W];  ///< after it: arriving times what the surface keeps, all ways of leaving together
+  /// Probability density of the path so far in each band over its mean over bands (hero wavelengths, Wilkie et al. 2014; listener_ray.h).
+  float weight[W];
+};
+
+template <int W>
+void meet_surface(const ReflectionModel& model, std::uint32_t material, BandEnergy<W>& energy) {
+  const float* kept = model.kept(material);
+  for (int b = 0; b < W; ++b) energy.reflected[b] = energy.arriving[b] * kept[b];
+}
+
+/// Share that leaves from `in` toward `out`, per steradian and band, of what the surface keeps.
+template <int W>
+void rough_value(const ReflectionModel& model, std::uint32_t material, glm::vec3 normal, glm::vec3 in, glm::vec3 out, float (&value)[W]) {
+  constexpr float per_pi = std::numbers::inv_pi_v<float>;
+  const float* diffuse = model.diffuse(material);
+  for (int b = 0; b < W; ++b) value[b] = diffuse[b] * per_pi;
+  if (!model.glossy()) return;
+  const float lobe = model.specular_value(normal, in, out);
+  const float* specular = model.specular(material);
+  for (int b = 0; b < W; ++b) value[b] += specular[b] * lobe;
+}
+
+enum class Leaving {
+  rough,    ///< in a direction drawn from a density: a vertex that can be connected
+  mirror,   ///< as from a mirror
+  through,  ///< straight through the wall
+};
+
+/// Draws how and where the subpath leaves.  On entry origin and direction are those of the segment that ended at `hit`; on return those of
+/// the next one; arriving and weight are those behind the event.  u: uniform in [0, 1).  extra_path_m: what a wall adds to the path.
+template <int W>
+Leaving leave_surface(const AcousticScene& scene, const ReflectionModel& model, const Hit& hit, const std::array<float, 4>& u,
+                      BandEnergy<W>& energy, glm::vec3& origin, glm::vec3& direction, float& extra_path_m) {
+  const std::uint32_t material = scene.scene().mesh().triangle_material[hit.triangle];
+  const auto num_bands = static_cast<float>(scene.num_bands());
+  const auto probability_of = [&](const float* shares) {
+    alignas(32) float weighted[W];
+    for (int b = 0; b < W; ++b) weighted[b] = energy.weight[b] * shares[b];
+    return std::min(sum_over_bands<W>(weighted) / num_bands, 1.f);
+  };
+  const auto take = [&](const float* shares, float probability) {
+    // Rounding may leave no probability for what is all but never picked.
+    const float scale = probability > 0.f ? 1.f / probability : 0.f;
+    for (int b = 0; b < W; ++b) {
+      const float factor = shares[b] * scale;
+      energy.arriving[b] = energy.reflected[b] * factor;
+      energy.weight[b] *= factor;
+    }
+  };
+  float through_probability = 0.f;
+  if (model.transmits(material)) {
+    const float* transmitted = model.transmitted(material);
+    through_probability = probability_of(transmitted);
+    if (u[2] < through_probability) {
+      take(transmitted, through_probability);
+      const WallCrossing crossing = cross_wall(scene, direction, hit);
+      if (crossing.inside_m > 0.f) {
+        // The shares above hold tau; what the wall absorbs on the way comes on top.
+        alignas(32) std::array<float, W> share;
+        share.fill(1.f);
+        transmit(scene, crossing, std::span(share).first(static_cast<std::size_t>(scene.num_bands())));
+        const auto tau = scene.transmission(material);
+        for (std::size_t b = 0; b < tau.size(); ++b) energy.arriving[b] *= tau[b] > 0.f ? share[b] / tau[b] : 0.f;
+      }
+      extra_path_m = crossing.inside_m + earshot::extra_path_m(scene, crossing);
+      origin = crossing.exit;
+      return Leaving::through;
+    }
+  }
+  const float diffuse_probability = probability_of(model.diffuse(material));
+  const bool diffuse = u[2] < through_probability + diffuse_probability;
+  const glm::vec3 in = -direction;
+  origin = offset_from_surface(hit.position, hit.normal);
+  extra_path_m = 0.f;
+  if (!model.glossy()) {
+    if (diffuse) {
+      take(model.diffuse(material), diffuse_probability);
+      direction = lambert_direction(hit.normal, u[0], u[1]);
+      return Leaving::rough;
+    }
+    take(model.specular(material), 1.f - through_probability - diffuse_probability);
+    direction = mirror_direction(direction, hit.normal);
+    return Leaving::mirror;
+  }
+  // One direction for the whole mixture, weighed by the density of the whole mixture (one-sample balance heuristic).
+  direction = diffuse ? lambert_direction(hit.normal, u[0], u[1]) : model.lobe().sample(hit.normal, in, u[0], u[1], u[3]);
+  const float cosine = std::max(glm::dot(hit.normal, direction), 0.f);
+  const float lambert_pdf = cosine * std::numbers::inv_pi_v<float>;
+  const float lobe_pdf = model.lobe().pdf(hit.normal, in, direction), lobe_value = model.lobe().value(hit.normal, in, direction);
+  const float lobe_probability = std::max(1.f - through_probability - diffuse_probability, 0.f);
+  const float density = diffuse_probability * lambert_pdf + lobe_probability * lobe_pdf;
+  const float scale = density > 0.f ? 1.f / density : 0.f;
+  const float *diffuse_share = model.diffuse(material), *specular_share = model.specular(material);
+  for (int b = 0; b < W; ++b) {
+    energy.arriving[b] = energy.reflected[b] * (diffuse_share[b] * lambert_pdf + specular_share[b] * lobe_value * cosine) * scale;
+    energy.weight[b] *= (diffuse_share[b] * lambert_pdf + specular_share[b] * lobe_pdf) * scale;
+  }
+  return Leaving::rough;
+}
+
+}  // namespace earshot

@@ -1,0 +1,108 @@
+#include "envs/baselines.h"
+
+#include <gtest/gtest.h>
+
+#include <map>
+
+#include "tests/support/env_fixture.h"
+
+namespace earshot {
+namespace {
+
+struct Score {
+  double success = 0, spl = 0, sna = 0;
+  int episodes = 0;
+};
+
+Score score(Baseline baseline, const EnvConfig& config, const std::shared_ptr<const EpisodeSet>& set, int envs) {
+  BatchedEnv env(config, set, make_scene_cache(config), envs);
+  env.reset();
+  std::vector<std::int32_t> actions(static_cast<std::size_t>(envs));
+  Score total;
+  while (std::ranges::any_of(env.active(), [](std::uint8_t active) { return active != 0; })) {
+    baseline_actions(baseline, env, 5, 0, actions);
+    env.step(actions);
+    for (const FinishedEpisode& end : env.finished()) {
+      total.success += end.metrics.success;
+      total.spl += end.metrics.spl;
+      total.sna += end.metrics.sna;
+      ++total.episodes;
+    }
+  }
+  return total;
+}
+
+TEST(Baselines, NamesAreKnown) {
+  EXPECT_EQ(baseline_by_name("random"), Baseline::random);
+  EXPECT_EQ(baseline_by_name("greedy"), Baseline::greedy);
+  EXPECT_EQ(baseline_by_name("oracle"), Baseline::oracle);
+  EXPECT_FALSE(baseline_by_name("Oracle"));
+}
+
+TEST(Baselines, TheOracleSucceedsWithItsOwnCountOfActions) {
+  EnvConfig config = quick_env_config();
+  config.observation.spectrogram = false;
+  config.order = EpisodeOrder::once;
+  config.task.max_steps = 500;
+  const Score oracle = score(Baseline::oracle, config, quick_set(5), 4);
+  EXPECT_EQ(oracle.episodes, 15);
+  EXPECT_EQ(oracle.success, 15);
+  EXPECT_NEAR(oracle.sna, 15, 1e-9);  // it is what SNA compares with
+  EXPECT_GT(oracle.spl / 15, 0.9);
+}
+
+TEST(Baselines, RandomActionsAreUniformAndKeyed) {
+  EnvConfig config = quick_env_config();
+  config.observation.spectrogram = false;
+  const auto set = quick_set(2);
+  const auto scenes = make_scene_cache(config);
+  BatchedEnv whole(config, set, scenes, 4), half(config, set, scenes, 2, 2, 4);
+  whole.reset();
+  half.reset();
+  std::vector<std::int32_t> actions(4), of_half(2);
+  std::map<int, int> counts;
+  const int steps = 400;
+  for (int i = 0; i < steps; ++i) {
+    baseline_actions(Baseline::random, whole, 5, 0, actions);
+    baseline_actions(Baseline::random, half, 5, 2, of_half);
+    EXPECT_EQ(actions[2], of_half[0]);
+    EXPECT_EQ(actions[3], of_half[1]);
+    for (const std::int32_t action : actions) ++counts[action];
+    whole.step(actions);
+    half.step(of_half);
+  }
+  for (int action = 0; action < 4; ++action) EXPECT_NEAR(counts[action], steps, 4 * std::sqrt(steps * 0.75));  // four sigma, binomial
+}
+
+TEST(Baselines, GreedyTurnsToTheLouderEar) {
+  EnvConfig config = quick_env_config();
+  config.acoustics.late = config.acoustics.early = Switch::off;
+  config.order = EpisodeOrder::once;
+  const std::string room = "shoebox:16x3x16@1";
+  const auto set = make_set({room_episode(room, {8, 0, 8}, 0, {3, 0, 8}, "synth:noise"),       // to the left
+                             room_episode(room, {8, 0, 8}, 0, {13, 0, 8}, "synth:noise"),      // to the right
+                             room_episode(room, {8, 0, 8}, 0, {8, 0, 3}, "synth:noise"),       // ahead
+                             room_episode(room, {8, 0, 8}, 0, {8, 0, 7.6f}, "synth:noise")});  // here
+  BatchedEnv env(config, set, make_scene_cache(config), 4);
+  env.reset();
+  std::vector<std::int32_t> actions(4);
+  baseline_actions(Baseline::greedy, env, 5, 0, actions);
+  EXPECT_EQ(actions, (std::vector<std::int32_t>{2, 3, 1, 0}));
+}
+
+TEST(Baselines, GreedyFindsASourceInAnOpenRoom) {
+  EnvConfig config = quick_env_config();
+  config.order = EpisodeOrder::once;
+  config.task.max_steps = 150;
+  const std::string room = "shoebox:12x3x12@0.6";
+  std::vector<Episode> episodes;
+  for (int i = 0; i < 4; ++i)
+    episodes.push_back(room_episode(room, {9, 0, 9}, i * 1.0, {3, 0, 2.f + static_cast<float>(i)}, "synth:noise:" + std::to_string(i)));
+  const auto set = make_set(std::move(episodes));
+  const Score greedy = score(Baseline::greedy, config, set, 4), random = score(Baseline::random, config, set, 4);
+  EXPECT_GE(greedy.success, 3);
+  EXPECT_EQ(random.success, 0);  // a quarter of its actions is stop: it ends metres away
+}
+
+}  // namespace
+}  // namespace earshot

@@ -1,0 +1,208 @@
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <map>
+#include <vector>
+
+#include "sim/base/random.h"
+#include "tests/support/env_fixture.h"
+
+// Environments that hear through source fields: where a field comes from must change no bit.
+
+namespace earshot {
+namespace {
+
+EnvConfig field_config() {
+  EnvConfig config = quick_env_config();
+  config.acoustics.field = Switch::on;
+  config.acoustics.field_photons = 2048;
+  config.acoustics.field_error = 1.f;
+  return config;
+}
+
+class FieldEnv : public testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = std::filesystem::temp_directory_path() /
+              ("earshot_env_" + std::string(testing::UnitTest::GetInstance()->current_test_info()->name()) + std::to_string(::getpid()));
+    std::filesystem::remove_all(folder_);
+  }
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+  std::filesystem::path folder_;
+};
+
+/// What is heard and rewarded in each step, by global env id.
+using Heard = std::map<int, std::vector<float>>;
+
+void record(const BatchedEnv& env, int first, Heard& out) {
+  for (int row = 0; row < env.num_envs(); ++row)
+    for (const auto rows : {env.heard(), env.spectrogram(), env.rewards()}) {
+      const std::size_t size = rows.size() / static_cast<std::size_t>(env.num_envs());
+      const auto mine = rows.subspan(static_cast<std::size_t>(row) * size, size);
+      out[first + row].insert(out[first + row].end(), mine.begin(), mine.end());
+    }
+}
+
+void step(BatchedEnv& env, int first, int index) {
+  std::vector<std::int32_t> actions;
+  for (int i = 0; i < env.num_envs(); ++i) {
+    const float u = RandomStream(3, Purpose::test, static_cast<std::uint32_t>(first + i), static_cast<std::uint32_t>(index)).uniform(0);
+    actions.push_back(u < 0.1f ? 0 : u < 0.6f ? 1 : u < 0.8f ? 2 : 3);
+  }
+  env.step(actions);
+}
+
+Heard roll_out(const EnvConfig& config, const std::shared_ptr<SceneCache>& scenes, const std::vector<int>& batches, int steps = 17) {
+  static const auto set = quick_set(1);
+  Heard out;
+  int first = 0;
+  for (const int size : batches) {
+    BatchedEnv env(config, set, scenes, size, first, 4);
+    env.reset();
+    record(env, first, out);
+    for (int i = 0; i < steps; ++i) {
+      step(env, first, i);
+      record(env, first, out);
+    }
+    EXPECT_EQ(env.nonfinite_events(), 0u);
+    first += size;
+  }
+  return out;
+}
+
+TEST_F(FieldEnv, WhereAFieldComesFromChangesNoBit) {
+  EnvConfig config = field_config();
+  const auto memory = make_scene_cache(config);
+  const Heard reference = roll_out(config, memory, {4});
+  EXPECT_GT(memory->field_counters().built, 2u);
+  EXPECT_EQ(memory->field_counters().loaded, 0u);
+
+  config.field_store = folder_.string();
+  const auto cold = make_scene_cache(config), warm = make_scene_cache(config);
+  EXPECT_TRUE(roll_out(config, cold, {4}) == reference) << "store cold";
+  EXPECT_EQ(cold->field_counters().built, memory->field_counters().built);
+  EXPECT_TRUE(roll_out(config, warm, {4}) == reference) << "store warm";
+  EXPECT_EQ(warm->field_counters().built, 0u);
+  EXPECT_EQ(warm->field_counters().loaded, memory->field_counters().built);
+  EXPECT_EQ(warm->field_counters().bytes, memory->field_counters().bytes);
+
+  config.acoustics.field = Switch::off;
+  const auto traced = make_scene_cache(config);
+  EXPECT_FALSE(roll_out(config, traced, {4}) == reference);
+  EXPECT_EQ(traced->field_counters().built, 0u);
+}
+
+TEST_F(FieldEnv, ThreadsSplitsAndPrefetchChangeNoBit) {
+  const tbb::global_control most(tbb::global_control::max_allowed_parallelism, 2);
+  EnvConfig config = field_config();
+  const Heard reference = roll_out(config, make_scene_cache(config), {4});
+  config.threads = 2;
+  EXPECT_TRUE(roll_out(config, make_scene_cache(config), {4}) == reference) << "2 threads";
+  config.acoustics.threads = 2;
+  EXPECT_TRUE(roll_out(config, make_scene_cache(config), {4}) == reference) << "2 threads inside a field";
+  config.threads = config.acoustics.threads = 1;
+  config.prefetch = true;
+  EXPECT_TRUE(roll_out(config, make_scene_cache(config), {1, 3}) == reference) << "split 1 + 3, prefetching";
+}
+
+TEST_F(FieldEnv, ARestoredBatchGoesOnWithTheSameBits) {
+  EnvConfig config = field_config();
+  config.task.max_steps = 30;
+  const auto set = quick_set(1);
+  const auto scenes = make_scene_cache(config);
+  BatchedEnv original(config, set, scenes, 3, 1, 4);
+  original.reset();
+  for (int i = 0; i < 11; ++i) step(original, 1, i);
+  EnvConfig later = config;  // resumed by another process, with a store
+  later.field_store = folder_.string();
+  BatchedEnv copy(later, set, make_scene_cache(later), 3, 1, 4);
+  copy.restore(original.save_state());
+  for (int i = 11; i < 22; ++i) {
+    EXPECT_TRUE(std::ranges::equal(original.heard(), copy.heard())) << i;
+    EXPECT_TRUE(std::ranges::equal(original.spectrogram(), copy.spectrogram())) << i;
+    step(original, 1, i);
+    step(copy, 1, i);
+  }
+}
+
+TEST_F(FieldEnv, TheBoundOfTheCacheCountsFields) {
+  const EnvConfig config = field_config();
+  const std::string id = "shoebox:6x3x5@0.3";
+  const std::size_t scene_bytes = [&] {
+    SceneCache cache(config.acoustics, config.navmesh, "", std::size_t{1} << 30);
+    cache.scene(id);
+    return cache.bytes();
+  }();
+  const std::size_t field_bytes = [&] {
+    SceneCache cache(config.acoustics, config.navmesh, "", std::size_t{1} << 30);
+    const auto source = cache.source(id, {2, 0, 2}, 1.5f);
+    EXPECT_TRUE(source->sound_field);
+    const std::size_t image_bytes = source->sound_field->image().size(), bytes = cache.bytes() - scene_bytes;
+    EXPECT_GT(bytes, image_bytes);  // its paths count too
+    EXPECT_LT(bytes, image_bytes + (std::size_t{256} << 10));
+    return bytes;
+  }();
+  // Room for two fields and a half.
+  SceneCache cache(config.acoustics, config.navmesh, "", scene_bytes + 5 * field_bytes / 2);
+  const auto source = [&](int i) { return cache.source(id, {2, 0, 2 + 0.1f * static_cast<float>(i)}, 1.5f); };
+  const auto held = source(0);
+  source(1);
+  source(0);
+  source(2);  // 1 was used longest ago
+  EXPECT_LE(cache.bytes(), scene_bytes + 5 * field_bytes / 2);
+  EXPECT_EQ(cache.sources_built(), 3u);
+  EXPECT_EQ(source(0), held);
+  EXPECT_EQ(cache.sources_built(), 3u);
+  source(1);
+  EXPECT_EQ(cache.sources_built(), 4u);
+  EXPECT_EQ(cache.num_scenes(), 1u);  // the scene outlives its sources
+
+  // A second scene takes the place of the field that was used longest ago, not of the scene with its other field.
+  const std::size_t bound = 2 * scene_bytes + 3 * field_bytes / 2;
+  SceneCache two(config.acoustics, config.navmesh, "", bound);
+  two.source(id, {2, 0, 2}, 1.5f);
+  two.source(id, {2, 0, 2.1f}, 1.5f);
+  two.scene("shoebox:5x3x5@0.3");
+  EXPECT_EQ(two.num_scenes(), 2u);
+  EXPECT_LE(two.bytes(), bound);
+  two.source(id, {2, 0, 2.1f}, 1.5f);
+  EXPECT_EQ(two.sources_built(), 2u);
+}
+
+TEST_F(FieldEnv, AutomaticIsOffForEpisodesAreShort) {
+  EnvConfig config = field_config();
+  config.acoustics.field = Switch::automatic;
+  EXPECT_FALSE(make_scene_cache(config)->source("house:2,rooms=2,area_m2=30", quick_set(1)->episodes[0].goal_position, 1.5f)->sound_field);
+}
+
+// A turn keeps the response, a step makes a new one; every new one is counted once.
+TEST_F(FieldEnv, CountersSumOverAgents) {
+  const EnvConfig config = field_config();
+  BatchedEnv env(config, quick_set(1), make_scene_cache(config), 3, 0, 3);
+  env.reset();
+  EXPECT_EQ(env.effect_counters().poses, 3u);
+  EXPECT_EQ(env.kept_responses(), 0u);
+  env.step(std::vector<std::int32_t>{2, 2, 3});
+  EXPECT_EQ(env.effect_counters().poses, 3u);
+  EXPECT_EQ(env.kept_responses(), 3u);
+  for (int i = 0; i < 4; ++i) env.step(std::vector<std::int32_t>{1, 3, 2});
+  const EffectCounters counters = env.effect_counters();
+  EXPECT_GT(counters.poses, 3u);
+  EXPECT_LE(counters.poses, 7u);  // env 0 may have walked into something
+  EXPECT_EQ(counters.poses + env.kept_responses(), 3u * 6u);
+  EXPECT_EQ(counters.field_gathers, counters.poses);
+  EXPECT_LE(counters.in_sight, counters.poses);
+}
+
+TEST_F(FieldEnv, WithoutLateSoundThereIsNoField) {
+  EnvConfig config = field_config();
+  config.acoustics.late = Switch::off;
+  const auto scenes = make_scene_cache(config);
+  EXPECT_FALSE(scenes->source("shoebox:6x3x5@0.3", {2, 0, 2}, 1.5f)->sound_field);
+}
+
+}  // namespace
+}  // namespace earshot

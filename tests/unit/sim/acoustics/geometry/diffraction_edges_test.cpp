@@ -1,0 +1,204 @@
+#include "sim/acoustics/geometry/diffraction_edges.h"
+
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <numbers>
+#include <thread>
+
+#include "sim/scene/scene.h"
+#include "tests/support/rooms.h"
+
+namespace earshot {
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+
+std::shared_ptr<const Scene> scene_from(TriangleMesh mesh) {
+  return rooms::scene_of(std::move(mesh), {Material::uniform("hard", 0.f, 0.f)});
+}
+
+TriangleMesh box_mesh(glm::vec3 lower, glm::vec3 upper) {
+  TriangleMesh mesh;
+  append_box(mesh, lower, upper, 0, 0);
+  return mesh;
+}
+
+int count_exterior(const DiffractionEdges& edges, double exterior_rad) {
+  return static_cast<int>(std::count_if(edges.edges().begin(), edges.edges().end(),
+                                        [&](const DiffractionEdge& edge) { return std::abs(edge.exterior_rad - exterior_rad) < 1e-3; }));
+}
+
+TEST(DiffractionEdges, BoxHasTwelveRightCorners) {
+  const auto scene = scene_from(box_mesh({0, 0, 0}, {1, 2, 3}));
+  const DiffractionEdges edges(*scene, 0.25f);
+  ASSERT_EQ(edges.size(), 12u);  // and no diagonal of a quad
+  EXPECT_EQ(count_exterior(edges, 1.5 * kPi), 12);
+  double length_m = 0;
+  for (const DiffractionEdge& edge : edges.edges()) {
+    length_m += edge.length_m;
+    // Outside is air, inside is not, whatever the winding.
+    EXPECT_FALSE(edge.in_air({0.5, 1, 1.5}, 1e-6));
+    EXPECT_TRUE(edge.in_air(edge.at(0.3) + edge.outward(), 1e-6));
+    EXPECT_GT(glm::length(edge.at(0.3) + edge.outward() - glm::dvec3(0.5, 1, 1.5)), glm::length(edge.at(0.3) - glm::dvec3(0.5, 1, 1.5)));
+  }
+  EXPECT_NEAR(length_m, 4 * (1 + 2 + 3), 1e-5);
+  EXPECT_EQ(DiffractionEdges(*scene, 1.5f).size(), 8u);  // those of 1 m are too short
+}
+
+TEST(DiffractionEdges, WindingDoesNotMatter) {
+  TriangleMesh mesh = box_mesh({0, 0, 0}, {1, 2, 3});
+  for (std::size_t i = 0; i < mesh.triangles.size(); i += 2) std::swap(mesh.triangles[i].x, mesh.triangles[i].y);
+  const auto scene = scene_from(mesh);
+  const DiffractionEdges edges(*scene, 0.25f);
+  EXPECT_EQ(edges.size(), 12u);
+  EXPECT_EQ(count_exterior(edges, 1.5 * kPi), 12);
+}
+
+TEST(DiffractionEdges, ConvexRoomShowsNoEdgeFromWithin) {
+  const auto room = rooms::shoe1(0.1, 0.1);
+  const DiffractionEdges edges(*room, 0.25f);
+  for (std::uint32_t e = 0; e < edges.size(); ++e) {
+    EXPECT_FALSE(edges.sees(e, rooms::shoe1_source()));
+    EXPECT_FALSE(edges[e].in_air(glm::dvec3(rooms::shoe1_listener()), 1e-6));
+  }
+}
+
+TEST(DiffractionEdges, RimOfASheetIsAHalfPlaneAndItsPiecesAreOne) {
+  // A sheet of 4 x 2 m cut into 8 x 3 quads: four rims, no edge within.
+  TriangleMesh mesh;
+  for (int i = 0; i < 8; ++i) {
+    for (int j = 0; j < 3; ++j) {
+      const auto at = [](double x, double y) { return glm::vec3(x / 2, 2 * y / 3, 0); };
+      rooms::append_quad(mesh, {at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)}, 0);
+    }
+  }
+  const auto scene = scene_from(mesh);
+  const DiffractionEdges edges(*scene, 1.f);  // longer than any piece
+  ASSERT_EQ(edges.size(), 4u);
+  EXPECT_EQ(count_exterior(edges, 2 * kPi), 4);
+  EXPECT_NEAR(edges[0].length_m, 4, 1e-5);
+  EXPECT_NEAR(edges[3].length_m, 2, 1e-5);
+  for (const DiffractionEdge& edge : edges.edges()) {
+    const glm::dvec3 on_sheet = edge.at(0.5 * edge.length_m) + 0.5 * edge.face;
+    EXPECT_TRUE(on_sheet.x > 0 && on_sheet.x < 4 && on_sheet.y > 0 && on_sheet.y < 2);
+    EXPECT_NEAR(on_sheet.z, 0, 1e-6);
+  }
+}
+
+TEST(DiffractionEdges, FlatEdgesAndDegenerateTrianglesAreNone) {
+  // Two quads that meet at 4 degrees, and at 6; a triangle without area on the common edge (ORACLES H-66).
+  for (const double degrees : {4.0, 6.0}) {
+    const double slope = std::tan(degrees * kPi / 180);
+    TriangleMesh mesh;
+    rooms::append_quad(mesh, {glm::vec3(-1, 0, 0), glm::vec3(0, 0, 0), glm::vec3(0, 0, 1), glm::vec3(-1, 0, 1)}, 0);
+    rooms::append_quad(mesh, {glm::vec3(0, 0, 0), glm::vec3(1, -slope, 0), glm::vec3(1, -slope, 1), glm::vec3(0, 0, 1)}, 0);
+    mesh.triangles.push_back({1, 2, 1});
+    mesh.triangle_material.push_back(0);
+    mesh.triangle_object.push_back(0);
+    const auto scene = scene_from(mesh);
+    const DiffractionEdges edges(*scene, 0.25f);
+    const auto ridges =
+        std::count_if(edges.edges().begin(), edges.edges().end(), [](const auto& edge) { return edge.exterior_rad < 1.9 * kPi; });
+    EXPECT_EQ(ridges, degrees > 5 ? 1 : 0);
+    EXPECT_EQ(count_exterior(edges, 2 * kPi), 6);  // rims: 3 + 3; each long side breaks at the ridge
+  }
+}
+
+TEST(DiffractionEdges, ThreeSheetsAtOneEdge) {
+  // Sheets toward 0, 60 and 120 degrees: the sector of 240 is the wedge.  A fourth at 240 leaves none.
+  for (const int sheets : {3, 4}) {
+    TriangleMesh mesh;
+    for (int i = 0; i < sheets; ++i) {
+      const double angle = (i == 3 ? 240.0 : 60.0 * i) * kPi / 180;
+      const glm::vec3 tip(std::cos(angle), std::sin(angle), 0);
+      rooms::append_quad(mesh, {glm::vec3(0, 0, 0), tip, tip + glm::vec3(0, 0, 1), glm::vec3(0, 0, 1)}, 0);
+    }
+    const auto scene = scene_from(mesh);
+    EXPECT_EQ(count_exterior(DiffractionEdges(*scene, 0.25f), 240.0 * kPi / 180), sheets == 3 ? 1 : 0);
+  }
+}
+
+TEST(DiffractionEdges, ContactWithoutSharedVerticesIsSeenByRays) {
+  // A screen that stands in the middle of a floor of other triangles: top and sides are rims, the foot is not.
+  TriangleMesh mesh;
+  rooms::append_quad(mesh, {glm::vec3(-5, 0, -5), glm::vec3(5, 0, -5), glm::vec3(5, 0, 5), glm::vec3(-5, 0, 5)}, 0);
+  rooms::append_quad(mesh, {glm::vec3(-1, 0, 0), glm::vec3(1, 0, 0), glm::vec3(1, 2, 0), glm::vec3(-1, 2, 0)}, 0);
+  const auto scene = scene_from(mesh);
+  const DiffractionEdges edges(*scene, 0.25f);
+  int of_screen = 0;
+  for (const DiffractionEdge& edge : edges.edges()) {
+    const glm::dvec3 middle = edge.at(0.5 * edge.length_m);
+    if (std::abs(middle.z) > 1) continue;  // rims of the floor
+    if (std::abs(middle.x) > 2) continue;
+    ++of_screen;
+    EXPECT_GT(middle.y, 0.5);
+    EXPECT_NEAR(edge.exterior_rad, 2 * kPi, 1e-3);
+  }
+  EXPECT_EQ(of_screen, 3);
+
+  // Two sheets in an L that share no vertex: one wedge of 270 degrees, not two half planes.
+  TriangleMesh corner;
+  rooms::append_quad(corner, {glm::vec3(0, 0, 0), glm::vec3(2, 0, 0), glm::vec3(2, 3, 0), glm::vec3(0, 3, 0)}, 0);
+  rooms::append_quad(corner, {glm::vec3(0, -0.1, 0), glm::vec3(0, -0.1, 2), glm::vec3(0, 3.1, 2), glm::vec3(0, 3.1, 0)}, 0);
+  const auto corner_scene = scene_from(corner);
+  const DiffractionEdges corner_edges(*corner_scene, 0.25f);
+  EXPECT_EQ(count_exterior(corner_edges, 1.5 * kPi), 1);
+}
+
+TEST(DiffractionEdges, NeighboursAreThoseInSightFromAnyThread) {
+  // Two boxes side by side and a third far behind a wall between.
+  TriangleMesh mesh = box_mesh({0, 0, 0}, {1, 1, 1});
+  append_box(mesh, {3, 0, 0}, {4, 1, 1}, 0, 0);
+  append_box(mesh, {8, -50, -50}, {9, 50, 50}, 0, 0);
+  append_box(mesh, {12, 0, 0}, {13, 1, 1}, 0, 0);
+  const auto scene = scene_from(mesh);
+  const DiffractionEdges edges(*scene, 0.25f), alone(*scene, 0.25f);
+  std::vector<std::thread> threads;
+  for (int t = 0; t < 4; ++t)
+    threads.emplace_back([&] {
+      for (std::uint32_t e = 0; e < edges.size(); ++e) EXPECT_LT(edges.neighbours(e).size(), edges.size());
+    });
+  for (std::thread& thread : threads) thread.join();
+  int pairs = 0;
+  for (std::uint32_t e = 0; e < edges.size(); ++e) {
+    const auto parallel = edges.neighbours(e), serial = alone.neighbours(e);
+    EXPECT_TRUE(std::equal(parallel.begin(), parallel.end(), serial.begin(), serial.end()));
+    for (const std::uint32_t other : parallel) {
+      ++pairs;
+      const auto back = edges.neighbours(other);
+      EXPECT_TRUE(std::binary_search(back.begin(), back.end(), e));  // sight goes both ways
+      const double x = edges[e].at(0.5).x, y = edges[other].at(0.5).x;
+      EXPECT_FALSE((x < 5 && y > 10) || (y < 5 && x > 10));
+    }
+  }
+  EXPECT_GT(pairs, 48);
+}
+
+TEST(DiffractionEdges, EmptySceneHasNone) { EXPECT_EQ(DiffractionEdges(*rooms::empty(), 0.25f).size(), 0u); }
+
+TEST(DiffractionEdges, SmallHouse) {
+  const char* folder = std::getenv("EARSHOT_DATA");
+  const auto path =
+      (folder ? std::filesystem::path(folder) : std::filesystem::path(EARSHOT_SOURCE_DIR) / "../shared/data") / "scenes/small_house.glb";
+  if (!std::filesystem::exists(path)) GTEST_SKIP() << path << " is not there: set EARSHOT_DATA";
+  const Scene scene = load_scene(path.string());
+  const auto start = std::chrono::steady_clock::now();
+  const DiffractionEdges edges(scene, 0.25f);
+  const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  EXPECT_GT(edges.size(), 500u);
+  EXPECT_LT(edges.size(), 20'000u);
+  EXPECT_LT(seconds, 5.0);  // 0.2 s on an idle core; far from quadratic
+  for (const DiffractionEdge& edge : edges.edges()) {
+    EXPECT_GE(edge.length_m, 0.25);
+    EXPECT_GT(edge.exterior_rad, kPi * 185 / 180 - 1e-9);
+    EXPECT_LE(edge.exterior_rad, 2 * kPi + 1e-9);
+    EXPECT_NEAR(glm::dot(edge.along, edge.face), 0, 1e-9);
+  }
+}
+
+}  // namespace
+}  // namespace earshot

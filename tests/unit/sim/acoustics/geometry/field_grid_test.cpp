@@ -1,0 +1,111 @@
+#include "sim/acoustics/geometry/field_grid.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <glm/geometric.hpp>
+
+#include "sim/acoustics/core/sampling.h"
+#include "sim/base/random.h"
+#include "tests/support/rooms.h"
+
+namespace earshot {
+namespace {
+
+using rooms::divided_box;
+
+double volume_m3(const FieldGrid& grid) {
+  double sum = 0;
+  for (std::uint32_t cell = 0; cell < grid.size(); ++cell) sum += double{grid.volume_m3(cell)};
+  return sum;
+}
+
+TEST(FieldGrid, CellsFillTheRoomOnce) {
+  const auto room = rooms::shoe1(0.2, 1);
+  const FieldGrid grid(*room, 0.7f);
+  EXPECT_EQ(grid.size(), 7u * 6u * 4u);  // round(5 / 0.7), round(4 / 0.7), round(3 / 0.7)
+  EXPECT_NEAR(volume_m3(grid), 60.0, 1e-3);
+}
+
+TEST(FieldGrid, AWallSplitsItsBoxesAndTheirVolume) {
+  const auto room = divided_box(0);
+  const FieldGrid grid(*room, 1.f);
+  // Boxes of 1 m: the wall at 2.2 m cuts the third of five layers, 4 x 3 boxes.
+  EXPECT_EQ(grid.size(), 60u + 12u);
+  EXPECT_NEAR(volume_m3(grid), 60.0, 1e-3);
+  // Of each of them a fifth lies on the near side: 512 jittered points know that within 0.02 of the box.
+  double near_m3 = 0;
+  for (std::uint32_t cell = 0; cell < grid.size(); ++cell)
+    if (grid.volume_m3(cell) < 0.5f) near_m3 += double{grid.volume_m3(cell)};
+  EXPECT_NEAR(near_m3 / 12, 0.2, 0.02);
+}
+
+TEST(FieldGrid, CrossingsCoverASegmentWithoutGapOrOverlap) {
+  const auto room = divided_box(1);
+  const FieldGrid grid(*room, 0.6f);
+  for (std::uint32_t i = 0; i < 500; ++i) {
+    const auto u = RandomStream(1, Purpose::test, i).uniform4(0), v = RandomStream(1, Purpose::test, i).uniform4(1);
+    const glm::vec3 from = rooms::point(5.0 * u[0], 4.0 * u[1], 3.0 * u[2]);
+    const glm::vec3 direction = sphere_direction(v[0], v[1]);
+    const Hit hit = room->rays().intersect(from, direction);
+    ASSERT_TRUE(hit.valid());
+    std::vector<FieldGrid::Crossing> crossings;
+    grid.cross(from, direction, hit.distance_m, crossings);
+    float end_m = 0;
+    for (const FieldGrid::Crossing& crossing : crossings) {
+      ASSERT_LT(crossing.cell, grid.size());
+      EXPECT_NEAR(crossing.enter_m, end_m, 1e-4f) << i;
+      EXPECT_GT(crossing.leave_m, crossing.enter_m);
+      end_m = crossing.leave_m;
+    }
+    EXPECT_NEAR(end_m, hit.distance_m, 1e-4f) << i;
+  }
+}
+
+TEST(FieldGrid, BothSidesOfAClosedWallShareNoCell) {
+  const auto room = divided_box(0);
+  const FieldGrid grid(*room, 1.f);
+  std::vector<int> side(grid.size(), 0);  // bit 0: seen from the near side, bit 1: from the far side
+  for (std::uint32_t i = 0; i < 2000; ++i) {
+    const auto u = RandomStream(2, Purpose::test, i).uniform4(0), v = RandomStream(2, Purpose::test, i).uniform4(1);
+    const double x = 5.0 * u[0];
+    if (std::abs(x - 2.2) < 1e-3) continue;
+    const int bit = x < 2.2 ? 1 : 2;
+    const glm::vec3 from = rooms::point(x, 4.0 * u[1], 3.0 * u[2]);
+    std::array<FieldGrid::Share, 8> shares;
+    const std::size_t count = grid.blend(from, shares);
+    float sum = 0;
+    for (std::size_t k = 0; k < count; ++k) {
+      side[shares[k].cell] |= bit;
+      sum += shares[k].weight;
+    }
+    EXPECT_NEAR(sum, 1.f, 1e-5f);
+    const glm::vec3 direction = sphere_direction(v[0], v[1]);
+    std::vector<FieldGrid::Crossing> crossings;
+    grid.cross(from, direction, room->rays().intersect(from, direction).distance_m, crossings);
+    for (const FieldGrid::Crossing& crossing : crossings) side[crossing.cell] |= bit;
+  }
+  for (std::size_t cell = 0; cell < side.size(); ++cell) EXPECT_NE(side[cell], 3) << cell;
+}
+
+TEST(FieldGrid, BlendingIsTrilinearBetweenCentres) {
+  const auto room = rooms::shoe1(0.2, 1);
+  const FieldGrid grid(*room, 1.f);
+  std::array<FieldGrid::Share, 8> shares;
+  // The centre of a box is its own alone; half way between two centres each has half.
+  ASSERT_EQ(grid.blend(rooms::point(2.5, 1.5, 1.5), shares), 1u);
+  EXPECT_FLOAT_EQ(shares[0].weight, 1.f);
+  ASSERT_EQ(grid.blend(rooms::point(3.0, 1.5, 1.5), shares), 2u);
+  EXPECT_NEAR(shares[0].weight, 0.5f, 1e-5f);
+}
+
+TEST(FieldGrid, HugeAndEmptyScenesStayBounded) {
+  EXPECT_EQ(FieldGrid(*rooms::empty(), 1.f).size(), 0u);
+  const FieldGrid plain(*rooms::half_space(0.5, 1), 1.f);
+  EXPECT_LE(plain.size(), 2u * 16'384u);
+  std::array<FieldGrid::Share, 8> shares;
+  EXPECT_EQ(FieldGrid(*rooms::empty(), 1.f).blend({0, 0, 0}, shares), 0u);
+}
+
+}  // namespace
+}  // namespace earshot

@@ -1,0 +1,153 @@
+#include "sim/acoustics/synthesis/binaural_late_tail.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <memory>
+
+#include "sim/acoustics/synthesis/rir_synthesis.h"
+#include "tests/support/synthesis_cases.h"
+
+namespace earshot {
+namespace {
+
+using namespace synthesis_cases;
+
+std::shared_ptr<const SynthesisTables> tables_with(float late_decode_s) {
+  AcousticConfig config = config_at(16000.f);
+  config.late_decode_s = late_decode_s;
+  return make_synthesis_tables(config, BandLayout::octaves(16000.f), ChannelLayout::binaural, Hrtf::rigid_sphere(16000.f));
+}
+/// The whole late field through the decoder, or none of it.
+const std::shared_ptr<const SynthesisTables>& decoded_tables() {
+  static const auto tables = tables_with(60.f);
+  return tables;
+}
+const std::shared_ptr<const SynthesisTables>& mixed_tables() {
+  static const auto tables = tables_with(0.f);
+  return tables;
+}
+
+/// Energy at both ears and their product over many stretches of noise.
+struct EarCovariance {
+  double left = 0, right = 0, cross = 0;
+  [[nodiscard]] double correlation() const { return cross / std::sqrt(left * right); }
+};
+EarCovariance covariance_of(const std::shared_ptr<const SynthesisTables>& tables, const EnergyHistogram& late, const ListenerTurn& turn) {
+  RirSynthesizer synthesizer(tables);
+  EnergyResponse response = response_with();
+  response.late = late;
+  EarCovariance sum;
+  Rir rir;
+  for (std::uint64_t key = 0; key < 24; ++key) {
+    synthesizer.render(response, turn, key, rir);
+    const auto left = rir.channel(0), right = rir.channel(1);
+    sum.left += energy_of(left);
+    sum.right += energy_of(right);
+    for (std::size_t n = 0; n < left.size(); ++n) sum.cross += static_cast<double>(left[n]) * static_cast<double>(right[n]);
+  }
+  return sum;
+}
+
+// A field of any direction, in one band at a time, gives each ear the power, and both the correlation, that it has through the decoder.
+// The stretches cover a loop of one second, in which flattened noise has its power within 0.1 dB, and products of it within 0.015 of their
+// share.  A factor of two is 3 dB.
+TEST(LateEars, PowersAndCorrelationAreThoseOfTheDecoder) {
+  struct Case {
+    glm::vec3 from;
+    float directivity;
+    ListenerTurn turn;
+  };
+  const Case cases[] = {{{0, 0, -1}, 0.f, ListenerTurn(0.7)},         {{1, 0, 0}, 0.5f, ListenerTurn(0.0)},
+                        {{1, 0, 0}, 1.f, ListenerTurn(0.6)},          {{0, 0, -1}, 1.f, ListenerTurn(0.0)},
+                        {{0, 1, 0}, 0.8f, ListenerTurn(0, 0.4, 0.7)}, {{-0.6f, 0, 0.8f}, 0.7f, ListenerTurn(-2.0)}};
+  constexpr int num_bands = 7;
+  for (const Case& c : cases) {
+    for (int band = 0; band < num_bands; ++band) {
+      EnergyHistogram late = decay_of(3.0, 0.02, num_bands, 0.004f, 0.5, 1, c.from, c.directivity);
+      for (std::size_t i = 0; i < late.values().size(); ++i)
+        if (static_cast<int>(i / 4) % num_bands != band) late.values()[i] = 0;
+      const EarCovariance decoded = covariance_of(decoded_tables(), late, c.turn), mixed = covariance_of(mixed_tables(), late, c.turn);
+      EXPECT_NEAR(db(mixed.left / decoded.left), 0.0, 0.2) << c.directivity << ", band " << band;
+      EXPECT_NEAR(db(mixed.right / decoded.right), 0.0, 0.2) << c.directivity << ", band " << band;
+      EXPECT_NEAR(mixed.correlation(), decoded.correlation(), 0.03) << c.directivity << ", band " << band;
+    }
+  }
+}
+
+// Up to the slot where decoding ends nothing differs; from there to the next slot, 4 ms, the one falls in power as the other grows, so that
+// the level of a steady field has neither a dip nor a bump: 64 samples of two ears and 64 keys, 0.15 dB.  Fades in amplitude would leave
+// -1.8 dB, one fade alone 3 dB.
+TEST(LateEars, TakesOverWithoutAStep) {
+  constexpr float decode_s = 0.1f;
+  constexpr int keys = 64, onset = 320, block = 320;
+  const auto tables = tables_with(decode_s);
+  RirSynthesizer synthesizer(tables), decoding(decoded_tables());
+  EnergyResponse response = response_with({arrival_at(onset / 16000.0 * 343.0, 0.0)});
+  response.late = decay_of(1e6, 1e5, 7, 0.004f, 0.5, 1, {1, 0, 0}, 0.4f);
+  std::array<double, 8000 / block> level{}, decoded_level{};
+  double worst = 0, fading = 0, decoded_fading = 0;
+  for (std::uint64_t key = 0; key < keys; ++key) {
+    const Rir rir = rendered(synthesizer, response, 0.3, key), decoded = rendered(decoding, response, 0.3, key);
+    const double peak = static_cast<double>(*std::ranges::max_element(decoded.samples));
+    for (int ear = 0; ear < 2; ++ear)
+      for (int n = 0; n < 8000; ++n) {
+        // The slot of 4 ms before 0.12 s, less the 2 ms by which the decoder rings ahead.
+        if (n < onset + 1600 - 64 - 32)
+          worst = std::max(worst, std::abs(static_cast<double>(rir.channel(ear)[n] - decoded.channel(ear)[n])) / peak);
+        const double power = static_cast<double>(rir.channel(ear)[n]) * static_cast<double>(rir.channel(ear)[n]);
+        const double decoded_power = static_cast<double>(decoded.channel(ear)[n]) * static_cast<double>(decoded.channel(ear)[n]);
+        level[static_cast<std::size_t>(n / block)] += power;
+        decoded_level[static_cast<std::size_t>(n / block)] += decoded_power;
+        if (n >= onset + 1600 - 32 && n < onset + 1600 + 32) fading += power, decoded_fading += decoded_power;
+      }
+  }
+  EXPECT_LT(worst, 1e-5);
+  EXPECT_NEAR(db(fading / decoded_fading), 0.0, 0.5);
+  for (std::size_t i = 2; i + 1 < level.size(); ++i) EXPECT_NEAR(db(level[i] / decoded_level[i]), 0.0, 0.3) << i;
+  EXPECT_NE(level.back(), decoded_level.back());
+}
+
+// Without a direct sound the late sound itself says where it begins: the same waveform for so long, however far the source.
+TEST(LateEars, DecodingCountsFromTheFirstSound) {
+  const auto tables = tables_with(0.1f);
+  RirSynthesizer synthesizer(tables), decoding(decoded_tables());
+  EnergyResponse response = response_with();
+  response.late = decay_of(1.0, 1.0, 7);
+  constexpr int first_bin = 50;  // 0.2 s
+  std::fill_n(response.late.values().begin(), first_bin * 7 * 4, 0.f);
+  const Rir rir = rendered(synthesizer, response, 0.3, 3), decoded = rendered(decoding, response, 0.3, 3);
+  const double peak = static_cast<double>(*std::ranges::max_element(decoded.samples));
+  // Its slot of 256 samples begins at 3072.  The fade may begin up to a slot before 0.1 s are over, less the 2 ms of the decoder.
+  for (int n = 0; n < 3072 + 1600 - 256 - 32; ++n) ASSERT_NEAR(rir.channel(0)[n], decoded.channel(0)[n], 1e-5 * peak) << n;
+  double apart = 0;
+  for (int n = 5200; n < 8000; ++n) apart = std::max(apart, std::abs(static_cast<double>(rir.channel(0)[n] - decoded.channel(0)[n])));
+  EXPECT_GT(apart, 1e-2 * peak);
+}
+
+// Slots of very different energy, and silent ones between: none of it is lost but what lines in amplitude take from lines in power.
+// A slot alone keeps all.
+TEST(LateEars, UnevenSlotsKeepTheirEnergy) {
+  RirSynthesizer synthesizer(mixed_tables()), decoding(decoded_tables());
+  EnergyResponse response = response_with();
+  for (const bool alone : {true, false}) {
+    response.late = EnergyHistogram(125, 7, 1, 0.004f);
+    for (int bin = 44; bin < 120; ++bin) {
+      const int slot = bin / 4;
+      const float energy = alone ? (slot % 5 == 1 ? 1.f : 0.f) : (slot % 2 == 0 ? 1.f : 0.5f);
+      for (int band = 0; band < 7; ++band) response.late.values()[static_cast<std::size_t>((bin * 7 + band) * 4)] = energy;
+    }
+    double mixed = 0, decoded = 0;
+    for (std::uint64_t key = 0; key < 24; ++key) {
+      mixed += energy_of(rendered(synthesizer, response, 0.3, key).samples);
+      decoded += energy_of(rendered(decoding, response, 0.3, key).samples);
+    }
+    // (1 - sqrt 1/2)^2 / 6 of a mean of 3/4: 0.08 dB.
+    EXPECT_NEAR(db(mixed / decoded), alone ? 0.0 : -0.08, 0.1) << alone;
+  }
+}
+
+}  // namespace
+}  // namespace earshot

@@ -1,0 +1,44 @@
+#include "sim/acoustics/tracers/population_control.h"
+
+#include <gtest/gtest.h>
+
+#include <array>
+
+namespace earshot {
+namespace {
+
+struct Ray {
+  float reflected[8] = {};
+  bool alive = true;
+};
+
+TEST(RayBalance, RouletteWithFixedProbabilitiesKeepsEveryBand) {
+  // Two rays far down, of which one may stay: the first with probability q (ORACLES 2.5).  Bands differ by a factor that q does not know.
+  for (const double q : {0.1, 0.3, 0.5, 0.7, 0.9}) {
+    constexpr int draws = 1000;
+    std::array<double, 8> mean{};
+    double first_stays = 0;
+    for (int draw = 0; draw < draws; ++draw) {
+      std::array<Ray, 2> rays;
+      for (int band = 0; band < 2; ++band) {
+        // The weight of a ray is the mean over bands of its share of the band: q for the first one, as q + d and q - d.
+        const double share = band == 0 ? q + 0.05 : q - 0.05;
+        const double level = band == 0 ? 1e-6 : 1e-8;
+        rays[0].reflected[band] = static_cast<float>(level * share);
+        rays[1].reflected[band] = static_cast<float>(level * (1 - share));
+      }
+      balance<8>(2, std::span<Ray>(rays), (draw + 0.5) / draws);
+      ASSERT_NE(rays[0].alive, rays[1].alive);
+      first_stays += rays[0].alive ? 1.0 / draws : 0.0;
+      for (const Ray& ray : rays) {
+        for (int band = 0; ray.alive && band < 2; ++band) mean[band] += double{ray.reflected[band]} / draws;
+      }
+    }
+    EXPECT_NEAR(first_stays, q, 1.5 / draws);  // stratified draws: within one of them
+    EXPECT_NEAR(mean[0], 1e-6, 5e-3 * 1e-6) << q;
+    EXPECT_NEAR(mean[1], 1e-8, 5e-3 * 1e-8) << q;
+  }
+}
+
+}  // namespace
+}  // namespace earshot

@@ -1,0 +1,347 @@
+#include "trainer/collective.h"
+
+#include <gtest/gtest.h>
+
+#include <bit>
+#include <chrono>
+#include <cmath>
+#include <cstring>
+#include <thread>
+#include <zmq.hpp>
+
+#include "sim/base/errors.h"
+#include "sim/base/files.h"
+#include "tests/support/worker_processes.h"
+#include "trainer/rendezvous.h"
+#include "trainer/zmq_ring.h"
+
+namespace earshot {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
+
+/// Addends of mixed sign and size, so that another order of summation gives other bits.
+template <class T>
+T addend(int rank, std::size_t i) {
+  std::uint64_t bits = (i + 1) * 0x9E3779B97F4A7C15ull + static_cast<std::uint64_t>(rank + 1) * 0xD1B54A32D192ED03ull;
+  bits = (bits ^ bits >> 29) * 0xBF58476D1CE4E5B9ull;
+  const double unit = static_cast<double>(bits >> 11) / 9007199254740992.0 - 0.5;
+  return static_cast<T>(std::ldexp(unit, static_cast<int>(bits % 9) - 4));
+}
+
+/// The stated order, written down a second time: rank order below 64 KiB, else segment k of the ring starts at rank k; segments are cut at
+/// n k / P, rounded down to 16 elements.
+int first_rank(std::size_t i, std::size_t count, std::size_t element_bytes, int world_size) {
+  if (count * element_bytes < 65536) return 0;
+  int segment = 0;
+  while (segment + 1 < world_size && i >= count * static_cast<std::size_t>(segment + 1) / static_cast<std::size_t>(world_size) / 16 * 16)
+    ++segment;
+  return segment;
+}
+
+template <class T>
+bool sums_are_right(Collective& ring, std::size_t count) {
+  const auto [rank, world_size] = ring.identity();
+  std::vector<T> buffer(count);
+  for (std::size_t i = 0; i < count; ++i) buffer[i] = addend<T>(rank, i);
+  ring.all_reduce_sum(std::span<T>(buffer));
+  for (std::size_t i = 0; i < count; ++i) {
+    const int first = first_rank(i, count, sizeof(T), world_size);
+    T ordered = addend<T>(first, i);
+    double exact = ordered, magnitude = std::abs(exact);
+    for (int k = 1; k < world_size; ++k) {
+      const T next = addend<T>((first + k) % world_size, i);
+      ordered += next;
+      exact += next;
+      magnitude += std::abs(static_cast<double>(next));
+    }
+    // Each of P - 1 additions rounds by half a unit in the last place of at most the sum of magnitudes.
+    const double tolerance = world_size * static_cast<double>(std::numeric_limits<T>::epsilon()) * magnitude;
+    if (std::memcmp(&ordered, &buffer[i], sizeof(T)) != 0 || std::abs(static_cast<double>(buffer[i]) - exact) > tolerance) {
+      std::fprintf(stderr, "element %zu of %zu: %.17g, expected %.17g\n", i, count, static_cast<double>(buffer[i]), exact);
+      return false;
+    }
+  }
+  return true;
+}
+
+class RingOf : public testing::TestWithParam<int> {};
+INSTANTIATE_TEST_SUITE_P(Workers, RingOf, testing::Values(2, 3, 4));
+
+TEST_P(RingOf, SumsEqualTheReferenceInTheStatedOrder) {
+  const PrivateTestFolder folder;
+  WorkerProcesses workers(GetParam(), [&](int rank) {
+    const auto ring = make_zmq_ring(ring_in(folder, rank, GetParam()));
+    // Around the small/ring border (16384 floats), around one chunk (262144 floats), and a gradient of 20 MB.
+    for (const std::size_t count : {0, 1, 7, 16383, 16384, 16385, 262143, 262144, 262145, 524289, 5000000})
+      if (!sums_are_right<float>(*ring, count)) return false;
+    for (const std::size_t count : {0, 1, 7, 8191, 8192, 131071, 131072, 131073, 700001})
+      if (!sums_are_right<double>(*ring, count)) return false;
+    return true;
+  });
+  workers.expect_all_succeed();
+}
+
+TEST_P(RingOf, BitsAreEqualOnAllWorkersAndFromRunToRun) {
+  const PrivateTestFolder folder;
+  SharedArray<std::uint64_t, 8> hashes;
+  WorkerProcesses workers(GetParam(), [&](int rank) {
+    std::uint64_t hash = 0;
+    for (int run = 0; run < 2; ++run) {
+      const auto ring = make_zmq_ring(ring_in(folder, rank, GetParam()));
+      std::vector<float> buffer(1000003);
+      for (std::size_t i = 0; i < buffer.size(); ++i) buffer[i] = addend<float>(rank, i);
+      ring->all_reduce_sum(buffer);
+      const std::uint64_t now = hash64(std::as_bytes(std::span(buffer)));
+      if (run == 1 && now != hash) return false;
+      hash = now;
+    }
+    hashes[static_cast<std::size_t>(rank)] = hash;
+    return true;
+  });
+  workers.expect_all_succeed();
+  for (int rank = 1; rank < GetParam(); ++rank) EXPECT_EQ(hashes[static_cast<std::size_t>(rank)], hashes[0]);
+}
+
+// libzmq may still be sending a buffer when the sum is complete; a call that returned then would send what the caller writes next.
+TEST_P(RingOf, CallerMayOverwriteTheBufferAtOnce) {
+  const PrivateTestFolder folder;
+  WorkerProcesses workers(GetParam(), [&](int rank) {
+    const auto ring = make_zmq_ring(ring_in(folder, rank, GetParam()));
+    std::vector<float> buffer(1u << 20);
+    for (int round = 0; round < 12; ++round) {
+      std::fill(buffer.begin(), buffer.end(), static_cast<float>(rank + round));
+      ring->all_reduce_sum(buffer);
+      const int world_size = GetParam();
+      const auto expected = static_cast<float>(world_size * (world_size - 1) / 2 + world_size * round);
+      for (const float value : buffer)
+        if (value != expected) return false;
+      std::fill(buffer.begin(), buffer.end(), -1e9f);
+    }
+    return true;
+  });
+  workers.expect_all_succeed();
+}
+
+TEST_P(RingOf, BroadcastGatherAndBarrier) {
+  const PrivateTestFolder folder;
+  SharedArray<std::atomic<int>, 1> arrived;
+  WorkerProcesses workers(GetParam(), [&](int rank) {
+    const auto ring = make_zmq_ring(ring_in(folder, rank, GetParam()));
+    for (const std::size_t size : {0, 1, 1 << 20, (1 << 20) + 1, 5000000}) {
+      std::vector<std::byte> bytes(size, std::byte(rank + 1));
+      for (std::size_t i = 0; rank == 0 && i < size; ++i) bytes[i] = std::byte(i * 31 >> 3 & 0xFF);
+      ring->broadcast(bytes);
+      for (std::size_t i = 0; i < size; ++i)
+        if (bytes[i] != std::byte(i * 31 >> 3 & 0xFF)) return false;
+    }
+    for (const std::size_t size : {0, 3, 3000000}) {
+      const auto share = [&](int of) {
+        return std::string(size * static_cast<std::size_t>(of), static_cast<char>('a' + of));
+      };  // rank 0's is empty
+      const auto shares = ring->all_gather(share(rank));
+      if (static_cast<int>(shares.size()) != GetParam()) return false;
+      for (int of = 0; of < GetParam(); ++of)
+        if (shares[static_cast<std::size_t>(of)] != share(of)) return false;
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(30 * rank));
+    ++arrived[0];
+    ring->barrier();
+    return arrived[0] == GetParam();
+  });
+  workers.expect_all_succeed();
+}
+
+TEST(Collective, EightWorkersAndTcp) {
+  SharedArray<int, 1> port;
+  {
+    zmq::context_t context;
+    zmq::socket_t probe(context, zmq::socket_type::router);
+    probe.bind("tcp://127.0.0.1:*");
+    const std::string endpoint = probe.get(zmq::sockopt::last_endpoint);
+    port[0] = std::stoi(endpoint.substr(endpoint.rfind(':') + 1));
+  }
+  WorkerProcesses workers(8, [&](int rank) {
+    RingConfig config;
+    config.identity = {rank, 8};
+    config.rendezvous = "tcp://127.0.0.1:" + std::to_string(port[0]);
+    config.run_id = "eight";
+    const auto ring = make_zmq_ring(config);
+    return sums_are_right<float>(*ring, 5) && sums_are_right<float>(*ring, 100001) && sums_are_right<double>(*ring, 9001);
+  });
+  workers.expect_all_succeed();
+}
+
+TEST(Collective, OneWorkerAloneChangesNothing) {
+  const auto single = make_single_worker();
+  std::vector<float> buffer{1, 2, 3};
+  single->all_reduce_sum(buffer);
+  single->barrier();
+  EXPECT_EQ(buffer, (std::vector<float>{1, 2, 3}));
+  EXPECT_EQ(single->all_gather("x"), std::vector<std::string>{"x"});
+  EXPECT_EQ(single->identity().world_size, 1);
+  RingConfig config;
+  EXPECT_EQ(make_zmq_ring(config)->identity().world_size, 1);
+}
+
+/// Runs `call`; true if it throws a RunError that contains each of `texts`.
+bool fails_with(const std::function<void()>& call, const std::vector<std::string>& texts) {
+  try {
+    call();
+  } catch (const RunError& error) {
+    for (const auto& text : texts) {
+      if (std::string(error.what()).find(text) != std::string::npos) continue;
+      std::fprintf(stderr, "'%s' lacks '%s'\n", error.what(), text.c_str());
+      return false;
+    }
+    return true;
+  }
+  std::fprintf(stderr, "no error\n");
+  return false;
+}
+
+TEST_P(RingOf, AnotherSizeOnOneWorkerIsAnErrorOnAll) {
+  // Small and small, ring and ring, small and ring, nothing and something.
+  using Sizes = std::pair<std::size_t, std::size_t>;
+  const Sizes sizes[] = {{7, 8}, {1000000, 1000001}, {100, 1000000}, {1000000, 100}, {0, 1}};
+  for (const auto& [usual, odd] : sizes) {
+    const PrivateTestFolder folder;
+    WorkerProcesses workers(GetParam(), [&](int rank) {
+      std::unique_ptr<Collective> ring;
+      std::vector<float> buffer(rank == 1 ? odd : usual);
+      const auto connect_and_sum = [&] {  // the others may fail while we still connect
+        ring = make_zmq_ring(ring_in(folder, rank, GetParam()));
+        ring->all_reduce_sum(buffer);
+      };
+      return fails_with(connect_and_sum, {"worker "}) &&
+             (!ring || fails_with([&] { ring->barrier(); }, {"stopped before"}));  // and it stays that way
+    });
+    const auto start = Clock::now();
+    workers.expect_all_succeed();
+    EXPECT_LT(seconds_since(start), 10.0);  // by the error, not by the timeout of 20 s
+  }
+}
+
+TEST_P(RingOf, AnotherCallOnOneWorkerIsAnErrorOnAll) {
+  const PrivateTestFolder folder;
+  WorkerProcesses workers(GetParam(), [&](int rank) {
+    std::vector<float> buffer(100000);
+    const auto connect_and_call = [&] {
+      const auto ring = make_zmq_ring(ring_in(folder, rank, GetParam()));
+      rank == 1 ? ring->barrier() : ring->all_reduce_sum(buffer);
+    };
+    return fails_with(connect_and_call, {"worker "});
+  });
+  workers.expect_all_succeed();
+}
+
+TEST(Collective, KilledWorkerIsNamedWithinSeconds) {
+  for (const bool within_a_sum : {false, true}) {
+    const PrivateTestFolder folder;
+    SharedArray<std::atomic<int>, 1> ready;
+    WorkerProcesses workers(3, [&](int rank) {
+      const auto ring = make_zmq_ring(ring_in(folder, rank, 3));
+      std::vector<float> buffer(within_a_sum ? 5000000 : 10);
+      ++ready[0];
+      if (rank == 1 && !within_a_sum) ::pause();
+      const auto start = Clock::now();
+      return fails_with(
+                 [&] {
+                   while (true) ring->all_reduce_sum(buffer);
+                 },
+                 {"worker 1"}) &&
+             seconds_since(start) < 10;
+    });
+    while (ready[0] < 3) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    std::this_thread::sleep_for(std::chrono::milliseconds(150));
+    ::kill(workers.pid(1), SIGKILL);
+    const auto killed = Clock::now();
+    EXPECT_EQ(workers.wait(0), 0);
+    EXPECT_EQ(workers.wait(2), 0);
+    EXPECT_LT(seconds_since(killed), 5.0);  // 0.3 s of grace for last words, the rest for a loaded machine
+  }
+}
+
+TEST(Collective, StoppedWorkerIsNamedAfterFourHeartbeats) {
+  const PrivateTestFolder folder;
+  SharedArray<std::atomic<int>, 1> ready;
+  WorkerProcesses workers(3, [&](int rank) {
+    RingConfig config = ring_in(folder, rank, 3);
+    config.heartbeat = std::chrono::milliseconds(200);
+    const auto ring = make_zmq_ring(config);
+    std::vector<float> buffer(1000000);
+    ++ready[0];
+    return fails_with(
+        [&] {
+          while (true) ring->all_reduce_sum(buffer);
+        },
+        {"worker 1"});
+  });
+  while (ready[0] < 3) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  ::kill(workers.pid(1), SIGSTOP);
+  const auto stopped = Clock::now();
+  EXPECT_EQ(workers.wait(0), 0);
+  EXPECT_EQ(workers.wait(2), 0);
+  EXPECT_LT(seconds_since(stopped), 5.0);  // 4 x 0.2 s, one interval until the next beat, 0.3 s of grace
+}
+
+TEST(Collective, BusyWorkerIsNamedAfterTheTimeout) {
+  const PrivateTestFolder folders[2];
+  const std::size_t counts[2] = {10, 1000000};  // one hop, ring
+  WorkerProcesses workers(4, [&](int process) {
+    const int rank = process % 2;
+    RingConfig config = ring_in(folders[process / 2], rank, 2);
+    config.timeout = std::chrono::milliseconds(1000);
+    const auto ring = make_zmq_ring(config);
+    std::vector<float> buffer(counts[process / 2]);
+    if (rank == 1) {  // alive, its heart beats, but it does not come
+      std::this_thread::sleep_for(std::chrono::milliseconds(1600));
+      return fails_with([&] { ring->all_reduce_sum(buffer); }, {"worker 0"});
+    }
+    const auto start = Clock::now();
+    return fails_with([&] { ring->all_reduce_sum(buffer); }, {"worker 1", "1000 ms"}) && seconds_since(start) > 0.9;
+  });
+  workers.expect_all_succeed();
+}
+
+TEST(Collective, WorkerThatHasFinishedIsNamedByTheNextCall) {
+  const PrivateTestFolder folder;
+  WorkerProcesses workers(3, [&](int rank) {
+    const auto ring = make_zmq_ring(ring_in(folder, rank, 3));
+    std::vector<float> buffer(300000, 1.0f);
+    if (rank == 1) {
+      ring->all_reduce_sum(buffer);
+      return buffer[0] == 3.0f;  // leaves in peace, maybe before the others have their sums
+    }
+    // A slow worker may learn it while it still collects its sum: the faster one is at the barrier by then and stops the run.
+    return fails_with([&] { ring->all_reduce_sum(buffer), ring->barrier(); }, {"worker 1", "has left"});
+  });
+  workers.expect_all_succeed();
+}
+
+TEST(Collective, PeerThatBreaksTheProtocolIsNamed) {
+  const PrivateTestFolder folder;
+  WorkerProcesses workers(2, [&](int rank) {
+    const RingConfig config = ring_in(folder, rank, 2);
+    if (rank == 0) return fails_with([&] { make_zmq_ring(config); }, {"worker 1", "breaks the protocol"});
+    // A worker by its introduction, a babbler from then on.
+    zmq::context_t context;
+    zmq::socket_t control(context, zmq::socket_type::router), bulk(context, zmq::socket_type::router),
+        out(context, zmq::socket_type::dealer);
+    control.bind(listening_address(config, "control"));
+    bulk.bind(listening_address(config, "bulk"));
+    const PeerTable table = meet(context, config, listening_address(config, "control"), listening_address(config, "bulk"));
+    out.set(zmq::sockopt::routing_id, "E" + hex64(hash64(config.run_id, table.run_key)) + ".1");
+    out.connect(table.control_endpoints[0]);
+    out.send(zmq::str_buffer("not a header"), zmq::send_flags::sndmore);
+    out.send(zmq::str_buffer("at all"), zmq::send_flags::none);
+    std::this_thread::sleep_for(std::chrono::milliseconds(500));
+    return true;
+  });
+  workers.expect_all_succeed();
+}
+
+}  // namespace
+}  // namespace earshot
