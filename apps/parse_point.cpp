@@ -2,8 +2,8 @@
 #include <sstream>
 
 #include "apps/commands.h"
-#include "sim/base/errors.h"
 #include "sim/base/coordinates.h"
+#include "sim/base/errors.h"
 
 namespace earshot {
 

@@ -9,8 +9,8 @@
 #include <locale>
 #include <sstream>
 
-#include "sim/base/errors.h"
 #include "sim/base/coordinates.h"
+#include "sim/base/errors.h"
 
 namespace earshot {
 

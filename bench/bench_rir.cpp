@@ -9,8 +9,8 @@
 #include "bench/bench_scene.h"
 #include "bench/converged_reference.h"
 #include "envs/agent_hearing.h"
-#include "sim/acoustics/model/effect_plan.h"
 #include "sim/acoustics/metrics/room_metrics.h"
+#include "sim/acoustics/model/effect_plan.h"
 #include "sim/acoustics/paths/transmission.h"
 #include "sim/base/progress.h"
 

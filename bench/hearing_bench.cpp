@@ -7,9 +7,9 @@
 #include <glm/geometric.hpp>
 
 #include "sim/acoustics/paths/early_reflections.h"
+#include "sim/acoustics/paths/transmission.h"
 #include "sim/acoustics/response/energy_response.h"
 #include "sim/acoustics/synthesis/rir_synthesis.h"
-#include "sim/acoustics/paths/transmission.h"
 #include "sim/audio/sound_stream.h"
 #include "sim/audio/spectrogram.h"
 #include "sim/base/random.h"

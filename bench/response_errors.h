@@ -5,9 +5,9 @@
 #include <string>
 #include <vector>
 
+#include "sim/acoustics/metrics/room_metrics.h"
 #include "sim/acoustics/response/energy_response.h"
 #include "sim/acoustics/synthesis/rir_synthesis.h"
-#include "sim/acoustics/metrics/room_metrics.h"
 
 namespace earshot {
 

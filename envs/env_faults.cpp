@@ -31,8 +31,8 @@ bool BatchedEnv::Impl::check(std::size_t env, Fault kind, std::span<float> value
   const Pose pose = agent.state.pose(config.task);
   const glm::dvec3 position = agent.source->scene->scene->to_world(pose.position);
   report(env, kind,
-         fmt::format("value {} of {} is {}, at position {:.4f} {:.4f} {:.4f}, heading {:.4f} rad", bad - values.begin(), values.size(), *bad, position.x,
-                     position.y, position.z, pose.heading_rad));
+         fmt::format("value {} of {} is {}, at position {:.4f} {:.4f} {:.4f}, heading {:.4f} rad", bad - values.begin(), values.size(),
+                     *bad, position.x, position.y, position.z, pose.heading_rad));
   return false;
 }
 

@@ -20,7 +20,7 @@ Estimate share_with_interval(std::uint64_t hits, std::uint64_t n);
 
 /// One evaluated agent: what `eval --out` writes and `leaderboard` and `replay` read.
 struct EvaluationResult {
-  std::string agent;                      ///< name in the table
+  std::string agent;  ///< name in the table
   std::string policy_hash, set_hash, engine_hash;
   std::string episodes_file;
   std::uint64_t seed = 0;
@@ -29,7 +29,7 @@ struct EvaluationResult {
     EpisodeMetrics metrics;
     std::vector<std::int8_t> actions;
   };
-  std::vector<Row> episodes;              ///< in the order of the set
+  std::vector<Row> episodes;  ///< in the order of the set
 
   [[nodiscard]] Estimate success() const;
   [[nodiscard]] Estimate spl() const;

@@ -15,12 +15,18 @@ constexpr std::uint8_t kLastOperation = static_cast<std::uint8_t>(Operation::far
 
 const char* name_of(Operation operation) {
   switch (operation) {
-    case Operation::all_reduce_float: return "all_reduce_sum of floats";
-    case Operation::all_reduce_double: return "all_reduce_sum of doubles";
-    case Operation::broadcast: return "broadcast";
-    case Operation::barrier: return "barrier";
-    case Operation::all_gather: return "all_gather";
-    case Operation::farewell: return "farewell";
+    case Operation::all_reduce_float:
+      return "all_reduce_sum of floats";
+    case Operation::all_reduce_double:
+      return "all_reduce_sum of doubles";
+    case Operation::broadcast:
+      return "broadcast";
+    case Operation::barrier:
+      return "barrier";
+    case Operation::all_gather:
+      return "all_gather";
+    case Operation::farewell:
+      return "farewell";
   }
   return "unknown operation";
 }

@@ -35,8 +35,8 @@ void Progress::draw(std::string_view note, Clock::time_point now) {
   const double rate = elapsed_s > 0 ? static_cast<double>(done_) / elapsed_s : 0.0;
   const double left_s = rate > 0 && total_ > done_ ? static_cast<double>(total_ - done_) / rate : 0.0;
   const double percent = total_ > 0 ? 100.0 * static_cast<double>(done_) / static_cast<double>(total_) : 100.0;
-  const std::string line = fmt::format("{}  {:.0f} %  {}/{} {}  {:.3g} {}/s  {:.0f} s to go  {}", label_, percent, done_,
-                                       total_, unit_, rate, unit_, left_s, note);
+  const std::string line = fmt::format("{}  {:.0f} %  {}/{} {}  {:.3g} {}/s  {:.0f} s to go  {}", label_, percent, done_, total_, unit_,
+                                       rate, unit_, left_s, note);
   if (terminal_)
     std::fputs(("\r\033[K" + line).c_str(), stderr);
   else

@@ -19,8 +19,7 @@ std::array<std::uint32_t, 4> philox4x32(std::array<std::uint32_t, 4> counter, st
   return counter;
 }
 
-RandomStream::RandomStream(std::uint64_t seed, Purpose purpose, std::uint32_t a, std::uint32_t b, std::uint32_t c)
-    : a_(a), b_(b), c_(c) {
+RandomStream::RandomStream(std::uint64_t seed, Purpose purpose, std::uint32_t a, std::uint32_t b, std::uint32_t c) : a_(a), b_(b), c_(c) {
   // Seed and purpose are mixed by one Philox call: seeds that differ in one bit, or purposes that differ by one, give
   // unrelated keys.
   const auto mixed = philox4x32({static_cast<std::uint32_t>(purpose), 0x65617273u, 0x686F74u, 0},

@@ -42,9 +42,7 @@ class RandomStream {
  public:
   RandomStream(std::uint64_t seed, Purpose purpose, std::uint32_t a = 0, std::uint32_t b = 0, std::uint32_t c = 0);
 
-  [[nodiscard]] std::array<std::uint32_t, 4> bits4(std::uint32_t draw) const {
-    return philox4x32({a_, b_, c_, draw}, key_);
-  }
+  [[nodiscard]] std::array<std::uint32_t, 4> bits4(std::uint32_t draw) const { return philox4x32({a_, b_, c_, draw}, key_); }
   [[nodiscard]] std::uint32_t bits(std::uint32_t draw) const { return bits4(draw)[0]; }
   /// Uniform in [0, 1): 24 bits, exactly representable, so the same on every machine.
   [[nodiscard]] float uniform(std::uint32_t draw) const { return to_unit(bits4(draw)[0]); }
@@ -55,9 +53,7 @@ class RandomStream {
   /// Two independent standard normal numbers (Box and Muller 1958).
   [[nodiscard]] std::array<float, 2> normal2(std::uint32_t draw) const;
 
-  [[nodiscard]] static constexpr float to_unit(std::uint32_t word) {
-    return static_cast<float>(word >> 8) * (1.0f / 16777216.0f);
-  }
+  [[nodiscard]] static constexpr float to_unit(std::uint32_t word) { return static_cast<float>(word >> 8) * (1.0f / 16777216.0f); }
 
  private:
   std::array<std::uint32_t, 2> key_;

@@ -11,7 +11,7 @@ namespace earshot {
 
 /// A corner around which shortest paths bend: a border vertex where the surface takes up more than half a turn.
 struct Corner {
-  glm::dvec3 position;        ///< a millimetre off the vertex, inside the surface
+  glm::dvec3 position;           ///< a millimetre off the vertex, inside the surface
   glm::dvec3 wall_in, wall_out;  ///< from the vertex along its two walls, unit, horizontal
   int polygon = 0;
   int island = 0;

@@ -16,9 +16,9 @@ namespace earshot {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr float kReachM = 0.5f;            // how far off the surface a query may be
-constexpr double kOffWallM = 1e-4;         // walks start this far from walls: above the rounding of float positions
-constexpr double kAtCornerM = 0.01;        // an agent this near a corner has reached it
+constexpr float kReachM = 0.5f;      // how far off the surface a query may be
+constexpr double kOffWallM = 1e-4;   // walks start this far from walls: above the rounding of float positions
+constexpr double kAtCornerM = 0.01;  // an agent this near a corner has reached it
 constexpr std::uint32_t kGoal = 0xFFFFFFFFu;
 
 glm::dvec3 off_walls(const Surface& surface, const Located& at) { return surface.off_walls(at.polygon, glm::dvec3(at.point), kOffWallM); }
@@ -49,9 +49,9 @@ struct GeodesicField::Impl {
   Located goal;
   glm::dvec3 goal_start;
   int island;
-  std::vector<double> to_goal_m;       ///< per corner; infinite where the goal cannot be reached
-  std::vector<std::uint32_t> next;     ///< per corner: next corner toward the goal, or kGoal
-  std::vector<std::uint32_t> useful;   ///< corners from which the goal can be reached
+  std::vector<double> to_goal_m;      ///< per corner; infinite where the goal cannot be reached
+  std::vector<std::uint32_t> next;    ///< per corner: next corner toward the goal, or kGoal
+  std::vector<std::uint32_t> useful;  ///< corners from which the goal can be reached
 
   Impl(const Navmesh::Impl& n, const Located& g) : nav(n), graph(n.corners()), goal(g), goal_start(off_walls(n.surface, g)) {
     island = nav.surface.polygons()[goal.polygon].island;

@@ -9,12 +9,12 @@
 namespace earshot {
 namespace {
 
-constexpr float kReachM = 0.5f;        // how far off the surface a caller's point may be
-constexpr float kOnSurfaceM = 1e-4f;   // nearer than this it is on the surface, and its bits are kept
-constexpr double kClearanceM = 1e-4;   // agents stop this far from a wall: far above the rounding of their float position
-constexpr double kStuckM = 3e-4;       // what a blocked move gains below this is rounding: the agent stands still, bit for bit
+constexpr float kReachM = 0.5f;       // how far off the surface a caller's point may be
+constexpr float kOnSurfaceM = 1e-4f;  // nearer than this it is on the surface, and its bits are kept
+constexpr double kClearanceM = 1e-4;  // agents stop this far from a wall: far above the rounding of their float position
+constexpr double kStuckM = 3e-4;      // what a blocked move gains below this is rounding: the agent stands still, bit for bit
 constexpr double kCollisionM = 1e-3;
-constexpr int kMaxWalls = 4;           // met in one move
+constexpr int kMaxWalls = 4;  // met in one move
 
 double flat_length(glm::dvec3 v) { return std::sqrt(v.x * v.x + v.z * v.z); }
 

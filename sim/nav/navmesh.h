@@ -37,8 +37,8 @@ class Navmesh {
   [[nodiscard]] glm::vec3 random_point(const RandomStream& random, std::uint32_t draw) const;
   /// Length of the shortest walkable path; nullopt if there is none (another island).
   [[nodiscard]] std::optional<float> path_length_m(glm::vec3 from, glm::vec3 to) const;
-  [[nodiscard]] float area_m2() const;          ///< of the whole surface, table tops and insides of wardrobes included
-  [[nodiscard]] float main_area_m2() const;     ///< of the island that agents start on
+  [[nodiscard]] float area_m2() const;       ///< of the whole surface, table tops and insides of wardrobes included
+  [[nodiscard]] float main_area_m2() const;  ///< of the island that agents start on
   [[nodiscard]] int num_islands() const;
   [[nodiscard]] const NavmeshConfig& config() const;
 

@@ -33,10 +33,10 @@ class Surface {
   /// How a straight walk ended.
   struct Walk {
     bool arrived = false;
-    int polygon = 0;       ///< where it ended: at its target, or at the wall
-    int wall_edge = kWall; ///< of that polygon, if it was stopped
-    double share = 1;      ///< of the way that was covered; below 0 or 1e-9 if the start was on the wall
-    double length_m = 0;   ///< along the surface, up to the target or the wall; polygons count as flat between their edges
+    int polygon = 0;        ///< where it ended: at its target, or at the wall
+    int wall_edge = kWall;  ///< of that polygon, if it was stopped
+    double share = 1;       ///< of the way that was covered; below 0 or 1e-9 if the start was on the wall
+    double length_m = 0;    ///< along the surface, up to the target or the wall; polygons count as flat between their edges
   };
   /// The straight walk (seen from above) from a point of `polygon`.  Safe on edges and corners: a walk leaves a polygon by the first
   /// edge that it crosses outward, whatever rounding said about where it came in.  About 20 ns per polygon crossed, no allocation.

@@ -18,10 +18,13 @@ namespace {
 const char* floor_material(RoomType type) {
   switch (type) {
     case RoomType::bedroom:
-    case RoomType::office: return "carpet_on_concrete";
+    case RoomType::office:
+      return "carpet_on_concrete";
     case RoomType::kitchen:
-    case RoomType::bathroom: return "ceramic_tiles";
-    default: return "wood_parquet";
+    case RoomType::bathroom:
+      return "ceramic_tiles";
+    default:
+      return "wood_parquet";
   }
 }
 
@@ -171,11 +174,16 @@ HouseConfig parse_house(std::string_view text) {
     }
     const std::size_t equals = std::min(item.find('='), item.size());
     const std::string_view key = item.substr(0, equals), value = item.substr(std::min(equals + 1, item.size()));
-    if (key == "rooms") config.rooms = parse_number<int>(key, value);
-    else if (key == "area_m2") config.area_m2 = parse_number<float>(key, value);
-    else if (key == "height_m") config.height_m = parse_number<float>(key, value);
-    else if (key == "detail_m") config.detail_m = parse_number<float>(key, value);
-    else if (key == "furnished" && (value == "true" || value == "false")) config.furnished = value == "true";
+    if (key == "rooms")
+      config.rooms = parse_number<int>(key, value);
+    else if (key == "area_m2")
+      config.area_m2 = parse_number<float>(key, value);
+    else if (key == "height_m")
+      config.height_m = parse_number<float>(key, value);
+    else if (key == "detail_m")
+      config.detail_m = parse_number<float>(key, value);
+    else if (key == "furnished" && (value == "true" || value == "false"))
+      config.furnished = value == "true";
     else
       throw InputError("house:" + std::string(item), "is not a setting of a house",
                        "use rooms=N, area_m2=A, height_m=H, furnished=true|false or detail_m=D after the seed");

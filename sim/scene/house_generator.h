@@ -11,9 +11,9 @@ namespace earshot {
 /// are "category_index" ("wall_0", "table_3").
 struct HouseConfig {
   std::uint64_t seed = 0;
-  int rooms = 0;             ///< 0: drawn from the seed (4 to 9); 1 to 16
-  float area_m2 = 0;         ///< floor area of all rooms; 0: drawn from the seed (60 to 200); 12 to 400
-  float height_m = 2.7f;     ///< [2.2, 4]
+  int rooms = 0;          ///< 0: drawn from the seed (4 to 9); 1 to 16
+  float area_m2 = 0;      ///< floor area of all rooms; 0: drawn from the seed (60 to 200); 12 to 400
+  float height_m = 2.7f;  ///< [2.2, 4]
   bool furnished = true;
   /// 0: as few triangles as the shapes need.  Otherwise every edge is at most this long, by subdivision, and shelves carry books, sofas and
   /// beds cushions: the triangles of a scan, with the same rooms and furniture as without.  [0.05, 10].

@@ -15,9 +15,7 @@ struct PlanRect {
   [[nodiscard]] int width() const { return x1 - x0; }
   [[nodiscard]] int depth() const { return z1 - z0; }
   [[nodiscard]] std::int64_t area_mm2() const { return static_cast<std::int64_t>(width()) * depth(); }
-  [[nodiscard]] bool overlaps(const PlanRect& other) const {
-    return x0 < other.x1 && other.x0 < x1 && z0 < other.z1 && other.z0 < z1;
-  }
+  [[nodiscard]] bool overlaps(const PlanRect& other) const { return x0 < other.x1 && other.x0 < x1 && z0 < other.z1 && other.z0 < z1; }
   [[nodiscard]] PlanRect grown(int margin) const { return {x0 - margin, z0 - margin, x1 + margin, z1 + margin}; }
 };
 

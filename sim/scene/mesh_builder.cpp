@@ -8,8 +8,8 @@
 #include <glm/geometric.hpp>
 #include <limits>
 
-#include "sim/base/errors.h"
 #include "sim/base/coordinates.h"
+#include "sim/base/errors.h"
 
 namespace earshot {
 

@@ -6,9 +6,9 @@ namespace earshot {
 
 /// Pinhole camera.  Rows go top to bottom, columns left to right, as seen by the agent.
 struct CameraConfig {
-  int width_px = 128, height_px = 128;   ///< width a multiple of 8
-  float horizontal_fov_deg = 90.f;        ///< (1, 179)
-  float height_m = 1.25f;                 ///< above the agent's foot point
+  int width_px = 128, height_px = 128;  ///< width a multiple of 8
+  float horizontal_fov_deg = 90.f;      ///< (1, 179)
+  float height_m = 1.25f;               ///< above the agent's foot point
   float max_depth_m = 10.f;
 };
 void validate(const CameraConfig& config);

@@ -5,13 +5,13 @@
 #include <limits>
 #include <numbers>
 
-#include "sim/acoustics/tracers/bidirectional_tracer.h"
 #include "sim/acoustics/geometry/position_check.h"
 #include "sim/acoustics/paths/transmission.h"
+#include "sim/acoustics/tracers/bidirectional_tracer.h"
 #include "sim/base/errors.h"
 #include "sim/scene/air_sample.h"
-#include "tests/support/late_field.h"
 #include "tests/support/acoustic_engines.h"
+#include "tests/support/late_field.h"
 
 /// Sources and listeners where no one would put them.
 namespace earshot {

@@ -9,15 +9,15 @@
 #include <string>
 #include <vector>
 
-#include "sim/acoustics/geometry/field_grid.h"
-#include "sim/acoustics/source_field/field_image.h"
 #include "sim/acoustics/core/histogram_sum.h"
+#include "sim/acoustics/geometry/field_grid.h"
 #include "sim/acoustics/metrics/late_errors.h"
-#include "sim/acoustics/tracers/listener_ray.h"
 #include "sim/acoustics/metrics/room_metrics.h"
+#include "sim/acoustics/source_field/field_image.h"
+#include "sim/acoustics/tracers/listener_ray.h"
 #include "sim/base/random.h"
-#include "tests/support/late_field.h"
 #include "tests/support/acoustic_engines.h"
+#include "tests/support/late_field.h"
 
 /// How much float would cost, and what is left of it: each quantity against the same in double or long double.  The numbers are in
 /// docs/stability.md; RecordProperty writes them to the XML of a run.

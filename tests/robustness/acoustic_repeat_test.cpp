@@ -4,8 +4,8 @@
 #include <limits>
 
 #include "sim/acoustics/response/temporal_reuse.h"
-#include "tests/support/synthesis_cases.h"
 #include "tests/support/acoustic_engines.h"
+#include "tests/support/synthesis_cases.h"
 
 /// The same bits for the same question, whoever asks, how often, on how many threads, at which scale.
 namespace earshot {

@@ -8,9 +8,9 @@
 #include "sim/acoustics/synthesis/rir_synthesis.h"
 #include "sim/base/config_reader.h"
 #include "sim/base/errors.h"
+#include "tests/support/acoustic_engines.h"
 #include "tests/support/effect_scenes.h"
 #include "tests/support/synthesis_cases.h"
-#include "tests/support/acoustic_engines.h"
 
 /// Counts, rates and lengths at the ends of their ranges.
 namespace earshot {

@@ -8,8 +8,8 @@
 #include <glm/geometric.hpp>
 #include <glm/gtc/quaternion.hpp>
 
-#include "sim/acoustics/response/energy_response.h"
 #include "sim/acoustics/metrics/room_metrics.h"
+#include "sim/acoustics/response/energy_response.h"
 #include "sim/scene/scene_report.h"
 #include "tests/support/late_field.h"
 #include "tests/support/leak_walk.h"

@@ -5,10 +5,10 @@
 #include <cmath>
 #include <glm/geometric.hpp>
 
-#include "sim/acoustics/response/energy_response.h"
 #include "sim/acoustics/paths/transmission.h"
-#include "tests/support/rooms.h"
+#include "sim/acoustics/response/energy_response.h"
 #include "tests/support/mesh_cases.h"
+#include "tests/support/rooms.h"
 
 namespace earshot {
 namespace {

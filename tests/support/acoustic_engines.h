@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
-#include "sim/acoustics/response/energy_response.h"
 #include "sim/acoustics/metrics/room_metrics.h"
+#include "sim/acoustics/response/energy_response.h"
 #include "sim/acoustics/source_field/source_field.h"
 #include "tests/support/rooms.h"
 

@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
+#include "sim/acoustics/metrics/room_metrics.h"
 #include "sim/acoustics/model/effect_plan.h"
 #include "sim/acoustics/response/energy_response.h"
-#include "sim/acoustics/metrics/room_metrics.h"
 #include "sim/scene/air_sample.h"
 #include "tests/support/rooms.h"
 

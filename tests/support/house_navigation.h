@@ -54,8 +54,10 @@ class FreeFloor {
           const glm::vec3 v = mesh.vertices[mesh.triangles[i][c]];
           rect = {std::min(rect.x0, v.x), std::min(rect.z0, v.z), std::max(rect.x1, v.x), std::max(rect.z1, v.z), rect.room};
         }
-      if (starts("floor_")) floors_.push_back(rect);
-      else if (!shell && !starts("rug_")) boxes_.push_back(rect);
+      if (starts("floor_"))
+        floors_.push_back(rect);
+      else if (!shell && !starts("rug_"))
+        boxes_.push_back(rect);
       t += count;
     }
   }

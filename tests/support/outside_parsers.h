@@ -10,8 +10,8 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/scene/mesh_import.h"
-#include "tests/support/test_files.h"
 #include "tests/support/mutate.h"
+#include "tests/support/test_files.h"
 
 namespace earshot {
 

@@ -3,8 +3,8 @@
 #include <array>
 #include <memory>
 
-#include "sim/acoustics/model/acoustic_scene.h"
 #include "sim/acoustics/core/energy_histogram.h"
+#include "sim/acoustics/model/acoustic_scene.h"
 #include "sim/scene/scene.h"
 
 /// Rooms of ORACLES.md.  Its z is up and its walls are x0, x1, y0, y1, z0 (floor), z1 (ceiling); the product's y is up.

@@ -55,7 +55,7 @@ class SharedArray {
 /// Real worker processes.  Fork them before the test has any thread.  Each is killed by an alarm rather than hang.
 class WorkerProcesses {
  public:
-  using Body = std::function<bool(int rank)>;   ///< true: as expected
+  using Body = std::function<bool(int rank)>;  ///< true: as expected
   static constexpr unsigned kAlarm_s = 60;
 
   explicit WorkerProcesses(int count, const Body& body) {
@@ -88,7 +88,8 @@ class WorkerProcesses {
   int wait(int rank) {
     int status = -1;
     pid_t& pid = pids_[static_cast<std::size_t>(rank)];
-    while (::waitpid(pid, &status, 0) < 0 && errno == EINTR) {}
+    while (::waitpid(pid, &status, 0) < 0 && errno == EINTR) {
+    }
     pid = 0;
     return status;
   }

@@ -2,10 +2,10 @@
 
 #include <cstdio>
 
-#include "sim/acoustics/response/energy_response.h"
 #include "sim/acoustics/metrics/room_metrics.h"
-#include "tests/support/late_field.h"
+#include "sim/acoustics/response/energy_response.h"
 #include "tests/support/decay.h"
+#include "tests/support/late_field.h"
 
 // ORACLES O-5: two parallel planes 3.43 m apart, open sides.
 namespace earshot {

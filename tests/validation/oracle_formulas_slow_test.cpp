@@ -4,8 +4,8 @@
 #include <cstdio>
 
 #include "sim/scene/scene_report.h"
-#include "tests/support/late_field.h"
 #include "tests/support/decay.h"
+#include "tests/support/late_field.h"
 #include "tests/support/shoe2.h"
 
 // ORACLES O-14: estimates by formula against the exact decay of Lambert rooms.

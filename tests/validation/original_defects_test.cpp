@@ -12,8 +12,8 @@
 #include "envs/agent_hearing.h"
 #include "sim/acoustics/response/energy_response.h"
 #include "sim/acoustics/synthesis/rir_synthesis.h"
-#include "tests/support/rooms.h"
 #include "tests/support/decay.h"
+#include "tests/support/rooms.h"
 
 // One test per defect that the predecessor had or its users reported (FACTS.md 1.5, 1.6, 2.3, 6.4): each would have caught it.
 namespace earshot {

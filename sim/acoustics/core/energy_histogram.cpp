@@ -61,9 +61,12 @@ void EnergyHistogram::add(float time_s, std::span<const float> energy, std::span
   float* lower = values_.data() + bin * stride;
   const auto deposit = [&](float* cell, float weight) {
     switch (num_coefficients_) {
-      case 1: return add_products<1>(cell, energy, sh.data(), 1, weight);
-      case 4: return add_products<4>(cell, energy, sh.data(), 4, weight);
-      default: return add_products<0>(cell, energy, sh.data(), num_coefficients_, weight);
+      case 1:
+        return add_products<1>(cell, energy, sh.data(), 1, weight);
+      case 4:
+        return add_products<4>(cell, energy, sh.data(), 4, weight);
+      default:
+        return add_products<0>(cell, energy, sh.data(), num_coefficients_, weight);
     }
   };
   deposit(lower, 1.f - upper_weight);

@@ -46,9 +46,7 @@ class PlaneIndex {
  public:
   explicit PlaneIndex(double offset_tolerance_m) : offset_tolerance_m_(offset_tolerance_m) {}
 
-  void insert(glm::dvec3 normal, double offset_m, std::uint32_t plane) {
-    cells_[cell_of(normal)].emplace(offset_m, Entry{normal, plane});
-  }
+  void insert(glm::dvec3 normal, double offset_m, std::uint32_t plane) { cells_[cell_of(normal)].emplace(offset_m, Entry{normal, plane}); }
 
   /// The plane nearest to the facet among those within tolerance; none: 0xFFFFFFFF.
   [[nodiscard]] std::uint32_t find(const Facet& facet) const {
@@ -83,8 +81,8 @@ class PlaneIndex {
         for (int z = low[2]; z <= high[2]; ++z) {
           const auto cell = cells_.find({x, y, z});
           if (cell == cells_.end()) continue;
-          for (auto entry = cell->second.lower_bound(offset_m - slack_m);
-               entry != cell->second.end() && entry->first <= offset_m + slack_m; ++entry) {
+          for (auto entry = cell->second.lower_bound(offset_m - slack_m); entry != cell->second.end() && entry->first <= offset_m + slack_m;
+               ++entry) {
             if (glm::length(entry->second.normal - normal) > kNormalTolerance) continue;
             const double distance_m = std::abs(glm::dot(entry->second.normal, facet.centroid) - entry->first);
             if (distance_m > offset_tolerance_m_) continue;
@@ -130,7 +128,10 @@ MirrorPlanes find_mirror_planes(const TriangleMesh& mesh) {
       index.insert(facet.normal, glm::dot(facet.normal, facet.centroid), plane);
       const double offset_m = glm::dot(facet.normal, facet.centroid + centre);
       constexpr float infinity = std::numeric_limits<float>::infinity();
-      result.planes.push_back({.normal = glm::vec3(facet.normal), .offset_m = static_cast<float>(offset_m), .area_m2 = 0, .material = 0,
+      result.planes.push_back({.normal = glm::vec3(facet.normal),
+                               .offset_m = static_cast<float>(offset_m),
+                               .area_m2 = 0,
+                               .material = 0,
                                .bounds = {glm::vec3(infinity), glm::vec3(-infinity)}});
       area.push_back(0);
     }

@@ -9,11 +9,11 @@
 #include <optional>
 #include <string>
 
-#include "sim/acoustics/model/air_absorption.h"
 #include "sim/acoustics/geometry/diffraction_edges.h"
-#include "sim/acoustics/model/effect_plan.h"
 #include "sim/acoustics/geometry/field_grid.h"
 #include "sim/acoustics/geometry/field_smoothing.h"
+#include "sim/acoustics/model/air_absorption.h"
+#include "sim/acoustics/model/effect_plan.h"
 #include "sim/acoustics/model/reflection_model.h"
 #include "sim/acoustics/model/specular_lobe.h"
 #include "sim/base/denormals.h"

@@ -5,9 +5,9 @@
 #include <span>
 #include <vector>
 
+#include "sim/acoustics/core/acoustic_config.h"
 #include "sim/acoustics/core/bands.h"
 #include "sim/acoustics/geometry/mirror_planes.h"
-#include "sim/acoustics/core/acoustic_config.h"
 #include "sim/scene/scene.h"
 
 namespace earshot {

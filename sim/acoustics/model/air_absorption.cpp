@@ -17,8 +17,7 @@ double air_absorption_db_per_m(const Air& air, double frequency_hz) {
 
   // Relaxation frequencies of oxygen and nitrogen: eqs. 3 and 4.
   const double oxygen_hz = pressure * (24.0 + 4.04e4 * vapour * (0.02 + vapour) / (0.391 + vapour));
-  const double nitrogen_hz = pressure / std::sqrt(ratio) *
-                             (9.0 + 280.0 * vapour * std::exp(-4.170 * (std::pow(ratio, -1.0 / 3.0) - 1.0)));
+  const double nitrogen_hz = pressure / std::sqrt(ratio) * (9.0 + 280.0 * vapour * std::exp(-4.170 * (std::pow(ratio, -1.0 / 3.0) - 1.0)));
 
   // Eq. 5.  8.686 is 20 / ln 10 as the standard rounds it.
   const double f2 = frequency_hz * frequency_hz;

@@ -7,11 +7,11 @@
 #include <limits>
 #include <numbers>
 
+#include "sim/acoustics/geometry/diffraction_edges.h"
 #include "sim/acoustics/model/acoustic_scene.h"
 #include "sim/acoustics/model/air_absorption.h"
-#include "sim/acoustics/geometry/diffraction_edges.h"
-#include "sim/acoustics/paths/early_reflections.h"
 #include "sim/acoustics/model/effect_probe.h"
+#include "sim/acoustics/paths/early_reflections.h"
 #include "sim/base/errors.h"
 
 namespace earshot {

@@ -4,8 +4,8 @@
 #include <glm/vec3.hpp>
 #include <vector>
 
-#include "sim/acoustics/model/acoustic_scene.h"
 #include "sim/acoustics/core/arrival.h"
+#include "sim/acoustics/model/acoustic_scene.h"
 #include "sim/acoustics/paths/edge_growth.h"
 #include "sim/acoustics/paths/edge_path.h"
 

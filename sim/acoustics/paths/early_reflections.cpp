@@ -8,9 +8,9 @@
 #include <numbers>
 
 #include "sim/acoustics/core/sampling.h"
+#include "sim/base/coordinates.h"
 #include "sim/base/denormals.h"
 #include "sim/base/errors.h"
-#include "sim/base/coordinates.h"
 #include "sim/base/random.h"
 
 namespace earshot {

@@ -7,10 +7,10 @@
 #include <span>
 #include <vector>
 
-#include "sim/acoustics/model/acoustic_scene.h"
 #include "sim/acoustics/core/arrival.h"
-#include "sim/acoustics/paths/diffraction_paths.h"
 #include "sim/acoustics/core/sound_source.h"
+#include "sim/acoustics/model/acoustic_scene.h"
+#include "sim/acoustics/paths/diffraction_paths.h"
 
 namespace earshot {
 

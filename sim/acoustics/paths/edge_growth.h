@@ -7,8 +7,8 @@
 #include <tuple>
 #include <vector>
 
-#include "sim/acoustics/model/acoustic_scene.h"
 #include "sim/acoustics/geometry/diffraction_edges.h"
+#include "sim/acoustics/model/acoustic_scene.h"
 #include "sim/acoustics/paths/edge_path.h"
 
 namespace earshot {

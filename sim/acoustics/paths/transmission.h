@@ -7,8 +7,8 @@
 #include <span>
 #include <vector>
 
-#include "sim/acoustics/model/acoustic_scene.h"
 #include "sim/acoustics/core/arrival.h"
+#include "sim/acoustics/model/acoustic_scene.h"
 
 namespace earshot {
 

@@ -9,11 +9,11 @@
 #include <span>
 
 #include "sim/acoustics/model/effect_plan.h"
-#include "sim/acoustics/source_field/source_field.h"
 #include "sim/acoustics/paths/transmission.h"
+#include "sim/acoustics/source_field/source_field.h"
+#include "sim/base/coordinates.h"
 #include "sim/base/denormals.h"
 #include "sim/base/errors.h"
-#include "sim/base/coordinates.h"
 
 namespace earshot {
 namespace {

@@ -5,9 +5,9 @@
 #include <glm/vec3.hpp>
 #include <optional>
 
+#include "sim/acoustics/core/energy_histogram.h"
 #include "sim/acoustics/model/acoustic_scene.h"
 #include "sim/acoustics/paths/early_reflections.h"
-#include "sim/acoustics/core/energy_histogram.h"
 #include "sim/acoustics/response/energy_response.h"
 
 namespace earshot {

@@ -5,8 +5,8 @@
 #include <cstdint>
 #include <span>
 
-#include "sim/acoustics/model/acoustic_scene.h"
 #include "sim/acoustics/core/widening_bins.h"
+#include "sim/acoustics/model/acoustic_scene.h"
 
 /// Layout of a source field's bytes.  Internal to the source field.
 namespace earshot {

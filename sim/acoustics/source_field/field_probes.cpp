@@ -8,10 +8,10 @@
 #include <span>
 #include <utility>
 
-#include "sim/acoustics/metrics/late_errors.h"
-#include "sim/acoustics/tracers/path_tracer.h"
-#include "sim/acoustics/metrics/room_metrics.h"
 #include "sim/acoustics/core/sampling.h"
+#include "sim/acoustics/metrics/late_errors.h"
+#include "sim/acoustics/metrics/room_metrics.h"
+#include "sim/acoustics/tracers/path_tracer.h"
 #include "sim/base/random.h"
 
 namespace earshot {

@@ -4,10 +4,10 @@
 #include <glm/vec3.hpp>
 #include <vector>
 
-#include "sim/acoustics/model/acoustic_scene.h"
 #include "sim/acoustics/core/energy_histogram.h"
 #include "sim/acoustics/geometry/field_grid.h"
 #include "sim/acoustics/geometry/field_smoothing.h"
+#include "sim/acoustics/model/acoustic_scene.h"
 
 namespace earshot {
 

@@ -6,9 +6,9 @@
 #include <span>
 
 #include "sim/acoustics/core/band_sum.h"
+#include "sim/acoustics/core/sampling.h"
 #include "sim/acoustics/tracers/listener_ray.h"
 #include "sim/acoustics/tracers/population_control.h"
-#include "sim/acoustics/core/sampling.h"
 #include "sim/base/random.h"
 
 namespace earshot {

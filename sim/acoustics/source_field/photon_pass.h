@@ -4,9 +4,9 @@
 #include <glm/vec3.hpp>
 #include <vector>
 
+#include "sim/acoustics/geometry/field_grid.h"
 #include "sim/acoustics/model/acoustic_scene.h"
 #include "sim/acoustics/paths/early_reflections.h"
-#include "sim/acoustics/geometry/field_grid.h"
 #include "sim/acoustics/tracers/path_tracer.h"
 
 namespace earshot {
@@ -25,7 +25,8 @@ struct PhotonTracks {
   void clear() { flights.clear(), energy.clear(), crossings.clear(); }
 };
 
-/// Unit of work, of the order of summation, and of error estimates: photons of a chunk are balanced against each other (population_control.h).
+/// Unit of work, of the order of summation, and of error estimates: photons of a chunk are balanced against each other
+/// (population_control.h).
 inline constexpr std::uint32_t kPhotonsPerChunk = 64;
 
 /// Traces chunk number `chunk` of the photons of a source, through mirrors, diffuse reflections and, where the late field is traced through

@@ -7,9 +7,9 @@
 #include <numbers>
 #include <span>
 
+#include "sim/acoustics/geometry/field_smoothing.h"
 #include "sim/acoustics/source_field/field_image.h"
 #include "sim/acoustics/source_field/field_probes.h"
-#include "sim/acoustics/geometry/field_smoothing.h"
 #include "sim/acoustics/source_field/photon_pass.h"
 #include "sim/acoustics/source_field/source_field.h"
 #include "sim/audio/ambisonics.h"

@@ -6,8 +6,8 @@
 #include <span>
 #include <vector>
 
-#include "sim/acoustics/synthesis/band_filters.h"
 #include "sim/acoustics/core/bands.h"
+#include "sim/acoustics/synthesis/band_filters.h"
 #include "sim/acoustics/synthesis/carriers.h"
 #include "sim/audio/hrtf.h"
 

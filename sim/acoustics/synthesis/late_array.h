@@ -16,12 +16,12 @@
 namespace earshot {
 
 /// Late sound at the microphones of an array: plane waves with independent noise from directions spread evenly over the sphere, each with
-/// the delay of its way to a microphone and the gain of that microphone's pattern.  In every slot (late_envelope.h) and band the waves share
-/// the energy as exp(k cos) about its mean direction (von Mises and Fisher), with k from the length of that mean: even in a diffuse field,
-/// positive always, exact in energy.  A diffuse field has the coherence sin(k d) / (k d) between two omnidirectional microphones within
-/// 0.05 up to k d = 13, which is 4 kHz at 0.175 m; farther apart, where it should be near 0, it stays within 0.1 rms. Sums of many noises
-/// cannot be flattened: the T20 of a microphone scatters like that of any noise (ORACLES 2.6, up to 13 % in the lowest octaves of a short
-/// decay), as it does in a real room.
+/// the delay of its way to a microphone and the gain of that microphone's pattern.  In every slot (late_envelope.h) and band the waves
+/// share the energy as exp(k cos) about its mean direction (von Mises and Fisher), with k from the length of that mean: even in a diffuse
+/// field, positive always, exact in energy.  A diffuse field has the coherence sin(k d) / (k d) between two omnidirectional microphones
+/// within 0.05 up to k d = 13, which is 4 kHz at 0.175 m; farther apart, where it should be near 0, it stays within 0.1 rms. Sums of many
+/// noises cannot be flattened: the T20 of a microphone scatters like that of any noise (ORACLES 2.6, up to 13 % in the lowest octaves of a
+/// short decay), as it does in a real room.
 class LateArray {
  public:
   static constexpr int kNumWaves = 96;

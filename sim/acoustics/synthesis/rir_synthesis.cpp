@@ -12,8 +12,8 @@
 #include <optional>
 
 #include "sim/acoustics/synthesis/arrival_spectrum.h"
-#include "sim/acoustics/synthesis/late_array.h"
 #include "sim/acoustics/synthesis/binaural_late_tail.h"
+#include "sim/acoustics/synthesis/late_array.h"
 #include "sim/acoustics/synthesis/late_synthesis.h"
 #include "sim/acoustics/synthesis/synthesis_tables.h"
 #include "sim/audio/ambisonics.h"

@@ -6,8 +6,8 @@
 #include <span>
 #include <vector>
 
-#include "sim/acoustics/synthesis/late_envelope.h"
 #include "sim/acoustics/response/energy_response.h"
+#include "sim/acoustics/synthesis/late_envelope.h"
 #include "sim/audio/hrtf.h"
 #include "sim/audio/listener_layout.h"
 #include "sim/audio/listener_orientation.h"

@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "sim/acoustics/synthesis/band_filters.h"
-#include "sim/acoustics/synthesis/carriers.h"
 #include "sim/acoustics/synthesis/binaural_noise.h"
+#include "sim/acoustics/synthesis/carriers.h"
 #include "sim/acoustics/synthesis/rir_synthesis.h"
 #include "sim/audio/complex_fft.h"
 

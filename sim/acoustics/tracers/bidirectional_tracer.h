@@ -5,9 +5,9 @@
 #include <span>
 #include <vector>
 
+#include "sim/acoustics/core/energy_histogram.h"
 #include "sim/acoustics/model/acoustic_scene.h"
 #include "sim/acoustics/paths/early_reflections.h"
-#include "sim/acoustics/core/energy_histogram.h"
 #include "sim/acoustics/tracers/path_tracer.h"
 
 namespace earshot {

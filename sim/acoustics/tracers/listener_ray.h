@@ -9,11 +9,11 @@
 #include <span>
 
 #include "sim/acoustics/core/band_sum.h"
-#include "sim/acoustics/tracers/path_tracer.h"
-#include "sim/acoustics/model/reflection_model.h"
 #include "sim/acoustics/core/sampling.h"
-#include "sim/acoustics/tracers/source_volume.h"
+#include "sim/acoustics/model/reflection_model.h"
 #include "sim/acoustics/paths/transmission.h"
+#include "sim/acoustics/tracers/path_tracer.h"
+#include "sim/acoustics/tracers/source_volume.h"
 #include "sim/base/random.h"
 
 /// One listener ray of the path tracer, from vertex to vertex.  Internal to path_tracer.cpp; its equations are those of ORACLES 2.1 to 2.5.

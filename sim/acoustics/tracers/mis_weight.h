@@ -20,7 +20,7 @@
 namespace earshot::mis {
 
 inline constexpr int kMaxSourceBounces = 60;
-inline constexpr double kLeastCosine = 1e-7;  // grazing: quotients stay finite
+inline constexpr double kLeastCosine = 1e-7;    // grazing: quotients stay finite
 inline constexpr double kLeastLength2 = 1e-24;  // m^2, of a ray that starts on the surface that it meets: likewise
 
 /// How many samples each strategy gets, relative to one per listener vertex.

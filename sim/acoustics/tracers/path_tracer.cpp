@@ -11,9 +11,9 @@
 #include <vector>
 
 #include "sim/acoustics/core/histogram_sum.h"
+#include "sim/acoustics/core/sampling.h"
 #include "sim/acoustics/tracers/listener_ray.h"
 #include "sim/acoustics/tracers/population_control.h"
-#include "sim/acoustics/core/sampling.h"
 #include "sim/acoustics/tracers/source_volume.h"
 #include "sim/audio/ambisonics.h"
 #include "sim/base/denormals.h"

@@ -3,9 +3,9 @@
 #include <cstdint>
 #include <glm/vec3.hpp>
 
+#include "sim/acoustics/core/energy_histogram.h"
 #include "sim/acoustics/model/acoustic_scene.h"
 #include "sim/acoustics/paths/early_reflections.h"
-#include "sim/acoustics/core/energy_histogram.h"
 
 namespace earshot {
 

@@ -7,8 +7,8 @@
 #include <span>
 
 #include "sim/acoustics/core/band_sum.h"
-#include "sim/acoustics/model/reflection_model.h"
 #include "sim/acoustics/core/sampling.h"
+#include "sim/acoustics/model/reflection_model.h"
 #include "sim/acoustics/model/specular_lobe.h"
 #include "sim/acoustics/paths/transmission.h"
 #include "sim/rays/embree_scene.h"

@@ -6,8 +6,8 @@
 #include <glm/vec3.hpp>
 #include <limits>
 
-#include "sim/acoustics/model/acoustic_scene.h"
 #include "sim/acoustics/core/sampling.h"
+#include "sim/acoustics/model/acoustic_scene.h"
 
 /// The sphere around a source in which paths are caught that no connection can see.
 namespace earshot {

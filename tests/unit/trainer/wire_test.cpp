@@ -47,7 +47,7 @@ TEST(Wire, ForgedLengthsDoNotAllocate) {
   const std::string huge_list("\xdd\xff\xff\xff\xff", 5), huge_text("\x96\x01\xdb\xff\xff\xff\xff", 7);
   EXPECT_THROW(decode<Hello>(huge_list), WireError);
   EXPECT_THROW(decode<Hello>(huge_text), WireError);
-  EXPECT_THROW(decode<Hello>(std::string(1000, '\x91')), WireError);             // nested deeper than any message
+  EXPECT_THROW(decode<Hello>(std::string(1000, '\x91')), WireError);  // nested deeper than any message
   EXPECT_THROW(decode<Hello>(std::string(kMaxControlBytes + 1, '\x01')), WireError);
 }
 
@@ -81,7 +81,7 @@ TEST(Wire, ImpossibleHeadersAreRefused) {
   FrameHeader bad = good;
   bad.length = kChunkBytes + 1, bad.total = 1u << 30;
   EXPECT_TRUE(refused(bad));
-  bad = good, bad.offset = 4901;   // offset + length = 5001 > total
+  bad = good, bad.offset = 4901;  // offset + length = 5001 > total
   EXPECT_TRUE(refused(bad));
   bad = good, bad.offset = ~std::uint64_t{0};
   EXPECT_TRUE(refused(bad));
@@ -89,9 +89,9 @@ TEST(Wire, ImpossibleHeadersAreRefused) {
   EXPECT_TRUE(refused(bad));
   auto bytes = encode_header(good);
   EXPECT_THROW(decode_header(std::span(bytes).first(63)), WireError);
-  bytes[0] ^= std::byte{1};        // magic
+  bytes[0] ^= std::byte{1};  // magic
   EXPECT_THROW(decode_header(bytes), WireError);
-  bytes[0] ^= std::byte{1}, bytes[4] ^= std::byte{8};   // version
+  bytes[0] ^= std::byte{1}, bytes[4] ^= std::byte{8};  // version
   EXPECT_THROW(decode_header(bytes), WireError);
 }
 

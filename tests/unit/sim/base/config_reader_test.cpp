@@ -105,7 +105,8 @@ TEST(ConfigReader, TextIsUtf8OrRefused) {
   }
   EXPECT_THAT(message_of([&] { ConfigReader::from_text("n: x\n", "run.yaml", {"n=\xFF"}); }), HasSubstr("is not UTF-8 text"));
   for (const std::string escape : {"\\N", "\\_"}) {
-    EXPECT_THAT(message_of([&] { ConfigReader::from_text("n: \"a" + escape + "\"\n", "run.yaml"); }), HasSubstr("cannot be written")) << escape;
+    EXPECT_THAT(message_of([&] { ConfigReader::from_text("n: \"a" + escape + "\"\n", "run.yaml"); }), HasSubstr("cannot be written"))
+        << escape;
   }
 }
 

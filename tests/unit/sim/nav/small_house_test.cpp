@@ -32,7 +32,7 @@ class SmallHouse : public ::testing::Test {
 };
 
 TEST_F(SmallHouse, MostOfTheFloorIsOneIsland) {
-  EXPECT_GT(nav_->main_area_m2(), 100.f);      // of 209 m2 outline, less walls, furniture and the agent's radius
+  EXPECT_GT(nav_->main_area_m2(), 100.f);  // of 209 m2 outline, less walls, furniture and the agent's radius
   EXPECT_LT(nav_->main_area_m2(), 19.f * 11.f);
 }
 

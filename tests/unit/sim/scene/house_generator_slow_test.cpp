@@ -23,8 +23,10 @@ TEST(HouseGeneratorSlow, EverySeedGivesAHouse) {
     for (const auto& [rooms, area_m2] : settings) {
       const TriangleMesh mesh = generate_house({.seed = seed, .rooms = rooms, .area_m2 = area_m2});
       const int num_rooms = count_objects(mesh, "floor_");
-      if (rooms > 0) EXPECT_EQ(num_rooms, rooms) << seed;
-      else EXPECT_TRUE(num_rooms >= 4 && num_rooms <= 9) << seed;
+      if (rooms > 0)
+        EXPECT_EQ(num_rooms, rooms) << seed;
+      else
+        EXPECT_TRUE(num_rooms >= 4 && num_rooms <= 9) << seed;
       EXPECT_GE(count_objects(mesh, "doorframe_"), num_rooms - 1) << seed;
     }
   }

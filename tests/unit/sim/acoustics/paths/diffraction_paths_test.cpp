@@ -9,8 +9,8 @@
 #include <filesystem>
 #include <numbers>
 
-#include "sim/acoustics/response/energy_response.h"
 #include "sim/acoustics/metrics/room_metrics.h"
+#include "sim/acoustics/response/energy_response.h"
 #include "sim/base/random.h"
 #include "sim/scene/scene.h"
 #include "tests/support/rooms.h"

@@ -207,9 +207,9 @@ TEST(ImagePaths, HalfSpaceO7) {
   struct Case {
     double source_height_m, listener_height_m, distance_m, absorption, r1, r2, a1, a2;
   };
-  for (const Case& c : {Case{1.5, 1.5, 10, 0, 10, 10.44031, 0.00795775, 0.00762214},
-                        Case{2.0, 1.2, 25, 0.3, 25.0128, 25.20397, 0.00318147, 0.00264162},
-                        Case{1.5, 1.5, 3, 0.05, 3, 4.242641, 0.0265258, 0.0182817}}) {
+  for (const Case& c :
+       {Case{1.5, 1.5, 10, 0, 10, 10.44031, 0.00795775, 0.00762214}, Case{2.0, 1.2, 25, 0.3, 25.0128, 25.20397, 0.00318147, 0.00264162},
+        Case{1.5, 1.5, 3, 0.05, 3, 4.242641, 0.0265258, 0.0182817}}) {
     const AcousticScene scene(rooms::half_space(c.absorption, 0), early_config(3));
     const auto arrivals = arrivals_in(scene, rooms::point(0, 0, c.source_height_m), rooms::point(c.distance_m, 0, c.listener_height_m));
     ASSERT_EQ(arrivals.size(), 2u);
@@ -266,9 +266,9 @@ TEST(ImagePaths, FinitePanelEndsItsReflection) {
   rooms::append_quad(mesh, {glm::vec3(-1, 0, -1), {1, 0, -1}, {1, 0, 1}, {-1, 0, 1}}, 0);
   const AcousticScene scene(rooms::scene_of(mesh, {Material::uniform("panel", 0.f, 0.f)}), early_config(2));
   EXPECT_EQ(arrivals_in(scene, {-0.5f, 1, 0}, {0.5f, 1, 0}).size(), 2u);
-  EXPECT_EQ(arrivals_in(scene, {-0.5f, 1, 0}, {4.f, 1, 0}).size(), 1u);   // mirror point at x = 1.75, past the panel
-  EXPECT_EQ(arrivals_in(scene, {-0.5f, 1, 0}, {0.5f, -1, 0}).size(), 0u);  // behind the panel: hidden, and no mirror either
-  EXPECT_EQ(arrivals_in(scene, {-0.5f, -1, 0}, {0.5f, -1, 0}).size(), 2u); // the back side mirrors too
+  EXPECT_EQ(arrivals_in(scene, {-0.5f, 1, 0}, {4.f, 1, 0}).size(), 1u);     // mirror point at x = 1.75, past the panel
+  EXPECT_EQ(arrivals_in(scene, {-0.5f, 1, 0}, {0.5f, -1, 0}).size(), 0u);   // behind the panel: hidden, and no mirror either
+  EXPECT_EQ(arrivals_in(scene, {-0.5f, -1, 0}, {0.5f, -1, 0}).size(), 2u);  // the back side mirrors too
 }
 
 TEST(ImagePaths, FurnishedRoomsNeedNoExhaustiveSearch) {

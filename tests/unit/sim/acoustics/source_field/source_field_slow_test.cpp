@@ -8,11 +8,11 @@
 #include <numbers>
 #include <vector>
 
-#include "sim/acoustics/tracers/bidirectional_tracer.h"
 #include "sim/acoustics/metrics/late_errors.h"
-#include "sim/acoustics/response/energy_response.h"
 #include "sim/acoustics/metrics/room_metrics.h"
+#include "sim/acoustics/response/energy_response.h"
 #include "sim/acoustics/source_field/source_field.h"
+#include "sim/acoustics/tracers/bidirectional_tracer.h"
 #include "sim/base/random.h"
 #include "sim/scene/air_sample.h"
 #include "sim/scene/scene.h"

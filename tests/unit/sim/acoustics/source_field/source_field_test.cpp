@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "sim/acoustics/geometry/field_grid.h"
-#include "sim/acoustics/response/energy_response.h"
 #include "sim/acoustics/metrics/room_metrics.h"
+#include "sim/acoustics/response/energy_response.h"
 #include "sim/audio/ambisonics.h"
 #include "sim/base/errors.h"
 #include "tests/support/late_field.h"

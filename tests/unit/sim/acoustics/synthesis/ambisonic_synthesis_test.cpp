@@ -6,8 +6,8 @@
 #include "sim/acoustics/synthesis/rir_synthesis.h"
 #include "sim/audio/harmonic_rotation.h"
 #include "sim/base/errors.h"
-#include "tests/support/synthesis_cases.h"
 #include "tests/support/harmonic_table.h"
+#include "tests/support/synthesis_cases.h"
 
 namespace earshot {
 namespace {

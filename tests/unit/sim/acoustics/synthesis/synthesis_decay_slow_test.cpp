@@ -2,8 +2,8 @@
 
 #include <array>
 
-#include "sim/acoustics/synthesis/rir_synthesis.h"
 #include "sim/acoustics/metrics/room_metrics.h"
+#include "sim/acoustics/synthesis/rir_synthesis.h"
 #include "tests/support/synthesis_cases.h"
 
 namespace earshot {

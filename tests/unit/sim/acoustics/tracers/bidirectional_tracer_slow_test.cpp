@@ -5,10 +5,10 @@
 #include <limits>
 #include <vector>
 
-#include "sim/acoustics/tracers/bidirectional_tracer.h"
 #include "sim/acoustics/metrics/late_errors.h"
-#include "sim/acoustics/response/energy_response.h"
 #include "sim/acoustics/metrics/room_metrics.h"
+#include "sim/acoustics/response/energy_response.h"
+#include "sim/acoustics/tracers/bidirectional_tracer.h"
 #include "sim/audio/directivity.h"
 #include "tests/support/bidirectional_field.h"
 #include "tests/support/late_field.h"

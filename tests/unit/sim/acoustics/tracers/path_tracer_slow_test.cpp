@@ -3,9 +3,9 @@
 #include <cmath>
 #include <vector>
 
-#include "sim/acoustics/tracers/path_tracer.h"
-#include "sim/acoustics/response/energy_response.h"
 #include "sim/acoustics/metrics/room_metrics.h"
+#include "sim/acoustics/response/energy_response.h"
+#include "sim/acoustics/tracers/path_tracer.h"
 #include "tests/support/late_field.h"
 #include "tests/support/rooms.h"
 
