@@ -11,7 +11,9 @@ target_compile_options(project_flags INTERFACE
   # C++14 has it; clang asks.
   $<$<CXX_COMPILER_ID:Clang>:-fsized-deallocation>
   # a*b+c must round the same way in every translation unit and on every machine: results are promised bit for bit.
-  -ffp-contract=off)
+  -ffp-contract=off
+  # Messages of failed expectations name files from the root of the repository.
+  -fmacro-prefix-map=${PROJECT_SOURCE_DIR}/=)
 target_include_directories(project_flags INTERFACE ${PROJECT_SOURCE_DIR} ${PROJECT_BINARY_DIR}/generated)
 
 if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64" AND EARSHOT_ARCH)

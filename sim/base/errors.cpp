@@ -1,5 +1,8 @@
 #include "sim/base/errors.h"
 
+#include <cstdio>
+#include <cstdlib>
+
 namespace earshot {
 namespace {
 
@@ -22,5 +25,10 @@ InputError::InputError(std::string_view where, std::string_view what, std::strin
     : std::runtime_error(joined(where, what, remedy)) {}
 
 RunError::RunError(std::string_view where, std::string_view what) : std::runtime_error(joined(where, what, "")) {}
+
+void expectation_failed(const char* condition, const char* file, int line) noexcept {
+  std::fprintf(stderr, "%s:%d: expected %s\n", file, line, condition);
+  std::abort();
+}
 
 }  // namespace earshot

@@ -33,12 +33,11 @@ void require(bool ok, std::string_view key, const T& value, std::string_view rul
   throw InputError(shown.str(), rule, "correct it in the config file or on the command line");
 }
 
+/// Writes "FILE:LINE: expected CONDITION" to stderr and aborts.
+[[noreturn]] void expectation_failed(const char* condition, const char* file, int line) noexcept;
+
 }  // namespace earshot
 
-/// A caller's bug.  Checked in debug builds; the message names the condition.
-#ifdef NDEBUG
-#define EARSHOT_EXPECT(condition) static_cast<void>(0)
-#else
-#include <cassert>
-#define EARSHOT_EXPECT(condition) assert(condition)
-#endif
+/// A caller's bug: ends the process with a line that names the condition and the place.  Checked in every build: the conditions compare
+/// sizes at the head of functions, 1 part in 10^4 of the instructions of a response.
+#define EARSHOT_EXPECT(condition) ((condition) ? static_cast<void>(0) : ::earshot::expectation_failed(#condition, __FILE__, __LINE__))
