@@ -5,7 +5,7 @@ set -euo pipefail
 # name=version: the versions Earshot is tested with.  A point release of Debian may have replaced one of them by a security fix;
 # then the newest of the same package is taken, and said.
 packages=(
-  g++ cmake ninja-build pkg-config ccache git ca-certificates
+  g++ cmake ninja-build ccache git ca-certificates
   libembree-dev=3.13.5+dfsg-2
   libassimp-dev=5.2.5~ds0-1+b1
   librecast-dev=1.5.1+git20210215.e75adf8-1+b1
@@ -14,6 +14,7 @@ packages=(
   libtorch-dev=1.13.1+dfsg-4
   libopenblas0-pthread=0.3.21+ds-4
   libzmq3-dev=4.3.4-6
+  cppzmq-dev=4.9.0-1
   libmsgpack-cxx-dev=4.1.3-1
   libtbb-dev=2021.8.0-2+deb12u1
   libmysofa-dev=1.3.1~dfsg0-1
@@ -32,6 +33,8 @@ packages=(
   libbenchmark-dev=1.7.1-1
   clang-14=1:14.0.6-12
   libclang-rt-14-dev=1:14.0.6-12
+  clang-format-14=1:14.0.6-12
+  mold=1.10.1+dfsg-1
 )
 
 as_root() { if [ "$(id -u)" -eq 0 ]; then "$@"; else sudo "$@"; fi; }

@@ -1,0 +1,35 @@
+#!/usr/bin/env bash
+# Fails if a header that the sources include by <...> belongs to no package of scripts/setup.sh, or a package that CMake names to the user is not
+# in scripts/setup.sh.  Ends with 77 (skipped) where dpkg is not the package manager.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+command -v dpkg-query >/dev/null || exit 77
+
+# Packages that setup.sh names, and those that g++ brings.
+listed=$(sed -nE '/^packages=\(/,/^\)/s/^ +([^=]+)(=.*)?$/\1/p' scripts/setup.sh | tr ' ' '\n' | sed 's/=.*//' | sort -u)
+compiler='^(libc6-dev|linux-libc-dev|libstdc\+\+-[0-9]+-dev|libgcc-[0-9]+-dev)$'
+failed=0
+complain() { echo "check_dependencies: $*" >&2; failed=1; }
+
+for package in $(sed -nE '/^set\(EARSHOT_HEADERS_/,/\)$/p; /list\(APPEND headers/p' cmake/EarshotDependencies.cmake cmake/dependencies.cmake |
+                 grep -oE '[a-z0-9+-]+-dev' | sort -u); do
+  grep -qx "$package" <<<"$listed" || complain "cmake names $package, which scripts/setup.sh does not install"
+done
+
+# Where the compiler looks, and the folders that CMake adds.
+folders=$(LC_ALL=C g++ -xc++ -E -v /dev/null 2>&1 >/dev/null | sed -n '/^#include </,/^End/s/^ //p')
+folders+=" /usr/include/recastnavigation /usr/include/torch/csrc/api/include"
+
+declare -A header_of  # by the file's path
+# Headers of the C++ library have neither folder nor ending.
+for header in $(git ls-files '*.h' '*.cpp' | xargs grep -hoE '^ *# *include *<[^>]+[./][^>]*>' | sed -E 's/.*<(.*)>/\1/' | sort -u); do
+  file=
+  for folder in $folders; do if [ -f "$folder/$header" ]; then file=$(realpath "$folder/$header"); break; fi; done
+  if [ -n "$file" ]; then header_of[$file]=$header; else complain "no installed package has <$header>"; fi
+done
+while IFS=: read -r package file; do
+  package=${package%%:*} file=${file##* }
+  grep -qxE "$compiler" <<<"$package" || grep -qxF "$package" <<<"$listed" ||
+    complain "<${header_of[$file]:-$file}> is in $package, which scripts/setup.sh does not install"
+done < <(dpkg-query -S "${!header_of[@]}" | grep -v '^diversion' | sed -E 's/^([^:]+)(:[a-z0-9]+)?: /\1:/')
+exit "$failed"
