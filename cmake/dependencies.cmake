@@ -4,6 +4,8 @@ include(${CMAKE_CURRENT_LIST_DIR}/EarshotDependencies.cmake)
 set(parts sim envs)
 if(EARSHOT_BUILD_TRAINING)
   list(APPEND parts policy trainer)
+elseif(EARSHOT_FUZZ)
+  list(APPEND parts trainer)  # the messages between workers are among what is fuzzed
 endif()
 set(headers "")
 foreach(part IN LISTS parts)
