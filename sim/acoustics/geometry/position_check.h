@@ -6,9 +6,9 @@
 
 namespace earshot {
 
-/// Tells points inside walls and furniture from points of the air (ORACLES H-15).  Five rays vote: inside a solid the nearest faces show
-/// the side that they turn away from the air.  Which side that is, points of the air say (air_sample.h), so rooms modelled as shells and as
-/// the inside of boxes both work.  A scene whose windings are mixed tells nothing: then no point counts as inside.
+/// Tells points inside walls and furniture from points of the air (docs/stability.md, H-15).  Five rays vote: inside a solid the nearest
+/// faces show the side that they turn away from the air.  Which side that is, points of the air say (air_sample.h), so rooms modelled as
+/// shells and as the inside of boxes both work.  A scene whose windings are mixed tells nothing: then no point counts as inside.
 class PlaceCheck {
  public:
   /// Keeps a reference.  About 0.1 s for 150,000 triangles.

@@ -10,7 +10,7 @@
 
 namespace earshot {
 
-/// Is there a decay time, and if not, why (ORACLES H-75)?
+/// Is there a decay time, and if not, why (docs/stability.md, H-75)?
 enum class DecayVerdict : std::uint8_t {
   measured,          ///< rt60_s exists
   silent,            ///< nothing arrives, or nothing finite
@@ -48,7 +48,7 @@ void energy_decay_curve(std::span<const double> energy, std::span<double> edc);
 ///  - EDT: the first 10 dB after the direct step.
 ///  - A response that stops before it has decayed bends its curve down.  The level of what is missing is estimated from the energy at
 ///    the end and its rate of decay over the second half; a range is only fitted if it ends 10 dB above that level, which
-///    keeps the bias below 1 % for T30, 2 % for T20 and 4 % for EDT (ORACLES O-25).
+///    keeps the bias below 1 % for T30, 2 % for T20 and 4 % for EDT (docs/oracles.md, O-25).
 ///  - Fewer than three points of the curve in the range, or a curve that does not fall: nullopt.
 /// C50, C80, D50: energy at the limit or after it is late.  DRR, C50 and C80 are nullopt where a side is zero.
 BandMetrics measure_band(std::span<const double> energy, double bin_s, double direct_energy);
@@ -58,7 +58,7 @@ BandMetrics measure_band(std::span<const double> energy, double bin_s, double di
 /// are continuous through a shadow boundary; in sight, what is diffracted within 2.5 ms belongs to the direct sound.
 RoomMetrics measure(const AcousticScene& scene, const EnergyResponse& response);
 /// From one channel of a rendered RIR: zero-phase octave filters, energies in 1 ms windows.  The direct sound is what lies within 2.5 ms of
-/// `direct_delay_s`.  Shorter than 16 / bandwidth a decay is that of the filter (ORACLES O-25).
+/// `direct_delay_s`.  Shorter than 16 / bandwidth a decay is that of the filter (docs/oracles.md, O-25).
 RoomMetrics measure(std::span<const float> rir, float sample_rate_hz, double direct_delay_s);
 
 /// The same of channel 0 of a RIR; with two channels the correlation between them is added.

@@ -23,7 +23,7 @@ constexpr double kShortestRirS = 0.1, kShortestHorizonS = 1.5, kLongestRirS = 4.
 constexpr double kPosesOfASource = 300;
 /// Rays for 5 % error of T30, one diffuse room; they grow with the inverse cube of the share of the air that a point sees: 10, 80, 640 and
 /// 1250 for shares of 1, 1/2, 1/4 and 1/5, against 10 in a room, 100 to 1300 in two coupled ones and 900 to 2100 in an apartment that were
-/// measured (ORACLES 2.10).
+/// measured (docs/estimators.md, section 10).
 constexpr double kRaysOfARoom = 10;
 /// A field costs memory and blurs cells: it must be this much cheaper.
 constexpr double kFieldGain = 2;
@@ -103,7 +103,8 @@ class Planner {
     const double ends_db = longest_s > 0 ? kProbedFallDb * plan_.rir_length_s / longest_s : 1e3;
     const std::string decay =
         longest_s > 0 ? fmt::format("the slowest band falls by {:.0f} dB within {:.2f} s", kProbedFallDb, longest_s) : "nothing comes back";
-    // An exponential decay is cut off 60 dB down: that moves T30 by less than the 0.85 % of a cut at -45 dB (ORACLES 3.1).
+    // An exponential decay is cut off 60 dB down: that moves T30 by less than the 0.85 % of a cut at -45 dB (docs/estimators.md, section
+    // 12).
     if (automatic) {
       const bool capped = wanted_s > kLongestRirS;
       const double saved = trace_ms(all_rays(), kLongestRirS) - late_ms();
@@ -177,8 +178,8 @@ class Planner {
     }
     const DiffractionBudget budget(config_);
     if (budget.near_boundary_only) {
-      // One edge so far from its shadow boundary changes the direct sound of the lowest octave by 1.25 dB (ORACLES 3.3 at v = -1).  Many
-      // together are held to four times its energy, twice its amplitude: 20 log10(1 + 2).
+      // One edge so far from its shadow boundary changes the direct sound of the lowest octave by 1.25 dB (docs/estimators.md, section 14,
+      // v = -1).  Many together are held to four times its energy, twice its amplitude: 20 log10(1 + 2).
       add("diffraction", true, "where blocked, or nearly", 20.0 * std::log10(3.0), "dB", BoundKind::traded, 0,
           "in line of sight only near shadow boundaries; without an edge beyond, the direct sound of the lowest band changes by at most "
           "1.25 dB, "
@@ -290,7 +291,7 @@ class Planner {
     for (int b = 0; b < scene_.num_bands(); ++b) {
       const auto band = static_cast<std::size_t>(b);
       const double loss_db = 10.0 / std::numbers::ln10 * air_per_m_[band] * longest_m;
-      // 1/T = 1/T0 + m c / (6 ln 10) (ORACLES O-16).
+      // 1/T = 1/T0 + m c / (6 ln 10) (docs/oracles.md, O-16).
       const double rt_share = air_per_m_[band] * speed / (6.0 * std::numbers::ln10) * probe_.decay_s[band] * 60.0 / kProbedFallDb;
       const bool matters = loss_db > kEffectBudgetDb || !(rt_share < kEffectBudgetRt);
       plan_.air[band] = config_.air_absorption == Switch::on || (config_.air_absorption == Switch::automatic && matters);

@@ -15,8 +15,8 @@ namespace earshot {
 class AcousticScene;
 class EarlyCandidates;
 
-/// What leaving an effect out may change: 0.1 dB in the energy of any band at every time down to -45 dB, and 1 % of RT60 (ORACLES 3.1: a
-/// tenth and a fifth of what is just heard).
+/// What leaving an effect out may change: 0.1 dB in the energy of any band at every time down to -45 dB, and 1 % of RT60
+/// (docs/estimators.md, section 12: a tenth and a fifth of what is just heard).
 inline constexpr double kEffectBudgetDb = 0.1, kEffectBudgetRt = 0.01;
 /// The share of energy that changes a level by the budget, 10^0.01 - 1: -16.3 dB.
 inline constexpr double kEffectBudgetShare = 0.023293;

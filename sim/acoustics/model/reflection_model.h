@@ -8,7 +8,7 @@
 
 namespace earshot {
 
-/// What a surface does with the energy that meets it, per band, as the bidirectional tracer sees it (ORACLES 2.3, 2.5):
+/// What a surface does with the energy that meets it, per band, as the bidirectional tracer sees it (docs/estimators.md, sections 3 and 5):
 ///   kept = 1 - alpha + tau; of the kept energy the share diffuse = (1 - alpha) s / kept leaves after Lambert, specular = (1 - alpha)(1 -
 ///   s) / kept as from a mirror or in a lobe, transmitted = tau / kept goes straight on.
 /// Rows are scene.padded_bands() long and end in zeros.

@@ -18,7 +18,7 @@ namespace earshot {
 ///  - arrivals that are kept: one per 8 rays, at least 4, at most config.diffraction_paths (fast: 8), since each is filtered in synthesis;
 ///  - with fewer than 512 rays, listeners in line of sight get single edges near their shadow boundary only: those with a detour of at most
 ///    a quarter of a wave at the centre of the lowest band (v = -1 there, where an octave changes by 1.25 dB, and the less the higher the
-///    band: ORACLES 3.3), so that no level jumps by 6 dB where sight begins.
+///    band: docs/estimators.md, section 14), so that no level jumps by 6 dB where sight begins.
 /// CPU time per pose at preset fast: 0.06 ms in house:1,rooms=9 (1,222 edges), 0.07 ms in a furnished house of 145,597 triangles and 6,553
 /// edges; with sight less.  Per source 7 and 11 ms.
 struct DiffractionBudget {
@@ -32,8 +32,8 @@ struct DiffractionBudget {
 /// Edge sequences by which sound of one source position may go round corners.  Immutable; shared by every listener pose of that source.
 ///
 /// Sequences of one edge are those in sight of the source.  Longer ones are grown best first (least estimated loss) over edges in sight of
-/// each other, within a bounded number of expansions (ORACLES H-68); Kurze-Anderson losses at 500 Hz rank and cull, never set an amplitude.
-/// Left out: paths that mix reflections and edges, edges in a row with a detour of more than two half waves (at 500 Hz) on the
+/// each other, within a bounded number of expansions (docs/stability.md, H-68); Kurze-Anderson losses at 500 Hz rank and cull, never set an
+/// amplitude. Left out: paths that mix reflections and edges, edges in a row with a detour of more than two half waves (at 500 Hz) on the
 /// lit side, rims of one sheet in a row.
 class DiffractionCandidates {
  public:

@@ -32,12 +32,13 @@ struct WallCrossing {
 
 /// The object that begins at `hit`, the nearest hit of the ray (origin, direction).  `direction` is unit.
 ///
-/// Transmission belongs to the object, not to its faces, so that a sheet and a box of the same wall let the same energy through (ORACLES
-/// O-22).  The next hit along the ray is the far face of the same wall if it has the opposite winding, a material of the same name and
-/// coefficients, and either a normal within 11 degrees and a distance of at most kMaxWallThicknessM across the wall, or, where the windings
-/// point outward (corners and ends of walls), a distance of at most kMaxWallThicknessM along the ray.  Everything else is a sheet.  Where
-/// three faces alternate, a pair whose windings point outward is a wall before one whose windings point inward, from either side of the
-/// ray.  Triangles that coincide are passed together (ORACLES H-5).  Cost: one ray, two for a wall whose windings point inward.
+/// Transmission belongs to the object, not to its faces, so that a sheet and a box of the same wall let the same energy through
+/// (docs/oracles.md, O-22).  The next hit along the ray is the far face of the same wall if it has the opposite winding, a material of the
+/// same name and coefficients, and either a normal within 11 degrees and a distance of at most kMaxWallThicknessM across the wall, or,
+/// where the windings point outward (corners and ends of walls), a distance of at most kMaxWallThicknessM along the ray.  Everything else
+/// is a sheet.  Where three faces alternate, a pair whose windings point outward is a wall before one whose windings point inward, from
+/// either side of the ray.  Triangles that coincide are passed together (docs/stability.md, H-5).  Cost: one ray, two for a wall whose
+/// windings point inward.
 WallCrossing cross_wall(const AcousticScene& scene, glm::vec3 direction, const Hit& hit);
 
 /// Energy share that passes, per band: tau of the material once, times 10^(-damping * inside_m / 10).  share: [num_bands], multiplied by
@@ -46,7 +47,7 @@ void transmit(const AcousticScene& scene, const WallCrossing& crossing, std::spa
 /// What the crossing adds to a path counted in metres of air: inside_m (c / c_inside - 1); 0 without a speed of the material's own.
 float extra_path_m(const AcousticScene& scene, const WallCrossing& crossing);
 
-/// Quieter than this a band passes nothing (ORACLES H-69).
+/// Quieter than this a band passes nothing (docs/stability.md, H-69).
 inline constexpr double kSilentTransmissionDb = -200.0;
 
 /// Appends what goes straight from source to listener through the walls between them: at most one arrival, of kind transmission, with the

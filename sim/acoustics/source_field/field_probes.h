@@ -12,7 +12,7 @@
 namespace earshot {
 
 /// A few listeners spread over the air that sound from the source reaches, with the energy that arrives at each, smoothed as the field will
-/// be, kept apart by batches of photons: the spread of the batches says how well decay times are known (ORACLES 2.10).
+/// be, kept apart by batches of photons: the spread of the batches says how well decay times are known (docs/estimators.md, section 10).
 class FieldProbes {
  public:
   static constexpr std::uint32_t kBatches = 8;

@@ -18,8 +18,8 @@ namespace earshot {
 /// Late field of one source in one scene, for any number of listeners.  Photons are traced from the source; the air is cut into cells
 /// (field_grid.h), and each flight adds its length times its energy to the cells that it crosses (track-length estimator of fluence,
 /// Spanier and Gelbard 1969, resolved in time, band and direction).  A listener blends the cells round it that it sees.  Unbiased but for
-/// the blur of a cell, mirrors included: no last leg is treated as diffuse.  Against final gathering from patches (ORACLES 2.9, 6): half
-/// the error for the same photons, no rays and no noise of its own at the pose, a twentieth of the time per pose.
+/// the blur of a cell, mirrors included: no last leg is treated as diffuse.  Against final gathering from patches (docs/estimators.md,
+/// sections 9 and 10): half the error for the same photons, no rays and no noise of its own at the pose, a twentieth of the time per pose.
 ///
 /// Immutable, shared by threads.  All that it holds is one flat image of bytes (native byte order), which may lie in memory or in a mapped
 /// file; source_field_store.h keeps such files.

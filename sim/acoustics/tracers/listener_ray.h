@@ -16,7 +16,8 @@
 #include "sim/acoustics/tracers/source_volume.h"
 #include "sim/base/random.h"
 
-/// One listener ray of the path tracer, from vertex to vertex.  Internal to path_tracer.cpp; its equations are those of ORACLES 2.1 to 2.5.
+/// One listener ray of the path tracer, from vertex to vertex.  Internal to path_tracer.cpp; its equations are those of docs/estimators.md,
+/// sections 1 to 5.
 namespace earshot::listener_ray {
 
 inline constexpr float kPi = std::numbers::pi_v<float>;
@@ -128,7 +129,8 @@ bool pass_walls(const Trace& trace, RayState<W>& ray, glm::vec3 from, glm::vec3 
   return false;
 }
 
-/// Next-event estimation: d e = T f cos / (4 pi d^2) / (4 pi) with T starting at 4 pi / N and f = (1 - a) s / pi (ORACLES 2.1, O-11).
+/// Next-event estimation: d e = T f cos / (4 pi d^2) / (4 pi) with T starting at 4 pi / N and f = (1 - a) s / pi (docs/estimators.md,
+/// section 1; O-11).
 template <int W>
 void connect_to_source(const Trace& trace, RayState<W>& ray, const Hit& hit, glm::vec3 start, glm::vec3 source, const float* scattering,
                        EnergyHistogram& histogram, TraceStats& stats) {

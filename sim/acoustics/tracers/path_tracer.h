@@ -9,7 +9,8 @@
 
 namespace earshot {
 
-/// Of the scene's diagonal: shortest distance in the geometry term (ORACLES H-18).  Small, because scenes with 20 km of ground are legal.
+/// Of the scene's diagonal: shortest distance in the geometry term (docs/stability.md, H-18).  Small, because scenes with 20 km of ground
+/// are legal.
 inline constexpr float kLeastDistanceShare = 1e-5f;
 
 /// Counters of one trace.
@@ -24,7 +25,7 @@ struct TraceStats {
   [[nodiscard]] double ray_efficiency() const;
 };
 
-/// Late field of a unit source at `listener`: listener-rooted path tracing with next-event estimation (ORACLES 2.1), a
+/// Late field of a unit source at `listener`: listener-rooted path tracing with next-event estimation (docs/estimators.md, section 1), a
 /// mixture of Lambert and mirror reflection by the scattering coefficient per band.  Rays are balanced as a population: light ones end,
 /// heavy ones split (ray_population.h), which keeps every mean and makes the tail as accurate as the start.  Air is applied at the
 /// end, per bin.  Left out: the direct sound, and the purely specular paths whose plane sequence is among `candidates` (image paths carry
@@ -41,9 +42,9 @@ struct TraceStats {
 /// straight from source to listener through walls is left out (find_transmitted carries it).
 ///
 /// histogram: shape of make_histogram(scene); overwritten.  The result is a function of (scene, config, source, listener), not of threads.
-/// Distances to the source below 1e-5 of the scene's diagonal are clamped in the geometry term (ORACLES H-18).  A source within a few
-/// centimetres of a surface lights a patch that few rays find: its late field comes out low until the number of rays is large.
-/// No allocation with up to 256 rays; 64 rays take about a millisecond.  Scratch with more: a few histograms.
+/// Distances to the source below 1e-5 of the scene's diagonal are clamped in the geometry term (docs/stability.md, H-18).  A source within
+/// a few centimetres of a surface lights a patch that few rays find: its late field comes out low until the number of rays is large. No
+/// allocation with up to 256 rays; 64 rays take about a millisecond.  Scratch with more: a few histograms.
 TraceStats trace_late(const AcousticScene& scene, const EarlyCandidates& candidates, glm::vec3 listener, EnergyHistogram& histogram);
 /// The same with candidates made on the spot, for single queries.
 TraceStats trace_late(const AcousticScene& scene, glm::vec3 source, glm::vec3 listener, EnergyHistogram& histogram);
