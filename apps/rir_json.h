@@ -11,7 +11,7 @@ using OrderedJson = nlohmann::ordered_json;
 
 /// null for a value that does not exist or is not finite.
 OrderedJson number_or_null(const std::optional<double>& value);
-/// Arrays per band under the names of DESIGN.md (edt_s, t20_s, ...), and drr_db.
+/// Arrays per band under the names of docs/formats.md, section 5.1 (edt_s, t20_s, ...), and drr_db.
 OrderedJson metrics_json(const RoomMetrics& metrics);
 /// Standard errors per band of rt60_s and g_db.  From the batches of a bidirectional response; otherwise by repetition: eight traces with
 /// an eighth of the rays and seeds of their own, whose mean spreads as one trace with all rays.  Empty if there are too few rays to say.

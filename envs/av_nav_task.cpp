@@ -81,7 +81,7 @@ float AvNavState::step(const TaskConfig& config, const Navmesh& navmesh, const G
       break;
     }
   }
-  // Stopping on the last step is still the agent's own end: no bootstrap (TRAINER.md 2.1, row 4).
+  // Stopping on the last step is still the agent's own end: no bootstrap (docs/ppo.md, section 1.1).
   truncated_ = !terminated_ && steps_ >= config.max_steps;
   float reward = config.step_reward + config.distance_reward * (before_m - distance_m_);
   if (terminated_ && distance_m_ < config.success_radius_m) reward += config.success_reward;

@@ -11,7 +11,7 @@
 
 namespace earshot {
 
-/// Continuous AV-Nav (DESIGN.md "Task").
+/// Continuous AV-Nav (docs/conventions.md, section 6).
 struct TaskConfig {
   float step_time_s = 0.15f;
   float forward_m = 0.15f;
@@ -24,7 +24,7 @@ struct TaskConfig {
 void read(ConfigReader& reader, TaskConfig& config);
 void validate(const TaskConfig& config);
 
-/// Metrics of a finished episode (FACTS.md 2.5; SNA with an oracle of the same actions).
+/// Metrics of a finished episode (docs/conventions.md, section 7; SNA with an oracle of the same actions).
 struct EpisodeMetrics {
   double success = 0, spl = 0, soft_spl = 0, sna = 0, dtg_m = 0, reward = 0;
   int steps = 0, collisions = 0;

@@ -103,7 +103,7 @@ void BatchedEnv::Impl::enter_episode(std::size_t env) {
   if (!distance_m || !std::isfinite(*distance_m))
     return report(env, Fault::path, start ? "no walkable path leads from its start to its goal" : "its start is off the walkable surface");
   const double heading_rad = heading_of(episode.start_rotation);
-  // Counted here and not read from the file: published sets count 1 m steps and 90 degree turns (FACTS 2.5).
+  // Counted here and not read from the file: published sets count 1 m steps and 90 degree turns (docs/conventions.md, section 7).
   const auto oracle_actions = count_oracle_actions(task, navmesh, field, *start, heading_rad);
   agent.state.begin(task, field, *start, heading_rad, oracle_actions.value_or(episode.num_action));
   if (config.observation.spectrogram) {

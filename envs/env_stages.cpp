@@ -70,7 +70,7 @@ void BatchedEnv::Impl::render(std::size_t env) {
 void BatchedEnv::Impl::observe(std::size_t env, HearingEngines* own) {
   if (!runs(env)) return;
   if (own) {
-    if (config.observation.legacy_spectrogram) {  // the new samples, then zeros (FACTS 2.3, step 7)
+    if (config.observation.legacy_spectrogram) {  // the new samples, then zeros (docs/formats.md, section 6.2)
       const std::size_t samples = own->window.size() / 2, block = size_of(block_samples);
       const auto sound = sound_row(audiogoal, env);
       std::fill(own->window.begin(), own->window.end(), 0.f);

@@ -7,7 +7,7 @@
 
 namespace earshot {
 
-/// One continuous AV-Nav episode, the AudioNav JSON fields of FACTS.md 3.1.
+/// One continuous AV-Nav episode, the AudioNav JSON fields of docs/formats.md, section 1.
 struct Episode {
   std::string episode_id;
   std::string scene_id;                             ///< a SCENE of the command line, or a path under the scene root
