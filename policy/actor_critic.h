@@ -13,7 +13,8 @@
 
 namespace earshot {
 
-/// Sizes of the network; the defaults are FACTS.md 4.1 (4,952,453 parameters with 128 x 128 depth and 65 x 26 x 2 spectrograms).
+/// Sizes of the network; the defaults are docs/formats.md, section 6.5 (4,952,453 parameters with 128 x 128 depth and 65 x 26 x 2
+/// spectrograms).
 struct PolicyConfig {
   int hidden_size = 512;  ///< of the GRU
   int visual_features = 512, audio_features = 512;

@@ -33,8 +33,8 @@ class Collective {
 /// One worker alone: every call is the identity.
 std::unique_ptr<Collective> make_single_worker();
 
-/// Ring over ZeroMQ (TRAINER.md 4): reduce-scatter and all-gather in 1 MiB chunks, MessagePack control messages, version and run id
-/// checked.
+/// Ring over ZeroMQ (docs/ppo.md, section 6): reduce-scatter and all-gather in 1 MiB chunks, MessagePack control messages, version and run
+/// id checked.
 struct RingConfig {
   WorkerIdentity identity;
   std::string rendezvous;                    ///< "tcp://127.0.0.1:PORT" or "ipc:///path": rank 0 listens here

@@ -17,7 +17,8 @@
 
 namespace earshot {
 
-/// Counts buffers that libzmq still reads.  Its I/O thread gives them back (TRAINER.md 4.2: touching one earlier gave wrong sums).
+/// Counts buffers that libzmq still reads.  Its I/O thread gives them back (docs/ppo.md, section 6.2: touching one earlier gave wrong
+/// sums).
 class BuffersInFlight {
  public:
   void lend();

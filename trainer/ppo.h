@@ -66,8 +66,8 @@ using AverageGradients = std::function<void(std::span<float> buffer)>;
 /// average is not finite anywhere, or the averages differ, no worker steps; weights and Adam's state stay as they are and the run goes on.
 ///
 /// A minibatch is a share of the envs with their whole sequences; each env is in one minibatch per epoch.  The loss is the mean over the
-/// valid rows of a worker's minibatch, and each worker that has such rows weighs the same (TRAINER.md 3.5 a); a worker that has none joins
-/// the average with weight 0.
+/// valid rows of a worker's minibatch, and each worker that has such rows weighs the same (docs/ppo.md, section 5.1); a worker that has
+/// none joins the average with weight 0.
 class PpoLearner {
  public:
   PpoLearner(ActorCritic policy, const PpoConfig& config, std::uint64_t seed);

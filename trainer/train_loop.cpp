@@ -376,7 +376,7 @@ TrainReport Worker::run() {
 
 TrainReport train(const RunConfig& config, const std::string& config_yaml, Collective& collective, const std::filesystem::path& resume,
                   const TrainHooks& hooks) {
-  // One thread per worker: the fast setting on shared cores, and the one that gives the same bits (TRAINER.md 2.4).
+  // One thread per worker: the fast setting on shared cores, and the one that gives the same bits (docs/ppo.md, section 4).
   use_one_torch_thread();
   const StopSignals signals;
   return Worker(config, config_yaml, collective, resume, hooks).run();

@@ -19,8 +19,9 @@ class WireError : public std::runtime_error {
 };
 
 inline constexpr std::uint16_t kWireVersion = 2;
-inline constexpr std::size_t kMaxControlBytes = 64 * 1024;        ///< of one control message
-inline constexpr std::size_t kChunkBytes = std::size_t{1} << 20;  ///< payload of one bulk message (TRAINER.md 4.3: 1 MiB was the fastest)
+inline constexpr std::size_t kMaxControlBytes = 64 * 1024;  ///< of one control message
+inline constexpr std::size_t kChunkBytes = std::size_t{1}
+                                           << 20;  ///< payload of one bulk message (docs/ppo.md, section 6.3: 1 MiB was the fastest)
 
 /// A worker introduces itself to rank 0.
 struct Hello {

@@ -17,11 +17,11 @@ std::optional<RingConfig> worker_from_environment();
 
 /// Starts `num_workers` copies of this program and waits for all.  arguments: those after the program's name.  Each copy has the variables
 /// above set, for a rendezvous in a private folder that is removed afterwards, and OMP_NUM_THREADS and OPENBLAS_NUM_THREADS set to 1 unless
-/// they are set already (one thread per worker: TRAINER.md 2.4).  Standard output and error are inherited.  The first worker that fails
-/// stops the others (SIGTERM, after `grace` SIGKILL).  SIGINT, SIGTERM, SIGHUP and SIGUSR1 are passed on; a second SIGINT or SIGTERM stops
-/// all in the same way.  Returns the exit code for main: 0 if all succeeded, else the first failing worker's code (1 if it was killed).  No
-/// worker outlives the call, or the calling process. Call it before other threads exist.  Throws RunError if no process can be started,
-/// InputError for a number outside 1 to 64.
+/// they are set already (one thread per worker: docs/ppo.md, section 4).  Standard output and error are inherited.  The first worker that
+/// fails stops the others (SIGTERM, after `grace` SIGKILL).  SIGINT, SIGTERM, SIGHUP and SIGUSR1 are passed on; a second SIGINT or SIGTERM
+/// stops all in the same way.  Returns the exit code for main: 0 if all succeeded, else the first failing worker's code (1 if it was
+/// killed).  No worker outlives the call, or the calling process. Call it before other threads exist.  Throws RunError if no process can be
+/// started, InputError for a number outside 1 to 64.
 int spawn_workers(int num_workers, const std::vector<std::string>& arguments, std::chrono::milliseconds grace = std::chrono::seconds(5));
 
 }  // namespace earshot

@@ -11,7 +11,7 @@
 namespace earshot {
 namespace {
 
-constexpr std::size_t kSmallBytes = 64 * 1024;                 // below this, latency counts and not bandwidth (TRAINER.md 4.1)
+constexpr std::size_t kSmallBytes = 64 * 1024;                 // below this, latency counts and not bandwidth (docs/ppo.md, section 6.1)
 constexpr std::size_t kMaxGatherBytes = std::size_t{1} << 30;  // of one worker's share: bounds what a peer can make us allocate
 constexpr std::size_t kSegmentAlignment = 16;                  // elements; keeps segments on cache lines
 
