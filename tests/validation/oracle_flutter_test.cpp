@@ -7,7 +7,7 @@
 #include "tests/support/decay.h"
 #include "tests/support/late_field.h"
 
-// ORACLES O-5: two parallel planes 3.43 m apart, open sides.
+// docs/oracles.md, O-5: two parallel planes 3.43 m apart, open sides.
 namespace earshot {
 namespace {
 

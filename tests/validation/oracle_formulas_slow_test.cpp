@@ -8,7 +8,7 @@
 #include "tests/support/late_field.h"
 #include "tests/support/shoe2.h"
 
-// ORACLES O-14: estimates by formula against the exact decay of Lambert rooms.
+// docs/oracles.md, O-14: estimates by formula against the exact decay of Lambert rooms.
 namespace earshot {
 namespace {
 

@@ -7,7 +7,7 @@
 #include "tests/support/decay.h"
 #include "tests/support/late_field.h"
 
-// ORACLES O-20: what a rigid motion of scene, source and listener must not change.
+// docs/oracles.md, O-20: what a rigid motion of scene, source and listener must not change.
 namespace earshot {
 namespace {
 

@@ -7,7 +7,7 @@
 #include "tests/support/image_sum.h"
 #include "tests/support/shoe2.h"
 
-// ORACLES O-4: decay in rooms of mirrors, by all images.
+// docs/oracles.md, O-4: decay in rooms of mirrors, by all images.
 namespace earshot {
 namespace {
 

@@ -15,7 +15,7 @@
 #include "tests/support/decay.h"
 #include "tests/support/rooms.h"
 
-// One test per defect that the predecessor had or its users reported (FACTS.md 1.5, 1.6, 2.3, 6.4): each would have caught it.
+// One test per defect that the predecessor had or its users reported (docs/formats.md, section 6): each would have caught it.
 namespace earshot {
 namespace {
 

@@ -4,7 +4,8 @@
 
 #include "tests/support/decay.h"
 
-// The radiosity solver is judged first, by closed forms and by ORACLES O-10, before it judges the tracer (radiosity_slow_test.cpp).
+// The radiosity solver is judged first, by closed forms and by docs/oracles.md, O-10, before it judges the tracer
+// (radiosity_slow_test.cpp).
 namespace earshot {
 namespace {
 

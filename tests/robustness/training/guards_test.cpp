@@ -1,4 +1,5 @@
-// The guard table of TRAINER.md 2.2, each guard at the first, a middle and the last worker; what is not finite is in fault_matrix_test.cpp.
+// The guards of docs/ppo.md, section 3, each guard at the first, a middle and the last worker; what is not finite is in
+// fault_matrix_test.cpp.
 #include <gtest/gtest.h>
 
 #include "sim/base/denormals.h"

@@ -36,7 +36,7 @@ class BenchCli : public testing::Test {
     const int status = std::system(command.c_str());
     return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
   }
-  /// Checks what DESIGN.md promises of every file, and returns the names in it.
+  /// Checks what docs/formats.md, section 5.4 promises of every file, and returns the names in it.
   [[nodiscard]] std::set<std::string> names_in(const std::string& name, const std::string& bench) const {
     const json report = json::parse(read(name));
     EXPECT_EQ(report.at("bench"), bench);

@@ -115,7 +115,7 @@ TEST_F(Cli, BadConfigsAndFilesAreOneLineAndExitCodeTwo) {
   EXPECT_FALSE(std::filesystem::exists(file("x.wav")));
 }
 
-// O-1 through the command line: r = 2.765863 m in SHOE-1 (ORACLES' z is up, ours is y): amplitude 0.0287713, delay 8.06374 ms at
+// O-1 through the command line: r = 2.765863 m in SHOE-1 (docs/oracles.md has z up, here it is y): amplitude 0.0287713, delay 8.06374 ms at
 // c = 343 m/s, 343 / 343.2 of that here.
 TEST_F(Cli, RirWritesSoundAndMetrics) {
   const Outcome outcome = earshot(

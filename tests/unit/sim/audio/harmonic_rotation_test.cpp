@@ -129,7 +129,7 @@ TEST(OracleO28, RotationsAreAGroup) {
   EXPECT_GT(distance(rotation_of(ListenerTurn(0.1), 9), still), 0.1);
 }
 
-TEST(OracleO28, ThirtySixTurnsOfTenDegreesReturnToTheStart) {  // ORACLES H-58
+TEST(OracleO28, ThirtySixTurnsOfTenDegreesReturnToTheStart) {  // docs/stability.md, H-58
   for (const ListenerTurn& turn : {ListenerTurn(10 * kDegree), ListenerTurn(0, 10 * kDegree, 0), ListenerTurn(0, 0, 10 * kDegree)}) {
     const HarmonicRotation step = rotation_of(turn, 9);
     const auto start = harmonics(random_direction(9), 9);

@@ -79,7 +79,8 @@ TEST(MaterialLint, FindsFaultsBetweenMaterials) {
   EXPECT_THAT(lines, Not(Contains(HasSubstr("'default'"))));
 }
 
-/// The predecessor's table (its published material map), in the layout of its JSON, with the faulty labels that FACTS.md 1.7 lists.
+/// The predecessor's table (its published material map), in the layout of its JSON, with the faulty labels that docs/formats.md, section 2
+/// lists.
 std::string predecessor_json(const std::filesystem::path& path) {
   const nlohmann::json table = nlohmann::json::parse(read_file(path));
   nlohmann::json materials = nlohmann::json::array();
@@ -103,7 +104,7 @@ std::string predecessor_json(const std::filesystem::path& path) {
   return nlohmann::json{{"materials", materials}}.dump();
 }
 
-// FACTS.md 1.7, "Data-quality findings".
+// docs/formats.md, section 2.
 TEST(MaterialLint, FindsThePredecessorsFaults) {
   const std::filesystem::path path = data_folder() / "materials/soundspaces_materials.json";
   if (!std::filesystem::exists(path)) GTEST_SKIP() << "no " << path;

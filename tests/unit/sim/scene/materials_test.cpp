@@ -25,7 +25,7 @@ std::string error_of(const std::string& json) {
 
 std::string with_entry(const std::string& keys) { return R"({"materials": [{"name": "felt", )" + keys + "}]}"; }
 
-// ORACLES.md O-31.
+// docs/oracles.md, O-31.
 TEST(CoefficientCurve, BandMeanIsTheMeanOverLogFrequency) {
   const CoefficientCurve curve{{125, 4000}, {0.1f, 0.6f}};
   EXPECT_NEAR(curve.band_mean(44.194f, 11313.7f), 0.35f, 1e-5f) << "symmetric around 707.1 Hz on a log axis";
@@ -77,7 +77,7 @@ TEST(MaterialDatabase, SourceMayBeOneTextPerKey) {
   EXPECT_THAT(error_of(with_entry(curves + R"(, "source": {"absorption": 3})")), HasSubstr("absorption"));
 }
 
-// ORACLES O-15: R_E = (1 - a)^2, and every transmission loss doubles in dB.
+// docs/oracles.md, O-15: R_E = (1 - a)^2, and every transmission loss doubles in dB.
 TEST(MaterialDatabase, PressureReadingSquaresTheReflection) {
   const std::string entry =
       R"("materials": [{"name": "felt", "absorption": [125, 0.1, 4000, 0.6], "scattering": [125, 0.3], "transmission": [125, 0.01]}]})";
@@ -97,7 +97,7 @@ TEST(MaterialDatabase, PressureReadingSquaresTheReflection) {
   EXPECT_THAT(error_of(R"({"coefficients": "volts", "materials": []})"), HasSubstr("pressure"));
 }
 
-// FACTS.md 1.6: what the predecessor does, on request.
+// docs/formats.md, section 2: what the predecessor does, on request.
 TEST(MaterialDatabase, SubstringMatchingCountsLabels) {
   const MaterialDatabase database = MaterialDatabase::from_json(R"({"materials": [
     {"name": "Default", "labels": ["default"], "absorption": [125, 0.1], "scattering": [125, 0.1]},
@@ -119,7 +119,7 @@ TEST(MaterialDatabase, SubstringMatchingCountsLabels) {
   for (const char* category : {"vegetable", "wall-lamp", "wall/lamp"}) EXPECT_TRUE(!database.find_label(category) || category[4] == '-');
 }
 
-// Whole words: the predecessor matched `table` inside `vegetable` (FACTS.md 1.6).
+// Whole words: the predecessor matched `table` inside `vegetable` (docs/formats.md, section 2).
 TEST(MaterialDatabase, LabelsMatchAsWholesWithoutCase) {
   const MaterialDatabase database = MaterialDatabase::from_json(
       R"({"materials": [{"name": "a", "labels": ["table"], "absorption": [125, 0.1], "scattering": [125, 0.1]}]})", "db");

@@ -7,7 +7,7 @@
 #include "sim/acoustics/metrics/room_metrics.h"
 #include "tests/support/late_field.h"
 
-/// ORACLES O-15: what "0.1" in a material file means.
+/// docs/oracles.md, O-15: what "0.1" in a material file means.
 namespace earshot {
 namespace {
 

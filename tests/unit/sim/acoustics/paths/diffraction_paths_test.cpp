@@ -286,7 +286,7 @@ TEST(Diffraction, FadesWhereTheEdgeEnds) {
   EXPECT_LT(largest_db, 1.0);
 }
 
-TEST(Diffraction, BoundedAtTheEdgeItself) {  // ORACLES H-66, H-67
+TEST(Diffraction, BoundedAtTheEdgeItself) {  // docs/stability.md, H-66, H-67
   const AcousticScene scene(hard(wedge_mesh(1.5 * kPi)), config_with(Switch::on));
   for (const glm::vec3 listener :
        {glm::vec3(-0.001f, 0, 0.001f), glm::vec3(-1e-5f, 0, 1e-5f), glm::vec3(0, 0.5f, 0), glm::vec3(0, 250, 0)}) {
@@ -300,7 +300,7 @@ TEST(Diffraction, BoundedAtTheEdgeItself) {  // ORACLES H-66, H-67
   }
 }
 
-TEST(Diffraction, CombOfAThousandEdges) {  // ORACLES H-68
+TEST(Diffraction, CombOfAThousandEdges) {  // docs/stability.md, H-68
   TriangleMesh mesh;
   for (int tooth = 0; tooth < 1000; ++tooth) {
     const float x = 0.02f * static_cast<float>(tooth);

@@ -13,7 +13,8 @@
 #include "sim/acoustics/response/energy_response.h"
 #include "tests/support/rooms.h"
 
-/// ORACLES O-22, H-5, H-69.  Free field with panels across the x axis; oracle: 1 / (4 pi r) and the table of tau against TL.
+/// docs/oracles.md, O-22; docs/stability.md, H-5, H-69.  Free field with panels across the x axis; oracle: 1 / (4 pi r) and the table of
+/// tau against TL.
 namespace earshot {
 namespace {
 

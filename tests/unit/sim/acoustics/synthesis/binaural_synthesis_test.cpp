@@ -90,7 +90,7 @@ LateEars late_ears(const EnergyHistogram& late, double heading_rad) {
   return result;
 }
 
-// Finding 9 of ORACLES 0.2: pressure noise times spherical harmonics gives 1.0 here.
+// docs/estimators.md, section 6: pressure noise times spherical harmonics gives 1.0 here.
 TEST(BinauralSynthesis, DiffuseTailHasTheCoherenceOfAHead) {
   const LateEars ears = late_ears(decay_of(2.0, 0.02, 7), 0.7);
   EXPECT_NEAR(ears.coherence_250, 0.7636, 0.1);
@@ -125,7 +125,7 @@ TEST(BinauralSynthesis, DirectionalTailIsLouderOnItsSideAndTurnsWithTheHead) {
 }
 
 // Ears mix four carriers.  For these short decays plain noise gives 15 % rms; flattening is bounded by the few degrees of freedom at 125
-// Hz.  synthesis_decay_slow_test has the whole set of ORACLES 2.6.
+// Hz.  synthesis_decay_slow_test has the whole set of docs/estimators.md, section 6.
 TEST(BinauralSynthesis, DecayTimeAtTheEarsIsThatOfTheEnergy) {
   RirSynthesizer synthesizer(binaural_tables());
   double sum = 0;
