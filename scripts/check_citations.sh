@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Tracked files cite only what the repository holds: no document outside it is named, every docs/PAGE.md that is named exists, and every place
-# on it: docs/PAGE.md, section N (a heading "N" or "N.M"), docs/oracles.md, O-N (a heading), docs/stability.md, H-N (a row).
+# Tracked files cite only what the repository holds: no document outside it is named, every page of docs/ that is named exists, and every place
+# on it: a section N (a heading "N" or "N.M"), docs/oracles.md, O-N (a heading), docs/stability.md, H-N (a row).
 set -euo pipefail
 cd "$(dirname "$0")/.."
 git rev-parse --is-inside-work-tree >/dev/null   # what is tracked is checked
@@ -14,7 +14,7 @@ while IFS= read -r line; do fail "names a document outside the repository: $line
 while IFS= read -r line; do fail "names a file outside the repository: $line"; done \
   < <(git grep -nE '\.\./s[h]ared/[A-Za-z0-9_.-]+' | grep -vE '\.\./s[h]ared/(data\b|a\.\.b)' || true)
 
-# One line per citation, comments joined over line breaks: FILE<tab>PAGE<tab>PLACE.
+# One line per citation, comments joined over line breaks: file, page, place, with tabs between.
 citations() {
   git grep -lE '\bdocs/[A-Za-z0-9_-]+\.md' -- ':!CHANGELOG.md' | while IFS= read -r file; do
     sed -E 's#^[[:space:]]*(///?<?|\#|\*)?[[:space:]]*##' "$file" | tr '\n' ' ' | tr -s ' ' |
