@@ -12,6 +12,7 @@
 #include "apps/rir_json.h"
 #include "apps/source_options.h"
 #include "sim/acoustics/geometry/position_check.h"
+#include "sim/acoustics/synthesis/carriers.h"
 #include "sim/audio/sound_clip.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
@@ -86,13 +87,13 @@ class PairRenderer {
     compute_energy_response(acoustics_, candidates, listener, response,
                             [&](double share) { progress.update(static_cast<std::uint64_t>(share * steps)); });
     Rir rir;
-    synthesizer_.render(response, turn, acoustics_.hash(), rir);
+    synthesizer_.render(response, turn, carrier_key(acoustics_.hash()), rir);
     const double render_ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count();
     write(file, rir);
     if (options_.components) {
       Rir part;
       for (const Component& component : kComponents) {
-        synthesizer_.render(part_of(response, component), turn, acoustics_.hash(), part);
+        synthesizer_.render(part_of(response, component), turn, carrier_key(acoustics_.hash()), part);
         write(with_suffix(file, fmt::format(".{}", component.name)), part);
       }
     }

@@ -13,6 +13,7 @@
 #include "sim/acoustics/response/temporal_reuse.h"
 #include "sim/acoustics/source_field/refining_field.h"
 #include "sim/acoustics/source_field/source_field_store.h"
+#include "sim/acoustics/synthesis/carriers.h"
 #include "sim/audio/sound_clip.h"
 #include "sim/audio/sound_stream.h"
 #include "sim/base/errors.h"
@@ -156,7 +157,7 @@ std::vector<WalkSource> make_sources(const Options& options, const AcousticScene
     const SoundSource at_start = options.radiation.source(i, count, glm::vec3(path[0].position));
     SoundClip clip = open_sound(options.sounds.size() == 1 ? options.sounds[0] : options.sounds[i], acoustics.config().sample_rate_hz);
     const LateSound late = choose_late_sound(acoustics, moving, options.refine_every);
-    sources.emplace_back(std::move(path), at_start, moving, late, options.refine_every, std::move(clip), acoustics.hash() + i);
+    sources.emplace_back(std::move(path), at_start, moving, late, options.refine_every, std::move(clip), carrier_key(acoustics.hash(), i));
   }
   return sources;
 }

@@ -14,6 +14,7 @@
 #include "envs/batched_env.h"
 #include "envs/episode_generator.h"
 #include "sim/acoustics/model/effect_plan.h"
+#include "sim/acoustics/synthesis/carriers.h"
 #include "sim/base/progress.h"
 
 namespace earshot {
@@ -62,7 +63,7 @@ class SceneStudy {
     double sum_s = 0;
     int count = 0;
     for (const ConvergedPose& pose : truth_) {
-      heard_truth_.push_back(listener.hear(*high_, pose.response, pose.pose.heading_rad, carrier_key()));
+      heard_truth_.push_back(listener.hear(*high_, pose.response, pose.pose.heading_rad, noise_key()));
       for (const BandMetrics& band : heard_truth_.back().energy.bands)
         if (band.t20_s) sum_s += *band.t20_s, ++count;
     }
@@ -96,7 +97,7 @@ class SceneStudy {
   }
 
  private:
-  [[nodiscard]] std::uint64_t carrier_key() const { return scene_.scene->hash(); }
+  [[nodiscard]] std::uint64_t noise_key() const { return carrier_key(scene_.scene->hash()); }  ///< one for all modes
   static int samples_of(const AcousticScene& scene) {
     return static_cast<int>(std::lround(scene.config().rir_length_s * scene.config().sample_rate_hz));
   }
@@ -120,7 +121,7 @@ class SceneStudy {
     for (std::size_t k = 0; k < n && (k < least_poses || watch.wall_s() < 10 * budget_.mode_s); ++k) {
       const std::size_t even = (n + 1) / 2, i = k < even ? 2 * k : 2 * (k - even) + 1;
       compute_energy_response(acoustics, candidates, field, poses_[i].ears(), response);
-      errors.push_back(compare(heard_truth_[i], listener.hear(acoustics, response, poses_[i].heading_rad, carrier_key())));
+      errors.push_back(compare(heard_truth_[i], listener.hear(acoustics, response, poses_[i].heading_rad, noise_key())));
     }
     result.poses = static_cast<int>(errors.size());
     for (int kind = 0; kind < kNumErrorKinds; ++kind)
@@ -135,7 +136,7 @@ class SceneStudy {
     for (std::size_t i = first; done == 0 || watch.wall_s() < budget_s; i += stride, ++done) {
       const WalkPose& pose = scene_.walk[i % scene_.walk.size()];
       compute_energy_response(acoustics, candidates, field, pose.ears(), response);
-      synthesizer.render(response, pose.heading_rad, carrier_key(), rir);
+      synthesizer.render(response, pose.heading_rad, noise_key(), rir);
     }
     return done;
   }

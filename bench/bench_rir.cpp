@@ -12,6 +12,7 @@
 #include "sim/acoustics/metrics/room_metrics.h"
 #include "sim/acoustics/model/effect_plan.h"
 #include "sim/acoustics/paths/transmission.h"
+#include "sim/acoustics/synthesis/carriers.h"
 #include "sim/base/progress.h"
 
 namespace earshot {
@@ -98,7 +99,7 @@ class RirBench {
       compute_energy_response(fast_, *candidates_, field_.get(), pose.ears(), response);
       times.per_response += watch.wall_s();
       watch = {};
-      synthesizer_->render(response, pose.heading_rad, fast_.hash(), rir);
+      synthesizer_->render(response, pose.heading_rad, carrier_key(fast_.hash()), rir);
       times.per_render += watch.wall_s();
     }
     times.per_response /= static_cast<double>(scene_.walk.size());
@@ -189,7 +190,7 @@ class RirBench {
       watch = {};
       for (const WalkPose& pose : poses) {
         compute_energy_response(high, candidates, field.get(), pose.ears(), response);
-        synthesizer.render(response, pose.heading_rad, fast_.hash(), rir);
+        synthesizer.render(response, pose.heading_rad, carrier_key(fast_.hash()), rir);
       }
       rates.push_back(served / (source_s + served * watch.wall_s() / static_cast<double>(poses.size())));
     }
@@ -214,7 +215,8 @@ class RirBench {
     ResponseListener truth_listener(binaural_tables(AcousticScene(scene_.scene, decoded)), config.sample_rate_hz, samples);
     ResponseListener fast_listener(tables_, config.sample_rate_hz, samples);
     std::vector<HeardResponse> heard_truth;
-    for (const ConvergedPose& at : truth) heard_truth.push_back(truth_listener.hear(high, at.response, at.pose.heading_rad, fast_.hash()));
+    for (const ConvergedPose& at : truth)
+      heard_truth.push_back(truth_listener.hear(high, at.response, at.pose.heading_rad, carrier_key(fast_.hash())));
 
     // The photons of one field err together at all poses: one field is one draw, whatever the number of poses.
     std::vector<std::vector<PoseErrors>> errors_of_field;
@@ -228,7 +230,8 @@ class RirBench {
       auto& of_field = errors_of_field.emplace_back();
       for (std::size_t p = 0; p < truth.size(); ++p) {
         compute_energy_response(scene, own_candidates, own_field.get(), truth[p].pose.ears(), response);
-        of_field.push_back(compare(heard_truth[p], fast_listener.hear(scene, response, truth[p].pose.heading_rad, fast_.hash())));
+        of_field.push_back(
+            compare(heard_truth[p], fast_listener.hear(scene, response, truth[p].pose.heading_rad, carrier_key(fast_.hash()))));
       }
       errors.insert(errors.end(), of_field.begin(), of_field.end());
     }

@@ -5,6 +5,7 @@
 #include <bit>
 #include <utility>
 
+#include "sim/acoustics/synthesis/carriers.h"
 #include "sim/base/files.h"
 
 namespace earshot {
@@ -54,13 +55,7 @@ void AgentHearing::begin(const EnvSource& source, const SoundClip& clip, std::ui
   position_ = {.sample = 0, .clip_offset = clip_offset, .already_playing = true};
   has_response_ = response_is_new_ = has_rir_ = fades_ = false;
   response_.arrivals.reserve(source.candidates.size() + 1);  // direct sound and every image: no step allocates
-  // The carrier noise belongs to the source, not to the episode: walking past a source twice gives the same sound twice.
-  const std::uint64_t scene_hash = source.scene->scene->hash();
-  const glm::vec3 position = source.candidates.source();
-  std::array<std::byte, sizeof scene_hash + sizeof position> identity;
-  const auto scene_bytes = std::as_bytes(std::span(&scene_hash, 1)), position_bytes = std::as_bytes(std::span(&position, 1));
-  std::copy(position_bytes.begin(), position_bytes.end(), std::copy(scene_bytes.begin(), scene_bytes.end(), identity.begin()));
-  carrier_key_ = hash64(identity);
+  carrier_key_ = carrier_key(source.scene->scene->hash(), source.candidates.source());
 }
 
 void AgentHearing::trace(const EnvSource& source, const Pose& pose, float ear_height_m) {

@@ -2,6 +2,7 @@
 
 #include <tbb/parallel_for.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <complex>
@@ -12,6 +13,7 @@
 #include "sim/audio/fft.h"
 #include "sim/base/denormals.h"
 #include "sim/base/errors.h"
+#include "sim/base/files.h"
 #include "sim/base/random.h"
 
 namespace earshot {
@@ -111,6 +113,15 @@ void make_flat_noise(float sample_rate_hz, int length, std::uint64_t seed, std::
 }
 
 }  // namespace
+
+std::uint64_t carrier_key(std::uint64_t scene_hash, glm::vec3 source_position) {
+  std::array<std::byte, sizeof scene_hash + sizeof source_position> identity;
+  const auto scene = std::as_bytes(std::span(&scene_hash, 1)), position = std::as_bytes(std::span(&source_position, 1));
+  std::ranges::copy(position, std::ranges::copy(scene, identity.begin()).out);
+  return hash64(identity);
+}
+
+std::uint64_t carrier_key(std::uint64_t scene_hash, std::size_t source_number) { return scene_hash + source_number; }
 
 CarrierBank::CarrierBank(const BandLayout& bands, float sample_rate_hz, int num_channels, int length, std::uint64_t seed, CarrierKind kind)
     : length_(static_cast<std::size_t>(length)), num_channels_(num_channels) {

@@ -1,12 +1,20 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <glm/vec3.hpp>
 #include <span>
 #include <vector>
 
 #include "sim/acoustics/core/bands.h"
 
 namespace earshot {
+
+/// Which part of the carriers a source rides on, the key of RirSynthesizer::render: equal keys give equal noise.
+/// By the place of the source: a source that is met again, in another episode or by another agent, has the noise it had.
+std::uint64_t carrier_key(std::uint64_t scene_hash, glm::vec3 source_position);
+/// By the number of the source: it keeps its noise where it moves, and two sources at one place have independent noise.
+std::uint64_t carrier_key(std::uint64_t scene_hash, std::size_t source_number = 0);
 
 /// plain: noise that is not flattened, for sums of so many channels that flattening would be lost; quick to make.
 enum class CarrierKind { flattened, plain };

@@ -3,12 +3,28 @@
 #include <gtest/gtest.h>
 
 #include "sim/acoustics/synthesis/band_filters.h"
+#include "sim/base/files.h"
 #include "tests/support/synthesis_cases.h"
 
 namespace earshot {
 namespace {
 
 using namespace synthesis_cases;
+
+// The bits of every rendered late field hang on these values.
+TEST(CarrierKey, IsTheHashOfSceneAndPlaceOrTheSceneAndANumber) {
+  struct {
+    std::uint64_t scene = 0x0123456789ABCDEF;
+    float position[3] = {1.5f, -2.f, 0.25f};
+    std::uint32_t padding = 0;
+  } identity;
+  const std::uint64_t by_place = carrier_key(identity.scene, glm::vec3(1.5f, -2.f, 0.25f));
+  EXPECT_EQ(by_place, hash64(std::as_bytes(std::span(&identity, 1)).first(20)));
+  EXPECT_NE(by_place, carrier_key(identity.scene + 1, glm::vec3(1.5f, -2.f, 0.25f)));
+  EXPECT_NE(by_place, carrier_key(identity.scene, glm::vec3(1.5f, -2.f, 0.5f)));
+  EXPECT_EQ(carrier_key(identity.scene), identity.scene);
+  EXPECT_EQ(carrier_key(identity.scene, 3), identity.scene + 3);
+}
 
 TEST(BandFilters, SharesAddUpToOneO31) {
   for (const float rate : {8000.f, 16000.f, 48000.f}) {
