@@ -9,6 +9,8 @@
 #include <vector>
 
 #include "bench/soak/soak_report.h"
+#include "sim/base/plot_axes.h"
+#include "sim/base/svg_document.h"
 
 namespace earshot {
 namespace {
@@ -30,100 +32,58 @@ struct Panel {
   std::vector<Line> lines = {};
 };
 
-/// 1, 2 or 5 times a power of ten, about a fifth of `range`.
-double tick_step(double range) {
-  const double decade = std::pow(10.0, std::floor(std::log10(std::max(range, 1e-12) / 5)));
-  for (const double step : {1.0, 2.0, 5.0})
-    if (range / (step * decade) <= 6) return step * decade;
-  return 10 * decade;
+PlotAxes axes_of(const Panel& panel, double left, double top) {
+  double x_high = 0, y_high = 0, lowest = 1e6;
+  for (const Line& line : panel.lines)
+    for (const auto& [x, y] : line.points) {
+      x_high = std::max(x_high, x);
+      y_high = std::max(y_high, y);
+      if (y > 0) lowest = std::min(lowest, y);
+    }
+  PlotAxes axes{.left = left, .top = top, .width = kPanelWidth, .height = kPanelHeight};
+  if (!panel.names.empty())
+    axes.x_scale = {.low = -0.3, .high = static_cast<double>(panel.names.size()) - 0.7};
+  else
+    axes.x_scale.high = x_high > 0 ? x_high : 1.0;
+  if (panel.log_y) {
+    const double low = std::pow(10.0, std::floor(std::log10(lowest)));
+    axes.y_scale = {.low = low, .high = std::pow(10.0, std::ceil(std::log10(std::max(y_high, 10 * low)))), .logarithmic = true};
+  } else {
+    axes.y_scale.high = y_high > 0 ? 1.08 * y_high : 1.0;
+  }
+  return axes;
 }
 
-class PanelDrawing {
- public:
-  PanelDrawing(const Panel& panel, double left, double top) : panel_(panel), left_(left), top_(top) {
-    double lowest = 1e300;
-    for (const Line& line : panel.lines)
-      for (const auto& [x, y] : line.points) {
-        x_high_ = std::max(x_high_, x);
-        y_high_ = std::max(y_high_, y);
-        if (y > 0) lowest = std::min(lowest, y);
-      }
-    if (!panel.names.empty()) x_low_ = -0.3, x_high_ = static_cast<double>(panel.names.size()) - 0.7;
-    if (!(x_high_ > x_low_)) x_high_ = x_low_ + 1;
-    if (panel.log_y) {
-      y_low_ = std::pow(10.0, std::floor(std::log10(std::min(lowest, 1e6))));
-      y_high_ = std::pow(10.0, std::ceil(std::log10(std::max(y_high_, 10 * y_low_))));
-    } else {
-      y_high_ = y_high_ > 0 ? 1.08 * y_high_ : 1.0;
-    }
-  }
+void draw_line(SvgDocument& svg, const PlotAxes& axes, const Line& line) {
+  std::vector<SvgPoint> path;
+  for (const auto& [x, y] : line.points) path.push_back(axes.at(x, y));
+  svg.polyline(path, {.stroke = line.colour, .stroke_width = 1.7, .dash = line.dashed ? "7 4" : ""});
+  if (!line.marked) return;
+  for (const SvgPoint point : path) svg.circle(point, 3, {.fill = line.colour, .stroke = "white"});
+}
 
-  std::string svg() {
-    svg_ += fmt::format("<rect x=\"{:.1f}\" y=\"{:.1f}\" width=\"{}\" height=\"{}\" fill=\"#fafbfc\" stroke=\"#8a94a0\"/>\n", left_, top_,
-                        kPanelWidth, kPanelHeight);
-    text(left_, top_ - 10, panel_.title, "start", "font-size=\"14\" font-weight=\"bold\"");
-    draw_ticks();
-    text(left_ + kPanelWidth / 2, top_ + kPanelHeight + 38, panel_.x_label, "middle");
-    text(left_ - 50, top_ + kPanelHeight / 2, panel_.y_label, "middle",
-         fmt::format("transform=\"rotate(-90 {:.1f} {:.1f})\"", left_ - 50, top_ + kPanelHeight / 2));
-    for (const Line& line : panel_.lines) draw_line(line);
-    draw_names();
-    return svg_;
+/// Names of the lines, right of the panel at their last points, moved apart where they would touch.
+void draw_names(SvgDocument& svg, const PlotAxes& axes, const Panel& panel) {
+  std::vector<std::pair<double, const Line*>> ends;
+  for (const Line& line : panel.lines)
+    if (!line.points.empty()) ends.emplace_back(axes.y(line.points.back().second), &line);
+  std::ranges::sort(ends);
+  double last = -1e9;
+  for (const auto& [end, line] : ends) {
+    last = std::max(end + 4, last + 14);
+    svg.text({axes.right() + 8, last}, line->name, {.size_px = 11, .colour = line->colour});
   }
+}
 
- private:
-  [[nodiscard]] double x(double value) const { return left_ + kPanelWidth * (value - x_low_) / (x_high_ - x_low_); }
-  [[nodiscard]] double y(double value) const {
-    const double share = panel_.log_y ? std::log(std::max(value, y_low_) / y_low_) / std::log(y_high_ / y_low_) : value / y_high_;
-    return top_ + kPanelHeight * (1 - std::clamp(share, 0.0, 1.0));
-  }
-  void text(double at_x, double at_y, const std::string& what, const std::string& anchor, const std::string& extra = "") {
-    svg_ += fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\" text-anchor=\"{}\" {}>{}</text>\n", at_x, at_y, anchor, extra, what);
-  }
-  void y_tick(double value) {
-    svg_ += fmt::format("<line x1=\"{:.1f}\" x2=\"{:.1f}\" y1=\"{:.1f}\" y2=\"{:.1f}\" stroke=\"#e1e5ea\"/>\n", left_, left_ + kPanelWidth,
-                        y(value), y(value));
-    text(left_ - 6, y(value) + 4, fmt::format("{:g}", value), "end");
-  }
-  void draw_ticks() {
-    if (panel_.log_y)
-      for (double decade = y_low_; decade <= y_high_ * 1.0001; decade *= 10) y_tick(decade);
-    else
-      for (int i = 0; i * tick_step(y_high_) <= y_high_; ++i) y_tick(i * tick_step(y_high_));
-    if (panel_.names.empty())
-      for (int i = 0; i * tick_step(x_high_) <= x_high_; ++i)
-        text(x(i * tick_step(x_high_)), top_ + kPanelHeight + 17, fmt::format("{:g}", i * tick_step(x_high_)), "middle");
-    for (std::size_t i = 0; i < panel_.names.size(); ++i)
-      text(x(static_cast<double>(i)), top_ + kPanelHeight + 17, panel_.names[i], "middle");
-  }
-  void draw_line(const Line& line) {
-    std::string path;
-    for (const auto& [at_x, at_y] : line.points) path += fmt::format("{}{:.1f},{:.1f}", path.empty() ? "M" : " L", x(at_x), y(at_y));
-    if (path.empty()) return;
-    svg_ += fmt::format("<path d=\"{}\" fill=\"none\" stroke=\"{}\" stroke-width=\"1.7\"{}/>\n", path, line.colour,
-                        line.dashed ? " stroke-dasharray=\"7 4\"" : "");
-    if (!line.marked) return;
-    for (const auto& [at_x, at_y] : line.points)
-      svg_ += fmt::format("<circle cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"3\" fill=\"{}\" stroke=\"white\"/>\n", x(at_x), y(at_y), line.colour);
-  }
-  /// Names of the lines, right of the panel at their last points, moved apart where they would touch.
-  void draw_names() {
-    std::vector<std::pair<double, const Line*>> at;
-    for (const Line& line : panel_.lines)
-      if (!line.points.empty()) at.emplace_back(y(line.points.back().second), &line);
-    std::ranges::sort(at);
-    double last = -1e9;
-    for (const auto& [wanted, line] : at) {
-      last = std::max(wanted + 4, last + 14);
-      text(left_ + kPanelWidth + 8, last, line->name, "start", fmt::format("fill=\"{}\" font-size=\"11\"", line->colour));
-    }
-  }
-
-  const Panel& panel_;
-  double left_, top_;
-  double x_low_ = 0, x_high_ = 0, y_low_ = 0, y_high_ = 0;
-  std::string svg_;
-};
+void draw_panel(SvgDocument& svg, const Panel& panel, double left, double top) {
+  const PlotAxes axes = axes_of(panel, left, top);
+  std::vector<PlotTick> x_ticks;
+  for (std::size_t i = 0; i < panel.names.size(); ++i) x_ticks.push_back({.value = static_cast<double>(i), .label = panel.names[i]});
+  axes.draw(svg, panel.names.empty() ? plot_ticks(axes.x_scale) : x_ticks, plot_ticks(axes.y_scale));
+  axes.draw_captions(svg, panel.title, panel.x_label, panel.y_label);
+  for (const Line& line : panel.lines) draw_line(svg, axes, line);
+  draw_names(svg, axes, panel);
+}
 
 Panel memory_panel(const SoakResult& result) {
   Panel panel{.title = "Memory", .x_label = "agent steps, thousands", .y_label = "MiB"};
@@ -147,7 +107,7 @@ Panel memory_panel(const SoakResult& result) {
 
 Panel time_panel(const SoakResult& result) {
   Panel panel{.title = fmt::format("One step of {} agents, by stage", result.options.num_envs),
-              .x_label = "share of the steps that took less",
+              .x_label = "fraction of the steps that took less",
               .y_label = "ms"};
   panel.log_y = true;
   for (const SoakQuantile& quantile : kSoakQuantiles) panel.names.emplace_back(quantile.name);
@@ -157,7 +117,7 @@ Panel time_panel(const SoakResult& result) {
     Line line{.name = stage == 0 ? "step (wall)" : kSoakStages[stage], .colour = kColours[stage], .marked = true};
     for (std::size_t i = 0; i < kSoakQuantiles.size(); ++i) {
       const double ms = quantile_of(times, kSoakQuantiles[i]);
-      if (ms > 1e-5) line.points.emplace_back(static_cast<double>(i), ms);  // most steps reset nobody
+      if (ms > 1e-5) line.points.emplace_back(static_cast<double>(i), ms);  // most steps reset no agent
     }
     panel.lines.push_back(std::move(line));
   }
@@ -182,22 +142,18 @@ std::string soak_svg(const SoakResult& result) {
   const std::array<Panel, 4> panels{memory_panel(result), time_panel(result),
                                     count_panel(result, "Episodes", "finished", &MemorySample::episodes), std::move(scenes)};
   const double width = kLeft + 2 * kPanelWidth + 2 * kGapX - 20, height = kTop + 2 * kPanelHeight + kGapY + 56;
-  std::string svg = fmt::format(
-      "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{0:.0f}\" height=\"{1:.0f}\" viewBox=\"0 0 {0:.0f} {1:.0f}\" "
-      "font-family=\"Helvetica, Arial, sans-serif\" font-size=\"12\" fill=\"#1b1f24\">\n<rect width=\"100%\" height=\"100%\" "
-      "fill=\"white\"/>\n<text x=\"20\" y=\"28\" font-size=\"17\" font-weight=\"bold\">Soak: {2} agent steps, {3} scenes, {4} "
-      "episodes</text>\n"
-      "<text x=\"20\" y=\"48\" fill=\"#57606a\">{5} agents, {6} threads, {7:.1f} min, {8:.0f} steps/s, {9:.0f} steps per second of "
-      "processor"
-      "</text>\n",
-      width, height, result.steps, result.options.scenes, result.episodes, result.options.num_envs, result.threads, result.seconds / 60,
-      static_cast<double>(result.steps) / std::max(result.seconds, 1e-9),
-      static_cast<double>(result.steps) / std::max(result.cpu_seconds, 1e-9));
+  SvgDocument svg;
+  svg.text({20, 28}, fmt::format("Soak: {} agent steps, {} scenes, {} episodes", result.steps, result.options.scenes, result.episodes),
+           {.size_px = 17, .bold = true});
+  svg.text({20, 48},
+           fmt::format("{} agents, {} threads, {:.1f} min, {:.0f} steps/s, {:.0f} steps per second of processor", result.options.num_envs,
+                       result.threads, result.seconds / 60, static_cast<double>(result.steps) / std::max(result.seconds, 1e-9),
+                       static_cast<double>(result.steps) / std::max(result.cpu_seconds, 1e-9)),
+           {.colour = "#57606a"});
   for (std::size_t i = 0; i < panels.size(); ++i)
-    svg += PanelDrawing(panels[i], kLeft + static_cast<double>(i % 2) * (kPanelWidth + kGapX),
-                        kTop + static_cast<double>(i / 2) * (kPanelHeight + kGapY))
-               .svg();
-  return svg + "</svg>\n";
+    draw_panel(svg, panels[i], kLeft + static_cast<double>(i % 2) * (kPanelWidth + kGapX),
+               kTop + static_cast<double>(i / 2) * (kPanelHeight + kGapY));
+  return svg.str(width, height);
 }
 
 }  // namespace earshot
