@@ -30,8 +30,8 @@ void AcousticOptions::add_to(CLI::App& command, const std::string& default_prese
       ->capture_default_str();
   command.add_option("--hrtf", hrtf, "SOFA file of head filters (default: a rigid sphere of 8.75 cm)");
   command
-      .add_option("--hrtf-turn", hrtf_turn_deg,
-                  "HEADING,PITCH,ROLL in degrees of the head filters in the listener's axes (default: they look to its front)")
+      .add_option("--hrtf-orientation", hrtf_orientation_deg,
+                  "HEADING,PITCH,ROLL in degrees of the head filters in the listener's axes (default: 0,0,0)")
       ->delimiter(',')
       ->expected(3);
   command.add_option("--unit", unit_m, "Metres per unit of a mesh file (0.01 for centimetres); default: what a YAML says, else 1");
@@ -54,17 +54,18 @@ AcousticConfig AcousticOptions::config() const {
   return config;
 }
 
-ListenerTurn AcousticOptions::turn(double heading_deg, double pitch_deg, double roll_deg) const {
+ListenerOrientation AcousticOptions::orientation(double heading_deg, double pitch_deg, double roll_deg) const {
   constexpr double degree = std::numbers::pi / 180;
   require(std::isfinite(heading_deg), "--heading", heading_deg, "must be finite");
   require(std::isfinite(pitch_deg), "--pitch", pitch_deg, "must be finite");
   require(std::isfinite(roll_deg), "--roll", roll_deg, "must be finite");
-  const ListenerTurn listener = pitch_deg == 0 && roll_deg == 0 ? ListenerTurn(heading_deg * degree)
-                                                                : ListenerTurn(heading_deg * degree, pitch_deg * degree, roll_deg * degree);
-  if (hrtf_turn_deg.empty() || layout().kind != ListenerKind::binaural) return listener;
-  for (const double value : hrtf_turn_deg) require(std::isfinite(value), "--hrtf-turn", value, "must be finite");
-  const ListenerTurn filters(hrtf_turn_deg[0] * degree, hrtf_turn_deg[1] * degree, hrtf_turn_deg[2] * degree);
-  return ListenerTurn(listener.own_to_world() * filters.own_to_world());
+  const ListenerOrientation listener = pitch_deg == 0 && roll_deg == 0
+                                           ? ListenerOrientation(heading_deg * degree)
+                                           : ListenerOrientation(heading_deg * degree, pitch_deg * degree, roll_deg * degree);
+  if (hrtf_orientation_deg.empty() || layout().kind != ListenerKind::binaural) return listener;
+  for (const double value : hrtf_orientation_deg) require(std::isfinite(value), "--hrtf-orientation", value, "must be finite");
+  const ListenerOrientation filters(hrtf_orientation_deg[0] * degree, hrtf_orientation_deg[1] * degree, hrtf_orientation_deg[2] * degree);
+  return ListenerOrientation(listener.local_to_world() * filters.local_to_world());
 }
 
 AcousticScene AcousticOptions::load(const AcousticConfig& config) const {

@@ -20,7 +20,7 @@ struct AcousticOptions {
   std::optional<double> unit_m, simplify_m;  ///< default: what the scene says
   std::optional<std::uint64_t> seed;         ///< default: the preset's
 
-  std::vector<double> hrtf_turn_deg;  ///< heading, pitch, roll of the head filters in the listener's axes; empty: none
+  std::vector<double> hrtf_orientation_deg;  ///< heading, pitch, roll of the head filters in the listener's axes; empty: none
 
   void add_to(CLI::App& command, const std::string& default_preset);
   /// Preset, then what the channels need (harmonics as far as the tracers carry them), then --set, --rate and --seed; validated.
@@ -28,7 +28,7 @@ struct AcousticOptions {
   [[nodiscard]] ListenerLayout layout() const { return ListenerLayout::named(channels); }
   /// How channels are turned whose listener looks that way: for ears with the turn of their filters on top.  Throws InputError if not
   /// finite.
-  [[nodiscard]] ListenerTurn turn(double heading_deg, double pitch_deg, double roll_deg) const;
+  [[nodiscard]] ListenerOrientation orientation(double heading_deg, double pitch_deg, double roll_deg) const;
   [[nodiscard]] AcousticScene load(const AcousticConfig& config) const;
   [[nodiscard]] std::shared_ptr<const SynthesisTables> tables(const AcousticScene& scene) const;
 };

@@ -79,7 +79,7 @@ class PairRenderer {
       : options_(options), acoustics_(acoustics), places_(acoustics.scene()), synthesizer_(options.acoustics.tables(acoustics)) {}
 
   OrderedJson render(const EarlyCandidates& candidates, glm::vec3 listener, double heading_deg, const std::string& file) {
-    const ListenerTurn turn = options_.acoustics.turn(heading_deg, options_.pitch_deg, options_.roll_deg);
+    const ListenerOrientation orientation = options_.acoustics.orientation(heading_deg, options_.pitch_deg, options_.roll_deg);
     const auto begin = std::chrono::steady_clock::now();
     EnergyResponse response;
     constexpr std::uint64_t steps = 1000;
@@ -87,13 +87,13 @@ class PairRenderer {
     compute_energy_response(acoustics_, candidates, listener, response,
                             [&](double share) { progress.update(static_cast<std::uint64_t>(share * steps)); });
     Rir rir;
-    synthesizer_.render(response, turn, carrier_key(acoustics_.hash()), rir);
+    synthesizer_.render(response, orientation, carrier_key(acoustics_.hash()), rir);
     const double render_ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count();
     write(file, rir);
     if (options_.components) {
       Rir part;
       for (const Component& component : kComponents) {
-        synthesizer_.render(part_of(response, component), turn, carrier_key(acoustics_.hash()), part);
+        synthesizer_.render(part_of(response, component), orientation, carrier_key(acoustics_.hash()), part);
         write(with_suffix(file, fmt::format(".{}", component.name)), part);
       }
     }
@@ -164,7 +164,7 @@ class PairRenderer {
 void run_rir(const Options& options) {
   require(std::isfinite(options.gain), "--gain", options.gain, "must be a finite number");
   for (const double heading_deg : options.heading_deg)
-    (void)options.acoustics.turn(heading_deg, options.pitch_deg, options.roll_deg);  // before any work
+    (void)options.acoustics.orientation(heading_deg, options.pitch_deg, options.roll_deg);  // before any work
   for (const std::string& other : {options.metrics, options.plot})
     if (other == options.out || (!other.empty() && options.metrics == options.plot))
       throw InputError(other, "is named for two outputs", "give each its own file");

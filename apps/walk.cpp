@@ -80,8 +80,8 @@ class WalkSource {
   }
 
   /// Adds what is heard of this source during the block that begins at t_s to `mix` [channels, block].
-  void add_block(const AcousticScene& acoustics, RirSynthesizer& synthesizer, const TimedPose& listener, const ListenerTurn& turn,
-                 double t_s, std::size_t block_index, int block, std::vector<float>& mix) {
+  void add_block(const AcousticScene& acoustics, RirSynthesizer& synthesizer, const TimedPose& listener,
+                 const ListenerOrientation& orientation, double t_s, std::size_t block_index, int block, std::vector<float>& mix) {
     if (moving_) {
       const TimedPose pose = pose_at(path_, t_s);
       source_.position = glm::vec3(pose.position);
@@ -89,7 +89,7 @@ class WalkSource {
       candidates_ = std::make_unique<EarlyCandidates>(acoustics, source_);
     }
     respond(acoustics, glm::vec3(listener.position), block_index);
-    synthesizer.render(response_, turn, carrier_key_, rir_);
+    synthesizer.render(response_, orientation, carrier_key_, rir_);
     if (!convolver_) convolver_.emplace(StreamConfig{rir_.sample_rate_hz, rir_.num_samples, block, block}, rir_.num_channels);
     part_.resize(static_cast<std::size_t>(block) * static_cast<std::size_t>(rir_.num_channels));
     convolver_->convolve(clip_, position_, rir_.samples, previous_.samples, rir_.num_samples, block, part_);
@@ -195,7 +195,7 @@ void run_walk(const Options& options) {
     const TimedPose listener = pose_at(poses, t_s);
     std::fill(mix.begin(), mix.end(), 0.f);
     for (WalkSource& source : sources)
-      source.add_block(acoustics, synthesizer, listener, options.acoustics.turn(listener.heading_deg, 0, 0), t_s, i, block, mix);
+      source.add_block(acoustics, synthesizer, listener, options.acoustics.orientation(listener.heading_deg, 0, 0), t_s, i, block, mix);
     num_channels = mix.size() / static_cast<std::size_t>(block);
     sound.resize(num_samples * num_channels);
     const std::size_t first = i * static_cast<std::size_t>(block),

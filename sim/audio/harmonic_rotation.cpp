@@ -18,7 +18,7 @@ HarmonicRotation::HarmonicRotation(int order) : order_(order) {
   require(order >= 0 && order <= kMaxOrder, "ambisonic order", order, "must be in [0, 9]");
   matrix_.resize(index(order + 1, -order - 1, -order - 1));
   block_.resize(static_cast<std::size_t>(2 * order + 1) * kBlock);
-  set(ListenerTurn());
+  set(ListenerOrientation());
 }
 
 /// P of Ivanic and Ruedenberg: order 1 times order l - 1.
@@ -28,14 +28,14 @@ double HarmonicRotation::product(int i, int l, int a, int b) const {
   return at(1, i, 0) * at(l - 1, a, b);
 }
 
-void HarmonicRotation::set(const ListenerTurn& turn) {
+void HarmonicRotation::set(const ListenerOrientation& orientation) {
   matrix_[0] = 1;
   if (order_ == 0) return;
   // Order 1 in ACN order is (y, z, x) of the ambisonic axes, which is (-right, up, front) of ours: (-x, y, -z).
-  const glm::dquat to_own = glm::conjugate(turn.own_to_world());
+  const glm::dquat world_to_local = glm::conjugate(orientation.local_to_world());
   const std::array<glm::dvec3, 3> axis = {glm::dvec3(-1, 0, 0), glm::dvec3(0, 1, 0), glm::dvec3(0, 0, -1)};
   for (int n = -1; n <= 1; ++n) {
-    const glm::dvec3 seen = to_own * axis[static_cast<std::size_t>(n + 1)];
+    const glm::dvec3 seen = world_to_local * axis[static_cast<std::size_t>(n + 1)];
     matrix_[index(1, -1, n)] = -seen.x;
     matrix_[index(1, 0, n)] = seen.y;
     matrix_[index(1, 1, n)] = -seen.z;

@@ -7,14 +7,14 @@
 
 namespace earshot {
 
-/// Turns real spherical harmonics of any order and direction: coefficients of a field in world axes into those in the axes of a listener.
+/// Rotates real spherical harmonics of any order and direction: coefficients of a field in world axes into those in the axes of a listener.
 /// Works for N3D and SN3D, as it mixes within an order only.  Matrices by the recursion of Ivanic and Ruedenberg 1996 (with the corrections
 /// of 1998).
 class HarmonicRotation {
  public:
-  explicit HarmonicRotation(int order);  ///< in [0, 9]; does not turn anything yet
+  explicit HarmonicRotation(int order);  ///< in [0, 9]; the identity until set()
   /// O(order^3), no allocation.
-  void set(const ListenerTurn& turn);
+  void set(const ListenerOrientation& orientation);
   [[nodiscard]] int order() const { return order_; }
   /// Share of channel (l, n) of the world in channel (l, m) of the listener; m, n in [-l, l].
   [[nodiscard]] double at(int l, int m, int n) const { return matrix_[index(l, m, n)]; }

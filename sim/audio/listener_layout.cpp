@@ -48,7 +48,7 @@ Microphone read_microphone(ConfigReader reader, const std::filesystem::path& fol
     microphone.directivity = Directivity::named(is_file ? (folder / pattern).string() : pattern);
   }
   constexpr double degree = std::numbers::pi / 180.0;
-  microphone.orientation = glm::quat(ListenerTurn(azimuth_deg * degree, elevation_deg * degree, roll_deg * degree).own_to_world());
+  microphone.orientation = glm::quat(ListenerOrientation(azimuth_deg * degree, elevation_deg * degree, roll_deg * degree).local_to_world());
   return microphone;
 }
 

@@ -13,9 +13,9 @@
 namespace earshot {
 namespace {
 
-/// Turns of every kind: about single axes, at the poles of the angles, and any.
-std::vector<ListenerTurn> turns() {
-  std::vector<ListenerTurn> all = {ListenerTurn()};
+/// Rotations of every kind: about single axes, at the poles of the angles, and any.
+std::vector<ListenerOrientation> orientations() {
+  std::vector<ListenerOrientation> all = {ListenerOrientation()};
   for (const glm::dvec3 axis : {glm::dvec3(1, 0, 0), glm::dvec3(0, 1, 0), glm::dvec3(0, 0, 1)})
     for (const double degrees : {1e-6, 10.0, 89.9999999, 90.0, 90.0000001, 180.0, 270.0, 359.999999})
       all.emplace_back(glm::angleAxis(degrees * 3.14159265358979323846 / 180, axis));
@@ -30,8 +30,8 @@ std::vector<ListenerTurn> turns() {
 TEST(H60_HarmonicRotation, IsOrthogonalInEveryOrder) {
   HarmonicRotation rotation(9);
   double worst = 0;
-  for (const ListenerTurn& turn : turns()) {
-    rotation.set(turn);
+  for (const ListenerOrientation& orientation : orientations()) {
+    rotation.set(orientation);
     for (int l = 0; l <= 9; ++l)
       for (int a = -l; a <= l; ++a)
         for (int b = -l; b <= l; ++b) {
@@ -47,8 +47,8 @@ TEST(H60_HarmonicRotation, IsOrthogonalInEveryOrder) {
 TEST(H60_HarmonicRotation, CoefficientsInFloatLoseOneUnitInTheLastPlace) {
   HarmonicRotation rotation(9);
   double worst = 0, drift = 0;
-  for (const ListenerTurn& turn : turns()) {
-    rotation.set(turn);
+  for (const ListenerOrientation& orientation : orientations()) {
+    rotation.set(orientation);
     std::vector<float> field(100);
     for (std::uint32_t i = 0; i < 100; ++i) field[i] = RandomStream(2, Purpose::test, i).normal2(0)[0];
     const std::vector<float> before = field;

@@ -83,7 +83,7 @@ TEST(H11_HugeRoom, ArrivesAfterTheEndAsSilence) {
   for (const float value : response.late.values()) ASSERT_EQ(value, 0.f);
   RirSynthesizer synthesizer(make_synthesis_tables(config, acoustics.bands(), {}, Hrtf::rigid_sphere(config.sample_rate_hz)));
   Rir rir;
-  synthesizer.render(response, ListenerTurn(0.3), 7, rir);
+  synthesizer.render(response, ListenerOrientation(0.3), 7, rir);
   ASSERT_GT(rir.num_samples, 0);
   for (const float sample : rir.samples) ASSERT_EQ(sample, 0.f);
   // Near the source, the direct sound is there as in free air, and the walls are too late.

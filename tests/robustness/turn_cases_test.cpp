@@ -23,8 +23,8 @@ constexpr double kDegree = std::numbers::pi / 180;
 
 TEST(H53_Quaternion, IsNormalisedOrRefused) {
   for (const double scale : {1e-6, 0.3, 7.0, 1e9}) {
-    const ListenerTurn turn(glm::dquat(scale * std::cos(0.4), 0, scale * std::sin(0.4), 0));
-    const glm::vec3 expected = ListenerTurn(0.8).to_world({0, 0, -1}), got = turn.to_world({0, 0, -1});
+    const ListenerOrientation orientation(glm::dquat(scale * std::cos(0.4), 0, scale * std::sin(0.4), 0));
+    const glm::vec3 expected = ListenerOrientation(0.8).local_to_world({0, 0, -1}), got = orientation.local_to_world({0, 0, -1});
     EXPECT_NEAR(glm::length(got - expected), 0.f, 1e-6f) << scale;
     const auto s = static_cast<float>(scale);
     if (s > 1e6f || s < 1e-5f) continue;
@@ -32,7 +32,7 @@ TEST(H53_Quaternion, IsNormalisedOrRefused) {
   }
   const double nan = std::numeric_limits<double>::quiet_NaN(), inf = std::numeric_limits<double>::infinity();
   for (const glm::dquat& bad : {glm::dquat(0, 0, 0, 0), glm::dquat(nan, 0, 0, 1), glm::dquat(1, inf, 0, 0)})
-    EXPECT_THROW(ListenerTurn{bad}, InputError);
+    EXPECT_THROW(ListenerOrientation{bad}, InputError);
 }
 
 // Ten degrees at a time: what floats would do, and what is done.
@@ -93,12 +93,15 @@ TEST(H56_GimbalLock, FramesStayOrthonormal) {
   for (const double pitch_deg : {-90.0, -89.9999999, 0.0, 89.9999999, 90.0, 180.0})
     for (const double roll_deg : {-180.0, -90.0, 0.0, 37.0, 90.0})
       for (const double heading_deg : {0.0, 90.0, 123.0, 359.9}) {
-        const ListenerTurn turn(heading_deg * kDegree, pitch_deg * kDegree, roll_deg * kDegree);
-        const glm::vec3 axes[] = {turn.to_own({1, 0, 0}), turn.to_own({0, 1, 0}), turn.to_own({0, 0, 1})};
+        const ListenerOrientation orientation(heading_deg * kDegree, pitch_deg * kDegree, roll_deg * kDegree);
+        const glm::vec3 axes[] = {orientation.world_to_local({1, 0, 0}), orientation.world_to_local({0, 1, 0}),
+                                  orientation.world_to_local({0, 0, 1})};
         for (int i = 0; i < 3; ++i)
           for (int j = 0; j < 3; ++j) ASSERT_NEAR(glm::dot(axes[i], axes[j]), i == j ? 1.f : 0.f, 3e-7f);
         ASSERT_NEAR(glm::dot(glm::cross(axes[0], axes[1]), axes[2]), 1.f, 3e-7f);  // no mirror
-        ASSERT_NEAR(glm::length(turn.to_world(turn.to_own({0.36f, 0.48f, 0.8f})) - glm::vec3(0.36f, 0.48f, 0.8f)), 0.f, 5e-7f);
+        ASSERT_NEAR(
+            glm::length(orientation.local_to_world(orientation.world_to_local({0.36f, 0.48f, 0.8f})) - glm::vec3(0.36f, 0.48f, 0.8f)), 0.f,
+            5e-7f);
         head->spectra(axes[2], left, right);
         for (const auto& ear : {left, right})
           for (const auto value : ear) ASSERT_TRUE(std::isfinite(value.real()) && std::isfinite(value.imag()));

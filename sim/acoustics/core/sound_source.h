@@ -24,10 +24,10 @@ struct SoundSource {
 class Emission {
  public:
   Emission(const SoundSource& source, const BandLayout& bands)
-      : to_own_axes_(glm::conjugate(source.orientation)), pattern_(source.directivity, bands.centre_hz) {}
+      : world_to_local_(glm::conjugate(source.orientation)), pattern_(source.directivity, bands.centre_hz) {}
   [[nodiscard]] bool omnidirectional() const { return pattern_.omnidirectional(); }
   /// Pressure gain per band toward `direction` (unit, world axes), 1 in front: [num_bands].
-  void pressure(glm::vec3 direction, std::span<float> gain) const { pattern_.pressure(to_own_axes_ * direction, gain); }
+  void pressure(glm::vec3 direction, std::span<float> gain) const { pattern_.pressure(world_to_local_ * direction, gain); }
   /// Its square: what energy is multiplied by.
   void energy(glm::vec3 direction, std::span<float> gain) const {
     pressure(direction, gain);
@@ -35,7 +35,7 @@ class Emission {
   }
 
  private:
-  glm::quat to_own_axes_;
+  glm::quat world_to_local_;
   BandDirectivity pattern_;
 };
 

@@ -43,8 +43,8 @@ void add_fading(int count, Ramp power, const EarNoise::Mix& mix, const float* pa
 
 }  // namespace
 
-void LateEars::make_mixes(const LateNodes& nodes, int first_slot, const EarNoise& noise, const ListenerTurn& turn) {
-  rotation_.set(turn);
+void LateEars::make_mixes(const LateNodes& nodes, int first_slot, const EarNoise& noise, const ListenerOrientation& orientation) {
+  rotation_.set(orientation);
   std::array<std::array<float, 3>, 3> to_head{};
   for (int m = 0; m < 3; ++m)
     for (int n = 0; n < 3; ++n)
@@ -65,10 +65,10 @@ void LateEars::make_mixes(const LateNodes& nodes, int first_slot, const EarNoise
   }
 }
 
-void LateEars::add(const LateNodes& nodes, int first_slot, const EarNoise& noise, std::size_t offset, const ListenerTurn& turn,
-                   std::span<float> left, std::span<float> right) {
+void LateEars::add(const LateNodes& nodes, int first_slot, const EarNoise& noise, std::size_t offset,
+                   const ListenerOrientation& orientation, std::span<float> left, std::span<float> right) {
   if (first_slot >= nodes.size()) return;
-  make_mixes(nodes, first_slot, noise, turn);
+  make_mixes(nodes, first_slot, noise, orientation);
   const auto num_slots = static_cast<std::size_t>(nodes.size());
   // Away from where the carriers are: what fades out there and in here must be independent, or powers would not add.
   const std::size_t length = noise.loop(0, 0).size();

@@ -22,11 +22,11 @@ class LateEars {
  public:
   /// Adds slots from first_slot on to both ears (equal lengths, at least those of the nodes); from the middle of the slot before it the
   /// sound grows as linearly in power as LateSynthesizer's, told to stop there, falls.  offset: as there.
-  void add(const LateNodes& nodes, int first_slot, const EarNoise& noise, std::size_t offset, const ListenerTurn& turn,
+  void add(const LateNodes& nodes, int first_slot, const EarNoise& noise, std::size_t offset, const ListenerOrientation& orientation,
            std::span<float> left, std::span<float> right);
 
  private:
-  void make_mixes(const LateNodes& nodes, int first_slot, const EarNoise& noise, const ListenerTurn& turn);
+  void make_mixes(const LateNodes& nodes, int first_slot, const EarNoise& noise, const ListenerOrientation& orientation);
 
   HarmonicRotation rotation_{1};
   std::vector<EarNoise::Mix> mixes_;  ///< [band][slot], times the amplitude there; of slots with sound

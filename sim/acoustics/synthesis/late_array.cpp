@@ -104,7 +104,7 @@ void LateArray::sound_wave(const EnergyHistogram& energy, const CarrierBank& car
 }
 
 void LateArray::render(const EnergyHistogram& energy, const CarrierBank& carriers, std::size_t offset, double onset_sample,
-                       const ListenerTurn& turn, float speed_of_sound_m_per_s, std::span<const BandDirectivity> patterns,
+                       const ListenerOrientation& orientation, float speed_of_sound_m_per_s, std::span<const BandDirectivity> patterns,
                        std::span<float> out) {
   if (energy.num_bins() == 0) return;
   nodes_.make(energy, rate_hz_, onset_sample, num_samples_);
@@ -113,7 +113,7 @@ void LateArray::render(const EnergyHistogram& energy, const CarrierBank& carrier
   for (std::size_t wave = 0; wave < kNumWaves; ++wave) {
     sound_wave(energy, carriers, wave, offset);
     fft_.forward(signal_, wave_spectrum_);
-    const glm::vec3 from = turn.to_own(direction_[wave]);
+    const glm::vec3 from = orientation.world_to_local(direction_[wave]);
     for (std::size_t i = 0; i < microphones_.size(); ++i) {
       const Microphone& microphone = microphones_[i];
       patterns[i].pressure(glm::conjugate(microphone.orientation) * from, band_gain_);

@@ -29,8 +29,9 @@ class LateArray {
   LateArray(const BandLayout& bands, float sample_rate_hz, int num_samples, const std::vector<Microphone>& microphones);
 
   /// out: [microphone][num_samples], added to.  patterns: of the microphones.  carriers: kNumWaves channels.
-  void render(const EnergyHistogram& energy, const CarrierBank& carriers, std::size_t offset, double onset_sample, const ListenerTurn& turn,
-              float speed_of_sound_m_per_s, std::span<const BandDirectivity> patterns, std::span<float> out);
+  void render(const EnergyHistogram& energy, const CarrierBank& carriers, std::size_t offset, double onset_sample,
+              const ListenerOrientation& orientation, float speed_of_sound_m_per_s, std::span<const BandDirectivity> patterns,
+              std::span<float> out);
 
  private:
   void share_out(const EnergyHistogram& energy);

@@ -142,7 +142,7 @@ struct RirSynthesizer::Scratch {
 /// What one call renders.
 struct RirSynthesizer::Pass {
   const EnergyResponse& response;
-  const ListenerTurn& turn;
+  const ListenerOrientation& orientation;
   double samples_per_m;
   LateSound* kept;
 };
@@ -174,7 +174,7 @@ void RirSynthesizer::add_to_ears(const Pass& pass, const Arrival& arrival, doubl
   Scratch& scratch = *scratch_;
   const SplitDelay delay(delay_samples);
   const auto length = static_cast<std::size_t>(rir.num_samples);
-  tables.hrtf->spectra(pass.turn.to_own(arrival.direction), scratch.ear[0], scratch.ear[1], delay.part);
+  tables.hrtf->spectra(pass.orientation.world_to_local(arrival.direction), scratch.ear[0], scratch.ear[1], delay.part);
   for (std::size_t ear = 0; ear < 2; ++ear) {
     scratch.bands.apply(scratch.ear[ear]);
     scratch.early_fft.inverse(scratch.ear[ear], scratch.response);
@@ -186,7 +186,7 @@ void RirSynthesizer::add_to_ears(const Pass& pass, const Arrival& arrival, doubl
 void RirSynthesizer::add_to_harmonics(const Pass& pass, const Arrival& arrival, double delay_samples, Rir& rir) {
   Scratch& scratch = *scratch_;
   const ListenerLayout& layout = tables_->layout;
-  const glm::vec3 from = layout.axes == HarmonicAxes::ego ? pass.turn.to_own(arrival.direction) : arrival.direction;
+  const glm::vec3 from = layout.axes == HarmonicAxes::ego ? pass.orientation.world_to_local(arrival.direction) : arrival.direction;
   spherical_harmonics_n3d(from, layout.order, scratch.harmonics);
   const auto length = static_cast<std::size_t>(rir.num_samples);
   const SplitDelay delay(delay_samples);
@@ -212,7 +212,7 @@ void RirSynthesizer::add_to_microphones(const Pass& pass, const Arrival& arrival
   const SynthesisTables& tables = *tables_;
   const auto num_bands = static_cast<std::size_t>(tables.num_bands);
   const float distance_m = std::max(arrival.distance_m, kLeastDistanceM);
-  const glm::vec3 image = distance_m * pass.turn.to_own(arrival.direction);
+  const glm::vec3 image = distance_m * pass.orientation.world_to_local(arrival.direction);
   std::array<float, kMaxBands> gain{}, phase{};
   for (std::size_t i = 0; i < tables.layout.microphones.size(); ++i) {
     const Microphone& microphone = tables.layout.microphones[i];
@@ -247,19 +247,20 @@ void RirSynthesizer::add_arrival(const Pass& pass, const Arrival& arrival, Rir& 
 }
 
 /// World to head axes for the decoder.
-RirSynthesizer::FirstOrder RirSynthesizer::rotate_first_order(const ListenerTurn& turn, const LateSound& sound) {
+RirSynthesizer::FirstOrder RirSynthesizer::rotate_first_order(const ListenerOrientation& orientation, const LateSound& sound) {
   Scratch& scratch = *scratch_;
   const std::size_t num_samples = sound.sounding_;
   const auto of = [&](const std::vector<float>& channel) { return std::span(channel).first(num_samples); };
-  if (!turn.level()) {
+  if (!orientation.level()) {
     for (std::size_t c = 0; c < 4; ++c) std::copy_n(sound.channels_[c].begin(), num_samples, scratch.field[c].begin());
     const std::array<std::span<float>, 4> channels = {scratch.field[0], scratch.field[1], scratch.field[2], scratch.field[3]};
-    scratch.rotation.set(turn);
+    scratch.rotation.set(orientation);
     scratch.rotation.apply(channels, num_samples);
     return {of(scratch.field[0]), of(scratch.field[1]), of(scratch.field[2]), of(scratch.field[3])};
   }
   // A turn about the vertical mixes the two horizontal dipoles only (rotate_to_heading for whole signals).
-  const auto cosine = static_cast<float>(std::cos(turn.heading_rad())), sine = static_cast<float>(std::sin(turn.heading_rad()));
+  const auto cosine = static_cast<float>(std::cos(orientation.heading_rad())),
+             sine = static_cast<float>(std::sin(orientation.heading_rad()));
   const float *side = sound.channels_[1].data(), *front = sound.channels_[3].data();
   float* __restrict turned_side = scratch.field[1].data(), * __restrict turned_front = scratch.field[3].data();
   for (std::size_t n = 0; n < num_samples; ++n) {
@@ -318,9 +319,9 @@ void RirSynthesizer::render_late(const Pass& pass, std::size_t offset, double on
         sound.sounding_ = scratch.late.render(sound.nodes_, sound.num_decoded_, tables.carriers, offset, channels);
         sound.known_ = true;
       }
-      decode_late(rotate_first_order(pass.turn, sound), rir);
-      scratch.late_ears.add(sound.nodes_, sound.num_decoded_, tables.ear_noise, offset, pass.turn, std::span(rir.samples).first(length),
-                            std::span(rir.samples).subspan(length));
+      decode_late(rotate_first_order(pass.orientation, sound), rir);
+      scratch.late_ears.add(sound.nodes_, sound.num_decoded_, tables.ear_noise, offset, pass.orientation,
+                            std::span(rir.samples).first(length), std::span(rir.samples).subspan(length));
       return;
     }
     case ListenerKind::ambisonics: {
@@ -328,13 +329,13 @@ void RirSynthesizer::render_late(const Pass& pass, std::size_t offset, double on
       scratch.nodes.make(late, tables.sample_rate_hz, onset_sample, length);
       const std::size_t sounding = scratch.late.render(scratch.nodes, scratch.nodes.size(), tables.carriers, offset, scratch.channels);
       if (tables.layout.axes == HarmonicAxes::world) return;
-      scratch.rotation.set(pass.turn);
+      scratch.rotation.set(pass.orientation);
       scratch.rotation.apply(scratch.channels, sounding);
       return;
     }
     case ListenerKind::array:
-      scratch.array->render(late, tables.carriers, offset, onset_sample, pass.turn, pass.response.speed_of_sound_m_per_s, tables.patterns,
-                            rir.samples);
+      scratch.array->render(late, tables.carriers, offset, onset_sample, pass.orientation, pass.response.speed_of_sound_m_per_s,
+                            tables.patterns, rir.samples);
   }
 }
 
@@ -347,7 +348,7 @@ int RirSynthesizer::count_samples(const EnergyHistogram& late) const {
   return std::max(1, static_cast<int>(std::lround(samples)));
 }
 
-void RirSynthesizer::render(const EnergyResponse& response, const ListenerTurn& turn, std::uint64_t carrier_key, Rir& rir,
+void RirSynthesizer::render(const EnergyResponse& response, const ListenerOrientation& orientation, std::uint64_t carrier_key, Rir& rir,
                             LateSound* kept) {
   const FlushDenormals flush;
   const SynthesisTables& tables = *tables_;
@@ -362,7 +363,7 @@ void RirSynthesizer::render(const EnergyResponse& response, const ListenerTurn& 
   rir.samples.assign(static_cast<std::size_t>(rir.num_channels) * static_cast<std::size_t>(rir.num_samples), 0.f);
   const double samples_per_m =
       needs_speed ? static_cast<double>(tables.sample_rate_hz) / static_cast<double>(response.speed_of_sound_m_per_s) : 0.0;
-  const Pass pass{response, turn, samples_per_m, kept};
+  const Pass pass{response, orientation, samples_per_m, kept};
 
   // Nothing is heard before a direct sound.
   double onset_sample = 0;

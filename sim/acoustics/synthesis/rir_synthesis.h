@@ -63,12 +63,13 @@ class RirSynthesizer {
   ~RirSynthesizer();
   RirSynthesizer(RirSynthesizer&&) noexcept;
 
-  /// turn: of the listener; a heading in radians converts.  carrier_key: identifies the source, so that its noise stays the same from
-  /// step to step and differs between sources.  rir: resized to the length of the late field, round(num_bins * bin_s * rate).  It has that
-  /// of the tables, round(rir_length_s * rate), where that is shorter or less than a bin longer, without a late field and for arrays.
+  /// orientation: of the listener; a heading in radians converts.  carrier_key: identifies the source, so that its noise stays the same
+  /// from step to step and differs between sources.  rir: resized to the length of the late field, round(num_bins * bin_s * rate).  It has
+  /// that of the tables, round(rir_length_s * rate), where that is shorter or less than a bin longer, without a late field and for arrays.
   /// response.late: no bins, or the bands of the tables and any SH order; order 0 counts as diffuse.
   /// kept: null, or of this response and key, or forgotten: saves a quarter of the time of further binaural turns, and changes no bit.
-  void render(const EnergyResponse& response, const ListenerTurn& turn, std::uint64_t carrier_key, Rir& rir, LateSound* kept = nullptr);
+  void render(const EnergyResponse& response, const ListenerOrientation& orientation, std::uint64_t carrier_key, Rir& rir,
+              LateSound* kept = nullptr);
 
  private:
   struct Scratch;
@@ -80,7 +81,7 @@ class RirSynthesizer {
   void add_to_microphones(const Pass& pass, const Arrival& arrival, Rir& rir);
   void add_impulse(double delay_samples, std::size_t channel, Rir& rir);
   using FirstOrder = std::array<std::span<const float>, 4>;
-  FirstOrder rotate_first_order(const ListenerTurn& turn, const LateSound& sound);
+  FirstOrder rotate_first_order(const ListenerOrientation& orientation, const LateSound& sound);
   [[nodiscard]] int count_samples(const EnergyHistogram& late) const;
   void decode_late(const FirstOrder& field, Rir& rir);
 

@@ -217,7 +217,7 @@ TEST_F(Cli, SeveralSourcesAndListenersGiveAFileEach) {
 TEST_F(Cli, HeadFiltersCanBeTurnedAgainstTheListener) {
   const std::string room = "rir shoebox:5x3x4@0.2 --source 1.2,1.1,1.5 --listener 3.8,1.6,2.3 --preset fast --set late=off ";
   ASSERT_EQ(earshot(room + "--heading 90 --out " + file("a.wav")).exit_code, 0);
-  ASSERT_EQ(earshot(room + "--heading 50 --hrtf-turn 40,0,0 --out " + file("b.wav")).exit_code, 0);
+  ASSERT_EQ(earshot(room + "--heading 50 --hrtf-orientation 40,0,0 --out " + file("b.wav")).exit_code, 0);
   ASSERT_EQ(earshot(room + "--heading 50 --out " + file("c.wav")).exit_code, 0);
   const std::vector<float> turned = read_wav("a.wav"), same = read_wav("b.wav"), other = read_wav("c.wav");
   double difference = 0;
@@ -226,7 +226,7 @@ TEST_F(Cli, HeadFiltersCanBeTurnedAgainstTheListener) {
     difference = std::max<double>(difference, std::abs(other[i] - turned[i]));
   }
   EXPECT_GT(difference, 1e-3);
-  expect_bad_input(room + "--hrtf-turn 1,2 --out " + file("x.wav"), "--hrtf-turn");
+  expect_bad_input(room + "--hrtf-orientation 1,2 --out " + file("x.wav"), "--hrtf-orientation");
 }
 
 TEST_F(Cli, WalkHearsMovingSources) {

@@ -36,45 +36,45 @@ std::vector<float> harmonics(glm::vec3 direction, int order) {
   return values;
 }
 
-HarmonicRotation rotation_of(const ListenerTurn& turn, int order) {
+HarmonicRotation rotation_of(const ListenerOrientation& orientation, int order) {
   HarmonicRotation rotation(order);
-  rotation.set(turn);
+  rotation.set(orientation);
   return rotation;
 }
 
-TEST(ListenerTurn, HasTheSignsOfItsAngles) {
+TEST(ListenerOrientation, HasTheSignsOfItsAngles) {
   const auto expect_near = [](glm::vec3 a, glm::vec3 b) { EXPECT_LT(glm::distance(a, b), 1e-6f) << a.x << ' ' << a.y << ' ' << a.z; };
-  const ListenerTurn left(90 * kDegree), up(0, 90 * kDegree, 0), right_ear_down(0, 0, 90 * kDegree);
-  expect_near(left.to_own({0, 0, -1}), {1, 0, 0});  // a front source is now at the right
-  expect_near(up.to_own({0, 1, 0}), {0, 0, -1});    // what was above is in front
-  expect_near(up.to_own({0, 0, -1}), {0, -1, 0});   // the front is below
-  expect_near(right_ear_down.to_own({0, -1, 0}), {1, 0, 0});
-  expect_near(right_ear_down.to_own({0, 0, -1}), {0, 0, -1});
+  const ListenerOrientation left(90 * kDegree), up(0, 90 * kDegree, 0), right_ear_down(0, 0, 90 * kDegree);
+  expect_near(left.world_to_local({0, 0, -1}), {1, 0, 0});  // a front source is now at the right
+  expect_near(up.world_to_local({0, 1, 0}), {0, 0, -1});    // what was above is in front
+  expect_near(up.world_to_local({0, 0, -1}), {0, -1, 0});   // the front is below
+  expect_near(right_ear_down.world_to_local({0, -1, 0}), {1, 0, 0});
+  expect_near(right_ear_down.world_to_local({0, 0, -1}), {0, 0, -1});
   // Pitch is about the listener's own ears, whichever way it heads.
-  expect_near(ListenerTurn(90 * kDegree, 90 * kDegree, 0).to_own({0, 1, 0}), {0, 0, -1});
-  expect_near(ListenerTurn(90 * kDegree, 30 * kDegree, 0).to_own({0, 0, -1}), {1, 0, 0});
+  expect_near(ListenerOrientation(90 * kDegree, 90 * kDegree, 0).world_to_local({0, 1, 0}), {0, 0, -1});
+  expect_near(ListenerOrientation(90 * kDegree, 30 * kDegree, 0).world_to_local({0, 0, -1}), {1, 0, 0});
 }
 
-TEST(ListenerTurn, QuaternionHeadingAndAnglesAgree) {
-  const ListenerTurn heading(0.7), angles(0.7, 0.0, 0.0), quaternion(heading.own_to_world() * 3.0), turned(0.7, -0.4, 1.9);
+TEST(ListenerOrientation, QuaternionHeadingAndAnglesAgree) {
+  const ListenerOrientation heading(0.7), angles(0.7, 0.0, 0.0), quaternion(heading.local_to_world() * 3.0), turned(0.7, -0.4, 1.9);
   EXPECT_TRUE(heading.level() && angles.level());
   for (std::uint32_t i = 0; i < 50; ++i) {
     const glm::vec3 d = random_direction(i);
-    EXPECT_EQ(heading.to_own(d), to_head_axes(d, 0.7));
-    EXPECT_LT(glm::distance(heading.to_own(d), quaternion.to_own(d)), 1e-6f);
-    EXPECT_LT(glm::distance(turned.to_world(turned.to_own(d)), d), 1e-6f);
-    EXPECT_LT(glm::distance(heading.to_world(heading.to_own(d)), d), 1e-6f);
+    EXPECT_EQ(heading.world_to_local(d), to_head_axes(d, 0.7));
+    EXPECT_LT(glm::distance(heading.world_to_local(d), quaternion.world_to_local(d)), 1e-6f);
+    EXPECT_LT(glm::distance(turned.local_to_world(turned.world_to_local(d)), d), 1e-6f);
+    EXPECT_LT(glm::distance(heading.local_to_world(heading.world_to_local(d)), d), 1e-6f);
   }
-  EXPECT_THROW(ListenerTurn(glm::dquat(0, 0, 0, 0)), InputError);
+  EXPECT_THROW(ListenerOrientation(glm::dquat(0, 0, 0, 0)), InputError);
 }
 
 // Rotating the field equals the field of the turned direction, for every order, turn and direction: the recursion against the harmonics.
 TEST(OracleO28, RotationOfTheFieldIsTheFieldOfTheTurnedDirection) {
   for (std::uint32_t i = 0; i < 40; ++i) {
-    const ListenerTurn turn(random_turn(i));
+    const ListenerOrientation orientation(random_turn(i));
     auto field = harmonics(random_direction(i), 9);
-    rotation_of(turn, 9).apply(field);
-    const auto expected = harmonics(turn.to_own(random_direction(i)), 9);
+    rotation_of(orientation, 9).apply(field);
+    const auto expected = harmonics(orientation.world_to_local(random_direction(i)), 9);
     for (std::size_t c = 0; c < field.size(); ++c) EXPECT_NEAR(field[c], expected[c], 5e-5) << c;  // float direction, slope l^2, size 4
   }
 }
@@ -82,13 +82,13 @@ TEST(OracleO28, RotationOfTheFieldIsTheFieldOfTheTurnedDirection) {
 TEST(OracleO28, YawTurnsAsRotateToHeadingDoes) {
   for (const double heading_rad : {0.3, -2.0, 90 * kDegree}) {
     auto field = harmonics(random_direction(5), 9), by_heading = field;
-    rotation_of(ListenerTurn(heading_rad), 9).apply(field);
+    rotation_of(ListenerOrientation(heading_rad), 9).apply(field);
     rotate_to_heading(by_heading, 9, heading_rad);
     for (std::size_t c = 0; c < field.size(); ++c) EXPECT_NEAR(field[c], by_heading[c], 2e-6);
   }
   // Turning left by 90 degrees moves a front source to the right: ACN 1 becomes -sqrt 3, ACN 3 becomes 0.
   auto front = harmonics({0, 0, -1}, 1);
-  rotation_of(ListenerTurn(90 * kDegree), 1).apply(front);
+  rotation_of(ListenerOrientation(90 * kDegree), 1).apply(front);
   EXPECT_NEAR(front[0], 1.0, 1e-7);
   EXPECT_NEAR(front[1], -1.7320508, 1e-6);
   EXPECT_NEAR(front[3], 0.0, 1e-6);
@@ -106,9 +106,9 @@ double distance(const HarmonicRotation& a, const HarmonicRotation& b) {
 TEST(OracleO28, RotationsAreAGroup) {
   for (std::uint32_t i = 0; i < 20; ++i) {
     const glm::dquat a = random_turn(2 * i), b = random_turn(2 * i + 1);
-    const HarmonicRotation first = rotation_of(ListenerTurn(a), 9), second = rotation_of(ListenerTurn(b), 9);
+    const HarmonicRotation first = rotation_of(ListenerOrientation(a), 9), second = rotation_of(ListenerOrientation(b), 9);
     // Turn by a, then by b about its own axes: world = a b own.
-    const HarmonicRotation both = rotation_of(ListenerTurn(a * b), 9);
+    const HarmonicRotation both = rotation_of(ListenerOrientation(a * b), 9);
     for (int l = 0; l <= 9; ++l) {
       for (int m = -l; m <= l; ++m) {
         for (int n = -l; n <= l; ++n) {
@@ -124,14 +124,15 @@ TEST(OracleO28, RotationsAreAGroup) {
     }
   }
   const HarmonicRotation still(9);
-  EXPECT_LT(distance(rotation_of(ListenerTurn(2.0 * std::numbers::pi), 9), still), 1e-12);
-  EXPECT_LT(distance(rotation_of(ListenerTurn(glm::dquat(-1, 0, 0, 0)), 9), still), 1e-12);
-  EXPECT_GT(distance(rotation_of(ListenerTurn(0.1), 9), still), 0.1);
+  EXPECT_LT(distance(rotation_of(ListenerOrientation(2.0 * std::numbers::pi), 9), still), 1e-12);
+  EXPECT_LT(distance(rotation_of(ListenerOrientation(glm::dquat(-1, 0, 0, 0)), 9), still), 1e-12);
+  EXPECT_GT(distance(rotation_of(ListenerOrientation(0.1), 9), still), 0.1);
 }
 
 TEST(OracleO28, ThirtySixTurnsOfTenDegreesReturnToTheStart) {  // docs/stability.md, H-58
-  for (const ListenerTurn& turn : {ListenerTurn(10 * kDegree), ListenerTurn(0, 10 * kDegree, 0), ListenerTurn(0, 0, 10 * kDegree)}) {
-    const HarmonicRotation step = rotation_of(turn, 9);
+  for (const ListenerOrientation& orientation :
+       {ListenerOrientation(10 * kDegree), ListenerOrientation(0, 10 * kDegree, 0), ListenerOrientation(0, 0, 10 * kDegree)}) {
+    const HarmonicRotation step = rotation_of(orientation, 9);
     const auto start = harmonics(random_direction(9), 9);
     auto field = start;
     for (int i = 0; i < 36; ++i) step.apply(field);
@@ -140,7 +141,7 @@ TEST(OracleO28, ThirtySixTurnsOfTenDegreesReturnToTheStart) {  // docs/stability
 }
 
 TEST(OracleO28, SignalsTurnLikeCoefficients) {
-  HarmonicRotation rotation = rotation_of(ListenerTurn(random_turn(3)), 4);
+  HarmonicRotation rotation = rotation_of(ListenerOrientation(random_turn(3)), 4);
   constexpr std::size_t length = 600;  // more than two blocks
   std::vector<std::vector<float>> signals(25, std::vector<float>(length));
   std::vector<std::span<float>> channels;

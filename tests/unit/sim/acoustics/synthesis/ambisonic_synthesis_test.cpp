@@ -70,12 +70,12 @@ EnergyResponse mixed_response() {
 TEST(OracleO28, EgoAxesAreWorldAxesTurned) {
   const EnergyResponse response = mixed_response();
   RirSynthesizer world = ambisonic(3), ego = ambisonic(3, HarmonicNorm::n3d, HarmonicAxes::ego);
-  for (const ListenerTurn& turn : {ListenerTurn(90 * kDegree), ListenerTurn(0.4, -0.7, 1.1)}) {
+  for (const ListenerOrientation& orientation : {ListenerOrientation(90 * kDegree), ListenerOrientation(0.4, -0.7, 1.1)}) {
     Rir fixed, turned;
-    world.render(response, turn, 1, fixed);
-    ego.render(response, turn, 1, turned);
+    world.render(response, orientation, 1, fixed);
+    ego.render(response, orientation, 1, turned);
     HarmonicRotation rotation(3);
-    rotation.set(turn);
+    rotation.set(orientation);
     std::vector<std::span<float>> channels;
     for (std::size_t c = 0; c < 16; ++c)
       channels.push_back(
@@ -108,7 +108,7 @@ TEST(AmbisonicSynthesis, ImpossibleLayoutsAreRefused) {
 TEST(BinauralSynthesis, TiltedHeadHearsTheTurnedDirections) {
   RirSynthesizer synthesizer(binaural_tables());
   // Lying on the right ear, what was below is at the right.
-  const ListenerTurn lying(0, 0, 90 * kDegree);
+  const ListenerOrientation lying(0, 0, 90 * kDegree);
   Rir tilted, upright;
   synthesizer.render(response_with({arrival_at(5.0, 1.0, {0, -1, 0})}), lying, 1, tilted);
   synthesizer.render(response_with({arrival_at(5.0, 1.0, {1, 0, 0})}), 0.0, 1, upright);
@@ -119,7 +119,7 @@ TEST(BinauralSynthesis, TiltedHeadHearsTheTurnedDirections) {
   synthesizer.render(late, lying, 1, tilted);
   EXPECT_GT(db(energy_of(tilted.channel(1)) / energy_of(tilted.channel(0))), 4.0);
   synthesizer.render(late, 0.8, 1, upright);
-  synthesizer.render(late, ListenerTurn(ListenerTurn(0.8).own_to_world()), 1, tilted);
+  synthesizer.render(late, ListenerOrientation(ListenerOrientation(0.8).local_to_world()), 1, tilted);
   for (std::size_t n = 0; n < tilted.samples.size(); ++n) ASSERT_NEAR(tilted.samples[n], upright.samples[n], 1e-6);
 }
 

@@ -16,8 +16,8 @@ RirSynthesizer array_of(std::vector<Microphone> microphones, float length_s = 0.
                                               ListenerLayout::array(std::move(microphones)), nullptr));
 }
 
-Microphone at(glm::vec3 position_m, const char* pattern = "omni", const ListenerTurn& turn = 0.0) {
-  return {.position_m = position_m, .directivity = Directivity::named(pattern), .orientation = glm::quat(turn.own_to_world())};
+Microphone at(glm::vec3 position_m, const char* pattern = "omni", const ListenerOrientation& orientation = 0.0) {
+  return {.position_m = position_m, .directivity = Directivity::named(pattern), .orientation = glm::quat(orientation.local_to_world())};
 }
 
 TEST(ArraySynthesis, EachMicrophoneHasItsOwnDistanceToTheImage) {
@@ -44,8 +44,8 @@ TEST(ArraySynthesis, EachMicrophoneHasItsOwnDistanceToTheImage) {
 }
 
 TEST(ArraySynthesis, PatternsWeighArrivals) {
-  RirSynthesizer synthesizer =
-      array_of({at({0, 0, 0}), at({0, 0, 0}, "cardioid"), at({0, 0, 0}, "dipole"), at({0, 0, 0}, "cardioid", ListenerTurn(-90 * kDegree))});
+  RirSynthesizer synthesizer = array_of(
+      {at({0, 0, 0}), at({0, 0, 0}, "cardioid"), at({0, 0, 0}, "dipole"), at({0, 0, 0}, "cardioid", ListenerOrientation(-90 * kDegree))});
   const auto gains = [&](glm::vec3 direction, double heading_rad) {
     const Rir rir = rendered(synthesizer, response_with({arrival_at(3.43, 0.25, direction)}), heading_rad);  // sample 160
     std::array<double, 4> result{};
@@ -72,9 +72,9 @@ TEST(ArraySynthesis, PhasesOfArrivalsAreKept) {
   arrival.phase_rad.fill(0.5f * std::numbers::pi_v<float>);
   const auto spectrum = spectrum_of(rendered(synthesizer, response_with({arrival})).channel(0));
   for (const std::size_t k : {200u, 700u}) {
-    const double turn = std::arg(std::complex<double>(spectrum[k])) +
-                        std::numbers::pi * 160.0 * static_cast<double>(k) / static_cast<double>(spectrum.size() - 1);
-    EXPECT_NEAR(std::remainder(turn, 2.0 * std::numbers::pi), 0.5 * std::numbers::pi, 0.01);  // so are those of a turned one
+    const double phase = std::arg(std::complex<double>(spectrum[k])) +
+                         std::numbers::pi * 160.0 * static_cast<double>(k) / static_cast<double>(spectrum.size() - 1);
+    EXPECT_NEAR(std::remainder(phase, 2.0 * std::numbers::pi), 0.5 * std::numbers::pi, 0.01);  // so are those of a turned one
   }
 }
 
@@ -83,7 +83,7 @@ struct Pair {
   std::array<double, 6> coherence{};
   double first = 0, second = 0;
 };
-Pair late_pair(RirSynthesizer& synthesizer, const EnergyHistogram& late, const ListenerTurn& turn, int keys) {
+Pair late_pair(RirSynthesizer& synthesizer, const EnergyHistogram& late, const ListenerOrientation& orientation, int keys) {
   const std::array<double, 6> frequency_hz = {125, 250, 500, 1000, 2000, 4000};
   std::array<std::complex<double>, 6> cross{};
   std::array<double, 6> first{}, second{};
@@ -92,7 +92,7 @@ Pair late_pair(RirSynthesizer& synthesizer, const EnergyHistogram& late, const L
   Pair pair;
   for (int key = 0; key < keys; ++key) {
     Rir rir;
-    synthesizer.render(response, turn, static_cast<std::uint64_t>(key), rir);
+    synthesizer.render(response, orientation, static_cast<std::uint64_t>(key), rir);
     pair.first += energy_of(rir.channel(0)) / keys;
     pair.second += energy_of(rir.channel(1)) / keys;
     const auto a = spectrum_of(rir.channel(0)), b = spectrum_of(rir.channel(1));
@@ -115,7 +115,7 @@ TEST(OracleO26, TwoMicrophonesInADiffuseFieldHaveTheCoherenceOfTheirDistance) {
   const EnergyHistogram late = decay_of(2.0, 0.02, 7);
   const double put_in = 0.02 * (1.0 - std::exp(-6.0 * std::log(10.0) * 0.5 / 2.0));
   const std::array<double, 6> expected = {0.9735, 0.8963, 0.6236, -0.0200, 0.0199, 0.0198};
-  const Pair pair = late_pair(synthesizer, late, ListenerTurn(0.4, 0.3, 0.0), 16);
+  const Pair pair = late_pair(synthesizer, late, ListenerOrientation(0.4, 0.3, 0.0), 16);
   // Chance leaves 1 / sqrt(2 * 7.5 Hz * 0.5 s * 16) = 0.09 at 125 Hz, times what is not coherent there (0.05), and 0.03 and less above 1
   // kHz.
   for (std::size_t f = 0; f < 6; ++f) EXPECT_NEAR(pair.coherence[f], expected[f], 0.1) << f;
@@ -130,8 +130,8 @@ TEST(ArraySynthesis, LateFieldHasThePowerThatThePatternTakesIn) {
   EXPECT_NEAR(db(diffuse.first / put_in), -4.7712, 0.3);  // docs/oracles.md, O-29
   EXPECT_NEAR(db(diffuse.second / put_in), -6.0206, 0.3);
   // Energy from the right: cardioids that look there get most of it, those that look away little.
-  RirSynthesizer sides =
-      array_of({at({0, 0, 0}, "cardioid", ListenerTurn(-90 * kDegree)), at({0, 0, 0}, "cardioid", ListenerTurn(90 * kDegree))}, 0.5f);
+  RirSynthesizer sides = array_of(
+      {at({0, 0, 0}, "cardioid", ListenerOrientation(-90 * kDegree)), at({0, 0, 0}, "cardioid", ListenerOrientation(90 * kDegree))}, 0.5f);
   const EnergyHistogram from_right = decay_of(2.0, 0.02, 7, 0.004f, 0.5, 1, {1, 0, 0}, 0.9f);
   const Pair facing = late_pair(sides, from_right, 0.0, 4), away = late_pair(sides, from_right, 180 * kDegree, 4);
   EXPECT_NEAR(db(facing.first / put_in), 0.0, 0.8);  // k = 9: mean of ((1 + cos) / 2)^2 is -0.5 dB

@@ -35,14 +35,15 @@ struct EarCovariance {
   double left = 0, right = 0, cross = 0;
   [[nodiscard]] double correlation() const { return cross / std::sqrt(left * right); }
 };
-EarCovariance covariance_of(const std::shared_ptr<const SynthesisTables>& tables, const EnergyHistogram& late, const ListenerTurn& turn) {
+EarCovariance covariance_of(const std::shared_ptr<const SynthesisTables>& tables, const EnergyHistogram& late,
+                            const ListenerOrientation& orientation) {
   RirSynthesizer synthesizer(tables);
   EnergyResponse response = response_with();
   response.late = late;
   EarCovariance sum;
   Rir rir;
   for (std::uint64_t key = 0; key < 24; ++key) {
-    synthesizer.render(response, turn, key, rir);
+    synthesizer.render(response, orientation, key, rir);
     const auto left = rir.channel(0), right = rir.channel(1);
     sum.left += energy_of(left);
     sum.right += energy_of(right);
@@ -58,18 +59,19 @@ TEST(LateEars, PowersAndCorrelationAreThoseOfTheDecoder) {
   struct Case {
     glm::vec3 from;
     float directivity;
-    ListenerTurn turn;
+    ListenerOrientation orientation;
   };
-  const Case cases[] = {{{0, 0, -1}, 0.f, ListenerTurn(0.7)},         {{1, 0, 0}, 0.5f, ListenerTurn(0.0)},
-                        {{1, 0, 0}, 1.f, ListenerTurn(0.6)},          {{0, 0, -1}, 1.f, ListenerTurn(0.0)},
-                        {{0, 1, 0}, 0.8f, ListenerTurn(0, 0.4, 0.7)}, {{-0.6f, 0, 0.8f}, 0.7f, ListenerTurn(-2.0)}};
+  const Case cases[] = {{{0, 0, -1}, 0.f, ListenerOrientation(0.7)},         {{1, 0, 0}, 0.5f, ListenerOrientation(0.0)},
+                        {{1, 0, 0}, 1.f, ListenerOrientation(0.6)},          {{0, 0, -1}, 1.f, ListenerOrientation(0.0)},
+                        {{0, 1, 0}, 0.8f, ListenerOrientation(0, 0.4, 0.7)}, {{-0.6f, 0, 0.8f}, 0.7f, ListenerOrientation(-2.0)}};
   constexpr int num_bands = 7;
   for (const Case& c : cases) {
     for (int band = 0; band < num_bands; ++band) {
       EnergyHistogram late = decay_of(3.0, 0.02, num_bands, 0.004f, 0.5, 1, c.from, c.directivity);
       for (std::size_t i = 0; i < late.values().size(); ++i)
         if (static_cast<int>(i / 4) % num_bands != band) late.values()[i] = 0;
-      const EarCovariance decoded = covariance_of(decoded_tables(), late, c.turn), mixed = covariance_of(mixed_tables(), late, c.turn);
+      const EarCovariance decoded = covariance_of(decoded_tables(), late, c.orientation),
+                          mixed = covariance_of(mixed_tables(), late, c.orientation);
       EXPECT_NEAR(db(mixed.left / decoded.left), 0.0, 0.2) << c.directivity << ", band " << band;
       EXPECT_NEAR(db(mixed.right / decoded.right), 0.0, 0.2) << c.directivity << ", band " << band;
       EXPECT_NEAR(mixed.correlation(), decoded.correlation(), 0.03) << c.directivity << ", band " << band;

@@ -258,9 +258,10 @@ TEST(RirSynthesis, KeptLateSoundChangesNoBit) {
   for (const double level : {1e-2, 3e-3}) {
     response.late = decay_of(0.4, level, BandLayout::octaves(16000.f).size(), 0.004f, 0.5, 1, {0, 0, -1}, 0.5f);
     kept.forget();
-    for (const ListenerTurn& turn : {ListenerTurn(0.0), ListenerTurn(1.3), ListenerTurn(0.4, 0.3, -0.2), ListenerTurn(-2.0)}) {
-      keeping.render(response, turn, 5, with, &kept);
-      plain.render(response, turn, 5, without);
+    for (const ListenerOrientation& orientation :
+         {ListenerOrientation(0.0), ListenerOrientation(1.3), ListenerOrientation(0.4, 0.3, -0.2), ListenerOrientation(-2.0)}) {
+      keeping.render(response, orientation, 5, with, &kept);
+      plain.render(response, orientation, 5, without);
       ASSERT_EQ(with.samples, without.samples);
     }
   }
