@@ -9,7 +9,7 @@
 #include "bench/accuracy_report.h"
 #include "bench/bench_env.h"
 #include "bench/bench_rir.h"
-#include "bench/soak/soak_report.h"
+#include "bench/soak/report.h"
 #include "sim/base/errors.h"
 
 namespace earshot {
@@ -53,7 +53,7 @@ void run_soak_command(const SoakCommand& command) {
   if (!command.out.empty()) write_soak_files(result, command.out);
   soak_bench_report(result).write(command.json);
   fmt::print("{}", soak_markdown(result));
-  if (!result.passed()) throw RunError("bench soak", "a bound is broken: see the verdicts above");
+  if (!result.passed()) throw RunError("bench soak", "a bound is broken: see the bounds above");
 }
 
 void add_soak(CLI::App& bench) {
@@ -84,7 +84,7 @@ void add_soak(CLI::App& bench) {
   command->callback([soak] { run_soak_command(*soak); });
 }
 
-/// The options that all benchmarks share.
+/// Options common to all benchmarks.
 CLI::App* add_bench_command(CLI::App& bench, const std::string& name, const std::string& about, const std::shared_ptr<Options>& options) {
   CLI::App* command = bench.add_subcommand(name, about);
   command->add_option("--json", options->json, "Also write names, medians, ranges and settings to a file");

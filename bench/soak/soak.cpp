@@ -11,8 +11,8 @@
 #include <thread>
 
 #include "bench/measured.h"
-#include "bench/soak/soak_episodes.h"
-#include "bench/soak/soak_replay.h"
+#include "bench/soak/episodes.h"
+#include "bench/soak/replay.h"
 #include "envs/baselines.h"
 #include "sim/base/errors.h"
 #include "sim/base/progress.h"
@@ -144,7 +144,7 @@ class Soak {
       const Stopwatch one_step;
       env_->step(actions);
       book(one_step.wall_s(), before);
-      watch_->look(*env_);
+      watch_->check(*env_);
       if (watch_->steps() >= (result_.memory.size() * options_.steps) / kMemorySamples) sample_memory();
       progress.update(watch_->steps(), fmt::format("round {}, {} scenes loaded, {:.0f} MiB", round_ + 1, cache_->scenes_loaded(),
                                                    result_.memory.back().resident));

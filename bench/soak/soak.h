@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "bench/soak/soak_statistics.h"
-#include "bench/soak/soak_watch.h"
+#include "bench/soak/statistics.h"
+#include "bench/soak/watch.h"
 
 namespace earshot {
 
@@ -31,12 +31,12 @@ struct SoakOptions {
 /// Throws InputError with key, value, rule.
 void validate(const SoakOptions& options);
 
-enum class Verdict { held, broken, open };
+enum class BoundStatus { held, broken, open };
 
 /// One thing that must hold, and whether it did; open: the run was too short to say.
 struct SoakBound {
   std::string name, found, bound;
-  Verdict verdict = Verdict::held;
+  BoundStatus status = BoundStatus::held;
 };
 
 /// Of a call of BatchedEnv::step, milliseconds: wall time of all, and work per stage summed over agents and threads.
@@ -76,7 +76,7 @@ struct SoakResult {
 };
 
 /// Walks a batch of environments through generated scenes for a given number of agent steps, half of the episodes at random and half
-/// greedily, and watches what comes out, how long it takes and what memory it keeps.  Acoustics and task are those of
+/// greedily, and watches what comes out, its time and its memory.  Acoustics and task are those of
 /// configs/train/quick.yaml.
 SoakResult run_soak(const SoakOptions& options);
 

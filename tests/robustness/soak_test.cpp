@@ -8,7 +8,7 @@
 #include <numbers>
 #include <utility>
 
-#include "bench/soak/soak_report.h"
+#include "bench/soak/report.h"
 #include "envs/scene_cache.h"
 #include "sim/base/errors.h"
 #include "sim/base/random.h"
@@ -21,7 +21,7 @@ using testing::Field;
 using testing::HasSubstr;
 using testing::Not;
 
-/// Sanitizers keep freed memory and answer the questions about the heap themselves: what memory a run takes is judged in the other builds.
+/// Sanitizers keep freed memory and report on the heap themselves: what memory a run takes is judged in the other builds.
 #ifdef EARSHOT_SANITIZED
 constexpr bool kMemoryIsKnown = false;
 #else
@@ -33,18 +33,18 @@ SoakOptions short_soak() {
   return {.steps = 300, .scenes = 2, .hard_every = 2, .num_envs = 4, .threads = 1, .minutes = 60, .camera_px = 16, .replays = 2};
 }
 
-Verdict verdict_of(const SoakResult& result, const std::string& name) {
+BoundStatus status_of(const SoakResult& result, const std::string& name) {
   for (const SoakBound& bound : result.bounds())
-    if (bound.name == name) return bound.verdict;
+    if (bound.name == name) return bound.status;
   ADD_FAILURE() << "no bound is called " << name;
-  return Verdict::open;
+  return BoundStatus::open;
 }
 
 TEST(X_Soak, ShortRunHoldsEveryBound) {
   const SoakResult result = run_soak(short_soak());
   for (const SoakBound& bound : result.bounds()) {
     if (kMemoryIsKnown || bound.name != "resident memory") {
-      EXPECT_NE(bound.verdict, Verdict::broken) << bound.name << ": " << bound.found;
+      EXPECT_NE(bound.status, BoundStatus::broken) << bound.name << ": " << bound.found;
     }
   }
   if (kMemoryIsKnown) {
@@ -77,7 +77,7 @@ TEST(X_Soak, NoticesANotANumberInAnySense) {
     };
     const SoakResult result = run_soak(options);
     EXPECT_EQ(result.faults[static_cast<std::size_t>(SoakFault::not_finite)], 1u) << sensor;
-    EXPECT_EQ(verdict_of(result, "finite observations and rewards"), Verdict::broken) << sensor;
+    EXPECT_EQ(status_of(result, "finite observations and rewards"), BoundStatus::broken) << sensor;
     EXPECT_FALSE(result.passed());
     ASSERT_FALSE(result.examples.empty());
     EXPECT_THAT(result.examples.front().what, HasSubstr("nan"));  // says which value, in which scene
@@ -94,9 +94,9 @@ TEST(X_Soak, NoticesValuesOutsideTheirRange) {
     rows.spectrogram[0] = -1e-6f;
   };
   const SoakResult result = run_soak(options);
-  // Two faults in each look: one per step, and one more for each first observation.
+  // Two faults in each check: one per step, and one more for each first observation.
   EXPECT_GE(result.faults[static_cast<std::size_t>(SoakFault::out_of_range)], 2 * result.steps);
-  EXPECT_EQ(verdict_of(result, "observations and rewards in their ranges"), Verdict::broken);
+  EXPECT_EQ(status_of(result, "observations and rewards in their ranges"), BoundStatus::broken);
 }
 
 // 40 dB more than what is heard; the bound is 18 dB over what is expected.
@@ -108,8 +108,8 @@ TEST(X_Soak, NoticesTooMuchEnergy) {
     for (float& value : rows.audiogoal) value *= 100.f;
   };
   const SoakResult result = run_soak(options);
-  EXPECT_EQ(verdict_of(result, "heard energy"), Verdict::broken);
-  EXPECT_EQ(verdict_of(result, "finite observations and rewards"), Verdict::held);
+  EXPECT_EQ(status_of(result, "heard energy"), BoundStatus::broken);
+  EXPECT_EQ(status_of(result, "finite observations and rewards"), BoundStatus::held);
 }
 
 TEST(X_Soak, NoticesALeak) {
@@ -117,10 +117,10 @@ TEST(X_Soak, NoticesALeak) {
   std::vector<std::vector<char>> leaked;
   SoakOptions options = short_soak();
   options.replays = 0;
-  options.tamper = [&](std::uint64_t, int, SoakRows&) { leaked.emplace_back(1 << 20, 'x'); };  // 1 MiB in each look, 300 and more in all
+  options.tamper = [&](std::uint64_t, int, SoakRows&) { leaked.emplace_back(1 << 20, 'x'); };  // 1 MiB in each check, 300 and more in all
   const SoakResult result = run_soak(options);
-  EXPECT_EQ(verdict_of(result, "resident memory"), Verdict::broken);
-  // About one look per step.  Episodes' first observations make it a little more; other memory is noise of a few MiB over 200 steps.
+  EXPECT_EQ(status_of(result, "resident memory"), BoundStatus::broken);
+  // About one check per step.  Episodes' first observations make it a little more; other memory is noise of a few MiB over 200 steps.
   EXPECT_NEAR(result.resident_slope.per_x, 1.0, 0.2);
   EXPECT_NEAR(result.heap_slope.per_x, 1.0, 0.2);
 }
@@ -132,7 +132,7 @@ TEST(X_Soak, NoticesAnEpisodeThatColdReplayDoesNotGive) {
   };
   const SoakResult result = run_soak(options);
   EXPECT_EQ(result.replays_that_differ, 2);
-  EXPECT_EQ(verdict_of(result, "cold replays"), Verdict::broken);
+  EXPECT_EQ(status_of(result, "cold replays"), BoundStatus::broken);
 }
 
 TEST(X_Soak, RefusesBadOptions) {

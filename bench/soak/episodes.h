@@ -5,12 +5,12 @@
 #include <string>
 #include <vector>
 
-#include "bench/soak/soak_scenes.h"
+#include "bench/soak/scenes.h"
 #include "envs/batched_env.h"
 
 namespace earshot {
 
-/// What a bound on the heard energy needs to know of an episode (soak_watch.h).
+/// Data of an episode for the bound on heard energy (watch.h).
 struct SoakEpisode {
   std::uint32_t scene = 0;     ///< index of its SoakScene
   double dry_mean_square = 0;  ///< largest of its dry sound over any window of one step, gain included

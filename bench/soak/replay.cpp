@@ -1,4 +1,4 @@
-#include "bench/soak/soak_replay.h"
+#include "bench/soak/replay.h"
 
 #include <array>
 

@@ -1,4 +1,4 @@
-#include "bench/soak/soak_statistics.h"
+#include "bench/soak/statistics.h"
 
 #include <malloc.h>
 #include <unistd.h>
@@ -20,9 +20,9 @@ void LogHistogram::add(double value) {
   max_ = std::max(max_, value);
 }
 
-double LogHistogram::quantile(double share) const {
+double LogHistogram::quantile(double fraction) const {
   if (count_ == 0) return 0;
-  const auto wanted = static_cast<std::uint64_t>(std::ceil(share * static_cast<double>(count_)));
+  const auto wanted = static_cast<std::uint64_t>(std::ceil(fraction * static_cast<double>(count_)));
   std::uint64_t below = bins_[0];
   if (below >= wanted) return 0;  // too small to tell
   for (std::size_t bin = 1; bin < bins_.size(); ++bin) {

@@ -1,4 +1,4 @@
-#include "bench/soak/soak_watch.h"
+#include "bench/soak/watch.h"
 
 #include <fmt/format.h>
 
@@ -19,7 +19,7 @@ namespace {
 
 constexpr std::size_t kMaxExamples = 12;
 
-/// Distances along the surface bend with corners that stand a little off their vertices: a move may gain this much more than its length.
+/// Distances along the surface follow corners that stand a little off their vertices: a move may gain this much more than its length.
 constexpr float kGeodesicSlackM = 0.05f;
 /// An agent stands on the surface: within this of the bounds of its scene.
 constexpr float kBoundsSlackM = 0.25f;
@@ -73,7 +73,7 @@ void SoakWatch::look_at_start(const BatchedEnv& env) {
   for (std::size_t row = 0; row < agents_.size(); ++row) begin(env, row);
 }
 
-void SoakWatch::look(const BatchedEnv& env) {
+void SoakWatch::check(const BatchedEnv& env) {
   for (std::size_t row = 0; row < agents_.size(); ++row) {
     Agent& agent = agents_[row];
     if (!agent.active) continue;
@@ -189,19 +189,19 @@ void SoakWatch::keep(const FinishedEpisode& finished, const Agent& agent) {
   ++kinds_[static_cast<std::size_t>(scenes_[episodes_.episodes[agent.episode_index].scene].kind)].episodes;
   if (finished.metrics.success > 0) ++successes_;
   if (keep_records_ == 0) return;
-  std::size_t slot = records_.size();
-  if (slot == keep_records_) {
-    slot = RandomStream(config_.seed, Purpose::bench, 0xFFFFFFFFu)
-               .below(static_cast<std::uint32_t>(num_finished_), static_cast<std::uint32_t>(num_finished_));
-    if (slot >= keep_records_) return;
+  std::size_t record = records_.size();
+  if (record == keep_records_) {
+    record = RandomStream(config_.seed, Purpose::bench, 0xFFFFFFFFu)
+                 .below(static_cast<std::uint32_t>(num_finished_), static_cast<std::uint32_t>(num_finished_));
+    if (record >= keep_records_) return;
   } else {
     records_.emplace_back();
   }
-  records_[slot] = {.env = finished.env,
-                    .episode_index = finished.episode_index,
-                    .episode_count = agent.episode_count,
-                    .actions = finished.actions,
-                    .hash = agent.hash.value()};
+  records_[record] = {.env = finished.env,
+                      .episode_index = finished.episode_index,
+                      .episode_count = agent.episode_count,
+                      .actions = finished.actions,
+                      .hash = agent.hash.value()};
 }
 
 }  // namespace earshot

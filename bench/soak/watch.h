@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "bench/soak/soak_episodes.h"
-#include "bench/soak/soak_statistics.h"
+#include "bench/soak/episodes.h"
+#include "bench/soak/statistics.h"
 
 namespace earshot {
 
@@ -59,7 +59,7 @@ class EpisodeHash {
 /// field.
 inline constexpr double kLoudnessMargin = 4 * 16;
 
-/// Looks at everything that a batch of environments gives out, and counts what must not be.
+/// Checks every output of a batch of environments, and counts violations.
 class SoakWatch {
  public:
   struct Example {
@@ -79,7 +79,7 @@ class SoakWatch {
   /// After BatchedEnv::reset().
   void look_at_start(const BatchedEnv& env);
   /// After BatchedEnv::step(actions).  Steps of idle envs do not count.
-  void look(const BatchedEnv& env);
+  void check(const BatchedEnv& env);
 
   [[nodiscard]] std::uint64_t steps() const { return steps_; }
   [[nodiscard]] std::uint64_t episodes() const { return num_finished_; }

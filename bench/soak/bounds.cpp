@@ -14,7 +14,7 @@ constexpr double kPerSteps = 100'000;
 constexpr double kNoiseMiB = 32;
 
 SoakBound none_of(const std::string& name, std::uint64_t count, const std::string& unit) {
-  return {name, fmt::format("{} {}", count, unit), "0", count == 0 ? Verdict::held : Verdict::broken};
+  return {name, fmt::format("{} {}", count, unit), "0", count == 0 ? BoundStatus::held : BoundStatus::broken};
 }
 
 SoakBound memory_bound(const SoakResult& result) {
@@ -27,11 +27,11 @@ SoakBound memory_bound(const SoakResult& result) {
                   .found = fmt::format("{:+.3f} ± {:.3f} MiB per 100,000 steps after the first {}", slope, error, result.warm_up_steps),
                   .bound = fmt::format("{:.3g} MiB per 100,000 steps, two standard errors clear", limit)};
   if (result.resident_slope.points < 10)
-    bound.verdict = Verdict::open;
+    bound.status = BoundStatus::open;
   else if (slope - 2 * error > limit)
-    bound.verdict = Verdict::broken;
+    bound.status = BoundStatus::broken;
   else if (slope + 2 * error > limit)
-    bound.verdict = Verdict::open;
+    bound.status = BoundStatus::open;
   return bound;
 }
 
@@ -42,9 +42,9 @@ std::vector<SoakBound> SoakResult::bounds() const {
   const bool all_steps = steps >= options.steps;
   list.push_back({"steps", failure.empty() ? fmt::format("{} in {:.1f} min", steps, seconds / 60) : failure,
                   fmt::format("{}", options.steps),
-                  !failure.empty() ? Verdict::broken
-                  : all_steps      ? Verdict::held
-                                   : Verdict::open});
+                  !failure.empty() ? BoundStatus::broken
+                  : all_steps      ? BoundStatus::held
+                                   : BoundStatus::open});
   const auto fault = [&](SoakFault which) { return faults[static_cast<std::size_t>(which)]; };
   list.push_back(none_of("finite observations and rewards", fault(SoakFault::not_finite) + nonfinite_events, "not finite"));
   list.push_back(none_of("observations and rewards in their ranges", fault(SoakFault::out_of_range), "outside"));
@@ -53,21 +53,21 @@ std::vector<SoakBound> SoakResult::bounds() const {
                   fmt::format("largest {:+.1f} dB re free field and diffuse field, {} over the bound",
                               10 * std::log10(std::max(loudness.max(), 1e-30)), fault(SoakFault::too_loud)),
                   fmt::format("{:+.1f} dB", 10 * std::log10(kLoudnessMargin)),
-                  fault(SoakFault::too_loud) == 0 ? Verdict::held : Verdict::broken});
+                  fault(SoakFault::too_loud) == 0 ? BoundStatus::held : BoundStatus::broken});
   list.push_back(memory_bound(*this));
   list.push_back({"scene cache", fmt::format("at most {:.1f} MiB, {} scenes dropped", largest_cache, evicted_scenes),
-                  fmt::format("{:.1f} MiB", cache_bound), largest_cache <= cache_bound ? Verdict::held : Verdict::broken});
+                  fmt::format("{:.1f} MiB", cache_bound), largest_cache <= cache_bound ? BoundStatus::held : BoundStatus::broken});
   list.push_back(none_of("quarantined episodes", quarantined.total(), "episodes"));
   list.push_back({"cold replays", fmt::format("{} of {} differ", replays_that_differ, replayed), "0, bit for bit",
-                  replays_that_differ > 0 ? Verdict::broken
-                  : replayed > 0          ? Verdict::held
-                                          : Verdict::open});
+                  replays_that_differ > 0 ? BoundStatus::broken
+                  : replayed > 0          ? BoundStatus::held
+                                          : BoundStatus::open});
   return list;
 }
 
 bool SoakResult::passed() const {
   for (const SoakBound& bound : bounds())
-    if (bound.verdict == Verdict::broken) return false;
+    if (bound.status == BoundStatus::broken) return false;
   return true;
 }
 

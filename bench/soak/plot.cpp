@@ -1,4 +1,4 @@
-#include "bench/soak/soak_plot.h"
+#include "bench/soak/plot.h"
 
 #include <fmt/format.h>
 
@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "bench/soak/soak_report.h"
+#include "bench/soak/report.h"
 #include "sim/base/plot_axes.h"
 #include "sim/base/svg_document.h"
 

@@ -1,4 +1,4 @@
-#include "bench/soak/soak_episodes.h"
+#include "bench/soak/episodes.h"
 
 #include <fmt/format.h>
 

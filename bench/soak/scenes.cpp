@@ -1,4 +1,4 @@
-#include "bench/soak/soak_scenes.h"
+#include "bench/soak/scenes.h"
 
 #include <fmt/format.h>
 
@@ -13,7 +13,7 @@ namespace {
 constexpr std::array<const char*, 8> kWallMaterials{"gypsum_board", "plaster_on_brick", "brick_painted", "concrete_smooth",
                                                     "marble",       "office_partition", "melamine_foam", "acoustic_plaster"};
 
-/// The choices of one scene, in the order in which they are asked for.
+/// The choices of one scene, in the order in which they are drawn.
 class Choices {
  public:
   Choices(std::uint64_t seed, int index) : random_(seed, Purpose::bench, static_cast<std::uint32_t>(index)) {}

@@ -2,7 +2,7 @@
 
 #include <memory>
 
-#include "bench/soak/soak_watch.h"
+#include "bench/soak/watch.h"
 
 namespace earshot {
 

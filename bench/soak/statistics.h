@@ -16,9 +16,9 @@ class LogHistogram {
   [[nodiscard]] std::uint64_t count() const { return count_; }
   [[nodiscard]] double max() const { return max_; }  ///< exact; 0 without values
   [[nodiscard]] double mean() const { return count_ > 0 ? sum_ / static_cast<double>(count_) : 0.0; }
-  /// The value below which a share of the values lies, 0 < share <= 1: upper edge of its bin, at most max().  0 without values, and in the
-  /// lowest bin.
-  [[nodiscard]] double quantile(double share) const;
+  /// The value below which a fraction of the values lies, 0 < fraction <= 1: upper edge of its bin, at most max().  0 without values, and
+  /// in the lowest bin.
+  [[nodiscard]] double quantile(double fraction) const;
 
  private:
   static constexpr double kLowest = 1e-6;
@@ -28,13 +28,13 @@ class LogHistogram {
   double max_ = 0, sum_ = 0;
 };
 
-/// What the process holds, and what of it the scene cache knows about.  MiB.
+/// Memory of the process, and the part of it in the scene cache.  MiB.
 struct MemorySample {
   std::uint64_t steps = 0;  ///< agent steps done so far
   double seconds = 0;       ///< since the first step
   double resident = 0;      ///< /proc/self/statm
-  double heap_in_use = 0;   ///< asked for with malloc or new and not given back (all arenas, mappings included)
-  double heap_free = 0;     ///< given back, but kept by the allocator: a resident share of it is fragmentation, not a leak
+  double heap_in_use = 0;   ///< allocated with malloc or new and not given back (all arenas, mappings included)
+  double heap_free = 0;     ///< given back, but held by the allocator: its resident part is fragmentation, not a leak
   double cache = 0;         ///< SceneCache::bytes()
   std::uint64_t scenes_held = 0, scenes_loaded = 0, sources_built = 0, episodes = 0;
 };

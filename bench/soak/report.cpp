@@ -1,11 +1,11 @@
-#include "bench/soak/soak_report.h"
+#include "bench/soak/report.h"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
 
-#include "bench/soak/soak_plot.h"
+#include "bench/soak/plot.h"
 #include "envs/engine_commit.h"
 #include "sim/base/files.h"
 
@@ -14,11 +14,11 @@ namespace {
 
 constexpr double kPerSteps = 100'000;
 
-const char* name_of(Verdict verdict) {
-  switch (verdict) {
-    case Verdict::held:
+const char* name_of(BoundStatus status) {
+  switch (status) {
+    case BoundStatus::held:
       return "held";
-    case Verdict::broken:
+    case BoundStatus::broken:
       return "BROKEN";
     default:
       return "open";
@@ -43,9 +43,9 @@ double decibels(double ratio) { return 10 * std::log10(std::max(ratio, 1e-30)); 
 double per(double count, double of) { return of > 0 ? count / of : 0.0; }
 
 std::string bound_table(const SoakResult& result) {
-  std::string text = "| bound | found | allowed | verdict |\n|---|---|---|---|\n";
+  std::string text = "| bound | found | allowed | status |\n|---|---|---|---|\n";
   for (const SoakBound& bound : result.bounds())
-    text += fmt::format("| {} | {} | {} | {} |\n", bound.name, bound.found, bound.bound, name_of(bound.verdict));
+    text += fmt::format("| {} | {} | {} | {} |\n", bound.name, bound.found, bound.bound, name_of(bound.status));
   return text;
 }
 
@@ -85,7 +85,7 @@ BenchJson slope_json(const Slope& slope) {
 }  // namespace
 
 double quantile_of(const LogHistogram& values, const SoakQuantile& quantile) {
-  return quantile.share < 1 ? values.quantile(quantile.share) : values.max();
+  return quantile.fraction < 1 ? values.quantile(quantile.fraction) : values.max();
 }
 
 std::string soak_markdown(const SoakResult& result) {
@@ -104,7 +104,7 @@ std::string soak_markdown(const SoakResult& result) {
       result.memory.empty() ? 0 : result.memory.back().scenes_loaded, result.memory.empty() ? 0 : result.memory.back().sources_built);
   text += fmt::format(
       "Acoustics of `configs/train/quick.yaml` (24 rays, 0.3 s), pictures of {0} x {0}, half of the episodes at random, half greedy; every "
-      "{1}th scene is hard in one of the ways listed below.\n\n## Verdicts\n\n{2}\n![Soak](soak.svg)\n\n",
+      "{1}th scene is hard in one of the ways listed below.\n\n## Bounds\n\n{2}\n![Soak](soak.svg)\n\n",
       options.camera_px, options.hard_every, bound_table(result));
   text += fmt::format(
       "Heard energy: mean square of each step's sound at each ear, against (1/(4 pi r)^2 at the shortest distance r of the step + diffuse "
@@ -139,7 +139,7 @@ std::string soak_markdown(const SoakResult& result) {
 BenchJson soak_json(const SoakResult& result) {
   BenchJson bounds = BenchJson::array(), memory = BenchJson::array(), stages = BenchJson::object(), kinds = BenchJson::object();
   for (const SoakBound& bound : result.bounds())
-    bounds.push_back({{"name", bound.name}, {"found", bound.found}, {"allowed", bound.bound}, {"verdict", name_of(bound.verdict)}});
+    bounds.push_back({{"name", bound.name}, {"found", bound.found}, {"allowed", bound.bound}, {"status", name_of(bound.status)}});
   for (const MemorySample& s : result.memory)
     memory.push_back({s.steps, std::round(10 * s.seconds) / 10, std::round(100 * s.resident) / 100, std::round(100 * s.heap_in_use) / 100,
                       std::round(100 * s.heap_free) / 100, std::round(100 * s.cache) / 100, s.scenes_held, s.scenes_loaded, s.sources_built,
