@@ -12,7 +12,7 @@
 
 namespace earshot {
 
-/// The options that every command which renders sound shares.
+/// Options common to all commands that render sound.
 struct AcousticOptions {
   std::string scene, preset, channels = "binaural", hrtf;
   std::vector<std::string> settings;         ///< key=value
@@ -26,8 +26,8 @@ struct AcousticOptions {
   /// Preset, then what the channels need (harmonics as far as the tracers carry them), then --set, --rate and --seed; validated.
   [[nodiscard]] AcousticConfig config() const;
   [[nodiscard]] ListenerLayout layout() const { return ListenerLayout::named(channels); }
-  /// How channels are turned whose listener looks that way: for ears with the turn of their filters on top.  Throws InputError if not
-  /// finite.
+  /// Orientation of the channels for a listener of these angles; for ears the orientation of their filters on top.  Throws InputError if
+  /// not finite.
   [[nodiscard]] ListenerOrientation orientation(double heading_deg, double pitch_deg, double roll_deg) const;
   [[nodiscard]] AcousticScene load(const AcousticConfig& config) const;
   [[nodiscard]] std::shared_ptr<const SynthesisTables> tables(const AcousticScene& scene) const;

@@ -48,9 +48,9 @@ void run_materials(const Options& options) {
 
 void add_materials(CLI::App& app) {
   auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand("materials", "Acoustic materials, their sources, and what looks wrong in a table of them");
+  CLI::App* command = app.add_subcommand("materials", "Acoustic materials, their sources, and likely mistakes in a table of them");
   command->add_option("FILE", options->file, "Material database (JSON); without it the built-in one");
-  command->add_option("--coefficients", options->reading, "What the numbers are shares of; default: what the file says, else energy")
+  command->add_option("--coefficients", options->reading, "What the numbers are fractions of; default: what the file says, else energy")
       ->check(CLI::IsMember({"energy", "pressure"}));
   command->add_flag("--lint", options->only_lint, "Print the findings only.  Findings give exit code 1, with or without this");
   command->callback([options] { run_materials(*options); });

@@ -49,7 +49,7 @@ std::string with_suffix(const std::string& file, const std::string& suffix) {
   return path.string();
 }
 
-/// The response with everything but one part silenced.  Silent arrivals stay, because the direct one tells when the late field may begin.
+/// The response with everything but one part silenced.  Silent arrivals stay, because the late field begins no earlier than the direct one.
 EnergyResponse part_of(const EnergyResponse& response, const Component& component) {
   EnergyResponse part = response;
   for (Arrival& arrival : part.arrivals)
@@ -72,7 +72,7 @@ OrderedJson effects_json(const EnergyResponse& response, const AcousticConfig& c
   return json;
 }
 
-/// One source heard by one listener: WAV files, and what the metrics file says of it.
+/// One source and one listener: WAV files, and their part of the metrics file.
 class PairRenderer {
  public:
   PairRenderer(const Options& options, const AcousticScene& acoustics)
@@ -85,7 +85,7 @@ class PairRenderer {
     constexpr std::uint64_t steps = 1000;
     Progress progress("rir", "permille", steps);
     compute_energy_response(acoustics_, candidates, listener, response,
-                            [&](double share) { progress.update(static_cast<std::uint64_t>(share * steps)); });
+                            [&](double fraction) { progress.update(static_cast<std::uint64_t>(fraction * steps)); });
     Rir rir;
     synthesizer_.render(response, orientation, carrier_key(acoustics_.hash()), rir);
     const double render_ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count();
@@ -217,7 +217,7 @@ void add_rir(CLI::App& app) {
                    "Degrees counter-clockwise from -z, seen from above; once for all listeners or once per listener")
       ->capture_default_str()
       ->delimiter(',');
-  command->add_option("--pitch", options->pitch_deg, "Degrees that the listener looks up")->capture_default_str();
+  command->add_option("--pitch", options->pitch_deg, "Elevation of the listener's front in degrees")->capture_default_str();
   command->add_option("--roll", options->roll_deg, "Degrees that the listener's right ear goes down")->capture_default_str();
   options->radiation.add_to(*command);
   command

@@ -81,9 +81,9 @@ OrderedJson metrics_json(const RoomMetrics& metrics) {
     for (const auto& band : metrics.bands) values.push_back(number_or_null(band.*entry.value));
     json[entry.key] = values;
   }
-  OrderedJson verdicts = OrderedJson::array();  // why a decay time is null
-  for (const auto& band : metrics.bands) verdicts.push_back(name_of(band.decay));
-  json["decay"] = verdicts;
+  OrderedJson statuses = OrderedJson::array();  // why a decay time is null
+  for (const auto& band : metrics.bands) statuses.push_back(name_of(band.decay));
+  json["decay"] = statuses;
   json["drr_db"] = number_or_null(metrics.drr_db);
   return json;
 }

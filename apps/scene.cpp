@@ -117,7 +117,7 @@ void run_scene(const Options& options) {
     fmt::print("  hole           {:.2f} % of rays around ({:.2f}, {:.2f}, {:.2f}), {:.2f} x {:.2f} x {:.2f} m, beside {}\n",
                100 * hole.ray_share, centre.x, centre.y, centre.z, size.x, size.y, size.z, fmt::join(hole.rim, ", "));
   }
-  // An open scene has no enclosed volume, nor a surface that can be told apart from its outside.
+  // An open scene has no enclosed volume, nor a surface distinct from its outside.
   const auto shown = [](double value, const char* unit) {
     return std::isfinite(value) ? fmt::format("{:.1f} {}", value, unit) : std::string("-");
   };

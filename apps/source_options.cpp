@@ -39,7 +39,7 @@ void SourceOptions::add_to(CLI::App& command) {
           "How sources radiate: omni, subcardioid, cardioid, supercardioid, hypercardioid, dipole, voice, or a balloon file (JSON or YAML)")
       ->capture_default_str()
       ->delimiter(',');
-  command.add_option("--source-heading", heading_deg, "Where the fronts of the sources look: degrees counter-clockwise from -z")
+  command.add_option("--source-heading", heading_deg, "Heading of the sources' fronts: degrees counter-clockwise from -z")
       ->capture_default_str()
       ->delimiter(',');
   command.add_option("--source-pitch", pitch_deg, "Degrees up")->capture_default_str()->delimiter(',');

@@ -47,9 +47,9 @@ TimedPose pose_at(const std::vector<TimedPose>& path, double t_s) {
   std::size_t next = 1;
   while (next + 1 < path.size() && path[next].t_s < t_s) ++next;
   const TimedPose &a = path[next - 1], &b = path[next];
-  const double share = std::clamp((t_s - a.t_s) / (b.t_s - a.t_s), 0.0, 1.0);
+  const double fraction = std::clamp((t_s - a.t_s) / (b.t_s - a.t_s), 0.0, 1.0);
   const double turn_deg = std::remainder(b.heading_deg - a.heading_deg, 360.0);
-  return {t_s, a.position + share * (b.position - a.position), a.heading_deg + share * turn_deg};
+  return {t_s, a.position + fraction * (b.position - a.position), a.heading_deg + fraction * turn_deg};
 }
 
 }  // namespace earshot

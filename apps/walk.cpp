@@ -40,12 +40,12 @@ enum class LateSound {
 };
 
 /// What `field = auto` means for a walk, before the scene is planned with it: photons pay over hundreds of poses, of sources at rest.
-Switch decide_field(Switch asked, bool any_moving, std::size_t num_blocks) {
+Switch decide_field(Switch user_set, bool any_moving, std::size_t num_blocks) {
   constexpr std::size_t many = 300;
-  return asked == Switch::automatic && (any_moving || num_blocks < many) ? Switch::off : asked;
+  return user_set == Switch::automatic && (any_moving || num_blocks < many) ? Switch::off : user_set;
 }
 
-/// The reference (preset `high`) stays without reuse unless that is asked for: there every pose stands for itself.
+/// The reference (preset `high`) stays without reuse unless the user sets it: there every pose stands for itself.
 LateSound choose_late_sound(const AcousticScene& acoustics, bool moving, int refine_every) {
   const AcousticConfig& config = acoustics.config();
   if (!moving && uses_source_field(acoustics)) return refine_every > 0 ? LateSound::refined : LateSound::gathered;
@@ -54,7 +54,7 @@ LateSound choose_late_sound(const AcousticScene& acoustics, bool moving, int ref
   return reuse ? LateSound::reused : LateSound::traced;
 }
 
-/// One sound on its way to the listener.  A source at rest keeps its candidates; a moving one gets new ones where it is.
+/// One source with its response and convolver.  A source at rest keeps its candidates; a moving one gets new ones where it is.
 class WalkSource {
  public:
   WalkSource(std::vector<TimedPose> path, SoundSource at_start, bool moving, LateSound late, int refine_every, SoundClip clip,
@@ -73,13 +73,13 @@ class WalkSource {
     candidates_ = std::make_unique<EarlyCandidates>(acoustics, source_);
     if (late_ == LateSound::gathered) {
       Progress progress("source field", "%", 100);
-      field_ = fields.get(acoustics, *candidates_, [&](double share) { progress.update(static_cast<std::uint64_t>(100 * share)); });
+      field_ = fields.get(acoustics, *candidates_, [&](double fraction) { progress.update(static_cast<std::uint64_t>(100 * fraction)); });
     } else if (late_ == LateSound::refined) {
       refining_ = std::make_unique<RefiningField>(acoustics, *candidates_);
     }
   }
 
-  /// Adds what is heard of this source during the block that begins at t_s to `mix` [channels, block].
+  /// Adds the sound of this source at the listener during the block that begins at t_s to `mix` [channels, block].
   void add_block(const AcousticScene& acoustics, RirSynthesizer& synthesizer, const TimedPose& listener,
                  const ListenerOrientation& orientation, double t_s, std::size_t block_index, int block, std::vector<float>& mix) {
     if (moving_) {
@@ -103,7 +103,7 @@ class WalkSource {
   void respond(const AcousticScene& acoustics, glm::vec3 listener, std::size_t block_index) {
     if (late_ == LateSound::reused) return reuse_.compute(acoustics, *candidates_, listener, response_);
     if (late_ == LateSound::refined) {
-      // Snapshot n from block n * refine_every on: what is heard does not depend on how fast the thread is.
+      // Snapshot n from block n * refine_every on: the sound does not depend on the speed of the thread.
       auto snapshot =
           refining_->wait_for(static_cast<int>(std::min<std::size_t>(block_index / static_cast<std::size_t>(refine_every_), 1000)));
       if (snapshot != field_) responds_to_.reset();
@@ -121,7 +121,7 @@ class WalkSource {
   int refine_every_;
   SoundClip clip_;
   std::uint64_t carrier_key_;
-  std::unique_ptr<EarlyCandidates> candidates_;  // at a place of its own: the thread that refines looks at it
+  std::unique_ptr<EarlyCandidates> candidates_;  // at a stable address: the refining thread reads it
   std::shared_ptr<const SourceField> field_;
   std::unique_ptr<RefiningField> refining_;
   TemporalReuse reuse_;
@@ -215,14 +215,13 @@ void run_walk(const Options& options) {
 void add_walk(CLI::App& app) {
   auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand(
-      "walk", "What a listener hears who walks through a scene: one gap-free sound of one or more sources, at rest or moving");
+      "walk", "Sound at a listener on a path through a scene: one gap-free signal of one or more sources, at rest or moving");
   options->acoustics.add_to(*command, "fast");
   command->add_option("--poses", options->poses, "CSV with the columns t_s,x,y,z,heading_deg (point between the ears, metres; degrees)")
       ->required();
   command->add_option("--source", options->sources, "X,Y,Z in metres of a source at rest; may be repeated");
-  command->add_option(
-      "--source-path", options->source_paths,
-      "CSV like --poses of a source that moves; may be repeated; counted after those at rest; looks where its heading_deg says");
+  command->add_option("--source-path", options->source_paths,
+                      "CSV like --poses of a source that moves; may be repeated; counted after those at rest; its front is at heading_deg");
   options->radiation.add_to(*command);
   command
       ->add_option("--sound", options->sounds,
@@ -233,7 +232,7 @@ void add_walk(CLI::App& app) {
       ->capture_default_str();
   command->add_option(
       "--field-store", options->field_store,
-      "Folder of the late fields of sources at rest (field=on, or auto over many blocks): read if they are there, kept if not");
+      "Folder of the late fields of sources at rest (field=on, or auto over many blocks): read if they are there, written if not");
   command->add_option("--field-store-gb", options->field_store_gb, "Bound of that folder; the least recently used go first")
       ->capture_default_str();
   command

@@ -62,7 +62,7 @@ PlotPanel front_panel(const AccuracyStudy& study, const std::string& title, Erro
   return panel;
 }
 
-/// The truth's own error: nothing below it can be told.
+/// The truth's own error: smaller ones cannot be resolved.
 void add_truth_level(PlotPanel& panel, const AccuracyStudy& study) {
   double sum = 0;
   int count = 0;
@@ -128,29 +128,29 @@ std::string sweeps_figure(const AccuracyStudy& study) {
        {ErrorKind::ild_db, ErrorKind::iacc, ErrorKind::spectral_db},
        "dB, or 1 for IACC"},
       {"effects", "Effects", {ErrorKind::decay_db, ErrorKind::spectral_db, ErrorKind::c50_db}, "dB"}};
-  struct Look {
+  struct ErrorStyle {
     ErrorKind kind;
     const char *name, *colour;
   };
-  const Look looks[] = {{ErrorKind::t20, "T20", kFieldColour},
-                        {ErrorKind::t30, "T30", "#2e9a4f"},
-                        {ErrorKind::rir_t20, "T20 of the rendered RIR", kTracerColour},
-                        {ErrorKind::decay_db, "decay curve", "#0b7285"},
-                        {ErrorKind::spectral_db, "spectrogram", "#5c3d2e"},
-                        {ErrorKind::c50_db, "C50", "#c2255c"},
-                        {ErrorKind::ild_db, "ILD", kOriginalColour},
-                        {ErrorKind::iacc, "IACC", "#868e96"}};
+  const ErrorStyle styles[] = {{ErrorKind::t20, "T20", kFieldColour},
+                               {ErrorKind::t30, "T30", "#2e9a4f"},
+                               {ErrorKind::rir_t20, "T20 of the rendered RIR", kTracerColour},
+                               {ErrorKind::decay_db, "decay curve", "#0b7285"},
+                               {ErrorKind::spectral_db, "spectrogram", "#5c3d2e"},
+                               {ErrorKind::c50_db, "C50", "#c2255c"},
+                               {ErrorKind::ild_db, "ILD", kOriginalColour},
+                               {ErrorKind::iacc, "IACC", "#868e96"}};
   std::vector<PlotPanel> panels;
   for (const Sweep& sweep : sweeps) {
     const std::vector<std::string> values = values_of(study, sweep.sweep);
     if (values.empty()) continue;
     PlotPanel panel{
         .title = sweep.title, .x_label = sweep.sweep, .y_label = std::string("mean error, ") + sweep.y_label, .categories = values};
-    for (const Look& look : looks) {
-      if (std::find(sweep.kinds.begin(), sweep.kinds.end(), look.kind) == sweep.kinds.end()) continue;
-      PlotSeries series{.name = look.name, .colour = look.colour, .line = std::string(sweep.sweep) != "effects"};
+    for (const ErrorStyle& style : styles) {
+      if (std::find(sweep.kinds.begin(), sweep.kinds.end(), style.kind) == sweep.kinds.end()) continue;
+      PlotSeries series{.name = style.name, .colour = style.colour, .line = std::string(sweep.sweep) != "effects"};
       for (std::size_t i = 0; i < values.size(); ++i) {
-        PlotPoint point = point_of(study, sweep.sweep, values[i], look.kind);
+        PlotPoint point = point_of(study, sweep.sweep, values[i], style.kind);
         point.x = static_cast<double>(i);
         point.label.clear();
         series.points.push_back(point);

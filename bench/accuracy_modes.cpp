@@ -39,7 +39,7 @@ class ModeList {
 };
 
 void tracer(AcousticConfig& config) { config.field = Switch::off; }
-/// The photons are those asked for: no error target ends the pass before.
+/// The number of photons is the one set: no error target ends the pass before.
 void field_of(AcousticConfig& config, int photons) {
   config.field = Switch::on;
   config.field_photons = photons;

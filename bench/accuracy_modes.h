@@ -12,7 +12,7 @@ struct AccuracyMode {
   std::string sweep;      ///< what is varied: "preset", "rays", "photons", ...
   std::string value;      ///< of it
   std::string method;     ///< "path tracer", "source field", "bidirectional", or "plan's choice" between the first two
-  AcousticConfig config;  ///< one thread; rir_length_s = 0: as long as the scene asks, unless the length is what is varied
+  AcousticConfig config;  ///< one thread; rir_length_s = 0: as long as the scene needs, unless the length is what is varied
 };
 
 /// Presets, then one sweep per parameter, each about the preset `fast`.  quick: the presets but `high`, and the ends of two sweeps.

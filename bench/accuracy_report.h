@@ -21,7 +21,7 @@ struct ModeMean {
   int scenes = 0, missing = 0;
 };
 ModeMean mean_over_scenes(const AccuracyStudy& study, const std::string& sweep, const std::string& value, ErrorKind kind);
-/// Mean over scenes of the milliseconds per RIR when n share a source; of the scenes that have a value of `kind`, if it is given.
+/// Mean over scenes of the milliseconds per RIR with n of them per source; of the scenes that have a value of `kind`, if it is given.
 double mean_shared_ms(const AccuracyStudy& study, const std::string& sweep, const std::string& value, int n,
                       std::optional<ErrorKind> kind = {});
 

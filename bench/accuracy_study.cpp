@@ -88,10 +88,10 @@ class SceneStudy {
     measure_errors(acoustics, candidates, field.get(), tables, result);
     measure_times(acoustics, candidates, field.get(), tables, result);
     if (mode.sweep == "preset" && mode.value != "high") {
-      AcousticConfig shared = acoustics.config();
-      if (result.field) shared.field = Switch::on;  // left alone, environments trace: here all agents share the source
-      result.steps_per_s_one = env_steps_per_s(shared, 1);
-      result.steps_per_s_two = env_steps_per_s(shared, kTwoThreads);
+      AcousticConfig config = acoustics.config();
+      if (result.field) config.field = Switch::on;  // left alone, environments trace: here all agents share the source
+      result.steps_per_s_one = env_steps_per_s(config, 1);
+      result.steps_per_s_two = env_steps_per_s(config, kTwoThreads);
     }
     return result;
   }
@@ -144,7 +144,7 @@ class SceneStudy {
   void measure_times(const AcousticScene& acoustics, const EarlyCandidates& candidates, const SourceField* field,
                      const std::shared_ptr<const SynthesisTables>& tables, ModeResult& result) const {
     constexpr int blocks = 5;
-    constexpr std::size_t stride = 7;  // prime to the walk's length: every block sees the whole walk
+    constexpr std::size_t stride = 7;  // prime to the walk's length: every block covers the whole walk
     {
       RirSynthesizer synthesizer(tables);
       EnergyResponse response;
@@ -193,7 +193,7 @@ class SceneStudy {
     int steps = 0;
     do {
       baseline_actions(Baseline::random, env, 0, 0, actions);
-      for (std::int32_t& action : actions) action = std::max(action, 1);  // nobody stops: the source is the same throughout
+      for (std::int32_t& action : actions) action = std::max(action, 1);  // no agent stops: the source is the same throughout
       env.step(actions);
       steps += num_envs;
     } while (watch.wall_s() < budget_.env_s);
@@ -222,23 +222,23 @@ AccuracyStudy run_accuracy_study(const AccuracyOptions& options) {
   constexpr std::uint64_t permille = 1000;
   Progress progress("accuracy", "permille", permille);
   const Stopwatch watch;
-  constexpr double truth_share = 0.45;
+  constexpr double truth_fraction = 0.45;
   for (std::size_t s = 0; s < scenes.size(); ++s) {
-    const auto tell = [&](double share, const std::string& what) {
-      const double done = (static_cast<double>(s) + std::min(share, 1.0)) / static_cast<double>(scenes.size());
+    const auto tell = [&](double fraction, const std::string& what) {
+      const double done = (static_cast<double>(s) + std::min(fraction, 1.0)) / static_cast<double>(scenes.size());
       progress.update(static_cast<std::uint64_t>(permille * done), scenes[s].name + ": " + what);
     };
     // What is left is dealt out anew, so that a slow scene takes from those after it and not from the end; never less than a fifth of an
-    // even share.  Two fifths for the truth, a little for environments, the rest for the modes, each of which takes about twice its timing
+    // equal part.  Two fifths for the truth, a little for environments, the rest for the modes, each of which takes about twice its timing
     // with the photon pass, the preparation of its scene and the comparison.
     const double scene_s =
         std::max((all_s - watch.wall_s()) / static_cast<double>(scenes.size() - s), 0.2 * all_s / static_cast<double>(scenes.size()));
     const Budget budget{.truth_s = 0.4 * scene_s, .mode_s = 0.2 * scene_s / num_modes, .env_s = 0.02 * scene_s};
     SceneStudy scene(scenes[s], budget, num_poses);
-    study.scenes.push_back(scene.make_truth(options.quick, [&](double share) { tell(truth_share * share, "truth"); }));
+    study.scenes.push_back(scene.make_truth(options.quick, [&](double fraction) { tell(truth_fraction * fraction, "truth"); }));
     for (std::size_t m = 0; m < modes.size(); ++m) {
       study.results.push_back(scene.run(modes[m]));
-      tell(truth_share + (1 - truth_share) * static_cast<double>(m + 1) / num_modes, modes[m].sweep + " " + modes[m].value);
+      tell(truth_fraction + (1 - truth_fraction) * static_cast<double>(m + 1) / num_modes, modes[m].sweep + " " + modes[m].value);
     }
     if (options.after_scene) options.after_scene(study);
   }

@@ -22,7 +22,7 @@ struct ModeResult {
   int poses = 0;
   std::array<ErrorSummary, kNumErrorKinds> errors = {};
   [[nodiscard]] const ErrorSummary& error(ErrorKind kind) const { return errors[static_cast<std::size_t>(kind)]; }
-  /// Milliseconds per RIR on one thread when n of them share one source.
+  /// Milliseconds per RIR on one thread with n of them per source.
   [[nodiscard]] double shared_ms(int n) const { return per_rir_ms + per_source_ms / n; }
 };
 

@@ -57,7 +57,7 @@ EnvTimes time_steps(const Senses& senses, int threads, const EnvBenchOptions& op
     const Stopwatch watch;
     double steps = 0;
     do {
-      // The oracle's mix of turns and moves, ends of episodes included, is close to what a trained policy asks for.
+      // The oracle's mix of turns and moves, ends of episodes included, is close to that of a trained policy.
       baseline_actions(Baseline::oracle, env, 0, 0, actions);
       env.step(actions);
       steps += kEnvs;

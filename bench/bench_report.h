@@ -32,7 +32,7 @@ class BenchReport {
   std::vector<Result> results_;
 };
 
-/// Processor, cores, load when asked, compiler and build type: what a number without is worth nothing.
+/// Processor, cores, load at that time, compiler and build type: what a number without is worth nothing.
 BenchJson machine_json();
 
 }  // namespace earshot

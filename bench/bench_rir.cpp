@@ -27,7 +27,7 @@ struct SourceTimes {
   [[nodiscard]] double per_rir() const { return per_response + per_render; }
 };
 
-/// One scene under one preset: everything the measurements share.
+/// One scene under one preset: what all measurements need.
 class RirBench {
  public:
   RirBench(const BenchScene& scene, const RirBenchOptions& options, BenchReport& report)
@@ -46,7 +46,7 @@ class RirBench {
   AcousticConfig config_of(const char* preset) const {
     AcousticConfig config = acoustic_preset(preset);
     config.threads = 1;
-    config.rir_length_s = 0.f;  // as long as the scene's decay asks
+    config.rir_length_s = 0.f;  // as long as the scene's decay needs
     if (options_.quick) {
       config.rays = std::min(config.rays, 256);
       config.source_rays = std::min(config.source_rays, 256);
@@ -166,7 +166,7 @@ class RirBench {
   }
 
   /// `high` as it serves many poses of one source: a field of its own seed, fine cells and a small error, which is the truth for `fast`;
-  /// and that truth against bidirectional paths, which share nothing with it but the scene.
+  /// and that truth against bidirectional paths, which have nothing but the scene in common with it.
   void measure_errors() {
     AcousticConfig config = config_of("high");
     config.rir_length_s = fast_.config().rir_length_s;
@@ -273,8 +273,9 @@ class RirBench {
     const std::size_t count = std::min<std::size_t>(truth.size(), 4);
     for (std::size_t i = 0; i < count; ++i) poses.push_back(truth[(2 * i + 1) * truth.size() / (2 * count)].pose);
     Progress progress("paths of " + scene_.name, "permille", 1000);
-    const std::vector<ConvergedPose> traced = converge(paths, candidates, poses, options_.reference_seconds,
-                                                       [&](double share) { progress.update(static_cast<std::uint64_t>(1000 * share)); });
+    const std::vector<ConvergedPose> traced = converge(paths, candidates, poses, options_.reference_seconds, [&](double fraction) {
+      progress.update(static_cast<std::uint64_t>(1000 * fraction));
+    });
     std::vector<double> differences;
     for (std::size_t i = 0; i < count; ++i) {
       const RoomMetrics of_paths = measure(paths, traced[i].response);
@@ -299,7 +300,7 @@ class RirBench {
                size, mean, 100 * mean_t20_error(traced));
   }
 
-  /// What an agent hears at each step, through the stages that environments run: response, RIR, convolution with the running sound,
+  /// The observation of an agent at each step, through the stages that environments run: response, RIR, convolution with the running sound,
   /// spectrogram of the last second.
   void measure_observation() {
     AcousticConfig shared = fast_.config();

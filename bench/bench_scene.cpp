@@ -49,10 +49,10 @@ std::vector<WalkPose> walk_between(const Navmesh& navmesh, const std::vector<glm
         const float to_corner_m = corner ? level_distance(at, *corner) : 0.f;
         if (!corner || to_corner_m < 1e-5f) break;
         heading_rad = std::atan2(-(corner->x - at.x), -(corner->z - at.z));
-        const float share = std::min(left_m / to_corner_m, 1.f);
-        const glm::vec3 moved = at + share * (*corner - at);
+        const float fraction = std::min(left_m / to_corner_m, 1.f);
+        const glm::vec3 moved = at + fraction * (*corner - at);
         at = navmesh.snap(moved, 0.1f).value_or(moved);
-        left_m -= share * to_corner_m;
+        left_m -= fraction * to_corner_m;
       }
       if (left_m > 0.5f * step_m) break;  // at the point, or stuck
       walk.push_back({at, heading_rad});
@@ -76,7 +76,7 @@ BenchScene load_bench_scene(const std::string& name, const std::string& spec, st
   std::vector<glm::vec3> points;
   for (const Episode& episode : episodes) points.push_back(bench.scene->to_local(episode.start_position));
   bench.walk = walk_between(*bench.navmesh, points, kStepM, kSteps + 1);
-  // On top of the source nothing but the direct sound is heard, and its level has no bound.
+  // On top of the source the direct sound dominates, and its level has no bound.
   std::erase_if(bench.walk, [&](const WalkPose& pose) { return level_distance(pose.foot, bench.source_foot) < 0.3f; });
   if (bench.walk.size() < 10) throw InputError(spec, "has no room for a walk", "use a scene with more free floor");
   return bench;

@@ -11,7 +11,7 @@
 
 namespace earshot {
 
-/// A point between the ears and where the listener looks.
+/// A point between the ears and the heading of the listener.
 struct WalkPose {
   glm::vec3 foot{0};  ///< on the walkable surface
   double heading_rad = 0;

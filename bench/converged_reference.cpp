@@ -22,13 +22,13 @@ void append(const LateBatches& run, LateBatches& all) {
 }
 
 std::vector<std::optional<double>> relative(const std::vector<BandErrors>& errors, const RoomMetrics& metrics, bool t30) {
-  std::vector<std::optional<double>> shares(metrics.bands.size());
+  std::vector<std::optional<double>> errors_of_value(metrics.bands.size());
   for (std::size_t b = 0; b < errors.size(); ++b) {
     const auto& error_s = t30 ? errors[b].t30_error_s : errors[b].t20_error_s;
     const auto& value_s = t30 ? metrics.bands[b].t30_s : metrics.bands[b].t20_s;
-    if (error_s && value_s && *value_s > 0) shares[b] = *error_s / *value_s;
+    if (error_s && value_s && *value_s > 0) errors_of_value[b] = *error_s / *value_s;
   }
-  return shares;
+  return errors_of_value;
 }
 
 }  // namespace
@@ -103,8 +103,8 @@ std::vector<ConvergedPose> converge(const AcousticScene& high, const EarlyCandid
       append(run.batches, sum.batches);
       truth[i].runs = r + 1;
       if (progress) {
-        const double share = (r + static_cast<double>(i + 1) / static_cast<double>(poses.size())) / min_runs;
-        progress(std::min({share, watch.wall_s() / seconds, 1.0}));  // done when the runs and the time are
+        const double done = (r + static_cast<double>(i + 1) / static_cast<double>(poses.size())) / min_runs;
+        progress(std::min({done, watch.wall_s() / seconds, 1.0}));  // done when the runs and the time are
       }
     }
   }

@@ -1,4 +1,4 @@
-// Question: what does one step of one agent cost that hears, stage by stage, once its late field is there?
+// Question: what does the sound of one agent cost per step, stage by stage, once its source field is built?
 #include <benchmark/benchmark.h>
 
 #include <array>

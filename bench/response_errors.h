@@ -29,7 +29,7 @@ std::optional<double> level_difference_db(const Rir& rir);
 /// Mean of the interaural correlations of the octaves 500 Hz to 2 kHz after `from_direct_s` (ISO 3382-1, IACC E3 or L3); nullopt if none.
 std::optional<double> mean_interaural_correlation(const Rir& rir, double direct_delay_s);
 
-/// Errors of one response at one pose.  Relative ones as shares, differences as they come, both with a sign (test minus reference);
+/// Errors of one response at one pose.  Relative ones as fractions, differences as they come, both with a sign (test minus reference);
 /// root-mean-square ones without.  Where the reference has a value and the test has none, the entry is NaN.
 enum class ErrorKind { t20, t30, edt, c50_db, drr_db, decay_db, rir_t20, rir_to_rir_t20, ild_db, iacc, spectral_db, count };
 inline constexpr int kNumErrorKinds = static_cast<int>(ErrorKind::count);

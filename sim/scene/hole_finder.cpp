@@ -119,7 +119,7 @@ std::vector<std::string> heaviest(const std::map<std::string, double>& weights) 
 
 }  // namespace
 
-std::vector<Hole> find_holes(const Scene& scene, std::uint64_t seed, double least_share) {
+std::vector<Hole> find_holes(const Scene& scene, std::uint64_t seed, double least_weight) {
   const AirSample air = sample_air(scene, seed);
   if (air.points.empty()) return {};
   std::vector<Passage> passages;
@@ -152,7 +152,7 @@ std::vector<Hole> find_holes(const Scene& scene, std::uint64_t seed, double leas
   }
   std::vector<Hole> result;
   for (auto& [index, hole] : holes) {
-    if (hole.ray_share < least_share) continue;
+    if (hole.ray_share < least_weight) continue;
     hole.rim = heaviest(rims[index]);
     result.push_back(std::move(hole));
   }

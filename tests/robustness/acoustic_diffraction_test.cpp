@@ -30,8 +30,8 @@ TEST(H66_ShadowBoundary, ThePoleOfTheCotangentIsNotThere) {
   const double source = kPi / 4, boundary = source + kPi;
   for (const double wave_lengths : {1e-6, 1.0, 1e3, 1e9}) {
     const auto total = [&](double angle) {
-      const Complex bent = WedgeDiffraction(2 * kPi, source, angle).ratio(wave_lengths);
-      return bent + (angle <= boundary ? 1.0 : 0.0);
+      const Complex diffracted = WedgeDiffraction(2 * kPi, source, angle).ratio(wave_lengths);
+      return diffracted + (angle <= boundary ? 1.0 : 0.0);
     };
     const Complex at_1e_6 = total(boundary - 1e-6);
     for (const double off : {1e-6, 1e-9, 1e-12, 1e-15, 0.0}) {
@@ -53,9 +53,9 @@ TEST(H66_ShadowBoundary, FollowsTheTableAtAMicroradian) {
     for (const double off : {-1e-6, 0.0, 1e-6}) {
       const double wave_lengths = 2 * kPi * frequency_hz[i] / 343.0 * 1.0;  // L = 2 * 2 / 4 m
       const double angle = 225.006 * kPi / 180 + off;
-      const Complex bent = WedgeDiffraction(2 * kPi, kPi / 4, angle).ratio(wave_lengths);
+      const Complex diffracted = WedgeDiffraction(2 * kPi, kPi / 4, angle).ratio(wave_lengths);
       const double straight_m = std::sqrt(4 + 4 - 8 * std::cos(angle - kPi / 4));
-      EXPECT_NEAR(-20 * std::log10(std::abs(bent) * straight_m / 4), exact[i], 5e-4) << i << " " << off;
+      EXPECT_NEAR(-20 * std::log10(std::abs(diffracted) * straight_m / 4), exact[i], 5e-4) << i << " " << off;
     }
 }
 
@@ -73,7 +73,7 @@ TEST(H66_FlatEdges, DiffractNothing) {
 
 TEST(H66_ShadowBoundary, TheEngineIsContinuousThroughIt) {
   // A screen below the line of sight from (-2, 1) over the origin to (2, -1): the listener exactly on it, and hairs beside.  Direct and
-  // bent sound have one phase and one length there and add up to half of the free field.
+  // diffracted sound have one phase and one length there and add up to half of the free field.
   TriangleMesh mesh;
   rooms::append_quad(mesh, {glm::vec3(0, 0, -100), glm::vec3(0, -100, -100), glm::vec3(0, -100, 100), glm::vec3(0, 0, 100)}, 0);
   AcousticConfig config;

@@ -40,7 +40,7 @@ TEST(H60_HarmonicRotation, IsOrthogonalInEveryOrder) {
           worst = std::max(worst, std::abs(product - (a == b ? 1.0 : 0.0)));
         }
   }
-  EXPECT_LT(worst, 1e-12);  // the list asks for 1e-5
+  EXPECT_LT(worst, 1e-12);  // the requirement is 1e-5
   RecordProperty("orthogonality", std::to_string(worst * 1e15) + "e-15");
 }
 

@@ -22,28 +22,28 @@ std::vector<double> decay(double t60_s, double bin_s, double length_s, double sc
   return energy;
 }
 
-void expect_none(const BandMetrics& band, DecayVerdict why) {
+void expect_none(const BandMetrics& band, DecayStatus why) {
   EXPECT_FALSE(band.rt60_s || band.t20_s || band.t30_s);
   EXPECT_EQ(band.decay, why) << name_of(band.decay);
 }
 
 TEST(H75_DecayFits, EveryMissingValueHasItsReason) {
-  expect_none(measure_band({}, 0.001, 0), DecayVerdict::silent);
-  expect_none(measure_band(std::vector<double>(100, 0.0), 0.001, 0), DecayVerdict::silent);
-  expect_none(measure_band(std::vector<double>{1, kNan, 1, 1}, 0.001, 1), DecayVerdict::silent);
-  expect_none(measure_band(std::vector<double>{1, kInfinity, 1, 1}, 0.001, 1), DecayVerdict::silent);
-  expect_none(measure_band(std::vector<double>(100, 0.0), 0.001, 1), DecayVerdict::no_reverberation);
-  expect_none(measure_band(std::vector<double>{1, 0.5}, 0.001, 1), DecayVerdict::too_few_points);
-  expect_none(measure_band(std::vector<double>{1, 0, 0, 0, 0, 0, 0, 0, 0, 0}, 0.001, 0), DecayVerdict::too_few_points);
-  expect_none(measure_band(std::vector<double>(500, 1e-3), 0.001, 0.5), DecayVerdict::no_decay);  // T = infinity
-  expect_none(measure_band(decay(10, 0.001, 0.5), 0.001, 0), DecayVerdict::cut_short);            // ends 3 dB down
-  EXPECT_EQ(measure_band(decay(0.3, 0.001, 0.5), 0.001, 0).decay, DecayVerdict::measured);
+  expect_none(measure_band({}, 0.001, 0), DecayStatus::silent);
+  expect_none(measure_band(std::vector<double>(100, 0.0), 0.001, 0), DecayStatus::silent);
+  expect_none(measure_band(std::vector<double>{1, kNan, 1, 1}, 0.001, 1), DecayStatus::silent);
+  expect_none(measure_band(std::vector<double>{1, kInfinity, 1, 1}, 0.001, 1), DecayStatus::silent);
+  expect_none(measure_band(std::vector<double>(100, 0.0), 0.001, 1), DecayStatus::no_reverberation);
+  expect_none(measure_band(std::vector<double>{1, 0.5}, 0.001, 1), DecayStatus::too_few_points);
+  expect_none(measure_band(std::vector<double>{1, 0, 0, 0, 0, 0, 0, 0, 0, 0}, 0.001, 0), DecayStatus::too_few_points);
+  expect_none(measure_band(std::vector<double>(500, 1e-3), 0.001, 0.5), DecayStatus::no_decay);  // T = infinity
+  expect_none(measure_band(decay(10, 0.001, 0.5), 0.001, 0), DecayStatus::cut_short);            // ends 3 dB down
+  EXPECT_EQ(measure_band(decay(0.3, 0.001, 0.5), 0.001, 0).decay, DecayStatus::measured);
 }
 
 TEST(H75_DecayFits, AResponseThatGrowsHasNoDecayTime) {
   std::vector<double> growing = decay(0.3, 0.001, 0.5);
   std::reverse(growing.begin(), growing.end());
-  expect_none(measure_band(growing, 0.001, 0), DecayVerdict::no_decay);
+  expect_none(measure_band(growing, 0.001, 0), DecayStatus::no_decay);
   // A decay into a floor that rises: what is trusted is right, what is not is missing.  No outlier rule may turn 300 into 40 ms.
   std::vector<double> floor = decay(0.3, 0.001, 1.0);
   for (std::size_t i = 0; i < floor.size(); ++i) floor[i] += 1e-8 * (1 + static_cast<double>(i) / 500);
@@ -104,7 +104,7 @@ TEST(H75_DecayFits, RenderedResponsesOfNothingAndOfOneSample) {
     std::vector<float> rir(samples, 0.f);
     const RoomMetrics silent = measure(rir, 16000.f, 0);
     engines::expect_sound(silent);
-    for (const BandMetrics& band : silent.bands) EXPECT_EQ(band.decay, DecayVerdict::silent);
+    for (const BandMetrics& band : silent.bands) EXPECT_EQ(band.decay, DecayStatus::silent);
     rir[0] = 1.f;
     engines::expect_sound(measure(rir, 16000.f, 0));
     engines::expect_sound(measure(rir, 16000.f, 1e9));  // the direct sound long after the end

@@ -108,13 +108,13 @@ TEST(H40_TenMillionContributions, ARigidClosetInCoarseBinsHoldsWhatFineBinsHold)
 }
 
 TEST(Precision_FieldCells, FloatLosesDigitsThatDoubleKeeps) {
-  // What cells of a field add up: lengths times energies of flights, spread as photons spread them.  2^23 photons in a room of one cell are
-  // more than ten million in one bin.
-  for (const int flights : {10'000, 100'000, 1'000'000, 10'000'000}) {
+  // What cells of a field add up: lengths times energies of segments, spread as photons spread them.  2^23 photons in a room of one cell
+  // are more than ten million in one bin.
+  for (const int segments : {10'000, 100'000, 1'000'000, 10'000'000}) {
     float in_float = 0;
     double in_double = 0;
     long double exact = 0;
-    for (int i = 0; i < flights; ++i) {
+    for (int i = 0; i < segments; ++i) {
       const auto u = RandomStream(1, Purpose::test, static_cast<std::uint32_t>(i)).uniform2(0);
       const float energy = -std::log(1.f - u[0]), length_m = u[1];
       in_float += length_m * energy;
@@ -123,10 +123,10 @@ TEST(Precision_FieldCells, FloatLosesDigitsThatDoubleKeeps) {
     }
     const auto float_error = static_cast<double>(std::fabs(static_cast<long double>(in_float) / exact - 1));
     const auto double_error = static_cast<double>(std::fabs(static_cast<long double>(in_double) / exact - 1));
-    record("float_" + std::to_string(flights), float_error);
-    record("double_" + std::to_string(flights), double_error);
-    EXPECT_LT(double_error, 1e-11) << flights;
-    if (flights == 10'000'000) {
+    record("float_" + std::to_string(segments), float_error);
+    record("double_" + std::to_string(segments), double_error);
+    EXPECT_LT(double_error, 1e-11) << segments;
+    if (segments == 10'000'000) {
       EXPECT_GT(float_error, 1e-4);
     }
   }
@@ -331,11 +331,11 @@ TEST(X_LobeChoice, WhatIsLeftOfARandomNumberStaysBelowOne) {
       {Material::uniform("wall", 0.5f, 1.f, 0.3f)});
   AcousticConfig config = rooms::plain_config();
   config.transmission = Switch::on;
-  for (int share = 1; share < 1000; ++share) {
+  for (int permille = 1; permille < 1000; ++permille) {
     float random = 0x1.fffffep-1f;
-    const float probability = static_cast<float>(share) / 1000.f, scale = 1.f / (1.f - probability);
+    const float probability = static_cast<float>(permille) / 1000.f, scale = 1.f / (1.f - probability);
     if ((random - probability) * scale < 1.f) continue;
-    // Such shares exist; the product must not hand them on.
+    // Such quotients exist; the product must not hand them on.
     const auto wall = rooms::scene_of(
         [] {
           TriangleMesh mesh;
@@ -368,7 +368,7 @@ TEST(X_LobeChoice, WhatIsLeftOfARandomNumberStaysBelowOne) {
     listener_ray::RayState<8> ray;
     for (int b = 0; b < 8; ++b) ray.weight[b] = ray.throughput[b] = ray.reflected[b] = b == 0 ? 1.f : 0.f;
     (void)listener_ray::pick_wall(trace, ray, 0, random);
-    EXPECT_LT(random, 1.f) << share;
+    EXPECT_LT(random, 1.f) << permille;
   }
 }
 

@@ -7,7 +7,7 @@
 #include "tests/support/acoustic_engines.h"
 #include "tests/support/synthesis_cases.h"
 
-/// The same bits for the same question, whoever asks, how often, on how many threads, at which scale.
+/// The same inputs give the same bits, in every call, on any number of threads, at any scale.
 namespace earshot {
 namespace {
 
@@ -109,7 +109,7 @@ TEST(H47_SourceMovesByAMicrometre, AlongATrajectoryThePastIsKept) {
     reuse.compute(scene, candidates, rooms::shoe1_listener(), response);
     expect_sound(response);
     if (step > 0) {
-      EXPECT_LT(reuse.share(), 1.0) << step;
+      EXPECT_LT(reuse.weight(), 1.0) << step;
     }
   }
 }

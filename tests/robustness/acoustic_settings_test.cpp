@@ -41,8 +41,8 @@ TEST(H29_AnyNumberOfBands, RendersTheSameEnergyAtEveryRate) {
   for (const float rate_hz : {8000.f, 11025.f, 16000.f, 22050.f, 44100.f, 96000.f}) {
     for (const int bands : {1, 2, 3, 9, 31, 32}) {
       EnergyResponse response = synthesis_cases::response_with({synthesis_cases::arrival_at(4.2, 0.1)});
-      const int kept = BandLayout::log_spaced(bands, rate_hz).size();
-      response.late = synthesis_cases::decay_of(0.1, 1e-2, kept, 0.004f, 0.12);
+      const int num_bands = BandLayout::log_spaced(bands, rate_hz).size();
+      response.late = synthesis_cases::decay_of(0.1, 1e-2, num_bands, 0.004f, 0.12);
       RirSynthesizer synthesizer = synthesis_cases::mono_at(rate_hz, 0.12f, bands);
       const Rir rir = synthesis_cases::rendered(synthesizer, response);
       for (const float sample : rir.samples) ASSERT_TRUE(std::isfinite(sample)) << rate_hz << " " << bands;
@@ -99,7 +99,7 @@ TEST(H32_ShorterThanTheDirectDelay, IsSilentAndSucceeds) {
       for (const float value : response.late.values()) ASSERT_EQ(value, 0.f);
       const RoomMetrics metrics = measure(heard.scene, response);
       EXPECT_FALSE(metrics.direct_delay_s || metrics.drr_db);
-      for (const BandMetrics& band : metrics.bands) EXPECT_EQ(band.decay, DecayVerdict::silent);
+      for (const BandMetrics& band : metrics.bands) EXPECT_EQ(band.decay, DecayStatus::silent);
       RirSynthesizer synthesizer(make_synthesis_tables(heard.scene.config(), heard.scene.bands(), ChannelLayout::mono, nullptr));
       const Rir rir = synthesis_cases::rendered(synthesizer, response);
       EXPECT_EQ(rir.num_samples, static_cast<int>(std::lround(length_s * 16000.0)));
@@ -124,7 +124,7 @@ TEST(H33_OneSampleAndNone, OneWorksAndNoneIsRefused) {
     expect_sound(measure(rir, 0.0));
   }
   AcousticConfig none;
-  none.rir_length_s = 0;  // in a config: as long as the decay asks
+  none.rir_length_s = 0;  // in a config: as long as the decay needs
   EXPECT_GE(AcousticScene(rooms::shoe1(0.2, 0.5), none).config().rir_length_s, 0.1f);
   EXPECT_THROW((void)make_synthesis_tables(none, BandLayout::octaves(16000.f), ChannelLayout::mono, nullptr), InputError);
   for (const float bad : {-1.f, std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity(), 60.001f}) {

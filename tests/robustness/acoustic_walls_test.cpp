@@ -95,7 +95,7 @@ TEST(H21_RigidClosedRoom, EnergyStaysAndNoEngineRunsForever) {
     for (const double energy : windows) EXPECT_NEAR(energy / 0.1, 0.454921, 0.06 * 0.454921);
     const RoomMetrics metrics = measure(heard.scene, response);
     EXPECT_FALSE(metrics.bands[0].rt60_s || metrics.bands[0].edt_s || metrics.bands[0].t20_s);
-    EXPECT_TRUE(metrics.bands[0].decay == DecayVerdict::no_decay || metrics.bands[0].decay == DecayVerdict::cut_short)
+    EXPECT_TRUE(metrics.bands[0].decay == DecayStatus::no_decay || metrics.bands[0].decay == DecayStatus::cut_short)
         << name_of(metrics.bands[0].decay);
     expect_sound(metrics);
   }
@@ -126,7 +126,7 @@ TEST(H22_EverythingAbsorbed, OnlyTheDirectSoundIsLeft) {
       EXPECT_FALSE(metrics.drr_db);
       for (const BandMetrics& band : metrics.bands) {
         EXPECT_FALSE(band.rt60_s || band.edt_s || band.drr_db || band.c50_db);
-        EXPECT_EQ(band.decay, DecayVerdict::no_reverberation);
+        EXPECT_EQ(band.decay, DecayStatus::no_reverberation);
         EXPECT_EQ(*band.d50, 1.0);
         EXPECT_EQ(*band.ts_s, 0.0);
       }
@@ -136,8 +136,8 @@ TEST(H22_EverythingAbsorbed, OnlyTheDirectSoundIsLeft) {
 
 TEST(H23_NearlyAllAndNearlyNothing, FirstReflectionsOfAMillionth) {
   // 1 - 1e-7 is 1 - 2^-23 in float: the walls keep 1.19e-7, and the late field is that times the first reflections of O-8.
-  const double kept = 1.0 - static_cast<double>(static_cast<float>(1 - 1e-7));
-  ASSERT_GT(kept, 0);
+  const double reflected = 1.0 - static_cast<double>(static_cast<float>(1 - 1e-7));
+  ASSERT_GT(reflected, 0);
   for (const Engine engine : kEngines) {
     SCOPED_TRACE(name_of(engine));
     AcousticConfig config = plain(8192);
@@ -145,7 +145,7 @@ TEST(H23_NearlyAllAndNearlyNothing, FirstReflectionsOfAMillionth) {
     const Heard heard(engine, rooms::shoe1(1 - 1e-7, 1), config, rooms::shoe1_source(), 16'384);
     const EnergyResponse response = heard.at(rooms::shoe1_listener());
     expect_sound(response);
-    EXPECT_NEAR(db(late_energy(response) / (kept * kFirstReflections)), 0.0, 0.25);
+    EXPECT_NEAR(db(late_energy(response) / (reflected * kFirstReflections)), 0.0, 0.25);
   }
 }
 
@@ -206,7 +206,7 @@ TEST(H25_EmptyScene, IsTheFreeField) {
       ASSERT_EQ(response.arrivals.size(), 1u);
       EXPECT_NEAR(response.arrivals[0].amplitude[0], 1 / (4 * kPi * 5), 1e-7);
       for (const float value : response.late.values()) ASSERT_EQ(value, 0.f);
-      EXPECT_EQ(measure(heard.scene, response).bands[0].decay, DecayVerdict::no_reverberation);
+      EXPECT_EQ(measure(heard.scene, response).bands[0].decay, DecayStatus::no_reverberation);
     }
   }
 }

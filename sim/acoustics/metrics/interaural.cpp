@@ -51,7 +51,7 @@ std::optional<double> largest_correlation(std::span<const float> left, std::span
   fft.forward(right, b);
   // A spectrum padded with zeros is the correlation at kPointsPerSample times the points.
   for (std::size_t k = 0; k < a.size(); ++k) cross[k] = static_cast<float>(kPointsPerSample) * std::conj(a[k]) * b[k];
-  cross[a.size() - 1] *= 0.5f;  // the top bin stands for both signs of its frequency, which the longer spectrum tells apart
+  cross[a.size() - 1] *= 0.5f;  // the top bin stands for both signs of its frequency, which the longer spectrum holds apart
   std::vector<float> correlation(static_cast<std::size_t>(fine.size()));
   fine.inverse(cross, correlation);
   const auto at = [&](int lag) {
@@ -62,8 +62,8 @@ std::optional<double> largest_correlation(std::span<const float> left, std::span
     if (at(lag) > at(best)) best = lag;
   double top = at(best);
   if (std::abs(best) < max_lag) {
-    const double before = at(best - 1), after = at(best + 1), bend = before - 2.0 * top + after;
-    if (bend < 0) top -= 0.125 * (after - before) * (after - before) / bend;
+    const double before = at(best - 1), after = at(best + 1), curvature = before - 2.0 * top + after;
+    if (curvature < 0) top -= 0.125 * (after - before) * (after - before) / curvature;
   }
   return std::min(top / scale, 1.0);
 }

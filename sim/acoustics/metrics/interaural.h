@@ -8,7 +8,7 @@ namespace earshot {
 /// Interaural cross-correlation coefficients (ISO 3382-1:2009, annex B): the largest size of the normalised cross-correlation for lags
 /// within 1 ms.  Both ears are cut to the same window before, so that no value exceeds 1.  nullopt where an ear is silent.
 struct InterauralCorrelation {
-  std::optional<double> total;  ///< from 2.5 ms before the direct sound on (the near ear hears it before the head's centre)
+  std::optional<double> total;  ///< from 2.5 ms before the direct sound on (it reaches the near ear before the head's centre)
   std::optional<double> early;  ///< to 80 ms after it
   std::optional<double> late;   ///< from there on
 };

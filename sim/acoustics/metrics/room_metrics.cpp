@@ -97,9 +97,9 @@ MissingEnergy missing_energy(std::span<const double> energy, double bin_s, doubl
 double energy_before(std::span<const double> energy, double bin_s, double limit_s) {
   double sum = 0;
   for (std::size_t i = 0; i < energy.size(); ++i) {
-    const double share = std::clamp(limit_s / bin_s - static_cast<double>(i), 0.0, 1.0);
+    const double fraction = std::clamp(limit_s / bin_s - static_cast<double>(i), 0.0, 1.0);
     // 80 ms / 4 ms must be 20 bins, not 19.9999999 or a sliver of the 21st.
-    sum += energy[i] * (share < 1e-9 ? 0.0 : share > 1.0 - 1e-9 ? 1.0 : share);
+    sum += energy[i] * (fraction < 1e-9 ? 0.0 : fraction > 1.0 - 1e-9 ? 1.0 : fraction);
   }
   return sum;
 }
@@ -139,27 +139,27 @@ double coherent_energy(std::span<const Arrival> arrivals, int band, double low_h
   return std::max(sum, 0.0);
 }
 
-/// Share of diffracted sound that belongs to the direct sound: all within 1.5 ms, none after the 2.5 ms that count as direct in a RIR.
-double direct_share(double after_s) {
+/// Fraction of diffracted sound that belongs to the direct sound: all within 1.5 ms, none after the 2.5 ms that count as direct in a RIR.
+double direct_fraction(double after_s) {
   const double x = std::clamp((after_s - 1.5e-3) / 1e-3, 0.0, 1.0);
   return 0.5 + 0.5 * std::cos(std::numbers::pi * x);
 }
 
 }  // namespace
 
-const char* name_of(DecayVerdict verdict) {
-  switch (verdict) {
-    case DecayVerdict::measured:
+const char* name_of(DecayStatus status) {
+  switch (status) {
+    case DecayStatus::measured:
       return "measured";
-    case DecayVerdict::silent:
+    case DecayStatus::silent:
       return "silent";
-    case DecayVerdict::no_reverberation:
+    case DecayStatus::no_reverberation:
       return "nothing after the direct sound";
-    case DecayVerdict::too_few_points:
+    case DecayStatus::too_few_points:
       return "over within three points";
-    case DecayVerdict::no_decay:
+    case DecayStatus::no_decay:
       return "does not fall";
-    case DecayVerdict::cut_short:
+    case DecayStatus::cut_short:
       return "response too short";
   }
   return "";
@@ -191,7 +191,7 @@ BandMetrics measure_band(std::span<const double> energy, double bin_s, double di
   metrics.d50 = std::min(early50 / total, 1.0);
   metrics.c50_db = ratio_db(early50, total - early50);
   metrics.c80_db = ratio_db(early80, total - early80);
-  metrics.decay = reverberant > 0 ? DecayVerdict::too_few_points : DecayVerdict::no_reverberation;
+  metrics.decay = reverberant > 0 ? DecayStatus::too_few_points : DecayStatus::no_reverberation;
   if (!(reverberant > 0) || energy.size() < 3) return metrics;
 
   DecayCurve curve{.level_db = {}, .bin_s = bin_s};
@@ -213,10 +213,10 @@ BandMetrics measure_band(std::span<const double> energy, double bin_s, double di
   metrics.t20_s = fit(from_db, from_db - 20.0);
   metrics.t30_s = fit(from_db, from_db - 30.0);
   metrics.rt60_s = metrics.t30_s ? metrics.t30_s : metrics.t20_s;
-  metrics.decay = metrics.rt60_s            ? DecayVerdict::measured
-                  : trusted(from_db - 20.0) ? DecayVerdict::too_few_points
-                  : missing.falls           ? DecayVerdict::cut_short
-                                            : DecayVerdict::no_decay;
+  metrics.decay = metrics.rt60_s            ? DecayStatus::measured
+                  : trusted(from_db - 20.0) ? DecayStatus::too_few_points
+                  : missing.falls           ? DecayStatus::cut_short
+                                            : DecayStatus::no_decay;
   return metrics;
 }
 
@@ -258,20 +258,21 @@ RoomMetrics measure(const AcousticScene& scene, const EnergyResponse& response) 
   double direct_sum = 0, reverberant_sum = 0, bandwidth_sum = 0;
   for (int band = 0; band < scene.num_bands(); ++band) {
     std::vector<double> series(num_bins, 0.0);
-    // What the diffracted sound keeps of its own energy when all that interferes is added up: as the direct sound's part if there is one.
-    double direct = 0, diffracted_share = 1;
+    // Fraction of its own energy that the diffracted sound has in the interference of all paths: as the direct sound's part if there is
+    // one.
+    double direct = 0, diffracted_fraction = 1;
     if (has_diffraction) {
       const double together = coherent_energy(response.arrivals, band, scene.bands().edge_hz[band], scene.bands().edge_hz[band + 1], speed);
       double apart = 0;
       for (const Arrival& arrival : response.arrivals) {
         if (arrival.kind != ArrivalKind::diffraction) continue;
-        const double share = has_direct ? 1.0 - direct_share(arrival.distance_m / speed - start_s) : 1.0;
-        apart += share * arrival.amplitude[band] * arrival.amplitude[band];
+        const double fraction = has_direct ? 1.0 - direct_fraction(arrival.distance_m / speed - start_s) : 1.0;
+        apart += fraction * arrival.amplitude[band] * arrival.amplitude[band];
       }
       if (has_direct)
         direct = std::max(together - apart, 0.0);
       else if (apart > 0)
-        diffracted_share = together / apart;
+        diffracted_fraction = together / apart;
     }
     for (const Arrival& arrival : response.arrivals) {
       double energy = double{arrival.amplitude[band]} * arrival.amplitude[band];
@@ -280,7 +281,7 @@ RoomMetrics measure(const AcousticScene& scene, const EnergyResponse& response) 
         continue;
       }
       if (arrival.kind == ArrivalKind::diffraction) {
-        energy *= has_direct ? 1.0 - direct_share(arrival.distance_m / speed - start_s) : diffracted_share;
+        energy *= has_direct ? 1.0 - direct_fraction(arrival.distance_m / speed - start_s) : diffracted_fraction;
       }
       const double position = (arrival.distance_m / speed - start_s) / bin_s;
       if (position < static_cast<double>(num_bins)) series[static_cast<std::size_t>(std::max(position, 0.0))] += energy;

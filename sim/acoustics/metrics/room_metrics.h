@@ -11,7 +11,7 @@
 namespace earshot {
 
 /// Is there a decay time, and if not, why (docs/stability.md, H-75)?
-enum class DecayVerdict : std::uint8_t {
+enum class DecayStatus : std::uint8_t {
   measured,          ///< rt60_s exists
   silent,            ///< nothing arrives, or nothing finite
   no_reverberation,  ///< nothing comes after the direct sound: all is absorbed, or there is nothing to come back from
@@ -19,11 +19,11 @@ enum class DecayVerdict : std::uint8_t {
   no_decay,          ///< the energy does not fall: a rigid room (infinite time), a noise floor, a growing response
   cut_short          ///< it falls, but the response ends before it has fallen far enough
 };
-const char* name_of(DecayVerdict verdict);
+const char* name_of(DecayStatus status);
 
 /// Room-acoustic parameters per band (ISO 3382-1).  A value that does not exist (open field, too little decay) is nullopt.
 struct BandMetrics {
-  DecayVerdict decay = DecayVerdict::silent;
+  DecayStatus decay = DecayStatus::silent;
   std::optional<double> edt_s, t20_s, t30_s, rt60_s, c50_db, c80_db, d50, ts_s, g_db, drr_db;
   std::optional<double> iacc, iacc_early, iacc_late;  ///< of two channels only: interaural.h
 };
@@ -46,7 +46,8 @@ void energy_decay_curve(std::span<const double> energy, std::span<double> edc);
 ///  - T20, T30: -5 to -25 and -35 dB of the whole curve, direct included.  Where the direct sound alone is a step below -5 dB, the range
 ///    keeps its span and begins at the foot of the step.
 ///  - EDT: the first 10 dB after the direct step.
-///  - A response that stops before it has decayed bends its curve down.  The level of what is missing is estimated from the energy at
+///  - A response that stops before it has decayed has a curve that falls too steeply at its end.  The level of what is missing is estimated
+///  from the energy at
 ///    the end and its rate of decay over the second half; a range is only fitted if it ends 10 dB above that level, which
 ///    keeps the bias below 1 % for T30, 2 % for T20 and 4 % for EDT (docs/oracles.md, O-25).
 ///  - Fewer than three points of the curve in the range, or a curve that does not fall: nullopt.

@@ -47,12 +47,12 @@ std::uint64_t drop_nonfinite(std::size_t num_bands, std::vector<Arrival>& arriva
 }  // namespace
 
 void compute_energy_response(const AcousticScene& scene, const EarlyCandidates& candidates, glm::vec3 listener, EnergyResponse& response,
-                             const std::function<void(double share)>& progress) {
+                             const std::function<void(double fraction)>& progress) {
   compute_energy_response(scene, candidates, nullptr, listener, response, progress);
 }
 
 void compute_energy_response(const AcousticScene& scene, const EarlyCandidates& candidates, const SourceField* field, glm::vec3 listener,
-                             EnergyResponse& response, const std::function<void(double share)>& progress) {
+                             EnergyResponse& response, const std::function<void(double fraction)>& progress) {
   const FlushDenormals flush;
   if (!is_place(listener))
     throw InputError(fmt::format("listener ({}, {}, {}) in {}", listener.x, listener.y, listener.z, scene.scene().name()),

@@ -27,15 +27,15 @@ struct EnergyResponse {
 };
 
 /// Energy response of (scene, source, listener).  A pure function of its arguments and the config: the same pose gives the same bits
-/// whenever and wherever it is asked.  Throws InputError if `listener` is not finite or further out than kFarthestM
+/// on every machine and at any time.  Throws InputError if `listener` is not finite or further out than kFarthestM
 /// (sim/base/coordinates.h). What is not finite inside is dropped where it arises and counted in stats.nonfinite_dropped: nothing that
 /// leaves is NaN or infinite. Reuses the storage of `response`; no allocation once warm (single-threaded config, listener-rooted). The late
-/// field is that of trace_bidirectional if config asks for source_rays or a specular_exponent, else of trace_late. progress: see
+/// field is that of trace_bidirectional if config has source_rays or a specular_exponent, else of trace_late. progress: see
 /// BidirectionalOptions; only the bidirectional tracer reports.
 void compute_energy_response(const AcousticScene& scene, const EarlyCandidates& candidates, glm::vec3 listener, EnergyResponse& response,
-                             const std::function<void(double share)>& progress = {});
+                             const std::function<void(double fraction)>& progress = {});
 /// The same with the late field gathered from `field`, of the same source; null: traced as above.
 void compute_energy_response(const AcousticScene& scene, const EarlyCandidates& candidates, const SourceField* field, glm::vec3 listener,
-                             EnergyResponse& response, const std::function<void(double share)>& progress = {});
+                             EnergyResponse& response, const std::function<void(double fraction)>& progress = {});
 
 }  // namespace earshot

@@ -14,7 +14,7 @@ namespace {
 
 /// A directional source that turns by a radian counts as one that moves by this: its late level changes no faster.
 constexpr float kMetresPerRadian = 0.5f;
-/// From one frame's seed to the next: odd, and far from the steps by which people number their runs.
+/// From one frame's seed to the next: odd, and far from the small steps in which runs are numbered.
 constexpr std::uint64_t kSeedStep = 0x9E3779B97F4A7C15;
 constexpr double kSmoothing = 0.3;           // of the difference between new frames and the past, per frame
 constexpr double kUnexplained = 3.5;         // standard errors
@@ -53,7 +53,7 @@ double angle_between(const glm::quat& a, const glm::quat& b) { return 2.0 * std:
 }  // namespace
 
 void validate(const TemporalReuseConfig& config) {
-  require(config.least_share > 0.f && config.least_share <= 1.f, "temporal reuse least_share", config.least_share, "must be in (0, 1]");
+  require(config.least_weight > 0.f && config.least_weight <= 1.f, "temporal reuse least_weight", config.least_weight, "must be in (0, 1]");
   require(config.max_bias_db > 0.f, "temporal reuse max_bias_db", config.max_bias_db, "must be positive");
   require(config.drift_db_per_m >= 0.f, "temporal reuse drift_db_per_m", config.drift_db_per_m, "must not be negative");
   require(config.max_move_m > 0.f, "temporal reuse max_move_m", config.max_move_m, "must be positive");
@@ -67,9 +67,9 @@ bool TemporalReuse::continues(const Place& place, const EnergyHistogram& late) c
          late.values().size() == past_.values().size();
 }
 
-double TemporalReuse::choose_share(double drift_db) const {
+double TemporalReuse::choose_weight(double drift_db) const {
   const double least =
-      std::max({double{config_.least_share}, past_variance_ / (1 + past_variance_), drift_db / (drift_db + config_.max_bias_db)});
+      std::max({double{config_.least_weight}, past_variance_ / (1 + past_variance_), drift_db / (drift_db + config_.max_bias_db)});
   // Before the noise is known, what a few rays leave in a room: of the order of one dB (docs/estimators.md, section 10).
   const double noise_db2 = levels_ < kLevelsForNoise ? 1.0 : noise_db2_;
   const auto cost = [&](double a) { return std::pow(drift_db * (1 - a) / a, 2) + noise_db2 * a / (2 - a); };
@@ -101,7 +101,7 @@ void TemporalReuse::blend(double shift_bins, EnergyHistogram& late) {
   const std::size_t stride = static_cast<std::size_t>(late.num_bands()) * static_cast<std::size_t>(late.num_coefficients());
   const auto whole = static_cast<int>(std::floor(shift_bins));
   const auto fraction = static_cast<float>(shift_bins - whole);
-  const auto a = static_cast<float>(share_);
+  const auto a = static_cast<float>(weight_);
   const float* past = past_.values().data();
   float* out = late.values().data();
   for (int bin = 0; bin < bins; ++bin, out += stride) {
@@ -109,8 +109,8 @@ void TemporalReuse::blend(double shift_bins, EnergyHistogram& late) {
     const float* upper = from >= 0 && from < bins ? past + static_cast<std::size_t>(from) * stride : nullptr;
     const float* lower = from >= 1 && from <= bins ? past + static_cast<std::size_t>(from - 1) * stride : nullptr;
     for (std::size_t k = 0; k < stride; ++k) {
-      const float kept = (upper ? (1 - fraction) * upper[k] : 0.f) + (lower ? fraction * lower[k] : 0.f);
-      out[k] = (1 - a) * kept + a * out[k];
+      const float shifted = (upper ? (1 - fraction) * upper[k] : 0.f) + (lower ? fraction * lower[k] : 0.f);
+      out[k] = (1 - a) * shifted + a * out[k];
     }
   }
 }
@@ -129,7 +129,7 @@ void TemporalReuse::compute(const AcousticScene& scene, const EarlyCandidates& c
   }
   if (frame_ == 0) {
     compute_energy_response(scene, candidates, listener, response);
-    share_ = 1;
+    weight_ = 1;
     if (const auto level = level_db(response.late)) {
       level_db_ = *level;
       levels_ = 1;
@@ -147,10 +147,10 @@ void TemporalReuse::compute(const AcousticScene& scene, const EarlyCandidates& c
     const double drift_db = config_.drift_db_per_m * move_m + kDbPerNeper * std::fabs(direct_s - before_s) / mean_delay_s(past_, before_s);
     const double shift_bins = (direct_s - before_s) / response.late.bin_s();
     watch_level(response.late, move_m > 0);
-    share_ = choose_share(drift_db);
+    weight_ = choose_weight(drift_db);
     const double standard_error_db = std::sqrt(difference_weight_ * noise_db2_ * (1 + past_variance_));
     if (levels_ > kLevelsForNoise && std::fabs(difference_db_) > kUnexplained * standard_error_db && difference_weight_ > 0) {
-      share_ = 1;
+      weight_ = 1;
       difference_db_ = difference_weight_ = 0;
     }
     blend(shift_bins, response.late);
@@ -159,7 +159,7 @@ void TemporalReuse::compute(const AcousticScene& scene, const EarlyCandidates& c
   past_ = response.late;
   before_ = place;
   ++frame_;
-  past_variance_ = (1 - share_) * (1 - share_) * past_variance_ + share_ * share_;
+  past_variance_ = (1 - weight_) * (1 - weight_) * past_variance_ + weight_ * weight_;
 }
 
 }  // namespace earshot

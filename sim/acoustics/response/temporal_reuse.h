@@ -13,8 +13,8 @@
 namespace earshot {
 
 struct TemporalReuseConfig {
-  float least_share = 0.1f;  ///< of the new frame: 0.1 leaves a / (2 - a) = 5 % of the variance, as 19 frames would, (0, 1]
-  float max_bias_db = 0.5f;  ///< of the late level under the drift that is expected of the motion, > 0
+  float least_weight = 0.1f;  ///< of the new frame: 0.1 leaves a / (2 - a) = 5 % of the variance, as 19 frames would, (0, 1]
+  float max_bias_db = 0.5f;   ///< of the late level under the drift that is expected of the motion, > 0
   float drift_db_per_m =
       0.33f;  ///< expected change of the late level per metre within a room (docs/estimators.md, section 8: 0.05 dB per 0.15 m), >= 0
   float max_move_m = 0.5f;  ///< of source and listener together; a longer step forgets the past, > 0
@@ -28,7 +28,7 @@ void validate(const TemporalReuseConfig& config);
 /// where Ê_n is traced with rays of its own and M shifts by the change of the direct sound's delay.  Direct sound, early reflections,
 /// diffraction and transmission are those of the pose, never blended.
 ///
-/// a is the largest of four: config.least_share; the share that makes the variance least (1/2, 1/3, ... while frames are few); the share
+/// a is the largest of four: config.least_weight; the weight that makes the variance least (1/2, 1/3, ... while frames are few); the weight
 /// that minimises bias^2 + variance for the drift g (dB per frame) expected of the motion, (g (1 - a) / a)^2 + s^2 a / (2 - a), with the
 /// noise s of the late level of single frames as it was seen; and g / (g + max_bias_db), which bounds the bias of steady drift by
 /// max_bias_db. a = 1, the past forgotten, where the source comes into sight or goes out of it, after a move of more than max_move_m, in
@@ -48,7 +48,7 @@ class TemporalReuse {
   /// The next frame starts a trajectory.
   void forget() { frame_ = 0; }
   /// The a of the last frame.
-  [[nodiscard]] double share() const { return share_; }
+  [[nodiscard]] double weight() const { return weight_; }
 
  private:
   struct Place {
@@ -58,7 +58,7 @@ class TemporalReuse {
     std::uint64_t scene = 0;
   };
   [[nodiscard]] bool continues(const Place& place, const EnergyHistogram& late) const;
-  [[nodiscard]] double choose_share(double drift_db) const;
+  [[nodiscard]] double choose_weight(double drift_db) const;
   void blend(double shift_bins, EnergyHistogram& late);
   void watch_level(const EnergyHistogram& late, bool moved);
 
@@ -68,7 +68,7 @@ class TemporalReuse {
   std::optional<AcousticScene> seeded_;  ///< the scene with this frame's seed
   std::uint64_t frame_ = 0;              ///< since forget()
   double past_variance_ = 1;             ///< of past_, in units of a single frame's
-  double share_ = 1;
+  double weight_ = 1;
   // Level of single frames: noise from second differences, which steady drift leaves out, and smoothed difference from the past.
   int levels_ = 0;
   double level_db_ = 0, level_before_db_ = 0, noise_db2_ = 0, difference_db_ = 0, difference_weight_ = 0;

@@ -11,7 +11,8 @@
 /// Layout of a source field's bytes.  Internal to the source field.
 namespace earshot {
 
-/// The image: this, then [num_cells] FieldEntry, then the values of all entries, each [slots of the entry][coefficients][padded bands].
+/// The image: this, then [num_cells] FieldEntry, then the values of all entries, each [merged bins of the entry][coefficients][padded
+/// bands].
 struct FieldHeader {
   static constexpr std::uint64_t kMagic = 0x33444C4546524145u;  // "EARFELD3"
   std::uint64_t magic = kMagic;
@@ -27,7 +28,7 @@ struct FieldHeader {
 /// Time axis of the histories in a scene: single bins from where sound that crosses the scene arrives.
 WideningBins field_bins(const AcousticScene& scene, int num_bins);
 
-/// History of a cell: slots (widening_bins.h) `first` to `first + count - 1` may differ from zero.
+/// History of a cell: merged bins (widening_bins.h) `first` to `first + count - 1` may differ from zero.
 struct FieldEntry {
   std::uint32_t first = 0, count = 0;
   std::uint64_t offset = 0;  ///< of its first value, in values

@@ -20,14 +20,14 @@ namespace {
 /// Decay times need no fine bins to be judged.
 constexpr int kBinsPerProbeBin = 4;
 
-/// Share of a probe's weights that may be left out, in the cells that count least.
-constexpr float kDroppedShare = 0.05f;
+/// Fraction of a probe's weights that may be left out, in the cells that count least.
+constexpr float kDroppedFraction = 0.05f;
 
 /// A random walk from the source.
 struct Walk {
-  glm::vec3 place;  ///< half way along the last leg
-  double legs_m = 0;
-  int legs = 0;
+  glm::vec3 place;  ///< half way along the last segment
+  double length_m = 0;
+  int segments = 0;
 };
 
 /// Walks go further from probe to probe.
@@ -36,14 +36,14 @@ Walk walk_to_probe(const AcousticScene& scene, glm::vec3 source, std::uint32_t p
   const auto first = random.uniform2(0);
   glm::vec3 origin = source, direction = sphere_direction(first[0], first[1]);
   Walk walk{.place = source};
-  for (std::uint32_t leg = 1; leg <= probe + 2; ++leg) {
+  for (std::uint32_t segment = 1; segment <= probe + 2; ++segment) {
     const Hit hit = scene.scene().rays().intersect(origin, direction);
     if (!hit.valid()) break;
     walk.place = 0.5f * (origin + hit.position);
-    walk.legs_m += glm::distance(origin, hit.position);
-    ++walk.legs;
+    walk.length_m += glm::distance(origin, hit.position);
+    ++walk.segments;
     origin = offset_from_surface(hit.position, hit.normal);
-    const auto u = random.uniform2(leg);
+    const auto u = random.uniform2(segment);
     direction = lambert_direction(hit.normal, u[0], u[1]);
   }
   return walk;
@@ -57,21 +57,21 @@ FieldProbes::FieldProbes(const AcousticScene& scene, glm::vec3 source)
   num_bins_ = (shape.num_bins() + kBinsPerProbeBin - 1) / kBinsPerProbeBin;
   bins_per_m_ = 1.f / (scene.speed_of_sound_m_per_s() * shape.bin_s() * kBinsPerProbeBin);
   std::vector<glm::vec3> places;
-  double legs_m = 0;
-  int legs = 0;
+  double length_m = 0;
+  int segments = 0;
   for (std::uint32_t probe = 0; probe < kProbes; ++probe) {
     const Walk walk = walk_to_probe(scene, source, probe);
     places.push_back(walk.place);
-    legs_m += walk.legs_m;
-    legs += walk.legs;
+    length_m += walk.length_m;
+    segments += walk.segments;
   }
-  if (legs > 0) mean_free_path_m_ = legs_m / legs;
+  if (segments > 0) mean_free_path_m_ = length_m / segments;
   find_readers(scene.field_grid(), scene.field_smoothing(), places);
 }
 
 /// With which weights each probe reads the cells, for every number of sweeps.
 void FieldProbes::find_readers(const FieldGrid& grid, const FieldSmoothing& smoothing, const std::vector<glm::vec3>& places) {
-  slot_of_cell_.assign(grid.size(), FieldGrid::none);
+  tally_of_cell_.assign(grid.size(), FieldGrid::none);
   std::vector<float> weights(grid.size() * kProbes, 0.f), spare;
   std::vector<bool> read(grid.size(), false);
   for (std::uint32_t probe = 0; probe < kProbes; ++probe) {
@@ -92,17 +92,17 @@ void FieldProbes::find_readers(const FieldGrid& grid, const FieldSmoothing& smoo
         if (const float weight = weights[cell * kProbes + probe]; weight > 0) order.emplace_back(weight, cell);
       std::sort(order.begin(), order.end(),
                 [](const auto& a, const auto& b) { return a.first != b.first ? a.first > b.first : a.second < b.second; });
-      double kept = 0;
+      double read_weight = 0;
       std::size_t count = 0;
-      while (count < order.size() && kept < 1 - kDroppedShare) kept += order[count++].first;
+      while (count < order.size() && read_weight < 1 - kDroppedFraction) read_weight += order[count++].first;
       std::vector<Reader>& readers = readers_.emplace_back();
       for (std::size_t i = 0; i < count; ++i) {
-        std::uint32_t& slot = slot_of_cell_[order[i].second];
-        if (slot == FieldGrid::none) {
-          slot = static_cast<std::uint32_t>(energy_.size());
+        std::uint32_t& tally = tally_of_cell_[order[i].second];
+        if (tally == FieldGrid::none) {
+          tally = static_cast<std::uint32_t>(energy_.size());
           energy_.emplace_back();
         }
-        readers.push_back({slot, static_cast<float>(order[i].first / (kept * grid.volume_m3(order[i].second)))});
+        readers.push_back({tally, static_cast<float>(order[i].first / (read_weight * grid.volume_m3(order[i].second)))});
       }
     }
   }
@@ -112,18 +112,18 @@ int FieldProbes::sweeps_at(double time_s) const {
   return scene_->field_smoothing().sweeps_at(time_s, mean_free_path_m_, scene_->speed_of_sound_m_per_s());
 }
 
-void FieldProbes::add_to_slot(std::uint32_t slot, float path_m, const float* energy, float length_m, std::uint32_t batch) {
+void FieldProbes::add_to_tally(std::uint32_t tally, float path_m, const float* energy, float length_m, std::uint32_t batch) {
   const float position = path_m * bins_per_m_;
   if (!(position < static_cast<float>(num_bins_))) return;
   const auto bins = static_cast<std::size_t>(num_bins_);
-  std::vector<float>& of_cell = energy_[slot];
+  std::vector<float>& of_cell = energy_[tally];
   if (of_cell.empty()) of_cell.assign(kBatches * bins * stride_, 0.f);
   float* row = &of_cell[(batch * bins + static_cast<std::size_t>(position)) * stride_];
   for (std::size_t b = 0; b < stride_; b += 8)
     for (std::size_t lane = 0; lane < 8; ++lane) row[b + lane] += energy[b + lane] * length_m;
 }
 
-/// What a probe hears.  energy: [batch][bin][padded bands].
+/// Energy at a probe.  energy: [batch][bin][padded bands].
 void FieldProbes::read(std::uint32_t probe, std::vector<float>& energy) const {
   const auto bins = static_cast<std::size_t>(num_bins_);
   const double bin_s = 1.0 / (double{bins_per_m_} * scene_->speed_of_sound_m_per_s());
@@ -132,7 +132,7 @@ void FieldProbes::read(std::uint32_t probe, std::vector<float>& energy) const {
     const int sweeps = sweeps_at((static_cast<double>(first) + 0.5) * bin_s);
     for (last = first + 1; last < bins && sweeps_at((static_cast<double>(last) + 0.5) * bin_s) == sweeps;) ++last;
     for (const Reader& reader : readers_[static_cast<std::size_t>(sweeps) * kProbes + probe]) {
-      const std::vector<float>& of_cell = energy_[reader.slot];
+      const std::vector<float>& of_cell = energy_[reader.tally];
       if (of_cell.empty()) continue;
       for (std::uint32_t batch = 0; batch < kBatches; ++batch)
         for (std::size_t i = (batch * bins + first) * stride_; i < (batch * bins + last) * stride_; i += 8)

@@ -12,7 +12,7 @@
 namespace earshot {
 
 /// A few listeners spread over the air that sound from the source reaches, with the energy that arrives at each, smoothed as the field will
-/// be, kept apart by batches of photons: the spread of the batches says how well decay times are known (docs/estimators.md, section 10).
+/// be, held apart by batches of photons: the spread of the batches says how well decay times are known (docs/estimators.md, section 10).
 class FieldProbes {
  public:
   static constexpr std::uint32_t kBatches = 8;
@@ -21,32 +21,32 @@ class FieldProbes {
   /// Places the probes by random walks from the source.
   FieldProbes(const AcousticScene& scene, glm::vec3 source);
 
-  /// Mean length of the legs of those walks.
+  /// Mean length of the segments of those walks.
   [[nodiscard]] double mean_free_path_m() const { return mean_free_path_m_; }
   /// Sweeps of smoothing for energy of this age, as the field gets them.
   [[nodiscard]] int sweeps_at(double time_s) const;
 
   /// Energy [padded bands] times a length, that belongs to a cell at a path length.
   void add(std::uint32_t cell, float path_m, const float* energy, float length_m, std::uint32_t batch) {
-    if (slot_of_cell_[cell] != FieldGrid::none) add_to_slot(slot_of_cell_[cell], path_m, energy, length_m, batch);
+    if (tally_of_cell_[cell] != FieldGrid::none) add_to_tally(tally_of_cell_[cell], path_m, energy, length_m, batch);
   }
-  /// Asks for the memory that add() of the same will change: the first line of it, which holds 16 bands.
+  /// Prefetches the memory that add() of the same will change: the first line of it, which holds 16 bands.
   void fetch(std::uint32_t cell, float path_m, std::uint32_t batch) const {
-    const std::uint32_t slot = slot_of_cell_[cell];
+    const std::uint32_t tally = tally_of_cell_[cell];
     const float position = path_m * bins_per_m_;
-    if (slot == FieldGrid::none || energy_[slot].empty() || !(position < static_cast<float>(num_bins_))) return;
-    __builtin_prefetch(&energy_[slot][(batch * static_cast<std::size_t>(num_bins_) + static_cast<std::size_t>(position)) * stride_], 1);
+    if (tally == FieldGrid::none || energy_[tally].empty() || !(position < static_cast<float>(num_bins_))) return;
+    __builtin_prefetch(&energy_[tally][(batch * static_cast<std::size_t>(num_bins_) + static_cast<std::size_t>(position)) * stride_], 1);
   }
   /// Relative standard error of T20 by the jackknife over batches, mean over probes and bands that have one; 1 if none has.
   [[nodiscard]] double t20_error() const;
 
  private:
   struct Reader {
-    std::uint32_t slot;
+    std::uint32_t tally;
     float weight;
   };
   void find_readers(const FieldGrid& grid, const FieldSmoothing& smoothing, const std::vector<glm::vec3>& places);
-  void add_to_slot(std::uint32_t slot, float path_m, const float* energy, float length_m, std::uint32_t batch);
+  void add_to_tally(std::uint32_t tally, float path_m, const float* energy, float length_m, std::uint32_t batch);
   void read(std::uint32_t probe, std::vector<float>& energy) const;
 
   const AcousticScene* scene_;
@@ -54,9 +54,9 @@ class FieldProbes {
   int num_bins_ = 0;
   float bins_per_m_ = 0;
   std::size_t stride_ = 0;
-  std::vector<std::uint32_t> slot_of_cell_;   ///< cells that some probe reads
+  std::vector<std::uint32_t> tally_of_cell_;  ///< cells that some probe reads
   std::vector<std::vector<Reader>> readers_;  ///< [sweeps][probe]
-  std::vector<std::vector<float>> energy_;    ///< [slots][batch][bin][padded bands]; empty where no photon came
+  std::vector<std::vector<float>> energy_;    ///< [tally][batch][bin][padded bands]; empty where no photon came
 };
 
 }  // namespace earshot

@@ -17,11 +17,11 @@ namespace {
 using listener_ray::RayState;
 using listener_ray::Trace;
 
-/// Mean energy, relative to the start, below which the number of photons falls with it.  All listeners share them, and T20 ends at -25 dB:
+/// Mean energy, relative to the start, below which the number of photons falls with it.  They serve all listeners, and T20 ends at -25 dB:
 /// 12 % less error per second of pass than with the 1e-3 of listener rays, and no more with 3e-2 (two houses, two seeds).
 constexpr double kPhotonTaper = 1e-2;
 
-/// Do image paths, or what goes straight through walls, carry the flight that the photon is about to make?  Its chain lists the mirrors
+/// Do image paths, or what goes straight through walls, carry the next segment of the photon?  Its chain lists the mirrors
 /// source first.
 template <int W>
 bool carried_elsewhere(const Trace& trace, const RayState<W>& photon) {
@@ -48,7 +48,7 @@ void advance(const Trace& trace, const FieldGrid& grid, RayState<W>& photon, flo
       if (std::isfinite(sum_over_bands<W>(photon.throughput))) {
         const auto first = static_cast<std::uint32_t>(tracks.crossings.size());
         grid.cross(photon.origin, photon.direction, length_m, tracks.crossings);
-        tracks.flights.push_back({photon.direction, photon.path_m, first, static_cast<std::uint32_t>(tracks.crossings.size())});
+        tracks.segments.push_back({photon.direction, photon.path_m, first, static_cast<std::uint32_t>(tracks.crossings.size())});
         tracks.energy.insert(tracks.energy.end(), photon.throughput, photon.throughput + W);
       } else {
         ++stats.nonfinite_dropped;
@@ -60,8 +60,8 @@ void advance(const Trace& trace, const FieldGrid& grid, RayState<W>& photon, flo
     photon.alive = hit.valid() && photon.bounces < trace.max_bounces && photon.path_m < trace.max_path_m;
     if (!photon.alive) return;
     const std::uint32_t material = scene.scene().mesh().triangle_material[hit.triangle];
-    const float* kept = trace.walls ? trace.walls->kept(material) : scene.padded_reflectance(material);
-    for (int b = 0; b < W; ++b) photon.reflected[b] = photon.throughput[b] * kept[b];
+    const float* reflected = trace.walls ? trace.walls->kept(material) : scene.padded_reflectance(material);
+    for (int b = 0; b < W; ++b) photon.reflected[b] = photon.throughput[b] * reflected[b];
     photon.hit = hit;
     photon.origin = offset_from_surface(hit.position, hit.normal);
     photon.at_vertex = true;
@@ -93,7 +93,7 @@ void trace_chunk(const Trace& trace, const FieldGrid& grid, std::uint32_t chunk,
     bool any_alive = false;
     for (std::uint32_t i = 0; i < kPhotonsPerChunk; ++i) {
       if (!photons[i].alive) continue;
-      // A slot draws new numbers in each stage, whichever photon sits in it.
+      // Random numbers belong to the index and the stage, whichever photon lies there.
       advance(trace, grid, photons[i], until_m, RandomStream(seed, Purpose::photon, first + i, stage + 1), tracks, stats);
       any_alive = any_alive || photons[i].alive;
     }

@@ -13,16 +13,16 @@ namespace earshot {
 
 /// What the photons of a chunk did, in the order in which they did it.
 struct PhotonTracks {
-  /// A straight flight through the air, after the direct sound and beside image paths.
-  struct Flight {
+  /// A straight segment through the air, after the direct sound and beside image paths.
+  struct Segment {
     glm::vec3 direction;
     float path_m;  ///< from the source to where it begins
     std::uint32_t first_crossing, end_crossing;
   };
-  std::vector<Flight> flights;
-  std::vector<float> energy;  ///< [flights][padded bands], of a source that emits 1 through one photon
+  std::vector<Segment> segments;
+  std::vector<float> energy;  ///< [segments][padded bands], of a source that emits 1 through one photon
   std::vector<FieldGrid::Crossing> crossings;
-  void clear() { flights.clear(), energy.clear(), crossings.clear(); }
+  void clear() { segments.clear(), energy.clear(), crossings.clear(); }
 };
 
 /// Unit of work, of the order of summation, and of error estimates: photons of a chunk are balanced against each other

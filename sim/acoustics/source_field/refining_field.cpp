@@ -17,7 +17,7 @@ namespace earshot {
 struct RefiningField::Impl {
   mutable std::mutex mutex;  // guards everything below
   std::condition_variable changed;
-  std::map<int, std::shared_ptr<const SourceField>> snapshots;  // by number, those that may still be asked for
+  std::map<int, std::shared_ptr<const SourceField>> snapshots;  // by number, those that may still be needed
   int made = 0, wanted_from = 0;
   bool finished = false;
   std::exception_ptr failure;
@@ -45,7 +45,7 @@ struct RefiningField::Impl {
     changed.notify_all();
   }
 
-  /// The newest one is always kept: it stands for all that will never be made.
+  /// The newest one always remains: it stands for all later ones.
   void give_up_before_wanted() {
     std::erase_if(snapshots, [&](const auto& item) { return item.first < wanted_from && item.first + 1 < made; });
   }

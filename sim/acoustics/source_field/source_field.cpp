@@ -17,19 +17,19 @@
 namespace earshot {
 namespace {
 
-/// Values of a few slots at a time: they stay in the first cache.
+/// Values of a few merged bins at a time: they stay in the first cache.
 constexpr std::size_t kBlockValues = 4096;
-constexpr std::size_t kLeastBlockSlots = 3;
-static_assert(kBlockValues >= kLeastBlockSlots * kMaxCoefficients * kMaxBands);
+constexpr std::size_t kLeastBlockBins = 3;
+static_assert(kBlockValues >= kLeastBlockBins * kMaxCoefficients * kMaxBands);
 
-/// One cell's part of what a listener hears.
+/// One cell's part of the sound at a listener.
 struct Part {
   const FieldValue* values;
-  std::size_t first, end;  ///< slots
+  std::size_t first, end;  ///< merged bins
   float weight;
 };
 
-/// sum: [slots from begin to end][coefficients][padded bands], of all parts.
+/// sum: [merged bins from begin to end][coefficients][padded bands], of all parts.
 void sum_parts(std::span<const Part> parts, std::size_t begin, std::size_t end, std::size_t row, float* sum) {
   std::fill_n(sum, (end - begin) * row, 0.f);
   for (const Part& part : parts) {
@@ -43,22 +43,23 @@ void sum_parts(std::span<const Part> parts, std::size_t begin, std::size_t end, 
   }
 }
 
-/// One of three slots in a row.
-struct SlotEnergy {
+/// One of three merged bins in a row.
+struct MergedEnergy {
   const float* sum;  ///< [padded bands]
   float width;       ///< bins
 };
 
-/// How a late slot's energy lies over its bins: a line through the slot's mean, as steep as the neighbours make it but nowhere below zero
-/// (monotonized central slope, van Leer 1977).  At the ends of what is known the one neighbour decides.  tilt: [padded bands], change of a
-/// bin's share of the slot's energy from bin to bin.
-void find_tilt(const SlotEnergy* before, SlotEnergy slot, const SlotEnergy* after, std::size_t stride, float* __restrict tilt) {
+/// How a late merged bin's energy lies over its bins: a line through the merged bin's mean, as steep as the neighbours make it but nowhere
+/// below zero (monotonized central slope, van Leer 1977).  At the ends of what is known the one neighbour decides.  tilt: [padded bands],
+/// change of a bin's fraction of the merged bin's energy from bin to bin.
+void find_tilt(const MergedEnergy* before, MergedEnergy merged, const MergedEnergy* after, std::size_t stride, float* __restrict tilt) {
   std::fill_n(tilt, stride, 0.f);
   if (!before && !after) return;
-  const float per_before = before ? 2.f / (before->width + slot.width) : 0.f, per_after = after ? 2.f / (slot.width + after->width) : 0.f;
-  const float per_bin = 1.f / slot.width, steepest_of_mean = 2.f / (slot.width - 1);
+  const float per_before = before ? 2.f / (before->width + merged.width) : 0.f,
+              per_after = after ? 2.f / (merged.width + after->width) : 0.f;
+  const float per_bin = 1.f / merged.width, steepest_of_mean = 2.f / (merged.width - 1);
   for (std::size_t band = 0; band < stride; ++band) {
-    const float mean = slot.sum[band] * per_bin;
+    const float mean = merged.sum[band] * per_bin;
     const float fall = before ? (mean - before->sum[band] / before->width) * per_before : 0.f;
     const float rise = after ? (after->sum[band] / after->width - mean) * per_after : 0.f;
     const float down = before ? fall : rise, up = after ? rise : fall;
@@ -69,37 +70,39 @@ void find_tilt(const SlotEnergy* before, SlotEnergy slot, const SlotEnergy* afte
   }
 }
 
-/// Adds the histories of all parts, whose values are [slot][coefficient][padded bands], to `histogram`.
+/// Adds the histories of all parts, whose values are [merged bin][coefficient][padded bands], to `histogram`.
 void add_parts(std::span<const Part> parts, const WideningBins& bins, std::size_t stride, EnergyHistogram& histogram) {
   const auto coefficients = static_cast<std::size_t>(histogram.num_coefficients()), bands = static_cast<std::size_t>(histogram.num_bands());
-  const std::size_t row = coefficients * stride, slots_per_block = kBlockValues / row;
+  const std::size_t row = coefficients * stride, bins_per_block = kBlockValues / row;
   std::size_t first = bins.size(), last = 0;
   for (const Part& part : parts) first = std::min(first, part.first), last = std::max(last, part.end);
   alignas(32) std::array<float, kBlockValues> sum;
   std::array<float, kMaxBands> tilt;
-  // A block ends where the next begins, but for the neighbours whose slopes it asks for.
+  // A block ends where the next begins, but for the neighbours that its slopes need.
   for (std::size_t begin = first; begin < last;) {
-    const std::size_t from = begin > first ? begin - 1 : begin, to = std::min(from + slots_per_block, last), end = to < last ? to - 1 : to;
+    const std::size_t from = begin > first ? begin - 1 : begin, to = std::min(from + bins_per_block, last), end = to < last ? to - 1 : to;
     sum_parts(parts, from, to, row, sum.data());
-    const auto energy_at = [&](std::size_t slot) { return SlotEnergy{&sum[(slot - from) * row], static_cast<float>(bins.width(slot))}; };
-    for (std::size_t slot = begin; slot < end; ++slot) {
-      const float* slot_sum = &sum[(slot - from) * row];
-      const std::size_t width = bins.width(slot);
-      float* out = histogram.values().data() + bins.first_bin(slot) * bands * coefficients;
+    const auto energy_at = [&](std::size_t merged) {
+      return MergedEnergy{&sum[(merged - from) * row], static_cast<float>(bins.width(merged))};
+    };
+    for (std::size_t merged = begin; merged < end; ++merged) {
+      const float* merged_sum = &sum[(merged - from) * row];
+      const std::size_t width = bins.width(merged);
+      float* out = histogram.values().data() + bins.first_bin(merged) * bands * coefficients;
       if (width == 1) {
         for (std::size_t band = 0; band < bands; ++band)
-          for (std::size_t k = 0; k < coefficients; ++k) *out++ += slot_sum[k * stride + band];
+          for (std::size_t k = 0; k < coefficients; ++k) *out++ += merged_sum[k * stride + band];
         continue;
       }
-      // A single bin before the first wide slot says less of its slope than the slot after it.
-      const bool has_before = slot > std::max(from, bins.fine()), has_after = slot + 1 < to;
-      const SlotEnergy before = energy_at(has_before ? slot - 1 : slot), after = energy_at(has_after ? slot + 1 : slot);
-      find_tilt(has_before ? &before : nullptr, energy_at(slot), has_after ? &after : nullptr, stride, tilt.data());
+      // A single bin before the first wide merged bin says less of its slope than the merged bin after it.
+      const bool has_before = merged > std::max(from, bins.fine()), has_after = merged + 1 < to;
+      const MergedEnergy before = energy_at(has_before ? merged - 1 : merged), after = energy_at(has_after ? merged + 1 : merged);
+      find_tilt(has_before ? &before : nullptr, energy_at(merged), has_after ? &after : nullptr, stride, tilt.data());
       for (std::size_t bin = 0; bin < width; ++bin) {
         const float from_middle = static_cast<float>(bin) - 0.5f * static_cast<float>(width - 1);
         for (std::size_t band = 0; band < bands; ++band) {
-          const float share = 1.f / static_cast<float>(width) + tilt[band] * from_middle;
-          for (std::size_t k = 0; k < coefficients; ++k) *out++ += share * slot_sum[k * stride + band];
+          const float fraction = 1.f / static_cast<float>(width) + tilt[band] * from_middle;
+          for (std::size_t k = 0; k < coefficients; ++k) *out++ += fraction * merged_sum[k * stride + band];
         }
       }
     }
@@ -107,7 +110,7 @@ void add_parts(std::span<const Part> parts, const WideningBins& bins, std::size_
   }
 }
 
-/// Part of the key: fields that were kept are built anew once photons or cells give other bits.  To be raised by whoever changes them.
+/// Part of the key: stored fields are built anew once photons or cells give other bits.  To be raised with every such change.
 constexpr std::uint32_t kPassVersion = 5;
 
 FieldHeader header_of(std::span<const std::byte> image) {

@@ -16,10 +16,11 @@
 namespace earshot {
 
 /// Late field of one source in one scene, for any number of listeners.  Photons are traced from the source; the air is cut into cells
-/// (field_grid.h), and each flight adds its length times its energy to the cells that it crosses (track-length estimator of fluence,
-/// Spanier and Gelbard 1969, resolved in time, band and direction).  A listener blends the cells round it that it sees.  Unbiased but for
-/// the blur of a cell, mirrors included: no last leg is treated as diffuse.  Against final gathering from patches (docs/estimators.md,
-/// sections 9 and 10): half the error for the same photons, no rays and no noise of its own at the pose, a twentieth of the time per pose.
+/// (field_grid.h), and each segment adds its length times its energy to the cells that it crosses (track-length estimator of fluence,
+/// Spanier and Gelbard 1969, resolved in time, band and direction).  The field at a listener blends the visible cells round it.  Unbiased
+/// but for the blur of a cell, mirrors included: no last segment is treated as diffuse.  Against final gathering from patches
+/// (docs/estimators.md, sections 9 and 10): half the error for the same photons, no rays and no noise of its own at the pose, a twentieth
+/// of the time per pose.
 ///
 /// Immutable, shared by threads.  All that it holds is one flat image of bytes (native byte order), which may lie in memory or in a mapped
 /// file; source_field_store.h keeps such files.
@@ -58,7 +59,7 @@ class SourceFieldBuilder {
   ~SourceFieldBuilder();
   SourceFieldBuilder(SourceFieldBuilder&&) noexcept;
 
-  /// Adds photons: the first call 512, later ones what the error asks for, an eighth more to four times as many.  False, and nothing done,
+  /// Adds photons: the first call 512, later ones what the error needs, an eighth more to four times as many.  False, and nothing done,
   /// if the error target is met or the photons are spent.
   bool refine();
   [[nodiscard]] double t20_error() const;
@@ -70,8 +71,8 @@ class SourceFieldBuilder {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Refines to the target of the config.  progress: called with the share done.
+/// Refines to the target of the config.  progress: called with the fraction done.
 std::shared_ptr<const SourceField> build_source_field(const AcousticScene& scene, const EarlyCandidates& candidates,
-                                                      const std::function<void(double share)>& progress = {});
+                                                      const std::function<void(double fraction)>& progress = {});
 
 }  // namespace earshot

@@ -22,13 +22,13 @@ namespace {
 constexpr std::uint32_t kChunksPerRound = FieldProbes::kBatches;  // photons come in whole rounds: a chunk for each batch
 constexpr std::uint64_t kPhotonsPerRound = std::uint64_t{kChunksPerRound} * kPhotonsPerChunk;
 
-/// Ten million flights through one bin of one cell, which 2^23 photons in a small room are, would lose a per cent in float.  So sums of
+/// Ten million segments through one bin of one cell, which 2^23 photons in a small room are, would lose a per cent in float.  So sums of
 /// this many rounds go to sums in double; the few photons of `fast` never do, and pay for half the memory.
 constexpr std::uint32_t kRoundsPerFold = 32;
 
-/// Histories are larger than the caches near a core, and are visited in no order of memory: rows are asked for this long before they are
-/// used.  A flight crosses two or three cells.
-constexpr std::size_t kFloatsPerLine = 16, kFlightsAhead = 4, kCellsAhead = 8;
+/// Histories are larger than the caches near a core, and are visited in no order of memory: rows are prefetched this long before they are
+/// used.  A segment crosses two or three cells.
+constexpr std::size_t kFloatsPerLine = 16, kSegmentsAhead = 4, kCellsAhead = 8;
 
 /// to[i] += factor * from[i]; count: a multiple of eight, whole vectors.
 void add_scaled(const float* from, float factor, std::size_t count, float* to) {
@@ -55,32 +55,32 @@ struct SourceFieldBuilder::Impl {
     row = static_cast<std::size_t>(num_coefficients) * stride;
   }
 
-  /// Adds energy times length to slots of one cell.  In the fine part it is split between the two bins whose centres are nearest, as
+  /// Adds energy times length to merged bins of one cell.  In the fine part it is split between the two bins whose centres are nearest, as
   /// EnergyHistogram::add does, and behind the last centre of that part all goes to that bin.
   void add(std::uint32_t cell, float path_m, const float* weighted, float length_m) {
     const float position = path_m / (scene.speed_of_sound_m_per_s() * bin_s);
     if (!(position < static_cast<float>(num_bins) + 0.5f)) return;
-    std::vector<float>& slots = history[cell];
-    if (slots.empty()) slots.assign(bins.size() * row, 0.f);
-    const std::size_t slot = bins.slot_of(std::min(static_cast<std::size_t>(position), static_cast<std::size_t>(num_bins) - 1));
+    std::vector<float>& rows = history[cell];
+    if (rows.empty()) rows.assign(bins.size() * row, 0.f);
+    const std::size_t merged = bins.merged_bin_of(std::min(static_cast<std::size_t>(position), static_cast<std::size_t>(num_bins) - 1));
     const float from_centre = position - 0.5f;
-    if (slot >= bins.fine() || from_centre <= 0 || from_centre >= static_cast<float>(bins.fine() - 1))
-      return add_scaled(weighted, length_m, row, &slots[slot * row]);
+    if (merged >= bins.fine() || from_centre <= 0 || from_centre >= static_cast<float>(bins.fine() - 1))
+      return add_scaled(weighted, length_m, row, &rows[merged * row]);
     const float bin = std::floor(from_centre), to_next = from_centre - bin;
-    float* here = &slots[static_cast<std::size_t>(bin) * row];
+    float* here = &rows[static_cast<std::size_t>(bin) * row];
     add_scaled(weighted, length_m * (1.f - to_next), row, here);
     if (to_next > 0) add_scaled(weighted, length_m * to_next, row, here + row);
   }
 
-  /// Asks for the memory that a flight's energy will be added to: its cells lie megabytes apart.
-  void fetch(const PhotonTracks& of_chunk, const PhotonTracks::Flight& flight, std::uint32_t batch) const {
+  /// Prefetches the memory that a segment's energy will be added to: its cells lie megabytes apart.
+  void fetch(const PhotonTracks& of_chunk, const PhotonTracks::Segment& segment, std::uint32_t batch) const {
     const float bins_per_m = 1.f / (scene.speed_of_sound_m_per_s() * bin_s);
-    for (std::uint32_t c = flight.first_crossing; c < flight.end_crossing; ++c) {
+    for (std::uint32_t c = segment.first_crossing; c < segment.end_crossing; ++c) {
       const FieldGrid::Crossing& crossing = of_chunk.crossings[c];
-      const float path_m = flight.path_m + 0.5f * (crossing.enter_m + crossing.leave_m), position = path_m * bins_per_m;
+      const float path_m = segment.path_m + 0.5f * (crossing.enter_m + crossing.leave_m), position = path_m * bins_per_m;
       if (history[crossing.cell].empty() || !(position < static_cast<float>(num_bins))) continue;
-      const float* slot = &history[crossing.cell][bins.slot_of(static_cast<std::size_t>(position)) * row];
-      for (std::size_t i = 0; i < row; i += kFloatsPerLine) __builtin_prefetch(slot + i, 1);
+      const float* row_begin = &history[crossing.cell][bins.merged_bin_of(static_cast<std::size_t>(position)) * row];
+      for (std::size_t i = 0; i < row; i += kFloatsPerLine) __builtin_prefetch(row_begin + i, 1);
       probes.fetch(crossing.cell, path_m, batch);
     }
   }
@@ -88,18 +88,18 @@ struct SourceFieldBuilder::Impl {
   void add(const PhotonTracks& of_chunk, std::uint32_t batch) {
     std::array<float, kMaxCoefficients> sh{};
     std::array<float, kMaxCoefficients * kMaxBands> weighted{};
-    for (std::size_t i = 0; i < of_chunk.flights.size(); ++i) {
-      const PhotonTracks::Flight& flight = of_chunk.flights[i];
-      if (i + kFlightsAhead < of_chunk.flights.size()) fetch(of_chunk, of_chunk.flights[i + kFlightsAhead], batch);
+    for (std::size_t i = 0; i < of_chunk.segments.size(); ++i) {
+      const PhotonTracks::Segment& segment = of_chunk.segments[i];
+      if (i + kSegmentsAhead < of_chunk.segments.size()) fetch(of_chunk, of_chunk.segments[i + kSegmentsAhead], batch);
       const float* energy = &of_chunk.energy[i * stride];
       // The harmonics are those of where sound comes from.
-      spherical_harmonics_n3d(-flight.direction, scene.config().sh_order, sh);
+      spherical_harmonics_n3d(-segment.direction, scene.config().sh_order, sh);
       for (int k = 0; k < num_coefficients; ++k)
         for (std::size_t b = 0; b < stride; ++b) weighted[static_cast<std::size_t>(k) * stride + b] = sh[k] * energy[b];
-      for (std::uint32_t c = flight.first_crossing; c < flight.end_crossing; ++c) {
+      for (std::uint32_t c = segment.first_crossing; c < segment.end_crossing; ++c) {
         const FieldGrid::Crossing& crossing = of_chunk.crossings[c];
         const float length_m = crossing.leave_m - crossing.enter_m;
-        const float path_m = flight.path_m + 0.5f * (crossing.enter_m + crossing.leave_m);
+        const float path_m = segment.path_m + 0.5f * (crossing.enter_m + crossing.leave_m);
         add(crossing.cell, path_m, weighted.data(), length_m);
         probes.add(crossing.cell, path_m, energy, length_m, batch);
       }
@@ -144,22 +144,23 @@ struct SourceFieldBuilder::Impl {
 
   [[nodiscard]] std::uint64_t photons() const { return rounds * kPhotonsPerRound; }
 
-  /// Air once, here: path length is c t (docs/estimators.md, section 13).  factor: [padded bands], what air leaves of energy in this slot.
-  void air_at(std::size_t slot, std::span<double> factor) const {
-    const double path_m = bins.middle(slot) * bin_s * scene.speed_of_sound_m_per_s();
+  /// Air once, here: path length is c t (docs/estimators.md, section 13).  factor: [padded bands], what air leaves of energy in this merged
+  /// bin.
+  void air_at(std::size_t merged, std::span<double> factor) const {
+    const double path_m = bins.middle(merged) * bin_s * scene.speed_of_sound_m_per_s();
     std::fill(factor.begin(), factor.end(), 0.0);
     for (int band = 0; band < scene.num_bands(); ++band)
       factor[static_cast<std::size_t>(band)] = std::exp(-double{scene.air_energy_per_m()[band]} * path_m);
   }
 
-  /// Cells as the image holds them: late slots smoothed, air and units applied.
-  struct Kept {
-    std::uint32_t first = 0;         ///< slot
-    std::vector<FieldValue> values;  ///< [slots from first][coefficients][padded bands]
+  /// Cells as the image holds them: late merged bins smoothed, air and units applied.
+  struct CellImage {
+    std::uint32_t first = 0;         ///< merged bin
+    std::vector<FieldValue> values;  ///< [merged bins from first][coefficients][padded bands]
   };
-  [[nodiscard]] std::vector<Kept> keep() const {
+  [[nodiscard]] std::vector<CellImage> finish() const {
     const FieldSmoothing& smoothing = scene.field_smoothing();
-    std::vector<Kept> kept(history.size());
+    std::vector<CellImage> cells(history.size());
     std::vector<bool> lit(history.size());
     for (std::size_t cell = 0; cell < history.size(); ++cell) lit[cell] = !history[cell].empty();
     const std::vector<std::uint32_t> active = smoothing.reachable(lit);
@@ -168,48 +169,48 @@ struct SourceFieldBuilder::Impl {
     std::vector<float> rows(history.size() * row, 0.f), spare;
     std::array<double, kMaxBands> air{};
     std::array<float, kMaxBands> factor{};
-    // Slot by slot: all cells of one stay in the second cache.
-    for (std::size_t slot = 0; slot < bins.size(); ++slot) {
+    // Bin by bin: all cells of one stay in the second cache.
+    for (std::size_t merged = 0; merged < bins.size(); ++merged) {
       bool any = false;
       for (std::size_t rank = 0; rank < active.size(); ++rank) {
         const std::uint32_t cell = active[rank];
         if (rank + kCellsAhead < active.size()) {
           const std::vector<float>& next = history[active[rank + kCellsAhead]];
-          for (std::size_t at = 0; at < row && !next.empty(); at += kFloatsPerLine) __builtin_prefetch(&next[slot * row + at]);
+          for (std::size_t at = 0; at < row && !next.empty(); at += kFloatsPerLine) __builtin_prefetch(&next[merged * row + at]);
         }
         float* to = &rows[cell * row];
         if (history[cell].empty()) {
           std::fill_n(to, row, 0.f);
         } else {
-          std::copy_n(&history[cell][slot * row], row, to);
+          std::copy_n(&history[cell][merged * row], row, to);
           if (!folded.empty() && !folded[cell].empty()) {
-            const double* sum = &folded[cell][slot * row];
+            const double* sum = &folded[cell][merged * row];
             for (std::size_t i = 0; i < row; ++i) to[i] = static_cast<float>(sum[i] + double{to[i]});
           }
           any = any || std::any_of(to, to + stride, [](float value) { return value != 0.f; });
         }
       }
       if (!any) continue;
-      smoothing.sweep(probes.sweeps_at(bins.middle(slot) * bin_s), row, active, rows, spare);
-      air_at(slot, air);
+      smoothing.sweep(probes.sweeps_at(bins.middle(merged) * bin_s), row, active, rows, spare);
+      air_at(merged, air);
       for (const std::uint32_t cell : active) {
         const float* from = &rows[cell * row];
         // The first coefficient is the energy itself: where it is zero, the others are.
         if (std::all_of(from, from + stride, [](float value) { return value == 0.f; })) continue;
-        Kept& out = kept[cell];
+        CellImage& out = cells[cell];
         if (out.values.empty()) {
-          out.first = static_cast<std::uint32_t>(slot);
-          out.values.reserve((bins.size() - slot) * row);
+          out.first = static_cast<std::uint32_t>(merged);
+          out.values.reserve((bins.size() - merged) * row);
         }
-        out.values.resize((slot - out.first + 1) * row, 0);
+        out.values.resize((merged - out.first + 1) * row, 0);
         const double scale = per_photon / double{grid.volume_m3(cell)};
         for (std::size_t b = 0; b < stride; ++b) factor[b] = static_cast<float>(scale * air[b]);
-        FieldValue* to = &out.values[(slot - out.first) * row];
+        FieldValue* to = &out.values[(merged - out.first) * row];
         for (std::size_t k = 0; k < row; k += stride)
           for (std::size_t b = 0; b < stride; ++b) to[k + b] = to_field_value(from[k + b] * factor[b]);
       }
     }
-    return kept;
+    return cells;
   }
 
   const AcousticScene& scene;
@@ -220,7 +221,7 @@ struct SourceFieldBuilder::Impl {
   int num_bins, num_coefficients;
   float bin_s;
   std::size_t stride = 0, row = 0;          ///< padded bands; times coefficients
-  std::vector<std::vector<float>> history;  ///< [cells][slots][coefficients][padded bands]; empty where no photon came
+  std::vector<std::vector<float>> history;  ///< [cells][merged bins][coefficients][padded bands]; empty where no photon came
   std::vector<std::vector<double>> folded;  ///< the same, of the rounds before the last fold; empty before the first
   std::array<PhotonTracks, kChunksPerRound> tracks;
   std::uint32_t rounds = 0;
@@ -242,7 +243,7 @@ bool SourceFieldBuilder::refine() {
   if (in.rounds >= most || (in.rounds > 0 && in.t20_error <= double{config.field_error})) return false;
   std::uint32_t add = 1;
   if (in.rounds > 0) {
-    // The error falls as the root of the photons: as many as that asks for, but between an eighth more and four times as many.
+    // The error falls as the root of the photons: as many as that needs, but between an eighth more and four times as many.
     const double ratio = in.t20_error / config.field_error;
     const double wanted = in.rounds * std::clamp(ratio * ratio, 1.125, 4.0);
     add = std::max(1u, static_cast<std::uint32_t>(std::ceil(wanted)) - in.rounds);
@@ -258,13 +259,13 @@ std::uint64_t SourceFieldBuilder::photons() const { return impl_->photons(); }
 std::shared_ptr<const SourceField> SourceFieldBuilder::snapshot() const {
   const FlushDenormals flush;
   const Impl& in = *impl_;
-  const std::vector<Impl::Kept> kept = in.keep();
-  std::vector<FieldEntry> entries(kept.size());
+  const std::vector<Impl::CellImage> cells = in.finish();
+  std::vector<FieldEntry> entries(cells.size());
   std::uint64_t num_values = 0;
   for (std::size_t i = 0; i < entries.size(); ++i) {
-    if (kept[i].values.empty()) continue;
-    entries[i] = {.first = kept[i].first, .count = static_cast<std::uint32_t>(kept[i].values.size() / in.row), .offset = num_values};
-    num_values += kept[i].values.size();
+    if (cells[i].values.empty()) continue;
+    entries[i] = {.first = cells[i].first, .count = static_cast<std::uint32_t>(cells[i].values.size() / in.row), .offset = num_values};
+    num_values += cells[i].values.size();
   }
   FieldHeader header;
   header.key = source_field_key(in.scene, in.candidates);
@@ -284,18 +285,18 @@ std::shared_ptr<const SourceField> SourceFieldBuilder::snapshot() const {
   const auto append = [&to](std::span<const std::byte> part) { to = std::copy(part.begin(), part.end(), to); };
   append(std::as_bytes(std::span(&header, 1)));
   append(std::as_bytes(std::span(entries)));
-  for (const Impl::Kept& cell : kept) append(std::as_bytes(std::span(cell.values)));
+  for (const Impl::CellImage& cell : cells) append(std::as_bytes(std::span(cell.values)));
   return std::make_shared<const SourceField>(in.scene, in.candidates, *image, image);
 }
 
 std::shared_ptr<const SourceField> build_source_field(const AcousticScene& scene, const EarlyCandidates& candidates,
-                                                      const std::function<void(double share)>& progress) {
+                                                      const std::function<void(double fraction)>& progress) {
   SourceFieldBuilder builder(scene, candidates);
   while (builder.refine()) {
     if (!progress) continue;
     const double target = scene.config().field_error / builder.t20_error();
-    const double share = static_cast<double>(builder.photons()) / scene.config().field_photons;
-    progress(std::clamp(std::max(target * target, share), 0.0, 1.0));
+    const double done = static_cast<double>(builder.photons()) / scene.config().field_photons;
+    progress(std::clamp(std::max(target * target, done), 0.0, 1.0));
   }
   return builder.snapshot();
 }

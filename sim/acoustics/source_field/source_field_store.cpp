@@ -27,7 +27,7 @@ double seconds_since(std::chrono::steady_clock::time_point start) {
 struct Entry {
   std::shared_future<Field> making;       // valid while a thread makes it
   std::weak_ptr<const SourceField> held;  // by anybody
-  Field kept;                             // by the store, within its bound
+  Field cached;                           // by the store, within its bound
   std::uint64_t last_used = 0;
 };
 
@@ -39,7 +39,7 @@ struct SourceFieldStore::Impl {
 
   mutable std::mutex mutex;  // guards everything below
   std::map<std::uint64_t, Entry> entries;
-  std::size_t kept_bytes = 0;
+  std::size_t cached_bytes = 0;
   std::uint64_t clock = 0;
   FieldCounters counters;
 
@@ -63,7 +63,7 @@ struct SourceFieldStore::Impl {
   }
 
   Field make(std::uint64_t key, const AcousticScene& scene, const EarlyCandidates& candidates,
-             const std::function<void(double share)>& progress) {
+             const std::function<void(double fraction)>& progress) {
     const auto start = std::chrono::steady_clock::now();
     if (Field loaded = load(key, scene, candidates)) {
       count(false, loaded, seconds_since(start));
@@ -72,7 +72,7 @@ struct SourceFieldStore::Impl {
     // While this thread waits for parallel work, it must not pick up a task that waits for this very field.
     Field built = tbb::this_task_arena::isolate([&] { return build_source_field(scene, candidates, progress); });
     count(true, built, seconds_since(start));
-    // From here on through the pages of the file, which all processes share: one copy in memory instead of one per worker.
+    // From here on through the pages of the file, common to all processes: one copy in memory instead of one per worker.
     if (files && files->save(key, built->image()))
       if (Field mapped = load(key, scene, candidates)) return mapped;
     return built;
@@ -82,18 +82,19 @@ struct SourceFieldStore::Impl {
   void keep(Entry& entry, const Field& field) {
     forget_what_nobody_holds();
     if (field->image().size() > config.max_memory_bytes) return;
-    entry.kept = field;
-    kept_bytes += field->image().size();
-    while (kept_bytes > config.max_memory_bytes) {
+    entry.cached = field;
+    cached_bytes += field->image().size();
+    while (cached_bytes > config.max_memory_bytes) {
       auto oldest = entries.end();
       for (auto it = entries.begin(); it != entries.end(); ++it)
-        if (it->second.kept && (oldest == entries.end() || it->second.last_used < oldest->second.last_used)) oldest = it;
-      kept_bytes -= oldest->second.kept->image().size();
-      oldest->second.kept.reset();
+        if (it->second.cached && (oldest == entries.end() || it->second.last_used < oldest->second.last_used)) oldest = it;
+      cached_bytes -= oldest->second.cached->image().size();
+      oldest->second.cached.reset();
     }
   }
   void forget_what_nobody_holds() {
-    std::erase_if(entries, [](const auto& item) { return !item.second.making.valid() && !item.second.kept && item.second.held.expired(); });
+    std::erase_if(entries,
+                  [](const auto& item) { return !item.second.making.valid() && !item.second.cached && item.second.held.expired(); });
   }
 };
 
@@ -107,7 +108,7 @@ SourceFieldStore::SourceFieldStore(FieldStoreConfig config) : impl_(std::make_un
 SourceFieldStore::~SourceFieldStore() = default;
 
 Field SourceFieldStore::get(const AcousticScene& scene, const EarlyCandidates& candidates,
-                            const std::function<void(double share)>& progress) {
+                            const std::function<void(double fraction)>& progress) {
   Impl& in = *impl_;
   const std::uint64_t key = source_field_key(scene, candidates);
   std::promise<Field> promise;
@@ -154,9 +155,9 @@ FieldCounters SourceFieldStore::counters() const {
   return impl_->counters;
 }
 
-std::size_t SourceFieldStore::kept_bytes() const {
+std::size_t SourceFieldStore::cached_bytes() const {
   const std::scoped_lock lock(impl_->mutex);
-  return impl_->kept_bytes;
+  return impl_->cached_bytes;
 }
 
 }  // namespace earshot

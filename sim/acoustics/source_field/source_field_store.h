@@ -14,14 +14,14 @@ namespace earshot {
 struct FieldStoreConfig {
   std::filesystem::path folder;                  ///< shared by threads, processes and runs; empty: nothing is kept on disk
   std::uint64_t max_bytes = 20'000'000'000;      ///< in that folder (image_store.h says how exactly)
-  std::size_t max_memory_bytes = 0;              ///< of fields that are kept though nobody holds them; least recently used first
+  std::size_t max_memory_bytes = 0;              ///< of fields that are cached though no caller holds them; least recently used first
   std::function<void(const std::string&)> warn;  ///< damaged files, a folder that cannot be written; empty: silent
 };
 
 /// Where fields came from, since construction.
 struct FieldCounters {
   std::uint64_t built = 0, loaded = 0;         ///< by this store; loaded: from the folder
-  std::uint64_t shared = 0;                    ///< asked for while they were in memory
+  std::uint64_t shared = 0;                    ///< requests for fields that were in memory
   std::uint64_t bytes = 0;                     ///< of the images built and loaded
   double build_seconds = 0, load_seconds = 0;  ///< wall time, summed over threads
 };
@@ -37,7 +37,7 @@ class SourceFieldStore {
   /// The field of this source.  Built with the threads of scene.config() unless it is in memory or in the folder; a field in the folder is
   /// read through pages that all processes share.  progress: of building.  Throws what building throws; never for what is on the disk.
   std::shared_ptr<const SourceField> get(const AcousticScene& scene, const EarlyCandidates& candidates,
-                                         const std::function<void(double share)>& progress = {});
+                                         const std::function<void(double fraction)>& progress = {});
   [[nodiscard]] FieldCounters counters() const;
   [[nodiscard]] std::size_t kept_bytes() const;  ///< held by the store itself, at most max_memory_bytes
 

@@ -46,7 +46,7 @@ void ArrivalSpectrum::set(std::span<const float> amplitude, std::span<const floa
     return;
   }
   filters_.blend(amplitude, gain_);
-  // From one band to the next by the shorter way; between their regions the share of the way decides.
+  // From one band to the next by the shorter way; between their regions the phase follows the upper weight.
   for (std::size_t b = 0; b < bands; ++b) {
     turn_[b] = Complex(std::polar(1.0, static_cast<double>(phase_rad[b])));
     const double way =
@@ -54,9 +54,9 @@ void ArrivalSpectrum::set(std::span<const float> amplitude, std::span<const floa
     way_[b] = static_cast<float>(way);
   }
   const std::uint8_t* lower = filters_.lower_bands().data();
-  const float* share = filters_.upper_shares().data();
+  const float* weight = filters_.upper_weights().data();
   for (std::size_t k = 0; k < factor_.size(); ++k)
-    factor_[k] = gain_[k] * (share[k] == 0.f ? turn_[lower[k]] : multiply(turn_[lower[k]], unit_turn(share[k] * way_[lower[k]])));
+    factor_[k] = gain_[k] * (weight[k] == 0.f ? turn_[lower[k]] : multiply(turn_[lower[k]], unit_turn(weight[k] * way_[lower[k]])));
 }
 
 void ArrivalSpectrum::apply(std::span<std::complex<float>> spectrum) const {

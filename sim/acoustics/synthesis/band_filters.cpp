@@ -14,7 +14,7 @@ constexpr double kHalfWidthOctaves = 0.25;
 }  // namespace
 
 BandFilters::BandFilters(const BandLayout& bands, float sample_rate_hz, int fft_size)
-    : num_bands_(bands.size()), lower_(static_cast<std::size_t>(fft_size / 2 + 1), 0), upper_share_(lower_.size(), 0.f) {
+    : num_bands_(bands.size()), lower_(static_cast<std::size_t>(fft_size / 2 + 1), 0), upper_weight_(lower_.size(), 0.f) {
   require(num_bands_ >= 1 && num_bands_ <= kMaxBands, "bands", num_bands_, "must be in [1, 32]");
   const auto width_octaves = [&](int band) { return std::log2(static_cast<double>(bands.edge_hz[band + 1]) / bands.edge_hz[band]); };
   for (std::size_t k = 1; k < lower_.size(); ++k) {
@@ -26,22 +26,22 @@ BandFilters::BandFilters(const BandLayout& bands, float sample_rate_hz, int fft_
       if (x <= 0) break;
       const double sine = std::sin(0.5 * std::numbers::pi * std::min(x, 1.0));
       lower_[k] = static_cast<std::uint8_t>(x >= 1 ? edge : edge - 1);
-      upper_share_[k] = x >= 1 ? 0.f : static_cast<float>(sine * sine);
+      upper_weight_[k] = x >= 1 ? 0.f : static_cast<float>(sine * sine);
       if (x < 1) break;
     }
   }
 }
 
-float BandFilters::share(int band, std::size_t bin) const {
-  if (band == lower_[bin]) return 1.f - upper_share_[bin];
-  return band == lower_[bin] + 1 ? upper_share_[bin] : 0.f;
+float BandFilters::weight(int band, std::size_t bin) const {
+  if (band == lower_[bin]) return 1.f - upper_weight_[bin];
+  return band == lower_[bin] + 1 ? upper_weight_[bin] : 0.f;
 }
 
 void BandFilters::blend(std::span<const float> value, std::span<float> gain) const {
   EARSHOT_EXPECT(value.size() >= static_cast<std::size_t>(num_bands_) && gain.size() >= lower_.size());
   for (std::size_t k = 0; k < lower_.size(); ++k) {
     const std::size_t lower = lower_[k], upper = std::min<std::size_t>(lower + 1, static_cast<std::size_t>(num_bands_ - 1));
-    gain[k] = value[lower] + upper_share_[k] * (value[upper] - value[lower]);
+    gain[k] = value[lower] + upper_weight_[k] * (value[upper] - value[lower]);
   }
 }
 

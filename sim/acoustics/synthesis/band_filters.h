@@ -9,8 +9,8 @@
 namespace earshot {
 
 /// Zero-phase band filters on the bins of an FFT.  Neighbours cross over with raised-cosine edges in log frequency, half an octave wide or
-/// as wide as the narrower band; the lowest band reaches down to 0 Hz and the highest up to half the rate.  The shares F_b of all bands sum
-/// to 1 in every bin: as amplitudes they leave an impulse an impulse, as powers (amplitude sqrt F_b) they leave the sum of independent
+/// as wide as the narrower band; the lowest band reaches down to 0 Hz and the highest up to half the rate.  The weights F_b of all bands
+/// sum to 1 in every bin: as amplitudes they leave an impulse an impulse, as powers (amplitude sqrt F_b) they leave the sum of independent
 /// noises white (docs/oracles.md, O-31).
 class BandFilters {
  public:
@@ -19,17 +19,17 @@ class BandFilters {
   [[nodiscard]] int num_bands() const { return num_bands_; }
   [[nodiscard]] std::size_t num_bins() const { return lower_.size(); }
   /// F_b in bin k, in [0, 1].
-  [[nodiscard]] float share(int band, std::size_t bin) const;
+  [[nodiscard]] float weight(int band, std::size_t bin) const;
   /// Spectrum gain[k] = sum over b of F_b(k) value[b].  Equal values give exactly that value in every bin.
   void blend(std::span<const float> value, std::span<float> gain) const;
-  /// Per bin: the lower of the at most two bands that overlap there, and the share of the band above it.
+  /// Per bin: the lower of the at most two bands that overlap there, and the weight of the band above it.
   [[nodiscard]] std::span<const std::uint8_t> lower_bands() const { return lower_; }
-  [[nodiscard]] std::span<const float> upper_shares() const { return upper_share_; }
+  [[nodiscard]] std::span<const float> upper_weights() const { return upper_weight_; }
 
  private:
   int num_bands_;
   std::vector<std::uint8_t> lower_;  ///< per bin: the lower of the at most two bands that overlap there
-  std::vector<float> upper_share_;   ///< per bin: share of the band above `lower_`
+  std::vector<float> upper_weight_;  ///< per bin: weight of the band above `lower_`
 };
 
 }  // namespace earshot

@@ -22,7 +22,7 @@ constexpr float kLeastPower = 1e-6f;
 std::size_t last_bin(const BandFilters& filters, int band) {
   std::size_t last = 1;
   for (std::size_t k = 0; k < filters.num_bins(); ++k)
-    if (filters.share(band, k) > 0) last = k;
+    if (filters.weight(band, k) > 0) last = k;
   return last;
 }
 
@@ -37,17 +37,17 @@ BandFlattener::BandFlattener(std::size_t num_channels, int length, const BandFil
     : num_channels_(num_channels),
       length_(static_cast<std::size_t>(reduced_length(filters, band, length))),
       fft_(static_cast<int>(length_)),
-      share_(length_ / 2 + 1),
-      wide_(share_.size()),
-      narrow_(share_.size()),
+      weight_(length_ / 2 + 1),
+      wide_(weight_.size()),
+      narrow_(weight_.size()),
       plane_(length_),
-      bins_(share_.size()) {
+      bins_(weight_.size()) {
   EARSHOT_EXPECT(num_channels >= 1 && num_channels <= kMaxChannels && filters.num_bins() == static_cast<std::size_t>(length / 2 + 1));
   double width_bins = 0;
-  for (std::size_t k = 0; k < share_.size(); ++k) width_bins += static_cast<double>(share_[k] = filters.share(band, k));
+  for (std::size_t k = 0; k < weight_.size(); ++k) width_bins += static_cast<double>(weight_[k] = filters.weight(band, k));
   // Analytic signals have twice the power of the band; unit white noise has length / 2 bins of power `length`.
   scale_ = static_cast<float>(std::sqrt(4.0 * width_bins / length) * length / static_cast<double>(length_));
-  for (std::size_t k = 0; k < share_.size(); ++k) {
+  for (std::size_t k = 0; k < weight_.size(); ++k) {
     const double x = 2.0 * std::numbers::pi * static_cast<double>(k) / width_bins;
     wide_[k] = static_cast<float>(std::exp(-0.5 * x * x * kWideWindow * kWideWindow));
     narrow_[k] = static_cast<float>(std::exp(-0.5 * x * x * kNarrowWindow * kNarrowWindow));
@@ -76,7 +76,7 @@ void BandFlattener::add_to(std::size_t channel, std::span<Complex> spectrum) con
 
 /// The band and its Hilbert transform as one complex signal.
 void BandFlattener::cut_band(std::span<const Complex> spectrum, std::span<Complex> signal) {
-  for (std::size_t k = 0; k < bins_.size(); ++k) bins_[k] = share_[k] * spectrum[k];
+  for (std::size_t k = 0; k < bins_.size(); ++k) bins_[k] = weight_[k] * spectrum[k];
   fft_.inverse(bins_, plane_);
   for (std::size_t n = 0; n < length_; ++n) signal[n] = plane_[n];
   for (Complex& bin : bins_) bin = {bin.imag(), -bin.real()};  // times -i
@@ -106,7 +106,7 @@ void BandFlattener::measure_covariance() {
 }
 
 /// Multiplies the channels at one sample by the inverse Cholesky factor of their covariance: channel 0 is only rescaled, each further
-/// channel loses what it locally shares with those before it.  So channel 0 is the same for every number of channels.
+/// channel loses the part that is locally coherent with those before it.  So channel 0 is the same for every number of channels.
 void BandFlattener::whiten(std::size_t n) {
   PerChannel<PerChannel<Complex>> factor;
   PerChannel<Complex> white;

@@ -37,8 +37,8 @@ class BandFlattener {
 
   std::size_t num_channels_, length_;
   RealFft fft_;
-  float scale_;               ///< to the power of the band at the length of the noise
-  std::vector<float> share_;  ///< of the band, per bin
+  float scale_;                ///< to the power of the band at the length of the noise
+  std::vector<float> weight_;  ///< of the band, per bin
   std::vector<float> wide_, narrow_;
   std::vector<float> plane_;
   std::vector<std::complex<float>> bins_;

@@ -7,7 +7,7 @@
 namespace earshot {
 namespace {
 
-/// What one band brings to one stretch.
+/// What one band brings to one segment.
 struct EarBand {
   Ramp left, shared, own;
   const float *part0, *part1;
@@ -32,7 +32,7 @@ void add_bands(int count, const EarBand& a, const EarBand& b, float* __restrict 
 }
 
 /// From silence or to it: linearly in power.
-void add_fading(int count, Ramp power, const EarNoise::Mix& mix, const float* part0, const float* part1, float* __restrict left,
+void add_fading(int count, Ramp power, const BinauralNoise::Mix& mix, const float* part0, const float* part1, float* __restrict left,
                 float* __restrict right) {
   for (int i = 0; i < count; ++i) {
     const float s = std::sqrt(std::max(power.at(i), 0.f)), both = s * part0[i];
@@ -43,62 +43,63 @@ void add_fading(int count, Ramp power, const EarNoise::Mix& mix, const float* pa
 
 }  // namespace
 
-void LateEars::make_mixes(const LateNodes& nodes, int first_slot, const EarNoise& noise, const ListenerOrientation& orientation) {
+void BinauralLateTail::make_mixes(const LateEnvelope& envelope, int first_bin, const BinauralNoise& noise,
+                                  const ListenerOrientation& orientation) {
   rotation_.set(orientation);
   std::array<std::array<float, 3>, 3> to_head{};
   for (int m = 0; m < 3; ++m)
     for (int n = 0; n < 3; ++n)
       to_head[static_cast<std::size_t>(m)][static_cast<std::size_t>(n)] = static_cast<float>(rotation_.at(1, m - 1, n - 1));
-  const auto num_slots = static_cast<std::size_t>(nodes.size());
-  mixes_.resize(static_cast<std::size_t>(nodes.num_bands()) * num_slots);
-  for (int band = 0; band < nodes.num_bands(); ++band) {
-    const auto row = nodes.band(band);
-    for (auto slot = static_cast<std::size_t>(first_slot); slot < num_slots; ++slot) {
-      if (!(row[slot].density > 0.f)) continue;
-      const auto& world = row[slot].m;
+  const auto num_bins = static_cast<std::size_t>(envelope.size());
+  mixes_.resize(static_cast<std::size_t>(envelope.num_bands()) * num_bins);
+  for (int band = 0; band < envelope.num_bands(); ++band) {
+    const auto row = envelope.band(band);
+    for (auto bin = static_cast<std::size_t>(first_bin); bin < num_bins; ++bin) {
+      if (!(row[bin].density > 0.f)) continue;
+      const auto& world = row[bin].m;
       std::array<float, 3> m;
       for (std::size_t i = 0; i < 3; ++i) m[i] = to_head[i][0] * world[0] + to_head[i][1] * world[1] + to_head[i][2] * world[2];
-      EarNoise::Mix& mix = mixes_[static_cast<std::size_t>(band) * num_slots + slot] = noise.mix(band, m);
-      const float amplitude = std::sqrt(row[slot].density);
+      BinauralNoise::Mix& mix = mixes_[static_cast<std::size_t>(band) * num_bins + bin] = noise.mix(band, m);
+      const float amplitude = std::sqrt(row[bin].density);
       mix.left *= amplitude, mix.shared *= amplitude, mix.own *= amplitude;
     }
   }
 }
 
-void LateEars::add(const LateNodes& nodes, int first_slot, const EarNoise& noise, std::size_t offset,
-                   const ListenerOrientation& orientation, std::span<float> left, std::span<float> right) {
-  if (first_slot >= nodes.size()) return;
-  make_mixes(nodes, first_slot, noise, orientation);
-  const auto num_slots = static_cast<std::size_t>(nodes.size());
+void BinauralLateTail::add(const LateEnvelope& envelope, int first_bin, const BinauralNoise& noise, std::size_t offset,
+                           const ListenerOrientation& orientation, std::span<float> left, std::span<float> right) {
+  if (first_bin >= envelope.size()) return;
+  make_mixes(envelope, first_bin, noise, orientation);
+  const auto num_bins = static_cast<std::size_t>(envelope.size());
   // Away from where the carriers are: what fades out there and in here must be independent, or powers would not add.
   const std::size_t length = noise.loop(0, 0).size();
-  nodes.visit(offset + length / 8, length, [&](const LateStretch& stretch) {
-    if (stretch.right < first_slot) return;
+  envelope.visit(offset + length / 8, length, [&](const LateSegment& segment) {
+    if (segment.right < first_bin) return;
     EarBand waiting{};  // for another band to be added with
     bool waits = false;
-    float *out_left = left.data() + stretch.begin, *out_right = right.data() + stretch.begin;
-    for (int band = 0; band < nodes.num_bands(); ++band) {
-      const auto row = nodes.band(band);
-      const EarNoise::Mix* mixes = mixes_.data() + static_cast<std::size_t>(band) * num_slots;
-      const float *part0 = noise.loop(band, 0).data() + stretch.in_loop, *part1 = noise.loop(band, 1).data() + stretch.in_loop;
-      const bool from_sound = stretch.left >= first_slot && row[static_cast<std::size_t>(stretch.left)].density > 0.f;
-      const bool to_sound = row[static_cast<std::size_t>(stretch.right)].density > 0.f;
+    float *out_left = left.data() + segment.begin, *out_right = right.data() + segment.begin;
+    for (int band = 0; band < envelope.num_bands(); ++band) {
+      const auto row = envelope.band(band);
+      const BinauralNoise::Mix* mixes = mixes_.data() + static_cast<std::size_t>(band) * num_bins;
+      const float *part0 = noise.loop(band, 0).data() + segment.in_loop, *part1 = noise.loop(band, 1).data() + segment.in_loop;
+      const bool from_sound = segment.left >= first_bin && row[static_cast<std::size_t>(segment.left)].density > 0.f;
+      const bool to_sound = row[static_cast<std::size_t>(segment.right)].density > 0.f;
       if (!from_sound && !to_sound) continue;
       if (from_sound != to_sound) {
-        add_fading(stretch.count, ramp_over(stretch, from_sound ? 1.f : 0.f, to_sound ? 1.f : 0.f),
-                   mixes[from_sound ? stretch.left : stretch.right], part0, part1, out_left, out_right);
+        add_fading(segment.count, ramp_over(segment, from_sound ? 1.f : 0.f, to_sound ? 1.f : 0.f),
+                   mixes[from_sound ? segment.left : segment.right], part0, part1, out_left, out_right);
         continue;
       }
-      const EarNoise::Mix &a = mixes[stretch.left], &b = mixes[stretch.right];
-      const EarBand now{ramp_over(stretch, a.left, b.left), ramp_over(stretch, a.shared, b.shared), ramp_over(stretch, a.own, b.own), part0,
+      const BinauralNoise::Mix &a = mixes[segment.left], &b = mixes[segment.right];
+      const EarBand now{ramp_over(segment, a.left, b.left), ramp_over(segment, a.shared, b.shared), ramp_over(segment, a.own, b.own), part0,
                         part1};
       if (waits)
-        add_bands(stretch.count, waiting, now, out_left, out_right);
+        add_bands(segment.count, waiting, now, out_left, out_right);
       else
         waiting = now;
       waits = !waits;
     }
-    if (waits) add_band(stretch.count, waiting, out_left, out_right);
+    if (waits) add_band(segment.count, waiting, out_left, out_right);
   });
 }
 

@@ -11,25 +11,25 @@
 
 namespace earshot {
 
-/// The end of the late field at two ears, straight from noise that was decoded beforehand (EarNoise): in every slot and band the power at
-/// each ear and the correlation between them are those of the field's first-order moments through the head's decoder.  A tenth of the time
-/// of four channels and their transforms.  Owns scratch: one per thread; no allocation once warm.
+/// The end of the late field at two ears, straight from noise that was decoded beforehand (BinauralNoise): in every bin and band the power
+/// at each ear and the correlation between them are those of the field's first-order moments through the head's decoder.  A tenth of the
+/// time of four channels and their transforms.  Owns scratch: one per thread; no allocation once warm.
 ///
-/// Between the middles of two slots amplitudes change linearly, from silence and to it powers do.  That is (a - b)^2 / 6 less than the mean
-/// of two powers a^2 and b^2: 0.04 dB in a decay of 60 dB in 0.5 s over slots of 16 ms, half of what their chord lies above the
+/// Between the middles of two bins amplitudes change linearly, from silence and to it powers do.  That is (a - b)^2 / 6 less than the mean
+/// of two powers a^2 and b^2: 0.04 dB in a decay of 60 dB in 0.5 s over bins of 16 ms, half of what their chord lies above the
 /// exponential.  Where the correlation changes by an angle of cosine, the right ear loses a sixth of its square: below 0.1 dB up to 0.3.
-class LateEars {
+class BinauralLateTail {
  public:
-  /// Adds slots from first_slot on to both ears (equal lengths, at least those of the nodes); from the middle of the slot before it the
+  /// Adds bins from first_bin on to both ears (equal lengths, at least those of the envelope); from the middle of the bin before it the
   /// sound grows as linearly in power as LateSynthesizer's, told to stop there, falls.  offset: as there.
-  void add(const LateNodes& nodes, int first_slot, const EarNoise& noise, std::size_t offset, const ListenerOrientation& orientation,
-           std::span<float> left, std::span<float> right);
+  void add(const LateEnvelope& envelope, int first_bin, const BinauralNoise& noise, std::size_t offset,
+           const ListenerOrientation& orientation, std::span<float> left, std::span<float> right);
 
  private:
-  void make_mixes(const LateNodes& nodes, int first_slot, const EarNoise& noise, const ListenerOrientation& orientation);
+  void make_mixes(const LateEnvelope& envelope, int first_bin, const BinauralNoise& noise, const ListenerOrientation& orientation);
 
   HarmonicRotation rotation_{1};
-  std::vector<EarNoise::Mix> mixes_;  ///< [band][slot], times the amplitude there; of slots with sound
+  std::vector<BinauralNoise::Mix> mixes_;  ///< [band][bin], times the amplitude there; of bins with sound
 };
 
 }  // namespace earshot

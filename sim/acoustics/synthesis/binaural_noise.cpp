@@ -28,15 +28,15 @@ Decoder long_decoder(const Hrtf& hrtf, RealFft& fft) {
     short_fft.inverse(hrtf.diffuse_decoder(static_cast<int>(i / 2), static_cast<int>(i % 2)), taps);
     decoder[i].resize(static_cast<std::size_t>(fft.num_bins()));
     fft.forward(std::span(taps).first(num_taps), decoder[i]);
-    const double turn = 2.0 * std::numbers::pi * hrtf.lead_samples() / fft.size();
-    for (std::size_t k = 0; k < decoder[i].size(); ++k) decoder[i][k] *= Complex(std::polar(1.0, turn * static_cast<double>(k)));
+    const double phase_per_bin = 2.0 * std::numbers::pi * hrtf.lead_samples() / fft.size();
+    for (std::size_t k = 0; k < decoder[i].size(); ++k) decoder[i][k] *= Complex(std::polar(1.0, phase_per_bin * static_cast<double>(k)));
   }
   return decoder;
 }
 
 }  // namespace
 
-EarNoise::EarNoise(const CarrierBank& carriers, const BandLayout& bands, const Hrtf& hrtf)
+BinauralNoise::BinauralNoise(const CarrierBank& carriers, const BandLayout& bands, const Hrtf& hrtf)
     : length_(carriers.length()),
       samples_(static_cast<std::size_t>(bands.size()) * 2 * carriers.length()),
       bands_(static_cast<std::size_t>(bands.size())) {
@@ -51,22 +51,22 @@ EarNoise::EarNoise(const CarrierBank& carriers, const BandLayout& bands, const H
   });
 }
 
-/// Over those of white noise in each channel, of which a band's carrier has the share F_b as amplitude, and nothing at the two ends of its
+/// Over those of white noise in each channel, of which a band's carrier has the weight F_b as amplitude, and nothing at the two ends of its
 /// spectrum.
-void EarNoise::find_covariances(int band, const BandFilters& filters, const Decoder& decoder) {
+void BinauralNoise::find_covariances(int band, const BandFilters& filters, const Decoder& decoder) {
   const auto gram = [&](std::size_t ear, std::size_t other_ear, std::size_t c, std::size_t d) {
     double sum = 0;
     for (std::size_t k = 1; k + 1 < filters.num_bins(); ++k) {
-      const double share = static_cast<double>(filters.share(band, k));
-      if (share == 0.0) continue;
+      const double weight = static_cast<double>(filters.weight(band, k));
+      if (weight == 0.0) continue;
       const std::complex<double> a(decoder[2 * c + ear][k]), b(decoder[2 * d + other_ear][k]);
-      sum += share * share * (a.real() * b.real() + a.imag() * b.imag());
+      sum += weight * weight * (a.real() * b.real() + a.imag() * b.imag());
     }
     return sum / static_cast<double>(filters.num_bins() - 1);
   };
   const auto form = [&](std::size_t ear, std::size_t other_ear) {
     const auto both = [&](std::size_t c, std::size_t d) { return gram(ear, other_ear, c, d) + gram(ear, other_ear, d, c); };
-    // Beside their share of channel 0, channels 1 to 3 hold d^2 = 1 - |m|^2 / 3 each.
+    // Beside what they have of channel 0, channels 1 to 3 hold d^2 = 1 - |m|^2 / 3 each.
     const std::array<double, 3> own = {gram(ear, other_ear, 1, 1), gram(ear, other_ear, 2, 2), gram(ear, other_ear, 3, 3)};
     const double diffuse = own[0] + own[1] + own[2];
     const std::array<double, 10> exact = {gram(ear, other_ear, 0, 0) + diffuse,
@@ -87,7 +87,7 @@ void EarNoise::find_covariances(int band, const BandFilters& filters, const Deco
   of_band.left = form(0, 0), of_band.right = form(1, 1), of_band.cross = form(0, 1);
 }
 
-void EarNoise::make_noise(int band, const CarrierBank& carriers, const Decoder& decoder) {
+void BinauralNoise::make_noise(int band, const CarrierBank& carriers, const Decoder& decoder) {
   RealFft fft(static_cast<int>(length_));
   const std::size_t num_bins = decoder[0].size();
   Spectrum carrier(num_bins);
@@ -97,7 +97,7 @@ void EarNoise::make_noise(int band, const CarrierBank& carriers, const Decoder& 
     for (std::size_t ear = 0; ear < 2; ++ear)
       for (std::size_t k = 0; k < num_bins; ++k) ears[ear][k] += carrier[k] * decoder[2 * c + ear][k];
   }
-  // Powers of this very noise rather than those expected of any: then a whole loop has what is asked for, but for rounding.
+  // Powers of this very noise rather than those expected of any: then a whole loop has the required powers, but for rounding.
   const double scale = 2.0 / (static_cast<double>(length_) * static_cast<double>(length_));
   double left = 0, right = 0, cross = 0;
   for (std::size_t k = 0; k < num_bins; ++k) {
@@ -115,12 +115,12 @@ void EarNoise::make_noise(int band, const CarrierBank& carriers, const Decoder& 
     fft.inverse(ears[part], std::span(samples_).subspan((2 * static_cast<std::size_t>(band) + part) * length_, length_));
 }
 
-EarNoise::Mix EarNoise::mix(int band, const std::array<float, 3>& m) const {
+BinauralNoise::Mix BinauralNoise::mix(int band, const std::array<float, 3>& m) const {
   const Band& of_band = bands_[static_cast<std::size_t>(band)];
   const std::array<float, 10> products = {1.f,         m[0],        m[1],        m[2],        m[0] * m[0],
                                           m[1] * m[1], m[2] * m[2], m[0] * m[1], m[0] * m[2], m[1] * m[2]};
   const float left_power = std::max(of_band.left.at(products), 0.f), right_power = std::max(of_band.right.at(products), 0.f);
-  // Part 0 has the left ear's diffuse power P: left = sqrt(left_power / P), and shared left P is the correlation asked for.
+  // Part 0 has the left ear's diffuse power P: left = sqrt(left_power / P), and shared left P is the required correlation.
   const float left = std::sqrt(left_power * of_band.one_over_left);
   const float shared = left > 0.f ? of_band.cross.at(products) * of_band.one_over_left / left : 0.f;
   const float shared_power = of_band.one_over_left > 0.f ? shared * shared / of_band.one_over_left : 0.f;

@@ -19,11 +19,11 @@ namespace earshot {
 /// direction, in every band as a whole.  What it does not give is the time between the ears: within a band the spectrum, and over lag the
 /// correlation, keep the shapes that they have in a diffuse field.
 /// Immutable.  The noise turns with the head.
-class EarNoise {
+class BinauralNoise {
  public:
-  EarNoise() = default;
+  BinauralNoise() = default;
   /// carriers: their first four channels.  Takes about 10 ms for half a second at 16 kHz, and half the memory of those carriers.
-  EarNoise(const CarrierBank& carriers, const BandLayout& bands, const Hrtf& hrtf);
+  BinauralNoise(const CarrierBank& carriers, const BandLayout& bands, const Hrtf& hrtf);
 
   /// part 0: the left ear; 1: what the right ear hears beside it, uncorrelated with part 0.
   [[nodiscard]] std::span<const float> loop(int band, int part) const {

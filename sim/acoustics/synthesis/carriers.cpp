@@ -57,7 +57,7 @@ struct Octaves {
       if (static_cast<double>(layout.edge_hz[static_cast<std::size_t>(band) + 1]) < kLowHz * 1.5) num_low = band + 1;
     }
     sum.resize(filters.num_bins());
-    while (num_low_bins < filters.num_bins() && (num_low_bins == 0 || filters.share(num_low, num_low_bins) < 1.f)) ++num_low_bins;
+    while (num_low_bins < filters.num_bins() && (num_low_bins == 0 || filters.weight(num_low, num_low_bins) < 1.f)) ++num_low_bins;
   }
 
   BandLayout layout;
@@ -80,7 +80,7 @@ struct Octaves {
       std::fill(sum.begin(), sum.end(), Complex{});
       for (int band = 0; band < count; ++band) flatteners[static_cast<std::size_t>(band)].add_to(c, sum);
       if (low_only)  // what the octave above holds stays; beyond it, nothing changes
-        for (std::size_t k = 0; k < used; ++k) sum[k] += filters.share(num_low, k) * channel[k];
+        for (std::size_t k = 0; k < used; ++k) sum[k] += filters.weight(num_low, k) * channel[k];
       for (std::size_t k = 0; k < used; ++k) {
         const float size = std::abs(sum[k]), wanted = magnitude_of(k, num_bins);
         channel[k] = size > 0 ? sum[k] * (wanted / size) : Complex(wanted);
@@ -146,7 +146,7 @@ CarrierBank::CarrierBank(const BandLayout& bands, float sample_rate_hz, int num_
     RealFft fft(length);
     std::vector<Complex> spectrum(filters.num_bins());
     for (std::size_t c = 0; c < channels; ++c) {
-      for (std::size_t k = 0; k < spectrum.size(); ++k) spectrum[k] = filters.share(band, k) * noise[c][k];
+      for (std::size_t k = 0; k < spectrum.size(); ++k) spectrum[k] = filters.weight(band, k) * noise[c][k];
       fft.inverse(spectrum, std::span(samples_).subspan((static_cast<std::size_t>(band) * channels + c) * length_, length_));
     }
   });

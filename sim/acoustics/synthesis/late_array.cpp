@@ -59,28 +59,28 @@ LateArray::LateArray(const BandLayout& bands, float sample_rate_hz, int num_samp
       band_gain_(static_cast<std::size_t>(num_bands_)),
       gain_(wave_spectrum_.size()) {}
 
-/// Shares of the waves in every slot and band.
-void LateArray::share_out(const EnergyHistogram& energy) {
-  share_.resize(static_cast<std::size_t>(energy.num_bands() * nodes_.size()) * kNumWaves);
+/// Weights of the waves in every bin and band.
+void LateArray::weigh_waves(const EnergyHistogram& energy) {
+  weight_.resize(static_cast<std::size_t>(energy.num_bands() * envelope_.size()) * kNumWaves);
   for (int band = 0; band < energy.num_bands(); ++band) {
-    const auto row = nodes_.band(band);
-    for (int slot = 0; slot < nodes_.size(); ++slot) {
-      const auto& m = row[static_cast<std::size_t>(slot)].m;
+    const auto row = envelope_.band(band);
+    for (int bin = 0; bin < envelope_.size(); ++bin) {
+      const auto& m = row[static_cast<std::size_t>(bin)].m;
       // ACN 1 to 3 are (y, z, x) of the ambisonic axes: (-x, y, -z) of the world.
       const glm::vec3 mean = glm::vec3(-m[0], m[1], -m[2]) / std::numbers::sqrt3_v<float>;
       const double length = std::min(static_cast<double>(glm::length(mean)), 1.0);
-      float* share = share_.data() + static_cast<std::size_t>(band * nodes_.size() + slot) * kNumWaves;
+      float* weight = weight_.data() + static_cast<std::size_t>(band * envelope_.size() + bin) * kNumWaves;
       if (length < 1e-6) {
-        std::fill_n(share, kNumWaves, 1.f / kNumWaves);
+        std::fill_n(weight, kNumWaves, 1.f / kNumWaves);
         continue;
       }
       // Banerjee et al. 2005, eq. 4.4, for three dimensions: within 2 % of the exact inverse of coth k - 1 / k.
       const double k = std::min(length * (3.0 - length * length) / std::max(1.0 - length * length, 1e-6), kMaxConcentration);
       double sum = 0;
-      std::array<double, kNumWaves> weight;
+      std::array<double, kNumWaves> density;
       for (std::size_t i = 0; i < kNumWaves; ++i)
-        sum += weight[i] = std::exp(k * (static_cast<double>(glm::dot(direction_[i], mean)) / length - 1.0));
-      for (std::size_t i = 0; i < kNumWaves; ++i) share[i] = static_cast<float>(weight[i] / sum);
+        sum += density[i] = std::exp(k * (static_cast<double>(glm::dot(direction_[i], mean)) / length - 1.0));
+      for (std::size_t i = 0; i < kNumWaves; ++i) weight[i] = static_cast<float>(density[i] / sum);
     }
   }
 }
@@ -88,17 +88,17 @@ void LateArray::share_out(const EnergyHistogram& energy) {
 /// Writes wave `wave` as it passes the listener's position to signal_, `guard_` samples late.
 void LateArray::sound_wave(const EnergyHistogram& energy, const CarrierBank& carriers, std::size_t wave, std::size_t offset) {
   std::fill(signal_.begin(), signal_.end(), 0.f);
-  nodes_.visit(offset, carriers.length(), [&](const LateStretch& stretch) {
+  envelope_.visit(offset, carriers.length(), [&](const LateSegment& segment) {
     for (int band = 0; band < energy.num_bands(); ++band) {
-      const auto row = nodes_.band(band);
-      const auto density_at = [&](int slot) {
-        return row[static_cast<std::size_t>(slot)].density *
-               share_[static_cast<std::size_t>(band * nodes_.size() + slot) * kNumWaves + wave];
+      const auto row = envelope_.band(band);
+      const auto density_at = [&](int bin) {
+        return row[static_cast<std::size_t>(bin)].density *
+               weight_[static_cast<std::size_t>(band * envelope_.size() + bin) * kNumWaves + wave];
       };
-      const Ramp density = ramp_over(stretch, density_at(stretch.left), density_at(stretch.right));
-      const float* noise = carriers.loop(band, static_cast<int>(wave)).data() + stretch.in_loop;
-      float* out = signal_.data() + guard_ + stretch.begin;
-      for (int i = 0; i < stretch.count; ++i) out[i] += std::sqrt(std::max(density.at(i), 0.f)) * noise[i];
+      const Ramp density = ramp_over(segment, density_at(segment.left), density_at(segment.right));
+      const float* noise = carriers.loop(band, static_cast<int>(wave)).data() + segment.in_loop;
+      float* out = signal_.data() + guard_ + segment.begin;
+      for (int i = 0; i < segment.count; ++i) out[i] += std::sqrt(std::max(density.at(i), 0.f)) * noise[i];
     }
   });
 }
@@ -107,8 +107,8 @@ void LateArray::render(const EnergyHistogram& energy, const CarrierBank& carrier
                        const ListenerOrientation& orientation, float speed_of_sound_m_per_s, std::span<const BandDirectivity> patterns,
                        std::span<float> out) {
   if (energy.num_bins() == 0) return;
-  nodes_.make(energy, rate_hz_, onset_sample, num_samples_);
-  share_out(energy);
+  envelope_.make(energy, rate_hz_, onset_sample, num_samples_);
+  weigh_waves(energy);
   for (auto& spectrum : microphone_spectrum_) std::fill(spectrum.begin(), spectrum.end(), Complex{});
   for (std::size_t wave = 0; wave < kNumWaves; ++wave) {
     sound_wave(energy, carriers, wave, offset);

@@ -16,8 +16,8 @@
 namespace earshot {
 
 /// Late sound at the microphones of an array: plane waves with independent noise from directions spread evenly over the sphere, each with
-/// the delay of its way to a microphone and the gain of that microphone's pattern.  In every slot (late_envelope.h) and band the waves
-/// share the energy as exp(k cos) about its mean direction (von Mises and Fisher), with k from the length of that mean: even in a diffuse
+/// the delay of its way to a microphone and the gain of that microphone's pattern.  In every bin (late_envelope.h) and band the waves
+/// divide the energy as exp(k cos) about its mean direction (von Mises and Fisher), with k from the length of that mean: even in a diffuse
 /// field, positive always, exact in energy.  A diffuse field has the coherence sin(k d) / (k d) between two omnidirectional microphones
 /// within 0.05 up to k d = 13, which is 4 kHz at 0.175 m; farther apart, where it should be near 0, it stays within 0.1 rms. Sums of many
 /// noises cannot be flattened: the T20 of a microphone scatters like that of any noise (docs/estimators.md, section 6, up to 13 % in the
@@ -34,7 +34,7 @@ class LateArray {
               std::span<float> out);
 
  private:
-  void share_out(const EnergyHistogram& energy);
+  void weigh_waves(const EnergyHistogram& energy);
   void sound_wave(const EnergyHistogram& energy, const CarrierBank& carriers, std::size_t wave, std::size_t offset);
 
   const std::vector<Microphone>& microphones_;
@@ -43,9 +43,9 @@ class LateArray {
   std::size_t num_samples_, guard_;
   RealFft fft_;
   BandFilters filters_;
-  LateNodes nodes_;
+  LateEnvelope envelope_;
   std::vector<glm::vec3> direction_;  ///< world
-  std::vector<float> share_;          ///< [band][slot][wave], sum 1 over waves
+  std::vector<float> weight_;         ///< [band][bin][wave], sum 1 over waves
   std::vector<float> signal_;         ///< of one wave, then of one microphone
   std::vector<std::complex<float>> wave_spectrum_, path_;
   std::vector<std::vector<std::complex<float>>> microphone_spectrum_;

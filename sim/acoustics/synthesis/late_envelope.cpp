@@ -5,35 +5,35 @@
 namespace earshot {
 namespace {
 
-/// A band's sound ends where only this share of its energy is left, 70 dB down: of a decay that T30 needs to -35 dB and observations hear
-/// to -45 dB.  Bands that fall faster than the slowest one then cost less.
-constexpr double kInaudibleShare = 1e-7;
+/// A band's sound ends where only this fraction of its energy is left, 70 dB down: of a decay that T30 needs to -35 dB and observations
+/// hear to -45 dB.  Bands that fall faster than the slowest one then cost less.
+constexpr double kInaudibleFraction = 1e-7;
 
-/// A slot that spreads over its own width, in float: most are such.  c: its harmonics.
-inline void set_whole(LateNode& node, const float* c, bool has_moments, float per_width) {
+/// A merged bin that spreads over its own width, in float: most are such.  c: its harmonics.
+inline void set_whole(LateEnvelopeSample& sample, const float* c, bool has_moments, float per_width) {
   if (!(c[0] > 0.f && c[0] < 1e30f)) return;
-  node.density = c[0] * per_width;
+  sample.density = c[0] * per_width;
   if (!has_moments) return;
-  const float share = 1.f / c[0], m1 = share * c[1], m2 = share * c[2], m3 = share * c[3];
+  const float per_energy = 1.f / c[0], m1 = per_energy * c[1], m2 = per_energy * c[2], m3 = per_energy * c[3];
   const float square = m1 * m1 + m2 * m2 + m3 * m3;
   // The reciprocal of an energy below 3e-39 is infinite.
   if (!(square >= 0.f && square < 1e30f)) return;
-  const float limit = square > 3.f ? std::sqrt(3.f / square) : 1.f;  // as in set_node
-  node.m = {limit * m1, limit * m2, limit * m3};
-  node.d = std::sqrt(std::max(0.f, 1.f - square * (1.f / 3.f)));
+  const float limit = square > 3.f ? std::sqrt(3.f / square) : 1.f;  // as in set_sample
+  sample.m = {limit * m1, limit * m2, limit * m3};
+  sample.d = std::sqrt(std::max(0.f, 1.f - square * (1.f / 3.f)));
 }
 
 }  // namespace
 
 template <class Float>
-void LateNodes::set_higher(std::size_t index, const Float* c, std::size_t num_known) {
+void LateEnvelope::set_higher(std::size_t index, const Float* c, std::size_t num_known) {
   for (std::size_t j = 4; j < num_known; ++j) {
     const double ratio = static_cast<double>(c[j]) / static_cast<double>(c[0]);
     higher_[index * num_higher_ + j - 4] = std::isfinite(ratio) ? static_cast<float>(ratio) : 0.f;
   }
 }
 
-void LateNodes::make(const EnergyHistogram& energy, float sample_rate_hz, double onset_sample, std::size_t num_samples) {
+void LateEnvelope::make(const EnergyHistogram& energy, float sample_rate_hz, double onset_sample, std::size_t num_samples) {
   num_bins_ = energy.num_bins();
   num_samples_ = num_samples;
   onset_ = onset_sample;
@@ -42,7 +42,7 @@ void LateNodes::make(const EnergyHistogram& energy, float sample_rate_hz, double
   // From the onset: where widths change, a steep decay gains a little, and should not while it is loud.
   bins_ = WideningBins(num_bins_, static_cast<std::size_t>(std::clamp(onset_sample / width_, 0.0, 1e9)));
   const std::size_t cells = bins_.size() * static_cast<std::size_t>(num_bands);
-  nodes_.assign(cells, LateNode{});
+  samples_.assign(cells, LateEnvelopeSample{});
   hat_area_.assign(static_cast<std::size_t>(num_bins_), width_);
   const auto num_known = static_cast<std::size_t>(energy.num_coefficients() >= 4 ? energy.num_coefficients() : 1);
   num_higher_ = num_known > 4 ? num_known - 4 : 0;
@@ -71,8 +71,10 @@ void LateNodes::make(const EnergyHistogram& energy, float sample_rate_hz, double
   carried_.resize(num_known);
   sum_.resize(stride);
   const auto fine = static_cast<int>(bins_.fine());
-  // A stretch to the middle of a slot may begin within the response though the slot does not.
-  const auto begins_before_the_end = [&](std::size_t slot) { return bins_.middle(slot - 1) * width_ < static_cast<double>(num_samples); };
+  // A segment to the middle of a merged bin may begin within the response though the merged bin does not.
+  const auto begins_before_the_end = [&](std::size_t merged) {
+    return bins_.middle(merged - 1) * width_ < static_cast<double>(num_samples);
+  };
   const auto coefficients = static_cast<std::size_t>(energy.num_coefficients());
   for (int band = 0; band < num_bands; ++band) {
     double* c = carried_.data();  // energy of the bin, and of those before the onset
@@ -82,74 +84,76 @@ void LateNodes::make(const EnergyHistogram& energy, float sample_rate_hz, double
       const double area = hat_area_[static_cast<std::size_t>(bin)];
       for (std::size_t k = 0; k < num_known; ++k) c[k] += static_cast<double>(cell[k]);
       if (area < 0.25 * width_ && bin + 1 < num_bins_) continue;
-      if (c[0] > 0 && c[0] < 1e30 && area > 0) set_node(band, bin, std::span(carried_), area);
+      if (c[0] > 0 && c[0] < 1e30 && area > 0) set_sample(band, bin, std::span(carried_), area);
       std::fill_n(c, num_known, 0.0);
     }
   }
-  for (auto slot = static_cast<std::size_t>(std::min(first_whole_bin, fine)); slot < bins_.size(); ++slot) {
-    const bool is_wide = slot >= bins_.fine();
-    if (is_wide ? !begins_before_the_end(slot) : static_cast<int>(slot) > last_bin) continue;
-    const float* all_bands = values + bins_.first_bin(slot) * stride;
+  for (auto merged = static_cast<std::size_t>(std::min(first_whole_bin, fine)); merged < bins_.size(); ++merged) {
+    const bool is_wide = merged >= bins_.fine();
+    if (is_wide ? !begins_before_the_end(merged) : static_cast<int>(merged) > last_bin) continue;
+    const float* all_bands = values + bins_.first_bin(merged) * stride;
     if (is_wide) {
       std::fill_n(sum_.begin(), stride, 0.f);
-      for (std::size_t i = 0; i < bins_.width(slot); ++i, all_bands += stride)
+      for (std::size_t i = 0; i < bins_.width(merged); ++i, all_bands += stride)
         for (std::size_t k = 0; k < stride; ++k) sum_[k] += all_bands[k];
       all_bands = sum_.data();
     }
-    const auto per_width = static_cast<float>(1.0 / (static_cast<double>(bins_.width(slot)) * width_));
+    const auto per_width = static_cast<float>(1.0 / (static_cast<double>(bins_.width(merged)) * width_));
     for (int band = 0; band < num_bands; ++band) {
       const float* c = all_bands + static_cast<std::size_t>(band) * coefficients;
-      const std::size_t index = static_cast<std::size_t>(band) * bins_.size() + slot;
-      set_whole(nodes_[index], c, num_known >= 4, per_width);
-      if (nodes_[index].density > 0.f) set_higher(index, c, num_known);
+      const std::size_t index = static_cast<std::size_t>(band) * bins_.size() + merged;
+      set_whole(samples_[index], c, num_known >= 4, per_width);
+      if (samples_[index].density > 0.f) set_higher(index, c, num_known);
     }
   }
   for (int band = 0; band < num_bands; ++band) drop_inaudible_end(band);
 }
 
-double LateNodes::first_sound() const {
-  for (std::size_t slot = 0; slot < bins_.size(); ++slot)
+double LateEnvelope::first_sound() const {
+  for (std::size_t merged = 0; merged < bins_.size(); ++merged)
     for (int band = 0; band < num_bands_; ++band)
-      if (nodes_[static_cast<std::size_t>(band) * bins_.size() + slot].density > 0.f)
-        return std::max(onset_, static_cast<double>(bins_.first_bin(slot)) * width_);
+      if (samples_[static_cast<std::size_t>(band) * bins_.size() + merged].density > 0.f)
+        return std::max(onset_, static_cast<double>(bins_.first_bin(merged)) * width_);
   return onset_;
 }
 
-int LateNodes::slot_from(double sample) const {
+int LateEnvelope::bin_from(double sample) const {
   int first = 0, last = size();
   while (first < last) {
-    const int slot = (first + last) / 2;
-    if (bins_.middle(static_cast<std::size_t>(slot)) * width_ < sample)
-      first = slot + 1;
+    const int merged = (first + last) / 2;
+    if (bins_.middle(static_cast<std::size_t>(merged)) * width_ < sample)
+      first = merged + 1;
     else
-      last = slot;
+      last = merged;
   }
   return first;
 }
 
-void LateNodes::drop_inaudible_end(int band) {
-  const auto row = std::span(nodes_).subspan(static_cast<std::size_t>(band) * bins_.size(), bins_.size());
+void LateEnvelope::drop_inaudible_end(int band) {
+  const auto row = std::span(samples_).subspan(static_cast<std::size_t>(band) * bins_.size(), bins_.size());
   double total = 0, tail = 0;
-  const auto energy_in = [&](std::size_t slot) { return static_cast<double>(row[slot].density) * static_cast<double>(bins_.width(slot)); };
-  for (std::size_t slot = 0; slot < row.size(); ++slot) total += energy_in(slot);
-  for (std::size_t slot = row.size(); slot-- > 0;) {
-    tail += energy_in(slot);
-    if (tail > kInaudibleShare * total) return;
-    row[slot].density = 0.f;
+  const auto energy_in = [&](std::size_t merged) {
+    return static_cast<double>(row[merged].density) * static_cast<double>(bins_.width(merged));
+  };
+  for (std::size_t merged = 0; merged < row.size(); ++merged) total += energy_in(merged);
+  for (std::size_t merged = row.size(); merged-- > 0;) {
+    tail += energy_in(merged);
+    if (tail > kInaudibleFraction * total) return;
+    row[merged].density = 0.f;
   }
 }
 
-void LateNodes::set_node(int band, int bin, std::span<const double> c, double area) {
+void LateEnvelope::set_sample(int band, int bin, std::span<const double> c, double area) {
   const std::size_t index = static_cast<std::size_t>(band) * bins_.size() + static_cast<std::size_t>(bin);
-  LateNode& node = nodes_[index];
-  node.density = static_cast<float>(c[0] / area);
+  LateEnvelopeSample& sample = samples_[index];
+  sample.density = static_cast<float>(c[0] / area);
   if (c.size() < 4) return;
-  const double share = 1.0 / c[0], m1 = share * c[1], m2 = share * c[2], m3 = share * c[3];
+  const double per_energy = 1.0 / c[0], m1 = per_energy * c[1], m2 = per_energy * c[2], m3 = per_energy * c[3];
   const double square = m1 * m1 + m2 * m2 + m3 * m3;
   if (square >= 0) {
     const double limit = square > 3.0 ? std::sqrt(3.0 / square) : 1.0;  // rounding may point a single ray past its own energy
-    node.m = {static_cast<float>(limit * m1), static_cast<float>(limit * m2), static_cast<float>(limit * m3)};
-    node.d = std::sqrt(static_cast<float>(std::max(0.0, 1.0 - std::min(square, 3.0) * (1.0 / 3.0))));
+    sample.m = {static_cast<float>(limit * m1), static_cast<float>(limit * m2), static_cast<float>(limit * m3)};
+    sample.d = std::sqrt(static_cast<float>(std::max(0.0, 1.0 - std::min(square, 3.0) * (1.0 / 3.0))));
   }
   set_higher(index, c.data(), c.size());
 }

@@ -13,7 +13,7 @@ void add_omni(int count, Ramp density, const float* w, float* out) {
   for (int i = 0; i < count; ++i) out[i] += std::sqrt(std::max(density.at(i), 0.f)) * w[i];
 }
 
-/// Amplitudes of the four channels at one stretch.
+/// Amplitudes of the four channels at one segment.
 struct FirstOrderRamps {
   Ramp density, m1, m2, m3, d;
 };
@@ -31,7 +31,7 @@ void add_first_order(int count, FirstOrderRamps ramps, const float* w, const flo
   }
 }
 
-/// What one band brings to one stretch.
+/// What one band brings to one segment.
 struct FirstOrderBand {
   FirstOrderRamps ramps;
   std::array<const float*, 4> carrier;
@@ -59,13 +59,13 @@ void add_higher(int count, Ramp density, Ramp m, Ramp d, const float* w, const f
 
 }  // namespace
 
-void LateSynthesizer::make_shares(const LateNodes& nodes, int num_slots, std::size_t num_channels) {
+void LateSynthesizer::make_higher(const LateEnvelope& envelope, int num_bins, std::size_t num_channels) {
   const std::size_t higher = num_channels - 4;
-  shares_.assign(static_cast<std::size_t>(nodes.num_bands() * nodes.size()) * higher, Share{});
-  for (int band = 0; band < nodes.num_bands(); ++band) {
-    for (int slot = 0; slot < num_slots; ++slot) {
-      const auto known = nodes.higher(band, slot);
-      Share* shares = shares_.data() + static_cast<std::size_t>(band * nodes.size() + slot) * higher;
+  higher_.assign(static_cast<std::size_t>(envelope.num_bands() * envelope.size()) * higher, HigherAmplitude{});
+  for (int band = 0; band < envelope.num_bands(); ++band) {
+    for (int bin = 0; bin < num_bins; ++bin) {
+      const auto known = envelope.higher(band, bin);
+      HigherAmplitude* amplitudes = higher_.data() + static_cast<std::size_t>(band * envelope.size() + bin) * higher;
       for (std::size_t l = 2; (l + 1) * (l + 1) <= std::min(num_channels, known.size() + 4); ++l) {
         const std::size_t first = l * l - 4, count = 2 * l + 1;
         double square = 0;
@@ -73,60 +73,60 @@ void LateSynthesizer::make_shares(const LateNodes& nodes, int num_slots, std::si
         const double whole = static_cast<double>(count);
         const double limit = square > whole ? std::sqrt(whole / square) : 1.0;
         const auto d = static_cast<float>(std::sqrt(std::max(0.0, 1.0 - square / whole)));
-        for (std::size_t j = first; j < first + count; ++j) shares[j] = {static_cast<float>(limit * static_cast<double>(known[j])), d};
+        for (std::size_t j = first; j < first + count; ++j) amplitudes[j] = {static_cast<float>(limit * static_cast<double>(known[j])), d};
       }
     }
   }
 }
 
-std::size_t LateSynthesizer::render(const LateNodes& nodes, int num_slots, const CarrierBank& carriers, std::size_t offset,
+std::size_t LateSynthesizer::render(const LateEnvelope& envelope, int num_bins, const CarrierBank& carriers, std::size_t offset,
                                     std::span<const std::span<float>> channels) {
   const auto num_channels = static_cast<std::size_t>(carriers.num_channels());
   EARSHOT_EXPECT(channels.size() == num_channels && (num_channels == 1 || num_channels >= 4));
-  const std::size_t end = nodes.end_before(num_slots);
+  const std::size_t end = envelope.end_before(num_bins);
   for (const auto& channel : channels) std::ranges::fill(channel.first(end), 0.f);
-  const int num_bands = nodes.num_bands();
-  if (num_channels > 4) make_shares(nodes, num_slots, num_channels);
+  const int num_bands = envelope.num_bands();
+  if (num_channels > 4) make_higher(envelope, num_bins, num_channels);
 
   std::size_t end_of_sound = 0;
-  nodes.visit(offset, carriers.length(), [&](const LateStretch& stretch) {
-    if (stretch.left >= num_slots) return;
-    const auto out = [&](std::size_t c) { return channels[c].data() + stretch.begin; };
+  envelope.visit(offset, carriers.length(), [&](const LateSegment& segment) {
+    if (segment.left >= num_bins) return;
+    const auto out = [&](std::size_t c) { return channels[c].data() + segment.begin; };
     FirstOrderBand waiting{};  // for another band to be added with
     bool waits = false;
     for (int band = 0; band < num_bands; ++band) {
-      const auto row = nodes.band(band);
-      const LateNode &a = row[static_cast<std::size_t>(stretch.left)], &b = row[static_cast<std::size_t>(stretch.right)];
-      const float from_density = a.density, to_density = stretch.right < num_slots ? b.density : 0.f;
+      const auto row = envelope.band(band);
+      const LateEnvelopeSample &a = row[static_cast<std::size_t>(segment.left)], &b = row[static_cast<std::size_t>(segment.right)];
+      const float from_density = a.density, to_density = segment.right < num_bins ? b.density : 0.f;
       if (from_density == 0.f && to_density == 0.f) continue;
-      end_of_sound = stretch.begin + static_cast<std::size_t>(stretch.count);
-      const auto carrier = [&](std::size_t c) { return carriers.loop(band, static_cast<int>(c)).data() + stretch.in_loop; };
-      const Ramp density = ramp_over(stretch, from_density, to_density);
+      end_of_sound = segment.begin + static_cast<std::size_t>(segment.count);
+      const auto carrier = [&](std::size_t c) { return carriers.loop(band, static_cast<int>(c)).data() + segment.in_loop; };
+      const Ramp density = ramp_over(segment, from_density, to_density);
       if (num_channels == 1) {
-        add_omni(stretch.count, density, carrier(0), out(0));
+        add_omni(segment.count, density, carrier(0), out(0));
         continue;
       }
       // A silent end has no direction of its own.
-      const int left_slot = from_density > 0.f ? stretch.left : stretch.right, right_slot = to_density > 0.f ? stretch.right : stretch.left;
-      const LateNode &left = row[static_cast<std::size_t>(left_slot)], &right = row[static_cast<std::size_t>(right_slot)];
-      const auto ramp = [&](float from, float to) { return ramp_over(stretch, from, to); };
+      const int left_bin = from_density > 0.f ? segment.left : segment.right, right_bin = to_density > 0.f ? segment.right : segment.left;
+      const LateEnvelopeSample &left = row[static_cast<std::size_t>(left_bin)], &right = row[static_cast<std::size_t>(right_bin)];
+      const auto ramp = [&](float from, float to) { return ramp_over(segment, from, to); };
       const FirstOrderBand now{
           {density, ramp(left.m[0], right.m[0]), ramp(left.m[1], right.m[1]), ramp(left.m[2], right.m[2]), ramp(left.d, right.d)},
           {carrier(0), carrier(1), carrier(2), carrier(3)}};
       if (waits)
-        add_first_order(stretch.count, waiting, now, out(0), out(1), out(2), out(3));
+        add_first_order(segment.count, waiting, now, out(0), out(1), out(2), out(3));
       else
         waiting = now;
       waits = !waits;
       const std::size_t higher = num_channels - 4;
       for (std::size_t c = 4; c < num_channels; ++c) {
-        const Share& from = shares_[static_cast<std::size_t>(band * nodes.size() + left_slot) * higher + c - 4];
-        const Share& to = shares_[static_cast<std::size_t>(band * nodes.size() + right_slot) * higher + c - 4];
-        add_higher(stretch.count, density, ramp(from.m, to.m), ramp(from.d, to.d), carrier(0), carrier(c), out(c));
+        const HigherAmplitude& from = higher_[static_cast<std::size_t>(band * envelope.size() + left_bin) * higher + c - 4];
+        const HigherAmplitude& to = higher_[static_cast<std::size_t>(band * envelope.size() + right_bin) * higher + c - 4];
+        add_higher(segment.count, density, ramp(from.m, to.m), ramp(from.d, to.d), carrier(0), carrier(c), out(c));
       }
     }
     if (waits)
-      add_first_order(stretch.count, waiting.ramps, waiting.carrier[0], waiting.carrier[1], waiting.carrier[2], waiting.carrier[3], out(0),
+      add_first_order(segment.count, waiting.ramps, waiting.carrier[0], waiting.carrier[1], waiting.carrier[2], waiting.carrier[3], out(0),
                       out(1), out(2), out(3));
   });
   return end_of_sound;

@@ -11,7 +11,7 @@ namespace earshot {
 
 /// Turns late energy into pressure.  Owns scratch: one per thread; no allocation once warm.
 ///
-/// One channel: p = sum over bands of sqrt(energy density) * carrier.  The density is interpolated linearly between the slots of
+/// One channel: p = sum over bands of sqrt(energy density) * carrier.  The density is interpolated linearly between the bins of
 /// late_envelope.h.  (N + 1)^2 channels (N3D, ACN, world axes): the omnidirectional channel is the same, s w with w its carrier;
 /// the others are
 ///   s (m_j w + d_l n_j),   m_j = c_j / c_0,   d_l^2 = 1 - |m of order l|^2 / (2 l + 1)
@@ -20,20 +20,20 @@ namespace earshot {
 /// does not hold are diffuse.
 class LateSynthesizer {
  public:
-  /// channels: [carriers.num_channels()], a square number, spans of the length of the nodes.  The first num_slots slots count, and only
+  /// channels: [carriers.num_channels()], a square number, spans of the length of the envelope.  The first num_bins bins count, and only
   /// what they reach is written.  offset: where in the carrier loops time zero lies.  Returns how much of each channel sounds: behind it,
   /// all are zero or not written.
-  std::size_t render(const LateNodes& nodes, int num_slots, const CarrierBank& carriers, std::size_t offset,
+  std::size_t render(const LateEnvelope& envelope, int num_bins, const CarrierBank& carriers, std::size_t offset,
                      std::span<const std::span<float>> channels);
 
  private:
   /// One channel above first order.
-  struct Share {
+  struct HigherAmplitude {
     float m = 0, d = 1;
   };
-  void make_shares(const LateNodes& nodes, int num_slots, std::size_t num_channels);
+  void make_higher(const LateEnvelope& envelope, int num_bins, std::size_t num_channels);
 
-  std::vector<Share> shares_;  ///< [band][slot][channel - 4]
+  std::vector<HigherAmplitude> higher_;  ///< [band][bin][channel - 4]
 };
 
 }  // namespace earshot

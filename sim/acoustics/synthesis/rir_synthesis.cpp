@@ -119,14 +119,14 @@ struct RirSynthesizer::Scratch {
   }
 
   RealFft early_fft;
-  LateNodes nodes;
+  LateEnvelope envelope;
   LateSynthesizer late;
   ArrivalSpectrum bands;        ///< of one arrival
   std::vector<float> response;  ///< of one arrival in one channel
   std::array<std::vector<Complex>, 2> ear;
   HarmonicRotation rotation;
   // binaural
-  LateEars late_ears;
+  BinauralLateTail late_tail;
   LateSound sound;                          ///< of callers that keep none
   std::array<std::vector<float>, 4> field;  ///< the same in head axes
   std::optional<ComplexFft> late_forward, late_inverse;
@@ -144,7 +144,7 @@ struct RirSynthesizer::Pass {
   const EnergyResponse& response;
   const ListenerOrientation& orientation;
   double samples_per_m;
-  LateSound* kept;
+  LateSound* cached;
 };
 
 RirSynthesizer::RirSynthesizer(std::shared_ptr<const SynthesisTables> tables)
@@ -281,8 +281,8 @@ void RirSynthesizer::decode_late(const FirstOrder& field, Rir& rir) {
   for (std::size_t begin = 0; begin < num_samples; begin += step) {
     const std::size_t count = std::min(step, num_samples - begin);
     for (std::size_t pair = 0; pair < 2; ++pair) {
-      const auto stretch = [&](std::size_t c) { return field[c].subspan(begin, count); };
-      scratch.late_forward->set_input(stretch(2 * pair), stretch(2 * pair + 1));
+      const auto segment = [&](std::size_t c) { return field[c].subspan(begin, count); };
+      scratch.late_forward->set_input(segment(2 * pair), segment(2 * pair + 1));
       scratch.late_forward->transform(scratch.pair_spectrum[pair]);
       mirror(scratch.pair_spectrum[pair], scratch.mirrored[pair]);
     }
@@ -304,30 +304,31 @@ void RirSynthesizer::render_late(const Pass& pass, std::size_t offset, double on
   switch (tables.layout.kind) {
     case ListenerKind::mono: {
       const std::array<std::span<float>, 1> channels = {std::span(rir.samples)};
-      scratch.nodes.make(late, tables.sample_rate_hz, onset_sample, length);
-      scratch.late.render(scratch.nodes, scratch.nodes.size(), tables.carriers, offset, channels);
+      scratch.envelope.make(late, tables.sample_rate_hz, onset_sample, length);
+      scratch.late.render(scratch.envelope, scratch.envelope.size(), tables.carriers, offset, channels);
       return;
     }
     case ListenerKind::binaural: {
-      LateSound& sound = pass.kept != nullptr ? *pass.kept : scratch.sound;
-      if (!sound.known_ || pass.kept == nullptr) {
+      LateSound& sound = pass.cached != nullptr ? *pass.cached : scratch.sound;
+      if (!sound.known_ || pass.cached == nullptr) {
         for (auto& channel : sound.channels_) channel.resize(static_cast<std::size_t>(tables.num_samples));
         const auto channel = [&](std::size_t c) { return std::span(sound.channels_[c]).first(length); };
         const std::array<std::span<float>, 4> channels = {channel(0), channel(1), channel(2), channel(3)};
-        sound.nodes_.make(late, tables.sample_rate_hz, onset_sample, length);
-        sound.num_decoded_ = sound.nodes_.slot_from(sound.nodes_.first_sound() + tables.late_decode_samples);
-        sound.sounding_ = scratch.late.render(sound.nodes_, sound.num_decoded_, tables.carriers, offset, channels);
+        sound.envelope_.make(late, tables.sample_rate_hz, onset_sample, length);
+        sound.num_decoded_ = sound.envelope_.bin_from(sound.envelope_.first_sound() + tables.late_decode_samples);
+        sound.sounding_ = scratch.late.render(sound.envelope_, sound.num_decoded_, tables.carriers, offset, channels);
         sound.known_ = true;
       }
       decode_late(rotate_first_order(pass.orientation, sound), rir);
-      scratch.late_ears.add(sound.nodes_, sound.num_decoded_, tables.ear_noise, offset, pass.orientation,
+      scratch.late_tail.add(sound.envelope_, sound.num_decoded_, tables.binaural_noise, offset, pass.orientation,
                             std::span(rir.samples).first(length), std::span(rir.samples).subspan(length));
       return;
     }
     case ListenerKind::ambisonics: {
       for (std::size_t c = 0; c < scratch.channels.size(); ++c) scratch.channels[c] = std::span(rir.samples).subspan(c * length, length);
-      scratch.nodes.make(late, tables.sample_rate_hz, onset_sample, length);
-      const std::size_t sounding = scratch.late.render(scratch.nodes, scratch.nodes.size(), tables.carriers, offset, scratch.channels);
+      scratch.envelope.make(late, tables.sample_rate_hz, onset_sample, length);
+      const std::size_t sounding =
+          scratch.late.render(scratch.envelope, scratch.envelope.size(), tables.carriers, offset, scratch.channels);
       if (tables.layout.axes == HarmonicAxes::world) return;
       scratch.rotation.set(pass.orientation);
       scratch.rotation.apply(scratch.channels, sounding);
@@ -349,7 +350,7 @@ int RirSynthesizer::count_samples(const EnergyHistogram& late) const {
 }
 
 void RirSynthesizer::render(const EnergyResponse& response, const ListenerOrientation& orientation, std::uint64_t carrier_key, Rir& rir,
-                            LateSound* kept) {
+                            LateSound* cached) {
   const FlushDenormals flush;
   const SynthesisTables& tables = *tables_;
   require(response.late.num_bins() == 0 || response.late.num_bands() == tables.num_bands, "bands of the response",
@@ -363,7 +364,7 @@ void RirSynthesizer::render(const EnergyResponse& response, const ListenerOrient
   rir.samples.assign(static_cast<std::size_t>(rir.num_channels) * static_cast<std::size_t>(rir.num_samples), 0.f);
   const double samples_per_m =
       needs_speed ? static_cast<double>(tables.sample_rate_hz) / static_cast<double>(response.speed_of_sound_m_per_s) : 0.0;
-  const Pass pass{response, orientation, samples_per_m, kept};
+  const Pass pass{response, orientation, samples_per_m, cached};
 
   // Nothing is heard before a direct sound.
   double onset_sample = 0;

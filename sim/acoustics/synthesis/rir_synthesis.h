@@ -24,15 +24,15 @@ struct Rir {
   }
 };
 
-/// What synthesis shares between agents: band filters, seeded flattened carriers, head filters, noise for two ears.  Immutable.  Making it
-/// for half a second at 16 kHz takes about half a second of one core (bands in parallel), 0.1 s more for each ambisonic channel above first
-/// order; arrays take 50 MB and more.  hrtf: for binaural only, null means the rigid sphere.  layout: a ChannelLayout converts.  Throws
-/// InputError.
+/// Tables of the synthesis, common to all agents: band filters, seeded flattened carriers, head filters, noise for two ears.  Immutable.
+/// Making it for half a second at 16 kHz takes about half a second of one core (bands in parallel), 0.1 s more for each ambisonic channel
+/// above first order; arrays take 50 MB and more.  hrtf: for binaural only, null means the rigid sphere.  layout: a ChannelLayout converts.
+/// Throws InputError.
 class SynthesisTables;
 std::shared_ptr<const SynthesisTables> make_synthesis_tables(const AcousticConfig& config, const BandLayout& bands,
                                                              const ListenerLayout& layout, std::shared_ptr<const Hrtf> hrtf);
 
-/// Late sound of one response, before any head: what a listener keeps who turns without moving.  Starts empty.
+/// Late sound of one response, before any head: cached for a listener that turns without moving.  Starts empty.
 class LateSound {
  public:
   void forget() { known_ = false; }
@@ -40,8 +40,8 @@ class LateSound {
  private:
   friend class RirSynthesizer;
   bool known_ = false;
-  LateNodes nodes_;
-  int num_decoded_ = 0;                         ///< slots that are decoded, from 0 on
+  LateEnvelope envelope_;
+  int num_decoded_ = 0;                         ///< bins that are decoded, from 0 on
   std::size_t sounding_ = 0;                    ///< samples that those reach
   std::array<std::vector<float>, 4> channels_;  ///< of those: N3D, world axes
 };
@@ -67,9 +67,9 @@ class RirSynthesizer {
   /// from step to step and differs between sources.  rir: resized to the length of the late field, round(num_bins * bin_s * rate).  It has
   /// that of the tables, round(rir_length_s * rate), where that is shorter or less than a bin longer, without a late field and for arrays.
   /// response.late: no bins, or the bands of the tables and any SH order; order 0 counts as diffuse.
-  /// kept: null, or of this response and key, or forgotten: saves a quarter of the time of further binaural turns, and changes no bit.
+  /// cached: null, or of this response and key, or forgotten: saves a quarter of the time of further binaural renders, and changes no bit.
   void render(const EnergyResponse& response, const ListenerOrientation& orientation, std::uint64_t carrier_key, Rir& rir,
-              LateSound* kept = nullptr);
+              LateSound* cached = nullptr);
 
  private:
   struct Scratch;

@@ -20,7 +20,7 @@ int count_samples(const AcousticConfig& config) {
   return std::max(1, static_cast<int>(std::lround(static_cast<double>(config.rir_length_s) * config.sample_rate_hz)));
 }
 
-/// Room for a different stretch of noise for each source, and loops that a power-of-two transform can make.
+/// Room for a different segment of noise for each source, and loops that a power-of-two transform can make.
 int carrier_length(int num_samples) {
   return std::min(kMaxCarrierLength, next_power_of_two(std::max(num_samples + num_samples / 4, 4096)));
 }
@@ -79,7 +79,7 @@ SynthesisTables::SynthesisTables(const AcousticConfig& config, const BandLayout&
       late_decode_samples(static_cast<double>(config.late_decode_s) * static_cast<double>(config.sample_rate_hz)) {
   for (const Microphone& microphone : layout.microphones) patterns.emplace_back(microphone.directivity, bands.centre_hz);
   if (!hrtf) return;
-  ear_noise = EarNoise(carriers, bands, *hrtf);
+  binaural_noise = BinauralNoise(carriers, bands, *hrtf);
   late_fft = choose_block_fft(num_samples, hrtf->decoder_taps());
   make_decoder();
 }

@@ -28,8 +28,8 @@ class SynthesisTables {
   int early_fft, late_fft = 4;
   BandFilters filters;
   CarrierBank carriers;
-  EarNoise ear_noise;          ///< binaural
-  double late_decode_samples;  ///< from the first late sound on
+  BinauralNoise binaural_noise;  ///< binaural
+  double late_decode_samples;    ///< from the first late sound on
   /// Binaural: decoder of the late field with the left ear as real and the right one as imaginary part.  Channels come in two pairs, the
   /// second of each as imaginary part: with Z the spectrum of a pair, Z~(k) = conj Z(-k), both ears are
   /// sum over pairs of decoder[2 pair] Z + decoder[2 pair + 1] Z~.  [late_fft] each, divided by late_fft.

@@ -36,7 +36,7 @@ class BenchCli : public testing::Test {
     const int status = std::system(command.c_str());
     return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
   }
-  /// Checks what docs/formats.md, section 5.4 promises of every file, and returns the names in it.
+  /// Checks the contents that docs/formats.md, section 5.4 documents, and returns the names in it.
   [[nodiscard]] std::set<std::string> names_in(const std::string& name, const std::string& bench) const {
     const json report = json::parse(read(name));
     EXPECT_EQ(report.at("bench"), bench);
@@ -65,7 +65,7 @@ TEST_F(BenchCli, RirWritesTheNamesThatScriptsRelyOn) {
                            "fast.rir_per_s.warm", "fast.rt60_error_pct.energy", "fast.rt60_error_pct.rir", "fast.drr_error_db",
                            "high.rir_per_s", "high.rt60_standard_error_pct", "observation_per_s"})
     EXPECT_EQ(names.count(name), 1u) << name;
-  // More RIRs share the source's cost: rates rise with n, and serving n costs no more than that many warm ones and the source.
+  // The source's cost spreads over more RIRs: rates rise with n, and serving n costs no more than that many warm ones and the source.
   const json results = json::parse(read("rir.json")).at("results");
   double last = 0;
   for (const json& result : results) {

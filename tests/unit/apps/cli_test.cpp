@@ -1,4 +1,4 @@
-// Runs the program as a user does and looks at its exit code and at what it prints.
+// Runs the program as a user does and checks its exit code and its output.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -271,7 +271,7 @@ TEST_F(Cli, WalkThroughAFieldIsReproducible) {
   const std::string traced = heard("--set field=off"), gathered = heard("--set field=on");
   EXPECT_NE(traced, gathered);
   const std::string store = "--set field=on --field-store " + file("fields");
-  EXPECT_EQ(heard(store), gathered);  // built and kept
+  EXPECT_EQ(heard(store), gathered);  // built and stored
   EXPECT_EQ(heard(store), gathered);  // read
   const std::string refined = heard("--set field=on --refine-every 3");
   EXPECT_NE(refined, gathered);  // the first blocks hear the coarse field

@@ -65,7 +65,7 @@ TEST(TemporalReuse, FirstFrameHasTheBitsOfASingleResponse) {
   TemporalReuse reuse;
   reuse.compute(scene, candidates, kListener, first);
   EXPECT_EQ(values_of(first), values_of(single));
-  EXPECT_EQ(reuse.share(), 1.0);
+  EXPECT_EQ(reuse.weight(), 1.0);
   reuse.compute(scene, candidates, kListener, first);
   EXPECT_NE(values_of(first), values_of(single));
   EXPECT_EQ(first.arrivals.size(), single.arrivals.size());  // what is not late is that of the pose
@@ -77,10 +77,10 @@ TEST(TemporalReuse, FirstFrameHasTheBitsOfASingleResponse) {
 
 // Linear blending of independent frames: after many, the variance of every value is a / (2 - a) of a single frame's (docs/estimators.md,
 // section 8).
-TEST(TemporalReuse, AtRestTheErrorFallsAsTheShareSays) {
+TEST(TemporalReuse, AtRestTheErrorFallsAsTheWeightSays) {
   const auto scene = room("shoebox:6x3x4@0.3");
   constexpr int runs = 40, frames = 100;
-  const double a = TemporalReuseConfig{}.least_share, expected = a / (2 - a);
+  const double a = TemporalReuseConfig{}.least_weight, expected = a / (2 - a);
   std::vector<double> mean;
   std::vector<std::vector<float>> blended, singles;
   for (int run = 0; run < runs; ++run) {
@@ -93,14 +93,14 @@ TEST(TemporalReuse, AtRestTheErrorFallsAsTheShareSays) {
       reuse.compute(acoustics, candidates, kListener, response);
       if (frame == 0) singles.push_back(values_of(response));
       if (frame == 30) {
-        EXPECT_NEAR(reuse.share(), a, 1e-7);
+        EXPECT_NEAR(reuse.weight(), a, 1e-7);
       }
     }
     blended.push_back(values_of(response));
     mean.resize(blended.back().size());
     for (std::size_t k = 0; k < mean.size(); ++k) mean[k] += blended.back()[k] / double{runs};
   }
-  // Truth: the mean of the blended, whose variance is 1/runs of theirs; so their own spread is short by that share.
+  // Truth: the mean of the blended, whose variance is 1/runs of theirs; so their own spread is short by that fraction.
   std::vector<double> of_blended, of_single;
   for (int run = 0; run < runs; ++run) {
     double squares_blended = 0, squares_single = 0;
@@ -160,7 +160,7 @@ TEST(TemporalReuse, AJumpASightChangeAndAnotherSceneAreColdStarts) {
   EXPECT_EQ(walk(warm, other, after), walk(cold, other, after));
   // And a small step in sight is none.
   walk(warm, scene, {{*visible, listener}, {*visible + near_step, listener}});
-  EXPECT_LT(warm.share(), 1);
+  EXPECT_LT(warm.weight(), 1);
 }
 
 // A source that walks away at 1 m/s with 0.1 s per frame, in a hard and in a soft room.  The truth is the mean of single frames of all
@@ -184,7 +184,7 @@ TEST(TemporalReuse, SteadyDriftIsBiasedLessThanTheBound) {
           single += total(response.late);
         }
       }
-      EXPECT_LT(reuse.share(), 0.8) << "nothing is reused";
+      EXPECT_LT(reuse.weight(), 0.8) << "nothing is reused";
       blended.push_back(sum);
       truth.push_back(single);
     }
@@ -201,7 +201,7 @@ TEST(TemporalReuse, SteadyDriftIsBiasedLessThanTheBound) {
 }
 
 TEST(TemporalReuse, RulesAreChecked) {
-  EXPECT_THROW(TemporalReuse({.least_share = 0.f}), InputError);
+  EXPECT_THROW(TemporalReuse({.least_weight = 0.f}), InputError);
   EXPECT_THROW(TemporalReuse({.max_bias_db = 0.f}), InputError);
   EXPECT_THROW(TemporalReuse({.drift_db_per_m = -1.f}), InputError);
   EXPECT_THROW(TemporalReuse({.max_move_m = std::nanf("")}), InputError);

@@ -136,7 +136,7 @@ TEST_F(FieldStore, AFolderThatCannotBeWrittenLeavesFieldsInMemory) {
   EXPECT_TRUE(same_image(*store.get(room_, source_), *build_source_field(room_, source_)));
   store.get(room_, source_);
   EXPECT_EQ(warnings_.size(), 1u);
-  EXPECT_EQ(store.counters().built, 2u);  // nobody held the first
+  EXPECT_EQ(store.counters().built, 2u);  // no caller held the first
 }
 
 TEST_F(FieldStore, HeldFieldsAreSharedAndOthersWithinTheBoundKept) {
@@ -148,7 +148,7 @@ TEST_F(FieldStore, HeldFieldsAreSharedAndOthersWithinTheBoundKept) {
     const auto held = store.get(room_, source_);
     EXPECT_EQ(store.get(room_, source_), held);
   }
-  store.get(room_, source_);  // nobody held it, the store did
+  store.get(room_, source_);  // no caller held it, the store did
   EXPECT_EQ(store.counters().built, 1u);
   EXPECT_EQ(store.counters().shared, 2u);
   const auto held = store.get(room_, second);

@@ -93,7 +93,7 @@ TEST(OracleO28, ThirtySixTurnsOfTenDegreesRenderTheStart) {  // docs/stability.m
   for (int i = 0; i < 36; ++i) heading_rad += 10 * kDegree;
   const Rir round = rendered(ego, response, heading_rad);
   for (std::size_t n = 0; n < start.samples.size(); ++n) ASSERT_NEAR(round.samples[n], start.samples[n], 1e-6);
-  // World axes do not know which way the listener looks.
+  // World axes do not depend on the orientation of the listener.
   RirSynthesizer world = ambisonic(2);
   EXPECT_EQ(rendered(world, response, 0.3).samples, rendered(world, response, 2.0).samples);
 }

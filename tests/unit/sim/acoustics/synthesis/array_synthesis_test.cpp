@@ -129,7 +129,7 @@ TEST(ArraySynthesis, LateFieldHasThePowerThatThePatternTakesIn) {
   const Pair diffuse = late_pair(synthesizer, decay_of(2.0, 0.02, 7), 0.7, 8);
   EXPECT_NEAR(db(diffuse.first / put_in), -4.7712, 0.3);  // docs/oracles.md, O-29
   EXPECT_NEAR(db(diffuse.second / put_in), -6.0206, 0.3);
-  // Energy from the right: cardioids that look there get most of it, those that look away little.
+  // Energy from the right: cardioids with their front there get most of it, those with their back there little.
   RirSynthesizer sides = array_of(
       {at({0, 0, 0}, "cardioid", ListenerOrientation(-90 * kDegree)), at({0, 0, 0}, "cardioid", ListenerOrientation(90 * kDegree))}, 0.5f);
   const EnergyHistogram from_right = decay_of(2.0, 0.02, 7, 0.004f, 0.5, 1, {1, 0, 0}, 0.9f);

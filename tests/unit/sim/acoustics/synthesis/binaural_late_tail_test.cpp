@@ -30,7 +30,7 @@ const std::shared_ptr<const SynthesisTables>& mixed_tables() {
   return tables;
 }
 
-/// Energy at both ears and their product over many stretches of noise.
+/// Energy at both ears and their product over many segments of noise.
 struct EarCovariance {
   double left = 0, right = 0, cross = 0;
   [[nodiscard]] double correlation() const { return cross / std::sqrt(left * right); }
@@ -53,9 +53,9 @@ EarCovariance covariance_of(const std::shared_ptr<const SynthesisTables>& tables
 }
 
 // A field of any direction, in one band at a time, gives each ear the power, and both the correlation, that it has through the decoder.
-// The stretches cover a loop of one second, in which flattened noise has its power within 0.1 dB, and products of it within 0.015 of their
-// share.  A factor of two is 3 dB.
-TEST(LateEars, PowersAndCorrelationAreThoseOfTheDecoder) {
+// The segments cover a loop of one second, in which flattened noise has its power within 0.1 dB, and products of it within 0.015 of their
+// mean.  A factor of two is 3 dB.
+TEST(BinauralLateTail, PowersAndCorrelationAreThoseOfTheDecoder) {
   struct Case {
     glm::vec3 from;
     float directivity;
@@ -79,10 +79,10 @@ TEST(LateEars, PowersAndCorrelationAreThoseOfTheDecoder) {
   }
 }
 
-// Up to the slot where decoding ends nothing differs; from there to the next slot, 4 ms, the one falls in power as the other grows, so that
+// Up to the bin where decoding ends nothing differs; from there to the next bin, 4 ms, the one falls in power as the other grows, so that
 // the level of a steady field has neither a dip nor a bump: 64 samples of two ears and 64 keys, 0.15 dB.  Fades in amplitude would leave
 // -1.8 dB, one fade alone 3 dB.
-TEST(LateEars, TakesOverWithoutAStep) {
+TEST(BinauralLateTail, TakesOverWithoutAStep) {
   constexpr float decode_s = 0.1f;
   constexpr int keys = 64, onset = 320, block = 320;
   const auto tables = tables_with(decode_s);
@@ -96,7 +96,7 @@ TEST(LateEars, TakesOverWithoutAStep) {
     const double peak = static_cast<double>(*std::ranges::max_element(decoded.samples));
     for (int ear = 0; ear < 2; ++ear)
       for (int n = 0; n < 8000; ++n) {
-        // The slot of 4 ms before 0.12 s, less the 2 ms by which the decoder rings ahead.
+        // The bin of 4 ms before 0.12 s, less the 2 ms by which the decoder rings ahead.
         if (n < onset + 1600 - 64 - 32)
           worst = std::max(worst, std::abs(static_cast<double>(rir.channel(ear)[n] - decoded.channel(ear)[n])) / peak);
         const double power = static_cast<double>(rir.channel(ear)[n]) * static_cast<double>(rir.channel(ear)[n]);
@@ -113,7 +113,7 @@ TEST(LateEars, TakesOverWithoutAStep) {
 }
 
 // Without a direct sound the late sound itself says where it begins: the same waveform for so long, however far the source.
-TEST(LateEars, DecodingCountsFromTheFirstSound) {
+TEST(BinauralLateTail, DecodingCountsFromTheFirstSound) {
   const auto tables = tables_with(0.1f);
   RirSynthesizer synthesizer(tables), decoding(decoded_tables());
   EnergyResponse response = response_with();
@@ -122,23 +122,23 @@ TEST(LateEars, DecodingCountsFromTheFirstSound) {
   std::fill_n(response.late.values().begin(), first_bin * 7 * 4, 0.f);
   const Rir rir = rendered(synthesizer, response, 0.3, 3), decoded = rendered(decoding, response, 0.3, 3);
   const double peak = static_cast<double>(*std::ranges::max_element(decoded.samples));
-  // Its slot of 256 samples begins at 3072.  The fade may begin up to a slot before 0.1 s are over, less the 2 ms of the decoder.
+  // Its bin of 256 samples begins at 3072.  The fade may begin up to a bin before 0.1 s are over, less the 2 ms of the decoder.
   for (int n = 0; n < 3072 + 1600 - 256 - 32; ++n) ASSERT_NEAR(rir.channel(0)[n], decoded.channel(0)[n], 1e-5 * peak) << n;
   double apart = 0;
   for (int n = 5200; n < 8000; ++n) apart = std::max(apart, std::abs(static_cast<double>(rir.channel(0)[n] - decoded.channel(0)[n])));
   EXPECT_GT(apart, 1e-2 * peak);
 }
 
-// Slots of very different energy, and silent ones between: none of it is lost but what lines in amplitude take from lines in power.
-// A slot alone keeps all.
-TEST(LateEars, UnevenSlotsKeepTheirEnergy) {
+// Bins of very different energy, and silent ones between: none of it is lost but what lines in amplitude take from lines in power.
+// A bin alone keeps all.
+TEST(BinauralLateTail, UnevenBinsKeepTheirEnergy) {
   RirSynthesizer synthesizer(mixed_tables()), decoding(decoded_tables());
   EnergyResponse response = response_with();
   for (const bool alone : {true, false}) {
     response.late = EnergyHistogram(125, 7, 1, 0.004f);
     for (int bin = 44; bin < 120; ++bin) {
-      const int slot = bin / 4;
-      const float energy = alone ? (slot % 5 == 1 ? 1.f : 0.f) : (slot % 2 == 0 ? 1.f : 0.5f);
+      const int merged = bin / 4;
+      const float energy = alone ? (merged % 5 == 1 ? 1.f : 0.f) : (merged % 2 == 0 ? 1.f : 0.5f);
       for (int band = 0; band < 7; ++band) response.late.values()[static_cast<std::size_t>((bin * 7 + band) * 4)] = energy;
     }
     double mixed = 0, decoded = 0;

@@ -56,16 +56,16 @@ TEST(BinauralSynthesis, TurningTheHeadTurnsTheWorld) {
   }
 }
 
-struct LateEars {
+struct LateTail {
   double left = 0, right = 0, coherence_500 = 0, coherence_1000 = 0, coherence_250 = 0;
 };
 
 /// Levels and coherence of the late field over many keys.
-LateEars late_ears(const EnergyHistogram& late, double heading_rad) {
+LateTail late_tail(const EnergyHistogram& late, double heading_rad) {
   RirSynthesizer synthesizer(binaural_tables());
   EnergyResponse response = response_with();
   response.late = late;
-  LateEars result;
+  LateTail result;
   std::array<std::complex<double>, 3> cross{};
   std::array<double, 3> left{}, right{};
   const double centre_hz[3] = {250, 500, 1000};
@@ -92,7 +92,7 @@ LateEars late_ears(const EnergyHistogram& late, double heading_rad) {
 
 // docs/estimators.md, section 6: pressure noise times spherical harmonics gives 1.0 here.
 TEST(BinauralSynthesis, DiffuseTailHasTheCoherenceOfAHead) {
-  const LateEars ears = late_ears(decay_of(2.0, 0.02, 7), 0.7);
+  const LateTail ears = late_tail(decay_of(2.0, 0.02, 7), 0.7);
   EXPECT_NEAR(ears.coherence_250, 0.7636, 0.1);
   EXPECT_NEAR(ears.coherence_500, 0.2037, 0.1);
   EXPECT_NEAR(ears.coherence_1000, -0.1251, 0.1);
@@ -108,20 +108,20 @@ TEST(BinauralSynthesis, DiffuseTailHasTheLevelOfAHead) {
   const auto bins = static_cast<std::size_t>(head->fft_size() / 2 + 1);
   for (std::size_t k = 0; k < bins; ++k)
     for (int c = 0; c < 4; ++c) expected += std::norm(head->diffuse_decoder(c, 0)[k]) / static_cast<double>(bins);
-  const LateEars ears = late_ears(decay_of(2.0, 0.02, 7), 0.0);
+  const LateTail ears = late_tail(decay_of(2.0, 0.02, 7), 0.0);
   EXPECT_NEAR(db(ears.left / (put_in * expected)), 0.0, 0.2);
   EXPECT_NEAR(db(ears.right / (put_in * expected)), 0.0, 0.2);
 }
 
 TEST(BinauralSynthesis, DirectionalTailIsLouderOnItsSideAndTurnsWithTheHead) {
   const EnergyHistogram from_right = decay_of(2.0, 0.02, 7, 0.004f, 0.5, 1, {1, 0, 0}, 0.9f);
-  const LateEars facing = late_ears(from_right, 0.0), turned_right = late_ears(from_right, -90 * kDegree),
-                 turned_back = late_ears(from_right, 180 * kDegree);
+  const LateTail facing = late_tail(from_right, 0.0), turned_right = late_tail(from_right, -90 * kDegree),
+                 turned_back = late_tail(from_right, 180 * kDegree);
   EXPECT_GT(db(facing.right / facing.left), 4.0);
   EXPECT_NEAR(db(turned_right.right / turned_right.left), 0.0, 0.5);  // now in front
   EXPECT_NEAR(db(turned_back.left / turned_back.right), db(facing.right / facing.left), 0.5);
   // A plane wave from the front is coherent at the ears.
-  EXPECT_GT(late_ears(decay_of(2.0, 0.02, 7, 0.004f, 0.5, 1, {0, 0, -1}, 1.f), 0.0).coherence_500, 0.98);
+  EXPECT_GT(late_tail(decay_of(2.0, 0.02, 7, 0.004f, 0.5, 1, {0, 0, -1}, 1.f), 0.0).coherence_500, 0.98);
 }
 
 // Ears mix four carriers.  For these short decays plain noise gives 15 % rms; flattening is bounded by the few degrees of freedom at 125

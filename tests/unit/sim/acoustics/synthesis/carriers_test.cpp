@@ -26,15 +26,15 @@ TEST(CarrierKey, IsTheHashOfSceneAndPlaceOrTheSceneAndANumber) {
   EXPECT_EQ(carrier_key(identity.scene, 3), identity.scene + 3);
 }
 
-TEST(BandFilters, SharesAddUpToOneO31) {
+TEST(BandFilters, WeightsAddUpToOneO31) {
   for (const float rate : {8000.f, 16000.f, 48000.f}) {
     for (const int count : {1, 2, 3, 5, 8, 12, 31}) {
       const BandFilters filters(BandLayout::log_spaced(count, rate), rate, 1024);
       for (std::size_t k = 0; k < filters.num_bins(); ++k) {
         double sum = 0;
         for (int band = 0; band < filters.num_bands(); ++band) {
-          EXPECT_GE(filters.share(band, k), 0.f);
-          sum += static_cast<double>(filters.share(band, k));
+          EXPECT_GE(filters.weight(band, k), 0.f);
+          sum += static_cast<double>(filters.weight(band, k));
         }
         ASSERT_NEAR(sum, 1.0, 1e-7) << count << " bin " << k;
       }
@@ -47,13 +47,13 @@ TEST(BandFilters, PassTheirCentreAndHalveAtTheEdge) {
   const BandFilters filters(bands, 16000.f, 1 << 16);
   const auto bin = [](double frequency_hz) { return static_cast<std::size_t>(std::lround(frequency_hz / 16000.0 * 65536.0)); };
   for (int band = 0; band < bands.size(); ++band) {
-    EXPECT_EQ(filters.share(band, bin(static_cast<double>(bands.centre_hz[band]))), 1.f);
+    EXPECT_EQ(filters.weight(band, bin(static_cast<double>(bands.centre_hz[band]))), 1.f);
     if (band > 0) {
-      EXPECT_NEAR(filters.share(band, bin(static_cast<double>(bands.edge_hz[band]))), 0.5, 5e-3);
+      EXPECT_NEAR(filters.weight(band, bin(static_cast<double>(bands.edge_hz[band]))), 0.5, 5e-3);
     }  // bins of 0.24 Hz
   }
-  EXPECT_EQ(filters.share(0, 0), 1.f);
-  EXPECT_EQ(filters.share(6, filters.num_bins() - 1), 1.f);
+  EXPECT_EQ(filters.weight(0, 0), 1.f);
+  EXPECT_EQ(filters.weight(6, filters.num_bins() - 1), 1.f);
 }
 
 TEST(BandFilters, EqualGainsPassExactly) {

@@ -10,9 +10,9 @@
 namespace earshot {
 namespace {
 
-// Any energy that a float can hold, down to the smallest, with any direction of it: nodes stay finite, and a node's direction is that of
-// its energy wherever the energy has a finite reciprocal.
-TEST(LateNodes, TheSmallestEnergiesStayFinite) {
+// Any energy that a float can hold, down to the smallest, with any direction of it: envelopes stay finite, and a sample's direction is that
+// of its energy wherever the energy has a finite reciprocal.
+TEST(LateEnvelope, TheSmallestEnergiesStayFinite) {
   constexpr int bins = 100;  // single ones, and fours
   const float root3 = std::sqrt(3.f);
   EnergyHistogram energy(bins, 1, 1, 0.004f);
@@ -24,23 +24,23 @@ TEST(LateNodes, TheSmallestEnergiesStayFinite) {
       for (int k = 1; k < 4; ++k) c[k] = bin % 2 == 0 ? value : bin % 4 == k ? -root3 * value : 0.f;
     }
     for (const double onset : {0.0, 100.0}) {
-      LateNodes nodes;
-      nodes.make(energy, 16000.f, onset, 6400);
-      for (const LateNode& node : nodes.band(0)) {
-        ASSERT_TRUE(std::isfinite(node.density) && std::isfinite(node.d)) << value;
-        for (const float m : node.m) ASSERT_TRUE(std::isfinite(m)) << value;
+      LateEnvelope envelope;
+      envelope.make(energy, 16000.f, onset, 6400);
+      for (const LateEnvelopeSample& sample : envelope.band(0)) {
+        ASSERT_TRUE(std::isfinite(sample.density) && std::isfinite(sample.d)) << value;
+        for (const float m : sample.m) ASSERT_TRUE(std::isfinite(m)) << value;
       }
       if (value < std::numeric_limits<float>::min()) continue;
-      for (const float m : nodes.band(0)[20].m) EXPECT_NEAR(m, 1.f, 1e-5f) << value;  // bin 20: all of it from one side, along (1, 1, 1)
-      EXPECT_NEAR(nodes.band(0)[20].d, 0.f, 1e-3f) << value;
+      for (const float m : envelope.band(0)[20].m) EXPECT_NEAR(m, 1.f, 1e-5f) << value;  // bin 20: all of it from one side, along (1, 1, 1)
+      EXPECT_NEAR(envelope.band(0)[20].d, 0.f, 1e-3f) << value;
     }
   }
 }
 
-// A decay of 60 dB in 0.5 s through its bins, single ones and fours, to densities: the mean over a slot and the chord between two lie
+// A decay of 60 dB in 0.5 s through its bins, single ones and fours, to densities: the mean over a bin and the chord between two lie
 // above an exponential by x^2 / 24 and x^2 / 8, together 3.3 % for the x = 0.44 nepers of 16 ms.  Single bins are counted from
 // the onset.
-TEST(LateNodes, TheEnvelopeFollowsTheDecay) {
+TEST(LateEnvelope, TheEnvelopeFollowsTheDecay) {
   constexpr int bins = 250;
   constexpr float bin_s = 0.004f, rate_hz = 16000.f;
   constexpr std::size_t samples = 16000;
@@ -51,18 +51,18 @@ TEST(LateNodes, TheEnvelopeFollowsTheDecay) {
     for (int i = first; i < bins; ++i)
       energy.values()[static_cast<std::size_t>(4 * i)] =
           static_cast<float>((std::exp(-per_s * i * bin) - std::exp(-per_s * (i + 1) * bin)) / per_s);
-    LateNodes nodes;
-    nodes.make(energy, rate_hz, onset_sample, samples);
+    LateEnvelope envelope;
+    envelope.make(energy, rate_hz, onset_sample, samples);
     std::size_t next = static_cast<std::size_t>(onset_sample);
     double sum = 0;
-    nodes.visit(0, 7000, [&](const LateStretch& stretch) {
-      EXPECT_EQ(stretch.begin, next);
-      next += static_cast<std::size_t>(stretch.count);
-      const auto row = nodes.band(0);
+    envelope.visit(0, 7000, [&](const LateSegment& segment) {
+      EXPECT_EQ(segment.begin, next);
+      next += static_cast<std::size_t>(segment.count);
+      const auto row = envelope.band(0);
       const Ramp ramp =
-          ramp_over(stretch, row[static_cast<std::size_t>(stretch.left)].density, row[static_cast<std::size_t>(stretch.right)].density);
-      for (int i = 0; i < stretch.count; ++i) {
-        const double time_s = static_cast<double>(stretch.begin + static_cast<std::size_t>(i)) / 16000;
+          ramp_over(segment, row[static_cast<std::size_t>(segment.left)].density, row[static_cast<std::size_t>(segment.right)].density);
+      for (int i = 0; i < segment.count; ++i) {
+        const double time_s = static_cast<double>(segment.begin + static_cast<std::size_t>(i)) / 16000;
         const double density = static_cast<double>(ramp.at(i)) * 16000;
         sum += density / 16000;
         // Not where the onset cuts, nor 70 dB down, where bands end.
@@ -76,26 +76,26 @@ TEST(LateNodes, TheEnvelopeFollowsTheDecay) {
 }
 
 // Tables may be shorter than the histogram: what is left is the beginning of the whole.
-TEST(LateNodes, AShorterResponseIsTheBeginning) {
+TEST(LateEnvelope, AShorterResponseIsTheBeginning) {
   constexpr int bins = 250;
   EnergyHistogram energy(bins, 1, 1, 0.004f);
   for (int i = 0; i < bins; ++i) energy.values()[static_cast<std::size_t>(4 * i)] = 1.f + 0.5f * static_cast<float>(i % 7);
-  const auto envelope = [&](std::size_t samples) {
-    LateNodes nodes;
-    nodes.make(energy, 16000.f, 0.0, samples);
+  const auto density_of = [&](std::size_t samples) {
+    LateEnvelope envelope;
+    envelope.make(energy, 16000.f, 0.0, samples);
     std::vector<float> density;
-    nodes.visit(0, 16000, [&](const LateStretch& stretch) {
-      const auto row = nodes.band(0);
+    envelope.visit(0, 16000, [&](const LateSegment& segment) {
+      const auto row = envelope.band(0);
       const Ramp ramp =
-          ramp_over(stretch, row[static_cast<std::size_t>(stretch.left)].density, row[static_cast<std::size_t>(stretch.right)].density);
-      for (int i = 0; i < stretch.count; ++i) density.push_back(ramp.at(i));
+          ramp_over(segment, row[static_cast<std::size_t>(segment.left)].density, row[static_cast<std::size_t>(segment.right)].density);
+      for (int i = 0; i < segment.count; ++i) density.push_back(ramp.at(i));
     });
     return density;
   };
-  const std::vector<float> whole = envelope(16000);
+  const std::vector<float> whole = density_of(16000);
   ASSERT_EQ(whole.size(), 16000u);
   for (std::size_t samples = 1000; samples < 8000; samples += 37) {
-    const std::vector<float> part = envelope(samples);
+    const std::vector<float> part = density_of(samples);
     ASSERT_EQ(part.size(), samples);
     ASSERT_TRUE(std::equal(part.begin(), part.end(), whole.begin())) << samples;
   }

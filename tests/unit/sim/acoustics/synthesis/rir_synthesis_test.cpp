@@ -124,7 +124,7 @@ TEST(RirSynthesis, LateEnergyIsWhatWasPutIn) {  // docs/conventions.md, section 
 }
 
 // docs/estimators.md, section 6 (c).  One source alone scatters by 0.34 dB at 125 Hz, where an octave of this decay has few degrees of
-// freedom, and by 0.2 dB and less above; the mean over 32 must be four times flatter than the oracle asks.
+// freedom, and by 0.2 dB and less above; the mean over 32 must be four times flatter than the oracle requires.
 TEST(RirSynthesis, LateSpectrumIsFlat) {
   RirSynthesizer synthesizer = usual_mono();
   EnergyResponse response = response_with();
@@ -253,14 +253,14 @@ TEST(RirSynthesis, SourcesHaveDifferentNoise) {
 TEST(RirSynthesis, KeptLateSoundChangesNoBit) {
   RirSynthesizer keeping(binaural_tables()), plain(binaural_tables());
   EnergyResponse response = response_with({arrival_at(3.0, 0.1, {0.6f, 0, -0.8f})});
-  LateSound kept;
+  LateSound cached;
   Rir with, without;
   for (const double level : {1e-2, 3e-3}) {
     response.late = decay_of(0.4, level, BandLayout::octaves(16000.f).size(), 0.004f, 0.5, 1, {0, 0, -1}, 0.5f);
-    kept.forget();
+    cached.forget();
     for (const ListenerOrientation& orientation :
          {ListenerOrientation(0.0), ListenerOrientation(1.3), ListenerOrientation(0.4, 0.3, -0.2), ListenerOrientation(-2.0)}) {
-      keeping.render(response, orientation, 5, with, &kept);
+      keeping.render(response, orientation, 5, with, &cached);
       plain.render(response, orientation, 5, without);
       ASSERT_EQ(with.samples, without.samples);
     }
