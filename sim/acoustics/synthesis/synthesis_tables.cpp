@@ -117,6 +117,7 @@ std::shared_ptr<const SynthesisTables> make_synthesis_tables(const AcousticConfi
   require(config.sample_rate_hz >= 8000.f && config.sample_rate_hz <= 96000.f, "sample_rate_hz", config.sample_rate_hz,
           "must be in [8000, 96000]");
   require(config.rir_length_s > 0 && config.rir_length_s <= 60, "rir_length_s", config.rir_length_s, "must be in (0, 60]");
+  require(config.late_decode_s >= 0 && config.late_decode_s <= 60, "late_decode_s", config.late_decode_s, "must be in [0, 60] s");
   validate(layout);
   if (layout.kind != ListenerKind::binaural) return std::make_shared<const SynthesisTables>(config, bands, layout, nullptr);
   if (!hrtf) hrtf = Hrtf::rigid_sphere(config.sample_rate_hz);

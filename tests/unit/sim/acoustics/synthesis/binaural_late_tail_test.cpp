@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <memory>
 
 #include "sim/acoustics/synthesis/rir_synthesis.h"
@@ -149,6 +150,11 @@ TEST(BinauralLateTail, UnevenBinsKeepTheirEnergy) {
     // (1 - sqrt 1/2)^2 / 6 of a mean of 3/4: 0.08 dB.
     EXPECT_NEAR(db(mixed / decoded), alone ? 0.0 : -0.08, 0.1) << alone;
   }
+}
+
+TEST(BinauralLateTail, TimesOutsideTheirRangeAreRefused) {
+  for (const float late_decode_s : {-0.01f, 60.1f, std::numeric_limits<float>::quiet_NaN()})
+    EXPECT_THROW(tables_with(late_decode_s), InputError) << late_decode_s;
 }
 
 }  // namespace
