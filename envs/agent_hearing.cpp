@@ -61,7 +61,7 @@ void AgentHearing::begin(const EnvSource& source, const SoundClip& clip, std::ui
 void AgentHearing::trace(const EnvSource& source, const Pose& pose, float ear_height_m) {
   if (silent_) return;
   if (has_response_ && same_bits(pose.position, traced_position_)) {
-    ++kept_responses_;
+    ++cached_responses_;
     return;
   }
   compute_energy_response(source.scene->acoustics, source.candidates, source.sound_field.get(),

@@ -55,7 +55,7 @@ class AgentHearing {
   /// Of all poses traced since construction.
   [[nodiscard]] const EffectCounters& effects() const { return effects_; }
   /// Calls of trace() that had nothing to do, since construction.
-  [[nodiscard]] std::uint64_t kept_responses() const { return kept_responses_; }
+  [[nodiscard]] std::uint64_t cached_responses() const { return cached_responses_; }
 
  private:
   const SoundClip* clip_ = nullptr;
@@ -64,7 +64,7 @@ class AgentHearing {
   StreamPosition position_;
   EnergyResponse response_;
   EffectCounters effects_;
-  std::uint64_t kept_responses_ = 0;
+  std::uint64_t cached_responses_ = 0;
   LateSound late_;  ///< of response_
   Rir rir_;
   RirSpectra spectra_, previous_;  ///< of rir_ and of the one before

@@ -186,9 +186,9 @@ EffectCounters BatchedEnv::effect_counters() const {
   for (const Agent& agent : impl_->agents) sum.add(agent.hearing.effects());
   return sum;
 }
-std::uint64_t BatchedEnv::kept_responses() const {
+std::uint64_t BatchedEnv::cached_responses() const {
   std::uint64_t sum = 0;
-  for (const Agent& agent : impl_->agents) sum += agent.hearing.kept_responses();
+  for (const Agent& agent : impl_->agents) sum += agent.hearing.cached_responses();
   return sum;
 }
 QuarantineCounters BatchedEnv::quarantine_counters() const { return impl_->quarantine.counters(); }

@@ -118,8 +118,8 @@ class BatchedEnv {
   [[nodiscard]] const StageSeconds& stage_seconds() const;
   /// What was heard without which effect, summed over agents since construction.  Fields built and loaded: SceneCache::field_counters().
   [[nodiscard]] EffectCounters effect_counters() const;
-  /// Steps of agents who stood where they were (turned, collided): their response was kept.
-  [[nodiscard]] std::uint64_t kept_responses() const;
+  /// Steps of agents who stood where they were (turned, collided): their cached response was used.
+  [[nodiscard]] std::uint64_t cached_responses() const;
   /// Episodes taken out of the run, by reason, and what became of their files.
   [[nodiscard]] QuarantineCounters quarantine_counters() const;
   /// Of them: those where something was not finite.

@@ -26,7 +26,7 @@ RunCounters RunCounters::of(const BatchedEnv& env, const SceneCache& scenes, con
   set(without_early, effects.early_skipped);
   set(without_late, effects.late_skipped);
   set(from_field, effects.field_gathers);
-  set(kept, env.kept_responses());
+  set(cached, env.cached_responses());
   set(fields_built, fields.built);
   set(fields_loaded, fields.loaded);
   set(fields_shared, fields.shared);
@@ -54,7 +54,7 @@ void append_curve_values(std::vector<std::pair<std::string, double>>& values, co
                                                             {"hearing/without_late", Field::without_late},
                                                             {"hearing/from_field", Field::from_field}})
     values.emplace_back(name, share(recent(field), recent(Field::poses)));
-  values.emplace_back("hearing/kept", share(recent(Field::kept), recent(Field::kept) + recent(Field::poses)));
+  values.emplace_back("hearing/cached", share(recent(Field::cached), recent(Field::cached) + recent(Field::poses)));
   for (const auto& [name, field] : std::initializer_list<std::pair<const char*, Field>>{{"fields/built", Field::fields_built},
                                                                                         {"fields/loaded", Field::fields_loaded},
                                                                                         {"fields/shared", Field::fields_shared},
@@ -88,9 +88,9 @@ std::string summary(const RunCounters& c, const GuardCounts& guards) {
   const auto percent = [&](RunCounters::Field field) { return 100 * share(c[field], all); };
   std::string text = fmt::format(
       "heard:  {:.0f} poses, {:.0f} % in sight; without transmission {:.0f} %, diffraction {:.0f} %, early {:.0f} %, late {:.0f} %; "
-      "late from a field {:.0f} %; {:.0f} responses kept\n",
+      "late from a field {:.0f} %; {:.0f} responses cached\n",
       all, percent(RunCounters::in_sight), percent(RunCounters::without_transmission), percent(RunCounters::without_diffraction),
-      percent(RunCounters::without_early), percent(RunCounters::without_late), percent(RunCounters::from_field), c[RunCounters::kept]);
+      percent(RunCounters::without_early), percent(RunCounters::without_late), percent(RunCounters::from_field), c[RunCounters::cached]);
   text += fmt::format("fields: {:.0f} built, {:.0f} loaded, {:.0f} shared, {:.1f} MB, {:.1f} s\n", c[RunCounters::fields_built],
                       c[RunCounters::fields_loaded], c[RunCounters::fields_shared], c[RunCounters::field_bytes] / 1e6,
                       c[RunCounters::field_seconds]);

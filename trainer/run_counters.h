@@ -23,7 +23,7 @@ struct RunCounters {
     without_early,
     without_late,
     from_field,  ///< of these, with late sound gathered from a source field
-    kept,        ///< steps of agents who stayed where they were: the response was kept
+    cached,      ///< steps of agents who stayed where they were: the cached response was used
     fields_built,
     fields_loaded,  ///< from env.field_store
     fields_shared,  ///< asked for while they were in memory

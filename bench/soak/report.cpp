@@ -175,7 +175,7 @@ BenchJson soak_json(const SoakResult& result) {
           {"stage_ms", std::move(stages)},
           {"kinds", std::move(kinds)},
           {"largest_reward", result.largest_reward},
-          {"kept_responses", result.kept_responses},
+          {"cached_responses", result.cached_responses},
           {"memory_columns",
            {"steps", "seconds", "resident_mib", "heap_in_use_mib", "heap_free_mib", "cache_mib", "scenes_held", "scenes_loaded",
             "sources_built", "episodes"}},

@@ -209,7 +209,7 @@ class Soak {
     result_.largest_reward = watch_->largest_reward();
     result_.nonfinite_events = env_->nonfinite_events();
     result_.quarantined = env_->quarantine_counters();
-    result_.kept_responses = env_->kept_responses();
+    result_.cached_responses = env_->cached_responses();
     fit_memory();
   }
 

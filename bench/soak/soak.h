@@ -57,7 +57,7 @@ struct SoakResult {
   std::array<SoakWatch::KindTotals, kNumSoakKinds> kinds{};
   LogHistogram loudness;
   double largest_reward = 0;
-  std::uint64_t nonfinite_events = 0, kept_responses = 0;
+  std::uint64_t nonfinite_events = 0, cached_responses = 0;
   QuarantineCounters quarantined;
 
   std::array<LogHistogram, kSoakStages.size()> stage_ms;

@@ -168,7 +168,7 @@ TEST(H64_StuckInACorner, HearsOnWithoutNewResponses) {
   env.reset();
   for (int step = 0; step < 20; ++step) env.step(std::vector<std::int32_t>{1});
   const Pose stuck = env.pose(0);
-  const std::uint64_t kept = env.kept_responses();
+  const std::uint64_t cached = env.cached_responses();
   std::vector<float> heard(env.heard().begin(), env.heard().end());
   const std::vector<float> picture(env.depth().begin(), env.depth().end());
   for (int step = 0; step < 500; ++step) {
@@ -186,7 +186,7 @@ TEST(H64_StuckInACorner, HearsOnWithoutNewResponses) {
     }
     heard.assign(env.heard().begin(), env.heard().end());
   }
-  EXPECT_EQ(env.kept_responses() - kept, 500u);
+  EXPECT_EQ(env.cached_responses() - cached, 500u);
   EXPECT_TRUE(std::ranges::equal(env.depth(), picture));
   float loudest = 0;
   for (const float value : env.audiogoal()) loudest = std::max(loudest, std::abs(value));

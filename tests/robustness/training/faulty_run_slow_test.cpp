@@ -121,7 +121,7 @@ TEST_F(FaultyRun, GoesOnToItsEnd) {
   EXPECT_EQ(last_value("guards/quarantined"), kWorkers);
   EXPECT_EQ(last_value("guards/skipped_steps"), kWorkers);
   EXPECT_EQ(last_value("guards/mended_rows"), 0);
-  EXPECT_GE(last_value("hearing/kept"), 0);
+  EXPECT_GE(last_value("hearing/cached"), 0);
   // Each quarantined episode left its file.
   EXPECT_EQ(std::distance(std::filesystem::directory_iterator(out() / "quarantine"), {}), kWorkers);
 
