@@ -45,7 +45,7 @@ Switch decide_field(Switch user_set, bool any_moving, std::size_t num_blocks) {
   return user_set == Switch::automatic && (any_moving || num_blocks < many) ? Switch::off : user_set;
 }
 
-/// The reference (preset `high`) stays without reuse unless the user sets it: there every pose stands for itself.
+/// The reference (preset `high`) stays without reuse unless the user sets it: there a response depends on its pose alone.
 LateSound choose_late_sound(const AcousticScene& acoustics, bool moving, int refine_every) {
   const AcousticConfig& config = acoustics.config();
   if (!moving && uses_source_field(acoustics)) return refine_every > 0 ? LateSound::refined : LateSound::gathered;
@@ -109,7 +109,7 @@ class WalkSource {
       if (snapshot != field_) responds_to_.reset();
       field_ = std::move(snapshot);
     }
-    if (!moving_ && responds_to_ == listener) return;  // turned in place, or stands
+    if (!moving_ && responds_to_ == listener) return;  // turned in place, or at rest
     compute_energy_response(acoustics, *candidates_, field_.get(), listener, response_);
     responds_to_ = listener;
   }

@@ -78,7 +78,7 @@ std::string machine() { return machine_json()["cpu"].get<std::string>(); }
 std::string pareto_figure(const AccuracyStudy& study) {
   PlotPanel rt60 = front_panel(study, "Reverberation time", ErrorKind::t20, "mean |T20 error|, %", {5, "just heard: 5 %"});
   add_truth_level(rt60, study);
-  // Its reference mode has no error by definition, which a logarithmic axis cannot show: it stands at the foot, and says so.
+  // Its reference mode has no error by definition, which a logarithmic axis cannot show: it is drawn at the foot with a label.
   double lowest = 5;
   for (const PlotSeries& series : rt60.series)
     for (const PlotPoint& point : series.points)

@@ -89,7 +89,7 @@ class SceneStudy {
     measure_times(acoustics, candidates, field.get(), tables, result);
     if (mode.sweep == "preset" && mode.value != "high") {
       AcousticConfig config = acoustics.config();
-      if (result.field) config.field = Switch::on;  // left alone, environments trace: here all agents share the source
+      if (result.field) config.field = Switch::on;  // left alone, environments trace: here all agents have one source
       result.steps_per_s_one = env_steps_per_s(config, 1);
       result.steps_per_s_two = env_steps_per_s(config, kTwoThreads);
     }

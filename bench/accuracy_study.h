@@ -26,7 +26,7 @@ struct ModeResult {
   [[nodiscard]] double shared_ms(int n) const { return per_rir_ms + per_source_ms / n; }
 };
 
-/// The scene in the open.  It has no reverberation time worth the name: means over scenes leave it out, its own rows stand.
+/// The scene in the open.  It has no reverberation time: means over scenes leave it out, its own rows remain.
 inline constexpr const char* kOpenScene = "open";
 
 /// A scene's truth in a few words.

@@ -209,7 +209,7 @@ class RirBench {
     }
     check_truth(high, candidates, truth);
     const int samples = static_cast<int>(std::lround(config.rir_length_s * config.sample_rate_hz));
-    // The same carriers and head for both: what a user compares who renders a place in two modes.  The truth is decoded to its end.
+    // The same carriers and head for both, as for a pose rendered in two modes.  The truth is decoded to its end.
     AcousticConfig decoded = fast_.config();
     decoded.late_decode_s = high.config().late_decode_s;
     ResponseListener truth_listener(binaural_tables(AcousticScene(scene_.scene, decoded)), config.sample_rate_hz, samples);

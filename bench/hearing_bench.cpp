@@ -64,7 +64,7 @@ void BM_Source(benchmark::State& state, const char* scene_id) {
   for (auto _ : state) benchmark::DoNotOptimize(EarlyCandidates(walk.acoustics, walk.poses[i++ * 37 % walk.poses.size()]));
 }
 
-/// move: every pose is new; otherwise the listener turns where it stands.  The late field is that of the first pose, traced once.
+/// move: every pose is new; otherwise the listener turns in place.  The late field is that of the first pose, traced once.
 void BM_Hear(benchmark::State& state, const char* scene_id, bool move) {
   const Walk walk(scene_id, 0.6f);
   const auto tables = make_synthesis_tables(walk.config, walk.acoustics.bands(), ChannelLayout::binaural, nullptr);

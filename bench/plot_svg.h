@@ -14,7 +14,7 @@ struct PlotPoint {
 enum class PlotMarker { circle, diamond, star };
 
 struct PlotSeries {
-  std::string name;  ///< in the legend; the same name in several panels shares one entry and should share one colour
+  std::string name;  ///< in the legend; one entry for the same name in several panels, which should have one colour
   std::string colour;
   PlotMarker marker = PlotMarker::circle;
   bool line = true;

@@ -164,7 +164,7 @@ SoakEpisodes make_soak_episodes(const std::vector<SoakScene>& scenes, int per_sc
       result.episodes.push_back({.scene = static_cast<std::uint32_t>(i)});
     }
   }
-  if (result.set.episodes.empty()) throw InputError("--scenes", "no scene has room for an episode", "ask for more scenes");
+  if (result.set.episodes.empty()) throw InputError("--scenes", "no scene is large enough for an episode", "set more scenes");
   result.set.hash = episode_set_hash(result.set.episodes);
 
   const float rate_hz = config.acoustics.sample_rate_hz;

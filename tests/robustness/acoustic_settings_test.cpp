@@ -46,7 +46,7 @@ TEST(H29_AnyNumberOfBands, RendersTheSameEnergyAtEveryRate) {
       RirSynthesizer synthesizer = synthesis_cases::mono_at(rate_hz, 0.12f, bands);
       const Rir rir = synthesis_cases::rendered(synthesizer, response);
       for (const float sample : rir.samples) ASSERT_TRUE(std::isfinite(sample)) << rate_hz << " " << bands;
-      // A tenth of a second of noise at 8 kHz scatters by 0.25 dB; bands share one noise, so their number adds nothing.
+      // A tenth of a second of noise at 8 kHz scatters by 0.25 dB; all bands have one noise, so their number adds nothing.
       EXPECT_NEAR(db(synthesis_cases::energy_of(rir.samples) / (0.01 + 0.01 * (1 - std::pow(10, -7.2)))), 0.0, 0.5)
           << rate_hz << " " << bands;
     }

@@ -134,7 +134,7 @@ Field SourceFieldStore::get(const AcousticScene& scene, const EarlyCandidates& c
   } catch (...) {
     {
       const std::scoped_lock lock(in.mutex);
-      in.entries.erase(key);  // the next one to ask tries again
+      in.entries.erase(key);  // the next request builds it again
     }
     promise.set_exception(std::current_exception());
     throw;

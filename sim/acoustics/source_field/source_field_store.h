@@ -26,8 +26,8 @@ struct FieldCounters {
   double build_seconds = 0, load_seconds = 0;  ///< wall time, summed over threads
 };
 
-/// Source fields that are made once: kept in memory, and in a folder that all agents, episodes, runs and worker processes share.  A field
-/// is always refined to the target of its config, so its bits do not depend on where it comes from.  Thread-safe; threads that ask for the
+/// Source fields that are made once: cached in memory, and in a folder common to all agents, episodes, runs and worker processes.  A field
+/// is always refined to the target of its config, so its bits do not depend on where it comes from.  Thread-safe; threads that request the
 /// same field wait for one.  Two processes may both build one: either result is valid.
 class SourceFieldStore {
  public:
@@ -35,11 +35,11 @@ class SourceFieldStore {
   ~SourceFieldStore();
 
   /// The field of this source.  Built with the threads of scene.config() unless it is in memory or in the folder; a field in the folder is
-  /// read through pages that all processes share.  progress: of building.  Throws what building throws; never for what is on the disk.
+  /// read through pages common to all processes.  progress: of building.  Throws what building throws; never for what is on the disk.
   std::shared_ptr<const SourceField> get(const AcousticScene& scene, const EarlyCandidates& candidates,
                                          const std::function<void(double fraction)>& progress = {});
   [[nodiscard]] FieldCounters counters() const;
-  [[nodiscard]] std::size_t kept_bytes() const;  ///< held by the store itself, at most max_memory_bytes
+  [[nodiscard]] std::size_t cached_bytes() const;  ///< held by the store itself, at most max_memory_bytes
 
  private:
   struct Impl;

@@ -13,7 +13,7 @@ struct EarBand {
   const float *part0, *part1;
 };
 
-// Without the promise that the outputs overlap nothing, the loops are not vectorized.
+// Without __restrict on the outputs the loops are not vectorized.
 void add_band(int count, const EarBand& band, float* __restrict left, float* __restrict right) {
   for (int i = 0; i < count; ++i) {
     left[i] += band.left.at(i) * band.part0[i];

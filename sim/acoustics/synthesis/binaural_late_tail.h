@@ -21,7 +21,7 @@ namespace earshot {
 class BinauralLateTail {
  public:
   /// Adds bins from first_bin on to both ears (equal lengths, at least those of the envelope); from the middle of the bin before it the
-  /// sound grows as linearly in power as LateSynthesizer's, told to stop there, falls.  offset: as there.
+  /// sound grows as linearly in power as that of LateSynthesizer, with its end there, falls.  offset: as there.
   void add(const LateEnvelope& envelope, int first_bin, const BinauralNoise& noise, std::size_t offset,
            const ListenerOrientation& orientation, std::span<float> left, std::span<float> right);
 

@@ -10,10 +10,10 @@
 
 namespace earshot {
 
-/// Which part of the carriers a source rides on, the key of RirSynthesizer::render: equal keys give equal noise.
-/// By the place of the source: a source that is met again, in another episode or by another agent, has the noise it had.
+/// Key of a source for RirSynthesizer::render: it selects where in the carrier loops the late sound begins; equal keys give equal noise.
+/// By position: the noise of a source is the same in every episode and for every agent.
 std::uint64_t carrier_key(std::uint64_t scene_hash, glm::vec3 source_position);
-/// By the number of the source: it keeps its noise where it moves, and two sources at one place have independent noise.
+/// By number: a source that moves has the same noise everywhere, and sources at one position have different noise.
 std::uint64_t carrier_key(std::uint64_t scene_hash, std::size_t source_number = 0);
 
 /// plain: noise that is not flattened, for sums of so many channels that flattening would be lost; quick to make.

@@ -15,7 +15,7 @@ namespace earshot {
 /// late_envelope.h.  (N + 1)^2 channels (N3D, ACN, world axes): the omnidirectional channel is the same, s w with w its carrier;
 /// the others are
 ///   s (m_j w + d_l n_j),   m_j = c_j / c_0,   d_l^2 = 1 - |m of order l|^2 / (2 l + 1)
-/// with independent carriers n_j.  That has exactly the moments that the histogram knows: power c_0 in W, covariance c_j between W and
+/// with independent carriers n_j.  That has exactly the moments of the histogram: power c_0 in W, covariance c_j between W and
 /// channel j, and power (2 l + 1) c_0 in each order.  m = 0 is a diffuse field; |m|^2 = 2 l + 1 a plane wave.  Orders that the histogram
 /// does not hold are diffuse.
 class LateSynthesizer {

@@ -55,7 +55,7 @@ void add_circular(std::span<const float> response, int zero, std::int64_t at, st
     target[static_cast<std::size_t>(first + i)] += response[static_cast<std::size_t>(i - seam)];
 }
 
-// Plain loops over pointers that promise to overlap nothing: else they are not vectorized.
+// Plain loops over __restrict pointers: else they are not vectorized.
 
 /// out(k) = conj in(-k).  size: a multiple of four.
 void mirror(std::span<const Complex> in, std::span<Complex> out) {
@@ -357,7 +357,7 @@ void RirSynthesizer::render(const EnergyResponse& response, const ListenerOrient
           response.late.num_bands(), "must be those of the tables");
   const bool needs_speed = !response.arrivals.empty() || tables.layout.kind == ListenerKind::array;
   require(!needs_speed || response.speed_of_sound_m_per_s > 0, "speed of sound", response.speed_of_sound_m_per_s,
-          "must be set by whoever made the response");
+          "must be set with the response");
   rir.num_channels = tables.layout.num_channels();
   rir.num_samples = count_samples(response.late);
   rir.sample_rate_hz = tables.sample_rate_hz;

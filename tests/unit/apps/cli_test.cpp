@@ -62,7 +62,7 @@ class Cli : public testing::Test {
     std::memcpy(samples.data(), bytes.data() + data + 8, samples.size() * sizeof(float));
     return samples;
   }
-  /// Exit code 2 and one line on stderr that holds `text`; nothing of the promised output exists.
+  /// Exit code 2 and one line on stderr that holds `text`; no output file exists.
   void expect_bad_input(const std::string& arguments, const std::string& text) const {
     const Outcome outcome = earshot(arguments);
     EXPECT_EQ(outcome.exit_code, 2) << arguments << "\n" << outcome.errors;

@@ -27,7 +27,7 @@ ModeResult result(const std::string& scene, const std::string& value, double per
   return r;
 }
 
-/// Two scenes: 500 RIRs that share a source take 1 + 500 / 500 = 2 ms and 2 + 1000 / 500 = 4 ms each.
+/// Two scenes: 500 RIRs of one source take 1 + 500 / 500 = 2 ms and 2 + 1000 / 500 = 4 ms each.
 AccuracyStudy two_scenes() {
   AccuracyStudy study;
   study.scenes = {{.name = "a", .spec = "shoebox:3x3x3", .triangles = 12, .rt60_s = 0.5, .truth_error_pct = 0.3},

@@ -154,7 +154,7 @@ TEST_F(FieldStore, HeldFieldsAreSharedAndOthersWithinTheBoundKept) {
   const auto held = store.get(room_, second);
   store.get(room_, source_);
   store.get(room_, third);  // the second was used longest ago
-  EXPECT_EQ(store.kept_bytes(), room_for_two + 1 - size(second));
+  EXPECT_EQ(store.cached_bytes(), room_for_two + 1 - size(second));
   store.get(room_, source_);
   store.get(room_, third);
   EXPECT_EQ(store.counters().built, 3u);
