@@ -8,8 +8,7 @@ namespace {
 void read_all(earshot::ConfigReader reader, int depth) {
   const std::vector<std::string> keys = reader.keys();
   for (const std::string& key : keys) {
-    const YAML::Node node = reader.node(key);
-    if (node && node.IsMap() && depth < 8) read_all(reader.child(key), depth + 1);
+    if (depth < 8) earshot::fuzz::expect_value_or_refusal([&] { read_all(reader.child(key), depth + 1); });
     earshot::fuzz::expect_value_or_refusal([&] {
       int number = 0;
       reader.read(key, number);

@@ -113,16 +113,12 @@ ListenerLayout ListenerLayout::named(std::string_view text) {
 
 ListenerLayout ListenerLayout::from_file(const std::filesystem::path& path) {
   ConfigReader reader = ConfigReader::from_file(path);
-  const YAML::Node list = reader.node("microphones");
+  const std::optional<std::size_t> count = reader.list_size("microphones");
   reader.finish();
-  if (!list || !list.IsSequence()) reader.fail("microphones", "is missing or not a list of microphones");
-  if (list.size() == 0 || list.size() > kMaxMicrophones)
-    reader.fail("microphones", fmt::format("holds {}, not 1 to {}", list.size(), kMaxMicrophones));
+  if (!count) reader.fail("microphones", "is missing or not a list of microphones");
+  if (*count == 0 || *count > kMaxMicrophones) reader.fail("microphones", fmt::format("holds {}, not 1 to {}", *count, kMaxMicrophones));
   std::vector<Microphone> microphones;
-  for (std::size_t i = 0; i < list.size(); ++i) {
-    const std::string where = fmt::format("{} microphones[{}]", path.string(), i);
-    microphones.push_back(read_microphone(ConfigReader::from_text(YAML::Dump(list[i]), where), path.parent_path()));
-  }
+  for (std::size_t i = 0; i < *count; ++i) microphones.push_back(read_microphone(reader.list_child("microphones", i), path.parent_path()));
   return array(std::move(microphones));
 }
 

@@ -1,5 +1,7 @@
 #include "sim/base/config_reader.h"
 
+#include <yaml-cpp/yaml.h>
+
 #include <algorithm>
 #include <numeric>
 
@@ -41,7 +43,7 @@ bool is_utf8(std::string_view text) {
   return true;
 }
 
-/// Runs write down what their config has come to.  yaml-cpp's escapes \N and \_ give single bytes, of which that text cannot be made.
+/// Runs write their resolved config.  yaml-cpp's escapes \N and \_ give single bytes, of which that text cannot be made.
 bool can_be_written(const YAML::Node& root) {
   const std::string text = YAML::Dump(root);
   if (!is_utf8(text)) return false;
@@ -53,13 +55,15 @@ bool can_be_written(const YAML::Node& root) {
   return true;
 }
 
-/// A YAML key may itself be a list or a map; ours never are, so such a key is shown but matches none that we know.
-std::string key_text(const YAML::Node& key) {
-  if (key.IsScalar()) return key.Scalar();
+/// A node as one line of YAML, for messages.
+std::string shown(const YAML::Node& node) {
   YAML::Emitter out;
-  out << YAML::Flow << key;
+  out << YAML::Flow << node;
   return out.good() ? std::string(out.c_str()) : std::string("?");
 }
+
+/// A YAML key may itself be a list or a map; no known key is, so such a key is shown and matches none.
+std::string key_text(const YAML::Node& key) { return key.IsScalar() ? key.Scalar() : shown(key); }
 
 void apply_override(YAML::Node root, const std::string& text, const std::string& where) {
   const auto equals = text.find('=');
@@ -89,10 +93,36 @@ void apply_override(YAML::Node root, const std::string& text, const std::string&
   node[path] = value;
 }
 
+/// What messages call the type that a key wants.
+template <class T>
+std::string type_name() {
+  if constexpr (std::is_same_v<T, bool>)
+    return "true or false";
+  else if constexpr (std::is_integral_v<T>)
+    return "a whole number in range";
+  else if constexpr (std::is_floating_point_v<T>)
+    return "a number";
+  else if constexpr (std::is_same_v<T, std::string>)
+    return "text";
+  else
+    return "the list that this key takes";
+}
+
 }  // namespace
 
-ConfigReader::ConfigReader(YAML::Node map, std::string where, std::string prefix)
-    : map_(std::move(map)), where_(std::move(where)), prefix_(std::move(prefix)) {}
+struct ConfigReader::Nodes {
+  YAML::Node map;
+  YAML::Node effective = {};  ///< of a recorder: part of its parent's
+
+  /// The value under `key`; an undefined node if it is absent or null.
+  [[nodiscard]] YAML::Node find(const std::string& key) const {
+    const YAML::Node node = map[key];
+    return node.IsDefined() && !node.IsNull() ? node : YAML::Node(YAML::NodeType::Undefined);
+  }
+};
+
+ConfigReader::ConfigReader(Nodes nodes, std::string where, std::string prefix)
+    : nodes_(std::make_shared<Nodes>(std::move(nodes))), where_(std::move(where)), prefix_(std::move(prefix)) {}
 
 ConfigReader ConfigReader::from_file(const std::filesystem::path& path, const std::vector<std::string>& overrides) {
   return from_text(read_file(path, std::size_t{16} << 20), path.string(), overrides);
@@ -111,51 +141,100 @@ ConfigReader ConfigReader::from_text(std::string_view yaml, std::string where, c
   if (!root.IsMap()) throw InputError(where, "is not a map of keys and values", "write 'key: value' lines");
   for (const auto& text : overrides) apply_override(root, text, where);
   if (!can_be_written(root)) throw InputError(where, "holds text that cannot be written and read again", "use no \\N and \\_ in quotes");
-  return {root, std::move(where), ""};
+  return {Nodes{root}, std::move(where), ""};
 }
 
 ConfigReader ConfigReader::recorder() {
-  ConfigReader reader(YAML::Node(YAML::NodeType::Map), "recorder", "");
+  const YAML::Node map(YAML::NodeType::Map), effective(YAML::NodeType::Map);
+  ConfigReader reader({map, effective}, "recorder", "");
   reader.records_ = true;
-  reader.effective_ = YAML::Node(YAML::NodeType::Map);
   return reader;
 }
 
-bool ConfigReader::has(const std::string& key) { return static_cast<bool>(find(key)); }
-
-YAML::Node ConfigReader::find(const std::string& key) {
+template <ConfigValue T>
+void ConfigReader::read(const std::string& key, T& value) {
   known_.insert(key);
-  const YAML::Node& constant = map_;
-  const YAML::Node node = constant[key];
-  return node.IsDefined() && !node.IsNull() ? node : YAML::Node(YAML::NodeType::Undefined);
+  if (const YAML::Node node = nodes_->find(key)) {
+    try {
+      value = node.as<T>();
+    } catch (const YAML::Exception&) {
+      fail(key, "'" + shown(node) + "' cannot be read as " + type_name<T>());
+    }
+  }
+  if (records_) nodes_->effective[key] = value;
+}
+
+template void ConfigReader::read(const std::string&, bool&);
+template void ConfigReader::read(const std::string&, int&);
+template void ConfigReader::read(const std::string&, std::uint32_t&);
+template void ConfigReader::read(const std::string&, std::int64_t&);
+template void ConfigReader::read(const std::string&, std::uint64_t&);
+template void ConfigReader::read(const std::string&, float&);
+template void ConfigReader::read(const std::string&, double&);
+template void ConfigReader::read(const std::string&, std::string&);
+template void ConfigReader::read(const std::string&, std::vector<int>&);
+template void ConfigReader::read(const std::string&, std::vector<float>&);
+template void ConfigReader::read(const std::string&, std::vector<double>&);
+template void ConfigReader::read(const std::string&, std::vector<std::string>&);
+template void ConfigReader::read(const std::string&, std::vector<std::vector<std::vector<double>>>&);
+
+void ConfigReader::record(const std::string& key, const std::string& choice) { nodes_->effective[key] = choice; }
+
+bool ConfigReader::has(const std::string& key) {
+  known_.insert(key);
+  return static_cast<bool>(nodes_->find(key));
 }
 
 ConfigReader ConfigReader::child(const std::string& key) {
-  const YAML::Node node = find(key);
+  known_.insert(key);
+  const YAML::Node node = nodes_->find(key);
   if (!node) {
-    ConfigReader absent(YAML::Node(YAML::NodeType::Map), where_, prefix_ + key + ".");
+    const YAML::Node map(YAML::NodeType::Map), effective(YAML::NodeType::Map);
+    ConfigReader absent({map, effective}, where_, prefix_ + key + ".");
     if (records_) {
       absent.records_ = true;
-      absent.effective_ = YAML::Node(YAML::NodeType::Map);
-      effective_[key] = absent.effective_;
+      nodes_->effective[key] = effective;
     }
     return absent;
   }
   if (!node.IsMap()) fail(key, "must be a map of keys and values");
-  return {node, where_, prefix_ + key + "."};
+  return {Nodes{node}, where_, prefix_ + key + "."};
 }
 
-YAML::Node ConfigReader::node(const std::string& key) { return find(key); }
+std::optional<std::string> ConfigReader::scalar(const std::string& key) {
+  known_.insert(key);
+  const YAML::Node node = nodes_->find(key);
+  return node.IsScalar() ? std::optional(node.Scalar()) : std::nullopt;
+}
+
+std::optional<std::size_t> ConfigReader::list_size(const std::string& key) {
+  known_.insert(key);
+  const YAML::Node node = nodes_->find(key);
+  return node.IsSequence() ? std::optional(node.size()) : std::nullopt;
+}
+
+std::optional<std::string> ConfigReader::list_scalar(const std::string& key, std::size_t index) {
+  const YAML::Node item = nodes_->find(key)[index];
+  return item.IsScalar() ? std::optional(item.Scalar()) : std::nullopt;
+}
+
+ConfigReader ConfigReader::list_child(const std::string& key, std::size_t index) {
+  const YAML::Node item = nodes_->find(key)[index];
+  const std::string where = where_ + " " + key + "[" + std::to_string(index) + "]";
+  if (item.IsNull()) return {Nodes{YAML::Node(YAML::NodeType::Map)}, where, ""};
+  if (!item.IsMap()) throw InputError(where, "is not a map of keys and values", "write 'key: value' lines");
+  return {Nodes{item}, where, ""};
+}
 
 std::vector<std::string> ConfigReader::keys() {
   std::vector<std::string> names;
-  for (const auto& item : map_) names.push_back(key_text(item.first));
+  for (const auto& item : nodes_->map) names.push_back(key_text(item.first));
   known_.insert(names.begin(), names.end());
   return names;
 }
 
 void ConfigReader::finish() const {
-  for (const auto& item : map_) {
+  for (const auto& item : nodes_->map) {
     const std::string key = key_text(item.first);
     if (known_.contains(key)) continue;
     const std::string nearest = nearest_word(key, known_);
@@ -169,15 +248,9 @@ void ConfigReader::fail(const std::string& key, const std::string& problem) cons
   throw InputError(where_, prefix_ + key + ": " + problem, "");
 }
 
-std::string ConfigReader::effective() const { return YAML::Dump(effective_) + "\n"; }
+std::string ConfigReader::effective() const { return YAML::Dump(nodes_->effective) + "\n"; }
 
-std::string ConfigReader::text() const { return YAML::Dump(map_) + "\n"; }
-
-std::string ConfigReader::shown(const YAML::Node& node) {
-  YAML::Emitter out;
-  out << YAML::Flow << node;
-  return out.good() ? std::string(out.c_str()) : std::string("?");
-}
+std::string ConfigReader::text() const { return YAML::Dump(nodes_->map) + "\n"; }
 
 std::string nearest_word(std::string_view word, const std::set<std::string>& candidates) {
   std::string best;

@@ -1,11 +1,12 @@
 #pragma once
 
-#include <yaml-cpp/yaml.h>
-
+#include <concepts>
+#include <cstddef>
+#include <cstdint>
 #include <filesystem>
-#include <functional>
 #include <map>
 #include <memory>
+#include <optional>
 #include <set>
 #include <string>
 #include <string_view>
@@ -15,8 +16,15 @@
 
 namespace earshot {
 
-/// One map of a YAML file being read into a config struct.  Every key asked for is known; `finish` rejects the rest and
-/// names the nearest known key.  A child map is finished by its own reader.
+/// What one key of a config can hold.
+template <class T>
+concept ConfigValue = std::same_as<T, bool> || std::same_as<T, int> || std::same_as<T, std::uint32_t> || std::same_as<T, std::int64_t> ||
+    std::same_as<T, std::uint64_t> || std::same_as<T, float> || std::same_as<T, double> || std::same_as<T, std::string> ||
+    std::same_as<T, std::vector<int>> || std::same_as<T, std::vector<float>> || std::same_as<T, std::vector<double>> ||
+    std::same_as<T, std::vector<std::string>> || std::same_as<T, std::vector<std::vector<std::vector<double>>>>;
+
+/// One map of a YAML file being read into a config struct.  Every key that is read is known; `finish` rejects the rest and
+/// names the nearest known key.  A child map is finished by its own reader.  Copies share the map.  Not safe from several threads.
 ///
 ///   ConfigReader reader = ConfigReader::from_file("train.yaml", overrides);
 ///   reader.read("lr", config.lr);                    // missing key: the struct's default stays
@@ -29,23 +37,14 @@ class ConfigReader {
   static ConfigReader from_file(const std::filesystem::path& path, const std::vector<std::string>& overrides = {});
   /// where: how messages name the text.
   static ConfigReader from_text(std::string_view yaml, std::string where, const std::vector<std::string>& overrides = {});
-  /// Reads nothing, so that every value stays, and notes what each key holds: effective() is then the config as YAML, defaults included.
+  /// Reads nothing, so that every value stays, and records what each key holds: effective() is then the config as YAML, defaults included.
   static ConfigReader recorder();
 
   /// Reads `key` into `value` if it is there.  Throws InputError naming file, key, value and the wanted type.
-  template <class T>
-  void read(const std::string& key, T& value) {
-    if (const YAML::Node node = find(key)) {
-      try {
-        value = node.as<T>();
-      } catch (const YAML::Exception&) {
-        fail(key, "'" + shown(node) + "' cannot be read as " + type_name<T>());
-      }
-    }
-    if (records_) effective_[key] = value;
-  }
+  template <ConfigValue T>
+  void read(const std::string& key, T& value);
   /// Like read; the key must be there.
-  template <class T>
+  template <ConfigValue T>
   void read_required(const std::string& key, T& value) {
     if (!has(key)) fail(key, "is missing");
     read(key, value);
@@ -53,11 +52,11 @@ class ConfigReader {
   /// Reads one of the named choices into an enum or any value.
   template <class T>
   void read_choice(const std::string& key, T& value, const std::map<std::string, T>& choices) {
-    std::string name;
     if (records_)
       for (const auto& [choice, meaning] : choices)
-        if (meaning == value) effective_[key] = choice;
+        if (meaning == value) record(key, choice);
     if (!has(key)) return;
+    std::string name;
     read(key, name);
     const auto found = choices.find(name);
     if (found == choices.end()) {
@@ -71,12 +70,18 @@ class ConfigReader {
   [[nodiscard]] bool has(const std::string& key);
   /// The child map under `key`; empty if absent.  Throws InputError if the value is not a map.
   [[nodiscard]] ConfigReader child(const std::string& key);
-  /// The raw node under `key` (undefined node if absent), for lists and free-form maps; counts as read.
-  [[nodiscard]] YAML::Node node(const std::string& key);
+  /// The text under `key`; nothing if it is absent or not a scalar.  For maps with free keys.
+  [[nodiscard]] std::optional<std::string> scalar(const std::string& key);
+  /// Number of items of the list under `key`; nothing if it is absent or not a list.
+  [[nodiscard]] std::optional<std::size_t> list_size(const std::string& key);
+  /// Item `index` of the list under `key`, which holds more than `index` items.  Text: nothing if the item is not a scalar.
+  [[nodiscard]] std::optional<std::string> list_scalar(const std::string& key, std::size_t index);
+  /// The same for a list of maps; messages of the child name it "where key[index]".  Throws InputError if the item is not a map.
+  [[nodiscard]] ConfigReader list_child(const std::string& key, std::size_t index);
   /// All keys of this map in file order, for maps with free keys; they count as read.
   [[nodiscard]] std::vector<std::string> keys();
 
-  /// Throws InputError for the first key that nobody asked for.
+  /// Throws InputError for the first key that was never read.
   void finish() const;
   /// Throws InputError "where: path.key: problem".
   [[noreturn]] void fail(const std::string& key, const std::string& problem) const;
@@ -85,32 +90,19 @@ class ConfigReader {
   [[nodiscard]] const std::string& where() const { return where_; }
   /// The map as YAML text, overrides included.
   [[nodiscard]] std::string text() const;
-  /// Of a recorder: what was noted, as YAML text.
+  /// Of a recorder: what was recorded, as YAML text.
   [[nodiscard]] std::string effective() const;
 
  private:
-  ConfigReader(YAML::Node map, std::string where, std::string prefix);
-  YAML::Node find(const std::string& key);
-  static std::string shown(const YAML::Node& node);
-  template <class T>
-  static std::string type_name() {
-    if constexpr (std::is_same_v<T, bool>)
-      return "true or false";
-    else if constexpr (std::is_integral_v<T>)
-      return "a whole number in range";
-    else if constexpr (std::is_floating_point_v<T>)
-      return "a number";
-    else if constexpr (std::is_same_v<T, std::string>)
-      return "text";
-    else
-      return "the list that this key takes";
-  }
+  struct Nodes;  ///< the YAML nodes, whose headers only config_reader.cpp includes
 
-  YAML::Node map_;
+  ConfigReader(Nodes nodes, std::string where, std::string prefix);
+  void record(const std::string& key, const std::string& choice);
+
+  std::shared_ptr<Nodes> nodes_;  ///< shared by copies
   std::string where_, prefix_;
   std::set<std::string> known_;
   bool records_ = false;
-  YAML::Node effective_;  ///< shared with the reader of the parent map
 };
 
 /// The candidate nearest to `word` by edit distance, or empty if none is within a third of its length.

@@ -21,9 +21,9 @@ MaterialRules read_rules(ConfigReader& reader) {
   std::set<std::string> seen;
   for (const std::string& pattern : assign.keys()) {
     if (!seen.insert(pattern).second) assign.fail(pattern, "is there twice");
-    const YAML::Node node = assign.node(pattern);
-    if (!node.IsScalar()) assign.fail(pattern, "is not the name of a material");
-    rules.assign.emplace_back(pattern, node.as<std::string>());
+    const std::optional<std::string> material = assign.scalar(pattern);
+    if (!material) assign.fail(pattern, "is not the name of a material");
+    rules.assign.emplace_back(pattern, *material);
   }
   assign.finish();
   if (reader.has("default_material")) {

@@ -37,12 +37,13 @@ SemanticMaterials SemanticMaterials::from_yaml(std::string_view yaml, const std:
   ConfigReader reader = ConfigReader::from_text(yaml, where);
   ConfigReader categories = reader.child("categories");
   for (const std::string& category : categories.keys()) {
-    const YAML::Node list = categories.node(category);
-    if (!list.IsSequence() || list.size() == 0) categories.fail(category, "is not a list of materials");
+    const std::size_t count = categories.list_size(category).value_or(0);
+    if (count == 0) categories.fail(category, "is not a list of materials");
     std::vector<std::string> names;
-    for (const YAML::Node& name : list) {
-      if (!name.IsScalar()) categories.fail(category, "holds something that is not the name of a material");
-      names.push_back(name.as<std::string>());
+    for (std::size_t i = 0; i < count; ++i) {
+      const std::optional<std::string> name = categories.list_scalar(category, i);
+      if (!name) categories.fail(category, "holds something that is not the name of a material");
+      names.push_back(*name);
     }
     if (!result.candidates_.emplace(normalized(category), std::move(names)).second) categories.fail(category, "is there twice");
   }
