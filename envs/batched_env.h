@@ -9,46 +9,13 @@
 #include <vector>
 
 #include "envs/av_nav_task.h"
+#include "envs/env_config.h"
 #include "envs/episode_set.h"
-#include "envs/observation.h"
 #include "envs/quarantine.h"
 #include "envs/scene_cache.h"
 #include "sim/acoustics/model/effect_plan.h"
 
 namespace earshot {
-
-/// How envs draw episodes: at random for ever, or each episode of the set exactly once (env e of n takes e, e + n, ...).
-enum class EpisodeOrder { random, once };
-
-struct EnvConfig {
-  TaskConfig task;
-  ObservationSpec observation;
-  AcousticConfig acoustics;
-  NavmeshConfig navmesh;
-  std::string hrtf;        ///< SOFA file; empty: rigid sphere
-  std::string sound_root;  ///< folder of sounds that are named without a path ("my_ring", of original sets)
-  float sound_gain = 1.f;  ///< applied to the dry sound; the spectrogram is log(1 + x), so the scale matters
-  float crossfade_s = 0.05f;
-  EpisodeOrder order = EpisodeOrder::random;
-  int threads = 1;  ///< over the batch; 0: all cores
-  std::uint64_t seed = 0;
-  std::string scene_root;  ///< folder of relative scene files
-  double scene_cache_gb = 4;
-  bool prefetch = true;  ///< load the scene and source of an env's next episode in the background
-  /// Folder of source fields (acoustics.field) that all environments, workers and runs share; made when it is needed.  Empty: in memory
-  /// only.
-  std::string field_store;
-  double field_store_gb = 20;  ///< in that folder; the least recently used go first
-  /// Folder for files of quarantined episodes, which `earshot replay` runs again; made when it is needed.  Empty: counted and logged only.
-  std::string quarantine_dir;
-};
-void read(ConfigReader& reader, EnvConfig& config);
-void validate(const EnvConfig& config);
-/// Every key with its value, as YAML that read() takes: the same environments.
-std::string config_text(const EnvConfig& config);
-
-/// A scene cache as this configuration asks for it.
-std::shared_ptr<SceneCache> make_scene_cache(const EnvConfig& config);
 
 /// A finished episode, with what is needed to replay it.  A quarantined one is among the finished only with EpisodeOrder::once, where it
 /// counts as failed: success, SPL, SoftSPL and SNA are 0, and all numbers are finite.

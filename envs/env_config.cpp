@@ -1,7 +1,9 @@
+#include "envs/env_config.h"
+
 #include <cmath>
 #include <filesystem>
 
-#include "envs/batched_env.h"
+#include "envs/scene_cache.h"
 #include "sim/base/errors.h"
 
 namespace earshot {

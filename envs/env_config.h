@@ -1,0 +1,54 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+
+#include "envs/av_nav_task.h"
+#include "envs/observation.h"
+#include "sim/acoustics/core/acoustic_config.h"
+#include "sim/base/config_reader.h"
+#include "sim/nav/navmesh.h"
+
+namespace earshot {
+
+class SceneCache;
+
+/// How envs draw episodes: at random without end, or each episode of the set exactly once (env e of n takes e, e + n, ...).
+enum class EpisodeOrder { random, once };
+
+/// The environments of a run: task, sensors, acoustics and where files are.  A plain value; needs none of the engine's headers.
+struct EnvConfig {
+  TaskConfig task;
+  ObservationSpec observation;
+  AcousticConfig acoustics;
+  NavmeshConfig navmesh;
+  std::string hrtf;        ///< SOFA file; empty: rigid sphere
+  std::string sound_root;  ///< folder of sounds that are named without a path ("my_ring", of original sets)
+  float sound_gain = 1.f;  ///< applied to the dry sound; the spectrogram is log(1 + x), so the scale matters
+  float crossfade_s = 0.05f;
+  EpisodeOrder order = EpisodeOrder::random;
+  int threads = 1;  ///< over the batch; 0: all cores
+  std::uint64_t seed = 0;
+  std::string scene_root;  ///< folder of relative scene files
+  double scene_cache_gb = 4;
+  bool prefetch = true;  ///< load the scene and source of an env's next episode in the background
+  /// Folder of source fields (acoustics.field) that all environments, workers and runs share; made when it is needed.  Empty: in memory
+  /// only.
+  std::string field_store;
+  double field_store_gb = 20;  ///< in that folder; the least recently used go first
+  /// Folder for files of quarantined episodes, which `earshot replay` runs again; made when it is needed.  Empty: counted and logged only.
+  std::string quarantine_dir;
+};
+/// Reads the sections task, acoustics, observation and navmesh and the keys above; a missing key keeps its value.  The analysed window
+/// (observation.sound) follows acoustics.sample_rate_hz.  Throws InputError: wrong type, unknown key of a section, unknown preset.
+void read(ConfigReader& reader, EnvConfig& config);
+/// Throws InputError "key = value: rule".
+void validate(const EnvConfig& config);
+/// Every key with its value, as YAML that read() takes: the same environments.
+std::string config_text(const EnvConfig& config);
+
+/// A scene cache with the acoustics, folders and bounds of this configuration.
+std::shared_ptr<SceneCache> make_scene_cache(const EnvConfig& config);
+
+}  // namespace earshot
