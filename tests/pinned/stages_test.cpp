@@ -41,7 +41,7 @@ pinned::BitHash bits_of_rir(const RirCase& c) {
 
 TEST(PinnedBits, RirOfARoom) {
   RirCase c{.scene = "shoebox:6x3x5@0.2", .config = acoustic_preset("fast"), .source = {1.2f, 1.5f, 1.1f}, .listener = {4.8f, 1.6f, 3.9f}};
-  pinned::expect_pinned(EARSHOT_SOURCE_DIR, "rir_room_fast", bits_of_rir(c));
+  pinned::expect_pinned("rir_room_fast", bits_of_rir(c));
 }
 
 TEST(PinnedBits, RirOfAHouseFromASourceField) {
@@ -49,7 +49,7 @@ TEST(PinnedBits, RirOfAHouseFromASourceField) {
   c.config.field = Switch::on;
   c.config.field_photons = 2048;
   c.config.rir_length_s = 0.6f;
-  pinned::expect_pinned(EARSHOT_SOURCE_DIR, "rir_house_field", bits_of_rir(c));
+  pinned::expect_pinned("rir_house_field", bits_of_rir(c));
 }
 
 TEST(PinnedBits, RirOfTwoRoomsFromBothEnds) {
@@ -61,7 +61,7 @@ TEST(PinnedBits, RirOfTwoRoomsFromBothEnds) {
   c.config.field = Switch::off;
   c.config.rays = c.config.source_rays = 512;
   c.config.rir_length_s = 0.4f;
-  pinned::expect_pinned(EARSHOT_SOURCE_DIR, "rir_two_rooms_bidirectional", bits_of_rir(c));
+  pinned::expect_pinned("rir_two_rooms_bidirectional", bits_of_rir(c));
 }
 
 TEST(PinnedBits, SoundStream) {
@@ -84,7 +84,7 @@ TEST(PinnedBits, SoundStream) {
     bits.add(block);
     position.sample += 2400;
   }
-  pinned::expect_pinned(EARSHOT_SOURCE_DIR, "sound_stream", bits);
+  pinned::expect_pinned("sound_stream", bits);
 }
 
 TEST(PinnedBits, Depth) {
@@ -96,7 +96,7 @@ TEST(PinnedBits, Depth) {
     renderer.render_depth(scene, Pose{{2.5f, 0, 2.5f}, heading_rad}, depth);
     bits.add(depth);
   }
-  pinned::expect_pinned(EARSHOT_SOURCE_DIR, "depth", bits);
+  pinned::expect_pinned("depth", bits);
 }
 
 TEST(PinnedBits, ObservationsAfterTwentySteps) {
@@ -108,7 +108,7 @@ TEST(PinnedBits, ObservationsAfterTwentySteps) {
     for (std::int32_t e = 0; e < 4; ++e) actions[static_cast<std::size_t>(e)] = 1 + (step * 3 + e * 5) % 7 % 3;
     env.step(actions);
   }
-  pinned::expect_pinned(EARSHOT_SOURCE_DIR, "observation_20_steps",
+  pinned::expect_pinned("observation_20_steps",
                         pinned::BitHash().add(env.depth()).add(env.spectrogram()).add(env.heard()).add(env.pointgoal()).add(env.rewards()));
 }
 

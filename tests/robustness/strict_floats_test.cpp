@@ -7,6 +7,8 @@
 #include <limits>
 #include <string>
 
+#include "tests/support/test_paths.h"
+
 namespace earshot {
 namespace {
 
@@ -15,8 +17,8 @@ int exit_code_with(const std::string& flags) {
   const char* compiler = std::getenv("CXX");
   const std::string program = compiler != nullptr && *compiler != 0 ? compiler : "c++";
   if (std::system(("command -v " + program + " >/dev/null 2>&1").c_str()) != 0) return -1;
-  const std::string command = "echo '#include \"sim/base/strict_floats.h\"' | " + program + " -std=c++20 -O2 " + flags +
-                              " -I'" EARSHOT_SOURCE_DIR "' -fsyntax-only -x c++ - >/dev/null 2>&1";
+  const std::string command = "echo '#include \"sim/base/strict_floats.h\"' | " + program + " -std=c++20 -O2 " + flags + " -I'" +
+                              source_dir().string() + "' -fsyntax-only -x c++ - >/dev/null 2>&1";
   return std::system(command.c_str());
 }
 

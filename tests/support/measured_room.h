@@ -17,6 +17,7 @@
 #include "sim/audio/fft.h"
 #include "sim/audio/sound_clip.h"
 #include "tests/support/rooms.h"
+#include "tests/support/test_paths.h"
 
 /// The measured room of dEchorate (Di Carlo et al. 2021, EURASIP J. Audio Speech Music Process. 39), code 011111: its geometry, its
 /// annotations, and decay and DRR of its impulse responses.  None of it
@@ -44,7 +45,7 @@ struct Room {
 
 inline std::filesystem::path data_folder() {
   if (const char* named = std::getenv("EARSHOT_DATA")) return named;
-  return std::filesystem::path(EARSHOT_SOURCE_DIR) / ".." / "shared" / "data";
+  return source_dir() / ".." / "shared" / "data";
 }
 
 /// nullopt where the data is absent.

@@ -8,6 +8,8 @@
 #include <string>
 #include <string_view>
 
+#include "tests/support/test_paths.h"
+
 namespace earshot {
 
 /// A folder that lives as long as the object.
@@ -40,7 +42,7 @@ class TempFolder {
 /// Folder of the shared test data; it may be absent.
 inline std::filesystem::path data_folder() {
   const char* given = std::getenv("EARSHOT_DATA");
-  return given ? std::filesystem::path(given) : std::filesystem::path(EARSHOT_SOURCE_DIR) / "../shared/data";
+  return given ? std::filesystem::path(given) : source_dir() / "../shared/data";
 }
 
 #define SKIP_WITHOUT_DATA() \

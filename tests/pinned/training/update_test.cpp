@@ -74,7 +74,7 @@ TEST(PinnedBits, OnePpoUpdate) {
     const torch::Tensor values = parameter.detach().contiguous();
     bits.add(std::span<const float>(values.data_ptr<float>(), static_cast<std::size_t>(values.numel())));
   }
-  pinned::expect_pinned(EARSHOT_SOURCE_DIR, "ppo_update", bits);
+  pinned::expect_pinned("ppo_update", bits);
 }
 
 }  // namespace

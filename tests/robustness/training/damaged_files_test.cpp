@@ -10,6 +10,7 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "tests/support/mutate.h"
+#include "tests/support/test_paths.h"
 #include "trainer/checkpoint.h"
 #include "trainer/run_config.h"
 
@@ -82,7 +83,7 @@ TEST(X_DamagedCheckpoint, IsRefusedByItsHashAlone) {
 
 TEST(X_DamagedTrainYaml, IsAConfigOrRefused) {
   for (const char* name : {"quick", "avnav"}) {
-    const std::string text = read_file(std::filesystem::path(EARSHOT_SOURCE_DIR) / "configs/train" / (std::string(name) + ".yaml"));
+    const std::string text = read_file(source_dir() / "configs/train" / (std::string(name) + ".yaml"));
     ASSERT_TRUE(is_taken(0, [&] { parse_run_config(text, "run.yaml", {}); })) << name;
     int taken = 0;
     for (std::uint32_t number = 0; number < 1500; ++number)

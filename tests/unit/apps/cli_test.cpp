@@ -18,6 +18,8 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/test_paths.h"
+
 namespace {
 
 using testing::HasSubstr;
@@ -46,7 +48,7 @@ class Cli : public testing::Test {
     return {std::istreambuf_iterator<char>(stream), {}};
   }
   [[nodiscard]] Outcome earshot(const std::string& arguments) const {
-    const std::string command = std::string(EARSHOT_BINARY) + " " + arguments + " >" + file("stdout") + " 2>" + file("stderr");
+    const std::string command = earshot_program().string() + " " + arguments + " >" + file("stdout") + " 2>" + file("stderr");
     const int status = std::system(command.c_str());
     return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read("stdout"), read("stderr")};
   }

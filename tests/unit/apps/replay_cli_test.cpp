@@ -8,6 +8,7 @@
 
 #include "sim/base/files.h"
 #include "tests/support/env_cases.h"
+#include "tests/support/test_paths.h"
 
 namespace earshot {
 namespace {
@@ -19,7 +20,7 @@ struct Outcome {
 
 Outcome earshot(const TestFolder& folder, const std::string& arguments) {
   const std::filesystem::path output = folder.path() / "output";
-  const int status = std::system((std::string(EARSHOT_BINARY) + " " + arguments + " >" + output.string() + " 2>&1").c_str());
+  const int status = std::system((earshot_program().string() + " " + arguments + " >" + output.string() + " 2>&1").c_str());
   return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read_file(output)};
 }
 

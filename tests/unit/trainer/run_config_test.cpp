@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "tests/support/test_paths.h"
+
 namespace earshot {
 namespace {
 
@@ -51,10 +53,9 @@ TEST(RunConfig, SeedReachesEnvAndPolicyUnlessTheySayOtherwise) {
 
 // The configs that ship with the product must stay readable, from the project's folder as the README says.
 TEST(RunConfig, ShippedConfigsAreValid) {
-  std::filesystem::current_path(EARSHOT_SOURCE_DIR);
+  std::filesystem::current_path(source_dir());
   for (const char* name : {"quick", "small_house", "avnav"})
-    EXPECT_NO_THROW(load_run_config(std::filesystem::path(EARSHOT_SOURCE_DIR) / "configs/train" / (std::string(name) + ".yaml"), {}))
-        << name;
+    EXPECT_NO_THROW(load_run_config(source_dir() / "configs/train" / (std::string(name) + ".yaml"), {})) << name;
 }
 
 }  // namespace

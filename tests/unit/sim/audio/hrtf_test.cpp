@@ -14,6 +14,7 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/random.h"
+#include "tests/support/test_paths.h"
 
 namespace earshot {
 namespace {
@@ -47,7 +48,7 @@ double itd_us(const Ears& e, std::size_t bin, double frequency_hz) {
 
 std::filesystem::path shared_data() {
   if (const char* named = std::getenv("EARSHOT_DATA")) return named;
-  return std::filesystem::path(EARSHOT_SOURCE_DIR) / ".." / "shared" / "data";
+  return source_dir() / ".." / "shared" / "data";
 }
 
 // At 25.6 kHz bins are 50 Hz apart, so the frequencies of the tables fall on bins.

@@ -15,6 +15,7 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/random.h"
+#include "tests/support/test_paths.h"
 
 namespace earshot {
 namespace {
@@ -55,7 +56,7 @@ std::vector<float> sine(double frequency_hz, double rate_hz, int count) {
 
 std::filesystem::path shared_data() {
   if (const char* named = std::getenv("EARSHOT_DATA")) return named;
-  return std::filesystem::path(EARSHOT_SOURCE_DIR) / ".." / "shared" / "data";
+  return source_dir() / ".." / "shared" / "data";
 }
 
 TEST_F(SoundClipTest, WavRoundTripIsExact) {

@@ -15,6 +15,7 @@
 #include <thread>
 
 #include "sim/base/errors.h"
+#include "tests/support/test_paths.h"
 
 namespace earshot {
 namespace {
@@ -25,7 +26,7 @@ using testing::Not;
 using testing::StartsWith;
 using Clock = std::chrono::steady_clock;
 
-const std::filesystem::path program = EARSHOT_ISOLATED_CHILD;
+const std::filesystem::path program = isolated_child_program();
 constexpr IsolationLimits kSmall{.wall_time = std::chrono::milliseconds(20'000), .memory_bytes = std::uint64_t{256} << 20};
 
 std::string call(const std::vector<std::string>& arguments, const IsolationLimits& limits = kSmall) {

@@ -8,13 +8,14 @@
 #include "sim/nav/motion.h"
 #include "sim/nav/navmesh.h"
 #include "sim/scene/mesh_import.h"
+#include "tests/support/test_paths.h"
 
 namespace earshot {
 namespace {
 
 std::filesystem::path data_folder() {
   if (const char* folder = std::getenv("EARSHOT_DATA")) return folder;
-  return std::filesystem::path(EARSHOT_SOURCE_DIR) / "../shared/data";
+  return source_dir() / "../shared/data";
 }
 
 float flat(glm::vec3 a, glm::vec3 b) { return std::hypot(a.x - b.x, a.z - b.z); }

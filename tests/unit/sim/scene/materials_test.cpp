@@ -11,6 +11,7 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "tests/support/test_files.h"
+#include "tests/support/test_paths.h"
 
 namespace earshot {
 namespace {
@@ -249,7 +250,7 @@ TEST(BuiltinMaterials, AreThePublishedRowsTheyName) {
 }
 
 TEST(BuiltinMaterials, AreTheTableInTheDocuments) {
-  const std::string text = read_file(std::filesystem::path(EARSHOT_SOURCE_DIR) / "docs/materials.md");
+  const std::string text = read_file(source_dir() / "docs/materials.md");
   const MaterialDatabase database = MaterialDatabase::builtin();
   for (const Material& material : database.all()) {
     const std::pair<const char*, const CoefficientCurve*> rows[] = {
@@ -264,8 +265,7 @@ TEST(BuiltinMaterials, AreTheTableInTheDocuments) {
 }
 
 TEST(BuiltinMaterials, AreTheFileInConfigs) {
-  const MaterialDatabase builtin = MaterialDatabase::builtin(),
-                         file = MaterialDatabase::from_file(std::filesystem::path(EARSHOT_SOURCE_DIR) / "configs/materials.json");
+  const MaterialDatabase builtin = MaterialDatabase::builtin(), file = MaterialDatabase::from_file(source_dir() / "configs/materials.json");
   ASSERT_EQ(builtin.all().size(), file.all().size());
   for (std::size_t i = 0; i < file.all().size(); ++i) {
     EXPECT_EQ(builtin.all()[i].name, file.all()[i].name);

@@ -6,6 +6,7 @@
 
 #include "sim/scene/shoebox.h"
 #include "tests/support/test_files.h"
+#include "tests/support/test_paths.h"
 
 namespace earshot {
 namespace {
@@ -120,7 +121,7 @@ TEST(SceneReport, SmallHouseLeaksUntilItGetsItsCeiling) {
 
 TEST(SmallHouseYaml, AssignsEveryPattern) {
   SKIP_WITHOUT_DATA();
-  const auto yaml = std::filesystem::path(EARSHOT_SOURCE_DIR) / "configs/scenes/small_house.yaml";
+  const auto yaml = source_dir() / "configs/scenes/small_house.yaml";
   if (!std::filesystem::exists(yaml.parent_path() / "../../../shared/data")) GTEST_SKIP() << "the shared data lie elsewhere";
   const Scene house = load_scene(yaml.string());
   EXPECT_TRUE(house.import_report().warnings.empty()) << house.import_report().warnings[0];

@@ -11,6 +11,7 @@
 
 #include "sim/scene/scene.h"
 #include "tests/support/rooms.h"
+#include "tests/support/test_paths.h"
 
 namespace earshot {
 namespace {
@@ -182,8 +183,7 @@ TEST(DiffractionEdges, EmptySceneHasNone) { EXPECT_EQ(DiffractionEdges(*rooms::e
 
 TEST(DiffractionEdges, SmallHouse) {
   const char* folder = std::getenv("EARSHOT_DATA");
-  const auto path =
-      (folder ? std::filesystem::path(folder) : std::filesystem::path(EARSHOT_SOURCE_DIR) / "../shared/data") / "scenes/small_house.glb";
+  const auto path = (folder ? std::filesystem::path(folder) : source_dir() / "../shared/data") / "scenes/small_house.glb";
   if (!std::filesystem::exists(path)) GTEST_SKIP() << path << " is not there: set EARSHOT_DATA";
   const Scene scene = load_scene(path.string());
   const auto start = std::chrono::steady_clock::now();

@@ -14,6 +14,7 @@
 #include "sim/base/random.h"
 #include "sim/scene/scene.h"
 #include "tests/support/rooms.h"
+#include "tests/support/test_paths.h"
 #include "tests/support/wedge_cases.h"
 
 namespace earshot {
@@ -323,8 +324,7 @@ TEST(Diffraction, CombOfAThousandEdges) {  // docs/stability.md, H-68
 
 TEST(Diffraction, FurnishedHouse) {
   const char* folder = std::getenv("EARSHOT_DATA");
-  const auto path =
-      (folder ? std::filesystem::path(folder) : std::filesystem::path(EARSHOT_SOURCE_DIR) / "../shared/data") / "scenes/small_house.glb";
+  const auto path = (folder ? std::filesystem::path(folder) : source_dir() / "../shared/data") / "scenes/small_house.glb";
   if (!std::filesystem::exists(path)) GTEST_SKIP() << path << " is not there: set EARSHOT_DATA";
   const auto house = std::make_shared<const Scene>(load_scene(path.string()));
   AcousticConfig config;  // automatic, as in training
