@@ -2,133 +2,22 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <tbb/global_control.h>
 
-#include <array>
+#include <chrono>
 #include <cmath>
 #include <map>
 #include <numbers>
 #include <set>
-#include <thread>
 
 #include "sim/base/errors.h"
-#include "sim/base/random.h"
 #include "sim/vision/ray_renderer.h"
 #include "tests/support/env_fixture.h"
+#include "tests/support/env_roll_out.h"
 
 namespace earshot {
 namespace {
 
-/// Everything an env gives out in one step, by global env id.
-struct Record {
-  std::vector<float> values;
-  std::vector<std::uint8_t> flags;
-  friend bool operator==(const Record&, const Record&) = default;
-};
-
-template <class T>
-void append_row(std::vector<T>& out, std::span<const T> rows, std::size_t row, std::size_t count) {
-  const std::size_t size = rows.size() / count;
-  out.insert(out.end(), rows.begin() + static_cast<std::ptrdiff_t>(row * size),
-             rows.begin() + static_cast<std::ptrdiff_t>((row + 1) * size));
-}
-
-void record(const BatchedEnv& env, int first, std::map<int, std::vector<Record>>& out) {
-  const auto count = static_cast<std::size_t>(env.num_envs());
-  for (std::size_t row = 0; row < count; ++row) {
-    Record now;
-    for (const auto rows : {env.depth(), env.spectrogram(), env.audiogoal(), env.heard(), env.pointgoal(), env.rewards(), env.final_depth(),
-                            env.final_spectrogram(), env.final_pointgoal()})
-      append_row(now.values, rows, row, count);
-    for (const auto rows : {env.terminated(), env.truncated(), env.active(), env.collided()}) append_row(now.flags, rows, row, count);
-    out[first + static_cast<int>(row)].push_back(std::move(now));
-  }
-}
-
-/// Mostly forward, some turns, a stop now and then: episodes end both ways.
-std::int32_t test_action(int global_env, int step) {
-  const float u = RandomStream(3, Purpose::test, static_cast<std::uint32_t>(global_env), static_cast<std::uint32_t>(step)).uniform(0);
-  return u < 0.05f ? 0 : u < 0.6f ? 1 : u < 0.8f ? 2 : 3;
-}
-
-void step(BatchedEnv& env, int first, int step_index) {
-  std::vector<std::int32_t> actions;
-  for (int i = 0; i < env.num_envs(); ++i) actions.push_back(test_action(first + i, step_index));
-  env.step(actions);
-}
-
-/// Rolls out envs 0 ... 5 in batches of the given sizes.
-std::map<int, std::vector<Record>> roll_out(const EnvConfig& config, const std::shared_ptr<const EpisodeSet>& set,
-                                            const std::shared_ptr<SceneCache>& scenes, const std::vector<int>& batches, int steps) {
-  std::map<int, std::vector<Record>> out;
-  int first = 0;
-  for (const int size : batches) {
-    BatchedEnv env(config, set, scenes, size, first, 6);
-    env.reset();
-    record(env, first, out);
-    for (int i = 0; i < steps; ++i) {
-      step(env, first, i);
-      record(env, first, out);
-    }
-    EXPECT_EQ(env.nonfinite_events(), 0u);
-    first += size;
-  }
-  return out;
-}
-
-// A sanitizer slows the simulation by a factor of twenty to eighty, and workers that wait without a core of their own slow it by as much
-// again (TBB spins): its finds need neither the long run nor a third thread.
-#ifdef EARSHOT_SANITIZED
-constexpr int kSteps = 6;
-constexpr std::array kThreadCounts{2};
-#else
-constexpr int kSteps = 40;
-constexpr std::array kThreadCounts{2, 3};
-#endif
-
-TEST(BatchedEnv, ThreadsAndSplitsOfTheBatchChangeNoBit) {
-  const tbb::global_control most(tbb::global_control::max_allowed_parallelism, kThreadCounts.back());  // even on a machine with fewer cores
-  EnvConfig config = quick_env_config();
-  const auto set = quick_set(3);
-  const auto scenes = make_scene_cache(config);
-  const auto reference = roll_out(config, set, scenes, {6}, kSteps);
-  int ends = 0;
-  for (const auto& [env, records] : reference)
-    for (const Record& r : records) ends += r.flags[0] + r.flags[1];
-  EXPECT_GT(ends, kSteps / 4);
-  for (const int threads : kThreadCounts) {
-    config.threads = threads;
-    EXPECT_TRUE(roll_out(config, set, make_scene_cache(config), {6}, kSteps) == reference) << threads << " threads";
-  }
-  EXPECT_TRUE(roll_out(config, set, scenes, {2, 4}, kSteps) == reference) << "split 2 + 4 on the most threads";
-  config.threads = 1;
-  config.prefetch = true;
-  EXPECT_TRUE(roll_out(config, set, make_scene_cache(config), {1, 5}, kSteps) == reference) << "split 1 + 5, prefetching";
-}
-
-TEST(BatchedEnv, HalfBatchesInFlightTogetherChangeNoBit) {
-  EnvConfig config = quick_env_config();
-  config.prefetch = true;
-  const auto set = quick_set(3);
-  const auto reference = roll_out(config, set, make_scene_cache(config), {6}, 25);
-  const auto scenes = make_scene_cache(config);
-  std::map<int, std::vector<Record>> halves[2];
-  {
-    std::vector<std::jthread> threads;
-    for (int half = 0; half < 2; ++half)
-      threads.emplace_back([&, half] {
-        BatchedEnv env(config, set, scenes, 3, 3 * half, 6);
-        env.reset();
-        record(env, 3 * half, halves[half]);
-        for (int i = 0; i < 25; ++i) {
-          step(env, 3 * half, i);
-          record(env, 3 * half, halves[half]);
-        }
-      });
-  }
-  halves[0].merge(halves[1]);
-  EXPECT_TRUE(halves[0] == reference);
-}
+using namespace roll_outs;
 
 TEST(BatchedEnv, AnotherSeedGivesOtherEpisodes) {
   EnvConfig config = quick_env_config();

@@ -3,45 +3,16 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
-#include <atomic>
-#include <chrono>
 #include <filesystem>
 #include <fstream>
-#include <thread>
-#include <vector>
 
 #include "sim/base/errors.h"
+#include "tests/support/scene_cache_cases.h"
 
 namespace earshot {
 namespace {
 
-AcousticConfig quick() {
-  AcousticConfig config;
-  config.rays = 8;
-  config.early_candidate_rays = 50;
-  config.rir_length_s = 0.1f;
-  return config;
-}
-
-constexpr std::size_t kRoomy = std::size_t{1} << 30;
-
-TEST(SceneCache, LoadsOnceForManyThreads) {
-  SceneCache cache(quick(), {}, "", kRoomy);
-  std::vector<std::shared_ptr<const EnvScene>> scenes(8);
-  std::vector<std::shared_ptr<const EnvSource>> sources(8);
-  {
-    std::vector<std::jthread> threads;
-    for (std::size_t i = 0; i < scenes.size(); ++i)
-      threads.emplace_back([&, i] {
-        scenes[i] = cache.scene("house:5,rooms=2");
-        sources[i] = cache.source("house:5,rooms=2", scenes[i]->navmesh.random_point(RandomStream(1, Purpose::test), 0), 1.5f);
-      });
-  }
-  for (const auto& scene : scenes) EXPECT_EQ(scene, scenes[0]);
-  for (const auto& source : sources) EXPECT_EQ(source, sources[0]);
-  EXPECT_EQ(cache.scenes_loaded(), 1u);
-  EXPECT_EQ(cache.sources_built(), 1u);
-}
+using namespace scene_cache_cases;
 
 TEST(SceneCache, SourcesStandAboveTheGoal) {
   SceneCache cache(quick(), {}, "", kRoomy);
@@ -94,23 +65,6 @@ TEST(SceneCache, FailuresAreToldAndNotRemembered) {
   EXPECT_THROW(cache.source("sub/room.obj", {100, 0, 0}, 1.5f), InputError);  // no floor there
   EXPECT_TRUE(cache.source("sub/room.obj", {2, 0, 2}, 1.5f));
   std::filesystem::remove_all(folder);
-}
-
-TEST(SceneCache, PrefetchLoadsInTheBackground) {
-  SceneCache cache(quick(), {}, "", kRoomy);
-  cache.prefetch("no_such_file.glb", {0, 0, 0}, 1.5f);  // must not end the thread
-  cache.prefetch("shoebox:6x3x4", {2, 0, 1}, 1.2f);
-  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(20);
-  while (cache.sources_built() == 0 && std::chrono::steady_clock::now() < deadline)
-    std::this_thread::sleep_for(std::chrono::milliseconds(2));
-  EXPECT_EQ(cache.sources_built(), 1u);
-  cache.source("shoebox:6x3x4", {2, 0, 1}, 1.2f);
-  EXPECT_EQ(cache.sources_built(), 1u);
-}
-
-TEST(SceneCache, GoesAwayWhilePrefetching) {
-  SceneCache cache(quick(), {}, "", kRoomy);
-  for (int i = 4; i < 40; ++i) cache.prefetch("shoebox:" + std::to_string(i) + "x3x4", {2, 0, 2}, 1.5f);
 }
 
 }  // namespace

@@ -5,26 +5,14 @@
 #include <cmath>
 #include <memory>
 #include <numbers>
-#include <thread>
 
 #include "sim/base/errors.h"
-#include "sim/base/random.h"
+#include "tests/support/stream_sounds.h"
 
 namespace earshot {
 namespace {
 
-std::vector<float> noise(std::size_t size, std::uint32_t stream, double decay = 0) {
-  const RandomStream random(3, Purpose::test, stream);
-  std::vector<float> values(size);
-  for (std::size_t i = 0; i < size; ++i)
-    values[i] = static_cast<float>((2.0 * random.uniform(static_cast<std::uint32_t>(i)) - 1.0) * std::exp(-decay * static_cast<double>(i)));
-  return values;
-}
-
-SoundClip clip_of(std::vector<float> samples) { return {.name = "test", .sample_rate_hz = 16000.f, .samples = std::move(samples)}; }
-
-/// [2, taps]: two channels that differ.
-std::vector<float> stereo_rir(int taps, std::uint32_t stream) { return noise(2 * static_cast<std::size_t>(taps), stream, 4.0 / taps); }
+using namespace stream_sounds;
 
 /// The definition in double: sum over k of rir[k] dry(n - k), dry the endless loop.
 double expected_sample(const SoundClip& clip, const StreamPosition& start, std::span<const float> rir, std::int64_t n) {
@@ -222,44 +210,6 @@ TEST(SoundStream, ConvolversShareNothing) {
   busy.convolve(clip, {.sample = 77}, rir, {}, 3000, 2400, a);
   fresh.convolve(clip, {.sample = 77}, rir, {}, 3000, 2400, b);
   EXPECT_EQ(a, b);
-}
-
-/// Sixty steps of an agent that turns: every step has a RIR of its own.
-std::vector<float> walk_of(StreamConvolver& convolver, const SoundClip& clip, std::uint64_t key, std::uint64_t offset) {
-  constexpr int taps = 3000, block = 2400;
-  RirSpectra now, before;
-  std::vector<float> sound, part(2 * block);
-  StreamPosition position{.clip_offset = offset};
-  for (std::uint32_t step = 0; step < 60; ++step) {
-    std::swap(now, before);
-    convolver.transform(stereo_rir(taps, 2 + step % 5), taps, now);
-    convolver.convolve(clip, key, position, now, step > 0 ? &before : nullptr, block, part);
-    sound.insert(sound.end(), part.begin(), part.end());
-    position.sample += block;
-  }
-  return sound;
-}
-
-// What others heard before, how much room there is and that several threads use the spectra at once: none of it may be heard.
-TEST(SoundStream, SharedDrySpectraChangeNoBitOnAnyThread) {
-  const SoundClip clip = clip_of(noise(16000, 1)), other = clip_of(noise(4801, 9));
-  const StreamConfig config{.max_rir_samples = 3000};
-  StreamConvolver alone(config, 2);
-  const std::vector<float> expected = walk_of(alone, clip, 0, 123), expected_other = walk_of(alone, other, 0, 7);
-  const int size = StreamConvolver::plan(config, 2).fft_size;
-  for (const std::size_t bytes : {std::size_t{1}, std::size_t{16} << 20}) {  // eight spectra, which all fight for; plenty
-    const auto shared = std::make_shared<DrySpectra>(size, bytes);
-    std::vector<std::vector<float>> heard(4);
-    {
-      std::vector<std::jthread> threads;
-      for (std::size_t i = 0; i < heard.size(); ++i)
-        threads.emplace_back([&, i] {
-          StreamConvolver convolver(config, 2, shared);
-          heard[i] = i % 2 == 0 ? walk_of(convolver, clip, 1, 123) : walk_of(convolver, other, 2, 7);
-        });
-    }
-    for (std::size_t i = 0; i < heard.size(); ++i) EXPECT_EQ(heard[i], i % 2 == 0 ? expected : expected_other) << i << ", " << bytes;
-  }
 }
 
 // The second form, which transforms both RIRs itself, and responses of different lengths, of which the longer ends in zeros.

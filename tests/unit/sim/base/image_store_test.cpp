@@ -12,11 +12,10 @@
 #include <csignal>
 #include <fstream>
 #include <iterator>
-#include <thread>
 #include <vector>
 
 #include "sim/base/files.h"
-#include "sim/base/random.h"
+#include "tests/support/image_store_fixture.h"
 
 namespace earshot {
 namespace {
@@ -25,43 +24,6 @@ using testing::HasSubstr;
 
 constexpr std::uint64_t kKey = 0x0123456789abcdef;
 constexpr std::size_t kHeader = 64;
-
-std::vector<std::byte> image_of(std::uint32_t seed, std::size_t size = 5000) {
-  const RandomStream random(seed, Purpose::test);
-  std::vector<std::byte> bytes(size);
-  for (std::size_t i = 0; i < size; ++i) bytes[i] = static_cast<std::byte>(random.bits(static_cast<std::uint32_t>(i)));
-  return bytes;
-}
-
-bool equal(std::span<const std::byte> a, std::span<const std::byte> b) { return std::ranges::equal(a, b); }
-
-class ImageStoreTest : public testing::Test {
- protected:
-  void SetUp() override {
-    folder_ = std::filesystem::temp_directory_path() /
-              ("earshot_images_" + std::string(testing::UnitTest::GetInstance()->current_test_info()->name()) + std::to_string(::getpid()));
-    std::filesystem::remove_all(folder_);
-  }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
-
-  ImageStore open(std::uint64_t max_bytes = 1 << 20) {
-    return ImageStore({.folder = folder_, .suffix = "field", .max_bytes = max_bytes, .warn = [this](const std::string& message) {
-                         warnings_.push_back(message);
-                       }});
-  }
-  [[nodiscard]] std::size_t num_files() const {
-    return static_cast<std::size_t>(std::distance(std::filesystem::directory_iterator(folder_), std::filesystem::directory_iterator()));
-  }
-  void age(const std::filesystem::path& path, std::chrono::seconds by) const {
-    std::filesystem::last_write_time(path, std::filesystem::last_write_time(path) - by);
-  }
-  void write(const std::filesystem::path& path, const std::string& bytes) const {
-    std::ofstream(path, std::ios::binary | std::ios::trunc) << bytes;
-  }
-
-  std::filesystem::path folder_;
-  std::vector<std::string> warnings_;
-};
 
 TEST_F(ImageStoreTest, WhatWasSavedIsLoadedByAnyStoreOfTheFolder) {
   const auto image = image_of(1);
@@ -285,24 +247,6 @@ TEST_F(ImageStoreTest, WithoutPermissionNothingIsReadOrWritten) {
   ::chmod(folder_.c_str(), 0755);
   ASSERT_TRUE(WIFEXITED(status));
   EXPECT_EQ(WEXITSTATUS(status), 0);
-}
-
-TEST_F(ImageStoreTest, ThreadsMaySaveAndLoadAtOnce) {
-  const auto image = image_of(17, 3000);
-  ImageStore store = open(10 * 3064);
-  {
-    std::vector<std::jthread> threads;
-    for (std::uint64_t i = 0; i < 4; ++i)
-      threads.emplace_back([&, i] {
-        for (std::uint64_t round = 0; round < 50; ++round) {
-          EXPECT_TRUE(store.save((i + round) % 20, image));
-          const auto loaded = store.load(round % 20);
-          EXPECT_TRUE(!loaded || equal(loaded->bytes, image));
-        }
-      });
-  }
-  EXPECT_LE(num_files(), 11u);
-  EXPECT_TRUE(warnings_.empty());
 }
 
 }  // namespace

@@ -6,7 +6,6 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <atomic>
 #include <cerrno>
 #include <csignal>
 #include <cstdlib>
@@ -15,7 +14,7 @@
 #include <thread>
 
 #include "sim/base/errors.h"
-#include "tests/support/test_paths.h"
+#include "tests/support/isolated_calls.h"
 
 namespace earshot {
 namespace {
@@ -24,31 +23,14 @@ using testing::AllOf;
 using testing::HasSubstr;
 using testing::Not;
 using testing::StartsWith;
+using namespace isolated_calls;
 using Clock = std::chrono::steady_clock;
-
-const std::filesystem::path program = isolated_child_program();
-constexpr IsolationLimits kSmall{.wall_time = std::chrono::milliseconds(20'000), .memory_bytes = std::uint64_t{256} << 20};
-
-std::string call(const std::vector<std::string>& arguments, const IsolationLimits& limits = kSmall) {
-  return call_isolated(program, arguments, "house.obj", limits);
-}
-
-std::string refusal(const std::vector<std::string>& arguments, const IsolationLimits& limits = kSmall) {
-  try {
-    const std::string answer = call(arguments, limits);
-    return "answered " + std::to_string(answer.size()) + " bytes";
-  } catch (const InputError& error) {
-    return error.what();
-  }
-}
 
 std::size_t open_descriptors() {
   std::size_t count = 0;
   for (const auto& entry : std::filesystem::directory_iterator("/proc/self/fd")) count += entry.path().empty() ? 0 : 1;
   return count;
 }
-
-bool has_children() { return !(::waitpid(-1, nullptr, WNOHANG) < 0 && errno == ECHILD); }
 
 TEST(IsolatedCall, GivesTheAnswer) {
   EXPECT_EQ(call({"echo", "hello"}), "hello");
@@ -112,32 +94,6 @@ TEST(IsolatedCall, LeavesNoProcessAndNoDescriptor) {
   for (const char* how : {"echo", "segv", "sleep", "half", "garbage", "exit", "refuse"}) refusal({how, "x"}, brief);
   EXPECT_THROW(call_isolated("/no/such/program", {}, "house.obj"), RunError);
   EXPECT_EQ(open_descriptors(), before);
-  EXPECT_FALSE(has_children());
-}
-
-TEST(IsolatedCall, IsSafeBesideOtherThreads) {
-  std::atomic<bool> stop = false;
-  std::vector<std::thread> busy;
-  for (int i = 0; i < 3; ++i)  // a copy of this process would find the allocator locked sooner or later
-    busy.emplace_back([&stop, i] {
-      for (std::size_t size = 1; !stop; size = size * 7 % 100'003 + 1) std::string(size + static_cast<std::size_t>(i), 'x').shrink_to_fit();
-    });
-  std::atomic<int> wrong = 0;
-  std::vector<std::thread> callers;
-  for (int i = 0; i < 6; ++i)
-    callers.emplace_back([&wrong, i] {
-      for (int turn = 0; turn < 8; ++turn) {
-        const std::string text = std::to_string(100 * i + turn);
-        if (turn % 4 == 3
-                ? refusal({"segv"}).find("crashes") == std::string::npos && refusal({"segv"}).find("ends the") == std::string::npos
-                : call({"echo", text}) != text)
-          ++wrong;
-      }
-    });
-  for (auto& thread : callers) thread.join();
-  stop = true;
-  for (auto& thread : busy) thread.join();
-  EXPECT_EQ(wrong, 0);
   EXPECT_FALSE(has_children());
 }
 

@@ -7,30 +7,17 @@
 
 #include <algorithm>
 #include <fstream>
-#include <thread>
 #include <vector>
 
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/scene/scene.h"
+#include "tests/support/field_store_fixture.h"
 
 namespace earshot {
 namespace {
 
 using testing::HasSubstr;
-
-AcousticConfig quick_config() {
-  AcousticConfig config;
-  config.early_candidate_rays = 100;
-  config.rir_length_s = 0.2f;
-  config.field_photons = 1024;
-  config.field_error = 1.f;
-  return config;
-}
-
-AcousticScene load_room(const AcousticConfig& config, const std::string& id = "shoebox:6x3x4@0.3") {
-  return AcousticScene(std::make_shared<const Scene>(load_scene(id)), config);
-}
 
 std::vector<float> hear(const SourceField& field, const AcousticScene& scene) {
   EnergyHistogram histogram = make_histogram(scene);
@@ -40,31 +27,6 @@ std::vector<float> hear(const SourceField& field, const AcousticScene& scene) {
 }
 
 bool same_image(const SourceField& a, const SourceField& b) { return std::ranges::equal(a.image(), b.image()); }
-
-class FieldStore : public testing::Test {
- protected:
-  void SetUp() override {
-    folder_ = std::filesystem::temp_directory_path() /
-              ("earshot_fields_" + std::string(testing::UnitTest::GetInstance()->current_test_info()->name()) + std::to_string(::getpid()));
-    std::filesystem::remove_all(folder_);
-  }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
-  FieldStoreConfig config() {
-    return {.folder = folder_, .max_bytes = 1 << 30, .max_memory_bytes = 0, .warn = [this](const std::string& message) {
-              warnings_.push_back(message);
-            }};
-  }
-  [[nodiscard]] std::vector<std::filesystem::path> files() const {
-    std::vector<std::filesystem::path> found;
-    for (const auto& entry : std::filesystem::directory_iterator(folder_)) found.push_back(entry.path());
-    return found;
-  }
-
-  const AcousticScene room_ = load_room(quick_config());
-  const EarlyCandidates source_{room_, glm::vec3{1.5f, 1.4f, 1.1f}};
-  std::filesystem::path folder_;
-  std::vector<std::string> warnings_;
-};
 
 TEST_F(FieldStore, AFieldHasTheSameBitsBuiltLoadedAndWithoutAStore) {
   const auto alone = build_source_field(room_, source_);
@@ -160,18 +122,6 @@ TEST_F(FieldStore, HeldFieldsAreSharedAndOthersWithinTheBoundKept) {
   EXPECT_EQ(store.counters().built, 3u);
   EXPECT_EQ(store.get(room_, second), held);  // dropped by the store, held here
   EXPECT_EQ(store.counters().built, 3u);
-}
-
-TEST_F(FieldStore, ThreadsWaitForOneField) {
-  SourceFieldStore store(config());
-  std::vector<std::shared_ptr<const SourceField>> fields(6);
-  {
-    std::vector<std::jthread> threads;
-    for (auto& field : fields) threads.emplace_back([&] { field = store.get(room_, source_); });
-  }
-  for (const auto& field : fields) EXPECT_EQ(field, fields[0]);
-  EXPECT_EQ(store.counters().built, 1u);
-  EXPECT_EQ(store.counters().shared, 5u);
 }
 
 TEST_F(FieldStore, ProcessesThatBuildTheSameFieldAgree) {

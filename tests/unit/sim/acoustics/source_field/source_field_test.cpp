@@ -15,35 +15,13 @@
 #include "sim/base/errors.h"
 #include "tests/support/late_field.h"
 #include "tests/support/rooms.h"
+#include "tests/support/source_field_cases.h"
 
 namespace earshot {
 namespace {
 
-using rooms::plain_config;
+using namespace source_fields;
 using rooms::total_energy;
-
-/// As many photons as set, whatever the error.
-AcousticConfig field_config(int photons, float cell_m) {
-  AcousticConfig config = plain_config();
-  config.field_photons = photons;
-  config.field_error = 1e-6f;
-  config.field_cell_m = cell_m;
-  config.rir_length_s = 1.f;
-  return config;
-}
-
-struct Field {
-  Field(const std::shared_ptr<const Scene>& room, const AcousticConfig& config, const SoundSource& source)
-      : scene(room, config), candidates(scene, source), field(build_source_field(scene, candidates)) {}
-  [[nodiscard]] EnergyHistogram at(glm::vec3 listener) const {
-    EnergyHistogram histogram = make_histogram(scene);
-    field->gather(scene, listener, histogram);
-    return histogram;
-  }
-  AcousticScene scene;
-  EarlyCandidates candidates;
-  std::shared_ptr<const SourceField> field;
-};
 
 TEST(SourceField, LambertBoxHasTheExactEnergyO10) {
   // SHOE-1, s = 1: late energy and sums e exp(-sigma t) for sigma = 5, 10, 20, 40 / s.
@@ -143,28 +121,6 @@ TEST(SourceField, DirectionsPointToWhereSoundComesFrom) {
   // A wall of 4 x 3 m seen from 2.5 m: the energy-weighted mean of its directions is about 0.85 of a unit vector.
   EXPECT_GT(toward_x / energy, 0.75);
   EXPECT_LT(toward_x / energy, 0.95);
-}
-
-TEST(SourceField, ThreadsAndRefinementSchedulesGiveTheSameBits) {
-  const auto room = rooms::shoe1(0.2, 0.4);
-  AcousticConfig config = field_config(8192, 1.f);
-  const auto image_with = [&](int threads) {
-    config.threads = threads;
-    const Field field(room, config, rooms::shoe1_source());
-    const auto image = field.field->image();
-    return std::vector<std::byte>(image.begin(), image.end());
-  };
-  const auto one = image_with(1);
-  EXPECT_EQ(one, image_with(2));
-
-  config.threads = 1;
-  const AcousticScene scene(room, config);
-  const EarlyCandidates candidates(scene, rooms::shoe1_source());
-  SourceFieldBuilder builder(scene, candidates);
-  while (builder.refine()) (void)builder.snapshot();  // looking on the way changes nothing
-  const auto snapshot = builder.snapshot();
-  const auto last = snapshot->image();
-  EXPECT_TRUE(std::equal(one.begin(), one.end(), last.begin(), last.end()));
 }
 
 TEST(SourceField, StopsAtItsErrorTargetAndTheTargetIsHonest) {

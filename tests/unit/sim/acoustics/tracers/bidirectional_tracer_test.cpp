@@ -114,30 +114,6 @@ TEST(Bidirectional, BandsThatDecayApartShareRaysWithoutBias) {
   }
 }
 
-TEST(Bidirectional, AnyNumberOfThreadsGivesTheSameBits) {
-  AcousticConfig config;
-  config.rays = 1000;  // not a multiple of the batches
-  config.source_rays = 77;
-  const auto room = rooms::shoe1(0.2, 0.3);
-  const BidirectionalField one = bidirectional_field(room, config, rooms::shoe1_source(), rooms::shoe1_listener());
-  for (const int threads : {2, 3, 0}) {
-    config.threads = threads;
-    double last_share = 0;
-    int calls = 0;
-    const BidirectionalField many =
-        bidirectional_field(room, config, rooms::shoe1_source(), rooms::shoe1_listener(), {.progress = [&](double share) {
-                              EXPECT_GT(share, last_share);
-                              last_share = share;
-                              ++calls;
-                            }});
-    EXPECT_TRUE(std::equal(one.histogram.values().begin(), one.histogram.values().end(), many.histogram.values().begin())) << threads;
-    EXPECT_EQ(one.batches.energy, many.batches.energy);
-    EXPECT_EQ(one.stats.ray_hits, many.stats.ray_hits);
-    EXPECT_EQ(last_share, 1.0);
-    EXPECT_EQ(calls, 16);
-  }
-}
-
 TEST(Bidirectional, DegenerateInputStaysFinite) {
   AcousticConfig config = bidirectional_config(64);
   config.late = Switch::on;  // the plan would not trace at all where nothing comes back

@@ -208,19 +208,6 @@ TEST(PathTracer, ScalingByPowersOfTwoKeepsBitsO19) {
   }
 }
 
-TEST(PathTracer, ThreadsGiveTheSameBitsH49) {
-  AcousticConfig config;
-  config.rays = 1500;  // six chunks, the last one short
-  const auto room = rooms::shoe1(0.2, 0.3);
-  const EnergyHistogram one = late_field(room, config, rooms::shoe1_source(), rooms::shoe1_listener());
-  for (const int threads : {2, 3, 0}) {
-    config.threads = threads;
-    const EnergyHistogram many = late_field(room, config, rooms::shoe1_source(), rooms::shoe1_listener());
-    EXPECT_TRUE(std::equal(one.values().begin(), one.values().end(), many.values().begin())) << threads << " threads";
-    EXPECT_EQ(one.dropped_energy(), many.dropped_energy());
-  }
-}
-
 TEST(PathTracer, SamePoseSameBitsH51) {
   const AcousticScene scene(rooms::shoe1(0.2, 0.3), AcousticConfig{});
   const EarlyCandidates candidates(scene, rooms::shoe1_source());

@@ -1,5 +1,3 @@
-#include "sim/acoustics/source_field/refining_field.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -7,6 +5,7 @@
 #include <thread>
 #include <vector>
 
+#include "sim/acoustics/source_field/refining_field.h"
 #include "sim/scene/scene.h"
 
 namespace earshot {

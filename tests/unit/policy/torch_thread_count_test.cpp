@@ -1,7 +1,7 @@
-#include "policy/torch_threads.h"
-
 #include <dlfcn.h>
 #include <gtest/gtest.h>
+
+#include "policy/torch_threads.h"
 
 namespace earshot {
 namespace {

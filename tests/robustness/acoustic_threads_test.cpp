@@ -1,0 +1,29 @@
+#include <gtest/gtest.h>
+
+#include <vector>
+
+#include "tests/support/acoustic_engines.h"
+
+namespace earshot {
+namespace {
+
+using namespace engines;
+
+TEST(H49_ThreadCounts, OneTwoAndSixtyFourGiveTheSameBits) {
+  for (const Engine engine : kEngines) {
+    SCOPED_TRACE(name_of(engine));
+    std::vector<float> one;
+    for (const int threads : {1, 2, 64}) {
+      AcousticConfig config;  // octaves, air, image paths, first-order harmonics
+      config.rays = 1500;
+      config.threads = threads;
+      const Heard heard(engine, rooms::shoe1(0.2, 0.3), config, rooms::shoe1_source(), 2048);
+      const std::vector<float> bits = bits_of(heard.at(rooms::shoe1_listener()));
+      if (threads == 1) one = bits;
+      EXPECT_TRUE(same_bits(one, bits)) << threads;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace earshot

@@ -1,0 +1,56 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "tests/support/bidirectional_field.h"
+#include "tests/support/late_field.h"
+#include "tests/support/rooms.h"
+
+// Both tracers give the bits of one thread on any number of them.
+
+namespace earshot {
+namespace {
+
+using rooms::bidirectional_field;
+using rooms::BidirectionalField;
+using rooms::late_field;
+
+TEST(PathTracer, ThreadsGiveTheSameBitsH49) {
+  AcousticConfig config;
+  config.rays = 1500;  // six chunks, the last one short
+  const auto room = rooms::shoe1(0.2, 0.3);
+  const EnergyHistogram one = late_field(room, config, rooms::shoe1_source(), rooms::shoe1_listener());
+  for (const int threads : {2, 3, 0}) {
+    config.threads = threads;
+    const EnergyHistogram many = late_field(room, config, rooms::shoe1_source(), rooms::shoe1_listener());
+    EXPECT_TRUE(std::equal(one.values().begin(), one.values().end(), many.values().begin())) << threads << " threads";
+    EXPECT_EQ(one.dropped_energy(), many.dropped_energy());
+  }
+}
+
+TEST(Bidirectional, AnyNumberOfThreadsGivesTheSameBits) {
+  AcousticConfig config;
+  config.rays = 1000;  // not a multiple of the batches
+  config.source_rays = 77;
+  const auto room = rooms::shoe1(0.2, 0.3);
+  const BidirectionalField one = bidirectional_field(room, config, rooms::shoe1_source(), rooms::shoe1_listener());
+  for (const int threads : {2, 3, 0}) {
+    config.threads = threads;
+    double last_share = 0;
+    int calls = 0;
+    const BidirectionalField many =
+        bidirectional_field(room, config, rooms::shoe1_source(), rooms::shoe1_listener(), {.progress = [&](double share) {
+                              EXPECT_GT(share, last_share);
+                              last_share = share;
+                              ++calls;
+                            }});
+    EXPECT_TRUE(std::equal(one.histogram.values().begin(), one.histogram.values().end(), many.histogram.values().begin())) << threads;
+    EXPECT_EQ(one.batches.energy, many.batches.energy);
+    EXPECT_EQ(one.stats.ray_hits, many.stats.ray_hits);
+    EXPECT_EQ(last_share, 1.0);
+    EXPECT_EQ(calls, 16);
+  }
+}
+
+}  // namespace
+}  // namespace earshot
