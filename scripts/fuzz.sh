@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # scripts/fuzz.sh [SECONDS] [TARGET...]
-# Builds the fuzz targets (preset fuzz) and runs them, all or the ones named, for SECONDS in all (default 60), as many at once as there are
+# Builds the fuzz targets (in the preset asan-ubsan) and runs them, all or the ones named, for SECONDS in all (default 60), as many at once as there are
 # cores.  Prints one row per target and exits with 1 if there is a finding; its input is kept in build/fuzz/findings, to be run again with
-#   build/fuzz/fuzz/fuzz_TARGET FILE
+#   build/asan-ubsan/fuzz/fuzz_TARGET FILE
 # What is learnt is kept in build/fuzz/corpus, so that a longer run goes on where the last one stopped.  EARSHOT_JOBS: how many at once.
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -10,12 +10,13 @@ cd "$(dirname "$0")/.."
 seconds=${1:-60}
 [ $# -gt 0 ] && shift
 jobs=${EARSHOT_JOBS:-$(nproc)}
-scripts/build.sh fuzz
+scripts/build.sh asan-ubsan --target fuzzers
 
+programs=build/asan-ubsan/fuzz
 build=build/fuzz
 targets=("$@")
 if [ ${#targets[@]} -eq 0 ]; then
-  for program in "$build"/fuzz/fuzz_*; do
+  for program in "$programs"/fuzz_*; do
     if [ -x "$program" ] && [ -f "$program" ]; then targets+=("$(basename "$program" | sed 's/^fuzz_//')"); fi
   done
 fi
@@ -36,7 +37,7 @@ run_one() {
   local name=$1 corpus=$build/corpus/$1 options=()
   mkdir -p "$corpus"
   if [ -f "fuzz/dictionaries/$name.dict" ]; then options+=("-dict=fuzz/dictionaries/$name.dict"); fi
-  "$build/fuzz/fuzz_$name" -max_total_time="$each" -timeout=60 -rss_limit_mb=2048 -max_len=16384 -print_final_stats=1 "${seed[@]}" \
+  "$programs/fuzz_$name" -max_total_time="$each" -timeout=60 -rss_limit_mb=2048 -max_len=16384 -print_final_stats=1 "${seed[@]}" \
     -artifact_prefix="$findings/$name-" "${options[@]}" "$corpus" "fuzz/corpus/$name" >"$logs/$name.log" 2>&1 || echo "$name" >>"$logs/failed"
 }
 
