@@ -13,7 +13,7 @@
 #include "envs/episode_set.h"
 #include "envs/quarantine.h"
 #include "envs/scene_cache.h"
-#include "sim/acoustics/model/effect_plan.h"
+#include "sim/acoustics/paths/pose_effects.h"
 
 namespace earshot {
 

@@ -1,8 +1,11 @@
 #!/usr/bin/env bash
 # Fails on any include against the arrow  sim <- envs <- policy <- trainer <- apps,  on one between the stages inside sim against
-# base <- rays <- scene <- {acoustics, vision, nav} (audio stands on base), and on a library header outside the folder that owns it.
+# base <- rays <- scene <- {acoustics, vision, nav} (audio stands on base), on one between the stages inside sim/acoustics against
+# core <- geometry <- model <- paths <- tracers <- source_field <- response <- synthesis <- metrics, and on a library header outside the
+# folder that owns it.
+# Usage: check_layering.sh [ROOT]     ROOT: the source tree, by default the one this script is in
 set -euo pipefail
-cd "$(dirname "$0")/.."
+cd "${1:-$(dirname "$0")/..}"
 failures=0
 
 # allowed FOLDER "ALLOWED PREFIXES": every #include "..." in FOLDER must start with one of them.
@@ -30,6 +33,11 @@ allowed sim/rays      "sim/base sim/rays"
 allowed sim/scene     "sim/base sim/rays sim/scene"
 allowed sim/audio     "sim/base sim/audio"
 allowed sim/acoustics "sim/base sim/rays sim/scene sim/audio sim/acoustics"
+stages=""
+for stage in core geometry model paths tracers source_field response synthesis metrics; do
+  stages="$stages sim/acoustics/$stage"
+  allowed "sim/acoustics/$stage" "sim/base sim/rays sim/scene sim/audio$stages"
+done
 allowed sim/vision    "sim/base sim/rays sim/scene sim/vision"
 allowed sim/nav       "sim/base sim/rays sim/scene sim/nav"
 allowed sim/reader    "sim/base sim/scene sim/audio"

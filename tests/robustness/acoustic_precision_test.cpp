@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "sim/acoustics/core/histogram_sum.h"
+#include "sim/acoustics/core/jackknife.h"
 #include "sim/acoustics/geometry/field_grid.h"
 #include "sim/acoustics/metrics/late_errors.h"
 #include "sim/acoustics/metrics/room_metrics.h"

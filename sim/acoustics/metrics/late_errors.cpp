@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "sim/acoustics/core/jackknife.h"
 #include "sim/acoustics/metrics/room_metrics.h"
 
 namespace earshot {
@@ -24,17 +25,6 @@ void leave_out(const EnergyResponse& whole, int batch, EnergyResponse& rest) {
 }
 
 }  // namespace
-
-std::optional<double> jackknife_error(std::span<const std::optional<double>> values) {
-  const auto n = static_cast<double>(values.size());
-  double mean = 0, squares = 0;
-  for (const std::optional<double>& value : values) {
-    if (!value) return std::nullopt;
-    mean += *value / n;
-  }
-  for (const std::optional<double>& value : values) squares += (*value - mean) * (*value - mean);
-  return std::sqrt((n - 1) / n * squares);
-}
 
 std::vector<BandErrors> late_errors(const AcousticScene& scene, const EnergyResponse& response) {
   const LateBatches& batches = response.batches;

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <optional>
-#include <span>
 #include <vector>
 
 #include "sim/acoustics/model/acoustic_scene.h"
@@ -15,10 +14,6 @@ struct BandErrors {
   /// Of T20 and T30 in seconds: jackknife over batches (Quenouille 1956, Tukey 1958).  nullopt where the decay time itself does not exist.
   std::optional<double> t20_error_s, t30_error_s;
 };
-
-/// Standard error of a statistic from its values with one of n batches left out each: sqrt((n - 1) / n * sum of squared deviations)
-/// (Tukey 1958).  nullopt if one of the values does not exist.
-std::optional<double> jackknife_error(std::span<const std::optional<double>> values);
 
 /// One entry per band; empty if the response was not traced in batches.  Cost: the metrics of one response per batch.
 std::vector<BandErrors> late_errors(const AcousticScene& scene, const EnergyResponse& response);

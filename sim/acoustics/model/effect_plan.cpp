@@ -10,8 +10,8 @@
 #include "sim/acoustics/geometry/diffraction_edges.h"
 #include "sim/acoustics/model/acoustic_scene.h"
 #include "sim/acoustics/model/air_absorption.h"
+#include "sim/acoustics/model/diffraction_budget.h"
 #include "sim/acoustics/model/effect_probe.h"
-#include "sim/acoustics/paths/early_reflections.h"
 #include "sim/base/errors.h"
 
 namespace earshot {
@@ -364,36 +364,6 @@ float largest_specular_share(const AcousticScene& scene) {
 }
 
 bool uses_source_field(const AcousticScene& scene) { return scene.plan().field; }
-
-void EffectCounters::add(const EffectCounters& other) {
-  poses += other.poses;
-  in_sight += other.in_sight;
-  transmission_skipped += other.transmission_skipped;
-  diffraction_skipped += other.diffraction_skipped;
-  early_skipped += other.early_skipped;
-  late_skipped += other.late_skipped;
-  field_gathers += other.field_gathers;
-}
-
-PoseEffects decide_pose_effects(const AcousticScene& scene, const EarlyCandidates& candidates, glm::vec3 listener) {
-  PoseEffects effects;
-  effects.in_sight = listener == candidates.source() || !scene.scene().rays().occluded(candidates.source(), listener);
-  effects.transmission = scene.plan().straight_transmission && !effects.in_sight;
-  effects.diffraction = candidates.diffraction().size() > 0;
-  return effects;
-}
-
-EffectCounters count_effects(const AcousticScene& scene, const PoseEffects& effects, std::span<const Arrival> arrivals, bool gathered) {
-  const bool bent = std::any_of(arrivals.begin(), arrivals.end(), [](const Arrival& a) { return a.kind == ArrivalKind::diffraction; });
-  const bool late = scene.config().late != Switch::off;
-  return {.poses = 1,
-          .in_sight = effects.in_sight ? 1u : 0u,
-          .transmission_skipped = effects.transmission ? 0u : 1u,
-          .diffraction_skipped = bent ? 0u : 1u,
-          .early_skipped = scene.image_order() == 0 ? 1u : 0u,
-          .late_skipped = late ? 0u : 1u,
-          .field_gathers = late && gathered ? 1u : 0u};
-}
 
 const char* name_of(BoundKind kind) {
   switch (kind) {

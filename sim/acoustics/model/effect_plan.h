@@ -2,18 +2,14 @@
 
 #include <array>
 #include <cstdint>
-#include <glm/vec3.hpp>
-#include <span>
 #include <string>
 #include <vector>
 
-#include "sim/acoustics/core/arrival.h"
 #include "sim/acoustics/core/bands.h"
 
 namespace earshot {
 
 class AcousticScene;
-class EarlyCandidates;
 
 /// What leaving an effect out may change: 0.1 dB in the energy of any band at every time down to -45 dB, and 1 % of RT60
 /// (docs/estimators.md, section 12: a tenth and a fifth of what is just heard).
@@ -64,26 +60,6 @@ float largest_specular_share(const AcousticScene& scene);
 /// Does the plan want a SourceField for the late part of a source that stands still?  Where that is the cheaper way to the same error over
 /// a few hundred poses: not in single rooms, where tens of rays per pose do.
 bool uses_source_field(const AcousticScene& scene);
-
-/// How often poses went without an effect.
-struct EffectCounters {
-  std::uint64_t poses = 0;
-  std::uint64_t in_sight = 0;              ///< poses with a free line of sight
-  std::uint64_t transmission_skipped = 0;  ///< nothing transmits, or the line of sight is free
-  std::uint64_t diffraction_skipped = 0;   ///< no edge in the scene's air, or none that matters from here
-  std::uint64_t early_skipped = 0, late_skipped = 0;
-  std::uint64_t field_gathers = 0;  ///< late fields that came from a source field
-  void add(const EffectCounters& other);
-};
-
-/// What a pose calls for.
-struct PoseEffects {
-  bool in_sight = false, transmission = false, diffraction = false;
-};
-/// One shadow ray.
-PoseEffects decide_pose_effects(const AcousticScene& scene, const EarlyCandidates& candidates, glm::vec3 listener);
-/// The counters of one pose, from what was decided and found there.
-EffectCounters count_effects(const AcousticScene& scene, const PoseEffects& effects, std::span<const Arrival> arrivals, bool gathered);
 
 const char* name_of(BoundKind kind);
 

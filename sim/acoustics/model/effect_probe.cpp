@@ -9,7 +9,7 @@
 #include <span>
 
 #include "sim/acoustics/core/sampling.h"
-#include "sim/acoustics/paths/transmission.h"
+#include "sim/acoustics/model/wall_crossing.h"
 #include "sim/base/random.h"
 
 namespace earshot {

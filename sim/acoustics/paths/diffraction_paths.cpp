@@ -37,16 +37,6 @@ bool before_in_space(glm::vec3 a, glm::vec3 b) { return std::tie(a.x, a.y, a.z) 
 
 }  // namespace
 
-DiffractionBudget::DiffractionBudget(const AcousticConfig& config) {
-  if (config.diffraction == Switch::off) return;
-  const bool automatic = config.diffraction == Switch::automatic;
-  sequences = automatic ? static_cast<int>(std::min(4096.0, 8.0 * std::max(config.rays, 16))) : 4096;
-  expansions = automatic ? std::clamp(config.rays / 2, 16, 512) : 512;
-  paths = automatic ? std::min(config.diffraction_paths, std::max(4, config.rays / 8)) : config.diffraction_paths;
-  near_boundary_only = quick = automatic && config.rays < 512;
-  attempts = quick ? std::max(config.rays, 16) : sequences;
-}
-
 DiffractionCandidates::DiffractionCandidates(const AcousticScene& scene, glm::vec3 source) : source_(source), budget_(scene.config()) {
   if (scene.diffraction_edges() == nullptr) return;
   EdgeGrowth growth(scene, source);

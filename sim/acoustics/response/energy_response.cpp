@@ -8,7 +8,6 @@
 #include <numbers>
 #include <span>
 
-#include "sim/acoustics/model/effect_plan.h"
 #include "sim/acoustics/paths/transmission.h"
 #include "sim/acoustics/source_field/source_field.h"
 #include "sim/base/coordinates.h"

@@ -7,8 +7,8 @@
 
 #include "sim/acoustics/core/energy_histogram.h"
 #include "sim/acoustics/model/acoustic_scene.h"
-#include "sim/acoustics/model/effect_plan.h"
 #include "sim/acoustics/paths/early_reflections.h"
+#include "sim/acoustics/paths/pose_effects.h"
 #include "sim/acoustics/tracers/bidirectional_tracer.h"
 #include "sim/acoustics/tracers/path_tracer.h"
 

@@ -8,9 +8,9 @@
 #include <span>
 #include <utility>
 
+#include "sim/acoustics/core/energy_decay.h"
+#include "sim/acoustics/core/jackknife.h"
 #include "sim/acoustics/core/sampling.h"
-#include "sim/acoustics/metrics/late_errors.h"
-#include "sim/acoustics/metrics/room_metrics.h"
 #include "sim/acoustics/tracers/path_tracer.h"
 #include "sim/base/random.h"
 

@@ -11,7 +11,7 @@
 #include "sim/acoustics/core/band_sum.h"
 #include "sim/acoustics/core/sampling.h"
 #include "sim/acoustics/model/reflection_model.h"
-#include "sim/acoustics/paths/transmission.h"
+#include "sim/acoustics/model/wall_crossing.h"
 #include "sim/acoustics/tracers/path_tracer.h"
 #include "sim/acoustics/tracers/source_volume.h"
 #include "sim/base/random.h"

@@ -10,7 +10,7 @@
 #include "sim/acoustics/core/sampling.h"
 #include "sim/acoustics/model/reflection_model.h"
 #include "sim/acoustics/model/specular_lobe.h"
-#include "sim/acoustics/paths/transmission.h"
+#include "sim/acoustics/model/wall_crossing.h"
 #include "sim/rays/embree_scene.h"
 
 /// How a subpath of the bidirectional tracer goes on from a surface: the same for both ends.

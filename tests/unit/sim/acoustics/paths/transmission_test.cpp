@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "sim/acoustics/model/wall_crossing.h"
 #include "sim/acoustics/response/energy_response.h"
 #include "tests/support/rooms.h"
 

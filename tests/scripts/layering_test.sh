@@ -1,0 +1,32 @@
+#!/usr/bin/env bash
+# Is an include against the arrow found?  Runs the given check_layering.sh on small trees: one in order, and that tree with one wrong include.
+set -euo pipefail
+check=$1
+root=$(mktemp -d); trap 'rm -rf "$root"' EXIT
+
+new_tree() {  # one header per folder, one file that includes in order
+  rm -rf "$root/tree"
+  for folder in sim/{base,rays,scene,audio,vision,nav,reader} sim/acoustics/{core,geometry,model,paths,tracers,source_field,response,synthesis,metrics} \
+                envs bench policy trainer apps; do
+    mkdir -p "$root/tree/$folder"
+    echo '#pragma once' > "$root/tree/$folder/a.h"
+  done
+  echo '#include "sim/acoustics/core/a.h"' > "$root/tree/sim/acoustics/metrics/b.cpp"
+}
+failures=0
+expect() {  # expect STATUS FILE INCLUDE: the tree with that line has that status
+  new_tree
+  echo "#include $3" >> "$root/tree/$2"
+  local status=0
+  "$check" "$root/tree" > /dev/null || status=1
+  if [ "$status" != "$1" ]; then echo "layering_test: $3 in $2: status $status, expected $1"; failures=1; fi
+}
+expect 0 sim/acoustics/metrics/b.cpp '"sim/acoustics/synthesis/a.h"'
+expect 1 sim/acoustics/core/a.h '"sim/acoustics/geometry/a.h"'
+expect 1 sim/acoustics/model/a.h '"sim/acoustics/paths/a.h"'
+expect 1 sim/acoustics/source_field/a.h '"sim/acoustics/metrics/a.h"'
+expect 1 sim/acoustics/core/a.h '"sim/vision/a.h"'
+expect 1 sim/base/a.h '"sim/rays/a.h"'
+expect 1 envs/a.h '"trainer/a.h"'
+expect 1 sim/nav/a.h '<embree3/rtcore.h>'
+exit "$failures"
