@@ -2,22 +2,17 @@
 
 #include <tbb/task_arena.h>
 
-#include <algorithm>
 #include <cstring>
-#include <glm/geometric.hpp>
 #include <mutex>
 #include <optional>
 #include <string>
+#include <utility>
 
-#include "sim/acoustics/geometry/diffraction_edges.h"
 #include "sim/acoustics/geometry/field_grid.h"
 #include "sim/acoustics/geometry/field_smoothing.h"
 #include "sim/acoustics/model/air_absorption.h"
-#include "sim/acoustics/model/effect_plan.h"
 #include "sim/acoustics/model/reflection_model.h"
-#include "sim/acoustics/model/specular_lobe.h"
 #include "sim/base/denormals.h"
-#include "sim/base/errors.h"
 #include "sim/base/files.h"
 
 namespace earshot {
@@ -30,7 +25,7 @@ void append_bytes(std::string& bytes, T value) {
   bytes.append(raw, sizeof(T));
 }
 
-/// traced_transmission: what the plan made of the config, which a copy with other rays keeps.
+/// traced_transmission: by the plan, which a copy with other rays keeps.
 std::uint64_t hash_of(const AcousticConfig& c, std::uint64_t scene_hash, bool traced_transmission) {
   std::string bytes;
   append_bytes(bytes, scene_hash);
@@ -50,6 +45,13 @@ std::uint64_t hash_of(const AcousticConfig& c, std::uint64_t scene_hash, bool tr
   return hash64(bytes);
 }
 
+/// With what was left to the plan filled in.
+AcousticConfig effective_config(AcousticConfig config, const EffectPlan& plan) {
+  config.rir_length_s = plan.rir_length_s;
+  if (!plan.late) config.late = Switch::off;
+  return config;
+}
+
 }  // namespace
 
 struct AcousticScene::LazyGrid {
@@ -62,59 +64,27 @@ struct AcousticScene::LazyGrid {
   }
 };
 
-AcousticScene::AcousticScene(std::shared_ptr<const Scene> scene, const AcousticConfig& config) : scene_(std::move(scene)), config_(config) {
+AcousticScene::AcousticScene(std::shared_ptr<const Scene> scene, const AcousticConfig& config)
+    : surfaces_(std::move(scene), config),
+      plan_(std::make_shared<const EffectPlan>(plan_effects(surfaces_))),
+      config_(effective_config(config, *plan_)),
+      field_grid_(std::make_shared<LazyGrid>()) {
   const FlushDenormals flush;
-  validate(config_);
-  bands_ = config_.bands > 0 ? BandLayout::log_spaced(config_.bands, config_.sample_rate_hz) : BandLayout::octaves(config_.sample_rate_hz);
-  stride_ = (num_bands() + 7) / 8 * 8;
-
-  const std::vector<Material>& materials = scene_->materials();
-  const std::size_t size = materials.size() * static_cast<std::size_t>(stride_);
-  reflectance_.assign(size, 0.f);
-  scattering_.assign(size, 0.f);
-  transmission_.assign(size, 0.f);
-  damping_.assign(size, 0.f);
-  for (std::size_t slot = 0; slot < materials.size(); ++slot) {
-    const Material& material = materials[slot];
-    for (int band = 0; band < num_bands(); ++band) {
-      const float low_hz = bands_.edge_hz[band], high_hz = bands_.edge_hz[band + 1];
-      const auto mean = [&](const CoefficientCurve& curve) { return std::clamp(curve.band_mean(low_hz, high_hz), 0.f, 1.f); };
-      const std::size_t cell = slot * stride_ + band;
-      reflectance_[cell] = 1.f - mean(material.absorption);
-      scattering_[cell] = config_.scattering >= 0.f ? config_.scattering : mean(material.scattering);
-      // What passes through is part of what is not reflected (docs/oracles.md, O-22; docs/stability.md, H-27).
-      transmission_[cell] = std::min(mean(material.transmission), 1.f - reflectance_[cell]);
-      transmits_ = transmits_ || transmission_[cell] > 0.f;
-      damping_[cell] = std::max(material.damping_db_per_m.band_mean(low_hz, high_hz), 0.f);
-    }
-  }
-
-  if (config_.specular_exponent > 0.f) specular_lobe_ = std::make_shared<const SpecularLobe>(config_.specular_exponent);
-  if (config_.diffraction != Switch::off)
-    diffraction_edges_ = std::make_shared<const DiffractionEdges>(*scene_, config_.diffraction_edge_m);
-  field_grid_ = std::make_shared<LazyGrid>();
-  planes_ = find_mirror_planes(scene_->mesh());
-  if (!scene_->mesh().triangles.empty()) diagonal_m_ = glm::length(scene_->bounds().upper - scene_->bounds().lower);
-
-  plan_ = std::make_shared<const EffectPlan>(plan_effects(*this));
-  config_.rir_length_s = plan_->rir_length_s;
-  if (!plan_->late) config_.late = Switch::off;
-  image_order_ = plan_->image_order;
   air_.assign(num_bands(), 0.f);
   for (int band = 0; band < num_bands(); ++band) {
-    if (plan_->air[band]) air_[band] = static_cast<float>(air_absorption_energy_per_m(scene_->air(), bands_.centre_hz[band]));
+    if (plan_->air[band]) air_[band] = static_cast<float>(air_absorption_energy_per_m(this->scene().air(), bands().centre_hz[band]));
   }
-  reflection_model_ = std::make_shared<const ReflectionModel>(*this, traces_transmission(*this));
-  hash_ = hash_of(config_, scene_->hash(), plan_->traced_transmission);
+  reflection_model_ = std::make_shared<const ReflectionModel>(surfaces_, plan_->traced_transmission);
+  hash_ = hash_of(config_, this->scene().hash(), plan_->traced_transmission);
 }
 
 const FieldGrid& AcousticScene::field_grid() const {
-  field_grid_->build(*scene_, config_.field_cell_m);
+  field_grid_->build(scene(), config_.field_cell_m);
   return *field_grid_->grid;
 }
 
 const FieldSmoothing& AcousticScene::field_smoothing() const {
-  field_grid_->build(*scene_, config_.field_cell_m);
+  field_grid_->build(scene(), config_.field_cell_m);
   return *field_grid_->smoothing;
 }
 
@@ -123,7 +93,7 @@ AcousticScene AcousticScene::with_rays(int rays, std::uint64_t seed) const {
   copy.config_.rays = rays;
   copy.config_.seed = seed;
   validate(copy.config_);
-  copy.hash_ = hash_of(copy.config_, scene_->hash(), copy.plan_->traced_transmission);
+  copy.hash_ = hash_of(copy.config_, scene().hash(), copy.plan_->traced_transmission);
   return copy;
 }
 

@@ -8,10 +8,11 @@
 #include <numbers>
 
 #include "sim/acoustics/geometry/diffraction_edges.h"
-#include "sim/acoustics/model/acoustic_scene.h"
+#include "sim/acoustics/model/acoustic_surfaces.h"
 #include "sim/acoustics/model/air_absorption.h"
 #include "sim/acoustics/model/diffraction_budget.h"
 #include "sim/acoustics/model/effect_probe.h"
+#include "sim/base/denormals.h"
 #include "sim/base/errors.h"
 
 namespace earshot {
@@ -38,13 +39,13 @@ const char* name_of(Switch s) { return s == Switch::off ? "off" : "on"; }
 /// One call per effect, in the order of the table; each fills its part of the plan.
 class Planner {
  public:
-  explicit Planner(const AcousticScene& scene) : scene_(scene), config_(scene.config()) {
-    for (int band = 0; band < scene.num_bands(); ++band)
-      air_per_m_.push_back(air_absorption_energy_per_m(scene.scene().air(), scene.bands().centre_hz[static_cast<std::size_t>(band)]));
+  explicit Planner(const AcousticSurfaces& surfaces) : surfaces_(surfaces), config_(surfaces.config()) {
+    for (int band = 0; band < surfaces.num_bands(); ++band)
+      air_per_m_.push_back(air_absorption_energy_per_m(surfaces.scene().air(), surfaces.bands().centre_hz[static_cast<std::size_t>(band)]));
     const double horizon_s = config_.rir_length_s > 0
                                  ? std::clamp(kMargin * config_.rir_length_s, kShortestHorizonS, kMargin * kLongestRirS)
                                  : kMargin * kLongestRirS;
-    probe_ = probe_effects(scene, air_per_m_, horizon_s);
+    probe_ = probe_effects(surfaces, air_per_m_, horizon_s);
   }
 
   EffectPlan plan() {
@@ -81,7 +82,7 @@ class Planner {
   // cost model, milliseconds on one core
   [[nodiscard]] double segments_per_ray(double length_s) const {
     if (!(probe_.mean_free_path_m > 0)) return 1;
-    const double in_time = length_s * scene_.speed_of_sound_m_per_s() / probe_.mean_free_path_m;
+    const double in_time = length_s * surfaces_.speed_of_sound_m_per_s() / probe_.mean_free_path_m;
     return std::min(in_time, 1.0 / std::max(1.0 - probe_.hit_share, 1e-9));
   }
   /// A segment is a ray and a shadow ray, and as much again for what is done at its end.
@@ -93,7 +94,7 @@ class Planner {
   void decide_length() {
     const auto& fall_s = config_.air_absorption == Switch::off ? probe_.decay_s : probe_.decay_with_air_s;
     const double longest_s = *std::max_element(fall_s.begin(), fall_s.end());
-    const double delay_s = std::min(double{scene_.diagonal_m()} / scene_.speed_of_sound_m_per_s(), kLongestDelayS);
+    const double delay_s = std::min(double{surfaces_.diagonal_m()} / surfaces_.speed_of_sound_m_per_s(), kLongestDelayS);
     // In the open walks die out before they have fallen so far.
     const double wanted_s = delay_s + (probe_.hit_share < kClosedShare ? kOpenMargin : kMargin) * longest_s;
     const double step_s = 0.01;
@@ -119,14 +120,14 @@ class Planner {
   }
 
   [[nodiscard]] bool anything_reflects() const {
-    for (std::uint32_t slot = 0; slot < scene_.scene().materials().size(); ++slot)
-      for (const float share : scene_.reflectance(slot))
+    for (std::uint32_t slot = 0; slot < surfaces_.scene().materials().size(); ++slot)
+      for (const float share : surfaces_.reflectance(slot))
         if (share > 0.f) return true;
     return false;
   }
 
   void decide_late() {
-    const bool comes_back = !scene_.scene().mesh().triangles.empty() && (anything_reflects() || scene_.transmits());
+    const bool comes_back = !surfaces_.scene().mesh().triangles.empty() && (anything_reflects() || surfaces_.transmits());
     plan_.late = config_.late == Switch::on || (config_.late == Switch::automatic && comes_back);
     if (config_.late != Switch::automatic) {
       add("late", plan_.late, name_of(config_.late), kNan, "", BoundKind::asked, late_ms(), "");
@@ -144,7 +145,7 @@ class Planner {
 
   void decide_early() {
     const int asked = config_.specular_exponent > 0.f ? 0 : config_.early_order;
-    const double share = largest_specular_share(scene_);
+    const double share = surfaces_.largest_specular_reflectance();
     const bool matters = share > kEffectBudgetShare;
     if (config_.early == Switch::off || asked == 0) {
       add("early", false, "off", kNan, "", BoundKind::asked, early_ms(),
@@ -153,7 +154,7 @@ class Planner {
       plan_.image_order = asked;
       add("early", true, fmt::format("order {}", asked), level_change_db(share), "dB",
           config_.early == Switch::on ? BoundKind::asked : BoundKind::bounded, 0,
-          fmt::format("{} planes, the best mirror sends {:.1f} % back", scene_.planes().size(), 100 * share));
+          fmt::format("{} planes, the best mirror sends {:.1f} % back", surfaces_.planes().size(), 100 * share));
     } else {
       add("early", false, "off", level_change_db(share), "dB", share > 0 ? BoundKind::bounded : BoundKind::exact, early_ms(),
           share > 0 ? "what mirrors send back is below the direct sound by more than 16.3 dB; rays carry it"
@@ -162,7 +163,7 @@ class Planner {
   }
   [[nodiscard]] double early_ms() const {
     // Sequences: all of few planes, else about as many as rays of the source meet; each is turned down by arithmetic, some by rays.
-    const double sequences = std::min(std::pow(static_cast<double>(scene_.planes().size()), config_.early_order), 2000.0);
+    const double sequences = std::min(std::pow(static_cast<double>(surfaces_.planes().size()), config_.early_order), 2000.0);
     return sequences * 1e-4 + 20 * probe_.query_us * 1e-3;
   }
 
@@ -191,7 +192,7 @@ class Planner {
   }
   /// Does any point of the air see an edge?  Boxes have edges too, outside.  A bounded search: with so many edges the answer is yes.
   [[nodiscard]] bool edge_in_sight() const {
-    const DiffractionEdges* edges = scene_.diffraction_edges();
+    const DiffractionEdges* edges = surfaces_.diffraction_edges();
     constexpr std::size_t many = 100;
     if (edges == nullptr || edges->size() == 0) return false;
     if (edges->size() > many) return true;
@@ -204,9 +205,9 @@ class Planner {
 
   void decide_transmission() {
     const bool off = config_.transmission == Switch::off;
-    plan_.straight_transmission = !off && scene_.transmits();
+    plan_.straight_transmission = !off && surfaces_.transmits();
     const double straight_ms = 2 * probe_.query_us * 1e-3;
-    if (!scene_.transmits() || off) {
+    if (!surfaces_.transmits() || off) {
       add("transmission", false, "off", off ? kNan : 0, off ? "" : "dB", off ? BoundKind::asked : BoundKind::exact, straight_ms,
           off ? "" : "no material lets sound through");
       decide_field(false, 0);
@@ -281,14 +282,14 @@ class Planner {
     }
   }
   void decide_air() {
-    const double longest_m = double{plan_.rir_length_s} * scene_.speed_of_sound_m_per_s();
-    const double speed = scene_.speed_of_sound_m_per_s();
+    const double longest_m = double{plan_.rir_length_s} * surfaces_.speed_of_sound_m_per_s();
+    const double speed = surfaces_.speed_of_sound_m_per_s();
     const int coefficients = (config_.sh_order + 1) * (config_.sh_order + 1);
     const double band_ms = double{plan_.rir_length_s} / config_.time_bin_s * coefficients * 1e-6;
     double largest_off_db = 0, largest_on_db = 0;
     int off = 0;
     int lowest_on = -1;
-    for (int b = 0; b < scene_.num_bands(); ++b) {
+    for (int b = 0; b < surfaces_.num_bands(); ++b) {
       const auto band = static_cast<std::size_t>(b);
       const double loss_db = 10.0 / std::numbers::ln10 * air_per_m_[band] * longest_m;
       // 1/T = 1/T0 + m c / (6 ln 10) (docs/oracles.md, O-16).
@@ -306,11 +307,11 @@ class Planner {
     if (config_.air_absorption != Switch::automatic) {
       add("air_absorption", config_.air_absorption == Switch::on, name_of(config_.air_absorption), std::max(largest_on_db, largest_off_db),
           "dB", BoundKind::asked, off * band_ms, fmt::format("on the longest path, {:.0f} m", longest_m));
-    } else if (off == scene_.num_bands()) {
+    } else if (off == surfaces_.num_bands()) {
       add("air_absorption", false, "off", largest_off_db, "dB", BoundKind::bounded, off * band_ms,
           fmt::format("on the longest path, {:.0f} m, and less than 1 % of RT60", longest_m));
     } else {
-      add("air_absorption", true, fmt::format("from {:.0f} Hz up", scene_.bands().centre_hz[static_cast<std::size_t>(lowest_on)]),
+      add("air_absorption", true, fmt::format("from {:.0f} Hz up", surfaces_.bands().centre_hz[static_cast<std::size_t>(lowest_on)]),
           largest_on_db, "dB", BoundKind::bounded, 0, fmt::format("on the longest path, {:.0f} m", longest_m));
       if (off > 0) {
         add("air_absorption_low", false, fmt::format("off in the lowest {}", off), largest_off_db, "dB", BoundKind::bounded, off * band_ms,
@@ -330,21 +331,21 @@ class Planner {
 
   void decide_bands() {
     const BandLayout whole = config_.bands > 0 ? BandLayout::log_spaced(config_.bands, 96'000.f) : BandLayout::octaves(96'000.f);
-    const int dropped = whole.size() - scene_.num_bands();
+    const int dropped = whole.size() - surfaces_.num_bands();
     const double saved = whole.size() > 0 ? late_ms() * 0.1 * dropped / whole.size() : 0.0;
-    add("bands", dropped == 0, fmt::format("{}", scene_.num_bands()), 0, "dB",
+    add("bands", dropped == 0, fmt::format("{}", surfaces_.num_bands()), 0, "dB",
         config_.bands > 0 && dropped == 0 ? BoundKind::asked : BoundKind::exact, saved,
         dropped > 0 ? fmt::format("{} band{} above half the sample rate", dropped, dropped > 1 ? "s" : "")
                     : "all below half the sample rate");
   }
 
   void decide_sh_order() {
-    const double up_to_hz = config_.sh_order * double{scene_.speed_of_sound_m_per_s()} / (2.0 * std::numbers::pi * 0.0875);
+    const double up_to_hz = config_.sh_order * double{surfaces_.speed_of_sound_m_per_s()} / (2.0 * std::numbers::pi * 0.0875);
     add("sh_order", config_.sh_order > 0, fmt::format("{}", config_.sh_order), kNan, "", BoundKind::asked, 0,
         fmt::format("arrival directions of the late field, exact at two ears up to {:.0f} Hz; mono needs 0", up_to_hz));
   }
 
-  const AcousticScene& scene_;
+  const AcousticSurfaces& surfaces_;
   const AcousticConfig& config_;
   std::vector<double> air_per_m_;
   EffectProbe probe_;
@@ -353,17 +354,10 @@ class Planner {
 
 }  // namespace
 
-EffectPlan plan_effects(const AcousticScene& scene) { return Planner(scene).plan(); }
-
-float largest_specular_share(const AcousticScene& scene) {
-  float largest = 0;
-  for (std::uint32_t slot = 0; slot < scene.scene().materials().size(); ++slot)
-    for (std::size_t band = 0; band < static_cast<std::size_t>(scene.num_bands()); ++band)
-      largest = std::max(largest, scene.reflectance(slot)[band] * (1.f - scene.scattering(slot)[band]));
-  return largest;
+EffectPlan plan_effects(const AcousticSurfaces& surfaces) {
+  const FlushDenormals flush;
+  return Planner(surfaces).plan();
 }
-
-bool uses_source_field(const AcousticScene& scene) { return scene.plan().field; }
 
 const char* name_of(BoundKind kind) {
   switch (kind) {

@@ -9,7 +9,7 @@
 
 namespace earshot {
 
-class AcousticScene;
+class AcousticSurfaces;
 
 /// What leaving an effect out may change: 0.1 dB in the energy of any band at every time down to -45 dB, and 1 % of RT60
 /// (docs/estimators.md, section 12: a tenth and a fifth of what is just heard).
@@ -51,15 +51,9 @@ struct EffectPlan {
   float rir_length_s = 0;
 };
 
-/// Decides for a scene whose coefficients are known.  A few milliseconds: 256 short walks (effect_probe.h).  Throws InputError if
+/// Decides from the surfaces alone.  A few milliseconds: 256 short walks (effect_probe.h).  Throws InputError if
 /// field = on meets a config that no field can carry.
-EffectPlan plan_effects(const AcousticScene& scene);
-/// The largest share of any specular reflection in any band: (1 - absorption)(1 - scattering).
-float largest_specular_share(const AcousticScene& scene);
-
-/// Does the plan want a SourceField for the late part of a source that stands still?  Where that is the cheaper way to the same error over
-/// a few hundred poses: not in single rooms, where tens of rays per pose do.
-bool uses_source_field(const AcousticScene& scene);
+EffectPlan plan_effects(const AcousticSurfaces& surfaces);
 
 const char* name_of(BoundKind kind);
 

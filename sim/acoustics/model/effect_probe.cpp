@@ -28,22 +28,22 @@ constexpr std::size_t kMaxWalls = 12, kWallTests = 8;  // in all, per point
 constexpr std::uint32_t kWallWalks = 24, kWallBounces = 24;
 
 /// Could somebody be there?  A floor below and room to stand up in; and no wall or piece of furniture around it.
-bool has_height(const AcousticScene& scene, glm::vec3 point) {
-  const EmbreeScene& rays = scene.scene().rays();
+bool has_height(const AcousticSurfaces& surfaces, glm::vec3 point) {
+  const EmbreeScene& rays = surfaces.scene().rays();
   const Hit down = rays.intersect(point, {0, -1, 0});
   constexpr float least_height_m = 1.2f;
   return down.valid() && down.distance_m + rays.intersect(point, {0, 1, 0}).distance_m >= least_height_m;
 }
 
-bool is_room(const AcousticScene& scene, glm::vec3 point) {
-  const EmbreeScene& rays = scene.scene().rays();
+bool is_room(const AcousticSurfaces& surfaces, glm::vec3 point) {
+  const EmbreeScene& rays = surfaces.scene().rays();
   constexpr float least_width_m = 0.8f;  // more than a wardrobe
   const auto free_m = [&](glm::vec3 axis) { return rays.intersect(point, axis).distance_m + rays.intersect(point, -axis).distance_m; };
-  return has_height(scene, point) && free_m({1, 0, 0}) >= least_width_m && free_m({0, 0, 1}) >= least_width_m;
+  return has_height(surfaces, point) && free_m({1, 0, 0}) >= least_width_m && free_m({0, 0, 1}) >= least_width_m;
 }
 
-std::vector<glm::vec3> points_of_air(const AcousticScene& scene) {
-  const Bounds& bounds = scene.scene().bounds();
+std::vector<glm::vec3> points_of_air(const AcousticSurfaces& surfaces) {
+  const Bounds& bounds = surfaces.scene().bounds();
   glm::vec3 lower = bounds.lower, size = bounds.upper - bounds.lower;
   size.y = std::max(size.y, 0.01f * std::max(size.x, size.z));  // a flat scene has its air above it
   const auto place = [&](std::uint32_t cell, std::uint32_t attempt) {
@@ -57,34 +57,34 @@ std::vector<glm::vec3> points_of_air(const AcousticScene& scene) {
   for (std::uint32_t cell = 0; cell < kCells; ++cell) {
     for (std::uint32_t attempt = 0; attempt < kTriesPerCell; ++attempt) {
       const glm::vec3 point = place(cell, attempt);
-      if (!is_room(scene, point)) continue;
+      if (!is_room(surfaces, point)) continue;
       points.push_back(point);
       break;
     }
   }
   if (!points.empty()) return points;
   // A model, or walls without a floor: all around it.
-  const float margin_m = 0.1f * scene.diagonal_m();
+  const float margin_m = 0.1f * surfaces.diagonal_m();
   lower = bounds.lower - margin_m;
   size = bounds.upper - bounds.lower + 2.f * margin_m;
   for (std::uint32_t cell = 0; cell < kCells; ++cell) points.push_back(place(cell, 0));
   return points;
 }
 
-double share_of_visible_pairs(const AcousticScene& scene, const std::vector<glm::vec3>& points) {
+double share_of_visible_pairs(const AcousticSurfaces& surfaces, const std::vector<glm::vec3>& points) {
   std::size_t pairs = 0, visible = 0;
   for (std::size_t a = 0; a < points.size(); ++a) {
     for (std::size_t b = a + 1; b < points.size(); ++b) {
       ++pairs;
-      visible += !scene.scene().rays().occluded(points[a], points[b]);
+      visible += !surfaces.scene().rays().occluded(points[a], points[b]);
     }
   }
   return pairs == 0 ? 1.0 : static_cast<double>(visible) / static_cast<double>(pairs);
 }
 
 /// One step of a walk: on from a hit by its mean scattering over bands.
-glm::vec3 next_direction(const AcousticScene& scene, const Hit& hit, glm::vec3 direction, const std::array<float, 4>& u) {
-  const auto scattering = scene.scattering(scene.scene().mesh().triangle_material[hit.triangle]);
+glm::vec3 next_direction(const AcousticSurfaces& surfaces, const Hit& hit, glm::vec3 direction, const std::array<float, 4>& u) {
+  const auto scattering = surfaces.scattering(surfaces.scene().mesh().triangle_material[hit.triangle]);
   float mean = 0;
   for (const float s : scattering) mean += s / static_cast<float>(scattering.size());
   return u[2] < mean ? lambert_direction(hit.normal, u[0], u[1]) : mirror_direction(direction, hit.normal);
@@ -141,10 +141,10 @@ struct Wall {
 };
 
 /// Sound at `listeners` from `source` by diffuse walks and next-event estimation; any scale.
-void transfer(const AcousticScene& scene, glm::vec3 source, std::span<const glm::vec3> listeners, std::uint32_t item,
+void transfer(const AcousticSurfaces& surfaces, glm::vec3 source, std::span<const glm::vec3> listeners, std::uint32_t item,
               std::span<std::vector<double>> energy) {
-  const EmbreeScene& rays = scene.scene().rays();
-  const auto num_bands = static_cast<std::size_t>(scene.num_bands());
+  const EmbreeScene& rays = surfaces.scene().rays();
+  const auto num_bands = static_cast<std::size_t>(surfaces.num_bands());
   const auto num_listeners = listeners.size();
   for (std::size_t i = 0; i < num_listeners; ++i) energy[i].assign(num_bands, 0.0);
   std::vector<double> share(num_bands);
@@ -156,7 +156,7 @@ void transfer(const AcousticScene& scene, glm::vec3 source, std::span<const glm:
     for (std::uint32_t bounce = 1; bounce <= kWallBounces; ++bounce) {
       const Hit hit = rays.intersect(origin, direction);
       if (!hit.valid()) break;
-      const auto reflectance = scene.reflectance(scene.scene().mesh().triangle_material[hit.triangle]);
+      const auto reflectance = surfaces.reflectance(surfaces.scene().mesh().triangle_material[hit.triangle]);
       for (std::size_t band = 0; band < num_bands; ++band) share[band] *= reflectance[band];
       origin = offset_from_surface(hit.position, hit.normal);
       for (std::size_t i = 0; i < num_listeners; ++i) {
@@ -166,29 +166,29 @@ void transfer(const AcousticScene& scene, glm::vec3 source, std::span<const glm:
         const double geometry = height_m / (distance2 * std::sqrt(distance2)) / std::numbers::pi;
         for (std::size_t band = 0; band < num_bands; ++band) energy[i][band] += share[band] * geometry;
       }
-      direction = next_direction(scene, hit, direction, random.uniform4(bounce));
+      direction = next_direction(surfaces, hit, direction, random.uniform4(bounce));
     }
   }
 }
 
 /// Half of the way from there to what comes next, at most a metre.
-glm::vec3 into_the_room(const AcousticScene& scene, glm::vec3 from, glm::vec3 direction) {
-  const float free_m = scene.scene().rays().intersect(from, direction).distance_m;
+glm::vec3 into_the_room(const AcousticSurfaces& surfaces, glm::vec3 from, glm::vec3 direction) {
+  const float free_m = surfaces.scene().rays().intersect(from, direction).distance_m;
   return from + std::min(0.5f * free_m, 1.f) * direction;
 }
 
 /// Largest share of energy that comes into a room through its walls: with energy densities D apart by air, a wall of transmission tau and
 /// area S brings (tau S / A) / D of what the air brings, S / A being the share of hits on such walls over the mean absorption.
 /// transmission: mean over hits of what goes through to other air.
-void compare_walls(const AcousticScene& scene, const std::vector<Wall>& walls, std::span<const double> transmission, EffectProbe& probe) {
-  const auto num_bands = static_cast<std::size_t>(scene.num_bands());
+void compare_walls(const AcousticSurfaces& surfaces, const std::vector<Wall>& walls, std::span<const double> transmission, EffectProbe& probe) {
+  const auto num_bands = static_cast<std::size_t>(surfaces.num_bands());
   std::array<std::vector<double>, 2> energy;
   std::vector<std::vector<double>> ratios(num_bands);
   for (std::size_t i = 0; i < walls.size(); ++i) {
     const Wall& wall = walls[i];
     // Heard further from the wall than where the sound starts: the first reflection there is no measure of the room.
-    const std::array<glm::vec3, 2> listeners{into_the_room(scene, wall.far, wall.away), into_the_room(scene, wall.near, -wall.away)};
-    transfer(scene, wall.far, listeners, static_cast<std::uint32_t>(i), energy);
+    const std::array<glm::vec3, 2> listeners{into_the_room(surfaces, wall.far, wall.away), into_the_room(surfaces, wall.near, -wall.away)};
+    transfer(surfaces, wall.far, listeners, static_cast<std::uint32_t>(i), energy);
     for (std::size_t band = 0; band < num_bands; ++band) {
       const double through = transmission[band] / std::max(probe.absorption[band], 1e-3) * energy[0][band];
       const double none = std::numeric_limits<double>::infinity();
@@ -207,21 +207,21 @@ void compare_walls(const AcousticScene& scene, const std::vector<Wall>& walls, s
 
 }  // namespace
 
-EffectProbe probe_effects(const AcousticScene& scene, std::span<const double> air_energy_per_m, double horizon_s) {
-  const auto num_bands = static_cast<std::size_t>(scene.num_bands());
+EffectProbe probe_effects(const AcousticSurfaces& surfaces, std::span<const double> air_energy_per_m, double horizon_s) {
+  const auto num_bands = static_cast<std::size_t>(surfaces.num_bands());
   EffectProbe probe;
   probe.horizon_s = horizon_s;
   for (auto* row : {&probe.absorption, &probe.transmission, &probe.decay_s, &probe.decay_with_air_s, &probe.wall_to_air})
     row->assign(num_bands, 0.0);
-  const std::size_t triangles = scene.scene().mesh().triangles.size();
+  const std::size_t triangles = surfaces.scene().mesh().triangles.size();
   if (triangles == 0) return probe;
   // Measured (one Zen 3 core, incoherent rays): 0.1 us among 12 triangles, 0.4 us among 200,000.
   probe.query_us = 0.02 * std::log2(static_cast<double>(triangles)) + 0.03;
-  probe.points = points_of_air(scene);
-  probe.visible_share = share_of_visible_pairs(scene, probe.points);
+  probe.points = points_of_air(surfaces);
+  probe.visible_share = share_of_visible_pairs(surfaces, probe.points);
 
-  const EmbreeScene& rays = scene.scene().rays();
-  const double speed = scene.speed_of_sound_m_per_s();
+  const EmbreeScene& rays = surfaces.scene().rays();
+  const double speed = surfaces.speed_of_sound_m_per_s();
   std::vector<Wall> walls;
   std::size_t tested = 0;
   std::vector<double> tau_of_tested(num_bands, 0.0), tau_of_inner(num_bands, 0.0);
@@ -253,8 +253,8 @@ EffectProbe probe_effects(const AcousticScene& scene, std::span<const double> ai
         ++segments;
         ++hits;
         path_sum_m += hit.distance_m;
-        const std::uint32_t material = scene.scene().mesh().triangle_material[hit.triangle];
-        const auto reflectance = scene.reflectance(material), tau = scene.transmission(material);
+        const std::uint32_t material = surfaces.scene().mesh().triangle_material[hit.triangle];
+        const auto reflectance = surfaces.reflectance(material), tau = surfaces.transmission(material);
         double most = 0;
         bool transmits = false;
         for (std::size_t band = 0; band < num_bands; ++band) {
@@ -265,21 +265,21 @@ EffectProbe probe_effects(const AcousticScene& scene, std::span<const double> ai
         }
         if (transmits && tested < kWallTests * (p + 1)) {
           ++tested;
-          const WallCrossing crossing = cross_wall(scene, direction, hit);
+          const WallCrossing crossing = cross_wall(surfaces, direction, hit);
           constexpr float off_m = 0.3f;
           const Wall wall{hit.position + off_m * hit.normal, crossing.exit - off_m * hit.normal, -hit.normal};
-          const bool air_behind = rays.intersect(crossing.exit, direction).valid() && has_height(scene, wall.far);
+          const bool air_behind = rays.intersect(crossing.exit, direction).valid() && has_height(surfaces, wall.far);
           for (std::size_t band = 0; band < num_bands; ++band) {
             tau_of_tested[band] += tau[band];
             if (air_behind) tau_of_inner[band] += tau[band];
           }
-          if (air_behind && walls.size() * probe.points.size() < kMaxWalls * (p + 1) && is_room(scene, wall.far) &&
-              is_room(scene, wall.near) && rays.occluded(wall.near, wall.far))
+          if (air_behind && walls.size() * probe.points.size() < kMaxWalls * (p + 1) && is_room(surfaces, wall.far) &&
+              is_room(surfaces, wall.near) && rays.occluded(wall.near, wall.far))
             walls.push_back(wall);
         }
         if (most < 1e-9) break;
         origin = offset_from_surface(hit.position, hit.normal);
-        direction = next_direction(scene, hit, direction, random.uniform4(step));
+        direction = next_direction(surfaces, hit, direction, random.uniform4(step));
       }
     }
     for (std::size_t band = 0; band < num_bands; ++band) {
@@ -296,7 +296,7 @@ EffectProbe probe_effects(const AcousticScene& scene, std::span<const double> ai
   std::vector<double> inner = probe.transmission;
   for (std::size_t band = 0; band < num_bands; ++band)
     inner[band] *= tau_of_tested[band] > 0 ? tau_of_inner[band] / tau_of_tested[band] : 0.0;
-  compare_walls(scene, walls, inner, probe);
+  compare_walls(surfaces, walls, inner, probe);
   return probe;
 }
 

@@ -4,14 +4,14 @@
 #include <span>
 #include <vector>
 
-#include "sim/acoustics/model/acoustic_scene.h"
+#include "sim/acoustics/model/acoustic_surfaces.h"
 
 namespace earshot {
 
 /// How far decays are followed.
 inline constexpr double kProbedFallDb = 50.0;
 
-/// What a few hundred rays tell about a scene.  The same for every seed of the config: what is decided from it must not change with the
+/// What a few hundred rays tell about a surfaces.  The same for every seed of the config: what is decided from it must not change with the
 /// random numbers of a run.
 struct EffectProbe {
   std::vector<glm::vec3> points;                 ///< of the air, spread over the bounds; with a floor below where there is any such point
@@ -36,6 +36,6 @@ struct EffectProbe {
 
 /// A few milliseconds: 32 points, 256 walks of at most `horizon_s`, and up to 12 walls if something transmits.
 /// `air_energy_per_m`: [num_bands].
-EffectProbe probe_effects(const AcousticScene& scene, std::span<const double> air_energy_per_m, double horizon_s);
+EffectProbe probe_effects(const AcousticSurfaces& surfaces, std::span<const double> air_energy_per_m, double horizon_s);
 
 }  // namespace earshot

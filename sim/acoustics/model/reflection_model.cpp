@@ -4,15 +4,14 @@
 #include <glm/geometric.hpp>
 #include <numbers>
 
-#include "sim/acoustics/model/effect_plan.h"
 #include "sim/acoustics/model/specular_lobe.h"
 
 namespace earshot {
 
-ReflectionModel::ReflectionModel(const AcousticScene& scene, bool transmission)
-    : stride_(static_cast<std::size_t>(scene.padded_bands())), lobe_(scene.specular_lobe()) {
-  const std::size_t num_materials = scene.scene().materials().size();
-  const auto num_bands = static_cast<std::size_t>(scene.num_bands());
+ReflectionModel::ReflectionModel(const AcousticSurfaces& surfaces, bool transmission)
+    : stride_(static_cast<std::size_t>(surfaces.padded_bands())), lobe_(surfaces.specular_lobe()) {
+  const std::size_t num_materials = surfaces.scene().materials().size();
+  const auto num_bands = static_cast<std::size_t>(surfaces.num_bands());
   rows_.assign(num_materials * 4 * stride_, 0.f);
   mean_.resize(num_materials);
   for (std::uint32_t material = 0; material < num_materials; ++material) {
@@ -20,8 +19,8 @@ ReflectionModel::ReflectionModel(const AcousticScene& scene, bool transmission)
     float *diffuse = kept + stride_, *specular = diffuse + stride_, *transmitted = specular + stride_;
     Means& mean = mean_[material];
     for (std::size_t b = 0; b < num_bands; ++b) {
-      const float reflectance = scene.reflectance(material)[b], scattering = scene.scattering(material)[b];
-      const float tau = transmission ? scene.transmission(material)[b] : 0.f;
+      const float reflectance = surfaces.reflectance(material)[b], scattering = surfaces.scattering(material)[b];
+      const float tau = transmission ? surfaces.transmission(material)[b] : 0.f;
       kept[b] = reflectance + tau;
       const float reflected_share = tau > 0.f ? reflectance / kept[b] : 1.f;
       diffuse[b] = reflected_share * scattering;
@@ -45,7 +44,5 @@ float ReflectionModel::mean_pdf(std::uint32_t material, glm::vec3 normal, glm::v
   const float lambert = mean.diffuse * cosine / std::numbers::pi_v<float>;
   return lobe_ && mean.specular > 0.f ? lambert + mean.specular * lobe_->pdf(normal, in, out) : lambert;
 }
-
-bool traces_transmission(const AcousticScene& scene) { return scene.plan().traced_transmission; }
 
 }  // namespace earshot

@@ -4,18 +4,18 @@
 #include <glm/vec3.hpp>
 #include <vector>
 
-#include "sim/acoustics/model/acoustic_scene.h"
+#include "sim/acoustics/model/acoustic_surfaces.h"
 
 namespace earshot {
 
 /// What a surface does with the energy that meets it, per band, as the bidirectional tracer sees it (docs/estimators.md, sections 3 and 5):
 ///   kept = 1 - alpha + tau; of the kept energy the share diffuse = (1 - alpha) s / kept leaves after Lambert, specular = (1 - alpha)(1 -
 ///   s) / kept as from a mirror or in a lobe, transmitted = tau / kept goes straight on.
-/// Rows are scene.padded_bands() long and end in zeros.
+/// Rows are surfaces.padded_bands() long and end in zeros.
 class ReflectionModel {
  public:
   /// transmission: false treats every surface as tight.
-  ReflectionModel(const AcousticScene& scene, bool transmission);
+  ReflectionModel(const AcousticSurfaces& surfaces, bool transmission);
 
   [[nodiscard]] const float* kept(std::uint32_t material) const { return row(0, material); }
   [[nodiscard]] const float* diffuse(std::uint32_t material) const { return row(1, material); }
@@ -45,8 +45,5 @@ class ReflectionModel {
   std::vector<Means> mean_;
   const SpecularLobe* lobe_;
 };
-
-/// Is transmission part of the late field here?  On request, and where the plan finds that walls matter beside the air (effect_plan.h).
-bool traces_transmission(const AcousticScene& scene);
 
 }  // namespace earshot

@@ -12,33 +12,33 @@ constexpr float kParallel = 0.98f;     // cosine of 11 degrees
 constexpr float kLeastCosine = 1e-3f;  // a grazing ray stays inside for at most 1000 thicknesses
 
 /// Does the ray meet the front of this face, the side that the winding of its vertices points to?
-bool meets_front(const AcousticScene& scene, glm::vec3 direction, std::uint32_t triangle) {
-  const TriangleMesh& mesh = scene.scene().mesh();
+bool meets_front(const AcousticSurfaces& surfaces, glm::vec3 direction, std::uint32_t triangle) {
+  const TriangleMesh& mesh = surfaces.scene().mesh();
   const glm::uvec3 t = mesh.triangles[triangle];
   const glm::dvec3 a = mesh.vertices[t.x], b = mesh.vertices[t.y], c = mesh.vertices[t.z];
   return glm::dot(glm::cross(b - a, c - a), glm::dvec3(direction)) < 0;
 }
 
-bool same_material(const AcousticScene& scene, std::uint32_t a, std::uint32_t b) {
+bool same_material(const AcousticSurfaces& surfaces, std::uint32_t a, std::uint32_t b) {
   if (a == b) return true;
-  const auto materials = std::span(scene.scene().materials());
-  return materials[a].name == materials[b].name && std::ranges::equal(scene.transmission(a), scene.transmission(b)) &&
-         std::ranges::equal(scene.damping_db_per_m(a), scene.damping_db_per_m(b)) &&
+  const auto materials = std::span(surfaces.scene().materials());
+  return materials[a].name == materials[b].name && std::ranges::equal(surfaces.transmission(a), surfaces.transmission(b)) &&
+         std::ranges::equal(surfaces.damping_db_per_m(a), surfaces.damping_db_per_m(b)) &&
          materials[a].speed_m_per_s == materials[b].speed_m_per_s;
 }
 
 /// The far face of the wall whose near face is `hit`, if the next face along the ray can be one.
-Hit find_far_face(const AcousticScene& scene, glm::vec3 start, glm::vec3 direction, const Hit& hit) {
+Hit find_far_face(const AcousticSurfaces& surfaces, glm::vec3 start, glm::vec3 direction, const Hit& hit) {
   const float cosine = std::max(std::fabs(glm::dot(direction, hit.normal)), kLeastCosine);
-  const Hit far = scene.scene().rays().intersect(start, direction, kMaxWallThicknessM / cosine);
+  const Hit far = surfaces.scene().rays().intersect(start, direction, kMaxWallThicknessM / cosine);
   if (!far.valid()) return {};
-  const bool enters = meets_front(scene, direction, hit.triangle), enters_again = meets_front(scene, direction, far.triangle);
+  const bool enters = meets_front(surfaces, direction, hit.triangle), enters_again = meets_front(surfaces, direction, far.triangle);
   if (enters == enters_again) return {};
   // Corners and ends of walls: in at the front, out at the side.  Only outward windings tell that the way between is inside.
   const bool parallel = std::fabs(glm::dot(far.normal, hit.normal)) >= kParallel;
   if (!parallel && (!enters || far.distance_m > kMaxWallThicknessM)) return {};
-  const auto& material = scene.scene().mesh().triangle_material;
-  if (!same_material(scene, material[hit.triangle], material[far.triangle])) return {};
+  const auto& material = surfaces.scene().mesh().triangle_material;
+  if (!same_material(surfaces, material[hit.triangle], material[far.triangle])) return {};
   return far;
 }
 
@@ -46,32 +46,32 @@ glm::vec3 past(const Hit& hit) { return offset_from_surface(hit.position, -hit.n
 
 }  // namespace
 
-WallCrossing cross_wall(const AcousticScene& scene, glm::vec3 direction, const Hit& hit) {
-  WallCrossing crossing{.exit = past(hit), .material = scene.scene().mesh().triangle_material[hit.triangle]};
-  const Hit far = find_far_face(scene, crossing.exit, direction, hit);
+WallCrossing cross_wall(const AcousticSurfaces& surfaces, glm::vec3 direction, const Hit& hit) {
+  WallCrossing crossing{.exit = past(hit), .material = surfaces.scene().mesh().triangle_material[hit.triangle]};
+  const Hit far = find_far_face(surfaces, crossing.exit, direction, hit);
   if (!far.valid()) return crossing;
   const glm::vec3 exit = past(far);
   // Windings that point inward are either a wall turned inside out or the gap in front of a wall that begins here.
-  if (!meets_front(scene, direction, hit.triangle) && find_far_face(scene, exit, direction, far).valid()) return crossing;
+  if (!meets_front(surfaces, direction, hit.triangle) && find_far_face(surfaces, exit, direction, far).valid()) return crossing;
   crossing.exit = exit;
   crossing.inside_m = glm::length(far.position - hit.position);
   crossing.thick = true;
   return crossing;
 }
 
-void transmit(const AcousticScene& scene, const WallCrossing& crossing, std::span<float> share) {
-  const auto tau = scene.transmission(crossing.material);
+void transmit(const AcousticSurfaces& surfaces, const WallCrossing& crossing, std::span<float> share) {
+  const auto tau = surfaces.transmission(crossing.material);
   for (std::size_t band = 0; band < tau.size(); ++band) share[band] *= tau[band];
   if (!(crossing.inside_m > 0)) return;
-  const auto damping = scene.damping_db_per_m(crossing.material);
+  const auto damping = surfaces.damping_db_per_m(crossing.material);
   for (std::size_t band = 0; band < damping.size(); ++band) {
     if (damping[band] > 0) share[band] *= std::pow(10.f, -0.1f * damping[band] * crossing.inside_m);
   }
 }
 
-float extra_path_m(const AcousticScene& scene, const WallCrossing& crossing) {
-  const float speed = scene.scene().materials()[crossing.material].speed_m_per_s;
-  return speed > 0 ? crossing.inside_m * (scene.speed_of_sound_m_per_s() / speed - 1.f) : 0.f;
+float extra_path_m(const AcousticSurfaces& surfaces, const WallCrossing& crossing) {
+  const float speed = surfaces.scene().materials()[crossing.material].speed_m_per_s;
+  return speed > 0 ? crossing.inside_m * (surfaces.speed_of_sound_m_per_s() / speed - 1.f) : 0.f;
 }
 
 }  // namespace earshot

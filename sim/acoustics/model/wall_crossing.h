@@ -6,7 +6,7 @@
 #include <glm/vec3.hpp>
 #include <span>
 
-#include "sim/acoustics/model/acoustic_scene.h"
+#include "sim/acoustics/model/acoustic_surfaces.h"
 
 namespace earshot {
 
@@ -37,12 +37,12 @@ struct WallCrossing {
 /// is a sheet.  Where three faces alternate, a pair whose windings point outward is a wall before one whose windings point inward, from
 /// either side of the ray.  Triangles that coincide are passed together (docs/stability.md, H-5).  Cost: one ray, two for a wall whose
 /// windings point inward.
-WallCrossing cross_wall(const AcousticScene& scene, glm::vec3 direction, const Hit& hit);
+WallCrossing cross_wall(const AcousticSurfaces& surfaces, glm::vec3 direction, const Hit& hit);
 
 /// Energy share that passes, per band: tau of the material once, times 10^(-damping * inside_m / 10).  share: [num_bands], multiplied by
 /// it.
-void transmit(const AcousticScene& scene, const WallCrossing& crossing, std::span<float> share);
+void transmit(const AcousticSurfaces& surfaces, const WallCrossing& crossing, std::span<float> share);
 /// What the crossing adds to a path counted in metres of air: inside_m (c / c_inside - 1); 0 without a speed of the material's own.
-float extra_path_m(const AcousticScene& scene, const WallCrossing& crossing);
+float extra_path_m(const AcousticSurfaces& surfaces, const WallCrossing& crossing);
 
 }  // namespace earshot

@@ -24,7 +24,7 @@ struct Walls {
 bool add_wall(const AcousticScene& scene, const WallCrossing& crossing, Walls& walls) {
   ++walls.count;
   walls.inside_m += crossing.inside_m;
-  walls.extra_path_m += extra_path_m(scene, crossing);
+  walls.extra_path_m += extra_path_m(scene.surfaces(), crossing);
   const auto tau = scene.transmission(crossing.material), damping = scene.damping_db_per_m(crossing.material);
   bool any = false;
   for (std::size_t band = 0; band < tau.size(); ++band) {
@@ -45,7 +45,7 @@ bool collect_walls(const AcousticScene& scene, glm::vec3 from, glm::vec3 to, Wal
     const Hit hit = scene.scene().rays().intersect(point, direction, open_length_m(to, rest_m));
     if (!hit.valid()) return true;
     if (walls.count == scene.config().transmission_walls) return false;
-    WallCrossing crossing = cross_wall(scene, direction, hit);
+    WallCrossing crossing = cross_wall(scene.surfaces(), direction, hit);
     const bool ends_inside = glm::dot(to - crossing.exit, direction) <= 0;
     if (ends_inside && crossing.thick) crossing.inside_m = glm::length(to - hit.position);
     if (!add_wall(scene, crossing, walls)) return false;

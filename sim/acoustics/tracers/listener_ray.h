@@ -120,10 +120,10 @@ bool pass_walls(const Trace& trace, RayState<W>& ray, glm::vec3 from, glm::vec3 
     const glm::vec3 direction = rest / rest_m;
     const Hit hit = trace.scene.scene().rays().intersect(from, direction, open_length_m(to, rest_m));
     if (!hit.valid()) return true;
-    const WallCrossing crossing = cross_wall(trace.scene, direction, hit);
+    const WallCrossing crossing = cross_wall(trace.scene.surfaces(), direction, hit);
     if (!trace.walls->transmits(crossing.material) || glm::dot(to - crossing.exit, direction) <= 0) return false;
-    transmit(trace.scene, crossing, std::span(ray.arriving, num_bands));
-    path_m += extra_path_m(trace.scene, crossing);
+    transmit(trace.scene.surfaces(), crossing, std::span(ray.arriving, num_bands));
+    path_m += extra_path_m(trace.scene.surfaces(), crossing);
     from = crossing.exit;
   }
   return false;
@@ -196,15 +196,15 @@ bool pick_wall(const Trace& trace, RayState<W>& ray, std::uint32_t material, flo
 /// Takes the ray through the wall that it waits at.
 template <int W>
 void pass_wall(const Trace& trace, RayState<W>& ray, std::uint32_t material) {
-  const WallCrossing crossing = cross_wall(trace.scene, ray.direction, ray.hit);
+  const WallCrossing crossing = cross_wall(trace.scene.surfaces(), ray.direction, ray.hit);
   for (int b = 0; b < W; ++b) ray.throughput[b] = ray.reflected[b];
   if (crossing.inside_m > 0.f) {
     // tau is in the shares already; what the wall absorbs on the way comes on top.
     const auto tau = trace.scene.transmission(material);
-    transmit(trace.scene, crossing, std::span(ray.throughput, tau.size()));
+    transmit(trace.scene.surfaces(), crossing, std::span(ray.throughput, tau.size()));
     for (std::size_t b = 0; b < tau.size(); ++b) ray.throughput[b] = tau[b] > 0.f ? ray.throughput[b] / tau[b] : 0.f;
   }
-  ray.path_m += crossing.inside_m + extra_path_m(trace.scene, crossing);
+  ray.path_m += crossing.inside_m + extra_path_m(trace.scene.surfaces(), crossing);
   ray.origin = crossing.exit;
   ray.all_specular = false;  // image paths pass no walls
   ray.after_mirror = true;

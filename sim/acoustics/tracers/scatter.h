@@ -76,16 +76,16 @@ Leaving leave_surface(const AcousticScene& scene, const ReflectionModel& model, 
     through_probability = probability_of(transmitted);
     if (u[2] < through_probability) {
       take(transmitted, through_probability);
-      const WallCrossing crossing = cross_wall(scene, direction, hit);
+      const WallCrossing crossing = cross_wall(scene.surfaces(), direction, hit);
       if (crossing.inside_m > 0.f) {
         // The shares above hold tau; what the wall absorbs on the way comes on top.
         alignas(32) std::array<float, W> share;
         share.fill(1.f);
-        transmit(scene, crossing, std::span(share).first(static_cast<std::size_t>(scene.num_bands())));
+        transmit(scene.surfaces(), crossing, std::span(share).first(static_cast<std::size_t>(scene.num_bands())));
         const auto tau = scene.transmission(material);
         for (std::size_t b = 0; b < tau.size(); ++b) energy.arriving[b] *= tau[b] > 0.f ? share[b] / tau[b] : 0.f;
       }
-      extra_path_m = crossing.inside_m + earshot::extra_path_m(scene, crossing);
+      extra_path_m = crossing.inside_m + earshot::extra_path_m(scene.surfaces(), crossing);
       origin = crossing.exit;
       return Leaving::through;
     }

@@ -207,15 +207,15 @@ TEST(O22_Transmission, CrossingAsTheTracerSeesIt) {
   wall.speed_m_per_s = 1484;
   const AcousticScene scene(panels({{.at_m = 1, .thickness_m = 0.2}}, {wall}), config());
   const glm::vec3 along(1, 0, 0);
-  const WallCrossing crossing = cross_wall(scene, along, scene.scene().rays().intersect(kSource, along));
+  const WallCrossing crossing = cross_wall(scene.surfaces(), along, scene.scene().rays().intersect(kSource, along));
   EXPECT_TRUE(crossing.thick);
   EXPECT_NEAR(crossing.inside_m, 0.2, 1e-6);
   EXPECT_GT(crossing.exit.x, 1.2f);
   EXPECT_FALSE(scene.scene().rays().intersect(crossing.exit, along).valid());
   std::vector<float> share(1, 0.5f);
-  transmit(scene, crossing, share);
+  transmit(scene.surfaces(), crossing, share);
   EXPECT_NEAR(share[0], 0.5 * 0.1 * std::pow(10, -0.6), 1e-7);
-  EXPECT_NEAR(extra_path_m(scene, crossing), 0.2 * 343 / 1484 - 0.2, 1e-6);
+  EXPECT_NEAR(extra_path_m(scene.surfaces(), crossing), 0.2 * 343 / 1484 - 0.2, 1e-6);
 }
 
 TEST(H69_Transmission, ManySheetsAddInDecibels) {

@@ -1,0 +1,56 @@
+#include "sim/acoustics/model/acoustic_surfaces.h"
+
+#include <algorithm>
+#include <glm/geometric.hpp>
+#include <utility>
+
+#include "sim/acoustics/geometry/diffraction_edges.h"
+#include "sim/acoustics/model/specular_lobe.h"
+#include "sim/base/denormals.h"
+
+namespace earshot {
+
+AcousticSurfaces::AcousticSurfaces(std::shared_ptr<const Scene> scene, const AcousticConfig& config)
+    : scene_(std::move(scene)), config_(config) {
+  const FlushDenormals flush;
+  validate(config_);
+  bands_ = config_.bands > 0 ? BandLayout::log_spaced(config_.bands, config_.sample_rate_hz) : BandLayout::octaves(config_.sample_rate_hz);
+  stride_ = (num_bands() + 7) / 8 * 8;
+
+  const std::vector<Material>& materials = scene_->materials();
+  const std::size_t size = materials.size() * static_cast<std::size_t>(stride_);
+  reflectance_.assign(size, 0.f);
+  scattering_.assign(size, 0.f);
+  transmission_.assign(size, 0.f);
+  damping_.assign(size, 0.f);
+  for (std::size_t slot = 0; slot < materials.size(); ++slot) {
+    const Material& material = materials[slot];
+    for (int band = 0; band < num_bands(); ++band) {
+      const float low_hz = bands_.edge_hz[band], high_hz = bands_.edge_hz[band + 1];
+      const auto mean = [&](const CoefficientCurve& curve) { return std::clamp(curve.band_mean(low_hz, high_hz), 0.f, 1.f); };
+      const std::size_t cell = slot * stride_ + band;
+      reflectance_[cell] = 1.f - mean(material.absorption);
+      scattering_[cell] = config_.scattering >= 0.f ? config_.scattering : mean(material.scattering);
+      // What passes through is part of what is not reflected (docs/oracles.md, O-22; docs/stability.md, H-27).
+      transmission_[cell] = std::min(mean(material.transmission), 1.f - reflectance_[cell]);
+      transmits_ = transmits_ || transmission_[cell] > 0.f;
+      damping_[cell] = std::max(material.damping_db_per_m.band_mean(low_hz, high_hz), 0.f);
+    }
+  }
+
+  if (config_.specular_exponent > 0.f) specular_lobe_ = std::make_shared<const SpecularLobe>(config_.specular_exponent);
+  if (config_.diffraction != Switch::off)
+    diffraction_edges_ = std::make_shared<const DiffractionEdges>(*scene_, config_.diffraction_edge_m);
+  planes_ = find_mirror_planes(scene_->mesh());
+  if (!scene_->mesh().triangles.empty()) diagonal_m_ = glm::length(scene_->bounds().upper - scene_->bounds().lower);
+}
+
+float AcousticSurfaces::largest_specular_reflectance() const {
+  float largest = 0;
+  for (std::uint32_t slot = 0; slot < scene_->materials().size(); ++slot)
+    for (std::size_t band = 0; band < static_cast<std::size_t>(num_bands()); ++band)
+      largest = std::max(largest, reflectance(slot)[band] * (1.f - scattering(slot)[band]));
+  return largest;
+}
+
+}  // namespace earshot

@@ -1,0 +1,73 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "sim/acoustics/core/acoustic_config.h"
+#include "sim/acoustics/core/bands.h"
+#include "sim/acoustics/geometry/mirror_planes.h"
+#include "sim/scene/scene.h"
+
+namespace earshot {
+
+class DiffractionEdges;
+class SpecularLobe;
+
+/// What a scene and a configuration say before anything is decided (effect_plan.h): coefficients per band, planes, edges.  Immutable,
+/// shared by all threads; holds the scene alive.
+class AcousticSurfaces {
+ public:
+  /// Throws InputError if `config` breaks a rule (validate).
+  AcousticSurfaces(std::shared_ptr<const Scene> scene, const AcousticConfig& config);
+
+  [[nodiscard]] const Scene& scene() const { return *scene_; }
+  [[nodiscard]] const std::shared_ptr<const Scene>& shared_scene() const { return scene_; }
+  /// As the user gave it.
+  [[nodiscard]] const AcousticConfig& config() const { return config_; }
+  [[nodiscard]] const BandLayout& bands() const { return bands_; }
+  [[nodiscard]] int num_bands() const { return bands_.size(); }
+  /// Per material slot and band: [num_bands] each.  Means of the material's curves over each band.
+  [[nodiscard]] std::span<const float> reflectance(std::uint32_t material) const {
+    return row(reflectance_, material);
+  }  ///< 1 - absorption
+  [[nodiscard]] std::span<const float> scattering(std::uint32_t material) const { return row(scattering_, material); }
+  [[nodiscard]] std::span<const float> transmission(std::uint32_t material) const { return row(transmission_, material); }
+  [[nodiscard]] std::span<const float> damping_db_per_m(std::uint32_t material) const { return row(damping_, material); }  ///< inside it
+  /// Does any material of the scene let energy through in any band?
+  [[nodiscard]] bool transmits() const { return transmits_; }
+  /// Bands rounded up to a multiple of eight: the rows below are that long and end in zeros, so that hot loops have no remainder.
+  [[nodiscard]] int padded_bands() const { return stride_; }
+  [[nodiscard]] const float* padded_reflectance(std::uint32_t material) const { return &reflectance_[std::size_t{material} * stride_]; }
+  [[nodiscard]] const float* padded_scattering(std::uint32_t material) const { return &scattering_[std::size_t{material} * stride_]; }
+  /// Lobe of specular reflections; null for a mirror (config.specular_exponent = 0).
+  [[nodiscard]] const SpecularLobe* specular_lobe() const { return specular_lobe_.get(); }
+  /// Largest energy fraction of any specular reflection in any band: (1 - absorption)(1 - scattering).
+  [[nodiscard]] float largest_specular_reflectance() const;
+  /// Edges that diffract sound; null with diffraction off.
+  [[nodiscard]] const DiffractionEdges* diffraction_edges() const { return diffraction_edges_.get(); }
+  [[nodiscard]] std::span<const MirrorPlane> planes() const { return planes_.planes; }
+  [[nodiscard]] std::span<const std::uint32_t> plane_of_triangle() const { return planes_.plane_of_triangle; }
+  [[nodiscard]] float speed_of_sound_m_per_s() const { return scene_->speed_of_sound_m_per_s(); }
+  /// Diagonal of the bounds; zero for an empty scene.
+  [[nodiscard]] float diagonal_m() const { return diagonal_m_; }
+
+ private:
+  [[nodiscard]] std::span<const float> row(const std::vector<float>& table, std::uint32_t material) const {
+    return {&table[std::size_t{material} * stride_], static_cast<std::size_t>(num_bands())};
+  }
+
+  std::shared_ptr<const Scene> scene_;
+  AcousticConfig config_;
+  BandLayout bands_;
+  int stride_ = 0;
+  float diagonal_m_ = 0;
+  std::vector<float> reflectance_, scattering_, transmission_, damping_;
+  bool transmits_ = false;
+  std::shared_ptr<const SpecularLobe> specular_lobe_;
+  std::shared_ptr<const DiffractionEdges> diffraction_edges_;
+  MirrorPlanes planes_;
+};
+
+}  // namespace earshot
