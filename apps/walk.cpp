@@ -9,7 +9,7 @@
 #include "apps/commands.h"
 #include "apps/source_options.h"
 #include "apps/timed_path.h"
-#include "sim/acoustics/model/effect_plan.h"
+#include "sim/acoustics/model/acoustic_scene.h"
 #include "sim/acoustics/response/temporal_reuse.h"
 #include "sim/acoustics/source_field/refining_field.h"
 #include "sim/acoustics/source_field/source_field_store.h"

@@ -13,7 +13,7 @@
 #include "envs/baselines.h"
 #include "envs/batched_env.h"
 #include "envs/episode_generator.h"
-#include "sim/acoustics/model/effect_plan.h"
+#include "sim/acoustics/model/acoustic_scene.h"
 #include "sim/acoustics/synthesis/carriers.h"
 #include "sim/base/progress.h"
 

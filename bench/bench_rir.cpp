@@ -10,7 +10,7 @@
 #include "bench/converged_reference.h"
 #include "envs/agent_hearing.h"
 #include "sim/acoustics/metrics/room_metrics.h"
-#include "sim/acoustics/model/effect_plan.h"
+#include "sim/acoustics/model/acoustic_scene.h"
 #include "sim/acoustics/paths/transmission.h"
 #include "sim/acoustics/synthesis/carriers.h"
 #include "sim/base/progress.h"

@@ -13,7 +13,7 @@
 #include <thread>
 #include <utility>
 
-#include "sim/acoustics/model/effect_plan.h"
+#include "sim/acoustics/model/acoustic_scene.h"
 #include "sim/base/denormals.h"
 
 namespace earshot {

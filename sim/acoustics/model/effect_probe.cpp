@@ -180,7 +180,8 @@ glm::vec3 into_the_room(const AcousticSurfaces& surfaces, glm::vec3 from, glm::v
 /// Largest share of energy that comes into a room through its walls: with energy densities D apart by air, a wall of transmission tau and
 /// area S brings (tau S / A) / D of what the air brings, S / A being the share of hits on such walls over the mean absorption.
 /// transmission: mean over hits of what goes through to other air.
-void compare_walls(const AcousticSurfaces& surfaces, const std::vector<Wall>& walls, std::span<const double> transmission, EffectProbe& probe) {
+void compare_walls(const AcousticSurfaces& surfaces, const std::vector<Wall>& walls, std::span<const double> transmission,
+                   EffectProbe& probe) {
   const auto num_bands = static_cast<std::size_t>(surfaces.num_bands());
   std::array<std::vector<double>, 2> energy;
   std::vector<std::vector<double>> ratios(num_bands);

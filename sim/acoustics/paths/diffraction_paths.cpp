@@ -8,6 +8,7 @@
 #include <tuple>
 
 #include "sim/acoustics/paths/edge_growth.h"
+#include "sim/acoustics/paths/line_of_sight.h"
 
 namespace earshot {
 namespace {
@@ -131,9 +132,14 @@ bool DiffractionCandidates::find_path(const AcousticScene& scene, const EdgeCand
 }
 
 void DiffractionCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 listener, std::vector<Arrival>& arrivals) const {
+  find_arrivals(scene, listener, in_line_of_sight(scene, source_, listener), arrivals);
+}
+
+void DiffractionCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 listener, bool in_sight,
+                                          std::vector<Arrival>& arrivals) const {
   if (candidates_.empty()) return;
   const DiffractionBudget& budget = budget_;
-  const bool near_boundary_only = budget.near_boundary_only && !scene.scene().rays().occluded(source_, listener);
+  const bool near_boundary_only = budget.near_boundary_only && in_sight;
   const double sight_m = glm::length(glm::dvec3(listener) - glm::dvec3(source_));
   const double most_detour_m = 0.25 * scene.speed_of_sound_m_per_s() / scene.bands().centre_hz.front();
 
@@ -150,7 +156,7 @@ void DiffractionCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 
     std::swap(arrivals[first], arrivals[weakest]);
   };
   const DiffractionEdges& edges = *scene.diffraction_edges();
-  const auto in_sight = [&](const Group& group) {
+  const auto sees_last_edge = [&](const Group& group) {
     const DiffractionEdge& edge = edges[group.last_edge];
     if (!edge.in_air(glm::dvec3(listener), edges.clearance_m())) return false;
     if (!budget.quick) return edges.sees(group.last_edge, listener);
@@ -170,7 +176,7 @@ void DiffractionCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 
   for (const Group& group : groups_) {
     if (attempts <= 0) break;
     if (near_boundary_only && (!group.single || !near_boundary(group.last_edge))) continue;
-    if (!in_sight(group)) continue;
+    if (!sees_last_edge(group)) continue;
     for (std::size_t i = group.begin; i < group.end && attempts > 0; ++i) {
       if (near_boundary_only && candidates_[i].sequence.order > 1) continue;
       const bool full = arrivals.size() - first == limit;

@@ -8,6 +8,7 @@
 #include <numbers>
 
 #include "sim/acoustics/core/sampling.h"
+#include "sim/acoustics/paths/line_of_sight.h"
 #include "sim/base/coordinates.h"
 #include "sim/base/denormals.h"
 #include "sim/base/errors.h"
@@ -224,14 +225,18 @@ bool EarlyCandidates::find_path(const AcousticScene& scene, std::size_t index, g
 }
 
 void EarlyCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 listener, std::vector<Arrival>& arrivals) const {
+  find_arrivals(scene, listener, in_line_of_sight(scene, source(), listener), arrivals);
+}
+
+void EarlyCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 listener, bool in_sight, std::vector<Arrival>& arrivals) const {
   const std::size_t first = arrivals.size();
   const AcousticConfig& config = scene.config();
 
-  if (config.direct != Switch::off) {
+  if (in_sight && config.direct != Switch::off) {
     const glm::dvec3 toward = glm::dvec3(source()) - glm::dvec3(listener);
     const double true_distance_m = glm::length(toward);
     const double distance_m = std::max(true_distance_m, double{kLeastDistanceM});
-    if (distance_m <= scene.max_path_m() && (true_distance_m == 0 || !scene.scene().rays().occluded(listener, source()))) {
+    if (distance_m <= scene.max_path_m()) {
       Arrival& direct = arrivals.emplace_back();
       direct.distance_m = static_cast<float>(distance_m);
       direct.direction = true_distance_m > 0 ? glm::vec3(toward / true_distance_m) : glm::vec3(0, 0, -1);

@@ -22,10 +22,13 @@ class EarlyCandidates {
   /// Cost: config.early_candidate_rays times early_order rays, and the edges round which sound leaves (diffraction_paths.h): 8 to 13 ms
   /// in a house.
   EarlyCandidates(const AcousticScene& scene, const SoundSource& source);
-  /// Appends the valid arrivals at `listener`: direct sound if in line of sight, then image paths whose every leg is confirmed by a ray.
+  /// Appends the valid arrivals at `listener`: direct sound if `in_sight` (line_of_sight.h), then image paths whose every leg is confirmed
+  /// by a ray.
   /// A path through the edge of two planes, which two sequences find, counts once.  Arrivals that carry no energy (fully absorbing or
   /// fully scattering surfaces) or come after config.rir_length_s are left out.  The appended part is sorted by (distance, plane
   /// sequence): same input, same bits.  Source and listener swapped give the bits of the same distances and amplitudes.
+  void find_arrivals(const AcousticScene& scene, glm::vec3 listener, bool in_sight, std::vector<Arrival>& arrivals) const;
+  /// The same, with a ray of its own for the line of sight.
   void find_arrivals(const AcousticScene& scene, glm::vec3 listener, std::vector<Arrival>& arrivals) const;
   /// Is this plane sequence, in the order seen from the source, among the candidates?  Then image paths carry its specular energy.
   [[nodiscard]] bool contains(std::span<const std::uint32_t> planes) const;

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "sim/acoustics/model/effect_plan.h"
+#include "sim/acoustics/paths/line_of_sight.h"
 
 namespace earshot {
 
@@ -18,7 +18,7 @@ void EffectCounters::add(const EffectCounters& other) {
 
 PoseEffects decide_pose_effects(const AcousticScene& scene, const EarlyCandidates& candidates, glm::vec3 listener) {
   PoseEffects effects;
-  effects.in_sight = listener == candidates.source() || !scene.scene().rays().occluded(candidates.source(), listener);
+  effects.in_sight = in_line_of_sight(scene, candidates.source(), listener);
   effects.transmission = scene.plan().straight_transmission && !effects.in_sight;
   effects.diffraction = candidates.diffraction().size() > 0;
   return effects;

@@ -25,7 +25,7 @@ struct EffectCounters {
 struct PoseEffects {
   bool in_sight = false, transmission = false, diffraction = false;
 };
-/// One shadow ray.
+/// One shadow ray, the only one that decides the line of sight.
 PoseEffects decide_pose_effects(const AcousticScene& scene, const EarlyCandidates& candidates, glm::vec3 listener);
 /// The counters of one pose, from what was decided and found there.
 EffectCounters count_effects(const AcousticScene& scene, const PoseEffects& effects, std::span<const Arrival> arrivals, bool gathered);

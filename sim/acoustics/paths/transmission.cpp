@@ -7,8 +7,8 @@
 #include <numbers>
 #include <tuple>
 
-#include "sim/acoustics/model/effect_plan.h"
 #include "sim/acoustics/model/wall_crossing.h"
+#include "sim/acoustics/paths/line_of_sight.h"
 
 namespace earshot {
 namespace {
@@ -57,8 +57,8 @@ bool collect_walls(const AcousticScene& scene, glm::vec3 from, glm::vec3 to, Wal
 }  // namespace
 
 void find_transmitted(const AcousticScene& scene, glm::vec3 source, glm::vec3 listener, std::vector<Arrival>& arrivals) {
-  if (!scene.plan().straight_transmission || source == listener) return;
-  if (scene.scene().rays().occluded(source, listener)) find_transmitted_behind_walls(scene, source, listener, arrivals);
+  if (!scene.plan().straight_transmission) return;
+  if (!in_line_of_sight(scene, source, listener)) find_transmitted_behind_walls(scene, source, listener, arrivals);
 }
 
 void find_transmitted_behind_walls(const AcousticScene& scene, glm::vec3 source, glm::vec3 listener, std::vector<Arrival>& arrivals) {

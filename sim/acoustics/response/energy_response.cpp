@@ -58,9 +58,9 @@ void compute_energy_response(const AcousticScene& scene, const EarlyCandidates& 
                      "is no place in a scene", "give three numbers in metres");
   response.speed_of_sound_m_per_s = scene.speed_of_sound_m_per_s();
   response.arrivals.clear();
-  candidates.find_arrivals(scene, listener, response.arrivals);
   const PoseEffects effects = decide_pose_effects(scene, candidates, listener);
-  if (effects.diffraction) candidates.diffraction().find_arrivals(scene, listener, response.arrivals);
+  candidates.find_arrivals(scene, listener, effects.in_sight, response.arrivals);
+  if (effects.diffraction) candidates.diffraction().find_arrivals(scene, listener, effects.in_sight, response.arrivals);
   if (effects.transmission) find_transmitted_behind_walls(scene, candidates.source(), listener, response.arrivals);
   apply_emission(candidates.emission(), static_cast<std::size_t>(scene.num_bands()), response.arrivals);
   const std::uint64_t nonfinite_arrivals = drop_nonfinite(static_cast<std::size_t>(scene.num_bands()), response.arrivals);

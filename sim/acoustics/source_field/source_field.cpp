@@ -9,7 +9,6 @@
 #include "sim/acoustics/core/sampling.h"
 #include "sim/acoustics/core/widening_bins.h"
 #include "sim/acoustics/geometry/field_grid.h"
-#include "sim/acoustics/model/reflection_model.h"
 #include "sim/acoustics/source_field/field_image.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"

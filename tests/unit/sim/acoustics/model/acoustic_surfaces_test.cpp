@@ -1,0 +1,58 @@
+#include "sim/acoustics/model/acoustic_surfaces.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "sim/acoustics/model/acoustic_scene.h"
+#include "sim/base/errors.h"
+#include "tests/support/effect_scenes.h"
+
+namespace earshot {
+namespace {
+
+TEST(AcousticSurfaces, ThePlanIsAFunctionOfThem) {
+  for (const effects::EffectScene& where : {effects::two_rooms_scene(0.9, 0.01), effects::open_field_scene()}) {
+    AcousticConfig config;
+    config.rir_length_s = 0;  // left to the plan
+    const AcousticSurfaces surfaces(where.scene, config);
+    const EffectPlan plan = plan_effects(surfaces);
+    const AcousticScene scene(where.scene, config);
+    EXPECT_EQ(plan.rir_length_s, scene.plan().rir_length_s);
+    EXPECT_EQ(plan.image_order, scene.image_order());
+    EXPECT_EQ(plan.air, scene.plan().air);
+    EXPECT_EQ(plan.traced_transmission, traces_transmission(scene));
+    ASSERT_EQ(plan.decisions.size(), scene.plan().decisions.size());
+    for (std::size_t i = 0; i < plan.decisions.size(); ++i) EXPECT_EQ(plan.decisions[i].why, scene.plan().decisions[i].why);
+  }
+}
+
+TEST(AcousticSurfaces, KeepTheConfigAsGivenAndTheSceneFillsItIn) {
+  AcousticConfig config;
+  config.rir_length_s = 0;
+  const AcousticScene scene(rooms::shoe1(0.2, 0.5), config);
+  EXPECT_EQ(scene.surfaces().config().rir_length_s, 0.f);
+  EXPECT_EQ(scene.config().rir_length_s, scene.plan().rir_length_s);
+  EXPECT_GT(scene.config().rir_length_s, 0.f);
+
+  const AcousticScene silent(rooms::shoe1(1, 0), AcousticConfig{});  // nothing comes back
+  EXPECT_EQ(silent.surfaces().config().late, Switch::automatic);
+  EXPECT_EQ(silent.config().late, Switch::off);
+}
+
+TEST(AcousticSurfaces, LargestSpecularReflectanceIsOverMaterialsAndBands) {
+  std::array<Material, 6> walls = rooms::uniform_walls(0.5, 0.5);
+  EXPECT_FLOAT_EQ(AcousticSurfaces(rooms::box(5, 4, 3, walls), {}).largest_specular_reflectance(), 0.25f);
+  walls[4] = Material::uniform("floor", 0.1f, 0.2f);
+  EXPECT_FLOAT_EQ(AcousticSurfaces(rooms::box(5, 4, 3, walls), {}).largest_specular_reflectance(), 0.72f);
+  EXPECT_EQ(AcousticSurfaces(rooms::empty(), {}).largest_specular_reflectance(), 0.f);
+}
+
+TEST(AcousticSurfaces, RefuseABrokenConfig) {
+  AcousticConfig config;
+  config.early_order = 5;
+  EXPECT_THROW(AcousticSurfaces(rooms::shoe1(0.2, 0.5), config), InputError);
+}
+
+}  // namespace
+}  // namespace earshot
