@@ -14,7 +14,7 @@ glm::dvec3 parse_point(const std::string& text, const std::string& option) {
   char comma1 = 0, comma2 = 0;
   stream >> point.x >> comma1 >> point.y >> comma2 >> point.z;
   const bool whole = !stream.fail() && comma1 == ',' && comma2 == ',' && (stream >> std::ws).eof();
-  if (!whole || !is_place(point))
+  if (!whole || !is_valid_position(point))
     throw InputError(option + " " + text, "is not a point", "write three numbers in metres, for example 1.2,1.5,0.8");
   return point;
 }

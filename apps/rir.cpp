@@ -157,7 +157,7 @@ class PairRenderer {
 
   const Options& options_;
   const AcousticScene& acoustics_;
-  PlaceCheck places_;
+  PositionCheck places_;
   RirSynthesizer synthesizer_;
 };
 

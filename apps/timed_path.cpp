@@ -30,10 +30,10 @@ std::vector<TimedPose> read_timed_path(const std::string& path) {
     fields >> pose.t_s >> commas[0] >> pose.position.x >> commas[1] >> pose.position.y >> commas[2] >> pose.position.z >> commas[3] >>
         pose.heading_deg;
     const bool complete = !fields.fail() && (fields >> std::ws).eof();
-    const bool possible = std::isfinite(pose.t_s) && is_place(pose.position) && std::isfinite(pose.heading_deg);
+    const bool possible = std::isfinite(pose.t_s) && is_valid_position(pose.position) && std::isfinite(pose.heading_deg);
     if (!complete || commas != std::array{',', ',', ',', ','} || !possible)
       throw InputError(fmt::format("{}:{}", path, line_number), "is not 't_s,x,y,z,heading_deg'",
-                       fmt::format("write five finite numbers, positions within {:g} m", kFarthestM));
+                       fmt::format("write five finite numbers, positions within {:g} m", kMaxCoordinateM));
     if (!poses.empty() && pose.t_s <= poses.back().t_s)
       throw InputError(fmt::format("{}:{}", path, line_number), "time does not rise", "sort the poses by t_s");
     poses.push_back(pose);

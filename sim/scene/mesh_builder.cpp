@@ -30,8 +30,8 @@ void MeshBuilder::append(const std::string& object, const std::string& material,
   }
   for (std::size_t i = 0; i < positions.size(); ++i) {
     const glm::dvec3 world = to_world * glm::dvec4(glm::dvec3(positions[i]), 1.0);
-    if (!is_place(world)) {
-      throw InputError(where_, fmt::format("vertex {} of '{}' is not finite or beyond {:g} m", i, one_line(object), kFarthestM),
+    if (!is_valid_position(world)) {
+      throw InputError(where_, fmt::format("vertex {} of '{}' is not finite or beyond {:g} m", i, one_line(object), kMaxCoordinateM),
                        "repair the mesh and export it again");
     }
     world_.push_back(world);

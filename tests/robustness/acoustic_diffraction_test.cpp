@@ -179,7 +179,7 @@ TEST(H69_FiftySheets, TracersPassThemWithoutUnderflowOrHanging) {
       config.rays = 256;
       config.transmission = Switch::on;
       config.transmission_walls = 50;
-      config.diffuse_last_leg = true;
+      config.diffuse_last_segment = true;
       const Heard heard(engine, room, config, rooms::point(0.2, 1, 1), 512);
       const EnergyResponse response = heard.at(rooms::point(5.8, 1.1, 1));
       expect_sound(response);

@@ -101,7 +101,7 @@ std::shared_ptr<const Scene> rooms_with_a_solid_wall(double gap_m) {
 
 TEST(H15_InsideAWall, IsFoundByFiveRays) {
   const auto scene = rooms_with_a_solid_wall(0.001);
-  const PlaceCheck places(*scene);
+  const PositionCheck places(*scene);
   ASSERT_TRUE(places.knows());
   for (double y = 0.3; y < 3.95; y += 0.3)
     for (double z = 0.3; z < 2.95; z += 0.3) {
@@ -117,14 +117,14 @@ TEST(H15_InsideAWall, IsFoundByFiveRays) {
 TEST(H15_InsideAWall, AirOfHousesIsNot) {
   for (const char* name : {"house:1", "house:4", "shoebox:5x3x4@0.2"}) {
     const Scene scene = load_scene(name);
-    const PlaceCheck places(scene);
+    const PositionCheck places(scene);
     int inside = 0;
     const auto points = sample_air(scene, 7).points;
     ASSERT_GT(points.size(), 100u);
     for (const glm::vec3 point : points) inside += places.inside_solid(point);
     EXPECT_LE(inside, static_cast<int>(points.size() / 100)) << name << ", knows: " << places.knows();
   }
-  EXPECT_FALSE(PlaceCheck(*rooms::empty()).inside_solid({0, 0, 0}));
+  EXPECT_FALSE(PositionCheck(*rooms::empty()).inside_solid({0, 0, 0}));
 }
 
 TEST(H15_InsideAWall, EveryEngineStaysFiniteAndHearsNothingThroughIt) {

@@ -183,7 +183,7 @@ TEST(Precision_FieldBlend, WeightsAddUpToOneAndAreTheTrilinearOnes) {
     const double inner = std::clamp(std::round(2 * place[picked]) / 2, low[picked] + 0.5, low[picked] + boxes[picked] - 0.5);
     if (i % 5 == 0) place[picked] = inner + (i % 2 == 0 ? 0.0 : 1e-6);
     const glm::vec3 point(static_cast<float>(place[0]), static_cast<float>(place[1]), static_cast<float>(place[2]));
-    std::array<FieldGrid::Share, 8> shares;
+    std::array<FieldGrid::CellWeight, 8> shares;
     const std::size_t count = grid.blend(point, shares);
     ASSERT_GT(count, 0u);
     double sum = 0;
@@ -358,14 +358,14 @@ TEST(X_LobeChoice, WhatIsLeftOfARandomNumberStaysBelowOne) {
                                     .carried_order = 0,
                                     .sh_order = 0,
                                     .num_coefficients = 1,
-                                    .share_of_ray = 1,
+                                    .weight_per_ray = 1,
                                     .max_path_m = 1,
                                     .seconds_per_m = 1,
                                     .stage_m = 1,
                                     .least_distance2_m2 = 0,
                                     .source_radius_m = 0,
                                     .source_spread_m = 0,
-                                    .diffuse_last_leg = true};
+                                    .diffuse_last_segment = true};
     listener_ray::RayState<8> ray;
     for (int b = 0; b < 8; ++b) ray.weight[b] = ray.throughput[b] = ray.reflected[b] = b == 0 ? 1.f : 0.f;
     (void)listener_ray::pick_wall(trace, ray, 0, random);

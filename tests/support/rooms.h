@@ -98,7 +98,7 @@ inline AcousticConfig plain_config() {
   config.early = Switch::off;
   config.bands = 1;
   config.sh_order = 0;
-  config.diffuse_last_leg = false;
+  config.diffuse_last_segment = false;
   return config;
 }
 

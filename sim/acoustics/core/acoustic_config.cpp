@@ -44,7 +44,7 @@ AcousticConfig acoustic_preset(std::string_view name) {
     config.max_bounces = 10'000;
     config.time_bin_s = 0.001f;
     config.rir_length_s = 2.f;
-    config.diffuse_last_leg = false;
+    config.diffuse_last_segment = false;
     config.threads = 0;
     return config;
   }
@@ -78,7 +78,7 @@ void read(ConfigReader& reader, AcousticConfig& config) {
   else
     reader.read("rir_length_s", config.rir_length_s);
   reader.read("source_radius_m", config.source_radius_m);
-  reader.read("diffuse_last_leg", config.diffuse_last_leg);
+  reader.read("diffuse_last_segment", config.diffuse_last_segment);
   reader.read("scattering", config.scattering);
   reader.read_choice("field", config.field, kSwitches);
   reader.read("field_photons", config.field_photons);

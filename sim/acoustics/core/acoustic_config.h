@@ -30,16 +30,16 @@ struct AcousticConfig {
   int max_bounces = 1000;   ///< a safety bound; time and Russian roulette end rays
   int source_rays = 0;      ///< > 0: bidirectional path tracing with this many rays from the source, unless field is on, [0, 2^20]
   int source_bounces = 10;  ///< of those, [1, 60]
-  /// 0: the specular share leaves as from a mirror.  > 0: in a lobe of cos^n about it, normalised to keep all energy, [1, 1000].
+  /// 0: specular reflections leave as from a mirror.  > 0: in a lobe of cos^n about it, normalised to keep all energy, [1, 1000].
   float specular_exponent = 0.f;
   float time_bin_s = 0.004f;      ///< (0, 0.1]
   int sh_order = 1;               ///< of the arrival directions, [0, 5]
-  float rir_length_s = 0.5f;      ///< (0, 60]; 0 or `auto`: as long as the scene's decay asks, at most 4 s (effect_plan.h)
-  float source_radius_m = 0.25f;  ///< volume in which specular paths meet the source, unless diffuse_last_leg
-  /// false: next-event estimation sees the diffuse share only, specular last legs are caught by the source volume (unbiased, noisy).
-  /// true: the last leg of late paths is treated as diffuse (the share s of scattering as 1): far less noise, small bias (a
+  float rir_length_s = 0.5f;      ///< (0, 60]; 0 or `auto`: as long as the scene's decay needs, at most 4 s (effect_plan.h)
+  float source_radius_m = 0.25f;  ///< volume in which specular paths meet the source, unless diffuse_last_segment
+  /// false: next-event estimation uses the diffuse part only, specular last segments are caught by the source volume (unbiased, noisy).
+  /// true: the last segment of late paths is treated as diffuse (the fraction s of scattering as 1): far less noise, small bias (a
   /// furnished house with scattering near 0.1: T20 within 5 %, T30 within 9 %, level within 0.4 dB).
-  bool diffuse_last_leg = true;
+  bool diffuse_last_segment = true;
   float scattering = -1.f;  ///< >= 0: one value for every material
   // source field (source_field.h): the late field of a source that stands still, built once and gathered at each pose
   Switch field = Switch::automatic;  ///< automatic: where a source is held for many poses and the field is the cheaper way (effect plan)

@@ -12,7 +12,7 @@ namespace earshot {
 /// listener.
 inline constexpr float kLeastDistanceM = 0.01f;
 
-/// By what a deterministic path gets from source to listener.
+/// How a deterministic path gets from source to listener.
 enum class ArrivalKind : std::uint8_t {
   direct,        ///< in line of sight
   reflection,    ///< mirrored in one or more planes
@@ -27,7 +27,7 @@ struct Arrival {
   float distance_m = 0;    ///< delay times the speed of sound in air: the path length, except inside walls with a speed of their own
   glm::vec3 direction{0};  ///< unit, from the listener toward where the sound comes from, world axes; front (-z) if source == listener
   glm::vec3 departure{0};  ///< unit, from the source toward where the sound goes, world axes; -direction for a straight path
-  /// Pressure amplitude per band, Green units, >= 0: 1 / (4 pi r) times the roots of all energy shares, times the source's gain.
+  /// Pressure amplitude per band, Green units, >= 0: 1 / (4 pi r) times the roots of all energy fractions, times the source's gain.
   std::array<float, kMaxBands> amplitude{};
   /// Phase at the band centre beyond that of the delay, convention exp(+j w t).  Only diffraction has one; 0 elsewhere.
   std::array<float, kMaxBands> phase_rad{};

@@ -92,9 +92,9 @@ MissingEnergy missing_energy(std::span<const double> energy, double bin_s, doubl
 double energy_before(std::span<const double> energy, double bin_s, double limit_s) {
   double sum = 0;
   for (std::size_t i = 0; i < energy.size(); ++i) {
-    const double share = std::clamp(limit_s / bin_s - static_cast<double>(i), 0.0, 1.0);
+    const double fraction = std::clamp(limit_s / bin_s - static_cast<double>(i), 0.0, 1.0);
     // 80 ms / 4 ms must be 20 bins, not 19.9999999 or a sliver of the 21st.
-    sum += energy[i] * (share < 1e-9 ? 0.0 : share > 1.0 - 1e-9 ? 1.0 : share);
+    sum += energy[i] * (fraction < 1e-9 ? 0.0 : fraction > 1.0 - 1e-9 ? 1.0 : fraction);
   }
   return sum;
 }

@@ -90,9 +90,9 @@ DiffractionEdges::DiffractionEdges(const Scene& scene, float least_length_m) : r
     const double radius_m = std::min(0.05 * wedge.length_m, 5e-4 * diagonal_m);
     // A beam may rest on a part of the edge: one free place is enough, rays decide about each path.
     bool open = false;
-    for (const double share : {0.5, 0.19, 0.83}) {
+    for (const double fraction : {0.5, 0.19, 0.83}) {
       DiffractionEdge candidate = wedge;
-      if (!narrow(scene, candidate, share * wedge.length_m, radius_m)) continue;
+      if (!narrow(scene, candidate, fraction * wedge.length_m, radius_m)) continue;
       wedge = candidate;
       open = true;
       break;
@@ -107,10 +107,10 @@ DiffractionEdges::DiffractionEdges(const Scene& scene, float least_length_m) : r
   neighbours_.resize(edges_.size());
 }
 
-bool DiffractionEdges::sees(std::uint32_t edge, glm::vec3 point) const {
+bool DiffractionEdges::visible_from(std::uint32_t edge, glm::vec3 point) const {
   if (!edges_[edge].in_air(glm::dvec3(point), clearance_m_)) return false;
-  for (const double share : {0.5, 0.2, 0.8, 0.02, 0.98}) {
-    if (!rays_->occluded(point, air_point(edge, share * edges_[edge].length_m))) return true;
+  for (const double fraction : {0.5, 0.2, 0.8, 0.02, 0.98}) {
+    if (!rays_->occluded(point, air_point(edge, fraction * edges_[edge].length_m))) return true;
   }
   return false;
 }
@@ -120,11 +120,11 @@ std::span<const std::uint32_t> DiffractionEdges::neighbours(std::uint32_t edge) 
   return neighbours_[edge];
 }
 
-bool DiffractionEdges::see_each_other(std::uint32_t edge, std::uint32_t other) const {
-  constexpr std::array<std::array<double, 2>, 5> shares = {{{0.5, 0.5}, {0.1, 0.1}, {0.9, 0.9}, {0.1, 0.9}, {0.9, 0.1}}};
+bool DiffractionEdges::mutually_visible(std::uint32_t edge, std::uint32_t other) const {
+  constexpr std::array<std::array<double, 2>, 5> fractions = {{{0.5, 0.5}, {0.1, 0.1}, {0.9, 0.9}, {0.1, 0.9}, {0.9, 0.1}}};
   const DiffractionEdge &here = edges_[edge], &there = edges_[other];
-  for (const auto& share : shares) {
-    const double here_m = share[0] * here.length_m, there_m = share[1] * there.length_m;
+  for (const auto& fraction : fractions) {
+    const double here_m = fraction[0] * here.length_m, there_m = fraction[1] * there.length_m;
     const glm::dvec3 from = here.at(here_m), to = there.at(there_m);
     if (!here.in_air(to, clearance_m_) || !there.in_air(from, clearance_m_)) continue;
     if (!rays_->occluded(air_point(edge, here_m), air_point(other, there_m))) return true;
@@ -135,7 +135,7 @@ bool DiffractionEdges::see_each_other(std::uint32_t edge, std::uint32_t other) c
 void DiffractionEdges::find_neighbours(std::uint32_t edge) const {
   std::vector<std::uint32_t> found;  // moved in at the end: an exception leaves nothing half done
   for (std::uint32_t other = 0; other < edges_.size(); ++other) {
-    if (other != edge && see_each_other(edge, other)) found.push_back(other);
+    if (other != edge && mutually_visible(edge, other)) found.push_back(other);
   }
   neighbours_[edge] = std::move(found);
 }

@@ -12,7 +12,7 @@
 
 namespace earshot {
 
-/// A straight edge round which sound bends: a wedge of air of more than 185 degrees between two faces.  Lengths in metres, world axes.
+/// A straight edge that diffracts sound: a wedge of air of more than 185 degrees between two faces.  Lengths in metres, world axes.
 struct DiffractionEdge {
   glm::dvec3 start{0}, along{0};  ///< along: unit
   double length_m = 0;
@@ -30,7 +30,7 @@ struct DiffractionEdge {
     const glm::dvec3 from = point - start;
     return glm::dot(from, first_normal) >= -tolerance_m || glm::dot(from, second_normal) >= -tolerance_m;
   }
-  /// Unit, into the middle of the air: from where the edge is seen best.
+  /// Unit, into the middle of the air, halfway between the faces.
   [[nodiscard]] glm::dvec3 outward() const;
 };
 
@@ -51,18 +51,18 @@ class DiffractionEdges {
   [[nodiscard]] std::span<const DiffractionEdge> edges() const { return edges_; }
   [[nodiscard]] const DiffractionEdge& operator[](std::uint32_t edge) const { return edges_[edge]; }
   [[nodiscard]] std::size_t size() const { return edges_.size(); }
-  /// Edges that some point of `edge` sees, ascending.  First call per edge: about 0.2 us per edge of the scene and ray tests of those in
+  /// Edges visible from some point of `edge`, ascending.  First call per edge: about 0.2 us per edge of the scene and ray tests of those in
   /// question.
   [[nodiscard]] std::span<const std::uint32_t> neighbours(std::uint32_t edge) const;
-  /// Does some point of one edge see some point of the other?  Up to five pairs of points are tried.
-  [[nodiscard]] bool see_each_other(std::uint32_t edge, std::uint32_t other) const;
+  /// Is some point of one edge visible from some point of the other?  Up to five pairs of points are tried.
+  [[nodiscard]] bool mutually_visible(std::uint32_t edge, std::uint32_t other) const;
   /// A point of the edge moved into the air by `clearance_m()`, from where rays can leave it.
   [[nodiscard]] glm::vec3 air_point(std::uint32_t edge, double along_m) const {
     return glm::vec3(edges_[edge].at(along_m) + clearance_m_ * outward_[edge]);
   }
   [[nodiscard]] double clearance_m() const { return clearance_m_; }
-  /// Is some point of the edge in sight of `point`?  Five points of it are tried.
-  [[nodiscard]] bool sees(std::uint32_t edge, glm::vec3 point) const;
+  /// Is some point of the edge visible from `point`?  Five points of it are tried.
+  [[nodiscard]] bool visible_from(std::uint32_t edge, glm::vec3 point) const;
 
  private:
   void find_neighbours(std::uint32_t edge) const;

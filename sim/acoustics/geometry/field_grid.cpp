@@ -203,18 +203,18 @@ void FieldGrid::cross(glm::vec3 origin, glm::vec3 direction, float length_m, std
   }
 }
 
-std::size_t FieldGrid::blend(glm::vec3 point, std::array<Share, 8>& shares) const {
+std::size_t FieldGrid::blend(glm::vec3 point, std::array<CellWeight, 8>& weights) const {
   if (cells_.empty()) return 0;
   const glm::vec3 place = (point - origin_) / edge_m_;
   const glm::ivec3 last = count_ - 1;
   const auto own = glm::clamp(glm::ivec3(glm::floor(place)), glm::ivec3(0), last);
-  const glm::vec3 from_centre = place - 0.5f, low = glm::floor(from_centre), share = from_centre - low;
+  const glm::vec3 from_centre = place - 0.5f, low = glm::floor(from_centre), fraction = from_centre - low;
   std::size_t count = 0;
   float sum = 0;
   for (int corner = 0; corner < 8; ++corner) {
     const glm::ivec3 side(corner & 1, corner >> 1 & 1, corner >> 2 & 1);
     float weight = 1;
-    for (int axis = 0; axis < 3; ++axis) weight *= side[axis] ? share[axis] : 1.f - share[axis];
+    for (int axis = 0; axis < 3; ++axis) weight *= side[axis] ? fraction[axis] : 1.f - fraction[axis];
     const auto index = glm::clamp(glm::ivec3(low) + side, glm::ivec3(0), last);
     const Box& box = boxes_[box_at(index)];
     if (!(weight > 0) || box.count == 0) continue;
@@ -223,17 +223,17 @@ std::size_t FieldGrid::blend(glm::vec3 point, std::array<Share, 8>& shares) cons
     for (std::uint32_t i = box.first; found == none && i < box.first + box.count; ++i)
       if (sees(cells_[i], point)) found = i;
     if (found == none) continue;
-    shares[count++] = {found, weight};
+    weights[count++] = {found, weight};
     sum += weight;
   }
   if (count == 0) {
     // In a crack that no cell sees: the largest piece of its own box.
     const Box& box = boxes_[box_at(own)];
     if (box.count == 0) return 0;
-    shares[0] = {box.first, 1.f};
+    weights[0] = {box.first, 1.f};
     return 1;
   }
-  for (std::size_t i = 0; i < count; ++i) shares[i].weight /= sum;
+  for (std::size_t i = 0; i < count; ++i) weights[i].weight /= sum;
   return count;
 }
 

@@ -25,7 +25,7 @@ class FieldGrid {
   [[nodiscard]] glm::vec3 edge_m() const { return edge_m_; }  ///< of a whole box
   [[nodiscard]] float volume_m3(std::uint32_t cell) const { return cells_[cell].volume_m3; }
 
-  /// A stretch of a ray inside one cell, metres from its origin.
+  /// A segment of a ray inside one cell, metres from its origin.
   struct Crossing {
     std::uint32_t cell;
     float enter_m, leave_m;
@@ -34,19 +34,19 @@ class FieldGrid {
   /// few short rays decide where there are several.
   void cross(glm::vec3 origin, glm::vec3 direction, float length_m, std::vector<Crossing>& crossings) const;
 
-  struct Share {
+  struct CellWeight {
     std::uint32_t cell;
     float weight;
   };
-  /// The cells round a point that it sees, with the weights of trilinear interpolation between the centres of their boxes; weights add up
+  /// The cells round a point that are visible from it, with the weights of trilinear interpolation between the centres of their boxes; weights add up
   /// to 1.  Returns how many; 0 only in an empty scene.  A point outside of the bounds of the scene gets the cells at the border.  Cost: up
   /// to some tens of short rays.
-  std::size_t blend(glm::vec3 point, std::array<Share, 8>& shares) const;
+  std::size_t blend(glm::vec3 point, std::array<CellWeight, 8>& weights) const;
 
-  /// Two cells of adjacent boxes that see each other.
+  /// Two cells of adjacent boxes that are visible from each other.
   struct Passage {
     std::uint32_t first, second;  ///< first < second
-    float openness;               ///< (0, 1]: share of lines between points of the two that geometry does not cut
+    float openness;               ///< (0, 1]: fraction of lines between points of the two that geometry does not cut
   };
   /// Every passage once, in ascending order of (first, second).  Cost: up to six short rays for each pair of pieces.
   [[nodiscard]] std::vector<Passage> passages() const;

@@ -7,7 +7,7 @@
 namespace earshot {
 namespace {
 
-/// Share of the difference in density that two whole neighbours exchange in a sweep: 1/8 leaves a quarter where it is.
+/// Fraction of the difference in density that two whole neighbours exchange in a sweep: 1/8 leaves a quarter where it is.
 constexpr float kExchange = 1.f / 8;
 constexpr float kNeighbours = 6;
 /// Sound has met walls often enough to go in all directions after so many mean free paths.
@@ -40,8 +40,8 @@ FieldSmoothing::FieldSmoothing(const FieldGrid& grid) {
     const float exchanged_m3 = kExchange * open_m3(p) * kNeighbours / std::max({kNeighbours, around[p.first], around[p.second]});
     from[p.first].push_back({p.second, exchanged_m3 / grid.volume_m3(p.second)});
     from[p.second].push_back({p.first, exchanged_m3 / grid.volume_m3(p.first)});
-    from[p.first][0].share -= exchanged_m3 / grid.volume_m3(p.first);
-    from[p.second][0].share -= exchanged_m3 / grid.volume_m3(p.second);
+    from[p.first][0].fraction -= exchanged_m3 / grid.volume_m3(p.first);
+    from[p.second][0].fraction -= exchanged_m3 / grid.volume_m3(p.second);
   }
   begin_.push_back(0);
   for (const std::vector<Exchange>& of_cell : from) {
@@ -68,7 +68,7 @@ void FieldSmoothing::sum_neighbours(std::uint32_t cell, std::size_t width, const
     for (std::size_t i = 0; i < Vectors; ++i) {
       Vector values;
       std::memcpy(&values, from + i * kLanes, sizeof values);
-      sum[i] += from_[e].share * values;
+      sum[i] += from_[e].fraction * values;
     }
   }
   std::memcpy(to, sum, sizeof sum);

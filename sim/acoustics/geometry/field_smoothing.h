@@ -34,7 +34,7 @@ class FieldSmoothing {
  private:
   struct Exchange {
     std::uint32_t cell;
-    float share;
+    float fraction;
   };
   /// What a cell holds after a sweep: so many vectors of eight values of its row.
   template <std::size_t Vectors>

@@ -74,7 +74,7 @@ class PlaneIndex {
   void search(const Facet& facet, glm::dvec3 normal, Best& best) const {
     const Cell low = cell_of(normal - kNormalTolerance), high = cell_of(normal + kNormalTolerance);
     const double offset_m = glm::dot(normal, facet.centroid);
-    // The plane's own normal may differ by the tolerance, which moves the offset by that share of the distance from the centre.
+    // The plane's own normal may differ by the tolerance, which moves the offset by that fraction of the distance from the centre.
     const double slack_m = offset_tolerance_m_ + kNormalTolerance * glm::length(facet.centroid);
     for (int x = low[0]; x <= high[0]; ++x)
       for (int y = low[1]; y <= high[1]; ++y)
@@ -146,9 +146,9 @@ MirrorPlanes find_mirror_planes(const TriangleMesh& mesh) {
     area_of_material[{plane, mesh.triangle_material[triangle]}] += facet.area;
   }
   std::vector<double> largest(result.planes.size(), -1);
-  for (const auto& [key, share] : area_of_material) {
-    if (share > largest[key.first]) {
-      largest[key.first] = share;
+  for (const auto& [key, area_m2] : area_of_material) {
+    if (area_m2 > largest[key.first]) {
+      largest[key.first] = area_m2;
       result.planes[key.first].material = key.second;
     }
   }

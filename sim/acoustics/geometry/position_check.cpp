@@ -13,12 +13,12 @@ namespace {
 constexpr std::uint32_t kRays = 5;
 constexpr int kMajority = 4;
 constexpr std::size_t kAirPoints = 100;
-/// Share of the air's rays that must agree before windings count as consistent.
+/// Fraction of the air's rays that must agree before windings count as consistent.
 constexpr double kConsistent = 0.8;
 
 }  // namespace
 
-PlaceCheck::PlaceCheck(const Scene& scene) : scene_(&scene) {
+PositionCheck::PositionCheck(const Scene& scene) : scene_(&scene) {
   const std::vector<glm::vec3> points = sample_air(scene, 0).points;
   int front = 0, back = 0;
   const std::size_t count = std::min(points.size(), kAirPoints);
@@ -31,7 +31,7 @@ PlaceCheck::PlaceCheck(const Scene& scene) : scene_(&scene) {
   air_sees_back_ = back > kConsistent * (front + back);
 }
 
-PlaceCheck::Votes PlaceCheck::vote(glm::vec3 point) const {
+PositionCheck::Votes PositionCheck::vote(glm::vec3 point) const {
   const TriangleMesh& mesh = scene_->mesh();
   const SphereSequence directions(0x2C1B3C6Du, 0x297A2D39u);  // any that lie along no wall
   Votes votes;
@@ -46,7 +46,7 @@ PlaceCheck::Votes PlaceCheck::vote(glm::vec3 point) const {
   return votes;
 }
 
-bool PlaceCheck::inside_solid(glm::vec3 point) const {
+bool PositionCheck::inside_solid(glm::vec3 point) const {
   if (!knows()) return false;
   const Votes votes = vote(point);
   return (air_sees_front_ ? votes.back : votes.front) >= kMajority;

@@ -34,7 +34,7 @@ std::uint64_t hash_of(const AcousticConfig& c, std::uint64_t scene_hash, bool tr
     append_bytes(bytes, static_cast<std::int32_t>(s));
   }
   for (const int value :
-       {c.early_order, c.early_candidate_rays, c.rays, c.max_bounces, c.sh_order, c.diffuse_last_leg ? 1 : 0, c.bands, c.diffraction_order,
+       {c.early_order, c.early_candidate_rays, c.rays, c.max_bounces, c.sh_order, c.diffuse_last_segment ? 1 : 0, c.bands, c.diffraction_order,
         c.diffraction_paths, c.transmission_walls, c.source_rays, c.source_bounces, c.field_photons}) {
     append_bytes(bytes, value);
   }

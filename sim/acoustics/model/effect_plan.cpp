@@ -19,11 +19,11 @@ namespace earshot {
 namespace {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-constexpr double kMargin = 1.2, kOpenMargin = 2.0, kClosedShare = 0.98;
+constexpr double kMargin = 1.2, kOpenMargin = 2.0, kClosedFraction = 0.98;
 constexpr double kShortestRirS = 0.1, kShortestHorizonS = 1.5, kLongestRirS = 4.0, kLongestDelayS = 0.6;
 constexpr double kPosesOfASource = 300;
-/// Rays for 5 % error of T30, one diffuse room; they grow with the inverse cube of the share of the air that a point sees: 10, 80, 640 and
-/// 1250 for shares of 1, 1/2, 1/4 and 1/5, against 10 in a room, 100 to 1300 in two coupled ones and 900 to 2100 in an apartment that were
+/// Rays for 5 % error of T30, one diffuse room; they grow with the inverse cube of the fraction of the air that is visible from a point: 10, 80, 640 and
+/// 1250 for fractions of 1, 1/2, 1/4 and 1/5, against 10 in a room, 100 to 1300 in two coupled ones and 900 to 2100 in an apartment that were
 /// measured (docs/estimators.md, section 10).
 constexpr double kRaysOfARoom = 10;
 /// A field costs memory and blurs cells: it must be this much cheaper.
@@ -32,7 +32,7 @@ constexpr double kPhotonsOfAField = 1000, kProbesMs = 15, kBlendMs = 0.02;
 /// From here on accuracy is worth more than time: diffraction is complete (DiffractionBudget) and walls are passed.
 constexpr int kManyRays = 512;
 
-double level_change_db(double share) { return 10.0 * std::log10(1.0 + share); }
+double level_change_db(double added) { return 10.0 * std::log10(1.0 + added); }
 
 const char* name_of(Switch s) { return s == Switch::off ? "off" : "on"; }
 
@@ -51,7 +51,7 @@ class Planner {
   EffectPlan plan() {
     decide_length();
     add("direct", config_.direct != Switch::off, name_of(config_.direct), kNan, "",
-        config_.direct == Switch::automatic ? BoundKind::exact : BoundKind::asked, 0,
+        config_.direct == Switch::automatic ? BoundKind::exact : BoundKind::user_set, 0,
         config_.direct == Switch::automatic ? "always, where the line of sight is free" : "");
     decide_late();
     decide_early();
@@ -83,7 +83,7 @@ class Planner {
   [[nodiscard]] double segments_per_ray(double length_s) const {
     if (!(probe_.mean_free_path_m > 0)) return 1;
     const double in_time = length_s * surfaces_.speed_of_sound_m_per_s() / probe_.mean_free_path_m;
-    return std::min(in_time, 1.0 / std::max(1.0 - probe_.hit_share, 1e-9));
+    return std::min(in_time, 1.0 / std::max(1.0 - probe_.hit_fraction, 1e-9));
   }
   /// A segment is a ray and a shadow ray, and as much again for what is done at its end.
   [[nodiscard]] double trace_ms(double rays, double length_s) const {
@@ -96,11 +96,11 @@ class Planner {
     const double longest_s = *std::max_element(fall_s.begin(), fall_s.end());
     const double delay_s = std::min(double{surfaces_.diagonal_m()} / surfaces_.speed_of_sound_m_per_s(), kLongestDelayS);
     // In the open walks die out before they have fallen so far.
-    const double wanted_s = delay_s + (probe_.hit_share < kClosedShare ? kOpenMargin : kMargin) * longest_s;
+    const double wanted_s = delay_s + (probe_.hit_fraction < kClosedFraction ? kOpenMargin : kMargin) * longest_s;
     const double step_s = 0.01;
-    const double asked_s = std::clamp(std::ceil(wanted_s / step_s) * step_s, kShortestRirS, kLongestRirS);
+    const double needed_s = std::clamp(std::ceil(wanted_s / step_s) * step_s, kShortestRirS, kLongestRirS);
     const bool automatic = config_.rir_length_s == 0.f;
-    plan_.rir_length_s = automatic ? static_cast<float>(asked_s) : config_.rir_length_s;
+    plan_.rir_length_s = automatic ? static_cast<float>(needed_s) : config_.rir_length_s;
     const double ends_db = longest_s > 0 ? kProbedFallDb * plan_.rir_length_s / longest_s : 1e3;
     const std::string decay =
         longest_s > 0 ? fmt::format("the slowest band falls by {:.0f} dB within {:.2f} s", kProbedFallDb, longest_s) : "nothing comes back";
@@ -110,19 +110,19 @@ class Planner {
       const bool capped = wanted_s > kLongestRirS;
       const double saved = trace_ms(all_rays(), kLongestRirS) - late_ms();
       add("rir_length_s", false, fmt::format("{:.2f} s", plan_.rir_length_s), capped ? ends_db : 100 * kEffectBudgetRt,
-          capped ? "dB of decay kept" : "% of T30", capped ? BoundKind::traded : BoundKind::bounded, saved,
+          capped ? "dB of decay kept" : "% of T30", capped ? BoundKind::approximated : BoundKind::bounded, saved,
           fmt::format("{}, after at most {:.2f} s on the way, with a margin{}", decay, delay_s, capped ? "; cut at 4 s" : ""));
     } else {
-      add("rir_length_s", true, fmt::format("{:.2f} s", plan_.rir_length_s), kNan, "", BoundKind::asked, 0,
-          fmt::format("{}; automatic would be {:.2f} s{}", decay, asked_s,
+      add("rir_length_s", true, fmt::format("{:.2f} s", plan_.rir_length_s), kNan, "", BoundKind::user_set, 0,
+          fmt::format("{}; automatic would be {:.2f} s{}", decay, needed_s,
                       ends_db < 35 ? fmt::format("; this one ends {:.0f} dB down: T30 cannot be measured from it", ends_db) : ""));
     }
   }
 
   [[nodiscard]] bool anything_reflects() const {
     for (std::uint32_t slot = 0; slot < surfaces_.scene().materials().size(); ++slot)
-      for (const float share : surfaces_.reflectance(slot))
-        if (share > 0.f) return true;
+      for (const float reflectance : surfaces_.reflectance(slot))
+        if (reflectance > 0.f) return true;
     return false;
   }
 
@@ -130,7 +130,7 @@ class Planner {
     const bool comes_back = !surfaces_.scene().mesh().triangles.empty() && (anything_reflects() || surfaces_.transmits());
     plan_.late = config_.late == Switch::on || (config_.late == Switch::automatic && comes_back);
     if (config_.late != Switch::automatic) {
-      add("late", plan_.late, name_of(config_.late), kNan, "", BoundKind::asked, late_ms(), "");
+      add("late", plan_.late, name_of(config_.late), kNan, "", BoundKind::user_set, late_ms(), "");
     } else if (!comes_back) {
       add("late", false, "off", 0, "dB", BoundKind::exact, late_ms(), "no surface sends anything back");
     } else {
@@ -139,25 +139,25 @@ class Planner {
       for (const double a : probe_.absorption) absorption += a / static_cast<double>(probe_.absorption.size());
       add("late", true, "on", kNan, "dB", BoundKind::bounded, 0,
           fmt::format("{:.0f} % of rays meet a surface, which takes {:.0f} %: it is what comes after the direct sound, at every pose",
-                      100 * probe_.hit_share, 100 * absorption));
+                      100 * probe_.hit_fraction, 100 * absorption));
     }
   }
 
   void decide_early() {
-    const int asked = config_.specular_exponent > 0.f ? 0 : config_.early_order;
-    const double share = surfaces_.largest_specular_reflectance();
-    const bool matters = share > kEffectBudgetShare;
-    if (config_.early == Switch::off || asked == 0) {
-      add("early", false, "off", kNan, "", BoundKind::asked, early_ms(),
+    const int order = config_.specular_exponent > 0.f ? 0 : config_.early_order;
+    const double reflectance = surfaces_.largest_specular_reflectance();
+    const bool matters = reflectance > kEffectBudgetFraction;
+    if (config_.early == Switch::off || order == 0) {
+      add("early", false, "off", kNan, "", BoundKind::user_set, early_ms(),
           config_.specular_exponent > 0.f ? "mirrors are lobes (specular_exponent)" : "");
     } else if (config_.early == Switch::on || matters) {
-      plan_.image_order = asked;
-      add("early", true, fmt::format("order {}", asked), level_change_db(share), "dB",
-          config_.early == Switch::on ? BoundKind::asked : BoundKind::bounded, 0,
-          fmt::format("{} planes, the best mirror sends {:.1f} % back", surfaces_.planes().size(), 100 * share));
+      plan_.image_order = order;
+      add("early", true, fmt::format("order {}", order), level_change_db(reflectance), "dB",
+          config_.early == Switch::on ? BoundKind::user_set : BoundKind::bounded, 0,
+          fmt::format("{} planes, the best mirror sends {:.1f} % back", surfaces_.planes().size(), 100 * reflectance));
     } else {
-      add("early", false, "off", level_change_db(share), "dB", share > 0 ? BoundKind::bounded : BoundKind::exact, early_ms(),
-          share > 0 ? "what mirrors send back is below the direct sound by more than 16.3 dB; rays carry it"
+      add("early", false, "off", level_change_db(reflectance), "dB", reflectance > 0 ? BoundKind::bounded : BoundKind::exact, early_ms(),
+          reflectance > 0 ? "what mirrors send back is below the direct sound by more than 16.3 dB; rays carry it"
                     : "nothing reflects as a mirror");
     }
   }
@@ -169,28 +169,28 @@ class Planner {
 
   void decide_diffraction() {
     if (config_.diffraction == Switch::off) {
-      add("diffraction", false, "off", kNan, "", BoundKind::asked, diffraction_ms(), "");
+      add("diffraction", false, "off", kNan, "", BoundKind::user_set, diffraction_ms(), "");
       return;
     }
     if (!edge_in_sight()) {
       add("diffraction", false, "off", 0, "dB", BoundKind::exact, diffraction_ms(),
-          "no edge stands out into the air; each source looks again");
+          "no edge stands out into the air; tested again for each source");
       return;
     }
     const DiffractionBudget budget(config_);
     if (budget.near_boundary_only) {
       // One edge so far from its shadow boundary changes the direct sound of the lowest octave by 1.25 dB (docs/estimators.md, section 14,
       // v = -1).  Many together are held to four times its energy, twice its amplitude: 20 log10(1 + 2).
-      add("diffraction", true, "where blocked, or nearly", 20.0 * std::log10(3.0), "dB", BoundKind::traded, 0,
+      add("diffraction", true, "where blocked, or nearly", 20.0 * std::log10(3.0), "dB", BoundKind::approximated, 0,
           "in line of sight only near shadow boundaries; without an edge beyond, the direct sound of the lowest band changes by at most "
           "1.25 dB, "
           "without all of them by this (on, or 512 rays: everywhere)");
     } else {
-      add("diffraction", true, "on", 6.0, "dB", config_.diffraction == Switch::on ? BoundKind::asked : BoundKind::bounded, 0,
+      add("diffraction", true, "on", 6.0, "dB", config_.diffraction == Switch::on ? BoundKind::user_set : BoundKind::bounded, 0,
           "6 dB where sight ends, more behind it");
     }
   }
-  /// Does any point of the air see an edge?  Boxes have edges too, outside.  A bounded search: with so many edges the answer is yes.
+  /// Is an edge visible from any point of the air?  Boxes have edges too, outside.  A bounded search: with so many edges the answer is yes.
   [[nodiscard]] bool edge_in_sight() const {
     const DiffractionEdges* edges = surfaces_.diffraction_edges();
     constexpr std::size_t many = 100;
@@ -198,7 +198,7 @@ class Planner {
     if (edges->size() > many) return true;
     for (std::uint32_t edge = 0; edge < edges->size(); ++edge)
       for (const glm::vec3 point : probe_.points)
-        if (edges->sees(edge, point)) return true;
+        if (edges->visible_from(edge, point)) return true;
     return false;
   }
   [[nodiscard]] double diffraction_ms() const { return 0.5 * config_.rays * probe_.query_us * 1e-2; }
@@ -208,32 +208,32 @@ class Planner {
     plan_.straight_transmission = !off && surfaces_.transmits();
     const double straight_ms = 2 * probe_.query_us * 1e-3;
     if (!surfaces_.transmits() || off) {
-      add("transmission", false, "off", off ? kNan : 0, off ? "" : "dB", off ? BoundKind::asked : BoundKind::exact, straight_ms,
+      add("transmission", false, "off", off ? kNan : 0, off ? "" : "dB", off ? BoundKind::user_set : BoundKind::exact, straight_ms,
           off ? "" : "no material lets sound through");
       decide_field(false, 0);
       return;
     }
-    add("transmission", true, "where blocked", kNan, "dB", config_.transmission == Switch::on ? BoundKind::asked : BoundKind::exact, 0,
+    add("transmission", true, "where blocked", kNan, "dB", config_.transmission == Switch::on ? BoundKind::user_set : BoundKind::exact, 0,
         "along the straight line, which may bring the first sound; nothing where the line of sight is free");
     decide_field(config_.transmission == Switch::on, *std::max_element(probe_.wall_to_air.begin(), probe_.wall_to_air.end()));
   }
 
   /// Late transmission is worth tracing where a source field pays for it once: one question.
   void decide_field(bool forced, double wall_to_air) {
-    const bool matters = wall_to_air > kEffectBudgetShare;
+    const bool matters = wall_to_air > kEffectBudgetFraction;
     const double change_db = level_change_db(wall_to_air), traced_ms = 0.3 * late_ms();
     std::string unfit;
     if (!plan_.late)
       unfit = "there is no late field";
     else if (config_.source_rays > 0 && config_.field != Switch::on)
-      unfit = "source_rays asks for bidirectional tracing";
+      unfit = "source_rays selects bidirectional tracing";
     else if (config_.specular_exponent > 0.f)
-      unfit = "specular_exponent asks for lobes";
+      unfit = "specular_exponent selects lobes";
     if (config_.field == Switch::on && !unfit.empty() && plan_.late)
       throw InputError("field = on", "cannot be: " + unfit, "use field = auto, or drop the other setting");
 
-    const double rays = std::min(kRaysOfARoom / std::pow(std::max(probe_.visible_share, 0.1), 3.0), 2000.0);
-    // What would run instead: the rays that are asked for, or those that it takes if they are more.
+    const double rays = std::min(kRaysOfARoom / std::pow(std::max(probe_.visible_fraction, 0.1), 3.0), 2000.0);
+    // What would run instead: the configured rays, or the needed ones if they are more.
     const double tracer_ms = kPosesOfASource * trace_ms(std::max(rays, static_cast<double>(config_.rays)), plan_.rir_length_s);
     // Photons for 5 %: their error falls as 0.7 to 1.8 over the root of their number, from a room to a furnished house (measured).  Per
     // pose eight histories are blended.
@@ -241,17 +241,17 @@ class Planner {
         trace_ms(std::min(kPhotonsOfAField, static_cast<double>(std::max(config_.field_photons, 512))), plan_.rir_length_s) + kProbesMs;
     const double field_ms = pass_ms + kPosesOfASource * kBlendMs;
     // Cells fill the bounds of a scene: in the open a listener may be outside of them.
-    const bool cheaper = probe_.hit_share >= kClosedShare && tracer_ms > kFieldGain * field_ms;
+    const bool cheaper = probe_.hit_fraction >= kClosedFraction && tracer_ms > kFieldGain * field_ms;
     const bool wanted = unfit.empty() && (config_.field == Switch::on || (config_.field == Switch::automatic && cheaper));
     plan_.field = wanted;
 
     if (plan_.straight_transmission) {
-      // Photons pass walls once for all poses, many rays are asked for where accuracy counts; with few rays per pose walls would double the
+      // Photons pass walls once for all poses, many rays are configured where accuracy counts; with few rays per pose walls would double the
       // time for less than their noise, unless they are the only way.
       const bool affordable = wanted || all_rays() >= kManyRays || std::isinf(wall_to_air);
       plan_.traced_transmission = plan_.late && (forced || (matters && affordable));
       if (forced) {
-        add("transmission_late", true, "on", change_db, "dB", BoundKind::asked, 0, "");
+        add("transmission_late", true, "on", change_db, "dB", BoundKind::user_set, 0, "");
       } else if (plan_.traced_transmission) {
         add("transmission_late", true, "on", change_db, "dB", BoundKind::bounded, 0,
             std::isinf(wall_to_air) ? "some rooms are reached through walls only"
@@ -261,18 +261,18 @@ class Planner {
             wall_to_air > 0 ? "walls bring next to nothing beside what comes through the air"
                             : "no wall that lets sound through has air behind it");
       } else {
-        add("transmission_late", false, "off", change_db, "dB", BoundKind::traded, traced_ms,
+        add("transmission_late", false, "off", change_db, "dB", BoundKind::approximated, traced_ms,
             "walls bring up to that much in one band of one room, but few rays cannot tell (on, 512 rays or a source field: traced)");
       }
     }
 
     const std::string seen = fmt::format(
-        "a point of the air sees {:.0f} % of it: about {:.0f} rays per pose for 5 % of T30, {:.0f} ms for {:.0f} "
+        "{:.0f} % of the air are visible from a point of it: about {:.0f} rays per pose for 5 % of T30, {:.0f} ms for {:.0f} "
         "poses against {:.0f} ms with a field",
-        100 * probe_.visible_share, rays, tracer_ms, kPosesOfASource, field_ms);
+        100 * probe_.visible_fraction, rays, tracer_ms, kPosesOfASource, field_ms);
     const double saved = std::abs(tracer_ms - field_ms) / kPosesOfASource;
     if (config_.field != Switch::automatic) {
-      add("field", wanted, name_of(config_.field), kNan, "", BoundKind::asked, 0, seen);
+      add("field", wanted, name_of(config_.field), kNan, "", BoundKind::user_set, 0, seen);
     } else if (!unfit.empty()) {
       add("field", false, "off", 0, "dB", BoundKind::exact, 0, unfit);
     } else {
@@ -293,8 +293,8 @@ class Planner {
       const auto band = static_cast<std::size_t>(b);
       const double loss_db = 10.0 / std::numbers::ln10 * air_per_m_[band] * longest_m;
       // 1/T = 1/T0 + m c / (6 ln 10) (docs/oracles.md, O-16).
-      const double rt_share = air_per_m_[band] * speed / (6.0 * std::numbers::ln10) * probe_.decay_s[band] * 60.0 / kProbedFallDb;
-      const bool matters = loss_db > kEffectBudgetDb || !(rt_share < kEffectBudgetRt);
+      const double rt_change = air_per_m_[band] * speed / (6.0 * std::numbers::ln10) * probe_.decay_s[band] * 60.0 / kProbedFallDb;
+      const bool matters = loss_db > kEffectBudgetDb || !(rt_change < kEffectBudgetRt);
       plan_.air[band] = config_.air_absorption == Switch::on || (config_.air_absorption == Switch::automatic && matters);
       if (plan_.air[band]) {
         lowest_on = lowest_on < 0 ? b : lowest_on;  // air takes more the higher the band
@@ -306,7 +306,7 @@ class Planner {
     }
     if (config_.air_absorption != Switch::automatic) {
       add("air_absorption", config_.air_absorption == Switch::on, name_of(config_.air_absorption), std::max(largest_on_db, largest_off_db),
-          "dB", BoundKind::asked, off * band_ms, fmt::format("on the longest path, {:.0f} m", longest_m));
+          "dB", BoundKind::user_set, off * band_ms, fmt::format("on the longest path, {:.0f} m", longest_m));
     } else if (off == surfaces_.num_bands()) {
       add("air_absorption", false, "off", largest_off_db, "dB", BoundKind::bounded, off * band_ms,
           fmt::format("on the longest path, {:.0f} m, and less than 1 % of RT60", longest_m));
@@ -323,7 +323,7 @@ class Planner {
   void decide_bounces() {
     const double needed = segments_per_ray(plan_.rir_length_s);
     const bool enough = config_.max_bounces > 3.0 * needed;
-    add("max_bounces", true, fmt::format("{}", config_.max_bounces), enough ? 0 : kNan, "dB", enough ? BoundKind::exact : BoundKind::asked,
+    add("max_bounces", true, fmt::format("{}", config_.max_bounces), enough ? 0 : kNan, "dB", enough ? BoundKind::exact : BoundKind::user_set,
         0,
         enough ? fmt::format("a ray meets about {:.0f} surfaces within the RIR: time ends it, not this number", needed)
                : fmt::format("a ray meets about {:.0f} surfaces within the RIR: decays may be cut short", needed));
@@ -334,14 +334,14 @@ class Planner {
     const int dropped = whole.size() - surfaces_.num_bands();
     const double saved = whole.size() > 0 ? late_ms() * 0.1 * dropped / whole.size() : 0.0;
     add("bands", dropped == 0, fmt::format("{}", surfaces_.num_bands()), 0, "dB",
-        config_.bands > 0 && dropped == 0 ? BoundKind::asked : BoundKind::exact, saved,
+        config_.bands > 0 && dropped == 0 ? BoundKind::user_set : BoundKind::exact, saved,
         dropped > 0 ? fmt::format("{} band{} above half the sample rate", dropped, dropped > 1 ? "s" : "")
                     : "all below half the sample rate");
   }
 
   void decide_sh_order() {
     const double up_to_hz = config_.sh_order * double{surfaces_.speed_of_sound_m_per_s()} / (2.0 * std::numbers::pi * 0.0875);
-    add("sh_order", config_.sh_order > 0, fmt::format("{}", config_.sh_order), kNan, "", BoundKind::asked, 0,
+    add("sh_order", config_.sh_order > 0, fmt::format("{}", config_.sh_order), kNan, "", BoundKind::user_set, 0,
         fmt::format("arrival directions of the late field, exact at two ears up to {:.0f} Hz; mono needs 0", up_to_hz));
   }
 
@@ -365,10 +365,10 @@ const char* name_of(BoundKind kind) {
       return "exact";
     case BoundKind::bounded:
       return "bounded";
-    case BoundKind::traded:
-      return "traded";
-    case BoundKind::asked:
-      return "asked";
+    case BoundKind::approximated:
+      return "approximated";
+    case BoundKind::user_set:
+      return "user_set";
   }
   return "";
 }

@@ -14,15 +14,15 @@ class AcousticSurfaces;
 /// What leaving an effect out may change: 0.1 dB in the energy of any band at every time down to -45 dB, and 1 % of RT60
 /// (docs/estimators.md, section 12: a tenth and a fifth of what is just heard).
 inline constexpr double kEffectBudgetDb = 0.1, kEffectBudgetRt = 0.01;
-/// The share of energy that changes a level by the budget, 10^0.01 - 1: -16.3 dB.
-inline constexpr double kEffectBudgetShare = 0.023293;
+/// The fraction of energy that changes a level by the budget, 10^0.01 - 1: -16.3 dB.
+inline constexpr double kEffectBudgetFraction = 0.023293;
 
 /// What a decision rests on.
 enum class BoundKind : std::uint8_t {
   exact,    ///< nothing is left out: the same bits, or only zeros dropped
   bounded,  ///< what is left out stays within the budget, by a bound that the plan computes from the scene
-  traded,   ///< more than the budget is given up for speed, by at most the number that is stated; `on` takes it back
-  asked     ///< by the user
+  approximated,  ///< for speed, by more than the budget and at most the number that is stated; `on` computes it in full
+  user_set       ///< by the config, without a bound
 };
 
 /// One line of the plan.

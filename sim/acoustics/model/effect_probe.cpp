@@ -27,7 +27,7 @@ constexpr double kFirstTimeS = 1e-3;
 constexpr std::size_t kMaxWalls = 12, kWallTests = 8;  // in all, per point
 constexpr std::uint32_t kWallWalks = 24, kWallBounces = 24;
 
-/// Could somebody be there?  A floor below and room to stand up in; and no wall or piece of furniture around it.
+/// Could a listener stand there?  A floor below and the height of a person above it; in is_room also no wall or piece of furniture around it.
 bool has_height(const AcousticSurfaces& surfaces, glm::vec3 point) {
   const EmbreeScene& rays = surfaces.scene().rays();
   const Hit down = rays.intersect(point, {0, -1, 0});
@@ -48,10 +48,10 @@ std::vector<glm::vec3> points_of_air(const AcousticSurfaces& surfaces) {
   size.y = std::max(size.y, 0.01f * std::max(size.x, size.z));  // a flat scene has its air above it
   const auto place = [&](std::uint32_t cell, std::uint32_t attempt) {
     const std::array<float, 4> u = stream(Use::place, cell).uniform4(attempt);
-    const glm::vec3 share((static_cast<float>(cell % kCellsX) + u[0]) / kCellsX,
+    const glm::vec3 relative((static_cast<float>(cell % kCellsX) + u[0]) / kCellsX,
                           (static_cast<float>(cell / kCellsX % kCellsY) + u[1]) / kCellsY,
                           (static_cast<float>(cell / (kCellsX * kCellsY)) + u[2]) / kCellsZ);
-    return lower + share * size;
+    return lower + relative * size;
   };
   std::vector<glm::vec3> points;
   for (std::uint32_t cell = 0; cell < kCells; ++cell) {
@@ -71,7 +71,7 @@ std::vector<glm::vec3> points_of_air(const AcousticSurfaces& surfaces) {
   return points;
 }
 
-double share_of_visible_pairs(const AcousticSurfaces& surfaces, const std::vector<glm::vec3>& points) {
+double fraction_of_visible_pairs(const AcousticSurfaces& surfaces, const std::vector<glm::vec3>& points) {
   std::size_t pairs = 0, visible = 0;
   for (std::size_t a = 0; a < points.size(); ++a) {
     for (std::size_t b = a + 1; b < points.size(); ++b) {
@@ -90,19 +90,19 @@ glm::vec3 next_direction(const AcousticSurfaces& surfaces, const Hit& hit, glm::
   return u[2] < mean ? lambert_direction(hit.normal, u[0], u[1]) : mirror_direction(direction, hit.normal);
 }
 
-/// Energy in flight from surface to surface over time, released at one point: [time][band].
+/// Energy on its way from surface to surface over time, released at one point: [time][band].
 class Decay {
  public:
   Decay(std::size_t num_bands, double horizon_s) : num_bands_(num_bands), energy_(kTimes * num_bands, 0.0) {
     const double ratio = std::pow(horizon_s / kFirstTimeS, 1.0 / (kTimes - 1));
     for (std::size_t i = 0; i < kTimes; ++i) times_s_[i] = kFirstTimeS * std::pow(ratio, static_cast<double>(i));
   }
-  /// Goes on to `until_s` without any: on the way to the first surface it is not yet reverberation.
+  /// Advances to `until_s` without energy: on the way to the first surface it is not yet reverberation.
   void wait(std::size_t& next, double until_s) const {
     while (next < kTimes && times_s_[next] < until_s) ++next;
   }
-  /// The energy that flies from the last time of this walk to `until_s`.
-  void fly(std::size_t& next, double until_s, std::span<const double> energy) {
+  /// Adds the energy on its way from the last time of this walk to `until_s`.
+  void add(std::size_t& next, double until_s, std::span<const double> energy) {
     for (; next < kTimes && times_s_[next] < until_s; ++next) {
       for (std::size_t band = 0; band < num_bands_; ++band) energy_[next * num_bands_ + band] += energy[band];
     }
@@ -147,24 +147,24 @@ void transfer(const AcousticSurfaces& surfaces, glm::vec3 source, std::span<cons
   const auto num_bands = static_cast<std::size_t>(surfaces.num_bands());
   const auto num_listeners = listeners.size();
   for (std::size_t i = 0; i < num_listeners; ++i) energy[i].assign(num_bands, 0.0);
-  std::vector<double> share(num_bands);
+  std::vector<double> throughput(num_bands);
   for (std::uint32_t walk = 0; walk < kWallWalks; ++walk) {
     const RandomStream random = stream(Use::wall_walk, item * kWallWalks + walk);
     const auto first = random.uniform2(0);
     glm::vec3 origin = source, direction = sphere_direction(first[0], first[1]);
-    std::fill(share.begin(), share.end(), 1.0 / kWallWalks);
+    std::fill(throughput.begin(), throughput.end(), 1.0 / kWallWalks);
     for (std::uint32_t bounce = 1; bounce <= kWallBounces; ++bounce) {
       const Hit hit = rays.intersect(origin, direction);
       if (!hit.valid()) break;
       const auto reflectance = surfaces.reflectance(surfaces.scene().mesh().triangle_material[hit.triangle]);
-      for (std::size_t band = 0; band < num_bands; ++band) share[band] *= reflectance[band];
+      for (std::size_t band = 0; band < num_bands; ++band) throughput[band] *= reflectance[band];
       origin = offset_from_surface(hit.position, hit.normal);
       for (std::size_t i = 0; i < num_listeners; ++i) {
         const glm::vec3 toward = listeners[i] - origin;
         const float height_m = glm::dot(toward, hit.normal), distance2 = std::max(glm::dot(toward, toward), 0.04f);
         if (!(height_m > 0) || rays.occluded(origin, listeners[i])) continue;
         const double geometry = height_m / (distance2 * std::sqrt(distance2)) / std::numbers::pi;
-        for (std::size_t band = 0; band < num_bands; ++band) energy[i][band] += share[band] * geometry;
+        for (std::size_t band = 0; band < num_bands; ++band) energy[i][band] += throughput[band] * geometry;
       }
       direction = next_direction(surfaces, hit, direction, random.uniform4(bounce));
     }
@@ -177,8 +177,8 @@ glm::vec3 into_the_room(const AcousticSurfaces& surfaces, glm::vec3 from, glm::v
   return from + std::min(0.5f * free_m, 1.f) * direction;
 }
 
-/// Largest share of energy that comes into a room through its walls: with energy densities D apart by air, a wall of transmission tau and
-/// area S brings (tau S / A) / D of what the air brings, S / A being the share of hits on such walls over the mean absorption.
+/// Largest fraction of energy that comes into a room through its walls: with energy densities D apart by air, a wall of transmission tau and
+/// area S brings (tau S / A) / D of what the air brings, S / A being the fraction of hits on such walls over the mean absorption.
 /// transmission: mean over hits of what goes through to other air.
 void compare_walls(const AcousticSurfaces& surfaces, const std::vector<Wall>& walls, std::span<const double> transmission,
                    EffectProbe& probe) {
@@ -187,7 +187,7 @@ void compare_walls(const AcousticSurfaces& surfaces, const std::vector<Wall>& wa
   std::vector<std::vector<double>> ratios(num_bands);
   for (std::size_t i = 0; i < walls.size(); ++i) {
     const Wall& wall = walls[i];
-    // Heard further from the wall than where the sound starts: the first reflection there is no measure of the room.
+    // Received further from the wall than where the sound starts: the first reflection there is no measure of the room.
     const std::array<glm::vec3, 2> listeners{into_the_room(surfaces, wall.far, wall.away), into_the_room(surfaces, wall.near, -wall.away)};
     transfer(surfaces, wall.far, listeners, static_cast<std::uint32_t>(i), energy);
     for (std::size_t band = 0; band < num_bands; ++band) {
@@ -219,7 +219,7 @@ EffectProbe probe_effects(const AcousticSurfaces& surfaces, std::span<const doub
   // Measured (one Zen 3 core, incoherent rays): 0.1 us among 12 triangles, 0.4 us among 200,000.
   probe.query_us = 0.02 * std::log2(static_cast<double>(triangles)) + 0.03;
   probe.points = points_of_air(surfaces);
-  probe.visible_share = share_of_visible_pairs(surfaces, probe.points);
+  probe.visible_fraction = fraction_of_visible_pairs(surfaces, probe.points);
 
   const EmbreeScene& rays = surfaces.scene().rays();
   const double speed = surfaces.speed_of_sound_m_per_s();
@@ -249,7 +249,7 @@ EffectProbe probe_effects(const AcousticSurfaces& surfaces, std::span<const doub
         if (step == 1)
           decay.wait(next, time_s);
         else
-          decay.fly(next, time_s, energy);
+          decay.add(next, time_s, energy);
         if (time_s >= horizon_s) break;
         ++segments;
         ++hits;
@@ -288,7 +288,7 @@ EffectProbe probe_effects(const AcousticSurfaces& surfaces, std::span<const doub
       probe.decay_with_air_s[band] = std::max(probe.decay_with_air_s[band], decay.fall_s(band, air_energy_per_m[band] * speed));
     }
   }
-  probe.hit_share = segments == 0 ? 0.0 : static_cast<double>(hits) / static_cast<double>(segments);
+  probe.hit_fraction = segments == 0 ? 0.0 : static_cast<double>(hits) / static_cast<double>(segments);
   if (hits > 0) {
     probe.mean_free_path_m = path_sum_m / static_cast<double>(hits);
     for (auto* row : {&probe.absorption, &probe.transmission})

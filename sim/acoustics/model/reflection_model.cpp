@@ -22,9 +22,9 @@ ReflectionModel::ReflectionModel(const AcousticSurfaces& surfaces, bool transmis
       const float reflectance = surfaces.reflectance(material)[b], scattering = surfaces.scattering(material)[b];
       const float tau = transmission ? surfaces.transmission(material)[b] : 0.f;
       kept[b] = reflectance + tau;
-      const float reflected_share = tau > 0.f ? reflectance / kept[b] : 1.f;
-      diffuse[b] = reflected_share * scattering;
-      specular[b] = reflected_share * (1.f - scattering);
+      const float reflected_fraction = tau > 0.f ? reflectance / kept[b] : 1.f;
+      diffuse[b] = reflected_fraction * scattering;
+      specular[b] = reflected_fraction * (1.f - scattering);
       transmitted[b] = tau > 0.f ? tau / kept[b] : 0.f;
       mean.diffuse += diffuse[b] / static_cast<float>(num_bands);
       mean.specular += specular[b] / static_cast<float>(num_bands);

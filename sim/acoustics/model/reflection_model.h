@@ -8,8 +8,8 @@
 
 namespace earshot {
 
-/// What a surface does with the energy that meets it, per band, as the bidirectional tracer sees it (docs/estimators.md, sections 3 and 5):
-///   kept = 1 - alpha + tau; of the kept energy the share diffuse = (1 - alpha) s / kept leaves after Lambert, specular = (1 - alpha)(1 -
+/// What a surface does with the energy that meets it, per band, as the bidirectional tracer uses it (docs/estimators.md, sections 3 and 5):
+///   kept = 1 - alpha + tau; of the kept energy the fraction diffuse = (1 - alpha) s / kept leaves after Lambert, specular = (1 - alpha)(1 -
 ///   s) / kept as from a mirror or in a lobe, transmitted = tau / kept goes straight on.
 /// Rows are surfaces.padded_bands() long and end in zeros.
 class ReflectionModel {
@@ -23,12 +23,12 @@ class ReflectionModel {
   [[nodiscard]] const float* transmitted(std::uint32_t material) const { return row(3, material); }
   [[nodiscard]] bool transmits(std::uint32_t material) const { return mean_[material].transmitted > 0.f; }
 
-  /// Does the specular share leave in a lobe?  Otherwise as from a mirror, which no connection can see.
+  /// Do specular reflections leave in a lobe?  Otherwise as from a mirror, which no connection can see.
   [[nodiscard]] bool glossy() const { return lobe_ != nullptr; }
   [[nodiscard]] const SpecularLobe& lobe() const { return *lobe_; }
-  /// Value per steradian of the specular share between two directions (unit, away from the surface); 0 for a mirror.
+  /// Value per steradian of the specular part between two directions (unit, away from the surface); 0 for a mirror.
   [[nodiscard]] float specular_value(glm::vec3 normal, glm::vec3 in, glm::vec3 out) const;
-  /// Density per steradian of leaving toward `out`, lobe choice included, with the mean over bands of all shares: the model of the
+  /// Density per steradian of leaving toward `out`, lobe choice included, with the mean over bands of all fractions: the model of the
   /// sampler that weights of strategies are computed from.  Any function of the path would leave the result unbiased.
   [[nodiscard]] float mean_pdf(std::uint32_t material, glm::vec3 normal, glm::vec3 in, glm::vec3 out) const;
 

@@ -137,8 +137,8 @@ float SpecularLobe::pdf(glm::vec3 normal, glm::vec3 in, glm::vec3 out) const {
   float powers = 0.f;
   if (cos_gamma > 0.f) powers += std::pow(std::min(cos_gamma, 1.f), exponent_);
   if (between < 0.f) powers += std::pow(std::min(-between, 1.f), exponent_);
-  const float share = std::min(phong_albedo(cos_in), 1.f);
-  return share * (exponent_ + 1.f) / (2.f * kPi) * powers + (1.f - share) * cos_out / kPi * compensation_density(cos_out);
+  const float fraction = std::min(phong_albedo(cos_in), 1.f);
+  return fraction * (exponent_ + 1.f) / (2.f * kPi) * powers + (1.f - fraction) * cos_out / kPi * compensation_density(cos_out);
 }
 
 glm::vec3 SpecularLobe::sample(glm::vec3 normal, glm::vec3 in, float u, float v, float w) const {

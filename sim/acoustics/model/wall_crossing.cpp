@@ -59,13 +59,13 @@ WallCrossing cross_wall(const AcousticSurfaces& surfaces, glm::vec3 direction, c
   return crossing;
 }
 
-void transmit(const AcousticSurfaces& surfaces, const WallCrossing& crossing, std::span<float> share) {
+void transmit(const AcousticSurfaces& surfaces, const WallCrossing& crossing, std::span<float> energy) {
   const auto tau = surfaces.transmission(crossing.material);
-  for (std::size_t band = 0; band < tau.size(); ++band) share[band] *= tau[band];
+  for (std::size_t band = 0; band < tau.size(); ++band) energy[band] *= tau[band];
   if (!(crossing.inside_m > 0)) return;
   const auto damping = surfaces.damping_db_per_m(crossing.material);
   for (std::size_t band = 0; band < damping.size(); ++band) {
-    if (damping[band] > 0) share[band] *= std::pow(10.f, -0.1f * damping[band] * crossing.inside_m);
+    if (damping[band] > 0) energy[band] *= std::pow(10.f, -0.1f * damping[band] * crossing.inside_m);
   }
 }
 

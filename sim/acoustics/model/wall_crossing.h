@@ -13,7 +13,7 @@ namespace earshot {
 /// Two faces further apart than this, measured across the wall, are two walls.
 inline constexpr float kMaxWallThicknessM = 0.6f;
 
-/// Length of a leg to a point that stops before what the point itself lies on, as EmbreeScene::occluded has it: a source or listener on a
+/// Length of a segment to a point that stops before what the point itself lies on, as EmbreeScene::occluded has it: a source or listener on a
 /// wall is before it.  Four times the spacing of floats there.
 inline float open_length_m(glm::vec3 to, float length_m) {
   const glm::vec3 size = glm::abs(to);
@@ -39,9 +39,8 @@ struct WallCrossing {
 /// windings point inward.
 WallCrossing cross_wall(const AcousticSurfaces& surfaces, glm::vec3 direction, const Hit& hit);
 
-/// Energy share that passes, per band: tau of the material once, times 10^(-damping * inside_m / 10).  share: [num_bands], multiplied by
-/// it.
-void transmit(const AcousticSurfaces& surfaces, const WallCrossing& crossing, std::span<float> share);
+/// Multiplies `energy` [num_bands] by the fraction that passes: tau of the material once, times 10^(-damping * inside_m / 10).
+void transmit(const AcousticSurfaces& surfaces, const WallCrossing& crossing, std::span<float> energy);
 /// What the crossing adds to a path counted in metres of air: inside_m (c / c_inside - 1); 0 without a speed of the material's own.
 float extra_path_m(const AcousticSurfaces& surfaces, const WallCrossing& crossing);
 

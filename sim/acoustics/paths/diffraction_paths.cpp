@@ -15,11 +15,11 @@ namespace {
 
 constexpr double kPi = std::numbers::pi;
 constexpr double kRankingHz = 500;
-constexpr double kMostBelowBestDb = 30;  // of a path that is still looked at
+constexpr double kMostBelowBestDb = 30;  // of a path that is still worked out
 /// An estimate may be this much too low: Kurze-Anderson at a corner (4.1 dB), and bands below the one it is made at.
 constexpr double kMarginDb = 9;
 
-/// Loss of the bend at `at` on the way from `before` to `after`.
+/// Loss of the diffraction at `at` on the way from `before` to `after`.
 double estimate_loss_db(double speed_m_per_s, glm::dvec3 before, glm::dvec3 at, glm::dvec3 after) {
   const double detour_m = glm::length(at - before) + glm::length(after - at) - glm::length(after - before);
   return kurze_anderson_db(2.0 * detour_m * kRankingHz / speed_m_per_s);
@@ -72,11 +72,11 @@ bool DiffractionCandidates::find_path(const AcousticScene& scene, const EdgeCand
   const DiffractionEdge& last = edges[candidate.sequence.edge[order - 1]];
   const glm::dvec3 before(candidate.before), end(listener);
   if (!last.in_air(end, edges.clearance_m())) return false;
-  const glm::dvec3 bend = last.at(std::clamp(fermat_point(last, before, end), 0.0, last.length_m));
-  const double about_m = candidate.reached_m + glm::length(bend - before) + glm::length(end - bend);
+  const glm::dvec3 diffraction_point = last.at(std::clamp(fermat_point(last, before, end), 0.0, last.length_m));
+  const double about_m = candidate.reached_m + glm::length(diffraction_point - before) + glm::length(end - diffraction_point);
   if (about_m > 2.0 * scene.max_path_m()) return false;
   const double estimate_db = -level_db(std::max(about_m, double{kLeastDistanceM})) - candidate.loss_db -
-                             estimate_loss_db(scene.speed_of_sound_m_per_s(), before, bend, end);
+                             estimate_loss_db(scene.speed_of_sound_m_per_s(), before, diffraction_point, end);
   if (estimate_db + kMarginDb < weakest_db) return false;
   --attempts;
 
@@ -90,7 +90,7 @@ bool DiffractionCandidates::find_path(const AcousticScene& scene, const EdgeCand
   const double distance_m = std::max(path.length_m, double{kLeastDistanceM});
   if (distance_m > scene.max_path_m()) return false;
 
-  // The listener's leg first, for it is the one most often in the way.
+  // The segment at the listener first: it is the one most often blocked.
   const auto air_point = [&](std::size_t i) {
     const double length_m = edges[sequence.edge[i]].length_m, inset_m = std::min(2.0 * edges.clearance_m(), 0.5 * length_m);
     return edges.air_point(sequence.edge[i], std::clamp(path.along_m[i], inset_m, length_m - inset_m));
@@ -159,17 +159,17 @@ void DiffractionCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 
   const auto sees_last_edge = [&](const Group& group) {
     const DiffractionEdge& edge = edges[group.last_edge];
     if (!edge.in_air(glm::dvec3(listener), edges.clearance_m())) return false;
-    if (!budget.quick) return edges.sees(group.last_edge, listener);
-    // Where the strongest candidate bends, about.
+    if (!budget.quick) return edges.visible_from(group.last_edge, listener);
+    // About where the strongest candidate is diffracted.
     const double inset_m = std::min(2.0 * edges.clearance_m(), 0.5 * edge.length_m);
     const double along_m = fermat_point(edge, glm::dvec3(candidates_[group.begin].before), glm::dvec3(listener));
     return !scene.scene().rays().occluded(listener,
                                           edges.air_point(group.last_edge, std::clamp(along_m, inset_m, edge.length_m - inset_m)));
   };
   const auto near_boundary = [&](std::uint32_t edge) {
-    const glm::dvec3 bend =
+    const glm::dvec3 diffraction_point =
         edges[edge].at(std::clamp(fermat_point(edges[edge], glm::dvec3(source_), glm::dvec3(listener)), 0.0, edges[edge].length_m));
-    return glm::length(bend - glm::dvec3(source_)) + glm::length(glm::dvec3(listener) - bend) - sight_m <= most_detour_m;
+    return glm::length(diffraction_point - glm::dvec3(source_)) + glm::length(glm::dvec3(listener) - diffraction_point) - sight_m <= most_detour_m;
   };
   Arrival arrival;
   int attempts = budget.attempts;
@@ -201,9 +201,9 @@ void DiffractionCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 
     double energy = 0;
     for (std::size_t i = first; i < arrivals.size(); ++i) energy += double{arrivals[i].amplitude[band]} * arrivals[i].amplitude[band];
     if (energy <= most) continue;
-    const double share = std::sqrt(most / energy) * (1.0 - 1e-6);
+    const double gain = std::sqrt(most / energy) * (1.0 - 1e-6);
     for (std::size_t i = first; i < arrivals.size(); ++i)
-      arrivals[i].amplitude[band] = static_cast<float>(share * arrivals[i].amplitude[band]);
+      arrivals[i].amplitude[band] = static_cast<float>(gain * arrivals[i].amplitude[band]);
   }
   // Insertion sort: few entries, stable, no allocation.
   for (std::size_t i = std::max<std::size_t>(first, 1); i < arrivals.size(); ++i) {

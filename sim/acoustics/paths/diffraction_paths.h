@@ -12,7 +12,7 @@
 
 namespace earshot {
 
-/// Edge sequences by which sound of one source position may go round corners.  Immutable; shared by every listener pose of that source.
+/// Edge sequences that may diffract the sound of one source position.  Immutable; shared by every listener pose of that source.
 ///
 /// Sequences of one edge are those in sight of the source.  Longer ones are grown best first (least estimated loss) over edges in sight of
 /// each other, within a bounded number of expansions (docs/stability.md, H-68); Kurze-Anderson losses at 500 Hz rank and cull, never set an
@@ -21,13 +21,13 @@ namespace earshot {
 class DiffractionCandidates {
  public:
   /// Nothing if config.diffraction is off or the scene has no edge in sight of the source.  About 0.1 us per edge of the scene and
-  /// expansion, and the rays of the links whose turn comes (edge_growth.h).
+  /// expansion, and the rays of the links that are tested (edge_growth.h).
   DiffractionCandidates(const AcousticScene& scene, glm::vec3 source);
 
-  /// Inserts the strongest paths to `listener`, each leg confirmed by a ray, so that `arrivals` stays sorted by distance.
+  /// Inserts the strongest paths to `listener`, each segment confirmed by a ray, so that `arrivals` stays sorted by distance.
   ///
   /// Amplitude and phase per band at its centre: EdgePathField times 1 / (4 pi r) and air.  Faces reflect with the root of their specular
-  /// share, (1 - absorption)(1 - scattering), so that the field joins the image paths.  In sight of the source the diffracted sound has the
+  /// reflectance, (1 - absorption)(1 - scattering), so that the field joins the image paths.  In sight of the source the diffracted sound has the
   /// sign, in its phase, that takes from the direct sound.  The energy of all of them together is kept below that of the unobstructed
   /// direct sound + 6 dB.  Source and listener swapped give the bits of the same distances, amplitudes and phases wherever both find the
   /// same sequences.  No allocation once `arrivals` has room for them.

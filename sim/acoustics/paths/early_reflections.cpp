@@ -20,14 +20,14 @@ namespace {
 /// Its position, if it is one.
 glm::vec3 checked_position(const SoundSource& source) {
   const glm::vec3 p = source.position;
-  if (!is_place(p))
-    throw InputError(fmt::format("source ({}, {}, {})", p.x, p.y, p.z), "is no place in a scene", "give three numbers in metres");
+  if (!is_valid_position(p))
+    throw InputError(fmt::format("source ({}, {}, {})", p.x, p.y, p.z), "is no valid position in a scene", "give three numbers in metres");
   require(source.radius_m >= 0.f && source.radius_m <= 100.f, "radius of the source", source.radius_m, "must be in [0, 100] m");
   return p;
 }
 
 constexpr double kMaxSequencesPerOrder = 2048;  // of the exhaustive search
-constexpr double kSlackM = 1e-6;                // of what only sifts
+constexpr double kSlackM = 1e-6;                // of culling
 
 /// Double and exactly unit, so that mirroring forth and back keeps all digits of a float.
 struct ExactPlane {
@@ -47,12 +47,12 @@ bool inside(const Bounds& bounds, glm::dvec3 p) {
          p.x <= bounds.upper.x && p.y <= bounds.upper.y && p.z <= bounds.upper.z;
 }
 
-/// Pressure per band of a path of `distance_m` whose reflections keep `energy_share` of the energy.  False if nothing is left.
-bool set_amplitude(const AcousticScene& scene, double distance_m, std::span<const double> energy_share, Arrival& arrival) {
+/// Pressure per band of a path of `distance_m` whose reflections keep `energy_fraction` of the energy.  False if nothing is left.
+bool set_amplitude(const AcousticScene& scene, double distance_m, std::span<const double> energy_fraction, Arrival& arrival) {
   bool any = false;
   for (int band = 0; band < scene.num_bands(); ++band) {
     const double air = std::exp(-0.5 * scene.air_energy_per_m()[band] * distance_m);
-    arrival.amplitude[band] = static_cast<float>(std::sqrt(energy_share[band]) * air / (4.0 * std::numbers::pi * distance_m));
+    arrival.amplitude[band] = static_cast<float>(std::sqrt(energy_fraction[band]) * air / (4.0 * std::numbers::pi * distance_m));
     any = any || arrival.amplitude[band] > 0.f;
   }
   return any;
@@ -92,7 +92,7 @@ EarlyCandidates::EarlyCandidates(const AcousticScene& scene, const SoundSource& 
     last = std::move(longer);
   }
 
-  // Many planes: those that specular rays from the source meet, whatever their share of energy.
+  // Many planes: those that specular rays from the source meet, whatever their fraction of energy.
   const auto shift = RandomStream(config.seed, Purpose::source_ray).bits4(0);
   const SphereSequence directions(shift[0], shift[1]);
   for (int ray = 0; ray < config.early_candidate_rays; ++ray) {
@@ -136,7 +136,7 @@ EarlyCandidates::EarlyCandidates(const AcousticScene& scene, const SoundSource& 
   }
 }
 
-void EarlyCandidates::sift(std::size_t first, glm::dvec3 listener, std::span<std::uint8_t> possible) const {
+void EarlyCandidates::cull(std::size_t first, glm::dvec3 listener, std::span<std::uint8_t> possible) const {
   const double x = listener.x, y = listener.y, z = listener.z;
   const double *nx = &last_.normal[0][first], *ny = &last_.normal[1][first], *nz = &last_.normal[2][first];
   const double *ix = &last_.image[0][first], *iy = &last_.image[1][first], *iz = &last_.image[2][first];
@@ -146,8 +146,8 @@ void EarlyCandidates::sift(std::size_t first, glm::dvec3 listener, std::span<std
   std::uint8_t* __restrict out = possible.data();
   for (std::size_t i = 0; i < possible.size(); ++i) {
     const double here = nx[i] * x + ny[i] * y + nz[i] * z - offset[i], there = height[i];
-    const double share = here / (here - there);
-    const double px = x + share * (ix[i] - x), py = y + share * (iy[i] - y), pz = z + share * (iz[i] - z);
+    const double fraction = here / (here - there);
+    const double px = x + fraction * (ix[i] - x), py = y + fraction * (iy[i] - y), pz = z + fraction * (iz[i] - z);
     const bool inside_bounds = (px >= lx[i]) & (px <= ux[i]) & (py >= ly[i]) & (py <= uy[i]) & (pz >= lz[i]) & (pz <= uz[i]);
     out[i] = static_cast<std::uint8_t>((here * there < kSlackM * kSlackM) & inside_bounds);
   }
@@ -167,7 +167,7 @@ bool EarlyCandidates::find_path(const AcousticScene& scene, std::size_t index, g
   const double distance_m = std::max(glm::length(from_listener), double{kLeastDistanceM});
   if (distance_m > scene.max_path_m()) return false;
 
-  // Geometry first, from the listener back to the source: each leg must cross its plane between its ends, where the plane has triangles.
+  // Geometry first, from the listener back to the source: each segment must cross its plane between its ends, where the plane has triangles.
   std::array<glm::dvec3, kMaxOrder> point;
   glm::dvec3 start(listener), image = images_[index];
   const double edge_m = 1e-6 * scene.diagonal_m();  // a path through the edge of two planes meets both at one point
@@ -183,34 +183,34 @@ bool EarlyCandidates::find_path(const AcousticScene& scene, std::size_t index, g
     image = plane.mirror(image);
   }
 
-  // Then rays: the first thing that each leg meets is a triangle of its plane.
-  std::array<double, kMaxBands> energy_share;
-  energy_share.fill(1.0);
+  // Then rays: the first thing that each segment meets is a triangle of its plane.
+  std::array<double, kMaxBands> energy_fraction;
+  energy_fraction.fill(1.0);
   glm::vec3 origin = listener;
   for (int i = sequence.order - 1; i >= 0; --i) {
-    const glm::dvec3 leg = point[i] - glm::dvec3(origin);
-    const double leg_m = glm::length(leg);
+    const glm::dvec3 segment = point[i] - glm::dvec3(origin);
+    const double segment_m = glm::length(segment);
     std::uint32_t material;
-    if (i + 1 < sequence.order && leg_m < 1e-5 * scene.diagonal_m()) {
-      // The second plane of an edge: no leg to trace, only its side to keep to.
+    if (i + 1 < sequence.order && segment_m < 1e-5 * scene.diagonal_m()) {
+      // The second plane of an edge: no segment to trace, only its side to keep to.
       const MirrorPlane& plane = scene.planes()[sequence.plane[i]];
       material = plane.material;
       origin = offset_from_surface(origin, ExactPlane(plane).height(glm::dvec3(listener)) > 0 ? plane.normal : -plane.normal);
     } else {
-      const Hit hit = scene.scene().rays().intersect(origin, glm::vec3(leg / leg_m));
+      const Hit hit = scene.scene().rays().intersect(origin, glm::vec3(segment / segment_m));
       if (!hit.valid()) return false;
       const std::uint32_t met = scene.plane_of_triangle()[hit.triangle];
       if (met != sequence.plane[i]) {
         // At an edge rounding decides which of its planes the ray meets; the point is the same.
         const auto planes = std::span(sequence.plane).first(static_cast<std::size_t>(sequence.order));
         const bool other_plane_of_edge = std::find(planes.begin(), planes.end(), met) != planes.end();
-        if (!other_plane_of_edge || std::abs(hit.distance_m - leg_m) > 1e-5 * (leg_m + scene.diagonal_m())) return false;
+        if (!other_plane_of_edge || std::abs(hit.distance_m - segment_m) > 1e-5 * (segment_m + scene.diagonal_m())) return false;
       }
       material = scene.scene().mesh().triangle_material[hit.triangle];
       origin = offset_from_surface(hit.position, hit.normal);
     }
     for (int band = 0; band < scene.num_bands(); ++band) {
-      energy_share[band] *= double{scene.reflectance(material)[band]} * (1.0 - scene.scattering(material)[band]);
+      energy_fraction[band] *= double{scene.reflectance(material)[band]} * (1.0 - scene.scattering(material)[band]);
     }
   }
   if (scene.scene().rays().occluded(origin, source())) return false;
@@ -221,7 +221,7 @@ bool EarlyCandidates::find_path(const AcousticScene& scene, std::size_t index, g
   arrival.distance_m = static_cast<float>(distance_m);
   arrival.direction = glm::vec3(from_listener / glm::length(from_listener));
   arrival.order = sequence.order;
-  return set_amplitude(scene, distance_m, energy_share, arrival);
+  return set_amplitude(scene, distance_m, energy_fraction, arrival);
 }
 
 void EarlyCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 listener, std::vector<Arrival>& arrivals) const {
@@ -252,7 +252,7 @@ void EarlyCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 listen
   std::array<std::uint8_t, 256> possible;
   for (std::size_t i = 0; i < sequences_.size(); ++i) {
     if (i % possible.size() == 0)
-      sift(i, glm::dvec3(listener), std::span(possible).first(std::min(possible.size(), sequences_.size() - i)));
+      cull(i, glm::dvec3(listener), std::span(possible).first(std::min(possible.size(), sequences_.size() - i)));
     if (possible[i % possible.size()] == 0) continue;
     if (!find_path(scene, i, listener, arrival)) continue;
     const bool known = std::any_of(arrivals.begin() + static_cast<std::ptrdiff_t>(first_image), arrivals.end(),

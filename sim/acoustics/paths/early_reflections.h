@@ -19,10 +19,10 @@ namespace earshot {
 /// Image sources: Allen and Berkley 1979 for a box, Borish 1984 for any polyhedron.
 class EarlyCandidates {
  public:
-  /// Cost: config.early_candidate_rays times early_order rays, and the edges round which sound leaves (diffraction_paths.h): 8 to 13 ms
+  /// Cost: config.early_candidate_rays times early_order rays, and the diffraction paths (diffraction_paths.h): 8 to 13 ms
   /// in a house.
   EarlyCandidates(const AcousticScene& scene, const SoundSource& source);
-  /// Appends the valid arrivals at `listener`: direct sound if `in_sight` (line_of_sight.h), then image paths whose every leg is confirmed
+  /// Appends the valid arrivals at `listener`: direct sound if `in_sight` (line_of_sight.h), then image paths whose every segment is confirmed
   /// by a ray.
   /// A path through the edge of two planes, which two sequences find, counts once.  Arrivals that carry no energy (fully absorbing or
   /// fully scattering surfaces) or come after config.rir_length_s are left out.  The appended part is sorted by (distance, plane
@@ -36,7 +36,7 @@ class EarlyCandidates {
   [[nodiscard]] const SoundSource& sound_source() const { return source_; }
   [[nodiscard]] const Emission& emission() const { return emission_; }
   [[nodiscard]] std::size_t size() const { return sequences_.size(); }
-  /// Ways round edges, of the same source.
+  /// Diffraction paths of the same source.
   [[nodiscard]] const DiffractionCandidates& diffraction() const { return diffraction_; }
 
  private:
@@ -47,9 +47,9 @@ class EarlyCandidates {
     auto operator<=>(const Sequence&) const = default;
   };
   bool find_path(const AcousticScene& scene, std::size_t index, glm::vec3 listener, Arrival& arrival) const;
-  /// Can the last leg of the sequences from `first` on be?  Sides of the last plane and its bounds, for all poses in one plain loop that
+  /// Marks the sequences from `first` on whose last segment is possible, by the sides of the last plane and its bounds, for all poses in one plain loop that
   /// lets pass a little more than find_path does.
-  void sift(std::size_t first, glm::dvec3 listener, std::span<std::uint8_t> possible) const;
+  void cull(std::size_t first, glm::dvec3 listener, std::span<std::uint8_t> possible) const;
 
   SoundSource source_;
   Emission emission_;

@@ -37,12 +37,12 @@ void EdgeGrowth::add_family(const EdgeCandidate& parent) {
   family.index = num_families_++;
   const auto path = std::span(parent.sequence.edge).first(static_cast<std::size_t>(parent.sequence.order));
   const glm::dvec3 before(parent.before);
-  const DiffractionEdge* bend = path.empty() ? nullptr : &edges_[path.back()];
+  const DiffractionEdge* last_edge = path.empty() ? nullptr : &edges_[path.back()];
   family.most_db = path.empty() ? kRoundingDb : kRoundingDb - kLeastLossDb - static_cast<double>(parent.loss_db);
-  if (bend == nullptr || bend->in_air(before, edges_.clearance_m())) {
+  if (last_edge == nullptr || last_edge->in_air(before, edges_.clearance_m())) {
     for (std::uint32_t edge = 0; edge < edges_.size(); ++edge) {
       const glm::dvec3 after = nearest_point(edges_[edge], before);
-      if (bend != nullptr && !bend->in_air(after, edges_.clearance_m())) continue;
+      if (last_edge != nullptr && !last_edge->in_air(after, edges_.clearance_m())) continue;
       const double length_m = static_cast<double>(parent.reached_m) + glm::length(after - before);
       if (length_m > 1.0001 * static_cast<double>(scene_.max_path_m())) continue;
       if (std::find(path.begin(), path.end(), edge) != path.end()) continue;
@@ -72,13 +72,13 @@ bool EdgeGrowth::score(const Family& family, std::uint32_t edge, RankedCandidate
   child.sequence.edge[order] = edge;
   ++child.sequence.order;
   if (order > 0) {
-    const DiffractionEdge& bend = edges_[parent.sequence.edge[order - 1]];
-    const glm::dvec3 at = bend.at(std::clamp(fermat_point(bend, before, after), 0.0, bend.length_m));
+    const DiffractionEdge& last_edge = edges_[parent.sequence.edge[order - 1]];
+    const glm::dvec3 at = last_edge.at(std::clamp(fermat_point(last_edge, before, after), 0.0, last_edge.length_m));
     const double detour_m = glm::length(at - before) + glm::length(after - at) - glm::length(after - before);
     const double fresnel_number = 2.0 * detour_m * kRankingHz / static_cast<double>(scene_.speed_of_sound_m_per_s());
     const double loss_db = static_cast<double>(parent.loss_db) + kurze_anderson_db(fresnel_number);
     if (loss_db > kMostLossDb) return false;
-    const bool lit = std::abs(bend.angle_of(before) - bend.angle_of(after)) < kPi;
+    const bool lit = std::abs(last_edge.angle_of(before) - last_edge.angle_of(after)) < kPi;
     if (lit && fresnel_number > 2.0) return false;
     child.before = glm::vec3(at);
     child.reached_m = parent.reached_m + static_cast<float>(glm::length(at - before));
@@ -95,7 +95,7 @@ bool EdgeGrowth::score(const Family& family, std::uint32_t edge, RankedCandidate
 bool EdgeGrowth::in_sight(const EdgeCandidate& candidate) const {
   const auto order = static_cast<std::size_t>(candidate.sequence.order);
   const std::uint32_t last = candidate.sequence.edge[order - 1];
-  return order == 1 ? edges_.sees(last, source_) : edges_.see_each_other(candidate.sequence.edge[order - 2], last);
+  return order == 1 ? edges_.visible_from(last, source_) : edges_.mutually_visible(candidate.sequence.edge[order - 2], last);
 }
 
 const RankedCandidate* EdgeGrowth::top(Queue& queue) {
@@ -126,7 +126,7 @@ void EdgeGrowth::expand(int expansions) {
   }
 }
 
-void EdgeGrowth::complete(std::initializer_list<Queue*> queues, std::size_t want, std::vector<RankedCandidate>& found) {
+void EdgeGrowth::complete(std::initializer_list<Queue*> queues, std::size_t wanted, std::vector<RankedCandidate>& found) {
   const auto stronger = [](const RankedCandidate& a, const RankedCandidate& b) { return b < a; };
   std::sort(found.begin(), found.end(), stronger);
   for (;;) {
@@ -135,7 +135,7 @@ void EdgeGrowth::complete(std::initializer_list<Queue*> queues, std::size_t want
       if (top(*queue) != nullptr && (best == nullptr || best->scored.top() < queue->scored.top())) best = queue;
     if (best == nullptr) break;
     const RankedCandidate next = best->scored.top();
-    if (found.size() >= want && (want == 0 || next < found[want - 1])) break;
+    if (found.size() >= wanted && (wanted == 0 || next < found[wanted - 1])) break;
     best->scored.pop();
     if (in_sight(next.candidate)) found.insert(std::upper_bound(found.begin(), found.end(), next, stronger), next);
   }

@@ -16,7 +16,7 @@ namespace earshot {
 /// A sequence of edges by which sound of one source may go, without the listener.
 struct EdgeCandidate {
   EdgeSequence sequence;
-  glm::vec3 before{0};  ///< where the last leg but one starts, about: source or a point of the last edge but one
+  glm::vec3 before{0};  ///< where the last segment but one starts, about: source or a point of the last edge but one
   float reached_m = 0;  ///< length of the way to there, about
   float loss_db = 0;    ///< estimate of all edges but the last
 };
@@ -33,7 +33,7 @@ struct RankedCandidate {
   }
 };
 
-/// Grows edge sequences from a source, best first.  Sight between edges is what costs: it is asked only of those links whose turn has
+/// Grows edge sequences from a source, best first.  Visibility between edges is what costs: it is tested only for those links whose turn has
 /// come, and links wait under a bound of their score that takes no logarithm.  The result is that of asking for all.
 class EdgeGrowth {
  public:
@@ -71,8 +71,8 @@ class EdgeGrowth {
   [[nodiscard]] bool in_sight(const EdgeCandidate& candidate) const;
   /// The best sequence of a queue, whatever is in sight; null if there is none.
   const RankedCandidate* top(Queue& queue);
-  /// Sorts `found` and goes on until it begins with the `want` best of itself and the queues, or nothing is left.
-  void complete(std::initializer_list<Queue*> queues, std::size_t want, std::vector<RankedCandidate>& found);
+  /// Sorts `found` and goes on until it begins with the `wanted` best of itself and the queues, or nothing is left.
+  void complete(std::initializer_list<Queue*> queues, std::size_t wanted, std::vector<RankedCandidate>& found);
   [[nodiscard]] std::vector<RankedCandidate>& found_of(const EdgeCandidate& candidate) {
     return candidate.sequence.order == 1 ? single_ : longer_;
   }

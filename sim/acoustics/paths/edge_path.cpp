@@ -75,11 +75,11 @@ double newton_step(const DiffractionEdges& edges, EdgePath& path) {
 
   const double before_m = length_of(path);
   const Numbers start = path.along_m;
-  for (double share = 1; share > 1e-3; share *= 0.5) {
+  for (double fraction = 1; fraction > 1e-3; fraction *= 0.5) {
     double largest_m = 0;
     for (std::size_t i = 0; i < order; ++i) {
-      path.along_m[i] = start[i] - share * step[i];
-      largest_m = std::max(largest_m, std::abs(share * step[i]));
+      path.along_m[i] = start[i] - fraction * step[i];
+      largest_m = std::max(largest_m, std::abs(fraction * step[i]));
     }
     place(edges, path);
     if (length_of(path) <= before_m) return largest_m;
@@ -165,9 +165,9 @@ EdgePathField::EdgePathField(const DiffractionEdges& edges, const EdgePath& path
     const double sine_out = out_m > 0 ? glm::length(glm::cross(out, edge.along)) / out_m : 1.0;
     wedge.length_m = sine_in * sine_out;
     wedge.own_length_m = wedge.length_m * (in_m + out_m > 0 ? in_m * out_m / (in_m + out_m) : 0.0);
-    const double bend_m = wedge.own_length_m * wedge.diffraction.bend() * wedge.diffraction.bend();
-    least_bend_m_ = i == 0 ? bend_m : std::min(least_bend_m_, bend_m);
-    if (i > 0) least_leg_m_ = i == 1 ? in_m : std::min(least_leg_m_, in_m);
+    const double deviation_m = wedge.own_length_m * wedge.diffraction.deviation() * wedge.diffraction.deviation();
+    least_deviation_m_ = i == 0 ? deviation_m : std::min(least_deviation_m_, deviation_m);
+    if (i > 0) least_segment_m_ = i == 1 ? in_m : std::min(least_segment_m_, in_m);
 
     if (last_edge != nullptr) {
       const double last_rad = out_rad[i - 1];
@@ -179,7 +179,7 @@ EdgePathField::EdgePathField(const DiffractionEdges& edges, const EdgePath& path
           return;
         }
         Wedge& last = wedges_[i - 1];
-        last.shares_next = true;
+        last.joins_next = true;
         last.shared_material = last_first ? last.first_material : last.second_material;
         last.next_shared_material = first ? wedge.first_material : wedge.second_material;
       }
@@ -187,18 +187,18 @@ EdgePathField::EdgePathField(const DiffractionEdges& edges, const EdgePath& path
     last_edge = &edge;
   }
 
-  // L of each wedge, from the least bent to the most.
+  // L of each wedge, from the least deviation to the largest.
   std::array<std::size_t, kMaxDiffractionOrder + 2> left, right;
   for (std::size_t i = 1; i <= order; ++i) left[i] = i - 1, right[i] = i + 1;
   std::array<bool, kMaxDiffractionOrder + 2> done{};
   for (std::size_t round = 0; round < order; ++round) {
     std::size_t least = 0;
     for (std::size_t i = 1; i <= order; ++i) {
-      if (!done[i] && (least == 0 || wedges_[i - 1].diffraction.bend() < wedges_[least - 1].diffraction.bend())) least = i;
+      if (!done[i] && (least == 0 || wedges_[i - 1].diffraction.deviation() < wedges_[least - 1].diffraction.deviation())) least = i;
     }
     const double before_m = reached_m[least] - reached_m[left[least]], after_m = reached_m[right[least]] - reached_m[least];
     Wedge& wedge = wedges_[least - 1];
-    wedge.ranks_by_own_legs = round == 0;
+    wedge.ranks_by_own_segments = round == 0;
     wedge.length_m =
         round == 0 ? wedge.own_length_m : wedge.length_m * (before_m + after_m > 0 ? before_m * after_m / (before_m + after_m) : 0.0);
     if (wedge.length_m > 0) spreading_ *= wedge.own_length_m / wedge.length_m;

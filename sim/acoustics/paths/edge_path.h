@@ -37,64 +37,64 @@ bool shortest_path(const DiffractionEdges& edges, const EdgeSequence& sequence, 
 
 /// Field of a path over the free field at its length: the product of the wedges' ratios (utd.h).
 ///
-/// Several edges: the wedge that bends the path least takes L from the legs next to it, is then left out, and so on; the last takes L
+/// Several edges: the wedge with the least deviation of the path takes L from the segments next to it, is then left out, and so on; the last takes L
 /// from the whole path, as in Deygout's construction.  So the field joins the path that skips an edge where that edge is at its
 /// boundary, has Keller's spreading far from all boundaries, stays finite for edges close together, and is reciprocal.  Alone it is
-/// up to 2.6 dB too loud for thick walls: far from the boundaries L of every wedge is that of its own legs (with the factor
-/// sqrt(product of these L / product of the others)).  The level goes from the one to the other by the share
-///   q = x / (x + 0.3) * k w / (1 + k w),  x = least sqrt(2 k L) |sin(d / 2)| of all wedges by their own legs, w the shortest inner leg,
+/// up to 2.6 dB too loud for thick walls: far from the boundaries L of every wedge is that of its own segments (with the factor
+/// sqrt(product of these L / product of the others)).  The level goes from the one to the other by the fraction
+///   q = x / (x + 0.3) * k w / (1 + k w),  x = least sqrt(2 k L) |sin(d / 2)| of all wedges by their own segments, w the shortest inner segment,
 /// in dB.  The first factor is fitted to second-order Biot-Tolstoy-Medwin integrals over walls 0.1 to 3 m thick (125 Hz to 2 kHz), which it
 /// meets within 0.3 dB; the second takes it back where the edges are closer than sound resolves and a thin screen is the better
 /// model.  Against those integrals the whole is 0.6 dB too loud at most for k w > 3.  It is
 /// wrong where several edges are at their boundaries at once: two black edges in one line with both ends leave 1/4 instead of 1/3 of the
 /// pressure (2.5 dB).
 ///
-/// A leg along the common face of two edges: incident and reflected ray coincide, and the field is divided by 1 + R of that face (K-P 1974
-/// for grazing incidence: half for a rigid face).  Two rims of one sheet have no such leg: not a valid path.
+/// A segment along the common face of two edges: incident and reflected ray coincide, and the field is divided by 1 + R of that face (K-P 1974
+/// for grazing incidence: half for a rigid face).  Two rims of one sheet have no such segment: not a valid path.
 ///
 /// Past an edge's end the ratio fades with the detour by way of the end, as behind a second knife edge, and loses its jump at
 /// boundaries; at the end itself it is not yet reduced (up to 6 dB too much there; Kirchhoff's corner has half).
 class EdgePathField {
  public:
   EdgePathField(const DiffractionEdges& edges, const EdgePath& path);
-  /// False if a leg runs inside a wedge or along a sheet from rim to rim.
+  /// False if a segment runs inside a wedge or along a sheet from rim to rim.
   [[nodiscard]] bool valid() const { return valid_; }
   /// reflection(material): pressure reflection factor of a face.
   template <class Reflection>
   [[nodiscard]] std::complex<double> ratio(double wavenumber, const Reflection& reflection) const {
     std::complex<double> product = 1;
-    double own_legs_energy = spreading_;  // over that of the product
+    double own_segments_energy = spreading_;  // over that of the product
     for (int i = 0; i < order_; ++i) {
       const Wedge& wedge = wedges_[static_cast<std::size_t>(i)];
       const double first = reflection(wedge.first_material), second = reflection(wedge.second_material);
       const double beyond_end = wedge.beyond_m > 0 ? std::sqrt(wavenumber * wedge.beyond_m) : 0.0;
       const std::complex<double> one = wedge.diffraction.ratio(wavenumber * wedge.length_m, first, second, beyond_end);
       product = {product.real() * one.real() - product.imag() * one.imag(), product.real() * one.imag() + product.imag() * one.real()};
-      if (order_ > 1 && !wedge.ranks_by_own_legs && std::norm(one) > 0) {
-        own_legs_energy *= std::norm(wedge.diffraction.ratio(wavenumber * wedge.own_length_m, first, second, beyond_end)) / std::norm(one);
+      if (order_ > 1 && !wedge.ranks_by_own_segments && std::norm(one) > 0) {
+        own_segments_energy *= std::norm(wedge.diffraction.ratio(wavenumber * wedge.own_length_m, first, second, beyond_end)) / std::norm(one);
       }
-      if (wedge.shares_next) product /= 1.0 + 0.5 * (reflection(wedge.shared_material) + reflection(wedge.next_shared_material));
+      if (wedge.joins_next) product /= 1.0 + 0.5 * (reflection(wedge.shared_material) + reflection(wedge.next_shared_material));
     }
     if (order_ == 1) return product;
-    const double x = std::sqrt(2.0 * wavenumber * least_bend_m_), apart = wavenumber * least_leg_m_;
-    const double share = x / (x + 0.3) * apart / (1.0 + apart);
-    return product * std::pow(own_legs_energy, 0.5 * share);
+    const double x = std::sqrt(2.0 * wavenumber * least_deviation_m_), apart = wavenumber * least_segment_m_;
+    const double fraction = x / (x + 0.3) * apart / (1.0 + apart);
+    return product * std::pow(own_segments_energy, 0.5 * fraction);
   }
 
  private:
   struct Wedge {
     WedgeDiffraction diffraction;
-    double length_m = 0, own_length_m = 0, beyond_m = 0;  ///< L by rank and by its own legs
-    bool ranks_by_own_legs = false;                       ///< both are the same: that of the least bend
+    double length_m = 0, own_length_m = 0, beyond_m = 0;  ///< L by rank and by its own segments
+    bool ranks_by_own_segments = false;                       ///< both are the same: that of the least deviation
     std::uint32_t first_material = 0, second_material = 0;
-    bool shares_next = false;  ///< the leg to the next edge lies in a face of both
+    bool joins_next = false;  ///< the segment to the next edge lies in a face of both
     std::uint32_t shared_material = 0, next_shared_material = 0;
   };
   int order_ = 0;
   bool valid_ = true;
-  double spreading_ = 1;     ///< product of L by own legs over product of L by rank
-  double least_bend_m_ = 0;  ///< least L sin^2(d / 2), by own legs
-  double least_leg_m_ = 0;   ///< between two edges
+  double spreading_ = 1;     ///< product of L by own segments over product of L by rank
+  double least_deviation_m_ = 0;  ///< least L sin^2(d / 2), by own segments
+  double least_segment_m_ = 0;   ///< between two edges
   std::array<Wedge, kMaxDiffractionOrder> wedges_;
 };
 

@@ -15,13 +15,13 @@ struct EffectCounters {
   std::uint64_t poses = 0;
   std::uint64_t in_sight = 0;              ///< poses with a free line of sight
   std::uint64_t transmission_skipped = 0;  ///< nothing transmits, or the line of sight is free
-  std::uint64_t diffraction_skipped = 0;   ///< no edge in the scene's air, or none that matters from here
+  std::uint64_t diffraction_skipped = 0;   ///< no edge in the scene's air, or none that matters at this pose
   std::uint64_t early_skipped = 0, late_skipped = 0;
   std::uint64_t field_gathers = 0;  ///< late fields that came from a source field
   void add(const EffectCounters& other);
 };
 
-/// What a pose calls for.
+/// What is computed at a pose.
 struct PoseEffects {
   bool in_sight = false, transmission = false, diffraction = false;
 };

@@ -35,8 +35,8 @@ class WedgeDiffraction {
   /// diffraction_paths.h.
   [[nodiscard]] std::complex<double> ratio(double wave_lengths, double first_face = 1, double second_face = 1, double beyond_end = 0) const;
 
-  /// How far the path bends from a straight one: 0 on the shadow boundary, up to 1.
-  [[nodiscard]] double bend() const { return boundary_[0]; }
+  /// How far the path deviates from a straight one: 0 on the shadow boundary, up to 1.
+  [[nodiscard]] double deviation() const { return boundary_[0]; }
 
  private:
   std::array<double, 4> weight_{};    ///< -sign(d) [..] / 2n: incidence, incidence round the back, first face, second face

@@ -53,9 +53,9 @@ void compute_energy_response(const AcousticScene& scene, const EarlyCandidates& 
 void compute_energy_response(const AcousticScene& scene, const EarlyCandidates& candidates, const SourceField* field, glm::vec3 listener,
                              EnergyResponse& response, const std::function<void(double fraction)>& progress) {
   const FlushDenormals flush;
-  if (!is_place(listener))
+  if (!is_valid_position(listener))
     throw InputError(fmt::format("listener ({}, {}, {}) in {}", listener.x, listener.y, listener.z, scene.scene().name()),
-                     "is no place in a scene", "give three numbers in metres");
+                     "is no valid position in a scene", "give three numbers in metres");
   response.speed_of_sound_m_per_s = scene.speed_of_sound_m_per_s();
   response.arrivals.clear();
   const PoseEffects effects = decide_pose_effects(scene, candidates, listener);

@@ -75,7 +75,7 @@ void FieldProbes::find_readers(const FieldGrid& grid, const FieldSmoothing& smoo
   std::vector<float> weights(grid.size() * kProbes, 0.f), spare;
   std::vector<bool> read(grid.size(), false);
   for (std::uint32_t probe = 0; probe < kProbes; ++probe) {
-    std::array<FieldGrid::Share, 8> shares;
+    std::array<FieldGrid::CellWeight, 8> shares;
     const std::size_t count = grid.blend(places[probe], shares);
     for (std::size_t i = 0; i < count; ++i) {
       weights[shares[i].cell * kProbes + probe] += shares[i].weight;

@@ -99,7 +99,7 @@ void trace_chunk(const Trace& trace, const FieldGrid& grid, std::uint32_t chunk,
     }
     if (!any_alive) return;
     stats.nonfinite_dropped +=
-        static_cast<std::uint64_t>(balance<W>(trace.scene.num_bands(), std::span<RayState<W>>(photons),
+        static_cast<std::uint64_t>(control_population<W>(trace.scene.num_bands(), std::span<RayState<W>>(photons),
                                               RandomStream(seed, Purpose::photon_roulette, chunk, stage).uniform(0), kPhotonTaper));
   }
 }
@@ -123,14 +123,14 @@ void trace_photons(const AcousticScene& scene, const EarlyCandidates& candidates
                     .carried_order = scene.image_order(),
                     .sh_order = config.sh_order,
                     .num_coefficients = 0,
-                    .share_of_ray = 1,
+                    .weight_per_ray = 1,
                     .max_path_m = scene.max_path_m(),
                     .seconds_per_m = 1.f / scene.speed_of_sound_m_per_s(),
                     .stage_m = std::max(kStageOfDiagonal * scene.diagonal_m(), 1e-4f * scene.max_path_m()),
                     .least_distance2_m2 = 0,
                     .source_radius_m = 1,  // photons go on behind the last mirror
                     .source_spread_m = candidates.sound_source().radius_m,
-                    .diffuse_last_leg = false};
+                    .diffuse_last_segment = false};
   using TraceChunk = void (*)(const Trace&, const FieldGrid&, std::uint32_t, PhotonTracks&, TraceStats&);
   constexpr TraceChunk by_width[] = {trace_chunk<8>, trace_chunk<16>, trace_chunk<24>, trace_chunk<32>};
   static_assert(kMaxBands == 32);

@@ -204,7 +204,7 @@ TraceStats SourceField::gather(const AcousticScene& scene, glm::vec3 listener, E
   stats.nonfinite_dropped = header.nonfinite_dropped;
   const auto* entries = reinterpret_cast<const FieldEntry*>(image_.data() + sizeof header);
   const auto* values = reinterpret_cast<const FieldValue*>(entries + header.num_cells);
-  std::array<FieldGrid::Share, 8> shares;
+  std::array<FieldGrid::CellWeight, 8> shares;
   std::array<Part, 8> parts;
   const std::size_t count = scene.field_grid().blend(listener, shares);
   for (std::size_t i = 0; i < count; ++i) {

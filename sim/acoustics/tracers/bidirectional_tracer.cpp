@@ -19,10 +19,10 @@ namespace {
 constexpr std::uint32_t kBatches = 16;
 constexpr std::size_t kWaveBytes = std::size_t{256} << 20;  // of batch histograms held at once
 
-/// Counts finished units of work and passes their share on, one call at a time.
-class ShareDone {
+/// Counts finished units of work and reports the fraction that is done, one call at a time.
+class ProgressReport {
  public:
-  ShareDone(const std::function<void(double)>& report, std::uint64_t total) : report_(report), total_(total) {}
+  ProgressReport(const std::function<void(double)>& report, std::uint64_t total) : report_(report), total_(total) {}
   void finish(std::uint64_t units) {
     if (!report_) return;
     const std::lock_guard lock(mutex_);
@@ -44,7 +44,7 @@ struct Batch {
 template <int W>
 class BatchTracer {
  public:
-  BatchTracer(const BidirectionalScene& shared, Batch batch, EnergyHistogram& result, TraceStats& stats, ShareDone& progress)
+  BatchTracer(const BidirectionalScene& shared, Batch batch, EnergyHistogram& result, TraceStats& stats, ProgressReport& progress)
       : shared_(shared), batch_(batch), result_(result), part_(make_histogram(shared.scene)), stats_(stats), progress_(progress) {}
 
   void run() {
@@ -79,24 +79,24 @@ class BatchTracer {
     sources_ = {.vertices = vertices_, .num_paths = batch_.num_source_paths, .num_events = num_events};
     if (vertices_.empty()) return;
     const SphereSequence sequence = directions(Purpose::source_ray);
-    const float share = 1.f / static_cast<float>(batch_.num_source_paths);
+    const float path_weight = 1.f / static_cast<float>(batch_.num_source_paths);
     BatchOutput<W> out = output();
     for (std::uint32_t path = 0; path < batch_.num_source_paths; ++path) {
       const auto vertices = std::span(vertices_).subspan(std::size_t{path} * num_events, num_events);
       trace_source_subpath<W>(shared_, sequence.direction(path), RandomStream(shared_.seed, Purpose::source_ray, path, 0, batch_.index + 1),
                               vertices, stats_);
       if (!(shared_.strategies.to_listener > 0)) continue;
-      for (const SourceVertex<W>& vertex : vertices) connect_to_listener(shared_, vertex, share, out);
+      for (const SourceVertex<W>& vertex : vertices) connect_to_listener(shared_, vertex, path_weight, out);
       if ((path + 1) % kRaysPerChunk != 0 && path + 1 != batch_.num_source_paths) continue;
       sum.add(part_);
       part_.clear();
     }
   }
 
-  /// Rays `first` and following, balanced as a population (population_control.h).
+  /// Rays `first` and following, under population control (population_control.h).
   void trace_rays(std::uint32_t first, std::span<ListenerRay<W>> rays) {
     const SphereSequence sequence = directions(Purpose::listener_ray);
-    const float share = 1.f / static_cast<float>(batch_.num_rays);
+    const float path_weight = 1.f / static_cast<float>(batch_.num_rays);
     for (std::uint32_t i = 0; i < rays.size(); ++i) start_ray(shared_, sequence.direction(first + i), rays[i]);
     BatchOutput<W> out = output();
     for (std::uint32_t stage = 0;; ++stage) {
@@ -104,14 +104,14 @@ class BatchTracer {
       bool any_alive = false;
       for (std::uint32_t i = 0; i < rays.size(); ++i) {
         if (!rays[i].alive) continue;
-        // A slot draws new numbers in each stage, whichever ray sits in it.
-        advance(shared_, sources_, first + i, rays[i], until_m, share,
+        // A slot draws new numbers in each stage, whichever ray it holds.
+        advance(shared_, sources_, first + i, rays[i], until_m, path_weight,
                 RandomStream(shared_.seed, Purpose::scatter, first + i, stage, batch_.index + 1), out);
         any_alive = any_alive || rays[i].alive;
       }
       if (!any_alive) return;
       stats_.nonfinite_dropped += static_cast<std::uint64_t>(
-          balance<W>(shared_.scene.num_bands(), rays,
+          control_population<W>(shared_.scene.num_bands(), rays,
                      RandomStream(shared_.seed, Purpose::roulette, first / kRaysPerChunk, stage, batch_.index + 1).uniform(0)));
     }
   }
@@ -121,18 +121,18 @@ class BatchTracer {
   EnergyHistogram& result_;
   EnergyHistogram part_;
   TraceStats& stats_;
-  ShareDone& progress_;
+  ProgressReport& progress_;
   std::vector<SourceVertex<W>> vertices_;
   SourceSubpaths<W> sources_;
 };
 
 template <int W>
-void trace_batch(const BidirectionalScene& shared, Batch batch, EnergyHistogram& result, TraceStats& stats, ShareDone& progress) {
+void trace_batch(const BidirectionalScene& shared, Batch batch, EnergyHistogram& result, TraceStats& stats, ProgressReport& progress) {
   BatchTracer<W>(shared, batch, result, stats, progress).run();
 }
 
-void trace_batch(const BidirectionalScene& shared, Batch batch, EnergyHistogram& result, TraceStats& stats, ShareDone& progress) {
-  using TraceBatch = void (*)(const BidirectionalScene&, Batch, EnergyHistogram&, TraceStats&, ShareDone&);
+void trace_batch(const BidirectionalScene& shared, Batch batch, EnergyHistogram& result, TraceStats& stats, ProgressReport& progress) {
+  using TraceBatch = void (*)(const BidirectionalScene&, Batch, EnergyHistogram&, TraceStats&, ProgressReport&);
   constexpr TraceBatch by_width[] = {trace_batch<8>, trace_batch<16>, trace_batch<24>, trace_batch<32>};
   static_assert(kMaxBands == 32);
   by_width[shared.scene.padded_bands() / 8 - 1](shared, batch, result, stats, progress);
@@ -182,7 +182,7 @@ TraceStats trace_bidirectional(const AcousticScene& scene, const EarlyCandidates
   const std::vector<Batch> dealt = deal_batches(static_cast<std::uint32_t>(config.rays), static_cast<std::uint32_t>(config.source_rays));
   const ReflectionModel& model = scene.reflection_model();
   const float source_radius_m = candidates.sound_source().radius_m;
-  const float least_distance_m = kLeastDistanceShare * scene.diagonal_m();
+  const float least_distance_m = kLeastDistanceFraction * scene.diagonal_m();
   const BidirectionalScene shared{.scene = scene,
                                   .candidates = candidates,
                                   .model = model,
@@ -213,7 +213,7 @@ TraceStats trace_bidirectional(const AcousticScene& scene, const EarlyCandidates
   std::vector<EnergyHistogram> results(wave, make_histogram(scene));
   std::vector<TraceStats> part_stats(wave);
   HistogramSum sum(histogram);
-  ShareDone progress(options.progress, stats.rays);
+  ProgressReport progress(options.progress, stats.rays);
   const int available = tbb::this_task_arena::max_concurrency();
   tbb::task_arena arena(config.threads == 0 ? available : std::min(config.threads, available));
   for (std::size_t first = 0; first < dealt.size(); first += wave) {

@@ -12,7 +12,7 @@
 
 namespace earshot {
 
-/// Independent estimates of one late field, each with its share of the rays; their mean is the field.  For standard errors.
+/// Independent estimates of one late field, each from its part of the rays; their mean is the field.  For standard errors.
 struct LateBatches {
   int count = 0, num_bins = 0, num_bands = 0;
   std::vector<float> energy;  ///< [count][num_bins][num_bands], Green units
@@ -24,8 +24,8 @@ struct LateBatches {
 };
 
 struct BidirectionalOptions {
-  /// Called with the share that is done, in (0, 1], never falling; from worker threads, one at a time.
-  std::function<void(double share)> progress = {};
+  /// Called with the fraction that is done, in (0, 1], never falling; from worker threads, one at a time.
+  std::function<void(double fraction)> progress = {};
   /// Kinds of connection; all on except for tests.  Without next_event, source_bounces must reach max_bounces or long paths are lost.
   bool next_event = true, connection = true, to_listener = true;
 };
@@ -35,12 +35,12 @@ struct BidirectionalOptions {
 /// the source and to one random vertex of one source path, each source vertex to the listener; weights by the balance heuristic over all
 /// strategies (mis_weight.h; docs/estimators.md, section 4).  What trace_late promises holds here too (units, what is left out, same bits
 /// for any number of threads), with these differences:
-///  - Specular share: a mirror, or with config.specular_exponent > 0 a lobe that connections see and image paths do not (specular_lobe.h).
+///  - Specular reflections: a mirror, or with config.specular_exponent > 0 a lobe that connections see and image paths do not (specular_lobe.h).
 ///  - Transmission: where traces_transmission(scene), rays pass walls with a probability of the mean over bands of tau over what is kept.
 ///    The straight line through walls is left out (find_transmitted carries it).
 ///  - Paths of which no strategy can connect an edge (mirror at both ends of everything diffuse) are caught by the source's sphere, whose
 ///    radius is candidates.sound_source().radius_m, or config.source_radius_m for a point; no path is counted both ways.
-///  - config.diffuse_last_leg is ignored: the result is unbiased, up to the blur of that sphere.
+///  - config.diffuse_last_segment is ignored: the result is unbiased, up to the extent of that sphere.
 ///  - Rays and source paths are dealt out to 16 batches, independent of each other; `batches` gets their estimates if it is given.
 /// With source_rays = 0 only next-event estimation is left.
 TraceStats trace_bidirectional(const AcousticScene& scene, const EarlyCandidates& candidates, glm::vec3 listener,

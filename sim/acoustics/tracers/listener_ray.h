@@ -34,16 +34,16 @@ struct Trace {
   SphereSequence directions;
   std::uint32_t num_rays;
   int max_bounces, carried_order, sh_order, num_coefficients;
-  float share_of_ray;  // 1 / num_rays
+  float weight_per_ray;  // 1 / num_rays
   float max_path_m, seconds_per_m;
-  float stage_m;             // rays are balanced each time they have gone this far
+  float stage_m;             // population control runs each time they have gone this far
   float least_distance2_m2;  // of the geometry term
   float source_radius_m;     // zero: no source volume
   float source_spread_m;     // next-event estimation aims at points in a sphere of this radius; zero: at the centre
-  bool diffuse_last_leg;
+  bool diffuse_last_segment;
 };
 
-/// One listener ray in flight.  W: bands rounded up to whole vectors; lanes past the last band stay zero.
+/// One listener ray under way.  W: bands rounded up to whole vectors; lanes past the last band stay zero.
 template <int W>
 struct alignas(32) RayState {
   float throughput[W], reflected[W], arriving[W];
@@ -98,7 +98,7 @@ void cross_source_volume(const Trace& trace, RayState<W>& ray, glm::vec3 origin,
   const auto [enter_m, leave_m] = chord_through(trace.source, trace.source_radius_m, origin, direction, segment_m);
   if (!(leave_m > enter_m) || ray.only_walls || carried<W>(trace, ray, nullptr)) return;
   const float volume_m3 = 4.f / 3.f * kPi * trace.source_radius_m * trace.source_radius_m * trace.source_radius_m;
-  const float factor = trace.share_of_ray * (leave_m - enter_m) / (4.f * kPi * volume_m3);
+  const float factor = trace.weight_per_ray * (leave_m - enter_m) / (4.f * kPi * volume_m3);
   for (int b = 0; b < W; ++b) ray.arriving[b] = ray.throughput[b] * factor;
   apply_emission(trace, ray, -direction);
   if (!std::isfinite(sum_over_bands<W>(ray.arriving))) {
@@ -141,14 +141,14 @@ void connect_to_source(const Trace& trace, RayState<W>& ray, const Hit& hit, glm
   const float distance_m = std::sqrt(distance2);
   float path_m = ray.path_m + distance_m;
   if (path_m > trace.max_path_m) return;
-  // Without a source volume a last leg through walls would be lost.
-  const bool may_pass_walls = trace.walls && trace.diffuse_last_leg;
+  // Without a source volume a last segment through walls would be lost.
+  const bool may_pass_walls = trace.walls && trace.diffuse_last_segment;
   const bool through_walls = may_pass_walls && trace.scene.scene().rays().occluded(start, source);
   const float cosine = height_m / distance_m;
-  const float geometry = trace.share_of_ray * cosine / (4.f * kPi * kPi * std::max(distance2, trace.least_distance2_m2));
+  const float geometry = trace.weight_per_ray * cosine / (4.f * kPi * kPi * std::max(distance2, trace.least_distance2_m2));
   const std::uint32_t plane = trace.scene.plane_of_triangle()[hit.triangle];
-  // Image paths pass no walls: behind one the mirror share is nobody else's.
-  if (trace.diffuse_last_leg && (through_walls || !carried(trace, ray, &plane))) {
+  // Image paths pass no walls: behind one the specular part is found here only.
+  if (trace.diffuse_last_segment && (through_walls || !carried(trace, ray, &plane))) {
     for (int b = 0; b < W; ++b) ray.arriving[b] = ray.reflected[b] * geometry;
   } else {
     for (int b = 0; b < W; ++b) ray.arriving[b] = ray.reflected[b] * scattering[b] * geometry;
@@ -178,9 +178,9 @@ void connect_to_source(const Trace& trace, RayState<W>& ray, const Hit& hit, glm
 template <int W>
 bool pick_wall(const Trace& trace, RayState<W>& ray, std::uint32_t material, float& random) {
   const float* transmitted = trace.walls->transmitted(material);
-  alignas(32) float shares[W];
-  for (int b = 0; b < W; ++b) shares[b] = ray.weight[b] * transmitted[b];
-  const float probability = std::min(sum_over_bands<W>(shares) / static_cast<float>(trace.scene.num_bands()), 1.f);
+  alignas(32) float passed[W];
+  for (int b = 0; b < W; ++b) passed[b] = ray.weight[b] * transmitted[b];
+  const float probability = std::min(sum_over_bands<W>(passed) / static_cast<float>(trace.scene.num_bands()), 1.f);
   const bool passes = random < probability;
   const float scale = passes ? 1.f / probability : 1.f / (1.f - probability);
   for (int b = 0; b < W; ++b) {
@@ -199,7 +199,7 @@ void pass_wall(const Trace& trace, RayState<W>& ray, std::uint32_t material) {
   const WallCrossing crossing = cross_wall(trace.scene.surfaces(), ray.direction, ray.hit);
   for (int b = 0; b < W; ++b) ray.throughput[b] = ray.reflected[b];
   if (crossing.inside_m > 0.f) {
-    // tau is in the shares already; what the wall absorbs on the way comes on top.
+    // tau is in `passed` already; what the wall absorbs on the way comes on top.
     const auto tau = trace.scene.transmission(material);
     transmit(trace.scene.surfaces(), crossing, std::span(ray.throughput, tau.size()));
     for (std::size_t b = 0; b < tau.size(); ++b) ray.throughput[b] = tau[b] > 0.f ? ray.throughput[b] / tau[b] : 0.f;

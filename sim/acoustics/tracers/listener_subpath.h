@@ -50,7 +50,7 @@ struct BatchOutput {
   float seconds_per_m;
   std::size_t num_bands, num_coefficients;
 
-  /// Adds `energy` unless it is zero or not finite.  blocked() is only asked if there is something to add.
+  /// Adds `energy` unless it is zero or not finite.  blocked() is only called if there is something to add.
   template <class Blocked>
   void deposit(const float (&energy)[W], float path_m, const float* sh, Blocked blocked) {
     const float total = sum_over_bands<W>(energy);
@@ -84,13 +84,13 @@ bool some_strategy_connects(const BidirectionalScene& shared, const ListenerRay<
 /// What no strategy can connect: chord of the segment through the source's sphere over 4 pi times its volume (docs/estimators.md, section
 /// 2).
 template <int W>
-void catch_in_volume(const BidirectionalScene& shared, const ListenerRay<W>& ray, float segment_m, float share, BatchOutput<W>& output) {
+void catch_in_volume(const BidirectionalScene& shared, const ListenerRay<W>& ray, float segment_m, float path_weight, BatchOutput<W>& output) {
   const float radius_m = shared.volume_radius_m;
   const Chord chord = chord_through(shared.source, radius_m, ray.origin, ray.direction, segment_m);
   if (!(chord.leave_m > chord.enter_m) || some_strategy_connects(shared, ray) || carried(shared, ray)) return;
   constexpr float pi = std::numbers::pi_v<float>;
   const float volume_m3 = 4.f / 3.f * pi * radius_m * radius_m * radius_m;
-  const float factor = share * (chord.leave_m - chord.enter_m) / (4.f * pi * volume_m3);
+  const float factor = path_weight * (chord.leave_m - chord.enter_m) / (4.f * pi * volume_m3);
   alignas(32) float energy[W];
   for (int b = 0; b < W; ++b) energy[b] = ray.arriving[b] * factor;
   apply_emission(shared, -ray.direction, energy);
@@ -99,7 +99,7 @@ void catch_in_volume(const BidirectionalScene& shared, const ListenerRay<W>& ray
 
 /// Strategy 0: the listener's vertex sees the source.
 template <int W>
-void connect_to_source(const BidirectionalScene& shared, const ListenerRay<W>& ray, std::uint32_t material, glm::vec3 source, float share,
+void connect_to_source(const BidirectionalScene& shared, const ListenerRay<W>& ray, std::uint32_t material, glm::vec3 source, float path_weight,
                        BatchOutput<W>& output) {
   const glm::vec3 to_source = source - ray.origin, normal = ray.hit.normal, in = -ray.direction;
   const float height_m = glm::dot(normal, to_source);
@@ -108,7 +108,7 @@ void connect_to_source(const BidirectionalScene& shared, const ListenerRay<W>& r
   if (ray.path_m + distance_m > shared.max_path_m) return;
   const glm::vec3 out = to_source / distance_m;
   const float cosine = height_m / distance_m;
-  float factor = share * cosine / (4.f * std::numbers::pi_v<float> * std::max(distance2, shared.least_distance2_m2));
+  float factor = path_weight * cosine / (4.f * std::numbers::pi_v<float> * std::max(distance2, shared.least_distance2_m2));
   alignas(32) float energy[W];
   rough_value<W>(shared.model, material, normal, in, out, energy);
   for (int b = 0; b < W; ++b) energy[b] *= ray.reflected[b];
@@ -130,7 +130,7 @@ void connect_to_source(const BidirectionalScene& shared, const ListenerRay<W>& r
 /// Strategy i = source_event: the listener's vertex sees the source's.
 template <int W>
 void connect_to_vertex(const BidirectionalScene& shared, const ListenerRay<W>& ray, std::uint32_t material, const SourceVertex<W>& vertex,
-                       int source_event, float share, BatchOutput<W>& output) {
+                       int source_event, float path_weight, BatchOutput<W>& output) {
   if (!vertex.exists || ray.events + source_event > shared.max_bounces) return;
   const glm::vec3 between = vertex.position - ray.origin, normal = ray.hit.normal, in = -ray.direction;
   const float height_here = glm::dot(normal, between), height_there = -glm::dot(vertex.normal, between);
@@ -155,7 +155,7 @@ void connect_to_vertex(const BidirectionalScene& shared, const ListenerRay<W>& r
   const double earlier = vertex.end.earlier(mis::area_pdf(model.mean_pdf(material, normal, in, out), cos_there, distance_m),
                                             model.mean_pdf(vertex.material, vertex.normal, -out, vertex.toward_previous));
   const double weight = mis::weight(strategies.connection, earlier, later) / strategies.connection;
-  const float factor = share * cos_here * cos_there / std::max(distance2, shared.least_distance2_m2) * static_cast<float>(weight);
+  const float factor = path_weight * cos_here * cos_there / std::max(distance2, shared.least_distance2_m2) * static_cast<float>(weight);
   for (int b = 0; b < W; ++b) energy[b] *= factor;
   output.deposit(energy, path_m, ray.sh.data(), [&] {
     ++output.stats.shadow_rays;
@@ -165,7 +165,7 @@ void connect_to_vertex(const BidirectionalScene& shared, const ListenerRay<W>& r
 
 /// Strategy k: the source's vertex sees the listener.
 template <int W>
-void connect_to_listener(const BidirectionalScene& shared, const SourceVertex<W>& vertex, float share, BatchOutput<W>& output) {
+void connect_to_listener(const BidirectionalScene& shared, const SourceVertex<W>& vertex, float path_weight, BatchOutput<W>& output) {
   const glm::vec3 to_listener = shared.listener - vertex.position;
   const float height_m = glm::dot(vertex.normal, to_listener);
   if (!vertex.exists || !(height_m > 0.f)) return;
@@ -180,7 +180,7 @@ void connect_to_listener(const BidirectionalScene& shared, const SourceVertex<W>
   const double earlier = vertex.end.earlier(mis::area_pdf(mis::kPointPdf, cosine, distance_m),
                                             shared.model.mean_pdf(vertex.material, vertex.normal, out, vertex.toward_previous));
   const auto weight = static_cast<float>(mis::weight(shared.strategies.to_listener, earlier, 0));
-  const float factor = share * weight * cosine / (4.f * std::numbers::pi_v<float> * std::max(distance2, shared.least_distance2_m2));
+  const float factor = path_weight * weight * cosine / (4.f * std::numbers::pi_v<float> * std::max(distance2, shared.least_distance2_m2));
   for (int b = 0; b < W; ++b) energy[b] *= factor;
   std::array<float, kMaxCoefficients> sh;
   spherical_harmonics_n3d(-out, shared.sh_order, std::span(sh).first(output.num_coefficients));
@@ -213,12 +213,12 @@ void leave_vertex(const BidirectionalScene& shared, ListenerRay<W>& ray, const s
   if (ray.only_mirrors && ray.num_planes < ListenerRay<W>::kMaxImageOrder) {
     ray.planes[ray.num_planes++] = shared.scene.plane_of_triangle()[ray.hit.triangle];
   }
-  mis::Leg& leg = ray.chain.leg();
+  mis::Segment& segment = ray.chain.segment();
   if (leaving != Leaving::rough) {
-    leg.pass(ray.hit.distance_m + extra_path_m);
+    segment.pass(ray.hit.distance_m + extra_path_m);
   } else {
-    if (leg.direct && leg.from_point) ray.first_edge_open = true;
-    if (leg.direct && !leg.from_point) ray.last_open_event = ray.events;
+    if (segment.direct && segment.from_point) ray.first_edge_open = true;
+    if (segment.direct && !segment.from_point) ray.last_open_event = ray.events;
     ray.chain.leave(shared.strategies, ray.events, shared.model.mean_pdf(material, normal, in, ray.direction),
                     shared.model.mean_pdf(material, normal, ray.direction, in), glm::dot(normal, ray.direction));
   }
@@ -232,7 +232,7 @@ void leave_vertex(const BidirectionalScene& shared, ListenerRay<W>& ray, const s
 /// Follows a ray until it has gone `until_m` and stands at a vertex, or ends.  slot: which source paths it is paired with.
 template <int W>
 void advance(const BidirectionalScene& shared, const SourceSubpaths<W>& sources, std::uint32_t slot, ListenerRay<W>& ray, float until_m,
-             float share, const RandomStream& random, BatchOutput<W>& output) {
+             float path_weight, const RandomStream& random, BatchOutput<W>& output) {
   const AcousticScene& scene = shared.scene;
   while (true) {
     if (ray.at_vertex) {
@@ -242,7 +242,7 @@ void advance(const BidirectionalScene& shared, const SourceSubpaths<W>& sources,
     }
     ray.hit = scene.scene().rays().intersect(ray.origin, ray.direction);
     ++(ray.hit.valid() ? output.stats.ray_hits : output.stats.ray_escapes);
-    if (ray.after_pass) catch_in_volume(shared, ray, ray.hit.distance_m, share, output);
+    if (ray.after_pass) catch_in_volume(shared, ray, ray.hit.distance_m, path_weight, output);
     ray.path_m += ray.hit.distance_m;
     ray.alive = ray.hit.valid() && ray.events < shared.max_bounces && ray.path_m < shared.max_path_m;
     if (!ray.alive) return;
@@ -256,14 +256,14 @@ void advance(const BidirectionalScene& shared, const SourceSubpaths<W>& sources,
     constexpr std::uint32_t second_set = 0x80000000u;
     const std::array<float, 4> u = random.uniform4(second_set | static_cast<std::uint32_t>(ray.events));
     if (shared.strategies.next_event > 0) {
-      connect_to_source(shared, ray, material, point_of_source(shared, u[1], u[2], u[3]), share, output);
+      connect_to_source(shared, ray, material, point_of_source(shared, u[1], u[2], u[3]), path_weight, output);
     }
     if (shared.strategies.connection > 0) {
       // Another path at each vertex: neighbours on one ray do not share the luck of one path.
       const std::uint32_t path = (slot + static_cast<std::uint32_t>(ray.events) * 7919u) % sources.num_paths;
       const auto event = std::min(static_cast<std::uint32_t>(u[0] * static_cast<float>(sources.num_events)), sources.num_events - 1);
       connect_to_vertex(shared, ray, material, sources.vertices[std::size_t{path} * sources.num_events + event],
-                        static_cast<int>(event) + 1, share, output);
+                        static_cast<int>(event) + 1, path_weight, output);
     }
   }
 }

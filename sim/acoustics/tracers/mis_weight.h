@@ -14,8 +14,8 @@
 /// y_i from the source's side), per area.  So all earlier strategies are one running sum kept along the source's subpath, all later ones
 /// one kept along the listener's, and a weight costs the same for any length.
 ///
-/// Mirrors and walls passed straight are no vertices here: the leg between the last rough vertex and the next one, unfolded, is one edge
-/// that no strategy connects.  Both sides make it with densities cos / length^2 of the unfolded leg, and pick its mirrors with the same
+/// Mirrors and walls passed straight are no vertices here: the segment between the last rough vertex and the next one, unfolded, is one edge
+/// that no strategy connects.  Both sides make it with densities cos / length^2 of the unfolded segment, and pick its mirrors with the same
 /// probability, so that these cancel.  Positions along the path (`event`) count mirrors and passed walls too.
 namespace earshot::mis {
 
@@ -38,7 +38,7 @@ inline double area_pdf(double pdf, double cosine, double distance_m) {
 inline constexpr double kPointPdf = 0.25 / std::numbers::pi;  // source and listener shoot evenly into the sphere
 
 /// The unfinished edge behind the last rough vertex of a subpath.
-struct Leg {
+struct Segment {
   double pdf = kPointPdf;  ///< per solid angle, of its direction
   double cosine = 1;       ///< at its start
   double length_m = 0;     ///< so far
@@ -61,25 +61,25 @@ struct SourceEnd {
 class SourceChain {
  public:
   explicit SourceChain(const Strategies& strategies) : strategies_(&strategies) {}
-  Leg& leg() { return leg_; }
+  Segment& segment() { return segment_; }
   /// A vertex met `distance_m` further on, under `cosine`.
   [[nodiscard]] SourceEnd arrive(double cosine, double distance_m) const {
-    const double length_m = leg_.length_m + distance_m;
-    SourceEnd end{.inverse_pdf = 1 / area_pdf(leg_.pdf, cosine, length_m)};
-    if (leg_.direct) end.before = leg_.from_point ? strategies_->next_event : strategies_->connection;
-    if (!leg_.from_point) end.chain = area_pdf(1, leg_.cosine, length_m) * inverse_pdf_ * sum_;
+    const double length_m = segment_.length_m + distance_m;
+    SourceEnd end{.inverse_pdf = 1 / area_pdf(segment_.pdf, cosine, length_m)};
+    if (segment_.direct) end.before = segment_.from_point ? strategies_->next_event : strategies_->connection;
+    if (!segment_.from_point) end.chain = area_pdf(1, segment_.cosine, length_m) * inverse_pdf_ * sum_;
     return end;
   }
   /// Goes on from that vertex roughly: densities per solid angle forward, and back given where it goes.
   void leave(const SourceEnd& end, double pdf, double reverse_pdf, double cosine) {
     inverse_pdf_ = end.inverse_pdf;
     sum_ = end.before + reverse_pdf * end.chain;
-    leg_ = {.pdf = pdf, .cosine = cosine, .length_m = 0, .direct = true, .from_point = false};
+    segment_ = {.pdf = pdf, .cosine = cosine, .length_m = 0, .direct = true, .from_point = false};
   }
 
  private:
   const Strategies* strategies_;
-  Leg leg_;
+  Segment segment_;
   double inverse_pdf_ = 0, sum_ = 0;  // of the last rough vertex
 };
 
@@ -87,12 +87,12 @@ class SourceChain {
 /// not know how far that will be: the running sum is kept for the last source_bounces events, and a weight takes a difference.
 class ListenerChain {
  public:
-  Leg& leg() { return leg_; }
+  Segment& segment() { return segment_; }
   /// A vertex met `distance_m` further on, under `cosine`.  Valid until leave().
   void arrive(double cosine, double distance_m) {
-    const double length_m = leg_.length_m + distance_m;
-    inverse_pdf_here_ = 1 / area_pdf(leg_.pdf, cosine, length_m);
-    chain_here_ = leg_.from_point ? 0.0 : area_pdf(1, leg_.cosine, length_m) * inverse_pdf_;
+    const double length_m = segment_.length_m + distance_m;
+    inverse_pdf_here_ = 1 / area_pdf(segment_.pdf, cosine, length_m);
+    chain_here_ = segment_.from_point ? 0.0 : area_pdf(1, segment_.cosine, length_m) * inverse_pdf_;
   }
   /// Sum over later strategies for a connection of this vertex, the `event`-th from the listener, with the source's `source_event`-th
   /// (0: the source itself).  pdf: density per area of this vertex from that end; reverse_pdf: per solid angle, of going back toward the
@@ -101,8 +101,8 @@ class ListenerChain {
     const int all = source_event + event;                    // k
     const int first_open = all - strategies.source_bounces;  // events from the listener below this are out of reach
     double sum = 0;
-    if (leg_.direct && leg_event_ >= first_open) sum += samples_of_leg(strategies);
-    if (!leg_.from_point && recorded_event_ >= first_open) {
+    if (segment_.direct && segment_event_ >= first_open) sum += samples_of_segment(strategies);
+    if (!segment_.from_point && recorded_event_ >= first_open) {
       const double closed = first_open > 0 ? running_[static_cast<std::size_t>(first_open - 1) % kRing] : 0.0;
       const double open = running_[static_cast<std::size_t>(recorded_event_) % kRing] - closed;
       sum += reverse_pdf * chain_here_ * std::max(open, 0.0) / product_;
@@ -111,28 +111,28 @@ class ListenerChain {
   }
   /// Goes on roughly from the vertex last arrived at, the `event`-th.
   void leave(const Strategies& strategies, int event, double pdf, double reverse_pdf, double cosine) {
-    const double before = leg_.from_point ? 0.0 : running_[static_cast<std::size_t>(recorded_event_) % kRing];
-    product_ = leg_.from_point ? 1.0 : product_ / (reverse_pdf * chain_here_);
-    const int gap_from = std::max(recorded_event_ + 1, leg_event_ - kRing + 1);
-    for (int i = gap_from; i < leg_event_; ++i) running_[static_cast<std::size_t>(i) % kRing] = before;
-    running_[static_cast<std::size_t>(leg_event_) % kRing] = before + (leg_.direct ? samples_of_leg(strategies) * product_ : 0.0);
-    recorded_event_ = leg_event_;
-    leg_event_ = event;
+    const double before = segment_.from_point ? 0.0 : running_[static_cast<std::size_t>(recorded_event_) % kRing];
+    product_ = segment_.from_point ? 1.0 : product_ / (reverse_pdf * chain_here_);
+    const int gap_from = std::max(recorded_event_ + 1, segment_event_ - kRing + 1);
+    for (int i = gap_from; i < segment_event_; ++i) running_[static_cast<std::size_t>(i) % kRing] = before;
+    running_[static_cast<std::size_t>(segment_event_) % kRing] = before + (segment_.direct ? samples_of_segment(strategies) * product_ : 0.0);
+    recorded_event_ = segment_event_;
+    segment_event_ = event;
     inverse_pdf_ = inverse_pdf_here_;
-    leg_ = {.pdf = pdf, .cosine = cosine, .length_m = 0, .direct = true, .from_point = false};
+    segment_ = {.pdf = pdf, .cosine = cosine, .length_m = 0, .direct = true, .from_point = false};
   }
 
  private:
-  [[nodiscard]] double samples_of_leg(const Strategies& strategies) const {
-    return leg_.from_point ? strategies.to_listener : strategies.connection;
+  [[nodiscard]] double samples_of_segment(const Strategies& strategies) const {
+    return segment_.from_point ? strategies.to_listener : strategies.connection;
   }
 
   static constexpr int kRing = 64;
   static_assert(kRing > kMaxSourceBounces + 2);
-  Leg leg_;
-  int leg_event_ = 0;        // event at which the leg begins; 0: the listener
+  Segment segment_;
+  int segment_event_ = 0;        // event at which the segment begins; 0: the listener
   int recorded_event_ = -1;  // event of the last entry of `running_`
-  double inverse_pdf_ = 0;   // of the vertex at which the leg begins
+  double inverse_pdf_ = 0;   // of the vertex at which the segment begins
   double inverse_pdf_here_ = 0, chain_here_ = 0;
   double product_ = 1;  // density of the strategy of the last recorded edge, relative to that of the first edge
   std::array<double, kRing> running_{};

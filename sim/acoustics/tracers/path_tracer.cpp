@@ -53,13 +53,13 @@ void trace_chunk(const Trace& trace, std::uint32_t chunk, EnergyHistogram& histo
     bool any_alive = false;
     for (std::uint32_t i = 0; i < rays.size(); ++i) {
       if (!rays[i].alive) continue;
-      // A slot draws new numbers in each stage, whichever ray sits in it.
+      // A slot draws new numbers in each stage, whichever ray it holds.
       advance(trace, rays[i], until_m, RandomStream(seed, Purpose::scatter, first + i, stage), histogram, stats);
       any_alive = any_alive || rays[i].alive;
     }
     if (!any_alive) return;
     stats.nonfinite_dropped += static_cast<std::uint64_t>(
-        balance<W>(trace.scene.num_bands(), rays, RandomStream(seed, Purpose::roulette, chunk, stage).uniform(0)));
+        control_population<W>(trace.scene.num_bands(), rays, RandomStream(seed, Purpose::roulette, chunk, stage).uniform(0)));
   }
 }
 
@@ -137,7 +137,7 @@ TraceStats trace_late(const AcousticScene& scene, const EarlyCandidates& candida
 
   const auto shift = RandomStream(config.seed, Purpose::listener_ray).bits4(0);
   const float spread_m = candidates.sound_source().radius_m;
-  const float least_distance_m = kLeastDistanceShare * scene.diagonal_m();
+  const float least_distance_m = kLeastDistanceFraction * scene.diagonal_m();
   const Trace trace{.scene = scene,
                     .candidates = candidates,
                     .emission = candidates.emission().omnidirectional() ? nullptr : &candidates.emission(),
@@ -150,16 +150,16 @@ TraceStats trace_late(const AcousticScene& scene, const EarlyCandidates& candida
                     .carried_order = scene.image_order(),
                     .sh_order = config.sh_order,
                     .num_coefficients = histogram.num_coefficients(),
-                    .share_of_ray = 1.f / static_cast<float>(num_rays),
+                    .weight_per_ray = 1.f / static_cast<float>(num_rays),
                     .max_path_m = scene.max_path_m(),
                     .seconds_per_m = 1.f / scene.speed_of_sound_m_per_s(),
                     .stage_m = std::max(kStageOfDiagonal * scene.diagonal_m(), 1e-4f * scene.max_path_m()),
                     .least_distance2_m2 = least_distance_m * least_distance_m,
-                    .source_radius_m = config.diffuse_last_leg ? 0.f
+                    .source_radius_m = config.diffuse_last_segment ? 0.f
                                        : spread_m > 0.f        ? spread_m
                                                                : free_radius_m(scene, candidates.source()),
                     .source_spread_m = spread_m,
-                    .diffuse_last_leg = config.diffuse_last_leg};
+                    .diffuse_last_segment = config.diffuse_last_segment};
   const std::uint32_t num_chunks = (num_rays + kRaysPerChunk - 1) / kRaysPerChunk;
   if (num_chunks == 1) {
     trace_chunk(trace, 0, histogram, stats);

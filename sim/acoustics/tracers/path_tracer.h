@@ -11,7 +11,7 @@ namespace earshot {
 
 /// Of the scene's diagonal: shortest distance in the geometry term (docs/stability.md, H-18).  Small, because scenes with 20 km of ground
 /// are legal.
-inline constexpr float kLeastDistanceShare = 1e-5f;
+inline constexpr float kLeastDistanceFraction = 1e-5f;
 
 /// Counters of one trace.
 struct TraceStats {
@@ -21,24 +21,24 @@ struct TraceStats {
   std::uint64_t nonfinite_dropped = 0;  ///< contributions that were NaN or infinite
   /// Adds the counters of a part; `rays` stays that of the whole.
   void add(const TraceStats& part);
-  /// Share of traced segments that hit geometry (RLR's "ray efficiency"); 1 in a closed room, 0 if nothing was traced.
+  /// Fraction of traced segments that hit geometry (RLR's "ray efficiency"); 1 in a closed room, 0 if nothing was traced.
   [[nodiscard]] double ray_efficiency() const;
 };
 
 /// Late field of a unit source at `listener`: listener-rooted path tracing with next-event estimation (docs/estimators.md, section 1), a
-/// mixture of Lambert and mirror reflection by the scattering coefficient per band.  Rays are balanced as a population: light ones end,
+/// mixture of Lambert and mirror reflection by the scattering coefficient per band.  Rays are under population control: light ones end,
 /// heavy ones split (ray_population.h), which keeps every mean and makes the tail as accurate as the start.  Air is applied at the
 /// end, per bin.  Left out: the direct sound, and the purely specular paths whose plane sequence is among `candidates` (image paths carry
 /// them).
 ///
-/// Specular last legs, which next-event estimation cannot see (config.diffuse_last_leg):
+/// Specular last segments, which next-event estimation cannot see (config.diffuse_last_segment):
 ///  - false (reference): the source is also a sphere of config.source_radius_m that blocks nothing; segments that leave a mirror add their
 ///    chord through it (track-length estimator), which is the mean of the response over the sphere.  A sphere cut by a wall would be
 ///    biased, so the radius is reduced to 0.9 of the distance to the nearest surface found by 64 rays.  Unbiased up to that average, noisy.
-///  - true (fast): the last leg of a late path is treated as diffuse.  No such noise; small bias where s is small.
+///  - true (fast): the last segment of a late path is treated as diffuse.  No such noise; small bias where s is small.
 ///
 /// The source radiates by candidates.emission(), from the volume of a sphere if its radius_m > 0.  With config.transmission on (automatic:
-/// not here, see traces_transmission) rays pass walls by chance, weighed per band, and last legs see the source through walls; what goes
+/// not here, see traces_transmission) rays pass walls by chance, weighed per band, and last segments see the source through walls; what goes
 /// straight from source to listener through walls is left out (find_transmitted carries it).
 ///
 /// histogram: shape of make_histogram(scene); overwritten.  The result is a function of (scene, config, source, listener), not of threads.

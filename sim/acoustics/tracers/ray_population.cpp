@@ -6,7 +6,7 @@
 
 namespace earshot {
 
-double effective_count(std::span<const double> weights) {
+double effective_sample_size(std::span<const double> weights) {
   double sum = 0, squares = 0;
   for (const double weight : weights) {
     sum += weight;
@@ -15,7 +15,7 @@ double effective_count(std::span<const double> weights) {
   return squares > 0 ? sum * sum / squares : 0.0;
 }
 
-void choose_copies(std::span<const double> weights, int target, double random, std::span<int> copies) {
+void systematic_resample(std::span<const double> weights, int target, double random, std::span<int> copies) {
   EARSHOT_EXPECT(weights.size() == copies.size());
   double sum = 0;
   for (const double weight : weights) sum += weight;

@@ -31,7 +31,7 @@ void meet_surface(const ReflectionModel& model, std::uint32_t material, BandEner
   for (int b = 0; b < W; ++b) energy.reflected[b] = energy.arriving[b] * kept[b];
 }
 
-/// Share that leaves from `in` toward `out`, per steradian and band, of what the surface keeps.
+/// Fraction that leaves from `in` toward `out`, per steradian and band, of what the surface keeps.
 template <int W>
 void rough_value(const ReflectionModel& model, std::uint32_t material, glm::vec3 normal, glm::vec3 in, glm::vec3 out, float (&value)[W]) {
   constexpr float per_pi = std::numbers::inv_pi_v<float>;
@@ -56,16 +56,16 @@ Leaving leave_surface(const AcousticScene& scene, const ReflectionModel& model, 
                       BandEnergy<W>& energy, glm::vec3& origin, glm::vec3& direction, float& extra_path_m) {
   const std::uint32_t material = scene.scene().mesh().triangle_material[hit.triangle];
   const auto num_bands = static_cast<float>(scene.num_bands());
-  const auto probability_of = [&](const float* shares) {
+  const auto probability_of = [&](const float* fractions) {
     alignas(32) float weighted[W];
-    for (int b = 0; b < W; ++b) weighted[b] = energy.weight[b] * shares[b];
+    for (int b = 0; b < W; ++b) weighted[b] = energy.weight[b] * fractions[b];
     return std::min(sum_over_bands<W>(weighted) / num_bands, 1.f);
   };
-  const auto take = [&](const float* shares, float probability) {
+  const auto take = [&](const float* fractions, float probability) {
     // Rounding may leave no probability for what is all but never picked.
     const float scale = probability > 0.f ? 1.f / probability : 0.f;
     for (int b = 0; b < W; ++b) {
-      const float factor = shares[b] * scale;
+      const float factor = fractions[b] * scale;
       energy.arriving[b] = energy.reflected[b] * factor;
       energy.weight[b] *= factor;
     }
@@ -78,12 +78,12 @@ Leaving leave_surface(const AcousticScene& scene, const ReflectionModel& model, 
       take(transmitted, through_probability);
       const WallCrossing crossing = cross_wall(scene.surfaces(), direction, hit);
       if (crossing.inside_m > 0.f) {
-        // The shares above hold tau; what the wall absorbs on the way comes on top.
-        alignas(32) std::array<float, W> share;
-        share.fill(1.f);
-        transmit(scene.surfaces(), crossing, std::span(share).first(static_cast<std::size_t>(scene.num_bands())));
+        // The fractions above include tau; what the wall absorbs on the way comes on top.
+        alignas(32) std::array<float, W> passed;
+        passed.fill(1.f);
+        transmit(scene.surfaces(), crossing, std::span(passed).first(static_cast<std::size_t>(scene.num_bands())));
         const auto tau = scene.transmission(material);
-        for (std::size_t b = 0; b < tau.size(); ++b) energy.arriving[b] *= tau[b] > 0.f ? share[b] / tau[b] : 0.f;
+        for (std::size_t b = 0; b < tau.size(); ++b) energy.arriving[b] *= tau[b] > 0.f ? passed[b] / tau[b] : 0.f;
       }
       extra_path_m = crossing.inside_m + earshot::extra_path_m(scene.surfaces(), crossing);
       origin = crossing.exit;
@@ -113,10 +113,10 @@ Leaving leave_surface(const AcousticScene& scene, const ReflectionModel& model, 
   const float lobe_probability = std::max(1.f - through_probability - diffuse_probability, 0.f);
   const float density = diffuse_probability * lambert_pdf + lobe_probability * lobe_pdf;
   const float scale = density > 0.f ? 1.f / density : 0.f;
-  const float *diffuse_share = model.diffuse(material), *specular_share = model.specular(material);
+  const float *diffuse_fraction = model.diffuse(material), *specular_fraction = model.specular(material);
   for (int b = 0; b < W; ++b) {
-    energy.arriving[b] = energy.reflected[b] * (diffuse_share[b] * lambert_pdf + specular_share[b] * lobe_value * cosine) * scale;
-    energy.weight[b] *= (diffuse_share[b] * lambert_pdf + specular_share[b] * lobe_pdf) * scale;
+    energy.arriving[b] = energy.reflected[b] * (diffuse_fraction[b] * lambert_pdf + specular_fraction[b] * lobe_value * cosine) * scale;
+    energy.weight[b] *= (diffuse_fraction[b] * lambert_pdf + specular_fraction[b] * lobe_pdf) * scale;
   }
   return Leaving::rough;
 }

@@ -97,7 +97,7 @@ void trace_source_subpath(const BidirectionalScene& shared, glm::vec3 direction,
       chain.leave(vertex.end, shared.model.mean_pdf(vertex.material, hit.normal, toward, direction),
                   shared.model.mean_pdf(vertex.material, hit.normal, direction, toward), glm::dot(hit.normal, direction));
     } else {
-      chain.leg().pass(hit.distance_m + extra_path_m);
+      chain.segment().pass(hit.distance_m + extra_path_m);
     }
   }
 }

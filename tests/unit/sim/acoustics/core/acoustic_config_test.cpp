@@ -31,7 +31,7 @@ TEST(Quality, PresetsAreValidAndOrdered) {
   for (const char* name : {"fast", "balanced", "high"}) EXPECT_NO_THROW(validate(acoustic_preset(name))) << name;
   EXPECT_LT(acoustic_preset("fast").rays, acoustic_preset("balanced").rays);
   EXPECT_LT(acoustic_preset("balanced").rays, acoustic_preset("high").rays);
-  EXPECT_FALSE(acoustic_preset("high").diffuse_last_leg);
+  EXPECT_FALSE(acoustic_preset("high").diffuse_last_segment);
   EXPECT_THROW(acoustic_preset("fastest"), InputError);
 }
 
@@ -39,7 +39,7 @@ TEST(Quality, ReadsEveryKey) {
   const AcousticConfig c = read_from(
       "{direct: off, early: on, late: off, diffraction: off, transmission: auto, air_absorption: off, early_order: 1, "
       "early_candidate_rays: 7, rays: 3, max_bounces: 5, time_bin_s: 0.002, sh_order: 2, rir_length_s: 0.75, source_radius_m: 0.1, "
-      "diffuse_last_leg: false, scattering: 0.5, late_decode_s: 0.25, bands: 4, sample_rate_hz: 48000, "
+      "diffuse_last_segment: false, scattering: 0.5, late_decode_s: 0.25, bands: 4, sample_rate_hz: 48000, "
       "seed: 18446744073709551615, threads: 3}");
   EXPECT_EQ(c.direct, Switch::off);
   EXPECT_EQ(c.early, Switch::on);
@@ -54,7 +54,7 @@ TEST(Quality, ReadsEveryKey) {
   EXPECT_EQ(c.sh_order, 2);
   EXPECT_EQ(c.rir_length_s, 0.75f);
   EXPECT_EQ(c.source_radius_m, 0.1f);
-  EXPECT_FALSE(c.diffuse_last_leg);
+  EXPECT_FALSE(c.diffuse_last_segment);
   EXPECT_EQ(c.scattering, 0.5f);
   EXPECT_EQ(c.late_decode_s, 0.25f);
   EXPECT_EQ(c.bands, 4);

@@ -62,7 +62,7 @@ TEST(DiffractionEdges, ConvexRoomShowsNoEdgeFromWithin) {
   const auto room = rooms::shoe1(0.1, 0.1);
   const DiffractionEdges edges(*room, 0.25f);
   for (std::uint32_t e = 0; e < edges.size(); ++e) {
-    EXPECT_FALSE(edges.sees(e, rooms::shoe1_source()));
+    EXPECT_FALSE(edges.visible_from(e, rooms::shoe1_source()));
     EXPECT_FALSE(edges[e].in_air(glm::dvec3(rooms::shoe1_listener()), 1e-6));
   }
 }
@@ -140,7 +140,7 @@ TEST(DiffractionEdges, ContactWithoutSharedVerticesIsSeenByRays) {
   }
   EXPECT_EQ(of_screen, 3);
 
-  // Two sheets in an L that share no vertex: one wedge of 270 degrees, not two half planes.
+  // Two sheets in an L that fraction no vertex: one wedge of 270 degrees, not two half planes.
   TriangleMesh corner;
   rooms::append_quad(corner, {glm::vec3(0, 0, 0), glm::vec3(2, 0, 0), glm::vec3(2, 3, 0), glm::vec3(0, 3, 0)}, 0);
   rooms::append_quad(corner, {glm::vec3(0, -0.1, 0), glm::vec3(0, -0.1, 2), glm::vec3(0, 3.1, 2), glm::vec3(0, 3.1, 0)}, 0);

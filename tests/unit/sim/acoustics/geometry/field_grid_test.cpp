@@ -72,12 +72,12 @@ TEST(FieldGrid, BothSidesOfAClosedWallShareNoCell) {
     if (std::abs(x - 2.2) < 1e-3) continue;
     const int bit = x < 2.2 ? 1 : 2;
     const glm::vec3 from = rooms::point(x, 4.0 * u[1], 3.0 * u[2]);
-    std::array<FieldGrid::Share, 8> shares;
-    const std::size_t count = grid.blend(from, shares);
+    std::array<FieldGrid::CellWeight, 8> fractions;
+    const std::size_t count = grid.blend(from, fractions);
     float sum = 0;
     for (std::size_t k = 0; k < count; ++k) {
-      side[shares[k].cell] |= bit;
-      sum += shares[k].weight;
+      side[fractions[k].cell] |= bit;
+      sum += fractions[k].weight;
     }
     EXPECT_NEAR(sum, 1.f, 1e-5f);
     const glm::vec3 direction = sphere_direction(v[0], v[1]);
@@ -91,20 +91,20 @@ TEST(FieldGrid, BothSidesOfAClosedWallShareNoCell) {
 TEST(FieldGrid, BlendingIsTrilinearBetweenCentres) {
   const auto room = rooms::shoe1(0.2, 1);
   const FieldGrid grid(*room, 1.f);
-  std::array<FieldGrid::Share, 8> shares;
+  std::array<FieldGrid::CellWeight, 8> fractions;
   // The centre of a box is its own alone; half way between two centres each has half.
-  ASSERT_EQ(grid.blend(rooms::point(2.5, 1.5, 1.5), shares), 1u);
-  EXPECT_FLOAT_EQ(shares[0].weight, 1.f);
-  ASSERT_EQ(grid.blend(rooms::point(3.0, 1.5, 1.5), shares), 2u);
-  EXPECT_NEAR(shares[0].weight, 0.5f, 1e-5f);
+  ASSERT_EQ(grid.blend(rooms::point(2.5, 1.5, 1.5), fractions), 1u);
+  EXPECT_FLOAT_EQ(fractions[0].weight, 1.f);
+  ASSERT_EQ(grid.blend(rooms::point(3.0, 1.5, 1.5), fractions), 2u);
+  EXPECT_NEAR(fractions[0].weight, 0.5f, 1e-5f);
 }
 
 TEST(FieldGrid, HugeAndEmptyScenesStayBounded) {
   EXPECT_EQ(FieldGrid(*rooms::empty(), 1.f).size(), 0u);
   const FieldGrid plain(*rooms::half_space(0.5, 1), 1.f);
   EXPECT_LE(plain.size(), 2u * 16'384u);
-  std::array<FieldGrid::Share, 8> shares;
-  EXPECT_EQ(FieldGrid(*rooms::empty(), 1.f).blend({0, 0, 0}, shares), 0u);
+  std::array<FieldGrid::CellWeight, 8> fractions;
+  EXPECT_EQ(FieldGrid(*rooms::empty(), 1.f).blend({0, 0, 0}, fractions), 0u);
 }
 
 }  // namespace

@@ -51,20 +51,20 @@ TEST(FieldSmoothing, PassesGapsButNoWall) {
     const auto room = divided_box(gap_m);
     const FieldGrid grid(*room, 1.f);
     const FieldSmoothing smoothing(grid);
-    std::array<FieldGrid::Share, 8> shares;
-    const std::size_t near = grid.blend(rooms::point(0.5, 2, 1.5), shares);
+    std::array<FieldGrid::CellWeight, 8> fractions;
+    const std::size_t near = grid.blend(rooms::point(0.5, 2, 1.5), fractions);
     std::vector<float> rows(grid.size() * kWidth, 0.f), spare;
     std::vector<bool> lit(grid.size(), false);
     for (std::size_t i = 0; i < near; ++i) {
-      rows[shares[i].cell * kWidth] = 1.f;
-      lit[shares[i].cell] = true;
+      rows[fractions[i].cell * kWidth] = 1.f;
+      lit[fractions[i].cell] = true;
     }
     smoothing.sweep(8, kWidth, smoothing.reachable(lit), rows, spare);
     float behind = 0, beside = 0;
-    const std::size_t far = grid.blend(rooms::point(3.5, 3.5, 1.5), shares);
-    for (std::size_t i = 0; i < far; ++i) behind += rows[shares[i].cell * kWidth];
-    const std::size_t same = grid.blend(rooms::point(1.5, 2, 1.5), shares);
-    for (std::size_t i = 0; i < same; ++i) beside += rows[shares[i].cell * kWidth];
+    const std::size_t far = grid.blend(rooms::point(3.5, 3.5, 1.5), fractions);
+    for (std::size_t i = 0; i < far; ++i) behind += rows[fractions[i].cell * kWidth];
+    const std::size_t same = grid.blend(rooms::point(1.5, 2, 1.5), fractions);
+    for (std::size_t i = 0; i < same; ++i) beside += rows[fractions[i].cell * kWidth];
     EXPECT_GT(beside, 0.f);
     if (gap_m == 0)
       EXPECT_EQ(behind, 0.f);

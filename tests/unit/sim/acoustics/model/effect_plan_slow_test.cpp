@@ -180,8 +180,8 @@ TEST(EffectPlanProof, DiffractionInSightIsWithinWhatItTrades) {
     }
     Trial trial(where, config, on);
     const EffectDecision* decided = decision(trial.scene, "diffraction");
-    ASSERT_EQ(decided->kind, BoundKind::traded);
-    EXPECT_EQ(decision(trial.switched, "diffraction")->kind, BoundKind::asked);
+    ASSERT_EQ(decided->kind, BoundKind::approximated);
+    EXPECT_EQ(decision(trial.switched, "diffraction")->kind, BoundKind::user_set);
     std::vector<double> changes_db;
     std::uint64_t skipped = 0;
     double saved_ms = 0;
@@ -298,7 +298,7 @@ TEST(EffectPlanProof, LateTransmissionThatIsTradedIsWithinItsBound) {
   const AcousticScene scene(where.scene, config);
   const EffectDecision* decided = decision(scene, "transmission_late");
   ASSERT_NE(decided, nullptr);
-  ASSERT_EQ(decided->kind, BoundKind::traded);
+  ASSERT_EQ(decided->kind, BoundKind::approximated);
   double largest_db = 0, error_db = 0;
   for (const std::size_t i : {1u, 4u, 7u, 10u}) {
     const Level without = late_level(where, config, where.listeners[i], 32), with = late_level(where, on, where.listeners[i], 32);

@@ -241,7 +241,7 @@ TEST(EffectPlan, SwitchesForceAndForbid) {
       const AcousticScene scene(where.scene, config);
       ASSERT_NE(decision(scene, effect), nullptr) << effect;
       EXPECT_EQ(decision(scene, effect)->on, choice == Switch::on) << effect;
-      EXPECT_EQ(decision(scene, effect)->kind, BoundKind::asked) << effect;
+      EXPECT_EQ(decision(scene, effect)->kind, BoundKind::user_set) << effect;
     }
   }
 }
@@ -254,7 +254,7 @@ TEST(EffectPlan, EveryDecisionSaysWhatItRestsOn) {
       EXPECT_NE(decision(scene, effect), nullptr) << where.name << " " << effect;
     for (const EffectDecision& d : scene.plan().decisions) {
       EXPECT_FALSE(d.decision.empty()) << d.effect;
-      if (d.on || d.kind == BoundKind::asked) continue;
+      if (d.on || d.kind == BoundKind::user_set) continue;
       EXPECT_GE(d.change, 0) << where.name << " " << d.effect;
       EXPECT_FALSE(d.unit.empty()) << d.effect;
       // Off within the budget, or the number of what is given up.

@@ -130,7 +130,7 @@ TEST(Diffraction, LevelFollowsAListenerPastACorner) {
   }
   EXPECT_GT(without_sight, 50);
   EXPECT_LT(without_sight, 250);
-  EXPECT_LT(largest_db, 0.5);  // 6 dB at the shadow boundary without the lit side's share, endless without any
+  EXPECT_LT(largest_db, 0.5);  // 6 dB at the shadow boundary without the lit side's fraction, endless without any
 }
 
 TEST(Diffraction, MetricsAreContinuousThroughTheShadowBoundary) {
@@ -194,10 +194,10 @@ TEST(Diffraction, BendsOverTwoEdgesOfAThickWall) {
   const auto arrivals = arrivals_of(scene, {0, 10, 35}, {0, 10, -35});
   ASSERT_FALSE(arrivals.empty());
   EXPECT_EQ(arrivals[0].order, 2);
-  const double leg_m = std::hypot(30.0, 10.0), path_m = 2 * leg_m + 10;
+  const double segment_m = std::hypot(30.0, 10.0), path_m = 2 * segment_m + 10;
   EXPECT_NEAR(arrivals[0].distance_m, path_m, 1e-4);
   // Keller's product far from all boundaries, 4 kHz: D = exp(-j pi/4) / (n sqrt(2 pi k)) sin(pi/n) [1 / (cos(pi/n) - cos((a - b)/n)) +
-  // 1 / (cos(pi/n) - cos((a + b)/n))] at each edge, half of one for the leg along the top, over sqrt(s0 s1 s2 (s0 + s1 + s2)).
+  // 1 / (cos(pi/n) - cos((a + b)/n))] at each edge, half of one for the segment along the top, over sqrt(s0 s1 s2 (s0 + s1 + s2)).
   const std::size_t band = 5;
   const double k = 2 * kPi * scene.bands().centre_hz[band] / 343, n = 1.5, slope = std::atan2(10.0, 30.0);
   const auto keller = [&](double a, double b) {
@@ -206,7 +206,7 @@ TEST(Diffraction, BendsOverTwoEdgesOfAThickWall) {
   };
   const double in = kPi / 2 - slope;  // from the front face
   const double expected =
-      std::abs(keller(in, 1.5 * kPi) * keller(0, 1.5 * kPi - in)) / 2 / std::sqrt(leg_m * 10 * leg_m * path_m) / (4 * kPi);
+      std::abs(keller(in, 1.5 * kPi) * keller(0, 1.5 * kPi - in)) / 2 / std::sqrt(segment_m * 10 * segment_m * path_m) / (4 * kPi);
   EXPECT_NEAR(db(arrivals[0].amplitude[band] / expected), 0, 0.06);  // the rest of the transition functions, 1 / (2 k L)
 }
 

@@ -43,7 +43,7 @@ struct Exhaustive {
     if (parent.sequence.order == 0) {
       parent.before = source;
       for (std::uint32_t edge = 0; edge < edges.size(); ++edge)
-        if (edges.sees(edge, source)) add(parent, edge, nearest_point(edges[edge], glm::dvec3(source)), family);
+        if (edges.visible_from(edge, source)) add(parent, edge, nearest_point(edges[edge], glm::dvec3(source)), family);
       return;
     }
     const auto path = std::span(parent.sequence.edge).first(static_cast<std::size_t>(parent.sequence.order));

@@ -212,9 +212,9 @@ TEST(O22_Transmission, CrossingAsTheTracerSeesIt) {
   EXPECT_NEAR(crossing.inside_m, 0.2, 1e-6);
   EXPECT_GT(crossing.exit.x, 1.2f);
   EXPECT_FALSE(scene.scene().rays().intersect(crossing.exit, along).valid());
-  std::vector<float> share(1, 0.5f);
-  transmit(scene.surfaces(), crossing, share);
-  EXPECT_NEAR(share[0], 0.5 * 0.1 * std::pow(10, -0.6), 1e-7);
+  std::vector<float> fraction(1, 0.5f);
+  transmit(scene.surfaces(), crossing, fraction);
+  EXPECT_NEAR(fraction[0], 0.5 * 0.1 * std::pow(10, -0.6), 1e-7);
   EXPECT_NEAR(extra_path_m(scene.surfaces(), crossing), 0.2 * 343 / 1484 - 0.2, 1e-6);
 }
 

@@ -105,7 +105,7 @@ void compare_with_the_tracer(const std::string& spec, const Comparison& how) {
   config.seed = 77;
   config.rays = config.source_rays = how.tracer_rays;
   config.source_bounces = 60;
-  config.diffuse_last_leg = false;
+  config.diffuse_last_segment = false;
   const AcousticScene base(scene, config);
   const EarlyCandidates candidates(base, source);
   double sum_z = 0, sum_z2 = 0, sum_db = 0, worst_z = 0;

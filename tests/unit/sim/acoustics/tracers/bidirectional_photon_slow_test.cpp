@@ -84,15 +84,15 @@ TEST(BidirectionalSlow, O22_LevelBehindAWall) {
   // Reciprocal.
   expect_same(there, bidirectional_field(room, config, next_room, source).total(), 4, 0.03, "swapped");
 
-  // The listener-rooted tracer, with last legs through the wall by chance and by sight.
-  for (const bool diffuse_last_leg : {false, true}) {
+  // The listener-rooted tracer, with last segments through the wall by chance and by sight.
+  for (const bool diffuse_last_segment : {false, true}) {
     AcousticConfig rooted = config;
     rooted.source_rays = 0;
     rooted.rays = 2048;
-    rooted.diffuse_last_leg = diffuse_last_leg;
+    rooted.diffuse_last_segment = diffuse_last_segment;
     const Sample alone = rooms::over_seeds(
         8, rooted, [&](const AcousticConfig& c) { return rooms::total_energy(rooms::late_field(room, c, source, next_room)); });
-    expect_same(there, alone, 4, 0.08, diffuse_last_leg ? "rooted, by sight" : "rooted, by chance");
+    expect_same(there, alone, 4, 0.08, diffuse_last_segment ? "rooted, by sight" : "rooted, by chance");
   }
 }
 

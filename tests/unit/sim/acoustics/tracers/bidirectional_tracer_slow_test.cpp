@@ -81,14 +81,14 @@ TEST(BidirectionalSlow, O18_NothingIsLostOrGainedInALosslessRoom) {
   struct Case {
     float exponent;
     double scattering;
-    double share;
+    double fraction;
   };
   for (const Case& c : {Case{0, 1, 0.01}, Case{0, 0.4, 0.05}, Case{1, 0, 0.05}, Case{10, 0.3, 0.05}, Case{100, 0.1, 0.05}}) {
     config.specular_exponent = c.exponent;
     const BidirectionalField field =
         bidirectional_field(rooms::shoe1(0, c.scattering), config, rooms::shoe1_source(), rooms::shoe1_listener());
     for (const double from : {0.1, 0.2, 0.3}) {
-      expect_near(field.sum(0, [&](double t) { return t >= from && t < from + 0.1 ? 10.0 : 0.0; }), 0.454921, 4, c.share);
+      expect_near(field.sum(0, [&](double t) { return t >= from && t < from + 0.1 ? 10.0 : 0.0; }), 0.454921, 4, c.fraction);
     }
     EXPECT_EQ(field.stats.ray_escapes, 0u);
   }
@@ -136,14 +136,14 @@ TEST(BidirectionalSlow, O29_ADirectionalSourceFillsTheRoomByItsMean) {
   SoundSource source = rooms::shoe1_source();
   const Sample omni = bidirectional_field(room, config, source, rooms::shoe1_listener()).sum(0, late);
   struct Case {
-    float omni_share;
+    float omni_fraction;
     double mean;
   };
   for (const Case& c : {Case{0.5f, 1.0 / 3}, Case{0.7f, 0.52}, Case{0.f, 1.0 / 3}}) {
-    source.directivity = Directivity::first_order(c.omni_share);
+    source.directivity = Directivity::first_order(c.omni_fraction);
     const Sample directional = bidirectional_field(room, config, source, rooms::shoe1_listener()).sum(0, late);
-    // 1.5 %: the absorbed share of the first bounces still knows the direction of emission.
-    EXPECT_NEAR(directional.mean / omni.mean, c.mean, 0.015 * c.mean + 4 * directional.standard_error / omni.mean) << c.omni_share;
+    // 1.5 %: the absorbed fraction of the first bounces still knows the direction of emission.
+    EXPECT_NEAR(directional.mean / omni.mean, c.mean, 0.015 * c.mean + 4 * directional.standard_error / omni.mean) << c.omni_fraction;
     EXPECT_LT(directional.standard_error, 0.01 * directional.mean);
 
     AcousticConfig listener_rooted = config;
@@ -153,7 +153,7 @@ TEST(BidirectionalSlow, O29_ADirectionalSourceFillsTheRoomByItsMean) {
     trace_late(scene, EarlyCandidates(scene, source), rooms::shoe1_listener(), histogram);
     double rooted = 0;
     for (int i = 0; i < histogram.num_bins(); ++i) rooted += histogram.energy(i, 0) * late((i + 0.5) * histogram.bin_s());
-    EXPECT_NEAR(rooted / omni.mean, c.mean, 0.03 * c.mean) << c.omni_share;
+    EXPECT_NEAR(rooted / omni.mean, c.mean, 0.03 * c.mean) << c.omni_fraction;
   }
 }
 

@@ -39,7 +39,7 @@ TEST(Bidirectional, O8_OneDiffuseBouncePerWall) {
     const BidirectionalField field =
         bidirectional_field(rooms::box(5, 4, 3, walls), config, rooms::shoe1_source(), rooms::shoe1_listener());
     const Sample energy = field.total();
-    // Two strategies share one edge each; 4 sigma of 0.2 %.
+    // Two strategies fraction one edge each; 4 sigma of 0.2 %.
     expect_near(energy, expected[wall][0], 4, 4e-3);
     expect_near(field.sum(0, [](double t) { return std::exp(-50 * t); }), expected[wall][2], 4, 4e-3);
     EXPECT_NEAR(1e3 * field.sum(0, [](double t) { return t; }).mean / energy.mean, expected[wall][1], 5e-3 * expected[wall][1]);

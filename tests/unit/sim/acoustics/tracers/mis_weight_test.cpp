@@ -11,7 +11,7 @@
 namespace earshot {
 namespace {
 
-/// Edges of a random path y_0 ... y_{k+1}: edge i joins y_i and y_{i+1}.  A leg with mirrors is one edge that takes several events.
+/// Edges of a random path y_0 ... y_{k+1}: edge i joins y_i and y_{i+1}.  A segment with mirrors is one edge that takes several events.
 struct Edge {
   double length_m = 1, near_cosine = 1, far_cosine = 1;  // at its source end and its listener end
   int events = 1;                                        // to its far end; 1: direct
@@ -55,7 +55,7 @@ double weight_by_chains(const RandomPath& path, const mis::Strategies& strategie
   mis::SourceEnd end;
   for (int v = 1; v <= i; ++v) {
     const Edge& edge = path.edges[v - 1];
-    for (int e = 1; e < edge.events; ++e) source.leg().pass(edge.length_m / edge.events);
+    for (int e = 1; e < edge.events; ++e) source.segment().pass(edge.length_m / edge.events);
     end = source.arrive(edge.far_cosine, edge.length_m / edge.events);
     if (v == i) break;
     source.leave(end, path.lobe[v] * lambert(path.edges[v].near_cosine), path.lobe[v] * lambert(edge.far_cosine),
@@ -65,7 +65,7 @@ double weight_by_chains(const RandomPath& path, const mis::Strategies& strategie
   int event = 0;
   for (int v = k; v > i; --v) {  // vertex v is met along edge v
     const Edge& edge = path.edges[v];
-    for (int e = 1; e < edge.events; ++e) listener.leg().pass(edge.length_m / edge.events);
+    for (int e = 1; e < edge.events; ++e) listener.segment().pass(edge.length_m / edge.events);
     event += edge.events;
     listener.arrive(edge.near_cosine, edge.length_m / edge.events);
     if (v == i + 1) break;

@@ -43,7 +43,7 @@ TEST(PathTracerSlow, EarlyOnAndOffHoldTheSameEnergy) {
 }
 
 TEST(PathTracerSlow, BandsWithTheirOwnScatteringAreUnbiased) {
-  // Three bands share every ray; each must agree with a run in which all bands scatter as it does.
+  // Three bands fraction every ray; each must agree with a run in which all bands scatter as it does.
   Material material = Material::uniform("m", 0.15f, 0.f);
   material.scattering = {{88.f, 353.55f, 1414.2f, 5657.f}, {0.05f, 0.2f, 0.5f, 0.9f}};
   std::array<Material, 6> walls;
@@ -51,21 +51,21 @@ TEST(PathTracerSlow, BandsWithTheirOwnScatteringAreUnbiased) {
   const auto room = rooms::box(5, 4, 3, walls);
   AcousticConfig config = plain_config();
   config.bands = 4;
-  config.diffuse_last_leg = true;  // the weights of the bands are in question here, not the source volume with its noise
+  config.diffuse_last_segment = true;  // the weights of the bands are in question here, not the source volume with its noise
   config.rays = 1024;
-  const auto late_share = [](const EnergyHistogram& h, int band) {  // 60 to 200 ms: a dozen bounces in
+  const auto late_fraction = [](const EnergyHistogram& h, int band) {  // 60 to 200 ms: a dozen bounces in
     double sum = 0;
     for (int i = 15; i < 50; ++i) sum += h.energy(i, band);
     return sum;
   };
   for (const int band : {0, 2, 3}) {
     const Sample shared = over_seeds(12, config, [&](const AcousticConfig& c) {
-      return late_share(late_field(room, c, rooms::shoe1_source(), rooms::shoe1_listener()), band);
+      return late_fraction(late_field(room, c, rooms::shoe1_source(), rooms::shoe1_listener()), band);
     });
     AcousticConfig own = config;
     own.scattering = AcousticScene(room, config).scattering(0)[band];
     const Sample alone = over_seeds(12, own, [&](const AcousticConfig& c) {
-      return late_share(late_field(room, c, rooms::shoe1_source(), rooms::shoe1_listener()), band);
+      return late_fraction(late_field(room, c, rooms::shoe1_source(), rooms::shoe1_listener()), band);
     });
     const double sigma = std::hypot(shared.standard_error, alone.standard_error);
     EXPECT_NEAR(shared.mean, alone.mean, 4 * sigma) << band;

@@ -50,7 +50,7 @@ TEST(PathTracer, OneBounceScalesWithScatteringAndReflectance) {
   AcousticConfig config = plain_config();
   config.rays = 16384;
   config.max_bounces = 1;
-  config.source_radius_m = 1e-3f;  // the mirror share of one bounce would need luck to be caught: it is left out here
+  config.source_radius_m = 1e-3f;  // the mirror fraction of one bounce would need luck to be caught: it is left out here
   const EnergyHistogram h = late_field(rooms::shoe1(0.2, 0.3), config, rooms::shoe1_source(), rooms::shoe1_listener());
   EXPECT_NEAR(total_energy(h), 0.8 * 0.3 * 0.002258204, 0.01 * 0.8 * 0.3 * 0.002258204);
 }
@@ -82,12 +82,12 @@ TEST(PathTracer, LosslessRoomIsFlatO18H21) {
   config.rir_length_s = 0.4f;
   struct Case {
     double scattering;
-    bool diffuse_last_leg;
+    bool diffuse_last_segment;
     int rays;
     double tolerance;  // four standard errors over seeds
   };
   for (const Case& c : {Case{1, true, 1024, 0.04}, Case{0.4, true, 1024, 0.04}, Case{0.4, false, 4096, 0.1}}) {
-    config.diffuse_last_leg = c.diffuse_last_leg;
+    config.diffuse_last_segment = c.diffuse_last_segment;
     config.source_radius_m = 0.6f;  // a large volume: the field is uniform, so its mean is that of a point
     config.rays = c.rays;
     TraceStats stats;
@@ -96,7 +96,7 @@ TEST(PathTracer, LosslessRoomIsFlatO18H21) {
     for (int i = 25; i < 100; ++i) windows[(i - 25) / 25] += h.energy(i, 0);
     for (const double energy : windows) {
       // c / (4 pi V) = 0.454921 per second; without the 4 pi it would be 5.7.
-      EXPECT_NEAR(energy / 0.1, 0.454921, c.tolerance * 0.454921) << c.scattering << c.diffuse_last_leg;
+      EXPECT_NEAR(energy / 0.1, 0.454921, c.tolerance * 0.454921) << c.scattering << c.diffuse_last_segment;
     }
     EXPECT_EQ(stats.ray_escapes, 0u);
     EXPECT_EQ(stats.ray_efficiency(), 1.0);
@@ -104,8 +104,8 @@ TEST(PathTracer, LosslessRoomIsFlatO18H21) {
 }
 
 // A floor between source and listener, and across it a sheet that reflects nothing and passes a tenth.  Every path over the floor crosses
-// the sheet once, before the floor or behind it, so the floor's diffuse energy (O-7, HS1) arrives with a tenth: also the mirror share,
-// since image paths pass no walls and the fast mode takes the last leg as diffuse.
+// the sheet once, before the floor or behind it, so the floor's diffuse energy (O-7, HS1) arrives with a tenth: also the mirror fraction,
+// since image paths pass no walls and the fast mode takes the last segment as diffuse.
 TEST(PathTracer, LastLegsThroughWallsKeepTheMirrorShare) {
   TriangleMesh mesh;
   const double far = 3000;
@@ -117,7 +117,7 @@ TEST(PathTracer, LastLegsThroughWallsKeepTheMirrorShare) {
   config.rays = 32768;
   config.early = Switch::automatic;
   config.transmission = Switch::on;
-  config.diffuse_last_leg = true;
+  config.diffuse_last_segment = true;
   config.max_bounces = 4;
   const rooms::Sample energy = rooms::over_seeds(6, config, [&](const AcousticConfig& c) {
     double sum = 0;
@@ -133,20 +133,20 @@ TEST(PathTracer, HalfSpaceHasNoTailO7) {
   config.rays = 4096;
   config.early = Switch::automatic;
   config.max_bounces = 1;
-  config.diffuse_last_leg = true;  // exact last legs would follow the mirror once more
+  config.diffuse_last_segment = true;  // exact last segments would follow the mirror once more
   TraceStats stats;
   const auto source = rooms::point(0, 0, 1.5), listener = rooms::point(10, 0, 1.5);
   const EnergyHistogram mirror = late_field(rooms::half_space(0, 0), config, source, listener, &stats);
   for (const float value : mirror.values()) EXPECT_EQ(value, 0.f);
   // Half of the sphere of directions, up to the discrepancy of the sequence.  With more bounces the segments that leave the
-  // ground count as well, and the share is a third.
+  // ground count as well, and the fraction is a third.
   EXPECT_NEAR(stats.ray_efficiency(), 0.5, 2e-3);
 
   struct Case {
     double source_height_m, listener_height_m, distance_m, energy;
   };
   config.max_bounces = 50;
-  config.diffuse_last_leg = false;
+  config.diffuse_last_segment = false;
   config.rays = 65536;
   config.rir_length_s = 2.f;
   for (const Case& c : {Case{1.5, 1.5, 10, 3.33881e-05}, Case{2.0, 1.2, 25, 2.53136e-06}, Case{1.5, 1.5, 3, 4.97534e-04}}) {
@@ -164,7 +164,7 @@ TEST(PathTracer, DiffuseLastLegMovesTheLevelLittle) {
   config.early = Switch::automatic;
   config.rays = 8192;
   const auto level = [&](bool diffuse) {
-    config.diffuse_last_leg = diffuse;
+    config.diffuse_last_segment = diffuse;
     return 10 * std::log10(total_energy(late_field(room, config, rooms::shoe1_source(), rooms::shoe1_listener())));
   };
   EXPECT_NEAR(level(true), level(false), 0.6);
@@ -295,8 +295,8 @@ TEST(PathTracer, HugeRoomOverflowsNothingH11) {
 TEST(PathTracer, SourceOneMillimetreFromAWallStaysFiniteH18H20) {
   AcousticConfig config = plain_config();
   config.rays = 4096;
-  for (const bool diffuse_last_leg : {true, false}) {
-    config.diffuse_last_leg = diffuse_last_leg;
+  for (const bool diffuse_last_segment : {true, false}) {
+    config.diffuse_last_segment = diffuse_last_segment;
     TraceStats stats;
     const auto room = rooms::shoe1(0.2, 0.5);
     const double near = total_energy(late_field(room, config, rooms::point(1.2, 1.5, 0.001), rooms::shoe1_listener(), &stats));
@@ -305,8 +305,8 @@ TEST(PathTracer, SourceOneMillimetreFromAWallStaysFiniteH18H20) {
     // No firefly: not louder than a source at 20 cm by more than the wall's mirror can add, and not silent either (path_tracer.h
     // says that such a source comes out low).
     const double at_20_cm = total_energy(late_field(room, config, rooms::point(1.2, 1.5, 0.2), rooms::shoe1_listener()));
-    EXPECT_LT(10 * std::log10(near / at_20_cm), 3.0) << diffuse_last_leg;
-    EXPECT_GT(10 * std::log10(near / at_20_cm), -10.0) << diffuse_last_leg;
+    EXPECT_LT(10 * std::log10(near / at_20_cm), 3.0) << diffuse_last_segment;
+    EXPECT_GT(10 * std::log10(near / at_20_cm), -10.0) << diffuse_last_segment;
   }
 }
 

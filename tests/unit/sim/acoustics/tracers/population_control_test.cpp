@@ -22,11 +22,11 @@ TEST(RayBalance, RouletteWithFixedProbabilitiesKeepsEveryBand) {
     for (int draw = 0; draw < draws; ++draw) {
       std::array<Ray, 2> rays;
       for (int band = 0; band < 2; ++band) {
-        // The weight of a ray is the mean over bands of its share of the band: q for the first one, as q + d and q - d.
-        const double share = band == 0 ? q + 0.05 : q - 0.05;
+        // The weight of a ray is the mean over bands of its fraction of the band: q for the first one, as q + d and q - d.
+        const double fraction = band == 0 ? q + 0.05 : q - 0.05;
         const double level = band == 0 ? 1e-6 : 1e-8;
-        rays[0].reflected[band] = static_cast<float>(level * share);
-        rays[1].reflected[band] = static_cast<float>(level * (1 - share));
+        rays[0].reflected[band] = static_cast<float>(level * fraction);
+        rays[1].reflected[band] = static_cast<float>(level * (1 - fraction));
       }
       balance<8>(2, std::span<Ray>(rays), (draw + 0.5) / draws);
       ASSERT_NE(rays[0].alive, rays[1].alive);

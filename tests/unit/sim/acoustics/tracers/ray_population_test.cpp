@@ -10,10 +10,10 @@ namespace earshot {
 namespace {
 
 TEST(RayPopulation, EffectiveCount) {
-  EXPECT_DOUBLE_EQ(effective_count(std::vector<double>{2, 2, 2, 2}), 4.0);
-  EXPECT_DOUBLE_EQ(effective_count(std::vector<double>{5, 0, 0}), 1.0);
-  EXPECT_DOUBLE_EQ(effective_count(std::vector<double>{3, 1}), 1.6);
-  EXPECT_EQ(effective_count(std::vector<double>{0, 0}), 0.0);
+  EXPECT_DOUBLE_EQ(effective_sample_size(std::vector<double>{2, 2, 2, 2}), 4.0);
+  EXPECT_DOUBLE_EQ(effective_sample_size(std::vector<double>{5, 0, 0}), 1.0);
+  EXPECT_DOUBLE_EQ(effective_sample_size(std::vector<double>{3, 1}), 1.6);
+  EXPECT_EQ(effective_sample_size(std::vector<double>{0, 0}), 0.0);
 }
 
 TEST(RayPopulation, MeanNumberOfCopiesIsTheShare) {
@@ -24,12 +24,12 @@ TEST(RayPopulation, MeanNumberOfCopiesIsTheShare) {
     std::vector<double> mean(weights.size(), 0.0);
     std::vector<int> copies(weights.size());
     for (int d = 0; d < draws; ++d) {
-      choose_copies(weights, target, (d + 0.5) / draws, copies);
+      systematic_resample(weights, target, (d + 0.5) / draws, copies);
       int total = 0;
       for (std::size_t i = 0; i < weights.size(); ++i) {
-        const double share = target * weights[i] / sum;
-        ASSERT_GE(copies[i], std::floor(share) - 1e-9);
-        ASSERT_LE(copies[i], std::ceil(share) + 1e-9);
+        const double fraction = target * weights[i] / sum;
+        ASSERT_GE(copies[i], std::floor(fraction) - 1e-9);
+        ASSERT_LE(copies[i], std::ceil(fraction) + 1e-9);
         mean[i] += static_cast<double>(copies[i]) / draws;
         total += copies[i];
       }
@@ -45,7 +45,7 @@ TEST(RayPopulation, TargetIsMetAtTheEndsOfTheRandomNumber) {
   std::vector<int> copies(weights.size());
   for (const double random : {0.0, 0.5, std::nextafter(1.0, 0.0)}) {
     for (const int target : {1, 255, 256}) {
-      choose_copies(weights, target, random, copies);
+      systematic_resample(weights, target, random, copies);
       EXPECT_EQ(std::accumulate(copies.begin(), copies.end(), 0), target);
     }
   }
