@@ -20,8 +20,8 @@ void add_leaderboard(CLI::App& app);
 void add_replay(CLI::App& app);
 void add_bench(CLI::App& app);
 
-/// "X,Y,Z" as metres, at most kMaxCoordinateM from zero (sim/base/coordinates.h), with a decimal point whatever the locale.  Throws InputError
-/// naming the option.
+/// "X,Y,Z" as metres, at most kMaxCoordinateM from zero (sim/base/coordinates.h), with a decimal point whatever the locale.  Throws
+/// InputError naming the option.
 glm::dvec3 parse_point(const std::string& text, const std::string& option);
 
 }  // namespace earshot

@@ -19,8 +19,8 @@ class MeshBuilder {
   MeshBuilder(std::string where, TriangleMesh& mesh) : where_(std::move(where)), mesh_(mesh) {}
 
   /// positions in the part's own frame; corners: three per triangle, indices into positions.
-  /// Throws InputError for a position that is not finite, or beyond kMaxCoordinateM (sim/base/coordinates.h), after the transform and for an
-  /// index out of range.
+  /// Throws InputError for a position that is not finite, or beyond kMaxCoordinateM (sim/base/coordinates.h), after the transform and for
+  /// an index out of range.
   void append(const std::string& object, const std::string& material, const glm::dmat4& to_world, std::span<const glm::vec3> positions,
               std::span<const std::uint32_t> corners);
   /// Writes the vertices and the origin of the mesh (origin_near, of the triangles).  Once, after the last part.

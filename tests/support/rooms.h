@@ -91,7 +91,7 @@ inline std::shared_ptr<const Scene> half_space(double absorption, double scatter
 
 inline std::shared_ptr<const Scene> empty() { return scene_of({}, {}); }
 
-/// Everything plain: no air, no early part, one band, exact last legs.
+/// Everything plain: no air, no early part, one band, exact last segments.
 inline AcousticConfig plain_config() {
   AcousticConfig config;
   config.air_absorption = Switch::off;

@@ -39,7 +39,8 @@ void energy_decay_curve(std::span<const double> energy, std::span<double> edc);
 ///  - T20, T30: -5 to -25 and -35 dB of the whole curve, direct included.  Where the direct sound alone is a step below -5 dB, the range
 ///    keeps its span and begins at the foot of the step.
 ///  - EDT: the first 10 dB after the direct step.
-///  - A response that stops before it has decayed bends its curve down.  The level of what is missing is estimated from the energy at
+///  - A response that stops before it has decayed has a curve that falls too steeply at its end.  The level of what is missing is estimated
+///  from the energy at
 ///    the end and its rate of decay over the second half; a range is only fitted if it ends 10 dB above that level, which
 ///    keeps the bias below 1 % for T30, 2 % for T20 and 4 % for EDT (docs/oracles.md, O-25).
 ///  - Fewer than three points of the curve in the range, or a curve that does not fall: nullopt.

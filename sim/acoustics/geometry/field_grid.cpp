@@ -138,7 +138,7 @@ std::vector<FieldGrid::Cell> FieldGrid::pieces_of(const glm::ivec3& index) const
   return pieces;
 }
 
-bool FieldGrid::sees(const Cell& cell, glm::vec3 point) const {
+bool FieldGrid::visible_from(const Cell& cell, glm::vec3 point) const {
   for (std::uint32_t i = 0; i < cell.num_views; ++i)
     if (!scene_->rays().occluded(point, cell.view[i])) return true;
   return false;
@@ -156,7 +156,7 @@ std::uint32_t FieldGrid::piece_at(const Box& box, glm::vec3 point) const {
     if (may_hold(cells_[i])) only = i, ++candidates;
   if (candidates == 1) return only;
   for (std::uint32_t i = box.first; i < box.first + box.count; ++i)
-    if (may_hold(cells_[i]) && sees(cells_[i], point)) return i;
+    if (may_hold(cells_[i]) && visible_from(cells_[i], point)) return i;
   return none;
 }
 
@@ -221,13 +221,13 @@ std::size_t FieldGrid::blend(glm::vec3 point, std::array<CellWeight, 8>& weights
     std::uint32_t found = none;
     if (index == own && box.count == 1) found = box.first;
     for (std::uint32_t i = box.first; found == none && i < box.first + box.count; ++i)
-      if (sees(cells_[i], point)) found = i;
+      if (visible_from(cells_[i], point)) found = i;
     if (found == none) continue;
     weights[count++] = {found, weight};
     sum += weight;
   }
   if (count == 0) {
-    // In a crack that no cell sees: the largest piece of its own box.
+    // In a crack from which no cell is visible: the largest piece of its own box.
     const Box& box = boxes_[box_at(own)];
     if (box.count == 0) return 0;
     weights[0] = {box.first, 1.f};

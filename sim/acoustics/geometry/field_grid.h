@@ -38,9 +38,9 @@ class FieldGrid {
     std::uint32_t cell;
     float weight;
   };
-  /// The cells round a point that are visible from it, with the weights of trilinear interpolation between the centres of their boxes; weights add up
-  /// to 1.  Returns how many; 0 only in an empty scene.  A point outside of the bounds of the scene gets the cells at the border.  Cost: up
-  /// to some tens of short rays.
+  /// The cells round a point that are visible from it, with the weights of trilinear interpolation between the centres of their boxes;
+  /// weights add up to 1.  Returns how many; 0 only in an empty scene.  A point outside of the bounds of the scene gets the cells at the
+  /// border.  Cost: up to some tens of short rays.
   std::size_t blend(glm::vec3 point, std::array<CellWeight, 8>& weights) const;
 
   /// Two cells of adjacent boxes that are visible from each other.
@@ -68,7 +68,7 @@ class FieldGrid {
                static_cast<std::size_t>(count_.z) +
            static_cast<std::size_t>(index.z);
   }
-  [[nodiscard]] bool sees(const Cell& cell, glm::vec3 point) const;
+  [[nodiscard]] bool visible_from(const Cell& cell, glm::vec3 point) const;
   [[nodiscard]] float openness(const Cell& a, const Cell& b) const;
   [[nodiscard]] std::uint32_t piece_at(const Box& box, glm::vec3 point) const;
   [[nodiscard]] std::vector<bool> boxes_with_geometry() const;

@@ -23,33 +23,33 @@ PositionCheck::PositionCheck(const Scene& scene) : scene_(&scene) {
   int front = 0, back = 0;
   const std::size_t count = std::min(points.size(), kAirPoints);
   for (std::size_t i = 0; i < count; ++i) {
-    const Votes votes = vote(points[i * points.size() / count]);
-    front += votes.front;
-    back += votes.back;
+    const FaceCounts faces = count_faces(points[i * points.size() / count]);
+    front += faces.front;
+    back += faces.back;
   }
-  air_sees_front_ = front > kConsistent * (front + back);
-  air_sees_back_ = back > kConsistent * (front + back);
+  air_meets_front_ = front > kConsistent * (front + back);
+  air_meets_back_ = back > kConsistent * (front + back);
 }
 
-PositionCheck::Votes PositionCheck::vote(glm::vec3 point) const {
+PositionCheck::FaceCounts PositionCheck::count_faces(glm::vec3 point) const {
   const TriangleMesh& mesh = scene_->mesh();
   const SphereSequence directions(0x2C1B3C6Du, 0x297A2D39u);  // any that lie along no wall
-  Votes votes;
+  FaceCounts faces;
   for (std::uint32_t i = 0; i < kRays; ++i) {
     const glm::vec3 direction = directions.direction(i);
     const Hit hit = scene_->rays().intersect(point, direction);
     if (!hit.valid()) continue;
     const glm::uvec3 corner = mesh.triangles[hit.triangle];
     const glm::dvec3 a = mesh.vertices[corner.x], b = mesh.vertices[corner.y], c = mesh.vertices[corner.z];
-    ++(glm::dot(glm::cross(b - a, c - a), glm::dvec3(direction)) < 0 ? votes.front : votes.back);
+    ++(glm::dot(glm::cross(b - a, c - a), glm::dvec3(direction)) < 0 ? faces.front : faces.back);
   }
-  return votes;
+  return faces;
 }
 
 bool PositionCheck::inside_solid(glm::vec3 point) const {
-  if (!knows()) return false;
-  const Votes votes = vote(point);
-  return (air_sees_front_ ? votes.back : votes.front) >= kMajority;
+  if (!has_consistent_windings()) return false;
+  const FaceCounts faces = count_faces(point);
+  return (air_meets_front_ ? faces.back : faces.front) >= kMajority;
 }
 
 }  // namespace earshot

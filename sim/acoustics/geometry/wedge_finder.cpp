@@ -41,7 +41,7 @@ struct Piece {
   std::uint32_t first_material, second_material;
 };
 
-/// The same wedge seen along the other direction.
+/// The same wedge along the other direction.
 Piece reversed(const Piece& piece) {
   Piece other = piece;
   std::swap(other.vertex[0], other.vertex[1]);

@@ -8,7 +8,7 @@
 namespace earshot {
 
 /// The wedges of a mesh by adjacency alone, straight runs merged, at least `least_length_m` long; longest first.  Faces that touch an edge
-/// without sharing its vertices are not seen here.
+/// without sharing its vertices are not found here.
 std::vector<DiffractionEdge> find_wedges(const TriangleMesh& mesh, double least_length_m);
 
 }  // namespace earshot

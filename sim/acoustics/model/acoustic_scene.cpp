@@ -34,8 +34,8 @@ std::uint64_t hash_of(const AcousticConfig& c, std::uint64_t scene_hash, bool tr
     append_bytes(bytes, static_cast<std::int32_t>(s));
   }
   for (const int value :
-       {c.early_order, c.early_candidate_rays, c.rays, c.max_bounces, c.sh_order, c.diffuse_last_segment ? 1 : 0, c.bands, c.diffraction_order,
-        c.diffraction_paths, c.transmission_walls, c.source_rays, c.source_bounces, c.field_photons}) {
+       {c.early_order, c.early_candidate_rays, c.rays, c.max_bounces, c.sh_order, c.diffuse_last_segment ? 1 : 0, c.bands,
+        c.diffraction_order, c.diffraction_paths, c.transmission_walls, c.source_rays, c.source_bounces, c.field_photons}) {
     append_bytes(bytes, value);
   }
   for (const float value : {c.time_bin_s, c.rir_length_s, c.source_radius_m, c.scattering, c.sample_rate_hz, c.diffraction_edge_m,
@@ -59,7 +59,7 @@ struct AcousticScene::LazyGrid {
   std::optional<FieldGrid> grid;
   std::optional<FieldSmoothing> smoothing;
   void build(const Scene& scene, float cell_m) {
-    // While this thread waits for its own parallel work it must not take up a task that asks for the grid again.
+    // While this thread waits for its own parallel work it must not take up a task that needs the grid too.
     std::call_once(once, [&] { tbb::this_task_arena::isolate([&] { smoothing.emplace(grid.emplace(scene, cell_m)); }); });
   }
 };

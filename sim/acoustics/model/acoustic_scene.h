@@ -83,7 +83,7 @@ class AcousticScene {
 /// Is transmission part of the late field here?  On request, and where the plan finds that walls matter beside the air.
 inline bool traces_transmission(const AcousticScene& scene) { return scene.plan().traced_transmission; }
 
-/// Does the plan want a SourceField for the late part of a source that stands still?  Where that is the cheaper way to the same error over
+/// Is a SourceField planned for the late part of a source that stands still?  Where that is the cheaper way to the same error over
 /// a few hundred poses: not in single rooms, where tens of rays per pose do.
 inline bool uses_source_field(const AcousticScene& scene) { return scene.plan().field; }
 

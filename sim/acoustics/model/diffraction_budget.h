@@ -4,8 +4,8 @@
 
 namespace earshot {
 
-/// What diffraction may cost.  `on`: whatever config asks for.  `automatic`: in proportion to the rays of the late field, so that a preset
-/// of few rays stays as fast as it is:
+/// What diffraction may cost.  `on`: all that the config allows.  `automatic`: in proportion to the rays of the late field, so that a
+/// preset of few rays stays as fast as it is:
 ///  - sequences of edges that are tried per pose: 8 per ray, at most 4096 (fast: 512), grown in half as many expansions as rays;
 ///  - of those, with fewer than 512 rays, one path per ray is worked out, those first that lose least on the way to their last edge;
 ///  - arrivals that are kept: one per 8 rays, at least 4, at most config.diffraction_paths (fast: 8), since each is filtered in synthesis;
@@ -19,7 +19,7 @@ struct DiffractionBudget {
   int sequences = 0, expansions = 0, paths = 0;
   bool near_boundary_only = false;  ///< in line of sight
   int attempts = 0;                 ///< paths per pose that pass the estimate and are worked out: one per ray with fewer than 512 rays
-  bool quick = false;               ///< with fewer than 512 rays: one point of an edge, not five, decides whether the listener sees it
+  bool quick = false;  ///< with fewer than 512 rays: one point of an edge, not five, decides whether it is visible from the listener
 };
 
 }  // namespace earshot

@@ -22,9 +22,9 @@ constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kMargin = 1.2, kOpenMargin = 2.0, kClosedFraction = 0.98;
 constexpr double kShortestRirS = 0.1, kShortestHorizonS = 1.5, kLongestRirS = 4.0, kLongestDelayS = 0.6;
 constexpr double kPosesOfASource = 300;
-/// Rays for 5 % error of T30, one diffuse room; they grow with the inverse cube of the fraction of the air that is visible from a point: 10, 80, 640 and
-/// 1250 for fractions of 1, 1/2, 1/4 and 1/5, against 10 in a room, 100 to 1300 in two coupled ones and 900 to 2100 in an apartment that were
-/// measured (docs/estimators.md, section 10).
+/// Rays for 5 % error of T30, one diffuse room; they grow with the inverse cube of the fraction of the air that is visible from a point:
+/// 10, 80, 640 and 1250 for fractions of 1, 1/2, 1/4 and 1/5, against 10 in a room, 100 to 1300 in two coupled ones and 900 to 2100 in an
+/// apartment that were measured (docs/estimators.md, section 10).
 constexpr double kRaysOfARoom = 10;
 /// A field costs memory and blurs cells: it must be this much cheaper.
 constexpr double kFieldGain = 2;
@@ -158,11 +158,11 @@ class Planner {
     } else {
       add("early", false, "off", level_change_db(reflectance), "dB", reflectance > 0 ? BoundKind::bounded : BoundKind::exact, early_ms(),
           reflectance > 0 ? "what mirrors send back is below the direct sound by more than 16.3 dB; rays carry it"
-                    : "nothing reflects as a mirror");
+                          : "nothing reflects as a mirror");
     }
   }
   [[nodiscard]] double early_ms() const {
-    // Sequences: all of few planes, else about as many as rays of the source meet; each is turned down by arithmetic, some by rays.
+    // Sequences: all of few planes, else about as many as rays of the source meet; each is refused by arithmetic, some by rays.
     const double sequences = std::min(std::pow(static_cast<double>(surfaces_.planes().size()), config_.early_order), 2000.0);
     return sequences * 1e-4 + 20 * probe_.query_us * 1e-3;
   }
@@ -246,8 +246,8 @@ class Planner {
     plan_.field = wanted;
 
     if (plan_.straight_transmission) {
-      // Photons pass walls once for all poses, many rays are configured where accuracy counts; with few rays per pose walls would double the
-      // time for less than their noise, unless they are the only way.
+      // Photons pass walls once for all poses, many rays are configured where accuracy counts; with few rays per pose walls would double
+      // the time for less than their noise, unless they are the only way.
       const bool affordable = wanted || all_rays() >= kManyRays || std::isinf(wall_to_air);
       plan_.traced_transmission = plan_.late && (forced || (matters && affordable));
       if (forced) {
@@ -266,18 +266,18 @@ class Planner {
       }
     }
 
-    const std::string seen = fmt::format(
+    const std::string costs = fmt::format(
         "{:.0f} % of the air are visible from a point of it: about {:.0f} rays per pose for 5 % of T30, {:.0f} ms for {:.0f} "
         "poses against {:.0f} ms with a field",
         100 * probe_.visible_fraction, rays, tracer_ms, kPosesOfASource, field_ms);
     const double saved = std::abs(tracer_ms - field_ms) / kPosesOfASource;
     if (config_.field != Switch::automatic) {
-      add("field", wanted, name_of(config_.field), kNan, "", BoundKind::user_set, 0, seen);
+      add("field", wanted, name_of(config_.field), kNan, "", BoundKind::user_set, 0, costs);
     } else if (!unfit.empty()) {
       add("field", false, "off", 0, "dB", BoundKind::exact, 0, unfit);
     } else {
       add("field", wanted, name_of(wanted ? Switch::on : Switch::off), wanted ? 100.0 * config_.field_error : 0, wanted ? "% of T20" : "dB",
-          wanted ? BoundKind::bounded : BoundKind::exact, 0, seen);
+          wanted ? BoundKind::bounded : BoundKind::exact, 0, costs);
       plan_.decisions.back().saved_ms = std::max(saved, 0.0);
     }
   }
@@ -323,8 +323,8 @@ class Planner {
   void decide_bounces() {
     const double needed = segments_per_ray(plan_.rir_length_s);
     const bool enough = config_.max_bounces > 3.0 * needed;
-    add("max_bounces", true, fmt::format("{}", config_.max_bounces), enough ? 0 : kNan, "dB", enough ? BoundKind::exact : BoundKind::user_set,
-        0,
+    add("max_bounces", true, fmt::format("{}", config_.max_bounces), enough ? 0 : kNan, "dB",
+        enough ? BoundKind::exact : BoundKind::user_set, 0,
         enough ? fmt::format("a ray meets about {:.0f} surfaces within the RIR: time ends it, not this number", needed)
                : fmt::format("a ray meets about {:.0f} surfaces within the RIR: decays may be cut short", needed));
   }

@@ -19,8 +19,8 @@ inline constexpr double kEffectBudgetFraction = 0.023293;
 
 /// What a decision rests on.
 enum class BoundKind : std::uint8_t {
-  exact,    ///< nothing is left out: the same bits, or only zeros dropped
-  bounded,  ///< what is left out stays within the budget, by a bound that the plan computes from the scene
+  exact,         ///< nothing is left out: the same bits, or only zeros dropped
+  bounded,       ///< what is left out stays within the budget, by a bound that the plan computes from the scene
   approximated,  ///< for speed, by more than the budget and at most the number that is stated; `on` computes it in full
   user_set       ///< by the config, without a bound
 };

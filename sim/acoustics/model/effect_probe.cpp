@@ -27,7 +27,8 @@ constexpr double kFirstTimeS = 1e-3;
 constexpr std::size_t kMaxWalls = 12, kWallTests = 8;  // in all, per point
 constexpr std::uint32_t kWallWalks = 24, kWallBounces = 24;
 
-/// Could a listener stand there?  A floor below and the height of a person above it; in is_room also no wall or piece of furniture around it.
+/// Could a listener stand there?  A floor below and the height of a person above it; in is_room also no wall or piece of furniture around
+/// it.
 bool has_height(const AcousticSurfaces& surfaces, glm::vec3 point) {
   const EmbreeScene& rays = surfaces.scene().rays();
   const Hit down = rays.intersect(point, {0, -1, 0});
@@ -49,8 +50,8 @@ std::vector<glm::vec3> points_of_air(const AcousticSurfaces& surfaces) {
   const auto place = [&](std::uint32_t cell, std::uint32_t attempt) {
     const std::array<float, 4> u = stream(Use::place, cell).uniform4(attempt);
     const glm::vec3 relative((static_cast<float>(cell % kCellsX) + u[0]) / kCellsX,
-                          (static_cast<float>(cell / kCellsX % kCellsY) + u[1]) / kCellsY,
-                          (static_cast<float>(cell / (kCellsX * kCellsY)) + u[2]) / kCellsZ);
+                             (static_cast<float>(cell / kCellsX % kCellsY) + u[1]) / kCellsY,
+                             (static_cast<float>(cell / (kCellsX * kCellsY)) + u[2]) / kCellsZ);
     return lower + relative * size;
   };
   std::vector<glm::vec3> points;
@@ -177,8 +178,8 @@ glm::vec3 into_the_room(const AcousticSurfaces& surfaces, glm::vec3 from, glm::v
   return from + std::min(0.5f * free_m, 1.f) * direction;
 }
 
-/// Largest fraction of energy that comes into a room through its walls: with energy densities D apart by air, a wall of transmission tau and
-/// area S brings (tau S / A) / D of what the air brings, S / A being the fraction of hits on such walls over the mean absorption.
+/// Largest fraction of energy that comes into a room through its walls: with energy densities D apart by air, a wall of transmission tau
+/// and area S brings (tau S / A) / D of what the air brings, S / A being the fraction of hits on such walls over the mean absorption.
 /// transmission: mean over hits of what goes through to other air.
 void compare_walls(const AcousticSurfaces& surfaces, const std::vector<Wall>& walls, std::span<const double> transmission,
                    EffectProbe& probe) {

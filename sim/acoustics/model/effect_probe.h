@@ -15,10 +15,10 @@ inline constexpr double kProbedFallDb = 50.0;
 /// random numbers of a run.
 struct EffectProbe {
   std::vector<glm::vec3> points;                 ///< of the air, spread over the bounds; with a floor below where there is any such point
-  double hit_fraction = 0;                          ///< of the segments of diffuse walks: 1 in a closed room
+  double hit_fraction = 0;                       ///< of the segments of diffuse walks: 1 in a closed room
   double mean_free_path_m = 0;                   ///< of the segments that hit something
   std::vector<double> absorption, transmission;  ///< [num_bands], mean over hits
-  double visible_fraction = 1;                      ///< of the pairs of points: 1 in a convex room, 0.1 to 0.3 in an apartment
+  double visible_fraction = 1;                   ///< of the pairs of points: 1 in a convex room, 0.1 to 0.3 in an apartment
   double query_us = 0;  ///< cost of one ray, a model of the number of triangles (a measurement would not be repeatable)
 
   /// Time in which the energy released at a point falls by kProbedFallDb without any air, [num_bands], the longest over all points; by
@@ -28,9 +28,9 @@ struct EffectProbe {
   std::vector<double> decay_with_air_s;
   double horizon_s = 0;
 
-  /// Behind walls that let sound through: the largest fraction by which the energy that reaches a room through its walls adds to what reaches
-  /// it through the air, [num_bands] (docs/estimators.md, section 12: E_up / E_lo).  Zero if no wall has air behind it; infinite if most
-  /// walls lead to where no air does.
+  /// Behind walls that let sound through: the largest fraction by which the energy that reaches a room through its walls adds to what
+  /// reaches it through the air, [num_bands] (docs/estimators.md, section 12: E_up / E_lo).  Zero if no wall has air behind it; infinite if
+  /// most walls lead to where no air does.
   std::vector<double> wall_to_air;
 };
 

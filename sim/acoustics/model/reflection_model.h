@@ -9,8 +9,8 @@
 namespace earshot {
 
 /// What a surface does with the energy that meets it, per band, as the bidirectional tracer uses it (docs/estimators.md, sections 3 and 5):
-///   kept = 1 - alpha + tau; of the kept energy the fraction diffuse = (1 - alpha) s / kept leaves after Lambert, specular = (1 - alpha)(1 -
-///   s) / kept as from a mirror or in a lobe, transmitted = tau / kept goes straight on.
+///   kept = 1 - alpha + tau; of the kept energy the fraction diffuse = (1 - alpha) s / kept leaves after Lambert, specular = (1 - alpha)(1
+///   - s) / kept as from a mirror or in a lobe, transmitted = tau / kept goes straight on.
 /// Rows are surfaces.padded_bands() long and end in zeros.
 class ReflectionModel {
  public:
@@ -23,7 +23,7 @@ class ReflectionModel {
   [[nodiscard]] const float* transmitted(std::uint32_t material) const { return row(3, material); }
   [[nodiscard]] bool transmits(std::uint32_t material) const { return mean_[material].transmitted > 0.f; }
 
-  /// Do specular reflections leave in a lobe?  Otherwise as from a mirror, which no connection can see.
+  /// Do specular reflections leave in a lobe?  Otherwise as from a mirror, which no connection can reach.
   [[nodiscard]] bool glossy() const { return lobe_ != nullptr; }
   [[nodiscard]] const SpecularLobe& lobe() const { return *lobe_; }
   /// Value per steradian of the specular part between two directions (unit, away from the surface); 0 for a mirror.

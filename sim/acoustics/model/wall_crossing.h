@@ -13,8 +13,8 @@ namespace earshot {
 /// Two faces further apart than this, measured across the wall, are two walls.
 inline constexpr float kMaxWallThicknessM = 0.6f;
 
-/// Length of a segment to a point that stops before what the point itself lies on, as EmbreeScene::occluded has it: a source or listener on a
-/// wall is before it.  Four times the spacing of floats there.
+/// Length of a segment to a point that stops before what the point itself lies on, as EmbreeScene::occluded has it: a source or listener on
+/// a wall is before it.  Four times the spacing of floats there.
 inline float open_length_m(glm::vec3 to, float length_m) {
   const glm::vec3 size = glm::abs(to);
   return length_m - 0x1p-22f * std::max({size.x, size.y, size.z, length_m});

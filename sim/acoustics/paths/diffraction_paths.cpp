@@ -169,7 +169,8 @@ void DiffractionCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 
   const auto near_boundary = [&](std::uint32_t edge) {
     const glm::dvec3 diffraction_point =
         edges[edge].at(std::clamp(fermat_point(edges[edge], glm::dvec3(source_), glm::dvec3(listener)), 0.0, edges[edge].length_m));
-    return glm::length(diffraction_point - glm::dvec3(source_)) + glm::length(glm::dvec3(listener) - diffraction_point) - sight_m <= most_detour_m;
+    return glm::length(diffraction_point - glm::dvec3(source_)) + glm::length(glm::dvec3(listener) - diffraction_point) - sight_m <=
+           most_detour_m;
   };
   Arrival arrival;
   int attempts = budget.attempts;

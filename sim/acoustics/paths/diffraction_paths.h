@@ -27,11 +27,11 @@ class DiffractionCandidates {
   /// Inserts the strongest paths to `listener`, each segment confirmed by a ray, so that `arrivals` stays sorted by distance.
   ///
   /// Amplitude and phase per band at its centre: EdgePathField times 1 / (4 pi r) and air.  Faces reflect with the root of their specular
-  /// reflectance, (1 - absorption)(1 - scattering), so that the field joins the image paths.  In sight of the source the diffracted sound has the
-  /// sign, in its phase, that takes from the direct sound.  The energy of all of them together is kept below that of the unobstructed
-  /// direct sound + 6 dB.  Source and listener swapped give the bits of the same distances, amplitudes and phases wherever both find the
-  /// same sequences.  No allocation once `arrivals` has room for them.
-  /// in_sight: is the line from the source free (line_of_sight.h)?
+  /// reflectance, (1 - absorption)(1 - scattering), so that the field joins the image paths.  In sight of the source the diffracted sound
+  /// has the sign, in its phase, that takes from the direct sound.  The energy of all of them together is kept below that of the
+  /// unobstructed direct sound + 6 dB.  Source and listener swapped give the bits of the same distances, amplitudes and phases wherever
+  /// both find the same sequences.  No allocation once `arrivals` has room for them. in_sight: is the line from the source free
+  /// (line_of_sight.h)?
   void find_arrivals(const AcousticScene& scene, glm::vec3 listener, bool in_sight, std::vector<Arrival>& arrivals) const;
   /// The same, with a ray of its own for the line of sight.
   void find_arrivals(const AcousticScene& scene, glm::vec3 listener, std::vector<Arrival>& arrivals) const;

@@ -167,7 +167,8 @@ bool EarlyCandidates::find_path(const AcousticScene& scene, std::size_t index, g
   const double distance_m = std::max(glm::length(from_listener), double{kLeastDistanceM});
   if (distance_m > scene.max_path_m()) return false;
 
-  // Geometry first, from the listener back to the source: each segment must cross its plane between its ends, where the plane has triangles.
+  // Geometry first, from the listener back to the source: each segment must cross its plane between its ends, where the plane has
+  // triangles.
   std::array<glm::dvec3, kMaxOrder> point;
   glm::dvec3 start(listener), image = images_[index];
   const double edge_m = 1e-6 * scene.diagonal_m();  // a path through the edge of two planes meets both at one point

@@ -22,15 +22,14 @@ class EarlyCandidates {
   /// Cost: config.early_candidate_rays times early_order rays, and the diffraction paths (diffraction_paths.h): 8 to 13 ms
   /// in a house.
   EarlyCandidates(const AcousticScene& scene, const SoundSource& source);
-  /// Appends the valid arrivals at `listener`: direct sound if `in_sight` (line_of_sight.h), then image paths whose every segment is confirmed
-  /// by a ray.
-  /// A path through the edge of two planes, which two sequences find, counts once.  Arrivals that carry no energy (fully absorbing or
-  /// fully scattering surfaces) or come after config.rir_length_s are left out.  The appended part is sorted by (distance, plane
-  /// sequence): same input, same bits.  Source and listener swapped give the bits of the same distances and amplitudes.
+  /// Appends the valid arrivals at `listener`: direct sound if `in_sight` (line_of_sight.h), then image paths whose every segment is
+  /// confirmed by a ray. A path through the edge of two planes, which two sequences find, counts once.  Arrivals that carry no energy
+  /// (fully absorbing or fully scattering surfaces) or come after config.rir_length_s are left out.  The appended part is sorted by
+  /// (distance, plane sequence): same input, same bits.  Source and listener swapped give the bits of the same distances and amplitudes.
   void find_arrivals(const AcousticScene& scene, glm::vec3 listener, bool in_sight, std::vector<Arrival>& arrivals) const;
   /// The same, with a ray of its own for the line of sight.
   void find_arrivals(const AcousticScene& scene, glm::vec3 listener, std::vector<Arrival>& arrivals) const;
-  /// Is this plane sequence, in the order seen from the source, among the candidates?  Then image paths carry its specular energy.
+  /// Is this plane sequence, in the order from the source, among the candidates?  Then image paths carry its specular energy.
   [[nodiscard]] bool contains(std::span<const std::uint32_t> planes) const;
   [[nodiscard]] glm::vec3 source() const { return source_.position; }
   [[nodiscard]] const SoundSource& sound_source() const { return source_; }
@@ -47,8 +46,8 @@ class EarlyCandidates {
     auto operator<=>(const Sequence&) const = default;
   };
   bool find_path(const AcousticScene& scene, std::size_t index, glm::vec3 listener, Arrival& arrival) const;
-  /// Marks the sequences from `first` on whose last segment is possible, by the sides of the last plane and its bounds, for all poses in one plain loop that
-  /// lets pass a little more than find_path does.
+  /// Marks the sequences from `first` on whose last segment is possible, by the sides of the last plane and its bounds, for all poses in
+  /// one plain loop that lets pass a little more than find_path does.
   void cull(std::size_t first, glm::dvec3 listener, std::span<std::uint8_t> possible) const;
 
   SoundSource source_;

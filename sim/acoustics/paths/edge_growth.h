@@ -33,19 +33,19 @@ struct RankedCandidate {
   }
 };
 
-/// Grows edge sequences from a source, best first.  Visibility between edges is what costs: it is tested only for those links whose turn has
-/// come, and links wait under a bound of their score that takes no logarithm.  The result is that of asking for all.
+/// Grows edge sequences from a source, best first.  Visibility between edges takes most of the time: links are queued by a bound of
+/// their score that takes no logarithm, and tested when they are next.  The result is that of testing all.
 class EdgeGrowth {
  public:
   EdgeGrowth(const AcousticScene& scene, glm::vec3 source);
   /// Grows longer sequences from the best `expansions` of those found.
   void expand(int expansions);
   /// The strongest sequences of one edge, and of several, at most `limit` together: single ones come without a loss and would crowd out
-  /// the others where there are many, so they get half of the room if it is short.  Strongest first.
+  /// the others where there are many, so they get half of `limit` if it is short.  Strongest first.
   [[nodiscard]] std::vector<RankedCandidate> strongest(std::size_t limit);
 
  private:
-  /// A sequence and one edge more, not yet looked at.
+  /// A sequence and one edge more, not yet tested.
   struct Link {
     float bound;  ///< root of the edge's length over at most the length of the way to it
     std::uint32_t edge;

@@ -37,20 +37,21 @@ bool shortest_path(const DiffractionEdges& edges, const EdgeSequence& sequence, 
 
 /// Field of a path over the free field at its length: the product of the wedges' ratios (utd.h).
 ///
-/// Several edges: the wedge with the least deviation of the path takes L from the segments next to it, is then left out, and so on; the last takes L
-/// from the whole path, as in Deygout's construction.  So the field joins the path that skips an edge where that edge is at its
-/// boundary, has Keller's spreading far from all boundaries, stays finite for edges close together, and is reciprocal.  Alone it is
-/// up to 2.6 dB too loud for thick walls: far from the boundaries L of every wedge is that of its own segments (with the factor
-/// sqrt(product of these L / product of the others)).  The level goes from the one to the other by the fraction
-///   q = x / (x + 0.3) * k w / (1 + k w),  x = least sqrt(2 k L) |sin(d / 2)| of all wedges by their own segments, w the shortest inner segment,
+/// Several edges: the wedge with the least deviation of the path takes L from the segments next to it, is then left out, and so on; the
+/// last takes L from the whole path, as in Deygout's construction.  So the field joins the path that skips an edge where that edge is at
+/// its boundary, has Keller's spreading far from all boundaries, stays finite for edges close together, and is reciprocal.  Alone it is up
+/// to 2.6 dB too loud for thick walls: far from the boundaries L of every wedge is that of its own segments (with the factor sqrt(product
+/// of these L / product of the others)).  The level goes from the one to the other by the fraction
+///   q = x / (x + 0.3) * k w / (1 + k w),  x = least sqrt(2 k L) |sin(d / 2)| of all wedges by their own segments, w the shortest inner
+///   segment,
 /// in dB.  The first factor is fitted to second-order Biot-Tolstoy-Medwin integrals over walls 0.1 to 3 m thick (125 Hz to 2 kHz), which it
 /// meets within 0.3 dB; the second takes it back where the edges are closer than sound resolves and a thin screen is the better
 /// model.  Against those integrals the whole is 0.6 dB too loud at most for k w > 3.  It is
 /// wrong where several edges are at their boundaries at once: two black edges in one line with both ends leave 1/4 instead of 1/3 of the
 /// pressure (2.5 dB).
 ///
-/// A segment along the common face of two edges: incident and reflected ray coincide, and the field is divided by 1 + R of that face (K-P 1974
-/// for grazing incidence: half for a rigid face).  Two rims of one sheet have no such segment: not a valid path.
+/// A segment along the common face of two edges: incident and reflected ray coincide, and the field is divided by 1 + R of that face (K-P
+/// 1974 for grazing incidence: half for a rigid face).  Two rims of one sheet have no such segment: not a valid path.
 ///
 /// Past an edge's end the ratio fades with the detour by way of the end, as behind a second knife edge, and loses its jump at
 /// boundaries; at the end itself it is not yet reduced (up to 6 dB too much there; Kirchhoff's corner has half).
@@ -71,7 +72,8 @@ class EdgePathField {
       const std::complex<double> one = wedge.diffraction.ratio(wavenumber * wedge.length_m, first, second, beyond_end);
       product = {product.real() * one.real() - product.imag() * one.imag(), product.real() * one.imag() + product.imag() * one.real()};
       if (order_ > 1 && !wedge.ranks_by_own_segments && std::norm(one) > 0) {
-        own_segments_energy *= std::norm(wedge.diffraction.ratio(wavenumber * wedge.own_length_m, first, second, beyond_end)) / std::norm(one);
+        own_segments_energy *=
+            std::norm(wedge.diffraction.ratio(wavenumber * wedge.own_length_m, first, second, beyond_end)) / std::norm(one);
       }
       if (wedge.joins_next) product /= 1.0 + 0.5 * (reflection(wedge.shared_material) + reflection(wedge.next_shared_material));
     }
@@ -85,16 +87,16 @@ class EdgePathField {
   struct Wedge {
     WedgeDiffraction diffraction;
     double length_m = 0, own_length_m = 0, beyond_m = 0;  ///< L by rank and by its own segments
-    bool ranks_by_own_segments = false;                       ///< both are the same: that of the least deviation
+    bool ranks_by_own_segments = false;                   ///< both are the same: that of the least deviation
     std::uint32_t first_material = 0, second_material = 0;
     bool joins_next = false;  ///< the segment to the next edge lies in a face of both
     std::uint32_t shared_material = 0, next_shared_material = 0;
   };
   int order_ = 0;
   bool valid_ = true;
-  double spreading_ = 1;     ///< product of L by own segments over product of L by rank
+  double spreading_ = 1;          ///< product of L by own segments over product of L by rank
   double least_deviation_m_ = 0;  ///< least L sin^2(d / 2), by own segments
-  double least_segment_m_ = 0;   ///< between two edges
+  double least_segment_m_ = 0;    ///< between two edges
   std::array<Wedge, kMaxDiffractionOrder> wedges_;
 };
 

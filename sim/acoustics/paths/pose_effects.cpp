@@ -25,7 +25,8 @@ PoseEffects decide_pose_effects(const AcousticScene& scene, const EarlyCandidate
 }
 
 EffectCounters count_effects(const AcousticScene& scene, const PoseEffects& effects, std::span<const Arrival> arrivals, bool gathered) {
-  const bool diffracted = std::any_of(arrivals.begin(), arrivals.end(), [](const Arrival& a) { return a.kind == ArrivalKind::diffraction; });
+  const bool diffracted =
+      std::any_of(arrivals.begin(), arrivals.end(), [](const Arrival& a) { return a.kind == ArrivalKind::diffraction; });
   const bool late = scene.config().late != Switch::off;
   return {.poses = 1,
           .in_sight = effects.in_sight ? 1u : 0u,

@@ -10,7 +10,7 @@ namespace earshot {
 /// Kouyoumjian and Pathak is F(x) = sqrt(pi x) exp(j pi / 4) times it at u = sqrt(x).  Convention exp(+j w t).
 std::complex<double> scaled_erfc(double u);
 
-/// A rigid wedge as one source direction and one listener direction see it: uniform theory of diffraction (Kouyoumjian and Pathak 1974,
+/// A rigid wedge for one source direction and one listener direction: uniform theory of diffraction (Kouyoumjian and Pathak 1974,
 /// Proc. IEEE 62, eqs. 25 to 32), written without the product of an infinite cotangent and a vanishing transition function.
 ///
 /// With x_i = sqrt(2 k L) |sin(d_i / 2)| and d_i the angle from the i-th shadow or reflection boundary, each term of the theory is

@@ -98,9 +98,9 @@ void trace_chunk(const Trace& trace, const FieldGrid& grid, std::uint32_t chunk,
       any_alive = any_alive || photons[i].alive;
     }
     if (!any_alive) return;
-    stats.nonfinite_dropped +=
-        static_cast<std::uint64_t>(control_population<W>(trace.scene.num_bands(), std::span<RayState<W>>(photons),
-                                              RandomStream(seed, Purpose::photon_roulette, chunk, stage).uniform(0), kPhotonTaper));
+    stats.nonfinite_dropped += static_cast<std::uint64_t>(
+        control_population<W>(trace.scene.num_bands(), std::span<RayState<W>>(photons),
+                              RandomStream(seed, Purpose::photon_roulette, chunk, stage).uniform(0), kPhotonTaper));
   }
 }
 

@@ -112,7 +112,7 @@ class BatchTracer {
       if (!any_alive) return;
       stats_.nonfinite_dropped += static_cast<std::uint64_t>(
           control_population<W>(shared_.scene.num_bands(), rays,
-                     RandomStream(shared_.seed, Purpose::roulette, first / kRaysPerChunk, stage, batch_.index + 1).uniform(0)));
+                                RandomStream(shared_.seed, Purpose::roulette, first / kRaysPerChunk, stage, batch_.index + 1).uniform(0)));
     }
   }
 

@@ -84,7 +84,8 @@ bool some_strategy_connects(const BidirectionalScene& shared, const ListenerRay<
 /// What no strategy can connect: chord of the segment through the source's sphere over 4 pi times its volume (docs/estimators.md, section
 /// 2).
 template <int W>
-void catch_in_volume(const BidirectionalScene& shared, const ListenerRay<W>& ray, float segment_m, float path_weight, BatchOutput<W>& output) {
+void catch_in_volume(const BidirectionalScene& shared, const ListenerRay<W>& ray, float segment_m, float path_weight,
+                     BatchOutput<W>& output) {
   const float radius_m = shared.volume_radius_m;
   const Chord chord = chord_through(shared.source, radius_m, ray.origin, ray.direction, segment_m);
   if (!(chord.leave_m > chord.enter_m) || some_strategy_connects(shared, ray) || carried(shared, ray)) return;
@@ -97,10 +98,10 @@ void catch_in_volume(const BidirectionalScene& shared, const ListenerRay<W>& ray
   output.deposit(energy, ray.path_m + 0.5f * (chord.enter_m + chord.leave_m), ray.sh.data(), [] { return false; });
 }
 
-/// Strategy 0: the listener's vertex sees the source.
+/// Strategy 0: connects the listener's vertex to the source.
 template <int W>
-void connect_to_source(const BidirectionalScene& shared, const ListenerRay<W>& ray, std::uint32_t material, glm::vec3 source, float path_weight,
-                       BatchOutput<W>& output) {
+void connect_to_source(const BidirectionalScene& shared, const ListenerRay<W>& ray, std::uint32_t material, glm::vec3 source,
+                       float path_weight, BatchOutput<W>& output) {
   const glm::vec3 to_source = source - ray.origin, normal = ray.hit.normal, in = -ray.direction;
   const float height_m = glm::dot(normal, to_source);
   if (!(height_m > 0.f)) return;
@@ -127,7 +128,7 @@ void connect_to_source(const BidirectionalScene& shared, const ListenerRay<W>& r
   });
 }
 
-/// Strategy i = source_event: the listener's vertex sees the source's.
+/// Strategy i = source_event: connects the listener's vertex to the source's.
 template <int W>
 void connect_to_vertex(const BidirectionalScene& shared, const ListenerRay<W>& ray, std::uint32_t material, const SourceVertex<W>& vertex,
                        int source_event, float path_weight, BatchOutput<W>& output) {
@@ -163,7 +164,7 @@ void connect_to_vertex(const BidirectionalScene& shared, const ListenerRay<W>& r
   });
 }
 
-/// Strategy k: the source's vertex sees the listener.
+/// Strategy k: connects the source's vertex to the listener.
 template <int W>
 void connect_to_listener(const BidirectionalScene& shared, const SourceVertex<W>& vertex, float path_weight, BatchOutput<W>& output) {
   const glm::vec3 to_listener = shared.listener - vertex.position;

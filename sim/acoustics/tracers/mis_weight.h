@@ -14,9 +14,9 @@
 /// y_i from the source's side), per area.  So all earlier strategies are one running sum kept along the source's subpath, all later ones
 /// one kept along the listener's, and a weight costs the same for any length.
 ///
-/// Mirrors and walls passed straight are no vertices here: the segment between the last rough vertex and the next one, unfolded, is one edge
-/// that no strategy connects.  Both sides make it with densities cos / length^2 of the unfolded segment, and pick its mirrors with the same
-/// probability, so that these cancel.  Positions along the path (`event`) count mirrors and passed walls too.
+/// Mirrors and walls passed straight are no vertices here: the segment between the last rough vertex and the next one, unfolded, is one
+/// edge that no strategy connects.  Both sides make it with densities cos / length^2 of the unfolded segment, and pick its mirrors with the
+/// same probability, so that these cancel.  Positions along the path (`event`) count mirrors and passed walls too.
 namespace earshot::mis {
 
 inline constexpr int kMaxSourceBounces = 60;
@@ -115,7 +115,8 @@ class ListenerChain {
     product_ = segment_.from_point ? 1.0 : product_ / (reverse_pdf * chain_here_);
     const int gap_from = std::max(recorded_event_ + 1, segment_event_ - kRing + 1);
     for (int i = gap_from; i < segment_event_; ++i) running_[static_cast<std::size_t>(i) % kRing] = before;
-    running_[static_cast<std::size_t>(segment_event_) % kRing] = before + (segment_.direct ? samples_of_segment(strategies) * product_ : 0.0);
+    running_[static_cast<std::size_t>(segment_event_) % kRing] =
+        before + (segment_.direct ? samples_of_segment(strategies) * product_ : 0.0);
     recorded_event_ = segment_event_;
     segment_event_ = event;
     inverse_pdf_ = inverse_pdf_here_;
@@ -130,7 +131,7 @@ class ListenerChain {
   static constexpr int kRing = 64;
   static_assert(kRing > kMaxSourceBounces + 2);
   Segment segment_;
-  int segment_event_ = 0;        // event at which the segment begins; 0: the listener
+  int segment_event_ = 0;    // event at which the segment begins; 0: the listener
   int recorded_event_ = -1;  // event of the last entry of `running_`
   double inverse_pdf_ = 0;   // of the vertex at which the segment begins
   double inverse_pdf_here_ = 0, chain_here_ = 0;

@@ -156,8 +156,8 @@ TraceStats trace_late(const AcousticScene& scene, const EarlyCandidates& candida
                     .stage_m = std::max(kStageOfDiagonal * scene.diagonal_m(), 1e-4f * scene.max_path_m()),
                     .least_distance2_m2 = least_distance_m * least_distance_m,
                     .source_radius_m = config.diffuse_last_segment ? 0.f
-                                       : spread_m > 0.f        ? spread_m
-                                                               : free_radius_m(scene, candidates.source()),
+                                       : spread_m > 0.f            ? spread_m
+                                                                   : free_radius_m(scene, candidates.source()),
                     .source_spread_m = spread_m,
                     .diffuse_last_segment = config.diffuse_last_segment};
   const std::uint32_t num_chunks = (num_rays + kRaysPerChunk - 1) / kRaysPerChunk;

@@ -31,15 +31,15 @@ struct TraceStats {
 /// end, per bin.  Left out: the direct sound, and the purely specular paths whose plane sequence is among `candidates` (image paths carry
 /// them).
 ///
-/// Specular last segments, which next-event estimation cannot see (config.diffuse_last_segment):
+/// Specular last segments, which next-event estimation cannot reach (config.diffuse_last_segment):
 ///  - false (reference): the source is also a sphere of config.source_radius_m that blocks nothing; segments that leave a mirror add their
 ///    chord through it (track-length estimator), which is the mean of the response over the sphere.  A sphere cut by a wall would be
 ///    biased, so the radius is reduced to 0.9 of the distance to the nearest surface found by 64 rays.  Unbiased up to that average, noisy.
 ///  - true (fast): the last segment of a late path is treated as diffuse.  No such noise; small bias where s is small.
 ///
 /// The source radiates by candidates.emission(), from the volume of a sphere if its radius_m > 0.  With config.transmission on (automatic:
-/// not here, see traces_transmission) rays pass walls by chance, weighed per band, and last segments see the source through walls; what goes
-/// straight from source to listener through walls is left out (find_transmitted carries it).
+/// not here, see traces_transmission) rays pass walls by chance, weighed per band, and last segments reach the source through walls; what
+/// goes straight from source to listener through walls is left out (find_transmitted carries it).
 ///
 /// histogram: shape of make_histogram(scene); overwritten.  The result is a function of (scene, config, source, listener), not of threads.
 /// Distances to the source below 1e-5 of the scene's diagonal are clamped in the geometry term (docs/stability.md, H-18).  A source within

@@ -5,8 +5,8 @@
 
 namespace earshot {
 
-/// Fraction of energy at which rays that weigh equally much would be worth as many: (sum w)^2 / sum w^2, between 1 and the count of non-zero
-/// weights (Kong, Liu and Wong 1994); 0 if all weights are zero.
+/// Fraction of energy at which rays that weigh equally much would be worth as many: (sum w)^2 / sum w^2, between 1 and the count of
+/// non-zero weights (Kong, Liu and Wong 1994); 0 if all weights are zero.
 double effective_sample_size(std::span<const double> weights);
 
 /// Systematic resampling (Kitagawa 1996): how many copies of each ray go on, so that `target` rays of equal weight carry what the present

@@ -9,7 +9,7 @@
 #include "sim/acoustics/core/sampling.h"
 #include "sim/acoustics/model/acoustic_scene.h"
 
-/// The sphere around a source in which paths are caught that no connection can see.
+/// The sphere around a source in which paths are caught that no connection can reach.
 namespace earshot {
 
 /// Radius of the source volume: as configured, or less where a surface is nearer.

@@ -27,8 +27,8 @@ TEST(WideningBins, EveryBinIsInOneMergedBin) {
     }
 }
 
-// Late energy of a diffuse room falls by the same fraction from bin to bin, inside the slots as from slot to slot: three quarters of a slot's
-// fall lie between the first and the last of its four bins.  Steps would give none of it.
+// Late energy of a diffuse room falls by the same fraction from bin to bin, inside the slots as from slot to slot: three quarters of a
+// slot's fall lie between the first and the last of its four bins.  Steps would give none of it.
 TEST(WideningBins, AFieldFallsInsideASlotAsItDoesOutside) {
   AcousticConfig config = rooms::plain_config();
   config.field_photons = 16'384;

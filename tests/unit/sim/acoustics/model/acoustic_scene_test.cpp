@@ -23,7 +23,7 @@ TEST(AcousticScene, CoefficientsAreBandMeans) {
   config.bands = 8;
   config.sample_rate_hz = 48000.f;
   const AcousticScene scene(rooms::box(5, 4, 3, walls), config);
-  // The mean over a whole octave of a straight line is its value at the centre: 0.1, 0.2, ... from 125 Hz on, where the line does not bend.
+  // The mean over a whole octave of a straight line is its value at the centre: 0.1, 0.2, ... from 125 Hz on, where the line is straight.
   for (int band = 2; band <= 5; ++band) EXPECT_NEAR(scene.reflectance(2)[band], 1.0 - 0.1 * band, 1e-5);
   EXPECT_NEAR(scene.reflectance(2)[7], 0.4, 1e-6);  // held above 4 kHz
   for (const float r : scene.reflectance(0)) EXPECT_NEAR(r, 0.7f, 1e-6f);

@@ -140,15 +140,15 @@ TEST(EffectPlan, DiffractionIsOnBehindACorner) {
   const AcousticScene scene(screen, AcousticConfig{});
   EXPECT_TRUE(decision(scene, "diffraction")->on);
   const EnergyResponse response = effects::render(scene, EarlyCandidates(scene, point(-2, 2, 1.5)), point(0.5, 2.5, 1.5));
-  const auto bent = std::count_if(response.arrivals.begin(), response.arrivals.end(),
-                                  [](const Arrival& a) { return a.kind == ArrivalKind::diffraction; });
-  EXPECT_GE(bent, 1);
+  const auto diffracted = std::count_if(response.arrivals.begin(), response.arrivals.end(),
+                                        [](const Arrival& a) { return a.kind == ArrivalKind::diffraction; });
+  EXPECT_GE(diffracted, 1);
   EXPECT_EQ(response.effects.diffraction_skipped, 0u);
 }
 
 TEST(EffectPlan, LengthFollowsTheDecay) {
   // Lambert box 5 x 4 x 3 m without air, a = 0.2: the exact time constant of O-10; 50 dB take 5/6 of T60, plus a fifth, plus the way.
-  // The slowest of 32 points decides: up to 12 %; 20 ms for the first flight, 10 ms of rounding.
+  // The slowest of 32 points decides: up to 12 %; 20 ms for the first segment, 10 ms of rounding.
   AcousticConfig config = automatic_length();
   config.air_absorption = Switch::off;
   for (const auto& [absorption, rt60_s] : {std::pair{0.1, 0.99755}, std::pair{0.2, 0.48135}, std::pair{0.5, 0.1661}}) {
@@ -159,7 +159,7 @@ TEST(EffectPlan, LengthFollowsTheDecay) {
   EXPECT_EQ(AcousticScene(rooms::shoe1(0.001, 1), config).config().rir_length_s, 4.f) << "at most";
   EXPECT_EQ(AcousticScene(rooms::shoe1(0, 1), config).config().rir_length_s, 4.f) << "nothing is lost";
   EXPECT_EQ(AcousticScene(rooms::empty(), config).config().rir_length_s, 0.1f) << "at least";
-  EXPECT_EQ(AcousticScene(rooms::shoe1(0.1, 1), AcousticConfig{}).config().rir_length_s, 0.5f) << "as asked";
+  EXPECT_EQ(AcousticScene(rooms::shoe1(0.1, 1), AcousticConfig{}).config().rir_length_s, 0.5f) << "as configured";
 }
 
 TEST(EffectPlan, LengthReadsAuto) {
@@ -196,7 +196,7 @@ TEST(EffectPlan, DoesNotDependOnSeedFewRaysOrThreads) {
 }
 
 TEST(EffectPlan, FieldWhereManyRaysWouldBeNeeded) {
-  // In one room ten rays do; where more are asked for at each pose, photons are the cheaper way there too.  Not in the open.
+  // In one room ten rays do; where more are configured for each pose, photons are the cheaper way there too.  Not in the open.
   AcousticConfig ten;
   ten.rays = 10;
   EXPECT_FALSE(uses_source_field(AcousticScene(effects::box_scene().scene, ten)));

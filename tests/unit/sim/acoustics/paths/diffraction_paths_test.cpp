@@ -112,7 +112,7 @@ TEST(Diffraction, ConvexRoomGivesTheBitsOfOff) {
 }
 
 TEST(Diffraction, LevelFollowsAListenerPastACorner) {
-  // Corner of 270 degrees; the source looks along one face, the listener walks out of the shadow and past the reflection boundary.
+  // Corner of 270 degrees; the source lies near one face, the listener walks out of the shadow and past the reflection boundary.
   const AcousticScene scene(hard(wedge_mesh(1.5 * kPi)), config_with(Switch::on));
   const glm::vec3 source = cylindrical({3, 0.7, 0});
   const EarlyCandidates candidates(scene, source);
@@ -334,14 +334,14 @@ TEST(Diffraction, FurnishedHouse) {
   const glm::vec3 source(middle.x, house->bounds().lower.y + 1.5f, middle.z);
   const EarlyCandidates candidates(scene, source);
   EnergyResponse response;
-  int heard = 0;
+  int found = 0;
   for (std::uint32_t i = 0; i < 60; ++i) {
     const RandomStream random(11, Purpose::test, i);
     const glm::vec3 listener = source + glm::vec3(16.f * random.uniform(0) - 8.f, 0.f, 9.f * random.uniform(1) - 4.5f);
     response.arrivals.clear();
     candidates.diffraction().find_arrivals(scene, listener, response.arrivals);
     EXPECT_LE(response.arrivals.size(), 8u);
-    heard += response.arrivals.empty() ? 0 : 1;
+    found += response.arrivals.empty() ? 0 : 1;
     const double direct_m = glm::length(source - listener);
     for (const Arrival& arrival : response.arrivals) {
       EXPECT_GE(arrival.distance_m, 0.9999 * direct_m);
@@ -353,7 +353,7 @@ TEST(Diffraction, FurnishedHouse) {
       }
     }
   }
-  EXPECT_GT(heard, 2);  // of those without sight
+  EXPECT_GT(found, 2);  // of those without sight
 }
 
 TEST(Diffraction, AutomaticWithFewRaysKeepsToTheShadowAndItsBoundary) {

@@ -47,17 +47,17 @@ struct Exhaustive {
       return;
     }
     const auto path = std::span(parent.sequence.edge).first(static_cast<std::size_t>(parent.sequence.order));
-    const DiffractionEdge& bend = edges[path.back()];
+    const DiffractionEdge& last_edge = edges[path.back()];
     const glm::dvec3 before(parent.before);
     for (const std::uint32_t next : edges.neighbours(path.back())) {
       if (std::ranges::find(path, next) != path.end()) continue;
       const glm::dvec3 after = nearest_point(edges[next], before);
-      if (!bend.in_air(after, edges.clearance_m()) || !bend.in_air(before, edges.clearance_m())) continue;
-      const glm::dvec3 at = bend.at(std::clamp(fermat_point(bend, before, after), 0.0, bend.length_m));
+      if (!last_edge.in_air(after, edges.clearance_m()) || !last_edge.in_air(before, edges.clearance_m())) continue;
+      const glm::dvec3 at = last_edge.at(std::clamp(fermat_point(last_edge, before, after), 0.0, last_edge.length_m));
       const double detour_m = glm::length(at - before) + glm::length(after - at) - glm::length(after - before);
       const double half_waves = 2.0 * detour_m * 500.0 / static_cast<double>(scene.speed_of_sound_m_per_s());
       const double loss_db = static_cast<double>(parent.loss_db) + kurze_anderson_db(half_waves);
-      if (loss_db > 30 || (std::abs(bend.angle_of(before) - bend.angle_of(after)) < kPi && half_waves > 2.0)) continue;
+      if (loss_db > 30 || (std::abs(last_edge.angle_of(before) - last_edge.angle_of(after)) < kPi && half_waves > 2.0)) continue;
       EdgeCandidate child = parent;
       child.before = glm::vec3(at);
       child.reached_m += static_cast<float>(glm::length(at - before));

@@ -29,7 +29,7 @@ TEST(PathTracer, OneDiffuseBouncePerWallO8) {
   AcousticConfig config = plain_config();
   config.rays = 32768;
   config.max_bounces = 1;
-  config.time_bin_s = 2e-4f;  // fine bins: the split keeps the mean time, and exp(-50 t) bends by 1e-5 over a bin
+  config.time_bin_s = 2e-4f;  // fine bins: the split keeps the mean time, and exp(-50 t) deviates from a line by 1e-5 over a bin
   config.rir_length_s = 0.1f;
   for (int wall = 0; wall < 6; ++wall) {
     std::array<Material, 6> walls = rooms::uniform_walls(1, 1);
