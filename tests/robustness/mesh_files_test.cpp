@@ -89,7 +89,7 @@ EdgeCounts count_edges(const TriangleMesh& mesh) {
 }
 
 TEST(X_MeshFiles, EachLoadsOrIsRefusedAsStated) {
-  SKIP_WITHOUT_DATA();
+  SKIP_WITHOUT_DATA("meshes_hard");
   std::set<std::string> seen;
   fmt::print("{:<66} {:>9} {:>7} {:>7} {:>7}  {}\n", "file", "triangles", "removed", "open", "shared", "outcome");
   for (const char* folder : {"meshes_hard", "scenes/formats"}) {
@@ -136,7 +136,7 @@ TEST(X_MeshFiles, EachLoadsOrIsRefusedAsStated) {
 
 // What loads can be used: rays, the report and its holes end, and give finite numbers.
 TEST(X_MeshFiles, WhatLoadsCanBeExplored) {
-  SKIP_WITHOUT_DATA();
+  SKIP_WITHOUT_DATA("meshes_hard");
   for (const auto& [key, expected] : expectations()) {
     if (expected.refusal) continue;
     const Scene scene = load_scene((data_folder() / key).string());
@@ -176,7 +176,7 @@ double nearest_by_brute_force(const TriangleMesh& mesh, glm::dvec3 origin, glm::
 
 // The rays that come with the meshes (made to graze and to run along edges), against all triangles in double.
 TEST(X_MeshFiles, TheirOwnRaysHitWhatBruteForceHits) {
-  SKIP_WITHOUT_DATA();
+  SKIP_WITHOUT_DATA("meshes_hard");
   const auto rays = nlohmann::json::parse(std::ifstream(data_folder() / "meshes_hard/ray_data.json"))["rays"]["featuretype.STL"];
   const TriangleMesh mesh = import_mesh(data_folder() / "meshes_hard/featuretype.STL").mesh;
   const EmbreeScene scene(mesh.vertices, mesh.triangles);

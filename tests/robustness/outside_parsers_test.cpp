@@ -21,7 +21,7 @@ TEST(X_OutsideParsers, DamagedMeshesLoadOrGiveOneLine) {
 }
 
 TEST(X_OutsideParsers, DamagedHeadsLoadOrGiveOneLine) {
-  SKIP_WITHOUT_DATA();
+  SKIP_WITHOUT_DATA("hrtf/MIT_KEMAR_normal_pinna.sofa");
   const Outcomes outcomes = read_damaged_heads(data_folder() / "hrtf/MIT_KEMAR_normal_pinna.sofa", 20);
   record(outcomes);
   EXPECT_GT(outcomes.refused, 3);

@@ -125,8 +125,8 @@ TEST(H61_SofaFields, MoreThanAHeadNeedsIsRefusedBeforeTheWork) {
 class H61_SofaFiles : public testing::Test {
  protected:
   void SetUp() override {
+    SKIP_WITHOUT_DATA("hrtf/MIT_KEMAR_normal_pinna.sofa");
     path_ = data_folder() / "hrtf/MIT_KEMAR_normal_pinna.sofa";
-    if (!std::filesystem::exists(path_)) GTEST_SKIP() << "no test data: set EARSHOT_DATA";
     whole_ = read_file(path_);
   }
   /// The message when the file is read with `from` replaced by `to`, of the same length, at its first place.

@@ -4,7 +4,6 @@
 #include <array>
 #include <cmath>
 #include <complex>
-#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -17,7 +16,7 @@
 #include "sim/audio/fft.h"
 #include "sim/audio/sound_clip.h"
 #include "tests/support/rooms.h"
-#include "tests/support/test_paths.h"
+#include "tests/support/test_data.h"
 
 /// The measured room of dEchorate (Di Carlo et al. 2021, EURASIP J. Audio Speech Music Process. 39), code 011111: its geometry, its
 /// annotations, and decay and DRR of its impulse responses.  None of it
@@ -42,11 +41,6 @@ struct Room {
   std::vector<Microphone> microphones;
   double speed_of_sound_m_per_s, temperature_c, humidity_percent;
 };
-
-inline std::filesystem::path data_folder() {
-  if (const char* named = std::getenv("EARSHOT_DATA")) return named;
-  return source_dir() / ".." / "shared" / "data";
-}
 
 /// nullopt where the data is absent.
 inline std::optional<Room> load() {

@@ -2,13 +2,12 @@
 
 #include <unistd.h>
 
-#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <string>
 #include <string_view>
 
-#include "tests/support/test_paths.h"
+#include "tests/support/test_data.h"
 
 namespace earshot {
 
@@ -38,15 +37,6 @@ class TempFolder {
  private:
   std::filesystem::path path_;
 };
-
-/// Folder of the shared test data; it may be absent.
-inline std::filesystem::path data_folder() {
-  const char* given = std::getenv("EARSHOT_DATA");
-  return given ? std::filesystem::path(given) : source_dir() / "../shared/data";
-}
-
-#define SKIP_WITHOUT_DATA() \
-  if (!std::filesystem::exists(data_folder())) GTEST_SKIP() << "no test data: set EARSHOT_DATA"
 
 /// what() of the exception of type E that `action` throws; empty if it throws nothing.
 template <class E, class Action>

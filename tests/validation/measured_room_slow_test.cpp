@@ -80,8 +80,8 @@ std::array<Octaves, kMicrophones> simulate(const measured_room::Room& room, std:
 }
 
 TEST(DEchorate, DecayAndDirectToReverberantRatioAtHeldOutMicrophones) {
+  SKIP_WITHOUT_DATA("rir/dechorate/dechorate_011111.json");
   const auto room = measured_room::load();
-  if (!room) GTEST_SKIP() << "no dEchorate data under " << measured_room::data_folder();
   ASSERT_EQ(room->microphones.size(), kMicrophones);
   std::array<Octaves, kMicrophones> measured;
   for (std::size_t m = 0; m < kMicrophones; ++m) {

@@ -51,8 +51,8 @@ std::vector<std::array<double, 7>> simulated_arrivals_ms(const measured_room::Ro
 }
 
 TEST(DEchorate, ArrivalTimesOfDirectSoundAndFirstReflections) {
+  SKIP_WITHOUT_DATA("rir/dechorate/dechorate_011111.json");
   const auto room = measured_room::load();
-  if (!room) GTEST_SKIP() << "no dEchorate data under " << measured_room::data_folder();
   const auto times_ms = simulated_arrivals_ms(*room);
   std::printf("simulated minus annotated, ms; microphones 0 to 5\n");
   for (int wall = 0; wall < 7; ++wall) {

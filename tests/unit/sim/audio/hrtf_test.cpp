@@ -14,7 +14,7 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/random.h"
-#include "tests/support/test_paths.h"
+#include "tests/support/test_data.h"
 
 namespace earshot {
 namespace {
@@ -44,11 +44,6 @@ double ild_db(const Ears& e, std::size_t bin) { return level_db(e.right[bin]) - 
 /// Delay of the left ear behind the right one from the phase of one bin.
 double itd_us(const Ears& e, std::size_t bin, double frequency_hz) {
   return std::arg(e.right[bin] * std::conj(e.left[bin])) / (2.0 * std::numbers::pi * frequency_hz) * 1e6;
-}
-
-std::filesystem::path shared_data() {
-  if (const char* named = std::getenv("EARSHOT_DATA")) return named;
-  return source_dir() / ".." / "shared" / "data";
 }
 
 // At 25.6 kHz bins are 50 Hz apart, so the frequencies of the tables fall on bins.
@@ -289,8 +284,8 @@ TEST(Hrtf, RatesAgree) {
 class KemarHead : public ::testing::Test {
  protected:
   void SetUp() override {
-    path_ = shared_data() / "hrtf" / "MIT_KEMAR_normal_pinna.sofa";
-    if (!std::filesystem::exists(path_)) GTEST_SKIP() << "no data at " << path_;
+    SKIP_WITHOUT_DATA("hrtf/MIT_KEMAR_normal_pinna.sofa");
+    path_ = data_folder() / "hrtf/MIT_KEMAR_normal_pinna.sofa";
   }
   std::filesystem::path path_;
 };

@@ -15,7 +15,7 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/random.h"
-#include "tests/support/test_paths.h"
+#include "tests/support/test_data.h"
 
 namespace earshot {
 namespace {
@@ -52,11 +52,6 @@ std::vector<float> sine(double frequency_hz, double rate_hz, int count) {
   for (int i = 0; i < count; ++i)
     samples[i] = static_cast<float>(0.5 * std::sin(2.0 * std::numbers::pi * frequency_hz * i / rate_hz + 0.3));
   return samples;
-}
-
-std::filesystem::path shared_data() {
-  if (const char* named = std::getenv("EARSHOT_DATA")) return named;
-  return source_dir() / ".." / "shared" / "data";
 }
 
 TEST_F(SoundClipTest, WavRoundTripIsExact) {
@@ -162,9 +157,9 @@ TEST_F(SoundClipTest, SurvivesDamagedFiles) {
 }
 
 TEST_F(SoundClipTest, ReadsTheRealSounds) {
-  if (!std::filesystem::exists(shared_data() / "audio")) GTEST_SKIP() << "no data at " << shared_data();
+  SKIP_WITHOUT_DATA("audio");
   int count = 0;
-  for (const auto& entry : std::filesystem::directory_iterator(shared_data() / "audio")) {
+  for (const auto& entry : std::filesystem::directory_iterator(data_folder() / "audio")) {
     const SoundClip clip = load_sound(entry.path(), 16000.f);
     double energy = 0;
     for (const float value : clip.samples) energy += static_cast<double>(value) * value;

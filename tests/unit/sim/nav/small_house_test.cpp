@@ -8,15 +8,10 @@
 #include "sim/nav/motion.h"
 #include "sim/nav/navmesh.h"
 #include "sim/scene/mesh_import.h"
-#include "tests/support/test_paths.h"
+#include "tests/support/test_data.h"
 
 namespace earshot {
 namespace {
-
-std::filesystem::path data_folder() {
-  if (const char* folder = std::getenv("EARSHOT_DATA")) return folder;
-  return source_dir() / "../shared/data";
-}
 
 float flat(glm::vec3 a, glm::vec3 b) { return std::hypot(a.x - b.x, a.z - b.z); }
 
@@ -24,9 +19,8 @@ float flat(glm::vec3 a, glm::vec3 b) { return std::hypot(a.x - b.x, a.z - b.z); 
 class SmallHouse : public ::testing::Test {
  protected:
   void SetUp() override {
-    const auto path = data_folder() / "scenes/small_house_collision.glb";
-    if (!std::filesystem::exists(path)) GTEST_SKIP() << path << " is not there: set EARSHOT_DATA";
-    nav_ = std::make_unique<Navmesh>(import_mesh(path).mesh, NavmeshConfig{});
+    SKIP_WITHOUT_DATA("scenes/small_house_collision.glb");
+    nav_ = std::make_unique<Navmesh>(import_mesh(data_folder() / "scenes/small_house_collision.glb").mesh, NavmeshConfig{});
   }
   std::unique_ptr<Navmesh> nav_;
   RandomStream random_{4, Purpose::test};

@@ -178,7 +178,7 @@ struct Known {
 
 // Triangle counts are those of the files' own headers; bounds as Assimp bakes them.
 TEST(MeshImport, ReadsTheSharedScenes) {
-  SKIP_WITHOUT_DATA();
+  SKIP_WITHOUT_DATA("scenes");
   const std::vector<Known> known{
       {"small_house.glb", 145844, 62, {-9.5f, 0, -5.7f}, {9.5f, 3, 5.7f}},
       {"bathroom.glb", 380280, 30, {-2.66f, -0.01f, -2.5f}, {2.5f, 2.79f, -0.05f}},
@@ -206,7 +206,7 @@ TEST(MeshImport, ReadsTheSharedScenes) {
 }
 
 TEST(MeshImport, HardFilesLoadOrGiveOneLine) {
-  SKIP_WITHOUT_DATA();
+  SKIP_WITHOUT_DATA("meshes_hard");
   int loaded = 0;
   for (const char* folder : {"meshes_hard", "scenes/formats"}) {
     for (const auto& entry : std::filesystem::directory_iterator(data_folder() / folder)) {

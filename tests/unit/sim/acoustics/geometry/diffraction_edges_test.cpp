@@ -10,7 +10,7 @@
 
 #include "sim/scene/scene.h"
 #include "tests/support/rooms.h"
-#include "tests/support/test_paths.h"
+#include "tests/support/test_data.h"
 
 namespace earshot {
 namespace {
@@ -152,10 +152,8 @@ TEST(DiffractionEdges, ContactWithoutSharedVerticesIsSeenByRays) {
 TEST(DiffractionEdges, EmptySceneHasNone) { EXPECT_EQ(DiffractionEdges(*rooms::empty(), 0.25f).size(), 0u); }
 
 TEST(DiffractionEdges, SmallHouse) {
-  const char* folder = std::getenv("EARSHOT_DATA");
-  const auto path = (folder ? std::filesystem::path(folder) : source_dir() / "../shared/data") / "scenes/small_house.glb";
-  if (!std::filesystem::exists(path)) GTEST_SKIP() << path << " is not there: set EARSHOT_DATA";
-  const Scene scene = load_scene(path.string());
+  SKIP_WITHOUT_DATA("scenes/small_house.glb");
+  const Scene scene = load_scene((data_folder() / "scenes/small_house.glb").string());
   const auto start = std::chrono::steady_clock::now();
   const DiffractionEdges edges(scene, 0.25f);
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();

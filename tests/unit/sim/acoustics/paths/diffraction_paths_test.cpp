@@ -14,7 +14,7 @@
 #include "sim/base/random.h"
 #include "sim/scene/scene.h"
 #include "tests/support/rooms.h"
-#include "tests/support/test_paths.h"
+#include "tests/support/test_data.h"
 #include "tests/support/wedge_cases.h"
 
 namespace earshot {
@@ -323,10 +323,8 @@ TEST(Diffraction, CombOfAThousandEdges) {  // docs/stability.md, H-68
 }
 
 TEST(Diffraction, FurnishedHouse) {
-  const char* folder = std::getenv("EARSHOT_DATA");
-  const auto path = (folder ? std::filesystem::path(folder) : source_dir() / "../shared/data") / "scenes/small_house.glb";
-  if (!std::filesystem::exists(path)) GTEST_SKIP() << path << " is not there: set EARSHOT_DATA";
-  const auto house = std::make_shared<const Scene>(load_scene(path.string()));
+  SKIP_WITHOUT_DATA("scenes/small_house.glb");
+  const auto house = std::make_shared<const Scene>(load_scene((data_folder() / "scenes/small_house.glb").string()));
   AcousticConfig config;  // automatic, as in training
   config.late = Switch::off;
   const AcousticScene scene(house, config);

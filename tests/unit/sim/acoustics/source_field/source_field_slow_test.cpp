@@ -16,6 +16,7 @@
 #include "sim/base/random.h"
 #include "sim/scene/air_sample.h"
 #include "sim/scene/scene.h"
+#include "tests/support/test_data.h"
 #include "tests/support/test_paths.h"
 
 namespace earshot {
@@ -152,10 +153,9 @@ TEST(SourceFieldSlow, EqualsThePathTracerInAHouse) { compare_with_the_tracer("ho
 TEST(SourceFieldSlow, EqualsThePathTracerWithinItsError) { compare_with_the_tracer("house:1,rooms=4", kStrict); }
 
 TEST(SourceFieldSlow, EqualsThePathTracerInARealHouse) {
-  const char* data = std::getenv("EARSHOT_DATA");
-  const std::filesystem::path root = data ? data : source_dir() / ".." / "shared" / "data";
-  if (!std::filesystem::exists(root / "scenes" / "small_house.glb")) GTEST_SKIP() << "needs scenes/small_house.glb of the shared data";
-  compare_with_the_tracer((source_dir() / "configs" / "scenes" / "small_house.yaml").string(), mirror_like(512));
+  SKIP_WITHOUT_DATA("scenes/small_house.glb");
+  compare_with_the_tracer((source_dir() / "configs" / "scenes" / "small_house.yaml").string(),
+                          mirror_like(512));
 }
 
 }  // namespace
