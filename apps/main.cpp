@@ -5,6 +5,7 @@
 
 #include "apps/commands.h"
 #include "sim/base/errors.h"
+#include "sim/base/version.h"
 
 namespace {
 
@@ -19,7 +20,7 @@ int fail(int code, const char* what) {
 
 int main(int argc, char** argv) {
   CLI::App app{"Earshot: a runtime in which reinforcement-learning agents see and hear", "earshot"};
-  app.set_version_flag("--version", "earshot 0.1.0");
+  app.set_version_flag("--version", fmt::format("earshot {}", earshot::kVersion));
   app.require_subcommand(1);
   app.footer(
       "SCENE is a mesh file (glb, gltf, obj, ply, stl), shoebox:XxYxZ[@M], house:SEED[,rooms=N][,area_m2=A][,detail_m=D], or a scene "

@@ -4,8 +4,13 @@ function(earshot_library name dir)
   file(GLOB_RECURSE headers CONFIGURE_DEPENDS ${dir}/*.h)
   add_library(${name} STATIC ${sources} ${headers})
   set_target_properties(${name} PROPERTIES LINKER_LANGUAGE CXX)
-  target_include_directories(${name} PUBLIC $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}>)
-  target_link_libraries(${name} PRIVATE project_flags)
+  target_include_directories(${name} PUBLIC $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}> $<BUILD_INTERFACE:${PROJECT_BINARY_DIR}/generated>
+                             $<INSTALL_INTERFACE:${EARSHOT_INSTALL_HEADERS}>)
+  target_link_libraries(${name} PRIVATE $<BUILD_INTERFACE:project_flags>)
+  # A user's compiler needs C++20, and must round the functions of headers as the library does.
+  target_compile_features(${name} PUBLIC cxx_std_20)
+  target_compile_options(${name} INTERFACE $<INSTALL_INTERFACE:-ffp-contract=off>)
+  add_library(earshot::${name} ALIAS ${name})
 endfunction()
 
 # earshot_tests(DIR LIBS...): the tests of one folder, as up to three executables.

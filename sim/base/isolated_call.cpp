@@ -18,6 +18,7 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/install_paths.h"
 
 extern char** environ;
 
@@ -87,7 +88,7 @@ class Child {
  public:
   Child(const std::filesystem::path& program, const std::vector<std::string>& arguments, int answer_end) {
     SpawnActions spawn;
-    // What libraries print is nobody's business: a program of ours says what is wrong in one line of its own.
+    // What libraries print is dropped: the answer says in one line what is wrong.
     posix_spawn_file_actions_addopen(&spawn.actions, 0, "/dev/null", O_RDONLY, 0);
     for (const int output : {1, 2}) posix_spawn_file_actions_addopen(&spawn.actions, output, "/dev/null", O_WRONLY, 0);
     posix_spawn_file_actions_adddup2(&spawn.actions, answer_end, kAnswerDescriptor);
@@ -98,7 +99,7 @@ class Child {
     posix_spawnattr_setsigmask(&spawn.attributes, &none);
     posix_spawnattr_setpgroup(&spawn.attributes, 0);  // a group of its own: Ctrl-C is for us
     posix_spawnattr_setflags(&spawn.attributes, static_cast<short>(POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETPGROUP));
-    std::vector<char*> pointers{const_cast<char*>(program.c_str())};  // as execve is declared; nobody writes there
+    std::vector<char*> pointers{const_cast<char*>(program.c_str())};  // as execve is declared; never written to
     for (const std::string& argument : arguments) pointers.push_back(const_cast<char*>(argument.c_str()));
     pointers.push_back(nullptr);
     const int error = ::posix_spawn(&pid_, program.c_str(), &spawn.actions, &spawn.attributes, pointers.data(), environ);
@@ -108,7 +109,7 @@ class Child {
   Child(const Child&) = delete;
   Child& operator=(const Child&) = delete;
 
-  /// Ends it if it has not ended; its status as waitpid gives it, nullopt if somebody else took that.
+  /// Ends it if it has not ended; its status as waitpid gives it, nullopt if another waitpid took that.
   std::optional<int> end() {
     if (pid_ < 0) return status_;
     ::kill(pid_, SIGKILL);  // without effect on the status of one that has ended
@@ -212,10 +213,13 @@ std::filesystem::path reader_program() {
   if (const char* set = std::getenv("EARSHOT_READER"); set && *set) return set;
   std::error_code error;
   const std::filesystem::path folder = std::filesystem::read_symlink("/proc/self/exe", error).parent_path();
-  for (const std::filesystem::path& candidate : {folder / name, folder.parent_path() / name})
+  for (const std::filesystem::path& candidate :
+       {folder / name, folder.parent_path() / name, (folder / kReaderFromPrograms).lexically_normal(),
+        std::filesystem::path(kInstalledReader)})
     if (std::filesystem::is_regular_file(candidate, error)) return candidate;
-  throw RunError(name,
-                 fmt::format("the program that reads files of others is not in {}; build it, or set EARSHOT_READER", folder.string()));
+  throw RunError(name, fmt::format("the reader program is neither in {} nor installed as {}; build or install it, or set "
+                                   "EARSHOT_READER to its path",
+                                   folder.string(), kInstalledReader));
 }
 
 std::string answer_header(AnswerKind kind, std::string_view bytes) {

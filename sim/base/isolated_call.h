@@ -33,8 +33,9 @@ IsolationLimits limits_for_file(const std::filesystem::path& file);
 std::string call_isolated(const std::filesystem::path& program, const std::vector<std::string>& arguments, const std::string& where,
                           const IsolationLimits& limits = {});
 
-/// The program that reads files of others: $EARSHOT_READER, or earshot_reader beside the running program or one folder up.
-/// Throws RunError if it is nowhere.
+/// The program that reads meshes and SOFA files: $EARSHOT_READER; or earshot_reader beside the running program, one folder up, in
+/// ../libexec/earshot (a program installed under the same prefix), or where the build's own prefix puts it.  Throws RunError if it is in
+/// none.
 std::filesystem::path reader_program();
 
 /// The whole main() of such a program: takes on the limits, then answers with what `work` makes of the arguments.  An InputError of
