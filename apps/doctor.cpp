@@ -1,10 +1,13 @@
 #include <dlfcn.h>
 #include <embree3/rtcore.h>
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <link.h>
 #include <torch/torch.h>
+#include <unistd.h>
 
 #include <cstdlib>
+#include <exception>
 #include <filesystem>
 #include <fstream>
 #include <memory>
@@ -13,15 +16,53 @@
 #include <vector>
 
 #include "apps/commands.h"
+#include "apps/cpu_features.h"
+#include "policy/torch_threads.h"
+#include "sim/base/errors.h"
+#include "sim/base/isolated_call.h"
+#include "sim/base/version.h"
 
 namespace earshot {
 namespace {
+
+/// ok: works.  slow: works, at a cost that the line names.  absent: not there, and nothing of the product needs it.  bad: must be remedied.
+enum class State { ok, slow, absent, bad };
+
+struct Finding {
+  State state;
+  std::string text;
+};
 
 std::string cpu_model() {
   std::ifstream stream("/proc/cpuinfo");
   for (std::string line; std::getline(stream, line);)
     if (line.starts_with("model name")) return line.substr(line.find(':') + 2);
-  return "unknown";
+  return "unknown model";
+}
+
+Finding check_vectors() {
+  std::vector<std::string> used, unused;
+  for (const CpuFeature& feature : cpu_features()) {
+    if (feature.compiled_for) used.emplace_back(feature.name);
+    if (feature.present && !feature.compiled_for) unused.emplace_back(feature.name);
+  }
+  std::string text = used.empty() ? "compiled for the plain instruction set" : fmt::format("compiled for {}", fmt::join(used, ", "));
+  if (!unused.empty()) text += fmt::format("; the CPU also has {}", fmt::join(unused, ", "));
+  const bool could_be_faster = used.empty() && !unused.empty();
+  if (could_be_faster) text += ": configure without -DEARSHOT_ARCH";
+  return {could_be_faster ? State::slow : State::ok, text};
+}
+
+Finding check_embree() {
+  struct Release {
+    void operator()(RTCDevice device) const noexcept { rtcReleaseDevice(device); }
+  };
+  const std::unique_ptr<std::remove_pointer_t<RTCDevice>, Release> device{rtcNewDevice(nullptr)};
+  if (!device) return {State::bad, "opens no device: apt-get install --reinstall libembree3-3"};
+  return {State::ok, fmt::format("{}.{}.{}, for sound and for the camera, on the CPU",
+                                 rtcGetDeviceProperty(device.get(), RTC_DEVICE_PROPERTY_VERSION_MAJOR),
+                                 rtcGetDeviceProperty(device.get(), RTC_DEVICE_PROPERTY_VERSION_MINOR),
+                                 rtcGetDeviceProperty(device.get(), RTC_DEVICE_PROPERTY_VERSION_PATCH))};
 }
 
 /// Real path of the first loaded library whose file name contains `part`, or empty.
@@ -42,54 +83,74 @@ std::string loaded_library(const std::string& part) {
   return search.found;
 }
 
-std::string embree_version() {
-  struct Release {
-    void operator()(RTCDevice device) const noexcept { rtcReleaseDevice(device); }
-  };
-  const std::unique_ptr<std::remove_pointer_t<RTCDevice>, Release> device{rtcNewDevice(nullptr)};
-  if (!device) return "";
-  return fmt::format("{}.{}.{}", rtcGetDeviceProperty(device.get(), RTC_DEVICE_PROPERTY_VERSION_MAJOR),
-                     rtcGetDeviceProperty(device.get(), RTC_DEVICE_PROPERTY_VERSION_MINOR),
-                     rtcGetDeviceProperty(device.get(), RTC_DEVICE_PROPERTY_VERSION_PATCH));
+Finding check_blas() {
+  torch::mm(torch::ones({2, 2}), torch::ones({2, 2}));  // loads the BLAS
+  for (const char* fast : {"libopenblas", "libmkl", "libblis"})
+    if (const std::string path = loaded_library(fast); !path.empty()) return {State::ok, path};
+  // Debian's OpenBLAS is a libblas.so.3 in a folder of its own.
+  const std::string path = loaded_library("libblas");
+  if (path.find("openblas") != std::string::npos || path.find("blis") != std::string::npos) return {State::ok, path};
+  return {State::slow, fmt::format("{}: not OpenBLAS, which trains several times faster: apt-get install libopenblas0-pthread, then "
+                                   "update-alternatives --config libblas.so.3-$(uname -m)-linux-gnu",
+                                   path.empty() ? "unknown library" : path)};
 }
 
-std::vector<std::string> render_nodes() {
-  std::vector<std::string> nodes;
+Finding check_torch() {
+  use_one_torch_thread();
+  const int threads = torch::get_num_threads();
+  if (threads != 1) return {State::slow, fmt::format("{} takes {} threads per worker: set OMP_NUM_THREADS=1", TORCH_VERSION, threads)};
+  return {State::ok, fmt::format("{}, one thread per worker: `workers` up to {} have a core each", TORCH_VERSION,
+                                 std::thread::hardware_concurrency())};
+}
+
+/// Has the reader program read a mesh of one triangle.
+Finding check_reader() {
+  const std::filesystem::path file = std::filesystem::temp_directory_path() / fmt::format("earshot_doctor_{}.obj", ::getpid());
+  try {
+    const std::filesystem::path program = reader_program();
+    std::ofstream(file) << "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+    call_isolated(program, {"mesh", file.string()}, file.string());
+    std::filesystem::remove(file);
+    return {State::ok, fmt::format("{} reads meshes and head filters", program.string())};
+  } catch (const std::exception& error) {
+    std::error_code ignored;
+    std::filesystem::remove(file, ignored);
+    return {State::bad,
+            fmt::format("{}; mesh files and SOFA files cannot be read: build or install earshot_reader with earshot", error.what())};
+  }
+}
+
+/// What tests read that no package and no source has.
+Finding check_test_data() {
+  const char* named = std::getenv("EARSHOT_DATA");
+  const std::filesystem::path folder = named ? std::filesystem::path(named) : std::filesystem::path(EARSHOT_SOURCE_DIR) / "../shared/data";
+  std::vector<std::string> present, absent;
   std::error_code error;
-  for (const auto& entry : std::filesystem::directory_iterator("/dev/dri", error))
-    if (entry.path().filename().string().starts_with("renderD")) nodes.push_back(entry.path().string());
-  return nodes;
+  for (const char* part : {"audio", "hrtf", "materials", "rir", "scenes"})
+    (std::filesystem::is_directory(folder / part, error) ? present : absent).emplace_back(part);
+  const std::string where = fmt::format("{} ({})", folder.lexically_normal().string(), named ? "EARSHOT_DATA" : "EARSHOT_DATA is not set");
+  if (absent.empty()) return {State::ok, where};
+  return {State::absent, fmt::format("{} has {}: tests that read {} are skipped; nothing else needs them", where,
+                                     present.empty() ? std::string("no test data") : fmt::format("only {}", fmt::join(present, ", ")),
+                                     fmt::join(absent, ", "))};
 }
-
-void line(const char* state, const char* what, const std::string& text) { fmt::print("{:<5} {:<10} {}\n", state, what, text); }
 
 void run_doctor() {
-  line("ok", "CPU", fmt::format("{}, {} cores", cpu_model(), std::thread::hardware_concurrency()));
-#if defined(__x86_64__)
-  const bool wide = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
-  line(wide ? "ok" : "BAD", "vectors", wide ? "AVX2 and FMA" : "no AVX2: rebuild with -DEARSHOT_ARCH=x86-64");
-#endif
-  const std::string embree = embree_version();
-  line(embree.empty() ? "BAD" : "ok", "Embree", embree.empty() ? "cannot be opened: apt-get install libembree-dev" : embree);
-
-  const auto nodes = render_nodes();
-  line("ok", "camera",
-       nodes.empty() ? "Embree on the CPU (no GPU render node under /dev/dri)"
-                     : "Embree on the CPU; GPU render node " + nodes.front() + " present");
-
-  torch::set_num_threads(1);
-  torch::mm(torch::ones({2, 2}), torch::ones({2, 2}));  // loads the BLAS
-  std::string blas = loaded_library("libopenblas");
-  if (blas.empty()) blas = loaded_library("libblas");
-  const bool fast =
-      blas.find("openblas") != std::string::npos || blas.find("mkl") != std::string::npos || blas.find("blis") != std::string::npos;
-  line(fast ? "ok" : "SLOW", "BLAS",
-       blas + (fast ? "" : ": the reference BLAS trains several times slower: apt-get install libopenblas0-pthread"));
-  line("ok", "libtorch",
-       fmt::format("{}, one thread per worker; {} cores make {} workers", TORCH_VERSION, std::thread::hardware_concurrency(),
-                   std::thread::hardware_concurrency()));
-  const char* data = std::getenv("EARSHOT_DATA");
-  line("ok", "test data", data != nullptr ? data : "EARSHOT_DATA is not set: tests look for ../shared/data beside the project");
+  int bad = 0;
+  const auto print = [&](const char* what, const Finding& finding) {
+    constexpr const char* words[] = {"ok", "SLOW", "none", "BAD"};
+    fmt::print("{:<5} {:<10} {}\n", words[static_cast<int>(finding.state)], what, finding.text);
+    bad += finding.state == State::bad;
+  };
+  print("earshot", {State::ok, kVersion});
+  print("CPU", {State::ok, fmt::format("{}, {} cores for this process", cpu_model(), std::thread::hardware_concurrency())});
+  print("vectors", check_vectors());
+  print("Embree", check_embree());
+  print("reader", check_reader());
+  print("BLAS", check_blas());
+  print("libtorch", check_torch());
+  print("test data", check_test_data());
+  if (bad > 0) throw RunError("doctor", fmt::format("{} of the lines above must be remedied", bad));
 }
 
 }  // namespace

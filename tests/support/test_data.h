@@ -3,6 +3,8 @@
 #include <cstdlib>
 #include <filesystem>
 
+#include "tests/support/test_paths.h"
+
 namespace earshot {
 
 /// Folder of the test data that no package has: $EARSHOT_DATA, else shared/data beside the sources.  It may be absent.

@@ -1,0 +1,86 @@
+// Each line of `earshot doctor` follows what it checks: the tests take one thing away and look for the state, the remedy and the exit code.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <sstream>
+#include <string>
+
+#include "tests/support/test_files.h"
+
+namespace earshot {
+namespace {
+
+using testing::AllOf;
+using testing::ContainsRegex;
+using testing::HasSubstr;
+using testing::Not;
+using testing::StartsWith;
+
+struct Report {
+  int exit_code = -1;
+  std::string text;  ///< standard output and error
+  /// The line that is about `what`.
+  [[nodiscard]] std::string line(const std::string& what) const {
+    std::istringstream lines(text);
+    for (std::string line; std::getline(lines, line);)
+      if (line.size() > 6 && line.substr(6).starts_with(what + " ")) return line;
+    return {};
+  }
+};
+
+/// variables: "NAME=VALUE ..." of its environment.
+Report doctor(const std::string& variables) {
+  Report report;
+  FILE* output = ::popen(("env " + variables + " " EARSHOT_BINARY " doctor 2>&1").c_str(), "r");
+  if (output == nullptr) return report;
+  for (int c = 0; (c = std::fgetc(output)) != EOF;) report.text += static_cast<char>(c);
+  const int status = ::pclose(output);
+  report.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  return report;
+}
+
+TEST(Doctor, HasALineForEveryPart) {
+  const Report report = doctor("");
+  EXPECT_EQ(report.exit_code, 0) << report.text;
+  for (const char* part : {"earshot", "CPU", "vectors", "Embree", "reader", "BLAS", "libtorch", "test data"})
+    EXPECT_THAT(report.line(part), ContainsRegex("^(ok|SLOW|none) ")) << part << " in:\n" << report.text;
+  EXPECT_THAT(report.line("reader"), StartsWith("ok "));
+}
+
+TEST(Doctor, ReaderThatIsNotThereOrDoesNotAnswerIsBad) {
+  for (const char* program : {"/nonexistent/earshot_reader", "/bin/true"}) {
+    const Report report = doctor(std::string("EARSHOT_READER=") + program);
+    EXPECT_EQ(report.exit_code, 1) << program;
+    EXPECT_THAT(report.line("reader"), AllOf(StartsWith("BAD "), HasSubstr("build or install earshot_reader"))) << report.text;
+  }
+}
+
+TEST(Doctor, TestDataThatAreAbsentAreSaidToBeAndAreNoFault) {
+  const Report report = doctor("EARSHOT_DATA=/nonexistent");
+  EXPECT_EQ(report.exit_code, 0) << report.text;
+  EXPECT_THAT(report.line("test data"),
+              AllOf(StartsWith("none "), HasSubstr("no test data"), HasSubstr("skipped"), HasSubstr("nothing else needs them")));
+}
+
+TEST(Doctor, NamesTheTestDataThatAreThere) {
+  const TempFolder folder;
+  for (const char* part : {"scenes", "audio"}) std::filesystem::create_directories(folder / part);
+  Report report = doctor("EARSHOT_DATA=" + (folder / ""));
+  EXPECT_THAT(report.line("test data"), AllOf(StartsWith("none "), HasSubstr("only audio, scenes"), HasSubstr("hrtf, materials, rir")));
+  for (const char* part : {"hrtf", "materials", "rir"}) std::filesystem::create_directories(folder / part);
+  report = doctor("EARSHOT_DATA=" + (folder / ""));
+  EXPECT_THAT(report.line("test data"), AllOf(StartsWith("ok "), Not(HasSubstr("skipped"))));
+}
+
+TEST(Doctor, VersionIsThatOfTheProject) {
+  const Report report = doctor("");
+  EXPECT_THAT(report.line("earshot"), HasSubstr(EARSHOT_VERSION));
+}
+
+}  // namespace
+}  // namespace earshot
