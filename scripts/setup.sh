@@ -3,7 +3,7 @@
 set -euo pipefail
 
 # name=version: the versions Earshot is tested with.  A point release of Debian may have replaced one of them by a security fix;
-# then the newest of the same package is taken, and said.
+# then the newest of the same package is taken, with a message.
 packages=(
   g++ cmake ninja-build ccache git ca-certificates
   libembree-dev=3.13.5+dfsg-2
@@ -53,7 +53,7 @@ for package in "${packages[@]}"; do
 done
 as_root apt-get install -y -qq --no-install-recommends --allow-downgrades "${wanted[@]}" >/dev/null
 
-# libtorch alone pulls the reference BLAS, which trains several times slower: make sure that the optimized one answers.
+# libtorch alone pulls the reference BLAS, which trains several times slower: the optimized one must be the one in use.
 blas=$(readlink -f /usr/lib/*/libblas.so.3 | head -n 1)
 case "$blas" in
   *openblas*) ;;
