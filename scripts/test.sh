@@ -4,7 +4,8 @@
 #          undefined-behaviour sanitizers, those in which threads meet under the thread sanitizer, and a minute of fuzzing
 #   quick  the loop while working: builds and runs the tests of the folders with uncommitted changes (of the last commit, if there are none)
 #   all    full, and the slow statistics (label slow); notes date and commit in tests/slow_statistics.txt if all pass
-# Prints the seconds of each stage at the end.  EARSHOT_JOBS: how many jobs at once (default: all cores).
+# Ends with the seconds of each stage, the number of tests, failures and skips, and the absent test data that caused skips.
+# EARSHOT_JOBS: how many jobs at once (default: all cores).
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -13,6 +14,14 @@ case $mode in full | quick | all) ;; *) echo "test.sh: unknown mode '$mode'; one
 jobs=${EARSHOT_JOBS:-$(nproc)}
 record=tests/slow_statistics.txt
 table=""
+results=$(mktemp -d)
+
+finish() {
+  if [ -n "$table" ]; then printf '\n%s%-26s %5d s\n' "$table" "in all" "$SECONDS"; fi
+  if compgen -G "$results/*.xml" >/dev/null; then scripts/summarize_tests.sh "$results"/*.xml; fi
+  rm -rf "$results"
+}
+trap finish EXIT
 
 # stage NAME COMMAND...: runs it and keeps its wall time for the table.
 stage() {
@@ -22,6 +31,9 @@ stage() {
   "$@"
   table+=$(printf '%-26s %5d s' "$name" $((SECONDS - begin)))$'\n'
 }
+
+# run_tests NAME PRESET [CTEST ARGUMENTS...]
+run_tests() { stage "$1" ctest --preset "$2" -j "$jobs" --output-junit "$results/${1// /_}.xml" --test-output-size-passed 4096 "${@:3}"; }
 
 # Folders under tests/unit that mirror the changed sources, one per line.
 changed_folders() {
@@ -47,17 +59,17 @@ run_quick() {
     if ls "tests/unit/$folder" | grep -E '_test\.cpp$' | grep -qvE '_(slow|threads)_test\.cpp$'; then targets+=("$target"); fi
   done
   stage "quick build" scripts/build.sh release --target "${targets[@]}"
-  stage "quick tests" ctest --preset release -j "$jobs" -LE slow -L "^(${labels#|})\$"
+  run_tests "quick tests" release -LE slow -L "^(${labels#|})\$"
 }
 
 run_full() {
   stage "format" scripts/check_format.sh
   stage "release build" scripts/build.sh release
-  stage "release tests" ctest --preset release -j "$jobs" -LE slow
+  run_tests "release tests" release -LE slow
   stage "asan-ubsan build" scripts/build.sh asan-ubsan
-  stage "asan-ubsan tests" ctest --preset asan-ubsan -j "$jobs"
+  run_tests "asan-ubsan tests" asan-ubsan
   stage "tsan build" scripts/build.sh tsan
-  stage "tsan tests" ctest --preset tsan -j "$jobs"
+  run_tests "tsan tests" tsan
   stage "fuzzing" scripts/fuzz.sh 60
 }
 
@@ -68,9 +80,8 @@ if [ "$mode" = quick ]; then
 else
   run_full
   if [ "$mode" = all ]; then
-    stage "slow statistics" ctest --preset release -j "$jobs" -L slow
+    run_tests "slow statistics" release -L slow
     printf 'The slow statistics (scripts/test.sh all) last passed on %s at commit %s.\n' "$(date -u +%Y-%m-%d)" "$(git rev-parse --short=12 HEAD)" >"$record"
   fi
   cat "$record"
 fi
-printf '\n%s%-26s %5d s\n' "$table" "in all" "$SECONDS"
