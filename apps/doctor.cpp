@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <link.h>
-#include <torch/torch.h>
 #include <unistd.h>
 
 #include <cstdlib>
@@ -17,6 +16,7 @@
 
 #include "apps/commands.h"
 #include "apps/cpu_features.h"
+#include "policy/torch_info.h"
 #include "policy/torch_threads.h"
 #include "sim/base/errors.h"
 #include "sim/base/isolated_call.h"
@@ -84,7 +84,7 @@ std::string loaded_library(const std::string& part) {
 }
 
 Finding check_blas() {
-  torch::mm(torch::ones({2, 2}), torch::ones({2, 2}));  // loads the BLAS
+  probe_torch();  // loads the BLAS
   for (const char* fast : {"libopenblas", "libmkl", "libblis"})
     if (const std::string path = loaded_library(fast); !path.empty()) return {State::ok, path};
   // Debian's OpenBLAS is a libblas.so.3 in a folder of its own.
@@ -97,9 +97,10 @@ Finding check_blas() {
 
 Finding check_torch() {
   use_one_torch_thread();
-  const int threads = torch::get_num_threads();
-  if (threads != 1) return {State::slow, fmt::format("{} takes {} threads per worker: set OMP_NUM_THREADS=1", TORCH_VERSION, threads)};
-  return {State::ok, fmt::format("{}, one thread per worker: `workers` up to {} have a core each", TORCH_VERSION,
+  const TorchInfo torch = probe_torch();
+  if (torch.threads != 1)
+    return {State::slow, fmt::format("{} takes {} threads per worker: set OMP_NUM_THREADS=1", torch.version, torch.threads)};
+  return {State::ok, fmt::format("{}, one thread per worker: `workers` up to {} have a core each", torch.version,
                                  std::thread::hardware_concurrency())};
 }
 

@@ -3,8 +3,8 @@
 #include <memory>
 
 #include "apps/commands.h"
-#include "trainer/checkpoint.h"
 #include "trainer/evaluator.h"
+#include "trainer/find_checkpoint.h"
 #include "trainer/leaderboard.h"
 
 namespace earshot {
@@ -32,7 +32,7 @@ void run_eval(const Options& options) {
   } else {
     const auto checkpoint = find_checkpoint(options.agent);
     const RunConfig config =
-        parse_run_config(load_checkpoint(checkpoint).config_yaml, checkpoint.string() + " (its config)", options.overrides);
+        parse_run_config(load_checkpoint_metadata(checkpoint).config_yaml, checkpoint.string() + " (its config)", options.overrides);
     if (evaluation.episodes.empty()) evaluation.episodes = config.eval.file;
     if (evaluation.episodes.empty())
       throw InputError("--episodes", "is missing and the checkpoint's config names none", "name an episode set");

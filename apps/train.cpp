@@ -3,7 +3,7 @@
 #include <memory>
 
 #include "apps/commands.h"
-#include "trainer/checkpoint.h"
+#include "trainer/find_checkpoint.h"
 #include "trainer/train_loop.h"
 #include "trainer/worker_group.h"
 

@@ -7,28 +7,6 @@
 
 namespace earshot {
 
-void read(ConfigReader& reader, PolicyConfig& config) {
-  reader.read("hidden_size", config.hidden_size);
-  reader.read("visual_features", config.visual_features);
-  reader.read("audio_features", config.audio_features);
-  reader.read("conv_channels", config.conv_channels);
-  reader.read("initial_stop_logit", config.initial_stop_logit);
-  reader.read("seed", config.seed);
-}
-
-void validate(const PolicyConfig& config) {
-  require(config.initial_stop_logit >= -20 && config.initial_stop_logit <= 20, "policy.initial_stop_logit", config.initial_stop_logit,
-          "must be in [-20, 20]: beyond that the agent can never learn to stop, or to go");
-  constexpr int largest = 8192;  // the recurrent weights of a layer twice this size would fill 3 GB
-  const auto check = [](const char* key, int value) {
-    require(value > 0 && value <= largest, key, value, "must be in 1 ... 8192: it is the width of a layer");
-  };
-  check("policy.hidden_size", config.hidden_size);
-  check("policy.visual_features", config.visual_features);
-  check("policy.audio_features", config.audio_features);
-  check("policy.conv_channels", config.conv_channels);
-}
-
 ActorCriticImpl::ActorCriticImpl(const ObservationSpec& spec, const PolicyConfig& config) : spec_(spec), config_(config) {
   if (!spec.depth && !spec.spectrogram && !spec.pointgoal)
     throw InputError("sensors", "all are off: the policy would have nothing to go by", "switch depth, spectrogram or pointgoal on");

@@ -9,23 +9,9 @@
 #include "envs/observation.h"
 #include "policy/conv_encoder.h"
 #include "policy/masked_gru.h"
-#include "sim/base/config_reader.h"
+#include "policy/policy_config.h"
 
 namespace earshot {
-
-/// Sizes of the network; the defaults are docs/formats.md, section 6.5 (4,952,453 parameters with 128 x 128 depth and 65 x 26 x 2
-/// spectrograms).
-struct PolicyConfig {
-  int hidden_size = 512;  ///< of the GRU
-  int visual_features = 512, audio_features = 512;
-  int conv_channels = 32;  ///< first layer; the others have twice as many
-  /// Bias of `stop` before training; 0 in the original.  At 0 a new agent stops once in four steps and long never learns what walking is
-  /// worth; at -4 its first episodes are walks of some fifty steps.
-  double initial_stop_logit = 0;
-  std::uint64_t seed = 0;  ///< of the initial weights
-};
-void read(ConfigReader& reader, PolicyConfig& config);
-void validate(const PolicyConfig& config);
 
 /// Observations of a batch, any leading dimensions folded into [N, ...].  An undefined tensor stands for a sensor that is off.
 struct ObservationTensors {

@@ -53,7 +53,7 @@ owned 'Recast|Detour'     'sim/nav/'
 owned 'sndfile|mysofa|libav|libsw' 'sim/audio/'
 owned 'yaml-cpp'         'sim/base/config_reader.cpp'
 owned 'zmq'               'trainer/'
-owned 'torch'             'policy/|trainer/|apps/'
+owned 'torch'             'policy/|trainer/'
 
 [ "$failures" = 0 ] && echo "layering: every include follows the arrow"
 exit "$failures"

@@ -7,24 +7,18 @@
 #include <bit>
 #include <cstring>
 #include <limits>
-#include <msgpack.hpp>
 #include <span>
 
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "trainer/checkpoint_format.h"
 
 namespace earshot {
 namespace {
 
 static_assert(std::endian::native == std::endian::little, "tensors are written as they lie in memory");
 
-constexpr std::string_view kMagic{"EARSHOT\0", 8};
-constexpr std::uint32_t kVersion = 1;
-constexpr std::size_t kHeaderBytes = kMagic.size() + sizeof(std::uint32_t) + sizeof(std::uint64_t);  // magic, version, length of the body
-constexpr std::size_t kHashBytes = sizeof(std::uint64_t);
-constexpr std::size_t kMaxFileBytes = std::size_t{4} << 30;
 constexpr std::uint32_t kMaxDimensions = 8;
-constexpr std::size_t kMaxItems = 65536;  // of a list or map: a forged count cannot make the decoder allocate much
 
 struct NamedType {
   std::string_view name;
@@ -96,19 +90,13 @@ void pack_body(Packer& packer, const Checkpoint& checkpoint) {
   pack_tensors(packer, checkpoint.not_done);
 }
 
-/// Reads one checkpoint body; every failure is an InputError that names the file and the field.
-class BodyReader {
+/// Adds the tensors to what CheckpointFields reads.
+class BodyReader : CheckpointFields {
  public:
-  explicit BodyReader(std::string where) : where_(std::move(where)) {}
+  using CheckpointFields::CheckpointFields;
 
-  Checkpoint read(const msgpack::object& body) {
-    Checkpoint checkpoint;
-    checkpoint.config_yaml = value<std::string>(body, "config_yaml");
-    checkpoint.architecture = value<std::string>(body, "architecture");
-    checkpoint.update = value<std::uint64_t>(body, "update");
-    checkpoint.env_steps = value<std::uint64_t>(body, "env_steps");
-    checkpoint.seed = value<std::uint64_t>(body, "seed");
-    checkpoint.world_size = value<int>(body, "world_size");
+  [[nodiscard]] Checkpoint read(const msgpack::object& body) const {
+    Checkpoint checkpoint{metadata(body), {}, {}, {}, {}, {}};
     checkpoint.weights = named_tensors(body, "weights");
     checkpoint.optimizer = named_tensors(body, "optimizer");
     for (const auto& state : items(field(body, "env_states"), "env_states")) checkpoint.env_states.emplace_back(bytes(state, "env_states"));
@@ -118,36 +106,6 @@ class BodyReader {
   }
 
  private:
-  [[noreturn]] void fail(std::string_view name, std::string_view what) const {
-    throw InputError(where_, fmt::format("is no valid checkpoint: '{}' {}", name, what), "take another checkpoint");
-  }
-
-  [[nodiscard]] const msgpack::object& field(const msgpack::object& map, std::string_view name) const {
-    if (map.type != msgpack::type::MAP) fail(name, "is not in a map");
-    for (const auto& [key, value] : std::span(map.via.map.ptr, map.via.map.size))
-      if (key.type == msgpack::type::STR && std::string_view(key.via.str.ptr, key.via.str.size) == name) return value;
-    fail(name, "is missing");
-  }
-
-  template <class T>
-  [[nodiscard]] T value(const msgpack::object& map, std::string_view name) const {
-    try {
-      return field(map, name).as<T>();
-    } catch (const msgpack::type_error&) {
-      fail(name, "has another type");
-    }
-  }
-
-  [[nodiscard]] std::span<const msgpack::object> items(const msgpack::object& list, std::string_view name) const {
-    if (list.type != msgpack::type::ARRAY) fail(name, "is not a list");
-    return {list.via.array.ptr, list.via.array.size};
-  }
-
-  [[nodiscard]] std::string_view bytes(const msgpack::object& object, std::string_view name) const {
-    if (object.type != msgpack::type::BIN) fail(name, "is not bytes");
-    return {object.via.bin.ptr, object.via.bin.size};
-  }
-
   [[nodiscard]] torch::Tensor tensor(const msgpack::object& object, std::string_view name) const {
     const auto type_name = value<std::string>(object, "dtype");
     const auto* type = std::find_if(kTypes.begin(), kTypes.end(), [&](const NamedType& known) { return known.name == type_name; });
@@ -160,11 +118,11 @@ class BodyReader {
     std::uint64_t size_bytes = torch::elementSize(type->type);
     bool empty = false;
     for (const auto& extent : shape) {
-      if (extent.type != msgpack::type::POSITIVE_INTEGER || extent.via.u64 > kMaxFileBytes) fail(name, "has an impossible shape");
+      if (extent.type != msgpack::type::POSITIVE_INTEGER || extent.via.u64 > kMaxCheckpointBytes) fail(name, "has an impossible shape");
       sizes.push_back(static_cast<std::int64_t>(extent.via.u64));
       empty = empty || extent.via.u64 == 0;
       if (extent.via.u64 == 0) continue;
-      if (size_bytes > kMaxFileBytes / extent.via.u64) fail(name, "has an impossible shape");
+      if (size_bytes > kMaxCheckpointBytes / extent.via.u64) fail(name, "has an impossible shape");
       size_bytes *= extent.via.u64;
     }
     if (data.size() != (empty ? 0 : size_bytes)) fail(name, "has a shape that does not fit its data");
@@ -193,46 +151,18 @@ class BodyReader {
     }
     return named;
   }
-
-  std::string where_;
 };
-
-template <class T>
-T read_little_endian(std::string_view bytes, std::size_t at) {
-  T value;
-  std::memcpy(&value, bytes.data() + at, sizeof(value));
-  return value;
-}
 
 template <class T>
 void write_little_endian(std::string& bytes, std::size_t at, T value) {
   std::memcpy(bytes.data() + at, &value, sizeof(value));
 }
 
-/// The body, once header and hash have been found good.
-std::string_view checked_body(std::string_view file, const std::string& where) {
-  const std::string remedy = "take another checkpoint";
-  if (file.size() < kHeaderBytes + kHashBytes || file.substr(0, kMagic.size()) != kMagic)
-    throw InputError(where, "is not an Earshot checkpoint", "name a file that earshot train wrote");
-  const auto version = read_little_endian<std::uint32_t>(file, kMagic.size());
-  if (version != kVersion)
-    throw InputError(where, fmt::format("has checkpoint version {}, this program reads version {}", version, kVersion),
-                     "use the program that wrote it");
-  const auto length = read_little_endian<std::uint64_t>(file, kMagic.size() + sizeof(version));
-  const std::size_t present = file.size() - kHeaderBytes - kHashBytes;
-  if (length != present)
-    throw InputError(where, fmt::format("is truncated or padded: {} bytes announced, {} there", length, present), remedy);
-  const std::string_view body = file.substr(kHeaderBytes, present);
-  if (hash64(body) != read_little_endian<std::uint64_t>(file, kHeaderBytes + present))
-    throw InputError(where, "is damaged: its hash does not match", remedy);
-  return body;
-}
-
 }  // namespace
 
 void save_checkpoint(const Checkpoint& checkpoint, const std::filesystem::path& path) {
-  std::string file(kHeaderBytes, '\0');
-  std::size_t expected = kHeaderBytes + kHashBytes;
+  std::string file(kCheckpointHeaderBytes, '\0');
+  std::size_t expected = kCheckpointHeaderBytes + kCheckpointHashBytes;
   for (const auto* tensors : {&checkpoint.weights, &checkpoint.optimizer})
     for (const auto& [name, tensor] : *tensors) expected += tensor.nbytes() + 256;
   file.reserve(expected + (std::size_t{1} << 20));
@@ -240,37 +170,23 @@ void save_checkpoint(const Checkpoint& checkpoint, const std::filesystem::path& 
   Packer packer(stream);
   pack_body(packer, checkpoint);
 
-  const std::size_t length = file.size() - kHeaderBytes;
-  if (file.size() + kHashBytes > kMaxFileBytes)
+  const std::size_t length = file.size() - kCheckpointHeaderBytes;
+  if (file.size() + kCheckpointHashBytes > kMaxCheckpointBytes)
     throw RunError(path.string(), fmt::format("{} bytes are more than a checkpoint can hold", file.size()));
-  file.replace(0, kMagic.size(), kMagic);
-  write_little_endian(file, kMagic.size(), kVersion);
-  write_little_endian(file, kMagic.size() + sizeof(kVersion), static_cast<std::uint64_t>(length));
-  const std::uint64_t hash = hash64(std::string_view(file).substr(kHeaderBytes));
-  file.resize(file.size() + kHashBytes);
-  write_little_endian(file, file.size() - kHashBytes, hash);
+  file.replace(0, kCheckpointMagic.size(), kCheckpointMagic);
+  write_little_endian(file, kCheckpointMagic.size(), kCheckpointVersion);
+  write_little_endian(file, kCheckpointMagic.size() + sizeof(kCheckpointVersion), static_cast<std::uint64_t>(length));
+  const std::uint64_t hash = hash64(std::string_view(file).substr(kCheckpointHeaderBytes));
+  file.resize(file.size() + kCheckpointHashBytes);
+  write_little_endian(file, file.size() - kCheckpointHashBytes, hash);
   write_file_atomically(path, file);
 }
 
-Checkpoint load_checkpoint(const std::filesystem::path& path) { return decode_checkpoint(read_file(path, kMaxFileBytes), path.string()); }
+Checkpoint load_checkpoint(const std::filesystem::path& path) { return decode_checkpoint(read_file(path, kMaxCheckpointBytes), path.string()); }
 
 Checkpoint decode_checkpoint(std::string_view bytes, const std::string& where) {
-  const std::string_view body = checked_body(bytes, where);
-  msgpack::object_handle handle;
-  try {
-    std::size_t offset = 0;
-    // Bytes and texts stay where they are in `bytes`; lists and maps are short, and nothing nests deeper than the format does.
-    const std::size_t limit = body.size();
-    handle = msgpack::unpack(
-        body.data(), body.size(), offset, [](msgpack::type::object_type, std::size_t, void*) { return true; }, nullptr,
-        msgpack::unpack_limit(kMaxItems, kMaxItems, limit, limit, 0, 8));
-    if (offset != body.size()) throw InputError(where, "has bytes after its end", "take another checkpoint");
-  } catch (const InputError&) {
-    throw;
-  } catch (const std::exception& error) {  // msgpack throws several unrelated types
-    throw InputError(where, fmt::format("is no valid checkpoint: {}", error.what()), "take another checkpoint");
-  }
-  return BodyReader(where).read(handle.get());
+  const msgpack::object_handle body = unpack_checkpoint(bytes, where);
+  return BodyReader(where).read(body.get());
 }
 
 }  // namespace earshot

@@ -9,16 +9,12 @@
 #include <vector>
 
 #include "policy/actor_critic.h"
+#include "trainer/find_checkpoint.h"
 
 namespace earshot {
 
 /// Everything a run needs to go on with the same bits, or an evaluation to act.
-struct Checkpoint {
-  std::string config_yaml;   ///< the whole run config as it was resolved
-  std::string architecture;  ///< ActorCritic::architecture()
-  std::uint64_t update = 0, env_steps = 0;
-  std::uint64_t seed = 0;
-  int world_size = 1;
+struct Checkpoint : CheckpointMetadata {
   std::map<std::string, torch::Tensor> weights;
   std::map<std::string, torch::Tensor> optimizer;  ///< Adam moments and step per parameter name; empty in exports
   std::vector<std::string> env_states;             ///< BatchedEnv::save_state per rank
@@ -32,10 +28,6 @@ Checkpoint load_checkpoint(const std::filesystem::path& path);
 /// The same for bytes that are in memory; `where` is what errors name.  Nothing is executed and no count is believed beyond the bytes that
 /// are there.
 Checkpoint decode_checkpoint(std::string_view bytes, const std::string& where);
-
-/// The newest checkpoint under a run folder, or the file itself.  Damaged ones in a folder are passed over with a warning.  Throws
-/// InputError if there is none that is whole.
-std::filesystem::path find_checkpoint(const std::filesystem::path& folder_or_file);
 
 /// By name: parameters and buffers of the policy, as copies.
 std::map<std::string, torch::Tensor> weights_of(const ActorCritic& policy);

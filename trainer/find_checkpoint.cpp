@@ -1,9 +1,18 @@
+#include "trainer/find_checkpoint.h"
+
 #include <spdlog/spdlog.h>
 
 #include "sim/base/errors.h"
-#include "trainer/checkpoint.h"
+#include "sim/base/files.h"
+#include "trainer/checkpoint_format.h"
 
 namespace earshot {
+
+CheckpointMetadata load_checkpoint_metadata(const std::filesystem::path& path) {
+  const std::string bytes = read_file(path, kMaxCheckpointBytes);
+  const msgpack::object_handle body = unpack_checkpoint(bytes, path.string());
+  return CheckpointFields(path.string()).metadata(body.get());
+}
 
 std::filesystem::path find_checkpoint(const std::filesystem::path& folder_or_file) {
   if (std::filesystem::is_regular_file(folder_or_file)) return folder_or_file;
@@ -15,14 +24,14 @@ std::filesystem::path find_checkpoint(const std::filesystem::path& folder_or_fil
     for (const auto& entry : std::filesystem::directory_iterator(folder)) {
       if (entry.path().extension() != ".ckpt") continue;
       try {
-        const std::uint64_t update = load_checkpoint(entry.path()).update;
+        const std::uint64_t update = load_checkpoint_metadata(entry.path()).update;
         if (newest.empty() || update >= newest_update) {
           newest = entry.path();
           newest_update = update;
         }
       } catch (const InputError& error) {
         damaged = error.what();
-        spdlog::warn("passed over: {}", damaged);
+        spdlog::warn("skipped: {}", damaged);
       }
     }
   }

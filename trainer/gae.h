@@ -2,11 +2,9 @@
 
 #include <torch/torch.h>
 
-namespace earshot {
+#include "trainer/gae_config.h"
 
-struct GaeConfig {
-  double gamma = 0.99, lambda = 0.95;
-};
+namespace earshot {
 
 /// Generalized advantage estimation (Schulman et al. 2016, eqs. 11 to 16) with truncation bootstrapped from the final observation.
 /// rewards, values, terminated, truncated, final_values [T, B]; next_value [B] of the observation after the last row.

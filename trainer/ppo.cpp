@@ -14,6 +14,7 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/random.h"
+#include "trainer/gae.h"
 
 namespace earshot {
 namespace {
@@ -74,48 +75,6 @@ void raise_alarms(std::span<const StepVerdict> verdicts, const PpoConfig& config
 }
 
 }  // namespace
-
-void read(ConfigReader& reader, PpoConfig& config) {
-  reader.read("clip", config.clip);
-  reader.read("value_coefficient", config.value_coefficient);
-  reader.read("entropy_coefficient", config.entropy_coefficient);
-  reader.read("learning_rate", config.learning_rate);
-  reader.read("adam_epsilon", config.adam_epsilon);
-  reader.read("max_gradient_norm", config.max_gradient_norm);
-  reader.read("epochs", config.epochs);
-  reader.read("minibatches", config.minibatches);
-  reader.read("clip_value_loss", config.clip_value_loss);
-  reader.read("normalize_advantages", config.normalize_advantages);
-  reader.read("linear_learning_rate_decay", config.linear_learning_rate_decay);
-  reader.read("linear_clip_decay", config.linear_clip_decay);
-  reader.read("loss_alarm", config.loss_alarm);
-  reader.read("kl_alarm", config.kl_alarm);
-  reader.read("gamma", config.gae.gamma);
-  reader.read("lambda", config.gae.lambda);
-}
-
-void validate(const PpoConfig& config) {
-  const auto positive = [](const char* key, double value, const char* why) { require(value > 0 && std::isfinite(value), key, value, why); };
-  const auto not_negative = [](const char* key, double value, const char* why) {
-    require(value >= 0 && std::isfinite(value), key, value, why);
-  };
-  require(config.clip > 0 && config.clip < 1, "ppo.clip", config.clip,
-          "must be between 0 and 1: the probability ratio stays in 1 - clip ... 1 + clip");
-  not_negative("ppo.value_coefficient", config.value_coefficient, "must not be negative: the value loss would grow");
-  not_negative("ppo.entropy_coefficient", config.entropy_coefficient, "must not be negative: it rewards exploration");
-  positive("ppo.learning_rate", config.learning_rate, "must be positive: it is the step of Adam");
-  positive("ppo.adam_epsilon", config.adam_epsilon, "must be positive: it keeps Adam from dividing by zero");
-  require(config.max_gradient_norm > 0 && config.max_gradient_norm <= 1e9, "ppo.max_gradient_norm", config.max_gradient_norm,
-          "must be in (0, 1e9]: longer gradients are scaled down to it, and Adam keeps its square in a float");
-  positive("ppo.loss_alarm", config.loss_alarm, "must be positive: a larger loss is reported");
-  positive("ppo.kl_alarm", config.kl_alarm, "must be positive: a larger divergence from the policy that acted is reported");
-  require(config.epochs > 0, "ppo.epochs", config.epochs, "must be positive: passes over each rollout");
-  require(config.minibatches > 0, "ppo.minibatches", config.minibatches, "must be positive: they share the environments of a worker");
-  require(config.gae.gamma >= 0 && config.gae.gamma <= 1, "ppo.gamma", config.gae.gamma,
-          "must be in [0, 1]: it discounts rewards per step");
-  require(config.gae.lambda >= 0 && config.gae.lambda <= 1, "ppo.lambda", config.gae.lambda,
-          "must be in [0, 1]: it discounts advantages per step");
-}
 
 PpoLoss ppo_loss(const torch::Tensor& log_prob, const torch::Tensor& old_log_prob, const torch::Tensor& advantages,
                  const torch::Tensor& values, const torch::Tensor& old_values, const torch::Tensor& returns, const torch::Tensor& entropy,

@@ -9,24 +9,11 @@
 
 #include "policy/actor_critic.h"
 #include "trainer/advantage_normalization.h"
-#include "trainer/gae.h"
+#include "trainer/ppo_config.h"
 #include "trainer/rollout_buffer.h"
 #include "trainer/step_agreement.h"
 
 namespace earshot {
-
-struct PpoConfig {
-  double clip = 0.2, value_coefficient = 0.5, entropy_coefficient = 0.05;
-  double learning_rate = 2.5e-4, adam_epsilon = 1e-5, max_gradient_norm = 0.2;
-  int epochs = 2, minibatches = 2;  ///< minibatches split the envs, sequences stay whole
-  bool clip_value_loss = true, normalize_advantages = false;
-  bool linear_learning_rate_decay = false, linear_clip_decay = false;
-  /// Above these a minibatch raises an alarm: it is counted and reported, the step is taken.  (Sample Factory's limits.)
-  double loss_alarm = 30, kl_alarm = 100;
-  GaeConfig gae;
-};
-void read(ConfigReader& reader, PpoConfig& config);
-void validate(const PpoConfig& config);
 
 /// The pieces of one PPO loss; all scalars.
 struct PpoLoss {

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "envs/batched_env.h"
+#include "envs/av_nav_task.h"
 
 namespace earshot {
 

@@ -6,8 +6,8 @@
 
 #include "envs/batched_env.h"
 #include "envs/episode_generator.h"
-#include "policy/actor_critic.h"
-#include "trainer/ppo.h"
+#include "policy/policy_config.h"
+#include "trainer/ppo_config.h"
 
 namespace earshot {
 

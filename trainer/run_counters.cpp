@@ -2,6 +2,10 @@
 
 #include <fmt/format.h>
 
+#include "envs/batched_env.h"
+#include "trainer/actor.h"
+#include "trainer/rollout_buffer.h"
+
 namespace earshot {
 namespace {
 

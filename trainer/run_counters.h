@@ -6,11 +6,12 @@
 #include <utility>
 #include <vector>
 
-#include "envs/batched_env.h"
-#include "trainer/actor.h"
-#include "trainer/rollout_buffer.h"
-
 namespace earshot {
+
+class Actor;
+class BatchedEnv;
+class RolloutBuffer;
+class SceneCache;
 
 /// What happened in the environments and on the way to the learner, since the worker began; in double, so that all workers' counts add up
 /// by all-reduce (exact up to 2^53).

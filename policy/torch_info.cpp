@@ -1,0 +1,12 @@
+#include "policy/torch_info.h"
+
+#include <torch/torch.h>
+
+namespace earshot {
+
+TorchInfo probe_torch() {
+  torch::mm(torch::ones({2, 2}), torch::ones({2, 2}));
+  return {TORCH_VERSION, torch::get_num_threads()};
+}
+
+}  // namespace earshot

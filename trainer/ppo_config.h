@@ -1,0 +1,23 @@
+#pragma once
+
+#include "trainer/gae_config.h"
+
+namespace earshot {
+
+class ConfigReader;
+
+struct PpoConfig {
+  double clip = 0.2, value_coefficient = 0.5, entropy_coefficient = 0.05;
+  double learning_rate = 2.5e-4, adam_epsilon = 1e-5, max_gradient_norm = 0.2;
+  int epochs = 2, minibatches = 2;  ///< minibatches split the envs, sequences stay whole
+  bool clip_value_loss = true, normalize_advantages = false;
+  bool linear_learning_rate_decay = false, linear_clip_decay = false;
+  /// Above these a minibatch raises an alarm: it is counted and reported, the step is taken.  (Sample Factory's limits.)
+  double loss_alarm = 30, kl_alarm = 100;
+  GaeConfig gae;
+};
+void read(ConfigReader& reader, PpoConfig& config);
+/// Throws InputError naming the key, its value and the rule.
+void validate(const PpoConfig& config);
+
+}  // namespace earshot
