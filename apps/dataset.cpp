@@ -3,7 +3,7 @@
 #include <memory>
 
 #include "apps/commands.h"
-#include "trainer/run_config.h"
+#include "trainer/episode_data.h"
 
 namespace earshot {
 namespace {

@@ -3,6 +3,8 @@
 #include <memory>
 
 #include "apps/commands.h"
+#include "trainer/effective_config.h"
+#include "trainer/episode_data.h"
 #include "trainer/evaluator.h"
 #include "trainer/find_checkpoint.h"
 #include "trainer/leaderboard.h"
@@ -17,6 +19,13 @@ struct Options {
   bool argmax = false;
 };
 
+/// The config's held-out set, unless --episodes names one.
+void take_set_of(const RunConfig& config, EvaluationConfig& evaluation) {
+  if (!evaluation.episodes.empty()) return;
+  evaluation.episodes = config.eval.file;
+  evaluation.generator = expected_generator(config.eval, config.env);
+}
+
 void run_eval(const Options& options) {
   EvaluationConfig evaluation = options.evaluation;
   evaluation.sample = !options.argmax;
@@ -25,15 +34,15 @@ void run_eval(const Options& options) {
   if (baseline) {
     const RunConfig config =
         options.config.empty() ? parse_run_config("", "--set", options.overrides) : load_run_config(options.config, options.overrides);
-    if (evaluation.episodes.empty()) evaluation.episodes = config.eval.file;
+    take_set_of(config, evaluation);
     if (evaluation.episodes.empty()) throw InputError("--episodes", "is missing", "name an episode set, or a --config that names one");
     evaluation.num_envs = config.eval_envs;
     result = evaluate_baseline(*baseline, options.agent, config.env, evaluation);
   } else {
     const auto checkpoint = find_checkpoint(options.agent);
     const RunConfig config =
-        parse_run_config(load_checkpoint_metadata(checkpoint).config_yaml, checkpoint.string() + " (its config)", options.overrides);
-    if (evaluation.episodes.empty()) evaluation.episodes = config.eval.file;
+        parse_effective_config(load_checkpoint_metadata(checkpoint).config_yaml, checkpoint.string() + " (its config)", options.overrides);
+    take_set_of(config, evaluation);
     if (evaluation.episodes.empty())
       throw InputError("--episodes", "is missing and the checkpoint's config names none", "name an episode set");
     evaluation.num_envs = config.eval_envs;

@@ -4,6 +4,7 @@
 
 #include "apps/commands.h"
 #include "trainer/find_checkpoint.h"
+#include "trainer/start_run.h"
 #include "trainer/train_loop.h"
 #include "trainer/worker_group.h"
 
@@ -12,8 +13,9 @@ namespace {
 
 struct Options {
   std::string config, resume;
-  std::vector<std::string> overrides;
+  std::vector<std::string> overrides, changes;
   int workers = 0;
+  bool overwrite = false;
 };
 
 int run_train(const Options& options, const std::vector<std::string>& arguments) {
@@ -24,13 +26,21 @@ int run_train(const Options& options, const std::vector<std::string>& arguments)
     throw InputError(options.config, "names no data.train.file", "add it, and write it with 'earshot dataset episodes --config'");
   if (!identity && !std::filesystem::exists(config.train.file))
     throw InputError(config.train.file, "no such episode set", "write it with 'earshot dataset episodes --config " + options.config + "'");
-  const std::filesystem::path resume = options.resume.empty() ? std::filesystem::path() : find_checkpoint(options.resume);
+  RunStart start;
+  if (!options.resume.empty()) start.resume = find_checkpoint(options.resume);
+  start.overwrite = options.overwrite;
+  start.changes = options.changes;
+  start.remake = "earshot dataset episodes --config " + options.config;
+  for (const auto& override : options.overrides) start.remake += " --set " + override;
 
   const int workers = options.workers > 0 ? options.workers : config.workers;
-  if (!identity && workers > 1) return spawn_workers(workers, arguments);
+  if (!identity && workers > 1) {
+    prepare_run(config, start);
+    return spawn_workers(workers, arguments);
+  }
 
   const auto collective = identity ? make_zmq_ring(*identity) : make_single_worker();
-  const TrainReport report = train(config, resolved_yaml(options.config, options.overrides), *collective, resume);
+  const TrainReport report = train(config, *collective, start);
   if (collective->identity().rank == 0)
     fmt::print("{} updates, {} steps in {:.1f} min: {:.0f} steps/s\n{}checkpoint: {}\n", report.updates, report.env_steps,
                report.wall_s / 60, report.steps_per_s, summary(report.counters, report.guards), report.checkpoint.string());
@@ -46,15 +56,20 @@ void add_train(CLI::App& app, const std::vector<std::string>& arguments, int& ex
   command->add_option("OVERRIDES", options->overrides, "key=value over the config, for example ppo.learning_rate=1e-4");
   command->add_option("--workers", options->workers, "Worker processes on this machine (default: the config's)");
   command->add_option("--resume", options->resume, "Run folder or checkpoint to go on from");
+  command->add_option("--change", options->changes, "With --resume: keys or sections that may differ from the checkpoint's, and 'engine'")
+      ->delimiter(',');
+  command->add_flag("--overwrite", options->overwrite, "Remove the files of an earlier run in `out` first; without it such a folder is refused");
   command->footer(
       "Writes checkpoints, events.jsonl and TensorBoard curves under the config's `out`.  SIGTERM, SIGINT and SIGUSR1 end the run after "
       "the\n"
-      "current update with a checkpoint.  A resumed run gives the bits that the unbroken one would have given.\n\n"
+      "current update with a checkpoint.  A resumed run gives the bits that the unbroken one would have given: another config or\n"
+      "engine than the checkpoint's is refused unless --change declares it.\n\n"
       "Keys of CONFIG that save or keep something on disk:\n"
       "  env.field_store=FOLDER     source fields (env.acoustics.field) that all workers and later runs share; empty: in memory only\n"
       "  env.field_store_gb=20      bound of that folder; the least recently used go first\n"
       "  env.quarantine_dir=FOLDER  episodes that went wrong, each as a file that replays it (default: `out`/quarantine)\n"
       "  checkpoint_every=50        updates between checkpoints; a full disk is reported and training goes on\n"
+      "  keep=3                     newest checkpoints that stay, beside best.ckpt and last.ckpt\n"
       "All keys, curves and counters: docs/training.md.");
   command->callback([options, &arguments, &exit_code] { exit_code = run_train(*options, arguments); });
 }

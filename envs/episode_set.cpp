@@ -16,6 +16,7 @@ namespace {
 using nlohmann::json;
 
 constexpr std::size_t kMaxTextBytes = std::size_t{1} << 30;
+constexpr const char* kGeneratorKey = "earshot_generator";
 constexpr std::string_view kScenePrefix = "data/scene_datasets/";
 constexpr std::string_view kRemedy = "see docs for the episode format, or make a set with `earshot dataset episodes`";
 
@@ -98,10 +99,11 @@ class EpisodeReader {
   std::string label_;
 };
 
-/// The two keys of a set: its episodes and, in sets split by scene, where the files of the scenes are.
+/// The keys of a set: its episodes, in sets split by scene where the files of the scenes are, and in generated sets what they were made from.
 struct ParsedSet {
   std::vector<Episode> episodes;
   std::string content_pattern;
+  std::map<std::string, std::string> generator;
 };
 
 ParsedSet parse_text(std::string_view text, const std::string& where) {
@@ -134,6 +136,13 @@ ParsedSet parse_text(std::string_view text, const std::string& where) {
   if (!document.is_object() || !has_list) throw InputError(where, "has no list 'episodes'", kRemedy);
   if (const auto pattern = document.find("content_scenes_path"); pattern != document.end() && pattern->is_string())
     set.content_pattern = pattern->get<std::string>();
+  if (const auto generator = document.find(kGeneratorKey); generator != document.end()) {
+    if (!generator->is_object()) throw InputError(where, std::string(kGeneratorKey) + " must be an object", kRemedy);
+    for (const auto& [name, value] : generator->items()) {
+      if (!value.is_string()) throw InputError(where, std::string(kGeneratorKey) + "." + name + " must be text", kRemedy);
+      set.generator.emplace(name, value.get<std::string>());
+    }
+  }
   return set;
 }
 
@@ -184,16 +193,16 @@ std::string canonical_text(const std::vector<Episode>& episodes) {
   return text + "\n]}\n";
 }
 
-EpisodeSet finish(std::vector<Episode> episodes, const std::string& where) {
-  if (episodes.empty()) throw InputError(where, "holds no episodes", kRemedy);
-  const std::uint64_t hash = hash64(canonical_text(episodes));
-  return {std::move(episodes), hash};
+EpisodeSet finish(ParsedSet set, const std::string& where) {
+  if (set.episodes.empty()) throw InputError(where, "holds no episodes", kRemedy);
+  const std::uint64_t hash = hash64(canonical_text(set.episodes));
+  return {std::move(set.episodes), hash, std::move(set.generator)};
 }
 
 }  // namespace
 
 EpisodeSet parse_episode_set(std::string_view json_or_gzip, const std::string& where) {
-  return finish(parse_bytes(json_or_gzip, where).episodes, where);
+  return finish(parse_bytes(json_or_gzip, where), where);
 }
 
 EpisodeSet load_episode_set(const std::filesystem::path& path) {
@@ -203,11 +212,15 @@ EpisodeSet load_episode_set(const std::filesystem::path& path) {
       auto part = parse_bytes(read_file(file, kMaxTextBytes), file.string()).episodes;
       std::move(part.begin(), part.end(), std::back_inserter(set.episodes));
     }
-  return finish(std::move(set.episodes), path.string());
+  return finish(std::move(set), path.string());
 }
 
 void save_episode_set(const EpisodeSet& set, const std::filesystem::path& path) {
-  const std::string text = canonical_text(set.episodes);
+  std::string text = canonical_text(set.episodes);
+  if (!set.generator.empty()) {
+    const std::string generator = json(set.generator).dump(-1, ' ', false, json::error_handler_t::replace);
+    text.insert(1, "\"" + std::string(kGeneratorKey) + "\":" + generator + ",\n");
+  }
   write_file_atomically(path, path.extension() == ".gz" ? gzip(text) : text);
 }
 

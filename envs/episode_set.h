@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -12,7 +13,10 @@ namespace earshot {
 /// Episodes in file order.  Immutable once loaded; shared by all envs.
 struct EpisodeSet {
   std::vector<Episode> episodes;
-  std::uint64_t hash = 0;  ///< of the canonical JSON text
+  std::uint64_t hash = 0;  ///< of the canonical JSON text of the episodes
+  /// The keys that a generated set was made from, with their values as text (JSON key `earshot_generator`, which readers of the AudioNav
+  /// layout ignore).  Empty in sets from elsewhere.
+  std::map<std::string, std::string> generator = {};
 };
 
 /// Reads AudioNav JSON, gzip or plain (by content, not by name).  A set that is split by scene (empty `episodes`; files in content/ beside
@@ -21,7 +25,7 @@ struct EpisodeSet {
 /// episodes.
 EpisodeSet load_episode_set(const std::filesystem::path& path);
 EpisodeSet parse_episode_set(std::string_view json_or_gzip, const std::string& where);
-/// Writes JSON, gzip if the name ends in .gz; atomically.  Same episodes, same bytes.
+/// Writes JSON, gzip if the name ends in .gz; atomically.  Same episodes and generator, same bytes.
 void save_episode_set(const EpisodeSet& set, const std::filesystem::path& path);
 /// The JSON of a set of these episodes, as save_episode_set writes it.
 std::string episode_set_text(const std::vector<Episode>& episodes);

@@ -71,13 +71,16 @@ void pack_tensors(Packer& packer, const std::vector<torch::Tensor>& tensors) {
 }
 
 void pack_body(Packer& packer, const Checkpoint& checkpoint) {
-  packer.pack_map(11);
+  packer.pack_map(14);
   packer.pack("config_yaml").pack(checkpoint.config_yaml);
   packer.pack("architecture").pack(checkpoint.architecture);
   packer.pack("update").pack(checkpoint.update);
   packer.pack("env_steps").pack(checkpoint.env_steps);
   packer.pack("seed").pack(checkpoint.seed);
   packer.pack("world_size").pack(checkpoint.world_size);
+  packer.pack("engine").pack(checkpoint.engine);
+  packer.pack("engine_commit").pack(checkpoint.engine_commit);
+  packer.pack("mean_reward").pack(checkpoint.mean_reward);
   packer.pack("weights");
   pack_tensors(packer, checkpoint.weights);
   packer.pack("optimizer");

@@ -87,6 +87,9 @@ CheckpointMetadata CheckpointFields::metadata(const msgpack::object& body) const
   metadata.env_steps = value<std::uint64_t>(body, "env_steps");
   metadata.seed = value<std::uint64_t>(body, "seed");
   metadata.world_size = value<int>(body, "world_size");
+  metadata.engine = value<std::string>(body, "engine");
+  metadata.engine_commit = value<std::string>(body, "engine_commit");
+  metadata.mean_reward = value<double>(body, "mean_reward");
   return metadata;
 }
 

@@ -14,7 +14,7 @@ namespace earshot {
 /// The file format of checkpoints as far as it needs no tensors; for checkpoint.cpp and find_checkpoint.cpp only.
 /// File: "EARSHOT\0", version (uint32), length of the body (uint64), body (MessagePack map), XXH3 of the body (uint64), little-endian.
 constexpr std::string_view kCheckpointMagic{"EARSHOT\0", 8};
-constexpr std::uint32_t kCheckpointVersion = 1;
+constexpr std::uint32_t kCheckpointVersion = 2;
 constexpr std::size_t kCheckpointHeaderBytes = kCheckpointMagic.size() + sizeof(std::uint32_t) + sizeof(std::uint64_t);
 constexpr std::size_t kCheckpointHashBytes = sizeof(std::uint64_t);
 constexpr std::size_t kMaxCheckpointBytes = std::size_t{4} << 30;

@@ -7,6 +7,8 @@
 #include "sim/base/progress.h"
 #include "trainer/actor.h"
 #include "trainer/checkpoint.h"
+#include "trainer/effective_config.h"
+#include "trainer/episode_data.h"
 
 namespace earshot {
 namespace {
@@ -14,6 +16,8 @@ namespace {
 /// Keeps the first `count` episodes.
 std::shared_ptr<const EpisodeSet> load_part(const EvaluationConfig& evaluation) {
   EpisodeSet set = load_episode_set(evaluation.episodes);
+  check_generator(set, evaluation.generator, evaluation.episodes,
+                  "make it anew with 'earshot dataset episodes --config CONFIG', or use it as it is with --episodes " + evaluation.episodes);
   if (evaluation.max_episodes > 0 && set.episodes.size() > static_cast<std::size_t>(evaluation.max_episodes))
     set.episodes.resize(static_cast<std::size_t>(evaluation.max_episodes));
   return std::make_shared<const EpisodeSet>(std::move(set));
@@ -65,7 +69,7 @@ EvaluationResult evaluate_checkpoint(const std::filesystem::path& path, const Ev
                                      const std::vector<std::string>& overrides) {
   use_one_torch_thread();
   const Checkpoint checkpoint = load_checkpoint(path);
-  const RunConfig config = parse_run_config(checkpoint.config_yaml, path.string() + " (its config)", overrides);
+  const RunConfig config = parse_effective_config(checkpoint.config_yaml, path.string() + " (its config)", overrides);
   ActorCritic policy(config.env.observation, config.policy);
   load_weights(policy, checkpoint, path.string());
   policy->eval();

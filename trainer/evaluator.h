@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <string>
 
@@ -12,6 +13,7 @@ namespace earshot {
 
 struct EvaluationConfig {
   std::string episodes;  ///< set to run; each episode once
+  std::map<std::string, std::string> generator = {};  ///< keys that the set must have been made from (generator_keys); empty: any set
   int num_envs = 8;      ///< fixed batch: part of the bits of policy inference
   int threads = 0;
   std::uint64_t seed = 0;  ///< of the sampled actions

@@ -8,11 +8,13 @@ namespace earshot {
 
 /// What a checkpoint says about itself, without its tensors.
 struct CheckpointMetadata {
-  std::string config_yaml;   ///< the whole run config as it was resolved
+  std::string config_yaml;   ///< every key of the run's config with its value, config_text()
   std::string architecture;  ///< ActorCritic::architecture()
   std::uint64_t update = 0, env_steps = 0;
   std::uint64_t seed = 0;
   int world_size = 1;
+  std::string engine, engine_commit;  ///< engine_hash() and engine_commit() of the program that wrote it
+  double mean_reward = 0;             ///< per episode, over the last episodes; NaN where none had finished
 };
 
 /// Reads the whole file and checks its hash; no tensor is made.  Throws InputError as load_checkpoint does.

@@ -6,8 +6,7 @@
 #include <charconv>
 #include <set>
 
-#include "sim/base/files.h"
-#include "sim/base/progress.h"
+#include "sim/base/config_reader.h"
 
 namespace earshot {
 namespace {
@@ -25,10 +24,8 @@ void read(ConfigReader& reader, DataConfig& data) {
   require(data.episodes_per_scene > 0, reader.prefix() + "episodes_per_scene", data.episodes_per_scene, "must be positive");
 }
 
-RunConfig read_run(ConfigReader reader) {
-  RunConfig config;
+void read(ConfigReader& reader, RunConfig& config) {
   reader.read("name", config.name);
-  config.out = "runs/" + config.name;
   reader.read("out", config.out);
   reader.read("seed", config.seed);
   reader.read("workers", config.workers);
@@ -37,8 +34,8 @@ RunConfig read_run(ConfigReader reader) {
   reader.read("total_steps", config.total_steps);
   reader.read("max_minutes", config.max_minutes);
   reader.read("checkpoint_every", config.checkpoint_every);
+  reader.read("keep", config.keep);
   reader.read("eval_envs", config.eval_envs);
-  config.env.seed = config.policy.seed = config.seed;
 
   ConfigReader env = reader.child("env");
   read(env, config.env);
@@ -57,6 +54,16 @@ RunConfig read_run(ConfigReader reader) {
   read(eval, config.eval);
   eval.finish();
   data.finish();
+}
+
+RunConfig read_run(ConfigReader reader) {
+  RunConfig config;
+  // Two keys are the defaults of others.
+  reader.read("name", config.name);
+  reader.read("seed", config.seed);
+  config.out = "runs/" + config.name;
+  config.env.seed = config.policy.seed = config.seed;
+  read(reader, config);
   reader.finish();
 
   validate(config.env);
@@ -68,6 +75,7 @@ RunConfig read_run(ConfigReader reader) {
   require(config.total_steps >= 1, "total_steps", config.total_steps, "must be positive");
   require(config.max_minutes >= 0, "max_minutes", config.max_minutes, "must not be negative; 0 means no bound");
   require(config.checkpoint_every >= 1, "checkpoint_every", config.checkpoint_every, "must be positive");
+  require(config.keep >= 1, "keep", config.keep, "must be positive: the newest checkpoint always stays");
   require(config.eval_envs >= 1, "eval_envs", config.eval_envs, "must be positive");
   require(!config.out.empty(), "out", config.out, "must name a folder");
   return config;
@@ -106,8 +114,11 @@ RunConfig parse_run_config(std::string_view yaml, const std::string& where, cons
   return read_run(ConfigReader::from_text(yaml, where, overrides));
 }
 
-std::string resolved_yaml(const std::filesystem::path& path, const std::vector<std::string>& overrides) {
-  return ConfigReader::from_file(path, overrides).text();
+std::string config_text(const RunConfig& config) {
+  ConfigReader recorder = ConfigReader::recorder();
+  RunConfig copy = config;
+  read(recorder, copy);
+  return recorder.effective();
 }
 
 std::vector<std::string> expand_range(const std::string& text) {
@@ -136,33 +147,6 @@ std::vector<std::string> expand_sounds(const std::vector<std::string>& sounds) {
     all.insert(all.end(), files.begin(), files.end());
   }
   return all;
-}
-
-EpisodeSet generate_data(const DataConfig& data, const EnvConfig& env) {
-  if (data.scenes.empty()) throw InputError("data.scenes", "is empty", "name at least one SCENE, for example house:1");
-  std::vector<std::string> scenes;
-  for (const auto& scene : data.scenes) {
-    const auto expanded = expand_range(scene);
-    scenes.insert(scenes.end(), expanded.begin(), expanded.end());
-  }
-  const auto sounds = expand_sounds(data.sounds);
-  if (sounds.empty()) throw InputError("data.sounds", "is empty", "name at least one sound, for example synth:telephone");
-
-  const auto cache = make_scene_cache(env);
-  Progress progress("episodes", "scene", scenes.size());
-  EpisodeSet set;
-  for (std::size_t i = 0; i < scenes.size(); ++i) {
-    const auto scene = cache->scene(scenes[i]);
-    auto episodes =
-        generate_episodes(scenes[i], *scene->scene, scene->navmesh, env.task, data.filter, sounds, data.episodes_per_scene, data.seed);
-    for (auto& episode : episodes) {
-      episode.episode_id = std::to_string(set.episodes.size());
-      set.episodes.push_back(std::move(episode));
-    }
-    progress.update(i + 1);
-  }
-  save_episode_set(set, data.file);
-  return load_episode_set(data.file);
 }
 
 }  // namespace earshot

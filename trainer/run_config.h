@@ -32,6 +32,7 @@ struct RunConfig {
   std::uint64_t total_steps = 1000000;  ///< over all workers
   double max_minutes = 0;               ///< wall time of training; 0: no bound
   int checkpoint_every = 50;            ///< updates
+  int keep = 3;                         ///< periodic checkpoints that stay, beside the best and the last
   int eval_envs = 8;                    ///< batch of the evaluation: fixed, as it is part of the bits
   EnvConfig env;
   PolicyConfig policy;
@@ -42,16 +43,14 @@ struct RunConfig {
 /// Reads and validates a run config.  Throws InputError: what, where, what to do.
 RunConfig load_run_config(const std::filesystem::path& path, const std::vector<std::string>& overrides);
 RunConfig parse_run_config(std::string_view yaml, const std::string& where, const std::vector<std::string>& overrides);
-/// The file's text with the overrides applied: what a checkpoint keeps.
-std::string resolved_yaml(const std::filesystem::path& path, const std::vector<std::string>& overrides);
+/// Every key of a run with its value as YAML, defaults included: read again it gives the same run, whatever the defaults are by then.
+/// Checkpoints hold this.
+std::string config_text(const RunConfig& config);
 
 /// Expands "PREFIX A..B REST" to one text per whole number in [A, B]; text without a range stays alone.  Throws InputError: over 100,000,
 /// or B < A.
 std::vector<std::string> expand_range(const std::string& text);
 /// Expands ranges, and folders to the sound files in them by name order.
 std::vector<std::string> expand_sounds(const std::vector<std::string>& sounds);
-
-/// Generates the episodes of `data` and writes its file; reports progress.  Returns the set.
-EpisodeSet generate_data(const DataConfig& data, const EnvConfig& env);
 
 }  // namespace earshot

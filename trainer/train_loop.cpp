@@ -9,14 +9,17 @@
 #include <cstdio>
 #include <optional>
 
+#include "envs/engine_commit.h"
 #include "policy/torch_threads.h"
 #include "sim/base/files.h"
 #include "trainer/actor.h"
 #include "trainer/checkpoint.h"
+#include "trainer/checkpoint_keeper.h"
 #include "trainer/curve_svg.h"
 #include "trainer/episode_window.h"
 #include "trainer/event_log.h"
 #include "trainer/learner_links.h"
+#include "trainer/result.h"
 #include "trainer/stage_times.h"
 #include "trainer/stop_signals.h"
 
@@ -29,10 +32,8 @@ constexpr std::uint64_t kLoggedSkips = 20;  // one line each; the others are cou
 /// Everything one worker holds during a run.
 class Worker {
  public:
-  Worker(const RunConfig& config, const std::string& config_yaml, Collective& collective, const std::filesystem::path& resume,
-         const TrainHooks& hooks)
+  Worker(const RunConfig& config, Collective& collective, const std::filesystem::path& resume, const TrainHooks& hooks)
       : config_(config),
-        config_yaml_(config_yaml),
         collective_(collective),
         rank_(collective.identity().rank),
         world_(collective.identity().world_size),
@@ -81,7 +82,6 @@ class Worker {
   }
 
   const RunConfig& config_;
-  const std::string& config_yaml_;
   Collective& collective_;
   int rank_, world_;
   std::shared_ptr<const EpisodeSet> set_;
@@ -98,6 +98,7 @@ class Worker {
   StageTimes times_;  ///< this update, this worker
   std::filesystem::path last_checkpoint_;
   std::optional<EventLog> events_;
+  std::optional<CheckpointKeeper> checkpoints_;  ///< rank 0's
   RunCounters counters_;  ///< of all workers
   GuardCounts guards_;
   int barren_updates_ = 0;  ///< in a row
@@ -304,12 +305,15 @@ void Worker::save(bool last) {
   if (rank_ != 0) return;
 
   Checkpoint checkpoint;
-  checkpoint.config_yaml = config_yaml_;
+  checkpoint.config_yaml = config_text(config_);
   checkpoint.architecture = policy_->architecture();
   checkpoint.update = update_;
   checkpoint.env_steps = env_steps_;
   checkpoint.seed = config_.seed;
   checkpoint.world_size = world_;
+  checkpoint.engine = engine_hash();
+  checkpoint.engine_commit = engine_commit();
+  checkpoint.mean_reward = window_.total().mean(EpisodeSums::reward);
   checkpoint.weights = weights_of(policy_);
   checkpoint.optimizer = optimizer_state_of(policy_, learner_.optimizer());
   checkpoint.env_states = states;
@@ -324,18 +328,19 @@ void Worker::save(bool last) {
     checkpoint.hidden.push_back(tensor_of(hiddens[static_cast<std::size_t>(rank)], hidden.sizes()));
     checkpoint.not_done.push_back(tensor_of(starts[static_cast<std::size_t>(rank)], not_done.sizes()));
   }
-  const std::filesystem::path folder = std::filesystem::path(config_.out) / "checkpoints";
-  const std::filesystem::path file = folder / (last ? std::string("last.ckpt") : fmt::format("update_{:06}.ckpt", update_));
+  const RunFolder folder(config_.out);
+  const std::filesystem::path file = last ? folder.last_checkpoint() : folder.checkpoint_of(update_);
   const auto write = [&] {
     save_checkpoint(checkpoint, file);
     last_checkpoint_ = file;
   };
+  bool written = true;
   if (last)
     write();
   else
-    write_or_go_on(write);
-  const std::filesystem::path out = config_.out;
-  write_or_go_on([&] { write_file_atomically(out / "curve.svg", curve_svg(config_.name, read_event_log(out / "events.jsonl"))); });
+    written = write_or_go_on(write);
+  if (written) write_or_go_on([&] { checkpoints_->saved(file, update_, checkpoint.mean_reward, last); });
+  write_or_go_on([&] { write_file_atomically(folder.curve(), curve_svg(config_.name, read_event_log(folder.event_log()))); });
 }
 
 bool Worker::finished(double elapsed_s) {
@@ -351,6 +356,7 @@ bool Worker::finished(double elapsed_s) {
 TrainReport Worker::run() {
   if (rank_ == 0) {
     events_.emplace(config_.out, update_);
+    checkpoints_.emplace(RunFolder(config_.out), config_.keep, update_);
     fmt::print(stderr, "training {}: {} workers x {} envs, {} episodes, {} parameters\n", config_.name, world_, config_.envs_per_worker,
                set_->episodes.size(), policy_->num_parameters());
   }
@@ -374,12 +380,12 @@ TrainReport Worker::run() {
 
 }  // namespace
 
-TrainReport train(const RunConfig& config, const std::string& config_yaml, Collective& collective, const std::filesystem::path& resume,
-                  const TrainHooks& hooks) {
+TrainReport train(const RunConfig& config, Collective& collective, const RunStart& start, const TrainHooks& hooks) {
   // One thread per worker: the fast setting on shared cores, and the one that gives the same bits (docs/ppo.md, section 4).
   use_one_torch_thread();
+  prepare_run(config, start, collective);
   const StopSignals signals;
-  return Worker(config, config_yaml, collective, resume, hooks).run();
+  return Worker(config, collective, start.resume, hooks).run();
 }
 
 }  // namespace earshot

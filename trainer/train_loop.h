@@ -7,6 +7,7 @@
 #include "trainer/collective.h"
 #include "trainer/run_config.h"
 #include "trainer/run_counters.h"
+#include "trainer/start_run.h"
 
 namespace earshot {
 
@@ -26,14 +27,12 @@ struct TrainHooks {
 
 /// One worker's part of a DD-PPO run: roll out, average gradients, step, until config.total_steps or config.max_minutes.  Rank 0 writes
 /// curves (events.jsonl, TensorBoard) and checkpoints under config.out and shows progress.  SIGTERM, SIGINT and SIGUSR1 end the run after
-/// the current update with a checkpoint.  resume: a checkpoint file, or empty to start anew; a resumed run gives the bits of the unbroken
-/// one. config_yaml: the resolved text that checkpoints carry.
+/// the current update with a checkpoint.  start: see prepare_run; a resumed run gives the bits of the unbroken one.
 ///
 /// What goes wrong in one episode, one observation or one gradient is left out, counted and reported, and the run goes on
 /// (docs/stability.md); so it does when a curve point or a periodic checkpoint cannot be written.  RunError: a worker dies, weights differ
 /// between workers, the last checkpoint cannot be written, or twenty updates in a row take no step; the last good checkpoint stays.
 /// Episodes that are quarantined leave their files in config.env.quarantine_dir, or else in `quarantine` under config.out.
-TrainReport train(const RunConfig& config, const std::string& config_yaml, Collective& collective, const std::filesystem::path& resume,
-                  const TrainHooks& hooks = {});
+TrainReport train(const RunConfig& config, Collective& collective, const RunStart& start = {}, const TrainHooks& hooks = {});
 
 }  // namespace earshot

@@ -82,7 +82,7 @@ class FaultyRun : public testing::Test {
     DamagingCollective collective(make_zmq_ring(ring_in(folder_, rank, kWorkers)), bind(faults.before), bind(faults.after));
     TrainHooks hooks;
     if (faults.env) hooks.env_tap = [&, rank](const StageOutput& output, std::span<float> values) { faults.env(rank, output, values); };
-    return train(config, yaml_, collective, resume, hooks);
+    return train(config, collective, {.resume = resume}, hooks);
   }
   [[nodiscard]] std::filesystem::path out() const { return folder_.path() / "run"; }
   double last_value(const std::string& name) {

@@ -4,6 +4,7 @@
 #include <filesystem>
 
 #include "trainer/checkpoint.h"
+#include "trainer/episode_data.h"
 #include "trainer/evaluator.h"
 #include "trainer/train_loop.h"
 
@@ -45,7 +46,7 @@ class TrainLoop : public testing::Test {
     const std::vector<std::string> overrides{"out=" + (folder_ / out).string(), "total_steps=" + std::to_string(steps)};
     const RunConfig config = parse_run_config(yaml_, "tiny", overrides);
     const auto worker = make_single_worker();
-    const TrainReport report = train(config, yaml_, *worker, resume);
+    const TrainReport report = train(config, *worker, {.resume = resume});
     EXPECT_EQ(report.env_steps, steps);
     return load_checkpoint(report.checkpoint);
   }

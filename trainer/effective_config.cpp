@@ -1,0 +1,72 @@
+#include "trainer/effective_config.h"
+
+#include <yaml-cpp/yaml.h>
+
+#include <algorithm>
+#include <array>
+
+#include "sim/base/errors.h"
+
+namespace earshot {
+namespace {
+
+void flatten(const YAML::Node& node, const std::string& prefix, std::map<std::string, std::string>& flat) {
+  if (!node.IsMap()) {
+    YAML::Emitter text;
+    text << YAML::Flow << node;
+    flat[prefix] = text.c_str();
+    return;
+  }
+  for (const auto& item : node) flatten(item.second, (prefix.empty() ? "" : prefix + ".") + item.first.as<std::string>(), flat);
+}
+
+/// Whether `key` is `name` or lies in the section of that name.
+bool lies_in(std::string_view key, std::string_view name) {
+  return key.starts_with(name) && (key.size() == name.size() || key[name.size()] == '.');
+}
+
+}  // namespace
+
+std::map<std::string, std::string> flat_config(const std::string& yaml) {
+  std::map<std::string, std::string> flat;
+  const YAML::Node root = YAML::Load(yaml);
+  if (root.IsMap()) flatten(root, "", flat);
+  return flat;
+}
+
+std::vector<ConfigChange> config_changes(const std::map<std::string, std::string>& before, const std::map<std::string, std::string>& now) {
+  const auto value_of = [](const std::map<std::string, std::string>& flat, const std::string& key) {
+    const auto found = flat.find(key);
+    return found == flat.end() ? std::string("(absent)") : found->second;
+  };
+  std::map<std::string, std::string> all = before;
+  all.insert(now.begin(), now.end());
+  std::vector<ConfigChange> changes;
+  for (const auto& [key, unused] : all) {
+    ConfigChange change{key, value_of(before, key), value_of(now, key)};
+    if (change.before != change.now) changes.push_back(std::move(change));
+  }
+  return changes;
+}
+
+bool is_free_to_change(std::string_view key, const RunConfig& now) {
+  // What is only reported, where files lie, how long and on how many threads: the weights have the same bits.  The training set itself is
+  // bound by its hash in the checkpoint, the number of workers by the checkpoint's.
+  constexpr std::array<std::string_view, 19> free{
+      "name",          "out",          "workers",        "max_minutes",         "checkpoint_every",    "keep",           "eval_envs",
+      "data.eval",     "env.threads",  "env.prefetch",   "env.acoustics.threads", "env.scene_cache_gb", "env.field_store", "env.field_store_gb",
+      "env.quarantine_dir", "env.order", "data.train.file", "ppo.loss_alarm", "ppo.kl_alarm"};
+  if (std::ranges::any_of(free, [&](std::string_view name) { return lies_in(key, name); })) return true;
+  return key == "total_steps" && !now.ppo.linear_learning_rate_decay && !now.ppo.linear_clip_decay;
+}
+
+RunConfig parse_effective_config(const std::string& yaml, const std::string& where, const std::vector<std::string>& overrides) {
+  for (const auto& text : overrides)
+    for (const char* key : {"env.acoustics.preset", "seed"})
+      if (text.starts_with(std::string(key) + "="))
+        throw InputError("override '" + text + "'", "sets the defaults of other keys, and a checkpoint holds the value of every key",
+                         "override those keys");
+  return parse_run_config(yaml, where, overrides);
+}
+
+}  // namespace earshot

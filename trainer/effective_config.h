@@ -1,0 +1,30 @@
+#pragma once
+
+#include <map>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "trainer/run_config.h"
+
+namespace earshot {
+
+/// "section.key" -> value as YAML, for every leaf of a config's text.
+std::map<std::string, std::string> flat_config(const std::string& yaml);
+
+/// One key whose value differs; "(absent)" where a side does not have it.
+struct ConfigChange {
+  std::string key, before, now;
+};
+/// Keys of two flat configs that differ, in order.
+std::vector<ConfigChange> config_changes(const std::map<std::string, std::string>& before, const std::map<std::string, std::string>& now);
+
+/// Whether the key may differ between a run and the one it goes on from without being declared: it has no part in the bits of the weights
+/// (docs/training.md lists these keys).  `now`: the config of the resumed run; total_steps is bound where a decay depends on it.
+bool is_free_to_change(std::string_view key, const RunConfig& now);
+
+/// The config of a checkpoint with overrides.  Throws InputError for the overrides env.acoustics.preset and seed: they set the defaults of
+/// other keys, and a checkpoint holds all keys.
+RunConfig parse_effective_config(const std::string& yaml, const std::string& where, const std::vector<std::string>& overrides);
+
+}  // namespace earshot

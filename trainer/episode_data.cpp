@@ -1,0 +1,78 @@
+#include "trainer/episode_data.h"
+
+#include <fmt/format.h>
+
+#include "envs/batched_env.h"
+#include "sim/base/progress.h"
+#include "trainer/effective_config.h"
+
+namespace earshot {
+namespace {
+
+/// Raised where the same keys come to give other episodes.
+constexpr const char* kGeneratorVersion = "1";
+
+}  // namespace
+
+EpisodeSet generate_data(const DataConfig& data, const EnvConfig& env) {
+  if (data.scenes.empty()) throw InputError("data.scenes", "is empty", "name at least one SCENE, for example house:1");
+  std::vector<std::string> scenes;
+  for (const auto& scene : data.scenes) {
+    const auto expanded = expand_range(scene);
+    scenes.insert(scenes.end(), expanded.begin(), expanded.end());
+  }
+  const auto sounds = expand_sounds(data.sounds);
+  if (sounds.empty()) throw InputError("data.sounds", "is empty", "name at least one sound, for example synth:telephone");
+
+  const auto cache = make_scene_cache(env);
+  Progress progress("episodes", "scene", scenes.size());
+  EpisodeSet set;
+  for (std::size_t i = 0; i < scenes.size(); ++i) {
+    const auto scene = cache->scene(scenes[i]);
+    auto episodes =
+        generate_episodes(scenes[i], *scene->scene, scene->navmesh, env.task, data.filter, sounds, data.episodes_per_scene, data.seed);
+    for (auto& episode : episodes) {
+      episode.episode_id = std::to_string(set.episodes.size());
+      set.episodes.push_back(std::move(episode));
+    }
+    progress.update(i + 1);
+  }
+  set.generator = generator_keys(data, env);
+  save_episode_set(set, data.file);
+  return load_episode_set(data.file);
+}
+
+std::map<std::string, std::string> generator_keys(const DataConfig& data, const EnvConfig& env) {
+  RunConfig run;
+  run.env = env;
+  run.train = data;
+  std::map<std::string, std::string> keys{{"generator_version", kGeneratorVersion}};
+  const std::string section = "data.train.";
+  for (const auto& [key, value] : flat_config(config_text(run))) {
+    if (key.starts_with(section) && key != section + "file") keys.emplace("data." + key.substr(section.size()), value);
+    if (key.starts_with("env.navmesh.")) keys.emplace(key, value);
+    for (const char* used : {"env.scene_root", "env.task.forward_m", "env.task.turn_deg", "env.task.success_radius_m", "env.task.max_steps",
+                             "env.task.ear_height_m", "env.task.source_height_m"})
+      if (key == used) keys.emplace(key, value);
+  }
+  return keys;
+}
+
+std::map<std::string, std::string> expected_generator(const DataConfig& data, const EnvConfig& env) {
+  return data.scenes.empty() ? std::map<std::string, std::string>{} : generator_keys(data, env);
+}
+
+void check_generator(const EpisodeSet& set, const std::map<std::string, std::string>& expected, const std::string& file,
+                     const std::string& remedy) {
+  if (expected.empty()) return;
+  if (set.generator.empty()) throw InputError(file, "does not say which keys its episodes were made from", remedy);
+  const auto changes = config_changes(set.generator, expected);
+  if (changes.empty()) return;
+  const std::string more = changes.size() > 1 ? fmt::format(" ({} more keys differ)", changes.size() - 1) : "";
+  throw InputError(file,
+                   fmt::format("was made with {} = {}, the config says {}{}", changes.front().key, changes.front().before,
+                               changes.front().now, more),
+                   remedy);
+}
+
+}  // namespace earshot
