@@ -14,6 +14,7 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/random.h"
+#include "trainer/advantage_normalization.h"
 #include "trainer/gae.h"
 
 namespace earshot {
@@ -60,17 +61,17 @@ double explained_variance(const torch::Tensor& values, const torch::Tensor& retu
   return variance > 0 ? 1 - (r - v).var(false).item<double>() / variance : std::numeric_limits<double>::quiet_NaN();
 }
 
-/// From the verdicts, so that every worker counts the same.
-void raise_alarms(std::span<const StepVerdict> verdicts, const PpoConfig& config, UpdateStats& stats) {
-  for (std::size_t rank = 0; rank < verdicts.size(); ++rank) {
-    const StepVerdict& verdict = verdicts[rank];
-    const bool loss = std::abs(verdict.loss) > config.loss_alarm, kl = verdict.approx_kl > config.kl_alarm;
+/// From the statuses, so that every worker counts the same.
+void raise_alarms(std::span<const StepStatus> statuses, const PpoConfig& config, UpdateStats& stats) {
+  for (std::size_t rank = 0; rank < statuses.size(); ++rank) {
+    const StepStatus& status = statuses[rank];
+    const bool loss = std::abs(status.loss) > config.loss_alarm, kl = status.approx_kl > config.kl_alarm;
     stats.loss_alarms += loss;
     stats.kl_alarms += kl;
     if (!(loss || kl) || stats.alarm_rank >= 0) continue;
     stats.alarm_rank = static_cast<int>(rank);
-    stats.alarm_loss = verdict.loss;
-    stats.alarm_kl = verdict.approx_kl;
+    stats.alarm_loss = status.loss;
+    stats.alarm_kl = status.approx_kl;
   }
 }
 
@@ -82,8 +83,8 @@ PpoLoss ppo_loss(const torch::Tensor& log_prob, const torch::Tensor& old_log_pro
   // Selected before any arithmetic: multiplying by a mask afterwards would let NaN through, in the loss or in the gradient.
   const torch::Tensor counts = valid.to(torch::kBool);
   const auto select = [&](const torch::Tensor& rows) { return rows.masked_select(counts); };
-  const double share = 1.0 / static_cast<double>(std::max<std::int64_t>(1, counts.sum().item<std::int64_t>()));
-  const auto mean = [&](const torch::Tensor& rows) { return rows.sum() * share; };
+  const double weight = 1.0 / static_cast<double>(std::max<std::int64_t>(1, counts.sum().item<std::int64_t>()));
+  const auto mean = [&](const torch::Tensor& rows) { return rows.sum() * weight; };
 
   // exp(89) is infinite in float32, and infinity times an advantage of 0 is NaN.
   const torch::Tensor log_ratio = (select(log_prob) - select(old_log_prob)).clamp(-20, 20);
@@ -156,34 +157,33 @@ PpoLoss PpoLearner::minibatch_loss(const Rollout& rollout, std::span<const std::
                   entropy(output.logits), valid, clip, config_);
 }
 
-StepVerdict PpoLearner::accumulate_gradient(const Rollout& rollout, std::span<const std::int64_t> envs, double clip, bool first_of_all,
-                                            UpdateStats& stats) {
+StepStatus PpoLearner::accumulate_gradient(const Rollout& rollout, std::span<const std::int64_t> envs, double clip, bool first_of_all,
+                                           UpdateStats& stats) {
   const std::span<float> gradient(flat_gradient_.data_ptr<float>(), static_cast<std::size_t>(flat_gradient_.numel()));
   const bool has_rows = !envs.empty() && rollout.valid.index_select(1, index_of(envs)).any().item<bool>();
   flat_gradient_.zero_();
   gradient.back() = has_rows ? 1.f : 0.f;
-  StepVerdict verdict;
-  if (!has_rows) return verdict;
+  StepStatus status;
+  if (!has_rows) return status;
 
   const PpoLoss loss = minibatch_loss(rollout, envs, clip, first_of_all ? &stats.max_ratio_error : nullptr);
   loss.total.backward();
-  verdict.loss = loss.total.item<double>();
-  verdict.approx_kl = loss.approx_kl.item<double>();
-  verdict.finite_here = std::isfinite(verdict.loss) && std::isfinite(verdict.approx_kl) && std::isfinite(sum_of_squares(gradient));
-  if (!verdict.finite_here) {
+  status.loss = loss.total.item<double>();
+  status.approx_kl = loss.approx_kl.item<double>();
+  status.finite_here = std::isfinite(status.loss) && std::isfinite(status.approx_kl) && std::isfinite(sum_of_squares(gradient));
+  if (!status.finite_here) {
     ++stats.non_finite_here;
-    return verdict;
+    return status;
   }
   stats.policy_loss += loss.policy.item<double>();
   stats.value_loss += loss.value.item<double>();
   stats.entropy += loss.entropy.item<double>();
-  stats.approx_kl += verdict.approx_kl;
+  stats.approx_kl += status.approx_kl;
   stats.clip_fraction += loss.clip_fraction.item<double>();
-  return verdict;
+  return status;
 }
 
-UpdateStats PpoLearner::update(const RolloutBuffer& buffer, double progress, std::uint64_t update, const AverageGradients& average,
-                               const SumStatistics& sum, const ExchangeVerdicts& exchange) {
+UpdateStats PpoLearner::update(const RolloutBuffer& buffer, double progress, std::uint64_t update, Collective& collective) {
   const FlushDenormals flush;
   const auto start = std::chrono::steady_clock::now();
   UpdateStats stats;
@@ -194,10 +194,7 @@ UpdateStats PpoLearner::update(const RolloutBuffer& buffer, double progress, std
 
   Rollout rollout(buffer, config_.gae);
   stats.explained_variance = explained_variance(rollout.values, rollout.returns, rollout.valid);
-  if (config_.normalize_advantages) {
-    if (!sum) throw RunError("ppo.normalize_advantages", "needs the sum over workers, and the caller gave none");
-    rollout.advantages = normalize_advantages(rollout.advantages, rollout.valid, sum);
-  }
+  if (config_.normalize_advantages) rollout.advantages = normalize_advantages(rollout.advantages, rollout.valid, collective);
   rollout.advantages = rollout.advantages.to(rollout.values.scalar_type());
 
   const std::size_t num_envs = static_cast<std::size_t>(buffer.num_envs()), minibatches = static_cast<std::size_t>(config_.minibatches);
@@ -207,22 +204,22 @@ UpdateStats PpoLearner::update(const RolloutBuffer& buffer, double progress, std
     const std::vector<std::int64_t> order = permutation(buffer.num_envs(), seed_, update, epoch);
     for (std::size_t minibatch = 0; minibatch < minibatches; ++minibatch) {
       const std::size_t first = minibatch * num_envs / minibatches, end = (minibatch + 1) * num_envs / minibatches;
-      StepVerdict mine =
+      StepStatus mine =
           accumulate_gradient(rollout, std::span(order).subspan(first, end - first), clip, epoch == 0 && minibatch == 0, stats);
       counted += gradient.back() > 0 && mine.finite_here;
 
       const auto reduce_start = std::chrono::steady_clock::now();
-      average(gradient);
-      mine.finite_average = std::isfinite(sum_of_squares(gradient));
-      if (exchange) mine.average_hash = hash64(std::as_bytes(gradient));
-      const std::vector<StepVerdict> verdicts = exchange ? exchange(mine) : std::vector<StepVerdict>{mine};
+      collective.all_reduce_sum(gradient);
+      mine.finite_sum = std::isfinite(sum_of_squares(gradient));
+      if (collective.identity().world_size > 1) mine.sum_hash = hash64(std::as_bytes(gradient));
+      const std::vector<StepStatus> statuses = exchange_status(mine, collective);
       stats.reduce_s += seconds_since(reduce_start);
 
-      raise_alarms(verdicts, config_, stats);
-      StepDecision decision = decide(verdicts);
+      raise_alarms(statuses, config_, stats);
+      StepDecision decision = decide(statuses);
       if (!decision.take) {
-        stats.skipped.push_back({epoch, static_cast<int>(minibatch), decision.cause, std::move(decision.culprits)});
-      } else if (gradient.back() > 0) {  // somebody had rows; else Adam would still move along its moments
+        stats.skipped.push_back({epoch, static_cast<int>(minibatch), decision.cause, std::move(decision.faulty_ranks)});
+      } else if (gradient.back() > 0) {  // a rank had rows; else Adam would still move along its moments
         stats.gradient_norm += clip_and_step();
         ++stats.taken_steps;
       }
@@ -239,7 +236,7 @@ UpdateStats PpoLearner::update(const RolloutBuffer& buffer, double progress, std
 double PpoLearner::clip_and_step() {
   const std::size_t count = static_cast<std::size_t>(flat_gradient_.numel()) - 1;
   const std::span<float> gradient(flat_gradient_.data_ptr<float>(), count);
-  // What was averaged is weight times gradient, and the weight beside it: their quotient is the mean over the workers that had rows.
+  // Beside the sum of the gradients stands the number of workers that had rows: their quotient is the mean over those.
   const double weight = flat_gradient_.data_ptr<float>()[count];
   const double norm = std::sqrt(sum_of_squares(gradient)) / weight;
   const double coefficient = std::min(1.0, config_.max_gradient_norm / (norm + 1e-6)) / weight;

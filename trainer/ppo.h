@@ -3,12 +3,11 @@
 #include <torch/torch.h>
 
 #include <cstdint>
-#include <functional>
 #include <span>
 #include <vector>
 
 #include "policy/actor_critic.h"
-#include "trainer/advantage_normalization.h"
+#include "trainer/collective.h"
 #include "trainer/ppo_config.h"
 #include "trainer/rollout_buffer.h"
 #include "trainer/step_agreement.h"
@@ -24,8 +23,8 @@ struct PpoLoss {
 /// policy = -mean min(r A, clip(r) A), r = exp(clamp(log_prob - old_log_prob, -20, 20)); value = 0.5 mean max((v - R)^2, (v_clipped -
 /// R)^2); v_clipped = old_value + clamp(v - old_value, -clip, clip); without clip_value_loss, value = 0.5 mean (v - R)^2. total = policy +
 /// value_coefficient value - entropy_coefficient mean entropy.  (Schulman et al. 2017, eqs. 7 and 9.) approx_kl = mean (r - 1 - log r) >=
-/// 0; clip_fraction = share of rows with |r - 1| > clip. Rows that do not count may hold anything, NaN included; with no row left all is 0,
-/// and so are the gradients.
+/// 0; clip_fraction = fraction of rows with |r - 1| > clip. Rows that do not count may hold anything, NaN included; with no row left all is
+/// 0, and so are the gradients.
 PpoLoss ppo_loss(const torch::Tensor& log_prob, const torch::Tensor& old_log_prob, const torch::Tensor& advantages,
                  const torch::Tensor& values, const torch::Tensor& old_values, const torch::Tensor& returns, const torch::Tensor& entropy,
                  const torch::Tensor& valid, double clip, const PpoConfig& config);
@@ -36,7 +35,7 @@ struct UpdateStats {
   double explained_variance = 0;     ///< NaN if the returns do not vary
   int taken_steps = 0;               ///< optimizer steps, the same on every worker
   int skipped_steps = 0;             ///< optimizer steps that no worker took because something was not finite or not the same everywhere
-  std::vector<SkippedStep> skipped;  ///< each of them: which one, why, whose fault; the same on every worker
+  std::vector<SkippedStep> skipped;  ///< each of them: which one, why, which ranks; the same on every worker
   int non_finite_here = 0;           ///< how often this worker's own loss or gradient was not finite
   /// Minibatches of all workers over PpoConfig::loss_alarm or kl_alarm, and the first worker that had one (-1: none).
   int loss_alarms = 0, kl_alarms = 0, alarm_rank = -1;
@@ -45,34 +44,30 @@ struct UpdateStats {
   double learn_s = 0, reduce_s = 0;
 };
 
-/// Averages a flat float buffer over all workers in place; the identity for one worker.
-using AverageGradients = std::function<void(std::span<float> buffer)>;
-
-/// PPO with Adam over all parameters of one policy.  The gradient of each minibatch is averaged over workers before clipping and stepping,
-/// so all workers keep equal weights.  Before each step the workers exchange verdicts (step_agreement.h): if a loss, a gradient or an
-/// average is not finite anywhere, or the averages differ, no worker steps; weights and Adam's state stay as they are and the run goes on.
+/// PPO with Adam over all parameters of one policy.  The gradients of each minibatch are summed over workers, with the number of workers
+/// that had rows beside them, and divided by that number before clipping and stepping, so all workers keep equal weights.  Before each step
+/// the workers exchange statuses (step_agreement.h): if a loss, a gradient or a sum is not finite on any worker, or the sums differ, no
+/// worker steps; weights and Adam's state stay as they are and the run goes on.
 ///
-/// A minibatch is a share of the envs with their whole sequences; each env is in one minibatch per epoch.  The loss is the mean over the
+/// A minibatch is a part of the envs with their whole sequences; each env is in one minibatch per epoch.  The loss is the mean over the
 /// valid rows of a worker's minibatch, and each worker that has such rows weighs the same (docs/ppo.md, section 5.1); a worker that has
-/// none joins the average with weight 0.
+/// none joins the sum with weight 0.
 class PpoLearner {
  public:
   PpoLearner(ActorCritic policy, const PpoConfig& config, std::uint64_t seed);
-  /// progress: share of training done, [0, 1], for the decays.  update: its index, keys the minibatch permutation.
-  /// average is called epochs x minibatches times with the same size on every worker, whatever this worker's rollout holds.
-  /// sum is called twice if normalize_advantages is on, which pools mean and variance over workers; RunError if it is missing then.
-  /// exchange is called after each average; without it this worker decides alone, which is right only where it is alone.
-  UpdateStats update(const RolloutBuffer& rollout, double progress, std::uint64_t update, const AverageGradients& average,
-                     const SumStatistics& sum = {}, const ExchangeVerdicts& exchange = {});
+  /// progress: fraction of training done, [0, 1], for the decays.  update: its index, keys the minibatch permutation.
+  /// A collective call: epochs x minibatches sums of the gradient and exchanges of statuses, and two sums of statistics if
+  /// normalize_advantages is on, whatever this worker's rollout holds.  With one worker the collective does nothing.
+  UpdateStats update(const RolloutBuffer& rollout, double progress, std::uint64_t update, Collective& collective);
   torch::optim::Adam& optimizer() { return optimizer_; }
 
  private:
   struct Rollout;  // rows [0, num_steps) with advantages and returns
   PpoLoss minibatch_loss(const Rollout& rollout, std::span<const std::int64_t> envs, double clip, double* max_ratio_error);
   /// Loss and gradient of this worker's part of a minibatch, into flat_gradient_ and `stats`; what it has to say about them.
-  StepVerdict accumulate_gradient(const Rollout& rollout, std::span<const std::int64_t> envs, double clip, bool first_of_all,
-                                  UpdateStats& stats);
-  double clip_and_step();  // of the averaged flat_gradient_; returns the norm before clipping
+  StepStatus accumulate_gradient(const Rollout& rollout, std::span<const std::int64_t> envs, double clip, bool first_of_all,
+                                 UpdateStats& stats);
+  double clip_and_step();  // of the summed flat_gradient_; returns the norm before clipping
 
   ActorCritic policy_;
   PpoConfig config_;

@@ -18,7 +18,6 @@
 #include "trainer/curve_svg.h"
 #include "trainer/episode_window.h"
 #include "trainer/event_log.h"
-#include "trainer/learner_links.h"
 #include "trainer/result.h"
 #include "trainer/stage_times.h"
 #include "trainer/stop_signals.h"
@@ -99,7 +98,7 @@ class Worker {
   std::filesystem::path last_checkpoint_;
   std::optional<EventLog> events_;
   std::optional<CheckpointKeeper> checkpoints_;  ///< rank 0's
-  RunCounters counters_;  ///< of all workers
+  RunCounters counters_;                         ///< of all workers
   GuardCounts guards_;
   int barren_updates_ = 0;  ///< in a row
   Stopwatch clock_;
@@ -180,14 +179,13 @@ std::vector<std::uint8_t> Worker::experience() const {
 }
 
 UpdateStats Worker::learn() {
-  const UpdateStats stats =
-      learner_.update(rollout_, progress(), update_, average_over(collective_), sum_over(collective_), exchange_over(collective_));
+  const UpdateStats stats = learner_.update(rollout_, progress(), update_, collective_);
   times_.learn += stats.learn_s;
   times_.reduce += stats.reduce_s;
   return stats;
 }
 
-/// Books what the guards of one update did.  The verdicts are everybody's, so rank 0 can name any worker.
+/// Books what the guards of one update did.  The statuses are everybody's, so rank 0 can name any worker.
 void Worker::note(const UpdateStats& stats) {
   if (rank_ == 0) {
     for (std::size_t i = 0; i < stats.skipped.size() && guards_.skipped_steps + i < kLoggedSkips; ++i)

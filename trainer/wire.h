@@ -18,7 +18,7 @@ class WireError : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-inline constexpr std::uint16_t kWireVersion = 2;
+inline constexpr std::uint16_t kWireVersion = 3;
 inline constexpr std::size_t kMaxControlBytes = 64 * 1024;  ///< of one control message
 inline constexpr std::size_t kChunkBytes = std::size_t{1}
                                            << 20;  ///< payload of one bulk message (docs/ppo.md, section 6.3: 1 MiB was the fastest)

@@ -12,9 +12,9 @@
 
 #include "policy/action_distribution.h"
 #include "sim/base/random.h"
+#include "tests/support/hooked_collective.h"
 #include "tests/support/worker_processes.h"
 #include "trainer/checkpoint.h"
-#include "trainer/learner_links.h"
 #include "trainer/ppo.h"
 
 namespace earshot::faults {
@@ -34,7 +34,7 @@ struct Seams {
   std::function<void(const Moment&, PolicyOutput&)> output;       ///< what the network says of a minibatch
   std::function<void(const Moment&, torch::Tensor&)> gradient;    ///< of the actor's weight, within backward
   std::function<void(const Moment&, std::span<float>)> sent;      ///< the flat gradient, before the collective
-  std::function<void(const Moment&, std::span<float>)> received;  ///< the average, after it
+  std::function<void(const Moment&, std::span<float>)> received;  ///< the sum, after it
 };
 
 inline ObservationSpec pointgoal_only() {
@@ -134,7 +134,15 @@ inline Outcome work(Collective& collective, const PpoConfig& config, int updates
     return changed;
   });
   PpoLearner learner(policy, config, 1);
-  const AverageGradients average = average_over(collective);
+  HookedCollective hooked(
+      collective,
+      [&](std::span<float> buffer) {
+        if (seams.sent) seams.sent(moment, buffer);
+      },
+      [&](std::span<float> buffer) {
+        if (seams.received) seams.received(moment, buffer);
+        ++moment.minibatch;
+      });
   Outcome outcome;
   for (moment.update = 0; moment.update < updates; ++moment.update) {
     moment.minibatch = 0;
@@ -142,15 +150,7 @@ inline Outcome work(Collective& collective, const PpoConfig& config, int updates
     RolloutBuffer rollout = collect(policy, moment.rank, moment.update);
     if (seams.rollout) seams.rollout(moment, rollout);
     learning = true;
-    outcome.updates.push_back(learner.update(
-        rollout, 0, static_cast<std::uint64_t>(moment.update),
-        [&](std::span<float> buffer) {
-          if (seams.sent) seams.sent(moment, buffer);
-          average(buffer);
-          if (seams.received) seams.received(moment, buffer);
-          ++moment.minibatch;
-        },
-        sum_over(collective), exchange_over(collective)));
+    outcome.updates.push_back(learner.update(rollout, 0, static_cast<std::uint64_t>(moment.update), hooked));
   }
   outcome.weights = weights_of(policy);
   outcome.adam = optimizer_state_of(policy, learner.optimizer());

@@ -67,7 +67,8 @@ TEST(PinnedBits, OnePpoUpdate) {
   ActorCritic policy(spec, config);
   const RolloutBuffer rollout = drawn_rollout(policy, spec, 8, 4);
   PpoLearner learner(policy, PpoConfig{}, 1);
-  const UpdateStats stats = learner.update(rollout, 0, 0, [](std::span<float>) {});
+  const auto alone = make_single_worker();
+  const UpdateStats stats = learner.update(rollout, 0, 0, *alone);
   EXPECT_EQ(stats.taken_steps, 4);
   pinned::BitHash bits;
   for (const torch::Tensor& parameter : policy->parameters()) {

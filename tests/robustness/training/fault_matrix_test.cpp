@@ -13,9 +13,9 @@ struct Plan {
   std::vector<float> values;
   [[nodiscard]] int updates() const { return 2 + kWorkers * static_cast<int>(values.size()); }
   [[nodiscard]] bool faulty(int update) const { return update > 0 && update < updates() - 1; }
-  [[nodiscard]] int culprit(int update) const { return (update - 1) % kWorkers; }
+  [[nodiscard]] int faulty_rank(int update) const { return (update - 1) % kWorkers; }
   [[nodiscard]] float value(int update) const { return values[static_cast<std::size_t>((update - 1) / kWorkers)]; }
-  [[nodiscard]] bool hits(const Moment& now) const { return faulty(now.update) && now.rank == culprit(now.update); }
+  [[nodiscard]] bool hits(const Moment& now) const { return faulty(now.update) && now.rank == faulty_rank(now.update); }
   /// One minibatch of the update, another one from update to update.
   [[nodiscard]] bool hits_minibatch(const Moment& now) const { return hits(now) && now.minibatch == now.update % 4; }
 };
@@ -28,16 +28,16 @@ void expect_skipped_alike(const Plan& plan, const Seams& seams, int spoiled, Ski
     const std::vector<SkippedStep>& first = outcomes[0].updates[u].skipped;
     for (int rank = 0; rank < kWorkers; ++rank) {
       const UpdateStats& stats = outcomes[static_cast<std::size_t>(rank)].updates[u];
-      const bool guilty = plan.faulty(update) && cause == SkipCause::gradient && rank == plan.culprit(update);
+      const bool own = plan.faulty(update) && cause == SkipCause::gradient && rank == plan.faulty_rank(update);
       ASSERT_EQ(stats.skipped_steps, plan.faulty(update) ? spoiled : 0) << "update " << update << ", worker " << rank;
       EXPECT_EQ(stats.taken_steps, 4 - stats.skipped_steps);
-      EXPECT_EQ(stats.non_finite_here, guilty ? spoiled : 0) << "update " << update << ", worker " << rank;
+      EXPECT_EQ(stats.non_finite_here, own ? spoiled : 0) << "update " << update << ", worker " << rank;
       EXPECT_TRUE(std::isfinite(stats.policy_loss) && std::isfinite(stats.value_loss) && std::isfinite(stats.gradient_norm));
       for (std::size_t i = 0; i < stats.skipped.size(); ++i) {
         EXPECT_EQ(stats.skipped[i].epoch, first[i].epoch);
         EXPECT_EQ(stats.skipped[i].minibatch, first[i].minibatch);
         EXPECT_EQ(stats.skipped[i].cause, cause);
-        EXPECT_EQ(stats.skipped[i].culprits, cause == SkipCause::sum ? std::vector<int>{} : std::vector<int>{plan.culprit(update)});
+        EXPECT_EQ(stats.skipped[i].faulty_ranks, cause == SkipCause::sum ? std::vector<int>{} : std::vector<int>{plan.faulty_rank(update)});
       }
     }
   }
@@ -81,7 +81,7 @@ TEST(G4_FaultMatrix, Reward) {
   expect_skipped_alike(kAll, seams, 2, SkipCause::gradient);
 }
 
-// Mean and variance are pooled: one worker's NaN must not become everybody's advantage, nor everybody a culprit.
+// Mean and variance are pooled: one worker's NaN must not become the advantage of all, nor all ranks faulty.
 TEST(G4_FaultMatrix, RewardWithPooledNormalization) {
   PpoConfig config = two_by_two();
   config.normalize_advantages = true;
@@ -95,7 +95,7 @@ TEST(G4_FaultMatrix, RewardWithPooledNormalization) {
     for (const Outcome& outcome : outcomes) {
       const UpdateStats& stats = outcome.updates[static_cast<std::size_t>(update)];
       ASSERT_EQ(stats.skipped_steps, plan.faulty(update) ? 2 : 0) << update;
-      for (const SkippedStep& step : stats.skipped) EXPECT_EQ(step.culprits, std::vector<int>{plan.culprit(update)});
+      for (const SkippedStep& step : stats.skipped) EXPECT_EQ(step.faulty_ranks, std::vector<int>{plan.faulty_rank(update)});
     }
   expect_clean_and_equal(outcomes);
 }
@@ -131,7 +131,7 @@ TEST(G4_FaultMatrix, Gradient) {
   expect_skipped_alike(kAll, seams, 1, SkipCause::gradient);
 }
 
-// Damaged after the worker found it good: it reaches everybody, and nobody can say where it came from.
+// Damaged after the worker found it good: it reaches all workers, and none can tell where it came from.
 TEST(G4_FaultMatrix, MessageOnTheWayIn) {
   Seams seams;
   seams.sent = [](const Moment& now, std::span<float> buffer) {
@@ -168,7 +168,7 @@ TEST(G4_FaultMatrix, TwoCulpritsAtOnceAreBothNamed) {
   const std::vector<Outcome> outcomes = work_together(two_by_two(), 3, seams);
   for (const Outcome& outcome : outcomes) {
     ASSERT_EQ(outcome.updates[1].skipped.size(), 1u);
-    EXPECT_EQ(outcome.updates[1].skipped[0].culprits, (std::vector<int>{kFirst, kLast}));
+    EXPECT_EQ(outcome.updates[1].skipped[0].faulty_ranks, (std::vector<int>{kFirst, kLast}));
     EXPECT_EQ(describe(outcome.updates[1].skipped[0]), "the loss or gradient of workers 0, 2 is not finite");
   }
   expect_clean_and_equal(outcomes);
@@ -197,11 +197,11 @@ TEST(G4_FaultMatrix, InRealProcesses) {
     bool good = faults::all_finite(outcome.weights) && faults::all_finite(outcome.adam) && outcome.updates[0].skipped_steps == 0;
     for (int update = 1; update <= kWorkers; ++update) {
       const auto& skipped = outcome.updates[static_cast<std::size_t>(update)].skipped;
-      good = good && skipped.size() == 2 && skipped[0].culprits == std::vector<int>{update - 1} &&
-             skipped[1].culprits == std::vector<int>{update - 1};
+      good = good && skipped.size() == 2 && skipped[0].faulty_ranks == std::vector<int>{update - 1} &&
+             skipped[1].faulty_ranks == std::vector<int>{update - 1};
     }
     const auto& last = outcome.updates[kWorkers + 1].skipped;
-    return good && last.size() == 1 && last[0].epoch == 1 && last[0].minibatch == 1 && last[0].culprits == std::vector<int>{kMiddle};
+    return good && last.size() == 1 && last[0].epoch == 1 && last[0].minibatch == 1 && last[0].faulty_ranks == std::vector<int>{kMiddle};
   });
   workers.expect_all_succeed();
   EXPECT_NE(hashes[0], 0u);
@@ -210,20 +210,20 @@ TEST(G4_FaultMatrix, InRealProcesses) {
 }
 
 TEST(G4_StepDecision, Table) {
-  const StepVerdict good{.average_hash = 7}, other{.average_hash = 8}, guilty{.finite_here = false, .finite_average = false},
-      received_nan{.finite_average = false, .average_hash = 9}, received_other_nan{.finite_average = false, .average_hash = 10};
-  const auto expect = [](const std::vector<StepVerdict>& verdicts, bool take, SkipCause cause, const std::vector<int>& culprits) {
-    const StepDecision decision = decide(verdicts);
+  const StepStatus good{.sum_hash = 7}, other{.sum_hash = 8}, faulty{.finite_here = false, .finite_sum = false},
+      received_nan{.finite_sum = false, .sum_hash = 9}, received_other_nan{.finite_sum = false, .sum_hash = 10};
+  const auto expect = [](const std::vector<StepStatus>& statuses, bool take, SkipCause cause, const std::vector<int>& faulty_ranks) {
+    const StepDecision decision = decide(statuses);
     EXPECT_EQ(decision.take, take);
     if (!take) {
       EXPECT_EQ(decision.cause, cause);
     }
-    EXPECT_EQ(decision.culprits, culprits);
+    EXPECT_EQ(decision.faulty_ranks, faulty_ranks);
   };
   expect({good}, true, {}, {});
   expect({good, good, good}, true, {}, {});
-  expect({good, guilty, received_nan}, false, SkipCause::gradient, {1});
-  expect({guilty, good, guilty}, false, SkipCause::gradient, {0, 2});
+  expect({good, faulty, received_nan}, false, SkipCause::gradient, {1});
+  expect({faulty, good, faulty}, false, SkipCause::gradient, {0, 2});
   expect({good, good, other}, false, SkipCause::message, {2});
   expect({received_nan, good, good}, false, SkipCause::message, {0});
   expect({good, other}, false, SkipCause::message, {0, 1});                             // no majority

@@ -10,7 +10,8 @@
 namespace earshot::faults {
 namespace {
 
-const SumStatistics kAlone = [](std::span<double>) {};
+const std::unique_ptr<Collective> kSingle = make_single_worker();
+Collective& kAlone = *kSingle;
 
 torch::Tensor doubles(const std::vector<double>& values) { return torch::tensor(values, torch::kFloat64).unsqueeze(1); }
 torch::Tensor all_valid(const torch::Tensor& rows) { return torch::ones_like(rows).to(torch::kBool); }
@@ -40,8 +41,9 @@ TEST(G1_FewRows, OneRowInTheWholeRun) {
     for (int update = 0; update <= kWorkers; ++update) {
       const UpdateStats& stats = outcome.updates[static_cast<std::size_t>(update)];
       EXPECT_EQ(stats.skipped_steps, 0);
-      EXPECT_EQ(stats.taken_steps, update < kWorkers ? 2 : 0);  // its env is in one of two minibatches; in the last update nobody has any
-      EXPECT_EQ(stats.policy_loss, 0);                          // a single advantage is 0 after centring
+      EXPECT_EQ(stats.taken_steps,
+                update < kWorkers ? 2 : 0);  // its env is in one of two minibatches; in the last update no worker has any
+      EXPECT_EQ(stats.policy_loss, 0);       // a single advantage is 0 after centring
     }
   expect_clean_and_equal(outcomes);
 }
@@ -103,35 +105,34 @@ TEST(G3_RatioOverflow, IsBoundedReportedAndNamed) {
 // nothing is skipped.  In float32 the sum of squares is 0 below 1e-23 and infinite above 1e19.
 TEST(G5_GradientNorm, IsRightFromTinyToHuge) {
   for (const double scale : {1e-30, 1e-22, 1e-10, 1.0, 1e10, 1e19, 1e30}) {
-    for (const int culprit : {kFirst, kMiddle, kLast, -1}) {
+    for (const int faulty : {kFirst, kMiddle, kLast, -1}) {
       std::array<double, kWorkers> squares{};
-      std::array<std::vector<float>, kWorkers> averages;
       PpoConfig config = two_by_two();
       config.epochs = config.minibatches = 1;
       Seams seams;
       seams.sent = [&](const Moment& now, std::span<float> buffer) {
         for (float& element : buffer.first(buffer.size() - 1))
-          element *= static_cast<float>(culprit < 0 || culprit == now.rank ? scale : 0.0);
+          element *= static_cast<float>(faulty < 0 || faulty == now.rank ? scale : 0.0);
       };
       seams.received = [&](const Moment& now, std::span<float> buffer) {
         const auto r = static_cast<std::size_t>(now.rank);
-        averages[r].assign(buffer.begin(), buffer.end());
         long double sum = 0;
         for (const float element : buffer.first(buffer.size() - 1))
           sum += static_cast<long double>(element) * static_cast<long double>(element);
-        squares[r] = static_cast<double>(std::sqrt(sum) / static_cast<long double>(scale));
+        // The last element counts the workers with rows.
+        squares[r] = static_cast<double>(std::sqrt(sum) / static_cast<long double>(scale) / static_cast<long double>(buffer.back()));
       };
       const std::vector<Outcome> outcomes = work_together(config, 1, seams);
       const UpdateStats& stats = outcomes[0].updates[0];
-      ASSERT_EQ(stats.taken_steps, 1) << scale << " " << culprit;
+      ASSERT_EQ(stats.taken_steps, 1) << scale << " " << faulty;
       ASSERT_GT(squares[0], 0);
-      EXPECT_NEAR(stats.gradient_norm / scale, squares[0], 1e-12 * squares[0]) << scale << " " << culprit;
+      EXPECT_NEAR(stats.gradient_norm / scale, squares[0], 1e-12 * squares[0]) << scale << " " << faulty;
       // Adam's first moment after one step is 0.1 of what it got: the gradient, or max_gradient_norm along it.
       double moment = 0;
       for (const auto& [name, tensor] : outcomes[0].adam)
         if (name.ends_with(".exp_avg")) moment += (tensor.to(torch::kFloat64) * 1e8).square().sum().item<double>();
       const double wanted = std::min(stats.gradient_norm, config.max_gradient_norm * stats.gradient_norm / (stats.gradient_norm + 1e-6));
-      EXPECT_NEAR(std::sqrt(moment) / 1e8 / 0.1, wanted, 1e-5 * wanted) << scale << " " << culprit;
+      EXPECT_NEAR(std::sqrt(moment) / 1e8 / 0.1, wanted, 1e-5 * wanted) << scale << " " << faulty;
       expect_clean_and_equal(outcomes);
     }
   }
@@ -237,7 +238,7 @@ TEST(G10_Denormals, AreFlushedWhereLearningComputes) {
   }
   ActorCritic policy(pointgoal_only(), small_policy());
   const auto alone = make_single_worker();
-  PpoLearner(policy, two_by_two(), 1).update(collect(policy, 0, 0), 0, 0, average_over(*alone));
+  PpoLearner(policy, two_by_two(), 1).update(collect(policy, 0, 0), 0, 0, *alone);
   EXPECT_FALSE(denormals_are_flushed());
 }
 

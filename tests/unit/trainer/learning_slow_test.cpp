@@ -12,7 +12,8 @@ namespace earshot {
 namespace {
 
 constexpr int kEnvs = 32, kHidden = 32;
-const AverageGradients kAlone = [](std::span<float>) {};
+const std::unique_ptr<Collective> kSingle = make_single_worker();
+Collective& kAlone = *kSingle;
 
 /// A cue sounds in the first step of an episode (one of four patches of the spectrogram); the action of the fifth step earns 1 if it names
 /// the cue.

@@ -4,18 +4,21 @@
 #include <barrier>
 #include <cmath>
 #include <limits>
+#include <memory>
+#include <string>
 #include <thread>
 #include <vector>
 
 #include "policy/action_distribution.h"
-#include "sim/base/errors.h"
+#include "tests/support/hooked_collective.h"
 #include "trainer/ppo.h"
 
 namespace earshot {
 namespace {
 
 constexpr int kHidden = 8;
-const AverageGradients kAlone = [](std::span<float>) {};
+const std::unique_ptr<Collective> kSingle = make_single_worker();
+Collective& kAlone = *kSingle;
 
 ObservationSpec pointgoal_only() {
   ObservationSpec spec;
@@ -90,15 +93,16 @@ torch::Tensor flat(const ActorCritic& policy) {
 
 double largest(const torch::Tensor& tensor) { return tensor.abs().max().item<double>(); }
 
-torch::Tensor gradient_of_first_minibatch(const RolloutBuffer& rollout, const PpoConfig& config, const SumStatistics& sum = {}) {
+/// Before it is summed over workers.
+torch::Tensor gradient_of_first_minibatch(const RolloutBuffer& rollout, const PpoConfig& config, Collective& collective = kAlone) {
   PpoLearner learner(make_policy(), config, 1);
   torch::Tensor gradient;
-  learner.update(
-      rollout, 0, 0,
-      [&](std::span<float> buffer) {
-        if (!gradient.defined()) gradient = torch::tensor(torch::ArrayRef<float>(buffer.data(), buffer.size()));
-      },
-      sum);
+  HookedCollective hooked(collective,
+                          [&](std::span<float> buffer) {
+                            if (!gradient.defined()) gradient = torch::tensor(torch::ArrayRef<float>(buffer.data(), buffer.size()));
+                          },
+                          {});
+  learner.update(rollout, 0, 0, hooked);
   return gradient;
 }
 
@@ -114,29 +118,49 @@ TEST(PpoLearner, TwoWorkersGiveTheGradientOfTheConcatenatedBatch) {
   EXPECT_GT(largest(of_a + of_b - of_both), 1e-2);
 }
 
-/// Averages and sums over two threads, in rank order, for as long as both call.
+/// Two threads that meet in each call; sums in rank order.
 class TwoWorkers {
  public:
-  AverageGradients worker(int rank) {
-    return [this, rank](std::span<float> buffer) {
-      parts_[static_cast<std::size_t>(rank)].assign(buffer.begin(), buffer.end());
-      meet_.arrive_and_wait();
-      for (std::size_t i = 0; i < buffer.size(); ++i) buffer[i] = (parts_[0][i] + parts_[1][i]) / 2;
-      meet_.arrive_and_wait();
-    };
-  }
-  SumStatistics sum(int rank) {
-    return [this, rank](std::span<double> sums) {
-      sums_[static_cast<std::size_t>(rank)].assign(sums.begin(), sums.end());
-      meet_.arrive_and_wait();
-      for (std::size_t i = 0; i < sums.size(); ++i) sums[i] = sums_[0][i] + sums_[1][i];
-      meet_.arrive_and_wait();
-    };
-  }
+  class Worker : public Collective {
+   public:
+    Worker(TwoWorkers& both, int rank) : both_(both), rank_(rank) {}
+    [[nodiscard]] WorkerIdentity identity() const override { return {rank_, 2}; }
+    void all_reduce_sum(std::span<float> buffer) override { sum(both_.floats_, buffer); }
+    void all_reduce_sum(std::span<double> buffer) override {
+      sum(both_.doubles_, buffer);
+      if (++double_sums == 1) first_sum = buffer[0];
+    }
+    void broadcast(std::span<std::byte>) override { FAIL() << "not a call of the learner"; }
+    void barrier() override { both_.meet_.arrive_and_wait(); }
+    std::vector<std::string> all_gather(const std::string& bytes) override {
+      both_.texts_[static_cast<std::size_t>(rank_)] = bytes;
+      barrier();
+      const std::vector<std::string> all(both_.texts_.begin(), both_.texts_.end());
+      barrier();
+      return all;
+    }
+
+    int double_sums = 0;
+    double first_sum = 0;
+
+   private:
+    template <class T>
+    void sum(std::array<std::vector<T>, 2>& parts, std::span<T> buffer) {
+      parts[static_cast<std::size_t>(rank_)].assign(buffer.begin(), buffer.end());
+      barrier();
+      for (std::size_t i = 0; i < buffer.size(); ++i) buffer[i] = parts[0][i] + parts[1][i];
+      barrier();
+    }
+
+    TwoWorkers& both_;
+    int rank_;
+  };
+  Worker worker(int rank) { return {*this, rank}; }
 
  private:
-  std::array<std::vector<float>, 2> parts_;
-  std::array<std::vector<double>, 2> sums_;
+  std::array<std::vector<float>, 2> floats_;
+  std::array<std::vector<double>, 2> doubles_;
+  std::array<std::string, 2> texts_;
   std::barrier<> meet_{2};
 };
 
@@ -157,21 +181,18 @@ TEST(PpoLearner, AdvantagesAreNormalizedOverAllWorkers) {
     threads.emplace_back([&, rank] {
       torch::set_num_threads(1);
       const auto r = static_cast<std::size_t>(rank);
-      const SumStatistics sum = [&, r](std::span<double> sums) {
-        workers.sum(rank)(sums);
-        if (++calls[r] == 1) counted[r] = sums[0];
-      };
-      gradients[r] = gradient_of_first_minibatch(rank == 0 ? a : b, config, sum);
+      TwoWorkers::Worker worker = workers.worker(rank);
+      gradients[r] = gradient_of_first_minibatch(rank == 0 ? a : b, config, worker);
+      calls[r] = worker.double_sums;
+      counted[r] = worker.first_sum;
     });
   for (std::thread& thread : threads) thread.join();
   EXPECT_EQ(calls, (std::array<int, 2>{2, 2}));
   EXPECT_EQ(counted, (std::array<double, 2>{28, 28}));
-  const SumStatistics keep = [](std::span<double>) {};
-  const torch::Tensor of_both = gradient_of_first_minibatch(both, config, keep);
+  const torch::Tensor of_both = gradient_of_first_minibatch(both, config);
   EXPECT_LT(largest((gradients[0] + gradients[1]) / 2 - of_both), 2e-6);
-  const torch::Tensor each_its_own = (gradient_of_first_minibatch(a, config, keep) + gradient_of_first_minibatch(b, config, keep)) / 2;
+  const torch::Tensor each_its_own = (gradient_of_first_minibatch(a, config) + gradient_of_first_minibatch(b, config)) / 2;
   EXPECT_GT(largest(each_its_own - of_both), 1e-2);
-  EXPECT_THROW(gradient_of_first_minibatch(a, config), RunError);  // would be normalized per worker in silence
 }
 
 TEST(PpoLearner, WorkersKeepEqualWeights) {
@@ -187,14 +208,15 @@ TEST(PpoLearner, WorkersKeepEqualWeights) {
     threads.emplace_back([&, rank] {
       torch::set_num_threads(1);
       const auto r = static_cast<std::size_t>(rank);
-      PpoLearner(policies[r], config, 1).update(rollouts[r], 0, 0, workers.worker(rank));
+      TwoWorkers::Worker worker = workers.worker(rank);
+      PpoLearner(policies[r], config, 1).update(rollouts[r], 0, 0, worker);
     });
   for (std::thread& thread : threads) thread.join();
   EXPECT_TRUE(flat(policies[0]).equal(flat(policies[1])));
   EXPECT_GT(largest(flat(policies[0]) - flat(make_policy())), 1e-4);
 }
 
-TEST(PpoLearner, EveryEnvIsInOneMinibatchPerEpochAndEveryMinibatchIsAveraged) {
+TEST(PpoLearner, EveryEnvIsInOneMinibatchPerEpochAndEveryMinibatchIsSummed) {
   PpoConfig config;
   config.epochs = 2;
   for (const auto& [num_envs, minibatches] : std::vector<std::pair<int, int>>{{3, 2}, {3, 5}, {4, 4}, {1, 3}}) {
@@ -207,11 +229,12 @@ TEST(PpoLearner, EveryEnvIsInOneMinibatchPerEpochAndEveryMinibatchIsAveraged) {
       int calls = 0, with_rows = 0;
       PpoLearner learner(make_policy(), config, 1);
       const std::size_t expected_size = static_cast<std::size_t>(make_policy()->num_parameters()) + 1;
-      learner.update(only, 0, 0, [&](std::span<float> buffer) {
+      HookedCollective counted([&](std::span<float> buffer) {
         ++calls;
         EXPECT_EQ(buffer.size(), expected_size);
         with_rows += buffer.back() > 0;
       });
+      learner.update(only, 0, 0, counted);
       EXPECT_EQ(calls, 2 * minibatches);
       EXPECT_EQ(with_rows, 2) << "env " << env << " of " << num_envs << " in " << minibatches;  // once per epoch
     }
@@ -222,10 +245,18 @@ TEST(PpoLearner, AWorkerWithoutRowsHasNoSay) {
   const RolloutBuffer rollout = make_rollout(make_policy(), 6, 3, 5);
   ActorCritic alone = make_policy(), with_idle_peer = make_policy(), idle = make_policy();
   PpoLearner(alone, one_minibatch(), 1).update(rollout, 0, 0, kAlone);
-  PpoLearner(with_idle_peer, one_minibatch(), 1).update(rollout, 0, 0, [](std::span<float> buffer) {
-    for (float& element : buffer) element /= 2;  // the peer's zeros averaged in
+  HookedCollective idle_peer([](std::span<float> buffer) {
+    for (float& element : buffer) element += 0.f;  // the peer's zeros, its weight among them
   });
+  PpoLearner(with_idle_peer, one_minibatch(), 1).update(rollout, 0, 0, idle_peer);
   EXPECT_LT(largest(flat(alone) - flat(with_idle_peer)), 1e-9);
+  // A peer with the same rows doubles the sum and the weight.
+  ActorCritic with_equal_peer = make_policy();
+  HookedCollective equal_peer([](std::span<float> buffer) {
+    for (float& element : buffer) element *= 2;
+  });
+  PpoLearner(with_equal_peer, one_minibatch(), 1).update(rollout, 0, 0, equal_peer);
+  EXPECT_TRUE(flat(alone).equal(flat(with_equal_peer)));  // powers of two do not round
 
   RolloutBuffer no_rows = rollout;
   no_rows.valid = torch::zeros_like(rollout.valid);
@@ -245,16 +276,17 @@ TEST(PpoLearner, AGradientThatIsNotFiniteMovesNothing) {
       learner.update(make_rollout(policy, 6, 4, 6), 0, 0, kAlone);  // Adam has moments now, which would move the weights on their own
       const RolloutBuffer rollout = make_rollout(policy, 6, 4, 6);
       const torch::Tensor before = flat(policy).clone();
-      UpdateStats stats =
-          learner.update(rollout, 0, 1, [&](std::span<float> buffer) { (first ? buffer.front() : buffer[buffer.size() - 2]) = poison; });
+      HookedCollective always([&](std::span<float> buffer) { (first ? buffer.front() : buffer[buffer.size() - 2]) = poison; });
+      UpdateStats stats = learner.update(rollout, 0, 1, always);
       EXPECT_EQ(stats.skipped_steps, 4);
       EXPECT_EQ(stats.non_finite_here, 0);  // it came from elsewhere
       EXPECT_TRUE(flat(policy).equal(before));
 
       int calls = 0;
-      stats = learner.update(rollout, 0, 2, [&](std::span<float> buffer) {
+      HookedCollective once([&](std::span<float> buffer) {
         if (++calls == 2) buffer[3] = poison;
       });
+      stats = learner.update(rollout, 0, 2, once);
       EXPECT_EQ(stats.skipped_steps, 1);
       EXPECT_TRUE(torch::isfinite(flat(policy)).all().item<bool>());
       EXPECT_FALSE(flat(policy).equal(before));
@@ -262,7 +294,7 @@ TEST(PpoLearner, AGradientThatIsNotFiniteMovesNothing) {
   }
 }
 
-TEST(PpoLearner, NamesItselfAsTheCulprit) {
+TEST(PpoLearner, NamesItselfAsTheFaultyRank) {
   ActorCritic policy = make_policy();
   RolloutBuffer rollout = make_rollout(policy, 6, 2, 7);
   rollout.rewards[2][0] = std::numeric_limits<float>::quiet_NaN();
@@ -285,9 +317,10 @@ TEST(PpoLearner, ClipsTheGlobalNormAtAnyScale) {
     config.max_gradient_norm = s.max_norm;
     ActorCritic policy = make_policy();
     PpoLearner learner(policy, config, 1);
-    const UpdateStats stats = learner.update(rollout, 0, 0, [&](std::span<float> buffer) {
+    HookedCollective scaled([&](std::span<float> buffer) {
       for (float& element : buffer.first(buffer.size() - 1)) element *= static_cast<float>(s.scale);
     });
+    const UpdateStats stats = learner.update(rollout, 0, 0, scaled);
     EXPECT_NEAR(stats.gradient_norm, norm * s.scale, 1e-5 * norm * s.scale);
     // The first moment of Adam after one step is (1 - 0.9) times what it was given.
     double moment = 0;
