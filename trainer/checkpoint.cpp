@@ -71,7 +71,7 @@ void pack_tensors(Packer& packer, const std::vector<torch::Tensor>& tensors) {
 }
 
 void pack_body(Packer& packer, const Checkpoint& checkpoint) {
-  packer.pack_map(14);
+  packer.pack_map(15);
   packer.pack("config_yaml").pack(checkpoint.config_yaml);
   packer.pack("architecture").pack(checkpoint.architecture);
   packer.pack("update").pack(checkpoint.update);
@@ -91,6 +91,7 @@ void pack_body(Packer& packer, const Checkpoint& checkpoint) {
   pack_tensors(packer, checkpoint.hidden);
   packer.pack("not_done");
   pack_tensors(packer, checkpoint.not_done);
+  packer.pack("episode_window").pack(checkpoint.episode_window);
 }
 
 /// Adds the tensors to what CheckpointFields reads.
@@ -99,12 +100,13 @@ class BodyReader : CheckpointFields {
   using CheckpointFields::CheckpointFields;
 
   [[nodiscard]] Checkpoint read(const msgpack::object& body) const {
-    Checkpoint checkpoint{metadata(body), {}, {}, {}, {}, {}};
+    Checkpoint checkpoint{metadata(body), {}, {}, {}, {}, {}, {}};
     checkpoint.weights = named_tensors(body, "weights");
     checkpoint.optimizer = named_tensors(body, "optimizer");
     for (const auto& state : items(field(body, "env_states"), "env_states")) checkpoint.env_states.emplace_back(bytes(state, "env_states"));
     checkpoint.hidden = tensors(body, "hidden");
     checkpoint.not_done = tensors(body, "not_done");
+    checkpoint.episode_window = value<std::vector<double>>(body, "episode_window");
     return checkpoint;
   }
 

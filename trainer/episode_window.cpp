@@ -1,6 +1,10 @@
 #include "trainer/episode_window.h"
 
+#include <algorithm>
+#include <cmath>
 #include <limits>
+
+#include "sim/base/errors.h"
 
 namespace earshot {
 
@@ -15,6 +19,7 @@ double EpisodeSums::mean(Field field) const {
 }
 
 void EpisodeWindow::push(const EpisodeSums& sums) {
+  if (sums.values[EpisodeSums::count] == 0) return;
   recent_.push_back(sums);
   while (recent_.size() > 1 && total().values[EpisodeSums::count] - recent_.front().values[EpisodeSums::count] >= 200) recent_.pop_front();
 }
@@ -24,6 +29,23 @@ EpisodeSums EpisodeWindow::total() const {
   for (const auto& sums : recent_)
     for (std::size_t i = 0; i < all.values.size(); ++i) all.values[i] += sums.values[i];
   return all;
+}
+
+std::vector<double> EpisodeWindow::state() const {
+  std::vector<double> state;
+  for (const EpisodeSums& sums : recent_) state.insert(state.end(), sums.values.begin(), sums.values.end());
+  return state;
+}
+
+void EpisodeWindow::restore(std::span<const double> state) {
+  if (state.size() % EpisodeSums::num_fields != 0 || !std::ranges::all_of(state, [](double value) { return std::isfinite(value); }))
+    throw InputError("episode window of the checkpoint", "is not a list of finite sums", "take an earlier checkpoint");
+  recent_.clear();
+  for (std::size_t first = 0; first < state.size(); first += EpisodeSums::num_fields) {
+    EpisodeSums sums;
+    std::ranges::copy(state.subspan(first, EpisodeSums::num_fields), sums.values.begin());
+    recent_.push_back(sums);
+  }
 }
 
 }  // namespace earshot

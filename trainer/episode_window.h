@@ -2,6 +2,8 @@
 
 #include <array>
 #include <deque>
+#include <span>
+#include <vector>
 
 #include "envs/av_nav_task.h"
 
@@ -23,6 +25,11 @@ class EpisodeWindow {
  public:
   void push(const EpisodeSums& sums);
   [[nodiscard]] EpisodeSums total() const;
+
+  /// All sums in order, [pushes, num_fields]: what restore() takes.
+  [[nodiscard]] std::vector<double> state() const;
+  /// Throws InputError if the values are no such state.
+  void restore(std::span<const double> state);
 
  private:
   std::deque<EpisodeSums> recent_;

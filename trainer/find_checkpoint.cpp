@@ -5,6 +5,7 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "trainer/checkpoint_format.h"
+#include "trainer/run_folder.h"
 
 namespace earshot {
 
@@ -19,20 +20,17 @@ std::filesystem::path find_checkpoint(const std::filesystem::path& folder_or_fil
   std::filesystem::path newest;
   std::uint64_t newest_update = 0;
   std::string damaged;
-  for (const auto& folder : {folder_or_file, folder_or_file / "checkpoints"}) {
-    if (!std::filesystem::is_directory(folder)) continue;
-    for (const auto& entry : std::filesystem::directory_iterator(folder)) {
-      if (entry.path().extension() != ".ckpt") continue;
-      try {
-        const std::uint64_t update = load_checkpoint_metadata(entry.path()).update;
-        if (newest.empty() || update >= newest_update) {
-          newest = entry.path();
-          newest_update = update;
-        }
-      } catch (const InputError& error) {
-        damaged = error.what();
-        spdlog::warn("skipped: {}", damaged);
+  // In the order of names, so that of equals the one named by its update is taken.
+  for (const auto& file : RunFolder(folder_or_file).checkpoints()) {
+    try {
+      const std::uint64_t update = load_checkpoint_metadata(file).update;
+      if (newest.empty() || update >= newest_update) {
+        newest = file;
+        newest_update = update;
       }
+    } catch (const InputError& error) {
+      damaged = error.what();
+      spdlog::warn("skipped: {}", damaged);
     }
   }
   if (!newest.empty()) return newest;

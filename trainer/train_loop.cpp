@@ -117,6 +117,7 @@ void Worker::restore(const std::filesystem::path& path) {
     throw InputError(path.string(), "holds a recurrent state that is not finite", "take an earlier checkpoint");
   env_.restore(checkpoint.env_states[rank]);
   actor_.restore(checkpoint.hidden.at(rank), checkpoint.not_done.at(rank));
+  window_.restore(checkpoint.episode_window);
   update_ = checkpoint.update;
   env_steps_ = checkpoint.env_steps;
 }
@@ -311,6 +312,7 @@ void Worker::save(bool last) {
   checkpoint.world_size = world_;
   checkpoint.engine = engine_hash();
   checkpoint.engine_commit = engine_commit();
+  checkpoint.episode_window = window_.state();
   checkpoint.mean_reward = window_.total().mean(EpisodeSums::reward);
   checkpoint.weights = weights_of(policy_);
   checkpoint.optimizer = optimizer_state_of(policy_, learner_.optimizer());

@@ -44,6 +44,10 @@ Checkpoint sample() {
   checkpoint.env_states = {std::string("\0env\xFF", 5), std::string(200, 'e')};
   checkpoint.hidden = {torch::ones({2, 8}), torch::zeros({2, 8})};
   checkpoint.not_done = {torch::ones({2}), torch::zeros({2})};
+  checkpoint.engine = "0123456789abcdef";
+  checkpoint.engine_commit = "abc-dirty";
+  checkpoint.mean_reward = -1.25;
+  checkpoint.episode_window = {1, 0, 1.0 / 3};
   return checkpoint;
 }
 
@@ -88,6 +92,10 @@ TEST_F(CheckpointFile, ComesBackBitForBit) {
   EXPECT_EQ(loaded.env_steps, saved.env_steps);
   EXPECT_EQ(loaded.seed, saved.seed);
   EXPECT_EQ(loaded.world_size, saved.world_size);
+  EXPECT_EQ(loaded.engine, saved.engine);
+  EXPECT_EQ(loaded.engine_commit, saved.engine_commit);
+  EXPECT_EQ(loaded.mean_reward, saved.mean_reward);
+  EXPECT_EQ(loaded.episode_window, saved.episode_window);
   EXPECT_EQ(loaded.env_states, saved.env_states);
   const auto expect_same = [](const auto& a, const auto& b) {
     ASSERT_EQ(a.size(), b.size());
@@ -117,6 +125,8 @@ TEST_F(CheckpointFile, WhatIsNoCheckpointIsSaid) {
   bytes[8] = 9;
   EXPECT_NE(load_error(bytes).find("version 9"), std::string::npos);
   bytes[8] = 1;
+  EXPECT_NE(load_error(bytes).find("has checkpoint version 1, this program reads version 2"), std::string::npos);
+  bytes[8] = 2;
   EXPECT_NE(load_error(bytes.substr(0, bytes.size() - 1)).find("truncated"), std::string::npos);
   EXPECT_NE(load_error(bytes + "x").find("padded"), std::string::npos);
   bytes[100] ^= 1;

@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 
 #include "tests/support/test_paths.h"
+#include "sim/base/errors.h"
+#include "trainer/effective_config.h"
 
 namespace earshot {
 namespace {
@@ -49,6 +51,32 @@ TEST(RunConfig, SeedReachesEnvAndPolicyUnlessTheySayOtherwise) {
   EXPECT_EQ(config.env.seed, 7u);
   EXPECT_EQ(config.policy.seed, 9u);
   EXPECT_EQ(config.env.task.max_steps, 33);
+}
+
+// What a checkpoint holds: all keys, so that it means the same when the defaults have changed.
+TEST(RunConfig, TextHoldsEveryKeyAndReadsBackTheSame) {
+  const RunConfig config = parse_run_config(
+      "name: a\nseed: 7\nenv: {acoustics: {preset: fast}, task: {forward_m: 0.1}}\nppo: {learning_rate: 1.0e-7}\n"
+      "data: {train: {scenes: [\"house:1..3,rooms=2\"], filter: {min_ratio: 1.05}}}",
+      "run.yaml", {});
+  const std::string text = config_text(config);
+  EXPECT_EQ(config_text(parse_run_config(text, "checkpoint", {})), text);
+  const auto flat = flat_config(text);
+  EXPECT_EQ(flat.at("out"), "runs/a");
+  EXPECT_EQ(flat.at("policy.seed"), "7");
+  EXPECT_EQ(flat.at("env.task.turn_deg"), "10");
+  EXPECT_EQ(flat.at("keep"), "3");
+  const RunConfig again = parse_run_config(text, "checkpoint", {});
+  EXPECT_EQ(again.env.acoustics.rays, config.env.acoustics.rays);
+  EXPECT_EQ(again.env.task.forward_m, config.env.task.forward_m);
+  EXPECT_EQ(again.ppo.learning_rate, config.ppo.learning_rate);
+}
+
+TEST(RunConfig, AnOverrideThatACheckpointWouldIgnoreIsRefused) {
+  const std::string text = config_text(parse_run_config("", "run.yaml", {}));
+  EXPECT_EQ(parse_effective_config(text, "checkpoint", {"env.acoustics.rays=7"}).env.acoustics.rays, 7);
+  EXPECT_THROW(parse_effective_config(text, "checkpoint", {"env.acoustics.preset=high"}), InputError);
+  EXPECT_THROW(parse_effective_config(text, "checkpoint", {"seed=2"}), InputError);
 }
 
 // The configs that ship with the product must stay readable, from the project's folder as the README says.

@@ -1,0 +1,109 @@
+// `earshot train` and what follows it, as a user runs them: a run never mixes with an older one.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+
+#include <algorithm>
+#include <cstdlib>
+
+#include "sim/base/files.h"
+#include "tests/support/env_cases.h"
+
+namespace earshot {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+
+struct Outcome {
+  int exit_code = -1;
+  std::string text;
+};
+
+class TrainCli : public testing::Test {
+ protected:
+  TrainCli() {
+    write_text(path("tiny.yaml"),
+               "name: tiny\nseed: 3\nenvs_per_worker: 2\nrollout_steps: 4\ncheckpoint_every: 1\nkeep: 2\ntotal_steps: 32\neval_envs: 2\nout: " +
+                   path("run") +
+                   "\nenv:\n  task: {max_steps: 12}\n  observation: {depth: false, camera: {width_px: 40, height_px: 40}}\n"
+                   "  acoustics: {rays: 4, rir_length_s: 0.1, early_order: 0}\n"
+                   "policy: {hidden_size: 8, visual_features: 8, audio_features: 8, conv_channels: 2}\n"
+                   "data:\n" +
+                   data("train", 6) + data("eval", 2));
+  }
+  [[nodiscard]] std::string data(const std::string& section, int count) const {
+    return "  " + section + ": {file: " + path(section + ".json.gz") + ", scenes: [\"shoebox:6x3x5@0.3\"], episodes_per_scene: " +
+           std::to_string(count) + ", sounds: [\"synth:noise\"], filter: {min_geodesic_m: 1, min_ratio: 1}}\n";
+  }
+  [[nodiscard]] std::string path(const std::string& name) const { return (folder_.path() / name).string(); }
+  /// Runs the program; its output and errors together.
+  [[nodiscard]] Outcome earshot(const std::string& arguments) const {
+    const int status = std::system((std::string(EARSHOT_BINARY) + " " + arguments + " >" + path("output") + " 2>&1").c_str());
+    return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read_file(path("output"))};
+  }
+  void expect_done(const std::string& arguments) const {
+    const Outcome outcome = earshot(arguments);
+    EXPECT_EQ(outcome.exit_code, 0) << arguments << "\n" << outcome.text;
+  }
+  /// Exit code 2 and one line.
+  void expect_refused(const std::string& arguments, const testing::Matcher<std::string>& line) const {
+    const Outcome outcome = earshot(arguments);
+    EXPECT_EQ(outcome.exit_code, 2) << arguments << "\n" << outcome.text;
+    EXPECT_THAT(outcome.text, line);
+    EXPECT_EQ(std::ranges::count(outcome.text, '\n'), 1) << outcome.text;
+  }
+  [[nodiscard]] std::vector<std::string> checkpoints() const {
+    std::vector<std::string> names;
+    for (const auto& entry : std::filesystem::directory_iterator(folder_.path() / "run/checkpoints")) names.push_back(entry.path().filename());
+    std::ranges::sort(names);
+    return names;
+  }
+
+  TestFolder folder_{"train_cli"};
+};
+
+TEST_F(TrainCli, ASecondRunIntoAFolderIsRefusedUnlessTold) {
+  const std::string train = "train " + path("tiny.yaml");
+  expect_done("dataset episodes --config " + path("tiny.yaml"));
+  expect_done(train);
+  EXPECT_THAT(checkpoints(), testing::IsSupersetOf({"last.ckpt", "update_000003.ckpt", "update_000004.ckpt"}));
+  EXPECT_THAT(checkpoints(), testing::Not(testing::Contains("update_000002.ckpt"))) << "keep: 2";
+
+  // By one process alone and by the one that would start the workers.
+  for (const char* workers : {"", " --workers 2"})
+    expect_refused(train + workers, AllOf(HasSubstr(path("run")), HasSubstr("--overwrite"), HasSubstr("--resume")));
+  expect_refused(train + " --overwrite --resume " + path("run"), HasSubstr("--overwrite"));
+  write_text(path("run/notes.txt"), "mine");
+
+  expect_refused(train + " env.task.turn_deg=15 --resume " + path("run"), HasSubstr("env.task.turn_deg = 10, the resumed run has 15"));
+  expect_done(train + " total_steps=48 --resume " + path("run"));
+  EXPECT_THAT(checkpoints(), testing::IsSupersetOf({"last.ckpt", "update_000005.ckpt", "update_000006.ckpt"}));
+
+  expect_done(train + " --overwrite seed=4 total_steps=8");
+  EXPECT_THAT(checkpoints(), testing::IsSupersetOf({"last.ckpt", "update_000001.ckpt"}));
+  EXPECT_THAT(checkpoints(), testing::Not(testing::Contains("update_000006.ckpt")));
+  EXPECT_EQ(read_file(path("run/notes.txt")), "mine");
+}
+
+TEST_F(TrainCli, AStaleEpisodeSetIsRefusedAndMadeAnew) {
+  const std::string config = path("tiny.yaml");
+  expect_done("dataset episodes --config " + config);
+  expect_refused("train " + config + " data.train.seed=5",
+                 AllOf(HasSubstr("train.json.gz: was made with data.seed = 0, the config says 5"),
+                       HasSubstr("earshot dataset episodes --config " + config + " --set data.train.seed=5")));
+  expect_refused("eval random --config " + config + " --set data.eval.episodes_per_scene=3", HasSubstr("data.episodes_per_scene = 2"));
+  expect_done("eval random --config " + config + " --set data.eval.episodes_per_scene=3 --episodes " + path("eval.json.gz"));
+  expect_done("dataset episodes --config " + config + " --set data.eval.episodes_per_scene=3");
+  expect_done("eval random --config " + config + " --set data.eval.episodes_per_scene=3");
+
+  // An evaluated checkpoint brings its config: its held-out set has been replaced.
+  expect_done("train " + config + " total_steps=8");
+  expect_refused("eval " + path("run"), HasSubstr("data.episodes_per_scene = 3, the config says 2"));
+  expect_done("dataset episodes --config " + config);
+  expect_done("eval " + path("run"));
+}
+
+}  // namespace
+}  // namespace earshot
