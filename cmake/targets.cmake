@@ -13,24 +13,21 @@ function(earshot_library name dir)
   add_library(earshot::${name} ALIAS ${name})
 endfunction()
 
-# earshot_tests(DIR LIBS...): the tests of one folder, as up to three executables.
-#   *_slow_test.cpp     test_DIR_slow, label `slow`; the sanitizer presets leave it out
+# earshot_tests(DIR LIBS...): the tests of one folder, as up to three executables.  Each test has the folder as a label, so that a change runs the
+# tests of its own folder (scripts/test.sh quick), and these:
+#   *_slow_test.cpp     test_DIR_slow, label `slow`: statistics of `scripts/test.sh all`; the sanitizer presets leave them out
 #   *_threads_test.cpp  test_DIR_threads, labels `fast` and `threads`: tests in which threads meet, all that the thread sanitizer builds
 #                       (target thread_tests) and runs
 #   other *_test.cpp    test_DIR, label `fast`
-# RECURSE: of the folders in it too.  PCH TARGET: the target whose precompiled headers these tests read.
+# A leading unit/ is not part of the executables' names.  PCH TARGET: the target whose precompiled headers these tests read.
 function(earshot_tests dir)
-  cmake_parse_arguments(PARSE_ARGV 1 arg "RECURSE" "PCH" "")
+  cmake_parse_arguments(PARSE_ARGV 1 arg "" "PCH" "")
   if(NOT arg_PCH)
     set(arg_PCH test_headers)
   endif()
   string(REGEX REPLACE "^unit/" "" stem ${dir})
   string(REPLACE "/" "_" stem ${stem})
-  if(arg_RECURSE)
-    file(GLOB_RECURSE all_tests CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/tests/${dir}/*_test.cpp)
-  else()
-    file(GLOB all_tests CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/tests/${dir}/*_test.cpp)
-  endif()
+  file(GLOB all_tests CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/tests/${dir}/*_test.cpp)
   foreach(kind fast threads slow)
     set(sources ${all_tests})
     if(kind STREQUAL "fast")
@@ -48,12 +45,13 @@ function(earshot_tests dir)
     if(sources AND (NOT kind STREQUAL "slow" OR EARSHOT_BUILD_SLOW_TESTS))
       add_executable(${target} ${sources})
       target_link_libraries(${target} PRIVATE ${arg_UNPARSED_ARGUMENTS} GTest::gtest GTest::gmock GTest::gtest_main test_paths project_flags)
+      target_compile_options(${target} PRIVATE ${EARSHOT_TEST_OPTIMIZATION})
       target_precompile_headers(${target} REUSE_FROM ${arg_PCH})
       if(NOT dir MATCHES "^unit/sim/(base|rays)$")
         add_dependencies(${target} earshot_reader)
       endif()
       gtest_discover_tests(${target} DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 120
-        PROPERTIES LABELS "${labels}" TIMEOUT 1500)
+        PROPERTIES LABELS "${labels};${dir}" TIMEOUT 1500)
       if(kind STREQUAL "threads")
         add_dependencies(thread_tests ${target})
       endif()

@@ -7,8 +7,8 @@ namespace earshot {
 
 /// Time axis of late sound: the bins of a histogram one by one while single reflections stand out, later in fours.  Late energy changes by
 /// the decay alone, which is known from bin to bin once it is known from four to four: a third of the memory of a source field and of all
-/// that goes through it, a third of the segments to render.  Slots: 0 to fine() - 1 hold one bin each, the others kWide, the last one what
-/// is left.
+/// that goes through it, a third of the segments to render.  Merged bins: 0 to fine() - 1 hold one bin each, the others kWide, the last one
+/// what is left.
 class WideningBins {
  public:
   static constexpr std::size_t kWide = 4;

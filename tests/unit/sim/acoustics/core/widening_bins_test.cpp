@@ -27,9 +27,9 @@ TEST(WideningBins, EveryBinIsInOneMergedBin) {
     }
 }
 
-// Late energy of a diffuse room falls by the same fraction from bin to bin, inside the slots as from slot to slot: three quarters of a
-// slot's fall lie between the first and the last of its four bins.  Steps would give none of it.
-TEST(WideningBins, AFieldFallsInsideASlotAsItDoesOutside) {
+// Late energy of a diffuse room falls by the same fraction from bin to bin, inside the merged bins as from merged bin to merged bin: three
+// quarters of a merged bin's fall lie between the first and the last of its four bins.  Steps would give none of it.
+TEST(WideningBins, AFieldFallsInsideAMergedBinAsItDoesOutside) {
   AcousticConfig config = rooms::plain_config();
   config.field_photons = 16'384;
   config.field_error = 1e-6f;
