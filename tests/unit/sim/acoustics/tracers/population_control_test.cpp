@@ -28,7 +28,7 @@ TEST(RayBalance, RouletteWithFixedProbabilitiesKeepsEveryBand) {
         rays[0].reflected[band] = static_cast<float>(level * fraction);
         rays[1].reflected[band] = static_cast<float>(level * (1 - fraction));
       }
-      balance<8>(2, std::span<Ray>(rays), (draw + 0.5) / draws);
+      control_population<8>(2, std::span<Ray>(rays), (draw + 0.5) / draws);
       ASSERT_NE(rays[0].alive, rays[1].alive);
       first_stays += rays[0].alive ? 1.0 / draws : 0.0;
       for (const Ray& ray : rays) {
