@@ -16,11 +16,11 @@ namespace earshot {
 /// A cone in a small cabinet: a spherical cap that moves as one on a rigid sphere (Aarts and Janssen 2011, J. Audio Eng. Soc. 59,
 /// "Comparing sound radiation from a loudspeaker with that from a flexible spherical cap on a rigid sphere").  The sphere has the volume of
 /// the cabinet; the cap has the radius of the cone, or, where the cone has broken up and only its middle still moves as one, 3 / k. Rms
-/// gain over an octave about the frequency asked for, 1 in front (-z).
+/// gain over an octave about the given frequency, 1 in front (-z).
 class CapLoudspeaker final : public Directivity {
  public:
   static constexpr int kAngles = 37;  ///< every 5 degrees
-  /// bands_hz: octave centres, the only frequencies that can be asked for.
+  /// bands_hz: octave centres, the only frequencies that have a gain.
   CapLoudspeaker(double cabinet_edge_m, double cone_radius_m, double speed_of_sound_m_per_s, std::vector<float> bands_hz)
       : bands_hz_(std::move(bands_hz)) {
     const double sphere_m = cabinet_edge_m * std::cbrt(3 / (4 * std::numbers::pi));

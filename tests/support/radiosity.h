@@ -67,7 +67,7 @@ inline double perpendicular_term(double x, double xi, double dy) {
   return (angle - 0.25 * (c2 - dy * dy) * std::log(r2)) / (2 * std::numbers::pi);
 }
 
-/// Share of what a sends out that meets b.
+/// Fraction of what a sends out that meets b.
 inline double form_factor(const Patch& a, const Patch& b) {
   double sum = 0;
   const auto sign = [](int bits) { return (bits & 1) != 0 ? -1.0 : 1.0; };
@@ -100,7 +100,7 @@ inline double form_factor(const Patch& a, const Patch& b) {
   return sum / a.area_m2();
 }
 
-/// Of a rectangle seen from a point.
+/// Of a rectangle from a point.
 inline double solid_angle(const Patch& patch, const Point& from) {
   const int u = (patch.normal + 1) % 3, v = (patch.normal + 2) % 3;
   const double gap = std::fabs(patch.plane_m - from[patch.normal]);

@@ -12,7 +12,7 @@ constexpr float kExchange = 1.f / 8;
 constexpr float kNeighbours = 6;
 /// Sound has met walls often enough to go in all directions after so many mean free paths.
 constexpr double kFirstPaths = 5;
-constexpr double kShareOfTime = 0.04;
+constexpr double kFractionOfTime = 0.04;
 
 /// Eight floats as the compilers' own vector: left to themselves, they jam the loop over neighbours into the one over lanes.
 constexpr std::size_t kLanes = 8;
@@ -55,7 +55,7 @@ int FieldSmoothing::sweeps_at(double time_s, double mean_free_path_m, double spe
   const double diffusion = mean_free_path_m * speed_of_sound_m_per_s / 3;
   // A sweep spreads by a variance of 2 * kExchange edges^2 along each axis; diffusion by 2 D t.
   const double sweep_m2 = 2 * kExchange * edge2_m2_, sweep_s = sweep_m2 / (2 * diffusion);
-  const double by_time = kShareOfTime * (time_s - kFirstPaths * mean_free_path_m / speed_of_sound_m_per_s) / sweep_s;
+  const double by_time = kFractionOfTime * (time_s - kFirstPaths * mean_free_path_m / speed_of_sound_m_per_s) / sweep_s;
   const double by_spread = 0.25 * mean_free_path_m * mean_free_path_m / sweep_m2;
   return static_cast<int>(std::clamp(std::min(by_time, by_spread), 0.0, double{kMostSweeps}));
 }

@@ -122,7 +122,7 @@ TEST(DiffractionEdges, ThreeSheetsAtOneEdge) {
   }
 }
 
-TEST(DiffractionEdges, ContactWithoutSharedVerticesIsSeenByRays) {
+TEST(DiffractionEdges, ContactWithoutCommonVerticesIsFoundByRays) {
   // A screen that stands in the middle of a floor of other triangles: top and sides are rims, the foot is not.
   TriangleMesh mesh;
   rooms::append_quad(mesh, {glm::vec3(-5, 0, -5), glm::vec3(5, 0, -5), glm::vec3(5, 0, 5), glm::vec3(-5, 0, 5)}, 0);

@@ -98,7 +98,7 @@ TEST(DirectSound, FreeFieldO1) {
   }
 }
 
-TEST(DirectSound, AirTakesItsShare) {
+TEST(DirectSound, AirAbsorbsAlongThePath) {
   AcousticConfig config = early_config(0);
   config.bands = 0;
   config.air_absorption = Switch::on;
@@ -193,7 +193,7 @@ TEST(ImagePaths, Shoe2PerWallAndBandO3) {
   }
 }
 
-TEST(ImagePaths, ScatteringLeavesItsShareToTheLateField) {
+TEST(ImagePaths, ScatteredEnergyIsLeftToTheLateField) {
   const AcousticScene scene(rooms::shoe1(0.2, 0.3), early_config(1));
   const auto arrivals = arrivals_in(scene, rooms::shoe1_source(), rooms::shoe1_listener());
   ASSERT_EQ(arrivals.size(), 7u);

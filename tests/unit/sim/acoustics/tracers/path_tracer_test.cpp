@@ -106,7 +106,7 @@ TEST(PathTracer, LosslessRoomIsFlatO18H21) {
 // A floor between source and listener, and across it a sheet that reflects nothing and passes a tenth.  Every path over the floor crosses
 // the sheet once, before the floor or behind it, so the floor's diffuse energy (O-7, HS1) arrives with a tenth: also the mirror fraction,
 // since image paths pass no walls and the fast mode takes the last segment as diffuse.
-TEST(PathTracer, LastLegsThroughWallsKeepTheMirrorShare) {
+TEST(PathTracer, LastSegmentsThroughWallsKeepTheSpecularPart) {
   TriangleMesh mesh;
   const double far = 3000;
   rooms::append_quad(mesh, {rooms::point(-far, -far, 0), rooms::point(far, -far, 0), rooms::point(far, far, 0), rooms::point(-far, far, 0)},

@@ -12,7 +12,7 @@ struct Ray {
   bool alive = true;
 };
 
-TEST(RayBalance, RouletteWithFixedProbabilitiesKeepsEveryBand) {
+TEST(PopulationControl, RouletteWithFixedProbabilitiesKeepsEveryBand) {
   // Two rays far down, of which one may stay: the first with probability q (docs/estimators.md, section 5).  Bands differ by a factor that
   // q does not know.
   for (const double q : {0.1, 0.3, 0.5, 0.7, 0.9}) {

@@ -16,7 +16,7 @@ TEST(RayPopulation, EffectiveCount) {
   EXPECT_EQ(effective_sample_size(std::vector<double>{0, 0}), 0.0);
 }
 
-TEST(RayPopulation, MeanNumberOfCopiesIsTheShare) {
+TEST(RayPopulation, MeanNumberOfCopiesIsProportionalToTheWeight) {
   const std::vector<double> weights = {0.1, 0.0, 2.7, 1.2, 1e-9, 4.0};
   const double sum = std::accumulate(weights.begin(), weights.end(), 0.0);
   for (const int target : {1, 5, 64}) {
