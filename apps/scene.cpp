@@ -87,7 +87,7 @@ void run_scene(const Options& options) {
   for (std::size_t band = 0; band < air_per_m.size(); ++band)
     air_per_m[band] = air_absorption_energy_per_m(scene.air(), report_bands_hz[band]);
   const SceneReport report = report_scene(scene, 0, air_per_m);
-  const std::vector<Hole> holes = report.leaked_ray_share > hardly_any_leak ? find_holes(scene) : std::vector<Hole>{};
+  const std::vector<Hole> holes = report.leaked_ray_fraction > hardly_any_leak ? find_holes(scene) : std::vector<Hole>{};
   std::optional<float> navigable_m2;
   std::string navigation_problem;
   try {
@@ -109,13 +109,13 @@ void run_scene(const Options& options) {
                scene.origin_m().x, scene.origin_m().y, scene.origin_m().z);
   for (const std::string& warning : report.removed.warnings) fmt::print("warning          {}\n", warning);
   fmt::print("open edges       {}\n", report.open_edges);
-  fmt::print("ray efficiency   {:.4f}: {:.2f} % of rays leaked{}\n", report.ray_efficiency, 100 * report.leaked_ray_share,
-             report.leaked_ray_share > 0.01 ? " (holes, or a missing ceiling: set ceiling_m in a scene YAML)" : "");
+  fmt::print("ray efficiency   {:.4f}: {:.2f} % of rays leaked{}\n", report.ray_efficiency, 100 * report.leaked_ray_fraction,
+             report.leaked_ray_fraction > 0.01 ? " (holes, or a missing ceiling: set ceiling_m in a scene YAML)" : "");
   for (const Hole& hole : holes) {
     const glm::vec3 size = hole.bounds.upper - hole.bounds.lower;
     const glm::dvec3 centre = scene.to_world(0.5f * (hole.bounds.lower + hole.bounds.upper));
     fmt::print("  hole           {:.2f} % of rays around ({:.2f}, {:.2f}, {:.2f}), {:.2f} x {:.2f} x {:.2f} m, beside {}\n",
-               100 * hole.ray_share, centre.x, centre.y, centre.z, size.x, size.y, size.z, fmt::join(hole.rim, ", "));
+               100 * hole.ray_fraction, centre.x, centre.y, centre.z, size.x, size.y, size.z, fmt::join(hole.rim, ", "));
   }
   // An open scene has no enclosed volume, nor a surface distinct from its outside.
   const auto shown = [](double value, const char* unit) {
@@ -138,7 +138,7 @@ void run_scene(const Options& options) {
   const auto point = [](glm::dvec3 p) { return Json{p.x, p.y, p.z}; };
   Json hole_list = Json::array();
   for (const Hole& hole : holes) {
-    hole_list.push_back({{"ray_share", hole.ray_share},
+    hole_list.push_back({{"ray_fraction", hole.ray_fraction},
                          {"lower", point(scene.to_world(hole.bounds.lower))},
                          {"upper", point(scene.to_world(hole.bounds.upper))},
                          {"rim", hole.rim}});
@@ -154,7 +154,7 @@ void run_scene(const Options& options) {
                      {"warnings", report.removed.warnings},
                      {"open_edges", report.open_edges},
                      {"ray_efficiency", report.ray_efficiency},
-                     {"leaked_ray_share", report.leaked_ray_share},
+                     {"leaked_ray_fraction", report.leaked_ray_fraction},
                      {"holes", hole_list},
                      {"simplified", simplified ? Json{{"triangles_before", simplified->triangles_before},
                                                       {"triangles_after", simplified->triangles_after},

@@ -71,7 +71,7 @@ void AgentHearing::trace(const EnvSource& source, const Pose& pose, float ear_he
   has_response_ = response_is_new_ = true;
 }
 
-bool AgentHearing::synthesize(HearingEngines& engines, double heading_rad, const std::function<void(std::span<float> rir)>& tap) {
+bool AgentHearing::synthesize(HearingEngines& engines, double heading_rad, const std::function<void(std::span<float> rir)>& hook) {
   fades_ = false;  // fading between equal RIRs gives the bits of no fade
   if (silent_) return true;
   if (has_rir_ && !response_is_new_ && std::bit_cast<std::uint64_t>(heading_rad) == std::bit_cast<std::uint64_t>(rendered_heading_rad_))
@@ -80,7 +80,7 @@ bool AgentHearing::synthesize(HearingEngines& engines, double heading_rad, const
   std::swap(spectra_, previous_);
   if (response_is_new_) late_.forget();
   engines.synthesizer.render(response_, heading_rad, carrier_key_, rir_, &late_);
-  if (tap) tap(rir_.samples);
+  if (hook) hook(rir_.samples);
   if (!all_finite(rir_.samples)) return false;
   engines.convolver.transform(rir_.samples, rir_.num_samples, spectra_);
   rendered_heading_rad_ = heading_rad;

@@ -16,7 +16,7 @@ namespace earshot {
 
 /// Engines of the sound stages: plans and scratch, nothing that outlives a call.  One per thread.
 struct HearingEngines {
-  /// dry_spectra: see make_dry_spectra; shared by the engines of all threads, null: none are kept.
+  /// dry_spectra: see make_dry_spectra; shared by the engines of all threads, null: none are cached.
   HearingEngines(std::shared_ptr<const SynthesisTables> tables, const StreamConfig& stream, const SpectrogramConfig& spectrogram,
                  std::shared_ptr<DrySpectra> dry_spectra = nullptr);
   RirSynthesizer synthesizer;
@@ -26,7 +26,7 @@ struct HearingEngines {
   std::vector<float> window;  ///< [2, window samples], for the legacy spectrogram
 };
 
-/// Room for the spectra of the dry sounds that all agents hear, 16 MiB.
+/// A cache of 16 MiB for the spectra of the dry sounds of all agents.
 std::shared_ptr<DrySpectra> make_dry_spectra(const StreamConfig& stream);
 
 /// What one agent hears in one episode: the response of its source at its ears, the RIR made of it, and where the dry sound is.
@@ -40,9 +40,9 @@ class AgentHearing {
 
   /// Energy response at the ears.  Skipped where the position has the bits of the last call: the response is a function of it.
   void trace(const EnvSource& source, const Pose& pose, float ear_height_m);
-  /// RIR of the response at this heading; the one before becomes the RIR to fade from.  Skipped where neither changed.  tap: sees the RIR
-  /// before it is used.  Returns false if the RIR is not finite: nothing can be heard then until begin().
-  bool synthesize(HearingEngines& engines, double heading_rad, const std::function<void(std::span<float> rir)>& tap = {});
+  /// RIR of the response at this heading; the one before becomes the RIR to fade from.  Skipped where neither changed.  hook: called with
+  /// the RIR before it is used.  Returns false if the RIR is not finite: nothing can be heard then until begin().
+  bool synthesize(HearingEngines& engines, double heading_rad, const std::function<void(std::span<float> rir)>& hook = {});
   /// The next `block` samples: written to `sound` [2, block] and pushed into the rolling `window` [2, samples].  Returns false if they
   /// were not finite: zeros are written then.
   bool convolve(HearingEngines& engines, int block, std::span<float> sound, std::span<float> window);

@@ -48,7 +48,7 @@ class AvNavState {
   [[nodiscard]] bool collided() const { return collided_; }
   [[nodiscard]] int steps() const { return steps_; }
   [[nodiscard]] float distance_to_goal_m() const { return distance_m_; }
-  /// Steps at which the distance could not be told (the last known one was kept, so rewards stay finite).
+  /// Steps at which the distance was not available (the last known one is used, so rewards stay finite).
   [[nodiscard]] int lost_distances() const { return lost_distances_; }
   [[nodiscard]] EpisodeMetrics metrics(const TaskConfig& config) const;
 

@@ -14,7 +14,7 @@ constexpr double kStopLevel_db = -34;
 constexpr double kTurnDifference_db = 2;
 constexpr double kSilence_db = -110;
 constexpr float kNear_m = 0.35f;
-/// It keeps to one side around obstacles, and to its ears or to exploring, for this many steps.
+/// Steps for which it keeps to one side around obstacles, and to the louder ear or to exploring.
 constexpr int kPatience_steps = 24;
 constexpr float kExploration = 0.5f;
 
@@ -63,7 +63,7 @@ Action greedy_action(const BatchedEnv& env, std::size_t row, const RandomStream&
   }
   const Action side = whim.uniform(1) < 0.5f ? Action::left : Action::right;
   if (env.collided()[row] || (sees && clearance_m(env, row) < kNear_m)) return side;
-  // Sound bends around corners where an agent cannot walk: now and then it follows the room for a while and not its ears.
+  // Sound is diffracted around obstacles that an agent cannot cross: at times it follows the free space and not the louder ear.
   const bool explores = whim.uniform(0) < kExploration;
   const double difference_db = now.left_db - now.right_db;
   if (!explores && std::max(now.left_db, now.right_db) > kSilence_db && std::abs(difference_db) > kTurnDifference_db)

@@ -9,8 +9,8 @@
 
 namespace earshot {
 
-/// Agents without learning.  random: uniform over the four actions.  greedy: turns to the louder ear, walks where the picture shows room,
-/// stops when the sound is loud; sees and hears only what a policy does.  oracle: follows the geodesic.
+/// Agents without learning.  random: uniform over the four actions.  greedy: turns to the louder ear, walks where the depth image shows
+/// free space, stops when the sound is loud; uses only the observations of a policy.  oracle: follows the geodesic.
 enum class Baseline { random, greedy, oracle };
 std::optional<Baseline> baseline_by_name(std::string_view name);
 

@@ -37,7 +37,7 @@ BatchedEnv::Impl::Impl(const EnvConfig& env_config, std::shared_ptr<const Episod
       agents(size_of(num_envs)),
       quarantine(config.quarantine_dir) {
   require(num_envs >= 1, "num_envs", num_envs, "must be at least 1");
-  require(first_env >= 0 && first_env + num_envs <= total_envs, "first_env", first_env, "must leave room for this batch within total_envs");
+  require(first_env >= 0 && first_env + num_envs <= total_envs, "first_env", first_env, "first_env + num_envs must not exceed total_envs");
   if (set->episodes.empty()) throw InputError("episode set", "holds no episodes", "make one with `earshot dataset episodes`");
   EARSHOT_EXPECT(scenes->acoustics().sample_rate_hz == config.acoustics.sample_rate_hz);
 
@@ -197,7 +197,7 @@ std::uint64_t BatchedEnv::nonfinite_events() const {
   return counters.total() - counters.of(Fault::scene) - counters.of(Fault::path) - counters.of(Fault::stage);
 }
 std::uint64_t BatchedEnv::skipped_episodes() const { return quarantine_counters().of(Fault::path); }
-void BatchedEnv::set_tap(StageTap tap) { impl_->tap = std::move(tap); }
+void BatchedEnv::set_stage_hook(StageHook hook) { impl_->hook = std::move(hook); }
 
 std::optional<FaultReport> BatchedEnv::begin(int env, std::uint64_t episode_index, int episode_count) {
   Impl& in = *impl_;

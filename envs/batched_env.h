@@ -35,7 +35,7 @@ struct StageSeconds {
 /// num_envs agents stepped together.  Buffers are flat [num_envs, ...], owned here, valid until the next step.  Results are a function of
 /// (set, config, global env id): not of threads, nor of how a batch is split.
 ///
-/// Quarantine: an episode with a fault (quarantine.h) never reaches a policy and never ends a run.  One that cannot begin is passed over:
+/// Quarantine: an episode with a fault (quarantine.h) never reaches a policy and never ends a run.  One that cannot begin is skipped:
 /// the env draws another (`random`) or takes its next (`once`).  One that goes wrong in a step ends in that step: reward 0, truncated,
 /// marked in quarantined(), all final_* rows zero; the env begins its next episode in the same call.  Buffers hold finite numbers only.
 /// reset() and step() throw InputError where 64 draws in a row cannot begin, where 64 episodes of an env in a row go wrong (`random`), or
@@ -68,7 +68,7 @@ class BatchedEnv {
   [[nodiscard]] std::span<const std::uint8_t> truncated() const;   ///< out of steps: bootstrap from the final observation
   [[nodiscard]] std::span<const std::uint8_t> active() const;      ///< 0: idle
   [[nodiscard]] std::span<const std::uint8_t> collided() const;
-  /// 1: the episode was quarantined in the last step.  What led there is no experience: mask it, bootstrap nothing.
+  /// 1: the episode was quarantined in the last step.  Its steps are no experience: mask them, without a bootstrap value.
   [[nodiscard]] std::span<const std::uint8_t> quarantined() const;
   [[nodiscard]] std::span<const float> final_depth() const;  ///< like depth(); row valid where terminated or truncated
   [[nodiscard]] std::span<const float> final_spectrogram() const;
@@ -76,16 +76,17 @@ class BatchedEnv {
   /// Episodes that ended in the last step, by env.
   [[nodiscard]] std::span<const FinishedEpisode> finished() const;
 
-  /// For baselines and pages: what the policy must not see.
+  /// For baselines and pages: state that is no observation.
   [[nodiscard]] Pose pose(int env) const;
   [[nodiscard]] const EnvSource& source(int env) const;
   [[nodiscard]] std::uint64_t episode_index(int env) const;
   [[nodiscard]] int episode_count(int env) const;  ///< episodes started before this one
   [[nodiscard]] int episode_step(int env) const;
   [[nodiscard]] const StageSeconds& stage_seconds() const;
-  /// What was heard without which effect, summed over agents since construction.  Fields built and loaded: SceneCache::field_counters().
+  /// Poses rendered without an effect, by effect, summed over agents since construction.  Fields built and loaded:
+  /// SceneCache::field_counters().
   [[nodiscard]] EffectCounters effect_counters() const;
-  /// Steps of agents who stood where they were (turned, collided): their cached response was used.
+  /// Steps of agents that did not move (turned, collided): they reuse the cached response.
   [[nodiscard]] std::uint64_t cached_responses() const;
   /// Episodes taken out of the run, by reason, and what became of their files.
   [[nodiscard]] QuarantineCounters quarantine_counters() const;
@@ -93,15 +94,15 @@ class BatchedEnv {
   [[nodiscard]] std::uint64_t nonfinite_events() const;
   /// Of them: those without a path to their goal.
   [[nodiscard]] std::uint64_t skipped_episodes() const;
-  /// tap: see StageTap; empty: none.
-  void set_tap(StageTap tap);
+  /// hook: see StageHook; empty: none.
+  void set_stage_hook(StageHook hook);
 
   /// Ends what env `env` of the batch does and begins this episode of the set there, as that env's episode number `episode_count`: replays.
   /// Returns what is wrong if it cannot begin; the env is idle then.
   std::optional<FaultReport> begin(int env, std::uint64_t episode_index, int episode_count);
 
   /// Cursors and actions of all running episodes; restore() replays them, which gives the same bits in all observations.  Rewards and flags
-  /// of the last step are not kept.  restore throws InputError if the state is damaged or is of another set, seed or batch.
+  /// of the last step are not part of it.  restore throws InputError if the state is damaged or is of another set, seed or batch.
   [[nodiscard]] std::string save_state() const;
   void restore(std::string_view state);
 

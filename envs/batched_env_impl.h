@@ -83,7 +83,7 @@ struct BatchedEnv::Impl {
   std::vector<FinishedEpisode> finished;
   StageSeconds stage_seconds;
   Quarantine quarantine;
-  StageTap tap;
+  StageHook hook;
   std::atomic<std::uint64_t> begun{0}, failed{0};  // episodes
 
   Impl(const EnvConfig& env_config, std::shared_ptr<const EpisodeSet> episodes, std::shared_ptr<SceneCache> cache, int num_envs, int first,
@@ -92,7 +92,7 @@ struct BatchedEnv::Impl {
   int num_envs() const { return static_cast<int>(agents.size()); }
   std::uint32_t global_id(std::size_t env) const { return static_cast<std::uint32_t>(first_env) + static_cast<std::uint32_t>(env); }
   bool ended(std::size_t env) const { return terminated[env] || truncated[env]; }
-  /// Has the env an episode that goes on?
+  /// Whether the env has an episode that goes on.
   bool runs(std::size_t env) const { return active[env] && !agents[env].fault; }
   const Episode& episode_of(const Agent& agent) const { return set->episodes[agent.episode_index]; }
   std::span<float> sound_row(std::vector<float>& rows, std::size_t env) const {
@@ -107,7 +107,8 @@ struct BatchedEnv::Impl {
   template <class Body>
   void for_each_running_env(Stage stage, const Body& body);
 
-  // The stages of a step; each reads poses and writes one row of its buffer.  own: engines of this thread, null for a deaf agent.
+  // The stages of a step; each reads poses and writes one row of its buffer.  own: engines of this thread, null for an agent without a
+  // spectrogram.
   void move(std::size_t env, Action action);
   void trace(std::size_t env);
   void synthesize(std::size_t env, HearingEngines* own);
@@ -127,7 +128,7 @@ struct BatchedEnv::Impl {
   void restore(std::size_t env, const EnvCursor& cursor, HearingEngines* own);
   /// Notes a fault of the running episode; the first one stays.
   void report(std::size_t env, Fault fault, std::string detail);
-  /// Shows `values` to the tap, then: are they finite?  Reports the fault if not.
+  /// Calls the hook with `values`, then reports the fault if one is not finite.
   bool check(std::size_t env, Fault kind, std::span<float> values);
   void clear_rows(std::size_t env);
   void quarantine_episode(std::size_t env);

@@ -73,7 +73,7 @@ void validate(const EnvConfig& config) {
           "must equal acoustics.sample_rate_hz: the spectrogram is taken of what is rendered");
   const double block = static_cast<double>(rate_hz) * static_cast<double>(config.task.step_time_s);
   require(std::abs(block - std::round(block)) < 1e-3 && block >= 1, "task.step_time_s", config.task.step_time_s,
-          "must be a whole number of samples at acoustics.sample_rate_hz: sound and motion share one clock");
+          "must be a whole number of samples at acoustics.sample_rate_hz: sound and motion have one clock");
   require(std::lround(block) <= config.observation.sound.num_samples, "task.step_time_s", config.task.step_time_s,
           "must not exceed the window of sound that is analysed (1 s)");
   require(config.sound_gain > 0 && std::isfinite(config.sound_gain), "sound_gain", config.sound_gain, "must be positive and finite");

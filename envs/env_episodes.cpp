@@ -126,7 +126,7 @@ void BatchedEnv::Impl::observe_start(std::size_t env, HearingEngines* own) {
   if (own && runs(env)) {
     if (!agents[env].hearing.fill_window(*own, block_samples, sound_row(audiogoal, env), sound_row(heard, env)))
       report(env, Fault::sound, "the sound before the first step is not finite");
-    else if (tap)
+    else if (hook)
       check(env, Fault::sound, sound_row(audiogoal, env));
   }
   render(env);

@@ -11,9 +11,9 @@
 namespace earshot {
 namespace {
 
-/// So many episodes that could not begin, and none that could, are taken for a set of which nothing can be used.
+/// After this many episodes that could not begin, and none that could, the set counts as unusable.
 constexpr std::uint64_t kHopeless = 64;
-/// So many of one env that began and went wrong, one after the other, for a run in which nothing can be learned.
+/// After this many episodes of one env in a row that began and went wrong the run ends.
 constexpr int kMostInARow = 64;
 
 }  // namespace
@@ -24,8 +24,9 @@ void BatchedEnv::Impl::report(std::size_t env, Fault fault, std::string detail) 
 
 bool BatchedEnv::Impl::check(std::size_t env, Fault kind, std::span<float> values) {
   const Agent& agent = agents[env];
-  if (tap)
-    tap({.kind = kind, .env = static_cast<int>(global_id(env)), .episode_index = agent.episode_index, .step = agent.state.steps()}, values);
+  if (hook)
+    hook({.kind = kind, .env = static_cast<int>(global_id(env)), .episode_index = agent.episode_index, .step = agent.state.steps()},
+         values);
   if (all_finite(values)) return true;
   const auto bad = std::find_if(values.begin(), values.end(), [](float value) { return !std::isfinite(value); });
   const Pose pose = agent.state.pose(config.task);
@@ -73,7 +74,7 @@ FinishedEpisode BatchedEnv::Impl::failed_episode(std::size_t env) const {
   return failed_one;
 }
 
-/// In the step that found the fault: no reward, truncated, nothing to see or hear.
+/// In the step that found the fault: no reward, truncated, all observations zero.
 void BatchedEnv::Impl::end_faulty_episode(std::size_t env) {
   if (!agents[env].fault) return;
   quarantine_episode(env);
@@ -81,7 +82,7 @@ void BatchedEnv::Impl::end_faulty_episode(std::size_t env) {
   terminated[env] = collided[env] = 0;
   truncated[env] = quarantined[env] = 1;
   clear_rows(env);
-  // One bad scene among many is none of this: what is left is broken, and would go on for ever without a single whole episode.
+  // One bad scene among many does not reach this count; a broken set would continue without end and without a whole episode.
   if (++agents[env].faulty_in_a_row >= kMostInARow && config.order == EpisodeOrder::random)
     throw InputError(fmt::format("env {}", global_id(env)),
                      fmt::format("{} episodes in a row were quarantined, the last one for its {}: {}", kMostInARow,
@@ -118,7 +119,7 @@ void BatchedEnv::Impl::stop_if_none_begins() const {
     if (counters.episodes[i] > 0)
       reasons += fmt::format("{}{} ({})", reasons.empty() ? "" : ", ", name_of(static_cast<Fault>(i)), counters.episodes[i]);
   throw InputError("episode set", fmt::format("none of {} episodes could begin; reasons: {}", failed.load(), reasons),
-                   "see the log above for the first of each reason; are scene_root and sound_root right?");
+                   "the log above has the first of each reason; check scene_root and sound_root");
 }
 
 }  // namespace earshot

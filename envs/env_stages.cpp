@@ -43,7 +43,7 @@ void BatchedEnv::Impl::trace(std::size_t env) {
 void BatchedEnv::Impl::synthesize(std::size_t env, HearingEngines* own) {
   if (!runs(env) || !own) return;
   std::function<void(std::span<float>)> show;
-  if (tap) show = [&](std::span<float> rir) { check(env, Fault::rir, rir); };
+  if (hook) show = [&](std::span<float> rir) { check(env, Fault::rir, rir); };
   if (!agents[env].hearing.synthesize(*own, agents[env].state.pose(config.task).heading_rad, show))
     report(env, Fault::rir, "the impulse response is not finite");
 }
@@ -52,7 +52,7 @@ void BatchedEnv::Impl::convolve(std::size_t env, HearingEngines* own) {
   if (!runs(env) || !own) return;
   if (!agents[env].hearing.convolve(*own, block_samples, sound_row(audiogoal, env), sound_row(heard, env)))
     report(env, Fault::sound, "the sound of this step is not finite");
-  else if (tap)
+  else if (hook)
     check(env, Fault::sound, sound_row(audiogoal, env));
 }
 

@@ -14,7 +14,7 @@
 namespace earshot {
 namespace {
 
-/// Draw numbers of one try, fixed so that a new consumer cannot shift the others.
+/// Draw numbers of one try, fixed so that a new consumer does not shift the others.
 enum Draw : std::uint32_t { start_draw = 0, goal_draw = 2, heading_draw = 4, sound_draw = 5 };
 
 /// Below this height the navmesh's floor may lie inside the real one by a cell or a step.
@@ -44,7 +44,7 @@ std::optional<Episode> draw_episode(const RandomStream& random, const Scene* sce
   const auto turns = static_cast<double>(random.below(static_cast<std::uint32_t>(turns_per_circle(task)), heading_draw));
   Episode episode;
   episode.start_rotation = rotation_of(turns * 2.0 * std::numbers::pi / turns_per_circle(task));
-  // Counted from the heading as a reader of the file will see it.
+  // Counted from the heading that a reader of the file gets.
   const auto actions = count_oracle_actions(task, navmesh, field, start, heading_of(episode.start_rotation));
   if (!actions || *actions > task.max_steps) return std::nullopt;
   episode.start_position = scene ? scene->to_world(start) : glm::dvec3(start);

@@ -21,8 +21,8 @@ void validate(const EpisodeFilter& filter);
 /// of the turn. A function of (scene_id, seed): not of what else is generated.  Throws InputError if the filter finds none in max_tries.
 std::vector<Episode> generate_episodes(const std::string& scene_id, const Navmesh& navmesh, const TaskConfig& task,
                                        const EpisodeFilter& filter, const std::vector<std::string>& sounds, int count, std::uint64_t seed);
-/// The same, and start and goal have free air from knee to ear or source: the navmesh knows walls to a cell only, and a source inside
-/// a shelf would be heard by nobody.
+/// The same, and start and goal have free air from knee to ear or source: the navmesh resolves walls to a cell only, and a source inside
+/// a shelf would be inaudible.
 std::vector<Episode> generate_episodes(const std::string& scene_id, const Scene& scene, const Navmesh& navmesh, const TaskConfig& task,
                                        const EpisodeFilter& filter, const std::vector<std::string>& sounds, int count, std::uint64_t seed);
 

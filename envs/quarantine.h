@@ -20,12 +20,12 @@ namespace earshot {
 enum class Fault : std::uint8_t {
   scene,        ///< its scene, its source or its start cannot be made: the file is gone or damaged, nothing is walkable
   path,         ///< no walkable path leads from its start to its goal
-  distance,     ///< on the way, the distance to the goal was not finite or could not be told
+  distance,     ///< on the way, the distance to the goal was not finite or was not available
   reward,       ///< not finite, as all that follow
   pose,         //
   depth,        //
   rir,          //
-  sound,        ///< what is heard
+  sound,        ///< the sound at the ears
   spectrogram,  //
   pointgoal,    //
   stage,        ///< a stage of the step threw an InputError or a RunError
@@ -46,8 +46,8 @@ struct StageOutput {
   std::uint64_t episode_index;
   int step;  ///< of the episode; 0: its first observation
 };
-/// Sees what stages make, and may change it: monitors, and tests that put faults in.  Called from worker threads.
-using StageTap = std::function<void(const StageOutput& output, std::span<float> values)>;
+/// An observer of stage outputs that may change them: monitors, and tests that inject faults.  Called from worker threads.
+using StageHook = std::function<void(const StageOutput& output, std::span<float> values)>;
 
 /// Episodes that were quarantined, by reason, since construction.
 struct QuarantineCounters {
@@ -76,17 +76,17 @@ std::string encode(const QuarantineRecord& record);
 QuarantineRecord decode_quarantine_record(std::string_view text, const std::string& where);
 QuarantineRecord load_quarantine_record(const std::filesystem::path& path);
 
-/// Where the faulty episodes of one batch go: counted, logged (the first of a reason, then each time their number has doubled) and, if
+/// The faulty episodes of one batch: counted, logged (the first of a reason, then each time their number has doubled) and, if
 /// there is a folder, written to a file each.  Thread-safe.
 class Quarantine {
  public:
-  /// A week's run must not fill a disk.
+  /// Bounds the disk space of a long run.
   static constexpr std::uint64_t kMaxFiles = 1000;
 
   /// folder: made when it is needed; empty: no files.  max_files: of this batch.
   explicit Quarantine(std::filesystem::path folder, std::uint64_t max_files = kMaxFiles);
   ~Quarantine();
-  /// Never fails for the file's sake: a folder that is full or may not be written is logged once and counted.
+  /// Does not throw for a file that cannot be written: a folder that is full or read-only is logged once and counted.
   void add(const QuarantineRecord& record);
   [[nodiscard]] QuarantineCounters counters() const;
 

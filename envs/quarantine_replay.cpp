@@ -24,13 +24,13 @@ EnvConfig config_of(const QuarantineRecord& record, const std::vector<std::strin
 
 }  // namespace
 
-ReplayOutcome replay(const QuarantineRecord& record, const std::vector<std::string>& overrides, const StageTap& tap) {
+ReplayOutcome replay(const QuarantineRecord& record, const std::vector<std::string>& overrides, const StageHook& hook) {
   const EnvConfig config = config_of(record, overrides);
   EpisodeSet set;
   set.episodes = {record.episode};
   set.hash = episode_set_hash(set.episodes);
   BatchedEnv env(config, std::make_shared<const EpisodeSet>(std::move(set)), make_scene_cache(config), 1, record.env, record.env + 1);
-  env.set_tap(tap);
+  env.set_stage_hook(hook);
 
   ReplayOutcome outcome{.fault = {}, .step = 0, .recurs = false, .same_engine = record.engine == engine_commit()};
   outcome.fault = env.begin(0, 0, record.episode_count);

@@ -16,9 +16,9 @@ struct ReplayOutcome {
   bool same_engine = false;          ///< is this the build that wrote the file?
 };
 
-/// Runs the episode again with the recorded config, seed and actions, up to the recorded step.  Its scene and sounds are looked up where
-/// the config says, `overrides` ("key=value", as in scene_root=/data) over it.  tap: see StageTap.  Throws InputError if the config cannot
+/// Runs the episode again with the recorded config, seed and actions, up to the recorded step.  Its scene and sounds are found by
+/// the config, `overrides` ("key=value", as in scene_root=/data) over it.  hook: see StageHook.  Throws InputError if the config cannot
 /// be read or the sound is not there.
-ReplayOutcome replay(const QuarantineRecord& record, const std::vector<std::string>& overrides = {}, const StageTap& tap = {});
+ReplayOutcome replay(const QuarantineRecord& record, const std::vector<std::string>& overrides = {}, const StageHook& hook = {});
 
 }  // namespace earshot

@@ -19,8 +19,8 @@
 namespace earshot {
 namespace {
 
-/// An estimate: 28 bytes of mesh, 36 of vertices and indices in Embree, about 100 of BVH, 64 for what hits ask, 4 of the plane table, and
-/// slack.
+/// An estimate: 28 bytes of mesh, 36 of vertices and indices in Embree, about 100 of BVH, 64 for the data of hits, 4 of the plane table,
+/// and slack.
 constexpr std::size_t kBytesPerTriangle = 256;
 constexpr std::size_t kBytesPerScene = std::size_t{1} << 20;
 constexpr std::size_t kMaxSourcesPerScene = 256;
@@ -36,7 +36,7 @@ SourceKey key_of(glm::dvec3 goal, float source_height_m) {
           std::bit_cast<std::uint32_t>(source_height_m)};
 }
 
-/// Something that is loaded once: the first to ask makes it, the others wait for the future.
+/// Something that is loaded once: the first request makes it, the others wait for the future.
 template <class T>
 struct Entry {
   std::shared_future<std::shared_ptr<const T>> future;
@@ -116,7 +116,7 @@ struct SceneCache::Impl {
     return tbb::this_task_arena::isolate([&]() -> std::shared_ptr<const EnvSource> {
       const FlushDenormals flush;
       const EnvScene& in = *scene;
-      GeodesicField field(in.navmesh, goal);  // first: it refuses a goal that is nowhere near the scene, before rays leave from there
+      GeodesicField field(in.navmesh, goal);  // first: it refuses a goal far from the scene before rays are traced from there
       EarlyCandidates candidates(in.acoustics, goal + glm::vec3(0, source_height_m, 0));
       auto sound_field = uses_source_field(in.acoustics) ? fields.get(in.acoustics, candidates) : nullptr;
       return std::make_shared<const EnvSource>(EnvSource{scene, std::move(field), std::move(candidates), std::move(sound_field)});
@@ -132,7 +132,7 @@ struct SceneCache::Impl {
     scene.sources.erase(source);
   }
 
-  /// Drops what was used longest ago, scenes with all their sources or sources alone, but not the scene and source that are kept.
+  /// Drops the least recently used, scenes with all their sources or sources alone, except the scene and source of the arguments.
   void drop_over_the_bound(const std::string& keep, const SourceKey& keep_source) {
     while (bytes > max_bytes) {
       const auto oldest_scene = least_recently_used(scenes, keep);
@@ -167,7 +167,7 @@ struct SceneCache::Impl {
       try {
         cache.source(next.scene_id, next.goal, next.source_height_m);
       } catch (const std::exception&) {
-        // Whoever needs it asks again, and gets the error where it can be told.
+        // The next call of source() loads again and throws the error.
       }
     }
   }
@@ -209,7 +209,7 @@ std::shared_ptr<const EnvScene> SceneCache::scene(const std::string& scene_id) {
   } catch (...) {
     {
       const std::scoped_lock lock(in.mutex);
-      in.scenes.erase(scene_id);  // not ready, so nobody else erased it; the next one to ask tries again
+      in.scenes.erase(scene_id);  // not ready, so no other thread erased it; the next request tries again
     }
     promise.set_exception(std::current_exception());
     throw;

@@ -14,7 +14,7 @@
 
 namespace earshot {
 
-/// A scene with all that environments need of it.  Immutable, shared.
+/// A scene with its acoustics and navmesh.  Immutable, shared.
 struct EnvScene {
   std::shared_ptr<const Scene> scene;
   AcousticScene acoustics;
@@ -30,14 +30,14 @@ struct EnvSource {
 };
 
 /// Loads scenes and sources once and keeps the most recently used ones within a bound on bytes: of scenes, estimated from triangle counts,
-/// and of sources, estimated from their paths, with their sound fields.  Thread-safe; two threads that ask for the same scene wait for one
-/// load.  Whoever holds a pointer keeps what it points to, evicted or not.
+/// and of sources, estimated from their paths, with their sound fields.  Thread-safe; two threads that request the same scene wait for one
+/// load.  A held pointer keeps its scene or source, evicted or not.
 class SceneCache {
  public:
   /// acoustics.field: `on` keeps a field with each source.  `automatic` plans scenes without and traces: an episode has 50 to 150 poses,
   /// for which photons cost as much as 64 rays at each, and only with fields do walls let late sound through.  `on` pays where agents,
   /// episodes, workers or runs share a source, or where its lower error is wanted.
-  /// fields: folder and bound of the sound fields that runs and processes share; its memory bound is of no use here, and its warnings are
+  /// fields: folder and bound of the sound fields that runs and processes share; its memory bound is not used here, and its warnings are
   /// logged.
   SceneCache(const AcousticConfig& acoustics, const NavmeshConfig& navmesh, std::filesystem::path scene_root, std::size_t max_bytes,
              FieldStoreConfig fields = {});
@@ -46,7 +46,7 @@ class SceneCache {
   std::shared_ptr<const EnvScene> scene(const std::string& scene_id);
   /// goal: foot point under the sound source, in the coordinates of the scene's file (Scene::to_local).
   std::shared_ptr<const EnvSource> source(const std::string& scene_id, glm::dvec3 goal, float source_height_m);
-  /// Loads the same in a background thread, so that it is there when source() asks.  Returns at once; errors wait for source().
+  /// Loads the same in a background thread, so that source() finds it.  Returns at once; errors wait for source().
   void prefetch(const std::string& scene_id, glm::dvec3 goal, float source_height_m);
 
   [[nodiscard]] const AcousticConfig& acoustics() const;

@@ -12,7 +12,7 @@ namespace earshot {
 /// The dry sounds of episodes, opened once, scaled and shared.  Immutable.
 class SoundLibrary {
  public:
-  /// Throws InputError that names the sound and an episode that wants it.
+  /// Throws InputError that names the sound and an episode that names it.
   SoundLibrary(std::span<const Episode> episodes, const std::string& sound_root, float sample_rate_hz, float gain);
   /// name: Episode::sound of one of the episodes.
   [[nodiscard]] const SoundClip& clip(const std::string& name) const { return clips_.at(name); }

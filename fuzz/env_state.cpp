@@ -9,9 +9,9 @@
 int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace earshot;
   std::string_view bytes = fuzz::text_of(data, size);
-  const bool mend = fuzz::take_choice(bytes, 2) == 1;
+  const bool sanitize = fuzz::take_choice(bytes, 2) == 1;
   std::string text(bytes);
-  if (mend) {
+  if (sanitize) {
     const auto body = nlohmann::json::parse(bytes, nullptr, false);
     if (body.is_discarded()) return 0;
     const std::string dumped = body.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);

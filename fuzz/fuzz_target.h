@@ -11,7 +11,7 @@
 
 #include "sim/base/errors.h"
 
-/// One libFuzzer program per parser: it is handed bytes that nobody meant.  A parser may return a value or throw InputError with a message
+/// One libFuzzer program per parser: its input is arbitrary bytes.  A parser may return a value or throw InputError with a message
 /// of one line.  Everything else is a finding: another exception, a crash, a report of a sanitizer, 10 s without an answer, 2 GB of memory.
 /// scripts/fuzz.sh runs all of them.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size);
@@ -44,7 +44,7 @@ inline unsigned take_choice(std::string_view& bytes, unsigned num_choices) {
   return choice;
 }
 
-/// A file of this process, for parsers that want a path; in memory where the machine has a folder for that.
+/// A file of this process, for parsers that read a path; in /dev/shm where there is one.
 class InputFile {
  public:
   explicit InputFile(const std::string& name) {

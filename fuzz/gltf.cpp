@@ -1,4 +1,4 @@
-// glTF and GLB through our own reader, the mesh builder and the repair.
+// glTF and GLB through gltf_reader.h, the mesh builder and the repair.
 #include "fuzz/fuzz_target.h"
 #include "sim/scene/mesh_import.h"
 

@@ -1,4 +1,4 @@
-// What we do to OBJ, PLY and STL before Assimp sees them: coordinates are moved near the origin, PLY headers are checked.
+// OBJ, PLY and STL before Assimp reads them: coordinates are moved near the origin, PLY headers are checked.
 #include "fuzz/fuzz_target.h"
 #include "sim/scene/file_coordinates.h"
 #include "sim/scene/ply_header.h"

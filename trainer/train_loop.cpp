@@ -43,7 +43,7 @@ class Worker {
         learner_(policy_, config.ppo, config.seed),
         actor_(policy_, config.envs_per_worker),
         rollout_(config.env.observation, config.rollout_steps, config.envs_per_worker, config.policy.hidden_size) {
-    env_.set_tap(hooks.env_tap);
+    env_.set_stage_hook(hooks.stage_hook);
     if (resume.empty())
       env_.reset();
     else

@@ -22,7 +22,7 @@ struct TrainReport {
 
 /// What a test may put into a run.
 struct TrainHooks {
-  StageTap env_tap;  ///< see BatchedEnv::set_tap
+  StageHook stage_hook;  ///< see BatchedEnv::set_stage_hook
 };
 
 /// One worker's part of a DD-PPO run: roll out, average gradients, step, until config.total_steps or config.max_minutes.  Rank 0 writes

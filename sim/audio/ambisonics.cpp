@@ -35,7 +35,7 @@ void spherical_harmonics_n3d(glm::vec3 direction, int order, std::span<float> va
   EARSHOT_EXPECT(order >= 0 && order <= kMaxOrder && values.size() >= acn(order + 1, -order - 1));
   values[0] = 1.f;
   if (order == 0) return;
-  // The path tracer asks for order 1 at every hit.
+  // The path tracer evaluates order 1 at every hit.
   constexpr float sqrt3 = std::numbers::sqrt3_v<float>;
   values[1] = -sqrt3 * direction.x;
   values[2] = sqrt3 * direction.y;

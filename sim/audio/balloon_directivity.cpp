@@ -18,7 +18,7 @@ constexpr double kMaxDb = 200.0;
 /// Where a value lies between two entries of a rising list.
 struct Place {
   std::size_t low, high;
-  double share;  ///< of high
+  double weight;  ///< of high
 };
 
 Place place_in(const std::vector<double>& list, double value) {
@@ -49,7 +49,7 @@ class Balloon final : public Directivity {
     const double azimuth = std::atan2(-direction.x, -direction.z) * degrees;
     const Place f = place_in(log_frequency_, std::log(std::max(static_cast<double>(frequency_hz), 1e-3)));
     const double low = level_db(f.low, elevation, azimuth), high = f.high == f.low ? low : level_db(f.high, elevation, azimuth);
-    return static_cast<float>(std::pow(10.0, (low + f.share * (high - low)) / 20.0));
+    return static_cast<float>(std::pow(10.0, (low + f.weight * (high - low)) / 20.0));
   }
 
  private:
@@ -93,10 +93,10 @@ class Balloon final : public Directivity {
     }
     const auto along = [&](std::size_t e) {
       const double first = at(f, e, column.low);
-      return first + column.share * (at(f, e, column.high) - first);
+      return first + column.weight * (at(f, e, column.high) - first);
     };
     const double low = along(row.low);
-    return row.high == row.low ? low : low + row.share * (along(row.high) - low);
+    return row.high == row.low ? low : low + row.weight * (along(row.high) - low);
   }
 
   std::vector<double> log_frequency_, elevation_, azimuth_;  ///< angles in degrees

@@ -122,10 +122,10 @@ std::array<std::vector<std::complex<float>>, 8> make_diffuse_decoder(const EarSp
         for (std::size_t c = 0; c < 4; ++c) projection[2 * c + e] += target * static_cast<double>(harmonics[i][c]);
       }
     }
-    const double share = 1.0 / static_cast<double>(directions.size());
-    for (Complex& value : projection) value *= share;
+    const double weight = 1.0 / static_cast<double>(directions.size());
+    for (Complex& value : projection) value *= weight;
     before = projection;
-    of_head.left *= share, of_head.right *= share, of_head.cross *= share;
+    of_head.left *= weight, of_head.right *= weight, of_head.cross *= weight;
 
     // N3D channels of a diffuse field are independent and equal in power, so the decoder's covariance is the sum over channels.
     Covariance of_decoder;

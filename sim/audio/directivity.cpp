@@ -15,10 +15,10 @@ constexpr int kRows = 2 * kStepsPerQuarter + 1, kColumns = 4 * kStepsPerQuarter;
 
 class FirstOrder final : public Directivity {
  public:
-  explicit FirstOrder(float omni_share) : omni_(omni_share) {}
+  explicit FirstOrder(float omni_weight) : omni_(omni_weight) {}
   [[nodiscard]] float pressure(glm::vec3 direction, float) const override { return omni_ - (1.f - omni_) * direction.z; }
   [[nodiscard]] bool omnidirectional() const override { return omni_ == 1.f; }
-  [[nodiscard]] std::optional<float> omni_share() const override { return omni_; }
+  [[nodiscard]] std::optional<float> omni_weight() const override { return omni_; }
 
  private:
   float omni_;
@@ -26,21 +26,21 @@ class FirstOrder final : public Directivity {
 
 struct Named {
   std::string_view name;
-  float omni_share;
+  float omni_weight;
 };
 constexpr std::array<Named, 6> kFirstOrder{
     {{"omni", 1.f}, {"subcardioid", 0.7f}, {"cardioid", 0.5f}, {"supercardioid", 0.37f}, {"hypercardioid", 0.25f}, {"dipole", 0.f}}};
 
 }  // namespace
 
-std::shared_ptr<const Directivity> Directivity::first_order(float omni_share) {
-  require(omni_share >= 0.f && omni_share <= 1.f, "omni share", omni_share, "must be in [0, 1]");
-  return std::make_shared<const FirstOrder>(omni_share);
+std::shared_ptr<const Directivity> Directivity::first_order(float omni_weight) {
+  require(omni_weight >= 0.f && omni_weight <= 1.f, "omni_weight", omni_weight, "must be in [0, 1]");
+  return std::make_shared<const FirstOrder>(omni_weight);
 }
 
 std::shared_ptr<const Directivity> Directivity::named(std::string_view name) {
   for (const Named& entry : kFirstOrder)
-    if (entry.name == name) return first_order(entry.omni_share);
+    if (entry.name == name) return first_order(entry.omni_weight);
   if (name == "voice") return voice();
   if (name.ends_with(".json") || name.ends_with(".yaml") || name.ends_with(".yml")) return balloon(std::filesystem::path(name));
   throw InputError("directivity '" + std::string(name) + "'", "is not a known pattern",
@@ -48,8 +48,8 @@ std::shared_ptr<const Directivity> Directivity::named(std::string_view name) {
 }
 
 BandDirectivity::BandDirectivity(std::shared_ptr<const Directivity> pattern, std::span<const float> centre_hz)
-    : omni_share_(pattern ? pattern->omni_share() : 1.f), num_frequencies_(centre_hz.size()) {
-  if (omni_share_) return;
+    : omni_weight_(pattern ? pattern->omni_weight() : 1.f), num_frequencies_(centre_hz.size()) {
+  if (omni_weight_) return;
   table_.reserve(static_cast<std::size_t>(kRows * kColumns) * num_frequencies_);
   constexpr double step_rad = 0.5 * std::numbers::pi / kStepsPerQuarter;
   for (int row = 0; row < kRows; ++row) {
@@ -65,8 +65,8 @@ BandDirectivity::BandDirectivity(std::shared_ptr<const Directivity> pattern, std
 }
 
 void BandDirectivity::pressure(glm::vec3 direction, std::span<float> gain) const {
-  if (omni_share_) {
-    std::fill(gain.begin(), gain.end(), *omni_share_ - (1.f - *omni_share_) * direction.z);
+  if (omni_weight_) {
+    std::fill(gain.begin(), gain.end(), *omni_weight_ - (1.f - *omni_weight_) * direction.z);
     return;
   }
   constexpr float steps_per_rad = kStepsPerQuarter / (0.5f * std::numbers::pi_v<float>);

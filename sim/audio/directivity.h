@@ -16,16 +16,16 @@ namespace earshot {
 class Directivity {
  public:
   virtual ~Directivity() = default;
-  /// direction: unit, own axes; for a source the way the sound leaves, for a microphone the way it looks at the sound.
+  /// direction: unit, own axes; for a source the way the sound leaves, for a microphone the direction toward the source of the sound.
   [[nodiscard]] virtual float pressure(glm::vec3 direction, float frequency_hz) const = 0;
   /// Is the gain 1 everywhere?
   [[nodiscard]] virtual bool omnidirectional() const { return false; }
   /// a of a pattern a + (1 - a) cos at all frequencies; nullopt for any other.
-  [[nodiscard]] virtual std::optional<float> omni_share() const { return std::nullopt; }
+  [[nodiscard]] virtual std::optional<float> omni_weight() const { return std::nullopt; }
 
   /// a + (1 - a) cos: omni (a = 1), subcardioid 0.7, cardioid 0.5, supercardioid 0.37, hypercardioid 0.25, dipole 0 (docs/oracles.md,
   /// O-29).
-  static std::shared_ptr<const Directivity> first_order(float omni_share);
+  static std::shared_ptr<const Directivity> first_order(float omni_weight);
   /// A talker: the mouth as a point on a rigid sphere of 8.75 cm (the model of Flanagan 1960, exact series), and, as a sphere has no torso
   /// and no hair, a loss of 10 dB times angle / 180 degrees that sets in with the shadow of the sphere, as (ka)^2 / (1 + (ka)^2).  With it
   /// A-weighted speech has Q = 2.5, the usual value of a talker.  Behind it is 6 dB weaker than in front, where measured talkers are
@@ -48,12 +48,12 @@ class Directivity {
 class BandDirectivity {
  public:
   BandDirectivity(std::shared_ptr<const Directivity> pattern, std::span<const float> centre_hz);
-  [[nodiscard]] bool omnidirectional() const { return omni_share_ == 1.f; }
+  [[nodiscard]] bool omnidirectional() const { return omni_weight_ == 1.f; }
   /// gain: [number of frequencies]; pressure gains toward `direction` (unit, own axes).
   void pressure(glm::vec3 direction, std::span<float> gain) const;
 
  private:
-  std::optional<float> omni_share_;
+  std::optional<float> omni_weight_;
   std::size_t num_frequencies_;
   std::vector<float> table_;  ///< [elevation][azimuth][frequency], empty for first order
 };

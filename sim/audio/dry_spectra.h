@@ -11,16 +11,16 @@
 
 namespace earshot {
 
-/// Spectra of stretches of dry sounds, shared by all that convolve the same ones: an agent that hears a looping clip comes by the same
-/// stretches again and again, and so do others.  Bounded: the least recently used of eight neighbours makes room.  Thread-safe.  A
-/// spectrum is a pure function of its key, so that nobody can tell whether it was found or made.
+/// A set-associative cache of spectra of segments of dry sounds, shared by all convolvers of a plan: agents with the same looping clip
+/// transform the same segments again and again.  Bounded: the least recently used of the eight slots of a set is replaced.  Thread-safe.
+/// A spectrum is a pure function of its key: a hit and a miss give the same bits.
 class DrySpectra {
  public:
   /// Takes max_bytes of address space at once, memory as it fills.
   DrySpectra(int fft_size, std::size_t max_bytes);
   [[nodiscard]] int fft_size() const { return static_cast<int>(size_); }
 
-  /// A spectrum that stays as it is while this lives.
+  /// A spectrum that is not replaced for the lifetime of this object.
   class View {
    public:
     explicit View(std::span<const std::complex<float>> spectrum) : spectrum_(spectrum) {}
@@ -38,8 +38,8 @@ class DrySpectra {
     std::size_t slot_ = 0;
   };
 
-  /// The spectrum of stretch `start` of the clip with hash `clip`; make(out) writes it [fft_size] if it is not there, to `scratch` if it
-  /// cannot be kept because others hold or make its place.
+  /// The spectrum of the segment at `start` of the clip with hash `clip`; make(out) writes it [fft_size] on a miss, to `scratch` if all
+  /// slots of its set are in use by other threads.
   template <class Make>
   View get(std::uint64_t clip, std::uint64_t start, std::span<std::complex<float>> scratch, Make&& make) {
     const Place place = find(clip, start);

@@ -31,7 +31,7 @@ double HarmonicRotation::product(int i, int l, int a, int b) const {
 void HarmonicRotation::set(const ListenerOrientation& orientation) {
   matrix_[0] = 1;
   if (order_ == 0) return;
-  // Order 1 in ACN order is (y, z, x) of the ambisonic axes, which is (-right, up, front) of ours: (-x, y, -z).
+  // Order 1 in ACN order is (y, z, x) of the ambisonic axes, which is (-right, up, front) in the axes of Earshot: (-x, y, -z).
   const glm::dquat world_to_local = glm::conjugate(orientation.local_to_world());
   const std::array<glm::dvec3, 3> axis = {glm::dvec3(-1, 0, 0), glm::dvec3(0, 1, 0), glm::dvec3(0, 0, -1)};
   for (int n = -1; n <= 1; ++n) {

@@ -16,7 +16,7 @@ class HarmonicRotation {
   /// O(order^3), no allocation.
   void set(const ListenerOrientation& orientation);
   [[nodiscard]] int order() const { return order_; }
-  /// Share of channel (l, n) of the world in channel (l, m) of the listener; m, n in [-l, l].
+  /// Weight of channel (l, n) of the world in channel (l, m) of the listener; m, n in [-l, l].
   [[nodiscard]] double at(int l, int m, int n) const { return matrix_[index(l, m, n)]; }
   /// coefficients: [(order + 1)^2], ACN, in place.
   void apply(std::span<float> coefficients) const;

@@ -55,8 +55,8 @@ struct Hrtf::Grid {
     const double cosine = towards.x * side + towards.z * -std::cos(kEarAngle);
     const double position = std::acos(std::clamp(cosine, -1.0, 1.0)) / std::numbers::pi * intervals;
     const auto row = static_cast<std::size_t>(std::min(position, intervals - 1.0));
-    const auto share = static_cast<float>(position - static_cast<double>(row));
-    return {.count = 2, .row = {row, row + 1}, .weight = {1.f - share, share}};
+    const auto weight = static_cast<float>(position - static_cast<double>(row));
+    return {.count = 2, .row = {row, row + 1}, .weight = {1.f - weight, weight}};
   }
 
   /// Inverse-distance weights that fade to zero at the next farther neighbour (Franke and Little 1979): exact at measured directions and

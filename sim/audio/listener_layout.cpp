@@ -23,12 +23,12 @@ Microphone read_microphone(ConfigReader reader, const std::filesystem::path& fol
   Microphone microphone;
   std::vector<float> position;
   std::string pattern;
-  float omni_share = 1.f;
+  float omni_weight = 1.f;
   double azimuth_deg = 0, elevation_deg = 0, roll_deg = 0;
   reader.read("name", microphone.name);
   reader.read_required("position_m", position);
-  const bool has_share = reader.has("omni_share"), has_pattern = reader.has("pattern");
-  reader.read("omni_share", omni_share);
+  const bool has_weight = reader.has("omni_weight"), has_pattern = reader.has("pattern");
+  reader.read("omni_weight", omni_weight);
   reader.read("pattern", pattern);
   reader.read("azimuth_deg", azimuth_deg);
   reader.read("elevation_deg", elevation_deg);
@@ -38,11 +38,11 @@ Microphone read_microphone(ConfigReader reader, const std::filesystem::path& fol
   for (const float value : position)
     if (!(std::abs(value) <= kMaxOffsetM))
       reader.fail("position_m", fmt::format("{} m is not within {} m of the listener", value, kMaxOffsetM));
-  if (has_share && has_pattern) reader.fail("omni_share", "stands beside pattern; give one of them");
+  if (has_weight && has_pattern) reader.fail("omni_weight", "stands beside pattern; give one of them");
   for (const auto& [key, value] : {std::pair{"azimuth_deg", azimuth_deg}, {"elevation_deg", elevation_deg}, {"roll_deg", roll_deg}})
     if (!std::isfinite(value)) reader.fail(key, "is not a finite number");
   microphone.position_m = {position[0], position[1], position[2]};
-  if (has_share) microphone.directivity = Directivity::first_order(omni_share);
+  if (has_weight) microphone.directivity = Directivity::first_order(omni_weight);
   if (has_pattern) {
     const bool is_file = std::filesystem::path(pattern).has_extension();
     microphone.directivity = Directivity::named(is_file ? (folder / pattern).string() : pattern);

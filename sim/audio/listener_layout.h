@@ -16,7 +16,7 @@ enum class ChannelLayout { mono, binaural };
 
 enum class ListenerKind { mono, binaural, ambisonics, array };
 enum class HarmonicNorm { n3d, sn3d };
-/// world: the axes of the scene, whichever way the listener looks.  ego: those of the listener.
+/// world: the axes of the scene, independent of the orientation of the listener.  ego: those of the listener.
 enum class HarmonicAxes { world, ego };
 
 /// One microphone of an array, in the listener's axes (x right, y up, -z front).
@@ -27,8 +27,8 @@ struct Microphone {
   std::string name{};
 };
 
-/// What a listener writes down, as a plain value.  One channel: mono; two ears; (order + 1)^2 ambisonic channels in ACN order; one channel
-/// per microphone.
+/// Output channels of a listener, as a plain value.  One channel: mono; two ears; (order + 1)^2 ambisonic channels in ACN order; one
+/// channel per microphone.
 struct ListenerLayout {
   ListenerLayout(ChannelLayout layout = ChannelLayout::mono)
       : kind(layout == ChannelLayout::mono ? ListenerKind::mono : ListenerKind::binaural) {}
@@ -41,13 +41,13 @@ struct ListenerLayout {
 
   static ListenerLayout ambisonics(int order, HarmonicNorm norm = HarmonicNorm::n3d, HarmonicAxes axes = HarmonicAxes::world);
   static ListenerLayout array(std::vector<Microphone> microphones);
-  /// One microphone with a pattern that looks to the front: an array of one.
+  /// One microphone with a pattern whose front is that of the listener: an array of one.
   static ListenerLayout mono(std::shared_ptr<const Directivity> directivity);
   /// mono, mono:PATTERN, binaural, ambisonic:ORDER (or ambisonics:ORDER) with any of :n3d :sn3d :world :ego, array:FILE.  Patterns as in
   /// Directivity::named.
   static ListenerLayout named(std::string_view text);
   /// YAML or JSON: `microphones`, a list of maps with `position_m` [x, y, z] (required), `pattern` (as in Directivity::named; files
-  /// relative to this one) or `omni_share`, `azimuth_deg` counter-clockwise from the front, `elevation_deg`, `roll_deg` (its right side
+  /// relative to this one) or `omni_weight`, `azimuth_deg` counter-clockwise from the front, `elevation_deg`, `roll_deg` (its right side
   /// down), `name`.
   static ListenerLayout from_file(const std::filesystem::path& path);
 

@@ -35,7 +35,7 @@ std::string describe(int status) {
     case MYSOFA_UNSUPPORTED_FORMAT:
       return "is of a SOFA version or HDF5 layout that libmysofa cannot read";
     case MYSOFA_NO_MEMORY:
-      return "asks for more memory than there is: damaged?";
+      return "needs more memory than there is: damaged?";
     case MYSOFA_READ_ERROR:
       return "ends too early";
     case MYSOFA_INVALID_ATTRIBUTES:
@@ -82,7 +82,7 @@ SofaResponses parse_sofa(const std::filesystem::path& path) {
   const std::string name = path.string();
   const auto refuse = [&](const std::string& what) { return InputError(name, what, kRemedy); };
   const std::string bytes = read_file(path, kMaxFileBytes);
-  // libmysofa 1.3 writes past its stack on files that end too early, so it never gets to see one.
+  // libmysofa 1.3 writes past its stack on files that end too early, so it is never given one.
   const std::uint64_t stated = stated_size(bytes);
   if (stated == 0) throw refuse(describe(MYSOFA_INVALID_FORMAT));
   if (stated > bytes.size()) throw refuse(fmt::format("ends too early: {} bytes of {}", bytes.size(), stated));

@@ -18,18 +18,18 @@ struct SofaResponses {
 };
 
 /// Reads a SOFA file of the convention SimpleFreeFieldHRIR or one like it.  libmysofa reads it in a process of its own (isolated_call.h):
-/// release 1.3 writes past its stack on some damaged files.  Throws InputError naming the file and the field; RunError if there is no such
-/// process to be had.
+/// release 1.3 writes past its stack on some damaged files.  Throws InputError naming the file and the field; RunError if that
+/// process cannot be started.
 SofaResponses read_sofa(const std::filesystem::path& path);
 
-/// The same, here and now: for the program that does nothing else.
+/// The same within this process: for earshot_reader.
 SofaResponses parse_sofa(const std::filesystem::path& path);
 
 /// Throws InputError naming `where` unless the lists have the sizes that the counts say, directions are unit vectors, and all numbers are
 /// finite and in range.
 void validate(const SofaResponses& responses, const std::string& where);
 
-/// Responses as bytes, for the way between the two.  decode_responses throws InputError for bytes that do not decode to valid responses.
+/// Responses as bytes, for the answer of that process.  decode_responses throws InputError for bytes that do not decode to valid responses.
 std::string encode_responses(const SofaResponses& responses);
 SofaResponses decode_responses(std::string_view bytes, const std::string& where);
 

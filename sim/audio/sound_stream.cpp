@@ -24,7 +24,7 @@ int ceil_divide(int a, int b) { return (a + b - 1) / b; }
 double cost_of(const StreamPlan& plan, int block, int fade, int taps, int num_pairs) {
   const double size = plan.fft_size, transform = 0.4 * size * std::log2(size);
   const double parts = ceil_divide(taps, plan.part), pieces = ceil_divide(block, plan.piece) + ceil_divide(fade, plan.piece);
-  // Stretches of the dry sound lie on a grid as fine as the common divisor of piece and part: that many of them are new in each piece.
+  // Segments of the dry sound lie on a grid as fine as the common divisor of piece and part: that many of them are new in each piece.
   const int grid = std::gcd(plan.piece, plan.part);
   const double new_stretches = std::min(parts, static_cast<double>(plan.part == grid ? 1 : plan.part / grid));
   return num_pairs * (parts * (transform + size) + pieces * (transform + size) + pieces * parts * size) +
@@ -67,13 +67,13 @@ struct StreamConvolver::Impl {
     return (position.clip_offset % length + position.sample % length + length - back % length) % length;
   }
 
-  /// Spectrum of the stretch of dry sound that part `part` of a RIR meets in the piece that begins at `position`, over the FFT size.
+  /// Spectrum of the segment of dry sound that part `part` of a RIR meets in the piece that begins at `position`, over the FFT size.
   DrySpectra::View dry(const SoundClip& clip, std::uint64_t clip_key, const StreamPosition& position, int part) {
     const std::uint64_t back =
         static_cast<std::uint64_t>(part) * static_cast<std::uint64_t>(plan.part) + size - static_cast<std::uint64_t>(plan.piece);
     const auto make = [&](std::span<Complex> spectrum) {
       copy_dry(clip, position, back, stretch);
-      // Here, where it is kept, not in every inverse transform; a power of two costs no digits.
+      // Once in the stored spectrum, not in every inverse transform; a power of two costs no digits.
       const float scale = 1.f / static_cast<float>(size);
       for (float& value : stretch) value *= scale;
       forward.set_input(stretch, {});
@@ -114,7 +114,7 @@ struct StreamConvolver::Impl {
 };
 
 StreamPlan StreamConvolver::plan(const StreamConfig& config, int num_channels) {
-  // Not the configured fade: bits shall not depend on what is not heard.
+  // Not the configured fade: bits do not depend on samples that are not heard.
   const int block = config.max_block_samples, fade = ceil_divide(block, 3);
   StreamPlan best;
   double lowest = 0;

@@ -13,7 +13,7 @@ namespace earshot {
 struct StreamConfig {
   float sample_rate_hz = 16000.f;
   int max_rir_samples = 8000;
-  int max_block_samples = 2400;  ///< largest block asked of step()
+  int max_block_samples = 2400;  ///< largest block of a call
   int crossfade_samples = 800;   ///< clamped to the block
 };
 
@@ -21,7 +21,7 @@ struct StreamConfig {
 struct StreamPosition {
   std::uint64_t sample = 0;       ///< dry samples played since the sound began to play
   std::uint64_t clip_offset = 0;  ///< clip sample at stream sample 0
-  bool already_playing = true;    ///< true: the loop has been sounding for ever before sample 0; false: silence before it
+  bool already_playing = true;    ///< true: the loop has been playing without beginning before sample 0; false: silence before it
 };
 
 /// How a StreamConvolver cuts its work (StreamConvolver::plan): overlap-save with transforms of `fft_size` samples, each giving `piece`
@@ -46,7 +46,7 @@ class RirSpectra {
 /// of the louder, 1e-7 of it.
 class StreamConvolver {
  public:
-  /// dry_spectra: shared with other convolvers of the same plan; null: none are kept.
+  /// dry_spectra: shared with other convolvers of the same plan; null: none are cached.
   StreamConvolver(const StreamConfig& config, int num_channels, std::shared_ptr<DrySpectra> dry_spectra = nullptr);
   ~StreamConvolver();
   StreamConvolver(StreamConvolver&&) noexcept;

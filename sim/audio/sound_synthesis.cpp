@@ -17,7 +17,7 @@ namespace {
 constexpr double kTwoPi = 2.0 * std::numbers::pi;
 constexpr float kPeak = 0.5f;
 
-/// Seeded choices in the order in which they are asked for.
+/// Seeded choices in the order of the calls.
 class Dice {
  public:
   Dice(std::uint64_t seed, std::uint32_t kind) : random_(seed, Purpose::sound, kind) {}

@@ -80,7 +80,7 @@ struct SpectrogramAnalyzer::Impl {
   [[nodiscard]] int first_sample(std::size_t index) const {
     return static_cast<int>(index) * config.hop - config.fft_size / 2 + (config.fft_size - config.window) / 2;
   }
-  /// Does the frame see no padding?
+  /// Whether the frame lies wholly inside the window.
   [[nodiscard]] bool inside(std::size_t index) const {
     return first_sample(index) >= 0 && first_sample(index) + config.window <= config.num_samples;
   }
@@ -158,8 +158,8 @@ void SpectrogramAnalyzer::analyze(std::span<const float> sound, std::size_t new_
     if (known && moved > 0 && moved < in.num_frames)
       std::copy(frames.begin() + static_cast<std::ptrdiff_t>(moved * in.rows), frames.end(), frames.begin());
     for (std::size_t t = 0; t < in.num_frames; ++t) {
-      const bool kept = known && t + moved < in.num_frames && in.inside(t) && in.inside(t + moved);
-      if (!kept) in.analyze_frame(sound.subspan(channel * samples, samples), t, frames.subspan(t * in.rows, in.rows));
+      const bool cached = known && t + moved < in.num_frames && in.inside(t) && in.inside(t + moved);
+      if (!cached) in.analyze_frame(sound.subspan(channel * samples, samples), t, frames.subspan(t * in.rows, in.rows));
     }
     in.pool_columns(frames, channel, spectrogram);
   }

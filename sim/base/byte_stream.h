@@ -40,8 +40,8 @@ class ByteWriter {
   std::string bytes_;
 };
 
-/// Reads what ByteWriter wrote.  The other process may have been damaged by what it read, so no length is believed beyond the bytes that
-/// are there: everything that cannot be throws InputError naming `where`.
+/// Reads what ByteWriter wrote.  The file that the other process read may have damaged it, so every length is checked against the bytes
+/// that are left: a length beyond them throws InputError naming `where`.
 class ByteReader {
  public:
   ByteReader(std::string_view bytes, std::string where) : bytes_(bytes), where_(std::move(where)) {}
@@ -68,12 +68,12 @@ class ByteReader {
     const std::vector<char> letters = take_list<char>();
     return {letters.begin(), letters.end()};
   }
-  /// Nothing may be left.
+  /// Throws InputError if bytes are left.
   void finish() const {
     if (!bytes_.empty()) fail();
   }
   [[noreturn]] void fail() const {
-    throw InputError(where_, "leads its reader to an answer that cannot be: the file is damaged", "export or fetch the file again");
+    throw InputError(where_, "makes its reader send an invalid answer: the file is damaged", "export or fetch the file again");
   }
 
  private:

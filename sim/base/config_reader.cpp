@@ -74,7 +74,7 @@ void apply_override(YAML::Node root, const std::string& text, const std::string&
   try {
     value = YAML::Load(text.substr(equals + 1));
   } catch (const YAML::Exception& error) {
-    throw InputError("override '" + text + "'", error.msg, "quote the value as YAML asks");
+    throw InputError("override '" + text + "'", error.msg, "quote the value as YAML requires");
   }
   std::string path = text.substr(0, equals);
   YAML::Node node = root;
@@ -93,7 +93,7 @@ void apply_override(YAML::Node root, const std::string& text, const std::string&
   node[path] = value;
 }
 
-/// What messages call the type that a key wants.
+/// Name of the type of a key, for messages.
 template <class T>
 std::string type_name() {
   if constexpr (std::is_same_v<T, bool>)

@@ -23,8 +23,8 @@ concept ConfigValue = std::same_as<T, bool> || std::same_as<T, int> || std::same
     std::same_as<T, std::vector<int>> || std::same_as<T, std::vector<float>> || std::same_as<T, std::vector<double>> ||
     std::same_as<T, std::vector<std::string>> || std::same_as<T, std::vector<std::vector<std::vector<double>>>>;
 
-/// One map of a YAML file being read into a config struct.  Every key that is read is known; `finish` rejects the rest and
-/// names the nearest known key.  A child map is finished by its own reader.  Copies share the map.  Not safe from several threads.
+/// One map of a YAML file being read into a config struct.  Every key that is read is known; `finish` rejects the rest with
+/// the nearest known key.  A child map is finished by its own reader.  Copies share the map.  Not safe from several threads.
 ///
 ///   ConfigReader reader = ConfigReader::from_file("train.yaml", overrides);
 ///   reader.read("lr", config.lr);                    // missing key: the struct's default stays

@@ -15,7 +15,7 @@ namespace earshot {
 /// Does this thread flush denormals, results and operands?
 inline bool denormals_are_flushed();
 
-/// Flushes denormals on this thread while it lives; then the setting is what it was.  A few cycles where it is set already.
+/// Flushes denormals on this thread for the lifetime of the object; the destructor restores the setting.  A few cycles if already set.
 class FlushDenormals {
  public:
   FlushDenormals();
@@ -27,7 +27,7 @@ class FlushDenormals {
   unsigned before_ = 0;
 };
 
-/// For a thread that does nothing but compute, at its start: for as long as it lives.
+/// For the start of a thread that only computes: the setting lasts until the thread ends.
 inline void flush_denormals_on_this_thread();
 
 #if defined(__x86_64__)
@@ -41,13 +41,13 @@ inline FlushDenormals::FlushDenormals() : before_(_mm_getcsr()) {
   if ((before_ & kFlushBits) != kFlushBits) _mm_setcsr(before_ | kFlushBits);
 }
 inline FlushDenormals::~FlushDenormals() {
-  // Only the two bits: exceptions that were raised meanwhile stay noted.
+  // Only the two bits: exception flags that were raised in between stay set.
   if ((before_ & kFlushBits) != kFlushBits) _mm_setcsr((_mm_getcsr() & ~kFlushBits) | (before_ & kFlushBits));
 }
 
 inline void flush_denormals_on_this_thread() { _mm_setcsr(_mm_getcsr() | kFlushBits); }
 
-#else  // elsewhere denormals are kept on every thread: as reproducible, and slower
+#else  // elsewhere denormals are computed with on every thread: as reproducible, and slower
 
 inline bool denormals_are_flushed() { return false; }
 inline FlushDenormals::FlushDenormals() = default;

@@ -8,7 +8,7 @@ namespace {
 
 constexpr std::size_t kLongestMessage = 4000;
 
-/// One line, whatever names and values of others are in it: no line ends, nothing that a terminal obeys.
+/// One line, whatever names and values from files are in it: no line ends and no control characters.
 std::string joined(std::string_view where, std::string_view what, std::string_view remedy) {
   std::string text{where};
   text.append(": ").append(what);

@@ -113,7 +113,7 @@ bool is_image(const std::filesystem::path& path) {
 }  // namespace
 
 struct ImageStore::State {
-  std::mutex mutex;  // one thread of this process looks through the folder at a time
+  std::mutex mutex;  // one thread of this process scans the folder at a time
   bool looked_through = false;
   std::uint64_t written_since = 0;
   std::atomic<std::uint64_t> temporaries{0};
@@ -126,7 +126,7 @@ std::filesystem::path ImageStore::path_of(std::uint64_t key) const { return conf
 
 std::optional<ImageStore::Image> ImageStore::load(std::uint64_t key) {
   const std::filesystem::path path = path_of(key);
-  // Not blocking: a pipe of this name must not hold up anybody.
+  // Not blocking: opening a pipe of this name must return.
   const Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
   if (file.get() < 0) {
     if (errno != ENOENT) warn_once(fmt::format("{} cannot be opened: {}; it is made anew where it is needed", path.string(), last_error()));
@@ -152,7 +152,7 @@ std::optional<ImageStore::Image> ImageStore::load(std::uint64_t key) {
   if (header.num_bytes != size - sizeof header) return damaged("is cut short");
   const std::span<const std::byte> bytes(static_cast<const std::byte*>(mapping->bytes) + sizeof header, size - sizeof header);
   if (hash64(bytes, key) != header.hash) return damaged("is damaged");
-  // Both times to now, for those who look for the least recently used; read-only folders stay as they are.
+  // Both times to now: the least recently used images are removed first.  Fails without effect in a read-only folder.
   static_cast<void>(::futimens(file.get(), nullptr));
   return Image{bytes, mapping};
 }
@@ -163,7 +163,7 @@ bool ImageStore::save(std::uint64_t key, std::span<const std::byte> image) {
   std::error_code error;
   std::filesystem::create_directories(config_.folder, error);
   if (error) {
-    warn_once(fmt::format("{} cannot be made: {}; nothing is kept there", config_.folder.string(), error.message()));
+    warn_once(fmt::format("{} cannot be made: {}; nothing is cached there", config_.folder.string(), error.message()));
     return false;
   }
   const std::filesystem::path path = path_of(key), temporary = temporary_in(config_.folder, key, state_->temporaries.fetch_add(1));
@@ -178,7 +178,7 @@ bool ImageStore::save(std::uint64_t key, std::span<const std::byte> image) {
   if (!write()) {
     const std::string why = last_error();
     ::unlink(temporary.c_str());
-    warn_once(fmt::format("{} cannot be written: {}; images that cannot be kept are made anew", path.string(), why));
+    warn_once(fmt::format("{} cannot be written: {}; images that cannot be written are made anew", path.string(), why));
     return false;
   }
   const std::scoped_lock lock(state_->mutex);
@@ -194,7 +194,7 @@ bool ImageStore::save(std::uint64_t key, std::span<const std::byte> image) {
 void ImageStore::reject(std::uint64_t key, const std::string& why) {
   const std::filesystem::path path = path_of(key);
   ::unlink(path.c_str());
-  warn(fmt::format("{} is of no use and is made anew: {}", path.string(), why));
+  warn(fmt::format("{} is unusable and is made anew: {}", path.string(), why));
 }
 
 void ImageStore::remove_over_the_bound(const std::filesystem::path& keep) {
@@ -207,7 +207,7 @@ void ImageStore::remove_over_the_bound(const std::filesystem::path& keep) {
   std::uint64_t total = 0;
   std::error_code error;
   const auto now = std::filesystem::file_time_type::clock::now();
-  // Others write and remove at the same time: what is gone when it is looked at does not count.
+  // Other processes write and remove at the same time: a file that is gone when it is examined does not count.
   for (std::filesystem::directory_iterator entry(config_.folder, error), end; !error && entry != end; entry.increment(error)) {
     std::error_code gone;
     const auto used = entry->last_write_time(gone);

@@ -19,7 +19,7 @@ namespace earshot {
 namespace {
 
 constexpr int kAnswerDescriptor = 3;
-constexpr int kOwnArguments = 4;  // name, process that asks, memory, seconds
+constexpr int kOwnArguments = 4;  // name, calling process, memory, seconds
 
 std::uint64_t to_number(const char* text) {
   std::uint64_t number = 0;
@@ -51,7 +51,7 @@ Footprint footprint() {
   return {size * page, data * page};
 }
 
-/// From here on: no memory beyond the bound, no endless loop though nobody waits any more, no file written, no core.
+/// Sets the limits: memory, CPU time, end with the caller, no file written, no core.
 void take_on_limits(pid_t asking, std::uint64_t memory_bytes, std::uint64_t seconds) {
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
   if (::getppid() != asking) ::_exit(0);  // it ended before that call
@@ -77,7 +77,7 @@ void write_all(std::string_view bytes) {
 
 int answer_isolated(int argc, char** argv, const std::function<std::string(const std::vector<std::string>& arguments)>& work) {
   if (argc < kOwnArguments || ::fcntl(kAnswerDescriptor, F_GETFD) < 0) {
-    std::fprintf(stderr, "%s: reads a file for earshot, which starts it; there is no other use\n", argc > 0 ? argv[0] : "reader");
+    std::fprintf(stderr, "%s: reads a file for earshot, which starts it; not for direct use\n", argc > 0 ? argv[0] : "reader");
     return 2;
   }
   AnswerKind kind = AnswerKind::refusal;
@@ -95,7 +95,7 @@ int answer_isolated(int argc, char** argv, const std::function<std::string(const
   }
   write_all(answer_header(kind, bytes));
   write_all(bytes);
-  ::_exit(0);  // whatever the library left behind: its destructors need not run
+  ::_exit(0);  // without destructors: those of a library on damaged data may crash
 }
 
 }  // namespace earshot

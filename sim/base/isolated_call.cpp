@@ -97,7 +97,7 @@ class Child {
     sigemptyset(&none);
     posix_spawnattr_setsigdefault(&spawn.attributes, &all);
     posix_spawnattr_setsigmask(&spawn.attributes, &none);
-    posix_spawnattr_setpgroup(&spawn.attributes, 0);  // a group of its own: Ctrl-C is for us
+    posix_spawnattr_setpgroup(&spawn.attributes, 0);  // a group of its own: Ctrl-C goes to this process only
     posix_spawnattr_setflags(&spawn.attributes, static_cast<short>(POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETPGROUP));
     std::vector<char*> pointers{const_cast<char*>(program.c_str())};  // as execve is declared; never written to
     for (const std::string& argument : arguments) pointers.push_back(const_cast<char*>(argument.c_str()));
@@ -147,7 +147,7 @@ bool read_answer(int descriptor, Clock::time_point deadline, std::uint64_t max_b
     if (count < 0 && (errno == EINTR || errno == EAGAIN)) continue;
     if (count <= 0) return leave(true);
     const std::size_t before = std::exchange(filled, filled + static_cast<std::size_t>(count));
-    // The hash is taken once, at the end: until then the header alone is looked at.
+    // The hash is taken once, at the end: until then only the header is checked.
     if (before < kHeaderBytes && filled >= kHeaderBytes &&
         decode_answer(std::string_view(frame).substr(0, kHeaderBytes), max_bytes).state == Answer::State::damaged)
       return leave(true);
@@ -198,7 +198,7 @@ std::string call_isolated(const std::filesystem::path& program, const std::vecto
     return frame;
   }
   if (answer.state == Answer::State::whole) {
-    // The program names the file as we do.
+    // The message of the program begins with the same name of the file.
     std::string_view text = answer.bytes;
     if (text.starts_with(where + ": ")) text.remove_prefix(where.size() + 2);
     throw InputError(where, text, "");

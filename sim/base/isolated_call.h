@@ -12,7 +12,7 @@ namespace earshot {
 
 /// Some file formats are read by libraries that a damaged file can crash, or lead to write past their buffers, to loop, or to allocate
 /// without bound.  Such a library runs in a process of its own, a small program that reads one file, answers with bytes and ends.  What
-/// goes wrong there is an InputError here, and the memory of the run is out of its reach.
+/// goes wrong there is an InputError here, and it cannot write to the memory of the run.
 ///
 /// A program is started (posix_spawn) rather than this process copied (fork): in a process with threads a copy may find a lock held for
 /// ever by a thread that it does not have, OpenBLAS ends its threads while others compute when a process is copied, and copying the page
@@ -26,7 +26,7 @@ struct IsolationLimits {
 /// More for larger files: libraries were measured to take up to 12 times the size of a file, and to read 10 MB per second.
 IsolationLimits limits_for_file(const std::filesystem::path& file);
 
-/// Starts `program` with `arguments`, waits for its answer, and sees to its end: no process and no descriptor stays behind.
+/// Starts `program` with `arguments`, waits for its answer and for its end: no process and no descriptor stays behind.
 /// where: the file that is read, named by errors.  Safe from any thread; Ctrl-C does not reach the program, which ends with this thread.
 /// Throws InputError: what the program refuses, crashed, over a limit, answer cut short or damaged.  Throws RunError: cannot be started.
 /// Costs about 6 ms to start, and 10 ms of CPU time per MB of the answer.
@@ -38,7 +38,7 @@ std::string call_isolated(const std::filesystem::path& program, const std::vecto
 /// none.
 std::filesystem::path reader_program();
 
-/// The whole main() of such a program: takes on the limits, then answers with what `work` makes of the arguments.  An InputError of
+/// The whole main() of such a program: sets the limits, then answers with what `work` returns for the arguments.  An InputError of
 /// `work` is thrown again by call_isolated.
 int answer_isolated(int argc, char** argv, const std::function<std::string(const std::vector<std::string>& arguments)>& work);
 
@@ -50,7 +50,7 @@ struct Answer {
   AnswerKind kind{};
   std::string_view bytes{};  ///< inside the frame
 };
-/// cut_short: all good so far, but more must come.
+/// cut_short: valid so far, with bytes missing at the end.
 Answer decode_answer(std::string_view frame, std::uint64_t max_bytes);
 
 }  // namespace earshot

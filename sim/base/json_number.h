@@ -4,14 +4,13 @@
 #include <concepts>
 #include <cstdint>
 #include <limits>
-#include <nlohmann/json.hpp>
 #include <string>
 #include <utility>
 
 namespace earshot {
 
-/// A whole number within the range of T.  json::get casts whatever number is there: 1e300, 2.5 and -1 too, which is undefined or another
-/// number. Throws json::exception that names the key.
+/// A whole number within the range of T.  json::get casts any number, 1e300, 2.5 and -1 too, which is undefined or another number.
+/// Json: nlohmann::json, whose header the caller includes.  Throws json::exception that names the key.
 template <std::integral T, class Json>
 T whole_number(const Json& object, const char* key) {
   const Json& value = object.at(key);

@@ -111,7 +111,7 @@ struct GeodesicField::Impl {
       const double distance_m = horizontal_distance(corner.position, start);
       if (is_tangent_from(corner, start, distance_m)) all[count++] = {distance_m + to_goal_m[c], c};
     }
-    // At equal bounds the corner nearer to the goal goes first: an agent that stands on a corner looks past it.
+    // At equal bounds the corner nearer to the goal goes first: for an agent on a corner the next one counts.
     const auto later = [&](const Candidate& l, const Candidate& r) {
       return l.bound_m != r.bound_m ? l.bound_m > r.bound_m : to_goal_m[l.corner] > to_goal_m[r.corner];
     };
@@ -128,7 +128,7 @@ struct GeodesicField::Impl {
       if (length_m < best.length_m) best = {length_m, candidate.corner};
     }
     if (best.length_m < kInfinity) return best;
-    // Should rounding hide every corner, Detour still knows a way.
+    // If rounding hides every corner, the corridor of Detour gives the length.
     if (const auto length_m = corridor_length_m(nav, at, goal)) return Answer{*length_m, kGoal};
     return std::nullopt;
   }

@@ -23,22 +23,22 @@ struct Place {
   glm::dvec3 point;
 };
 
-// Straight on; at a wall, on along it with what is left of the move in its direction.  Every leg is a walk over the surface, so no
-// wall, however thin, can be jumped, and no corner cut.
+// Straight on; at a wall, on along it with what is left of the move in its direction.  Every segment is a walk over the surface, so no
+// wall, however thin, is crossed and no corner cut.
 Place slide_along_walls(const Surface& surface, Place at, glm::dvec3 displacement, bool& blocked) {
   for (int walls = 0; walls <= kMaxWalls; ++walls) {
     const Surface::Walk walk = surface.walk(at.polygon, at.point, at.point + displacement);
     if (walk.arrived) return {walk.polygon, at.point + displacement};
     blocked = true;
     if (walk.wall_edge == Surface::kWall) return at;
-    const glm::dvec3 stop = surface.off_walls(walk.polygon, at.point + std::max(0.0, walk.share) * displacement, kClearanceM);
+    const glm::dvec3 stop = surface.off_walls(walk.polygon, at.point + std::max(0.0, walk.fraction) * displacement, kClearanceM);
     const Surface::Walk to_stop = surface.walk(at.polygon, at.point, stop);
     if (!to_stop.arrived) return at;
     at = {to_stop.polygon, stop};
     const int next = (walk.wall_edge + 1) % surface.polygons()[walk.polygon].num_corners;
     const glm::dvec3 wall = surface.vertex(walk.polygon, next) - surface.vertex(walk.polygon, walk.wall_edge);
     const glm::dvec3 along = glm::normalize(glm::dvec3(wall.x, 0, wall.z));
-    displacement = (1.0 - std::max(0.0, walk.share)) * glm::dot(displacement, along) * along;
+    displacement = (1.0 - std::max(0.0, walk.fraction)) * glm::dot(displacement, along) * along;
   }
   return at;
 }

@@ -8,7 +8,7 @@ namespace earshot {
 
 struct MoveResult {
   glm::vec3 position;  ///< on the walkable surface
-  bool collided;       ///< the surface stopped or deflected the move: the covered part is shorter than the asked one by more than 1 mm
+  bool collided;       ///< the surface stopped or deflected the move: the covered part is shorter than the displacement by more than 1 mm
 };
 
 /// Moves along the walkable surface from `from` by `displacement` (horizontal), sliding along borders.  Never leaves the surface;

@@ -160,9 +160,9 @@ glm::vec3 Navmesh::random_point(const RandomStream& random, std::uint32_t draw) 
   const auto above = std::upper_bound(before.begin(), before.end() - 1, wanted_m2);
   const auto triangle = static_cast<std::size_t>(above - before.begin()) - 1;
   const auto u = random.uniform2(draw + 1);
-  const double root = std::sqrt(static_cast<double>(u[0])), share = static_cast<double>(u[1]);
+  const double root = std::sqrt(static_cast<double>(u[0])), fraction = static_cast<double>(u[1]);
   const glm::dvec3* corner = &impl_->main_triangles[3 * triangle];
-  const glm::dvec3 inside = (1 - root) * corner[0] + root * (1 - share) * corner[1] + root * share * corner[2];
+  const glm::dvec3 inside = (1 - root) * corner[0] + root * (1 - fraction) * corner[1] + root * fraction * corner[2];
   glm::vec3 point(inside);
   point.y = impl_->height_at(impl_->main_triangle_polygon[triangle], point);
   return point;

@@ -80,7 +80,7 @@ rcConfig recast_config(const Bounds& bounds, const NavmeshConfig& config) {
   return rc;
 }
 
-// Faces that look up within the slope limit.  both_sides: whatever way they are wound.
+// Faces whose normal points up within the slope limit.  both_sides: of either winding.
 std::vector<unsigned char> walkable_areas(const TriangleMesh& mesh, float max_slope_deg, bool both_sides) {
   const float min_up = std::cos(max_slope_deg * std::numbers::pi_v<float> / 180.f);
   std::vector<unsigned char> areas(mesh.triangles.size(), RC_NULL_AREA);
@@ -184,7 +184,7 @@ OwnedNavMesh build_tile(const TriangleMesh& mesh, const NavmeshConfig& config) {
   const rcConfig rc = recast_config(bounds_of(mesh), config);
   Recast<rcCompactHeightfield> compact;
   Recast<rcPolyMesh> polygons = build_polygons(mesh, rc, false, compact);
-  // Scans and converters turn whole meshes inside out.  Winding is believed unless it leaves nothing to stand on.
+  // Scans and converters turn whole meshes inside out.  The winding of the file counts unless nothing is walkable with it.
   if (polygons->npolys == 0) polygons = build_polygons(mesh, rc, true, compact);
   if (polygons->npolys == 0) nothing_walkable();
   for (int p = 0; p < polygons->npolys; ++p) polygons->flags[p] = kKeptIsland;

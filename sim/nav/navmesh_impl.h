@@ -49,7 +49,7 @@ struct Navmesh::Impl {
   [[nodiscard]] float height_at(int polygon, glm::vec3 point) const;
   [[nodiscard]] dtPolyRef ref_of(int polygon) const { return first_ref | static_cast<dtPolyRef>(polygon); }
   [[nodiscard]] int polygon_of(dtPolyRef ref) const { return static_cast<int>(ref - first_ref); }
-  /// Corners of the surface and who sees whom; built by the first caller.
+  /// Corners of the surface and which of them are in line of sight; built by the first caller.
   [[nodiscard]] const CornerGraph& corners() const;
 
   NavmeshConfig config;

@@ -103,12 +103,12 @@ Surface::Walk Surface::walk(int polygon, glm::dvec3 from, glm::dvec3 to) const {
     }
     if (here.neighbours[exit_edge] == kWall) {
       walk.wall_edge = exit_edge;
-      walk.share = exit;
+      walk.fraction = exit;
       return walk;
     }
     walk.polygon = here.neighbours[exit_edge];
   }
-  walk.share = 0;
+  walk.fraction = 0;
   return walk;
 }
 
@@ -135,17 +135,17 @@ glm::dvec3 Surface::off_walls(int polygon, glm::dvec3 point, double clearance_m)
     clear = clear && (here.neighbours[i] != kWall || clearance_of_wall_m(polygon, i, pushed) > 0.5 * clearance_m);
   if (clear) return pushed;
 
-  // A wedge: toward the middle, as far as the tightest wall asks for.
+  // A wedge: toward the middle, as far as the nearest wall requires.
   glm::dvec3 middle{};
   for (int i = 0; i < here.num_corners; ++i) middle += vertex(polygon, i) / static_cast<double>(here.num_corners);
-  double share = 0;
+  double fraction = 0;
   for (int i = 0; i < here.num_corners; ++i) {
     if (here.neighbours[i] != kWall) continue;
     const double there_m = clearance_of_wall_m(polygon, i, middle), here_m = clearance_of_wall_m(polygon, i, point);
     const double wanted_m = std::min(clearance_m, 0.5 * there_m);
-    if (here_m < wanted_m) share = std::max(share, (wanted_m - here_m) / (there_m - here_m));
+    if (here_m < wanted_m) fraction = std::max(fraction, (wanted_m - here_m) / (there_m - here_m));
   }
-  return point + std::min(share, 1.0) * glm::dvec3(middle.x - point.x, 0, middle.z - point.z);
+  return point + std::min(fraction, 1.0) * glm::dvec3(middle.x - point.x, 0, middle.z - point.z);
 }
 
 }  // namespace earshot

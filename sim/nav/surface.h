@@ -35,11 +35,11 @@ class Surface {
     bool arrived = false;
     int polygon = 0;        ///< where it ended: at its target, or at the wall
     int wall_edge = kWall;  ///< of that polygon, if it was stopped
-    double share = 1;       ///< of the way that was covered; below 0 or 1e-9 if the start was on the wall
+    double fraction = 1;    ///< of the way that was covered; below 0 or 1e-9 if the start was on the wall
     double length_m = 0;    ///< along the surface, up to the target or the wall; polygons count as flat between their edges
   };
   /// The straight walk (seen from above) from a point of `polygon`.  Safe on edges and corners: a walk leaves a polygon by the first
-  /// edge that it crosses outward, whatever rounding said about where it came in.  About 20 ns per polygon crossed, no allocation.
+  /// edge that it crosses outward, independent of rounding at its entry.  About 20 ns per polygon crossed, no allocation.
   [[nodiscard]] Walk walk(int polygon, glm::dvec3 from, glm::dvec3 to) const;
 
   /// `point` of `polygon` moved to at least `clearance_m` from this polygon's walls (less where the polygon is too narrow), so that a

@@ -67,7 +67,7 @@ void prefer_lowest_id(const RTCFilterFunctionNArguments* arguments) {
   const auto& hit = *reinterpret_cast<const RTCHit*>(arguments->hit);
   const float dot = hit.Ng_x * ray.dir_x + hit.Ng_y * ray.dir_y + hit.Ng_z * ray.dir_z;
   const float length2 = hit.Ng_x * hit.Ng_x + hit.Ng_y * hit.Ng_y + hit.Ng_z * hit.Ng_z;
-  // Rounding moves the plane by about 1e-6 of the coordinates; a slanted ray sees that 1 / cos longer.
+  // Rounding moves the plane by about 1e-6 of the coordinates; along a slanted ray that is 1 / cos longer.
   constexpr float plane_rounding = 1e-6f, least_cosine = 1e-3f;
   const float cosine = std::max(std::fabs(dot) / std::sqrt(std::max(length2, 1e-38f)), least_cosine);
   const float band = plane_rounding * (context.origin_size + ray.tfar) / cosine;
@@ -89,15 +89,14 @@ void prefer_lowest_id(const RTCFilterFunctionNArguments* arguments) {
   context.normal[1] = hit.Ng_y;
   context.normal[2] = hit.Ng_z;
   context.triangle = hit.primID;
-  ray.tfar += band;  // keep looking behind the winner as far as a tie reaches
+  ray.tfar += band;  // search behind the winner as far as a tie reaches
 }
 
 /// Half the spacing of floats at the farthest coordinate: what lies nearer than that to a point is what the point lies on.  An eighth of
 /// the margin that hits keep from edges, so that the next wall is never taken for the one that a ray starts from.
 float rounding_of(glm::vec3 point) { return 0x1p-24f * std::max({std::fabs(point.x), std::fabs(point.y), std::fabs(point.z), 1e-30f}); }
 
-/// Embree 3 ends the process on a ray from 1e30 m.  Scenes end at 1e9 m: what comes from beyond this, or from no number at all, meets
-/// nothing.
+/// Embree 3 ends the process on a ray from 1e30 m.  Scenes end at 1e9 m: a ray from beyond this, or from NaN, hits nothing.
 constexpr float farthest_m = 1e15f;
 
 bool is_near(glm::vec3 point) {  // not so for NaN
@@ -105,7 +104,7 @@ bool is_near(glm::vec3 point) {  // not so for NaN
 }
 
 /// The point with these weights of the corners, moved across each edge that it lies closer to than `margin_m`.  By no more than a few
-/// margins, and never past the middle of what is left: along a needle, which has no such room, a point stays where it is.
+/// margins, and never past the middle of what is left: in a needle, which is narrower than that, a point stays where it is.
 glm::vec3 point_off_edges(const std::array<glm::dvec3, 3>& corners, std::array<double, 3> weights, double margin_m) {
   double sum = 0;
   for (double& weight : weights) sum += weight = std::max(weight, 0.0);
@@ -118,7 +117,7 @@ glm::vec3 point_off_edges(const std::array<glm::dvec3, 3>& corners, std::array<d
     const double wanted = margin_m * std::sqrt(edge2) / area;  // weight at that distance from the edge opposite corner i
     double missing = wanted - weights[i];
     if (!(missing > 0)) continue;
-    // At right angles to the edge: the others give by where the foot of the height stands.
+    // At right angles to the edge: the foot of the height decides how much each of the others loses.
     const double share_k = glm::dot(side, edge) / edge2, share_j = 1 - share_k;
     double straight = missing;
     if (share_j > 0) straight = std::min(straight, 0.5 * weights[j] / share_j);
@@ -126,7 +125,7 @@ glm::vec3 point_off_edges(const std::array<glm::dvec3, 3>& corners, std::array<d
     weights[i] += straight;
     weights[j] -= straight * share_j;
     weights[k] -= straight * share_k;
-    // In a corner one of them has nothing to give: the rest along the side to the other one.
+    // In a corner one of them is zero already: the rest moves along the side to the other one.
     missing -= straight;
     const std::size_t donor = weights[j] > weights[k] ? j : k;
     const double along = std::min({missing, 0.5 * weights[donor], 4 * margin_m / glm::length(corners[i] - corners[donor])});
@@ -139,7 +138,7 @@ glm::vec3 point_off_edges(const std::array<glm::dvec3, 3>& corners, std::array<d
 }  // namespace
 
 struct EmbreeScene::Handles {
-  /// All that a hit asks of its triangle, in one line of the cache: in a large mesh every hit misses it.
+  /// The data of a triangle that a hit needs, in one line of the cache: in a large mesh every hit misses it.
   struct alignas(64) Surface {
     glm::vec3 a, b, c;
     glm::vec3 normal{0};       // unit; zero for a triangle without area
@@ -205,7 +204,7 @@ EmbreeScene::EmbreeScene(std::span<const glm::vec3> vertices, std::span<const gl
 EmbreeScene::EmbreeScene(std::span<const glm::vec3> vertices, std::span<const glm::uvec3> traced, std::span<const std::uint32_t> stands_for)
     : handles_(std::make_unique<Handles>()) {
   Handles& h = *handles_;
-  // No options: builds run on the process's TBB pool.  "threads=1" would cap that pool for everybody in the process.
+  // No options: builds run on the process's TBB pool.  "threads=1" would cap that pool for the whole process.
   h.device.reset(rtcNewDevice(nullptr));
   if (!h.device) fail("rtcNewDevice failed, Embree error " + std::to_string(rtcGetDeviceError(nullptr)));
   rtcSetDeviceErrorFunction(h.device.get(), keep_first_error, &h.errors);
@@ -282,23 +281,23 @@ Hit EmbreeScene::intersect(glm::vec3 origin, glm::vec3 direction, float max_dist
 }
 
 bool EmbreeScene::occluded(glm::vec3 from, glm::vec3 to) const {
-  if (!is_near(from) || !is_near(to)) return true;  // nothing reaches where nobody is
+  if (!is_near(from) || !is_near(to)) return true;  // outside of all scenes
   // Both directions of a segment must agree (reciprocity), and rounding at edges depends on the ray's origin: fix the order.
   if (std::tie(to.x, to.y, to.z) < std::tie(from.x, from.y, from.z)) std::swap(from, to);
   const glm::vec3 along = to - from;
   // An open segment: what its ends lie on does not block it.
-  const float share = std::min(0.25f, std::max(rounding_of(from), rounding_of(to)) / std::max(glm::length(along), 1e-30f));
+  const float fraction = std::min(0.25f, std::max(rounding_of(from), rounding_of(to)) / std::max(glm::length(along), 1e-30f));
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);
   RTCRay ray{.org_x = from.x,
              .org_y = from.y,
              .org_z = from.z,
-             .tnear = share,
+             .tnear = fraction,
              .dir_x = along.x,
              .dir_y = along.y,
              .dir_z = along.z,
              .time = 0.f,
-             .tfar = 1.f - share,
+             .tfar = 1.f - fraction,
              .mask = ~0u,
              .id = 0,
              .flags = 0};

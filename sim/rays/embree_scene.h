@@ -16,7 +16,7 @@ struct Hit {
   /// On the triangle (barycentric, not origin + t * direction: smaller error) and a few roundings inside its edges, metres.
   glm::vec3 position{0};
   glm::vec3 normal{0};                   ///< unit, geometric, turned toward the ray's origin
-  std::uint32_t triangle = no_triangle;  ///< of the mesh; where its surface is traced in other triangles, one that stands for what was met
+  std::uint32_t triangle = no_triangle;  ///< of the mesh; where other triangles are traced, the one that stands_for the hit
   [[nodiscard]] bool valid() const { return triangle != no_triangle; }
 };
 
@@ -31,23 +31,24 @@ class EmbreeScene {
   /// vertices [n] metres, triangles [m] indices into vertices (checked by the caller).  Copies both.
   /// Throws InputError if Embree cannot be opened, with its own message.  Cost: about 0.5 s per million triangles.
   EmbreeScene(std::span<const glm::vec3> vertices, std::span<const glm::uvec3> triangles);
-  /// Traces other triangles than those it tells of: `traced` [k] is the surface of a mesh cut in another way, and a hit on traced[i] is
-  /// reported as triangle stands_for[i] of that mesh.  "The lowest index" of intersect is that of `traced`.  Copies all three.
+  /// Traces other triangles than those it reports: `traced` [k] is the surface of a mesh in another triangulation, and a hit on traced[i]
+  /// is reported as triangle stands_for[i] of that mesh.  "The lowest index" of intersect is that of `traced`.  Copies all three.
   EmbreeScene(std::span<const glm::vec3> vertices, std::span<const glm::uvec3> traced, std::span<const std::uint32_t> stands_for);
   ~EmbreeScene();
   EmbreeScene(EmbreeScene&&) noexcept;
   EmbreeScene& operator=(EmbreeScene&&) noexcept;
 
-  /// direction: unit.  Hits with distance in (0, max_distance_m); what the origin lies on, to half the spacing of floats there, is not hit.
-  /// From beyond 1e15 m, and from or along NaN, nothing is.  About 0.2 to 0.8 us.  Among parallel triangles that lie within 1e-6
-  /// of the coordinates of each other (coplanar overlap) the lowest index wins, from every direction.
+  /// direction: unit.  Hits with distance in (0, max_distance_m); surfaces within half the spacing of floats of the origin are not hit.
+  /// An origin beyond 1e15 m, or NaN in origin or direction, gives no hit.  About 0.2 to 0.8 us.  Among parallel triangles that lie within
+  /// 1e-6 of the coordinates of each other (coplanar overlap) the lowest index wins, from every direction.
   [[nodiscard]] Hit intersect(glm::vec3 origin, glm::vec3 direction, float max_distance_m = std::numeric_limits<float>::infinity()) const;
-  /// Is the open segment from -> to blocked?  Not by what its ends lie on exactly; rounded points of tilted surfaces must have been moved
-  /// by offset_from_surface.  True if an end is NaN or beyond 1e15 m. The same answer, bit for bit, with the ends swapped.
+  /// Whether the open segment from -> to is blocked.  A surface on which an end lies exactly does not block; rounded points of tilted
+  /// surfaces must have been moved by offset_from_surface.  True if an end is NaN or beyond 1e15 m. The same answer, bit for bit, with the
+  /// ends swapped.
   [[nodiscard]] bool occluded(glm::vec3 from, glm::vec3 to) const;
   /// Eight coherent rays at once (camera rows): distances only, infinity where a ray escapes.  About 0.8 us for all eight.
   void intersect8(std::span<const glm::vec3, 8> origins, std::span<const glm::vec3, 8> directions, std::span<float, 8> distances_m) const;
-  /// Of those that are traced.
+  /// Number of traced triangles.
   [[nodiscard]] std::size_t num_triangles() const;
 
  private:

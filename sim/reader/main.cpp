@@ -9,6 +9,6 @@ int main(int argc, char** argv) {
   return answer_isolated(argc, argv, [](const std::vector<std::string>& arguments) -> std::string {
     if (arguments.size() == 2 && arguments[0] == "mesh") return encode_parts(read_parts_with_assimp(arguments[1]));
     if (arguments.size() == 2 && arguments[0] == "sofa") return encode_responses(parse_sofa(arguments[1]));
-    throw InputError("earshot_reader", "is asked for something that it does not know", "build earshot and earshot_reader together");
+    throw InputError("earshot_reader", "got an unknown command", "build earshot and earshot_reader together");
   });
 }

@@ -12,13 +12,13 @@
 
 namespace earshot {
 
-/// How to vary the materials of a scene, so that what is learned in it does not hang on one guess of them.
+/// How to vary the materials of a scene, so that a policy learned in it does not depend on one guess of them.
 struct AcousticRandomization {
   std::uint64_t seed = 0;
   bool candidates = true;   ///< draw the material of each semantic category from its candidates; else keep it
   float noise_std = 0.05f;  ///< of Gaussian noise on each absorption and scattering coefficient, [0, 1]
-  /// Of Gaussian noise on the transmission loss, dB, [0, 60].  Not on the coefficient: noise of 0.05 on a share of 0.0001 would leave a
-  /// wall that either passes nothing or is an open window.
+  /// Of Gaussian noise on the transmission loss, dB, [0, 60].  Not on the coefficient: noise of 0.05 on a coefficient of 0.0001 would
+  /// leave a wall that either transmits nothing or is an open window.
   float transmission_noise_db = 3.f;
 };
 

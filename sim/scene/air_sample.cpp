@@ -13,7 +13,7 @@ using probe::Use;
 
 constexpr std::uint32_t cells_per_axis = 16, cells = cells_per_axis * cells_per_axis * cells_per_axis, passes = 4;
 
-/// Sets that grow together: points that can see each other, directly or over others.
+/// Union-find: points in line of sight of each other, directly or through others.
 class Regions {
  public:
   explicit Regions(std::size_t count) : parent_(count) { std::iota(parent_.begin(), parent_.end(), 0u); }
@@ -40,16 +40,16 @@ std::vector<glm::vec3> points_over_floor(const Scene& scene, std::uint64_t seed)
   for (std::uint32_t i = 0; i < passes * cells; ++i) {
     const std::uint32_t cell = i % cells;
     const std::array<float, 4> u = probe::stream(seed, Use::place, i).uniform4(0);
-    const glm::vec3 share((static_cast<float>(cell % cells_per_axis) + u[0]) / cells_per_axis,
-                          (static_cast<float>(cell / cells_per_axis % cells_per_axis) + u[1]) / cells_per_axis,
-                          (static_cast<float>(cell / cells_per_axis / cells_per_axis) + u[2]) / cells_per_axis);
-    const glm::vec3 point = bounds.lower + share * size;
+    const glm::vec3 fraction((static_cast<float>(cell % cells_per_axis) + u[0]) / cells_per_axis,
+                             (static_cast<float>(cell / cells_per_axis % cells_per_axis) + u[1]) / cells_per_axis,
+                             (static_cast<float>(cell / cells_per_axis / cells_per_axis) + u[2]) / cells_per_axis);
+    const glm::vec3 point = bounds.lower + fraction * size;
     if (scene.rays().intersect(point, {0, -1, 0}).valid()) points.push_back(point);
   }
   return points;
 }
 
-/// Points of the largest region of air.  Walks from each point look, at every bounce, for another point in sight.
+/// Points of the largest region of air.  Walks from each point test, at every bounce, the line of sight to another point.
 std::vector<std::uint32_t> largest_region(const Scene& scene, std::span<const glm::vec3> points, std::uint64_t seed) {
   if (points.empty()) return {};
   const auto count = static_cast<std::uint32_t>(points.size());
@@ -84,7 +84,7 @@ AirSample sample_air(const Scene& scene, std::uint64_t seed) {
   if (scene.mesh().triangles.empty()) return sample;
   const std::vector<glm::vec3> points = points_over_floor(scene, seed);
   for (const std::uint32_t member : largest_region(scene, points, seed)) sample.points.push_back(points[member]);
-  sample.share_of_bounds = static_cast<double>(sample.points.size()) / (passes * cells);
+  sample.fraction_of_bounds = static_cast<double>(sample.points.size()) / (passes * cells);
   return sample;
 }
 

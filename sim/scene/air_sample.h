@@ -9,10 +9,10 @@
 namespace earshot {
 
 /// Points of the air of a scene: of 16,384 stratified points of its bounds those that have a floor below and belong to the largest region
-/// whose points see each other, directly or around corners (so not the inside of walls and furniture).
+/// whose points are in line of sight of each other, directly or through others (so not the inside of walls and furniture).
 struct AirSample {
   std::vector<glm::vec3> points;
-  double share_of_bounds = 0;  ///< of the volume of the bounds
+  double fraction_of_bounds = 0;  ///< of the volume of the bounds
 };
 
 /// Same scene and seed, same points.  About 0.1 s for 150,000 triangles.

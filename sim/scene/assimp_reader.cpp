@@ -66,7 +66,7 @@ MeshPart make_part(const aiScene& scene, const aiMesh& part, std::string object,
   return {std::move(object), material_name(scene, part), to_file, std::move(positions), std::move(corners)};
 }
 
-/// Hands Assimp the bytes of one file from memory; what else it asks for (the material library of an OBJ) comes from disk.
+/// Gives Assimp the bytes of one file from memory; other files that it opens (the material library of an OBJ) come from disk.
 class FileInMemory : public Assimp::DefaultIOSystem {
  public:
   FileInMemory(std::string path, const std::string& bytes) : path_(std::move(path)), bytes_(bytes) {}

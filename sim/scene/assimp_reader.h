@@ -20,16 +20,16 @@ struct MeshPart {
   std::vector<std::uint32_t> corners;  ///< three per triangle, indices into positions
 };
 
-/// Hands the builder the triangles of an OBJ, PLY or STL file.  Assimp reads it in a process of its own (isolated_call.h): release 5.2
+/// Gives the builder the triangles of an OBJ, PLY or STL file.  Assimp reads it in a process of its own (isolated_call.h): release 5.2
 /// crashes on some damaged files, loops on others, and allocates whatever count it reads.
-/// Throws InputError naming the file; RunError if there is no such process to be had.
+/// Throws InputError naming the file; RunError if that process cannot be started.
 void read_with_assimp(const std::filesystem::path& path, const glm::dmat4& file_to_world, MeshBuilder& builder);
 
-/// The same, here and now: for the program that does nothing else.
+/// The same within this process: for earshot_reader.
 std::vector<MeshPart> read_parts_with_assimp(const std::filesystem::path& path);
 
-/// Parts as bytes, for the way between the two.  decode_parts throws InputError naming `where` for bytes that encode_parts does not make;
-/// indices and coordinates are the builder's to check.
+/// Parts as bytes, for the answer of that process.  decode_parts throws InputError naming `where` for bytes that encode_parts does not
+/// make; the builder checks indices and coordinates.
 std::string encode_parts(const std::vector<MeshPart>& parts);
 std::vector<MeshPart> decode_parts(std::string_view bytes, const std::string& where);
 

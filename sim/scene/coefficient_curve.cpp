@@ -15,8 +15,8 @@ float CoefficientCurve::at(float frequency_hz) const {
   if (above == 0) return value.front();
   if (above == hz.size()) return value.back();
   const double lower = std::log(static_cast<double>(hz[above - 1])), upper = std::log(static_cast<double>(hz[above]));
-  const double share = (std::log(static_cast<double>(frequency_hz)) - lower) / (upper - lower);
-  return static_cast<float>(value[above - 1] + share * (value[above] - value[above - 1]));
+  const double weight = (std::log(static_cast<double>(frequency_hz)) - lower) / (upper - lower);
+  return static_cast<float>(value[above - 1] + weight * (value[above] - value[above - 1]));
 }
 
 float CoefficientCurve::band_mean(float lower_hz, float upper_hz) const {

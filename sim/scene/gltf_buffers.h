@@ -13,7 +13,8 @@ namespace earshot {
 /// The JSON of a glTF asset and the bytes behind its accessors.
 class GltfAsset {
  public:
-  /// Reads .gltf or .glb with all buffers.  Throws InputError; nlohmann::json exceptions may pass too: the reader turns them.
+  /// Reads .gltf or .glb with all buffers.  Throws InputError; nlohmann::json exceptions may pass too; the reader turns them into
+  /// InputError.
   explicit GltfAsset(const std::filesystem::path& path);
 
   [[nodiscard]] const nlohmann::json& json() const { return json_; }

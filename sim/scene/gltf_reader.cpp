@@ -63,7 +63,7 @@ class GltfReader {
       std::size_t node;
       glm::dmat4 to_world;
     };
-    std::vector<Pending> pending;  // a stack of our own: files may nest as deep as they like
+    std::vector<Pending> pending;  // an explicit stack: the depth of a file is not bounded
     const std::vector<std::size_t> tops = roots();
     for (std::size_t i = tops.size(); i-- > 0;) pending.push_back({tops[i], file_to_world});  // the first one ends on top
     std::vector<bool> visited(list("nodes").size(), false);
@@ -90,7 +90,7 @@ class GltfReader {
     return found;
   }
 
-  /// Nodes of the default scene; without scenes, all that are nobody's child.
+  /// Nodes of the default scene; without scenes, all that are no node's child.
   [[nodiscard]] std::vector<std::size_t> roots() const {
     const Json& scenes = list("scenes");
     if (!scenes.empty()) {

@@ -55,13 +55,13 @@ int count_around(const Scene& scene, glm::vec3 point, glm::vec3 direction) {
 
 std::optional<Passage> find_passage(const Scene& scene, glm::vec3 origin, glm::vec3 direction) {
   const float length_m = distance_to_bounds(scene.bounds(), origin, direction);
-  const auto at = [&](float share) { return origin + direction * (length_m * share); };
+  const auto at = [&](float fraction) { return origin + direction * (length_m * fraction); };
   int most = 0;
   float best = 0;
   for (int i = places_along; i >= 0 && most < enclosed_from; --i) {
-    const float share = static_cast<float>(i) / places_along;
-    const int hits = count_around(scene, at(share), direction);
-    if (hits > most) most = hits, best = share;
+    const float fraction = static_cast<float>(i) / places_along;
+    const int hits = count_around(scene, at(fraction), direction);
+    if (hits > most) most = hits, best = fraction;
   }
   if (most == 0) return std::nullopt;  // nothing around even at the start: open country, not a hole
   for (float step = 0.5f / places_along; step > std::exp2(-1.f - halvings) / places_along; step *= 0.5f) {
@@ -119,7 +119,7 @@ std::vector<std::string> heaviest(const std::map<std::string, double>& weights) 
 
 }  // namespace
 
-std::vector<Hole> find_holes(const Scene& scene, std::uint64_t seed, double least_weight) {
+std::vector<Hole> find_holes(const Scene& scene, std::uint64_t seed, double least_fraction) {
   const AirSample air = sample_air(scene, seed);
   if (air.points.empty()) return {};
   std::vector<Passage> passages;
@@ -139,9 +139,9 @@ std::vector<Hole> find_holes(const Scene& scene, std::uint64_t seed, double leas
   std::map<int, std::map<std::string, double>> rims;
   for (std::size_t i = 0; i < passages.size(); ++i) {
     const glm::vec3 point = passages[i].point;
-    Hole& hole = holes.try_emplace(group_of[i], Hole{.bounds = {point, point}, .ray_share = 0, .rim = {}}).first->second;
+    Hole& hole = holes.try_emplace(group_of[i], Hole{.bounds = {point, point}, .ray_fraction = 0, .rim = {}}).first->second;
     hole.bounds = {glm::min(hole.bounds.lower, point), glm::max(hole.bounds.upper, point)};
-    hole.ray_share += 1.0 / rays;
+    hole.ray_fraction += 1.0 / rays;
     // A thin wall is edge-on to rays in its own plane: seen from a little inside, slanting forward, its rim comes first.
     const glm::vec3 inside = point - 0.5f * cell_m * passages[i].direction;
     for (const Hit& hit : look_around(scene, inside, passages[i].direction, rim_angle_rad)) {
@@ -152,11 +152,11 @@ std::vector<Hole> find_holes(const Scene& scene, std::uint64_t seed, double leas
   }
   std::vector<Hole> result;
   for (auto& [index, hole] : holes) {
-    if (hole.ray_share < least_weight) continue;
+    if (hole.ray_fraction < least_fraction) continue;
     hole.rim = heaviest(rims[index]);
     result.push_back(std::move(hole));
   }
-  std::stable_sort(result.begin(), result.end(), [](const Hole& a, const Hole& b) { return a.ray_share > b.ray_share; });
+  std::stable_sort(result.begin(), result.end(), [](const Hole& a, const Hole& b) { return a.ray_fraction > b.ray_fraction; });
   return result;
 }
 

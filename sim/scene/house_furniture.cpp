@@ -41,7 +41,7 @@ void add_table(Piece& piece, int part, int u, int v, int width, int depth) {
     for (const int leg_v : {v + 40, v + depth - 100}) piece.boxes.push_back({leg_u, leg_u + 60, -10, 720, leg_v, leg_v + 60, wood, part});
 }
 
-// back_at_v1: the sitter looks toward -v.
+// back_at_v1: the front is toward -v.
 void add_chair(Piece& piece, int part, int u, int v, bool back_at_v1) {
   const int width = 440, depth = 450, back_v = back_at_v1 ? v + depth - 50 : v + 10;
   piece.boxes.push_back({u, u + width, 430, 470, v, v + depth, soft, part});
@@ -165,7 +165,7 @@ std::vector<Piece> wanted_pieces(const PlanRoom& room, HouseDraws& draws) {
   const int area_m2 = static_cast<int>(room.floor.area_mm2() / 1000000);
   std::vector<Piece> pieces;
   const auto cabinet = [&] {
-    // In an order of our own: that of arguments is the compiler's.
+    // One draw per statement: the order in which arguments are evaluated is the compiler's choice.
     const int height = draws.between(16, 20) * kLatticeMm, width = draws.between(16, 32) * kLatticeMm;
     return box_piece("cabinet", wood, width, 450, height);
   };

@@ -57,7 +57,7 @@ class RecursiveSplit {
   void split_row(const PlanRect& rect, int count, bool along_x, std::vector<PlanRoom>& rooms) {
     PlanRect rest = rect;
     for (int left = count; left > 1; --left) {
-      const auto [part, remainder] = cut(rest, along_x, share(1, left));
+      const auto [part, remainder] = cut(rest, along_x, fraction(1, left));
       rooms.push_back({.floor = part});
       rest = remainder;
     }
@@ -76,10 +76,10 @@ class RecursiveSplit {
  private:
   static bool is_much_longer(int side, int other) { return static_cast<std::int64_t>(side) * 4 > static_cast<std::int64_t>(other) * 5; }
 
-  int share(int part, int whole) { return part * 1000 / whole + draws_.between(-jitter_, jitter_) / whole; }
+  int fraction(int part, int whole) { return part * 1000 / whole + draws_.between(-jitter_, jitter_) / whole; }
 
   void split_at(const PlanRect& rect, int first, int count, bool along_x, std::vector<PlanRoom>& rooms) {
-    const auto [part, remainder] = cut(rect, along_x, share(first, count));
+    const auto [part, remainder] = cut(rect, along_x, fraction(first, count));
     split(part, first, rooms);
     split(remainder, count - first, rooms);
   }
@@ -253,7 +253,7 @@ HouseConfig resolve_house(HouseConfig config) {
 HousePlan make_house_plan(const HouseConfig& config) {
   const auto wanted_mm2 = static_cast<std::int64_t>(config.area_m2 * 1e6f);
   for (std::uint32_t attempt = 0; attempt < kAttempts; ++attempt) {
-    // Inner walls take floor away: enlarge the outline until the rooms have the area asked for.
+    // Inner walls take floor away: enlarge the outline until the rooms have area_m2.
     std::int64_t outline_mm2 = wanted_mm2;
     std::vector<PlanRoom> rooms;
     for (int round = 0; round < 4; ++round) {
@@ -272,7 +272,7 @@ HousePlan make_house_plan(const HouseConfig& config) {
     return {std::move(rooms), *doors, std::move(windows), static_cast<int>(config.height_m * 1000.f + 0.5f)};
   }
   throw InputError("house:" + std::to_string(config.seed), "no floor plan with these rooms and this area",
-                   "ask for fewer rooms or a larger area_m2");
+                   "choose fewer rooms or a larger area_m2");
 }
 
 }  // namespace earshot

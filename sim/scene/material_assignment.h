@@ -18,7 +18,7 @@ enum class LabelMatching {
   legacy_substring,  ///< as the predecessor does: MaterialDatabase::find_by_substrings
 };
 
-/// Who gets which material: (pattern, name of a material in the database), in file order.
+/// Materials of a scene: (pattern, name of a material in the database), in file order.
 struct MaterialRules {
   std::vector<std::pair<std::string, std::string>> assign;
   std::string default_material;                                  ///< empty: see below
@@ -27,7 +27,7 @@ struct MaterialRules {
   bool own_first = false;  ///< step 6 before step 5: the slots' own materials are what the user wrote (shoebox:...@M)
 };
 
-/// One Material per slot of the mesh.  For a triangle, the first of these that answers:
+/// One Material per slot of the mesh.  For a triangle, the first of these that applies:
 ///   1. a pattern equal to its mesh-material name,   2. a pattern equal to its node name,
 ///   3. a glob (* and ?) on the mesh-material name,  4. a glob on the node name   (each in file order; case counts),
 ///   5. the first candidate of the semantic category of its mesh-material name, else of its node name, if `semantics` are given,

@@ -6,8 +6,8 @@
 
 namespace earshot {
 
-/// What looks wrong in a table of materials, one line each, in the order of the table; findings about the table as a whole come last, with
-/// an empty name.  Nothing is changed.  Load the table with MaterialImport::keep_transmission, or else what exceeds the absorption has
+/// Suspicious entries of a table of materials, one line each, in the order of the table; findings about the table as a whole come last,
+/// with an empty name.  Nothing is changed.  Load the table with MaterialImport::keep_transmission, or else what exceeds the absorption has
 /// already been lowered.
 ///
 ///  - no source for absorption, scattering or a transmission above 0

@@ -19,7 +19,7 @@ namespace {
 
 using Json = nlohmann::json;
 
-/// One entry of "materials"; knows how to name itself in a message.
+/// One entry of "materials", with its name for messages.
 struct Entry {
   const Json& json;
   std::string where;  // file: material "name"
@@ -48,7 +48,7 @@ CoefficientCurve read_curve(const Entry& entry, const std::string& key, float la
     if (!(hz > 0)) entry.fail(key, fmt::format("frequency {} Hz is not positive", hz), "write frequencies above 0 Hz");
     if (!(value >= 0 && value <= largest)) {
       entry.fail(key, fmt::format("{} at {} Hz is outside [0, {}]", value, hz, largest),
-                 largest == 1 ? "coefficients are shares of the energy" : "write dB per metre");
+                 largest == 1 ? "coefficients are fractions of the energy" : "write dB per metre");
     }
     points[hz] = value;
   }
@@ -66,7 +66,7 @@ std::string read_text(const Entry& entry, const std::string& key) {
   return entry.json[key].get<std::string>();
 }
 
-/// Of a pressure ratio to a share of the energy.
+/// Of a pressure ratio to a fraction of the energy.
 void read_as_pressure(Material& material) {
   for (float& value : material.absorption.value) value = 1.f - (1.f - value) * (1.f - value);
   for (float& value : material.transmission.value) value *= value;
@@ -101,7 +101,7 @@ void limit_transmission(const Entry& entry, Material& material, std::vector<Mate
     limited.value.push_back(std::min(a, t));
     if (t <= a + 1e-6f) continue;  // 1e-6: rounding of interpolated knots
     const std::string what = fmt::format("{:.4g} exceeds the absorption {:.4g} at {:.4g} Hz", t, a, hz);
-    if (!warnings) entry.fail("transmission", what, "absorption counts all that is not reflected, so it includes the transmitted share");
+    if (!warnings) entry.fail("transmission", what, "absorption counts all that is not reflected, so it includes the transmitted fraction");
     warnings->push_back({material.name, "transmission " + what + "; lowered to the absorption"});
   }
   material.transmission = std::move(limited);
@@ -145,13 +145,13 @@ Material read_material(const Json& json, std::size_t index, const std::string& w
   return material;
 }
 
-/// The reading that the file asks for, if any.
+/// The reading that the file declares, if any.
 std::optional<CoefficientReading> read_reading(const Json& json, const std::string& where) {
   if (!json.contains("coefficients")) return std::nullopt;
   if (json["coefficients"] == "energy") return CoefficientReading::energy;
   if (json["coefficients"] == "pressure") return CoefficientReading::pressure;
   throw InputError(where, "key 'coefficients' is neither \"energy\" nor \"pressure\"",
-                   "write one of them: shares of the energy, or of the pressure");
+                   "write one of them: fractions of the energy, or of the pressure");
 }
 
 constexpr std::string_view builtin_json =

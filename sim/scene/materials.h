@@ -19,7 +19,7 @@ struct CoefficientCurve {
 };
 
 /// Acoustic surface.  All coefficients are energy coefficients in [0, 1] at random incidence: absorption = everything that
-/// is not reflected (transmission included), transmission <= absorption, scattering = diffuse share of the reflected energy.
+/// is not reflected (transmission included), transmission <= absorption, scattering = diffuse fraction of the reflected energy.
 struct Material {
   std::string name;
   std::vector<std::string> labels;  ///< semantic categories, matched as whole words only
@@ -39,8 +39,8 @@ struct MaterialWarning {
   std::string material, text;
 };
 
-/// What the numbers of a material file mean.  Textbooks print shares of the energy; the predecessor's header calls its table shares of the
-/// pressure, though it holds textbook values (docs/oracles.md, O-15).
+/// What the numbers of a material file mean.  Textbooks print fractions of the energy; the predecessor's header calls its table fractions
+/// of the pressure, though it holds textbook values (docs/oracles.md, O-15).
 enum class CoefficientReading {
   energy,
   pressure,  ///< 1 - absorption is a pressure ratio: alpha = 1 - (1 - a)^2, tau = t^2; scattering as it stands
@@ -63,7 +63,7 @@ class MaterialDatabase {
   /// Throws InputError: missing file, JSON syntax with byte position, missing or mistyped key, coefficient outside [0, 1] or not a
   /// number, negative or zero frequency, unknown key (with the nearest known one), duplicate name, transmission > absorption.
   /// Frequencies may come in any order; of equal ones the last wins.  With a list of warnings, transmission > absorption is
-  /// lowered and reported instead of refused: tables of others have such entries (docs/oracles.md, O-22; docs/stability.md, H-27).
+  /// lowered and reported instead of refused: published tables have such entries (docs/oracles.md, O-22; docs/stability.md, H-27).
   static MaterialDatabase from_json(std::string_view json, const std::string& where, std::vector<MaterialWarning>* warnings = nullptr);
   static MaterialDatabase from_json(std::string_view json, const std::string& where, const MaterialImport& import);
   static MaterialDatabase from_file(const std::filesystem::path& path, std::vector<MaterialWarning>* warnings = nullptr);
@@ -72,9 +72,9 @@ class MaterialDatabase {
   static MaterialDatabase builtin();
 
   [[nodiscard]] const Material* find(std::string_view name) const;
-  /// Like find, but throws InputError with the nearest known name; `where` names the asking file and key.
+  /// Like find, but throws InputError with the nearest known name; `where` names the file and key that refer to it.
   [[nodiscard]] const Material& get(std::string_view name, const std::string& where) const;
-  /// The predecessor's choice (docs/formats.md, section 2), for those who want its numbers: the material with the most labels that occur
+  /// The predecessor's choice (docs/formats.md, section 2), to reproduce its numbers: the material with the most labels that occur
   /// anywhere inside the lower-cased `category`, a label listed twice counting twice; of equal ones the first in the file (the predecessor
   /// leaves that open); nullptr if no label occurs.  So `vegetable` is a `table`.
   [[nodiscard]] const Material* find_by_substrings(std::string_view category) const;

@@ -25,7 +25,7 @@ class MeshBuilder {
               std::span<const std::uint32_t> corners);
   /// Writes the vertices and the origin of the mesh (origin_near, of the triangles).  Once, after the last part.
   void finish();
-  /// Spacing of floats at the farthest position that was handed in, in metres: what the file itself could tell apart.
+  /// Spacing of floats at the farthest position that was added, in metres: the resolution of the file itself.
   [[nodiscard]] double position_step_m() const { return position_step_m_; }
 
  private:
@@ -40,7 +40,7 @@ class MeshBuilder {
   Index materials_, objects_;
 };
 
-/// Text of others for a message of one line: no control characters, 200 bytes at most.
+/// Text of a file for a message of one line: no control characters, 200 bytes at most.
 std::string one_line(std::string text);
 
 }  // namespace earshot

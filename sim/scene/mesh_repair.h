@@ -14,7 +14,7 @@ namespace earshot {
 /// O(n) by a grid of cells; the result depends on the order of the vertices alone.
 std::vector<std::uint32_t> weld_map(std::span<const glm::vec3> vertices, float tolerance_m);
 
-/// The same with a tolerance per vertex: two are one if both are content with their distance.  At most 21 grids of cells.
+/// The same with a tolerance per vertex: two are one if their distance is within both tolerances.  At most 21 grids of cells.
 std::vector<std::uint32_t> weld_map(std::span<const glm::vec3> vertices, std::span<const float> tolerance_m);
 
 /// Welds vertices closer than 1e-6 of the diagonal of the bounds (rounding of baked node transforms; ten times the spacing of floats), but

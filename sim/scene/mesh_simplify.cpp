@@ -15,7 +15,7 @@
 namespace earshot {
 namespace {
 
-constexpr float least_weight = 0.01f;  // of the deviation asked for, below which a part stays as it is
+constexpr float least_fraction = 0.01f;  // of deviation_m, below which a part stays as it is
 
 /// Corners of the triangles of one (material, object), three by three.
 using Corners = std::vector<std::uint32_t>;
@@ -102,7 +102,7 @@ SimplifyReport simplify_mesh(TriangleMesh& mesh, float deviation_m) {
     Corners left = part;
     double moved_m = 0;
     // The quadric error can be far off on thin and folded parts: what does not measure up is done again with less.
-    for (float target_m = deviation_m; target_m > least_weight * deviation_m; target_m *= 0.5f) {
+    for (float target_m = deviation_m; target_m > least_fraction * deviation_m; target_m *= 0.5f) {
       const Corners candidate = simplify_part(mesh, part, target_m);
       const double candidate_m = deviation_of(mesh, part, candidate);
       if (candidate_m > deviation_m) continue;

@@ -28,7 +28,7 @@ struct Air {
 /// What import repaired, as counts, and what it found odd, one line each (unmatched pattern, suspicious size, lowered transmission).
 struct ImportReport {
   std::uint64_t triangles_read = 0, degenerate_removed = 0, duplicate_removed = 0, vertices_welded = 0;
-  std::optional<SimplifyReport> simplified;  ///< if simplification was asked for
+  std::optional<SimplifyReport> simplified;  ///< if the scene was simplified
   std::vector<std::string> warnings;
 };
 
@@ -51,7 +51,8 @@ class Scene {
   [[nodiscard]] std::uint64_t hash() const { return hash_; }  ///< geometry, names, coefficients and air
   [[nodiscard]] float triangle_area_m2(std::uint32_t triangle) const;
   /// Where the file's origin went: all geometry and every position here is relative to this point, which is zero for a scene near the
-  /// origin of its file (origin_near).  Positions that people give or read are world positions, those of the file: they cross here.
+  /// origin of its file (origin_near).  Positions in files and on the command line are world positions, those of the file: to_local and
+  /// to_world convert them.
   [[nodiscard]] glm::dvec3 origin_m() const { return mesh_.origin_m; }
   [[nodiscard]] glm::vec3 to_local(glm::dvec3 world) const { return world - mesh_.origin_m; }
   [[nodiscard]] glm::dvec3 to_world(glm::vec3 local) const { return glm::dvec3(local) + mesh_.origin_m; }
@@ -75,7 +76,7 @@ struct SceneOverrides {
 };
 
 /// Loads any SCENE of the command line: a mesh file (mesh_import.h), `shoebox:XxYxZ[@M]` (shoebox.h), `house:SEED[,key=value...]`
-/// (house_generator.h), or a scene YAML (keys: scene_config.h).  Who gets which material: material_assignment.h.  Throws InputError, one
+/// (house_generator.h), or a scene YAML (keys: scene_config.h).  Assignment of materials: material_assignment.h.  Throws InputError, one
 /// clear line.
 Scene load_scene(const std::string& spec, const SceneOverrides& overrides = {});
 

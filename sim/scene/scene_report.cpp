@@ -50,7 +50,7 @@ double measure_ray_efficiency(const Scene& scene, std::span<const glm::vec3> air
 /// Free paths and absorption that diffusely reflected sound meets.
 struct DiffuseWalk {
   double mean_free_path_m = 0;
-  double escaped_share = 0;                                 ///< of the segments
+  double escaped_fraction = 0;                              ///< of the segments
   std::array<double, report_bands_hz.size()> absorption{};  ///< mean over hits
 };
 
@@ -88,7 +88,7 @@ DiffuseWalk walk_diffusely(const Scene& scene, std::span<const glm::vec3> air, s
   }
   if (hits == 0) return result;
   result.mean_free_path_m = path_m / static_cast<double>(hits);
-  result.escaped_share = static_cast<double>(escapes) / static_cast<double>(hits + escapes);
+  result.escaped_fraction = static_cast<double>(escapes) / static_cast<double>(hits + escapes);
   for (double& alpha : result.absorption) alpha /= static_cast<double>(hits);
   return result;
 }
@@ -107,7 +107,7 @@ SceneReport report_scene(const Scene& scene, std::uint64_t seed, std::span<const
   SceneReport report;
   report.triangles = scene.mesh().triangles.size();
   report.removed = scene.import_report();
-  report.leaked_ray_share = 1;
+  report.leaked_ray_fraction = 1;
   report.area_m2 = nan;
   report.rt60_estimate_s.assign(report_bands_hz.size(), nan);
   if (report.triangles == 0) return report;
@@ -115,18 +115,18 @@ SceneReport report_scene(const Scene& scene, std::uint64_t seed, std::span<const
 
   const AirSample air = sample_air(scene, seed);
   report.ray_efficiency = measure_ray_efficiency(scene, air.points, seed);
-  report.leaked_ray_share = 1 - report.ray_efficiency;
+  report.leaked_ray_fraction = 1 - report.ray_efficiency;
   const glm::dvec3 size = glm::dvec3(scene.bounds().upper) - glm::dvec3(scene.bounds().lower);
   report.volume_m3 = size.x * size.y * size.z;
-  if (report.leaked_ray_share > SceneReport::open_share) return report;
+  if (report.leaked_ray_fraction > SceneReport::open_fraction) return report;
 
-  report.volume_m3 *= air.share_of_bounds;
+  report.volume_m3 *= air.fraction_of_bounds;
   const DiffuseWalk walk = walk_diffusely(scene, air.points, seed);
   if (!(walk.mean_free_path_m > 0)) return report;
   report.area_m2 = 4 * report.volume_m3 / walk.mean_free_path_m;
   for (std::size_t band = 0; band < report_bands_hz.size(); ++band) {
     // What escapes through a hole is lost like what is absorbed.
-    const double absorption = 1 - (1 - walk.absorption[band]) * (1 - walk.escaped_share);
+    const double absorption = 1 - (1 - walk.absorption[band]) * (1 - walk.escaped_fraction);
     const double air_per_m = air_exponent_per_m.empty() ? 0 : air_exponent_per_m[band];
     report.rt60_estimate_s[band] = eyring_s(walk.mean_free_path_m, absorption, air_per_m, scene.speed_of_sound_m_per_s());
   }

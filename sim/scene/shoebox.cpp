@@ -35,7 +35,7 @@ Material wall_material(std::string_view text, const MaterialDatabase& database, 
   const std::optional<float> absorption = parse_number(text);
   if (!absorption) return database.get(text, where);
   if (!(*absorption >= 0 && *absorption <= 1)) {
-    throw InputError(where, fmt::format("absorption {} is outside [0, 1]", *absorption), "absorption is a share of the energy");
+    throw InputError(where, fmt::format("absorption {} is outside [0, 1]", *absorption), "absorption is a fraction of the energy");
   }
   Material material = Material::uniform("absorption " + std::string(text), *absorption, 0);
   if (const Material* fallback = database.find_label("default")) material.scattering = fallback->scattering;

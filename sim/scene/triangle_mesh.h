@@ -36,7 +36,7 @@ std::uint32_t intern(std::vector<std::string>& names, const std::string& name);
 /// of a smaller mesh: a shift by that keeps round coordinates round.
 glm::dvec3 origin_near(glm::dvec3 lower, glm::dvec3 upper);
 
-/// Identity of geometry and names, for caches and result files; without the origin: the same room elsewhere sounds the same.
+/// Identity of geometry and names, for caches and result files; without the origin: the same room at another place has the same acoustics.
 std::uint64_t hash_of(const TriangleMesh& mesh);
 
 }  // namespace earshot

@@ -11,7 +11,7 @@ void validate(const CameraConfig& config) {
           "must be a multiple of 8 from 8 to 4096: rays travel eight at a time");
   require(config.height_px >= 1 && config.height_px <= 4096, "camera.height_px", config.height_px, "must be 1 to 4096");
   require(config.horizontal_fov_deg > 1.f && config.horizontal_fov_deg < 179.f, "camera.horizontal_fov_deg", config.horizontal_fov_deg,
-          "must lie between 1 and 179: a pinhole sees less than a half-space");
+          "must lie between 1 and 179: the view of a pinhole is less than a half-space");
   require(config.height_m > 0.f && config.height_m < 10.f, "camera.height_m", config.height_m, "must lie between 0 and 10");
   require(config.max_depth_m > 0.f && std::isfinite(config.max_depth_m), "camera.max_depth_m", config.max_depth_m,
           "must be positive and finite: depth is divided by it");

@@ -19,7 +19,7 @@ struct Pose {
   double heading_rad = 0;
 };
 
-/// Unit vector that an agent with this heading looks along: (-sin h, 0, -cos h).
+/// Unit vector along the view axis of an agent with this heading: (-sin h, 0, -cos h).
 glm::vec3 forward_of(double heading_rad);
 /// Unit vector to its right: (cos h, 0, -sin h).
 glm::vec3 right_of(double heading_rad);

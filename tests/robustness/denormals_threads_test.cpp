@@ -58,7 +58,7 @@ TEST(H39_Denormals, AreFlushedInEveryStageAndRestoredForTheCaller) {
     config.threads = threads;
     BatchedEnv env(config, quick_set(1), make_scene_cache(config), 6);
     std::atomic<int> seen{0}, kept{0};
-    env.set_tap([&](const StageOutput&, std::span<float>) {
+    env.set_stage_hook([&](const StageOutput&, std::span<float>) {
       ++seen;
       if (!denormals_are_flushed()) ++kept;
     });

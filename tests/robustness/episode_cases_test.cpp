@@ -143,7 +143,7 @@ TEST(H63_BadStartsAndGoals, StopAtTheGoalIsASuccess) {
   EXPECT_EQ(env.finished()[0].metrics.sna, 1.0);
 }
 
-// An obstacle higher than the agent, whose inside Recast takes for floor: nobody starts in it.
+// An obstacle higher than the agent, whose inside Recast takes for floor: no episode starts in it.
 TEST(H63_BadStartsAndGoals, NobodyStartsInsideAnObstacle) {
   TriangleMesh mesh = floor_with(8, 6, {});
   append_block(mesh, 3, 2, 5, 4, 1.8f);
@@ -201,7 +201,7 @@ TEST(X_TenThousandResets, StayFiniteAndKeepTheMemory) {
   env.reset();
   const std::vector<float> first = shown_by(env, 0);
 #ifdef EARSHOT_SANITIZED
-  constexpr int kResets = 500;  // they keep freed memory: no verdict, and twenty times slower
+  constexpr int kResets = 500;  // they keep freed memory, so the test says nothing there, and are twenty times slower
 #else
   constexpr int kResets = 10000;
 #endif

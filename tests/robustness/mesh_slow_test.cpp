@@ -99,8 +99,8 @@ TEST(H73_ManyTrianglesSlow, OneOfAThousandKilometresAmongSmallOnes) {
 
 // EARSHOT_MANY_TRIANGLES=20000000 for the whole case (3.6 GiB and 15 s of processor); two million without it.
 TEST(H73_ManyTrianglesSlow, BuildAndTraceInTimeThatGrowsWithTheLogarithm) {
-  const char* asked = std::getenv("EARSHOT_MANY_TRIANGLES");
-  const double wanted = asked ? std::atof(asked) : 2e6;
+  const char* user_set = std::getenv("EARSHOT_MANY_TRIANGLES");
+  const double wanted = user_set ? std::atof(user_set) : 2e6;
   const auto n = static_cast<std::uint32_t>(std::sqrt(wanted / 12));
   const TriangleMesh small = tessellated_cube(60, 3, glm::vec3(0));
   const double small_ns = ns_per_ray(EmbreeScene(small.vertices, small.triangles), {1.1f, 1.3f, 1.7f});

@@ -57,8 +57,8 @@ TEST(H7_BadTopology, NormalsFaceTheRayWhateverTheWinding) {
   }
 }
 
-// The list asks for less than 1e-5 per bounce.  Corners of one face round off the sides of the other: gaps of a rounding, and rays of a
-// rounding.
+// The bound of docs/stability.md is 1e-5 per bounce.  Corners of one face round off the sides of the other: gaps of a rounding, and rays of
+// a rounding.
 TEST(H7_BadTopology, TJunctionsLeakLessThanOneIn100000) {
   for (const double size_m : {1.0, 1000.0}) {
     for (const glm::dvec3 centre : {glm::dvec3(0), glm::dvec3(3.7, 1.1, -2.9) * size_m}) {
@@ -160,7 +160,7 @@ TEST(H8_Holes, ReportSaysWhatEscapesAndDecayFallsByIt) {
   const auto open = perforated(n, is_kept, true, 0.1f);
   const SceneReport report = report_scene(*open);
   // Uniform directions from uniform points meet the walls in proportion to their area (Cauchy): p escapes.  Four sigma of 16,384 rays.
-  EXPECT_NEAR(report.leaked_ray_share, p, 4 * std::sqrt(p * (1 - p) / 16384));
+  EXPECT_NEAR(report.leaked_ray_fraction, p, 4 * std::sqrt(p * (1 - p) / 16384));
   EXPECT_GT(report.open_edges, 100u);
 
   // A hole is a patch that absorbs everything, ray by ray.
@@ -192,7 +192,7 @@ TEST(H19_ParallelOrThroughAnEdge, OneAnswerAndOnlyOne) {
   // Straight down through the vertex, along every blade's edge, and through random points: the blades are one sheet, then the floor.
   std::vector<glm::vec3> targets{{0, 0, 0}};
   for (std::uint32_t i = 1; i <= blades; ++i)
-    for (const float share : {0.1f, 0.5f, 0.9f}) targets.push_back(share * mesh.vertices[i]);
+    for (const float fraction : {0.1f, 0.5f, 0.9f}) targets.push_back(fraction * mesh.vertices[i]);
   for (const glm::vec3 target : targets) {
     for (std::uint32_t i = 0; i < 200; ++i) {
       glm::vec3 direction = random_direction(i, 5);

@@ -30,12 +30,12 @@ TEST(H1_TriangleWithoutArea, LeavesTheRestBitEqual) {
   // Two equal corners, three equal corners, three on a line, and one of them far away, which must not blunt the welding of the rest.
   const std::string degenerate =
       "v 1 1 1\nv 1 1 1\nv 2 2 2\nv 3 3 3\nv 9e8 9e8 9e8\nf 9 9 11\nf 9 9 9\nf 9 10 11\nf 9 11 12\nf 13 13 13\nf 1 1 2\n";
-  const ImportedMesh mended = import("room.obj", obj_text(room()) + degenerate);
-  EXPECT_EQ(mended.report.degenerate_removed, 6u);
-  EXPECT_EQ(mended.report.triangles_read, 18u);
-  EXPECT_EQ(hash_of(mended.mesh), hash_of(clean.mesh));
-  EXPECT_EQ(mended.mesh.vertices.size(), 8u);
-  EXPECT_TRUE(mended.report.warnings.empty()) << "what was removed does not count for the size of the scene";
+  const ImportedMesh repaired = import("room.obj", obj_text(room()) + degenerate);
+  EXPECT_EQ(repaired.report.degenerate_removed, 6u);
+  EXPECT_EQ(repaired.report.triangles_read, 18u);
+  EXPECT_EQ(hash_of(repaired.mesh), hash_of(clean.mesh));
+  EXPECT_EQ(repaired.mesh.vertices.size(), 8u);
+  EXPECT_TRUE(repaired.report.warnings.empty()) << "what was removed does not count for the size of the scene";
 }
 
 // Built by hand, past the repair: rays still see no number that is not one.
@@ -78,7 +78,7 @@ TEST(H2_Needle, IsKeptWithItsNormal) {
     EXPECT_EQ(hit.distance_m, 1.f) << width_m;
     EXPECT_NEAR(hit.normal.z, -1, 1e-6f) << width_m;
     EXPECT_LT(glm::length(hit.position - glm::vec3(1.3f, 0.4f * w, 2)), 5e-6f)
-        << width_m << ": sixteen roundings of 2 m at most, though a needle has no room to keep off its edges";
+        << width_m << ": sixteen roundings of 2 m at most, as a needle is narrower than the margin of its edges";
   }
 }
 
@@ -127,9 +127,9 @@ TEST(H5_DuplicateTriangle, IsRemovedAndCounted) {
     for (int corner = 0; corner < 3; ++corner) twice.vertices.push_back(room().vertices[t[corner]]);
     twice.triangles.emplace_back(first + 1, first, first + 2);  // the other winding
   }
-  const ImportedMesh mended = import("room.obj", obj_text(twice));
-  EXPECT_EQ(mended.report.duplicate_removed, 12u);
-  EXPECT_EQ(hash_of(mended.mesh), hash_of(clean.mesh));
+  const ImportedMesh repaired = import("room.obj", obj_text(twice));
+  EXPECT_EQ(repaired.report.duplicate_removed, 12u);
+  EXPECT_EQ(hash_of(repaired.mesh), hash_of(clean.mesh));
 }
 
 // Past the repair (a scene built in memory): the copies lose every tie, so a wall reflects once, and lets through once.

@@ -192,10 +192,10 @@ TEST_F(X_SoundTooLoud, IsQuarantinedWithAFileThatReplaysIt) {
   EXPECT_TRUE(again.recurs) << (again.fault ? again.fault->detail : "no fault") << " at " << again.step;
   EXPECT_TRUE(again.same_engine);
   write_sound(0.5f);
-  const ReplayOutcome mended = replay(record);
-  EXPECT_FALSE(mended.recurs);
-  EXPECT_FALSE(mended.fault);
-  EXPECT_EQ(mended.step, 8);
+  const ReplayOutcome outcome = replay(record);
+  EXPECT_FALSE(outcome.recurs);
+  EXPECT_FALSE(outcome.fault);
+  EXPECT_EQ(outcome.step, 8);
   std::filesystem::remove(sound_);
   EXPECT_THROW(replay(record), InputError);
 }

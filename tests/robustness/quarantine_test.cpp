@@ -61,9 +61,9 @@ TEST(X_SceneDamagedMeanwhile, TheEpisodeIsQuarantinedAndTheRunGoesOn) {
   EXPECT_EQ(record.step, 0);
   EXPECT_TRUE(replay(record).recurs);
   write_text(mesh, room_obj(6, 3, 5));
-  const ReplayOutcome mended = replay(record);
-  EXPECT_FALSE(mended.recurs);
-  EXPECT_FALSE(mended.fault);
+  const ReplayOutcome outcome = replay(record);
+  EXPECT_FALSE(outcome.recurs);
+  EXPECT_FALSE(outcome.fault);
 }
 
 }  // namespace

@@ -51,7 +51,7 @@ class QuarantineInBatch : public testing::Test {
 TEST_F(QuarantineInBatch, AnyBadNumberEndsItsEpisodeInTheSameStep) {
   BatchedEnv env(config_, set_, scenes_, kEnvs);
   Poison poison;
-  env.set_tap([&](const StageOutput& output, std::span<float> values) { poison(output, values); });
+  env.set_stage_hook([&](const StageOutput& output, std::span<float> values) { poison(output, values); });
   env.reset();
   std::uint64_t faults = 0;
   for (const Fault kind : kSensorFaults)
@@ -94,7 +94,7 @@ TEST_F(QuarantineInBatch, OtherEnvsDoNotNoticeAndTheNextEpisodeIsAsFresh) {
   Poison poison;
   poison.env = 1;
   poison.kind = Fault::spectrogram;
-  faulty.set_tap([&](const StageOutput& output, std::span<float> values) { poison(output, values); });
+  faulty.set_stage_hook([&](const StageOutput& output, std::span<float> values) { poison(output, values); });
   faulty.reset();
   twin.reset();
   fresh.reset();
@@ -121,7 +121,7 @@ TEST_F(QuarantineInBatch, OtherEnvsDoNotNoticeAndTheNextEpisodeIsAsFresh) {
 // A fault in the first observation: the policy never sees the episode, and the bound on draws ends what would spin.
 TEST_F(QuarantineInBatch, AFaultAtTheStartIsPassedOver) {
   BatchedEnv env(config_, set_, scenes_, 1);
-  env.set_tap([](const StageOutput& output, std::span<float> values) {
+  env.set_stage_hook([](const StageOutput& output, std::span<float> values) {
     if (output.kind == Fault::depth && output.episode_index != 2) values[0] = kNan;
   });
   env.reset();
@@ -130,7 +130,7 @@ TEST_F(QuarantineInBatch, AFaultAtTheStartIsPassedOver) {
   EXPECT_EQ(env.quarantined()[0], 0);
   EXPECT_TRUE(buffers_are_finite(env));
 
-  env.set_tap([](const StageOutput& output, std::span<float> values) {
+  env.set_stage_hook([](const StageOutput& output, std::span<float> values) {
     if (output.kind == Fault::depth) values[0] = kNan;
   });
   try {
@@ -144,7 +144,7 @@ TEST_F(QuarantineInBatch, AFaultAtTheStartIsPassedOver) {
 // Every episode begins and then goes wrong: a run that learns nothing ends, and says why.
 TEST_F(QuarantineInBatch, NothingButFaultsStopsTheRun) {
   BatchedEnv env(config_, set_, scenes_, 1);
-  env.set_tap([](const StageOutput& output, std::span<float> values) {
+  env.set_stage_hook([](const StageOutput& output, std::span<float> values) {
     if (output.kind == Fault::reward) values[0] = kNan;
   });
   env.reset();
@@ -163,7 +163,7 @@ TEST_F(QuarantineInBatch, EvaluationCountsAFaultyEpisodeAsFailed) {
   BatchedEnv env(config_, set_, scenes_, 1);
   Poison poison;
   poison.kind = Fault::reward;
-  env.set_tap([&](const StageOutput& output, std::span<float> values) { poison(output, values); });
+  env.set_stage_hook([&](const StageOutput& output, std::span<float> values) { poison(output, values); });
   env.reset();
   std::vector<FinishedEpisode> finished;
   for (int step = 0; step < 8; ++step) {

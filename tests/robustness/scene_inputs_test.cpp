@@ -32,7 +32,7 @@ TEST(H24_OneTriangle, LoadsAndIsOpen) {
   const SceneReport report = report_scene(scene);
   EXPECT_EQ(report.open_edges, 3u);
   // From the air above a floor, at least the upper half of the directions leaves.
-  EXPECT_GE(report.leaked_ray_share, 0.5);
+  EXPECT_GE(report.leaked_ray_fraction, 0.5);
   EXPECT_THAT(scene.import_report().warnings, IsEmpty());
 }
 

@@ -96,7 +96,7 @@ TEST(H16_OnASurface, ResponseIsThatOfTheSpaceBeforeIt) {
       EXPECT_NEAR(response->arrivals[0].amplitude[0] * 4 * 3.14159265358979 * r, 1, 1e-5) << place.name;
     }
     const double walls = place.inward.x + place.inward.y + place.inward.z, inside = std::exp2(-walls);
-    // Of all rays the share outside leaves with its first leg; nothing else does.  Four sigma.
+    // Of all rays the fraction outside leaves with its first segment; nothing else does.  Four sigma.
     EXPECT_NEAR(static_cast<double>(there.stats.ray_escapes) / kRays, 1 - inside, 4 * std::sqrt(inside * (1 - inside) / kRays))
         << place.name;
     EXPECT_EQ(back.stats.ray_escapes, 0u) << place.name;

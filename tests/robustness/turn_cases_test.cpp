@@ -146,7 +146,7 @@ TEST(H57_HrtfDirections, ChangeByAtMostADecibelPerDegree) {
   EXPECT_GT(worst_db, 0.02);  // the head does shadow
 }
 
-// A full turn in 36 steps: the RIR of the last heading has the bits of the first, with late sound that was kept and without.
+// A full turn in 36 steps: the RIR of the last heading has the bits of the first, with cached late sound and without.
 TEST(H58_FullTurn, ComesBackToTheSameBits) {
   EnvConfig config = quick_env_config();
   const auto cache = make_scene_cache(config);
@@ -159,11 +159,11 @@ TEST(H58_FullTurn, ComesBackToTheSameBits) {
   Rir first, now;
   LateSound kept;
   synthesizer.render(response, state.pose(config.task).heading_rad, 7, first);
-  TaskConfig patient = config.task;
-  patient.max_steps = 1000;
+  TaskConfig relaxed = config.task;
+  relaxed.max_steps = 1000;
   for (int turn = 1; turn <= 72; ++turn) {
-    state.step(patient, source->scene->navmesh, source->field, Action::left);
-    synthesizer.render(response, state.pose(patient).heading_rad, 7, now, &kept);
+    state.step(relaxed, source->scene->navmesh, source->field, Action::left);
+    synthesizer.render(response, state.pose(relaxed).heading_rad, 7, now, &kept);
     if (turn % 36 == 0) {
       ASSERT_EQ(now.samples, first.samples) << turn;
     } else if (turn % 36 == 18) {

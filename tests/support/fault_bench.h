@@ -58,13 +58,13 @@ inline PpoConfig two_by_two() {
 }
 
 /// A policy whose learner-side output passes through a seam.
-class TappedPolicy : public ActorCriticImpl {
+class HookedPolicy : public ActorCriticImpl {
  public:
-  TappedPolicy() : ActorCriticImpl(pointgoal_only(), small_policy()) {}
-  std::function<void(PolicyOutput&)> tap;
+  HookedPolicy() : ActorCriticImpl(pointgoal_only(), small_policy()) {}
+  std::function<void(PolicyOutput&)> hook;
   PolicyOutput sequence(const ObservationTensors& observations, const torch::Tensor& hidden, const torch::Tensor& not_done) override {
     PolicyOutput output = ActorCriticImpl::sequence(observations, hidden, not_done);
-    if (tap) tap(output);
+    if (hook) hook(output);
     return output;
   }
 };
@@ -119,11 +119,11 @@ inline Outcome work(Collective& collective, const PpoConfig& config, int updates
   torch::set_num_threads(1);
   Moment moment{.rank = collective.identity().rank};
   bool learning = false;
-  const auto tapped = std::make_shared<TappedPolicy>();
-  tapped->tap = [&](PolicyOutput& output) {
+  const auto hooked = std::make_shared<HookedPolicy>();
+  hooked->hook = [&](PolicyOutput& output) {
     if (learning && seams.output) seams.output(moment, output);
   };
-  ActorCritic policy(std::static_pointer_cast<ActorCriticImpl>(tapped));
+  ActorCritic policy(std::static_pointer_cast<ActorCriticImpl>(hooked));
   {
     const torch::NoGradGuard no_gradient;
     policy->named_parameters()["actor.weight"].mul_(50);  // distinct action probabilities

@@ -67,7 +67,7 @@ inline double perpendicular_term(double x, double xi, double dy) {
   return (angle - 0.25 * (c2 - dy * dy) * std::log(r2)) / (2 * std::numbers::pi);
 }
 
-/// Fraction of what a sends out that meets b.
+/// Form factor: the fraction of the energy that leaves a and arrives at b.
 inline double form_factor(const Patch& a, const Patch& b) {
   double sum = 0;
   const auto sign = [](int bits) { return (bits & 1) != 0 ? -1.0 : 1.0; };

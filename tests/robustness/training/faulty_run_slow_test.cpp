@@ -1,5 +1,5 @@
 // Whole runs of three worker processes: env, policy, learner, collective, files.  Faults come in where the product has seams for tests: the
-// tap of the environment, and a collective that damages what passes.
+// hook of the environment, and a collective that damages what passes.
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 
@@ -81,7 +81,7 @@ class FaultyRun : public testing::Test {
     };
     DamagingCollective collective(make_zmq_ring(ring_in(folder_, rank, kWorkers)), bind(faults.before), bind(faults.after));
     TrainHooks hooks;
-    if (faults.env) hooks.env_tap = [&, rank](const StageOutput& output, std::span<float> values) { faults.env(rank, output, values); };
+    if (faults.env) hooks.stage_hook = [&, rank](const StageOutput& output, std::span<float> values) { faults.env(rank, output, values); };
     return train(config, collective, {.resume = resume}, hooks);
   }
   [[nodiscard]] std::filesystem::path out() const { return folder_.path() / "run"; }

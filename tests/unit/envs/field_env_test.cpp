@@ -72,7 +72,7 @@ TEST_F(FieldEnv, TheBoundOfTheCacheCountsFields) {
     EXPECT_LT(bytes, image_bytes + (std::size_t{256} << 10));
     return bytes;
   }();
-  // Room for two fields and a half.
+  // Holds two fields and a half.
   SceneCache cache(config.acoustics, config.navmesh, "", scene_bytes + 5 * field_bytes / 2);
   const auto source = [&](int i) { return cache.source(id, {2, 0, 2 + 0.1f * static_cast<float>(i)}, 1.5f); };
   const auto held = source(0);

@@ -27,8 +27,8 @@ TEST(SceneCache, SourcesStandAboveTheGoal) {
 }
 
 TEST(SceneCache, DropsTheLeastRecentlyUsedAndWhoHoldsItKeepsIt) {
-  // A shoebox has 12 triangles: its estimate is the fixed share of a scene, 1 MiB and a little.
-  SceneCache cache(quick(), {}, "", std::size_t{5} << 19);  // room for two
+  // A shoebox has 12 triangles: its estimate is the fixed part of a scene, 1 MiB and a little.
+  SceneCache cache(quick(), {}, "", std::size_t{5} << 19);  // holds two
   const auto a = cache.source("shoebox:4x3x4", {2, 0, 2}, 1.5f);
   cache.scene("shoebox:5x3x4");
   cache.scene("shoebox:4x3x4");  // used again: younger than the second

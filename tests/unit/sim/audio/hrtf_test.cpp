@@ -374,9 +374,9 @@ TEST_F(KemarHead, DamagedFilesAreRefused) {
   const std::string whole = read_file(path_);
   const auto file = std::filesystem::temp_directory_path() / ("earshot_hrtf_test_" + std::to_string(::getpid()) + ".sofa");
   const auto write = [&](const std::string& bytes) { std::ofstream(file, std::ios::binary) << bytes; };
-  for (const double share : {0.0, 1e-5, 0.001, 0.1, 0.5, 0.9}) {
-    write(whole.substr(0, static_cast<std::size_t>(share * static_cast<double>(whole.size()))));
-    EXPECT_THROW(Hrtf::from_sofa(file, 16000.f), InputError) << share;
+  for (const double fraction : {0.0, 1e-5, 0.001, 0.1, 0.5, 0.9}) {
+    write(whole.substr(0, static_cast<std::size_t>(fraction * static_cast<double>(whole.size()))));
+    EXPECT_THROW(Hrtf::from_sofa(file, 16000.f), InputError) << fraction;
   }
   write("this is not HDF5");
   EXPECT_THROW(Hrtf::from_sofa(file, 16000.f), InputError);

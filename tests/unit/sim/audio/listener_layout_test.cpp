@@ -58,7 +58,7 @@ TEST_F(ArrayFile, IsRead) {
 microphones:
   - {name: left, position_m: [-0.1, 0, 0.02]}
   - {name: right, position_m: [0.1, 0, 0], pattern: cardioid, azimuth_deg: -90}
-  - {position_m: [0, 0, 0], omni_share: 0.25, elevation_deg: 90}
+  - {position_m: [0, 0, 0], omni_weight: 0.25, elevation_deg: 90}
 )");
   ASSERT_EQ(layout.num_channels(), 3);
   EXPECT_EQ(layout.microphones[0].name, "left");
@@ -82,7 +82,7 @@ TEST_F(ArrayFile, BadOnesAreRefused) {
   expect_refused("microphones: [{position: [0, 0, 0]}]", "position");
   expect_refused("microphones: [{position_m: [0, 0]}]", "position_m");
   expect_refused("microphones: [{position_m: [0, 0, .nan]}]", "position_m");
-  expect_refused("microphones: [{position_m: [0, 0, 0], pattern: cardioid, omni_share: 0.5}]", "omni_share");
+  expect_refused("microphones: [{position_m: [0, 0, 0], pattern: cardioid, omni_weight: 0.5}]", "omni_weight");
   expect_refused("microphones: [{position_m: [0, 0, 0], gain: 2}]", "gain");
 }
 

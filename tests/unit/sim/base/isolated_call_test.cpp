@@ -64,7 +64,7 @@ TEST(IsolatedCall, AnEndlessReadEndsAtTheLimit) {
 }
 
 TEST(IsolatedCall, MemoryIsBounded) {
-  // 8 GB are asked for, in blocks that malloc maps one by one and in blocks that it cuts from an arena.
+  // 8 GB are requested, in blocks that malloc maps one by one and in blocks that it cuts from an arena.
   for (const char* block : {"67108864", "20000"}) {
     const std::string text = refusal({"allocate", block});
     EXPECT_THAT(text, StartsWith("house.obj: ")) << block;

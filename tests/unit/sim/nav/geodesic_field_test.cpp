@@ -214,7 +214,8 @@ TEST_F(HouseField, EveryPointOfTheMainIslandHasAPath) {
   }
 }
 
-// Detour's search is another algorithm on the same polygons: its taut corridor is a path, so ours is no longer, and most are the same.
+// Detour's search is another algorithm on the same polygons: its taut corridor is a path, so the geodesic is at most as long, and most are
+// equal.
 TEST_F(HouseField, IsNeverLongerThanDetoursCorridor) {
   int same = 0;
   for (std::uint32_t i = 0; i < 200; ++i) {

@@ -89,7 +89,7 @@ TEST(Slide, AWallAsThinAsASheetIsNotTunnelled) {
     }
 }
 
-// Random walks through a furnished house: no step covers more ground than asked, none is reached by a detour, the flag is true to what
+// Random walks through a furnished house: no step is longer than its displacement, none is reached by a detour, the flag is true to what
 // was covered, and the agent stays on the surface.
 TEST(Slide, RandomWalksStayOnTheSurfaceAndTellTheTruth) {
   const Navmesh nav(generate_house({.seed = 5, .rooms = 3, .area_m2 = 40}), {});
@@ -100,15 +100,15 @@ TEST(Slide, RandomWalksStayOnTheSurfaceAndTellTheTruth) {
     for (std::uint32_t step = 0; step < 100; ++step) {
       const auto u = random.uniform2(1000 + 100 * walk + step / 8);
       const float length_m = step % 3 == 0 ? 0.25f : kStepM;
-      const glm::vec3 asked = heading(360.f * u[0], length_m);
-      const MoveResult move = slide(nav, position, asked);
+      const glm::vec3 displacement = heading(360.f * u[0], length_m);
+      const MoveResult move = slide(nav, position, displacement);
       const float covered_m = flat_distance(move.position, position);
       ASSERT_LE(covered_m, length_m + 1e-5f);
       ASSERT_EQ(move.collided, covered_m < length_m - 1e-3f);
       const auto on_surface = nav.snap(move.position, 0.01f);
       ASSERT_TRUE(on_surface);
       ASSERT_NEAR(flat_distance(*on_surface, move.position), 0.f, 1e-5f);
-      // What was walked is a path, so the shortest is no longer; through a wall or across a corner it would be.
+      // What was walked is a path, so the shortest is at most as long; through a wall or across a corner it would be.
       const auto path_m = nav.path_length_m(position, move.position);
       ASSERT_TRUE(path_m);
       ASSERT_LE(*path_m, length_m + 0.003f);  // corners of paths stand off by 1 mm

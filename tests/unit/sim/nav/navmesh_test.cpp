@@ -98,15 +98,15 @@ TEST(Navmesh, StartsAreDrawnUniformlyFromTheLargestIsland) {
     ASSERT_FALSE(point.x > 1 && point.x < 3 && point.z > 1 && point.z < 3);
     in_front += point.x > 3.2f;  // a rectangle free of obstacles: 3.2 to the wall
   }
-  // Its share of the area, both from the erosion that the border shows.
+  // Its fraction of the area, both from the erosion that the border shows.
   const float left = nav.snap({-0.2f, 0, 2}, 1.f)->x, right = nav.snap({5.95f, 0, 2}, 1.f)->x, near = nav.snap({5, 0, -0.2f}, 1.f)->z,
               far = nav.snap({5, 0, 4.2f}, 1.f)->z;
   const float hole_x0 = nav.snap({1.2f, 0, 2}, 1.f)->x, hole_x1 = nav.snap({2.8f, 0, 2}, 1.f)->x, hole_z0 = nav.snap({2, 0, 1.2f}, 1.f)->z,
               hole_z1 = nav.snap({2, 0, 2.8f}, 1.f)->z;
   const double total = (right - left) * (far - near) - (hole_x1 - hole_x0) * (hole_z1 - hole_z0);
-  const double share = (right - 3.2f) * (far - near) / total;
+  const double fraction = (right - 3.2f) * (far - near) / total;
   // Four sigma of a binomial count, and 1 % for corners of the hole that contours cut.
-  EXPECT_NEAR(in_front / static_cast<double>(count), share, 4 * std::sqrt(share * (1 - share) / count) + 0.01);
+  EXPECT_NEAR(in_front / static_cast<double>(count), fraction, 4 * std::sqrt(fraction * (1 - fraction) / count) + 0.01);
 }
 
 TEST(Navmesh, SameDrawGivesTheSamePoint) {

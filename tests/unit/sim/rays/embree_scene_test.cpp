@@ -136,11 +136,11 @@ TEST(EmbreeScene, OcclusionIsTrueAndSymmetric) {
     const glm::vec3 a(4 * u[0] - 2, 2 * u[1] - 0.5f, 4 * u[2] - 2), b(4 * v[0] - 2, 2 * v[1] - 0.5f, 4 * v[2] - 2);
     const bool there = scene.occluded(a, b);
     ASSERT_EQ(there, scene.occluded(b, a));
-    const double share = (0.5 - a.y) / (static_cast<double>(b.y) - a.y);
-    const double x = a.x + share * (static_cast<double>(b.x) - a.x), z = a.z + share * (static_cast<double>(b.z) - a.z);
+    const double fraction = (0.5 - a.y) / (static_cast<double>(b.y) - a.y);
+    const double x = a.x + fraction * (static_cast<double>(b.x) - a.x), z = a.z + fraction * (static_cast<double>(b.z) - a.z);
     const double inside = std::min(1 - std::fabs(x), 1 - std::fabs(z));
-    if (std::fabs(inside) < 1e-4 || share < 1e-4 || share > 1 - 1e-4) continue;  // the border is either
-    EXPECT_EQ(there, share > 0 && share < 1 && inside > 0) << i;
+    if (std::fabs(inside) < 1e-4 || fraction < 1e-4 || fraction > 1 - 1e-4) continue;  // the border is either
+    EXPECT_EQ(there, fraction > 0 && fraction < 1 && inside > 0) << i;
     blocked += there;
   }
   EXPECT_GT(blocked, 1000);

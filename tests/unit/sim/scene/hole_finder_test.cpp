@@ -49,7 +49,7 @@ TEST(HoleFinder, NamesTheHoleItsPlaceAndItsShare) {
   EXPECT_LT(hole.bounds.upper.y - hole.bounds.lower.y, 0.75);
   EXPECT_GT(hole.bounds.upper.y - hole.bounds.lower.y, 0.4);
   // The report counts the same rays.
-  EXPECT_NEAR(hole.ray_share, report_scene(scene).leaked_ray_share, 1e-9);
+  EXPECT_NEAR(hole.ray_fraction, report_scene(scene).leaked_ray_fraction, 1e-9);
   ASSERT_FALSE(hole.rim.empty());
   EXPECT_EQ(hole.rim[0], "holed_wall (plaster)");
 }
@@ -57,7 +57,7 @@ TEST(HoleFinder, NamesTheHoleItsPlaceAndItsShare) {
 TEST(HoleFinder, AMissingCeilingIsOneLargeHoleAtItsHeight) {
   const std::vector<Hole> holes = find_holes(room(0, false));
   ASSERT_FALSE(holes.empty());
-  EXPECT_NEAR(holes[0].ray_share, report_scene(room(0, false)).leaked_ray_share, 0.01);
+  EXPECT_NEAR(holes[0].ray_fraction, report_scene(room(0, false)).leaked_ray_fraction, 0.01);
   EXPECT_GT(holes[0].bounds.upper.x - holes[0].bounds.lower.x, 4.0);
   EXPECT_GT(holes[0].bounds.upper.z - holes[0].bounds.lower.z, 3.0);
   EXPECT_GT(holes[0].bounds.upper.y, 2.5);

@@ -179,7 +179,7 @@ TEST(HouseGenerator, ShellHasNoOpenEdge) {
   }
 }
 
-// Divergence theorem against prisms: rooms are as high as asked, doorways 2.05 m; normals point into the air.
+// Divergence theorem against prisms: rooms are height_m high, doorways 2.05 m; normals point into the air.
 TEST(HouseGenerator, EnclosedVolumeIsThatOfRoomsAndDoorways) {
   for (const std::string& spec : sample_houses()) {
     HouseConfig config = parse_house(spec);
@@ -234,7 +234,7 @@ TEST(HouseGenerator, FurnitureKeepsOffWallsAndDoors) {
     const auto parts = furniture_of(mesh);
     EXPECT_GE(parts.size(), 2 * floors.size()) << spec;
     for (const auto& [category, box] : parts) {
-      // Floors of doorways belong to a room and widen its bounds by a wall, so ask for a room that holds the piece with 20 mm to
+      // Floors of doorways belong to a room and widen its bounds by a wall, so the test requires a room that holds the piece with 20 mm to
       // spare and, below, for no doorway near it.
       const bool inside = std::any_of(floors.begin(), floors.end(), [&, piece = box](const auto& floor) {
         return piece.lower.x >= floor.second.lower.x + 0.02f && piece.upper.x <= floor.second.upper.x - 0.02f &&
@@ -284,7 +284,7 @@ TEST(HouseGenerator, DetailGivesTheTrianglesOfAScan) {
   for (const glm::uvec3 t : mesh.triangles)
     for (int c = 0; c < 3; ++c) longest_m = std::max(longest_m, glm::distance(mesh.vertices[t[c]], mesh.vertices[t[(c + 1) % 3]]));
   EXPECT_LE(longest_m, 0.12f);
-  EXPECT_GT(longest_m, 0.1f);  // no finer than asked
+  EXPECT_GT(longest_m, 0.1f);  // no finer than detail_m
 }
 
 TEST(HouseGenerator, DetailKeepsThePlanAndTheFurniture) {

@@ -139,7 +139,7 @@ TEST(MeshImport, WarnsAboutSuspiciousSizes) {
   const auto warnings = [](const char* text) { return import("a.obj", text).report.warnings; };
   EXPECT_THAT(warnings("v 0 0 0\nv 501 0 0\nv 0 1 0\nf 1 2 3\n"), testing::ElementsAre(HasSubstr("501 m")));
   EXPECT_THAT(warnings("v 0 0 0\nv 0.4 0 0\nv 0 0.3 0\nf 1 2 3\n"), testing::ElementsAre(HasSubstr("0.4 m")));
-  EXPECT_TRUE(warnings("v 1e6 0 0\nv 1000005 0 0\nv 1e6 5 0\nf 1 2 3\n").empty()) << "far away is no trouble: H9_FarFromTheOrigin";
+  EXPECT_TRUE(warnings("v 1e6 0 0\nv 1000005 0 0\nv 1e6 5 0\nf 1 2 3\n").empty()) << "far from the origin is handled: H9_FarFromTheOrigin";
   EXPECT_TRUE(warnings("v 0 0 0\nv 5 0 0\nv 0 5 0\nf 1 2 3\n").empty());
 }
 

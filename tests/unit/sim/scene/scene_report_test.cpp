@@ -31,7 +31,7 @@ TEST(SceneReport, ClosedBoxHasItsVolumeAreaAndReverberation) {
   EXPECT_EQ(report.triangles, 12u);
   EXPECT_EQ(report.open_edges, 0u);
   EXPECT_EQ(report.ray_efficiency, 1);
-  EXPECT_EQ(report.leaked_ray_share, 0);
+  EXPECT_EQ(report.leaked_ray_fraction, 0);
   EXPECT_NEAR(report.volume_m3, volume, 1e-4 * volume);
   EXPECT_NEAR(report.area_m2, area, 0.01 * area);
   ASSERT_EQ(report.rt60_estimate_s.size(), report_bands_hz.size());
@@ -69,7 +69,7 @@ TEST(SceneReport, ExtremeAbsorptionGivesNoNan) {
 TEST(SceneReport, MissingCeilingLeaksASixthOfACube) {
   const SceneReport report = report_scene(box_scene({3, 3, 3}, {6, 7}));
   EXPECT_EQ(report.open_edges, 4u);
-  EXPECT_NEAR(report.leaked_ray_share, 1. / 6, 0.012) << "four sigma of 16,384 rays";
+  EXPECT_NEAR(report.leaked_ray_fraction, 1. / 6, 0.012) << "four sigma of 16,384 rays";
   EXPECT_NEAR(report.volume_m3, 27, 1e-3) << "of the bounds";
   EXPECT_TRUE(std::isnan(report.area_m2));
   for (const double rt60_s : report.rt60_estimate_s) EXPECT_TRUE(std::isnan(rt60_s));
@@ -94,7 +94,7 @@ TEST(SceneReport, IsAFunctionOfSceneAndSeed) {
 TEST(SceneReport, EmptySceneAndSingleTriangle) {
   const SceneReport empty = report_scene(Scene("empty", {}, {}, Air{}));
   EXPECT_EQ(empty.ray_efficiency, 0);
-  EXPECT_EQ(empty.leaked_ray_share, 1);
+  EXPECT_EQ(empty.leaked_ray_fraction, 1);
   EXPECT_EQ(empty.volume_m3, 0);
   TriangleMesh mesh;
   mesh.vertices = {{0, 0, 0}, {1, 0, 0}, {0, 0, 1}};
@@ -112,9 +112,9 @@ TEST(SceneReport, SmallHouseLeaksUntilItGetsItsCeiling) {
   const std::string mesh = std::filesystem::absolute(data_folder() / "scenes/small_house.glb").string();
   const SceneReport open = report_scene(load_scene(mesh)),
                     closed = report_scene(load_scene(folder.write("s.yaml", "mesh: " + mesh + "\nceiling_m: 3\n")));
-  EXPECT_GT(open.leaked_ray_share, 0.15);
+  EXPECT_GT(open.leaked_ray_fraction, 0.15);
   EXPECT_TRUE(std::isnan(open.rt60_estimate_s[3]));
-  EXPECT_LT(closed.leaked_ray_share, 0.01);
+  EXPECT_LT(closed.leaked_ray_fraction, 0.01);
   EXPECT_GT(closed.rt60_estimate_s[3], 0.1);
   EXPECT_LT(closed.volume_m3, 19.1 * 11.5 * 3);
 }

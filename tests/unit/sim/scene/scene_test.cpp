@@ -121,7 +121,7 @@ TEST(SceneYaml, ReadsEveryKey) {
                                            {"name": "slate", "labels": ["default"], "absorption": [125, 0.1], "scattering": [125, 0.1], "transmission": [125, 0.2]}]})");
   const Scene scene = load_scene(folder.write("scenes/room.yaml",
                                               "mesh: ../meshes/room.obj\nup: z\nunit_m: 0.01\nceiling_m: 2.5\nmaterials: ../db.json\n"
-                                              "assign:\n  \"Tiles*\": slate\n  nobody: felt\n"
+                                              "assign:\n  \"Tiles*\": slate\n  unmatched: felt\n"
                                               "air: {temperature_c: 25, humidity_percent: 30, pressure_kpa: 90}\ntwo_sided: true\n"));
   EXPECT_LT(glm::length(scene.bounds().lower - glm::vec3(0, 0, -4)), 1e-5f);
   EXPECT_LT(glm::length(scene.bounds().upper - glm::vec3(4, 2.5f, 0)), 1e-5f);
@@ -132,7 +132,7 @@ TEST(SceneYaml, ReadsEveryKey) {
   EXPECT_THAT(scene.mesh().object_names, ElementsAre("floor", "back", "ceiling_lid"));
   EXPECT_NEAR(scene.speed_of_sound_m_per_s(), 346.114f, 6e-4f);
   EXPECT_EQ(scene.air().pressure_kpa, 90);
-  EXPECT_THAT(scene.import_report().warnings, ElementsAre(HasSubstr("slate"), HasSubstr("nobody")));
+  EXPECT_THAT(scene.import_report().warnings, ElementsAre(HasSubstr("slate"), HasSubstr("unmatched")));
 }
 
 TEST(SceneYaml, TakesAShoeboxWithItsAir) {
