@@ -76,7 +76,7 @@ class AgentHearing {
   bool has_response_ = false, response_is_new_ = false, has_rir_ = false, fades_ = false;
 };
 
-/// Are all values finite?  Compiles to a few vector instructions per eight values.
+/// Whether all values are finite.  Compiles to a few vector instructions per eight values.
 bool all_finite(std::span<const float> values);
 
 }  // namespace earshot

@@ -90,7 +90,7 @@ void BatchedEnv::Impl::end_faulty_episode(std::size_t env) {
                      "set quarantine_dir and run `earshot replay` on a file there");
 }
 
-/// Has any episode ended in this step?
+/// Whether an episode has ended in this step.
 bool BatchedEnv::Impl::collect_finished() {
   bool any = false;
   for (std::size_t env = 0; env < agents.size(); ++env) {

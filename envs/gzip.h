@@ -6,7 +6,7 @@
 
 namespace earshot {
 
-/// Does the text start like a gzip stream (RFC 1952)?
+/// Whether the text starts with the magic number of gzip (RFC 1952).
 bool is_gzip(std::string_view bytes);
 
 /// Inflates one or more gzip members.  Throws InputError naming `where`: damaged or cut stream, garbage behind it, more than

@@ -18,7 +18,7 @@ class Directivity {
   virtual ~Directivity() = default;
   /// direction: unit, own axes; for a source the way the sound leaves, for a microphone the direction toward the source of the sound.
   [[nodiscard]] virtual float pressure(glm::vec3 direction, float frequency_hz) const = 0;
-  /// Is the gain 1 everywhere?
+  /// Whether the gain is 1 in all directions at all frequencies.
   [[nodiscard]] virtual bool omnidirectional() const { return false; }
   /// a of a pattern a + (1 - a) cos at all frequencies; nullopt for any other.
   [[nodiscard]] virtual std::optional<float> omni_weight() const { return std::nullopt; }

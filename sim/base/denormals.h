@@ -12,7 +12,7 @@ namespace earshot {
 // FlushDenormals, and so does every piece of work handed to TBB: TBB runs tasks under the setting of the thread that made the arena, not of
 // the one that waits for them.
 
-/// Does this thread flush denormals, results and operands?
+/// Whether this thread flushes denormals, results and operands.
 inline bool denormals_are_flushed();
 
 /// Flushes denormals on this thread for the lifetime of the object; the destructor restores the setting.  A few cycles if already set.

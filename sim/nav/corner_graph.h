@@ -17,7 +17,7 @@ struct Corner {
   int island = 0;
 };
 
-/// Can a shortest path run through `corner` along `direction` (unit, horizontal)?  Only if both walls lie to the same side:
+/// Whether a shortest path can run through `corner` along `direction` (unit, horizontal): only if both walls lie to the same side:
 /// otherwise it heads into the obstacle, or the bend could be cut.  `slack`: sine allowed on the wrong side.
 bool is_tangent(const Corner& corner, glm::dvec3 direction, double slack);
 

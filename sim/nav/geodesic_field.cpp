@@ -28,7 +28,7 @@ double horizontal_distance(glm::dvec3 a, glm::dvec3 b) {
   return std::sqrt(dx * dx + dz * dz);
 }
 
-// May a shortest path come to `corner` straight from `point`?
+// Whether a shortest path can come to `corner` straight from `point`.
 bool is_tangent_from(const Corner& corner, glm::dvec3 point, double distance_m) {
   if (distance_m <= 0) return true;
   const glm::dvec3 direction{(corner.position.x - point.x) / distance_m, 0, (corner.position.z - point.z) / distance_m};

@@ -65,7 +65,7 @@ class PatchFinder {
     const double length = glm::length(n);
     return length > 0 && std::isfinite(length) ? Facet{n / length, 0.5 * length} : Facet{};
   }
-  /// Does the patch of a triangle end at this side?
+  /// Whether the patch of a triangle ends at this side.
   [[nodiscard]] bool is_border(std::uint32_t triangle, int side) const {
     const std::uint32_t other = neighbours_[3 * std::size_t{triangle} + static_cast<std::size_t>(side)];
     return other == none || patch_[other] != patch_[triangle];

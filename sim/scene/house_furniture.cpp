@@ -218,7 +218,7 @@ class FloorGrid {
     blocked_.assign(static_cast<std::size_t>(columns_) * rows_, 0);
   }
 
-  // Would the room stay navigable with `piece` in it?  Passages of 0.7 m (seven cells) must join all doors and four fifths of
+  // Whether the room stays navigable with `piece` in it.  Passages of 0.7 m (seven cells) must join all doors and four fifths of
   // what such a passage could reach at all; and narrow ones (three cells) must not leave pockets.
   bool admits(const PlanRect& piece) {
     const std::vector<char> before = blocked_;

@@ -18,7 +18,7 @@ struct ImportedMesh {
   ImportReport report;
 };
 
-/// Can `path` be a mesh, by its extension (glb, gltf, obj, ply, stl; any case)?
+/// Whether `path` has the extension of a mesh (glb, gltf, obj, ply, stl; any case).
 bool is_mesh_file(const std::filesystem::path& path);
 
 /// Reads a mesh file, bakes all node transforms (in double), cuts polygons into triangles, keeps material and node names, and repairs

@@ -8,7 +8,7 @@ namespace earshot {
 /// ASCII letters to lower case, other bytes unchanged; no locale.
 std::string fold_case(std::string_view text);
 
-/// Does all of `text` match `pattern`, in which * stands for any characters and ? for one byte?  O(pattern x text).
+/// Whether all of `text` matches `pattern`, in which * stands for any characters and ? for one byte.  O(pattern x text).
 bool glob_match(std::string_view pattern, std::string_view text);
 
 }  // namespace earshot

@@ -12,7 +12,7 @@
 namespace earshot {
 namespace {
 
-/// Does the header compile with these flags?  -1: there is no compiler here.
+/// 0 if the header compiles with these flags; -1: there is no compiler.
 int exit_code_with(const std::string& flags) {
   const char* compiler = std::getenv("CXX");
   const std::string program = compiler != nullptr && *compiler != 0 ? compiler : "c++";
