@@ -14,7 +14,7 @@
 
 namespace earshot {
 
-/// Engines of the sound stages: plans and scratch, nothing that outlives a call.  One per thread.
+/// Engines of the sound stages: plans and scratch without state between calls.  One per thread.
 struct HearingEngines {
   /// dry_spectra: see make_dry_spectra; shared by the engines of all threads, null: none are cached.
   HearingEngines(std::shared_ptr<const SynthesisTables> tables, const StreamConfig& stream, const SpectrogramConfig& spectrogram,
@@ -29,12 +29,13 @@ struct HearingEngines {
 /// A cache of 16 MiB for the spectra of the dry sounds of all agents.
 std::shared_ptr<DrySpectra> make_dry_spectra(const StreamConfig& stream);
 
-/// What one agent hears in one episode: the response of its source at its ears, the RIR made of it, and where the dry sound is.
+/// The sound at the ears of one agent in one episode: the energy response of its source, the RIR made of it, and the position in the dry
+/// sound.  One agent is used by one thread at a time.
 /// The stages are called in the order of the data: trace, synthesize, convolve, analyze.  Of a sound that is silence throughout, nothing is
 /// traced, rendered or convolved: it is zeros in every room.
 class AgentHearing {
  public:
-  /// The sound has been playing before: at `begin` an agent hears the reverberation of a past that was spent at the start.
+  /// The sound has been playing before: the first window holds the reverberation of a past spent at the start.
   /// source, clip: must outlive the episode.  clip_offset: clip sample at stream sample 0, where the first window begins.
   void begin(const EnvSource& source, const SoundClip& clip, std::uint64_t clip_offset);
 
@@ -54,7 +55,7 @@ class AgentHearing {
   void seek(std::uint64_t sample) { position_.sample = sample; }
   /// Of all poses traced since construction.
   [[nodiscard]] const EffectCounters& effects() const { return effects_; }
-  /// Calls of trace() that had nothing to do, since construction.
+  /// Calls of trace() that reused the response of the last position, since construction.
   [[nodiscard]] std::uint64_t cached_responses() const { return cached_responses_; }
 
  private:

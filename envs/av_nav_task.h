@@ -22,6 +22,7 @@ struct TaskConfig {
   float ear_height_m = 1.5f, source_height_m = 1.5f;
 };
 void read(ConfigReader& reader, TaskConfig& config);
+/// Throws InputError "key = value: rule".
 void validate(const TaskConfig& config);
 
 /// Metrics of a finished episode (docs/conventions.md, section 7; SNA with an oracle of the same actions).

@@ -20,6 +20,7 @@ struct ObservationSpec {
   [[nodiscard]] int spectrogram_size() const { return sound.rows() * sound.columns() * 2; }
 };
 void read(ConfigReader& reader, ObservationSpec& spec);
+/// Throws InputError "key = value: rule".
 void validate(const ObservationSpec& spec);
 
 }  // namespace earshot

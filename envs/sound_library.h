@@ -21,8 +21,8 @@ class SoundLibrary {
   std::map<std::string, SoundClip> clips_;
 };
 
-/// What open_sound takes for a name in an episode: `synth:...` as it is; else a file under sound_root (.wav, .flac or .ogg added if it has
-/// no such ending), else the path itself.
+/// The argument of open_sound for a name in an episode: `synth:...` as it is; else a file under sound_root (.wav, .flac or .ogg added if it
+/// has no such ending), else the path itself.
 std::string resolve_sound(const std::string& name, const std::string& sound_root);
 
 }  // namespace earshot

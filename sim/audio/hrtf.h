@@ -17,7 +17,7 @@ struct SofaResponses;
 /// Directions are in head axes: x right, y up, -z front.
 class Hrtf {
  public:
-  /// Rigid sphere of radius 8.75 cm with ears at +-100 degrees (Duda and Martens 1998), made by the product itself: no file needed.
+  /// Rigid sphere of radius 8.75 cm with ears at +-100 degrees (Duda and Martens 1998), computed, without a file.
   static std::shared_ptr<const Hrtf> rigid_sphere(float sample_rate_hz);
   /// Any SOFA file (libmysofa), resampled.  Throws InputError naming the file and the missing field.
   static std::shared_ptr<const Hrtf> from_sofa(const std::filesystem::path& path, float sample_rate_hz);
@@ -33,7 +33,7 @@ class Hrtf {
   void spectra(glm::vec3 direction, std::span<std::complex<float>> left, std::span<std::complex<float>> right,
                double extra_delay_samples = 0) const;
   [[nodiscard]] int lead_samples() const { return lead_samples_; }
-  /// Length of the decoder filters, lead included.
+  /// Length of the decoder filters in samples, lead included.
   [[nodiscard]] int decoder_taps() const { return decoder_taps_; }
   /// Decoder of a first-order late field: for each of the 4 N3D channels (ACN, head axes as in ambisonics.h) and each ear a
   /// spectrum [fft_size / 2 + 1], with the diffuse-field covariance of this head imposed per frequency (Zaunschirm et al. 2018).

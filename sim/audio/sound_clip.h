@@ -11,7 +11,7 @@ namespace earshot {
 struct SoundClip {
   std::string name;
   float sample_rate_hz = 0;
-  std::vector<float> samples;
+  std::vector<float> samples;  ///< finite
 };
 
 /// Reads WAV, FLAC or OGG (libsndfile), averages channels, resamples to `sample_rate_hz` (libswresample).  Throws InputError: missing,
@@ -19,13 +19,14 @@ struct SoundClip {
 SoundClip load_sound(const std::filesystem::path& path, float sample_rate_hz);
 
 /// Seeded synthetic sounds so that training needs no files: "synth:KIND[:SEED]" with KIND = telephone, alarm, music, noise, speech, click,
-/// engine, bird.  One to three seconds, peak 0.5, loops without a click.
+/// engine, bird.  One to three seconds, peak 0.5, loops without a click.  Throws InputError for an unknown kind or a bad seed.
 SoundClip synthesize_sound(const std::string& spec, float sample_rate_hz);
 
-/// `synth:...` or a file path.
+/// synthesize_sound for `synth:...`, load_sound for anything else.
 SoundClip open_sound(const std::string& spec, float sample_rate_hz);
 
-/// Writes 32-bit float WAV, channels interleaved from [num_channels, n], atomically.
+/// Writes 32-bit float WAV, channels interleaved from [num_channels, n], atomically.  Throws InputError for sizes that do not fit, RunError
+/// if the file cannot be written.
 void write_wav(const std::filesystem::path& path, std::span<const float> channels, int num_channels, float sample_rate_hz);
 
 }  // namespace earshot

@@ -6,6 +6,7 @@
 
 namespace earshot {
 
+/// Where a move ended.
 struct MoveResult {
   glm::vec3 position;  ///< on the walkable surface
   bool collided;       ///< the surface stopped or deflected the move: the covered part is shorter than the displacement by more than 1 mm

@@ -12,12 +12,14 @@
 
 namespace earshot {
 
+/// The cylinder that walks and the voxels of the search for walkable surface.
 struct NavmeshConfig {
   float agent_radius_m = 0.1f, agent_height_m = 1.5f;
   float max_climb_m = 0.2f, max_slope_deg = 45.f;
   float cell_size_m = 0.05f, cell_height_m = 0.05f;
   float min_region_area_m2 = 0.5f;  ///< smaller islands (table tops) are dropped
 };
+/// Throws InputError "key = value: rule".
 void validate(const NavmeshConfig& config);
 
 /// Walkable surface of a mesh for a cylinder agent (Recast/Detour).  Immutable; queries are safe from any thread.

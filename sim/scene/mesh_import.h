@@ -7,6 +7,7 @@
 
 namespace earshot {
 
+/// How the coordinates of a mesh file are read.
 struct MeshImportOptions {
   enum class Up { y, z };
   Up up = Up::y;      ///< axis that points up in the file; z is turned to y, right-handed: (x, y, z) -> (x, z, -y)

@@ -16,6 +16,7 @@
 
 namespace earshot {
 
+/// State of the air, from which the speed of sound and its absorption follow.
 struct Air {
   float temperature_c = 20.f;     ///< [-20, 50]
   float humidity_percent = 50.f;  ///< [0, 100]

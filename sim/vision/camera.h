@@ -11,6 +11,7 @@ struct CameraConfig {
   float height_m = 1.25f;               ///< above the agent's foot point
   float max_depth_m = 10.f;
 };
+/// Throws InputError "key = value: rule".
 void validate(const CameraConfig& config);
 
 /// Where the agent stands: foot point on the floor and heading, counter-clockwise from -z seen from above.
