@@ -51,7 +51,7 @@ owned 'embree'            'sim/rays/|apps/doctor'
 owned 'assimp'            'sim/scene/'
 owned 'Recast|Detour'     'sim/nav/'
 owned 'sndfile|mysofa|libav|libsw' 'sim/audio/'
-owned 'yaml-cpp'         'sim/base/config_reader.cpp'
+owned 'yaml-cpp'         'sim/base/config_reader.cpp|trainer/effective_config.cpp'
 owned 'zmq'               'trainer/'
 owned 'torch'             'policy/|trainer/'
 
