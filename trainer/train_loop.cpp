@@ -18,7 +18,10 @@
 #include "trainer/curve_svg.h"
 #include "trainer/episode_window.h"
 #include "trainer/event_log.h"
+#include "trainer/ppo.h"
 #include "trainer/result.h"
+#include "trainer/rollout_buffer.h"
+#include "trainer/run_folder.h"
 #include "trainer/stage_times.h"
 #include "trainer/stop_signals.h"
 

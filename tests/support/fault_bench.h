@@ -119,11 +119,11 @@ inline Outcome work(Collective& collective, const PpoConfig& config, int updates
   torch::set_num_threads(1);
   Moment moment{.rank = collective.identity().rank};
   bool learning = false;
-  const auto hooked = std::make_shared<HookedPolicy>();
-  hooked->hook = [&](PolicyOutput& output) {
+  const auto hooked_policy = std::make_shared<HookedPolicy>();
+  hooked_policy->hook = [&](PolicyOutput& output) {
     if (learning && seams.output) seams.output(moment, output);
   };
-  ActorCritic policy(std::static_pointer_cast<ActorCriticImpl>(hooked));
+  ActorCritic policy(std::static_pointer_cast<ActorCriticImpl>(hooked_policy));
   {
     const torch::NoGradGuard no_gradient;
     policy->named_parameters()["actor.weight"].mul_(50);  // distinct action probabilities
