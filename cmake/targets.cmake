@@ -50,8 +50,11 @@ function(earshot_tests dir)
       if(NOT dir MATCHES "^unit/sim/(base|rays)$")
         add_dependencies(${target} earshot_reader)
       endif()
-      gtest_discover_tests(${target} DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 120
-        PROPERTIES LABELS "${labels};${dir}" TIMEOUT 1500)
+      gtest_discover_tests(${target} DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 120 PROPERTIES TIMEOUT 1500)
+      # gtest_discover_tests splits a list of labels into properties, so a file that ctest reads after the discovery sets them.
+      set(labels_file ${CMAKE_CURRENT_BINARY_DIR}/${target}_labels.cmake)
+      file(WRITE ${labels_file} "if(${target}_TESTS)\n  set_tests_properties(\${${target}_TESTS} PROPERTIES LABELS \"${labels};${dir}\")\nendif()\n")
+      set_property(DIRECTORY APPEND PROPERTY TEST_INCLUDE_FILES ${labels_file})
       if(kind STREQUAL "threads")
         add_dependencies(thread_tests ${target})
       endif()
