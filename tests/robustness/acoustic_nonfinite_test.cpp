@@ -64,7 +64,7 @@ TEST(X_NonFinite, OneBadRayOfAPopulationEndsAlone) {
       if (i != 17) before += static_cast<double>(rays[i].reflected[0]);
     }
     rays[17].reflected[0] = bad;
-    EXPECT_EQ((balance<8>(1, std::span<Ray>(rays), 0.3)), 1);
+    EXPECT_EQ((control_population<8>(1, std::span<Ray>(rays), 0.3)), 1);
     double after = 0;
     for (const Ray& ray : rays)
       if (ray.alive) after += static_cast<double>(ray.reflected[0]);

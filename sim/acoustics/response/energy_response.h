@@ -27,7 +27,7 @@ struct EnergyResponse {
 };
 
 /// Energy response of (scene, source, listener).  A pure function of its arguments and the config: the same pose gives the same bits
-/// whenever and wherever it is asked.  Throws InputError if `listener` is not finite or further out than kMaxCoordinateM
+/// at any time, on any thread and in any worker.  Throws InputError if `listener` is not finite or further out than kMaxCoordinateM
 /// (sim/base/coordinates.h). What is not finite inside is dropped where it arises and counted in stats.nonfinite_dropped: nothing that
 /// leaves is NaN or infinite. Reuses the storage of `response`; no allocation once warm (single-threaded config, listener-rooted). The late
 /// field is that of trace_bidirectional if config has source_rays or a specular_exponent, else of trace_late. progress: see

@@ -21,7 +21,7 @@ inline float free_radius_m(const AcousticScene& scene, glm::vec3 source) {
     nearest_m = std::min(nearest_m, scene.scene().rays().intersect(source, directions.direction(i)).distance_m);
   }
   const float radius_m = std::min(scene.config().source_radius_m, 0.9f * nearest_m);
-  // On a surface there is no room for a sphere: the volume of a tiny one would underflow.
+  // On a surface there is no space for a sphere: the volume of a tiny one would underflow.
   return radius_m > 1e-6f * scene.diagonal_m() ? radius_m : 0.f;
 }
 

@@ -36,18 +36,18 @@ TEST(Bidirectional, AnyNumberOfThreadsGivesTheSameBits) {
   const BidirectionalField one = bidirectional_field(room, config, rooms::shoe1_source(), rooms::shoe1_listener());
   for (const int threads : {2, 3, 0}) {
     config.threads = threads;
-    double last_share = 0;
+    double last_fraction = 0;
     int calls = 0;
     const BidirectionalField many =
-        bidirectional_field(room, config, rooms::shoe1_source(), rooms::shoe1_listener(), {.progress = [&](double share) {
-                              EXPECT_GT(share, last_share);
-                              last_share = share;
+        bidirectional_field(room, config, rooms::shoe1_source(), rooms::shoe1_listener(), {.progress = [&](double fraction) {
+                              EXPECT_GT(fraction, last_fraction);
+                              last_fraction = fraction;
                               ++calls;
                             }});
     EXPECT_TRUE(std::equal(one.histogram.values().begin(), one.histogram.values().end(), many.histogram.values().begin())) << threads;
     EXPECT_EQ(one.batches.energy, many.batches.energy);
     EXPECT_EQ(one.stats.ray_hits, many.stats.ray_hits);
-    EXPECT_EQ(last_share, 1.0);
+    EXPECT_EQ(last_fraction, 1.0);
     EXPECT_EQ(calls, 16);
   }
 }
