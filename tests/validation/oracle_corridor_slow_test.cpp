@@ -68,12 +68,12 @@ TEST(OracleO6, MirrorsThroughTheSourceVolume) {
       std::vector<double> series = response.late.band_energy(0);
       double direct = 0;
       for (const Arrival& arrival : response.arrivals) {
-        const double energy = double{arrival.amplitude[0]} * arrival.amplitude[0];
-        series[static_cast<std::size_t>(arrival.distance_m / 343 / kBinS)] += energy;
-        if (arrival.order == 0) direct = energy;
+        const double of_arrival = double{arrival.amplitude[0]} * arrival.amplitude[0];
+        series[static_cast<std::size_t>(arrival.distance_m / 343 / kBinS)] += of_arrival;
+        if (arrival.order == 0) direct = of_arrival;
       }
       double total = 0;
-      for (const double energy : series) total += energy;
+      for (const double in_bin : series) total += in_bin;
       const auto heard = after_direct(series, kBinS, row);
       energy.push_back(total), drr_db.push_back(10 * std::log10(direct / (total - direct)));
       t20_s.push_back(decay::time_s(heard, kBinS, -5, -25)), t30_s.push_back(decay::time_s(heard, kBinS, -5, -35));

@@ -138,8 +138,8 @@ TEST(BinauralLateTail, UnevenBinsKeepTheirEnergy) {
   for (const bool alone : {true, false}) {
     response.late = EnergyHistogram(125, 7, 1, 0.004f);
     for (int bin = 44; bin < 120; ++bin) {
-      const int bin = bin / 4;
-      const float energy = alone ? (bin % 5 == 1 ? 1.f : 0.f) : (bin % 2 == 0 ? 1.f : 0.5f);
+      const int merged = bin / 4;
+      const float energy = alone ? (merged % 5 == 1 ? 1.f : 0.f) : (merged % 2 == 0 ? 1.f : 0.5f);
       for (int band = 0; band < 7; ++band) response.late.values()[static_cast<std::size_t>((bin * 7 + band) * 4)] = energy;
     }
     double mixed = 0, decoded = 0;

@@ -80,7 +80,7 @@ TEST(LateEnvelope, AShorterResponseIsTheBeginning) {
   constexpr int bins = 250;
   EnergyHistogram energy(bins, 1, 1, 0.004f);
   for (int i = 0; i < bins; ++i) energy.values()[static_cast<std::size_t>(4 * i)] = 1.f + 0.5f * static_cast<float>(i % 7);
-  const auto envelope = [&](std::size_t samples) {
+  const auto density_of = [&](std::size_t samples) {
     LateEnvelope envelope;
     envelope.make(energy, 16000.f, 0.0, samples);
     std::vector<float> density;
@@ -92,10 +92,10 @@ TEST(LateEnvelope, AShorterResponseIsTheBeginning) {
     });
     return density;
   };
-  const std::vector<float> whole = envelope(16000);
+  const std::vector<float> whole = density_of(16000);
   ASSERT_EQ(whole.size(), 16000u);
   for (std::size_t samples = 1000; samples < 8000; samples += 37) {
-    const std::vector<float> part = envelope(samples);
+    const std::vector<float> part = density_of(samples);
     ASSERT_EQ(part.size(), samples);
     ASSERT_TRUE(std::equal(part.begin(), part.end(), whole.begin())) << samples;
   }
