@@ -1,14 +1,28 @@
 #!/usr/bin/env bash
-# scripts/train.sh [CONFIG] [key=value...]
+# scripts/train.sh [--overwrite | --resume] [CONFIG] [key=value...]
 # The main job on a bare machine: install, build, generate houses and episodes, train with the config's workers, evaluate the checkpoint on
 # held-out houses and sounds beside three baselines, print the leaderboard.  CONFIG defaults to configs/train/quick.yaml.
+# What comes out is in runs/NAME of the config's file.  If a run is there already the script stops before it changes anything:
+#   --overwrite  replaces that run and its results
+#   --resume     goes on with it, with the episodes it has, and evaluates it anew
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
+mode=new
+case "${1:-}" in
+  --overwrite | --resume) mode=${1#--}; shift ;;
+  -*) echo "scripts/train.sh: unknown option $1 (--overwrite or --resume)" >&2; exit 2 ;;
+esac
 config=configs/train/quick.yaml
 if [ $# -gt 0 ]; then config=$1; shift; fi
 sets=()
 for override in "$@"; do sets+=(--set "$override"); done
+name=$(basename "$config" .yaml)
+out=runs/$name
+if [ "$mode" = new ] && compgen -G "$out/checkpoints/*.ckpt" >/dev/null; then
+  echo "scripts/train.sh: $out holds an earlier run; go on with it by --resume, or replace it with --overwrite" >&2
+  exit 2
+fi
 
 if [ -z "${EARSHOT_SKIP_SETUP:-}" ]; then scripts/setup.sh; fi
 launcher=()
@@ -17,14 +31,20 @@ cmake --preset release "${launcher[@]}" >/dev/null
 cmake --build --preset release --target earshot -- -j "${EARSHOT_JOBS:-$(nproc)}"
 earshot=build/release/earshot
 
-name=$(basename "$config" .yaml)
-out=runs/$name
 mkdir -p "$out"
 "$earshot" doctor
-echo "== episodes"
-"$earshot" dataset episodes --config "$config" "${sets[@]}"
+start=()
+if [ "$mode" = resume ]; then
+  start=(--resume "$out")
+else
+  [ "$mode" = overwrite ] && start=(--overwrite)
+  echo "== episodes"
+  "$earshot" dataset episodes --config "$config" "${sets[@]}"
+fi
 echo "== train"
-"$earshot" train "$config" "$@" out="$out"
+"$earshot" train "$config" "$@" out="$out" "${start[@]}"
+# Results are of one run: those of an earlier one go before they could be ranked beside the new.
+rm -f "$out"/result_{"$name",random,greedy,oracle}.json "$out/leaderboard.html"
 echo "== evaluate"
 "$earshot" eval "$out" --out "$out/result_$name.json"
 for baseline in random greedy oracle; do
