@@ -1,10 +1,12 @@
 #include "envs/batched_env.h"
 
+#include <fmt/format.h>
 #include <tbb/info.h>
 
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <stdexcept>
 #include <utility>
 
 #include "envs/batched_env_impl.h"
@@ -19,6 +21,24 @@ StreamConfig stream_config(const EnvConfig& config, int block_samples, int head_
           .max_rir_samples = static_cast<int>(std::ceil(config.acoustics.rir_length_s * rate_hz)) + head_samples,
           .max_block_samples = block_samples,
           .crossfade_samples = std::min(block_samples, static_cast<int>(std::lround(config.crossfade_s * rate_hz)))};
+}
+
+/// What a caller can get wrong in step().
+void check_step(bool started, std::span<const std::int32_t> actions, std::span<const std::uint8_t> active) {
+  if (!started) throw std::logic_error("BatchedEnv::step: no episode has begun, call reset() first");
+  if (actions.size() != active.size())
+    throw std::invalid_argument(fmt::format("BatchedEnv::step: {} actions for {} environments", actions.size(), active.size()));
+  for (std::size_t env = 0; env < actions.size(); ++env)
+    if (active[env] != 0 && (actions[env] < 0 || actions[env] >= kNumActions))
+      throw std::invalid_argument(
+          fmt::format("BatchedEnv::step: action {} of environment {} is not in [0, {})", actions[env], env, kNumActions));
+}
+
+template <class Agents>
+auto& agent_of(Agents& agents, int env) {
+  if (env < 0 || size_of(env) >= agents.size())
+    throw std::out_of_range(fmt::format("BatchedEnv: environment {} of a batch of {}", env, agents.size()));
+  return agents[size_of(env)];
 }
 
 }  // namespace
@@ -100,7 +120,7 @@ void BatchedEnv::reset() {
 
 void BatchedEnv::step(std::span<const std::int32_t> actions) {
   Impl& in = *impl_;
-  EARSHOT_EXPECT(in.started && actions.size() == in.agents.size());
+  check_step(in.started, actions, in.active);
   in.finished.clear();
   in.for_each_env(move_stage, [&](std::size_t env, HearingEngines*) { in.move(env, static_cast<Action>(actions[env])); });
   in.for_each_running_env(trace_stage, [&](std::size_t env, HearingEngines*) { in.trace(env); });
@@ -175,11 +195,15 @@ std::span<const float> BatchedEnv::final_spectrogram() const { return impl_->spe
 std::span<const float> BatchedEnv::final_pointgoal() const { return impl_->pointgoal.last; }
 std::span<const FinishedEpisode> BatchedEnv::finished() const { return impl_->finished; }
 
-Pose BatchedEnv::pose(int env) const { return impl_->agents[size_of(env)].state.pose(impl_->config.task); }
-const EnvSource& BatchedEnv::source(int env) const { return *impl_->agents[size_of(env)].source; }
-std::uint64_t BatchedEnv::episode_index(int env) const { return impl_->agents[size_of(env)].episode_index; }
-int BatchedEnv::episode_count(int env) const { return impl_->agents[size_of(env)].episode_count; }
-int BatchedEnv::episode_step(int env) const { return impl_->agents[size_of(env)].state.steps(); }
+Pose BatchedEnv::pose(int env) const { return agent_of(impl_->agents, env).state.pose(impl_->config.task); }
+const EnvSource& BatchedEnv::source(int env) const {
+  const auto& source = agent_of(impl_->agents, env).source;
+  if (!source) throw std::logic_error(fmt::format("BatchedEnv::source: no episode runs in environment {}", env));
+  return *source;
+}
+std::uint64_t BatchedEnv::episode_index(int env) const { return agent_of(impl_->agents, env).episode_index; }
+int BatchedEnv::episode_count(int env) const { return agent_of(impl_->agents, env).episode_count; }
+int BatchedEnv::episode_step(int env) const { return agent_of(impl_->agents, env).state.steps(); }
 const StageSeconds& BatchedEnv::stage_seconds() const { return impl_->stage_seconds; }
 EffectCounters BatchedEnv::effect_counters() const {
   EffectCounters sum;
@@ -201,7 +225,10 @@ void BatchedEnv::set_stage_hook(StageHook hook) { impl_->hook = std::move(hook);
 
 std::optional<FaultReport> BatchedEnv::begin(int env, std::uint64_t episode_index, int episode_count) {
   Impl& in = *impl_;
-  EARSHOT_EXPECT(env >= 0 && env < in.num_envs() && episode_index < in.set->episodes.size() && episode_count >= 0);
+  agent_of(in.agents, env);
+  if (episode_index >= in.set->episodes.size() || episode_count < 0)
+    throw std::invalid_argument(
+        fmt::format("BatchedEnv::begin: episode {} of {}, number {}", episode_index, in.set->episodes.size(), episode_count));
   const std::size_t row = size_of(env);
   in.finished.clear();
   in.rewards[row] = 0.f;

@@ -52,7 +52,8 @@ class BatchedEnv {
   void reset();
   /// actions: [num_envs] in [0, 4).  An env whose episode ends starts its next episode in the same call: the row of observations is
   /// then the new episode's first, and the ended one's last observation is in the final_* row.  Idle envs (EpisodeOrder::once, no episode
-  /// left) ignore their action.
+  /// left) ignore their action.  Throws std::invalid_argument for another number of actions or an action out of range, std::logic_error
+  /// before the first reset(); then nothing has moved.
   void step(std::span<const std::int32_t> actions);
 
   [[nodiscard]] int num_envs() const;
@@ -76,7 +77,7 @@ class BatchedEnv {
   /// Episodes that ended in the last step, by env.
   [[nodiscard]] std::span<const FinishedEpisode> finished() const;
 
-  /// For baselines and pages: state that is no observation.
+  /// For baselines and pages: state that is no observation.  `env` counts from 0 in this batch; throws std::out_of_range for another.
   [[nodiscard]] Pose pose(int env) const;
   [[nodiscard]] const EnvSource& source(int env) const;
   [[nodiscard]] std::uint64_t episode_index(int env) const;
@@ -98,7 +99,8 @@ class BatchedEnv {
   void set_stage_hook(StageHook hook);
 
   /// Ends what env `env` of the batch does and begins this episode of the set there, as that env's episode number `episode_count`: replays.
-  /// Returns what is wrong if it cannot begin; the env is idle then.
+  /// Returns what is wrong if it cannot begin; the env is idle then.  Throws std::out_of_range or std::invalid_argument for an env, an
+  /// episode or a number that does not exist.
   std::optional<FaultReport> begin(int env, std::uint64_t episode_index, int episode_count);
 
   /// Cursors and actions of all running episodes; restore() replays them, which gives the same bits in all observations.  Rewards and flags

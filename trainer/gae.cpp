@@ -9,6 +9,7 @@ torch::Tensor gae(const torch::Tensor& rewards, const torch::Tensor& values, con
                   const GaeConfig& config, const torch::Tensor& valid) {
   EARSHOT_EXPECT(rewards.dim() == 2 && values.sizes() == rewards.sizes() && terminated.sizes() == rewards.sizes());
   EARSHOT_EXPECT(truncated.sizes() == rewards.sizes() && final_values.sizes() == rewards.sizes() && next_value.numel() == rewards.size(1));
+  EARSHOT_EXPECT(!valid.defined() || valid.sizes() == rewards.sizes());
   const torch::NoGradGuard no_gradient;
   const std::int64_t T = rewards.size(0);
   const torch::Tensor r = rewards.to(torch::kFloat64), v = values.to(torch::kFloat64);             // [T, B]

@@ -80,6 +80,8 @@ void raise_alarms(std::span<const StepStatus> statuses, const PpoConfig& config,
 PpoLoss ppo_loss(const torch::Tensor& log_prob, const torch::Tensor& old_log_prob, const torch::Tensor& advantages,
                  const torch::Tensor& values, const torch::Tensor& old_values, const torch::Tensor& returns, const torch::Tensor& entropy,
                  const torch::Tensor& valid, double clip, const PpoConfig& config) {
+  for (const torch::Tensor* rows : {&old_log_prob, &advantages, &values, &old_values, &returns, &entropy, &valid})
+    EARSHOT_EXPECT(rows->sizes() == log_prob.sizes());
   // Selected before any arithmetic: multiplying by a mask afterwards would let NaN through, in the loss or in the gradient.
   const torch::Tensor counts = valid.to(torch::kBool);
   const auto select = [&](const torch::Tensor& rows) { return rows.masked_select(counts); };
@@ -184,6 +186,7 @@ StepStatus PpoLearner::accumulate_gradient(const Rollout& rollout, std::span<con
 }
 
 UpdateStats PpoLearner::update(const RolloutBuffer& buffer, double progress, std::uint64_t update, Collective& collective) {
+  EARSHOT_EXPECT(buffer.num_steps() > 0 && buffer.num_envs() > 0);
   const FlushDenormals flush;
   const auto start = std::chrono::steady_clock::now();
   UpdateStats stats;

@@ -31,13 +31,18 @@ RolloutBuffer::RolloutBuffer(const ObservationSpec& spec, int max_steps, int num
 }
 
 void RolloutBuffer::begin(const torch::Tensor& state) {
+  EARSHOT_EXPECT(state.sizes() == hidden.sizes());  // copy_ would broadcast
   hidden.copy_(state.detach());
   steps_ = 0;
 }
 
 void RolloutBuffer::push(const ObservationTensors& seen, const torch::Tensor& continues, const torch::Tensor& chosen,
                          const torch::Tensor& chosen_log_prob, const torch::Tensor& value) {
-  EARSHOT_EXPECT(steps_ < rewards.size(0));
+  EARSHOT_EXPECT(steps_ < rewards.size(0) && continues.numel() == num_envs_ && chosen.numel() == num_envs_);
+  EARSHOT_EXPECT(chosen_log_prob.numel() == num_envs_ && value.numel() == num_envs_);
+  for (const auto& [slab, row] :
+       {std::pair{observations.depth, seen.depth}, {observations.spectrogram, seen.spectrogram}, {observations.pointgoal, seen.pointgoal}})
+    EARSHOT_EXPECT(!slab.defined() || (row.defined() && row.sizes() == slab[0].sizes()));
   const torch::NoGradGuard no_gradient;
   if (observations.depth.defined()) observations.depth[steps_].copy_(seen.depth);
   if (observations.spectrogram.defined()) observations.spectrogram[steps_].copy_(seen.spectrogram);
@@ -52,7 +57,7 @@ void RolloutBuffer::push_outcome(std::span<const float> reward, std::span<const 
                                  std::span<const std::uint8_t> timed_out, const torch::Tensor& final_value,
                                  std::span<const std::uint8_t> counts) {
   EARSHOT_EXPECT(steps_ < rewards.size(0) && std::ssize(reward) == num_envs_ && std::ssize(ended) == num_envs_);
-  EARSHOT_EXPECT(std::ssize(timed_out) == num_envs_ && std::ssize(counts) == num_envs_);
+  EARSHOT_EXPECT(std::ssize(timed_out) == num_envs_ && std::ssize(counts) == num_envs_ && final_value.numel() == num_envs_);
   const torch::NoGradGuard no_gradient;
   std::copy(reward.begin(), reward.end(), rewards[steps_].data_ptr<float>());
   terminated[steps_].copy_(flags(ended));
@@ -84,7 +89,7 @@ void RolloutBuffer::drop(std::int64_t step, std::int64_t env) {
 }
 
 void RolloutBuffer::finish(const torch::Tensor& value) {
-  EARSHOT_EXPECT(steps_ > 0);
+  EARSHOT_EXPECT(steps_ > 0 && value.numel() == num_envs_);
   const torch::NoGradGuard no_gradient;
   next_value.copy_(value);
   // Without the value that the last row leads to, what came of that row is not known.
