@@ -58,7 +58,8 @@ void add_train(CLI::App& app, const std::vector<std::string>& arguments, int& ex
   command->add_option("--resume", options->resume, "Run folder or checkpoint to go on from");
   command->add_option("--change", options->changes, "With --resume: keys or sections that may differ from the checkpoint's, and 'engine'")
       ->delimiter(',');
-  command->add_flag("--overwrite", options->overwrite, "Remove the files of an earlier run in `out` first; without it such a folder is refused");
+  command->add_flag("--overwrite", options->overwrite,
+                    "Remove the files of an earlier run in `out` first; without it such a folder is refused");
   command->footer(
       "Writes checkpoints, events.jsonl and TensorBoard curves under the config's `out`.  SIGTERM, SIGINT and SIGUSR1 end the run after "
       "the\n"

@@ -99,7 +99,8 @@ class EpisodeReader {
   std::string label_;
 };
 
-/// The keys of a set: its episodes, in sets split by scene where the files of the scenes are, and in generated sets what they were made from.
+/// The keys of a set: its episodes, in sets split by scene where the files of the scenes are, and in generated sets what they were made
+/// from.
 struct ParsedSet {
   std::vector<Episode> episodes;
   std::string content_pattern;

@@ -1,4 +1,4 @@
-// What arrives at the ports of the trainer: the hellos and tables of the rendezvous, farewells, headers of data frames.
+// What arrives at the ports of the trainer: the hellos and tables of the rendezvous, goodbye messages, headers of data frames.
 #include "trainer/wire.h"
 
 #include "fuzz/fuzz_target.h"
@@ -23,7 +23,7 @@ int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const unsigned choice = fuzz::take_choice(bytes, 4);
   if (choice == 0) decode_and_back<Hello>(bytes);
   if (choice == 1) decode_and_back<Welcome>(bytes);
-  if (choice == 2) decode_and_back<Farewell>(bytes);
+  if (choice == 2) decode_and_back<Goodbye>(bytes);
   if (choice == 3) {
     try {
       const FrameHeader header = decode_header(std::as_bytes(std::span(bytes)));

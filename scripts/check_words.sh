@@ -11,7 +11,7 @@ rows=(
   '[Vv]erdict|[Cc]ulprit|[Gg]uilty'                         'step status, faulty rank'
   '\bwishes\b|stop_wish|StopWish'                           'stop votes'
   '\b[Bb]arren|\b[Tt]roubles?\b'                            'update without an optimizer step; fault summary'
-  'StageHook|set_stage_hook|\btap:|[a-z]_tap\b|\btap\('             'hook, observer'
+  'StageTap|set_tap|\btap:|[a-z]_tap\b|\btap\('             'hook, observer'
   '[Mm]ended|[Mm]end_|\b[Mm]end(s|ing)?\b'                  'sanitized'
   '[Kk]ept[_ ]responses?'                                   'cached response'
   '[Rr]ay[_ ]balance|choose_copies|effective_count'         'population control, systematic_resample, effective_sample_size'

@@ -11,7 +11,7 @@ namespace {
 
 torch::Tensor view(std::span<const float> values, std::vector<std::int64_t> shape) {
   if (values.empty()) return {};
-  // from_blob wants a mutable pointer; nobody writes through these views.
+  // from_blob wants a mutable pointer; no caller writes through these views.
   return torch::from_blob(const_cast<float*>(values.data()), shape, torch::kFloat32);
 }
 
@@ -30,7 +30,7 @@ bool row_is_finite(const torch::Tensor& rows, std::int64_t row) {
 }
 
 /// Sets rows that are not finite to zero, in a copy, and marks them.
-void mend(ObservationTensors& observations, std::vector<std::uint8_t>& mended) {
+void sanitize(ObservationTensors& observations, std::vector<std::uint8_t>& sanitized) {
   for (torch::Tensor* sensor : {&observations.depth, &observations.spectrogram, &observations.pointgoal}) {
     if (!sensor->defined()) continue;
     bool copied = false;
@@ -39,15 +39,15 @@ void mend(ObservationTensors& observations, std::vector<std::uint8_t>& mended) {
       if (!copied) *sensor = sensor->clone();  // the env's buffer is not ours to write
       copied = true;
       (*sensor)[row].zero_();
-      mended[static_cast<std::size_t>(row)] = 1;
+      sanitized[static_cast<std::size_t>(row)] = 1;
     }
   }
 }
 
-/// The value of a mended observation is nobody's value.
-void forget_mended(torch::Tensor& value, const std::vector<std::uint8_t>& mended) {
-  for (std::size_t row = 0; row < mended.size(); ++row)
-    if (mended[row]) value[static_cast<std::int64_t>(row)] = std::numeric_limits<float>::quiet_NaN();
+/// The value of a sanitized observation belongs to no state.
+void discard_values_of_sanitized(torch::Tensor& value, const std::vector<std::uint8_t>& sanitized) {
+  for (std::size_t row = 0; row < sanitized.size(); ++row)
+    if (sanitized[row]) value[static_cast<std::int64_t>(row)] = std::numeric_limits<float>::quiet_NaN();
 }
 
 }  // namespace
@@ -62,14 +62,14 @@ Actor::Actor(ActorCritic policy, int num_envs)
     : policy_(std::move(policy)),
       hidden_(torch::zeros({num_envs, policy_->hidden_size()})),
       not_done_(torch::zeros({num_envs})),
-      mended_(static_cast<std::size_t>(num_envs), 0) {}
+      sanitized_(static_cast<std::size_t>(num_envs), 0) {}
 
 const PolicyOutput& Actor::observe(const ObservationTensors& observations) {
   const torch::NoGradGuard no_grad;
   const FlushDenormals flush;
-  std::fill(mended_.begin(), mended_.end(), std::uint8_t{0});
+  std::fill(sanitized_.begin(), sanitized_.end(), std::uint8_t{0});
   seen_ = observations;
-  mend(seen_, mended_);
+  sanitize(seen_, sanitized_);
   output_ = policy_->step(seen_, hidden_, not_done_);
   bool again = false;
   for (std::int64_t row = 0; row < output_.logits.size(0); ++row) {
@@ -78,12 +78,12 @@ const PolicyOutput& Actor::observe(const ObservationTensors& observations) {
       if (sensor->defined()) *sensor = sensor->index_fill(0, torch::tensor({row}), 0);
     hidden_[row].zero_();
     not_done_[row] = 0;
-    mended_[static_cast<std::size_t>(row)] = 1;
+    sanitized_[static_cast<std::size_t>(row)] = 1;
     again = true;
   }
   if (again) output_ = policy_->step(seen_, hidden_, not_done_);
-  for (const std::uint8_t mended : mended_) mended_rows_ += mended;
-  forget_mended(output_.value, mended_);
+  for (const std::uint8_t sanitized : sanitized_) sanitized_rows_ += sanitized;
+  discard_values_of_sanitized(output_.value, sanitized_);
   return output_;
 }
 
@@ -100,10 +100,10 @@ torch::Tensor Actor::truncated_values(const BatchedEnv& env) {
   for (torch::Tensor* sensor : {&last.depth, &last.spectrogram, &last.pointgoal})
     if (sensor->defined()) *sensor = sensor->index_select(0, index);
   const auto count = static_cast<std::int64_t>(rows.size());
-  std::vector<std::uint8_t> mended(rows.size(), 0);
-  mend(last, mended);
+  std::vector<std::uint8_t> sanitized(rows.size(), 0);
+  sanitize(last, sanitized);
   PolicyOutput output = policy_->step(last, output_.hidden.index_select(0, index), torch::ones({count}));
-  forget_mended(output.value, mended);
+  discard_values_of_sanitized(output.value, sanitized);
   values.index_copy_(0, index, output.value);
   return values;
 }
@@ -117,10 +117,10 @@ torch::Tensor Actor::peek_value(const BatchedEnv& env) {
   const torch::NoGradGuard no_grad;
   const FlushDenormals flush;
   ObservationTensors now = observation_tensors(env);
-  std::vector<std::uint8_t> mended(mended_.size(), 0);
-  mend(now, mended);
+  std::vector<std::uint8_t> sanitized(sanitized_.size(), 0);
+  sanitize(now, sanitized);
   torch::Tensor value = policy_->step(now, hidden_, not_done_).value;
-  forget_mended(value, mended);
+  discard_values_of_sanitized(value, sanitized);
   return value;
 }
 

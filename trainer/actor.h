@@ -21,8 +21,8 @@ ObservationTensors final_observation_tensors(const BatchedEnv& env);
 ///
 /// One env's NaN must neither stay in its hidden state (0 * NaN is NaN: not even the next episode would be rid of it) nor reach the learner
 /// through the sequence.  So every row is checked: an observation row that is not finite is zeroed, and a hidden state that is not finite
-/// begins anew, as at the start of an episode.  Such rows are marked in mended() and counted.  What is still not finite then comes from the
-/// weights, and sample_actions refuses it with the env's id.
+/// begins anew, as at the start of an episode.  Such rows are marked in sanitized() and counted.  What is still not finite then comes from
+/// the weights, and sample_actions refuses it with the env's id.
 class Actor {
  public:
   Actor(ActorCritic policy, int num_envs);
@@ -31,12 +31,12 @@ class Actor {
   const PolicyOutput& observe(const BatchedEnv& env) { return observe(observation_tensors(env)); }
   /// The same for observations from elsewhere; they must live until advance().
   const PolicyOutput& observe(const ObservationTensors& observations);
-  /// What observe() gave to the policy: views of the env's rows, or copies where rows were mended.  Valid until the env's next step.
+  /// What observe() gave to the policy: views of the env's rows, or copies where rows were sanitized.  Valid until the env's next step.
   [[nodiscard]] const ObservationTensors& seen() const { return seen_; }
-  /// [num_envs] 1 where the last observe() mended the row: what the policy did there is no experience.
-  [[nodiscard]] std::span<const std::uint8_t> mended() const { return mended_; }
+  /// [num_envs] 1 where the last observe() sanitized the row: what the policy did there is no experience.
+  [[nodiscard]] std::span<const std::uint8_t> sanitized() const { return sanitized_; }
   /// Since construction.
-  [[nodiscard]] std::uint64_t mended_rows() const { return mended_rows_; }
+  [[nodiscard]] std::uint64_t sanitized_rows() const { return sanitized_rows_; }
   /// Values of the final observations, with the hidden state after the last step and before any reset; zero where not truncated, NaN where
   /// the observation is not finite. [B]
   torch::Tensor truncated_values(const BatchedEnv& env);
@@ -48,7 +48,7 @@ class Actor {
   [[nodiscard]] const torch::Tensor& hidden() const { return hidden_; }  ///< [B, H] before observe()
   [[nodiscard]] const torch::Tensor& not_done() const {
     return not_done_;
-  }  ///< [B], 0 where the current observation begins an episode, or a mended hidden state
+  }  ///< [B], 0 where the current observation begins an episode, or a sanitized hidden state
   void restore(const torch::Tensor& hidden, const torch::Tensor& not_done);
 
  private:
@@ -56,8 +56,8 @@ class Actor {
   torch::Tensor hidden_, not_done_;
   ObservationTensors seen_;
   PolicyOutput output_;
-  std::vector<std::uint8_t> mended_;
-  std::uint64_t mended_rows_ = 0;
+  std::vector<std::uint8_t> sanitized_;
+  std::uint64_t sanitized_rows_ = 0;
 };
 
 }  // namespace earshot

@@ -187,7 +187,9 @@ void save_checkpoint(const Checkpoint& checkpoint, const std::filesystem::path& 
   write_file_atomically(path, file);
 }
 
-Checkpoint load_checkpoint(const std::filesystem::path& path) { return decode_checkpoint(read_file(path, kMaxCheckpointBytes), path.string()); }
+Checkpoint load_checkpoint(const std::filesystem::path& path) {
+  return decode_checkpoint(read_file(path, kMaxCheckpointBytes), path.string());
+}
 
 Checkpoint decode_checkpoint(std::string_view bytes, const std::string& where) {
   const msgpack::object_handle body = unpack_checkpoint(bytes, where);

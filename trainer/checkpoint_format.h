@@ -19,7 +19,8 @@ constexpr std::size_t kCheckpointHeaderBytes = kCheckpointMagic.size() + sizeof(
 constexpr std::size_t kCheckpointHashBytes = sizeof(std::uint64_t);
 constexpr std::size_t kMaxCheckpointBytes = std::size_t{4} << 30;
 
-/// The body as objects that point into `file`.  Throws InputError: not a checkpoint, other version, truncated, hash mismatch, no MessagePack.
+/// The body as objects that point into `file`.  Throws InputError: not a checkpoint, other version, truncated, hash mismatch, no
+/// MessagePack.
 msgpack::object_handle unpack_checkpoint(std::string_view file, const std::string& where);
 
 /// Reads fields of the body; every failure is an InputError that names the file and the field.

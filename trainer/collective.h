@@ -23,10 +23,10 @@ class Collective {
   /// Replaces buffer by the sum over workers, each element summed in one fixed order: equal bits on every worker.  Same size everywhere.
   virtual void all_reduce_sum(std::span<float> buffer) = 0;
   virtual void all_reduce_sum(std::span<double> buffer) = 0;
-  /// Rank 0's bytes reach everybody.
+  /// Rank 0's bytes reach all workers.
   virtual void broadcast(std::span<std::byte> buffer) = 0;
   virtual void barrier() = 0;
-  /// Everybody's bytes at everybody, by rank.  For small messages.
+  /// The bytes of all workers at all workers, by rank.  For small messages.
   virtual std::vector<std::string> all_gather(const std::string& bytes) = 0;
 };
 
@@ -38,7 +38,7 @@ std::unique_ptr<Collective> make_single_worker();
 struct RingConfig {
   WorkerIdentity identity;
   std::string rendezvous;                    ///< "tcp://127.0.0.1:PORT" or "ipc:///path": rank 0 listens here
-  std::string run_id;                        ///< a stranger with another id is refused
+  std::string run_id;                        ///< an unknown peer with another id is refused
   std::chrono::milliseconds timeout{60000};  ///< of one collective call
   std::chrono::milliseconds heartbeat{500};  ///< a dead peer is noticed within about four of these
 };

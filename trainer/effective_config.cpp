@@ -52,10 +52,25 @@ std::vector<ConfigChange> config_changes(const std::map<std::string, std::string
 bool is_free_to_change(std::string_view key, const RunConfig& now) {
   // What is only reported, where files lie, how long and on how many threads: the weights have the same bits.  The training set itself is
   // bound by its hash in the checkpoint, the number of workers by the checkpoint's.
-  constexpr std::array<std::string_view, 19> free{
-      "name",          "out",          "workers",        "max_minutes",         "checkpoint_every",    "keep",           "eval_envs",
-      "data.eval",     "env.threads",  "env.prefetch",   "env.acoustics.threads", "env.scene_cache_gb", "env.field_store", "env.field_store_gb",
-      "env.quarantine_dir", "env.order", "data.train.file", "ppo.loss_alarm", "ppo.kl_alarm"};
+  constexpr std::array<std::string_view, 19> free{"name",
+                                                  "out",
+                                                  "workers",
+                                                  "max_minutes",
+                                                  "checkpoint_every",
+                                                  "keep",
+                                                  "eval_envs",
+                                                  "data.eval",
+                                                  "env.threads",
+                                                  "env.prefetch",
+                                                  "env.acoustics.threads",
+                                                  "env.scene_cache_gb",
+                                                  "env.field_store",
+                                                  "env.field_store_gb",
+                                                  "env.quarantine_dir",
+                                                  "env.order",
+                                                  "data.train.file",
+                                                  "ppo.loss_alarm",
+                                                  "ppo.kl_alarm"};
   if (std::ranges::any_of(free, [&](std::string_view name) { return lies_in(key, name); })) return true;
   return key == "total_steps" && !now.ppo.linear_learning_rate_decay && !now.ppo.linear_clip_decay;
 }

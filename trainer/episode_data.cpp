@@ -69,10 +69,10 @@ void check_generator(const EpisodeSet& set, const std::map<std::string, std::str
   const auto changes = config_changes(set.generator, expected);
   if (changes.empty()) return;
   const std::string more = changes.size() > 1 ? fmt::format(" ({} more keys differ)", changes.size() - 1) : "";
-  throw InputError(file,
-                   fmt::format("was made with {} = {}, the config says {}{}", changes.front().key, changes.front().before,
-                               changes.front().now, more),
-                   remedy);
+  throw InputError(
+      file,
+      fmt::format("was made with {} = {}, the config says {}{}", changes.front().key, changes.front().before, changes.front().now, more),
+      remedy);
 }
 
 }  // namespace earshot

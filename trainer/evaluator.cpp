@@ -16,8 +16,9 @@ namespace {
 /// Keeps the first `count` episodes.
 std::shared_ptr<const EpisodeSet> load_part(const EvaluationConfig& evaluation) {
   EpisodeSet set = load_episode_set(evaluation.episodes);
-  check_generator(set, evaluation.generator, evaluation.episodes,
-                  "make it anew with 'earshot dataset episodes --config CONFIG', or use it as it is with --episodes " + evaluation.episodes);
+  check_generator(
+      set, evaluation.generator, evaluation.episodes,
+      "make it anew with 'earshot dataset episodes --config CONFIG', or use it as it is with --episodes " + evaluation.episodes);
   if (evaluation.max_episodes > 0 && set.episodes.size() > static_cast<std::size_t>(evaluation.max_episodes))
     set.episodes.resize(static_cast<std::size_t>(evaluation.max_episodes));
   return std::make_shared<const EpisodeSet>(std::move(set));

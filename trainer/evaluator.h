@@ -12,9 +12,9 @@
 namespace earshot {
 
 struct EvaluationConfig {
-  std::string episodes;  ///< set to run; each episode once
+  std::string episodes;                               ///< set to run; each episode once
   std::map<std::string, std::string> generator = {};  ///< keys that the set must have been made from (generator_keys); empty: any set
-  int num_envs = 8;      ///< fixed batch: part of the bits of policy inference
+  int num_envs = 8;                                   ///< fixed batch: part of the bits of policy inference
   int threads = 0;
   std::uint64_t seed = 0;  ///< of the sampled actions
   bool sample = true;      ///< actions are sampled, as in the original; false: arg max

@@ -19,7 +19,7 @@ using std::chrono::milliseconds;
 
 constexpr int kQueuedMessages = 4;  // per peer and direction: at most 4 MiB wait
 constexpr std::int64_t kMaxFrameBytes = static_cast<std::int64_t>(kChunkBytes);
-constexpr milliseconds kLastWords{300};  // for a farewell to leave, or to arrive after its connection broke
+constexpr milliseconds kShutdownGrace{300};  // for a goodbye message to leave, or to arrive after its connection broke
 constexpr std::size_t kMaxReasonBytes = 600;
 
 std::string worker(int rank) { return fmt::format("worker {}", rank); }
@@ -40,7 +40,7 @@ zmq::socket_t listen(zmq::context_t& context, const std::string& address) {
 zmq::socket_t dial(zmq::context_t& context, const std::string& routing_id) {
   zmq::socket_t socket(context, zmq::socket_type::dealer);
   socket.set(zmq::sockopt::routing_id, routing_id);
-  socket.set(zmq::sockopt::linger, static_cast<int>(kLastWords.count()));
+  socket.set(zmq::sockopt::linger, static_cast<int>(kShutdownGrace.count()));
   socket.set(zmq::sockopt::maxmsgsize, kMaxFrameBytes);
   socket.set(zmq::sockopt::sndhwm, kQueuedMessages);
   socket.set(zmq::sockopt::immediate, true);    // nothing is queued for a connection that is not up
@@ -48,7 +48,7 @@ zmq::socket_t dial(zmq::context_t& context, const std::string& routing_id) {
   return socket;
 }
 
-void give_back_buffer(void*, void* in_flight) { static_cast<BuffersInFlight*>(in_flight)->give_back(); }
+void give_back_buffer(void*, void* lent_buffers) { static_cast<BuffersInFlight*>(lent_buffers)->give_back(); }
 
 /// Header and payload as one message of two parts; false if the queue is full.
 bool send_message(zmq::socket_t& socket, const FrameHeader& header, zmq::message_t payload) {
@@ -141,11 +141,11 @@ bool PeerMesh::send_bulk(FrameHeader header, std::span<const std::byte> payload)
   header.run_key = run_key_;
   header.sequence = sequence_;
   header.length = payload.size();
-  in_flight_.lend();
+  lent_buffers_.lend();
   // libzmq never writes to the payload; its interface only lacks the const.  A message that is not sent gives the buffer back in its
   // destructor.
   return send_message(bulk_out_, header,
-                      zmq::message_t(const_cast<std::byte*>(payload.data()), payload.size(), give_back_buffer, &in_flight_));
+                      zmq::message_t(const_cast<std::byte*>(payload.data()), payload.size(), give_back_buffer, &lent_buffers_));
 }
 
 std::optional<PeerMesh::Frame> PeerMesh::receive_from(zmq::socket_t& socket) {
@@ -167,7 +167,7 @@ std::optional<PeerMesh::Frame> PeerMesh::receive_from(zmq::socket_t& socket) {
     }
     const auto sender = rank_of_routing_id_.find(parts[0].to_string());
     if (sender == rank_of_routing_id_.end()) {
-      if (++strangers_ == 1) spdlog::warn("worker {} ignores messages of a stranger on its port", config_.identity.rank);
+      if (++unknown_peers_ == 1) spdlog::warn("worker {} ignores messages of an unknown peer on its port", config_.identity.rank);
       continue;
     }
     Frame frame;
@@ -194,12 +194,12 @@ std::optional<PeerMesh::Frame> PeerMesh::receive_control() {
     return frame;
   }
   while (auto frame = receive_from(control_in_)) {
-    if (frame->header.operation == Operation::farewell) {
-      take_farewell(*frame);
+    if (frame->header.operation == Operation::goodbye) {
+      take_goodbye(*frame);
       continue;
     }
     if (frame->header.sequence == sequence_) return frame;
-    // Every call needs something from everybody, so nobody can be two calls ahead, or behind.
+    // Every call needs something from every worker, so no worker can be two calls ahead, or behind.
     if (frame->header.sequence != sequence_ + 1)
       throw RunError(worker(frame->from),
                      fmt::format("is at collective call {} where this worker is at {}", frame->header.sequence, sequence_));
@@ -216,14 +216,14 @@ std::optional<PeerMesh::Frame> PeerMesh::receive_bulk() {
   return frame;
 }
 
-void PeerMesh::take_farewell(const Frame& frame) {
-  Farewell farewell;
+void PeerMesh::take_goodbye(const Frame& frame) {
+  Goodbye goodbye;
   try {
-    farewell = decode<Farewell>(frame.payload.to_string_view());
+    goodbye = decode<Goodbye>(frame.payload.to_string_view());
   } catch (const WireError& error) {
     throw RunError(worker(frame.from), fmt::format("breaks the protocol: {}", error.what()));
   }
-  if (!farewell.reason.empty()) throw RunError(worker(frame.from), fmt::format("stopped the run: {}", farewell.reason));
+  if (!goodbye.reason.empty()) throw RunError(worker(frame.from), fmt::format("stopped the run: {}", goodbye.reason));
   peers_[static_cast<std::size_t>(frame.from)].finished_after = frame.header.sequence;
 }
 
@@ -250,7 +250,7 @@ void PeerMesh::check_peers(const std::vector<int>& awaited) const {
       if (*peer.finished_after < sequence_)
         throw RunError(worker(rank),
                        fmt::format("has left the run after {} collective calls, this worker makes another", *peer.finished_after));
-    } else if (peer.lost_at && now - *peer.lost_at >= kLastWords) {
+    } else if (peer.lost_at && now - *peer.lost_at >= kShutdownGrace) {
       throw RunError(worker(rank), fmt::format("has gone in collective call {}: it was killed, crashed, or hangs", sequence_));
     }
   }
@@ -264,8 +264,8 @@ void PeerMesh::wait(const Interest& interest) {
   poll_items_.clear();
   poll_items_.push_back({control_in_.handle(), 0, ZMQ_POLLIN, 0});
   if (interest.bulk_data) poll_items_.push_back({bulk_in_.handle(), 0, ZMQ_POLLIN, 0});
-  if (interest.bulk_room) poll_items_.push_back({bulk_out_.handle(), 0, ZMQ_POLLOUT, 0});
-  for (const int peer : interest.control_room)
+  if (interest.bulk_queue_full) poll_items_.push_back({bulk_out_.handle(), 0, ZMQ_POLLOUT, 0});
+  for (const int peer : interest.full_control_queues)
     poll_items_.push_back({peers_[static_cast<std::size_t>(peer)].control.handle(), 0, ZMQ_POLLOUT, 0});
   bool grace = false;
   for (Peer& peer : peers_) {
@@ -273,14 +273,14 @@ void PeerMesh::wait(const Interest& interest) {
     grace = grace || (peer.lost_at && !peer.finished_after);
   }
   auto left = std::chrono::duration_cast<milliseconds>(deadline_ - Clock::now()) + milliseconds(1);
-  if (grace) left = std::min(left, milliseconds(20));  // its last words, then the verdict
+  if (grace) left = std::min(left, milliseconds(20));  // for its goodbye message; then it counts as dead
   const int count = zmq_poll(poll_items_.data(), static_cast<int>(poll_items_.size()), std::max<long>(0, static_cast<long>(left.count())));
   if (count < 0 && zmq_errno() != EINTR) throw zmq::error_t();
   read_monitors();
 }
 
 void PeerMesh::finish_sends() {
-  while (!in_flight_.wait_until_empty(Clock::now() + milliseconds(5))) {
+  while (!lent_buffers_.wait_until_empty(Clock::now() + milliseconds(5))) {
     while (auto frame = receive_control())
       throw RunError(worker(frame->from), fmt::format("calls {} where this worker still sends", name_of(frame->header.operation)));
     read_monitors();
@@ -291,18 +291,18 @@ void PeerMesh::finish_sends() {
 void PeerMesh::abandon(const std::string& reason) {
   if (abandoned_) return;
   abandoned_ = reason.empty() ? "it was left" : reason;
-  say_farewell(reason.substr(0, kMaxReasonBytes));
+  send_goodbye(reason.substr(0, kMaxReasonBytes));
   close_all();
 }
 
-void PeerMesh::say_farewell(const std::string& reason) {
-  Farewell farewell;
-  farewell.reason = reason;
-  const std::string text = encode(farewell);
+void PeerMesh::send_goodbye(const std::string& reason) {
+  Goodbye goodbye;
+  goodbye.reason = reason;
+  const std::string text = encode(goodbye);
   for (Peer& peer : peers_) {
     if (!peer.control || peer.lost_at) continue;
     FrameHeader header;
-    header.operation = Operation::farewell;
+    header.operation = Operation::goodbye;
     header.run_key = run_key_;
     header.sequence = sequence_;
     header.length = header.total = text.size();

@@ -33,10 +33,10 @@ class BuffersInFlight {
 };
 
 /// Sockets between the workers of one run, all used by the one thread that owns this object.  Two planes, so that a gradient never stands
-/// in front of a farewell: control, everybody to everybody, small; bulk, only to the right neighbour, in chunks that libzmq reads from the
-/// caller's memory. Each plane has one listening ROUTER per worker; the sender's routing id says who speaks, anybody else is counted and
-/// dropped.  Queues hold four messages.  A peer's death shows on the connection to it (at once when killed, after four heartbeats when its
-/// machine or process hangs).
+/// in front of a goodbye message: control, from every worker to every other, small; bulk, only to the right neighbour, in chunks that
+/// libzmq reads from the caller's memory. Each plane has one listening ROUTER per worker; the sender's routing id names it, any other
+/// sender is counted and dropped.  Queues hold four messages.  A peer's death shows on the connection to it (at once when killed, after
+/// four heartbeats when its machine or process hangs).
 class PeerMesh {
  public:
   using Clock = std::chrono::steady_clock;
@@ -47,9 +47,9 @@ class PeerMesh {
     [[nodiscard]] std::span<const std::byte> bytes() const { return {payload.data<const std::byte>(), payload.size()}; }
   };
 
-  /// Rendezvous and connections.  Throws InputError (config), RunError (somebody does not come or refuses).
+  /// Rendezvous and connections.  Throws InputError (config), RunError (a rank does not come or refuses).
   explicit PeerMesh(const RingConfig& config);
-  /// Says farewell, as finished or, while an exception passes through, as failed.
+  /// Sends the goodbye message, as finished or, while an exception passes through, as failed.
   ~PeerMesh();
   PeerMesh(const PeerMesh&) = delete;
   PeerMesh& operator=(const PeerMesh&) = delete;
@@ -67,8 +67,8 @@ class PeerMesh {
   std::optional<Frame> receive_control();
   std::optional<Frame> receive_bulk();
   struct Interest {
-    std::vector<int> control_room;  ///< peers whose control queue was full
-    bool bulk_room = false, bulk_data = false;
+    std::vector<int> full_control_queues;  ///< peers whose control queue was full
+    bool bulk_queue_full = false, bulk_data = false;
     std::vector<int> awaited;  ///< peers without whose data the call cannot end
   };
   /// Blocks until something of interest may have changed.  Throws RunError: deadline, a dead peer, a peer that has left or stopped the run.
@@ -79,32 +79,32 @@ class PeerMesh {
   /// Ends the mesh: tells the peers why, closes all sockets, takes back all lent payloads.  Later calls throw RunError with the same
   /// reason.
   void abandon(const std::string& reason);
-  [[nodiscard]] std::uint64_t strangers() const { return strangers_; }
+  [[nodiscard]] std::uint64_t unknown_peers() const { return unknown_peers_; }
 
  private:
   struct Peer {
     zmq::socket_t control, monitor;
     std::optional<Clock::time_point> lost_at;     ///< its connection broke
-    std::optional<std::uint64_t> finished_after;  ///< it said farewell after that many calls
+    std::optional<std::uint64_t> finished_after;  ///< its goodbye message came after that many calls
     std::deque<Frame> early;                      ///< of the next call
   };
   void connect(int rank, const std::string& control_endpoint);
   std::optional<Frame> receive_from(zmq::socket_t& socket);
-  void take_farewell(const Frame& frame);
+  void take_goodbye(const Frame& frame);
   void read_monitors();
   void check_peers(const std::vector<int>& awaited) const;
-  void say_farewell(const std::string& reason);
+  void send_goodbye(const std::string& reason);
   void close_all();
 
   RingConfig config_;
   int exceptions_at_start_;
-  BuffersInFlight in_flight_;  // outlives the context: its I/O thread gives buffers back
+  BuffersInFlight lent_buffers_;  // outlives the context: its I/O thread gives buffers back
   zmq::context_t context_{1};
   zmq::socket_t control_in_, bulk_in_, bulk_out_;
   std::vector<Peer> peers_;  // by rank; the own place stays empty
   std::map<std::string, int> rank_of_routing_id_;
   std::vector<zmq_pollitem_t> poll_items_;
-  std::uint64_t run_key_ = 0, sequence_ = 0, strangers_ = 0;
+  std::uint64_t run_key_ = 0, sequence_ = 0, unknown_peers_ = 0;
   Clock::time_point deadline_;
   std::optional<std::string> abandoned_;
 };

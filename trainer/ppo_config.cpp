@@ -41,7 +41,8 @@ void validate(const PpoConfig& config) {
   positive("ppo.loss_alarm", config.loss_alarm, "must be positive: a larger loss is reported");
   positive("ppo.kl_alarm", config.kl_alarm, "must be positive: a larger divergence from the policy that acted is reported");
   require(config.epochs > 0, "ppo.epochs", config.epochs, "must be positive: passes over each rollout");
-  require(config.minibatches > 0, "ppo.minibatches", config.minibatches, "must be positive: they share the environments of a worker");
+  require(config.minibatches > 0, "ppo.minibatches", config.minibatches,
+          "must be positive: the environments of a worker are divided among them");
   require(config.gae.gamma >= 0 && config.gae.gamma <= 1, "ppo.gamma", config.gae.gamma,
           "must be in [0, 1]: it discounts rewards per step");
   require(config.gae.lambda >= 0 && config.gae.lambda <= 1, "ppo.lambda", config.gae.lambda,

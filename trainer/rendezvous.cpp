@@ -145,7 +145,7 @@ class Host {
       hello = decode<Hello>(parts[1].to_string_view());
     } catch (const WireError& error) {
       ++table_.garbage;
-      // An honest worker of another build waits for a word; a stranger may have it too.
+      // A peer of another build waits for the reason; an unknown peer may read it too.
       refuse(parts[0], error.what());
       return;
     }
@@ -177,7 +177,7 @@ class Host {
     welcome.refusal = reason;
     try {
       send(address.to_string(), welcome);
-    } catch (const zmq::error_t&) {  // gone already: nobody to tell
+    } catch (const zmq::error_t&) {  // gone already
     }
   }
 

@@ -21,12 +21,12 @@ std::string listening_address(const RingConfig& config, const std::string& traff
 struct PeerTable {
   std::uint64_t run_key = 0;  ///< fresh per start
   std::vector<std::string> control_endpoints, bulk_endpoints;
-  int refused = 0, garbage = 0;  ///< at rank 0: strangers turned away, messages that were none
+  int refused = 0, garbage = 0;  ///< at rank 0: unknown peers turned away, messages that were none
 };
 
 /// Workers find each other: rank 0 listens at config.rendezvous, the others say hello with their endpoints, rank 0 answers all with the
-/// table once everybody is there.  A wrong run id, version, rank or world size is answered with the reason and disturbs nobody; garbage is
-/// counted and dropped. Throws RunError: refused, or not everybody came within config.timeout (names who is missing).
+/// table once all ranks are there.  A wrong run id, version, rank or world size is answered with the reason and disturbs no worker; garbage
+/// is counted and dropped. Throws RunError: refused, or not all ranks came within config.timeout (names those that are missing).
 PeerTable meet(zmq::context_t& context, const RingConfig& config, const std::string& control_endpoint, const std::string& bulk_endpoint);
 
 }  // namespace earshot

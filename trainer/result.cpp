@@ -48,18 +48,18 @@ Estimate mean_with_interval(const std::vector<double>& values) {
   return {mean, mean - half, mean + half};
 }
 
-Estimate share_with_interval(std::uint64_t hits, std::uint64_t n) {
+Estimate fraction_with_interval(std::uint64_t hits, std::uint64_t n) {
   if (n == 0) return {};
-  const double z = 1.959963985, count = static_cast<double>(n), share = static_cast<double>(hits) / count;
-  const double centre = (share + z * z / (2 * count)) / (1 + z * z / count);
-  const double half = z / (1 + z * z / count) * std::sqrt(share * (1 - share) / count + z * z / (4 * count * count));
-  return {share, std::max(0.0, centre - half), std::min(1.0, centre + half)};
+  const double z = 1.959963985, count = static_cast<double>(n), fraction = static_cast<double>(hits) / count;
+  const double centre = (fraction + z * z / (2 * count)) / (1 + z * z / count);
+  const double half = z / (1 + z * z / count) * std::sqrt(fraction * (1 - fraction) / count + z * z / (4 * count * count));
+  return {fraction, std::max(0.0, centre - half), std::min(1.0, centre + half)};
 }
 
 Estimate EvaluationResult::success() const {
   std::uint64_t hits = 0;
   for (const auto& row : episodes) hits += row.metrics.success > 0.5 ? 1 : 0;
-  return share_with_interval(hits, episodes.size());
+  return fraction_with_interval(hits, episodes.size());
 }
 Estimate EvaluationResult::spl() const {
   return over(episodes, [](const EpisodeMetrics& m) { return m.spl; });

@@ -9,14 +9,14 @@
 
 namespace earshot {
 
-/// Mean of a metric over episodes with its 95 % interval: Wilson's for success (a share), Student's t for the others.
+/// Mean of a metric over episodes with its 95 % interval: Wilson's for success (a fraction), Student's t for the others.
 struct Estimate {
   double mean = 0, low = 0, high = 0;
 };
 /// values: one per episode.  An empty list gives zeros; one value gives an interval of zero width.
 Estimate mean_with_interval(const std::vector<double>& values);
 /// Wilson score interval of `hits` out of `n` (Wilson 1927).
-Estimate share_with_interval(std::uint64_t hits, std::uint64_t n);
+Estimate fraction_with_interval(std::uint64_t hits, std::uint64_t n);
 
 /// One evaluated agent: what `eval --out` writes and `leaderboard` and `replay` read.
 struct EvaluationResult {

@@ -27,7 +27,7 @@ class RolloutBuffer {
   void push(const ObservationTensors& observations, const torch::Tensor& not_done, const torch::Tensor& actions,
             const torch::Tensor& log_prob, const torch::Tensor& value);
   /// What came of it.  final_value [B]: V(final observation) where truncated, else 0.  valid [B]: 0 for idle envs and for steps that are no
-  /// experience (quarantined, or acted on a mended observation).
+  /// experience (quarantined, or acted on a sanitized observation).
   void push_outcome(std::span<const float> rewards, std::span<const std::uint8_t> terminated, std::span<const std::uint8_t> truncated,
                     const torch::Tensor& final_value, std::span<const std::uint8_t> valid);
   /// next_value [B]: V of the observation after the last row.

@@ -9,7 +9,7 @@
 namespace earshot {
 namespace {
 
-double share(double part, double whole) { return whole > 0 ? part / whole : 0; }
+double fraction(double part, double whole) { return whole > 0 ? part / whole : 0; }
 
 void mention(std::string& text, double count, const char* one, const char* many) {
   if (count > 0) text += fmt::format("{}{:.0f} {}", text.empty() ? "" : ", ", count, count == 1 ? one : many);
@@ -41,7 +41,7 @@ RunCounters RunCounters::of(const BatchedEnv& env, const SceneCache& scenes, con
   set(not_finite, env.nonfinite_events());
   set(quarantine_files, quarantine.files_written);
   set(quarantine_files_failed, quarantine.files_failed);
-  set(mended_rows, actor.mended_rows());
+  set(sanitized_rows, actor.sanitized_rows());
   set(dropped_rows, rollout.dropped_rows());
   return counters;
 }
@@ -57,8 +57,8 @@ void append_curve_values(std::vector<std::pair<std::string, double>>& values, co
                                                             {"hearing/without_early", Field::without_early},
                                                             {"hearing/without_late", Field::without_late},
                                                             {"hearing/from_field", Field::from_field}})
-    values.emplace_back(name, share(recent(field), recent(Field::poses)));
-  values.emplace_back("hearing/cached", share(recent(Field::cached), recent(Field::cached) + recent(Field::poses)));
+    values.emplace_back(name, fraction(recent(field), recent(Field::poses)));
+  values.emplace_back("hearing/cached", fraction(recent(Field::cached), recent(Field::cached) + recent(Field::poses)));
   for (const auto& [name, field] : std::initializer_list<std::pair<const char*, Field>>{{"fields/built", Field::fields_built},
                                                                                         {"fields/loaded", Field::fields_loaded},
                                                                                         {"fields/shared", Field::fields_shared},
@@ -66,7 +66,7 @@ void append_curve_values(std::vector<std::pair<std::string, double>>& values, co
                                                                                         {"guards/quarantined", Field::quarantined},
                                                                                         {"guards/without_path", Field::without_path},
                                                                                         {"guards/not_finite", Field::not_finite},
-                                                                                        {"guards/mended_rows", Field::mended_rows},
+                                                                                        {"guards/sanitized_rows", Field::sanitized_rows},
                                                                                         {"guards/dropped_rows", Field::dropped_rows}})
     values.emplace_back(name, now[field]);
   values.emplace_back("guards/skipped_steps", static_cast<double>(guards.skipped_steps));
@@ -75,10 +75,10 @@ void append_curve_values(std::vector<std::pair<std::string, double>>& values, co
   values.emplace_back("guards/failed_writes", static_cast<double>(guards.failed_writes));
 }
 
-std::string trouble(const RunCounters& counters, const GuardCounts& guards) {
+std::string fault_summary(const RunCounters& counters, const GuardCounts& guards) {
   std::string text;
   mention(text, counters[RunCounters::quarantined], "episode quarantined", "episodes quarantined");
-  mention(text, counters[RunCounters::mended_rows], "observation mended", "observations mended");
+  mention(text, counters[RunCounters::sanitized_rows], "observation sanitized", "observations sanitized");
   mention(text, counters[RunCounters::dropped_rows], "row dropped", "rows dropped");
   mention(text, static_cast<double>(guards.skipped_steps), "step skipped", "steps skipped");
   mention(text, static_cast<double>(guards.loss_alarms), "loss alarm", "loss alarms");
@@ -89,7 +89,7 @@ std::string trouble(const RunCounters& counters, const GuardCounts& guards) {
 
 std::string summary(const RunCounters& c, const GuardCounts& guards) {
   const double all = c[RunCounters::poses];
-  const auto percent = [&](RunCounters::Field field) { return 100 * share(c[field], all); };
+  const auto percent = [&](RunCounters::Field field) { return 100 * fraction(c[field], all); };
   std::string text = fmt::format(
       "heard:  {:.0f} poses, {:.0f} % in sight; without transmission {:.0f} %, diffraction {:.0f} %, early {:.0f} %, late {:.0f} %; "
       "late from a field {:.0f} %; {:.0f} responses cached\n",
@@ -98,7 +98,7 @@ std::string summary(const RunCounters& c, const GuardCounts& guards) {
   text += fmt::format("fields: {:.0f} built, {:.0f} loaded, {:.0f} shared, {:.1f} MB, {:.1f} s\n", c[RunCounters::fields_built],
                       c[RunCounters::fields_loaded], c[RunCounters::fields_shared], c[RunCounters::field_bytes] / 1e6,
                       c[RunCounters::field_seconds]);
-  const std::string happened = trouble(c, guards);
+  const std::string happened = fault_summary(c, guards);
   return text + fmt::format("guards: {} of {} steps taken, {}\n", guards.taken_steps, guards.taken_steps + guards.skipped_steps,
                             happened.empty() ? "nothing to report" : happened);
 }

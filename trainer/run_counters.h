@@ -35,8 +35,8 @@ struct RunCounters {
     not_finite,     ///< of these, because something was not finite
     quarantine_files,
     quarantine_files_failed,
-    mended_rows,   ///< observations and hidden states that were not finite when the policy was to see them
-    dropped_rows,  ///< rewards and values that were not finite when the learner was to have them
+    sanitized_rows,  ///< observations and hidden states that were not finite when the policy was to see them
+    dropped_rows,    ///< rewards and values that were not finite when the learner was to have them
     num_fields
   };
   std::array<double, num_fields> values{};
@@ -51,11 +51,11 @@ struct GuardCounts {
   std::uint64_t failed_writes = 0;  ///< curve points and periodic checkpoints that could not be written
 };
 
-/// Curve points: shares of the poses heard since `before` under hearing/, totals under fields/ and guards/.
+/// Curve points: fractions of the poses heard since `before` under hearing/, totals under fields/ and guards/.
 void append_curve_values(std::vector<std::pair<std::string, double>>& values, const RunCounters& now, const RunCounters& before,
                          const GuardCounts& guards);
 /// "2 episodes quarantined, 1 step skipped"; empty if nothing happened.
-std::string trouble(const RunCounters& counters, const GuardCounts& guards);
+std::string fault_summary(const RunCounters& counters, const GuardCounts& guards);
 /// Three lines: what was heard, which fields, which guards.
 std::string summary(const RunCounters& counters, const GuardCounts& guards);
 

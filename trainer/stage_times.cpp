@@ -28,7 +28,7 @@ void StageTimes::add(const StageTimes& other, double factor) {
 
 double StageTimes::total() const { return simulate_sound + convolve + render + move + policy + learn + reduce; }
 
-std::string StageTimes::shares() const {
+std::string StageTimes::fractions() const {
   const std::array<std::pair<const char*, double>, 7> parts{{{"sound", simulate_sound},
                                                              {"convolve", convolve},
                                                              {"render", render},

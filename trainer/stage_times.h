@@ -20,7 +20,7 @@ struct StageTimes {
   void add(const StageTimes& other, double factor = 1.0);
   [[nodiscard]] double total() const;
   /// "sound 31 %  convolve 8 %  ..."
-  [[nodiscard]] std::string shares() const;
+  [[nodiscard]] std::string fractions() const;
 };
 
 class Stopwatch {

@@ -62,14 +62,12 @@ void check_same_run(const RunConfig& config, const RunStart& start) {
     ++others;
   }
   if (others > 0) what += fmt::format(" ({} more keys differ)", others);
-  if (!what.empty())
-    throw InputError(start.resume.string(), what, "take the old values, or declare the change with --change " + keys);
+  if (!what.empty()) throw InputError(start.resume.string(), what, "take the old values, or declare the change with --change " + keys);
   if (saved.engine != engine_hash() && !declared(kEngine))
-    throw InputError(
-        start.resume.string(),
-        fmt::format("was written by engine {} (commit {}), this one is {} (commit {})", saved.engine, saved.engine_commit, engine_hash(),
-                    engine_commit()),
-        "go on with the program that wrote it, or declare the change with --change engine");
+    throw InputError(start.resume.string(),
+                     fmt::format("was written by engine {} (commit {}), this one is {} (commit {})", saved.engine, saved.engine_commit,
+                                 engine_hash(), engine_commit()),
+                     "go on with the program that wrote it, or declare the change with --change engine");
 }
 
 }  // namespace

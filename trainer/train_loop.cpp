@@ -28,7 +28,7 @@
 namespace earshot {
 namespace {
 
-constexpr int kMaxBarrenUpdates = 20;       // in a row, before a run that learns nothing is ended
+constexpr int kMaxUpdatesWithoutStep = 20;  // in a row, before a run that learns nothing is ended
 constexpr std::uint64_t kLoggedSkips = 20;  // one line each; the others are counted
 
 /// Everything one worker holds during a run.
@@ -103,7 +103,7 @@ class Worker {
   std::optional<CheckpointKeeper> checkpoints_;  ///< rank 0's
   RunCounters counters_;                         ///< of all workers
   GuardCounts guards_;
-  int barren_updates_ = 0;  ///< in a row
+  int updates_without_step_ = 0;  ///< in a row
   Stopwatch clock_;
   double elapsed_s_ = 0;
 };
@@ -178,7 +178,7 @@ void Worker::collect() {
 std::vector<std::uint8_t> Worker::experience() const {
   std::vector<std::uint8_t> counts(env_.active().begin(), env_.active().end());
   for (std::size_t env = 0; env < counts.size(); ++env)
-    if (env_.quarantined()[env] != 0 || actor_.mended()[env] != 0) counts[env] = 0;
+    if (env_.quarantined()[env] != 0 || actor_.sanitized()[env] != 0) counts[env] = 0;
   return counts;
 }
 
@@ -189,7 +189,7 @@ UpdateStats Worker::learn() {
   return stats;
 }
 
-/// Books what the guards of one update did.  The statuses are everybody's, so rank 0 can name any worker.
+/// Books what the guards of one update did.  The statuses are those of all workers, so rank 0 can name any.
 void Worker::note(const UpdateStats& stats) {
   if (rank_ == 0) {
     for (std::size_t i = 0; i < stats.skipped.size() && guards_.skipped_steps + i < kLoggedSkips; ++i)
@@ -205,14 +205,14 @@ void Worker::note(const UpdateStats& stats) {
   guards_.skipped_steps += stats.skipped.size();
   guards_.loss_alarms += static_cast<std::uint64_t>(stats.loss_alarms);
   guards_.kl_alarms += static_cast<std::uint64_t>(stats.kl_alarms);
-  barren_updates_ = stats.taken_steps > 0 ? 0 : barren_updates_ + 1;
-  if (barren_updates_ < kMaxBarrenUpdates) return;
+  updates_without_step_ = stats.taken_steps > 0 ? 0 : updates_without_step_ + 1;
+  if (updates_without_step_ < kMaxUpdatesWithoutStep) return;
   save(true);
-  collective_.barrier();  // who throws stops the others: not before rank 0 has everybody's share of the checkpoint, and has written it
+  collective_.barrier();  // who throws stops the others: not before rank 0 has all parts of the checkpoint, and has written it
   throw RunError(
       "training",
       fmt::format("{} updates in a row took no step, at last because {}; resume from an earlier checkpoint, with a smaller learning rate",
-                  barren_updates_, stats.skipped.empty() ? "no row counted" : describe(stats.skipped.back())));
+                  updates_without_step_, stats.skipped.empty() ? "no row counted" : describe(stats.skipped.back())));
 }
 
 /// A full disk must not end a run that may find room again: false, logged and counted.
@@ -256,13 +256,12 @@ void Worker::report(const UpdateStats& stats, double update_s) {
   const double left_steps = static_cast<double>(config_.total_steps) - static_cast<double>(env_steps_);
   double left_s = std::max(0.0, left_steps) / steps_per_s;
   if (config_.max_minutes > 0) left_s = std::min(left_s, std::max(0.0, config_.max_minutes * 60 - elapsed_s_));
-  const std::string troubles = trouble(counters_, guards_);
+  const std::string faults = fault_summary(counters_, guards_);
   const std::string line = fmt::format(
       "update {:4}  {:>7} of {} steps  {:.0f} steps/s  success {:.3f}  SPL {:.3f}  reward {:.2f}  dtg {:.2f} m  [{}]  {:.0f} min to "
       "go{}{}\n",
       update_, env_steps_, config_.total_steps, steps_per_s, recent.mean(EpisodeSums::success), recent.mean(EpisodeSums::spl),
-      recent.mean(EpisodeSums::reward), recent.mean(EpisodeSums::dtg), mean.shares(), left_s / 60, troubles.empty() ? "" : "  ! ",
-      troubles);
+      recent.mean(EpisodeSums::reward), recent.mean(EpisodeSums::dtg), mean.fractions(), left_s / 60, faults.empty() ? "" : "  ! ", faults);
   std::fputs(line.c_str(), stderr);  // fmt::print would throw where the log is on a full disk
 
   std::vector<std::pair<std::string, double>> values{{"episodes/success", recent.mean(EpisodeSums::success)},
@@ -295,8 +294,8 @@ void Worker::report(const UpdateStats& stats, double update_s) {
 }
 
 void Worker::save(bool last) {
-  check_equal_weights();  // else the checkpoint would be of nobody
-  // Rank 0 needs everybody's cursor; hidden states travel as raw floats.
+  check_equal_weights();  // else the checkpoint would be of no worker
+  // Rank 0 needs the cursors of all workers; hidden states travel as raw floats.
   const torch::Tensor hidden = actor_.hidden().contiguous(), not_done = actor_.not_done().contiguous();
   const auto raw = [](const torch::Tensor& tensor) {
     return std::string(reinterpret_cast<const char*>(tensor.data_ptr<float>()), static_cast<std::size_t>(tensor.numel()) * sizeof(float));
@@ -347,13 +346,13 @@ void Worker::save(bool last) {
 }
 
 bool Worker::finished(double elapsed_s) {
-  // One worker's clock or signal must stop all at the same update: the sum of wishes decides.
-  std::array<double, 1> wishes{StopSignals::received() || env_steps_ >= config_.total_steps ||
-                                       (rank_ == 0 && config_.max_minutes > 0 && elapsed_s >= config_.max_minutes * 60)
-                                   ? 1.0
-                                   : 0.0};
-  collective_.all_reduce_sum(std::span<double>(wishes));
-  return wishes[0] > 0;
+  // One worker's clock or signal must stop all at the same update: the sum of stop votes decides.
+  std::array<double, 1> stop_votes{StopSignals::received() || env_steps_ >= config_.total_steps ||
+                                           (rank_ == 0 && config_.max_minutes > 0 && elapsed_s >= config_.max_minutes * 60)
+                                       ? 1.0
+                                       : 0.0};
+  collective_.all_reduce_sum(std::span<double>(stop_votes));
+  return stop_votes[0] > 0;
 }
 
 TrainReport Worker::run() {

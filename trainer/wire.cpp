@@ -9,7 +9,7 @@ namespace {
 static_assert(std::endian::native == std::endian::little, "frames and checkpoints are written as they lie in memory");
 
 constexpr std::uint32_t kMagic = 0x53524145;  // "EARS"
-constexpr std::uint8_t kLastOperation = static_cast<std::uint8_t>(Operation::farewell);
+constexpr std::uint8_t kLastOperation = static_cast<std::uint8_t>(Operation::goodbye);
 
 }  // namespace
 
@@ -25,8 +25,8 @@ const char* name_of(Operation operation) {
       return "barrier";
     case Operation::all_gather:
       return "all_gather";
-    case Operation::farewell:
-      return "farewell";
+    case Operation::goodbye:
+      return "goodbye";
   }
   return "unknown operation";
 }

@@ -11,8 +11,8 @@
 
 namespace earshot {
 
-/// A message that cannot be what it should be: too large, truncated, of another type or version.  Never leaves trainer/: what it means (a
-/// stranger, a peer of another build) is decided where the message came in.
+/// A message that cannot be what it should be: too large, truncated, of another type or version.  Never leaves trainer/: what it means (an
+/// unknown peer, a peer of another build) is decided where the message came in.
 class WireError : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
@@ -44,7 +44,7 @@ struct Welcome {
 };
 
 /// The last message of a worker to its peers.
-struct Farewell {
+struct Goodbye {
   static constexpr std::size_t kFields = 2;
   std::uint16_t version = kWireVersion;
   std::string reason;  ///< empty: it has finished
@@ -86,7 +86,7 @@ T decode(std::string_view bytes, std::size_t max_bytes = kMaxControlBytes) {
 }
 
 /// What a data message belongs to.
-enum class Operation : std::uint8_t { all_reduce_float, all_reduce_double, broadcast, barrier, all_gather, farewell };
+enum class Operation : std::uint8_t { all_reduce_float, all_reduce_double, broadcast, barrier, all_gather, goodbye };
 const char* name_of(Operation operation);
 
 /// Header frame of every message between workers: 64 bytes, little-endian, followed by one payload frame.

@@ -25,7 +25,7 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr std::chrono::minutes kPatience(10);
+constexpr std::chrono::minutes kCollectiveTimeout(10);
 constexpr std::size_t kMaxFolderLength = 60;  // leaves room for a socket's name within its 107 characters
 constexpr const char *kRank = "EARSHOT_RANK", *kWorldSize = "EARSHOT_WORLD_SIZE", *kRendezvous = "EARSHOT_RENDEZVOUS",
                      *kRunId = "EARSHOT_RUN_ID";
@@ -242,7 +242,7 @@ std::optional<RingConfig> worker_from_environment() {
   config.identity = {parse_int(kRank, std::getenv(kRank)), parse_int(kWorldSize, std::getenv(kWorldSize))};
   config.rendezvous = std::getenv(kRendezvous);
   config.run_id = std::getenv(kRunId);
-  config.timeout = kPatience;
+  config.timeout = kCollectiveTimeout;
   validate(config);
   return config;
 }

@@ -12,7 +12,7 @@ namespace earshot {
 namespace {
 
 constexpr std::size_t kSmallBytes = 64 * 1024;                 // below this, latency counts and not bandwidth (docs/ppo.md, section 6.1)
-constexpr std::size_t kMaxGatherBytes = std::size_t{1} << 30;  // of one worker's share: bounds what a peer can make us allocate
+constexpr std::size_t kMaxGatherBytes = std::size_t{1} << 30;  // of one worker's part: bounds what a peer can make us allocate
 constexpr std::size_t kSegmentAlignment = 16;                  // elements; keeps segments on cache lines
 
 [[noreturn]] void mismatch(int peer, const FrameHeader& got, Operation operation, std::size_t total) {
@@ -103,7 +103,7 @@ void ZmqRing::collective_call(Body&& body) {
   }
 }
 
-/// Everybody's bytes to everybody in one hop.  sink(peer, header, bytes) takes each piece, in order per peer.
+/// The bytes of every worker to every other in one hop.  sink(peer, header, bytes) takes each piece, in order per peer.
 template <class Sink>
 void ZmqRing::exchange(Operation operation, std::span<const std::byte> mine, Sink&& sink) {
   const auto [rank, world_size] = mesh_.identity();
@@ -119,14 +119,14 @@ void ZmqRing::exchange(Operation operation, std::span<const std::byte> mine, Sin
 
   PeerMesh::Interest interest;
   while (true) {
-    interest.control_room.clear();
+    interest.full_control_queues.clear();
     for (int peer = 0; peer < world_size; ++peer) {
       Progress& p = progress[static_cast<std::size_t>(peer)];
-      while (!p.sent_all) {  // an empty share is one empty message
+      while (!p.sent_all) {  // an empty part is one empty message
         header.offset = p.sent;
         const std::size_t length = std::min(kChunkBytes, mine.size() - p.sent);
         if (!mesh_.send_control(peer, header, mine.subspan(p.sent, length))) {
-          interest.control_room.push_back(peer);
+          interest.full_control_queues.push_back(peer);
           break;
         }
         p.sent += length;
@@ -137,7 +137,7 @@ void ZmqRing::exchange(Operation operation, std::span<const std::byte> mine, Sin
       Progress& p = progress[static_cast<std::size_t>(frame->from)];
       if (frame->header.operation != operation) mismatch(frame->from, frame->header, operation, mine.size());
       if (frame->header.offset != p.received || p.received_all)
-        throw RunError(fmt::format("worker {}", frame->from), "sends its share out of order");
+        throw RunError(fmt::format("worker {}", frame->from), "sends its part out of order");
       sink(frame->from, frame->header, frame->bytes());
       p.received += frame->payload.size();
       p.received_all = p.received == frame->header.total;
@@ -166,14 +166,14 @@ void ZmqRing::all_reduce_small(Operation operation, std::span<T> buffer) {
   const auto [rank, world_size] = mesh_.identity();
   const std::size_t bytes = buffer.size_bytes();
   contributions_.resize(bytes * static_cast<std::size_t>(world_size));
-  const auto share = [&](int peer) { return std::span(contributions_).subspan(static_cast<std::size_t>(peer) * bytes, bytes); };
-  std::ranges::copy(std::as_bytes(buffer), share(rank).begin());
-  exchange(operation, share(rank), [&](int peer, const FrameHeader& header, std::span<const std::byte> piece) {
+  const auto part = [&](int peer) { return std::span(contributions_).subspan(static_cast<std::size_t>(peer) * bytes, bytes); };
+  std::ranges::copy(std::as_bytes(buffer), part(rank).begin());
+  exchange(operation, part(rank), [&](int peer, const FrameHeader& header, std::span<const std::byte> piece) {
     if (header.total != bytes) mismatch(peer, header, operation, bytes);
-    std::ranges::copy(piece, share(peer).begin() + static_cast<std::ptrdiff_t>(header.offset));
+    std::ranges::copy(piece, part(peer).begin() + static_cast<std::ptrdiff_t>(header.offset));
   });
-  std::ranges::copy(share(0), std::as_writable_bytes(buffer).begin());
-  for (int peer = 1; peer < world_size; ++peer) add_to(buffer, share(peer));
+  std::ranges::copy(part(0), std::as_writable_bytes(buffer).begin());
+  for (int peer = 1; peer < world_size; ++peer) add_to(buffer, part(peer));
 }
 
 template <class T>
@@ -184,8 +184,8 @@ void ZmqRing::all_reduce_ring(Operation operation, std::span<T> buffer) {
   interest.awaited = {mesh_.left()};
   while (true) {
     // Send what is ready: the first segment at once, then each chunk as soon as it has come in and been summed one step before.  A chunk
-    // that libzmq still reads is never written: its sum comes back only after the right neighbour has read our share.
-    interest.bulk_room = false;
+    // that libzmq still reads is never written: its sum comes back only after the right neighbour has read our part.
+    interest.bulk_queue_full = false;
     while (sent.step < schedule.num_steps() &&
            (sent.step == 0 || received.step >= sent.step || (received.step + 1 == sent.step && received.chunk > sent.chunk))) {
       const auto chunk = schedule.chunk(sent.step, schedule.sent_segment(sent.step), sent.chunk);
@@ -197,7 +197,7 @@ void ZmqRing::all_reduce_ring(Operation operation, std::span<T> buffer) {
       header.offset = chunk.first * sizeof(T);
       header.total = buffer.size_bytes();
       if (!mesh_.send_bulk(header, std::as_bytes(buffer.subspan(chunk.first, chunk.count)))) {
-        interest.bulk_room = true;
+        interest.bulk_queue_full = true;
         break;
       }
       sent.advance(schedule.num_chunks(chunk.segment));
@@ -254,17 +254,17 @@ void ZmqRing::barrier() {
 }
 
 std::vector<std::string> ZmqRing::all_gather(const std::string& bytes) {
-  std::vector<std::string> shares(static_cast<std::size_t>(mesh_.identity().world_size));
-  shares[static_cast<std::size_t>(mesh_.identity().rank)] = bytes;
+  std::vector<std::string> parts(static_cast<std::size_t>(mesh_.identity().world_size));
+  parts[static_cast<std::size_t>(mesh_.identity().rank)] = bytes;
   collective_call([&] {
     if (bytes.size() > kMaxGatherBytes) throw RunError("all_gather", fmt::format("{} bytes, {} at most", bytes.size(), kMaxGatherBytes));
     exchange(Operation::all_gather, std::as_bytes(std::span(bytes)),
              [&](int peer, const FrameHeader& header, std::span<const std::byte> piece) {
                if (header.total > kMaxGatherBytes) mismatch(peer, header, Operation::all_gather, bytes.size());
-               shares[static_cast<std::size_t>(peer)].append(reinterpret_cast<const char*>(piece.data()), piece.size());
+               parts[static_cast<std::size_t>(peer)].append(reinterpret_cast<const char*>(piece.data()), piece.size());
              });
   });
-  return shares;
+  return parts;
 }
 
 std::unique_ptr<Collective> make_zmq_ring(const RingConfig& config) {

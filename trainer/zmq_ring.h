@@ -7,10 +7,10 @@
 
 namespace earshot {
 
-/// Collective calls over a PeerMesh.  Small buffers, and all that is not a sum, go from everybody to everybody in one hop and are summed in
-/// rank order. Large sums go round the ring: reduce-scatter, then all-gather (Patarasuk and Yuan 2009), 2 (P - 1) / P of the buffer per
-/// worker.  Segment k is summed in the order k, k + 1, ..., k + P - 1 (mod P): the same on every worker and in every run, but another one
-/// for another P.
+/// Collective calls over a PeerMesh.  Small buffers, and all that is not a sum, go from every worker to every other in one hop and are
+/// summed in rank order. Large sums go round the ring: reduce-scatter, then all-gather (Patarasuk and Yuan 2009), 2 (P - 1) / P of the
+/// buffer per worker.  Segment k is summed in the order k, k + 1, ..., k + P - 1 (mod P): the same on every worker and in every run, but
+/// another one for another P.
 class ZmqRing : public Collective {
  public:
   explicit ZmqRing(const RingConfig& config);
@@ -20,8 +20,8 @@ class ZmqRing : public Collective {
   void broadcast(std::span<std::byte> buffer) override;
   void barrier() override;
   std::vector<std::string> all_gather(const std::string& bytes) override;
-  /// Messages of strangers that were dropped.
-  [[nodiscard]] std::uint64_t strangers() const { return mesh_.strangers(); }
+  /// Messages of unknown peers that were dropped.
+  [[nodiscard]] std::uint64_t unknown_peers() const { return mesh_.unknown_peers(); }
 
  private:
   template <class Body>

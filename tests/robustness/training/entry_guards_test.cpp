@@ -10,9 +10,9 @@ namespace {
 
 ObservationTensors goals(const torch::Tensor& pointgoal) { return {.depth = {}, .spectrogram = {}, .pointgoal = pointgoal}; }
 
-std::vector<std::uint8_t> mended_of(const Actor& actor) { return {actor.mended().begin(), actor.mended().end()}; }
+std::vector<std::uint8_t> sanitized_of(const Actor& actor) { return {actor.sanitized().begin(), actor.sanitized().end()}; }
 
-TEST(G9_Observation, ThatIsNotFiniteIsZeroedMarkedAndSeenByNobodyElse) {
+TEST(G9_Observation, ThatIsNotFiniteIsZeroedMarkedAndReachesNoOtherRow) {
   for (const float bad : {kNan, kInfinity, -kInfinity}) {
     ActorCritic policy(pointgoal_only(), small_policy());
     Actor actor(policy, kEnvs), clean(policy, kEnvs);
@@ -21,17 +21,17 @@ TEST(G9_Observation, ThatIsNotFiniteIsZeroedMarkedAndSeenByNobodyElse) {
     faulty[1][1] = bad;
     zeroed[1].zero_();
     const PolicyOutput& output = actor.observe(goals(faulty));
-    EXPECT_EQ(mended_of(actor), (std::vector<std::uint8_t>{0, 1, 0, 0}));
-    EXPECT_EQ(actor.mended_rows(), 1u);
+    EXPECT_EQ(sanitized_of(actor), (std::vector<std::uint8_t>{0, 1, 0, 0}));
+    EXPECT_EQ(actor.sanitized_rows(), 1u);
     EXPECT_TRUE(actor.seen().pointgoal.equal(zeroed));
     EXPECT_FALSE(torch::isfinite(faulty).all().item<bool>());  // the env's own buffer was not written to
     const PolicyOutput& expected = clean.observe(goals(zeroed));
     EXPECT_TRUE(output.logits.equal(expected.logits) && output.hidden.equal(expected.hidden));
     const torch::Tensor others = torch::tensor({0, 2, 3});
     EXPECT_TRUE(output.value.index_select(0, others).equal(expected.value.index_select(0, others)));
-    EXPECT_TRUE(std::isnan(output.value[1].item<float>()));  // the value of zeros is nobody's value: the row before must not lead to it
+    EXPECT_TRUE(std::isnan(output.value[1].item<float>()));  // the value of zeros belongs to no state: the row before must not lead to it
     actor.observe(goals(good));
-    EXPECT_EQ(mended_of(actor), (std::vector<std::uint8_t>(kEnvs, 0)));
+    EXPECT_EQ(sanitized_of(actor), (std::vector<std::uint8_t>(kEnvs, 0)));
   }
 }
 
@@ -56,7 +56,7 @@ TEST(G9_HiddenState, ThatIsNotFiniteBeginsAnew) {
   actor.restore(hidden, ones);
   stumbling->stumbles = 1;
   const PolicyOutput output = actor.observe(goals(seen));
-  EXPECT_EQ(mended_of(actor), (std::vector<std::uint8_t>{0, 0, 1, 0}));
+  EXPECT_EQ(sanitized_of(actor), (std::vector<std::uint8_t>{0, 0, 1, 0}));
   EXPECT_EQ(actor.not_done()[2].item<float>(), 0.f);  // so the learner, too, begins anew there
   torch::Tensor zeroed = seen.clone(), begins = ones.clone();
   zeroed[2].zero_();
@@ -106,7 +106,7 @@ TEST(G9_RolloutRow, ThatIsNotFiniteIsLeftOutAndCounted) {
     log_prob.log_prob[2] = bad;
     final_value.final_value[3] = bad;
     final_value.truncated[3] = 1;
-    unused.final_value[0] = bad;  // no end of time: nobody reads it
+    unused.final_value[0] = bad;  // no end of time: gae() does not read it
     idle.rewards[1] = bad;        // did not count before
     idle.valid[1] = 0;
     for (const Row* row : {&reward, &value, &log_prob, &final_value, &unused, &idle}) row->push_to(rollout);

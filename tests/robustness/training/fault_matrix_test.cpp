@@ -48,8 +48,8 @@ void expect_skipped_alike(const Plan& plan, const Seams& seams, int spoiled, Ski
       EXPECT_EQ(tensor.item<std::int64_t>(), taken) << name;
     }
 
-  // The oracle: the same run without faults, in which those steps are left out because nobody has rows for them.  A fault leaves no other
-  // trace.
+  // The oracle: the same run without faults, in which those steps are left out because no worker has rows for them.  A fault leaves no
+  // other trace.
   Seams left_out;
   left_out.sent = [&](const Moment& now, std::span<float> buffer) {
     for (const SkippedStep& step : outcomes[0].updates[static_cast<std::size_t>(now.update)].skipped)
@@ -160,7 +160,7 @@ TEST(G4_FaultMatrix, SumThatOverflows) {
   expect_skipped_alike(plan, seams, 1, SkipCause::sum);
 }
 
-TEST(G4_FaultMatrix, TwoCulpritsAtOnceAreBothNamed) {
+TEST(G4_FaultMatrix, TwoFaultyRanksAtOnceAreBothNamed) {
   Seams seams;
   seams.gradient = [](const Moment& now, torch::Tensor& gradient) {
     if (now.rank != kMiddle && now.update == 1 && now.minibatch == 2) gradient.fill_(kNan);

@@ -114,13 +114,13 @@ TEST_F(FaultyRun, GoesOnToItsEnd) {
     const TrainReport report = run(rank, 4, faults);
     return report.updates == 4 && report.guards.skipped_steps == kWorkers && report.guards.taken_steps == 4 * 4 - kWorkers &&
            report.counters[RunCounters::quarantined] == kWorkers && report.counters[RunCounters::not_finite] == kWorkers &&
-           report.counters[RunCounters::mended_rows] == 0 && report.counters[RunCounters::poses] > 0;
+           report.counters[RunCounters::sanitized_rows] == 0 && report.counters[RunCounters::poses] > 0;
   });
   workers.expect_all_succeed();
   for (std::size_t rank = 0; rank < kWorkers; ++rank) EXPECT_EQ(poisoned[rank], 1);
   EXPECT_EQ(last_value("guards/quarantined"), kWorkers);
   EXPECT_EQ(last_value("guards/skipped_steps"), kWorkers);
-  EXPECT_EQ(last_value("guards/mended_rows"), 0);
+  EXPECT_EQ(last_value("guards/sanitized_rows"), 0);
   EXPECT_GE(last_value("hearing/cached"), 0);
   // Each quarantined episode left its file.
   EXPECT_EQ(std::distance(std::filesystem::directory_iterator(out() / "quarantine"), {}), kWorkers);

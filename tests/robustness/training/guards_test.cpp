@@ -151,7 +151,7 @@ TEST(G6_Entropy, OfMaskedLogitsIsTheLimit) {
 
 // The minibatches of one worker are empty, or all masked: it joins every average with weight 0, and the others get what they would get
 // without it.
-TEST(G8_MaskedWorker, HasNoSayAndHoldsNobodyUp) {
+TEST(G8_MaskedWorker, HasNoWeightAndDelaysNoWorker) {
   for (const int masked : {kFirst, kMiddle, kLast}) {
     Seams seams;
     seams.rollout = [&](const Moment& now, RolloutBuffer& rollout) {

@@ -234,9 +234,9 @@ TEST(CheckpointWeights, AnotherArchitectureIsAnInputErrorThatNamesBoth) {
   EXPECT_NE(error_of([&] { load_weights(small, checkpoint, "test.ckpt"); }).find("shape"), std::string::npos);
   checkpoint.weights = weights_of(small);
   const std::string name = checkpoint.weights.rbegin()->first;
-  checkpoint.weights["stranger"] = torch::zeros({1});
-  EXPECT_NE(error_of([&] { load_weights(small, checkpoint, "test.ckpt"); }).find("stranger"), std::string::npos);
-  checkpoint.weights.erase("stranger");
+  checkpoint.weights["unknown"] = torch::zeros({1});
+  EXPECT_NE(error_of([&] { load_weights(small, checkpoint, "test.ckpt"); }).find("unknown"), std::string::npos);
+  checkpoint.weights.erase("unknown");
   checkpoint.weights[name].view(-1)[0] = NAN;
   EXPECT_NE(error_of([&] { load_weights(small, checkpoint, "test.ckpt"); }).find("not finite"), std::string::npos);
   checkpoint.weights.erase(name);
@@ -305,7 +305,7 @@ TEST(CheckpointOptimizer, WrongStateIsAnInputErrorAndChangesNothing) {
   expect_refused([&](State& state) { state[name + ".exp_avg"] = torch::zeros({1, 2, 3}); }, "shape");
   expect_refused([&](State& state) { state[name + ".exp_avg_sq"] = torch::full_like(state[name + ".exp_avg_sq"], NAN); }, "finite");
   expect_refused([&](State& state) { state[name + ".step"] = torch::tensor(-1, torch::kInt64); }, "count");
-  expect_refused([&](State& state) { state["stranger.step"] = torch::tensor(1, torch::kInt64); }, "does not have");
+  expect_refused([&](State& state) { state["unknown.step"] = torch::tensor(1, torch::kInt64); }, "does not have");
   const auto after = optimizer_state_of(policy, optimizer);
   for (const auto& [key, tensor] : good.optimizer) EXPECT_TRUE(same_bits(tensor, after.at(key))) << key;
   load_optimizer_state(policy, optimizer, Checkpoint{});  // an export has none: Adam starts anew

@@ -138,13 +138,13 @@ TEST_P(RingOf, BroadcastGatherAndBarrier) {
         if (bytes[i] != std::byte(i * 31 >> 3 & 0xFF)) return false;
     }
     for (const std::size_t size : {0, 3, 3000000}) {
-      const auto share = [&](int of) {
+      const auto part = [&](int of) {
         return std::string(size * static_cast<std::size_t>(of), static_cast<char>('a' + of));
       };  // rank 0's is empty
-      const auto shares = ring->all_gather(share(rank));
-      if (static_cast<int>(shares.size()) != GetParam()) return false;
+      const auto parts = ring->all_gather(part(rank));
+      if (static_cast<int>(parts.size()) != GetParam()) return false;
       for (int of = 0; of < GetParam(); ++of)
-        if (shares[static_cast<std::size_t>(of)] != share(of)) return false;
+        if (parts[static_cast<std::size_t>(of)] != part(of)) return false;
     }
     std::this_thread::sleep_for(std::chrono::milliseconds(30 * rank));
     ++arrived[0];
@@ -260,7 +260,7 @@ TEST(Collective, KilledWorkerIsNamedWithinSeconds) {
     const auto killed = Clock::now();
     EXPECT_EQ(workers.wait(0), 0);
     EXPECT_EQ(workers.wait(2), 0);
-    EXPECT_LT(seconds_since(killed), 5.0);  // 0.3 s of grace for last words, the rest for a loaded machine
+    EXPECT_LT(seconds_since(killed), 5.0);  // 0.3 s of shutdown grace period, the rest for a loaded machine
   }
 }
 

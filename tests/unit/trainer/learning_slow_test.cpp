@@ -59,7 +59,7 @@ class MemoryTask {
   std::uint32_t episode_ = 0, step_ = 0;
 };
 
-/// Share of right answers over the last 20 rollouts.  forgetful: the hidden state is zeroed before every step, when acting and when
+/// Fraction of right answers over the last 20 rollouts.  forgetful: the hidden state is zeroed before every step, when acting and when
 /// learning.
 double accuracy_after_training(int updates, bool forgetful) {
   const ObservationSpec spec = MemoryTask::spec();

@@ -53,7 +53,7 @@ void shout_at(const std::string& socket_file) {
   ::close(descriptor);
 }
 
-TEST(Rendezvous, StrangersAreToldWhyAndDisturbNobody) {
+TEST(Rendezvous, UnknownPeersAreToldWhyAndDisturbNoWorker) {
   const PrivateTestFolder folder;
   const std::string address = ring_in(folder, 0, 3).rendezvous;
   SharedArray<std::atomic<bool>, 1> late_may_come;
@@ -89,10 +89,10 @@ TEST(Rendezvous, StrangersAreToldWhyAndDisturbNobody) {
   workers.expect_all_succeed();
 }
 
-TEST(Rendezvous, StrangersOnTheDataPortsAreCountedAndIgnored) {
+TEST(Rendezvous, UnknownPeersOnTheDataPortsAreCountedAndIgnored) {
   const PrivateTestFolder folder;
   SharedArray<std::atomic<bool>, 1> noise_is_over;
-  SharedArray<std::uint64_t, 2> strangers;
+  SharedArray<std::uint64_t, 2> unknown_peers;
   WorkerProcesses workers(2, [&](int rank) {
     ZmqRing ring(ring_in(folder, rank, 2));
     double over = 0;
@@ -104,7 +104,7 @@ TEST(Rendezvous, StrangersOnTheDataPortsAreCountedAndIgnored) {
       over = noise_is_over[0] ? 1 : 0;
       ring.all_reduce_sum(std::span(&over, 1));
     }
-    strangers[static_cast<std::size_t>(rank)] = ring.strangers();
+    unknown_peers[static_cast<std::size_t>(rank)] = ring.unknown_peers();
     return true;
   });
   while (!std::filesystem::exists(folder.path() / "meet.1.bulk") || !std::filesystem::exists(folder.path() / "meet.0.bulk"))
@@ -130,11 +130,11 @@ TEST(Rendezvous, StrangersOnTheDataPortsAreCountedAndIgnored) {
   }
   noise_is_over[0] = true;
   workers.expect_all_succeed();
-  EXPECT_GE(strangers[0], 40u);
-  EXPECT_GE(strangers[1], 40u);
+  EXPECT_GE(unknown_peers[0], 40u);
+  EXPECT_GE(unknown_peers[1], 40u);
 }
 
-TEST(Rendezvous, WrongRunIdIsARunErrorAtTheStranger) {
+TEST(Rendezvous, WrongRunIdIsARunErrorAtTheUnknownPeer) {
   const PrivateTestFolder folder;
   WorkerProcesses workers(2, [&](int rank) {
     RingConfig config = ring_in(folder, rank, 2);
@@ -148,7 +148,7 @@ TEST(Rendezvous, WrongRunIdIsARunErrorAtTheStranger) {
   workers.expect_all_succeed();
 }
 
-TEST(Rendezvous, NobodyAtHomeEndsAfterTheTimeout) {
+TEST(Rendezvous, NoRankZeroEndsAfterTheTimeout) {
   const PrivateTestFolder folder;
   RingConfig config = ring_in(folder, 1, 2);
   config.timeout = milliseconds(300);

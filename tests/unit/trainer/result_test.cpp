@@ -32,14 +32,14 @@ EvaluationResult agent(const std::string& name, int successes, int episodes, dou
 
 // Values of the Wilson score interval as tabulated: 10 of 100 gives [0.05523, 0.17437], 0 of 200 gives [0, 0.01885].
 TEST(Estimate, WilsonInterval) {
-  const Estimate tenth = share_with_interval(10, 100);
+  const Estimate tenth = fraction_with_interval(10, 100);
   EXPECT_DOUBLE_EQ(tenth.mean, 0.1);
   EXPECT_NEAR(tenth.low, 0.0552291, 1e-6);
   EXPECT_NEAR(tenth.high, 0.1743657, 1e-6);
-  const Estimate none = share_with_interval(0, 200);
+  const Estimate none = fraction_with_interval(0, 200);
   EXPECT_EQ(none.low, 0);
   EXPECT_NEAR(none.high, 0.0188454, 1e-6);
-  EXPECT_EQ(share_with_interval(0, 0).high, 0);
+  EXPECT_EQ(fraction_with_interval(0, 0).high, 0);
 }
 
 // 1 ... 10: mean 5.5, standard deviation 3.02765, t(9) = 2.262157: half width 2.165850.  The expansion of t is good to 0.3 %.

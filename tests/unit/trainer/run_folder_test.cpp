@@ -27,13 +27,13 @@ class RunFolderTest : public testing::Test {
 };
 
 TEST_F(RunFolderTest, OverwritingRemovesOnlyWhatARunWrites) {
-  const std::set<std::string> own{"train.json.gz",         "eval.json.gz",           "result_quick.json",     "notes.txt",
-                                  "curve.svg.bak",         "quarantine/mine.json",   "checkpoints/notes.txt", "exports/update_000001.ckpt",
-                                  "events.jsonl.gz",       "quarantine/a_123.json"};
+  const std::set<std::string> own{"train.json.gz",   "eval.json.gz",         "result_quick.json",     "notes.txt",
+                                  "curve.svg.bak",   "quarantine/mine.json", "checkpoints/notes.txt", "exports/update_000001.ckpt",
+                                  "events.jsonl.gz", "quarantine/a_123.json"};
   for (const std::string& name : own) write(name);
-  for (const char* name : {"checkpoints/update_000050.ckpt", "checkpoints/update_1000000.ckpt", "checkpoints/last.ckpt",
-                           "checkpoints/best.ckpt", "events.jsonl", "curve.svg", "events.out.tfevents.0000000001.host.1.0",
-                           "quarantine/sound_0123456789abcdef.json"})
+  for (const char* name :
+       {"checkpoints/update_000050.ckpt", "checkpoints/update_1000000.ckpt", "checkpoints/last.ckpt", "checkpoints/best.ckpt",
+        "events.jsonl", "curve.svg", "events.out.tfevents.0000000001.host.1.0", "quarantine/sound_0123456789abcdef.json"})
     write(name);
   EXPECT_EQ(run_.checkpoints().size(), 4u);
   run_.remove_run();

@@ -123,7 +123,8 @@ TEST_F(StartRun, KeysWithoutAPartInTheBitsMayChange) {
 TEST_F(StartRun, AnotherEngineIsRefusedUnlessDeclared) {
   engine_ = "0123456789abcdef";
   const auto checkpoint = write_checkpoint("run/checkpoints/last.ckpt");
-  EXPECT_THAT(refusal(config(), {.resume = checkpoint}), AllOf(HasSubstr("engine 0123456789abcdef (commit abc)"), HasSubstr(engine_hash())));
+  EXPECT_THAT(refusal(config(), {.resume = checkpoint}),
+              AllOf(HasSubstr("engine 0123456789abcdef (commit abc)"), HasSubstr(engine_hash())));
   EXPECT_EQ(refusal(config(), {.resume = checkpoint, .changes = {"engine"}}), "starts");
 }
 

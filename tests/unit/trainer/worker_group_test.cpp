@@ -37,7 +37,7 @@ void note(const std::string& name, const std::string& text) { write_file_atomica
 
 volatile sig_atomic_t caught = 0;
 
-/// What the copies do.  Skipped when nobody spawned us.
+/// What the copies do.  Skipped where no group spawned this process.
 TEST(WorkerGroupCopy, Acts) {
   const char* role_text = std::getenv("EARSHOT_TEST_ROLE");
   if (role_text == nullptr || std::getenv("EARSHOT_RANK") == nullptr) GTEST_SKIP() << "acts only as a worker of the other tests";
