@@ -78,7 +78,7 @@ BenchScene load_bench_scene(const std::string& name, const std::string& spec, st
   bench.walk = walk_between(*bench.navmesh, points, kStepM, kSteps + 1);
   // On top of the source the direct sound dominates, and its level has no bound.
   std::erase_if(bench.walk, [&](const WalkPose& pose) { return level_distance(pose.foot, bench.source_foot) < 0.3f; });
-  if (bench.walk.size() < 10) throw InputError(spec, "has no room for a walk", "use a scene with more free floor");
+  if (bench.walk.size() < 10) throw InputError(spec, "is too small for a walk", "use a scene with more free floor");
   return bench;
 }
 

@@ -155,7 +155,7 @@ class Soak {
 
   void begin_round() {
     env_->reset();
-    watch_->look_at_start(*env_);
+    watch_->check_start(*env_);
   }
 
   void book(double wall_s, const std::array<double, kSoakStages.size()>& before) {

@@ -69,7 +69,7 @@ SoakWatch::SoakWatch(const std::vector<SoakScene>& scenes, const SoakEpisodes& e
   records_.reserve(keep_records_);
 }
 
-void SoakWatch::look_at_start(const BatchedEnv& env) {
+void SoakWatch::check_start(const BatchedEnv& env) {
   for (std::size_t row = 0; row < agents_.size(); ++row) begin(env, row);
 }
 

@@ -77,7 +77,7 @@ class SoakWatch {
             Tamper tamper = {});
 
   /// After BatchedEnv::reset().
-  void look_at_start(const BatchedEnv& env);
+  void check_start(const BatchedEnv& env);
   /// After BatchedEnv::step(actions).  Steps of idle envs do not count.
   void check(const BatchedEnv& env);
 

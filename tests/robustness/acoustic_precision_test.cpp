@@ -259,9 +259,9 @@ TEST(Precision_PathLength, AMinuteOfReflectionsStaysWithinHalfABin) {
     float path_m = 0;
     double exact_m = 0;
     for (std::uint32_t step = 0; exact_m < 60 * 343; ++step) {
-      const float leg_m = 5 * RandomStream(5, Purpose::test, ray, step).uniform(0);
-      path_m += leg_m;
-      exact_m += static_cast<double>(leg_m);
+      const float segment_m = 5 * RandomStream(5, Purpose::test, ray, step).uniform(0);
+      path_m += segment_m;
+      exact_m += static_cast<double>(segment_m);
     }
     worst_m = std::max(worst_m, std::abs(static_cast<double>(path_m) - exact_m));
   }

@@ -90,7 +90,7 @@ TEST(SourceField, WallsLetSoundThroughAsInTheTracer) {
   const auto room = rooms::scene_of(mesh, {Material::uniform("wall", 0.2f, 1.f), sheet});
   AcousticConfig config = field_config(8192, 0.5f);
   config.transmission = Switch::on;
-  config.diffuse_last_segment = true;  // Lambert walls: no difference, and last legs see the source through the sheet
+  config.diffuse_last_segment = true;  // Lambert walls: no difference, and the last segments reach the source through the sheet
   config.rays = 4096;
   const glm::vec3 source = rooms::point(1, 1, 1), listener = rooms::point(5, 2, 1.4);
   const rooms::Sample field =
