@@ -43,7 +43,7 @@ struct StreamConvolver::Impl {
         dry_spectra(std::move(shared)),
         forward(plan.fft_size, Direction::forward),
         inverse(plan.fft_size, Direction::inverse),
-        stretch(size),
+        segment(size),
         stretch_spectrum(size),
         sums(2 * num_pairs * size) {}
 
@@ -72,11 +72,11 @@ struct StreamConvolver::Impl {
     const std::uint64_t back =
         static_cast<std::uint64_t>(part) * static_cast<std::uint64_t>(plan.part) + size - static_cast<std::uint64_t>(plan.piece);
     const auto make = [&](std::span<Complex> spectrum) {
-      copy_dry(clip, position, back, stretch);
+      copy_dry(clip, position, back, segment);
       // Once in the stored spectrum, not in every inverse transform; a power of two costs no digits.
       const float scale = 1.f / static_cast<float>(size);
-      for (float& value : stretch) value *= scale;
-      forward.set_input(stretch, {});
+      for (float& value : segment) value *= scale;
+      forward.set_input(segment, {});
       forward.transform(spectrum);
     };
     const bool in_silence = !position.already_playing && back > position.sample;
@@ -107,7 +107,7 @@ struct StreamConvolver::Impl {
   std::size_t size;  ///< of the transforms
   std::shared_ptr<DrySpectra> dry_spectra;
   ComplexFft forward, inverse;
-  std::vector<float> stretch;
+  std::vector<float> segment;
   AlignedSpectrum stretch_spectrum;
   std::vector<Complex> sums;  ///< [now, previous][pair][size]
   RirSpectra own_now, own_previous;

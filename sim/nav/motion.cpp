@@ -47,22 +47,22 @@ Place slide_along_walls(const Surface& surface, Place at, glm::dvec3 displacemen
 
 MoveResult slide(const Navmesh& navmesh, glm::vec3 from, glm::vec3 displacement) {
   const Navmesh::Impl& nav = navmesh.impl();
-  const glm::dvec3 asked(displacement.x, 0, displacement.z);
-  const double asked_m = flat_length(asked);
+  const glm::dvec3 horizontal(displacement.x, 0, displacement.z);
+  const double wanted_m = flat_length(horizontal);
   const auto start = nav.locate(from, kReachM);
-  if (!start || !std::isfinite(asked_m)) return {from, true};
+  if (!start || !std::isfinite(wanted_m)) return {from, true};
   const bool on_surface = std::hypot(start->point.x - from.x, start->point.z - from.z) < kOnSurfaceM;
   if (!on_surface) from = start->point;
 
   bool blocked = false;
   const glm::dvec3 origin(from);
   const Place clear{start->polygon, nav.surface.off_walls(start->polygon, origin, 0.5 * kClearanceM)};
-  const Place end = slide_along_walls(nav.surface, clear, asked, blocked);
+  const Place end = slide_along_walls(nav.surface, clear, horizontal, blocked);
   const double covered_m = flat_length(end.point - origin);
-  if (asked_m == 0 || (blocked && covered_m < kStuckM)) return {from, asked_m > kCollisionM};
+  if (wanted_m == 0 || (blocked && covered_m < kStuckM)) return {from, wanted_m > kCollisionM};
   glm::vec3 reached(end.point);
   reached.y = nav.height_at(end.polygon, reached);
-  return {reached, covered_m < asked_m - kCollisionM};
+  return {reached, covered_m < wanted_m - kCollisionM};
 }
 
 }  // namespace earshot

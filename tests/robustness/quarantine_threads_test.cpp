@@ -184,7 +184,7 @@ TEST_F(QuarantineInBatch, EvaluationCountsAFaultyEpisodeAsFailed) {
   for (std::size_t i = 1; i < finished.size(); ++i) EXPECT_FALSE(finished[i].fault) << i;
 }
 
-// Scenes that are not there: passed over at random, failed in an evaluation, and where nothing else is, the run ends and says why.
+// Missing scenes: skipped in random order, failed in an evaluation; without any other scene the run ends with the reason.
 TEST(X_MissingScene, IsPassedOverOrCountsAsFailed) {
   EnvConfig config = quick_env_config();
   const TestFolder folder("missing_scene");
