@@ -24,7 +24,7 @@ namespace {
 constexpr std::size_t kBytesPerTriangle = 256;
 constexpr std::size_t kBytesPerScene = std::size_t{1} << 20;
 constexpr std::size_t kMaxSourcesPerScene = 256;
-/// Of a source without its sound field: 156 bytes per image and 64 per way round edges, and what belongs to no path (distances of the
+/// Of a source without its sound field: 156 bytes per image and 64 per diffraction path, and what belongs to no path (distances of the
 /// corners, blocks of the allocator).  50 to 200 KiB in a house: 256 sources take ten times what their scene does.
 constexpr std::size_t kBytesPerImage = 160, kBytesPerEdgePath = 64, kBytesPerSource = 16384;
 constexpr std::size_t kMaxPrefetches = 256;

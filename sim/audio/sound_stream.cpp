@@ -26,9 +26,9 @@ double cost_of(const StreamPlan& plan, int block, int fade, int taps, int num_pa
   const double parts = ceil_divide(taps, plan.part), pieces = ceil_divide(block, plan.piece) + ceil_divide(fade, plan.piece);
   // Segments of the dry sound lie on a grid as fine as the common divisor of piece and part: that many of them are new in each piece.
   const int grid = std::gcd(plan.piece, plan.part);
-  const double new_stretches = std::min(parts, static_cast<double>(plan.part == grid ? 1 : plan.part / grid));
+  const double new_segments = std::min(parts, static_cast<double>(plan.part == grid ? 1 : plan.part / grid));
   return num_pairs * (parts * (transform + size) + pieces * (transform + size) + pieces * parts * size) +
-         ceil_divide(block, plan.piece) * new_stretches * (transform + size);
+         ceil_divide(block, plan.piece) * new_segments * (transform + size);
 }
 
 }  // namespace

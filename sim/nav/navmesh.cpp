@@ -15,7 +15,7 @@ namespace {
 constexpr float kVerticalReachM = 1.f;
 constexpr float kOnSurfaceM = 1e-3f, kOnSurfaceHeightM = 0.25f;
 constexpr int kLookupNodes = 16;  // none is used
-constexpr double kCoveredShare = 0.25;
+constexpr double kCoveredFraction = 0.25;
 
 bool is_finite(glm::vec3 v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
 
@@ -85,7 +85,8 @@ void Navmesh::Impl::choose_islands(const TriangleMesh& mesh) {
   // A flat roof may be larger than any floor: where a good part of the surface lies under a ceiling, that part counts.
   const auto largest = std::max_element(area_m2.begin(), area_m2.end());
   const auto most_covered = std::max_element(covered_m2.begin(), covered_m2.end());
-  main_island = static_cast<int>(*most_covered >= kCoveredShare * *largest ? most_covered - covered_m2.begin() : largest - area_m2.begin());
+  main_island =
+      static_cast<int>(*most_covered >= kCoveredFraction * *largest ? most_covered - covered_m2.begin() : largest - area_m2.begin());
 
   for (std::size_t i = 0; i < count; ++i) {
     if (static_cast<int>(i) != main_island && area_m2[i] < static_cast<double>(config.min_region_area_m2)) continue;

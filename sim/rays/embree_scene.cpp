@@ -118,13 +118,13 @@ glm::vec3 point_off_edges(const std::array<glm::dvec3, 3>& corners, std::array<d
     double missing = wanted - weights[i];
     if (!(missing > 0)) continue;
     // At right angles to the edge: the foot of the height decides how much each of the others loses.
-    const double share_k = glm::dot(side, edge) / edge2, share_j = 1 - share_k;
+    const double weight_k = glm::dot(side, edge) / edge2, weight_j = 1 - weight_k;
     double straight = missing;
-    if (share_j > 0) straight = std::min(straight, 0.5 * weights[j] / share_j);
-    if (share_k > 0) straight = std::min(straight, 0.5 * weights[k] / share_k);
+    if (weight_j > 0) straight = std::min(straight, 0.5 * weights[j] / weight_j);
+    if (weight_k > 0) straight = std::min(straight, 0.5 * weights[k] / weight_k);
     weights[i] += straight;
-    weights[j] -= straight * share_j;
-    weights[k] -= straight * share_k;
+    weights[j] -= straight * weight_j;
+    weights[k] -= straight * weight_k;
     // In a corner one of them is zero already: the rest moves along the side to the other one.
     missing -= straight;
     const std::size_t donor = weights[j] > weights[k] ? j : k;

@@ -123,7 +123,7 @@ TEST_F(ImageStoreTest, TheLeastRecentlyUsedGoFirst) {
   EXPECT_EQ(num_files(), 3u);
 }
 
-TEST_F(ImageStoreTest, OtherVersionsCountAndGoAndStrangersStay) {
+TEST_F(ImageStoreTest, OtherVersionsCountAndGoAndOtherFilesStay) {
   const auto image = image_of(6, 1000);
   std::filesystem::create_directories(folder_);
   write(folder_ / "00000000000000aa.field-v0", std::string(2000, 'x'));

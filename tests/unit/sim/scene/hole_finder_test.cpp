@@ -37,7 +37,7 @@ Scene room(float size, bool ceiling) {
 
 TEST(HoleFinder, AClosedRoomHasNone) { EXPECT_TRUE(find_holes(room(0, true)).empty()); }
 
-TEST(HoleFinder, NamesTheHoleItsPlaceAndItsShare) {
+TEST(HoleFinder, NamesTheHoleItsPlaceAndItsFraction) {
   const Scene scene = room(0.6f, true);
   const std::vector<Hole> holes = find_holes(scene);
   ASSERT_EQ(holes.size(), 1u);
