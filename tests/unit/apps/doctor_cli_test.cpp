@@ -2,8 +2,6 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-
-#include "tests/support/test_paths.h"
 #include <sys/wait.h>
 
 #include <cstdio>
@@ -13,6 +11,7 @@
 #include <string>
 
 #include "tests/support/test_files.h"
+#include "tests/support/test_paths.h"
 
 namespace earshot {
 namespace {

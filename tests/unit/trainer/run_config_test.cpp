@@ -3,8 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "tests/support/test_paths.h"
 #include "sim/base/errors.h"
+#include "tests/support/test_paths.h"
 #include "trainer/effective_config.h"
 
 namespace earshot {

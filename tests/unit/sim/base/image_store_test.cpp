@@ -224,7 +224,7 @@ TEST_F(ImageStoreTest, AFolderThatCannotBeMadeIsOneWarning) {
   EXPECT_EQ(warnings_.size(), 1u);
 }
 
-// As the user nobody: permissions do not bind the superuser.
+// As an unprivileged user: permissions do not bind the superuser.
 TEST_F(ImageStoreTest, WithoutPermissionNothingIsReadOrWritten) {
   ImageStore store = open();
   ASSERT_TRUE(store.save(kKey, image_of(14)));

@@ -154,8 +154,7 @@ TEST(SourceFieldSlow, EqualsThePathTracerWithinItsError) { compare_with_the_trac
 
 TEST(SourceFieldSlow, EqualsThePathTracerInARealHouse) {
   SKIP_WITHOUT_DATA("scenes/small_house.glb");
-  compare_with_the_tracer((source_dir() / "configs" / "scenes" / "small_house.yaml").string(),
-                          mirror_like(512));
+  compare_with_the_tracer((source_dir() / "configs" / "scenes" / "small_house.yaml").string(), mirror_like(512));
 }
 
 }  // namespace
