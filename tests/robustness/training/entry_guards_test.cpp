@@ -4,6 +4,7 @@
 #include "sim/base/errors.h"
 #include "tests/support/fault_bench.h"
 #include "trainer/actor.h"
+#include "trainer/gae.h"
 
 namespace earshot::faults {
 namespace {

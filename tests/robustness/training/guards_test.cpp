@@ -6,6 +6,7 @@
 #include "sim/base/errors.h"
 #include "tests/support/fault_bench.h"
 #include "trainer/actor.h"
+#include "trainer/advantage_normalization.h"
 
 namespace earshot::faults {
 namespace {
