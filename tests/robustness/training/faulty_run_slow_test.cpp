@@ -11,6 +11,7 @@
 #include "sim/base/files.h"
 #include "tests/support/fault_bench.h"
 #include "trainer/checkpoint.h"
+#include "trainer/episode_data.h"
 #include "trainer/event_log.h"
 #include "trainer/train_loop.h"
 

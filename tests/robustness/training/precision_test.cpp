@@ -3,7 +3,10 @@
 #include <gtest/gtest.h>
 
 #include "tests/support/fault_bench.h"
+#include "trainer/advantage_normalization.h"
+#include "trainer/collective.h"
 #include "trainer/episode_window.h"
+#include "trainer/gae.h"
 
 namespace earshot::faults {
 namespace {
@@ -143,7 +146,7 @@ TEST(X_NormalizationPrecision, KeepsASmallSpreadOnALargeOffset) {
     const auto count = static_cast<double>(rows.numel());
     const double deviation = static_cast<double>(std::sqrt(square / static_cast<long double>(rows.numel())));
     const double one_pass = std::sqrt(std::max(0.0, sum_of_squares / count - sum / count * (sum / count)));
-    const torch::Tensor ours = normalize_advantages(rows, torch::ones_like(rows).to(torch::kBool), [](std::span<double>) {});
+    const torch::Tensor ours = normalize_advantages(rows, torch::ones_like(rows).to(torch::kBool), *make_single_worker());
     double error = 0;
     for (std::int64_t i = 0; i < rows.numel(); ++i)
       error = std::max(error, std::abs(ours.data_ptr<double>()[i] - static_cast<double>((static_cast<long double>(values[i]) - mean) /

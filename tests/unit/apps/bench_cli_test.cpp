@@ -34,7 +34,7 @@ class BenchCli : public testing::Test {
     return {std::istreambuf_iterator<char>(stream), {}};
   }
   [[nodiscard]] int earshot(const std::string& arguments) const {
-    const std::string command = earshot_program().string() + " " + arguments + " >" + file("stdout") + " 2>" + file("stderr");
+    const std::string command = earshot::earshot_program().string() + " " + arguments + " >" + file("stdout") + " 2>" + file("stderr");
     const int status = std::system(command.c_str());
     return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
   }

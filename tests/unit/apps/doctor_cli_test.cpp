@@ -37,7 +37,7 @@ struct Report {
 /// variables: "NAME=VALUE ..." of its environment.
 Report doctor(const std::string& variables) {
   Report report;
-  FILE* output = ::popen(("env " + variables + " " + earshot_program().string() + " doctor 2>&1").c_str(), "r");
+  FILE* output = ::popen(("env " + variables + " " + earshot::earshot_program().string() + " doctor 2>&1").c_str(), "r");
   if (output == nullptr) return report;
   for (int c = 0; (c = std::fgetc(output)) != EOF;) report.text += static_cast<char>(c);
   const int status = ::pclose(output);

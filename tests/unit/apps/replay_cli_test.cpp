@@ -20,7 +20,7 @@ struct Outcome {
 
 Outcome earshot(const TestFolder& folder, const std::string& arguments) {
   const std::filesystem::path output = folder.path() / "output";
-  const int status = std::system((earshot_program().string() + " " + arguments + " >" + output.string() + " 2>&1").c_str());
+  const int status = std::system((earshot::earshot_program().string() + " " + arguments + " >" + output.string() + " 2>&1").c_str());
   return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read_file(output)};
 }
 

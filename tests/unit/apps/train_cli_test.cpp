@@ -43,7 +43,7 @@ class TrainCli : public testing::Test {
   [[nodiscard]] std::string path(const std::string& name) const { return (folder_.path() / name).string(); }
   /// Runs the program; its output and errors together.
   [[nodiscard]] Outcome earshot(const std::string& arguments) const {
-    const int status = std::system((earshot_program().string() + " " + arguments + " >" + path("output") + " 2>&1").c_str());
+    const int status = std::system((earshot::earshot_program().string() + " " + arguments + " >" + path("output") + " 2>&1").c_str());
     return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read_file(path("output"))};
   }
   void expect_done(const std::string& arguments) const {
