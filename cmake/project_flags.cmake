@@ -31,6 +31,10 @@ if(EARSHOT_SANITIZE)
   target_compile_options(project_flags INTERFACE -Wno-error)
   # The first finding ends a program, with a stack.
   add_compile_options(-fsanitize=${EARSHOT_SANITIZE} -fno-sanitize-recover=all -fno-omit-frame-pointer)
+  if(EARSHOT_SANITIZE MATCHES "address" AND EARSHOT_SANITIZE MATCHES "undefined")
+    # The address sanitizer reports the same faults; these two checks are a quarter of the time to compile.
+    add_compile_options(-fno-sanitize=null,object-size)
+  endif()
   add_link_options(-fsanitize=${EARSHOT_SANITIZE})
   # For tests of what a sanitizer brings its own of: memory, and limits on it.
   add_compile_definitions(EARSHOT_SANITIZED)
