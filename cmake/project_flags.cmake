@@ -6,8 +6,11 @@ set(EARSHOT_ARCH "x86-64-v3" CACHE STRING "Value of -march= on x86-64 machines, 
 
 target_compile_options(project_flags INTERFACE
   -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wno-sign-conversion -Werror
-  # g++ 12 at -O3 sees an overlap in std::string's own operator+ (GCC bug 105651); the check has no other use here.
+  # g++ 12 at -O3 sees overlaps and copies of 2^63 bytes in std::string's own operator+ (GCC bug 105651), and no longer counts that as a system
+  # header once it is precompiled; the address sanitizer finds the true ones.
   $<$<CXX_COMPILER_ID:GNU>:-Wno-restrict>
+  $<$<CXX_COMPILER_ID:GNU>:-Wno-stringop-overflow>
+  $<$<CXX_COMPILER_ID:GNU>:-Wno-array-bounds>
   # C++14 has it; clang asks.
   $<$<CXX_COMPILER_ID:Clang>:-fsized-deallocation>
   # a*b+c must round the same way in every translation unit and on every machine: results are promised bit for bit.
