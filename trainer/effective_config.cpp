@@ -1,9 +1,12 @@
 #include "trainer/effective_config.h"
 
+#include <fmt/format.h>
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
 #include <array>
+#include <charconv>
+#include <system_error>
 
 #include "sim/base/errors.h"
 
@@ -12,8 +15,10 @@ namespace {
 
 void flatten(const YAML::Node& node, const std::string& prefix, std::map<std::string, std::string>& flat) {
   if (!node.IsMap()) {
+    YAML::Node value = YAML::Clone(node);
+    if (value.IsSequence()) value.SetStyle(YAML::EmitterStyle::Flow);
     YAML::Emitter text;
-    text << YAML::Flow << node;
+    text << value;
     flat[prefix] = text.c_str();
     return;
   }
@@ -23,6 +28,14 @@ void flatten(const YAML::Node& node, const std::string& prefix, std::map<std::st
 /// Whether `key` is `name` or lies in the section of that name.
 bool lies_in(std::string_view key, std::string_view name) {
   return key.starts_with(name) && (key.size() == name.size() || key[name.size()] == '.');
+}
+
+/// 0.15 for the float 0.150000006; other text as it is.
+std::string readable(const std::string& value) {
+  double number = 0;
+  const auto [end, error] = std::from_chars(value.data(), value.data() + value.size(), number);
+  const bool fraction = error == std::errc() && end == value.data() + value.size() && value.find_first_of(".e") != std::string::npos;
+  return fraction ? fmt::format("{:.6g}", number) : value;
 }
 
 }  // namespace
@@ -44,7 +57,12 @@ std::vector<ConfigChange> config_changes(const std::map<std::string, std::string
   std::vector<ConfigChange> changes;
   for (const auto& [key, unused] : all) {
     ConfigChange change{key, value_of(before, key), value_of(now, key)};
-    if (change.before != change.now) changes.push_back(std::move(change));
+    if (change.before == change.now) continue;
+    if (readable(change.before) != readable(change.now)) {
+      change.before = readable(change.before);
+      change.now = readable(change.now);
+    }
+    changes.push_back(std::move(change));
   }
   return changes;
 }

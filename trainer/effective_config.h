@@ -12,7 +12,8 @@ namespace earshot {
 /// "section.key" -> value as YAML, for every leaf of a config's text.
 std::map<std::string, std::string> flat_config(const std::string& yaml);
 
-/// One key whose value differs; "(absent)" where a side does not have it.
+/// One key whose value differs, for messages: numbers rounded to six digits where that tells them apart, "(absent)" where a side does not
+/// have the key.
 struct ConfigChange {
   std::string key, before, now;
 };
