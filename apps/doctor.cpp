@@ -106,19 +106,24 @@ Finding check_torch() {
 
 /// Has the reader program read a mesh of one triangle.
 Finding check_reader() {
-  const std::filesystem::path file = std::filesystem::temp_directory_path() / fmt::format("earshot_doctor_{}.obj", ::getpid());
+  constexpr const char* remedy = "mesh files and SOFA files cannot be read: build or install earshot_reader with earshot";
+  std::filesystem::path program;
   try {
-    const std::filesystem::path program = reader_program();
+    program = reader_program();
+  } catch (const RunError& error) {
+    return {State::bad, fmt::format("{}; {}", error.what(), remedy)};
+  }
+  const std::filesystem::path file = std::filesystem::temp_directory_path() / fmt::format("earshot_doctor_{}.obj", ::getpid());
+  Finding finding{State::ok, fmt::format("{} reads meshes and head filters", program.string())};
+  try {
     std::ofstream(file) << "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
     call_isolated(program, {"mesh", file.string()}, file.string());
-    std::filesystem::remove(file);
-    return {State::ok, fmt::format("{} reads meshes and head filters", program.string())};
-  } catch (const std::exception& error) {
-    std::error_code ignored;
-    std::filesystem::remove(file, ignored);
-    return {State::bad,
-            fmt::format("{}; mesh files and SOFA files cannot be read: build or install earshot_reader with earshot", error.what())};
+  } catch (const std::exception&) {
+    finding = {State::bad, fmt::format("{} does not read a mesh of one triangle; {}", program.string(), remedy)};
   }
+  std::error_code ignored;
+  std::filesystem::remove(file, ignored);
+  return finding;
 }
 
 /// What tests read that no package and no source has.

@@ -16,7 +16,7 @@ expect_wav() {
   start=$(($(grep -abo data "$1" | head -n 1 | cut -d: -f1) + 8))
   [ $(($(stat -c %s "$1") - start)) -ge $((2 * $2 * 4)) ] || fail "$1 is shorter than $2 samples"
   [ "$(od -An -tu4 -j $((start - 4)) -N 4 "$1" | tr -d ' ')" = $((2 * $2 * 4)) ] || fail "$1 has not $2 samples"
-  peak=$(od -An -v -w4 -tf4 -j "$start" -N $((2 * $2 * 4)) "$1" | awk '/nan|inf/ { print "bad"; exit } { v = $1 < 0 ? -$1 : $1; if (v > peak) peak = v } END { print peak + 0 }')
+  peak=$(od -An -v -w4 -tf4 -j "$start" -N $((2 * $2 * 4)) "$1" | awk '/nan|inf/ { bad = 1 } { v = $1 < 0 ? -$1 : $1; if (v > peak) peak = v } END { print bad ? 0 : peak + 0 }')
   awk -v peak="$peak" 'BEGIN { exit !(peak >= 0.001 && peak < 10) }' || fail "$1 has a peak of $peak"
 }
 # A box of 5 x 3 x 4 m as a mesh file, which the installed reader program reads.
@@ -43,6 +43,7 @@ cmake --build "$work/build" >"$work/log" || { cat "$work/log" >&2; fail "the exa
 
 "$work/build/rir" shoebox:5x3x4@0.2 "$work/box.wav" 1.2 1.1 1.5 3.8 1.6 2.3
 expect_wav "$work/box.wav" 16000
+mkdir -p "$prefix/bin"
 cp "$work/build/rir" "$prefix/bin/rir"  # finds the reader beside the other installed programs
 "$prefix/bin/rir" "$work/box.obj" "$work/mesh.wav" 1.2 1.1 1.5 3.8 1.6 2.3
 expect_wav "$work/mesh.wav" 16000
@@ -52,6 +53,7 @@ if [ -x "$prefix/bin/earshot" ]; then
   expect_wav "$work/program.wav" 8000
   version=$(sed -nE 's/^project\(.* VERSION ([0-9.]+) .*/\1/p' CMakeLists.txt)
   [ "$("$prefix/bin/earshot" --version)" = "earshot $version" ] || fail "earshot --version is not that of CMakeLists.txt, $version"
-  "$prefix/bin/earshot" doctor | grep -q "^ok *reader *$prefix/libexec/" || fail "doctor does not find the installed reader"
+  "$prefix/bin/earshot" doctor >"$work/doctor"
+  grep -q "^ok *reader *$prefix/libexec/" "$work/doctor" || fail "doctor does not find the installed reader"
 fi
 echo "check_install: the examples build and run against the installed tree"
