@@ -63,9 +63,10 @@ class BenchCli : public testing::Test {
 TEST_F(BenchCli, RirWritesTheNamesThatScriptsRelyOn) {
   ASSERT_EQ(earshot("bench rir --quick --json " + file("rir.json")), 0) << read("stderr");
   const std::set<std::string> names = names_in("rir.json", "rir");
-  for (const char* name : {"fast.rir_per_s.n50", "fast.rir_per_s.n150", "fast.rir_per_s.n500", "fast.rir_per_s.n2000",
-                           "fast.rir_per_s.warm", "fast.rt60_error_pct.energy", "fast.rt60_error_pct.rir", "fast.drr_error_db",
-                           "high.rir_per_s", "high.rt60_standard_error_pct", "observation_per_s"})
+  for (const char* name :
+       {"fast.rir_per_s.n50", "fast.rir_per_s.n150", "fast.rir_per_s.n500", "fast.rir_per_s.n2000", "fast.rir_per_s.warm",
+        "fast.rt60_error_pct.energy", "fast.rt60_error_pct.rir", "fast.drr_error_db", "high.rir_per_s", "high.rt60_standard_error_pct",
+        "high_field.rir_per_s", "high_field.rt60_standard_error_pct", "observation_per_s"})
     EXPECT_EQ(names.count(name), 1u) << name;
   // The source's cost spreads over more RIRs: rates rise with n, and serving n costs no more than that many warm ones and the source.
   const json results = json::parse(read("rir.json")).at("results");
