@@ -14,6 +14,7 @@ case $mode in full | quick | all) ;; *) echo "test.sh: unknown mode '$mode'; one
 jobs=${EARSHOT_JOBS:-$(nproc)}
 record=tests/slow_statistics.txt
 table=""
+failed=()
 results=$(mktemp -d)
 
 finish() {
@@ -23,13 +24,15 @@ finish() {
 }
 trap finish EXIT
 
-# stage NAME COMMAND...: runs it and keeps its wall time for the table.
+# stage NAME COMMAND...: runs it, keeps its wall time for the table and its name if it fails; the stages after it run all the same.
 stage() {
-  local name=$1 begin=$SECONDS
+  local name=$1 begin=$SECONDS status=0
   shift
   echo "== $name: $*"
-  "$@"
-  table+=$(printf '%-26s %5d s' "$name" $((SECONDS - begin)))$'\n'
+  "$@" || status=$?
+  if [ "$status" -ne 0 ]; then failed+=("$name"); fi
+  table+=$(printf '%-26s %5d s%s' "$name" $((SECONDS - begin)) "$([ "$status" -eq 0 ] || echo '   FAILED')")$'\n'
+  return "$status"
 }
 
 # run_tests NAME PRESET [CTEST ARGUMENTS...]
@@ -58,19 +61,17 @@ run_quick() {
     if compgen -G "tests/unit/$folder/*_threads_test.cpp" >/dev/null; then targets+=("${target}_threads"); fi
     if ls "tests/unit/$folder" | grep -E '_test\.cpp$' | grep -qvE '_(slow|threads)_test\.cpp$'; then targets+=("$target"); fi
   done
-  stage "quick build" scripts/build.sh release --target "${targets[@]}"
-  run_tests "quick tests" release -LE slow -L "^(${labels#|})\$"
+  stage "quick build" scripts/build.sh release --target "${targets[@]}" && run_tests "quick tests" release -LE slow -L "^(${labels#|})\$" || true
 }
 
 run_full() {
-  stage "format" scripts/check_format.sh
-  stage "release build" scripts/build.sh release
-  run_tests "release tests" release -LE slow
-  stage "asan-ubsan build" scripts/build.sh asan-ubsan
-  run_tests "asan-ubsan tests" asan-ubsan
-  stage "tsan build" scripts/build.sh tsan
-  run_tests "tsan tests" tsan
-  stage "fuzzing" scripts/fuzz.sh 60
+  stage "format" scripts/check_format.sh || true
+  stage "release build" scripts/build.sh release && run_tests "release tests" release -LE slow || true
+  if stage "asan-ubsan build" scripts/build.sh asan-ubsan; then
+    run_tests "asan-ubsan tests" asan-ubsan || true
+    stage "fuzzing" scripts/fuzz.sh 60 || true
+  fi
+  stage "tsan build" scripts/build.sh tsan && run_tests "tsan tests" tsan || true
 }
 
 if [ "$mode" = quick ]; then
@@ -80,8 +81,12 @@ if [ "$mode" = quick ]; then
 else
   run_full
   if [ "$mode" = all ]; then
-    run_tests "slow statistics" release -L slow
-    printf 'The slow statistics (scripts/test.sh all) last passed on %s at commit %s.\n' "$(date -u +%Y-%m-%d)" "$(git rev-parse --short=12 HEAD)" >"$record"
+    run_tests "slow statistics" release -L slow &&
+      printf 'The slow statistics (scripts/test.sh all) last passed on %s at commit %s.\n' "$(date -u +%Y-%m-%d)" "$(git rev-parse --short=12 HEAD)" >"$record" || true
   fi
   cat "$record"
+fi
+if [ ${#failed[@]} -gt 0 ]; then
+  printf 'test.sh: failed: %s\n' "$(IFS=,; echo "${failed[*]}")" >&2
+  exit 1
 fi
