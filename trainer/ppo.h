@@ -29,6 +29,10 @@ PpoLoss ppo_loss(const torch::Tensor& log_prob, const torch::Tensor& old_log_pro
                  const torch::Tensor& values, const torch::Tensor& old_values, const torch::Tensor& returns, const torch::Tensor& entropy,
                  const torch::Tensor& valid, double clip, const PpoConfig& config);
 
+/// A larger difference between the policy of the rollout and that of the learner before its first step is no rounding (docs/ppo.md): a
+/// mask, a hidden state or an observation is not what the policy acted on.
+inline constexpr double kMaxRatioError = 1e-4;
+
 /// Means over the minibatches of one update.
 struct UpdateStats {
   double policy_loss = 0, value_loss = 0, entropy = 0, approx_kl = 0, clip_fraction = 0, gradient_norm = 0;

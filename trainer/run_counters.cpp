@@ -72,6 +72,7 @@ void append_curve_values(std::vector<std::pair<std::string, double>>& values, co
   values.emplace_back("guards/skipped_steps", static_cast<double>(guards.skipped_steps));
   values.emplace_back("guards/loss_alarms", static_cast<double>(guards.loss_alarms));
   values.emplace_back("guards/kl_alarms", static_cast<double>(guards.kl_alarms));
+  values.emplace_back("guards/ratio_alarms", static_cast<double>(guards.ratio_alarms));
   values.emplace_back("guards/failed_writes", static_cast<double>(guards.failed_writes));
 }
 
@@ -83,6 +84,7 @@ std::string fault_summary(const RunCounters& counters, const GuardCounts& guards
   mention(text, static_cast<double>(guards.skipped_steps), "step skipped", "steps skipped");
   mention(text, static_cast<double>(guards.loss_alarms), "loss alarm", "loss alarms");
   mention(text, static_cast<double>(guards.kl_alarms), "KL alarm", "KL alarms");
+  mention(text, static_cast<double>(guards.ratio_alarms), "ratio alarm", "ratio alarms");
   mention(text, static_cast<double>(guards.failed_writes), "file not written", "files not written");
   return text;
 }

@@ -48,6 +48,7 @@ struct RunCounters {
 /// What became of the optimizer's steps and the run's files; the same on every worker, but for the files, which are rank 0's.
 struct GuardCounts {
   std::uint64_t taken_steps = 0, skipped_steps = 0, loss_alarms = 0, kl_alarms = 0;
+  std::uint64_t ratio_alarms = 0;   ///< updates of this worker whose first ratio was off by more than kMaxRatioError
   std::uint64_t failed_writes = 0;  ///< curve points and periodic checkpoints that could not be written
 };
 

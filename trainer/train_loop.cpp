@@ -201,6 +201,11 @@ void Worker::note(const UpdateStats& stats) {
           "update {}, worker {}: a loss of {:.4g} and a KL divergence of {:.4g} (alarms at {} and {}; further ones are counted only)",
           update_, stats.alarm_rank, stats.alarm_loss, stats.alarm_kl, config_.ppo.loss_alarm, config_.ppo.kl_alarm);
   }
+  if (stats.max_ratio_error > kMaxRatioError && guards_.ratio_alarms++ == 0)
+    spdlog::warn(
+        "update {}, worker {}: before the first step the learner's probabilities differ from the rollout's by {:.2g} of them: a mask, a "
+        "hidden state or an observation is not what the policy acted on (further updates are counted only)",
+        update_, rank_, stats.max_ratio_error);
   guards_.taken_steps += static_cast<std::uint64_t>(stats.taken_steps);
   guards_.skipped_steps += stats.skipped.size();
   guards_.loss_alarms += static_cast<std::uint64_t>(stats.loss_alarms);

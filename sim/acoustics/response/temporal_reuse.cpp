@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "sim/acoustics/core/arrival.h"
+#include "sim/acoustics/paths/line_of_sight.h"
 #include "sim/base/errors.h"
 
 namespace earshot {
@@ -119,7 +120,7 @@ void TemporalReuse::compute(const AcousticScene& scene, const EarlyCandidates& c
   const Place place{.source = candidates.source(),
                     .listener = listener,
                     .orientation = candidates.sound_source().orientation,
-                    .in_sight = !scene.scene().rays().occluded(listener, candidates.source()),
+                    .in_sight = in_line_of_sight(scene, candidates.source(), listener),
                     .scene = scene.hash()};
   if (!has_shape_of(scene, response.late)) response.late = make_histogram(scene);
   if (!continues(place, response.late)) {

@@ -122,6 +122,7 @@ TEST_F(FaultyRun, GoesOnToItsEnd) {
   EXPECT_EQ(last_value("guards/quarantined"), kWorkers);
   EXPECT_EQ(last_value("guards/skipped_steps"), kWorkers);
   EXPECT_EQ(last_value("guards/sanitized_rows"), 0);
+  EXPECT_EQ(last_value("guards/ratio_alarms"), 0);
   EXPECT_GE(last_value("hearing/cached"), 0);
   // Each quarantined episode left its file.
   EXPECT_EQ(std::distance(std::filesystem::directory_iterator(out() / "quarantine"), {}), kWorkers);

@@ -71,7 +71,10 @@ class TrainCli : public testing::Test {
 TEST_F(TrainCli, ASecondRunIntoAFolderIsRefusedUnlessTold) {
   const std::string train = "train " + path("tiny.yaml");
   expect_done("dataset episodes --config " + path("tiny.yaml"));
-  expect_done(train);
+  const Outcome first = earshot(train);
+  EXPECT_EQ(first.exit_code, 0) << first.text;
+  EXPECT_THAT(first.text, HasSubstr("8 of 8 steps taken"));
+  EXPECT_THAT(first.text, testing::Not(HasSubstr("ratio alarm"))) << "the learner evaluates the policy that acted";
   EXPECT_THAT(checkpoints(), testing::IsSupersetOf({"last.ckpt", "update_000003.ckpt", "update_000004.ckpt"}));
   EXPECT_THAT(checkpoints(), testing::Not(testing::Contains("update_000002.ckpt"))) << "keep: 2";
 
