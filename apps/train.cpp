@@ -57,7 +57,8 @@ void add_train(CLI::App& app, const std::vector<std::string>& arguments, int& ex
   command->add_option("--workers", options->workers, "Worker processes on this machine (default: the config's)");
   command->add_option("--resume", options->resume, "Run folder or checkpoint to go on from");
   command->add_option("--change", options->changes, "With --resume: keys or sections that may differ from the checkpoint's, and 'engine'")
-      ->delimiter(',');
+      ->delimiter(',')
+      ->allow_extra_args(false);
   command->add_flag("--overwrite", options->overwrite,
                     "Remove the files of an earlier run in `out` first; without it such a folder is refused");
   command->footer(

@@ -2,8 +2,9 @@
 set(EARSHOT_COMMON_HEADERS <fmt/format.h> <glm/glm.hpp> <algorithm> <array> <cmath> <filesystem> <fstream> <functional> <map> <memory> <mutex>
     <numbers> <optional> <set> <span> <sstream> <string> <vector>)
 
-# earshot_library(NAME DIR): a static library of all .cpp files in DIR and below.
+# earshot_library(NAME DIR [PCH TARGET]): a static library of all .cpp files in DIR and below.  PCH: the target whose precompiled headers it reads.
 function(earshot_library name dir)
+  cmake_parse_arguments(PARSE_ARGV 2 arg "" "PCH" "")
   file(GLOB_RECURSE sources CONFIGURE_DEPENDS ${dir}/*.cpp)
   file(GLOB_RECURSE headers CONFIGURE_DEPENDS ${dir}/*.h)
   add_library(${name} STATIC ${sources} ${headers})
@@ -16,7 +17,9 @@ function(earshot_library name dir)
   target_compile_options(${name} INTERFACE $<INSTALL_INTERFACE:-ffp-contract=off>)
   add_library(earshot::${name} ALIAS ${name})
   list(LENGTH sources num_sources)
-  if(num_sources GREATER 8)  # below, reading them once more costs what it saves
+  if(arg_PCH)
+    target_precompile_headers(${name} REUSE_FROM ${arg_PCH})
+  elseif(num_sources GREATER 8)  # below, reading them once more costs what it saves
     target_precompile_headers(${name} PRIVATE ${EARSHOT_COMMON_HEADERS})
   endif()
 endfunction()

@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "sim/acoustics/response/energy_response.h"
+#include "sim/acoustics/synthesis/carriers.h"
 #include "sim/acoustics/synthesis/rir_synthesis.h"
 #include "sim/audio/sound_clip.h"
 
@@ -32,7 +33,7 @@ int main(int argc, char** argv) try {
   // The same as pressure at two ears; the listener faces -z.
   RirSynthesizer synthesizer(make_synthesis_tables(acoustics.config(), acoustics.bands(), ChannelLayout::binaural, nullptr));
   Rir rir;
-  synthesizer.render(response, 0.0, acoustics.hash(), rir);
+  synthesizer.render(response, 0.0, carrier_key(acoustics.hash()), rir);
   write_wav(argv[2], rir.samples, rir.num_channels, rir.sample_rate_hz);
   std::printf("%s: %d channels, %d samples at %.0f Hz, %zu paths\n", argv[2], rir.num_channels, rir.num_samples, rir.sample_rate_hz,
               response.arrivals.size());

@@ -1,5 +1,7 @@
 #include "policy/masked_gru.h"
 
+#include <torch/csrc/autograd/custom_function.h>
+
 #include "sim/base/errors.h"
 
 namespace earshot {

@@ -1,6 +1,8 @@
 #include "policy/torch_info.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
+#include <torch/version.h>
 
 namespace earshot {
 

@@ -2,7 +2,7 @@
 
 #include <dlfcn.h>
 #include <malloc.h>
-#include <torch/torch.h>
+#include <torch/utils.h>
 
 #include <limits>
 

@@ -55,9 +55,9 @@ if [ -z "$keep" ] || [ ! -d "$clone" ]; then
   rm -rf --one-file-system "$root"
   mkdir -p "$root"
   tar -C "$root" --numeric-owner -xpf "$archive"
-  git clone -q --no-hardlinks --no-checkout "$sources" "$clone"
+  git clone -q --no-hardlinks --no-checkout "$sources" "$clone" || fail "cannot clone $sources"
 fi
-git -C "$clone" fetch -q "$sources" HEAD
+git -C "$clone" fetch -q "$sources" HEAD || fail "cannot fetch HEAD of $sources"
 git -C "$clone" checkout -q --force --detach FETCH_HEAD
 
 # How to reach the mirror comes from this machine, and nothing else does.

@@ -16,6 +16,8 @@ if [ "${1:-}" = --target ]; then
   while [ $# -gt 0 ] && [ "$1" != -- ]; do targets+=("$1"); shift; done
 fi
 if [ "${1:-}" = -- ]; then shift; fi
+# Without these ccache keeps nothing that reads precompiled headers.
+export CCACHE_SLOPPINESS=${CCACHE_SLOPPINESS:-pch_defines,time_macros}
 launcher=()
 command -v ccache >/dev/null && launcher=(-DCMAKE_CXX_COMPILER_LAUNCHER=ccache)
 # In a folder of another compiler's, CMake would forget what the preset sets, the sanitizer first of all.

@@ -19,7 +19,10 @@ sets=()
 for override in "$@"; do sets+=(--set "$override"); done
 name=$(basename "$config" .yaml)
 out=runs/$name
-if [ "$mode" = new ] && compgen -G "$out/checkpoints/*.ckpt" >/dev/null; then
+for override in "$@"; do
+  case $override in out=*) echo "scripts/train.sh: $override: results go to $out; copy the config to train into another folder" >&2; exit 2 ;; esac
+done
+if [ "$mode" = new ] && { compgen -G "$out/checkpoints/*.ckpt" || compgen -G "$out/*.ckpt"; } >/dev/null; then
   echo "scripts/train.sh: $out holds an earlier run; go on with it by --resume, or replace it with --overwrite" >&2
   exit 2
 fi

@@ -17,7 +17,8 @@ void mention(std::string& text, double count, const char* one, const char* many)
 
 }  // namespace
 
-RunCounters RunCounters::of(const BatchedEnv& env, const SceneCache& scenes, const Actor& actor, const RolloutBuffer& rollout) {
+RunCounters RunCounters::of(const BatchedEnv& env, const SceneCache& scenes, const Actor& actor, const RolloutBuffer& rollout,
+                            std::uint64_t num_ratio_alarms) {
   const EffectCounters effects = env.effect_counters();
   const FieldCounters fields = scenes.field_counters();
   const QuarantineCounters quarantine = env.quarantine_counters();
@@ -43,6 +44,7 @@ RunCounters RunCounters::of(const BatchedEnv& env, const SceneCache& scenes, con
   set(quarantine_files_failed, quarantine.files_failed);
   set(sanitized_rows, actor.sanitized_rows());
   set(dropped_rows, rollout.dropped_rows());
+  set(ratio_alarms, num_ratio_alarms);
   return counters;
 }
 
@@ -67,12 +69,12 @@ void append_curve_values(std::vector<std::pair<std::string, double>>& values, co
                                                                                         {"guards/without_path", Field::without_path},
                                                                                         {"guards/not_finite", Field::not_finite},
                                                                                         {"guards/sanitized_rows", Field::sanitized_rows},
-                                                                                        {"guards/dropped_rows", Field::dropped_rows}})
+                                                                                        {"guards/dropped_rows", Field::dropped_rows},
+                                                                                        {"guards/ratio_alarms", Field::ratio_alarms}})
     values.emplace_back(name, now[field]);
   values.emplace_back("guards/skipped_steps", static_cast<double>(guards.skipped_steps));
   values.emplace_back("guards/loss_alarms", static_cast<double>(guards.loss_alarms));
   values.emplace_back("guards/kl_alarms", static_cast<double>(guards.kl_alarms));
-  values.emplace_back("guards/ratio_alarms", static_cast<double>(guards.ratio_alarms));
   values.emplace_back("guards/failed_writes", static_cast<double>(guards.failed_writes));
 }
 
@@ -84,7 +86,7 @@ std::string fault_summary(const RunCounters& counters, const GuardCounts& guards
   mention(text, static_cast<double>(guards.skipped_steps), "step skipped", "steps skipped");
   mention(text, static_cast<double>(guards.loss_alarms), "loss alarm", "loss alarms");
   mention(text, static_cast<double>(guards.kl_alarms), "KL alarm", "KL alarms");
-  mention(text, static_cast<double>(guards.ratio_alarms), "ratio alarm", "ratio alarms");
+  mention(text, counters[RunCounters::ratio_alarms], "ratio alarm", "ratio alarms");
   mention(text, static_cast<double>(guards.failed_writes), "file not written", "files not written");
   return text;
 }

@@ -37,18 +37,19 @@ struct RunCounters {
     quarantine_files_failed,
     sanitized_rows,  ///< observations and hidden states that were not finite when the policy was to see them
     dropped_rows,    ///< rewards and values that were not finite when the learner was to have them
+    ratio_alarms,    ///< updates whose first ratio was off by more than kMaxRatioError (trainer/ppo.h)
     num_fields
   };
   std::array<double, num_fields> values{};
 
-  static RunCounters of(const BatchedEnv& env, const SceneCache& scenes, const Actor& actor, const RolloutBuffer& rollout);
+  static RunCounters of(const BatchedEnv& env, const SceneCache& scenes, const Actor& actor, const RolloutBuffer& rollout,
+                        std::uint64_t num_ratio_alarms);
   [[nodiscard]] double operator[](Field field) const { return values[field]; }
 };
 
 /// What became of the optimizer's steps and the run's files; the same on every worker, but for the files, which are rank 0's.
 struct GuardCounts {
   std::uint64_t taken_steps = 0, skipped_steps = 0, loss_alarms = 0, kl_alarms = 0;
-  std::uint64_t ratio_alarms = 0;   ///< updates of this worker whose first ratio was off by more than kMaxRatioError
   std::uint64_t failed_writes = 0;  ///< curve points and periodic checkpoints that could not be written
 };
 

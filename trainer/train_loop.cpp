@@ -104,6 +104,7 @@ class Worker {
   RunCounters counters_;                         ///< of all workers
   GuardCounts guards_;
   int updates_without_step_ = 0;  ///< in a row
+  std::uint64_t ratio_alarms_ = 0;
   Stopwatch clock_;
   double elapsed_s_ = 0;
 };
@@ -201,7 +202,7 @@ void Worker::note(const UpdateStats& stats) {
           "update {}, worker {}: a loss of {:.4g} and a KL divergence of {:.4g} (alarms at {} and {}; further ones are counted only)",
           update_, stats.alarm_rank, stats.alarm_loss, stats.alarm_kl, config_.ppo.loss_alarm, config_.ppo.kl_alarm);
   }
-  if (stats.max_ratio_error > kMaxRatioError && guards_.ratio_alarms++ == 0)
+  if (stats.max_ratio_error > kMaxRatioError && ratio_alarms_++ == 0)
     spdlog::warn(
         "update {}, worker {}: before the first step the learner's probabilities differ from the rollout's by {:.2g} of them: a mask, a "
         "hidden state or an observation is not what the policy acted on (further updates are counted only)",
@@ -237,7 +238,7 @@ void Worker::report(const UpdateStats& stats, double update_s) {
   constexpr std::size_t num_stages = 7, first_counter = EpisodeSums::num_fields + num_stages;
   std::array<double, first_counter + RunCounters::num_fields> sums{};
   std::copy(finished_.values.begin(), finished_.values.end(), sums.begin());
-  const RunCounters own = RunCounters::of(env_, *scenes_, actor_, rollout_);
+  const RunCounters own = RunCounters::of(env_, *scenes_, actor_, rollout_, ratio_alarms_);
   std::copy(own.values.begin(), own.values.end(), sums.begin() + first_counter);
   const std::array<double, num_stages> stage{times_.simulate_sound, times_.convolve, times_.render, times_.move,
                                              times_.policy,         times_.learn,    times_.reduce};

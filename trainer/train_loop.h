@@ -25,7 +25,7 @@ struct TrainHooks {
   StageHook stage_hook;  ///< see BatchedEnv::set_stage_hook
 };
 
-/// One worker's part of a DD-PPO run: roll out, average gradients, step, until config.total_steps or config.max_minutes.  Rank 0 writes
+/// One worker's part of a DD-PPO run: roll out, sum gradients, step, until config.total_steps or config.max_minutes.  Rank 0 writes
 /// curves (events.jsonl, TensorBoard) and checkpoints under config.out and shows progress.  SIGTERM, SIGINT and SIGUSR1 end the run after
 /// the current update with a checkpoint.  start: see prepare_run; a resumed run gives the bits of the unbroken one.
 ///

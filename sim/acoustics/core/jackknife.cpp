@@ -5,6 +5,7 @@
 namespace earshot {
 
 std::optional<double> jackknife_error(std::span<const std::optional<double>> values) {
+  if (values.empty()) return std::nullopt;
   const auto n = static_cast<double>(values.size());
   double mean = 0, squares = 0;
   for (const std::optional<double>& value : values) {

@@ -73,7 +73,7 @@ TEST_F(TrainCli, ASecondRunIntoAFolderIsRefusedUnlessTold) {
   expect_done("dataset episodes --config " + path("tiny.yaml"));
   const Outcome first = earshot(train);
   EXPECT_EQ(first.exit_code, 0) << first.text;
-  EXPECT_THAT(first.text, HasSubstr("8 of 8 steps taken"));
+  EXPECT_THAT(first.text, HasSubstr("16 of 16 steps taken"));
   EXPECT_THAT(first.text, testing::Not(HasSubstr("ratio alarm"))) << "the learner evaluates the policy that acted";
   EXPECT_THAT(checkpoints(), testing::IsSupersetOf({"last.ckpt", "update_000003.ckpt", "update_000004.ckpt"}));
   EXPECT_THAT(checkpoints(), testing::Not(testing::Contains("update_000002.ckpt"))) << "keep: 2";
@@ -85,7 +85,7 @@ TEST_F(TrainCli, ASecondRunIntoAFolderIsRefusedUnlessTold) {
   write_text(path("run/notes.txt"), "mine");
 
   expect_refused(train + " env.task.turn_deg=15 --resume " + path("run"), HasSubstr("env.task.turn_deg = 10, the resumed run has 15"));
-  expect_done(train + " total_steps=48 --resume " + path("run"));
+  expect_done(train + " --resume " + path("run") + " --change env.task.turn_deg env.task.turn_deg=15 total_steps=48");
   EXPECT_THAT(checkpoints(), testing::IsSupersetOf({"last.ckpt", "update_000005.ckpt", "update_000006.ckpt"}));
 
   expect_done(train + " --overwrite seed=4 total_steps=8");

@@ -1,6 +1,8 @@
 #include "policy/masked_gru.h"
 
 #include <gtest/gtest.h>
+#include <torch/csrc/autograd/autograd.h>
+#include <torch/nn/modules/rnn.h>
 
 namespace earshot {
 namespace {
