@@ -14,17 +14,22 @@
 /// Absolute hashes of what each stage computes, in tests/pinned/bits.csv: one row per stage and instruction set.
 namespace earshot::pinned {
 
-/// What decides which kernels run: the architecture that our code is compiled for, and the widest vectors that the libraries (Embree, BLAS,
-/// FFT) choose from on this processor.
+/// What decides the bits beside the sources: the compiler and the architecture that our code is compiled for, and the widest vectors that
+/// the libraries (Embree, BLAS, FFT) choose from on this processor.  Rows without a compiler's name are those of g++.
 inline std::string instruction_set() {
-#if defined(__x86_64__) && defined(__AVX2__)
-  return __builtin_cpu_supports("avx512f") != 0 ? "x86-64-v3+avx512" : "x86-64-v3";
-#elif defined(__x86_64__)
-  return "x86-64";
-#elif defined(__aarch64__)
-  return "aarch64";
+#if defined(__clang__)
+  const std::string compiler = "+clang";
 #else
-  return "other";
+  const std::string compiler;
+#endif
+#if defined(__x86_64__) && defined(__AVX2__)
+  return (__builtin_cpu_supports("avx512f") != 0 ? "x86-64-v3+avx512" : "x86-64-v3") + compiler;
+#elif defined(__x86_64__)
+  return "x86-64" + compiler;
+#elif defined(__aarch64__)
+  return "aarch64" + compiler;
+#else
+  return "other" + compiler;
 #endif
 }
 
