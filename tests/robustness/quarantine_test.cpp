@@ -11,6 +11,45 @@ namespace {
 
 using namespace quarantine_cases;
 
+// Not among the tests of the thread sanitizer: the last reference to the exception of a failed load is counted inside libstdc++, which is
+// not instrumented, so that its release in the prefetching thread looks like a race with what() in this one. Missing scenes: skipped in
+// random order, failed in an evaluation; without any other scene the run ends with the reason.
+TEST(X_MissingScene, IsPassedOverOrCountsAsFailed) {
+  EnvConfig config = quick_env_config();
+  const TestFolder folder("missing_scene");
+  config.quarantine_dir = (folder.path() / "quarantine").string();
+  auto episodes = room_episodes(2);
+  episodes[0].scene_id = "no_such_scene.glb";
+  const auto set = make_set(episodes);
+  for (const bool prefetch : {false, true}) {
+    config.prefetch = prefetch;
+    BatchedEnv env(config, set, make_scene_cache(config), 4);
+    env.reset();
+    for (int step = 0; step < 40; ++step) {
+      env.step(std::vector<std::int32_t>(4, step % 2));  // a stop every other step
+      ASSERT_TRUE(buffers_are_finite(env));
+      for (int row = 0; row < 4; ++row) ASSERT_EQ(env.episode_index(row), 1u);
+    }
+    const QuarantineCounters counters = env.quarantine_counters();
+    EXPECT_GT(counters.of(Fault::scene), 4u);
+    EXPECT_EQ(counters.files_written, 1u);  // one scene, one episode: one file, however often it was drawn
+    EXPECT_EQ(counters.files_left_out, counters.total() - 1);
+  }
+
+  config.order = EpisodeOrder::once;
+  BatchedEnv once(config, set, make_scene_cache(config), 2);
+  once.reset();
+  EXPECT_THAT(once.active(), testing::ElementsAre(0, 1));
+  once.step(std::vector<std::int32_t>{0, 0});
+  ASSERT_EQ(once.finished().size(), 2u);
+  for (const FinishedEpisode& end : once.finished()) {
+    EXPECT_EQ(end.fault.has_value(), end.episode_index == 0);
+    if (!end.fault) continue;
+    EXPECT_THAT(end.fault->detail, testing::HasSubstr("no_such_scene.glb"));
+    EXPECT_EQ(end.metrics.steps, 0);
+  }
+}
+
 TEST(X_MissingScene, NothingButMissingScenesStopsTheRun) {
   EnvConfig config = quick_env_config();
   auto episodes = room_episodes(3);
