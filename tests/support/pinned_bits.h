@@ -56,8 +56,9 @@ inline std::string pinned_hash(const std::string& file, const std::string& stage
 }
 
 /// Fails if the bits of a stage are not the pinned ones.  A processor without a row of its own is skipped, with the row to add.
-inline void expect_pinned(const std::string& stage, const BitHash& bits) {
-  const std::string file = (source_dir() / "tests/pinned/bits.csv").string(), set = instruction_set();
+/// library: what else decides the bits of this stage, appended to the instruction set.
+inline void expect_pinned(const std::string& stage, const BitHash& bits, const std::string& library = {}) {
+  const std::string file = (source_dir() / "tests/pinned/bits.csv").string(), set = instruction_set() + library;
   const std::string pinned = pinned_hash(file, stage, set), row = stage + "," + set + "," + bits.hex();
   if (pinned.empty()) GTEST_SKIP() << "no pinned bits for this instruction set; the row for " << file << " is\n" << row;
   EXPECT_EQ(bits.hex(), pinned) << "the bits of this stage have changed.  Where that is the purpose of a commit, its message says why and "

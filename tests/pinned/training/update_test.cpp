@@ -1,5 +1,7 @@
+#include <dlfcn.h>
 #include <gtest/gtest.h>
 
+#include <string>
 #include <vector>
 
 #include "policy/action_distribution.h"
@@ -57,6 +59,12 @@ RolloutBuffer drawn_rollout(ActorCritic policy, const ObservationSpec& spec, int
   return rollout;
 }
 
+/// The processor whose kernels OpenBLAS has chosen; empty for another BLAS.
+std::string blas_kernels() {
+  const auto name = reinterpret_cast<const char* (*)()>(::dlsym(RTLD_DEFAULT, "openblas_get_corename"));
+  return name ? name() : "";
+}
+
 TEST(PinnedBits, OnePpoUpdate) {
   const ObservationSpec spec = small_spec();
   PolicyConfig config;
@@ -75,7 +83,7 @@ TEST(PinnedBits, OnePpoUpdate) {
     const torch::Tensor values = parameter.detach().contiguous();
     bits.add(std::span<const float>(values.data_ptr<float>(), static_cast<std::size_t>(values.numel())));
   }
-  pinned::expect_pinned("ppo_update", bits);
+  pinned::expect_pinned("ppo_update", bits, "+" + blas_kernels());
 }
 
 }  // namespace
