@@ -106,6 +106,7 @@ bool DiffractionCandidates::find_path(const AcousticScene& scene, const EdgeCand
 
   arrival = Arrival{};
   arrival.kind = ArrivalKind::diffraction;
+  arrival.identity = path_identity(arrival.kind, std::span(candidate.sequence.edge).first(order));
   arrival.order = candidate.sequence.order;
   arrival.distance_m = static_cast<float>(distance_m);
   const auto unit = [](glm::dvec3 vector, glm::dvec3 instead) {

@@ -218,6 +218,7 @@ bool EarlyCandidates::find_path(const AcousticScene& scene, std::size_t index, g
 
   const glm::dvec3 departure = point[0] - glm::dvec3(source());
   arrival.kind = ArrivalKind::reflection;
+  arrival.identity = path_identity(arrival.kind, std::span(sequence.plane).first(static_cast<std::size_t>(sequence.order)));
   arrival.departure = glm::vec3(departure / std::max(glm::length(departure), 1e-12));
   arrival.distance_m = static_cast<float>(distance_m);
   arrival.direction = glm::vec3(from_listener / glm::length(from_listener));
@@ -239,6 +240,7 @@ void EarlyCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 listen
     const double distance_m = std::max(true_distance_m, double{kLeastDistanceM});
     if (distance_m <= scene.max_path_m()) {
       Arrival& direct = arrivals.emplace_back();
+      direct.identity = path_identity(direct.kind, {});
       direct.distance_m = static_cast<float>(distance_m);
       direct.direction = true_distance_m > 0 ? glm::vec3(toward / true_distance_m) : glm::vec3(0, 0, -1);
       direct.departure = -direct.direction;

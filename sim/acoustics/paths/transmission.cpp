@@ -72,7 +72,10 @@ void find_transmitted_behind_walls(const AcousticScene& scene, glm::vec3 source,
   const double delay_path_m = std::max(distance_m + walls.extra_path_m, double{kLeastDistanceM});
   if (delay_path_m > scene.max_path_m()) return;
 
-  Arrival arrival{.kind = ArrivalKind::transmission, .order = walls.count, .distance_m = static_cast<float>(delay_path_m)};
+  Arrival arrival{.kind = ArrivalKind::transmission,
+                  .identity = path_identity(ArrivalKind::transmission, {}),
+                  .order = walls.count,
+                  .distance_m = static_cast<float>(delay_path_m)};
   arrival.direction = glm::vec3(toward / true_distance_m);
   arrival.departure = -arrival.direction;
   const double air_m = std::max(distance_m - walls.inside_m, 0.0);

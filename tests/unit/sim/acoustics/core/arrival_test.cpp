@@ -1,0 +1,26 @@
+#include "sim/acoustics/core/arrival.h"
+
+#include <gtest/gtest.h>
+
+#include <array>
+
+namespace earshot {
+namespace {
+
+TEST(PathIdentity, TellsPathsApartByKindAndByWhatTheyMeetInWhichOrder) {
+  const std::array<std::uint32_t, 2> there = {3, 7}, back = {7, 3};
+  const auto identity = [](ArrivalKind kind, std::span<const std::uint32_t> met) { return path_identity(kind, met); };
+  EXPECT_EQ(identity(ArrivalKind::reflection, there), identity(ArrivalKind::reflection, there));
+  EXPECT_NE(identity(ArrivalKind::reflection, there), identity(ArrivalKind::reflection, back));
+  EXPECT_NE(identity(ArrivalKind::reflection, there), identity(ArrivalKind::diffraction, there));
+  EXPECT_NE(identity(ArrivalKind::reflection, there), identity(ArrivalKind::reflection, std::span(there).first(1)));
+  EXPECT_NE(identity(ArrivalKind::direct, {}), 0u) << "0 means not known";
+}
+
+TEST(PathIdentity, TheStraightLineIsOnePathWithAndWithoutAWall) {
+  EXPECT_EQ(path_identity(ArrivalKind::direct, {}), path_identity(ArrivalKind::transmission, {}));
+  EXPECT_NE(path_identity(ArrivalKind::direct, {}), path_identity(ArrivalKind::reflection, {}));
+}
+
+}  // namespace
+}  // namespace earshot
