@@ -62,8 +62,8 @@ DiffractionCandidates::DiffractionCandidates(const AcousticScene& scene, glm::ve
   }
 }
 
-bool DiffractionCandidates::find_path(const AcousticScene& scene, const EdgeCandidate& candidate, glm::vec3 listener, double weakest_db,
-                                      int& attempts, Arrival& arrival) const {
+bool DiffractionCandidates::find_path(const AcousticScene& scene, const EdgeCandidate& candidate, glm::vec3 listener, bool in_sight,
+                                      double weakest_db, int& attempts, Arrival& arrival) const {
   const DiffractionEdges& edges = *scene.diffraction_edges();
   const EmbreeScene& rays = scene.scene().rays();
   const auto order = static_cast<std::size_t>(candidate.sequence.order);
@@ -101,7 +101,7 @@ bool DiffractionCandidates::find_path(const AcousticScene& scene, const EdgeCand
   for (std::size_t i = 1; i < order; ++i) {
     if (rays.occluded(air_point(i - 1), air_point(i))) return false;
   }
-  const EdgePathField field(edges, path);
+  const EdgePathField field(edges, path, in_sight);
   if (!field.valid()) return false;
 
   arrival = Arrival{};
@@ -118,11 +118,16 @@ bool DiffractionCandidates::find_path(const AcousticScene& scene, const EdgeCand
   arrival.direction = unit(near_listener - end, {0, 0, -1});
   arrival.departure = unit(near_source - glm::dvec3(source_), {0, 0, 1});
   bool any = false;
+  const bool transmits = scene.plan().straight_transmission;
   for (int band = 0; band < scene.num_bands(); ++band) {
     const double wavenumber = 2.0 * kPi * scene.bands().centre_hz[band] / scene.speed_of_sound_m_per_s();
-    const std::complex<double> ratio = field.ratio(wavenumber, [&](std::uint32_t material) {
+    const auto reflection = [&](std::uint32_t material) {
       return std::sqrt(double{scene.reflectance(material)[band]} * (1.0 - scene.scattering(material)[band]));
-    });
+    };
+    const auto transmission = [&](std::uint32_t material) {
+      return transmits ? std::sqrt(double{scene.transmission(material)[band]}) : 0.0;
+    };
+    const std::complex<double> ratio = field.ratio(wavenumber, reflection, transmission);
     const double air = std::exp(-0.5 * scene.air_energy_per_m()[band] * distance_m);
     // At most 2, and nothing below 1e-154 counts: no need for the care of std::abs.
     arrival.amplitude[band] = static_cast<float>(std::sqrt(std::norm(ratio)) * air / (4.0 * kPi * distance_m));
@@ -183,7 +188,7 @@ void DiffractionCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 
       if (near_boundary_only && candidates_[i].sequence.order > 1) continue;
       const bool full = arrivals.size() - first == limit;
       const double least_db = std::max(full ? weakest_db : -1e9, best_db - kMostBelowBestDb);
-      if (!find_path(scene, candidates_[i], listener, least_db, attempts, arrival)) continue;
+      if (!find_path(scene, candidates_[i], listener, in_sight, least_db, attempts, arrival)) continue;
       const double db = level_db(arrival, num_bands);
       best_db = std::max(best_db, db);
       if (!full) {

@@ -45,8 +45,8 @@ class DiffractionCandidates {
     std::size_t begin, end;
     bool single;  ///< is a sequence of that edge alone among them?
   };
-  bool find_path(const AcousticScene& scene, const EdgeCandidate& candidate, glm::vec3 listener, double weakest_db, int& attempts,
-                 Arrival& arrival) const;
+  bool find_path(const AcousticScene& scene, const EdgeCandidate& candidate, glm::vec3 listener, bool in_sight, double weakest_db,
+                 int& attempts, Arrival& arrival) const;
 
   glm::vec3 source_;
   DiffractionBudget budget_;               ///< of the config that this was made with

@@ -114,11 +114,9 @@ bool shortest_path(const DiffractionEdges& edges, const EdgeSequence& sequence, 
     }
   }
   path.length_m = length_of(path);
-  path.beyond_m = 0;
   bool past_end = false;
   for (std::size_t i = 0; i < order; ++i) {
-    path.at_end[i] = path.along_m[i] < 0 || path.along_m[i] > edges[sequence.edge[i]].length_m;
-    past_end = past_end || path.at_end[i];
+    past_end = past_end || path.along_m[i] < 0 || path.along_m[i] > edges[sequence.edge[i]].length_m;
     path.along_m[i] = std::clamp(path.along_m[i], 0.0, edges[sequence.edge[i]].length_m);
   }
   if (past_end) {
@@ -128,7 +126,6 @@ bool shortest_path(const DiffractionEdges& edges, const EdgeSequence& sequence, 
       if (sweep(edges, true, path) <= 1e-6 * free_m) break;
     }
     path.length_m = length_of(path);
-    path.beyond_m = std::max(path.length_m - free_m, 0.0);
   }
   for (std::size_t i = 1; i < order; ++i) {
     if (glm::length(path.point[i] - path.point[i - 1]) < 4.0 * edges.clearance_m()) return false;
@@ -136,7 +133,7 @@ bool shortest_path(const DiffractionEdges& edges, const EdgeSequence& sequence, 
   return true;
 }
 
-EdgePathField::EdgePathField(const DiffractionEdges& edges, const EdgePath& path) : order_(path.sequence.order) {
+EdgePathField::EdgePathField(const DiffractionEdges& edges, const EdgePath& path, bool in_sight) : order_(path.sequence.order) {
   constexpr double grazing_rad = 1e-3, sheet_rad = 2.0 * std::numbers::pi - 0.01;
   const auto order = static_cast<std::size_t>(order_);
   std::array<double, kMaxDiffractionOrder + 2> reached_m{};  // path length at source, edges, listener
@@ -156,16 +153,22 @@ EdgePathField::EdgePathField(const DiffractionEdges& edges, const EdgePath& path
     const double in_rad = edge.angle_of(before);
     out_rad[i] = edge.angle_of(after);
     Wedge& wedge = wedges_[i];
-    wedge.diffraction = WedgeDiffraction(edge.exterior_rad, in_rad, out_rad[i]);
+    // Source and listener where the path, unfolded, has them.
+    const bool alone = order == 1 || !(in_m > 0) || !(out_m > 0);
+    const glm::dvec3 source = alone ? before : path.point[i] - in * (reached_m[i + 1] / in_m);
+    const glm::dvec3 listener = alone ? after : path.point[i] + out * ((path.length_m - reached_m[i + 1]) / out_m);
+    wedge.diffraction = FiniteWedge(edge, source, listener);
     wedge.first_material = edge.first_material;
     wedge.second_material = edge.second_material;
-    wedge.beyond_m = path.at_end[i] ? path.beyond_m : 0.0;
     // sin^2 of the angle with the edge; the same on both sides but where the path is kept on the edge by its end.
     const double sine_in = in_m > 0 ? glm::length(glm::cross(in, edge.along)) / in_m : 1.0;
     const double sine_out = out_m > 0 ? glm::length(glm::cross(out, edge.along)) / out_m : 1.0;
     wedge.length_m = sine_in * sine_out;
     wedge.own_length_m = wedge.length_m * (in_m + out_m > 0 ? in_m * out_m / (in_m + out_m) : 0.0);
-    const double deviation_m = wedge.own_length_m * wedge.diffraction.deviation() * wedge.diffraction.deviation();
+    if (order == 1) wedge.diffraction.set_in_sight(in_sight);
+    if (order == 1) wedge.own_length_m = wedge.length_m = wedge.diffraction.own_length_m();
+    const double deviation = wedge.diffraction.endless().deviation();
+    const double deviation_m = wedge.own_length_m * deviation * deviation;
     least_deviation_m_ = i == 0 ? deviation_m : std::min(least_deviation_m_, deviation_m);
     if (i > 0) least_segment_m_ = i == 1 ? in_m : std::min(least_segment_m_, in_m);
 
@@ -187,14 +190,16 @@ EdgePathField::EdgePathField(const DiffractionEdges& edges, const EdgePath& path
     last_edge = &edge;
   }
 
+  if (order == 1) return;
   // L of each wedge, from the least deviation to the largest.
   std::array<std::size_t, kMaxDiffractionOrder + 2> left, right;
   for (std::size_t i = 1; i <= order; ++i) left[i] = i - 1, right[i] = i + 1;
   std::array<bool, kMaxDiffractionOrder + 2> done{};
+  const auto deviation_of = [&](std::size_t i) { return wedges_[i - 1].diffraction.endless().deviation(); };
   for (std::size_t round = 0; round < order; ++round) {
     std::size_t least = 0;
     for (std::size_t i = 1; i <= order; ++i) {
-      if (!done[i] && (least == 0 || wedges_[i - 1].diffraction.deviation() < wedges_[least - 1].diffraction.deviation())) least = i;
+      if (!done[i] && (least == 0 || deviation_of(i) < deviation_of(least))) least = i;
     }
     const double before_m = reached_m[least] - reached_m[left[least]], after_m = reached_m[right[least]] - reached_m[least];
     Wedge& wedge = wedges_[least - 1];

@@ -6,7 +6,7 @@
 #include <glm/vec3.hpp>
 
 #include "sim/acoustics/geometry/diffraction_edges.h"
-#include "sim/acoustics/paths/utd.h"
+#include "sim/acoustics/paths/finite_edge.h"
 
 namespace earshot {
 
@@ -23,14 +23,13 @@ struct EdgeSequence {
 double fermat_point(const DiffractionEdge& edge, glm::dvec3 a, glm::dvec3 b);
 
 /// The shortest way from `from` over the edges to `to` (Fermat): exact for one edge, by Newton's method on the convex length for several.
+/// Points of an edge's line past its end are moved to the end, and the others with them.
 struct EdgePath {
   EdgeSequence sequence;
   glm::dvec3 from{0}, to{0};
   std::array<double, kMaxDiffractionOrder> along_m{};  ///< on each edge, between its ends
   std::array<glm::dvec3, kMaxDiffractionOrder> point{};
-  std::array<bool, kMaxDiffractionOrder> at_end{};  ///< the shortest way would have met the edge's line past its end
-  double length_m = 0;                              ///< of the way by these points
-  double beyond_m = 0;                              ///< how much longer that is than the shortest over the edges' lines
+  double length_m = 0;  ///< of the way by these points
 };
 /// False if the points of two edges coincide, as at a corner where they meet.
 bool shortest_path(const DiffractionEdges& edges, const EdgeSequence& sequence, glm::dvec3 from, glm::dvec3 to, EdgePath& path);
@@ -53,27 +52,33 @@ bool shortest_path(const DiffractionEdges& edges, const EdgeSequence& sequence, 
 /// A segment along the common face of two edges: incident and reflected ray coincide, and the field is divided by 1 + R of that face (K-P
 /// 1974 for grazing incidence: half for a rigid face).  Two rims of one sheet have no such segment: not a valid path.
 ///
-/// Past an edge's end the ratio fades with the detour by way of the end, as behind a second knife edge, and loses its jump at
-/// boundaries; at the end itself it is not yet reduced (up to 6 dB too much there; Kirchhoff's corner has half).
+/// Each edge ends where it ends (finite_edge.h); in a path over several, source and listener are for each edge where the path, unfolded,
+/// has them.  A solid that lets a fraction tau of the energy through takes 1 - sqrt(tau) of the jump behind its first edge: without one
+/// the edge has nothing to make up for (Babinet's principle).  Edges that share a face belong to one solid.
 class EdgePathField {
  public:
-  EdgePathField(const DiffractionEdges& edges, const EdgePath& path);
+  /// in_sight: is the straight line from end to end free?
+  EdgePathField(const DiffractionEdges& edges, const EdgePath& path, bool in_sight = false);
   /// False if a segment runs inside a wedge or along a sheet from rim to rim.
   [[nodiscard]] bool valid() const { return valid_; }
-  /// reflection(material): pressure reflection factor of a face.
-  template <class Reflection>
-  [[nodiscard]] std::complex<double> ratio(double wavenumber, const Reflection& reflection) const {
+  /// Over the free field at path.length_m.  reflection(material), transmission(material): pressure factors of a face.
+  template <class Reflection, class Transmission>
+  [[nodiscard]] std::complex<double> ratio(double wavenumber, const Reflection& reflection, const Transmission& transmission) const {
     std::complex<double> product = 1;
     double own_segments_energy = spreading_;  // over that of the product
     for (int i = 0; i < order_; ++i) {
       const Wedge& wedge = wedges_[static_cast<std::size_t>(i)];
-      const double first = reflection(wedge.first_material), second = reflection(wedge.second_material);
-      const double beyond_end = wedge.beyond_m > 0 ? std::sqrt(wavenumber * wedge.beyond_m) : 0.0;
-      const std::complex<double> one = wedge.diffraction.ratio(wavenumber * wedge.length_m, first, second, beyond_end);
+      FaceFactors faces{.first = reflection(wedge.first_material), .second = reflection(wedge.second_material)};
+      if (i == 0 || !wedges_[static_cast<std::size_t>(i - 1)].joins_next) {
+        const double first = transmission(wedge.first_material);
+        faces.incidence = 1.0 - (wedge.first_material == wedge.second_material ? first : first * transmission(wedge.second_material));
+      }
+      const std::complex<double> one = wedge.diffraction.ratio(wavenumber, wedge.length_m, faces);
       product = {product.real() * one.real() - product.imag() * one.imag(), product.real() * one.imag() + product.imag() * one.real()};
-      if (order_ > 1 && !wedge.ranks_by_own_segments && std::norm(one) > 0) {
-        own_segments_energy *=
-            std::norm(wedge.diffraction.ratio(wavenumber * wedge.own_length_m, first, second, beyond_end)) / std::norm(one);
+      if (order_ > 1 && !wedge.ranks_by_own_segments) {
+        const WedgeDiffraction& endless = wedge.diffraction.endless();
+        const double by_rank = std::norm(endless.ratio(wavenumber * wedge.length_m, faces));
+        if (by_rank > 0) own_segments_energy *= std::norm(endless.ratio(wavenumber * wedge.own_length_m, faces)) / by_rank;
       }
       if (wedge.joins_next) product /= 1.0 + 0.5 * (reflection(wedge.shared_material) + reflection(wedge.next_shared_material));
     }
@@ -85,9 +90,9 @@ class EdgePathField {
 
  private:
   struct Wedge {
-    WedgeDiffraction diffraction;
-    double length_m = 0, own_length_m = 0, beyond_m = 0;  ///< L by rank and by its own segments
-    bool ranks_by_own_segments = false;                   ///< both are the same: that of the least deviation
+    FiniteWedge diffraction;
+    double length_m = 0, own_length_m = 0;  ///< L by rank and by its own segments
+    bool ranks_by_own_segments = false;     ///< both are the same: that of the least deviation
     std::uint32_t first_material = 0, second_material = 0;
     bool joins_next = false;  ///< the segment to the next edge lies in a face of both
     std::uint32_t shared_material = 0, next_shared_material = 0;

@@ -106,31 +106,23 @@ WedgeDiffraction::WedgeDiffraction(double exterior_rad, double source_rad, doubl
   for (std::size_t i = 0; i < 4; ++i) {
     const double turn = 2.0 * exterior_rad, from_boundary = argument[i] - turn * std::nearbyint(argument[i] / turn);
     const double half = 0.5 * std::abs(from_boundary);
+    from_boundary_[i] = from_boundary;
     boundary_[i] = std::abs(std::sin(half));
     const double slope = half > 1e-9 ? std::sin(half) / std::tan(half / n) : n;
     weight_[i] = (from_boundary < 0 ? 0.5 : -0.5) * slope / n;
   }
 }
 
-Complex WedgeDiffraction::ratio(double wave_lengths, double first_face, double second_face, double beyond_end) const {
-  const std::array<double, 4> face = {1.0, 1.0, first_face, second_face};
+Complex WedgeDiffraction::ratio(double wave_lengths, const FaceFactors& faces) const {
+  const std::array<double, 4> face = {faces.incidence, faces.incidence, faces.first, faces.second};
   const double scale = std::sqrt(2.0 * wave_lengths);
   std::array<Complex, 4> term;
   for (std::size_t i = 0; i < 4; ++i) {
     const double weight = weight_[i] * face[i];
-    if (weight == 0) continue;
-    const double x = scale * boundary_[i];
-    term[i] = weight * scaled_erfc(x);
-    // Past its end the edge casts no shadow of its own: no jump at its boundaries there.
-    if (beyond_end > 0) term[i] *= x / std::hypot(x, beyond_end);
+    if (weight != 0) term[i] = weight * scaled_erfc(scale * boundary_[i]);
   }
   // Source and listener swapped keep the terms in their places: the same bits.
-  Complex sum = term[0] + term[1] + term[2] + term[3];
-  if (beyond_end > 0) {
-    const Complex end = scaled_erfc(beyond_end);
-    sum = {sum.real() * end.real() - sum.imag() * end.imag(), sum.real() * end.imag() + sum.imag() * end.real()};
-  }
-  return sum;
+  return term[0] + term[1] + term[2] + term[3];
 }
 
 double kurze_anderson_db(double fresnel_number) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <complex>
 
 namespace earshot {
@@ -9,6 +10,13 @@ namespace earshot {
 /// ns. All of the uniform theory rests on it: the Fresnel integral of a knife edge is half of it, and the transition function of
 /// Kouyoumjian and Pathak is F(x) = sqrt(pi x) exp(j pi / 4) times it at u = sqrt(x).  Convention exp(+j w t).
 std::complex<double> scaled_erfc(double u);
+
+/// What the faces of a wedge leave of the terms of its diffracted field, pressure factors in [0, 1].
+struct FaceFactors {
+  double first = 1,
+         second = 1;  ///< reflection: they weigh the terms that make up for reflections which end (Luebbers 1984, IEEE Trans. AP 32, 70-76)
+  double incidence = 1;  ///< 1 - sqrt(tau): of the jump of the sound past the edge, which passes the wedge as sqrt(tau) (Babinet)
+};
 
 /// A rigid wedge for one source direction and one listener direction: uniform theory of diffraction (Kouyoumjian and Pathak 1974,
 /// Proc. IEEE 62, eqs. 25 to 32), written without the product of an infinite cotangent and a vanishing transition function.
@@ -29,18 +37,25 @@ class WedgeDiffraction {
 
   /// Diffracted pressure over that of a free path as long as the one over the edge.  At most 2.
   /// wave_lengths: k L with L = s s' sin^2(beta) / (s + s').
-  /// first_face, second_face: pressure reflection factors of the faces in [0, 1], 1 for rigid ones; they weigh the terms that make up for
-  /// reflections which end (Luebbers 1984, IEEE Trans. AP 32, 70-76).
-  /// beyond_end: 0 where the shortest way meets the edge itself; otherwise sqrt(k times the detour by way of the edge's end), see
-  /// diffraction_paths.h.
-  [[nodiscard]] std::complex<double> ratio(double wave_lengths, double first_face = 1, double second_face = 1, double beyond_end = 0) const;
+  [[nodiscard]] std::complex<double> ratio(double wave_lengths, const FaceFactors& faces = {}) const;
+
+  /// Rounding decides on which side of the shadow boundary a pose within 3e-5 rad of it lies: on that of the line of sight.
+  void set_in_sight(bool in_sight) {
+    if (std::abs(from_boundary_[0]) < 3e-5) weight_[0] = in_sight ? -std::abs(weight_[0]) : std::abs(weight_[0]);
+  }
 
   /// How far the path deviates from a straight one: 0 on the shadow boundary, up to 1.
   [[nodiscard]] double deviation() const { return boundary_[0]; }
 
+  /// Of the four terms (incidence, incidence round the back, first face, second face): factor, |sin(d / 2)| and d.
+  [[nodiscard]] double weight(std::size_t term) const { return weight_[term]; }
+  [[nodiscard]] double boundary(std::size_t term) const { return boundary_[term]; }
+  [[nodiscard]] double from_boundary(std::size_t term) const { return from_boundary_[term]; }
+
  private:
-  std::array<double, 4> weight_{};    ///< -sign(d) [..] / 2n: incidence, incidence round the back, first face, second face
-  std::array<double, 4> boundary_{};  ///< |sin(d / 2)|
+  std::array<double, 4> weight_{};         ///< -sign(d) [..] / 2n: incidence, incidence round the back, first face, second face
+  std::array<double, 4> boundary_{};       ///< |sin(d / 2)|
+  std::array<double, 4> from_boundary_{};  ///< d
 };
 
 /// Loss in dB of a thin screen at Fresnel number n >= 0 (Kurze and Anderson 1971): 5 + 20 log10(sqrt(2 pi n) / tanh(sqrt(2 pi n))).  Within
