@@ -19,7 +19,7 @@ struct AcousticConfig {
   // early reflections
   int early_order = 2;              ///< image paths up to this many specular reflections, [0, 4]
   int early_candidate_rays = 2000;  ///< rays traced once per source to find plane sequences
-  // diffraction; automatic: as much as is cheap beside the rays, with few rays only without line of sight (DiffractionBudget)
+  // diffraction; automatic: as much as is cheap beside the rays, with few rays not where reflections end (DiffractionBudget)
   int diffraction_order = 3;         ///< edges in a row, [1, 10]
   float diffraction_edge_m = 0.25f;  ///< shorter edges are left out, (0, 100]
   int diffraction_paths = 64;        ///< strongest paths that are kept, [1, 10000]

@@ -9,15 +9,14 @@ namespace earshot {
 ///  - sequences of edges that are tried per pose: 8 per ray, at most 4096 (fast: 512), grown in half as many expansions as rays;
 ///  - of those, with fewer than 512 rays, one path per ray is worked out, those first that lose least on the way to their last edge;
 ///  - arrivals that are kept: one per 8 rays, at least 4, at most config.diffraction_paths (fast: 8), since each is filtered in synthesis;
-///  - with fewer than 512 rays, listeners in line of sight get single edges near their shadow boundary only: those with a detour of at most
-///    a quarter of a wave at the centre of the lowest band (v = -1 there, where an octave changes by 1.25 dB, and the less the higher the
-///    band: docs/estimators.md, section 14), so that no level jumps by 6 dB where sight begins.
+///  - with fewer than 512 rays, listeners in line of sight get the waves of edges near their shadow boundary only, so that no level jumps
+///    by 6 dB where sight begins; with more, or `on`, of those near the boundary of a reflection as well (diffraction_paths.h).
 /// CPU time per pose at preset fast: 0.06 ms in house:1,rooms=9 (1,222 edges), 0.07 ms in a furnished house of 145,597 triangles and 6,553
 /// edges; with sight less.  Per source 7 and 11 ms.
 struct DiffractionBudget {
   explicit DiffractionBudget(const AcousticConfig& config);
   int sequences = 0, expansions = 0, paths = 0;
-  bool near_boundary_only = false;  ///< in line of sight
+  bool near_boundary_only = false;  ///< in line of sight: of shadow boundaries only
   int attempts = 0;                 ///< paths per pose that pass the estimate and are worked out: one per ray with fewer than 512 rays
   bool quick = false;  ///< with fewer than 512 rays: one point of an edge, not five, decides whether it is visible from the listener
 };

@@ -179,15 +179,15 @@ class Planner {
     }
     const DiffractionBudget budget(config_);
     if (budget.near_boundary_only) {
-      // One edge so far from its shadow boundary changes the direct sound of the lowest octave by 1.25 dB (docs/estimators.md, section 14,
-      // v = -1).  Many together are held to four times its energy, twice its amplitude: 20 log10(1 + 2).
-      add("diffraction", true, "where blocked, or nearly", 20.0 * std::log10(3.0), "dB", BoundKind::approximated, 0,
-          "in line of sight only near shadow boundaries; without an edge beyond, the direct sound of the lowest band changes by at most "
-          "1.25 dB, "
-          "without all of them by this (on, or 512 rays: everywhere)");
+      // An image that ends has half its pressure there with the edge's wave and all of it without: beside a direct sound as strong,
+      // 2 against 1.5.
+      add("diffraction", true, "where blocked, or nearly", 20.0 * std::log10(4.0 / 3.0), "dB", BoundKind::approximated, 0,
+          "in line of sight, where the energy is complete without it, at shadow boundaries; reflections end without their edges (on, or "
+          "512 "
+          "rays: with them)");
     } else {
       add("diffraction", true, "on", 6.0, "dB", config_.diffraction == Switch::on ? BoundKind::user_set : BoundKind::bounded, 0,
-          "6 dB where sight ends, more behind it");
+          "6 dB where sight ends, more behind it; in sight only at shadow and reflection boundaries, the energy is complete without it");
     }
   }
   /// Is an edge visible from any point of the air?  Boxes have edges too, outside.  A bounded search: with so many edges the answer is yes.

@@ -34,6 +34,59 @@ double level_db(const Arrival& arrival, int num_bands) {
   return level_db(4.0 * kPi * std::sqrt(sum / num_bands));
 }
 
+/// Wedges with less air behave as a plane where they reflect.
+constexpr double kBluntRad = kPi + 15.0 * kPi / 180.0;
+
+/// Weight of an edge wave in sight whose way is `waves` wavelengths longer than that of the path it belongs to.
+double boundary_weight(double waves) {
+  const double x = std::clamp(4.0 * waves - 1.0, 0.0, 1.0);
+  return 0.5 + 0.5 * std::cos(kPi * x);
+}
+
+glm::dvec3 mirror(glm::dvec3 point, const DiffractionEdge& edge, glm::dvec3 normal) {
+  return point - 2.0 * glm::dot(point - edge.start, normal) * normal;
+}
+
+/// Adds `wave` to the path whose identity is kept, with the phases of both at the band centres.
+void add_wave(const AcousticScene& scene, const Arrival& wave, Arrival& path) {
+  const double later_m = double{wave.distance_m} - path.distance_m;
+  for (int band = 0; band < scene.num_bands(); ++band) {
+    if (!(wave.amplitude[band] > 0.f)) continue;
+    const double wavenumber = 2.0 * kPi * scene.bands().centre_hz[band] / scene.speed_of_sound_m_per_s();
+    const std::complex<double> sum = std::polar(double{path.amplitude[band]}, double{path.phase_rad[band]}) +
+                                     std::polar(double{wave.amplitude[band]}, wave.phase_rad[band] - wavenumber * later_m);
+    path.amplitude[band] = static_cast<float>(std::abs(sum));
+    path.phase_rad[band] = static_cast<float>(std::arg(sum));
+  }
+}
+
+/// Pressure factors of a face in a band.
+struct FacePressure {
+  const AcousticScene& scene;
+  int band;
+  [[nodiscard]] double reflected(std::uint32_t material) const {
+    return std::sqrt(double{scene.reflectance(material)[band]} * (1.0 - scene.scattering(material)[band]));
+  }
+  [[nodiscard]] double transmitted(std::uint32_t material) const {
+    return scene.plan().straight_transmission ? std::sqrt(double{scene.transmission(material)[band]}) : 0.0;
+  }
+};
+
+/// Index of the direct sound (order 0) or first-order image among `paths`; -1: not there.
+int index_of(glm::dvec3 image, int order, glm::vec3 listener, std::span<const Arrival> paths) {
+  const glm::dvec3 toward = image - glm::dvec3(listener);
+  const double distance_m = glm::length(toward), tolerance_m = 1e-4 * distance_m;
+  for (std::size_t i = 0; i < paths.size(); ++i) {
+    const Arrival& path = paths[i];
+    if (path.kind != (order == 0 ? ArrivalKind::direct : ArrivalKind::reflection) || path.order != order) continue;
+    if (order == 0) return static_cast<int>(i);
+    if (std::abs(path.distance_m - distance_m) < tolerance_m &&
+        glm::length(distance_m * glm::dvec3(path.direction) - toward) < 10.0 * tolerance_m)
+      return static_cast<int>(i);
+  }
+  return -1;
+}
+
 bool before_in_space(glm::vec3 a, glm::vec3 b) { return std::tie(a.x, a.y, a.z) < std::tie(b.x, b.y, b.z); }
 
 }  // namespace
@@ -63,7 +116,8 @@ DiffractionCandidates::DiffractionCandidates(const AcousticScene& scene, glm::ve
 }
 
 bool DiffractionCandidates::find_path(const AcousticScene& scene, const EdgeCandidate& candidate, glm::vec3 listener, bool in_sight,
-                                      double weakest_db, int& attempts, Arrival& arrival) const {
+                                      double weakest_db, std::span<const Arrival> paths, int& attempts, Found& found) const {
+  found.count = 0;
   const DiffractionEdges& edges = *scene.diffraction_edges();
   const EmbreeScene& rays = scene.scene().rays();
   const auto order = static_cast<std::size_t>(candidate.sequence.order);
@@ -104,6 +158,7 @@ bool DiffractionCandidates::find_path(const AcousticScene& scene, const EdgeCand
   const EdgePathField field(edges, path, in_sight);
   if (!field.valid()) return false;
 
+  Arrival& arrival = found.arrival[0];
   arrival = Arrival{};
   arrival.kind = ArrivalKind::diffraction;
   arrival.identity = path_identity(arrival.kind, std::span(candidate.sequence.edge).first(order));
@@ -117,37 +172,97 @@ bool DiffractionCandidates::find_path(const AcousticScene& scene, const EdgeCand
   const glm::dvec3 near_listener = swapped ? path.point[0] : path.point[order - 1];
   arrival.direction = unit(near_listener - end, {0, 0, -1});
   arrival.departure = unit(near_source - glm::dvec3(source_), {0, 0, 1});
+  if (in_sight) {
+    split(scene, last, field.first_edge(), listener, Arrival(arrival), paths, found);
+    return found.count > 0;
+  }
   bool any = false;
-  const bool transmits = scene.plan().straight_transmission;
   for (int band = 0; band < scene.num_bands(); ++band) {
     const double wavenumber = 2.0 * kPi * scene.bands().centre_hz[band] / scene.speed_of_sound_m_per_s();
-    const auto reflection = [&](std::uint32_t material) {
-      return std::sqrt(double{scene.reflectance(material)[band]} * (1.0 - scene.scattering(material)[band]));
-    };
-    const auto transmission = [&](std::uint32_t material) {
-      return transmits ? std::sqrt(double{scene.transmission(material)[band]}) : 0.0;
-    };
-    const std::complex<double> ratio = field.ratio(wavenumber, reflection, transmission);
+    const FacePressure face{scene, band};
+    const std::complex<double> ratio = field.ratio(
+        wavenumber, [&](std::uint32_t material) { return face.reflected(material); },
+        [&](std::uint32_t material) { return face.transmitted(material); });
     const double air = std::exp(-0.5 * scene.air_energy_per_m()[band] * distance_m);
     // At most 2, and nothing below 1e-154 counts: no need for the care of std::abs.
     arrival.amplitude[band] = static_cast<float>(std::sqrt(std::norm(ratio)) * air / (4.0 * kPi * distance_m));
     arrival.phase_rad[band] = static_cast<float>(std::arg(ratio));
     any = any || arrival.amplitude[band] > 0.f;
   }
+  found.count = any ? 1 : 0;
   return any;
 }
 
-void DiffractionCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 listener, std::vector<Arrival>& arrivals) const {
-  find_arrivals(scene, listener, in_line_of_sight(scene, source_, listener), arrivals);
+void DiffractionCandidates::split(const AcousticScene& scene, const DiffractionEdge& edge, const FiniteWedge& wedge, glm::vec3 listener,
+                                  const Arrival& base, std::span<const Arrival> paths, Found& found) const {
+  struct Part {
+    double detour_m;
+    int path;  ///< index; -1: none
+  };
+  const glm::dvec3 source(source_);
+  std::array<Part, 3> parts = {{{wedge.detour_m(0), index_of(source, 0, listener, paths)}, {1e9, -1}, {1e9, -1}}};
+  if (edge.exterior_rad >= kBluntRad) {
+    parts[1] = {wedge.detour_m(2), index_of(mirror(source, edge, edge.first_normal), 1, listener, paths)};
+    parts[2] = {wedge.detour_m(3), index_of(mirror(source, edge, edge.second_normal), 1, listener, paths)};
+  }
+  // One wave per path, the last for all parts without one.
+  for (std::size_t i = 0; i < 4; ++i) {
+    found.arrival[i] = base;
+    found.arrival[i].order = i < 3 ? parts[i].path : -1;
+  }
+  std::array<bool, 4> any{};
+  for (int band = 0; band < scene.num_bands(); ++band) {
+    const double wavenumber = 2.0 * kPi * scene.bands().centre_hz[band] / scene.speed_of_sound_m_per_s();
+    const FacePressure face{scene, band};
+    const double passed = edge.first_material == edge.second_material
+                              ? face.transmitted(edge.first_material)
+                              : face.transmitted(edge.first_material) * face.transmitted(edge.second_material);
+    const double air = std::exp(-0.5 * scene.air_energy_per_m()[band] * double{base.distance_m}) / (4.0 * kPi * double{base.distance_m});
+    std::array<std::complex<double>, 4> sum{};
+    found.jump[band] = 0;
+    for (std::size_t i = 0; i < 3; ++i) {
+      const double own = boundary_weight(wavenumber * parts[i].detour_m / (2.0 * kPi)), weight = std::max(own, found.sight_ends[band]);
+      if (!(weight > 0)) continue;
+      const FaceFactors factors{.first = i == 1 ? face.reflected(edge.first_material) : 0.0,
+                                .second = i == 2 ? face.reflected(edge.second_material) : 0.0,
+                                .incidence = i == 0 ? 1.0 - passed : 0.0};
+      const std::complex<double> ratio = wedge.ratio(wavenumber, wedge.own_length_m(), factors);
+      if (i == 0) found.jump[band] = own * std::abs(ratio) / std::max(1.0 - passed, 0.01);
+      const bool belongs = parts[i].path >= 0 && own > 0;
+      // Reflections that have ended, with few rays, end without their edges.
+      if (!belongs && i > 0 && budget_.near_boundary_only && !(found.sight_ends[band] > 0)) continue;
+      sum[belongs ? i : 3] += weight * ratio;
+    }
+    for (std::size_t i = 0; i < 4; ++i) {
+      found.arrival[i].amplitude[band] = static_cast<float>(std::abs(sum[i]) * air);
+      found.arrival[i].phase_rad[band] = static_cast<float>(std::arg(sum[i]));
+      any[i] = any[i] || found.arrival[i].amplitude[band] > 0.f;
+    }
+  }
+  for (std::size_t i = 0; i < 4; ++i) {
+    if (any[i]) found.arrival[static_cast<std::size_t>(found.count++)] = found.arrival[i];
+  }
 }
 
-void DiffractionCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 listener, bool in_sight,
-                                          std::vector<Arrival>& arrivals) const {
-  if (candidates_.empty()) return;
+bool DiffractionCandidates::near_boundary(const AcousticScene& scene, const DiffractionEdge& edge, glm::vec3 listener) const {
+  const glm::dvec3 from(source_), to(listener);
+  const glm::dvec3 point = edge.at(std::clamp(fermat_point(edge, from, to), 0.0, edge.length_m));
+  const double most_m =
+      glm::length(point - from) + glm::length(to - point) - 0.5 * scene.speed_of_sound_m_per_s() / scene.bands().centre_hz.front();
+  if (glm::length(to - from) >= most_m) return true;
+  if (budget_.near_boundary_only || edge.exterior_rad < kBluntRad) return false;
+  return glm::length(to - mirror(from, edge, edge.first_normal)) >= most_m ||
+         glm::length(to - mirror(from, edge, edge.second_normal)) >= most_m;
+}
+
+int DiffractionCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 listener, std::vector<Arrival>& arrivals) const {
+  return find_arrivals(scene, listener, in_line_of_sight(scene, source_, listener), arrivals);
+}
+
+int DiffractionCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 listener, bool in_sight,
+                                         std::vector<Arrival>& arrivals) const {
+  if (candidates_.empty()) return 0;
   const DiffractionBudget& budget = budget_;
-  const bool near_boundary_only = budget.near_boundary_only && in_sight;
-  const double sight_m = glm::length(glm::dvec3(listener) - glm::dvec3(source_));
-  const double most_detour_m = 0.25 * scene.speed_of_sound_m_per_s() / scene.bands().centre_hz.front();
 
   // The strongest `paths` at the back of `arrivals`, the weakest of them in front.
   const std::size_t first = arrivals.size(), limit = static_cast<std::size_t>(budget.paths);
@@ -172,38 +287,70 @@ void DiffractionCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 
     return !scene.scene().rays().occluded(listener,
                                           edges.air_point(group.last_edge, std::clamp(along_m, inset_m, edge.length_m - inset_m)));
   };
-  const auto near_boundary = [&](std::uint32_t edge) {
-    const glm::dvec3 diffraction_point =
-        edges[edge].at(std::clamp(fermat_point(edges[edge], glm::dvec3(source_), glm::dvec3(listener)), 0.0, edges[edge].length_m));
-    return glm::length(diffraction_point - glm::dvec3(source_)) + glm::length(glm::dvec3(listener) - diffraction_point) - sight_m <=
-           most_detour_m;
-  };
-  Arrival arrival;
-  int attempts = budget.attempts;
-  for (const Group& group : groups_) {
-    if (attempts <= 0) break;
-    if (near_boundary_only && (!group.single || !near_boundary(group.last_edge))) continue;
-    if (!sees_last_edge(group)) continue;
-    for (std::size_t i = group.begin; i < group.end && attempts > 0; ++i) {
-      if (near_boundary_only && candidates_[i].sequence.order > 1) continue;
-      const bool full = arrivals.size() - first == limit;
-      const double least_db = std::max(full ? weakest_db : -1e9, best_db - kMostBelowBestDb);
-      if (!find_path(scene, candidates_[i], listener, in_sight, least_db, attempts, arrival)) continue;
-      const double db = level_db(arrival, num_bands);
-      best_db = std::max(best_db, db);
-      if (!full) {
-        arrivals.push_back(arrival);
-        if (arrivals.size() - first == limit) bring_weakest_to_front();
-      } else if (db > weakest_db) {
-        arrivals[first] = arrival;
-        bring_weakest_to_front();
+  Found found;
+  std::array<double, kMaxBands> sight_ends{};
+  const auto search = [&](bool boundaries_only) {
+    int attempts = budget.attempts;
+    for (const Group& group : groups_) {
+      if (attempts <= 0) break;
+      if (in_sight && !group.single) continue;
+      if (boundaries_only && !near_boundary(scene, edges[group.last_edge], listener)) continue;
+      if (!sees_last_edge(group)) continue;
+      for (std::size_t i = group.begin; i < group.end && attempts > 0; ++i) {
+        if (in_sight && candidates_[i].sequence.order > 1) continue;
+        const bool full = arrivals.size() - first == limit;
+        const double least_db = std::max(full ? weakest_db : -1e9, best_db - kMostBelowBestDb);
+        if (!find_path(scene, candidates_[i], listener, in_sight, least_db, std::span(arrivals).first(first), attempts, found)) continue;
+        for (int band = 0; boundaries_only && band < num_bands; ++band)
+          sight_ends[band] = std::max(sight_ends[band], std::clamp((found.jump[band] - 0.2) / 0.15, 0.0, 1.0));
+        for (const Arrival& arrival : std::span(found.arrival).first(static_cast<std::size_t>(found.count))) {
+          const double db = level_db(arrival, num_bands);
+          best_db = std::max(best_db, db);
+          if (arrivals.size() - first < limit) {
+            arrivals.push_back(arrival);
+            if (arrivals.size() - first == limit) bring_weakest_to_front();
+          } else if (db > weakest_db) {
+            arrivals[first] = arrival;
+            bring_weakest_to_front();
+          }
+        }
       }
     }
+  };
+  search(in_sight);
+  // Where sight is about to end all single edges count, as they do behind that boundary.
+  if (in_sight && std::any_of(sight_ends.begin(), sight_ends.end(), [](double weight) { return weight > 0; })) {
+    found.sight_ends = sight_ends;
+    arrivals.resize(first);
+    best_db = weakest_db = -1e9;
+    search(false);
+  }
+
+  // Until here `order` of an edge wave in sight is the index of the path that it belongs to, or -1.  Earlier ones first,
+  // whichever end they were found from: sums get the same bits.
+  for (std::size_t i = first + 1; i < arrivals.size(); ++i) {
+    const auto before = [](const Arrival& a, const Arrival& b) {
+      return a.distance_m != b.distance_m ? a.distance_m < b.distance_m : a.identity < b.identity;
+    };
+    for (std::size_t j = i; j > first && before(arrivals[j], arrivals[j - 1]); --j) std::swap(arrivals[j], arrivals[j - 1]);
+  }
+  const auto count = static_cast<int>(arrivals.size() - first);
+  if (in_sight) {
+    std::size_t kept = first;
+    for (std::size_t i = first; i < arrivals.size(); ++i) {
+      if (arrivals[i].order >= 0) {
+        add_wave(scene, arrivals[i], arrivals[static_cast<std::size_t>(arrivals[i].order)]);
+      } else {
+        arrivals[i].order = -arrivals[i].order;
+        arrivals[kept++] = arrivals[i];
+      }
+    }
+    arrivals.resize(kept);
   }
 
   // Approximations of many edges must not add up to more than there is.
   const double direct_m = std::max(glm::length(glm::dvec3(source_) - glm::dvec3(listener)), double{kLeastDistanceM});
-  const double most = 4.0 / (4.0 * kPi * direct_m * 4.0 * kPi * direct_m);
+  const double most = 1.0 / (4.0 * kPi * direct_m * 4.0 * kPi * direct_m);
   for (int band = 0; band < num_bands; ++band) {
     double energy = 0;
     for (std::size_t i = first; i < arrivals.size(); ++i) energy += double{arrivals[i].amplitude[band]} * arrivals[i].amplitude[band];
@@ -216,6 +363,7 @@ void DiffractionCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 
   for (std::size_t i = std::max<std::size_t>(first, 1); i < arrivals.size(); ++i) {
     for (std::size_t j = i; j > 0 && arrivals[j].distance_m < arrivals[j - 1].distance_m; --j) std::swap(arrivals[j], arrivals[j - 1]);
   }
+  return count;
 }
 
 }  // namespace earshot

@@ -1,7 +1,9 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <glm/vec3.hpp>
+#include <span>
 #include <vector>
 
 #include "sim/acoustics/core/arrival.h"
@@ -27,14 +29,19 @@ class DiffractionCandidates {
   /// Inserts the strongest paths to `listener`, each segment confirmed by a ray, so that `arrivals` stays sorted by distance.
   ///
   /// Amplitude and phase per band at its centre: EdgePathField times 1 / (4 pi r) and air.  Faces reflect with the root of their specular
-  /// reflectance, (1 - absorption)(1 - scattering), so that the field joins the image paths.  In sight of the source the diffracted sound
-  /// has the sign, in its phase, that takes from the direct sound.  The energy of all of them together is kept below that of the
-  /// unobstructed direct sound + 6 dB.  Source and listener swapped give the bits of the same distances, amplitudes and phases wherever
-  /// both find the same sequences.  No allocation once `arrivals` has room for them. in_sight: is the line from the source free
-  /// (line_of_sight.h)?
-  void find_arrivals(const AcousticScene& scene, glm::vec3 listener, bool in_sight, std::vector<Arrival>& arrivals) const;
+  /// reflectance, (1 - absorption)(1 - scattering), so that the field joins the image paths.  Source and listener swapped give the bits of
+  /// the same distances, amplitudes and phases wherever both find the same sequences.  No allocation once `arrivals` has room for them.
+  ///
+  /// Behind a screen, paths are arrivals of their own, and their energy together is at most that of the sound that the screen holds back,
+  /// the direct sound's.  In sight the energy of direct sound and images is complete without edges, which only move it about near shadow
+  /// and reflection boundaries: there the wave of a single edge is added with its phase to the direct sound or image in `arrivals` that it
+  /// belongs to (or to none, where the image has just vanished).  That weighs 1 up to a detour of a quarter of a wave, 0 from half a wave
+  /// on (docs/estimators.md, section 14); on a shadow boundary itself all single edges count, as they do behind it.  Wedges blunter than
+  /// 195 degrees take no part in reflections: images in their two faces overlap and gap by turns, and are that of a plane in the mean.
+  /// in_sight: is the line from the source free (line_of_sight.h)?  Returns how many paths matter here.
+  int find_arrivals(const AcousticScene& scene, glm::vec3 listener, bool in_sight, std::vector<Arrival>& arrivals) const;
   /// The same, with a ray of its own for the line of sight.
-  void find_arrivals(const AcousticScene& scene, glm::vec3 listener, std::vector<Arrival>& arrivals) const;
+  int find_arrivals(const AcousticScene& scene, glm::vec3 listener, std::vector<Arrival>& arrivals) const;
 
   [[nodiscard]] std::size_t size() const { return candidates_.size(); }
 
@@ -45,8 +52,21 @@ class DiffractionCandidates {
     std::size_t begin, end;
     bool single;  ///< is a sequence of that edge alone among them?
   };
+  /// What one candidate brings: a path, or, in sight, the waves of one edge, each for one path of those found before.
+  struct Found {
+    int count = 0;
+    std::array<Arrival, 4> arrival;              ///< in sight, order is the index of the path that this is added to, or -1
+    std::array<double, kMaxBands> jump{};        ///< of the direct sound, over what of it is held back: 1/2 on a shadow boundary
+    std::array<double, kMaxBands> sight_ends{};  ///< given: the least weight in sight, 1 on a shadow boundary
+  };
   bool find_path(const AcousticScene& scene, const EdgeCandidate& candidate, glm::vec3 listener, bool in_sight, double weakest_db,
-                 int& attempts, Arrival& arrival) const;
+                 std::span<const Arrival> paths, int& attempts, Found& found) const;
+  /// Splits the wave of a single edge, whose place and time are in `base`, by the paths that its terms belong to.
+  void split(const AcousticScene& scene, const DiffractionEdge& edge, const FiniteWedge& wedge, glm::vec3 listener, const Arrival& base,
+             std::span<const Arrival> paths, Found& found) const;
+  /// Is the way over the edge at most half a wave of the lowest band longer than the straight one, or, if reflections count, than that by
+  /// a face?
+  [[nodiscard]] bool near_boundary(const AcousticScene& scene, const DiffractionEdge& edge, glm::vec3 listener) const;
 
   glm::vec3 source_;
   DiffractionBudget budget_;               ///< of the config that this was made with

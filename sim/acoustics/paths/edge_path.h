@@ -61,6 +61,8 @@ class EdgePathField {
   EdgePathField(const DiffractionEdges& edges, const EdgePath& path, bool in_sight = false);
   /// False if a segment runs inside a wedge or along a sheet from rim to rim.
   [[nodiscard]] bool valid() const { return valid_; }
+  /// The first edge of the path.
+  [[nodiscard]] const FiniteWedge& first_edge() const { return wedges_[0].diffraction; }
   /// Over the free field at path.length_m.  reflection(material), transmission(material): pressure factors of a face.
   template <class Reflection, class Transmission>
   [[nodiscard]] std::complex<double> ratio(double wavenumber, const Reflection& reflection, const Transmission& transmission) const {

@@ -98,7 +98,8 @@ FiniteWedge::FiniteWedge(const DiffractionEdge& edge, glm::dvec3 before, glm::dv
     : wedge_(edge.exterior_rad, edge.angle_of(before), edge.angle_of(after)) {
   const glm::dvec3 from_source = before - edge.start, from_listener = after - edge.start;
   const double source_z = glm::dot(from_source, edge.along), listener_z = glm::dot(from_listener, edge.along);
-  const double source_r = glm::length(from_source - source_z * edge.along), listener_r = glm::length(from_listener - listener_z * edge.along);
+  const double source_r = glm::length(from_source - source_z * edge.along),
+               listener_r = glm::length(from_listener - listener_z * edge.along);
   const double shortest_m = std::hypot(source_r + listener_r, source_z - listener_z);
   if (!(shortest_m > 0)) return;
   own_length_m_ = source_r * listener_r / shortest_m;
@@ -146,7 +147,8 @@ Complex FiniteWedge::ratio(double wavenumber, double length_m, const FaceFactors
     const Complex erfc = scaled_erfc(b);
     whole += weight * erfc;
     for (std::size_t i = 0; i < 2; ++i)
-      end[i] += weight * edge_tail(tails[i].u, b, erfc, tails[i].erfc, tails[i].turn) + face[term] * ends_[i].residue[term] * tails[i].fresnel;
+      end[i] +=
+          weight * edge_tail(tails[i].u, b, erfc, tails[i].erfc, tails[i].turn) + face[term] * ends_[i].residue[term] * tails[i].fresnel;
   }
   Complex sum;
   if (past_end_ < 0) {

@@ -24,14 +24,12 @@ PoseEffects decide_pose_effects(const AcousticScene& scene, const EarlyCandidate
   return effects;
 }
 
-EffectCounters count_effects(const AcousticScene& scene, const PoseEffects& effects, std::span<const Arrival> arrivals, bool gathered) {
-  const bool diffracted =
-      std::any_of(arrivals.begin(), arrivals.end(), [](const Arrival& a) { return a.kind == ArrivalKind::diffraction; });
+EffectCounters count_effects(const AcousticScene& scene, const PoseEffects& effects, bool gathered) {
   const bool late = scene.config().late != Switch::off;
   return {.poses = 1,
           .in_sight = effects.in_sight ? 1u : 0u,
           .transmission_skipped = effects.transmission ? 0u : 1u,
-          .diffraction_skipped = diffracted ? 0u : 1u,
+          .diffraction_skipped = effects.diffraction ? 0u : 1u,
           .early_skipped = scene.image_order() == 0 ? 1u : 0u,
           .late_skipped = late ? 0u : 1u,
           .field_gathers = late && gathered ? 1u : 0u};

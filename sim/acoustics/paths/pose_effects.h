@@ -27,7 +27,7 @@ struct PoseEffects {
 };
 /// One shadow ray, the only one that decides the line of sight.
 PoseEffects decide_pose_effects(const AcousticScene& scene, const EarlyCandidates& candidates, glm::vec3 listener);
-/// The counters of one pose, from what was decided and found there.
-EffectCounters count_effects(const AcousticScene& scene, const PoseEffects& effects, std::span<const Arrival> arrivals, bool gathered);
+/// The counters of one pose, from what was decided and found there: effects.diffraction is then whether a path over edges matters.
+EffectCounters count_effects(const AcousticScene& scene, const PoseEffects& effects, bool gathered);
 
 }  // namespace earshot

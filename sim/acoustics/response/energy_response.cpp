@@ -58,9 +58,10 @@ void compute_energy_response(const AcousticScene& scene, const EarlyCandidates& 
                      "is no valid position in a scene", "give three numbers in metres");
   response.speed_of_sound_m_per_s = scene.speed_of_sound_m_per_s();
   response.arrivals.clear();
-  const PoseEffects effects = decide_pose_effects(scene, candidates, listener);
+  PoseEffects effects = decide_pose_effects(scene, candidates, listener);
   candidates.find_arrivals(scene, listener, effects.in_sight, response.arrivals);
-  if (effects.diffraction) candidates.diffraction().find_arrivals(scene, listener, effects.in_sight, response.arrivals);
+  if (effects.diffraction)
+    effects.diffraction = candidates.diffraction().find_arrivals(scene, listener, effects.in_sight, response.arrivals) > 0;
   if (effects.transmission) find_transmitted_behind_walls(scene, candidates.source(), listener, response.arrivals);
   apply_emission(candidates.emission(), static_cast<std::size_t>(scene.num_bands()), response.arrivals);
   const std::uint64_t nonfinite_arrivals = drop_nonfinite(static_cast<std::size_t>(scene.num_bands()), response.arrivals);
@@ -76,7 +77,7 @@ void compute_energy_response(const AcousticScene& scene, const EarlyCandidates& 
     response.stats = trace_late(scene, candidates, listener, response.late);
   }
   response.stats.nonfinite_dropped += nonfinite_arrivals;
-  response.effects = count_effects(scene, effects, response.arrivals, field != nullptr);
+  response.effects = count_effects(scene, effects, field != nullptr);
 }
 
 }  // namespace earshot

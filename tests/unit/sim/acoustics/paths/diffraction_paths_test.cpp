@@ -163,7 +163,10 @@ TEST(Diffraction, SwappedEndsGiveTheSameBits) {
   TriangleMesh mesh;
   append_box(mesh, {-1, 0, -0.5f}, {1, 2, 0.5f}, 0, 0);
   append_box(mesh, {2, 0, -1}, {3, 2.5f, 1}, 0, 0);
-  const AcousticScene scene(hard(mesh), config_with(Switch::on));
+  // Single edges, so that both ends find the same paths: the bound on the energy of all of them is one of the set.
+  AcousticConfig config = config_with(Switch::on);
+  config.diffraction_order = 1;
+  const AcousticScene scene(hard(mesh), config);
   int found = 0;
   for (std::uint32_t i = 0; i < 20; ++i) {
     const RandomStream random(7, Purpose::test, i);
@@ -172,9 +175,9 @@ TEST(Diffraction, SwappedEndsGiveTheSameBits) {
     };
     const glm::vec3 a = point(0, 2.f), b = point(2, -2.f);
     auto forth = arrivals_of(scene, a, b), back = arrivals_of(scene, b, a);
-    // Which of the many weak paths are tried may differ; those found from both ends are equal.
+    ASSERT_EQ(forth.size(), back.size());
     for (const Arrival& arrival : forth) {
-      if (arrival.kind != ArrivalKind::diffraction || arrival.order != 1) continue;
+      if (arrival.kind != ArrivalKind::diffraction) continue;
       const auto same = std::find_if(back.begin(), back.end(), [&](const Arrival& other) {
         return other.amplitude == arrival.amplitude && other.phase_rad == arrival.phase_rad && other.distance_m == arrival.distance_m &&
                other.direction == arrival.departure && other.departure == arrival.direction;

@@ -20,7 +20,8 @@ std::shared_ptr<const Scene> screen(float tau, bool thick) {
   if (thick)
     append_box(mesh, {-reach, -reach, -0.05f}, {reach, 0, 0.05f}, 0, 0);
   else
-    rooms::append_quad(mesh, {glm::vec3(-reach, -reach, 0), glm::vec3(reach, -reach, 0), glm::vec3(reach, 0, 0), glm::vec3(-reach, 0, 0)}, 0);
+    rooms::append_quad(mesh, {glm::vec3(-reach, -reach, 0), glm::vec3(reach, -reach, 0), glm::vec3(reach, 0, 0), glm::vec3(-reach, 0, 0)},
+                       0);
   return rooms::scene_of(std::move(mesh), {Material::uniform("screen", tau, 0.f, tau)});
 }
 
