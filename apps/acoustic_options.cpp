@@ -22,7 +22,7 @@ void AcousticOptions::add_to(CLI::App& command, const std::string& default_prese
       "diffraction_edge_m "
       "diffraction_paths transmission_walls scattering specular_exponent (0: mirror) diffuse_last_segment source_radius_m rir_length_s "
       "time_bin_s "
-      "late_decode_s bands (0: octaves) sh_order sample_rate_hz seed threads (0: all)");
+      "late_decode_s glide_paths bands (0: octaves) sh_order sample_rate_hz seed threads (0: all)");
   command
       .add_option(
           "--channels", channels,

@@ -14,6 +14,7 @@
 #include "sim/acoustics/source_field/refining_field.h"
 #include "sim/acoustics/source_field/source_field_store.h"
 #include "sim/acoustics/synthesis/carriers.h"
+#include "sim/acoustics/synthesis/path_glide.h"
 #include "sim/audio/sound_clip.h"
 #include "sim/audio/sound_stream.h"
 #include "sim/base/errors.h"
@@ -65,6 +66,7 @@ class WalkSource {
         late_(late),
         refine_every_(refine_every),
         clip_(std::move(clip)),
+        oversampled_(clip_),
         carrier_key_(carrier_key) {}
 
   /// Of a source at rest: what belongs to it and not to the pose.  Once, before the first block.
@@ -80,7 +82,7 @@ class WalkSource {
   }
 
   /// Adds the sound of this source at the listener during the block that begins at t_s to `mix` [channels, block].
-  void add_block(const AcousticScene& acoustics, RirSynthesizer& synthesizer, const TimedPose& listener,
+  void add_block(const AcousticScene& acoustics, RirSynthesizer& synthesizer, PathGlider& glider, const TimedPose& listener,
                  const ListenerOrientation& orientation, double t_s, std::size_t block_index, int block, std::vector<float>& mix) {
     if (moving_) {
       const TimedPose pose = pose_at(path_, t_s);
@@ -89,10 +91,13 @@ class WalkSource {
       candidates_ = std::make_unique<EarlyCandidates>(acoustics, source_);
     }
     respond(acoustics, glm::vec3(listener.position), block_index);
-    synthesizer.render(response_, orientation, carrier_key_, rir_);
+    const std::span<const std::uint8_t> glides = glider.choose(response_);
+    synthesizer.render(response_, orientation, carrier_key_, rir_, nullptr, glides);
+    glider.advance(response_, glides, orientation, gliding_);
     if (!convolver_) convolver_.emplace(StreamConfig{rir_.sample_rate_hz, rir_.num_samples, block, block}, rir_.num_channels);
     part_.resize(static_cast<std::size_t>(block) * static_cast<std::size_t>(rir_.num_channels));
     convolver_->convolve(clip_, position_, rir_.samples, previous_.samples, rir_.num_samples, block, part_);
+    glider.render(oversampled_, position_, block, block, gliding_, part_);
     mix.resize(part_.size());
     for (std::size_t i = 0; i < part_.size(); ++i) mix[i] += part_[i];
     position_.sample += static_cast<std::uint64_t>(block);
@@ -120,6 +125,7 @@ class WalkSource {
   LateSound late_;
   int refine_every_;
   SoundClip clip_;
+  OversampledSound oversampled_;
   std::uint64_t carrier_key_;
   std::unique_ptr<EarlyCandidates> candidates_;  // at a stable address: the refining thread reads it
   std::shared_ptr<const SourceField> field_;
@@ -128,6 +134,7 @@ class WalkSource {
   EnergyResponse response_;
   std::optional<glm::vec3> responds_to_;
   Rir rir_, previous_;
+  GlidingPaths gliding_;
   StreamPosition position_{0, 0, false};
   std::optional<StreamConvolver> convolver_;
   std::vector<float> part_;
@@ -180,7 +187,9 @@ void run_walk(const Options& options) {
   config.field = decide_field(config.field, !options.source_paths.empty(), num_blocks);
   const AcousticScene acoustics = options.acoustics.load(config);
   shift(poses, acoustics.scene());
-  RirSynthesizer synthesizer(options.acoustics.tables(acoustics));
+  const std::shared_ptr<const SynthesisTables> tables = options.acoustics.tables(acoustics);
+  RirSynthesizer synthesizer(tables);
+  PathGlider glider(tables, block);
   std::vector<WalkSource> sources = make_sources(options, acoustics);
   SourceFieldStore fields({.folder = options.field_store,
                            .max_bytes = static_cast<std::uint64_t>(options.field_store_gb * 1e9),
@@ -195,7 +204,8 @@ void run_walk(const Options& options) {
     const TimedPose listener = pose_at(poses, t_s);
     std::fill(mix.begin(), mix.end(), 0.f);
     for (WalkSource& source : sources)
-      source.add_block(acoustics, synthesizer, listener, options.acoustics.orientation(listener.heading_deg, 0, 0), t_s, i, block, mix);
+      source.add_block(acoustics, synthesizer, glider, listener, options.acoustics.orientation(listener.heading_deg, 0, 0), t_s, i, block,
+                       mix);
     num_channels = mix.size() / static_cast<std::size_t>(block);
     sound.resize(num_samples * num_channels);
     const std::size_t first = i * static_cast<std::size_t>(block),
@@ -228,7 +238,9 @@ void add_walk(CLI::App& app) {
                    "Dry sound: a WAV, FLAC or OGG file, or synth:KIND[:SEED]; it loops.  Once for all sources, or once per source")
       ->required();
   command->add_option("--out", options->out, "WAV file to write (32-bit float)")->required();
-  command->add_option("--step", options->step_s, "Seconds between two impulse responses; the sound fades from one to the next")
+  command
+      ->add_option("--step", options->step_s,
+                   "Seconds between two impulse responses; strong paths glide from one to the next, the rest fades")
       ->capture_default_str();
   command->add_option(
       "--field-store", options->field_store,

@@ -340,11 +340,11 @@ class RirBench {
                               .crossfade_samples = 800};
     const SpectrogramConfig shape{.sample_rate_hz = config.sample_rate_hz};
     HearingEngines engines(tables_, stream, shape, make_dry_spectra(stream));
-    const SoundClip clip = synthesize_sound("synth:speech", config.sample_rate_hz);
+    const LibrarySound dry(synthesize_sound("synth:speech", config.sample_rate_hz));
     std::vector<float> sound(2 * static_cast<std::size_t>(block)), window(2 * static_cast<std::size_t>(shape.num_samples)),
         spectrogram(2 * static_cast<std::size_t>(shape.rows()) * static_cast<std::size_t>(shape.columns()));
     AgentHearing hearing;
-    hearing.begin(*source, clip, 0);
+    hearing.begin(*source, dry, 0);
     std::vector<double> rates;
     for (int i = 0; i <= options_.repeats; ++i) {  // the first warms up
       const Stopwatch watch;

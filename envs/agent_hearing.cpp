@@ -36,8 +36,10 @@ bool all_finite(std::span<const float> values) {
 
 HearingEngines::HearingEngines(std::shared_ptr<const SynthesisTables> tables, const StreamConfig& stream,
                                const SpectrogramConfig& spectrogram, std::shared_ptr<DrySpectra> dry_spectra)
-    : synthesizer(std::move(tables)),
+    : synthesizer(tables),
       convolver(stream, 2, std::move(dry_spectra)),
+      glider(std::move(tables), stream.max_block_samples),
+      crossfade_samples(stream.crossfade_samples),
       analyzer(spectrogram),
       block(2 * static_cast<std::size_t>(stream.max_block_samples)),
       window(2 * static_cast<std::size_t>(spectrogram.num_samples)) {}
@@ -46,10 +48,11 @@ std::shared_ptr<DrySpectra> make_dry_spectra(const StreamConfig& stream) {
   return std::make_shared<DrySpectra>(StreamConvolver::plan(stream, 2).fft_size, std::size_t{16} << 20);
 }
 
-void AgentHearing::begin(const EnvSource& source, const SoundClip& clip, std::uint64_t clip_offset) {
-  clip_ = &clip;
-  clip_key_ = hash64(std::as_bytes(std::span(clip.samples)));
-  silent_ = std::ranges::all_of(clip.samples, [](float sample) { return sample == 0.f; });
+void AgentHearing::begin(const EnvSource& source, const LibrarySound& sound, std::uint64_t clip_offset) {
+  dry_ = &sound;
+  clip_key_ = hash64(std::as_bytes(std::span(sound.clip.samples)));
+  silent_ = sound.oversampled.silent();
+  gliding_.forget();
   history_.forget();
   new_samples_ = 0;
   position_ = {.sample = 0, .clip_offset = clip_offset, .already_playing = true};
@@ -79,10 +82,12 @@ bool AgentHearing::synthesize(HearingEngines& engines, double heading_rad, const
   fades_ = has_rir_;
   std::swap(spectra_, previous_);
   if (response_is_new_) late_.forget();
-  engines.synthesizer.render(response_, heading_rad, carrier_key_, rir_, &late_);
+  const std::span<const std::uint8_t> glides = engines.glider.choose(response_);
+  engines.synthesizer.render(response_, heading_rad, carrier_key_, rir_, &late_, glides);
   if (hook) hook(rir_.samples);
   if (!all_finite(rir_.samples)) return false;
   engines.convolver.transform(rir_.samples, rir_.num_samples, spectra_);
+  engines.glider.advance(response_, glides, heading_rad, gliding_);
   rendered_heading_rad_ = heading_rad;
   response_is_new_ = false;
   has_rir_ = true;
@@ -90,10 +95,12 @@ bool AgentHearing::synthesize(HearingEngines& engines, double heading_rad, const
 }
 
 bool AgentHearing::convolve(HearingEngines& engines, int block, std::span<float> sound, std::span<float> window) {
-  if (silent_)
+  if (silent_) {
     std::fill(sound.begin(), sound.end(), 0.f);
-  else
-    engines.convolver.convolve(*clip_, clip_key_, position_, spectra_, fades_ ? &previous_ : nullptr, block, sound);
+  } else {
+    engines.convolver.convolve(dry_->clip, clip_key_, position_, spectra_, fades_ ? &previous_ : nullptr, block, sound);
+    engines.glider.render(dry_->oversampled, position_, block, engines.crossfade_samples, gliding_, sound);
+  }
   position_.sample += static_cast<std::uint64_t>(block);
   const bool finite = all_finite(sound);
   if (!finite) std::fill(sound.begin(), sound.end(), 0.f);

@@ -6,7 +6,9 @@
 #include <vector>
 
 #include "envs/scene_cache.h"
+#include "envs/sound_library.h"
 #include "sim/acoustics/response/energy_response.h"
+#include "sim/acoustics/synthesis/path_glide.h"
 #include "sim/acoustics/synthesis/rir_synthesis.h"
 #include "sim/audio/sound_stream.h"
 #include "sim/audio/spectrogram.h"
@@ -21,6 +23,8 @@ struct HearingEngines {
                  std::shared_ptr<DrySpectra> dry_spectra = nullptr);
   RirSynthesizer synthesizer;
   StreamConvolver convolver;
+  PathGlider glider;
+  int crossfade_samples;
   SpectrogramAnalyzer analyzer;
   std::vector<float> block;   ///< [2, block samples]
   std::vector<float> window;  ///< [2, window samples], for the legacy spectrogram
@@ -36,13 +40,14 @@ std::shared_ptr<DrySpectra> make_dry_spectra(const StreamConfig& stream);
 class AgentHearing {
  public:
   /// The sound has been playing before: the first window holds the reverberation of a past spent at the start.
-  /// source, clip: must outlive the episode.  clip_offset: clip sample at stream sample 0, where the first window begins.
-  void begin(const EnvSource& source, const SoundClip& clip, std::uint64_t clip_offset);
+  /// source, sound: must outlive the episode.  clip_offset: clip sample at stream sample 0, where the first window begins.
+  void begin(const EnvSource& source, const LibrarySound& sound, std::uint64_t clip_offset);
 
   /// Energy response at the ears.  Skipped where the position has the bits of the last call: the response is a function of it.
   void trace(const EnvSource& source, const Pose& pose, float ear_height_m);
-  /// RIR of the response at this heading; the one before becomes the RIR to fade from.  Skipped where neither changed.  hook: called with
-  /// the RIR before it is used.  Returns false if the RIR is not finite: nothing can be heard then until begin().
+  /// RIR of the response at this heading, without its strong paths, which glide; the one before becomes the RIR to fade from.  Skipped
+  /// where neither changed.  hook: called with the RIR before it is used.  Returns false if the RIR is not finite: nothing can be heard
+  /// then until begin().
   bool synthesize(HearingEngines& engines, double heading_rad, const std::function<void(std::span<float> rir)>& hook = {});
   /// The next `block` samples: written to `sound` [2, block] and pushed into the rolling `window` [2, samples].  Returns false if they
   /// were not finite: zeros are written then.
@@ -59,7 +64,7 @@ class AgentHearing {
   [[nodiscard]] std::uint64_t cached_responses() const { return cached_responses_; }
 
  private:
-  const SoundClip* clip_ = nullptr;
+  const LibrarySound* dry_ = nullptr;
   std::uint64_t carrier_key_ = 0;
   std::uint64_t clip_key_ = 0;
   StreamPosition position_;
@@ -69,6 +74,7 @@ class AgentHearing {
   LateSound late_;  ///< of response_
   Rir rir_;
   RirSpectra spectra_, previous_;  ///< of rir_ and of the one before
+  GlidingPaths gliding_;
   SpectrogramHistory history_;
   std::size_t new_samples_ = 0;  ///< pushed since the last analysis
   glm::vec3 traced_position_{0};

@@ -107,9 +107,9 @@ void BatchedEnv::Impl::enter_episode(std::size_t env) {
   const auto oracle_actions = count_oracle_actions(task, navmesh, field, *start, heading_rad);
   agent.state.begin(task, field, *start, heading_rad, oracle_actions.value_or(episode.num_action));
   if (config.observation.spectrogram) {
-    const SoundClip& clip = sounds.clip(episode.sound);
+    const LibrarySound& sound = sounds.sound(episode.sound);
     const RandomStream random(config.seed, Purpose::sound, global_id(env), static_cast<std::uint32_t>(agent.episode_count));
-    agent.hearing.begin(*agent.source, clip, random.below(static_cast<std::uint32_t>(clip.samples.size()), 0));
+    agent.hearing.begin(*agent.source, sound, random.below(static_cast<std::uint32_t>(sound.clip.samples.size()), 0));
   }
 }
 
@@ -150,8 +150,10 @@ void BatchedEnv::Impl::restore(std::size_t env, const EnvCursor& cursor, Hearing
   enter_episode(env);
   stop_at_fault();
   ++begun;
-  // What is heard now depends on the poses of the last second only: poses before are walked, not rendered.
-  const std::size_t window_blocks = (size_of(config.observation.sound.num_samples) + size_of(block_samples) - 1) / size_of(block_samples);
+  // What is heard now depends on the poses of the last second only, and on the step before, on whose way paths arrive: poses before are
+  // walked, not rendered.
+  const std::size_t window_blocks =
+      (size_of(config.observation.sound.num_samples) + size_of(block_samples) - 1) / size_of(block_samples) + 1;
   const std::size_t silent = cursor.actions.size() > window_blocks ? cursor.actions.size() - window_blocks : 0;
   for (std::size_t step = 0; step <= cursor.actions.size(); ++step) {
     if (step > 0) {

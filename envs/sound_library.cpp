@@ -20,15 +20,16 @@ std::string resolve_sound(const std::string& name, const std::string& sound_root
 
 SoundLibrary::SoundLibrary(std::span<const Episode> episodes, const std::string& sound_root, float sample_rate_hz, float gain) {
   for (const Episode& episode : episodes) {
-    const auto [clip, is_new] = clips_.try_emplace(episode.sound);
-    if (!is_new) continue;
+    if (sounds_.contains(episode.sound)) continue;
+    SoundClip clip;
     try {
-      clip->second = open_sound(resolve_sound(episode.sound, sound_root), sample_rate_hz);
+      clip = open_sound(resolve_sound(episode.sound, sound_root), sample_rate_hz);
     } catch (const InputError& error) {
       throw InputError("sound '" + episode.sound + "' of episode '" + episode.episode_id + "' in " + episode.scene_id, error.what(),
                        "set sound_root to the folder of the sounds");
     }
-    for (float& sample : clip->second.samples) sample *= gain;
+    for (float& sample : clip.samples) sample *= gain;
+    sounds_.emplace(episode.sound, std::move(clip));
   }
 }
 

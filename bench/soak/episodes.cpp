@@ -174,7 +174,7 @@ SoakEpisodes make_soak_episodes(const std::vector<SoakScene>& scenes, int per_sc
   for (std::size_t i = 0; i < result.episodes.size(); ++i) {
     const std::string& name = result.set.episodes[i].sound;
     const auto [known, is_new] = level.try_emplace(name, 0.0);
-    if (is_new) known->second = largest_mean_square(sounds.clip(name).samples, step);
+    if (is_new) known->second = largest_mean_square(sounds.sound(name).clip.samples, step);
     result.episodes[i].dry_mean_square = known->second;
   }
   return result;

@@ -88,8 +88,8 @@ struct Hrtf::Grid {
     return blend;
   }
 
-  void write(const Blend& blend, double extra_delay_samples, std::span<Complex> out) const {
-    double delay = extra_delay_samples;
+  /// Writes an aligned spectrum and returns its delay, added to `delay`.
+  double write_aligned(const Blend& blend, double delay, std::span<Complex> out) const {
     Complex* sum = out.data();
     for (std::size_t n = 0; n < blend.count; ++n) {
       const Complex* row = aligned.data() + blend.row[n] * num_bins;
@@ -100,19 +100,22 @@ struct Hrtf::Grid {
       else
         for (std::size_t k = 0; k < num_bins; ++k) sum[k] += weight * row[k];
     }
-    delay_spectrum(out.first(num_bins), delay, fft_size);
+    return delay;
+  }
+
+  /// Delays of the left and the right ear, added to `delay`.
+  std::array<double, 2> write_aligned(glm::vec3 towards, double delay, std::span<Complex> left, std::span<Complex> right) const {
+    if (intervals > 0) return {write_aligned(blend_sphere(towards, 0), delay, left), write_aligned(blend_sphere(towards, 1), delay, right)};
+    Blend blend = blend_measured(towards);
+    const double left_delay = write_aligned(blend, delay, left);
+    for (std::size_t& row : blend.row) ++row;
+    return {left_delay, write_aligned(blend, delay, right)};
   }
 
   void write(glm::vec3 towards, double extra_delay_samples, std::span<Complex> left, std::span<Complex> right) const {
-    if (intervals > 0) {
-      write(blend_sphere(towards, 0), extra_delay_samples, left);
-      write(blend_sphere(towards, 1), extra_delay_samples, right);
-      return;
-    }
-    Blend blend = blend_measured(towards);
-    write(blend, extra_delay_samples, left);
-    for (std::size_t& row : blend.row) ++row;
-    write(blend, extra_delay_samples, right);
+    const std::array<double, 2> delay = write_aligned(towards, extra_delay_samples, left, right);
+    delay_spectrum(left.first(num_bins), delay[0], fft_size);
+    delay_spectrum(right.first(num_bins), delay[1], fft_size);
   }
 };
 
@@ -160,6 +163,12 @@ void Hrtf::spectra(glm::vec3 direction, std::span<std::complex<float>> left, std
                    double extra_delay_samples) const {
   EARSHOT_EXPECT(left.size() >= grid_->num_bins && right.size() >= grid_->num_bins);
   grid_->write(direction, lead_samples_ + extra_delay_samples, left, right);
+}
+
+std::array<double, 2> Hrtf::aligned_spectra(glm::vec3 direction, std::span<std::complex<float>> left,
+                                            std::span<std::complex<float>> right) const {
+  EARSHOT_EXPECT(left.size() >= grid_->num_bins && right.size() >= grid_->num_bins);
+  return grid_->write_aligned(direction, 0.0, left, right);
 }
 
 std::span<const std::complex<float>> Hrtf::diffuse_decoder(int channel, int ear) const {

@@ -32,6 +32,10 @@ class Hrtf {
   /// adds to it. Continuous in the direction.  About 1 us at 16 kHz for the sphere; no allocation.
   void spectra(glm::vec3 direction, std::span<std::complex<float>> left, std::span<std::complex<float>> right,
                double extra_delay_samples = 0) const;
+  /// The same with the first arrival of each ear at time zero, and returns when that is, in samples after the head's centre, [left, right]:
+  /// between two directions delays and these spectra may be interpolated, whole spectra would comb.
+  std::array<double, 2> aligned_spectra(glm::vec3 direction, std::span<std::complex<float>> left,
+                                        std::span<std::complex<float>> right) const;
   [[nodiscard]] int lead_samples() const { return lead_samples_; }
   /// Length of the decoder filters in samples, lead included.
   [[nodiscard]] int decoder_taps() const { return decoder_taps_; }

@@ -27,6 +27,7 @@ AcousticConfig acoustic_preset(std::string_view name) {
     config.field_error = 0.015f;
     config.field_cell_m = 0.7f;
     config.late_decode_s = 0.32f;
+    config.glide_paths = 6;
     return config;
   }
   if (name == "high") {
@@ -34,6 +35,7 @@ AcousticConfig acoustic_preset(std::string_view name) {
     config.field_error = 0.008f;
     config.field_cell_m = 0.5f;
     config.late_decode_s = 60.f;
+    config.glide_paths = 16;
     config.early_order = 3;
     config.early_candidate_rays = 50'000;
     // As many paths from the source as from the listener, kept for 60 events: at equal time the T30 error two rooms away in house:1 is a
@@ -86,6 +88,7 @@ void read(ConfigReader& reader, AcousticConfig& config) {
   reader.read("field_cell_m", config.field_cell_m);
   reader.read_choice("temporal_reuse", config.temporal_reuse, kSwitches);
   reader.read("late_decode_s", config.late_decode_s);
+  reader.read("glide_paths", config.glide_paths);
   reader.read("bands", config.bands);
   reader.read("sample_rate_hz", config.sample_rate_hz);
   reader.read("seed", config.seed);
@@ -127,6 +130,7 @@ void validate(const AcousticConfig& config) {
   require(config.field_error > 0.f && config.field_error <= 1.f, "field_error", config.field_error, "must be in (0, 1]");
   require(in_range(config.field_cell_m, 0.05f, 10.f), "field_cell_m", config.field_cell_m, "must be in [0.05, 10] m");
   require(in_range(config.late_decode_s, 0.f, 60.f), "late_decode_s", config.late_decode_s, "must be in [0, 60] s");
+  require(config.glide_paths >= 0 && config.glide_paths <= 64, "glide_paths", config.glide_paths, "must be in [0, 64]");
   require(config.bands >= 0 && config.bands <= kMaxBands, "bands", config.bands, "must be in [1, 32], or 0 for octaves from 125 Hz");
   require(in_range(config.sample_rate_hz, 8000.f, 96000.f), "sample_rate_hz", config.sample_rate_hz, "must be in [8000, 96000] Hz");
   require(config.threads >= 0 && config.threads <= 4096, "threads", config.threads, "must be in [0, 4096]; 0 means all");

@@ -52,6 +52,9 @@ struct AcousticConfig {
   /// Binaural: late sound up to so long after its beginning goes through the head as a sound field of first order; what comes later has, by
   /// its direction, the right level at each ear and the right correlation between them (binaural_noise.h), [0, 60].
   float late_decode_s = 0.16f;
+  /// Along a trajectory (walk, environments) so many of the strongest paths glide from pose to pose, 0: none (path_glide.h).  No part of a
+  /// single response.  [0, 64].
+  int glide_paths = 3;
   int bands = 0;                   ///< 0: octaves; otherwise this many log-spaced bands
   float sample_rate_hz = 16000.f;  ///< [8000, 96000]
   std::uint64_t seed = 0;

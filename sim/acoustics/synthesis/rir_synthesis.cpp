@@ -15,6 +15,7 @@
 #include "sim/acoustics/synthesis/binaural_late_tail.h"
 #include "sim/acoustics/synthesis/late_array.h"
 #include "sim/acoustics/synthesis/late_synthesis.h"
+#include "sim/acoustics/synthesis/microphone_wave.h"
 #include "sim/acoustics/synthesis/synthesis_tables.h"
 #include "sim/audio/ambisonics.h"
 #include "sim/audio/complex_fft.h"
@@ -207,28 +208,13 @@ void RirSynthesizer::add_to_harmonics(const Pass& pass, const Arrival& arrival, 
   }
 }
 
-/// A spherical wave from the image of the source: each microphone has its own distance and direction.
 void RirSynthesizer::add_to_microphones(const Pass& pass, const Arrival& arrival, Rir& rir) {
   const SynthesisTables& tables = *tables_;
-  const auto num_bands = static_cast<std::size_t>(tables.num_bands);
-  const float distance_m = std::max(arrival.distance_m, kLeastDistanceM);
-  const glm::vec3 image = distance_m * pass.orientation.world_to_local(arrival.direction);
-  std::array<float, kMaxBands> gain{}, phase{};
   for (std::size_t i = 0; i < tables.layout.microphones.size(); ++i) {
-    const Microphone& microphone = tables.layout.microphones[i];
-    const glm::vec3 to_image = image - microphone.position_m;
-    const float own_distance_m = glm::length(to_image);
-    const glm::vec3 from = own_distance_m > 1e-6f ? to_image / own_distance_m : glm::vec3(0, 0, -1);
-    const float spread = distance_m / std::max(own_distance_m, kLeastDistanceM);
-    tables.patterns[i].pressure(glm::conjugate(microphone.orientation) * from, std::span(gain).first(num_bands));
-    for (std::size_t b = 0; b < num_bands; ++b) {
-      phase[b] = arrival.phase_rad[b] + (gain[b] < 0 ? std::numbers::pi_v<float> : 0.f);
-      gain[b] = std::abs(gain[b]) * spread * arrival.amplitude[b];
-    }
-    scratch_->bands.set(std::span(gain).first(num_bands), std::span(phase).first(num_bands));
+    const MicrophoneWave wave(tables, i, arrival, pass.orientation);
+    scratch_->bands.set(wave.amplitude(), wave.phase_rad());
     if (scratch_->bands.silent()) continue;
-    // The difference alone, so that a microphone at the listener's position has the listener's delay to the last bit.
-    const double delay = (static_cast<double>(arrival.distance_m) + static_cast<double>(own_distance_m - distance_m)) * pass.samples_per_m;
+    const double delay = wave.distance_m() * pass.samples_per_m;
     if (delay > -tables.early_fft && delay < rir.num_samples + tables.early_fft / 2) add_impulse(delay, i, rir);
   }
 }
@@ -350,7 +336,7 @@ int RirSynthesizer::count_samples(const EnergyHistogram& late) const {
 }
 
 void RirSynthesizer::render(const EnergyResponse& response, const ListenerOrientation& orientation, std::uint64_t carrier_key, Rir& rir,
-                            LateSound* cached) {
+                            LateSound* cached, std::span<const std::uint8_t> left_out) {
   const FlushDenormals flush;
   const SynthesisTables& tables = *tables_;
   require(response.late.num_bins() == 0 || response.late.num_bands() == tables.num_bands, "bands of the response",
@@ -375,7 +361,9 @@ void RirSynthesizer::render(const EnergyResponse& response, const ListenerOrient
                             static_cast<std::uint32_t>(carrier_key >> 32), 1);
   const std::size_t offset = random.below(static_cast<std::uint32_t>(tables.carriers.length()), 0);
   render_late(pass, offset, onset_sample, rir);
-  for (const Arrival& arrival : response.arrivals) add_arrival(pass, arrival, rir);
+  EARSHOT_EXPECT(left_out.empty() || left_out.size() == response.arrivals.size());
+  for (std::size_t i = 0; i < response.arrivals.size(); ++i)
+    if (left_out.empty() || left_out[i] == 0) add_arrival(pass, response.arrivals[i], rir);
   if (tables.layout.kind != ListenerKind::ambisonics || tables.layout.norm == HarmonicNorm::n3d) return;
   for (int c = 1; c < rir.num_channels; ++c) {
     const float factor = sn3d_from_n3d(c);

@@ -68,8 +68,10 @@ class RirSynthesizer {
   /// that of the tables, round(rir_length_s * rate), where that is shorter or less than a bin longer, without a late field and for arrays.
   /// response.late: no bins, or the bands of the tables and any SH order; order 0 counts as diffuse.
   /// cached: null, or of this response and key, or forgotten: saves a quarter of the time of further binaural renders, and changes no bit.
+  /// left_out: empty, or for each arrival whether it is left out, because it is heard otherwise (path_glide.h); late sound still begins
+  /// with the direct sound.
   void render(const EnergyResponse& response, const ListenerOrientation& orientation, std::uint64_t carrier_key, Rir& rir,
-              LateSound* cached = nullptr);
+              LateSound* cached = nullptr, std::span<const std::uint8_t> left_out = {});
 
  private:
   struct Scratch;

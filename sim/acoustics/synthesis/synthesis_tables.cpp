@@ -72,6 +72,7 @@ SynthesisTables::SynthesisTables(const AcousticConfig& config, const BandLayout&
       sample_rate_hz(config.sample_rate_hz),
       num_samples(count_samples(config)),
       num_bands(bands.size()),
+      glide_paths(config.glide_paths),
       seed(config.seed),
       early_fft(hrtf ? hrtf->fft_size() : next_power_of_two(static_cast<int>(std::ceil(0.02 * config.sample_rate_hz)))),
       filters(bands, config.sample_rate_hz, early_fft),

@@ -23,7 +23,7 @@ class SynthesisTables {
   ListenerLayout layout;
   std::shared_ptr<const Hrtf> hrtf;  ///< binaural, else null
   float sample_rate_hz;
-  int num_samples, num_bands;
+  int num_samples, num_bands, glide_paths;
   std::uint64_t seed;
   int early_fft, late_fft = 4;
   BandFilters filters;

@@ -127,7 +127,7 @@ TEST(SoundLibrary, NamesAreResolvedUnderTheRootFirst) {
   Episode episode;
   episode.sound = "my_ring";
   const SoundLibrary sounds(std::span(&episode, 1), root.string(), 16000, 2.f);
-  EXPECT_EQ(sounds.clip("my_ring").samples, (std::vector<float>{0.f, 0.5f, -1.f, 0.25f}));
+  EXPECT_EQ(sounds.sound("my_ring").clip.samples, (std::vector<float>{0.f, 0.5f, -1.f, 0.25f}));
   episode.sound = "other";
   EXPECT_THROW(SoundLibrary(std::span(&episode, 1), root.string(), 16000, 1.f), InputError);
   std::filesystem::remove_all(root);

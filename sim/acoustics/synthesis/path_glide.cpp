@@ -1,0 +1,177 @@
+#include "sim/acoustics/synthesis/path_glide.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "sim/acoustics/synthesis/synthesis_tables.h"
+#include "sim/audio/spectrum_math.h"
+#include "sim/base/denormals.h"
+#include "sim/base/errors.h"
+
+namespace earshot {
+namespace {
+
+constexpr int kNoPartner = -1;
+
+}  // namespace
+
+PathGlider::PathGlider(std::shared_ptr<const SynthesisTables> tables, int block_samples)
+    : filters_(tables),
+      block_samples_(block_samples),
+      max_paths_(tables->glide_paths),
+      num_channels_(static_cast<std::size_t>(filters_.num_channels())),
+      num_taps_(static_cast<std::size_t>(filters_.num_taps())),
+      fft_(next_power_of_two(block_samples + filters_.num_taps() - 1)),
+      taps_(num_channels_ * num_taps_),
+      sum_time_(static_cast<std::size_t>(fft_.size())) {
+  require(block_samples >= 1, "samples of a block", block_samples, "must be at least 1");
+  num_bins_ = static_cast<std::size_t>(fft_.num_bins());
+  spectrum_.resize(num_bins_);
+  sum_.resize(num_channels_ * num_bins_);
+  line_.reserve(static_cast<std::size_t>(block_samples) + num_taps_);
+  weighted_.reserve(line_.capacity());
+}
+
+std::span<const std::uint8_t> PathGlider::choose(const EnergyResponse& response) {
+  const std::size_t count = response.arrivals.size();
+  marked_.assign(count, 0);
+  energy_.resize(count);
+  float strongest = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    float sum = 0;
+    for (const float amplitude : response.arrivals[i].amplitude) sum += amplitude * amplitude;
+    energy_[i] = sum;
+    strongest = std::max(strongest, sum);
+  }
+  const float weakest = strongest * static_cast<float>(std::pow(10.0, -0.1 * kRangeDb));
+  for (int n = 0; n < max_paths_; ++n) {
+    const auto best = std::ranges::max_element(energy_);
+    if (best == energy_.end() || !(*best > 0) || *best < weakest) break;
+    marked_[static_cast<std::size_t>(best - energy_.begin())] = 1;
+    *best = -1;
+  }
+  return marked_;
+}
+
+void PathGlider::reserve(Pose& pose) const {
+  const auto rows = static_cast<std::size_t>(max_paths_);
+  if (pose.identity.size() == rows) return;
+  pose.identity.resize(rows);
+  pose.partner.resize(rows);
+  pose.delay.resize(rows * num_channels_);
+  pose.slope.resize(rows * num_channels_);
+  pose.filter.resize(rows * num_channels_ * num_bins_);
+}
+
+void PathGlider::advance(const EnergyResponse& response, std::span<const std::uint8_t> marked, const ListenerOrientation& orientation,
+                         GlidingPaths& paths) {
+  EARSHOT_EXPECT(marked.size() == response.arrivals.size());
+  const FlushDenormals flush;
+  std::swap(paths.now_, paths.before_);
+  Pose &now = paths.now_, &before = paths.before_;
+  reserve(now);
+  now.count = 0;
+  paths.moves_ = std::exchange(paths.known_, true);
+  for (std::size_t i = 0; i < marked.size(); ++i) {
+    if (marked[i] == 0) continue;
+    const std::size_t path = now.count, row = path * num_channels_;
+    const auto delay = std::span(now.delay).subspan(row, num_channels_), slope = std::span(now.slope).subspan(row, num_channels_);
+    if (!filters_.make(response.arrivals[i], orientation, response.speed_of_sound_m_per_s, delay, taps_)) continue;
+    for (std::size_t c = 0; c < num_channels_; ++c)
+      fft_.forward(std::span(taps_).subspan(c * num_taps_, num_taps_), std::span(now.filter).subspan((row + c) * num_bins_, num_bins_));
+    now.identity[path] = response.arrivals[i].identity;
+    now.partner[path] = kNoPartner;
+    std::ranges::fill(slope, 0.0);
+    ++now.count;
+    for (std::size_t other = 0; other < before.count && now.identity[path] != 0; ++other) {
+      if (before.identity[other] != now.identity[path]) continue;
+      double most = 0;
+      for (std::size_t c = 0; c < num_channels_; ++c) {
+        slope[c] = (delay[c] - before.delay[other * num_channels_ + c]) / block_samples_;
+        most = std::max(most, std::abs(slope[c]));
+      }
+      if (most < kMostSlope)
+        now.partner[path] = static_cast<int>(other);
+      else
+        std::ranges::fill(slope, 0.0);
+      break;
+    }
+  }
+}
+
+/// line_[j]: the dry sound through the line at j - (num_taps / 2 - 1) samples from the start of the block.
+void PathGlider::read_line(const OversampledSound& sound, const StreamPosition& position, const Line& line, int block) {
+  const std::size_t half = num_taps_ / 2, before = half - 1;
+  line_.resize(static_cast<std::size_t>(block) + num_taps_ - 1);
+  const auto all = std::span(line_);
+  sound.read(position, -static_cast<double>(before) * (1.0 - line.slope_before) - line.delay, 1.0 - line.slope_before, all.first(before));
+  sound.read(position, -line.delay, 1.0 - line.slope, all.subspan(before));
+}
+
+void PathGlider::add_product(const std::complex<float>* filter, std::size_t channel) {
+  multiply_add(spectrum_, std::span(filter, num_bins_), std::span(sum_).subspan(channel * num_bins_, num_bins_));
+}
+
+void PathGlider::add_weighted(float from, float to, int length, const std::complex<float>* filter, std::size_t channel) {
+  const std::size_t before = num_taps_ / 2 - 1, changing = std::min(static_cast<std::size_t>(length), line_.size() - before);
+  weighted_.resize(line_.size());
+  for (std::size_t j = 0; j < before; ++j) weighted_[j] = from * line_[j];
+  const float step = length > 0 ? (to - from) / static_cast<float>(length) : 0.f;
+  for (std::size_t j = 0; j < changing; ++j)
+    weighted_[before + j] = (from + step * static_cast<float>(static_cast<int>(j))) * line_[before + j];
+  for (std::size_t j = before + changing; j < line_.size(); ++j) weighted_[j] = to * line_[j];
+  fft_.forward(weighted_, spectrum_);
+  add_product(filter, channel);
+}
+
+void PathGlider::render(const OversampledSound& sound, const StreamPosition& position, int block, int fade, GlidingPaths& paths,
+                        std::span<float> output) {
+  const FlushDenormals flush;
+  EARSHOT_EXPECT(block >= 0 && block <= block_samples_ && output.size() >= num_channels_ * static_cast<std::size_t>(block));
+  Pose &now = paths.now_, &before = paths.before_;
+  const bool moves = std::exchange(paths.moves_, false);
+  const std::size_t leaving = moves ? before.count : 0;
+  if (now.count + leaving == 0 || block == 0) return;
+  std::ranges::fill(sum_, std::complex<float>{});
+  const auto filter_of = [&](const Pose& pose, std::size_t row) { return pose.filter.data() + row * num_bins_; };
+
+  for (std::size_t path = 0; path < now.count; ++path) {
+    const int partner = moves ? now.partner[path] : kNoPartner;
+    for (std::size_t c = 0; c < num_channels_; ++c) {
+      const std::size_t row = path * num_channels_ + c;
+      if (!moves) {
+        read_line(sound, position, {now.delay[row], 0.0, now.slope[row]}, block);
+        fft_.forward(line_, spectrum_);
+        add_product(filter_of(now, row), c);
+        now.slope[row] = 0;
+      } else if (partner == kNoPartner) {
+        read_line(sound, position, {now.delay[row], 0.0, 0.0}, block);
+        add_weighted(0.f, 1.f, fade, filter_of(now, row), c);
+      } else {
+        const std::size_t old = static_cast<std::size_t>(partner) * num_channels_ + c;
+        read_line(sound, position, {before.delay[old], now.slope[row], before.slope[old]}, block);
+        add_weighted(1.f, 0.f, block_samples_, filter_of(before, old), c);
+        add_weighted(0.f, 1.f, block_samples_, filter_of(now, row), c);
+      }
+    }
+  }
+  for (std::size_t path = 0; path < leaving; ++path) {
+    const auto partners = std::span(now.partner).first(now.count);
+    if (std::ranges::find(partners, static_cast<int>(path)) != partners.end()) continue;
+    for (std::size_t c = 0; c < num_channels_; ++c) {
+      const std::size_t row = path * num_channels_ + c;
+      read_line(sound, position, {before.delay[row], 0.0, before.slope[row]}, block);
+      add_weighted(1.f, 0.f, fade, filter_of(before, row), c);
+    }
+  }
+
+  for (std::size_t c = 0; c < num_channels_; ++c) {
+    fft_.inverse(std::span(sum_).subspan(c * num_bins_, num_bins_), sum_time_);
+    float* out = output.data() + c * static_cast<std::size_t>(block);
+    const float* heard = sum_time_.data() + num_taps_ - 1;  // what lies before holds the wrap-around
+    for (int i = 0; i < block; ++i) out[i] += heard[i];
+  }
+}
+
+}  // namespace earshot
