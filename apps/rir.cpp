@@ -87,13 +87,14 @@ class PairRenderer {
     compute_energy_response(acoustics_, candidates, listener, response,
                             [&](double fraction) { progress.update(static_cast<std::uint64_t>(fraction * steps)); });
     Rir rir;
-    synthesizer_.render(response, orientation, carrier_key(acoustics_.hash()), rir);
+    const CarrierKey key(carrier_key(acoustics_.hash(), candidates.source()), listener);
+    synthesizer_.render(response, orientation, key, rir);
     const double render_ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count();
     write(file, rir);
     if (options_.components) {
       Rir part;
       for (const Component& component : kComponents) {
-        synthesizer_.render(part_of(response, component), orientation, carrier_key(acoustics_.hash()), part);
+        synthesizer_.render(part_of(response, component), orientation, key, part);
         write(with_suffix(file, fmt::format(".{}", component.name)), part);
       }
     }

@@ -92,7 +92,9 @@ class WalkSource {
     }
     respond(acoustics, glm::vec3(listener.position), block_index);
     const std::span<const std::uint8_t> glides = glider.choose(response_);
-    synthesizer.render(response_, orientation, carrier_key_, rir_, nullptr, glides);
+    synthesizer.render(response_, orientation,
+                       {carrier_key_, glm::vec3(listener.position), moving_ ? std::optional(source_.position) : std::nullopt}, rir_,
+                       nullptr, glides);
     glider.advance(response_, glides, orientation, gliding_);
     if (!convolver_) convolver_.emplace(StreamConfig{rir_.sample_rate_hz, rir_.num_samples, block, block}, rir_.num_channels);
     part_.resize(static_cast<std::size_t>(block) * static_cast<std::size_t>(rir_.num_channels));

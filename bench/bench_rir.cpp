@@ -100,7 +100,7 @@ class RirBench {
       compute_energy_response(fast_, *candidates_, field_.get(), pose.ears(), response);
       times.per_response += watch.wall_s();
       watch = {};
-      synthesizer_->render(response, pose.heading_rad, carrier_key(fast_.hash()), rir);
+      synthesizer_->render(response, pose.heading_rad, {carrier_key(fast_.hash()), pose.ears()}, rir);
       times.per_render += watch.wall_s();
     }
     times.per_response /= static_cast<double>(scene_.walk.size());

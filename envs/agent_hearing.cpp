@@ -67,8 +67,8 @@ void AgentHearing::trace(const EnvSource& source, const Pose& pose, float ear_he
     ++cached_responses_;
     return;
   }
-  compute_energy_response(source.scene->acoustics, source.candidates, source.sound_field.get(),
-                          pose.position + glm::vec3(0, ear_height_m, 0), response_);
+  ears_ = pose.position + glm::vec3(0, ear_height_m, 0);
+  compute_energy_response(source.scene->acoustics, source.candidates, source.sound_field.get(), ears_, response_);
   effects_.add(response_.effects);
   traced_position_ = pose.position;
   has_response_ = response_is_new_ = true;
@@ -83,7 +83,7 @@ bool AgentHearing::synthesize(HearingEngines& engines, double heading_rad, const
   std::swap(spectra_, previous_);
   if (response_is_new_) late_.forget();
   const std::span<const std::uint8_t> glides = engines.glider.choose(response_);
-  engines.synthesizer.render(response_, heading_rad, carrier_key_, rir_, &late_, glides);
+  engines.synthesizer.render(response_, heading_rad, {carrier_key_, ears_}, rir_, &late_, glides);
   if (hook) hook(rir_.samples);
   if (!all_finite(rir_.samples)) return false;
   engines.convolver.transform(rir_.samples, rir_.num_samples, spectra_);

@@ -77,7 +77,7 @@ class AgentHearing {
   GlidingPaths gliding_;
   SpectrogramHistory history_;
   std::size_t new_samples_ = 0;  ///< pushed since the last analysis
-  glm::vec3 traced_position_{0};
+  glm::vec3 traced_position_{0}, ears_{0};
   double rendered_heading_rad_ = 0;
   bool silent_ = false;  ///< every sample of the clip is zero
   bool has_response_ = false, response_is_new_ = false, has_rir_ = false, fades_ = false;

@@ -27,13 +27,14 @@ int main(int argc, char** argv) try {
 
   // What reaches the listener, before any head: paths and late energy.
   const EarlyCandidates candidates(acoustics, SoundSource{scene->to_local(point(3))});
+  const glm::vec3 listener = scene->to_local(point(6));
   EnergyResponse response;
-  compute_energy_response(acoustics, candidates, scene->to_local(point(6)), response);
+  compute_energy_response(acoustics, candidates, listener, response);
 
   // The same as pressure at two ears; the listener faces -z.
   RirSynthesizer synthesizer(make_synthesis_tables(acoustics.config(), acoustics.bands(), ChannelLayout::binaural, nullptr));
   Rir rir;
-  synthesizer.render(response, 0.0, carrier_key(acoustics.hash()), rir);
+  synthesizer.render(response, 0.0, {carrier_key(acoustics.hash(), candidates.source()), listener}, rir);
   write_wav(argv[2], rir.samples, rir.num_channels, rir.sample_rate_hz);
   std::printf("%s: %d channels, %d samples at %.0f Hz, %zu paths\n", argv[2], rir.num_channels, rir.num_samples, rir.sample_rate_hz,
               response.arrivals.size());

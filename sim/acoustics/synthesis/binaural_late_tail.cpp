@@ -31,6 +31,15 @@ void add_bands(int count, const EarBand& a, const EarBand& b, float* __restrict 
   }
 }
 
+/// A part of the power, which changes linearly.
+void add_part(int count, Ramp power, const EarBand& band, float* __restrict left, float* __restrict right) {
+  for (int i = 0; i < count; ++i) {
+    const float s = std::sqrt(std::max(power.at(i), 0.f)), both = s * band.part0[i];
+    left[i] += band.left.at(i) * both;
+    right[i] += band.shared.at(i) * both + band.own.at(i) * (s * band.part1[i]);
+  }
+}
+
 /// From silence or to it: linearly in power.
 void add_fading(int count, Ramp power, const BinauralNoise::Mix& mix, const float* part0, const float* part1, float* __restrict left,
                 float* __restrict right) {
@@ -66,33 +75,34 @@ void BinauralLateTail::make_mixes(const LateEnvelope& envelope, int first_bin, c
   }
 }
 
-void BinauralLateTail::add(const LateEnvelope& envelope, int first_bin, const BinauralNoise& noise, std::size_t offset,
+void BinauralLateTail::add(const LateEnvelope& envelope, int first_bin, const BinauralNoise& noise, LateCarriers& place,
                            const ListenerOrientation& orientation, std::span<float> left, std::span<float> right) {
   if (first_bin >= envelope.size()) return;
   make_mixes(envelope, first_bin, noise, orientation);
   const auto num_bins = static_cast<std::size_t>(envelope.size());
-  // Away from where the carriers are: what fades out there and in here must be independent, or powers would not add.
-  const std::size_t length = noise.loop(0, 0).size();
-  envelope.visit(offset + length / 8, length, [&](const LateSegment& segment) {
-    if (segment.right < first_bin) return;
+  const auto add_read = [&](const LateSegment& segment, const LateCarriers::Read& read) {
     EarBand waiting{};  // for another band to be added with
     bool waits = false;
     float *out_left = left.data() + segment.begin, *out_right = right.data() + segment.begin;
     for (int band = 0; band < envelope.num_bands(); ++band) {
       const auto row = envelope.band(band);
       const BinauralNoise::Mix* mixes = mixes_.data() + static_cast<std::size_t>(band) * num_bins;
-      const float *part0 = noise.loop(band, 0).data() + segment.in_loop, *part1 = noise.loop(band, 1).data() + segment.in_loop;
+      const float *part0 = noise.loop(band, 0).data() + read.in_loop, *part1 = noise.loop(band, 1).data() + read.in_loop;
       const bool from_sound = segment.left >= first_bin && row[static_cast<std::size_t>(segment.left)].density > 0.f;
       const bool to_sound = row[static_cast<std::size_t>(segment.right)].density > 0.f;
       if (!from_sound && !to_sound) continue;
       if (from_sound != to_sound) {
-        add_fading(segment.count, ramp_over(segment, from_sound ? 1.f : 0.f, to_sound ? 1.f : 0.f),
+        add_fading(segment.count, ramp_over(segment, from_sound ? read.left : 0.f, to_sound ? read.right : 0.f),
                    mixes[from_sound ? segment.left : segment.right], part0, part1, out_left, out_right);
         continue;
       }
       const BinauralNoise::Mix &a = mixes[segment.left], &b = mixes[segment.right];
       const EarBand now{ramp_over(segment, a.left, b.left), ramp_over(segment, a.shared, b.shared), ramp_over(segment, a.own, b.own), part0,
                         part1};
+      if (!read.whole()) {
+        add_part(segment.count, ramp_over(segment, read.left, read.right), now, out_left, out_right);
+        continue;
+      }
       if (waits)
         add_bands(segment.count, waiting, now, out_left, out_right);
       else
@@ -100,6 +110,10 @@ void BinauralLateTail::add(const LateEnvelope& envelope, int first_bin, const Bi
       waits = !waits;
     }
     if (waits) add_band(segment.count, waiting, out_left, out_right);
+  };
+  envelope.visit(CarrierBank::kPad, [&](const LateSegment& segment) {
+    if (segment.right < first_bin) return;
+    for (const LateCarriers::Read& read : place.reads(segment)) add_read(segment, read);
   });
 }
 

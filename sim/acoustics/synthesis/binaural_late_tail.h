@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "sim/acoustics/synthesis/binaural_noise.h"
+#include "sim/acoustics/synthesis/late_carriers.h"
 #include "sim/acoustics/synthesis/late_envelope.h"
 #include "sim/audio/harmonic_rotation.h"
 #include "sim/audio/listener_orientation.h"
@@ -21,8 +22,9 @@ namespace earshot {
 class BinauralLateTail {
  public:
   /// Adds bins from first_bin on to both ears (equal lengths, at least those of the envelope); from the middle of the bin before it the
-  /// sound grows as linearly in power as that of LateSynthesizer, with its end there, falls.  offset: as there.
-  void add(const LateEnvelope& envelope, int first_bin, const BinauralNoise& noise, std::size_t offset,
+  /// sound grows as linearly in power as that of LateSynthesizer, with its end there, falls.  place: set for
+  /// the envelope, with a stream of its own.
+  void add(const LateEnvelope& envelope, int first_bin, const BinauralNoise& noise, LateCarriers& place,
            const ListenerOrientation& orientation, std::span<float> left, std::span<float> right);
 
  private:

@@ -38,7 +38,7 @@ Decoder long_decoder(const Hrtf& hrtf, RealFft& fft) {
 
 BinauralNoise::BinauralNoise(const CarrierBank& carriers, const BandLayout& bands, const Hrtf& hrtf)
     : length_(carriers.length()),
-      samples_(static_cast<std::size_t>(bands.size()) * 2 * carriers.length()),
+      samples_(static_cast<std::size_t>(bands.size()) * 2 * (carriers.length() + CarrierBank::kPad)),
       bands_(static_cast<std::size_t>(bands.size())) {
   const auto length = static_cast<int>(length_);
   RealFft fft(length);
@@ -111,8 +111,12 @@ void BinauralNoise::make_noise(int band, const CarrierBank& carriers, const Deco
   of_band.one_over_left = left > 0 ? static_cast<float>(1 / left) : 0.f;
   of_band.one_over_own = own > 0 ? static_cast<float>(1 / own) : 0.f;
   for (std::size_t k = 0; k < num_bins; ++k) ears[1][k] -= static_cast<float>(shared) * ears[0][k];
-  for (std::size_t part = 0; part < 2; ++part)
-    fft.inverse(ears[part], std::span(samples_).subspan((2 * static_cast<std::size_t>(band) + part) * length_, length_));
+  for (std::size_t part = 0; part < 2; ++part) {
+    const std::size_t stride = length_ + CarrierBank::kPad;
+    const auto samples = std::span(samples_).subspan((2 * static_cast<std::size_t>(band) + part) * stride, stride);
+    fft.inverse(ears[part], samples.first(length_));
+    for (std::size_t n = length_; n < stride; ++n) samples[n] = samples[n - length_];
+  }
 }
 
 BinauralNoise::Mix BinauralNoise::mix(int band, const std::array<float, 3>& m) const {

@@ -27,7 +27,7 @@ class BinauralNoise {
 
   /// part 0: the left ear; 1: what the right ear hears beside it, uncorrelated with part 0.
   [[nodiscard]] std::span<const float> loop(int band, int part) const {
-    return std::span(samples_).subspan(static_cast<std::size_t>(2 * band + part) * length_, length_);
+    return std::span(samples_).subspan(static_cast<std::size_t>(2 * band + part) * (length_ + CarrierBank::kPad), length_);
   }
 
   /// left ear = left * part 0; right ear = shared * part 0 + own * part 1.
@@ -58,7 +58,7 @@ class BinauralNoise {
   };
 
   std::size_t length_ = 0;
-  std::vector<float> samples_;  ///< [band][part][length]
+  std::vector<float> samples_;  ///< [band][part][length + CarrierBank::kPad]
   std::vector<Band> bands_;
 };
 

@@ -140,14 +140,16 @@ CarrierBank::CarrierBank(const BandLayout& bands, float sample_rate_hz, int num_
     });
   }
   const BandFilters filters(bands, sample_rate_hz, length);
-  samples_.resize(static_cast<std::size_t>(bands.size()) * channels * length_);
+  samples_.resize(static_cast<std::size_t>(bands.size()) * channels * (length_ + kPad));
   tbb::parallel_for(0, bands.size(), [&](int band) {
     const FlushDenormals flush_worker;
     RealFft fft(length);
     std::vector<Complex> spectrum(filters.num_bins());
     for (std::size_t c = 0; c < channels; ++c) {
       for (std::size_t k = 0; k < spectrum.size(); ++k) spectrum[k] = filters.weight(band, k) * noise[c][k];
-      fft.inverse(spectrum, std::span(samples_).subspan((static_cast<std::size_t>(band) * channels + c) * length_, length_));
+      const auto samples = std::span(samples_).subspan((static_cast<std::size_t>(band) * channels + c) * (length_ + kPad), length_ + kPad);
+      fft.inverse(spectrum, samples.first(length_));
+      for (std::size_t n = length_; n < samples.size(); ++n) samples[n] = samples[n - length_];
     }
   });
 }

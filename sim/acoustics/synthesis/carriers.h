@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <glm/vec3.hpp>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -10,10 +11,21 @@
 
 namespace earshot {
 
-/// Key of a source for RirSynthesizer::render: it selects where in the carrier loops the late sound begins; equal keys give equal noise.
-/// By position: the noise of a source is the same in every episode and for every agent.
+/// Noise of one source at one place, for RirSynthesizer::render.  Equal keys give equal noise, different sources independent noise; how
+/// noise changes with the place: late_carriers.h.
+struct CarrierKey {
+  /// A source alone has the same noise everywhere.
+  // NOLINTNEXTLINE(google-explicit-constructor)
+  CarrierKey(std::uint64_t source_key, std::optional<glm::vec3> listener_position = {}, std::optional<glm::vec3> source_position = {})
+      : source(source_key), listener(listener_position), moving_source(source_position) {}
+  std::uint64_t source;
+  std::optional<glm::vec3> listener;       ///< in metres
+  std::optional<glm::vec3> moving_source;  ///< of a source that moves under one key: where it is, in metres
+};
+
+/// Key of a source by position: its noise is the same in every episode and for every agent.
 std::uint64_t carrier_key(std::uint64_t scene_hash, glm::vec3 source_position);
-/// By number: a source that moves has the same noise everywhere, and sources at one position have different noise.
+/// By number: a source that moves keeps its key, and sources at one position have different noise.
 std::uint64_t carrier_key(std::uint64_t scene_hash, std::size_t source_number = 0);
 
 /// plain: noise that is not flattened, for sums of so many channels that flattening would be lost; quick to make.
@@ -32,20 +44,23 @@ enum class CarrierKind { flattened, plain };
 class CarrierBank {
  public:
   static constexpr int kMaxChannels = 256;
-  /// length: of the loops, a power of two; may be shorter than a response, which then repeats it.
+  /// Samples behind the end of each loop, those of its beginning, so that a segment can be read in one piece.
+  static constexpr std::size_t kPad = 512;
+  /// length: of the loops, a power of two; may be shorter than a response.
   CarrierBank(const BandLayout& bands, float sample_rate_hz, int num_channels, int length, std::uint64_t seed,
               CarrierKind kind = CarrierKind::flattened);
   [[nodiscard]] std::size_t length() const { return length_; }
   [[nodiscard]] int num_channels() const { return num_channels_; }
   [[nodiscard]] std::span<const float> loop(int band, int channel) const {
     return std::span(samples_).subspan(
-        (static_cast<std::size_t>(band) * static_cast<std::size_t>(num_channels_) + static_cast<std::size_t>(channel)) * length_, length_);
+        (static_cast<std::size_t>(band) * static_cast<std::size_t>(num_channels_) + static_cast<std::size_t>(channel)) * (length_ + kPad),
+        length_);
   }
 
  private:
   std::size_t length_;
   int num_channels_;
-  std::vector<float> samples_;  ///< [band][channel][length]
+  std::vector<float> samples_;  ///< [band][channel][length + kPad]
 };
 
 }  // namespace earshot

@@ -85,33 +85,45 @@ void LateArray::weigh_waves(const EnergyHistogram& energy) {
   }
 }
 
-/// Writes wave `wave` as it passes the listener's position to signal_, `guard_` samples late.
-void LateArray::sound_wave(const EnergyHistogram& energy, const CarrierBank& carriers, std::size_t wave, std::size_t offset) {
+/// Writes wave `wave` as it passes the listener's position to signal_, `guard_` samples late.  ahead: samples by which its noise comes
+/// earlier there than at the origin, modulo the length of the loops.
+void LateArray::sound_wave(const EnergyHistogram& energy, const CarrierBank& carriers, LateCarriers& place, std::size_t wave,
+                           std::size_t ahead) {
   std::fill(signal_.begin(), signal_.end(), 0.f);
-  envelope_.visit(offset, carriers.length(), [&](const LateSegment& segment) {
+  const auto add = [&](const LateSegment& segment, const LateCarriers::Read& read) {
+    const std::size_t in_loop = (read.in_loop + ahead) & (carriers.length() - 1);
     for (int band = 0; band < energy.num_bands(); ++band) {
       const auto row = envelope_.band(band);
       const auto density_at = [&](int bin) {
         return row[static_cast<std::size_t>(bin)].density *
                weight_[static_cast<std::size_t>(band * envelope_.size() + bin) * kNumWaves + wave];
       };
-      const Ramp density = ramp_over(segment, density_at(segment.left), density_at(segment.right));
-      const float* noise = carriers.loop(band, static_cast<int>(wave)).data() + segment.in_loop;
+      const Ramp density = ramp_over(segment, read.left * density_at(segment.left), read.right * density_at(segment.right));
+      const float* noise = carriers.loop(band, static_cast<int>(wave)).data() + in_loop;
       float* out = signal_.data() + guard_ + segment.begin;
       for (int i = 0; i < segment.count; ++i) out[i] += std::sqrt(std::max(density.at(i), 0.f)) * noise[i];
     }
+  };
+  envelope_.visit(CarrierBank::kPad, [&](const LateSegment& segment) {
+    for (const LateCarriers::Read& read : place.reads(segment)) add(segment, read);
   });
 }
 
-void LateArray::render(const EnergyHistogram& energy, const CarrierBank& carriers, std::size_t offset, double onset_sample,
-                       const ListenerOrientation& orientation, float speed_of_sound_m_per_s, std::span<const BandDirectivity> patterns,
-                       std::span<float> out) {
+void LateArray::render(const EnergyHistogram& energy, const CarrierBank& carriers, LateCarriers& place, const CarrierKey& key,
+                       double onset_sample, const ListenerOrientation& orientation, float speed_of_sound_m_per_s,
+                       std::span<const BandDirectivity> patterns, std::span<float> out) {
   if (energy.num_bins() == 0) return;
   envelope_.make(energy, rate_hz_, onset_sample, num_samples_);
   weigh_waves(energy);
   for (auto& spectrum : microphone_spectrum_) std::fill(spectrum.begin(), spectrum.end(), Complex{});
   for (std::size_t wave = 0; wave < kNumWaves; ++wave) {
-    sound_wave(energy, carriers, wave, offset);
+    // A wave reaches a place on its own side earlier: whole samples are read ahead, the rest is a delay.  The place has no part in `place`.
+    const double ahead = glm::dot(glm::dvec3(direction_[wave]), glm::dvec3(key.listener.value_or(glm::vec3(0)))) /
+                         static_cast<double>(speed_of_sound_m_per_s) * static_cast<double>(rate_hz_);
+    const auto loop = static_cast<double>(carriers.length());
+    const double whole = std::floor(ahead);
+    place.set({key.source, std::nullopt, key.moving_source}, kFirstStream + static_cast<std::uint32_t>(wave), envelope_);
+    sound_wave(energy, carriers, place, wave, static_cast<std::size_t>(whole - loop * std::floor(whole / loop)));
     fft_.forward(signal_, wave_spectrum_);
     const glm::vec3 from = orientation.world_to_local(direction_[wave]);
     for (std::size_t i = 0; i < microphones_.size(); ++i) {
@@ -128,7 +140,7 @@ void LateArray::render(const EnergyHistogram& energy, const CarrierBank& carrier
       // A wave from the side of the microphone reaches it before the listener's position.
       const double early_samples = static_cast<double>(glm::dot(from, microphone.position_m)) /
                                    static_cast<double>(speed_of_sound_m_per_s) * static_cast<double>(rate_hz_);
-      delay_spectrum(path_, -early_samples, fft_.size());
+      delay_spectrum(path_, whole - ahead - early_samples, fft_.size());
       for (std::size_t k = 0; k < path_.size(); ++k) microphone_spectrum_[i][k] += path_[k];
     }
   }

@@ -117,6 +117,21 @@ double LateEnvelope::first_sound() const {
   return onset_;
 }
 
+void LateEnvelope::energy_before(std::vector<float>& before) const {
+  before.resize(bins_.size() + 1);
+  double sum = 0;
+  for (std::size_t merged = 0; merged < bins_.size(); ++merged) {
+    before[merged] = static_cast<float>(sum);
+    double density = 0;
+    for (std::size_t band = 0; band < static_cast<std::size_t>(num_bands_); ++band)
+      density += static_cast<double>(samples_[band * bins_.size() + merged].density);
+    sum += density * static_cast<double>(bins_.width(merged));
+  }
+  before.back() = static_cast<float>(sum);
+  const double per_energy = sum > 0 ? 1 / sum : 0.0;
+  for (float& value : before) value = static_cast<float>(per_energy * static_cast<double>(value));
+}
+
 int LateEnvelope::bin_from(double sample) const {
   int first = 0, last = size();
   while (first < last) {

@@ -21,12 +21,11 @@ struct LateEnvelopeSample {
 
 /// A segment of samples between the middles of two merged bins on which densities change linearly.
 struct LateSegment {
-  std::size_t begin;    ///< first sample
-  int count;            ///< of samples
-  std::size_t in_loop;  ///< of `begin` in the carrier
-  int left, right;      ///< merged bins at its ends
-  double fraction;      ///< of the way from left to right at `begin`
-  double step;          ///< of that fraction per sample
+  std::size_t begin;  ///< first sample
+  int count;          ///< of samples
+  int left, right;    ///< merged bins at its ends
+  double fraction;    ///< of the way from left to right at `begin`
+  double step;        ///< of that fraction per sample
 };
 
 /// Linear change over a segment.
@@ -55,10 +54,10 @@ class LateEnvelope {
                                       num_higher_);
   }
 
-  /// Calls visit(segment) for all segments, in order of time and cut where the carrier loop wraps.  Before the first and after the last
+  /// Calls visit(segment) for all segments, in order of time and cut to at most max_count samples.  Before the first and after the last
   /// middle the density stays.
   template <class Visit>
-  void visit(std::size_t offset, std::size_t loop_length, Visit&& visit) const {
+  void visit(std::size_t max_count, Visit&& visit) const {
     const std::size_t last = bins_.size();
     for (std::size_t segment = 0; segment <= last; ++segment) {
       const double from = segment == 0 ? 0.0 : bins_.middle(segment - 1) * width_;
@@ -66,11 +65,10 @@ class LateEnvelope {
       const double per_sample = 1.0 / (to - from);
       const std::size_t end = clamp_sample(to);
       for (std::size_t begin = std::max(clamp_sample(from), clamp_sample(onset_)); begin < end;) {
-        const std::size_t in_loop = (offset + begin) % loop_length;
-        const auto count = static_cast<int>(std::min(end - begin, loop_length - in_loop));
+        const auto count = static_cast<int>(std::min(end - begin, max_count));
         const double fraction = (static_cast<double>(begin) - from) * per_sample;
-        visit(LateSegment{begin, count, in_loop, static_cast<int>(segment > 0 ? segment - 1 : 0),
-                          static_cast<int>(std::min(segment, last - 1)), fraction, per_sample});
+        visit(LateSegment{begin, count, static_cast<int>(segment > 0 ? segment - 1 : 0), static_cast<int>(std::min(segment, last - 1)),
+                          fraction, per_sample});
         begin += static_cast<std::size_t>(count);
       }
     }
@@ -81,6 +79,9 @@ class LateEnvelope {
   [[nodiscard]] double first_sound() const;
   /// First merged bin whose middle does not lie before `sample`; size() if there is none.
   [[nodiscard]] int bin_from(double sample) const;
+  /// Of all bands, before each merged bin and behind the last: [size() + 1], of the whole, from 0 to 1; 0 without any.
+  void energy_before(std::vector<float>& before) const;
+  [[nodiscard]] double middle_sample(int merged) const { return bins_.middle(static_cast<std::size_t>(merged)) * width_; }
   /// First sample behind all segments that end in a merged bin before `merged` or in its middle.
   [[nodiscard]] std::size_t end_before(int merged) const {
     return merged < size() ? clamp_sample(bins_.middle(static_cast<std::size_t>(merged)) * width_) : num_samples_;

@@ -79,28 +79,27 @@ void LateSynthesizer::make_higher(const LateEnvelope& envelope, int num_bins, st
   }
 }
 
-std::size_t LateSynthesizer::render(const LateEnvelope& envelope, int num_bins, const CarrierBank& carriers, std::size_t offset,
+std::size_t LateSynthesizer::render(const LateEnvelope& envelope, int num_bins, const CarrierBank& carriers, LateCarriers& place,
                                     std::span<const std::span<float>> channels) {
-  const auto num_channels = static_cast<std::size_t>(carriers.num_channels());
-  EARSHOT_EXPECT(channels.size() == num_channels && (num_channels == 1 || num_channels >= 4));
+  const auto num_channels = channels.size();
+  EARSHOT_EXPECT(num_channels == static_cast<std::size_t>(carriers.num_channels()) && (num_channels == 1 || num_channels >= 4));
   const std::size_t end = envelope.end_before(num_bins);
   for (const auto& channel : channels) std::ranges::fill(channel.first(end), 0.f);
   const int num_bands = envelope.num_bands();
   if (num_channels > 4) make_higher(envelope, num_bins, num_channels);
 
   std::size_t end_of_sound = 0;
-  envelope.visit(offset, carriers.length(), [&](const LateSegment& segment) {
-    if (segment.left >= num_bins) return;
+  const auto add = [&](const LateSegment& segment, const LateCarriers::Read& read) {
     const auto out = [&](std::size_t c) { return channels[c].data() + segment.begin; };
     FirstOrderBand waiting{};  // for another band to be added with
     bool waits = false;
     for (int band = 0; band < num_bands; ++band) {
       const auto row = envelope.band(band);
       const LateEnvelopeSample &a = row[static_cast<std::size_t>(segment.left)], &b = row[static_cast<std::size_t>(segment.right)];
-      const float from_density = a.density, to_density = segment.right < num_bins ? b.density : 0.f;
+      const float from_density = read.left * a.density, to_density = segment.right < num_bins ? read.right * b.density : 0.f;
       if (from_density == 0.f && to_density == 0.f) continue;
       end_of_sound = segment.begin + static_cast<std::size_t>(segment.count);
-      const auto carrier = [&](std::size_t c) { return carriers.loop(band, static_cast<int>(c)).data() + segment.in_loop; };
+      const auto carrier = [&](std::size_t c) { return carriers.loop(band, static_cast<int>(c)).data() + read.in_loop; };
       const Ramp density = ramp_over(segment, from_density, to_density);
       if (num_channels == 1) {
         add_omni(segment.count, density, carrier(0), out(0));
@@ -128,6 +127,10 @@ std::size_t LateSynthesizer::render(const LateEnvelope& envelope, int num_bins, 
     if (waits)
       add_first_order(segment.count, waiting.ramps, waiting.carrier[0], waiting.carrier[1], waiting.carrier[2], waiting.carrier[3], out(0),
                       out(1), out(2), out(3));
+  };
+  envelope.visit(CarrierBank::kPad, [&](const LateSegment& segment) {
+    if (segment.left >= num_bins) return;
+    for (const LateCarriers::Read& read : place.reads(segment)) add(segment, read);
   });
   return end_of_sound;
 }

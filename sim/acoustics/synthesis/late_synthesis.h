@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "sim/acoustics/synthesis/carriers.h"
+#include "sim/acoustics/synthesis/late_carriers.h"
 #include "sim/acoustics/synthesis/late_envelope.h"
 
 namespace earshot {
@@ -20,10 +21,10 @@ namespace earshot {
 /// does not hold are diffuse.
 class LateSynthesizer {
  public:
-  /// channels: [carriers.num_channels()], a square number, spans of the length of the envelope.  The first num_bins bins count, and only
-  /// what they reach is written.  offset: where in the carrier loops time zero lies.  Returns how much of each channel sounds: behind it,
-  /// all are zero or not written.
-  std::size_t render(const LateEnvelope& envelope, int num_bins, const CarrierBank& carriers, std::size_t offset,
+  /// channels: spans of the length of the envelope, as many as the bank has, one or at least four.  The first num_bins bins count, and
+  /// only what they reach is written.  place: set for the envelope.  Returns how much of each channel sounds: behind it, all are zero or
+  /// not written.
+  std::size_t render(const LateEnvelope& envelope, int num_bins, const CarrierBank& carriers, LateCarriers& place,
                      std::span<const std::span<float>> channels);
 
  private:

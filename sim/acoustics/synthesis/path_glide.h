@@ -27,10 +27,10 @@ class GlidingPaths {
   /// At one pose.  Rows of paths that are not counted are room for later ones.
   struct Pose {
     std::size_t count = 0;
-    std::vector<std::uint64_t> identity;         ///< [path]
-    std::vector<int> partner;                    ///< [path]: of the pose before; -1: none
-    std::vector<double> delay, slope;            ///< [path][channel]: samples, and by how much they grew per sample of the block before
-    std::vector<std::complex<float>> filter;     ///< [path][channel][bin]
+    std::vector<std::uint64_t> identity;      ///< [path]
+    std::vector<int> partner;                 ///< [path]: of the pose before; -1: none
+    std::vector<double> delay, slope;         ///< [path][channel]: samples, and by how much they grew per sample of the block before
+    std::vector<std::complex<float>> filter;  ///< [path][channel][bin]
   };
   Pose now_, before_;
   bool known_ = false;  ///< is there a pose?
@@ -58,9 +58,9 @@ class PathGlider {
   /// A new pose: its strong paths are those that the next block leads to.  marked: of choose, for this response.
   void advance(const EnergyResponse& response, std::span<const std::uint8_t> marked, const ListenerOrientation& orientation,
                GlidingPaths& paths);
-  /// Adds what the paths bring in stream samples [position.sample, position.sample + block) to output [num_channels, block].  The first call
-  /// after advance() leads from the pose before to the new one, over block_samples; further ones stay there.  fade: samples over which paths
-  /// of one pose alone fade.  About 70 us per path for two ears and 150 ms at 16 kHz; no allocation once warm.
+  /// Adds what the paths bring in stream samples [position.sample, position.sample + block) to output [num_channels, block].  The first
+  /// call after advance() leads from the pose before to the new one, over block_samples; further ones stay there.  fade: samples over which
+  /// paths of one pose alone fade.  About 70 us per path for two ears and 150 ms at 16 kHz; no allocation once warm.
   void render(const OversampledSound& sound, const StreamPosition& position, int block, int fade, GlidingPaths& paths,
               std::span<float> output);
 

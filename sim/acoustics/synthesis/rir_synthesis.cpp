@@ -24,12 +24,14 @@
 #include "sim/audio/spectrum_math.h"
 #include "sim/base/denormals.h"
 #include "sim/base/errors.h"
-#include "sim/base/random.h"
 
 namespace earshot {
 namespace {
 
 using Complex = std::complex<float>;
+
+/// Streams of LateCarriers.  The tail has its own: what fades out in the field and in there must be independent, or powers would not add.
+constexpr std::uint32_t kFieldStream = 0, kTailStream = 1;
 
 /// Delays this close to a whole sample count as whole: an unfiltered arrival then is one sample exactly.
 constexpr double kWholeSample = 1e-5;
@@ -101,6 +103,7 @@ void add_ears(const Complex* ears, std::size_t count, float* __restrict left, fl
 struct RirSynthesizer::Scratch {
   explicit Scratch(const SynthesisTables& tables)
       : early_fft(tables.early_fft),
+        place(tables.sample_rate_hz, tables.num_samples, tables.carriers.length(), tables.seed),
         bands(tables.filters),
         response(static_cast<std::size_t>(tables.early_fft)),
         rotation(tables.layout.kind == ListenerKind::ambisonics ? tables.layout.order : 1) {
@@ -122,6 +125,7 @@ struct RirSynthesizer::Scratch {
   RealFft early_fft;
   LateEnvelope envelope;
   LateSynthesizer late;
+  LateCarriers place;
   ArrivalSpectrum bands;        ///< of one arrival
   std::vector<float> response;  ///< of one arrival in one channel
   std::array<std::vector<Complex>, 2> ear;
@@ -144,6 +148,7 @@ struct RirSynthesizer::Scratch {
 struct RirSynthesizer::Pass {
   const EnergyResponse& response;
   const ListenerOrientation& orientation;
+  const CarrierKey& key;
   double samples_per_m;
   LateSound* cached;
 };
@@ -281,7 +286,7 @@ void RirSynthesizer::decode_late(const FirstOrder& field, Rir& rir) {
   }
 }
 
-void RirSynthesizer::render_late(const Pass& pass, std::size_t offset, double onset_sample, Rir& rir) {
+void RirSynthesizer::render_late(const Pass& pass, double onset_sample, Rir& rir) {
   const SynthesisTables& tables = *tables_;
   Scratch& scratch = *scratch_;
   const EnergyHistogram& late = pass.response.late;
@@ -291,7 +296,8 @@ void RirSynthesizer::render_late(const Pass& pass, std::size_t offset, double on
     case ListenerKind::mono: {
       const std::array<std::span<float>, 1> channels = {std::span(rir.samples)};
       scratch.envelope.make(late, tables.sample_rate_hz, onset_sample, length);
-      scratch.late.render(scratch.envelope, scratch.envelope.size(), tables.carriers, offset, channels);
+      scratch.place.set(pass.key, kFieldStream, scratch.envelope);
+      scratch.late.render(scratch.envelope, scratch.envelope.size(), tables.carriers, scratch.place, channels);
       return;
     }
     case ListenerKind::binaural: {
@@ -302,27 +308,31 @@ void RirSynthesizer::render_late(const Pass& pass, std::size_t offset, double on
         const std::array<std::span<float>, 4> channels = {channel(0), channel(1), channel(2), channel(3)};
         sound.envelope_.make(late, tables.sample_rate_hz, onset_sample, length);
         sound.num_decoded_ = sound.envelope_.bin_from(sound.envelope_.first_sound() + tables.late_decode_samples);
-        sound.sounding_ = scratch.late.render(sound.envelope_, sound.num_decoded_, tables.carriers, offset, channels);
+        scratch.place.set(pass.key, kFieldStream, sound.envelope_);
+        sound.sounding_ = scratch.late.render(sound.envelope_, sound.num_decoded_, tables.carriers, scratch.place, channels);
         sound.known_ = true;
       }
       decode_late(rotate_first_order(pass.orientation, sound), rir);
-      scratch.late_tail.add(sound.envelope_, sound.num_decoded_, tables.binaural_noise, offset, pass.orientation,
+      if (sound.num_decoded_ == sound.envelope_.size()) return;
+      scratch.place.set(pass.key, kTailStream, sound.envelope_);
+      scratch.late_tail.add(sound.envelope_, sound.num_decoded_, tables.binaural_noise, scratch.place, pass.orientation,
                             std::span(rir.samples).first(length), std::span(rir.samples).subspan(length));
       return;
     }
     case ListenerKind::ambisonics: {
       for (std::size_t c = 0; c < scratch.channels.size(); ++c) scratch.channels[c] = std::span(rir.samples).subspan(c * length, length);
       scratch.envelope.make(late, tables.sample_rate_hz, onset_sample, length);
+      scratch.place.set(pass.key, kFieldStream, scratch.envelope);
       const std::size_t sounding =
-          scratch.late.render(scratch.envelope, scratch.envelope.size(), tables.carriers, offset, scratch.channels);
+          scratch.late.render(scratch.envelope, scratch.envelope.size(), tables.carriers, scratch.place, scratch.channels);
       if (tables.layout.axes == HarmonicAxes::world) return;
       scratch.rotation.set(pass.orientation);
       scratch.rotation.apply(scratch.channels, sounding);
       return;
     }
     case ListenerKind::array:
-      scratch.array->render(late, tables.carriers, offset, onset_sample, pass.orientation, pass.response.speed_of_sound_m_per_s,
-                            tables.patterns, rir.samples);
+      scratch.array->render(late, tables.carriers, scratch.place, pass.key, onset_sample, pass.orientation,
+                            pass.response.speed_of_sound_m_per_s, tables.patterns, rir.samples);
   }
 }
 
@@ -335,7 +345,7 @@ int RirSynthesizer::count_samples(const EnergyHistogram& late) const {
   return std::max(1, static_cast<int>(std::lround(samples)));
 }
 
-void RirSynthesizer::render(const EnergyResponse& response, const ListenerOrientation& orientation, std::uint64_t carrier_key, Rir& rir,
+void RirSynthesizer::render(const EnergyResponse& response, const ListenerOrientation& orientation, const CarrierKey& key, Rir& rir,
                             LateSound* cached, std::span<const std::uint8_t> left_out) {
   const FlushDenormals flush;
   const SynthesisTables& tables = *tables_;
@@ -350,17 +360,14 @@ void RirSynthesizer::render(const EnergyResponse& response, const ListenerOrient
   rir.samples.assign(static_cast<std::size_t>(rir.num_channels) * static_cast<std::size_t>(rir.num_samples), 0.f);
   const double samples_per_m =
       needs_speed ? static_cast<double>(tables.sample_rate_hz) / static_cast<double>(response.speed_of_sound_m_per_s) : 0.0;
-  const Pass pass{response, orientation, samples_per_m, cached};
+  const Pass pass{response, orientation, key, samples_per_m, cached};
 
   // Nothing is heard before a direct sound.
   double onset_sample = 0;
   for (const Arrival& arrival : response.arrivals)
     if (arrival.kind == ArrivalKind::direct)
       onset_sample = std::clamp(static_cast<double>(arrival.distance_m) * pass.samples_per_m, 0.0, static_cast<double>(rir.num_samples));
-  const RandomStream random(tables.seed, Purpose::carrier, static_cast<std::uint32_t>(carrier_key),
-                            static_cast<std::uint32_t>(carrier_key >> 32), 1);
-  const std::size_t offset = random.below(static_cast<std::uint32_t>(tables.carriers.length()), 0);
-  render_late(pass, offset, onset_sample, rir);
+  render_late(pass, onset_sample, rir);
   EARSHOT_EXPECT(left_out.empty() || left_out.size() == response.arrivals.size());
   for (std::size_t i = 0; i < response.arrivals.size(); ++i)
     if (left_out.empty() || left_out[i] == 0) add_arrival(pass, response.arrivals[i], rir);

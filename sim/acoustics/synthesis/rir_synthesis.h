@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "sim/acoustics/response/energy_response.h"
+#include "sim/acoustics/synthesis/carriers.h"
 #include "sim/acoustics/synthesis/late_envelope.h"
 #include "sim/audio/hrtf.h"
 #include "sim/audio/listener_layout.h"
@@ -63,20 +64,20 @@ class RirSynthesizer {
   ~RirSynthesizer();
   RirSynthesizer(RirSynthesizer&&) noexcept;
 
-  /// orientation: of the listener; a heading in radians converts.  carrier_key: identifies the source, so that its noise stays the same
-  /// from step to step and differs between sources.  rir: resized to the length of the late field, round(num_bins * bin_s * rate).  It has
+  /// orientation: of the listener; a heading in radians converts.  key: whose noise the late field rides on, and where it is heard.
+  /// rir: resized to the length of the late field, round(num_bins * bin_s * rate).  It has
   /// that of the tables, round(rir_length_s * rate), where that is shorter or less than a bin longer, without a late field and for arrays.
   /// response.late: no bins, or the bands of the tables and any SH order; order 0 counts as diffuse.
   /// cached: null, or of this response and key, or forgotten: saves a quarter of the time of further binaural renders, and changes no bit.
   /// left_out: empty, or for each arrival whether it is left out, because it is heard otherwise (path_glide.h); late sound still begins
   /// with the direct sound.
-  void render(const EnergyResponse& response, const ListenerOrientation& orientation, std::uint64_t carrier_key, Rir& rir,
+  void render(const EnergyResponse& response, const ListenerOrientation& orientation, const CarrierKey& key, Rir& rir,
               LateSound* cached = nullptr, std::span<const std::uint8_t> left_out = {});
 
  private:
   struct Scratch;
   struct Pass;
-  void render_late(const Pass& pass, std::size_t offset, double onset_sample, Rir& rir);
+  void render_late(const Pass& pass, double onset_sample, Rir& rir);
   void add_arrival(const Pass& pass, const Arrival& arrival, Rir& rir);
   void add_to_ears(const Pass& pass, const Arrival& arrival, double delay_samples, Rir& rir);
   void add_to_harmonics(const Pass& pass, const Arrival& arrival, double delay_samples, Rir& rir);

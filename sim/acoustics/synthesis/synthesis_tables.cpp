@@ -11,7 +11,8 @@
 namespace earshot {
 namespace {
 
-/// Longest carrier loop: 4 s at 16 kHz.  A longer response repeats it; making longer ones would take more time than they are worth.
+/// Longest carrier loop: 4 s at 16 kHz.  A longer response goes round it again in another order (late_carriers.h); making longer ones would
+/// take more time than they are worth.
 constexpr int kMaxCarrierLength = 1 << 16;
 /// Of the many carriers of an array.
 constexpr int kMaxArrayCarrierLength = 1 << 15;
@@ -20,7 +21,7 @@ int count_samples(const AcousticConfig& config) {
   return std::max(1, static_cast<int>(std::lround(static_cast<double>(config.rir_length_s) * config.sample_rate_hz)));
 }
 
-/// Room for a different segment of noise for each source, and loops that a power-of-two transform can make.
+/// Room for different segments of noise, and loops that a power-of-two transform can make.
 int carrier_length(int num_samples) {
   return std::min(kMaxCarrierLength, next_power_of_two(std::max(num_samples + num_samples / 4, 4096)));
 }

@@ -24,7 +24,8 @@ std::vector<float> heard_along(const std::vector<Pose>& poses, const LibrarySoun
   config.glide_paths = glide_paths;
   SceneCache cache(config, NavmeshConfig{}, "", std::size_t{1} << 30);
   const auto source = cache.source("shoebox:14x4x6@0.5", {1, 0, 3}, kEarM);
-  const auto tables = make_synthesis_tables(source->scene->acoustics.config(), source->scene->acoustics.bands(), ChannelLayout::binaural, nullptr);
+  const auto tables =
+      make_synthesis_tables(source->scene->acoustics.config(), source->scene->acoustics.bands(), ChannelLayout::binaural, nullptr);
   const StreamConfig stream{.sample_rate_hz = kRateHz, .max_rir_samples = 1600, .max_block_samples = kBlock, .crossfade_samples = kFade};
   HearingEngines engines(tables, stream, SpectrogramConfig{});
   AgentHearing hearing;
@@ -43,7 +44,8 @@ std::vector<float> heard_along(const std::vector<Pose>& poses, const LibrarySoun
 /// From 4 to 8 m from the source in steps of 0.15 m, looking away from it.
 std::vector<Pose> walk_away() {
   std::vector<Pose> poses;
-  for (int i = 0; i <= 27; ++i) poses.push_back({.position = {5.f + 0.15f * static_cast<float>(i), 0, 3}, .heading_rad = -0.5 * std::numbers::pi});
+  for (int i = 0; i <= 27; ++i)
+    poses.push_back({.position = {5.f + 0.15f * static_cast<float>(i), 0, 3}, .heading_rad = -0.5 * std::numbers::pi});
   return poses;
 }
 
@@ -55,8 +57,7 @@ double loss_db(int glide_paths) {
   // The same noise at the place in the middle, block by block with the level of each place.
   std::vector<float> still = heard_along(std::vector<Pose>(poses.size(), poses[poses.size() / 2]), dry, glide_paths);
   const double middle_m = 4.0 + 0.15 * static_cast<double>(poses.size() / 2);
-  for (std::size_t n = 0; n < still.size(); ++n)
-    still[n] *= static_cast<float>(middle_m / (4.0 + 0.15 * static_cast<double>(n) / kBlock));
+  for (std::size_t n = 0; n < still.size(); ++n) still[n] *= static_cast<float>(middle_m / (4.0 + 0.15 * static_cast<double>(n) / kBlock));
   return worst_difference_db(moving, band_powers(still, kRateHz));
 }
 

@@ -15,8 +15,7 @@ constexpr double kRateHz = 16000;
 SoundClip sine_loop(std::size_t length, int periods) {
   SoundClip clip{.name = "sine", .sample_rate_hz = static_cast<float>(kRateHz), .samples = std::vector<float>(length)};
   for (std::size_t n = 0; n < length; ++n)
-    clip.samples[n] =
-        static_cast<float>(std::sin(2.0 * std::numbers::pi * periods * static_cast<double>(n) / static_cast<double>(length)));
+    clip.samples[n] = static_cast<float>(std::sin(2.0 * std::numbers::pi * periods * static_cast<double>(n) / static_cast<double>(length)));
   return clip;
 }
 
@@ -27,8 +26,7 @@ double worst_error(std::size_t length, int periods, const StreamPosition& positi
   OversampledSound(clip).read(position, first, step, out);
   double worst = 0;
   for (std::size_t i = 0; i < out.size(); ++i) {
-    const double time =
-        static_cast<double>(position.sample + position.clip_offset) + first + static_cast<double>(i) * step;
+    const double time = static_cast<double>(position.sample + position.clip_offset) + first + static_cast<double>(i) * step;
     const double exact = std::sin(2.0 * std::numbers::pi * periods * time / static_cast<double>(length));
     worst = std::max(worst, std::abs(exact - static_cast<double>(out[i])));
   }
@@ -61,8 +59,7 @@ TEST(OversampledSound, IsSilentBeforeASoundThatBegins) {
   const OversampledSound sound(clip);
   std::vector<float> out(100);
   sound.read({.sample = 30, .clip_offset = 9, .already_playing = false}, -60.5, 1.0, out);
-  for (std::size_t i = 0; i < out.size(); ++i)
-    EXPECT_NEAR(out[i], static_cast<double>(i) - 30.5 < 0 ? 0.0 : 1.0, 1e-4) << i;
+  for (std::size_t i = 0; i < out.size(); ++i) EXPECT_NEAR(out[i], static_cast<double>(i) - 30.5 < 0 ? 0.0 : 1.0, 1e-4) << i;
   sound.read({.sample = 30, .clip_offset = 9, .already_playing = true}, -60.5, 1.0, out);
   for (const float value : out) EXPECT_NEAR(value, 1.0, 1e-4);
 }

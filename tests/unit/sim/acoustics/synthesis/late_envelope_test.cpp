@@ -55,7 +55,7 @@ TEST(LateEnvelope, TheEnvelopeFollowsTheDecay) {
     envelope.make(energy, rate_hz, onset_sample, samples);
     std::size_t next = static_cast<std::size_t>(onset_sample);
     double sum = 0;
-    envelope.visit(0, 7000, [&](const LateSegment& segment) {
+    envelope.visit(7000, [&](const LateSegment& segment) {
       EXPECT_EQ(segment.begin, next);
       next += static_cast<std::size_t>(segment.count);
       const auto row = envelope.band(0);
@@ -84,7 +84,7 @@ TEST(LateEnvelope, AShorterResponseIsTheBeginning) {
     LateEnvelope envelope;
     envelope.make(energy, 16000.f, 0.0, samples);
     std::vector<float> density;
-    envelope.visit(0, 16000, [&](const LateSegment& segment) {
+    envelope.visit(16000, [&](const LateSegment& segment) {
       const auto row = envelope.band(0);
       const Ramp ramp =
           ramp_over(segment, row[static_cast<std::size_t>(segment.left)].density, row[static_cast<std::size_t>(segment.right)].density);

@@ -99,8 +99,9 @@ TEST_P(PathGlideSteps, ATurnKeepsTheLevelOfEveryBandAtBothEars) {
   const int block = static_cast<int>(std::lround(GetParam() * static_cast<double>(kRateHz)));
   const SoundClip clip = white_noise(2 * 16000, kRateHz, 2);
   constexpr int steps = 20;  // 200 degrees
-  const auto heard = stream(binaural_tables(), clip, block, block / 3, steps + 1,
-                            [&](int i) { return direct_at(3.0, {0, 0, -1}, (10.0 * i - 100.0) * kDegree); });
+  const auto heard = stream(binaural_tables(), clip, block, block / 3, steps + 1, [&](int i) {
+    return direct_at(3.0, {0, 0, -1}, (10.0 * i - 100.0) * kDegree);
+  });
   for (std::size_t ear = 0; ear < 2; ++ear) {
     // Each step beside the mean of five standing heads on its way: closed form enough, as neither combs.
     double worst = 0;
@@ -115,8 +116,11 @@ TEST_P(PathGlideSteps, ATurnKeepsTheLevelOfEveryBandAtBothEars) {
       for (int h = 0; h < heads; ++h) {
         const double weight_position = (h + 0.5) / heads, heading = (10.0 * (step - 1 + weight_position) - 100.0) * kDegree;
         // The window of band_powers counts what is in the middle of the block most.
-        const double weight = (3.0 - 4.0 * std::cos(2 * std::numbers::pi * weight_position) + std::cos(4 * std::numbers::pi * weight_position)) / 3.0;
-        const auto still = stream(binaural_tables(), clip, block, block / 3, step + 1, [&](int) { return direct_at(3.0, {0, 0, -1}, heading); });
+        const double weight =
+            (3.0 - 4.0 * std::cos(2 * std::numbers::pi * weight_position) + std::cos(4 * std::numbers::pi * weight_position)) / 3.0;
+        const auto still = stream(binaural_tables(), clip, block, block / 3, step + 1, [&](int) {
+          return direct_at(3.0, {0, 0, -1}, heading);
+        });
         const auto of_head = band_powers(part(still[ear], step), kRateHz);
         for (std::size_t b = 0; b < of_head.size(); ++b) standing[b] += weight * of_head[b] / heads;
       }
