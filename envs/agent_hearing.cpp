@@ -11,6 +11,9 @@
 namespace earshot {
 namespace {
 
+/// To turn speeds of agents into changes of delay: about that of air.
+constexpr double kSpeedOfSoundMPerS = 343;
+
 bool same_bits(glm::vec3 a, glm::vec3 b) {
   return std::bit_cast<std::array<std::uint32_t, 3>>(a) == std::bit_cast<std::array<std::uint32_t, 3>>(b);
 }
@@ -35,10 +38,10 @@ bool all_finite(std::span<const float> values) {
 }
 
 HearingEngines::HearingEngines(std::shared_ptr<const SynthesisTables> tables, const StreamConfig& stream,
-                               const SpectrogramConfig& spectrogram, std::shared_ptr<DrySpectra> dry_spectra)
+                               const SpectrogramConfig& spectrogram, std::shared_ptr<DrySpectra> dry_spectra, double most_speed_m_per_s)
     : synthesizer(tables),
       convolver(stream, 2, std::move(dry_spectra)),
-      glider(std::move(tables), stream.max_block_samples),
+      glider(std::move(tables), stream.max_block_samples, std::min(most_speed_m_per_s / kSpeedOfSoundMPerS, PathGlider::kMostSlope)),
       crossfade_samples(stream.crossfade_samples),
       analyzer(spectrogram),
       block(2 * static_cast<std::size_t>(stream.max_block_samples)),

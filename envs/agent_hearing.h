@@ -18,9 +18,10 @@ namespace earshot {
 
 /// Engines of the sound stages: plans and scratch without state between calls.  One per thread.
 struct HearingEngines {
-  /// dry_spectra: see make_dry_spectra; shared by the engines of all threads, null: none are cached.
+  /// dry_spectra: see make_dry_spectra; shared by the engines of all threads, null: none are cached.  most_speed_m_per_s: an agent that
+  /// moves faster has been put elsewhere, and what it heard fades over stream.crossfade_samples.
   HearingEngines(std::shared_ptr<const SynthesisTables> tables, const StreamConfig& stream, const SpectrogramConfig& spectrogram,
-                 std::shared_ptr<DrySpectra> dry_spectra = nullptr);
+                 std::shared_ptr<DrySpectra> dry_spectra = nullptr, double most_speed_m_per_s = 5);
   RirSynthesizer synthesizer;
   StreamConvolver convolver;
   PathGlider glider;

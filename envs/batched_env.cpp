@@ -77,7 +77,8 @@ BatchedEnv::Impl::Impl(const EnvConfig& env_config, std::shared_ptr<const Episod
     const auto tables = make_synthesis_tables(config.acoustics, bands, ChannelLayout::binaural, hrtf);
     const StreamConfig stream = stream_config(config, block_samples, hrtf->fft_size());
     const auto dry_spectra = make_dry_spectra(stream);
-    for (int thread = 0; thread < threads; ++thread) engines.emplace_back(tables, stream, spec.sound, dry_spectra);
+    const double most_speed_m_per_s = std::max(5.0, 2.0 * static_cast<double>(config.task.forward_m / config.task.step_time_s));
+    for (int thread = 0; thread < threads; ++thread) engines.emplace_back(tables, stream, spec.sound, dry_spectra, most_speed_m_per_s);
   }
   rewards.assign(agents.size(), 0.f);
   for (auto* flags : {&terminated, &truncated, &active, &collided, &quarantined}) flags->assign(agents.size(), 0);

@@ -141,11 +141,11 @@ TEST(H46_Teleport, AfterTheFadeItIsTheColdStart) {
   const auto hrtf = Hrtf::rigid_sphere(16000.f);
   const auto tables = make_synthesis_tables(config.acoustics, BandLayout::octaves(16000.f), ChannelLayout::binaural, hrtf);
   HearingEngines engines(tables, stream, SpectrogramConfig{});
-  const SoundClip clip = clip_of(noise(7000, 4));
+  const LibrarySound dry(clip_of(noise(7000, 4)));
   std::vector<float> sound(2 * block), expected(2 * block), window(2 * 16000);
 
   AgentHearing moved, still;
-  moved.begin(*source, clip, 123);
+  moved.begin(*source, dry, 123);
   std::uint64_t played = 0;
   const auto stand = [&](AgentHearing& agent, const Pose& pose, std::span<float> out) {
     agent.trace(*source, pose, 1.5f);
@@ -156,7 +156,7 @@ TEST(H46_Teleport, AfterTheFadeItIsTheColdStart) {
     stand(moved, pose, sound);
     played += block;
   }
-  still.begin(*source, clip, 123);
+  still.begin(*source, dry, 123);
   stand(still, there, expected);  // makes its response
   still.seek(played - block);
   stand(still, there, expected);

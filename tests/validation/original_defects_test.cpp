@@ -113,7 +113,7 @@ HearingEngines engines_of(const AcousticConfig& config) {
 }
 
 /// Sound of the first block of an episode.
-std::vector<float> first_block(AgentHearing& hearing, HearingEngines& engines, const EnvSource& source, const SoundClip& clip,
+std::vector<float> first_block(AgentHearing& hearing, HearingEngines& engines, const EnvSource& source, const LibrarySound& clip,
                                const Pose& pose) {
   hearing.begin(source, clip, 0);
   hearing.trace(source, pose, 1.5f);
@@ -128,7 +128,7 @@ TEST(OriginalDefects, AnEpisodeDoesNotHearTheLastOne) {
   const AcousticConfig config = quick_config();
   SceneCache scenes(config, {}, "", std::size_t{1} << 30);
   HearingEngines engines = engines_of(config);
-  const SoundClip clip = synthesize_sound("synth:noise", 16000);
+  const LibrarySound clip(synthesize_sound("synth:noise", 16000));
   const Pose pose{.position = {2.5f, 0, 2.0f}, .heading_rad = 0.7f};
   // Same pose to the bit, so that nothing but the source or the scene tells the episodes apart.
   const auto here = scenes.source("shoebox:5x3x4@0.2", {1.2f, 0, 1.5f}, 1.5f),
@@ -151,7 +151,7 @@ TEST(OriginalDefects, TwoListenersInOneSceneDoNotDisturbEachOther) {
   const AcousticConfig config = quick_config();
   SceneCache scenes(config, {}, "", std::size_t{1} << 30);
   HearingEngines engines = engines_of(config);
-  const SoundClip clip = synthesize_sound("synth:noise", 16000);
+  const LibrarySound clip(synthesize_sound("synth:noise", 16000));
   const auto source = scenes.source("shoebox:5x3x4@0.2", {1.2f, 0, 1.5f}, 1.5f);
   const Pose one{.position = {2.5f, 0, 2.0f}}, two{.position = {4.1f, 0, 0.9f}, .heading_rad = 2};
   AgentHearing alone, first, second;

@@ -16,19 +16,21 @@ constexpr int kNoPartner = -1;
 
 }  // namespace
 
-PathGlider::PathGlider(std::shared_ptr<const SynthesisTables> tables, int block_samples)
+PathGlider::PathGlider(std::shared_ptr<const SynthesisTables> tables, int block_samples, double most_slope)
     : filters_(tables),
       block_samples_(block_samples),
       max_paths_(tables->glide_paths),
+      most_slope_(most_slope),
       num_channels_(static_cast<std::size_t>(filters_.num_channels())),
       num_taps_(static_cast<std::size_t>(filters_.num_taps())),
       fft_(next_power_of_two(block_samples + filters_.num_taps() - 1)),
       taps_(num_channels_ * num_taps_),
       sum_time_(static_cast<std::size_t>(fft_.size())) {
   require(block_samples >= 1, "samples of a block", block_samples, "must be at least 1");
+  require(most_slope > 0 && most_slope <= kMostSlope, "largest change of a delay", most_slope, "must be in (0, 0.1]");
   num_bins_ = static_cast<std::size_t>(fft_.num_bins());
   spectrum_.resize(num_bins_);
-  sum_.resize(num_channels_ * num_bins_);
+  for (Sum* sum : {&gliding_, &entering_, &leaving_}) sum->spectrum.resize(num_channels_ * num_bins_);
   line_.reserve(static_cast<std::size_t>(block_samples) + num_taps_);
   weighted_.reserve(line_.capacity());
 }
@@ -91,7 +93,7 @@ void PathGlider::advance(const EnergyResponse& response, std::span<const std::ui
         slope[c] = (delay[c] - before.delay[other * num_channels_ + c]) / block_samples_;
         most = std::max(most, std::abs(slope[c]));
       }
-      if (most < kMostSlope)
+      if (most < most_slope_)
         now.partner[path] = static_cast<int>(other);
       else
         std::ranges::fill(slope, 0.0);
@@ -109,20 +111,24 @@ void PathGlider::read_line(const OversampledSound& sound, const StreamPosition& 
   sound.read(position, -line.delay, 1.0 - line.slope, all.subspan(before));
 }
 
-void PathGlider::add_product(const std::complex<float>* filter, std::size_t channel) {
-  multiply_add(spectrum_, std::span(filter, num_bins_), std::span(sum_).subspan(channel * num_bins_, num_bins_));
+/// spectrum_ through a filter into one of the sums.
+void PathGlider::add_product(const std::complex<float>* filter, std::size_t channel, Sum& sum) {
+  if (!sum.any) std::ranges::fill(sum.spectrum, std::complex<float>{});
+  sum.any = true;
+  multiply_add(spectrum_, std::span(filter, num_bins_), std::span(sum.spectrum).subspan(channel * num_bins_, num_bins_));
 }
 
-void PathGlider::add_weighted(float from, float to, int length, const std::complex<float>* filter, std::size_t channel) {
-  const std::size_t before = num_taps_ / 2 - 1, changing = std::min(static_cast<std::size_t>(length), line_.size() - before);
+/// line_ through a filter that is there from the start of the block on less and less, up to its end (`fading`), or more and more.
+void PathGlider::add_half(bool fading, const std::complex<float>* filter, std::size_t channel) {
+  const std::size_t before = num_taps_ / 2 - 1, block = std::min(static_cast<std::size_t>(block_samples_), line_.size() - before);
+  const float from = fading ? 1.f : 0.f, to = 1.f - from, step = (to - from) / static_cast<float>(block_samples_);
   weighted_.resize(line_.size());
   for (std::size_t j = 0; j < before; ++j) weighted_[j] = from * line_[j];
-  const float step = length > 0 ? (to - from) / static_cast<float>(length) : 0.f;
-  for (std::size_t j = 0; j < changing; ++j)
+  for (std::size_t j = 0; j < block; ++j)
     weighted_[before + j] = (from + step * static_cast<float>(static_cast<int>(j))) * line_[before + j];
-  for (std::size_t j = before + changing; j < line_.size(); ++j) weighted_[j] = to * line_[j];
+  for (std::size_t j = before + block; j < line_.size(); ++j) weighted_[j] = to * line_[j];
   fft_.forward(weighted_, spectrum_);
-  add_product(filter, channel);
+  add_product(filter, channel, gliding_);
 }
 
 void PathGlider::render(const OversampledSound& sound, const StreamPosition& position, int block, int fade, GlidingPaths& paths,
@@ -133,45 +139,60 @@ void PathGlider::render(const OversampledSound& sound, const StreamPosition& pos
   const bool moves = std::exchange(paths.moves_, false);
   const std::size_t leaving = moves ? before.count : 0;
   if (now.count + leaving == 0 || block == 0) return;
-  std::ranges::fill(sum_, std::complex<float>{});
+  gliding_.any = entering_.any = leaving_.any = false;
   const auto filter_of = [&](const Pose& pose, std::size_t row) { return pose.filter.data() + row * num_bins_; };
+  const auto add_line = [&](const Line& line, const std::complex<float>* filter, std::size_t channel, Sum& sum) {
+    read_line(sound, position, line, block);
+    fft_.forward(line_, spectrum_);
+    add_product(filter, channel, sum);
+  };
 
   for (std::size_t path = 0; path < now.count; ++path) {
     const int partner = moves ? now.partner[path] : kNoPartner;
     for (std::size_t c = 0; c < num_channels_; ++c) {
       const std::size_t row = path * num_channels_ + c;
-      if (!moves) {
-        read_line(sound, position, {now.delay[row], 0.0, now.slope[row]}, block);
-        fft_.forward(line_, spectrum_);
-        add_product(filter_of(now, row), c);
+      if (partner == kNoPartner) {
+        // At rest what it did in the block before still rings in the filter.
+        add_line({now.delay[row], 0.0, moves ? 0.0 : now.slope[row]}, filter_of(now, row), c, moves ? entering_ : gliding_);
         now.slope[row] = 0;
-      } else if (partner == kNoPartner) {
-        read_line(sound, position, {now.delay[row], 0.0, 0.0}, block);
-        add_weighted(0.f, 1.f, fade, filter_of(now, row), c);
       } else {
         const std::size_t old = static_cast<std::size_t>(partner) * num_channels_ + c;
         read_line(sound, position, {before.delay[old], now.slope[row], before.slope[old]}, block);
-        add_weighted(1.f, 0.f, block_samples_, filter_of(before, old), c);
-        add_weighted(0.f, 1.f, block_samples_, filter_of(now, row), c);
+        add_half(true, filter_of(before, old), c);
+        add_half(false, filter_of(now, row), c);
       }
     }
   }
+  const auto partners = std::span(now.partner).first(now.count);
   for (std::size_t path = 0; path < leaving; ++path) {
-    const auto partners = std::span(now.partner).first(now.count);
     if (std::ranges::find(partners, static_cast<int>(path)) != partners.end()) continue;
     for (std::size_t c = 0; c < num_channels_; ++c) {
       const std::size_t row = path * num_channels_ + c;
-      read_line(sound, position, {before.delay[row], 0.0, before.slope[row]}, block);
-      add_weighted(1.f, 0.f, fade, filter_of(before, row), c);
+      add_line({before.delay[row], 0.0, before.slope[row]}, filter_of(before, row), c, leaving_);
     }
   }
 
+  // What enters and leaves fades behind its filters, so that nothing of it is left once the fade is over.
+  const int faded = std::min(fade, block);
+  const auto weight = [&](int i) { return static_cast<float>(i) / static_cast<float>(fade); };
   for (std::size_t c = 0; c < num_channels_; ++c) {
-    fft_.inverse(std::span(sum_).subspan(c * num_bins_, num_bins_), sum_time_);
     float* out = output.data() + c * static_cast<std::size_t>(block);
-    const float* heard = sum_time_.data() + num_taps_ - 1;  // what lies before holds the wrap-around
-    for (int i = 0; i < block; ++i) out[i] += heard[i];
+    if (const float* heard = inverse(gliding_, c))
+      for (int i = 0; i < block; ++i) out[i] += heard[i];
+    if (const float* heard = inverse(entering_, c)) {
+      for (int i = 0; i < faded; ++i) out[i] += weight(i) * heard[i];
+      for (int i = faded; i < block; ++i) out[i] += heard[i];
+    }
+    if (const float* heard = inverse(leaving_, c))
+      for (int i = 0; i < faded; ++i) out[i] += (1.f - weight(i)) * heard[i];
   }
+}
+
+/// A sum in time from the start of the block on; null if there is none.
+const float* PathGlider::inverse(const Sum& sum, std::size_t channel) {
+  if (!sum.any) return nullptr;
+  fft_.inverse(std::span(sum.spectrum).subspan(channel * num_bins_, num_bins_), sum_time_);
+  return sum_time_.data() + num_taps_ - 1;  // what lies before holds the wrap-around
 }
 
 }  // namespace earshot

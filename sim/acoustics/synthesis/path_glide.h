@@ -46,11 +46,12 @@ class GlidingPaths {
 /// Owns scratch: one per thread.
 class PathGlider {
  public:
-  /// block_samples: of a block between two poses.  The strongest paths within kRangeDb of the strongest glide, as many as the config says.
-  PathGlider(std::shared_ptr<const SynthesisTables> tables, int block_samples);
+  /// block_samples: of a block between two poses.  The strongest paths within kRangeDb of the strongest glide, as many as the config says;
+  /// one whose delay would change by more than most_slope, in (0, 0.1] samples per sample, has jumped, and fades.
+  PathGlider(std::shared_ptr<const SynthesisTables> tables, int block_samples, double most_slope = kMostSlope);
 
   static constexpr double kRangeDb = 12;
-  /// Delays that change faster than this, in samples per sample (34 m/s), are jumps: such a path fades.
+  /// 34 m/s.
   static constexpr double kMostSlope = 0.1;
 
   /// Marks the arrivals that are heard through this: [arrivals] of 0 or 1, for RirSynthesizer::render.  Valid until the next call.
@@ -72,17 +73,23 @@ class PathGlider {
   };
   void reserve(Pose& pose) const;
   void read_line(const OversampledSound& sound, const StreamPosition& position, const Line& line, int block);
-  void add_product(const std::complex<float>* filter, std::size_t channel);
-  /// Adds line_ times a weight that is `from` up to the block's start, changes to `to` over `length` samples, and stays there.
-  void add_weighted(float from, float to, int length, const std::complex<float>* filter, std::size_t channel);
+  struct Sum {
+    bool any = false;
+    std::vector<std::complex<float>> spectrum;  ///< [channel][bin]
+  };
+  void add_product(const std::complex<float>* filter, std::size_t channel, Sum& sum);
+  void add_half(bool fading, const std::complex<float>* filter, std::size_t channel);
+  const float* inverse(const Sum& sum, std::size_t channel);
 
   ArrivalFilters filters_;
   int block_samples_, max_paths_;
+  double most_slope_;
   std::size_t num_channels_, num_taps_, num_bins_;
   RealFft fft_;
   std::vector<std::uint8_t> marked_;
   std::vector<float> energy_, taps_, line_, weighted_, sum_time_;
-  std::vector<std::complex<float>> spectrum_, sum_;  ///< sum_: [channel][bin]
+  std::vector<std::complex<float>> spectrum_;
+  Sum gliding_, entering_, leaving_;  ///< what glides or rests, and what fades
 };
 
 }  // namespace earshot
