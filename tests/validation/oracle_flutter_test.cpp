@@ -2,8 +2,10 @@
 
 #include <cstdio>
 
+#include "sim/acoustics/metrics/late_errors.h"
 #include "sim/acoustics/metrics/room_metrics.h"
 #include "sim/acoustics/response/energy_response.h"
+#include "sim/acoustics/source_field/source_field.h"
 #include "tests/support/decay.h"
 #include "tests/support/late_field.h"
 
@@ -99,6 +101,74 @@ TEST(OracleO5, HigherOrdersComeThroughTheSourceVolume) {
                 exact, late.mean, late.standard_error, (late.mean - exact) / late.standard_error);
     EXPECT_NEAR(late.mean, exact, 3.5 * late.standard_error + 1e-3 * exact) << w;
     EXPECT_LT(late.standard_error, 0.04 * exact) << w;  // a factor 1 - a per bounce in place of its root would show
+  }
+}
+
+// A room of 6 x 5 x 3 m whose end walls absorb 2 % and all others 90 %, mirrors only: its decay is that of the flutter between the end
+// walls.
+std::shared_ptr<const Scene> flutter_room() {
+  std::array<Material, 6> walls = rooms::uniform_walls(0.9, 0);
+  walls[0] = walls[1] = rooms::uniform_walls(0.02, 0)[0];
+  return rooms::box(6, 5, 3, walls);
+}
+
+/// Decay times of all images of that room, by the lines of this folder.
+std::array<double, 2> decay_of_images(double bin_s, double length_s) {
+  const double size[3] = {6, 5, 3}, s[3] = {1.7, 2.0, 1.4}, l[3] = {4.1, 2.9, 1.6}, kept[3] = {0.98, 0.1, 0.1};
+  std::vector<double> series(static_cast<std::size_t>(length_s / bin_s), 0.0);
+  const auto offset = [&](int axis, int n) { return n * size[axis] + (n % 2 == 0 ? s[axis] : size[axis] - s[axis]) - l[axis]; };
+  const int reach = static_cast<int>(length_s * 343 / 6) + 2;
+  const double direct_s = std::hypot(offset(0, 0), offset(1, 0), offset(2, 0)) / 343;
+  for (int x = -reach; x <= reach; ++x)
+    for (int y = -8; y <= 8; ++y)
+      for (int z = -8; z <= 8; ++z) {
+        const double r = std::hypot(offset(0, x), offset(1, y), offset(2, z));
+        const auto bin = static_cast<std::size_t>((r / 343 - direct_s) / bin_s + 1e-6);
+        if (bin >= series.size()) continue;
+        series[bin] +=
+            std::pow(kept[0], std::abs(x)) * std::pow(kept[1], std::abs(y)) * std::pow(kept[2], std::abs(z)) * decay::direct_energy(r);
+      }
+  return {decay::time_s(series, bin_s, -5, -25), decay::time_s(series, bin_s, -5, -35)};
+}
+
+TEST(OracleO5, FlutterRoomDecaysAsItsImages) {
+  const auto [t20_s, t30_s] = decay_of_images(1e-3, 4);
+  EXPECT_NEAR(t20_s, 1.79, 0.01);
+  EXPECT_NEAR(t30_s, 3.35, 0.02);
+  const glm::vec3 from = rooms::point(1.7, 2.0, 1.4), to = rooms::point(4.1, 2.9, 1.6);
+  const auto room = flutter_room();
+  const auto check = [&](const AcousticConfig& config, bool with_field, double tolerance) {
+    const AcousticScene scene(room, config);
+    const EarlyCandidates candidates(scene, from);
+    const auto field = with_field ? build_source_field(scene, candidates) : nullptr;
+    EnergyResponse response;
+    compute_energy_response(scene, candidates, field.get(), to, response);
+    const BandMetrics band = measure(scene, response).bands[0];
+    ASSERT_TRUE(band.t20_s && band.t30_s);
+    const auto errors = late_errors(scene, response);
+    const double error20 = errors.empty() ? 0 : *errors[0].t20_error_s, error30 = errors.empty() ? 0 : *errors[0].t30_error_s;
+    std::printf("flutter room, %d + %d rays%s, seed %d: T20 %.3f +- %.3f s (images %.3f), T30 %.3f +- %.3f s (images %.3f)\n", config.rays,
+                config.source_rays, with_field ? ", field" : "", static_cast<int>(config.seed), *band.t20_s, error20, t20_s, *band.t30_s,
+                error30, t30_s);
+    EXPECT_NEAR(*band.t20_s, t20_s, tolerance * t20_s);
+    EXPECT_NEAR(*band.t30_s, t30_s, tolerance * t30_s);
+    if (errors.empty()) return;
+    // The lines of the two measures differ by their bins: a thousandth of the value.
+    EXPECT_NEAR(*band.t20_s, t20_s, 3 * error20 + 1e-3 * t20_s);
+    EXPECT_NEAR(*band.t30_s, t30_s, 3 * error30 + 1e-3 * t30_s);
+  };
+  for (const char* preset : {"fast", "balanced", "high"}) {
+    AcousticConfig config = acoustic_preset(preset);
+    config.air_absorption = Switch::off;
+    config.bands = 1;
+    config.rir_length_s = 4.f;
+    config.threads = 1;
+    const bool high = config.source_rays > 0;
+    for (int seed = 1; seed <= 5; ++seed) {
+      config.seed = static_cast<std::uint64_t>(seed);
+      check(config, false, high ? 0.1 : 0.15);
+    }
+    if (!high) check(config, true, 0.15);
   }
 }
 

@@ -49,6 +49,8 @@ struct EffectPlan {
   bool traced_transmission = false;    ///< inside the tracers
   bool field = false;
   float rir_length_s = 0;
+  float source_radius_m = 0;    ///< of the volume that catches specular paths
+  double mean_free_path_m = 0;  ///< of walks through the air (effect_probe.h); 0 without surfaces
 };
 
 /// Decides from the surfaces alone.  A few milliseconds: 256 short walks (effect_probe.h).  Throws InputError if

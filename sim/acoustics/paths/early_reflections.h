@@ -4,6 +4,7 @@
 #include <compare>
 #include <cstdint>
 #include <glm/vec3.hpp>
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -11,6 +12,7 @@
 #include "sim/acoustics/core/sound_source.h"
 #include "sim/acoustics/model/acoustic_scene.h"
 #include "sim/acoustics/paths/diffraction_paths.h"
+#include "sim/acoustics/paths/facing_planes.h"
 
 namespace earshot {
 
@@ -35,6 +37,8 @@ class EarlyCandidates {
   [[nodiscard]] const SoundSource& sound_source() const { return source_; }
   [[nodiscard]] const Emission& emission() const { return emission_; }
   [[nodiscard]] std::size_t size() const { return sequences_.size(); }
+  /// Flutter echoes of the same source, which are part of every late field; null where there are none.
+  [[nodiscard]] const std::shared_ptr<const FacingPlanes>& facing() const { return facing_; }
   /// Diffraction paths of the same source.
   [[nodiscard]] const DiffractionCandidates& diffraction() const { return diffraction_; }
 
@@ -53,6 +57,7 @@ class EarlyCandidates {
   SoundSource source_;
   Emission emission_;
   DiffractionCandidates diffraction_;
+  std::shared_ptr<const FacingPlanes> facing_;
   std::vector<Sequence> sequences_;  ///< sorted, unique
   std::vector<glm::dvec3> images_;   ///< the source mirrored in all planes of the sequence
   /// Of the last plane of each sequence, one array per quantity: unit normal, offset, height of the image, bounds; and the image.

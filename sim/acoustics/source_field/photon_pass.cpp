@@ -21,12 +21,13 @@ using listener_ray::Trace;
 /// 12 % less error per second of pass than with the 1e-3 of listener rays, and no more with 3e-2 (two houses, two seeds).
 constexpr double kPhotonTaper = 1e-2;
 
-/// Do image paths, or what goes straight through walls, carry the next segment of the photon?  Its chain lists the mirrors
+/// Do image paths, flutter echoes, or what goes straight through walls, carry the next segment of the photon?  Its chain lists the mirrors
 /// source first.
 template <int W>
 bool carried_elsewhere(const Trace& trace, const RayState<W>& photon) {
   if (photon.bounces == 0 || photon.only_walls) return true;
-  if (!photon.all_specular || photon.chain_length > trace.carried_order) return false;
+  if (!photon.all_specular) return false;
+  if (photon.chain_length > trace.carried_order) return trace.candidates.facing() && trace.candidates.facing()->carries(photon.facing);
   return trace.candidates.contains(std::span(photon.chain.data(), static_cast<std::size_t>(photon.chain_length)));
 }
 

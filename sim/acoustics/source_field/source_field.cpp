@@ -110,7 +110,7 @@ void add_parts(std::span<const Part> parts, const WideningBins& bins, std::size_
 }
 
 /// Part of the key: stored fields are built anew once photons or cells give other bits.  To be raised with every such change.
-constexpr std::uint32_t kPassVersion = 5;
+constexpr std::uint32_t kPassVersion = 6;
 
 FieldHeader header_of(std::span<const std::byte> image) {
   FieldHeader header;
@@ -162,7 +162,7 @@ std::uint64_t source_field_key(const AcousticScene& scene, const EarlyCandidates
 
 SourceField::SourceField(const AcousticScene& scene, const EarlyCandidates& candidates, std::span<const std::byte> image,
                          std::shared_ptr<const void> owner)
-    : image_(image), owner_(std::move(owner)) {
+    : image_(image), owner_(std::move(owner)), facing_(candidates.facing()) {
   const auto refuse = [](std::string_view what) { throw InputError("source field", what, "delete the file: it is built anew"); };
   static_assert(sizeof(FieldHeader) % alignof(FieldEntry) == 0);
   if (image.size() < sizeof(FieldHeader)) refuse("is truncated");
@@ -212,6 +212,7 @@ TraceStats SourceField::gather(const AcousticScene& scene, glm::vec3 listener, E
     parts[i] = {values + entry.offset, entry.first, std::size_t{entry.first} + entry.count, shares[i].weight};
   }
   add_parts(std::span(parts).first(count), field_bins(scene, histogram.num_bins()), header.padded_bands, histogram);
+  if (facing_) facing_->add_late(scene, listener, histogram);
   return stats;
 }
 

@@ -207,6 +207,12 @@ TraceStats trace_bidirectional(const AcousticScene& scene, const EarlyCandidates
     batches->energy.resize(dealt.size() * static_cast<std::size_t>(histogram.num_bins()) * histogram.num_bands());
   }
 
+  // What is not traced is the same in every batch.
+  EnergyHistogram flutter;
+  if (candidates.facing()) {
+    flutter = make_histogram(scene);
+    candidates.facing()->add_late(scene, listener, flutter);
+  }
   // Batches in waves, summed in double and in their order, so that threads cannot change a bit.
   const std::size_t bytes = std::max<std::size_t>(histogram.values().size() * sizeof(float), 1);
   const std::size_t wave = std::clamp<std::size_t>(kWaveBytes / bytes, 1, dealt.size());
@@ -226,6 +232,7 @@ TraceStats trace_bidirectional(const AcousticScene& scene, const EarlyCandidates
         part_stats[i] = {};
         trace_batch(own, dealt[first + i], results[i], part_stats[i], progress);
         results[i].attenuate(scene.air_energy_per_m(), scene.speed_of_sound_m_per_s());
+        if (candidates.facing()) results[i].add(flutter);
       });
     });
     for (std::size_t i = 0; i < count; ++i) {

@@ -52,8 +52,9 @@ struct alignas(32) RayState {
   /// independent picks by the plain mean would let the weight of a band grow exponentially with the bounces.
   float weight[W];
   std::array<float, kMaxCoefficients> sh;
-  std::array<std::uint32_t, kMaxChain> chain;  // planes of a purely specular path, listener first
-  int chain_length = 0;
+  std::array<std::uint32_t, kMaxChain> chain;      // first planes of a purely specular path, listener first
+  int chain_length = 0;                            // of the whole path, also beyond kMaxChain
+  FacingPlanes::Chain facing;                      // the same for flutter echoes
   bool all_specular = true, after_mirror = false;  // after_mirror: or after a wall that was passed straight
   bool only_walls = false;                         // all so far were walls passed straight
   bool alive = true, at_vertex = false;            // at_vertex: `reflected` and `hit` wait for a lobe to be picked
@@ -63,11 +64,18 @@ struct alignas(32) RayState {
   Hit hit;
 };
 
-/// Do image paths carry this specular chain?  The last plane is `plane` if it is given, else the end of the chain.
+/// Do image paths or flutter echoes (facing_planes.h) carry this specular chain?  The last plane is `plane` if it is given, else the end of
+/// the chain.
 template <int W>
 bool carried(const Trace& trace, const RayState<W>& ray, const std::uint32_t* plane) {
   const int length = ray.chain_length + (plane ? 1 : 0);
-  if (!ray.all_specular || length == 0 || length > trace.carried_order) return false;
+  if (!ray.all_specular || length == 0) return false;
+  if (length > trace.carried_order) {
+    if (!trace.candidates.facing()) return false;
+    FacingPlanes::Chain whole = ray.facing;
+    if (plane) trace.candidates.facing()->extend(whole, *plane);
+    return trace.candidates.facing()->carries(whole);
+  }
   std::array<std::uint32_t, kMaxChain> from_source;  // candidates count from the source
   int i = 0;
   if (plane) from_source[i++] = *plane;
@@ -266,8 +274,12 @@ void leave_vertex(const Trace& trace, RayState<W>& ray, const RandomStream& rand
     ray.all_specular = false;
     ray.direction = lambert_direction(hit.normal, u[0], u[1]);
   } else {
-    ray.all_specular = ray.all_specular && ray.chain_length < kMaxChain;  // longer chains are never carried
-    if (ray.all_specular) ray.chain[ray.chain_length++] = scene.plane_of_triangle()[hit.triangle];
+    if (ray.all_specular) {
+      const std::uint32_t plane = scene.plane_of_triangle()[hit.triangle];
+      if (ray.chain_length < kMaxChain) ray.chain[static_cast<std::size_t>(ray.chain_length)] = plane;
+      ++ray.chain_length;
+      if (trace.candidates.facing()) trace.candidates.facing()->extend(ray.facing, plane);
+    }
     ray.direction = mirror_direction(ray.direction, hit.normal);
   }
   // The last bounce goes on only for the sake of the source volume behind a mirror.

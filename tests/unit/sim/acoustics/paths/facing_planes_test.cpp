@@ -1,0 +1,152 @@
+#include "sim/acoustics/paths/facing_planes.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "sim/acoustics/paths/early_reflections.h"
+#include "sim/acoustics/tracers/bidirectional_tracer.h"
+#include "tests/support/decay.h"
+#include "tests/support/late_field.h"
+
+namespace earshot {
+namespace {
+
+constexpr double kSpeed = 343.0;
+
+AcousticConfig mirror_config(int order) {
+  AcousticConfig config = rooms::plain_config();
+  config.early = Switch::on;
+  config.early_order = order;
+  config.rays = 512;  // fewer get fewer side planes
+  config.rir_length_s = 1.f;
+  config.time_bin_s = 0.001f;
+  return config;
+}
+
+/// Walls x0 and x1 absorb `hard`, the others `soft`.
+std::shared_ptr<const Scene> flutter_room(double hard, double soft, double scattering = 0) {
+  std::array<Material, 6> walls = rooms::uniform_walls(soft, scattering);
+  for (std::size_t i = 0; i < 2; ++i) walls[i] = rooms::uniform_walls(hard, scattering)[0];
+  return rooms::box(6, 5, 3, walls);
+}
+glm::vec3 source() { return rooms::point(1.7, 2.0, 1.4); }
+glm::vec3 listener() { return rooms::point(4.1, 2.9, 1.6); }
+
+/// Energy in [from, to) of the images of the box with at least `least` bounces on x0 and x1 and at most `most` on the other walls.
+double images(double hard, double soft, int least, int most, double from_s, double to_s) {
+  const double size[3] = {6, 5, 3}, s[3] = {1.7, 2.0, 1.4}, l[3] = {4.1, 2.9, 1.6};
+  const auto offset = [&](int axis, int n) { return n * size[axis] + (n % 2 == 0 ? s[axis] : size[axis] - s[axis]) - l[axis]; };
+  double sum = 0;
+  for (int x = -100; x <= 100; ++x)
+    for (int y = -most; y <= most; ++y)
+      for (int z = -most; z <= most; ++z) {
+        if (std::abs(x) < least || std::abs(y) + std::abs(z) > most) continue;
+        const double r = std::hypot(offset(0, x), offset(1, y), offset(2, z)), t = r / kSpeed;
+        if (t < from_s || t >= to_s) continue;
+        sum += std::pow(1 - hard, std::abs(x)) * std::pow(1 - soft, std::abs(y) + std::abs(z)) * decay::direct_energy(r);
+      }
+  return sum;
+}
+
+EnergyHistogram flutter(const AcousticScene& scene, const SoundSource& from, glm::vec3 to) {
+  EnergyHistogram histogram = make_histogram(scene);
+  const EarlyCandidates candidates(scene, from);
+  if (candidates.facing()) candidates.facing()->add_late(scene, to, histogram);
+  return histogram;
+}
+
+TEST(FacingPlanes, AddsTheImagesOfARowBetweenSideWalls) {
+  for (const int order : {2, 3}) {
+    const AcousticScene scene(flutter_room(0.02, 0.9), mirror_config(order));
+    const EnergyHistogram histogram = flutter(scene, source(), listener());
+    EXPECT_NEAR(rooms::total_energy(histogram), images(0.02, 0.9, order + 1, order, 0, 1), 1e-4 * images(0.02, 0.9, order + 1, order, 0, 1))
+        << order;
+    // Over time too: bins of 100 ms hold several images, at most one in a hundred lies across an edge.
+    for (int tenth = 1; tenth < 10; ++tenth) {
+      double sum = 0;
+      for (int bin = 100 * tenth; bin < 100 * (tenth + 1); ++bin) sum += histogram.energy(bin, 0);
+      const double exact = images(0.02, 0.9, order + 1, order, 0.1 * tenth, 0.1 * (tenth + 1));
+      EXPECT_NEAR(sum, exact, 0.1 * exact) << order << " " << tenth;
+    }
+  }
+}
+
+TEST(FacingPlanes, IsTheSameWithSourceAndListenerSwapped) {
+  const AcousticScene scene(flutter_room(0.02, 0.9), mirror_config(3));
+  const EnergyHistogram there = flutter(scene, source(), listener()), back = flutter(scene, listener(), source());
+  ASSERT_GT(rooms::total_energy(there), 0);
+  for (int bin = 0; bin < there.num_bins(); ++bin)
+    EXPECT_NEAR(there.energy(bin, 0), back.energy(bin, 0), 1e-4 * (there.energy(bin, 0) + 1e-9));
+}
+
+TEST(FacingPlanes, KeepsNoneWhereTheDiffuseFieldCoversIt) {
+  // Evenly hard walls: the flutter lasts no longer than all else; and walls that scatter.
+  for (const auto& [hard, soft, scattering] : {std::array{0.1, 0.1, 0.1}, {0.3, 0.3, 0.2}, {0.02, 0.3, 0.5}}) {
+    const AcousticScene scene(flutter_room(hard, soft, scattering), mirror_config(3));
+    EXPECT_EQ(EarlyCandidates(scene, source()).facing(), nullptr) << hard << " " << soft << " " << scattering;
+  }
+  AcousticConfig no_images = mirror_config(3);
+  no_images.early = Switch::off;
+  const AcousticScene scene(flutter_room(0.02, 0.9), no_images);
+  EXPECT_EQ(EarlyCandidates(scene, source()).facing(), nullptr);
+}
+
+TEST(FacingPlanes, AScreenInTheStripEndsTheFlutterBehindIt) {
+  // A screen right across the middle of the room, from floor to ceiling but for a gap beside the line between source and listener.
+  const auto with_screen = [](double from_y) {
+    TriangleMesh mesh;
+    rooms::append_box(mesh, {0, 0, 0}, {6, 5, 3}, 1);
+    mesh.triangle_material[0] = mesh.triangle_material[1] = mesh.triangle_material[2] = mesh.triangle_material[3] = 0;
+    rooms::append_quad(mesh, {rooms::point(3, from_y, 0), rooms::point(3, 5, 0), rooms::point(3, 5, 3), rooms::point(3, from_y, 3)}, 1);
+    return rooms::scene_of(mesh, {Material::uniform("hard", 0.02f, 0.f), Material::uniform("soft", 0.9f, 0.f)});
+  };
+  AcousticConfig config = mirror_config(2);
+  const AcousticScene beside(with_screen(4.0), config), across(with_screen(2.5), config);
+  // Direct strip free, those by the wall y = 5 not: less than all, more than the strip alone.
+  const double whole = images(0.02, 0.9, 3, 2, 0, 1), strip = images(0.02, 0.9, 3, 0, 0, 1);
+  const double seen = rooms::total_energy(flutter(beside, source(), listener()));
+  EXPECT_LT(seen, 0.999 * whole);
+  EXPECT_GT(seen, strip);
+  // The screen ends where the line is half across: short paths by the wall y = 0, which absorbs 90 %, still get round it.
+  EXPECT_LT(rooms::total_energy(flutter(across, source(), listener())), 0.1 * strip);
+}
+
+/// Sums over seeds of all that comes late, against all images beyond the image paths: nothing twice, nothing lost.
+TEST(FacingPlanes, EstimatorsLeaveOutWhatItAdds) {
+  const int order = 3;
+  AcousticConfig config = mirror_config(order);
+  config.rays = 4096;
+  config.source_radius_m = 1.2f;
+  const auto room = flutter_room(0.02, 0.9);
+  const double exact = images(0.02, 0.9, 0, 8, 0, 1);
+  double paths = 0;
+  {
+    const AcousticScene scene(room, config);
+    std::vector<Arrival> arrivals;
+    EarlyCandidates(scene, source()).find_arrivals(scene, listener(), arrivals);
+    for (const Arrival& arrival : arrivals) paths += double{arrival.amplitude[0]} * arrival.amplitude[0];
+  }
+  for (const int source_rays : {0, 64}) {
+    config.source_rays = source_rays;
+    const auto total = rooms::over_seeds(12, config, [&](const AcousticConfig& c) {
+      const AcousticScene scene(room, c);
+      EnergyHistogram histogram = make_histogram(scene);
+      const EarlyCandidates candidates(scene, source());
+      if (source_rays > 0)
+        trace_bidirectional(scene, candidates, listener(), histogram);
+      else
+        trace_late(scene, candidates, listener(), histogram);
+      return rooms::total_energy(histogram);
+    });
+    const double late = exact - paths;
+    std::printf("flutter room, %d source rays: late energy %.5g, images %.5g +- %.2g (%.1f sigma)\n", source_rays, total.mean, late,
+                total.standard_error, (total.mean - late) / total.standard_error);
+    EXPECT_NEAR(total.mean, late, 4 * total.standard_error + 2e-3 * late);
+    EXPECT_LT(total.standard_error, 0.01 * late);
+  }
+}
+
+}  // namespace
+}  // namespace earshot
