@@ -12,6 +12,7 @@
 #include "apps/rir_json.h"
 #include "apps/source_options.h"
 #include "sim/acoustics/geometry/position_check.h"
+#include "sim/acoustics/source_field/source_field.h"
 #include "sim/acoustics/synthesis/carriers.h"
 #include "sim/audio/sound_clip.h"
 #include "sim/base/errors.h"
@@ -66,7 +67,9 @@ OrderedJson effects_json(const EnergyResponse& response, const AcousticConfig& c
     if (component.kind)
       json[component.name] = fmt::format("{} path{}", count, count == 1 ? "" : "s");
     else
-      json[component.name] = response.stats.rays == 0 ? std::string("off") : fmt::format("{} rays", response.stats.rays);
+      json[component.name] = response.stats.rays == 0
+                                 ? std::string("off")
+                                 : fmt::format("{} {}", response.stats.rays, response.effects.field_gathers > 0 ? "photons" : "rays");
   }
   json["air_absorption"] = config.air_absorption == Switch::off ? "off" : "on";
   return json;
@@ -78,13 +81,15 @@ class PairRenderer {
   PairRenderer(const Options& options, const AcousticScene& acoustics)
       : options_(options), acoustics_(acoustics), places_(acoustics.scene()), synthesizer_(options.acoustics.tables(acoustics)) {}
 
-  OrderedJson render(const EarlyCandidates& candidates, glm::vec3 listener, double heading_deg, const std::string& file) {
+  /// field: of the source; null: the late field is traced.
+  OrderedJson render(const EarlyCandidates& candidates, const SourceField* field, glm::vec3 listener, double heading_deg,
+                     const std::string& file) {
     const ListenerOrientation orientation = options_.acoustics.orientation(heading_deg, options_.pitch_deg, options_.roll_deg);
     const auto begin = std::chrono::steady_clock::now();
     EnergyResponse response;
     constexpr std::uint64_t steps = 1000;
     Progress progress("rir", "permille", steps);
-    compute_energy_response(acoustics_, candidates, listener, response,
+    compute_energy_response(acoustics_, candidates, field, listener, response,
                             [&](double fraction) { progress.update(static_cast<std::uint64_t>(fraction * steps)); });
     Rir rir;
     const CarrierKey key(carrier_key(acoustics_.hash(), candidates.source()), listener);
@@ -114,7 +119,7 @@ class PairRenderer {
             {"direct_delay_s", number_or_null(energy.direct_delay_s)},
             {"direct_amplitude", number_or_null(energy.direct_amplitude)},
             {"ray_efficiency", response.stats.ray_efficiency()},
-            {"standard_error", standard_errors_json(acoustics_, candidates, listener, response)},
+            {"standard_error", standard_errors_json(acoustics_, candidates, field, listener, response)},
             {"render_ms", render_ms},
             {"effects", effects_json(response, acoustics_.config())},
             {"warnings", warnings},
@@ -162,6 +167,13 @@ class PairRenderer {
   RirSynthesizer synthesizer_;
 };
 
+/// A single response is the cheaper traced, so `field = auto` builds none here.
+std::shared_ptr<const SourceField> field_on_request(const AcousticScene& acoustics, const EarlyCandidates& candidates) {
+  if (acoustics.config().field != Switch::on || !uses_source_field(acoustics)) return nullptr;
+  Progress progress("source field", "%", 100);
+  return build_source_field(acoustics, candidates, [&](double fraction) { progress.update(static_cast<std::uint64_t>(100 * fraction)); });
+}
+
 void run_rir(const Options& options) {
   require(std::isfinite(options.gain), "--gain", options.gain, "must be a finite number");
   for (const double heading_deg : options.heading_deg)
@@ -189,9 +201,10 @@ void run_rir(const Options& options) {
   OrderedJson pairs = OrderedJson::array();
   for (std::size_t s = 0; s < sources.size(); ++s) {
     const EarlyCandidates candidates(acoustics, sources[s]);
+    const std::shared_ptr<const SourceField> field = field_on_request(acoustics, candidates);
     for (std::size_t l = 0; l < listeners.size(); ++l) {
       const double heading_deg = options.heading_deg[options.heading_deg.size() == 1 ? 0 : l];
-      OrderedJson pair = renderer.render(candidates, scene.to_local(listeners[l]), heading_deg,
+      OrderedJson pair = renderer.render(candidates, field.get(), scene.to_local(listeners[l]), heading_deg,
                                          single ? options.out : with_suffix(options.out, fmt::format(".s{}.l{}", s, l)));
       if (single) {
         pairs = std::move(pair);

@@ -19,36 +19,56 @@ OrderedJson error_of_mean(const std::vector<double>& values) {
   return std::sqrt(square / (n - 1) / n);
 }
 
+/// Names of what has a standard error, beside rt60_s.
+struct ErrorEntry {
+  const char* key;
+  std::optional<double> BandMetrics::*value;
+  std::optional<double> BandErrors::*error;
+};
+constexpr std::array<ErrorEntry, 7> kErrors{{{"edt_s", &BandMetrics::edt_s, &BandErrors::edt_error_s},
+                                             {"t20_s", &BandMetrics::t20_s, &BandErrors::t20_error_s},
+                                             {"t30_s", &BandMetrics::t30_s, &BandErrors::t30_error_s},
+                                             {"c50_db", &BandMetrics::c50_db, &BandErrors::c50_error_db},
+                                             {"c80_db", &BandMetrics::c80_db, &BandErrors::c80_error_db},
+                                             {"g_db", &BandMetrics::g_db, &BandErrors::g_error_db},
+                                             {"drr_band_db", &BandMetrics::drr_db, &BandErrors::drr_error_db}}};
+
 OrderedJson errors_by_repetition(const AcousticScene& acoustics, const EarlyCandidates& candidates, glm::vec3 listener) {
   constexpr int batches = 8;
   const AcousticConfig& config = acoustics.config();
   if (config.rays < batches || config.late == Switch::off) return OrderedJson::object();
   const auto num_bands = static_cast<std::size_t>(acoustics.num_bands());
-  std::vector<std::vector<double>> rt60(num_bands), level_db(num_bands);
+  std::vector<RoomMetrics> metrics;
   for (int batch = 0; batch < batches; ++batch) {
     const AcousticScene scene =
         acoustics.with_rays(config.rays / batches, config.seed + 0x9E3779B97F4A7C15ull * static_cast<std::uint64_t>(batch + 1));
     EnergyResponse response;
     compute_energy_response(scene, candidates, listener, response);
-    const RoomMetrics metrics = measure(scene, response);
-    for (std::size_t b = 0; b < num_bands; ++b) {
-      if (metrics.bands[b].rt60_s) rt60[b].push_back(*metrics.bands[b].rt60_s);
-      if (metrics.bands[b].g_db) level_db[b].push_back(*metrics.bands[b].g_db);
+    metrics.push_back(measure(scene, response));
+  }
+  const auto add = [&](OrderedJson& json, const char* key, std::optional<double> BandMetrics::*value) {
+    json[key] = OrderedJson::array();
+    for (std::size_t band = 0; band < num_bands; ++band) {
+      std::vector<double> values;
+      for (const RoomMetrics& of_batch : metrics)
+        if (of_batch.bands[band].*value) values.push_back(*(of_batch.bands[band].*value));
+      json[key].push_back(error_of_mean(values));
     }
-  }
-  OrderedJson json = {{"rt60_s", OrderedJson::array()}, {"g_db", OrderedJson::array()}};
-  for (std::size_t b = 0; b < num_bands; ++b) {
-    json["rt60_s"].push_back(error_of_mean(rt60[b]));
-    json["g_db"].push_back(error_of_mean(level_db[b]));
-  }
+  };
+  OrderedJson json = OrderedJson::object();
+  add(json, "rt60_s", &BandMetrics::rt60_s);
+  for (const ErrorEntry& entry : kErrors) add(json, entry.key, entry.value);
   return json;
 }
 
-/// Of all energy in one band: arrivals and late.
-double energy_of(const EnergyResponse& response, std::size_t band, double late) {
-  double energy = late;
-  for (const Arrival& arrival : response.arrivals) energy += double{arrival.amplitude[band]} * arrival.amplitude[band];
-  return energy;
+/// What photons leave: their relative error of T20, known as a mean over bands and places.
+OrderedJson errors_of_field(const AcousticScene& acoustics, const SourceField& field, const EnergyResponse& response) {
+  OrderedJson json = {{"rt60_s", OrderedJson::array()}, {"t20_s", OrderedJson::array()}};
+  for (const BandMetrics& band : measure(acoustics, response).bands) {
+    json["rt60_s"].push_back(band.rt60_s ? OrderedJson(*band.rt60_s * field.t20_error()) : OrderedJson(nullptr));
+    json["t20_s"].push_back(band.t20_s ? OrderedJson(*band.t20_s * field.t20_error()) : OrderedJson(nullptr));
+  }
+  return json;
 }
 
 }  // namespace
@@ -88,19 +108,17 @@ OrderedJson metrics_json(const RoomMetrics& metrics) {
   return json;
 }
 
-OrderedJson standard_errors_json(const AcousticScene& acoustics, const EarlyCandidates& candidates, glm::vec3 listener,
-                                 const EnergyResponse& response) {
+OrderedJson standard_errors_json(const AcousticScene& acoustics, const EarlyCandidates& candidates, const SourceField* field,
+                                 glm::vec3 listener, const EnergyResponse& response) {
+  if (field != nullptr) return errors_of_field(acoustics, *field, response);
   const std::vector<BandErrors> errors = late_errors(acoustics, response);
   if (errors.empty()) return errors_by_repetition(acoustics, candidates, listener);
-  OrderedJson json = {
-      {"rt60_s", OrderedJson::array()}, {"t20_s", OrderedJson::array()}, {"t30_s", OrderedJson::array()}, {"g_db", OrderedJson::array()}};
-  for (std::size_t b = 0; b < errors.size(); ++b) {
-    const BandErrors& error = errors[b];
+  OrderedJson json = {{"rt60_s", OrderedJson::array()}};
+  for (const BandErrors& error : errors)
     json["rt60_s"].push_back(number_or_null(error.t30_error_s ? error.t30_error_s : error.t20_error_s));
-    json["t20_s"].push_back(number_or_null(error.t20_error_s));
-    json["t30_s"].push_back(number_or_null(error.t30_error_s));
-    const double energy = energy_of(response, b, error.late_energy);
-    json["g_db"].push_back(energy > 0 ? OrderedJson(10.0 / std::log(10.0) * error.late_energy_error / energy) : OrderedJson(nullptr));
+  for (const ErrorEntry& entry : kErrors) {
+    json[entry.key] = OrderedJson::array();
+    for (const BandErrors& error : errors) json[entry.key].push_back(number_or_null(error.*entry.error));
   }
   return json;
 }

@@ -4,6 +4,7 @@
 #include <optional>
 
 #include "sim/acoustics/metrics/room_metrics.h"
+#include "sim/acoustics/source_field/source_field.h"
 
 namespace earshot {
 
@@ -13,9 +14,11 @@ using OrderedJson = nlohmann::ordered_json;
 OrderedJson number_or_null(const std::optional<double>& value);
 /// Arrays per band under the names of docs/formats.md, section 5.1 (edt_s, t20_s, ...), and drr_db.
 OrderedJson metrics_json(const RoomMetrics& metrics);
-/// Standard errors per band of rt60_s and g_db.  From the batches of a bidirectional response; otherwise by repetition: eight traces with
-/// an eighth of the rays and seeds of their own, whose mean spreads as one trace with all rays.  Empty if there are too few rays to say.
-OrderedJson standard_errors_json(const AcousticScene& acoustics, const EarlyCandidates& candidates, glm::vec3 listener,
-                                 const EnergyResponse& response);
+/// Standard errors per band of rt60_s, edt_s, t20_s, t30_s, c50_db, c80_db, g_db and drr_band_db.  From the batches of a bidirectional
+/// response; otherwise by repetition: eight traces with an eighth of the rays and seeds of their own, whose mean spreads as one trace with
+/// all rays.  Empty if there are too few rays to say. With the late field gathered from `field`: of rt60_s and t20_s only, by its own
+/// estimate.
+OrderedJson standard_errors_json(const AcousticScene& acoustics, const EarlyCandidates& candidates, const SourceField* field,
+                                 glm::vec3 listener, const EnergyResponse& response);
 
 }  // namespace earshot

@@ -79,7 +79,12 @@ void read(ConfigReader& reader, AcousticConfig& config) {
     config.rir_length_s = 0.f;
   else
     reader.read("rir_length_s", config.rir_length_s);
-  reader.read("source_radius_m", config.source_radius_m);
+  std::string radius;
+  reader.read("source_radius_m", radius);
+  if (radius == "auto")
+    config.source_radius_m = 0.f;
+  else
+    reader.read("source_radius_m", config.source_radius_m);
   reader.read("diffuse_last_segment", config.diffuse_last_segment);
   reader.read("scattering", config.scattering);
   reader.read_choice("field", config.field, kSwitches);
@@ -93,6 +98,15 @@ void read(ConfigReader& reader, AcousticConfig& config) {
   reader.read("sample_rate_hz", config.sample_rate_hz);
   reader.read("seed", config.seed);
   reader.read("threads", config.threads);
+  // Its default depends on no other key, so only a value that was given can contradict them.
+  if (reader.has("diffuse_last_segment") && config.diffuse_last_segment) {
+    if (config.field == Switch::on)
+      throw InputError("diffuse_last_segment = true", "has no effect on a source field, which treats no last segment as diffuse",
+                       "drop it, or set field=off");
+    if (config.source_rays > 0 || config.specular_exponent > 0.f)
+      throw InputError("diffuse_last_segment = true", "has no effect on bidirectional tracing, which is unbiased without it",
+                       "drop it, or set source_rays=0 specular_exponent=0");
+  }
 }
 
 void validate(const AcousticConfig& config) {
@@ -122,8 +136,7 @@ void validate(const AcousticConfig& config) {
   require(in_range(config.rir_length_s, 0.f, 60.f), "rir_length_s", config.rir_length_s, "must be in (0, 60] s, or auto");
   require(config.rir_length_s / config.time_bin_s <= 1e6f, "rir_length_s", config.rir_length_s,
           "needs more than a million bins of time_bin_s; shorten it or widen the bins");
-  require(config.source_radius_m > 0.f && in_range(config.source_radius_m, 0.f, 100.f), "source_radius_m", config.source_radius_m,
-          "must be in (0, 100] m");
+  require(in_range(config.source_radius_m, 0.f, 100.f), "source_radius_m", config.source_radius_m, "must be in (0, 100] m, or auto");
   require(std::isfinite(config.scattering) && config.scattering <= 1.f, "scattering", config.scattering,
           "must be in [0, 1], or negative to take each material's own");
   require(config.field_photons >= 512 && config.field_photons <= 1 << 24, "field_photons", config.field_photons, "must be in [512, 2^24]");

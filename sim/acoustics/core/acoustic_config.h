@@ -32,10 +32,12 @@ struct AcousticConfig {
   int source_bounces = 10;  ///< of those, [1, 60]
   /// 0: specular reflections leave as from a mirror.  > 0: in a lobe of cos^n about it, normalised to keep all energy, [1, 1000].
   float specular_exponent = 0.f;
-  float time_bin_s = 0.004f;      ///< (0, 0.1]
-  int sh_order = 1;               ///< of the arrival directions, [0, 5]
-  float rir_length_s = 0.5f;      ///< (0, 60]; 0 or `auto`: as long as the scene's decay needs, at most 4 s (effect_plan.h)
-  float source_radius_m = 0.25f;  ///< volume in which specular paths meet the source, unless diffuse_last_segment
+  float time_bin_s = 0.004f;  ///< (0, 0.1]
+  int sh_order = 1;           ///< of the arrival directions, [0, 5]
+  float rir_length_s = 0.5f;  ///< (0, 60]; 0 or `auto`: as long as the scene's decay needs, at most 4 s (effect_plan.h)
+  /// Sphere in which specular paths meet the source, unless diffuse_last_segment; 0 or `auto`: a twelfth of the mean free path, within
+  /// [0.25, 2] m (effect_plan.h).
+  float source_radius_m = 0.f;
   /// false: next-event estimation connects the diffuse part only, specular last segments are caught by the source volume (unbiased, noisy).
   /// true: the last segment of late paths is treated as diffuse (the fraction s of scattering as 1): far less noise, small bias (a
   /// furnished house with scattering near 0.1: T20 within 5 %, T30 within 9 %, level within 0.4 dB).

@@ -38,8 +38,10 @@ std::uint64_t hash_of(const AcousticConfig& c, std::uint64_t scene_hash, bool tr
         c.diffraction_order, c.diffraction_paths, c.transmission_walls, c.source_rays, c.source_bounces, c.field_photons}) {
     append_bytes(bytes, value);
   }
-  for (const float value : {c.time_bin_s, c.rir_length_s, c.source_radius_m, c.scattering, c.sample_rate_hz, c.diffraction_edge_m,
-                            c.specular_exponent, c.field_error, c.field_cell_m})
+  // Where nothing reads the radius any constant will do.
+  const bool has_volume = !c.diffuse_last_segment || c.source_rays > 0 || c.specular_exponent > 0.f;
+  for (const float value : {c.time_bin_s, c.rir_length_s, has_volume ? c.source_radius_m : 0.25f, c.scattering, c.sample_rate_hz,
+                            c.diffraction_edge_m, c.specular_exponent, c.field_error, c.field_cell_m})
     append_bytes(bytes, value);
   append_bytes(bytes, c.seed);
   return hash64(bytes);
@@ -48,6 +50,7 @@ std::uint64_t hash_of(const AcousticConfig& c, std::uint64_t scene_hash, bool tr
 /// With what was left to the plan filled in.
 AcousticConfig effective_config(AcousticConfig config, const EffectPlan& plan) {
   config.rir_length_s = plan.rir_length_s;
+  config.source_radius_m = plan.source_radius_m;
   if (!plan.late) config.late = Switch::off;
   return config;
 }

@@ -29,7 +29,8 @@ class AcousticScene {
   [[nodiscard]] const AcousticSurfaces& surfaces() const { return surfaces_; }
   /// Which effects are simulated, with the bound that each decision rests on.
   [[nodiscard]] const EffectPlan& plan() const { return *plan_; }
-  /// As given, with what was left to the plan filled in: rir_length_s is never 0 here, and late is off where nothing comes back.
+  /// As given, with what was left to the plan filled in: rir_length_s and source_radius_m are never 0 here, and late is off where nothing
+  /// comes back.
   [[nodiscard]] const AcousticConfig& config() const { return config_; }
 
   // of the surfaces (acoustic_surfaces.h)

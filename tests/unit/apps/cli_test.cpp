@@ -118,6 +118,34 @@ TEST_F(Cli, BadConfigsAndFilesAreOneLineAndExitCodeTwo) {
   EXPECT_FALSE(std::filesystem::exists(file("x.wav")));
 }
 
+// A key that changes nothing is refused, so that no run is read as what it is not.
+TEST_F(Cli, SettingsWithoutEffectAreRefused) {
+  const std::string high = "rir shoebox:5x3x4 --source 1,1,1 --listener 2,1,2 --preset high --out " + file("x.wav") + " --set ";
+  expect_bad_input(high + "diffuse_last_segment=true", "has no effect on bidirectional tracing");
+  expect_bad_input(high + "field=on diffuse_last_segment=true", "has no effect on a source field");
+  EXPECT_FALSE(std::filesystem::exists(file("x.wav")));
+}
+
+// `field = on` gathers the late field of a single response too, in every preset.
+TEST_F(Cli, RirGathersAFieldOnRequest) {
+  const std::string room =
+      "rir shoebox:5x3x4@0.2 --source 1.2,1.1,1.5 --listener 3.8,1.6,2.3 --channels mono --set rir_length_s=0.6 "
+      "rays=512 source_rays=512 field_photons=4096 time_bin_s=0.004 sh_order=0 threads=1 ";
+  for (const std::string preset : {"--preset high ", "--preset balanced "}) {
+    const auto run = [&](const std::string& setting) {
+      const Outcome outcome = earshot(room + setting + " " + preset + "--out " + file("f.wav") + " --metrics " + file("f.json"));
+      EXPECT_EQ(outcome.exit_code, 0) << outcome.errors;
+      return nlohmann::json::parse(read("f.json"));
+    };
+    const auto traced = run("field=off"), gathered = run("field=on");
+    EXPECT_NE(traced.at("effects").at("late"), gathered.at("effects").at("late")) << preset;  // rays, photons
+    EXPECT_TRUE(gathered.at("standard_error").at("t20_s").at(2).is_number());
+    const double there = traced.at("energy").at("t20_s").at(2), here = gathered.at("energy").at("t20_s").at(2);
+    EXPECT_NEAR(here, there, 0.15 * there) << preset;  // 4096 photons: 3 to 5 %
+    EXPECT_NE(here, there) << preset;
+  }
+}
+
 // O-1 through the command line: r = 2.765863 m in SHOE-1 (docs/oracles.md has z up, here it is y): amplitude 0.0287713, delay 8.06374 ms at
 // c = 343 m/s, 343 / 343.2 of that here.
 TEST_F(Cli, RirWritesSoundAndMetrics) {
