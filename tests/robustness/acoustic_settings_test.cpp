@@ -44,11 +44,17 @@ TEST(H29_AnyNumberOfBands, RendersTheSameEnergyAtEveryRate) {
       const int num_bands = BandLayout::log_spaced(bands, rate_hz).size();
       response.late = synthesis_cases::decay_of(0.1, 1e-2, num_bands, 0.004f, 0.12);
       RirSynthesizer synthesizer = synthesis_cases::mono_at(rate_hz, 0.12f, bands);
-      const Rir rir = synthesis_cases::rendered(synthesizer, response);
-      for (const float sample : rir.samples) ASSERT_TRUE(std::isfinite(sample)) << rate_hz << " " << bands;
-      // A tenth of a second of noise at 8 kHz scatters by 0.25 dB; all bands have one noise, so their number adds nothing.
-      EXPECT_NEAR(db(synthesis_cases::energy_of(rir.samples) / (0.01 + 0.01 * (1 - std::pow(10, -7.2)))), 0.0, 0.5)
-          << rate_hz << " " << bands;
+      // The noise under the direct sound scatters the energy by 0.4 to 0.6 dB from key to key, the mean of sixteen by 0.15; all bands have
+      // one noise, so their number adds nothing.
+      constexpr std::uint64_t keys = 16;
+      double energy = 0;
+      for (std::uint64_t key = 0; key < keys; ++key) {
+        Rir rir;
+        synthesizer.render(response, 0.0, key, rir);
+        for (const float sample : rir.samples) ASSERT_TRUE(std::isfinite(sample)) << rate_hz << " " << bands;
+        energy += synthesis_cases::energy_of(rir.samples) / keys;
+      }
+      EXPECT_NEAR(db(energy / (0.01 + 0.01 * (1 - std::pow(10, -7.2)))), 0.0, 0.5) << rate_hz << " " << bands;
     }
   }
 }
