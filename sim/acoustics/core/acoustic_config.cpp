@@ -36,11 +36,13 @@ AcousticConfig acoustic_preset(std::string_view name) {
     config.field_cell_m = 0.5f;
     config.late_decode_s = 60.f;
     config.glide_paths = 16;
-    config.early_order = 3;
+    config.early_order = 4;
     config.early_candidate_rays = 50'000;
     // As many paths from the source as from the listener, kept for 60 events: at equal time the T30 error two rooms away in house:1 is a
     // third (scattering 0.3) to 0.85 (scattering 1) of that of listener rays alone; fewer events leave more paths to the source volume.
-    config.rays = 16'384;
+    // Four listener rays for a path of the source: paths with a mirror at both ends come from listener rays alone.  In a hall of
+    // 14,000 m3 that is a scatter of 1 % of EDT and 0.07 dB of C80 over seeds in 1.8 s, against 2.9 % and 0.25 dB in 0.7 s with as many.
+    config.rays = 65'536;
     config.source_rays = 16'384;
     config.source_bounces = 60;
     config.max_bounces = 10'000;
