@@ -174,7 +174,16 @@ std::shared_ptr<const SourceField> field_on_request(const AcousticScene& acousti
   return build_source_field(acoustics, candidates, [&](double fraction) { progress.update(static_cast<std::uint64_t>(100 * fraction)); });
 }
 
+/// A setting that changes nothing is an error.
+void refuse_settings_of_trajectories(const std::vector<std::string>& settings) {
+  for (const std::string& setting : settings)
+    for (const char* key : {"temporal_reuse", "glide_paths"})
+      if (setting.starts_with(std::string(key) + "="))
+        throw InputError("--set " + setting, "has no effect on a single response", "leave it out, or give it to `earshot walk`");
+}
+
 void run_rir(const Options& options) {
+  refuse_settings_of_trajectories(options.acoustics.settings);
   require(std::isfinite(options.gain), "--gain", options.gain, "must be a finite number");
   for (const double heading_deg : options.heading_deg)
     (void)options.acoustics.orientation(heading_deg, options.pitch_deg, options.roll_deg);  // before any work

@@ -123,6 +123,8 @@ TEST_F(Cli, SettingsWithoutEffectAreRefused) {
   const std::string high = "rir shoebox:5x3x4 --source 1,1,1 --listener 2,1,2 --preset high --out " + file("x.wav") + " --set ";
   expect_bad_input(high + "diffuse_last_segment=true", "has no effect on bidirectional tracing");
   expect_bad_input(high + "field=on diffuse_last_segment=true", "has no effect on a source field");
+  expect_bad_input(high + "glide_paths=2", "has no effect on a single response");
+  expect_bad_input(high + "temporal_reuse=on", "has no effect on a single response");
   EXPECT_FALSE(std::filesystem::exists(file("x.wav")));
 }
 
