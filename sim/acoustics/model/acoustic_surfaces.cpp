@@ -42,6 +42,8 @@ AcousticSurfaces::AcousticSurfaces(std::shared_ptr<const Scene> scene, const Aco
   if (config_.diffraction != Switch::off)
     diffraction_edges_ = std::make_shared<const DiffractionEdges>(*scene_, config_.diffraction_edge_m);
   planes_ = find_mirror_planes(scene_->mesh());
+  if (diffraction_edges_ != nullptr)
+    panel_edges_ = std::make_shared<const PanelEdges>(*scene_, *diffraction_edges_, planes_.plane_of_triangle, planes_.planes.size());
   if (!scene_->mesh().triangles.empty()) diagonal_m_ = glm::length(scene_->bounds().upper - scene_->bounds().lower);
 }
 

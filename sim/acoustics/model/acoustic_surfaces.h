@@ -8,6 +8,7 @@
 #include "sim/acoustics/core/acoustic_config.h"
 #include "sim/acoustics/core/bands.h"
 #include "sim/acoustics/geometry/mirror_planes.h"
+#include "sim/acoustics/geometry/panel_edges.h"
 #include "sim/scene/scene.h"
 
 namespace earshot {
@@ -47,6 +48,8 @@ class AcousticSurfaces {
   [[nodiscard]] float largest_specular_reflectance() const;
   /// Edges that diffract sound; null with diffraction off.
   [[nodiscard]] const DiffractionEdges* diffraction_edges() const { return diffraction_edges_.get(); }
+  /// Where mirror planes end in the air; null with diffraction off.
+  [[nodiscard]] const PanelEdges* panel_edges() const { return panel_edges_.get(); }
   [[nodiscard]] std::span<const MirrorPlane> planes() const { return planes_.planes; }
   [[nodiscard]] std::span<const std::uint32_t> plane_of_triangle() const { return planes_.plane_of_triangle; }
   [[nodiscard]] float speed_of_sound_m_per_s() const { return scene_->speed_of_sound_m_per_s(); }
@@ -68,6 +71,7 @@ class AcousticSurfaces {
   std::shared_ptr<const SpecularLobe> specular_lobe_;
   std::shared_ptr<const DiffractionEdges> diffraction_edges_;
   MirrorPlanes planes_;
+  std::shared_ptr<const PanelEdges> panel_edges_;
 };
 
 }  // namespace earshot

@@ -9,6 +9,7 @@
 
 #include "sim/acoustics/paths/edge_growth.h"
 #include "sim/acoustics/paths/line_of_sight.h"
+#include "sim/acoustics/paths/panel_reflection.h"
 
 namespace earshot {
 namespace {
@@ -36,12 +37,6 @@ double level_db(const Arrival& arrival, int num_bands) {
 
 /// Wedges with less air behave as a plane where they reflect.
 constexpr double kBluntRad = kPi + 15.0 * kPi / 180.0;
-
-/// Weight of an edge wave in sight whose way is `waves` wavelengths longer than that of the path it belongs to.
-double boundary_weight(double waves) {
-  const double x = std::clamp(4.0 * waves - 1.0, 0.0, 1.0);
-  return 0.5 + 0.5 * std::cos(kPi * x);
-}
 
 glm::dvec3 mirror(glm::dvec3 point, const DiffractionEdge& edge, glm::dvec3 normal) {
   return point - 2.0 * glm::dot(point - edge.start, normal) * normal;
@@ -221,7 +216,11 @@ void DiffractionCandidates::split(const AcousticScene& scene, const DiffractionE
     std::array<std::complex<double>, 4> sum{};
     found.jump[band] = 0;
     for (std::size_t i = 0; i < 3; ++i) {
-      const double own = boundary_weight(wavenumber * parts[i].detour_m / (2.0 * kPi)), weight = std::max(own, found.sight_ends[band]);
+      // Images have the size of their panels (panel_reflection.h); where they have ended the edge's wave goes on, with many rays.
+      if (i > 0 && parts[i].path >= 0) continue;
+      const bool ends = i > 0 && budget_.near_boundary_only;
+      const double own = ends ? 0.0 : boundary_weight(wavenumber * parts[i].detour_m / (2.0 * kPi));
+      const double weight = std::max(own, found.sight_ends[band]);
       if (!(weight > 0)) continue;
       const FaceFactors factors{.first = i == 1 ? face.reflected(edge.first_material) : 0.0,
                                 .second = i == 2 ? face.reflected(edge.second_material) : 0.0,
@@ -229,8 +228,6 @@ void DiffractionCandidates::split(const AcousticScene& scene, const DiffractionE
       const std::complex<double> ratio = wedge.ratio(wavenumber, wedge.own_length_m(), factors);
       if (i == 0) found.jump[band] = own * std::abs(ratio) / std::max(1.0 - passed, 0.01);
       const bool belongs = parts[i].path >= 0 && own > 0;
-      // Reflections that have ended, with few rays, end without their edges.
-      if (!belongs && i > 0 && budget_.near_boundary_only && !(found.sight_ends[band] > 0)) continue;
       sum[belongs ? i : 3] += weight * ratio;
     }
     for (std::size_t i = 0; i < 4; ++i) {

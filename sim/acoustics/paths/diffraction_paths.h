@@ -34,11 +34,12 @@ class DiffractionCandidates {
   ///
   /// Behind a screen, paths are arrivals of their own, and their energy together is at most that of the sound that the screen holds back,
   /// the direct sound's.  In sight the energy of direct sound and images is complete without edges, which only move it about near shadow
-  /// and reflection boundaries: there the wave of a single edge is added with its phase to the direct sound or image in `arrivals` that it
-  /// belongs to (or to none, where the image has just vanished).  That weighs 1 up to a detour of a quarter of a wave, 0 from half a wave
-  /// on (docs/estimators.md, section 14); on a shadow boundary itself all single edges count, as they do behind it.  Wedges blunter than
-  /// 195 degrees take no part in reflections: images in their two faces overlap and gap by turns, and are that of a plane in the mean.
-  /// in_sight: is the line from the source free (line_of_sight.h)?  Returns how many paths matter here.
+  /// and reflection boundaries: there what the wave of a single edge does to the direct sound is added to it with its phase, and what goes
+  /// on where an image has ended is an arrival.  (Images themselves have the size of their panels: panel_reflection.h.)  That weighs 1 up
+  /// to a detour of a quarter of a wave, 0 from half a wave on (docs/estimators.md, section 14); on a shadow boundary itself all single
+  /// edges count, as they do behind it.  Wedges blunter than 195 degrees take no part in reflections: images in their two faces overlap and
+  /// gap by turns, and are that of a plane in the mean. in_sight: is the line from the source free (line_of_sight.h)?  Returns how many
+  /// paths matter here.
   int find_arrivals(const AcousticScene& scene, glm::vec3 listener, bool in_sight, std::vector<Arrival>& arrivals) const;
   /// The same, with a ray of its own for the line of sight.
   int find_arrivals(const AcousticScene& scene, glm::vec3 listener, std::vector<Arrival>& arrivals) const;

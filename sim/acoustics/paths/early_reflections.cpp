@@ -9,6 +9,7 @@
 
 #include "sim/acoustics/core/sampling.h"
 #include "sim/acoustics/paths/line_of_sight.h"
+#include "sim/acoustics/paths/panel_reflection.h"
 #include "sim/base/coordinates.h"
 #include "sim/base/denormals.h"
 #include "sim/base/errors.h"
@@ -162,7 +163,8 @@ bool EarlyCandidates::contains(std::span<const std::uint32_t> planes) const {
   return std::binary_search(sequences_.begin(), sequences_.end(), key);
 }
 
-bool EarlyCandidates::find_path(const AcousticScene& scene, std::size_t index, glm::vec3 listener, Arrival& arrival) const {
+bool EarlyCandidates::find_path(const AcousticScene& scene, std::size_t index, glm::vec3 listener, Arrival& arrival,
+                                Arrival& scattered) const {
   const Sequence& sequence = sequences_[index];
   const glm::dvec3 from_listener = images_[index] - glm::dvec3(listener);
   const double distance_m = std::max(glm::length(from_listener), double{kLeastDistanceM});
@@ -217,13 +219,51 @@ bool EarlyCandidates::find_path(const AcousticScene& scene, std::size_t index, g
   }
   if (scene.scene().rays().occluded(origin, source())) return false;
 
+  // What panels leave of it.
+  std::array<double, kMaxBands> size_fraction;
+  size_fraction.fill(1.0);
+  std::array<double, kMaxBands> size_phase{};
+  bool finite = false;
+  if (scene.panel_edges() != nullptr) {
+    const double longest_wave_m = scene.speed_of_sound_m_per_s() / scene.bands().centre_hz.front();
+    glm::dvec3 image_here(source());
+    for (int i = 0; i < sequence.order; ++i) {
+      image_here = ExactPlane(scene.planes()[sequence.plane[i]]).mirror(image_here);
+      const auto edges = scene.panel_edges()->of(sequence.plane[i]);
+      const double before_m = glm::length(point[i] - image_here);
+      if (edges.empty() || !(before_m > 0)) continue;
+      const PanelReflection panel(edges, image_here, image_here + (point[i] - image_here) * (distance_m / before_m), point[i],
+                                  longest_wave_m);
+      if (!panel.finite()) continue;
+      finite = true;
+      for (int band = 0; band < scene.num_bands(); ++band) {
+        const double wavenumber = 2.0 * std::numbers::pi * scene.bands().centre_hz[band] / scene.speed_of_sound_m_per_s();
+        size_fraction[band] *= panel.energy_fraction(wavenumber);
+        size_phase[band] += std::arg(panel.pressure_factor(wavenumber));
+      }
+    }
+  }
+
   const glm::dvec3 departure = point[0] - glm::dvec3(source());
   arrival.kind = ArrivalKind::reflection;
+  arrival.phase_rad.fill(0.f);
   arrival.identity = path_identity(arrival.kind, std::span(sequence.plane).first(static_cast<std::size_t>(sequence.order)));
   arrival.departure = glm::vec3(departure / std::max(glm::length(departure), 1e-12));
   arrival.distance_m = static_cast<float>(distance_m);
   arrival.direction = glm::vec3(from_listener / glm::length(from_listener));
   arrival.order = sequence.order;
+  if (!finite) {
+    scattered.order = 0;
+    return set_amplitude(scene, distance_m, energy_fraction, arrival);
+  }
+  scattered = arrival;
+  std::array<double, kMaxBands> lost{};
+  for (int band = 0; band < scene.num_bands(); ++band) {
+    lost[band] = energy_fraction[band] * std::max(1.0 - size_fraction[band], 0.0);
+    energy_fraction[band] *= size_fraction[band];
+    arrival.phase_rad[band] = static_cast<float>(std::remainder(size_phase[band], 2.0 * std::numbers::pi));
+  }
+  if (!set_amplitude(scene, distance_m, lost, scattered)) scattered.order = 0;
   return set_amplitude(scene, distance_m, energy_fraction, arrival);
 }
 
@@ -232,6 +272,11 @@ void EarlyCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 listen
 }
 
 void EarlyCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 listener, bool in_sight, std::vector<Arrival>& arrivals) const {
+  find_arrivals(scene, listener, in_sight, arrivals, nullptr);
+}
+
+void EarlyCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 listener, bool in_sight, std::vector<Arrival>& arrivals,
+                                    std::vector<Arrival>* scattered) const {
   const std::size_t first = arrivals.size();
   const AcousticConfig& config = scene.config();
 
@@ -252,16 +297,18 @@ void EarlyCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 listen
   }
 
   const std::size_t first_image = arrivals.size();
-  Arrival arrival;
+  Arrival arrival, missing;
   std::array<std::uint8_t, 256> possible;
   for (std::size_t i = 0; i < sequences_.size(); ++i) {
     if (i % possible.size() == 0)
       cull(i, glm::dvec3(listener), std::span(possible).first(std::min(possible.size(), sequences_.size() - i)));
     if (possible[i % possible.size()] == 0) continue;
-    if (!find_path(scene, i, listener, arrival)) continue;
+    if (!find_path(scene, i, listener, arrival, missing)) continue;
     const bool known = std::any_of(arrivals.begin() + static_cast<std::ptrdiff_t>(first_image), arrivals.end(),
                                    [&](const Arrival& other) { return same_path(arrival, other); });
-    if (!known) arrivals.push_back(arrival);
+    if (known) continue;
+    arrivals.push_back(arrival);
+    if (scattered != nullptr && missing.order > 0) scattered->push_back(missing);
   }
   // Insertion sort: a few dozen entries, stable (ties stay in the order of their sequences), no allocation.
   for (std::size_t i = first + 1; i < arrivals.size(); ++i) {

@@ -29,6 +29,10 @@ class EarlyCandidates {
   /// (fully absorbing or fully scattering surfaces) or come after config.rir_length_s are left out.  The appended part is sorted by
   /// (distance, plane sequence): same input, same bits.  Source and listener swapped give the bits of the same distances and amplitudes.
   void find_arrivals(const AcousticScene& scene, glm::vec3 listener, bool in_sight, std::vector<Arrival>& arrivals) const;
+  /// Planes that end in the air reflect by their size (panel_reflection.h).  `scattered`: what they do not reflect of the energy of an
+  /// image is appended there, as arrivals in place of it; null: it is lost.
+  void find_arrivals(const AcousticScene& scene, glm::vec3 listener, bool in_sight, std::vector<Arrival>& arrivals,
+                     std::vector<Arrival>* scattered) const;
   /// The same, with a ray of its own for the line of sight.
   void find_arrivals(const AcousticScene& scene, glm::vec3 listener, std::vector<Arrival>& arrivals) const;
   /// Is this plane sequence, in the order from the source, among the candidates?  Then image paths carry its specular energy.
@@ -49,7 +53,7 @@ class EarlyCandidates {
     int order = 0;
     auto operator<=>(const Sequence&) const = default;
   };
-  bool find_path(const AcousticScene& scene, std::size_t index, glm::vec3 listener, Arrival& arrival) const;
+  bool find_path(const AcousticScene& scene, std::size_t index, glm::vec3 listener, Arrival& arrival, Arrival& scattered) const;
   /// Marks the sequences from `first` on whose last segment is possible, by the sides of the last plane and its bounds, for all poses in
   /// one plain loop that lets pass a little more than find_path does.
   void cull(std::size_t first, glm::dvec3 listener, std::span<std::uint8_t> possible) const;

@@ -43,6 +43,20 @@ std::uint64_t drop_nonfinite(std::size_t num_bands, std::vector<Arrival>& arriva
   return std::erase_if(arrivals, [&](const Arrival& arrival) { return !is_finite(arrival, num_bands); });
 }
 
+/// Energy that panels scatter joins the late field in the place of their images, without a direction.
+void add_scattered(const AcousticScene& scene, EnergyResponse& response) {
+  if (scene.config().late == Switch::off || response.late.num_bins() == 0) return;
+  std::array<float, kMaxBands> energy;
+  std::array<float, 256> sh{};
+  sh[0] = 1.f;
+  const auto bands = static_cast<std::size_t>(scene.num_bands());
+  for (const Arrival& arrival : response.scattered) {
+    for (std::size_t band = 0; band < bands; ++band) energy[band] = arrival.amplitude[band] * arrival.amplitude[band];
+    response.late.add(arrival.distance_m / response.speed_of_sound_m_per_s, std::span(energy).first(bands),
+                      std::span(sh).first(static_cast<std::size_t>(response.late.num_coefficients())));
+  }
+}
+
 }  // namespace
 
 void compute_energy_response(const AcousticScene& scene, const EarlyCandidates& candidates, glm::vec3 listener, EnergyResponse& response,
@@ -59,11 +73,13 @@ void compute_energy_response(const AcousticScene& scene, const EarlyCandidates& 
   response.speed_of_sound_m_per_s = scene.speed_of_sound_m_per_s();
   response.arrivals.clear();
   PoseEffects effects = decide_pose_effects(scene, candidates, listener);
-  candidates.find_arrivals(scene, listener, effects.in_sight, response.arrivals);
+  response.scattered.clear();
+  candidates.find_arrivals(scene, listener, effects.in_sight, response.arrivals, &response.scattered);
   if (effects.diffraction)
     effects.diffraction = candidates.diffraction().find_arrivals(scene, listener, effects.in_sight, response.arrivals) > 0;
   if (effects.transmission) find_transmitted_behind_walls(scene, candidates.source(), listener, response.arrivals);
   apply_emission(candidates.emission(), static_cast<std::size_t>(scene.num_bands()), response.arrivals);
+  apply_emission(candidates.emission(), static_cast<std::size_t>(scene.num_bands()), response.scattered);
   const std::uint64_t nonfinite_arrivals = drop_nonfinite(static_cast<std::size_t>(scene.num_bands()), response.arrivals);
   if (!has_shape_of(scene, response.late)) response.late = make_histogram(scene);
   if (field != nullptr) {
@@ -77,6 +93,7 @@ void compute_energy_response(const AcousticScene& scene, const EarlyCandidates& 
     response.stats = trace_late(scene, candidates, listener, response.late);
   }
   response.stats.nonfinite_dropped += nonfinite_arrivals;
+  add_scattered(scene, response);
   response.effects = count_effects(scene, effects, field != nullptr);
 }
 

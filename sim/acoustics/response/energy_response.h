@@ -20,6 +20,7 @@ class SourceField;
 struct EnergyResponse {
   std::vector<Arrival> arrivals;  ///< of every kind (arrival.h), sorted by distance
   EnergyHistogram late;
+  std::vector<Arrival> scattered;  ///< what panels scatter instead of reflecting; part of `late`
   TraceStats stats;
   EffectCounters effects;            ///< of this pose
   LateBatches batches;               ///< parts of the late field for late_errors(); only from the bidirectional tracer

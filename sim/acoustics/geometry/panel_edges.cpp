@@ -1,0 +1,35 @@
+#include "sim/acoustics/geometry/panel_edges.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <utility>
+
+namespace earshot {
+
+PanelEdges::PanelEdges(const Scene& scene, const DiffractionEdges& edges, std::span<const std::uint32_t> plane_of_triangle,
+                       std::size_t num_planes)
+    : begin_(num_planes + 1, 0) {
+  constexpr double blunt_rad = std::numbers::pi * 195.0 / 180.0;
+  std::vector<std::pair<std::uint32_t, PanelEdge>> found;
+  for (const DiffractionEdge& edge : edges.edges()) {
+    if (edge.exterior_rad < blunt_rad) continue;
+    const double inset_m = std::min(0.02 * edge.length_m, 200.0 * edges.clearance_m());
+    const glm::dvec3 second = std::cos(edge.exterior_rad) * edge.face + std::sin(edge.exterior_rad) * edge.first_normal;
+    const glm::dvec3 middle = edge.at(0.5 * edge.length_m);
+    for (const auto& [face, normal] : {std::pair(edge.face, edge.first_normal), std::pair(second, edge.second_normal)}) {
+      const Hit hit =
+          scene.rays().intersect(glm::vec3(middle + inset_m * (face + normal)), glm::vec3(-normal), static_cast<float>(2 * inset_m));
+      if (!hit.valid() || std::abs(glm::dot(glm::dvec3(hit.normal), normal)) < 0.999) continue;
+      found.push_back({plane_of_triangle[hit.triangle], {edge.start, edge.along, -face, normal, edge.length_m}});
+    }
+  }
+  std::stable_sort(found.begin(), found.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+  for (const auto& [plane, edge] : found) {
+    ++begin_[plane + 1];
+    edges_.push_back(edge);
+  }
+  for (std::size_t plane = 0; plane < num_planes; ++plane) begin_[plane + 1] += begin_[plane];
+}
+
+}  // namespace earshot

@@ -1,0 +1,37 @@
+#pragma once
+
+#include <array>
+#include <complex>
+#include <glm/vec3.hpp>
+#include <span>
+
+#include "sim/acoustics/geometry/panel_edges.h"
+
+namespace earshot {
+
+/// Reflection of a panel of finite size: the fraction of the energy of an endless one, by the Fresnel integrals of Kirchhoff's
+/// approximation over its extent in two directions about the point of reflection (Rindel 1992, Acoustic reflector: J. Acoust. Soc. Am.,
+/// K = K1 K2 from the distances to the edges).  As each integral is taken between exact detours over the edges, there is no far-field
+/// approximation.  Edges count in full up to a detour of half a wave, not from a wave on.  In the middle of a panel it may be above 1 where
+/// its edges are half a wave away (a zone plate).
+class PanelReflection {
+ public:
+  /// image, listener: ends of the unfolded straight path through `at`, a point of the panel.  longest_wave_m: at the centre of the lowest
+  /// band.
+  PanelReflection(std::span<const PanelEdge> edges, glm::dvec3 image, glm::dvec3 listener, glm::dvec3 at, double longest_wave_m);
+  /// Does any edge matter?  Otherwise the fraction is 1.
+  [[nodiscard]] bool finite() const { return finite_; }
+  /// Mean over the octave or band about `wavenumber` (three frequencies).  In [0, 4].
+  [[nodiscard]] double energy_fraction(double wavenumber) const;
+  /// Pressure over that of an endless panel, at one frequency.
+  [[nodiscard]] std::complex<double> pressure_factor(double wavenumber) const;
+
+ private:
+  std::array<double, 4> detour_m_;  ///< over the edges: along the first direction, against it, along the second, against it
+  bool finite_ = false;
+};
+
+/// Weight of what an edge does to a path that is shorter by `waves` wavelengths: 1 to a quarter, 0 from a half on.
+double boundary_weight(double waves);
+
+}  // namespace earshot
