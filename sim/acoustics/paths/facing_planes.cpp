@@ -46,11 +46,9 @@ double box_volume_m3(const Bounds& bounds) {
   return size.x * size.y * size.z;
 }
 
-/// Does a flutter between two planes stand out of the diffuse field?  At a path length r the images bring 2 / d R^(r/d) / (4 pi r)^2 per
-/// metre, R the mean specular reflectance, and the diffuse field exp(-k r) / (4 pi V), k = -log(1 - mean absorption) / mean free path.
-bool stands_out(const AcousticScene& scene, std::uint32_t first, std::uint32_t second, double gap_m) {
+/// Loss of the diffuse field per metre of path and band: -log(1 - mean absorption by area) / mean free path.
+std::vector<double> diffuse_loss_per_m(const AcousticScene& scene) {
   const TriangleMesh& mesh = scene.scene().mesh();
-  const double volume_m3 = box_volume_m3(scene.scene().bounds()), path_m = std::max(scene.plan().mean_free_path_m, 1e-3);
   std::vector<double> area(scene.scene().materials().size(), 0.0);
   double whole_m2 = 0;
   for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
@@ -59,13 +57,24 @@ bool stands_out(const AcousticScene& scene, std::uint32_t first, std::uint32_t s
     area[mesh.triangle_material[t]] += m2;
     whole_m2 += m2;
   }
+  std::vector<double> loss(static_cast<std::size_t>(scene.num_bands()));
+  for (std::size_t band = 0; band < loss.size(); ++band) {
+    double absorbed = 0;
+    for (std::uint32_t m = 0; m < area.size(); ++m) absorbed += area[m] / whole_m2 * (1.0 - scene.reflectance(m)[band]);
+    loss[band] = -std::log1p(-std::min(absorbed, 1.0 - 1e-9)) / std::max(scene.plan().mean_free_path_m, 1e-3);
+  }
+  return loss;
+}
+
+/// Does a flutter between two planes stand out of the diffuse field?  At a path length r the images bring 2 / d R^(r/d) / (4 pi r)^2 per
+/// metre, R the mean specular reflectance, and the diffuse field exp(-k r) / (4 pi V).
+bool stands_out(const AcousticScene& scene, std::uint32_t first, std::uint32_t second, double gap_m,
+                const std::vector<double>& diffuse_loss) {
+  const double volume_m3 = box_volume_m3(scene.scene().bounds());
   for (int band = 0; band < scene.num_bands(); ++band) {
     const double reflected = std::sqrt(specular(scene, first, band) * specular(scene, second, band));
     if (!(reflected > kLeastReflected)) continue;
-    double absorbed = 0;
-    for (std::uint32_t m = 0; m < area.size(); ++m)
-      absorbed += area[m] / whole_m2 * (1.0 - scene.reflectance(m)[static_cast<std::size_t>(band)]);
-    const double diffuse_per_m = -std::log1p(-std::min(absorbed, 1.0 - 1e-9)) / path_m, flutter_per_m = -std::log(reflected) / gap_m;
+    const double diffuse_per_m = diffuse_loss[static_cast<std::size_t>(band)], flutter_per_m = -std::log(reflected) / gap_m;
     const double furthest_m =
         std::min(diffuse_per_m > 0 ? 0.1 * kDecayDb * std::numbers::ln10 / diffuse_per_m : 1e9, double{scene.max_path_m()});
     const double ratio = 2.0 * volume_m3 / (4.0 * std::numbers::pi * gap_m * furthest_m * furthest_m) *
@@ -105,6 +114,7 @@ FacingPlanes::FacingPlanes(const AcousticScene& scene, const SoundSource& source
 
 void FacingPlanes::find_pairs(const AcousticScene& scene) {
   const EmbreeScene& rays = scene.scene().rays();
+  std::vector<double> diffuse_loss;  // over all triangles: once, and only if there is a pair to judge
   std::vector<glm::dvec3> axes;
   const std::span<const MirrorPlane> planes = scene.planes();
   for (std::size_t i = 0; i < std::min(planes.size(), kMaxPlanes) && pairs_.size() < kMaxPairs; ++i) {
@@ -127,7 +137,8 @@ void FacingPlanes::find_pairs(const AcousticScene& scene) {
     pair.offset_m = glm::dot(pair.axis, source) - std::abs(near.height(source));
     pair.gap_m = std::abs(near.height(source)) + std::abs(far.height(source));
     const auto& material = scene.scene().mesh().triangle_material;
-    if (!stands_out(scene, material[behind.triangle], material[ahead.triangle], pair.gap_m)) continue;
+    if (diffuse_loss.empty()) diffuse_loss = diffuse_loss_per_m(scene);
+    if (!stands_out(scene, material[behind.triangle], material[ahead.triangle], pair.gap_m, diffuse_loss)) continue;
     find_sides(scene, pair);
     pairs_.push_back(std::move(pair));
   }
