@@ -15,6 +15,8 @@ using Complex = std::complex<double>;
 
 constexpr std::size_t kNumDirections = 2000;
 constexpr double kPhaseLimitHz = 1500;
+/// Power of a bin over that of the loudest one below it, at which a head counts as silent.
+constexpr double kSilence = 1e-12;
 
 /// 2 x 2 complex matrix.
 struct Matrix {
@@ -104,6 +106,7 @@ std::array<std::vector<std::complex<float>>, 8> make_diffuse_decoder(const EarSp
   std::array<std::vector<std::complex<float>>, 8> decoder;
   for (auto& spectrum : decoder) spectrum.resize(bins);
   std::array<Complex, 8> before{};
+  double loudest = 0;
   for (std::size_t k = 0; k < bins; ++k) {
     const bool phase_free = static_cast<double>(k) * sample_rate_hz / fft_size > kPhaseLimitHz;
     std::array<Complex, 8> projection{};
@@ -126,6 +129,10 @@ std::array<std::vector<std::complex<float>>, 8> make_diffuse_decoder(const EarSp
     for (Complex& value : projection) value *= weight;
     before = projection;
     of_head.left *= weight, of_head.right *= weight, of_head.cross *= weight;
+
+    // Above the band of a measured head there is nothing to decode, nor to divide by.
+    loudest = std::max(loudest, of_head.left + of_head.right);
+    if (!(of_head.left + of_head.right > kSilence * loudest)) continue;
 
     // N3D channels of a diffuse field are independent and equal in power, so the decoder's covariance is the sum over channels.
     Covariance of_decoder;

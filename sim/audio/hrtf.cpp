@@ -28,6 +28,12 @@ int lead_for(float sample_rate_hz) { return static_cast<int>(std::ceil(0.002 * s
 int taps_for(float sample_rate_hz) { return lead_for(sample_rate_hz) + static_cast<int>(std::ceil(0.006 * sample_rate_hz)); }
 int smallest_fft_for(float sample_rate_hz) { return next_power_of_two(static_cast<int>(std::ceil(0.02 * sample_rate_hz))); }
 
+/// Of the angle between a direction and that of an ear.
+double cosine_at_ear(glm::dvec3 towards, int ear) {
+  const double side = ear == 0 ? -std::sin(kEarAngle) : std::sin(kEarAngle);
+  return towards.x * side + towards.z * -std::cos(kEarAngle);
+}
+
 void check_rate(float sample_rate_hz) {
   require(sample_rate_hz >= 4000.f && sample_rate_hz <= 384000.f, "hrtf sample_rate_hz", sample_rate_hz, "must be in [4000, 384000]");
 }
@@ -51,9 +57,7 @@ struct Hrtf::Grid {
   };
 
   [[nodiscard]] Blend blend_sphere(glm::dvec3 towards, int ear) const {
-    const double side = ear == 0 ? -std::sin(kEarAngle) : std::sin(kEarAngle);
-    const double cosine = towards.x * side + towards.z * -std::cos(kEarAngle);
-    const double position = std::acos(std::clamp(cosine, -1.0, 1.0)) / std::numbers::pi * intervals;
+    const double position = std::acos(std::clamp(cosine_at_ear(towards, ear), -1.0, 1.0)) / std::numbers::pi * intervals;
     const auto row = static_cast<std::size_t>(std::min(position, intervals - 1.0));
     const auto weight = static_cast<float>(position - static_cast<double>(row));
     return {.count = 2, .row = {row, row + 1}, .weight = {1.f - weight, weight}};
@@ -119,12 +123,13 @@ struct Hrtf::Grid {
   }
 };
 
-Hrtf::Hrtf(float sample_rate_hz, std::shared_ptr<const Grid> grid)
+Hrtf::Hrtf(float sample_rate_hz, std::shared_ptr<const Grid> grid, double measured_m)
     : sample_rate_hz_(sample_rate_hz),
       fft_size_(grid->fft_size),
       lead_samples_(lead_for(sample_rate_hz)),
       decoder_taps_(taps_for(sample_rate_hz)),
-      grid_(std::move(grid)) {
+      grid_(std::move(grid)),
+      near_(sample_rate_hz, fft_size_, measured_m) {
   const auto head = [this](glm::vec3 direction, std::span<Complex> left, std::span<Complex> right) {
     grid_->write(direction, 0.0, left, right);
   };
@@ -156,19 +161,26 @@ std::shared_ptr<const Hrtf> Hrtf::rigid_sphere(float sample_rate_hz) {
       grid->aligned[row * grid->num_bins + k] = Complex(pressure[row] * std::polar(1.0, advance));
     }
   }
-  return std::shared_ptr<const Hrtf>(new Hrtf(sample_rate_hz, std::move(grid)));
+  return std::shared_ptr<const Hrtf>(new Hrtf(sample_rate_hz, std::move(grid), std::numeric_limits<double>::infinity()));
 }
 
 void Hrtf::spectra(glm::vec3 direction, std::span<std::complex<float>> left, std::span<std::complex<float>> right,
-                   double extra_delay_samples) const {
+                   double extra_delay_samples, double distance_m) const {
   EARSHOT_EXPECT(left.size() >= grid_->num_bins && right.size() >= grid_->num_bins);
-  grid_->write(direction, lead_samples_ + extra_delay_samples, left, right);
+  const std::array<double, 2> delay = aligned_spectra(direction, left, right, distance_m);
+  for (std::size_t ear = 0; ear < 2; ++ear)
+    delay_spectrum((ear == 0 ? left : right).first(grid_->num_bins), lead_samples_ + extra_delay_samples + delay[ear], fft_size_);
 }
 
-std::array<double, 2> Hrtf::aligned_spectra(glm::vec3 direction, std::span<std::complex<float>> left,
-                                            std::span<std::complex<float>> right) const {
+std::array<double, 2> Hrtf::aligned_spectra(glm::vec3 direction, std::span<std::complex<float>> left, std::span<std::complex<float>> right,
+                                            double distance_m) const {
   EARSHOT_EXPECT(left.size() >= grid_->num_bins && right.size() >= grid_->num_bins);
-  return grid_->write_aligned(direction, 0.0, left, right);
+  std::array<double, 2> delay = grid_->write_aligned(direction, 0.0, left, right);
+  if (NearHead::applies(distance_m))
+    for (const int ear : {0, 1})
+      delay[static_cast<std::size_t>(ear)] +=
+          near_.apply(distance_m, std::acos(std::clamp(cosine_at_ear(direction, ear), -1.0, 1.0)), ear == 0 ? left : right);
+  return delay;
 }
 
 std::span<const std::complex<float>> Hrtf::diffuse_decoder(int channel, int ear) const {
@@ -304,7 +316,8 @@ std::shared_ptr<const Hrtf> Hrtf::from_responses(const SofaResponses& sofa, floa
   for (double& value : grid->delay_samples) value += sphere_delay - delay / num_directions;
   const auto gain = static_cast<float>(std::sqrt(sphere_power / power));
   for (Complex& value : grid->aligned) value *= gain;
-  return std::shared_ptr<const Hrtf>(new Hrtf(sample_rate_hz, std::move(grid)));
+  const double measured_m = sofa.distance_m > 0 ? static_cast<double>(sofa.distance_m) : std::numeric_limits<double>::infinity();
+  return std::shared_ptr<const Hrtf>(new Hrtf(sample_rate_hz, std::move(grid), measured_m));
 }
 
 }  // namespace earshot

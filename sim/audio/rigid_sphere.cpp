@@ -1,5 +1,6 @@
 #include "sim/audio/rigid_sphere.h"
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -7,8 +8,8 @@
 
 namespace earshot {
 
-void rigid_sphere_pressure(double ka, std::span<const double> incidence_rad, std::span<std::complex<double>> pressure) {
-  EARSHOT_EXPECT(incidence_rad.size() == pressure.size() && ka >= 0);
+void rigid_sphere_pressure(double ka, std::span<const double> incidence_rad, std::span<std::complex<double>> pressure, double radii) {
+  EARSHOT_EXPECT(incidence_rad.size() == pressure.size() && ka >= 0 && radii > 1);
   if (ka < 1e-9) {  // much smaller than any wavelength: the sphere is not there
     std::fill(pressure.begin(), pressure.end(), 1.0);
     return;
@@ -19,15 +20,25 @@ void rigid_sphere_pressure(double ka, std::span<const double> incidence_rad, std
   // j and h = j - i y, the outgoing spherical Hankel function.  Upward recursion is stable for h, as y grows.
   Complex current = i * std::exp(-i * ka) / ka;  // h_0
   Complex before = -i * current;                 // h_{-1} = j_{-1} - i y_{-1} = cos / ka - i sin / ka
+  // In the field of a point source -i kr exp(i kr) h_m(kr) takes the place of i^m, to which it tends far away.
+  const bool near = std::isfinite(radii);
+  const double kr = near ? ka * radii : 1.0;
+  const Complex to_centre = -i * kr * std::exp(i * kr);
+  Complex source = i * std::exp(-i * kr) / kr, source_before = -i * source;  // h_0, h_{-1} of kr
   std::vector<Complex> term;
   Complex power = 1;
   for (int m = 0; m < 10000; ++m) {
     const Complex slope = before - (m + 1.0) / ka * current;
-    term.push_back(power * (2.0 * m + 1.0) * (-i / (ka * ka)) / slope);
+    const Complex incident = near ? to_centre * source : power;
+    if (!std::isfinite(std::norm(slope)) || !std::isfinite(std::norm(incident))) break;  // far beyond what counts
+    term.push_back(incident * (2.0 * m + 1.0) * (-i / (ka * ka)) / slope);
     if (m > ka && std::abs(term.back()) < 1e-12) break;
     const Complex next = (2.0 * m + 1.0) / ka * current - before;
     before = current;
     current = next;
+    const Complex source_next = (2.0 * m + 1.0) / kr * source - source_before;
+    source_before = source;
+    source = source_next;
     power *= i;
   }
   for (std::size_t point = 0; point < pressure.size(); ++point) {
@@ -45,8 +56,13 @@ void rigid_sphere_pressure(double ka, std::span<const double> incidence_rad, std
   }
 }
 
-double rigid_sphere_delay(double incidence_rad) {
+double rigid_sphere_delay(double incidence_rad, double radii) {
   constexpr double quarter = 0.5 * std::numbers::pi;
+  if (std::isfinite(radii)) {
+    const double horizon = std::acos(std::min(1.0 / radii, 1.0));  // as far as the source sees
+    if (incidence_rad <= horizon) return std::sqrt(std::max(radii * radii + 1.0 - 2.0 * radii * std::cos(incidence_rad), 0.0)) - radii;
+    return std::sqrt(std::max(radii * radii - 1.0, 0.0)) + incidence_rad - horizon - radii;
+  }
   return incidence_rad <= quarter ? -std::cos(incidence_rad) : incidence_rad - quarter;
 }
 

@@ -119,6 +119,7 @@ SofaResponses parse_sofa(const std::filesystem::path& path) {
     const float length = glm::length(head);
     if (!(length > 1e-6f) || !std::isfinite(length)) throw refuse(fmt::format("has no direction in SourcePosition {}", m));
     responses.direction.push_back(head / length);
+    responses.distance_m += length / static_cast<float>(measurements);
     for (std::size_t ear = 0; ear < 2; ++ear) {
       const std::size_t receiver = swapped ? 1 - ear : ear;
       std::copy_n(sofa->DataIR.values + (2 * m + receiver) * taps, taps,
@@ -139,6 +140,8 @@ void validate(const SofaResponses& responses, const std::string& where) {
   if (measurements < kMinDirections || measurements > kMaxDirections) throw refuse(fmt::format("has {} measurements (M)", measurements));
   if (responses.num_taps < 1 || responses.num_taps > static_cast<int>(kMaxTaps))
     throw refuse(fmt::format("has {} samples per response (N)", responses.num_taps));
+  if (!(responses.distance_m >= 0 && responses.distance_m <= 1e6f))
+    throw refuse(fmt::format("has SourcePosition values at {} m", responses.distance_m));
   if (responses.taps.size() != measurements * 2 * static_cast<std::size_t>(responses.num_taps))
     throw refuse(fmt::format("has {} values in Data.IR", responses.taps.size()));
   if (responses.delay_samples.size() != measurements * 2)
@@ -160,6 +163,7 @@ std::string encode_responses(const SofaResponses& responses) {
   ByteWriter writer;
   writer.put(responses.sample_rate_hz);
   writer.put(responses.num_taps);
+  writer.put(responses.distance_m);
   writer.put_list(responses.direction);
   writer.put_list(responses.taps);
   writer.put_list(responses.delay_samples);
@@ -171,6 +175,7 @@ SofaResponses decode_responses(std::string_view bytes, const std::string& where)
   SofaResponses responses;
   responses.sample_rate_hz = reader.take<float>();
   responses.num_taps = reader.take<int>();
+  responses.distance_m = reader.take<float>();
   responses.direction = reader.take_list<glm::vec3>();
   responses.taps = reader.take_list<float>();
   responses.delay_samples = reader.take_list<float>();

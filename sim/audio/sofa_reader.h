@@ -12,6 +12,7 @@ namespace earshot {
 struct SofaResponses {
   float sample_rate_hz = 0;
   int num_taps = 0;
+  float distance_m = 0;              ///< mean distance of the sources; 0: not known
   std::vector<glm::vec3> direction;  ///< unit, head axes: x right, y up, -z front
   std::vector<float> taps;           ///< [direction][ear][num_taps], ears left, right
   std::vector<float> delay_samples;  ///< [direction][ear], to be added in front of the taps

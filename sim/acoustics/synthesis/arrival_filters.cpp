@@ -64,8 +64,8 @@ void ArrivalFilters::write_taps(std::size_t channel, float factor, std::span<flo
 
 void ArrivalFilters::to_ears(const Arrival& arrival, const ListenerOrientation& orientation, std::span<double> delay_samples,
                              std::span<float> taps) {
-  const std::array<double, 2> ear_delay =
-      tables_->hrtf->aligned_spectra(orientation.world_to_local(arrival.direction), spectrum_[0], spectrum_[1]);
+  const std::array<double, 2> ear_delay = tables_->hrtf->aligned_spectra(orientation.world_to_local(arrival.direction), spectrum_[0],
+                                                                         spectrum_[1], static_cast<double>(arrival.distance_m));
   for (std::size_t ear = 0; ear < 2; ++ear) {
     bands_.apply(spectrum_[ear]);
     fft_.inverse(spectrum_[ear], response_);

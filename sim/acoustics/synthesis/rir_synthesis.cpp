@@ -33,6 +33,39 @@ using Complex = std::complex<float>;
 /// Streams of LateCarriers.  The tail has its own: what fades out in the field and in there must be independent, or powers would not add.
 constexpr std::uint32_t kFieldStream = 0, kTailStream = 1;
 
+/// A tail whose mean direction is longer than this is decoded.  The binaural late tail gives its ears the right powers and correlation, but
+/// the time between them of a diffuse field.
+constexpr float kDirectionalTail = 0.2f;
+/// Of the energy of a tail that is decoded, the part that the binaural late tail still makes.
+constexpr float kTailOfTail = 0.01f;
+
+/// Merged bins to decode: those of decode_samples behind the first sound; where more sound comes from one side for long, as beside a door,
+/// all but the last hundredth of the energy.  The mean is over all that is left, so that the noise of single bins does not count.
+int bins_to_decode(const LateEnvelope& envelope, double decode_samples, std::vector<float>& before) {
+  const int first = envelope.bin_from(envelope.first_sound() + decode_samples);
+  if (first >= envelope.size() || !(decode_samples > 0)) return first;
+  envelope.energy_before(before);
+  const float end = before.back(), left = end - before[static_cast<std::size_t>(first)];
+  std::array<float, 3> mean{};
+  for (auto bin = static_cast<std::size_t>(first); bin + 1 < before.size(); ++bin) {
+    float density = 0;
+    std::array<float, 3> sum{};
+    for (int band = 0; band < envelope.num_bands(); ++band) {
+      const LateEnvelopeSample& sample = envelope.band(band)[bin];
+      density += sample.density;
+      for (std::size_t i = 0; i < 3; ++i) sum[i] += sample.density * sample.m[i];
+    }
+    if (density > 0.f)
+      for (std::size_t i = 0; i < 3; ++i) mean[i] += (before[bin + 1] - before[bin]) * (sum[i] / density);
+  }
+  // N3D: sqrt 3 times the mean direction.
+  const float square = (mean[0] * mean[0] + mean[1] * mean[1] + mean[2] * mean[2]) / 3.f;
+  if (!(square > kDirectionalTail * kDirectionalTail * left * left)) return first;
+  int last = first;
+  while (last < envelope.size() && before[static_cast<std::size_t>(last)] < end - kTailOfTail * left) ++last;
+  return last;
+}
+
 /// Delays this close to a whole sample count as whole: an unfiltered arrival then is one sample exactly.
 constexpr double kWholeSample = 1e-5;
 
@@ -126,6 +159,7 @@ struct RirSynthesizer::Scratch {
   LateEnvelope envelope;
   LateSynthesizer late;
   LateCarriers place;
+  std::vector<float> energy_before;
   ArrivalSpectrum bands;        ///< of one arrival
   std::vector<float> response;  ///< of one arrival in one channel
   std::array<std::vector<Complex>, 2> ear;
@@ -180,7 +214,8 @@ void RirSynthesizer::add_to_ears(const Pass& pass, const Arrival& arrival, doubl
   Scratch& scratch = *scratch_;
   const SplitDelay delay(delay_samples);
   const auto length = static_cast<std::size_t>(rir.num_samples);
-  tables.hrtf->spectra(pass.orientation.world_to_local(arrival.direction), scratch.ear[0], scratch.ear[1], delay.part);
+  tables.hrtf->spectra(pass.orientation.world_to_local(arrival.direction), scratch.ear[0], scratch.ear[1], delay.part,
+                       static_cast<double>(arrival.distance_m));
   for (std::size_t ear = 0; ear < 2; ++ear) {
     scratch.bands.apply(scratch.ear[ear]);
     scratch.early_fft.inverse(scratch.ear[ear], scratch.response);
@@ -307,7 +342,7 @@ void RirSynthesizer::render_late(const Pass& pass, double onset_sample, Rir& rir
         const auto channel = [&](std::size_t c) { return std::span(sound.channels_[c]).first(length); };
         const std::array<std::span<float>, 4> channels = {channel(0), channel(1), channel(2), channel(3)};
         sound.envelope_.make(late, tables.sample_rate_hz, onset_sample, length);
-        sound.num_decoded_ = sound.envelope_.bin_from(sound.envelope_.first_sound() + tables.late_decode_samples);
+        sound.num_decoded_ = bins_to_decode(sound.envelope_, tables.late_decode_samples, scratch.energy_before);
         scratch.place.set(pass.key, kFieldStream, sound.envelope_);
         sound.sounding_ = scratch.late.render(sound.envelope_, sound.num_decoded_, tables.carriers, scratch.place, channels);
         sound.known_ = true;
