@@ -19,6 +19,7 @@ constexpr double kRankingHz = 500;
 constexpr double kMostBelowBestDb = 30;  // of a path that is still worked out
 /// An estimate may be this much too low: Kurze-Anderson at a corner (4.1 dB), and bands below the one it is made at.
 constexpr double kMarginDb = 9;
+constexpr double kBandMarginDb = 3;  // of the other bands over the stronger of two
 
 /// Loss of the diffraction at `at` on the way from `before` to `after`.
 double estimate_loss_db(double speed_m_per_s, glm::dvec3 before, glm::dvec3 at, glm::dvec3 after) {
@@ -127,6 +128,7 @@ bool DiffractionCandidates::find_path(const AcousticScene& scene, const EdgeCand
   const double estimate_db = -level_db(std::max(about_m, double{kLeastDistanceM})) - candidate.loss_db -
                              estimate_loss_db(scene.speed_of_sound_m_per_s(), before, diffraction_point, end);
   if (estimate_db + kMarginDb < weakest_db) return false;
+  if (order == 1 && level_db(largest_ratio(last, before, end) / std::max(about_m, double{kLeastDistanceM})) < weakest_db) return false;
   --attempts;
 
   // The path itself, always computed from the same end (reciprocity).
@@ -171,8 +173,7 @@ bool DiffractionCandidates::find_path(const AcousticScene& scene, const EdgeCand
     split(scene, last, field.first_edge(), listener, Arrival(arrival), paths, found);
     return found.count > 0;
   }
-  bool any = false;
-  for (int band = 0; band < scene.num_bands(); ++band) {
+  const auto compute = [&](int band) {
     const double wavenumber = 2.0 * kPi * scene.bands().centre_hz[band] / scene.speed_of_sound_m_per_s();
     const FacePressure face{scene, band};
     const std::complex<double> ratio = field.ratio(
@@ -182,7 +183,15 @@ bool DiffractionCandidates::find_path(const AcousticScene& scene, const EdgeCand
     // At most 2, and nothing below 1e-154 counts: no need for the care of std::abs.
     arrival.amplitude[band] = static_cast<float>(std::sqrt(std::norm(ratio)) * air / (4.0 * kPi * distance_m));
     arrival.phase_rad[band] = static_cast<float>(std::arg(ratio));
-    any = any || arrival.amplitude[band] > 0.f;
+    return arrival.amplitude[band];
+  };
+  // Most paths that get here are weaker than those kept: two bands tell, as the others lie between or below.
+  const int middle = scene.num_bands() / 2;
+  const float strongest = std::max(compute(0), compute(middle));
+  if (level_db(4.0 * kPi * double{strongest}) + kBandMarginDb < weakest_db) return false;
+  bool any = strongest > 0.f;
+  for (int band = 1; band < scene.num_bands(); ++band) {
+    if (band != middle) any = compute(band) > 0.f || any;
   }
   found.count = any ? 1 : 0;
   return any;
@@ -200,12 +209,11 @@ void DiffractionCandidates::split(const AcousticScene& scene, const DiffractionE
     parts[1] = {wedge.detour_m(2), index_of(mirror(source, edge, edge.first_normal), 1, listener, paths)};
     parts[2] = {wedge.detour_m(3), index_of(mirror(source, edge, edge.second_normal), 1, listener, paths)};
   }
-  // One wave per path, the last for all parts without one.
-  for (std::size_t i = 0; i < 4; ++i) {
+  for (std::size_t i = 0; i < 2; ++i) {
     found.arrival[i] = base;
-    found.arrival[i].order = i < 3 ? parts[i].path : -1;
+    found.arrival[i].order = i == 0 ? parts[0].path : -1;
   }
-  std::array<bool, 4> any{};
+  std::array<bool, 2> any{};
   for (int band = 0; band < scene.num_bands(); ++band) {
     const double wavenumber = 2.0 * kPi * scene.bands().centre_hz[band] / scene.speed_of_sound_m_per_s();
     const FacePressure face{scene, band};
@@ -213,7 +221,9 @@ void DiffractionCandidates::split(const AcousticScene& scene, const DiffractionE
                               ? face.transmitted(edge.first_material)
                               : face.transmitted(edge.first_material) * face.transmitted(edge.second_material);
     const double air = std::exp(-0.5 * scene.air_energy_per_m()[band] * double{base.distance_m}) / (4.0 * kPi * double{base.distance_m});
-    std::array<std::complex<double>, 4> sum{};
+    // The field is linear in the factors of its terms: one sum for the direct sound, one for what belongs to no path.
+    std::array<FaceFactors, 2> factors;
+    factors.fill({.first = 0, .second = 0, .incidence = 0});
     found.jump[band] = 0;
     for (std::size_t i = 0; i < 3; ++i) {
       // Images have the size of their panels (panel_reflection.h); where they have ended the edge's wave goes on, with many rays.
@@ -222,21 +232,27 @@ void DiffractionCandidates::split(const AcousticScene& scene, const DiffractionE
       const double own = ends ? 0.0 : boundary_weight(wavenumber * parts[i].detour_m / (2.0 * kPi));
       const double weight = std::max(own, found.sight_ends[band]);
       if (!(weight > 0)) continue;
-      const FaceFactors factors{.first = i == 1 ? face.reflected(edge.first_material) : 0.0,
-                                .second = i == 2 ? face.reflected(edge.second_material) : 0.0,
-                                .incidence = i == 0 ? 1.0 - passed : 0.0};
-      const std::complex<double> ratio = wedge.ratio(wavenumber, wedge.own_length_m(), factors);
-      if (i == 0) found.jump[band] = own * std::abs(ratio) / std::max(1.0 - passed, 0.01);
-      const bool belongs = parts[i].path >= 0 && own > 0;
-      sum[belongs ? i : 3] += weight * ratio;
+      if (i == 0) {
+        const bool belongs = parts[0].path >= 0 && own > 0;
+        factors[belongs ? 0 : 1].incidence = weight * (1.0 - passed);
+        found.jump[band] = belongs ? own / weight / std::max(1.0 - passed, 0.01) : 0.0;
+      } else {
+        (i == 1 ? factors[1].first : factors[1].second) = weight * face.reflected(i == 1 ? edge.first_material : edge.second_material);
+      }
     }
-    for (std::size_t i = 0; i < 4; ++i) {
+    std::array<std::complex<double>, 2> sum{};
+    for (std::size_t i = 0; i < 2; ++i) {
+      if (factors[i].incidence > 0 || factors[i].first > 0 || factors[i].second > 0)
+        sum[i] = wedge.ratio(wavenumber, wedge.own_length_m(), factors[i]);
+    }
+    found.jump[band] *= std::abs(sum[0]);
+    for (std::size_t i = 0; i < 2; ++i) {
       found.arrival[i].amplitude[band] = static_cast<float>(std::abs(sum[i]) * air);
       found.arrival[i].phase_rad[band] = static_cast<float>(std::arg(sum[i]));
       any[i] = any[i] || found.arrival[i].amplitude[band] > 0.f;
     }
   }
-  for (std::size_t i = 0; i < 4; ++i) {
+  for (std::size_t i = 0; i < 2; ++i) {
     if (any[i]) found.arrival[static_cast<std::size_t>(found.count++)] = found.arrival[i];
   }
 }

@@ -56,7 +56,7 @@ class DiffractionCandidates {
   /// What one candidate brings: a path, or, in sight, the waves of one edge, each for one path of those found before.
   struct Found {
     int count = 0;
-    std::array<Arrival, 4> arrival;              ///< in sight, order is the index of the path that this is added to, or -1
+    std::array<Arrival, 2> arrival;              ///< in sight, order is the index of the path that this is added to, or -1
     std::array<double, kMaxBands> jump{};        ///< of the direct sound, over what of it is held back: 1/2 on a shadow boundary
     std::array<double, kMaxBands> sight_ends{};  ///< given: the least weight in sight, 1 on a shadow boundary
   };

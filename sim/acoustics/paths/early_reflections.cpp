@@ -238,8 +238,9 @@ bool EarlyCandidates::find_path(const AcousticScene& scene, std::size_t index, g
       finite = true;
       for (int band = 0; band < scene.num_bands(); ++band) {
         const double wavenumber = 2.0 * std::numbers::pi * scene.bands().centre_hz[band] / scene.speed_of_sound_m_per_s();
-        size_fraction[band] *= panel.energy_fraction(wavenumber);
-        size_phase[band] += std::arg(panel.pressure_factor(wavenumber));
+        const PanelReflection::Factor factor = panel.factor(wavenumber);
+        size_fraction[band] *= factor.energy;
+        size_phase[band] += factor.phase_rad;
       }
     }
   }

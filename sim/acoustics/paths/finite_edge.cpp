@@ -15,6 +15,8 @@ using Complex = std::complex<double>;
 
 Complex times(Complex a, Complex b) { return {a.real() * b.real() - a.imag() * b.imag(), a.real() * b.imag() + a.imag() * b.real()}; }
 Complex unit_phase(double angle) { return {std::cos(angle), std::sin(angle)}; }
+/// Far from overflow: a tenth of the time of std::hypot.
+double length_of(double x, double y) { return std::sqrt(x * x + y * y); }
 
 /// b times the integral of (exp(-j t^2) - exp(j b^2)) / (t^2 + b^2) over t from 0 to u: an entire function, as the pole is divided out.
 /// Cubic between points a sixteenth apart, for u, b up to kNear.
@@ -94,13 +96,36 @@ Complex edge_tail(double u, double b, Complex own_erfc, Complex end_erfc, Comple
   return times(turn, 0.5 * own_erfc - inside / kPi);
 }
 
+double largest_ratio(const DiffractionEdge& edge, glm::dvec3 before, glm::dvec3 after) {
+  const glm::dvec3 from_source = before - edge.start, from_listener = after - edge.start;
+  const double source_z = glm::dot(from_source, edge.along), listener_z = glm::dot(from_listener, edge.along);
+  const double source_r = glm::length(from_source - source_z * edge.along),
+               listener_r = glm::length(from_listener - listener_z * edge.along);
+  const double shortest_m = length_of(source_r + listener_r, source_z - listener_z), across = source_r + listener_r;
+  if (!(shortest_m > 0) || !(across > 0)) return 2.0;
+  const double apex_z = (source_z * listener_r + listener_z * source_r) / across;
+  const auto root_of_detour = [&](double z) {
+    const double detour_m = length_of(source_r, z - source_z) + length_of(listener_r, z - listener_z) - shortest_m;
+    return std::copysign(std::sqrt(std::max(detour_m, 0.0)), z - apex_z);
+  };
+  const double low = root_of_detour(0), high = root_of_detour(edge.length_m);
+  const WedgeDiffraction wedge(edge.exterior_rad, edge.angle_of(before), edge.angle_of(after));
+  const double scale = std::sqrt(2.0 * source_r * listener_r / shortest_m);
+  double sum = 0;
+  for (std::size_t term = 0; term < 4; ++term) {
+    const double b = scale * wedge.boundary(term);
+    sum += std::abs(wedge.weight(term)) * (std::atan2(high, b) - std::atan2(low, b));
+  }
+  return sum / kPi;
+}
+
 FiniteWedge::FiniteWedge(const DiffractionEdge& edge, glm::dvec3 before, glm::dvec3 after)
     : wedge_(edge.exterior_rad, edge.angle_of(before), edge.angle_of(after)) {
   const glm::dvec3 from_source = before - edge.start, from_listener = after - edge.start;
   const double source_z = glm::dot(from_source, edge.along), listener_z = glm::dot(from_listener, edge.along);
   const double source_r = glm::length(from_source - source_z * edge.along),
                listener_r = glm::length(from_listener - listener_z * edge.along);
-  const double shortest_m = std::hypot(source_r + listener_r, source_z - listener_z);
+  const double shortest_m = length_of(source_r + listener_r, source_z - listener_z);
   if (!(shortest_m > 0)) return;
   own_length_m_ = source_r * listener_r / shortest_m;
   const double across = source_r + listener_r;
@@ -109,7 +134,7 @@ FiniteWedge::FiniteWedge(const DiffractionEdge& edge, glm::dvec3 before, glm::dv
   const double nu = kPi / edge.exterior_rad;
   for (std::size_t i = 0; i < 2; ++i) {
     const double z = i == 0 ? 0.0 : edge.length_m;
-    const double m = std::hypot(source_r, z - source_z), l = std::hypot(listener_r, z - listener_z);
+    const double m = length_of(source_r, z - source_z), l = length_of(listener_r, z - listener_z);
     ends_[i].detour_m = std::max(m + l - shortest_m, 0.0);
     const double slope = m > 0 && l > 0 ? std::abs((z - source_z) / m + (z - listener_z) / l) : 0.0;
     if (!(ends_[i].detour_m > 1e-9 * shortest_m) || !(slope > 1e-9) || !(source_r * listener_r > 1e-9 * shortest_m * shortest_m)) continue;
@@ -143,6 +168,7 @@ Complex FiniteWedge::ratio(double wavenumber, double length_m, const FaceFactors
   Complex whole = 0;
   std::array<Complex, 2> end{};
   for (std::size_t term = 0; term < 4; ++term) {
+    if (face[term] == 0) continue;
     const double weight = wedge_.weight(term) * face[term], b = scale * wedge_.boundary(term);
     const Complex erfc = scaled_erfc(b);
     whole += weight * erfc;

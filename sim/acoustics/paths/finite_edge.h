@@ -15,6 +15,10 @@ namespace earshot {
 /// 40 ns near the origin, 5 ns for u >= 3.
 std::complex<double> edge_tail(double u, double b, std::complex<double> own_erfc, std::complex<double> end_erfc, std::complex<double> turn);
 
+/// No wave over the edge exceeds this fraction of a free path by its nearest point: each term's integral without its phase, which is the
+/// angle arctan(u / b) between the ends, whatever the frequency.  For culling; about 0.2 us.
+double largest_ratio(const DiffractionEdge& edge, glm::dvec3 before, glm::dvec3 after);
+
 /// A wedge of finite length, for one source and one listener.
 ///
 /// The diffracted field is the line integral along the edge of Svensson, Fred and Vanderkooy 1999 (J. Acoust. Soc. Am. 106, eqs. 15 to

@@ -19,7 +19,7 @@ double detour(const PanelEdge& edge, glm::dvec3 a, glm::dvec3 b, double straight
   const glm::dvec3 from_a = a - edge.start, from_b = b - edge.start;
   const double along_a = glm::dot(from_a, edge.along), along_b = glm::dot(from_b, edge.along);
   const double away = glm::length(from_a - along_a * edge.along) + glm::length(from_b - along_b * edge.along);
-  return std::max(std::hypot(away, along_a - along_b) - straight_m, 0.0);
+  return std::max(std::sqrt(away * away + (along_a - along_b) * (along_a - along_b)) - straight_m, 0.0);
 }
 
 }  // namespace
@@ -79,11 +79,12 @@ std::complex<double> PanelReflection::pressure_factor(double wavenumber) const {
   return inside[0] * inside[1];
 }
 
-double PanelReflection::energy_fraction(double wavenumber) const {
+PanelReflection::Factor PanelReflection::factor(double wavenumber) const {
   constexpr double third = 1.25992104989;
-  return (std::norm(pressure_factor(wavenumber / third)) + std::norm(pressure_factor(wavenumber)) +
-          std::norm(pressure_factor(wavenumber * third))) /
-         3.0;
+  if (wavenumber / third * *std::min_element(detour_m_.begin(), detour_m_.end()) >= 2.0 * kPi) return {};
+  const std::complex<double> centre = pressure_factor(wavenumber);
+  return {(std::norm(pressure_factor(wavenumber / third)) + std::norm(centre) + std::norm(pressure_factor(wavenumber * third))) / 3.0,
+          std::arg(centre)};
 }
 
 }  // namespace earshot

@@ -21,12 +21,16 @@ class PanelReflection {
   PanelReflection(std::span<const PanelEdge> edges, glm::dvec3 image, glm::dvec3 listener, glm::dvec3 at, double longest_wave_m);
   /// Does any edge matter?  Otherwise the fraction is 1.
   [[nodiscard]] bool finite() const { return finite_; }
-  /// Mean over the octave or band about `wavenumber` (three frequencies).  In [0, 4].
-  [[nodiscard]] double energy_fraction(double wavenumber) const;
-  /// Pressure over that of an endless panel, at one frequency.
-  [[nodiscard]] std::complex<double> pressure_factor(double wavenumber) const;
+  /// What an endless panel's energy is multiplied by, the mean of three frequencies of an octave about `wavenumber`, in [0, 4], and the
+  /// phase at its centre.
+  struct Factor {
+    double energy = 1, phase_rad = 0;
+  };
+  [[nodiscard]] Factor factor(double wavenumber) const;
 
  private:
+  [[nodiscard]] std::complex<double> pressure_factor(double wavenumber) const;
+
   std::array<double, 4> detour_m_;  ///< over the edges: along the first direction, against it, along the second, against it
   bool finite_ = false;
 };
