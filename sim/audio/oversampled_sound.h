@@ -10,7 +10,7 @@
 namespace earshot {
 
 /// A dry loop at twice its rate, to be read between its samples at a speed that changes: a delay that glides.  Up to 0.985 of half the rate
-/// of the clip the level is exact within 0.1 dB, and what interpolation adds lies 80 dB below.  Immutable.
+/// of the clip the level is exact within 0.1 dB, and what interpolation adds lies 60 dB below.  Immutable.
 /// Doubled by a Kaiser-windowed sinc, read by another, shorter one (Smith and Gossett 1984).
 class OversampledSound {
  public:
@@ -18,7 +18,7 @@ class OversampledSound {
   explicit OversampledSound(const SoundClip& clip);
 
   /// out[i]: the endless loop at stream time position.sample + first + i * step, in samples of the clip; before stream sample 0 silence
-  /// unless position.already_playing.  step: in (0, 4].  About 6 ns a sample; no allocation.
+  /// unless position.already_playing.  step: in (0, 4].  About 2 ns a sample; no allocation.
   void read(const StreamPosition& position, double first, double step, std::span<float> out) const;
   /// Has it a sample that is not zero?
   [[nodiscard]] bool silent() const { return silent_; }

@@ -132,7 +132,8 @@ std::array<double, 2> decay_of_images(double bin_s, double length_s) {
 }
 
 TEST(OracleO5, FlutterRoomDecaysAsItsImages) {
-  const auto [t20_s, t30_s] = decay_of_images(1e-3, 4);
+  const auto of_images = decay_of_images(1e-3, 4);
+  const double t20_s = of_images[0], t30_s = of_images[1];
   EXPECT_NEAR(t20_s, 1.79, 0.01);
   EXPECT_NEAR(t30_s, 3.35, 0.02);
   const glm::vec3 from = rooms::point(1.7, 2.0, 1.4), to = rooms::point(4.1, 2.9, 1.6);
