@@ -43,6 +43,13 @@ std::uint64_t drop_nonfinite(std::size_t num_bands, std::vector<Arrival>& arriva
   return std::erase_if(arrivals, [&](const Arrival& arrival) { return !is_finite(arrival, num_bands); });
 }
 
+/// Has the size of a panel changed an image, in energy or phase?
+bool panels_matter(const EnergyResponse& response) {
+  return !response.scattered.empty() || std::ranges::any_of(response.arrivals, [](const Arrival& arrival) {
+    return arrival.kind == ArrivalKind::reflection && std::ranges::any_of(arrival.phase_rad, [](float phase) { return phase != 0.f; });
+  });
+}
+
 /// Energy that panels scatter joins the late field in the place of their images, without a direction.
 void add_scattered(const AcousticScene& scene, EnergyResponse& response) {
   if (scene.config().late == Switch::off || response.late.num_bins() == 0) return;
@@ -75,8 +82,10 @@ void compute_energy_response(const AcousticScene& scene, const EarlyCandidates& 
   PoseEffects effects = decide_pose_effects(scene, candidates, listener);
   response.scattered.clear();
   candidates.find_arrivals(scene, listener, effects.in_sight, response.arrivals, &response.scattered);
-  if (effects.diffraction)
-    effects.diffraction = candidates.diffraction().find_arrivals(scene, listener, effects.in_sight, response.arrivals) > 0;
+  if (effects.diffraction) {
+    const bool panels = panels_matter(response);
+    effects.diffraction = candidates.diffraction().find_arrivals(scene, listener, effects.in_sight, response.arrivals) > 0 || panels;
+  }
   if (effects.transmission) find_transmitted_behind_walls(scene, candidates.source(), listener, response.arrivals);
   apply_emission(candidates.emission(), static_cast<std::size_t>(scene.num_bands()), response.arrivals);
   apply_emission(candidates.emission(), static_cast<std::size_t>(scene.num_bands()), response.scattered);
