@@ -8,6 +8,7 @@
 #include <numbers>
 
 #include "sim/acoustics/core/sampling.h"
+#include "sim/acoustics/geometry/exact_plane.h"
 #include "sim/acoustics/paths/line_of_sight.h"
 #include "sim/acoustics/paths/panel_reflection.h"
 #include "sim/base/coordinates.h"
@@ -29,19 +30,6 @@ glm::vec3 checked_position(const SoundSource& source) {
 
 constexpr double kMaxSequencesPerOrder = 2048;  // of the exhaustive search
 constexpr double kSlackM = 1e-6;                // of culling
-
-/// Double and exactly unit, so that mirroring forth and back keeps all digits of a float.
-struct ExactPlane {
-  explicit ExactPlane(const MirrorPlane& plane) : normal(plane.normal), offset_m(plane.offset_m) {
-    const double length = glm::length(normal);
-    normal /= length;
-    offset_m /= length;
-  }
-  [[nodiscard]] double height(glm::dvec3 point) const { return glm::dot(normal, point) - offset_m; }
-  [[nodiscard]] glm::dvec3 mirror(glm::dvec3 point) const { return point - 2.0 * height(point) * normal; }
-  glm::dvec3 normal;
-  double offset_m;
-};
 
 bool inside(const Bounds& bounds, glm::dvec3 p) {
   return p.x >= bounds.lower.x && p.y >= bounds.lower.y && p.z >= bounds.lower.z &&  //

@@ -7,6 +7,7 @@
 #include <span>
 
 #include "sim/acoustics/core/sampling.h"
+#include "sim/acoustics/geometry/exact_plane.h"
 #include "sim/audio/ambisonics.h"
 
 namespace earshot {
@@ -22,19 +23,6 @@ constexpr double kDecayDb = 35;           // of the diffuse field, where T30 end
 constexpr double kLeastRatio = 0.25;      // of their energies: a decibel
 constexpr double kLeastReflected = 0.6;   // of energy, mean of both planes: with less there are a few images and no flutter
 constexpr double kSpentFraction = 1e-8;   // of energy, after which a row of images ends
-
-struct ExactPlane {
-  explicit ExactPlane(const MirrorPlane& plane) : normal(plane.normal), offset_m(plane.offset_m) {
-    const double length = glm::length(normal);
-    normal /= length;
-    offset_m /= length;
-  }
-  [[nodiscard]] double height(glm::dvec3 point) const { return glm::dot(normal, point) - offset_m; }
-  [[nodiscard]] glm::dvec3 mirror(glm::dvec3 point) const { return point - 2.0 * height(point) * normal; }
-  [[nodiscard]] glm::dvec3 mirror_vector(glm::dvec3 v) const { return v - 2.0 * glm::dot(normal, v) * normal; }
-  glm::dvec3 normal;
-  double offset_m;
-};
 
 double specular(const AcousticScene& scene, std::uint32_t material, int band) {
   return double{scene.reflectance(material)[static_cast<std::size_t>(band)]} *
