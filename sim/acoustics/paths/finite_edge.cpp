@@ -6,6 +6,8 @@
 #include <numbers>
 #include <vector>
 
+#include "sim/acoustics/paths/fast_angles.h"
+
 namespace earshot {
 namespace {
 
@@ -14,7 +16,6 @@ constexpr double kPi = std::numbers::pi, kNear = 3.0;
 using Complex = std::complex<double>;
 
 Complex times(Complex a, Complex b) { return {a.real() * b.real() - a.imag() * b.imag(), a.real() * b.imag() + a.imag() * b.real()}; }
-Complex unit_phase(double angle) { return {std::cos(angle), std::sin(angle)}; }
 /// Far from overflow: a tenth of the time of std::hypot.
 double length_of(double x, double y) { return std::sqrt(x * x + y * y); }
 
@@ -27,10 +28,10 @@ class SmoothPart {
   SmoothPart() : value_(kPoints * kPoints) {
     for (std::size_t row = 0; row < kPoints; ++row) {
       const double b = (static_cast<double>(row) - kMargin) / kPerUnit;
-      const Complex pole = unit_phase(b * b);
+      const Complex pole = fast_unit_phase(b * b);
       const auto integrand = [&](double t) {
         const double below = t * t + b * b;
-        return below > 1e-12 ? b * (unit_phase(-t * t) - pole) / below : Complex(0, -b);
+        return below > 1e-12 ? b * (fast_unit_phase(-t * t) - pole) / below : Complex(0, -b);
       };
       for (const int side : {1, -1}) {
         Complex sum = 0;
@@ -79,21 +80,33 @@ Complex fresnel_tail(Complex end_erfc) {
 
 }  // namespace
 
-Complex edge_tail(double u, double b, Complex own_erfc, Complex end_erfc, Complex turn) {
+namespace {
+
+/// edge_tail where one of its series does.
+Complex edge_tail_far(double u, double b, Complex end_erfc) {
   if (u >= kNear) {
     // By parts, twice: exp(-j u^2) w (1 + w' / (2 j u w)), w = 1 / (2 j u (u^2 + b^2)).
     const double square = u * u + b * b, w = b / (kPi * 2.0 * u * square), next = (1.0 / u + 2.0 * u / square) / (2.0 * u);
     return {w * next, -w};  // -j w (1 + j next)
   }
-  if (b >= kNear) {
-    // 1 / (t^2 + b^2) = (1 - t g(t)) / b^2, g = t / (t^2 + b^2); the second term by parts, with the slope of g at u.
-    const double square = u * u + b * b, slope = (b * b - u * u) / (square * square);
-    const Complex tail = times(Complex(1.0, 0.5 * slope), fresnel_tail(end_erfc)) + Complex(0, 0.5 * u / square);
-    return tail / (kPi * b);
-  }
+  // 1 / (t^2 + b^2) = (1 - t g(t)) / b^2, g = t / (t^2 + b^2); the second term by parts, with the slope of g at u.
+  const double square = u * u + b * b, slope = (b * b - u * u) / (square * square);
+  const Complex tail = times(Complex(1.0, 0.5 * slope), fresnel_tail(end_erfc)) + Complex(0, 0.5 * u / square);
+  return tail / (kPi * b);
+}
+
+/// Where none does.  pole: exp(j b^2).
+Complex edge_tail_near(double u, double b, Complex own_erfc, Complex turn, Complex pole) {
   static const SmoothPart smooth;
-  const Complex inside = std::atan2(u, b) * unit_phase(b * b) + smooth.at(u, b);
+  const Complex inside = fast_atan2(u, b) * pole + smooth.at(u, b);
   return times(turn, 0.5 * own_erfc - inside / kPi);
+}
+
+}  // namespace
+
+Complex edge_tail(double u, double b, Complex own_erfc, Complex end_erfc, Complex turn) {
+  if (u >= kNear || b >= kNear) return edge_tail_far(u, b, end_erfc);
+  return edge_tail_near(u, b, own_erfc, turn, fast_unit_phase(b * b));
 }
 
 double largest_ratio(const DiffractionEdge& edge, glm::dvec3 before, glm::dvec3 after) {
@@ -114,7 +127,7 @@ double largest_ratio(const DiffractionEdge& edge, glm::dvec3 before, glm::dvec3 
   double sum = 0;
   for (std::size_t term = 0; term < 4; ++term) {
     const double b = scale * wedge.boundary(term);
-    sum += std::abs(wedge.weight(term)) * (std::atan2(high, b) - std::atan2(low, b));
+    sum += std::abs(wedge.weight(term)) * (fast_atan2(high, b) - fast_atan2(low, b));
   }
   return sum / kPi;
 }
@@ -160,7 +173,7 @@ Complex FiniteWedge::ratio(double wavenumber, double length_m, const FaceFactors
   for (std::size_t i = 0; i < 2; ++i) {
     const double phase = wavenumber * ends_[i].detour_m, u = std::sqrt(phase);
     const Complex erfc = scaled_erfc(u);
-    tails[i] = {u, erfc, unit_phase(phase), fresnel_tail(erfc) / root};
+    tails[i] = {u, erfc, fast_unit_phase(phase), fresnel_tail(erfc) / root};
   }
   // What the ends leave out of the endless edge; past an end, what is left between them.  Sums at each end, over all terms.
   const std::array<double, 4> face = {faces.incidence, faces.incidence, faces.first, faces.second};
@@ -172,9 +185,14 @@ Complex FiniteWedge::ratio(double wavenumber, double length_m, const FaceFactors
     const double weight = wedge_.weight(term) * face[term], b = scale * wedge_.boundary(term);
     const Complex erfc = scaled_erfc(b);
     whole += weight * erfc;
-    for (std::size_t i = 0; i < 2; ++i)
-      end[i] +=
-          weight * edge_tail(tails[i].u, b, erfc, tails[i].erfc, tails[i].turn) + face[term] * ends_[i].residue[term] * tails[i].fresnel;
+    const bool near = b < kNear && (tails[0].u < kNear || tails[1].u < kNear);
+    const Complex pole = near ? fast_unit_phase(b * b) : Complex();  // once for both ends
+    for (std::size_t i = 0; i < 2; ++i) {
+      const Tail& tail = tails[i];
+      const Complex beyond =
+          near && tail.u < kNear ? edge_tail_near(tail.u, b, erfc, tail.turn, pole) : edge_tail_far(tail.u, b, tail.erfc);
+      end[i] += weight * beyond + face[term] * ends_[i].residue[term] * tail.fresnel;
+    }
   }
   Complex sum;
   if (past_end_ < 0) {

@@ -7,6 +7,7 @@
 #include <limits>
 #include <numbers>
 
+#include "sim/acoustics/paths/fast_angles.h"
 #include "sim/acoustics/paths/utd.h"
 
 namespace earshot {
@@ -73,8 +74,7 @@ std::complex<double> PanelReflection::pressure_factor(double wavenumber) const {
     const double phase = wavenumber * detour_m_[side];
     if (!(phase < 2.0 * kPi)) continue;
     // The Fresnel integral past the edge, over the whole: half of exp(-j u^2) scaled_erfc(u), u^2 = k detour.
-    inside[side / 2] -= boundary_weight(phase / (4.0 * kPi)) * 0.5 * scaled_erfc(std::sqrt(phase)) *
-                        std::complex<double>(std::cos(phase), -std::sin(phase));
+    inside[side / 2] -= boundary_weight(phase / (4.0 * kPi)) * 0.5 * scaled_erfc(std::sqrt(phase)) * std::conj(fast_unit_phase(phase));
   }
   return inside[0] * inside[1];
 }

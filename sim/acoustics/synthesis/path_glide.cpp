@@ -30,9 +30,8 @@ PathGlider::PathGlider(std::shared_ptr<const SynthesisTables> tables, int block_
   require(most_slope > 0 && most_slope <= kMostSlope, "largest change of a delay", most_slope, "must be in (0, 0.1]");
   num_bins_ = static_cast<std::size_t>(fft_.num_bins());
   spectrum_.resize(num_bins_);
-  for (Sum* sum : {&gliding_, &entering_, &leaving_}) sum->spectrum.resize(num_channels_ * num_bins_);
+  for (Sum* sum : {&resting_, &from_, &to_, &entering_, &leaving_}) sum->spectrum.resize(num_channels_ * num_bins_);
   line_.reserve(static_cast<std::size_t>(block_samples) + num_taps_);
-  weighted_.reserve(line_.capacity());
 }
 
 std::span<const std::uint8_t> PathGlider::choose(const EnergyResponse& response) {
@@ -118,19 +117,6 @@ void PathGlider::add_product(const std::complex<float>* filter, std::size_t chan
   multiply_add(spectrum_, std::span(filter, num_bins_), std::span(sum.spectrum).subspan(channel * num_bins_, num_bins_));
 }
 
-/// line_ through a filter that is there from the start of the block on less and less, up to its end (`fading`), or more and more.
-void PathGlider::add_half(bool fading, const std::complex<float>* filter, std::size_t channel) {
-  const std::size_t before = num_taps_ / 2 - 1, block = std::min(static_cast<std::size_t>(block_samples_), line_.size() - before);
-  const float from = fading ? 1.f : 0.f, to = 1.f - from, step = (to - from) / static_cast<float>(block_samples_);
-  weighted_.resize(line_.size());
-  for (std::size_t j = 0; j < before; ++j) weighted_[j] = from * line_[j];
-  for (std::size_t j = 0; j < block; ++j)
-    weighted_[before + j] = (from + step * static_cast<float>(static_cast<int>(j))) * line_[before + j];
-  for (std::size_t j = before + block; j < line_.size(); ++j) weighted_[j] = to * line_[j];
-  fft_.forward(weighted_, spectrum_);
-  add_product(filter, channel, gliding_);
-}
-
 void PathGlider::render(const OversampledSound& sound, const StreamPosition& position, int block, int fade, GlidingPaths& paths,
                         std::span<float> output) {
   const FlushDenormals flush;
@@ -139,7 +125,7 @@ void PathGlider::render(const OversampledSound& sound, const StreamPosition& pos
   const bool moves = std::exchange(paths.moves_, false);
   const std::size_t leaving = moves ? before.count : 0;
   if (now.count + leaving == 0 || block == 0) return;
-  gliding_.any = entering_.any = leaving_.any = false;
+  for (Sum* sum : {&resting_, &from_, &to_, &entering_, &leaving_}) sum->any = false;
   const auto filter_of = [&](const Pose& pose, std::size_t row) { return pose.filter.data() + row * num_bins_; };
   const auto add_line = [&](const Line& line, const std::complex<float>* filter, std::size_t channel, Sum& sum) {
     read_line(sound, position, line, block);
@@ -153,13 +139,12 @@ void PathGlider::render(const OversampledSound& sound, const StreamPosition& pos
       const std::size_t row = path * num_channels_ + c;
       if (partner == kNoPartner) {
         // At rest what it did in the block before still rings in the filter.
-        add_line({now.delay[row], 0.0, moves ? 0.0 : now.slope[row]}, filter_of(now, row), c, moves ? entering_ : gliding_);
+        add_line({now.delay[row], 0.0, moves ? 0.0 : now.slope[row]}, filter_of(now, row), c, moves ? entering_ : resting_);
         now.slope[row] = 0;
       } else {
         const std::size_t old = static_cast<std::size_t>(partner) * num_channels_ + c;
-        read_line(sound, position, {before.delay[old], now.slope[row], before.slope[old]}, block);
-        add_half(true, filter_of(before, old), c);
-        add_half(false, filter_of(now, row), c);
+        add_line({before.delay[old], now.slope[row], before.slope[old]}, filter_of(before, old), c, from_);
+        add_product(filter_of(now, row), c, to_);
       }
     }
   }
@@ -172,13 +157,18 @@ void PathGlider::render(const OversampledSound& sound, const StreamPosition& pos
     }
   }
 
-  // What enters and leaves fades behind its filters, so that nothing of it is left once the fade is over.
+  // Fades are behind the filters: nothing is left of what leaves once the fade is over, and a block begins with what the one before ended.
   const int faded = std::min(fade, block);
   const auto weight = [&](int i) { return static_cast<float>(i) / static_cast<float>(fade); };
+  const float glide = 1.f / static_cast<float>(block_samples_);
   for (std::size_t c = 0; c < num_channels_; ++c) {
     float* out = output.data() + c * static_cast<std::size_t>(block);
-    if (const float* heard = inverse(gliding_, c))
+    if (const float* heard = inverse(resting_, c))
       for (int i = 0; i < block; ++i) out[i] += heard[i];
+    if (const float* heard = inverse(from_, c))
+      for (int i = 0; i < block; ++i) out[i] += (1.f - glide * static_cast<float>(i)) * heard[i];
+    if (const float* heard = inverse(to_, c))
+      for (int i = 0; i < block; ++i) out[i] += glide * static_cast<float>(i) * heard[i];
     if (const float* heard = inverse(entering_, c)) {
       for (int i = 0; i < faded; ++i) out[i] += weight(i) * heard[i];
       for (int i = faded; i < block; ++i) out[i] += heard[i];
