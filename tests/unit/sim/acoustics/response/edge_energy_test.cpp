@@ -48,7 +48,23 @@ struct Gain {
   double mean_db = 0, worst_db = 0;
 };
 
-/// What diffraction adds to strength per pose at a band, with common random numbers.
+/// Strength in `scene` over that in `other`, per pose at a band.
+Gain gain_over(const AcousticScene& other, const AcousticScene& scene, glm::vec3 source, std::span<const glm::vec3> listeners,
+               std::size_t band) {
+  const EarlyCandidates candidates(scene, source), other_candidates(other, source);
+  Gain gain;
+  for (const glm::vec3 listener : listeners) {
+    EnergyResponse a, b;
+    compute_energy_response(scene, candidates, listener, a);
+    compute_energy_response(other, other_candidates, listener, b);
+    const double db = *measure(scene, a).bands[band].g_db - *measure(other, b).bands[band].g_db;
+    gain.mean_db += db / static_cast<double>(listeners.size());
+    gain.worst_db = std::max(gain.worst_db, std::abs(db));
+  }
+  return gain;
+}
+
+/// What diffraction adds, with common random numbers.
 Gain gain_of(const std::shared_ptr<const Scene>& geometry, glm::vec3 source, std::span<const glm::vec3> listeners, std::size_t band) {
   AcousticConfig config;
   config.rays = 512;
@@ -56,18 +72,7 @@ Gain gain_of(const std::shared_ptr<const Scene>& geometry, glm::vec3 source, std
   config.diffraction = Switch::on;
   AcousticConfig off = config;
   off.diffraction = Switch::off;
-  const AcousticScene with(geometry, config), without(geometry, off);
-  const EarlyCandidates candidates(with, source), plain(without, source);
-  Gain gain;
-  for (const glm::vec3 listener : listeners) {
-    EnergyResponse a, b;
-    compute_energy_response(with, candidates, listener, a);
-    compute_energy_response(without, plain, listener, b);
-    const double db = *measure(with, a).bands[band].g_db - *measure(without, b).bands[band].g_db;
-    gain.mean_db += db / static_cast<double>(listeners.size());
-    gain.worst_db = std::max(gain.worst_db, std::abs(db));
-  }
-  return gain;
+  return gain_over(AcousticScene(geometry, off), AcousticScene(geometry, config), source, listeners, band);
 }
 
 std::vector<glm::vec3> listeners_in(glm::dvec3 lower, glm::dvec3 upper, int count) {
@@ -96,20 +101,10 @@ TEST(EdgeEnergy, FoldedWallHasTheLevelsOfAFlatOne) {
   config.diffraction = Switch::on;
   const std::vector<Material> walls = {Material::uniform("wall", 0.1f, 0.1f)};
   const AcousticScene folded(rooms::scene_of(folded_room(3), walls), config), flat(rooms::scene_of(folded_room(0), walls), config);
-  const glm::vec3 source = rooms::point(4, 2.2, 1.5);
-  const EarlyCandidates in_folded(folded, source), in_flat(flat, source);
-  double mean_db = 0, worst_db = 0;
-  const std::vector<glm::vec3> listeners = listeners_in({0.5, 0.5, 0.5}, {5.5, 6.7, 3.5}, 8);
-  for (const glm::vec3 listener : listeners) {
-    EnergyResponse a, b;
-    compute_energy_response(folded, in_folded, listener, a);
-    compute_energy_response(flat, in_flat, listener, b);
-    const double db = *measure(folded, a).bands[0].g_db - *measure(flat, b).bands[0].g_db;
-    mean_db += db / static_cast<double>(listeners.size());
-    worst_db = std::max(worst_db, std::abs(db));
-  }
-  EXPECT_LT(std::abs(mean_db), 0.1);
-  EXPECT_LT(worst_db, 0.25);  // noise and the images of single strips
+  const Gain gain = gain_over(flat, folded, rooms::point(4, 2.2, 1.5), listeners_in({0.5, 0.5, 0.5}, {5.5, 6.7, 3.5}, 8), 0);
+  EXPECT_LT(std::abs(gain.mean_db), 0.1);
+  // The images of single strips, which overlap and gap by turns, leave 0.17 dB at the worst place (131,072 rays); the rest is noise.
+  EXPECT_LT(gain.worst_db, 0.25);
 }
 
 TEST(EdgeEnergy, OpenReflectorsAddNothing) {
