@@ -23,10 +23,16 @@ constexpr std::size_t kGuard = kTaps;
 
 double sinc(double x) { return x == 0 ? 1.0 : std::sin(std::numbers::pi * x) / (std::numbers::pi * x); }
 
-/// Kaiser's window at x in [-1, 1].
-double kaiser(double x, double shape) {
-  return std::abs(x) >= 1 ? 0.0 : std::cyl_bessel_i(0, shape * std::sqrt(1 - x * x)) / std::cyl_bessel_i(0, shape);
+/// Modified Bessel function of order 0 by its power series; x up to about 10.  std::cyl_bessel_i writes a global (signgam), which is a
+/// race where environments are made in several threads.
+double bessel_i0(double x) {
+  double term = 1, sum = 1;
+  for (int k = 1; term > 1e-17 * sum; ++k) sum += term *= x * x / (4.0 * k * k);
+  return sum;
 }
+
+/// Kaiser's window at x in [-1, 1].
+double kaiser(double x, double shape) { return std::abs(x) >= 1 ? 0.0 : bessel_i0(shape * std::sqrt(1 - x * x)) / bessel_i0(shape); }
 
 /// Taps of the reader for kPhases + 1 places between two samples: [phase][tap].
 struct Reader {
