@@ -150,6 +150,15 @@ void FacingPlanes::find_sides(const AcousticScene& scene, Pair& pair) const {
   }
 }
 
+std::vector<std::uint32_t> FacingPlanes::rule() const {
+  std::vector<std::uint32_t> numbers;
+  for (const Pair& pair : pairs_) {
+    numbers.insert(numbers.end(), pair.plane.begin(), pair.plane.end());
+    numbers.push_back(static_cast<std::uint32_t>(pair.max_sides));
+  }
+  return numbers;
+}
+
 void FacingPlanes::add_late(const AcousticScene& scene, glm::vec3 listener, EnergyHistogram& histogram) const {
   for (const Pair& pair : pairs_) {
     const double height_m = glm::dot(pair.axis, glm::dvec3(listener)) - pair.offset_m;

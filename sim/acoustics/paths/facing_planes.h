@@ -67,6 +67,10 @@ class FacingPlanes {
 
   static constexpr int kTracedBounces = 12;
 
+  /// What decides which chains are carried, beside the scene, the source and image_order: few numbers, for keys of what the estimators left
+  /// out.
+  [[nodiscard]] std::vector<std::uint32_t> rule() const;
+
  private:
   enum Role : std::uint8_t { kNone, kEnd, kSide };
   static constexpr int kMaxSides = 4;

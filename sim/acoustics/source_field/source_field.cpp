@@ -110,7 +110,7 @@ void add_parts(std::span<const Part> parts, const WideningBins& bins, std::size_
 }
 
 /// Part of the key: stored fields are built anew once photons or cells give other bits.  To be raised with every such change.
-constexpr std::uint32_t kPassVersion = 6;
+constexpr std::uint32_t kPassVersion = 7;
 
 FieldHeader header_of(std::span<const std::byte> image) {
   FieldHeader header;
@@ -144,6 +144,9 @@ std::uint64_t source_field_key(const AcousticScene& scene, const EarlyCandidates
     append(bytes, value);
   for (const float exponent : scene.air_energy_per_m()) append(bytes, exponent);
   append(bytes, traces_transmission(scene));
+  // Photons leave out the chains of mirrors that flutter echoes carry; with few rays those go over fewer side planes.
+  if (candidates.facing())
+    for (const std::uint32_t number : candidates.facing()->rule()) append(bytes, number);
   append(bytes, c.seed);
   const SoundSource& source = candidates.sound_source();
   append(bytes, source.position);
