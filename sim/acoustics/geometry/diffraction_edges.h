@@ -5,12 +5,17 @@
 #include <glm/vec3.hpp>
 #include <memory>
 #include <mutex>
+#include <numbers>
 #include <span>
 #include <vector>
 
 #include "sim/scene/scene.h"
 
 namespace earshot {
+
+/// Wedges with less air, 195 degrees, behave as a plane where they reflect: images in their two faces overlap and gap by turns, and are
+/// that of a plane in the mean.  So they bound no panel and take no part in reflections.
+inline constexpr double kBluntRad = std::numbers::pi * 195.0 / 180.0;
 
 /// A straight edge that diffracts sound: a wedge of air of more than 185 degrees between two faces.  Lengths in metres, world axes.
 struct DiffractionEdge {

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <utility>
 
 namespace earshot {
@@ -10,10 +9,9 @@ namespace earshot {
 PanelEdges::PanelEdges(const Scene& scene, const DiffractionEdges& edges, std::span<const std::uint32_t> plane_of_triangle,
                        std::size_t num_planes)
     : begin_(num_planes + 1, 0) {
-  constexpr double blunt_rad = std::numbers::pi * 195.0 / 180.0;
   std::vector<std::pair<std::uint32_t, PanelEdge>> found;
   for (const DiffractionEdge& edge : edges.edges()) {
-    if (edge.exterior_rad < blunt_rad) continue;
+    if (edge.exterior_rad < kBluntRad) continue;
     const double inset_m = std::min(0.02 * edge.length_m, 200.0 * edges.clearance_m());
     const glm::dvec3 second = std::cos(edge.exterior_rad) * edge.face + std::sin(edge.exterior_rad) * edge.first_normal;
     const glm::dvec3 middle = edge.at(0.5 * edge.length_m);

@@ -36,9 +36,6 @@ double level_db(const Arrival& arrival, int num_bands) {
   return level_db(4.0 * kPi * std::sqrt(sum / num_bands));
 }
 
-/// Wedges with less air behave as a plane where they reflect.
-constexpr double kBluntRad = kPi + 15.0 * kPi / 180.0;
-
 glm::dvec3 mirror(glm::dvec3 point, const DiffractionEdge& edge, glm::dvec3 normal) {
   return point - 2.0 * glm::dot(point - edge.start, normal) * normal;
 }
@@ -209,6 +206,9 @@ void DiffractionCandidates::split(const AcousticScene& scene, const DiffractionE
     parts[1] = {wedge.detour_m(2), index_of(mirror(source, edge, edge.first_normal), 1, listener, paths)};
     parts[2] = {wedge.detour_m(3), index_of(mirror(source, edge, edge.second_normal), 1, listener, paths)};
   }
+  // On the lit side of a reflection boundary the edge's wave is part of the image, with or without a path of its own here: planes past the
+  // candidates and images that are off are the tracers'.
+  const auto lit = [&](std::size_t i) { return parts[i].path >= 0 || wedge.endless().weight(i + 1) < 0; };
   for (std::size_t i = 0; i < 2; ++i) {
     found.arrival[i] = base;
     found.arrival[i].order = i == 0 ? parts[0].path : -1;
@@ -227,7 +227,7 @@ void DiffractionCandidates::split(const AcousticScene& scene, const DiffractionE
     found.jump[band] = 0;
     for (std::size_t i = 0; i < 3; ++i) {
       // Images have the size of their panels (panel_reflection.h); where they have ended the edge's wave goes on, with many rays.
-      if (i > 0 && parts[i].path >= 0) continue;
+      if (i > 0 && lit(i)) continue;
       const bool ends = i > 0 && budget_.near_boundary_only;
       const double own = ends ? 0.0 : boundary_weight(wavenumber * parts[i].detour_m / (2.0 * kPi));
       const double weight = std::max(own, found.sight_ends[band]);
