@@ -186,12 +186,13 @@ class Planner {
     }
     const DiffractionBudget budget(config_);
     if (budget.near_boundary_only) {
-      // An image that ends has half its pressure there with the edge's wave and all of it without: beside a direct sound as strong,
-      // 2 against 1.5.
-      add("diffraction", true, "where blocked, or nearly", 20.0 * std::log10(4.0 / 3.0), "dB", BoundKind::approximated, 0,
-          "in line of sight, where the energy is complete without it, at shadow boundaries; reflections end without their edges (on, or "
-          "512 "
-          "rays: with them)");
+      // An image has half its pressure where its panel ends (panel_reflection.h); beyond, the edge's wave goes on from that half, and
+      // without it nothing does.  Beside a direct sound as strong and later by d an octave has 1 + 1/4 + mean cos(k d) of its energy
+      // instead of 1: 20 log10(1.5) = 3.5 dB more in phase, and 3.8 dB less where the mean is least (k d = 2.85).
+      constexpr double least_mean_cosine = -0.8333;
+      add("diffraction", true, "where blocked, or nearly", -10.0 * std::log10(1.25 + least_mean_cosine), "dB", BoundKind::approximated, 0,
+          "in line of sight, where the energy is complete without it, at shadow boundaries; reflections end at half their pressure without "
+          "their edges' waves (on, or 512 rays: with them)");
     } else {
       add("diffraction", true, "on", 6.0, "dB", config_.diffraction == Switch::on ? BoundKind::user_set : BoundKind::bounded, 0,
           "6 dB where sight ends, more behind it; in sight only at shadow and reflection boundaries, the energy is complete without it");

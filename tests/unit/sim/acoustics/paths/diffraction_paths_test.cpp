@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <complex>
@@ -290,6 +291,66 @@ TEST(Diffraction, FadesWhereTheEdgeEnds) {
     last_db = level;
   }
   EXPECT_LT(largest_db, 1.0);
+}
+
+TEST(Diffraction, NoEdgeWaveWhereAnImageIsLitButNoCandidate) {
+  // Without image paths, mirrors are the tracers': an image that is lit needs no edge to make up for it.  A corner of 270 degrees, source
+  // at 1.2 rad from one face: its image there ends at pi - 1.2.
+  AcousticConfig config = config_with(Switch::on);
+  config.early = Switch::off;
+  const AcousticScene scene(hard(wedge_mesh(1.5 * kPi)), config);
+  for (const double angle : {1.0, 1.5, 1.9}) {
+    const auto lit = arrivals_of(scene, cylindrical({3, 1.2, 0}), cylindrical({2, angle, 0}));
+    ASSERT_EQ(lit.size(), 1u) << angle;
+    EXPECT_EQ(lit[0].kind, ArrivalKind::direct);
+  }
+  // On the other side the tracers have nothing: half the image's pressure at its end, the edge's.
+  const auto ended = arrivals_of(scene, cylindrical({3, 1.2, 0}), cylindrical({2, 1.95, 0}));
+  ASSERT_EQ(ended.size(), 2u);
+  EXPECT_NEAR(4 * kPi * ended[1].distance_m * ended[1].amplitude[0], 0.5, 0.05);
+}
+
+TEST(Diffraction, ReflectionsThatEndWithoutTheirEdgesChangeAnOctaveByWhatThePlanStates) {
+  // A large sheet, listeners about where the image in it ends, in sight: all edges against those near their shadow boundary.  Octaves are
+  // sums over narrow bands.
+  const auto geometry = hard(wedge_mesh(2 * kPi));
+  AcousticConfig config = config_with(Switch::on);
+  config.bands = kMaxBands;
+  const AcousticScene all(geometry, config);
+  config.diffraction = Switch::automatic;
+  config.rays = 64;
+  const AcousticScene few(geometry, config);
+  const auto decided = std::ranges::find(few.plan().decisions, "diffraction", &EffectDecision::effect);
+  ASSERT_NE(decided, few.plan().decisions.end());
+  ASSERT_EQ(decided->kind, BoundKind::approximated);
+  const auto bands = static_cast<std::size_t>(all.num_bands());
+  const double octaves = std::log2(all.bands().edge_hz.back() / all.bands().edge_hz.front());
+  const auto per_octave = static_cast<std::size_t>(std::lround(static_cast<double>(bands) / octaves));
+  double more_db = 0, less_db = 0;
+  for (const double source_rad : {0.1, 0.2, 0.4, 0.8})
+    for (const double source_m : {1.0, 3.0})
+      for (const double listener_m : {1.0, 4.0}) {
+        const glm::vec3 source = cylindrical({source_m, source_rad, 0});
+        const EarlyCandidates by_all(all, source), by_few(few, source);
+        EnergyResponse a, b;
+        for (double angle = kPi - source_rad - 0.5; angle < kPi + source_rad; angle += 0.02) {
+          const glm::vec3 listener = cylindrical({listener_m, angle, 0});
+          compute_energy_response(all, by_all, listener, a);
+          compute_energy_response(few, by_few, listener, b);
+          for (std::size_t first = 0; first + per_octave <= bands; ++first) {
+            double with = 0, without = 0;
+            for (std::size_t i = first; i < first + per_octave; ++i) {
+              with += std::norm(pressure(all, a.arrivals, i));
+              without += std::norm(pressure(few, b.arrivals, i));
+            }
+            more_db = std::max(more_db, 10 * std::log10(with / without));
+            less_db = std::max(less_db, 10 * std::log10(without / with));
+          }
+        }
+      }
+  // Seen: 2.7 dB more, 3.65 dB less.
+  EXPECT_LT(std::max(more_db, less_db), decided->change);
+  EXPECT_GT(std::max(more_db, less_db), decided->change - 0.5) << "the bound is not tight";
 }
 
 TEST(Diffraction, BoundedAtTheEdgeItself) {  // docs/stability.md, H-66, H-67
