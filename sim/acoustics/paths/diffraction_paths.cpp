@@ -19,7 +19,6 @@ constexpr double kRankingHz = 500;
 constexpr double kMostBelowBestDb = 30;  // of a path that is still worked out
 /// An estimate may be this much too low: Kurze-Anderson at a corner (4.1 dB), and bands below the one it is made at.
 constexpr double kMarginDb = 9;
-constexpr double kBandMarginDb = 3;  // of the other bands over the stronger of two
 
 /// Loss of the diffraction at `at` on the way from `before` to `after`.
 double estimate_loss_db(double speed_m_per_s, glm::dvec3 before, glm::dvec3 at, glm::dvec3 after) {
@@ -53,17 +52,17 @@ void add_wave(const AcousticScene& scene, const Arrival& wave, Arrival& path) {
   }
 }
 
-/// Pressure factors of a face in a band.
-struct FacePressure {
-  const AcousticScene& scene;
-  int band;
-  [[nodiscard]] double reflected(std::uint32_t material) const {
-    return std::sqrt(double{scene.reflectance(material)[band]} * (1.0 - scene.scattering(material)[band]));
+/// Amplitude and phase of the bands of a group.  Returns whether any is above 0.
+bool set_bands(const EdgeBands& bands, const ComplexLanes& ratio, double distance_m, Arrival& arrival) {
+  const Lanes amplitude = root_of(norm(ratio)) * bands.free_path(distance_m), phase = argument(ratio);
+  bool any = false;
+  for (int lane = 0; lane < bands.count; ++lane) {
+    arrival.amplitude[bands.first + lane] = amplitude[lane];
+    arrival.phase_rad[bands.first + lane] = phase[lane];
+    any = any || amplitude[lane] > 0.f;
   }
-  [[nodiscard]] double transmitted(std::uint32_t material) const {
-    return scene.plan().straight_transmission ? std::sqrt(double{scene.transmission(material)[band]}) : 0.0;
-  }
-};
+  return any;
+}
 
 /// Index of the direct sound (order 0) or first-order image among `paths`; -1: not there.
 int index_of(glm::dvec3 image, int order, glm::vec3 listener, std::span<const Arrival> paths) {
@@ -86,6 +85,7 @@ bool before_in_space(glm::vec3 a, glm::vec3 b) { return std::tie(a.x, a.y, a.z) 
 
 DiffractionCandidates::DiffractionCandidates(const AcousticScene& scene, glm::vec3 source) : source_(source), budget_(scene.config()) {
   if (scene.diffraction_edges() == nullptr) return;
+  bands_ = edge_bands(scene);
   EdgeGrowth growth(scene, source);
   growth.expand(budget_.expansions);
   const std::vector<RankedCandidate> kept = growth.strongest(static_cast<std::size_t>(budget_.sequences));
@@ -167,35 +167,15 @@ bool DiffractionCandidates::find_path(const AcousticScene& scene, const EdgeCand
   arrival.direction = unit(near_listener - end, {0, 0, -1});
   arrival.departure = unit(near_source - glm::dvec3(source_), {0, 0, 1});
   if (in_sight) {
-    split(scene, last, field.first_edge(), listener, Arrival(arrival), paths, found);
+    split(last, field.first_edge(), listener, Arrival(arrival), paths, found);
     return found.count > 0;
   }
-  const auto compute = [&](int band) {
-    const double wavenumber = 2.0 * kPi * scene.bands().centre_hz[band] / scene.speed_of_sound_m_per_s();
-    const FacePressure face{scene, band};
-    const std::complex<double> ratio = field.ratio(
-        wavenumber, [&](std::uint32_t material) { return face.reflected(material); },
-        [&](std::uint32_t material) { return face.transmitted(material); });
-    const double air = std::exp(-0.5 * scene.air_energy_per_m()[band] * distance_m);
-    // At most 2, and nothing below 1e-154 counts: no need for the care of std::abs.
-    arrival.amplitude[band] = static_cast<float>(std::sqrt(std::norm(ratio)) * air / (4.0 * kPi * distance_m));
-    arrival.phase_rad[band] = static_cast<float>(std::arg(ratio));
-    return arrival.amplitude[band];
-  };
-  // Most paths that get here are weaker than those kept: two bands tell, as the others lie between or below.
-  const int middle = scene.num_bands() / 2;
-  const float strongest = std::max(compute(0), compute(middle));
-  if (level_db(4.0 * kPi * double{strongest}) + kBandMarginDb < weakest_db) return false;
-  bool any = strongest > 0.f;
-  for (int band = 1; band < scene.num_bands(); ++band) {
-    if (band != middle) any = compute(band) > 0.f || any;
-  }
-  found.count = any ? 1 : 0;
-  return any;
+  for (const EdgeBands& bands : bands_) found.count |= set_bands(bands, field.ratio(bands), distance_m, arrival) ? 1 : 0;
+  return found.count > 0;
 }
 
-void DiffractionCandidates::split(const AcousticScene& scene, const DiffractionEdge& edge, const FiniteWedge& wedge, glm::vec3 listener,
-                                  const Arrival& base, std::span<const Arrival> paths, Found& found) const {
+void DiffractionCandidates::split(const DiffractionEdge& edge, const FiniteWedge& wedge, glm::vec3 listener, const Arrival& base,
+                                  std::span<const Arrival> paths, Found& found) const {
   struct Part {
     double detour_m;
     int path;  ///< index; -1: none
@@ -214,43 +194,39 @@ void DiffractionCandidates::split(const AcousticScene& scene, const DiffractionE
     found.arrival[i].order = i == 0 ? parts[0].path : -1;
   }
   std::array<bool, 2> any{};
-  for (int band = 0; band < scene.num_bands(); ++band) {
-    const double wavenumber = 2.0 * kPi * scene.bands().centre_hz[band] / scene.speed_of_sound_m_per_s();
-    const FacePressure face{scene, band};
-    const double passed = edge.first_material == edge.second_material
-                              ? face.transmitted(edge.first_material)
-                              : face.transmitted(edge.first_material) * face.transmitted(edge.second_material);
-    const double air = std::exp(-0.5 * scene.air_energy_per_m()[band] * double{base.distance_m}) / (4.0 * kPi * double{base.distance_m});
+  for (const EdgeBands& bands : bands_) {
+    const FaceLanes &first = bands.face[edge.first_material], &second = bands.face[edge.second_material];
+    const Lanes passed = edge.first_material == edge.second_material ? first.transmitted : first.transmitted * second.transmitted;
     // The field is linear in the factors of its terms: one sum for the direct sound, one for what belongs to no path.
-    std::array<FaceFactors, 2> factors;
-    factors.fill({.first = 0, .second = 0, .incidence = 0});
-    found.jump[band] = 0;
+    std::array<FaceFactorLanes, 2> factors;
+    Lanes jump{};
     for (std::size_t i = 0; i < 3; ++i) {
       // Images have the size of their panels (panel_reflection.h); where they have ended the edge's wave goes on, with many rays.
       if (i > 0 && lit(i)) continue;
       const bool ends = i > 0 && budget_.near_boundary_only;
-      const double own = ends ? 0.0 : boundary_weight(wavenumber * parts[i].detour_m / (2.0 * kPi));
-      const double weight = std::max(own, found.sight_ends[band]);
-      if (!(weight > 0)) continue;
-      if (i == 0) {
-        const bool belongs = parts[0].path >= 0 && own > 0;
-        factors[belongs ? 0 : 1].incidence = weight * (1.0 - passed);
-        found.jump[band] = belongs ? own / weight / std::max(1.0 - passed, 0.01) : 0.0;
-      } else {
-        (i == 1 ? factors[1].first : factors[1].second) = weight * face.reflected(i == 1 ? edge.first_material : edge.second_material);
+      for (std::size_t lane = 0; lane < kLanes; ++lane) {
+        const std::size_t band = static_cast<std::size_t>(bands.first) + std::min(lane, static_cast<std::size_t>(bands.count) - 1);
+        const double own = ends ? 0.0 : boundary_weight(bands.wave.exact[lane] * parts[i].detour_m / (2.0 * kPi));
+        const double weight = std::max(own, found.sight_ends[band]);
+        if (!(weight > 0)) continue;
+        if (i == 0) {
+          const bool belongs = parts[0].path >= 0 && own > 0;
+          factors[belongs ? 0 : 1].incidence[lane] = static_cast<float>(weight) * (1.f - passed[lane]);
+          jump[lane] = belongs ? static_cast<float>(own / weight) / std::max(1.f - passed[lane], 0.01f) : 0.f;
+        } else {
+          (i == 1 ? factors[1].first : factors[1].second)[lane] =
+              static_cast<float>(weight) * (i == 1 ? first.reflected : second.reflected)[lane];
+        }
       }
     }
-    std::array<std::complex<double>, 2> sum{};
     for (std::size_t i = 0; i < 2; ++i) {
-      if (factors[i].incidence > 0 || factors[i].first > 0 || factors[i].second > 0)
-        sum[i] = wedge.ratio(wavenumber, wedge.own_length_m(), factors[i]);
+      ComplexLanes sum;
+      if (!all_zero(factors[i].incidence) || !all_zero(factors[i].first) || !all_zero(factors[i].second))
+        sum = wedge.ratio(bands.wave, wedge.own_length_m(), factors[i]);
+      if (i == 0) jump *= root_of(norm(sum));
+      any[i] = set_bands(bands, sum, double{base.distance_m}, found.arrival[i]) || any[i];
     }
-    found.jump[band] *= std::abs(sum[0]);
-    for (std::size_t i = 0; i < 2; ++i) {
-      found.arrival[i].amplitude[band] = static_cast<float>(std::abs(sum[i]) * air);
-      found.arrival[i].phase_rad[band] = static_cast<float>(std::arg(sum[i]));
-      any[i] = any[i] || found.arrival[i].amplitude[band] > 0.f;
-    }
+    for (int lane = 0; lane < bands.count; ++lane) found.jump[static_cast<std::size_t>(bands.first + lane)] = jump[lane];
   }
   for (std::size_t i = 0; i < 2; ++i) {
     if (any[i]) found.arrival[static_cast<std::size_t>(found.count++)] = found.arrival[i];

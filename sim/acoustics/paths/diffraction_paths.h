@@ -63,13 +63,14 @@ class DiffractionCandidates {
   bool find_path(const AcousticScene& scene, const EdgeCandidate& candidate, glm::vec3 listener, bool in_sight, double weakest_db,
                  std::span<const Arrival> paths, int& attempts, Found& found) const;
   /// Splits the wave of a single edge, whose place and time are in `base`, by the paths that its terms belong to.
-  void split(const AcousticScene& scene, const DiffractionEdge& edge, const FiniteWedge& wedge, glm::vec3 listener, const Arrival& base,
-             std::span<const Arrival> paths, Found& found) const;
+  void split(const DiffractionEdge& edge, const FiniteWedge& wedge, glm::vec3 listener, const Arrival& base, std::span<const Arrival> paths,
+             Found& found) const;
   /// Is the way over the edge at most half a wave of the lowest band longer than the straight one, or, if reflections count, than that by
   /// a face?
   [[nodiscard]] bool near_boundary(const AcousticScene& scene, const DiffractionEdge& edge, glm::vec3 listener) const;
 
   glm::vec3 source_;
+  std::vector<EdgeBands> bands_;
   DiffractionBudget budget_;               ///< of the config that this was made with
   std::vector<EdgeCandidate> candidates_;  ///< by group, strongest estimate first within each
   std::vector<Group> groups_;              ///< the one with the strongest candidate first

@@ -213,4 +213,35 @@ EdgePathField::EdgePathField(const DiffractionEdges& edges, const EdgePath& path
   }
 }
 
+ComplexLanes EdgePathField::ratio(const EdgeBands& bands) const {
+  const WaveLanes& wave = bands.wave;
+  ComplexLanes product = {all_lanes(1.f), {}};
+  Lanes own_segments_energy = all_lanes(static_cast<float>(spreading_));  // over that of the product
+  const auto root_of_two_wave_lengths = [&](double length_m) { return wave.root * static_cast<float>(std::sqrt(2.0 * length_m)); };
+  for (std::size_t i = 0; i < static_cast<std::size_t>(order_); ++i) {
+    const Wedge& wedge = wedges_[i];
+    const FaceLanes &first = bands.face[wedge.first_material], &second = bands.face[wedge.second_material];
+    FaceFactorLanes faces{.first = first.reflected, .second = second.reflected, .incidence = all_lanes(1.f)};
+    if (i == 0 || !wedges_[i - 1].joins_next)
+      faces.incidence = 1.f - (wedge.first_material == wedge.second_material ? first.transmitted : first.transmitted * second.transmitted);
+    product = product * wedge.diffraction.ratio(wave, wedge.length_m, faces);
+    if (order_ > 1 && !wedge.ranks_by_own_segments) {
+      const WedgeDiffraction& endless = wedge.diffraction.endless();
+      const Lanes by_rank = norm(endless.ratio(root_of_two_wave_lengths(wedge.length_m), faces)),
+                  by_own = norm(endless.ratio(root_of_two_wave_lengths(wedge.own_length_m), faces));
+      own_segments_energy *= choose(by_rank > 0.f, by_own / choose(by_rank > 0.f, by_rank, all_lanes(1.f)), all_lanes(1.f));
+    }
+    if (wedge.joins_next)
+      product =
+          (1.f / (1.f + 0.5f * (bands.face[wedge.shared_material].reflected + bands.face[wedge.next_shared_material].reflected))) * product;
+  }
+  if (order_ == 1) return product;
+  const Lanes x = wave.root * static_cast<float>(std::sqrt(2.0 * least_deviation_m_)),
+              apart = wave.number * static_cast<float>(least_segment_m_);
+  const Lanes exponent = 0.5f * (x / (x + 0.3f)) * (apart / (1.f + apart));
+  Lanes own_segments;
+  for (std::size_t lane = 0; lane < kLanes; ++lane) own_segments[lane] = std::pow(own_segments_energy[lane], exponent[lane]);
+  return own_segments * product;
+}
+
 }  // namespace earshot

@@ -1,11 +1,11 @@
 #pragma once
 
 #include <array>
-#include <complex>
 #include <cstdint>
 #include <glm/vec3.hpp>
 
 #include "sim/acoustics/geometry/diffraction_edges.h"
+#include "sim/acoustics/paths/edge_bands.h"
 #include "sim/acoustics/paths/finite_edge.h"
 
 namespace earshot {
@@ -63,32 +63,8 @@ class EdgePathField {
   [[nodiscard]] bool valid() const { return valid_; }
   /// The first edge of the path.
   [[nodiscard]] const FiniteWedge& first_edge() const { return wedges_[0].diffraction; }
-  /// Over the free field at path.length_m.  reflection(material), transmission(material): pressure factors of a face.
-  template <class Reflection, class Transmission>
-  [[nodiscard]] std::complex<double> ratio(double wavenumber, const Reflection& reflection, const Transmission& transmission) const {
-    std::complex<double> product = 1;
-    double own_segments_energy = spreading_;  // over that of the product
-    for (int i = 0; i < order_; ++i) {
-      const Wedge& wedge = wedges_[static_cast<std::size_t>(i)];
-      FaceFactors faces{.first = reflection(wedge.first_material), .second = reflection(wedge.second_material)};
-      if (i == 0 || !wedges_[static_cast<std::size_t>(i - 1)].joins_next) {
-        const double first = transmission(wedge.first_material);
-        faces.incidence = 1.0 - (wedge.first_material == wedge.second_material ? first : first * transmission(wedge.second_material));
-      }
-      const std::complex<double> one = wedge.diffraction.ratio(wavenumber, wedge.length_m, faces);
-      product = {product.real() * one.real() - product.imag() * one.imag(), product.real() * one.imag() + product.imag() * one.real()};
-      if (order_ > 1 && !wedge.ranks_by_own_segments) {
-        const WedgeDiffraction& endless = wedge.diffraction.endless();
-        const double by_rank = std::norm(endless.ratio(wavenumber * wedge.length_m, faces));
-        if (by_rank > 0) own_segments_energy *= std::norm(endless.ratio(wavenumber * wedge.own_length_m, faces)) / by_rank;
-      }
-      if (wedge.joins_next) product /= 1.0 + 0.5 * (reflection(wedge.shared_material) + reflection(wedge.next_shared_material));
-    }
-    if (order_ == 1) return product;
-    const double x = std::sqrt(2.0 * wavenumber * least_deviation_m_), apart = wavenumber * least_segment_m_;
-    const double fraction = x / (x + 0.3) * apart / (1.0 + apart);
-    return product * std::pow(own_segments_energy, 0.5 * fraction);
-  }
+  /// Over the free field at path.length_m, in the bands of a group.
+  [[nodiscard]] ComplexLanes ratio(const EdgeBands& bands) const;
 
  private:
   struct Wedge {

@@ -4,109 +4,52 @@
 #include <cmath>
 #include <glm/geometric.hpp>
 #include <numbers>
-#include <vector>
 
 #include "sim/acoustics/paths/fast_angles.h"
 
 namespace earshot {
 namespace {
 
-constexpr double kPi = std::numbers::pi, kNear = 3.0;
+constexpr double kPi = std::numbers::pi;
+/// Two terms of the series by parts are good from here on.
+constexpr float kFar = 2.75f;
 
-using Complex = std::complex<double>;
-
-Complex times(Complex a, Complex b) { return {a.real() * b.real() - a.imag() * b.imag(), a.real() * b.imag() + a.imag() * b.real()}; }
 /// Far from overflow: a tenth of the time of std::hypot.
 double length_of(double x, double y) { return std::sqrt(x * x + y * y); }
 
-/// b times the integral of (exp(-j t^2) - exp(j b^2)) / (t^2 + b^2) over t from 0 to u: an entire function, as the pole is divided out.
-/// Cubic between points a sixteenth apart, for u, b up to kNear.
-class SmoothPart {
- public:
-  static constexpr double kPerUnit = 16.0;
-  static constexpr std::size_t kMargin = 1, kPoints = static_cast<std::size_t>(kNear * kPerUnit) + 2 * kMargin + 2;
-  SmoothPart() : value_(kPoints * kPoints) {
-    for (std::size_t row = 0; row < kPoints; ++row) {
-      const double b = (static_cast<double>(row) - kMargin) / kPerUnit;
-      const Complex pole = fast_unit_phase(b * b);
-      const auto integrand = [&](double t) {
-        const double below = t * t + b * b;
-        return below > 1e-12 ? b * (fast_unit_phase(-t * t) - pole) / below : Complex(0, -b);
-      };
-      for (const int side : {1, -1}) {
-        Complex sum = 0;
-        value_[row * kPoints + kMargin] = 0;
-        for (std::size_t column = kMargin; side > 0 ? column + 1 < kPoints : column > 0; column += static_cast<std::size_t>(side)) {
-          // Simpson over four pieces of each step.
-          const double from = (static_cast<double>(column) - kMargin) / kPerUnit, h = side / kPerUnit / 8;
-          for (int piece = 0; piece < 4; ++piece) {
-            const double t = from + 2 * piece * h;
-            sum += h / 3 * (integrand(t) + 4.0 * integrand(t + h) + integrand(t + 2 * h));
-          }
-          value_[row * kPoints + column + static_cast<std::size_t>(side)] = sum;
-        }
-      }
-    }
-  }
-  [[nodiscard]] Complex at(double u, double b) const {
-    const auto weights = [](double x, std::size_t& first) {
-      const double cell = std::floor(x * kPerUnit), h = x * kPerUnit - cell;
-      first = static_cast<std::size_t>(cell) + kMargin - 1;
-      return std::array<double, 4>{-h * (h - 1) * (h - 2) / 6, (h + 1) * (h - 1) * (h - 2) / 2, -(h + 1) * h * (h - 2) / 2,
-                                   (h + 1) * h * (h - 1) / 6};
-    };
-    std::size_t row, column;
-    const auto by_b = weights(b, row), by_u = weights(u, column);
-    double real = 0, imaginary = 0;
-    for (std::size_t i = 0; i < 4; ++i) {
-      const Complex* line = &value_[(row + i) * kPoints + column];
-      double line_real = 0, line_imaginary = 0;
-      for (std::size_t j = 0; j < 4; ++j) line_real += by_u[j] * line[j].real(), line_imaginary += by_u[j] * line[j].imag();
-      real += by_b[i] * line_real;
-      imaginary += by_b[i] * line_imaginary;
-    }
-    return {real, imaginary};
-  }
-
- private:
-  std::vector<Complex> value_;
-};
-
 /// exp(j u^2) times the integral of exp(-j t^2) from u on.
-Complex fresnel_tail(Complex end_erfc) {
-  constexpr double half = 0.5 / std::numbers::inv_sqrtpi * std::numbers::sqrt2 / 2;
-  return times({half, -half}, end_erfc);
+ComplexLanes fresnel_tail(const ComplexLanes& end_erfc) {
+  constexpr float half = 0.5f / std::numbers::inv_sqrtpi_v<float> * std::numbers::sqrt2_v<float> / 2;
+  return ComplexLanes{all_lanes(half), all_lanes(-half)} * end_erfc;
+}
+
+/// (1 / pi) times the integral over x from 0 to low / high of exp(j low^2 - j (high x)^2) / (1 + x^2), low <= high, low <= kFar: Owen's T
+/// function (Owen 1956, Ann. Math. Statist. 27, 1075-1090) of an argument on the ray exp(j pi / 4), by six points of Gauss and Legendre.
+ComplexLanes owen_t(const Lanes& low, const Lanes& high) {
+  constexpr std::array<float, 6> square = {0.00114009163f, 0.0286947700f, 0.144925186f, 0.383544372f, 0.689904156f, 0.933609606f},
+                                 weight = {0.0272671398f, 0.0574169876f, 0.0744708156f, 0.0744708156f, 0.0574169876f, 0.0272671398f};
+  const Lanes phase = low * low, fraction = low / (high < 1e-20f ? all_lanes(1e-20f) : high), fraction_square = fraction * fraction;
+  ComplexLanes sum;
+  for (std::size_t i = 0; i < square.size(); ++i)
+    sum = sum + (weight[i] / (1.f + square[i] * fraction_square)) * unit_phase((1.f - square[i]) * phase);
+  return fraction * sum;
 }
 
 }  // namespace
 
-namespace {
-
-/// edge_tail where one of its series does.
-Complex edge_tail_far(double u, double b, Complex end_erfc) {
-  if (u >= kNear) {
-    // By parts, twice: exp(-j u^2) w (1 + w' / (2 j u w)), w = 1 / (2 j u (u^2 + b^2)).
-    const double square = u * u + b * b, w = b / (kPi * 2.0 * u * square), next = (1.0 / u + 2.0 * u / square) / (2.0 * u);
-    return {w * next, -w};  // -j w (1 + j next)
-  }
-  // 1 / (t^2 + b^2) = (1 - t g(t)) / b^2, g = t / (t^2 + b^2); the second term by parts, with the slope of g at u.
-  const double square = u * u + b * b, slope = (b * b - u * u) / (square * square);
-  const Complex tail = times(Complex(1.0, 0.5 * slope), fresnel_tail(end_erfc)) + Complex(0, 0.5 * u / square);
-  return tail / (kPi * b);
-}
-
-/// Where none does.  pole: exp(j b^2).
-Complex edge_tail_near(double u, double b, Complex own_erfc, Complex turn, Complex pole) {
-  static const SmoothPart smooth;
-  const Complex inside = fast_atan2(u, b) * pole + smooth.at(u, b);
-  return times(turn, 0.5 * own_erfc - inside / kPi);
-}
-
-}  // namespace
-
-Complex edge_tail(double u, double b, Complex own_erfc, Complex end_erfc, Complex turn) {
-  if (u >= kNear || b >= kNear) return edge_tail_far(u, b, end_erfc);
-  return edge_tail_near(u, b, own_erfc, turn, fast_unit_phase(b * b));
+ComplexLanes edge_tail(const Lanes& u, const Lanes& b, const ComplexLanes& own_erfc, const ComplexLanes& end_erfc, float least_u) {
+  // By parts, twice: -j w (1 + j next), w = b / (2 pi u (u^2 + b^2)).
+  const Lanes above = u < kFar ? all_lanes(kFar) : u, square = above * above + b * b;
+  const Lanes w = b / ((2.f * std::numbers::pi_v<float>)*above * square), next = 0.5f / (above * above) + 1.f / square;
+  const ComplexLanes far = {w * next, -w};
+  if (least_u >= kFar) return far;
+  // The rest of the line by T; where b is the smaller one, T of the swapped arguments (Owen 1956), so that the integral is short.
+  const Lanes below = u < kFar ? u : all_lanes(kFar);
+  const LaneIntegers swapped = b < below;
+  const Lanes low = choose(swapped, b, below), high = choose(swapped, below, b);
+  const ComplexLanes turn = unit_phase(low * low), t = owen_t(low, high);
+  const ComplexLanes near = choose(swapped, t - all_lanes(0.5f) * (end_erfc * (turn - own_erfc)), all_lanes(0.5f) * (turn * own_erfc) - t);
+  return choose(u < kFar, near, far);
 }
 
 double largest_ratio(const DiffractionEdge& edge, glm::dvec3 before, glm::dvec3 after) {
@@ -150,10 +93,11 @@ FiniteWedge::FiniteWedge(const DiffractionEdge& edge, glm::dvec3 before, glm::dv
     const double m = length_of(source_r, z - source_z), l = length_of(listener_r, z - listener_z);
     ends_[i].detour_m = std::max(m + l - shortest_m, 0.0);
     const double slope = m > 0 && l > 0 ? std::abs((z - source_z) / m + (z - listener_z) / l) : 0.0;
+    ends_[i].root_of_detour = std::sqrt(ends_[i].detour_m);
     if (!(ends_[i].detour_m > 1e-9 * shortest_m) || !(slope > 1e-9) || !(source_r * listener_r > 1e-9 * shortest_m * shortest_m)) continue;
     const double cosh_eta = (m * l + (z - source_z) * (z - listener_z)) / (source_r * listener_r);
     const double cosh_nu_eta = std::cosh(nu * std::acosh(std::max(cosh_eta, 1.0)));
-    const double spreading = nu * shortest_m / (4.0 * kPi) / (m * l) * 2.0 * std::sqrt(ends_[i].detour_m) / slope;
+    const double spreading = nu * shortest_m / (4.0 * kPi) / (m * l) * 2.0 * ends_[i].root_of_detour / slope;
     for (std::size_t term = 0; term < 4; ++term) {
       const double theory = wedge_.weight(term) * std::sqrt(2.0 * own_length_m_) * wedge_.boundary(term) /
                             (kPi * (ends_[i].detour_m + 2.0 * own_length_m_ * wedge_.boundary(term) * wedge_.boundary(term)));
@@ -163,47 +107,48 @@ FiniteWedge::FiniteWedge(const DiffractionEdge& edge, glm::dvec3 before, glm::dv
   }
 }
 
-Complex FiniteWedge::ratio(double wavenumber, double length_m, const FaceFactors& faces) const {
+ComplexLanes FiniteWedge::ratio(const WaveLanes& wave, double length_m, const FaceFactorLanes& faces) const {
   struct Tail {
-    double u;
-    Complex erfc, turn, fresnel;
+    Lanes u;
+    float least_u;
+    ComplexLanes erfc, turn, fresnel;
   };
   std::array<Tail, 2> tails;
-  const double root = std::sqrt(wavenumber);
   for (std::size_t i = 0; i < 2; ++i) {
-    const double phase = wavenumber * ends_[i].detour_m, u = std::sqrt(phase);
-    const Complex erfc = scaled_erfc(u);
-    tails[i] = {u, erfc, fast_unit_phase(phase), fresnel_tail(erfc) / root};
+    Tail& tail = tails[i];
+    tail.u = wave.root * static_cast<float>(ends_[i].root_of_detour);
+    tail.least_u = tail.u[0];
+    tail.erfc = scaled_erfc(tail.u);
+    tail.turn = wave.turn(ends_[i].detour_m);
+    tail.fresnel = (1.f / wave.root) * fresnel_tail(tail.erfc);
   }
   // What the ends leave out of the endless edge; past an end, what is left between them.  Sums at each end, over all terms.
-  const std::array<double, 4> face = {faces.incidence, faces.incidence, faces.first, faces.second};
-  const double scale = std::sqrt(2.0 * wavenumber * length_m);
-  Complex whole = 0;
-  std::array<Complex, 2> end{};
+  const std::array<const Lanes*, 4> face = {&faces.incidence, &faces.incidence, &faces.first, &faces.second};
+  const Lanes scale = wave.root * static_cast<float>(std::sqrt(2.0 * length_m));
+  ComplexLanes whole;
+  std::array<ComplexLanes, 2> end{};
   for (std::size_t term = 0; term < 4; ++term) {
-    if (face[term] == 0) continue;
-    const double weight = wedge_.weight(term) * face[term], b = scale * wedge_.boundary(term);
-    const Complex erfc = scaled_erfc(b);
-    whole += weight * erfc;
-    const bool near = b < kNear && (tails[0].u < kNear || tails[1].u < kNear);
-    const Complex pole = near ? fast_unit_phase(b * b) : Complex();  // once for both ends
+    if (all_zero(*face[term])) continue;
+    const Lanes weight = static_cast<float>(wedge_.weight(term)) * *face[term], b = scale * static_cast<float>(wedge_.boundary(term));
+    const ComplexLanes erfc = scaled_erfc(b);
+    whole = whole + weight * erfc;
     for (std::size_t i = 0; i < 2; ++i) {
       const Tail& tail = tails[i];
-      const Complex beyond =
-          near && tail.u < kNear ? edge_tail_near(tail.u, b, erfc, tail.turn, pole) : edge_tail_far(tail.u, b, tail.erfc);
-      end[i] += weight * beyond + face[term] * ends_[i].residue[term] * tail.fresnel;
+      end[i] = end[i] + weight * edge_tail(tail.u, b, erfc, tail.erfc, tail.least_u) +
+               (static_cast<float>(ends_[i].residue[term]) * *face[term]) * tail.fresnel;
     }
   }
-  Complex sum;
+  ComplexLanes sum;
   if (past_end_ < 0) {
-    sum = whole - times(end[0], std::conj(tails[0].turn)) - times(end[1], std::conj(tails[1].turn));
+    sum = whole - end[0] * conj(tails[0].turn) - end[1] * conj(tails[1].turn);
   } else {
     const auto near = static_cast<std::size_t>(past_end_), far = 1 - near;
-    sum = end[near] - times(end[far], times(std::conj(tails[far].turn), tails[near].turn));
+    sum = end[near] - end[far] * (conj(tails[far].turn) * tails[near].turn);
   }
   // As the endless edge, at most twice the free field.
-  const double norm = std::norm(sum);
-  return norm > 4.0 ? sum * (2.0 / std::sqrt(norm)) : sum;
+  const Lanes square = norm(sum);
+  const Lanes most = choose(square > 4.f, square, all_lanes(4.f));
+  return all_zero(most - 4.f) ? sum : (2.f / root_of(most)) * sum;
 }
 
 }  // namespace earshot

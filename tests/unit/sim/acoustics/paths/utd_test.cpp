@@ -119,6 +119,22 @@ Complex total(double exterior_rad, double source_rad, double listener_rad, doubl
   return sum;
 }
 
+TEST(Utd, EightBandsAtOnceAreEachOfThem) {
+  for (double u = 0; u < 600; u = 1.07 * u + 1e-3) {
+    const ComplexLanes lanes = scaled_erfc(all_lanes(static_cast<float>(u)));
+    EXPECT_LT(std::abs(Complex(lanes.real[5], lanes.imag[5]) - scaled_erfc(u)), 4e-6 * std::abs(scaled_erfc(u))) << u;
+  }
+  const FaceFactorLanes faces{.first = all_lanes(0.8f), .second = all_lanes(0.6f), .incidence = all_lanes(0.9f)};
+  for (const double exterior : {1.2 * kPi, 1.5 * kPi, 2 * kPi}) {
+    for (const double wave_lengths : {0.01, 1.0, 30.0, 3000.0}) {
+      const WedgeDiffraction wedge(exterior, 0.4, 3.7);
+      const ComplexLanes lanes = wedge.ratio(all_lanes(static_cast<float>(std::sqrt(2 * wave_lengths))), faces);
+      const Complex exact = wedge.ratio(wave_lengths, {.first = 0.8, .second = 0.6, .incidence = 0.9});
+      EXPECT_LT(std::abs(Complex(lanes.real[0], lanes.imag[0]) - exact), 1e-5) << exterior << " " << wave_lengths;
+    }
+  }
+}
+
 TEST(O24Diffraction, LevelIsContinuousThroughShadowAndReflectionBoundary) {
   for (const double exterior : {2 * kPi, 1.5 * kPi}) {
     const double source = kPi / 4;

@@ -1,0 +1,32 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "sim/acoustics/model/acoustic_scene.h"
+#include "sim/acoustics/paths/band_lanes.h"
+
+namespace earshot {
+
+/// Pressure factors of a face per band: the root of its specular reflectance (1 - absorption)(1 - scattering), and the root of what passes
+/// straight through it.
+struct FaceLanes {
+  Lanes reflected{}, transmitted{};
+};
+
+/// What a scene's edges need to know of up to eight of its bands.
+struct EdgeBands {
+  int first, count;  ///< lane i is band first + i; lanes past `count` repeat the last one
+  WaveLanes wave;
+  Lanes air_per_m;              ///< loss of pressure
+  std::vector<FaceLanes> face;  ///< by material
+  /// Pressure that is left of a path by spreading and air.
+  [[nodiscard]] Lanes free_path(double distance_m) const {
+    return exp_of_negative(air_per_m * static_cast<float>(-distance_m)) * static_cast<float>(0.25 * std::numbers::inv_pi / distance_m);
+  }
+};
+
+/// All bands of a scene, low to high.
+std::vector<EdgeBands> edge_bands(const AcousticScene& scene);
+
+}  // namespace earshot
