@@ -20,7 +20,8 @@ void AcousticOptions::add_to(CLI::App& command, const std::string& default_prese
       "key=value over the preset.  Switches (auto|on|off): direct early late air_absorption diffraction transmission.  Numbers: rays "
       "source_rays (above 0: bidirectional) source_bounces max_bounces early_order early_candidate_rays diffraction_order "
       "diffraction_edge_m "
-      "diffraction_paths transmission_walls scattering specular_exponent (0: mirror) diffuse_last_segment source_radius_m rir_length_s "
+      "diffraction_paths diffraction_reflections transmission_walls scattering specular_exponent (0: mirror) diffuse_last_segment "
+      "source_radius_m rir_length_s "
       "time_bin_s "
       "late_decode_s glide_paths bands (0: octaves) sh_order sample_rate_hz seed threads (0: all)");
   command

@@ -37,6 +37,7 @@ AcousticConfig acoustic_preset(std::string_view name) {
     config.late_decode_s = 60.f;
     config.glide_paths = 16;
     config.early_order = 4;
+    config.diffraction_reflections = 1;
     config.early_candidate_rays = 50'000;
     // As many paths from the source as from the listener, kept for 60 events: at equal time the T30 error two rooms away in house:1 is a
     // third (scattering 0.3) to 0.85 (scattering 1) of that of listener rays alone; fewer events leave more paths to the source volume.
@@ -67,6 +68,7 @@ void read(ConfigReader& reader, AcousticConfig& config) {
   reader.read("diffraction_order", config.diffraction_order);
   reader.read("diffraction_edge_m", config.diffraction_edge_m);
   reader.read("diffraction_paths", config.diffraction_paths);
+  reader.read("diffraction_reflections", config.diffraction_reflections);
   reader.read("transmission_walls", config.transmission_walls);
   reader.read("rays", config.rays);
   reader.read("source_rays", config.source_rays);
@@ -122,6 +124,8 @@ void validate(const AcousticConfig& config) {
           config.diffraction_edge_m, "must be in (0, 100] m");
   require(config.diffraction_paths >= 1 && config.diffraction_paths <= 10'000, "diffraction_paths", config.diffraction_paths,
           "must be in [1, 10000]");
+  require(config.diffraction_reflections == 0 || config.diffraction_reflections == 1, "diffraction_reflections",
+          config.diffraction_reflections, "must be 0 or 1");
   require(config.transmission_walls >= 1 && config.transmission_walls <= 50, "transmission_walls", config.transmission_walls,
           "must be in [1, 50]");
   require(config.source_rays >= 0 && config.source_rays <= 1 << 20, "source_rays", config.source_rays, "must be in [0, 2^20]");

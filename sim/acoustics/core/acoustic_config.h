@@ -23,6 +23,7 @@ struct AcousticConfig {
   int diffraction_order = 3;         ///< edges in a row, [1, 10]
   float diffraction_edge_m = 0.25f;  ///< shorter edges are left out, (0, 100]
   int diffraction_paths = 64;        ///< strongest paths that are kept, [1, 10000]
+  int diffraction_reflections = 0;   ///< in large planes, on either side of the edges of a path, [0, 1]; `high`: 1
   // transmission
   int transmission_walls = 8;  ///< in a row, [1, 50]
   // late field

@@ -44,6 +44,7 @@ std::uint64_t hash_of(const AcousticConfig& c, std::uint64_t scene_hash, bool tr
                             c.diffraction_edge_m, c.specular_exponent, c.field_error, c.field_cell_m})
     append_bytes(bytes, value);
   append_bytes(bytes, c.seed);
+  if (c.diffraction_reflections > 0) append_bytes(bytes, c.diffraction_reflections);
   return hash64(bytes);
 }
 

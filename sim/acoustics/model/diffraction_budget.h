@@ -18,6 +18,7 @@ struct DiffractionBudget {
   int sequences = 0, expansions = 0, paths = 0;
   bool near_boundary_only = false;  ///< in line of sight: of shadow boundaries only
   int attempts = 0;                 ///< paths per pose that pass the estimate and are worked out: one per ray with fewer than 512 rays
+  bool reflections = false;         ///< paths with a reflection on either side of their edges (edge_reflections.h)
   bool quick = false;  ///< with fewer than 512 rays: one point of an edge, not five, decides whether it is visible from the listener
 };
 

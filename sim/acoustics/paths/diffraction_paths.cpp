@@ -8,6 +8,7 @@
 #include <tuple>
 
 #include "sim/acoustics/paths/edge_growth.h"
+#include "sim/acoustics/paths/edge_reflections.h"
 #include "sim/acoustics/paths/line_of_sight.h"
 #include "sim/acoustics/paths/panel_reflection.h"
 
@@ -37,19 +38,6 @@ double level_db(const Arrival& arrival, int num_bands) {
 
 glm::dvec3 mirror(glm::dvec3 point, const DiffractionEdge& edge, glm::dvec3 normal) {
   return point - 2.0 * glm::dot(point - edge.start, normal) * normal;
-}
-
-/// Adds `wave` to the path whose identity is kept, with the phases of both at the band centres.
-void add_wave(const AcousticScene& scene, const Arrival& wave, Arrival& path) {
-  const double later_m = double{wave.distance_m} - path.distance_m;
-  for (int band = 0; band < scene.num_bands(); ++band) {
-    if (!(wave.amplitude[band] > 0.f)) continue;
-    const double wavenumber = 2.0 * kPi * scene.bands().centre_hz[band] / scene.speed_of_sound_m_per_s();
-    const std::complex<double> sum = std::polar(double{path.amplitude[band]}, double{path.phase_rad[band]}) +
-                                     std::polar(double{wave.amplitude[band]}, wave.phase_rad[band] - wavenumber * later_m);
-    path.amplitude[band] = static_cast<float>(std::abs(sum));
-    path.phase_rad[band] = static_cast<float>(std::arg(sum));
-  }
 }
 
 /// Amplitude and phase of the bands of a group.  Returns whether any is above 0.
@@ -276,6 +264,19 @@ int DiffractionCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 l
     return !scene.scene().rays().occluded(listener,
                                           edges.air_point(group.last_edge, std::clamp(along_m, inset_m, edge.length_m - inset_m)));
   };
+  // The strongest, of which reflections are looked for.
+  struct Base {
+    double db;
+    const EdgeCandidate* candidate;
+  };
+  std::array<Base, EdgeReflections::kSequences> base;
+  std::size_t num_base = 0;
+  const auto note_base = [&](double db, const EdgeCandidate& candidate) {
+    if (num_base == base.size() && db <= base.back().db) return;
+    std::size_t at = num_base < base.size() ? num_base++ : num_base - 1;
+    for (; at > 0 && base[at - 1].db < db; --at) base[at] = base[at - 1];
+    base[at] = {db, &candidate};
+  };
   Found found;
   std::array<double, kMaxBands> sight_ends{};
   const auto search = [&](bool boundaries_only) {
@@ -292,6 +293,7 @@ int DiffractionCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 l
         if (!find_path(scene, candidates_[i], listener, in_sight, least_db, std::span(arrivals).first(first), attempts, found)) continue;
         for (int band = 0; boundaries_only && band < num_bands; ++band)
           sight_ends[band] = std::max(sight_ends[band], std::clamp((found.jump[band] - 0.2) / 0.15, 0.0, 1.0));
+        if (budget.reflections) note_base(level_db(found.arrival[0], num_bands), candidates_[i]);
         for (const Arrival& arrival : std::span(found.arrival).first(static_cast<std::size_t>(found.count))) {
           const double db = level_db(arrival, num_bands);
           best_db = std::max(best_db, db);
@@ -312,6 +314,7 @@ int DiffractionCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 l
     found.sight_ends = sight_ends;
     arrivals.resize(first);
     best_db = weakest_db = -1e9;
+    num_base = 0;
     search(false);
   }
 
@@ -323,7 +326,7 @@ int DiffractionCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 l
     };
     for (std::size_t j = i; j > first && before(arrivals[j], arrivals[j - 1]); --j) std::swap(arrivals[j], arrivals[j - 1]);
   }
-  const auto count = static_cast<int>(arrivals.size() - first);
+  auto count = static_cast<int>(arrivals.size() - first);
   if (in_sight) {
     std::size_t kept = first;
     for (std::size_t i = first; i < arrivals.size(); ++i) {
@@ -347,6 +350,21 @@ int DiffractionCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 l
     const double gain = std::sqrt(most / energy) * (1.0 - 1e-6);
     for (std::size_t i = first; i < arrivals.size(); ++i)
       arrivals[i].amplitude[band] = static_cast<float>(gain * arrivals[i].amplitude[band]);
+  }
+  if (num_base > 0) {
+    std::array<EdgeSequence, EdgeReflections::kSequences> sequences;
+    for (std::size_t i = 0; i < num_base; ++i) sequences[i] = base[i].candidate->sequence;
+    EdgeReflections reflections(scene, bands_, source_, listener, std::span(arrivals).first(first),
+                                in_sight ? std::span<const double>(sight_ends) : std::span<const double>());
+    for (const Arrival& arrival : reflections.find(std::span(sequences).first(num_base))) {
+      ++count;
+      if (arrivals.size() - first < limit) {
+        arrivals.push_back(arrival);
+        continue;
+      }
+      bring_weakest_to_front();
+      if (level_db(arrival, num_bands) > weakest_db) arrivals[first] = arrival;
+    }
   }
   // Insertion sort: few entries, stable, no allocation.
   for (std::size_t i = std::max<std::size_t>(first, 1); i < arrivals.size(); ++i) {

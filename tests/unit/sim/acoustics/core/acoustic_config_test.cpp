@@ -39,7 +39,8 @@ TEST(Quality, ReadsEveryKey) {
   const AcousticConfig c = read_from(
       "{direct: off, early: on, late: off, diffraction: off, transmission: auto, air_absorption: off, early_order: 1, "
       "early_candidate_rays: 7, rays: 3, max_bounces: 5, time_bin_s: 0.002, sh_order: 2, rir_length_s: 0.75, source_radius_m: 0.1, "
-      "diffuse_last_segment: false, scattering: 0.5, late_decode_s: 0.25, glide_paths: 5, bands: 4, sample_rate_hz: 48000, "
+      "diffuse_last_segment: false, scattering: 0.5, late_decode_s: 0.25, glide_paths: 5, diffraction_reflections: 1, bands: 4, "
+      "sample_rate_hz: 48000, "
       "seed: 18446744073709551615, threads: 3}");
   EXPECT_EQ(c.direct, Switch::off);
   EXPECT_EQ(c.early, Switch::on);
@@ -58,6 +59,7 @@ TEST(Quality, ReadsEveryKey) {
   EXPECT_EQ(c.scattering, 0.5f);
   EXPECT_EQ(c.late_decode_s, 0.25f);
   EXPECT_EQ(c.glide_paths, 5);
+  EXPECT_EQ(c.diffraction_reflections, 1);
   EXPECT_EQ(c.bands, 4);
   EXPECT_EQ(c.sample_rate_hz, 48000.f);
   EXPECT_EQ(c.seed, 18446744073709551615u);  // H-50
@@ -80,6 +82,7 @@ TEST(Quality, MessagesNameKeyAndValue) {
   EXPECT_NE(with([](C& c) { c.rays = -1; }).find("rays = -1"), std::string::npos);
   EXPECT_NE(with([](C& c) { c.late_decode_s = -0.1f; }).find("late_decode_s = -0.1"), std::string::npos);
   EXPECT_NE(with([](C& c) { c.glide_paths = 65; }).find("glide_paths = 65"), std::string::npos);
+  EXPECT_NE(with([](C& c) { c.diffraction_reflections = 2; }).find("diffraction_reflections = 2"), std::string::npos);
   EXPECT_NE(with([](C& c) { c.bands = 33; }).find("bands = 33"), std::string::npos);
   EXPECT_NE(with([](C& c) { c.rir_length_s = NAN; }).find("rir_length_s"), std::string::npos);
   EXPECT_NE(with([](C& c) { c.rir_length_s = -1; }).find("rir_length_s"), std::string::npos);  // H-33

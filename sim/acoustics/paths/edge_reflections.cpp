@@ -1,0 +1,249 @@
+#include "sim/acoustics/paths/edge_reflections.h"
+
+#include <algorithm>
+#include <cmath>
+#include <complex>
+#include <glm/geometric.hpp>
+#include <numbers>
+#include <tuple>
+
+#include "sim/acoustics/geometry/exact_plane.h"
+#include "sim/acoustics/paths/panel_reflection.h"
+
+namespace earshot {
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+constexpr std::uint32_t kPlaneBit = 0x80000000u;  // tells planes from edges in an identity
+
+bool inside(const Bounds& bounds, glm::dvec3 p) {
+  return p.x >= bounds.lower.x && p.y >= bounds.lower.y && p.z >= bounds.lower.z &&  //
+         p.x <= bounds.upper.x && p.y <= bounds.upper.y && p.z <= bounds.upper.z;
+}
+
+double energy_of(const Arrival& arrival) {
+  double sum = 0;
+  for (const float amplitude : arrival.amplitude) sum += double{amplitude} * amplitude;
+  return sum;
+}
+
+}  // namespace
+
+void add_wave(const AcousticScene& scene, const Arrival& wave, Arrival& path) {
+  const double later_m = double{wave.distance_m} - path.distance_m;
+  for (int band = 0; band < scene.num_bands(); ++band) {
+    if (!(wave.amplitude[band] > 0.f)) continue;
+    const double wavenumber = 2.0 * kPi * scene.bands().centre_hz[band] / scene.speed_of_sound_m_per_s();
+    const std::complex<double> sum = std::polar(double{path.amplitude[band]}, double{path.phase_rad[band]}) +
+                                     std::polar(double{wave.amplitude[band]}, wave.phase_rad[band] - wavenumber * later_m);
+    path.amplitude[band] = static_cast<float>(std::abs(sum));
+    path.phase_rad[band] = static_cast<float>(std::arg(sum));
+  }
+}
+
+/// From an end of the path to the nearest edge.
+struct EdgeReflections::Leg {
+  glm::dvec3 toward{0};                      ///< unit, from the end of the path
+  std::array<double, kMaxBands> pressure{};  ///< factors of the plane
+};
+
+struct EdgeReflections::Found {
+  Arrival arrival;
+  int image = -1;  ///< index of the image path that this belongs to; -1: a path of its own
+};
+
+EdgeReflections::EdgeReflections(const AcousticScene& scene, std::span<const EdgeBands> bands, glm::vec3 source, glm::vec3 listener,
+                                 std::span<Arrival> images, std::span<const double> sight_weight)
+    : scene_(scene),
+      bands_(bands),
+      swapped_(std::tie(listener.x, listener.y, listener.z) < std::tie(source.x, source.y, source.z)),
+      from_(swapped_ ? listener : source),
+      to_(swapped_ ? source : listener),
+      images_(images),
+      sight_weight_(sight_weight) {}
+
+bool EdgeReflections::follow(glm::dvec3 from, int plane, glm::vec3 to, Leg& leg) const {
+  const EmbreeScene& rays = scene_.scene().rays();
+  leg.pressure.fill(1.0);
+  if (plane < 0) {
+    const double length_m = glm::length(glm::dvec3(to) - from);
+    if (!(length_m > 0)) return false;
+    leg.toward = (glm::dvec3(to) - from) / length_m;
+    return !rays.occluded(glm::vec3(from), to);
+  }
+  const MirrorPlane& rounded = scene_.planes()[static_cast<std::size_t>(plane)];
+  const ExactPlane mirror(rounded);
+  const double here = mirror.height(from), there = mirror.height(glm::dvec3(to));
+  if (!(here * there > 0)) return false;
+  const glm::dvec3 image = mirror.mirror(glm::dvec3(to));
+  if (!inside(rounded.bounds, from + here / (here + there) * (image - from))) return false;
+  leg.toward = glm::normalize(image - from);
+  const Hit hit = rays.intersect(glm::vec3(from), glm::vec3(leg.toward));
+  if (!hit.valid() || scene_.plane_of_triangle()[hit.triangle] != static_cast<std::uint32_t>(plane)) return false;
+  if (rays.occluded(offset_from_surface(hit.position, hit.normal), to)) return false;
+  const std::uint32_t material = scene_.scene().mesh().triangle_material[hit.triangle];
+  bool any = false;
+  for (int band = 0; band < scene_.num_bands(); ++band) {
+    leg.pressure[band] = std::sqrt(double{scene_.reflectance(material)[band]} * (1.0 - scene_.scattering(material)[band]));
+    any = any || leg.pressure[band] > 0;
+  }
+  return any;
+}
+
+bool EdgeReflections::find_path(const EdgeSequence& sequence, int first_plane, int second_plane, Found& found) {
+  const DiffractionEdges& edges = *scene_.diffraction_edges();
+  const auto order = static_cast<std::size_t>(sequence.order);
+  const auto image_of = [&](glm::vec3 end, int plane) {
+    return plane < 0 ? glm::dvec3(end) : ExactPlane(scene_.planes()[static_cast<std::size_t>(plane)]).mirror(glm::dvec3(end));
+  };
+  EdgePath path;
+  if (!shortest_path(edges, sequence, image_of(from_, first_plane), image_of(to_, second_plane), path)) return false;
+  const double distance_m = std::max(path.length_m, double{kLeastDistanceM});
+  if (distance_m > scene_.max_path_m()) return false;
+  const EdgePathField field(edges, path, false);
+  if (!field.valid()) return false;
+
+  // The planes in the order from the source, and the image path by them alone, if it is one at this pose.
+  found.image = -1;
+  const int near_source = swapped_ ? second_plane : first_plane, near_listener = swapped_ ? first_plane : second_plane;
+  std::array<std::uint32_t, kMaxDiffractionOrder + 2> met;
+  std::size_t num_planes = 0;
+  for (const int plane : {near_source, near_listener})
+    if (plane >= 0) met[num_planes++] = static_cast<std::uint32_t>(plane);
+  const std::uint64_t image = path_identity(ArrivalKind::reflection, std::span(met).first(num_planes));
+  for (std::size_t i = 0; i < images_.size() && found.image < 0; ++i)
+    if (images_[i].identity == image) found.image = static_cast<int>(i);
+  // Energy is complete where images are in sight: there only the waves of single edges count, and the image is the place for them.
+  const FiniteWedge& wedge = field.first_edge();
+  if (found.image >= 0 && order > 1) return false;
+  if (found.image < 0 && order == 1 && wedge.endless().weight(0) < 0) return false;
+
+  std::array<double, kMaxBands> weight;
+  weight.fill(1.0);
+  const auto wavenumber = [&](int band) { return 2.0 * kPi * scene_.bands().centre_hz[band] / scene_.speed_of_sound_m_per_s(); };
+  double most_weight = found.image < 0 && sight_weight_.empty() ? 1 : 0;
+  if (most_weight == 0) {
+    const double straight_detour_m =
+        sight_weight_.empty() ? 0 : FiniteWedge(edges[sequence.edge[0]], glm::dvec3(from_), glm::dvec3(to_)).detour_m(0);
+    for (int band = 0; band < scene_.num_bands(); ++band) {
+      const double waves_per_m = wavenumber(band) / (2.0 * kPi);
+      weight[band] = boundary_weight(waves_per_m * wedge.detour_m(0));
+      // In sight what belongs to no image fades away from the shadow boundary as the edge's own wave does.
+      if (found.image < 0)
+        weight[band] =
+            std::max({weight[band], boundary_weight(waves_per_m * straight_detour_m), sight_weight_[static_cast<std::size_t>(band)]});
+      most_weight = std::max(most_weight, weight[band]);
+    }
+  }
+  if (!(most_weight > 0)) return false;
+
+  const auto air_point = [&](std::size_t i) {
+    const double length_m = edges[sequence.edge[i]].length_m, inset_m = std::min(2.0 * edges.clearance_m(), 0.5 * length_m);
+    return edges.air_point(sequence.edge[i], std::clamp(path.along_m[i], inset_m, length_m - inset_m));
+  };
+  Leg first, last;
+  if (!follow(glm::dvec3(from_), first_plane, air_point(0), first) || !follow(glm::dvec3(to_), second_plane, air_point(order - 1), last))
+    return false;
+  for (std::size_t i = 1; i < order; ++i)
+    if (scene_.scene().rays().occluded(air_point(i - 1), air_point(i))) return false;
+
+  Arrival& arrival = found.arrival;
+  arrival = Arrival{};
+  arrival.kind = ArrivalKind::diffraction;
+  std::size_t count = 0;
+  if (near_source >= 0) met[count++] = static_cast<std::uint32_t>(near_source) | kPlaneBit;
+  for (std::size_t i = 0; i < order; ++i) met[count++] = sequence.edge[swapped_ ? order - 1 - i : i];
+  if (near_listener >= 0) met[count++] = static_cast<std::uint32_t>(near_listener) | kPlaneBit;
+  arrival.identity = path_identity(arrival.kind, std::span(met).first(count));
+  arrival.order = static_cast<int>(count);
+  arrival.distance_m = static_cast<float>(distance_m);
+  arrival.departure = glm::vec3(swapped_ ? last.toward : first.toward);
+  arrival.direction = glm::vec3(swapped_ ? first.toward : last.toward);
+
+  bool any = false;
+  for (const EdgeBands& bands : bands_) {
+    ComplexLanes ratio;
+    if (found.image < 0) {
+      ratio = field.ratio(bands);
+    } else {
+      const DiffractionEdge& edge = edges[sequence.edge[0]];
+      const Lanes &passed = bands.face[edge.first_material].transmitted, &then = bands.face[edge.second_material].transmitted;
+      FaceFactorLanes only_incidence;
+      only_incidence.incidence = 1.f - (edge.first_material == edge.second_material ? passed : passed * then);
+      ratio = wedge.ratio(bands.wave, wedge.own_length_m(), only_incidence);
+    }
+    const Lanes amplitude = root_of(norm(ratio)) * bands.free_path(distance_m), phase = argument(ratio);
+    for (int lane = 0; lane < bands.count; ++lane) {
+      const int band = bands.first + lane;
+      arrival.amplitude[band] = static_cast<float>(weight[band] * first.pressure[band] * last.pressure[band]) * amplitude[lane];
+      arrival.phase_rad[band] = phase[lane];
+      any = any || arrival.amplitude[band] > 0.f;
+    }
+  }
+  return any;
+}
+
+void EdgeReflections::keep(const Arrival& arrival) {
+  if (count_ < kMost) {
+    arrival_[count_++] = arrival;
+    return;
+  }
+  const auto weakest =
+      std::min_element(arrival_.begin(), arrival_.end(), [](const Arrival& a, const Arrival& b) { return energy_of(a) < energy_of(b); });
+  if (energy_of(*weakest) < energy_of(arrival)) *weakest = arrival;
+}
+
+std::span<const Arrival> EdgeReflections::find(std::span<const EdgeSequence> sequences) {
+  const DiffractionEdges& edges = *scene_.diffraction_edges();
+  const std::size_t num_sequences = std::min(sequences.size(), kSequences);
+  std::array<EdgeSequence, kSequences> sequence;
+  for (std::size_t i = 0; i < num_sequences; ++i) {
+    sequence[i] = sequences[i];
+    if (swapped_) std::reverse(sequence[i].edge.begin(), sequence[i].edge.begin() + sequence[i].order);
+  }
+  const int num_planes = static_cast<int>(std::min(scene_.planes().size(), kPlanes));
+  // Does a plane have an end and the edge next to it on one side?  Not an edge of its own: the wedge's field has that reflection.
+  const double apart_m = 10.0 * edges.clearance_m();
+  const auto sees = [&](glm::vec3 end, std::uint32_t edge, int plane) {
+    if (plane < 0) return true;
+    const ExactPlane mirror(scene_.planes()[static_cast<std::size_t>(plane)]);
+    const double side = mirror.height(glm::dvec3(end)) < 0 ? -1.0 : 1.0;
+    return std::max(side * mirror.height(edges[edge].at(0)), side * mirror.height(edges[edge].at(edges[edge].length_m))) > apart_m;
+  };
+  count_ = 0;
+  std::array<Found, kSequences> found;
+  for (int first = -1; first < num_planes; ++first) {
+    for (int second = first < 0 ? 0 : -1; second < num_planes; ++second) {
+      std::size_t count = 0;
+      for (std::size_t i = 0; i < num_sequences; ++i) {
+        const EdgeSequence& s = sequence[i];
+        if (!sight_weight_.empty() && s.order > 1) continue;
+        if (!sees(from_, s.edge[0], first) || !sees(to_, s.edge[static_cast<std::size_t>(s.order - 1)], second)) continue;
+        if (!find_path(s, first, second, found[count])) continue;
+        if (found[count].image < 0) {
+          ++count;
+        } else {
+          add_wave(scene_, found[count].arrival, images_[static_cast<std::size_t>(found[count].image)]);
+        }
+      }
+      if (count == 0) continue;
+      glm::dvec3 a(from_), b(to_);
+      if (first >= 0) a = ExactPlane(scene_.planes()[static_cast<std::size_t>(first)]).mirror(a);
+      if (second >= 0) b = ExactPlane(scene_.planes()[static_cast<std::size_t>(second)]).mirror(b);
+      const double straight_m = std::max(glm::length(a - b), double{kLeastDistanceM});
+      const double most = 1.0 / (4.0 * kPi * straight_m * 4.0 * kPi * straight_m);
+      for (int band = 0; band < scene_.num_bands(); ++band) {
+        double energy = 0;
+        for (std::size_t i = 0; i < count; ++i) energy += double{found[i].arrival.amplitude[band]} * found[i].arrival.amplitude[band];
+        if (energy <= most) continue;
+        const double gain = std::sqrt(most / energy) * (1.0 - 1e-6);
+        for (std::size_t i = 0; i < count; ++i)
+          found[i].arrival.amplitude[band] = static_cast<float>(gain * found[i].arrival.amplitude[band]);
+      }
+      for (std::size_t i = 0; i < count; ++i) keep(found[i].arrival);
+    }
+  }
+  return std::span(arrival_).first(count_);
+}
+
+}  // namespace earshot

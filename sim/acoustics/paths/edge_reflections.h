@@ -1,0 +1,59 @@
+#pragma once
+
+#include <array>
+#include <glm/vec3.hpp>
+#include <span>
+
+#include "sim/acoustics/core/arrival.h"
+#include "sim/acoustics/model/acoustic_scene.h"
+#include "sim/acoustics/paths/edge_bands.h"
+#include "sim/acoustics/paths/edge_path.h"
+
+namespace earshot {
+
+/// Paths over edges that are reflected once before their first edge, once after their last, or both: those of the edges by which sound gets
+/// to one listener already.
+///
+/// Each is the path over the same edges from the source or its image to the listener or its image (the sum of four screens in free field is
+/// a screen on a hard floor), of the field of EdgePathField, times the specular pressure factors of the planes.  Planes are among the
+/// scene's kPlanes largest: floor, ceiling, walls.  A path counts in full where the ray from image to image is held back by the edge; where
+/// it is an image path that is in sight, the wave of a single edge joins that path with its phase, near its boundary as in
+/// DiffractionCandidates.  Together the waves of one pair of planes have at most the energy that the free image would have.  Estimators of
+/// the late field diffract nothing: no energy is there twice.  Not here: two reflections on one side, reflections between edges, the size
+/// of the planes' panels.
+class EdgeReflections {
+ public:
+  static constexpr std::size_t kPlanes = 16, kSequences = 4, kMost = 24;
+
+  /// bands: edge_bands(scene).  `images` are direct sound and reflections at this pose.  sight_weight: empty where the listener is hidden;
+  /// in sight, per band how much all single edges count whatever their detour (1 on a shadow boundary).
+  EdgeReflections(const AcousticScene& scene, std::span<const EdgeBands> bands, glm::vec3 source, glm::vec3 listener,
+                  std::span<Arrival> images, std::span<const double> sight_weight);
+
+  /// Finds the paths that go with these edges (from the source), of which single ones count in sight: the first kSequences are looked at.
+  /// Adds waves to `images` and returns the others, at most kMost, the strongest.  Source and listener swapped give the same bits.  About 5
+  /// us for each pair of planes that sees both ends; no allocation.
+  std::span<const Arrival> find(std::span<const EdgeSequence> sequences);
+
+ private:
+  struct Leg;
+  struct Found;
+  bool find_path(const EdgeSequence& sequence, int first_plane, int second_plane, Found& found);
+  bool follow(glm::dvec3 from, int plane, glm::vec3 to, Leg& leg) const;
+  /// Is `arrival` worth more than the weakest of those kept?  Then it is kept.
+  void keep(const Arrival& arrival);
+
+  const AcousticScene& scene_;
+  std::span<const EdgeBands> bands_;
+  bool swapped_;         ///< paths are worked out from the listener, so that swapped ends give the same bits
+  glm::vec3 from_, to_;  ///< ends of the path as it is worked out
+  std::span<Arrival> images_;
+  std::span<const double> sight_weight_;
+  std::array<Arrival, kMost> arrival_;
+  std::size_t count_ = 0;
+};
+
+/// Adds `wave` to the path whose identity is kept, with the phases of both at the band centres.
+void add_wave(const AcousticScene& scene, const Arrival& wave, Arrival& path);
+
+}  // namespace earshot
