@@ -23,7 +23,7 @@ std::shared_ptr<const Scene> hall() {
 }
 
 TEST(HallSlow, ReferenceScattersByWhatItStates) {
-  constexpr int kSeeds = 32;
+  constexpr int kSeeds = 64;
   AcousticConfig config = acoustic_preset("high");
   config.bands = 1;
   config.sh_order = 0;
@@ -69,8 +69,8 @@ TEST(HallSlow, ReferenceScattersByWhatItStates) {
     std::printf("hall of 14,000 m3, %-3s %.4g: scatter %.4f, stated %.4f (%s), %d of %d within twice the stated error\n", rows[r].name,
                 mean.mean, scatter / unit, stated / unit, rows[r].relative ? "relative" : "dB", covered, kSeeds);
     EXPECT_LE(scatter / unit, rows[r].largest) << rows[r].name;
-    // Of 32 at 95 % 30.4 are expected; 28 or more come with 95 % probability.
-    EXPECT_GE(covered, 28) << rows[r].name;
+    // Of 64 at 95 % 60.8 are expected; 58 or more come with 96 % probability, and at 85 % they would come with 14 %.
+    EXPECT_GE(covered, 58) << rows[r].name;
   }
 }
 

@@ -17,6 +17,7 @@ namespace earshot {
 namespace {
 
 constexpr std::uint32_t kBatches = 16;
+constexpr double kLeastConnected = 0.25;                    // of listener vertices
 constexpr std::size_t kWaveBytes = std::size_t{256} << 20;  // of batch histograms held at once
 
 /// Counts finished units of work and reports the fraction that is done, one call at a time.
@@ -150,11 +151,20 @@ std::vector<Batch> deal_batches(std::uint32_t num_rays, std::uint32_t num_source
   return batches;
 }
 
-mis::Strategies strategies_of(const AcousticConfig& config, const BidirectionalOptions& options, const Batch& batch) {
+/// volume_radius_m: of the sphere that catches what no strategy connects; 0 if there is none.
+mis::Strategies strategies_of(const AcousticConfig& config, const BidirectionalOptions& options, const Batch& batch,
+                              float volume_radius_m) {
   mis::Strategies strategies{.next_event = options.next_event ? 1.0 : 0.0};
   if (batch.num_source_paths == 0) return strategies;
+  // As many connected listener rays as source paths: the others serve paths with a mirror at both ends, which only the volume catches, and
+  // are spared two shadow rays of three rays per vertex.
+  strategies.connected = std::clamp(double{1} * config.source_rays / config.rays, kLeastConnected, 1.0);
+  strategies.next_event *= strategies.connected;
   strategies.source_bounces = std::min(config.source_bounces, config.max_bounces);
-  if (options.connection) strategies.connection = 1.0 / strategies.source_bounces;
+  if (options.connection) strategies.connection = strategies.connected / strategies.source_bounces;
+  // A catch in the volume weighs 1 / (4 pi^2 r^2) in the mean: a connection over a shorter edge than r can weigh more.  Paths with no other
+  // open edge are then left to the volume; without next-event estimation some of them would be lost, as the volume only sees mirrors.
+  if (options.next_event && !options.short_edges) strategies.least_edge_m = volume_radius_m;
   if (options.to_listener) strategies.to_listener = static_cast<double>(batch.num_source_paths) / batch.num_rays;
   return strategies;
 }
@@ -228,7 +238,7 @@ TraceStats trace_bidirectional(const AcousticScene& scene, const EarlyCandidates
       tbb::parallel_for(std::size_t{0}, count, [&](std::size_t i) {
         const FlushDenormals flush_worker;
         BidirectionalScene own = shared;
-        own.strategies = strategies_of(config, options, dealt[first + i]);
+        own.strategies = strategies_of(config, options, dealt[first + i], shared.volume_radius_m);
         part_stats[i] = {};
         trace_batch(own, dealt[first + i], results[i], part_stats[i], progress);
         results[i].attenuate(scene.air_energy_per_m(), scene.speed_of_sound_m_per_s());

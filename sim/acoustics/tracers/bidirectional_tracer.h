@@ -28,6 +28,7 @@ struct BidirectionalOptions {
   std::function<void(double fraction)> progress = {};
   /// Kinds of connection; all on except for tests.  Without next_event, source_bounces must reach max_bounces or long paths are lost.
   bool next_event = true, connection = true, to_listener = true;
+  bool short_edges = false;  ///< connect surfaces nearer to each other than the radius of the source's sphere too; only for tests
 };
 
 /// Reference for the late field: bidirectional path tracing in bands.  config.source_rays paths from the source, of up to
@@ -40,7 +41,10 @@ struct BidirectionalOptions {
 ///  - Transmission: where traces_transmission(scene), rays pass walls with a probability of the mean over bands of tau over what is kept.
 ///    The straight line through walls is left out (find_transmitted carries it).
 ///  - Paths of which no strategy can connect an edge (mirror at both ends of everything diffuse) are caught by the source's sphere, whose
-///    radius is candidates.sound_source().radius_m, or config.source_radius_m for a point; no path is counted both ways.
+///    radius is candidates.sound_source().radius_m, or config.source_radius_m for a point; no path is counted both ways.  Edges between
+///    surfaces shorter than that radius are not connected: near corners the square of such a contribution has no mean.
+///  - With fewer source paths than listener rays only so many of the listener's vertices are connected, a quarter at least; all rays meet
+///    the sphere.
 ///  - config.diffuse_last_segment is ignored: the result is unbiased, up to the extent of that sphere.
 ///  - Rays and source paths are dealt out to 16 batches, independent of each other; `batches` gets their estimates if it is given.
 /// With source_rays = 0 only next-event estimation is left.

@@ -121,7 +121,7 @@ void connect_to_source(const BidirectionalScene& shared, const ListenerRay<W>& r
   if (strategies.source_bounces > 0) {
     const double later = ray.chain.later(strategies, ray.events, 0, mis::area_pdf(mis::kPointPdf, cosine, distance_m),
                                          shared.model.mean_pdf(material, normal, out, in));
-    factor *= static_cast<float>(mis::weight(strategies.next_event, 0, later));
+    factor *= static_cast<float>(mis::weight(strategies.next_event, 0, later) / strategies.next_event);
   }
   for (int b = 0; b < W; ++b) energy[b] *= factor;
   apply_emission(shared, -out, energy);
@@ -141,7 +141,7 @@ void connect_to_vertex(const BidirectionalScene& shared, const ListenerRay<W>& r
   if (!(height_here > 0.f && height_there > 0.f)) return;
   const float distance2 = glm::dot(between, between), distance_m = std::sqrt(distance2);
   const float path_m = ray.path_m + distance_m + vertex.path_m;
-  if (path_m > shared.max_path_m) return;
+  if (path_m > shared.max_path_m || distance_m < shared.strategies.least_edge_m) return;
   const glm::vec3 out = between / distance_m;
   const float cos_here = height_here / distance_m, cos_there = height_there / distance_m;
   alignas(32) float energy[W], there[W];
@@ -224,7 +224,8 @@ void leave_vertex(const BidirectionalScene& shared, ListenerRay<W>& ray, const s
     segment.pass(ray.hit.distance_m + extra_path_m);
   } else {
     if (segment.direct && segment.from_point) ray.first_edge_open = true;
-    if (segment.direct && !segment.from_point) ray.last_open_event = ray.events;
+    if (segment.direct && !segment.from_point && mis::samples_of_edge(shared.strategies, ray.hit.distance_m) > 0)
+      ray.last_open_event = ray.events;
     ray.chain.leave(shared.strategies, ray.events, shared.model.mean_pdf(material, normal, in, ray.direction),
                     shared.model.mean_pdf(material, normal, ray.direction, in), glm::dot(normal, ray.direction));
   }
@@ -261,13 +262,16 @@ void advance(const BidirectionalScene& shared, const SourceSubpaths<W>& sources,
     ray.chain.arrive(-glm::dot(ray.hit.normal, ray.direction), ray.hit.distance_m);
     constexpr std::uint32_t second_set = 0x80000000u;
     const std::array<float, 4> u = random.uniform4(second_set | static_cast<std::uint32_t>(ray.events));
+    const auto connected = static_cast<float>(shared.strategies.connected);
+    if (u[0] >= connected) continue;  // what is left of u[0] picks the event below
     if (shared.strategies.next_event > 0) {
       connect_to_source(shared, ray, material, point_of_source(shared, u[1], u[2], u[3]), path_weight, output);
     }
     if (shared.strategies.connection > 0) {
       // Another path at each vertex: neighbours on one ray do not share the luck of one path.
       const std::uint32_t path = (slot + static_cast<std::uint32_t>(ray.events) * 7919u) % sources.num_paths;
-      const auto event = std::min(static_cast<std::uint32_t>(u[0] * static_cast<float>(sources.num_events)), sources.num_events - 1);
+      const auto event =
+          std::min(static_cast<std::uint32_t>(u[0] / connected * static_cast<float>(sources.num_events)), sources.num_events - 1);
       connect_to_vertex(shared, ray, material, sources.vertices[std::size_t{path} * sources.num_events + event],
                         static_cast<int>(event) + 1, path_weight, output);
     }

@@ -25,10 +25,14 @@ inline constexpr double kLeastLength2 = 1e-24;  // m^2, of a ray that starts on 
 
 /// How many samples each strategy gets, relative to one per listener vertex.
 struct Strategies {
+  double connected = 1;    ///< probability that a listener vertex is connected to anything
   double next_event = 1;   ///< i = 0
   double connection = 0;   ///< 0 < i < k: probability that the one random source vertex is y_i
   double to_listener = 0;  ///< i = k: source paths per listener ray
   int source_bounces = 0;  ///< no strategy with i above this
+  /// No strategy connects two surface vertices nearer than this.  Where mirrors close all other edges of a path, nothing else weighs down
+  /// the 1 / d^2 of a short one, and near an edge of the mesh its square has no mean.
+  double least_edge_m = 0;
 };
 
 /// Density per area of a vertex met under `cosine` at `distance` along a direction of density `pdf` per solid angle.
@@ -46,6 +50,11 @@ struct Segment {
   bool from_point = true;  ///< it begins at the source or listener itself
   void pass(double distance_m) { length_m += distance_m, direct = false; }
 };
+
+/// Samples of the strategy that connects two surface vertices, per one that could.
+inline double samples_of_edge(const Strategies& strategies, double length_m) {
+  return length_m < strategies.least_edge_m ? 0.0 : strategies.connection;
+}
 
 /// What a source vertex contributes to every weight: the sum over earlier strategies is
 /// (density of the vertex from the listener's side) * inverse_pdf * (before + reverse_pdf * chain),
@@ -66,7 +75,7 @@ class SourceChain {
   [[nodiscard]] SourceEnd arrive(double cosine, double distance_m) const {
     const double length_m = segment_.length_m + distance_m;
     SourceEnd end{.inverse_pdf = 1 / area_pdf(segment_.pdf, cosine, length_m)};
-    if (segment_.direct) end.before = segment_.from_point ? strategies_->next_event : strategies_->connection;
+    if (segment_.direct) end.before = segment_.from_point ? strategies_->next_event : samples_of_edge(*strategies_, length_m);
     if (!segment_.from_point) end.chain = area_pdf(1, segment_.cosine, length_m) * inverse_pdf_ * sum_;
     return end;
   }
@@ -91,6 +100,7 @@ class ListenerChain {
   /// A vertex met `distance_m` further on, under `cosine`.  Valid until leave().
   void arrive(double cosine, double distance_m) {
     const double length_m = segment_.length_m + distance_m;
+    length_here_m_ = length_m;
     inverse_pdf_here_ = 1 / area_pdf(segment_.pdf, cosine, length_m);
     chain_here_ = segment_.from_point ? 0.0 : area_pdf(1, segment_.cosine, length_m) * inverse_pdf_;
   }
@@ -125,7 +135,7 @@ class ListenerChain {
 
  private:
   [[nodiscard]] double samples_of_segment(const Strategies& strategies) const {
-    return segment_.from_point ? strategies.to_listener : strategies.connection;
+    return segment_.from_point ? strategies.to_listener : samples_of_edge(strategies, length_here_m_);
   }
 
   static constexpr int kRing = 64;
@@ -134,7 +144,7 @@ class ListenerChain {
   int segment_event_ = 0;    // event at which the segment begins; 0: the listener
   int recorded_event_ = -1;  // event of the last entry of `running_`
   double inverse_pdf_ = 0;   // of the vertex at which the segment begins
-  double inverse_pdf_here_ = 0, chain_here_ = 0;
+  double inverse_pdf_here_ = 0, chain_here_ = 0, length_here_m_ = 0;
   double product_ = 1;  // density of the strategy of the last recorded edge, relative to that of the first edge
   std::array<double, kRing> running_{};
 };

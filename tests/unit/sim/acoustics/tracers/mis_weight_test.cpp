@@ -106,6 +106,7 @@ std::vector<double> weights_by_closed_form(const RandomPath& path, const mis::St
     if (i < k) density *= path.lobe[i + 1];
     double samples = i == 0 ? strategies.next_event : i == k ? strategies.to_listener : strategies.connection;
     if (edge.events > 1 || path.event_of(i) > strategies.source_bounces) samples = 0;
+    if (i > 0 && i < k && edge.length_m < strategies.least_edge_m) samples = 0;
     weights[i] = samples / density;
     sum += weights[i];
   }
@@ -131,6 +132,25 @@ TEST(MisWeight, EqualsTheClosedFormForLambertPathsBdpt) {
         EXPECT_NEAR(sum, expected_sum, 1e-5);
       }
     }
+  }
+}
+
+TEST(MisWeight, EdgesTooShortToConnectHaveNoWeight) {
+  // Lengths are even in log from 0.1 to 10 m: half of the inner edges of these paths are closed.
+  const mis::Strategies strategies{
+      .connected = 0.5, .next_event = 0.5, .connection = 0.05, .to_listener = 0.3, .source_bounces = 10, .least_edge_m = 1};
+  for (std::uint32_t index = 0; index < 300; ++index) {
+    const RandomPath path = draw_path(index, 1 + static_cast<int>(index % 40), index % 2 == 1);
+    const std::vector<double> expected = weights_by_closed_form(path, strategies);
+    double sum = 0, expected_sum = 0;
+    for (int i = 0; i <= path.surfaces(); ++i) {
+      expected_sum += expected[i];
+      if (expected[i] == 0) continue;
+      const double weight = weight_by_chains(path, strategies, i);
+      EXPECT_NEAR(weight, expected[i], 1e-5) << "path " << index << ", edge " << i;
+      sum += weight;
+    }
+    EXPECT_NEAR(sum, expected_sum, 1e-5);
   }
 }
 
