@@ -4,34 +4,17 @@
 #include <cmath>
 #include <vector>
 
+#include "sim/acoustics/core/jackknife.h"
 #include "sim/acoustics/metrics/late_errors.h"
 
 namespace earshot {
 namespace {
 
-/// Spread of the mean of `values`; null of fewer than two.
-OrderedJson error_of_mean(const std::vector<double>& values) {
-  if (values.size() < 2) return nullptr;
-  const auto n = static_cast<double>(values.size());
-  double mean = 0, square = 0;
-  for (const double value : values) mean += value / n;
-  for (const double value : values) square += (value - mean) * (value - mean);
-  return std::sqrt(square / (n - 1) / n);
+/// Twice this covers 95 %; null of fewer than two values.
+OrderedJson stated_error(const std::vector<double>& values) {
+  const std::optional<double> error = error_of_mean(values);
+  return error ? OrderedJson(*error * student_factor(static_cast<double>(values.size()) - 1)) : OrderedJson(nullptr);
 }
-
-/// Names of what has a standard error, beside rt60_s.
-struct ErrorEntry {
-  const char* key;
-  std::optional<double> BandMetrics::*value;
-  std::optional<double> BandErrors::*error;
-};
-constexpr std::array<ErrorEntry, 7> kErrors{{{"edt_s", &BandMetrics::edt_s, &BandErrors::edt_error_s},
-                                             {"t20_s", &BandMetrics::t20_s, &BandErrors::t20_error_s},
-                                             {"t30_s", &BandMetrics::t30_s, &BandErrors::t30_error_s},
-                                             {"c50_db", &BandMetrics::c50_db, &BandErrors::c50_error_db},
-                                             {"c80_db", &BandMetrics::c80_db, &BandErrors::c80_error_db},
-                                             {"g_db", &BandMetrics::g_db, &BandErrors::g_error_db},
-                                             {"drr_band_db", &BandMetrics::drr_db, &BandErrors::drr_error_db}}};
 
 OrderedJson errors_by_repetition(const AcousticScene& acoustics, const EarlyCandidates& candidates, glm::vec3 listener) {
   constexpr int batches = 8;
@@ -52,12 +35,12 @@ OrderedJson errors_by_repetition(const AcousticScene& acoustics, const EarlyCand
       std::vector<double> values;
       for (const RoomMetrics& of_batch : metrics)
         if (of_batch.bands[band].*value) values.push_back(*(of_batch.bands[band].*value));
-      json[key].push_back(error_of_mean(values));
+      json[key].push_back(stated_error(values));
     }
   };
   OrderedJson json = OrderedJson::object();
   add(json, "rt60_s", &BandMetrics::rt60_s);
-  for (const ErrorEntry& entry : kErrors) add(json, entry.key, entry.value);
+  for (const ErrorEntry& entry : kErrorEntries) add(json, entry.key, entry.value);
   return json;
 }
 
@@ -116,7 +99,7 @@ OrderedJson standard_errors_json(const AcousticScene& acoustics, const EarlyCand
   OrderedJson json = {{"rt60_s", OrderedJson::array()}};
   for (const BandErrors& error : errors)
     json["rt60_s"].push_back(number_or_null(error.t30_error_s ? error.t30_error_s : error.t20_error_s));
-  for (const ErrorEntry& entry : kErrors) {
+  for (const ErrorEntry& entry : kErrorEntries) {
     json[entry.key] = OrderedJson::array();
     for (const BandErrors& error : errors) json[entry.key].push_back(number_or_null(error.*entry.error));
   }

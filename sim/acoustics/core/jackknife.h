@@ -9,4 +9,11 @@ namespace earshot {
 /// (Tukey 1958).  nullopt if one of the values does not exist.
 std::optional<double> jackknife_error(std::span<const std::optional<double>> values);
 
+/// Standard error of the mean of independent values, from their own spread.  nullopt of fewer than two.
+std::optional<double> error_of_mean(std::span<const double> values);
+
+/// Quantile of 97.5 % of Student's distribution over that of Gauss: twice a standard error with so many degrees of freedom (one less than
+/// the values that it was estimated from), times this, covers 95 %.  Within 1 %; degrees >= 1.
+double student_factor(double degrees);
+
 }  // namespace earshot

@@ -25,27 +25,6 @@ void leave_out(const EnergyResponse& whole, int batch, EnergyResponse& rest) {
   }
 }
 
-/// What a statistic has for an error, and where that goes.
-struct Entry {
-  std::optional<double> BandMetrics::*value;
-  std::optional<double> BandErrors::*error;
-};
-constexpr std::array<Entry, 7> kEntries{{{&BandMetrics::edt_s, &BandErrors::edt_error_s},
-                                         {&BandMetrics::t20_s, &BandErrors::t20_error_s},
-                                         {&BandMetrics::t30_s, &BandErrors::t30_error_s},
-                                         {&BandMetrics::c50_db, &BandErrors::c50_error_db},
-                                         {&BandMetrics::c80_db, &BandErrors::c80_error_db},
-                                         {&BandMetrics::g_db, &BandErrors::g_error_db},
-                                         {&BandMetrics::drr_db, &BandErrors::drr_error_db}}};
-
-/// Quantile of 97.5 % of Student's distribution over that of Gauss: Hill's expansion to the second order, exact to 1 % from 5 degrees of
-/// freedom up (Abramowitz and Stegun 1964, 26.7.5).
-double student_factor(double degrees) {
-  const double x = 1.959964;
-  const double first = (x * x * x + x) / 4, second = (5 * std::pow(x, 5) + 16 * x * x * x + 3 * x) / 96;
-  return 1 + (first / degrees + second / (degrees * degrees)) / x;
-}
-
 }  // namespace
 
 std::vector<BandErrors> late_errors(const AcousticScene& scene, const EnergyResponse& response) {
@@ -68,18 +47,18 @@ std::vector<BandErrors> late_errors(const AcousticScene& scene, const EnergyResp
   rest.arrivals = response.arrivals;
   rest.late = response.late;
   rest.speed_of_sound_m_per_s = response.speed_of_sound_m_per_s;
-  std::array<std::vector<std::vector<std::optional<double>>>, kEntries.size()> values;
+  std::array<std::vector<std::vector<std::optional<double>>>, kErrorEntries.size()> values;
   values.fill(std::vector<std::vector<std::optional<double>>>(errors.size()));
   for (int i = 0; i < batches.count; ++i) {
     leave_out(response, i, rest);
     const RoomMetrics metrics = measure(scene, rest);
     for (std::size_t band = 0; band < errors.size(); ++band)
-      for (std::size_t e = 0; e < kEntries.size(); ++e) values[e][band].push_back(metrics.bands[band].*kEntries[e].value);
+      for (std::size_t e = 0; e < kErrorEntries.size(); ++e) values[e][band].push_back(metrics.bands[band].*kErrorEntries[e].value);
   }
   const double factor = student_factor(batches.count - 1);
   for (std::size_t band = 0; band < errors.size(); ++band) {
-    for (std::size_t e = 0; e < kEntries.size(); ++e) {
-      std::optional<double>& error = errors[band].*kEntries[e].error;
+    for (std::size_t e = 0; e < kErrorEntries.size(); ++e) {
+      std::optional<double>& error = errors[band].*kErrorEntries[e].error;
       error = jackknife_error(values[e][band]);
       if (error) *error *= factor;
     }

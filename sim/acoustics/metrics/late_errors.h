@@ -1,8 +1,10 @@
 #pragma once
 
+#include <array>
 #include <optional>
 #include <vector>
 
+#include "sim/acoustics/core/energy_decay.h"
 #include "sim/acoustics/model/acoustic_scene.h"
 #include "sim/acoustics/response/energy_response.h"
 
@@ -15,6 +17,20 @@ struct BandErrors {
   /// 95 % whatever their number.  nullopt where the value itself does not exist.
   std::optional<double> edt_error_s, t20_error_s, t30_error_s, c50_error_db, c80_error_db, g_error_db, drr_error_db;
 };
+
+/// A statistic of a band and its error.
+struct ErrorEntry {
+  const char* key;  ///< as in JSON
+  std::optional<double> BandMetrics::*value;
+  std::optional<double> BandErrors::*error;
+};
+inline constexpr std::array<ErrorEntry, 7> kErrorEntries{{{"edt_s", &BandMetrics::edt_s, &BandErrors::edt_error_s},
+                                                          {"t20_s", &BandMetrics::t20_s, &BandErrors::t20_error_s},
+                                                          {"t30_s", &BandMetrics::t30_s, &BandErrors::t30_error_s},
+                                                          {"c50_db", &BandMetrics::c50_db, &BandErrors::c50_error_db},
+                                                          {"c80_db", &BandMetrics::c80_db, &BandErrors::c80_error_db},
+                                                          {"g_db", &BandMetrics::g_db, &BandErrors::g_error_db},
+                                                          {"drr_band_db", &BandMetrics::drr_db, &BandErrors::drr_error_db}}};
 
 /// One entry per band; empty if the response was not traced in batches.  Cost: the metrics of one response per batch.
 std::vector<BandErrors> late_errors(const AcousticScene& scene, const EnergyResponse& response);
