@@ -18,11 +18,13 @@ constexpr double kParallel = 1e-4;                     // sine between planes th
 constexpr std::size_t kMaxSidePlanes = 24;             // per pair
 constexpr double kMaxFamilies = 64, kFewFamilies = 8;  // per pair; with few rays, whose noise is larger than what side planes add
 constexpr int kManyRays = 512;
-constexpr int kAcross = 12, kLevels = 4;  // samples of a strip along the line across and from plane to plane
-constexpr double kDecayDb = 35;           // of the diffuse field, where T30 ends: a flutter is compared with it there
-constexpr double kLeastRatio = 0.25;      // of their energies: a decibel
-constexpr double kLeastReflected = 0.6;   // of energy, mean of both planes: with less there are a few images and no flutter
-constexpr double kSpentFraction = 1e-8;   // of energy, after which a row of images ends
+// Samples of a strip: along the line across it, at least kAcross and no further apart than kStepM, and from plane to plane.
+constexpr int kAcross = 12, kMostAcross = 240, kLevels = 4;
+constexpr double kStepM = 0.25;
+constexpr double kDecayDb = 35;          // of the diffuse field, where T30 ends: a flutter is compared with it there
+constexpr double kLeastRatio = 0.25;     // of their energies: a decibel
+constexpr double kLeastReflected = 0.6;  // of energy, mean of both planes: with less there are a few images and no flutter
+constexpr double kSpentFraction = 1e-8;  // of energy, after which a row of images ends
 
 double specular(const AcousticScene& scene, std::uint32_t material, int band) {
   return double{scene.reflectance(material)[static_cast<std::size_t>(band)]} *
@@ -210,14 +212,19 @@ void FacingPlanes::add_family(const AcousticScene& scene, const Pair& pair, glm:
 
   // Side planes must be there over the whole height, and nothing before them.
   family.sides.fill(num_sides > 0 ? 0.0 : 1.0);
-  for (int level = 0; level < kLevels && num_sides > 0; ++level) {
+  int levels_found = 0;
+  for (int level = 0; level < kLevels; ++level) {
     const double height_m = pair.gap_m * (level + 0.5) / kLevels;
     std::array<double, kMaxBands> product;
-    product.fill(1.0 / kLevels);
+    product.fill(1.0);
+    bool whole = true;
     for (int c = 0; c <= num_sides; ++c) {
       const glm::dvec3 from = at(corner[static_cast<std::size_t>(c)], height_m), to = at(corner[static_cast<std::size_t>(c) + 1], height_m);
       const double length_m = glm::length(to - from);
-      if (length_m < 1e-6 * scene.diagonal_m()) return;  // through the edge of two planes: of no measure
+      if (length_m < 1e-6 * scene.diagonal_m()) {
+        if (num_sides == 0) break;  // straight above each other: a line and no strip
+        return;                     // through the edge of two planes: of no measure
+      }
       const glm::vec3 direction((to - from) / length_m);
       const glm::vec3 origin = c == 0 ? glm::vec3(from) : offset_from_surface(glm::vec3(from), direction);
       const Hit hit = rays.intersect(origin, direction);
@@ -227,14 +234,17 @@ void FacingPlanes::add_family(const AcousticScene& scene, const Pair& pair, glm:
       }
       const std::uint32_t plane = sides[static_cast<std::size_t>(num_sides - 1 - c)];
       if (!hit.valid() || scene.plane_of_triangle()[hit.triangle] != plane) {
-        family.free = false;
+        family.free = whole = false;
         break;
       }
       const std::uint32_t material = scene.scene().mesh().triangle_material[hit.triangle];
       for (int b = 0; b < num_bands; ++b) product[static_cast<std::size_t>(b)] *= specular(scene, material, b);
     }
+    if (!whole || num_sides == 0) continue;
+    ++levels_found;
     for (int b = 0; b < num_bands; ++b) family.sides[static_cast<std::size_t>(b)] += product[static_cast<std::size_t>(b)];
   }
+  for (double& fraction : family.sides) fraction /= std::max(levels_found, 1);
 
   // Both planes along that line, and nothing between them.
   std::array<double, kMaxSides + 2> along{};
@@ -245,8 +255,9 @@ void FacingPlanes::add_family(const AcousticScene& scene, const Pair& pair, glm:
   const double whole_m = along[static_cast<std::size_t>(num_sides) + 1];
   std::array<std::array<double, kMaxBands>, 2> log_sum{};
   int found = 0;
-  for (int k = 0; k < kAcross; ++k) {
-    const double to_go_m = whole_m * (k + 0.5) / kAcross;
+  const int samples = std::clamp(static_cast<int>(std::ceil(whole_m / kStepM)), kAcross, kMostAcross);
+  for (int k = 0; k < samples; ++k) {
+    const double to_go_m = whole_m * (k + 0.5) / samples;
     std::size_t c = 1;
     while (static_cast<int>(c) < num_sides + 1 && along[c] < to_go_m) ++c;
     const double part_m = along[c] - along[c - 1];
@@ -301,24 +312,38 @@ void FacingPlanes::add_family(const AcousticScene& scene, const Pair& pair, glm:
   int order = 0;
   while (static_cast<std::size_t>((order + 1) * (order + 1)) < coefficients) ++order;
   const double speed = scene.speed_of_sound_m_per_s(), across2 = glm::dot(family.across, family.across);
-  const int longest = family.free ? 0xFFFF : std::min<int>(kTracedBounces, 0xFFFF);
   for (const int way : {-1, 1}) {  // plane 0 or plane 1 first, from the listener
     std::array<double, kMaxBands> energy = family.sides, traced;
-    for (int n = 1; n <= longest; ++n) {
+    const auto rise_of = [&](int n) { return way * n * pair.gap_m + (n % 2 == 0 ? source_m : pair.gap_m - source_m) - listener_m; };
+    // Past kTracedBounces, of an obstructed strip: the fraction that comes through is that of two paths out of each run of a quarter more
+    // bounces.  What is wide across the strip blocks them all from some length on: the row ends with two runs of which nothing is left.
+    int run_end = kTracedBounces, blocked_runs = 0;
+    double passing = 1;
+    for (int n = 1; n <= 0xFFFF; ++n) {
       const bool at_far = (n % 2 == 1) == (way == 1);
       double most = 0;
       for (int b = 0; b < num_bands; ++b) {
         const auto i = static_cast<std::size_t>(b);
         most = std::max(most, energy[i] *= family.ends[at_far ? 1 : 0][i]);
       }
-      if (family.free && most < kSpentFraction) break;
+      if (most < kSpentFraction && (family.free || n > kTracedBounces)) break;
       if (n < least_bounces_) continue;
-      const double rise_m = way * n * pair.gap_m + (n % 2 == 0 ? source_m : pair.gap_m - source_m) - listener_m;
+      const double rise_m = rise_of(n);
       const double distance_m = std::sqrt(across2 + rise_m * rise_m);
       if (distance_m > scene.max_path_m()) break;
-      if (!family.free && !follow(n, rise_m, traced)) continue;
-      const std::array<double, kMaxBands>& kept = family.free ? energy : traced;
-      const double spread = 1.0 / (16.0 * std::numbers::pi * std::numbers::pi * distance_m * distance_m);
+      const bool one_by_one = !family.free && n <= kTracedBounces;
+      if (one_by_one && !follow(n, rise_m, traced)) continue;
+      if (!family.free && n > run_end) {
+        const int size = std::max(4, n / 4), early = n + size / 4, late = early + ((size / 2 - 1) | 1);
+        run_end = n + size - 1;
+        passing = 0;
+        for (const int bounces : {early, late}) passing += follow(bounces, rise_of(bounces), traced) ? 0.5 : 0.0;
+        blocked_runs = passing > 0 ? 0 : blocked_runs + 1;
+        if (blocked_runs == 2) break;
+      }
+      if (!(passing > 0)) continue;
+      const std::array<double, kMaxBands>& kept = one_by_one ? traced : energy;
+      const double spread = passing / (16.0 * std::numbers::pi * std::numbers::pi * distance_m * distance_m);
       for (int b = 0; b < num_bands; ++b) {
         const auto i = static_cast<std::size_t>(b);
         const double air_per_m = double{scene.air_energy_per_m()[i]};
