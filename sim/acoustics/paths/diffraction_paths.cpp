@@ -17,6 +17,7 @@ namespace {
 
 constexpr double kPi = std::numbers::pi;
 constexpr double kRankingHz = 500;
+constexpr float kMostRaised = 1.171f;  // past a straight edge, by Fresnel's integrals: 1.4 dB where it passes furthest above the free field
 constexpr double kMostBelowBestDb = 30;  // of a path that is still worked out
 /// An estimate may be this much too low: Kurze-Anderson at a corner (4.1 dB), and bands below the one it is made at.
 constexpr double kMarginDb = 9;
@@ -329,6 +330,11 @@ int DiffractionCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 l
   auto count = static_cast<int>(arrivals.size() - first);
   if (in_sight) {
     std::size_t kept = first;
+    std::array<float, kMaxBands> before{};
+    const auto direct = std::find_if(arrivals.begin(), arrivals.begin() + static_cast<std::ptrdiff_t>(first),
+                                     [](const Arrival& path) { return path.kind == ArrivalKind::direct; });
+    const auto has_direct = direct != arrivals.begin() + static_cast<std::ptrdiff_t>(first);
+    if (has_direct) before = direct->amplitude;
     for (std::size_t i = first; i < arrivals.size(); ++i) {
       if (arrivals[i].order >= 0) {
         add_wave(scene, arrivals[i], arrivals[static_cast<std::size_t>(arrivals[i].order)]);
@@ -337,6 +343,9 @@ int DiffractionCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 l
         arrivals[kept++] = arrivals[i];
       }
     }
+    // Sums over many edges, each as if it were alone, must not raise it above what one does at most.
+    for (int band = 0; has_direct && band < num_bands; ++band)
+      direct->amplitude[band] = std::min(direct->amplitude[band], kMostRaised * before[band]);
     arrivals.resize(kept);
   }
 

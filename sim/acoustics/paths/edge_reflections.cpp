@@ -42,7 +42,7 @@ void add_wave(const AcousticScene& scene, const Arrival& wave, Arrival& path) {
 }
 
 /// From an end of the path to the nearest edge.
-struct EdgeReflections::Leg {
+struct EdgeReflections::EndSegment {
   glm::dvec3 toward{0};                      ///< unit, from the end of the path
   std::array<double, kMaxBands> pressure{};  ///< factors of the plane
 };
@@ -62,13 +62,13 @@ EdgeReflections::EdgeReflections(const AcousticScene& scene, std::span<const Edg
       images_(images),
       sight_weight_(sight_weight) {}
 
-bool EdgeReflections::follow(glm::dvec3 from, int plane, glm::vec3 to, Leg& leg) const {
+bool EdgeReflections::follow(glm::dvec3 from, int plane, glm::vec3 to, EndSegment& segment) const {
   const EmbreeScene& rays = scene_.scene().rays();
-  leg.pressure.fill(1.0);
+  segment.pressure.fill(1.0);
   if (plane < 0) {
     const double length_m = glm::length(glm::dvec3(to) - from);
     if (!(length_m > 0)) return false;
-    leg.toward = (glm::dvec3(to) - from) / length_m;
+    segment.toward = (glm::dvec3(to) - from) / length_m;
     return !rays.occluded(glm::vec3(from), to);
   }
   const MirrorPlane& rounded = scene_.planes()[static_cast<std::size_t>(plane)];
@@ -77,15 +77,15 @@ bool EdgeReflections::follow(glm::dvec3 from, int plane, glm::vec3 to, Leg& leg)
   if (!(here * there > 0)) return false;
   const glm::dvec3 image = mirror.mirror(glm::dvec3(to));
   if (!inside(rounded.bounds, from + here / (here + there) * (image - from))) return false;
-  leg.toward = glm::normalize(image - from);
-  const Hit hit = rays.intersect(glm::vec3(from), glm::vec3(leg.toward));
+  segment.toward = glm::normalize(image - from);
+  const Hit hit = rays.intersect(glm::vec3(from), glm::vec3(segment.toward));
   if (!hit.valid() || scene_.plane_of_triangle()[hit.triangle] != static_cast<std::uint32_t>(plane)) return false;
   if (rays.occluded(offset_from_surface(hit.position, hit.normal), to)) return false;
   const std::uint32_t material = scene_.scene().mesh().triangle_material[hit.triangle];
   bool any = false;
   for (int band = 0; band < scene_.num_bands(); ++band) {
-    leg.pressure[band] = std::sqrt(double{scene_.reflectance(material)[band]} * (1.0 - scene_.scattering(material)[band]));
-    any = any || leg.pressure[band] > 0;
+    segment.pressure[band] = std::sqrt(double{scene_.reflectance(material)[band]} * (1.0 - scene_.scattering(material)[band]));
+    any = any || segment.pressure[band] > 0;
   }
   return any;
 }
@@ -141,7 +141,7 @@ bool EdgeReflections::find_path(const EdgeSequence& sequence, int first_plane, i
     const double length_m = edges[sequence.edge[i]].length_m, inset_m = std::min(2.0 * edges.clearance_m(), 0.5 * length_m);
     return edges.air_point(sequence.edge[i], std::clamp(path.along_m[i], inset_m, length_m - inset_m));
   };
-  Leg first, last;
+  EndSegment first, last;
   if (!follow(glm::dvec3(from_), first_plane, air_point(0), first) || !follow(glm::dvec3(to_), second_plane, air_point(order - 1), last))
     return false;
   for (std::size_t i = 1; i < order; ++i)

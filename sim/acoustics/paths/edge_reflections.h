@@ -36,10 +36,10 @@ class EdgeReflections {
   std::span<const Arrival> find(std::span<const EdgeSequence> sequences);
 
  private:
-  struct Leg;
+  struct EndSegment;
   struct Found;
   bool find_path(const EdgeSequence& sequence, int first_plane, int second_plane, Found& found);
-  bool follow(glm::dvec3 from, int plane, glm::vec3 to, Leg& leg) const;
+  bool follow(glm::dvec3 from, int plane, glm::vec3 to, EndSegment& segment) const;
   /// Is `arrival` worth more than the weakest of those kept?  Then it is kept.
   void keep(const Arrival& arrival);
 
