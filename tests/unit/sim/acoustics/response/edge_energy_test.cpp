@@ -93,6 +93,18 @@ TEST(EdgeEnergy, FoldedWallIsAFlatOne) {
   EXPECT_LT(gain.worst_db, 0.1);
 }
 
+TEST(EdgeEnergy, EdgesOfADeeperFoldMoveEnergyAndAddNone) {
+  // Strips at +-20 degrees: every other edge has 220 degrees of air and takes part in reflections.
+  const auto geometry = rooms::scene_of(folded_room(20), {Material::uniform("wall", 0.1f, 0.1f)});
+  for (const std::size_t band : {0u, 2u}) {
+    const Gain gain = gain_of(geometry, rooms::point(4, 2.2, 1.5), listeners_in({0.8, 0.5, 0.5}, {5.5, 6.7, 3.5}, 24), band);
+    std::printf("fold of 20 degrees, band %zu: mean %.4f, worst %.4f dB\n", band, gain.mean_db, gain.worst_db);
+    EXPECT_GT(gain.worst_db, 0.001) << "no edge acts";
+    EXPECT_LT(std::abs(gain.mean_db), 0.1);
+    EXPECT_LT(gain.worst_db, 0.5);
+  }
+}
+
 TEST(EdgeEnergy, FoldedWallHasTheLevelsOfAFlatOne) {
   // Another geometry, other rays: their noise is below 0.1 dB.
   AcousticConfig config;
@@ -111,8 +123,10 @@ TEST(EdgeEnergy, OpenReflectorsAddNothing) {
   const auto geometry = rooms::scene_of(hall_with_reflectors(), {Material::uniform("wall", 0.15f, 0.2f)});
   for (const std::size_t band : {0u, 1u, 3u}) {
     const Gain gain = gain_of(geometry, rooms::point(3, 10, 1.5), listeners_in({8, 2, 1}, {28, 18, 2}, 16), band);
-    EXPECT_LT(std::abs(gain.mean_db), 0.1);
-    EXPECT_LT(gain.worst_db, 0.5);
+    std::printf("reflectors, band %zu: mean %.4f, worst %.4f dB\n", band, gain.mean_db, gain.worst_db);
+    // Twice what is seen; the audit saw 0.5 and 1.5 dB before waves were added with their phase.
+    EXPECT_LT(std::abs(gain.mean_db), 0.015);
+    EXPECT_LT(gain.worst_db, 0.1);
   }
 }
 
@@ -154,7 +168,8 @@ TEST(EdgeEnergy, FewAndManyRaysAgreeInAFurnishedRoom) {
     }
   }
   ASSERT_GT(in_sight, 20);
-  EXPECT_LT(std::abs(mean_db / in_sight), 0.1);
+  std::printf("few and many rays: mean %.4f, worst %.4f dB\n", mean_db / in_sight, worst_db);
+  EXPECT_LT(std::abs(mean_db / in_sight), 0.05);  // twice what is seen
   EXPECT_LT(worst_db, 1.0);
 }
 
