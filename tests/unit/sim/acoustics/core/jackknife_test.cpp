@@ -11,7 +11,8 @@ namespace {
 
 TEST(Jackknife, StudentFactorsAreThoseOfTheTable) {
   // t(0.975) over 1.959964 (Abramowitz and Stegun 1964, table 26.10).
-  const double table[][2] = {{1, 12.706}, {2, 4.303}, {3, 3.182}, {4, 2.776}, {5, 2.571}, {7, 2.365}, {10, 2.228}, {15, 2.131}, {60, 2.000}};
+  const double table[][2] = {{1, 12.706}, {2, 4.303},  {3, 3.182},  {4, 2.776}, {5, 2.571},
+                             {7, 2.365},  {10, 2.228}, {15, 2.131}, {60, 2.000}};
   for (const auto& [degrees, quantile] : table) EXPECT_NEAR(student_factor(degrees), quantile / 1.959964, 0.01 * quantile / 1.959964);
 }
 

@@ -60,9 +60,8 @@ TEST(CornerConnections, ShortEdgesAreLeftToTheVolume) {
     });
   };
   // The tracer from the listener connects no two surfaces.
-  const Statistics from_listener = over_seeds([&](const AcousticConfig& config) {
-    return rooms::total_energy(rooms::late_field(room, config, source(), listener()));
-  });
+  const Statistics from_listener =
+      over_seeds([&](const AcousticConfig& config) { return rooms::total_energy(rooms::late_field(room, config, source(), listener())); });
   const Statistics all = both_ends(true), open = both_ends(false);
   const auto print = [](const char* what, const Statistics& s) {
     std::printf("corner, %s: late energy %.5g +- %.1g, kurtosis over seeds %.1f, largest %.2f of the mean\n", what, s.total.mean,
