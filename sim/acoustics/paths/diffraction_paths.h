@@ -37,11 +37,10 @@ class DiffractionCandidates {
   /// and reflection boundaries: there what the wave of a single edge does to the direct sound is added to it with its phase, and what goes
   /// on where an image has ended is an arrival.  (Images themselves have the size of their panels: panel_reflection.h.)  That weighs 1 up
   /// to a detour of a quarter of a wave, 0 from half a wave on (docs/estimators.md, section 14); on a shadow boundary itself all single
-  /// edges count, as they do behind it.  Wedges blunter than 195 degrees take no part in reflections: images in their two faces overlap and
-  /// gap by turns, and are that of a plane in the mean. With config.diffraction_reflections,
-  /// paths that are reflected before or after their edges as well (edge_reflections.h).  in_sight: is the line from the source free
-  /// (line_of_sight.h)?  Returns how many
-  /// paths matter here.
+  /// edges count, as they do behind it.  Many edges raise the direct sound by at most what one does, 1.4 dB.  Wedges blunter than 195
+  /// degrees take no part in reflections: images in their two faces overlap and gap by turns, and are that of a plane in the mean. With
+  /// config.diffraction_reflections, paths that are reflected before or after their edges as well (edge_reflections.h).  in_sight: is the
+  /// line from the source free (line_of_sight.h)?  Returns how many paths matter here.
   int find_arrivals(const AcousticScene& scene, glm::vec3 listener, bool in_sight, std::vector<Arrival>& arrivals) const;
   /// The same, with a ray of its own for the line of sight.
   int find_arrivals(const AcousticScene& scene, glm::vec3 listener, std::vector<Arrival>& arrivals) const;
