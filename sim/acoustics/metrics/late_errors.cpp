@@ -5,12 +5,14 @@
 
 #include "sim/acoustics/core/jackknife.h"
 #include "sim/acoustics/metrics/room_metrics.h"
+#include "sim/acoustics/response/scattered_energy.h"
 
 namespace earshot {
 namespace {
 
-/// The response with the late energy of all batches but one.  Harmonics above order 0 are left as they are: no decay time depends on them.
-void leave_out(const EnergyResponse& whole, int batch, EnergyResponse& rest) {
+/// The response with the late energy of all batches but one; what panels scatter belongs to none and stays whole.  Harmonics above order 0
+/// are left as they are: no decay time depends on them.
+void leave_out(const EnergyResponse& whole, const EnergyHistogram& scattered, int batch, EnergyResponse& rest) {
   const LateBatches& batches = whole.batches;
   const double n = batches.count;
   const auto stride = static_cast<std::size_t>(whole.late.num_coefficients());
@@ -20,7 +22,8 @@ void leave_out(const EnergyResponse& whole, int batch, EnergyResponse& rest) {
       for (int i = 0; i < batches.count; ++i) {
         if (i != batch) sum += batches.at(i, bin, band);
       }
-      rest.late.values()[(static_cast<std::size_t>(bin) * batches.num_bands + band) * stride] = static_cast<float>(sum / (n - 1));
+      rest.late.values()[(static_cast<std::size_t>(bin) * batches.num_bands + band) * stride] =
+          static_cast<float>(sum / (n - 1)) + scattered.energy(bin, band);
     }
   }
 }
@@ -30,6 +33,8 @@ void leave_out(const EnergyResponse& whole, int batch, EnergyResponse& rest) {
 std::vector<BandErrors> late_errors(const AcousticScene& scene, const EnergyResponse& response) {
   const LateBatches& batches = response.batches;
   if (batches.count < 2) return {};
+  EnergyHistogram scattered(response.late.num_bins(), response.late.num_bands(), 0, response.late.bin_s());
+  add_scattered_energy(response.scattered, response.speed_of_sound_m_per_s, scattered);
   std::vector<BandErrors> errors(static_cast<std::size_t>(batches.num_bands));
   for (int band = 0; band < batches.num_bands; ++band) {
     double mean = 0, squares = 0;
@@ -40,6 +45,7 @@ std::vector<BandErrors> late_errors(const AcousticScene& scene, const EnergyResp
     }
     for (const double energy : total) squares += (energy - mean) * (energy - mean);
     errors[band].late_energy = mean;
+    for (int bin = 0; bin < batches.num_bins; ++bin) errors[band].late_energy += static_cast<double>(scattered.energy(bin, band));
     errors[band].late_energy_error = std::sqrt(squares / (double{1} * batches.count * (batches.count - 1)));
   }
 
@@ -50,7 +56,7 @@ std::vector<BandErrors> late_errors(const AcousticScene& scene, const EnergyResp
   std::array<std::vector<std::vector<std::optional<double>>>, kErrorEntries.size()> values;
   values.fill(std::vector<std::vector<std::optional<double>>>(errors.size()));
   for (int i = 0; i < batches.count; ++i) {
-    leave_out(response, i, rest);
+    leave_out(response, scattered, i, rest);
     const RoomMetrics metrics = measure(scene, rest);
     for (std::size_t band = 0; band < errors.size(); ++band)
       for (std::size_t e = 0; e < kErrorEntries.size(); ++e) values[e][band].push_back(metrics.bands[band].*kErrorEntries[e].value);

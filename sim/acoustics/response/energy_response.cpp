@@ -9,6 +9,7 @@
 #include <span>
 
 #include "sim/acoustics/paths/transmission.h"
+#include "sim/acoustics/response/scattered_energy.h"
 #include "sim/acoustics/source_field/source_field.h"
 #include "sim/base/coordinates.h"
 #include "sim/base/denormals.h"
@@ -29,39 +30,11 @@ void apply_emission(const Emission& emission, std::size_t num_bands, std::span<A
   }
 }
 
-bool is_finite(glm::vec3 v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
-
-bool is_finite(const Arrival& arrival, std::size_t num_bands) {
-  bool finite = std::isfinite(arrival.distance_m) && is_finite(arrival.direction) && is_finite(arrival.departure);
-  for (std::size_t band = 0; band < num_bands; ++band)
-    finite = finite && std::isfinite(arrival.amplitude[band]) && std::isfinite(arrival.phase_rad[band]);
-  return finite;
-}
-
-/// Takes out what is not finite.  Returns how many.
-std::uint64_t drop_nonfinite(std::size_t num_bands, std::vector<Arrival>& arrivals) {
-  return std::erase_if(arrivals, [&](const Arrival& arrival) { return !is_finite(arrival, num_bands); });
-}
-
 /// Has the size of a panel changed an image, in energy or phase?
 bool panels_matter(const EnergyResponse& response) {
   return !response.scattered.empty() || std::ranges::any_of(response.arrivals, [](const Arrival& arrival) {
     return arrival.kind == ArrivalKind::reflection && std::ranges::any_of(arrival.phase_rad, [](float phase) { return phase != 0.f; });
   });
-}
-
-/// Energy that panels scatter joins the late field in the place of their images, without a direction.
-void add_scattered(const AcousticScene& scene, EnergyResponse& response) {
-  if (scene.config().late == Switch::off || response.late.num_bins() == 0) return;
-  std::array<float, kMaxBands> energy;
-  std::array<float, 256> sh{};
-  sh[0] = 1.f;
-  const auto bands = static_cast<std::size_t>(scene.num_bands());
-  for (const Arrival& arrival : response.scattered) {
-    for (std::size_t band = 0; band < bands; ++band) energy[band] = arrival.amplitude[band] * arrival.amplitude[band];
-    response.late.add(arrival.distance_m / response.speed_of_sound_m_per_s, std::span(energy).first(bands),
-                      std::span(sh).first(static_cast<std::size_t>(response.late.num_coefficients())));
-  }
 }
 
 }  // namespace
@@ -89,7 +62,8 @@ void compute_energy_response(const AcousticScene& scene, const EarlyCandidates& 
   if (effects.transmission) find_transmitted_behind_walls(scene, candidates.source(), listener, response.arrivals);
   apply_emission(candidates.emission(), static_cast<std::size_t>(scene.num_bands()), response.arrivals);
   apply_emission(candidates.emission(), static_cast<std::size_t>(scene.num_bands()), response.scattered);
-  const std::uint64_t nonfinite_arrivals = drop_nonfinite(static_cast<std::size_t>(scene.num_bands()), response.arrivals);
+  const std::uint64_t nonfinite_arrivals = drop_nonfinite(static_cast<std::size_t>(scene.num_bands()), response.arrivals) +
+                                           drop_nonfinite(static_cast<std::size_t>(scene.num_bands()), response.scattered);
   if (!has_shape_of(scene, response.late)) response.late = make_histogram(scene);
   if (field != nullptr) {
     response.batches.clear();
@@ -102,7 +76,8 @@ void compute_energy_response(const AcousticScene& scene, const EarlyCandidates& 
     response.stats = trace_late(scene, candidates, listener, response.late);
   }
   response.stats.nonfinite_dropped += nonfinite_arrivals;
-  add_scattered(scene, response);
+  if (scene.config().late != Switch::off && response.late.num_bins() > 0)
+    add_scattered_energy(response.scattered, response.speed_of_sound_m_per_s, response.late);
   response.effects = count_effects(scene, effects, field != nullptr);
 }
 
