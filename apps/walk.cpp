@@ -91,7 +91,7 @@ class WalkSource {
       candidates_ = std::make_unique<EarlyCandidates>(acoustics, source_);
     }
     respond(acoustics, glm::vec3(listener.position), block_index);
-    const std::span<const std::uint8_t> glides = glider.choose(response_);
+    const std::span<const std::uint8_t> glides = glider.choose(response_, &gliding_);
     synthesizer.render(response_, orientation,
                        {carrier_key_, glm::vec3(listener.position), moving_ ? std::optional(source_.position) : std::nullopt}, rir_,
                        nullptr, glides);

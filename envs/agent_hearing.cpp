@@ -85,7 +85,7 @@ bool AgentHearing::synthesize(HearingEngines& engines, double heading_rad, const
   fades_ = has_rir_;
   std::swap(spectra_, previous_);
   if (response_is_new_) late_.forget();
-  const std::span<const std::uint8_t> glides = engines.glider.choose(response_);
+  const std::span<const std::uint8_t> glides = engines.glider.choose(response_, &gliding_);
   engines.synthesizer.render(response_, heading_rad, {carrier_key_, ears_}, rir_, &late_, glides);
   if (hook) hook(rir_.samples);
   if (!all_finite(rir_.samples)) return false;

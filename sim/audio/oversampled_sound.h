@@ -20,7 +20,7 @@ class OversampledSound {
   /// out[i]: the endless loop at stream time position.sample + first + i * step, in samples of the clip; before stream sample 0 silence
   /// unless position.already_playing.  step: in (0, 4].  About 2 ns a sample; no allocation.
   void read(const StreamPosition& position, double first, double step, std::span<float> out) const;
-  /// Has it a sample that is not zero?
+  /// Is every sample zero?
   [[nodiscard]] bool silent() const { return silent_; }
 
  private:

@@ -34,7 +34,7 @@ PathGlider::PathGlider(std::shared_ptr<const SynthesisTables> tables, int block_
   line_.reserve(static_cast<std::size_t>(block_samples) + num_taps_);
 }
 
-std::span<const std::uint8_t> PathGlider::choose(const EnergyResponse& response) {
+std::span<const std::uint8_t> PathGlider::choose(const EnergyResponse& response, const GlidingPaths* before) {
   const std::size_t count = response.arrivals.size();
   marked_.assign(count, 0);
   energy_.resize(count);
@@ -44,6 +44,14 @@ std::span<const std::uint8_t> PathGlider::choose(const EnergyResponse& response)
     for (const float amplitude : response.arrivals[i].amplitude) sum += amplitude * amplitude;
     energy_[i] = sum;
     strongest = std::max(strongest, sum);
+  }
+  if (before != nullptr) {
+    const auto kept = static_cast<float>(std::pow(10.0, 0.1 * kKeptDb));
+    const auto glided = std::span(before->now_.identity).first(before->now_.count);
+    for (std::size_t i = 0; i < count; ++i) {
+      const std::uint64_t identity = response.arrivals[i].identity;
+      if (identity != 0 && std::ranges::find(glided, identity) != glided.end()) energy_[i] *= kept;
+    }
   }
   const float weakest = strongest * static_cast<float>(std::pow(10.0, -0.1 * kRangeDb));
   for (int n = 0; n < max_paths_; ++n) {

@@ -50,12 +50,14 @@ class PathGlider {
   /// one whose delay would change by more than most_slope, in (0, 0.1] samples per sample, has jumped, and fades.
   PathGlider(std::shared_ptr<const SynthesisTables> tables, int block_samples, double most_slope = kMostSlope);
 
-  static constexpr double kRangeDb = 12;
+  static constexpr double kRangeDb = 12, kKeptDb = 2;
   /// 34 m/s.
   static constexpr double kMostSlope = 0.1;
 
-  /// Marks the arrivals that are heard through this: [arrivals] of 0 or 1, for RirSynthesizer::render.  Valid until the next call.
-  std::span<const std::uint8_t> choose(const EnergyResponse& response);
+  /// Marks the arrivals that are heard through this: [arrivals] of 0 or 1, for RirSynthesizer::render.  before: of the pose before; null:
+  /// none.  What glided there counts as stronger by kKeptDb, so that paths of about one level do not take turns.  Valid until the next
+  /// call.
+  std::span<const std::uint8_t> choose(const EnergyResponse& response, const GlidingPaths* before = nullptr);
   /// A new pose: its strong paths are those that the next block leads to.  marked: of choose, for this response.
   void advance(const EnergyResponse& response, std::span<const std::uint8_t> marked, const ListenerOrientation& orientation,
                GlidingPaths& paths);

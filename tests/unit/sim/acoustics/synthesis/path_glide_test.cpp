@@ -187,6 +187,43 @@ TEST(PathGlide, OfManyPathsTheStrongestGlide) {
   EXPECT_TRUE(three.choose(response_with()).empty());
 }
 
+// Two paths about one level apart by less than 2 dB, in turn the stronger: the one that glides goes on; 3 dB change it.
+TEST(PathGlide, PathsOfAboutOneLevelDoNotTakeTurns) {
+  PathGlider glider(mono_tables(1), 800);
+  GlidingPaths paths;
+  const auto chosen = [&](double first_db, bool remembers) {
+    EnergyResponse response = response_with({arrival_at(2, 0.1 * std::pow(10, first_db / 20)), arrival_at(3, 0.1, {1, 0, 0}, 1)});
+    response.arrivals[0].identity = 1, response.arrivals[1].identity = 2;
+    const auto marked = glider.choose(response, remembers ? &paths : nullptr);
+    const int index = marked[0] == 1 ? 0 : 1;
+    EXPECT_EQ(marked[0] + marked[1], 1);
+    glider.advance(response, marked, 0.0, paths);
+    return index;
+  };
+  for (const bool remembers : {true, false}) {
+    paths.forget();
+    int changes = 0, before = chosen(0.5, remembers);
+    EXPECT_EQ(before, 0);
+    for (int i = 0; i < 8; ++i) {
+      const int now = chosen(i % 2 == 0 ? -1.5 : 1.5, remembers);
+      changes += now != before ? 1 : 0;
+      before = now;
+    }
+    EXPECT_EQ(changes, remembers ? 0 : 8);
+    EXPECT_EQ(chosen(-3, remembers), 1);
+  }
+  // At the edge of the range of 12 dB too: -13 dB goes on, but does not begin.
+  PathGlider two(mono_tables(2), 800);
+  paths.forget();
+  EnergyResponse response = response_with({arrival_at(2, 0.1), arrival_at(3, 0.1 * std::pow(10, -13.0 / 20), {1, 0, 0}, 1)});
+  response.arrivals[0].identity = 1, response.arrivals[1].identity = 2;
+  EXPECT_EQ(two.choose(response, &paths)[1], 0);
+  EnergyResponse louder = response;
+  louder.arrivals[1].amplitude.fill(0.05f);
+  two.advance(louder, two.choose(louder, &paths), 0.0, paths);
+  EXPECT_EQ(two.choose(response, &paths)[1], 1);
+}
+
 // No step between blocks, whatever begins, ends, starts to move or jumps: differences from sample to sample of a low tone stay those of a
 // tone of that level.
 TEST(PathGlide, NothingClicks) {
