@@ -53,7 +53,8 @@ struct AcousticConfig {
   Switch temporal_reuse = Switch::automatic;
   // output
   /// Binaural: late sound up to so long after its beginning goes through the head as a sound field of first order; what comes later has, by
-  /// its direction, the right level at each ear and the right correlation between them (binaural_noise.h), [0, 60].
+  /// its direction, the right level at each ear and the right correlation between them (binaural_noise.h), [0, 60].  Where what comes later
+  /// has a mean direction of more than 0.15 (of 1 for a single direction), more is decoded; from 0.25 on all but the last hundredth.
   float late_decode_s = 0.16f;
   /// Along a trajectory (walk, environments) so many of the strongest paths glide from pose to pose, 0: none (path_glide.h).  No part of a
   /// single response.  [0, 64].

@@ -87,7 +87,8 @@ void BinauralLateTail::add(const LateEnvelope& envelope, int first_bin, const Bi
     for (int band = 0; band < envelope.num_bands(); ++band) {
       const auto row = envelope.band(band);
       const BinauralNoise::Mix* mixes = mixes_.data() + static_cast<std::size_t>(band) * num_bins;
-      const float *part0 = noise.loop(band, 0).data() + read.in_loop, *part1 = noise.loop(band, 1).data() + read.in_loop;
+      const float *part0 = noise.loop(band, 0, read.kind).data() + read.in_loop,
+                  *part1 = noise.loop(band, 1, read.kind).data() + read.in_loop;
       const bool from_sound = segment.left >= first_bin && row[static_cast<std::size_t>(segment.left)].density > 0.f;
       const bool to_sound = row[static_cast<std::size_t>(segment.right)].density > 0.f;
       if (!from_sound && !to_sound) continue;

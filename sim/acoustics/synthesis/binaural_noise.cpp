@@ -38,7 +38,7 @@ Decoder long_decoder(const Hrtf& hrtf, RealFft& fft) {
 
 BinauralNoise::BinauralNoise(const CarrierBank& carriers, const BandLayout& bands, const Hrtf& hrtf)
     : length_(carriers.length()),
-      samples_(static_cast<std::size_t>(bands.size()) * 2 * (carriers.length() + CarrierBank::kPad)),
+      samples_(static_cast<std::size_t>(carriers.num_kinds() * bands.size()) * 2 * (carriers.length() + CarrierBank::kPad)),
       bands_(static_cast<std::size_t>(bands.size())) {
   const auto length = static_cast<int>(length_);
   RealFft fft(length);
@@ -47,7 +47,7 @@ BinauralNoise::BinauralNoise(const CarrierBank& carriers, const BandLayout& band
   tbb::parallel_for(0, bands.size(), [&](int band) {
     const FlushDenormals flush;
     find_covariances(band, filters, decoder);
-    make_noise(band, carriers, decoder);
+    for (int kind = 0; kind < carriers.num_kinds(); ++kind) make_noise(band, kind, carriers, decoder);
   });
 }
 
@@ -87,13 +87,13 @@ void BinauralNoise::find_covariances(int band, const BandFilters& filters, const
   of_band.left = form(0, 0), of_band.right = form(1, 1), of_band.cross = form(0, 1);
 }
 
-void BinauralNoise::make_noise(int band, const CarrierBank& carriers, const Decoder& decoder) {
+void BinauralNoise::make_noise(int band, int kind, const CarrierBank& carriers, const Decoder& decoder) {
   RealFft fft(static_cast<int>(length_));
   const std::size_t num_bins = decoder[0].size();
   Spectrum carrier(num_bins);
   std::array<Spectrum, 2> ears = {Spectrum(num_bins), Spectrum(num_bins)};
   for (std::size_t c = 0; c < 4; ++c) {
-    fft.forward(carriers.loop(band, static_cast<int>(c)), carrier);
+    fft.forward(carriers.loop(band, static_cast<int>(c), kind), carrier);
     for (std::size_t ear = 0; ear < 2; ++ear)
       for (std::size_t k = 0; k < num_bins; ++k) ears[ear][k] += carrier[k] * decoder[2 * c + ear][k];
   }
@@ -108,12 +108,23 @@ void BinauralNoise::make_noise(int band, const CarrierBank& carriers, const Deco
   }
   const double shared = left > 0 ? cross / left : 0.0, own = right - shared * cross;
   Band& of_band = bands_[static_cast<std::size_t>(band)];
-  of_band.one_over_left = left > 0 ? static_cast<float>(1 / left) : 0.f;
-  of_band.one_over_own = own > 0 ? static_cast<float>(1 / own) : 0.f;
   for (std::size_t k = 0; k < num_bins; ++k) ears[1][k] -= static_cast<float>(shared) * ears[0][k];
+  if (kind == 0) {
+    of_band.one_over_left = left > 0 ? static_cast<float>(1 / left) : 0.f;
+    of_band.one_over_own = own > 0 ? static_cast<float>(1 / own) : 0.f;
+  } else {
+    // The powers of kind 0: one mixture serves all.
+    const auto gain_to = [](double power, float one_over_wanted) {
+      return power > 0 && one_over_wanted > 0.f ? static_cast<float>(1 / std::sqrt(power * static_cast<double>(one_over_wanted))) : 0.f;
+    };
+    const float left_gain = gain_to(left, of_band.one_over_left), own_gain = gain_to(own, of_band.one_over_own);
+    for (Complex& bin : ears[0]) bin *= left_gain;
+    for (Complex& bin : ears[1]) bin *= own_gain;
+  }
   for (std::size_t part = 0; part < 2; ++part) {
     const std::size_t stride = length_ + CarrierBank::kPad;
-    const auto samples = std::span(samples_).subspan((2 * static_cast<std::size_t>(band) + part) * stride, stride);
+    const std::size_t row = 2 * (static_cast<std::size_t>(kind) * bands_.size() + static_cast<std::size_t>(band)) + part;
+    const auto samples = std::span(samples_).subspan(row * stride, stride);
     fft.inverse(ears[part], samples.first(length_));
     for (std::size_t n = length_; n < stride; ++n) samples[n] = samples[n - length_];
   }

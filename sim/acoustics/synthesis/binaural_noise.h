@@ -22,12 +22,14 @@ namespace earshot {
 class BinauralNoise {
  public:
   BinauralNoise() = default;
-  /// carriers: their first four channels.  Takes about 10 ms for half a second at 16 kHz, and half the memory of those carriers.
+  /// carriers: their first four channels.  Takes about 10 ms for each kind of half a second at 16 kHz, and the memory of those carriers.
   BinauralNoise(const CarrierBank& carriers, const BandLayout& bands, const Hrtf& hrtf);
 
-  /// part 0: the left ear; 1: what the right ear hears beside it, uncorrelated with part 0.
-  [[nodiscard]] std::span<const float> loop(int band, int part) const {
-    return std::span(samples_).subspan(static_cast<std::size_t>(2 * band + part) * (length_ + CarrierBank::kPad), length_);
+  /// part 0: the left ear; 1: what the right ear hears beside it, uncorrelated with part 0.  kind: of the carriers; all have the same
+  /// powers.
+  [[nodiscard]] std::span<const float> loop(int band, int part, int kind = 0) const {
+    const std::size_t row = (static_cast<std::size_t>(kind) * bands_.size() + static_cast<std::size_t>(band)) * 2;
+    return std::span(samples_).subspan((row + static_cast<std::size_t>(part)) * (length_ + CarrierBank::kPad), length_);
   }
 
   /// left ear = left * part 0; right ear = shared * part 0 + own * part 1.
@@ -50,7 +52,7 @@ class BinauralNoise {
   /// Filters [channel * 2 + ear] on the bins of a loop.
   using Decoder = std::array<std::vector<std::complex<float>>, 8>;
   void find_covariances(int band, const BandFilters& filters, const Decoder& decoder);
-  void make_noise(int band, const CarrierBank& carriers, const Decoder& decoder);
+  void make_noise(int band, int kind, const CarrierBank& carriers, const Decoder& decoder);
 
   struct Band {
     Form left, right, cross;
@@ -58,7 +60,7 @@ class BinauralNoise {
   };
 
   std::size_t length_ = 0;
-  std::vector<float> samples_;  ///< [band][part][length + CarrierBank::kPad]
+  std::vector<float> samples_;  ///< [kind][band][part][length + CarrierBank::kPad]
   std::vector<Band> bands_;
 };
 

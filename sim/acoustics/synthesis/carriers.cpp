@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <complex>
+#include <iterator>
 #include <numbers>
 
 #include "sim/acoustics/synthesis/band_filters.h"
@@ -140,18 +141,39 @@ CarrierBank::CarrierBank(const BandLayout& bands, float sample_rate_hz, int num_
     });
   }
   const BandFilters filters(bands, sample_rate_hz, length);
-  samples_.resize(static_cast<std::size_t>(bands.size()) * channels * (length_ + kPad));
+  forwards_.loops.resize(static_cast<std::size_t>(bands.size()) * channels * (length_ + kPad));
   tbb::parallel_for(0, bands.size(), [&](int band) {
     const FlushDenormals flush_worker;
     RealFft fft(length);
     std::vector<Complex> spectrum(filters.num_bins());
     for (std::size_t c = 0; c < channels; ++c) {
       for (std::size_t k = 0; k < spectrum.size(); ++k) spectrum[k] = filters.weight(band, k) * noise[c][k];
-      const auto samples = std::span(samples_).subspan((static_cast<std::size_t>(band) * channels + c) * (length_ + kPad), length_ + kPad);
+      const auto samples =
+          std::span(forwards_.loops).subspan((static_cast<std::size_t>(band) * channels + c) * (length_ + kPad), length_ + kPad);
       fft.inverse(spectrum, samples.first(length_));
       for (std::size_t n = length_; n < samples.size(); ++n) samples[n] = samples[n - length_];
     }
   });
+  if (kind == CarrierKind::flattened && channels > 1) make_kinds(bands.size());
+}
+
+void CarrierBank::make_kinds(int num_bands) {
+  const std::size_t stride = length_ + kPad;
+  backwards_.loops.resize(forwards_.loops.size());
+  for (std::size_t begin = 0; begin < backwards_.loops.size(); begin += stride) {
+    const auto backwards = std::span(backwards_.loops).subspan(begin, stride);
+    std::ranges::reverse_copy(std::span(forwards_.loops).subspan(begin, length_), backwards.begin());
+    for (std::size_t n = length_; n < stride; ++n) backwards[n] = backwards[n - length_];
+  }
+  if (num_channels_ < 4) return;
+  for (Direction* direction : {&forwards_, &backwards_}) {
+    for (int band = 0; band < num_bands; ++band) {
+      for (const int in_bank : {0, 2}) {
+        const auto loop = std::span(direction->loops).subspan(static_cast<std::size_t>(num_channels_ * band + in_bank) * stride, stride);
+        std::ranges::transform(loop, std::back_inserter(direction->negative), [](float sample) { return -sample; });
+      }
+    }
+  }
 }
 
 }  // namespace earshot

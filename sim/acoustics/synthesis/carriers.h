@@ -41,9 +41,14 @@ enum class CarrierKind { flattened, plain };
 /// so that the decay of a rendered response is that of its energy.  Flattening each channel alone would be lost where channels are mixed,
 /// as they are in the ears; the first four channels are therefore flattened together, so that every mixture of them is flat.  Further ones,
 /// which only ambisonics above first order have, are flattened alone.
+///
+/// Flattening takes long, so what is flat is used in four ways: loops are of four kinds, the first four channels (N3D: w, y, z, x) as they
+/// are or as (y', -w', x', -z') of the same loops, forwards and backwards.  All are equally flat, and two of them correlate no more than
+/// independent noises do, in each channel and, as the change is antisymmetric, in every mixture of them with real weights.  Plain noise and
+/// banks of one channel have one kind; in a bank of two the channels change places.
 class CarrierBank {
  public:
-  static constexpr int kMaxChannels = 256;
+  static constexpr int kMaxChannels = 256, kNumKinds = 4;
   /// Samples behind the end of each loop, those of its beginning, so that a segment can be read in one piece.
   static constexpr std::size_t kPad = 512;
   /// length: of the loops, a power of two; may be shorter than a response.
@@ -51,16 +56,27 @@ class CarrierBank {
               CarrierKind kind = CarrierKind::flattened);
   [[nodiscard]] std::size_t length() const { return length_; }
   [[nodiscard]] int num_channels() const { return num_channels_; }
-  [[nodiscard]] std::span<const float> loop(int band, int channel) const {
-    return std::span(samples_).subspan(
-        (static_cast<std::size_t>(band) * static_cast<std::size_t>(num_channels_) + static_cast<std::size_t>(channel)) * (length_ + kPad),
-        length_);
+  [[nodiscard]] int num_kinds() const { return backwards_.loops.empty() ? 1 : kNumKinds; }
+  [[nodiscard]] std::span<const float> loop(int band, int channel, int kind = 0) const {
+    const Direction& direction = (kind & 1) == 0 ? forwards_ : backwards_;
+    const int changed = kind >> 1;
+    if (changed != 0 && (channel == 1 || channel == 3) && num_channels_ >= 4) return row(direction.negative, 2 * band + channel / 2);
+    return row(direction.loops, num_channels_ * band + (channel < 4 ? channel ^ changed : channel));
   }
 
  private:
+  struct Direction {
+    std::vector<float> loops;     ///< [band][channel][length + kPad]
+    std::vector<float> negative;  ///< [band][-w, -z][length + kPad]
+  };
+  [[nodiscard]] std::span<const float> row(const std::vector<float>& samples, int index) const {
+    return std::span(samples).subspan(static_cast<std::size_t>(index) * (length_ + kPad), length_);
+  }
+  void make_kinds(int num_bands);
+
   std::size_t length_;
   int num_channels_;
-  std::vector<float> samples_;  ///< [band][channel][length + kPad]
+  Direction forwards_, backwards_;
 };
 
 }  // namespace earshot

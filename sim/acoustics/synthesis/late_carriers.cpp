@@ -11,6 +11,8 @@ namespace {
 
 /// Consumer of Purpose::carrier, apart from those of carriers.cpp, whose last counter word is 0.
 constexpr std::uint32_t kPlaces = 2;
+/// Bits of the kind of noise by which the odd cells along each axis differ from the even ones: two axes together have all four kinds.
+constexpr std::array<std::uint32_t, 3> kParity = {1, 3, 2};
 
 std::uint64_t mixed(std::uint64_t seed, std::uint64_t hash, std::uint32_t draw) {
   const auto bits =
@@ -20,15 +22,14 @@ std::uint64_t mixed(std::uint64_t seed, std::uint64_t hash, std::uint32_t draw) 
 
 }  // namespace
 
-LateCarriers::LateCarriers(float sample_rate_hz, int num_samples, std::size_t loop_length, std::uint64_t seed)
-    : loop_length_(loop_length), seed_(seed) {
-  // Loops are a power of two: a whole number of pieces fits.
-  const std::size_t piece = std::size_t{1} << static_cast<int>(std::lround(std::log2(kPieceS * static_cast<double>(sample_rate_hz))));
-  piece_samples_ = static_cast<std::size_t>(num_samples) <= loop_length ? 0 : std::min(loop_length, piece);
+LateCarriers::LateCarriers(int num_samples, const CarrierBank& bank, std::uint64_t seed)
+    : num_kinds_(bank.num_kinds()), loop_length_(bank.length()), apart_(loop_length_ / 16), seed_(seed) {
+  round_samples_ = static_cast<std::size_t>(num_samples) + apart_ <= loop_length_ ? 0 : loop_length_ - apart_;
 }
 
-/// Splits every cell where another one begins along one more axis.  position, border: in cells.  orders: whether the axis counts for order.
-void LateCarriers::split_axis(float position, float border, std::uint32_t axis, bool orders) {
+/// Splits every cell where another one begins along one more axis.  position, border: in cells.  parity: by which odd cells differ in
+/// noise.
+void LateCarriers::split_axis(float position, float border, std::uint32_t axis, std::uint32_t parity) {
   const double index = std::floor(static_cast<double>(position));
   const auto from = static_cast<float>(static_cast<double>(position) - index);
   const float half = 0.5f * border;
@@ -44,7 +45,7 @@ void LateCarriers::split_axis(float position, float border, std::uint32_t axis, 
   split_.clear();
   for (const Cell& cell : cells_) {
     const float length = cell.end - cell.begin;
-    const int even = orders ? 2 * cell.order : cell.order, odd = orders ? even + 1 : even;
+    const std::uint32_t even = cell.kind, odd = cell.kind ^ parity;
     if (upper == 0.f) {
       split_.push_back({child(cell, lower), odd_lower ? odd : even, cell.begin, cell.end});
       continue;
@@ -57,52 +58,46 @@ void LateCarriers::split_axis(float position, float border, std::uint32_t axis, 
   std::swap(cells_, split_);
 }
 
-void LateCarriers::set(const CarrierKey& key, std::uint32_t stream, const LateEnvelope& envelope) {
+void LateCarriers::set(const CarrierKey& key, std::uint32_t stream, const LateEnvelope& envelope, std::size_t ahead) {
   const RandomStream random(seed_, Purpose::carrier, static_cast<std::uint32_t>(key.source), static_cast<std::uint32_t>(key.source >> 32),
                             kPlaces + 1);
   const auto shift = random.uniform4(2 * stream), other_shift = random.uniform4(2 * stream + 1);
   const std::uint64_t own = mixed(seed_, key.source, stream);
-  start_ = own & (loop_length_ - 1);
-  cells_.assign(1, {own, 0, 0.f, 1.f});
+  ahead_ = ahead;
+  cells_.assign(1, {own, static_cast<std::uint32_t>(own) & 3u, 0.f, 1.f});
   for (int axis = 0; axis < 3; ++axis) {
     const float cell_m = axis == 1 ? kCellHeightM : kCellM, border = kBorderM / cell_m;
     const auto draw = static_cast<std::uint32_t>(axis);
-    if (key.listener) split_axis((*key.listener)[axis] / cell_m + shift[draw], border, 16 + draw, true);
-    if (key.moving_source) split_axis((*key.moving_source)[axis] / cell_m + other_shift[draw], border, 32 + draw, false);
+    // A face of the listener's cells and one of the source's along the same axis have four kinds.
+    if (key.listener) split_axis((*key.listener)[axis] / cell_m + shift[draw], border, 16 + draw, kParity[draw]);
+    if (key.moving_source) split_axis((*key.moving_source)[axis] / cell_m + other_shift[draw], border, 32 + draw, kParity[(draw + 1) % 3]);
   }
   cells_.back().end = 2.f;  // whatever rounding leaves
 
   envelope.energy_before(before_);
   const auto num_bins = static_cast<std::size_t>(envelope.size());
   first_cell_.resize(num_bins);
-  piece_.resize(num_bins);
+  round_.resize(num_bins);
   std::size_t cell = 0;
   for (std::size_t bin = 0; bin < num_bins; ++bin) {
     while (cells_[cell].end <= before_[bin]) ++cell;
     first_cell_[bin] = cell;
-    piece_[bin] = piece_samples_ == 0 ? 0 : static_cast<std::size_t>(envelope.middle_sample(static_cast<int>(bin))) / piece_samples_;
+    round_[bin] = round_samples_ == 0 ? 0 : static_cast<std::size_t>(envelope.middle_sample(static_cast<int>(bin))) / round_samples_;
   }
 }
 
-/// Pieces of one round lie at multiples of their length from a start of the cell's own, in the order of a full cycle (Hull and Dobell 1962:
-/// an odd step, modulo a power of two); each round begins elsewhere.
-std::size_t LateCarriers::place(const Cell& cell, std::size_t piece, std::size_t sample) const {
-  if (piece_samples_ == 0) {
-    // Eight orders, that of the cell that sounds earlier the lower, in half the loop: what a later cell repeats comes half a loop later at
-    // the earliest.  A tenth of each stays free, so that two of them never begin together.
-    const double part = static_cast<double>(loop_length_) / 16.0, within = 0.9 * static_cast<double>(cell.hash >> 40) / 16777216.0;
-    return (start_ + static_cast<std::size_t>(part * (cell.order + within)) + sample) & (loop_length_ - 1);
-  }
-  const std::size_t per_round = loop_length_ / piece_samples_;
-  const std::uint64_t bits = mixed(seed_, cell.hash, 64 + static_cast<std::uint32_t>(piece / per_round));
-  const std::size_t step = 2 * (bits % per_round) + 1, start = (bits >> 32) % loop_length_;
-  const std::size_t since = sample - piece * piece_samples_;  // wraps below zero where the piece fades in: modulo 2^64
-  return (start + piece * step % per_round * piece_samples_ + since) & (loop_length_ - 1);
+/// A round is as much as a loop holds; each has the next kind of noise.
+LateCarriers::Read LateCarriers::place(const Cell& cell, std::size_t round, std::size_t sample) const {
+  const auto kind = static_cast<int>((cell.kind + static_cast<std::uint32_t>(round)) % static_cast<std::uint32_t>(num_kinds_));
+  const std::uint64_t start = mixed(seed_, cell.hash, 64 + static_cast<std::uint32_t>(round));
+  const std::size_t since = sample - round * round_samples_;  // wraps below zero where a round fades in: modulo 2^64
+  return {kind, (start + since + ahead_) & (loop_length_ - 1), 0.f, 0.f};
 }
 
-void LateCarriers::add(const LateSegment& segment, std::size_t cell, std::size_t piece, float left, float right) {
+void LateCarriers::add(const LateSegment& segment, std::size_t cell, std::size_t round, float left, float right) {
   if (left == 0.f && right == 0.f) return;
-  reads_.push_back({place(cells_[cell], piece, segment.begin), left, right});
+  Read& read = reads_.emplace_back(place(cells_[cell], round, segment.begin));
+  read.left = left, read.right = right;
 }
 
 std::span<const LateCarriers::Read> LateCarriers::reads(const LateSegment& segment) {
@@ -118,11 +113,11 @@ std::span<const LateCarriers::Read> LateCarriers::reads(const LateSegment& segme
   };
   for (std::size_t cell = first_cell_[left]; cell < cells_.size(); ++cell) {
     const float at_left = fraction(left, cell), at_right = fraction(right, cell);
-    if (piece_[left] == piece_[right]) {
-      add(segment, cell, piece_[left], at_left, at_right);
+    if (round_[left] == round_[right]) {
+      add(segment, cell, round_[left], at_left, at_right);
     } else {
-      add(segment, cell, piece_[left], at_left, 0.f);
-      add(segment, cell, piece_[right], 0.f, at_right);
+      add(segment, cell, round_[left], at_left, 0.f);
+      add(segment, cell, round_[right], 0.f, at_right);
     }
     if (cells_[cell].end >= before_[right + 1]) break;
   }

@@ -82,7 +82,7 @@ void LateSynthesizer::make_higher(const LateEnvelope& envelope, int num_bins, st
 std::size_t LateSynthesizer::render(const LateEnvelope& envelope, int num_bins, const CarrierBank& carriers, LateCarriers& place,
                                     std::span<const std::span<float>> channels) {
   const auto num_channels = channels.size();
-  EARSHOT_EXPECT(num_channels == static_cast<std::size_t>(carriers.num_channels()) && (num_channels == 1 || num_channels >= 4));
+  EARSHOT_EXPECT(num_channels <= static_cast<std::size_t>(carriers.num_channels()) && (num_channels == 1 || num_channels >= 4));
   const std::size_t end = envelope.end_before(num_bins);
   for (const auto& channel : channels) std::ranges::fill(channel.first(end), 0.f);
   const int num_bands = envelope.num_bands();
@@ -99,7 +99,7 @@ std::size_t LateSynthesizer::render(const LateEnvelope& envelope, int num_bins, 
       const float from_density = read.left * a.density, to_density = segment.right < num_bins ? read.right * b.density : 0.f;
       if (from_density == 0.f && to_density == 0.f) continue;
       end_of_sound = segment.begin + static_cast<std::size_t>(segment.count);
-      const auto carrier = [&](std::size_t c) { return carriers.loop(band, static_cast<int>(c)).data() + read.in_loop; };
+      const auto carrier = [&](std::size_t c) { return carriers.loop(band, static_cast<int>(c), read.kind).data() + read.in_loop; };
       const Ramp density = ramp_over(segment, from_density, to_density);
       if (num_channels == 1) {
         add_omni(segment.count, density, carrier(0), out(0));

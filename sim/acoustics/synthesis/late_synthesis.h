@@ -21,7 +21,8 @@ namespace earshot {
 /// does not hold are diffuse.
 class LateSynthesizer {
  public:
-  /// channels: spans of the length of the envelope, as many as the bank has, one or at least four.  The first num_bins bins count, and
+  /// channels: spans of the length of the envelope, at most as many as the bank has, one or
+  /// at least four.  The first num_bins bins count, and
   /// only what they reach is written.  place: set for the envelope.  Returns how much of each channel sounds: behind it, all are zero or
   /// not written.
   std::size_t render(const LateEnvelope& envelope, int num_bins, const CarrierBank& carriers, LateCarriers& place,

@@ -30,17 +30,17 @@ namespace {
 
 using Complex = std::complex<float>;
 
-/// Streams of LateCarriers.  The tail has its own: what fades out in the field and in there must be independent, or powers would not add.
-constexpr std::uint32_t kFieldStream = 0, kTailStream = 1;
+/// Of LateCarriers.
+constexpr std::uint32_t kFieldStream = 0;
 
-/// A tail whose mean direction is longer than this is decoded.  The binaural late tail gives its ears the right powers and correlation, but
-/// the time between them of a diffuse field.
-constexpr float kDirectionalTail = 0.2f;
+/// The binaural late tail gives its ears the right powers and correlation, but the time between them of a diffuse field.  So of a tail the
+/// more is decoded the longer its mean direction, from nothing to all between these two.
+constexpr float kDiffuseTail = 0.15f, kDirectionalTail = 0.25f;
 /// Of the energy of a tail that is decoded, the part that the binaural late tail still makes.
 constexpr float kTailOfTail = 0.01f;
 
 /// Merged bins to decode: those of decode_samples behind the first sound; where more sound comes from one side for long, as beside a door,
-/// all but the last hundredth of the energy.  The mean is over all that is left, so that the noise of single bins does not count.
+/// up to all but the last hundredth of the energy.  The mean is over all that is left, so that the noise of single bins does not count.
 int bins_to_decode(const LateEnvelope& envelope, double decode_samples, std::vector<float>& before) {
   const int first = envelope.bin_from(envelope.first_sound() + decode_samples);
   if (first >= envelope.size() || !(decode_samples > 0)) return first;
@@ -60,9 +60,13 @@ int bins_to_decode(const LateEnvelope& envelope, double decode_samples, std::vec
   }
   // N3D: sqrt 3 times the mean direction.
   const float square = (mean[0] * mean[0] + mean[1] * mean[1] + mean[2] * mean[2]) / 3.f;
-  if (!(square > kDirectionalTail * kDirectionalTail * left * left)) return first;
+  const float length = left > 0.f ? std::sqrt(square) / left : 0.f;
+  const float way = std::clamp((length - kDiffuseTail) / (kDirectionalTail - kDiffuseTail), 0.f, 1.f);
+  if (way == 0.f) return first;
+  // No slope at either end: the last bin passes the bins in about equal steps of the direction.
+  const float decoded = way * way * (3.f - 2.f * way) * (1.f - kTailOfTail);
   int last = first;
-  while (last < envelope.size() && before[static_cast<std::size_t>(last)] < end - kTailOfTail * left) ++last;
+  while (last < envelope.size() && before[static_cast<std::size_t>(last)] < end - (1.f - decoded) * left) ++last;
   return last;
 }
 
@@ -136,7 +140,7 @@ void add_ears(const Complex* ears, std::size_t count, float* __restrict left, fl
 struct RirSynthesizer::Scratch {
   explicit Scratch(const SynthesisTables& tables)
       : early_fft(tables.early_fft),
-        place(tables.sample_rate_hz, tables.num_samples, tables.carriers.length(), tables.seed),
+        place(tables.num_samples, tables.carriers, tables.seed),
         bands(tables.filters),
         response(static_cast<std::size_t>(tables.early_fft)),
         rotation(tables.layout.kind == ListenerKind::ambisonics ? tables.layout.order : 1) {
@@ -349,7 +353,9 @@ void RirSynthesizer::render_late(const Pass& pass, double onset_sample, Rir& rir
       }
       decode_late(rotate_first_order(pass.orientation, sound), rir);
       if (sound.num_decoded_ == sound.envelope_.size()) return;
-      scratch.place.set(pass.key, kTailStream, sound.envelope_);
+      // Further on in the same loops: what fades out in the field and in here is independent, or powers would not add, and nothing comes
+      // twice.
+      scratch.place.set(pass.key, kFieldStream, sound.envelope_, scratch.place.apart());
       scratch.late_tail.add(sound.envelope_, sound.num_decoded_, tables.binaural_noise, scratch.place, pass.orientation,
                             std::span(rir.samples).first(length), std::span(rir.samples).subspan(length));
       return;

@@ -41,11 +41,11 @@ int choose_block_fft(int num_samples, int taps) {
 int num_carriers(const ListenerLayout& layout) {
   switch (layout.kind) {
     case ListenerKind::mono:
-      return 1;
+      return 2;  // one or the other (CarrierBank)
     case ListenerKind::binaural:
       return 4;
     case ListenerKind::ambisonics:
-      return layout.num_channels();
+      return std::max(2, layout.num_channels());
     case ListenerKind::array:
       return LateArray::kNumWaves;
   }

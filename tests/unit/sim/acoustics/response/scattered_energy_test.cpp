@@ -24,8 +24,7 @@ TEST(ScatteredEnergy, JoinsTheLateFieldWithoutADirection) {
     EXPECT_NEAR(sum, 0.3125, 1e-6);
   }
   EXPECT_GT(late.energy(2, 0), 0.f);  // 10 ms
-  for (std::size_t i = 0; i < late.values().size(); ++i)
-    EXPECT_TRUE(i % 4 == 0 || late.values()[i] == 0.f) << i;
+  for (std::size_t i = 0; i < late.values().size(); ++i) EXPECT_TRUE(i % 4 == 0 || late.values()[i] == 0.f) << i;
 }
 
 // The policy for arrivals holds for what panels scatter.
