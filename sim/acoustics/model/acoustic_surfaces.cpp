@@ -38,6 +38,7 @@ AcousticSurfaces::AcousticSurfaces(std::shared_ptr<const Scene> scene, const Aco
     }
   }
 
+  average_absorption();
   if (config_.specular_exponent > 0.f) specular_lobe_ = std::make_shared<const SpecularLobe>(config_.specular_exponent);
   if (config_.diffraction != Switch::off)
     diffraction_edges_ = std::make_shared<const DiffractionEdges>(*scene_, config_.diffraction_edge_m);
@@ -45,6 +46,21 @@ AcousticSurfaces::AcousticSurfaces(std::shared_ptr<const Scene> scene, const Aco
   if (diffraction_edges_ != nullptr)
     panel_edges_ = std::make_shared<const PanelEdges>(*scene_, *diffraction_edges_, planes_.plane_of_triangle, planes_.planes.size());
   if (!scene_->mesh().triangles.empty()) diagonal_m_ = glm::length(scene_->bounds().upper - scene_->bounds().lower);
+}
+
+void AcousticSurfaces::average_absorption() {
+  const TriangleMesh& mesh = scene_->mesh();
+  std::vector<double> area(scene_->materials().size(), 0.0);
+  double whole_m2 = 0;
+  for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
+    const glm::dvec3 a(mesh.vertices[mesh.triangles[t].x]), b(mesh.vertices[mesh.triangles[t].y]), c(mesh.vertices[mesh.triangles[t].z]);
+    const double m2 = 0.5 * glm::length(glm::cross(b - a, c - a));
+    area[mesh.triangle_material[t]] += m2;
+    whole_m2 += m2;
+  }
+  mean_absorption_.assign(static_cast<std::size_t>(num_bands()), 0.0);
+  for (std::size_t band = 0; whole_m2 > 0 && band < mean_absorption_.size(); ++band)
+    for (std::uint32_t m = 0; m < area.size(); ++m) mean_absorption_[band] += area[m] / whole_m2 * (1.0 - reflectance(m)[band]);
 }
 
 float AcousticSurfaces::largest_specular_reflectance() const {

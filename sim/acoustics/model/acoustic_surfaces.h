@@ -46,6 +46,8 @@ class AcousticSurfaces {
   [[nodiscard]] const SpecularLobe* specular_lobe() const { return specular_lobe_.get(); }
   /// Largest energy fraction of any specular reflection in any band: (1 - absorption)(1 - scattering).
   [[nodiscard]] float largest_specular_reflectance() const;
+  /// Of all triangles, by area: [num_bands]; 0 in an empty scene.
+  [[nodiscard]] std::span<const double> mean_absorption() const { return mean_absorption_; }
   /// Edges that diffract sound; null with diffraction off.
   [[nodiscard]] const DiffractionEdges* diffraction_edges() const { return diffraction_edges_.get(); }
   /// Where mirror planes end in the air; null with diffraction off.
@@ -60,6 +62,7 @@ class AcousticSurfaces {
   [[nodiscard]] std::span<const float> row(const std::vector<float>& table, std::uint32_t material) const {
     return {&table[std::size_t{material} * stride_], static_cast<std::size_t>(num_bands())};
   }
+  void average_absorption();
 
   std::shared_ptr<const Scene> scene_;
   AcousticConfig config_;
@@ -67,6 +70,7 @@ class AcousticSurfaces {
   int stride_ = 0;
   float diagonal_m_ = 0;
   std::vector<float> reflectance_, scattering_, transmission_, damping_;
+  std::vector<double> mean_absorption_;
   bool transmits_ = false;
   std::shared_ptr<const SpecularLobe> specular_lobe_;
   std::shared_ptr<const DiffractionEdges> diffraction_edges_;

@@ -13,7 +13,6 @@ namespace {
 constexpr double kPi = std::numbers::pi;
 constexpr double kRankingHz = 500;
 constexpr double kMostLossDb = 30;  // of an estimate, over all edges but the last
-constexpr double kLeastLossDb = 5;  // of Kurze-Anderson at one edge, without a detour
 constexpr double kRoundingDb = 1e-3;
 
 double level_db(double amplitude) { return 20.0 * std::log10(std::max(amplitude, 1e-12)); }
@@ -25,7 +24,19 @@ glm::dvec3 nearest_point(const DiffractionEdge& edge, glm::dvec3 point) {
 }  // namespace
 
 EdgeGrowth::EdgeGrowth(const AcousticScene& scene, glm::vec3 source) : scene_(scene), edges_(*scene.diffraction_edges()), source_(source) {
-  for (const DiffractionEdge& edge : edges_.edges()) root_of_length_.push_back(static_cast<float>(std::sqrt(edge.length_m)));
+  lanes_.resize((edges_.size() + kLanes - 1) / kLanes);
+  for (std::uint32_t i = 0; i < edges_.size(); ++i) {
+    const DiffractionEdge& edge = edges_[i];
+    EdgeLanes& lanes = lanes_[i / kLanes];
+    const std::size_t lane = i % kLanes;
+    for (int axis = 0; axis < 3; ++axis) {
+      lanes.start[static_cast<std::size_t>(axis)][lane] = static_cast<float>(edge.start[axis]);
+      lanes.along[static_cast<std::size_t>(axis)][lane] = static_cast<float>(edge.along[axis]);
+      largest_m_ = std::max({largest_m_, static_cast<float>(std::abs(edge.start[axis])), std::abs(source[axis])});
+    }
+    lanes.length_m[lane] = static_cast<float>(edge.length_m);
+    lanes.root_of_length[lane] = static_cast<float>(std::sqrt(edge.length_m));
+  }
   EdgeCandidate root;
   root.before = source_;
   add_family(root);
@@ -35,25 +46,97 @@ void EdgeGrowth::add_family(const EdgeCandidate& parent) {
   Family family;
   family.parent = parent;
   family.index = num_families_++;
-  const auto path = std::span(parent.sequence.edge).first(static_cast<std::size_t>(parent.sequence.order));
-  const glm::dvec3 before(parent.before);
-  const DiffractionEdge* last_edge = path.empty() ? nullptr : &edges_[path.back()];
-  family.most_db = path.empty() ? kRoundingDb : kRoundingDb - kLeastLossDb - static_cast<double>(parent.loss_db);
-  if (last_edge == nullptr || last_edge->in_air(before, edges_.clearance_m())) {
-    for (std::uint32_t edge = 0; edge < edges_.size(); ++edge) {
-      const glm::dvec3 after = nearest_point(edges_[edge], before);
-      if (last_edge != nullptr && !last_edge->in_air(after, edges_.clearance_m())) continue;
-      const double length_m = static_cast<double>(parent.reached_m) + glm::length(after - before);
-      if (length_m > 1.0001 * static_cast<double>(scene_.max_path_m())) continue;
-      if (std::find(path.begin(), path.end(), edge) != path.end()) continue;
-      family.links.push_back({root_of_length_[edge] / static_cast<float>(std::max(length_m, double{kLeastDistanceM})), edge});
-    }
+  const auto order = static_cast<std::size_t>(parent.sequence.order);
+  family.most_db = kRoundingDb - static_cast<double>(parent.loss_db);
+  if (order == 0) {
+    add_links_of_source(family);
+  } else if (edges_[parent.sequence.edge[order - 1]].in_air(glm::dvec3(parent.before), edges_.clearance_m())) {
+    add_links_of_edge(family);
   }
   if (family.links.empty()) return;
   std::make_heap(family.links.begin(), family.links.end());
   family.best_db = level_db(static_cast<double>(family.links.front().bound)) + family.most_db;
-  const int order = parent.sequence.order + 1;
-  (order == 1 ? roots_ : order < scene_.config().diffraction_order ? growing_ : full_).families.push_back(std::move(family));
+  (order == 0                                                      ? roots_
+   : parent.sequence.order + 1 < scene_.config().diffraction_order ? growing_
+                                                                   : full_)
+      .families.push_back(std::move(family));
+}
+
+void EdgeGrowth::add_links_of_source(Family& family) const {
+  const glm::dvec3 before(source_);
+  for (std::uint32_t edge = 0; edge < edges_.size(); ++edge) {
+    const double length_m = glm::length(nearest_point(edges_[edge], before) - before);
+    if (length_m > 1.0001 * static_cast<double>(scene_.max_path_m())) continue;
+    const double root_of_length = std::sqrt(edges_[edge].length_m);
+    family.links.push_back({static_cast<float>(root_of_length / std::max(length_m, double{kLeastDistanceM})), edge});
+  }
+}
+
+void EdgeGrowth::add_links_of_edge(Family& family) const {
+  const EdgeCandidate& parent = family.parent;
+  const auto path = std::span(parent.sequence.edge).first(static_cast<std::size_t>(parent.sequence.order));
+  const DiffractionEdge& last = edges_[path.back()];
+  const glm::dvec3 before(parent.before), from_last = before - last.start;
+  using Three = std::array<Lanes, 3>;
+  const auto three = [](glm::dvec3 v) {
+    return Three{all_lanes(static_cast<float>(v.x)), all_lanes(static_cast<float>(v.y)), all_lanes(static_cast<float>(v.z))};
+  };
+  const auto dot = [](const Three& a, const Three& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; };
+  const auto minus = [](const Three& a, const Three& b) { return Three{a[0] - b[0], a[1] - b[1], a[2] - b[2]}; };
+  const auto plus = [](const Three& a, const Lanes& t, const Three& b) { return Three{a[0] + t * b[0], a[1] + t * b[1], a[2] + t * b[2]}; };
+  const auto limit = [](const Lanes& x, const Lanes& most) { return x < 0.f ? Lanes{} : x > most ? most : x; };
+
+  const Three here = three(before), start = three(last.start), along = three(last.along), first_normal = three(last.first_normal),
+              second_normal = three(last.second_normal), face = three(last.face);
+  const double along_before = glm::dot(from_last, last.along), away_before = glm::length(from_last - along_before * last.along);
+  const auto along_here = static_cast<float>(along_before), away_here = static_cast<float>(away_before),
+             angle_here = static_cast<float>(last.angle_of(before)), exterior = static_cast<float>(last.exterior_rad),
+             length_m = static_cast<float>(last.length_m);
+  // Lengths of single precision are wrong by less than this, so that all that follows errs to the side of the better score.
+  const float reach_m = largest_m_ + std::max({std::abs(parent.before.x), std::abs(parent.before.y), std::abs(parent.before.z)}) +
+                        static_cast<float>(scene_.max_path_m());
+  const float slack_m = 2e-6f * reach_m, outside_m = static_cast<float>(edges_.clearance_m()) + slack_m;
+  const auto half_waves_per_m = static_cast<float>(2.0 * kRankingHz / static_cast<double>(scene_.speed_of_sound_m_per_s()));
+  const auto least_factor = static_cast<float>(std::pow(10.0, -0.05 * (kMostLossDb + 0.1 - static_cast<double>(parent.loss_db))));
+
+  for (std::size_t group = 0; group < lanes_.size(); ++group) {
+    const EdgeLanes& edge = lanes_[group];
+    const Three after = plus(edge.start, limit(dot(minus(here, edge.start), edge.along), edge.length_m), edge.along);
+    const Three from_start = minus(after, start);
+    const Lanes height = dot(from_start, first_normal);
+    const LaneIntegers solid = (height < -outside_m) & (dot(from_start, second_normal) < -outside_m);
+    // Fermat's point of the last edge, and how much longer the way by it is than the straight one.
+    const Lanes along_there = dot(from_start, along);
+    const Three away = plus(from_start, -along_there, along);
+    const Lanes away_there = root_of(dot(away, away)), both = away_there + away_here;
+    const Lanes free = (along_here * away_there + along_there * away_here) / (both < 1e-20f ? all_lanes(1e-20f) : both);
+    const Lanes at = limit(both > 0.f ? free : all_lanes(0.5f * length_m), all_lanes(length_m));
+    const Lanes in_along = at - along_here, out_along = at - along_there;
+    const Lanes in_m = root_of(in_along * in_along + away_here * away_here),
+                out_m = root_of(out_along * out_along + away_there * away_there);
+    const Three straight = minus(after, here);
+    const Lanes detour_m = in_m + out_m - root_of(dot(straight, straight)) - slack_m;
+    const Lanes fresnel_number = half_waves_per_m * (detour_m < 0.f ? Lanes{} : detour_m);
+    // Kurze and Anderson as a factor: 10^(-5 / 20) tanh(x) / x.
+    const Lanes x = root_of(fresnel_number * (2.f * std::numbers::pi_v<float>)), fall = exp_of_negative(-2.f * x);
+    const Lanes factor = 0.562341325f * (x < 0.02f ? all_lanes(1.f) : (1.f - fall) / ((1.f + fall) * x));
+    // On the lit side of the last edge; what is near the edge or inside its solid counts as behind it.
+    const Lanes argument_there = argument({dot(from_start, face), height});
+    const Lanes angle = argument_there < 0.f ? argument_there + 2.f * std::numbers::pi_v<float> : argument_there;
+    const Lanes turn = angle < angle_here ? angle_here - angle : angle - angle_here;
+    const LaneIntegers lit =
+        (turn < std::numbers::pi_v<float> - 2e-3f) & (angle < exterior - 2e-3f) & (away_there > 1e3f * slack_m) & (fresnel_number > 2.f);
+    const Lanes way_m = static_cast<float>(parent.reached_m) + in_m + out_m - slack_m;
+    const LaneIntegers too_weak = (factor < least_factor) | (way_m > 1.0001f * static_cast<float>(scene_.max_path_m()));
+    const LaneIntegers never = solid | lit | too_weak;
+    const Lanes least_m = way_m < kLeastDistanceM ? all_lanes(kLeastDistanceM) : way_m;
+    const Lanes bound = 1.01f * factor * edge.root_of_length / least_m;
+    for (std::size_t lane = 0; lane < kLanes; ++lane) {
+      const auto index = static_cast<std::uint32_t>(group * kLanes + lane);
+      if (never[lane] != 0 || index >= edges_.size() || std::ranges::find(path, index) != path.end()) continue;
+      family.links.push_back({bound[lane], index});
+    }
+  }
 }
 
 void EdgeGrowth::pop_link(Family& family) {
@@ -73,6 +156,7 @@ bool EdgeGrowth::score(const Family& family, std::uint32_t edge, RankedCandidate
   ++child.sequence.order;
   if (order > 0) {
     const DiffractionEdge& last_edge = edges_[parent.sequence.edge[order - 1]];
+    if (!last_edge.in_air(after, edges_.clearance_m())) return false;
     const glm::dvec3 at = last_edge.at(std::clamp(fermat_point(last_edge, before, after), 0.0, last_edge.length_m));
     const double detour_m = glm::length(at - before) + glm::length(after - at) - glm::length(after - before);
     const double fresnel_number = 2.0 * detour_m * kRankingHz / static_cast<double>(scene_.speed_of_sound_m_per_s());

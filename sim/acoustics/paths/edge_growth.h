@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <glm/vec3.hpp>
 #include <optional>
@@ -9,6 +10,7 @@
 
 #include "sim/acoustics/geometry/diffraction_edges.h"
 #include "sim/acoustics/model/acoustic_scene.h"
+#include "sim/acoustics/paths/band_lanes.h"
 #include "sim/acoustics/paths/edge_path.h"
 
 namespace earshot {
@@ -33,8 +35,8 @@ struct RankedCandidate {
   }
 };
 
-/// Grows edge sequences from a source, best first.  Visibility between edges takes most of the time: links are queued by a bound of
-/// their score that takes no logarithm, and tested when they are next.  The result is that of testing all.
+/// Grows edge sequences from a source, best first.  Links are queued by a bound of their score, eight edges at a time and a tenth of a
+/// decibel above it at most; the score itself, and the rays, are for those that are next.  The result is that of testing all.
 class EdgeGrowth {
  public:
   EdgeGrowth(const AcousticScene& scene, glm::vec3 source);
@@ -47,7 +49,7 @@ class EdgeGrowth {
  private:
   /// A sequence and one edge more, not yet tested.
   struct Link {
-    float bound;  ///< root of the edge's length over at most the length of the way to it
+    float bound;  ///< at least the root of the edge's length over the length of the way to it, times what the edge before leaves of it
     std::uint32_t edge;
     bool operator<(const Link& other) const { return std::tie(bound, other.edge) < std::tie(other.bound, edge); }
   };
@@ -65,6 +67,8 @@ class EdgeGrowth {
   };
 
   void add_family(const EdgeCandidate& parent);
+  void add_links_of_source(Family& family) const;
+  void add_links_of_edge(Family& family) const;
   void pop_link(Family& family);
   /// False if the sequence is none: too long, too weak.
   bool score(const Family& family, std::uint32_t edge, RankedCandidate& ranked) const;
@@ -80,7 +84,13 @@ class EdgeGrowth {
   const AcousticScene& scene_;
   const DiffractionEdges& edges_;
   glm::vec3 source_;
-  std::vector<float> root_of_length_;
+  /// Eight edges; what is past the last one has no length and its bound is 0.
+  struct EdgeLanes {
+    std::array<Lanes, 3> start{}, along{};
+    Lanes length_m{}, root_of_length{};
+  };
+  std::vector<EdgeLanes> lanes_;
+  float largest_m_ = 0;  ///< of the coordinates
   std::uint32_t num_families_ = 0;
   Queue roots_, growing_, full_;                  ///< one edge; more, and room for another; as many as config allows
   std::vector<RankedCandidate> single_, longer_;  ///< in sight

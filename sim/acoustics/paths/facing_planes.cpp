@@ -38,20 +38,10 @@ double box_volume_m3(const Bounds& bounds) {
 
 /// Loss of the diffuse field per metre of path and band: -log(1 - mean absorption by area) / mean free path.
 std::vector<double> diffuse_loss_per_m(const AcousticScene& scene) {
-  const TriangleMesh& mesh = scene.scene().mesh();
-  std::vector<double> area(scene.scene().materials().size(), 0.0);
-  double whole_m2 = 0;
-  for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
-    const glm::dvec3 a(mesh.vertices[mesh.triangles[t].x]), b(mesh.vertices[mesh.triangles[t].y]), c(mesh.vertices[mesh.triangles[t].z]);
-    const double m2 = 0.5 * glm::length(glm::cross(b - a, c - a));
-    area[mesh.triangle_material[t]] += m2;
-    whole_m2 += m2;
-  }
   std::vector<double> loss(static_cast<std::size_t>(scene.num_bands()));
   for (std::size_t band = 0; band < loss.size(); ++band) {
-    double absorbed = 0;
-    for (std::uint32_t m = 0; m < area.size(); ++m) absorbed += area[m] / whole_m2 * (1.0 - scene.reflectance(m)[band]);
-    loss[band] = -std::log1p(-std::min(absorbed, 1.0 - 1e-9)) / std::max(scene.plan().mean_free_path_m, 1e-3);
+    loss[band] =
+        -std::log1p(-std::min(scene.surfaces().mean_absorption()[band], 1.0 - 1e-9)) / std::max(scene.plan().mean_free_path_m, 1e-3);
   }
   return loss;
 }
@@ -104,7 +94,7 @@ FacingPlanes::FacingPlanes(const AcousticScene& scene, const SoundSource& source
 
 void FacingPlanes::find_pairs(const AcousticScene& scene) {
   const EmbreeScene& rays = scene.scene().rays();
-  std::vector<double> diffuse_loss;  // over all triangles: once, and only if there is a pair to judge
+  const std::vector<double> diffuse_loss = diffuse_loss_per_m(scene);
   std::vector<glm::dvec3> axes;
   const std::span<const MirrorPlane> planes = scene.planes();
   for (std::size_t i = 0; i < std::min(planes.size(), kMaxPlanes) && pairs_.size() < kMaxPairs; ++i) {
@@ -127,7 +117,6 @@ void FacingPlanes::find_pairs(const AcousticScene& scene) {
     pair.offset_m = glm::dot(pair.axis, source) - std::abs(near.height(source));
     pair.gap_m = std::abs(near.height(source)) + std::abs(far.height(source));
     const auto& material = scene.scene().mesh().triangle_material;
-    if (diffuse_loss.empty()) diffuse_loss = diffuse_loss_per_m(scene);
     if (!stands_out(scene, material[behind.triangle], material[ahead.triangle], pair.gap_m, diffuse_loss)) continue;
     find_sides(scene, pair);
     pairs_.push_back(std::move(pair));

@@ -48,6 +48,16 @@ TEST(AcousticSurfaces, LargestSpecularReflectanceIsOverMaterialsAndBands) {
   EXPECT_EQ(AcousticSurfaces(rooms::empty(), {}).largest_specular_reflectance(), 0.f);
 }
 
+TEST(AcousticSurfaces, MeanAbsorptionIsByArea) {
+  // 5 x 4 x 3 m: the floor is 20 of 94 square metres.
+  std::array<Material, 6> walls = rooms::uniform_walls(0.5, 0.5);
+  walls[4] = Material::uniform("floor", 0.1f, 0.2f);
+  const AcousticSurfaces box(rooms::box(5, 4, 3, walls), {}), empty(rooms::empty(), {});
+  ASSERT_EQ(box.mean_absorption().size(), 7u);
+  for (const double mean : box.mean_absorption()) EXPECT_NEAR(mean, (74 * 0.5 + 20 * 0.1) / 94, 1e-6);
+  for (const double mean : empty.mean_absorption()) EXPECT_EQ(mean, 0.0);
+}
+
 TEST(AcousticSurfaces, RefuseABrokenConfig) {
   AcousticConfig config;
   config.early_order = 5;
