@@ -23,8 +23,8 @@ namespace earshot {
 /// docs/estimators.md, section 6, has what that costs.
 ///
 /// Places more than kCellM + kBorderM apart along an axis, and two sources, have noise of their own: loops of one of four kinds
-/// (carriers.h), from a place anywhere in them.  What two of them share by chance: of a decay of 60 dB in the length of a
-/// response a place finds more than a third, shifted, in another place in 2 to 8 % of pairs, as loops are 1.25 to 2.5 times the response.
+/// (carriers.h), from a place anywhere in them.  What two of them share by chance, shifted, shows from 1 kHz on, where chance
+/// alone is small: over all lags 10 to 15 % of pairs correlate more than 5 % of pairs of independent noise do.
 ///
 /// A response holds no repeat: cells that touch have different kinds, and the binaural tail reads apart() further on.  Limits, where chance
 /// may let a part come again: near the corner of a cell, where a response takes from all eight around it, every kind comes twice; so it

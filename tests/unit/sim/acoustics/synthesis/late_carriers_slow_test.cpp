@@ -74,8 +74,8 @@ std::vector<float> independent_noise(std::uint32_t number, double decay_s) {
 
 // The largest correlation over all lags of places metres apart, octave by octave, beside that of independent Gaussian noise: 300 pairs
 // each. Of pairs of independent noise 5 % lie above its quantile of 95 %; standard error of both counts together 1.8 %.  Places share more
-// than a third of themselves in 4 % of pairs (late_carriers.h): 5 + 4 + 3 * 1.8 < 15 %.  In the octave of 4 kHz chance is only 0.1, and
-// less than that third shows: 25 %.  Shifts of one loop would all lie above.  The mean over pairs: 0.03.
+// than a third of themselves in 4 % of pairs, by the length of the loops: 5 + 4 + 3 * 1.8 < 15 %.  In the octave of 4 kHz chance is only
+// 0.1, and less than that third shows: 25 %.  The mean over pairs: 0.03.
 TEST(LateCarriersSlow, PlacesCorrelateAsIndependentNoiseInEveryOctave) {
   constexpr std::uint32_t pairs = 300;
   constexpr double decay_s = 1.0;
