@@ -224,11 +224,12 @@ bool EarlyCandidates::find_path(const AcousticScene& scene, std::size_t index, g
                                   longest_wave_m);
       if (!panel.finite()) continue;
       finite = true;
-      for (int band = 0; band < scene.num_bands(); ++band) {
-        const double wavenumber = 2.0 * std::numbers::pi * scene.bands().centre_hz[band] / scene.speed_of_sound_m_per_s();
-        const PanelReflection::Factor factor = panel.factor(wavenumber);
-        size_fraction[band] *= factor.energy;
-        size_phase[band] += factor.phase_rad;
+      for (const EdgeBands& bands : diffraction_.bands()) {
+        const PanelReflection::Factor factor = panel.factor(bands.wave.number);
+        for (int lane = 0; lane < bands.count; ++lane) {
+          size_fraction[bands.first + lane] *= double{factor.energy[lane]};
+          size_phase[bands.first + lane] += double{factor.phase_rad[lane]};
+        }
       }
     }
   }

@@ -2,18 +2,16 @@
 
 #include <algorithm>
 #include <cmath>
-#include <complex>
 #include <glm/geometric.hpp>
 #include <limits>
 #include <numbers>
 
-#include "sim/acoustics/paths/fast_angles.h"
 #include "sim/acoustics/paths/utd.h"
 
 namespace earshot {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
+constexpr double kPi = std::numbers::pi, kEndless = std::numeric_limits<double>::infinity();
 
 /// How much longer the shortest way from a to b over the edge's line is than the straight one.
 double detour(const PanelEdge& edge, glm::dvec3 a, glm::dvec3 b, double straight_m) {
@@ -32,10 +30,9 @@ double boundary_weight(double waves) {
 
 PanelReflection::PanelReflection(std::span<const PanelEdge> edges, glm::dvec3 image, glm::dvec3 listener, glm::dvec3 at,
                                  double longest_wave_m) {
-  constexpr double endless = std::numeric_limits<double>::infinity();
-  detour_m_.fill(endless);
+  detour_m_.fill(kEndless);
   // The nearest edge beside the point gives the directions; the others count for the one that they face most.
-  double nearest_m = endless;
+  double nearest_m = kEndless;
   glm::dvec3 axis(0), across(0);
   const auto beside = [&](const PanelEdge& edge, double& distance_m) {
     if (glm::dot(edge.normal, listener - image) <= 0) return false;  // of the other side
@@ -51,10 +48,10 @@ PanelReflection::PanelReflection(std::span<const PanelEdge> edges, glm::dvec3 im
     axis = edge.outward;
     across = edge.along;
   }
-  if (nearest_m == endless) return;
+  if (nearest_m == kEndless) return;
   const double straight_m = glm::length(listener - image);
   std::array<double, 4> closest_m;
-  closest_m.fill(endless);
+  closest_m.fill(kEndless);
   for (const PanelEdge& edge : edges) {
     if (!beside(edge, distance_m)) continue;
     const double along_axis = glm::dot(edge.outward, axis), along_across = glm::dot(edge.outward, across);
@@ -63,28 +60,31 @@ PanelReflection::PanelReflection(std::span<const PanelEdge> edges, glm::dvec3 im
     if (distance_m >= closest_m[side]) continue;
     closest_m[side] = distance_m;
     const double detour_m = detour(edge, image, listener, straight_m);
-    detour_m_[side] = detour_m < 1.26 * longest_wave_m ? detour_m : endless;
-    finite_ = finite_ || detour_m_[side] < endless;
+    detour_m_[side] = detour_m < 1.26 * longest_wave_m ? detour_m : kEndless;
+    finite_ = finite_ || detour_m_[side] < kEndless;
   }
 }
 
-std::complex<double> PanelReflection::pressure_factor(double wavenumber) const {
-  std::array<std::complex<double>, 2> inside = {1.0, 1.0};
+ComplexLanes PanelReflection::pressure_factor(const Lanes& wavenumber) const {
+  constexpr auto pi = static_cast<float>(kPi);
+  const ComplexLanes one = {all_lanes(1.f), {}};
+  std::array<ComplexLanes, 2> inside = {one, one};
   for (std::size_t side = 0; side < 4; ++side) {
-    const double phase = wavenumber * detour_m_[side];
-    if (!(phase < 2.0 * kPi)) continue;
+    if (detour_m_[side] == kEndless) continue;
+    const Lanes long_phase = wavenumber * static_cast<float>(detour_m_[side]);
+    const Lanes phase = long_phase < 2.f * pi ? long_phase : all_lanes(2.f * pi);
+    // boundary_weight() of half the detour: 0 at the end.
+    const Lanes weight = phase < pi ? all_lanes(1.f) : 0.5f + 0.5f * unit_phase(phase - pi).real;
     // The Fresnel integral past the edge, over the whole: half of exp(-j u^2) scaled_erfc(u), u^2 = k detour.
-    inside[side / 2] -= boundary_weight(phase / (4.0 * kPi)) * 0.5 * scaled_erfc(std::sqrt(phase)) * std::conj(fast_unit_phase(phase));
+    inside[side / 2] = inside[side / 2] - (0.5f * weight) * (scaled_erfc(root_of(phase)) * conj(unit_phase(phase)));
   }
   return inside[0] * inside[1];
 }
 
-PanelReflection::Factor PanelReflection::factor(double wavenumber) const {
-  constexpr double third = 1.25992104989;
-  if (wavenumber / third * *std::min_element(detour_m_.begin(), detour_m_.end()) >= 2.0 * kPi) return {};
-  const std::complex<double> centre = pressure_factor(wavenumber);
-  return {(std::norm(pressure_factor(wavenumber / third)) + std::norm(centre) + std::norm(pressure_factor(wavenumber * third))) / 3.0,
-          std::arg(centre)};
+PanelReflection::Factor PanelReflection::factor(const Lanes& wavenumber) const {
+  constexpr float third = 1.25992104989f;
+  const ComplexLanes centre = pressure_factor(wavenumber);
+  return {(norm(pressure_factor(wavenumber / third)) + norm(centre) + norm(pressure_factor(wavenumber * third))) / 3.f, argument(centre)};
 }
 
 }  // namespace earshot

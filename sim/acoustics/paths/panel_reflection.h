@@ -1,11 +1,11 @@
 #pragma once
 
 #include <array>
-#include <complex>
 #include <glm/vec3.hpp>
 #include <span>
 
 #include "sim/acoustics/geometry/panel_edges.h"
+#include "sim/acoustics/paths/band_lanes.h"
 
 namespace earshot {
 
@@ -22,14 +22,14 @@ class PanelReflection {
   /// Does any edge matter?  Otherwise the fraction is 1.
   [[nodiscard]] bool finite() const { return finite_; }
   /// What an endless panel's energy is multiplied by, the mean of three frequencies of an octave about `wavenumber`, in [0, 4], and the
-  /// phase at its centre.
+  /// phase at its centre; eight bands at once.
   struct Factor {
-    double energy = 1, phase_rad = 0;
+    Lanes energy, phase_rad;
   };
-  [[nodiscard]] Factor factor(double wavenumber) const;
+  [[nodiscard]] Factor factor(const Lanes& wavenumber) const;
 
  private:
-  [[nodiscard]] std::complex<double> pressure_factor(double wavenumber) const;
+  [[nodiscard]] ComplexLanes pressure_factor(const Lanes& wavenumber) const;
 
   std::array<double, 4> detour_m_;  ///< over the edges: along the first direction, against it, along the second, against it
   bool finite_ = false;
