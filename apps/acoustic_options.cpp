@@ -13,7 +13,7 @@ namespace earshot {
 
 void AcousticOptions::add_to(CLI::App& command, const std::string& default_preset) {
   preset = default_preset;
-  command.add_option("SCENE", scene, "Mesh file, shoebox:XxYxZ[@M], house:SEED, or scene YAML")->required();
+  command.add_option("SCENE", scene, "Mesh file, shoebox:XxYxZ[@M], house:SEED, floor:SEED, or scene YAML")->required();
   command.add_option("--preset", preset, "Quality: fast (training), balanced, high (reference)")->capture_default_str();
   command.add_option(
       "--set", settings,

@@ -23,8 +23,8 @@ int main(int argc, char** argv) {
   app.set_version_flag("--version", fmt::format("earshot {}", earshot::kVersion));
   app.require_subcommand(1);
   app.footer(
-      "SCENE is a mesh file (glb, gltf, obj, ply, stl), shoebox:XxYxZ[@M], house:SEED[,rooms=N][,area_m2=A][,detail_m=D], or a scene "
-      "YAML.\n"
+      "SCENE is a mesh file (glb, gltf, obj, ply, stl), shoebox:XxYxZ[@M], house:SEED[,rooms=N][,area_m2=A][,detail_m=D], "
+      "floor:SEED[,width_m=W][,length_m=L][,detail_m=D], or a scene YAML.\n"
       "Exit codes: 0 done, 1 a run that failed, 2 bad usage or bad input.");
 
   int exit_code = 0;

@@ -173,7 +173,7 @@ void run_scene(const Options& options) {
 void add_scene(CLI::App& app) {
   auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand("scene", "Triangles, holes, ray efficiency, volume, RT60 estimate and navigable area of a scene");
-  command->add_option("SCENE", options->scene, "Mesh file, shoebox:XxYxZ[@M], house:SEED, or scene YAML")->required();
+  command->add_option("SCENE", options->scene, "Mesh file, shoebox:XxYxZ[@M], house:SEED, floor:SEED, or scene YAML")->required();
   command->add_option("--unit", options->unit_m,
                       "Metres per unit of a mesh file (0.01 for centimetres); default: what a YAML says, else 1");
   command->add_option("--simplify", options->simplify_m, "Simplify the mesh: largest deviation of its surface in metres, (0, 1]");

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <map>
 #include <string>
 #include <vector>
@@ -11,6 +10,7 @@
 #include "sim/scene/house_detail.h"
 #include "sim/scene/house_furniture.h"
 #include "sim/scene/house_plan.h"
+#include "sim/scene/plan_settings.h"
 
 namespace earshot {
 namespace {
@@ -148,59 +148,34 @@ class ShellBuilder {
   std::map<std::array<int, 3>, std::uint32_t> vertex_of_;
 };
 
-template <class Number>
-Number parse_number(std::string_view key, std::string_view text) {
-  Number value{};
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc{} || end != text.data() + text.size())
-    throw InputError("house:" + std::string(key), "'" + std::string(text) + "' is not a number in range",
-                     "write house:SEED[,rooms=3][,area_m2=36][,height_m=2.7][,furnished=false][,detail_m=0.12]");
-  return value;
-}
-
 }  // namespace
 
 HouseConfig parse_house(std::string_view text) {
   HouseConfig config;
-  bool first = true;
-  while (first || !text.empty()) {
-    const std::size_t comma = std::min(text.find(','), text.size());
-    const std::string_view item = text.substr(0, comma);
-    text.remove_prefix(std::min(comma + 1, text.size()));
-    if (first) {
-      config.seed = parse_number<std::uint64_t>("SEED", item);
-      first = false;
-      continue;
-    }
-    const std::size_t equals = std::min(item.find('='), item.size());
-    const std::string_view key = item.substr(0, equals), value = item.substr(std::min(equals + 1, item.size()));
-    if (key == "rooms")
-      config.rooms = parse_number<int>(key, value);
-    else if (key == "area_m2")
-      config.area_m2 = parse_number<float>(key, value);
-    else if (key == "height_m")
-      config.height_m = parse_number<float>(key, value);
-    else if (key == "detail_m")
-      config.detail_m = parse_number<float>(key, value);
-    else if (key == "furnished" && (value == "true" || value == "false"))
-      config.furnished = value == "true";
-    else
-      throw InputError("house:" + std::string(item), "is not a setting of a house",
-                       "use rooms=N, area_m2=A, height_m=H, furnished=true|false or detail_m=D after the seed");
-  }
+  read_plan_settings("house", text, config.seed, [&](std::string_view key, std::string_view value) {
+    if (key == "rooms") return config.rooms = parse_plan_number<int>("house", key, value), true;
+    if (key == "area_m2") return config.area_m2 = parse_plan_number<float>("house", key, value), true;
+    if (key == "height_m") return config.height_m = parse_plan_number<float>("house", key, value), true;
+    if (key == "detail_m") return config.detail_m = parse_plan_number<float>("house", key, value), true;
+    if (key == "furnished" && (value == "true" || value == "false")) return config.furnished = value == "true", true;
+    return false;
+  });
   resolve_house(config);
   return config;
 }
 
-TriangleMesh generate_house(const HouseConfig& config) {
-  const HouseConfig resolved = resolve_house(config);
-  const HousePlan plan = make_house_plan(resolved);
-  const int side_mm = longest_side_mm(resolved.detail_m);
+TriangleMesh build_plan(const HousePlan& plan, std::uint64_t seed, bool furnished, float detail_m) {
+  const int side_mm = longest_side_mm(detail_m);
   TriangleMesh mesh;
   ShellBuilder(plan, side_mm, mesh).emit();
-  if (!resolved.furnished) return mesh;
-  for (const FurnitureBox& box : furnish(plan, resolved.seed, side_mm > 0)) append_furniture(mesh, box, side_mm);
+  if (!furnished) return mesh;
+  for (const FurnitureBox& box : furnish(plan, seed, side_mm > 0)) append_furniture(mesh, box, side_mm);
   return mesh;
+}
+
+TriangleMesh generate_house(const HouseConfig& config) {
+  const HouseConfig resolved = resolve_house(config);
+  return build_plan(make_house_plan(resolved), resolved.seed, resolved.furnished, resolved.detail_m);
 }
 
 }  // namespace earshot

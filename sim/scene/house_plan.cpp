@@ -202,6 +202,8 @@ void name_rooms(std::vector<PlanRoom>& rooms) {
   if (by_area.size() >= 4) rooms[by_area.back()].type = RoomType::bathroom;
 }
 
+}  // namespace
+
 std::vector<PlanWindow> place_windows(const std::vector<PlanRoom>& rooms, HouseDraws& draws) {
   int x1 = 0, z1 = 0;
   for (const PlanRoom& room : rooms) {
@@ -227,8 +229,6 @@ std::vector<PlanWindow> place_windows(const std::vector<PlanRoom>& rooms, HouseD
   }
   return windows;
 }
-
-}  // namespace
 
 HouseConfig resolve_house(HouseConfig config) {
   const bool area_ok = config.area_m2 == 0.f || (config.area_m2 >= 12.f && config.area_m2 <= 400.f);

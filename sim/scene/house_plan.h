@@ -67,4 +67,10 @@ HouseConfig resolve_house(HouseConfig config);
 /// Rooms, doors along a spanning tree plus some more, windows.  `config` comes from resolve_house.
 HousePlan make_house_plan(const HouseConfig& config);
 
+/// Windows in walls that belong to the outline of the rooms, drawn in the order of the rooms.
+std::vector<PlanWindow> place_windows(const std::vector<PlanRoom>& rooms, HouseDraws& draws);
+
+/// Mesh of a plan: its shell, and furniture (house_generator.h says what holds of both).  detail_m: of a house.
+TriangleMesh build_plan(const HousePlan& plan, std::uint64_t seed, bool furnished, float detail_m);
+
 }  // namespace earshot

@@ -4,6 +4,7 @@
 #include <string>
 
 #include "sim/base/errors.h"
+#include "sim/scene/floor_plan.h"
 #include "sim/scene/house_generator.h"
 #include "sim/scene/material_assignment.h"
 #include "sim/scene/mesh_import.h"
@@ -28,8 +29,9 @@ Geometry make_geometry(const std::string& spec, const MeshImportOptions& options
     Shoebox box = parse_shoebox(std::string_view(spec).substr(8), database);
     geometry.mesh = std::move(box.mesh);
     geometry.own.assign(box.material_of_slot.begin(), box.material_of_slot.end());
-  } else if (spec.starts_with("house:")) {
-    geometry.mesh = generate_house(parse_house(std::string_view(spec).substr(6)));
+  } else if (spec.starts_with("house:") || spec.starts_with("floor:")) {
+    const std::string_view settings = std::string_view(spec).substr(6);
+    geometry.mesh = spec.starts_with("house:") ? generate_house(parse_house(settings)) : generate_floor(parse_floor(settings));
     const MaterialDatabase builtin = MaterialDatabase::builtin();  // house materials are names of that one
     for (const std::string& name : geometry.mesh.material_names) geometry.own.emplace_back(builtin.get(name, spec));
   } else {
@@ -72,9 +74,11 @@ bool is_scene_yaml(const std::string& spec) {
 }  // namespace
 
 Scene load_scene(const std::string& spec, const SceneOverrides& overrides) {
-  const bool yaml = is_scene_yaml(spec), generated = spec.starts_with("shoebox:") || spec.starts_with("house:");
+  const bool yaml = is_scene_yaml(spec),
+             generated = spec.starts_with("shoebox:") || spec.starts_with("house:") || spec.starts_with("floor:");
   if (!yaml && !generated && !is_mesh_file(spec)) {
-    throw InputError(spec, "is not a scene", "name a glb, gltf, obj, ply, stl or yaml file, or write shoebox:XxYxZ[@M] or house:SEED");
+    throw InputError(spec, "is not a scene",
+                     "name a glb, gltf, obj, ply, stl or yaml file, or write shoebox:XxYxZ[@M], house:SEED or floor:SEED");
   }
   SceneConfig config;
   if (yaml)

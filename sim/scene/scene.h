@@ -77,8 +77,8 @@ struct SceneOverrides {
 };
 
 /// Loads any SCENE of the command line: a mesh file (mesh_import.h), `shoebox:XxYxZ[@M]` (shoebox.h), `house:SEED[,key=value...]`
-/// (house_generator.h), or a scene YAML (keys: scene_config.h).  Assignment of materials: material_assignment.h.  Throws InputError, one
-/// clear line.
+/// (house_generator.h), `floor:SEED[,key=value...]` (floor_plan.h), or a scene YAML (keys: scene_config.h).  Assignment of materials:
+/// material_assignment.h.  Throws InputError, one clear line.
 Scene load_scene(const std::string& spec, const SceneOverrides& overrides = {});
 
 }  // namespace earshot

@@ -86,7 +86,8 @@ SceneConfig read_scene_config(const std::filesystem::path& path) {
   SceneConfig config;
   reader.read_required("mesh", config.mesh);
   if (config.mesh.empty()) reader.fail("mesh", "is empty");
-  if (!config.mesh.starts_with("shoebox:") && !config.mesh.starts_with("house:")) config.mesh = beside(path, config.mesh).string();
+  if (!config.mesh.starts_with("shoebox:") && !config.mesh.starts_with("house:") && !config.mesh.starts_with("floor:"))
+    config.mesh = beside(path, config.mesh).string();
 
   config.has_import_options = reader.has("up") || reader.has("unit_m");
   reader.read_choice<MeshImportOptions::Up>("up", config.import.up, {{"y", MeshImportOptions::Up::y}, {"z", MeshImportOptions::Up::z}});
