@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstring>
 #include <glm/geometric.hpp>
+#include <span>
 
 namespace earshot {
 namespace {
@@ -23,7 +24,7 @@ using Vector [[gnu::vector_size(kLanes * sizeof(float))]] = float;
 FieldSmoothing::FieldSmoothing(const FieldGrid& grid) {
   const glm::vec3 edge_m = grid.edge_m();
   edge2_m2_ = glm::dot(edge_m, edge_m) / 3.0;
-  const std::vector<FieldGrid::Passage> passages = grid.passages();
+  const std::span<const FieldGrid::Passage> passages = grid.passages();
   const std::size_t cells = grid.size();
   const auto open_m3 = [&](const FieldGrid::Passage& p) {
     return p.openness * std::min(grid.volume_m3(p.first), grid.volume_m3(p.second));

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <glm/geometric.hpp>
+#include <numeric>
 #include <optional>
 #include <span>
 #include <utility>
@@ -23,11 +24,16 @@ constexpr int kBinsPerProbeBin = 4;
 /// Fraction of a probe's weights that may be left out, in the cells that count least.
 constexpr float kDroppedFraction = 0.05f;
 
+/// Places where sound arrives with less than this fraction of the mean energy of all probes do not count: decay times behind many doors,
+/// some 25 dB below the loudest place, would take most of the photons.
+constexpr double kFaint = 0.03;
+
 /// A random walk from the source.
 struct Walk {
   glm::vec3 place;  ///< half way along the last segment
   double length_m = 0;
   int segments = 0;
+  bool escaped = false;
 };
 
 /// Walks go further from probe to probe.
@@ -38,7 +44,10 @@ Walk walk_to_probe(const AcousticScene& scene, glm::vec3 source, std::uint32_t p
   Walk walk{.place = source};
   for (std::uint32_t segment = 1; segment <= probe + 2; ++segment) {
     const Hit hit = scene.scene().rays().intersect(origin, direction);
-    if (!hit.valid()) break;
+    if (!hit.valid()) {
+      walk.escaped = true;
+      break;
+    }
     walk.place = 0.5f * (origin + hit.position);
     walk.length_m += glm::distance(origin, hit.position);
     ++walk.segments;
@@ -47,6 +56,25 @@ Walk walk_to_probe(const AcousticScene& scene, glm::vec3 source, std::uint32_t p
     direction = lambert_direction(hit.normal, u[0], u[1]);
   }
   return walk;
+}
+
+/// Probes for a source in closed air: a point in each of so many equal parts of the volume that its sound reaches, taken in the order of
+/// the cells, so spread over all rooms.  Walks stay where they begin: their probes know nothing of rooms behind a few doors.
+std::vector<glm::vec3> spread_probes(const FieldGrid& grid, const FieldSmoothing& smoothing, glm::vec3 source) {
+  std::array<FieldGrid::CellWeight, 8> around;
+  std::vector<bool> own(grid.size(), false);
+  const std::size_t count = grid.blend(source, around);
+  for (std::size_t i = 0; i < count; ++i) own[around[i].cell] = true;
+  const std::vector<std::uint32_t> cells = smoothing.reachable(own);
+  double volume_m3 = 0, before_m3 = 0;
+  for (const std::uint32_t cell : cells) volume_m3 += double{grid.volume_m3(cell)};
+  std::vector<glm::vec3> places;
+  for (const std::uint32_t cell : cells) {
+    before_m3 += double{grid.volume_m3(cell)};
+    const double part = (static_cast<double>(places.size()) + 0.5) / FieldProbes::kProbes;
+    if (places.size() < FieldProbes::kProbes && before_m3 >= part * volume_m3) places.push_back(grid.inside(cell));
+  }
+  return places;
 }
 
 }  // namespace
@@ -59,13 +87,18 @@ FieldProbes::FieldProbes(const AcousticScene& scene, glm::vec3 source)
   std::vector<glm::vec3> places;
   double length_m = 0;
   int segments = 0;
+  bool escaped = false;
   for (std::uint32_t probe = 0; probe < kProbes; ++probe) {
     const Walk walk = walk_to_probe(scene, source, probe);
     places.push_back(walk.place);
     length_m += walk.length_m;
     segments += walk.segments;
+    escaped = escaped || walk.escaped;
   }
   if (segments > 0) mean_free_path_m_ = length_m / segments;
+  if (!escaped)
+    if (std::vector<glm::vec3> spread = spread_probes(scene.field_grid(), scene.field_smoothing(), source); spread.size() == kProbes)
+      places = std::move(spread);
   find_readers(scene.field_grid(), scene.field_smoothing(), places);
 }
 
@@ -141,6 +174,15 @@ void FieldProbes::read(std::uint32_t probe, std::vector<float>& energy) const {
   }
 }
 
+/// Energy of all bands and times at the probes, unsmoothed.
+std::vector<double> FieldProbes::probe_levels() const {
+  std::vector<double> levels(kProbes, 0.0);
+  for (std::uint32_t probe = 0; probe < kProbes; ++probe)
+    for (const Reader& reader : readers_[static_cast<std::size_t>(FieldSmoothing::kMostSweeps) * kProbes + probe])
+      for (const float energy : energy_[reader.tally]) levels[probe] += double{reader.weight} * double{energy};
+  return levels;
+}
+
 double FieldProbes::t20_error() const {
   const auto bins = static_cast<std::size_t>(num_bins_), bands = static_cast<std::size_t>(scene_->num_bands());
   const double bin_s = 1.0 / (double{bins_per_m_} * scene_->speed_of_sound_m_per_s());
@@ -148,7 +190,10 @@ double FieldProbes::t20_error() const {
   std::vector<float> energy;
   double sum = 0;
   int count = 0;
+  const std::vector<double> levels = probe_levels();
+  const double mean_level = std::accumulate(levels.begin(), levels.end(), 0.0) / kProbes;
   for (std::uint32_t probe = 0; probe < kProbes; ++probe) {
+    if (levels[probe] < kFaint * mean_level) continue;
     read(probe, energy);
     for (std::size_t band = 0; band < bands; ++band) {
       const auto at = [&](std::uint32_t batch, std::size_t bin) { return double{energy[(batch * bins + bin) * stride_ + band]}; };

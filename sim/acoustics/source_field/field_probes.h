@@ -11,14 +11,15 @@
 
 namespace earshot {
 
-/// A few listeners spread over the air that sound from the source reaches, with the energy that arrives at each, smoothed as the field will
-/// be, held apart by batches of photons: the spread of the batches says how well decay times are known (docs/estimators.md, section 10).
+/// A few listeners spread over the air that sound from the source reaches, the same volume to each, with the energy that arrives there,
+/// smoothed as the field will be, held apart by batches of photons: the spread of the batches says how well decay times are known
+/// (docs/estimators.md, section 10).
 class FieldProbes {
  public:
   static constexpr std::uint32_t kBatches = 8;
   static constexpr std::uint32_t kProbes = 16;
 
-  /// Places the probes by random walks from the source.
+  /// Places the probes in parts of equal volume; where sound escapes, on random walks from the source.
   FieldProbes(const AcousticScene& scene, glm::vec3 source);
 
   /// Mean length of the segments of those walks.
@@ -37,7 +38,8 @@ class FieldProbes {
     if (tally == FieldGrid::none || energy_[tally].empty() || !(position < static_cast<float>(num_bins_))) return;
     __builtin_prefetch(&energy_[tally][(batch * static_cast<std::size_t>(num_bins_) + static_cast<std::size_t>(position)) * stride_], 1);
   }
-  /// Relative standard error of T20 by the jackknife over batches, mean over probes and bands that have one; 1 if none has.
+  /// Relative standard error of T20 by the jackknife over batches, mean over bands that have one and over probes where sound is no more
+  /// than 15 dB below its mean; 1 if none has.
   [[nodiscard]] double t20_error() const;
 
  private:
@@ -48,6 +50,7 @@ class FieldProbes {
   void find_readers(const FieldGrid& grid, const FieldSmoothing& smoothing, const std::vector<glm::vec3>& places);
   void add_to_tally(std::uint32_t tally, float path_m, const float* energy, float length_m, std::uint32_t batch);
   void read(std::uint32_t probe, std::vector<float>& energy) const;
+  [[nodiscard]] std::vector<double> probe_levels() const;
 
   const AcousticScene* scene_;
   double mean_free_path_m_ = 0;
