@@ -17,6 +17,8 @@ void append(const LateBatches& run, LateBatches& all) {
     all = run;
     return;
   }
+  // What chains may hold that no ray has found falls with the number of rays.
+  for (float& energy : all.unseen) energy *= static_cast<float>(all.count) / static_cast<float>(all.count + run.count);
   all.count += run.count;
   all.energy.insert(all.energy.end(), run.energy.begin(), run.energy.end());
 }

@@ -1,5 +1,6 @@
 #include "sim/acoustics/metrics/late_errors.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 
@@ -24,6 +25,35 @@ void leave_out(const EnergyResponse& whole, const EnergyHistogram& scattered, in
       }
       rest.late.values()[(static_cast<std::size_t>(bin) * batches.num_bands + band) * stride] =
           static_cast<float>(sum / (n - 1)) + scattered.energy(bin, band);
+    }
+  }
+}
+
+/// Adds unseen chains within bins [first, last) to the late field `more` of a response; false if there are none.
+bool add_unseen(const LateBatches& batches, int first, int last, EnergyHistogram& more) {
+  const auto stride = static_cast<std::size_t>(more.num_coefficients());
+  bool any = false;
+  for (int band = 0; band < batches.num_bands; ++band) {
+    const auto at = [&](int bin) { return static_cast<std::size_t>(bin) * batches.num_bands + band; };
+    int end = last;
+    while (end > first && !(batches.unseen[at(end - 1)] > 0.f)) --end;
+    float latest = 0;  // bins between two rays hold what the earlier one may
+    for (int bin = first; bin < end; ++bin) {
+      if (batches.unseen[at(bin)] > 0.f) latest = batches.unseen[at(bin)];
+      more.values()[at(bin) * stride] += latest;
+    }
+    any = any || latest > 0.f;
+  }
+  return any;
+}
+
+/// Per band and statistic.
+using Differences = std::vector<std::array<double, kErrorEntries.size()>>;
+void add_squares(const RoomMetrics& a, const RoomMetrics& b, Differences& squares) {
+  for (std::size_t band = 0; band < squares.size(); ++band) {
+    for (std::size_t e = 0; e < kErrorEntries.size(); ++e) {
+      const auto &from = a.bands[band].*kErrorEntries[e].value, &to = b.bands[band].*kErrorEntries[e].value;
+      if (from && to) squares[band][e] += (*to - *from) * (*to - *from);
     }
   }
 }
@@ -67,6 +97,27 @@ std::vector<BandErrors> late_errors(const AcousticScene& scene, const EnergyResp
       std::optional<double>& error = errors[band].*kErrorEntries[e].error;
       error = jackknife_error(values[e][band]);
       if (error) *error *= factor;
+    }
+  }
+  if (batches.unseen.empty()) return errors;
+
+  // Per octave of time, as the rays that follow a chain thin out with 1 / t^2: each octave by itself, in quadrature, or all at once if that
+  // weighs more (a chain is missed as a whole).
+  const RoomMetrics as_is = measure(scene, response);
+  Differences apart(errors.size()), together(errors.size());
+  EnergyHistogram all = response.late;
+  for (int last = batches.num_bins; last > 1; last = (last + 1) / 2) {
+    std::copy(response.late.values().begin(), response.late.values().end(), rest.late.values().begin());
+    if (!add_unseen(batches, (last + 1) / 2, last, rest.late)) continue;
+    add_unseen(batches, (last + 1) / 2, last, all);
+    add_squares(as_is, measure(scene, rest), apart);
+  }
+  std::copy(all.values().begin(), all.values().end(), rest.late.values().begin());
+  add_squares(as_is, measure(scene, rest), together);
+  for (std::size_t band = 0; band < errors.size(); ++band) {
+    for (std::size_t e = 0; e < kErrorEntries.size(); ++e) {
+      std::optional<double>& error = errors[band].*kErrorEntries[e].error;
+      if (error) error = std::sqrt(*error * *error + std::max(apart[band][e], together[band][e]));
     }
   }
   return errors;

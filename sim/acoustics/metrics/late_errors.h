@@ -14,7 +14,8 @@ namespace earshot {
 struct BandErrors {
   double late_energy = 0, late_energy_error = 0;  ///< Green units, summed over time; what panels scatter counts as exact
   /// Jackknife over batches (Quenouille 1956, Tukey 1958), times Student's over Gauss's quantile for so few of them: twice the error covers
-  /// 95 % whatever their number.  nullopt where the value itself does not exist.
+  /// 95 % whatever their number; in quadrature with what chains of mirrors may hold that no batch has found (LateBatches::unseen).  nullopt
+  /// where the value itself does not exist.
   std::optional<double> edt_error_s, t20_error_s, t30_error_s, c50_error_db, c80_error_db, g_error_db, drr_error_db;
 };
 
@@ -32,7 +33,8 @@ inline constexpr std::array<ErrorEntry, 7> kErrorEntries{{{"edt_s", &BandMetrics
                                                           {"g_db", &BandMetrics::g_db, &BandErrors::g_error_db},
                                                           {"drr_band_db", &BandMetrics::drr_db, &BandErrors::drr_error_db}}};
 
-/// One entry per band; empty if the response was not traced in batches.  Cost: the metrics of one response per batch.
+/// One entry per band; empty if the response was not traced in batches.  Cost: the metrics of one response per batch and
+/// octave of time.
 std::vector<BandErrors> late_errors(const AcousticScene& scene, const EnergyResponse& response);
 
 }  // namespace earshot

@@ -40,13 +40,21 @@ class ProgressReport {
 /// What one batch works on.
 struct Batch {
   std::uint32_t index = 0, num_rays = 0, num_source_paths = 0;
+  std::uint32_t count = 1;  // of batches
 };
 
 template <int W>
 class BatchTracer {
  public:
-  BatchTracer(const BidirectionalScene& shared, Batch batch, EnergyHistogram& result, TraceStats& stats, ProgressReport& progress)
-      : shared_(shared), batch_(batch), result_(result), part_(make_histogram(shared.scene)), stats_(stats), progress_(progress) {}
+  BatchTracer(const BidirectionalScene& shared, Batch batch, EnergyHistogram& result, std::span<float> unseen, TraceStats& stats,
+              ProgressReport& progress)
+      : shared_(shared),
+        batch_(batch),
+        result_(result),
+        part_(make_histogram(shared.scene)),
+        unseen_(unseen),
+        stats_(stats),
+        progress_(progress) {}
 
   void run() {
     HistogramSum sum(result_);
@@ -65,8 +73,13 @@ class BatchTracer {
 
  private:
   [[nodiscard]] BatchOutput<W> output() {
-    return {part_, stats_, shared_.seconds_per_m, static_cast<std::size_t>(shared_.scene.num_bands()),
-            static_cast<std::size_t>(shared_.num_coefficients)};
+    return {part_,
+            stats_,
+            shared_.seconds_per_m,
+            static_cast<std::size_t>(shared_.scene.num_bands()),
+            static_cast<std::size_t>(shared_.num_coefficients),
+            unseen_,
+            static_cast<float>(batch_.count)};
   }
   [[nodiscard]] SphereSequence directions(Purpose purpose) const {
     const auto shift = RandomStream(shared_.seed, purpose, 0xFFFFFFFFu, 0, batch_.index + 1).bits4(0);
@@ -121,6 +134,7 @@ class BatchTracer {
   Batch batch_;
   EnergyHistogram& result_;
   EnergyHistogram part_;
+  std::span<float> unseen_;
   TraceStats& stats_;
   ProgressReport& progress_;
   std::vector<SourceVertex<W>> vertices_;
@@ -128,15 +142,17 @@ class BatchTracer {
 };
 
 template <int W>
-void trace_batch(const BidirectionalScene& shared, Batch batch, EnergyHistogram& result, TraceStats& stats, ProgressReport& progress) {
-  BatchTracer<W>(shared, batch, result, stats, progress).run();
+void trace_batch(const BidirectionalScene& shared, Batch batch, EnergyHistogram& result, std::span<float> unseen, TraceStats& stats,
+                 ProgressReport& progress) {
+  BatchTracer<W>(shared, batch, result, unseen, stats, progress).run();
 }
 
-void trace_batch(const BidirectionalScene& shared, Batch batch, EnergyHistogram& result, TraceStats& stats, ProgressReport& progress) {
-  using TraceBatch = void (*)(const BidirectionalScene&, Batch, EnergyHistogram&, TraceStats&, ProgressReport&);
+void trace_batch(const BidirectionalScene& shared, Batch batch, EnergyHistogram& result, std::span<float> unseen, TraceStats& stats,
+                 ProgressReport& progress) {
+  using TraceBatch = void (*)(const BidirectionalScene&, Batch, EnergyHistogram&, std::span<float>, TraceStats&, ProgressReport&);
   constexpr TraceBatch by_width[] = {trace_batch<8>, trace_batch<16>, trace_batch<24>, trace_batch<32>};
   static_assert(kMaxBands == 32);
-  by_width[shared.scene.padded_bands() / 8 - 1](shared, batch, result, stats, progress);
+  by_width[shared.scene.padded_bands() / 8 - 1](shared, batch, result, unseen, stats, progress);
 }
 
 /// Rays and paths of each batch; the first ones get what is left over.
@@ -146,7 +162,7 @@ std::vector<Batch> deal_batches(std::uint32_t num_rays, std::uint32_t num_source
   for (std::uint32_t i = 0; i < count; ++i) {
     const auto part = [&](std::uint32_t all) { return all / count + (i < all % count ? 1u : 0u); };
     // With fewer paths than batches each batch still needs one: its estimate stands alone.
-    batches[i] = {i, part(num_rays), num_source_paths == 0 ? 0u : std::max(part(num_source_paths), 1u)};
+    batches[i] = {i, part(num_rays), num_source_paths == 0 ? 0u : std::max(part(num_source_paths), 1u), count};
   }
   return batches;
 }
@@ -174,6 +190,15 @@ void keep_energy(const EnergyHistogram& histogram, std::uint32_t batch, LateBatc
   float* to = &batches.energy[batch * size];
   for (int bin = 0; bin < batches.num_bins; ++bin) {
     for (int band = 0; band < batches.num_bands; ++band) *to++ = histogram.energy(bin, band);
+  }
+}
+
+/// Air, as EnergyHistogram::attenuate applies it.
+void attenuate(const AcousticScene& scene, float bin_s, std::span<float> unseen) {
+  const auto num_bands = static_cast<std::size_t>(scene.num_bands());
+  for (std::size_t i = 0; i < unseen.size(); ++i) {
+    const float path_m = (static_cast<float>(i / num_bands) + 0.5f) * bin_s * scene.speed_of_sound_m_per_s();
+    unseen[i] *= std::exp(-scene.air_energy_per_m()[i % num_bands] * path_m);
   }
 }
 
@@ -212,9 +237,14 @@ TraceStats trace_bidirectional(const AcousticScene& scene, const EarlyCandidates
                                   .least_distance2_m2 = least_distance_m * least_distance_m,
                                   .seed = config.seed};
   if (batches) {
-    *batches = {
-        .count = static_cast<int>(dealt.size()), .num_bins = histogram.num_bins(), .num_bands = histogram.num_bands(), .energy = {}};
-    batches->energy.resize(dealt.size() * static_cast<std::size_t>(histogram.num_bins()) * histogram.num_bands());
+    *batches = {.count = static_cast<int>(dealt.size()),
+                .num_bins = histogram.num_bins(),
+                .num_bands = histogram.num_bands(),
+                .energy = {},
+                .unseen = {}};
+    const std::size_t size = static_cast<std::size_t>(histogram.num_bins()) * static_cast<std::size_t>(histogram.num_bands());
+    batches->energy.resize(dealt.size() * size);
+    batches->unseen.resize(size);
   }
 
   // What is not traced is the same in every batch.
@@ -227,6 +257,7 @@ TraceStats trace_bidirectional(const AcousticScene& scene, const EarlyCandidates
   const std::size_t bytes = std::max<std::size_t>(histogram.values().size() * sizeof(float), 1);
   const std::size_t wave = std::clamp<std::size_t>(kWaveBytes / bytes, 1, dealt.size());
   std::vector<EnergyHistogram> results(wave, make_histogram(scene));
+  std::vector<std::vector<float>> unseen(wave, std::vector<float>(batches ? batches->unseen.size() : 0));
   std::vector<TraceStats> part_stats(wave);
   HistogramSum sum(histogram);
   ProgressReport progress(options.progress, stats.rays);
@@ -240,18 +271,24 @@ TraceStats trace_bidirectional(const AcousticScene& scene, const EarlyCandidates
         BidirectionalScene own = shared;
         own.strategies = strategies_of(config, options, dealt[first + i], shared.volume_radius_m);
         part_stats[i] = {};
-        trace_batch(own, dealt[first + i], results[i], part_stats[i], progress);
+        std::fill(unseen[i].begin(), unseen[i].end(), 0.f);
+        trace_batch(own, dealt[first + i], results[i], unseen[i], part_stats[i], progress);
         results[i].attenuate(scene.air_energy_per_m(), scene.speed_of_sound_m_per_s());
         if (candidates.facing()) results[i].add(flutter);
       });
     });
     for (std::size_t i = 0; i < count; ++i) {
-      if (batches) keep_energy(results[i], dealt[first + i].index, *batches);
+      if (batches) {
+        keep_energy(results[i], dealt[first + i].index, *batches);
+        std::transform(unseen[i].begin(), unseen[i].end(), batches->unseen.begin(), batches->unseen.begin(),
+                       [](float a, float b) { return std::max(a, b); });
+      }
       sum.add(results[i], 1.0 / static_cast<double>(dealt.size()));
       stats.add(part_stats[i]);
     }
   }
   sum.write(histogram);
+  if (batches) attenuate(scene, histogram.bin_s(), batches->unseen);
   return stats;
 }
 

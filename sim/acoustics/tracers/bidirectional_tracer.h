@@ -16,11 +16,14 @@ namespace earshot {
 struct LateBatches {
   int count = 0, num_bins = 0, num_bands = 0;
   std::vector<float> energy;  ///< [count][num_bins][num_bands], Green units
+  /// [num_bins][num_bands], or empty: standard error of chains of mirrors that no batch has found, beside the spread of the batches, Green
+  /// units; 0 where no ray stood that had met mirrors alone.
+  std::vector<float> unseen;
 
   [[nodiscard]] float at(int batch, int bin, int band) const {
     return energy[(static_cast<std::size_t>(batch) * num_bins + bin) * num_bands + band];
   }
-  void clear() { count = 0, energy.clear(); }
+  void clear() { count = 0, energy.clear(), unseen.clear(); }
 };
 
 struct BidirectionalOptions {

@@ -25,8 +25,8 @@ inline constexpr double kTaperBelow = 1e-3;
 
 /// Ends light rays and splits heavy ones if their weights have become too uneven, or if the energy is so far down that fewer will do.  A
 /// ray's weight is the mean over bands of its fraction of the band, so that bands that decay faster keep their rays too.
-/// Ray: has bool alive and float reflected[W], its energy per band.  At most kRaysPerChunk rays.  Returns how many rays were ended because
-/// their energy was not finite: one of them would spoil the weights of all.
+/// Ray: has bool alive and float reflected[W], its energy per band; float split, if it has one, takes the same factors.  At most
+/// kRaysPerChunk rays.  Returns how many rays were ended because their energy was not finite: one of them would spoil the weights of all.
 template <int W, class Ray>
 int control_population(int num_bands, std::span<Ray> rays, double random, double taper_below = kTaperBelow) {
   std::array<double, W> band_sum{};
@@ -77,6 +77,7 @@ int control_population(int num_bands, std::span<Ray> rays, double random, double
     }
     const auto factor = static_cast<float>(total / (target * weight[i]));
     for (int b = 0; b < W; ++b) rays[i].reflected[b] *= factor;
+    if constexpr (requires { rays[i].split; }) rays[i].split *= factor;
   }
   for (std::size_t i = 0; i < rays.size(); ++i) {
     for (; copies[i] > 1 && weight[i] > 0; --copies[i]) {
