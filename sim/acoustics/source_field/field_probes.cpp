@@ -25,8 +25,8 @@ constexpr int kBinsPerProbeBin = 4;
 constexpr float kDroppedFraction = 0.05f;
 
 /// Places where sound arrives with less than this fraction of the mean energy of all probes do not count: decay times behind many doors,
-/// some 25 dB below the loudest place, would take most of the photons.
-constexpr double kFaint = 0.03;
+/// some 30 dB below the loudest place, would take most of the photons.
+constexpr double kFaint = 0.005;
 
 /// A random walk from the source.
 struct Walk {

@@ -39,7 +39,7 @@ class FieldProbes {
     __builtin_prefetch(&energy_[tally][(batch * static_cast<std::size_t>(num_bins_) + static_cast<std::size_t>(position)) * stride_], 1);
   }
   /// Relative standard error of T20 by the jackknife over batches, mean over bands that have one and over probes where sound is no more
-  /// than 15 dB below its mean; 1 if none has.
+  /// than 23 dB below its mean; 1 if none has.
   [[nodiscard]] double t20_error() const;
 
  private:

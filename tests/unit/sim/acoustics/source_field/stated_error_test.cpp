@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <glm/geometric.hpp>
+#include <numeric>
 #include <vector>
 
 #include "sim/acoustics/core/energy_decay.h"
@@ -37,9 +38,10 @@ TEST(SourceFieldError, IsTheSpreadOverSeedsInAllRooms) {
   const auto room = rooms_in_a_row();
   constexpr int seeds = 10;
   std::vector<glm::vec3> places;
-  for (int i = 0; i < 3; ++i)
+  for (int i = 0; i < 5; ++i)
     for (const double y : {1.2, 2.9}) places.push_back(point(4.0 * i + 2.6, y, 1.5));
   std::vector<std::vector<double>> t20_s(places.size());
+  std::vector<double> level(places.size(), 0.0);
   double stated = 0;
   for (int seed = 0; seed < seeds; ++seed) {
     AcousticConfig config = rooms::plain_config();
@@ -57,17 +59,26 @@ TEST(SourceFieldError, IsTheSpreadOverSeedsInAllRooms) {
       const auto value = measure_band(late.band_energy(0), double{late.bin_s()}, 0.0).t20_s;
       ASSERT_TRUE(value);
       t20_s[i].push_back(*value);
+      level[i] += rooms::total_energy(late);
     }
   }
+  // What is stated is of places no more than 23 dB below the mean: four of the five rooms.
+  const double mean_level = std::accumulate(level.begin(), level.end(), 0.0) / static_cast<double>(level.size());
   double spread = 0;
-  for (const std::vector<double>& of_place : t20_s) {
+  int counted = 0;
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    if (level[i] < 0.005 * mean_level) continue;
+    const std::vector<double>& of_place = t20_s[i];
     double mean = 0, squares = 0;
     for (const double value : of_place) mean += value / seeds;
     for (const double value : of_place) squares += (value - mean) * (value - mean) / (seeds - 1);
-    spread += std::sqrt(squares) / mean / static_cast<double>(t20_s.size());
+    spread += std::sqrt(squares) / mean;
+    ++counted;
   }
-  std::printf("stated %.2f %%, spread %.2f %%\n", 100 * stated, 100 * spread);
-  // Ten seeds know each spread within a quarter, and the six places, two in a room, their mean within 15 %.  Probes on walks of a few
+  ASSERT_GE(counted, 6);
+  spread /= counted;
+  std::printf("stated %.2f %%, spread %.2f %% at %d places\n", 100 * stated, 100 * spread, counted);
+  // Ten seeds know each spread within a quarter, and the places, two in a room, their mean within 15 %.  Probes on walks of a few
   // segments, which stay in the first room, state less than half of it.
   EXPECT_GT(stated, 0.6 * spread);
   EXPECT_LT(stated, 1.7 * spread);
