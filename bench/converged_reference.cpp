@@ -1,5 +1,6 @@
 #include "bench/converged_reference.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "bench/measured.h"
@@ -17,8 +18,10 @@ void append(const LateBatches& run, LateBatches& all) {
     all = run;
     return;
   }
-  // What chains may hold that no ray has found falls with the number of rays.
-  for (float& energy : all.unseen) energy *= static_cast<float>(all.count) / static_cast<float>(all.count + run.count);
+  // What chains may hold that no ray has found falls with the number of rays; a run may follow one that those before did not.
+  const auto before = static_cast<float>(all.count), now = static_cast<float>(run.count);
+  for (std::size_t i = 0; i < all.unseen.size(); ++i)
+    all.unseen[i] = std::max(before * all.unseen[i], now * run.unseen[i]) / (before + now);
   all.count += run.count;
   all.energy.insert(all.energy.end(), run.energy.begin(), run.energy.end());
 }

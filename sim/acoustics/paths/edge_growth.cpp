@@ -4,6 +4,7 @@
 #include <cmath>
 #include <glm/geometric.hpp>
 #include <numbers>
+#include <span>
 
 #include "sim/acoustics/core/arrival.h"
 
@@ -120,12 +121,12 @@ void EdgeGrowth::add_links_of_edge(Family& family) const {
     // Kurze and Anderson as a factor: 10^(-5 / 20) tanh(x) / x.
     const Lanes x = root_of(fresnel_number * (2.f * std::numbers::pi_v<float>)), fall = exp_of_negative(-2.f * x);
     const Lanes factor = 0.562341325f * (x < 0.02f ? all_lanes(1.f) : (1.f - fall) / ((1.f + fall) * x));
-    // On the lit side of the last edge; what is near the edge or inside its solid counts as behind it.
+    // On the lit side of the last edge; what is near the edge, at its faces or inside its solid counts as behind it.
     const Lanes argument_there = argument({dot(from_start, face), height});
     const Lanes angle = argument_there < 0.f ? argument_there + 2.f * std::numbers::pi_v<float> : argument_there;
     const Lanes turn = angle < angle_here ? angle_here - angle : angle - angle_here;
-    const LaneIntegers lit =
-        (turn < std::numbers::pi_v<float> - 2e-3f) & (angle < exterior - 2e-3f) & (away_there > 1e3f * slack_m) & (fresnel_number > 2.f);
+    const LaneIntegers lit = (turn < std::numbers::pi_v<float> - 2e-3f) & (angle > 2e-3f) & (angle < exterior - 2e-3f) &
+                             (away_there > 1e3f * slack_m) & (fresnel_number > 2.f);
     const Lanes way_m = static_cast<float>(parent.reached_m) + in_m + out_m - slack_m;
     const LaneIntegers too_weak = (factor < least_factor) | (way_m > 1.0001f * static_cast<float>(scene_.max_path_m()));
     const LaneIntegers never = solid | lit | too_weak;

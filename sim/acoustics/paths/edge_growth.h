@@ -3,7 +3,7 @@
 #include <array>
 #include <cstdint>
 #include <glm/vec3.hpp>
-#include <optional>
+#include <initializer_list>
 #include <queue>
 #include <tuple>
 #include <vector>
@@ -35,8 +35,8 @@ struct RankedCandidate {
   }
 };
 
-/// Grows edge sequences from a source, best first.  Links are queued by a bound of their score, eight edges at a time and a tenth of a
-/// decibel above it at most; the score itself, and the rays, are for those that are next.  The result is that of testing all.
+/// Grows edge sequences from a source, best first.  Links are queued by a bound of their score, eight edges at a time and some tenths
+/// of a decibel above it at most; the score itself, and the rays, are for those that are next.  The result is that of testing all.
 class EdgeGrowth {
  public:
   EdgeGrowth(const AcousticScene& scene, glm::vec3 source);

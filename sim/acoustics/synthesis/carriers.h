@@ -45,7 +45,7 @@ enum class CarrierKind { flattened, plain };
 /// Flattening takes long, so what is flat is used in four ways: loops are of four kinds, the first four channels (N3D: w, y, z, x) as they
 /// are or as (y', -w', x', -z') of the same loops, forwards and backwards.  All are equally flat, and two of them correlate no more than
 /// independent noises do, in each channel and, as the change is antisymmetric, in every mixture of them with real weights.  Plain noise and
-/// banks of one channel have one kind; in a bank of two the channels change places.
+/// banks of one channel have one kind; in a bank of two the channels change places.  Channels from the fifth on only turn backwards.
 class CarrierBank {
  public:
   static constexpr int kMaxChannels = 256, kNumKinds = 4;

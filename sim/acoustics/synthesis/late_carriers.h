@@ -26,10 +26,11 @@ namespace earshot {
 /// (carriers.h), from a place anywhere in them.  What two of them share by chance, shifted, shows from 1 kHz on, where chance
 /// alone is small: over all lags 10 to 15 % of pairs correlate more than 5 % of pairs of independent noise do.
 ///
-/// A response holds no repeat: cells that touch have different kinds, and the binaural tail reads apart() further on.  Limits, where chance
-/// may let a part come again: near the corner of a cell, where a response takes from all eight around it, every kind comes twice; so it
-/// does where zones of three axes of listener and moving source meet; and responses longer than 15/16 of a loop (3.8 s at 16 kHz) take the
-/// kinds in turn, so that each has come after four rounds, 15 s. Owns scratch: one per thread; no allocation once warm.
+/// A response holds no repeat in its first four channels: cells that touch have different kinds, and the binaural tail reads apart()
+/// further on.  Limits, where chance may let a part come again: near the corner of a cell, where a response takes from all eight around it,
+/// every kind comes twice; so it does where a zone of the listener meets one of a moving source; and responses longer than 15/16 of a loop
+/// (3.8 s at 16 kHz) take the kinds in turn, so that each has come after four rounds, 15 s. Owns scratch: one per thread; no allocation
+/// once warm.
 class LateCarriers {
  public:
   static constexpr float kCellM = 1.4f, kCellHeightM = 2.8f, kBorderM = 0.28f;

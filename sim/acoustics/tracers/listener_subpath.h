@@ -102,12 +102,15 @@ bool some_strategy_connects(const BidirectionalScene& shared, const ListenerRay<
 /// One ray is caught again and again, at every second segment, until its beam has spread, half of the times within an octave of length; the
 /// mean chord of a sphere is 4 r / 3.  But no chain holds more than the two images that come in such a length.
 template <int W>
-void note_unseen_chain(const ListenerRay<W>& ray, float path_m, float radius_m, float path_weight, BatchOutput<W>& output) {
+void note_unseen_chain(const BidirectionalScene& shared, const ListenerRay<W>& ray, float path_m, float path_weight,
+                       BatchOutput<W>& output) {
   constexpr float pi = std::numbers::pi_v<float>, rays = 1.74f / 2;
+  const float radius_m = shared.volume_radius_m;
   const float catches = rays * path_weight / (output.batches * std::min(ray.split, 1.f) * 4.f * pi * pi * radius_m * radius_m);
   const float images = 2.f / (16.f * pi * pi * path_m * path_m);
   alignas(32) float energy[W];
   for (int b = 0; b < W; ++b) energy[b] = std::min(catches * ray.arriving[b], images * ray.image[b]);
+  apply_emission(shared, -ray.direction, energy);
   output.note_unseen(energy, path_m, 2.f * ray.path_m / static_cast<float>(ray.events));
 }
 
@@ -120,7 +123,7 @@ void catch_in_volume(const BidirectionalScene& shared, const ListenerRay<W>& ray
   const Chord chord = chord_through(shared.source, radius_m, ray.origin, ray.direction, segment_m);
   const bool missed = !(chord.leave_m > chord.enter_m), noted = ray.only_mirrors && !output.unseen.empty() && radius_m > 0.f;
   if ((missed && !noted) || some_strategy_connects(shared, ray) || carried(shared, ray)) return;
-  if (noted && segment_m < shared.max_path_m) note_unseen_chain(ray, ray.path_m + 0.5f * segment_m, radius_m, path_weight, output);
+  if (noted && segment_m < shared.max_path_m) note_unseen_chain(shared, ray, ray.path_m + 0.5f * segment_m, path_weight, output);
   if (missed) return;
   constexpr float pi = std::numbers::pi_v<float>;
   const float volume_m3 = 4.f / 3.f * pi * radius_m * radius_m * radius_m;

@@ -78,8 +78,7 @@ TEST(SourceFieldError, IsTheSpreadOverSeedsInAllRooms) {
   ASSERT_GE(counted, 6);
   spread /= counted;
   std::printf("stated %.2f %%, spread %.2f %% at %d places\n", 100 * stated, 100 * spread, counted);
-  // Ten seeds know each spread within a quarter, and the places, two in a room, their mean within 15 %.  Probes on walks of a few
-  // segments, which stay in the first room, state less than half of it.
+  // Ten seeds know each spread within a quarter, and the places, two in a room, their mean within 15 %.
   EXPECT_GT(stated, 0.6 * spread);
   EXPECT_LT(stated, 1.7 * spread);
 }
