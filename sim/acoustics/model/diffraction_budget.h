@@ -11,8 +11,8 @@ namespace earshot {
 ///  - arrivals that are kept: one per 8 rays, at least 4, at most config.diffraction_paths (fast: 8), since each is filtered in synthesis;
 ///  - with fewer than 512 rays, listeners in line of sight get the waves of edges near their shadow boundary only, so that no level jumps
 ///    by 6 dB where sight begins; with more, or `on`, of those near the boundary of a reflection as well (diffraction_paths.h).
-/// CPU time per pose at preset fast: about 0.07 ms in two rooms of a house, twice that where many edges are near; with sight less.  Per
-/// source 7 to 11 ms.
+/// CPU time per pose at preset fast: about 0.05 ms in two rooms of a house, twice that where many edges are near; with sight less.  Per
+/// source 3 to 6 ms.
 struct DiffractionBudget {
   explicit DiffractionBudget(const AcousticConfig& config);
   int sequences = 0, expansions = 0, paths = 0;
