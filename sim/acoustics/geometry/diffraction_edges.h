@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <glm/geometric.hpp>
 #include <glm/vec3.hpp>
@@ -64,6 +65,11 @@ class DiffractionEdges {
   /// A point of the edge moved into the air by `clearance_m()`, from where rays can leave it.
   [[nodiscard]] glm::vec3 air_point(std::uint32_t edge, double along_m) const {
     return glm::vec3(edges_[edge].at(along_m) + clearance_m_ * outward_[edge]);
+  }
+  /// The same, of the nearest point that is twice `clearance_m()` from both ends, or of the middle of a shorter edge.
+  [[nodiscard]] glm::vec3 inset_air_point(std::uint32_t edge, double along_m) const {
+    const double length_m = edges_[edge].length_m, inset_m = std::min(2.0 * clearance_m_, 0.5 * length_m);
+    return air_point(edge, std::clamp(along_m, inset_m, length_m - inset_m));
   }
   [[nodiscard]] double clearance_m() const { return clearance_m_; }
   /// Is some point of the edge visible from `point`?  Five points of it are tried.

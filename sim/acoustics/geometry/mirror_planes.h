@@ -15,6 +15,12 @@ struct MirrorPlane {
   float area_m2;           ///< of all triangles on it
   std::uint32_t material;  ///< slot with the largest area on it
   Bounds bounds;           ///< of all triangles on it, widened by the tolerance of the grouping
+
+  /// Does a point of the plane lie within the bounds?  Where it does not, no triangle of the plane is.
+  [[nodiscard]] bool bounds_hold(glm::dvec3 p) const {
+    return p.x >= bounds.lower.x && p.y >= bounds.lower.y && p.z >= bounds.lower.z &&  //
+           p.x <= bounds.upper.x && p.y <= bounds.upper.y && p.z <= bounds.upper.z;
+  }
 };
 
 struct MirrorPlanes {

@@ -128,10 +128,7 @@ bool DiffractionCandidates::find_path(const AcousticScene& scene, const EdgeCand
   if (distance_m > scene.max_path_m()) return false;
 
   // The segment at the listener first: it is the one most often blocked.
-  const auto air_point = [&](std::size_t i) {
-    const double length_m = edges[sequence.edge[i]].length_m, inset_m = std::min(2.0 * edges.clearance_m(), 0.5 * length_m);
-    return edges.air_point(sequence.edge[i], std::clamp(path.along_m[i], inset_m, length_m - inset_m));
-  };
+  const auto air_point = [&](std::size_t i) { return edges.inset_air_point(sequence.edge[i], path.along_m[i]); };
   const glm::vec3 from(path.from), to(path.to);
   if (swapped ? rays.occluded(from, air_point(0)) : rays.occluded(to, air_point(order - 1))) return false;
   if (swapped ? rays.occluded(to, air_point(order - 1)) : rays.occluded(from, air_point(0))) return false;
@@ -185,7 +182,7 @@ void DiffractionCandidates::split(const DiffractionEdge& edge, const FiniteWedge
   std::array<bool, 2> any{};
   for (const EdgeBands& bands : bands_) {
     const FaceLanes &first = bands.face[edge.first_material], &second = bands.face[edge.second_material];
-    const Lanes passed = edge.first_material == edge.second_material ? first.transmitted : first.transmitted * second.transmitted;
+    const Lanes passed = bands.transmitted(edge.first_material, edge.second_material);
     // The field is linear in the factors of its terms: one sum for the direct sound, one for what belongs to no path.
     std::array<FaceFactorLanes, 2> factors;
     Lanes jump{};
@@ -260,10 +257,8 @@ int DiffractionCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 l
     if (!edge.in_air(glm::dvec3(listener), edges.clearance_m())) return false;
     if (!budget.quick) return edges.visible_from(group.last_edge, listener);
     // About where the strongest candidate is diffracted.
-    const double inset_m = std::min(2.0 * edges.clearance_m(), 0.5 * edge.length_m);
     const double along_m = fermat_point(edge, glm::dvec3(candidates_[group.begin].before), glm::dvec3(listener));
-    return !scene.scene().rays().occluded(listener,
-                                          edges.air_point(group.last_edge, std::clamp(along_m, inset_m, edge.length_m - inset_m)));
+    return !scene.scene().rays().occluded(listener, edges.inset_air_point(group.last_edge, along_m));
   };
   // The strongest, of which reflections are looked for.
   struct Base {
@@ -349,17 +344,7 @@ int DiffractionCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 l
     arrivals.resize(kept);
   }
 
-  // Approximations of many edges must not add up to more than there is.
-  const double direct_m = std::max(glm::length(glm::dvec3(source_) - glm::dvec3(listener)), double{kLeastDistanceM});
-  const double most = 1.0 / (4.0 * kPi * direct_m * 4.0 * kPi * direct_m);
-  for (int band = 0; band < num_bands; ++band) {
-    double energy = 0;
-    for (std::size_t i = first; i < arrivals.size(); ++i) energy += double{arrivals[i].amplitude[band]} * arrivals[i].amplitude[band];
-    if (energy <= most) continue;
-    const double gain = std::sqrt(most / energy) * (1.0 - 1e-6);
-    for (std::size_t i = first; i < arrivals.size(); ++i)
-      arrivals[i].amplitude[band] = static_cast<float>(gain * arrivals[i].amplitude[band]);
-  }
+  cap_at_free_field(num_bands, glm::dvec3(source_), glm::dvec3(listener), std::span(arrivals).subspan(first));
   if (num_base > 0) {
     std::array<EdgeSequence, EdgeReflections::kSequences> sequences;
     for (std::size_t i = 0; i < num_base; ++i) sequences[i] = base[i].candidate->sequence;

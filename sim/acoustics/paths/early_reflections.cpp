@@ -31,11 +31,6 @@ glm::vec3 checked_position(const SoundSource& source) {
 constexpr double kMaxSequencesPerOrder = 2048;  // of the exhaustive search
 constexpr double kSlackM = 1e-6;                // of culling
 
-bool inside(const Bounds& bounds, glm::dvec3 p) {
-  return p.x >= bounds.lower.x && p.y >= bounds.lower.y && p.z >= bounds.lower.z &&  //
-         p.x <= bounds.upper.x && p.y <= bounds.upper.y && p.z <= bounds.upper.z;
-}
-
 /// Pressure per band of a path of `distance_m` whose reflections keep `energy_fraction` of the energy.  False if nothing is left.
 bool set_amplitude(const AcousticScene& scene, double distance_m, std::span<const double> energy_fraction, Arrival& arrival) {
   bool any = false;
@@ -170,7 +165,7 @@ bool EarlyCandidates::find_path(const AcousticScene& scene, std::size_t index, g
     const bool at_edge = i + 1 < sequence.order && std::abs(here) < edge_m;
     if (!at_edge && !(here * there < 0)) return false;
     point[i] = at_edge ? start : start + here / (here - there) * (image - start);
-    if (!inside(rounded.bounds, point[i])) return false;
+    if (!rounded.bounds_hold(point[i])) return false;
     start = point[i];
     image = plane.mirror(image);
   }

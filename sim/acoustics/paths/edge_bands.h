@@ -21,6 +21,11 @@ struct EdgeBands {
   WaveLanes wave;
   Lanes air_per_m;              ///< loss of pressure
   std::vector<FaceLanes> face;  ///< by material
+  /// Pressure factor of what passes a wedge straight: a sheet of one material once, faces of two materials one after the other.
+  [[nodiscard]] Lanes transmitted(std::uint32_t first_material, std::uint32_t second_material) const {
+    const Lanes& passed = face[first_material].transmitted;
+    return first_material == second_material ? passed : passed * face[second_material].transmitted;
+  }
   /// Pressure that is left of a path by spreading and air.
   [[nodiscard]] Lanes free_path(double distance_m) const {
     return exp_of_negative(air_per_m * static_cast<float>(-distance_m)) * static_cast<float>(0.25 * std::numbers::inv_pi / distance_m);

@@ -222,8 +222,7 @@ ComplexLanes EdgePathField::ratio(const EdgeBands& bands) const {
     const Wedge& wedge = wedges_[i];
     const FaceLanes &first = bands.face[wedge.first_material], &second = bands.face[wedge.second_material];
     FaceFactorLanes faces{.first = first.reflected, .second = second.reflected, .incidence = all_lanes(1.f)};
-    if (i == 0 || !wedges_[i - 1].joins_next)
-      faces.incidence = 1.f - (wedge.first_material == wedge.second_material ? first.transmitted : first.transmitted * second.transmitted);
+    if (i == 0 || !wedges_[i - 1].joins_next) faces.incidence = 1.f - bands.transmitted(wedge.first_material, wedge.second_material);
     product = product * wedge.diffraction.ratio(wave, wedge.length_m, faces);
     if (order_ > 1 && !wedge.ranks_by_own_segments) {
       const WedgeDiffraction& endless = wedge.diffraction.endless();

@@ -16,11 +16,6 @@ namespace {
 constexpr double kPi = std::numbers::pi;
 constexpr std::uint32_t kPlaneBit = 0x80000000u;  // tells planes from edges in an identity
 
-bool inside(const Bounds& bounds, glm::dvec3 p) {
-  return p.x >= bounds.lower.x && p.y >= bounds.lower.y && p.z >= bounds.lower.z &&  //
-         p.x <= bounds.upper.x && p.y <= bounds.upper.y && p.z <= bounds.upper.z;
-}
-
 double energy_of(const Arrival& arrival) {
   double sum = 0;
   for (const float amplitude : arrival.amplitude) sum += double{amplitude} * amplitude;
@@ -41,15 +36,22 @@ void add_wave(const AcousticScene& scene, const Arrival& wave, Arrival& path) {
   }
 }
 
+void cap_at_free_field(int num_bands, glm::dvec3 from, glm::dvec3 to, std::span<Arrival> waves) {
+  const double straight_m = std::max(glm::length(from - to), double{kLeastDistanceM});
+  const double most = 1.0 / (4.0 * kPi * straight_m * 4.0 * kPi * straight_m);
+  for (int band = 0; band < num_bands; ++band) {
+    double energy = 0;
+    for (const Arrival& wave : waves) energy += double{wave.amplitude[band]} * wave.amplitude[band];
+    if (energy <= most) continue;
+    const double gain = std::sqrt(most / energy) * (1.0 - 1e-6);
+    for (Arrival& wave : waves) wave.amplitude[band] = static_cast<float>(gain * wave.amplitude[band]);
+  }
+}
+
 /// From an end of the path to the nearest edge.
 struct EdgeReflections::EndSegment {
   glm::dvec3 toward{0};                      ///< unit, from the end of the path
   std::array<double, kMaxBands> pressure{};  ///< factors of the plane
-};
-
-struct EdgeReflections::Found {
-  Arrival arrival;
-  int image = -1;  ///< index of the image path that this belongs to; -1: a path of its own
 };
 
 EdgeReflections::EdgeReflections(const AcousticScene& scene, std::span<const EdgeBands> bands, glm::vec3 source, glm::vec3 listener,
@@ -76,7 +78,7 @@ bool EdgeReflections::follow(glm::dvec3 from, int plane, glm::vec3 to, EndSegmen
   const double here = mirror.height(from), there = mirror.height(glm::dvec3(to));
   if (!(here * there > 0)) return false;
   const glm::dvec3 image = mirror.mirror(glm::dvec3(to));
-  if (!inside(rounded.bounds, from + here / (here + there) * (image - from))) return false;
+  if (!rounded.bounds_hold(from + here / (here + there) * (image - from))) return false;
   segment.toward = glm::normalize(image - from);
   const Hit hit = rays.intersect(glm::vec3(from), glm::vec3(segment.toward));
   if (!hit.valid() || scene_.plane_of_triangle()[hit.triangle] != static_cast<std::uint32_t>(plane)) return false;
@@ -90,7 +92,7 @@ bool EdgeReflections::follow(glm::dvec3 from, int plane, glm::vec3 to, EndSegmen
   return any;
 }
 
-bool EdgeReflections::find_path(const EdgeSequence& sequence, int first_plane, int second_plane, Found& found) {
+bool EdgeReflections::find_path(const EdgeSequence& sequence, int first_plane, int second_plane, Arrival& arrival, int& image_path) {
   const DiffractionEdges& edges = *scene_.diffraction_edges();
   const auto order = static_cast<std::size_t>(sequence.order);
   const auto image_of = [&](glm::vec3 end, int plane) {
@@ -104,24 +106,24 @@ bool EdgeReflections::find_path(const EdgeSequence& sequence, int first_plane, i
   if (!field.valid()) return false;
 
   // The planes in the order from the source, and the image path by them alone, if it is one at this pose.
-  found.image = -1;
+  image_path = -1;
   const int near_source = swapped_ ? second_plane : first_plane, near_listener = swapped_ ? first_plane : second_plane;
   std::array<std::uint32_t, kMaxDiffractionOrder + 2> met;
   std::size_t num_planes = 0;
   for (const int plane : {near_source, near_listener})
     if (plane >= 0) met[num_planes++] = static_cast<std::uint32_t>(plane);
   const std::uint64_t image = path_identity(ArrivalKind::reflection, std::span(met).first(num_planes));
-  for (std::size_t i = 0; i < images_.size() && found.image < 0; ++i)
-    if (images_[i].identity == image) found.image = static_cast<int>(i);
+  for (std::size_t i = 0; i < images_.size() && image_path < 0; ++i)
+    if (images_[i].identity == image) image_path = static_cast<int>(i);
   // Energy is complete where images are in sight: there only the waves of single edges count, and the image is the place for them.
   const FiniteWedge& wedge = field.first_edge();
-  if (found.image >= 0 && order > 1) return false;
-  if (found.image < 0 && order == 1 && wedge.endless().weight(0) < 0) return false;
+  if (image_path >= 0 && order > 1) return false;
+  if (image_path < 0 && order == 1 && wedge.endless().weight(0) < 0) return false;
 
   std::array<double, kMaxBands> weight;
   weight.fill(1.0);
   const auto wavenumber = [&](int band) { return 2.0 * kPi * scene_.bands().centre_hz[band] / scene_.speed_of_sound_m_per_s(); };
-  double most_weight = found.image < 0 && sight_weight_.empty() ? 1 : 0;
+  double most_weight = image_path < 0 && sight_weight_.empty() ? 1 : 0;
   if (most_weight == 0) {
     const double straight_detour_m =
         sight_weight_.empty() ? 0 : FiniteWedge(edges[sequence.edge[0]], glm::dvec3(from_), glm::dvec3(to_)).detour_m(0);
@@ -129,7 +131,7 @@ bool EdgeReflections::find_path(const EdgeSequence& sequence, int first_plane, i
       const double waves_per_m = wavenumber(band) / (2.0 * kPi);
       weight[band] = boundary_weight(waves_per_m * wedge.detour_m(0));
       // In sight what belongs to no image fades away from the shadow boundary as the edge's own wave does.
-      if (found.image < 0)
+      if (image_path < 0)
         weight[band] =
             std::max({weight[band], boundary_weight(waves_per_m * straight_detour_m), sight_weight_[static_cast<std::size_t>(band)]});
       most_weight = std::max(most_weight, weight[band]);
@@ -137,17 +139,13 @@ bool EdgeReflections::find_path(const EdgeSequence& sequence, int first_plane, i
   }
   if (!(most_weight > 0)) return false;
 
-  const auto air_point = [&](std::size_t i) {
-    const double length_m = edges[sequence.edge[i]].length_m, inset_m = std::min(2.0 * edges.clearance_m(), 0.5 * length_m);
-    return edges.air_point(sequence.edge[i], std::clamp(path.along_m[i], inset_m, length_m - inset_m));
-  };
+  const auto air_point = [&](std::size_t i) { return edges.inset_air_point(sequence.edge[i], path.along_m[i]); };
   EndSegment first, last;
   if (!follow(glm::dvec3(from_), first_plane, air_point(0), first) || !follow(glm::dvec3(to_), second_plane, air_point(order - 1), last))
     return false;
   for (std::size_t i = 1; i < order; ++i)
     if (scene_.scene().rays().occluded(air_point(i - 1), air_point(i))) return false;
 
-  Arrival& arrival = found.arrival;
   arrival = Arrival{};
   arrival.kind = ArrivalKind::diffraction;
   std::size_t count = 0;
@@ -163,13 +161,12 @@ bool EdgeReflections::find_path(const EdgeSequence& sequence, int first_plane, i
   bool any = false;
   for (const EdgeBands& bands : bands_) {
     ComplexLanes ratio;
-    if (found.image < 0) {
+    if (image_path < 0) {
       ratio = field.ratio(bands);
     } else {
       const DiffractionEdge& edge = edges[sequence.edge[0]];
-      const Lanes &passed = bands.face[edge.first_material].transmitted, &then = bands.face[edge.second_material].transmitted;
       FaceFactorLanes only_incidence;
-      only_incidence.incidence = 1.f - (edge.first_material == edge.second_material ? passed : passed * then);
+      only_incidence.incidence = 1.f - bands.transmitted(edge.first_material, edge.second_material);
       ratio = wedge.ratio(bands.wave, wedge.own_length_m(), only_incidence);
     }
     const Lanes amplitude = root_of(norm(ratio)) * bands.free_path(distance_m), phase = argument(ratio);
@@ -211,7 +208,7 @@ std::span<const Arrival> EdgeReflections::find(std::span<const EdgeSequence> seq
     return std::max(side * mirror.height(edges[edge].at(0)), side * mirror.height(edges[edge].at(edges[edge].length_m))) > apart_m;
   };
   count_ = 0;
-  std::array<Found, kSequences> found;
+  std::array<Arrival, kSequences> wave;
   for (int first = -1; first < num_planes; ++first) {
     for (int second = first < 0 ? 0 : -1; second < num_planes; ++second) {
       std::size_t count = 0;
@@ -219,28 +216,21 @@ std::span<const Arrival> EdgeReflections::find(std::span<const EdgeSequence> seq
         const EdgeSequence& s = sequence[i];
         if (!sight_weight_.empty() && s.order > 1) continue;
         if (!sees(from_, s.edge[0], first) || !sees(to_, s.edge[static_cast<std::size_t>(s.order - 1)], second)) continue;
-        if (!find_path(s, first, second, found[count])) continue;
-        if (found[count].image < 0) {
+        int image_path = -1;
+        if (!find_path(s, first, second, wave[count], image_path)) continue;
+        if (image_path < 0) {
           ++count;
         } else {
-          add_wave(scene_, found[count].arrival, images_[static_cast<std::size_t>(found[count].image)]);
+          add_wave(scene_, wave[count], images_[static_cast<std::size_t>(image_path)]);
         }
       }
       if (count == 0) continue;
       glm::dvec3 a(from_), b(to_);
       if (first >= 0) a = ExactPlane(scene_.planes()[static_cast<std::size_t>(first)]).mirror(a);
       if (second >= 0) b = ExactPlane(scene_.planes()[static_cast<std::size_t>(second)]).mirror(b);
-      const double straight_m = std::max(glm::length(a - b), double{kLeastDistanceM});
-      const double most = 1.0 / (4.0 * kPi * straight_m * 4.0 * kPi * straight_m);
-      for (int band = 0; band < scene_.num_bands(); ++band) {
-        double energy = 0;
-        for (std::size_t i = 0; i < count; ++i) energy += double{found[i].arrival.amplitude[band]} * found[i].arrival.amplitude[band];
-        if (energy <= most) continue;
-        const double gain = std::sqrt(most / energy) * (1.0 - 1e-6);
-        for (std::size_t i = 0; i < count; ++i)
-          found[i].arrival.amplitude[band] = static_cast<float>(gain * found[i].arrival.amplitude[band]);
-      }
-      for (std::size_t i = 0; i < count; ++i) keep(found[i].arrival);
+      const std::span<Arrival> waves = std::span(wave).first(count);
+      cap_at_free_field(scene_.num_bands(), a, b, waves);
+      for (const Arrival& arrival : waves) keep(arrival);
     }
   }
   return std::span(arrival_).first(count_);

@@ -37,8 +37,8 @@ class EdgeReflections {
 
  private:
   struct EndSegment;
-  struct Found;
-  bool find_path(const EdgeSequence& sequence, int first_plane, int second_plane, Found& found);
+  /// image_path: index of the image path that the wave belongs to; -1: it is a path of its own.
+  bool find_path(const EdgeSequence& sequence, int first_plane, int second_plane, Arrival& arrival, int& image_path);
   bool follow(glm::dvec3 from, int plane, glm::vec3 to, EndSegment& segment) const;
   /// Is `arrival` worth more than the weakest of those kept?  Then it is kept.
   void keep(const Arrival& arrival);
@@ -55,5 +55,9 @@ class EdgeReflections {
 
 /// Adds `wave` to the path whose identity is kept, with the phases of both at the band centres.
 void add_wave(const AcousticScene& scene, const Arrival& wave, Arrival& path);
+
+/// Scales waves between two ends so that together they have in no band more energy than the free field: approximations of many edges must
+/// not add up to more than there is.
+void cap_at_free_field(int num_bands, glm::dvec3 from, glm::dvec3 to, std::span<Arrival> waves);
 
 }  // namespace earshot
