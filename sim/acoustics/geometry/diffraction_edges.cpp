@@ -103,8 +103,6 @@ DiffractionEdges::DiffractionEdges(const Scene& scene, float least_length_m) : r
     if (!known) edges_.push_back(wedge);
   }
   for (const DiffractionEdge& edge : edges_) outward_.push_back(edge.outward());
-  found_ = std::make_unique<std::once_flag[]>(edges_.size());
-  neighbours_.resize(edges_.size());
 }
 
 bool DiffractionEdges::visible_from(std::uint32_t edge, glm::vec3 point) const {
@@ -113,11 +111,6 @@ bool DiffractionEdges::visible_from(std::uint32_t edge, glm::vec3 point) const {
     if (!rays_->occluded(point, air_point(edge, fraction * edges_[edge].length_m))) return true;
   }
   return false;
-}
-
-std::span<const std::uint32_t> DiffractionEdges::neighbours(std::uint32_t edge) const {
-  std::call_once(found_[edge], [&] { find_neighbours(edge); });
-  return neighbours_[edge];
 }
 
 bool DiffractionEdges::mutually_visible(std::uint32_t edge, std::uint32_t other) const {
@@ -130,14 +123,6 @@ bool DiffractionEdges::mutually_visible(std::uint32_t edge, std::uint32_t other)
     if (!rays_->occluded(air_point(edge, here_m), air_point(other, there_m))) return true;
   }
   return false;
-}
-
-void DiffractionEdges::find_neighbours(std::uint32_t edge) const {
-  std::vector<std::uint32_t> found;  // moved in at the end: an exception leaves nothing half done
-  for (std::uint32_t other = 0; other < edges_.size(); ++other) {
-    if (other != edge && mutually_visible(edge, other)) found.push_back(other);
-  }
-  neighbours_[edge] = std::move(found);
 }
 
 }  // namespace earshot

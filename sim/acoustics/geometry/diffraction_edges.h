@@ -4,8 +4,6 @@
 #include <cstdint>
 #include <glm/geometric.hpp>
 #include <glm/vec3.hpp>
-#include <memory>
-#include <mutex>
 #include <numbers>
 #include <span>
 #include <vector>
@@ -40,7 +38,7 @@ struct DiffractionEdge {
   [[nodiscard]] glm::dvec3 outward() const;
 };
 
-/// The edges of a scene.  Immutable but for the lists of neighbours, which are found on demand, once, from any thread.
+/// The edges of a scene.  Immutable.
 ///
 /// Faces meet at an edge if they share its two vertices (equal positions, whatever the indices); any number may.  Neither winding nor which
 /// side is solid matters: every sector between neighbouring faces that is wider than 185 degrees is an edge, on both sides of a wall, and
@@ -57,9 +55,6 @@ class DiffractionEdges {
   [[nodiscard]] std::span<const DiffractionEdge> edges() const { return edges_; }
   [[nodiscard]] const DiffractionEdge& operator[](std::uint32_t edge) const { return edges_[edge]; }
   [[nodiscard]] std::size_t size() const { return edges_.size(); }
-  /// Edges visible from some point of `edge`, ascending.  First call per edge: about 0.2 us per edge of the scene and ray tests of those in
-  /// question.
-  [[nodiscard]] std::span<const std::uint32_t> neighbours(std::uint32_t edge) const;
   /// Is some point of one edge visible from some point of the other?  Up to five pairs of points are tried.
   [[nodiscard]] bool mutually_visible(std::uint32_t edge, std::uint32_t other) const;
   /// A point of the edge moved into the air by `clearance_m()`, from where rays can leave it.
@@ -76,14 +71,10 @@ class DiffractionEdges {
   [[nodiscard]] bool visible_from(std::uint32_t edge, glm::vec3 point) const;
 
  private:
-  void find_neighbours(std::uint32_t edge) const;
-
   const EmbreeScene* rays_;
   double clearance_m_ = 0;
   std::vector<DiffractionEdge> edges_;
   std::vector<glm::dvec3> outward_;
-  std::unique_ptr<std::once_flag[]> found_;
-  mutable std::vector<std::vector<std::uint32_t>> neighbours_;  ///< entry e is written once, under found_[e]
 };
 
 }  // namespace earshot

@@ -149,6 +149,28 @@ TEST(DiffractionEdges, ContactWithoutCommonVerticesIsFoundByRays) {
   EXPECT_EQ(count_exterior(corner_edges, 1.5 * kPi), 1);
 }
 
+TEST(DiffractionEdges, SightBetweenEdgesGoesBothWaysAndThroughNoWall) {
+  // Two boxes side by side and a third far behind a wall between.
+  TriangleMesh mesh;
+  append_box(mesh, {0, 0, 0}, {1, 1, 1}, 0, 0);
+  append_box(mesh, {3, 0, 0}, {4, 1, 1}, 0, 0);
+  append_box(mesh, {8, -50, -50}, {9, 50, 50}, 0, 0);
+  append_box(mesh, {12, 0, 0}, {13, 1, 1}, 0, 0);
+  const auto scene = rooms::scene_of(mesh, {Material::uniform("hard", 0.f, 0.f)});
+  const DiffractionEdges edges(*scene, 0.25f);
+  int pairs = 0;
+  for (std::uint32_t e = 0; e < edges.size(); ++e) {
+    for (std::uint32_t other = 0; other < edges.size(); ++other) {
+      if (other == e || !edges.mutually_visible(e, other)) continue;
+      ++pairs;
+      EXPECT_TRUE(edges.mutually_visible(other, e));
+      const double x = edges[e].at(0.5).x, y = edges[other].at(0.5).x;
+      EXPECT_FALSE((x < 5 && y > 10) || (y < 5 && x > 10));
+    }
+  }
+  EXPECT_GT(pairs, 48);
+}
+
 TEST(DiffractionEdges, EmptySceneHasNone) { EXPECT_EQ(DiffractionEdges(*rooms::empty(), 0.25f).size(), 0u); }
 
 TEST(DiffractionEdges, SmallHouse) {

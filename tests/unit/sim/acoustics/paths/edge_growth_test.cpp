@@ -49,8 +49,8 @@ struct Exhaustive {
     const auto path = std::span(parent.sequence.edge).first(static_cast<std::size_t>(parent.sequence.order));
     const DiffractionEdge& last_edge = edges[path.back()];
     const glm::dvec3 before(parent.before);
-    for (const std::uint32_t next : edges.neighbours(path.back())) {
-      if (std::ranges::find(path, next) != path.end()) continue;
+    for (std::uint32_t next = 0; next < edges.size(); ++next) {
+      if (std::ranges::find(path, next) != path.end() || !edges.mutually_visible(path.back(), next)) continue;
       const glm::dvec3 after = nearest_point(edges[next], before);
       if (!last_edge.in_air(after, edges.clearance_m()) || !last_edge.in_air(before, edges.clearance_m())) continue;
       const glm::dvec3 at = last_edge.at(std::clamp(fermat_point(last_edge, before, after), 0.0, last_edge.length_m));
