@@ -332,7 +332,7 @@ int DiffractionCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 l
     if (has_direct) before = direct->amplitude;
     for (std::size_t i = first; i < arrivals.size(); ++i) {
       if (arrivals[i].order >= 0) {
-        add_wave(scene, arrivals[i], arrivals[static_cast<std::size_t>(arrivals[i].order)]);
+        add_wave(bands_, arrivals[i], arrivals[static_cast<std::size_t>(arrivals[i].order)]);
       } else {
         arrivals[i].order = -arrivals[i].order;
         arrivals[kept++] = arrivals[i];

@@ -157,7 +157,7 @@ EdgePathField::EdgePathField(const DiffractionEdges& edges, const EdgePath& path
     const bool alone = order == 1 || !(in_m > 0) || !(out_m > 0);
     const glm::dvec3 source = alone ? before : path.point[i] - in * (reached_m[i + 1] / in_m);
     const glm::dvec3 listener = alone ? after : path.point[i] + out * ((path.length_m - reached_m[i + 1]) / out_m);
-    wedge.diffraction = FiniteWedge(edge, source, listener);
+    wedge.diffraction = FiniteWedge(edge, source, listener, in_rad, out_rad[i]);
     wedge.first_material = edge.first_material;
     wedge.second_material = edge.second_material;
     // sin^2 of the angle with the edge; the same on both sides but where the path is kept on the edge by its end.

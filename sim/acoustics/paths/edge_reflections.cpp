@@ -24,15 +24,23 @@ double energy_of(const Arrival& arrival) {
 
 }  // namespace
 
-void add_wave(const AcousticScene& scene, const Arrival& wave, Arrival& path) {
+void add_wave(std::span<const EdgeBands> groups, const Arrival& wave, Arrival& path) {
   const double later_m = double{wave.distance_m} - path.distance_m;
-  for (int band = 0; band < scene.num_bands(); ++band) {
-    if (!(wave.amplitude[band] > 0.f)) continue;
-    const double wavenumber = 2.0 * kPi * scene.bands().centre_hz[band] / scene.speed_of_sound_m_per_s();
-    const std::complex<double> sum = std::polar(double{path.amplitude[band]}, double{path.phase_rad[band]}) +
-                                     std::polar(double{wave.amplitude[band]}, wave.phase_rad[band] - wavenumber * later_m);
-    path.amplitude[band] = static_cast<float>(std::abs(sum));
-    path.phase_rad[band] = static_cast<float>(std::arg(sum));
+  for (const EdgeBands& bands : groups) {
+    Lanes amplitude{}, phase{}, added{}, added_phase{};
+    for (int lane = 0; lane < bands.count; ++lane) {
+      amplitude[lane] = path.amplitude[bands.first + lane];
+      phase[lane] = path.phase_rad[bands.first + lane];
+      added[lane] = wave.amplitude[bands.first + lane];
+      added_phase[lane] = wave.phase_rad[bands.first + lane];
+    }
+    const ComplexLanes sum = amplitude * unit_phase(phase) + added * (unit_phase(added_phase) * conj(bands.wave.turn(later_m)));
+    const Lanes size = root_of(norm(sum)), angle = argument(sum);
+    for (int lane = 0; lane < bands.count; ++lane) {
+      if (!(added[lane] > 0.f)) continue;
+      path.amplitude[bands.first + lane] = size[lane];
+      path.phase_rad[bands.first + lane] = angle[lane];
+    }
   }
 }
 
@@ -221,7 +229,7 @@ std::span<const Arrival> EdgeReflections::find(std::span<const EdgeSequence> seq
         if (image_path < 0) {
           ++count;
         } else {
-          add_wave(scene_, wave[count], images_[static_cast<std::size_t>(image_path)]);
+          add_wave(bands_, wave[count], images_[static_cast<std::size_t>(image_path)]);
         }
       }
       if (count == 0) continue;

@@ -54,7 +54,8 @@ class EdgeReflections {
 };
 
 /// Adds `wave` to the path whose identity is kept, with the phases of both at the band centres.
-void add_wave(const AcousticScene& scene, const Arrival& wave, Arrival& path);
+/// groups: edge_bands of the scene.
+void add_wave(std::span<const EdgeBands> groups, const Arrival& wave, Arrival& path);
 
 /// Scales waves between two ends so that together they have in no band more energy than the free field: approximations of many edges must
 /// not add up to more than there is.

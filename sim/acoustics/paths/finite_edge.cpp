@@ -76,7 +76,10 @@ double largest_ratio(const DiffractionEdge& edge, glm::dvec3 before, glm::dvec3 
 }
 
 FiniteWedge::FiniteWedge(const DiffractionEdge& edge, glm::dvec3 before, glm::dvec3 after)
-    : wedge_(edge.exterior_rad, edge.angle_of(before), edge.angle_of(after)) {
+    : FiniteWedge(edge, before, after, edge.angle_of(before), edge.angle_of(after)) {}
+
+FiniteWedge::FiniteWedge(const DiffractionEdge& edge, glm::dvec3 before, glm::dvec3 after, double before_rad, double after_rad)
+    : wedge_(edge.exterior_rad, before_rad, after_rad) {
   const glm::dvec3 from_source = before - edge.start, from_listener = after - edge.start;
   const double source_z = glm::dot(from_source, edge.along), listener_z = glm::dot(from_listener, edge.along);
   const double source_r = glm::length(from_source - source_z * edge.along),
@@ -88,6 +91,8 @@ FiniteWedge::FiniteWedge(const DiffractionEdge& edge, glm::dvec3 before, glm::dv
   const double apex_z = across > 0 ? (source_z * listener_r + listener_z * source_r) / across : 0.5 * edge.length_m;
   past_end_ = apex_z < 0 ? 0 : apex_z > edge.length_m ? 1 : -1;
   const double nu = kPi / edge.exterior_rad;
+  std::array<std::complex<double>, 4> beta;  // exp(j nu d)
+  for (std::size_t term = 0; term < 4; ++term) beta[term] = fast_unit_phase(nu * wedge_.from_boundary(term));
   for (std::size_t i = 0; i < 2; ++i) {
     const double z = i == 0 ? 0.0 : edge.length_m;
     const double m = length_of(source_r, z - source_z), l = length_of(listener_r, z - listener_z);
@@ -96,13 +101,15 @@ FiniteWedge::FiniteWedge(const DiffractionEdge& edge, glm::dvec3 before, glm::dv
     ends_[i].root_of_detour = std::sqrt(ends_[i].detour_m);
     if (!(ends_[i].detour_m > 1e-9 * shortest_m) || !(slope > 1e-9) || !(source_r * listener_r > 1e-9 * shortest_m * shortest_m)) continue;
     const double cosh_eta = (m * l + (z - source_z) * (z - listener_z)) / (source_r * listener_r);
-    const double cosh_nu_eta = std::cosh(nu * std::acosh(std::max(cosh_eta, 1.0)));
+    // cosh(nu arcosh(cosh_eta)).
+    const double above = std::max(cosh_eta, 1.0), raised = std::pow(above + std::sqrt(above * above - 1.0), nu);
+    const double cosh_nu_eta = 0.5 * (raised + 1.0 / raised);
     const double spreading = nu * shortest_m / (4.0 * kPi) / (m * l) * 2.0 * ends_[i].root_of_detour / slope;
     for (std::size_t term = 0; term < 4; ++term) {
       const double theory = wedge_.weight(term) * std::sqrt(2.0 * own_length_m_) * wedge_.boundary(term) /
                             (kPi * (ends_[i].detour_m + 2.0 * own_length_m_ * wedge_.boundary(term) * wedge_.boundary(term)));
-      const double d = nu * wedge_.from_boundary(term), below = cosh_nu_eta - std::cos(d);
-      ends_[i].residue[term] = below > 1e-12 ? -spreading * std::sin(d) / below - theory : 0.0;
+      const double below = cosh_nu_eta - beta[term].real();
+      ends_[i].residue[term] = below > 1e-12 ? -spreading * beta[term].imag() / below - theory : 0.0;
     }
   }
 }

@@ -34,6 +34,8 @@ class FiniteWedge {
   FiniteWedge() = default;
   /// before, after: the ends of the way over this edge.
   FiniteWedge(const DiffractionEdge& edge, glm::dvec3 before, glm::dvec3 after);
+  /// With DiffractionEdge::angle_of of both ends, where they are known.
+  FiniteWedge(const DiffractionEdge& edge, glm::dvec3 before, glm::dvec3 after, double before_rad, double after_rad);
 
   /// Field over that of a free path by the nearest point of the edge to the shortest way: by R0, or by the end where that is past it.
   /// length_m: L of the terms; own_length_m() unless several edges share a path.

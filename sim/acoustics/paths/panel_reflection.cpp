@@ -24,8 +24,8 @@ double detour(const PanelEdge& edge, glm::dvec3 a, glm::dvec3 b, double straight
 }  // namespace
 
 double boundary_weight(double waves) {
-  const double x = std::clamp(4.0 * waves - 1.0, 0.0, 1.0);
-  return 0.5 + 0.5 * std::cos(kPi * x);
+  const double x = 4.0 * waves - 1.0;
+  return x <= 0 ? 1.0 : x >= 1 ? 0.0 : 0.5 + 0.5 * std::cos(kPi * x);
 }
 
 PanelReflection::PanelReflection(std::span<const PanelEdge> edges, glm::dvec3 image, glm::dvec3 listener, glm::dvec3 at,

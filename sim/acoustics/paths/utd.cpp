@@ -4,6 +4,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "sim/acoustics/paths/fast_angles.h"
+
 namespace earshot {
 namespace {
 
@@ -120,8 +122,10 @@ WedgeDiffraction::WedgeDiffraction(double exterior_rad, double source_rad, doubl
     const double turn = 2.0 * exterior_rad, from_boundary = argument[i] - turn * std::nearbyint(argument[i] / turn);
     const double half = 0.5 * std::abs(from_boundary);
     from_boundary_[i] = from_boundary;
-    boundary_[i] = std::abs(std::sin(half));
-    const double slope = half > 1e-9 ? std::sin(half) / std::tan(half / n) : n;
+    boundary_[i] = std::abs(fast_unit_phase(half).imag());
+    // sin(half) / tan(half / n), 0 <= half / n <= pi / 2.
+    const Complex part = fast_unit_phase(half / n);
+    const double slope = half > 1e-9 ? boundary_[i] * part.real() / part.imag() : n;
     weight_[i] = (from_boundary < 0 ? 0.5 : -0.5) * slope / n;
   }
 }
