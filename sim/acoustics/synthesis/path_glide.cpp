@@ -23,14 +23,16 @@ PathGlider::PathGlider(std::shared_ptr<const SynthesisTables> tables, int block_
       most_slope_(most_slope),
       num_channels_(static_cast<std::size_t>(filters_.num_channels())),
       num_taps_(static_cast<std::size_t>(filters_.num_taps())),
-      fft_(next_power_of_two(block_samples + filters_.num_taps() - 1)),
+      fft_(4 * filters_.num_taps()),
+      num_bins_(static_cast<std::size_t>(fft_.num_bins())),
       taps_(num_channels_ * num_taps_),
-      sum_time_(static_cast<std::size_t>(fft_.size())) {
+      piece_time_(static_cast<std::size_t>(fft_.size())) {
   require(block_samples >= 1, "samples of a block", block_samples, "must be at least 1");
   require(most_slope > 0 && most_slope <= kMostSlope, "largest change of a delay", most_slope, "must be in (0, 0.1]");
-  num_bins_ = static_cast<std::size_t>(fft_.num_bins());
-  spectrum_.resize(num_bins_);
-  for (Sum* sum : {&resting_, &from_, &to_, &entering_, &leaving_}) sum->spectrum.resize(num_channels_ * num_bins_);
+  num_pieces_ = (static_cast<std::size_t>(block_samples) + hop() - 1) / hop();
+  spectrum_.resize(num_pieces_ * num_bins_);
+  sum_time_.resize(num_pieces_ * hop());
+  for (Sum* sum : {&resting_, &from_, &to_, &entering_, &leaving_}) sum->spectrum.resize(num_channels_ * num_pieces_ * num_bins_);
   line_.reserve(static_cast<std::size_t>(block_samples) + num_taps_);
 }
 
@@ -122,7 +124,10 @@ void PathGlider::read_line(const OversampledSound& sound, const StreamPosition& 
 void PathGlider::add_product(const std::complex<float>* filter, std::size_t channel, Sum& sum) {
   if (!sum.any) std::ranges::fill(sum.spectrum, std::complex<float>{});
   sum.any = true;
-  multiply_add(spectrum_, std::span(filter, num_bins_), std::span(sum.spectrum).subspan(channel * num_bins_, num_bins_));
+  for (std::size_t piece = 0; piece < pieces_; ++piece) {
+    multiply_add(std::span(spectrum_).subspan(piece * num_bins_, num_bins_), std::span(filter, num_bins_),
+                 std::span(sum.spectrum).subspan((channel * num_pieces_ + piece) * num_bins_, num_bins_));
+  }
 }
 
 void PathGlider::render(const OversampledSound& sound, const StreamPosition& position, int block, int fade, GlidingPaths& paths,
@@ -134,10 +139,16 @@ void PathGlider::render(const OversampledSound& sound, const StreamPosition& pos
   const std::size_t leaving = moves ? before.count : 0;
   if (now.count + leaving == 0 || block == 0) return;
   for (Sum* sum : {&resting_, &from_, &to_, &entering_, &leaving_}) sum->any = false;
+  pieces_ = (static_cast<std::size_t>(block) + hop() - 1) / hop();
   const auto filter_of = [&](const Pose& pose, std::size_t row) { return pose.filter.data() + row * num_bins_; };
   const auto add_line = [&](const Line& line, const std::complex<float>* filter, std::size_t channel, Sum& sum) {
     read_line(sound, position, line, block);
-    fft_.forward(line_, spectrum_);
+    const auto whole = std::span<const float>(line_);
+    for (std::size_t piece = 0; piece < pieces_; ++piece) {
+      const auto from_piece = whole.subspan(piece * hop());
+      fft_.forward(from_piece.first(std::min(from_piece.size(), static_cast<std::size_t>(fft_.size()))),
+                   std::span(spectrum_).subspan(piece * num_bins_, num_bins_));
+    }
     add_product(filter, channel, sum);
   };
 
@@ -189,8 +200,13 @@ void PathGlider::render(const OversampledSound& sound, const StreamPosition& pos
 /// A sum in time from the start of the block on; null if there is none.
 const float* PathGlider::inverse(const Sum& sum, std::size_t channel) {
   if (!sum.any) return nullptr;
-  fft_.inverse(std::span(sum.spectrum).subspan(channel * num_bins_, num_bins_), sum_time_);
-  return sum_time_.data() + num_taps_ - 1;  // what lies before holds the wrap-around
+  for (std::size_t piece = 0; piece < pieces_; ++piece) {
+    fft_.inverse(std::span(sum.spectrum).subspan((channel * num_pieces_ + piece) * num_bins_, num_bins_), piece_time_);
+    // What lies before holds the wrap-around (overlap-save).
+    std::copy_n(piece_time_.begin() + static_cast<std::ptrdiff_t>(num_taps_) - 1, hop(),
+                sum_time_.begin() + static_cast<std::ptrdiff_t>(piece * hop()));
+  }
+  return sum_time_.data();
 }
 
 }  // namespace earshot
