@@ -27,7 +27,7 @@ bool narrow(const Scene& scene, DiffractionEdge& edge, double along_m, double ra
   const auto point_at = [&](double angle) {
     return glm::vec3(edge.at(along_m) + radius_m * (std::cos(angle) * edge.face + std::sin(angle) * edge.first_normal));
   };
-  std::array<Found, 20> face;
+  std::array<Found, 20> face{};
   std::size_t count = 0;
   face[count++] = {0, edge.first_material};
   glm::vec3 from = point_at(margin);
@@ -35,9 +35,11 @@ bool narrow(const Scene& scene, DiffractionEdge& edge, double along_m, double ra
     const glm::vec3 to = point_at(margin + i * step);
     const float length_m = glm::length(to - from);
     const Hit hit = scene.rays().intersect(from, (to - from) / length_m, length_m);
-    if (hit.valid())
-      face[count++] = {std::clamp(edge.angle_of(glm::dvec3(hit.position)), face[count - 1].angle_rad, edge.exterior_rad),
+    if (hit.valid()) {
+      const double last_rad = face[count - 1].angle_rad;
+      face[count++] = {std::clamp(edge.angle_of(glm::dvec3(hit.position)), last_rad, edge.exterior_rad),
                        scene.mesh().triangle_material[hit.triangle]};
+    }
     from = to;
   }
   if (count == 1) return true;

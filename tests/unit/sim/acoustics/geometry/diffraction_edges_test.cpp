@@ -171,6 +171,23 @@ TEST(DiffractionEdges, SightBetweenEdgesGoesBothWaysAndThroughNoWall) {
   EXPECT_GT(pairs, 48);
 }
 
+TEST(DiffractionEdges, AWallOfStripsOnAFloorHasNoRimThere) {
+  // The foot and the top of the wall at x = 0 share two vertices with floor and ceiling, all others touch them.
+  TriangleMesh mesh;
+  rooms::append_box(mesh, {0, 0, 0}, {6, 7.2, 4}, 0);
+  mesh.triangles.erase(mesh.triangles.begin(), mesh.triangles.begin() + 2);
+  mesh.triangle_material.erase(mesh.triangle_material.begin(), mesh.triangle_material.begin() + 2);
+  mesh.triangle_object.erase(mesh.triangle_object.begin(), mesh.triangle_object.begin() + 2);
+  for (int i = 0; i < 12; ++i) {
+    const double y = 0.6 * i;
+    rooms::append_quad(mesh, {rooms::point(0, y, 0), rooms::point(0, y + 0.6, 0), rooms::point(0, y + 0.6, 4), rooms::point(0, y, 4)}, 0);
+  }
+  const auto scene = scene_from(mesh);
+  const DiffractionEdges edges(*scene, 0.25f);
+  EXPECT_EQ(edges.size(), 12u);
+  EXPECT_EQ(count_exterior(edges, 1.5 * kPi), 12);
+}
+
 TEST(DiffractionEdges, EmptySceneHasNone) { EXPECT_EQ(DiffractionEdges(*rooms::empty(), 0.25f).size(), 0u); }
 
 TEST(DiffractionEdges, SmallHouse) {
