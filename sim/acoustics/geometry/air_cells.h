@@ -1,0 +1,68 @@
+#pragma once
+
+#include <cstdint>
+#include <glm/vec3.hpp>
+#include <span>
+#include <vector>
+
+#include "sim/acoustics/geometry/box_pieces.h"
+#include "sim/acoustics/geometry/field_boxes.h"
+#include "sim/scene/scene.h"
+
+namespace earshot {
+
+/// The pieces of all boxes of a scene, as cells with one numbering, and which of them holds a point.  Immutable; safe from any thread.
+class AirCells {
+ public:
+  static constexpr std::uint32_t none = 0xFFFFFFFFu;
+
+  /// Of a box: its cells, and where it knows which of its air is of which.
+  struct Box {
+    std::uint32_t first = 0, count = 0;  ///< its cells
+    std::uint32_t labels = none;         ///< of its points, in labels_; none: they are all of one cell
+    std::uint32_t stray = none;          ///< bounds of its air that is of no cell, in stray_; none: there is none
+    bool is_whole = false;               ///< all of its air is of its only cell
+    bool holds_geometry = false;         ///< the bounds of a triangle touch it
+  };
+
+  /// Keeps a reference to `scene`, which must outlive this.  cell_m: about the edge of the boxes.  A scene without triangles has no cells.
+  /// Cost: about 0.1 ms for each box that holds geometry, in parallel.
+  AirCells(const Scene& scene, float cell_m);
+
+  [[nodiscard]] const FieldBoxes& boxes() const { return boxes_; }
+  [[nodiscard]] const Box& box(std::size_t number) const { return box_[number]; }
+  [[nodiscard]] std::size_t size() const { return cells_.size(); }
+  [[nodiscard]] const AirPiece& operator[](std::uint32_t cell) const { return cells_[cell]; }
+
+  /// The cell of the box that holds a point of it; none where it is of no cell.  Rays, up to 27, near the walls between cells alone.
+  [[nodiscard]] std::uint32_t cell_at(std::size_t box, glm::vec3 point) const;
+  /// The cell of the box that a segment free of geometry crosses between two of its points.  Where the middle lies near a wall, other
+  /// points of it tell as well.
+  [[nodiscard]] std::uint32_t cell_along(std::size_t box, glm::vec3 enter, glm::vec3 leave) const {
+    if (box_[box].is_whole) return box_[box].first;
+    return cell_among_pieces(box, enter, leave);
+  }
+  /// The cell of one of the lattice points of a box.
+  [[nodiscard]] std::uint32_t cell_of_lattice(std::size_t box, int number) const;
+  /// Is some view point of a cell visible from a point?
+  [[nodiscard]] bool visible_from(std::uint32_t cell, glm::vec3 point) const;
+
+ private:
+  /// Label of air that is of no piece, but is joined to the air of a neighbouring box.
+  static constexpr std::uint8_t kStrayAir = 0xFE;
+  void mark_boxes_with_geometry();
+  void find_pieces();
+  void find_stray_air();
+  [[nodiscard]] std::uint32_t sure_cell_at(const Box& of, std::size_t box, glm::vec3 point) const;
+  [[nodiscard]] std::uint32_t cell_among_pieces(std::size_t box, glm::vec3 enter, glm::vec3 leave) const;
+  [[nodiscard]] std::uint32_t cell_near_walls(std::size_t box, glm::vec3 point) const;
+
+  const Scene* scene_;
+  FieldBoxes boxes_;
+  std::vector<Box> box_;
+  std::vector<AirPiece> cells_;
+  std::vector<std::uint8_t> labels_;  ///< [boxes whose points are not all of one piece][points]
+  std::vector<Bounds> stray_;
+};
+
+}  // namespace earshot

@@ -1,0 +1,85 @@
+#include "sim/acoustics/geometry/cell_passages.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "sim/base/denormals.h"
+
+namespace earshot {
+namespace {
+
+/// Cells with a smaller passage between them are apart: a slit does not join the sides of a wall.
+constexpr float kLeastOpenness = 0.25f;
+constexpr int n = FieldBoxes::kPointsPerEdge;
+
+/// Passages through the face between a box and the next one along an axis.
+void find_passages_between(const Scene& scene, const AirCells& cells, const glm::ivec3& index, int axis, std::vector<CellPassage>& found) {
+  glm::ivec3 next = index;
+  ++next[axis];
+  const FieldBoxes& boxes = cells.boxes();
+  const std::size_t box_here = boxes.number_of(index), box_there = boxes.number_of(next);
+  const AirCells::Box &here = cells.box(box_here), &there = cells.box(box_there);
+  // The points beside the face, of each piece, and the lines across it that are open.
+  std::vector<int> points_here(here.count, 0), points_there(there.count, 0), open(here.count * there.count, 0);
+  for (int i = 0; i < n * n; ++i) {
+    glm::ivec3 at(0), other(0);
+    at[axis] = n - 1;
+    at[(axis + 1) % 3] = other[(axis + 1) % 3] = i / n;
+    at[(axis + 2) % 3] = other[(axis + 2) % 3] = i % n;
+    const std::uint32_t a = cells.cell_of_lattice(box_here, FieldBoxes::lattice_number(at)),
+                        b = cells.cell_of_lattice(box_there, FieldBoxes::lattice_number(other));
+    if (a != AirCells::none) ++points_here[a - here.first];
+    if (b != AirCells::none) ++points_there[b - there.first];
+    if (a != AirCells::none && b != AirCells::none &&
+        !scene.rays().occluded(boxes.lattice_point(index, at), boxes.lattice_point(next, other)))
+      ++open[(a - here.first) * there.count + b - there.first];
+  }
+  for (std::uint32_t a = 0; a < here.count; ++a)
+    for (std::uint32_t b = 0; b < there.count; ++b) {
+      const int lines = open[a * there.count + b], most = std::min(points_here[a], points_there[b]);
+      const float openness = static_cast<float>(lines) / static_cast<float>(std::max(most, 1));
+      if (openness >= kLeastOpenness) found.push_back({here.first + a, there.first + b, openness});
+    }
+}
+
+}  // namespace
+
+CellPassages::CellPassages(const Scene& scene, const AirCells& cells) {
+  const FieldBoxes& boxes = cells.boxes();
+  std::vector<std::vector<CellPassage>> of_box(boxes.size());
+  tbb::parallel_for(std::size_t{0}, boxes.size(), [&](std::size_t i) {
+    const FlushDenormals flush;
+    const glm::ivec3 index = boxes.index_of(i);
+    for (int axis = 0; axis < 3; ++axis) {
+      glm::ivec3 next = index;
+      if (++next[axis] == boxes.count()[axis]) continue;
+      const AirCells::Box &here = cells.box(i), &there = cells.box(boxes.number_of(next));
+      if (here.holds_geometry || there.holds_geometry)
+        find_passages_between(scene, cells, index, axis, of_box[i]);
+      else
+        of_box[i].push_back({here.first, there.first, 1.f});
+    }
+  });
+  for (const std::vector<CellPassage>& some : of_box) passages_.insert(passages_.end(), some.begin(), some.end());
+  std::sort(passages_.begin(), passages_.end(),
+            [](const CellPassage& a, const CellPassage& b) { return std::pair(a.first, a.second) < std::pair(b.first, b.second); });
+  std::vector<std::vector<std::uint32_t>> neighbours(cells.size());
+  for (const CellPassage& p : passages_) {
+    neighbours[p.first].push_back(p.second);
+    neighbours[p.second].push_back(p.first);
+  }
+  neighbours_begin_.push_back(0);
+  for (std::vector<std::uint32_t>& of_cell : neighbours) {
+    std::sort(of_cell.begin(), of_cell.end());
+    neighbours_.insert(neighbours_.end(), of_cell.begin(), of_cell.end());
+    neighbours_begin_.push_back(static_cast<std::uint32_t>(neighbours_.size()));
+  }
+}
+
+bool CellPassages::joined(std::uint32_t cell, std::uint32_t other) const {
+  return std::binary_search(neighbours_.begin() + neighbours_begin_[cell], neighbours_.begin() + neighbours_begin_[cell + 1], other);
+}
+
+}  // namespace earshot

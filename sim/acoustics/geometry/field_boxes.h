@@ -1,0 +1,65 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <glm/common.hpp>
+#include <glm/vec3.hpp>
+
+#include "sim/scene/triangle_mesh.h"
+
+namespace earshot {
+
+/// Equal boxes that fill the bounds of a scene exactly, and in each a lattice of jittered points by which its air is explored.  A value;
+/// safe from any thread.  Metres, world axes.
+class FieldBoxes {
+ public:
+  /// Points along each edge of a box: jittered, so the volume of what a wall cuts off is known within about 1 % of the box.
+  static constexpr int kPointsPerEdge = 8;
+  static constexpr int kPoints = kPointsPerEdge * kPointsPerEdge * kPointsPerEdge;
+  /// From the number of a point to that of the next one along each axis.
+  static constexpr std::array<int, 3> kStrides{kPointsPerEdge * kPointsPerEdge, kPointsPerEdge, 1};
+
+  FieldBoxes() = default;  ///< none
+  /// edge_m: about the edge of the boxes; larger where that would give more than 16,384.
+  FieldBoxes(const Bounds& bounds, float edge_m);
+
+  [[nodiscard]] std::size_t size() const {
+    return static_cast<std::size_t>(count_.x) * static_cast<std::size_t>(count_.y) * static_cast<std::size_t>(count_.z);
+  }
+  [[nodiscard]] glm::ivec3 count() const { return count_; }   ///< along each axis
+  [[nodiscard]] glm::vec3 edge_m() const { return edge_m_; }  ///< of each box
+  [[nodiscard]] glm::vec3 origin() const { return origin_; }  ///< lower corner of the first box
+  /// Number of the box with these indices along the axes, and back.
+  [[nodiscard]] std::size_t number_of(const glm::ivec3& index) const {
+    return (static_cast<std::size_t>(index.x) * static_cast<std::size_t>(count_.y) + static_cast<std::size_t>(index.y)) *
+               static_cast<std::size_t>(count_.z) +
+           static_cast<std::size_t>(index.z);
+  }
+  [[nodiscard]] glm::ivec3 index_of(std::size_t box) const {
+    const auto i = static_cast<int>(box);
+    return {i / (count_.y * count_.z), i / count_.z % count_.y, i % count_.z};
+  }
+  /// Indices of the box that holds a point, or of the nearest one to it.
+  [[nodiscard]] glm::ivec3 index_at(glm::vec3 point) const {
+    return glm::clamp(glm::ivec3(glm::floor((point - origin_) / edge_m_)), glm::ivec3(0), count_ - 1);
+  }
+
+  /// Number of a lattice point from its place along the axes, and back.
+  static int lattice_number(const glm::ivec3& at) { return (at.x * kPointsPerEdge + at.y) * kPointsPerEdge + at.z; }
+  static glm::ivec3 lattice_place(int number) {
+    return {number / (kPointsPerEdge * kPointsPerEdge), number / kPointsPerEdge % kPointsPerEdge, number % kPointsPerEdge};
+  }
+  /// One of the jittered points of a box.
+  [[nodiscard]] glm::vec3 lattice_point(const glm::ivec3& index, const glm::ivec3& at) const;
+  /// The place in a box's lattice where a point lies, or the nearest one to it.
+  [[nodiscard]] glm::ivec3 lattice_place_at(std::size_t box, glm::vec3 point) const {
+    return glm::clamp(glm::ivec3(((point - origin_) / edge_m_ - glm::vec3(index_of(box))) * static_cast<float>(kPointsPerEdge)), 0,
+                      kPointsPerEdge - 1);
+  }
+
+ private:
+  glm::vec3 origin_{0}, edge_m_{1};
+  glm::ivec3 count_{0};
+};
+
+}  // namespace earshot
