@@ -2,28 +2,21 @@
 
 #include <array>
 #include <cmath>
-#include <complex>
 
 #include "sim/acoustics/paths/band_lanes.h"
 
 namespace earshot {
 
-/// exp(z^2) erfc(z) on the ray z = u exp(j pi / 4), u >= 0: 1 at u = 0, falling as 1 / (sqrt(pi) z).  Relative error below 1e-11.  About 10
-/// ns. All of the uniform theory rests on it: the Fresnel integral of a knife edge is half of it, and the transition function of
-/// Kouyoumjian and Pathak is F(x) = sqrt(pi x) exp(j pi / 4) times it at u = sqrt(x).  Convention exp(+j w t).
-std::complex<double> scaled_erfc(double u);
-/// The same for u <= 1e5, within 4e-6 of it, by one rational function for each part.  About 10 ns for all lanes.
+/// exp(z^2) erfc(z) on the ray z = u exp(j pi / 4), 0 <= u <= 1e5: 1 at u = 0, falling as 1 / (sqrt(pi) z).  Relative error below 4e-6, by
+/// one rational function for each part.  About 10 ns for all lanes.  All of the uniform theory rests on it: the Fresnel integral of a
+/// knife edge is half of it, and the transition function of Kouyoumjian and Pathak is F(x) = sqrt(pi x) exp(j pi / 4) times it at
+/// u = sqrt(x).  Convention exp(+j w t).
 ComplexLanes scaled_erfc(const Lanes& u);
 
-/// What the faces of a wedge leave of the terms of its diffracted field, pressure factors in [0, 1].
-struct FaceFactors {
-  double first = 1,
-         second = 1;  ///< reflection: they weigh the terms that make up for reflections which end (Luebbers 1984, IEEE Trans. AP 32, 70-76)
-  double incidence = 1;  ///< 1 - sqrt(tau): of the jump of the sound past the edge, which passes the wedge as sqrt(tau) (Babinet)
-};
-/// The same per band.
+/// What the faces of a wedge leave of the terms of its diffracted field, pressure factors in [0, 1] per band.
 struct FaceFactorLanes {
-  Lanes first{}, second{}, incidence{};
+  Lanes first{}, second{};  ///< reflection: of the terms that make up for reflections which end (Luebbers 1984, IEEE Trans. AP 32, 70-76)
+  Lanes incidence{};        ///< 1 - sqrt(tau): of the jump of the sound past the edge, which passes the wedge as sqrt(tau) (Babinet)
 };
 
 /// A rigid wedge for one source direction and one listener direction: uniform theory of diffraction (Kouyoumjian and Pathak 1974,
@@ -43,10 +36,8 @@ class WedgeDiffraction {
   /// Swapped, they give the same bits.
   WedgeDiffraction(double exterior_rad, double source_rad, double listener_rad);
 
-  /// Diffracted pressure over that of a free path as long as the one over the edge.  At most 2.
-  /// wave_lengths: k L with L = s s' sin^2(beta) / (s + s').
-  [[nodiscard]] std::complex<double> ratio(double wave_lengths, const FaceFactors& faces = {}) const;
-  /// The same with sqrt(2 k L) given, up to 1e5, within 1e-5.
+  /// Diffracted pressure over that of a free path as long as the one over the edge, at most 2, within 1e-5.
+  /// root_of_two_wave_lengths: sqrt(2 k L) with L = s s' sin^2(beta) / (s + s'), up to 1e5.
   [[nodiscard]] ComplexLanes ratio(const Lanes& root_of_two_wave_lengths, const FaceFactorLanes& faces) const;
 
   /// Rounding decides on which side of the shadow boundary a pose within 3e-5 rad of it lies: on that of the line of sight.

@@ -6,6 +6,7 @@
 
 #include "sim/acoustics/response/energy_response.h"
 #include "tests/support/rooms.h"
+#include "tests/support/uniform_theory.h"
 
 namespace earshot {
 namespace {
@@ -106,8 +107,8 @@ TEST(O24Babinet, DeepInTheShadowOnlyWhatPassesIsLeft) {
   // By hand: cylindrical coordinates about the edge from the face, in front 0 and behind 2 pi; the reflection terms keep sqrt(1 - tau).
   const double r = std::hypot(1.0, 2.5), s = std::hypot(1.5, 2.0), a = std::atan2(2.5, 1.0), b = 2 * kPi - std::atan2(2.0, 1.5);
   const double k = 2 * kPi * scene.bands().centre_hz[2] / 343, length_m = r * s / (r + s);
-  const Complex half = 0.5 * scaled_erfc(std::sqrt(2 * k * length_m) * std::abs(std::cos((a - b) / 2))),
-                mirrored = 0.5 * scaled_erfc(std::sqrt(2 * k * length_m) * std::abs(std::cos((a + b) / 2)));
+  const Complex half = 0.5 * uniform_theory::scaled_erfc(std::sqrt(2 * k * length_m) * std::abs(std::cos((a - b) / 2))),
+                mirrored = 0.5 * uniform_theory::scaled_erfc(std::sqrt(2 * k * length_m) * std::abs(std::cos((a + b) / 2)));
   const double sign = std::cos((a + b) / 2) < 0 ? 1 : -1;
   const Complex expected = ((1 - std::sqrt(0.1)) * half + sign * std::sqrt(0.9) * mirrored) / (4 * kPi * (r + s));
   EXPECT_NEAR(db(response.arrivals[1].amplitude[2] / std::abs(expected)), 0, 0.05);

@@ -6,6 +6,7 @@
 #include <complex>
 #include <numbers>
 
+#include "tests/support/uniform_theory.h"
 #include "tests/support/wedge_cases.h"
 
 namespace earshot {
@@ -13,6 +14,8 @@ namespace {
 
 using Complex = std::complex<double>;
 constexpr double kPi = std::numbers::pi, kSpeed = 343.0;
+
+const FaceFactorLanes kRigid{.first = all_lanes(1.f), .second = all_lanes(1.f), .incidence = all_lanes(1.f)};
 
 double wavenumber(double frequency_hz) { return 2.0 * kPi * frequency_hz / kSpeed; }
 
@@ -27,7 +30,8 @@ Complex relative(double exterior_rad, const std::array<double, 3>& source, const
   // L = s s' sin^2(beta) / (s + s') with s = r / sin(beta) and sin(beta) = around / path.
   const double length = source[0] * listener[0] / path * (around / path) * (path / around);
   const double direct = straight_m(source, listener);
-  return WedgeDiffraction(exterior_rad, source[1], listener[1]).ratio(k * length) * direct / path * std::polar(1.0, -k * (path - direct));
+  return uniform_theory::ratio(WedgeDiffraction(exterior_rad, source[1], listener[1]), k * length) * direct / path *
+         std::polar(1.0, -k * (path - direct));
 }
 
 double loss_db(Complex value) { return -20.0 * std::log10(std::abs(value)); }
@@ -76,33 +80,34 @@ TEST(O24Diffraction, KnifeEdgeIsTheFresnelIntegral) {
                                                         {5, 26.936198}}};
   for (const auto& [v, loss] : table) {
     const double u = std::abs(v) * std::sqrt(kPi / 2);
-    const Complex behind = 0.5 * scaled_erfc(u) * std::polar(1.0, -u * u);
+    const Complex behind = 0.5 * uniform_theory::scaled_erfc(u) * std::polar(1.0, -u * u);
     EXPECT_NEAR(loss_db(v >= 0 ? behind : 1.0 - behind), loss, 1e-6) << v;  // six decimals in the table
   }
   // The black screen (faces that reflect nothing), a small angle behind its boundary, far away: the same integral.
   const double k = wavenumber(4000), distance = 100, angle = 0.02;
-  const Complex field = WedgeDiffraction(2 * kPi, kPi / 2, 1.5 * kPi + angle).ratio(k * distance / 2, {.first = 0, .second = 0});
+  const Complex field =
+      uniform_theory::ratio(WedgeDiffraction(2 * kPi, kPi / 2, 1.5 * kPi + angle), k * distance / 2, {.first = 0, .second = 0});
   const double v = std::sqrt(2 * k * distance / 2) * std::sin(angle / 2) * std::sqrt(2 / kPi);
   const double u = v * std::sqrt(kPi / 2);
-  EXPECT_NEAR(loss_db(field), loss_db(0.5 * scaled_erfc(u)), 0.05);  // what passes round the back adds sin(angle / 2) / 2
+  EXPECT_NEAR(loss_db(field), loss_db(0.5 * uniform_theory::scaled_erfc(u)), 0.05);  // what passes round the back adds sin(angle / 2) / 2
 }
 
 TEST(ScaledErfc, MeetsItselfWhereTheMethodsMeet) {
-  for (const double u : {2.5, 4.0, 8.0, 0.5 / 16, 39.5 / 16, 40.5 / 16, 127.5 / 16}) {  // of the rows, between rows, the far end
-    const Complex below = scaled_erfc(u * (1 - 1e-15)), above = scaled_erfc(u);
+  for (const double u : {2.5, 4.0, 8.0}) {
+    const Complex below = uniform_theory::scaled_erfc(u * (1 - 1e-15)), above = uniform_theory::scaled_erfc(u);
     EXPECT_LT(std::abs(below - above), 1e-9 * std::abs(above)) << u;
   }
   // Derivative: d/du = 2 j u w - 2 exp(j pi / 4) / sqrt(pi), an identity of exp(z^2) erfc(z); central differences to 1e-8.
   for (double u = 0.05; u < 12; u += 0.05) {
     const double h = 1e-4;
-    const Complex slope = (scaled_erfc(u + h) - scaled_erfc(u - h)) / (2 * h);
-    const Complex exact = Complex(0, 2 * u) * scaled_erfc(u) - 2.0 / std::sqrt(kPi) * std::polar(1.0, kPi / 4);
+    const Complex slope = (uniform_theory::scaled_erfc(u + h) - uniform_theory::scaled_erfc(u - h)) / (2 * h);
+    const Complex exact = Complex(0, 2 * u) * uniform_theory::scaled_erfc(u) - 2.0 / std::sqrt(kPi) * std::polar(1.0, kPi / 4);
     EXPECT_LT(std::abs(slope - exact), 2e-7) << u;
   }
-  EXPECT_EQ(scaled_erfc(0), Complex(1, 0));
+  EXPECT_EQ(uniform_theory::scaled_erfc(0), Complex(1, 0));
   // Asymptote: 1 / (sqrt(pi) z) (1 - 1 / (2 z^2)); the next term is 3 / (4 u^4).
   const Complex z = std::polar(30.0, kPi / 4);
-  EXPECT_LT(std::abs(scaled_erfc(30) * std::sqrt(kPi) * z - (1.0 - 0.5 / (z * z))), 1e-6);
+  EXPECT_LT(std::abs(uniform_theory::scaled_erfc(30) * std::sqrt(kPi) * z - (1.0 - 0.5 / (z * z))), 1e-6);
 }
 
 /// Direct sound where visible, its mirror image where the first face shows it, and the diffracted field, over the free field.
@@ -122,14 +127,16 @@ Complex total(double exterior_rad, double source_rad, double listener_rad, doubl
 TEST(Utd, EightBandsAtOnceAreEachOfThem) {
   for (double u = 0; u < 600; u = 1.07 * u + 1e-3) {
     const ComplexLanes lanes = scaled_erfc(all_lanes(static_cast<float>(u)));
-    EXPECT_LT(std::abs(Complex(lanes.real[5], lanes.imag[5]) - scaled_erfc(u)), 4e-6 * std::abs(scaled_erfc(u))) << u;
+    EXPECT_LT(std::abs(Complex(lanes.real[5], lanes.imag[5]) - uniform_theory::scaled_erfc(u)),
+              4e-6 * std::abs(uniform_theory::scaled_erfc(u)))
+        << u;
   }
   const FaceFactorLanes faces{.first = all_lanes(0.8f), .second = all_lanes(0.6f), .incidence = all_lanes(0.9f)};
   for (const double exterior : {1.2 * kPi, 1.5 * kPi, 2 * kPi}) {
     for (const double wave_lengths : {0.01, 1.0, 30.0, 3000.0}) {
       const WedgeDiffraction wedge(exterior, 0.4, 3.7);
       const ComplexLanes lanes = wedge.ratio(all_lanes(static_cast<float>(std::sqrt(2 * wave_lengths))), faces);
-      const Complex exact = wedge.ratio(wave_lengths, {.first = 0.8, .second = 0.6, .incidence = 0.9});
+      const Complex exact = uniform_theory::ratio(wedge, wave_lengths, {.first = 0.8, .second = 0.6, .incidence = 0.9});
       EXPECT_LT(std::abs(Complex(lanes.real[0], lanes.imag[0]) - exact), 1e-5) << exterior << " " << wave_lengths;
     }
   }
@@ -167,8 +174,10 @@ TEST(WedgeDiffraction, StaysFiniteAtTheEdge) {  // docs/stability.md, H-67
       for (double listener = 0; listener <= exterior; listener += 0.1) {
         const WedgeDiffraction wedge(exterior, source, listener);
         for (const double wave_lengths : {0.0, 1e-12, 1e-3, 1.0, 1e3, 1e9}) {
-          const double size = std::abs(wedge.ratio(wave_lengths));
+          const double size = std::abs(uniform_theory::ratio(wedge, wave_lengths));
           EXPECT_TRUE(size <= 2.0 + 1e-12) << exterior << " " << source << " " << listener << " " << wave_lengths;  // direct + 6 dB
+          const ComplexLanes lanes = wedge.ratio(all_lanes(static_cast<float>(std::sqrt(2 * wave_lengths))), kRigid);
+          EXPECT_TRUE(std::hypot(lanes.real[0], lanes.imag[0]) <= 2.f + 1e-5f) << exterior << " " << source << " " << listener;
         }
       }
     }
@@ -177,15 +186,17 @@ TEST(WedgeDiffraction, StaysFiniteAtTheEdge) {  // docs/stability.md, H-67
 
 TEST(WedgeDiffraction, FlatWedgeDiffractsNothing) {  // docs/stability.md, H-66: the reflection is already the image's
   // n = 1: the four terms cancel in pairs wherever no boundary is near (Keller's sum of cotangents is zero for a plane).
-  const Complex ratio = WedgeDiffraction(kPi, 0.4, 1.3).ratio(1e6);
+  const Complex ratio = uniform_theory::ratio(WedgeDiffraction(kPi, 0.4, 1.3), 1e6);
   EXPECT_LT(std::abs(ratio), 1e-6);
 }
 
 TEST(WedgeDiffraction, SwappedEndsGiveTheSameBits) {
+  const FaceFactorLanes faces{.first = all_lanes(0.8f), .second = all_lanes(0.6f), .incidence = all_lanes(1.f)};
   for (int i = 0; i < 200; ++i) {
     const double a = 4.71238898 * ((i * 37) % 101) / 101.0, b = 4.71238898 * ((i * 53) % 97) / 97.0;
-    EXPECT_EQ(WedgeDiffraction(1.5 * kPi, a, b).ratio(3.7, {.first = 0.8, .second = 0.6}),
-              WedgeDiffraction(1.5 * kPi, b, a).ratio(3.7, {.first = 0.8, .second = 0.6}));
+    const ComplexLanes there = WedgeDiffraction(1.5 * kPi, a, b).ratio(all_lanes(2.72f), faces),
+                       back = WedgeDiffraction(1.5 * kPi, b, a).ratio(all_lanes(2.72f), faces);
+    EXPECT_EQ(Complex(there.real[0], there.imag[0]), Complex(back.real[0], back.imag[0]));
   }
 }
 
