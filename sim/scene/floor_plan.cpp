@@ -59,10 +59,7 @@ FloorConfig parse_floor(std::string_view text) {
   read_plan_settings("floor", text, config.seed, [&](std::string_view key, std::string_view value) {
     if (key == "width_m") return config.width_m = parse_plan_number<float>("floor", key, value), true;
     if (key == "length_m") return config.length_m = parse_plan_number<float>("floor", key, value), true;
-    if (key == "height_m") return config.height_m = parse_plan_number<float>("floor", key, value), true;
-    if (key == "detail_m") return config.detail_m = parse_plan_number<float>("floor", key, value), true;
-    if (key == "furnished" && (value == "true" || value == "false")) return config.furnished = value == "true", true;
-    return false;
+    return set_building("floor", key, value, config);
   });
   require(config.width_m >= 18.f && config.width_m <= 40.f, "floor.width_m", config.width_m, "must be 18 to 40");
   require(config.length_m >= 20.f && config.length_m <= 120.f, "floor.length_m", config.length_m, "must be 20 to 120");

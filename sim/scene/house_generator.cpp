@@ -155,10 +155,7 @@ HouseConfig parse_house(std::string_view text) {
   read_plan_settings("house", text, config.seed, [&](std::string_view key, std::string_view value) {
     if (key == "rooms") return config.rooms = parse_plan_number<int>("house", key, value), true;
     if (key == "area_m2") return config.area_m2 = parse_plan_number<float>("house", key, value), true;
-    if (key == "height_m") return config.height_m = parse_plan_number<float>("house", key, value), true;
-    if (key == "detail_m") return config.detail_m = parse_plan_number<float>("house", key, value), true;
-    if (key == "furnished" && (value == "true" || value == "false")) return config.furnished = value == "true", true;
-    return false;
+    return set_building("house", key, value, config);
   });
   resolve_house(config);
   return config;

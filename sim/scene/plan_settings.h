@@ -25,6 +25,15 @@ Number parse_plan_number(std::string_view kind, std::string_view key, std::strin
   return value;
 }
 
+/// Sets what every generated building has: its height, its detail, its furniture.  False for other keys.
+template <class Config>
+bool set_building(std::string_view kind, std::string_view key, std::string_view value, Config& config) {
+  if (key == "height_m") return config.height_m = parse_plan_number<float>(kind, key, value), true;
+  if (key == "detail_m") return config.detail_m = parse_plan_number<float>(kind, key, value), true;
+  if (key == "furnished" && (value == "true" || value == "false")) return config.furnished = value == "true", true;
+  return false;
+}
+
 /// Reads the seed, then hands each key and its value to `set`, which returns false for what it does not know.  Throws InputError.
 template <class Set>
 void read_plan_settings(std::string_view kind, std::string_view text, std::uint64_t& seed, Set set) {
