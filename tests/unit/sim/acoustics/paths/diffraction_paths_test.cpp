@@ -14,6 +14,7 @@
 #include "sim/acoustics/response/energy_response.h"
 #include "sim/base/random.h"
 #include "sim/scene/scene.h"
+#include "tests/support/coherent_field.h"
 #include "tests/support/rooms.h"
 #include "tests/support/test_data.h"
 #include "tests/support/wedge_cases.h"
@@ -21,34 +22,11 @@
 namespace earshot {
 namespace {
 
+using namespace coherent_field;
 using Complex = std::complex<double>;
 constexpr double kPi = std::numbers::pi;
 
 std::shared_ptr<const Scene> hard(TriangleMesh mesh) { return rooms::scene_of(std::move(mesh), {Material::uniform("hard", 0.f, 0.f)}); }
-
-AcousticConfig config_with(Switch diffraction) {
-  AcousticConfig config;
-  config.diffraction = diffraction;
-  config.air_absorption = Switch::off;
-  config.late = Switch::off;
-  config.rays = 0;
-  return config;
-}
-
-std::vector<Arrival> arrivals_of(const AcousticScene& scene, glm::vec3 source, glm::vec3 listener) {
-  EnergyResponse response;
-  compute_energy_response(scene, EarlyCandidates(scene, source), listener, response);
-  return response.arrivals;
-}
-
-/// Coherent sum of all arrivals in a band, at its centre.
-Complex pressure(const AcousticScene& scene, const std::vector<Arrival>& arrivals, std::size_t band) {
-  Complex sum = 0;
-  const double k = 2 * kPi * scene.bands().centre_hz[band] / scene.speed_of_sound_m_per_s();
-  for (const Arrival& arrival : arrivals)
-    sum += std::polar(double{arrival.amplitude[band]}, arrival.phase_rad[band] - k * arrival.distance_m);
-  return sum;
-}
 
 double db(double amplitude) { return 20 * std::log10(amplitude); }
 

@@ -8,22 +8,21 @@
 
 #include "sim/acoustics/response/energy_response.h"
 #include "sim/base/random.h"
+#include "tests/support/coherent_field.h"
 #include "tests/support/finite_wedge.h"
 #include "tests/support/rooms.h"
 
 namespace earshot {
 namespace {
 
+using coherent_field::arrivals_of;
+using coherent_field::pressure;
 using Complex = std::complex<double>;
 constexpr double kPi = std::numbers::pi, kTop = 2.0;
 
 AcousticConfig config_with(int reflections) {
-  AcousticConfig config;
-  config.diffraction = Switch::on;
+  AcousticConfig config = coherent_field::config_with(Switch::on);
   config.diffraction_reflections = reflections;
-  config.air_absorption = Switch::off;
-  config.late = Switch::off;
-  config.rays = 0;
   return config;
 }
 
@@ -49,20 +48,6 @@ Complex over_the_top(glm::dvec3 source, glm::dvec3 listener, double wavenumber) 
   Complex sum = 0;
   for (std::size_t i = 0; i + 1 < ends.size(); ++i)
     sum += finite_wedge::line_integral(2 * kPi, cylindrical(source), cylindrical(listener), ends[i], ends[i + 1], wavenumber);
-  return sum;
-}
-
-std::vector<Arrival> arrivals_of(const AcousticScene& scene, glm::vec3 source, glm::vec3 listener) {
-  EnergyResponse response;
-  compute_energy_response(scene, EarlyCandidates(scene, source), listener, response);
-  return response.arrivals;
-}
-
-Complex pressure(const AcousticScene& scene, const std::vector<Arrival>& arrivals, std::size_t band) {
-  Complex sum = 0;
-  const double k = 2 * kPi * scene.bands().centre_hz[band] / scene.speed_of_sound_m_per_s();
-  for (const Arrival& arrival : arrivals)
-    sum += std::polar(double{arrival.amplitude[band]}, arrival.phase_rad[band] - k * arrival.distance_m);
   return sum;
 }
 

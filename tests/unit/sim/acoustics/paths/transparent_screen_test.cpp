@@ -5,6 +5,7 @@
 #include <numbers>
 
 #include "sim/acoustics/response/energy_response.h"
+#include "tests/support/coherent_field.h"
 #include "tests/support/rooms.h"
 #include "tests/support/uniform_theory.h"
 
@@ -26,24 +27,11 @@ std::shared_ptr<const Scene> screen(float tau, bool thick) {
   return rooms::scene_of(std::move(mesh), {Material::uniform("screen", tau, 0.f, tau)});
 }
 
-AcousticConfig forced() {
-  AcousticConfig config;
-  config.diffraction = Switch::on;
-  config.air_absorption = Switch::off;
-  config.late = Switch::off;
-  config.rays = 0;
-  return config;
-}
+AcousticConfig forced() { return coherent_field::config_with(Switch::on); }
 
 /// Coherent sum of all arrivals at a band's centre.
 Complex pressure(const AcousticScene& scene, const EarlyCandidates& candidates, glm::vec3 listener, std::size_t band) {
-  EnergyResponse response;
-  compute_energy_response(scene, candidates, listener, response);
-  Complex sum = 0;
-  const double k = 2 * kPi * scene.bands().centre_hz[band] / scene.speed_of_sound_m_per_s();
-  for (const Arrival& arrival : response.arrivals)
-    sum += std::polar(double{arrival.amplitude[band]}, arrival.phase_rad[band] - k * arrival.distance_m);
-  return sum;
+  return coherent_field::pressure(scene, coherent_field::arrivals_of(scene, candidates, listener), band);
 }
 
 double db(double ratio) { return 20 * std::log10(ratio); }

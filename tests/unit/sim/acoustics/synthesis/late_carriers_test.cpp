@@ -39,6 +39,27 @@ struct Listening {
   EnergyResponse response = response_with();
 };
 
+/// What a response repeats of itself.
+class Autocorrelation {
+ public:
+  explicit Autocorrelation(int size)
+      : fft_(size), spectrum_(static_cast<std::size_t>(fft_.num_bins())), correlations_(static_cast<std::size_t>(fft_.size())) {}
+  /// The largest magnitude over lags [first, end), over that at lag 0.
+  float highest(std::span<const float> samples, std::size_t first, std::size_t end) {
+    fft_.forward(samples, spectrum_);
+    for (std::complex<float>& bin : spectrum_) bin = std::norm(bin);
+    fft_.inverse(spectrum_, correlations_);
+    float highest = 0;
+    for (std::size_t lag = first; lag < end; ++lag) highest = std::max(highest, std::abs(correlations_[lag] / correlations_[0]));
+    return highest;
+  }
+
+ private:
+  RealFft fft_;
+  std::vector<std::complex<float>> spectrum_;
+  std::vector<float> correlations_;
+};
+
 glm::vec3 some_place(std::uint32_t number) {
   const auto u = RandomStream(3, Purpose::test, number).uniform4(0);
   return {20.f * u[0] - 10.f, 1.f + u[1], 20.f * u[2] - 10.f};
@@ -161,17 +182,11 @@ TEST(LateCarriers, ALongResponseHoldsNoRepeat) {
       make_synthesis_tables(config_at(16000.f, 4.f), BandLayout::log_spaced(3, 16000.f), ChannelLayout::mono, nullptr));
   EnergyResponse response = response_with();
   response.late = decay_of(1e6, 1e5, 3, 0.004f, 4.0);
-  RealFft fft(1 << 17);
-  std::vector<std::complex<float>> spectrum(static_cast<std::size_t>(fft.num_bins()));
-  std::vector<float> correlations(static_cast<std::size_t>(fft.size()));
+  Autocorrelation autocorrelation(1 << 17);
   for (std::uint32_t i = 0; i < 10; ++i) {
     Rir rir;
     synthesizer.render(response, 0.0, {11, some_place(700 + i)}, rir);
-    fft.forward(rir.samples, spectrum);
-    for (std::complex<float>& bin : spectrum) bin = std::norm(bin);
-    fft.inverse(spectrum, correlations);
-    float highest = 0;
-    for (std::size_t lag = 800; lag < 32000; ++lag) highest = std::max(highest, std::abs(correlations[lag] / correlations[0]));
+    const float highest = autocorrelation.highest(rir.samples, 800, 32000);
     EXPECT_LT(highest, 0.02f) << i;
   }
 }
@@ -181,17 +196,11 @@ TEST(LateCarriers, ALongResponseHoldsNoRepeat) {
 TEST(LateCarriers, TheBinauralTailDoesNotRepeatItsBeginning) {
   Listening listening("fast", ChannelLayout::binaural);
   listening.response.late = decay_of(1e6, 1e5, 7, 0.004f, 1.0);
-  RealFft fft(1 << 15);
-  std::vector<std::complex<float>> spectrum(static_cast<std::size_t>(fft.num_bins()));
-  std::vector<float> correlations(static_cast<std::size_t>(fft.size()));
+  Autocorrelation autocorrelation(1 << 15);
   for (std::uint32_t i = 0; i < 24; ++i) {
     const Rir rir = listening.at(20 + i, some_place(800 + i));
     for (int ear = 0; ear < 2; ++ear) {
-      fft.forward(rir.channel(ear), spectrum);
-      for (std::complex<float>& bin : spectrum) bin = std::norm(bin);
-      fft.inverse(spectrum, correlations);
-      float highest = 0;
-      for (std::size_t lag = 800; lag < 15000; ++lag) highest = std::max(highest, std::abs(correlations[lag] / correlations[0]));
+      const float highest = autocorrelation.highest(rir.channel(ear), 800, 15000);
       EXPECT_LT(highest, 0.06f) << i;
     }
   }
@@ -201,18 +210,12 @@ TEST(LateCarriers, TheBinauralTailDoesNotRepeatItsBeginning) {
 TEST(LateCarriers, AMovingSourceHearsNoRepeatEither) {
   Listening listening("fast", ChannelLayout::mono);
   listening.response.late = decay_of(1e6, 1e5, 7, 0.004f, 1.0);
-  RealFft fft(1 << 15);
-  std::vector<std::complex<float>> spectrum(static_cast<std::size_t>(fft.num_bins()));
-  std::vector<float> correlations(static_cast<std::size_t>(fft.size()));
+  Autocorrelation autocorrelation(1 << 15);
   int high = 0;
   for (std::uint32_t i = 0; i < 100; ++i) {
     Rir rir;
     listening.synthesizer.render(listening.response, 0.0, {3, some_place(900 + i), some_place(1100 + i)}, rir);
-    fft.forward(rir.samples, spectrum);
-    for (std::complex<float>& bin : spectrum) bin = std::norm(bin);
-    fft.inverse(spectrum, correlations);
-    float highest = 0;
-    for (std::size_t lag = 800; lag < 15000; ++lag) highest = std::max(highest, std::abs(correlations[lag] / correlations[0]));
+    const float highest = autocorrelation.highest(rir.samples, 800, 15000);
     high += highest > 0.06f ? 1 : 0;
   }
   // Three zones of six at once, where the header promises less, meet in 6 % of poses, and in a part of them only cells repeat.
