@@ -6,6 +6,9 @@
 #include <numbers>
 #include <numeric>
 #include <optional>
+#include <span>
+
+#include "sim/acoustics/geometry/mesh_sides.h"
 
 namespace earshot {
 namespace {
@@ -13,25 +16,6 @@ namespace {
 constexpr double kPi = std::numbers::pi, kDegree = kPi / 180.0;
 constexpr double kLeastExterior = kPi + 5.0 * kDegree;
 const double kStraight = std::cos(1.0 * kDegree), kSameFace = std::cos(3.0 * kDegree);
-
-/// For each vertex the first one, in the order of coordinates, at the same position.
-std::vector<std::uint32_t> weld(const std::vector<glm::vec3>& vertices) {
-  std::vector<std::uint32_t> order(vertices.size()), first(vertices.size());
-  std::iota(order.begin(), order.end(), 0u);
-  std::sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) {
-    const glm::vec3 p = vertices[a], q = vertices[b];
-    return p.x != q.x ? p.x < q.x : p.y != q.y ? p.y < q.y : p.z != q.z ? p.z < q.z : a < b;
-  });
-  for (std::size_t i = 0; i < order.size(); ++i) {
-    first[order[i]] = i > 0 && vertices[order[i]] == vertices[order[i - 1]] ? first[order[i - 1]] : order[i];
-  }
-  return first;
-}
-
-struct Side {  // of a triangle, keyed by its two vertices
-  std::uint64_t key;
-  std::uint32_t triangle, opposite;
-};
 
 /// One mesh edge with its wedge.  `second` is the direction into the second face.
 struct Piece {
@@ -51,8 +35,8 @@ Piece reversed(const Piece& piece) {
   return other;
 }
 
-std::optional<Piece> piece_of(const TriangleMesh& mesh, std::span<const Side> sides) {
-  const auto low = static_cast<std::uint32_t>(sides[0].key >> 32), high = static_cast<std::uint32_t>(sides[0].key);
+std::optional<Piece> piece_of(const TriangleMesh& mesh, std::span<const MeshSide> sides) {
+  const std::uint32_t low = sides[0].low(), high = sides[0].high();
   const glm::dvec3 start(mesh.vertices[low]), span = glm::dvec3(mesh.vertices[high]) - start;
   const double length_m = glm::length(span);
   if (!(length_m > 0)) return std::nullopt;
@@ -65,7 +49,7 @@ std::optional<Piece> piece_of(const TriangleMesh& mesh, std::span<const Side> si
   };
   std::array<Face, 16> faces;  // more at one edge: the first sixteen decide, rays find the rest
   std::size_t count = 0;
-  for (const Side& side : sides) {
+  for (const MeshSide& side : sides) {
     if (count == faces.size()) break;
     glm::dvec3 inward = glm::dvec3(mesh.vertices[side.opposite]) - start;
     inward -= glm::dot(inward, along) * along;
@@ -94,24 +78,10 @@ std::optional<Piece> piece_of(const TriangleMesh& mesh, std::span<const Side> si
 }
 
 std::vector<Piece> find_pieces(const TriangleMesh& mesh) {
-  const std::vector<std::uint32_t> first = weld(mesh.vertices);
-  std::vector<Side> sides;
-  sides.reserve(3 * mesh.triangles.size());
-  for (std::uint32_t triangle = 0; triangle < mesh.triangles.size(); ++triangle) {
-    const glm::uvec3 corner = mesh.triangles[triangle];
-    for (int i = 0; i < 3; ++i) {
-      const std::uint32_t a = first[corner[i]], b = first[corner[(i + 1) % 3]];
-      if (a == b) continue;
-      sides.push_back({std::uint64_t{std::min(a, b)} << 32 | std::max(a, b), triangle, corner[(i + 2) % 3]});
-    }
-  }
-  std::sort(sides.begin(), sides.end(),
-            [](const Side& a, const Side& b) { return a.key != b.key ? a.key < b.key : a.triangle < b.triangle; });
   std::vector<Piece> pieces;
-  for (std::size_t begin = 0, end = 0; begin < sides.size(); begin = end) {
-    while (end < sides.size() && sides[end].key == sides[begin].key) ++end;
-    if (const auto piece = piece_of(mesh, std::span(sides).subspan(begin, end - begin))) pieces.push_back(*piece);
-  }
+  for_each_joint(sorted_sides(mesh), [&](std::span<const MeshSide> sides) {
+    if (const auto piece = piece_of(mesh, sides)) pieces.push_back(*piece);
+  });
   return pieces;
 }
 

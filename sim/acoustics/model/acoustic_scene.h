@@ -49,6 +49,8 @@ class AcousticScene {
   [[nodiscard]] const SpecularLobe* specular_lobe() const { return surfaces_.specular_lobe(); }
   [[nodiscard]] const DiffractionEdges* diffraction_edges() const { return surfaces_.diffraction_edges(); }
   [[nodiscard]] const PanelEdges* panel_edges() const { return surfaces_.panel_edges(); }
+  [[nodiscard]] const FoldedPlanes& folds() const { return surfaces_.folds(); }
+  [[nodiscard]] const PanelEdges* fold_edges() const { return surfaces_.fold_edges(); }
   [[nodiscard]] std::span<const MirrorPlane> planes() const { return surfaces_.planes(); }
   [[nodiscard]] std::span<const std::uint32_t> plane_of_triangle() const { return surfaces_.plane_of_triangle(); }
   [[nodiscard]] float speed_of_sound_m_per_s() const { return surfaces_.speed_of_sound_m_per_s(); }

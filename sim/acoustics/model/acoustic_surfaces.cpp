@@ -45,6 +45,9 @@ AcousticSurfaces::AcousticSurfaces(std::shared_ptr<const Scene> scene, const Aco
   planes_ = find_mirror_planes(scene_->mesh());
   if (diffraction_edges_ != nullptr)
     panel_edges_ = std::make_shared<const PanelEdges>(*scene_, *diffraction_edges_, planes_.plane_of_triangle, planes_.planes.size());
+  folds_ = find_folded_planes(scene_->mesh(), planes_, speed_of_sound_m_per_s() / bands_.centre_hz.front() / 8.0);
+  if (diffraction_edges_ != nullptr && !folds_.planes.empty())
+    fold_edges_ = std::make_shared<const PanelEdges>(*scene_, *diffraction_edges_, folds_.fold_of_triangle, folds_.planes.size() + 1);
   if (!scene_->mesh().triangles.empty()) diagonal_m_ = glm::length(scene_->bounds().upper - scene_->bounds().lower);
 }
 

@@ -7,6 +7,7 @@
 
 #include "sim/acoustics/core/acoustic_config.h"
 #include "sim/acoustics/core/bands.h"
+#include "sim/acoustics/geometry/folded_planes.h"
 #include "sim/acoustics/geometry/mirror_planes.h"
 #include "sim/acoustics/geometry/panel_edges.h"
 #include "sim/scene/scene.h"
@@ -54,6 +55,10 @@ class AcousticSurfaces {
   [[nodiscard]] const PanelEdges* panel_edges() const { return panel_edges_.get(); }
   [[nodiscard]] std::span<const MirrorPlane> planes() const { return planes_.planes; }
   [[nodiscard]] std::span<const std::uint32_t> plane_of_triangle() const { return planes_.plane_of_triangle; }
+  /// Surfaces of several planes that reflect long waves as one: up to an eighth of the longest wave deep.
+  [[nodiscard]] const FoldedPlanes& folds() const { return folds_; }
+  /// The same as panel_edges(), by folds; null without any.
+  [[nodiscard]] const PanelEdges* fold_edges() const { return fold_edges_.get(); }
   [[nodiscard]] float speed_of_sound_m_per_s() const { return scene_->speed_of_sound_m_per_s(); }
   /// Diagonal of the bounds; zero for an empty scene.
   [[nodiscard]] float diagonal_m() const { return diagonal_m_; }
@@ -75,7 +80,8 @@ class AcousticSurfaces {
   std::shared_ptr<const SpecularLobe> specular_lobe_;
   std::shared_ptr<const DiffractionEdges> diffraction_edges_;
   MirrorPlanes planes_;
-  std::shared_ptr<const PanelEdges> panel_edges_;
+  FoldedPlanes folds_;
+  std::shared_ptr<const PanelEdges> panel_edges_, fold_edges_;
 };
 
 }  // namespace earshot

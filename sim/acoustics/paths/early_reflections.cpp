@@ -42,6 +42,12 @@ bool set_amplitude(const AcousticScene& scene, double distance_m, std::span<cons
   return any;
 }
 
+/// A mirror plane, or from planes().size() on a fold.
+const MirrorPlane& mirror_at(const AcousticScene& scene, std::uint32_t plane) {
+  const std::size_t count = scene.planes().size();
+  return plane < count ? scene.planes()[plane] : scene.folds().planes[plane - count];
+}
+
 bool same_path(const Arrival& a, const Arrival& b) {
   constexpr float tolerance = 1e-4f;
   return a.order == b.order && std::fabs(a.distance_m - b.distance_m) <= tolerance * a.distance_m &&
@@ -96,6 +102,8 @@ EarlyCandidates::EarlyCandidates(const AcousticScene& scene, const SoundSource& 
   }
   std::sort(sequences_.begin(), sequences_.end());
   sequences_.erase(std::unique(sequences_.begin(), sequences_.end()), sequences_.end());
+  num_by_planes_ = sequences_.size();
+  if (!scene.folds().planes.empty()) add_folds(scene);
   sequences_.shrink_to_fit();  // of thousands of rays hundreds of sequences remain, and thousands of sources may be held
 
   images_.reserve(sequences_.size());
@@ -105,9 +113,9 @@ EarlyCandidates::EarlyCandidates(const AcousticScene& scene, const SoundSource& 
   last_.image_height_m.reserve(sequences_.size());
   for (const Sequence& sequence : sequences_) {
     glm::dvec3 image(source);
-    for (int i = 0; i < sequence.order; ++i) image = ExactPlane(scene.planes()[sequence.plane[i]]).mirror(image);
+    for (int i = 0; i < sequence.order; ++i) image = ExactPlane(mirror_at(scene, sequence.plane[i])).mirror(image);
     images_.push_back(image);
-    const MirrorPlane& rounded = scene.planes()[sequence.plane[static_cast<std::size_t>(sequence.order - 1)]];
+    const MirrorPlane& rounded = mirror_at(scene, sequence.plane[static_cast<std::size_t>(sequence.order - 1)]);
     const ExactPlane plane(rounded);
     for (int axis = 0; axis < 3; ++axis) {
       const auto a = static_cast<std::size_t>(axis);
@@ -138,13 +146,16 @@ void EarlyCandidates::cull(std::size_t first, glm::dvec3 listener, std::span<std
   }
 }
 
-bool EarlyCandidates::contains(std::span<const std::uint32_t> planes) const {
+bool EarlyCandidates::find_sequence(std::span<const std::uint32_t> planes, std::size_t begin, std::size_t end) const {
   if (planes.empty() || planes.size() > kMaxOrder) return false;
   Sequence key;
   std::copy(planes.begin(), planes.end(), key.plane.begin());
   key.order = static_cast<int>(planes.size());
-  return std::binary_search(sequences_.begin(), sequences_.end(), key);
+  return std::binary_search(sequences_.begin() + static_cast<std::ptrdiff_t>(begin), sequences_.begin() + static_cast<std::ptrdiff_t>(end),
+                            key);
 }
+
+bool EarlyCandidates::contains(std::span<const std::uint32_t> planes) const { return find_sequence(planes, 0, num_by_planes_); }
 
 bool EarlyCandidates::find_path(const AcousticScene& scene, std::size_t index, glm::vec3 listener, Arrival& arrival,
                                 Arrival& scattered) const {
@@ -159,7 +170,7 @@ bool EarlyCandidates::find_path(const AcousticScene& scene, std::size_t index, g
   glm::dvec3 start(listener), image = images_[index];
   const double edge_m = 1e-6 * scene.diagonal_m();  // a path through the edge of two planes meets both at one point
   for (int i = sequence.order - 1; i >= 0; --i) {
-    const MirrorPlane& rounded = scene.planes()[sequence.plane[i]];
+    const MirrorPlane& rounded = mirror_at(scene, sequence.plane[i]);
     const ExactPlane plane(rounded);
     const double here = plane.height(start), there = plane.height(image);
     const bool at_edge = i + 1 < sequence.order && std::abs(here) < edge_m;
@@ -171,6 +182,10 @@ bool EarlyCandidates::find_path(const AcousticScene& scene, std::size_t index, g
   }
 
   // Then rays: the first thing that each segment meets is a triangle of its plane.
+  const auto num_planes = static_cast<std::uint32_t>(scene.planes().size());
+  const FoldedPlanes& folds = scene.folds();
+  const bool any_folds = !folds.planes.empty(), by_folds = index >= num_by_planes_;
+  std::array<std::uint32_t, kMaxOrder> met_plane{}, met_fold{};
   std::array<double, kMaxBands> energy_fraction;
   energy_fraction.fill(1.0);
   glm::vec3 origin = listener;
@@ -180,13 +195,20 @@ bool EarlyCandidates::find_path(const AcousticScene& scene, std::size_t index, g
     std::uint32_t material;
     if (i + 1 < sequence.order && segment_m < 1e-5 * scene.diagonal_m()) {
       // The second plane of an edge: no segment to trace, only its side to keep to.
-      const MirrorPlane& plane = scene.planes()[sequence.plane[i]];
+      const MirrorPlane& plane = mirror_at(scene, sequence.plane[i]);
       material = plane.material;
+      const bool fold = sequence.plane[i] >= num_planes;
+      met_plane[static_cast<std::size_t>(i)] = fold ? folds.some_plane[sequence.plane[i] - num_planes] : sequence.plane[i];
+      met_fold[static_cast<std::size_t>(i)] = fold ? sequence.plane[i] - num_planes : static_cast<std::uint32_t>(folds.planes.size());
       origin = offset_from_surface(origin, ExactPlane(plane).height(glm::dvec3(listener)) > 0 ? plane.normal : -plane.normal);
     } else {
       const Hit hit = scene.scene().rays().intersect(origin, glm::vec3(segment / segment_m));
       if (!hit.valid()) return false;
-      const std::uint32_t met = scene.plane_of_triangle()[hit.triangle];
+      const auto at = static_cast<std::size_t>(i);
+      met_plane[at] = scene.plane_of_triangle()[hit.triangle];
+      if (any_folds) met_fold[at] = folds.fold_of_triangle[hit.triangle];
+      const bool of_fold = by_folds && met_fold[at] < folds.planes.size();
+      const std::uint32_t met = of_fold ? num_planes + met_fold[at] : met_plane[at];
       if (met != sequence.plane[i]) {
         // At an edge rounding decides which of its planes the ray meets; the point is the same.
         const auto planes = std::span(sequence.plane).first(static_cast<std::size_t>(sequence.order));
@@ -201,6 +223,10 @@ bool EarlyCandidates::find_path(const AcousticScene& scene, std::size_t index, g
     }
   }
   if (scene.scene().rays().occluded(origin, source())) return false;
+  const auto order = static_cast<std::size_t>(sequence.order);
+  if (any_folds &&
+      !weigh_folds(scene, std::span(met_plane).first(order), std::span(met_fold).first(order), by_folds, listener, energy_fraction))
+    return false;
 
   // What panels leave of it.
   std::array<double, kMaxBands> size_fraction;
@@ -211,8 +237,9 @@ bool EarlyCandidates::find_path(const AcousticScene& scene, std::size_t index, g
     const double longest_wave_m = scene.speed_of_sound_m_per_s() / scene.bands().centre_hz.front();
     glm::dvec3 image_here(source());
     for (int i = 0; i < sequence.order; ++i) {
-      image_here = ExactPlane(scene.planes()[sequence.plane[i]]).mirror(image_here);
-      const auto edges = scene.panel_edges()->of(sequence.plane[i]);
+      image_here = ExactPlane(mirror_at(scene, sequence.plane[i])).mirror(image_here);
+      const bool fold = sequence.plane[i] >= num_planes;
+      const auto edges = fold ? scene.fold_edges()->of(sequence.plane[i] - num_planes) : scene.panel_edges()->of(sequence.plane[i]);
       const double before_m = glm::length(point[i] - image_here);
       if (edges.empty() || !(before_m > 0)) continue;
       const PanelReflection panel(edges, image_here, image_here + (point[i] - image_here) * (distance_m / before_m), point[i],
@@ -282,6 +309,7 @@ void EarlyCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 listen
   }
 
   const std::size_t first_image = arrivals.size();
+  std::size_t first_by_folds = 0;  // an image by folds and one by planes may be the same and share its energy
   Arrival arrival, missing;
   std::array<std::uint8_t, 256> possible;
   for (std::size_t i = 0; i < sequences_.size(); ++i) {
@@ -289,7 +317,8 @@ void EarlyCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 listen
       cull(i, glm::dvec3(listener), std::span(possible).first(std::min(possible.size(), sequences_.size() - i)));
     if (possible[i % possible.size()] == 0) continue;
     if (!find_path(scene, i, listener, arrival, missing)) continue;
-    const bool known = std::any_of(arrivals.begin() + static_cast<std::ptrdiff_t>(first_image), arrivals.end(),
+    if (i >= num_by_planes_ && first_by_folds == 0) first_by_folds = arrivals.size();
+    const bool known = std::any_of(arrivals.begin() + static_cast<std::ptrdiff_t>(std::max(first_image, first_by_folds)), arrivals.end(),
                                    [&](const Arrival& other) { return same_path(arrival, other); });
     if (known) continue;
     arrivals.push_back(arrival);

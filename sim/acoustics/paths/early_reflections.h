@@ -28,6 +28,8 @@ class EarlyCandidates {
   /// confirmed by a ray. A path through the edge of two planes, which two sequences find, counts once.  Arrivals that carry no energy
   /// (fully absorbing or fully scattering surfaces) or come after config.rir_length_s are left out.  The appended part is sorted by
   /// (distance, plane sequence): same input, same bits.  Source and listener swapped give the bits of the same distances and amplitudes.
+  /// A folded surface (folded_planes.h) is one mirror in bands in which the ways between its top and bottom differ by an eighth of a wave
+  /// at most, the planes that it consists of from a quarter on.
   void find_arrivals(const AcousticScene& scene, glm::vec3 listener, bool in_sight, std::vector<Arrival>& arrivals) const;
   /// Planes that end in the air reflect by their size (panel_reflection.h).  `scattered`: what they do not reflect of the energy of an
   /// image is appended there, as arrivals in place of it; null: it is lost.
@@ -53,6 +55,13 @@ class EarlyCandidates {
     int order = 0;
     auto operator<=>(const Sequence&) const = default;
   };
+  /// Appends the sequences in which folds stand for their planes.
+  void add_folds(const AcousticScene& scene);
+  /// Of a path that meets the planes `met`, in the triangles' folds `fold`: the fraction of its energy per band that it carries, as a path
+  /// by folds or by their planes.  The two share what there is.  False if none.
+  bool weigh_folds(const AcousticScene& scene, std::span<const std::uint32_t> met, std::span<const std::uint32_t> fold, bool by_folds,
+                   glm::vec3 listener, std::span<double> energy_fraction) const;
+  [[nodiscard]] bool find_sequence(std::span<const std::uint32_t> planes, std::size_t begin, std::size_t end) const;
   bool find_path(const AcousticScene& scene, std::size_t index, glm::vec3 listener, Arrival& arrival, Arrival& scattered) const;
   /// Marks the sequences from `first` on whose last segment is possible, by the sides of the last plane and its bounds, for all poses in
   /// one plain loop that lets pass a little more than find_path does.
@@ -62,8 +71,10 @@ class EarlyCandidates {
   Emission emission_;
   DiffractionCandidates diffraction_;
   std::shared_ptr<const FacingPlanes> facing_;
-  std::vector<Sequence> sequences_;  ///< sorted, unique
-  std::vector<glm::dvec3> images_;   ///< the source mirrored in all planes of the sequence
+  /// Sorted and unique, those by planes before those by folds, which count as planes from planes().size() on.
+  std::vector<Sequence> sequences_;
+  std::size_t num_by_planes_ = 0;
+  std::vector<glm::dvec3> images_;  ///< the source mirrored in all planes of the sequence
   /// Of the last plane of each sequence, one array per quantity: unit normal, offset, height of the image, bounds; and the image.
   struct LastPlanes {
     std::array<std::vector<double>, 3> normal, image, lower, upper;
