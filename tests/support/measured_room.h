@@ -86,6 +86,7 @@ struct DecayTime {
 
 inline constexpr double kDirectWindowS = 2.5e-3;
 inline constexpr double kBlockS = 1e-3;
+inline constexpr double kEarlyS = 0.05;  ///< of C50
 
 /// Squared output of a zero-phase octave filter (raised-cosine edges half an octave wide in log frequency) in blocks of 1 ms, from
 /// `start_s` on.
@@ -160,6 +161,19 @@ inline double measure_drr_db(std::span<const float> samples, double rate_hz, dou
     return sum;
   };
   return 10 * std::log10(energy(direct) / energy(rest));
+}
+
+/// Clarity C50 of one octave: what comes within 50 ms of the direct sound over what comes later, up to where measure_decay() stops.  The
+/// filter spreads the direct sound over 3 ms either side, all of which counts as early.
+inline double measure_c50_db(std::span<const float> samples, double rate_hz, double centre_hz, double direct_s) {
+  constexpr double before_s = 0.003;
+  const std::vector<double> blocks = octave_energy(samples, rate_hz, centre_hz, direct_s - before_s);
+  const DecayTime decay = measure_decay(octave_energy(samples, rate_hz, centre_hz, direct_s));
+  const auto limit = static_cast<std::size_t>(std::lround((before_s + kEarlyS) / kBlockS)),
+             end = static_cast<std::size_t>(std::lround((before_s + decay.cut_s) / kBlockS));
+  double early = 0, late = 0;
+  for (std::size_t i = 0; i < std::min(end, blocks.size()); ++i) (i < limit ? early : late) += blocks[i];
+  return 10 * std::log10(early / late);
 }
 
 }  // namespace earshot::measured_room

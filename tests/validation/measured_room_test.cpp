@@ -54,6 +54,7 @@ TEST(DEchorate, ArrivalTimesOfDirectSoundAndFirstReflections) {
   SKIP_WITHOUT_DATA("rir/dechorate/dechorate_011111.json");
   const auto room = measured_room::load();
   const auto times_ms = simulated_arrivals_ms(*room);
+  int judged = 0, near = 0;
   std::printf("simulated minus annotated, ms; microphones 0 to 5\n");
   for (int wall = 0; wall < 7; ++wall) {
     std::vector<double> errors_ms, sizes_ms;
@@ -70,16 +71,33 @@ TEST(DEchorate, ArrivalTimesOfDirectSoundAndFirstReflections) {
     if (wall == kSouth) continue;
     // The bound.  Positions are known to a centimetre or two (0.03 to 0.06 ms), annotations are picked by hand.
     EXPECT_LT(median(sizes_ms), 0.2) << name;
-    for (std::size_t m = 0; m < sizes_ms.size(); ++m) {
-      // Of 36 annotations one is off by more: the floor at microphone 2 (-0.48 ms), picked from a peak where the absorbing floor left only
-      // a faint reflection.
-      if (std::string_view(name) == "floor" && m == 2) {
-        EXPECT_NEAR(sizes_ms[m], 0.476, 0.05);
-        continue;
-      }
-      EXPECT_LT(sizes_ms[m], 0.3) << name << " " << m;
+    for (const double size_ms : sizes_ms) {
+      ++judged;
+      near += size_ms < 0.3 ? 1 : 0;
+      EXPECT_LT(size_ms, 1.0) << name;
     }
+    // Without a simulator: the mean of the annotations at the other microphones.  The bound tells it from one that knows the room.
+    std::vector<double> without_ms;
+    for (std::size_t m = 0; m < sizes_ms.size(); ++m) {
+      double others_ms = 0, own_ms = 0;
+      for (std::size_t other = 0; other < sizes_ms.size(); ++other) {
+        const auto& mic = room->microphones[other];
+        const double at_ms = 1e3 * (wall == 6 ? mic.direct_s : mic.reflection_s[wall]);
+        if (other == m) {
+          own_ms = at_ms;
+        } else {
+          others_ms += at_ms / static_cast<double>(sizes_ms.size() - 1);
+        }
+      }
+      without_ms.push_back(std::fabs(others_ms - own_ms));
+    }
+    std::printf("         median size without a simulator %.3f\n", median(without_ms));
+    EXPECT_GT(median(without_ms), 0.2) << name;
   }
+  // Annotations are picked by hand: one in twenty may sit on another peak.
+  std::printf("%d of %d within 0.3 ms\n", near, judged);
+  EXPECT_EQ(judged, 36);
+  EXPECT_GE(near, 34);
 }
 
 }  // namespace
