@@ -161,9 +161,10 @@ inline std::vector<double> series(const EnergyResponse& response, int band, int 
 
 inline double db(double ratio) { return 10.0 * std::log10(ratio); }
 
-/// `a` and `b` come from `scene_a` and `scene_b`, which differ in their plans only.  Decay curves are compared down to `floor_db`.
+/// `a` and `b` come from `scene_a` and `scene_b`, which differ in their plans only.  Decay curves, as energy that is left and relative to
+/// their start, are compared down to `floor_db`: -45 dB, as far as the plan's budget reaches.
 inline Change compare(const AcousticScene& scene_a, const EnergyResponse& a, const AcousticScene& scene_b, const EnergyResponse& b,
-                      double floor_db = -35) {
+                      double floor_db = -45) {
   Change change;
   const int bins = std::max(a.late.num_bins(), b.late.num_bins());
   const RoomMetrics ma = measure(scene_a, a), mb = measure(scene_b, b);
@@ -178,10 +179,12 @@ inline Change compare(const AcousticScene& scene_a, const EnergyResponse& a, con
       continue;
     }
     change.energy_db = std::max(change.energy_db, std::abs(db(edc_a[0] / edc_b[0])));
+    const double start_db = db(edc_a[0] / edc_b[0]);
     for (std::size_t i = 0; i < edc_a.size(); ++i) {
-      if (edc_a[i] <= 0 || db(edc_a[i] / edc_a[0]) < floor_db) break;
-      if (edc_b[i] <= 0) break;
-      change.edc_db = std::max(change.edc_db, std::abs(db(edc_a[i] / edc_a[0]) - db(edc_b[i] / edc_b[0])));
+      // Until both are below the floor: a curve that ends early must not end the comparison.
+      if (std::max(db(edc_a[i] / edc_a[0]), db(edc_b[i] / edc_b[0])) < floor_db) break;
+      const double left_db = std::abs(db(edc_a[i] / edc_b[i]));  // infinite where one of them has ended
+      change.edc_db = std::max({change.edc_db, left_db, std::abs(db(edc_a[i] / edc_b[i]) - start_db)});
     }
     const BandMetrics &x = ma.bands[static_cast<std::size_t>(band)], &y = mb.bands[static_cast<std::size_t>(band)];
     if (x.t30_s && y.t30_s) change.t30_percent = std::max(change.t30_percent, 100 * std::abs(*x.t30_s / *y.t30_s - 1));

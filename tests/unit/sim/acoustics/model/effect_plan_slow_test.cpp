@@ -20,6 +20,10 @@ using effects::EffectScene;
 using effects::material;
 using rooms::point;
 
+/// At -45 dB a record of automatic length may lack this much: cut at -60 dB where all decays alike it lacks 0.14 dB, and more where the
+/// slowest of a few points was not the slowest place.
+constexpr double kTailOfLengthDb = 0.5;
+
 /// Of the processor, not of the clock on the wall: other work on the machine must not count.
 double processor_ms() { return 1e3 * static_cast<double>(std::clock()) / CLOCKS_PER_SEC; }
 
@@ -52,7 +56,7 @@ struct Trial {
     }
     more_ms = best_switched_ms - best_ms;
   }
-  [[nodiscard]] Change change() const { return compare(scene, response, switched, switched_response); }
+  [[nodiscard]] Change change(double floor_db = -45) const { return compare(scene, response, switched, switched_response, floor_db); }
   AcousticScene scene, switched;
   EarlyCandidates candidates, switched_candidates;
   EnergyResponse response, switched_response;
@@ -115,7 +119,7 @@ TEST(EffectPlanProof, WhatIsOffIsWithinItsBoundAndWhatIsOnMatters) {
           }
           EXPECT_LE(change.energy_db, dropped->change + 1e-4) << where.name << " " << effect.key;
           EXPECT_LE(change.energy_db, kEffectBudgetDb) << where.name << " " << effect.key;
-          EXPECT_LE(change.edc_db, 0.5) << where.name << " " << effect.key;
+          EXPECT_LE(change.edc_db, kEffectBudgetDb) << where.name << " " << effect.key;
           EXPECT_LE(change.t30_percent, 1.0) << where.name << " " << effect.key;
           EXPECT_LE(change.c80_db, 0.1) << where.name << " " << effect.key;
           EXPECT_LE(change.drr_db, 0.1) << where.name << " " << effect.key;
@@ -140,7 +144,9 @@ TEST(EffectPlanProof, WhatIsOffIsWithinItsBoundAndWhatIsOnMatters) {
             continue;
           }
           ++used;
-          here.add(trial.change());
+          Change change = trial.change();
+          if (std::isinf(change.edc_db)) change.edc_db = 0;  // a curve that ends does not say by how much
+          here.add(change);
         }
         if (used == 0) continue;
         row.on_in.push_back(where.name);
@@ -314,8 +320,9 @@ TEST(EffectPlanProof, LateTransmissionThatIsTradedIsWithinItsBound) {
 }
 
 TEST(EffectPlanProof, AutomaticLengthKeepsTheDecay) {
-  // Against 4 s, same random numbers: rays only end later.
-  Change worst;
+  // Against 4 s, same random numbers: rays only end later.  A record is cut, and so its decay curve bends down before its end: the budget
+  // holds down to -35 dB, as far as T30 reads, and kTailOfLengthDb at -45 dB.
+  Change worst, worst_35;
   double saved_ms = 0;
   int poses = 0;
   for (const EffectScene& where : effects::all_scenes()) {
@@ -337,22 +344,25 @@ TEST(EffectPlanProof, AutomaticLengthKeepsTheDecay) {
       saved_ms += trial.more_ms;
       ++poses;
       EXPECT_LE(change.energy_db, kEffectBudgetDb) << where.name;
-      EXPECT_LE(change.edc_db, 0.5) << where.name;
+      const Change upper = trial.change(-35);
+      worst_35.add(upper);
+      EXPECT_LE(upper.edc_db, kEffectBudgetDb) << where.name;
+      EXPECT_LE(change.edc_db, kTailOfLengthDb) << where.name;
       EXPECT_LE(change.t30_percent, 1.0) << where.name;
       EXPECT_LE(change.c80_db, 0.1) << where.name;
     }
   }
   fmt::print(
       "| rir_length_s | all but the hall and the open field | {} of {} | {:.3f} ms with 128 rays, against 4 s | 1 % of T30 | {:.4f} dB, "
-      "{:.2f} % T30 |\n",
-      poses, poses, saved_ms / poses, worst.largest_db(), worst.t30_percent);
+      "to -35 dB {:.4f} dB, {:.2f} % T30 |\n",
+      poses, poses, saved_ms / poses, worst.edc_db, worst_35.edc_db, worst.t30_percent);
 }
 
 TEST(EffectPlanProof, NoViolationInRandomRooms) {
   // Boxes and pairs of rooms of any proportion, absorption and scattering: what is off stays within its bound.
   constexpr std::uint32_t kScenes = 1000;
   int air_off = 0, air_on = 0, early_off = 0, diffraction_off = 0;
-  Change worst_air, worst_length;
+  Change worst_air, worst_length, worst_length_35;
   for (std::uint32_t i = 0; i < kScenes; ++i) {
     const RandomStream random(7, Purpose::test, i);
     const auto u = random.uniform4(0), v = random.uniform4(1), w = random.uniform4(2);
@@ -382,7 +392,7 @@ TEST(EffectPlanProof, NoViolationInRandomRooms) {
       const Change change = compare(scene, response, forced, effects::render(forced, EarlyCandidates(forced, source), listener));
       worst_air.add(change);
       ASSERT_LE(change.energy_db, kEffectBudgetDb) << i;
-      ASSERT_LE(change.edc_db, 0.5) << i;
+      ASSERT_LE(change.edc_db, kEffectBudgetDb) << i;
       ASSERT_LE(change.t30_percent, 1.0) << i;
     }
     AcousticConfig image = config, edge = config;
@@ -402,11 +412,14 @@ TEST(EffectPlanProof, NoViolationInRandomRooms) {
       longer.air_absorption = Switch::on;
       AcousticConfig same = air;
       const AcousticScene a(room, same), b(room, longer);
-      const Change change =
-          compare(a, effects::render(a, EarlyCandidates(a, source), listener), b, effects::render(b, EarlyCandidates(b, source), listener));
+      const EnergyResponse cut = effects::render(a, EarlyCandidates(a, source), listener),
+                           whole = effects::render(b, EarlyCandidates(b, source), listener);
+      const Change change = compare(a, cut, b, whole), upper = compare(a, cut, b, whole, -35);
       worst_length.add(change);
+      worst_length_35.add(upper);
       ASSERT_LE(change.energy_db, kEffectBudgetDb) << i;
-      ASSERT_LE(change.edc_db, 0.5) << i;
+      ASSERT_LE(upper.edc_db, kEffectBudgetDb) << i;
+      ASSERT_LE(change.edc_db, kTailOfLengthDb) << i;
       ASSERT_LE(change.t30_percent, 1.0) << i;
     }
   }
@@ -416,9 +429,9 @@ TEST(EffectPlanProof, NoViolationInRandomRooms) {
   fmt::print(
       "{} random rooms: air off in low bands {} (largest change {:.4f} dB, {:.2f} % T30), on in all {}; no image paths {}; no diffraction "
       "{}; "
-      "length {:.4f} dB, {:.2f} % T30\n",
-      kScenes, air_off, worst_air.largest_db(), worst_air.t30_percent, air_on, early_off, diffraction_off, worst_length.largest_db(),
-      worst_length.t30_percent);
+      "length: decay curve {:.4f} dB, to -35 dB {:.4f} dB, energy {:.4f} dB, C80 {:.4f} dB, DRR {:.4f} dB, {:.2f} % T30\n",
+      kScenes, air_off, worst_air.largest_db(), worst_air.t30_percent, air_on, early_off, diffraction_off, worst_length.edc_db,
+      worst_length_35.edc_db, worst_length.energy_db, worst_length.c80_db, worst_length.drr_db, worst_length.t30_percent);
 }
 
 }  // namespace

@@ -103,6 +103,55 @@ TEST(EffectPlan, AirIsOnInAHallAndOffInLowBandsOfAShortResponse) {
       << "4.69 s: 1.2 % of RT60";
 }
 
+TEST(EffectPlan, AirThatIsOffKeepsTheBudgetDownTo45dB) {
+  // Common random numbers, so that all of the difference is the air's.
+  double largest_db = 0;
+  for (const auto& where : {effects::box_scene(), effects::two_rooms_scene(0.9, 0), effects::closet_scene()}) {
+    AcousticConfig config;
+    config.rays = 64;
+    AcousticConfig forced = config;
+    forced.air_absorption = Switch::on;
+    const AcousticScene scene(where.scene, config), in_full(where.scene, forced);
+    const EffectDecision* low = decision(scene, "air_absorption_low");
+    if (low == nullptr) continue;
+    for (const glm::vec3 listener : where.listeners) {
+      const EnergyResponse response = effects::render(scene, EarlyCandidates(scene, where.source), listener),
+                           full = effects::render(in_full, EarlyCandidates(in_full, where.source), listener);
+      const effects::Change change = effects::compare(scene, response, in_full, full);
+      EXPECT_LE(change.edc_db, kEffectBudgetDb) << where.name;
+      EXPECT_LE(change.energy_db, kEffectBudgetDb) << where.name;
+      EXPECT_LE(change.t30_percent, 100 * kEffectBudgetRt) << where.name;
+      largest_db = std::max(largest_db, change.edc_db);
+    }
+  }
+  EXPECT_GT(largest_db, 0) << "nothing was off";
+}
+
+TEST(EffectPlan, WhatChangesATailBelow35dBIsSeen) {
+  // The comparison that the plan is judged by: half a decibel more from -38 dB on, and an end at -43 dB.
+  const auto where = effects::box_scene();
+  AcousticConfig config;
+  config.rays = 256;
+  config.bands = 1;
+  const AcousticScene scene(where.scene, config);
+  const EnergyResponse response = effects::render(scene, EarlyCandidates(scene, where.source), where.listeners[0]);
+  std::vector<double> left = effects::series(response, 0, response.late.num_bins());
+  energy_decay_curve(std::vector<double>(left), left);
+  const auto with_tail = [&](double from_db, float factor) {
+    EnergyResponse changed = response;
+    const std::size_t of_bin = changed.late.values().size() / left.size();
+    for (std::size_t i = 0; i < changed.late.values().size(); ++i)
+      if (effects::db(left[i / of_bin] / left[0]) < from_db) changed.late.values()[i] *= factor;
+    return changed;
+  };
+  ASSERT_LT(effects::db(left.back() / left[0]), -46) << "the record must reach that far";
+  const EnergyResponse louder = with_tail(-38, 1.122f), ended = with_tail(-43, 0.f);
+  EXPECT_NEAR(effects::compare(scene, response, scene, louder).edc_db, 0.5, 0.02);
+  EXPECT_TRUE(std::isinf(effects::compare(scene, response, scene, ended).edc_db));
+  EXPECT_TRUE(std::isinf(effects::compare(scene, ended, scene, response).edc_db));
+  EXPECT_EQ(effects::compare(scene, response, scene, response).edc_db, 0);
+}
+
 TEST(EffectPlan, TransmissionIsTracedWhereWallsAreTheOnlyWay) {
   const auto closed = effects::two_rooms_scene(0, 0.01);
   const AcousticScene scene(closed.scene, AcousticConfig{});
