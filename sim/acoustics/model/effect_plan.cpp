@@ -12,6 +12,7 @@
 #include "sim/acoustics/model/air_absorption.h"
 #include "sim/acoustics/model/diffraction_budget.h"
 #include "sim/acoustics/model/effect_probe.h"
+#include "sim/acoustics/model/flutter_time.h"
 #include "sim/base/denormals.h"
 #include "sim/base/errors.h"
 
@@ -22,6 +23,8 @@ constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kMargin = 1.2, kOpenMargin = 2.0, kClosedFraction = 0.98;
 constexpr double kShortestRirS = 0.1, kShortestHorizonS = 1.5, kLongestRirS = 4.0, kLongestDelayS = 0.6;
 constexpr double kPosesOfASource = 300;
+/// How far down the flutter of facing mirrors may be cut: what is missing there is 0.5 dB of a decay curve at -45 dB.
+constexpr double kFlutterFallDb = 55;
 /// Rays for 5 % error of T30, one diffuse room; they grow with the inverse cube of the fraction of the air that is visible from a point:
 /// 10, 80, 640 and 1250 for fractions of 1, 1/2, 1/4 and 1/5, against 10 in a room, 100 to 1300 in two coupled ones and 900 to 2100 in an
 /// apartment that were measured (docs/estimators.md, section 10).
@@ -49,6 +52,8 @@ class Planner {
                                  ? std::clamp(kMargin * config_.rir_length_s, kShortestHorizonS, kMargin * kLongestRirS)
                                  : kMargin * kLongestRirS;
     probe_ = probe_effects(surfaces, air_per_m_, horizon_s);
+    const std::vector<double> no_air(air_per_m_.size(), 0.0);
+    flutter_s_ = flutter_times(surfaces, config_.air_absorption == Switch::off ? no_air : air_per_m_, kFlutterFallDb, horizon_s);
   }
 
   EffectPlan plan() {
@@ -99,18 +104,24 @@ class Planner {
   [[nodiscard]] double late_ms() const { return trace_ms(all_rays(), plan_.rir_length_s); }
 
   void decide_length() {
-    const auto& fall_s = config_.air_absorption == Switch::off ? probe_.decay_s : probe_.decay_with_air_s;
-    const double longest_s = *std::max_element(fall_s.begin(), fall_s.end());
+    const bool dry = config_.air_absorption == Switch::off;
+    const auto longest = [](const std::vector<double>& row) { return *std::max_element(row.begin(), row.end()); };
+    const double diffuse_s = longest(dry ? probe_.decay_s : probe_.decay_with_air_s);
+    const double flutter_s = longest(flutter_s_);  // in closed form: no margin
+    const double longest_s = std::max(diffuse_s, flutter_s);
     const double delay_s = std::min(double{surfaces_.diagonal_m()} / surfaces_.speed_of_sound_m_per_s(), kLongestDelayS);
     // In the open walks die out before they have fallen so far.
-    const double wanted_s = delay_s + (probe_.hit_fraction < kClosedFraction ? kOpenMargin : kMargin) * longest_s;
+    const double wanted_s = delay_s + std::max((probe_.hit_fraction < kClosedFraction ? kOpenMargin : kMargin) * diffuse_s, flutter_s);
     const double step_s = 0.01;
     const double needed_s = std::clamp(std::ceil(wanted_s / step_s) * step_s, kShortestRirS, kLongestRirS);
     const bool automatic = config_.rir_length_s == 0.f;
     plan_.rir_length_s = automatic ? static_cast<float>(needed_s) : config_.rir_length_s;
     const double ends_db = longest_s > 0 ? kProbedFallDb * plan_.rir_length_s / longest_s : 1e3;
     const std::string decay =
-        longest_s > 0 ? fmt::format("the slowest band falls by {:.0f} dB within {:.2f} s", kProbedFallDb, longest_s) : "nothing comes back";
+        longest_s > 0
+            ? fmt::format("{} falls by {:.0f} dB within {:.2f} s",
+                          flutter_s > diffuse_s ? "what facing mirrors throw to and fro" : "the slowest band", kProbedFallDb, longest_s)
+            : "nothing comes back";
     // An exponential decay is cut off 60 dB down: that moves T30 by less than the 0.85 % of a cut at -45 dB (docs/estimators.md, section
     // 12).
     if (automatic) {
@@ -355,7 +366,7 @@ class Planner {
 
   const AcousticSurfaces& surfaces_;
   const AcousticConfig& config_;
-  std::vector<double> air_per_m_;
+  std::vector<double> air_per_m_, flutter_s_;
   EffectProbe probe_;
   EffectPlan plan_;
 };

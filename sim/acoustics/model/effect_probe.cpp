@@ -9,68 +9,21 @@
 #include <span>
 
 #include "sim/acoustics/core/sampling.h"
+#include "sim/acoustics/model/air_points.h"
 #include "sim/acoustics/model/wall_crossing.h"
-#include "sim/base/random.h"
 
 namespace earshot {
 namespace {
 
-/// What the numbers of one random stream are for (its third word).
-enum class Use : std::uint32_t { place = 0, walk = 1, wall_walk = 2 };
-
-RandomStream stream(Use use, std::uint32_t item) { return RandomStream(0, Purpose::effect_plan, item, static_cast<std::uint32_t>(use)); }
-
-constexpr std::uint32_t kCellsX = 4, kCellsY = 2, kCellsZ = 4, kCells = kCellsX * kCellsY * kCellsZ, kTriesPerCell = 12;
 constexpr std::uint32_t kWalksPerPoint = 8, kMaxSteps = 2000;
 constexpr std::size_t kTimes = 160;
 constexpr double kFirstTimeS = 1e-3;
 constexpr std::size_t kMaxWalls = 12, kWallTests = 8;  // in all, per point
 constexpr std::uint32_t kWallWalks = 24, kWallBounces = 24;
-
-/// Could a listener stand there?  A floor below and the height of a person above it; in is_room also no wall or piece of furniture around
-/// it.
-bool has_height(const AcousticSurfaces& surfaces, glm::vec3 point) {
-  const EmbreeScene& rays = surfaces.scene().rays();
-  const Hit down = rays.intersect(point, {0, -1, 0});
-  constexpr float least_height_m = 1.2f;
-  return down.valid() && down.distance_m + rays.intersect(point, {0, 1, 0}).distance_m >= least_height_m;
-}
-
-bool is_room(const AcousticSurfaces& surfaces, glm::vec3 point) {
-  const EmbreeScene& rays = surfaces.scene().rays();
-  constexpr float least_width_m = 0.8f;  // more than a wardrobe
-  const auto free_m = [&](glm::vec3 axis) { return rays.intersect(point, axis).distance_m + rays.intersect(point, -axis).distance_m; };
-  return has_height(surfaces, point) && free_m({1, 0, 0}) >= least_width_m && free_m({0, 0, 1}) >= least_width_m;
-}
-
-std::vector<glm::vec3> points_of_air(const AcousticSurfaces& surfaces) {
-  const Bounds& bounds = surfaces.scene().bounds();
-  glm::vec3 lower = bounds.lower, size = bounds.upper - bounds.lower;
-  size.y = std::max(size.y, 0.01f * std::max(size.x, size.z));  // a flat scene has its air above it
-  const auto place = [&](std::uint32_t cell, std::uint32_t attempt) {
-    const std::array<float, 4> u = stream(Use::place, cell).uniform4(attempt);
-    const glm::vec3 relative((static_cast<float>(cell % kCellsX) + u[0]) / kCellsX,
-                             (static_cast<float>(cell / kCellsX % kCellsY) + u[1]) / kCellsY,
-                             (static_cast<float>(cell / (kCellsX * kCellsY)) + u[2]) / kCellsZ);
-    return lower + relative * size;
-  };
-  std::vector<glm::vec3> points;
-  for (std::uint32_t cell = 0; cell < kCells; ++cell) {
-    for (std::uint32_t attempt = 0; attempt < kTriesPerCell; ++attempt) {
-      const glm::vec3 point = place(cell, attempt);
-      if (!is_room(surfaces, point)) continue;
-      points.push_back(point);
-      break;
-    }
-  }
-  if (!points.empty()) return points;
-  // A model, or walls without a floor: all around it.
-  const float margin_m = 0.1f * surfaces.diagonal_m();
-  lower = bounds.lower - margin_m;
-  size = bounds.upper - bounds.lower + 2.f * margin_m;
-  for (std::uint32_t cell = 0; cell < kCells; ++cell) points.push_back(place(cell, 0));
-  return points;
-}
+// Rooms that are livelier than what the points show.
+constexpr std::size_t kLivePoints = 5;
+constexpr std::uint32_t kLiveWalks = 24;
+constexpr double kLivelier = 0.8, kLiveFloor = 1e-2;
 
 double fraction_of_visible_pairs(const AcousticSurfaces& surfaces, const std::vector<glm::vec3>& points) {
   std::size_t pairs = 0, visible = 0;
@@ -128,6 +81,15 @@ class Decay {
     while (i > 0 && integral[i - 1] <= least) --i;
     return times_s_[i];
   }
+  /// The same from the time in which the energy of `walks` walks falls by 10 dB at first: of few walks that leave one by one through a door
+  /// none is left 50 dB down.
+  [[nodiscard]] double fall_at_first_s(std::size_t band, double per_s, double walks) const {
+    constexpr double fallen_db = 10;
+    std::size_t last = 0;
+    for (std::size_t i = 0; i < kTimes; ++i)
+      if (energy_[i * num_bands_ + band] * std::exp(-per_s * times_s_[i]) > 0.1 * walks) last = i;
+    return times_s_[last] * kProbedFallDb / fallen_db;
+  }
 
  private:
   std::size_t num_bands_;
@@ -150,7 +112,7 @@ void transfer(const AcousticSurfaces& surfaces, glm::vec3 source, std::span<cons
   for (std::size_t i = 0; i < num_listeners; ++i) energy[i].assign(num_bands, 0.0);
   std::vector<double> throughput(num_bands);
   for (std::uint32_t walk = 0; walk < kWallWalks; ++walk) {
-    const RandomStream random = stream(Use::wall_walk, item * kWallWalks + walk);
+    const RandomStream random = probe_stream(ProbeUse::wall_walk, item * kWallWalks + walk);
     const auto first = random.uniform2(0);
     glm::vec3 origin = source, direction = sphere_direction(first[0], first[1]);
     std::fill(throughput.begin(), throughput.end(), 1.0 / kWallWalks);
@@ -207,6 +169,45 @@ void compare_walls(const AcousticSurfaces& surfaces, const std::vector<Wall>& wa
   }
 }
 
+/// Rooms that are livelier than all that the points show: a bathroom off a hall.
+void look_into_live_rooms(const AcousticSurfaces& surfaces, std::span<const double> air_energy_per_m, EffectProbe& probe) {
+  const EmbreeScene& rays = surfaces.scene().rays();
+  const auto num_bands = static_cast<std::size_t>(surfaces.num_bands());
+  const double speed = surfaces.speed_of_sound_m_per_s();
+  const double longest_s = *std::max_element(probe.decay_with_air_s.begin(), probe.decay_with_air_s.end());
+  if (!(longest_s > 0)) return;
+  const double loss_per_m = 0.1 * kProbedFallDb * std::numbers::ln10 / (longest_s * speed);
+  const std::vector<glm::vec3> points = live_points(surfaces, air_energy_per_m, kLivelier * loss_per_m, kLivePoints);
+  std::vector<double> energy(num_bands);
+  for (std::size_t p = 0; p < points.size(); ++p) {
+    Decay decay(num_bands, probe.horizon_s);
+    for (std::uint32_t w = 0; w < kLiveWalks; ++w) {
+      const RandomStream random = probe_stream(ProbeUse::live_walk, static_cast<std::uint32_t>(p) * kLiveWalks + w);
+      const auto first = random.uniform2(0);
+      glm::vec3 origin = points[p], direction = sphere_direction(first[0], first[1]);
+      std::fill(energy.begin(), energy.end(), 1.0);
+      double time_s = 0, most = 1;
+      std::size_t next = 0;
+      for (std::uint32_t step = 1; step <= kMaxSteps && most > kLiveFloor && time_s < probe.horizon_s; ++step) {
+        const Hit hit = rays.intersect(origin, direction);
+        if (!hit.valid()) break;
+        time_s += hit.distance_m / speed;
+        decay.add(next, time_s, energy);
+        const auto reflectance = surfaces.reflectance(surfaces.scene().mesh().triangle_material[hit.triangle]);
+        most = 0;
+        for (std::size_t band = 0; band < num_bands; ++band) most = std::max(most, energy[band] *= reflectance[band]);
+        origin = offset_from_surface(hit.position, hit.normal);
+        direction = next_direction(surfaces, hit, direction, random.uniform4(step));
+      }
+    }
+    for (std::size_t band = 0; band < num_bands; ++band) {
+      probe.decay_s[band] = std::max(probe.decay_s[band], decay.fall_at_first_s(band, 0.0, kLiveWalks));
+      probe.decay_with_air_s[band] =
+          std::max(probe.decay_with_air_s[band], decay.fall_at_first_s(band, air_energy_per_m[band] * speed, kLiveWalks));
+    }
+  }
+}
+
 }  // namespace
 
 EffectProbe probe_effects(const AcousticSurfaces& surfaces, std::span<const double> air_energy_per_m, double horizon_s) {
@@ -234,7 +235,7 @@ EffectProbe probe_effects(const AcousticSurfaces& surfaces, std::span<const doub
     Decay decay(num_bands, horizon_s);
     for (std::uint32_t w = 0; w < kWalksPerPoint; ++w) {
       const auto walk = static_cast<std::uint32_t>(p) * kWalksPerPoint + w;
-      const RandomStream random = stream(Use::walk, walk);
+      const RandomStream random = probe_stream(ProbeUse::walk, walk);
       const auto first = random.uniform2(0);
       glm::vec3 origin = probe.points[p], direction = sphere_direction(first[0], first[1]);
       std::fill(energy.begin(), energy.end(), 1.0);
@@ -299,6 +300,7 @@ EffectProbe probe_effects(const AcousticSurfaces& surfaces, std::span<const doub
   for (std::size_t band = 0; band < num_bands; ++band)
     inner[band] *= tau_of_tested[band] > 0 ? tau_of_inner[band] / tau_of_tested[band] : 0.0;
   compare_walls(surfaces, walls, inner, probe);
+  look_into_live_rooms(surfaces, air_energy_per_m, probe);
   return probe;
 }
 

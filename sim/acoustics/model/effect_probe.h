@@ -21,7 +21,8 @@ struct EffectProbe {
   double visible_fraction = 1;                   ///< of the pairs of points: 1 in a convex room, 0.1 to 0.3 in an apartment
   double query_us = 0;  ///< cost of one ray, a model of the number of triangles (a measurement would not be repeatable)
 
-  /// Time in which the energy released at a point falls by kProbedFallDb without any air, [num_bands], the longest over all points; by
+  /// Time in which the energy released at a point falls by kProbedFallDb without any air, [num_bands], the longest over all points,
+  /// and over those of livelier rooms that none of them is in (air_points.h: live_points), where it is taken from the first 12 dB; by
   /// extrapolation where that is later than `horizon_s`; 0 where nothing comes back.
   std::vector<double> decay_s;
   /// The same with air.
@@ -34,7 +35,8 @@ struct EffectProbe {
   std::vector<double> wall_to_air;
 };
 
-/// A few milliseconds: 32 points, 256 walks of at most `horizon_s`, and up to 12 walls if something transmits.
+/// A few milliseconds: 32 points, 256 walks of at most `horizon_s`, up to 12 walls if something transmits, a survey of at most 1024 places
+/// for livelier rooms and 120 short walks from what it finds (a sixth of the whole in a house).
 /// `air_energy_per_m`: [num_bands].
 EffectProbe probe_effects(const AcousticSurfaces& surfaces, std::span<const double> air_energy_per_m, double horizon_s);
 
