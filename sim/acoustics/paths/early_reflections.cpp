@@ -64,7 +64,7 @@ EarlyCandidates::EarlyCandidates(const AcousticScene& scene, const SoundSource& 
   const int order = scene.image_order();
   const auto num_planes = static_cast<std::uint32_t>(scene.planes().size());
   if (order == 0 || num_planes == 0) return;
-  if (auto facing = std::make_shared<const FacingPlanes>(scene, sound_source); !facing->empty()) facing_ = std::move(facing);
+  if (auto chains = std::make_shared<const LongChains>(scene, sound_source); !chains->empty()) long_chains_ = std::move(chains);
 
   // Few planes: every sequence in which no plane follows itself, order by order.
   std::vector<Sequence> last = {{}};

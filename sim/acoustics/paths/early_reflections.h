@@ -12,7 +12,7 @@
 #include "sim/acoustics/core/sound_source.h"
 #include "sim/acoustics/model/acoustic_scene.h"
 #include "sim/acoustics/paths/diffraction_paths.h"
-#include "sim/acoustics/paths/facing_planes.h"
+#include "sim/acoustics/paths/long_chains.h"
 
 namespace earshot {
 
@@ -43,8 +43,8 @@ class EarlyCandidates {
   [[nodiscard]] const SoundSource& sound_source() const { return source_; }
   [[nodiscard]] const Emission& emission() const { return emission_; }
   [[nodiscard]] std::size_t size() const { return sequences_.size(); }
-  /// Flutter echoes of the same source, which are part of every late field; null where there are none.
-  [[nodiscard]] const std::shared_ptr<const FacingPlanes>& facing() const { return facing_; }
+  /// Images of longer sequences, which are part of every late field; null where there are none.
+  [[nodiscard]] const std::shared_ptr<const LongChains>& long_chains() const { return long_chains_; }
   /// Diffraction paths of the same source.
   [[nodiscard]] const DiffractionCandidates& diffraction() const { return diffraction_; }
 
@@ -70,7 +70,7 @@ class EarlyCandidates {
   SoundSource source_;
   Emission emission_;
   DiffractionCandidates diffraction_;
-  std::shared_ptr<const FacingPlanes> facing_;
+  std::shared_ptr<const LongChains> long_chains_;
   /// Sorted and unique, those by planes before those by folds, which count as planes from planes().size() on.
   std::vector<Sequence> sequences_;
   std::size_t num_by_planes_ = 0;

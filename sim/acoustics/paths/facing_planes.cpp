@@ -8,7 +8,8 @@
 
 #include "sim/acoustics/core/sampling.h"
 #include "sim/acoustics/geometry/exact_plane.h"
-#include "sim/audio/ambisonics.h"
+#include "sim/acoustics/paths/image_deposit.h"
+#include "sim/acoustics/paths/mirror_decay.h"
 
 namespace earshot {
 namespace {
@@ -21,48 +22,7 @@ constexpr int kManyRays = 512;
 // Samples of a strip: along the line across it, at least kAcross and no further apart than kStepM, and from plane to plane.
 constexpr int kAcross = 12, kMostAcross = 240, kLevels = 4;
 constexpr double kStepM = 0.25;
-constexpr double kDecayDb = 35;          // of the diffuse field, where T30 ends: a flutter is compared with it there
-constexpr double kLeastRatio = 0.25;     // of their energies: a decibel
-constexpr double kLeastReflected = 0.6;  // of energy, mean of both planes: with less there are a few images and no flutter
 constexpr double kSpentFraction = 1e-8;  // of energy, after which a row of images ends
-
-double specular(const AcousticScene& scene, std::uint32_t material, int band) {
-  return double{scene.reflectance(material)[static_cast<std::size_t>(band)]} *
-         (1.0 - scene.scattering(material)[static_cast<std::size_t>(band)]);
-}
-
-double box_volume_m3(const Bounds& bounds) {
-  const glm::dvec3 size(bounds.upper - bounds.lower);
-  return size.x * size.y * size.z;
-}
-
-/// Loss of the diffuse field per metre of path and band: -log(1 - mean absorption by area) / mean free path.
-std::vector<double> diffuse_loss_per_m(const AcousticScene& scene) {
-  std::vector<double> loss(static_cast<std::size_t>(scene.num_bands()));
-  for (std::size_t band = 0; band < loss.size(); ++band) {
-    loss[band] =
-        -std::log1p(-std::min(scene.surfaces().mean_absorption()[band], 1.0 - 1e-9)) / std::max(scene.plan().mean_free_path_m, 1e-3);
-  }
-  return loss;
-}
-
-/// Does a flutter between two planes stand out of the diffuse field?  At a path length r the images bring 2 / d R^(r/d) / (4 pi r)^2 per
-/// metre, R the mean specular reflectance, and the diffuse field exp(-k r) / (4 pi V).
-bool stands_out(const AcousticScene& scene, std::uint32_t first, std::uint32_t second, double gap_m,
-                const std::vector<double>& diffuse_loss) {
-  const double volume_m3 = box_volume_m3(scene.scene().bounds());
-  for (int band = 0; band < scene.num_bands(); ++band) {
-    const double reflected = std::sqrt(specular(scene, first, band) * specular(scene, second, band));
-    if (!(reflected > kLeastReflected)) continue;
-    const double diffuse_per_m = diffuse_loss[static_cast<std::size_t>(band)], flutter_per_m = -std::log(reflected) / gap_m;
-    const double furthest_m =
-        std::min(diffuse_per_m > 0 ? 0.1 * kDecayDb * std::numbers::ln10 / diffuse_per_m : 1e9, double{scene.max_path_m()});
-    const double ratio = 2.0 * volume_m3 / (4.0 * std::numbers::pi * gap_m * furthest_m * furthest_m) *
-                         std::exp(std::min((diffuse_per_m - flutter_per_m) * furthest_m, 100.0));
-    if (ratio > kLeastRatio) return true;
-  }
-  return false;
-}
 
 /// Along the axis of a pair from a point on one plane: the material that a ray straight across meets on the other, if it is that plane.
 bool look_across(const AcousticScene& scene, glm::dvec3 from, glm::dvec3 direction, double gap_m, std::uint32_t plane,
@@ -94,7 +54,7 @@ FacingPlanes::FacingPlanes(const AcousticScene& scene, const SoundSource& source
 
 void FacingPlanes::find_pairs(const AcousticScene& scene) {
   const EmbreeScene& rays = scene.scene().rays();
-  const std::vector<double> diffuse_loss = diffuse_loss_per_m(scene);
+  const DiffuseDecay decay(scene, source_.position);
   std::vector<glm::dvec3> axes;
   const std::span<const MirrorPlane> planes = scene.planes();
   for (std::size_t i = 0; i < std::min(planes.size(), kMaxPlanes) && pairs_.size() < kMaxPairs; ++i) {
@@ -117,7 +77,7 @@ void FacingPlanes::find_pairs(const AcousticScene& scene) {
     pair.offset_m = glm::dot(pair.axis, source) - std::abs(near.height(source));
     pair.gap_m = std::abs(near.height(source)) + std::abs(far.height(source));
     const auto& material = scene.scene().mesh().triangle_material;
-    if (!stands_out(scene, material[behind.triangle], material[ahead.triangle], pair.gap_m, diffuse_loss)) continue;
+    if (!decay.exceeded_by(material[behind.triangle], material[ahead.triangle], pair.gap_m)) continue;
     find_sides(scene, pair);
     pairs_.push_back(std::move(pair));
   }
@@ -227,7 +187,7 @@ void FacingPlanes::add_family(const AcousticScene& scene, const Pair& pair, glm:
         break;
       }
       const std::uint32_t material = scene.scene().mesh().triangle_material[hit.triangle];
-      for (int b = 0; b < num_bands; ++b) product[static_cast<std::size_t>(b)] *= specular(scene, material, b);
+      for (int b = 0; b < num_bands; ++b) product[static_cast<std::size_t>(b)] *= specular_fraction(scene, material, b);
     }
     if (!whole || num_sides == 0) continue;
     ++levels_found;
@@ -260,7 +220,7 @@ void FacingPlanes::add_family(const AcousticScene& scene, const Pair& pair, glm:
     ++found;
     for (std::size_t end = 0; end < 2; ++end)
       for (int b = 0; b < num_bands; ++b)
-        log_sum[end][static_cast<std::size_t>(b)] += std::log(std::max(specular(scene, material[end], b), 1e-30));
+        log_sum[end][static_cast<std::size_t>(b)] += std::log(std::max(specular_fraction(scene, material[end], b), 1e-30));
     if (whole_m == 0) break;  // one point
   }
   if (found == 0) return;
@@ -284,7 +244,7 @@ void FacingPlanes::add_family(const AcousticScene& scene, const Pair& pair, glm:
         return false;
       }
       for (int b = 0; b < num_bands; ++b)
-        energy[static_cast<std::size_t>(b)] *= specular(scene, scene.scene().mesh().triangle_material[hit.triangle], b);
+        energy[static_cast<std::size_t>(b)] *= specular_fraction(scene, scene.scene().mesh().triangle_material[hit.triangle], b);
       origin = offset_from_surface(hit.position, hit.normal);
       direction = mirror_direction(direction, hit.normal);
     }
@@ -295,12 +255,8 @@ void FacingPlanes::add_family(const AcousticScene& scene, const Pair& pair, glm:
     return along_m > 0 && glm::dot(miss, miss) < 1e-6 * length_m * length_m && !rays.occluded(origin, source_.position);
   };
 
-  std::array<float, kMaxBands> deposit{}, gain{};
-  std::array<float, kMaxCoefficients> sh{};
-  const auto coefficients = static_cast<std::size_t>(histogram.num_coefficients());
-  int order = 0;
-  while (static_cast<std::size_t>((order + 1) * (order + 1)) < coefficients) ++order;
-  const double speed = scene.speed_of_sound_m_per_s(), across2 = glm::dot(family.across, family.across);
+  ImageDeposit deposit(scene, emission_, histogram);
+  const double across2 = glm::dot(family.across, family.across);
   for (const int way : {-1, 1}) {  // plane 0 or plane 1 first, from the listener
     std::array<double, kMaxBands> energy = family.sides, traced;
     const auto rise_of = [&](int n) { return way * n * pair.gap_m + (n % 2 == 0 ? source_m : pair.gap_m - source_m) - listener_m; };
@@ -331,22 +287,11 @@ void FacingPlanes::add_family(const AcousticScene& scene, const Pair& pair, glm:
         if (blocked_runs == 2) break;
       }
       if (!(passing > 0)) continue;
-      const std::array<double, kMaxBands>& kept = one_by_one ? traced : energy;
-      const double spread = passing / (16.0 * std::numbers::pi * std::numbers::pi * distance_m * distance_m);
-      for (int b = 0; b < num_bands; ++b) {
-        const auto i = static_cast<std::size_t>(b);
-        const double air_per_m = double{scene.air_energy_per_m()[i]};
-        deposit[i] = static_cast<float>(kept[i] * spread * (air_per_m > 0 ? std::exp(-air_per_m * distance_m) : 1.0));
-      }
-      if (!emission_.omnidirectional()) {
-        const double departing_m = n % 2 == 0 ? -rise_m : rise_m;
-        emission_.energy(glm::vec3((family.departure + departing_m * pair.axis) / distance_m),
-                         std::span(gain).first(static_cast<std::size_t>(num_bands)));
-        for (int b = 0; b < num_bands; ++b) deposit[static_cast<std::size_t>(b)] *= gain[static_cast<std::size_t>(b)];
-      }
-      spherical_harmonics_n3d(glm::vec3((family.across + rise_m * pair.axis) / distance_m), order, std::span(sh).first(coefficients));
-      histogram.add(static_cast<float>(distance_m / speed), std::span(deposit).first(static_cast<std::size_t>(num_bands)),
-                    std::span(sh).first(coefficients));
+      std::array<double, kMaxBands> kept = one_by_one ? traced : energy;
+      for (int b = 0; b < num_bands; ++b) kept[static_cast<std::size_t>(b)] *= passing;
+      const double departing_m = n % 2 == 0 ? -rise_m : rise_m;
+      deposit.add(kept, distance_m, (family.across + rise_m * pair.axis) / distance_m,
+                  (family.departure + departing_m * pair.axis) / distance_m);
     }
   }
 }

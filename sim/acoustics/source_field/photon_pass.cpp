@@ -27,7 +27,8 @@ template <int W>
 bool carried_elsewhere(const Trace& trace, const RayState<W>& photon) {
   if (photon.bounces == 0 || photon.only_walls) return true;
   if (!photon.all_specular) return false;
-  if (photon.chain_length > trace.carried_order) return trace.candidates.facing() && trace.candidates.facing()->carries(photon.facing);
+  if (photon.chain_length > trace.carried_order)
+    return trace.candidates.long_chains() && trace.candidates.long_chains()->carries_from_source(photon.long_chain);
   return trace.candidates.contains(std::span(photon.chain.data(), static_cast<std::size_t>(photon.chain_length)));
 }
 

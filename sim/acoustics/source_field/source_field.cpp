@@ -144,9 +144,9 @@ std::uint64_t source_field_key(const AcousticScene& scene, const EarlyCandidates
     append(bytes, value);
   for (const float exponent : scene.air_energy_per_m()) append(bytes, exponent);
   append(bytes, traces_transmission(scene));
-  // Photons leave out the chains of mirrors that flutter echoes carry; with few rays those go over fewer side planes.
-  if (candidates.facing())
-    for (const std::uint32_t number : candidates.facing()->rule()) append(bytes, number);
+  // Photons leave out the chains of mirrors that are found as images; with few rays those are fewer.
+  if (candidates.long_chains())
+    for (const std::uint32_t number : candidates.long_chains()->rule()) append(bytes, number);
   append(bytes, c.seed);
   const SoundSource& source = candidates.sound_source();
   append(bytes, source.position);
@@ -165,7 +165,7 @@ std::uint64_t source_field_key(const AcousticScene& scene, const EarlyCandidates
 
 SourceField::SourceField(const AcousticScene& scene, const EarlyCandidates& candidates, std::span<const std::byte> image,
                          std::shared_ptr<const void> owner)
-    : image_(image), owner_(std::move(owner)), facing_(candidates.facing()) {
+    : image_(image), owner_(std::move(owner)), long_chains_(candidates.long_chains()) {
   const auto refuse = [](std::string_view what) { throw InputError("source field", what, "delete the file: it is built anew"); };
   static_assert(sizeof(FieldHeader) % alignof(FieldEntry) == 0);
   if (image.size() < sizeof(FieldHeader)) refuse("is truncated");
@@ -215,7 +215,7 @@ TraceStats SourceField::gather(const AcousticScene& scene, glm::vec3 listener, E
     parts[i] = {values + entry.offset, entry.first, std::size_t{entry.first} + entry.count, shares[i].weight};
   }
   add_parts(std::span(parts).first(count), field_bins(scene, histogram.num_bins()), header.padded_bands, histogram);
-  if (facing_) facing_->add_late(scene, listener, histogram);
+  if (long_chains_) long_chains_->add_late(scene, listener, histogram);
   return stats;
 }
 

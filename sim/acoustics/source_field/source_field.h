@@ -45,7 +45,7 @@ class SourceField {
  private:
   std::span<const std::byte> image_;
   std::shared_ptr<const void> owner_;
-  std::shared_ptr<const FacingPlanes> facing_;  ///< of the source; null where there is no flutter
+  std::shared_ptr<const LongChains> long_chains_;  ///< of the source; null where there are none
 };
 
 /// Identity of a field: hash of everything that decides its bits (scene, config, source position, pattern, orientation, radius).

@@ -248,10 +248,10 @@ TraceStats trace_bidirectional(const AcousticScene& scene, const EarlyCandidates
   }
 
   // What is not traced is the same in every batch.
-  EnergyHistogram flutter;
-  if (candidates.facing()) {
-    flutter = make_histogram(scene);
-    candidates.facing()->add_late(scene, listener, flutter);
+  EnergyHistogram images;
+  if (candidates.long_chains()) {
+    images = make_histogram(scene);
+    candidates.long_chains()->add_late(scene, listener, images);
   }
   // Batches in waves, summed in double and in their order, so that threads cannot change a bit.
   const std::size_t bytes = std::max<std::size_t>(histogram.values().size() * sizeof(float), 1);
@@ -274,7 +274,7 @@ TraceStats trace_bidirectional(const AcousticScene& scene, const EarlyCandidates
         std::fill(unseen[i].begin(), unseen[i].end(), 0.f);
         trace_batch(own, dealt[first + i], results[i], unseen[i], part_stats[i], progress);
         results[i].attenuate(scene.air_energy_per_m(), scene.speed_of_sound_m_per_s());
-        if (candidates.facing()) results[i].add(flutter);
+        if (candidates.long_chains()) results[i].add(images);
       });
     });
     for (std::size_t i = 0; i < count; ++i) {

@@ -54,7 +54,7 @@ struct alignas(32) RayState {
   std::array<float, kMaxCoefficients> sh;
   std::array<std::uint32_t, kMaxChain> chain;      // first planes of a purely specular path, listener first
   int chain_length = 0;                            // of the whole path, also beyond kMaxChain
-  FacingPlanes::Chain facing;                      // the same for flutter echoes
+  LongChains::Chain long_chain;                    // the same for longer ones
   bool all_specular = true, after_mirror = false;  // after_mirror: or after a wall that was passed straight
   bool only_walls = false;                         // all so far were walls passed straight
   bool alive = true, at_vertex = false;            // at_vertex: `reflected` and `hit` wait for a lobe to be picked
@@ -64,17 +64,17 @@ struct alignas(32) RayState {
   Hit hit;
 };
 
-/// Do image paths or flutter echoes (facing_planes.h) carry this specular chain?  The last plane is `plane` if it is given, else the end of
+/// Do image paths, short or long (long_chains.h), carry this specular chain?  The last plane is `plane` if it is given, else the end of
 /// the chain.
 template <int W>
 bool carried(const Trace& trace, const RayState<W>& ray, const std::uint32_t* plane) {
   const int length = ray.chain_length + (plane ? 1 : 0);
   if (!ray.all_specular || length == 0) return false;
   if (length > trace.carried_order) {
-    if (!trace.candidates.facing()) return false;
-    FacingPlanes::Chain whole = ray.facing;
-    if (plane) trace.candidates.facing()->extend(whole, *plane);
-    return trace.candidates.facing()->carries(whole);
+    if (!trace.candidates.long_chains()) return false;
+    LongChains::Chain whole = ray.long_chain;
+    if (plane) trace.candidates.long_chains()->extend(whole, *plane);
+    return trace.candidates.long_chains()->carries_from_listener(whole);
   }
   std::array<std::uint32_t, kMaxChain> from_source;  // candidates count from the source
   int i = 0;
@@ -278,7 +278,7 @@ void leave_vertex(const Trace& trace, RayState<W>& ray, const RandomStream& rand
       const std::uint32_t plane = scene.plane_of_triangle()[hit.triangle];
       if (ray.chain_length < kMaxChain) ray.chain[static_cast<std::size_t>(ray.chain_length)] = plane;
       ++ray.chain_length;
-      if (trace.candidates.facing()) trace.candidates.facing()->extend(ray.facing, plane);
+      if (trace.candidates.long_chains()) trace.candidates.long_chains()->extend(ray.long_chain, plane);
     }
     ray.direction = mirror_direction(ray.direction, hit.normal);
   }

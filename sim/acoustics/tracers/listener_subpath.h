@@ -31,7 +31,7 @@ struct ListenerRay : BandEnergy<W> {
   std::array<float, kMaxCoefficients> sh;              // of the first direction: all that comes along this ray arrives from there
   std::array<std::uint32_t, kMaxImageOrder> planes{};  // of a path of mirrors only, listener first
   int num_planes = 0;
-  FacingPlanes::Chain facing;                   // the same for flutter echoes, of any length
+  LongChains::Chain long_chain;                 // the same, of any length
   bool only_mirrors = true, only_walls = true;  // so far: every event a mirror, or a wall passed straight
   bool alive = true, at_vertex = false;         // at_vertex: `hit` waits for the ray to leave it
   bool after_pass = false;                      // the last event was a mirror or a passed wall
@@ -77,12 +77,13 @@ struct BatchOutput {
   }
 };
 
-/// Do image paths, flutter echoes, or the straight path through walls carry this path?
+/// Do image paths, short or long, or the straight path through walls carry this path?
 template <int W>
 bool carried(const BidirectionalScene& shared, const ListenerRay<W>& ray) {
   if (ray.only_walls) return true;
   if (!ray.only_mirrors) return false;
-  if (ray.events > shared.carried_order) return shared.candidates.facing() && shared.candidates.facing()->carries(ray.facing);
+  if (ray.events > shared.carried_order)
+    return shared.candidates.long_chains() && shared.candidates.long_chains()->carries_from_listener(ray.long_chain);
   if (ray.num_planes != ray.events) return false;
   std::array<std::uint32_t, ListenerRay<W>::kMaxImageOrder> from_source;
   for (int i = 0; i < ray.num_planes; ++i) from_source[i] = ray.planes[ray.num_planes - 1 - i];
@@ -252,7 +253,7 @@ void leave_vertex(const BidirectionalScene& shared, ListenerRay<W>& ray, const s
     for (int b = 0; b < W; ++b) ray.image[b] *= kept[b] * specular[b];
     const std::uint32_t plane = shared.scene.plane_of_triangle()[ray.hit.triangle];
     if (ray.num_planes < ListenerRay<W>::kMaxImageOrder) ray.planes[ray.num_planes++] = plane;
-    if (shared.candidates.facing()) shared.candidates.facing()->extend(ray.facing, plane);
+    if (shared.candidates.long_chains()) shared.candidates.long_chains()->extend(ray.long_chain, plane);
   }
   mis::Segment& segment = ray.chain.segment();
   if (leaving != Leaving::rough) {

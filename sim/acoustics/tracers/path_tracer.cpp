@@ -167,7 +167,7 @@ TraceStats trace_late(const AcousticScene& scene, const EarlyCandidates& candida
     trace_chunks(trace, num_chunks, histogram, stats);
   }
   histogram.attenuate(scene.air_energy_per_m(), scene.speed_of_sound_m_per_s());
-  if (candidates.facing()) candidates.facing()->add_late(scene, listener, histogram);
+  if (candidates.long_chains()) candidates.long_chains()->add_late(scene, listener, histogram);
   return stats;
 }
 

@@ -53,7 +53,7 @@ double images(double hard, double soft, int least, int most, double from_s, doub
 EnergyHistogram flutter(const AcousticScene& scene, const SoundSource& from, glm::vec3 to) {
   EnergyHistogram histogram = make_histogram(scene);
   const EarlyCandidates candidates(scene, from);
-  if (candidates.facing()) candidates.facing()->add_late(scene, to, histogram);
+  if (candidates.long_chains()) candidates.long_chains()->add_late(scene, to, histogram);
   return histogram;
 }
 
@@ -85,12 +85,12 @@ TEST(FacingPlanes, KeepsNoneWhereTheDiffuseFieldCoversIt) {
   // Evenly hard walls: the flutter lasts no longer than all else; and walls that scatter.
   for (const auto& [hard, soft, scattering] : {std::array{0.1, 0.1, 0.1}, {0.3, 0.3, 0.2}, {0.02, 0.3, 0.5}}) {
     const AcousticScene scene(flutter_room(hard, soft, scattering), mirror_config(3));
-    EXPECT_EQ(EarlyCandidates(scene, source()).facing(), nullptr) << hard << " " << soft << " " << scattering;
+    EXPECT_EQ(EarlyCandidates(scene, source()).long_chains(), nullptr) << hard << " " << soft << " " << scattering;
   }
   AcousticConfig no_images = mirror_config(3);
   no_images.early = Switch::off;
   const AcousticScene scene(flutter_room(0.02, 0.9), no_images);
-  EXPECT_EQ(EarlyCandidates(scene, source()).facing(), nullptr);
+  EXPECT_EQ(EarlyCandidates(scene, source()).long_chains(), nullptr);
 }
 
 TEST(FacingPlanes, AScreenInTheStripEndsTheFlutterBehindIt) {

@@ -222,7 +222,7 @@ TEST(SourceField, KeyKnowsWhichFlutterTheFieldLeavesOut) {
     config.rays = rays;
     const AcousticScene scene(room, config);
     const EarlyCandidates candidates(scene, rooms::point(1.7, 2.0, 1.4));
-    EXPECT_NE(candidates.facing(), nullptr);
+    EXPECT_NE(candidates.long_chains(), nullptr);
     return source_field_key(scene, candidates);
   };
   EXPECT_EQ(key(64), key(511));

@@ -1,0 +1,187 @@
+#include "sim/acoustics/paths/mirror_chains.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <glm/geometric.hpp>
+#include <optional>
+#include <queue>
+#include <span>
+
+#include "sim/acoustics/core/sampling.h"
+#include "sim/acoustics/geometry/convex_polygon.h"
+#include "sim/acoustics/paths/image_deposit.h"
+#include "sim/acoustics/paths/mirror_decay.h"
+
+namespace earshot {
+namespace {
+
+constexpr std::size_t kMaxPlanes = 64;     // the largest of the scene
+constexpr double kParallel = 1e-4;         // sine below which planes are FacingPlanes'
+constexpr double kLeastCosine = 0.866;     // of the angle between planes that face each other
+constexpr double kSpentFraction = 1e-6;    // of energy, after which a chain ends
+constexpr int kManyRays = 512;
+constexpr std::size_t kMostWaiting = 200'000;  // beams, for the sake of memory
+
+glm::dvec3 middle_of(const ConvexPolygon& polygon) {
+  glm::dvec3 sum(0);
+  for (const glm::dvec3 vertex : polygon) sum += vertex;
+  return sum / static_cast<double>(polygon.size());
+}
+
+/// Does the source stand between two planes whose chains outlast the diffuse field?
+bool some_pair_stands_out(const AcousticScene& scene, std::span<const ConvexPolygon> polygons, glm::vec3 source) {
+  std::optional<DiffuseDecay> decay;  // of the first pair that needs it
+  for (std::size_t i = 0; i < polygons.size(); ++i) {
+    const ExactPlane first(scene.planes()[i]);
+    for (std::size_t j = 0; j < i; ++j) {
+      const ExactPlane second(scene.planes()[j]);
+      if (polygons[i].empty() || polygons[j].empty() || std::abs(glm::dot(first.normal, second.normal)) < kLeastCosine) continue;
+      if (glm::length(glm::cross(first.normal, second.normal)) <= kParallel) continue;
+      const double there = first.height(middle_of(polygons[j])), back = second.height(middle_of(polygons[i]));
+      if (!(there * first.height(glm::dvec3(source)) > 0 && back * second.height(glm::dvec3(source)) > 0)) continue;
+      const double gap_m = 0.5 * (std::abs(there) + std::abs(back));
+      if (gap_m < 1e-3 * scene.diagonal_m()) continue;
+      if (!decay) decay.emplace(scene, source);
+      if (decay->exceeded_by(scene.planes()[i].material, scene.planes()[j].material, gap_m)) return true;
+    }
+  }
+  return false;
+}
+
+/// A reflection that may be part of chains, waiting to be followed.
+struct Beam {
+  double strength;
+  std::uint64_t number;  // in the order of birth, which decides among equals
+  std::uint32_t parent, plane;
+  int order;
+  glm::dvec3 image;
+  ConvexPolygon aperture;  // the part of the plane that it lights
+  std::array<double, kMaxBands> kept;
+  MirrorChains::Chain chain;
+  FacingPlanes::Chain facing;
+  bool operator<(const Beam& other) const { return strength != other.strength ? strength < other.strength : number > other.number; }
+};
+
+}  // namespace
+
+MirrorChains::MirrorChains(const AcousticScene& scene, const SoundSource& source, const FacingPlanes& facing)
+    : source_(source), emission_(source, scene.bands()) {
+  if (scene.image_order() == 0) return;  // without image paths mirrors are the tracers' alone
+  grow(scene, facing, scene.config().rays < kManyRays ? kFewChains : kMaxChains);
+}
+
+void MirrorChains::grow(const AcousticScene& scene, const FacingPlanes& facing, std::size_t most) {
+  const std::size_t num_planes = std::min(scene.planes().size(), kMaxPlanes);
+  const int num_bands = scene.num_bands();
+  std::vector<ConvexPolygon> polygons;
+  for (std::size_t p = 0; p < num_planes; ++p) polygons.push_back(polygon_of(scene.planes()[p]));
+  if (!some_pair_stands_out(scene, polygons, source_.position)) return;
+  std::vector<std::array<double, kMaxBands>> specular(num_planes);
+  for (std::size_t p = 0; p < num_planes; ++p) {
+    mirrors_.push_back({ExactPlane(scene.planes()[p]), scene.planes()[p]});
+    for (int b = 0; b < num_bands; ++b) specular[p][static_cast<std::size_t>(b)] = specular_fraction(scene, mirrors_[p].rounded.material, b);
+  }
+
+  std::priority_queue<Beam> waiting;
+  std::uint64_t born = 0;
+  // Reflects the beam of `image` behind `from` (null: of the source itself) in plane p.
+  const auto reflect = [&](const Beam* from, std::uint32_t node, glm::dvec3 image, std::uint32_t p) {
+    Beam beam{};
+    double strongest = 0;
+    for (int b = 0; b < num_bands; ++b) {
+      const auto i = static_cast<std::size_t>(b);
+      beam.kept[i] = (from ? from->kept[i] : 1.0) * specular[p][i];
+      strongest = std::max(strongest, beam.kept[i]);
+    }
+    if (strongest < kSpentFraction || waiting.size() >= kMostWaiting) return;
+    const ExactPlane& plane = mirrors_[p].plane;
+    if (std::abs(plane.height(image)) < 1e-6 * scene.diagonal_m()) return;
+    beam.aperture = polygons[p];
+    if (from) {
+      // On the side of the last plane on which the image is not, and in its light.
+      const ExactPlane& last = mirrors_[from->plane].plane;
+      const double side = last.height(image) > 0 ? -1.0 : 1.0;
+      beam.aperture = lit_part(clipped(beam.aperture, side * last.normal, side * last.offset_m), image, from->aperture);
+    }
+    if (beam.aperture.empty()) return;
+    const double length_m = glm::length(middle_of(beam.aperture) - image);
+    if (std::abs(plane.height(image)) > double{scene.max_path_m()} || !(length_m > 0)) return;
+    beam.strength = strongest / (length_m * length_m);
+    beam.number = born++;
+    beam.parent = node, beam.plane = p, beam.order = (from ? from->order : 0) + 1;
+    beam.image = plane.mirror(image);
+    if (from) beam.chain = from->chain, beam.facing = from->facing;
+    extend(beam.chain, p);
+    facing.extend(beam.facing, p);
+    waiting.push(std::move(beam));
+  };
+  for (std::uint32_t p = 0; p < num_planes; ++p) reflect(nullptr, kSource, glm::dvec3(source_.position), p);
+  while (!waiting.empty() && chains_.size() < most) {
+    const Beam beam = waiting.top();
+    waiting.pop();
+    const auto node = static_cast<std::uint32_t>(nodes_.size());
+    nodes_.push_back({beam.image, beam.parent, beam.plane});
+    if (beam.order > scene.image_order() && !facing.carries(beam.facing)) {
+      chains_.push_back(node);
+      keys_.push_back(beam.chain.from_source);
+    }
+    for (std::uint32_t p = 0; p < num_planes; ++p)
+      if (p != beam.plane) reflect(&beam, node, beam.image, p);
+  }
+  std::sort(keys_.begin(), keys_.end());
+  keys_.erase(std::unique(keys_.begin(), keys_.end()), keys_.end());
+}
+
+bool MirrorChains::carries(std::uint64_t key) const { return std::binary_search(keys_.begin(), keys_.end(), key); }
+
+std::vector<std::uint32_t> MirrorChains::rule() const {
+  std::uint64_t sum = 0;
+  for (const std::uint64_t key : keys_) sum += key;
+  return {static_cast<std::uint32_t>(sum), static_cast<std::uint32_t>(sum >> 32)};
+}
+
+bool MirrorChains::find_path(const AcousticScene& scene, std::uint32_t chain, glm::vec3 listener, std::span<double> kept,
+                             glm::dvec3& departure) const {
+  // Where the straight lines to the images meet the planes; `at` is moved there.
+  const auto step = [&](const Node& node, glm::dvec3& at) {
+    const Mirror& mirror = mirrors_[node.plane];
+    const double here = mirror.plane.height(at), there = mirror.plane.height(node.image);
+    if (!(here * there < 0)) return false;
+    at += here / (here - there) * (node.image - at);
+    return mirror.rounded.bounds_hold(at);
+  };
+  glm::dvec3 at(listener);
+  for (std::uint32_t n = chain; n != kSource; n = nodes_[n].parent)
+    if (!step(nodes_[n], at)) return false;
+  departure = glm::normalize(at - glm::dvec3(source_.position));
+
+  // Then rays: the first thing that each segment meets is a triangle of its plane.
+  const EmbreeScene& rays = scene.scene().rays();
+  glm::vec3 origin = listener;
+  at = glm::dvec3(listener);
+  for (std::uint32_t n = chain; n != kSource; n = nodes_[n].parent) {
+    step(nodes_[n], at);
+    const Hit hit = rays.intersect(origin, glm::vec3(glm::normalize(at - glm::dvec3(origin))));
+    if (!hit.valid() || scene.plane_of_triangle()[hit.triangle] != nodes_[n].plane) return false;
+    const std::uint32_t material = scene.scene().mesh().triangle_material[hit.triangle];
+    for (int b = 0; b < scene.num_bands(); ++b) kept[static_cast<std::size_t>(b)] *= specular_fraction(scene, material, b);
+    origin = offset_from_surface(hit.position, hit.normal);
+  }
+  return !rays.occluded(origin, source_.position);
+}
+
+void MirrorChains::add_late(const AcousticScene& scene, glm::vec3 listener, EnergyHistogram& histogram) const {
+  ImageDeposit deposit(scene, emission_, histogram);
+  std::array<double, kMaxBands> kept;
+  for (const std::uint32_t chain : chains_) {
+    const glm::dvec3 toward = nodes_[chain].image - glm::dvec3(listener);
+    const double distance_m = glm::length(toward);
+    if (distance_m > double{scene.max_path_m()}) continue;
+    kept.fill(1.0);
+    glm::dvec3 departure;
+    if (find_path(scene, chain, listener, kept, departure)) deposit.add(kept, distance_m, toward / distance_m, departure);
+  }
+}
+
+}  // namespace earshot

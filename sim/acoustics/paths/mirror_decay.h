@@ -1,0 +1,33 @@
+#pragma once
+
+#include <cstdint>
+#include <glm/vec3.hpp>
+#include <vector>
+
+#include "sim/acoustics/model/acoustic_scene.h"
+
+namespace earshot {
+
+/// Fraction of the energy that leaves a surface as from a mirror.
+inline double specular_fraction(const AcousticScene& scene, std::uint32_t material, int band) {
+  const auto b = static_cast<std::size_t>(band);
+  return double{scene.reflectance(material)[b]} * (1.0 - scene.scattering(material)[b]);
+}
+
+/// The decay of the diffuse field about a source, with which long chains of mirrors are compared.
+class DiffuseDecay {
+ public:
+  /// 64 rays from the source tell how open the scene is: what meets nothing is lost.
+  DiffuseDecay(const AcousticScene& scene, glm::vec3 source);
+
+  /// Do reflections between two materials `gap_m` apart stand out by a decibel where the diffuse field has fallen by 35 dB, the end of T30?
+  /// At a path length r the images bring 2 / d R^(r/d) / (4 pi r)^2 per metre, R the mean specular reflectance, and the diffuse field
+  /// exp(-k r) / (4 pi V).  Never where a bounce costs more than 40 % of the energy: there are a few images and no flutter.
+  [[nodiscard]] bool exceeded_by(std::uint32_t first, std::uint32_t second, double gap_m) const;
+
+ private:
+  const AcousticScene& scene_;
+  std::vector<double> loss_per_m_;  // [bands]: -log(1 - mean absorption by area) / mean free path
+};
+
+}  // namespace earshot
