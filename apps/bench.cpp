@@ -25,6 +25,11 @@ void finish(const BenchReport& report, const Options& options) {
   report.write(options.json);
 }
 
+struct RirCommand : Options {
+  std::vector<std::string> scenes;
+  std::optional<double> reference_seconds;
+};
+
 struct AccuracyCommand : Options {
   std::string out = "accuracy";
   std::optional<double> minutes;
@@ -96,14 +101,27 @@ CLI::App* add_bench_command(CLI::App& bench, const std::string& name, const std:
 
 void add_bench(CLI::App& app) {
   CLI::App* bench = app.add_subcommand("bench", "Measure this machine: rir, env, accuracy, soak");
-  const auto rir = std::make_shared<Options>();
-  add_bench_command(*bench, "rir", "Impulse responses per second on one thread, their errors, and where the time goes", rir)
-      ->callback([rir] {
-        RirBenchOptions options;
-        options.quick = rir->quick;
-        if (rir->quick) options.repeats = 3, options.poses = 2, options.error_fields = 2, options.reference_seconds = 0.2;
-        finish(bench_rir(options), *rir);
-      });
+  const auto rir = std::make_shared<RirCommand>();
+  CLI::App* rir_command =
+      add_bench_command(*bench, "rir", "Impulse responses per second on one thread, their errors, and where the time goes", rir);
+  rir_command
+      ->add_option(
+          "--scene", rir->scenes,
+          "SCENE to measure in place of the usual two, repeatable; errors are then taken against bidirectional paths, not against a "
+          "finer field")
+      ->allow_extra_args(false);
+  rir_command->add_option("--reference-seconds", rir->reference_seconds,
+                          "Per scene, for the paths that are the truth or check it (default: 60, 0.2 with --quick)");
+  rir_command->callback([rir] {
+    RirBenchOptions options;
+    options.quick = rir->quick;
+    options.scenes = rir->scenes;
+    if (rir->quick) options.repeats = 3, options.poses = 2, options.error_fields = 2, options.reference_seconds = 0.2;
+    if (rir->reference_seconds) options.reference_seconds = *rir->reference_seconds;
+    require(options.reference_seconds > 0 && options.reference_seconds <= 36'000, "--reference-seconds", options.reference_seconds,
+            "must lie in (0, 36000]");
+    finish(bench_rir(options), *rir);
+  });
 
   const auto env = std::make_shared<Options>();
   add_bench_command(*bench, "env", "Agent steps per second, with all senses and bare, and the milliseconds of every stage", env)

@@ -39,7 +39,11 @@ class RirBench {
     measure_fast();
     std::fflush(stdout);  // the stages are of use while the truth is still being traced
     measure_high();
-    measure_errors();
+    if (options_.scenes.empty()) {
+      measure_errors();
+    } else {
+      measure_errors_against_paths();
+    }
     measure_observation();
   }
 
@@ -232,15 +236,42 @@ class RirBench {
       compute_energy_response(high, candidates, field.get(), pose.ears(), at.response);
     }
     check_truth(high, candidates, truth);
-    const int samples = static_cast<int>(std::lround(config.rir_length_s * config.sample_rate_hz));
-    // The same carriers and head for both, as for a pose rendered in two modes.  The truth is decoded to its end.
+    // The same carriers and head for both, as for a pose rendered in two modes.
+    BenchJson reference = {
+        {"reference", "field"}, {"reference_rt60_standard_error_pct", 100 * field->t20_error()}, {"reference_photons", field->photons()}};
+    report_errors(high, truth, carrier_key(fast_.hash()), std::move(reference));
+  }
+
+  /// Bidirectional paths as the truth, which have nothing but the scene in common with a field, heard with carriers of their own.
+  void measure_errors_against_paths() {
+    AcousticConfig config = config_of("high");
+    config.rir_length_s = fast_.config().rir_length_s;
+    config.time_bin_s = fast_.config().time_bin_s;
+    config.threads = 0;  // the same bits, sooner: this is not timed
+    config.field = Switch::off;
+    const AcousticScene paths(scene_.scene, config);
+    Progress progress("paths of " + scene_.name, "permille", 1000);
+    const std::vector<ConvergedPose> truth =
+        converge(paths, EarlyCandidates(paths, scene_.source()), scene_.some_poses(std::min(options_.poses, options_.path_poses)),
+                 options_.reference_seconds, [&](double fraction) { progress.update(static_cast<std::uint64_t>(1000 * fraction)); });
+    BenchJson reference = {
+        {"reference", "paths"}, {"reference_rt60_standard_error_pct", 100 * mean_t20_error(truth)}, {"reference_runs", truth.front().runs}};
+    fmt::print("  paths at {} poses, {} runs each: standard error of T20 {:.2f} %\n", truth.size(), truth.front().runs,
+               100 * mean_t20_error(truth));
+    report_errors(paths, truth, carrier_key(fast_.hash()) + 1, std::move(reference));
+  }
+
+  /// `fast` with fields of several seeds against the truth, which is rendered with the carriers of `truth_key`.
+  void report_errors(const AcousticScene& high, const std::vector<ConvergedPose>& truth, std::uint64_t truth_key, BenchJson reference) {
+    const int samples = static_cast<int>(std::lround(fast_.config().rir_length_s * fast_.config().sample_rate_hz));
+    // The truth is decoded to its end.
     AcousticConfig decoded = fast_.config();
     decoded.late_decode_s = high.config().late_decode_s;
-    ResponseListener truth_listener(binaural_tables(AcousticScene(scene_.scene, decoded)), config.sample_rate_hz, samples);
-    ResponseListener fast_listener(tables_, config.sample_rate_hz, samples);
+    ResponseListener truth_listener(binaural_tables(AcousticScene(scene_.scene, decoded)), fast_.config().sample_rate_hz, samples);
+    ResponseListener fast_listener(tables_, fast_.config().sample_rate_hz, samples);
     std::vector<HeardResponse> heard_truth;
-    for (const ConvergedPose& at : truth)
-      heard_truth.push_back(truth_listener.hear(high, at.response, at.pose.heading_rad, carrier_key(fast_.hash())));
+    for (const ConvergedPose& at : truth) heard_truth.push_back(truth_listener.hear(high, at.response, at.pose.heading_rad, truth_key));
+    EnergyResponse response;
 
     // The photons of one field err together at all poses: one field is one draw, whatever the number of poses.
     std::vector<std::vector<PoseErrors>> errors_of_field;
@@ -260,10 +291,9 @@ class RirBench {
       errors.insert(errors.end(), of_field.begin(), of_field.end());
     }
     BenchJson fast_json = setting(fast_);
-    fast_json["poses"] = poses.size();
+    fast_json["poses"] = truth.size();
     fast_json["fields"] = options_.error_fields;
-    fast_json["reference_rt60_standard_error_pct"] = 100 * field->t20_error();
-    fast_json["reference_photons"] = field->photons();
+    fast_json.update(reference);
     const auto add_error = [&](const std::string& name, const std::string& unit, ErrorKind kind) {
       const ErrorSummary summary = summarise(errors, kind);
       const double scale = scale_of(kind);
@@ -378,16 +408,16 @@ class RirBench {
 BenchReport bench_rir(const RirBenchOptions& options) {
   BenchReport report("rir");
   std::vector<SceneName> scenes;
-  if (options.quick) {
+  for (const std::string& spec : options.scenes) scenes.push_back({spec, spec});
+  if (scenes.empty() && options.quick) {
     scenes.push_back({"two_rooms", "house:2,rooms=2,area_m2=24"});
-  } else {
+  } else if (scenes.empty()) {
     if (const auto found = scene_file("small_house", "small_house.yaml")) scenes.push_back(*found);
     scenes.push_back({"large_house", kLargeHouse});
   }
-  for (const auto& [name, spec] : scenes) {
-    const BenchScene scene = load_bench_scene(name, spec);
-    RirBench(scene, options, report).run();
-  }
+  std::vector<BenchScene> loaded;  // all of them before the first is measured: one that is wrong costs no time
+  for (const auto& [name, spec] : scenes) loaded.push_back(load_bench_scene(name, spec));
+  for (const BenchScene& scene : loaded) RirBench(scene, options, report).run();
   return report;
 }
 

@@ -41,8 +41,8 @@ struct Mirrors {
     };
     for (const Plane& plane : planes) append(plane.point, plane.up, plane.side, 0);
     if (screen_m < kHalfM) append({kGapM / 2, 0, (kHalfM + screen_m) / 2}, {0, 0, (kHalfM - screen_m) / 2}, {0, kHalfM, 0}, 1);
-    return rooms::scene_of(std::move(mesh), {Material::uniform("mirror", static_cast<float>(absorption), 0.f),
-                                             Material::uniform("black", 1.f, 0.f)});
+    return rooms::scene_of(std::move(mesh),
+                           {Material::uniform("mirror", static_cast<float>(absorption), 0.f), Material::uniform("black", 1.f, 0.f)});
   }
 
   /// Path length over the planes of `sequence`, source first; 0 if a reflection misses its mirror or the screen is in the way.

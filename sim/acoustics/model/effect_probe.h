@@ -22,7 +22,7 @@ struct EffectProbe {
   double query_us = 0;  ///< cost of one ray, a model of the number of triangles (a measurement would not be repeatable)
 
   /// Time in which the energy released at a point falls by kProbedFallDb without any air, [num_bands], the longest over all points,
-  /// and over those of livelier rooms that none of them is in (air_points.h: live_points), where it is taken from the first 12 dB; by
+  /// and over those of livelier rooms that none of them is in (air_points.h: live_points), where it is taken from the first 10 dB; by
   /// extrapolation where that is later than `horizon_s`; 0 where nothing comes back.
   std::vector<double> decay_s;
   /// The same with air.

@@ -16,10 +16,10 @@
 namespace earshot {
 namespace {
 
-constexpr std::size_t kMaxPlanes = 64;     // the largest of the scene
-constexpr double kParallel = 1e-4;         // sine below which planes are FacingPlanes'
-constexpr double kLeastCosine = 0.866;     // of the angle between planes that face each other
-constexpr double kSpentFraction = 1e-6;    // of energy, after which a chain ends
+constexpr std::size_t kMaxPlanes = 64;   // the largest of the scene
+constexpr double kParallel = 1e-4;       // sine below which planes are FacingPlanes'
+constexpr double kLeastCosine = 0.866;   // of the angle between planes that face each other
+constexpr double kSpentFraction = 1e-6;  // of energy, after which a chain ends
 constexpr int kManyRays = 512;
 constexpr std::size_t kMostWaiting = 200'000;  // beams, for the sake of memory
 
@@ -80,7 +80,8 @@ void MirrorChains::grow(const AcousticScene& scene, const FacingPlanes& facing, 
   std::vector<std::array<double, kMaxBands>> specular(num_planes);
   for (std::size_t p = 0; p < num_planes; ++p) {
     mirrors_.push_back({ExactPlane(scene.planes()[p]), scene.planes()[p]});
-    for (int b = 0; b < num_bands; ++b) specular[p][static_cast<std::size_t>(b)] = specular_fraction(scene, mirrors_[p].rounded.material, b);
+    for (int b = 0; b < num_bands; ++b)
+      specular[p][static_cast<std::size_t>(b)] = specular_fraction(scene, mirrors_[p].rounded.material, b);
   }
 
   std::priority_queue<Beam> waiting;

@@ -17,8 +17,8 @@ namespace earshot {
 ///
 /// Rays find such a chain by chance only, as its beam narrows with the square of its length.  Here beams find them (Heckbert and Hanrahan
 /// 1984; Funkhouser et al. 1998): the beam of an image through the lit part of its last plane is clipped by every other plane, which gives
-/// all chains that exist at some listener and a few more; the strongest are followed first, by their specular reflectance over the square of
-/// their length, until kMaxChains are known.  What stands between is left to the rays that confirm each path.
+/// all chains that exist at some listener and a few more; the strongest are followed first, by their specular reflectance over the square
+/// of their length, until kMaxChains are known.  What stands between is left to the rays that confirm each path.
 ///
 /// The set depends on the source alone, so that every estimator of the late field can leave its chains out by carries_*(), and add_late()
 /// carries them: nothing counts twice or is lost, whatever the number that is kept.  Rows of images between parallel planes are
@@ -48,8 +48,8 @@ class MirrorChains {
   /// Does add_late() carry the chain with this number?
   [[nodiscard]] bool carries(std::uint64_t key) const;
 
-  /// Adds the images that `listener` sees, air and the source's pattern included, up to the length of the RIR.  Cost: 0.02 us per chain, and a
-  /// ray per reflection of those that are possible.  No allocation.
+  /// Adds the images that `listener` sees, air and the source's pattern included, up to the length of the RIR.  Cost: 0.02 us per chain,
+  /// and a ray per reflection of those that are possible.  No allocation.
   void add_late(const AcousticScene& scene, glm::vec3 listener, EnergyHistogram& histogram) const;
 
   /// Two numbers that differ where the set does.

@@ -81,6 +81,27 @@ TEST_F(BenchCli, RirWritesTheNamesThatScriptsRelyOn) {
   EXPECT_THAT(read("stdout"), testing::HasSubstr("photon pass"));
 }
 
+TEST_F(BenchCli, RirTakesAnySceneAndItsPathsAsTheTruth) {
+  ASSERT_EQ(earshot("bench rir --quick --reference-seconds 0.3 --scene shoebox:5x4x3 --scene house:5,rooms=2,area_m2=24 --json " +
+                    file("scenes.json")),
+            0)
+      << read("stderr");
+  const std::set<std::string> names = names_in("scenes.json", "rir");
+  EXPECT_EQ(names.count("fast.rir_per_s.n500"), 1u);
+  EXPECT_EQ(names.count("high_field.rir_per_s"), 0u);
+  std::set<std::string> scenes;
+  const json report = json::parse(read("scenes.json"));
+  for (const json& result : report.at("results")) {
+    if (result.at("name") != "fast.rt60_error_pct.energy") continue;
+    const json& setting = result.at("setting");
+    scenes.insert(setting.at("spec").get<std::string>());
+    EXPECT_EQ(setting.at("reference"), "paths");
+    EXPECT_GE(setting.at("reference_runs"), 2);
+    EXPECT_GT(setting.at("reference_rt60_standard_error_pct"), 0);
+  }
+  EXPECT_EQ(scenes, (std::set<std::string>{"shoebox:5x4x3", "house:5,rooms=2,area_m2=24"}));
+}
+
 TEST_F(BenchCli, EnvWritesTheNamesThatScriptsRelyOn) {
   ASSERT_EQ(earshot("bench env --quick --json " + file("env.json")), 0) << read("stderr");
   const std::set<std::string> names = names_in("env.json", "env");
@@ -90,7 +111,9 @@ TEST_F(BenchCli, EnvWritesTheNamesThatScriptsRelyOn) {
 }
 
 TEST_F(BenchCli, WrongNamesAreOneLineAndExitCodeTwo) {
-  for (const char* arguments : {"bench", "bench dance", "bench train", "bench rir --raya 3", "bench accuracy --quick --minutes 0"}) {
+  for (const char* arguments :
+       {"bench", "bench dance", "bench train", "bench rir --raya 3", "bench accuracy --quick --minutes 0",
+        "bench rir --quick --scene shoebox:5x4x3 --scene shoebox:0x4x3", "bench rir --quick --reference-seconds 0"}) {
     EXPECT_EQ(earshot(arguments), 2) << arguments;
     const std::string errors = read("stderr");
     EXPECT_EQ(std::count(errors.begin(), errors.end(), '\n'), 1) << errors;

@@ -4,7 +4,6 @@
 
 #include <cmath>
 #include <cstdlib>
-#include <ctime>
 #include <filesystem>
 #include <numbers>
 
@@ -193,12 +192,9 @@ TEST(DiffractionEdges, EmptySceneHasNone) { EXPECT_EQ(DiffractionEdges(*rooms::e
 TEST(DiffractionEdges, SmallHouse) {
   SKIP_WITHOUT_DATA("scenes/small_house.glb");
   const Scene scene = load_scene((data_folder() / "scenes/small_house.glb").string());
-  const std::clock_t start = std::clock();
   const DiffractionEdges edges(scene, 0.25f);
-  const double processor_s = static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC;
   EXPECT_GT(edges.size(), 500u);
   EXPECT_LT(edges.size(), 20'000u);
-  EXPECT_LT(processor_s, 5.0);  // 0.2 s on an idle core; far from quadratic
   for (const DiffractionEdge& edge : edges.edges()) {
     EXPECT_GE(edge.length_m, 0.25);
     EXPECT_GT(edge.exterior_rad, kPi * 185 / 180 - 1e-9);

@@ -51,7 +51,8 @@ void expect_images(const Mirrors& mirrors, int most, double until_s, int& count)
   std::sort(paths.begin(), paths.end());
   const auto come_by = [&](double time_s) {
     double sum = 0;
-    for (int bin = 0; bin < histogram.num_bins() && static_cast<float>(bin + 1) * histogram.bin_s() <= time_s; ++bin) sum += histogram.energy(bin, 0);
+    for (int bin = 0; bin < histogram.num_bins() && static_cast<float>(bin + 1) * histogram.bin_s() <= time_s; ++bin)
+      sum += histogram.energy(bin, 0);
     return sum;
   };
   // A path is dealt to the two bins that are nearest to it.
@@ -93,8 +94,9 @@ TEST(MirrorChains, EndAtWhatStandsInTheirWay) {
 std::shared_ptr<const Scene> leaning_room(double hard, double soft, double scattering) {
   TriangleMesh mesh;
   const double lean = 0.15;
-  const std::array<glm::vec3, 8> p = {rooms::point(0, 0, 0), rooms::point(6, 0, 0), rooms::point(6, 5, 0),        rooms::point(0, 5, 0),
-                                      rooms::point(0, 0, 3), rooms::point(6 + lean, 0, 3), rooms::point(6 + lean, 5, 3), rooms::point(0, 5, 3)};
+  const std::array<glm::vec3, 8> p = {rooms::point(0, 0, 0),        rooms::point(6, 0, 0), rooms::point(6, 5, 0),
+                                      rooms::point(0, 5, 0),        rooms::point(0, 0, 3), rooms::point(6 + lean, 0, 3),
+                                      rooms::point(6 + lean, 5, 3), rooms::point(0, 5, 3)};
   const auto quad = [&](std::size_t a, std::size_t b, std::size_t c, std::size_t d, std::uint32_t material) {
     rooms::append_quad(mesh, {p[a], p[b], p[c], p[d]}, material);
   };
@@ -137,7 +139,8 @@ TEST(MirrorChains, EachEstimatorLeavesOutWhatTheyCarry) {
       compute_energy_response(scene, candidates, field.get(), listener, response);
       double energy = 0;
       for (const Arrival& arrival : response.arrivals)
-        if (const double time_s = arrival.distance_m / kSpeed; time_s >= 0.04 && time_s < 0.1) energy += double{arrival.amplitude[0]} * arrival.amplitude[0];
+        if (const double time_s = arrival.distance_m / kSpeed; time_s >= 0.04 && time_s < 0.1)
+          energy += double{arrival.amplitude[0]} * arrival.amplitude[0];
       for (int bin = 40; bin < 100; ++bin) energy += response.late.energy(bin, 0);
       sum += energy, squares += energy * energy;
     }
