@@ -10,6 +10,7 @@
 #include "sim/acoustics/geometry/diffraction_edges.h"
 #include "sim/acoustics/model/acoustic_surfaces.h"
 #include "sim/acoustics/model/air_absorption.h"
+#include "sim/acoustics/model/air_points.h"
 #include "sim/acoustics/model/diffraction_budget.h"
 #include "sim/acoustics/model/effect_probe.h"
 #include "sim/acoustics/model/flutter_time.h"
@@ -70,9 +71,6 @@ class Planner {
     decide_diffraction();
     decide_transmission();
     decide_air();
-    decide_bounces();
-    decide_bands();
-    decide_sh_order();
     return std::move(plan_);
   }
 
@@ -155,9 +153,12 @@ class Planner {
       // Its energy must stay 45 dB below the direct sound before the decay curve can do without it: nearer than this.
       double absorption = 0;
       for (const double a : probe_.absorption) absorption += a / static_cast<double>(probe_.absorption.size());
+      const double bounces = segments_per_ray(plan_.rir_length_s);
       add("late", true, "on", kNan, "dB", BoundKind::bounded, 0,
-          fmt::format("{:.0f} % of rays meet a surface, which takes {:.0f} %: it is what comes after the direct sound, at every pose",
-                      100 * probe_.hit_fraction, 100 * absorption));
+          fmt::format(
+              "{:.0f} % of rays meet a surface, which takes {:.0f} %: it is what comes after the direct sound, at every pose{}",
+              100 * probe_.hit_fraction, 100 * absorption,
+              config_.max_bounces > 3.0 * bounces ? "" : fmt::format("; max_bounces may cut it short: a ray meets about {:.0f}", bounces)));
     }
   }
 
@@ -190,9 +191,12 @@ class Planner {
       add("diffraction", false, "off", kNan, "", BoundKind::user_set, diffraction_ms(), "");
       return;
     }
-    if (!edge_in_sight()) {
+    const DiffractionEdges* edges = surfaces_.diffraction_edges();
+    const bool any = edges != nullptr && edges->size() > 0;
+    plan_.diffraction = any && (config_.diffraction == Switch::on || edge_in_sight(*edges));
+    if (!plan_.diffraction) {
       add("diffraction", false, "off", 0, "dB", BoundKind::exact, diffraction_ms(),
-          "no edge stands out into the air; tested again for each source");
+          "no edge stands out into air where one could stand; sources look for none");
       return;
     }
     const DiffractionBudget budget(config_);
@@ -209,15 +213,17 @@ class Planner {
           "6 dB where sight ends, more behind it; in sight only at shadow and reflection boundaries, the energy is complete without it");
     }
   }
-  /// Is an edge visible from any point of the air?  Boxes have edges too, outside.  A bounded search: with so many edges the answer is yes.
-  [[nodiscard]] bool edge_in_sight() const {
-    const DiffractionEdges* edges = surfaces_.diffraction_edges();
+  /// Is an edge visible from any point of the air, or has the air round it a floor below?  The second finds those in rooms that no point is
+  /// in.  Boxes have edges too, outside.  A bounded search: with so many edges the answer is yes.
+  [[nodiscard]] bool edge_in_sight(const DiffractionEdges& edges) const {
     constexpr std::size_t many = 100;
-    if (edges == nullptr || edges->size() == 0) return false;
-    if (edges->size() > many) return true;
-    for (std::uint32_t edge = 0; edge < edges->size(); ++edge)
+    if (edges.size() > many) return true;
+    for (std::uint32_t edge = 0; edge < edges.size(); ++edge) {
+      for (const double part : {0.25, 0.5, 0.75})
+        if (has_height(surfaces_, edges.inset_air_point(edge, part * edges[edge].length_m))) return true;
       for (const glm::vec3 point : probe_.points)
-        if (edges->visible_from(edge, point)) return true;
+        if (edges.visible_from(edge, point)) return true;
+    }
     return false;
   }
   [[nodiscard]] double diffraction_ms() const { return 0.5 * config_.rays * probe_.query_us * 1e-2; }
@@ -337,31 +343,6 @@ class Planner {
             fmt::format("on the longest path, {:.0f} m, and less than 1 % of RT60", longest_m));
       }
     }
-  }
-
-  void decide_bounces() {
-    const double needed = segments_per_ray(plan_.rir_length_s);
-    const bool enough = config_.max_bounces > 3.0 * needed;
-    add("max_bounces", true, fmt::format("{}", config_.max_bounces), enough ? 0 : kNan, "dB",
-        enough ? BoundKind::exact : BoundKind::user_set, 0,
-        enough ? fmt::format("a ray meets about {:.0f} surfaces within the RIR: time ends it, not this number", needed)
-               : fmt::format("a ray meets about {:.0f} surfaces within the RIR: decays may be cut short", needed));
-  }
-
-  void decide_bands() {
-    const BandLayout whole = config_.bands > 0 ? BandLayout::log_spaced(config_.bands, 96'000.f) : BandLayout::octaves(96'000.f);
-    const int dropped = whole.size() - surfaces_.num_bands();
-    const double saved = whole.size() > 0 ? late_ms() * 0.1 * dropped / whole.size() : 0.0;
-    add("bands", dropped == 0, fmt::format("{}", surfaces_.num_bands()), 0, "dB",
-        config_.bands > 0 && dropped == 0 ? BoundKind::user_set : BoundKind::exact, saved,
-        dropped > 0 ? fmt::format("{} band{} above half the sample rate", dropped, dropped > 1 ? "s" : "")
-                    : "all below half the sample rate");
-  }
-
-  void decide_sh_order() {
-    const double up_to_hz = config_.sh_order * double{surfaces_.speed_of_sound_m_per_s()} / (2.0 * std::numbers::pi * 0.0875);
-    add("sh_order", config_.sh_order > 0, fmt::format("{}", config_.sh_order), kNan, "", BoundKind::user_set, 0,
-        fmt::format("arrival directions of the late field, exact at two ears up to {:.0f} Hz; mono needs 0", up_to_hz));
   }
 
   const AcousticSurfaces& surfaces_;

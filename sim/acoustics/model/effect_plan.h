@@ -46,6 +46,7 @@ struct EffectPlan {
   std::array<bool, kMaxBands> air{};  ///< bands that air damps
   int image_order = 0;                ///< of early reflections
   bool late = true;
+  bool diffraction = false;            ///< if not, no source looks for edges; how far it is carried: DiffractionBudget
   bool straight_transmission = false;  ///< along the line of sight, at poses where it is blocked
   bool traced_transmission = false;    ///< inside the tracers
   bool field = false;

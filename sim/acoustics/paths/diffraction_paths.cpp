@@ -73,7 +73,7 @@ bool before_in_space(glm::vec3 a, glm::vec3 b) { return std::tie(a.x, a.y, a.z) 
 }  // namespace
 
 DiffractionCandidates::DiffractionCandidates(const AcousticScene& scene, glm::vec3 source) : source_(source), budget_(scene.config()) {
-  if (scene.diffraction_edges() == nullptr) return;
+  if (!scene.plan().diffraction) return;
   bands_ = edge_bands(scene);
   EdgeGrowth growth(scene, source);
   growth.expand(budget_.expansions);
