@@ -27,9 +27,7 @@ inline constexpr double kWallX = 4, kEndX = 9, kWidth = 4, kHeight = 2.7, kDoor0
 inline std::shared_ptr<const Scene> dead_and_live() {
   TriangleMesh mesh;
   const auto sheet = [&](int normal, double at, double u0, double u1, double v0, double v1, std::uint32_t material) {
-    const auto corner = [&](double u, double v) {
-      return normal == 0 ? point(at, u, v) : normal == 1 ? point(u, at, v) : point(u, v, at);
-    };
+    const auto corner = [&](double u, double v) { return normal == 0 ? point(at, u, v) : normal == 1 ? point(u, at, v) : point(u, v, at); };
     rooms::append_quad(mesh, {corner(u0, v0), corner(u1, v0), corner(u1, v1), corner(u0, v1)}, material);
   };
   sheet(0, 0, 0, kWidth, 0, kHeight, 0);
@@ -93,8 +91,8 @@ struct Effort {
   double most_t20_error = 0, most_curve_error_db = 0;
 };
 
-/// What a field may err.  In the mean over places and octaves: what `fast` promises of T20 (docs/acoustics.md) and half of what is just heard
-/// of a level; its level at every place by what is just heard, 1 dB (docs/estimators.md, section 12).
+/// What a field may err.  In the mean over places and octaves: what `fast` promises of T20 (docs/acoustics.md) and half of what is just
+/// heard of a level; its level at every place by what is just heard, 1 dB (docs/estimators.md, section 12).
 inline constexpr double kT20 = 0.0475, kCurveDb = 0.5, kLevelDb = 1.0;
 struct Bounds {
   float cell_m;
@@ -150,7 +148,8 @@ inline std::vector<double> gather_fields(const std::shared_ptr<const Scene>& roo
       places[i].field.runs.push_back(bands_of(late, scene.num_bands()));
     }
     if (seed + 1 == fields)
-      std::printf("cells of %.1f m, %llu photons:\n", static_cast<double>(config.field_cell_m), static_cast<unsigned long long>(field->photons()));
+      std::printf("cells of %.1f m, %llu photons:\n", static_cast<double>(config.field_cell_m),
+                  static_cast<unsigned long long>(field->photons()));
   }
   return stated;
 }
@@ -210,7 +209,8 @@ inline void expect_decay_of_paths(const std::vector<Place>& places, std::span<co
             << truth_db.mean << " dB";
       }
     }
-    for (std::size_t seed = 0; seed < stated.size(); ++seed) covered += of_place[seed] < 2 * std::hypot(stated[seed], sigma_of_place) ? 1 : 0;
+    for (std::size_t seed = 0; seed < stated.size(); ++seed)
+      covered += of_place[seed] < 2 * std::hypot(stated[seed], sigma_of_place) ? 1 : 0;
   }
   curve_size_db /= levels, curve_sigma_field_db /= levels, curve_sigma_paths_db /= levels;
   const int pairs = static_cast<int>(places.size() * stated.size());

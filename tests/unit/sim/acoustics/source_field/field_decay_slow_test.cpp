@@ -11,9 +11,7 @@ TEST(SourceFieldDecaySlow, SourceInTheDeadRoomOfTwo) {
   expect_decay_of_paths(kInDead, kMany, std::array{kFastInDead, within_what_is_heard(0.5f)});
 }
 
-TEST(SourceFieldDecaySlow, SourceInTheLiveRoomOfTwo) {
-  expect_decay_of_paths(kInLive, kMany, std::array{within_what_is_heard(1.f)});
-}
+TEST(SourceFieldDecaySlow, SourceInTheLiveRoomOfTwo) { expect_decay_of_paths(kInLive, kMany, std::array{within_what_is_heard(1.f)}); }
 
 }  // namespace
 }  // namespace earshot
