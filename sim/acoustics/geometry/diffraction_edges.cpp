@@ -51,13 +51,31 @@ bool narrow(const Scene& scene, DiffractionEdge& edge, double along_m, double ra
     edge.face = std::cos(turn) * edge.face + std::sin(turn) * edge.first_normal;
     edge.first_normal = glm::cross(edge.along, edge.face);
     edge.exterior_rad = sector;
-    const glm::dvec3 second = std::cos(sector) * edge.face + std::sin(sector) * edge.first_normal;
-    edge.second_normal = glm::cross(second, edge.along);
+    edge.second_normal = glm::cross(edge.second_face(), edge.along);
     edge.first_material = face[i].material;
     edge.second_material = face[i + 1].material;
     return true;
   }
   return false;
+}
+
+/// How far from the middle of the edge one of its faces goes on.  Rays onto it from either side of its plane: faces that meet without
+/// sharing vertices are one.
+double width_of(const Scene& scene, const DiffractionEdge& edge, glm::dvec3 face, glm::dvec3 normal, double clearance_m) {
+  const glm::dvec3 middle = edge.at(0.5 * edge.length_m);
+  const auto is_there = [&](double width_m) {
+    const double above_m = 2.0 * clearance_m + std::min(0.05 * width_m, 0.01);
+    const Hit hit = scene.rays().intersect(glm::vec3(middle + width_m * face + above_m * normal), glm::vec3(-normal),
+                                           static_cast<float>(2.0 * above_m));
+    return hit.valid() && std::abs(glm::dot(glm::dvec3(hit.normal), normal)) > 0.99;
+  };
+  double width_m = 0.005;
+  while (width_m < kWideFaceM && is_there(2.0 * width_m)) width_m *= 2.0;
+  if (width_m >= kWideFaceM) return kWideFaceM;
+  const double least_m = 0.12 * width_m;
+  for (double more_m = 0.5 * width_m; more_m > least_m; more_m *= 0.5)
+    if (is_there(width_m + more_m)) width_m += more_m;
+  return width_m;
 }
 
 /// Two sheets that meet without sharing vertices both bring the wedge between them: keep the longer.
@@ -83,6 +101,8 @@ double DiffractionEdge::angle_of(glm::dvec3 point) const {
 
 glm::dvec3 DiffractionEdge::outward() const { return std::cos(0.5 * exterior_rad) * face + std::sin(0.5 * exterior_rad) * first_normal; }
 
+glm::dvec3 DiffractionEdge::second_face() const { return std::cos(exterior_rad) * face + std::sin(exterior_rad) * first_normal; }
+
 DiffractionEdges::DiffractionEdges(const Scene& scene, float least_length_m) : rays_(&scene.rays()) {
   if (scene.mesh().triangles.empty()) return;
   const double diagonal_m = glm::length(glm::dvec3(scene.bounds().upper) - glm::dvec3(scene.bounds().lower));
@@ -104,7 +124,11 @@ DiffractionEdges::DiffractionEdges(const Scene& scene, float least_length_m) : r
         std::any_of(edges_.begin(), edges_.end(), [&](const DiffractionEdge& longer) { return covers(longer, wedge, radius_m); });
     if (!known) edges_.push_back(wedge);
   }
-  for (const DiffractionEdge& edge : edges_) outward_.push_back(edge.outward());
+  for (DiffractionEdge& edge : edges_) {
+    outward_.push_back(edge.outward());
+    edge.first_width_m = width_of(scene, edge, edge.face, edge.first_normal, clearance_m_);
+    edge.second_width_m = width_of(scene, edge, edge.second_face(), edge.second_normal, clearance_m_);
+  }
 }
 
 bool DiffractionEdges::visible_from(std::uint32_t edge, glm::vec3 point) const {

@@ -16,6 +16,9 @@ namespace earshot {
 /// that of a plane in the mean.  So they bound no panel and take no part in reflections.
 inline constexpr double kBluntRad = std::numbers::pi * 195.0 / 180.0;
 
+/// Faces are followed no further.
+inline constexpr double kWideFaceM = 10.24;
+
 /// A straight edge that diffracts sound: a wedge of air of more than 185 degrees between two faces.  Lengths in metres, world axes.
 struct DiffractionEdge {
   glm::dvec3 start{0}, along{0};  ///< along: unit
@@ -25,6 +28,8 @@ struct DiffractionEdge {
   glm::dvec3 second_normal{0};  ///< unit, of the second face, into the air
   double exterior_rad = 0;      ///< angle of the air, in (pi, 2 pi]; 2 pi: the rim of a sheet
   std::uint32_t first_material = 0, second_material = 0;
+  /// How far the faces go on from the middle of the edge, by an eighth of it; kWideFaceM: that far or further, or not known.
+  double first_width_m = kWideFaceM, second_width_m = kWideFaceM;
 
   [[nodiscard]] glm::dvec3 at(double along_m) const { return start + along_m * along; }
   /// Angle from the first face through the air, in [0, exterior]; a point inside the solid is moved to the nearer face.
@@ -36,6 +41,8 @@ struct DiffractionEdge {
   }
   /// Unit, into the middle of the air, halfway between the faces.
   [[nodiscard]] glm::dvec3 outward() const;
+  /// Unit, from the edge into its second face.
+  [[nodiscard]] glm::dvec3 second_face() const;
 };
 
 /// The edges of a scene.  Immutable.
@@ -48,7 +55,7 @@ struct DiffractionEdge {
 /// no rim there.
 class DiffractionEdges {
  public:
-  /// Keeps a reference to the rays of `scene`, which must outlive this.  About 1 us per triangle and, at 6,500 edges, 10 us per edge; the
+  /// Keeps a reference to the rays of `scene`, which must outlive this.  About 1 us per triangle and, at 6,500 edges, 10 us per edge, two dozen short rays among it; the
   /// latter grows with their number (each is compared with the longer ones).
   DiffractionEdges(const Scene& scene, float least_length_m);
 

@@ -13,9 +13,8 @@ PanelEdges::PanelEdges(const Scene& scene, const DiffractionEdges& edges, std::s
   for (const DiffractionEdge& edge : edges.edges()) {
     if (edge.exterior_rad < kBluntRad) continue;
     const double inset_m = std::min(0.02 * edge.length_m, 200.0 * edges.clearance_m());
-    const glm::dvec3 second = std::cos(edge.exterior_rad) * edge.face + std::sin(edge.exterior_rad) * edge.first_normal;
     const glm::dvec3 middle = edge.at(0.5 * edge.length_m);
-    for (const auto& [face, normal] : {std::pair(edge.face, edge.first_normal), std::pair(second, edge.second_normal)}) {
+    for (const auto& [face, normal] : {std::pair(edge.face, edge.first_normal), std::pair(edge.second_face(), edge.second_normal)}) {
       const Hit hit =
           scene.rays().intersect(glm::vec3(middle + inset_m * (face + normal)), glm::vec3(-normal), static_cast<float>(2 * inset_m));
       if (!hit.valid() || std::abs(glm::dot(glm::dvec3(hit.normal), normal)) < 0.999) continue;

@@ -53,6 +53,15 @@ bool set_bands(const EdgeBands& bands, const ComplexLanes& ratio, double distanc
   return any;
 }
 
+/// Does the face, which goes on for `width_m` from the edge, end before the point of reflection in its plane?
+bool ends_before_reflection(const DiffractionEdge& edge, glm::dvec3 face, glm::dvec3 normal, double width_m, glm::dvec3 source,
+                            glm::dvec3 listener) {
+  const glm::dvec3 from = source - edge.start, to = listener - edge.start;
+  const double from_height_m = glm::dot(from, normal), to_height_m = glm::dot(to, normal);
+  if (width_m >= kWideFaceM || from_height_m <= 0 || to_height_m <= 0) return false;
+  return glm::dot(to_height_m * from + from_height_m * to, face) > width_m * (from_height_m + to_height_m);
+}
+
 /// Index of the direct sound (order 0) or first-order image among `paths`; -1: not there.
 int index_of(glm::dvec3 image, int order, glm::vec3 listener, std::span<const Arrival> paths) {
   const glm::dvec3 toward = image - glm::dvec3(listener);
@@ -173,8 +182,12 @@ void DiffractionCandidates::split(const DiffractionEdge& edge, const FiniteWedge
     parts[2] = {wedge.detour_m(3), index_of(mirror(source, edge, edge.second_normal), 1, listener, paths)};
   }
   // On the lit side of a reflection boundary the edge's wave is part of the image, with or without a path of its own here: planes past the
-  // candidates and images that are off are the tracers'.
-  const auto lit = [&](std::size_t i) { return parts[i].path >= 0 || wedge.endless().weight(i + 1) < 0; };
+  // candidates and images that are off are the tracers'.  Past the far end of a narrow face there is no image, and the waves of its two
+  // edges cancel but for what its width is to the wave.
+  const std::array<bool, 3> past = {
+      false, ends_before_reflection(edge, edge.face, edge.first_normal, edge.first_width_m, source, glm::dvec3(listener)),
+      ends_before_reflection(edge, edge.second_face(), edge.second_normal, edge.second_width_m, source, glm::dvec3(listener))};
+  const auto lit = [&](std::size_t i) { return parts[i].path >= 0 || (wedge.endless().weight(i + 1) < 0 && !past[i]); };
   for (std::size_t i = 0; i < 2; ++i) {
     found.arrival[i] = base;
     found.arrival[i].order = i == 0 ? parts[0].path : -1;

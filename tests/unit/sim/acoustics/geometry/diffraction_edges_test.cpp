@@ -187,6 +187,32 @@ TEST(DiffractionEdges, AWallOfStripsOnAFloorHasNoRimThere) {
   EXPECT_EQ(count_exterior(edges, 1.5 * kPi), 12);
 }
 
+TEST(DiffractionEdges, FacesAreFollowedAsFarAsTheyGo) {
+  // A board of 0.3 x 2 x 0.03 m, and a floor far below it, which is no part of its faces.
+  TriangleMesh mesh;
+  rooms::append_box(mesh, {0, 0, 1}, {0.3, 2, 1.03}, 0);
+  rooms::append_quad(mesh, {rooms::point(-20, -20, 0), rooms::point(20, -20, 0), rooms::point(20, 20, 0), rooms::point(-20, 20, 0)}, 0);
+  const auto scene = rooms::scene_of(std::move(mesh), {Material::uniform("hard", 0.f, 0.f)});
+  int board = 0, floor = 0;
+  for (const DiffractionEdge& edge : DiffractionEdges(*scene, 0.1f).edges()) {
+    if (edge.length_m > 10) {
+      ++floor;
+      EXPECT_EQ(edge.first_width_m, kWideFaceM);
+      EXPECT_EQ(edge.second_width_m, kWideFaceM);
+      continue;
+    }
+    ++board;
+    // Across the edge a face of the board is as wide as the board is in the direction of the face.
+    for (const auto& [face, width_m] : {std::pair(edge.face, edge.first_width_m), std::pair(edge.second_face(), edge.second_width_m)}) {
+      const double true_m = std::abs(face.y) > 0.9 ? 0.03 : std::abs(face.x) > 0.9 ? 0.3 : 2.0;
+      EXPECT_LE(width_m, true_m + 1e-6);
+      EXPECT_GE(width_m, 0.85 * true_m);
+    }
+  }
+  EXPECT_EQ(board, 8);  // edges of 0.03 m are dropped
+  EXPECT_GE(floor, 4);
+}
+
 TEST(DiffractionEdges, EmptySceneHasNone) { EXPECT_EQ(DiffractionEdges(*rooms::empty(), 0.25f).size(), 0u); }
 
 TEST(DiffractionEdges, SmallHouse) {

@@ -15,6 +15,7 @@
 #include "sim/base/random.h"
 #include "sim/scene/scene.h"
 #include "tests/support/coherent_field.h"
+#include "tests/support/rigid_plate.h"
 #include "tests/support/rooms.h"
 #include "tests/support/test_data.h"
 #include "tests/support/wedge_cases.h"
@@ -290,6 +291,50 @@ TEST(Diffraction, NoEdgeWaveWhereAnImageIsLitButNoCandidate) {
   const auto ended = arrivals_of(scene, cylindrical({3, 1.2, 0}), cylindrical({2, 1.95, 0}));
   ASSERT_EQ(ended.size(), 2u);
   EXPECT_NEAR(4 * kPi * ended[1].distance_m * ended[1].amplitude[0], 0.5, 0.05);
+}
+
+TEST(Diffraction, NarrowFacesReflectByTheirWidth) {
+  // A strip in the air, the point of reflection past one of its long edges: against the Kirchhoff sum over its face.  Its two edges cancel
+  // but for its width; either alone is half an image.
+  const double depth_m = 8;
+  int close = 0;
+  for (const double width_m : {0.03, 0.1, 0.3}) {
+    TriangleMesh mesh;
+    const auto half = static_cast<float>(width_m / 2), end = static_cast<float>(depth_m / 2);
+    rooms::append_quad(mesh, {glm::vec3(-half, 0, -end), glm::vec3(half, 0, -end), glm::vec3(half, 0, end), glm::vec3(-half, 0, end)}, 0);
+    const AcousticScene scene(hard(mesh), config_with(Switch::on));
+    const glm::vec3 source(-4, 1.5f, 0.3f);
+    const EarlyCandidates candidates(scene, source);
+    for (const float x : {1.f, 2.5f, 6.5f, 8.5f}) {
+      const glm::vec3 listener(x, 1.9f, -0.2f);
+      const double reflected_at_m = (1.9 * -4 + 1.5 * x) / 3.4;
+      ASSERT_GT(std::abs(reflected_at_m), width_m / 2);
+      std::vector<Arrival> arrivals = arrivals_of(scene, candidates, listener);
+      std::erase_if(arrivals, [](const Arrival& arrival) { return arrival.kind != ArrivalKind::diffraction; });
+      const double image_m = glm::length(glm::dvec3(source.x, -source.y, source.z) - glm::dvec3(listener));
+      for (int band = 0; band < scene.num_bands(); ++band) {
+        const double k = 2 * kPi * scene.bands().centre_hz[band] / scene.speed_of_sound_m_per_s();
+        const Complex truth = rigid_plate::reflected(width_m, depth_m, glm::dvec3(source), glm::dvec3(listener), k);
+        const double error = 4 * kPi * image_m * std::abs(pressure(scene, arrivals, static_cast<std::size_t>(band)) - truth);
+        // Of a free path as long as the image's; each edge is within 1.5 % of it, or 1 dB (finite_edge.h).  Ways over the edges that
+        // are longer than the image's by half a wave count no more.
+        double least_waves = 1e9, most_waves = 0;
+        for (const double side_m : {-width_m / 2, width_m / 2}) {
+          const double way_m = std::hypot(std::hypot(-4 - side_m, 1.5) + std::hypot(x - side_m, 1.9), 0.5);
+          least_waves = std::min(least_waves, (way_m - image_m) * k / (2 * kPi));
+          most_waves = std::max(most_waves, (way_m - image_m) * k / (2 * kPi));
+        }
+        if (most_waves < 0.25) {
+          ++close;
+          EXPECT_LT(error, 0.03 + 0.12 * 4 * kPi * image_m * std::abs(truth))
+              << width_m << " m, listener at " << x << ", " << scene.bands().centre_hz[band] << " Hz";
+        } else if (least_waves > 0.5) {
+          EXPECT_LE(error, 4 * kPi * image_m * std::abs(truth) * (1 + 1e-6));
+        }
+      }
+    }
+  }
+  EXPECT_GT(close, 40);
 }
 
 TEST(Diffraction, ReflectionsThatEndWithoutTheirEdgesChangeAnOctaveByWhatThePlanStates) {
