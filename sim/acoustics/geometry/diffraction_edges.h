@@ -55,8 +55,8 @@ struct DiffractionEdge {
 /// no rim there.
 class DiffractionEdges {
  public:
-  /// Keeps a reference to the rays of `scene`, which must outlive this.  About 1 us per triangle and, at 6,500 edges, 10 us per edge, two dozen short rays among it; the
-  /// latter grows with their number (each is compared with the longer ones).
+  /// Keeps a reference to the rays of `scene`, which must outlive this.  About 1 us per triangle and, at 6,500 edges, 10 us per edge, two
+  /// dozen short rays among it; the latter grows with their number (each is compared with the longer ones).
   DiffractionEdges(const Scene& scene, float least_length_m);
 
   [[nodiscard]] std::span<const DiffractionEdge> edges() const { return edges_; }
