@@ -45,7 +45,7 @@ double sweep(const DiffractionEdges& edges, bool keep_on_edge, EdgePath& path) {
   return largest_m;
 }
 
-/// One Newton step on the length, halved until it does not grow.  The Hessian is tridiagonal and positive.  Returns the largest move.
+/// One Newton step on path.length_m, halved until it does not grow.  The Hessian is tridiagonal and positive.  Returns the largest move.
 double newton_step(const DiffractionEdges& edges, EdgePath& path) {
   const auto order = static_cast<std::size_t>(path.sequence.order);
   Numbers gradient{}, diagonal{}, upper{};
@@ -73,7 +73,6 @@ double newton_step(const DiffractionEdges& edges, EdgePath& path) {
   }
   for (std::size_t i = order; i-- > 0;) step[i] = (step[i] - (i + 1 < order ? upper[i] * step[i + 1] : 0.0)) / diagonal[i];
 
-  const double before_m = length_of(path);
   const Numbers start = path.along_m;
   for (double fraction = 1; fraction > 1e-3; fraction *= 0.5) {
     double largest_m = 0;
@@ -82,7 +81,10 @@ double newton_step(const DiffractionEdges& edges, EdgePath& path) {
       largest_m = std::max(largest_m, std::abs(fraction * step[i]));
     }
     place(edges, path);
-    if (length_of(path) <= before_m) return largest_m;
+    const double length_m = length_of(path);
+    if (length_m > path.length_m) continue;
+    path.length_m = length_m;
+    return largest_m;
   }
   path.along_m = start;
   place(edges, path);
@@ -107,13 +109,12 @@ bool shortest_path(const DiffractionEdges& edges, const EdgeSequence& sequence, 
   for (std::size_t i = 0; i < order; ++i) path.along_m[i] = 0.5 * edges[sequence.edge[i]].length_m;
   place(edges, path);
   sweep(edges, false, path);
-  if (order > 1) {
-    sweep(edges, false, path);
-    for (int i = 0; i < 20; ++i) {
-      if (newton_step(edges, path) <= 1e-9 * length_of(path)) break;
-    }
-  }
+  if (order > 1) sweep(edges, false, path);
   path.length_m = length_of(path);
+  for (int i = 0; order > 1 && i < 20; ++i) {
+    // What is left after a step is of the order of its square.
+    if (newton_step(edges, path) <= 1e-5 * path.length_m) break;
+  }
   bool past_end = false;
   for (std::size_t i = 0; i < order; ++i) {
     past_end = past_end || path.along_m[i] < 0 || path.along_m[i] > edges[sequence.edge[i]].length_m;

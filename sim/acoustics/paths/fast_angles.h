@@ -1,28 +1,33 @@
 #pragma once
 
 #include <cmath>
-#include <complex>
+#include <cstdint>
+#include <cstring>
 
 namespace earshot {
 
-/// exp(j angle) within 1e-11 for |angle| < 1e6: Taylor's series about the nearest quarter turn.  5 ns, a fourth of std::sin and std::cos.
-inline std::complex<double> fast_unit_phase(double angle) {
+/// The four terms of a wedge side by side.
+using FourNumbers = double __attribute__((vector_size(32)));
+struct FourPhases {
+  FourNumbers cosine, sine;
+};
+
+/// exp(j angle) within 1e-11 for |angle| < 1e6: Taylor's series about the nearest quarter turn.  About 6 ns for all four, as much as one
+/// std::sin.
+inline FourPhases fast_unit_phase(const FourNumbers& angle) {
+  using Integers = std::int64_t __attribute__((vector_size(32)));
   constexpr double quarters_per_rad = 0.63661977236758134, quarter_rad = 1.5707963267948966, rest_rad = 6.123233995736766e-17;
-  const double quarters = std::nearbyint(angle * quarters_per_rad);
-  const double x = (angle - quarters * quarter_rad) - quarters * rest_rad, y = x * x;
-  const double sine = x * (1 - y * (1.0 / 6 - y * (1.0 / 120 - y * (1.0 / 5040 - y * (1.0 / 362880 - y * (1.0 / 39916800))))));
-  const double cosine =
+  constexpr double ulp_is_one = 6755399441055744.0;  // the low bits of a sum with it are those of the nearest whole number
+  const FourNumbers shifted = angle * quarters_per_rad + ulp_is_one, quarters = shifted - ulp_is_one;
+  Integers quarter;
+  std::memcpy(&quarter, &shifted, sizeof quarter);
+  const FourNumbers x = (angle - quarters * quarter_rad) - quarters * rest_rad, y = x * x;
+  const FourNumbers sine = x * (1 - y * (1.0 / 6 - y * (1.0 / 120 - y * (1.0 / 5040 - y * (1.0 / 362880 - y * (1.0 / 39916800))))));
+  const FourNumbers cosine =
       1 - y * (1.0 / 2 - y * (1.0 / 24 - y * (1.0 / 720 - y * (1.0 / 40320 - y * (1.0 / 3628800 - y * (1.0 / 479001600))))));
-  switch (static_cast<long long>(quarters) & 3) {
-    case 0:
-      return {cosine, sine};
-    case 1:
-      return {-sine, cosine};
-    case 2:
-      return {-cosine, -sine};
-    default:
-      return {sine, -cosine};
-  }
+  const Integers odd = (quarter & 1) != 0;
+  const FourNumbers real = odd ? sine : cosine, imag = odd ? cosine : sine;
+  return {((quarter + 1) & 2) != 0 ? -real : real, (quarter & 2) != 0 ? -imag : imag};
 }
 
 /// atan2(y, x) for x >= 0 within 2e-8 rad (Abramowitz and Stegun 1964, 4.4.49); 0 at the origin.  4 ns, a fifth of std::atan2.

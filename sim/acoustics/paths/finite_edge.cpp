@@ -24,15 +24,37 @@ ComplexLanes fresnel_tail(const ComplexLanes& end_erfc) {
 }
 
 /// (1 / pi) times the integral over x from 0 to low / high of exp(j low^2 - j (high x)^2) / (1 + x^2), low <= high, low <= kFar: Owen's T
-/// function (Owen 1956, Ann. Math. Statist. 27, 1075-1090) of an argument on the ray exp(j pi / 4), by six points of Gauss and Legendre.
-ComplexLanes owen_t(const Lanes& low, const Lanes& high) {
-  constexpr std::array<float, 6> square = {0.00114009163f, 0.0286947700f, 0.144925186f, 0.383544372f, 0.689904156f, 0.933609606f},
-                                 weight = {0.0272671398f, 0.0574169876f, 0.0744708156f, 0.0744708156f, 0.0574169876f, 0.0272671398f};
-  const Lanes phase = low * low, fraction = low / (high < 1e-20f ? all_lanes(1e-20f) : high), fraction_square = fraction * fraction;
-  ComplexLanes sum;
-  for (std::size_t i = 0; i < square.size(); ++i)
-    sum = sum + (weight[i] / (1.f + square[i] * fraction_square)) * unit_phase((1.f - square[i]) * phase);
-  return fraction * sum;
+/// function (Owen 1956, Ann. Math. Statist. 27, 1075-1090) of an argument on the ray exp(j pi / 4).  turn: exp(j low^2); erfc:
+/// scaled_erfc(low).  With x = t low / high and 1 / (1 + y) as a polynomial (2.2e-4 at most) it is a sum of moments
+/// M_k = integral of t^2k exp(j low^2 (1 - t^2)) from 0 to 1, of which 2 j low^2 M_k+1 = (2 k + 1) M_k - 1.
+ComplexLanes owen_t(const Lanes& low, const Lanes& high, const ComplexLanes& turn, const ComplexLanes& erfc) {
+  constexpr std::size_t degree = 4;
+  constexpr std::array<float, degree + 1> coefficient = {0.99978336f, -0.98729908f, 0.87791824f, -0.55180617f, 0.16162028f};
+  constexpr float split = 0.84f;  // below it the recurrence is stable downward, above it upward
+  const LaneIntegers small = low < split;
+  const Lanes below = small ? low : all_lanes(split), above = small ? all_lanes(split) : low;
+  std::array<ComplexLanes, degree + 1> moment;
+  const Lanes twice = 2.f * below * below, guess = 1.f / (169.f + twice * twice);
+  ComplexLanes down = {13.f * guess, twice * guess};  // M_6 where M_7 is about as large
+  for (std::size_t k = 6; k-- > 0;) {
+    const float share = 1.f / static_cast<float>(2 * k + 1);
+    down = {share * (1.f - twice * down.imag), share * (twice * down.real)};
+    if (k <= degree) moment[k] = down;
+  }
+  const Lanes half = 0.5f / (above * above);
+  // M_0 by the complementary error function: what is left of exp(j low^2) times the integral of exp(-j t^2) over the half line.
+  const ComplexLanes rest = (0.62665707f / above) * (turn - erfc);
+  ComplexLanes up = {rest.real + rest.imag, rest.imag - rest.real};
+  for (std::size_t k = 0;; ++k) {
+    moment[k] = choose(small, moment[k], up);
+    if (k == degree) break;
+    const auto odd = static_cast<float>(2 * k + 1);
+    up = {half * (odd * up.imag), half * (1.f - odd * up.real)};
+  }
+  const Lanes fraction = low / (high < 1e-20f ? all_lanes(1e-20f) : high), square = fraction * fraction;
+  ComplexLanes sum = all_lanes(coefficient[degree]) * moment[degree];
+  for (std::size_t k = degree; k-- > 0;) sum = square * sum + all_lanes(coefficient[k]) * moment[k];
+  return (std::numbers::inv_pi_v<float> * fraction) * sum;
 }
 
 }  // namespace
@@ -47,7 +69,7 @@ ComplexLanes edge_tail(const Lanes& u, const Lanes& b, const ComplexLanes& own_e
   const Lanes below = u < kFar ? u : all_lanes(kFar);
   const LaneIntegers swapped = b < below;
   const Lanes low = choose(swapped, b, below), high = choose(swapped, below, b);
-  const ComplexLanes turn = unit_phase(low * low), t = owen_t(low, high);
+  const ComplexLanes turn = unit_phase(low * low), t = owen_t(low, high, turn, choose(swapped, own_erfc, end_erfc));
   const ComplexLanes near = choose(swapped, t - all_lanes(0.5f) * (end_erfc * (turn - own_erfc)), all_lanes(0.5f) * (turn * own_erfc) - t);
   return choose(u < kFar, near, far);
 }
@@ -91,8 +113,8 @@ FiniteWedge::FiniteWedge(const DiffractionEdge& edge, glm::dvec3 before, glm::dv
   const double apex_z = across > 0 ? (source_z * listener_r + listener_z * source_r) / across : 0.5 * edge.length_m;
   past_end_ = apex_z < 0 ? 0 : apex_z > edge.length_m ? 1 : -1;
   const double nu = kPi / edge.exterior_rad;
-  std::array<std::complex<double>, 4> beta;  // exp(j nu d)
-  for (std::size_t term = 0; term < 4; ++term) beta[term] = fast_unit_phase(nu * wedge_.from_boundary(term));
+  const FourPhases beta = fast_unit_phase(  // exp(j nu d)
+      nu * FourNumbers{wedge_.from_boundary(0), wedge_.from_boundary(1), wedge_.from_boundary(2), wedge_.from_boundary(3)});
   for (std::size_t i = 0; i < 2; ++i) {
     const double z = i == 0 ? 0.0 : edge.length_m;
     const double m = length_of(source_r, z - source_z), l = length_of(listener_r, z - listener_z);
@@ -108,8 +130,8 @@ FiniteWedge::FiniteWedge(const DiffractionEdge& edge, glm::dvec3 before, glm::dv
     for (std::size_t term = 0; term < 4; ++term) {
       const double theory = wedge_.weight(term) * std::sqrt(2.0 * own_length_m_) * wedge_.boundary(term) /
                             (kPi * (ends_[i].detour_m + 2.0 * own_length_m_ * wedge_.boundary(term) * wedge_.boundary(term)));
-      const double below = cosh_nu_eta - beta[term].real();
-      ends_[i].residue[term] = below > 1e-12 ? -spreading * beta[term].imag() / below - theory : 0.0;
+      const double below = cosh_nu_eta - beta.cosine[term];
+      ends_[i].residue[term] = below > 1e-12 ? -spreading * beta.sine[term] / below - theory : 0.0;
     }
   }
 }

@@ -11,7 +11,7 @@ namespace earshot {
 /// exp(j u^2) times (b / pi) times the integral of exp(-j t^2) / (t^2 + b^2) over t from u to infinity; u, b >= 0.  At u = 0 it is half of
 /// scaled_erfc(b): each term of the uniform theory is this integral over the whole line, so that it is what the edge past its end at u
 /// contributes.  own_erfc: scaled_erfc(b); end_erfc: scaled_erfc(u); least_u: the least u of all lanes.  Error below 2e-3 of 1 / (1 + u)
-/// everywhere.  Near its end about 50 ns for all lanes, 3 ns where u >= 2.75 in all.
+/// everywhere.  Near its end about 30 ns for all lanes, 3 ns where u >= 2.75 in all.
 ComplexLanes edge_tail(const Lanes& u, const Lanes& b, const ComplexLanes& own_erfc, const ComplexLanes& end_erfc, float least_u);
 
 /// No wave over the edge exceeds this fraction of a free path by its nearest point: each term's integral without its phase, which is the

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <complex>
 #include <numbers>
 
 #include "sim/acoustics/paths/fast_angles.h"
@@ -31,16 +30,19 @@ WedgeDiffraction::WedgeDiffraction(double exterior_rad, double source_rad, doubl
   const double n = exterior_rad / kPi;
   const double difference = std::abs(source_rad - listener_rad), sum = source_rad + listener_rad;
   // pi -+ (phi - phi'), pi -+ (phi + phi'), each less the multiple of 2 pi n that brings it nearest to zero: N+ and N- of the paper.
-  const std::array<double, 4> argument = {kPi - difference, kPi + difference, kPi - sum, kPi + sum};
+  FourNumbers from_boundary = {kPi - difference, kPi + difference, kPi - sum, kPi + sum}, half;
+  const double turn = 2.0 * exterior_rad;
   for (std::size_t i = 0; i < 4; ++i) {
-    const double turn = 2.0 * exterior_rad, from_boundary = argument[i] - turn * std::nearbyint(argument[i] / turn);
-    const double half = 0.5 * std::abs(from_boundary);
-    from_boundary_[i] = from_boundary;
-    boundary_[i] = std::abs(fast_unit_phase(half).imag());
-    // sin(half) / tan(half / n), 0 <= half / n <= pi / 2.
-    const std::complex<double> part = fast_unit_phase(half / n);
-    const double slope = half > 1e-9 ? boundary_[i] * part.real() / part.imag() : n;
-    weight_[i] = (from_boundary < 0 ? 0.5 : -0.5) * slope / n;
+    from_boundary[i] -= turn * std::nearbyint(from_boundary[i] / turn);
+    half[i] = 0.5 * std::abs(from_boundary[i]);
+  }
+  // sin(half) / tan(half / n), 0 <= half / n <= pi / 2.
+  const FourPhases whole = fast_unit_phase(half), part = fast_unit_phase(half / n);
+  for (std::size_t i = 0; i < 4; ++i) {
+    from_boundary_[i] = from_boundary[i];
+    boundary_[i] = std::abs(whole.sine[i]);
+    const double slope = half[i] > 1e-9 ? boundary_[i] * part.cosine[i] / part.sine[i] : n;
+    weight_[i] = (from_boundary[i] < 0 ? 0.5 : -0.5) * slope / n;
   }
 }
 

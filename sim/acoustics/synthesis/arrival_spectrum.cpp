@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdint>
 #include <numbers>
 
 #include "sim/audio/spectrum_math.h"
@@ -27,7 +26,14 @@ Complex unit_turn(float angle) {
 
 }  // namespace
 
-ArrivalSpectrum::ArrivalSpectrum(const BandFilters& filters) : filters_(filters), gain_(filters.num_bins()), factor_(filters.num_bins()) {}
+ArrivalSpectrum::ArrivalSpectrum(const BandFilters& filters) : filters_(filters), gain_(filters.num_bins()), factor_(filters.num_bins()) {
+  const std::span<const std::uint8_t> lower = filters_.lower_bands();
+  for (std::size_t k = 0; k < factor_.size(); ++k) {
+    const bool turns = filters_.upper_weights()[k] != 0.f;
+    if (runs_.empty() || runs_.back().lower != lower[k] || runs_.back().turns != turns) runs_.push_back({k, k, lower[k], turns});
+    runs_.back().end = k + 1;
+  }
+}
 
 void ArrivalSpectrum::set(std::span<const float> amplitude, std::span<const float> phase_rad) {
   const auto bands = static_cast<std::size_t>(filters_.num_bands());
@@ -53,10 +59,17 @@ void ArrivalSpectrum::set(std::span<const float> amplitude, std::span<const floa
         b + 1 < bands ? std::remainder(static_cast<double>(phase_rad[b + 1]) - static_cast<double>(phase_rad[b]), 2.0 * kPi) : 0.0;
     way_[b] = static_cast<float>(way);
   }
-  const std::uint8_t* lower = filters_.lower_bands().data();
-  const float* weight = filters_.upper_weights().data();
-  for (std::size_t k = 0; k < factor_.size(); ++k)
-    factor_[k] = gain_[k] * (weight[k] == 0.f ? turn_[lower[k]] : multiply(turn_[lower[k]], unit_turn(weight[k] * way_[lower[k]])));
+  const float *weight = filters_.upper_weights().data(), *gain = gain_.data();
+  Complex* factor = factor_.data();
+  for (const Run& run : runs_) {
+    const Complex turn = turn_[run.lower];
+    const float way = way_[run.lower];
+    if (run.turns) {
+      for (std::size_t k = run.begin; k < run.end; ++k) factor[k] = gain[k] * multiply(turn, unit_turn(weight[k] * way));
+    } else {
+      for (std::size_t k = run.begin; k < run.end; ++k) factor[k] = gain[k] * turn;
+    }
+  }
 }
 
 void ArrivalSpectrum::apply(std::span<std::complex<float>> spectrum) const {

@@ -2,6 +2,8 @@
 
 #include <array>
 #include <complex>
+#include <cstddef>
+#include <cstdint>
 #include <span>
 #include <vector>
 
@@ -25,9 +27,16 @@ class ArrivalSpectrum {
   void apply(std::span<std::complex<float>> spectrum) const;
 
  private:
+  /// Bins between the same two bands: all in the region of the lower one, or all on the way.
+  struct Run {
+    std::size_t begin, end;
+    std::uint8_t lower;
+    bool turns;
+  };
   const BandFilters& filters_;
   std::array<float, kMaxBands> signed_{}, way_{};
   std::array<std::complex<float>, kMaxBands> turn_{};
+  std::vector<Run> runs_;
   std::vector<float> gain_;
   std::vector<std::complex<float>> factor_;
   bool silent_ = true, flat_ = true, real_ = true;
