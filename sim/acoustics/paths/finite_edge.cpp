@@ -37,8 +37,8 @@ ComplexLanes owen_t(const Lanes& low, const Lanes& high, const ComplexLanes& tur
   const Lanes twice = 2.f * below * below, guess = 1.f / (169.f + twice * twice);
   ComplexLanes down = {13.f * guess, twice * guess};  // M_6 where M_7 is about as large
   for (std::size_t k = 6; k-- > 0;) {
-    const float share = 1.f / static_cast<float>(2 * k + 1);
-    down = {share * (1.f - twice * down.imag), share * (twice * down.real)};
+    const float per_step = 1.f / static_cast<float>(2 * k + 1);
+    down = {per_step * (1.f - twice * down.imag), per_step * (twice * down.real)};
     if (k <= degree) moment[k] = down;
   }
   const Lanes half = 0.5f / (above * above);
