@@ -12,6 +12,7 @@
 #include "sim/acoustics/core/energy_decay.h"
 #include "sim/acoustics/core/jackknife.h"
 #include "sim/acoustics/core/sampling.h"
+#include "sim/acoustics/paths/band_lanes.h"
 #include "sim/acoustics/tracers/path_tracer.h"
 #include "sim/base/random.h"
 
@@ -110,6 +111,7 @@ void FieldProbes::find_readers(const FieldGrid& grid, const FieldSmoothing& smoo
   for (std::uint32_t probe = 0; probe < kProbes; ++probe) {
     std::array<FieldGrid::CellWeight, 8> shares;
     const std::size_t count = grid.blend(places[probe], shares);
+    around_.emplace_back(shares.begin(), shares.begin() + static_cast<std::ptrdiff_t>(count));
     for (std::size_t i = 0; i < count; ++i) {
       weights[shares[i].cell * kProbes + probe] += shares[i].weight;
       read[shares[i].cell] = true;
@@ -176,10 +178,16 @@ void FieldProbes::read(std::uint32_t probe, std::vector<float>& energy) const {
 
 /// Energy of all bands and times at the probes, unsmoothed.
 std::vector<double> FieldProbes::probe_levels() const {
-  std::vector<double> levels(kProbes, 0.0);
+  std::vector<double> of_tally(energy_.size(), 0.0), levels(kProbes, 0.0);
+  for (std::size_t tally = 0; tally < energy_.size(); ++tally) {
+    std::array<double, kLanes> sum{};
+    for (std::size_t i = 0; i < energy_[tally].size(); i += kLanes)
+      for (std::size_t lane = 0; lane < kLanes; ++lane) sum[lane] += double{energy_[tally][i + lane]};
+    of_tally[tally] = std::accumulate(sum.begin(), sum.end(), 0.0);
+  }
   for (std::uint32_t probe = 0; probe < kProbes; ++probe)
     for (const Reader& reader : readers_[static_cast<std::size_t>(FieldSmoothing::kMostSweeps) * kProbes + probe])
-      for (const float energy : energy_[reader.tally]) levels[probe] += double{reader.weight} * double{energy};
+      levels[probe] += double{reader.weight} * of_tally[reader.tally];
   return levels;
 }
 
@@ -218,6 +226,59 @@ double FieldProbes::t20_error() const {
     }
   }
   return count > 0 ? sum / count : 1.0;
+}
+
+bool FieldProbes::read_factors(std::uint32_t probe, const SmoothingCorrection& correction, const WideningBins& bins,
+                               std::vector<double>& factors) const {
+  factors.assign(static_cast<std::size_t>(num_bins_) * stride_, 0.0);
+  std::array<float, kMaxBands> of_cell{};
+  bool any = false;
+  for (std::size_t bin = 0; bin < static_cast<std::size_t>(num_bins_); ++bin) {
+    const std::size_t merged = bins.merged_bin_of(bin * kBinsPerProbeBin);
+    for (const FieldGrid::CellWeight& around : around_[probe]) {
+      correction.factors(around.cell, std::min(merged, bins.size() - 1), of_cell);
+      for (std::size_t b = 0; b < stride_; ++b) {
+        factors[bin * stride_ + b] += double{around.weight} * double{of_cell[b]};
+        any = any || of_cell[b] != 1.f;
+      }
+    }
+  }
+  return any;
+}
+
+double FieldProbes::t20_blur(const SmoothingCorrection& correction, const WideningBins& bins) const {
+  if (correction.empty()) return 0;
+  const auto num_bins = static_cast<std::size_t>(num_bins_);
+  const double bin_s = 1.0 / (double{bins_per_m_} * scene_->speed_of_sound_m_per_s());
+  const std::vector<double> levels = probe_levels();
+  const double mean_level = std::accumulate(levels.begin(), levels.end(), 0.0) / kProbes;
+  std::vector<double> factors, blurred(num_bins), corrected(num_bins);
+  std::vector<float> energy;
+  double squares = 0;
+  int count = 0;
+  for (std::uint32_t probe = 0; probe < kProbes; ++probe) {
+    if (levels[probe] < kFaint * mean_level) continue;
+    if (!read_factors(probe, correction, bins, factors)) {
+      count += scene_->num_bands();
+      continue;
+    }
+    read(probe, energy);
+    for (std::size_t band = 0; band < static_cast<std::size_t>(scene_->num_bands()); ++band) {
+      const double air_per_s = double{scene_->air_energy_per_m()[band]} * scene_->speed_of_sound_m_per_s();
+      for (std::size_t bin = 0; bin < num_bins; ++bin) {
+        blurred[bin] = 0;
+        for (std::uint32_t batch = 0; batch < kBatches; ++batch) blurred[bin] += double{energy[(batch * num_bins + bin) * stride_ + band]};
+        blurred[bin] *= std::exp(-air_per_s * (static_cast<double>(bin) + 0.5) * bin_s);
+        corrected[bin] = blurred[bin] * factors[bin * stride_ + band];
+      }
+      const std::optional<double> before_s = measure_band(blurred, bin_s, 0.0).t20_s, after_s = measure_band(corrected, bin_s, 0.0).t20_s;
+      if (!before_s || !after_s || !(*before_s > 0)) continue;
+      const double change = *after_s / *before_s - 1;
+      squares += change * change;
+      ++count;
+    }
+  }
+  return count > 0 ? std::sqrt(squares / count) : 0.0;
 }
 
 }  // namespace earshot

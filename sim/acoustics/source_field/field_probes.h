@@ -8,6 +8,7 @@
 #include "sim/acoustics/geometry/field_grid.h"
 #include "sim/acoustics/geometry/field_smoothing.h"
 #include "sim/acoustics/model/acoustic_scene.h"
+#include "sim/acoustics/source_field/smoothing_correction.h"
 
 namespace earshot {
 
@@ -41,6 +42,9 @@ class FieldProbes {
   /// Relative standard error of T20 by the jackknife over batches, mean over bands that have one and over probes where sound is no more
   /// than 23 dB below its mean; 1 if none has.
   [[nodiscard]] double t20_error() const;
+  /// Relative error of T20 beside that, from the blur of smoothing and cells: root of the mean square, over the same bands and probes, of
+  /// what the correction changes, since of what it finds about as much again is left.  0 where it finds nothing.
+  [[nodiscard]] double t20_blur(const SmoothingCorrection& correction, const WideningBins& bins) const;
 
  private:
   struct Reader {
@@ -50,6 +54,9 @@ class FieldProbes {
   void find_readers(const FieldGrid& grid, const FieldSmoothing& smoothing, const std::vector<glm::vec3>& places);
   void add_to_tally(std::uint32_t tally, float path_m, const float* energy, float length_m, std::uint32_t batch);
   void read(std::uint32_t probe, std::vector<float>& energy) const;
+  /// Factors [bins][padded bands] that the correction has at a probe; false if it has none there.
+  bool read_factors(std::uint32_t probe, const SmoothingCorrection& correction, const WideningBins& bins,
+                    std::vector<double>& factors) const;
   [[nodiscard]] std::vector<double> probe_levels() const;
 
   const AcousticScene* scene_;
@@ -57,9 +64,10 @@ class FieldProbes {
   int num_bins_ = 0;
   float bins_per_m_ = 0;
   std::size_t stride_ = 0;
-  std::vector<std::uint32_t> tally_of_cell_;  ///< cells that some probe reads
-  std::vector<std::vector<Reader>> readers_;  ///< [sweeps][probe]
-  std::vector<std::vector<float>> energy_;    ///< [tally][batch][bin][padded bands]; empty where no photon came
+  std::vector<std::uint32_t> tally_of_cell_;                ///< cells that some probe reads
+  std::vector<std::vector<Reader>> readers_;                ///< [sweeps][probe]
+  std::vector<std::vector<FieldGrid::CellWeight>> around_;  ///< [probe] cells that a listener there reads
+  std::vector<std::vector<float>> energy_;                  ///< [tally][batch][bin][padded bands]; empty where no photon came
 };
 
 }  // namespace earshot

@@ -39,7 +39,8 @@ class SourceField {
   [[nodiscard]] std::uint64_t photons() const;
   /// Photons that were ended because they carried something that was not finite.
   [[nodiscard]] std::uint64_t nonfinite_dropped() const;
-  /// Relative standard error of T20 that the photons leave, mean over bands and probe positions.
+  /// Relative error of T20, one standard error, over bands and probe positions: what the photons leave in the mean, and what the blur of
+  /// cells and smoothing leaves where rooms of different decay meet (FieldProbes::t20_blur), root of the sum of squares.
   [[nodiscard]] double t20_error() const;
 
  private:
@@ -63,6 +64,7 @@ class SourceFieldBuilder {
   /// Adds photons: the first call 512, later ones what the error needs, an eighth more to four times as many.  False, and nothing done,
   /// if the error target is met or the photons are spent.
   bool refine();
+  /// What the photons so far leave, which is what more of them lower; the snapshot's own error holds the blur too.
   [[nodiscard]] double t20_error() const;
   [[nodiscard]] std::uint64_t photons() const;
   [[nodiscard]] std::shared_ptr<const SourceField> snapshot() const;

@@ -11,6 +11,7 @@
 #include "sim/acoustics/source_field/field_image.h"
 #include "sim/acoustics/source_field/field_probes.h"
 #include "sim/acoustics/source_field/photon_pass.h"
+#include "sim/acoustics/source_field/smoothing_correction.h"
 #include "sim/acoustics/source_field/source_field.h"
 #include "sim/audio/ambisonics.h"
 #include "sim/base/denormals.h"
@@ -153,14 +154,40 @@ struct SourceFieldBuilder::Impl {
       factor[static_cast<std::size_t>(band)] = std::exp(-double{scene.air_energy_per_m()[band]} * path_m);
   }
 
+  /// Energy of a cell in a merged bin as photons left it, first coefficient.
+  bool raw_energy(std::uint32_t cell, std::size_t merged, std::span<float> energy) const {
+    if (history[cell].empty()) return false;
+    const std::size_t at = merged * row;
+    std::copy_n(&history[cell][at], stride, energy.begin());
+    if (!folded.empty() && !folded[cell].empty())
+      for (std::size_t b = 0; b < stride; ++b) energy[b] = static_cast<float>(folded[cell][at + b] + double{energy[b]});
+    return true;
+  }
+
+  [[nodiscard]] SmoothingCorrection correction_of(const std::vector<std::uint32_t>& active) const {
+    std::vector<int> sweeps(bins.size());
+    for (std::size_t merged = 0; merged < bins.size(); ++merged) sweeps[merged] = probes.sweeps_at(bins.middle(merged) * bin_s);
+    return {scene.field_smoothing(),
+            bins,
+            sweeps,
+            history.size(),
+            active,
+            stride,
+            [this](std::uint32_t cell, std::size_t merged, std::span<float> energy) { return raw_energy(cell, merged, energy); }};
+  }
+
   /// Cells as the image holds them: late merged bins smoothed, air and units applied.
   struct CellImage {
     std::uint32_t first = 0;         ///< merged bin
     std::vector<FieldValue> values;  ///< [merged bins from first][coefficients][padded bands]
   };
-  [[nodiscard]] std::vector<CellImage> finish() const {
+  struct FieldImage {
+    std::vector<CellImage> cells;
+    double blur = 0;  ///< FieldProbes::t20_blur
+  };
+  [[nodiscard]] FieldImage finish() const {
     const FieldSmoothing& smoothing = scene.field_smoothing();
-    std::vector<CellImage> cells(history.size());
+    FieldImage image{.cells = std::vector<CellImage>(history.size())};
     std::vector<bool> lit(history.size());
     for (std::size_t cell = 0; cell < history.size(); ++cell) lit[cell] = !history[cell].empty();
     const std::vector<std::uint32_t> active = smoothing.reachable(lit);
@@ -169,6 +196,8 @@ struct SourceFieldBuilder::Impl {
     std::vector<float> rows(history.size() * row, 0.f), spare;
     std::array<double, kMaxBands> air{};
     std::array<float, kMaxBands> factor{};
+    const SmoothingCorrection correction = correction_of(active);
+    image.blur = probes.t20_blur(correction, bins);
     // Bin by bin: all cells of one stay in the second cache.
     for (std::size_t merged = 0; merged < bins.size(); ++merged) {
       bool any = false;
@@ -197,20 +226,21 @@ struct SourceFieldBuilder::Impl {
         const float* from = &rows[cell * row];
         // The first coefficient is the energy itself: where it is zero, the others are.
         if (std::all_of(from, from + stride, [](float value) { return value == 0.f; })) continue;
-        CellImage& out = cells[cell];
+        CellImage& out = image.cells[cell];
         if (out.values.empty()) {
           out.first = static_cast<std::uint32_t>(merged);
           out.values.reserve((bins.size() - merged) * row);
         }
         out.values.resize((merged - out.first + 1) * row, 0);
         const double scale = per_photon / double{grid.volume_m3(cell)};
-        for (std::size_t b = 0; b < stride; ++b) factor[b] = static_cast<float>(scale * air[b]);
+        correction.factors(cell, merged, factor);
+        for (std::size_t b = 0; b < stride; ++b) factor[b] *= static_cast<float>(scale * air[b]);
         FieldValue* to = &out.values[(merged - out.first) * row];
         for (std::size_t k = 0; k < row; k += stride)
           for (std::size_t b = 0; b < stride; ++b) to[k + b] = to_field_value(from[k + b] * factor[b]);
       }
     }
-    return cells;
+    return image;
   }
 
   const AcousticScene& scene;
@@ -259,7 +289,8 @@ std::uint64_t SourceFieldBuilder::photons() const { return impl_->photons(); }
 std::shared_ptr<const SourceField> SourceFieldBuilder::snapshot() const {
   const FlushDenormals flush;
   const Impl& in = *impl_;
-  const std::vector<Impl::CellImage> cells = in.finish();
+  const Impl::FieldImage finished = in.finish();
+  const std::vector<Impl::CellImage>& cells = finished.cells;
   std::vector<FieldEntry> entries(cells.size());
   std::uint64_t num_values = 0;
   for (std::size_t i = 0; i < entries.size(); ++i) {
@@ -277,7 +308,7 @@ std::shared_ptr<const SourceField> SourceFieldBuilder::snapshot() const {
   header.num_coefficients = static_cast<std::uint32_t>(in.num_coefficients);
   header.padded_bands = static_cast<std::uint32_t>(in.stride);
   header.bin_s = double{in.bin_s};
-  header.t20_error = in.t20_error;
+  header.t20_error = std::hypot(in.t20_error, finished.blur);
   header.nonfinite_dropped = in.nonfinite_dropped;
 
   const auto image = std::make_shared<std::vector<std::byte>>(header.bytes);

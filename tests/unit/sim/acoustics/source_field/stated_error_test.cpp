@@ -83,5 +83,27 @@ TEST(SourceFieldError, IsTheSpreadOverSeedsInAllRooms) {
   EXPECT_LT(stated, 1.7 * spread);
 }
 
+/// A room alike everywhere has no bias to state: what is stated over the spread of photons, in the mean over seeds.
+TEST(SourceFieldError, IsThatOfPhotonsInOneRoom) {
+  const auto room = rooms::shoe1(0.15, 0.5);
+  double stated = 0, of_photons = 0;
+  for (int seed = 0; seed < 8; ++seed) {
+    AcousticConfig config = acoustic_preset("fast");
+    config.seed = static_cast<std::uint64_t>(seed);
+    config.field = Switch::on;
+    config.rir_length_s = 0.8f;
+    const AcousticScene scene(room, config);
+    const EarlyCandidates candidates(scene, point(1.3, 1.1, 1.4));
+    SourceFieldBuilder builder(scene, candidates);
+    while (builder.refine()) {
+    }
+    of_photons += builder.t20_error();
+    stated += builder.snapshot()->t20_error();
+  }
+  std::printf("stated %.2f %%, of photons %.2f %%\n", 100 * stated / 8, 100 * of_photons / 8);
+  EXPECT_GE(stated, of_photons);
+  EXPECT_LT(stated, 1.15 * of_photons);  // a tenth at most, and eight seeds know their mean within a twentieth
+}
+
 }  // namespace
 }  // namespace earshot
