@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "sim/base/errors.h"
+#include "sim/rays/sure_block.h"
 
 namespace earshot {
 namespace {
@@ -101,6 +102,33 @@ constexpr float farthest_m = 1e15f;
 
 bool is_near(glm::vec3 point) {  // not so for NaN
   return std::fabs(point.x) <= farthest_m && std::fabs(point.y) <= farthest_m && std::fabs(point.z) <= farthest_m;
+}
+
+/// A query's context with the triangle that blocks it.
+struct BlockerContext {
+  RTCIntersectContext base;  // first, so that the addresses agree
+  unsigned triangle = RTC_INVALID_GEOMETRY_ID;
+};
+
+/// The open segment between two points as a shadow ray.
+RTCRay segment_between(glm::vec3 from, glm::vec3 to) {
+  // Both directions of a segment must agree (reciprocity), and rounding at edges depends on the ray's origin: fix the order.
+  if (std::tie(to.x, to.y, to.z) < std::tie(from.x, from.y, from.z)) std::swap(from, to);
+  const glm::vec3 along = to - from;
+  // An open segment: what its ends lie on does not block it.
+  const float fraction = std::min(0.25f, std::max(rounding_of(from), rounding_of(to)) / std::max(glm::length(along), 1e-30f));
+  return {.org_x = from.x,
+          .org_y = from.y,
+          .org_z = from.z,
+          .tnear = fraction,
+          .dir_x = along.x,
+          .dir_y = along.y,
+          .dir_z = along.z,
+          .time = 0.f,
+          .tfar = 1.f - fraction,
+          .mask = ~0u,
+          .id = 0,
+          .flags = 0};
 }
 
 /// The point with these weights of the corners, moved across each edge that it lies closer to than `margin_m`.  By no more than a few
@@ -282,27 +310,30 @@ Hit EmbreeScene::intersect(glm::vec3 origin, glm::vec3 direction, float max_dist
 
 bool EmbreeScene::occluded(glm::vec3 from, glm::vec3 to) const {
   if (!is_near(from) || !is_near(to)) return true;  // outside of all scenes
-  // Both directions of a segment must agree (reciprocity), and rounding at edges depends on the ray's origin: fix the order.
-  if (std::tie(to.x, to.y, to.z) < std::tie(from.x, from.y, from.z)) std::swap(from, to);
-  const glm::vec3 along = to - from;
-  // An open segment: what its ends lie on does not block it.
-  const float fraction = std::min(0.25f, std::max(rounding_of(from), rounding_of(to)) / std::max(glm::length(along), 1e-30f));
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);
-  RTCRay ray{.org_x = from.x,
-             .org_y = from.y,
-             .org_z = from.z,
-             .tnear = fraction,
-             .dir_x = along.x,
-             .dir_y = along.y,
-             .dir_z = along.z,
-             .time = 0.f,
-             .tfar = 1.f - fraction,
-             .mask = ~0u,
-             .id = 0,
-             .flags = 0};
+  RTCRay ray = segment_between(from, to);
   rtcOccluded1(handles_->scene.get(), &context, &ray);
   return ray.tfar < 0;
+}
+
+bool EmbreeScene::occluded(glm::vec3 from, glm::vec3 to, std::uint32_t& blocker) const {
+  if (!is_near(from) || !is_near(to)) return true;
+  if (blocker < handles_->surfaces.size()) {
+    const Handles::Surface& surface = handles_->surfaces[blocker];
+    if (surely_blocks(surface.a, surface.b, surface.c, from, to)) return true;
+  }
+  BlockerContext context;
+  rtcInitIntersectContext(&context.base);
+  context.base.filter = [](const RTCFilterFunctionNArguments* arguments) {
+    if (arguments->valid[0] == 0) return;
+    reinterpret_cast<BlockerContext*>(arguments->context)->triangle = reinterpret_cast<const RTCHit*>(arguments->hit)->primID;
+  };
+  RTCRay ray = segment_between(from, to);
+  rtcOccluded1(handles_->scene.get(), &context.base, &ray);
+  if (!(ray.tfar < 0)) return false;
+  blocker = context.triangle;
+  return true;
 }
 
 void EmbreeScene::intersect8(std::span<const glm::vec3, 8> origins, std::span<const glm::vec3, 8> directions,

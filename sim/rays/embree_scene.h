@@ -46,6 +46,9 @@ class EmbreeScene {
   /// surfaces must have been moved by offset_from_surface.  True if an end is NaN or beyond 1e15 m. The same answer, bit for bit, with the
   /// ends swapped.
   [[nodiscard]] bool occluded(glm::vec3 from, glm::vec3 to) const;
+  /// The same answer, sooner where `blocker` is right.  blocker: in, the traced triangle that may block the segment, Hit::no_triangle or
+  /// any other number: it is tested first, in about 10 ns.  Out: what blocked it, unchanged if nothing does.
+  [[nodiscard]] bool occluded(glm::vec3 from, glm::vec3 to, std::uint32_t& blocker) const;
   /// Eight coherent rays at once (camera rows): distances only, infinity where a ray escapes.  About 0.8 us for all eight.
   void intersect8(std::span<const glm::vec3, 8> origins, std::span<const glm::vec3, 8> directions, std::span<float, 8> distances_m) const;
   /// Number of traced triangles.

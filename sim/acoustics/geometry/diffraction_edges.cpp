@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cmath>
 #include <numbers>
 
@@ -129,17 +130,30 @@ DiffractionEdges::DiffractionEdges(const Scene& scene, float least_length_m) : r
     edge.first_width_m = width_of(scene, edge, edge.face, edge.first_normal, clearance_m_);
     edge.second_width_m = width_of(scene, edge, edge.second_face(), edge.second_normal, clearance_m_);
   }
+  sight_ = std::make_shared<const EdgeSight>(edges_.size());
 }
 
 bool DiffractionEdges::visible_from(std::uint32_t edge, glm::vec3 point) const {
   if (!edges_[edge].in_air(glm::dvec3(point), clearance_m_)) return false;
-  for (const double fraction : {0.5, 0.2, 0.8, 0.02, 0.98}) {
-    if (!rays_->occluded(point, air_point(edge, fraction * edges_[edge].length_m))) return true;
+  constexpr std::array<double, EdgeSight::kPointsPerEdge> fractions = {0.5, 0.2, 0.8, 0.02, 0.98};
+  for (std::uint32_t i = 0; i < fractions.size(); ++i) {
+    std::atomic<std::uint32_t>& remembered = sight_->blocker(edge, i, point);
+    const std::uint32_t before = remembered.load(std::memory_order_relaxed);
+    std::uint32_t blocker = before;
+    if (!rays_->occluded(point, air_point(edge, fractions[i] * edges_[edge].length_m), blocker)) return true;
+    if (blocker != before) remembered.store(blocker, std::memory_order_relaxed);
   }
   return false;
 }
 
 bool DiffractionEdges::mutually_visible(std::uint32_t edge, std::uint32_t other) const {
+  if (const auto known = sight_->known(edge, other)) return *known;
+  const bool visible = find_mutually_visible(edge, other);
+  sight_->learn(edge, other, visible);
+  return visible;
+}
+
+bool DiffractionEdges::find_mutually_visible(std::uint32_t edge, std::uint32_t other) const {
   constexpr std::array<std::array<double, 2>, 5> fractions = {{{0.5, 0.5}, {0.1, 0.1}, {0.9, 0.9}, {0.1, 0.9}, {0.9, 0.1}}};
   const DiffractionEdge &here = edges_[edge], &there = edges_[other];
   for (const auto& fraction : fractions) {

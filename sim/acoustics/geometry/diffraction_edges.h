@@ -4,10 +4,12 @@
 #include <cstdint>
 #include <glm/geometric.hpp>
 #include <glm/vec3.hpp>
+#include <memory>
 #include <numbers>
 #include <span>
 #include <vector>
 
+#include "sim/acoustics/geometry/edge_sight.h"
 #include "sim/scene/scene.h"
 
 namespace earshot {
@@ -45,7 +47,7 @@ struct DiffractionEdge {
   [[nodiscard]] glm::dvec3 second_face() const;
 };
 
-/// The edges of a scene.  Immutable.
+/// The edges of a scene.  Immutable but for what it remembers of visibility, which no answer depends on; safe from any thread.
 ///
 /// Faces meet at an edge if they share its two vertices (equal positions, whatever the indices); any number may.  Neither winding nor which
 /// side is solid matters: every sector between neighbouring faces that is wider than 185 degrees is an edge, on both sides of a wall, and
@@ -62,7 +64,8 @@ class DiffractionEdges {
   [[nodiscard]] std::span<const DiffractionEdge> edges() const { return edges_; }
   [[nodiscard]] const DiffractionEdge& operator[](std::uint32_t edge) const { return edges_[edge]; }
   [[nodiscard]] std::size_t size() const { return edges_.size(); }
-  /// Is some point of one edge visible from some point of the other?  Up to five pairs of points are tried.
+  /// Is some point of one edge visible from some point of the other?  Up to five pairs of points are tried, once: the answer is remembered
+  /// (edge_sight.h).
   [[nodiscard]] bool mutually_visible(std::uint32_t edge, std::uint32_t other) const;
   /// A point of the edge moved into the air by `clearance_m()`, from where rays can leave it.
   [[nodiscard]] glm::vec3 air_point(std::uint32_t edge, double along_m) const {
@@ -74,14 +77,18 @@ class DiffractionEdges {
     return air_point(edge, std::clamp(along_m, inset_m, length_m - inset_m));
   }
   [[nodiscard]] double clearance_m() const { return clearance_m_; }
-  /// Is some point of the edge visible from `point`?  Five points of it are tried.
+  /// Is some point of the edge visible from `point`?  Five points of it are tried; what hid them from places close by is tried first, which
+  /// makes a point that moves cheap and changes no answer.
   [[nodiscard]] bool visible_from(std::uint32_t edge, glm::vec3 point) const;
 
  private:
+  [[nodiscard]] bool find_mutually_visible(std::uint32_t edge, std::uint32_t other) const;
+
   const EmbreeScene* rays_;
   double clearance_m_ = 0;
   std::vector<DiffractionEdge> edges_;
   std::vector<glm::dvec3> outward_;
+  std::shared_ptr<const EdgeSight> sight_;  ///< shared by copies
 };
 
 }  // namespace earshot

@@ -255,5 +255,50 @@ TEST(OffsetFromSurface, MovesByTheScaleOfThePosition) {
   }
 }
 
+// A guess of what blocks a segment saves time and changes no answer, right or wrong, near the sides of triangles and with ends on them.
+TEST(EmbreeScene, AGuessedBlockerChangesNoAnswer) {
+  std::vector<glm::vec3> vertices;
+  std::vector<glm::uvec3> triangles;
+  const auto random = [](std::uint32_t a, std::uint32_t b) { return RandomStream(5, Purpose::test, a).uniform4(b); };
+  for (std::uint32_t i = 0; i < 60; ++i) {
+    for (std::uint32_t corner = 0; corner < 3; ++corner) {
+      const auto u = random(i, corner);
+      // On a coarse lattice, so that segments meet sides, corners and each other's planes.
+      vertices.emplace_back(std::round(8 * u[0]), std::round(8 * u[1]), std::round(8 * u[2]));
+    }
+    triangles.emplace_back(3 * i, 3 * i + 1, 3 * i + 2);
+  }
+  const EmbreeScene scene(vertices, triangles);
+  int blocked = 0, kept = 0;
+  for (std::uint32_t i = 0; i < 20'000; ++i) {
+    const auto u = random(1000, 2 * i), v = random(1000, 2 * i + 1);
+    const float scale = i % 2 == 0 ? 1.f : 4.f;  // half of the ends lie on the lattice of quarters
+    const auto end = [&](float x, float y, float z) {
+      return i % 2 == 0 ? 8.f * glm::vec3(x, y, z)
+                        : glm::vec3(std::round(8 * x * scale), std::round(8 * y * scale), std::round(8 * z * scale)) / scale;
+    };
+    const glm::vec3 from = end(u[0], u[1], u[2]), to = end(v[0], v[1], v[2]);
+    const bool expected = scene.occluded(from, to);
+    std::uint32_t blocker = static_cast<std::uint32_t>(u[3] * 60);
+    EXPECT_EQ(scene.occluded(from, to, blocker), expected);
+    blocked += expected ? 1 : 0;
+    if (expected) {
+      EXPECT_LT(blocker, 60u);
+      const std::uint32_t known = blocker;
+      EXPECT_TRUE(scene.occluded(to, from, blocker));
+      kept += blocker == known ? 1 : 0;
+    }
+    std::uint32_t none = Hit::no_triangle;
+    EXPECT_EQ(scene.occluded(from, to, none), expected);
+    for (std::uint32_t wrong = i % 7; wrong < 60; wrong += 7) {
+      std::uint32_t guess = wrong;
+      EXPECT_EQ(scene.occluded(from, to, guess), expected) << wrong;
+    }
+  }
+  EXPECT_GT(blocked, 4000);
+  EXPECT_LT(blocked, 19'000);
+  EXPECT_GT(kept, blocked / 2);
+}
+
 }  // namespace
 }  // namespace earshot

@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <numbers>
 
+#include "sim/base/random.h"
 #include "sim/scene/scene.h"
 #include "tests/support/rooms.h"
 #include "tests/support/test_data.h"
@@ -227,6 +228,46 @@ TEST(DiffractionEdges, SmallHouse) {
     EXPECT_LE(edge.exterior_rad, 2 * kPi + 1e-9);
     EXPECT_NEAR(glm::dot(edge.along, edge.face), 0, 1e-9);
   }
+}
+
+// What is remembered decides how long an answer takes, never what it is: edges that have been asked along a walk, and from other places
+// before, say what edges say that are asked for the first time.
+TEST(DiffractionEdges, VisibilityDoesNotDependOnWhatWasAskedBefore) {
+  const Scene scene = load_scene("house:4,rooms=3,area_m2=40");
+  const DiffractionEdges walked(scene, 0.25f);
+  const RandomStream random(3, Purpose::test);
+  const glm::vec3 lower = scene.bounds().lower, size = scene.bounds().upper - lower;
+  std::vector<glm::vec3> points;
+  for (std::uint32_t i = 0; i < 12; ++i) {
+    const auto u = random.uniform4(i);
+    const glm::vec3 start = lower + size * glm::vec3(u[0], 0.2f + 0.6f * u[1], u[2]);
+    for (int step = 0; step < 6; ++step) points.push_back(start + 0.15f * static_cast<float>(step) * glm::vec3(0.8f, 0.f, 0.6f));
+  }
+  std::vector<std::vector<bool>> seen;
+  for (const glm::vec3 point : points) {
+    auto& row = seen.emplace_back();
+    for (std::uint32_t edge = 0; edge < walked.size(); ++edge) row.push_back(walked.visible_from(edge, point));
+  }
+  int visible = 0;
+  for (std::size_t i = points.size(); i-- > 0;) {
+    const DiffractionEdges fresh = i % 24 == 0 ? DiffractionEdges(scene, 0.25f) : walked;
+    for (std::uint32_t edge = static_cast<std::uint32_t>(walked.size()); edge-- > 0;) {
+      EXPECT_EQ(fresh.visible_from(edge, points[i]), seen[i][edge]) << edge;
+      EXPECT_EQ(walked.visible_from(edge, points[i]), seen[i][edge]) << edge;
+      visible += seen[i][edge] ? 1 : 0;
+    }
+  }
+  EXPECT_GT(visible, 1000);
+  const DiffractionEdges fresh(scene, 0.25f);
+  int pairs = 0;
+  for (std::uint32_t edge = 0; edge < std::min<std::size_t>(walked.size(), 120); ++edge)
+    for (std::uint32_t other = 0; other < edge; ++other) {
+      const bool first = walked.mutually_visible(edge, other);
+      EXPECT_EQ(walked.mutually_visible(edge, other), first);
+      EXPECT_EQ(fresh.mutually_visible(other, edge), first);
+      pairs += first ? 1 : 0;
+    }
+  EXPECT_GT(pairs, 50);
 }
 
 }  // namespace

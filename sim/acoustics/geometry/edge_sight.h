@@ -1,0 +1,38 @@
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <glm/vec3.hpp>
+#include <optional>
+#include <vector>
+
+namespace earshot {
+
+/// What is remembered of visibility between the edges of a scene, and between them and points of the air, so that a source that moves does
+/// not find it out anew at every pose.  Everything here is either certain (whether two edges see each other) or a guess that is tested
+/// before it is used (what hides a point of an edge), so answers never depend on what is remembered: only time does.  Bounded: at most
+/// 2 MiB.  Any thread may read and write at any time; entries are lost now and then, never wrong.
+class EdgeSight {
+ public:
+  static constexpr std::uint32_t kNothing = 0xFFFFFFFFu;
+
+  explicit EdgeSight(std::size_t num_edges);
+
+  /// Do two edges see each other?  nullopt: not known.
+  [[nodiscard]] std::optional<bool> known(std::uint32_t edge, std::uint32_t other) const;
+  void learn(std::uint32_t edge, std::uint32_t other, bool visible) const;
+
+  /// The triangle that may hide point `which` of an edge, below kPointsPerEdge, from `point` and its surroundings; kNothing: no guess.
+  [[nodiscard]] std::atomic<std::uint32_t>& blocker(std::uint32_t edge, std::uint32_t which, glm::vec3 point) const;
+
+  static constexpr std::uint32_t kPointsPerEdge = 5;
+
+ private:
+  static std::uint64_t key_of(std::uint32_t edge, std::uint32_t other);
+
+  mutable std::vector<std::atomic<std::uint64_t>> pairs_;     ///< smaller edge, larger edge, visible: 31 + 31 + 1 bits, and 1 that it is known
+  mutable std::vector<std::atomic<std::uint32_t>> blockers_;  ///< by edge, point and place of a cube of kPlaceM
+};
+
+}  // namespace earshot
