@@ -73,7 +73,7 @@ void compute_energy_response(const AcousticScene& scene, const EarlyCandidates& 
         trace_bidirectional(scene, candidates, listener, response.late, &response.batches, BidirectionalOptions{.progress = progress});
   } else {
     response.batches.clear();
-    response.stats = trace_late(scene, candidates, listener, response.late);
+    response.stats = trace_late(scene, candidates, listener, response.late, &response.memory.paths());
   }
   response.stats.nonfinite_dropped += nonfinite_arrivals;
   if (scene.config().late != Switch::off && response.late.num_bins() > 0)

@@ -10,6 +10,7 @@
 #include "sim/acoustics/paths/early_reflections.h"
 #include "sim/acoustics/paths/pose_effects.h"
 #include "sim/acoustics/tracers/bidirectional_tracer.h"
+#include "sim/acoustics/tracers/listener_paths.h"
 #include "sim/acoustics/tracers/path_tracer.h"
 
 namespace earshot {
@@ -25,13 +26,15 @@ struct EnergyResponse {
   EffectCounters effects;            ///< of this pose
   LateBatches batches;               ///< parts of the late field for late_errors(); only from the bidirectional tracer
   float speed_of_sound_m_per_s = 0;  ///< turns distances of arrivals into times; > 0 once computed
+  ListenerMemory memory;             ///< of the rays of this listener, for sources that move; no part of the result
 };
 
 /// Energy response of (scene, source, listener).  A pure function of its arguments and the config: the same pose gives the same bits
 /// at any time, on any thread and in any worker.  Throws InputError if `listener` is not finite or further out than kMaxCoordinateM
 /// (sim/base/coordinates.h). What is not finite inside is dropped where it arises and counted in stats.nonfinite_dropped: nothing that
-/// leaves is NaN or infinite. Reuses the storage of `response`; no allocation once warm (single-threaded config, listener-rooted). The late
-/// field is that of trace_bidirectional if config has source_rays or a specular_exponent, else of trace_late. progress: see
+/// leaves is NaN or infinite. Reuses the storage of `response`, and the rays of a listener that has not moved since the response before
+/// (listener_paths.h: a source that moves costs half as much then); no allocation once warm (single-threaded config, listener-rooted). The
+/// late field is that of trace_bidirectional if config has source_rays or a specular_exponent, else of trace_late. progress: see
 /// BidirectionalOptions; only the bidirectional tracer reports.
 void compute_energy_response(const AcousticScene& scene, const EarlyCandidates& candidates, glm::vec3 listener, EnergyResponse& response,
                              const std::function<void(double fraction)>& progress = {});

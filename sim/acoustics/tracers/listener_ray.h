@@ -12,8 +12,10 @@
 #include "sim/acoustics/core/sampling.h"
 #include "sim/acoustics/model/reflection_model.h"
 #include "sim/acoustics/model/wall_crossing.h"
+#include "sim/acoustics/tracers/listener_paths.h"
 #include "sim/acoustics/tracers/path_tracer.h"
 #include "sim/acoustics/tracers/source_volume.h"
+#include "sim/acoustics/tracers/wall_roulette.h"
 #include "sim/base/random.h"
 
 /// One listener ray of the path tracer, from vertex to vertex.  Internal to path_tracer.cpp; its equations are those of docs/estimators.md,
@@ -52,12 +54,14 @@ struct alignas(32) RayState {
   /// independent picks by the plain mean would let the weight of a band grow exponentially with the bounces.
   float weight[W];
   std::array<float, kMaxCoefficients> sh;
-  std::array<std::uint32_t, kMaxChain> chain;      // first planes of a purely specular path, listener first
-  int chain_length = 0;                            // of the whole path, also beyond kMaxChain
-  LongChains::Chain long_chain;                    // the same for longer ones
-  bool all_specular = true, after_mirror = false;  // after_mirror: or after a wall that was passed straight
-  bool only_walls = false;                         // all so far were walls passed straight
-  bool alive = true, at_vertex = false;            // at_vertex: `reflected` and `hit` wait for a lobe to be picked
+  std::array<std::uint32_t, kMaxChain> chain;           // first planes of a purely specular path, listener first
+  int chain_length = 0;                                 // of the whole path, also beyond kMaxChain
+  std::uint32_t first = 0;                              // of the rays that left the listener, the one that it comes from
+  std::uint32_t vertex = ListenerPaths::Vertex::kNone;  // the last one that was recorded
+  LongChains::Chain long_chain;                         // the same for longer ones
+  bool all_specular = true, after_mirror = false;       // after_mirror: or after a wall that was passed straight
+  bool only_walls = false;                              // all so far were walls passed straight
+  bool alive = true, at_vertex = false;                 // at_vertex: `reflected` and `hit` wait for a lobe to be picked
   int bounces = 0;
   float path_m = 0;
   glm::vec3 origin, direction;
@@ -119,7 +123,7 @@ void cross_source_volume(const Trace& trace, RayState<W>& ray, glm::vec3 origin,
 /// Multiplies ray.arriving by what the walls between two points let through, and adds to `path_m` what they delay.  False if nothing is
 /// left.
 template <int W>
-bool pass_walls(const Trace& trace, RayState<W>& ray, glm::vec3 from, glm::vec3 to, float& path_m) {
+bool pass_walls(const Trace& trace, RayState<W>& ray, glm::vec3 from, glm::vec3 to, WallRoulette<W>& roulette, float& path_m) {
   const auto num_bands = static_cast<std::size_t>(trace.scene.num_bands());
   for (int walls = 0; walls <= trace.scene.config().transmission_walls; ++walls) {
     const glm::vec3 rest = to - from;
@@ -128,8 +132,10 @@ bool pass_walls(const Trace& trace, RayState<W>& ray, glm::vec3 from, glm::vec3 
     const glm::vec3 direction = rest / rest_m;
     const Hit hit = trace.scene.scene().rays().intersect(from, direction, open_length_m(to, rest_m));
     if (!hit.valid()) return true;
+    const std::uint32_t material = trace.scene.scene().mesh().triangle_material[hit.triangle];
+    if (!trace.walls->transmits(material) || !roulette.goes_on(ray.arriving, trace.walls->transmitted(material))) return false;
     const WallCrossing crossing = cross_wall(trace.scene.surfaces(), direction, hit);
-    if (!trace.walls->transmits(crossing.material) || glm::dot(to - crossing.exit, direction) <= 0) return false;
+    if (glm::dot(to - crossing.exit, direction) <= 0) return false;
     transmit(trace.scene.surfaces(), crossing, std::span(ray.arriving, num_bands));
     path_m += extra_path_m(trace.scene.surfaces(), crossing);
     from = crossing.exit;
@@ -138,10 +144,13 @@ bool pass_walls(const Trace& trace, RayState<W>& ray, glm::vec3 from, glm::vec3 
 }
 
 /// Next-event estimation: d e = T f cos / (4 pi d^2) / (4 pi) with T starting at 4 pi / N and f = (1 - a) s / pi (docs/estimators.md,
-/// section 1; O-11).
+/// section 1; O-11).  blocker: see EmbreeScene::occluded; may be null.
 template <int W>
 void connect_to_source(const Trace& trace, RayState<W>& ray, const Hit& hit, glm::vec3 start, glm::vec3 source, const float* scattering,
-                       EnergyHistogram& histogram, TraceStats& stats) {
+                       const RandomStream& random, WallRoulette<W>& roulette, std::uint32_t* blocker, EnergyHistogram& histogram,
+                       TraceStats& stats) {
+  const EmbreeScene& rays = trace.scene.scene().rays();
+  const auto blocked = [&] { return blocker ? rays.occluded(start, source, *blocker) : rays.occluded(start, source); };
   const glm::vec3 to_source = source - start;
   const float distance2 = glm::dot(to_source, to_source);
   const float height_m = glm::dot(hit.normal, to_source);
@@ -151,7 +160,7 @@ void connect_to_source(const Trace& trace, RayState<W>& ray, const Hit& hit, glm
   if (path_m > trace.max_path_m) return;
   // Without a source volume a last segment through walls would be lost.
   const bool may_pass_walls = trace.walls && trace.diffuse_last_segment;
-  const bool through_walls = may_pass_walls && trace.scene.scene().rays().occluded(start, source);
+  const bool through_walls = may_pass_walls && blocked();
   const float cosine = height_m / distance_m;
   const float geometry = trace.weight_per_ray * cosine / (4.f * kPi * kPi * std::max(distance2, trace.least_distance2_m2));
   const std::uint32_t plane = trace.scene.plane_of_triangle()[hit.triangle];
@@ -174,9 +183,13 @@ void connect_to_source(const Trace& trace, RayState<W>& ray, const Hit& hit, glm
   }
   if (!(total > 0)) return;
   ++stats.shadow_rays;
-  if (may_pass_walls) {
-    if (through_walls && !pass_walls(trace, ray, start, source, path_m)) return;
-  } else if (trace.scene.scene().rays().occluded(start, source)) {
+  if (through_walls) {
+    const bool followed = roulette.begin(ray.arriving, geometry, random.uniform(0x40000000u | static_cast<std::uint32_t>(ray.bounces)));
+    if (!followed || !pass_walls(trace, ray, start, source, roulette, path_m)) return roulette.lose();
+    roulette.arrive(ray.arriving);
+  } else if (may_pass_walls) {
+    roulette.arrive_freely(geometry);
+  } else if (blocked()) {
     return;
   }
   deposit(trace, ray, path_m, histogram);
@@ -287,10 +300,71 @@ void leave_vertex(const Trace& trace, RayState<W>& ray, const RandomStream& rand
   end_if_spent(ray, stats);
 }
 
-/// Follows a ray until it has gone `until_m` and stands at a vertex, or ends.
+/// What a vertex brings: next-event estimation from where the ray waits.
 template <int W>
-void advance(const Trace& trace, RayState<W>& ray, float until_m, const RandomStream& random, EnergyHistogram& histogram,
-             TraceStats& stats) {
+void connect_vertex(const Trace& trace, RayState<W>& ray, const RandomStream& random, WallRoulette<W>& roulette, EnergyHistogram& histogram,
+                    TraceStats& stats, std::uint32_t* blocker = nullptr) {
+  glm::vec3 source = trace.source;
+  if (trace.source_spread_m > 0) {
+    const auto u = random.uniform4(0x80000000u | static_cast<std::uint32_t>(ray.bounces));
+    source = point_in_sphere(source, trace.source_spread_m, u[0], u[1], u[2]);
+  }
+  const float* scattering = trace.scene.padded_scattering(trace.scene.scene().mesh().triangle_material[ray.hit.triangle]);
+  connect_to_source(trace, ray, ray.hit, ray.origin, source, scattering, random, roulette, blocker, histogram, stats);
+}
+
+/// Notes the vertex that a ray waits at.
+template <int W>
+void record_vertex(RayState<W>& ray, std::uint32_t slot, std::uint32_t stage, ListenerPaths& paths) {
+  const ListenerPaths::Vertex vertex{.start = ray.origin,
+                                     .normal = ray.hit.normal,
+                                     .triangle = ray.hit.triangle,
+                                     .path_m = ray.path_m,
+                                     .bounces = static_cast<std::uint32_t>(ray.bounces),
+                                     .first = ray.first,
+                                     .slot = slot,
+                                     .stage = stage,
+                                     .parent = ray.vertex,
+                                     .chain_length = static_cast<std::uint32_t>(ray.chain_length),
+                                     .all_specular = ray.all_specular};
+  ray.vertex = paths.add(vertex, ray.reflected);
+}
+
+/// Puts a ray where it was when the vertex was recorded, as far as connect_vertex() asks.  Vertices are recalled in their order.  sh: of
+/// the ray's first direction.
+template <int W>
+void recall_vertex(const Trace& trace, ListenerPaths& paths, std::uint32_t index, const float* sh, RayState<W>& ray) {
+  const std::span<const ListenerPaths::Vertex> vertices = paths.vertices();
+  const ListenerPaths::Vertex& vertex = vertices[index];
+  std::copy_n(paths.reflected(index, W), W, ray.reflected);
+  std::copy_n(sh, trace.num_coefficients, ray.sh.data());
+  ray.origin = vertex.start;
+  ray.hit.normal = vertex.normal;
+  ray.hit.triangle = vertex.triangle;
+  ray.path_m = vertex.path_m;
+  ray.bounces = static_cast<int>(vertex.bounces);
+  ray.all_specular = vertex.all_specular;
+  if (!vertex.all_specular) return;
+  // All mirrors before it are vertices as well, back to the listener.
+  const auto plane_of = [&](std::uint32_t v) { return trace.scene.plane_of_triangle()[vertices[v].triangle]; };
+  ray.chain_length = static_cast<int>(vertex.chain_length);
+  std::uint32_t before = vertex.parent;
+  for (int i = ray.chain_length; i-- > 0 && ray.chain_length <= kMaxChain; before = vertices[before].parent)
+    ray.chain[static_cast<std::size_t>(i)] = plane_of(before);
+  const LongChains* long_chains = trace.candidates.long_chains().get();
+  if (long_chains == nullptr) return;
+  ray.long_chain = {};
+  if (vertex.chain_length > 0) {
+    ray.long_chain = paths.long_chains[vertex.parent];
+    long_chains->extend(ray.long_chain, plane_of(vertex.parent));
+  }
+  paths.long_chains[index] = ray.long_chain;
+}
+
+/// Follows a ray until it has gone `until_m` and stands at a vertex, or ends.  visit(): at each vertex.
+template <int W, class Visit>
+void advance(const Trace& trace, RayState<W>& ray, float until_m, const RandomStream& random, const Visit& visit,
+             EnergyHistogram& histogram, TraceStats& stats) {
   const AcousticScene& scene = trace.scene;
   while (true) {
     if (ray.at_vertex) {
@@ -314,12 +388,7 @@ void advance(const Trace& trace, RayState<W>& ray, float until_m, const RandomSt
     ray.origin = offset_from_surface(hit.position, hit.normal);
     ray.at_vertex = true;
     ++ray.bounces;
-    glm::vec3 source = trace.source;
-    if (trace.source_spread_m > 0) {
-      const auto u = random.uniform4(0x80000000u | static_cast<std::uint32_t>(ray.bounces));
-      source = point_in_sphere(source, trace.source_spread_m, u[0], u[1], u[2]);
-    }
-    connect_to_source(trace, ray, hit, ray.origin, source, scene.padded_scattering(material), histogram, stats);
+    visit();
   }
 }
 

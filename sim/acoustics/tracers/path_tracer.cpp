@@ -21,7 +21,10 @@
 
 namespace earshot {
 using listener_ray::advance;
+using listener_ray::connect_vertex;
 using listener_ray::RayState;
+using listener_ray::recall_vertex;
+using listener_ray::record_vertex;
 using listener_ray::Trace;
 
 namespace {
@@ -33,8 +36,9 @@ int num_bins(const AcousticConfig& config) {
   return static_cast<int>(std::ceil(double{config.rir_length_s} / config.time_bin_s * (1.0 - 1e-6)));
 }
 
+/// paths: records the vertices; may be null.
 template <int W>
-void trace_chunk(const Trace& trace, std::uint32_t chunk, EnergyHistogram& histogram, TraceStats& stats) {
+void trace_chunk(const Trace& trace, std::uint32_t chunk, ListenerPaths* paths, EnergyHistogram& histogram, TraceStats& stats) {
   const std::uint64_t seed = trace.scene.config().seed;
   const std::uint32_t first = chunk * kRaysPerChunk;
   std::array<RayState<W>, kRaysPerChunk> storage;
@@ -43,31 +47,69 @@ void trace_chunk(const Trace& trace, std::uint32_t chunk, EnergyHistogram& histo
     RayState<W>& ray = rays[i];
     for (int b = 0; b < W; ++b) ray.throughput[b] = ray.weight[b] = b < trace.scene.num_bands() ? 1.f : 0.f;
     ray.only_walls = trace.walls != nullptr;
+    ray.first = first + i;
     ray.origin = trace.listener;
     ray.direction = trace.directions.direction(first + i);
     // All that comes along this ray arrives from its first direction.
     spherical_harmonics_n3d(ray.direction, trace.sh_order, ray.sh);
   }
+  WallRoulette<W> roulette;
+  std::uint64_t of_connections = 0;  // of what was not finite
   for (std::uint32_t stage = 0;; ++stage) {
     const float until_m = static_cast<float>(stage + 1) * trace.stage_m;
     bool any_alive = false;
     for (std::uint32_t i = 0; i < rays.size(); ++i) {
       if (!rays[i].alive) continue;
       // A slot draws new numbers in each stage, whichever ray it holds.
-      advance(trace, rays[i], until_m, RandomStream(seed, Purpose::scatter, first + i, stage), histogram, stats);
+      const RandomStream random(seed, Purpose::scatter, first + i, stage);
+      const auto visit = [&] {
+        if (paths != nullptr) record_vertex(rays[i], first + i, stage, *paths);
+        const std::uint64_t before = stats.nonfinite_dropped;
+        connect_vertex(trace, rays[i], random, roulette, histogram, stats);
+        of_connections += stats.nonfinite_dropped - before;
+      };
+      advance(trace, rays[i], until_m, random, visit, histogram, stats);
       any_alive = any_alive || rays[i].alive;
     }
-    if (!any_alive) return;
+    if (!any_alive) break;
     stats.nonfinite_dropped += static_cast<std::uint64_t>(
         control_population<W>(trace.scene.num_bands(), rays, RandomStream(seed, Purpose::roulette, chunk, stage).uniform(0)));
   }
+  if (paths != nullptr) paths->counters = {stats.ray_hits, stats.ray_escapes, stats.nonfinite_dropped - of_connections};
 }
 
-void trace_chunk(const Trace& trace, std::uint32_t chunk, EnergyHistogram& histogram, TraceStats& stats) {
-  using TraceChunk = void (*)(const Trace&, std::uint32_t, EnergyHistogram&, TraceStats&);
-  constexpr TraceChunk by_width[] = {trace_chunk<8>, trace_chunk<16>, trace_chunk<24>, trace_chunk<32>};
+/// The same connections in the same order from vertices that were recorded.
+template <int W>
+void connect_chunk(const Trace& trace, ListenerPaths& paths, EnergyHistogram& histogram, TraceStats& stats) {
+  std::array<std::array<float, kMaxCoefficients>, kRaysPerChunk> sh;
+  for (std::uint32_t i = 0; i < trace.num_rays; ++i) spherical_harmonics_n3d(trace.directions.direction(i), trace.sh_order, sh[i]);
+  const std::span<ListenerPaths::Vertex> vertices = paths.vertices();
+  if (trace.candidates.long_chains()) paths.long_chains.resize(vertices.size());
+  RayState<W> ray;
+  WallRoulette<W> roulette;
+  for (std::uint32_t i = 0; i < vertices.size(); ++i) {
+    recall_vertex(trace, paths, i, sh[vertices[i].first].data(), ray);
+    const RandomStream random(trace.scene.config().seed, Purpose::scatter, vertices[i].slot, vertices[i].stage);
+    connect_vertex(trace, ray, random, roulette, histogram, stats, &vertices[i].blocker);
+  }
+  stats.ray_hits += paths.counters.ray_hits;
+  stats.ray_escapes += paths.counters.ray_escapes;
+  stats.nonfinite_dropped += paths.counters.nonfinite_dropped;
+}
+
+/// paths: null in all but traces of one chunk.
+void trace_chunk(const Trace& trace, std::uint32_t chunk, ListenerPaths* paths, ListenerPaths::Use use, EnergyHistogram& histogram,
+                 TraceStats& stats) {
+  const std::size_t width = static_cast<std::size_t>(trace.scene.padded_bands()) / 8 - 1;
   static_assert(kMaxBands == 32);
-  by_width[trace.scene.padded_bands() / 8 - 1](trace, chunk, histogram, stats);
+  if (use == ListenerPaths::Use::replay) {
+    using ConnectChunk = void (*)(const Trace&, ListenerPaths&, EnergyHistogram&, TraceStats&);
+    constexpr ConnectChunk by_width[] = {connect_chunk<8>, connect_chunk<16>, connect_chunk<24>, connect_chunk<32>};
+    return by_width[width](trace, *paths, histogram, stats);
+  }
+  using TraceChunk = void (*)(const Trace&, std::uint32_t, ListenerPaths*, EnergyHistogram&, TraceStats&);
+  constexpr TraceChunk by_width[] = {trace_chunk<8>, trace_chunk<16>, trace_chunk<24>, trace_chunk<32>};
+  by_width[width](trace, chunk, use == ListenerPaths::Use::record ? paths : nullptr, histogram, stats);
 }
 
 /// Chunks in waves; chunk histograms are summed in double and in the order of the chunks, so threads cannot change a bit.
@@ -86,7 +128,7 @@ void trace_chunks(const Trace& trace, std::uint32_t num_chunks, EnergyHistogram&
       const FlushDenormals flush;
       parts[i].clear();
       part_stats[i] = {};
-      trace_chunk(trace, first + i, parts[i], part_stats[i]);
+      trace_chunk(trace, first + i, nullptr, ListenerPaths::Use::none, parts[i], part_stats[i]);
     };
     if (threads == 1) {
       for (std::uint32_t i = 0; i < count; ++i) run(i);
@@ -126,7 +168,8 @@ bool has_shape_of(const AcousticScene& scene, const EnergyHistogram& histogram) 
          histogram.num_coefficients() == (config.sh_order + 1) * (config.sh_order + 1) && histogram.bin_s() == config.time_bin_s;
 }
 
-TraceStats trace_late(const AcousticScene& scene, const EarlyCandidates& candidates, glm::vec3 listener, EnergyHistogram& histogram) {
+TraceStats trace_late(const AcousticScene& scene, const EarlyCandidates& candidates, glm::vec3 listener, EnergyHistogram& histogram,
+                      ListenerPaths* paths) {
   const FlushDenormals flush;
   const AcousticConfig& config = scene.config();
   histogram.clear();
@@ -162,7 +205,8 @@ TraceStats trace_late(const AcousticScene& scene, const EarlyCandidates& candida
                     .diffuse_last_segment = config.diffuse_last_segment};
   const std::uint32_t num_chunks = (num_rays + kRaysPerChunk - 1) / kRaysPerChunk;
   if (num_chunks == 1) {
-    trace_chunk(trace, 0, histogram, stats);
+    const bool kept = paths != nullptr && trace.source_radius_m == 0;
+    trace_chunk(trace, 0, paths, kept ? paths->next(scene.hash(), listener) : ListenerPaths::Use::none, histogram, stats);
   } else {
     trace_chunks(trace, num_chunks, histogram, stats);
   }

@@ -9,6 +9,8 @@
 
 namespace earshot {
 
+class ListenerPaths;
+
 /// Of the scene's diagonal: shortest distance in the geometry term (docs/stability.md, H-18).  Small, because scenes with 20 km of ground
 /// are legal.
 inline constexpr float kLeastDistanceFraction = 1e-5f;
@@ -45,7 +47,9 @@ struct TraceStats {
 /// Distances to the source below 1e-5 of the scene's diagonal are clamped in the geometry term (docs/stability.md, H-18).  A source within
 /// a few centimetres of a surface lights a patch that few rays find: its late field comes out low until the number of rays is large. No
 /// allocation with up to 256 rays; 64 rays take about a millisecond.  Scratch with more: a few histograms.
-TraceStats trace_late(const AcousticScene& scene, const EarlyCandidates& candidates, glm::vec3 listener, EnergyHistogram& histogram);
+/// paths: keeps the rays of a listener that stays where it is while sources move (listener_paths.h), with the same bits; null: does not.
+TraceStats trace_late(const AcousticScene& scene, const EarlyCandidates& candidates, glm::vec3 listener, EnergyHistogram& histogram,
+                      ListenerPaths* paths = nullptr);
 /// The same with candidates made on the spot, for single queries.
 TraceStats trace_late(const AcousticScene& scene, glm::vec3 source, glm::vec3 listener, EnergyHistogram& histogram);
 
