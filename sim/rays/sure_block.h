@@ -9,7 +9,7 @@
 namespace earshot {
 
 /// Does the segment pass through the triangle with so much room to spare that any ray tracer says so?  Never true where rounding could
-/// decide: where the segment passes within 1e-4 of the largest coordinate of a side, ends that close to the plane of the triangle, or meets
+/// decide: where the segment passes within 1e-5 of the largest coordinate of a side, ends that close to the plane of the triangle, or meets
 /// it at less than half a degree.
 inline bool surely_blocks(glm::vec3 a, glm::vec3 b, glm::vec3 c, glm::vec3 from, glm::vec3 to) {
   using Vector = glm::dvec3;
@@ -18,7 +18,7 @@ inline bool surely_blocks(glm::vec3 a, glm::vec3 b, glm::vec3 c, glm::vec3 from,
   const double here = glm::dot(normal, start), slope = glm::dot(normal, along), there = here + slope;  // times the length of the normal
   if (!(here * there < 0)) return false;
   const glm::vec3 size = glm::max(glm::max(glm::abs(from), glm::abs(to)), glm::max(glm::abs(a), glm::max(glm::abs(b), glm::abs(c))));
-  const double margin_m = 1e-4 * std::max({size.x, size.y, size.z}), normal2 = glm::dot(normal, normal);
+  const double margin_m = 1e-5 * std::max({size.x, size.y, size.z}), normal2 = glm::dot(normal, normal);
   const double least2 = margin_m * margin_m * normal2;
   constexpr double least_sine2 = 7.6e-5;
   if (!(here * here > least2 && there * there > least2 && slope * slope > least_sine2 * normal2 * glm::dot(along, along))) return false;

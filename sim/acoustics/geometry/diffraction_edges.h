@@ -81,6 +81,9 @@ class DiffractionEdges {
   /// makes a point that moves cheap and changes no answer.
   [[nodiscard]] bool visible_from(std::uint32_t edge, glm::vec3 point) const;
 
+  /// Edges that are known not to be visible from `edge`, a bit each of eight from 8 * group on: mutually_visible would say no.
+  [[nodiscard]] std::uint32_t known_hidden(std::uint32_t edge, std::uint32_t group) const { return sight_->known_hidden(edge, group); }
+
  private:
   [[nodiscard]] bool find_mutually_visible(std::uint32_t edge, std::uint32_t other) const;
 

@@ -12,7 +12,7 @@ namespace earshot {
 /// What is remembered of visibility between the edges of a scene, and between them and points of the air, so that a source that moves does
 /// not find it out anew at every pose.  Everything here is either certain (whether two edges see each other) or a guess that is tested
 /// before it is used (what hides a point of an edge), so answers never depend on what is remembered: only time does.  Bounded: at most
-/// 2 MiB.  Any thread may read and write at any time; entries are lost now and then, never wrong.
+/// 3 MiB.  Any thread may read and write at any time; entries are lost now and then, never wrong.
 class EdgeSight {
  public:
   static constexpr std::uint32_t kNothing = 0xFFFFFFFFu;
@@ -22,6 +22,9 @@ class EdgeSight {
   /// Do two edges see each other?  nullopt: not known.
   [[nodiscard]] std::optional<bool> known(std::uint32_t edge, std::uint32_t other) const;
   void learn(std::uint32_t edge, std::uint32_t other, bool visible) const;
+  /// Of the kGroup edges from group * kGroup on, those of which it is known that `edge` does not see them: a bit each, the first lowest.
+  [[nodiscard]] std::uint32_t known_hidden(std::uint32_t edge, std::uint32_t group) const;
+  static constexpr std::uint32_t kGroup = 8;
 
   /// The triangle that may hide point `which` of an edge, below kPointsPerEdge, from `point` and its surroundings; kNothing: no guess.
   [[nodiscard]] std::atomic<std::uint32_t>& blocker(std::uint32_t edge, std::uint32_t which, glm::vec3 point) const;
@@ -29,9 +32,9 @@ class EdgeSight {
   static constexpr std::uint32_t kPointsPerEdge = 5;
 
  private:
-  static std::uint64_t key_of(std::uint32_t edge, std::uint32_t other);
+  [[nodiscard]] std::atomic<std::uint64_t>& entry(std::uint64_t key) const;
 
-  mutable std::vector<std::atomic<std::uint64_t>> pairs_;     ///< smaller edge, larger edge, visible: 31 + 31 + 1 bits, and 1 that it is known
+  mutable std::vector<std::atomic<std::uint64_t>> groups_;    ///< edge, group, which are known, which are seen: 24 + 24 + 8 + 8 bits
   mutable std::vector<std::atomic<std::uint32_t>> blockers_;  ///< by edge, point and place of a cube of kPlaceM
 };
 

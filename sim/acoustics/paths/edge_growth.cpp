@@ -130,11 +130,15 @@ void EdgeGrowth::add_links_of_edge(Family& family) const {
     const Lanes way_m = static_cast<float>(parent.reached_m) + in_m + out_m - slack_m;
     const LaneIntegers too_weak = (factor < least_factor) | (way_m > 1.0001f * static_cast<float>(scene_.max_path_m()));
     const LaneIntegers never = solid | lit | too_weak;
+    // Sequences that are not in sight are dropped sooner or later; those of which that is known, here.
+    static_assert(kLanes == EdgeSight::kGroup);
+    const std::uint32_t hidden = edges_.known_hidden(path.back(), static_cast<std::uint32_t>(group));
     const Lanes least_m = way_m < kLeastDistanceM ? all_lanes(kLeastDistanceM) : way_m;
     const Lanes bound = 1.01f * factor * edge.root_of_length / least_m;
     for (std::size_t lane = 0; lane < kLanes; ++lane) {
       const auto index = static_cast<std::uint32_t>(group * kLanes + lane);
-      if (never[lane] != 0 || index >= edges_.size() || std::ranges::find(path, index) != path.end()) continue;
+      if (never[lane] != 0 || (hidden >> lane & 1u) != 0 || index >= edges_.size() || std::ranges::find(path, index) != path.end())
+        continue;
       family.links.push_back({bound[lane], index});
     }
   }
