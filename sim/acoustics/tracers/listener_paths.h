@@ -47,8 +47,8 @@ class ListenerPaths {
     std::uint32_t triangle = 0;
     float path_m = 0;
     std::uint32_t bounces = 0;
-    std::uint32_t first = 0;         ///< ray from the listener
-    std::uint32_t slot = 0;          ///< with the stage: names its random numbers
+    std::uint32_t first = 0;  ///< ray from the listener
+    std::uint32_t slot = 0;   ///< with the stage: names its random numbers
     std::uint32_t stage = 0;
     std::uint32_t parent = kNone;    ///< the vertex before it on its path
     std::uint32_t chain_length = 0;  ///< mirrors before it, if all were
@@ -104,7 +104,7 @@ class ListenerMemory {
     return *paths_;
   }
   /// The same paths for responses of several sources, computed one after the other.
-  void share(ListenerMemory& other) {
+  void use_those_of(ListenerMemory& other) {
     if (!other.paths_) other.paths_ = std::make_shared<ListenerPaths>();
     paths_ = other.paths_;
   }

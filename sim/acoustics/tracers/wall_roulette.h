@@ -9,9 +9,10 @@ namespace earshot {
 /// In a house nine in ten last segments are blocked.  To follow each through wall after wall takes four fifths of all rays, for sound some
 /// 40 dB below the rest.  Here such a segment goes on by chance, and brings the more if it does, so that no mean changes: with the
 /// probability of its contribution over half of what last segments have brought in the mean so far, at most 1.  Before its first wall
-/// is known, that contribution is the mean of blocked ones, and the probability at least a fifth, so that a rare thin wall cannot bring more
-/// than five times its share.  Contributions are compared per band, relative to what the path carries (late paths are not ended for being
-/// late), and the largest ratio counts.  Where all that arrives comes through walls, the mean is that of walls, and nothing ends that matters.
+/// is known, that contribution is the mean of blocked ones, and the probability at least a fifth, so that a rare thin wall cannot bring
+/// more than five times its share.  Contributions are compared per band, relative to what the path carries (late paths are not ended for
+/// being late), and the largest ratio counts.  Where all that arrives comes through walls, the mean is that of walls: nothing ends that
+/// matters.
 ///
 /// One for each chunk of rays, in whose order it learns.
 template <int W>

@@ -121,7 +121,7 @@ TEST(ListenerPaths, RecordsTheSecondTimeAndForgetsWhenAnythingMoves) {
 
 TEST(ListenerPaths, SourcesShareAListenerAndCopiesDoNot) {
   EnergyResponse first, second;
-  second.memory.share(first.memory);
+  second.memory.use_those_of(first.memory);
   EXPECT_EQ(&second.memory.paths(), &first.memory.paths());
   EnergyResponse copy = second;
   EXPECT_NE(&copy.memory.paths(), &first.memory.paths());

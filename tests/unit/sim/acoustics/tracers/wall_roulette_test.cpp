@@ -16,7 +16,7 @@ namespace {
 constexpr std::size_t kBands = 8;
 
 struct Play {
-  std::array<double, kBands> brought{}, expected{}, squares{};  // sum of what arrived, of what should on average, of its variance's estimate
+  std::array<double, kBands> brought{}, expected{}, squares{};  // sums: what arrived, what should, squares
   int blocked = 0, followed = 0;
   double largest = 0;
 };
