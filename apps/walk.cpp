@@ -88,7 +88,7 @@ class WalkSource {
       const TimedPose pose = pose_at(path_, t_s);
       source_.position = glm::vec3(pose.position);
       source_.orientation = orientation_of(pose.heading_deg, 0, 0);
-      candidates_ = std::make_unique<EarlyCandidates>(acoustics, source_);
+      candidates_ = std::make_unique<EarlyCandidates>(acoustics, source_, SourceMotion::moves);
     }
     respond(acoustics, glm::vec3(listener.position), block_index);
     const std::span<const std::uint8_t> glides = glider.choose(response_, &gliding_);

@@ -11,6 +11,7 @@
 #include "sim/acoustics/geometry/field_grid.h"
 #include "sim/acoustics/geometry/field_smoothing.h"
 #include "sim/acoustics/model/air_absorption.h"
+#include "sim/acoustics/model/plane_cells.h"
 #include "sim/acoustics/model/reflection_model.h"
 #include "sim/base/denormals.h"
 #include "sim/base/files.h"
@@ -72,7 +73,8 @@ AcousticScene::AcousticScene(std::shared_ptr<const Scene> scene, const AcousticC
     : surfaces_(std::move(scene), config),
       plan_(std::make_shared<const EffectPlan>(plan_effects(surfaces_))),
       config_(effective_config(config, *plan_)),
-      field_grid_(std::make_shared<LazyGrid>()) {
+      field_grid_(std::make_shared<LazyGrid>()),
+      plane_cells_(std::make_shared<const PlaneCells>()) {
   const FlushDenormals flush;
   air_.assign(num_bands(), 0.f);
   for (int band = 0; band < num_bands(); ++band) {

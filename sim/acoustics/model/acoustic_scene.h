@@ -15,6 +15,7 @@ namespace earshot {
 
 class FieldGrid;
 class FieldSmoothing;
+class PlaneCells;
 class ReflectionModel;
 
 /// A scene under one acoustic configuration, in three steps: its surfaces, the plan of what to simulate between them, and what follows from
@@ -70,6 +71,8 @@ class AcousticScene {
   [[nodiscard]] const FieldGrid& field_grid() const;
   /// How late energy evens out between those cells; found with them.
   [[nodiscard]] const FieldSmoothing& field_smoothing() const;
+  /// Plane sequences of sources that move, by cells of the air; shared by copies.
+  [[nodiscard]] const PlaneCells& plane_cells() const { return *plane_cells_; }
   /// Identity of everything that decides bits: scene hash and config, without the thread count.
   [[nodiscard]] std::uint64_t hash() const { return hash_; }
 
@@ -81,6 +84,7 @@ class AcousticScene {
   std::shared_ptr<const ReflectionModel> reflection_model_;
   struct LazyGrid;
   std::shared_ptr<LazyGrid> field_grid_;  ///< shared by copies
+  std::shared_ptr<const PlaneCells> plane_cells_;
   std::uint64_t hash_ = 0;
 };
 

@@ -30,6 +30,7 @@ glm::vec3 checked_position(const SoundSource& source) {
 
 constexpr double kMaxSequencesPerOrder = 2048;  // of the exhaustive search
 constexpr double kSlackM = 1e-6;                // of culling
+constexpr int kOwnRays = 8;                     // of a source that moves: one in so many
 
 /// Pressure per band of a path of `distance_m` whose reflections keep `energy_fraction` of the energy.  False if nothing is left.
 bool set_amplitude(const AcousticScene& scene, double distance_m, std::span<const double> energy_fraction, Arrival& arrival) {
@@ -56,7 +57,7 @@ bool same_path(const Arrival& a, const Arrival& b) {
 
 }  // namespace
 
-EarlyCandidates::EarlyCandidates(const AcousticScene& scene, const SoundSource& sound_source)
+EarlyCandidates::EarlyCandidates(const AcousticScene& scene, const SoundSource& sound_source, SourceMotion motion)
     : source_(sound_source), emission_(sound_source, scene.bands()), diffraction_(scene, checked_position(sound_source)) {
   const FlushDenormals flush;
   const glm::vec3 source = source_.position;
@@ -68,6 +69,7 @@ EarlyCandidates::EarlyCandidates(const AcousticScene& scene, const SoundSource& 
 
   // Few planes: every sequence in which no plane follows itself, order by order.
   std::vector<Sequence> last = {{}};
+  bool all_known = false;
   for (int n = 1; n <= order; ++n) {
     if (static_cast<double>(last.size()) * num_planes > kMaxSequencesPerOrder) break;
     std::vector<Sequence> longer;
@@ -81,24 +83,19 @@ EarlyCandidates::EarlyCandidates(const AcousticScene& scene, const SoundSource& 
     }
     sequences_.insert(sequences_.end(), longer.begin(), longer.end());
     last = std::move(longer);
+    all_known = n == order;  // rays find no others
   }
 
   // Many planes: those that specular rays from the source meet, whatever their fraction of energy.
   const auto shift = RandomStream(config.seed, Purpose::source_ray).bits4(0);
   const SphereSequence directions(shift[0], shift[1]);
-  for (int ray = 0; ray < config.early_candidate_rays; ++ray) {
-    Sequence sequence;
-    glm::vec3 origin = source, direction = directions.direction(static_cast<std::uint32_t>(ray));
-    while (sequence.order < order) {
-      const Hit hit = scene.scene().rays().intersect(origin, direction);
-      if (!hit.valid()) break;
-      const std::uint32_t plane = scene.plane_of_triangle()[hit.triangle];
-      if (sequence.order > 0 && sequence.plane[sequence.order - 1] == plane) break;
-      sequence.plane[sequence.order++] = plane;
-      sequences_.push_back(sequence);
-      origin = offset_from_surface(hit.position, hit.normal);
-      direction = mirror_direction(direction, hit.normal);
-    }
+  const bool moves = motion == SourceMotion::moves;
+  const int rays = moves ? (config.early_candidate_rays + kOwnRays - 1) / kOwnRays : config.early_candidate_rays;
+  for (int ray = 0; ray < rays && !all_known; ++ray)
+    append_sequences(scene, source, directions.direction(static_cast<std::uint32_t>(ray)), sequences_);
+  if (moves && !all_known) {
+    const auto of_cell = scene.plane_cells().of(scene, source);
+    sequences_.insert(sequences_.end(), of_cell->begin(), of_cell->end());
   }
   std::sort(sequences_.begin(), sequences_.end());
   sequences_.erase(std::unique(sequences_.begin(), sequences_.end()), sequences_.end());
