@@ -37,6 +37,7 @@ class RirBench {
     fmt::print("\n{} ({}): {} triangles, RIR {:.1f} s\n", scene_.name, scene_.spec, scene_.scene->mesh().triangles.size(),
                fast_.config().rir_length_s);
     measure_fast();
+    measure_moving_source();
     std::fflush(stdout);  // the stages are of use while the truth is still being traced
     measure_high();
     if (options_.scenes.empty()) {
@@ -110,6 +111,32 @@ class RirBench {
     times.per_response /= static_cast<double>(scene_.walk.size());
     times.per_render /= static_cast<double>(scene_.walk.size());
     return times;
+  }
+
+  /// Full responses of a source that walks while the listener stays where the source of the other measurements is: seconds per response.
+  double time_moving_source() {
+    EnergyResponse response;
+    Rir rir;
+    const glm::vec3 listener = scene_.source();
+    const Stopwatch watch;
+    for (const WalkPose& pose : scene_.walk) {
+      const EarlyCandidates candidates(fast_, SoundSource{pose.ears()}, SourceMotion::moves);
+      compute_energy_response(fast_, candidates, listener, response);
+      synthesizer_->render(response, pose.heading_rad, {carrier_key(fast_.hash()), listener, pose.ears()}, rir);
+    }
+    return watch.wall_s() / static_cast<double>(scene_.walk.size());
+  }
+
+  void measure_moving_source() {
+    const double first_ms = kMs * time_moving_source();
+    std::vector<double> rates;
+    for (int i = 0; i < options_.repeats; ++i) rates.push_back(1.0 / time_moving_source());
+    BenchJson json = setting(fast_);
+    json["field"] = false;
+    json["first_walk_ms"] = first_ms;
+    add("moving_source_rir_per_s", "1/s", median_of(rates), json);
+    fmt::print("  source that moves {:7.3f} ms per RIR, its candidates and traced rays included (first walk {:.3f})\n",
+               kMs / median_of(rates).value, first_ms);
   }
 
   void measure_fast() {
