@@ -29,6 +29,9 @@ constexpr float kDroppedFraction = 0.05f;
 /// some 30 dB below the loudest place, would take most of the photons.
 constexpr double kFaint = 0.005;
 
+/// Fraction of the places whose blur is stated.
+constexpr double kCovered = 0.9;
+
 /// A random walk from the source.
 struct Walk {
   glm::vec3 place;  ///< half way along the last segment
@@ -254,15 +257,16 @@ double FieldProbes::t20_blur(const SmoothingCorrection& correction, const Wideni
   const double mean_level = std::accumulate(levels.begin(), levels.end(), 0.0) / kProbes;
   std::vector<double> factors, blurred(num_bins), corrected(num_bins);
   std::vector<float> energy;
-  double squares = 0;
-  int count = 0;
+  std::vector<double> changes;  // of each probe that counts
   for (std::uint32_t probe = 0; probe < kProbes; ++probe) {
     if (levels[probe] < kFaint * mean_level) continue;
     if (!read_factors(probe, correction, bins, factors)) {
-      count += scene_->num_bands();
+      changes.push_back(0);
       continue;
     }
     read(probe, energy);
+    double change = 0;
+    int count = 0;
     for (std::size_t band = 0; band < static_cast<std::size_t>(scene_->num_bands()); ++band) {
       const double air_per_s = double{scene_->air_energy_per_m()[band]} * scene_->speed_of_sound_m_per_s();
       for (std::size_t bin = 0; bin < num_bins; ++bin) {
@@ -273,12 +277,15 @@ double FieldProbes::t20_blur(const SmoothingCorrection& correction, const Wideni
       }
       const std::optional<double> before_s = measure_band(blurred, bin_s, 0.0).t20_s, after_s = measure_band(corrected, bin_s, 0.0).t20_s;
       if (!before_s || !after_s || !(*before_s > 0)) continue;
-      const double change = *after_s / *before_s - 1;
-      squares += change * change;
+      change += std::fabs(*after_s / *before_s - 1);
       ++count;
     }
+    if (count > 0) changes.push_back(change / count);
   }
-  return count > 0 ? std::sqrt(squares / count) : 0.0;
+  if (changes.empty()) return 0;
+  const auto most = std::min(static_cast<std::size_t>(kCovered * static_cast<double>(changes.size())), changes.size() - 1);
+  std::nth_element(changes.begin(), changes.begin() + static_cast<std::ptrdiff_t>(most), changes.end());
+  return changes[most];
 }
 
 }  // namespace earshot

@@ -42,8 +42,8 @@ class FieldProbes {
   /// Relative standard error of T20 by the jackknife over batches, mean over bands that have one and over probes where sound is no more
   /// than 23 dB below its mean; 1 if none has.
   [[nodiscard]] double t20_error() const;
-  /// Relative error of T20 beside that, from the blur of smoothing and cells: root of the mean square, over the same bands and probes, of
-  /// what the correction changes, since of what it finds about as much again is left.  0 where it finds nothing.
+  /// Relative error of T20 beside that, from the blur of smoothing and cells: what the correction changes in the mean over bands, at nine
+  /// of ten of the same probes at most, since of what it finds about as much again is left.  0 where it finds nothing.
   [[nodiscard]] double t20_blur(const SmoothingCorrection& correction, const WideningBins& bins) const;
 
  private:

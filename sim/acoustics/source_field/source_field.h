@@ -40,7 +40,7 @@ class SourceField {
   /// Photons that were ended because they carried something that was not finite.
   [[nodiscard]] std::uint64_t nonfinite_dropped() const;
   /// Relative error of T20, one standard error, over bands and probe positions: what the photons leave in the mean, and what the blur of
-  /// cells and smoothing leaves where rooms of different decay meet (FieldProbes::t20_blur), root of the sum of squares.
+  /// cells and smoothing leaves at nine of ten positions (FieldProbes::t20_blur), root of the sum of squares.
   [[nodiscard]] double t20_error() const;
 
  private:
