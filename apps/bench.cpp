@@ -28,6 +28,7 @@ void finish(const BenchReport& report, const Options& options) {
 struct RirCommand : Options {
   std::vector<std::string> scenes;
   std::optional<double> reference_seconds;
+  std::optional<int> reference_poses;
 };
 
 struct AccuracyCommand : Options {
@@ -112,6 +113,8 @@ void add_bench(CLI::App& app) {
       ->allow_extra_args(false);
   rir_command->add_option("--reference-seconds", rir->reference_seconds,
                           "Per scene, for the paths that are the truth or check it (default: 60, 0.2 with --quick)");
+  rir_command->add_option("--reference-poses", rir->reference_poses,
+                          "Poses at which those paths are the truth of a --scene: fewer are known better in the same time (default: 12)");
   rir_command->callback([rir] {
     RirBenchOptions options;
     options.quick = rir->quick;
@@ -120,6 +123,8 @@ void add_bench(CLI::App& app) {
     if (rir->reference_seconds) options.reference_seconds = *rir->reference_seconds;
     require(options.reference_seconds > 0 && options.reference_seconds <= 36'000, "--reference-seconds", options.reference_seconds,
             "must lie in (0, 36000]");
+    if (rir->reference_poses) options.path_poses = *rir->reference_poses;
+    require(options.path_poses >= 1 && options.path_poses <= 24, "--reference-poses", options.path_poses, "must lie in [1, 24]");
     finish(bench_rir(options), *rir);
   });
 

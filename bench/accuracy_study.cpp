@@ -69,7 +69,7 @@ class SceneStudy {
     }
     facts.rt60_s = count > 0 ? sum_s / count : std::nan("");
     facts.truth_error_pct = 100 * mean_t20_error(truth_);
-    facts.truth_runs = truth_.front().runs;
+    facts.truth_runs = count_runs(truth_) / static_cast<int>(truth_.size());
     facts.poses = static_cast<int>(truth_.size());
     return facts;
   }

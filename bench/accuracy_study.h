@@ -33,9 +33,9 @@ inline constexpr const char* kOpenScene = "open";
 struct SceneFacts {
   std::string name, spec;
   std::size_t triangles = 0;
-  double rt60_s = 0;           ///< T20 of the truth, mean over bands and poses
-  double truth_error_pct = 0;  ///< its standard error in T20
-  int truth_runs = 0, poses = 0;
+  double rt60_s = 0;              ///< T20 of the truth, mean over bands and poses
+  double truth_error_pct = 0;     ///< its standard error in T20
+  int truth_runs = 0, poses = 0;  ///< runs: at a pose, in the mean
 };
 
 struct AccuracyStudy {

@@ -36,6 +36,21 @@ std::vector<std::optional<double>> relative(const std::vector<BandErrors>& error
   return errors_of_value;
 }
 
+constexpr int kLeastRuns = 2, kMostRuns = 64;  // at a pose
+
+/// The pose whose standard error falls most by a further run, which takes 1 / (2 runs) of it; how many poses there are if all have enough.
+std::size_t worst_known(const std::vector<ConvergedPose>& truth) {
+  std::size_t worst = truth.size();
+  double most = -1;
+  for (std::size_t i = 0; i < truth.size(); ++i) {
+    if (truth[i].runs >= kMostRuns) continue;
+    double sum = 0;
+    for (const std::optional<double>& error : truth[i].t20_error) sum += error.value_or(0.0);
+    if (sum / truth[i].runs > most) most = sum / truth[i].runs, worst = i;
+  }
+  return worst;
+}
+
 }  // namespace
 
 std::shared_ptr<const SynthesisTables> binaural_tables(const AcousticScene& scene) {
@@ -90,34 +105,46 @@ std::vector<ConvergedPose> converge(const AcousticScene& high, const EarlyCandid
   const RandomStream seeds(high.config().seed, Purpose::bench);
   const Stopwatch watch;
   EnergyResponse run;
-  constexpr int min_runs = 2, max_runs = 64;
-  for (int r = 0; r < max_runs && (r < min_runs || watch.wall_s() < seconds); ++r) {
-    const auto words = seeds.bits4(static_cast<std::uint32_t>(r));
+  const auto add_run = [&](std::size_t i) {
+    // Paths from the source of its own for each pose: what they err by is not common to all.
+    const auto words = seeds.bits4(static_cast<std::uint32_t>(i) * kMostRuns + static_cast<std::uint32_t>(truth[i].runs));
     const AcousticScene seeded = high.with_rays(high.config().rays, (std::uint64_t{words[0]} << 32) | words[1]);
-    for (std::size_t i = 0; i < poses.size(); ++i) {
-      compute_energy_response(seeded, candidates, poses[i].ears(), run);
-      EnergyResponse& sum = truth[i].response;
-      if (r == 0) {
-        sum.arrivals = run.arrivals;  // deterministic: the same in every run
-        sum.speed_of_sound_m_per_s = run.speed_of_sound_m_per_s;
-        sum.late = run.late;
-        sum.stats = run.stats;
-      } else {
-        sum.late.add(run.late);
-      }
-      append(run.batches, sum.batches);
-      truth[i].runs = r + 1;
-      if (progress) {
-        const double done = (r + static_cast<double>(i + 1) / static_cast<double>(poses.size())) / min_runs;
-        progress(std::min({done, watch.wall_s() / seconds, 1.0}));  // done when the runs and the time are
-      }
+    compute_energy_response(seeded, candidates, poses[i].ears(), run);
+    EnergyResponse& sum = truth[i].response;
+    if (truth[i].runs == 0) {
+      sum.arrivals = run.arrivals;  // deterministic: the same in every run
+      sum.speed_of_sound_m_per_s = run.speed_of_sound_m_per_s;
+      sum.late = run.late;
+      sum.stats = run.stats;
+    } else {
+      // The mean of all runs, as it stands: errors are estimated from it.
+      sum.late.scale(static_cast<float>(truth[i].runs) / static_cast<float>(truth[i].runs + 1));
+      run.late.scale(1.f / static_cast<float>(truth[i].runs + 1));
+      sum.late.add(run.late);
     }
+    append(run.batches, sum.batches);
+    ++truth[i].runs;
+  };
+  const std::size_t least = kLeastRuns * poses.size();
+  for (std::size_t done = 0; done < least; ++done) {
+    add_run(done % poses.size());
+    if (progress) progress(std::min(static_cast<double>(done + 1) / static_cast<double>(least), watch.wall_s() / seconds));
   }
-  for (ConvergedPose& pose : truth) {
-    pose.response.late.scale(1.f / static_cast<float>(pose.runs));
-    add_errors(high, pose);
+  for (ConvergedPose& pose : truth) add_errors(high, pose);
+  while (watch.wall_s() < seconds) {
+    const std::size_t next = worst_known(truth);
+    if (next == truth.size()) break;
+    add_run(next);
+    add_errors(high, truth[next]);
+    if (progress) progress(std::min(watch.wall_s() / seconds, 1.0));
   }
   return truth;
+}
+
+int count_runs(const std::vector<ConvergedPose>& truth) {
+  int runs = 0;
+  for (const ConvergedPose& pose : truth) runs += pose.runs;
+  return runs;
 }
 
 double mean_t20_error(const std::vector<ConvergedPose>& truth) {

@@ -89,6 +89,8 @@ TEST_F(BenchCli, RirTakesAnySceneAndItsPathsAsTheTruth) {
   const std::set<std::string> names = names_in("scenes.json", "rir");
   EXPECT_EQ(names.count("fast.rir_per_s.n500"), 1u);
   EXPECT_EQ(names.count("high_field.rir_per_s"), 0u);
+  EXPECT_EQ(names.count("fast.rt60_stated_error_pct"), 1u);
+  EXPECT_EQ(names.count("fast.rt60_covered_pct"), 1u);
   std::set<std::string> scenes;
   const json report = json::parse(read("scenes.json"));
   for (const json& result : report.at("results")) {
@@ -111,9 +113,9 @@ TEST_F(BenchCli, EnvWritesTheNamesThatScriptsRelyOn) {
 }
 
 TEST_F(BenchCli, WrongNamesAreOneLineAndExitCodeTwo) {
-  for (const char* arguments :
-       {"bench", "bench dance", "bench train", "bench rir --raya 3", "bench accuracy --quick --minutes 0",
-        "bench rir --quick --scene shoebox:5x4x3 --scene shoebox:0x4x3", "bench rir --quick --reference-seconds 0"}) {
+  for (const char* arguments : {"bench", "bench dance", "bench train", "bench rir --raya 3", "bench accuracy --quick --minutes 0",
+                                "bench rir --quick --scene shoebox:5x4x3 --scene shoebox:0x4x3", "bench rir --quick --reference-seconds 0",
+                                "bench rir --quick --reference-poses 0"}) {
     EXPECT_EQ(earshot(arguments), 2) << arguments;
     const std::string errors = read("stderr");
     EXPECT_EQ(std::count(errors.begin(), errors.end(), '\n'), 1) << errors;
