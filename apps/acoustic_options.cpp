@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <numbers>
 
+#include "sim/acoustics/accuracy/accuracy_plan.h"
 #include "sim/base/errors.h"
 
 namespace earshot {
@@ -41,11 +42,29 @@ void AcousticOptions::add_to(CLI::App& command, const std::string& default_prese
   command.add_option("--seed", seed, "Seed of rays and carriers; the same seed gives the same bits");
 }
 
+void AcousticOptions::add_accuracy_to(CLI::App& command) {
+  command.add_option(
+      "--accuracy", accuracy,
+      "The errors that responses may have, as t20=5%,drr=1dB,edc=1dB or some of these (means over octaves and places against "
+      "converged paths): the planner tries the scene and chooses rays, photons or paths from both ends, images and edges, "
+      "whatever is cheapest; the length is automatic, all else is the preset's");
+}
+
+std::optional<AccuracyTarget> AcousticOptions::accuracy_target() const {
+  if (accuracy.empty()) return std::nullopt;
+  for (const std::string& setting : settings)
+    for (const std::string_view key : keys_of_accuracy())
+      if (setting.substr(0, setting.find('=')) == key)
+        throw InputError("--set " + setting, "is what --accuracy chooses", "leave out one of the two");
+  return AccuracyTarget::parse(accuracy);
+}
+
 AcousticConfig AcousticOptions::config() const {
   constexpr int traced_order = 5;
   AcousticConfig config = acoustic_preset(preset);
   const ListenerLayout listener = layout();
   if (listener.kind == ListenerKind::ambisonics) config.sh_order = std::clamp(listener.order, config.sh_order, traced_order);
+  if (!accuracy.empty()) config.rir_length_s = 0;
   ConfigReader reader = ConfigReader::from_text("", "--set", settings);
   read(reader, config);
   reader.finish();

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "sim/acoustics/accuracy/accuracy_target.h"
 #include "sim/acoustics/model/acoustic_scene.h"
 #include "sim/acoustics/synthesis/rir_synthesis.h"
 
@@ -22,7 +23,13 @@ struct AcousticOptions {
 
   std::vector<double> hrtf_orientation_deg;  ///< heading, pitch, roll of the head filters in the listener's axes; empty: none
 
+  std::string accuracy;  ///< as AccuracyTarget::parse reads it; empty: the preset decides
+
   void add_to(CLI::App& command, const std::string& default_preset);
+  /// --accuracy, for commands that plan with it.
+  void add_accuracy_to(CLI::App& command);
+  /// What --accuracy asks for, if anything.  Throws InputError for a setting of what it chooses.
+  [[nodiscard]] std::optional<AccuracyTarget> accuracy_target() const;
   /// Preset, then what the channels need (harmonics as far as the tracers carry them), then --set, --rate and --seed; validated.
   [[nodiscard]] AcousticConfig config() const;
   [[nodiscard]] ListenerLayout layout() const { return ListenerLayout::named(channels); }

@@ -1,11 +1,13 @@
 #include <fmt/format.h>
 
+#include <cstdio>
 #include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "apps/commands.h"
+#include "bench/accuracy_promise.h"
 #include "bench/accuracy_report.h"
 #include "bench/bench_env.h"
 #include "bench/bench_rir.h"
@@ -45,6 +47,18 @@ void run_accuracy(const AccuracyCommand& command) {
   const AccuracyStudy study = run_accuracy_study(options);
   fmt::print("{}: accuracy.csv, accuracy_tables.md, accuracy_pareto.svg, accuracy_scenes.svg, accuracy_sweeps.svg\n", command.out);
   finish(accuracy_bench_report(study), command);
+}
+
+struct PromiseCommand : Options {
+  std::vector<std::string> scenes, targets;
+};
+
+void run_promise(const PromiseCommand& command) {
+  PromiseOptions options{.quick = command.quick, .scenes = command.scenes, .targets = command.targets};
+  const std::vector<PromiseScene> scenes =
+      run_promises(options, [](const PromiseScene& scene) { fmt::print("{}\n", promises_markdown({scene})), std::fflush(stdout); });
+  fmt::print("\n{}", promises_markdown(scenes));
+  promises_report(scenes).write(command.json);
 }
 
 struct SoakCommand {
@@ -101,7 +115,7 @@ CLI::App* add_bench_command(CLI::App& bench, const std::string& name, const std:
 }  // namespace
 
 void add_bench(CLI::App& app) {
-  CLI::App* bench = app.add_subcommand("bench", "Measure this machine: rir, env, accuracy, soak");
+  CLI::App* bench = app.add_subcommand("bench", "Measure this machine: rir, env, accuracy, promise, soak");
   const auto rir = std::make_shared<RirCommand>();
   CLI::App* rir_command =
       add_bench_command(*bench, "rir", "Impulse responses per second on one thread, their errors, and where the time goes", rir);
@@ -145,6 +159,14 @@ void add_bench(CLI::App& app) {
                       "Of the whole study; poses and repeats are cut to fit (default: 20, 2.5 with --quick)");
   command->callback([accuracy] { run_accuracy(*accuracy); });
 
+  const auto promise = std::make_shared<PromiseCommand>();
+  CLI::App* promise_command = add_bench_command(
+      *bench, "promise", "What --accuracy promises, predicts and keeps in ten scenes, and what it saves over the presets", promise);
+  promise_command->add_option("--scene", promise->scenes, "SCENE in place of the usual ten, repeatable")->allow_extra_args(false);
+  promise_command->add_option("--target", promise->targets, "As --accuracy; repeatable (default: 2, 5 and 10 % of T20)")
+      ->allow_extra_args(false);
+  promise_command->callback([promise] { run_promise(*promise); });
+
   add_soak(*bench);
 
   bench->allow_extras();  // not passed on to the benchmarks: for a message that names what there is
@@ -152,7 +174,7 @@ void add_bench(CLI::App& app) {
     if (!bench->get_subcommands().empty()) return;
     const std::vector<std::string> unknown = bench->remaining();
     throw InputError(unknown.empty() ? "bench" : "bench " + unknown.front(), unknown.empty() ? "names no benchmark" : "is not a benchmark",
-                     "use bench rir, bench env, bench accuracy or bench soak");
+                     "use bench rir, bench env, bench accuracy, bench promise or bench soak");
   });
 }
 

@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 
+#include "apps/accuracy_planning.h"
 #include "apps/acoustic_options.h"
 #include "apps/commands.h"
 #include "apps/echogram_svg.h"
@@ -167,9 +168,10 @@ class PairRenderer {
   RirSynthesizer synthesizer_;
 };
 
-/// A single response is the cheaper traced, so `field = auto` builds none here.
-std::shared_ptr<const SourceField> field_on_request(const AcousticScene& acoustics, const EarlyCandidates& candidates) {
-  if (acoustics.config().field != Switch::on || !uses_source_field(acoustics)) return nullptr;
+/// A few responses are the cheaper traced, so `field = auto` builds one for many alone.
+std::shared_ptr<const SourceField> field_of(const AcousticScene& acoustics, const EarlyCandidates& candidates, std::size_t responses) {
+  constexpr std::size_t many = 300;  // what the plan counts with
+  if (!uses_source_field(acoustics) || (acoustics.config().field != Switch::on && responses < many)) return nullptr;
   Progress progress("source field", "%", 100);
   return build_source_field(acoustics, candidates, [&](double fraction) { progress.update(static_cast<std::uint64_t>(100 * fraction)); });
 }
@@ -194,6 +196,7 @@ void run_rir(const Options& options) {
     throw InputError("--heading", fmt::format("is given {} times for {} listeners", options.heading_deg.size(), options.listeners.size()),
                      "give it once for all or once per listener");
   const AcousticConfig config = options.acoustics.config();
+  const std::optional<AccuracyTarget> target = options.acoustics.accuracy_target();
   std::vector<glm::dvec3> listeners, source_points;
   std::vector<SoundSource> sources;
   for (const std::string& listener : options.listeners) listeners.push_back(parse_point(listener, "--listener"));
@@ -204,17 +207,23 @@ void run_rir(const Options& options) {
   const AcousticScene acoustics = options.acoustics.load(config);
   const Scene& scene = acoustics.scene();
   for (std::size_t i = 0; i < sources.size(); ++i) sources[i].position = scene.to_local(source_points[i]);
-  PairRenderer renderer(options, acoustics);
+  std::vector<glm::vec3> places;
+  for (const glm::dvec3 listener : listeners) places.push_back(scene.to_local(listener));
 
   const bool single = sources.size() == 1 && listeners.size() == 1;
   OrderedJson pairs = OrderedJson::array();
   for (std::size_t s = 0; s < sources.size(); ++s) {
-    const EarlyCandidates candidates(acoustics, sources[s]);
-    const std::shared_ptr<const SourceField> field = field_on_request(acoustics, candidates);
+    std::optional<AccuracyPlan> plan;
+    if (target) plan = plan_and_print(acoustics, *target, sources[s], places, static_cast<double>(places.size()));
+    const AcousticScene planned = plan ? AcousticScene(acoustics.shared_scene(), plan->choice().config) : acoustics;
+    PairRenderer renderer(options, planned);
+    const EarlyCandidates candidates(planned, sources[s]);
+    const std::shared_ptr<const SourceField> field = field_of(planned, candidates, listeners.size());
     for (std::size_t l = 0; l < listeners.size(); ++l) {
       const double heading_deg = options.heading_deg[options.heading_deg.size() == 1 ? 0 : l];
-      OrderedJson pair = renderer.render(candidates, field.get(), scene.to_local(listeners[l]), heading_deg,
+      OrderedJson pair = renderer.render(candidates, field.get(), places[l], heading_deg,
                                          single ? options.out : with_suffix(options.out, fmt::format(".s{}.l{}", s, l)));
+      if (plan && !pair.is_null()) pair["accuracy"] = accuracy_json(*target, *plan);
       if (single) {
         pairs = std::move(pair);
         continue;
@@ -233,6 +242,7 @@ void add_rir(CLI::App& app) {
   auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand("rir", "Room impulse responses between points of a scene");
   options->acoustics.add_to(*command, "balanced");
+  options->acoustics.add_accuracy_to(*command);
   command->add_option("--source", options->sources, "X,Y,Z in metres; may be repeated")->required();
   command->add_option("--listener", options->listeners, "X,Y,Z in metres, between the ears; may be repeated")->required();
   command

@@ -106,4 +106,29 @@ OrderedJson standard_errors_json(const AcousticScene& acoustics, const EarlyCand
   return json;
 }
 
+OrderedJson accuracy_json(const AccuracyTarget& target, const AccuracyPlan& plan) {
+  const auto errors_json = [](const AccuracyErrors& errors) {
+    OrderedJson json = OrderedJson::object();
+    for (std::size_t kind = 0; kind < kNumAccuracyKinds; ++kind) {
+      const AccuracyUnit& unit = unit_of(static_cast<AccuracyKind>(kind));
+      json[std::string(unit.name) + (unit.scale > 1 ? "_pct" : "_db")] = number_or_null(errors[kind] * unit.scale);
+    }
+    return json;
+  };
+  const auto choice_json = [&](const AccuracyChoice& choice) {
+    return OrderedJson{{"method", choice.method},
+                       {"settings", settings_of(choice)},
+                       {"predicted", errors_json(choice.predicted)},
+                       {"per_source_ms", choice.per_source_ms},
+                       {"per_response_ms", choice.per_pose_ms}};
+  };
+  OrderedJson json = choice_json(plan.choice());
+  json["target"] = target.text();
+  json["reference_error"] = errors_json(plan.reference_error);
+  json["calibration_s"] = plan.calibration_s;
+  json["tried"] = OrderedJson::array();
+  for (const AccuracyChoice& choice : plan.tried) json["tried"].push_back(choice_json(choice));
+  return json;
+}
+
 }  // namespace earshot

@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
+#include "sim/acoustics/accuracy/accuracy_plan.h"
 #include "sim/acoustics/metrics/room_metrics.h"
 #include "sim/acoustics/source_field/source_field.h"
 
@@ -20,5 +21,7 @@ OrderedJson metrics_json(const RoomMetrics& metrics);
 /// estimate.
 OrderedJson standard_errors_json(const AcousticScene& acoustics, const EarlyCandidates& candidates, const SourceField* field,
                                  glm::vec3 listener, const EnergyResponse& response);
+/// What was asked for, what the choice is predicted to keep and to cost, and all that was tried (docs/formats.md, section 5.1).
+OrderedJson accuracy_json(const AccuracyTarget& target, const AccuracyPlan& plan);
 
 }  // namespace earshot

@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 
+#include "apps/accuracy_planning.h"
 #include "apps/acoustic_options.h"
 #include "apps/commands.h"
 #include "apps/source_options.h"
@@ -171,6 +172,20 @@ std::vector<WalkSource> make_sources(const Options& options, const AcousticScene
   return sources;
 }
 
+/// The scene as the plan for --accuracy has it: one source at rest, poses as the listener takes them.
+AcousticScene planned(const Options& options, const AcousticScene& acoustics, const AccuracyTarget& target,
+                      const std::vector<TimedPose>& poses, std::size_t num_blocks) {
+  if (options.sources.size() != 1 || !options.source_paths.empty())
+    throw InputError("--accuracy", "plans a walk for one source at rest", "give one --source, or leave it out");
+  SoundSource source = options.radiation.source(0, 1, acoustics.scene().to_local(parse_point(options.sources[0], "--source")));
+  std::vector<glm::vec3> places;
+  for (std::size_t i = 0; i < num_blocks; ++i) {
+    const double fraction = static_cast<double>(i) / static_cast<double>(num_blocks);
+    places.emplace_back(pose_at(poses, poses.front().t_s + fraction * (poses.back().t_s - poses.front().t_s)).position);
+  }
+  return {acoustics.shared_scene(), plan_and_print(acoustics, target, source, places, static_cast<double>(num_blocks)).choice().config};
+}
+
 void run_walk(const Options& options) {
   require(options.step_s > 0 && options.step_s <= 1, "--step", options.step_s, "must be in (0, 1] s");
   require(options.refine_every >= 0, "--refine-every", options.refine_every, "must not be negative");
@@ -186,9 +201,11 @@ void run_walk(const Options& options) {
   const auto num_samples = static_cast<std::size_t>(std::lround(duration_s * config.sample_rate_hz));
   const std::size_t num_blocks = (num_samples + static_cast<std::size_t>(block) - 1) / static_cast<std::size_t>(block);
 
+  const std::optional<AccuracyTarget> target = options.acoustics.accuracy_target();
   config.field = decide_field(config.field, !options.source_paths.empty(), num_blocks);
-  const AcousticScene acoustics = options.acoustics.load(config);
-  shift(poses, acoustics.scene());
+  const AcousticScene loaded = options.acoustics.load(config);
+  shift(poses, loaded.scene());
+  const AcousticScene acoustics = target ? planned(options, loaded, *target, poses, num_blocks) : loaded;
   const std::shared_ptr<const SynthesisTables> tables = options.acoustics.tables(acoustics);
   RirSynthesizer synthesizer(tables);
   PathGlider glider(tables, block);
@@ -229,6 +246,7 @@ void add_walk(CLI::App& app) {
   CLI::App* command = app.add_subcommand(
       "walk", "Sound at a listener on a path through a scene: one gap-free signal of one or more sources, at rest or moving");
   options->acoustics.add_to(*command, "fast");
+  options->acoustics.add_accuracy_to(*command);
   command->add_option("--poses", options->poses, "CSV with the columns t_s,x,y,z,heading_deg (point between the ears, metres; degrees)")
       ->required();
   command->add_option("--source", options->sources, "X,Y,Z in metres of a source at rest; may be repeated");

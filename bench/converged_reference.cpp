@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "bench/measured.h"
+#include "sim/acoustics/metrics/energy_series.h"
 #include "sim/acoustics/metrics/late_errors.h"
 #include "sim/base/random.h"
 

@@ -11,10 +11,6 @@
 
 namespace earshot {
 
-/// Energy of one band over time from emission on, arrivals of every kind included: [num_bins] of bin_s.  Energy of a wider bin is spread
-/// evenly.
-std::vector<double> energy_series(const EnergyResponse& response, int band, double bin_s, int num_bins);
-
 /// Root mean square in dB between the decay curves of two series of the same bins, each relative to its own whole, over the bins where the
 /// reference lies between 0 and -range_db.  A curve that has ended counts as kEndedDb.  nullopt without energy.
 inline constexpr double kEndedDb = -60;

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Fails on any include against the arrow  sim <- envs <- policy <- trainer <- apps,  on one between the stages inside sim against
 # base <- rays <- scene <- {acoustics, vision, nav} (audio stands on base), on one between the stages inside sim/acoustics against
-# core <- geometry <- model <- paths <- tracers <- source_field <- response <- synthesis <- metrics, and on a library header outside the
+# core <- geometry <- model <- paths <- tracers <- source_field <- response <- synthesis <- metrics <- accuracy, and on a library header outside the
 # folder that owns it.
 # Usage: check_layering.sh [ROOT]     ROOT: the source tree, by default the one this script is in
 set -euo pipefail
@@ -34,7 +34,7 @@ allowed sim/scene     "sim/base sim/rays sim/scene"
 allowed sim/audio     "sim/base sim/audio"
 allowed sim/acoustics "sim/base sim/rays sim/scene sim/audio sim/acoustics"
 stages=""
-for stage in core geometry model paths tracers source_field response synthesis metrics; do
+for stage in core geometry model paths tracers source_field response synthesis metrics accuracy; do
   stages="$stages sim/acoustics/$stage"
   allowed "sim/acoustics/$stage" "sim/base sim/rays sim/scene sim/audio$stages"
 done

@@ -104,6 +104,16 @@ TEST_F(BenchCli, RirTakesAnySceneAndItsPathsAsTheTruth) {
   EXPECT_EQ(scenes, (std::set<std::string>{"shoebox:5x4x3", "house:5,rooms=2,area_m2=24"}));
 }
 
+TEST_F(BenchCli, PromiseSaysWhatWasPromisedPredictedAndMeasured) {
+  ASSERT_EQ(earshot("bench promise --quick --scene shoebox:5x4x3@0.3 --target t20=20% --json " + file("promise.json")), 0)
+      << read("stderr");
+  const std::set<std::string> names = names_in("promise.json", "promise");
+  for (const char* name : {"promise.t20=20%.kept", "promise.t20=20%.predicted_t20", "promise.t20=20%.measured_t20",
+                           "promise.t20=20%.truth_error_t20", "promise.t20=20%.total_ms", "promise.t20=20%.calibration_s"})
+    EXPECT_EQ(names.count(name), 1u) << name;
+  EXPECT_THAT(read("stdout"), testing::HasSubstr("| shoebox:5x4x3@0.3 | t20=20% | "));
+}
+
 TEST_F(BenchCli, EnvWritesTheNamesThatScriptsRelyOn) {
   ASSERT_EQ(earshot("bench env --quick --json " + file("env.json")), 0) << read("stderr");
   const std::set<std::string> names = names_in("env.json", "env");
@@ -115,7 +125,7 @@ TEST_F(BenchCli, EnvWritesTheNamesThatScriptsRelyOn) {
 TEST_F(BenchCli, WrongNamesAreOneLineAndExitCodeTwo) {
   for (const char* arguments : {"bench", "bench dance", "bench train", "bench rir --raya 3", "bench accuracy --quick --minutes 0",
                                 "bench rir --quick --scene shoebox:5x4x3 --scene shoebox:0x4x3", "bench rir --quick --reference-seconds 0",
-                                "bench rir --quick --reference-poses 0"}) {
+                                "bench rir --quick --reference-poses 0", "bench promise --quick --target t20=5"}) {
     EXPECT_EQ(earshot(arguments), 2) << arguments;
     const std::string errors = read("stderr");
     EXPECT_EQ(std::count(errors.begin(), errors.end(), '\n'), 1) << errors;

@@ -148,6 +148,31 @@ TEST_F(Cli, RirGathersAFieldOnRequest) {
   }
 }
 
+// What the planner chose is a config like any other: its settings give the same bits without it.
+TEST_F(Cli, RirPlansForAnAccuracy) {
+  const std::string room =
+      "rir shoebox:5x3x4@0.2 --source 1.2,1.1,1.5 --listener 3.8,1.6,2.3 --listener 2,1.4,3 --preset fast --channels mono ";
+  const Outcome planned = earshot(room + "--accuracy t20=15%,edc=2dB --out " + file("a.wav") + " --metrics " + file("a.json"));
+  ASSERT_EQ(planned.exit_code, 0) << planned.errors;
+  const auto json = nlohmann::json::parse(read("a.json"));
+  const auto accuracy = json.at("pairs").at(0).at("accuracy");
+  EXPECT_EQ(accuracy.at("target"), "t20=15%,edc=2dB");
+  EXPECT_LE(accuracy.at("predicted").at("t20_pct").get<double>(), 0.85 * 15);
+  EXPECT_LE(accuracy.at("predicted").at("edc_db").get<double>(), 0.85 * 2);
+  EXPECT_GE(accuracy.at("tried").size(), 2u);
+  std::string settings = "--set";
+  for (const auto& setting : accuracy.at("settings")) settings += " " + setting.get<std::string>();
+  ASSERT_EQ(earshot(room + settings + " --out " + file("b.wav")).exit_code, 0);
+  EXPECT_EQ(read("a.s0.l0.wav"), read("b.s0.l0.wav"));
+  EXPECT_EQ(read("a.s0.l1.wav"), read("b.s0.l1.wav"));
+
+  const std::string bad = "rir shoebox:5x3x4 --source 1,1,1 --listener 2,1,2 --out " + file("x.wav") + " --accuracy ";
+  expect_bad_input(bad + "t20=5", "t20=5%,drr=1dB,edc=1dB");
+  expect_bad_input(bad + "t20=5% --set rays=64", "is what --accuracy chooses");
+  expect_bad_input(bad + "t30=5%", "names none of t20, drr and edc");
+  EXPECT_FALSE(std::filesystem::exists(file("x.wav")));
+}
+
 // O-1 through the command line: r = 2.765863 m in SHOE-1 (docs/oracles.md has z up, here it is y): amplitude 0.0287713, delay 8.06374 ms at
 // c = 343 m/s, 343 / 343.2 of that here.
 TEST_F(Cli, RirWritesSoundAndMetrics) {
@@ -315,6 +340,17 @@ TEST_F(Cli, WalkIsAsLongAsItsPosesAndNeverSilent) {
   expect_bad_input("walk shoebox:5x3x4@0.3 --poses " + write("back.csv", "1,0,0,0,0\n0,0,0,0,0\n") +
                        " --source 4,1.5,1 --sound synth:noise --out " + file("v.wav"),
                    "time does not rise");
+}
+
+TEST_F(Cli, WalkPlansForAnAccuracyOfOneSourceAtRest) {
+  write("poses.csv", "t_s,x,y,z,heading_deg\n0,1,1.5,1,0\n1,3,1.5,3,90\n");
+  const std::string walk =
+      "walk shoebox:5x3x4@0.3 --poses " + file("poses.csv") + " --sound synth:noise --channels mono --out " + file("w.wav");
+  const Outcome outcome = earshot(walk + " --source 4,1.5,1 --accuracy t20=20%");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.errors;
+  EXPECT_NE(outcome.output.find("predicted t20"), std::string::npos) << outcome.output;
+  EXPECT_GE(read("w.wav").size(), static_cast<std::size_t>(16000 * 4));
+  expect_bad_input(walk + " --source 4,1.5,1 --source 4,1.5,2 --accuracy t20=20%", "one source at rest");
 }
 
 TEST_F(Cli, WalkThroughAFieldIsReproducible) {

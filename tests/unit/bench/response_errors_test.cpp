@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "bench/measured.h"
+#include "sim/acoustics/metrics/energy_series.h"
 #include "sim/base/errors.h"
 
 namespace earshot {

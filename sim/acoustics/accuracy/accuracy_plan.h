@@ -1,0 +1,51 @@
+#pragma once
+
+#include <functional>
+#include <glm/vec3.hpp>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "sim/acoustics/accuracy/accuracy_trial.h"
+
+namespace earshot {
+
+struct AccuracyRequest {
+  AcousticConfig config;  ///< what the planner does not choose: switches, length, bins, bands, seed, threads
+  AccuracyTarget target;
+  SoundSource source;
+  std::vector<glm::vec3> places;  ///< of listeners, not empty; at most kMostPlaces of them are tried, evenly spread
+  double poses = 1;               ///< responses that the source is for: what a field costs is shared by them
+  double most_ms = 3.6e6;         ///< that these may take on this machine; nothing dearer is taken
+};
+inline constexpr std::size_t kMostPlaces = 12;
+
+struct AccuracyPlan {
+  std::vector<AccuracyChoice> tried;  ///< in the order of trial
+  std::size_t chosen = 0;
+  AccuracyErrors reference_error{};  ///< standard error of the paths that judged
+  int reference_runs = 0;
+  double calibration_s = 0;
+  [[nodiscard]] const AccuracyChoice& choice() const { return tried[chosen]; }
+};
+
+/// Keys of the config that the planner chooses; a setting of one of them contradicts it.
+std::span<const std::string_view> keys_of_accuracy();
+
+/// The cheapest way to responses within the target: rays from the listener or from both ends, or a source field of 1 m or 0.5 m cells; how
+/// many rays or photons; order of images; reflections before and after edges.  It calibrates itself on the scene: paths from both ends are
+/// traced at the places until the standard error of a value is 0.7 of the target (or 1,024 runs of 512 rays), each candidate is tried there with four seeds (a
+/// field: one), and the cheapest of those within 0.85 of the target, for `poses` responses, is taken.
+///
+/// Predicted errors are those at the places.  Costs are measured, so of two choices of about equal cost either may be taken from run to
+/// run; the bits are a function of the choice.  Cost: some seconds; a target half as large takes up to four times as long.  Throws
+/// InputError where no candidate is within the target and `most_ms`, with what the best one reaches.
+AccuracyPlan plan_accuracy(const std::shared_ptr<const Scene>& scene, const AccuracyRequest& request,
+                           const std::function<void(double fraction)>& progress = {});
+
+/// "key=value" of what the planner chose, as for --set.
+std::vector<std::string> settings_of(const AccuracyChoice& choice);
+
+}  // namespace earshot

@@ -1,0 +1,85 @@
+#include "sim/acoustics/accuracy/accuracy_reading.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "sim/acoustics/metrics/energy_series.h"
+#include "sim/acoustics/metrics/room_metrics.h"
+
+namespace earshot {
+namespace {
+
+constexpr double kStepS = 0.004, kLongestS = 4, kRangeDb = 30;
+constexpr float kEndedDb = -60;
+constexpr double kNoDecay = 1, kNoRatioDb = 10;  ///< errors of what is missing
+
+struct MeanSquare {
+  double sum = 0;
+  int count = 0;
+  void add(double value) { sum += value, ++count; }
+  [[nodiscard]] double root() const { return count > 0 ? std::sqrt(std::max(sum / count, 0.0)) : std::nan(""); }
+};
+
+/// Mean over time of the product of the differences to two curves; nullopt where there is nothing to compare.
+std::optional<double> curve_product(std::span<const float> test, std::span<const float> first, std::span<const float> second) {
+  if (first.empty() || second.empty()) return std::nullopt;
+  if (test.empty()) return double{kEndedDb} * kEndedDb;
+  MeanSquare square;
+  for (std::size_t i = 0; i < first.size(); ++i) {
+    const float level = 0.5f * (first[i] + second[i]);
+    if (level < -kRangeDb) break;
+    // Before the first arrival all are 0 dB: that is no agreement of decays.
+    if (level == 0.f && i + 1 < first.size() && first[i + 1] + second[i + 1] == 0.f) continue;
+    square.add((double{test[i]} - first[i]) * (double{test[i]} - second[i]));
+  }
+  if (square.count == 0) return std::nullopt;
+  return square.sum / square.count;
+}
+
+}  // namespace
+
+AccuracyReading read_accuracy(const AcousticScene& scene, const EnergyResponse& response) {
+  AccuracyReading reading;
+  for (const BandMetrics& band : measure(scene, response).bands) {
+    reading.t20_s.push_back(band.t20_s);
+    reading.drr_db.push_back(band.drr_db);
+  }
+  constexpr int steps = static_cast<int>(kLongestS / kStepS);
+  std::vector<double> curve(steps);
+  for (int band = 0; band < scene.num_bands(); ++band) {
+    energy_decay_curve(energy_series(response, band, kStepS, steps), curve);
+    std::vector<float>& levels = reading.edc_db.emplace_back();
+    if (!(curve[0] > 0)) continue;
+    for (const double left : curve)
+      levels.push_back(left > 0 ? std::max(static_cast<float>(10 * std::log10(left / curve[0])), kEndedDb) : kEndedDb);
+  }
+  return reading;
+}
+
+AccuracyErrors errors_between(std::span<const AccuracyReading> test, std::span<const AccuracyReading> first,
+                              std::span<const AccuracyReading> second) {
+  MeanSquare t20, drr, edc;
+  for (std::size_t i = 0; i < test.size(); ++i) {
+    const AccuracyReading &tested = test[i], &one = first[i % first.size()], &two = second[i % second.size()];
+    for (std::size_t band = 0; band < tested.t20_s.size(); ++band) {
+      if (one.t20_s[band] && two.t20_s[band])
+        t20.add(tested.t20_s[band] ? (*tested.t20_s[band] / *one.t20_s[band] - 1) * (*tested.t20_s[band] / *two.t20_s[band] - 1)
+                                   : kNoDecay * kNoDecay);
+      if (one.drr_db[band] && two.drr_db[band])
+        drr.add(tested.drr_db[band] ? (*tested.drr_db[band] - *one.drr_db[band]) * (*tested.drr_db[band] - *two.drr_db[band])
+                                    : kNoRatioDb * kNoRatioDb);
+      if (const auto product = curve_product(tested.edc_db[band], one.edc_db[band], two.edc_db[band])) edc.add(*product);
+    }
+  }
+  const double mean_absolute = std::sqrt(2 * std::numbers::inv_pi);
+  return {mean_absolute * t20.root(), mean_absolute * drr.root(), edc.root()};
+}
+
+AccuracyErrors half_difference(std::span<const AccuracyReading> first, std::span<const AccuracyReading> second) {
+  AccuracyErrors errors = errors_between(first, second, second);
+  for (double& error : errors) error *= 0.5;
+  return errors;
+}
+
+}  // namespace earshot

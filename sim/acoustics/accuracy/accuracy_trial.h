@@ -1,0 +1,30 @@
+#pragma once
+
+#include <memory>
+#include <span>
+#include <string>
+
+#include "sim/acoustics/accuracy/accuracy_reference.h"
+#include "sim/acoustics/source_field/source_field.h"
+
+namespace earshot {
+
+/// One way to compute the responses of a source, tried at a few places.
+struct AccuracyChoice {
+  std::string method;                         ///< "listener rays", "source field" or "both ends"
+  AcousticConfig config;                      ///< complete: the same bits without a planner
+  AccuracyErrors predicted{};                 ///< measured against the reference
+  double per_source_ms = 0, per_pose_ms = 0;  ///< as measured, one source and one response without synthesis
+  [[nodiscard]] double total_ms(double poses) const { return per_source_ms + poses * per_pose_ms; }
+};
+
+/// The config as it is, with `seeds` seeds of its rays, or with one field if its plan has one.
+AccuracyChoice try_config(const std::shared_ptr<const Scene>& scene, std::string method, const AcousticConfig& config,
+                          const SoundSource& source, const AccuracyReference& reference, int seeds);
+
+/// Errors and time per response of `choice` at the places of the reference.  scenes: the same under several seeds.  field: null, or of the
+/// source.
+void try_responses(std::span<const AcousticScene> scenes, const EarlyCandidates& candidates, const SourceField* field,
+                   const AccuracyReference& reference, AccuracyChoice& choice);
+
+}  // namespace earshot

@@ -1,0 +1,129 @@
+#include "sim/acoustics/accuracy/accuracy_plan.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <string>
+
+#include "sim/base/errors.h"
+#include "tests/support/rooms.h"
+
+namespace earshot {
+namespace {
+
+AccuracyRequest request_in_a_box(const std::string& target, double poses) {
+  AccuracyRequest request{.config = acoustic_preset("fast"),
+                          .target = AccuracyTarget::parse(target),
+                          .source = rooms::shoe1_source(),
+                          .places = {},
+                          .poses = poses};
+  request.config.rir_length_s = 0;
+  for (const double x : {2.2, 3.1, 4.0, 4.9}) request.places.push_back(rooms::point(x, 1.9, 1.4));
+  return request;
+}
+
+TEST(AccuracyReference, MoreRunsAreLessErrorAndTheSameRunsTheSameBits) {
+  const AccuracyRequest request = request_in_a_box("t20=3%", 1);
+  const auto scene = rooms::shoe1(0.2, 0.3);
+  AccuracyReference reference(scene, request.config, request.source, request.places),
+      other(scene, request.config, request.source, request.places);
+  reference.refine(request.target, 0, 4);
+  other.refine(request.target, 0, 4);
+  EXPECT_EQ(reference.runs(), 4);
+  EXPECT_EQ(reference.standard_error(), other.standard_error());
+  // Of 16 times the runs a quarter is expected.  Bands share their rays, so that each of the three is known to 40 % or so: their mean.
+  const AccuracyErrors after_4 = reference.standard_error();
+  reference.refine(request.target, 0, 64);
+  double log_ratio = 0;
+  for (std::size_t kind = 0; kind < kNumAccuracyKinds; ++kind)
+    log_ratio += std::log(reference.standard_error()[kind] / after_4[kind]) / kNumAccuracyKinds;
+  EXPECT_LT(std::exp(log_ratio), 0.5);
+  EXPECT_GT(std::exp(log_ratio), 0.1);
+}
+
+TEST(AccuracyReference, CallsHighRightAndTwiceTheAbsorptionWrong) {
+  const auto scene = rooms::shoe1(0.2, 0.3);
+  const AccuracyRequest request = request_in_a_box("t20=3%", 1);
+  AccuracyReference reference(scene, request.config, request.source, request.places);
+  reference.refine(request.target, 0.4, 128);
+  AcousticConfig high = acoustic_preset("high");
+  high.rir_length_s = 0;
+  high.rays = 8192;
+  high.source_rays = 2048;
+  EXPECT_LT(try_config(scene, "both ends", high, request.source, reference, 1).predicted[0], 0.02);
+  // By Eyring -ln(0.8) : -ln(0.6) = 0.437 of the decay time; what scatters little keeps more.
+  const double dead = try_config(rooms::shoe1(0.4, 0.3), "both ends", high, request.source, reference, 1).predicted[0];
+  EXPECT_NEAR(dead, std::sqrt(2 / std::numbers::pi) * 0.56, 0.08);
+}
+
+TEST(AccuracyPlan, KeepsWhatItPromisesElsewhere) {
+  const auto scene = rooms::shoe1(0.2, 0.3);
+  const AccuracyRequest request = request_in_a_box("t20=8%,edc=1dB", 300);
+  const AccuracyPlan plan = plan_accuracy(scene, request);
+  EXPECT_LE(request.target.used(plan.choice().predicted), 0.85);
+  EXPECT_LE(request.target.used(plan.reference_error), 0.7);
+  // At other places, with other seeds, against other paths.
+  AcousticConfig other = plan.choice().config;
+  other.seed = 99;
+  AccuracyReference elsewhere(scene, other, request.source, {rooms::point(1.1, 0.7, 2.6), rooms::point(3.5, 2.2, 3.1), rooms::point(5.2, 1.0, 1.0)});
+  elsewhere.refine(request.target, 0.3, 64);
+  EXPECT_LE(request.target.used(try_config(scene, plan.choice().method, other, request.source, elsewhere, 4).predicted), 1.0);
+  // Nothing that was within the target was cheaper.
+  for (const AccuracyChoice& choice : plan.tried) {
+    if (request.target.used(choice.predicted) <= 0.85) {
+      EXPECT_LE(plan.choice().total_ms(request.poses), choice.total_ms(request.poses));
+    }
+  }
+}
+
+TEST(AccuracyPlan, MoreAccuracyTakesMoreWork) {
+  const auto scene = rooms::shoe1(0.2, 0.3);
+  AccuracyRequest request = request_in_a_box("t20=20%", 1);
+  const auto most_work = [&] {
+    const AccuracyPlan plan = plan_accuracy(scene, request);
+    int most = 0;
+    for (const AccuracyChoice& choice : plan.tried)
+      if (choice.method == "listener rays") most = std::max(most, choice.config.rays);
+    EXPECT_LE(request.target.used(plan.choice().predicted), 0.85);
+    return most;
+  };
+  const int few = most_work();
+  request.target = AccuracyTarget::parse("t20=2%");
+  EXPECT_GE(most_work(), 4 * few);
+}
+
+TEST(AccuracyPlan, SaysSoWhereNothingKeepsThePromise) {
+  AccuracyRequest request = request_in_a_box("t20=2%", 300);
+  request.most_ms = 1e-3;  // for 300 responses
+  try {
+    (void)plan_accuracy(rooms::shoe1(0.2, 0.3), request);
+    FAIL() << "promised";
+  } catch (const InputError& refused) {
+    EXPECT_NE(std::string(refused.what()).find("cannot be promised"), std::string::npos) << refused.what();
+    EXPECT_NE(std::string(refused.what()).find("t20="), std::string::npos) << refused.what();
+  }
+}
+
+TEST(AccuracyPlan, ItsSettingsAreThoseOfItsConfig) {
+  AccuracyChoice choice{.method = "both ends", .config = acoustic_preset("fast")};
+  choice.config.rays = 1024;
+  choice.config.source_rays = 256;
+  choice.config.field = Switch::off;
+  choice.config.diffuse_last_segment = false;
+  ConfigReader reader = ConfigReader::from_text("", "--set", settings_of(choice));
+  AcousticConfig read_back = acoustic_preset("balanced");
+  read(reader, read_back);
+  reader.finish();
+  EXPECT_EQ(read_back.rays, 1024);
+  EXPECT_EQ(read_back.source_rays, 256);
+  EXPECT_EQ(read_back.source_bounces, choice.config.source_bounces);
+  EXPECT_EQ(read_back.early_order, choice.config.early_order);
+  EXPECT_EQ(read_back.field, Switch::off);
+  EXPECT_FALSE(read_back.diffuse_last_segment);
+}
+
+}  // namespace
+}  // namespace earshot
