@@ -33,7 +33,8 @@ std::vector<SceneName> usual_scenes(bool quick) {
 
 std::vector<AccuracyTarget> targets_of(const PromiseOptions& options) {
   std::vector<std::string> texts = options.targets;
-  if (texts.empty()) texts = options.quick ? std::vector<std::string>{"t20=10%"} : std::vector<std::string>{"t20=2%", "t20=5%,drr=1dB,edc=1dB", "t20=10%"};
+  if (texts.empty())
+    texts = options.quick ? std::vector<std::string>{"t20=10%"} : std::vector<std::string>{"t20=2%", "t20=5%,drr=1dB,edc=1dB", "t20=10%"};
   std::vector<AccuracyTarget> targets;
   for (const std::string& text : texts) targets.push_back(AccuracyTarget::parse(text));
   return targets;
@@ -79,7 +80,8 @@ class SceneTrial {
     promise.scene = scene_.name;
     promise.target = target;
     for (const AccuracyChoice& preset : presets_)
-      if (promise.preset.empty() && target.used(preset.predicted) <= 1) promise.preset = preset.method, promise.preset_ms = preset.total_ms(kPoses);
+      if (promise.preset.empty() && target.used(preset.predicted) <= 1)
+        promise.preset = preset.method, promise.preset_ms = preset.total_ms(kPoses);
     Progress progress("calibration", "%", 100);
     try {
       promise.plan = plan_accuracy(
@@ -137,7 +139,8 @@ std::vector<PromiseScene> run_promises(const PromiseOptions& options, const std:
 
 std::string promises_markdown(const std::vector<PromiseScene>& scenes) {
   std::string text =
-      "| scene | asked | chosen | predicted T20 % / DRR dB / EDC dB | measured | kept | 300 responses ms | calibration s | cheapest preset within | "
+      "| scene | asked | chosen | predicted T20 % / DRR dB / EDC dB | measured | kept | 300 responses ms | calibration s | cheapest preset "
+      "within | "
       "times faster |\n|---|---|---|---|---|---|---|---|---|---|\n";
   for (const PromiseScene& scene : scenes)
     for (const KeptPromise& promise : scene.promises) {
@@ -150,9 +153,9 @@ std::string promises_markdown(const std::vector<PromiseScene>& scenes) {
       };
       const AccuracyChoice& choice = promise.plan->choice();
       const int count = choice.config.field == Switch::on ? choice.config.field_photons : choice.config.rays;
-      text += fmt::format("| {} | {} | {} {} | {} | {} | {} | {:.0f} | {:.1f} | {} | {} |\n", scene.name, promise.target.text(), choice.method,
-                          count, errors(choice.predicted), errors(promise.measured), promise.kept() ? "yes" : "no", promise.total_ms,
-                          promise.plan->calibration_s, promise.preset.empty() ? "none" : promise.preset,
+      text += fmt::format("| {} | {} | {} {} | {} | {} | {} | {:.0f} | {:.1f} | {} | {} |\n", scene.name, promise.target.text(),
+                          choice.method, count, errors(choice.predicted), errors(promise.measured), promise.kept() ? "yes" : "no",
+                          promise.total_ms, promise.plan->calibration_s, promise.preset.empty() ? "none" : promise.preset,
                           promise.preset.empty() ? "-" : fmt::format("{:.1f}", promise.preset_ms / promise.total_ms));
     }
   return text;

@@ -35,7 +35,8 @@ struct PromiseScene {
 };
 
 /// Question: does the planner keep what it promises, and what does it save over the fixed presets?  One source, 36 poses of a
-/// walk: it calibrates at every third and is measured at twelve others, against paths of their own seeds.  after_scene: called with all so far.
+/// walk: it calibrates at every third and is measured at twelve others, against paths of their own seeds.  after_scene: called with all so
+/// far.
 std::vector<PromiseScene> run_promises(const PromiseOptions& options, const std::function<void(const PromiseScene&)>& after_scene = {});
 
 /// A table for people, one line per scene and target.

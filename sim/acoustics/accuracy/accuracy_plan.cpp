@@ -14,7 +14,7 @@
 namespace earshot {
 namespace {
 
-constexpr double kMargin = 0.85;           ///< of the target: places are few
+constexpr double kMargin = 0.85;            ///< of the target: places are few
 constexpr double kReferenceFraction = 0.7;  ///< of the target: standard error of the paths in one value, of which there are dozens
 constexpr int kMostRuns = 1024, kSeeds = 4;
 constexpr double kNoGain = 0.85;  ///< four times the work should halve a random error: less than this gain is a bias
@@ -158,7 +158,7 @@ class Search {
 
 std::span<const std::string_view> keys_of_accuracy() {
   static constexpr std::array<std::string_view, 11> keys = {
-      "rays",         "source_rays", "source_bounces", "early_order",          "early_candidate_rays",   "field",
+      "rays",          "source_rays", "source_bounces", "early_order",          "early_candidate_rays",   "field",
       "field_photons", "field_error", "field_cell_m",   "diffuse_last_segment", "diffraction_reflections"};
   return keys;
 }
@@ -187,14 +187,14 @@ AccuracyPlan plan_accuracy(const std::shared_ptr<const Scene>& scene, const Accu
   }
   plan.calibration_s = 1e-3 * ms_since(begin);
   if (!search.best()) {
-    const auto closest = std::ranges::min_element(
-        plan.tried, {}, [&](const AccuracyChoice& choice) { return request.target.used(choice.predicted); });
-    throw InputError("accuracy " + request.target.text(),
-                     fmt::format("cannot be promised in {}: the closest of {} candidates, {}, is at {} (standard error of the paths that "
-                                 "judge it: {})",
-                                 scene->name(), plan.tried.size(), closest->method, text_of(closest->predicted),
-                                 text_of(plan.reference_error)),
-                     fmt::format("ask for less ({:.0f} % of it must be kept at the places), or use --preset high", 100 * kMargin));
+    const auto closest =
+        std::ranges::min_element(plan.tried, {}, [&](const AccuracyChoice& choice) { return request.target.used(choice.predicted); });
+    throw InputError(
+        "accuracy " + request.target.text(),
+        fmt::format("cannot be promised in {}: the closest of {} candidates, {}, is at {} (standard error of the paths that "
+                    "judge it: {})",
+                    scene->name(), plan.tried.size(), closest->method, text_of(closest->predicted), text_of(plan.reference_error)),
+        fmt::format("ask for less ({:.0f} % of it must be kept at the places), or use --preset high", 100 * kMargin));
   }
   plan.chosen = *search.best();
   if (progress) progress(1);

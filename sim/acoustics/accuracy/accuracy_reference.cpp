@@ -49,7 +49,8 @@ void AccuracyReference::run() {
   ++runs_;
 }
 
-void AccuracyReference::refine(const AccuracyTarget& target, double most, int max_runs, const std::function<void(double fraction)>& progress) {
+void AccuracyReference::refine(const AccuracyTarget& target, double most, int max_runs,
+                               const std::function<void(double fraction)>& progress) {
   constexpr int least_runs = 4;
   while (runs_ < max_runs) {
     const int until = std::min(std::max(2 * runs_, least_runs), max_runs);

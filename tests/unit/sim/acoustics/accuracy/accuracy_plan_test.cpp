@@ -26,22 +26,27 @@ AccuracyRequest request_in_a_box(const std::string& target, double poses) {
 }
 
 TEST(AccuracyReference, MoreRunsAreLessErrorAndTheSameRunsTheSameBits) {
-  const AccuracyRequest request = request_in_a_box("t20=3%", 1);
+  // Of 8 times the runs 0.35 is expected.  Bands share their rays, so that each of the three is known to 40 % or so: the mean of six seeds.
+  constexpr int seeds = 6;
   const auto scene = rooms::shoe1(0.2, 0.3);
-  AccuracyReference reference(scene, request.config, request.source, request.places),
-      other(scene, request.config, request.source, request.places);
-  reference.refine(request.target, 0, 4);
-  other.refine(request.target, 0, 4);
-  EXPECT_EQ(reference.runs(), 4);
-  EXPECT_EQ(reference.standard_error(), other.standard_error());
-  // Of 16 times the runs a quarter is expected.  Bands share their rays, so that each of the three is known to 40 % or so: their mean.
-  const AccuracyErrors after_4 = reference.standard_error();
-  reference.refine(request.target, 0, 64);
   double log_ratio = 0;
-  for (std::size_t kind = 0; kind < kNumAccuracyKinds; ++kind)
-    log_ratio += std::log(reference.standard_error()[kind] / after_4[kind]) / kNumAccuracyKinds;
-  EXPECT_LT(std::exp(log_ratio), 0.5);
-  EXPECT_GT(std::exp(log_ratio), 0.1);
+  for (std::uint64_t seed = 0; seed < seeds; ++seed) {
+    AccuracyRequest request = request_in_a_box("t20=3%", 1);
+    request.config.seed = seed;
+    AccuracyReference reference(scene, request.config, request.source, request.places);
+    reference.refine(request.target, 0, 4);
+    EXPECT_EQ(reference.runs(), 4);
+    const AccuracyErrors after_4 = reference.standard_error();
+    reference.refine(request.target, 0, 32);
+    for (std::size_t kind = 0; kind < kNumAccuracyKinds; ++kind)
+      log_ratio += std::log(reference.standard_error()[kind] / after_4[kind]) / (seeds * kNumAccuracyKinds);
+    if (seed > 0) continue;
+    AccuracyReference again(scene, request.config, request.source, request.places);
+    again.refine(request.target, 0, 32);
+    EXPECT_EQ(reference.standard_error(), again.standard_error());
+  }
+  EXPECT_LT(std::exp(log_ratio), 0.55);
+  EXPECT_GT(std::exp(log_ratio), 0.2);
 }
 
 TEST(AccuracyReference, CallsHighRightAndTwiceTheAbsorptionWrong) {
@@ -68,7 +73,8 @@ TEST(AccuracyPlan, KeepsWhatItPromisesElsewhere) {
   // At other places, with other seeds, against other paths.
   AcousticConfig other = plan.choice().config;
   other.seed = 99;
-  AccuracyReference elsewhere(scene, other, request.source, {rooms::point(1.1, 0.7, 2.6), rooms::point(3.5, 2.2, 3.1), rooms::point(5.2, 1.0, 1.0)});
+  AccuracyReference elsewhere(scene, other, request.source,
+                              {rooms::point(1.1, 0.7, 2.6), rooms::point(3.5, 2.2, 3.1), rooms::point(5.2, 1.0, 1.0)});
   elsewhere.refine(request.target, 0.3, 64);
   EXPECT_LE(request.target.used(try_config(scene, plan.choice().method, other, request.source, elsewhere, 4).predicted), 1.0);
   // Nothing that was within the target was cheaper.

@@ -27,8 +27,8 @@ TEST(AccuracyTarget, SaysHowMuchOfItErrorsUse) {
 }
 
 TEST(AccuracyTarget, RefusesWhatIsNoTarget) {
-  for (const char* text : {"", "t20", "t20=5", "t20=5dB", "t20=%", "t20=5%,", "t30=5%", "t20=0.5%", "t20=51%", "t20=nan%", "t20=-5%", "drr=1",
-                           "drr=0.01dB", "drr=11dB", "t20=5%,t20=6%", "t20=5% ,drr=1dB", "t20=1e400%"})
+  for (const char* text : {"", "t20", "t20=5", "t20=5dB", "t20=%", "t20=5%,", "t30=5%", "t20=0.5%", "t20=51%", "t20=nan%", "t20=-5%",
+                           "drr=1", "drr=0.01dB", "drr=11dB", "t20=5%,t20=6%", "t20=5% ,drr=1dB", "t20=1e400%"})
     EXPECT_THROW((void)AccuracyTarget::parse(text), InputError) << text;
 }
 
