@@ -61,7 +61,7 @@ class SceneTrial {
         seeded_(with_seed(base_config())),
         truth_(scene_.scene, seeded_, scene_.source(), places_of(scene_, 1)) {
     Progress progress(fmt::format("truth of {}", name.name), "%", 100);
-    truth_.refine(AccuracyTarget::parse("t20=2%"), quick ? 2 : 1, quick ? 16 : 2048,
+    truth_.refine(AccuracyTarget::parse("t20=2%"), quick ? 2 : 1, quick ? 16 : 256,
                   [&](double fraction) { progress.update(static_cast<std::uint64_t>(100 * fraction)); });
     for (const char* preset : {"fast", "balanced", "high"}) {
       if (quick && std::string(preset) == "high") continue;

@@ -16,22 +16,26 @@ namespace {
 
 constexpr double kMargin = 0.85;            ///< of the target: places are few
 constexpr double kReferenceFraction = 0.7;  ///< of the target: standard error of the paths in one value, of which there are dozens
-constexpr int kMostRuns = 1024, kSeeds = 4;
-constexpr double kNoGain = 0.85;  ///< four times the work should halve a random error: less than this gain is a bias
+constexpr int kMostRuns = 1024, kSeeds = 4, kRaysOfSeeds = 4096;
+/// Errors above these say nothing of a bias: with so few rays most decays are not there at all.
+constexpr AccuracyErrors kSaturated = {0.3, 3, 3};
+constexpr double kNoGain = 0.95;  ///< four times the work should halve a random error: as little gain as this is a bias
 
 using Clock = std::chrono::steady_clock;
 double ms_since(Clock::time_point begin) { return std::chrono::duration<double, std::milli>(Clock::now() - begin).count(); }
 
 struct EarlyLevel {
   int order, candidate_rays, reflections;
+  int edge_rays;  ///< with a field, which has no rays, they say how far edges are carried alone (DiffractionBudget)
 };
-constexpr std::array<EarlyLevel, 4> kEarly{{{1, 2000, 0}, {2, 2000, 0}, {3, 10'000, 0}, {4, 50'000, 1}}};
+constexpr std::array<EarlyLevel, 4> kEarly{{{1, 2000, 0, 64}, {2, 2000, 0, 64}, {3, 10'000, 0, 512}, {4, 50'000, 1, 512}}};
 constexpr std::size_t kUsualEarly = 1;
 
 void set_early(std::size_t level, AcousticConfig& config) {
   config.early_order = kEarly[level].order;
   config.early_candidate_rays = kEarly[level].candidate_rays;
   config.diffraction_reflections = kEarly[level].reflections;
+  config.rays = kEarly[level].edge_rays;
 }
 
 std::vector<glm::vec3> spread(const std::vector<glm::vec3>& places) {
@@ -89,7 +93,7 @@ class Search {
       choice.config.field_error = 1e-4f;  // the photons decide
       try_responses({&acoustics, 1}, candidates, field.get(), reference_, choice);
       const double used = record(choice);
-      if (used <= kMargin || used > kNoGain * last_used || choice.total_ms(request_.poses) > best_ms_) return;
+      if (used <= kMargin || is_biased(choice, last_used) || choice.total_ms(request_.poses) > best_ms_) return;
       last_used = used;
     }
   }
@@ -98,7 +102,9 @@ class Search {
   void fewer_images() {
     if (!best_) return;
     AcousticConfig config = tried_[*best_].config;
+    const int rays = config.rays;
     set_early(0, config);
+    config.rays = rays;
     record(try_config(scene_, tried_[*best_].method, config, request_.source, reference_, kSeeds));
   }
 
@@ -126,13 +132,20 @@ class Search {
         if (count > rays.first) try_rays(method, rays.with(count / 2));
         return;
       }
-      if (used > kNoGain * last_used || tried_.back().total_ms(request_.poses) > best_ms_) return;
+      if (is_biased(tried_.back(), last_used) || tried_.back().total_ms(request_.poses) > best_ms_) return;
       last_used = used;
     }
   }
 
   double try_rays(const char* method, const AcousticConfig& config) {
-    return record(try_config(scene_, method, config, request_.source, reference_, kSeeds));
+    return record(try_config(scene_, method, config, request_.source, reference_, std::clamp(kRaysOfSeeds / config.rays, 1, kSeeds)));
+  }
+
+  /// Has four times the work brought too little?
+  [[nodiscard]] bool is_biased(const AccuracyChoice& choice, double last_used) const {
+    for (std::size_t kind = 0; kind < kNumAccuracyKinds; ++kind)
+      if (request_.target.most[kind] && choice.predicted[kind] > kSaturated[kind]) return false;
+    return request_.target.used(choice.predicted) > kNoGain * last_used;
   }
 
   /// What it uses of the target.
@@ -175,13 +188,17 @@ AccuracyPlan plan_accuracy(const std::shared_ptr<const Scene>& scene, const Accu
   plan.reference_error = reference.standard_error();
   plan.reference_runs = reference.runs();
   Search search(scene, request, reference, plan.tried);
-  for (std::size_t early = kUsualEarly; early < kEarly.size() && !search.best(); ++early) {
+  const bool asks_for_levels = request.target.of(AccuracyKind::drr) || request.target.of(AccuracyKind::edc);
+  for (std::size_t early = kUsualEarly; early < kEarly.size(); ++early) {
+    if (early > kUsualEarly && !asks_for_levels) break;  // decay times do not come from images
     AcousticConfig config = request.config;
     set_early(early, config);
     // A field first: what it costs bounds how far the others are carried.
     for (const float cell_m : {1.f, 0.5f}) search.source_field(config, cell_m);
-    search.listener_rays(config);
-    search.both_ends(config);
+    if (early == kUsualEarly || !search.best()) {
+      search.listener_rays(config);
+      search.both_ends(config);
+    }
     if (early == kUsualEarly) search.fewer_images();
     if (progress) progress(0.8 + 0.2 * static_cast<double>(early) / (kEarly.size() - 1));
   }
@@ -204,6 +221,7 @@ AccuracyPlan plan_accuracy(const std::shared_ptr<const Scene>& scene, const Accu
 std::vector<std::string> settings_of(const AccuracyChoice& choice) {
   const AcousticConfig& config = choice.config;
   std::vector<std::string> settings = {fmt::format("rir_length_s={}", config.rir_length_s),
+                                       fmt::format("rays={}", config.rays),
                                        fmt::format("early_order={}", config.early_order),
                                        fmt::format("early_candidate_rays={}", config.early_candidate_rays),
                                        fmt::format("diffraction_reflections={}", config.diffraction_reflections),
@@ -214,7 +232,6 @@ std::vector<std::string> settings_of(const AccuracyChoice& choice) {
     settings.push_back(fmt::format("field_cell_m={}", config.field_cell_m));
     return settings;
   }
-  settings.push_back(fmt::format("rays={}", config.rays));
   if (config.source_rays > 0) {
     settings.push_back(fmt::format("source_rays={}", config.source_rays));
     settings.push_back(fmt::format("source_bounces={}", config.source_bounces));
