@@ -45,18 +45,18 @@ void AcousticOptions::add_to(CLI::App& command, const std::string& default_prese
 void AcousticOptions::add_accuracy_to(CLI::App& command) {
   command.add_option(
       "--accuracy", accuracy,
-      "The errors that responses may have, as t20=5%,drr=1dB,edc=1dB or some of these (means over octaves and places against "
+      "The errors that responses may have, as t20=5%,drr=1dB,edc=1dB or some of these (root mean squares over octaves and places against "
       "converged paths): the planner tries the scene and chooses rays, photons or paths from both ends, images and edges, "
       "whatever is cheapest; the length is automatic, all else is the preset's");
 }
 
 std::optional<AccuracyTarget> AcousticOptions::accuracy_target() const {
-  if (accuracy.empty()) return std::nullopt;
+  if (!accuracy) return std::nullopt;
   for (const std::string& setting : settings)
     for (const std::string_view key : keys_of_accuracy())
       if (setting.substr(0, setting.find('=')) == key)
         throw InputError("--set " + setting, "is what --accuracy chooses", "leave out one of the two");
-  return AccuracyTarget::parse(accuracy);
+  return AccuracyTarget::parse(*accuracy);
 }
 
 AcousticConfig AcousticOptions::config() const {
@@ -64,7 +64,7 @@ AcousticConfig AcousticOptions::config() const {
   AcousticConfig config = acoustic_preset(preset);
   const ListenerLayout listener = layout();
   if (listener.kind == ListenerKind::ambisonics) config.sh_order = std::clamp(listener.order, config.sh_order, traced_order);
-  if (!accuracy.empty()) config.rir_length_s = 0;
+  if (accuracy) config.rir_length_s = 0;
   ConfigReader reader = ConfigReader::from_text("", "--set", settings);
   read(reader, config);
   reader.finish();

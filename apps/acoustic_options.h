@@ -23,7 +23,7 @@ struct AcousticOptions {
 
   std::vector<double> hrtf_orientation_deg;  ///< heading, pitch, roll of the head filters in the listener's axes; empty: none
 
-  std::string accuracy;  ///< as AccuracyTarget::parse reads it; empty: the preset decides
+  std::optional<std::string> accuracy;  ///< as AccuracyTarget::parse reads it; none: the preset decides
 
   void add_to(CLI::App& command, const std::string& default_preset);
   /// --accuracy, for commands that plan with it.

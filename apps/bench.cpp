@@ -163,7 +163,8 @@ void add_bench(CLI::App& app) {
   CLI::App* promise_command = add_bench_command(
       *bench, "promise", "What --accuracy promises, predicts and keeps in ten scenes, and what it saves over the presets", promise);
   promise_command->add_option("--scene", promise->scenes, "SCENE in place of the usual ten, repeatable")->allow_extra_args(false);
-  promise_command->add_option("--target", promise->targets, "As --accuracy; repeatable (default: 2, 5 and 10 % of T20)")
+  promise_command
+      ->add_option("--target", promise->targets, "As --accuracy; repeatable (default: 2, 5, with 1 dB of drr and edc, and 10 % of T20)")
       ->allow_extra_args(false);
   promise_command->callback([promise] { run_promise(*promise); });
 

@@ -80,20 +80,20 @@ OrderedJson effects_json(const EnergyResponse& response, const AcousticConfig& c
 class PairRenderer {
  public:
   PairRenderer(const Options& options, const AcousticScene& acoustics)
-      : options_(options), acoustics_(acoustics), places_(acoustics.scene()), synthesizer_(options.acoustics.tables(acoustics)) {}
+      : options_(options), places_(acoustics.scene()), synthesizer_(options.acoustics.tables(acoustics)) {}
 
-  /// field: of the source; null: the late field is traced.
-  OrderedJson render(const EarlyCandidates& candidates, const SourceField* field, glm::vec3 listener, double heading_deg,
-                     const std::string& file) {
+  /// planned: what the synthesizer's tables fit.  field: of the source; null: the late field is traced.
+  OrderedJson render(const AcousticScene& planned, const EarlyCandidates& candidates, const SourceField* field, glm::vec3 listener,
+                     double heading_deg, const std::string& file) {
     const ListenerOrientation orientation = options_.acoustics.orientation(heading_deg, options_.pitch_deg, options_.roll_deg);
     const auto begin = std::chrono::steady_clock::now();
     EnergyResponse response;
     constexpr std::uint64_t steps = 1000;
     Progress progress("rir", "permille", steps);
-    compute_energy_response(acoustics_, candidates, field, listener, response,
+    compute_energy_response(planned, candidates, field, listener, response,
                             [&](double fraction) { progress.update(static_cast<std::uint64_t>(fraction * steps)); });
     Rir rir;
-    const CarrierKey key(carrier_key(acoustics_.hash(), candidates.source()), listener);
+    const CarrierKey key(carrier_key(planned.hash(), candidates.source()), listener);
     synthesizer_.render(response, orientation, key, rir);
     const double render_ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count();
     write(file, rir);
@@ -104,14 +104,14 @@ class PairRenderer {
         write(with_suffix(file, fmt::format(".{}", component.name)), part);
       }
     }
-    const RoomMetrics energy = measure(acoustics_, response);
+    const RoomMetrics energy = measure(planned, response);
     print(file, rir, response, energy, render_ms);
-    const std::vector<std::string> warnings = warnings_of(candidates.source(), listener, response);
+    const std::vector<std::string> warnings = warnings_of(planned, candidates.source(), listener, response);
     for (const std::string& warning : warnings) fmt::print(stderr, "warning: {}\n", warning);
-    if (!options_.plot.empty()) write_plot(file, response);
+    if (!options_.plot.empty()) write_plot(planned, file, response);
     if (options_.metrics.empty()) return {};
     const double delay_s = energy.direct_delay_s ? *energy.direct_delay_s : 0.0;
-    const glm::dvec3 origin = acoustics_.scene().origin_m();
+    const glm::dvec3 origin = planned.scene().origin_m();
     return {{"bands_hz", energy.bands_hz},
             {"origin_m", {origin.x, origin.y, origin.z}},
             {"energy", metrics_json(energy)},
@@ -120,18 +120,19 @@ class PairRenderer {
             {"direct_delay_s", number_or_null(energy.direct_delay_s)},
             {"direct_amplitude", number_or_null(energy.direct_amplitude)},
             {"ray_efficiency", response.stats.ray_efficiency()},
-            {"standard_error", standard_errors_json(acoustics_, candidates, field, listener, response)},
+            {"standard_error", standard_errors_json(planned, candidates, field, listener, response)},
             {"render_ms", render_ms},
-            {"effects", effects_json(response, acoustics_.config())},
+            {"effects", effects_json(response, planned.config())},
             {"warnings", warnings},
-            {"seed", acoustics_.config().seed}};
+            {"seed", planned.config().seed}};
   }
 
  private:
   /// What is odd about the places, and what was not finite: with all that it takes to see it again.
-  [[nodiscard]] std::vector<std::string> warnings_of(glm::vec3 source, glm::vec3 listener, const EnergyResponse& response) const {
+  [[nodiscard]] std::vector<std::string> warnings_of(const AcousticScene& planned, glm::vec3 source, glm::vec3 listener,
+                                                     const EnergyResponse& response) const {
     const auto text = [&](glm::vec3 place) {
-      const glm::dvec3 p = acoustics_.scene().to_world(place);
+      const glm::dvec3 p = planned.scene().to_world(place);
       return fmt::format("{},{},{}", p.x, p.y, p.z);
     };
     std::vector<std::string> warnings;
@@ -139,8 +140,8 @@ class PairRenderer {
     if (places_.inside_solid(listener)) warnings.push_back(fmt::format("the listener {} lies inside a wall or a thing", text(listener)));
     if (response.stats.nonfinite_dropped > 0)
       warnings.push_back(fmt::format("{} contributions were not finite and were left out: scene {}, source {}, listener {}, seed {}",
-                                     response.stats.nonfinite_dropped, acoustics_.scene().name(), text(source), text(listener),
-                                     acoustics_.config().seed));
+                                     response.stats.nonfinite_dropped, planned.scene().name(), text(source), text(listener),
+                                     planned.config().seed));
     return warnings;
   }
   void write(const std::string& file, const Rir& rir) const {
@@ -148,10 +149,9 @@ class PairRenderer {
     for (float& sample : samples) sample *= static_cast<float>(options_.gain);
     write_wav(file, samples, rir.num_channels, rir.sample_rate_hz);
   }
-  void write_plot(const std::string& file, const EnergyResponse& response) const {
+  void write_plot(const AcousticScene& planned, const std::string& file, const EnergyResponse& response) const {
     const std::string plot = file == options_.out ? options_.plot : std::filesystem::path(file).replace_extension(".svg").string();
-    write_file_atomically(
-        plot, echogram_svg(fmt::format("{}, {} rays", acoustics_.scene().name(), acoustics_.config().rays), acoustics_, response));
+    write_file_atomically(plot, echogram_svg(fmt::format("{}, {} rays", planned.scene().name(), planned.config().rays), planned, response));
   }
   static void print(const std::string& file, const Rir& rir, const EnergyResponse& response, const RoomMetrics& energy, double render_ms) {
     fmt::print("{}: {} channels, {} samples at {:.0f} Hz, {} arrivals, ray efficiency {:.3f}, {:.1f} ms\n", file, rir.num_channels,
@@ -163,7 +163,6 @@ class PairRenderer {
   }
 
   const Options& options_;
-  const AcousticScene& acoustics_;
   PositionCheck places_;
   RirSynthesizer synthesizer_;
 };
@@ -210,18 +209,21 @@ void run_rir(const Options& options) {
   std::vector<glm::vec3> places;
   for (const glm::dvec3 listener : listeners) places.push_back(scene.to_local(listener));
 
+  PairRenderer renderer(options, acoustics);  // what is wrong with its files shows before the planner takes its time
+  std::vector<std::optional<AccuracyPlan>> plans(sources.size());
+  for (std::size_t s = 0; target && s < sources.size(); ++s)
+    plans[s] = plan_and_print(acoustics, *target, sources[s], places, static_cast<double>(places.size()));
+
   const bool single = sources.size() == 1 && listeners.size() == 1;
   OrderedJson pairs = OrderedJson::array();
   for (std::size_t s = 0; s < sources.size(); ++s) {
-    std::optional<AccuracyPlan> plan;
-    if (target) plan = plan_and_print(acoustics, *target, sources[s], places, static_cast<double>(places.size()));
+    const std::optional<AccuracyPlan>& plan = plans[s];
     const AcousticScene planned = plan ? AcousticScene(acoustics.shared_scene(), plan->choice().config) : acoustics;
-    PairRenderer renderer(options, planned);
     const EarlyCandidates candidates(planned, sources[s]);
     const std::shared_ptr<const SourceField> field = field_of(planned, candidates, listeners.size());
     for (std::size_t l = 0; l < listeners.size(); ++l) {
       const double heading_deg = options.heading_deg[options.heading_deg.size() == 1 ? 0 : l];
-      OrderedJson pair = renderer.render(candidates, field.get(), places[l], heading_deg,
+      OrderedJson pair = renderer.render(planned, candidates, field.get(), places[l], heading_deg,
                                          single ? options.out : with_suffix(options.out, fmt::format(".s{}.l{}", s, l)));
       if (plan && !pair.is_null()) pair["accuracy"] = accuracy_json(*target, *plan);
       if (single) {

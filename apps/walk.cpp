@@ -177,6 +177,10 @@ AcousticScene planned(const Options& options, const AcousticScene& acoustics, co
                       const std::vector<TimedPose>& poses, std::size_t num_blocks) {
   if (options.sources.size() != 1 || !options.source_paths.empty())
     throw InputError("--accuracy", "plans a walk for one source at rest", "give one --source, or leave it out");
+  if (options.refine_every > 0 || acoustics.config().temporal_reuse == Switch::on)
+    throw InputError("--accuracy", "says nothing of fields that are refined on the way and of responses that are blended",
+                     "leave out --refine-every and temporal_reuse=on, or --accuracy");
+  static_cast<void>(make_sources(options, acoustics));  // what is wrong with its sounds shows before the planner takes its time
   SoundSource source = options.radiation.source(0, 1, acoustics.scene().to_local(parse_point(options.sources[0], "--source")));
   std::vector<glm::vec3> places;
   for (std::size_t i = 0; i < num_blocks; ++i) {
@@ -205,8 +209,8 @@ void run_walk(const Options& options) {
   config.field = decide_field(config.field, !options.source_paths.empty(), num_blocks);
   const AcousticScene loaded = options.acoustics.load(config);
   shift(poses, loaded.scene());
+  const std::shared_ptr<const SynthesisTables> tables = options.acoustics.tables(loaded);  // of what no plan chooses
   const AcousticScene acoustics = target ? planned(options, loaded, *target, poses, num_blocks) : loaded;
-  const std::shared_ptr<const SynthesisTables> tables = options.acoustics.tables(acoustics);
   RirSynthesizer synthesizer(tables);
   PathGlider glider(tables, block);
   std::vector<WalkSource> sources = make_sources(options, acoustics);

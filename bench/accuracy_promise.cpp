@@ -80,7 +80,7 @@ class SceneTrial {
     promise.scene = scene_.name;
     promise.target = target;
     for (const AccuracyChoice& preset : presets_)
-      if (promise.preset.empty() && target.used(preset.predicted) <= 1)
+      if (promise.preset.empty() && target.used(preset.measured) <= 1)
         promise.preset = preset.method, promise.preset_ms = preset.total_ms(kPoses);
     Progress progress("calibration", "%", 100);
     try {
@@ -94,7 +94,7 @@ class SceneTrial {
     }
     const AccuracyChoice& choice = promise.plan->choice();
     const AccuracyChoice measured = try_config(scene_.scene, choice.method, with_seed(choice.config), scene_.source(), truth_, 4);
-    promise.measured = measured.predicted;
+    promise.measured = measured.measured;
     promise.total_ms = measured.total_ms(kPoses);
     return promise;
   }

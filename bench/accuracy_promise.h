@@ -13,7 +13,7 @@ namespace earshot {
 struct PromiseOptions {
   bool quick = false;                ///< two scenes, one target, a rough truth: that everything works
   std::vector<std::string> scenes;   ///< SCENEs in place of the usual ten
-  std::vector<std::string> targets;  ///< in place of t20 = 2, 5 and 10 %
+  std::vector<std::string> targets;  ///< in place of 2, 5 (with 1 dB of DRR and EDC) and 10 % of T20
 };
 
 /// A target in a scene: what was promised, predicted and measured.
@@ -35,8 +35,8 @@ struct PromiseScene {
 };
 
 /// Question: does the planner keep what it promises, and what does it save over the fixed presets?  One source, 36 poses of a
-/// walk: it calibrates at every third and is measured at twelve others, against paths of their own seeds.  after_scene: called with all so
-/// far.
+/// walk: it calibrates at every third and is measured at twelve others, against paths of their own seeds.  after_scene: called
+/// with each.
 std::vector<PromiseScene> run_promises(const PromiseOptions& options, const std::function<void(const PromiseScene&)>& after_scene = {});
 
 /// A table for people, one line per scene and target.

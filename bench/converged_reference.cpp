@@ -46,7 +46,7 @@ std::size_t worst_known(const std::vector<ConvergedPose>& truth) {
   for (std::size_t i = 0; i < truth.size(); ++i) {
     if (truth[i].runs >= kMostRuns) continue;
     double sum = 0;
-    for (const std::optional<double>& error : truth[i].t20_error) sum += error.value_or(0.0);
+    for (const std::optional<double>& error : truth[i].t20_error) sum += error.value_or(1.0);
     if (sum / truth[i].runs > most) most = sum / truth[i].runs, worst = i;
   }
   return worst;

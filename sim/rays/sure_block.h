@@ -23,10 +23,12 @@ inline bool surely_blocks(glm::vec3 a, glm::vec3 b, glm::vec3 c, glm::vec3 from,
   constexpr double least_sine2 = 7.6e-5;
   if (!(here * here > least2 && there * there > least2 && slope * slope > least_sine2 * normal2 * glm::dot(along, along))) return false;
   const Vector at = start - (here / slope) * along;
-  // Twice the area between the point and a side, times the length of the normal: their distance times both lengths.
+  // Twice the area between the point and a side, times the length of the normal: their distance times both lengths.  Seen along the
+  // segment that distance is shorter by the sine of its angle with the plane.
+  const double least_area2 = least2 * normal2 * glm::dot(along, along) / (slope * slope);
   const auto inside = [&](Vector corner, Vector side) {
     const double area = glm::dot(normal, glm::cross(side, at - corner));
-    return area > 0 && area * area > least2 * glm::dot(side, side);
+    return area > 0 && area * area > least_area2 * glm::dot(side, side);
   };
   return inside(Vector(0), ab) && inside(ab, ac - ab) && inside(ac, -ac);
 }

@@ -6,6 +6,7 @@
 #include <array>
 #include <chrono>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 #include <optional>
 
@@ -14,8 +15,9 @@
 namespace earshot {
 namespace {
 
-constexpr double kMargin = 0.85;            ///< of the target: places are few
-constexpr double kReferenceFraction = 0.7;  ///< of the target: standard error of the paths in one value, of which there are dozens
+constexpr double kMargin = 0.85;  ///< of the target: places are few
+/// Of the target: standard error of the paths in one value, at kMostPlaces places.  Fewer have fewer values, each known the better.
+constexpr double kReferenceFraction = 0.7;
 constexpr int kMostRuns = 1024, kSeeds = 4, kRaysOfSeeds = 4096;
 /// Errors above these say nothing of a bias: with so few rays most decays are not there at all.
 constexpr AccuracyErrors kSaturated = {0.3, 3, 3};
@@ -83,6 +85,7 @@ class Search {
     double per_source_ms = ms_since(begin);
     SourceFieldBuilder builder(acoustics, candidates);
     double last_used = std::numeric_limits<double>::infinity();
+    std::uint64_t last_photons = 1;
     while (true) {
       const auto refined = Clock::now();
       if (!builder.refine()) return;
@@ -93,8 +96,11 @@ class Search {
       choice.config.field_error = 1e-4f;  // the photons decide
       try_responses({&acoustics, 1}, candidates, field.get(), reference_, choice);
       const double used = record(choice);
-      if (used <= kMargin || is_biased(choice, last_used) || choice.total_ms(request_.poses) > best_ms_) return;
+      if (used <= kMargin || choice.total_ms(request_.poses) > best_ms_) return;
+      if (builder.photons() < 2 * last_photons) continue;
+      if (is_biased(choice, last_used)) return;
       last_used = used;
+      last_photons = builder.photons();
     }
   }
 
@@ -182,11 +188,23 @@ AccuracyPlan plan_accuracy(const std::shared_ptr<const Scene>& scene, const Accu
   const auto begin = Clock::now();
   AccuracyPlan plan;
   AccuracyReference reference(scene, request.config, request.source, spread(request.places));
-  reference.refine(request.target, kReferenceFraction, kMostRuns, [&](double fraction) {
+  const double places = static_cast<double>(reference.places().size()) / kMostPlaces;
+  reference.refine(request.target, kReferenceFraction * std::sqrt(places), static_cast<int>(kMostRuns / places), [&](double fraction) {
     if (progress) progress(0.8 * fraction);
   });
   plan.reference_error = reference.standard_error();
   plan.reference_runs = reference.runs();
+  for (std::size_t kind = 0; kind < kNumAccuracyKinds; ++kind)
+    if (request.target.most[kind] && std::isnan(plan.reference_error[kind]))
+      throw InputError("accuracy " + request.target.text(),
+                       fmt::format("asks for {}, which has no value at any of the places in {}",
+                                   unit_of(static_cast<AccuracyKind>(kind)).name, scene->name()),
+                       "leave it out, or give a longer rir_length_s");
+  if (request.target.used(plan.reference_error) > 1)
+    throw InputError("accuracy " + request.target.text(),
+                     fmt::format("cannot be judged in {}: {} runs of paths from both ends leave a standard error of {}", scene->name(),
+                                 plan.reference_runs, text_of(plan.reference_error)),
+                     "ask for less, or use --preset high");
   Search search(scene, request, reference, plan.tried);
   const bool asks_for_levels = request.target.of(AccuracyKind::drr) || request.target.of(AccuracyKind::edc);
   for (std::size_t early = kUsualEarly; early < kEarly.size(); ++early) {
@@ -206,11 +224,13 @@ AccuracyPlan plan_accuracy(const std::shared_ptr<const Scene>& scene, const Accu
   if (!search.best()) {
     const auto closest =
         std::ranges::min_element(plan.tried, {}, [&](const AccuracyChoice& choice) { return request.target.used(choice.predicted); });
+    const bool too_dear = request.target.used(closest->predicted) <= kMargin;
     throw InputError(
         "accuracy " + request.target.text(),
-        fmt::format("cannot be promised in {}: the closest of {} candidates, {}, is at {} (standard error of the paths that "
-                    "judge it: {})",
-                    scene->name(), plan.tried.size(), closest->method, text_of(closest->predicted), text_of(plan.reference_error)),
+        fmt::format(
+            "cannot be promised in {}: {}the closest of {} candidates, {}, is at {} (standard error of the paths that judge it: {})",
+            scene->name(), too_dear ? "it takes longer than allowed; " : "", plan.tried.size(), closest->method,
+            text_of(closest->predicted), text_of(plan.reference_error)),
         fmt::format("ask for less ({:.0f} % of it must be kept at the places), or use --preset high", 100 * kMargin));
   }
   plan.chosen = *search.best();
@@ -221,6 +241,8 @@ AccuracyPlan plan_accuracy(const std::shared_ptr<const Scene>& scene, const Accu
 std::vector<std::string> settings_of(const AccuracyChoice& choice) {
   const AcousticConfig& config = choice.config;
   std::vector<std::string> settings = {fmt::format("rir_length_s={}", config.rir_length_s),
+                                       fmt::format("source_radius_m={}", config.source_radius_m),
+                                       fmt::format("source_rays={}", config.source_rays),
                                        fmt::format("rays={}", config.rays),
                                        fmt::format("early_order={}", config.early_order),
                                        fmt::format("early_candidate_rays={}", config.early_candidate_rays),
@@ -233,7 +255,6 @@ std::vector<std::string> settings_of(const AccuracyChoice& choice) {
     return settings;
   }
   if (config.source_rays > 0) {
-    settings.push_back(fmt::format("source_rays={}", config.source_rays));
     settings.push_back(fmt::format("source_bounces={}", config.source_bounces));
     settings.push_back(fmt::format("diffuse_last_segment={}", config.diffuse_last_segment));
   }

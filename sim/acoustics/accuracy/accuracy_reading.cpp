@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 #include "sim/acoustics/metrics/energy_series.h"
 #include "sim/acoustics/metrics/room_metrics.h"
@@ -14,18 +13,41 @@ constexpr double kStepS = 0.004, kLongestS = 4, kRangeDb = 30;
 constexpr float kEndedDb = -60;
 constexpr double kNoDecay = 1, kNoRatioDb = 10;  ///< errors of what is missing
 
-struct MeanSquare {
+struct Mean {
   double sum = 0;
   int count = 0;
   void add(double value) { sum += value, ++count; }
-  [[nodiscard]] double root() const { return count > 0 ? std::sqrt(std::max(sum / count, 0.0)) : std::nan(""); }
+  [[nodiscard]] double value() const { return sum / count; }
+};
+
+/// Of squares, place by place: bands of one place share their rays and their cells.
+class MeanSquare {
+ public:
+  explicit MeanSquare(std::size_t places) : places_(places) {}
+  void add(std::size_t place, double value) {
+    places_[place].add(value);
+    all_.add(value);
+  }
+  /// Root of the mean and `sigmas` of its standard errors; NaN without a value.
+  [[nodiscard]] double root(double sigmas) const {
+    if (all_.count == 0) return std::nan("");
+    double squares = 0, count = 0;
+    for (const Mean& place : places_)
+      if (place.count > 0) squares += (place.value() - all_.value()) * (place.value() - all_.value()), ++count;
+    const double error = count > 1 ? std::sqrt(squares / (count * (count - 1))) : 0.0;
+    return std::sqrt(std::max(all_.value(), 0.0) + sigmas * error);
+  }
+
+ private:
+  Mean all_;
+  std::vector<Mean> places_;
 };
 
 /// Mean over time of the product of the differences to two curves; nullopt where there is nothing to compare.
 std::optional<double> curve_product(std::span<const float> test, std::span<const float> first, std::span<const float> second) {
   if (first.empty() || second.empty()) return std::nullopt;
   if (test.empty()) return double{kEndedDb} * kEndedDb;
-  MeanSquare square;
+  Mean square;
   for (std::size_t i = 0; i < first.size(); ++i) {
     const float level = 0.5f * (first[i] + second[i]);
     if (level < -kRangeDb) break;
@@ -34,7 +56,7 @@ std::optional<double> curve_product(std::span<const float> test, std::span<const
     square.add((double{test[i]} - first[i]) * (double{test[i]} - second[i]));
   }
   if (square.count == 0) return std::nullopt;
-  return square.sum / square.count;
+  return square.value();
 }
 
 }  // namespace
@@ -58,22 +80,22 @@ AccuracyReading read_accuracy(const AcousticScene& scene, const EnergyResponse& 
 }
 
 AccuracyErrors errors_between(std::span<const AccuracyReading> test, std::span<const AccuracyReading> first,
-                              std::span<const AccuracyReading> second) {
-  MeanSquare t20, drr, edc;
+                              std::span<const AccuracyReading> second, double sigmas) {
+  MeanSquare t20(first.size()), drr(first.size()), edc(first.size());
   for (std::size_t i = 0; i < test.size(); ++i) {
-    const AccuracyReading &tested = test[i], &one = first[i % first.size()], &two = second[i % second.size()];
+    const std::size_t place = i % first.size();
+    const AccuracyReading &tested = test[i], &one = first[place], &two = second[place];
     for (std::size_t band = 0; band < tested.t20_s.size(); ++band) {
       if (one.t20_s[band] && two.t20_s[band])
-        t20.add(tested.t20_s[band] ? (*tested.t20_s[band] / *one.t20_s[band] - 1) * (*tested.t20_s[band] / *two.t20_s[band] - 1)
-                                   : kNoDecay * kNoDecay);
+        t20.add(place, tested.t20_s[band] ? (*tested.t20_s[band] / *one.t20_s[band] - 1) * (*tested.t20_s[band] / *two.t20_s[band] - 1)
+                                          : kNoDecay * kNoDecay);
       if (one.drr_db[band] && two.drr_db[band])
-        drr.add(tested.drr_db[band] ? (*tested.drr_db[band] - *one.drr_db[band]) * (*tested.drr_db[band] - *two.drr_db[band])
-                                    : kNoRatioDb * kNoRatioDb);
-      if (const auto product = curve_product(tested.edc_db[band], one.edc_db[band], two.edc_db[band])) edc.add(*product);
+        drr.add(place, tested.drr_db[band] ? (*tested.drr_db[band] - *one.drr_db[band]) * (*tested.drr_db[band] - *two.drr_db[band])
+                                           : kNoRatioDb * kNoRatioDb);
+      if (const auto product = curve_product(tested.edc_db[band], one.edc_db[band], two.edc_db[band])) edc.add(place, *product);
     }
   }
-  const double mean_absolute = std::sqrt(2 * std::numbers::inv_pi);
-  return {mean_absolute * t20.root(), mean_absolute * drr.root(), edc.root()};
+  return {t20.root(sigmas), drr.root(sigmas), edc.root(sigmas)};
 }
 
 AccuracyErrors half_difference(std::span<const AccuracyReading> first, std::span<const AccuracyReading> second) {

@@ -17,13 +17,14 @@ struct AccuracyReading {
 };
 AccuracyReading read_accuracy(const AcousticScene& scene, const EnergyResponse& response);
 
-/// Errors of `test`, which holds the places of the truth once or several times in turn (seeds), from two independent estimates of it: the
-/// mean over bands and places of (test - first)(test - second) is the mean square of test less truth, whatever the noise of the two, as
-/// long as neither has a bias (cross-validated distances: Walther et al. 2016, NeuroImage 137, 188-200).  Of a mean square the mean
-/// absolute value is given for T20 and the ratio, sqrt(2 / pi) times its root, and the root for decay curves, which are root mean squares
-/// over time (0 to -30 dB).  What the test lacks where the truth has it counts as 100 % and 10 dB.  A negative mean square, noise, is 0.
+/// Root mean square errors over bands and places of `test`, which holds the places of the truth once or several times in turn (seeds), from
+/// two independent estimates of the truth: the mean of (test - first)(test - second) is the mean square of test less truth, whatever the
+/// noise of the two, as long as neither has a bias (cross-validated distances: Walther et al. 2016, NeuroImage 137, 188-200; for relative
+/// differences but for the square of that noise).  Of decay curves the mean is taken over time too (0 to -30 dB).  What the test lacks
+/// where the truth has it counts as 100 % and 10 dB, a curve as one that has ended.  A negative mean square, noise, is 0; sigmas: of its
+/// standard errors, from the spread over places, added.
 AccuracyErrors errors_between(std::span<const AccuracyReading> test, std::span<const AccuracyReading> first,
-                              std::span<const AccuracyReading> second);
+                              std::span<const AccuracyReading> second, double sigmas = 0);
 /// The same measures of what two independent estimates differ by, over two: the standard error of their mean.
 AccuracyErrors half_difference(std::span<const AccuracyReading> first, std::span<const AccuracyReading> second);
 

@@ -26,9 +26,9 @@ class AccuracyReference {
   [[nodiscard]] std::span<const glm::vec3> places() const { return places_; }
   /// Of the mean of both halves.
   [[nodiscard]] const AccuracyErrors& standard_error() const { return standard_error_; }
-  /// Of responses at the places.
-  [[nodiscard]] AccuracyErrors errors_of(std::span<const AccuracyReading> test) const {
-    return errors_between(test, readings_[0], readings_[1]);
+  /// Of responses at the places (errors_between).
+  [[nodiscard]] AccuracyErrors errors_of(std::span<const AccuracyReading> test, double sigmas) const {
+    return errors_between(test, readings_[0], readings_[1], sigmas);
   }
 
  private:

@@ -6,7 +6,7 @@
 
 namespace earshot {
 
-/// What may be asked of responses: mean absolute errors over octave bands and places, against converged paths.
+/// What may be asked of responses: root mean square errors over octave bands and places, against converged paths.
 enum class AccuracyKind { t20, drr, edc, count };
 inline constexpr std::size_t kNumAccuracyKinds = static_cast<std::size_t>(AccuracyKind::count);
 

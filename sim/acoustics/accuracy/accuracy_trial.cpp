@@ -42,7 +42,8 @@ void try_responses(std::span<const AcousticScene> scenes, const EarlyCandidates&
       readings.push_back(read_accuracy(acoustics, response));
     }
   choice.per_pose_ms = spent_ms / static_cast<double>(readings.size());
-  choice.predicted = reference.errors_of(readings);
+  choice.measured = reference.errors_of(readings, 0);
+  choice.predicted = reference.errors_of(readings, 1);
 }
 
 }  // namespace earshot

@@ -36,6 +36,7 @@ std::atomic<std::uint64_t>& EdgeSight::entry(std::uint64_t key) const {
 }
 
 std::optional<bool> EdgeSight::known(std::uint32_t edge, std::uint32_t other) const {
+  if (edge >= kEdges || other >= kEdges) return std::nullopt;
   const std::uint64_t key = key_of(edge, other / kGroup), found = entry(key).load(std::memory_order_relaxed);
   const std::uint64_t bit = std::uint64_t{1} << other % kGroup;
   if ((found & ~kFacts) != key || (found & bit << kGroup) == 0) return std::nullopt;
@@ -43,6 +44,7 @@ std::optional<bool> EdgeSight::known(std::uint32_t edge, std::uint32_t other) co
 }
 
 std::uint32_t EdgeSight::known_hidden(std::uint32_t edge, std::uint32_t group) const {
+  if (edge >= kEdges || group >= kEdges / kGroup) return 0;
   const std::uint64_t key = key_of(edge, group), found = entry(key).load(std::memory_order_relaxed);
   if ((found & ~kFacts) != key) return 0;
   return static_cast<std::uint32_t>(found >> kGroup & ~found & 0xFFu);

@@ -82,7 +82,7 @@ double newton_step(const DiffractionEdges& edges, EdgePath& path) {
     }
     place(edges, path);
     const double length_m = length_of(path);
-    if (length_m > path.length_m) continue;
+    if (!(length_m <= path.length_m)) continue;
     path.length_m = length_m;
     return largest_m;
   }

@@ -170,6 +170,7 @@ TEST_F(Cli, RirPlansForAnAccuracy) {
   expect_bad_input(bad + "t20=5", "t20=5%,drr=1dB,edc=1dB");
   expect_bad_input(bad + "t20=5% --set rays=64", "is what --accuracy chooses");
   expect_bad_input(bad + "t30=5%", "names none of t20, drr and edc");
+  expect_bad_input(bad + "t20=5% --set rir_length_s=0.05", "has no value");
   EXPECT_FALSE(std::filesystem::exists(file("x.wav")));
 }
 
@@ -351,6 +352,7 @@ TEST_F(Cli, WalkPlansForAnAccuracyOfOneSourceAtRest) {
   EXPECT_NE(outcome.output.find("predicted t20"), std::string::npos) << outcome.output;
   EXPECT_GE(read("w.wav").size(), static_cast<std::size_t>(16000 * 4));
   expect_bad_input(walk + " --source 4,1.5,1 --source 4,1.5,2 --accuracy t20=20%", "one source at rest");
+  expect_bad_input(walk + " --source 4,1.5,1 --refine-every 5 --accuracy t20=20%", "--refine-every");
 }
 
 TEST_F(Cli, WalkThroughAFieldIsReproducible) {

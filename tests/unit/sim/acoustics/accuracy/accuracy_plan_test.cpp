@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numbers>
 #include <string>
 
 #include "sim/base/errors.h"
@@ -58,10 +57,10 @@ TEST(AccuracyReference, CallsHighRightAndTwiceTheAbsorptionWrong) {
   high.rir_length_s = 0;
   high.rays = 8192;
   high.source_rays = 2048;
-  EXPECT_LT(try_config(scene, "both ends", high, request.source, reference, 1).predicted[0], 0.02);
+  EXPECT_LT(try_config(scene, "both ends", high, request.source, reference, 1).measured[0], 0.02);
   // By Eyring -ln(0.8) : -ln(0.6) = 0.437 of the decay time; what scatters little keeps more.
-  const double dead = try_config(rooms::shoe1(0.4, 0.3), "both ends", high, request.source, reference, 1).predicted[0];
-  EXPECT_NEAR(dead, std::sqrt(2 / std::numbers::pi) * 0.56, 0.08);
+  const double dead = try_config(rooms::shoe1(0.4, 0.3), "both ends", high, request.source, reference, 1).measured[0];
+  EXPECT_NEAR(dead, 0.56, 0.08);
 }
 
 TEST(AccuracyPlan, KeepsWhatItPromisesElsewhere) {
@@ -76,7 +75,7 @@ TEST(AccuracyPlan, KeepsWhatItPromisesElsewhere) {
   AccuracyReference elsewhere(scene, other, request.source,
                               {rooms::point(1.1, 0.7, 2.6), rooms::point(3.5, 2.2, 3.1), rooms::point(5.2, 1.0, 1.0)});
   elsewhere.refine(request.target, 0.3, 64);
-  EXPECT_LE(request.target.used(try_config(scene, plan.choice().method, other, request.source, elsewhere, 4).predicted), 1.0);
+  EXPECT_LE(request.target.used(try_config(scene, plan.choice().method, other, request.source, elsewhere, 4).measured), 1.0);
   // Nothing that was within the target was cheaper.
   for (const AccuracyChoice& choice : plan.tried) {
     if (request.target.used(choice.predicted) <= 0.85) {
@@ -113,12 +112,19 @@ TEST(AccuracyPlan, SaysSoWhereNothingKeepsThePromise) {
   }
 }
 
+TEST(AccuracyPlan, RefusesWhatHasNoValue) {
+  AccuracyRequest request = request_in_a_box("t20=5%", 1);
+  request.config.rir_length_s = 0.05f;  // ends before it has fallen by 25 dB
+  EXPECT_THROW((void)plan_accuracy(rooms::shoe1(0.05, 0.3), request), InputError);
+}
+
 TEST(AccuracyPlan, ItsSettingsAreThoseOfItsConfig) {
   AccuracyChoice choice{.method = "both ends", .config = acoustic_preset("fast")};
   choice.config.rays = 1024;
   choice.config.source_rays = 256;
   choice.config.field = Switch::off;
   choice.config.diffuse_last_segment = false;
+  choice.config.source_radius_m = 0.7f;
   ConfigReader reader = ConfigReader::from_text("", "--set", settings_of(choice));
   AcousticConfig read_back = acoustic_preset("balanced");
   read(reader, read_back);
@@ -129,6 +135,15 @@ TEST(AccuracyPlan, ItsSettingsAreThoseOfItsConfig) {
   EXPECT_EQ(read_back.early_order, choice.config.early_order);
   EXPECT_EQ(read_back.field, Switch::off);
   EXPECT_FALSE(read_back.diffuse_last_segment);
+  EXPECT_EQ(read_back.source_radius_m, 0.7f);
+  // From a preset with paths from both ends to rays of the listener alone.
+  choice.config.source_rays = 0;
+  ConfigReader of_rays = ConfigReader::from_text("", "--set", settings_of(choice));
+  read_back = acoustic_preset("high");
+  read(of_rays, read_back);
+  of_rays.finish();
+  EXPECT_EQ(read_back.source_rays, 0);
+  EXPECT_EQ(read_back.rays, 1024);
 }
 
 }  // namespace

@@ -10,7 +10,6 @@
 namespace earshot {
 namespace {
 
-constexpr double kMeanAbsolute = 0.7978845608;  // of a normal variable over its standard deviation
 constexpr int kPlaces = 200, kBands = 8;
 
 /// Gaussian, by Box and Muller.
@@ -39,27 +38,37 @@ TEST(AccuracyReading, ErrorsAreThoseToTheTruthWhateverItsNoise) {
   for (const double noise : {0.0, 0.05, 0.1}) {
     const auto first = readings(0, noise, 1), second = readings(0, noise, 2);
     const AccuracyErrors biased = errors_between(readings(0.1, 0, 3), first, second);
-    EXPECT_NEAR(biased[0], kMeanAbsolute * 0.1, 0.008 + 0.02 * noise) << noise;
-    EXPECT_NEAR(biased[1], kMeanAbsolute * 1.0, 0.08) << noise;
+    EXPECT_NEAR(biased[0], 0.1, 0.008 + noise * noise) << noise;  // relative to a noisy truth: the mean of 1 / (1 + noise)
+    EXPECT_NEAR(biased[1], 1.0, 0.08) << noise;
     EXPECT_NEAR(biased[2], 1.0, 0.1) << noise;
     const AccuracyErrors random = errors_between(readings(0, 0.2, 4), first, second);
-    EXPECT_NEAR(random[0], kMeanAbsolute * 0.2, 0.016) << noise;
-    EXPECT_NEAR(random[1], kMeanAbsolute * 2, 0.16) << noise;
+    EXPECT_NEAR(random[0], 0.2, 0.016) << noise;
+    EXPECT_NEAR(random[1], 2, 0.16) << noise;
     EXPECT_NEAR(random[2], 2, 0.2) << noise;
   }
 }
 
+TEST(AccuracyReading, StandardErrorsOfTheMeanSquareComeFromTheSpreadOverPlaces) {
+  // Half of the places err by 0.1, the others not at all: the mean square is 0.005, its standard error 0.005 / sqrt(199).
+  const auto truth = readings(0, 0, 1);
+  auto test = truth;
+  for (std::size_t place = 0; place < kPlaces; place += 2)
+    for (auto& value : test[place].t20_s) *value += 0.1;
+  EXPECT_NEAR(errors_between(test, truth, truth)[0], std::sqrt(0.005), 1e-5);
+  EXPECT_NEAR(errors_between(test, truth, truth, 2)[0], std::sqrt(0.005 + 2 * 0.005 / std::sqrt(199)), 1e-5);
+}
+
 TEST(AccuracyReading, HalvesTellTheErrorOfTheirMean) {
   const AccuracyErrors error = half_difference(readings(0, 0.1, 1), readings(0, 0.1, 2));
-  EXPECT_NEAR(error[0], kMeanAbsolute * 0.1 / std::numbers::sqrt2, 0.005);
-  EXPECT_NEAR(error[1], kMeanAbsolute * 1 / std::numbers::sqrt2, 0.05);
+  EXPECT_NEAR(error[0], 0.1 / std::numbers::sqrt2, 0.005);
+  EXPECT_NEAR(error[1], 1 / std::numbers::sqrt2, 0.05);
   EXPECT_NEAR(error[2], 1 / std::numbers::sqrt2, 0.05);
 }
 
 TEST(AccuracyReading, WhatTheTestLacksIsAnErrorAndWhatTheTruthLacksIsNone) {
   auto truth = readings(0, 0, 1), test = truth;
   for (auto& place : test) place.t20_s[0].reset();
-  EXPECT_NEAR(errors_between(test, truth, truth)[0], kMeanAbsolute * std::sqrt(1.0 / kBands), 1e-6);
+  EXPECT_NEAR(errors_between(test, truth, truth)[0], std::sqrt(1.0 / kBands), 1e-6);
   for (auto& place : truth)
     for (auto& value : place.t20_s) value.reset();
   EXPECT_TRUE(std::isnan(errors_between(test, truth, truth)[0]));
