@@ -195,7 +195,8 @@ TEST(DiffractionEdges, FacesAreFollowedAsFarAsTheyGo) {
   rooms::append_quad(mesh, {rooms::point(-20, -20, 0), rooms::point(20, -20, 0), rooms::point(20, 20, 0), rooms::point(-20, 20, 0)}, 0);
   const auto scene = rooms::scene_of(std::move(mesh), {Material::uniform("hard", 0.f, 0.f)});
   int board = 0, floor = 0;
-  for (const DiffractionEdge& edge : DiffractionEdges(*scene, 0.1f).edges()) {
+  const DiffractionEdges edges(*scene, 0.1f);
+  for (const DiffractionEdge& edge : edges.edges()) {
     if (edge.length_m > 10) {
       ++floor;
       EXPECT_EQ(edge.first_width_m, kWideFaceM);
