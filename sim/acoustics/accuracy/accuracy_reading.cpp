@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "sim/acoustics/accuracy/cross_validation.h"
 #include "sim/acoustics/metrics/energy_series.h"
 #include "sim/acoustics/metrics/room_metrics.h"
 
@@ -18,29 +19,6 @@ struct Mean {
   int count = 0;
   void add(double value) { sum += value, ++count; }
   [[nodiscard]] double value() const { return sum / count; }
-};
-
-/// Of squares, place by place: bands of one place share their rays and their cells.
-class MeanSquare {
- public:
-  explicit MeanSquare(std::size_t places) : places_(places) {}
-  void add(std::size_t place, double value) {
-    places_[place].add(value);
-    all_.add(value);
-  }
-  /// Root of the mean and `sigmas` of its standard errors; NaN without a value.
-  [[nodiscard]] double root(double sigmas) const {
-    if (all_.count == 0) return std::nan("");
-    double squares = 0, count = 0;
-    for (const Mean& place : places_)
-      if (place.count > 0) squares += (place.value() - all_.value()) * (place.value() - all_.value()), ++count;
-    const double error = count > 1 ? std::sqrt(squares / (count * (count - 1))) : 0.0;
-    return std::sqrt(std::max(all_.value(), 0.0) + sigmas * error);
-  }
-
- private:
-  Mean all_;
-  std::vector<Mean> places_;
 };
 
 /// Mean over time of the product of the differences to two curves; nullopt where there is nothing to compare.
@@ -81,7 +59,7 @@ AccuracyReading read_accuracy(const AcousticScene& scene, const EnergyResponse& 
 
 AccuracyErrors errors_between(std::span<const AccuracyReading> test, std::span<const AccuracyReading> first,
                               std::span<const AccuracyReading> second, double sigmas) {
-  MeanSquare t20(first.size()), drr(first.size()), edc(first.size());
+  PlaceMean t20(first.size()), drr(first.size()), edc(first.size());
   for (std::size_t i = 0; i < test.size(); ++i) {
     const std::size_t place = i % first.size();
     const AccuracyReading &tested = test[i], &one = first[place], &two = second[place];
@@ -95,7 +73,7 @@ AccuracyErrors errors_between(std::span<const AccuracyReading> test, std::span<c
       if (const auto product = curve_product(tested.edc_db[band], one.edc_db[band], two.edc_db[band])) edc.add(place, *product);
     }
   }
-  return {t20.root(sigmas), drr.root(sigmas), edc.root(sigmas)};
+  return {root_mean_square(t20, sigmas).value, root_mean_square(drr, sigmas).value, root_mean_square(edc, sigmas).value};
 }
 
 AccuracyErrors half_difference(std::span<const AccuracyReading> first, std::span<const AccuracyReading> second) {
