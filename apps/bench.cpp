@@ -11,6 +11,7 @@
 #include "bench/accuracy_report.h"
 #include "bench/bench_env.h"
 #include "bench/bench_rir.h"
+#include "bench/engine_comparison.h"
 #include "bench/soak/report.h"
 #include "sim/base/errors.h"
 
@@ -36,6 +37,7 @@ struct RirCommand : Options {
 struct AccuracyCommand : Options {
   std::string out = "accuracy";
   std::optional<double> minutes;
+  std::vector<std::string> engines;
 };
 
 void run_accuracy(const AccuracyCommand& command) {
@@ -43,9 +45,15 @@ void run_accuracy(const AccuracyCommand& command) {
   options.quick = command.quick;
   options.minutes = command.minutes.value_or(command.quick ? 2.5 : 20);
   require(options.minutes > 0 && options.minutes <= 1440, "--minutes", options.minutes, "must be in (0, 1440]");
+  for (const std::string& engine : command.engines) options.engines.push_back(EngineCommand::parse(engine));
+  if (command.engines.empty()) options.engines = usual_engines();
   options.after_scene = [&](const AccuracyStudy& so_far) { write_accuracy_files(so_far, command.out); };
   const AccuracyStudy study = run_accuracy_study(options);
-  fmt::print("{}: accuracy.csv, accuracy_tables.md, accuracy_pareto.svg, accuracy_scenes.svg, accuracy_sweeps.svg\n", command.out);
+  fmt::print(
+      "{}: accuracy.csv, accuracy_tables.md, accuracy_pareto.svg, accuracy_scenes.svg, accuracy_sweeps.svg, "
+      "accuracy_engines.svg\n",
+      command.out);
+  for (const std::string& line : study.engines.left_out) fmt::print("{}\n", line);
   finish(accuracy_bench_report(study), command);
 }
 
@@ -157,6 +165,11 @@ void add_bench(CLI::App& app) {
   command->add_option("--out", accuracy->out, "Folder for accuracy.csv, accuracy_tables.md and the figures")->capture_default_str();
   command->add_option("--minutes", accuracy->minutes,
                       "Of the whole study; poses and repeats are cut to fit (default: 20, 2.5 with --quick)");
+  command
+      ->add_option("--engine", accuracy->engines,
+                   "NAME=COMMAND: another engine for the comparison in shoeboxes, repeatable (protocol: docs/accuracy.md; default: "
+                   "pyroomacoustics, where python3 has it)")
+      ->allow_extra_args(false);
   command->callback([accuracy] { run_accuracy(*accuracy); });
 
   const auto promise = std::make_shared<PromiseCommand>();

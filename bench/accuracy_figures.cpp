@@ -68,7 +68,7 @@ void add_truth_level(PlotPanel& panel, const AccuracyStudy& study) {
   int count = 0;
   for (const SceneFacts& facts : study.scenes)
     if (std::isfinite(facts.truth_error_pct)) sum += facts.truth_error_pct, ++count;
-  if (count > 0) panel.levels.push_back({sum / count, fmt::format("the truth's standard error, {:.2g} %", sum / count)});
+  if (count > 0) panel.levels.push_back({sum / count, fmt::format("standard error of one T20 of the truth, {:.2g} %", sum / count)});
 }
 
 std::string machine() { return machine_json()["cpu"].get<std::string>(); }

@@ -21,11 +21,18 @@ const char* method_of(const AcousticConfig& config) {
   return config.field == Switch::on ? "source field" : config.field == Switch::off ? "path tracer" : "plan's choice";
 }
 
+constexpr int kSweepStride = 2, kHighStride = 6;  ///< `high` takes seconds a response
+
 AccuracyMode preset_mode(const char* name) {
   AcousticConfig config = acoustic_preset(name);
   config.threads = 1;
   config.rir_length_s = 0.f;
-  return {"preset", name, method_of(config), config};
+  return {.sweep = "preset",
+          .value = name,
+          .method = method_of(config),
+          .config = config,
+          .is_fast = std::string(name) == "fast",
+          .every_how_many = config.source_rays > 0 ? kHighStride : 1};
 }
 
 class ModeList {
@@ -33,7 +40,11 @@ class ModeList {
   void add(const std::string& sweep, const std::string& value, const Change& change) {
     AcousticConfig config = fast_config();
     change(config);
-    modes_.push_back({sweep, value, method_of(config), config});
+    modes_.push_back({.sweep = sweep, .value = value, .method = method_of(config), .config = config, .every_how_many = kSweepStride});
+  }
+  /// A value that the preset has.
+  void add_fast(const std::string& sweep, const std::string& value) {
+    modes_.push_back({.sweep = sweep, .value = value, .method = method_of(fast_config()), .config = fast_config(), .is_fast = true});
   }
   std::vector<AccuracyMode> modes_;
 };
@@ -54,30 +65,39 @@ std::vector<AccuracyMode> accuracy_modes(bool quick) {
   if (!quick) list.modes_.push_back(preset_mode("high"));
   for (const int rays : quick ? std::vector<int>{64, 512} : std::vector<int>{16, 64, 256, 1024})
     list.add("rays", std::to_string(rays), [rays](AcousticConfig& c) { tracer(c), c.rays = rays; });
-  for (const int photons : quick ? std::vector<int>{1024, 8192} : std::vector<int>{1024, 4096, 16384, 65536})
+  for (const int photons : quick ? std::vector<int>{1024, 8192} : std::vector<int>{1024, 4096, 16384})
     list.add("photons", std::to_string(photons), [photons](AcousticConfig& c) { field_of(c, photons); });
   if (quick) return list.modes_;
 
-  for (const float cell_m : {0.25f, 0.5f, 1.f, 2.f})
+  const auto cells = [&](float cell_m) {
     list.add("cell size", fmt::format("{:g} m", cell_m), [cell_m](AcousticConfig& c) { c.field = Switch::on, c.field_cell_m = cell_m; });
-  for (const int bounces : {8, 32, 128, 1000})
+  };
+  cells(0.5f);
+  list.add_fast("cell size", "1 m");
+  cells(2.f);
+  for (const int bounces : {8, 32, 128})
     list.add("bounces", std::to_string(bounces), [bounces](AcousticConfig& c) { tracer(c), c.rays = 256, c.max_bounces = bounces; });
-  for (const int bands : {2, 4, 0, 14})
-    list.add("bands", bands == 0 ? "octaves" : std::to_string(bands), [bands](AcousticConfig& c) { c.bands = bands; });
+  for (const int bands : {4, 0, 14}) {
+    if (bands == 0) {
+      list.add_fast("bands", "octaves");
+    } else {
+      list.add("bands", std::to_string(bands), [bands](AcousticConfig& c) { c.bands = bands; });
+    }
+  }
   // Two ears use no more than first order.
-  for (const int order : {0, 1}) list.add("SH order", std::to_string(order), [order](AcousticConfig& c) { c.sh_order = order; });
-  for (const float decode_s : {0.f, 0.08f, 0.16f, 60.f})
-    list.add("late decoding", decode_s == 60.f ? "all" : fmt::format("{:g} s", decode_s),
-             [decode_s](AcousticConfig& c) { c.late_decode_s = decode_s; });
-  for (const float length_s : {0.25f, 0.5f, 1.f, 0.f})
-    list.add("RIR length", length_s == 0.f ? "auto" : fmt::format("{:g} s", length_s),
-             [length_s](AcousticConfig& c) { c.rir_length_s = length_s; });
-  list.add("effects", "all auto", [](AcousticConfig&) {});
+  list.add("SH order", "0", [](AcousticConfig& c) { c.sh_order = 0; });
+  list.add_fast("SH order", "1");
+  list.add("late decoding", "0 s", [](AcousticConfig& c) { c.late_decode_s = 0; });
+  list.add_fast("late decoding", "0.16 s");
+  list.add("late decoding", "all", [](AcousticConfig& c) { c.late_decode_s = 60; });
+  for (const float length_s : {0.5f, 1.f})
+    list.add("RIR length", fmt::format("{:g} s", length_s), [length_s](AcousticConfig& c) { c.rir_length_s = length_s; });
+  list.add_fast("RIR length", "auto");
+  list.add_fast("effects", "all auto");
   list.add("effects", "no early", [](AcousticConfig& c) { c.early = Switch::off; });
   list.add("effects", "no diffraction", [](AcousticConfig& c) { c.diffraction = Switch::off; });
   list.add("effects", "diffraction on", [](AcousticConfig& c) { c.diffraction = Switch::on; });
   list.add("effects", "no transmission", [](AcousticConfig& c) { c.transmission = Switch::off; });
-  list.add("effects", "transmission on", [](AcousticConfig& c) { c.transmission = Switch::on; });
   list.add("effects", "no air", [](AcousticConfig& c) { c.air_absorption = Switch::off; });
   return list.modes_;
 }

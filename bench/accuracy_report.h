@@ -9,23 +9,25 @@
 
 namespace earshot {
 
-/// One line per scene and mode: times, then mean, rms, 95th percentile, standard error and count of every error.
+/// One line per scene and mode: times, then for every error mean, its standard error, signed mean, cross-validated rms and its standard
+/// error, bias and its standard error, deviation, percentiles and counts (docs/formats.md).
 std::string accuracy_csv(const AccuracyStudy& study);
-/// Tables as Markdown: the scenes and their truth; quality modes laid out as Table 1 of the SoundSpaces 2.0 paper, its rows quoted; every
-/// sweep.
-std::string accuracy_markdown(const AccuracyStudy& study);
 
-/// Mean over scenes of one mode, in the unit of files; scenes without a value are left out.
+/// Means over scenes of one mode, in the unit of files; scenes without a value are left out.
 struct ModeMean {
-  double mean = 0, standard_error = 0;  ///< error: of the scenes' own standard errors together
+  double mean = 0, standard_error = 0;  ///< of absolute values; error: of the scenes' own standard errors together
+  double rms = 0, rms_error = 0;        ///< root of the mean over scenes of the cross-validated mean square
+  double bias = 0, deviation = 0, signed_mean = 0;
   int scenes = 0, missing = 0;
 };
-ModeMean mean_over_scenes(const AccuracyStudy& study, const std::string& sweep, const std::string& value, ErrorKind kind);
+ModeMean mean_over_scenes(const AccuracyStudy& study, const std::string& sweep, const std::string& value, ErrorKind kind, int band = -1);
 /// Mean over scenes of the milliseconds per RIR with n of them per source; of the scenes that have a value of `kind`, if it is given.
 double mean_shared_ms(const AccuracyStudy& study, const std::string& sweep, const std::string& value, int n,
                       std::optional<ErrorKind> kind = {});
+/// Is a scene part of the means over scenes?  All but the open one.
+bool is_in_means(const std::string& scene);
 
-/// accuracy.csv, accuracy_tables.md, accuracy_pareto.svg, accuracy_scenes.svg, accuracy_sweeps.svg.
+/// accuracy.csv, accuracy_tables.md, accuracy_pareto.svg, accuracy_scenes.svg, accuracy_sweeps.svg, accuracy_engines.svg.
 void write_accuracy_files(const AccuracyStudy& study, const std::filesystem::path& folder);
 /// The presets, for --json.
 BenchReport accuracy_bench_report(const AccuracyStudy& study);

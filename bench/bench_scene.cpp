@@ -82,16 +82,21 @@ BenchScene load_bench_scene(const std::string& name, const std::string& spec, st
   return bench;
 }
 
+std::optional<std::string> source_file(const std::string& path) {
+  for (const std::filesystem::path& root : {std::filesystem::path("."), std::filesystem::path(EARSHOT_SOURCE_DIR)})
+    if (std::filesystem::exists(root / path)) return (root / path).lexically_normal().string();
+  return std::nullopt;
+}
+
 std::optional<SceneName> scene_file(const std::string& name, const std::string& file) {
-  for (const std::filesystem::path& root : {std::filesystem::path("."), std::filesystem::path(EARSHOT_SOURCE_DIR)}) {
-    const std::filesystem::path path = root / "configs" / "scenes" / file;
-    if (!std::filesystem::exists(path)) continue;
-    const SceneConfig config = read_scene_config(path);
-    if (std::filesystem::exists(config.mesh)) return SceneName{name, path.lexically_normal().string()};
-    fmt::print(stderr, "bench: {} is left out: its mesh {} is absent\n", name, config.mesh);
+  const std::optional<std::string> path = source_file("configs/scenes/" + file);
+  if (!path) {
+    fmt::print(stderr, "bench: {} is left out: there is no configs/scenes/{}\n", name, file);
     return std::nullopt;
   }
-  fmt::print(stderr, "bench: {} is left out: there is no configs/scenes/{}\n", name, file);
+  const SceneConfig config = read_scene_config(*path);
+  if (std::filesystem::exists(config.mesh)) return SceneName{name, *path};
+  fmt::print(stderr, "bench: {} is left out: its mesh {} is absent\n", name, config.mesh);
   return std::nullopt;
 }
 

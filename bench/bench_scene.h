@@ -42,6 +42,8 @@ struct SceneName {
   std::string name, spec;
 };
 inline constexpr const char* kLargeHouse = "house:7,rooms=8,area_m2=140,detail_m=0.12";  ///< at least 150,000 triangles (test)
+/// A file of the repository in the working folder or, failing that, where the sources were built; nullopt if it is in neither.
+std::optional<std::string> source_file(const std::string& path);
 /// A file of configs/scenes in the working folder or, failing that, beside the sources.  nullopt, and a line on stderr, if the file or the
 /// mesh that it names is absent: the public data set is not part of the repository.
 std::optional<SceneName> scene_file(const std::string& name, const std::string& file);

@@ -83,8 +83,7 @@ HeardResponse ResponseListener::hear(const AcousticScene& scene, const EnergyRes
   Rir left{.num_channels = 1, .num_samples = rir_.num_samples, .sample_rate_hz = rir_.sample_rate_hz, .samples = {}};
   left.samples.assign(rir_.channel(0).begin(), rir_.channel(0).end());
   heard.rir = measure(left, delay_s);
-  heard.ild_db = level_difference_db(rir_);
-  heard.iacc = mean_interaural_correlation(rir_, delay_s);
+  heard.ears = interaural_bands(rir_.channel(0), rir_.channel(1), rir_.sample_rate_hz, delay_s);
   // A standing listener: one response for the whole second, of a sound that has been playing before.
   convolver_.convolve(clip_, StreamPosition{}, rir_.samples, {}, rir_.num_samples, kWindowSamples, sound_);
   analyzer_.analyze(sound_, spectrogram_);

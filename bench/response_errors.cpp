@@ -1,11 +1,10 @@
 #include "bench/response_errors.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 
-#include "sim/acoustics/metrics/interaural.h"
+#include "sim/acoustics/accuracy/cross_validation.h"
 #include "sim/base/errors.h"
 
 namespace earshot {
@@ -13,168 +12,168 @@ namespace {
 
 constexpr double kMissing = std::numeric_limits<double>::quiet_NaN();
 
-struct ErrorName {
-  const char* name;
-  double scale;
-};
-constexpr std::array<ErrorName, kNumErrorKinds> kNames{{{"t20_pct", 100},
-                                                        {"t30_pct", 100},
-                                                        {"edt_pct", 100},
-                                                        {"c50_db", 1},
-                                                        {"drr_db", 1},
-                                                        {"edc_rms_db", 1},
-                                                        {"rir_t20_pct", 100},
-                                                        {"rir_to_rir_t20_pct", 100},
-                                                        {"ild_db", 1},
-                                                        {"iacc", 1},
-                                                        {"lsd_db", 1}}};
-
-double decibels(double ratio) { return ratio > 0 ? 10 * std::log10(ratio) : -std::numeric_limits<double>::infinity(); }
-
-void add_difference(std::vector<double>& values, const std::optional<double>& reference, const std::optional<double>& test) {
-  if (reference) values.push_back(test ? *test - *reference : kMissing);
+std::vector<double> levels_db(std::span<const float> spectrogram) {
+  HeardResponse heard;
+  heard.spectrogram.assign(spectrogram.begin(), spectrogram.end());
+  return truth_values(heard).of(ErrorKind::spectral_db).front();
 }
 
-void add_relative(std::vector<double>& values, const std::optional<double>& reference, const std::optional<double>& test) {
-  if (reference && *reference > 0) values.push_back(test ? *test / *reference - 1 : kMissing);
+std::optional<double> root(const std::optional<double>& square) {
+  return square ? std::optional(std::sqrt(std::max(*square, 0.0))) : std::nullopt;
 }
 
-/// The band of `metrics` whose centre is within a sixth of an octave; null if there is none.
-const BandMetrics* band_near(const RoomMetrics& metrics, float centre_hz) {
-  for (std::size_t b = 0; b < metrics.bands.size(); ++b)
-    if (std::abs(std::log2(metrics.bands_hz[b] / centre_hz)) < 1.f / 6) return &metrics.bands[b];
-  return nullptr;
+/// Error of one item, with a sign unless it is a curve's; NaN where the test has none.  reference: not empty.
+std::optional<double> item_error(ErrorKind kind, std::span<const double> test, std::span<const double> reference) {
+  const ErrorKindFacts& facts = facts_of(kind);
+  if (facts.curve) return root(difference_product(kind, test, test, reference, reference));
+  if (test.empty()) return kMissing;
+  return facts.relative ? test[0] / reference[0] - 1 : test[0] - reference[0];
 }
 
-}  // namespace
-
-const char* name_of(ErrorKind kind) { return kNames[static_cast<std::size_t>(kind)].name; }
-double scale_of(ErrorKind kind) { return kNames[static_cast<std::size_t>(kind)].scale; }
-
-std::optional<double> decay_rms_db(std::span<const double> reference, std::span<const double> test, double range_db) {
-  require(reference.size() == test.size(), "series", test.size(), "must be as long as the reference");
-  std::vector<double> truth(reference.size()), other(test.size());
-  energy_decay_curve(reference, truth);
-  energy_decay_curve(test, other);
-  if (truth.empty() || !(truth[0] > 0) || !(other[0] > 0)) return std::nullopt;
-  double squares = 0;
-  int count = 0;
-  for (std::size_t i = 0; i < truth.size(); ++i) {
-    const double level = decibels(truth[i] / truth[0]);
-    if (level < -range_db) break;
-    // Before the first arrival both are 0 dB: that is no agreement of decays.
-    if (level == 0 && i + 1 < truth.size() && truth[i + 1] == truth[0]) continue;
-    const double difference = std::max(decibels(other[i] / other[0]), kEndedDb) - level;
-    squares += difference * difference;
-    ++count;
-  }
-  if (count == 0) return std::nullopt;
-  return std::sqrt(squares / count);
+/// sorted: not empty.
+double quantile(const std::vector<double>& sorted, double fraction) {
+  const auto n = static_cast<double>(sorted.size());
+  return sorted[static_cast<std::size_t>(std::max(std::ceil(fraction * n), 1.0)) - 1];
 }
 
-std::optional<double> log_spectral_distance_db(std::span<const float> reference, std::span<const float> test, double range_db) {
-  require(reference.size() == test.size(), "spectrogram", test.size(), "must have the shape of the reference");
-  double loudest = 0;
-  for (const float value : reference) loudest = std::max(loudest, std::expm1(double{value}));
-  if (!(loudest > 0)) return std::nullopt;
-  const double floor = loudest * std::pow(10.0, -range_db / 20);
-  double squares = 0;
-  int count = 0;
-  for (std::size_t i = 0; i < reference.size(); ++i) {
-    const double truth = std::expm1(double{reference[i]});
-    if (truth < floor) continue;
-    const double difference = 20 * std::log10(std::max(std::expm1(double{test[i]}), floor) / truth);
-    squares += difference * difference;
-    ++count;
-  }
-  return std::sqrt(squares / count);
-}
-
-std::optional<double> level_difference_db(const Rir& rir) {
-  if (rir.num_channels != 2) return std::nullopt;
-  double left = 0, right = 0;
-  for (const float sample : rir.channel(0)) left += double{sample} * sample;
-  for (const float sample : rir.channel(1)) right += double{sample} * sample;
-  if (!(left > 0) || !(right > 0)) return std::nullopt;
-  return decibels(left / right);
-}
-
-std::optional<double> mean_interaural_correlation(const Rir& rir, double direct_delay_s) {
-  if (rir.num_channels != 2) return std::nullopt;
-  double sum = 0;
-  int count = 0;
-  for (const int band : {2, 3, 4}) {  // 500 Hz, 1 and 2 kHz of the octaves from 125 Hz on
-    const auto value = interaural_correlation(rir.channel(0), rir.channel(1), rir.sample_rate_hz, direct_delay_s, band).total;
-    if (value) sum += *value, ++count;
-  }
-  if (count == 0) return std::nullopt;
-  return sum / count;
-}
-
-PoseErrors compare(const HeardResponse& reference, const HeardResponse& test) {
-  PoseErrors errors;
-  const auto of = [&](ErrorKind kind) -> std::vector<double>& { return errors.values[static_cast<std::size_t>(kind)]; };
-  if (reference.energy.bands_hz == test.energy.bands_hz) {
-    for (std::size_t b = 0; b < reference.energy.bands.size(); ++b) {
-      const BandMetrics &truth = reference.energy.bands[b], &other = test.energy.bands[b];
-      add_relative(of(ErrorKind::t20), truth.t20_s, other.t20_s);
-      add_relative(of(ErrorKind::t30), truth.t30_s, other.t30_s);
-      add_relative(of(ErrorKind::edt), truth.edt_s, other.edt_s);
-      add_difference(of(ErrorKind::c50_db), truth.c50_db, other.c50_db);
-      if (const auto rms = decay_rms_db(reference.series[b], test.series[b])) of(ErrorKind::decay_db).push_back(*rms);
-    }
-  }
-  add_difference(of(ErrorKind::drr_db), reference.energy.drr_db, test.energy.drr_db);
-  for (std::size_t b = 0; b < reference.energy.bands.size(); ++b)
-    if (const BandMetrics* heard = band_near(test.rir, reference.energy.bands_hz[b])) {
-      add_relative(of(ErrorKind::rir_t20), reference.energy.bands[b].t20_s, heard->t20_s);
-      if (const BandMetrics* truth = band_near(reference.rir, reference.energy.bands_hz[b]))
-        add_relative(of(ErrorKind::rir_to_rir_t20), truth->t20_s, heard->t20_s);
-    }
-  add_difference(of(ErrorKind::ild_db), reference.ild_db, test.ild_db);
-  add_difference(of(ErrorKind::iacc), reference.iacc, test.iacc);
-  if (!reference.spectrogram.empty())
-    if (const auto distance = log_spectral_distance_db(reference.spectrogram, test.spectrogram))
-      of(ErrorKind::spectral_db).push_back(*distance);
-  return errors;
-}
-
-ErrorSummary summarise(std::span<const PoseErrors> poses, ErrorKind kind) {
+/// mean, its error, percentiles, count, missing, and the plain root mean square.  by_pose: signed or not.
+ErrorSummary summarise_sizes(const std::vector<std::vector<double>>& by_pose, bool has_sign) {
   ErrorSummary summary;
-  std::vector<double> sizes, pose_means;
-  double sum = 0, squares = 0;
-  for (const PoseErrors& pose : poses) {
+  std::vector<double> sizes;
+  // Of the means of the poses, which all weigh the same in the standard error.
+  PlaceMean pose_mean(by_pose.size());
+  double sum = 0, squares = 0, signed_sum = 0;
+  std::size_t poses = 0;
+  for (std::size_t p = 0; p < by_pose.size(); ++p) {
     double pose_sum = 0;
-    int pose_count = 0;
-    for (const double value : pose.values[static_cast<std::size_t>(kind)]) {
-      if (std::isnan(value)) {
+    int count = 0;
+    for (const double error : by_pose[p]) {
+      if (std::isnan(error)) {
         ++summary.missing;
         continue;
       }
-      sizes.push_back(std::abs(value));
-      pose_sum += sizes.back();
-      ++pose_count;
-      sum += sizes.back();
-      squares += value * value;
+      sizes.push_back(std::abs(error));
+      pose_sum += std::abs(error), ++count;
+      squares += error * error;
+      signed_sum += error;
     }
-    if (pose_count > 0) pose_means.push_back(pose_sum / pose_count);
+    sum += pose_sum;
+    if (count > 0) pose_mean.add(p, pose_sum / count), ++poses;
   }
   summary.count = static_cast<int>(sizes.size());
+  summary.rms_error = summary.bias = summary.bias_error = summary.deviation = kMissing;
   if (sizes.empty()) {
-    summary.mean = summary.rms = summary.p95 = summary.standard_error = kMissing;
+    summary.mean = summary.rms = summary.signed_mean = summary.p50 = summary.p95 = summary.standard_error = kMissing;
     return summary;
   }
   const auto n = static_cast<double>(sizes.size());
   summary.mean = sum / n;
+  summary.standard_error = poses > 1 ? pose_mean.standard_error() : kMissing;
   summary.rms = std::sqrt(squares / n);
+  summary.signed_mean = has_sign ? signed_sum / n : kMissing;
   std::sort(sizes.begin(), sizes.end());
-  summary.p95 = sizes[static_cast<std::size_t>(std::ceil(0.95 * n)) - 1];
-  const auto m = static_cast<double>(pose_means.size());
-  double centre = 0, spread = 0;
-  for (const double mean : pose_means) centre += mean / m;
-  for (const double mean : pose_means) spread += (mean - centre) * (mean - centre);
-  summary.standard_error = m > 1 ? std::sqrt(spread / (m * (m - 1))) : kMissing;
+  summary.p50 = quantile(sizes, 0.5);
+  summary.p95 = quantile(sizes, 0.95);
   return summary;
+}
+
+/// Calls use(pose, item) for every item that the mean of the truth and both its halves have, of one band or all.
+template <class Use>
+void for_items(std::span<const TruthValues> truth, ErrorKind kind, int band, const Use& use) {
+  for (std::size_t p = 0; p < truth.size(); ++p) {
+    const auto &first = truth[p].first.of(kind), &second = truth[p].second.of(kind), &mean = truth[p].mean.of(kind);
+    for (std::size_t i = 0; i < mean.size(); ++i)
+      if ((band < 0 || static_cast<std::size_t>(band) == i) && !first[i].empty() && !second[i].empty() && !mean[i].empty()) use(p, i);
+  }
+}
+
+/// Errors of both draws against the mean of the truth, pose by pose.
+std::vector<std::vector<double>> errors_by_pose(std::span<const TruthValues> truth, std::span<const DrawnValues> test, ErrorKind kind,
+                                                int band) {
+  std::vector<std::vector<double>> errors(truth.size());
+  for_items(truth, kind, band, [&](std::size_t p, std::size_t i) {
+    for (const ResponseValues& draw : test[p]) {
+      const auto& items = draw.of(kind);
+      if (items.empty()) continue;  // of other bands: not compared
+      if (const auto error = item_error(kind, items[i], truth[p].mean.of(kind)[i])) errors[p].push_back(*error);
+    }
+  });
+  return errors;
+}
+
+}  // namespace
+
+std::optional<double> decay_rms_db(std::span<const double> reference, std::span<const double> test, double range_db) {
+  require(reference.size() == test.size(), "series", test.size(), "must be as long as the reference");
+  const std::vector<double> truth = decay_levels_db(reference), other = decay_levels_db(test);
+  if (truth.empty() || other.empty()) return std::nullopt;
+  return root(decay_product(other, other, truth, truth, range_db));
+}
+
+std::optional<double> log_spectral_distance_db(std::span<const float> reference, std::span<const float> test, double range_db) {
+  const std::vector<double> truth = levels_db(reference), other = levels_db(test);
+  return root(spectral_product(other, other, truth, truth, range_db));
+}
+
+PoseErrors compare(const HeardResponse& reference, const HeardResponse& test) {
+  const ResponseValues truth = truth_values(reference), other = test_values(test, reference);
+  PoseErrors errors;
+  for (const ErrorKind kind : all_error_kinds()) {
+    const auto &of_truth = truth.of(kind), &of_test = other.of(kind);
+    if (of_test.empty()) continue;
+    for (std::size_t i = 0; i < of_truth.size(); ++i)
+      if (!of_truth[i].empty())
+        if (const auto error = item_error(kind, of_test[i], of_truth[i])) errors.values[static_cast<std::size_t>(kind)].push_back(*error);
+  }
+  return errors;
+}
+
+ErrorSummary summarise(std::span<const PoseErrors> poses, ErrorKind kind) {
+  std::vector<std::vector<double>> by_pose;
+  for (const PoseErrors& pose : poses) by_pose.push_back(pose.values[static_cast<std::size_t>(kind)]);
+  return summarise_sizes(by_pose, !facts_of(kind).curve);
+}
+
+std::vector<double> error_sizes(std::span<const TruthValues> truth, std::span<const DrawnValues> test, ErrorKind kind, int band) {
+  std::vector<double> sizes;
+  for (const std::vector<double>& pose : errors_by_pose(truth, test, kind, band))
+    for (const double error : pose)
+      if (!std::isnan(error)) sizes.push_back(scale_of(kind) * std::abs(error));
+  return sizes;
+}
+
+ErrorSummary summarise(std::span<const TruthValues> truth, std::span<const DrawnValues> test, ErrorKind kind, int band) {
+  EARSHOT_EXPECT(truth.size() == test.size());
+  ErrorSummary summary = summarise_sizes(errors_by_pose(truth, test, kind, band), !facts_of(kind).curve);
+  PlaceMean square(truth.size()), bias(truth.size()), variance(truth.size());
+  for_items(truth, kind, band, [&](std::size_t p, std::size_t i) {
+    const auto &one = test[p][0].of(kind), &two = test[p][1].of(kind), &a = truth[p].first.of(kind), &b = truth[p].second.of(kind);
+    if (one.empty() || two.empty()) return;
+    if (!facts_of(kind).curve && (one[i].empty() || two[i].empty())) return;
+    const auto of_one = difference_product(kind, one[i], one[i], a[i], b[i]), of_two = difference_product(kind, two[i], two[i], a[i], b[i]);
+    const auto crossed = difference_product(kind, one[i], two[i], a[i], b[i]), back = difference_product(kind, two[i], one[i], a[i], b[i]);
+    if (!of_one || !of_two || !crossed || !back) return;
+    const CrossValidatedSquare parts = cross_validate(*of_one, *of_two, *crossed, *back);
+    square.add(p, parts.square);
+    bias.add(p, parts.bias);
+    variance.add(p, parts.variance);
+  });
+  const RootMeanSquare of_square = root_mean_square(square), of_bias = root_mean_square(bias);
+  summary.rms = of_square.value;
+  summary.rms_error = of_square.standard_error;
+  summary.bias = of_bias.value;
+  summary.bias_error = of_bias.standard_error;
+  summary.deviation = root_mean_square(variance).value;
+  return summary;
+}
+
+double truth_error(std::span<const TruthValues> truth, ErrorKind kind) {
+  PlaceMean square(truth.size());
+  for_items(truth, kind, -1, [&](std::size_t p, std::size_t i) {
+    const auto &a = truth[p].first.of(kind)[i], &b = truth[p].second.of(kind)[i];
+    if (const auto product = difference_product(kind, a, a, b, b)) square.add(p, 0.25 * *product);
+  });
+  return root_mean_square(square).value;
 }
 
 }  // namespace earshot

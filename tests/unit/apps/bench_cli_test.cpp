@@ -122,10 +122,27 @@ TEST_F(BenchCli, EnvWritesTheNamesThatScriptsRelyOn) {
     EXPECT_EQ(names.count(name), 1u) << name;
 }
 
+// An engine in a shell that says that its package is absent is left out, with a line in the tables.
+TEST_F(BenchCli, AccuracyWritesItsTablesAndFigures) {
+  const std::string engine = " --engine 'mine=echo no such package >&2; exit 69;'";
+  ASSERT_EQ(earshot("bench accuracy --quick --minutes 0.05 --out " + file("out") + " --json " + file("accuracy.json") + engine), 0)
+      << read("stderr");
+  EXPECT_EQ(names_in("accuracy.json", "accuracy").count("accuracy.fast.rt60_rms_error_pct"), 1u);
+  const std::string tables = read("out/accuracy_tables.md");
+  for (const char* part : {"## Scenes and their truth", "## Bias and scatter", "## Presets, octave by octave", "## What is heard of it",
+                           "## Cost against triangles and sources", "mine is left out: no such package", "| earshot, source field |"})
+    EXPECT_THAT(tables, testing::HasSubstr(part));
+  EXPECT_THAT(read("out/accuracy.csv"), testing::HasSubstr("t20_pct_bias,"));
+  for (const char* figure : {"pareto", "scenes", "sweeps", "engines"})
+    EXPECT_TRUE(read("out/accuracy_" + std::string(figure) + ".svg").starts_with("<svg ")) << figure;
+}
+
 TEST_F(BenchCli, WrongNamesAreOneLineAndExitCodeTwo) {
-  for (const char* arguments : {"bench", "bench dance", "bench train", "bench rir --raya 3", "bench accuracy --quick --minutes 0",
-                                "bench rir --quick --scene shoebox:5x4x3 --scene shoebox:0x4x3", "bench rir --quick --reference-seconds 0",
-                                "bench rir --quick --reference-poses 0", "bench promise --quick --target t20=5"}) {
+  for (const char* arguments :
+       {"bench", "bench dance", "bench train", "bench rir --raya 3", "bench accuracy --quick --minutes 0",
+        "bench rir --quick --scene shoebox:5x4x3 --scene shoebox:0x4x3", "bench rir --quick --reference-seconds 0",
+        "bench rir --quick --reference-poses 0", "bench promise --quick --target t20=5", "bench accuracy --quick --engine mine",
+        "bench accuracy --quick --engine 'mine=exit 3;'", "bench accuracy --quick --engine mine=true"}) {
     EXPECT_EQ(earshot(arguments), 2) << arguments;
     const std::string errors = read("stderr");
     EXPECT_EQ(std::count(errors.begin(), errors.end(), '\n'), 1) << errors;

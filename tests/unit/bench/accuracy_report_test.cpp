@@ -9,6 +9,7 @@
 #include <set>
 
 #include "bench/accuracy_figures.h"
+#include "bench/accuracy_tables.h"
 #include "bench/plot_svg.h"
 
 namespace earshot {
@@ -22,8 +23,14 @@ ModeResult result(const std::string& scene, const std::string& value, double per
   r.per_source_ms = per_source_ms;
   r.per_rir_ms = per_rir_ms;
   r.rirs_per_s_two = 1e3;
-  ErrorSummary& summary = r.errors[static_cast<int>(ErrorKind::t20)];
-  summary = {.mean = t20, .rms = t20, .p95 = t20, .standard_error = error, .count = 4};
+  constexpr auto t20_kind = static_cast<std::size_t>(ErrorKind::t20);
+  ErrorSummary& summary = r.errors.all[t20_kind];
+  summary = {.mean = t20, .standard_error = error, .rms = 2 * t20, .rms_error = error, .p95 = t20, .count = 4};
+  summary.bias = 1.6 * t20;
+  summary.deviation = 1.2 * t20;
+  r.errors.by_band[t20_kind] = {summary, summary};
+  r.errors.sizes[t20_kind] = {1, 4, 5, 6};
+  r.errors.poses = 2;
   return r;
 }
 
@@ -40,11 +47,17 @@ TEST(AccuracyReport, MeansOverScenesByHand) {
   const AccuracyStudy study = two_scenes();
   EXPECT_NEAR(mean_shared_ms(study, "preset", "fast", 500), 3, 1e-12);
   AccuracyStudy one_silent = study;
-  one_silent.results[1].errors[static_cast<int>(ErrorKind::t20)].count = 0;
+  one_silent.results[1].errors.all[static_cast<std::size_t>(ErrorKind::t20)].count = 0;
   EXPECT_NEAR(mean_shared_ms(one_silent, "preset", "fast", 500, ErrorKind::t20), 2, 1e-12);
   const ModeMean mean = mean_over_scenes(study, "preset", "fast", ErrorKind::t20);
-  EXPECT_NEAR(mean.mean, 3, 1e-12);               // per cent
-  EXPECT_NEAR(mean.standard_error, 0.25, 1e-12);  // sqrt(0.3^2 + 0.4^2) / 2
+  EXPECT_NEAR(mean.mean, 3, 1e-12);                                                    // per cent
+  EXPECT_NEAR(mean.standard_error, 0.25, 1e-12);                                       // sqrt(0.3^2 + 0.4^2) / 2
+  EXPECT_NEAR(mean.rms, std::sqrt(40.0), 1e-9);                                        // 4 and 8
+  EXPECT_NEAR(mean.rms_error, std::sqrt(1.44 + 10.24) / (2 * std::sqrt(40.0)), 1e-9);  // 4 * 0.3 and 8 * 0.4
+  EXPECT_NEAR(mean.bias, 0.8 * mean.rms, 1e-9);
+  EXPECT_NEAR(mean.deviation, 0.6 * mean.rms, 1e-9);
+  EXPECT_NEAR(mean_over_scenes(study, "preset", "fast", ErrorKind::t20, 1).rms, mean.rms, 1e-9);
+  EXPECT_EQ(mean_over_scenes(study, "preset", "fast", ErrorKind::t20, 2).scenes, 0);
   EXPECT_EQ(mean.scenes, 2);
   EXPECT_EQ(mean_over_scenes(study, "preset", "fast", ErrorKind::drr_db).scenes, 0);
 }
@@ -57,6 +70,32 @@ TEST(AccuracyReport, MarkdownQuotesThePaperWithItsMachine) {
   EXPECT_THAT(text, HasSubstr("7.7 ± 0.2"));
   EXPECT_THAT(text, HasSubstr("Xeon Gold 6230"));
   EXPECT_THAT(text, Not(HasSubstr("nan")));
+}
+
+// Differences of 5 %: sizes of 1, 4, 5 and 6 in each of two scenes, three of four within one, the one at the limit among them.
+TEST(AccuracyReport, JustNoticeableDifferencesAreCounted) {
+  const NoticeableErrors errors = noticeable_errors(two_scenes(), "fast", ErrorKind::t20);
+  EXPECT_EQ(errors.count, 8u);
+  EXPECT_NEAR(errors.within_pct, 75, 1e-9);
+  EXPECT_NEAR(errors.p50, 0.8, 1e-9);
+  EXPECT_NEAR(errors.p95, 1.2, 1e-9);
+  EXPECT_TRUE(std::isnan(count_noticeable({}, 1).p50));
+  EXPECT_THAT(noticeable_table(two_scenes()), HasSubstr("| `fast` | T20 | 5 % | ISO 3382-1"));
+}
+
+// Decay times in the open mean nothing, levels do; means over scenes leave it out.
+TEST(AccuracyReport, TheOpenSceneHasLevelsAndNoDecayTimes) {
+  AccuracyStudy study = two_scenes();
+  study.results.push_back(result(kOpenScene, "fast", 1, 1, 0.6, 0.1));
+  auto& errors = study.results.back().errors;
+  errors.all[static_cast<std::size_t>(ErrorKind::level_db)] = {.mean = 0.123, .rms = 0.456, .p95 = 0.3, .count = 4};
+  errors.sizes[static_cast<std::size_t>(ErrorKind::level_db)] = {0.5, 2};
+  EXPECT_NEAR(mean_over_scenes(study, "preset", "fast", ErrorKind::t20).mean, 3, 1e-12);
+  const std::string text = preset_scenes_table(study);
+  EXPECT_THAT(text, HasSubstr("| open | `fast` |"));
+  EXPECT_THAT(text, HasSubstr("0.456"));
+  EXPECT_THAT(text, Not(HasSubstr("120")));  // rms of T20 there, in per cent
+  EXPECT_THAT(noticeable_table(study), HasSubstr("| `fast`, open | level | 1 dB |"));
 }
 
 TEST(AccuracyReport, EveryLineOfTheCsvHasAsManyCells) {
