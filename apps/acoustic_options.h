@@ -30,7 +30,8 @@ struct AcousticOptions {
   void add_accuracy_to(CLI::App& command);
   /// What --accuracy asks for, if anything.  Throws InputError for a setting of what it chooses.
   [[nodiscard]] std::optional<AccuracyTarget> accuracy_target() const;
-  /// Preset, then what the channels need (harmonics as far as the tracers carry them), then --set, --rate and --seed; validated.
+  /// Preset, then what the channels need (harmonics as far as the tracers carry them; none for a microphone alike on all sides), then
+  /// --set, --rate and --seed; validated.
   [[nodiscard]] AcousticConfig config() const;
   [[nodiscard]] ListenerLayout layout() const { return ListenerLayout::named(channels); }
   /// Orientation of the channels for a listener of these angles; for ears the orientation of their filters on top.  Throws InputError if

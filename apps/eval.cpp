@@ -8,6 +8,7 @@
 #include "trainer/evaluator.h"
 #include "trainer/find_checkpoint.h"
 #include "trainer/leaderboard.h"
+#include "trainer/planned_acoustics.h"
 
 namespace earshot {
 namespace {
@@ -32,8 +33,10 @@ void run_eval(const Options& options) {
   const auto baseline = baseline_by_name(options.agent);
   EvaluationResult result;
   if (baseline) {
-    const RunConfig config =
+    RunConfig config =
         options.config.empty() ? parse_run_config("", "--set", options.overrides) : load_run_config(options.config, options.overrides);
+    const auto kept = with_kept_acoustics(config, {config.out});
+    config = kept ? *kept : plan_acoustics(config);
     take_set_of(config, evaluation);
     if (evaluation.episodes.empty()) throw InputError("--episodes", "is missing", "name an episode set, or a --config that names one");
     evaluation.num_envs = config.eval_envs;

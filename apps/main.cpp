@@ -36,6 +36,7 @@ int main(int argc, char** argv) {
   earshot::add_walk(app);
   earshot::add_dataset(app);
   earshot::add_train(app, arguments, exit_code);
+  earshot::add_plan(app);
   earshot::add_eval(app);
   earshot::add_leaderboard(app);
   earshot::add_replay(app);

@@ -4,6 +4,8 @@
 
 #include "apps/commands.h"
 #include "trainer/find_checkpoint.h"
+#include "trainer/planned_acoustics.h"
+#include "trainer/run_folder.h"
 #include "trainer/start_run.h"
 #include "trainer/train_loop.h"
 #include "trainer/worker_group.h"
@@ -18,20 +20,34 @@ struct Options {
   bool overwrite = false;
 };
 
+/// The config with the choice that env.accuracy asks for: kept by the run or by the one that is resumed, or made now.  Workers read what
+/// was kept before they were started.
+RunConfig with_acoustics(const RunConfig& config, const RunStart& start, bool is_worker, const std::string& config_file) {
+  std::vector<std::filesystem::path> folders = {config.out};
+  if (!start.resume.empty()) folders.push_back(run_folder_of(start.resume));
+  if (auto kept = with_kept_acoustics(config, folders)) return *kept;
+  if (is_worker)
+    throw InputError("env.accuracy " + config.env.accuracy, "has not been planned, and a worker of a launcher does not",
+                     "run 'earshot plan " + config_file + "' once before");
+  return plan_acoustics(config);
+}
+
 int run_train(const Options& options, const std::vector<std::string>& arguments) {
   // Everything that can be wrong with the input is found before a process is started.
-  const RunConfig config = load_run_config(options.config, options.overrides);
+  const RunConfig asked = load_run_config(options.config, options.overrides);
   const auto identity = worker_from_environment();
-  if (!identity && config.train.file.empty())
+  if (!identity && asked.train.file.empty())
     throw InputError(options.config, "names no data.train.file", "add it, and write it with 'earshot dataset episodes --config'");
-  if (!identity && !std::filesystem::exists(config.train.file))
-    throw InputError(config.train.file, "no such episode set", "write it with 'earshot dataset episodes --config " + options.config + "'");
+  if (!identity && !std::filesystem::exists(asked.train.file))
+    throw InputError(asked.train.file, "no such episode set", "write it with 'earshot dataset episodes --config " + options.config + "'");
   RunStart start;
   if (!options.resume.empty()) start.resume = find_checkpoint(options.resume);
   start.overwrite = options.overwrite;
   start.changes = options.changes;
   start.remake = "earshot dataset episodes --config " + options.config;
   for (const auto& override : options.overrides) start.remake += " --set " + override;
+
+  const RunConfig config = with_acoustics(asked, start, identity.has_value(), options.config);
 
   const int workers = options.workers > 0 ? options.workers : config.workers;
   if (!identity && workers > 1) {

@@ -84,10 +84,11 @@ class SceneTrial {
         promise.preset = preset.method, promise.preset_ms = preset.total_ms(kPoses);
     Progress progress("calibration", "%", 100);
     try {
-      promise.plan = plan_accuracy(
-          scene_.scene,
-          {.config = base_config(), .target = target, .source = scene_.source(), .places = places_of(scene_, 0), .poses = kPoses},
-          [&](double fraction) { progress.update(static_cast<std::uint64_t>(100 * fraction)); });
+      promise.plan = plan_accuracy({.config = base_config(),
+                                    .target = target,
+                                    .sites = {{.scene = scene_.scene, .source = scene_.source(), .places = places_of(scene_, 0)}},
+                                    .poses = kPoses},
+                                   [&](double fraction) { progress.update(static_cast<std::uint64_t>(100 * fraction)); });
     } catch (const InputError& refused) {
       fmt::print(stderr, "{}: {}\n", scene_.name, refused.what());
       return promise;

@@ -7,9 +7,9 @@
 #include <limits>
 #include <memory>
 
-#include "bench/measured.h"
 #include "bench/study_scene.h"
 #include "sim/base/progress.h"
+#include "sim/base/stopwatch.h"
 
 namespace earshot {
 namespace {

@@ -7,6 +7,7 @@
 #include "envs/baselines.h"
 #include "envs/batched_env.h"
 #include "envs/episode_generator.h"
+#include "sim/base/stopwatch.h"
 
 namespace earshot {
 namespace {

@@ -15,6 +15,7 @@
 #include "sim/acoustics/paths/transmission.h"
 #include "sim/acoustics/synthesis/carriers.h"
 #include "sim/base/progress.h"
+#include "sim/base/stopwatch.h"
 
 namespace earshot {
 namespace {

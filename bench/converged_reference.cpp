@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include "bench/measured.h"
 #include "sim/acoustics/metrics/energy_series.h"
 #include "sim/acoustics/metrics/late_errors.h"
 #include "sim/base/random.h"
+#include "sim/base/stopwatch.h"
 
 namespace earshot {
 namespace {

@@ -8,11 +8,11 @@
 #include <filesystem>
 
 #include "bench/bench_scene.h"
-#include "bench/measured.h"
 #include "bench/plot_svg.h"
 #include "sim/acoustics/source_field/source_field.h"
 #include "sim/acoustics/synthesis/carriers.h"
 #include "sim/acoustics/synthesis/rir_synthesis.h"
+#include "sim/base/stopwatch.h"
 #include "sim/scene/shoebox.h"
 
 namespace earshot {

@@ -12,10 +12,10 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
-#include "bench/measured.h"
 #include "sim/audio/sound_clip.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/stopwatch.h"
 
 namespace earshot {
 namespace {

@@ -12,6 +12,7 @@
 #include "bench/measured.h"
 #include "sim/acoustics/model/acoustic_scene.h"
 #include "sim/acoustics/synthesis/carriers.h"
+#include "sim/base/stopwatch.h"
 
 namespace earshot {
 namespace {

@@ -11,6 +11,7 @@
 #include "envs/batched_env.h"
 #include "envs/episode_generator.h"
 #include "sim/acoustics/synthesis/carriers.h"
+#include "sim/base/stopwatch.h"
 
 namespace earshot {
 namespace {

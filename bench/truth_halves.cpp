@@ -3,9 +3,9 @@
 #include <cmath>
 #include <utility>
 
-#include "bench/measured.h"
 #include "sim/acoustics/accuracy/cross_validation.h"
 #include "sim/base/random.h"
+#include "sim/base/stopwatch.h"
 
 namespace earshot {
 namespace {

@@ -56,6 +56,7 @@ BatchedEnv::Impl::Impl(const EnvConfig& env_config, std::shared_ptr<const Episod
       renderer(config.observation.camera),
       agents(size_of(num_envs)),
       quarantine(config.quarantine_dir) {
+  require(config.accuracy.empty(), "accuracy", config.accuracy, "has to be planned before environments are made (plan_env_accuracy)");
   require(num_envs >= 1, "num_envs", num_envs, "must be at least 1");
   require(first_env >= 0 && first_env + num_envs <= total_envs, "first_env", first_env, "first_env + num_envs must not exceed total_envs");
   if (set->episodes.empty()) throw InputError("episode set", "holds no episodes", "make one with `earshot dataset episodes`");

@@ -4,6 +4,7 @@
 #include <filesystem>
 
 #include "envs/scene_cache.h"
+#include "sim/acoustics/accuracy/accuracy_plan.h"
 #include "sim/base/errors.h"
 
 namespace earshot {
@@ -25,7 +26,11 @@ void read(ConfigReader& reader, EnvConfig& config) {
   ConfigReader task = reader.child("task");
   read(task, config.task);
   task.finish();
+  reader.read("accuracy", config.accuracy);
   ConfigReader acoustics = reader.child("acoustics");
+  if (!config.accuracy.empty())
+    for (const std::string_view key : keys_of_accuracy())
+      if (acoustics.has(std::string(key))) acoustics.fail(std::string(key), "is what env.accuracy chooses; leave out one of the two");
   std::string preset;
   acoustics.read("preset", preset);
   if (!preset.empty()) config.acoustics = acoustic_preset(preset);
@@ -67,6 +72,10 @@ void validate(const EnvConfig& config) {
   validate(config.task);
   validate(config.observation);
   validate(config.acoustics);
+  if (!config.accuracy.empty()) {
+    static_cast<void>(AccuracyTarget::parse(config.accuracy));
+    require(config.observation.spectrogram, "accuracy", config.accuracy, "has no effect without observation.spectrogram");
+  }
   validate(config.navmesh);
   const float rate_hz = config.acoustics.sample_rate_hz;
   require(config.observation.sound.sample_rate_hz == rate_hz, "observation.sound.sample_rate_hz", config.observation.sound.sample_rate_hz,

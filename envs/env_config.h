@@ -22,6 +22,9 @@ struct EnvConfig {
   TaskConfig task;
   ObservationSpec observation;
   AcousticConfig acoustics;
+  /// "t20=10%,drr=2dB" (AccuracyTarget): what the acoustics are to be as accurate as, in place of their rays, images and fields.  Empty:
+  /// acoustics decides.  Environments take a config in which plan_env_accuracy (env_accuracy.h) has replaced it by its choice.
+  std::string accuracy;
   NavmeshConfig navmesh;
   std::string hrtf;        ///< SOFA file; empty: rigid sphere
   std::string sound_root;  ///< folder of sounds that are named without a path ("my_ring", of original sets)

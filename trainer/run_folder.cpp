@@ -95,4 +95,9 @@ void RunFolder::remove_surplus(std::uint64_t update, int keep, bool is_last) con
   if (!is_last) std::filesystem::remove(last_checkpoint());
 }
 
+std::filesystem::path run_folder_of(const std::filesystem::path& checkpoint) {
+  const auto folder = std::filesystem::weakly_canonical(checkpoint).parent_path();
+  return folder.filename() == "checkpoints" ? folder.parent_path() : folder;
+}
+
 }  // namespace earshot

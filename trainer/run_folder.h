@@ -10,6 +10,7 @@ namespace earshot {
 ///   checkpoints/update_NNNNNN.ckpt   one per `checkpoint_every` updates, of which the newest `keep` stay
 ///   checkpoints/best.ckpt            of the highest mean reward so far
 ///   checkpoints/last.ckpt            of the end of the run
+///   acoustics_HASH.yaml              what env.accuracy came to (planned_acoustics.h); stays when a run is overwritten
 ///   events.jsonl, events.out.tfevents.*, curve.svg, quarantine/FAULT_HASH.json
 /// Every other file there belongs to the user and is never removed.
 class RunFolder {
@@ -36,5 +37,8 @@ class RunFolder {
  private:
   std::filesystem::path out_;
 };
+
+/// The folder of the run whose checkpoint this is: checkpoints/ is left out.
+std::filesystem::path run_folder_of(const std::filesystem::path& checkpoint);
 
 }  // namespace earshot

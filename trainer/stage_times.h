@@ -23,7 +23,8 @@ struct StageTimes {
   [[nodiscard]] std::string fractions() const;
 };
 
-class Stopwatch {
+/// Seconds from one call to the next.
+class LapTimer {
  public:
   /// Seconds since construction or the last call.
   double lap() {

@@ -23,12 +23,6 @@ constexpr const char* kEngine = "engine";
 /// Whether `name` is the key or a section that holds it.
 bool covers(const std::string& name, const std::string& key) { return key == name || key.starts_with(name + "."); }
 
-/// The folder of a run whose checkpoint this is: checkpoints/ is left out.
-std::filesystem::path run_of(const std::filesystem::path& checkpoint) {
-  const auto folder = std::filesystem::weakly_canonical(checkpoint).parent_path();
-  return folder.filename() == "checkpoints" ? folder.parent_path() : folder;
-}
-
 void check_declared(const std::vector<std::string>& declared, const std::map<std::string, std::string>& before,
                     const std::map<std::string, std::string>& now) {
   std::set<std::string> known{kEngine};
@@ -85,7 +79,7 @@ void prepare_run(const RunConfig& config, const RunStart& start) {
                        "go on with it by --resume " + config.out + ", replace it with --overwrite, or name another folder with out=FOLDER");
   } else {
     check_same_run(config, start);
-    if (!checkpoints.empty() && run_of(start.resume) != std::filesystem::weakly_canonical(config.out))
+    if (!checkpoints.empty() && run_folder_of(start.resume) != std::filesystem::weakly_canonical(config.out))
       throw InputError(config.out, "holds another run than the one to go on with, " + start.resume.string(),
                        "name another folder with out=FOLDER");
   }

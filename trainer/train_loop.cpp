@@ -105,7 +105,7 @@ class Worker {
   GuardCounts guards_;
   int updates_without_step_ = 0;  ///< in a row
   std::uint64_t ratio_alarms_ = 0;
-  Stopwatch clock_;
+  LapTimer clock_;
   double elapsed_s_ = 0;
 };
 
@@ -142,7 +142,7 @@ void Worker::collect() {
   std::vector<std::int32_t> actions(static_cast<std::size_t>(config_.envs_per_worker));
   std::vector<ActingEnv> acting(actions.size());
   const StageTimes before = StageTimes::of(env_.stage_seconds());
-  Stopwatch watch;
+  LapTimer watch;
   double env_s = 0;
   for (int t = 0; t < config_.rollout_steps; ++t) {
     watch.lap();

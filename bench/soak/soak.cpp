@@ -10,13 +10,13 @@
 #include <optional>
 #include <thread>
 
-#include "bench/measured.h"
 #include "bench/soak/episodes.h"
 #include "bench/soak/replay.h"
 #include "envs/baselines.h"
 #include "sim/base/errors.h"
 #include "sim/base/progress.h"
 #include "sim/base/random.h"
+#include "sim/base/stopwatch.h"
 
 namespace earshot {
 namespace {

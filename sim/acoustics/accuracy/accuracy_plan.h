@@ -1,32 +1,21 @@
 #pragma once
 
 #include <functional>
-#include <glm/vec3.hpp>
-#include <memory>
 #include <span>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "sim/acoustics/accuracy/accuracy_request.h"
 #include "sim/acoustics/accuracy/accuracy_trial.h"
 
 namespace earshot {
 
-struct AccuracyRequest {
-  AcousticConfig config;  ///< what the planner does not choose: switches, length, bins, bands, seed, threads
-  AccuracyTarget target;
-  SoundSource source;
-  std::vector<glm::vec3> places;  ///< of listeners, not empty; at most kMostPlaces of them are tried, evenly spread
-  double poses = 1;               ///< responses that the source is for: what a field costs is shared by them
-  double most_ms = 3.6e6;         ///< that these may take on this machine; nothing dearer is taken
-};
-inline constexpr std::size_t kMostPlaces = 12;
-
 struct AccuracyPlan {
   std::vector<AccuracyChoice> tried;  ///< in the order of trial
   std::size_t chosen = 0;
-  AccuracyErrors reference_error{};  ///< standard error of the paths that judged
-  int reference_runs = 0;
+  AccuracyErrors reference_error{};  ///< standard error of the paths that judged; of several sites the largest
+  int reference_runs = 0;            ///< at all sites together
   double calibration_s = 0;
   [[nodiscard]] const AccuracyChoice& choice() const { return tried[chosen]; }
 };
@@ -38,14 +27,13 @@ std::span<const std::string_view> keys_of_accuracy();
 /// many rays or photons; order of images; reflections before and after edges.  It calibrates itself on the scene: paths from both ends are
 /// traced at the places until the standard error of a value is 0.7 of the target, less with few places (or 1,024 runs of 512 rays), each
 /// candidate is tried there with four seeds (a field, and 4,096 rays and more: one), and the cheapest of those within 0.85 of the target,
-/// for `poses` responses, is taken.
+/// for `poses` responses, is taken.  With several sites a candidate's errors are the largest of them, its costs their mean.
 ///
 /// Predicted errors are those at the places and one standard error more.  Costs are measured, so of two choices of about equal cost either
-/// may be taken from run to run; the bits are a function of the choice.  Cost: some seconds; a target half as large takes up to four times
-/// as long.  Throws InputError where no candidate is within the target and `most_ms`, with what the best one reaches, where the paths that
-/// judge it stay less certain than the target, and where what is asked for has no value.
-AccuracyPlan plan_accuracy(const std::shared_ptr<const Scene>& scene, const AccuracyRequest& request,
-                           const std::function<void(double fraction)>& progress = {});
+/// may be taken from run to run; the bits are a function of the choice.  Cost: some seconds a site; a target half as large takes up to four
+/// times as long.  Throws InputError where no candidate is within the target and `most_ms`, with what the best one reaches, where the paths
+/// that judge it stay less certain than the target, and where what is asked for has no value.
+AccuracyPlan plan_accuracy(const AccuracyRequest& request, const std::function<void(double fraction)>& progress = {});
 
 /// "key=value" of what the planner chose, as for --set.
 std::vector<std::string> settings_of(const AccuracyChoice& choice);

@@ -1,16 +1,12 @@
 #include "sim/acoustics/accuracy/accuracy_trial.h"
 
-#include <chrono>
+#include <cmath>
 #include <utility>
 #include <vector>
 
+#include "sim/base/stopwatch.h"
+
 namespace earshot {
-namespace {
-
-using Clock = std::chrono::steady_clock;
-double ms_since(Clock::time_point begin) { return std::chrono::duration<double, std::milli>(Clock::now() - begin).count(); }
-
-}  // namespace
 
 AccuracyChoice try_config(const std::shared_ptr<const Scene>& scene, std::string method, const AcousticConfig& config,
                           const SoundSource& source, const AccuracyReference& reference, int seeds) {
@@ -18,15 +14,31 @@ AccuracyChoice try_config(const std::shared_ptr<const Scene>& scene, std::string
   std::vector<AcousticScene> scenes = {AcousticScene(scene, config)};
   const AcousticScene& first = scenes.front();
   if (uses_source_field(first)) static_cast<void>(first.field_grid());  // once per scene, not per source
-  const auto begin = Clock::now();
+  const Stopwatch watch;
   const EarlyCandidates candidates(first, source);
   const std::shared_ptr<const SourceField> field = uses_source_field(first) ? build_source_field(first, candidates) : nullptr;
-  choice.per_source_ms = ms_since(begin);
+  choice.per_source_ms = watch.wall_ms();
   constexpr std::uint64_t apart = 1'000'003;
   for (int seed = 1; !field && seed < seeds; ++seed)
     scenes.push_back(scenes.front().with_rays(config.rays, config.seed + apart * static_cast<std::uint64_t>(seed)));
   try_responses(scenes, candidates, field.get(), reference, choice);
   return choice;
+}
+
+AccuracyChoice worst_of(std::span<const AccuracyChoice> at_sites) {
+  AccuracyChoice worst = at_sites.front();
+  const auto count = static_cast<double>(at_sites.size());
+  worst.per_source_ms = worst.per_pose_ms = 0;
+  for (const AccuracyChoice& choice : at_sites) {
+    for (std::size_t kind = 0; kind < kNumAccuracyKinds; ++kind) {
+      // What has no value at a site (NaN) is decided at the others.
+      worst.measured[kind] = std::fmax(worst.measured[kind], choice.measured[kind]);
+      worst.predicted[kind] = std::fmax(worst.predicted[kind], choice.predicted[kind]);
+    }
+    worst.per_source_ms += choice.per_source_ms / count;
+    worst.per_pose_ms += choice.per_pose_ms / count;
+  }
+  return worst;
 }
 
 void try_responses(std::span<const AcousticScene> scenes, const EarlyCandidates& candidates, const SourceField* field,
@@ -36,9 +48,9 @@ void try_responses(std::span<const AcousticScene> scenes, const EarlyCandidates&
   double spent_ms = 0;
   for (const AcousticScene& acoustics : scenes)
     for (const glm::vec3 place : reference.places()) {
-      const auto begin = Clock::now();
+      const Stopwatch watch;
       compute_energy_response(acoustics, candidates, field, place, response);
-      spent_ms += ms_since(begin);
+      spent_ms += watch.wall_ms();
       readings.push_back(read_accuracy(acoustics, response));
     }
   choice.per_pose_ms = spent_ms / static_cast<double>(readings.size());

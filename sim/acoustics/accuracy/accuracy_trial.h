@@ -23,6 +23,9 @@ struct AccuracyChoice {
 AccuracyChoice try_config(const std::shared_ptr<const Scene>& scene, std::string method, const AcousticConfig& config,
                           const SoundSource& source, const AccuracyReference& reference, int seeds);
 
+/// The same candidate at several sites: the largest error of each kind, the mean cost.
+AccuracyChoice worst_of(std::span<const AccuracyChoice> at_sites);
+
 /// Errors and time per response of `choice` at the places of the reference.  scenes: the same under several seeds.  field: null, or of the
 /// source.
 void try_responses(std::span<const AcousticScene> scenes, const EarlyCandidates& candidates, const SourceField* field,

@@ -90,7 +90,6 @@ void read(ConfigReader& reader, AcousticConfig& config) {
     config.source_radius_m = 0.f;
   else
     reader.read("source_radius_m", config.source_radius_m);
-  reader.read("diffuse_last_segment", config.diffuse_last_segment);
   reader.read("scattering", config.scattering);
   reader.read_choice("field", config.field, kSwitches);
   reader.read("field_photons", config.field_photons);
@@ -103,15 +102,16 @@ void read(ConfigReader& reader, AcousticConfig& config) {
   reader.read("sample_rate_hz", config.sample_rate_hz);
   reader.read("seed", config.seed);
   reader.read("threads", config.threads);
-  // Its default depends on no other key, so only a value that was given can contradict them.
-  if (reader.has("diffuse_last_segment") && config.diffuse_last_segment) {
-    if (config.field == Switch::on)
-      throw InputError("diffuse_last_segment = true", "has no effect on a source field, which treats no last segment as diffuse",
-                       "drop it, or set field=off");
-    if (config.source_rays > 0 || config.specular_exponent > 0.f)
-      throw InputError("diffuse_last_segment = true", "has no effect on bidirectional tracing, which is unbiased without it",
-                       "drop it, or set source_rays=0 specular_exponent=0");
-  }
+  // Its default depends on no other key, so only a value that was given can contradict them; where it has no effect it is not recorded.
+  const bool has_effect = config.field != Switch::on && config.source_rays == 0 && config.specular_exponent == 0.f;
+  if (!has_effect && config.diffuse_last_segment && !reader.has("diffuse_last_segment")) return;
+  reader.read("diffuse_last_segment", config.diffuse_last_segment);
+  if (has_effect || !config.diffuse_last_segment) return;
+  if (config.field == Switch::on)
+    throw InputError("diffuse_last_segment = true", "has no effect on a source field, which treats no last segment as diffuse",
+                     "drop it, or set field=off");
+  throw InputError("diffuse_last_segment = true", "has no effect on bidirectional tracing, which is unbiased without it",
+                   "drop it, or set source_rays=0 specular_exponent=0");
 }
 
 void validate(const AcousticConfig& config) {

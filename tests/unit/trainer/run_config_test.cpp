@@ -1,5 +1,6 @@
 #include "trainer/run_config.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -70,6 +71,15 @@ TEST(RunConfig, TextHoldsEveryKeyAndReadsBackTheSame) {
   EXPECT_EQ(again.env.acoustics.rays, config.env.acoustics.rays);
   EXPECT_EQ(again.env.task.forward_m, config.env.task.forward_m);
   EXPECT_EQ(again.ppo.learning_rate, config.ppo.learning_rate);
+}
+
+// A setting without effect is refused where it is typed, and not recorded where it is a default.
+TEST(RunConfig, ARunWithFieldsReadsBackTheSame) {
+  for (const char* late : {"field: on", "source_rays: 16", "specular_exponent: 30"}) {
+    const std::string text = config_text(parse_run_config(fmt::format("env: {{acoustics: {{{}}}}}", late), "run.yaml", {}));
+    EXPECT_EQ(config_text(parse_run_config(text, "checkpoint", {})), text) << late;
+  }
+  EXPECT_THROW(parse_run_config("env: {acoustics: {field: on, diffuse_last_segment: true}}", "run.yaml", {}), InputError);
 }
 
 TEST(RunConfig, AnOverrideThatACheckpointWouldIgnoreIsRefused) {

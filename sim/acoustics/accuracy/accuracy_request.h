@@ -1,0 +1,30 @@
+#pragma once
+
+#include <glm/vec3.hpp>
+#include <memory>
+#include <vector>
+
+#include "sim/acoustics/accuracy/accuracy_target.h"
+#include "sim/acoustics/core/acoustic_config.h"
+#include "sim/acoustics/core/sound_source.h"
+#include "sim/scene/scene.h"
+
+namespace earshot {
+
+/// One source in a scene and places where it is heard.
+struct AccuracySite {
+  std::shared_ptr<const Scene> scene;
+  SoundSource source;
+  std::vector<glm::vec3> places;  ///< of listeners, not empty; at most kMostPlaces of them are tried, evenly spread
+};
+inline constexpr std::size_t kMostPlaces = 12;
+
+struct AccuracyRequest {
+  AcousticConfig config;  ///< what the planner does not choose: switches, length, bins, bands, seed, threads
+  AccuracyTarget target;
+  std::vector<AccuracySite> sites;  ///< not empty; one choice is to serve all
+  double poses = 1;                 ///< responses that a source is for: what a field costs is shared by them
+  double most_ms = 3.6e6;           ///< that these may take on this machine; nothing dearer is taken
+};
+
+}  // namespace earshot
