@@ -106,9 +106,9 @@ AccuracyPlan plan_accuracy(const AccuracyRequest& request, const std::function<v
       search.listener_rays(config);
       search.both_ends(config);
     }
-    if (early == kUsualEarlyLevel) search.fewer_images();
     if (progress) progress(kReferencePart + (1 - kReferencePart) * static_cast<double>(early) / (kNumEarlyLevels - 1));
   }
+  search.fewer_images();
   plan.calibration_s = watch.wall_s();
   if (!search.best()) refuse_what_nothing_keeps(request, plan);
   plan.chosen = *search.best();

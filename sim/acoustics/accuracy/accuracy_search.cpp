@@ -18,6 +18,8 @@ constexpr int kSeeds = 4, kRaysOfSeeds = 4096;
 constexpr AccuracyErrors kSaturated = {0.3, 3, 3};
 constexpr double kNoGain = 0.95;  ///< four times the work should halve a random error: as little gain as this is a bias
 
+int seeds_of(int rays) { return std::clamp(kRaysOfSeeds / rays, 1, kSeeds); }
+
 struct EarlyLevel {
   int order, candidate_rays, reflections;
   int edge_rays;  ///< with a field, which has no rays, they say how far edges are carried alone (DiffractionBudget)
@@ -100,47 +102,53 @@ void AccuracySearch::source_field(const AcousticConfig& early, float cell_m) {
   config.source_rays = 0;
   config.field_cell_m = cell_m;
   config.field_photons = 1 << 18;
-  config.field_error = 0.5f * static_cast<float>(request_.target.of(AccuracyKind::t20).value_or(0.05));
+  config.field_error = 1e-4f;  // the photons decide: four times as many in each step
   std::vector<std::unique_ptr<FieldTrial>> trials;
   for (const AccuracySite& site : request_.sites) {
     trials.push_back(std::make_unique<FieldTrial>(site, config));
     if (!trials.back()->has_field()) return;
   }
   double last_used = std::numeric_limits<double>::infinity();
-  std::uint64_t last_photons = 1;
+  std::uint64_t first_photons = 0;
   while (true) {
     for (const auto& trial : trials)
       if (!trial->refine()) return;
     const std::uint64_t photons = trials.front()->photons();
+    if (first_photons == 0) first_photons = photons;
     std::vector<AccuracyChoice> at_sites;
     for (std::size_t i = 0; i < trials.size(); ++i) {
       EARSHOT_EXPECT(trials[i]->photons() == photons);  // rounds are as large everywhere
       AccuracyChoice& choice = at_sites.emplace_back(AccuracyChoice{.method = "source field", .config = config});
       choice.config.field_photons = static_cast<int>(photons);
-      choice.config.field_error = 1e-4f;  // the photons decide
       trials[i]->try_at(references_[i], choice);
     }
     AccuracyChoice choice = worst_of(at_sites);
     const double used = record(choice);
-    if (used <= kAccuracyMargin || choice.total_ms(request_.poses) > best_ms_) return;
-    if (photons < 2 * last_photons) continue;
-    if (is_biased(choice, last_used)) return;
+    if (used <= kAccuracyMargin) {
+      if (photons == first_photons) return;
+      choice.config.field_photons /= 2;
+      record(try_at_all(choice.method, choice.config, 1));
+      return;
+    }
+    if (is_biased(choice, last_used) || choice.total_ms(request_.poses) > best_ms_) return;
     last_used = used;
-    last_photons = photons;
   }
 }
 
 void AccuracySearch::fewer_images() {
   if (!best_) return;
-  const AccuracyChoice& best = tried_[*best_];
-  AcousticConfig config = best.config;
-  set_early_level(0, config);
-  config.rays = best.config.rays;
-  record(try_at_all(best.method, config, kSeeds));
+  const AccuracyChoice best = tried_[*best_];
+  for (std::size_t level = kNumEarlyLevels; level-- > 0;) {
+    if (kEarly[level].order >= best.config.early_order) continue;
+    AcousticConfig config = best.config;
+    set_early_level(level, config);
+    config.rays = best.config.rays;  // what edges carry stays
+    if (record(try_at_all(best.method, config, seeds_of(config.rays))) > kAccuracyMargin) return;
+  }
 }
 
 void AccuracySearch::climb(const char* method, const RayLadder& ladder) {
-  const auto try_rays = [&](int rays) { return record(try_at_all(method, ladder.with(rays), std::clamp(kRaysOfSeeds / rays, 1, kSeeds))); };
+  const auto try_rays = [&](int rays) { return record(try_at_all(method, ladder.with(rays), seeds_of(rays))); };
   double last_used = std::numeric_limits<double>::infinity();
   for (int rays = ladder.first; rays <= ladder.most; rays *= 4) {
     const double used = try_rays(rays);

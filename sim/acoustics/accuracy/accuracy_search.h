@@ -30,7 +30,7 @@ class AccuracySearch {
   void both_ends(const AcousticConfig& early);
   /// One field per site that is refined, tried after each step.
   void source_field(const AcousticConfig& early, float cell_m);
-  /// The best so far with images of first order alone.
+  /// The best so far with images of lower orders, as long as it keeps the target.
   void fewer_images();
 
   /// The cheapest within kAccuracyMargin of the target so far.
