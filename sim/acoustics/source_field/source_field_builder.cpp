@@ -80,8 +80,12 @@ struct SourceFieldBuilder::Impl {
       const FieldGrid::Crossing& crossing = of_chunk.crossings[c];
       const float path_m = segment.path_m + 0.5f * (crossing.enter_m + crossing.leave_m), position = path_m * bins_per_m;
       if (history[crossing.cell].empty() || !(position < static_cast<float>(num_bins))) continue;
-      const float* row_begin = &history[crossing.cell][bins.merged_bin_of(static_cast<std::size_t>(position)) * row];
-      for (std::size_t i = 0; i < row; i += kFloatsPerLine) __builtin_prefetch(row_begin + i, 1);
+      // Of the fine bins it is split between two.
+      const float from = std::max(position - 0.5f, 0.f);
+      const bool fine = from < static_cast<float>(bins.fine() - 1);
+      const std::size_t first = fine ? static_cast<std::size_t>(from) : bins.merged_bin_of(static_cast<std::size_t>(position));
+      const float* row_begin = &history[crossing.cell][first * row];
+      for (std::size_t i = 0; i < (fine ? 2 : 1) * row; i += kFloatsPerLine) __builtin_prefetch(row_begin + i, 1);
       probes.fetch(crossing.cell, path_m, batch);
     }
   }
