@@ -15,6 +15,10 @@ namespace {
 constexpr int n = FieldBoxes::kPointsPerEdge, kPoints = FieldBoxes::kPoints;
 constexpr std::uint8_t kNoPiece = BoxPieces::kNoPiece;
 
+bool is_inside(const Bounds& bounds, glm::vec3 point) {
+  return glm::all(glm::greaterThanEqual(point, bounds.lower)) && glm::all(glm::lessThanEqual(point, bounds.upper));
+}
+
 }  // namespace
 
 AirCells::AirCells(const Scene& scene, float cell_m) : scene_(&scene) {
@@ -24,6 +28,7 @@ AirCells::AirCells(const Scene& scene, float cell_m) : scene_(&scene) {
   mark_boxes_with_geometry();
   find_pieces();
   find_stray_air();
+  find_sure_labels();
   for (Box& box : box_) box.is_whole = box.count > 0 && (box.labels == none || (box.count == 1 && box.stray == none));
 }
 
@@ -118,50 +123,60 @@ bool AirCells::visible_from(std::uint32_t cell, glm::vec3 point) const {
   return false;
 }
 
+/// Around a point of a piece whose neighbours belong to it too, or to none, no wall is near.
+void AirCells::find_sure_labels() {
+  sure_ = labels_;
+  for (const Box& box : box_) {
+    if (box.labels == none) continue;
+    const std::uint8_t* label = &labels_[box.labels];
+    for (int i = 0; i < kPoints; ++i) {
+      const glm::ivec3 at = FieldBoxes::lattice_place(i);
+      const auto may_be = [&](int other) { return label[other] == label[i] || label[other] == kNoPiece; };
+      bool same = true;
+      for (int axis = 0; axis < 3; ++axis) {
+        const int stride = FieldBoxes::kStrides[static_cast<std::size_t>(axis)];
+        same = same && (at[axis] == 0 || may_be(i - stride));
+        same = same && (at[axis] + 1 == n || may_be(i + stride));
+      }
+      if (!same) sure_[box.labels + static_cast<std::uint32_t>(i)] = kNoPiece;
+    }
+  }
+}
+
+bool AirCells::may_be_stray(std::size_t box, glm::vec3 point) const {
+  return box_[box].stray != none && is_inside(stray_[box_[box].stray], point);
+}
+
 /// The cell of a box that holds a point, as far as that is known without a ray; none where it is not.
-std::uint32_t AirCells::sure_cell_at(const Box& of, std::size_t box, glm::vec3 point) const {
+std::uint32_t AirCells::sure_cell_at(const Box& of, const glm::ivec3& index, glm::vec3 point) const {
   if (of.is_whole) return of.first;
-  // Mostly bounds tell, as a straight wall leaves its two sides apart, or the points all round it belong to one piece.
-  const auto inside = [&](glm::vec3 lower, glm::vec3 upper) {
-    return glm::all(glm::greaterThanEqual(point, lower)) && glm::all(glm::lessThanEqual(point, upper));
-  };
-  if (of.stray == none || !inside(stray_[of.stray].lower, stray_[of.stray].upper)) {
-    std::uint32_t only = none, candidates = 0;
-    for (std::uint32_t cell = of.first; cell < of.first + of.count; ++cell)
-      if (inside(cells_[cell].lower, cells_[cell].upper)) only = cell, ++candidates;
-    if (candidates == 1) return only;
-  }
-  constexpr std::array<int, 3> strides = FieldBoxes::kStrides;
-  const std::uint8_t* label = &labels_[of.labels];
-  const glm::ivec3 at = boxes_.lattice_place_at(box, point);
-  const int i = FieldBoxes::lattice_number(at);
-  bool same = label[i] < kStrayAir;
-  const auto may_be = [&](int other) { return label[other] == label[i] || label[other] == kNoPiece; };
-  for (int axis = 0; axis < 3; ++axis) {
-    same = same && (at[axis] == 0 || may_be(i - strides[axis]));
-    same = same && (at[axis] + 1 == n || may_be(i + strides[axis]));
-  }
-  return same ? of.first + label[i] : none;
+  // Mostly the points all round it belong to one piece, or bounds tell, as a straight wall leaves its two sides apart.
+  const auto number = static_cast<std::uint32_t>(FieldBoxes::lattice_number(boxes_.lattice_place_in(index, point)));
+  if (const std::uint8_t label = sure_[of.labels + number]; label < kStrayAir) return of.first + label;
+  if (of.stray != none && is_inside(stray_[of.stray], point)) return none;
+  std::uint32_t only = none, candidates = 0;
+  for (std::uint32_t cell = of.first; cell < of.first + of.count; ++cell)
+    if (is_inside({cells_[cell].lower, cells_[cell].upper}, point)) only = cell, ++candidates;
+  return candidates == 1 ? only : none;
 }
 
 std::uint32_t AirCells::cell_at(std::size_t box, glm::vec3 point) const {
   if (box_[box].count == 0) return none;
-  const std::uint32_t sure = sure_cell_at(box_[box], box, point);
+  const std::uint32_t sure = sure_cell_at(box_[box], boxes_.index_of(box), point);
   return sure != none ? sure : cell_near_walls(box, point);
 }
 
-std::uint32_t AirCells::cell_among_pieces(std::size_t box, glm::vec3 enter, glm::vec3 leave) const {
-  const Box& of = box_[box];
+std::uint32_t AirCells::sure_cell_among_pieces(const Box& of, const glm::ivec3& index, glm::vec3 enter, glm::vec3 leave) const {
   if (of.count == 0) return none;
   for (const float part : {0.5f, 0.25f, 0.75f})
-    if (const std::uint32_t sure = sure_cell_at(of, box, enter + part * (leave - enter)); sure != none) return sure;
-  return cell_near_walls(box, 0.5f * (enter + leave));
+    if (const std::uint32_t sure = sure_cell_at(of, index, enter + part * (leave - enter)); sure != none) return sure;
+  return none;
 }
 
 /// Near a wall: the cell of the nearest lattice points that are visible.  Lines to them are short, so seldom through a slit.
 std::uint32_t AirCells::cell_near_walls(std::size_t box, glm::vec3 point) const {
   const Box& of = box_[box];
-  const glm::ivec3 index = boxes_.index_of(box), at = boxes_.lattice_place_at(box, point);
+  const glm::ivec3 index = boxes_.index_of(box), at = boxes_.lattice_place_in(index, point);
   const std::uint8_t* label = &labels_[of.labels];
   const auto sees = [&](const glm::ivec3& other) {
     return label[FieldBoxes::lattice_number(other)] < kStrayAir && !scene_->rays().occluded(point, boxes_.lattice_point(index, other));

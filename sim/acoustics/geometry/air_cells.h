@@ -36,12 +36,14 @@ class AirCells {
 
   /// The cell of the box that holds a point of it; none where it is of no cell.  Rays, up to 27, near the walls between cells alone.
   [[nodiscard]] std::uint32_t cell_at(std::size_t box, glm::vec3 point) const;
-  /// The cell of the box that a segment free of geometry crosses between two of its points.  Where the middle lies near a wall, other
-  /// points of it tell as well.
-  [[nodiscard]] std::uint32_t cell_along(std::size_t box, glm::vec3 enter, glm::vec3 leave) const {
+  /// The cell of the box, which has these indices, that a segment free of geometry crosses between two of its points, as far as that is
+  /// known without a ray; none where it is not.  Where the middle lies near a wall, other points of it tell as well.
+  [[nodiscard]] std::uint32_t sure_cell_along(std::size_t box, const glm::ivec3& index, glm::vec3 enter, glm::vec3 leave) const {
     if (box_[box].is_whole) return box_[box].first;
-    return cell_among_pieces(box, enter, leave);
+    return sure_cell_among_pieces(box_[box], index, enter, leave);
   }
+  /// May air of no cell lie about this point of a box?
+  [[nodiscard]] bool may_be_stray(std::size_t box, glm::vec3 point) const;
   /// The cell of one of the lattice points of a box.
   [[nodiscard]] std::uint32_t cell_of_lattice(std::size_t box, int number) const;
   /// Is some view point of a cell visible from a point?
@@ -53,8 +55,9 @@ class AirCells {
   void mark_boxes_with_geometry();
   void find_pieces();
   void find_stray_air();
-  [[nodiscard]] std::uint32_t sure_cell_at(const Box& of, std::size_t box, glm::vec3 point) const;
-  [[nodiscard]] std::uint32_t cell_among_pieces(std::size_t box, glm::vec3 enter, glm::vec3 leave) const;
+  void find_sure_labels();
+  [[nodiscard]] std::uint32_t sure_cell_at(const Box& of, const glm::ivec3& index, glm::vec3 point) const;
+  [[nodiscard]] std::uint32_t sure_cell_among_pieces(const Box& of, const glm::ivec3& index, glm::vec3 enter, glm::vec3 leave) const;
   [[nodiscard]] std::uint32_t cell_near_walls(std::size_t box, glm::vec3 point) const;
 
   const Scene* scene_;
@@ -62,6 +65,7 @@ class AirCells {
   std::vector<Box> box_;
   std::vector<AirPiece> cells_;
   std::vector<std::uint8_t> labels_;  ///< [boxes whose points are not all of one piece][points]
+  std::vector<std::uint8_t> sure_;    ///< the same where the points all round are of that piece too, else kStrayAir or kNoPiece
   std::vector<Bounds> stray_;
 };
 

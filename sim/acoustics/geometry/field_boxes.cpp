@@ -16,6 +16,7 @@ FieldBoxes::FieldBoxes(const Bounds& bounds, float edge_m) : origin_(bounds.lowe
     break;
   }
   edge_m_ = size / glm::vec3(count_);
+  points_per_m_ = static_cast<float>(kPointsPerEdge) / edge_m_;
 }
 
 glm::vec3 FieldBoxes::lattice_point(const glm::ivec3& index, const glm::ivec3& at) const {

@@ -51,14 +51,13 @@ class FieldBoxes {
   }
   /// One of the jittered points of a box.
   [[nodiscard]] glm::vec3 lattice_point(const glm::ivec3& index, const glm::ivec3& at) const;
-  /// The place in a box's lattice where a point lies, or the nearest one to it.
-  [[nodiscard]] glm::ivec3 lattice_place_at(std::size_t box, glm::vec3 point) const {
-    return glm::clamp(glm::ivec3(((point - origin_) / edge_m_ - glm::vec3(index_of(box))) * static_cast<float>(kPointsPerEdge)), 0,
-                      kPointsPerEdge - 1);
+  /// The place in the lattice of the box with these indices where a point lies, or the nearest one to it.
+  [[nodiscard]] glm::ivec3 lattice_place_in(const glm::ivec3& index, glm::vec3 point) const {
+    return glm::clamp(glm::ivec3((point - origin_) * points_per_m_ - glm::vec3(index * kPointsPerEdge)), 0, kPointsPerEdge - 1);
   }
 
  private:
-  glm::vec3 origin_{0}, edge_m_{1};
+  glm::vec3 origin_{0}, edge_m_{1}, points_per_m_{kPointsPerEdge};
   glm::ivec3 count_{0};
 };
 

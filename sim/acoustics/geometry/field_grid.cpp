@@ -15,17 +15,37 @@ constexpr std::array<int, 8> kByDistance{0, 1, 2, 4, 3, 5, 6, 7};
 
 FieldGrid::FieldGrid(const Scene& scene, float cell_m) : cells_(scene, cell_m), passages_(scene, cells_) {}
 
-void FieldGrid::cross(glm::vec3 origin, glm::vec3 direction, float length_m, std::vector<Crossing>& crossings) const {
-  if (cells_.size() == 0) return;
+/// The cell of a box that a segment crosses, or none.  before: a cell of this box or of one beside it where the segment was, gap if it was
+/// in one of this box, none if that is not known.
+std::uint32_t FieldGrid::cell_after(std::uint32_t before, std::size_t box, const glm::ivec3& index, glm::vec3 enter,
+                                    glm::vec3 leave) const {
+  if (const std::uint32_t sure = cells_.sure_cell_along(box, index, enter, leave); sure != none) return sure;
+  if (before == gap) return none;
+  const AirCells::Box& of = cells_.box(box);
+  const glm::vec3 middle = 0.5f * (enter + leave);
+  if (before != none && !cells_.may_be_stray(box, middle)) {
+    if (before >= of.first && before < of.first + of.count) return before;
+    std::uint32_t only = none, candidates = 0;
+    for (std::uint32_t cell = of.first; cell < of.first + of.count; ++cell)
+      if (passages_.joined(before, cell)) only = cell, ++candidates;
+    if (candidates == 1) return only;
+  }
+  return cells_.cell_at(box, middle);
+}
+
+std::uint32_t FieldGrid::cross(glm::vec3 origin, glm::vec3 direction, float length_m, std::vector<Crossing>& crossings,
+                               std::uint32_t start) const {
+  if (cells_.size() == 0) return none;
   const FieldBoxes& boxes = cells_.boxes();
   const glm::vec3 edge_m = boxes.edge_m();
   const glm::ivec3 num_boxes = boxes.count();
   // Amanatides and Woo 1987: from box to box by the nearest of the three next planes.  Which axis comes next is as good as random: no
   // branch and no index depends on it.
-  const glm::ivec3 index = boxes.index_at(origin);
+  glm::ivec3 index = boxes.index_at(origin);
   struct Axis {
     float next_m, step_m;  // to the next plane, and from plane to plane
     int left, stride;      // boxes before the border, and how far apart they are stored
+    int to_next;           // of the index
   };
   const auto axis_of = [&](int axis, int stride) {
     const bool backward = direction[axis] < 0;
@@ -34,32 +54,37 @@ void FieldGrid::cross(glm::vec3 origin, glm::vec3 direction, float length_m, std
     return Axis{.next_m = direction[axis] == 0 ? std::numeric_limits<float>::infinity() : std::max((plane - origin[axis]) * inverse, 0.f),
                 .step_m = std::fabs(edge_m[axis] * inverse),
                 .left = backward ? index[axis] : num_boxes[axis] - 1 - index[axis],
-                .stride = backward ? -stride : stride};
+                .stride = backward ? -stride : stride,
+                .to_next = backward ? -1 : 1};
   };
   Axis x = axis_of(0, num_boxes.y * num_boxes.z), y = axis_of(1, num_boxes.z), z = axis_of(2, 1);
   auto box = static_cast<std::ptrdiff_t>(boxes.number_of(index));
   // What rounding puts across the border of a box, which may be a wall: such a sliver goes to the next cell, and at the end to none.
   const float least_m = 1e-5f * std::min({edge_m.x, edge_m.y, edge_m.z});
   float enter_m = 0;
+  std::uint32_t before = start, cell = start;
   while (enter_m < length_m) {
     const float nearest_m = std::min(x.next_m, std::min(y.next_m, z.next_m)), leave_m = std::min(nearest_m, length_m);
     if (leave_m > enter_m + least_m) {
-      const std::uint32_t cell =
-          cells_.cell_along(static_cast<std::size_t>(box), origin + enter_m * direction, origin + leave_m * direction);
+      cell = cell_after(before, static_cast<std::size_t>(box), index, origin + enter_m * direction, origin + leave_m * direction);
       if (cell != none) crossings.push_back({cell, enter_m, leave_m});
+      before = cell;
       enter_m = leave_m;
     }
-    if (leave_m >= length_m) return;
+    if (leave_m >= length_m) break;
     const bool by_x = x.next_m == nearest_m, by_y = !by_x && y.next_m == nearest_m, by_z = !by_x && !by_y;
     x.left -= by_x ? 1 : 0;
     y.left -= by_y ? 1 : 0;
     z.left -= by_z ? 1 : 0;
-    if ((x.left | y.left | z.left) < 0) return;
+    if ((x.left | y.left | z.left) < 0) break;
     box += by_x ? x.stride : by_y ? y.stride : z.stride;
+    index += glm::ivec3(by_x ? x.to_next : 0, by_y ? y.to_next : 0, by_z ? z.to_next : 0);
     x.next_m += by_x ? x.step_m : 0.f;
     y.next_m += by_y ? y.step_m : 0.f;
     z.next_m += by_z ? z.step_m : 0.f;
   }
+  // A sliver at the end, or a segment that is one, may lie in another box.
+  return cell == none && enter_m >= length_m ? gap : cell;
 }
 
 std::size_t FieldGrid::blend(glm::vec3 point, std::array<CellWeight, 8>& weights) const {

@@ -19,6 +19,8 @@ namespace earshot {
 class FieldGrid {
  public:
   static constexpr std::uint32_t none = AirCells::none;
+  /// In place of a cell: air of no cell, as in gaps behind furniture.
+  static constexpr std::uint32_t gap = none - 1;
 
   /// Keeps a reference to `scene`, which must outlive this.  cell_m: about the edge of the boxes, which fill the bounds of the scene
   /// exactly; larger where that would give more than 16,384.  A function of scene and cell_m.  Cost: about 0.15 ms for each box that holds
@@ -35,9 +37,11 @@ class FieldGrid {
     std::uint32_t cell;
     float enter_m, leave_m;
   };
-  /// Appends the cells that a segment crosses.  A segment is free of geometry between its ends, so it counts for one piece of each box;
-  /// which, short rays decide near the walls between pieces.
-  void cross(glm::vec3 origin, glm::vec3 direction, float length_m, std::vector<Crossing>& crossings) const;
+  /// Appends the cells that a segment crosses.  A segment is free of geometry between its ends, so it counts for one piece of each box:
+  /// near the walls between pieces the one that a passage joins to the cell before it, and where that is none or several, short rays
+  /// decide. start: the cell where the segment begins, gap, or none: not known.  Returns that of its end.
+  std::uint32_t cross(glm::vec3 origin, glm::vec3 direction, float length_m, std::vector<Crossing>& crossings,
+                      std::uint32_t start = none) const;
 
   struct CellWeight {
     std::uint32_t cell;
@@ -53,6 +57,9 @@ class FieldGrid {
   [[nodiscard]] std::span<const Passage> passages() const { return passages_.all(); }
 
  private:
+  [[nodiscard]] std::uint32_t cell_after(std::uint32_t before, std::size_t box, const glm::ivec3& index, glm::vec3 enter,
+                                         glm::vec3 leave) const;
+
   AirCells cells_;
   CellPassages passages_;
 };

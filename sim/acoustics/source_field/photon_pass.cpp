@@ -21,6 +21,12 @@ using listener_ray::Trace;
 /// 12 % less error per second of pass than with the 1e-3 of listener rays, and no more with 3e-2 (two houses, two seeds).
 constexpr double kPhotonTaper = 1e-2;
 
+/// A photon under way.
+template <int W>
+struct Photon : RayState<W> {
+  std::uint32_t cell = FieldGrid::none;  ///< that holds its origin; none where that is not known
+};
+
 /// Do image paths, flutter echoes, or what goes straight through walls, carry the next segment of the photon?  Its chain lists the mirrors
 /// source first.
 template <int W>
@@ -34,22 +40,24 @@ bool carried_elsewhere(const Trace& trace, const RayState<W>& photon) {
 
 /// Follows a photon until it has gone `until_m` and stands at a surface, or ends.
 template <int W>
-void advance(const Trace& trace, const FieldGrid& grid, RayState<W>& photon, float until_m, const RandomStream& random,
-             PhotonTracks& tracks, TraceStats& stats) {
+void advance(const Trace& trace, const FieldGrid& grid, Photon<W>& photon, float until_m, const RandomStream& random, PhotonTracks& tracks,
+             TraceStats& stats) {
   const AcousticScene& scene = trace.scene;
   while (true) {
     if (photon.at_vertex) {
       if (photon.path_m >= until_m) return;
-      listener_ray::leave_vertex(trace, photon, random, stats);
+      const glm::vec3 before = photon.direction;
+      listener_ray::leave_vertex<W>(trace, photon, random, stats);
       if (!photon.alive) return;
+      if (photon.direction == before) photon.cell = FieldGrid::none;  // through a wall
     }
     const Hit hit = scene.scene().rays().intersect(photon.origin, photon.direction);
     ++(hit.valid() ? stats.ray_hits : stats.ray_escapes);
     const float length_m = std::min(hit.distance_m, trace.max_path_m - photon.path_m);
-    if (!carried_elsewhere(trace, photon)) {
+    if (!carried_elsewhere<W>(trace, photon)) {
       if (std::isfinite(sum_over_bands<W>(photon.throughput))) {
         const auto first = static_cast<std::uint32_t>(tracks.crossings.size());
-        grid.cross(photon.origin, photon.direction, length_m, tracks.crossings);
+        photon.cell = grid.cross(photon.origin, photon.direction, length_m, tracks.crossings, photon.cell);
         tracks.segments.push_back({photon.direction, photon.path_m, first, static_cast<std::uint32_t>(tracks.crossings.size())});
         tracks.energy.insert(tracks.energy.end(), photon.throughput, photon.throughput + W);
       } else {
@@ -57,6 +65,8 @@ void advance(const Trace& trace, const FieldGrid& grid, RayState<W>& photon, flo
         photon.alive = false;
         return;
       }
+    } else {
+      photon.cell = FieldGrid::none;
     }
     photon.path_m += hit.distance_m;
     photon.alive = hit.valid() && photon.bounces < trace.max_bounces && photon.path_m < trace.max_path_m;
@@ -76,9 +86,9 @@ void trace_chunk(const Trace& trace, const FieldGrid& grid, std::uint32_t chunk,
   const std::uint64_t seed = trace.scene.config().seed;
   const auto num_bands = static_cast<std::size_t>(trace.scene.num_bands());
   const std::uint32_t first = chunk * kPhotonsPerChunk;
-  std::array<RayState<W>, kPhotonsPerChunk> photons;
+  std::array<Photon<W>, kPhotonsPerChunk> photons;
   for (std::uint32_t i = 0; i < kPhotonsPerChunk; ++i) {
-    RayState<W>& photon = photons[i];
+    Photon<W>& photon = photons[i];
     photon.direction = trace.directions.direction(first + i);
     photon.origin = trace.source;
     if (trace.source_spread_m > 0) {
@@ -88,7 +98,7 @@ void trace_chunk(const Trace& trace, const FieldGrid& grid, std::uint32_t chunk,
     photon.only_walls = trace.walls != nullptr;
     for (std::size_t b = 0; b < W; ++b) photon.throughput[b] = photon.weight[b] = b < num_bands ? 1.f : 0.f;
     if (trace.emission) trace.emission->energy(photon.direction, std::span<float>(photon.throughput).first(num_bands));
-    listener_ray::end_if_spent(photon, stats);  // a pattern may be silent there, or loud beyond floats
+    listener_ray::end_if_spent<W>(photon, stats);  // a pattern may be silent there, or loud beyond floats
   }
   for (std::uint32_t stage = 0;; ++stage) {
     const float until_m = static_cast<float>(stage + 1) * trace.stage_m;
@@ -96,12 +106,12 @@ void trace_chunk(const Trace& trace, const FieldGrid& grid, std::uint32_t chunk,
     for (std::uint32_t i = 0; i < kPhotonsPerChunk; ++i) {
       if (!photons[i].alive) continue;
       // Random numbers belong to the index and the stage, whichever photon lies there.
-      advance(trace, grid, photons[i], until_m, RandomStream(seed, Purpose::photon, first + i, stage + 1), tracks, stats);
+      advance<W>(trace, grid, photons[i], until_m, RandomStream(seed, Purpose::photon, first + i, stage + 1), tracks, stats);
       any_alive = any_alive || photons[i].alive;
     }
     if (!any_alive) return;
     stats.nonfinite_dropped += static_cast<std::uint64_t>(
-        control_population<W>(trace.scene.num_bands(), std::span<RayState<W>>(photons),
+        control_population<W>(trace.scene.num_bands(), std::span<Photon<W>>(photons),
                               RandomStream(seed, Purpose::photon_roulette, chunk, stage).uniform(0), kPhotonTaper));
   }
 }

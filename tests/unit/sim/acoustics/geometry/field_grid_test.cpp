@@ -88,6 +88,57 @@ TEST(FieldGrid, BothSidesOfAClosedWallShareNoCell) {
   for (std::size_t cell = 0; cell < side.size(); ++cell) EXPECT_NE(side[cell], 3) << cell;
 }
 
+/// A path that bounces in one half of a box divided by a closed wall, each segment told where the one before it ended.
+TEST(FieldGrid, TheCellWhereASegmentBeginsTellsWhatRaysTell) {
+  const auto room = divided_box(0);
+  const FieldGrid grid(*room, 1.f);
+  double told_m = 0, equal_m = 0, by_rays_m = 0;
+  for (const double x : {1.0, 3.5}) {
+    glm::vec3 origin = rooms::point(x, 2.1, 1.6), direction = sphere_direction(0.3f, 0.7f);
+    std::uint32_t cell = FieldGrid::none;
+    for (std::uint32_t i = 0; i < 3000; ++i) {
+      const Hit hit = room->rays().intersect(origin, direction);
+      ASSERT_TRUE(hit.valid());
+      std::vector<FieldGrid::Crossing> told, by_rays;
+      cell = grid.cross(origin, direction, hit.distance_m, told, cell);
+      grid.cross(origin, direction, hit.distance_m, by_rays);
+      for (const FieldGrid::Crossing& crossing : by_rays) by_rays_m += double{crossing.leave_m - crossing.enter_m};
+      for (const FieldGrid::Crossing& crossing : told) {
+        const double length_m = double{crossing.leave_m - crossing.enter_m};
+        told_m += length_m;
+        EXPECT_EQ(grid.inside(crossing.cell).x < 2.2f, x < 2.2) << i;
+        for (const FieldGrid::Crossing& other : by_rays)
+          if (other.enter_m == crossing.enter_m && other.cell == crossing.cell) equal_m += length_m;
+      }
+      origin = offset_from_surface(hit.position, hit.normal);
+      const auto u = RandomStream(3, Purpose::test, i).uniform2(0);
+      direction = lambert_direction(hit.normal, u[0], u[1]);
+    }
+  }
+  // All of the air belongs to some cell, and walls that are straight leave no doubt where rays do not err themselves.
+  EXPECT_GT(told_m, 0.9999 * by_rays_m);
+  EXPECT_GT(equal_m, 0.999 * told_m);
+}
+
+TEST(FieldGrid, AirBetweenTwoSheetsIsAGapOfNoCell) {
+  TriangleMesh mesh;
+  rooms::append_box(mesh, {0, 0, 0}, {5, 4, 3}, 0);
+  for (const double x : {2.2, 2.21})
+    rooms::append_quad(mesh, {rooms::point(x, 0, 0), rooms::point(x, 4, 0), rooms::point(x, 4, 3), rooms::point(x, 0, 3)}, 0);
+  const auto room = rooms::scene_of(std::move(mesh), {Material::uniform("wall", 0.2f, 1.f)});
+  const FieldGrid grid(*room, 1.f);
+  for (const std::uint32_t start : {FieldGrid::none, FieldGrid::gap}) {
+    std::vector<FieldGrid::Crossing> crossings;
+    EXPECT_EQ(grid.cross(rooms::point(2.205, 1.1, 0.4), rooms::point(0, 0.6, 0.8), 2.5f, crossings, start), FieldGrid::gap);
+    EXPECT_TRUE(crossings.empty());
+  }
+  // Beside the sheets it is none: a segment that comes out of a gap has a cell again.
+  std::vector<FieldGrid::Crossing> crossings;
+  const std::uint32_t end = grid.cross(rooms::point(1.5, 1.1, 0.4), rooms::point(0, 0.6, 0.8), 2.5f, crossings, FieldGrid::gap);
+  ASSERT_LT(end, grid.size());
+  EXPECT_LT(grid.inside(end).x, 2.2f);
+}
+
 TEST(FieldGrid, BlendingIsTrilinearBetweenCentres) {
   const auto room = rooms::shoe1(0.2, 1);
   const FieldGrid grid(*room, 1.f);
