@@ -28,7 +28,8 @@ inline constexpr double kTaperBelow = 1e-3;
 /// Ray: has bool alive and float reflected[W], its energy per band; float split, if it has one, takes the same factors.  At most
 /// kRaysPerChunk rays.  Returns how many rays were ended because their energy was not finite: one of them would spoil the weights of all.
 template <int W, class Ray>
-int control_population(int num_bands, std::span<Ray> rays, double random, double taper_below = kTaperBelow) {
+int control_population(int num_bands, std::span<Ray> rays, double random, double taper_below = kTaperBelow,
+                       double uneven_fraction = kUnevenFraction) {
   std::array<double, W> band_sum{};
   int nonfinite = 0;
   for (Ray& ray : rays) {
@@ -62,7 +63,7 @@ int control_population(int num_bands, std::span<Ray> rays, double random, double
   const double level = loudest / started;
   const int target = std::max(1, static_cast<int>(std::ceil(started * std::min(1.0, level / taper_below))));
   const auto weights = std::span<const double>(weight).first(rays.size());
-  if (effective_sample_size(weights) >= kUnevenFraction * target && alive <= 1.25 * target) return nonfinite;
+  if (effective_sample_size(weights) >= uneven_fraction * target && alive <= 1.25 * target) return nonfinite;
 
   std::array<int, kRaysPerChunk> copies;
   systematic_resample(weights, target, random, std::span(copies).first(rays.size()));
