@@ -196,12 +196,12 @@ std::vector<ShoeboxRoom> comparison_rooms(bool quick) {
   };
   // No listener is so near to a wall that a reflection falls into the 2.5 ms which count as direct sound.
   add({5.1, 3.05, 4.2}, {plaster, panel, carpet, ceiling, plaster, plaster}, {1.3, 1.45, 1.2},
-      {{3.6, 1.4, 2.9}, {2.9, 1.6, 1.4}, {3.9, 1.5, 1.6}, {2.3, 1.3, 2.8}, {3.2, 1.7, 2.2}, {1.6, 1.5, 2.7}}, 1.2);
+      {{3.6, 1.4, 2.9}, {2.9, 1.6, 1.4}, {3.9, 1.5, 1.6}, {2.3, 1.3, 2.8}}, 1.2);
   if (quick) return rooms;
   add({8.3, 3.3, 6.1}, {plaster, plaster, plaster, panel, panel, plaster}, {2.1, 1.5, 1.9},
-      {{6.3, 1.6, 4.2}, {4.4, 1.4, 1.7}, {3.1, 1.7, 4.3}, {5.6, 1.5, 3.1}, {6.7, 1.6, 1.8}, {2.4, 1.4, 3.4}}, 2.0);
+      {{6.3, 1.6, 4.2}, {4.4, 1.4, 1.7}, {3.1, 1.7, 4.3}, {6.7, 1.6, 1.8}}, 2.0);
   add({13.7, 4.6, 9.2}, {panel, panel, carpet, plaster, plaster, panel}, {3.0, 1.7, 3.3},
-      {{9.8, 1.6, 6.2}, {6.3, 1.9, 2.6}, {10.9, 2.2, 3.1}, {5.1, 1.7, 6.6}, {8.0, 2.1, 4.7}, {4.2, 1.6, 5.1}}, 2.0);
+      {{9.8, 1.6, 6.2}, {6.3, 1.9, 2.6}, {10.9, 2.2, 3.1}, {5.1, 1.7, 6.6}}, 2.0);
   return rooms;
 }
 
@@ -243,9 +243,10 @@ EngineComparison compare_engines(const std::vector<EngineCommand>& engines, bool
   const std::vector<std::vector<RoomMetrics>> exact = exact_metrics(comparison.rooms);
   // Others first: one that breaks the protocol is refused before minutes are spent.
   for (const EngineCommand& engine : engines)
-    for (const double allowed_s : quick ? std::vector<double>{0.03} : std::vector<double>{0.003, 0.01, 0.03, 0.1, 0.3, 1}) {
+    for (const double allowed_s : quick ? std::vector<double>{0.03} : std::vector<double>{1, 0.3, 0.1, 0.03, 0.01}) {
       if (!ask_in_rooms(engine, allowed_s, exact, comparison)) break;
       if (progress) progress(fmt::format("{}, {:g} ms", engine.name, 1e3 * allowed_s));
+      if (comparison.points.back().ms > 1e3 * allowed_s) break;  // its least: less time would give the same
     }
   const std::size_t settings = own_settings(comparison.rooms.front(), quick).size();
   for (std::size_t s = 0; s < settings; ++s) {

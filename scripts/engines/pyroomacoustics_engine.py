@@ -82,16 +82,15 @@ def main():
     hybrid = arguments.method == "hybrid"
     ladder = [(HYBRID_ORDER, rays) for rays in HYBRID_RAYS] if hybrid else [(order, 0) for order in IMAGE_ORDERS]
     timed(pra, np, request, *ladder[0])  # warms up
-    best, last_s = ladder[0], 0.0
+    best, last_s = None, 0.0
     for setting in ladder:
-        spent_s, _ = timed(pra, np, request, *setting)
-        if setting != ladder[0] and spent_s > allowed_s:
+        spent_s, tried = timed(pra, np, request, *setting)
+        if best is not None and spent_s > allowed_s:
             break
-        best = setting
-        if spent_s > allowed_s or (last_s > 0 and spent_s * spent_s / last_s > 4 * allowed_s):
-            break
+        best, seconds, room = setting, spent_s, tried
+        if spent_s > allowed_s or (last_s > 0 and spent_s * spent_s / last_s > allowed_s):
+            break  # the next one would not fit: times grow by the same factor again
         last_s = spent_s
-    seconds, room = timed(pra, np, request, *best)
     # Responses of the package begin half the length of its fractional delays after emission.
     delay = pra.constants.get("frac_delay_length") // 2
     samples = round(request["length_s"] * request["sample_rate_hz"])
