@@ -106,6 +106,25 @@ std::vector<std::vector<RoomMetrics>> exact_metrics(const std::vector<ShoeboxRoo
   return exact;
 }
 
+std::vector<std::vector<RoomMetrics>> pressure_metrics(const std::vector<ShoeboxRoom>& rooms) {
+  std::vector<std::vector<RoomMetrics>> rendered;
+  for (const ShoeboxRoom& room : rooms) {
+    rendered.emplace_back();
+    for (std::size_t l = 0; l < room.listeners_m.size(); ++l) rendered.back().push_back(heard(room, l, render_images(room, l)));
+  }
+  return rendered;
+}
+
+/// Against both truths.
+EnginePoint judge_twice(const EngineComparison& comparison, const std::vector<std::vector<RoomMetrics>>& rendered) {
+  EnginePoint point = judge_responses(comparison.energies, rendered);
+  const EnginePoint pressure = judge_responses(comparison.pressures, rendered);
+  point.pressure_t20 = pressure.t20_all;
+  point.pressure_c50_db = pressure.c50_db;
+  point.pressure_drr_db = pressure.drr_db;
+  return point;
+}
+
 /// All listeners of one room twice, the second time timed: seconds per response, with everything that one source and these listeners
 /// take after the scene is prepared.
 double render_own(const ShoeboxRoom& room, const AcousticConfig& config, std::vector<RoomMetrics>& metrics) {
@@ -150,8 +169,7 @@ class TemporaryFolder {
 };
 
 /// One engine at one time allowed in all rooms; false, and a line in `left_out`, if it is not available.
-bool ask_in_rooms(const EngineCommand& engine, double allowed_s, const std::vector<std::vector<RoomMetrics>>& exact,
-                  EngineComparison& comparison) {
+bool ask_in_rooms(const EngineCommand& engine, double allowed_s, EngineComparison& comparison) {
   const TemporaryFolder folder;
   std::vector<std::vector<RoomMetrics>> rendered;
   std::string setting;
@@ -167,7 +185,7 @@ bool ask_in_rooms(const EngineCommand& engine, double allowed_s, const std::vect
     rendered.emplace_back();
     for (std::size_t l = 0; l < answer.responses.size(); ++l) rendered.back().push_back(heard(room, l, answer.responses[l]));
   }
-  EnginePoint point = judge_responses(exact, rendered);
+  EnginePoint point = judge_twice(comparison, rendered);
   point.engine = engine.name;
   point.setting = setting;
   point.allowed_ms = 1e3 * allowed_s;
@@ -240,11 +258,16 @@ EngineComparison compare_engines(const std::vector<EngineCommand>& engines, bool
                                  const std::function<void(const std::string& what)>& progress) {
   EngineComparison comparison;
   comparison.rooms = comparison_rooms(quick);
-  const std::vector<std::vector<RoomMetrics>> exact = exact_metrics(comparison.rooms);
-  // Others first: one that breaks the protocol is refused before minutes are spent.
+  comparison.energies = exact_metrics(comparison.rooms);
+  comparison.pressures = pressure_metrics(comparison.rooms);
+  EnginePoint& of_pressure = comparison.points.emplace_back(judge_twice(comparison, comparison.pressures));
+  of_pressure.engine = "exact pressure of all images";
+  of_pressure.setting = "what interference alone makes";
+  of_pressure.ms = std::nan("");
+  // Others before ours: one that breaks the protocol is refused before minutes are spent.
   for (const EngineCommand& engine : engines)
     for (const double allowed_s : quick ? std::vector<double>{0.03} : std::vector<double>{1, 0.3, 0.1, 0.03, 0.01}) {
-      if (!ask_in_rooms(engine, allowed_s, exact, comparison)) break;
+      if (!ask_in_rooms(engine, allowed_s, comparison)) break;
       if (progress) progress(fmt::format("{}, {:g} ms", engine.name, 1e3 * allowed_s));
       if (comparison.points.back().ms > 1e3 * allowed_s) break;  // its least: less time would give the same
     }
@@ -257,7 +280,7 @@ EngineComparison compare_engines(const std::vector<EngineCommand>& engines, bool
       setting = own_settings(room, quick)[s];
       seconds += render_own(room, setting.config, rendered.emplace_back()) / static_cast<double>(comparison.rooms.size());
     }
-    EnginePoint point = judge_responses(exact, rendered);
+    EnginePoint point = judge_twice(comparison, rendered);
     point.engine = setting.engine;
     point.setting = setting.setting;
     point.ms = 1e3 * seconds;

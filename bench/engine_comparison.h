@@ -18,12 +18,15 @@ struct EnginePoint {
   double ms = 0;                       ///< per response as measured, mean over the rooms
   std::vector<ErrorSummary> t20 = {};  ///< per octave, fractions
   ErrorSummary t20_all = {}, c50_db = {}, drr_db = {};
+  /// The same against the exact pressure of the images, which interfere: what is right for an engine that adds pressures.
+  ErrorSummary pressure_t20 = {}, pressure_c50_db = {}, pressure_drr_db = {};
 };
 
 struct EngineComparison {
   std::vector<ShoeboxRoom> rooms;
   std::vector<EnginePoint> points;
-  std::vector<std::string> left_out;  ///< one line per engine that is not available
+  std::vector<std::vector<RoomMetrics>> energies, pressures;  ///< the two truths, by room and listener
+  std::vector<std::string> left_out;                          ///< one line per engine that is not available
 };
 
 /// Three boxes of mirrors whose walls absorb by octave, none of them alike.  quick: the smallest.
@@ -44,7 +47,7 @@ std::string engines_markdown(const EngineComparison& comparison);
 /// Time per response against the error of T20 and of C50, one line per engine.
 std::string engines_figure(const EngineComparison& comparison);
 
-/// Errors of rendered responses, by room and listener, against the exact ones.
+/// Errors of rendered responses, by room and listener, against the exact ones; the fields of pressures stay empty.
 EnginePoint judge_responses(const std::vector<std::vector<RoomMetrics>>& exact, const std::vector<std::vector<RoomMetrics>>& rendered);
 
 }  // namespace earshot

@@ -37,19 +37,25 @@ std::string engines_markdown(const EngineComparison& comparison) {
   for (const ShoeboxRoom& room : comparison.rooms) rooms += (rooms.empty() ? "" : ", ") + room_text(room);
   std::string text = fmt::format(
       "\n## Equal time in boxes of mirrors\n\nRooms of {} whose walls absorb by octave and scatter nothing; {} listeners each, one source. "
-      "Error: root mean square over rooms and listeners against the exact sum of images, measured on one rendered channel of 16 kHz. ms: "
+      "Error: root mean square over rooms and listeners against the sum of the energies of all images, and in the last three columns "
+      "against "
+      "the exact pressure of the same images, which interfere: engines that add pressures are right there, engines of energies with "
+      "carriers "
+      "cannot be; measured on one rendered channel of 16 kHz. ms: "
       "wall time per response on one thread, warm, everything of the source included, the listeners of a room together.\n\n| engine | "
       "setting "
       "| allowed, ms | ms | T20, % |",
       rooms, comparison.rooms.front().listeners_m.size());
   std::string rule = "|---|---|---|---|---|";
   for (const float hz : comparison.rooms.front().bands_hz) text += fmt::format(" T20 {:.0f} Hz |", hz), rule += "---|";
-  text += " C50, dB | DRR, dB |\n" + rule + "---|---|\n";
+  text += " C50, dB | DRR, dB | to pressure: T20, % | C50, dB | DRR, dB |\n" + rule + "---|---|---|---|---|\n";
   for (const EnginePoint& point : comparison.points) {
     text += fmt::format("| {} | {} | {} | {} | {} |", point.engine, point.setting, point.allowed_ms > 0 ? cell(point.allowed_ms) : "",
                         cell(point.ms), with_missing(100, point.t20_all));
     for (const ErrorSummary& band : point.t20) text += " " + with_missing(100, band) + " |";
-    text += fmt::format(" {} | {} |\n", with_missing(1, point.c50_db), with_missing(1, point.drr_db));
+    text +=
+        fmt::format(" {} | {} | {} | {} | {} |\n", with_missing(1, point.c50_db), with_missing(1, point.drr_db),
+                    with_missing(100, point.pressure_t20), with_missing(1, point.pressure_c50_db), with_missing(1, point.pressure_drr_db));
   }
   for (const std::string& line : comparison.left_out) text += "\n" + line + "\n";
   return text;
@@ -69,6 +75,10 @@ std::string engines_figure(const EngineComparison& comparison) {
     PlotPanel panel{.title = kind.title, .x_label = "ms per response on one thread", .y_label = kind.y_label, .levels = {kind.heard}};
     std::size_t others = 0;
     for (const EnginePoint& point : comparison.points) {
+      if (!std::isfinite(point.ms)) {
+        panel.levels.push_back({kind.scale * (point.*kind.error).rms, point.engine});
+        continue;
+      }
       auto series = std::ranges::find(panel.series, point.engine, &PlotSeries::name);
       if (series == panel.series.end()) {
         const bool own = point.engine.starts_with("earshot,");

@@ -23,4 +23,9 @@ struct ShoeboxRoom {
 /// arrives within 2.5 ms counts as direct.  O(images): 0.2 s for a million.  Throws InputError.
 RoomMetrics measure_images(const ShoeboxRoom& room, std::size_t listener);
 
+/// The pressure of all images at the room's rate: an impulse each, to a sixteenth of a sample, through octave filters whose amplitudes add
+/// up to one, times the root of what the walls have left.  Images interfere, so that its measures lie about those of measure_images by as
+/// much as those of any waveform must.
+std::vector<float> render_images(const ShoeboxRoom& room, std::size_t listener);
+
 }  // namespace earshot

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <numbers>
 
 #include "sim/acoustics/model/acoustic_surfaces.h"
 #include "sim/base/errors.h"
@@ -56,6 +57,20 @@ TEST(ShoeboxImages, EachWallHasItsOwnAbsorption) {
   EXPECT_NEAR(measure_images(room, 0).bands[3].drr_db.value(), 10 * std::log10(16 / (4 * 0.64)), 1e-6);
   std::swap(room.absorption[0], room.absorption[1]);  // now x1, 5.1 m: the image lies 6.2 m away
   EXPECT_NEAR(measure_images(room, 0).bands[3].drr_db.value(), 10 * std::log10(6.2 * 6.2 / (4 * 0.64)), 1e-6);
+}
+
+// One image 0.36 of the energy of the wall taken: at 2 and 4 m pulses of 1 and 0.8 / 2 of the direct one's pressure, flat in frequency.
+TEST(ShoeboxImages, RenderedImagesArePulsesOfTheirPressure) {
+  ShoeboxRoom room = small_room(1);
+  std::fill(room.absorption[0].begin(), room.absorption[0].end(), 0.36);
+  room.source_m = {1, 1.5, 2};
+  room.listeners_m = {{3, 1.5, 2}};
+  room.speed_of_sound_m_per_s = 320;  // 100 and 200 samples
+  const std::vector<float> response = render_images(room, 0);
+  const double direct = 1 / (4 * std::numbers::pi * 2);
+  EXPECT_NEAR(response.at(100), direct, 0.02 * direct);  // no energy below 40 Hz
+  EXPECT_NEAR(response.at(200), 0.4 * direct, 0.02 * direct);
+  EXPECT_NEAR(response.at(150), 0, 0.02 * direct);
 }
 
 TEST(MirrorBox, HasTheAbsorptionThatOthersAreTold) {
@@ -174,9 +189,13 @@ TEST(JudgeResponses, ErrorsByHand) {
 
 TEST(CompareEngines, OursAreJudgedWhereNoOtherIsNamed) {
   const EngineComparison comparison = compare_engines({}, true);
-  ASSERT_EQ(comparison.points.size(), 2u);
+  ASSERT_EQ(comparison.points.size(), 3u);
+  EXPECT_TRUE(std::isnan(comparison.points[0].ms));  // the exact pressure, which is its own truth
+  EXPECT_EQ(comparison.points[0].pressure_t20.rms, 0);
+  EXPECT_GT(comparison.points[0].t20_all.rms, 0);
+  EXPECT_GT(comparison.points[1].pressure_t20.rms, 0);
   for (const EnginePoint& point : comparison.points) {
-    EXPECT_GT(point.ms, 0);
+    EXPECT_FALSE(point.ms <= 0);
     EXPECT_EQ(point.t20.size(), 7u);
     EXPECT_GT(point.t20_all.count, 0);
     // A box of mirrors of other walls, or a response cut short, is off by far more.
