@@ -14,6 +14,9 @@ namespace earshot {
 namespace {
 
 constexpr int kSeeds = 4, kRaysOfSeeds = 4096;
+/// Photons of one field err together at all places, so that the spread over places does not show how lucky a field was: the worse of two
+/// counts.
+constexpr std::uint64_t kFields = 2, kFieldsApart = 1'000'003;
 /// Errors above these say nothing of a bias: with so few rays most decays are not there at all.
 constexpr AccuracyErrors kSaturated = {0.3, 3, 3};
 constexpr double kNoGain = 0.95;  ///< four times the work should halve a random error: as little gain as this is a bias
@@ -104,10 +107,13 @@ void AccuracySearch::source_field(const AcousticConfig& early, float cell_m) {
   config.field_photons = 1 << 18;
   config.field_error = 1e-4f;  // the photons decide: four times as many in each step
   std::vector<std::unique_ptr<FieldTrial>> trials;
-  for (const AccuracySite& site : request_.sites) {
-    trials.push_back(std::make_unique<FieldTrial>(site, config));
-    if (!trials.back()->has_field()) return;
-  }
+  for (std::uint64_t i = 0; i < kFields; ++i)
+    for (const AccuracySite& site : request_.sites) {
+      AcousticConfig seeded = config;
+      seeded.seed += i * kFieldsApart;
+      trials.push_back(std::make_unique<FieldTrial>(site, seeded));
+      if (!trials.back()->has_field()) return;
+    }
   double last_used = std::numeric_limits<double>::infinity();
   std::uint64_t first_photons = 0;
   while (true) {
@@ -120,14 +126,14 @@ void AccuracySearch::source_field(const AcousticConfig& early, float cell_m) {
       EARSHOT_EXPECT(trials[i]->photons() == photons);  // rounds are as large everywhere
       AccuracyChoice& choice = at_sites.emplace_back(AccuracyChoice{.method = "source field", .config = config});
       choice.config.field_photons = static_cast<int>(photons);
-      trials[i]->try_at(references_[i], choice);
+      trials[i]->try_at(references_[i % references_.size()], choice);
     }
     AccuracyChoice choice = worst_of(at_sites);
     const double used = record(choice);
     if (used <= kAccuracyMargin) {
       if (photons == first_photons) return;
       choice.config.field_photons /= 2;
-      record(try_at_all(choice.method, choice.config, 1));
+      record(try_at_all(choice.method, choice.config));
       return;
     }
     if (is_biased(choice, last_used) || choice.total_ms(request_.poses) > best_ms_) return;
@@ -143,12 +149,12 @@ void AccuracySearch::fewer_images() {
     AcousticConfig config = best.config;
     set_early_level(level, config);
     config.rays = best.config.rays;  // what edges carry stays
-    if (record(try_at_all(best.method, config, seeds_of(config.rays))) > kAccuracyMargin) return;
+    if (record(try_at_all(best.method, config)) > kAccuracyMargin) return;
   }
 }
 
 void AccuracySearch::climb(const char* method, const RayLadder& ladder) {
-  const auto try_rays = [&](int rays) { return record(try_at_all(method, ladder.with(rays), seeds_of(rays))); };
+  const auto try_rays = [&](int rays) { return record(try_at_all(method, ladder.with(rays))); };
   double last_used = std::numeric_limits<double>::infinity();
   for (int rays = ladder.first; rays <= ladder.most; rays *= 4) {
     const double used = try_rays(rays);
@@ -161,10 +167,16 @@ void AccuracySearch::climb(const char* method, const RayLadder& ladder) {
   }
 }
 
-AccuracyChoice AccuracySearch::try_at_all(const std::string& method, const AcousticConfig& config, int seeds) const {
+AccuracyChoice AccuracySearch::try_at_all(const std::string& method, const AcousticConfig& config) const {
+  const bool is_field = config.field == Switch::on;
   std::vector<AccuracyChoice> at_sites;
-  for (std::size_t i = 0; i < request_.sites.size(); ++i)
-    at_sites.push_back(try_config(request_.sites[i].scene, method, config, request_.sites[i].source, references_[i], seeds));
+  for (std::uint64_t field = 0; field < (is_field ? kFields : 1); ++field)
+    for (std::size_t i = 0; i < request_.sites.size(); ++i) {
+      AcousticConfig seeded = config;
+      seeded.seed += field * kFieldsApart;
+      at_sites.push_back(try_config(request_.sites[i].scene, method, seeded, request_.sites[i].source, references_[i],
+                                    is_field ? 1 : seeds_of(config.rays)));
+    }
   return worst_of(at_sites);
 }
 

@@ -28,7 +28,7 @@ class AccuracySearch {
   /// Rays from the listener, and from both ends; four times as many until they do, then half of that.  early: the rest of the config.
   void listener_rays(const AcousticConfig& early);
   void both_ends(const AcousticConfig& early);
-  /// One field per site that is refined, tried after each step.
+  /// Two fields per site that are refined, tried after each step; the worse one counts.
   void source_field(const AcousticConfig& early, float cell_m);
   /// The best so far with images of lower orders, as long as it keeps the target.
   void fewer_images();
@@ -39,7 +39,7 @@ class AccuracySearch {
  private:
   struct RayLadder;
   void climb(const char* method, const RayLadder& ladder);
-  AccuracyChoice try_at_all(const std::string& method, const AcousticConfig& config, int seeds) const;
+  AccuracyChoice try_at_all(const std::string& method, const AcousticConfig& config) const;
   double record(AccuracyChoice choice);
   [[nodiscard]] bool is_biased(const AccuracyChoice& choice, double last_used) const;
 
