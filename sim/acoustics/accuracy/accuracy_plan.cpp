@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <utility>
+#include <optional>
 
 #include "sim/acoustics/accuracy/accuracy_search.h"
 #include "sim/base/errors.h"
@@ -14,8 +14,9 @@
 namespace earshot {
 namespace {
 
-/// Of the target: standard error of the paths in one value, at kMostPlaces places.  Fewer have fewer values, each known the better.
-constexpr double kReferenceFraction = 0.7;
+/// Of the target: standard error of the paths in one value, at kMostPlaces places.  Fewer have fewer values, each known the better.  Half
+/// of that where nothing holds, as what the paths are uncertain by is part of what is predicted.
+constexpr std::array<double, 2> kReferenceFractions = {0.7, 0.35};
 constexpr int kMostRuns = 1024;
 constexpr double kReferencePart = 0.8;  ///< of the time, for the progress line
 
@@ -32,24 +33,45 @@ std::string scenes_of(const AccuracyRequest& request) {
   return names;
 }
 
-/// Paths at every site, as good as the target asks.
-std::vector<AccuracyReference> make_references(const AccuracyRequest& request, const std::function<void(double fraction)>& progress,
-                                               AccuracyPlan& plan) {
-  std::vector<AccuracyReference> references;
-  references.reserve(request.sites.size());
+/// Paths at every site until they are known to `fraction` of the target.  false: no run was added.
+bool refine(const AccuracyRequest& request, double fraction, const std::function<void(double fraction)>& progress,
+            std::vector<AccuracyReference>& references, AccuracyPlan& plan) {
+  const int before = plan.reference_runs;
+  plan.reference_runs = 0;
   plan.reference_error.fill(std::nan(""));
-  for (const AccuracySite& site : request.sites) {
-    AccuracyReference& reference = references.emplace_back(site.scene, request.config, site.source, spread(site.places));
+  for (std::size_t site = 0; site < references.size(); ++site) {
+    AccuracyReference& reference = references[site];
     const double places = static_cast<double>(reference.places().size()) / kMostPlaces;
-    const double done = static_cast<double>(references.size() - 1);
-    reference.refine(request.target, kReferenceFraction * std::sqrt(places), static_cast<int>(kMostRuns / places), [&](double fraction) {
-      if (progress) progress(kReferencePart * (done + fraction) / static_cast<double>(request.sites.size()));
+    reference.refine(request.target, fraction * std::sqrt(places), static_cast<int>(kMostRuns / places), [&](double done) {
+      if (progress) progress(kReferencePart * (static_cast<double>(site) + done) / static_cast<double>(references.size()));
     });
     plan.reference_runs += reference.runs();
     for (std::size_t kind = 0; kind < kNumAccuracyKinds; ++kind)
       plan.reference_error[kind] = std::fmax(plan.reference_error[kind], reference.standard_error()[kind]);
   }
-  return references;
+  return plan.reference_runs > before;
+}
+
+/// Tries everything against these paths; the cheapest that holds, if any.
+std::optional<std::size_t> search(const AccuracyRequest& request, std::span<const AccuracyReference> references,
+                                  const std::function<void(double fraction)>& progress, std::vector<AccuracyChoice>& tried) {
+  tried.clear();
+  AccuracySearch search(request, references, tried);
+  const bool asks_for_levels = request.target.of(AccuracyKind::drr) || request.target.of(AccuracyKind::edc);
+  for (std::size_t early = kUsualEarlyLevel; early < kNumEarlyLevels; ++early) {
+    if (early > kUsualEarlyLevel && !asks_for_levels) break;  // decay times do not come from images
+    AcousticConfig config = request.config;
+    set_early_level(early, config);
+    // A field first: what it costs bounds how far the others are carried.
+    for (const float cell_m : {1.f, 0.5f}) search.source_field(config, cell_m);
+    if (early == kUsualEarlyLevel || !search.best()) {
+      search.listener_rays(config);
+      search.both_ends(config);
+    }
+    if (progress) progress(kReferencePart + (1 - kReferencePart) * static_cast<double>(early) / (kNumEarlyLevels - 1));
+  }
+  search.fewer_images();
+  return search.best();
 }
 
 void refuse_what_cannot_be_judged(const AccuracyRequest& request, const AccuracyPlan& plan) {
@@ -92,26 +114,18 @@ AccuracyPlan plan_accuracy(const AccuracyRequest& request, const std::function<v
   for (const AccuracySite& site : request.sites) EARSHOT_EXPECT(site.scene && !site.places.empty());
   const Stopwatch watch;
   AccuracyPlan plan;
-  const std::vector<AccuracyReference> references = make_references(request, progress, plan);
-  refuse_what_cannot_be_judged(request, plan);
-  AccuracySearch search(request, references, plan.tried);
-  const bool asks_for_levels = request.target.of(AccuracyKind::drr) || request.target.of(AccuracyKind::edc);
-  for (std::size_t early = kUsualEarlyLevel; early < kNumEarlyLevels; ++early) {
-    if (early > kUsualEarlyLevel && !asks_for_levels) break;  // decay times do not come from images
-    AcousticConfig config = request.config;
-    set_early_level(early, config);
-    // A field first: what it costs bounds how far the others are carried.
-    for (const float cell_m : {1.f, 0.5f}) search.source_field(config, cell_m);
-    if (early == kUsualEarlyLevel || !search.best()) {
-      search.listener_rays(config);
-      search.both_ends(config);
-    }
-    if (progress) progress(kReferencePart + (1 - kReferencePart) * static_cast<double>(early) / (kNumEarlyLevels - 1));
+  std::vector<AccuracyReference> references;
+  for (const AccuracySite& site : request.sites) references.emplace_back(site.scene, request.config, site.source, spread(site.places));
+  std::optional<std::size_t> best;
+  for (const double fraction : kReferenceFractions) {
+    if (!refine(request, fraction, progress, references, plan)) break;
+    refuse_what_cannot_be_judged(request, plan);
+    best = search(request, references, progress, plan.tried);
+    if (best) break;
   }
-  search.fewer_images();
   plan.calibration_s = watch.wall_s();
-  if (!search.best()) refuse_what_nothing_keeps(request, plan);
-  plan.chosen = *search.best();
+  if (!best) refuse_what_nothing_keeps(request, plan);
+  plan.chosen = *best;
   if (progress) progress(1);
   return plan;
 }

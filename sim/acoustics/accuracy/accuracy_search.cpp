@@ -8,8 +8,6 @@
 #include <memory>
 #include <utility>
 
-#include "sim/base/stopwatch.h"
-
 namespace earshot {
 namespace {
 
@@ -38,7 +36,7 @@ class FieldTrial {
     const Stopwatch watch;
     candidates_.emplace(scene_, site.source);
     builder_.emplace(scene_, *candidates_);
-    per_source_ms_ = watch.wall_ms();
+    per_source_ms_ = spent_ms(watch, config);
   }
   [[nodiscard]] bool has_field() const { return builder_.has_value(); }
   /// false: it has all the photons that it may have.
@@ -46,7 +44,7 @@ class FieldTrial {
     const Stopwatch watch;
     if (!builder_->refine()) return false;
     field_ = builder_->snapshot();
-    per_source_ms_ += watch.wall_ms();
+    per_source_ms_ += spent_ms(watch, scene_.config());
     return true;
   }
   [[nodiscard]] std::uint64_t photons() const { return builder_->photons(); }

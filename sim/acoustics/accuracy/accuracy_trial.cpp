@@ -4,9 +4,11 @@
 #include <utility>
 #include <vector>
 
-#include "sim/base/stopwatch.h"
-
 namespace earshot {
+
+double spent_ms(const Stopwatch& watch, const AcousticConfig& config) {
+  return config.threads == 1 ? 1e3 * watch.cpu_s() : watch.wall_ms();
+}
 
 AccuracyChoice try_config(const std::shared_ptr<const Scene>& scene, std::string method, const AcousticConfig& config,
                           const SoundSource& source, const AccuracyReference& reference, int seeds) {
@@ -17,7 +19,7 @@ AccuracyChoice try_config(const std::shared_ptr<const Scene>& scene, std::string
   const Stopwatch watch;
   const EarlyCandidates candidates(first, source);
   const std::shared_ptr<const SourceField> field = uses_source_field(first) ? build_source_field(first, candidates) : nullptr;
-  choice.per_source_ms = watch.wall_ms();
+  choice.per_source_ms = spent_ms(watch, config);
   constexpr std::uint64_t apart = 1'000'003;
   for (int seed = 1; !field && seed < seeds; ++seed)
     scenes.push_back(scenes.front().with_rays(config.rays, config.seed + apart * static_cast<std::uint64_t>(seed)));
@@ -45,15 +47,15 @@ void try_responses(std::span<const AcousticScene> scenes, const EarlyCandidates&
                    const AccuracyReference& reference, AccuracyChoice& choice) {
   std::vector<AccuracyReading> readings;
   EnergyResponse response;
-  double spent_ms = 0;
+  double all_ms = 0;
   for (const AcousticScene& acoustics : scenes)
     for (const glm::vec3 place : reference.places()) {
       const Stopwatch watch;
       compute_energy_response(acoustics, candidates, field, place, response);
-      spent_ms += watch.wall_ms();
+      all_ms += spent_ms(watch, choice.config);
       readings.push_back(read_accuracy(acoustics, response));
     }
-  choice.per_pose_ms = spent_ms / static_cast<double>(readings.size());
+  choice.per_pose_ms = all_ms / static_cast<double>(readings.size());
   choice.measured = reference.errors_of(readings, 0);
   choice.predicted = reference.errors_of(readings, 1);
 }

@@ -6,6 +6,7 @@
 
 #include "sim/acoustics/accuracy/accuracy_reference.h"
 #include "sim/acoustics/source_field/source_field.h"
+#include "sim/base/stopwatch.h"
 
 namespace earshot {
 
@@ -18,6 +19,10 @@ struct AccuracyChoice {
   double per_source_ms = 0, per_pose_ms = 0;  ///< as measured, one source and one response without synthesis
   [[nodiscard]] double total_ms(double poses) const { return per_source_ms + poses * per_pose_ms; }
 };
+
+/// Milliseconds of a candidate: on one thread those of its processor, as other work on the machine would count as its own; else of the
+/// wall.
+double spent_ms(const Stopwatch& watch, const AcousticConfig& config);
 
 /// The config as it is, with `seeds` seeds of its rays, or with one field if its plan has one.
 AccuracyChoice try_config(const std::shared_ptr<const Scene>& scene, std::string method, const AcousticConfig& config,
