@@ -31,7 +31,7 @@ struct BenchScene {
   [[nodiscard]] std::vector<WalkPose> some_poses(int count) const;
 };
 
-/// name: in tables and file names.  The walk is a function of (spec, seed).  Throws InputError as load_scene.
+/// name: in tables and file names.  The walk is a function of (name, spec, seed).  Throws InputError as load_scene.
 BenchScene load_bench_scene(const std::string& name, const std::string& spec, std::uint64_t seed = 1);
 
 /// Walks from point to point along shortest paths, `step_m` at a time, until there are `count` poses; heading: where it goes.
