@@ -100,7 +100,8 @@ void add_parts(std::span<const Part> parts, const WideningBins& bins, std::size_
       for (std::size_t bin = 0; bin < width; ++bin) {
         const float from_middle = static_cast<float>(bin) - 0.5f * static_cast<float>(width - 1);
         for (std::size_t band = 0; band < bands; ++band) {
-          const float fraction = 1.f / static_cast<float>(width) + tilt[band] * from_middle;
+          // The steepest line ends at zero, from where rounding could take it below.
+          const float fraction = std::max(1.f / static_cast<float>(width) + tilt[band] * from_middle, 0.f);
           for (std::size_t k = 0; k < coefficients; ++k) *out++ += fraction * merged_sum[k * stride + band];
         }
       }
