@@ -36,6 +36,7 @@ std::uint32_t FieldGrid::cell_after(std::uint32_t before, std::size_t box, const
 std::uint32_t FieldGrid::cross(glm::vec3 origin, glm::vec3 direction, float length_m, std::vector<Crossing>& crossings,
                                std::uint32_t start) const {
   if (cells_.size() == 0) return none;
+  if (!(length_m > 0)) return start;
   const FieldBoxes& boxes = cells_.boxes();
   const glm::vec3 edge_m = boxes.edge_m();
   const glm::ivec3 num_boxes = boxes.count();
