@@ -117,11 +117,13 @@ AccuracyPlan plan_accuracy(const AccuracyRequest& request, const std::function<v
   std::vector<AccuracyReference> references;
   for (const AccuracySite& site : request.sites) references.emplace_back(site.scene, request.config, site.source, spread(site.places));
   std::optional<std::size_t> best;
-  for (const double fraction : kReferenceFractions) {
-    if (!refine(request, fraction, progress, references, plan)) break;
+  for (std::size_t stage = 0; stage < kReferenceFractions.size() && !best; ++stage) {
+    const auto of_stage = [&](double done) {
+      if (progress) progress((static_cast<double>(stage) + done) / kReferenceFractions.size());
+    };
+    if (!refine(request, kReferenceFractions[stage], of_stage, references, plan)) break;
     refuse_what_cannot_be_judged(request, plan);
-    best = search(request, references, progress, plan.tried);
-    if (best) break;
+    best = search(request, references, of_stage, plan.tried);
   }
   plan.calibration_s = watch.wall_s();
   if (!best) refuse_what_nothing_keeps(request, plan);
