@@ -29,6 +29,12 @@ RunConfig with_acoustics(const RunConfig& config, const RunStart& start, bool is
   if (is_worker)
     throw InputError("env.accuracy " + config.env.accuracy, "has not been planned, and a worker of a launcher does not",
                      "run 'earshot plan " + config_file + "' once before");
+  if (!start.resume.empty())
+    throw InputError("env.accuracy " + config.env.accuracy, "was not planned by the run to go on with, or for another config",
+                     "copy its " + acoustics_plan_file(config, {}).string() + " to " + config.out + ", or start a new run");
+  // Before the minutes that a plan may take.
+  refuse_mixed_runs(config, start);
+  refuse_stale_episodes(config, start);
   return plan_acoustics(config);
 }
 

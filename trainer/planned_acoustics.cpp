@@ -51,6 +51,7 @@ std::filesystem::path acoustics_plan_file(const RunConfig& config, const std::fi
     throw InputError("env.accuracy", "is planned on the episodes of data.train.file, and there is none", "name an episode set");
   EnvConfig asked;
   asked.task = config.env.task;
+  asked.navmesh = config.env.navmesh;
   asked.acoustics = config.env.acoustics;
   asked.acoustics.threads = 1;  // has no part in the choice
   asked.scene_root = config.env.scene_root;

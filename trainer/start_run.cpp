@@ -66,26 +66,30 @@ void check_same_run(const RunConfig& config, const RunStart& start) {
 
 }  // namespace
 
-void prepare_run(const RunConfig& config, const RunStart& start) {
-  const RunFolder folder(config.out);
+void refuse_mixed_runs(const RunConfig& config, const RunStart& start) {
   if (start.overwrite && !start.resume.empty())
     throw InputError("--overwrite", "removes the run that --resume goes on with", "give one of the two");
   if (!start.changes.empty() && start.resume.empty())
     throw InputError("--change", "declares what differs from a checkpoint, and there is none", "give --resume, or leave it out");
-  const auto checkpoints = folder.checkpoints();
-  if (start.resume.empty()) {
-    if (!checkpoints.empty() && !start.overwrite)
-      throw InputError(config.out, fmt::format("holds an earlier run ({} checkpoints)", checkpoints.size()),
-                       "go on with it by --resume " + config.out + ", replace it with --overwrite, or name another folder with out=FOLDER");
-  } else {
-    check_same_run(config, start);
-    if (!checkpoints.empty() && run_folder_of(start.resume) != std::filesystem::weakly_canonical(config.out))
-      throw InputError(config.out, "holds another run than the one to go on with, " + start.resume.string(),
-                       "name another folder with out=FOLDER");
-  }
+  const auto checkpoints = RunFolder(config.out).checkpoints();
+  if (start.resume.empty() && !checkpoints.empty() && !start.overwrite)
+    throw InputError(config.out, fmt::format("holds an earlier run ({} checkpoints)", checkpoints.size()),
+                     "go on with it by --resume " + config.out + ", replace it with --overwrite, or name another folder with out=FOLDER");
+  if (!start.resume.empty() && !checkpoints.empty() && run_folder_of(start.resume) != std::filesystem::weakly_canonical(config.out))
+    throw InputError(config.out, "holds another run than the one to go on with, " + start.resume.string(),
+                     "name another folder with out=FOLDER");
+}
+
+void refuse_stale_episodes(const RunConfig& config, const RunStart& start) {
   check_generator(load_episode_set(config.train.file), expected_generator(config.train, config.env), config.train.file,
                   "make it anew with '" + start.remake + "', or leave data.train.scenes out to use it as it is");
-  if (start.overwrite) folder.remove_run();
+}
+
+void prepare_run(const RunConfig& config, const RunStart& start) {
+  refuse_mixed_runs(config, start);
+  if (!start.resume.empty()) check_same_run(config, start);
+  refuse_stale_episodes(config, start);
+  if (start.overwrite) RunFolder(config.out).remove_run();
 }
 
 void prepare_run(const RunConfig& config, const RunStart& start, Collective& collective) {

@@ -17,6 +17,11 @@ struct RunStart {
   std::string remake = "earshot dataset episodes --config CONFIG";  ///< command that makes the episode sets anew, for messages
 };
 
+/// Parts of prepare_run that need no planned acoustics: whether the folder is free and the options fit each other, and whether the episode
+/// set is that of config.train.  Throw InputError as prepare_run; remove nothing.
+void refuse_mixed_runs(const RunConfig& config, const RunStart& start);
+void refuse_stale_episodes(const RunConfig& config, const RunStart& start);
+
 /// Decides whether the run may start, so that it never mixes with another one, and removes the earlier run if it is to be overwritten.
 /// Throws InputError, one line:
 ///   - a new run, and config.out holds checkpoints (unless overwrite);
