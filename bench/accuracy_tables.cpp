@@ -29,7 +29,7 @@ double mean_of(const AccuracyStudy& study, const std::string& sweep, const std::
   double sum = 0;
   int count = 0;
   for (const ModeResult& result : study.results)
-    if (result.sweep == sweep && result.value == value) sum += get(result), ++count;
+    if (result.sweep == sweep && result.value == value && is_in_means(result.scene)) sum += get(result), ++count;
   return count > 0 ? sum / count : kNan;
 }
 

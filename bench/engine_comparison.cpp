@@ -228,7 +228,9 @@ std::vector<EngineCommand> usual_engines() {
   if (!script) return {};
   std::vector<EngineCommand> engines;
   for (const char* method : {"hybrid", "images"})
-    engines.push_back({fmt::format("pyroomacoustics, {}", method), fmt::format("python3 '{}' --method {}", *script, method)});
+    engines.push_back({.name = fmt::format("pyroomacoustics, {}", method),
+                       .command = fmt::format("python3 {} --method {}", shell_quoted(*script), method),
+                       .optional = true});
   return engines;
 }
 
@@ -269,7 +271,7 @@ EngineComparison compare_engines(const std::vector<EngineCommand>& engines, bool
     for (const double allowed_s : quick ? std::vector<double>{0.03} : std::vector<double>{1, 0.3, 0.1, 0.03, 0.01}) {
       if (!ask_in_rooms(engine, allowed_s, comparison)) break;
       if (progress) progress(fmt::format("{}, {:g} ms", engine.name, 1e3 * allowed_s));
-      if (comparison.points.back().ms > 1e3 * allowed_s) break;  // its least: less time would give the same
+      if (comparison.points.back().ms > 1e3 * allowed_s) break;  // more than it was given: less time would hardly give less
     }
   const std::size_t settings = own_settings(comparison.rooms.front(), quick).size();
   for (std::size_t s = 0; s < settings; ++s) {

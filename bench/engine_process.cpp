@@ -7,6 +7,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <chrono>
 #include <nlohmann/json.hpp>
@@ -24,12 +25,6 @@ using nlohmann::json;
 
 [[noreturn]] void refuse(const EngineCommand& engine, const std::string& what) {
   throw InputError("engine " + engine.name, what, "see docs/accuracy.md for what a command must read and write, or leave the engine out");
-}
-
-std::string quoted(const std::string& path) {
-  std::string text = "'";
-  for (const char c : path) text += c == '\'' ? std::string("'\\''") : std::string(1, c);
-  return text + "'";
 }
 
 /// What is said last, on one line.
@@ -63,7 +58,10 @@ int run_shell(const EngineCommand& engine, const std::string& command, const std
   int status = 0;
   for (;;) {
     const pid_t ended = ::waitpid(child, &status, WNOHANG);
-    if (ended == child) break;
+    if (ended == child) {
+      ::kill(-child, SIGKILL);  // what it has left in the background
+      break;
+    }
     if (ended < 0 && errno != EINTR) refuse(engine, "was lost: waitpid failed");
     if (watch.wall_s() > timeout_s) {
       ::kill(-child, SIGKILL);
@@ -115,7 +113,16 @@ EngineCommand EngineCommand::parse(const std::string& text) {
   const std::size_t equals = text.find('=');
   if (equals == std::string::npos || equals == 0 || equals + 1 == text.size())
     throw InputError("--engine " + text, "is not NAME=COMMAND", "write a name for the tables, =, and the command that runs the engine");
-  return {text.substr(0, equals), text.substr(equals + 1)};
+  const std::string name = text.substr(0, equals);
+  if (std::ranges::any_of(name, [](char c) { return c == '|' || static_cast<unsigned char>(c) < ' '; }))
+    throw InputError("--engine " + text, "has a name that a table cannot hold", "leave out | and control characters");
+  return {name, text.substr(equals + 1)};
+}
+
+std::string shell_quoted(const std::string& text) {
+  std::string word = "'";
+  for (const char c : text) word += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return word + "'";
 }
 
 EngineAnswer ask_engine(const EngineCommand& engine, const ShoeboxRoom& room, double seconds_per_response,
@@ -126,9 +133,9 @@ EngineAnswer ask_engine(const EngineCommand& engine, const ShoeboxRoom& room, do
   for (std::size_t l = 0; l < listeners; ++l) std::filesystem::remove(wav(l));
   const std::filesystem::path request = folder / "request.json", log = folder / "log.txt";
   write_file_atomically(request, request_of(room, seconds_per_response).dump(2) + "\n");
-  const int code = run_shell(engine, engine.command + " " + quoted(std::filesystem::absolute(request).string()), log, timeout_s);
+  const int code = run_shell(engine, engine.command + " " + shell_quoted(std::filesystem::absolute(request).string()), log, timeout_s);
   EngineAnswer answer;
-  if (code == kEngineUnavailable) {
+  if (code == kEngineUnavailable || (code != 0 && engine.optional)) {
     answer.available = false;
     answer.note = last_line(log);
     return answer;
@@ -140,7 +147,11 @@ EngineAnswer ask_engine(const EngineCommand& engine, const ShoeboxRoom& room, do
   read_result(engine, folder / "result.json", listeners, answer);
   for (std::size_t l = 0; l < listeners; ++l) {
     if (!std::filesystem::exists(wav(l))) refuse(engine, "wrote no " + wav(l).filename().string());
-    answer.responses.push_back(load_sound(wav(l), static_cast<float>(room.sample_rate_hz)).samples);
+    try {
+      answer.responses.push_back(load_sound(wav(l), static_cast<float>(room.sample_rate_hz)).samples);
+    } catch (const InputError& error) {
+      refuse(engine, fmt::format("wrote a {} that cannot be read: {}", wav(l).filename().string(), error.what()));
+    }
   }
   return answer;
 }

@@ -11,7 +11,8 @@ namespace earshot {
 /// An acoustic engine that is not ours: `--engine NAME=COMMAND`.
 struct EngineCommand {
   std::string name, command;
-  /// Throws InputError unless both sides of the first `=` are there.
+  bool optional = false;  ///< left out, with a line, where it fails
+  /// Throws InputError unless both sides of the first `=` are there, or for a name that tables cannot hold.
   static EngineCommand parse(const std::string& text);
 };
 
@@ -26,9 +27,12 @@ struct EngineAnswer {
 /// The exit code by which an engine says that what it needs is absent (sysexits.h, EX_UNAVAILABLE).
 inline constexpr int kEngineUnavailable = 69;
 
+/// A word of /bin/sh.
+std::string shell_quoted(const std::string& text);
+
 /// Runs `COMMAND REQUEST` with a room in a JSON file and reads what it wrote beside it, as documented in docs/accuracy.md.  folder: must
-/// exist; files of that name are overwritten.  Throws InputError, one line that names the engine: it fails, takes longer than
-/// timeout_s, or a file is missing or wrong.
+/// exist; files of that name are overwritten.  What the command has started ends with it.  Throws InputError, one line that names the
+/// engine: it fails (unless it is optional), takes longer than timeout_s, or a file is missing or wrong.
 EngineAnswer ask_engine(const EngineCommand& engine, const ShoeboxRoom& room, double seconds_per_response,
                         const std::filesystem::path& folder, double timeout_s = 300);
 

@@ -79,6 +79,7 @@ void for_images(const ShoeboxRoom& room, std::size_t listener, const Use& use) {
 RoomMetrics measure_images(const ShoeboxRoom& room, std::size_t listener) {
   const double direct_m = direct_distance(room, listener), speed = room.speed_of_sound_m_per_s;
   const std::size_t bands = room.bands_hz.size();
+  require(room.length_s > direct_m / speed, "length_s", room.length_s, "must be longer than the way of the direct sound");
   const auto bins = static_cast<std::size_t>(std::ceil((room.length_s - direct_m / speed) / kBinS));
   std::vector<std::vector<double>> series(bands, std::vector<double>(bins, 0.0));
   std::vector<double> direct(bands, 0.0);

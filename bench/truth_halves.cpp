@@ -1,5 +1,6 @@
 #include "bench/truth_halves.h"
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 

@@ -40,7 +40,7 @@ class TruthHalves {
   double seconds_ = 0;
 };
 
-/// Rays of a run and poses that are enough, and few enough, in a few minutes of two cores.
+/// Rays of a run that are enough, and few enough, in a few minutes of two cores.
 inline constexpr int kTruthRays = 8192;
 
 }  // namespace earshot

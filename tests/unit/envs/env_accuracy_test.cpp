@@ -59,14 +59,14 @@ TEST(EnvAccuracy, WhatIsChosenKeepsThePromiseInAnotherEpisode) {
     const glm::vec3 ears(0, asked.task.ear_height_m, 0), start = source->scene->scene->to_local(episode.start_position);
     const glm::vec3 at = source->candidates.source();
     std::vector<glm::vec3> places;
-    for (const float way : {0.f, 0.3f, 0.6f}) places.push_back((1 - way) * (start + ears) + way * at);
+    for (const float way : {0.f, 0.1f, 0.2f, 0.3f, 0.4f, 0.5f, 0.6f, 0.7f}) places.push_back((1 - way) * (start + ears) + way * at);
     AccuracyReference paths(source->scene->scene, config, at, places);
     paths.refine(target, 0.3, 256);
     EXPECT_LE(target.used(try_config(source->scene->scene, accuracy.plan.choice().method, config, at, paths, 4).measured), 1.0) << index;
   }
 }
 
-TEST(EnvAccuracy, EnvironmentsTakeWhatWasChosenAndNotTheWish) {
+TEST(EnvAccuracy, EnvironmentsTakeWhatWasChosenAndNotTheTarget) {
   const EnvConfig asked = config_asking("t20=15%");
   const auto set = std::make_shared<const EpisodeSet>(episodes_in_two_boxes(asked));
   EXPECT_THROW(BatchedEnv(asked, set, make_scene_cache(asked), 2), InputError);
