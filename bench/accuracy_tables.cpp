@@ -77,7 +77,7 @@ std::string quality_table(const AccuracyStudy& study) {
   const std::string machine = machine_json()["cpu"].get<std::string>();
   std::string text = fmt::format(
       "\n## Quality modes, as in Table 1 of the paper\n\nRIRs per second on {}, 16 kHz, two ears, RIRs as long as each scene needs; mean "
-      "over the scenes above of the time "
+      "over the closed scenes above of the time "
       "per RIR, {} RIRs sharing one source whose cost is included (warm: not included). Errors: mean of absolute values over bands, poses "
       "and "
       "the closed scenes, ± one standard error; root mean squares without the truth's noise stand below.\n\n",
