@@ -15,7 +15,7 @@ namespace earshot {
 namespace {
 
 /// Of the target: standard error of the paths in one value, at kMostPlaces places.  Fewer have fewer values, each known the better.  Half
-/// of that where nothing holds, as what the paths are uncertain by is part of what is predicted.
+/// of that where nothing holds, or something far cheaper may, as what the paths are uncertain by is part of what is predicted.
 constexpr std::array<double, 2> kReferenceFractions = {0.7, 0.35};
 constexpr int kMostRuns = 1024;
 constexpr double kReferencePart = 0.8;  ///< of the time, for the progress line
@@ -88,6 +88,15 @@ void refuse_what_cannot_be_judged(const AccuracyRequest& request, const Accuracy
                      "ask for less, or use --preset high");
 }
 
+/// May something far cheaper than the best be within the target, which these paths are too uncertain to tell?
+bool is_undecided(const AccuracyRequest& request, const std::vector<AccuracyChoice>& tried, const AccuracyChoice& best) {
+  constexpr double far_cheaper = 0.5;
+  return std::ranges::any_of(tried, [&](const AccuracyChoice& choice) {
+    return request.target.used(choice.measured) <= kAccuracyMargin && request.target.used(choice.predicted) > kAccuracyMargin &&
+           choice.total_ms(request.poses) < far_cheaper * best.total_ms(request.poses);
+  });
+}
+
 [[noreturn]] void refuse_what_nothing_keeps(const AccuracyRequest& request, const AccuracyPlan& plan) {
   const auto closest =
       std::ranges::min_element(plan.tried, {}, [&](const AccuracyChoice& choice) { return request.target.used(choice.predicted); });
@@ -117,13 +126,14 @@ AccuracyPlan plan_accuracy(const AccuracyRequest& request, const std::function<v
   std::vector<AccuracyReference> references;
   for (const AccuracySite& site : request.sites) references.emplace_back(site.scene, request.config, site.source, spread(site.places));
   std::optional<std::size_t> best;
-  for (std::size_t stage = 0; stage < kReferenceFractions.size() && !best; ++stage) {
+  for (std::size_t stage = 0; stage < kReferenceFractions.size(); ++stage) {
     const auto of_stage = [&](double done) {
       if (progress) progress((static_cast<double>(stage) + done) / kReferenceFractions.size());
     };
     if (!refine(request, kReferenceFractions[stage], of_stage, references, plan)) break;
     refuse_what_cannot_be_judged(request, plan);
     best = search(request, references, of_stage, plan.tried);
+    if (best && !is_undecided(request, plan.tried, plan.tried[*best])) break;
   }
   plan.calibration_s = watch.wall_s();
   if (!best) refuse_what_nothing_keeps(request, plan);

@@ -26,9 +26,9 @@ std::span<const std::string_view> keys_of_accuracy();
 /// The cheapest way to responses within the target: rays from the listener or from both ends, or a source field of 1 m or 0.5 m cells; how
 /// many rays or photons; order of images; reflections before and after edges.  It calibrates itself on the scene: paths from both ends are
 /// traced at the places until the standard error of a value is 0.7 of the target, less with few places (or 1,024 runs of 512 rays), 0.35
-/// where nothing holds against these, each candidate is tried there with four seeds (4,096 rays and more: one; fields: the worse of two),
-/// and the cheapest of those within 0.85 of the target, for `poses` responses, is taken.  With several sites a candidate's errors are the
-/// largest of them, its costs their mean.
+/// where nothing holds against these or something far cheaper may, each candidate is tried there with four seeds (4,096 rays and more: one;
+/// fields: the worse of two), and the cheapest of those within 0.85 of the target, for `poses` responses, is taken.  With several sites a
+/// candidate's errors are the largest of them, its costs their mean.
 ///
 /// Predicted errors are those at the places and one standard error more.  Costs are measured, so of two choices of about equal cost either
 /// may be taken from run to run; the bits are a function of the choice.  Cost: some seconds a site; a target half as large takes up to four
