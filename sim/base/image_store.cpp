@@ -191,6 +191,13 @@ bool ImageStore::save(std::uint64_t key, std::span<const std::byte> image) {
   return true;
 }
 
+std::optional<FileLock> ImageStore::claim(std::uint64_t key, std::chrono::milliseconds patience) {
+  std::error_code ignored;  // a folder that cannot be made is one that no lock lies in
+  std::filesystem::create_directories(config_.folder, ignored);
+  // The ending is that of temporary files: one that a killed process has left goes with those.
+  return FileLock::acquire(config_.folder / fmt::format(".{}.lock.tmp", hex64(key)), patience);
+}
+
 void ImageStore::reject(std::uint64_t key, const std::string& why) {
   const std::filesystem::path path = path_of(key);
   ::unlink(path.c_str());

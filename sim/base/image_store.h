@@ -1,5 +1,6 @@
 #pragma once
 
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
@@ -8,6 +9,8 @@
 #include <optional>
 #include <span>
 #include <string>
+
+#include "sim/base/file_lock.h"
 
 namespace earshot {
 
@@ -41,6 +44,11 @@ class ImageStore {
   bool save(std::uint64_t key, std::span<const std::byte> image);
   /// Removes an image whose hash is right and whose content is unusable, and warns.
   void reject(std::uint64_t key, const std::string& why);
+
+  /// Waits until no other process or thread makes the image of `key`, then keeps them from it as long as the result lives: who holds it
+  /// loads once more, and makes what is still missing.  nullopt, and the caller goes on without, if the folder cannot be written or
+  /// another one takes longer than `patience`.
+  [[nodiscard]] std::optional<FileLock> claim(std::uint64_t key, std::chrono::milliseconds patience);
 
   [[nodiscard]] std::filesystem::path path_of(std::uint64_t key) const;
 

@@ -20,6 +20,9 @@ using Field = std::shared_ptr<const SourceField>;
 /// Ending of the file names.  What an image holds has a version of its own, which SourceField checks.
 constexpr const char* kSuffix = "field";
 
+/// For another process that builds the same field: far longer than that takes, unless the process has been stopped.
+constexpr std::chrono::minutes kPatience(10);
+
 double seconds_since(std::chrono::steady_clock::time_point start) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
@@ -65,9 +68,19 @@ struct SourceFieldStore::Impl {
   Field make(std::uint64_t key, const AcousticScene& scene, const EarlyCandidates& candidates,
              const std::function<void(double fraction)>& progress) {
     const auto start = std::chrono::steady_clock::now();
+    std::error_code unknown;
+    const bool was_missing = files && !std::filesystem::exists(files->path_of(key), unknown);
     if (Field loaded = load(key, scene, candidates)) {
       count(false, loaded, seconds_since(start));
       return loaded;
+    }
+    // Workers that begin together ask for the same fields at once: the others wait for the first, and read what it has written.
+    const std::optional<FileLock> claimed = files ? files->claim(key, kPatience) : std::nullopt;
+    if (files) {
+      if (Field loaded = was_missing ? load(key, scene, candidates) : nullptr) {  // a damaged file is not read, and warned of, twice
+        count(false, loaded, seconds_since(start));
+        return loaded;
+      }
     }
     // While this thread waits for parallel work, it must not pick up a task that waits for this very field.
     Field built = tbb::this_task_arena::isolate([&] { return build_source_field(scene, candidates, progress); });

@@ -28,7 +28,8 @@ struct FieldCounters {
 
 /// Source fields that are made once: cached in memory, and in a folder common to all agents, episodes, runs and worker processes.  A field
 /// is always refined to the target of its config, so its bits do not depend on where it comes from.  Thread-safe; threads that request the
-/// same field wait for one.  Two processes may both build one: either result is valid.
+/// same field wait for one, and so do processes that share the folder: one builds, the others read.  After ten minutes, or where the folder
+/// knows no locks, they build as well: either result is valid.
 class SourceFieldStore {
  public:
   explicit SourceFieldStore(FieldStoreConfig config);
