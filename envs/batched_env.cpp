@@ -51,6 +51,7 @@ BatchedEnv::Impl::Impl(const EnvConfig& env_config, std::shared_ptr<const Episod
       first_env(first),
       total_envs(total > 0 ? total : first + num_envs),
       block_samples((validate(config), static_cast<int>(std::lround(config.acoustics.sample_rate_hz * config.task.step_time_s)))),
+      oracle(set->episodes.size()),
       sounds(config.observation.spectrogram ? std::span<const Episode>(set->episodes) : std::span<const Episode>{}, config.sound_root,
              config.acoustics.sample_rate_hz, config.sound_gain),
       renderer(config.observation.camera),

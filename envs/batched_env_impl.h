@@ -14,6 +14,7 @@
 #include "envs/agent_hearing.h"
 #include "envs/batched_env.h"
 #include "envs/env_state.h"
+#include "envs/oracle_counts.h"
 #include "envs/sound_library.h"
 #include "sim/base/denormals.h"
 #include "sim/base/errors.h"
@@ -70,6 +71,7 @@ struct BatchedEnv::Impl {
   std::shared_ptr<SceneCache> scenes;
   int first_env, total_envs;
   int block_samples;
+  OracleCounts oracle;
   SoundLibrary sounds;
   RayRenderer renderer;
   std::vector<Agent> agents;

@@ -104,8 +104,10 @@ void BatchedEnv::Impl::enter_episode(std::size_t env) {
     return report(env, Fault::path, start ? "no walkable path leads from its start to its goal" : "its start is off the walkable surface");
   const double heading_rad = heading_of(episode.start_rotation);
   // Counted here and not read from the file: published sets count 1 m steps and 90 degree turns (docs/conventions.md, section 7).
-  const auto oracle_actions = count_oracle_actions(task, navmesh, field, *start, heading_rad);
-  agent.state.begin(task, field, *start, heading_rad, oracle_actions.value_or(episode.num_action));
+  const int oracle_actions = oracle.of(agent.episode_index, [&] {
+    return std::max(1, count_oracle_actions(task, navmesh, field, *start, heading_rad).value_or(episode.num_action));
+  });
+  agent.state.begin(task, field, *start, heading_rad, oracle_actions);
   if (config.observation.spectrogram) {
     const LibrarySound& sound = sounds.sound(episode.sound);
     const RandomStream random(config.seed, Purpose::sound, global_id(env), static_cast<std::uint32_t>(agent.episode_count));
