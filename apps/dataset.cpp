@@ -11,7 +11,7 @@ namespace {
 struct Options {
   std::vector<std::string> scenes, overrides;
   std::string config, out, sounds;
-  int count = 50;
+  int count = 50, goals = 0;
   std::uint64_t seed = 0;
 };
 
@@ -34,6 +34,7 @@ void run_dataset(const Options& options) {
   config.train.file = options.out;
   config.train.scenes = options.scenes;
   config.train.episodes_per_scene = options.count;
+  config.train.goals_per_scene = options.goals;
   config.train.seed = options.seed;
   if (!options.sounds.empty()) config.train.sounds = {options.sounds};
   if (config.train.sounds.empty()) config.train.sounds = {"synth:telephone"};
@@ -49,6 +50,10 @@ void add_dataset(CLI::App& app) {
   CLI::App* episodes = dataset->add_subcommand("episodes", "Draw AV-Nav episodes in scenes and write them as AudioNav JSON(.gz)");
   episodes->add_option("SCENE", options->scenes, "Scenes; house:10..14,rooms=3 stands for five houses");
   episodes->add_option("--count", options->count, "Episodes per scene")->capture_default_str();
+  episodes
+      ->add_option("--goals-per-scene", options->goals,
+                   "Places of the source that the episodes of a scene share, far from each other; 0: each has one of its own")
+      ->capture_default_str();
   episodes->add_option("--out", options->out, "File to write; .gz compresses");
   episodes->add_option(
       "--sounds", options->sounds,

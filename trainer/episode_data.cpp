@@ -29,8 +29,8 @@ EpisodeSet generate_data(const DataConfig& data, const EnvConfig& env) {
   EpisodeSet set;
   for (std::size_t i = 0; i < scenes.size(); ++i) {
     const auto scene = cache->scene(scenes[i]);
-    auto episodes =
-        generate_episodes(scenes[i], *scene->scene, scene->navmesh, env.task, data.filter, sounds, data.episodes_per_scene, data.seed);
+    auto episodes = generate_episodes(scenes[i], *scene->scene, scene->navmesh, env.task, data.filter, sounds, data.episodes_per_scene,
+                                      data.seed, data.goals_per_scene);
     for (auto& episode : episodes) {
       episode.episode_id = std::to_string(set.episodes.size());
       set.episodes.push_back(std::move(episode));
@@ -55,6 +55,8 @@ std::map<std::string, std::string> generator_keys(const DataConfig& data, const 
                              "env.task.ear_height_m", "env.task.source_height_m"})
       if (key == used) keys.emplace(key, value);
   }
+  // A goal of its own for each episode is what sets had before they could share any: those stay valid.
+  if (data.goals_per_scene == 0) keys.erase("data.goals_per_scene");
   return keys;
 }
 

@@ -17,6 +17,7 @@ struct DataConfig {
   std::vector<std::string> scenes;  ///< SCENEs; "house:10..14,rooms=3" stands for five of them
   std::vector<std::string> sounds;  ///< drawn per episode; "synth:bird:0..3" stands for four, a folder for its sound files
   int episodes_per_scene = 50;
+  int goals_per_scene = 0;  ///< places of the source that the episodes of a scene share, far from each other; 0: each has one of its own
   std::uint64_t seed = 0;
   EpisodeFilter filter;
 };
@@ -37,7 +38,15 @@ struct RunConfig {
   EnvConfig env;
   PolicyConfig policy;
   PpoConfig ppo;
-  DataConfig train, eval;
+  DataConfig train = shared_goals(), eval;
+
+  /// Training visits a scene thousands of times: ten goals teach it, and a source field made for each serves thousands of responses.
+  /// Evaluation asks about goals that were not seen, a new one in every episode.
+  static DataConfig shared_goals() {
+    DataConfig data;
+    data.goals_per_scene = 10;
+    return data;
+  }
 };
 
 /// Reads and validates a run config.  Throws InputError: what, where, what to do.

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <glm/geometric.hpp>
 #include <map>
@@ -17,8 +18,8 @@ const std::vector<std::string> kSounds = {"synth:telephone", "synth:alarm", "syn
 
 struct World {
   explicit World(const std::string& spec) : id(spec), scene(load_scene(spec)), navmesh(scene.mesh(), NavmeshConfig{}) {}
-  std::vector<Episode> generate(int count, std::uint64_t seed, EpisodeFilter filter = {}) const {
-    return generate_episodes(id, scene, navmesh, TaskConfig{}, filter, kSounds, count, seed);
+  std::vector<Episode> generate(int count, std::uint64_t seed, EpisodeFilter filter = {}, int num_goals = 0) const {
+    return generate_episodes(id, scene, navmesh, TaskConfig{}, filter, kSounds, count, seed, num_goals);
   }
   std::string id;
   Scene scene;
@@ -97,6 +98,46 @@ TEST(EpisodeGenerator, StartsAreUniformOverTheFloor) {
     }
     EXPECT_LT(chi_square, 16.3);
   }
+}
+
+TEST(EpisodeGenerator, SharedGoalsAreFewFreeAndFarApart) {
+  const World& world = house();
+  const auto goals = spread_goals(world.id, world.scene, world.navmesh, TaskConfig{}, EpisodeFilter{}, 10, 4);
+  ASSERT_EQ(goals.size(), 10u);
+  // The closest two of ten uniform places of A m2 lie about sqrt(A) / (2 * 9.5) apart (mean over pairs of exponential areas), and hardly
+  // ever over twice that; of a spread set they are near sqrt(A / 10) / 2.
+  float closest_m = 1e9f;
+  for (std::size_t i = 0; i < goals.size(); ++i) {
+    EXPECT_FALSE(world.scene.rays().occluded(goals[i] + glm::vec3(0, 0.3f, 0), goals[i] + glm::vec3(0, 1.5f, 0)));
+    for (std::size_t j = 0; j < i; ++j) closest_m = std::min(closest_m, glm::length(goals[i] - goals[j]));
+  }
+  EXPECT_GT(closest_m, 2.f * std::sqrt(world.navmesh.main_area_m2()) / 19.f);
+  // The first goals do not depend on how many follow.
+  const auto fewer = spread_goals(world.id, world.scene, world.navmesh, TaskConfig{}, EpisodeFilter{}, 4, 4);
+  EXPECT_TRUE(std::equal(fewer.begin(), fewer.end(), goals.begin()));
+  EXPECT_NE(spread_goals(world.id, world.scene, world.navmesh, TaskConfig{}, EpisodeFilter{}, 1, 5)[0], goals[0]);
+
+  const EpisodeFilter filter;
+  std::map<std::size_t, int> used;
+  for (const Episode& episode : world.generate(60, 4, filter, 10)) {
+    const auto found = std::find(goals.begin(), goals.end(), glm::vec3(episode.goal_position));
+    ASSERT_NE(found, goals.end());
+    ++used[static_cast<std::size_t>(found - goals.begin())];
+    const auto path_m = world.navmesh.path_length_m(episode.start_position, episode.goal_position);
+    ASSERT_TRUE(path_m);
+    EXPECT_NEAR(*path_m, episode.geodesic_distance_m, 0.02f * *path_m + 0.05f);
+    EXPECT_GE(episode.geodesic_distance_m, filter.min_geodesic_m);
+  }
+  EXPECT_GE(used.size(), 5u);  // those in the middle of the house may be too near to everywhere
+}
+
+TEST(EpisodeGenerator, SharedGoalsKeepAPrefixAndTheirSeed) {
+  const auto first = house().generate(12, 5, {}, 6), again = house().generate(12, 5, {}, 6), fewer = house().generate(5, 5, {}, 6);
+  for (std::size_t i = 0; i < first.size(); ++i) {
+    EXPECT_TRUE(same(first[i], again[i]));
+    EXPECT_TRUE(i >= fewer.size() || same(first[i], fewer[i]));
+  }
+  EXPECT_THROW(house().generate(1, 1, {}, -1), InputError);
 }
 
 TEST(EpisodeGenerator, ImpossibleFiltersAndEmptyListsAreRefused) {

@@ -7,6 +7,7 @@
 #include "sim/base/errors.h"
 #include "tests/support/test_paths.h"
 #include "trainer/effective_config.h"
+#include "trainer/episode_data.h"
 
 namespace earshot {
 namespace {
@@ -52,6 +53,17 @@ TEST(RunConfig, SeedReachesEnvAndPolicyUnlessTheySayOtherwise) {
   EXPECT_EQ(config.env.seed, 7u);
   EXPECT_EQ(config.policy.seed, 9u);
   EXPECT_EQ(config.env.task.max_steps, 33);
+}
+
+// Sets of evaluations stay what they were: a goal per episode.
+TEST(RunConfig, TrainingSharesGoalsAndEvaluationDoesNot) {
+  const RunConfig config = parse_run_config("", "run.yaml", {});
+  EXPECT_EQ(config.train.goals_per_scene, 10);
+  EXPECT_EQ(config.eval.goals_per_scene, 0);
+  EXPECT_FALSE(generator_keys(config.eval, config.env).contains("data.goals_per_scene"));
+  EXPECT_EQ(generator_keys(config.train, config.env).at("data.goals_per_scene"), "10");
+  EXPECT_THAT(message_of("data: {train: {goals_per_scene: -1}}"), HasSubstr("goals_per_scene = -1"));
+  EXPECT_THAT(message_of("data: {eval: {goal_per_scene: 1}}"), HasSubstr("did you mean 'goals_per_scene'"));
 }
 
 // What a checkpoint holds: all keys, so that it means the same when the defaults have changed.
