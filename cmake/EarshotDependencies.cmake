@@ -5,7 +5,7 @@ set(EARSHOT_HEADERS_sim
   embree3/rtcore.h libembree-dev  tbb/parallel_for.h libtbb-dev  assimp/Importer.hpp libassimp-dev  meshoptimizer.h libmeshoptimizer-dev
   Recast.h librecast-dev  DetourNavMesh.h librecast-dev  glm/glm.hpp libglm-dev  sndfile.h libsndfile1-dev  libavutil/tx.h libavutil-dev
   libswresample/swresample.h libswresample-dev  mysofa.h libmysofa-dev  xxhash.h libxxhash-dev  yaml-cpp/yaml.h libyaml-cpp-dev
-  nlohmann/json.hpp nlohmann-json3-dev  fmt/format.h libfmt-dev)
+  nlohmann/json.hpp nlohmann-json3-dev  fmt/format.h libfmt-dev  png.h libpng-dev  turbojpeg.h libturbojpeg0-dev)
 set(EARSHOT_HEADERS_envs zlib.h zlib1g-dev  spdlog/spdlog.h libspdlog-dev)
 set(EARSHOT_HEADERS_policy torch/torch.h libtorch-dev)
 set(EARSHOT_HEADERS_trainer zmq.h libzmq3-dev  zmq.hpp cppzmq-dev  msgpack.hpp libmsgpack-cxx-dev)
@@ -67,6 +67,8 @@ function(earshot_find_packages)
     earshot_import(mysofa mysofa.h mysofa)
     earshot_import(xxhash xxhash.h xxhash)
     earshot_import(recast Recast.h Recast Detour)
+    earshot_import(png png.h png)
+    earshot_import(turbojpeg turbojpeg.h turbojpeg)
   endif()
   if("envs" IN_LIST ARGN)
     find_package(spdlog REQUIRED)

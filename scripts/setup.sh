@@ -28,6 +28,8 @@ packages=(
   libspdlog-dev=1:1.10.0+ds-0.4
   libxxhash-dev=0.8.1-1
   zlib1g-dev
+  libpng-dev=1.6.39-2+deb12u6
+  libturbojpeg0-dev=1:2.1.5-2
   libgtest-dev=1.12.1-0.2
   libgmock-dev=1.12.1-0.2
   libbenchmark-dev=1.7.1-1

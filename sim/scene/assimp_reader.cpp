@@ -2,11 +2,13 @@
 
 #include <assimp/DefaultIOSystem.h>
 #include <assimp/MemoryIOWrapper.h>
+#include <assimp/material.h>
 #include <assimp/mesh.h>
 #include <assimp/scene.h>
 #include <fmt/format.h>
 
 #include <assimp/Importer.hpp>
+#include <cmath>
 #include <glm/ext/matrix_transform.hpp>
 #include <span>
 
@@ -66,6 +68,30 @@ MeshPart make_part(const aiScene& scene, const aiMesh& part, std::string object,
   return {std::move(object), material_name(scene, part), to_file, std::move(positions), std::move(corners)};
 }
 
+/// Numbers of a damaged file may be anything.
+float finite_or_zero(float value) { return std::isfinite(value) ? value : 0.f; }
+
+/// has_materials: the file has a library of them.  Without one Assimp makes them up, with a grey of its own.
+void add_looks(const aiScene& scene, const aiMesh& from, bool has_materials, MeshPart& part) {
+  if (from.HasTextureCoords(0)) {
+    for (unsigned i = 0; i < from.mNumVertices; ++i)
+      part.uvs.emplace_back(finite_or_zero(from.mTextureCoords[0][i].x), finite_or_zero(from.mTextureCoords[0][i].y));
+  }
+  if (from.HasVertexColors(0)) {
+    for (unsigned i = 0; i < from.mNumVertices; ++i) {
+      const aiColor4D color = from.mColors[0][i];
+      part.colors.emplace_back(finite_or_zero(color.r), finite_or_zero(color.g), finite_or_zero(color.b));
+    }
+  }
+  if (!has_materials || from.mMaterialIndex >= scene.mNumMaterials) return;
+  const aiMaterial& material = *scene.mMaterials[from.mMaterialIndex];
+  aiColor3D diffuse;
+  if (material.Get(AI_MATKEY_COLOR_DIFFUSE, diffuse) == aiReturn_SUCCESS)
+    part.base_color = {{finite_or_zero(diffuse.r), finite_or_zero(diffuse.g), finite_or_zero(diffuse.b)}};
+  aiString file;
+  if (material.GetTexture(aiTextureType_DIFFUSE, 0, &file) == aiReturn_SUCCESS) part.texture = file.C_Str();
+}
+
 /// Gives Assimp the bytes of one file from memory; other files that it opens (the material library of an OBJ) come from disk.
 class FileInMemory : public Assimp::DefaultIOSystem {
  public:
@@ -83,12 +109,13 @@ class FileInMemory : public Assimp::DefaultIOSystem {
 
 }  // namespace
 
-std::vector<MeshPart> read_parts_with_assimp(const std::filesystem::path& path) {
+std::vector<MeshPart> read_parts_with_assimp(const std::filesystem::path& path, bool with_looks) {
   const std::string where = path.string(), extension = fold_case(path.extension().string());
   std::string bytes = read_file(path);
   const CoordinateText format = extension == ".ply" ? CoordinateText::ply : extension == ".obj" ? CoordinateText::obj : CoordinateText::stl;
   const glm::dvec3 file_origin = prepare_coordinates(bytes, format);
   if (format == CoordinateText::ply) check_ply_header(bytes, where);
+  const bool has_materials = format == CoordinateText::obj && bytes.find("mtllib") != std::string::npos;
   Assimp::Importer importer;
   importer.SetIOHandler(new FileInMemory(where, bytes));  // the importer owns it
   const aiScene* scene = nullptr;
@@ -118,6 +145,7 @@ std::vector<MeshPart> read_parts_with_assimp(const std::filesystem::path& path) 
       std::string object = node->mName.length ? node->mName.C_Str() : part.mName.C_Str();
       if (object.empty()) object = path.stem().string();
       parts.push_back(make_part(*scene, part, std::move(object), to_file, where));
+      if (with_looks) add_looks(*scene, part, has_materials, parts.back());
     }
     for (unsigned i = node->mNumChildren; i-- > 0;) pending.push_back({node->mChildren[i], to_file});
   }
@@ -131,6 +159,11 @@ void read_with_assimp(const std::filesystem::path& path, const glm::dmat4& file_
     builder.append(part.object, part.material, file_to_world * part.to_file, part.positions, part.corners);
 }
 
+std::vector<MeshPart> read_visual_parts(const std::filesystem::path& path) {
+  const std::string where = path.string();
+  return decode_parts(call_isolated(reader_program(), {"visual", where}, where, limits_for_file(path)), where);
+}
+
 std::string encode_parts(const std::vector<MeshPart>& parts) {
   ByteWriter writer;
   writer.put(static_cast<std::uint64_t>(parts.size()));
@@ -140,6 +173,10 @@ std::string encode_parts(const std::vector<MeshPart>& parts) {
     writer.put(part.to_file);
     writer.put_list(part.positions);
     writer.put_list(part.corners);
+    writer.put_list(part.uvs);
+    writer.put_list(part.colors);
+    writer.put_list(part.base_color);
+    writer.put_text(part.texture);
   }
   return writer.take();
 }
@@ -154,6 +191,10 @@ std::vector<MeshPart> decode_parts(std::string_view bytes, const std::string& wh
     part.to_file = reader.take<glm::dmat4>();
     part.positions = reader.take_list<glm::vec3>();
     part.corners = reader.take_list<std::uint32_t>();
+    part.uvs = reader.take_list<glm::vec2>();
+    part.colors = reader.take_list<glm::vec3>();
+    part.base_color = reader.take_list<glm::vec3>();
+    part.texture = reader.take_text();
     parts.push_back(std::move(part));
   }
   reader.finish();

@@ -119,7 +119,7 @@ std::size_t read_size(const Json& json, const char* key, std::optional<std::size
 
 void GltfAsset::fail(const std::string& what) const { throw InputError(where_, what, "export the file again"); }
 
-GltfAsset::GltfAsset(const std::filesystem::path& path) : where_(path.string()), bytes_(read_file(path)) {
+GltfAsset::GltfAsset(const std::filesystem::path& path) : path_(path), where_(path.string()), bytes_(read_file(path)) {
   std::string_view text = bytes_;
   std::string_view binary_chunk;
   if (text.starts_with("glTF")) {
@@ -152,20 +152,29 @@ GltfAsset::GltfAsset(const std::filesystem::path& path) : where_(path.string()),
     if (!buffers[i].contains("uri")) {
       bytes = binary_chunk;
     } else {
-      const auto uri = buffers[i]["uri"].get<std::string>();
-      if (uri.starts_with("data:")) {
-        const std::size_t comma = uri.find(',');
-        std::optional<std::string> decoded =
-            decode_base64(std::string_view(uri).substr(comma == std::string::npos ? uri.size() : comma + 1));
-        if (!decoded) fail(fmt::format("buffer {} is not base64", i));
-        bytes = std::move(*decoded);
-      } else {
-        bytes = read_file(path.parent_path() / decode_percent(uri));
-      }
+      bytes = read_uri(buffers[i]["uri"].get<std::string>(), fmt::format("buffer {}", i));
     }
     if (bytes.size() < size) fail(fmt::format("buffer {} has {} bytes where {} are promised", i, bytes.size(), size));
     buffers_.push_back(std::move(bytes));
   }
+}
+
+std::string GltfAsset::read_uri(const std::string& uri, const std::string& holder) const {
+  if (!uri.starts_with("data:")) return read_file(path_.parent_path() / decode_percent(uri));
+  const std::size_t comma = uri.find(',');
+  std::optional<std::string> decoded = decode_base64(std::string_view(uri).substr(comma == std::string::npos ? uri.size() : comma + 1));
+  if (!decoded) fail(fmt::format("{} is not base64", holder));
+  return std::move(*decoded);
+}
+
+std::string GltfAsset::read_image(std::size_t index) const {
+  const Json& image = json_.at("images").at(index);
+  if (image.contains("uri")) return read_uri(image["uri"].get<std::string>(), fmt::format("image {}", index));
+  const Json& view = json_.at("bufferViews").at(read_size(image, "bufferView"));
+  const std::string& buffer = buffers_.at(read_size(view, "buffer"));
+  const std::size_t offset = read_size(view, "byteOffset", 0), size = read_size(view, "byteLength");
+  if (offset > buffer.size() || size > buffer.size() - offset) fail("a buffer view reaches past its buffer");
+  return buffer.substr(offset, size);
 }
 
 double GltfAsset::Numbers::at(std::size_t element, std::size_t component) const {
@@ -205,7 +214,9 @@ GltfAsset::Numbers GltfAsset::locate(const Json& holder, std::size_t count, std:
 std::vector<double> GltfAsset::read_accessor(std::size_t index, std::size_t components) const {
   const Json& accessor = json_.at("accessors").at(index);
   const std::string shape = accessor.at("type").get<std::string>();
-  if (shape != (components == 3 ? "VEC3" : "SCALAR")) fail(fmt::format("accessor {} is {}", index, shape));
+  constexpr const char* shapes[] = {"SCALAR", "VEC2", "VEC3", "VEC4"};
+  EARSHOT_EXPECT(components >= 1 && components <= 4);
+  if (shape != shapes[components - 1]) fail(fmt::format("accessor {} is {}", index, shape));
   const std::size_t count = read_size(accessor, "count");
   const int type = static_cast<int>(std::min<std::size_t>(read_size(accessor, "componentType"), 1u << 20));
   const double scale = accessor.value("normalized", false) ? 1.0 / normalizer(type) : 1.0;

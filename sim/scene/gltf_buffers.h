@@ -22,6 +22,10 @@ class GltfAsset {
   [[nodiscard]] std::vector<glm::vec3> read_positions(std::size_t accessor) const;
   /// SCALAR accessor of unsigned integers.
   [[nodiscard]] std::vector<std::uint32_t> read_indices(std::size_t accessor) const;
+  /// Accessor of any type with `components` numbers per element (1 to 4), flat; integers are scaled as in read_positions.
+  [[nodiscard]] std::vector<double> read_accessor(std::size_t accessor, std::size_t components) const;
+  /// The encoded bytes of an image, which lie in a buffer view, in the JSON, or in a file of their own.
+  [[nodiscard]] std::string read_image(std::size_t image) const;
 
  private:
   /// Numbers in a buffer: `count` elements of `components`, checked to lie within their buffer view.
@@ -32,9 +36,10 @@ class GltfAsset {
     [[nodiscard]] double at(std::size_t element, std::size_t component) const;
   };
   [[nodiscard]] Numbers locate(const nlohmann::json& holder, std::size_t count, std::size_t components, int type) const;
-  [[nodiscard]] std::vector<double> read_accessor(std::size_t accessor, std::size_t components) const;
+  [[nodiscard]] std::string read_uri(const std::string& uri, const std::string& holder) const;
   [[noreturn]] void fail(const std::string& what) const;
 
+  std::filesystem::path path_;
   std::string where_;
   std::string bytes_;  ///< of the main file
   nlohmann::json json_;

@@ -49,7 +49,9 @@ std::vector<std::uint32_t> triangle_corners(const std::vector<std::uint32_t>& in
 
 class GltfReader {
  public:
-  GltfReader(const std::filesystem::path& path, MeshBuilder& builder) : where_(path.string()), asset_(path), builder_(builder) {
+  using Visit = std::function<void(const GltfPrimitive&)>;
+
+  GltfReader(const std::filesystem::path& path, const Visit& visit) : where_(path.string()), asset_(path), visit_(visit) {
     for (const Json& extension : list("extensionsRequired")) {
       const auto name = extension.get<std::string>();
       if (name == "KHR_draco_mesh_compression" || name == "EXT_meshopt_compression" || name == "EXT_mesh_gpu_instancing") {
@@ -118,14 +120,14 @@ class GltfReader {
     for (const Json& primitive : mesh.at("primitives")) {
       const Json& attributes = primitive.at("attributes");
       if (!attributes.contains("POSITION")) continue;
-      const std::vector<glm::vec3> positions = asset_.read_positions(attributes["POSITION"].get<std::size_t>());
+      std::vector<glm::vec3> positions = asset_.read_positions(attributes["POSITION"].get<std::size_t>());
       std::vector<std::uint32_t> indices(primitive.contains("indices") ? 0 : positions.size());
       if (primitive.contains("indices"))
         indices = asset_.read_indices(primitive["indices"].get<std::size_t>());
       else
         std::iota(indices.begin(), indices.end(), 0u);
-      builder_.append(object, material_name(primitive), to_world, positions,
-                      triangle_corners(indices, primitive.value("mode", std::size_t{4})));
+      std::vector<std::uint32_t> corners = triangle_corners(indices, primitive.value("mode", std::size_t{4}));
+      visit_({asset_, primitive, object, material_name(primitive), to_world, std::move(positions), std::move(corners)});
     }
   }
 
@@ -138,19 +140,25 @@ class GltfReader {
 
   std::string where_;
   GltfAsset asset_;
-  MeshBuilder& builder_;
+  const Visit& visit_;
 };
 
 }  // namespace
 
-void read_gltf(const std::filesystem::path& path, const glm::dmat4& file_to_world, MeshBuilder& builder) {
+void visit_gltf(const std::filesystem::path& path, const glm::dmat4& file_to_world,
+                const std::function<void(const GltfPrimitive& primitive)>& visit) {
   try {
-    GltfReader(path, builder).append_scene(file_to_world);
+    GltfReader(path, visit).append_scene(file_to_world);
   } catch (const Json::exception& error) {  // a key is missing or of the wrong type
     throw InputError(path.string(), "is not valid glTF: " + one_line(error.what()), "export the file again");
   } catch (const std::out_of_range&) {
     throw InputError(path.string(), "is not valid glTF: an index points nowhere", "export the file again");
   }
+}
+
+void read_gltf(const std::filesystem::path& path, const glm::dmat4& file_to_world, MeshBuilder& builder) {
+  visit_gltf(path, file_to_world,
+             [&](const GltfPrimitive& part) { builder.append(part.object, part.material, part.to_world, part.positions, part.corners); });
 }
 
 }  // namespace earshot

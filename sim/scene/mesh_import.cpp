@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <array>
-#include <glm/mat4x4.hpp>
 
 #include "sim/base/errors.h"
 #include "sim/scene/assimp_reader.h"
@@ -41,6 +40,12 @@ bool is_mesh_file(const std::filesystem::path& path) {
   return std::find(extensions.begin(), extensions.end(), folded_extension(path)) != extensions.end();
 }
 
+glm::dmat4 file_to_world(const MeshImportOptions& options) {
+  const double unit = options.unit_m;
+  return options.up == MeshImportOptions::Up::z ? glm::dmat4(unit, 0, 0, 0, 0, 0, -unit, 0, 0, unit, 0, 0, 0, 0, 0, 1)
+                                                : glm::dmat4(unit, 0, 0, 0, 0, unit, 0, 0, 0, 0, unit, 0, 0, 0, 0, 1);
+}
+
 ImportedMesh import_mesh(const std::filesystem::path& path, const MeshImportOptions& options) {
   EARSHOT_EXPECT(options.unit_m > 0);
   const std::string where = path.string();
@@ -49,14 +54,10 @@ ImportedMesh import_mesh(const std::filesystem::path& path, const MeshImportOpti
   if (!std::filesystem::is_regular_file(path, error)) throw InputError(where, "is not a file", "name a glb, gltf, obj, ply or stl file");
   if (!is_mesh_file(path)) throw InputError(where, "has an unknown extension", "name a glb, gltf, obj, ply or stl file");
 
-  const double unit = options.unit_m;
-  const glm::dmat4 file_to_world = options.up == MeshImportOptions::Up::z
-                                       ? glm::dmat4(unit, 0, 0, 0, 0, 0, -unit, 0, 0, unit, 0, 0, 0, 0, 0, 1)
-                                       : glm::dmat4(unit, 0, 0, 0, 0, unit, 0, 0, 0, 0, unit, 0, 0, 0, 0, 1);
   ImportedMesh imported;
   const std::string extension = folded_extension(path);
   MeshBuilder builder(where, imported.mesh);
-  (extension == ".glb" || extension == ".gltf" ? read_gltf : read_with_assimp)(path, file_to_world, builder);
+  (extension == ".glb" || extension == ".gltf" ? read_gltf : read_with_assimp)(path, file_to_world(options), builder);
   builder.finish();
   imported.report.triangles_read = imported.mesh.triangles.size();
   if (imported.mesh.triangles.empty()) throw InputError(where, "has no triangles", "export the file with its surfaces");

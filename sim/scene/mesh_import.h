@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <glm/mat4x4.hpp>
 
 #include "sim/scene/scene.h"
 #include "sim/scene/triangle_mesh.h"
@@ -13,6 +14,9 @@ struct MeshImportOptions {
   Up up = Up::y;      ///< axis that points up in the file; z is turned to y, right-handed: (x, y, z) -> (x, z, -y)
   double unit_m = 1;  ///< metres per unit of the file, above 0
 };
+
+/// From the coordinates of the file to metres, y up.
+glm::dmat4 file_to_world(const MeshImportOptions& options);
 
 struct ImportedMesh {
   TriangleMesh mesh;
