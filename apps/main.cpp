@@ -33,6 +33,7 @@ int main(int argc, char** argv) {
   earshot::add_scene(app);
   earshot::add_materials(app);
   earshot::add_rir(app);
+  earshot::add_render(app);
   earshot::add_walk(app);
   earshot::add_dataset(app);
   earshot::add_train(app, arguments, exit_code);

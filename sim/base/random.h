@@ -31,6 +31,7 @@ enum class Purpose : std::uint32_t {
   bench = 20,
   surface_sample = 21,
   calibration = 22,
+  depth_noise = 23,
 };
 
 /// Philox4x32-10 (Salmon et al. 2011, "Parallel random numbers: as easy as 1, 2, 3", section 3.3).
