@@ -5,7 +5,8 @@ set(EARSHOT_HEADERS_sim
   embree3/rtcore.h libembree-dev  tbb/parallel_for.h libtbb-dev  assimp/Importer.hpp libassimp-dev  meshoptimizer.h libmeshoptimizer-dev
   Recast.h librecast-dev  DetourNavMesh.h librecast-dev  glm/glm.hpp libglm-dev  sndfile.h libsndfile1-dev  libavutil/tx.h libavutil-dev
   libswresample/swresample.h libswresample-dev  mysofa.h libmysofa-dev  xxhash.h libxxhash-dev  yaml-cpp/yaml.h libyaml-cpp-dev
-  nlohmann/json.hpp nlohmann-json3-dev  fmt/format.h libfmt-dev  png.h libpng-dev  turbojpeg.h libturbojpeg0-dev)
+  nlohmann/json.hpp nlohmann-json3-dev  fmt/format.h libfmt-dev  png.h libpng-dev  turbojpeg.h libturbojpeg0-dev
+  EGL/egl.h libegl-dev  GLES3/gl3.h libgles-dev)
 set(EARSHOT_HEADERS_envs zlib.h zlib1g-dev  spdlog/spdlog.h libspdlog-dev)
 set(EARSHOT_HEADERS_policy torch/torch.h libtorch-dev)
 set(EARSHOT_HEADERS_trainer zmq.h libzmq3-dev  zmq.hpp cppzmq-dev  msgpack.hpp libmsgpack-cxx-dev)
@@ -69,6 +70,8 @@ function(earshot_find_packages)
     earshot_import(recast Recast.h Recast Detour)
     earshot_import(png png.h png)
     earshot_import(turbojpeg turbojpeg.h turbojpeg)
+    earshot_import(gles GLES3/gl3.h GLESv2)
+    earshot_import(egl EGL/egl.h EGL)
   endif()
   if("envs" IN_LIST ARGN)
     find_package(spdlog REQUIRED)
