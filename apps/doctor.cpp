@@ -21,6 +21,7 @@
 #include "sim/base/errors.h"
 #include "sim/base/isolated_call.h"
 #include "sim/base/version.h"
+#include "sim/vision/egl_device.h"
 
 namespace earshot {
 namespace {
@@ -63,6 +64,28 @@ Finding check_embree() {
                                  rtcGetDeviceProperty(device.get(), RTC_DEVICE_PROPERTY_VERSION_MAJOR),
                                  rtcGetDeviceProperty(device.get(), RTC_DEVICE_PROPERTY_VERSION_MINOR),
                                  rtcGetDeviceProperty(device.get(), RTC_DEVICE_PROPERTY_VERSION_PATCH))};
+}
+
+/// One finding per device that can draw pictures, and what they mean.
+std::vector<Finding> check_egl() {
+  std::vector<Finding> findings;
+  for (const EglDevice& device : list_egl_devices()) {
+    std::string text = device.surfaceless ? "without a device of its own" : fmt::format("device {}", device.index);
+    if (!device.uuid.empty()) text += fmt::format(", UUID {}", device.uuid);
+    if (device.cuda) text += fmt::format(", cuda:{}", *device.cuda);
+    if (device.renderer.empty()) {
+      findings.push_back({State::absent, fmt::format("{} gives no OpenGL ES 3: {}", text, device.problem)});
+    } else if (device.software) {
+      findings.push_back({State::absent, fmt::format("{}: {} computes on the CPU, slower than Embree; taken on request only (software)",
+                                                     text, device.renderer)});
+    } else {
+      findings.push_back({State::ok, fmt::format("{}: {}", text, device.renderer)});
+    }
+  }
+  if (findings.empty())
+    findings.push_back(
+        {State::absent, "no device: cameras use Embree; for a GPU install its driver with EGL, without one libgl1-mesa-dri (tests)"});
+  return findings;
 }
 
 /// Real path of the first loaded library whose file name contains `part`, or empty.
@@ -152,6 +175,7 @@ void run_doctor() {
   print("CPU", {State::ok, fmt::format("{}, {} cores for this process", cpu_model(), std::thread::hardware_concurrency())});
   print("vectors", check_vectors());
   print("Embree", check_embree());
+  for (const Finding& finding : check_egl()) print("EGL", finding);
   print("reader", check_reader());
   print("BLAS", check_blas());
   print("libtorch", check_torch());

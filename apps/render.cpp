@@ -15,6 +15,7 @@
 #include "sim/base/errors.h"
 #include "sim/scene/appearance.h"
 #include "sim/scene/surface_palette.h"
+#include "sim/vision/egl_renderer.h"
 #include "sim/vision/embree_camera.h"
 #include "sim/vision/png_file.h"
 
@@ -22,7 +23,7 @@ namespace earshot {
 namespace {
 
 struct Options {
-  std::string scene, pose, sensor = "rgb", size = "512x512", renderer = "embree", out;
+  std::string scene, pose, sensor = "rgb", size = "512x512", renderer = "embree", device = "auto", out;
   double fov_deg = 90, height_m = 1.25, yaw_deg = 0, pitch_deg = 0, max_depth_m = 10;
   std::optional<double> unit_m;
   bool panorama = false, unlit = false;
@@ -35,7 +36,7 @@ Pose parse_pose(const std::string& text, const Scene& scene) {
   const char* end = text.data() + text.size();
   const auto parsed = last == std::string::npos ? std::from_chars_result{text.data(), std::errc::invalid_argument}
                                                 : std::from_chars(text.data() + last + 1, end, heading_deg);
-  if (parsed.ec != std::errc() || parsed.ptr != end || !(std::fabs(heading_deg) <= 1e6))
+  if (std::count(text.begin(), text.end(), ',') != 3 || parsed.ec != std::errc() || parsed.ptr != end || !(std::fabs(heading_deg) <= 1e6))
     throw InputError("--pose " + text, "is not a pose", "write the foot point in metres and the heading in degrees: 1.2,0,0.8,90");
   return {.position = scene.to_local(parse_point(text.substr(0, last), "--pose")), .heading_rad = heading_deg * std::numbers::pi / 180.0};
 }
@@ -89,14 +90,21 @@ void run_render(const Options& options) {
   const CameraSensorConfig config = camera_of(options);
   SceneOverrides overrides;
   overrides.unit_m = options.unit_m;
-  const Scene scene = load_scene(options.scene, overrides);
+  const auto shared_scene = std::make_shared<const Scene>(load_scene(options.scene, overrides));
+  const Scene& scene = *shared_scene;
   const Pose pose = parse_pose(options.pose, scene);
   const auto pixels = static_cast<std::size_t>(config.width_px) * static_cast<std::size_t>(config.height_px);
   std::shared_ptr<const Appearance> appearance;
   if (options.sensor == "rgb" || options.sensor == "semantic") appearance = load_appearance(scene, overrides);
   if (appearance)
     for (const std::string& warning : appearance->warnings) fmt::print("warning: {}\n", warning);
-  const auto render = [&](const CameraImages& images) { EmbreeCamera(config).render(scene, appearance.get(), pose, images); };
+  const auto render = [&](const CameraImages& images) {
+    if (options.renderer == "embree") return EmbreeCamera(config).render(scene, appearance.get(), pose, images);
+    const EglView view{shared_scene, appearance, pose, images};
+    EglRenderer renderer({.device = options.device});
+    renderer.render(config, {&view, 1});
+    fmt::print("drawn by {}\n", renderer.device_name());
+  };
 
   if (options.sensor == "depth") {
     std::vector<float> depth(pixels);
@@ -138,6 +146,13 @@ void add_render(CLI::App& app) {
           "--sensor", options->sensor,
           "depth (16 bits of grey), rgb, semantic (palette image, the indices are the categories), or normals (camera axes, 128 is 0)")
       ->check(CLI::IsMember({"depth", "rgb", "semantic", "normals"}))
+      ->capture_default_str();
+  command->add_option("--renderer", options->renderer, "embree (rays, on the CPU) or egl (OpenGL ES, without a display)")
+      ->check(CLI::IsMember({"embree", "egl"}))
+      ->capture_default_str();
+  command
+      ->add_option("--device", options->device,
+                   "Of egl: auto (hardware only), software (Mesa on the CPU), a number of `earshot doctor`, a UUID, or cuda:N")
       ->capture_default_str();
   command->add_option("--size", options->size, "WIDTHxHEIGHT in pixels")->capture_default_str();
   command->add_option("--fov", options->fov_deg, "Horizontal field of view in degrees")->capture_default_str();

@@ -48,7 +48,7 @@ Report doctor(const std::string& variables) {
 TEST(Doctor, HasALineForEveryPart) {
   const Report report = doctor("");
   EXPECT_EQ(report.exit_code, 0) << report.text;
-  for (const char* part : {"earshot", "CPU", "vectors", "Embree", "reader", "BLAS", "libtorch", "test data"})
+  for (const char* part : {"earshot", "CPU", "vectors", "Embree", "EGL", "reader", "BLAS", "libtorch", "test data"})
     EXPECT_THAT(report.line(part), ContainsRegex("^(ok|SLOW|none) ")) << part << " in:\n" << report.text;
   EXPECT_THAT(report.line("reader"), StartsWith("ok "));
 }
