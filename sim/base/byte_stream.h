@@ -13,7 +13,8 @@
 
 namespace earshot {
 
-/// Values one after the other as bytes, for an answer from another process of the same program and machine: native order, no version.
+/// Values one after the other as bytes, for another process of the same program and machine, or a file behind a hash and a version: native
+/// order, no padding.
 class ByteWriter {
  public:
   template <class T>
@@ -40,11 +41,14 @@ class ByteWriter {
   std::string bytes_;
 };
 
-/// Reads what ByteWriter wrote.  The file that the other process read may have damaged it, so every length is checked against the bytes
+/// Reads what ByteWriter wrote.  It may be damaged, as by the file that another process read, so every length is checked against the bytes
 /// that are left: a length beyond them throws InputError naming `where`.
 class ByteReader {
  public:
-  ByteReader(std::string_view bytes, std::string where) : bytes_(bytes), where_(std::move(where)) {}
+  ByteReader(std::string_view bytes, std::string where,
+             std::string problem = "makes its reader send an invalid answer: the file is damaged",
+             std::string remedy = "export or fetch the file again")
+      : bytes_(bytes), where_(std::move(where)), problem_(std::move(problem)), remedy_(std::move(remedy)) {}
 
   template <class T>
   T take() {
@@ -72,13 +76,15 @@ class ByteReader {
   void finish() const {
     if (!bytes_.empty()) fail();
   }
-  [[noreturn]] void fail() const {
-    throw InputError(where_, "makes its reader send an invalid answer: the file is damaged", "export or fetch the file again");
+  /// Call for what is read but cannot be.
+  void check(bool holds) const {
+    if (!holds) fail();
   }
+  [[noreturn]] void fail() const { throw InputError(where_, problem_, remedy_); }
 
  private:
   std::string_view bytes_;
-  std::string where_;
+  std::string where_, problem_, remedy_;
 };
 
 }  // namespace earshot

@@ -34,6 +34,7 @@ class CornerGraph {
   explicit CornerGraph(const Surface& surface);
 
   [[nodiscard]] std::span<const Corner> corners() const { return corners_; }
+  [[nodiscard]] std::size_t bytes() const { return bytes_of(corners_) + bytes_of(first_edge_) + bytes_of(edges_); }  ///< of memory
   [[nodiscard]] std::span<const Edge> edges_of(std::uint32_t corner) const {
     return std::span(edges_).subspan(first_edge_[corner], first_edge_[corner + 1] - first_edge_[corner]);
   }

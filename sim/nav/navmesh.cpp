@@ -2,12 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 #include <utility>
 
 #include "sim/base/errors.h"
+#include "sim/base/memory_bytes.h"
 #include "sim/nav/geodesic_field.h"
 #include "sim/nav/navmesh_impl.h"
-#include "sim/rays/embree_scene.h"
 
 namespace earshot {
 namespace {
@@ -58,21 +59,28 @@ OwnedNavMeshQuery make_query(const dtNavMesh& mesh, int num_nodes) {
   return query;
 }
 
-Navmesh::Impl::Impl(const TriangleMesh& mesh, const NavmeshConfig& c)
-    : config(c), navmesh(build_tile(mesh, c)), lookup(make_query(*navmesh, kLookupNodes)) {
-  const dtMeshTile& tile = *std::as_const(*navmesh).getTile(0);
-  first_ref = navmesh->getPolyRefBase(&tile);
-  surface = surface_of(tile);
+Navmesh::Impl::Impl(OwnedNavMesh tile_of, const NavmeshConfig& c)
+    : config(c),
+      navmesh(std::move(tile_of)),
+      first_ref(navmesh->getPolyRefBase(&tile())),
+      surface(surface_of(tile())),
+      lookup(make_query(*navmesh, kLookupNodes)) {
   any_island.setIncludeFlags(kKeptIsland);
   main_only.setIncludeFlags(kMainIsland);
-  choose_islands(mesh);
+  collect_islands();
+}
+
+Navmesh::Impl::Impl(const TriangleMesh& mesh, const NavmeshConfig& c) : Impl(mesh, EmbreeScene(mesh.vertices, mesh.triangles), c) {}
+
+Navmesh::Impl::Impl(const TriangleMesh& mesh, const EmbreeScene& rays, const NavmeshConfig& c) : Impl(build_tile(mesh, rays, c), c) {
+  choose_islands(rays);
+  collect_islands();
 }
 
 // Drops small islands and finds the main one: where agents start.
-void Navmesh::Impl::choose_islands(const TriangleMesh& mesh) {
+void Navmesh::Impl::choose_islands(const EmbreeScene& rays) {
   const auto count = static_cast<std::size_t>(surface.num_islands());
   std::vector<double> area_m2(count, 0), covered_m2(count, 0);
-  const EmbreeScene scene(mesh.vertices, mesh.triangles);
   const int num_polygons = static_cast<int>(surface.polygons().size());
   for (int p = 0; p < num_polygons; ++p) {
     const Surface::Polygon& polygon = surface.polygons()[p];
@@ -80,26 +88,47 @@ void Navmesh::Impl::choose_islands(const TriangleMesh& mesh) {
     for (int i = 0; i < polygon.num_corners; ++i) centre += surface.vertex(p, i) / static_cast<double>(polygon.num_corners);
     area_m2[polygon.island] += surface.area_m2(p);
     const glm::vec3 head = glm::vec3(centre) + glm::vec3(0, config.agent_height_m, 0);
-    if (scene.intersect(head, {0, 1, 0}).valid()) covered_m2[polygon.island] += surface.area_m2(p);
+    if (rays.intersect(head, {0, 1, 0}).valid()) covered_m2[polygon.island] += surface.area_m2(p);
   }
   // A flat roof may be larger than any floor: where a good part of the surface lies under a ceiling, that part counts.
   const auto largest = std::max_element(area_m2.begin(), area_m2.end());
   const auto most_covered = std::max_element(covered_m2.begin(), covered_m2.end());
-  main_island =
+  const auto main =
       static_cast<int>(*most_covered >= kCoveredFraction * *largest ? most_covered - covered_m2.begin() : largest - area_m2.begin());
+  for (int p = 0; p < num_polygons; ++p) {
+    const int island = surface.polygons()[p].island;
+    const bool kept = island == main || area_m2[island] >= static_cast<double>(config.min_region_area_m2);
+    navmesh->setPolyFlags(ref_of(p), static_cast<unsigned short>((kept ? kKeptIsland : 0) | (island == main ? kMainIsland : 0)));
+  }
+}
 
-  for (std::size_t i = 0; i < count; ++i) {
-    if (static_cast<int>(i) != main_island && area_m2[i] < static_cast<double>(config.min_region_area_m2)) continue;
+// What the flags of the polygons say about islands.
+void Navmesh::Impl::collect_islands() {
+  const std::span<const Surface::Polygon> polygons = surface.polygons();
+  const int num_polygons = static_cast<int>(polygons.size());
+  const auto has = [&](int p, NavFlag flag) { return (tile().polys[p].flags & flag) != 0; };
+  std::vector<double> area_m2(static_cast<std::size_t>(surface.num_islands()), 0);
+  std::vector<bool> kept(area_m2.size(), false);
+  main_island = 0;
+  for (int p = num_polygons; p-- > 0;) {
+    if (has(p, kMainIsland)) main_island = polygons[p].island;
+    if (has(p, kKeptIsland)) kept[polygons[p].island] = true;
+  }
+  for (int p = 0; p < num_polygons; ++p) area_m2[polygons[p].island] += surface.area_m2(p);
+  num_kept_islands = 0;
+  kept_area_m2 = 0;
+  for (std::size_t i = 0; i < area_m2.size(); ++i) {
+    if (!kept[i]) continue;
     ++num_kept_islands;
     kept_area_m2 += area_m2[i];
   }
+  main_area_before.clear();
+  main_triangles.clear();
+  main_triangle_polygon.clear();
   double sum_m2 = 0;
   for (int p = 0; p < num_polygons; ++p) {
-    const Surface::Polygon& polygon = surface.polygons()[p];
-    const bool is_main = polygon.island == main_island;
-    const bool kept = is_main || area_m2[polygon.island] >= static_cast<double>(config.min_region_area_m2);
-    navmesh->setPolyFlags(ref_of(p), static_cast<unsigned short>((kept ? kKeptIsland : 0) | (is_main ? kMainIsland : 0)));
-    for (int i = 1; is_main && i + 1 < polygon.num_corners; ++i) {
+    const Surface::Polygon& polygon = polygons[p];
+    for (int i = 1; polygon.island == main_island && i + 1 < polygon.num_corners; ++i) {
       const glm::dvec3 a = surface.vertex(p, 0), b = surface.vertex(p, i), c = surface.vertex(p, i + 1);
       main_area_before.push_back(sum_m2);
       main_triangles.insert(main_triangles.end(), {a, b, c});
@@ -138,7 +167,10 @@ float Navmesh::Impl::height_at(int polygon, glm::vec3 point) const {
 }
 
 const CornerGraph& Navmesh::Impl::corners() const {
-  std::call_once(corners_built_, [this] { corners_ = CornerGraph(surface); });
+  std::call_once(corners_built_, [this] {
+    corners_ = CornerGraph(surface);
+    corners_bytes_.store(corners_.bytes(), std::memory_order_relaxed);
+  });
   return corners_;
 }
 
@@ -146,6 +178,12 @@ Navmesh::Navmesh(const TriangleMesh& mesh, const NavmeshConfig& config) {
   validate(config);
   impl_ = std::make_unique<Impl>(mesh, config);
 }
+std::size_t Navmesh::Impl::bytes() const {
+  return sizeof(Impl) + sizeof(dtNavMesh) + static_cast<std::size_t>(tile().dataSize) + surface.bytes() + bytes_of(main_area_before) +
+         bytes_of(main_triangles) + bytes_of(main_triangle_polygon) + corners_bytes_.load(std::memory_order_relaxed);
+}
+
+Navmesh::Navmesh(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 Navmesh::~Navmesh() = default;
 Navmesh::Navmesh(Navmesh&&) noexcept = default;
 
@@ -178,5 +216,6 @@ float Navmesh::area_m2() const { return static_cast<float>(impl_->kept_area_m2);
 float Navmesh::main_area_m2() const { return static_cast<float>(impl_->main_area_before.back()); }
 int Navmesh::num_islands() const { return impl_->num_kept_islands; }
 const NavmeshConfig& Navmesh::config() const { return impl_->config; }
+std::size_t Navmesh::bytes() const { return impl_->bytes(); }
 
 }  // namespace earshot

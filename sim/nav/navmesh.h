@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <glm/vec3.hpp>
 #include <memory>
@@ -43,8 +44,11 @@ class Navmesh {
   [[nodiscard]] float main_area_m2() const;  ///< of the island that agents start on
   [[nodiscard]] int num_islands() const;
   [[nodiscard]] const NavmeshConfig& config() const;
+  /// Of memory that it holds now; grows with the graph of corners, which the first geodesic field makes.
+  [[nodiscard]] std::size_t bytes() const;
 
   struct Impl;
+  explicit Navmesh(std::unique_ptr<Impl> impl);              ///< for navmesh_image only
   [[nodiscard]] const Impl& impl() const { return *impl_; }  ///< for motion and geodesic_field only
 
  private:

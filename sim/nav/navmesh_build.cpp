@@ -14,7 +14,6 @@
 
 #include "sim/base/errors.h"
 #include "sim/nav/navmesh_impl.h"
-#include "sim/rays/embree_scene.h"
 
 namespace earshot {
 namespace {
@@ -160,14 +159,13 @@ OwnedNavMesh make_tile(const rcConfig& rc, const NavmeshConfig& config, const rc
 
 // Voxel heights are up to a cell too high.  Each vertex is put down on the face below it, so that floors come out flat, walks have
 // their true length and the camera its true height.
-void settle_heights(const dtNavMesh& navmesh, const TriangleMesh& mesh, const rcConfig& rc) {
-  const EmbreeScene scene(mesh.vertices, mesh.triangles);
+void settle_heights(const dtNavMesh& navmesh, const EmbreeScene& rays, const rcConfig& rc) {
   const dtMeshTile& tile = *navmesh.getTile(0);
   const auto settle = [&](float* vertex) {
     const float above_m = rc.ch, reach_m = above_m + 3.f * rc.ch;
     // Right on an edge of two faces a ray may slip through: then the next place, a millimetre beside, serves.
     for (const auto& [dx, dz] : {std::pair{0.f, 0.f}, {1e-3f, 0.5e-3f}, {-0.7e-3f, -1e-3f}}) {
-      const Hit hit = scene.intersect({vertex[0] + dx, vertex[1] + above_m, vertex[2] + dz}, {0, -1, 0}, reach_m);
+      const Hit hit = rays.intersect({vertex[0] + dx, vertex[1] + above_m, vertex[2] + dz}, {0, -1, 0}, reach_m);
       if (!hit.valid()) continue;
       vertex[1] = hit.position.y;
       return;
@@ -179,7 +177,7 @@ void settle_heights(const dtNavMesh& navmesh, const TriangleMesh& mesh, const rc
 
 }  // namespace
 
-OwnedNavMesh build_tile(const TriangleMesh& mesh, const NavmeshConfig& config) {
+OwnedNavMesh build_tile(const TriangleMesh& mesh, const EmbreeScene& rays, const NavmeshConfig& config) {
   if (mesh.triangles.empty()) nothing_walkable();
   const rcConfig rc = recast_config(bounds_of(mesh), config);
   Recast<rcCompactHeightfield> compact;
@@ -194,7 +192,7 @@ OwnedNavMesh build_tile(const TriangleMesh& mesh, const NavmeshConfig& config) {
   check(detail && rcBuildPolyMeshDetail(&context, *polygons, *compact, rc.detailSampleDist, rc.detailSampleMaxError, *detail),
         "detail mesh");
   OwnedNavMesh navmesh = make_tile(rc, config, *polygons, *detail);
-  settle_heights(*navmesh, mesh, rc);
+  settle_heights(*navmesh, rays, rc);
   return navmesh;
 }
 

@@ -3,15 +3,19 @@
 #include <DetourNavMesh.h>
 #include <DetourNavMeshQuery.h>
 
+#include <atomic>
+#include <cstddef>
 #include <glm/vec3.hpp>
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "sim/nav/corner_graph.h"
 #include "sim/nav/navmesh.h"
 #include "sim/nav/surface.h"
+#include "sim/rays/embree_scene.h"
 
 namespace earshot {
 
@@ -30,8 +34,9 @@ enum NavFlag : unsigned short { kKeptIsland = 1, kMainIsland = 2 };
 /// A search writes to its query's node pool, so queries that search are never shared.
 OwnedNavMeshQuery make_query(const dtNavMesh& mesh, int num_nodes);
 
-/// The Recast pipeline, mesh to one Detour tile; every polygon has flag kKeptIsland.  Throws InputError if nothing is walkable.
-OwnedNavMesh build_tile(const TriangleMesh& mesh, const NavmeshConfig& config);
+/// The Recast pipeline, mesh to one Detour tile; every polygon has flag kKeptIsland.  rays: of `mesh`.  Throws InputError if nothing is
+/// walkable.
+OwnedNavMesh build_tile(const TriangleMesh& mesh, const EmbreeScene& rays, const NavmeshConfig& config);
 
 /// A point of the surface and the polygon under it.
 struct Located {
@@ -41,6 +46,8 @@ struct Located {
 
 struct Navmesh::Impl {
   Impl(const TriangleMesh& mesh, const NavmeshConfig& config);
+  /// From a tile whose polygons have their flags.
+  Impl(OwnedNavMesh tile, const NavmeshConfig& config);
 
   /// The surface point that a query at `point` means: the point below or above if it lies on the surface (to 1 mm and 0.25 m in
   /// height), else the nearest of the main island within reach, else the nearest at all.
@@ -51,6 +58,8 @@ struct Navmesh::Impl {
   [[nodiscard]] int polygon_of(dtPolyRef ref) const { return static_cast<int>(ref - first_ref); }
   /// Corners of the surface and which of them are in line of sight; built by the first caller.
   [[nodiscard]] const CornerGraph& corners() const;
+  [[nodiscard]] const dtMeshTile& tile() const { return *std::as_const(*navmesh).getTile(0); }
+  [[nodiscard]] std::size_t bytes() const;
 
   NavmeshConfig config;
   OwnedNavMesh navmesh;
@@ -68,9 +77,12 @@ struct Navmesh::Impl {
 
  private:
   [[nodiscard]] std::optional<Located> nearest(glm::vec3 point, float reach_m, const dtQueryFilter& filter) const;
-  void choose_islands(const TriangleMesh& mesh);
+  Impl(const TriangleMesh& mesh, const EmbreeScene& rays, const NavmeshConfig& config);
+  void choose_islands(const EmbreeScene& rays);
+  void collect_islands();
 
   mutable std::once_flag corners_built_;
+  mutable std::atomic<std::size_t> corners_bytes_{0};
   mutable CornerGraph corners_;
 };
 

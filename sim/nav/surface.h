@@ -5,6 +5,8 @@
 #include <span>
 #include <vector>
 
+#include "sim/base/memory_bytes.h"
+
 namespace earshot {
 
 /// The polygons of a navigation mesh in double, for straight walks over them.  Convex, joined edge to edge.
@@ -27,7 +29,8 @@ class Surface {
   [[nodiscard]] std::span<const glm::dvec3> vertices() const { return vertices_; }
   [[nodiscard]] std::span<const Polygon> polygons() const { return polygons_; }
   [[nodiscard]] int num_islands() const { return num_islands_; }
-  [[nodiscard]] double area_m2(int polygon) const;  ///< seen from above
+  [[nodiscard]] std::size_t bytes() const { return bytes_of(vertices_) + bytes_of(polygons_); }  ///< of memory
+  [[nodiscard]] double area_m2(int polygon) const;                                               ///< seen from above
   [[nodiscard]] glm::dvec3 vertex(int polygon, int corner) const { return vertices_[polygons_[polygon].corners[corner]]; }
 
   /// How a straight walk ended.

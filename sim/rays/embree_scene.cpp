@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <bit>
 #include <cmath>
 #include <cstddef>
@@ -45,6 +46,12 @@ void keep_first_error(void* log_pointer, RTCError code, const char* text) {
   auto& log = *static_cast<ErrorLog*>(log_pointer);
   const std::lock_guard lock(log.mutex);
   if (log.first.empty()) log.first = "Embree error " + std::to_string(code) + (text ? std::string(": ") + text : "");
+}
+
+/// Embree tells of its memory as it takes it and gives it back, from any of its threads.
+bool count_bytes(void* counter, ssize_t bytes, bool) {
+  static_cast<std::atomic<std::ptrdiff_t>*>(counter)->fetch_add(bytes, std::memory_order_relaxed);
+  return true;  // go on
 }
 
 [[noreturn]] void fail(const std::string& what) {
@@ -181,10 +188,12 @@ struct EmbreeScene::Handles {
     std::uint32_t triangle = 0;
   };
 
-  ErrorLog errors;  // outlives the device that writes to it
+  ErrorLog errors;  // these two outlive the device that writes to them
+  std::atomic<std::ptrdiff_t> embree_bytes{0};
   Device device;
   SceneHandle scene;
-  std::vector<Surface> surfaces;  // [traced]
+  std::span<const glm::uvec3> traced;  // in a buffer of the scene's geometry
+  std::vector<Surface> surfaces;       // [traced]
 
   static Surface surface_of(glm::vec3 a, glm::vec3 b, glm::vec3 c) {
     constexpr float roundings = 4 * 0x1p-23f;
@@ -242,6 +251,7 @@ EmbreeScene::EmbreeScene(std::span<const glm::vec3> vertices, std::span<const gl
   h.device.reset(rtcNewDevice(nullptr));
   if (!h.device) fail("rtcNewDevice failed, Embree error " + std::to_string(rtcGetDeviceError(nullptr)));
   rtcSetDeviceErrorFunction(h.device.get(), keep_first_error, &h.errors);
+  rtcSetDeviceMemoryMonitorFunction(h.device.get(), count_bytes, &h.embree_bytes);
   h.scene.reset(rtcNewScene(h.device.get()));
   if (!h.scene) fail("rtcNewScene failed");
   // Robust: conservative boxes and watertight edges, so that rays cannot slip between neighbouring triangles.
@@ -259,6 +269,7 @@ EmbreeScene::EmbreeScene(std::span<const glm::vec3> vertices, std::span<const gl
     if (!vertex_buffer || !index_buffer) fail("allocating the triangles failed");
     std::memcpy(vertex_buffer, vertices.data(), vertices.size_bytes());
     std::memcpy(index_buffer, traced.data(), traced.size_bytes());
+    h.traced = {static_cast<const glm::uvec3*>(index_buffer), traced.size()};
     rtcCommitGeometry(geometry.get());
     rtcAttachGeometryByID(h.scene.get(), geometry.get(), 0);
   }
@@ -279,6 +290,15 @@ EmbreeScene::EmbreeScene(EmbreeScene&&) noexcept = default;
 EmbreeScene& EmbreeScene::operator=(EmbreeScene&&) noexcept = default;
 
 std::size_t EmbreeScene::num_triangles() const { return handles_->surfaces.size(); }
+
+std::span<const glm::uvec3> EmbreeScene::traced() const { return handles_->traced; }
+
+std::uint32_t EmbreeScene::stands_for(std::uint32_t traced) const { return handles_->surfaces[traced].triangle; }
+
+std::size_t EmbreeScene::bytes() const {
+  const std::ptrdiff_t of_embree = std::max<std::ptrdiff_t>(handles_->embree_bytes.load(std::memory_order_relaxed), 0);
+  return static_cast<std::size_t>(of_embree) + handles_->surfaces.capacity() * sizeof(Handles::Surface) + sizeof(Handles);
+}
 
 Hit EmbreeScene::intersect(glm::vec3 origin, glm::vec3 direction, float max_distance_m) const {
   if (!is_near(origin) || !is_near(direction)) return {};

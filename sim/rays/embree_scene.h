@@ -53,6 +53,12 @@ class EmbreeScene {
   void intersect8(std::span<const glm::vec3, 8> origins, std::span<const glm::vec3, 8> directions, std::span<float, 8> distances_m) const;
   /// Number of traced triangles.
   [[nodiscard]] std::size_t num_triangles() const;
+  /// What it was built from, to build the same again: [k] indices into vertices, valid while this lives.
+  [[nodiscard]] std::span<const glm::uvec3> traced() const;
+  /// The triangle that a hit on this traced one is reported as.
+  [[nodiscard]] std::uint32_t stands_for(std::uint32_t traced) const;
+  /// Memory it holds: what Embree counts of its buffers and its tree, and the data of hits.
+  [[nodiscard]] std::size_t bytes() const;
 
  private:
   struct Handles;

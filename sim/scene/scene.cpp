@@ -6,6 +6,7 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/memory_bytes.h"
 #include "sim/scene/flat_patches.h"
 
 namespace earshot {
@@ -32,7 +33,8 @@ std::uint64_t hash_scene(const TriangleMesh& mesh, const std::vector<Material>& 
   return hash64(std::as_bytes(std::span(conditions)), hash);
 }
 
-EmbreeScene rays_of(const TriangleMesh& mesh) {
+EmbreeScene rays_of(const TriangleMesh& mesh, const RaySurface* known) {
+  if (known) return {mesh.vertices, known->triangles, known->stands_for};
   const RaySurface surface = merge_flat_patches(mesh);
   return {mesh.vertices, surface.triangles, surface.stands_for};
 }
@@ -46,18 +48,39 @@ float Air::speed() const {
 }
 
 Scene::Scene(std::string name, TriangleMesh mesh, std::vector<Material> material_of_slot, Air air, ImportReport report)
+    : Scene(std::move(name), std::move(mesh), nullptr, std::move(material_of_slot), air, std::move(report)) {}
+
+Scene::Scene(std::string name, TriangleMesh mesh, const RaySurface& surface, std::vector<Material> material_of_slot, Air air,
+             ImportReport report)
+    : Scene(std::move(name), std::move(mesh), &surface, std::move(material_of_slot), air, std::move(report)) {}
+
+Scene::Scene(std::string name, TriangleMesh mesh, const RaySurface* surface, std::vector<Material> material_of_slot, Air air,
+             ImportReport report)
     : name_(std::move(name)),
       mesh_(std::move(mesh)),
       materials_(std::move(material_of_slot)),
       air_(air),
       speed_of_sound_(air.speed()),
-      rays_(rays_of(mesh_)),
+      rays_(rays_of(mesh_, surface)),
       bounds_(bounds_of(mesh_)),
       report_(std::move(report)),
       hash_(hash_scene(mesh_, materials_, air_)) {
   EARSHOT_EXPECT(mesh_.triangle_material.size() == mesh_.triangles.size());
   EARSHOT_EXPECT(mesh_.triangle_object.size() == mesh_.triangles.size());
   EARSHOT_EXPECT(materials_.size() == mesh_.material_names.size());
+}
+
+std::size_t Scene::bytes() const {
+  std::size_t sum = sizeof(Scene) + bytes_of(name_) + rays_.bytes();
+  sum += bytes_of(mesh_.vertices) + bytes_of(mesh_.triangles) + bytes_of(mesh_.triangle_material) + bytes_of(mesh_.triangle_object) +
+         bytes_of(mesh_.material_names) + bytes_of(mesh_.object_names);
+  sum += bytes_of(materials_) + bytes_of(report_.warnings);
+  for (const Material& material : materials_) {
+    for (const CoefficientCurve* curve : {&material.absorption, &material.scattering, &material.transmission, &material.damping_db_per_m})
+      sum += bytes_of(curve->hz) + bytes_of(curve->value);
+    sum += bytes_of(material.name) + bytes_of(material.labels) + bytes_of(material.source) + bytes_of(material.category);
+  }
+  return sum;
 }
 
 float Scene::triangle_area_m2(std::uint32_t triangle) const {

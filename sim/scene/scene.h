@@ -16,6 +16,8 @@
 
 namespace earshot {
 
+struct RaySurface;
+
 /// State of the air, from which the speed of sound and its absorption follow.
 struct Air {
   float temperature_c = 20.f;     ///< [-20, 50]
@@ -38,6 +40,9 @@ class Scene {
  public:
   /// material_of_slot: one Material per mesh.material_names entry.
   Scene(std::string name, TriangleMesh mesh, std::vector<Material> material_of_slot, Air air, ImportReport report = {});
+  /// The same with what merge_flat_patches(mesh) gave, which takes as long as all the rest.
+  Scene(std::string name, TriangleMesh mesh, const RaySurface& surface, std::vector<Material> material_of_slot, Air air,
+        ImportReport report);
 
   [[nodiscard]] const std::string& name() const { return name_; }  ///< the SCENE text it was loaded from
   [[nodiscard]] const TriangleMesh& mesh() const { return mesh_; }
@@ -51,6 +56,7 @@ class Scene {
   [[nodiscard]] const ImportReport& import_report() const { return report_; }
   [[nodiscard]] std::uint64_t hash() const { return hash_; }  ///< geometry, names, coefficients and air
   [[nodiscard]] float triangle_area_m2(std::uint32_t triangle) const;
+  [[nodiscard]] std::size_t bytes() const;  ///< of memory that it holds, counted
   /// Where the file's origin went: all geometry and every position here is relative to this point, which is zero for a scene near the
   /// origin of its file (origin_near).  Positions in files and on the command line are world positions, those of the file: to_local and
   /// to_world convert them.
@@ -59,6 +65,10 @@ class Scene {
   [[nodiscard]] glm::dvec3 to_world(glm::vec3 local) const { return glm::dvec3(local) + mesh_.origin_m; }
 
  private:
+  /// surface: null to find it here.
+  Scene(std::string name, TriangleMesh mesh, const RaySurface* surface, std::vector<Material> material_of_slot, Air air,
+        ImportReport report);
+
   std::string name_;
   TriangleMesh mesh_;
   std::vector<Material> materials_;

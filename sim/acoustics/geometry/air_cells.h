@@ -7,6 +7,7 @@
 
 #include "sim/acoustics/geometry/box_pieces.h"
 #include "sim/acoustics/geometry/field_boxes.h"
+#include "sim/base/memory_bytes.h"
 #include "sim/scene/scene.h"
 
 namespace earshot {
@@ -32,6 +33,9 @@ class AirCells {
   [[nodiscard]] const FieldBoxes& boxes() const { return boxes_; }
   [[nodiscard]] const Box& box(std::size_t number) const { return box_[number]; }
   [[nodiscard]] std::size_t size() const { return cells_.size(); }
+  [[nodiscard]] std::size_t bytes() const {
+    return bytes_of(box_) + bytes_of(cells_) + bytes_of(labels_) + bytes_of(sure_) + bytes_of(stray_);
+  }
   [[nodiscard]] const AirPiece& operator[](std::uint32_t cell) const { return cells_[cell]; }
 
   /// The cell of the box that holds a point of it; none where it is of no cell.  Rays, up to 27, near the walls between cells alone.

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "sim/acoustics/geometry/air_cells.h"
+#include "sim/base/memory_bytes.h"
 #include "sim/scene/scene.h"
 
 namespace earshot {
@@ -25,6 +26,7 @@ class CellPassages {
   [[nodiscard]] std::span<const CellPassage> all() const { return passages_; }
   /// Does a passage join two cells?  O(log of the cell's passages).
   [[nodiscard]] bool joined(std::uint32_t cell, std::uint32_t other) const;
+  [[nodiscard]] std::size_t bytes() const { return bytes_of(passages_) + bytes_of(neighbours_begin_) + bytes_of(neighbours_); }
 
  private:
   std::vector<CellPassage> passages_;

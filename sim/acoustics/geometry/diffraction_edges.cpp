@@ -5,8 +5,10 @@
 #include <atomic>
 #include <cmath>
 #include <numbers>
+#include <utility>
 
 #include "sim/acoustics/geometry/wedge_finder.h"
+#include "sim/base/memory_bytes.h"
 
 namespace earshot {
 namespace {
@@ -90,6 +92,11 @@ bool covers(const DiffractionEdge& longer, const DiffractionEdge& edge, double t
   return along_m > 0 && along_m < longer.length_m && glm::length(middle - along_m * longer.along) < tolerance_m;
 }
 
+double diagonal_of(const Scene& scene) { return glm::length(glm::dvec3(scene.bounds().upper) - glm::dvec3(scene.bounds().lower)); }
+
+/// Ten times the rounding of coordinates as large as the scene; far below anything that sound would notice.
+double clearance_of(double diagonal_m) { return 2e-5 * diagonal_m; }
+
 }  // namespace
 
 double DiffractionEdge::angle_of(glm::dvec3 point) const {
@@ -106,9 +113,8 @@ glm::dvec3 DiffractionEdge::second_face() const { return std::cos(exterior_rad) 
 
 DiffractionEdges::DiffractionEdges(const Scene& scene, float least_length_m) : rays_(&scene.rays()) {
   if (scene.mesh().triangles.empty()) return;
-  const double diagonal_m = glm::length(glm::dvec3(scene.bounds().upper) - glm::dvec3(scene.bounds().lower));
-  // Ten times the rounding of coordinates as large as the scene; far below anything that sound would notice.
-  clearance_m_ = 2e-5 * diagonal_m;
+  const double diagonal_m = diagonal_of(scene);
+  clearance_m_ = clearance_of(diagonal_m);
   for (DiffractionEdge& wedge : find_wedges(scene.mesh(), least_length_m)) {
     const double radius_m = std::min(0.05 * wedge.length_m, 5e-4 * diagonal_m);
     // A beam may rest on a part of the edge: one free place is enough, rays decide about each path.
@@ -132,6 +138,16 @@ DiffractionEdges::DiffractionEdges(const Scene& scene, float least_length_m) : r
   }
   sight_ = std::make_shared<const EdgeSight>(edges_.size());
 }
+
+DiffractionEdges::DiffractionEdges(const Scene& scene, std::vector<DiffractionEdge> known) : rays_(&scene.rays()) {
+  if (scene.mesh().triangles.empty()) return;
+  clearance_m_ = clearance_of(diagonal_of(scene));
+  edges_ = std::move(known);
+  for (const DiffractionEdge& edge : edges_) outward_.push_back(edge.outward());
+  sight_ = std::make_shared<const EdgeSight>(edges_.size());
+}
+
+std::size_t DiffractionEdges::bytes() const { return bytes_of(edges_) + bytes_of(outward_) + (sight_ ? sight_->bytes() : 0); }
 
 bool DiffractionEdges::visible_from(std::uint32_t edge, glm::vec3 point) const {
   if (!edges_[edge].in_air(glm::dvec3(point), clearance_m_)) return false;

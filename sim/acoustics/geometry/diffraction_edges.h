@@ -60,10 +60,13 @@ class DiffractionEdges {
   /// Keeps a reference to the rays of `scene`, which must outlive this.  About 1 us per triangle and, at 6,500 edges, 10 us per edge, two
   /// dozen short rays among it; the latter grows with their number (each is compared with the longer ones).
   DiffractionEdges(const Scene& scene, float least_length_m);
+  /// The same with the edges that another one found in the same scene.
+  DiffractionEdges(const Scene& scene, std::vector<DiffractionEdge> known);
 
   [[nodiscard]] std::span<const DiffractionEdge> edges() const { return edges_; }
   [[nodiscard]] const DiffractionEdge& operator[](std::uint32_t edge) const { return edges_[edge]; }
   [[nodiscard]] std::size_t size() const { return edges_.size(); }
+  [[nodiscard]] std::size_t bytes() const;  ///< of memory
   /// Is some point of one edge visible from some point of the other?  Up to five pairs of points are tried, once: the answer is remembered
   /// (edge_sight.h).
   [[nodiscard]] bool mutually_visible(std::uint32_t edge, std::uint32_t other) const;

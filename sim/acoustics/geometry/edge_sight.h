@@ -18,6 +18,7 @@ class EdgeSight {
   static constexpr std::uint32_t kNothing = 0xFFFFFFFFu;
 
   explicit EdgeSight(std::size_t num_edges);
+  [[nodiscard]] std::size_t bytes() const { return groups_.size() * sizeof(groups_[0]) + blockers_.size() * sizeof(blockers_[0]); }
 
   /// Do two edges see each other?  nullopt: not known.
   [[nodiscard]] std::optional<bool> known(std::uint32_t edge, std::uint32_t other) const;

@@ -28,6 +28,7 @@ class FieldGrid {
   FieldGrid(const Scene& scene, float cell_m);
 
   [[nodiscard]] std::size_t size() const { return cells_.size(); }
+  [[nodiscard]] std::size_t bytes() const { return cells_.bytes() + passages_.bytes(); }     ///< of memory
   [[nodiscard]] glm::vec3 edge_m() const { return cells_.boxes().edge_m(); }                 ///< of a whole box
   [[nodiscard]] glm::vec3 inside(std::uint32_t cell) const { return cells_[cell].view[0]; }  ///< a point of the cell
   [[nodiscard]] float volume_m3(std::uint32_t cell) const { return cells_[cell].volume_m3; }

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "sim/acoustics/geometry/field_grid.h"
+#include "sim/base/memory_bytes.h"
 
 namespace earshot {
 
@@ -17,6 +18,7 @@ namespace earshot {
 class FieldSmoothing {
  public:
   explicit FieldSmoothing(const FieldGrid& grid);
+  [[nodiscard]] std::size_t bytes() const { return bytes_of(begin_) + bytes_of(from_); }  ///< of memory
 
   static constexpr int kMostSweeps = 8;
   /// Sweeps for energy `time_s` after it left the source: none before the fifth mean free path, then so many that they stand for 4 % of the

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "sim/acoustics/geometry/diffraction_edges.h"
+#include "sim/base/memory_bytes.h"
 
 namespace earshot {
 
@@ -25,6 +26,7 @@ class PanelEdges {
   [[nodiscard]] std::span<const PanelEdge> of(std::uint32_t plane) const {
     return std::span(edges_).subspan(begin_[plane], begin_[plane + 1] - begin_[plane]);
   }
+  [[nodiscard]] std::size_t bytes() const { return bytes_of(begin_) + bytes_of(edges_); }  ///< of memory
 
  private:
   std::vector<std::size_t> begin_;

@@ -2,6 +2,7 @@
 
 #include <tbb/task_arena.h>
 
+#include <atomic>
 #include <cstring>
 #include <mutex>
 #include <optional>
@@ -63,16 +64,26 @@ struct AcousticScene::LazyGrid {
   std::once_flag once;
   std::optional<FieldGrid> grid;
   std::optional<FieldSmoothing> smoothing;
+  std::atomic<std::size_t> bytes{0};
   void build(const Scene& scene, float cell_m) {
     // While this thread waits for its own parallel work it must not take up a task that needs the grid too.
-    std::call_once(once, [&] { tbb::this_task_arena::isolate([&] { smoothing.emplace(grid.emplace(scene, cell_m)); }); });
+    std::call_once(once, [&] {
+      tbb::this_task_arena::isolate([&] { smoothing.emplace(grid.emplace(scene, cell_m)); });
+      bytes.store(grid->bytes() + smoothing->bytes(), std::memory_order_relaxed);
+    });
   }
 };
 
 AcousticScene::AcousticScene(std::shared_ptr<const Scene> scene, const AcousticConfig& config)
-    : surfaces_(std::move(scene), config),
-      plan_(std::make_shared<const EffectPlan>(plan_effects(surfaces_))),
-      config_(effective_config(config, *plan_)),
+    : AcousticScene(AcousticSurfaces(std::move(scene), config), nullptr) {}
+
+AcousticScene::AcousticScene(AcousticSurfaces surfaces, EffectPlan plan)
+    : AcousticScene(std::move(surfaces), std::make_shared<const EffectPlan>(std::move(plan))) {}
+
+AcousticScene::AcousticScene(AcousticSurfaces surfaces, std::shared_ptr<const EffectPlan> plan)
+    : surfaces_(std::move(surfaces)),
+      plan_(plan ? std::move(plan) : std::make_shared<const EffectPlan>(plan_effects(surfaces_))),
+      config_(effective_config(surfaces_.config(), *plan_)),
       field_grid_(std::make_shared<LazyGrid>()),
       plane_cells_(std::make_shared<const PlaneCells>()) {
   const FlushDenormals flush;
@@ -82,6 +93,11 @@ AcousticScene::AcousticScene(std::shared_ptr<const Scene> scene, const AcousticC
   }
   reflection_model_ = std::make_shared<const ReflectionModel>(surfaces_, plan_->traced_transmission);
   hash_ = hash_of(config_, this->scene().hash(), plan_->traced_transmission);
+}
+
+std::size_t AcousticScene::bytes() const {
+  return sizeof(AcousticScene) + surfaces_.bytes() + plane_cells_->bytes() + field_grid_->bytes.load(std::memory_order_relaxed) +
+         plan_->decisions.capacity() * sizeof(EffectDecision);
 }
 
 const FieldGrid& AcousticScene::field_grid() const {

@@ -24,6 +24,8 @@ class AcousticScene {
  public:
   /// Throws InputError if `config` breaks a rule (validate), or as plan_effects does.
   AcousticScene(std::shared_ptr<const Scene> scene, const AcousticConfig& config);
+  /// The same with the plan that plan_effects(surfaces) gave.
+  AcousticScene(AcousticSurfaces surfaces, EffectPlan plan);
   /// The same with another number of rays and another seed, as a copy: surfaces and plan stay those of the first config.
   [[nodiscard]] AcousticScene with_rays(int rays, std::uint64_t seed) const;
 
@@ -75,8 +77,13 @@ class AcousticScene {
   [[nodiscard]] const PlaneCells& plane_cells() const { return *plane_cells_; }
   /// Identity of everything that decides bits: scene hash and config, without the thread count.
   [[nodiscard]] std::uint64_t hash() const { return hash_; }
+  /// Of memory that it holds now, without the scene; grows with what is found on demand: cells of source fields, plane sequences.
+  [[nodiscard]] std::size_t bytes() const;
 
  private:
+  /// plan: null to make it here.
+  AcousticScene(AcousticSurfaces surfaces, std::shared_ptr<const EffectPlan> plan);
+
   AcousticSurfaces surfaces_;
   std::shared_ptr<const EffectPlan> plan_;
   AcousticConfig config_;

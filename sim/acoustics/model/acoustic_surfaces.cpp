@@ -4,15 +4,42 @@
 #include <glm/geometric.hpp>
 #include <utility>
 
-#include "sim/acoustics/geometry/diffraction_edges.h"
 #include "sim/acoustics/model/specular_lobe.h"
 #include "sim/base/denormals.h"
+#include "sim/base/memory_bytes.h"
 
 namespace earshot {
 
 AcousticSurfaces::AcousticSurfaces(std::shared_ptr<const Scene> scene, const AcousticConfig& config)
     : scene_(std::move(scene)), config_(config) {
   const FlushDenormals flush;
+  set_coefficients();
+  average_absorption();
+  if (config_.diffraction != Switch::off)
+    diffraction_edges_ = std::make_shared<const DiffractionEdges>(*scene_, config_.diffraction_edge_m);
+  planes_ = find_mirror_planes(scene_->mesh());
+  folds_ = find_folded_planes(scene_->mesh(), planes_, speed_of_sound_m_per_s() / bands_.centre_hz.front() / 8.0);
+  join_edges_to_planes();
+}
+
+AcousticSurfaces::AcousticSurfaces(std::shared_ptr<const Scene> scene, const AcousticConfig& config, FoundGeometry known)
+    : scene_(std::move(scene)), config_(config) {
+  const FlushDenormals flush;
+  set_coefficients();
+  mean_absorption_ = std::move(known.mean_absorption);
+  if (config_.diffraction != Switch::off) diffraction_edges_ = std::make_shared<const DiffractionEdges>(*scene_, std::move(known.edges));
+  planes_ = std::move(known.planes);
+  folds_ = std::move(known.folds);
+  join_edges_to_planes();
+}
+
+FoundGeometry AcousticSurfaces::found() const {
+  FoundGeometry found{.edges = {}, .planes = planes_, .folds = folds_, .mean_absorption = mean_absorption_};
+  if (diffraction_edges_) found.edges.assign(diffraction_edges_->edges().begin(), diffraction_edges_->edges().end());
+  return found;
+}
+
+void AcousticSurfaces::set_coefficients() {
   validate(config_);
   bands_ = config_.bands > 0 ? BandLayout::log_spaced(config_.bands, config_.sample_rate_hz) : BandLayout::octaves(config_.sample_rate_hz);
   stride_ = (num_bands() + 7) / 8 * 8;
@@ -37,18 +64,15 @@ AcousticSurfaces::AcousticSurfaces(std::shared_ptr<const Scene> scene, const Aco
       damping_[cell] = std::max(material.damping_db_per_m.band_mean(low_hz, high_hz), 0.f);
     }
   }
-
-  average_absorption();
   if (config_.specular_exponent > 0.f) specular_lobe_ = std::make_shared<const SpecularLobe>(config_.specular_exponent);
-  if (config_.diffraction != Switch::off)
-    diffraction_edges_ = std::make_shared<const DiffractionEdges>(*scene_, config_.diffraction_edge_m);
-  planes_ = find_mirror_planes(scene_->mesh());
-  if (diffraction_edges_ != nullptr)
-    panel_edges_ = std::make_shared<const PanelEdges>(*scene_, *diffraction_edges_, planes_.plane_of_triangle, planes_.planes.size());
-  folds_ = find_folded_planes(scene_->mesh(), planes_, speed_of_sound_m_per_s() / bands_.centre_hz.front() / 8.0);
-  if (diffraction_edges_ != nullptr && !folds_.planes.empty())
-    fold_edges_ = std::make_shared<const PanelEdges>(*scene_, *diffraction_edges_, folds_.fold_of_triangle, folds_.planes.size() + 1);
   if (!scene_->mesh().triangles.empty()) diagonal_m_ = glm::length(scene_->bounds().upper - scene_->bounds().lower);
+}
+
+void AcousticSurfaces::join_edges_to_planes() {
+  if (diffraction_edges_ == nullptr) return;
+  panel_edges_ = std::make_shared<const PanelEdges>(*scene_, *diffraction_edges_, planes_.plane_of_triangle, planes_.planes.size());
+  if (!folds_.planes.empty())
+    fold_edges_ = std::make_shared<const PanelEdges>(*scene_, *diffraction_edges_, folds_.fold_of_triangle, folds_.planes.size() + 1);
 }
 
 void AcousticSurfaces::average_absorption() {
@@ -64,6 +88,15 @@ void AcousticSurfaces::average_absorption() {
   mean_absorption_.assign(static_cast<std::size_t>(num_bands()), 0.0);
   for (std::size_t band = 0; whole_m2 > 0 && band < mean_absorption_.size(); ++band)
     for (std::uint32_t m = 0; m < area.size(); ++m) mean_absorption_[band] += area[m] / whole_m2 * (1.0 - reflectance(m)[band]);
+}
+
+std::size_t AcousticSurfaces::bytes() const {
+  std::size_t sum = sizeof(AcousticSurfaces) + bytes_of(reflectance_) + bytes_of(scattering_) + bytes_of(transmission_) +
+                    bytes_of(damping_) + bytes_of(planes_.planes) + bytes_of(planes_.plane_of_triangle) + bytes_of(folds_.planes) +
+                    bytes_of(folds_.depth_m) + bytes_of(folds_.some_plane) + bytes_of(folds_.fold_of_triangle);
+  if (diffraction_edges_) sum += diffraction_edges_->bytes();
+  for (const PanelEdges* edges : {panel_edges_.get(), fold_edges_.get()}) sum += edges ? edges->bytes() : 0;
+  return sum;
 }
 
 float AcousticSurfaces::largest_specular_reflectance() const {

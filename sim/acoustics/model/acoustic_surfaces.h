@@ -7,6 +7,7 @@
 
 #include "sim/acoustics/core/acoustic_config.h"
 #include "sim/acoustics/core/bands.h"
+#include "sim/acoustics/geometry/diffraction_edges.h"
 #include "sim/acoustics/geometry/folded_planes.h"
 #include "sim/acoustics/geometry/mirror_planes.h"
 #include "sim/acoustics/geometry/panel_edges.h"
@@ -14,8 +15,15 @@
 
 namespace earshot {
 
-class DiffractionEdges;
 class SpecularLobe;
+
+/// What a search of the geometry found: most of the time that surfaces take.
+struct FoundGeometry {
+  std::vector<DiffractionEdge> edges;  ///< with diffraction off: none
+  MirrorPlanes planes;
+  FoldedPlanes folds;
+  std::vector<double> mean_absorption;  ///< [num_bands]
+};
 
 /// What a scene and a configuration say before anything is decided (effect_plan.h): coefficients per band, planes, edges.  Immutable,
 /// shared by all threads; holds the scene alive.
@@ -23,6 +31,9 @@ class AcousticSurfaces {
  public:
   /// Throws InputError if `config` breaks a rule (validate).
   AcousticSurfaces(std::shared_ptr<const Scene> scene, const AcousticConfig& config);
+  /// The same with what found() of other surfaces of this scene and configuration gave.
+  AcousticSurfaces(std::shared_ptr<const Scene> scene, const AcousticConfig& config, FoundGeometry known);
+  [[nodiscard]] FoundGeometry found() const;  ///< a copy
 
   [[nodiscard]] const Scene& scene() const { return *scene_; }
   [[nodiscard]] const std::shared_ptr<const Scene>& shared_scene() const { return scene_; }
@@ -62,12 +73,15 @@ class AcousticSurfaces {
   [[nodiscard]] float speed_of_sound_m_per_s() const { return scene_->speed_of_sound_m_per_s(); }
   /// Diagonal of the bounds; zero for an empty scene.
   [[nodiscard]] float diagonal_m() const { return diagonal_m_; }
+  [[nodiscard]] std::size_t bytes() const;  ///< of memory, without the scene
 
  private:
   [[nodiscard]] std::span<const float> row(const std::vector<float>& table, std::uint32_t material) const {
     return {&table[std::size_t{material} * stride_], static_cast<std::size_t>(num_bands())};
   }
+  void set_coefficients();
   void average_absorption();
+  void join_edges_to_planes();
 
   std::shared_ptr<const Scene> scene_;
   AcousticConfig config_;

@@ -11,6 +11,7 @@
 #include "sim/acoustics/core/sampling.h"
 #include "sim/acoustics/model/acoustic_scene.h"
 #include "sim/base/denormals.h"
+#include "sim/base/memory_bytes.h"
 #include "sim/base/random.h"
 
 namespace earshot {
@@ -60,6 +61,7 @@ struct PlaneCells::Cells {
   std::mutex mutex;
   std::map<Key, std::shared_ptr<const std::vector<PlaneSequence>>> known;
   std::deque<Key> by_age;
+  std::size_t bytes = 0;  ///< of the sequences
 };
 
 PlaneCells::PlaneCells() : cells_(std::make_unique<Cells>()) {}
@@ -80,8 +82,11 @@ std::shared_ptr<const std::vector<PlaneSequence>> PlaneCells::of(const AcousticS
   const auto [place, added] = cells_->known.emplace(key, sequences);
   if (!added) return place->second;
   cells_->by_age.push_back(key);
+  cells_->bytes += bytes_of(*sequences);
   if (cells_->by_age.size() > kMostCells) {
-    cells_->known.erase(cells_->by_age.front());
+    const auto oldest = cells_->known.find(cells_->by_age.front());
+    cells_->bytes -= bytes_of(*oldest->second);
+    cells_->known.erase(oldest);
     cells_->by_age.pop_front();
   }
   return sequences;
@@ -90,6 +95,12 @@ std::shared_ptr<const std::vector<PlaneSequence>> PlaneCells::of(const AcousticS
 std::size_t PlaneCells::size() const {
   const std::lock_guard lock(cells_->mutex);
   return cells_->known.size();
+}
+
+std::size_t PlaneCells::bytes() const {
+  constexpr std::size_t per_cell = 128;  // node of the map, key by age, block of the vector
+  const std::lock_guard lock(cells_->mutex);
+  return cells_->bytes + per_cell * cells_->known.size();
 }
 
 }  // namespace earshot

@@ -37,6 +37,7 @@ class PlaneCells {
   /// Sorted, each once.  config.early_candidate_rays rays for a cell that is not known: about 2 ms in a house; else 0.1 us.
   [[nodiscard]] std::shared_ptr<const std::vector<PlaneSequence>> of(const AcousticScene& scene, glm::vec3 point) const;
   [[nodiscard]] std::size_t size() const;
+  [[nodiscard]] std::size_t bytes() const;  ///< of memory, held now
 
  private:
   struct Cells;

@@ -1,0 +1,23 @@
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+namespace earshot {
+
+/// Memory that a container holds beside itself.  What the allocator adds to each block, 16 bytes or so, is left out.
+template <class T>
+[[nodiscard]] std::size_t bytes_of(const std::vector<T>& values) {
+  return values.capacity() * sizeof(T);
+}
+[[nodiscard]] inline std::size_t bytes_of(const std::string& text) {
+  return text.capacity() < sizeof(std::string) / 2 ? 0 : text.capacity() + 1;  // short ones lie in the string itself
+}
+[[nodiscard]] inline std::size_t bytes_of(const std::vector<std::string>& texts) {
+  std::size_t sum = texts.capacity() * sizeof(std::string);
+  for (const std::string& text : texts) sum += bytes_of(text);
+  return sum;
+}
+
+}  // namespace earshot

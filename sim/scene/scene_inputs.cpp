@@ -1,0 +1,137 @@
+#include "sim/scene/scene_inputs.h"
+
+#include <algorithm>
+#include <array>
+#include <filesystem>
+#include <string_view>
+#include <system_error>
+
+#include "sim/base/config_reader.h"
+#include "sim/base/errors.h"
+#include "sim/base/files.h"
+#include "sim/scene/mesh_import.h"
+#include "sim/scene/text_match.h"
+
+namespace earshot {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// What cannot be told ends the whole hash.
+struct Unknown {};
+
+bool is_generated(std::string_view spec) {
+  return spec.starts_with("shoebox:") || spec.starts_with("house:") || spec.starts_with("floor:");
+}
+
+bool is_picture(const fs::path& path) {
+  constexpr std::array<std::string_view, 9> pictures{".png", ".jpg", ".jpeg", ".webp", ".ktx2", ".dds", ".basis", ".tga", ".bmp"};
+  return std::find(pictures.begin(), pictures.end(), fold_case(path.extension().string())) != pictures.end();
+}
+
+class InputHash {
+ public:
+  void add_text(std::string_view text) {
+    const std::uint64_t size = text.size();
+    hash_ = hash64(std::string_view(reinterpret_cast<const char*>(&size), sizeof size), hash_);
+    hash_ = hash64(text, hash_);
+  }
+  /// The bytes, which are returned.
+  std::string add_file(const fs::path& path) {
+    std::string bytes = read_file(path);
+    add_text(bytes);
+    return bytes;
+  }
+  /// A file that may be absent.
+  void add_if_there(const fs::path& path) {
+    std::error_code error;
+    if (fs::is_regular_file(path, error)) {
+      add_file(path);
+    } else {
+      add_text("absent");
+    }
+  }
+  void add_reference(const fs::path& folder, const std::string& name) {
+    if (name.find('\\') != std::string::npos || name.find('%') != std::string::npos) throw Unknown{};  // an escape: another name
+    add_text(name);
+    const fs::path path = folder / name;
+    if (!is_picture(path)) return add_if_there(path);
+    std::error_code error;
+    const auto size = fs::file_size(path, error);
+    add_text(error ? "absent" : std::to_string(size));
+    const auto time = fs::last_write_time(path, error);
+    add_text(error ? "absent" : std::to_string(time.time_since_epoch().count()));
+  }
+  [[nodiscard]] std::uint64_t value() const { return hash_; }
+
+ private:
+  std::uint64_t hash_ = 0;
+};
+
+/// Every "uri": "NAME" of a glTF; data URIs are among its bytes already.
+void add_uris(InputHash& hash, const fs::path& mesh, std::string_view text) {
+  constexpr std::string_view key = "\"uri\"", blanks = " \t\r\n";
+  for (std::size_t at = text.find(key); at != std::string_view::npos; at = text.find(key, at + 1)) {
+    std::size_t begin = text.find_first_not_of(blanks, at + key.size());
+    if (begin == std::string_view::npos || text[begin] != ':') continue;
+    begin = text.find_first_not_of(blanks, begin + 1);
+    if (begin == std::string_view::npos || text[begin] != '"') continue;
+    if (text.substr(begin + 1).starts_with("data:")) continue;
+    const std::size_t end = text.find('"', begin + 1);
+    if (end == std::string_view::npos) return;
+    hash.add_reference(mesh.parent_path(), std::string(text.substr(begin + 1, end - begin - 1)));
+  }
+}
+
+/// Every `mtllib NAME` of an OBJ, and the library of its own name, which Assimp takes where that one is absent.
+void add_material_libraries(InputHash& hash, const fs::path& mesh, std::string_view text) {
+  constexpr std::string_view key = "mtllib";
+  for (std::size_t at = text.find(key); at != std::string_view::npos; at = text.find(key, at + 1)) {
+    std::string_view name = text.substr(at + key.size());
+    name = name.substr(0, name.find_first_of("\r\n"));
+    const std::size_t begin = name.find_first_not_of(" \t"), last = name.find_last_not_of(" \t");
+    if (begin == std::string_view::npos) continue;
+    hash.add_reference(mesh.parent_path(), std::string(name.substr(begin, last - begin + 1)));
+  }
+  hash.add_if_there(fs::path(mesh).replace_extension(".mtl"));
+}
+
+void add_mesh(InputHash& hash, const std::string& spec) {
+  if (is_generated(spec)) return hash.add_text(spec);
+  const fs::path mesh(spec);
+  if (!is_mesh_file(mesh)) throw Unknown{};
+  const std::string bytes = hash.add_file(mesh), extension = fold_case(mesh.extension().string());
+  if (extension == ".gltf" || extension == ".glb") add_uris(hash, mesh, bytes);
+  if (extension == ".obj") add_material_libraries(hash, mesh, bytes);
+}
+
+void add_yaml(InputHash& hash, const fs::path& path) {
+  hash.add_file(path);
+  ConfigReader reader = ConfigReader::from_file(path);
+  const auto beside = [&](const std::string& name) { return (path.parent_path() / name).lexically_normal(); };
+  const std::string mesh = reader.scalar("mesh").value_or("");
+  add_mesh(hash, is_generated(mesh) ? mesh : beside(mesh).string());
+  if (const auto materials = reader.scalar("materials")) hash.add_file(beside(*materials));
+  if (const auto semantics = reader.scalar("semantics"); semantics && *semantics != "indoor") hash.add_file(beside(*semantics));
+}
+
+}  // namespace
+
+std::optional<std::uint64_t> hash_of_scene_inputs(const std::string& spec) {
+  try {
+    InputHash hash;
+    hash.add_text(spec);  // random materials depend on it
+    const std::string extension = fold_case(fs::path(spec).extension().string());
+    if (!is_generated(spec) && (extension == ".yaml" || extension == ".yml"))
+      add_yaml(hash, spec);
+    else
+      add_mesh(hash, spec);
+    return hash.value();
+  } catch (const Unknown&) {
+    return std::nullopt;
+  } catch (const InputError&) {
+    return std::nullopt;  // load_scene meets the same, and throws it
+  }
+}
+
+}  // namespace earshot
