@@ -91,6 +91,8 @@ void add_train(CLI::App& app, const std::vector<std::string>& arguments, int& ex
       "Keys of CONFIG that save or keep something on disk:\n"
       "  env.field_store=FOLDER     source fields (env.acoustics.field) that all workers and later runs share; empty: in memory only\n"
       "  env.field_store_gb=20      bound of that folder; the least recently used go first\n"
+      "  env.scene_store=FOLDER     preprocessed scenes that all workers and later runs share; empty: each worker makes them\n"
+      "  env.scene_store_gb=20      bound of that folder\n"
       "  env.quarantine_dir=FOLDER  episodes that went wrong, each as a file that replays it (default: `out`/quarantine)\n"
       "  checkpoint_every=50        updates between checkpoints; a full disk is reported and training goes on\n"
       "  keep=3                     newest checkpoints that stay, beside best.ckpt and last.ckpt\n"

@@ -58,6 +58,8 @@ void read(ConfigReader& reader, EnvConfig& config) {
   reader.read("prefetch", config.prefetch);
   reader.read("field_store", config.field_store);
   reader.read("field_store_gb", config.field_store_gb);
+  reader.read("scene_store", config.scene_store);
+  reader.read("scene_store_gb", config.scene_store_gb);
   reader.read("quarantine_dir", config.quarantine_dir);
 }
 
@@ -92,6 +94,7 @@ void validate(const EnvConfig& config) {
   require(config.scene_cache_gb >= 0 && std::isfinite(config.scene_cache_gb), "scene_cache_gb", config.scene_cache_gb,
           "must not be negative");
   require(config.field_store_gb >= 0 && config.field_store_gb <= 1e9, "field_store_gb", config.field_store_gb, "must be in [0, 1e9]");
+  require(config.scene_store_gb >= 0 && config.scene_store_gb <= 1e9, "scene_store_gb", config.scene_store_gb, "must be in [0, 1e9]");
   require(config.scene_root.empty() || std::filesystem::is_directory(config.scene_root), "scene_root", config.scene_root,
           "must be a folder");
   require(config.sound_root.empty() || std::filesystem::is_directory(config.sound_root), "sound_root", config.sound_root,
@@ -99,12 +102,13 @@ void validate(const EnvConfig& config) {
 }
 
 std::shared_ptr<SceneCache> make_scene_cache(const EnvConfig& config) {
-  return std::make_shared<SceneCache>(config.acoustics, config.navmesh, config.scene_root,
-                                      static_cast<std::size_t>(config.scene_cache_gb * 1e9),
-                                      FieldStoreConfig{.folder = config.field_store,
-                                                       .max_bytes = static_cast<std::uint64_t>(config.field_store_gb * 1e9),
-                                                       .max_memory_bytes = 0,
-                                                       .warn = {}});
+  return std::make_shared<SceneCache>(
+      config.acoustics, config.navmesh, config.scene_root, static_cast<std::size_t>(config.scene_cache_gb * 1e9),
+      FieldStoreConfig{.folder = config.field_store,
+                       .max_bytes = static_cast<std::uint64_t>(config.field_store_gb * 1e9),
+                       .max_memory_bytes = 0,
+                       .warn = {}},
+      SceneStoreConfig{.folder = config.scene_store, .max_bytes = static_cast<std::uint64_t>(config.scene_store_gb * 1e9), .warn = {}});
 }
 
 }  // namespace earshot

@@ -40,6 +40,10 @@ struct EnvConfig {
   /// only.
   std::string field_store;
   double field_store_gb = 20;  ///< in that folder; the least recently used go first
+  /// Folder of preprocessed scenes (scene_store.h) that all environments, workers and runs share; made when it is needed.  Empty: scenes
+  /// are loaded and preprocessed by each process.
+  std::string scene_store;
+  double scene_store_gb = 20;  ///< in that folder; the least recently used go first
   /// Folder for files of quarantined episodes, which `earshot replay` runs again; made when it is needed.  Empty: counted and logged only.
   std::string quarantine_dir;
 };

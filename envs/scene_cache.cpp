@@ -12,17 +12,13 @@
 #include <mutex>
 #include <thread>
 #include <utility>
+#include <vector>
 
-#include "sim/acoustics/model/acoustic_scene.h"
 #include "sim/base/denormals.h"
 
 namespace earshot {
 namespace {
 
-/// An estimate: 28 bytes of mesh, 36 of vertices and indices in Embree, about 100 of BVH, 64 for the data of hits, 4 of the plane table,
-/// and slack.
-constexpr std::size_t kBytesPerTriangle = 256;
-constexpr std::size_t kBytesPerScene = std::size_t{1} << 20;
 constexpr std::size_t kMaxSourcesPerScene = 256;
 /// Of a source without its sound field: 156 bytes per image and 64 per diffraction path, and what belongs to no path (distances of the
 /// corners, blocks of the allocator).  50 to 200 KiB in a house: 256 sources take ten times what their scene does.
@@ -43,6 +39,8 @@ struct Entry {
   std::uint64_t last_used = 0;
   std::size_t bytes = 0;
   bool ready = false;
+  /// Of one that is ready: pointers to it, that of the future included.
+  [[nodiscard]] long uses() const { return future.get().use_count(); }
 };
 
 struct SceneEntry : Entry<EnvScene> {
@@ -52,6 +50,15 @@ struct SceneEntry : Entry<EnvScene> {
     for (const auto& [key, source] : sources) sum += source.bytes;
     return sum;
   }
+  /// By more than this cache: by an episode, or by a source that is being built or is held itself.
+  [[nodiscard]] bool is_held() const {
+    long own = 1;
+    for (const auto& [key, source] : sources) {
+      if (source.ready && source.uses() > 1) return true;
+      own += source.ready ? 1 : 0;
+    }
+    return uses() > own;
+  }
 };
 
 std::size_t bytes_of(const EnvSource& source) {
@@ -59,14 +66,34 @@ std::size_t bytes_of(const EnvSource& source) {
          (source.sound_field ? source.sound_field->image().size() : 0);
 }
 
-/// The ready entry that was used longest ago, `keep` excepted; end() if there is none.
+bool is_held(const SceneEntry& scene) { return scene.is_held(); }
+bool is_held(const Entry<EnvSource>& source) { return source.uses() > 1; }
+
+/// The ready entry that was used longest ago, `keep` and what is held outside excepted; end() if there is none.
 template <class Map>
 typename Map::iterator least_recently_used(Map& map, const typename Map::key_type& keep) {
   auto oldest = map.end();
-  for (auto it = map.begin(); it != map.end(); ++it)
-    if (it->second.ready && it->first != keep && (oldest == map.end() || it->second.last_used < oldest->second.last_used)) oldest = it;
+  for (auto it = map.begin(); it != map.end(); ++it) {
+    const auto& entry = it->second;
+    if (!entry.ready || it->first == keep || (oldest != map.end() && entry.last_used >= oldest->second.last_used)) continue;
+    if (!is_held(entry)) oldest = it;
+  }
   return oldest;
 }
+
+/// Evicted entries that another thread took hold of at that moment.
+template <class T>
+struct Evicted {
+  std::vector<std::pair<std::weak_ptr<const T>, std::size_t>> entries;
+  void add(const Entry<T>& entry) { entries.emplace_back(entry.future.get(), entry.bytes); }
+  /// Of those that are still there.
+  std::size_t bytes() {
+    std::erase_if(entries, [](const auto& entry) { return entry.first.expired(); });
+    std::size_t sum = 0;
+    for (const auto& entry : entries) sum += entry.second;
+    return sum;
+  }
+};
 
 struct Wanted {
   std::string scene_id;
@@ -82,12 +109,14 @@ struct SceneCache::Impl {
   std::filesystem::path root;
   std::size_t max_bytes;
   SourceFieldStore fields;
+  SceneStore stored;
 
-  explicit Impl(FieldStoreConfig field_store) : fields(std::move(field_store)) {}
+  Impl(FieldStoreConfig field_store, SceneStoreConfig scene_store) : fields(std::move(field_store)), stored(std::move(scene_store)) {}
 
   mutable std::mutex mutex;  // guards everything below
   std::map<std::string, SceneEntry> scenes;
-  std::size_t bytes = 0;
+  Evicted<EnvScene> evicted_scenes;
+  Evicted<EnvSource> evicted_sources;
   std::uint64_t clock = 0, scenes_loaded = 0, sources_built = 0;
   std::deque<Wanted> wanted;
   std::condition_variable_any wanted_changed;
@@ -102,14 +131,13 @@ struct SceneCache::Impl {
 
   /// Embree and Navmesh run parallel work: while this thread waits for it, it must not pick up another agent's reset, which could
   /// wait for the very scene that is being loaded here.
-  std::shared_ptr<const EnvScene> load(const std::string& scene_id) const {
+  std::shared_ptr<const EnvScene> load(const std::string& scene_id) {
     return tbb::this_task_arena::isolate([&]() -> std::shared_ptr<const EnvScene> {
       const FlushDenormals flush;
-      auto scene = std::make_shared<const Scene>(load_scene(resolve(scene_id)));
       // Episodes are short: fields only on request, and what a plan would leave to them is planned without.
       AcousticConfig planned = acoustics;
       if (planned.field == Switch::automatic) planned.field = Switch::off;
-      return std::make_shared<const EnvScene>(EnvScene{scene, AcousticScene(scene, planned), Navmesh(scene->mesh(), navmesh)});
+      return std::make_shared<const EnvScene>(stored.load(resolve(scene_id), planned, navmesh));
     });
   }
   std::shared_ptr<const EnvSource> build(std::shared_ptr<const EnvScene> scene, glm::vec3 goal, float source_height_m) {
@@ -124,24 +152,37 @@ struct SceneCache::Impl {
   }
 
   void drop_scene(std::map<std::string, SceneEntry>::iterator scene) {
-    bytes -= scene->second.bytes_with_sources();
+    evicted_scenes.add(scene->second);
+    for (const auto& [key, source] : scene->second.sources)
+      if (source.ready) evicted_sources.add(source);
     scenes.erase(scene);
   }
   void drop_source(SceneEntry& scene, std::map<SourceKey, Entry<EnvSource>>::iterator source) {
-    bytes -= source->second.bytes;
+    evicted_sources.add(source->second);
     scene.sources.erase(source);
   }
 
-  /// Drops the least recently used, scenes with all their sources or sources alone, except the scene and source of the arguments.
+  /// Held now.  Scenes are counted anew: they grow with what is found in them on demand.
+  std::size_t count_bytes() {
+    std::size_t sum = 0;
+    for (auto& [id, scene] : scenes) {
+      if (scene.ready) scene.bytes = scene.future.get()->bytes();
+      sum += scene.bytes_with_sources();
+    }
+    return sum + evicted_scenes.bytes() + evicted_sources.bytes();
+  }
+
+  /// Drops the least recently used, scenes with all their sources or sources alone, except the scene and source of the arguments and what
+  /// is held outside.
   void drop_over_the_bound(const std::string& keep, const SourceKey& keep_source) {
-    while (bytes > max_bytes) {
+    while (count_bytes() > max_bytes) {
       const auto oldest_scene = least_recently_used(scenes, keep);
       SceneEntry* of_scene = nullptr;
       std::map<SourceKey, Entry<EnvSource>>::iterator oldest;
       for (auto& [id, scene] : scenes)
         for (auto it = scene.sources.begin(); it != scene.sources.end(); ++it)
           if (it->second.ready && !(id == keep && it->first == keep_source) &&
-              (!of_scene || it->second.last_used < oldest->second.last_used)) {
+              (!of_scene || it->second.last_used < oldest->second.last_used) && !is_held(it->second)) {
             of_scene = &scene;
             oldest = it;
           }
@@ -174,10 +215,11 @@ struct SceneCache::Impl {
 };
 
 SceneCache::SceneCache(const AcousticConfig& acoustics, const NavmeshConfig& navmesh, std::filesystem::path scene_root,
-                       std::size_t max_bytes, FieldStoreConfig fields) {
+                       std::size_t max_bytes, FieldStoreConfig fields, SceneStoreConfig scenes) {
   fields.max_memory_bytes = 0;  // the sources here hold what is used
   fields.warn = [](const std::string& message) { spdlog::warn("{}", message); };
-  impl_ = std::make_unique<Impl>(std::move(fields));
+  scenes.warn = fields.warn;
+  impl_ = std::make_unique<Impl>(std::move(fields), std::move(scenes));
   validate(acoustics);
   validate(navmesh);
   impl_->acoustics = acoustics;
@@ -217,13 +259,11 @@ std::shared_ptr<const EnvScene> SceneCache::scene(const std::string& scene_id) {
   {
     const std::scoped_lock lock(in.mutex);
     SceneEntry& entry = in.scenes.at(scene_id);
+    promise.set_value(loaded);
     entry.ready = true;
-    entry.bytes = kBytesPerScene + kBytesPerTriangle * loaded->scene->mesh().triangles.size();
-    in.bytes += entry.bytes;
     ++in.scenes_loaded;
     in.drop_over_the_bound(scene_id, {});
   }
-  promise.set_value(loaded);
   return loaded;
 }
 
@@ -267,6 +307,7 @@ std::shared_ptr<const EnvSource> SceneCache::source(const std::string& scene_id,
     promise.set_exception(std::current_exception());
     throw;
   }
+  promise.set_value(built);
   {
     const std::scoped_lock lock(in.mutex);
     ++in.sources_built;
@@ -274,7 +315,6 @@ std::shared_ptr<const EnvSource> SceneCache::source(const std::string& scene_id,
       if (const auto found = entry_of->sources.find(key); found != entry_of->sources.end() && !found->second.ready) {
         found->second.ready = true;
         found->second.bytes = bytes_of(*built);
-        in.bytes += found->second.bytes;
       }
       while (entry_of->sources.size() > kMaxSourcesPerScene) {
         const auto oldest = least_recently_used(entry_of->sources, key);
@@ -284,7 +324,6 @@ std::shared_ptr<const EnvSource> SceneCache::source(const std::string& scene_id,
       in.drop_over_the_bound(scene_id, key);
     }
   }
-  promise.set_value(built);
   return built;
 }
 
@@ -316,9 +355,21 @@ std::uint64_t SceneCache::sources_built() const {
 
 std::size_t SceneCache::bytes() const {
   const std::scoped_lock lock(impl_->mutex);
-  return impl_->bytes;
+  return impl_->count_bytes();
+}
+
+std::size_t SceneCache::held_bytes() const {
+  const std::scoped_lock lock(impl_->mutex);
+  std::size_t sum = impl_->evicted_scenes.bytes() + impl_->evicted_sources.bytes();
+  for (const auto& [id, scene] : impl_->scenes) {
+    if (scene.ready && scene.is_held()) sum += scene.future.get()->bytes();
+    for (const auto& [key, source] : scene.sources) sum += source.ready && is_held(source) ? source.bytes : 0;
+  }
+  return sum;
 }
 
 FieldCounters SceneCache::field_counters() const { return impl_->fields.counters(); }
+
+SceneStoreCounters SceneCache::scene_store_counters() const { return impl_->stored.counters(); }
 
 }  // namespace earshot

@@ -6,20 +6,13 @@
 #include <memory>
 #include <string>
 
-#include "sim/acoustics/model/acoustic_scene.h"
+#include "envs/env_scene.h"
+#include "envs/scene_store.h"
 #include "sim/acoustics/paths/early_reflections.h"
 #include "sim/acoustics/source_field/source_field_store.h"
 #include "sim/nav/geodesic_field.h"
-#include "sim/nav/navmesh.h"
 
 namespace earshot {
-
-/// A scene with its acoustics and navmesh.  Immutable, shared.
-struct EnvScene {
-  std::shared_ptr<const Scene> scene;
-  AcousticScene acoustics;
-  Navmesh navmesh;
-};
 
 /// What belongs to one goal in one scene: shared by agents and episodes.  Holds the scene alive.
 struct EnvSource {
@@ -29,18 +22,22 @@ struct EnvSource {
   std::shared_ptr<const SourceField> sound_field;  ///< late sound, refined to its target; null: the path tracer finds it at each pose
 };
 
-/// Loads scenes and sources once and keeps the most recently used ones within a bound on bytes: of scenes, estimated from triangle counts,
-/// and of sources, estimated from their paths, with their sound fields.  Thread-safe; two threads that request the same scene wait for one
-/// load.  A held pointer keeps its scene or source, evicted or not.
+/// Loads scenes and sources once and keeps the most recently used ones within a bound on bytes: of scenes, counted (EnvScene::bytes), and
+/// of sources, estimated from their paths, with their sound fields.  Thread-safe; two threads that request the same scene wait for one
+/// load.
+///
+/// A held pointer keeps its scene or source.  What is held outside is never evicted, as that would free nothing and the next request would
+/// load it twice: it counts, and the rest goes.  So the bound holds as far as what is held outside fits in it: the scenes of running
+/// episodes and their goals.
 class SceneCache {
  public:
   /// acoustics.field: `on` keeps a field with each source.  `automatic` plans scenes without and traces: an episode has 50 to 150 poses,
   /// for which photons cost as much as 64 rays at each, and only with fields do walls let late sound through.  `on` pays where agents,
   /// episodes, workers or runs share a source, or where its lower error is wanted.
   /// fields: folder and bound of the sound fields that runs and processes share; its memory bound is not used here, and its warnings are
-  /// logged.
+  /// logged.  scenes: the same of preprocessed scenes.
   SceneCache(const AcousticConfig& acoustics, const NavmeshConfig& navmesh, std::filesystem::path scene_root, std::size_t max_bytes,
-             FieldStoreConfig fields = {});
+             FieldStoreConfig fields = {}, SceneStoreConfig scenes = {});
   ~SceneCache();
   /// scene_id: a SCENE; a relative mesh or YAML path is looked up under scene_root first.  Throws InputError.
   std::shared_ptr<const EnvScene> scene(const std::string& scene_id);
@@ -53,9 +50,13 @@ class SceneCache {
   [[nodiscard]] std::size_t num_scenes() const;       ///< held now
   [[nodiscard]] std::uint64_t scenes_loaded() const;  ///< since construction
   [[nodiscard]] std::uint64_t sources_built() const;
-  [[nodiscard]] std::size_t bytes() const;  ///< held now, by the measure of the bound
+  /// Held now, by the measure of the bound; with what was evicted at the moment in which another thread took hold of it.
+  [[nodiscard]] std::size_t bytes() const;
+  [[nodiscard]] std::size_t held_bytes() const;  ///< of those, what is held outside and can not be evicted
   /// Sound fields built and read since construction.
   [[nodiscard]] FieldCounters field_counters() const;
+  /// Scenes built and read from the folder since construction.
+  [[nodiscard]] SceneStoreCounters scene_store_counters() const;
 
  private:
   struct Impl;

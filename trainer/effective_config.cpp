@@ -70,7 +70,7 @@ std::vector<ConfigChange> config_changes(const std::map<std::string, std::string
 bool is_free_to_change(std::string_view key, const RunConfig& now) {
   // What is only reported, where files lie, how long and on how many threads: the weights have the same bits.  The training set itself is
   // bound by its hash in the checkpoint, the number of workers by the checkpoint's.
-  constexpr std::array<std::string_view, 19> free{"name",
+  constexpr std::array<std::string_view, 21> free{"name",
                                                   "out",
                                                   "workers",
                                                   "max_minutes",
@@ -84,6 +84,8 @@ bool is_free_to_change(std::string_view key, const RunConfig& now) {
                                                   "env.scene_cache_gb",
                                                   "env.field_store",
                                                   "env.field_store_gb",
+                                                  "env.scene_store",
+                                                  "env.scene_store_gb",
                                                   "env.quarantine_dir",
                                                   "env.order",
                                                   "data.train.file",

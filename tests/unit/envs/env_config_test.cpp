@@ -41,6 +41,8 @@ scene_cache_gb: 0.5
 prefetch: false
 field_store: some/folder
 field_store_gb: 2.5
+scene_store: some/scenes
+scene_store_gb: 1.5
 quarantine_dir: some/other
 )",
                                      {"task.forward_m=0.25"});
@@ -56,6 +58,8 @@ quarantine_dir: some/other
   EXPECT_FALSE(config.prefetch);
   EXPECT_EQ(config.field_store, "some/folder");
   EXPECT_EQ(config.field_store_gb, 2.5);
+  EXPECT_EQ(config.scene_store, "some/scenes");
+  EXPECT_EQ(config.scene_store_gb, 1.5);
   EXPECT_EQ(config.quarantine_dir, "some/other");
 }
 
@@ -96,6 +100,7 @@ TEST(EnvConfig, ValuesOutOfRangeAreRefused) {
       [](EnvConfig& c) { c.threads = -1; },
       [](EnvConfig& c) { c.scene_cache_gb = -1; },
       [](EnvConfig& c) { c.field_store_gb = -1; },
+      [](EnvConfig& c) { c.scene_store_gb = -1; },
       [](EnvConfig& c) { c.field_store_gb = std::numeric_limits<double>::quiet_NaN(); },
       [](EnvConfig& c) { c.scene_root = "/no/such/folder"; },
       [](EnvConfig& c) { c.sound_root = "/no/such/folder"; },

@@ -1,6 +1,9 @@
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <chrono>
+#include <cstdint>
+#include <filesystem>
 #include <memory>
 #include <string>
 #include <thread>
@@ -43,6 +46,26 @@ TEST(SceneCache, PrefetchLoadsInTheBackground) {
   EXPECT_EQ(cache.sources_built(), 1u);
   cache.source("shoebox:6x3x4", {2, 0, 1}, 1.2f);
   EXPECT_EQ(cache.sources_built(), 1u);
+}
+
+// Caches of their own, as workers have: of each part one is made, and the others wait for it.
+TEST(SceneCache, ManyCachesOfOneFolderMakeASceneOnce) {
+  const auto folder = std::filesystem::temp_directory_path() / ("earshot_many_caches_" + std::to_string(::getpid()));
+  std::filesystem::remove_all(folder);
+  std::vector<std::unique_ptr<SceneCache>> caches;
+  for (int i = 0; i < 4; ++i)
+    caches.push_back(std::make_unique<SceneCache>(quick(), NavmeshConfig{}, "", kRoomy, FieldStoreConfig{},
+                                                  SceneStoreConfig{.folder = folder, .max_bytes = kRoomy, .warn = {}}));
+  {
+    std::vector<std::jthread> threads;
+    for (const auto& cache : caches) threads.emplace_back([&cache] { cache->scene("house:5,rooms=2"); });
+  }
+  std::uint64_t built = 0;
+  for (const auto& cache : caches) built += cache->scene_store_counters().built;
+  // Each part is made once; a cache that made one of the three counts as one that built.
+  EXPECT_GE(built, 1u);
+  EXPECT_LE(built, 3u);
+  std::filesystem::remove_all(folder);
 }
 
 TEST(SceneCache, GoesAwayWhilePrefetching) {
