@@ -15,6 +15,14 @@
 
 namespace earshot {
 
+/// Where every view is drawn: integers, which every driver of ES 3 can render to.  The same corner of the same size for each, so that a
+/// picture has the same bits in every batch; in a larger picture of many views, rounding would depend on the place.
+struct EglTarget {
+  int width_px = 0, height_px = 0;
+  GlFramebuffer framebuffer;
+  GlRenderbuffer pixels, depth;
+};
+
 /// A context with everything that lives in it: program, target and scenes.  Made, used and destroyed by one thread.
 class EglBatch {
  public:
@@ -31,14 +39,6 @@ class EglBatch {
     std::weak_ptr<const Appearance> appearance;
     std::unique_ptr<EglScene> uploaded;
   };
-  /// Where every view is drawn: integers, which every driver of ES 3 can render to.  The same corner of the same size for each, so that a
-  /// picture has the same bits in every batch; in a larger picture of many views, rounding would depend on the place.
-  struct Target {
-    int width_px = 0, height_px = 0;
-    GlFramebuffer framebuffer;
-    GlRenderbuffer pixels, depth;
-  };
-
   EglScene& upload(const EglView& view);
   void drop_dead_scenes();
   void require_target(int width_px, int height_px);
@@ -47,7 +47,7 @@ class EglBatch {
 
   EglContext context_;  // outlives what was made in it
   EglProgram program_;
-  std::optional<Target> target_;
+  std::optional<EglTarget> target_;
   GlBuffer pictures_;  ///< of the batch, on their way to this machine's memory: one wait for all
   std::map<const Scene*, Kept> scenes_;
   int largest_side_px_ = 0;

@@ -28,7 +28,7 @@ std::string write_wall(const TempFolder& folder, const std::string& texture, con
   writer.json["materials"] = {{{"name", "wall"}, {"pbrMetallicRoughness", {{"baseColorTexture", {{"index", 0}}}}}}};
   writer.json["textures"] = {{{"source", 0}}};
   if (!sampler.is_null()) {
-    writer.json["samplers"] = {sampler};
+    writer.json["samplers"] = nlohmann::json::array({sampler});
     writer.json["textures"][0]["sampler"] = 0;
   }
   writer.json["images"] = {{{"uri", texture}}};
