@@ -12,6 +12,7 @@
 #include "bench/bench_env.h"
 #include "bench/bench_rir.h"
 #include "bench/engine_comparison.h"
+#include "bench/scene_scale.h"
 #include "bench/soak/report.h"
 #include "sim/base/errors.h"
 
@@ -112,6 +113,38 @@ void add_soak(CLI::App& bench) {
   command->callback([soak] { run_soak_command(*soak); });
 }
 
+struct ScenesCommand {
+  SceneScaleOptions options;
+  std::string store, json;
+};
+
+void run_scenes(const ScenesCommand& command) {
+  SceneScaleOptions options = command.options;
+  options.store = command.store;
+  options.progress = [](const std::string& line) { fmt::print(stderr, "{}\n", line); };
+  const SceneScaleResult result = run_scene_scale(options);
+  scene_scale_report(result).write(command.json);
+  fmt::print("{}", scene_scale_text(result));
+}
+
+void add_scenes(CLI::App& bench) {
+  const auto scenes = std::make_shared<ScenesCommand>();
+  SceneScaleOptions& options = scenes->options;
+  CLI::App* command = bench.add_subcommand("scenes",
+                                           "Loads many generated houses twice, steps a batch through them within a bound on memory, and "
+                                           "tells which steps took longer than ten times the median, and why");
+  command->add_option("--scenes", options.scenes, "Generated houses of three to six rooms")->capture_default_str();
+  command->add_option("--episodes", options.episodes_per_scene, "Episodes in each")->capture_default_str();
+  command->add_option("--num-envs", options.num_envs, "Agents in the batch")->capture_default_str();
+  command->add_option("--threads", options.threads, "Over the batch; 0: all cores")->capture_default_str();
+  command->add_option("--cache-gb", options.cache_gb, "Bound of the scene cache")->capture_default_str();
+  command->add_option("--minutes", options.minutes, "The steps end here, done or not")->capture_default_str();
+  command->add_option("--seed", options.seed, "Of houses and episodes")->capture_default_str();
+  command->add_option("--store", scenes->store, "Folder for the preprocessed scenes, about 9 MB each")->required();
+  command->add_option("--json", scenes->json, "Also write names, values and settings to a file");
+  command->callback([scenes] { run_scenes(*scenes); });
+}
+
 /// Options common to all benchmarks.
 CLI::App* add_bench_command(CLI::App& bench, const std::string& name, const std::string& about, const std::shared_ptr<Options>& options) {
   CLI::App* command = bench.add_subcommand(name, about);
@@ -123,7 +156,7 @@ CLI::App* add_bench_command(CLI::App& bench, const std::string& name, const std:
 }  // namespace
 
 void add_bench(CLI::App& app) {
-  CLI::App* bench = app.add_subcommand("bench", "Measure this machine: rir, env, accuracy, promise, soak");
+  CLI::App* bench = app.add_subcommand("bench", "Measure this machine: rir, env, accuracy, promise, scenes, soak");
   const auto rir = std::make_shared<RirCommand>();
   CLI::App* rir_command =
       add_bench_command(*bench, "rir", "Impulse responses per second on one thread, their errors, and where the time goes", rir);
@@ -181,6 +214,7 @@ void add_bench(CLI::App& app) {
       ->allow_extra_args(false);
   promise_command->callback([promise] { run_promise(*promise); });
 
+  add_scenes(*bench);
   add_soak(*bench);
 
   bench->allow_extras();  // not passed on to the benchmarks: for a message that names what there is
@@ -188,7 +222,7 @@ void add_bench(CLI::App& app) {
     if (!bench->get_subcommands().empty()) return;
     const std::vector<std::string> unknown = bench->remaining();
     throw InputError(unknown.empty() ? "bench" : "bench " + unknown.front(), unknown.empty() ? "names no benchmark" : "is not a benchmark",
-                     "use bench rir, bench env, bench accuracy, bench promise or bench soak");
+                     "use bench rir, bench env, bench accuracy, bench promise, bench scenes or bench soak");
   });
 }
 

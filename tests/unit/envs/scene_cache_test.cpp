@@ -96,12 +96,8 @@ TEST(SceneCache, HeldScenesCountAgainstTheBound) {
 // What is counted against what the allocator gave out.  Embree takes its memory from the system; mallinfo2 sees that as well, as mappings
 // of its own arenas pass through malloc.
 TEST(SceneCache, CountedBytesAreThoseOfTheAllocator) {
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#ifdef EARSHOT_SANITIZED
   GTEST_SKIP() << "the sanitizer has an allocator of its own";
-#elif defined(__has_feature)
-#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
-  GTEST_SKIP() << "the sanitizer has an allocator of its own";
-#endif
 #endif
   SceneCache cache(quick(), {}, "", kRoomy);
   cache.scene("house:1,rooms=2,detail_m=0.3");  // what the process takes once: pools, devices
