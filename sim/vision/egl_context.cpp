@@ -230,8 +230,9 @@ struct EglContext::Impl {
     } else if (problem.empty()) {
       problem = tried.problem;
     }
-    refuse(device, any_hardware ? "finds no hardware that renders OpenGL ES 3" + (problem.empty() ? "" : " (" + problem + ")")
-                                : "finds no software renderer (" + problem + "): install libgl1-mesa-dri");
+    const std::string why = problem.empty() ? "" : " (" + problem + ")";
+    refuse(device, any_hardware ? "finds no hardware that renders OpenGL ES 3" + why
+                                : "finds no software renderer" + why + ": install libgl1-mesa-dri");
   }
 
   void take(CurrentContext& from) {
