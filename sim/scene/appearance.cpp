@@ -1,9 +1,11 @@
 #include "sim/scene/appearance.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <map>
+#include <string_view>
 #include <utility>
 
 #include "sim/base/errors.h"
@@ -30,6 +32,35 @@ std::vector<Value> per_triangle(const TriangleMesh& mesh, Make make) {
   return values;
 }
 
+/// The words of a name without what tells copies apart (numbers and single letters at the end): "NightStandA_01_002" is {night, stand}.
+std::vector<std::string> words_without_index(std::string_view name) {
+  std::vector<std::string> words;
+  const auto kind = [](char c) { return c >= '0' && c <= '9' ? 0 : c >= 'A' && c <= 'Z' ? 1 : c >= 'a' && c <= 'z' ? 2 : 3; };
+  for (std::size_t i = 0; i < name.size(); ++i) {
+    if (kind(name[i]) == 3) continue;
+    const int before = i == 0 ? 3 : kind(name[i - 1]), now = kind(name[i]);
+    const bool begins = before == 3 || (before == 0) != (now == 0) || (before == 2 && now == 1);
+    if (begins || words.empty()) words.emplace_back();
+    words.back() += fold_case(name.substr(i, 1));
+  }
+  while (!words.empty() && (words.back().size() == 1 || kind(words.back().front()) == 0)) words.pop_back();
+  return words;
+}
+
+/// As SemanticMaterials::category_of; then the same of the words without an index, joined by underscores or by nothing.  Still whole names:
+/// a floor lamp is no floor.
+std::string category_of(const SemanticMaterials& semantics, std::string_view name) {
+  std::string category = semantics.category_of(name);
+  for (std::size_t begin = 0; category.empty() && begin <= name.size();) {
+    const std::size_t end = std::min(name.find('/', begin), name.size());
+    const std::vector<std::string> words = words_without_index(name.substr(begin, end - begin));
+    for (const char* between : {"_", ""})
+      if (category.empty()) category = semantics.category_of(fmt::format("{}", fmt::join(words, between)));
+    begin = end + 1;
+  }
+  return category;
+}
+
 std::vector<std::uint16_t> categories_of(const Scene& scene) {
   const SemanticMaterials semantics = SemanticMaterials::indoor();
   const std::vector<std::string>& names = category_names();
@@ -39,8 +70,8 @@ std::vector<std::uint16_t> categories_of(const Scene& scene) {
   };
   const TriangleMesh& mesh = scene.mesh();
   return per_triangle<std::uint16_t>(mesh, [&](std::uint32_t slot, std::uint32_t object) {
-    std::uint16_t number = number_of(semantics.category_of(mesh.object_names[object]));
-    if (number == 0) number = number_of(semantics.category_of(mesh.material_names[slot]));
+    std::uint16_t number = number_of(category_of(semantics, mesh.object_names[object]));
+    if (number == 0) number = number_of(category_of(semantics, mesh.material_names[slot]));
     if (number == 0) number = number_of(scene.materials()[slot].category);
     return number;
   });

@@ -39,9 +39,10 @@ struct AppearanceOptions {
 const std::vector<std::string>& category_names();
 
 /// Reads the file of the scene once more for its looks (visual_mesh.h); generated scenes and files without colours take those of
-/// surface_palette.h.  The category of a triangle is that of its node's name, else of its mesh material's name, else the one by which its
-/// acoustic material was chosen.  overrides: those the scene was loaded with.  Throws InputError.  About as long as load_scene for a mesh
-/// file, a millisecond per 10,000 triangles for generated scenes; safe from any thread.
+/// surface_palette.h.  The category of a triangle is that of its node's name, else of its mesh material's name (numbers and single
+/// letters at the end left out: NightStandA_01 is a nightstand), else the one by which its acoustic material was chosen.  overrides: those
+/// the scene was loaded with.  Throws InputError.  About as long as load_scene for a mesh file, a millisecond per 10,000 triangles for
+/// generated scenes; safe from any thread.
 std::shared_ptr<const Appearance> load_appearance(const Scene& scene, const SceneOverrides& overrides = {},
                                                   const AppearanceOptions& options = {});
 

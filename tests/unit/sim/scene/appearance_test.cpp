@@ -102,6 +102,25 @@ TEST(Appearance, GltfBaseColourIsLinearAlready) {
   EXPECT_EQ(category_of(scene, *appearance, "Sofa.001"), "sofa");
 }
 
+TEST(Appearance, CategoriesAreThoseOfWholeNamesWithoutTheirIndex) {
+  const TempFolder folder;
+  const std::vector<std::pair<std::string, std::string>> expected{{"ChairA_01_001", "chair"},
+                                                                  {"NightStand_01_002", "nightstand"},
+                                                                  {"Coffee-Table.B", "coffee_table"},
+                                                                  {"TV_02", "tv"},
+                                                                  {"FloorLamp_3", "unknown"},
+                                                                  {"vegetable_1", "unknown"},
+                                                                  {"Wall", "wall"},
+                                                                  {"wallart_A", "unknown"},
+                                                                  {"house/Sofa_01b", "sofa"},
+                                                                  {"house/SofaB_7", "sofa"}};
+  std::string text = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
+  for (std::size_t i = 0; i < expected.size(); ++i) text += fmt::format("v 0 0 {}\no {}\nf 1 2 {}\n", i + 1, expected[i].first, i + 4);
+  const Scene scene = load_scene(folder.write("named.obj", text));
+  const auto appearance = load_appearance(scene);
+  for (const auto& [name, category] : expected) EXPECT_EQ(category_of(scene, *appearance, name), category) << name;
+}
+
 TEST(Appearance, FileWithoutColoursTakesThoseOfItsMaterials) {
   const TempFolder folder;
   const std::string file = folder.write("room.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\no brick_rough\nusemtl brick_rough\nf 1 2 3\n");
