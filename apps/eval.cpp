@@ -6,6 +6,7 @@
 #include "trainer/effective_config.h"
 #include "trainer/episode_data.h"
 #include "trainer/evaluator.h"
+#include "trainer/field_decision.h"
 #include "trainer/find_checkpoint.h"
 #include "trainer/leaderboard.h"
 #include "trainer/planned_acoustics.h"
@@ -36,7 +37,7 @@ void run_eval(const Options& options) {
     RunConfig config =
         options.config.empty() ? parse_run_config("", "--set", options.overrides) : load_run_config(options.config, options.overrides);
     const auto kept = with_kept_acoustics(config, {config.out});
-    config = kept ? *kept : plan_acoustics(config);
+    config = decide_field(kept ? *kept : plan_acoustics(config)).config;  // it hears what the policy of this config does
     take_set_of(config, evaluation);
     if (evaluation.episodes.empty()) throw InputError("--episodes", "is missing", "name an episode set, or a --config that names one");
     evaluation.num_envs = config.eval_envs;

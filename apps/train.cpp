@@ -3,6 +3,7 @@
 #include <memory>
 
 #include "apps/commands.h"
+#include "trainer/field_decision.h"
 #include "trainer/find_checkpoint.h"
 #include "trainer/planned_acoustics.h"
 #include "trainer/run_folder.h"
@@ -53,7 +54,9 @@ int run_train(const Options& options, const std::vector<std::string>& arguments)
   start.remake = "earshot dataset episodes --config " + options.config;
   for (const auto& override : options.overrides) start.remake += " --set " + override;
 
-  const RunConfig config = with_acoustics(asked, start, identity.has_value(), options.config);
+  const FieldDecision decided = decide_field(with_acoustics(asked, start, identity.has_value(), options.config), start.resume);
+  const RunConfig& config = decided.config;
+  start.note = decided.text;
 
   const int workers = options.workers > 0 ? options.workers : config.workers;
   if (!identity && workers > 1) {
@@ -89,7 +92,7 @@ void add_train(CLI::App& app, const std::vector<std::string>& arguments, int& ex
       "current update with a checkpoint.  A resumed run gives the bits that the unbroken one would have given: another config or\n"
       "engine than the checkpoint's is refused unless --change declares it.\n\n"
       "Keys of CONFIG that save or keep something on disk:\n"
-      "  env.field_store=FOLDER     source fields (env.acoustics.field) that all workers and later runs share; empty: in memory only\n"
+      "  env.field_store=FOLDER     source fields (env.acoustics.field) that all workers and later runs share (default: `out`/fields)\n"
       "  env.field_store_gb=20      bound of that folder; the least recently used go first\n"
       "  env.scene_store=FOLDER     preprocessed scenes that all workers and later runs share; empty: each worker makes them\n"
       "  env.scene_store_gb=20      bound of that folder\n"

@@ -134,7 +134,7 @@ struct SceneCache::Impl {
   std::shared_ptr<const EnvScene> load(const std::string& scene_id) {
     return tbb::this_task_arena::isolate([&]() -> std::shared_ptr<const EnvScene> {
       const FlushDenormals flush;
-      // Episodes are short: fields only on request, and what a plan would leave to them is planned without.
+      // Fields only on request (choose_field), and what a plan would leave to them is planned without.
       AcousticConfig planned = acoustics;
       if (planned.field == Switch::automatic) planned.field = Switch::off;
       return std::make_shared<const EnvScene>(stored.load(resolve(scene_id), planned, navmesh));

@@ -31,9 +31,8 @@ struct EnvSource {
 /// episodes and their goals.
 class SceneCache {
  public:
-  /// acoustics.field: `on` keeps a field with each source.  `automatic` plans scenes without and traces: an episode has 50 to 150 poses,
-  /// for which photons cost as much as 64 rays at each, and only with fields do walls let late sound through.  `on` pays where agents,
-  /// episodes, workers or runs share a source, or where its lower error is wanted.
+  /// acoustics.field: `on` keeps a field with each source.  `automatic` plans scenes without and traces: a cache does not know how many
+  /// poses share a source, which decides what is cheaper; choose_field (field_choice.h) does, from a set of episodes.
   /// fields: folder and bound of the sound fields that runs and processes share; its memory bound is not used here, and its warnings are
   /// logged.  scenes: the same of preprocessed scenes.
   SceneCache(const AcousticConfig& acoustics, const NavmeshConfig& navmesh, std::filesystem::path scene_root, std::size_t max_bytes,

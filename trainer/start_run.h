@@ -14,6 +14,7 @@ struct RunStart {
   std::filesystem::path resume = {};      ///< checkpoint file to go on from; empty: a new run
   bool overwrite = false;                 ///< a new run removes the files of an earlier one in config.out first
   std::vector<std::string> changes = {};  ///< keys or sections in which a resumed run may differ from its checkpoint, and "engine"
+  std::string note = {};                  ///< a line on the run that rank 0 prints once it may start; may be empty
   std::string remake = "earshot dataset episodes --config CONFIG";  ///< command that makes the episode sets anew, for messages
 };
 

@@ -392,6 +392,7 @@ TrainReport train(const RunConfig& config, Collective& collective, const RunStar
   // One thread per worker: the fast setting on shared cores, and the one that gives the same bits (docs/ppo.md, section 4).
   use_one_torch_thread();
   prepare_run(config, start, collective);
+  if (collective.identity().rank == 0 && !start.note.empty()) fmt::print("{}\n", start.note);
   const StopSignals signals;
   return Worker(config, collective, start.resume, hooks).run();
 }
