@@ -1,9 +1,12 @@
 #include <fmt/format.h>
 
+#include <charconv>
 #include <cstdio>
 #include <memory>
 #include <optional>
 #include <string>
+#include <tuple>
+#include <utility>
 #include <vector>
 
 #include "apps/commands.h"
@@ -12,6 +15,7 @@
 #include "bench/bench_env.h"
 #include "bench/bench_rir.h"
 #include "bench/engine_comparison.h"
+#include "bench/hearing_cost.h"
 #include "bench/scene_scale.h"
 #include "bench/soak/report.h"
 #include "sim/base/errors.h"
@@ -153,10 +157,70 @@ CLI::App* add_bench_command(CLI::App& bench, const std::string& name, const std:
   return command;
 }
 
+struct EnvCommand : Options {
+  EnvBenchOptions bench;
+  std::string size;
+};
+
+/// "128x96": columns and rows.
+std::pair<int, int> parse_size(const std::string& text) {
+  int width = 0, height = 0;
+  const char* end = text.data() + text.size();
+  const auto [cross, wrong_width] = std::from_chars(text.data(), end, width);
+  if (wrong_width == std::errc() && cross != end && *cross == 'x') {
+    const auto [last, wrong_height] = std::from_chars(cross + 1, end, height);
+    if (wrong_height == std::errc() && last == end) return {width, height};
+  }
+  throw InputError("--size " + text, "is no size in pixels", "write WxH, for example 128x128");
+}
+
+void add_env(CLI::App& bench) {
+  const auto env = std::make_shared<EnvCommand>();
+  CLI::App* command = add_bench_command(
+      bench, "env",
+      "Agent steps per second with all senses and bare, milliseconds of every stage, percentiles of a step, memory, bare rays", env);
+  command->add_option("--scene", env->bench.scene, "SCENE")->capture_default_str();
+  command->add_option("--envs", env->bench.envs, "Agents in the batch")->capture_default_str();
+  command->add_option("--size", env->size, "Picture, WxH pixels (default: 128x128)");
+  command->add_option("--threads", env->bench.threads, "Over the batch (default: one, and two in a row of their own)");
+  command->add_flag("--field", env->bench.field, "Late sound from source fields of ten shared goals instead of rays at each pose");
+  command->add_flag("--autotune", env->bench.autotune, "Instead: steps per second over agents and threads, and the best of them here");
+  command->callback([env] {
+    EnvBenchOptions& options = env->bench;
+    options.quick = env->quick;
+    if (env->quick) options.repeats = 3, options.seconds = 0.2;
+    if (!env->size.empty()) std::tie(options.width_px, options.height_px) = parse_size(env->size);
+    finish(bench_env(options), *env);
+  });
+}
+
+struct HearingCommand : Options {
+  std::vector<std::string> scenes;
+  std::optional<double> truth_seconds;
+};
+
+void add_hearing(CLI::App& bench) {
+  const auto hearing = std::make_shared<HearingCommand>();
+  CLI::App* command = add_bench_command(
+      bench, "hearing", "What 16, 64, 256 rays per pose and the source field cost an environment and give its agents", hearing);
+  command->add_option("--scene", hearing->scenes, "SCENE in place of the usual two, repeatable")->allow_extra_args(false);
+  command->add_option("--reference-seconds", hearing->truth_seconds,
+                      "Per scene, for the converged reference (default: 60, 0.2 with --quick)");
+  command->callback([hearing] {
+    HearingCostOptions options{.quick = hearing->quick, .scenes = hearing->scenes};
+    options.truth_seconds = hearing->truth_seconds.value_or(hearing->quick ? 0.2 : 60);
+    require(options.truth_seconds > 0 && options.truth_seconds <= 36'000, "--reference-seconds", options.truth_seconds,
+            "must lie in (0, 36000]");
+    const HearingCost cost = bench_hearing(options);
+    fmt::print("\n{}", cost.markdown);
+    finish(cost.report, *hearing);
+  });
+}
+
 }  // namespace
 
 void add_bench(CLI::App& app) {
-  CLI::App* bench = app.add_subcommand("bench", "Measure this machine: rir, env, accuracy, promise, scenes, soak");
+  CLI::App* bench = app.add_subcommand("bench", "Measure this machine: rir, env, hearing, accuracy, promise, scenes, soak");
   const auto rir = std::make_shared<RirCommand>();
   CLI::App* rir_command =
       add_bench_command(*bench, "rir", "Impulse responses per second on one thread, their errors, and where the time goes", rir);
@@ -183,14 +247,8 @@ void add_bench(CLI::App& app) {
     finish(bench_rir(options), *rir);
   });
 
-  const auto env = std::make_shared<Options>();
-  add_bench_command(*bench, "env", "Agent steps per second, with all senses and bare, and the milliseconds of every stage", env)
-      ->callback([env] {
-        EnvBenchOptions options;
-        options.quick = env->quick;
-        if (env->quick) options.repeats = 3, options.seconds = 0.2;
-        finish(bench_env(options), *env);
-      });
+  add_env(*bench);
+  add_hearing(*bench);
 
   const auto accuracy = std::make_shared<AccuracyCommand>();
   CLI::App* command = add_bench_command(
@@ -222,7 +280,7 @@ void add_bench(CLI::App& app) {
     if (!bench->get_subcommands().empty()) return;
     const std::vector<std::string> unknown = bench->remaining();
     throw InputError(unknown.empty() ? "bench" : "bench " + unknown.front(), unknown.empty() ? "names no benchmark" : "is not a benchmark",
-                     "use bench rir, bench env, bench accuracy, bench promise, bench scenes or bench soak");
+                     "use bench rir, bench env, bench hearing, bench accuracy, bench promise, bench scenes or bench soak");
   });
 }
 

@@ -103,7 +103,7 @@ std::string soak_markdown(const SoakResult& result) {
       per(steps, result.cpu_seconds), result.episodes, result.successes, result.rounds,
       result.memory.empty() ? 0 : result.memory.back().scenes_loaded, result.memory.empty() ? 0 : result.memory.back().sources_built);
   text += fmt::format(
-      "Acoustics of `configs/train/quick.yaml` (24 rays, 0.3 s), pictures of {0} x {0}, half of the episodes at random, half greedy; every "
+      "24 rays at each pose, responses of 0.3 s, pictures of {0} x {0}, half of the episodes at random, half greedy; every "
       "{1}th scene is hard in one of the ways listed below.\n\n## Bounds\n\n{2}\n![Soak](soak.svg)\n\n",
       options.camera_px, options.hard_every, bound_table(result));
   text += fmt::format(

@@ -118,8 +118,47 @@ TEST_F(BenchCli, EnvWritesTheNamesThatScriptsRelyOn) {
   ASSERT_EQ(earshot("bench env --quick --json " + file("env.json")), 0) << read("stderr");
   const std::set<std::string> names = names_in("env.json", "env");
   for (const char* name : {"env.steps_per_s", "env.bare_steps_per_s", "env.stage_ms.trace", "env.stage_ms.synthesize",
-                           "env.stage_ms.convolve", "env.stage_ms.render", "env.stage_ms.observe"})
+                           "env.stage_ms.convolve", "env.stage_ms.render", "env.stage_ms.observe", "env.batch_step_ms.p50",
+                           "env.batch_step_ms.p95", "env.batch_step_ms.p99", "env.batch_step_ms.max", "env.memory.resident_mb",
+                           "env.memory.cache_mb", "env.bare_rays_per_s.camera", "env.bare_rays_per_s.diffuse"})
     EXPECT_EQ(names.count(name), 1u) << name;
+}
+
+TEST_F(BenchCli, EnvTakesSceneAgentsPictureThreadsAndFields) {
+  ASSERT_EQ(
+      earshot("bench env --quick --scene house:5,rooms=2,area_m2=24 --envs 3 --size 64x32 --threads 2 --field --json " + file("env.json")),
+      0)
+      << read("stderr");
+  for (const json& result : json::parse(read("env.json")).at("results")) {
+    if (result.at("name") != "env.steps_per_s") continue;
+    const json& setting = result.at("setting");
+    EXPECT_EQ(setting.at("scene"), "house:5,rooms=2,area_m2=24");
+    EXPECT_EQ(setting.at("envs"), 3);
+    EXPECT_EQ(setting.at("threads"), 2);
+    EXPECT_EQ(setting.at("camera_px"), 64);
+    EXPECT_EQ(setting.at("camera_height_px"), 32);
+    EXPECT_EQ(setting.at("field"), true);
+  }
+  for (const char* wrong : {"--size 64", "--size 64x", "--size 63x32", "--envs 0", "--threads -1", "--scene nowhere.glb"})
+    EXPECT_EQ(earshot("bench env --quick " + std::string(wrong)), 2) << wrong << read("stderr");
+}
+
+TEST_F(BenchCli, EnvFindsTheBestBatchHere) {
+  ASSERT_EQ(earshot("bench env --quick --autotune --scene shoebox:8x3x8@0.3 --size 64x64 --json " + file("tune.json")), 0)
+      << read("stderr");
+  const std::set<std::string> names = names_in("tune.json", "env");
+  for (const char* name : {"env.autotune.steps_per_s", "env.autotune.best_envs", "env.autotune.best_threads"})
+    EXPECT_EQ(names.count(name), 1u) << name;
+  EXPECT_THAT(read("stdout"), testing::HasSubstr("best: envs_per_worker="));
+}
+
+TEST_F(BenchCli, HearingComparesRaysWithTheField) {
+  ASSERT_EQ(earshot("bench hearing --quick --scene house:5,rooms=2,area_m2=24 --json " + file("hearing.json")), 0) << read("stderr");
+  const std::set<std::string> names = names_in("hearing.json", "hearing");
+  for (const char* mode : {"rays16", "rays64", "rays256", "field"})
+    for (const char* what : {"steps_per_s", "rt60_error_pct.rir", "rt60_error_pct.energy", "spectrogram_error_db", "source_ms"})
+      EXPECT_EQ(names.count("hearing." + std::string(mode) + "." + what), 1u) << mode << what;
+  EXPECT_THAT(read("stdout"), testing::HasSubstr("| source field |"));
 }
 
 // An engine in a shell that says that its package is absent is left out, with a line in the tables.

@@ -1,0 +1,30 @@
+#pragma once
+
+#include <glm/vec3.hpp>
+#include <memory>
+#include <span>
+
+namespace earshot {
+
+/// Embree and nothing else: the same triangles without the rules of EmbreeScene for ties, ends and edges, filled in as its tutorials do.
+/// What benchmarks divide their rays by, so that results are ratios that hold on other machines.  Immutable, safe from any thread.
+class BareRays {
+ public:
+  /// Copies both.  Throws InputError if Embree cannot be opened or built.
+  BareRays(std::span<const glm::vec3> vertices, std::span<const glm::uvec3> triangles);
+  ~BareRays();
+  /// Distances of eight coherent rays from one origin (a camera's), infinity where a ray escapes.
+  void closest8(glm::vec3 origin, std::span<const glm::vec3, 8> directions, std::span<float, 8> distances_m) const;
+  struct Bounce {
+    float distance_m;  ///< infinity: escaped
+    glm::vec3 normal;  ///< not normalised; zero where the ray escaped
+  };
+  /// Nearest hit of one ray that has no neighbours (a diffuse bounce); hits nearer than 1 mm do not count.
+  [[nodiscard]] Bounce closest(glm::vec3 origin, glm::vec3 direction) const;
+
+ private:
+  struct Handles;
+  std::unique_ptr<Handles> handles_;
+};
+
+}  // namespace earshot
