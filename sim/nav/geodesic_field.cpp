@@ -106,11 +106,7 @@ struct GeodesicField::Impl {
     if (useful.size() > storage.size()) overflow.resize(useful.size());
     const std::span<Candidate> all = overflow.empty() ? std::span<Candidate>(storage) : std::span<Candidate>(overflow);
     std::size_t count = 0;
-    for (const std::uint32_t c : useful) {
-      const Corner& corner = graph.corners()[c];
-      const double distance_m = horizontal_distance(corner.position, start);
-      if (is_tangent_from(corner, start, distance_m)) all[count++] = {distance_m + to_goal_m[c], c};
-    }
+    for (const std::uint32_t c : useful) all[count++] = {horizontal_distance(graph.corners()[c].position, start) + to_goal_m[c], c};
     // At equal bounds the corner nearer to the goal goes first: for an agent on a corner the next one counts.
     const auto later = [&](const Candidate& l, const Candidate& r) {
       return l.bound_m != r.bound_m ? l.bound_m > r.bound_m : to_goal_m[l.corner] > to_goal_m[r.corner];
@@ -122,7 +118,10 @@ struct GeodesicField::Impl {
       if (first->bound_m >= best.length_m) break;
       const Candidate candidate = *first;
       std::pop_heap(first, end, later);
-      const Surface::Walk walk = nav.surface.walk(at.polygon, start, graph.corners()[candidate.corner].position);
+      // Only now: most corners are too far round to be asked.
+      const Corner& corner = graph.corners()[candidate.corner];
+      if (!is_tangent_from(corner, start, horizontal_distance(corner.position, start))) continue;
+      const Surface::Walk walk = nav.surface.walk(at.polygon, start, corner.position);
       if (!walk.arrived) continue;
       const double length_m = walk.length_m + to_goal_m[candidate.corner];
       if (length_m < best.length_m) best = {length_m, candidate.corner};
