@@ -218,6 +218,39 @@ struct EmbreeScene::Handles {
     return w * a + u * b + v * c;
   }
 
+  /// All of a hit but its distance.
+  static Hit hit_on(const Surface& surface, float u, float v, glm::vec3 direction) {
+    Hit hit;
+    hit.triangle = surface.triangle;
+    hit.position = point_on(surface, u, v);
+    const glm::vec3 normal = surface.normal;
+    hit.normal = normal == glm::vec3(0) ? -direction : glm::dot(normal, direction) > 0 ? -normal : normal;
+    return hit;
+  }
+
+  [[nodiscard]] RTCRayHit8 trace8(std::span<const glm::vec3, 8> origins, std::span<const glm::vec3, 8> directions) const {
+    RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
+    context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
+    alignas(32) int valid[8];
+    RTCRayHit8 query{};
+    for (std::size_t i = 0; i < 8; ++i) {
+      valid[i] = is_near(origins[i]) && is_near(directions[i]) ? -1 : 0;
+      query.ray.org_x[i] = origins[i].x;
+      query.ray.org_y[i] = origins[i].y;
+      query.ray.org_z[i] = origins[i].z;
+      query.ray.dir_x[i] = directions[i].x;
+      query.ray.dir_y[i] = directions[i].y;
+      query.ray.dir_z[i] = directions[i].z;
+      query.ray.tfar[i] = std::numeric_limits<float>::infinity();
+      query.ray.mask[i] = ~0u;
+      query.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
+      query.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
+    }
+    rtcIntersect8(valid, scene.get(), &context, &query);
+    return query;
+  }
+
   void throw_on_error(const char* doing) {
     const std::lock_guard lock(errors.mutex);
     if (!errors.first.empty()) fail(std::string(doing) + ": " + errors.first);
@@ -327,12 +360,8 @@ Hit EmbreeScene::intersect(glm::vec3 origin, glm::vec3 direction, float max_dist
   Hit hit;
   if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return hit;
 
-  const Handles::Surface& surface = handles_->surfaces[query.hit.primID];
-  hit.triangle = surface.triangle;
+  hit = Handles::hit_on(handles_->surfaces[query.hit.primID], query.hit.u, query.hit.v, direction);
   hit.distance_m = context.distance;
-  hit.position = Handles::point_on(surface, query.hit.u, query.hit.v);
-  const glm::vec3 normal = surface.normal;
-  hit.normal = normal == glm::vec3(0) ? -direction : glm::dot(normal, direction) > 0 ? -normal : normal;
   return hit;
 }
 
@@ -366,26 +395,19 @@ bool EmbreeScene::occluded(glm::vec3 from, glm::vec3 to, std::uint32_t& blocker)
 
 void EmbreeScene::intersect8(std::span<const glm::vec3, 8> origins, std::span<const glm::vec3, 8> directions,
                              std::span<float, 8> distances_m) const {
-  RTCIntersectContext context;
-  rtcInitIntersectContext(&context);
-  context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
-  alignas(32) int valid[8];
-  RTCRayHit8 query{};
-  for (std::size_t i = 0; i < 8; ++i) {
-    valid[i] = is_near(origins[i]) && is_near(directions[i]) ? -1 : 0;
-    query.ray.org_x[i] = origins[i].x;
-    query.ray.org_y[i] = origins[i].y;
-    query.ray.org_z[i] = origins[i].z;
-    query.ray.dir_x[i] = directions[i].x;
-    query.ray.dir_y[i] = directions[i].y;
-    query.ray.dir_z[i] = directions[i].z;
-    query.ray.tfar[i] = std::numeric_limits<float>::infinity();
-    query.ray.mask[i] = ~0u;
-    query.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
-    query.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
-  }
-  rtcIntersect8(valid, handles_->scene.get(), &context, &query);
+  const RTCRayHit8 query = handles_->trace8(origins, directions);
   for (std::size_t i = 0; i < 8; ++i) distances_m[i] = query.ray.tfar[i];
+}
+
+void EmbreeScene::intersect8(std::span<const glm::vec3, 8> origins, std::span<const glm::vec3, 8> directions,
+                             std::span<Hit, 8> hits) const {
+  const RTCRayHit8 query = handles_->trace8(origins, directions);
+  for (std::size_t i = 0; i < 8; ++i) {
+    hits[i] = {};
+    if (query.hit.geomID[i] == RTC_INVALID_GEOMETRY_ID) continue;
+    hits[i] = Handles::hit_on(handles_->surfaces[query.hit.primID[i]], query.hit.u[i], query.hit.v[i], directions[i]);
+    hits[i].distance_m = query.ray.tfar[i];
+  }
 }
 
 }  // namespace earshot

@@ -51,6 +51,9 @@ class EmbreeScene {
   [[nodiscard]] bool occluded(glm::vec3 from, glm::vec3 to, std::uint32_t& blocker) const;
   /// Eight coherent rays at once (camera rows): distances only, infinity where a ray escapes.  About 0.8 us for all eight.
   void intersect8(std::span<const glm::vec3, 8> origins, std::span<const glm::vec3, 8> directions, std::span<float, 8> distances_m) const;
+  /// The same eight rays with all that they meet; the distances have the same bits.  Of coplanar overlaps either may win, not the lowest
+  /// index as with intersect.  About 0.9 us for all eight.
+  void intersect8(std::span<const glm::vec3, 8> origins, std::span<const glm::vec3, 8> directions, std::span<Hit, 8> hits) const;
   /// Number of traced triangles.
   [[nodiscard]] std::size_t num_triangles() const;
   /// What it was built from, to build the same again: [k] indices into vertices, valid while this lives.

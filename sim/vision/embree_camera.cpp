@@ -51,12 +51,26 @@ void EmbreeCamera::render_depth(const Scene& scene, const CameraFrame& frame, st
       const glm::vec3 local = directions_[first + std::min(lane, count - 1)];
       directions[lane] = local.x * frame.right + local.y * frame.up + local.z * frame.forward;
     }
-    scene.rays().intersect8(origins, directions, distances_m);
+    scene.rays().intersect8(origins, directions, std::span<float, 8>(distances_m));
     for (std::size_t lane = 0; lane < count; ++lane) {
       const float along = along_axis ? directions_[first + lane].z : 1.f;
       depth[first + lane] = std::min(distances_m[lane] * along / config_.max_depth_m, 1.f);
     }
   }
+}
+
+/// Eight pixels of the picture, fewer at its end, where the last one is repeated.
+struct EmbreeCamera::Packet {
+  std::array<glm::vec3, 8> origins, directions;
+  std::array<Hit, 8> hits;
+};
+
+void EmbreeCamera::trace(const EmbreeScene& rays, const CameraFrame& frame, std::size_t first, Packet& packet) const {
+  for (std::size_t lane = 0; lane < 8; ++lane) {
+    const glm::vec3 local = directions_[std::min(first + lane, directions_.size() - 1)];
+    packet.directions[lane] = local.x * frame.right + local.y * frame.up + local.z * frame.forward;
+  }
+  rays.intersect8(packet.origins, packet.directions, std::span<Hit, 8>(packet.hits));
 }
 
 void EmbreeCamera::render(const Scene& scene, const Appearance* appearance, const Pose& pose, const CameraImages& images) const {
@@ -65,30 +79,45 @@ void EmbreeCamera::render(const Scene& scene, const Appearance* appearance, cons
   EARSHOT_EXPECT(appearance || !images.wants_appearance());
   EARSHOT_EXPECT(!appearance || appearance->triangle_color.size() == scene.mesh().triangles.size());
   const CameraFrame frame = frame_of(config_, pose);
-  if (!images.depth.empty()) render_depth(scene, frame, images.depth);
+  if (images.rgb.empty() && images.semantic.empty() && images.normals.empty()) {
+    if (!images.depth.empty()) render_depth(scene, frame, images.depth);
+    return;
+  }
   const Appearance::Detail* detail = appearance && !images.rgb.empty() && appearance->detail ? &*appearance->detail : nullptr;
-  const bool wants_scene = !images.semantic.empty() || !images.normals.empty() || (!images.rgb.empty() && !detail);
-  if (images.rgb.empty() && !wants_scene) return;
+  const bool wants_scene = !images.depth.empty() || !images.semantic.empty() || !images.normals.empty() || (!images.rgb.empty() && !detail);
+  const bool along_axis = config_.projection == Projection::pinhole;
+  Packet surface, colored;
+  surface.origins.fill(frame.eye);
+  colored.origins.fill(frame.eye);
 
-  for (std::size_t pixel = 0; pixel < directions_.size(); ++pixel) {
-    const glm::vec3 local = directions_[pixel];
-    const glm::vec3 direction = local.x * frame.right + local.y * frame.up + local.z * frame.forward;
-    const Hit hit = wants_scene ? scene.rays().intersect(frame.eye, direction) : Hit{};
-    if (!images.semantic.empty()) images.semantic[pixel] = hit.valid() ? appearance->triangle_category[hit.triangle] : std::uint16_t{0};
-    if (!images.normals.empty()) {
-      // Hit::normal is zero where nothing is hit.
-      images.normals[3 * pixel] = glm::dot(hit.normal, frame.right);
-      images.normals[3 * pixel + 1] = glm::dot(hit.normal, frame.up);
-      images.normals[3 * pixel + 2] = -glm::dot(hit.normal, frame.forward);
+  for (std::size_t first = 0; first < directions_.size(); first += 8) {
+    if (wants_scene) trace(scene.rays(), frame, first, surface);
+    if (detail) trace(detail->rays, frame, first, colored);
+    const std::size_t count = std::min<std::size_t>(8, directions_.size() - first);
+    for (std::size_t lane = 0; lane < count; ++lane) {
+      const std::size_t pixel = first + lane;
+      const Hit& hit = surface.hits[lane];
+      if (!images.depth.empty()) {
+        // The local z is the cosine to the view axis: ray length becomes depth.
+        const float along = along_axis ? directions_[pixel].z : 1.f;
+        images.depth[pixel] = std::min(hit.distance_m * along / config_.max_depth_m, 1.f);
+      }
+      if (!images.semantic.empty()) images.semantic[pixel] = hit.valid() ? appearance->triangle_category[hit.triangle] : std::uint16_t{0};
+      if (!images.normals.empty()) {
+        // Hit::normal is zero where nothing is hit.
+        images.normals[3 * pixel] = glm::dot(hit.normal, frame.right);
+        images.normals[3 * pixel + 1] = glm::dot(hit.normal, frame.up);
+        images.normals[3 * pixel + 2] = -glm::dot(hit.normal, frame.forward);
+      }
+      if (images.rgb.empty()) continue;
+      const Hit& seen = detail ? colored.hits[lane] : hit;
+      std::array<std::uint8_t, 3> rgb{};
+      if (seen.valid()) {
+        const glm::vec3 color = detail ? color_at(detail->mesh, seen) : appearance->triangle_color[seen.triangle];
+        rgb = to_srgb8(config_.unlit ? color : light_on(seen.normal) * color);
+      }
+      std::copy(rgb.begin(), rgb.end(), images.rgb.begin() + static_cast<std::ptrdiff_t>(3 * pixel));
     }
-    if (images.rgb.empty()) continue;
-    const Hit seen = detail ? detail->rays.intersect(frame.eye, direction) : hit;
-    std::array<std::uint8_t, 3> rgb{};
-    if (seen.valid()) {
-      const glm::vec3 color = detail ? color_at(detail->mesh, seen) : appearance->triangle_color[seen.triangle];
-      rgb = to_srgb8(config_.unlit ? color : light_on(seen.normal) * color);
-    }
-    std::copy(rgb.begin(), rgb.end(), images.rgb.begin() + static_cast<std::ptrdiff_t>(3 * pixel));
   }
 }
 

@@ -20,13 +20,16 @@ class EmbreeCamera {
  public:
   /// Throws InputError if the config is out of range.
   explicit EmbreeCamera(const CameraSensorConfig& config);
-  /// appearance: of this scene; needed for rgb and semantic, else it may be null.  Depth alone goes eight rays at a time (RayRenderer; the
-  /// same bits) and takes 1.5 ms for 128 x 128 in 200,000 triangles; docs/vision.md has the times of the others.  No allocation.
+  /// appearance: of this scene; needed for rgb and semantic, else it may be null.  Rays go eight at a time; depth has the bits of
+  /// RayRenderer whatever else is wanted.  Depth alone takes 1.5 ms for 128 x 128 in 200,000 triangles; docs/vision.md has the times.  No
+  /// allocation.
   void render(const Scene& scene, const Appearance* appearance, const Pose& pose, const CameraImages& images) const;
   [[nodiscard]] const CameraSensorConfig& config() const { return config_; }
 
  private:
   void render_depth(const Scene& scene, const CameraFrame& frame, std::span<float> depth) const;
+  struct Packet;
+  void trace(const EmbreeScene& rays, const CameraFrame& frame, std::size_t first, Packet& packet) const;
 
   CameraSensorConfig config_;
   std::vector<glm::vec3> directions_;  ///< pixel_directions

@@ -100,8 +100,17 @@ TEST(EmbreeScene, EightRaysAtOnceMatchSingleRays) {
       directions[lane] = uniform_direction(random.uniform2(1));
     }
     scene.intersect8(origins, directions, distances);
+    std::array<Hit, 8> hits;
+    scene.intersect8(origins, directions, hits);
     for (std::size_t lane = 0; lane < 8; ++lane) {
       const Hit hit = scene.intersect(origins[lane], directions[lane]);
+      EXPECT_EQ(hits[lane].distance_m, distances[lane]);  // bits
+      EXPECT_EQ(hits[lane].valid(), hit.valid());
+      if (hit.valid() && hits[lane].triangle == hit.triangle) {
+        EXPECT_EQ(hits[lane].normal, hit.normal);
+        EXPECT_LT(glm::length(hits[lane].position - hit.position),
+                  1e-5f * (1 + hit.distance_m) / std::max(1e-2f, std::fabs(glm::dot(hit.normal, directions[lane]))));
+      }
       // The two kernels round differently: a few units in the last place, 1 / cos longer at grazing rays.
       if (hit.valid())
         EXPECT_NEAR(distances[lane], hit.distance_m,
