@@ -43,6 +43,7 @@ constexpr std::array<std::pair<const char*, double>, 4> kPercentiles{{{"p50", 0.
 
 struct EnvTimes {
   std::vector<double> steps_per_s;
+  std::vector<double> alone_per_s;  ///< the same without the oracle that acts, which asks for two distances a step
   std::array<std::vector<double>, kStages.size()> stage_ms;
   std::vector<std::vector<double>> batch_ms;  ///< of each repeat, every batch step in order of size
   double resident_mb = 0, cache_mb = 0;       ///< at the end
@@ -100,17 +101,20 @@ class EnvBench {
       const StageSeconds before = env.stage_seconds();
       const Stopwatch watch;
       std::vector<double> batch_ms;
-      double steps = 0;
+      double steps = 0, step_s = 0;
       do {
         // The oracle's mix of turns and moves, ends of episodes included, is close to that of a trained policy.
         baseline_actions(Baseline::oracle, env, 0, 0, actions);
         const Stopwatch batch;
         env.step(actions);
-        batch_ms.push_back(1e3 * batch.wall_s());
+        const double batch_s = batch.wall_s();
+        step_s += batch_s;
+        batch_ms.push_back(1e3 * batch_s);
         steps += envs;
       } while (watch.wall_s() < seconds);
       if (repeat == 0) continue;
       times.steps_per_s.push_back(steps / watch.wall_s());
+      times.alone_per_s.push_back(steps / step_s);
       for (std::size_t i = 0; i < kStages.size(); ++i)
         times.stage_ms[i].push_back(1e3 * (env.stage_seconds().*kStages[i].seconds - before.*kStages[i].seconds) / steps);
       std::ranges::sort(batch_ms);
@@ -222,7 +226,11 @@ BenchReport bench_env(const EnvBenchOptions& options) {
   const BareRayRates rays = measure_bare_rays(all.scene(), all.config().observation.camera, all.places(), options.quick ? 0.1 : 2);
   report.add("env.bare_rays_per_s.camera", "1/s", median_of({rays.camera}), one_thread);
   report.add("env.bare_rays_per_s.diffuse", "1/s", median_of({rays.diffuse}), one_thread);
-  add_rate(report, "env.bare_steps_per_s", kNone, threads, options);
+  const EnvBench bare(kNone, options);
+  const EnvTimes bare_times = bare.run(options.envs, threads, options.repeats, options.seconds);
+  const BenchJson bare_setting = bare.setting(options.envs, threads);
+  report.add("env.bare_steps_per_s", "1/s", median_of(bare_times.steps_per_s), bare_setting);
+  report.add("env.bare_steps_per_s.without_oracle", "1/s", median_of(bare_times.alone_per_s), bare_setting);
   if (options.quick) return report;
   if (options.threads == 0) {
     const int two = 2;
