@@ -415,13 +415,14 @@ class RirBench {
     std::vector<float> sound(2 * static_cast<std::size_t>(block)), window(2 * static_cast<std::size_t>(shape.num_samples)),
         spectrogram(2 * static_cast<std::size_t>(shape.rows()) * static_cast<std::size_t>(shape.columns()));
     AgentHearing hearing;
-    hearing.begin(*source, dry, 0);
+    const PlayedSound played{.source = source.get(), .sound = &dry};
+    hearing.begin(std::span(&played, 1));
     std::vector<double> rates;
     for (int i = 0; i <= options_.repeats; ++i) {  // the first warms up
       const Stopwatch watch;
       for (const WalkPose& walked : scene_.walk) {
         const Pose pose{.position = walked.foot, .heading_rad = walked.heading_rad};
-        hearing.trace(*source, pose, 1.5f);
+        hearing.trace(engines, pose, 1.5f, block);
         hearing.synthesize(engines, pose.heading_rad);
         hearing.convolve(engines, block, sound, window);
         hearing.analyze(engines, window, spectrogram);

@@ -1,22 +1,12 @@
 #include "envs/agent_hearing.h"
 
 #include <algorithm>
-#include <array>
-#include <bit>
-#include <utility>
 
-#include "sim/acoustics/synthesis/carriers.h"
-#include "sim/base/files.h"
+#include "envs/finite_values.h"
+#include "sim/base/random.h"
 
 namespace earshot {
 namespace {
-
-/// To turn speeds of agents into changes of delay: about that of air.
-constexpr double kSpeedOfSoundMPerS = 343;
-
-bool same_bits(glm::vec3 a, glm::vec3 b) {
-  return std::bit_cast<std::array<std::uint32_t, 3>>(a) == std::bit_cast<std::array<std::uint32_t, 3>>(b);
-}
 
 /// Appends [2, n] to the end of a rolling [2, samples], dropping the oldest.
 void push(std::span<const float> sound, std::span<float> window) {
@@ -30,86 +20,62 @@ void push(std::span<const float> sound, std::span<float> window) {
 
 }  // namespace
 
-bool all_finite(std::span<const float> values) {
-  constexpr std::uint32_t exponent = 0x7F800000u;  // all ones for infinities and NaN
-  std::uint32_t bad = 0;
-  for (const float value : values) bad |= (std::bit_cast<std::uint32_t>(value) & exponent) == exponent ? 1u : 0u;
-  return bad == 0;
-}
-
-HearingEngines::HearingEngines(std::shared_ptr<const SynthesisTables> tables, const StreamConfig& stream,
-                               const SpectrogramConfig& spectrogram, std::shared_ptr<DrySpectra> dry_spectra, double most_speed_m_per_s)
-    : synthesizer(tables),
-      convolver(stream, 2, std::move(dry_spectra)),
-      glider(std::move(tables), stream.max_block_samples, std::min(most_speed_m_per_s / kSpeedOfSoundMPerS, PathGlider::kMostSlope)),
-      crossfade_samples(stream.crossfade_samples),
-      analyzer(spectrogram),
-      block(2 * static_cast<std::size_t>(stream.max_block_samples)),
-      window(2 * static_cast<std::size_t>(spectrogram.num_samples)) {}
-
-std::shared_ptr<DrySpectra> make_dry_spectra(const StreamConfig& stream) {
-  return std::make_shared<DrySpectra>(StreamConvolver::plan(stream, 2).fft_size, std::size_t{16} << 20);
-}
-
-void AgentHearing::begin(const EnvSource& source, const LibrarySound& sound, std::uint64_t clip_offset) {
-  dry_ = &sound;
-  clip_key_ = hash64(std::as_bytes(std::span(sound.clip.samples)));
-  silent_ = sound.oversampled.silent();
-  gliding_.forget();
+void AgentHearing::begin(std::span<const PlayedSound> played, const BackgroundNoise& noise) {
+  if (sources_.size() < played.size()) sources_.resize(played.size());
+  for (std::size_t i = 0; i < played.size(); ++i) sources_[i].begin(played[i]);
+  sounding_.assign(played.size(), 0);
+  noise_ = noise;
+  sample_ = 0;
   history_.forget();
   new_samples_ = 0;
-  position_ = {.sample = 0, .clip_offset = clip_offset, .already_playing = true};
-  has_response_ = response_is_new_ = has_rir_ = fades_ = false;
-  response_.arrivals.reserve(source.candidates.size() + 1);  // direct sound and every image: no step allocates
-  carrier_key_ = carrier_key(source.scene->scene->hash(), source.candidates.source());
 }
 
-void AgentHearing::trace(const EnvSource& source, const Pose& pose, float ear_height_m) {
-  if (silent_) return;
-  if (has_response_ && same_bits(pose.position, traced_position_)) {
-    ++cached_responses_;
-    return;
+void AgentHearing::trace(const HearingEngines& engines, const Pose& pose, float ear_height_m, int block) {
+  for (std::size_t i = 0; i < sounding_.size(); ++i) {
+    sounding_[i] = sources_[i].sounds(engines, block) ? 1 : 0;
+    if (sounding_[i] != 0) sources_[i].trace(pose, ear_height_m);
   }
-  ears_ = pose.position + glm::vec3(0, ear_height_m, 0);
-  compute_energy_response(source.scene->acoustics, source.candidates, source.sound_field.get(), ears_, response_);
-  effects_.add(response_.effects);
-  traced_position_ = pose.position;
-  has_response_ = response_is_new_ = true;
 }
 
 bool AgentHearing::synthesize(HearingEngines& engines, double heading_rad, const std::function<void(std::span<float> rir)>& hook) {
-  fades_ = false;  // fading between equal RIRs gives the bits of no fade
-  if (silent_) return true;
-  if (has_rir_ && !response_is_new_ && std::bit_cast<std::uint64_t>(heading_rad) == std::bit_cast<std::uint64_t>(rendered_heading_rad_))
-    return true;
-  fades_ = has_rir_;
-  std::swap(spectra_, previous_);
-  if (response_is_new_) late_.forget();
-  const std::span<const std::uint8_t> glides = engines.glider.choose(response_, &gliding_);
-  engines.synthesizer.render(response_, heading_rad, {carrier_key_, ears_}, rir_, &late_, glides);
-  if (hook) hook(rir_.samples);
-  if (!all_finite(rir_.samples)) return false;
-  engines.convolver.transform(rir_.samples, rir_.num_samples, spectra_);
-  engines.glider.advance(response_, glides, heading_rad, gliding_);
-  rendered_heading_rad_ = heading_rad;
-  response_is_new_ = false;
-  has_rir_ = true;
+  for (std::size_t i = 0; i < sounding_.size(); ++i)
+    if (sounding_[i] != 0 && !sources_[i].synthesize(engines, heading_rad, hook)) return false;
   return true;
 }
 
 bool AgentHearing::convolve(HearingEngines& engines, int block, std::span<float> sound, std::span<float> window) {
-  if (silent_) {
-    std::fill(sound.begin(), sound.end(), 0.f);
-  } else {
-    engines.convolver.convolve(dry_->clip, clip_key_, position_, spectra_, fades_ ? &previous_ : nullptr, block, sound);
-    engines.glider.render(dry_->oversampled, position_, block, engines.crossfade_samples, gliding_, sound);
+  bool first = true;
+  for (std::size_t i = 0; i < sounding_.size(); ++i) {
+    if (sounding_[i] == 0) {
+      sources_[i].pass(block);
+    } else if (first) {
+      sources_[i].convolve(engines, block, sound);
+      first = false;
+    } else {
+      const auto part = std::span(engines.part).first(sound.size());
+      sources_[i].convolve(engines, block, part);
+      for (std::size_t sample = 0; sample < sound.size(); ++sample) sound[sample] += part[sample];
+    }
   }
-  position_.sample += static_cast<std::uint64_t>(block);
+  if (first) std::fill(sound.begin(), sound.end(), 0.f);
+  if (noise_.rms > 0) add_noise(sound);
+  sample_ += static_cast<std::uint64_t>(block);
   const bool finite = all_finite(sound);
   if (!finite) std::fill(sound.begin(), sound.end(), 0.f);
   push(sound, window);
   new_samples_ += static_cast<std::size_t>(block);
   return finite;
+}
+
+/// Normal numbers as a function of the stream sample: a replay from the middle has the same.
+void AgentHearing::add_noise(std::span<float> sound) const {
+  const std::size_t block = sound.size() / 2;
+  for (std::size_t ear = 0; ear < 2; ++ear) {
+    // After the offsets of sounds, which are draws of (stream, episode, 0).
+    const RandomStream random(noise_.seed, Purpose::sound, noise_.stream, noise_.episode, static_cast<std::uint32_t>(1 + ear));
+    for (std::size_t i = 0; i < block; ++i)  // one of a pair, so that a sample depends on its place alone
+      sound[ear * block + i] += noise_.rms * random.normal2(static_cast<std::uint32_t>(sample_ + i))[0];
+  }
 }
 
 void AgentHearing::analyze(HearingEngines& engines, std::span<const float> window, std::span<float> spectrogram) {
@@ -125,6 +91,23 @@ bool AgentHearing::fill_window(HearingEngines& engines, int block, std::span<flo
     finite = convolve(engines, odd, std::span(engines.block).first(2 * static_cast<std::size_t>(odd)), window);
   for (int piece = 0; piece < samples / block; ++piece) finite = convolve(engines, block, sound, window) && finite;
   return finite;
+}
+
+void AgentHearing::seek(std::uint64_t sample) {
+  for (std::size_t i = 0; i < sounding_.size(); ++i) sources_[i].seek(sample);
+  sample_ = sample;
+}
+
+EffectCounters AgentHearing::effects() const {
+  EffectCounters sum;
+  for (const SourceHearing& source : sources_) sum.add(source.effects());
+  return sum;
+}
+
+std::uint64_t AgentHearing::cached_responses() const {
+  std::uint64_t sum = 0;
+  for (const SourceHearing& source : sources_) sum += source.cached_responses();
+  return sum;
 }
 
 }  // namespace earshot

@@ -8,8 +8,15 @@
 #include "sim/base/errors.h"
 
 namespace earshot {
+namespace {
+
+/// Steps on a grid end on its nodes, up to what a slide along the navmesh rounds.
+constexpr float kGridToleranceM = 0.02f;
+
+}  // namespace
 
 void read(ConfigReader& reader, TaskConfig& config) {
+  reader.read_choice<Motion>("motion", config.motion, {{"continuous", Motion::continuous}, {"grid", Motion::grid}});
   reader.read("step_time_s", config.step_time_s);
   reader.read("forward_m", config.forward_m);
   reader.read("turn_deg", config.turn_deg);
@@ -40,8 +47,9 @@ void validate(const TaskConfig& config) {
 
 int turns_per_circle(const TaskConfig& config) { return static_cast<int>(std::lround(360.f / config.turn_deg)); }
 
-void AvNavState::begin(const TaskConfig&, const GeodesicField& field, glm::vec3 start, double start_heading_rad, int oracle_actions) {
-  const std::optional<float> distance_m = field.distance_m(start);
+void AvNavState::begin(const TaskConfig&, const NearestGoal& goal, glm::vec3 start, double start_heading_rad, int oracle_actions,
+                       double silent_from_s) {
+  const std::optional<float> distance_m = goal.distance_m(start);
   if (!distance_m || !std::isfinite(*distance_m))
     throw InputError("episode", "no walkable path leads from its start to its goal",
                      "remove it from the set, or make the set again for this scene and agent size");
@@ -50,9 +58,10 @@ void AvNavState::begin(const TaskConfig&, const GeodesicField& field, glm::vec3 
   start_heading_rad_ = start_heading_rad;
   oracle_actions_ = std::max(1, oracle_actions);
   start_distance_m_ = distance_m_ = *distance_m;
+  silent_from_s_ = silent_from_s;
 }
 
-float AvNavState::step(const TaskConfig& config, const Navmesh& navmesh, const GeodesicField& field, Action action) {
+float AvNavState::step(const TaskConfig& config, const Navmesh& navmesh, const NearestGoal& goal, Action action) {
   EARSHOT_EXPECT(!terminated_ && !truncated_);
   ++steps_;
   collided_ = false;
@@ -62,12 +71,16 @@ float AvNavState::step(const TaskConfig& config, const Navmesh& navmesh, const G
       terminated_ = true;
       break;
     case Action::forward: {
-      const MoveResult moved = slide(navmesh, position_, config.forward_m * forward_of(pose(config).heading_rad));
+      const glm::vec3 wanted = config.forward_m * forward_of(pose(config).heading_rad);
+      MoveResult moved = slide(navmesh, position_, wanted);
+      const glm::vec3 missing = position_ + wanted - moved.position;
+      if (config.motion == Motion::grid && std::hypot(missing.x, missing.z) > kGridToleranceM)
+        moved = {.position = position_, .collided = true};
       path_m_ += glm::length(glm::dvec3(moved.position) - glm::dvec3(position_));
       position_ = moved.position;
       collided_ = moved.collided;
       collisions_ += moved.collided ? 1 : 0;
-      const std::optional<float> distance_m = field.distance_m(position_);
+      const std::optional<float> distance_m = goal.distance_m(position_);
       if (distance_m && std::isfinite(*distance_m))
         distance_m_ = *distance_m;
       else
@@ -104,6 +117,7 @@ EpisodeMetrics AvNavState::metrics(const TaskConfig& config) const {
   m.spl = m.success * efficiency;
   m.soft_spl = progress * efficiency;
   m.sna = m.success * oracle_actions_ / std::max(oracle_actions_, steps_);
+  m.success_when_silent = static_cast<double>(steps_) * static_cast<double>(config.step_time_s) >= silent_from_s_ ? m.success : 0;
   m.dtg_m = end_m;
   m.reward = reward_;
   m.steps = steps_;

@@ -1,18 +1,26 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <optional>
 
 #include "envs/action.h"
+#include "envs/nearest_goal.h"
 #include "sim/base/config_reader.h"
-#include "sim/nav/geodesic_field.h"
 #include "sim/nav/motion.h"
 #include "sim/vision/camera.h"
 
 namespace earshot {
 
+/// How an agent goes forward.
+enum class Motion {
+  continuous,  ///< slides along what is in its way
+  grid,        ///< the whole step or none: with forward_m 1 and turn_deg 90 the grid of the original task
+};
+
 /// Continuous AV-Nav (docs/conventions.md, section 6).
 struct TaskConfig {
+  Motion motion = Motion::continuous;
   float step_time_s = 0.15f;
   float forward_m = 0.15f;
   float turn_deg = 10.f;          ///< divides 360
@@ -28,6 +36,7 @@ void validate(const TaskConfig& config);
 /// Metrics of a finished episode (docs/conventions.md, section 7; SNA with an oracle of the same actions).
 struct EpisodeMetrics {
   double success = 0, spl = 0, soft_spl = 0, sna = 0, dtg_m = 0, reward = 0;
+  double success_when_silent = 0;  ///< success, and the sound of the goal had ended by then (SWS of Chen, Al-Halah and Grauman 2021)
   int steps = 0, collisions = 0;
 };
 
@@ -38,10 +47,12 @@ int turns_per_circle(const TaskConfig& config);
 class AvNavState {
  public:
   /// start_heading_rad plus turns * turn_deg is the heading: integer turns, so 36 turns of 10 degrees are no turn (H-54, H-58).
-  /// Throws InputError if no path leads from `start` to the goal.
-  void begin(const TaskConfig& config, const GeodesicField& field, glm::vec3 start, double start_heading_rad, int oracle_actions);
+  /// silent_from_s: when the sound of the goal ends, from the start of the episode.  Throws InputError if no path leads from `start` to the
+  /// goal.
+  void begin(const TaskConfig& config, const NearestGoal& goal, glm::vec3 start, double start_heading_rad, int oracle_actions,
+             double silent_from_s = std::numeric_limits<double>::infinity());
   /// Applies one action; returns the reward.  Afterwards terminated() (stop called), truncated() (out of steps) and collided() are current.
-  float step(const TaskConfig& config, const Navmesh& navmesh, const GeodesicField& field, Action action);
+  float step(const TaskConfig& config, const Navmesh& navmesh, const NearestGoal& goal, Action action);
 
   [[nodiscard]] Pose pose(const TaskConfig& config) const;
   [[nodiscard]] bool terminated() const { return terminated_; }
@@ -55,16 +66,16 @@ class AvNavState {
 
  private:
   glm::vec3 position_{0};
-  double start_heading_rad_ = 0, path_m_ = 0, reward_ = 0;
+  double start_heading_rad_ = 0, path_m_ = 0, reward_ = 0, silent_from_s_ = std::numeric_limits<double>::infinity();
   int turns_ = 0, steps_ = 0, collisions_ = 0, oracle_actions_ = 1, lost_distances_ = 0;
   float start_distance_m_ = 0, distance_m_ = 0;
   bool terminated_ = false, truncated_ = false, collided_ = false;
 };
 
 /// The oracle: next action along the geodesic with this task's step sizes.  `stop` once within half of the success radius.
-Action oracle_action(const TaskConfig& config, const GeodesicField& field, const Pose& pose);
+Action oracle_action(const TaskConfig& config, const NearestGoal& goal, const Pose& pose);
 /// Number of actions of the oracle from a start, stop included; nullopt if it does not succeed within 4 * max_steps.
-std::optional<int> count_oracle_actions(const TaskConfig& config, const Navmesh& navmesh, const GeodesicField& field, glm::vec3 start,
+std::optional<int> count_oracle_actions(const TaskConfig& config, const Navmesh& navmesh, const NearestGoal& goal, glm::vec3 start,
                                         double heading_rad);
 
 }  // namespace earshot

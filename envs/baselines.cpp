@@ -98,7 +98,7 @@ void baseline_actions(Baseline baseline, const BatchedEnv& env, std::uint64_t se
             env, row, RandomStream(seed, Purpose::random_agent, id, episode, static_cast<std::uint32_t>(step / kPatience_steps))));
         break;
       case Baseline::oracle:
-        actions[row] = as_int(oracle_action(env.config().task, env.source(index).field, env.pose(index)));
+        actions[row] = as_int(oracle_action(env.config().task, env.goal(index), env.pose(index)));
         break;
     }
   }

@@ -5,7 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iterator>
+#include <numeric>
 #include <stdexcept>
 #include <utility>
 
@@ -23,24 +23,6 @@ StreamConfig stream_config(const EnvConfig& config, int block_samples, int head_
           .crossfade_samples = std::min(block_samples, static_cast<int>(std::lround(config.crossfade_s * rate_hz)))};
 }
 
-/// What a caller can get wrong in step().
-void check_step(bool started, std::span<const std::int32_t> actions, std::span<const std::uint8_t> active) {
-  if (!started) throw std::logic_error("BatchedEnv::step: no episode has begun, call reset() first");
-  if (actions.size() != active.size())
-    throw std::invalid_argument(fmt::format("BatchedEnv::step: {} actions for {} environments", actions.size(), active.size()));
-  for (std::size_t env = 0; env < actions.size(); ++env)
-    if (active[env] != 0 && (actions[env] < 0 || actions[env] >= kNumActions))
-      throw std::invalid_argument(
-          fmt::format("BatchedEnv::step: action {} of environment {} is not in [0, {})", actions[env], env, kNumActions));
-}
-
-template <class Agents>
-auto& agent_of(Agents& agents, int env) {
-  if (env < 0 || size_of(env) >= agents.size())
-    throw std::out_of_range(fmt::format("BatchedEnv: environment {} of a batch of {}", env, agents.size()));
-  return agents[size_of(env)];
-}
-
 }  // namespace
 
 BatchedEnv::Impl::Impl(const EnvConfig& env_config, std::shared_ptr<const EpisodeSet> episodes, std::shared_ptr<SceneCache> cache,
@@ -52,9 +34,8 @@ BatchedEnv::Impl::Impl(const EnvConfig& env_config, std::shared_ptr<const Episod
       total_envs(total > 0 ? total : first + num_envs),
       block_samples((validate(config), static_cast<int>(std::lround(config.acoustics.sample_rate_hz * config.task.step_time_s)))),
       oracle(set->episodes.size()),
-      sounds(config.observation.spectrogram ? std::span<const Episode>(set->episodes) : std::span<const Episode>{}, config.sound_root,
+      sounds(config.observation.hears() ? std::span<const Episode>(set->episodes) : std::span<const Episode>{}, config.sound_root,
              config.acoustics.sample_rate_hz, config.sound_gain),
-      renderer(config.observation.camera),
       agents(size_of(num_envs)),
       quarantine(config.quarantine_dir) {
   require(config.accuracy.empty(), "accuracy", config.accuracy, "has to be planned before environments are made (plan_env_accuracy)");
@@ -64,14 +45,40 @@ BatchedEnv::Impl::Impl(const EnvConfig& env_config, std::shared_ptr<const Episod
   EARSHOT_EXPECT(scenes->acoustics().sample_rate_hz == config.acoustics.sample_rate_hz);
 
   const ObservationSpec& spec = config.observation;
-  if (spec.depth) depth.resize(num_envs, spec.depth_size());
-  if (spec.pointgoal) pointgoal.resize(num_envs, 2);
-  const int threads = config.threads > 0 ? config.threads : tbb::info::default_concurrency();
-  if (threads > 1) arena.emplace(threads);
-  if (spec.spectrogram) {
-    spectrogram.resize(num_envs, spec.spectrogram_size());
-    audiogoal.assign(size_of(num_envs) * 2 * size_of(block_samples), 0.f);
-    heard.assign(size_of(num_envs) * 2 * size_of(spec.sound.num_samples), 0.f);
+  table = sensor_table(spec, block_samples);
+  for (const SensorSpec& sensor : table) sensor_rows.push_back(std::make_unique<SensorRows>(sensor, agents.size()));
+  // What sensors of sound are made of is kept whether it is observed or not.
+  ObservationSpec kept;
+  kept.depth = kept.spectrogram = false;
+  kept.waveform = spec.hears() && !spec.waveform;
+  kept.heard = spec.hears() && !spec.heard;
+  kept.sound = spec.sound;
+  for (const SensorSpec& sensor : sensor_table(kept, block_samples))
+    sensor_rows.push_back(std::make_unique<SensorRows>(sensor, agents.size()));
+  for (const ExtraCamera& camera : spec.all_cameras()) cameras.push_back({.camera = EmbreeCamera(camera.config)});
+  for (const auto& rows : sensor_rows) {
+    if (rows->spec().camera < 0) continue;
+    AgentCamera& camera = cameras[size_of(rows->spec().camera)];
+    (rows->spec().kind == SensorKind::depth      ? camera.depth
+     : rows->spec().kind == SensorKind::rgb      ? camera.rgb
+     : rows->spec().kind == SensorKind::semantic ? camera.semantic
+                                                 : camera.normals) = rows.get();
+  }
+  const auto rows_of = [&](SensorKind kind) {
+    const auto found = std::find_if(sensor_rows.begin(), sensor_rows.end(), [&](const auto& rows) { return rows->spec().kind == kind; });
+    return found == sensor_rows.end() ? nullptr : found->get();
+  };
+  if (spec.depth) depth = cameras.front().depth;
+  spectrogram = rows_of(SensorKind::spectrogram);
+  waveform = rows_of(SensorKind::waveform);
+  heard = rows_of(SensorKind::heard);
+  pointgoal = rows_of(SensorKind::pointgoal);
+  gps_compass = rows_of(SensorKind::gps_compass);
+  way = rows_of(SensorKind::pose);
+  collision = rows_of(SensorKind::collision);
+  previous_action = rows_of(SensorKind::previous_action);
+
+  if (spec.hears()) {
     const float rate_hz = config.acoustics.sample_rate_hz;
     const auto hrtf = config.hrtf.empty() ? Hrtf::rigid_sphere(rate_hz) : Hrtf::from_sofa(config.hrtf, rate_hz);
     const BandLayout bands =
@@ -80,65 +87,37 @@ BatchedEnv::Impl::Impl(const EnvConfig& env_config, std::shared_ptr<const Episod
     const StreamConfig stream = stream_config(config, block_samples, hrtf->fft_size());
     const auto dry_spectra = make_dry_spectra(stream);
     const double most_speed_m_per_s = std::max(5.0, 2.0 * static_cast<double>(config.task.forward_m / config.task.step_time_s));
-    for (int thread = 0; thread < threads; ++thread) engines.emplace_back(tables, stream, spec.sound, dry_spectra, most_speed_m_per_s);
+    make_engines = [tables, stream, sound = spec.sound, dry_spectra, most_speed_m_per_s] {
+      return std::make_unique<HearingEngines>(tables, stream, sound, dry_spectra, most_speed_m_per_s);
+    };
   }
   rewards.assign(agents.size(), 0.f);
-  for (auto* flags : {&terminated, &truncated, &active, &collided, &quarantined}) flags->assign(agents.size(), 0);
+  for (auto* flags : {&terminated, &truncated, &active, &collided, &quarantined, &under_way, &is_done}) flags->assign(agents.size(), 0);
+  all_envs.resize(agents.size());
+  std::iota(all_envs.begin(), all_envs.end(), std::uint32_t{0});
   finished.reserve(agents.size());
+  submitted.reserve(agents.size());
+  sent_order.reserve(agents.size());
+  received.reserve(agents.size());
+  const int threads = config.threads > 0 ? config.threads : tbb::info::default_concurrency();
+  workers.emplace(std::min(threads, num_envs), agents.size(), config.stage_limit_s,
+                  [this](std::size_t env, std::size_t worker) { run_task(env, worker); });
+  engines.resize(workers->num_workers());
 }
 
-void BatchedEnv::Impl::book_stage_seconds() {
-  std::array<double, num_stages> sum{};
-  for (const Agent& agent : agents)
-    for (std::size_t stage = 0; stage < num_stages; ++stage) sum[stage] += agent.seconds[stage];
-  stage_seconds = {.move = sum[move_stage],
-                   .trace = sum[trace_stage],
-                   .synthesize = sum[synthesize_stage],
-                   .convolve = sum[convolve_stage],
-                   .render = sum[render_stage],
-                   .observe = sum[observe_stage],
-                   .reset = sum[reset_stage]};
+std::size_t BatchedEnv::Impl::index_of(int env) const {
+  if (env < 0 || size_of(env) >= agents.size())
+    throw std::out_of_range(fmt::format("BatchedEnv: environment {} of a batch of {}", env, agents.size()));
+  return size_of(env);
 }
 
 BatchedEnv::BatchedEnv(const EnvConfig& config, std::shared_ptr<const EpisodeSet> set, std::shared_ptr<SceneCache> scenes, int num_envs,
                        int first_env, int total_envs)
     : impl_(std::make_unique<Impl>(config, std::move(set), std::move(scenes), num_envs, first_env, total_envs)) {}
 
-BatchedEnv::~BatchedEnv() = default;
-
-void BatchedEnv::reset() {
-  Impl& in = *impl_;
-  in.finished.clear();
-  for (auto* flags : {&in.terminated, &in.truncated, &in.collided, &in.quarantined}) std::ranges::fill(*flags, std::uint8_t{0});
-  std::ranges::fill(in.rewards, 0.f);
-  for (Agent& agent : in.agents) {
-    agent.episode_count = -1;
-    agent.failed_starts.clear();
-  }
-  in.for_each_env(reset_stage, [&](std::size_t env, HearingEngines* own) { in.begin_next_episode(env, own); });
-  in.started = true;
-  in.stop_if_none_begins();
-  in.book_stage_seconds();
-}
-
-void BatchedEnv::step(std::span<const std::int32_t> actions) {
-  Impl& in = *impl_;
-  check_step(in.started, actions, in.active);
-  in.finished.clear();
-  in.for_each_env(move_stage, [&](std::size_t env, HearingEngines*) { in.move(env, static_cast<Action>(actions[env])); });
-  in.for_each_running_env(trace_stage, [&](std::size_t env, HearingEngines*) { in.trace(env); });
-  in.for_each_running_env(synthesize_stage, [&](std::size_t env, HearingEngines* own) { in.synthesize(env, own); });
-  in.for_each_running_env(convolve_stage, [&](std::size_t env, HearingEngines* own) { in.convolve(env, own); });
-  in.for_each_running_env(render_stage, [&](std::size_t env, HearingEngines*) { in.render(env); });
-  in.for_each_running_env(observe_stage, [&](std::size_t env, HearingEngines* own) { in.observe(env, own); });
-  for (std::size_t env = 0; env < in.agents.size(); ++env) in.end_faulty_episode(env);
-  if (in.collect_finished()) in.for_each_env(reset_stage, [&](std::size_t env, HearingEngines* own) { in.restart(env, own); });
-  for (Agent& agent : in.agents) {
-    std::ranges::move(agent.failed_starts, std::back_inserter(in.finished));
-    agent.failed_starts.clear();
-  }
-  in.stop_if_none_begins();
-  in.book_stage_seconds();
+BatchedEnv::~BatchedEnv() {
+  // What a stage that never returns works on has to stay.
+  if (impl_->workers->tasks_given_up() > 0) static_cast<void>(impl_.release());
 }
 
 std::string BatchedEnv::save_state() const {
@@ -149,64 +128,122 @@ std::string BatchedEnv::save_state() const {
                  .total_envs = in.total_envs,
                  .started = in.started,
                  .envs = {}};
-  for (std::size_t env = 0; env < in.agents.size(); ++env) {
-    const Agent& agent = in.agents[env];
-    state.envs.push_back({.active = in.active[env] != 0,
-                          .episode_index = agent.episode_index,
-                          .episode_count = std::max(0, agent.episode_count),
-                          .actions = agent.actions});
-  }
+  in.refuse_while_under_way("save_state");
+  for (const std::uint32_t env : in.all_envs) state.envs.push_back(in.cursor_of(env));
   return encode(state);
+}
+
+namespace {
+
+[[noreturn]] void refuse_state(const std::string& what) {
+  throw InputError("environment state", what, "resume with the set, seed and batch it was saved with");
+}
+
+}  // namespace
+
+void BatchedEnv::Impl::check_cursor(const EnvCursor& cursor) const {
+  if (cursor.active && cursor.episode_index >= set->episodes.size()) refuse_state("names an episode that the set does not have");
+  if (cursor.actions.size() > size_of(config.task.max_steps)) refuse_state("has an episode longer than task.max_steps");
+  if (cursor.ended && config.autoreset == Autoreset::same_step)
+    refuse_state("has an episode that has ended, which autoreset same_step knows none of");
 }
 
 void BatchedEnv::restore(std::string_view text) {
   Impl& in = *impl_;
+  in.refuse_while_under_way("restore");
   const EnvState state = decode_env_state(text);
-  const auto refuse = [](const std::string& what) {
-    throw InputError("environment state", what, "resume with the set, seed and batch it was saved with");
-  };
-  if (state.set_hash != in.set->hash) refuse("belongs to another episode set");
-  if (state.seed != in.config.seed) refuse("has another seed");
+  if (state.set_hash != in.set->hash) refuse_state("belongs to another episode set");
+  if (state.seed != in.config.seed) refuse_state("has another seed");
   if (state.envs.size() != in.agents.size() || state.first_env != in.first_env || state.total_envs != in.total_envs)
-    refuse("belongs to another batch of environments");
-  for (const EnvCursor& cursor : state.envs) {
-    if (cursor.active && cursor.episode_index >= in.set->episodes.size()) refuse("names an episode that the set does not have");
-    if (cursor.actions.size() > size_of(in.config.task.max_steps)) refuse("has an episode longer than task.max_steps");
-  }
+    refuse_state("belongs to another batch of environments");
+  for (const EnvCursor& cursor : state.envs) in.check_cursor(cursor);
   in.finished.clear();
   in.started = state.started;
   if (!state.started) return;
-  in.for_each_env(reset_stage, [&](std::size_t env, HearingEngines* own) { in.restore(env, state.envs[env], own); });
-  in.book_stage_seconds();
+  in.submitted.clear();
+  for (const std::uint32_t env : in.all_envs) {
+    in.agents[env].job = Job::restore;
+    in.agents[env].cursor = state.envs[env];
+    in.submitted.push_back(env);
+  }
+  in.run_all();
+}
+
+std::string BatchedEnv::snapshot(int env) const {
+  const Impl& in = *impl_;
+  const std::size_t index = in.index_of(env);
+  if (in.under_way[index] != 0) throw std::logic_error(fmt::format("BatchedEnv::snapshot: environment {} is under way", env));
+  return encode({.set_hash = in.set->hash,
+                 .seed = in.config.seed,
+                 .first_env = 0,
+                 .total_envs = 1,
+                 .started = in.started,
+                 .envs = {in.cursor_of(index)}});
+}
+
+void BatchedEnv::restore(int env, std::string_view snapshot) {
+  Impl& in = *impl_;
+  in.refuse_while_under_way("restore");
+  const std::size_t index = in.index_of(env);
+  const EnvState state = decode_env_state(snapshot);
+  if (state.set_hash != in.set->hash) refuse_state("belongs to another episode set");
+  if (state.envs.size() != 1 || !state.started) refuse_state("is no snapshot of one environment with an episode");
+  if (!in.started) throw std::logic_error("BatchedEnv::restore: no episode has begun, reset all environments first");
+  in.check_cursor(state.envs.front());
+  in.agents[index].job = Job::restore;
+  in.agents[index].cursor = state.envs.front();
+  in.submitted.assign(1, static_cast<std::uint32_t>(index));
+  in.run_all();
 }
 
 int BatchedEnv::num_envs() const { return impl_->num_envs(); }
 const EnvConfig& BatchedEnv::config() const { return impl_->config; }
-std::span<const float> BatchedEnv::depth() const { return impl_->depth.now; }
-std::span<const float> BatchedEnv::spectrogram() const { return impl_->spectrogram.now; }
-std::span<const float> BatchedEnv::audiogoal() const { return impl_->audiogoal; }
-std::span<const float> BatchedEnv::heard() const { return impl_->heard; }
-std::span<const float> BatchedEnv::pointgoal() const { return impl_->pointgoal.now; }
+namespace {
+
+std::span<const float> now_of(const SensorRows* rows) { return rows ? as_floats(rows->now()) : std::span<const float>{}; }
+std::span<const float> last_of(const SensorRows* rows) { return rows ? as_floats(rows->last()) : std::span<const float>{}; }
+
+}  // namespace
+
+std::span<const SensorSpec> BatchedEnv::sensors() const { return impl_->table; }
+std::span<const std::byte> BatchedEnv::rows(std::size_t sensor) const {
+  if (sensor >= impl_->table.size()) throw std::out_of_range(fmt::format("BatchedEnv::rows: sensor {} of {}", sensor, impl_->table.size()));
+  return impl_->sensor_rows[sensor]->now();
+}
+std::span<const std::byte> BatchedEnv::final_rows(std::size_t sensor) const {
+  if (sensor >= impl_->table.size())
+    throw std::out_of_range(fmt::format("BatchedEnv::final_rows: sensor {} of {}", sensor, impl_->table.size()));
+  return impl_->sensor_rows[sensor]->last();
+}
+std::span<const float> BatchedEnv::depth() const { return now_of(impl_->depth); }
+std::span<const float> BatchedEnv::spectrogram() const { return now_of(impl_->spectrogram); }
+std::span<const float> BatchedEnv::audiogoal() const { return now_of(impl_->waveform); }
+std::span<const float> BatchedEnv::heard() const { return now_of(impl_->heard); }
+std::span<const float> BatchedEnv::pointgoal() const { return now_of(impl_->pointgoal); }
 std::span<const float> BatchedEnv::rewards() const { return impl_->rewards; }
 std::span<const std::uint8_t> BatchedEnv::terminated() const { return impl_->terminated; }
 std::span<const std::uint8_t> BatchedEnv::truncated() const { return impl_->truncated; }
 std::span<const std::uint8_t> BatchedEnv::active() const { return impl_->active; }
 std::span<const std::uint8_t> BatchedEnv::collided() const { return impl_->collided; }
 std::span<const std::uint8_t> BatchedEnv::quarantined() const { return impl_->quarantined; }
-std::span<const float> BatchedEnv::final_depth() const { return impl_->depth.last; }
-std::span<const float> BatchedEnv::final_spectrogram() const { return impl_->spectrogram.last; }
-std::span<const float> BatchedEnv::final_pointgoal() const { return impl_->pointgoal.last; }
+std::span<const float> BatchedEnv::final_depth() const { return last_of(impl_->depth); }
+std::span<const float> BatchedEnv::final_spectrogram() const { return last_of(impl_->spectrogram); }
+std::span<const float> BatchedEnv::final_pointgoal() const { return last_of(impl_->pointgoal); }
 std::span<const FinishedEpisode> BatchedEnv::finished() const { return impl_->finished; }
 
-Pose BatchedEnv::pose(int env) const { return agent_of(impl_->agents, env).state.pose(impl_->config.task); }
+Pose BatchedEnv::pose(int env) const { return impl_->agents[impl_->index_of(env)].state.pose(impl_->config.task); }
 const EnvSource& BatchedEnv::source(int env) const {
-  const auto& source = agent_of(impl_->agents, env).source;
+  const auto& source = impl_->agents[impl_->index_of(env)].source;
   if (!source) throw std::logic_error(fmt::format("BatchedEnv::source: no episode runs in environment {}", env));
   return *source;
 }
-std::uint64_t BatchedEnv::episode_index(int env) const { return agent_of(impl_->agents, env).episode_index; }
-int BatchedEnv::episode_count(int env) const { return agent_of(impl_->agents, env).episode_count; }
-int BatchedEnv::episode_step(int env) const { return agent_of(impl_->agents, env).state.steps(); }
+NearestGoal BatchedEnv::goal(int env) const {
+  static_cast<void>(source(env));
+  return impl_->goal_of(impl_->agents[impl_->index_of(env)]);
+}
+std::uint64_t BatchedEnv::episode_index(int env) const { return impl_->agents[impl_->index_of(env)].episode_index; }
+int BatchedEnv::episode_count(int env) const { return impl_->agents[impl_->index_of(env)].episode_count; }
+int BatchedEnv::episode_step(int env) const { return impl_->agents[impl_->index_of(env)].state.steps(); }
 const StageSeconds& BatchedEnv::stage_seconds() const { return impl_->stage_seconds; }
 EffectCounters BatchedEnv::effect_counters() const {
   EffectCounters sum;
@@ -228,21 +265,21 @@ void BatchedEnv::set_stage_hook(StageHook hook) { impl_->hook = std::move(hook);
 
 std::optional<FaultReport> BatchedEnv::begin(int env, std::uint64_t episode_index, int episode_count) {
   Impl& in = *impl_;
-  agent_of(in.agents, env);
+  in.refuse_while_under_way("begin");
+  Agent& agent = in.agents[in.index_of(env)];
   if (episode_index >= in.set->episodes.size() || episode_count < 0)
     throw std::invalid_argument(
         fmt::format("BatchedEnv::begin: episode {} of {}, number {}", episode_index, in.set->episodes.size(), episode_count));
-  const std::size_t row = size_of(env);
-  in.finished.clear();
-  in.rewards[row] = 0.f;
-  in.terminated[row] = in.truncated[row] = in.collided[row] = in.quarantined[row] = 0;
-  in.for_each_env(reset_stage, [&](std::size_t index, HearingEngines* own) {
-    if (index == row) in.begin_episode(row, episode_index, episode_count, own);
-  });
+  agent.job = Job::begin;
+  agent.seed = in.config.seed;
+  agent.stream = in.global_id(size_of(env));
+  agent.episode_index = episode_index;
+  agent.episode_count = episode_count;
   in.started = true;
-  std::optional<FaultReport> fault = in.agents[row].fault;
-  if (fault) in.go_idle(row);
-  in.book_stage_seconds();
+  in.submitted.assign(1, static_cast<std::uint32_t>(env));
+  in.run_all();
+  std::optional<FaultReport> fault = agent.fault;
+  if (fault) in.go_idle(size_of(env));
   return fault;
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -13,6 +14,7 @@
 #include "envs/episode_set.h"
 #include "envs/quarantine.h"
 #include "envs/scene_cache.h"
+#include "envs/sensor.h"
 #include "sim/acoustics/paths/pose_effects.h"
 
 namespace earshot {
@@ -27,19 +29,30 @@ struct FinishedEpisode {
   std::optional<FaultReport> fault = std::nullopt;  ///< of a quarantined episode
 };
 
-/// Wall seconds spent per stage since construction, summed over threads.
+/// Which of the environments under way recv() hands back.
+enum class RecvOrder {
+  as_ready,  ///< all that are done: which ones depends on the threads
+  as_sent,   ///< the first that were sent, done or not yet: the same ones in every run
+};
+
+/// Wall seconds spent per stage since construction, summed over threads: an estimate from one step in sixteen of each env, and all resets.
 struct StageSeconds {
   double move = 0, trace = 0, synthesize = 0, convolve = 0, render = 0, observe = 0, reset = 0;
 };
 
-/// num_envs agents stepped together.  Buffers are flat [num_envs, ...], owned here, valid until the next step.  Results are a function of
-/// (set, config, global env id): not of threads, nor of how a batch is split.
+/// num_envs agents stepped together.  Buffers are flat [num_envs, ...], owned here, valid until the env's next step.  Results are a
+/// function of (set, config, global env id) and of what the env was asked to do: not of threads, of how a batch is split, nor of the order
+/// in which envs are sent.
 ///
 /// Quarantine: an episode with a fault (quarantine.h) never reaches a policy and never ends a run.  One that cannot begin is skipped:
-/// the env draws another (`random`) or takes its next (`once`).  One that goes wrong in a step ends in that step: reward 0, truncated,
-/// marked in quarantined(), all final_* rows zero; the env begins its next episode in the same call.  Buffers hold finite numbers only.
-/// reset() and step() throw InputError where 64 draws in a row cannot begin, where 64 episodes of an env in a row go wrong (`random`), or
-/// where of a whole set no episode could begin (`once`).
+/// the env draws another (`random`) or takes its next (`once`).  One that goes wrong in a step, by a value that is not finite or by any
+/// exception, ends in that step: reward 0, truncated, marked in quarantined(), all its final rows zero; what follows is as after any other
+/// episode.  Buffers hold finite numbers only.  A stage that exceeds config.stage_limit_s ends its episode so too, and the env is idle
+/// until the stage returns.  reset(), step() and recv() throw InputError where 64 draws in a row cannot begin, where 64 episodes of an env
+/// in a row go wrong (`random`), or where of a whole set no episode could begin (`once`).
+///
+/// Used by one thread at a time.  Calls throw std::logic_error, std::invalid_argument or std::out_of_range for what a caller can get wrong;
+/// then nothing has moved.
 class BatchedEnv {
  public:
   /// Global ids are first_env ... first_env + num_envs - 1 of `total_envs` (all workers together; used by EpisodeOrder::once).
@@ -48,22 +61,36 @@ class BatchedEnv {
              int first_env = 0, int total_envs = 0);
   ~BatchedEnv();
 
-  /// Starts the first episode of every env and fills the observations.
+  /// Starts the first episode of every env and fills the observations.  Seeds of envs are those of the config again.
   void reset();
-  /// actions: [num_envs] in [0, 4).  An env whose episode ends starts its next episode in the same call: the row of observations is
-  /// then the new episode's first, and the ended one's last observation is in the final_* row.  Idle envs (EpisodeOrder::once, no episode
-  /// left) ignore their action.  Throws std::invalid_argument for another number of actions or an action out of range, std::logic_error
-  /// before the first reset(); then nothing has moved.
+  /// The same for the envs whose flag is not 0; rows, flags and rewards of the others stay.  mask [num_envs].  seeds: [num_envs] or empty;
+  /// an env with a seed of its own begins the first episode of that seed's sequence, which is the same in any env of any batch; without,
+  /// the next episode of its own.
+  void reset(std::span<const std::uint8_t> mask, std::span<const std::uint64_t> seeds = {});
+  /// actions: [num_envs] in [0, 4).  What an ended episode leads to: config.autoreset; its last observation is in the final rows.  Idle
+  /// envs (EpisodeOrder::once, no episode left) ignore their action.
   void step(std::span<const std::int32_t> actions);
+
+  /// Begins a step of these envs and returns: they are under way until recv() hands them back, and their rows must not be read.  envs and
+  /// actions [n]; with config.threads threads in the background.  An env under way cannot be sent.
+  void send(std::span<const std::int32_t> envs, std::span<const std::int32_t> actions);
+  /// Waits until at least min_ready envs under way are done, and hands back all that are (as_ready) or the first min_ready sent (as_sent):
+  /// by ascending number, valid until the next call.  finished() then holds their episodes.
+  std::span<const std::int32_t> recv(int min_ready, RecvOrder order = RecvOrder::as_ready);
 
   [[nodiscard]] int num_envs() const;
   [[nodiscard]] const EnvConfig& config() const;
-  [[nodiscard]] std::span<const float> depth() const;  ///< [num_envs, height, width, 1]
-  /// A sensor that is off has an empty span.  No spectrogram: nothing is rendered for the ears, and audiogoal and heard are empty too.
+  /// The sensors of the config, and their rows by index: bytes of [num_envs, shape].  final_rows: like rows; those of an env are the last
+  /// observation of the episode that ended last.
+  [[nodiscard]] std::span<const SensorSpec> sensors() const;
+  [[nodiscard]] std::span<const std::byte> rows(std::size_t sensor) const;
+  [[nodiscard]] std::span<const std::byte> final_rows(std::size_t sensor) const;
+  /// The same by name for sensors of float32; empty where it is off.  Sound is kept where any sensor hears.
+  [[nodiscard]] std::span<const float> depth() const;              ///< [num_envs, height, width, 1]
   [[nodiscard]] std::span<const float> spectrogram() const;        ///< [num_envs, 65, 26, 2]
   [[nodiscard]] std::span<const float> audiogoal() const;          ///< [num_envs, 2, new samples]: this step's sound
   [[nodiscard]] std::span<const float> heard() const;              ///< [num_envs, 2, window]: the last second
-  [[nodiscard]] std::span<const float> pointgoal() const;          ///< [num_envs, 2] or empty
+  [[nodiscard]] std::span<const float> pointgoal() const;          ///< [num_envs, 2]
   [[nodiscard]] std::span<const float> rewards() const;            ///< [num_envs] of the last step
   [[nodiscard]] std::span<const std::uint8_t> terminated() const;  ///< stop was called
   [[nodiscard]] std::span<const std::uint8_t> truncated() const;   ///< out of steps: bootstrap from the final observation
@@ -71,15 +98,17 @@ class BatchedEnv {
   [[nodiscard]] std::span<const std::uint8_t> collided() const;
   /// 1: the episode was quarantined in the last step.  Its steps are no experience: mask them, without a bootstrap value.
   [[nodiscard]] std::span<const std::uint8_t> quarantined() const;
-  [[nodiscard]] std::span<const float> final_depth() const;  ///< like depth(); row valid where terminated or truncated
+  [[nodiscard]] std::span<const float> final_depth() const;
   [[nodiscard]] std::span<const float> final_spectrogram() const;
   [[nodiscard]] std::span<const float> final_pointgoal() const;
-  /// Episodes that ended in the last step, by env.
+  /// Episodes that ended in the last step or are of the envs that recv() handed back, by env.
   [[nodiscard]] std::span<const FinishedEpisode> finished() const;
 
   /// For baselines and pages: state that is no observation.  `env` counts from 0 in this batch; throws std::out_of_range for another.
   [[nodiscard]] Pose pose(int env) const;
   [[nodiscard]] const EnvSource& source(int env) const;
+  /// The goals of its episode, as far as the nearest of them; refers to what the episode holds.
+  [[nodiscard]] NearestGoal goal(int env) const;
   [[nodiscard]] std::uint64_t episode_index(int env) const;
   [[nodiscard]] int episode_count(int env) const;  ///< episodes started before this one
   [[nodiscard]] int episode_step(int env) const;
@@ -107,6 +136,9 @@ class BatchedEnv {
   /// of the last step are not part of it.  restore throws InputError if the state is damaged or is of another set, seed or batch.
   [[nodiscard]] std::string save_state() const;
   void restore(std::string_view state);
+  /// The same for one env.  A snapshot can be restored in any env of any batch with the same set and config.
+  [[nodiscard]] std::string snapshot(int env) const;
+  void restore(int env, std::string_view snapshot);
 
  private:
   struct Impl;

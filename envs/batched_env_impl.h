@@ -1,24 +1,25 @@
 #pragma once
 
-// The inside of BatchedEnv, shared by its four files: batched_env.cpp (construction and the public calls), env_stages.cpp (what a step
-// does for one env), env_episodes.cpp (how episodes begin, end and are restored) and env_faults.cpp (how they are quarantined).
-
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
-#include <tbb/task_arena.h>
+// The inside of BatchedEnv, shared by its files: batched_env.cpp (construction, state that can be asked for), env_stepping.cpp (how tasks
+// of envs are started and gathered), env_stages.cpp (what a step does for one env), env_episodes.cpp (how episodes begin, end and are
+// restored) and env_faults.cpp (how they are quarantined).
 
 #include <array>
 #include <atomic>
 #include <chrono>
+#include <exception>
+#include <new>
 
 #include "envs/agent_hearing.h"
 #include "envs/batched_env.h"
 #include "envs/env_state.h"
+#include "envs/env_workers.h"
 #include "envs/oracle_counts.h"
+#include "envs/sensor_rows.h"
 #include "envs/sound_library.h"
 #include "sim/base/denormals.h"
 #include "sim/base/errors.h"
-#include "sim/vision/ray_renderer.h"
+#include "sim/vision/embree_camera.h"
 
 namespace earshot {
 
@@ -33,36 +34,57 @@ enum Stage : std::size_t {
   num_stages
 };
 
+inline constexpr std::array<double StageSeconds::*, num_stages> kStageSeconds{
+    &StageSeconds::move,   &StageSeconds::trace,   &StageSeconds::synthesize, &StageSeconds::convolve,
+    &StageSeconds::render, &StageSeconds::observe, &StageSeconds::reset};
+
+/// What an env's next task does.
+enum class Job : std::uint8_t {
+  step,     ///< the action, or the next episode where one has ended and `next_step` begins it
+  first,    ///< the first episode of its sequence
+  next,     ///< the next one
+  begin,    ///< the episode that the agent's index and count name
+  restore,  ///< what the cursor says
+};
+
 /// Everything that belongs to one agent and is not an observation.
 struct Agent {
-  bool depth_is_current = false;
+  Job job = Job::step;
+  Action action = Action::stop;
+  EnvCursor cursor;  // of Job::restore
+
+  std::uint64_t seed = 0;    // of the draws of its episodes
+  std::uint32_t stream = 0;  // which sequence of that seed
+  bool pictures_are_current = false;
+  std::shared_ptr<const Appearance> appearance;  // of its scene, where a camera wants colours or categories
+  std::vector<float> clean_depth;                // of one camera, before its noise
   std::uint64_t episode_index = 0;
-  int episode_count = -1;  // none begun
-  std::shared_ptr<const EnvSource> source;
+  int episode_count = -1;                                 // none begun
+  std::shared_ptr<const EnvSource> source;                // of the goal
+  std::vector<std::shared_ptr<const EnvSource>> playing;  // sources of the episode, where it names them
+  std::vector<GeodesicField> other_goals;
   AvNavState state;
   AgentHearing hearing;
-  Pose rendered_pose;
+  Pose start_pose, rendered_pose;
   std::vector<std::int8_t> actions;            // since the start of the episode
   std::optional<FaultReport> fault;            // of this episode: its stages are skipped until it is quarantined, in this very step
   int faulty_in_a_row = 0;                     // episodes that went wrong in a step, since one that did not
+  bool has_ended = false;                      // its episode, and no other has begun
+  bool stalled = false;                        // a task of it was given up and still runs
+  std::optional<FinishedEpisode> stalled_one;  // order `once`: the episode of that task
+  std::optional<FinishedEpisode> ended;        // in this task
   std::vector<FinishedEpisode> failed_starts;  // order `once`: not yet among the finished
+  std::exception_ptr error;                    // that ends the call
+  std::uint32_t tasks = 0;
   std::array<double, num_stages> seconds{};
 };
 
 inline std::size_t size_of(int count) { return static_cast<std::size_t>(count); }
 
-/// One sensor of all envs, and its last values of episodes that ended in the last step.
-struct SensorRows {
-  void resize(int envs, int size) {
-    row_size = size_of(size);
-    now.assign(size_of(envs) * row_size, 0.f);
-    last.assign(now.size(), 0.f);
-  }
-  std::span<float> row(std::size_t env) { return std::span(now).subspan(env * row_size, row_size); }
-  void keep(std::size_t env) { std::copy_n(row(env).begin(), row_size, last.begin() + static_cast<std::ptrdiff_t>(env * row_size)); }
-  void clear(std::size_t env) { std::fill_n(row(env).begin(), row_size, 0.f); }
-  std::size_t row_size = 0;
-  std::vector<float> now, last;
+/// A camera and the rows that it fills; null: not wanted.
+struct AgentCamera {
+  EmbreeCamera camera;
+  SensorRows *depth = nullptr, *rgb = nullptr, *semantic = nullptr, *normals = nullptr;
 };
 
 struct BatchedEnv::Impl {
@@ -73,20 +95,28 @@ struct BatchedEnv::Impl {
   int block_samples;
   OracleCounts oracle;
   SoundLibrary sounds;
-  RayRenderer renderer;
+  std::vector<AgentCamera> cameras;
   std::vector<Agent> agents;
-  std::vector<HearingEngines> engines;   // one per thread
-  std::optional<tbb::task_arena> arena;  // none: the caller's thread does all
   bool started = false;
 
-  SensorRows depth, spectrogram, pointgoal;
-  std::vector<float> audiogoal, heard, rewards;
+  std::vector<SensorSpec> table;
+  std::vector<std::unique_ptr<SensorRows>> sensor_rows;  // as the table, then what is kept without being observed
+  SensorRows *depth = nullptr, *spectrogram = nullptr, *waveform = nullptr, *heard = nullptr;
+  SensorRows *pointgoal = nullptr, *gps_compass = nullptr, *way = nullptr, *collision = nullptr, *previous_action = nullptr;
+  std::vector<float> rewards;
   std::vector<std::uint8_t> terminated, truncated, active, collided, quarantined;
   std::vector<FinishedEpisode> finished;
   StageSeconds stage_seconds;
   Quarantine quarantine;
   StageHook hook;
   std::atomic<std::uint64_t> begun{0}, failed{0};  // episodes
+
+  std::function<std::unique_ptr<HearingEngines>()> make_engines;  // empty: no env hears
+  std::vector<std::unique_ptr<HearingEngines>> engines;           // by worker, made by it
+  std::vector<std::uint32_t> all_envs, submitted, sent_order;
+  std::vector<std::int32_t> received;
+  std::vector<std::uint8_t> under_way, is_done;  // by env: sent and not handed back; done and not handed back
+  std::optional<EnvWorkers> workers;             // last: its threads use what is above
 
   Impl(const EnvConfig& env_config, std::shared_ptr<const EpisodeSet> episodes, std::shared_ptr<SceneCache> cache, int num_envs, int first,
        int total);
@@ -97,27 +127,34 @@ struct BatchedEnv::Impl {
   /// Whether the env has an episode that goes on.
   bool runs(std::size_t env) const { return active[env] && !agents[env].fault; }
   const Episode& episode_of(const Agent& agent) const { return set->episodes[agent.episode_index]; }
-  std::span<float> sound_row(std::vector<float>& rows, std::size_t env) const {
-    const std::size_t size = rows.size() / agents.size();
-    return std::span(rows).subspan(env * size, size);
-  }
+  std::size_t index_of(int env) const;
 
-  /// Runs body(env, engines of this thread) for every env, and books its time to `stage`.
+  // Tasks (env_stepping.cpp).
+  HearingEngines* engines_of(std::size_t worker);
+  void run_task(std::size_t env, std::size_t worker);
+  void step_task(std::size_t env, std::size_t worker, HearingEngines* own);
+  /// Runs the tasks of `submitted` and gathers what came of them.
+  void run_all();
+  void settle(CompletedEnv completed);
+  void gather(std::span<const std::uint32_t> envs);
+  void gather_failed_starts(std::span<const std::uint32_t> envs);
+  bool wants_task(std::size_t env);
+  void check_action(std::size_t env, std::int32_t action) const;
+  void refuse_while_under_way(const char* call) const;
+  /// body() with every exception turned into a fault of the env's episode.
   template <class Body>
-  void for_each_env(Stage stage, const Body& body);
-  /// The same for envs that run; one in which body throws an InputError or a RunError has a fault.
-  template <class Body>
-  void for_each_running_env(Stage stage, const Body& body);
+  void guarded(std::size_t env, Fault kind, const Body& body);
 
-  // The stages of a step; each reads poses and writes one row of its buffer.  own: engines of this thread, null for an agent without a
-  // spectrogram.
+  // The stages of a step; each reads poses and writes one row of its buffers.  own: engines of this thread, null for an agent that does
+  // not hear.
   void move(std::size_t env, Action action);
-  void trace(std::size_t env);
+  /// block: samples that are heard with what is traced.
+  void trace(std::size_t env, HearingEngines* own, int block);
   void synthesize(std::size_t env, HearingEngines* own);
   void convolve(std::size_t env, HearingEngines* own);
   void render(std::size_t env);
   void observe(std::size_t env, HearingEngines* own);
-  void restart(std::size_t env, HearingEngines* own);
+  void observe_way(std::size_t env);
 
   std::optional<std::uint64_t> draw_episode(std::size_t env, int episode_count, std::uint32_t attempt) const;
   void begin_next_episode(std::size_t env, HearingEngines* own);
@@ -127,55 +164,36 @@ struct BatchedEnv::Impl {
   void enter_episode(std::size_t env);
   void go_idle(std::size_t env);
   void observe_start(std::size_t env, HearingEngines* own);
+  [[nodiscard]] NearestGoal goal_of(const Agent& agent) const;
+  void begin_hearing(std::size_t env);
   void restore(std::size_t env, const EnvCursor& cursor, HearingEngines* own);
+  [[nodiscard]] EnvCursor cursor_of(std::size_t env) const;
+  void check_cursor(const EnvCursor& cursor) const;
+  void end_episode(std::size_t env);
   /// Notes a fault of the running episode; the first one stays.
   void report(std::size_t env, Fault fault, std::string detail);
   /// Calls the hook with `values`, then reports the fault if one is not finite.
   bool check(std::size_t env, Fault kind, std::span<float> values);
   void clear_rows(std::size_t env);
+  void clear_outcome(std::size_t env);
   void quarantine_episode(std::size_t env);
   FinishedEpisode failed_episode(std::size_t env) const;
   void end_faulty_episode(std::size_t env);
-  bool collect_finished();
+  void quarantine_stalled(std::size_t env);
   void stop_if_none_begins() const;
-  void book_stage_seconds();
 };
 
 template <class Body>
-void BatchedEnv::Impl::for_each_env(Stage stage, const Body& body) {
-  const auto run = [&](std::size_t env, std::size_t thread) {
-    const FlushDenormals flush;  // here and not around the loop: TBB gives tasks the setting of the thread that made the arena
-    const auto start = std::chrono::steady_clock::now();
-    body(env, engines.empty() ? nullptr : &engines[thread]);
-    agents[env].seconds[stage] += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  };
-  if (!arena) {
-    for (std::size_t env = 0; env < agents.size(); ++env) run(env, 0);
-    return;
+void BatchedEnv::Impl::guarded(std::size_t env, Fault kind, const Body& body) {
+  try {
+    body();
+  } catch (const std::bad_alloc&) {
+    report(env, kind, "out of memory");
+  } catch (const std::exception& error) {
+    report(env, kind, error.what());
+  } catch (...) {
+    report(env, kind, "an exception of a type that is not known");
   }
-  arena->execute([&] {
-    tbb::parallel_for(
-        tbb::blocked_range<std::size_t>(0, agents.size(), 1),
-        [&](const tbb::blocked_range<std::size_t>& range) {
-          for (std::size_t env = range.begin(); env != range.end(); ++env)
-            run(env, static_cast<std::size_t>(tbb::this_task_arena::current_thread_index()));
-        },
-        tbb::simple_partitioner());
-  });
-}
-
-template <class Body>
-void BatchedEnv::Impl::for_each_running_env(Stage stage, const Body& body) {
-  for_each_env(stage, [&](std::size_t env, HearingEngines* own) {
-    if (!runs(env)) return;
-    try {
-      body(env, own);
-    } catch (const InputError& error) {
-      report(env, Fault::stage, error.what());
-    } catch (const RunError& error) {
-      report(env, Fault::stage, error.what());
-    }
-  });
 }
 
 }  // namespace earshot

@@ -51,7 +51,10 @@ void read(ConfigReader& reader, EnvConfig& config) {
   reader.read("sound_gain", config.sound_gain);
   reader.read("crossfade_s", config.crossfade_s);
   reader.read_choice<EpisodeOrder>("order", config.order, {{"random", EpisodeOrder::random}, {"once", EpisodeOrder::once}});
+  reader.read_choice<Autoreset>("autoreset", config.autoreset,
+                                {{"same_step", Autoreset::same_step}, {"next_step", Autoreset::next_step}, {"off", Autoreset::off}});
   reader.read("threads", config.threads);
+  reader.read("stage_limit_s", config.stage_limit_s);
   reader.read("seed", config.seed);
   reader.read("scene_root", config.scene_root);
   reader.read("scene_cache_gb", config.scene_cache_gb);
@@ -76,7 +79,7 @@ void validate(const EnvConfig& config) {
   validate(config.acoustics);
   if (!config.accuracy.empty()) {
     static_cast<void>(AccuracyTarget::parse(config.accuracy));
-    require(config.observation.spectrogram, "accuracy", config.accuracy, "has no effect without observation.spectrogram");
+    require(config.observation.hears(), "accuracy", config.accuracy, "has no effect without a sensor of sound");
   }
   validate(config.navmesh);
   const float rate_hz = config.acoustics.sample_rate_hz;
@@ -91,6 +94,8 @@ void validate(const EnvConfig& config) {
   require(config.crossfade_s >= 0 && config.crossfade_s <= config.task.step_time_s, "crossfade_s", config.crossfade_s,
           "must be in [0, task.step_time_s]: a fade ends within its step");
   require(config.threads >= 0 && config.threads <= 1024, "threads", config.threads, "must be in [0, 1024]; 0 means all cores");
+  require(config.stage_limit_s >= 0 && config.stage_limit_s <= 1e6, "stage_limit_s", config.stage_limit_s,
+          "must be in [0, 1e6] seconds; 0 means no limit");
   require(config.scene_cache_gb >= 0 && std::isfinite(config.scene_cache_gb), "scene_cache_gb", config.scene_cache_gb,
           "must not be negative");
   require(config.field_store_gb >= 0 && config.field_store_gb <= 1e9, "field_store_gb", config.field_store_gb, "must be in [0, 1e9]");

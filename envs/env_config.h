@@ -17,6 +17,13 @@ class SceneCache;
 /// How envs draw episodes: at random without end, or each episode of the set exactly once (env e of n takes e, e + n, ...).
 enum class EpisodeOrder { random, once };
 
+/// What happens when an episode of an env has ended.
+enum class Autoreset {
+  same_step,  ///< the step that ends it begins the next one: its row of observations is the first of the new episode
+  next_step,  ///< the next step begins the next one and ignores the action: reward 0, no flags
+  off,        ///< nothing; the env takes no step until BatchedEnv::reset() with its flag
+};
+
 /// The environments of a run: task, sensors, acoustics and where files are.  A plain value; needs none of the engine's headers.
 struct EnvConfig {
   TaskConfig task;
@@ -31,7 +38,11 @@ struct EnvConfig {
   float sound_gain = 1.f;  ///< applied to the dry sound; the spectrogram is log(1 + x), so the scale matters
   float crossfade_s = 0.05f;
   EpisodeOrder order = EpisodeOrder::random;
+  Autoreset autoreset = Autoreset::same_step;
   int threads = 1;  ///< over the batch; 0: all cores
+  /// A stage of one env that takes longer is given up: its episode is quarantined, the env leaves the batch until the stage returns, and
+  /// the others go on.  0: none is given up.  With a limit, threads of the batch do all the work and the caller waits.
+  double stage_limit_s = 0;
   std::uint64_t seed = 0;
   std::string scene_root;  ///< folder of relative scene files
   double scene_cache_gb = 4;

@@ -1,6 +1,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
 #include <optional>
 
 #include "envs/batched_env_impl.h"
@@ -13,19 +16,28 @@ namespace {
 /// How many other episodes an env tries when one cannot begin.
 constexpr std::uint32_t kMaxDraws = 64;
 
-}  // namespace
-
-void BatchedEnv::Impl::restart(std::size_t env, HearingEngines* own) {
-  if (!ended(env)) return;
-  for (SensorRows* sensor : {&depth, &spectrogram, &pointgoal}) sensor->keep(env);
-  begin_next_episode(env, own);
+/// Seconds from the start of the episode to the end of a source's sound.  sound: null where no agent hears; clips that are played once then
+/// count as endless.
+double end_of(const EpisodeSource& source, const LibrarySound* sound) {
+  double length_s = source.duration_s < 0 ? std::numeric_limits<double>::infinity() : source.duration_s;
+  if (!source.loop && sound)
+    length_s = std::min(length_s, static_cast<double>(sound->clip.samples.size()) / static_cast<double>(sound->clip.sample_rate_hz));
+  return source.onset_s + length_s;
 }
+
+float rms_at_1_m(const LibrarySound& sound, float gain) {
+  double sum = 0;
+  for (const float sample : sound.clip.samples) sum += static_cast<double>(sample) * static_cast<double>(sample);
+  return gain * static_cast<float>(std::sqrt(sum / static_cast<double>(sound.clip.samples.size())) / (4.0 * std::numbers::pi));
+}
+
+}  // namespace
 
 std::optional<std::uint64_t> BatchedEnv::Impl::draw_episode(std::size_t env, int episode_count, std::uint32_t attempt) const {
   const std::uint64_t num_episodes = set->episodes.size();
   const auto count = static_cast<std::uint32_t>(episode_count);
   if (config.order == EpisodeOrder::random)
-    return RandomStream(config.seed, Purpose::episode_order, global_id(env), count, attempt)
+    return RandomStream(agents[env].seed, Purpose::episode_order, agents[env].stream, count, attempt)
         .below(static_cast<std::uint32_t>(num_episodes), 0);
   const std::uint64_t index = global_id(env) + std::uint64_t{count} * static_cast<std::uint64_t>(total_envs);
   return index < num_episodes ? std::optional(index) : std::nullopt;
@@ -44,6 +56,8 @@ void BatchedEnv::Impl::begin_next_episode(std::size_t env, HearingEngines* own) 
       if (const auto next = draw_episode(env, count + 1, 0); next && config.prefetch) {
         const Episode& episode = set->episodes[*next];
         scenes->prefetch(episode.scene_id, episode.goal_position, config.task.source_height_m);
+        for (const EpisodeSource& source : episode.sources)
+          if (source.position != episode.goal_position) scenes->prefetch(episode.scene_id, source.position, config.task.source_height_m);
       }
       return;
     }
@@ -72,21 +86,18 @@ void BatchedEnv::Impl::prepare_episode(std::size_t env, std::uint64_t episode_in
   agent.state = {};
   agent.actions.clear();
   agent.actions.reserve(size_of(config.task.max_steps));
-  agent.depth_is_current = false;
+  agent.has_ended = false;
+  agent.pictures_are_current = false;
   active[env] = 1;
 }
 
 void BatchedEnv::Impl::begin_episode(std::size_t env, std::uint64_t episode_index, int episode_count, HearingEngines* own) {
   Agent& agent = agents[env];
   prepare_episode(env, episode_index, episode_count);
-  try {
+  guarded(env, Fault::scene, [&] {
     enter_episode(env);
     if (!agent.fault) observe_start(env, own);
-  } catch (const InputError& error) {
-    report(env, Fault::scene, error.what());
-  } catch (const RunError& error) {
-    report(env, Fault::scene, error.what());
-  }
+  });
   if (!agent.fault) ++begun;
 }
 
@@ -95,41 +106,98 @@ void BatchedEnv::Impl::enter_episode(std::size_t env) {
   Agent& agent = agents[env];
   const Episode& episode = episode_of(agent);
   const TaskConfig& task = config.task;
+  // First, so that the cache may drop the last episode's scene for this one's.
+  agent.source.reset();
+  agent.playing.clear();
+  agent.other_goals.clear();
+  agent.appearance.reset();
   agent.source = scenes->source(episode.scene_id, episode.goal_position, task.source_height_m);
-  const Navmesh& navmesh = agent.source->scene->navmesh;
-  const GeodesicField& field = agent.source->field;
-  const auto start = navmesh.snap(agent.source->scene->scene->to_local(episode.start_position));
-  const auto distance_m = start ? field.distance_m(*start) : std::nullopt;
+  const EnvScene& scene = *agent.source->scene;
+  const bool looks = std::any_of(cameras.begin(), cameras.end(), [](const AgentCamera& camera) { return camera.rgb || camera.semantic; });
+  if (looks) agent.appearance = scene.looks->of(*scene.scene);
+  const Navmesh& navmesh = scene.navmesh;
+  for (const glm::dvec3 other : episode.other_goals) agent.other_goals.emplace_back(navmesh, scene.scene->to_local(other));
+  const NearestGoal goal = goal_of(agent);
+  const auto start = navmesh.snap(scene.scene->to_local(episode.start_position));
+  const auto distance_m = start ? goal.distance_m(*start) : std::nullopt;
   if (!distance_m || !std::isfinite(*distance_m))
     return report(env, Fault::path, start ? "no walkable path leads from its start to its goal" : "its start is off the walkable surface");
   const double heading_rad = heading_of(episode.start_rotation);
   // Counted here and not read from the file: published sets count 1 m steps and 90 degree turns (docs/conventions.md, section 7).
   const int oracle_actions = oracle.of(agent.episode_index, [&] {
-    return std::max(1, count_oracle_actions(task, navmesh, field, *start, heading_rad).value_or(episode.num_action));
+    return std::max(1, count_oracle_actions(task, navmesh, goal, *start, heading_rad).value_or(episode.num_action));
   });
-  agent.state.begin(task, field, *start, heading_rad, oracle_actions);
-  if (config.observation.spectrogram) {
+  double silent_from_s = std::numeric_limits<double>::infinity();
+  for (const EpisodeSource& source : episode.sources)
+    if (source.goal) silent_from_s = end_of(source, config.observation.hears() ? &sounds.sound(source.sound) : nullptr);
+  agent.state.begin(task, goal, *start, heading_rad, oracle_actions, silent_from_s);
+  agent.start_pose = agent.state.pose(task);
+  if (config.observation.hears()) begin_hearing(env);
+}
+
+NearestGoal BatchedEnv::Impl::goal_of(const Agent& agent) const {
+  NearestGoal goal(agent.source->field);
+  for (const GeodesicField& other : agent.other_goals) goal.add(other);
+  return goal;
+}
+
+/// What the agent's sources play, and noise.
+void BatchedEnv::Impl::begin_hearing(std::size_t env) {
+  Agent& agent = agents[env];
+  const Episode& episode = episode_of(agent);
+  const auto count = static_cast<std::uint32_t>(agent.episode_count);
+  const RandomStream random(agent.seed, Purpose::sound, agent.stream, count);
+  const double rate_hz = static_cast<double>(config.acoustics.sample_rate_hz);
+  std::vector<PlayedSound> played;
+  float noise_reference = 0;  // root mean square of the goal's sound at 1 m
+  if (episode.sources.empty()) {
     const LibrarySound& sound = sounds.sound(episode.sound);
-    const RandomStream random(config.seed, Purpose::sound, global_id(env), static_cast<std::uint32_t>(agent.episode_count));
-    agent.hearing.begin(*agent.source, sound, random.below(static_cast<std::uint32_t>(sound.clip.samples.size()), 0));
+    played.push_back({.source = agent.source.get(),
+                      .sound = &sound,
+                      .position = {.clip_offset = random.below(static_cast<std::uint32_t>(sound.clip.samples.size()), 0)}});
+    if (episode.noise_snr_db) noise_reference = rms_at_1_m(sound, 1);
   }
+  for (const EpisodeSource& source : episode.sources) {
+    agent.playing.push_back(scenes->source(episode.scene_id, source.position, config.task.source_height_m));
+    const LibrarySound& sound = sounds.sound(source.sound);
+    const std::uint64_t length = sound.clip.samples.size();
+    // The first window is the second before the episode.
+    const auto begin = static_cast<std::uint64_t>(config.observation.sound.num_samples + std::llround(source.onset_s * rate_hz));
+    std::uint64_t end = ~std::uint64_t{0};
+    if (source.duration_s >= 0) end = begin + static_cast<std::uint64_t>(std::llround(source.duration_s * rate_hz));
+    if (!source.loop) end = std::min(end, begin + length);
+    const float gain = std::pow(10.f, source.level_db / 20.f);
+    played.push_back({.source = agent.playing.back().get(),
+                      .sound = &sound,
+                      .position = {.clip_offset = (length - begin % length) % length,  // from its beginning
+                                   .already_playing = false,
+                                   .begin = begin,
+                                   .end = end},
+                      .gain = gain});
+    if (episode.noise_snr_db && (source.goal || noise_reference == 0)) noise_reference = rms_at_1_m(sound, gain);
+  }
+  BackgroundNoise noise{.seed = agent.seed, .stream = agent.stream, .episode = count};
+  if (episode.noise_snr_db) noise.rms = noise_reference * std::pow(10.f, -*episode.noise_snr_db / 20.f);
+  agent.hearing.begin(played, noise);
 }
 
 void BatchedEnv::Impl::go_idle(std::size_t env) {
   active[env] = 0;
   agents[env].source.reset();
+  agents[env].playing.clear();
+  agents[env].other_goals.clear();
   agents[env].fault.reset();
   clear_rows(env);
 }
 
 void BatchedEnv::Impl::observe_start(std::size_t env, HearingEngines* own) {
-  trace(env);
+  trace(env, own, config.observation.sound.num_samples);  // the window before the first step is heard with it
   synthesize(env, own);
   if (own && runs(env)) {
-    if (!agents[env].hearing.fill_window(*own, block_samples, sound_row(audiogoal, env), sound_row(heard, env)))
+    if (!agents[env].hearing.fill_window(*own, block_samples, waveform->row<float>(env), heard->row<float>(env)))
       report(env, Fault::sound, "the sound before the first step is not finite");
     else if (hook)
-      check(env, Fault::sound, sound_row(audiogoal, env));
+      check(env, Fault::sound, waveform->row<float>(env));
   }
   render(env);
   observe(env, own);
@@ -137,8 +205,8 @@ void BatchedEnv::Impl::observe_start(std::size_t env, HearingEngines* own) {
 
 void BatchedEnv::Impl::restore(std::size_t env, const EnvCursor& cursor, HearingEngines* own) {
   Agent& agent = agents[env];
-  rewards[env] = 0.f;
-  terminated[env] = truncated[env] = collided[env] = quarantined[env] = 0;
+  agent.seed = cursor.seed;
+  agent.stream = cursor.stream;
   agent.episode_count = cursor.episode_count;
   agent.failed_starts.clear();
   if (!cursor.active) return go_idle(env);
@@ -163,21 +231,37 @@ void BatchedEnv::Impl::restore(std::size_t env, const EnvCursor& cursor, Hearing
       move(env, static_cast<Action>(cursor.actions[step - 1]));
     }
     if (step < silent) continue;
-    trace(env);
+    const std::size_t window = size_of(config.observation.sound.num_samples);
+    if (step > 0 && step == silent) agent.hearing.seek(window + (step - 1) * size_of(block_samples));
+    trace(env, own, step == 0 ? config.observation.sound.num_samples : block_samples);
     synthesize(env, own);
     if (step == 0) {
-      if (own && runs(env)) agent.hearing.fill_window(*own, block_samples, sound_row(audiogoal, env), sound_row(heard, env));
+      if (own && runs(env)) agent.hearing.fill_window(*own, block_samples, waveform->row<float>(env), heard->row<float>(env));
     } else if (step == silent) {
-      agent.hearing.seek(size_of(config.observation.sound.num_samples) + step * size_of(block_samples));
+      agent.hearing.seek(window + step * size_of(block_samples));
     } else {
       convolve(env, own);
     }
   }
-  if (ended(env)) damaged("its last action ends the episode");
+  if (ended(env) != cursor.ended) damaged("its last action ends the episode, or should");
   rewards[env] = 0.f;
   render(env);
   observe(env, own);
   stop_at_fault();
+  if (!cursor.ended) return;
+  agent.has_ended = true;
+  for (const auto& sensor : sensor_rows) sensor->keep(env);
+}
+
+EnvCursor BatchedEnv::Impl::cursor_of(std::size_t env) const {
+  const Agent& agent = agents[env];
+  return {.active = active[env] != 0,
+          .ended = agent.has_ended,
+          .seed = agent.seed,
+          .stream = agent.stream,
+          .episode_index = agent.episode_index,
+          .episode_count = std::max(0, agent.episode_count),
+          .actions = agent.actions};
 }
 
 }  // namespace earshot

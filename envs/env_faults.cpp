@@ -6,6 +6,7 @@
 
 #include "envs/batched_env_impl.h"
 #include "envs/engine_commit.h"
+#include "envs/finite_values.h"
 #include "sim/base/errors.h"
 
 namespace earshot {
@@ -38,8 +39,7 @@ bool BatchedEnv::Impl::check(std::size_t env, Fault kind, std::span<float> value
 }
 
 void BatchedEnv::Impl::clear_rows(std::size_t env) {
-  for (SensorRows* sensor : {&depth, &spectrogram, &pointgoal}) sensor->clear(env);
-  for (std::vector<float>* sound : {&audiogoal, &heard}) std::ranges::fill(sound_row(*sound, env), 0.f);
+  for (const auto& sensor : sensor_rows) sensor->clear(env);
 }
 
 /// Counts the agent's fault and writes its file.
@@ -48,9 +48,9 @@ void BatchedEnv::Impl::quarantine_episode(std::size_t env) {
   quarantine.add({.report = *agent.fault,
                   .engine = engine_commit(),
                   .set_hash = set->hash,
-                  .seed = config.seed,
+                  .seed = agent.seed,
                   .episode_index = agent.episode_index,
-                  .env = static_cast<int>(global_id(env)),
+                  .env = static_cast<int>(agent.stream),
                   .episode_count = agent.episode_count,
                   .step = static_cast<int>(agent.actions.size()),
                   .actions = agent.actions,
@@ -90,24 +90,17 @@ void BatchedEnv::Impl::end_faulty_episode(std::size_t env) {
                      "set quarantine_dir and run `earshot replay` on a file there");
 }
 
-/// Whether an episode has ended in this step.
-bool BatchedEnv::Impl::collect_finished() {
-  bool any = false;
-  for (std::size_t env = 0; env < agents.size(); ++env) {
-    if (!ended(env)) continue;
-    any = true;
-    Agent& agent = agents[env];
-    if (!agent.fault) {
-      agent.faulty_in_a_row = 0;
-      finished.push_back({.env = static_cast<int>(global_id(env)),
-                          .episode_index = agent.episode_index,
-                          .metrics = agent.state.metrics(config.task),
-                          .actions = std::move(agent.actions)});
-    } else if (config.order == EpisodeOrder::once) {
-      finished.push_back(failed_episode(env));
-    }
-  }
-  return any;
+/// Of a task that was given up: the env is out of the batch until its thread is done with it.
+void BatchedEnv::Impl::quarantine_stalled(std::size_t env) {
+  Agent& agent = agents[env];
+  active[env] = 0;  // the stages that its thread has not begun are skipped
+  agent.fault = {Fault::stall, fmt::format("a stage took longer than stage_limit_s = {}", config.stage_limit_s)};
+  quarantine_episode(env);
+  agent.stalled = true;
+  clear_outcome(env);
+  truncated[env] = quarantined[env] = 1;
+  clear_rows(env);
+  if (config.order == EpisodeOrder::once) agent.stalled_one = failed_episode(env);
 }
 
 void BatchedEnv::Impl::stop_if_none_begins() const {

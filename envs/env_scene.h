@@ -1,21 +1,39 @@
 #pragma once
 
+#include <atomic>
 #include <cstddef>
 #include <memory>
+#include <mutex>
 
 #include "sim/acoustics/model/acoustic_scene.h"
 #include "sim/nav/navmesh.h"
+#include "sim/scene/appearance.h"
 
 namespace earshot {
+
+/// What a scene looks like, read when it is asked for the first time.  Thread-safe.
+class SceneLooks {
+ public:
+  /// Throws InputError as load_appearance; the next call tries again.
+  [[nodiscard]] std::shared_ptr<const Appearance> of(const Scene& scene);
+  /// Of memory that it holds now.
+  [[nodiscard]] std::size_t bytes() const { return bytes_; }
+
+ private:
+  std::once_flag once_;
+  std::shared_ptr<const Appearance> appearance_;
+  std::atomic<std::size_t> bytes_{0};
+};
 
 /// A scene with its acoustics and navmesh.  Immutable, shared.
 struct EnvScene {
   std::shared_ptr<const Scene> scene;
   AcousticScene acoustics;
   Navmesh navmesh;
+  std::shared_ptr<SceneLooks> looks = std::make_shared<SceneLooks>();
 
   /// Of memory that it holds now; what is found on demand makes it grow.
-  [[nodiscard]] std::size_t bytes() const { return scene->bytes() + acoustics.bytes() + navmesh.bytes(); }
+  [[nodiscard]] std::size_t bytes() const { return scene->bytes() + acoustics.bytes() + navmesh.bytes() + looks->bytes(); }
 };
 
 }  // namespace earshot

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <glm/geometric.hpp>
 #include <limits>
 #include <numbers>
 
@@ -13,14 +14,16 @@ bool same_pose(const Pose& a, const Pose& b) { return a.position == b.position &
 
 }  // namespace
 
-void BatchedEnv::Impl::move(std::size_t env, Action action) {
+void BatchedEnv::Impl::clear_outcome(std::size_t env) {
   rewards[env] = 0.f;
   terminated[env] = truncated[env] = collided[env] = quarantined[env] = 0;
-  if (!active[env]) return;
+}
+
+void BatchedEnv::Impl::move(std::size_t env, Action action) {
   Agent& agent = agents[env];
   agent.actions.push_back(static_cast<std::int8_t>(action));
   const int lost_before = agent.state.lost_distances();
-  float reward = agent.state.step(config.task, agent.source->scene->navmesh, agent.source->field, action);
+  float reward = agent.state.step(config.task, agent.source->scene->navmesh, goal_of(agent), action);
   const Pose pose = agent.state.pose(config.task);
   std::array<float, 4> place = {pose.position.x, pose.position.y, pose.position.z, static_cast<float>(pose.heading_rad)};
   // A distance that was lost has the value before it (AvNavState), which is a guess and no reward.
@@ -35,9 +38,9 @@ void BatchedEnv::Impl::move(std::size_t env, Action action) {
   collided[env] = agent.state.collided();
 }
 
-void BatchedEnv::Impl::trace(std::size_t env) {
-  if (!runs(env) || !config.observation.spectrogram) return;
-  agents[env].hearing.trace(*agents[env].source, agents[env].state.pose(config.task), config.task.ear_height_m);
+void BatchedEnv::Impl::trace(std::size_t env, HearingEngines* own, int block) {
+  if (!runs(env) || !own) return;
+  agents[env].hearing.trace(*own, agents[env].state.pose(config.task), config.task.ear_height_m, block);
 }
 
 void BatchedEnv::Impl::synthesize(std::size_t env, HearingEngines* own) {
@@ -50,47 +53,86 @@ void BatchedEnv::Impl::synthesize(std::size_t env, HearingEngines* own) {
 
 void BatchedEnv::Impl::convolve(std::size_t env, HearingEngines* own) {
   if (!runs(env) || !own) return;
-  if (!agents[env].hearing.convolve(*own, block_samples, sound_row(audiogoal, env), sound_row(heard, env)))
+  if (!agents[env].hearing.convolve(*own, block_samples, waveform->row<float>(env), heard->row<float>(env)))
     report(env, Fault::sound, "the sound of this step is not finite");
   else if (hook)
-    check(env, Fault::sound, sound_row(audiogoal, env));
+    check(env, Fault::sound, waveform->row<float>(env));
 }
 
 void BatchedEnv::Impl::render(std::size_t env) {
-  if (!runs(env) || !config.observation.depth) return;
+  if (!runs(env) || cameras.empty()) return;
   Agent& agent = agents[env];
-  const Pose pose = agent.state.pose(config.task);
-  if (agent.depth_is_current && same_pose(pose, agent.rendered_pose)) return;
-  renderer.render_depth(*agent.source->scene->scene, pose, depth.row(env));
-  if (!check(env, Fault::depth, depth.row(env))) return;
-  agent.rendered_pose = pose;
-  agent.depth_is_current = true;
+  const Pose now = agent.state.pose(config.task);
+  const bool noisy = config.observation.depth_noise;  // which is another in each step
+  if (!noisy && agent.pictures_are_current && same_pose(now, agent.rendered_pose)) return;
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
+    AgentCamera& camera = cameras[i];
+    CameraImages images;
+    if (camera.depth) images.depth = camera.depth->row<float>(env);
+    if (camera.rgb) images.rgb = camera.rgb->row<std::uint8_t>(env);
+    if (camera.semantic) images.semantic = camera.semantic->row<std::uint16_t>(env);
+    if (camera.normals) images.normals = camera.normals->row<float>(env);
+    const std::span<float> depth_row = images.depth;
+    if (noisy && camera.depth) {
+      agent.clean_depth.resize(depth_row.size());
+      images.depth = agent.clean_depth;
+    }
+    camera.camera.render(*agent.source->scene->scene, agent.appearance.get(), now, images);
+    if (noisy && camera.depth)
+      add_depth_noise(config.observation.noise, camera.camera.config(),
+                      {.seed = agent.seed + (std::uint64_t{i} << 48),  // another for each camera
+                       .env = agent.stream,
+                       .episode = static_cast<std::uint32_t>(agent.episode_count),
+                       .step = static_cast<std::uint32_t>(agent.state.steps())},
+                      agent.clean_depth, depth_row);
+    if (camera.depth && !check(env, Fault::depth, depth_row)) return;
+    if (camera.normals && !check(env, Fault::depth, images.normals)) return;
+  }
+  agent.rendered_pose = now;
+  agent.pictures_are_current = true;
 }
 
 void BatchedEnv::Impl::observe(std::size_t env, HearingEngines* own) {
   if (!runs(env)) return;
-  if (own) {
+  if (spectrogram) {
+    const auto row = spectrogram->row<float>(env);
     if (config.observation.legacy_spectrogram) {  // the new samples, then zeros (docs/formats.md, section 6.2)
       const std::size_t samples = own->window.size() / 2, block = size_of(block_samples);
-      const auto sound = sound_row(audiogoal, env);
+      const auto sound = waveform->row<float>(env);
       std::fill(own->window.begin(), own->window.end(), 0.f);
       for (std::size_t ear = 0; ear < 2; ++ear)
         std::copy_n(sound.begin() + static_cast<std::ptrdiff_t>(ear * block), block,
                     own->window.begin() + static_cast<std::ptrdiff_t>(ear * samples));
-      own->analyzer.analyze(own->window, spectrogram.row(env));
+      own->analyzer.analyze(own->window, row);
     } else {
-      agents[env].hearing.analyze(*own, sound_row(heard, env), spectrogram.row(env));
+      agents[env].hearing.analyze(*own, heard->row<float>(env), row);
     }
-    check(env, Fault::spectrogram, spectrogram.row(env));
+    check(env, Fault::spectrogram, row);
   }
-  if (config.observation.pointgoal) {
-    const Pose pose = agents[env].state.pose(config.task);
-    const glm::dvec3 toward = episode_of(agents[env]).goal_position - agents[env].source->scene->scene->to_world(pose.position);
+  observe_way(env);
+}
+
+/// Sensors of where the agent is and has been, and of what it did.
+void BatchedEnv::Impl::observe_way(std::size_t env) {
+  const Agent& agent = agents[env];
+  const Pose now = agent.state.pose(config.task);
+  if (pointgoal) {
+    const glm::dvec3 toward = episode_of(agent).goal_position - agent.source->scene->scene->to_world(now.position);
     const double bearing_rad = std::atan2(-toward.x, -toward.z);  // forward_of(h) = (-sin h, 0, -cos h)
-    pointgoal.row(env)[0] = static_cast<float>(std::hypot(toward.x, toward.z));
-    pointgoal.row(env)[1] = static_cast<float>(std::remainder(bearing_rad - pose.heading_rad, 2.0 * std::numbers::pi));
-    check(env, Fault::pointgoal, pointgoal.row(env));
+    const auto row = pointgoal->row<float>(env);
+    row[0] = static_cast<float>(std::hypot(toward.x, toward.z));
+    row[1] = static_cast<float>(std::remainder(bearing_rad - now.heading_rad, 2.0 * std::numbers::pi));
+    check(env, Fault::pointgoal, row);
   }
+  const glm::vec3 moved = now.position - agent.start_pose.position;
+  const std::array<float, 4> since_start{
+      glm::dot(moved, forward_of(agent.start_pose.heading_rad)), glm::dot(moved, right_of(agent.start_pose.heading_rad)),
+      static_cast<float>(std::remainder(now.heading_rad - agent.start_pose.heading_rad, 2.0 * std::numbers::pi)),
+      static_cast<float>(agent.state.steps()) * config.task.step_time_s};
+  if (gps_compass) std::copy_n(since_start.begin(), 3, gps_compass->row<float>(env).begin());
+  if (way) std::copy_n(since_start.begin(), 4, way->row<float>(env).begin());
+  if (collision) collision->row<std::uint8_t>(env)[0] = agent.state.collided() ? 1 : 0;
+  if (previous_action) previous_action->row<std::int32_t>(env)[0] = agent.actions.empty() ? -1 : agent.actions.back();
 }
 
 }  // namespace earshot

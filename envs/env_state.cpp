@@ -14,7 +14,7 @@ namespace {
 
 using nlohmann::json;
 
-constexpr int kVersion = 1;
+constexpr int kVersion = 2;
 
 [[noreturn]] void fail(const std::string& what) { throw InputError("environment state", what, "resume from another checkpoint"); }
 
@@ -25,8 +25,13 @@ std::string encode(const EnvState& state) {
   for (const EnvCursor& env : state.envs) {
     std::string actions;
     for (const std::int8_t action : env.actions) actions += static_cast<char>('0' + action);
-    envs.push_back(
-        {{"active", env.active}, {"episode_index", env.episode_index}, {"episode_count", env.episode_count}, {"actions", actions}});
+    envs.push_back({{"active", env.active},
+                    {"ended", env.ended},
+                    {"seed", env.seed},
+                    {"stream", env.stream},
+                    {"episode_index", env.episode_index},
+                    {"episode_count", env.episode_count},
+                    {"actions", actions}});
   }
   const json body = {{"set_hash", hex64(state.set_hash)}, {"seed", state.seed},       {"first_env", state.first_env},
                      {"total_envs", state.total_envs},    {"started", state.started}, {"envs", envs}};
@@ -50,6 +55,9 @@ EnvState decode_env_state(std::string_view text) {
     state.started = body.at("started").get<bool>();
     for (const json& env : body.at("envs")) {
       EnvCursor cursor{.active = env.at("active").get<bool>(),
+                       .ended = env.at("ended").get<bool>(),
+                       .seed = whole_number<std::uint64_t>(env, "seed"),
+                       .stream = whole_number<std::uint32_t>(env, "stream"),
                        .episode_index = whole_number<std::uint64_t>(env, "episode_index"),
                        .episode_count = whole_number<int>(env, "episode_count"),
                        .actions = {}};

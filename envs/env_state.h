@@ -10,6 +10,9 @@ namespace earshot {
 /// Where one env is: which episode, and the actions since its start.  Everything else is a function of these.
 struct EnvCursor {
   bool active = false;
+  bool ended = false;        ///< its episode, and no other has begun: the last action ended it
+  std::uint64_t seed = 0;    ///< of the draws of its episodes
+  std::uint32_t stream = 0;  ///< which sequence of that seed: the global env id, or 0 where the env has a seed of its own
   std::uint64_t episode_index = 0;
   int episode_count = 0;
   std::vector<std::int8_t> actions;

@@ -2,10 +2,23 @@
 
 #include <array>
 #include <glm/vec3.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
 namespace earshot {
+
+/// A sound of an episode that has more than the one at its goal.
+struct EpisodeSource {
+  glm::dvec3 position{0};  ///< foot point under it, as Episode::start_position
+  std::string sound = {};  ///< as Episode::sound
+  double onset_s = 0;      ///< after the start of the episode, >= 0
+  double duration_s = -1;  ///< < 0: to the end of the episode
+  bool loop = true;        ///< false: the clip is played once, from its beginning
+  bool goal = false;       ///< the sound of the goal; the others distract
+  float level_db = 0;      ///< over the clip's own level, in [-120, 60]
+  friend bool operator==(const EpisodeSource&, const EpisodeSource&) = default;
+};
 
 /// One continuous AV-Nav episode, the AudioNav JSON fields of docs/formats.md, section 1.
 struct Episode {
@@ -18,7 +31,15 @@ struct Episode {
   float geodesic_distance_m = 0;  ///< start to goal; finite and positive
   int num_action = 0;             ///< actions of the oracle with this task's step sizes, stop included
   std::string sound;              ///< `synth:...` or a file, see open_sound
+  /// All sounds of the episode.  Empty: the one at the goal, which has been playing before the episode begins and does not end.
+  std::vector<EpisodeSource> sources = {};
+  /// Further places that are as good as goal_position: foot points, at most kMaxGoals - 1.
+  std::vector<glm::dvec3> other_goals = {};
+  /// Noise at the ears, so many dB below the sound of the goal at 1 m in the open; none without a number.
+  std::optional<float> noise_snr_db = std::nullopt;
 };
+inline constexpr std::size_t kMaxGoals = 16;
+inline constexpr std::size_t kMaxSources = 64;
 
 /// Heading (counter-clockwise from -z, radians) of a quaternion x, y, z, w; the quaternion is normalised first.  Throws InputError for zero
 /// or NaN.

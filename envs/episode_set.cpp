@@ -49,6 +49,13 @@ class EpisodeReader {
     out.goal_position = position(member(goal, "position", "goals[0]."), "goals[0].position");
     if (goal.contains("radius") && !goal["radius"].is_null()) out.goal_radius_m = number(goal["radius"], "goals[0].radius");
 
+    if (goals.size() > kMaxGoals) fail("goals", "must be at most " + std::to_string(kMaxGoals));
+    for (std::size_t i = 1; i < goals.size(); ++i) {
+      const std::string key = "goals[" + std::to_string(i) + "]";
+      if (!goals[i].is_object()) fail(key, "must be an object");
+      out.other_goals.push_back(position(member(goals[i], "position", (key + ".").c_str()), key + ".position"));
+    }
+
     const json& info = member(episode_, "info");
     if (!info.is_object()) fail("info", "must be an object");
     out.geodesic_distance_m = number(member(info, "geodesic_distance", "info."), "info.geodesic_distance");
@@ -59,10 +66,44 @@ class EpisodeReader {
     out.num_action = actions.get<int>();
     out.sound = text(member(info, "sound", "info."), "info.sound");
     if (out.sound.empty()) fail("info.sound", "is empty");
+    if (const auto sources = episode_.find("sources"); sources != episode_.end() && !sources->is_null()) {
+      if (!sources->is_array() || sources->size() > kMaxSources)
+        fail("sources", "must be a list of at most " + std::to_string(kMaxSources) + " sources");
+      for (std::size_t i = 0; i < sources->size(); ++i) out.sources.push_back(source((*sources)[i], "sources[" + std::to_string(i) + "]"));
+    }
+    if (const auto noise = episode_.find("noise_snr_db"); noise != episode_.end() && !noise->is_null()) {
+      out.noise_snr_db = number(*noise, "noise_snr_db");
+      if (std::abs(*out.noise_snr_db) > 200) fail("noise_snr_db", "must be in [-200, 200]");
+    }
     return out;
   }
 
  private:
+  EpisodeSource source(const json& value, const std::string& key) const {
+    if (!value.is_object()) fail(key, "must be an object");
+    const std::string prefix = key + ".";
+    for (const auto& [name, unused] : value.items())
+      if (name != "position" && name != "sound" && name != "onset_s" && name != "duration_s" && name != "loop" && name != "goal" &&
+          name != "level_db")
+        fail(prefix + name, "is no key of a source");
+    EpisodeSource out;
+    out.position = position(member(value, "position", prefix.c_str()), prefix + "position");
+    out.sound = text(member(value, "sound", prefix.c_str()), prefix + "sound");
+    if (out.sound.empty()) fail(prefix + "sound", "is empty");
+    if (value.contains("onset_s")) out.onset_s = static_cast<double>(number(value["onset_s"], prefix + "onset_s"));
+    if (out.onset_s < 0 || out.onset_s > 1e6) fail(prefix + "onset_s", "must be in [0, 1e6]");
+    if (value.contains("duration_s")) out.duration_s = static_cast<double>(number(value["duration_s"], prefix + "duration_s"));
+    if (out.duration_s > 1e6) fail(prefix + "duration_s", "must be at most 1e6; below 0 it has no end");
+    if (value.contains("loop")) out.loop = flag(value["loop"], prefix + "loop");
+    if (value.contains("goal")) out.goal = flag(value["goal"], prefix + "goal");
+    if (value.contains("level_db")) out.level_db = number(value["level_db"], prefix + "level_db");
+    if (out.level_db < -120 || out.level_db > 60) fail(prefix + "level_db", "must be in [-120, 60]");
+    return out;
+  }
+  bool flag(const json& value, const std::string& key) const {
+    if (!value.is_boolean()) fail(key, "must be true or false");
+    return value.get<bool>();
+  }
   const json& member(const json& object, const char* key, const char* prefix = "") const {
     const auto found = object.find(key);
     if (found == object.end()) fail(std::string(prefix) + key, "is missing");
@@ -174,14 +215,27 @@ std::vector<std::filesystem::path> content_files(const std::filesystem::path& se
 
 json to_json(const Episode& episode) {
   const auto vector = [](glm::dvec3 v) { return json::array({v.x, v.y, v.z}); };
-  return {{"episode_id", episode.episode_id},
-          {"scene_id", episode.scene_id},
-          {"start_position", vector(episode.start_position)},
-          {"start_rotation", episode.start_rotation},
-          {"goals", json::array({{{"position", vector(episode.goal_position)}, {"radius", episode.goal_radius_m}}})},
-          {"info", {{"geodesic_distance", episode.geodesic_distance_m}, {"num_action", episode.num_action}, {"sound", episode.sound}}},
-          {"start_room", nullptr},
-          {"shortest_paths", nullptr}};
+  json goals = json::array({{{"position", vector(episode.goal_position)}, {"radius", episode.goal_radius_m}}});
+  for (const glm::dvec3 goal : episode.other_goals) goals.push_back({{"position", vector(goal)}});
+  json out = {{"episode_id", episode.episode_id},
+              {"scene_id", episode.scene_id},
+              {"start_position", vector(episode.start_position)},
+              {"start_rotation", episode.start_rotation},
+              {"goals", std::move(goals)},
+              {"info", {{"geodesic_distance", episode.geodesic_distance_m}, {"num_action", episode.num_action}, {"sound", episode.sound}}},
+              {"start_room", nullptr},
+              {"shortest_paths", nullptr}};
+  // Only where there are any: sets without have the bytes of the AudioNav layout.
+  for (const EpisodeSource& source : episode.sources)
+    out["sources"].push_back({{"position", vector(source.position)},
+                              {"sound", source.sound},
+                              {"onset_s", source.onset_s},
+                              {"duration_s", source.duration_s},
+                              {"loop", source.loop},
+                              {"goal", source.goal},
+                              {"level_db", source.level_db}});
+  if (episode.noise_snr_db) out["noise_snr_db"] = *episode.noise_snr_db;
+  return out;
 }
 
 /// One episode per line: sets can be compared and cut with line tools.  Object keys are sorted, so the text is canonical.

@@ -1,23 +1,41 @@
 #pragma once
 
-#include <cstdint>
+#include <string>
+#include <vector>
 
 #include "sim/audio/spectrogram.h"
 #include "sim/base/config_reader.h"
 #include "sim/vision/camera.h"
+#include "sim/vision/camera_sensor.h"
+#include "sim/vision/depth_noise.h"
 
 namespace earshot {
 
-/// Which sensors an environment has, and their shapes per env.
+/// A camera beside the main one, with its sensors.
+struct ExtraCamera {
+  std::string name = {};  ///< its sensors are NAME_depth, NAME_rgb, NAME_semantic and NAME_normals
+  CameraSensorConfig config = {};
+  bool depth = false, rgb = false, semantic = false, normals = false;
+};
+
+/// Which sensors an environment has, by the names of the sensor table (sensor.h), and what they are made with.
 struct ObservationSpec {
-  bool depth = true;        ///< float [height, width, 1] in [0, 1]
-  bool spectrogram = true;  ///< float [65, 26, 2] at 16 kHz
-  bool pointgoal = false;   ///< float [2]: distance and angle to the goal
-  CameraConfig camera;
+  bool depth = true, rgb = false, semantic = false, normals = false;  ///< of the main camera
+  bool spectrogram = true;
+  bool waveform = false, heard = false;
+  bool pointgoal = false, gps_compass = false, pose = false;
+  bool collision = false, previous_action = false;
+  CameraConfig camera;               ///< the main one: level, ahead, a pinhole
+  bool unlit = false;                ///< its colours without light
+  std::vector<ExtraCamera> cameras;  ///< further ones
+  bool depth_noise = false;          ///< all depth is as a structured-light camera sees it, by `noise`
+  DepthNoiseConfig noise;
   SpectrogramConfig sound;          ///< the analysed window: the last second of what was heard
   bool legacy_spectrogram = false;  ///< only the new samples, zero-padded to the window (SoundSpaces 2.0)
-  [[nodiscard]] int depth_size() const { return camera.width_px * camera.height_px; }
-  [[nodiscard]] int spectrogram_size() const { return sound.rows() * sound.columns() * 2; }
+  /// Whether any sensor needs the sound at the ears.
+  [[nodiscard]] bool hears() const { return spectrogram || waveform || heard; }
+  /// The main camera, if it has a sensor, and the further ones.
+  [[nodiscard]] std::vector<ExtraCamera> all_cameras() const;
 };
 void read(ConfigReader& reader, ObservationSpec& spec);
 /// Throws InputError "key = value: rule".

@@ -16,10 +16,10 @@ double wrapped(double angle_rad) { return std::remainder(angle_rad, 2.0 * std::n
 
 }  // namespace
 
-Action oracle_action(const TaskConfig& config, const GeodesicField& field, const Pose& pose) {
-  const auto distance_m = field.distance_m(pose.position);
+Action oracle_action(const TaskConfig& config, const NearestGoal& goal, const Pose& pose) {
+  const auto distance_m = goal.distance_m(pose.position);
   if (!distance_m || *distance_m < 0.5f * config.success_radius_m) return Action::stop;
-  const auto corner = field.next_corner(pose.position);
+  const auto corner = goal.next_corner(pose.position);
   if (!corner) return Action::stop;
   const glm::vec3 toward = *corner - pose.position;
   const double turn_rad = 2.0 * std::numbers::pi / turns_per_circle(config);
@@ -28,14 +28,14 @@ Action oracle_action(const TaskConfig& config, const GeodesicField& field, const
   return angle_rad > 0 ? Action::left : Action::right;
 }
 
-std::optional<int> count_oracle_actions(const TaskConfig& config, const Navmesh& navmesh, const GeodesicField& field, glm::vec3 start,
+std::optional<int> count_oracle_actions(const TaskConfig& config, const Navmesh& navmesh, const NearestGoal& goal, glm::vec3 start,
                                         double heading_rad) {
-  if (!field.distance_m(start)) return std::nullopt;
+  if (!goal.distance_m(start)) return std::nullopt;
   TaskConfig relaxed = config;
   relaxed.max_steps = 4 * config.max_steps;
   AvNavState state;
-  state.begin(relaxed, field, start, heading_rad, 1);
-  while (!state.terminated() && !state.truncated()) state.step(relaxed, navmesh, field, oracle_action(relaxed, field, state.pose(relaxed)));
+  state.begin(relaxed, goal, start, heading_rad, 1);
+  while (!state.terminated() && !state.truncated()) state.step(relaxed, navmesh, goal, oracle_action(relaxed, goal, state.pose(relaxed)));
   if (state.metrics(relaxed).success < 1) return std::nullopt;
   return state.steps();
 }

@@ -26,8 +26,8 @@ constexpr int kVersion = 1;
 constexpr std::size_t kMaxFileBytes = std::size_t{64} << 20;
 constexpr const char* kRemedy = "name a file that a run wrote to its quarantine_dir";
 
-constexpr std::array<std::string_view, kNumFaults> kNames = {"scene", "path",  "distance",    "reward",    "pose", "depth",
-                                                             "rir",   "sound", "spectrogram", "pointgoal", "stage"};
+constexpr std::array<std::string_view, kNumFaults> kNames = {"scene", "path",  "distance",    "reward",    "pose",  "depth",
+                                                             "rir",   "sound", "spectrogram", "pointgoal", "stage", "stall"};
 
 /// A name that is the same for the same fault of the same episode: one that cannot begin fails alike in every env, and needs one file.
 std::string file_name(const QuarantineRecord& record) {

@@ -28,9 +28,10 @@ enum class Fault : std::uint8_t {
   sound,        ///< the sound at the ears
   spectrogram,  //
   pointgoal,    //
-  stage,        ///< a stage of the step threw an InputError or a RunError
+  stage,        ///< a stage of the step threw an exception
+  stall,        ///< a stage took longer than EnvConfig::stage_limit_s
 };
-inline constexpr std::size_t kNumFaults = 11;
+inline constexpr std::size_t kNumFaults = 12;
 std::string_view name_of(Fault fault);
 std::optional<Fault> fault_by_name(std::string_view name);
 

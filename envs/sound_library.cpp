@@ -19,17 +19,21 @@ std::string resolve_sound(const std::string& name, const std::string& sound_root
 }
 
 SoundLibrary::SoundLibrary(std::span<const Episode> episodes, const std::string& sound_root, float sample_rate_hz, float gain) {
-  for (const Episode& episode : episodes) {
-    if (sounds_.contains(episode.sound)) continue;
+  const auto open = [&](const std::string& name, const Episode& episode) {
+    if (sounds_.contains(name)) return;
     SoundClip clip;
     try {
-      clip = open_sound(resolve_sound(episode.sound, sound_root), sample_rate_hz);
+      clip = open_sound(resolve_sound(name, sound_root), sample_rate_hz);
     } catch (const InputError& error) {
-      throw InputError("sound '" + episode.sound + "' of episode '" + episode.episode_id + "' in " + episode.scene_id, error.what(),
+      throw InputError("sound '" + name + "' of episode '" + episode.episode_id + "' in " + episode.scene_id, error.what(),
                        "set sound_root to the folder of the sounds");
     }
     for (float& sample : clip.samples) sample *= gain;
-    sounds_.emplace(episode.sound, std::move(clip));
+    sounds_.emplace(name, std::move(clip));
+  };
+  for (const Episode& episode : episodes) {
+    if (episode.sources.empty()) open(episode.sound, episode);
+    for (const EpisodeSource& source : episode.sources) open(source.sound, episode);
   }
 }
 

@@ -22,7 +22,7 @@ class SoundLibrary {
  public:
   /// Throws InputError that names the sound and an episode that names it.
   SoundLibrary(std::span<const Episode> episodes, const std::string& sound_root, float sample_rate_hz, float gain);
-  /// name: Episode::sound of one of the episodes.
+  /// name: of a sound that one of the episodes plays.
   [[nodiscard]] const LibrarySound& sound(const std::string& name) const { return sounds_.at(name); }
 
  private:

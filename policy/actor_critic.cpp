@@ -2,24 +2,83 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "policy/weight_init.h"
 #include "sim/base/errors.h"
 
 namespace earshot {
 
-ActorCriticImpl::ActorCriticImpl(const ObservationSpec& spec, const PolicyConfig& config) : spec_(spec), config_(config) {
-  if (!spec.depth && !spec.spectrogram && !spec.pointgoal)
+namespace {
+
+/// Encoders have parameters of their own; the other sensors are features as they are.
+bool is_vector(const SensorSpec& sensor) { return sensor.camera < 0 && sensor.kind != SensorKind::spectrogram; }
+
+/// A camera's pictures, in one of as many channels.
+struct Picture {
+  int height = 0, width = 0, channels = 0;
+};
+
+std::vector<Picture> pictures_of(const std::vector<SensorSpec>& sensors) {
+  std::vector<Picture> pictures;
+  for (const SensorSpec& sensor : sensors) {
+    if (sensor.camera < 0) continue;
+    pictures.resize(std::max(pictures.size(), static_cast<std::size_t>(sensor.camera) + 1));
+    Picture& picture = pictures[static_cast<std::size_t>(sensor.camera)];
+    picture = {.height = sensor.shape[0], .width = sensor.shape[1], .channels = picture.channels + sensor.shape[2]};
+  }
+  return pictures;
+}
+
+/// What the recurrent layer reads of a sensor without an encoder.
+int num_features(const SensorSpec& sensor) {
+  switch (sensor.kind) {
+    case SensorKind::gps_compass:
+    case SensorKind::pose:
+      return static_cast<int>(sensor.count()) + 1;  // an angle is its cosine and sine
+    case SensorKind::previous_action:
+      return kNumActions + 1;
+    default:
+      return static_cast<int>(sensor.count());
+  }
+}
+
+torch::Tensor features_of(const SensorSpec& sensor, const torch::Tensor& rows) {
+  switch (sensor.kind) {
+    case SensorKind::gps_compass:
+    case SensorKind::pose: {  // metres and metres, the angle, what follows it
+      const torch::Tensor angle = rows.slice(1, 2, 3);
+      return torch::cat({rows.slice(1, 0, 2), angle.cos(), angle.sin(), rows.slice(1, 3)}, 1);
+    }
+    case SensorKind::previous_action:
+      return torch::one_hot(rows.to(torch::kInt64).squeeze(1) + 1, kNumActions + 1).to(torch::kFloat32);
+    default:
+      return rows.to(torch::kFloat32);
+  }
+}
+
+}  // namespace
+
+ActorCriticImpl::ActorCriticImpl(const ObservationSpec& spec, const PolicyConfig& config)
+    : sensors_(sensor_table(spec, 1)), config_(config) {
+  if (sensors_.empty())
     throw InputError("sensors", "all are off: the policy would have nothing to go by", "switch depth, spectrogram or pointgoal on");
-  int features = spec.pointgoal ? 2 : 0;
-  if (spec.spectrogram) {
-    const int rows = spec.sound.rows(), columns = spec.sound.columns();
+  int features = 0;
+  for (const SensorSpec& sensor : sensors_) {
+    if (sensor.kind == SensorKind::waveform || sensor.kind == SensorKind::heard || sensor.kind == SensorKind::semantic)
+      throw InputError("observation." + sensor.name, "has no encoder in the policy",
+                       "switch it off for training; a policy hears by the spectrogram and sees by depth, rgb and normals");
+    if (is_vector(sensor)) features += num_features(sensor);
+    if (sensor.kind != SensorKind::spectrogram) continue;
+    const int rows = sensor.shape[0], columns = sensor.shape[1];
     audio_ = register_module(
         "audio", ConvEncoder("spectrogram", rows, columns, 2, audio_layers(rows, columns, config.conv_channels), config.audio_features));
     features += config.audio_features;
   }
-  if (spec.depth) {
-    visual_ = register_module("visual", ConvEncoder("depth picture", spec.camera.height_px, spec.camera.width_px, 1,
-                                                    visual_layers(config.conv_channels), config.visual_features));
+  for (const Picture& picture : pictures_of(sensors_)) {
+    const std::string name = visual_.empty() ? "visual" : fmt::format("visual_{}", visual_.size());
+    visual_.push_back(register_module(name, ConvEncoder("camera's picture", picture.height, picture.width, picture.channels,
+                                                        visual_layers(config.conv_channels), config.visual_features)));
     features += config.visual_features;
   }
   rnn_ = register_module("rnn", MaskedGru(features, config.hidden_size));
@@ -52,9 +111,17 @@ void ActorCriticImpl::initialize_weights() {
 
 torch::Tensor ActorCriticImpl::encode(const ObservationTensors& observations) {
   std::vector<torch::Tensor> features;
-  if (spec_.pointgoal) features.push_back(observations.pointgoal);
-  if (spec_.spectrogram) features.push_back(audio_->forward(observations.spectrogram));
-  if (spec_.depth) features.push_back(visual_->forward(observations.depth));
+  std::vector<std::vector<torch::Tensor>> channels(visual_.size());
+  for (const SensorSpec& sensor : sensors_) {
+    const torch::Tensor& rows = observations[sensor.name];
+    if (is_vector(sensor)) features.push_back(features_of(sensor, rows));
+    if (sensor.camera >= 0)
+      channels[static_cast<std::size_t>(sensor.camera)].push_back(sensor.kind == SensorKind::rgb ? rows.to(torch::kFloat32).div_(255)
+                                                                                                 : rows);
+  }
+  if (audio_) features.push_back(audio_->forward(observations["spectrogram"]));
+  for (std::size_t camera = 0; camera < visual_.size(); ++camera)
+    features.push_back(visual_[camera]->forward(channels[camera].size() == 1 ? channels[camera][0] : torch::cat(channels[camera], 3)));
   return features.size() == 1 ? features[0] : torch::cat(features, 1);
 }
 
@@ -79,10 +146,12 @@ std::int64_t ActorCriticImpl::num_parameters() const {
 
 std::string ActorCriticImpl::architecture() const {
   std::string line = "actor-critic v1:";
-  if (spec_.depth) line += fmt::format(" depth {}x{}x1 -> {},", spec_.camera.height_px, spec_.camera.width_px, config_.visual_features);
-  if (spec_.spectrogram)
-    line += fmt::format(" spectrogram {}x{}x2 -> {},", spec_.sound.rows(), spec_.sound.columns(), config_.audio_features);
-  if (spec_.pointgoal) line += " pointgoal 2,";
+  for (const SensorSpec& sensor : sensors_) {
+    line += fmt::format(" {} {}", sensor.name, fmt::join(sensor.shape, "x"));
+    if (sensor.camera >= 0) line += fmt::format(" -> {}", config_.visual_features);
+    if (sensor.kind == SensorKind::spectrogram) line += fmt::format(" -> {}", config_.audio_features);
+    line += ",";
+  }
   return line + fmt::format(" conv {}, gru {}, actions {}", config_.conv_channels, config_.hidden_size, kNumActions);
 }
 

@@ -7,21 +7,16 @@
 
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include "envs/action.h"
 #include "envs/observation.h"
 #include "policy/conv_encoder.h"
 #include "policy/masked_gru.h"
+#include "policy/observation_tensors.h"
 #include "policy/policy_config.h"
 
 namespace earshot {
-
-/// Observations of a batch, any leading dimensions folded into [N, ...].  An undefined tensor stands for a sensor that is off.
-struct ObservationTensors {
-  torch::Tensor depth;        ///< [N, height, width, 1] float in [0, 1]
-  torch::Tensor spectrogram;  ///< [N, rows, columns, 2] float
-  torch::Tensor pointgoal;    ///< [N, 2]
-};
 
 struct PolicyOutput {
   torch::Tensor logits;  ///< [N, kNumActions] (or [T * B, kNumActions])
@@ -29,12 +24,15 @@ struct PolicyOutput {
   torch::Tensor hidden;  ///< [B, hidden_size] after the last step
 };
 
-/// Recurrent actor-critic: [point goal, audio CNN, visual CNN] -> GRU -> categorical actor over four actions, scalar critic.
+/// Recurrent actor-critic: [vectors, audio CNN, visual CNN per camera] -> GRU -> categorical actor over four actions, scalar critic.  A
+/// camera's depth, colours in [0, 1] and normals are channels of one picture.  Vectors are the sensors without a picture: the point goal,
+/// the way since the start with cosine and sine of its angles, the collision, the last action as one of five.  Waveforms and categories
+/// have no encoder: a policy refuses them.
 /// Initial weights are a function of PolicyConfig::seed: convolutions and encoders Kaiming-normal for ReLU, GRU orthogonal for each of its
 /// gates, actor orthogonal with gain 0.01 (all actions about equally likely at first), critic orthogonal with gain 1, biases 0.
 class ActorCriticImpl : public torch::nn::Module {
  public:
-  /// Throws InputError if no sensor is on or a picture is too small for the convolutions.
+  /// Throws InputError if no sensor is on, one has no encoder, or a picture is too small for the convolutions.
   ActorCriticImpl(const ObservationSpec& spec, const PolicyConfig& config);
 
   /// One step of N envs.  hidden [N, hidden_size]; not_done [N] float, 0 where a new episode begins (hidden is zeroed there).
@@ -52,9 +50,10 @@ class ActorCriticImpl : public torch::nn::Module {
   torch::Tensor encode(const ObservationTensors& observations);  // -> [N, features]
   void initialize_weights();
 
-  ObservationSpec spec_;
+  std::vector<SensorSpec> sensors_;
   PolicyConfig config_;
-  ConvEncoder visual_{nullptr}, audio_{nullptr};
+  std::vector<ConvEncoder> visual_;  ///< by camera
+  ConvEncoder audio_{nullptr};
   MaskedGru rnn_{nullptr};
   torch::nn::Linear actor_{nullptr}, critic_{nullptr};
 };

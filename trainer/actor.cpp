@@ -9,21 +9,23 @@
 namespace earshot {
 namespace {
 
-torch::Tensor view(std::span<const float> values, std::vector<std::int64_t> shape) {
-  if (values.empty()) return {};
-  // from_blob wants a mutable pointer; no caller writes through these views.
-  return torch::from_blob(const_cast<float*>(values.data()), shape, torch::kFloat32);
-}
-
-ObservationTensors views(const BatchedEnv& env, std::span<const float> depth, std::span<const float> spectrogram,
-                         std::span<const float> pointgoal) {
-  const ObservationSpec& spec = env.config().observation;
-  const std::int64_t n = env.num_envs();
-  return {view(depth, {n, spec.camera.height_px, spec.camera.width_px, 1}),
-          view(spectrogram, {n, spec.sound.rows(), spec.sound.columns(), 2}), view(pointgoal, {n, 2})};
+/// final: the last observations of the episodes that just ended.
+ObservationTensors views(const BatchedEnv& env, bool final) {
+  ObservationTensors tensors;
+  const std::span<const SensorSpec> table = env.sensors();
+  tensors.sensors.reserve(table.size());
+  for (std::size_t sensor = 0; sensor < table.size(); ++sensor) {
+    const std::span<const std::byte> rows = final ? env.final_rows(sensor) : env.rows(sensor);
+    // from_blob wants a mutable pointer; no caller writes through these views.
+    tensors.sensors.push_back(
+        {table[sensor].name, torch::from_blob(const_cast<std::byte*>(rows.data()), sizes_of(table[sensor], {env.num_envs()}),
+                                              scalar_type(table[sensor].type))});
+  }
+  return tensors;
 }
 
 bool row_is_finite(const torch::Tensor& rows, std::int64_t row) {
+  if (!rows.is_floating_point()) return true;
   const std::int64_t size = rows.numel() / rows.size(0);
   const float* values = rows.data_ptr<float>() + row * size;
   return std::all_of(values, values + size, [](float value) { return std::isfinite(value); });
@@ -31,14 +33,13 @@ bool row_is_finite(const torch::Tensor& rows, std::int64_t row) {
 
 /// Sets rows that are not finite to zero, in a copy, and marks them.
 void sanitize(ObservationTensors& observations, std::vector<std::uint8_t>& sanitized) {
-  for (torch::Tensor* sensor : {&observations.depth, &observations.spectrogram, &observations.pointgoal}) {
-    if (!sensor->defined()) continue;
+  for (auto& [name, rows] : observations.sensors) {
     bool copied = false;
-    for (std::int64_t row = 0; row < sensor->size(0); ++row) {
-      if (row_is_finite(*sensor, row)) continue;
-      if (!copied) *sensor = sensor->clone();  // the env's buffer is not ours to write
+    for (std::int64_t row = 0; row < rows.size(0); ++row) {
+      if (row_is_finite(rows, row)) continue;
+      if (!copied) rows = rows.clone();  // the env's buffer is not ours to write
       copied = true;
-      (*sensor)[row].zero_();
+      rows[row].zero_();
       sanitized[static_cast<std::size_t>(row)] = 1;
     }
   }
@@ -52,11 +53,9 @@ void discard_values_of_sanitized(torch::Tensor& value, const std::vector<std::ui
 
 }  // namespace
 
-ObservationTensors observation_tensors(const BatchedEnv& env) { return views(env, env.depth(), env.spectrogram(), env.pointgoal()); }
+ObservationTensors observation_tensors(const BatchedEnv& env) { return views(env, false); }
 
-ObservationTensors final_observation_tensors(const BatchedEnv& env) {
-  return views(env, env.final_depth(), env.final_spectrogram(), env.final_pointgoal());
-}
+ObservationTensors final_observation_tensors(const BatchedEnv& env) { return views(env, true); }
 
 Actor::Actor(ActorCritic policy, int num_envs)
     : policy_(std::move(policy)),
@@ -74,8 +73,7 @@ const PolicyOutput& Actor::observe(const ObservationTensors& observations) {
   bool again = false;
   for (std::int64_t row = 0; row < output_.logits.size(0); ++row) {
     if (row_is_finite(output_.logits, row) && row_is_finite(output_.value, row) && row_is_finite(output_.hidden, row)) continue;
-    for (torch::Tensor* sensor : {&seen_.depth, &seen_.spectrogram, &seen_.pointgoal})
-      if (sensor->defined()) *sensor = sensor->index_fill(0, torch::tensor({row}), 0);
+    for (auto& [name, rows] : seen_.sensors) rows = rows.index_fill(0, torch::tensor({row}), 0);
     hidden_[row].zero_();
     not_done_[row] = 0;
     sanitized_[static_cast<std::size_t>(row)] = 1;
@@ -96,9 +94,8 @@ torch::Tensor Actor::truncated_values(const BatchedEnv& env) {
   const torch::NoGradGuard no_grad;
   const FlushDenormals flush;
   const torch::Tensor index = torch::tensor(rows);
-  ObservationTensors last = final_observation_tensors(env);
-  for (torch::Tensor* sensor : {&last.depth, &last.spectrogram, &last.pointgoal})
-    if (sensor->defined()) *sensor = sensor->index_select(0, index);
+  ObservationTensors last =
+      final_observation_tensors(env).map([&](const torch::Tensor& rows_of_sensor) { return rows_of_sensor.index_select(0, index); });
   const auto count = static_cast<std::int64_t>(rows.size());
   std::vector<std::uint8_t> sanitized(rows.size(), 0);
   sanitize(last, sanitized);

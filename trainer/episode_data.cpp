@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "envs/batched_env.h"
 #include "sim/base/progress.h"
 #include "trainer/effective_config.h"
@@ -11,6 +13,9 @@ namespace {
 
 /// Raised where the same keys come to give other episodes.
 constexpr const char* kGeneratorVersion = "1";
+
+/// At least so many places of a scene are drawn for distractors.
+constexpr int kDistractorPlaces = 10;
 
 }  // namespace
 
@@ -31,6 +36,15 @@ EpisodeSet generate_data(const DataConfig& data, const EnvConfig& env) {
     const auto scene = cache->scene(scenes[i]);
     auto episodes = generate_episodes(scenes[i], *scene->scene, scene->navmesh, env.task, data.filter, sounds, data.episodes_per_scene,
                                       data.seed, data.goals_per_scene);
+    if (data.scenario.changes_episodes()) {
+      // Distractors stand where goals of the scene may: what is made once per source serves both.
+      std::vector<glm::dvec3> places;
+      if (data.scenario.distractors > 0)
+        for (const glm::vec3 place : spread_goals(scenes[i], *scene->scene, scene->navmesh, env.task, data.filter,
+                                                  std::max(data.goals_per_scene, kDistractorPlaces), data.seed))
+          places.push_back(scene->scene->to_world(place));
+      apply_scenario(data.scenario, sounds, places, data.seed, episodes);
+    }
     for (auto& episode : episodes) {
       episode.episode_id = std::to_string(set.episodes.size());
       set.episodes.push_back(std::move(episode));
@@ -57,6 +71,7 @@ std::map<std::string, std::string> generator_keys(const DataConfig& data, const 
   }
   // A goal of its own for each episode is what sets had before they could share any: those stay valid.
   if (data.goals_per_scene == 0) keys.erase("data.goals_per_scene");
+  if (!data.scenario.changes_episodes()) std::erase_if(keys, [](const auto& item) { return item.first.starts_with("data.scenario."); });
   return keys;
 }
 

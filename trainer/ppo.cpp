@@ -115,8 +115,8 @@ struct PpoLearner::Rollout {
   torch::Tensor not_done, actions, log_prob, values, advantages, returns, valid;  // [T, B]
 
   Rollout(const RolloutBuffer& buffer, const GaeConfig& config) {
-    const auto rows = [&](const torch::Tensor& slab) { return slab.defined() ? slab.slice(0, 0, buffer.num_steps()) : torch::Tensor(); };
-    observations = {rows(buffer.observations.depth), rows(buffer.observations.spectrogram), rows(buffer.observations.pointgoal)};
+    const auto rows = [&](const torch::Tensor& slab) { return slab.slice(0, 0, buffer.num_steps()); };
+    observations = buffer.observations.map(rows);
     hidden = buffer.hidden;
     not_done = rows(buffer.not_done);
     actions = rows(buffer.actions);
@@ -146,11 +146,10 @@ PpoLearner::PpoLearner(ActorCritic policy, const PpoConfig& config, std::uint64_
 PpoLoss PpoLearner::minibatch_loss(const Rollout& rollout, std::span<const std::int64_t> envs, double clip, double* max_ratio_error) {
   const torch::Tensor index = index_of(envs);
   const auto rows = [&](const torch::Tensor& slab) {  // [T, B, ...] -> [T * envs, ...]
-    return slab.defined() ? slab.index_select(1, index).flatten(0, 1) : torch::Tensor();
+    return slab.index_select(1, index).flatten(0, 1);
   };
   const PolicyOutput output =
-      policy_->sequence({rows(rollout.observations.depth), rows(rollout.observations.spectrogram), rows(rollout.observations.pointgoal)},
-                        rollout.hidden.index_select(0, index), rollout.not_done.index_select(1, index));
+      policy_->sequence(rollout.observations.map(rows), rollout.hidden.index_select(0, index), rollout.not_done.index_select(1, index));
   const torch::Tensor log_prob = log_probabilities(output.logits, rows(rollout.actions));
   const torch::Tensor old_log_prob = rows(rollout.log_prob), valid = rows(rollout.valid);
   if (max_ratio_error && valid.any().item<bool>())

@@ -70,6 +70,11 @@ Estimate EvaluationResult::soft_spl() const {
 Estimate EvaluationResult::sna() const {
   return over(episodes, [](const EpisodeMetrics& m) { return m.sna; });
 }
+Estimate EvaluationResult::success_when_silent() const {
+  std::uint64_t hits = 0;
+  for (const auto& row : episodes) hits += row.metrics.success_when_silent > 0.5 ? 1 : 0;
+  return fraction_with_interval(hits, episodes.size());
+}
 Estimate EvaluationResult::dtg_m() const {
   return over(episodes, [](const EpisodeMetrics& m) { return m.dtg_m; });
 }
@@ -90,6 +95,7 @@ void save_result(const EvaluationResult& result, const std::filesystem::path& pa
                     {"spl", m.spl},
                     {"soft_spl", m.soft_spl},
                     {"sna", m.sna},
+                    {"success_when_silent", m.success_when_silent},
                     {"dtg_m", m.dtg_m},
                     {"reward", m.reward},
                     {"steps", m.steps},
@@ -108,6 +114,7 @@ void save_result(const EvaluationResult& result, const std::filesystem::path& pa
                        {"spl", to_json(result.spl())},
                        {"soft_spl", to_json(result.soft_spl())},
                        {"sna", to_json(result.sna())},
+                       {"success_when_silent", to_json(result.success_when_silent())},
                        {"dtg_m", to_json(result.dtg_m())},
                        {"steps", to_json(result.steps())},
                        {"collisions", to_json(result.collisions())}}},
@@ -135,6 +142,8 @@ EvaluationResult load_result(const std::filesystem::path& path) {
       read.metrics.spl = finite_number<double>(row, "spl");
       read.metrics.soft_spl = finite_number<double>(row, "soft_spl");
       read.metrics.sna = finite_number<double>(row, "sna");
+      if (row.contains("success_when_silent"))  // results of before it was counted have none
+        read.metrics.success_when_silent = finite_number<double>(row, "success_when_silent");
       read.metrics.dtg_m = finite_number<double>(row, "dtg_m");
       read.metrics.reward = finite_number<double>(row, "reward");
       read.metrics.steps = whole_number<int>(row, "steps");

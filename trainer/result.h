@@ -35,6 +35,7 @@ struct EvaluationResult {
   [[nodiscard]] Estimate spl() const;
   [[nodiscard]] Estimate soft_spl() const;
   [[nodiscard]] Estimate sna() const;
+  [[nodiscard]] Estimate success_when_silent() const;
   [[nodiscard]] Estimate dtg_m() const;
   [[nodiscard]] Estimate steps() const;
   [[nodiscard]] Estimate collisions() const;

@@ -20,9 +20,8 @@ torch::Tensor flags(std::span<const std::uint8_t> bytes) {
 RolloutBuffer::RolloutBuffer(const ObservationSpec& spec, int max_steps, int num_envs, int hidden_size) : num_envs_(num_envs) {
   EARSHOT_EXPECT(max_steps > 0 && num_envs > 0 && hidden_size > 0);
   const std::int64_t T = max_steps, B = num_envs;
-  if (spec.depth) observations.depth = torch::zeros({T, B, spec.camera.height_px, spec.camera.width_px, 1});
-  if (spec.spectrogram) observations.spectrogram = torch::zeros({T, B, spec.sound.rows(), spec.sound.columns(), 2});
-  if (spec.pointgoal) observations.pointgoal = torch::zeros({T, B, 2});
+  for (const SensorSpec& sensor : sensor_table(spec, 1))
+    observations.add(sensor.name, torch::zeros(sizes_of(sensor, {T, B}), scalar_type(sensor.type)));
   hidden = torch::zeros({B, hidden_size});
   for (torch::Tensor* slab : {&not_done, &log_prob, &values, &rewards, &terminated, &truncated, &final_values, &valid})
     *slab = torch::zeros({T, B});
@@ -40,13 +39,12 @@ void RolloutBuffer::push(const ObservationTensors& seen, const torch::Tensor& co
                          const torch::Tensor& chosen_log_prob, const torch::Tensor& value) {
   EARSHOT_EXPECT(steps_ < rewards.size(0) && continues.numel() == num_envs_ && chosen.numel() == num_envs_);
   EARSHOT_EXPECT(chosen_log_prob.numel() == num_envs_ && value.numel() == num_envs_);
-  for (const auto& [slab, row] :
-       {std::pair{observations.depth, seen.depth}, {observations.spectrogram, seen.spectrogram}, {observations.pointgoal, seen.pointgoal}})
-    EARSHOT_EXPECT(!slab.defined() || (row.defined() && row.sizes() == slab[0].sizes()));
+  for (const auto& [name, slab] : observations.sensors) {
+    const torch::Tensor& row = seen[name];
+    EARSHOT_EXPECT(row.defined() && row.sizes() == slab[0].sizes() && row.scalar_type() == slab.scalar_type());
+  }
   const torch::NoGradGuard no_gradient;
-  if (observations.depth.defined()) observations.depth[steps_].copy_(seen.depth);
-  if (observations.spectrogram.defined()) observations.spectrogram[steps_].copy_(seen.spectrogram);
-  if (observations.pointgoal.defined()) observations.pointgoal[steps_].copy_(seen.pointgoal);
+  for (auto& [name, slab] : observations.sensors) slab[steps_].copy_(seen[name]);
   not_done[steps_].copy_(continues);
   actions[steps_].copy_(chosen);
   log_prob[steps_].copy_(chosen_log_prob);

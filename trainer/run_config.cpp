@@ -22,6 +22,10 @@ void read(ConfigReader& reader, DataConfig& data) {
   read(filter, data.filter);
   filter.finish();
   validate(data.filter);
+  ConfigReader scenario = reader.child("scenario");
+  read(scenario, data.scenario);
+  scenario.finish();
+  validate(data.scenario);
   require(data.episodes_per_scene > 0, reader.prefix() + "episodes_per_scene", data.episodes_per_scene, "must be positive");
   require(data.goals_per_scene >= 0 && data.goals_per_scene <= 100'000, reader.prefix() + "goals_per_scene", data.goals_per_scene,
           "must be in [0, 100000]; 0 gives every episode a goal of its own");

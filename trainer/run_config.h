@@ -6,6 +6,7 @@
 
 #include "envs/batched_env.h"
 #include "envs/episode_generator.h"
+#include "envs/sound_scenario.h"
 #include "policy/policy_config.h"
 #include "trainer/ppo_config.h"
 
@@ -20,6 +21,7 @@ struct DataConfig {
   int goals_per_scene = 0;  ///< places of the source that the episodes of a scene share, far from each other; 0: each has one of its own
   std::uint64_t seed = 0;
   EpisodeFilter filter;
+  SoundScenario scenario;
 };
 
 /// One training run as its YAML file says it.  Sections: env, policy, ppo, data (train, eval); the other keys are below.

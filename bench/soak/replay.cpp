@@ -13,7 +13,12 @@ std::uint64_t replay_cold(const SoakRecord& record, const EnvConfig& config, con
   BatchedEnv env(alone, set, make_scene_cache(alone), 1, record.env, total_envs);
   // The start of an episode is the state of an env that has not acted in it yet.
   EnvState start{.set_hash = set->hash, .seed = alone.seed, .first_env = record.env, .total_envs = total_envs, .started = true, .envs = {}};
-  start.envs.push_back({.active = true, .episode_index = record.episode_index, .episode_count = record.episode_count, .actions = {}});
+  start.envs.push_back({.active = true,
+                        .seed = alone.seed,
+                        .stream = static_cast<std::uint32_t>(record.env),
+                        .episode_index = record.episode_index,
+                        .episode_count = record.episode_count,
+                        .actions = {}});
   env.restore(encode(start));
 
   EpisodeHash hash;

@@ -109,10 +109,18 @@ void OversampledSound::read(const StreamPosition& position, double first, double
   auto part = static_cast<std::uint64_t>((2.0 * first - whole) * 4294967296.0);
   const auto advance = static_cast<std::uint64_t>(2.0 * step * 4294967296.0);
 
-  std::size_t i = 0;
+  std::size_t i = 0, end = out.size();
+  /// Samples of `out` that lie before a stream sample.
+  const auto before = [&](std::uint64_t stream_sample) {
+    const double count = std::ceil((static_cast<double>(stream_sample) - static_cast<double>(position.sample) - first) / step);
+    return static_cast<std::size_t>(std::clamp(count, 0.0, static_cast<double>(out.size())));
+  };
+  if (position.end != ~std::uint64_t{0}) {
+    end = before(position.end);
+    std::fill(out.begin() + static_cast<std::ptrdiff_t>(end), out.end(), 0.f);
+  }
   if (!position.already_playing) {
-    const double silent = std::ceil((-static_cast<double>(position.sample) - first) / step);
-    const auto silent_samples = static_cast<std::size_t>(std::clamp(silent, 0.0, static_cast<double>(out.size())));
+    const std::size_t silent_samples = std::min(before(position.begin), end);
     std::fill_n(out.begin(), silent_samples, 0.f);
     part += silent_samples * (advance & 0xFFFFFFFFu);
     index = (index + static_cast<std::int64_t>(silent_samples * (advance >> 32)) + static_cast<std::int64_t>(part >> 32)) % loop;
@@ -121,7 +129,7 @@ void OversampledSound::read(const StreamPosition& position, double first, double
   }
   const Reader& table = reader();
   const float* samples = samples_.data() + kGuard - (kTaps / 2 - 1);
-  for (; i < out.size(); ++i) {
+  for (; i < end; ++i) {
     const auto phase = static_cast<std::size_t>((part + (1u << (31 - kPhaseBits))) >> (32 - kPhaseBits));
     out[i] = sum_of(load(samples + index) * load(table.taps[phase]));
     part += advance;

@@ -17,8 +17,8 @@ class OversampledSound {
   /// Takes 0.1 us per sample and 8 bytes of memory.
   explicit OversampledSound(const SoundClip& clip);
 
-  /// out[i]: the endless loop at stream time position.sample + first + i * step, in samples of the clip; before stream sample 0 silence
-  /// unless position.already_playing.  step: in (0, 4].  About 2 ns a sample; no allocation.
+  /// out[i]: the endless loop at stream time position.sample + first + i * step, in samples of the clip; silence before
+  /// position.begin, unless already_playing, and from position.end on.  step: in (0, 4].  About 2 ns a sample; no allocation.
   void read(const StreamPosition& position, double first, double step, std::span<float> out) const;
   /// Is every sample zero?
   [[nodiscard]] bool silent() const { return silent_; }

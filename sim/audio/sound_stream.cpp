@@ -33,6 +33,16 @@ double cost_of(const StreamPlan& plan, int block, int fade, int taps, int num_pa
 
 }  // namespace
 
+StreamPosition::Segment StreamPosition::segment(std::uint64_t back, std::size_t size) const {
+  // Of stream samples below 2^63, so that a segment that begins before sample 0 has a negative start.
+  const auto start = static_cast<std::int64_t>(sample) - static_cast<std::int64_t>(back);
+  const auto most = static_cast<std::int64_t>(size);
+  const auto last = static_cast<std::int64_t>(std::min<std::uint64_t>(end, std::uint64_t{1} << 62));
+  const std::int64_t silent = already_playing ? 0 : std::clamp<std::int64_t>(static_cast<std::int64_t>(begin) - start, 0, most);
+  const std::int64_t until = std::clamp<std::int64_t>(last - start, silent, most);
+  return {static_cast<std::size_t>(silent), static_cast<std::size_t>(until - silent)};
+}
+
 struct StreamConvolver::Impl {
   Impl(const StreamConfig& settings, int channel_count, std::shared_ptr<DrySpectra> shared)
       : config(settings),
@@ -50,13 +60,12 @@ struct StreamConvolver::Impl {
   /// Writes `target.size()` samples of the dry loop that begin `back` samples before position.sample.
   static void copy_dry(const SoundClip& clip, const StreamPosition& position, std::uint64_t back, std::span<float> target) {
     const std::uint64_t length = clip.samples.size();
-    std::size_t silent = 0;
-    if (!position.already_playing && back > position.sample)
-      silent = static_cast<std::size_t>(std::min<std::uint64_t>(back - position.sample, target.size()));
+    const auto [silent, sounding] = position.segment(back, target.size());
     std::fill_n(target.begin(), silent, 0.f);
+    std::fill(target.begin() + static_cast<std::ptrdiff_t>(silent + sounding), target.end(), 0.f);
     std::uint64_t index = (start_in_loop(clip, position, back) + silent) % length;
-    for (std::size_t done = silent; done < target.size();) {
-      const auto count = static_cast<std::size_t>(std::min<std::uint64_t>(length - index, target.size() - done));
+    for (std::size_t done = silent; done < silent + sounding;) {
+      const auto count = static_cast<std::size_t>(std::min<std::uint64_t>(length - index, silent + sounding - done));
       std::copy_n(clip.samples.begin() + static_cast<std::ptrdiff_t>(index), count, target.begin() + static_cast<std::ptrdiff_t>(done));
       done += count;
       index = 0;
@@ -79,8 +88,7 @@ struct StreamConvolver::Impl {
       forward.set_input(segment, {});
       forward.transform(spectrum);
     };
-    const bool in_silence = !position.already_playing && back > position.sample;
-    if (dry_spectra && clip_key != 0 && !in_silence)
+    if (dry_spectra && clip_key != 0 && position.segment(back, size).sounding == size)
       return dry_spectra->get(clip_key, start_in_loop(clip, position, back), stretch_spectrum, make);
     make(stretch_spectrum);
     return DrySpectra::View(stretch_spectrum);

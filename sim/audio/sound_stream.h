@@ -21,7 +21,21 @@ struct StreamConfig {
 struct StreamPosition {
   std::uint64_t sample = 0;       ///< dry samples played since the sound began to play
   std::uint64_t clip_offset = 0;  ///< clip sample at stream sample 0
-  bool already_playing = true;    ///< true: the loop has been playing without beginning before sample 0; false: silence before it
+  bool already_playing = true;    ///< true: the loop has been playing without beginning before sample 0; false: silence before `begin`
+  std::uint64_t begin = 0;        ///< stream sample at which a loop that has not been playing begins
+  std::uint64_t end = ~std::uint64_t{0};  ///< stream sample from which on the dry sound is silent: what was played before rings on
+
+  /// Dry samples of the segment of `size` stream samples that begins `back` before `sample`: silence, sound, silence.
+  struct Segment {
+    std::size_t silent_before, sounding;
+  };
+  [[nodiscard]] Segment segment(std::uint64_t back, std::size_t size) const;
+  /// The same place `later` samples later.
+  [[nodiscard]] StreamPosition after(std::uint64_t later) const {
+    StreamPosition moved = *this;
+    moved.sample += later;
+    return moved;
+  }
 };
 
 /// How a StreamConvolver cuts its work (StreamConvolver::plan): overlap-save with transforms of `fft_size` samples, each giving `piece`

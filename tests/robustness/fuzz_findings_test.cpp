@@ -31,7 +31,7 @@ TEST(X_DeepTexts, JsonIsRefusedBeforeItIsParsed) {
   const TempFolder folder;
   EXPECT_THAT(refusal([&] { MaterialDatabase::from_json(R"({"materials":[{"name":"a","absorption":[1,)" + closed + "]}]}", "m.json"); }),
               HasSubstr("levels"));
-  EXPECT_THAT(refusal([&] { decode_env_state(R"({"earshot_env_state":1,"checksum":"0","body":)" + closed + "}"); }), HasSubstr("levels"));
+  EXPECT_THAT(refusal([&] { decode_env_state(R"({"earshot_env_state":2,"checksum":"0","body":)" + closed + "}"); }), HasSubstr("levels"));
   EXPECT_THAT(refusal([&] { decode_quarantine_record(R"({"earshot_quarantine":1,"set":)" + closed + "}", "q.json"); }),
               HasSubstr("levels"));
   EXPECT_THAT(refusal([&] { parse_episode_set(R"({"episodes":[{"episode_id":)" + closed + "}]}", "set.json"); }), HasSubstr("levels"));
@@ -63,7 +63,7 @@ TEST(X_NumbersThatDoNotFit, AreRefusedByTheirKey) {
   const auto state = [](const std::string& seed, const std::string& first_env) {
     const std::string body = R"({"envs":[],"first_env":)" + first_env + R"(,"seed":)" + seed +
                              R"(,"set_hash":"00000000000000ff","started":true,"total_envs":2})";
-    return R"({"earshot_env_state":1,"checksum":")" + hex64(hash64(body)) + R"(","body":)" + body + "}";
+    return R"({"earshot_env_state":2,"checksum":")" + hex64(hash64(body)) + R"(","body":)" + body + "}";
   };
   EXPECT_EQ(decode_env_state(state("7", "0")).seed, 7u);
   for (const char* number : {"-1", "2.5", "\"7\""})

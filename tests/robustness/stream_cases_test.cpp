@@ -145,10 +145,11 @@ TEST(H46_Teleport, AfterTheFadeItIsTheColdStart) {
   std::vector<float> sound(2 * block), expected(2 * block), window(2 * 16000);
 
   AgentHearing moved, still;
-  moved.begin(*source, dry, 123);
+  const PlayedSound played_sound{.source = source.get(), .sound = &dry, .position = {.clip_offset = 123}};
+  moved.begin(std::span(&played_sound, 1));
   std::uint64_t played = 0;
   const auto stand = [&](AgentHearing& agent, const Pose& pose, std::span<float> out) {
-    agent.trace(*source, pose, 1.5f);
+    agent.trace(engines, pose, 1.5f, block);
     ASSERT_TRUE(agent.synthesize(engines, pose.heading_rad));
     ASSERT_TRUE(agent.convolve(engines, block, out, window));
   };
@@ -156,7 +157,7 @@ TEST(H46_Teleport, AfterTheFadeItIsTheColdStart) {
     stand(moved, pose, sound);
     played += block;
   }
-  still.begin(*source, dry, 123);
+  still.begin(std::span(&played_sound, 1));
   stand(still, there, expected);  // makes its response
   still.seek(played - block);
   stand(still, there, expected);

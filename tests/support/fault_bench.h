@@ -87,7 +87,7 @@ inline RolloutBuffer collect(ActorCritic& policy, int rank, int update) {
   rollout.begin(hidden);
   for (int t = 0; t < kSteps; ++t) {
     const auto key = static_cast<std::uint32_t>(10 * t);
-    const ObservationTensors seen{.depth = {}, .spectrogram = {}, .pointgoal = noise({kEnvs, 2}, r, u, key)};
+    const ObservationTensors seen{{"pointgoal", noise({kEnvs, 2}, r, u, key)}};
     const PolicyOutput output = policy->step(seen, hidden, not_done);
     const torch::Tensor actions = (2 * noise({kEnvs}, r, u, key + 1) + 2).floor().clamp(0, 3).to(torch::kInt64);
     rollout.push(seen, not_done, actions, log_probabilities(output.logits, actions), output.value);

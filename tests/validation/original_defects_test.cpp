@@ -115,8 +115,9 @@ HearingEngines engines_of(const AcousticConfig& config) {
 /// Sound of the first block of an episode.
 std::vector<float> first_block(AgentHearing& hearing, HearingEngines& engines, const EnvSource& source, const LibrarySound& clip,
                                const Pose& pose) {
-  hearing.begin(source, clip, 0);
-  hearing.trace(source, pose, 1.5f);
+  const PlayedSound played{.source = &source, .sound = &clip};
+  hearing.begin(std::span(&played, 1));
+  hearing.trace(engines, pose, 1.5f, 2400);
   hearing.synthesize(engines, pose.heading_rad);
   std::vector<float> sound(4800), window(2 * 16000);
   EXPECT_TRUE(hearing.convolve(engines, 2400, sound, window));
@@ -156,8 +157,9 @@ TEST(OriginalDefects, TwoListenersInOneSceneDoNotDisturbEachOther) {
   const Pose one{.position = {2.5f, 0, 2.0f}}, two{.position = {4.1f, 0, 0.9f}, .heading_rad = 2};
   AgentHearing alone, first, second;
   const std::vector<float> expected = first_block(alone, engines, *source, clip, one);
-  first.begin(*source, clip, 0), second.begin(*source, clip, 0);
-  first.trace(*source, one, 1.5f), second.trace(*source, two, 1.5f);
+  const PlayedSound played{.source = source.get(), .sound = &clip};
+  first.begin(std::span(&played, 1)), second.begin(std::span(&played, 1));
+  first.trace(engines, one, 1.5f, 2400), second.trace(engines, two, 1.5f, 2400);
   second.synthesize(engines, two.heading_rad), first.synthesize(engines, one.heading_rad);
   std::vector<float> of_first(4800), of_second(4800), window(2 * 16000);
   EXPECT_TRUE(second.convolve(engines, 2400, of_second, window));

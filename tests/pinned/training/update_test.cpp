@@ -35,9 +35,9 @@ RolloutBuffer drawn_rollout(ActorCritic policy, const ObservationSpec& spec, int
   rollout.begin(hidden);
   for (int t = 0; t < steps; ++t) {
     const auto item = static_cast<std::uint32_t>(10 * t);
-    const ObservationTensors seen{.depth = uniform({envs, 64, 64, 1}, item),
-                                  .spectrogram = uniform({envs, spec.sound.rows(), spec.sound.columns(), 2}, item + 1),
-                                  .pointgoal = uniform({envs, 2}, item + 2)};
+    const ObservationTensors seen{{"depth", uniform({envs, 64, 64, 1}, item)},
+                                  {"spectrogram", uniform({envs, spec.sound.rows(), spec.sound.columns(), 2}, item + 1)},
+                                  {"pointgoal", uniform({envs, 2}, item + 2)}};
     const PolicyOutput output = policy->step(seen, hidden, not_done);
     const torch::Tensor actions = (uniform({envs}, item + 3) * 4).to(torch::kInt64).clamp(0, 3);
     rollout.push(seen, not_done, actions, log_probabilities(output.logits, actions), output.value);

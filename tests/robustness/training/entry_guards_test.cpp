@@ -9,7 +9,7 @@
 namespace earshot::faults {
 namespace {
 
-ObservationTensors goals(const torch::Tensor& pointgoal) { return {.depth = {}, .spectrogram = {}, .pointgoal = pointgoal}; }
+ObservationTensors goals(const torch::Tensor& pointgoal) { return {{"pointgoal", pointgoal}}; }
 
 std::vector<std::uint8_t> sanitized_of(const Actor& actor) { return {actor.sanitized().begin(), actor.sanitized().end()}; }
 
@@ -24,7 +24,7 @@ TEST(G9_Observation, ThatIsNotFiniteIsZeroedMarkedAndReachesNoOtherRow) {
     const PolicyOutput& output = actor.observe(goals(faulty));
     EXPECT_EQ(sanitized_of(actor), (std::vector<std::uint8_t>{0, 1, 0, 0}));
     EXPECT_EQ(actor.sanitized_rows(), 1u);
-    EXPECT_TRUE(actor.seen().pointgoal.equal(zeroed));
+    EXPECT_TRUE(actor.seen()["pointgoal"].equal(zeroed));
     EXPECT_FALSE(torch::isfinite(faulty).all().item<bool>());  // the env's own buffer was not written to
     const PolicyOutput& expected = clean.observe(goals(zeroed));
     EXPECT_TRUE(output.logits.equal(expected.logits) && output.hidden.equal(expected.hidden));
@@ -158,7 +158,7 @@ TEST(G9_RolloutRow, LeavesNoOtherTrace) {
         return std::vector<std::uint8_t>(flags.data_ptr<std::uint8_t>(), flags.data_ptr<std::uint8_t>() + flags.numel());
       };
       for (int t = 0; t < kSteps; ++t) {
-        again.push(goals(rollout.observations.pointgoal[t]), rollout.not_done[t], rollout.actions[t], rollout.log_prob[t],
+        again.push(goals(rollout.observations["pointgoal"][t]), rollout.not_done[t], rollout.actions[t], rollout.log_prob[t],
                    rollout.values[t]);
         std::vector<float> rewards(rollout.rewards[t].data_ptr<float>(), rollout.rewards[t].data_ptr<float>() + kEnvs);
         std::vector<std::uint8_t> valid = bytes(rollout.valid[t]);

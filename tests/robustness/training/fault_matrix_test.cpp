@@ -68,7 +68,7 @@ const Plan kAll{{kNan, kInfinity, -kInfinity}};
 TEST(G4_FaultMatrix, Observation) {
   Seams seams;
   seams.rollout = [](const Moment& now, RolloutBuffer& rollout) {
-    if (kAll.hits(now)) rollout.observations.pointgoal[now.update % kSteps][now.update % kEnvs][0] = kAll.value(now.update);
+    if (kAll.hits(now)) rollout.observations["pointgoal"][now.update % kSteps][now.update % kEnvs][0] = kAll.value(now.update);
   };
   expect_skipped_alike(kAll, seams, 2, SkipCause::gradient);  // its env is in one of two minibatches, in each of two epochs
 }

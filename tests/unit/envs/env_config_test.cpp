@@ -30,7 +30,11 @@ TEST(EnvConfig, DefaultsAreValid) {
 TEST(EnvConfig, ReadsEveryPart) {
   const EnvConfig config = from_text(R"(
 task: {max_steps: 77}
-observation: {pointgoal: true, camera: {width_px: 64, height_px: 32}}
+observation:
+  pointgoal: true
+  camera: {width_px: 64, height_px: 32}
+  rgb: true
+  cameras: {around: {normals: true, projection: equirectangular, horizontal_fov_deg: 360, width_px: 48, height_px: 24}}
 acoustics: {rays: 20, early_order: 1}
 navmesh: {agent_radius_m: 0.2}
 order: once
@@ -48,8 +52,11 @@ quarantine_dir: some/other
                                      {"task.forward_m=0.25"});
   EXPECT_EQ(config.task.max_steps, 77);
   EXPECT_EQ(config.task.forward_m, 0.25f);
-  EXPECT_EQ(config.observation.depth_size(), 64 * 32);
-  EXPECT_EQ(config.observation.spectrogram_size(), 65 * 26 * 2);
+  const std::vector<SensorSpec> sensors = sensor_table(config.observation, 2400);
+  EXPECT_EQ(find_sensor(sensors, "depth")->shape, (std::vector<int>{32, 64, 1}));
+  EXPECT_EQ(find_sensor(sensors, "spectrogram")->shape, (std::vector<int>{65, 26, 2}));
+  EXPECT_EQ(find_sensor(sensors, "rgb")->type, SensorType::uint8);
+  EXPECT_EQ(find_sensor(sensors, "around_normals")->shape, (std::vector<int>{24, 48, 3}));
   EXPECT_EQ(config.acoustics.rays, 20);
   EXPECT_EQ(config.navmesh.agent_radius_m, 0.2f);
   EXPECT_EQ(config.order, EpisodeOrder::once);

@@ -29,10 +29,11 @@ std::vector<float> heard_along(const std::vector<Pose>& poses, const LibrarySoun
   const StreamConfig stream{.sample_rate_hz = kRateHz, .max_rir_samples = 1600, .max_block_samples = kBlock, .crossfade_samples = kFade};
   HearingEngines engines(tables, stream, SpectrogramConfig{});
   AgentHearing hearing;
-  hearing.begin(*source, dry, 0);
+  const PlayedSound played{.source = source.get(), .sound = &dry};
+  hearing.begin(std::span(&played, 1));
   std::vector<float> sound(2 * kBlock), window(2 * 16000), left;
   for (std::size_t i = 0; i < poses.size(); ++i) {
-    hearing.trace(*source, poses[i], kEarM);
+    hearing.trace(engines, poses[i], kEarM, kBlock);
     EXPECT_TRUE(hearing.synthesize(engines, poses[i].heading_rad));
     if (i == 0) continue;
     EXPECT_TRUE(hearing.convolve(engines, kBlock, sound, window));

@@ -29,9 +29,10 @@ PolicyConfig small_config() {
 
 ObservationTensors random_observations(const ObservationSpec& spec, std::int64_t rows) {
   ObservationTensors seen;
-  if (spec.depth) seen.depth = torch::rand({rows, spec.camera.height_px, spec.camera.width_px, 1});
-  if (spec.spectrogram) seen.spectrogram = torch::rand({rows, spec.sound.rows(), spec.sound.columns(), 2});
-  if (spec.pointgoal) seen.pointgoal = torch::randn({rows, 2});
+  for (const SensorSpec& sensor : sensor_table(spec, 1)) {
+    const std::vector<std::int64_t> sizes = sizes_of(sensor, {rows});
+    seen.add(sensor.name, sensor.type == SensorType::float32 ? torch::rand(sizes) : torch::zeros(sizes, scalar_type(sensor.type)));
+  }
   return seen;
 }
 
@@ -74,17 +75,27 @@ TEST(ActorCritic, WorksForEverySetOfSensors) {
 
 TEST(ActorCritic, EverySensorMatters) {
   torch::manual_seed(2);
-  const ObservationSpec spec = spec_of(64, true, true, true);
+  ObservationSpec spec = spec_of(64, true, true, true);
+  spec.gps_compass = spec.pose = spec.collision = spec.previous_action = spec.rgb = true;
+  spec.cameras = {{.name = "left", .config = {.width_px = 64, .height_px = 64, .yaw_deg = 90}, .depth = true, .normals = true}};
   ActorCritic policy(spec, small_config());
   const torch::Tensor hidden = torch::zeros({1, 24}), not_done = torch::ones({1});
   const ObservationTensors seen = random_observations(spec, 1);
   const torch::Tensor value = policy->step(seen, hidden, not_done).value;
-  for (torch::Tensor ObservationTensors::*sensor :
-       {&ObservationTensors::depth, &ObservationTensors::spectrogram, &ObservationTensors::pointgoal}) {
+  for (const auto& [name, rows] : seen.sensors) {
     ObservationTensors other = seen;
-    other.*sensor = seen.*sensor + 1;
+    other.at(name) = rows + (name == "rgb" ? 200 : 1);
     EXPECT_GT(largest(policy->step(other, hidden, not_done).value - value), 1e-4);
   }
+}
+
+TEST(ActorCritic, RefusesASensorThatItCannotRead) {
+  ObservationSpec spec = spec_of(64);
+  spec.waveform = true;
+  EXPECT_THROW(ActorCritic(spec, small_config()), InputError);
+  spec.waveform = false;
+  spec.semantic = true;
+  EXPECT_THROW(ActorCritic(spec, small_config()), InputError);
 }
 
 TEST(ActorCritic, SequenceEqualsStepsAcrossEpisodeStarts) {
@@ -101,7 +112,7 @@ TEST(ActorCritic, SequenceEqualsStepsAcrossEpisodeStarts) {
   torch::Tensor hidden = first;
   for (std::int64_t t = 0; t < T; ++t) {
     const auto row = [&](const torch::Tensor& sensor) { return sensor.slice(0, t * B, (t + 1) * B); };
-    const PolicyOutput one = policy->step({row(seen.depth), row(seen.spectrogram), row(seen.pointgoal)}, hidden, not_done[t]);
+    const PolicyOutput one = policy->step(seen.map(row), hidden, not_done[t]);
     EXPECT_LT(largest(one.logits - row(whole.logits)), 1e-6);  // float32 sums of another order, values around 0.1
     EXPECT_LT(largest(one.value - row(whole.value)), 1e-6);
     hidden = one.hidden;

@@ -37,7 +37,7 @@ class MemoryTask {
         const int first = kPatch * static_cast<int>(cue(env));
         sound[env].slice(0, first, first + kPatch + 1).fill_(1);
       }
-    return {.depth = {}, .spectrogram = sound, .pointgoal = {}};
+    return {{"spectrogram", sound}};
   }
   /// Rewards of this step; true if it ended the episodes.
   bool step(const std::vector<std::int32_t>& actions, std::vector<float>& rewards) {
@@ -142,7 +142,7 @@ double learned_value(bool truncation_bootstraps) {
   RolloutBuffer rollout(spec, steps, envs, 8);
 
   torch::Tensor hidden = torch::zeros({envs, 8}), mean;
-  const ObservationTensors seen{.depth = {}, .spectrogram = {}, .pointgoal = torch::ones({envs, 2})};
+  const ObservationTensors seen{{"pointgoal", torch::ones({envs, 2})}};
   bool fresh = true;
   for (int update = 0; update < 300; ++update) {
     {

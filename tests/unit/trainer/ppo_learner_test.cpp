@@ -46,7 +46,7 @@ RolloutBuffer make_rollout(ActorCritic policy, int num_steps, int num_envs, std:
   rollout.begin(hidden);
   const std::size_t B = static_cast<std::size_t>(num_envs);
   for (int t = 0; t < num_steps; ++t) {
-    const ObservationTensors seen{.depth = {}, .spectrogram = {}, .pointgoal = torch::randn({num_envs, 2})};
+    const ObservationTensors seen{{"pointgoal", torch::randn({num_envs, 2})}};
     const PolicyOutput output = policy->step(seen, hidden, not_done);
     const torch::Tensor actions = torch::randint(4, {num_envs}, torch::kInt64);
     rollout.push(seen, not_done, actions, log_probabilities(output.logits, actions), output.value);
@@ -69,7 +69,7 @@ RolloutBuffer make_rollout(ActorCritic policy, int num_steps, int num_envs, std:
 /// The envs of two rollouts in one.
 RolloutBuffer joined(ActorCritic policy, const RolloutBuffer& a, const RolloutBuffer& b) {
   RolloutBuffer both = make_rollout(policy, a.num_steps(), a.num_envs() + b.num_envs(), 0);
-  both.observations.pointgoal = torch::cat({a.observations.pointgoal, b.observations.pointgoal}, 1);
+  both.observations.at("pointgoal") = torch::cat({a.observations["pointgoal"], b.observations["pointgoal"]}, 1);
   both.hidden = torch::cat({a.hidden, b.hidden}, 0);
   both.next_value = torch::cat({a.next_value, b.next_value}, 0);
   for (torch::Tensor RolloutBuffer::*slab :
@@ -328,7 +328,7 @@ TEST(PpoLearner, ReadsNoRowPastTheEnd) {
   ActorCritic one = make_policy(), two = make_policy();
   const RolloutBuffer exact = make_rollout(one, 3, 4, 12);
   RolloutBuffer longer = make_rollout(two, 3, 4, 12, 8);
-  for (torch::Tensor* slab : {&longer.observations.pointgoal, &longer.not_done, &longer.log_prob, &longer.values, &longer.rewards,
+  for (torch::Tensor* slab : {&longer.observations.at("pointgoal"), &longer.not_done, &longer.log_prob, &longer.values, &longer.rewards,
                               &longer.final_values, &longer.terminated, &longer.truncated, &longer.valid})
     slab->slice(0, 3).fill_(std::numeric_limits<float>::quiet_NaN());
   PpoLearner(one, PpoConfig{}, 1).update(exact, 0, 0, kAlone);

@@ -64,6 +64,17 @@ TEST(OversampledSound, IsSilentBeforeASoundThatBegins) {
   for (const float value : out) EXPECT_NEAR(value, 1.0, 1e-4);
 }
 
+TEST(OversampledSound, IsSilentOutsideOfItsTime) {
+  SoundClip clip{.name = "one", .sample_rate_hz = 16000, .samples = std::vector<float>(50, 1.f)};
+  const OversampledSound sound(clip);
+  std::vector<float> out(100);
+  sound.read({.sample = 30, .clip_offset = 9, .already_playing = false, .begin = 10, .end = 40}, -60.5, 1.5, out);
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    const double place = 30 - 60.5 + 1.5 * static_cast<double>(i);
+    EXPECT_NEAR(out[i], place >= 10 && place < 40 ? 1.0 : 0.0, 1e-4) << i;
+  }
+}
+
 TEST(OversampledSound, PiecesReadOneByOneAreTheWhole) {
   const SoundClip clip = sine_loop(1000, 137);
   const OversampledSound sound(clip);

@@ -20,8 +20,8 @@ double expected_sample(const SoundClip& clip, const StreamPosition& start, std::
   std::int64_t index = (n + static_cast<std::int64_t>(start.clip_offset)) % length;
   double sum = 0;
   for (std::int64_t k = 0; k < static_cast<std::int64_t>(rir.size()); ++k) {
-    if (n - k < 0 && !start.already_playing) break;
-    sum += static_cast<double>(rir[k]) * clip.samples[index];
+    if (n - k < static_cast<std::int64_t>(start.begin) && !start.already_playing) break;
+    if (n - k < 0 || static_cast<std::uint64_t>(n - k) < start.end) sum += static_cast<double>(rir[k]) * clip.samples[index];
     index = index == 0 ? length - 1 : index - 1;
   }
   return sum;
@@ -64,6 +64,36 @@ TEST_P(SoundStreamCase, EqualsOneLongConvolution) {
   }
   EXPECT_LT(worst, 1e-5 * peak);  // promised; float transforms of 8192 give about 1e-6
   EXPECT_GT(peak, 0);
+}
+
+// A sound that begins and ends within blocks: silence before, and afterwards what the response still brings.
+TEST(SoundStream, ASoundThatBeginsAndEndsRingsOn) {
+  constexpr int kTaps = 3000, kBlock = 2400;
+  const SoundClip clip = clip_of(noise(1700, 1));
+  const auto rir = stereo_rir(kTaps, 2);
+  const StreamConfig config{.max_rir_samples = 8000, .max_block_samples = kBlock};
+  const auto shared = std::make_shared<DrySpectra>(StreamConvolver::plan(config, 2).fft_size, std::size_t{1} << 24);
+  StreamConvolver convolver(config, 2, shared);
+  RirSpectra spectra;
+  convolver.transform(rir, kTaps, spectra);
+  for (const auto& [begin, end] : {std::pair<std::uint64_t, std::uint64_t>{0, 5000}, {3001, 9999}, {2400, 2401}, {5000, 5000}}) {
+    StreamPosition position{.clip_offset = 11, .already_playing = false, .begin = begin, .end = end};
+    std::vector<float> block(2 * kBlock);
+    double worst = 0, peak = 0;
+    for (int step = 0; step < 7; ++step) {
+      convolver.convolve(clip, 99, position, spectra, nullptr, kBlock, block);
+      for (int i = 0; i < kBlock; i += 7) {
+        const double expected =
+            expected_sample(clip, position, std::span(rir).first(kTaps), static_cast<std::int64_t>(position.sample) + i);
+        worst = std::max(worst, std::abs(block[static_cast<std::size_t>(i)] - expected));
+        peak = std::max(peak, std::abs(expected));
+      }
+      position.sample += kBlock;
+    }
+    EXPECT_LT(worst, 1e-5 * std::max(peak, 1e-3)) << begin << " " << end;
+    EXPECT_EQ(peak > 0, end > begin);
+    for (const float value : block) ASSERT_NEAR(value, 0, 1e-6);  // the last echo is over: 7 * 2400 > 9999 + 3000
+  }
 }
 
 INSTANTIATE_TEST_SUITE_P(SoundStream, SoundStreamCase,

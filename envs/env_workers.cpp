@@ -1,0 +1,238 @@
+#include "envs/env_workers.h"
+
+#include <atomic>
+#include <bit>
+#include <chrono>
+#include <condition_variable>
+#include <mutex>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "sim/base/errors.h"
+
+namespace earshot {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+/// Threads that replace stalled ones, before a run counts as hopeless.
+constexpr std::size_t kMaxReplacements = 64;
+/// A batch without sound and picture takes some ten microseconds, and so does waking a thread: this long a thread looks for work before
+/// it sleeps.
+constexpr int kSpins = 2000;
+constexpr std::uint32_t kNothing = 0, kGivenUp = ~std::uint32_t{0};
+
+inline void relax() {
+#if defined(__x86_64__)
+  __builtin_ia32_pause();
+#elif defined(__aarch64__)
+  asm volatile("yield");
+#endif
+}
+
+/// What one worker does: the environment + 1, and how many stages it has begun.
+struct alignas(64) Worker {
+  std::atomic<std::uint32_t> env{kNothing};
+  std::atomic<std::uint64_t> stages{0};
+};
+
+}  // namespace
+
+struct EnvWorkers::Shared {
+  Shared(int thread_count, std::size_t envs, double limit_s, Task what)
+      : task(std::move(what)),
+        stage_limit_s(limit_s),
+        mask(std::bit_ceil(envs) - 1),
+        queue(mask + 1),
+        done(mask + 1),
+        returned(envs),
+        workers(static_cast<std::size_t>(thread_count) + 1 + kMaxReplacements),
+        threads_wanted(static_cast<std::size_t>(thread_count)) {}
+
+  Task task;
+  double stage_limit_s;
+  std::size_t mask;
+  // Rings: at most one entry per environment, so neither overflows.  done: environment * 2 + stalled + 1, 0: none.
+  std::vector<std::atomic<std::uint32_t>> queue;
+  std::vector<std::atomic<std::uint64_t>> done;
+  std::atomic<std::uint64_t> pushed{0}, claimed{0}, done_slots{0};
+  std::atomic<std::uint32_t> wake{0}, completed{0};  // both count; waited on
+  std::uint64_t received = 0;                        // of `done`, by the thread that waits
+  std::uint64_t submitted = 0;
+  std::vector<std::atomic<bool>> returned;
+  std::atomic<std::size_t> given_up{0};
+  std::atomic<bool> stop{false};
+
+  std::vector<Worker> workers;
+  std::size_t threads_wanted;
+  std::atomic<std::size_t> workers_used{1};  // number 0 is the thread that waits
+  bool caller_works = true;
+
+  std::mutex mutex;                                          // guards the threads, and what the watch sleeps on
+  std::vector<std::pair<std::size_t, std::thread>> threads;  // by worker number
+  std::condition_variable watch_wakes;
+  std::thread watch;
+
+  void complete(std::uint32_t env, bool stalled) {
+    const std::uint64_t slot = done_slots.fetch_add(1, std::memory_order_relaxed);
+    done[slot & mask].store(std::uint64_t{env} * 2 + (stalled ? 1 : 0) + 1, std::memory_order_release);
+    completed.fetch_add(1, std::memory_order_release);
+    completed.notify_one();
+  }
+
+  /// Runs one task, if one waits.  False: none did.  gone: set if this worker was given up meanwhile.
+  bool work(std::size_t number, bool& gone) {
+    std::uint64_t first = claimed.load(std::memory_order_relaxed);
+    std::uint32_t env = 0;
+    do {
+      if (first >= pushed.load(std::memory_order_acquire)) return false;
+      env = queue[first & mask].load(std::memory_order_relaxed);  // before the claim: once claimed, the entry may be written anew
+    } while (!claimed.compare_exchange_weak(first, first + 1, std::memory_order_acq_rel));
+    Worker& self = workers[number];
+    self.stages.fetch_add(1, std::memory_order_relaxed);
+    self.env.store(env + 1, std::memory_order_release);
+    task(env, number);
+    std::uint32_t running = env + 1;
+    if (self.env.compare_exchange_strong(running, kNothing, std::memory_order_acq_rel)) {
+      complete(env, false);
+    } else {
+      given_up.fetch_sub(1, std::memory_order_relaxed);
+      returned[env].store(true, std::memory_order_release);
+      gone = true;
+    }
+    return true;
+  }
+
+  void work_until_stopped(std::size_t number) {
+    bool gone = false;
+    while (!stop.load(std::memory_order_acquire)) {
+      const std::uint32_t seen = wake.load(std::memory_order_acquire);
+      bool worked = work(number, gone);
+      for (int spin = 0; !worked && !gone && spin < kSpins && !stop.load(std::memory_order_relaxed); ++spin) {
+        relax();
+        if (wake.load(std::memory_order_relaxed) != seen) break;
+        worked = false;
+      }
+      if (gone) return;
+      if (!worked && wake.load(std::memory_order_acquire) == seen) wake.wait(seen, std::memory_order_acquire);
+    }
+  }
+
+  static void start_thread(const std::shared_ptr<Shared>& self) {  // under the mutex
+    const std::size_t number = self->workers_used.load();
+    if (number >= self->workers.size())
+      throw RunError("environments", "stages of too many have stalled: look at the scenes that the log names, or raise stage_limit_s");
+    self->threads.emplace_back(number, std::thread([self, number] { self->work_until_stopped(number); }));
+    self->workers_used.store(number + 1);
+  }
+
+  /// Gives up tasks that begin no stage for longer than the limit.
+  void keep_watch(const std::shared_ptr<Shared>& self) {
+    struct Seen {
+      std::uint64_t stages = 0;
+      Clock::time_point since;
+    };
+    std::vector<Seen> seen(workers.size());
+    const auto limit = std::chrono::duration<double>(stage_limit_s);
+    std::unique_lock lock(mutex);
+    while (!watch_wakes.wait_for(lock, limit / 8, [&] { return stop.load(); })) {
+      const auto now = Clock::now();
+      for (std::size_t number = 0; number < workers_used.load(); ++number) {
+        Worker& worker = workers[number];
+        std::uint32_t env = worker.env.load(std::memory_order_acquire);
+        const std::uint64_t stages = worker.stages.load(std::memory_order_relaxed);
+        if (env == kNothing || env == kGivenUp || stages != seen[number].stages) {
+          seen[number] = {stages, now};
+          continue;
+        }
+        if (now - seen[number].since <= limit) continue;
+        if (!worker.env.compare_exchange_strong(env, kGivenUp, std::memory_order_acq_rel)) continue;
+        given_up.fetch_add(1, std::memory_order_relaxed);
+        for (auto& [of, thread] : threads)
+          if (of == number) thread.detach();
+        std::erase_if(threads, [&](const auto& item) { return item.first == number; });
+        if (workers_used.load() < workers.size()) start_thread(self);
+        complete(env - 1, true);
+      }
+    }
+  }
+};
+
+EnvWorkers::EnvWorkers(int threads, std::size_t num_envs, double stage_limit_s, Task task)
+    : shared_(std::make_shared<Shared>(threads, num_envs, stage_limit_s, std::move(task))) {
+  Shared& in = *shared_;
+  in.caller_works = stage_limit_s <= 0;
+  const std::scoped_lock lock(in.mutex);
+  for (std::size_t number = in.caller_works ? 1 : 0; number < in.threads_wanted; ++number) Shared::start_thread(shared_);
+  if (!in.caller_works) in.watch = std::thread([shared = shared_] { shared->keep_watch(shared); });
+}
+
+EnvWorkers::~EnvWorkers() {
+  Shared& in = *shared_;
+  std::vector<std::pair<std::size_t, std::thread>> threads;
+  {
+    const std::scoped_lock lock(in.mutex);
+    in.stop.store(true);
+    threads.swap(in.threads);
+  }
+  in.wake.fetch_add(1, std::memory_order_release);
+  in.wake.notify_all();
+  in.watch_wakes.notify_all();
+  if (in.watch.joinable()) in.watch.join();
+  for (auto& [number, thread] : threads) thread.join();
+}
+
+void EnvWorkers::run_in_background() {
+  Shared& in = *shared_;
+  if (!in.caller_works) return;
+  const std::scoped_lock lock(in.mutex);
+  in.caller_works = false;
+  Shared::start_thread(shared_);
+}
+
+void EnvWorkers::submit(std::span<const std::uint32_t> envs) {
+  Shared& in = *shared_;
+  std::uint64_t last = in.pushed.load(std::memory_order_relaxed);
+  EARSHOT_EXPECT(num_under_way() + envs.size() <= in.queue.size());
+  for (const std::uint32_t env : envs) in.queue[last++ & in.mask].store(env, std::memory_order_relaxed);
+  in.submitted += envs.size();
+  in.pushed.store(last, std::memory_order_release);
+  in.wake.fetch_add(1, std::memory_order_release);
+  in.wake.notify_all();
+}
+
+std::optional<CompletedEnv> EnvWorkers::done_already() {
+  Shared& in = *shared_;
+  std::atomic<std::uint64_t>& slot = in.done[in.received & in.mask];
+  const std::uint64_t entry = slot.load(std::memory_order_acquire);
+  if (entry == 0) return std::nullopt;
+  slot.store(0, std::memory_order_relaxed);
+  ++in.received;
+  return CompletedEnv{.env = static_cast<std::uint32_t>((entry - 1) / 2), .stalled = (entry - 1) % 2 != 0};
+}
+
+CompletedEnv EnvWorkers::next() {
+  Shared& in = *shared_;
+  EARSHOT_EXPECT(num_under_way() > 0);
+  for (int spin = 0;; ++spin) {
+    if (const auto completed = done_already()) return *completed;
+    bool gone = false;
+    if (in.caller_works && in.work(0, gone)) continue;
+    if (spin < kSpins)
+      relax();
+    else  // until more have been completed than were received; an entry is written before it is counted
+      in.completed.wait(static_cast<std::uint32_t>(in.received), std::memory_order_acquire);
+  }
+}
+
+std::size_t EnvWorkers::num_under_way() const { return static_cast<std::size_t>(shared_->submitted - shared_->received); }
+std::size_t EnvWorkers::num_workers() const { return shared_->workers.size(); }
+void EnvWorkers::beat(std::size_t worker) {
+  std::atomic<std::uint64_t>& stages = shared_->workers[worker].stages;
+  stages.store(stages.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
+}
+bool EnvWorkers::has_returned(std::size_t env) { return shared_->returned[env].exchange(false, std::memory_order_acq_rel); }
+std::size_t EnvWorkers::tasks_given_up() const { return shared_->given_up.load(std::memory_order_relaxed); }
+
+}  // namespace earshot

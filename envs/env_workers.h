@@ -1,0 +1,63 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <span>
+
+namespace earshot {
+
+/// An environment whose task has ended, or has been given up.
+struct CompletedEnv {
+  std::uint32_t env = 0;
+  bool stalled = false;  ///< its task exceeded the limit; it still runs, and has_returned() says when it no longer does
+};
+
+/// Threads that run one task per environment and hand environments back in the order in which they are done.  Submitting, taking and
+/// handing back are loads and stores of atomics; threads that find nothing to do sleep in the kernel.  Used by one thread at a time.
+class EnvWorkers {
+ public:
+  /// What is done for one environment.  worker: of the thread that runs it, in [0, num_workers()); never two at a time with the same
+  /// number.  Must not throw.
+  using Task = std::function<void(std::size_t env, std::size_t worker)>;
+
+  /// threads: at least 1.  stage_limit_s: a task that calls beat() less often is given up: its thread is replaced, and others of the batch
+  /// go on.  0: none is given up, and the thread that waits runs tasks too, as one of `threads`.
+  EnvWorkers(int threads, std::size_t num_envs, double stage_limit_s, Task task);
+  /// Waits for what runs, except for tasks that were given up (tasks_given_up()): what those use must stay.
+  ~EnvWorkers();
+  EnvWorkers(const EnvWorkers&) = delete;
+  EnvWorkers& operator=(const EnvWorkers&) = delete;
+
+  /// Starts the task for these environments; none of them may be under way.
+  void submit(std::span<const std::uint32_t> envs);
+  /// The next environment that is done; waits for it.  One must be under way.
+  CompletedEnv next();
+  /// One that is done already; none where all are still under way.
+  std::optional<CompletedEnv> done_already();
+  /// next() for every environment that is under way.  done: called for each, in any order.
+  template <class Done>
+  void finish(const Done& done) {
+    while (num_under_way() > 0) done(next());
+  }
+  /// With all threads of their own: between submit() and next() the calling thread does something else.
+  void run_in_background();
+
+  [[nodiscard]] std::size_t num_under_way() const;
+  /// Upper bound of worker numbers, replacements of stalled ones included.
+  [[nodiscard]] std::size_t num_workers() const;
+  /// Called by a task when it begins another stage.
+  void beat(std::size_t worker);
+  /// Whether the task of an environment that stalled has returned meanwhile.  Says so once.
+  bool has_returned(std::size_t env);
+  /// Tasks that were given up and have not returned.
+  [[nodiscard]] std::size_t tasks_given_up() const;
+
+ private:
+  struct Shared;
+  std::shared_ptr<Shared> shared_;  ///< with threads that were given up
+};
+
+}  // namespace earshot

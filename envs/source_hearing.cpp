@@ -1,0 +1,105 @@
+#include "envs/source_hearing.h"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <utility>
+
+#include "envs/finite_values.h"
+#include "sim/acoustics/synthesis/carriers.h"
+#include "sim/base/files.h"
+
+namespace earshot {
+namespace {
+
+/// To turn speeds of agents into changes of delay: about that of air.
+constexpr double kSpeedOfSoundMPerS = 343;
+
+bool same_bits(glm::vec3 a, glm::vec3 b) {
+  return std::bit_cast<std::array<std::uint32_t, 3>>(a) == std::bit_cast<std::array<std::uint32_t, 3>>(b);
+}
+
+}  // namespace
+
+HearingEngines::HearingEngines(std::shared_ptr<const SynthesisTables> tables, const StreamConfig& stream,
+                               const SpectrogramConfig& spectrogram, std::shared_ptr<DrySpectra> dry_spectra, double most_speed_m_per_s)
+    : synthesizer(tables),
+      convolver(stream, 2, std::move(dry_spectra)),
+      glider(std::move(tables), stream.max_block_samples, std::min(most_speed_m_per_s / kSpeedOfSoundMPerS, PathGlider::kMostSlope)),
+      crossfade_samples(stream.crossfade_samples),
+      max_rir_samples(stream.max_rir_samples),
+      analyzer(spectrogram),
+      block(2 * static_cast<std::size_t>(stream.max_block_samples)),
+      part(block.size()),
+      window(2 * static_cast<std::size_t>(spectrogram.num_samples)) {}
+
+std::shared_ptr<DrySpectra> make_dry_spectra(const StreamConfig& stream) {
+  return std::make_shared<DrySpectra>(StreamConvolver::plan(stream, 2).fft_size, std::size_t{16} << 20);
+}
+
+void SourceHearing::begin(const PlayedSound& played) {
+  played_ = played;
+  clip_key_ = hash64(std::as_bytes(std::span(played.sound->clip.samples)));
+  silent_ = played.sound->oversampled.silent();
+  gliding_.forget();
+  has_response_ = response_is_new_ = has_rir_ = fades_ = false;
+  response_.arrivals.reserve(played.source->candidates.size() + 1);  // direct sound and every image: no step allocates
+  carrier_key_ = carrier_key(played.source->scene->scene->hash(), played.source->candidates.source());
+}
+
+bool SourceHearing::sounds(const HearingEngines& engines, int block) const {
+  if (silent_) return false;
+  // Dry samples that the next block depends on: those of the block, and before it those that the RIR reaches back to.
+  const auto reach = static_cast<std::size_t>(engines.max_rir_samples) + static_cast<std::size_t>(engines.max_rir_samples);
+  return played_.position.segment(reach, reach + static_cast<std::size_t>(block)).sounding > 0;
+}
+
+void SourceHearing::trace(const Pose& pose, float ear_height_m) {
+  if (has_response_ && same_bits(pose.position, traced_position_)) {
+    ++cached_responses_;
+    return;
+  }
+  const EnvSource& source = *played_.source;
+  ears_ = pose.position + glm::vec3(0, ear_height_m, 0);
+  compute_energy_response(source.scene->acoustics, source.candidates, source.sound_field.get(), ears_, response_);
+  effects_.add(response_.effects);
+  traced_position_ = pose.position;
+  has_response_ = response_is_new_ = true;
+}
+
+bool SourceHearing::synthesize(HearingEngines& engines, double heading_rad, const std::function<void(std::span<float> rir)>& hook) {
+  fades_ = false;  // fading between equal RIRs gives the bits of no fade
+  if (has_rir_ && !response_is_new_ && std::bit_cast<std::uint64_t>(heading_rad) == std::bit_cast<std::uint64_t>(rendered_heading_rad_))
+    return true;
+  fades_ = has_rir_;
+  std::swap(spectra_, previous_);
+  if (response_is_new_) late_.forget();
+  const std::span<const std::uint8_t> glides = engines.glider.choose(response_, &gliding_);
+  engines.synthesizer.render(response_, heading_rad, {carrier_key_, ears_}, rir_, &late_, glides);
+  if (hook) hook(rir_.samples);
+  if (!all_finite(rir_.samples)) return false;
+  engines.convolver.transform(rir_.samples, rir_.num_samples, spectra_);
+  engines.glider.advance(response_, glides, heading_rad, gliding_);
+  rendered_heading_rad_ = heading_rad;
+  response_is_new_ = false;
+  has_rir_ = true;
+  return true;
+}
+
+void SourceHearing::convolve(HearingEngines& engines, int block, std::span<float> sound) {
+  engines.convolver.convolve(played_.sound->clip, clip_key_, played_.position, spectra_, fades_ ? &previous_ : nullptr, block, sound);
+  engines.glider.render(played_.sound->oversampled, played_.position, block, engines.crossfade_samples, gliding_, sound);
+  if (played_.gain != 1.f)
+    for (float& sample : sound) sample *= played_.gain;
+  played_.position.sample += static_cast<std::uint64_t>(block);
+}
+
+void SourceHearing::pass(int block) {
+  played_.position.sample += static_cast<std::uint64_t>(block);
+  if (!has_rir_ || silent_) return;
+  gliding_.forget();
+  response_is_new_ = has_response_;  // the RIR is made anew when it is heard again, and fades from none
+  has_rir_ = fades_ = false;
+}
+
+}  // namespace earshot
