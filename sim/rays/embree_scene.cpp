@@ -251,6 +251,33 @@ struct EmbreeScene::Handles {
     return query;
   }
 
+  [[nodiscard]] RTCRayHit16 trace16(glm::vec3 origin, const Directions16& directions) const {
+    RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
+    context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
+    alignas(64) int valid[16];
+    RTCRayHit16 query;
+    const bool starts_near = is_near(origin);
+    for (std::size_t i = 0; i < 16; ++i) {
+      valid[i] = starts_near && is_near({directions.x[i], directions.y[i], directions.z[i]}) ? -1 : 0;
+      query.ray.org_x[i] = origin.x;
+      query.ray.org_y[i] = origin.y;
+      query.ray.org_z[i] = origin.z;
+      query.ray.tnear[i] = 0.f;
+      query.ray.dir_x[i] = directions.x[i];
+      query.ray.dir_y[i] = directions.y[i];
+      query.ray.dir_z[i] = directions.z[i];
+      query.ray.time[i] = 0.f;
+      query.ray.tfar[i] = std::numeric_limits<float>::infinity();
+      query.ray.mask[i] = ~0u;
+      query.ray.id[i] = query.ray.flags[i] = 0;
+      query.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
+      query.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
+    }
+    rtcIntersect16(valid, scene.get(), &context, &query);
+    return query;
+  }
+
   void throw_on_error(const char* doing) {
     const std::lock_guard lock(errors.mutex);
     if (!errors.first.empty()) fail(std::string(doing) + ": " + errors.first);
@@ -399,13 +426,18 @@ void EmbreeScene::intersect8(std::span<const glm::vec3, 8> origins, std::span<co
   for (std::size_t i = 0; i < 8; ++i) distances_m[i] = query.ray.tfar[i];
 }
 
-void EmbreeScene::intersect8(std::span<const glm::vec3, 8> origins, std::span<const glm::vec3, 8> directions,
-                             std::span<Hit, 8> hits) const {
-  const RTCRayHit8 query = handles_->trace8(origins, directions);
-  for (std::size_t i = 0; i < 8; ++i) {
+void EmbreeScene::intersect16(glm::vec3 origin, const Directions16& directions, std::span<float, 16> distances_m) const {
+  const RTCRayHit16 query = handles_->trace16(origin, directions);
+  std::copy_n(query.ray.tfar, 16, distances_m.begin());
+}
+
+void EmbreeScene::intersect16(glm::vec3 origin, const Directions16& directions, std::span<Hit, 16> hits) const {
+  const RTCRayHit16 query = handles_->trace16(origin, directions);
+  for (std::size_t i = 0; i < 16; ++i) {
     hits[i] = {};
     if (query.hit.geomID[i] == RTC_INVALID_GEOMETRY_ID) continue;
-    hits[i] = Handles::hit_on(handles_->surfaces[query.hit.primID[i]], query.hit.u[i], query.hit.v[i], directions[i]);
+    hits[i] = Handles::hit_on(handles_->surfaces[query.hit.primID[i]], query.hit.u[i], query.hit.v[i],
+                              {directions.x[i], directions.y[i], directions.z[i]});
     hits[i].distance_m = query.ray.tfar[i];
   }
 }

@@ -24,6 +24,11 @@ struct Hit {
 /// hit the surface it starts on, at any scale (Waechter and Binder, Ray Tracing Gems 2019, chapter 6).
 glm::vec3 offset_from_surface(glm::vec3 position, glm::vec3 normal);
 
+/// Unit directions of a packet of rays, by coordinate.
+struct Directions16 {
+  alignas(64) std::array<float, 16> x, y, z;
+};
+
 /// A static triangle soup ready for ray queries.  Immutable after construction and safe from any thread.
 /// An empty soup is valid: every ray escapes.
 class EmbreeScene {
@@ -51,9 +56,12 @@ class EmbreeScene {
   [[nodiscard]] bool occluded(glm::vec3 from, glm::vec3 to, std::uint32_t& blocker) const;
   /// Eight coherent rays at once (camera rows): distances only, infinity where a ray escapes.  About 0.8 us for all eight.
   void intersect8(std::span<const glm::vec3, 8> origins, std::span<const glm::vec3, 8> directions, std::span<float, 8> distances_m) const;
-  /// The same eight rays with all that they meet; the distances have the same bits.  Of coplanar overlaps either may win, not the lowest
-  /// index as with intersect.  About 0.9 us for all eight.
-  void intersect8(std::span<const glm::vec3, 8> origins, std::span<const glm::vec3, 8> directions, std::span<Hit, 8> hits) const;
+  /// Sixteen rays from one point, of neighbouring pixels in a block of 4 x 4: distances only, infinity where a ray escapes.  The bits of
+  /// intersect8; about 0.7 us for all sixteen with AVX-512, twice that without.
+  void intersect16(glm::vec3 origin, const Directions16& directions, std::span<float, 16> distances_m) const;
+  /// The same rays with all that they meet; the distances have the same bits.  Of coplanar overlaps either may win, not the lowest index
+  /// as with intersect.
+  void intersect16(glm::vec3 origin, const Directions16& directions, std::span<Hit, 16> hits) const;
   /// Number of traced triangles.
   [[nodiscard]] std::size_t num_triangles() const;
   /// What it was built from, to build the same again: [k] indices into vertices, valid while this lives.

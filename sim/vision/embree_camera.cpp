@@ -11,6 +11,10 @@
 namespace earshot {
 namespace {
 
+/// Rays of a packet, and the side of the block of pixels that they are: the nearer their pixels, the more of the tree they share.
+constexpr std::size_t kLanes = 16;
+constexpr std::uint32_t kBlock = 4;
+
 /// Weights of the corners of a triangle at a point of it; in double, as it may be a needle.
 glm::vec3 weights_at(glm::dvec3 a, glm::dvec3 b, glm::dvec3 c, glm::dvec3 point) {
   const glm::dvec3 ab = b - a, ac = c - a, ap = point - a;
@@ -37,40 +41,41 @@ glm::vec3 color_at(const VisualMesh& mesh, const Hit& hit) {
 
 EmbreeCamera::EmbreeCamera(const CameraSensorConfig& config) : config_(config) {
   validate(config);
-  directions_ = pixel_directions(config);
+  const auto width = static_cast<std::uint32_t>(config.width_px), height = static_cast<std::uint32_t>(config.height_px);
+  for (std::uint32_t top = 0; top < height; top += kBlock)
+    for (std::uint32_t left = 0; left < width; left += kBlock)
+      for (std::uint32_t row = top; row < std::min(top + kBlock, height); ++row)
+        for (std::uint32_t column = left; column < std::min(left + kBlock, width); ++column) pixels_.push_back(row * width + column);
+  while (pixels_.size() % kLanes != 0) pixels_.push_back(pixels_.back());
+  const std::vector<glm::vec3> directions = pixel_directions(config);
+  for (const std::uint32_t pixel : pixels_) {
+    right_.push_back(directions[pixel].x);
+    up_.push_back(directions[pixel].y);
+    forward_.push_back(directions[pixel].z);
+  }
+}
+
+Directions16 EmbreeCamera::directions_of(std::size_t packet, const CameraFrame& frame) const {
+  Directions16 directions;
+  const float *right = right_.data() + kLanes * packet, *up = up_.data() + kLanes * packet, *forward = forward_.data() + kLanes * packet;
+  for (std::size_t lane = 0; lane < kLanes; ++lane) {
+    directions.x[lane] = right[lane] * frame.right.x + up[lane] * frame.up.x + forward[lane] * frame.forward.x;
+    directions.y[lane] = right[lane] * frame.right.y + up[lane] * frame.up.y + forward[lane] * frame.forward.y;
+    directions.z[lane] = right[lane] * frame.right.z + up[lane] * frame.up.z + forward[lane] * frame.forward.z;
+  }
+  return directions;
 }
 
 void EmbreeCamera::render_depth(const Scene& scene, const CameraFrame& frame, std::span<float> depth) const {
   const bool along_axis = config_.projection == Projection::pinhole;
-  std::array<glm::vec3, 8> origins, directions;
-  std::array<float, 8> distances_m;
-  origins.fill(frame.eye);
-  for (std::size_t first = 0; first < directions_.size(); first += 8) {
-    const std::size_t count = std::min<std::size_t>(8, directions_.size() - first);
-    for (std::size_t lane = 0; lane < 8; ++lane) {
-      const glm::vec3 local = directions_[first + std::min(lane, count - 1)];
-      directions[lane] = local.x * frame.right + local.y * frame.up + local.z * frame.forward;
-    }
-    scene.rays().intersect8(origins, directions, std::span<float, 8>(distances_m));
-    for (std::size_t lane = 0; lane < count; ++lane) {
-      const float along = along_axis ? directions_[first + lane].z : 1.f;
-      depth[first + lane] = std::min(distances_m[lane] * along / config_.max_depth_m, 1.f);
+  alignas(64) std::array<float, kLanes> distances_m;
+  for (std::size_t packet = 0; packet < pixels_.size() / kLanes; ++packet) {
+    scene.rays().intersect16(frame.eye, directions_of(packet, frame), std::span(distances_m));
+    for (std::size_t lane = 0; lane < kLanes; ++lane) {
+      const std::size_t ray = kLanes * packet + lane;
+      depth[pixels_[ray]] = std::min(distances_m[lane] * (along_axis ? forward_[ray] : 1.f) / config_.max_depth_m, 1.f);
     }
   }
-}
-
-/// Eight pixels of the picture, fewer at its end, where the last one is repeated.
-struct EmbreeCamera::Packet {
-  std::array<glm::vec3, 8> origins, directions;
-  std::array<Hit, 8> hits;
-};
-
-void EmbreeCamera::trace(const EmbreeScene& rays, const CameraFrame& frame, std::size_t first, Packet& packet) const {
-  for (std::size_t lane = 0; lane < 8; ++lane) {
-    const glm::vec3 local = directions_[std::min(first + lane, directions_.size() - 1)];
-    packet.directions[lane] = local.x * frame.right + local.y * frame.up + local.z * frame.forward;
-  }
-  rays.intersect8(packet.origins, packet.directions, std::span<Hit, 8>(packet.hits));
 }
 
 void EmbreeCamera::render(const Scene& scene, const Appearance* appearance, const Pose& pose, const CameraImages& images) const {
@@ -86,21 +91,18 @@ void EmbreeCamera::render(const Scene& scene, const Appearance* appearance, cons
   const Appearance::Detail* detail = appearance && !images.rgb.empty() && appearance->detail ? &*appearance->detail : nullptr;
   const bool wants_scene = !images.depth.empty() || !images.semantic.empty() || !images.normals.empty() || (!images.rgb.empty() && !detail);
   const bool along_axis = config_.projection == Projection::pinhole;
-  Packet surface, colored;
-  surface.origins.fill(frame.eye);
-  colored.origins.fill(frame.eye);
+  std::array<Hit, kLanes> surface, colored;
 
-  for (std::size_t first = 0; first < directions_.size(); first += 8) {
-    if (wants_scene) trace(scene.rays(), frame, first, surface);
-    if (detail) trace(detail->rays, frame, first, colored);
-    const std::size_t count = std::min<std::size_t>(8, directions_.size() - first);
-    for (std::size_t lane = 0; lane < count; ++lane) {
-      const std::size_t pixel = first + lane;
-      const Hit& hit = surface.hits[lane];
+  for (std::size_t packet = 0; packet < pixels_.size() / kLanes; ++packet) {
+    const Directions16 directions = directions_of(packet, frame);
+    if (wants_scene) scene.rays().intersect16(frame.eye, directions, std::span(surface));
+    if (detail) detail->rays.intersect16(frame.eye, directions, std::span(colored));
+    for (std::size_t lane = 0; lane < kLanes; ++lane) {
+      const std::size_t ray = kLanes * packet + lane, pixel = pixels_[ray];
+      const Hit& hit = surface[lane];
       if (!images.depth.empty()) {
         // The local z is the cosine to the view axis: ray length becomes depth.
-        const float along = along_axis ? directions_[pixel].z : 1.f;
-        images.depth[pixel] = std::min(hit.distance_m * along / config_.max_depth_m, 1.f);
+        images.depth[pixel] = std::min(hit.distance_m * (along_axis ? forward_[ray] : 1.f) / config_.max_depth_m, 1.f);
       }
       if (!images.semantic.empty()) images.semantic[pixel] = hit.valid() ? appearance->triangle_category[hit.triangle] : std::uint16_t{0};
       if (!images.normals.empty()) {
@@ -110,7 +112,7 @@ void EmbreeCamera::render(const Scene& scene, const Appearance* appearance, cons
         images.normals[3 * pixel + 2] = -glm::dot(hit.normal, frame.forward);
       }
       if (images.rgb.empty()) continue;
-      const Hit& seen = detail ? colored.hits[lane] : hit;
+      const Hit& seen = detail ? colored[lane] : hit;
       std::array<std::uint8_t, 3> rgb{};
       if (seen.valid()) {
         const glm::vec3 color = detail ? color_at(detail->mesh, seen) : appearance->triangle_color[seen.triangle];
