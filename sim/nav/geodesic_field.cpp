@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cmath>
 #include <functional>
 #include <limits>
@@ -49,13 +50,20 @@ struct GeodesicField::Impl {
   Located goal;
   glm::dvec3 goal_start;
   int island;
-  std::vector<double> to_goal_m;      ///< per corner; infinite where the goal cannot be reached
-  std::vector<std::uint32_t> next;    ///< per corner: next corner toward the goal, or kGoal
-  std::vector<std::uint32_t> useful;  ///< corners from which the goal can be reached
+  std::vector<double> to_goal_m;    ///< per corner; infinite where the goal cannot be reached
+  std::vector<std::uint32_t> next;  ///< per corner: next corner toward the goal, or kGoal
+  // Corners from which the goal can be reached, by what their lower bounds are made of.
+  std::vector<std::uint32_t> useful;
+  std::vector<double> useful_x, useful_z, useful_to_goal_m;
+  /// [polygons] The corner that won where this polygon was asked from last: the next answer from there is hardly ever longer than the way
+  /// over it.  Which one it is decides how soon others are passed over, and no answer.
+  mutable std::vector<std::atomic<std::uint32_t>> last_winner;
 
   Impl(const Navmesh::Impl& n, const Located& g) : nav(n), graph(n.corners()), goal(g), goal_start(off_walls(n.surface, g)) {
     island = nav.surface.polygons()[goal.polygon].island;
     run_dijkstra();
+    last_winner = std::vector<std::atomic<std::uint32_t>>(nav.surface.polygons().size());
+    for (auto& winner : last_winner) winner.store(kGoal, std::memory_order_relaxed);
   }
 
   void run_dijkstra() {
@@ -85,8 +93,21 @@ struct GeodesicField::Impl {
         open.push({through_m, edge.to});
       }
     }
-    for (std::uint32_t c = 0; c < corners.size(); ++c)
-      if (to_goal_m[c] < kInfinity) useful.push_back(c);
+    for (std::uint32_t c = 0; c < corners.size(); ++c) {
+      if (!(to_goal_m[c] < kInfinity)) continue;
+      useful.push_back(c);
+      useful_x.push_back(corners[c].position.x);
+      useful_z.push_back(corners[c].position.z);
+      useful_to_goal_m.push_back(to_goal_m[c]);
+    }
+  }
+
+  /// Of the way straight to the corner and on from there; infinite where it is out of sight or no shortest path turns at it.
+  [[nodiscard]] double length_over(const Located& at, glm::dvec3 start, std::uint32_t number) const {
+    const Corner& corner = graph.corners()[number];
+    if (!is_tangent_from(corner, start, horizontal_distance(corner.position, start))) return kInfinity;
+    const Surface::Walk walk = nav.surface.walk(at.polygon, start, corner.position);
+    return walk.arrived ? walk.length_m + to_goal_m[number] : kInfinity;
   }
 
   [[nodiscard]] std::optional<Answer> ask(const Located& at) const {
@@ -105,8 +126,16 @@ struct GeodesicField::Impl {
     std::vector<Candidate> overflow;  // empty, without allocation, in any scene of ordinary size
     if (useful.size() > storage.size()) overflow.resize(useful.size());
     const std::span<Candidate> all = overflow.empty() ? std::span<Candidate>(storage) : std::span<Candidate>(overflow);
+    // No corner with a bound above the length of a way that is known can win.
+    const std::uint32_t hint = last_winner[at.polygon].load(std::memory_order_relaxed);
+    const double known_m = hint == kGoal ? kInfinity : length_over(at, start, hint);
     std::size_t count = 0;
-    for (const std::uint32_t c : useful) all[count++] = {horizontal_distance(graph.corners()[c].position, start) + to_goal_m[c], c};
+    for (std::size_t i = 0; i < useful.size(); ++i) {
+      const double left_m = known_m - useful_to_goal_m[i], dx = useful_x[i] - start.x, dz = useful_z[i] - start.z;
+      const double square = dx * dx + dz * dz;
+      if (left_m < 0 || square > left_m * left_m * (1 + 1e-12)) continue;
+      all[count++] = {std::sqrt(square) + useful_to_goal_m[i], useful[i]};
+    }
     // At equal bounds the corner nearer to the goal goes first: for an agent on a corner the next one counts.
     const auto later = [&](const Candidate& l, const Candidate& r) {
       return l.bound_m != r.bound_m ? l.bound_m > r.bound_m : to_goal_m[l.corner] > to_goal_m[r.corner];
@@ -118,15 +147,13 @@ struct GeodesicField::Impl {
       if (first->bound_m >= best.length_m) break;
       const Candidate candidate = *first;
       std::pop_heap(first, end, later);
-      // Only now: most corners are too far round to be asked.
-      const Corner& corner = graph.corners()[candidate.corner];
-      if (!is_tangent_from(corner, start, horizontal_distance(corner.position, start))) continue;
-      const Surface::Walk walk = nav.surface.walk(at.polygon, start, corner.position);
-      if (!walk.arrived) continue;
-      const double length_m = walk.length_m + to_goal_m[candidate.corner];
+      const double length_m = candidate.corner == hint ? known_m : length_over(at, start, candidate.corner);
       if (length_m < best.length_m) best = {length_m, candidate.corner};
     }
-    if (best.length_m < kInfinity) return best;
+    if (best.length_m < kInfinity) {
+      last_winner[at.polygon].store(best.via, std::memory_order_relaxed);
+      return best;
+    }
     // If rounding hides every corner, the corridor of Detour gives the length.
     if (const auto length_m = corridor_length_m(nav, at, goal)) return Answer{*length_m, kGoal};
     return std::nullopt;
