@@ -144,7 +144,7 @@ namespace {
 void BatchedEnv::Impl::check_cursor(const EnvCursor& cursor) const {
   if (cursor.active && cursor.episode_index >= set->episodes.size()) refuse_state("names an episode that the set does not have");
   if (cursor.actions.size() > size_of(config.task.max_steps)) refuse_state("has an episode longer than task.max_steps");
-  if (cursor.ended && config.autoreset == Autoreset::same_step)
+  if (cursor.ended && !cursor.is_void && config.autoreset == Autoreset::same_step)
     refuse_state("has an episode that has ended, which autoreset same_step knows none of");
 }
 
@@ -157,6 +157,7 @@ void BatchedEnv::restore(std::string_view text) {
   if (state.envs.size() != in.agents.size() || state.first_env != in.first_env || state.total_envs != in.total_envs)
     refuse_state("belongs to another batch of environments");
   for (const EnvCursor& cursor : state.envs) in.check_cursor(cursor);
+  for (const std::uint32_t env : in.all_envs) in.require_settled(env, "restore");
   in.finished.clear();
   in.started = state.started;
   if (!state.started) return;
@@ -190,6 +191,7 @@ void BatchedEnv::restore(int env, std::string_view snapshot) {
   if (state.envs.size() != 1 || !state.started) refuse_state("is no snapshot of one environment with an episode");
   if (!in.started) throw std::logic_error("BatchedEnv::restore: no episode has begun, reset all environments first");
   in.check_cursor(state.envs.front());
+  in.require_settled(index, "restore");
   in.agents[index].job = Job::restore;
   in.agents[index].cursor = state.envs.front();
   in.submitted.assign(1, static_cast<std::uint32_t>(index));
@@ -258,7 +260,11 @@ std::uint64_t BatchedEnv::cached_responses() const {
 QuarantineCounters BatchedEnv::quarantine_counters() const { return impl_->quarantine.counters(); }
 std::uint64_t BatchedEnv::nonfinite_events() const {
   const QuarantineCounters counters = quarantine_counters();
-  return counters.total() - counters.of(Fault::scene) - counters.of(Fault::path) - counters.of(Fault::stage);
+  std::uint64_t sum = 0;
+  for (const Fault fault :
+       {Fault::distance, Fault::reward, Fault::pose, Fault::depth, Fault::rir, Fault::sound, Fault::spectrogram, Fault::pointgoal})
+    sum += counters.of(fault);
+  return sum;
 }
 std::uint64_t BatchedEnv::skipped_episodes() const { return quarantine_counters().of(Fault::path); }
 void BatchedEnv::set_stage_hook(StageHook hook) { impl_->hook = std::move(hook); }
@@ -270,6 +276,7 @@ std::optional<FaultReport> BatchedEnv::begin(int env, std::uint64_t episode_inde
   if (episode_index >= in.set->episodes.size() || episode_count < 0)
     throw std::invalid_argument(
         fmt::format("BatchedEnv::begin: episode {} of {}, number {}", episode_index, in.set->episodes.size(), episode_count));
+  in.require_settled(size_of(env), "begin");
   agent.job = Job::begin;
   agent.seed = in.config.seed;
   agent.stream = in.global_id(size_of(env));

@@ -64,8 +64,8 @@ class BatchedEnv {
   /// Starts the first episode of every env and fills the observations.  Seeds of envs are those of the config again.
   void reset();
   /// The same for the envs whose flag is not 0; rows, flags and rewards of the others stay.  mask [num_envs].  seeds: [num_envs] or empty;
-  /// an env with a seed of its own begins the first episode of that seed's sequence, which is the same in any env of any batch; without,
-  /// the next episode of its own.
+  /// an env with a seed of its own begins the first episode of that seed's sequence, which (EpisodeOrder::random) is the same in any env of
+  /// any batch; without, the next episode of its own.  An env whose stage has been given up and still runs stays out of the batch.
   void reset(std::span<const std::uint8_t> mask, std::span<const std::uint64_t> seeds = {});
   /// actions: [num_envs] in [0, 4).  What an ended episode leads to: config.autoreset; its last observation is in the final rows.  Idle
   /// envs (EpisodeOrder::once, no episode left) ignore their action.

@@ -71,6 +71,8 @@ struct Agent {
   int faulty_in_a_row = 0;                     // episodes that went wrong in a step, since one that did not
   bool has_ended = false;                      // its episode, and no other has begun
   bool stalled = false;                        // a task of it was given up and still runs
+  bool comes_back = false;                     // its next task is the first since
+  std::size_t worker = 0;                      // that runs its task
   std::optional<FinishedEpisode> stalled_one;  // order `once`: the episode of that task
   std::optional<FinishedEpisode> ended;        // in this task
   std::vector<FinishedEpisode> failed_starts;  // order `once`: not yet among the finished
@@ -132,13 +134,17 @@ struct BatchedEnv::Impl {
   // Tasks (env_stepping.cpp).
   HearingEngines* engines_of(std::size_t worker);
   void run_task(std::size_t env, std::size_t worker);
-  void step_task(std::size_t env, std::size_t worker, HearingEngines* own);
+  void step_task(std::size_t env, HearingEngines* own);
   /// Runs the tasks of `submitted` and gathers what came of them.
   void run_all();
   void settle(CompletedEnv completed);
   void gather(std::span<const std::uint32_t> envs);
   void gather_failed_starts(std::span<const std::uint32_t> envs);
   bool wants_task(std::size_t env);
+  /// Throws std::logic_error where the thread of a stalled env still uses it.
+  void require_settled(std::size_t env, const char* call);
+  /// False: the task of the env has been given up; its thread must leave the env alone.
+  bool goes_on(std::size_t env);
   void check_action(std::size_t env, std::int32_t action) const;
   void refuse_while_under_way(const char* call) const;
   /// body() with every exception turned into a fault of the env's episode.
@@ -176,8 +182,8 @@ struct BatchedEnv::Impl {
   bool check(std::size_t env, Fault kind, std::span<float> values);
   void clear_rows(std::size_t env);
   void clear_outcome(std::size_t env);
-  void quarantine_episode(std::size_t env);
-  FinishedEpisode failed_episode(std::size_t env) const;
+  void quarantine_episode(std::size_t env, const FaultReport& fault);
+  FinishedEpisode failed_episode(std::size_t env, const FaultReport& fault) const;
   void end_faulty_episode(std::size_t env);
   void quarantine_stalled(std::size_t env);
   void stop_if_none_begins() const;

@@ -52,6 +52,7 @@ void BatchedEnv::Impl::begin_next_episode(std::size_t env, HearingEngines* own) 
     const auto index = draw_episode(env, count, once ? 0 : attempt);
     if (!index) return go_idle(env);
     begin_episode(env, *index, count, own);
+    if (!goes_on(env)) return;
     if (!agent.fault) {
       if (const auto next = draw_episode(env, count + 1, 0); next && config.prefetch) {
         const Episode& episode = set->episodes[*next];
@@ -61,10 +62,10 @@ void BatchedEnv::Impl::begin_next_episode(std::size_t env, HearingEngines* own) 
       }
       return;
     }
-    quarantine_episode(env);
+    quarantine_episode(env, *agent.fault);
     ++failed;
     if (once) {
-      agent.failed_starts.push_back(failed_episode(env));
+      agent.failed_starts.push_back(failed_episode(env, *agent.fault));
       ++count;
     }
   }
@@ -96,7 +97,7 @@ void BatchedEnv::Impl::begin_episode(std::size_t env, std::uint64_t episode_inde
   prepare_episode(env, episode_index, episode_count);
   guarded(env, Fault::scene, [&] {
     enter_episode(env);
-    if (!agent.fault) observe_start(env, own);
+    if (!agent.fault && goes_on(env)) observe_start(env, own);
   });
   if (!agent.fault) ++begun;
 }
@@ -127,9 +128,11 @@ void BatchedEnv::Impl::enter_episode(std::size_t env) {
   const int oracle_actions = oracle.of(agent.episode_index, [&] {
     return std::max(1, count_oracle_actions(task, navmesh, goal, *start, heading_rad).value_or(episode.num_action));
   });
-  double silent_from_s = std::numeric_limits<double>::infinity();
-  for (const EpisodeSource& source : episode.sources)
-    if (source.goal) silent_from_s = end_of(source, config.observation.hears() ? &sounds.sound(source.sound) : nullptr);
+  const bool names_a_goal = std::any_of(episode.sources.begin(), episode.sources.end(), [](const auto& source) { return source.goal; });
+  double silent_from_s = names_a_goal ? 0 : std::numeric_limits<double>::infinity();
+  for (const EpisodeSource& source : episode.sources)  // the goal is silent when the last of its sounds is
+    if (source.goal)
+      silent_from_s = std::max(silent_from_s, end_of(source, config.observation.hears() ? &sounds.sound(source.sound) : nullptr));
   agent.state.begin(task, goal, *start, heading_rad, oracle_actions, silent_from_s);
   agent.start_pose = agent.state.pose(task);
   if (config.observation.hears()) begin_hearing(env);
@@ -210,6 +213,13 @@ void BatchedEnv::Impl::restore(std::size_t env, const EnvCursor& cursor, Hearing
   agent.episode_count = cursor.episode_count;
   agent.failed_starts.clear();
   if (!cursor.active) return go_idle(env);
+  if (cursor.is_void) {
+    if (config.autoreset == Autoreset::same_step) return begin_next_episode(env, own);
+    prepare_episode(env, cursor.episode_index, cursor.episode_count);
+    clear_rows(env);
+    agent.has_ended = true;
+    return;
+  }
   const auto damaged = [](const char* what) { throw InputError("environment state", what, "resume from another checkpoint"); };
   const auto stop_at_fault = [&] {
     if (agent.fault)
@@ -255,13 +265,15 @@ void BatchedEnv::Impl::restore(std::size_t env, const EnvCursor& cursor, Hearing
 
 EnvCursor BatchedEnv::Impl::cursor_of(std::size_t env) const {
   const Agent& agent = agents[env];
-  return {.active = active[env] != 0,
+  const bool is_void = agent.stalled || (agent.has_ended && agent.fault);
+  return {.active = active[env] != 0 || agent.stalled,
           .ended = agent.has_ended,
+          .is_void = is_void,
           .seed = agent.seed,
           .stream = agent.stream,
           .episode_index = agent.episode_index,
           .episode_count = std::max(0, agent.episode_count),
-          .actions = agent.actions};
+          .actions = is_void ? std::vector<std::int8_t>{} : agent.actions};
 }
 
 }  // namespace earshot

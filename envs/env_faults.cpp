@@ -42,10 +42,10 @@ void BatchedEnv::Impl::clear_rows(std::size_t env) {
   for (const auto& sensor : sensor_rows) sensor->clear(env);
 }
 
-/// Counts the agent's fault and writes its file.
-void BatchedEnv::Impl::quarantine_episode(std::size_t env) {
+/// Counts the fault and writes its file.
+void BatchedEnv::Impl::quarantine_episode(std::size_t env, const FaultReport& fault) {
   const Agent& agent = agents[env];
-  quarantine.add({.report = *agent.fault,
+  quarantine.add({.report = fault,
                   .engine = engine_commit(),
                   .set_hash = set->hash,
                   .seed = agent.seed,
@@ -59,15 +59,15 @@ void BatchedEnv::Impl::quarantine_episode(std::size_t env) {
 }
 
 /// How the faulty episode counts among the finished: as failed, at the distance that is known.
-FinishedEpisode BatchedEnv::Impl::failed_episode(std::size_t env) const {
+FinishedEpisode BatchedEnv::Impl::failed_episode(std::size_t env, const FaultReport& fault) const {
   const Agent& agent = agents[env];
   FinishedEpisode failed_one{.env = static_cast<int>(global_id(env)),
                              .episode_index = agent.episode_index,
                              .metrics = agent.state.metrics(config.task),
                              .actions = agent.actions,
-                             .fault = agent.fault};
+                             .fault = fault};
   EpisodeMetrics& metrics = failed_one.metrics;
-  metrics.success = metrics.spl = metrics.soft_spl = metrics.sna = 0;
+  metrics.success = metrics.spl = metrics.soft_spl = metrics.sna = metrics.success_when_silent = 0;
   metrics.steps = static_cast<int>(agent.actions.size());
   if (metrics.steps == 0 || !std::isfinite(metrics.dtg_m)) metrics.dtg_m = static_cast<double>(episode_of(agent).geodesic_distance_m);
   if (!std::isfinite(metrics.reward)) metrics.reward = 0;
@@ -77,7 +77,7 @@ FinishedEpisode BatchedEnv::Impl::failed_episode(std::size_t env) const {
 /// In the step that found the fault: no reward, truncated, all observations zero.
 void BatchedEnv::Impl::end_faulty_episode(std::size_t env) {
   if (!agents[env].fault) return;
-  quarantine_episode(env);
+  quarantine_episode(env, *agents[env].fault);
   rewards[env] = 0.f;
   terminated[env] = collided[env] = 0;
   truncated[env] = quarantined[env] = 1;
@@ -93,14 +93,15 @@ void BatchedEnv::Impl::end_faulty_episode(std::size_t env) {
 /// Of a task that was given up: the env is out of the batch until its thread is done with it.
 void BatchedEnv::Impl::quarantine_stalled(std::size_t env) {
   Agent& agent = agents[env];
-  active[env] = 0;  // the stages that its thread has not begun are skipped
-  agent.fault = {Fault::stall, fmt::format("a stage took longer than stage_limit_s = {}", config.stage_limit_s)};
-  quarantine_episode(env);
+  const FaultReport fault{Fault::stall, fmt::format("a stage took longer than stage_limit_s = {}", config.stage_limit_s)};
+  active[env] = 0;
   agent.stalled = true;
+  quarantine_episode(env, fault);
+  if (config.order == EpisodeOrder::once) agent.stalled_one = failed_episode(env, fault);
   clear_outcome(env);
   truncated[env] = quarantined[env] = 1;
   clear_rows(env);
-  if (config.order == EpisodeOrder::once) agent.stalled_one = failed_episode(env);
+  for (const auto& sensor : sensor_rows) sensor->keep(env);
 }
 
 void BatchedEnv::Impl::stop_if_none_begins() const {

@@ -27,6 +27,7 @@ std::string encode(const EnvState& state) {
     for (const std::int8_t action : env.actions) actions += static_cast<char>('0' + action);
     envs.push_back({{"active", env.active},
                     {"ended", env.ended},
+                    {"void", env.is_void},
                     {"seed", env.seed},
                     {"stream", env.stream},
                     {"episode_index", env.episode_index},
@@ -56,6 +57,7 @@ EnvState decode_env_state(std::string_view text) {
     for (const json& env : body.at("envs")) {
       EnvCursor cursor{.active = env.at("active").get<bool>(),
                        .ended = env.at("ended").get<bool>(),
+                       .is_void = env.at("void").get<bool>(),
                        .seed = whole_number<std::uint64_t>(env, "seed"),
                        .stream = whole_number<std::uint32_t>(env, "stream"),
                        .episode_index = whole_number<std::uint64_t>(env, "episode_index"),

@@ -11,6 +11,7 @@ namespace earshot {
 struct EnvCursor {
   bool active = false;
   bool ended = false;        ///< its episode, and no other has begun: the last action ended it
+  bool is_void = false;      ///< its episode was quarantined and no other has begun: restored, the env begins its next one
   std::uint64_t seed = 0;    ///< of the draws of its episodes
   std::uint32_t stream = 0;  ///< which sequence of that seed: the global env id, or 0 where the env has a seed of its own
   std::uint64_t episode_index = 0;

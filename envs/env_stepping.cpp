@@ -40,12 +40,24 @@ HearingEngines* BatchedEnv::Impl::engines_of(std::size_t worker) {
   return engines[worker].get();
 }
 
+bool BatchedEnv::Impl::goes_on(std::size_t env) {
+  if (workers->beat(agents[env].worker)) return true;
+  // Given up meanwhile: what the stage has left in the rows of an env that is out of the batch is no observation.
+  active[env] = 0;
+  rewards[env] = 0.f;
+  terminated[env] = collided[env] = 0;
+  clear_rows(env);
+  return false;
+}
+
 void BatchedEnv::Impl::run_task(std::size_t env, std::size_t worker) {
   const FlushDenormals flush;
   Agent& agent = agents[env];
+  agent.worker = worker;
+  agent.error = nullptr;
   try {
     HearingEngines* own = engines_of(worker);
-    if (agent.job == Job::step) return step_task(env, worker, own);
+    if (agent.job == Job::step) return step_task(env, own);
     StageClock clock(agent.seconds, 1);
     clear_outcome(env);
     agent.has_ended = false;
@@ -59,18 +71,22 @@ void BatchedEnv::Impl::run_task(std::size_t env, std::size_t worker) {
       restore(env, agent.cursor, own);
     else
       begin_next_episode(env, own);
+    // The action of an env that comes back has not been used: its row is no experience, and belongs to no episode before.
+    if (std::exchange(agent.comes_back, false) && active[env] != 0) truncated[env] = quarantined[env] = 1;
     clock.book(reset_stage);
   } catch (...) {
     agent.error = std::current_exception();
   }
 }
 
-void BatchedEnv::Impl::step_task(std::size_t env, std::size_t worker, HearingEngines* own) {
+void BatchedEnv::Impl::step_task(std::size_t env, HearingEngines* own) {
   Agent& agent = agents[env];
   const bool timed = (agent.tasks++ + env) % kStepsPerTimed == 0;
   StageClock clock(agent.seconds, timed ? kStepsPerTimed : 0);
+  bool ours = true;
   const auto stage = [&](Stage which, const auto& body) {
-    workers->beat(worker);
+    ours = ours && goes_on(env);
+    if (!ours) return;
     if (runs(env)) guarded(env, Fault::stage, body);
     clock.book(which);
   };
@@ -82,13 +98,12 @@ void BatchedEnv::Impl::step_task(std::size_t env, std::size_t worker, HearingEng
     stage(convolve_stage, [&] { convolve(env, own); });
     stage(render_stage, [&] { render(env); });
     stage(observe_stage, [&] { observe(env, own); });
-    if (!active[env]) return;  // given up meanwhile
+    if (!ours || !goes_on(env)) return;
     end_faulty_episode(env);
     if (!ended(env)) return;
     end_episode(env);
     if (config.autoreset != Autoreset::same_step) return;
   }
-  workers->beat(worker);
   StageClock reset_clock(agent.seconds, 1);
   agent.has_ended = false;
   begin_next_episode(env, own);
@@ -107,7 +122,7 @@ void BatchedEnv::Impl::end_episode(std::size_t env) {
                    .metrics = agent.state.metrics(config.task),
                    .actions = agent.actions};
   } else if (config.order == EpisodeOrder::once) {
-    agent.ended = failed_episode(env);
+    agent.ended = failed_episode(env, *agent.fault);
   }
 }
 
@@ -116,6 +131,7 @@ bool BatchedEnv::Impl::wants_task(std::size_t env) {
   if (agent.stalled) {
     if (!workers->has_returned(env)) return false;
     agent.stalled = false;  // its thread is done with it: it begins another episode
+    agent.comes_back = true;
     active[env] = 1;
     agent.job = Job::next;
     agent.fault.reset();
@@ -130,6 +146,7 @@ void BatchedEnv::Impl::settle(CompletedEnv completed) {
 }
 
 void BatchedEnv::Impl::gather(std::span<const std::uint32_t> envs) {
+  std::exception_ptr error;  // of the first env that has one; all are gathered before it is thrown
   for (const std::uint32_t env : envs) {
     Agent& agent = agents[env];
     if (agent.stalled_one) {
@@ -141,13 +158,20 @@ void BatchedEnv::Impl::gather(std::span<const std::uint32_t> envs) {
       stage_seconds.*kStageSeconds[stage] += agent.seconds[stage];
       agent.seconds[stage] = 0;
     }
-    if (agent.error) std::rethrow_exception(std::exchange(agent.error, nullptr));
     if (agent.ended) {
       finished.push_back(std::move(*agent.ended));
       agent.ended.reset();
     }
+    if (agent.error && !error) error = agent.error;
+    agent.error = nullptr;
   }
+  if (error) std::rethrow_exception(error);
   stop_if_none_begins();
+}
+
+void BatchedEnv::Impl::require_settled(std::size_t env, const char* call) {
+  if (!agents[env].stalled || wants_task(env)) return;
+  throw std::logic_error(fmt::format("BatchedEnv::{}: a stage of environment {} still runs, long after its limit", call, env));
 }
 
 /// Episodes that could not begin are among the finished of the step or recv() that follows: callers of reset() look at no finished ones.
@@ -249,6 +273,7 @@ void BatchedEnv::send(std::span<const std::int32_t> envs, std::span<const std::i
   if (!in.started) throw std::logic_error("BatchedEnv::send: no episode has begun, call reset() first");
   if (envs.size() != actions.size())
     throw std::invalid_argument(fmt::format("BatchedEnv::send: {} environments and {} actions", envs.size(), actions.size()));
+  in.workers->run_in_background();
   const std::size_t sent_before = in.sent_order.size();
   try {
     for (std::size_t i = 0; i < envs.size(); ++i) {
@@ -263,7 +288,6 @@ void BatchedEnv::send(std::span<const std::int32_t> envs, std::span<const std::i
     in.sent_order.resize(sent_before);
     throw;
   }
-  in.workers->run_in_background();
   in.submitted.clear();
   for (std::size_t i = 0; i < envs.size(); ++i) {
     const std::size_t env = size_of(envs[i]);
@@ -298,9 +322,9 @@ std::span<const std::int32_t> BatchedEnv::recv(int min_ready, RecvOrder order) {
   for (const std::uint32_t env : in.submitted) in.under_way[env] = 0;
   std::erase_if(in.sent_order, [&](std::uint32_t env) { return in.under_way[env] == 0; });
   std::ranges::sort(in.submitted);
+  in.received.assign(in.submitted.begin(), in.submitted.end());
   in.gather(in.submitted);
   in.gather_failed_starts(in.submitted);
-  in.received.assign(in.submitted.begin(), in.submitted.end());
   return in.received;
 }
 

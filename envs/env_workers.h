@@ -33,7 +33,8 @@ class EnvWorkers {
 
   /// Starts the task for these environments; none of them may be under way.
   void submit(std::span<const std::uint32_t> envs);
-  /// The next environment that is done; waits for it.  One must be under way.
+  /// The next environment that is done; waits for it.  One must be under way.  Throws RunError where so many tasks are given up that no
+  /// thread is left.
   CompletedEnv next();
   /// One that is done already; none where all are still under way.
   std::optional<CompletedEnv> done_already();
@@ -48,8 +49,9 @@ class EnvWorkers {
   [[nodiscard]] std::size_t num_under_way() const;
   /// Upper bound of worker numbers, replacements of stalled ones included.
   [[nodiscard]] std::size_t num_workers() const;
-  /// Called by a task when it begins another stage.
-  void beat(std::size_t worker);
+  /// Called by a task when it begins another stage.  False: it has been given up, and must return without touching what belongs to its
+  /// environment's results.
+  [[nodiscard]] bool beat(std::size_t worker);
   /// Whether the task of an environment that stalled has returned meanwhile.  Says so once.
   bool has_returned(std::size_t env);
   /// Tasks that were given up and have not returned.

@@ -89,7 +89,7 @@ void validate(const ObservationSpec& spec) {
   validate(spec.camera);
   validate(spec.noise);
   std::set<std::string> names;
-  bool any_depth = spec.depth, any_color = spec.rgb;
+  bool any_depth = spec.depth;
   for (const ExtraCamera& camera : spec.cameras) {
     require(!camera.name.empty() && camera.name.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789_") == std::string::npos,
             "observation.cameras.name", camera.name, "must be of lower case letters, digits and underlines: sensors are named by it");
@@ -99,10 +99,9 @@ void validate(const ObservationSpec& spec) {
     validate(camera.config);
     require(camera.rgb || !camera.config.unlit, "observation.cameras.unlit", true, "has no effect without rgb");
     any_depth = any_depth || camera.depth;
-    any_color = any_color || camera.rgb;
   }
   require(any_depth || !spec.depth_noise, "observation.depth_noise", true, "has no effect without a sensor of depth");
-  require(any_color || !spec.unlit, "observation.unlit", true, "has no effect without observation.rgb");
+  require(spec.rgb || !spec.unlit, "observation.unlit", true, "has no effect without observation.rgb; further cameras have their own");
   const SpectrogramConfig& sound = spec.sound;
   require(sound.sample_rate_hz >= 8000.f && sound.sample_rate_hz <= 96000.f, "observation.sound.sample_rate_hz", sound.sample_rate_hz,
           "must be in [8000, 96000]");

@@ -18,6 +18,7 @@ EnvConfig config_of(const QuarantineRecord& record, const std::vector<std::strin
   config.prefetch = false;
   config.quarantine_dir.clear();
   config.order = EpisodeOrder::once;  // idle after the episode, however it ends
+  config.autoreset = Autoreset::same_step;
   config.seed = record.seed;
   return config;
 }

@@ -49,8 +49,9 @@ void SourceHearing::begin(const PlayedSound& played) {
 
 bool SourceHearing::sounds(const HearingEngines& engines, int block) const {
   if (silent_) return false;
-  // Dry samples that the next block depends on: those of the block, and before it those that the RIR reaches back to.
-  const auto reach = static_cast<std::size_t>(engines.max_rir_samples) + static_cast<std::size_t>(engines.max_rir_samples);
+  // Dry samples that the next block depends on: those of the block, and before it those that the RIR reaches back to.  Paths that glide
+  // reach as far, and a filter's length further: twice the RIR is more than both.
+  const std::size_t reach = 2 * static_cast<std::size_t>(engines.max_rir_samples);
   return played_.position.segment(reach, reach + static_cast<std::size_t>(block)).sounding > 0;
 }
 

@@ -66,11 +66,12 @@ std::map<std::string, std::string> generator_keys(const DataConfig& data, const 
     if (key.starts_with(section) && key != section + "file") keys.emplace("data." + key.substr(section.size()), value);
     if (key.starts_with("env.navmesh.")) keys.emplace(key, value);
     for (const char* used : {"env.scene_root", "env.task.forward_m", "env.task.turn_deg", "env.task.success_radius_m", "env.task.max_steps",
-                             "env.task.ear_height_m", "env.task.source_height_m"})
+                             "env.task.ear_height_m", "env.task.source_height_m", "env.task.motion"})
       if (key == used) keys.emplace(key, value);
   }
   // A goal of its own for each episode is what sets had before they could share any: those stay valid.
   if (data.goals_per_scene == 0) keys.erase("data.goals_per_scene");
+  if (env.task.motion == Motion::continuous) keys.erase("env.task.motion");
   if (!data.scenario.changes_episodes()) std::erase_if(keys, [](const auto& item) { return item.first.starts_with("data.scenario."); });
   return keys;
 }

@@ -1,10 +1,16 @@
 #include "trainer/evaluator.h"
 
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
 #include <functional>
+#include <thread>
 
 #include "policy/torch_threads.h"
 #include "sim/base/files.h"
 #include "sim/base/progress.h"
+#include "sim/base/stopwatch.h"
 #include "trainer/actor.h"
 #include "trainer/checkpoint.h"
 #include "trainer/effective_config.h"
@@ -12,6 +18,9 @@
 
 namespace earshot {
 namespace {
+
+/// With no env but such whose stage has been given up, and none of those coming back.
+constexpr double kLongestIdleS = 600;
 
 /// Keeps the first `count` episodes.
 std::shared_ptr<const EpisodeSet> load_part(const EvaluationConfig& evaluation) {
@@ -49,6 +58,7 @@ EvaluationResult run_episodes(const EnvConfig& base, const EvaluationConfig& eva
 
   std::vector<std::int32_t> actions(static_cast<std::size_t>(num_envs));
   Progress progress("evaluate " + name, "episode", num_episodes);
+  Stopwatch idle;
   for (std::size_t done = 0; done < num_episodes;) {
     act(env, actions);
     env.step(actions);
@@ -60,6 +70,14 @@ EvaluationResult run_episodes(const EnvConfig& base, const EvaluationConfig& eva
       ++done;
     }
     progress.update(done);
+    if (std::ranges::any_of(env.active(), [](std::uint8_t flag) { return flag != 0; })) {
+      idle = Stopwatch();
+    } else if (done < num_episodes) {  // stages that were given up hold all that is left
+      if (idle.wall_s() > kLongestIdleS)
+        throw RunError("evaluation",
+                       fmt::format("{} of {} episodes wait for stages that do not return", num_episodes - done, num_episodes));
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    }
   }
   return result;
 }

@@ -11,7 +11,7 @@ namespace {
 FieldDecision decide(const RunConfig& config, const std::filesystem::path& resume) {
   FieldDecision decision{.config = config, .text = {}};
   Switch& field = decision.config.env.acoustics.field;
-  if (field != Switch::automatic || !config.env.observation.spectrogram) return decision;
+  if (field != Switch::automatic || !config.env.observation.hears()) return decision;
   if (!resume.empty()) {
     const std::string yaml = load_checkpoint_metadata(resume).config_yaml;
     field = parse_run_config(yaml, resume.string() + " (its config)", {}).env.acoustics.field;

@@ -74,6 +74,8 @@ RunConfig read_run(ConfigReader reader) {
   reader.finish();
 
   validate(config.env);
+  require(config.env.autoreset == Autoreset::same_step, "env.autoreset", "another than same_step",
+          "has no place in a run: rollouts and evaluations take the next episode in the step that ends one");
   validate(config.policy);
   validate(config.ppo);
   require(config.workers >= 1 && config.workers <= 256, "workers", config.workers, "must be in [1, 256]");

@@ -19,7 +19,7 @@ struct StreamConfig {
 
 /// Where one agent is in the endless loop of its sound.  A plain value: saved in checkpoints, compared in tests.
 struct StreamPosition {
-  std::uint64_t sample = 0;       ///< dry samples played since the sound began to play
+  std::uint64_t sample = 0;       ///< of the stream: dry samples since its sample 0
   std::uint64_t clip_offset = 0;  ///< clip sample at stream sample 0
   bool already_playing = true;    ///< true: the loop has been playing without beginning before sample 0; false: silence before `begin`
   std::uint64_t begin = 0;        ///< stream sample at which a loop that has not been playing begins

@@ -102,8 +102,10 @@ bool EglBatch::render(const CameraSensorConfig& config, std::span<const EglView>
     }
     const void* mapped = glMapBufferRange(GL_PIXEL_PACK_BUFFER, 0, static_cast<GLsizeiptr>(part.size() * bytes), GL_MAP_READ_BIT);
     if (context_.is_lost()) return false;
-    if (!mapped) check_gl("reading the pictures back");
-    EARSHOT_EXPECT(mapped);
+    if (!mapped) {
+      check_gl("reading the pictures back");
+      throw RunError("EGL renderer", "the driver maps no memory to read the pictures from");
+    }
     const std::span words(static_cast<const PixelWord*>(mapped), part.size() * pixels);
     for (std::size_t i = 0; i < part.size(); ++i) unpack(config, part[i], words.subspan(i * pixels, pixels));
     const bool kept = glUnmapBuffer(GL_PIXEL_PACK_BUFFER) == GL_TRUE;
@@ -122,7 +124,8 @@ void EglBatch::unpack(const CameraSensorConfig& config, const EglView& view, std
   const std::vector<glm::vec3>& vertices = view.scene->mesh().vertices;
   for (std::size_t pixel = 0; pixel < words.size(); ++pixel) {
     const PixelWord word = words[pixel];
-    const bool hit = word.depth_bits != 0;
+    // After a reset the words may be anything; the caller draws again then, and must get so far.
+    const bool hit = word.depth_bits != 0 && word.triangle < triangles.size();
     if (!images.depth.empty()) images.depth[pixel] = hit ? std::min(std::bit_cast<float>(word.depth_bits) / config.max_depth_m, 1.f) : 1.f;
     if (!images.rgb.empty())
       for (unsigned channel = 0; channel < 3; ++channel)

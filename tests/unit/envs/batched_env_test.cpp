@@ -361,16 +361,22 @@ TEST(BatchedEnv, ADeafAgentRendersNoSound) {
   EXPECT_TRUE(std::ranges::equal(copy.depth(), env.depth()));
 }
 
-TEST(BatchedEnv, StageSecondsAddUpToLessThanTheWall) {
+// One step in sixteen is timed and counts for all: of 32 envs over 16 steps each is timed once, so the sum is that of all in expectation.
+// What the machine does to single steps must not matter: a factor of three covers it, and would not cover a forgotten weight.
+TEST(BatchedEnv, StageSecondsAreThoseOfAllSteps) {
   const EnvConfig config = quick_env_config();
-  BatchedEnv env(config, quick_set(1), make_scene_cache(config), 2);
-  const auto start = std::chrono::steady_clock::now();
+  BatchedEnv env(config, quick_set(1), make_scene_cache(config), 32);
   env.reset();
-  for (int i = 0; i < 10; ++i) step(env, 0, i);
+  const StageSeconds before = env.stage_seconds();
+  const auto sum = [](const StageSeconds& s) { return s.move + s.trace + s.synthesize + s.convolve + s.render + s.observe + s.reset; };
+  EXPECT_GT(before.reset, 0.0);
+  const auto start = std::chrono::steady_clock::now();
+  for (int i = 0; i < 48; ++i) step(env, 0, i);
   const double wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   const StageSeconds s = env.stage_seconds();
-  for (const double stage : {s.move, s.trace, s.synthesize, s.convolve, s.render, s.observe, s.reset}) EXPECT_GT(stage, 0.0);
-  EXPECT_LE(s.move + s.trace + s.synthesize + s.convolve + s.render + s.observe + s.reset, wall_s);
+  for (const double stage : {s.move, s.trace, s.synthesize, s.convolve, s.render, s.observe}) EXPECT_GT(stage, 0.0);
+  EXPECT_LT(sum(s) - sum(before), 3 * wall_s);
+  EXPECT_GT(sum(s) - sum(before), wall_s / 3);
 }
 
 }  // namespace
