@@ -33,7 +33,7 @@ void AgentHearing::begin(std::span<const PlayedSound> played, const BackgroundNo
 void AgentHearing::trace(const HearingEngines& engines, const Pose& pose, float ear_height_m, int block) {
   for (std::size_t i = 0; i < sounding_.size(); ++i) {
     sounding_[i] = sources_[i].sounds(engines, block) ? 1 : 0;
-    if (sounding_[i] != 0) sources_[i].trace(pose, ear_height_m);
+    if (sounding_[i] != 0) sources_[i].trace(pose, ear_height_m, block);
   }
 }
 

@@ -177,6 +177,10 @@ void BatchedEnv::Impl::begin_hearing(std::size_t env) {
                                    .begin = begin,
                                    .end = end},
                       .gain = gain});
+    for (const Waypoint& at : source.path)
+      played.back().path.push_back(
+          {.sample = config.observation.sound.num_samples + at.t_s * rate_hz,
+           .position = agent.source->scene->scene->to_local(at.position) + glm::vec3(0, config.task.source_height_m, 0)});
     if (episode.noise_snr_db && (source.goal || noise_reference == 0)) noise_reference = rms_at_1_m(sound, gain);
   }
   BackgroundNoise noise{.seed = agent.seed, .stream = agent.stream, .episode = count};
@@ -230,10 +234,10 @@ void BatchedEnv::Impl::restore(std::size_t env, const EnvCursor& cursor, Hearing
   enter_episode(env);
   stop_at_fault();
   ++begun;
-  // What is heard now depends on the poses of the last second only, and on the step before, on whose way paths arrive: poses before are
-  // walked, not rendered.
+  // What is heard now depends on the poses of the last second only, and on the two steps before, by which paths arrive and which of them
+  // glide (PathGlider::choose): poses before are walked, not rendered.
   const std::size_t window_blocks =
-      (size_of(config.observation.sound.num_samples) + size_of(block_samples) - 1) / size_of(block_samples) + 1;
+      (size_of(config.observation.sound.num_samples) + size_of(block_samples) - 1) / size_of(block_samples) + 2;
   const std::size_t silent = cursor.actions.size() > window_blocks ? cursor.actions.size() - window_blocks : 0;
   for (std::size_t step = 0; step <= cursor.actions.size(); ++step) {
     if (step > 0) {

@@ -88,9 +88,9 @@ struct EnvWorkers::Shared {
     completed.notify_one();
   }
 
-  /// How many tasks a thread takes at once, of so many that wait: fewer and fewer, so that threads end together.  With a limit one, as
+  /// Tasks that a thread takes at once, of so many that wait: fewer and fewer, so that threads end together.  With a limit one, as
   /// tasks behind one that stalls would wait with it.
-  [[nodiscard]] std::uint64_t share_of(std::uint64_t waiting) const {
+  [[nodiscard]] std::uint64_t tasks_at_once(std::uint64_t waiting) const {
     return stage_limit_s > 0 ? 1 : std::clamp<std::uint64_t>(waiting / (2 * threads_wanted), 1, kMostAtOnce);
   }
 
@@ -101,7 +101,7 @@ struct EnvWorkers::Shared {
     do {
       const std::uint64_t last = pushed.load(std::memory_order_acquire);
       if (first >= last) return false;
-      count = share_of(last - first);
+      count = tasks_at_once(last - first);
       for (std::uint64_t i = 0; i < count; ++i)  // before the claim: once claimed, the entries may be written anew
         envs[i] = queue[(first + i) & mask].load(std::memory_order_relaxed);
     } while (!claimed.compare_exchange_weak(first, first + count, std::memory_order_acq_rel));

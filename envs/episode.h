@@ -8,6 +8,13 @@
 
 namespace earshot {
 
+/// A place that a moving source passes.
+struct Waypoint {
+  double t_s = 0;          ///< after the start of the episode
+  glm::dvec3 position{0};  ///< foot point, as Episode::start_position
+  friend bool operator==(const Waypoint&, const Waypoint&) = default;
+};
+
 /// A sound of an episode that has more than the one at its goal.
 struct EpisodeSource {
   glm::dvec3 position{0};  ///< foot point under it, as Episode::start_position
@@ -17,6 +24,9 @@ struct EpisodeSource {
   bool loop = true;        ///< false: the clip is played once, from its beginning
   bool goal = false;       ///< the sound of the goal; the others distract
   float level_db = 0;      ///< over the clip's own level, in [-120, 60]
+  /// Of a source that moves: straight from one to the next, at rest before the first and after the last.  Rising times; empty: it stays at
+  /// `position`.  The goal itself, which distances and success are about, does not move.
+  std::vector<Waypoint> path = {};
   friend bool operator==(const EpisodeSource&, const EpisodeSource&) = default;
 };
 
@@ -40,6 +50,7 @@ struct Episode {
 };
 inline constexpr std::size_t kMaxGoals = 16;
 inline constexpr std::size_t kMaxSources = 64;
+inline constexpr std::size_t kMaxWaypoints = 10000;
 
 /// Heading (counter-clockwise from -z, radians) of a quaternion x, y, z, w; the quaternion is normalised first.  Throws InputError for zero
 /// or NaN.

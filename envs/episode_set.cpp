@@ -84,7 +84,7 @@ class EpisodeReader {
     const std::string prefix = key + ".";
     for (const auto& [name, unused] : value.items())
       if (name != "position" && name != "sound" && name != "onset_s" && name != "duration_s" && name != "loop" && name != "goal" &&
-          name != "level_db")
+          name != "level_db" && name != "path")
         fail(prefix + name, "is no key of a source");
     EpisodeSource out;
     out.position = position(member(value, "position", prefix.c_str()), prefix + "position");
@@ -98,6 +98,21 @@ class EpisodeReader {
     if (value.contains("goal")) out.goal = flag(value["goal"], prefix + "goal");
     if (value.contains("level_db")) out.level_db = number(value["level_db"], prefix + "level_db");
     if (out.level_db < -120 || out.level_db > 60) fail(prefix + "level_db", "must be in [-120, 60]");
+    if (value.contains("path")) out.path = path(value["path"], prefix + "path");
+    return out;
+  }
+  std::vector<Waypoint> path(const json& value, const std::string& key) const {
+    if (!value.is_array() || value.size() > kMaxWaypoints)
+      fail(key, "must be a list of at most " + std::to_string(kMaxWaypoints) + " places");
+    std::vector<Waypoint> out;
+    for (std::size_t i = 0; i < value.size(); ++i) {
+      const std::string item = key + "[" + std::to_string(i) + "]";
+      numbers<4>(value[i], item);  // seconds, x, y, z
+      out.push_back({.t_s = value[i][0].get<double>(),
+                     .position = {value[i][1].get<double>(), value[i][2].get<double>(), value[i][3].get<double>()}});
+      if (out.back().t_s < 0 || out.back().t_s > 1e6 || (i > 0 && out.back().t_s <= out[i - 1].t_s))
+        fail(item, "must come after the one before, within 0 to 1e6 s");
+    }
     return out;
   }
   bool flag(const json& value, const std::string& key) const {
@@ -226,14 +241,13 @@ json to_json(const Episode& episode) {
               {"start_room", nullptr},
               {"shortest_paths", nullptr}};
   // Only where there are any: sets without have the bytes of the AudioNav layout.
-  for (const EpisodeSource& source : episode.sources)
-    out["sources"].push_back({{"position", vector(source.position)},
-                              {"sound", source.sound},
-                              {"onset_s", source.onset_s},
-                              {"duration_s", source.duration_s},
-                              {"loop", source.loop},
-                              {"goal", source.goal},
-                              {"level_db", source.level_db}});
+  for (const EpisodeSource& source : episode.sources) {
+    json item = {{"position", vector(source.position)}, {"sound", source.sound}, {"onset_s", source.onset_s},
+                 {"duration_s", source.duration_s},     {"loop", source.loop},   {"goal", source.goal},
+                 {"level_db", source.level_db}};
+    for (const Waypoint& at : source.path) item["path"].push_back({at.t_s, at.position.x, at.position.y, at.position.z});
+    out["sources"].push_back(std::move(item));
+  }
   if (episode.noise_snr_db) out["noise_snr_db"] = *episode.noise_snr_db;
   return out;
 }

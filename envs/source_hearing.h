@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -35,12 +36,19 @@ struct HearingEngines {
 /// A cache of 16 MiB for the spectra of the dry sounds of all agents.
 std::shared_ptr<DrySpectra> make_dry_spectra(const StreamConfig& stream);
 
+/// Where a moving source is, in the coordinates of the engine.
+struct TimedPlace {
+  double sample = 0;  ///< of the stream
+  glm::vec3 position{0};
+};
+
 /// A source in one episode, and what it plays.  source, sound: must outlive the episode.
 struct PlayedSound {
   const EnvSource* source = nullptr;
   const LibrarySound* sound = nullptr;
   StreamPosition position = {};  ///< at the first sample of the first window
   float gain = 1;
+  std::vector<TimedPlace> path = {};  ///< of the point source itself, by rising samples; empty: it is where `source` is
 };
 
 /// One source as one agent hears it: the energy response, the RIR made of it, and the position in the dry sound.  Used by one thread at a
@@ -52,8 +60,10 @@ class SourceHearing {
   /// Whether samples of the next `block` may hold sound.
   [[nodiscard]] bool sounds(const HearingEngines& engines, int block) const;
 
-  /// Energy response at the ears.  Skipped where the position has the bits of the last call: the response is a function of it.
-  void trace(const Pose& pose, float ear_height_m);
+  /// Energy response at the ears, from where the source is at the end of the next `block` samples.  Skipped where neither has moved by a
+  /// bit since the last call: the response is a function of the two places.  A source that moves costs its candidates anew, and late
+  /// sound is traced, field or not.
+  void trace(const Pose& pose, float ear_height_m, int block);
   /// RIR of the response at this heading, without its strong paths, which glide; the one before becomes the RIR to fade from.  Skipped
   /// where neither changed.  hook: called with the RIR before it is used.  Returns false if the RIR is not finite: nothing can be heard
   /// then until begin().
@@ -68,7 +78,10 @@ class SourceHearing {
   [[nodiscard]] std::uint64_t cached_responses() const { return cached_responses_; }
 
  private:
+  [[nodiscard]] glm::vec3 place_at(double sample) const;
+
   PlayedSound played_;
+  std::unique_ptr<EarlyCandidates> moved_;  ///< of a source that moves, where it is
   std::uint64_t carrier_key_ = 0, clip_key_ = 0;
   EnergyResponse response_;
   EffectCounters effects_;

@@ -56,7 +56,7 @@ struct GeodesicField::Impl {
   std::vector<std::uint32_t> useful;
   std::vector<double> useful_x, useful_z, useful_to_goal_m;
   /// [polygons] The corner that won where this polygon was asked from last: the next answer from there is hardly ever longer than the way
-  /// over it.  Which one it is decides how soon others are passed over, and no answer.
+  /// over it, and corners further round are skipped.  The answers do not depend on it.
   mutable std::vector<std::atomic<std::uint32_t>> last_winner;
 
   Impl(const Navmesh::Impl& n, const Located& g) : nav(n), graph(n.corners()), goal(g), goal_start(off_walls(n.surface, g)) {

@@ -38,7 +38,6 @@ PathGlider::PathGlider(std::shared_ptr<const SynthesisTables> tables, int block_
 
 std::span<const std::uint8_t> PathGlider::choose(const EnergyResponse& response, const GlidingPaths* before) {
   const std::size_t count = response.arrivals.size();
-  marked_.assign(count, 0);
   energy_.resize(count);
   float strongest = 0;
   for (std::size_t i = 0; i < count; ++i) {
@@ -47,28 +46,36 @@ std::span<const std::uint8_t> PathGlider::choose(const EnergyResponse& response,
     energy_[i] = sum;
     strongest = std::max(strongest, sum);
   }
-  if (before != nullptr) {
-    const auto kept = static_cast<float>(std::pow(10.0, 0.1 * kKeptDb));
-    const auto glided = std::span(before->now_.identity).first(before->now_.count);
-    for (std::size_t i = 0; i < count; ++i) {
-      const std::uint64_t identity = response.arrivals[i].identity;
-      if (identity != 0 && std::ranges::find(glided, identity) != glided.end()) energy_[i] *= kept;
-    }
-  }
   const float weakest = strongest * static_cast<float>(std::pow(10.0, -0.1 * kRangeDb));
-  for (int n = 0; n < max_paths_; ++n) {
-    const auto best = std::ranges::max_element(energy_);
-    if (best == energy_.end() || !(*best > 0) || *best < weakest) break;
-    marked_[static_cast<std::size_t>(best - energy_.begin())] = 1;
-    *best = -1;
+  mark_strongest(energy_, weakest, by_right_);
+  if (before == nullptr) return marked_ = by_right_;
+  const auto kept = static_cast<float>(std::pow(10.0, 0.1 * kKeptDb));
+  const Pose& last = before->now_;
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::uint64_t identity = response.arrivals[i].identity;
+    for (std::size_t path = 0; path < last.count && identity != 0; ++path)
+      if (last.identity[path] == identity && last.by_right[path] != 0) energy_[i] *= kept;
   }
+  mark_strongest(energy_, weakest, marked_);
   return marked_;
+}
+
+void PathGlider::mark_strongest(std::span<const float> energy, float weakest, std::vector<std::uint8_t>& marked) {
+  marked.assign(energy.size(), 0);
+  for (int n = 0; n < max_paths_; ++n) {
+    std::size_t best = energy.size();
+    for (std::size_t i = 0; i < energy.size(); ++i)
+      if (marked[i] == 0 && energy[i] > 0 && (best == energy.size() || energy[i] > energy[best])) best = i;
+    if (best == energy.size() || energy[best] < weakest) break;
+    marked[best] = 1;
+  }
 }
 
 void PathGlider::reserve(Pose& pose) const {
   const auto rows = static_cast<std::size_t>(max_paths_);
   if (pose.identity.size() == rows) return;
   pose.identity.resize(rows);
+  pose.by_right.resize(rows);
   pose.partner.resize(rows);
   pose.delay.resize(rows * num_channels_);
   pose.slope.resize(rows * num_channels_);
@@ -77,7 +84,7 @@ void PathGlider::reserve(Pose& pose) const {
 
 void PathGlider::advance(const EnergyResponse& response, std::span<const std::uint8_t> marked, const ListenerOrientation& orientation,
                          GlidingPaths& paths) {
-  EARSHOT_EXPECT(marked.size() == response.arrivals.size());
+  EARSHOT_EXPECT(marked.size() == response.arrivals.size() && by_right_.size() == marked.size());
   const FlushDenormals flush;
   std::swap(paths.now_, paths.before_);
   Pose &now = paths.now_, &before = paths.before_;
@@ -92,6 +99,7 @@ void PathGlider::advance(const EnergyResponse& response, std::span<const std::ui
     for (std::size_t c = 0; c < num_channels_; ++c)
       fft_.forward(std::span(taps_).subspan(c * num_taps_, num_taps_), std::span(now.filter).subspan((row + c) * num_bins_, num_bins_));
     now.identity[path] = response.arrivals[i].identity;
+    now.by_right[path] = by_right_[i];
     now.partner[path] = kNoPartner;
     std::ranges::fill(slope, 0.0);
     ++now.count;

@@ -28,6 +28,7 @@ class GlidingPaths {
   struct Pose {
     std::size_t count = 0;
     std::vector<std::uint64_t> identity;      ///< [path]
+    std::vector<std::uint8_t> by_right;       ///< [path] 1: among the strongest without what the pose before adds
     std::vector<int> partner;                 ///< [path]: of the pose before; -1: none
     std::vector<double> delay, slope;         ///< [path][channel]: samples, and by how much they grew per sample of the block before
     std::vector<std::complex<float>> filter;  ///< [path][channel][bin]
@@ -55,10 +56,10 @@ class PathGlider {
   static constexpr double kMostSlope = 0.1;
 
   /// Marks the arrivals that are heard through this: [arrivals] of 0 or 1, for RirSynthesizer::render.  before: of the pose before; null:
-  /// none.  What glided there counts as stronger by kKeptDb, so that paths of about one level do not take turns.  Valid until the next
-  /// call.
+  /// none.  What was among the strongest there counts as stronger by kKeptDb, so that paths of about one level do not take turns; what
+  /// was kept there by that alone does not, so that the choice depends on two poses and no others.  Valid until the next call.
   std::span<const std::uint8_t> choose(const EnergyResponse& response, const GlidingPaths* before = nullptr);
-  /// A new pose: its strong paths are those that the next block leads to.  marked: of choose, for this response.
+  /// A new pose: its strong paths are those that the next block leads to.  marked: of the last choose, for this response.
   void advance(const EnergyResponse& response, std::span<const std::uint8_t> marked, const ListenerOrientation& orientation,
                GlidingPaths& paths);
   /// Adds what the paths bring in stream samples [position.sample, position.sample + block) to output [num_channels, block].  The first
@@ -74,6 +75,7 @@ class PathGlider {
     double delay, slope, slope_before;
   };
   void reserve(Pose& pose) const;
+  void mark_strongest(std::span<const float> energy, float weakest, std::vector<std::uint8_t>& marked);
   void read_line(const OversampledSound& sound, const StreamPosition& position, const Line& line, int block);
   struct Sum {
     bool any = false;
@@ -88,10 +90,10 @@ class PathGlider {
   int block_samples_, max_paths_;
   double most_slope_;
   std::size_t num_channels_, num_taps_;
-  RealFft fft_;                        ///< of pieces of a block: filters are transformed at each pose, and are short
-  std::size_t num_bins_, num_pieces_;  ///< of a whole block
-  std::size_t pieces_ = 0;             ///< of the present one
-  std::vector<std::uint8_t> marked_;
+  RealFft fft_;                                  ///< of pieces of a block: filters are transformed at each pose, and are short
+  std::size_t num_bins_, num_pieces_;            ///< of a whole block
+  std::size_t pieces_ = 0;                       ///< of the present one
+  std::vector<std::uint8_t> marked_, by_right_;  ///< of the last choose
   std::vector<float> energy_, taps_, line_, piece_time_, sum_time_;
   std::vector<std::complex<float>> spectrum_;     ///< [piece][bin], of line_
   Sum resting_, from_, to_, entering_, leaving_;  ///< from_, to_: what glides, through the filters of the pose before and of the new one

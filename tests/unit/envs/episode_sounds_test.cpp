@@ -112,9 +112,32 @@ TEST_F(EpisodeSounds, NoiseHasTheRatioThatIsAskedFor) {
   EXPECT_EQ(heard(noisy, 20), blocks);
 }
 
+// The free field: a source that moves away from 1 to 4 m within 1.5 s, and rests there.  The level falls by 20 log10 of the distance.
+TEST_F(EpisodeSounds, AMovingSourceIsHeardFromWhereItIs) {
+  config_.acoustics.early = config_.acoustics.late = config_.acoustics.diffraction = Switch::off;
+  scenes_ = make_scene_cache(config_);
+  Episode moving = room_episode(kRoom, {1, 0, 3}, 0, {6, 0, 4}, "synth:noise"), resting = moving;
+  moving.sources = {{.position = {2, 0, 3}, .sound = "synth:noise", .path = {{0.3, {2, 0, 3}}, {1.8, {5, 0, 3}}}}};
+  resting.sources = {{.position = {2, 0, 3}, .sound = "synth:noise", .path = {{0, {2, 0, 3}}}}};
+  const auto stand = [&](const Episode& episode, int from, int to) {
+    BatchedEnv env(config_, make_set({episode}), scenes_, 1);
+    env.reset();
+    double sum = 0;
+    for (int i = 0; i < to; ++i) {
+      env.step(std::vector<std::int32_t>{2});
+      if (i >= from) sum += energy(env.audiogoal());
+    }
+    return 10 * std::log10(sum);
+  };
+  // The agent turns alike in both.  Over 36 steps, five times the loop of the sound, what is 9 ms later is the same sound.
+  EXPECT_NEAR(stand(moving, 0, 2) - stand(resting, 0, 2), 0, 0.1);  // before 0.3 s
+  EXPECT_NEAR(stand(moving, 14, 50) - stand(resting, 14, 50), -20 * std::log10(4.0), 0.3);
+}
+
 TEST_F(EpisodeSounds, ARestoredEnvGoesOnWithTheSameBits) {
   Episode episode = quiet_room();
-  episode.sources = {{.position = {6, 0, 4}, .sound = "synth:noise", .onset_s = 0.5, .duration_s = 1.2, .goal = true},
+  episode.sources = {{.position = {3, 0, 1}, .sound = "synth:music", .path = {{0.5, {3, 0, 1}}, {3.0, {3, 0, 4}}}},
+                     {.position = {6, 0, 4}, .sound = "synth:noise", .onset_s = 0.5, .duration_s = 1.2, .goal = true},
                      {.position = {2, 0, 4.5}, .sound = "synth:speech:3", .onset_s = 1.0, .loop = false}};
   episode.noise_snr_db = 30.f;
   BatchedEnv env(config_, make_set({episode}), scenes_, 1);
@@ -189,7 +212,7 @@ TEST(EpisodeSet, SourcesAndGoalsAreReadAndWritten) {
   EXPECT_EQ(episode_set_text({episode}).find("sources"), std::string::npos);
   episode.sources = {
       {.position = {1, 2, 3}, .sound = "synth:bird", .onset_s = 2.5, .duration_s = 9, .loop = false, .goal = true, .level_db = -6},
-      {.position = {4, 5, 6}, .sound = "a.wav"}};
+      {.position = {4, 5, 6}, .sound = "a.wav", .path = {{1.5, {4, 5, 6}}, {2.5, {7, 5, 6}}}}};
   episode.other_goals = {{7, 8, 9}};
   episode.noise_snr_db = 12.5f;
   const EpisodeSet read = parse_episode_set(episode_set_text({episode}), "set");
@@ -211,6 +234,7 @@ TEST(EpisodeSet, SourcesAndGoalsAreReadAndWritten) {
   };
   EXPECT_THAT(refusal("\"onset_s\":2.5", "\"onset_s\":-1"), testing::HasSubstr("sources[0].onset_s"));
   EXPECT_THAT(refusal("\"onset_s\":2.5", "\"onset\":2.5"), testing::HasSubstr("sources[0].onset is no key"));
+  EXPECT_THAT(refusal("[2.5,7.0", "[1.5,7.0"), testing::HasSubstr("sources[1].path[1]"));
   EXPECT_THAT(refusal("\"loop\":false", "\"loop\":0"), testing::HasSubstr("true or false"));
   EXPECT_THAT(refusal("\"level_db\":-6.0", "\"level_db\":1e9"), testing::HasSubstr("level_db"));
 }
