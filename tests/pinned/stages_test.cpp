@@ -11,7 +11,7 @@
 #include "sim/audio/sound_stream.h"
 #include "sim/base/random.h"
 #include "sim/scene/scene.h"
-#include "sim/vision/ray_renderer.h"
+#include "sim/vision/embree_camera.h"
 #include "tests/support/env_fixture.h"
 #include "tests/support/pinned_bits.h"
 
@@ -89,11 +89,11 @@ TEST(PinnedBits, SoundStream) {
 
 TEST(PinnedBits, Depth) {
   const Scene scene = load_scene("house:7");
-  const RayRenderer renderer(CameraConfig{.width_px = 64, .height_px = 48});
+  const EmbreeCamera camera(sensor_of(CameraConfig{.width_px = 64, .height_px = 48}));
   std::vector<float> depth(64 * 48);
   pinned::BitHash bits;
   for (const double heading_rad : {0.0, 1.0, 2.5}) {
-    renderer.render_depth(scene, Pose{{2.5f, 0, 2.5f}, heading_rad}, depth);
+    camera.render(scene, nullptr, Pose{{2.5f, 0, 2.5f}, heading_rad}, {.depth = depth});
     bits.add(depth);
   }
   pinned::expect_pinned("depth", bits);

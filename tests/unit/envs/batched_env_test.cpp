@@ -10,7 +10,7 @@
 #include <set>
 
 #include "sim/base/errors.h"
-#include "sim/vision/ray_renderer.h"
+#include "sim/vision/embree_camera.h"
 #include "tests/support/env_fixture.h"
 #include "tests/support/env_roll_out.h"
 
@@ -156,12 +156,12 @@ TEST(BatchedEnv, AnEndKeepsTheLastObservationAndShowsTheNextFirst) {
   EXPECT_EQ(env.episode_count(0), 1);
   EXPECT_EQ(env.episode_step(0), 0);
 
-  const RayRenderer renderer(config.observation.camera);
+  const EmbreeCamera camera(sensor_of(config.observation.camera));
   const Scene scene = load_scene(room);
   std::vector<float> picture(env.depth().size());
-  renderer.render_depth(scene, end, picture);
+  camera.render(scene, nullptr, end, {.depth = picture});
   for (std::size_t i = 0; i < picture.size(); ++i) ASSERT_NEAR(env.final_depth()[i], picture[i], 1e-4f);
-  renderer.render_depth(scene, env.pose(0), picture);
+  camera.render(scene, nullptr, env.pose(0), {.depth = picture});
   EXPECT_TRUE(std::ranges::equal(env.depth(), picture));
   // Position and direction of the second episode's goal by hand: 4 m in -x, 3 m in -z; atan2(4, 3) to the left of -z.
   EXPECT_NEAR(env.pointgoal()[0], 5.0f, 1e-3f);

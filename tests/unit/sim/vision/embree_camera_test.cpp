@@ -8,7 +8,6 @@
 
 #include "sim/base/errors.h"
 #include "sim/scene/color.h"
-#include "sim/vision/ray_renderer.h"
 
 namespace earshot {
 namespace {
@@ -33,13 +32,27 @@ std::uint16_t number_of(const std::string& category) {
   return static_cast<std::uint16_t>(std::find(names.begin(), names.end(), category) - names.begin());
 }
 
-TEST(EmbreeCamera, DepthHasTheBitsOfTheAgentsDepthCamera) {
+// Packets of sixteen in blocks of pixels against packets of eight in rows.
+TEST(EmbreeCamera, DepthDoesNotDependOnHowRaysArePacked) {
   const Scene scene = load_scene("house:3,rooms=3");
   const CameraConfig agent{.width_px = 64, .height_px = 48, .horizontal_fov_deg = 80.f, .height_m = 1.1f};
   for (int step = 0; step < 12; ++step) {
     const Pose pose{.position = {1.f + 0.2f * static_cast<float>(step), 0.f, 2.f}, .heading_rad = 0.6 * step};
-    std::vector<float> expected(64 * 48);
-    RayRenderer(agent).render_depth(scene, pose, expected);
+    const CameraFrame frame = frame_of(sensor_of(agent), pose);
+    const std::vector<glm::vec3> local = pixel_directions(sensor_of(agent));
+    std::vector<float> expected;
+    for (std::size_t first = 0; first < local.size(); first += 8) {
+      std::array<glm::vec3, 8> origins, directions;
+      std::array<float, 8> distances_m;
+      origins.fill(frame.eye);
+      for (std::size_t lane = 0; lane < 8; ++lane) {
+        const glm::vec3 d = local[first + lane];
+        directions[lane] = d.x * frame.right + d.y * frame.up + d.z * frame.forward;
+      }
+      scene.rays().intersect8(origins, directions, distances_m);
+      for (std::size_t lane = 0; lane < 8; ++lane)
+        expected.push_back(std::min(distances_m[lane] * local[first + lane].z / agent.max_depth_m, 1.f));
+    }
     EXPECT_EQ(Pictures(sensor_of(agent), scene, nullptr, pose).depth, expected) << step;
   }
 }

@@ -1,5 +1,3 @@
-#include "sim/vision/ray_renderer.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -7,6 +5,7 @@
 #include <vector>
 
 #include "sim/base/errors.h"
+#include "sim/vision/embree_camera.h"
 
 namespace earshot {
 namespace {
@@ -25,19 +24,19 @@ Scene scene_of(const std::vector<TestBox>& boxes) {
 
 std::vector<float> render(const Scene& scene, const CameraConfig& config, const Pose& pose) {
   std::vector<float> depth(static_cast<std::size_t>(config.width_px * config.height_px), -1.f);
-  RayRenderer(config).render_depth(scene, pose, depth);
+  EmbreeCamera(sensor_of(config)).render(scene, nullptr, pose, {.depth = depth});
   return depth;
 }
 
 // The slab a to b across the view axis, large enough to fill any picture.
 Scene wall_ahead(float distance_m) { return scene_of({{{-500, -500, -distance_m - 1}, {500, 500, -distance_m}}}); }
 
-TEST(RayRenderer, WallAheadHasTheSameDepthInEveryPixel) {
+TEST(EmbreeDepth, WallAheadHasTheSameDepthInEveryPixel) {
   // z depth: 3 m of 10 everywhere; ray length would read 0.3 * sqrt(3) in the corners.
   for (const float depth : render(wall_ahead(3.f), {}, {})) EXPECT_NEAR(depth, 0.3f, 2e-6f);  // float rounding of t * cosine
 }
 
-TEST(RayRenderer, ObliqueWallFollowsThePlaneEquation) {
+TEST(EmbreeDepth, ObliqueWallFollowsThePlaneEquation) {
   // The plane x = 2 seen at heading 0: the ray (r, u, 1) meets it at depth 2 / r where r > 0.
   const Scene scene = scene_of({{{2, -500, -500}, {3, 500, 500}}});
   const CameraConfig config{.width_px = 64, .height_px = 48, .horizontal_fov_deg = 70.f, .max_depth_m = 20.f};
@@ -50,7 +49,7 @@ TEST(RayRenderer, ObliqueWallFollowsThePlaneEquation) {
     }
 }
 
-TEST(RayRenderer, FieldOfViewEndsWhereItShould) {
+TEST(EmbreeDepth, FieldOfViewEndsWhereItShould) {
   // At 90 degrees and depth 4 the picture is 8 m wide: pixel c looks at x = 8 (c + 0.5) / 128 - 4.  A panel from x = 1 to 2 covers
   // columns 80 to 95, and as pixels are square a panel from 1 to 2 m above the eye covers rows 32 to 47.
   const Scene scene = scene_of({{{1, 1.25f + 1, -4.0001f}, {2, 1.25f + 2, -4}}});
@@ -62,7 +61,7 @@ TEST(RayRenderer, FieldOfViewEndsWhereItShould) {
     }
 }
 
-TEST(RayRenderer, PanoramicPixelsAreSquare) {
+TEST(EmbreeDepth, PanoramicPixelsAreSquare) {
   // Twice as wide as high at 90 degrees: rows span +-26.57 degrees, so at depth 2 the lowest row looks 1 m (less half a pixel) down.
   const Scene floor = scene_of({{{-500, -1, -500}, {500, 0, 500}}});
   const CameraConfig config{.width_px = 64, .height_px = 32, .height_m = 1.f};
@@ -74,7 +73,7 @@ TEST(RayRenderer, PanoramicPixelsAreSquare) {
   }
 }
 
-TEST(RayRenderer, TurnsWithTheHeading) {
+TEST(EmbreeDepth, TurnsWithTheHeading) {
   // Four walls at different distances; each quarter turn to the left shows the next: -z, -x, +z, +x.
   const Scene scene = scene_of(
       {{{-50, -50, -3}, {50, 50, -2}}, {{-4, -50, -50}, {-3, 50, 50}}, {{-50, -50, 4}, {50, 50, 5}}, {{5, -50, -50}, {6, 50, 50}}});
@@ -85,33 +84,33 @@ TEST(RayRenderer, TurnsWithTheHeading) {
       EXPECT_NEAR(depth, expected[quarter], 1e-5f);
 }
 
-TEST(RayRenderer, MovesWithTheAgentAndItsEye) {
+TEST(EmbreeDepth, MovesWithTheAgentAndItsEye) {
   const Scene scene = scene_of({{{-50, -1, -50}, {50, 0.5f, 50}}, {{-50, -1, -9}, {50, 50, -8}}});
   const CameraConfig config{.width_px = 8, .height_px = 2, .horizontal_fov_deg = 10.f, .height_m = 2.f};
   const std::vector<float> depth = render(scene, config, {.position = {1, 0.5f, -3}});
   for (const float value : depth) EXPECT_NEAR(value, 0.5f, 1e-5f);  // 5 m to the wall at z = -8; the floor is out of the picture
 }
 
-TEST(RayRenderer, ClipsAtTenMetresAndInTheOpen) {
+TEST(EmbreeDepth, ClipsAtTenMetresAndInTheOpen) {
   for (const float depth : render(wall_ahead(9.999f), {}, {})) EXPECT_NEAR(depth, 0.9999f, 1e-5f);
   for (const float depth : render(wall_ahead(10.5f), {}, {})) EXPECT_EQ(depth, 1.f);
   for (const float depth : render(scene_of({}), {}, {})) EXPECT_EQ(depth, 1.f);
 }
 
-TEST(RayRenderer, SameBitsEveryTimeAndNeverNaN) {
+TEST(EmbreeDepth, SameBitsEveryTimeAndNeverNaN) {
   const Scene scene = scene_of({{{-3, 0, -3}, {3, 2.5f, 3}}, {{0.5f, 0, 0.5f}, {1, 1, 1}}});
-  const RayRenderer renderer(CameraConfig{});
+  const EmbreeCamera camera(sensor_of(CameraConfig{}));
   for (int step = 0; step < 40; ++step) {
     const Pose pose{.position = {-2.f + 0.1f * static_cast<float>(step), 0, 0.3f}, .heading_rad = 0.7 * step};
     std::vector<float> first(128 * 128), second(128 * 128);
-    renderer.render_depth(scene, pose, first);
-    RayRenderer(CameraConfig{}).render_depth(scene, pose, second);
+    camera.render(scene, nullptr, pose, {.depth = first});
+    EmbreeCamera(sensor_of(CameraConfig{})).render(scene, nullptr, pose, {.depth = second});
     EXPECT_EQ(first, second);
     for (const float depth : first) ASSERT_TRUE(depth >= 0.f && depth <= 1.f);
   }
 }
 
-TEST(RayRenderer, RefusesABadCamera) { EXPECT_THROW(RayRenderer({.width_px = 60}), InputError); }
+TEST(EmbreeDepth, RefusesABadCamera) { EXPECT_THROW(EmbreeCamera({.width_px = 0}), InputError); }
 
 }  // namespace
 }  // namespace earshot
