@@ -72,7 +72,8 @@ void BatchedEnv::Impl::run_task(std::size_t env, std::size_t worker) {
     else
       begin_next_episode(env, own);
     // The action of an env that comes back has not been used: its row is no experience, and belongs to no episode before.
-    if (std::exchange(agent.comes_back, false) && active[env] != 0) truncated[env] = quarantined[env] = 1;
+    const bool came_by_a_step = std::exchange(agent.comes_back, false) && agent.job == Job::next;
+    if (came_by_a_step && active[env] != 0) truncated[env] = quarantined[env] = 1;
     clock.book(reset_stage);
   } catch (...) {
     agent.error = std::current_exception();
@@ -255,6 +256,7 @@ void BatchedEnv::reset(std::span<const std::uint8_t> mask, std::span<const std::
     Agent& agent = in.agents[env];
     if (mask[env] == 0 || (agent.stalled && !in.wants_task(env))) continue;
     agent.job = in.started && seeds.empty() ? Job::next : Job::first;
+    agent.comes_back = false;
     if (!seeds.empty()) {
       agent.seed = seeds[env];
       agent.stream = 0;
