@@ -183,6 +183,10 @@ void add_env(CLI::App& bench) {
   command->add_option("--envs", env->bench.envs, "Agents in the batch")->capture_default_str();
   command->add_option("--size", env->size, "Picture, WxH pixels (default: 128x128)");
   command->add_option("--threads", env->bench.threads, "Over the batch (default: one, and two in a row of their own)");
+  command->add_option("--renderer", env->bench.renderer, "Of pictures: embree, egl or auto (egl where its device is hardware)")
+      ->capture_default_str();
+  command->add_option("--egl-device", env->bench.egl_device, "auto, software, a number of `earshot doctor`, a UUID or cuda:N")
+      ->capture_default_str();
   command->add_flag("--field", env->bench.field, "Late sound from source fields of ten shared goals instead of rays at each pose");
   command->add_flag("--autotune", env->bench.autotune, "Instead: steps per second over agents and threads, and the best of them here");
   command->callback([env] {

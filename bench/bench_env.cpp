@@ -55,6 +55,13 @@ double percentile(const std::vector<double>& sorted, double fraction) {
   return sorted[std::clamp<std::size_t>(index, 1, sorted.size()) - 1];
 }
 
+Renderer renderer_of(const std::string& name) {
+  if (name == "embree") return Renderer::embree;
+  if (name == "egl") return Renderer::egl;
+  require(name == "auto", "--renderer", name, "must be embree, egl or auto");
+  return Renderer::automatic;
+}
+
 /// Those of the default filter; where a scene has none, such as a single room, shorter and straighter ones.
 std::vector<Episode> episodes_in(const std::string& id, const EnvScene& scene, const TaskConfig& task, int goals) {
   const auto draw = [&](const EpisodeFilter& filter) {
@@ -74,6 +81,10 @@ class EnvBench {
     config_.observation.spectrogram = senses.sound;
     config_.observation.depth = senses.picture;
     config_.observation.pointgoal = true;
+    if (senses.picture) {
+      config_.observation.renderer = renderer_of(options.renderer);
+      config_.observation.egl_device = options.egl_device;
+    }
     config_.observation.camera.width_px = options.width_px;
     config_.observation.camera.height_px = options.height_px;
     if (options.field && senses.sound) config_.acoustics.field = Switch::on;
@@ -135,6 +146,8 @@ class EnvBench {
                       {"senses", senses_.name},
                       {"camera_px", config_.observation.camera.width_px},
                       {"camera_height_px", config_.observation.camera.height_px},
+                      {"renderer", options_.renderer},
+                      {"egl_device", options_.egl_device},
                       {"rir_length_s", config_.acoustics.rir_length_s},
                       {"field", config_.acoustics.field == Switch::on},
                       {"actions", "oracle"},

@@ -12,7 +12,8 @@ struct EnvBenchOptions {
   double seconds = 3;  ///< per repeat
   std::string scene = "house:1,rooms=3";
   int envs = 8, width_px = 128, height_px = 128;
-  int threads = 0;        ///< 0: one, and in a row of its own two
+  int threads = 0;                                       ///< 0: one, and in a row of its own two
+  std::string renderer = "embree", egl_device = "auto";  ///< as the keys of an environment's observation
   bool field = false;     ///< late sound from source fields, ten goals shared by all episodes; otherwise rays of the preset at each pose
   bool autotune = false;  ///< sweeps envs and threads instead
 };

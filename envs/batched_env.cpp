@@ -68,6 +68,7 @@ BatchedEnv::Impl::Impl(const EnvConfig& env_config, std::shared_ptr<const Episod
     const auto found = std::find_if(sensor_rows.begin(), sensor_rows.end(), [&](const auto& rows) { return rows->spec().kind == kind; });
     return found == sensor_rows.end() ? nullptr : found->get();
   };
+  open_renderer();
   if (spec.depth) depth = cameras.front().depth;
   spectrogram = rows_of(SensorKind::spectrogram);
   waveform = rows_of(SensorKind::waveform);

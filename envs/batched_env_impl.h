@@ -1,8 +1,8 @@
 #pragma once
 
 // The inside of BatchedEnv, shared by its files: batched_env.cpp (construction, state that can be asked for), env_stepping.cpp (how tasks
-// of envs are started and gathered), env_stages.cpp (what a step does for one env), env_episodes.cpp (how episodes begin, end and are
-// restored) and env_faults.cpp (how they are quarantined).
+// of envs are started and gathered), env_stages.cpp (what a step does for one env), env_pictures.cpp (its cameras), env_episodes.cpp (how
+// episodes begin, end and are restored) and env_faults.cpp (how they are quarantined).
 
 #include <array>
 #include <atomic>
@@ -15,10 +15,12 @@
 #include "envs/env_state.h"
 #include "envs/env_workers.h"
 #include "envs/oracle_counts.h"
+#include "envs/pending_pictures.h"
 #include "envs/sensor_rows.h"
 #include "envs/sound_library.h"
 #include "sim/base/denormals.h"
 #include "sim/base/errors.h"
+#include "sim/vision/egl_renderer.h"
 #include "sim/vision/embree_camera.h"
 
 namespace earshot {
@@ -58,6 +60,7 @@ struct Agent {
   bool pictures_are_current = false;
   std::shared_ptr<const Appearance> appearance;  // of its scene, where a camera wants colours or categories
   std::vector<float> clean_depth;                // of one camera, before its noise
+  PendingPictures pictures_now, pictures_last;   // by EGL: of the rows now, and of the last ones of an episode that has just ended
   std::uint64_t episode_index = 0;
   int episode_count = -1;                                 // none begun
   std::shared_ptr<const EnvSource> source;                // of the goal
@@ -87,6 +90,14 @@ inline std::size_t size_of(int count) { return static_cast<std::size_t>(count); 
 struct AgentCamera {
   EmbreeCamera camera;
   SensorRows *depth = nullptr, *rgb = nullptr, *semantic = nullptr, *normals = nullptr;
+  bool by_egl = false;  ///< as long as EGL draws at all
+};
+
+/// Pictures of a row that wait for the next draw.
+struct PendingRow {
+  std::uint32_t env = 0;
+  bool last = false;  ///< of the final rows
+  PendingPictures* pictures = nullptr;
 };
 
 struct BatchedEnv::Impl {
@@ -98,6 +109,11 @@ struct BatchedEnv::Impl {
   OracleCounts oracle;
   SoundLibrary sounds;
   std::vector<AgentCamera> cameras;
+  std::unique_ptr<EglRenderer> egl;    // null: Embree draws all
+  std::atomic<bool> egl_draws{false};  // until it fails
+  std::vector<PendingRow> pending;     // of one draw, as the next two
+  std::vector<EglView> views;          // of one camera
+  std::vector<float> pending_depth;    // before its noise
   std::vector<Agent> agents;
   bool started = false;
 
@@ -158,9 +174,19 @@ struct BatchedEnv::Impl {
   void trace(std::size_t env, HearingEngines* own, int block);
   void synthesize(std::size_t env, HearingEngines* own);
   void convolve(std::size_t env, HearingEngines* own);
+  /// Draws, or leaves what EGL shall draw with other envs' to draw_pending().
   void render(std::size_t env);
   void observe(std::size_t env, HearingEngines* own);
   void observe_way(std::size_t env);
+
+  // Pictures of many envs at once (env_pictures.cpp).
+  void open_renderer();
+  /// Draws what the tasks of these envs have left.
+  void draw_pending(std::span<const std::uint32_t> envs);
+  void draw_pending_of(std::size_t index);
+  void draw_by_egl(const CameraSensorConfig& view_config);
+  /// The observation now becomes the last one of the episode.
+  void keep_rows(std::size_t env);
 
   std::optional<std::uint64_t> draw_episode(std::size_t env, int episode_count, std::uint32_t attempt) const;
   void begin_next_episode(std::size_t env, HearingEngines* own);

@@ -89,6 +89,7 @@ void BatchedEnv::Impl::prepare_episode(std::size_t env, std::uint64_t episode_in
   agent.actions.reserve(size_of(config.task.max_steps));
   agent.has_ended = false;
   agent.pictures_are_current = false;
+  agent.pictures_now = {};
   active[env] = 1;
 }
 
@@ -190,6 +191,7 @@ void BatchedEnv::Impl::begin_hearing(std::size_t env) {
 
 void BatchedEnv::Impl::go_idle(std::size_t env) {
   active[env] = 0;
+  agents[env].pictures_now = {};
   agents[env].source.reset();
   agents[env].playing.clear();
   agents[env].other_goals.clear();
@@ -264,7 +266,7 @@ void BatchedEnv::Impl::restore(std::size_t env, const EnvCursor& cursor, Hearing
   stop_at_fault();
   if (!cursor.ended) return;
   agent.has_ended = true;
-  for (const auto& sensor : sensor_rows) sensor->keep(env);
+  keep_rows(env);
 }
 
 EnvCursor BatchedEnv::Impl::cursor_of(std::size_t env) const {

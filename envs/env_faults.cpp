@@ -40,6 +40,7 @@ bool BatchedEnv::Impl::check(std::size_t env, Fault kind, std::span<float> value
 
 void BatchedEnv::Impl::clear_rows(std::size_t env) {
   for (const auto& sensor : sensor_rows) sensor->clear(env);
+  agents[env].pictures_now.wanted = false;
 }
 
 /// Counts the fault and writes its file.

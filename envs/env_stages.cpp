@@ -8,12 +8,6 @@
 #include "envs/batched_env_impl.h"
 
 namespace earshot {
-namespace {
-
-bool same_pose(const Pose& a, const Pose& b) { return a.position == b.position && a.heading_rad == b.heading_rad; }
-
-}  // namespace
-
 void BatchedEnv::Impl::clear_outcome(std::size_t env) {
   rewards[env] = 0.f;
   terminated[env] = truncated[env] = collided[env] = quarantined[env] = 0;
@@ -57,39 +51,6 @@ void BatchedEnv::Impl::convolve(std::size_t env, HearingEngines* own) {
     report(env, Fault::sound, "the sound of this step is not finite");
   else if (hook)
     check(env, Fault::sound, waveform->row<float>(env));
-}
-
-void BatchedEnv::Impl::render(std::size_t env) {
-  if (!runs(env) || cameras.empty()) return;
-  Agent& agent = agents[env];
-  const Pose now = agent.state.pose(config.task);
-  const bool noisy = config.observation.depth_noise;  // which is another in each step
-  if (!noisy && agent.pictures_are_current && same_pose(now, agent.rendered_pose)) return;
-  for (std::size_t i = 0; i < cameras.size(); ++i) {
-    AgentCamera& camera = cameras[i];
-    CameraImages images;
-    if (camera.depth) images.depth = camera.depth->row<float>(env);
-    if (camera.rgb) images.rgb = camera.rgb->row<std::uint8_t>(env);
-    if (camera.semantic) images.semantic = camera.semantic->row<std::uint16_t>(env);
-    if (camera.normals) images.normals = camera.normals->row<float>(env);
-    const std::span<float> depth_row = images.depth;
-    if (noisy && camera.depth) {
-      agent.clean_depth.resize(depth_row.size());
-      images.depth = agent.clean_depth;
-    }
-    camera.camera.render(*agent.source->scene->scene, agent.appearance.get(), now, images);
-    if (noisy && camera.depth)
-      add_depth_noise(config.observation.noise, camera.camera.config(),
-                      {.seed = agent.seed + (std::uint64_t{i} << 48),  // another for each camera
-                       .env = agent.stream,
-                       .episode = static_cast<std::uint32_t>(agent.episode_count),
-                       .step = static_cast<std::uint32_t>(agent.state.steps())},
-                      agent.clean_depth, depth_row);
-    if (camera.depth && !check(env, Fault::depth, depth_row)) return;
-    if (camera.normals && !check(env, Fault::depth, images.normals)) return;
-  }
-  agent.rendered_pose = now;
-  agent.pictures_are_current = true;
 }
 
 void BatchedEnv::Impl::observe(std::size_t env, HearingEngines* own) {

@@ -115,7 +115,7 @@ void BatchedEnv::Impl::step_task(std::size_t env, HearingEngines* own) {
 void BatchedEnv::Impl::end_episode(std::size_t env) {
   Agent& agent = agents[env];
   agent.has_ended = true;
-  for (const auto& sensor : sensor_rows) sensor->keep(env);
+  keep_rows(env);
   if (!agent.fault) {
     agent.faulty_in_a_row = 0;
     agent.ended = {.env = static_cast<int>(global_id(env)),
@@ -132,6 +132,7 @@ bool BatchedEnv::Impl::wants_task(std::size_t env) {
   if (agent.stalled) {
     if (!workers->has_returned(env)) return false;
     agent.stalled = false;  // its thread is done with it: it begins another episode
+    agent.pictures_now = agent.pictures_last = {};
     agent.comes_back = true;
     active[env] = 1;
     agent.job = Job::next;
@@ -188,6 +189,7 @@ void BatchedEnv::Impl::run_all() {
   finished.clear();
   workers->submit(submitted);
   workers->finish([&](CompletedEnv completed) { settle(completed); });
+  draw_pending(submitted);
   gather(submitted);
 }
 
@@ -321,6 +323,7 @@ std::span<const std::int32_t> BatchedEnv::recv(int min_ready, RecvOrder order) {
   in.submitted.clear();
   for (std::size_t i = 0; i < in.sent_order.size() && (order == RecvOrder::as_ready || i < size_of(min_ready)); ++i)
     if (in.is_done[in.sent_order[i]] != 0) in.submitted.push_back(in.sent_order[i]);
+  in.draw_pending(in.submitted);
   for (const std::uint32_t env : in.submitted) in.under_way[env] = 0;
   std::erase_if(in.sent_order, [&](std::uint32_t env) { return in.under_way[env] == 0; });
   std::ranges::sort(in.submitted);

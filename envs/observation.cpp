@@ -47,6 +47,9 @@ void read(ConfigReader& reader, ObservationSpec& spec) {
   reader.read("semantic", spec.semantic);
   reader.read("normals", spec.normals);
   reader.read("unlit", spec.unlit);
+  reader.read_choice<Renderer>("renderer", spec.renderer,
+                               {{"embree", Renderer::embree}, {"egl", Renderer::egl}, {"auto", Renderer::automatic}});
+  reader.read("egl_device", spec.egl_device);
   reader.read("spectrogram", spec.spectrogram);
   reader.read("waveform", spec.waveform);
   reader.read("heard", spec.heard);
@@ -102,6 +105,13 @@ void validate(const ObservationSpec& spec) {
   }
   require(any_depth || !spec.depth_noise, "observation.depth_noise", true, "has no effect without a sensor of depth");
   require(spec.rgb || !spec.unlit, "observation.unlit", true, "has no effect without observation.rgb; further cameras have their own");
+  const std::vector<ExtraCamera> all = spec.all_cameras();
+  const bool pinholes = std::ranges::any_of(all, [](const ExtraCamera& each) { return each.config.projection == Projection::pinhole; });
+  require(spec.renderer != Renderer::egl || pinholes, "observation.renderer", "egl", "has no effect without a pinhole camera");
+  require(spec.renderer != Renderer::embree || spec.egl_device == "auto", "observation.egl_device", spec.egl_device,
+          "has no effect with renderer embree");
+  require(spec.renderer != Renderer::automatic || spec.egl_device != "software", "observation.egl_device", spec.egl_device,
+          "is never taken by renderer auto; ask for it with renderer egl");
   const SpectrogramConfig& sound = spec.sound;
   require(sound.sample_rate_hz >= 8000.f && sound.sample_rate_hz <= 96000.f, "observation.sound.sample_rate_hz", sound.sample_rate_hz,
           "must be in [8000, 96000]");

@@ -11,6 +11,13 @@
 
 namespace earshot {
 
+/// What draws the pictures of pinhole cameras; panoramas are always drawn by Embree.
+enum class Renderer {
+  embree,     ///< rays on the CPU, in the threads of the batch: the same bits on every machine
+  egl,        ///< OpenGL on ObservationSpec::egl_device, all envs of a step at once; Embree, with a warning, once its driver has failed
+  automatic,  ///< egl where that device is hardware, else embree
+};
+
 /// A camera beside the main one, with its sensors.
 struct ExtraCamera {
   std::string name = {};  ///< its sensors are NAME_depth, NAME_rgb, NAME_semantic and NAME_normals
@@ -25,8 +32,10 @@ struct ObservationSpec {
   bool waveform = false, heard = false;
   bool pointgoal = false, gps_compass = false, pose = false;
   bool collision = false, previous_action = false;
-  CameraConfig camera;               ///< the main one: level, ahead, a pinhole
-  bool unlit = false;                ///< its colours without light
+  CameraConfig camera;  ///< the main one: level, ahead, a pinhole
+  bool unlit = false;   ///< its colours without light
+  Renderer renderer = Renderer::embree;
+  std::string egl_device = "auto";   ///< EglOptions::device: the first hardware, software, a number, a UUID or cuda:N
   std::vector<ExtraCamera> cameras;  ///< further ones
   bool depth_noise = false;          ///< all depth is as a structured-light camera sees it, by `noise`
   DepthNoiseConfig noise;

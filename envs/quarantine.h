@@ -47,7 +47,8 @@ struct StageOutput {
   std::uint64_t episode_index;
   int step;  ///< of the episode; 0: its first observation
 };
-/// An observer of stage outputs that may change them: monitors, and tests that inject faults.  Called from worker threads.
+/// An observer of stage outputs that may change them: monitors, and tests that inject faults.  Called from worker threads, and for
+/// pictures by EGL from the thread that steps.
 using StageHook = std::function<void(const StageOutput& output, std::span<float> values)>;
 
 /// Episodes that were quarantined, by reason, since construction.

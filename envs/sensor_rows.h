@@ -25,6 +25,11 @@ class SensorRows {
   [[nodiscard]] std::span<T> row(std::size_t env) {
     return {reinterpret_cast<T*>(now_.data() + env * row_bytes_), row_bytes_ / sizeof(T)};
   }
+  /// The same of the last values of the episode that ended.
+  template <class T>
+  [[nodiscard]] std::span<T> last_row(std::size_t env) {
+    return {reinterpret_cast<T*>(last_.data() + env * row_bytes_), row_bytes_ / sizeof(T)};
+  }
   void keep(std::size_t env) { std::copy_n(now_.begin() + offset(env), row_bytes_, last_.begin() + offset(env)); }
   void clear(std::size_t env) { std::fill_n(now_.begin() + offset(env), row_bytes_, std::byte{0}); }
 

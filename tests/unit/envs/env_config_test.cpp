@@ -27,6 +27,18 @@ TEST(EnvConfig, DefaultsAreValid) {
   EXPECT_NO_THROW(from_text(""));
 }
 
+TEST(EnvConfig, ARendererHasAPictureToDrawAndADeviceThatItTakes) {
+  const EnvConfig config = from_text("observation: {renderer: egl, egl_device: software}");
+  EXPECT_EQ(config.observation.renderer, Renderer::egl);
+  EXPECT_EQ(config.observation.egl_device, "software");
+  EXPECT_EQ(from_text("observation: {renderer: auto}").observation.renderer, Renderer::automatic);
+  EXPECT_EQ(EnvConfig{}.observation.renderer, Renderer::embree);
+  EXPECT_THROW(from_text("observation: {renderer: vulkan}"), InputError);
+  EXPECT_THROW(from_text("observation: {renderer: egl, depth: false}"), InputError);
+  EXPECT_THROW(from_text("observation: {renderer: auto, egl_device: software}"), InputError);
+  EXPECT_THROW(from_text("observation: {egl_device: software}"), InputError);
+}
+
 TEST(EnvConfig, ReadsEveryPart) {
   const EnvConfig config = from_text(R"(
 task: {max_steps: 77}
