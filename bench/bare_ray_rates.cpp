@@ -24,16 +24,20 @@ glm::vec3 on_sphere(std::array<float, 2> random) {
   return {r * std::cos(angle), r * std::sin(angle), z};
 }
 
-/// Directions of a picture at heading 0, in the order of rows.
+/// Directions of a picture at heading 0, in blocks of 4 x 4 pixels as EmbreeCamera takes them; a block that reaches past the picture
+/// repeats its last row.
 std::vector<glm::vec3> picture(const CameraConfig& camera) {
   const float half = std::tan(camera.horizontal_fov_deg * std::numbers::pi_v<float> / 360.f),
               pixel = 2.f * half / static_cast<float>(camera.width_px);
   std::vector<glm::vec3> directions;
-  for (int row = 0; row < camera.height_px; ++row)
-    for (int column = 0; column < camera.width_px; ++column)
-      directions.push_back(
-          glm::normalize(glm::vec3((static_cast<float>(column) + 0.5f) * pixel - half,
-                                   (0.5f * static_cast<float>(camera.height_px) - static_cast<float>(row) - 0.5f) * pixel, -1.f)));
+  const auto add = [&](int row, int column) {
+    directions.push_back(
+        glm::normalize(glm::vec3((static_cast<float>(column) + 0.5f) * pixel - half,
+                                 (0.5f * static_cast<float>(camera.height_px) - static_cast<float>(row) - 0.5f) * pixel, -1.f)));
+  };
+  for (int top = 0; top < camera.height_px; top += 4)
+    for (int left = 0; left < camera.width_px; left += 4)  // a multiple of 8
+      for (int lane = 0; lane < 16; ++lane) add(std::min(top + lane / 4, camera.height_px - 1), left + lane % 4);
   return directions;
 }
 
@@ -62,17 +66,19 @@ BareRayRates measure_bare_rays(const Scene& scene, const CameraConfig& camera, s
   rates.camera = rate(seconds, [&] {
     const glm::vec3 eye = poses[next % poses.size()] + glm::vec3(0, camera.height_m, 0);
     const float angle = 0.7f * static_cast<float>(next++), c = std::cos(angle), s = std::sin(angle);
-    std::array<glm::vec3, 8> turned;
-    std::array<float, 8> distances_m;
-    for (std::size_t first = 0; first + 8 <= directions.size(); first += 8) {
-      for (std::size_t lane = 0; lane < 8; ++lane) {
+    Directions16 turned;
+    std::array<float, 16> distances_m;
+    for (std::size_t first = 0; first < directions.size(); first += 16) {
+      for (std::size_t lane = 0; lane < 16; ++lane) {
         const glm::vec3 d = directions[first + lane];
-        turned[lane] = {c * d.x + s * d.z, d.y, c * d.z - s * d.x};
+        turned.x[lane] = c * d.x + s * d.z;
+        turned.y[lane] = d.y;
+        turned.z[lane] = c * d.z - s * d.x;
       }
-      rays.closest8(eye, turned, distances_m);
+      rays.closest16(eye, turned, distances_m);
       sum += distances_m[0];
     }
-    return static_cast<double>(directions.size() / 8 * 8);
+    return static_cast<double>(directions.size());
   });
   std::uint32_t path = 0;
   rates.diffuse = rate(seconds, [&] {

@@ -10,7 +10,7 @@ namespace earshot {
 
 /// Rays per second of one thread through Embree alone (bare_rays.h).
 struct BareRayRates {
-  double camera = 0;   ///< primary rays of this camera, eight at a time, from every pose in turn
+  double camera = 0;   ///< primary rays of this camera, sixteen at a time in blocks of 4 x 4 pixels, from every pose in turn
   double diffuse = 0;  ///< nearest hits of paths that leave every surface diffusely, one ray at a time
 };
 

@@ -1,33 +1,21 @@
 #include "sim/rays/bare_rays.h"
 
-#include <embree3/rtcore.h>
-
 #include <cstring>
 #include <limits>
-#include <type_traits>
 
 #include "sim/base/errors.h"
+#include "sim/rays/embree_handles.h"
 
 namespace earshot {
 namespace {
-
-struct ReleaseDevice {
-  void operator()(RTCDevice device) const noexcept { rtcReleaseDevice(device); }
-};
-struct ReleaseGeometry {
-  void operator()(RTCGeometry geometry) const noexcept { rtcReleaseGeometry(geometry); }
-};
-struct ReleaseScene {
-  void operator()(RTCScene scene) const noexcept { rtcReleaseScene(scene); }
-};
 
 constexpr float kNearestM = 1e-3f;
 
 }  // namespace
 
 struct BareRays::Handles {
-  std::unique_ptr<std::remove_pointer_t<RTCDevice>, ReleaseDevice> device;
-  std::unique_ptr<std::remove_pointer_t<RTCScene>, ReleaseScene> scene;
+  EmbreeDevice device;
+  EmbreeSceneHandle scene;
 };
 
 BareRays::BareRays(std::span<const glm::vec3> vertices, std::span<const glm::uvec3> triangles) : handles_(std::make_unique<Handles>()) {
@@ -38,8 +26,7 @@ BareRays::BareRays(std::span<const glm::vec3> vertices, std::span<const glm::uve
   check(handles_->device != nullptr);
   handles_->scene.reset(rtcNewScene(handles_->device.get()));
   check(handles_->scene != nullptr);
-  const std::unique_ptr<std::remove_pointer_t<RTCGeometry>, ReleaseGeometry> mesh(
-      rtcNewGeometry(handles_->device.get(), RTC_GEOMETRY_TYPE_TRIANGLE));
+  const EmbreeGeometry mesh(rtcNewGeometry(handles_->device.get(), RTC_GEOMETRY_TYPE_TRIANGLE));
   check(mesh != nullptr);
   if (!triangles.empty()) {
     void* corners = rtcSetNewGeometryBuffer(mesh.get(), RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, sizeof(glm::vec3), vertices.size());
@@ -56,27 +43,30 @@ BareRays::BareRays(std::span<const glm::vec3> vertices, std::span<const glm::uve
 
 BareRays::~BareRays() = default;
 
-void BareRays::closest8(glm::vec3 origin, std::span<const glm::vec3, 8> directions, std::span<float, 8> distances_m) const {
+void BareRays::closest16(glm::vec3 origin, const Directions16& directions, std::span<float, 16> distances_m) const {
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);
   context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
-  alignas(32) int valid[8];
-  RTCRayHit8 query{};
-  for (std::size_t i = 0; i < 8; ++i) {
+  alignas(64) int valid[16];
+  RTCRayHit16 query;
+  for (std::size_t i = 0; i < 16; ++i) {
     valid[i] = -1;
     query.ray.org_x[i] = origin.x;
     query.ray.org_y[i] = origin.y;
     query.ray.org_z[i] = origin.z;
-    query.ray.dir_x[i] = directions[i].x;
-    query.ray.dir_y[i] = directions[i].y;
-    query.ray.dir_z[i] = directions[i].z;
+    query.ray.tnear[i] = 0.f;
+    query.ray.dir_x[i] = directions.x[i];
+    query.ray.dir_y[i] = directions.y[i];
+    query.ray.dir_z[i] = directions.z[i];
+    query.ray.time[i] = 0.f;
     query.ray.tfar[i] = std::numeric_limits<float>::infinity();
     query.ray.mask[i] = ~0u;
+    query.ray.id[i] = query.ray.flags[i] = 0;
     query.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
     query.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
   }
-  rtcIntersect8(valid, handles_->scene.get(), &context, &query);
-  for (std::size_t i = 0; i < 8; ++i) distances_m[i] = query.ray.tfar[i];
+  rtcIntersect16(valid, handles_->scene.get(), &context, &query);
+  for (std::size_t i = 0; i < 16; ++i) distances_m[i] = query.ray.tfar[i];
 }
 
 BareRays::Bounce BareRays::closest(glm::vec3 origin, glm::vec3 direction) const {

@@ -4,6 +4,8 @@
 #include <memory>
 #include <span>
 
+#include "sim/rays/embree_scene.h"
+
 namespace earshot {
 
 /// Embree and nothing else: the same triangles without the rules of EmbreeScene for ties, ends and edges, filled in as its tutorials do.
@@ -13,8 +15,8 @@ class BareRays {
   /// Copies both.  Throws InputError if Embree cannot be opened or built.
   BareRays(std::span<const glm::vec3> vertices, std::span<const glm::uvec3> triangles);
   ~BareRays();
-  /// Distances of eight coherent rays from one origin (a camera's), infinity where a ray escapes.
-  void closest8(glm::vec3 origin, std::span<const glm::vec3, 8> directions, std::span<float, 8> distances_m) const;
+  /// Distances of sixteen coherent rays from one origin (a block of a camera's pixels), infinity where a ray escapes.
+  void closest16(glm::vec3 origin, const Directions16& directions, std::span<float, 16> distances_m) const;
   struct Bounce {
     float distance_m;  ///< infinity: escaped
     glm::vec3 normal;  ///< not normalised; zero where the ray escaped

@@ -1,40 +1,24 @@
 #include "sim/rays/embree_scene.h"
 
-#include <embree3/rtcore.h>
-
 #include <algorithm>
-#include <array>
 #include <atomic>
 #include <bit>
 #include <cmath>
 #include <cstddef>
 #include <cstring>
-#include <glm/common.hpp>
 #include <glm/geometric.hpp>
 #include <mutex>
 #include <string>
 #include <tuple>
-#include <type_traits>
 #include <vector>
 
 #include "sim/base/errors.h"
+#include "sim/rays/embree_handles.h"
+#include "sim/rays/hit_surface.h"
 #include "sim/rays/sure_block.h"
 
 namespace earshot {
 namespace {
-
-struct ReleaseDevice {
-  void operator()(RTCDevice device) const noexcept { rtcReleaseDevice(device); }
-};
-struct ReleaseGeometry {
-  void operator()(RTCGeometry geometry) const noexcept { rtcReleaseGeometry(geometry); }
-};
-struct ReleaseScene {
-  void operator()(RTCScene scene) const noexcept { rtcReleaseScene(scene); }
-};
-using Device = std::unique_ptr<std::remove_pointer_t<RTCDevice>, ReleaseDevice>;
-using Geometry = std::unique_ptr<std::remove_pointer_t<RTCGeometry>, ReleaseGeometry>;
-using SceneHandle = std::unique_ptr<std::remove_pointer_t<RTCScene>, ReleaseScene>;
 
 /// First message that Embree reported.  Its builder calls back from worker threads.
 struct ErrorLog {
@@ -58,15 +42,13 @@ bool count_bytes(void* counter, ssize_t bytes, bool) {
   throw InputError("ray tracer", what, "check the installation of libembree3 and the free memory (earshot doctor)");
 }
 
-constexpr std::size_t kSurfaceBytes = 64;  ///< of EmbreeScene::Handles::Surface
-
 // A query's context with the winner so far.  Embree hands it back to the filter by address.
 struct TieContext {
-  RTCIntersectContext base;   // first, so that the addresses agree
-  float origin_size;          // largest coordinate of the ray's origin
-  float distance;             // of the winner
-  float normal[3];            // of the winner, not normalised
-  const std::byte* surfaces;  // data of all triangles
+  RTCIntersectContext base;    // first, so that the addresses agree
+  float origin_size;           // largest coordinate of the ray's origin
+  float distance;              // of the winner
+  float normal[3];             // of the winner, not normalised
+  const HitSurface* surfaces;  // of all triangles
   unsigned triangle = RTC_INVALID_GEOMETRY_ID;
 };
 
@@ -102,7 +84,7 @@ void prefer_lowest_id(const RTCFilterFunctionNArguments* arguments) {
   context.normal[2] = hit.Ng_z;
   context.triangle = hit.primID;
   // Its data, which a large mesh has in no cache, come while the ray looks for something nearer.
-  __builtin_prefetch(context.surfaces + kSurfaceBytes * hit.primID);
+  __builtin_prefetch(context.surfaces + hit.primID);
   ray.tfar += band;  // search behind the winner as far as a tie reaches
 }
 
@@ -144,89 +126,15 @@ RTCRay segment_between(glm::vec3 from, glm::vec3 to) {
           .flags = 0};
 }
 
-/// The point with these weights of the corners, moved across each edge that it lies closer to than `margin_m`.  By no more than a few
-/// margins, and never past the middle of what is left: in a needle, which is narrower than that, a point stays where it is.
-glm::vec3 point_off_edges(const std::array<glm::dvec3, 3>& corners, std::array<double, 3> weights, double margin_m) {
-  double sum = 0;
-  for (double& weight : weights) sum += weight = std::max(weight, 0.0);
-  for (double& weight : weights) weight /= sum;
-  for (std::size_t i = 0; i < 3; ++i) {
-    const std::size_t j = (i + 1) % 3, k = (i + 2) % 3;
-    const glm::dvec3 edge = corners[k] - corners[j], side = corners[i] - corners[j];
-    const double edge2 = glm::dot(edge, edge), area = glm::length(glm::cross(edge, side));
-    if (!(area > 0)) break;
-    const double wanted = margin_m * std::sqrt(edge2) / area;  // weight at that distance from the edge opposite corner i
-    double missing = wanted - weights[i];
-    if (!(missing > 0)) continue;
-    // At right angles to the edge: the foot of the height decides how much each of the others loses.
-    const double weight_k = glm::dot(side, edge) / edge2, weight_j = 1 - weight_k;
-    double straight = missing;
-    if (weight_j > 0) straight = std::min(straight, 0.5 * weights[j] / weight_j);
-    if (weight_k > 0) straight = std::min(straight, 0.5 * weights[k] / weight_k);
-    weights[i] += straight;
-    weights[j] -= straight * weight_j;
-    weights[k] -= straight * weight_k;
-    // In a corner one of them is zero already: the rest moves along the side to the other one.
-    missing -= straight;
-    const std::size_t donor = weights[j] > weights[k] ? j : k;
-    const double along = std::min({missing, 0.5 * weights[donor], 4 * margin_m / glm::length(corners[i] - corners[donor])});
-    weights[i] += along;
-    weights[donor] -= along;
-  }
-  return weights[0] * corners[0] + weights[1] * corners[1] + weights[2] * corners[2];
-}
-
 }  // namespace
 
 struct EmbreeScene::Handles {
-  /// The data of a triangle that a hit needs, in one line of the cache: in a large mesh every hit misses it.
-  struct alignas(64) Surface {
-    glm::vec3 a, b, c;
-    glm::vec3 normal{0};       // unit; zero for a triangle without area
-    float inverse_height = 0;  // of the smallest height, 1/m
-    float margin_m = 0;        // how far hits stay from the edges
-    std::uint32_t triangle = 0;
-  };
-
   ErrorLog errors;  // these two outlive the device that writes to them
   std::atomic<std::ptrdiff_t> embree_bytes{0};
-  Device device;
-  SceneHandle scene;
+  EmbreeDevice device;
+  EmbreeSceneHandle scene;
   std::span<const glm::uvec3> traced;  // in a buffer of the scene's geometry
-  std::vector<Surface> surfaces;       // [traced]
-
-  static Surface surface_of(glm::vec3 a, glm::vec3 b, glm::vec3 c) {
-    constexpr float roundings = 4 * 0x1p-23f;
-    const glm::vec3 far = glm::max(glm::max(glm::abs(a), glm::abs(b)), glm::abs(c));
-    Surface surface{.a = a, .b = b, .c = c, .margin_m = roundings * std::max({far.x, far.y, far.z})};
-    const glm::dvec3 ab = glm::dvec3(b) - glm::dvec3(a), ac = glm::dvec3(c) - glm::dvec3(a);
-    const glm::dvec3 n = glm::cross(ab, ac);  // double: a needle of 1e-7 m still has a direction
-    const double length = glm::length(n), longest = std::max({glm::length(ab), glm::length(ac), glm::length(ac - ab)});
-    if (!(length > 0 && std::isfinite(length))) return surface;
-    surface.normal = n / length;
-    surface.inverse_height = static_cast<float>(std::min(longest / length, 1e30));
-    return surface;
-  }
-
-  /// The point of a triangle at barycentric (u, v), kept a few roundings away from its edges.  A point rounded onto or past an edge
-  /// lies on or behind the neighbouring wall, and the next ray from there leaves a closed room: 4e-5 of the bounces in a cube of
-  /// 1 m at 1000 m from the origin, none with this.
-  static glm::vec3 point_on(const Surface& surface, float u, float v) {
-    const auto& [a, b, c, normal, inverse_height, margin_m, triangle] = surface;
-    const float w = 1.f - u - v;
-    if (std::min({u, v, w}) < margin_m * inverse_height) return point_off_edges({a, b, c}, {w, u, v}, margin_m);
-    return w * a + u * b + v * c;
-  }
-
-  /// All of a hit but its distance.
-  static Hit hit_on(const Surface& surface, float u, float v, glm::vec3 direction) {
-    Hit hit;
-    hit.triangle = surface.triangle;
-    hit.position = point_on(surface, u, v);
-    const glm::vec3 normal = surface.normal;
-    hit.normal = normal == glm::vec3(0) ? -direction : glm::dot(normal, direction) > 0 ? -normal : normal;
-    return hit;
-  }
+  std::vector<HitSurface> surfaces;    // [traced]
 
   [[nodiscard]] RTCRayHit8 trace8(std::span<const glm::vec3, 8> origins, std::span<const glm::vec3, 8> directions) const {
     RTCIntersectContext context;
@@ -319,7 +227,7 @@ EmbreeScene::EmbreeScene(std::span<const glm::vec3> vertices, std::span<const gl
   rtcSetSceneFlags(h.scene.get(), RTC_SCENE_FLAG_ROBUST | RTC_SCENE_FLAG_CONTEXT_FILTER_FUNCTION);
 
   if (!traced.empty()) {
-    const Geometry geometry{rtcNewGeometry(h.device.get(), RTC_GEOMETRY_TYPE_TRIANGLE)};
+    const EmbreeGeometry geometry{rtcNewGeometry(h.device.get(), RTC_GEOMETRY_TYPE_TRIANGLE)};
     if (!geometry) fail("rtcNewGeometry failed");
     void* vertex_buffer =
         rtcSetNewGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, sizeof(glm::vec3), vertices.size());
@@ -340,7 +248,7 @@ EmbreeScene::EmbreeScene(std::span<const glm::vec3> vertices, std::span<const gl
   h.surfaces.reserve(traced.size());
   for (std::uint32_t i = 0; i < traced.size(); ++i) {
     const glm::uvec3 t = traced[i];
-    h.surfaces.push_back(Handles::surface_of(vertices[t.x], vertices[t.y], vertices[t.z]));
+    h.surfaces.push_back(hit_surface_of(vertices[t.x], vertices[t.y], vertices[t.z]));
     h.surfaces.back().triangle = stands_for.empty() ? i : stands_for[i];
   }
 }
@@ -357,7 +265,7 @@ std::uint32_t EmbreeScene::stands_for(std::uint32_t traced) const { return handl
 
 std::size_t EmbreeScene::bytes() const {
   const std::ptrdiff_t of_embree = std::max<std::ptrdiff_t>(handles_->embree_bytes.load(std::memory_order_relaxed), 0);
-  return static_cast<std::size_t>(of_embree) + handles_->surfaces.capacity() * sizeof(Handles::Surface) + sizeof(Handles);
+  return static_cast<std::size_t>(of_embree) + handles_->surfaces.capacity() * sizeof(HitSurface) + sizeof(Handles);
 }
 
 Hit EmbreeScene::intersect(glm::vec3 origin, glm::vec3 direction, float max_distance_m) const {
@@ -366,8 +274,7 @@ Hit EmbreeScene::intersect(glm::vec3 origin, glm::vec3 direction, float max_dist
   rtcInitIntersectContext(&context.base);
   context.base.filter = [](const RTCFilterFunctionNArguments* arguments) { prefer_lowest_id(arguments); };
   context.origin_size = std::max({std::fabs(origin.x), std::fabs(origin.y), std::fabs(origin.z)});
-  static_assert(sizeof(Handles::Surface) == kSurfaceBytes);
-  context.surfaces = reinterpret_cast<const std::byte*>(handles_->surfaces.data());
+  context.surfaces = handles_->surfaces.data();
   RTCRayHit query{};
   query.ray = {.org_x = origin.x,
                .org_y = origin.y,
@@ -387,7 +294,7 @@ Hit EmbreeScene::intersect(glm::vec3 origin, glm::vec3 direction, float max_dist
   Hit hit;
   if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return hit;
 
-  hit = Handles::hit_on(handles_->surfaces[query.hit.primID], query.hit.u, query.hit.v, direction);
+  hit = hit_on(handles_->surfaces[query.hit.primID], query.hit.u, query.hit.v, direction);
   hit.distance_m = context.distance;
   return hit;
 }
@@ -404,7 +311,7 @@ bool EmbreeScene::occluded(glm::vec3 from, glm::vec3 to) const {
 bool EmbreeScene::occluded(glm::vec3 from, glm::vec3 to, std::uint32_t& blocker) const {
   if (!is_near(from) || !is_near(to)) return true;
   if (blocker < handles_->surfaces.size()) {
-    const Handles::Surface& surface = handles_->surfaces[blocker];
+    const HitSurface& surface = handles_->surfaces[blocker];
     if (surely_blocks(surface.a, surface.b, surface.c, from, to)) return true;
   }
   BlockerContext context;
@@ -436,8 +343,8 @@ void EmbreeScene::intersect16(glm::vec3 origin, const Directions16& directions, 
   for (std::size_t i = 0; i < 16; ++i) {
     hits[i] = {};
     if (query.hit.geomID[i] == RTC_INVALID_GEOMETRY_ID) continue;
-    hits[i] = Handles::hit_on(handles_->surfaces[query.hit.primID[i]], query.hit.u[i], query.hit.v[i],
-                              {directions.x[i], directions.y[i], directions.z[i]});
+    hits[i] = hit_on(handles_->surfaces[query.hit.primID[i]], query.hit.u[i], query.hit.v[i],
+                     {directions.x[i], directions.y[i], directions.z[i]});
     hits[i].distance_m = query.ray.tfar[i];
   }
 }
