@@ -27,6 +27,11 @@ void read(ConfigReader& reader, TaskConfig& config) {
   reader.read("success_reward", config.success_reward);
   reader.read("ear_height_m", config.ear_height_m);
   reader.read("source_height_m", config.source_height_m);
+  ConfigReader noise = reader.child("actuation_noise");
+  noise.read("forward_m", config.actuation_noise.forward_m);
+  noise.read("turn_deg", config.actuation_noise.turn_deg);
+  noise.read("veer_deg", config.actuation_noise.veer_deg);
+  noise.finish();
 }
 
 void validate(const TaskConfig& config) {
@@ -43,6 +48,21 @@ void validate(const TaskConfig& config) {
   require(std::isfinite(config.success_reward), "task.success_reward", config.success_reward, "must be finite");
   require(within(config.ear_height_m, 0.05f, 10.f), "task.ear_height_m", config.ear_height_m, "must be in [0.05, 10] metres");
   require(within(config.source_height_m, 0.05f, 10.f), "task.source_height_m", config.source_height_m, "must be in [0.05, 10] metres");
+  const ActuationNoise& noise = config.actuation_noise;
+  require(within(noise.forward_m, 0.f, config.forward_m / 3), "task.actuation_noise.forward_m", noise.forward_m,
+          "must be in [0, forward_m / 3]: a step forward does not go back");
+  require(within(noise.turn_deg, 0.f, 45.f), "task.actuation_noise.turn_deg", noise.turn_deg, "must be in [0, 45] degrees");
+  require(within(noise.veer_deg, 0.f, 45.f), "task.actuation_noise.veer_deg", noise.veer_deg, "must be in [0, 45] degrees");
+  require(config.motion == Motion::continuous || !noise.any(), "task.actuation_noise", "on",
+          "has no place on a grid, whose steps are exact");
+}
+
+ActuationError draw_actuation_error(const ActuationNoise& noise, Action action, const RandomStream& random) {
+  if (!noise.any() || action == Action::stop) return {};
+  const auto [along, around] = random.normal2(0);
+  constexpr double radians = std::numbers::pi / 180.0;
+  if (action == Action::forward) return {.forward_m = noise.forward_m * along, .turn_rad = radians * noise.veer_deg * around};
+  return {.turn_rad = radians * noise.turn_deg * around};
 }
 
 int turns_per_circle(const TaskConfig& config) { return static_cast<int>(std::lround(360.f / config.turn_deg)); }
@@ -61,7 +81,7 @@ void AvNavState::begin(const TaskConfig&, const NearestGoal& goal, glm::vec3 sta
   silent_from_s_ = silent_from_s;
 }
 
-float AvNavState::step(const TaskConfig& config, const Navmesh& navmesh, const NearestGoal& goal, Action action) {
+float AvNavState::step(const TaskConfig& config, const Navmesh& navmesh, const NearestGoal& goal, Action action, ActuationError error) {
   EARSHOT_EXPECT(!terminated_ && !truncated_);
   ++steps_;
   collided_ = false;
@@ -71,7 +91,7 @@ float AvNavState::step(const TaskConfig& config, const Navmesh& navmesh, const N
       terminated_ = true;
       break;
     case Action::forward: {
-      const glm::vec3 wanted = config.forward_m * forward_of(pose(config).heading_rad);
+      const glm::vec3 wanted = std::max(0.f, config.forward_m + error.forward_m) * forward_of(pose(config).heading_rad);
       MoveResult moved = slide(navmesh, position_, wanted);
       const glm::vec3 missing = position_ + wanted - moved.position;
       if (config.motion == Motion::grid && std::hypot(missing.x, missing.z) > kGridToleranceM)
@@ -94,6 +114,7 @@ float AvNavState::step(const TaskConfig& config, const Navmesh& navmesh, const N
       break;
     }
   }
+  heading_error_rad_ = std::remainder(heading_error_rad_ + error.turn_rad, 2.0 * std::numbers::pi);
   // Stopping on the last step is still the agent's own end: no bootstrap (docs/ppo.md, section 1.1).
   truncated_ = !terminated_ && steps_ >= config.max_steps;
   float reward = config.step_reward + config.distance_reward * (before_m - distance_m_);
@@ -103,7 +124,7 @@ float AvNavState::step(const TaskConfig& config, const Navmesh& navmesh, const N
 }
 
 Pose AvNavState::pose(const TaskConfig& config) const {
-  return {position_, start_heading_rad_ + turns_ * (2.0 * std::numbers::pi / turns_per_circle(config))};
+  return {position_, start_heading_rad_ + turns_ * (2.0 * std::numbers::pi / turns_per_circle(config)) + heading_error_rad_};
 }
 
 EpisodeMetrics AvNavState::metrics(const TaskConfig& config) const {

@@ -7,6 +7,7 @@
 #include "envs/action.h"
 #include "envs/nearest_goal.h"
 #include "sim/base/config_reader.h"
+#include "sim/base/random.h"
 #include "sim/nav/motion.h"
 #include "sim/vision/camera.h"
 
@@ -18,6 +19,24 @@ enum class Motion {
   grid,        ///< the whole step or none: with forward_m 1 and turn_deg 90 the grid of the original task
 };
 
+/// How a step differs from what the action says: independent Gaussian errors of every step, as in PyRobot's model of the LoCoBot (Murali et
+/// al. 2019), whose errors of the distance, of a turn and of the heading while driving straight are kept, without its means and its drift
+/// to the side.  Standard deviations; all zero: none.
+struct ActuationNoise {
+  float forward_m = 0;  ///< of the distance that `forward` goes, [0, a third of task.forward_m]
+  float turn_deg = 0;   ///< of the angle that `left` and `right` turn by, [0, 45]
+  float veer_deg = 0;   ///< of the angle by which `forward` changes the heading, [0, 45]
+  [[nodiscard]] bool any() const { return forward_m > 0 || turn_deg > 0 || veer_deg > 0; }
+};
+
+/// What one step adds to its action: metres along the heading, and radians to the left.
+struct ActuationError {
+  float forward_m = 0;
+  double turn_rad = 0;
+};
+/// The error of a step that takes this action, from the numbers of `random`.
+ActuationError draw_actuation_error(const ActuationNoise& noise, Action action, const RandomStream& random);
+
 /// Continuous AV-Nav (docs/conventions.md, section 6).
 struct TaskConfig {
   Motion motion = Motion::continuous;
@@ -28,6 +47,7 @@ struct TaskConfig {
   int max_steps = 500;
   float step_reward = -0.01f, distance_reward = 1.0f, success_reward = 10.0f;
   float ear_height_m = 1.5f, source_height_m = 1.5f;
+  ActuationNoise actuation_noise = {};
 };
 void read(ConfigReader& reader, TaskConfig& config);
 /// Throws InputError "key = value: rule".
@@ -46,13 +66,15 @@ int turns_per_circle(const TaskConfig& config);
 /// State of one agent in one episode: motion, reward and end.  A plain value; no rendering.
 class AvNavState {
  public:
-  /// start_heading_rad plus turns * turn_deg is the heading: integer turns, so 36 turns of 10 degrees are no turn (H-54, H-58).
+  /// start_heading_rad plus turns * turn_deg is the heading: integer turns, so 36 turns of 10 degrees are no turn (H-54, H-58).  Errors of
+  /// actuation are summed beside them.
   /// silent_from_s: when the sound of the goal ends, from the start of the episode.  Throws InputError if no path leads from `start` to the
   /// goal.
   void begin(const TaskConfig& config, const NearestGoal& goal, glm::vec3 start, double start_heading_rad, int oracle_actions,
              double silent_from_s = std::numeric_limits<double>::infinity());
-  /// Applies one action; returns the reward.  Afterwards terminated() (stop called), truncated() (out of steps) and collided() are current.
-  float step(const TaskConfig& config, const Navmesh& navmesh, const NearestGoal& goal, Action action);
+  /// Applies one action; returns the reward.  A forward step never goes back, whatever its error.  Afterwards terminated() (stop called),
+  /// truncated() (out of steps) and collided() are current.
+  float step(const TaskConfig& config, const Navmesh& navmesh, const NearestGoal& goal, Action action, ActuationError error = {});
 
   [[nodiscard]] Pose pose(const TaskConfig& config) const;
   [[nodiscard]] bool terminated() const { return terminated_; }
@@ -66,7 +88,7 @@ class AvNavState {
 
  private:
   glm::vec3 position_{0};
-  double start_heading_rad_ = 0, path_m_ = 0, reward_ = 0, silent_from_s_ = std::numeric_limits<double>::infinity();
+  double start_heading_rad_ = 0, heading_error_rad_ = 0, path_m_ = 0, reward_ = 0, silent_from_s_ = std::numeric_limits<double>::infinity();
   int turns_ = 0, steps_ = 0, collisions_ = 0, oracle_actions_ = 1, lost_distances_ = 0;
   float start_distance_m_ = 0, distance_m_ = 0;
   bool terminated_ = false, truncated_ = false, collided_ = false;

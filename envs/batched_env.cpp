@@ -78,6 +78,7 @@ BatchedEnv::Impl::Impl(const EnvConfig& env_config, std::shared_ptr<const Episod
   way = rows_of(SensorKind::pose);
   collision = rows_of(SensorKind::collision);
   previous_action = rows_of(SensorKind::previous_action);
+  topdown_map = rows_of(SensorKind::topdown_map);
 
   if (spec.hears()) {
     const float rate_hz = config.acoustics.sample_rate_hz;

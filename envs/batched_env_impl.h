@@ -70,6 +70,7 @@ struct Agent {
   AgentHearing hearing;
   Pose start_pose, rendered_pose;
   std::vector<std::int8_t> actions;            // since the start of the episode
+  std::vector<glm::vec3> path, goals;          // of the map: where it has been, and foot points of the goals
   std::optional<FaultReport> fault;            // of this episode: its stages are skipped until it is quarantined, in this very step
   int faulty_in_a_row = 0;                     // episodes that went wrong in a step, since one that did not
   bool has_ended = false;                      // its episode, and no other has begun
@@ -120,7 +121,8 @@ struct BatchedEnv::Impl {
   std::vector<SensorSpec> table;
   std::vector<std::unique_ptr<SensorRows>> sensor_rows;  // as the table, then what is kept without being observed
   SensorRows *depth = nullptr, *spectrogram = nullptr, *waveform = nullptr, *heard = nullptr;
-  SensorRows *pointgoal = nullptr, *gps_compass = nullptr, *way = nullptr, *collision = nullptr, *previous_action = nullptr;
+  SensorRows *pointgoal = nullptr, *gps_compass = nullptr, *way = nullptr, *collision = nullptr, *previous_action = nullptr,
+             *topdown_map = nullptr;
   std::vector<float> rewards;
   std::vector<std::uint8_t> terminated, truncated, active, collided, quarantined;
   std::vector<FinishedEpisode> finished;
@@ -182,6 +184,7 @@ struct BatchedEnv::Impl {
   // Pictures of many envs at once (env_pictures.cpp).
   void open_renderer();
   /// Draws what the tasks of these envs have left.
+  void add_pose_noise(const Agent& agent, std::span<float> reading) const;
   void draw_pending(std::span<const std::uint32_t> envs);
   void draw_pending_of(std::size_t index);
   void draw_by_egl(const CameraSensorConfig& view_config);

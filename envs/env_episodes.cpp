@@ -90,6 +90,8 @@ void BatchedEnv::Impl::prepare_episode(std::size_t env, std::uint64_t episode_in
   agent.has_ended = false;
   agent.pictures_are_current = false;
   agent.pictures_now = {};
+  agent.path.clear();
+  if (topdown_map) agent.path.reserve(size_of(config.task.max_steps) + 1);
   active[env] = 1;
 }
 
@@ -136,6 +138,11 @@ void BatchedEnv::Impl::enter_episode(std::size_t env) {
       silent_from_s = std::max(silent_from_s, end_of(source, config.observation.hears() ? &sounds.sound(source.sound) : nullptr));
   agent.state.begin(task, goal, *start, heading_rad, oracle_actions, silent_from_s);
   agent.start_pose = agent.state.pose(task);
+  if (topdown_map) {
+    agent.path.push_back(*start);
+    agent.goals.assign(1, scene.scene->to_local(episode.goal_position));
+    for (const glm::dvec3 other : episode.other_goals) agent.goals.push_back(scene.scene->to_local(other));
+  }
   if (config.observation.hears()) begin_hearing(env);
 }
 

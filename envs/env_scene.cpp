@@ -27,4 +27,12 @@ std::shared_ptr<const Appearance> SceneLooks::of(const Scene& scene) {
   return appearance_;
 }
 
+const WalkableMap& SceneFloor::of(const Navmesh& navmesh) {
+  std::call_once(once_, [&] {
+    map_ = std::make_unique<const WalkableMap>(navmesh);
+    bytes_ = map_->bytes();
+  });
+  return *map_;
+}
+
 }  // namespace earshot

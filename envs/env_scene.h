@@ -7,6 +7,7 @@
 
 #include "sim/acoustics/model/acoustic_scene.h"
 #include "sim/nav/navmesh.h"
+#include "sim/nav/walkable_map.h"
 #include "sim/scene/appearance.h"
 
 namespace earshot {
@@ -25,15 +26,29 @@ class SceneLooks {
   std::atomic<std::size_t> bytes_{0};
 };
 
+/// What is walkable there, seen from above, drawn when it is asked for the first time.  Thread-safe.
+class SceneFloor {
+ public:
+  [[nodiscard]] const WalkableMap& of(const Navmesh& navmesh);
+  /// Of memory that it holds now.
+  [[nodiscard]] std::size_t bytes() const { return bytes_; }
+
+ private:
+  std::once_flag once_;
+  std::unique_ptr<const WalkableMap> map_;
+  std::atomic<std::size_t> bytes_{0};
+};
+
 /// A scene with its acoustics and navmesh.  Immutable, shared.
 struct EnvScene {
   std::shared_ptr<const Scene> scene;
   AcousticScene acoustics;
   Navmesh navmesh;
   std::shared_ptr<SceneLooks> looks = std::make_shared<SceneLooks>();
+  std::shared_ptr<SceneFloor> floor = std::make_shared<SceneFloor>();
 
   /// Of memory that it holds now; what is found on demand makes it grow.
-  [[nodiscard]] std::size_t bytes() const { return scene->bytes() + acoustics.bytes() + navmesh.bytes() + looks->bytes(); }
+  [[nodiscard]] std::size_t bytes() const { return scene->bytes() + acoustics.bytes() + navmesh.bytes() + looks->bytes() + floor->bytes(); }
 };
 
 }  // namespace earshot

@@ -58,6 +58,7 @@ void read(ConfigReader& reader, ObservationSpec& spec) {
   reader.read("pose", spec.pose);
   reader.read("collision", spec.collision);
   reader.read("previous_action", spec.previous_action);
+  reader.read("topdown_map", spec.topdown_map);
   reader.read("legacy_spectrogram", spec.legacy_spectrogram);
   ConfigReader camera = reader.child("camera");
   camera.read("width_px", spec.camera.width_px);
@@ -82,7 +83,15 @@ void read(ConfigReader& reader, ObservationSpec& spec) {
   noise.read("disparity_px", spec.noise.disparity_px);
   noise.read("jitter_px", spec.noise.jitter_px);
   noise.read("quantum_px", spec.noise.quantum_px);
+  noise.read("position_m", spec.pose_noise.position_m);
+  noise.read("heading_deg", spec.pose_noise.heading_deg);
   noise.finish();
+  ConfigReader map = reader.child("map");
+  map.read("size_px", spec.map.size_px);
+  map.read("metres_per_px", spec.map.metres_per_px);
+  map.read_choice<MapFrame>("frame", spec.map.frame, {{"egocentric", MapFrame::egocentric}, {"allocentric", MapFrame::allocentric}});
+  map.read("goal", spec.map.goal);
+  map.finish();
 }
 
 void validate(const ObservationSpec& spec) {
@@ -91,6 +100,15 @@ void validate(const ObservationSpec& spec) {
           "has no effect without observation.spectrogram");
   validate(spec.camera);
   validate(spec.noise);
+  validate(spec.map);
+  require(spec.topdown_map || !spec.map.goal, "observation.map.goal", true, "has no effect without observation.topdown_map");
+  const PoseNoiseConfig& pose_noise = spec.pose_noise;
+  require(pose_noise.position_m >= 0.f && pose_noise.position_m <= 10.f, "observation.noise.position_m", pose_noise.position_m,
+          "must be in [0, 10] metres");
+  require(pose_noise.heading_deg >= 0.f && pose_noise.heading_deg <= 180.f, "observation.noise.heading_deg", pose_noise.heading_deg,
+          "must be in [0, 180] degrees");
+  require(spec.gps_compass || spec.pose || !pose_noise.any(), "observation.noise.position_m", pose_noise.position_m,
+          "has no effect, and heading_deg has none, without gps_compass or pose");
   std::set<std::string> names;
   bool any_depth = spec.depth;
   for (const ExtraCamera& camera : spec.cameras) {

@@ -5,6 +5,7 @@
 
 #include "sim/audio/spectrogram.h"
 #include "sim/base/config_reader.h"
+#include "sim/nav/topdown_map.h"
 #include "sim/vision/camera.h"
 #include "sim/vision/camera_sensor.h"
 #include "sim/vision/depth_noise.h"
@@ -25,6 +26,14 @@ struct ExtraCamera {
   bool depth = false, rgb = false, semantic = false, normals = false;
 };
 
+/// Errors of where an agent says it is: independent Gaussian ones in every step, the same for all sensors that tell it.  Standard
+/// deviations; zero: none.
+struct PoseNoiseConfig {
+  float position_m = 0;   ///< along each of the two axes, [0, 10]
+  float heading_deg = 0;  ///< [0, 180]
+  [[nodiscard]] bool any() const { return position_m > 0 || heading_deg > 0; }
+};
+
 /// Which sensors an environment has, by the names of the sensor table (sensor.h), and what they are made with.
 struct ObservationSpec {
   bool depth = true, rgb = false, semantic = false, normals = false;  ///< of the main camera
@@ -32,13 +41,16 @@ struct ObservationSpec {
   bool waveform = false, heard = false;
   bool pointgoal = false, gps_compass = false, pose = false;
   bool collision = false, previous_action = false;
+  bool topdown_map = false;
   CameraConfig camera;  ///< the main one: level, ahead, a pinhole
   bool unlit = false;   ///< its colours without light
   Renderer renderer = Renderer::embree;
   std::string egl_device = "auto";   ///< EglOptions::device: the first hardware, software, a number, a UUID or cuda:N
   std::vector<ExtraCamera> cameras;  ///< further ones
   bool depth_noise = false;          ///< all depth is as a structured-light camera sees it, by `noise`
-  DepthNoiseConfig noise;
+  DepthNoiseConfig noise = {};
+  PoseNoiseConfig pose_noise = {};  ///< of gps_compass and pose; keys of `noise` as well
+  TopdownMapConfig map = {};        ///< what topdown_map is like
   SpectrogramConfig sound;          ///< the analysed window: the last second of what was heard
   bool legacy_spectrogram = false;  ///< only the new samples, zero-padded to the window (SoundSpaces 2.0)
   /// Whether any sensor needs the sound at the ears.

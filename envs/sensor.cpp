@@ -65,6 +65,8 @@ std::vector<SensorSpec> sensor_table(const ObservationSpec& spec, int step_sampl
   add(spec.pose, "pose", SensorKind::pose, f32, {4}, "m,m,rad,s", -kUnbounded, kUnbounded);
   add(spec.collision, "collision", SensorKind::collision, SensorType::uint8, {1}, "1", 0, 1);
   add(spec.previous_action, "previous_action", SensorKind::previous_action, SensorType::int32, {1}, "1", -1, kNumActions - 1);
+  add(spec.topdown_map, "topdown_map", SensorKind::topdown_map, SensorType::uint8,
+      {spec.map.size_px, spec.map.size_px, map_channels(spec.map)}, "1", 0, 255);
   return table;
 }
 

@@ -25,6 +25,7 @@ enum class SensorKind : std::uint8_t {
   pose,             ///< float32 [4]: as gps_compass, then the seconds since the start
   collision,        ///< uint8 [1]: 1 where the last step met an obstacle
   previous_action,  ///< int32 [1]: the last action; -1 before the first
+  topdown_map,      ///< uint8 [size, size, channels], as draw_topdown_map: what is walkable, the path, the agent, the goals
 };
 
 enum class SensorType : std::uint8_t { float32, uint8, uint16, int32 };

@@ -12,9 +12,17 @@ namespace earshot {
 namespace {
 
 /// Encoders have parameters of their own; the other sensors are features as they are.
-bool is_vector(const SensorSpec& sensor) { return sensor.camera < 0 && sensor.kind != SensorKind::spectrogram; }
+bool is_picture(const SensorSpec& sensor) { return sensor.camera >= 0 || sensor.kind == SensorKind::topdown_map; }
+bool is_vector(const SensorSpec& sensor) { return !is_picture(sensor) && sensor.kind != SensorKind::spectrogram; }
 
-/// A camera's pictures, in one of as many channels.
+/// Which picture of the policy a sensor is part of: cameras have one each, the map has the one after them.
+std::size_t picture_index(const std::vector<SensorSpec>& sensors, const SensorSpec& sensor) {
+  int cameras = 0;
+  for (const SensorSpec& other : sensors) cameras = std::max(cameras, other.camera + 1);
+  return static_cast<std::size_t>(sensor.camera >= 0 ? sensor.camera : cameras);
+}
+
+/// A camera's pictures, in one of as many channels; or the map.
 struct Picture {
   int height = 0, width = 0, channels = 0;
 };
@@ -22,9 +30,10 @@ struct Picture {
 std::vector<Picture> pictures_of(const std::vector<SensorSpec>& sensors) {
   std::vector<Picture> pictures;
   for (const SensorSpec& sensor : sensors) {
-    if (sensor.camera < 0) continue;
-    pictures.resize(std::max(pictures.size(), static_cast<std::size_t>(sensor.camera) + 1));
-    Picture& picture = pictures[static_cast<std::size_t>(sensor.camera)];
+    if (!is_picture(sensor)) continue;
+    const std::size_t index = picture_index(sensors, sensor);
+    pictures.resize(std::max(pictures.size(), index + 1));
+    Picture& picture = pictures[index];
     picture = {.height = sensor.shape[0], .width = sensor.shape[1], .channels = picture.channels + sensor.shape[2]};
   }
   return pictures;
@@ -115,9 +124,8 @@ torch::Tensor ActorCriticImpl::encode(const ObservationTensors& observations) {
   for (const SensorSpec& sensor : sensors_) {
     const torch::Tensor& rows = observations[sensor.name];
     if (is_vector(sensor)) features.push_back(features_of(sensor, rows));
-    if (sensor.camera >= 0)
-      channels[static_cast<std::size_t>(sensor.camera)].push_back(sensor.kind == SensorKind::rgb ? rows.to(torch::kFloat32).div_(255)
-                                                                                                 : rows);
+    if (is_picture(sensor))
+      channels[picture_index(sensors_, sensor)].push_back(sensor.type == SensorType::uint8 ? rows.to(torch::kFloat32).div_(255) : rows);
   }
   if (audio_) features.push_back(audio_->forward(observations["spectrogram"]));
   for (std::size_t camera = 0; camera < visual_.size(); ++camera)
@@ -148,7 +156,7 @@ std::string ActorCriticImpl::architecture() const {
   std::string line = "actor-critic v1:";
   for (const SensorSpec& sensor : sensors_) {
     line += fmt::format(" {} {}", sensor.name, fmt::join(sensor.shape, "x"));
-    if (sensor.camera >= 0) line += fmt::format(" -> {}", config_.visual_features);
+    if (is_picture(sensor)) line += fmt::format(" -> {}", config_.visual_features);
     if (sensor.kind == SensorKind::spectrogram) line += fmt::format(" -> {}", config_.audio_features);
     line += ",";
   }

@@ -27,6 +27,28 @@ TEST(EnvConfig, DefaultsAreValid) {
   EXPECT_NO_THROW(from_text(""));
 }
 
+TEST(EnvConfig, ReadsNoiseAndMap) {
+  const EnvConfig config = from_text(R"(
+task: {actuation_noise: {forward_m: 0.02, turn_deg: 1.5, veer_deg: 0.5}}
+observation:
+  pose: true
+  noise: {position_m: 0.1, heading_deg: 2}
+  topdown_map: true
+  map: {size_px: 48, metres_per_px: 0.2, frame: allocentric, goal: true}
+)");
+  EXPECT_EQ(config.task.actuation_noise.forward_m, 0.02f);
+  EXPECT_EQ(config.task.actuation_noise.turn_deg, 1.5f);
+  EXPECT_EQ(config.task.actuation_noise.veer_deg, 0.5f);
+  EXPECT_EQ(config.observation.pose_noise.position_m, 0.1f);
+  EXPECT_EQ(config.observation.pose_noise.heading_deg, 2.f);
+  const SensorSpec map = *find_sensor(sensor_table(config.observation, 2400), "topdown_map");
+  EXPECT_EQ(map.shape, (std::vector<int>{48, 48, 4}));
+  EXPECT_EQ(map.type, SensorType::uint8);
+  EXPECT_EQ(config.observation.map.frame, MapFrame::allocentric);
+  EXPECT_THROW(from_text("observation: {map: {size: 3}}"), InputError);
+  EXPECT_THROW(from_text("task: {actuation_noise: {sigma: 3}}"), InputError);
+}
+
 TEST(EnvConfig, ARendererHasAPictureToDrawAndADeviceThatItTakes) {
   const EnvConfig config = from_text("observation: {renderer: egl, egl_device: software}");
   EXPECT_EQ(config.observation.renderer, Renderer::egl);

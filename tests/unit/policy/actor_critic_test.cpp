@@ -76,7 +76,7 @@ TEST(ActorCritic, WorksForEverySetOfSensors) {
 TEST(ActorCritic, EverySensorMatters) {
   torch::manual_seed(2);
   ObservationSpec spec = spec_of(64, true, true, true);
-  spec.gps_compass = spec.pose = spec.collision = spec.previous_action = spec.rgb = true;
+  spec.gps_compass = spec.pose = spec.collision = spec.previous_action = spec.rgb = spec.topdown_map = true;
   spec.cameras = {{.name = "left", .config = {.width_px = 64, .height_px = 64, .yaw_deg = 90}, .depth = true, .normals = true}};
   ActorCritic policy(spec, small_config());
   const torch::Tensor hidden = torch::zeros({1, 24}), not_done = torch::ones({1});
@@ -84,7 +84,7 @@ TEST(ActorCritic, EverySensorMatters) {
   const torch::Tensor value = policy->step(seen, hidden, not_done).value;
   for (const auto& [name, rows] : seen.sensors) {
     ObservationTensors other = seen;
-    other.at(name) = rows + (name == "rgb" ? 200 : 1);
+    other.at(name) = rows + (name == "rgb" || name == "topdown_map" ? 200 : 1);
     EXPECT_GT(largest(policy->step(other, hidden, not_done).value - value), 1e-4);
   }
 }
