@@ -98,6 +98,7 @@ BatchedEnv::Impl::Impl(const EnvConfig& env_config, std::shared_ptr<const Episod
   all_envs.resize(agents.size());
   std::iota(all_envs.begin(), all_envs.end(), std::uint32_t{0});
   finished.reserve(agents.size());
+  spare_actions.reserve(agents.size());
   submitted.reserve(agents.size());
   sent_order.reserve(agents.size());
   received.reserve(agents.size());
@@ -160,7 +161,7 @@ void BatchedEnv::restore(std::string_view text) {
     refuse_state("belongs to another batch of environments");
   for (const EnvCursor& cursor : state.envs) in.check_cursor(cursor);
   for (const std::uint32_t env : in.all_envs) in.require_settled(env, "restore");
-  in.finished.clear();
+  in.clear_finished();
   in.started = state.started;
   if (!state.started) return;
   in.submitted.clear();

@@ -66,11 +66,12 @@ struct Agent {
   std::shared_ptr<const EnvSource> source;                // of the goal
   std::vector<std::shared_ptr<const EnvSource>> playing;  // sources of the episode, where it names them
   std::vector<GeodesicField> other_goals;
+  std::vector<PlayedSound> played;  // what they play; here so that its storage is kept
   AvNavState state;
   AgentHearing hearing;
   Pose start_pose, rendered_pose;
-  std::vector<std::int8_t> actions;            // since the start of the episode
   std::vector<glm::vec3> path, goals;          // of the map: where it has been, and foot points of the goals
+  std::vector<std::int8_t> actions;            // since the start of the episode
   std::optional<FaultReport> fault;            // of this episode: its stages are skipped until it is quarantined, in this very step
   int faulty_in_a_row = 0;                     // episodes that went wrong in a step, since one that did not
   bool has_ended = false;                      // its episode, and no other has begun
@@ -79,6 +80,7 @@ struct Agent {
   std::size_t worker = 0;                      // that runs its task
   std::optional<FinishedEpisode> stalled_one;  // order `once`: the episode of that task
   std::optional<FinishedEpisode> ended;        // in this task
+  std::vector<std::int8_t> spare_actions;      // storage for the actions of the next one that ends
   std::vector<FinishedEpisode> failed_starts;  // order `once`: not yet among the finished
   std::exception_ptr error;                    // that ends the call
   std::uint32_t tasks = 0;
@@ -126,6 +128,7 @@ struct BatchedEnv::Impl {
   std::vector<float> rewards;
   std::vector<std::uint8_t> terminated, truncated, active, collided, quarantined;
   std::vector<FinishedEpisode> finished;
+  std::vector<std::vector<std::int8_t>> spare_actions;  // of those that were finished before
   StageSeconds stage_seconds;
   Quarantine quarantine;
   StageHook hook;
@@ -157,6 +160,7 @@ struct BatchedEnv::Impl {
   void run_all();
   void settle(CompletedEnv completed);
   void gather(std::span<const std::uint32_t> envs);
+  void clear_finished();
   void gather_failed_starts(std::span<const std::uint32_t> envs);
   bool wants_task(std::size_t env);
   /// Throws std::logic_error where the thread of a stalled env still uses it.
@@ -180,11 +184,11 @@ struct BatchedEnv::Impl {
   void render(std::size_t env);
   void observe(std::size_t env, HearingEngines* own);
   void observe_way(std::size_t env);
+  void add_pose_noise(const Agent& agent, std::span<float> reading) const;
 
   // Pictures of many envs at once (env_pictures.cpp).
   void open_renderer();
   /// Draws what the tasks of these envs have left.
-  void add_pose_noise(const Agent& agent, std::span<float> reading) const;
   void draw_pending(std::span<const std::uint32_t> envs);
   void draw_pending_of(std::size_t index);
   void draw_by_egl(const CameraSensorConfig& view_config);

@@ -159,7 +159,8 @@ void BatchedEnv::Impl::begin_hearing(std::size_t env) {
   const auto count = static_cast<std::uint32_t>(agent.episode_count);
   const RandomStream random(agent.seed, Purpose::sound, agent.stream, count);
   const double rate_hz = static_cast<double>(config.acoustics.sample_rate_hz);
-  std::vector<PlayedSound> played;
+  std::vector<PlayedSound>& played = agent.played;
+  played.clear();
   float noise_reference = 0;  // root mean square of the goal's sound at 1 m
   if (episode.sources.empty()) {
     const LibrarySound& sound = sounds.sound(episode.sound);

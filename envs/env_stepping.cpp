@@ -118,10 +118,13 @@ void BatchedEnv::Impl::end_episode(std::size_t env) {
   keep_rows(env);
   if (!agent.fault) {
     agent.faulty_in_a_row = 0;
+    std::vector<std::int8_t> actions = std::move(agent.spare_actions);
+    actions.reserve(size_of(config.task.max_steps));
+    actions.assign(agent.actions.begin(), agent.actions.end());
     agent.ended = {.env = static_cast<int>(global_id(env)),
                    .episode_index = agent.episode_index,
                    .metrics = agent.state.metrics(config.task),
-                   .actions = agent.actions};
+                   .actions = std::move(actions)};
   } else if (config.order == EpisodeOrder::once) {
     agent.ended = failed_episode(env, *agent.fault);
   }
@@ -163,12 +166,23 @@ void BatchedEnv::Impl::gather(std::span<const std::uint32_t> envs) {
     if (agent.ended) {
       finished.push_back(std::move(*agent.ended));
       agent.ended.reset();
+      if (!spare_actions.empty()) {
+        agent.spare_actions = std::move(spare_actions.back());
+        spare_actions.pop_back();
+      }
     }
     if (agent.error && !error) error = agent.error;
     agent.error = nullptr;
   }
   if (error) std::rethrow_exception(error);
   stop_if_none_begins();
+}
+
+/// The storage of their actions goes to episodes that end later.
+void BatchedEnv::Impl::clear_finished() {
+  for (FinishedEpisode& episode : finished)
+    if (spare_actions.size() < spare_actions.capacity()) spare_actions.push_back(std::move(episode.actions));
+  finished.clear();
 }
 
 void BatchedEnv::Impl::require_settled(std::size_t env, const char* call) {
@@ -186,7 +200,7 @@ void BatchedEnv::Impl::gather_failed_starts(std::span<const std::uint32_t> envs)
 }
 
 void BatchedEnv::Impl::run_all() {
-  finished.clear();
+  clear_finished();
   workers->submit(submitted);
   workers->finish([&](CompletedEnv completed) { settle(completed); });
   draw_pending(submitted);
@@ -312,7 +326,7 @@ std::span<const std::int32_t> BatchedEnv::recv(int min_ready, RecvOrder order) {
   Impl& in = *impl_;
   if (min_ready < 1 || size_of(min_ready) > in.sent_order.size())
     throw std::invalid_argument(fmt::format("BatchedEnv::recv: {} of {} environments under way", min_ready, in.sent_order.size()));
-  in.finished.clear();
+  in.clear_finished();
   while (const auto completed = in.workers->done_already()) in.settle(*completed);
   const auto wanted = [&] {
     const auto last = order == RecvOrder::as_sent ? in.sent_order.begin() + min_ready : in.sent_order.end();

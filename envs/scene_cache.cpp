@@ -10,6 +10,7 @@
 #include <future>
 #include <map>
 #include <mutex>
+#include <optional>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -232,7 +233,7 @@ SceneCache::~SceneCache() { impl_->prefetcher = {}; }
 
 std::shared_ptr<const EnvScene> SceneCache::scene(const std::string& scene_id) {
   Impl& in = *impl_;
-  std::promise<std::shared_ptr<const EnvScene>> promise;
+  std::optional<std::promise<std::shared_ptr<const EnvScene>>> promise;  // of this thread, if it is the one that loads
   {
     std::unique_lock lock(in.mutex);
     if (const auto found = in.scenes.find(scene_id); found != in.scenes.end()) {
@@ -242,7 +243,7 @@ std::shared_ptr<const EnvScene> SceneCache::scene(const std::string& scene_id) {
       return future.get();
     }
     SceneEntry& entry = in.scenes[scene_id];
-    entry.future = promise.get_future().share();
+    entry.future = promise.emplace().get_future().share();
     entry.last_used = ++in.clock;
   }
   std::shared_ptr<const EnvScene> loaded;
@@ -253,13 +254,13 @@ std::shared_ptr<const EnvScene> SceneCache::scene(const std::string& scene_id) {
       const std::scoped_lock lock(in.mutex);
       in.scenes.erase(scene_id);  // not ready, so no other thread erased it; the next request tries again
     }
-    promise.set_exception(std::current_exception());
+    promise->set_exception(std::current_exception());
     throw;
   }
   {
     const std::scoped_lock lock(in.mutex);
     SceneEntry& entry = in.scenes.at(scene_id);
-    promise.set_value(loaded);
+    promise->set_value(loaded);
     entry.ready = true;
     ++in.scenes_loaded;
     in.drop_over_the_bound(scene_id, {});
@@ -270,26 +271,39 @@ std::shared_ptr<const EnvScene> SceneCache::scene(const std::string& scene_id) {
 std::shared_ptr<const EnvSource> SceneCache::source(const std::string& scene_id, glm::dvec3 goal, float source_height_m) {
   Impl& in = *impl_;
   const SourceKey key = key_of(goal, source_height_m);
-  const std::shared_ptr<const EnvScene> loaded_scene = scene(scene_id);
-  std::promise<std::shared_ptr<const EnvSource>> promise;
   // Entries live in their scene's entry, which may be evicted (and loaded anew) at any time: look it up afresh each time.
   const auto entry_of_scene = [&]() -> SceneEntry* {
     const auto found = in.scenes.find(scene_id);
     return found == in.scenes.end() ? nullptr : &found->second;
   };
+  /// Under the lock: what is there or on its way, and used now.
+  const auto find_future = [&]() -> std::shared_future<std::shared_ptr<const EnvSource>> {
+    SceneEntry* entry_of = entry_of_scene();
+    if (!entry_of) return {};
+    const auto found = entry_of->sources.find(key);
+    if (found == entry_of->sources.end()) return {};
+    entry_of->last_used = found->second.last_used = ++in.clock;  // a scene is never older than its sources
+    return found->second.future;
+  };
   {
     std::unique_lock lock(in.mutex);
+    const auto future = find_future();
+    lock.unlock();
+    if (future.valid()) return future.get();
+  }
+  const std::shared_ptr<const EnvScene> loaded_scene = scene(scene_id);
+  std::promise<std::shared_ptr<const EnvSource>> promise;
+  {
+    std::unique_lock lock(in.mutex);
+    const auto future = find_future();
+    if (future.valid()) {
+      lock.unlock();
+      return future.get();
+    }
     if (SceneEntry* entry_of = entry_of_scene()) {
-      entry_of->last_used = ++in.clock;  // a scene is never older than its sources
-      if (const auto found = entry_of->sources.find(key); found != entry_of->sources.end()) {
-        found->second.last_used = in.clock;
-        const auto future = found->second.future;
-        lock.unlock();
-        return future.get();
-      }
       Entry<EnvSource>& entry = entry_of->sources[key];
       entry.future = promise.get_future().share();
-      entry.last_used = in.clock;
+      entry_of->last_used = entry.last_used = ++in.clock;
     }
   }
   std::shared_ptr<const EnvSource> built;
@@ -330,6 +344,11 @@ std::shared_ptr<const EnvSource> SceneCache::source(const std::string& scene_id,
 void SceneCache::prefetch(const std::string& scene_id, glm::dvec3 goal, float source_height_m) {
   Impl& in = *impl_;
   const std::scoped_lock lock(in.mutex);
+  if (const auto loaded = in.scenes.find(scene_id); loaded != in.scenes.end())
+    if (const auto known = loaded->second.sources.find(key_of(goal, source_height_m)); known != loaded->second.sources.end()) {
+      loaded->second.last_used = known->second.last_used = ++in.clock;  // it stays for the episode that is to come
+      return;
+    }
   if (!in.prefetcher.joinable()) in.prefetcher = std::jthread([this](const std::stop_token& stop) { impl_->prefetch_until(stop, *this); });
   if (in.wanted.size() >= kMaxPrefetches) in.wanted.pop_front();
   in.wanted.push_back({scene_id, goal, source_height_m});

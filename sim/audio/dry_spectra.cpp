@@ -1,7 +1,5 @@
 #include "sim/audio/dry_spectra.h"
 
-#include <algorithm>
-
 #include "sim/base/errors.h"
 
 namespace earshot {
@@ -20,32 +18,38 @@ DrySpectra::Place DrySpectra::find(std::uint64_t clip, std::uint64_t start) {
   mixed ^= mixed >> 32;
   const std::size_t index = static_cast<std::size_t>(mixed % num_sets_);
   Set& set = sets_[index];
-  const std::scoped_lock lock(set.mutex);
-  Slot* oldest = nullptr;
-  for (Slot& slot : set.slots) {
+  if (set.taken.exchange(true, std::memory_order_acquire)) return {State::busy};
+  const Place place = find_in(set, clip, start);
+  set.taken.store(false, std::memory_order_release);
+  return place.state == State::busy ? place : Place{place.state, index * kWays + place.slot};
+}
+
+DrySpectra::Place DrySpectra::find_in(Set& set, std::uint64_t clip, std::uint64_t start) {
+  std::size_t oldest = kWays;
+  for (std::size_t i = 0; i < kWays; ++i) {
+    Slot& slot = set.slots[i];
     if (slot.filled && slot.clip == clip && slot.start == start) {
-      if (!slot.ready) return {State::busy};
-      ++slot.readers;
+      if (!slot.ready.load(std::memory_order_acquire)) return {State::busy};
+      slot.readers.fetch_add(1, std::memory_order_relaxed);
       slot.last_used = ++set.clock;
-      return {State::ready, index * kWays + static_cast<std::size_t>(&slot - set.slots)};
+      return {State::ready, i};
     }
-    if (slot.readers == 0 && (oldest == nullptr || slot.last_used < oldest->last_used)) oldest = &slot;
+    // Acquired, so that what its last reader has read is read before it is written anew.
+    if (slot.readers.load(std::memory_order_acquire) == 0 && (oldest == kWays || slot.last_used < set.slots[oldest].last_used)) oldest = i;
   }
-  if (oldest == nullptr) return {State::busy};
-  *oldest = {.clip = clip, .start = start, .last_used = ++set.clock, .readers = 1, .filled = true, .ready = false};
-  return {State::mine, index * kWays + static_cast<std::size_t>(oldest - set.slots)};
+  if (oldest == kWays) return {State::busy};
+  Slot& slot = set.slots[oldest];
+  slot.clip = clip;
+  slot.start = start;
+  slot.last_used = ++set.clock;
+  slot.filled = true;
+  slot.ready.store(false, std::memory_order_relaxed);
+  slot.readers.store(1, std::memory_order_relaxed);
+  return {State::mine, oldest};
 }
 
-void DrySpectra::publish(std::size_t slot) {
-  Set& set = sets_[slot / kWays];
-  const std::scoped_lock lock(set.mutex);
-  set.slots[slot % kWays].ready = true;
-}
+void DrySpectra::publish(std::size_t slot) { sets_[slot / kWays].slots[slot % kWays].ready.store(true, std::memory_order_release); }
 
-void DrySpectra::release(std::size_t slot) {
-  Set& set = sets_[slot / kWays];
-  const std::scoped_lock lock(set.mutex);
-  --set.slots[slot % kWays].readers;
-}
+void DrySpectra::release(std::size_t slot) { sets_[slot / kWays].slots[slot % kWays].readers.fetch_sub(1, std::memory_order_release); }
 
 }  // namespace earshot

@@ -1,9 +1,9 @@
 #pragma once
 
+#include <atomic>
 #include <complex>
 #include <cstdint>
 #include <memory>
-#include <mutex>
 #include <span>
 #include <vector>
 
@@ -12,8 +12,9 @@
 namespace earshot {
 
 /// A set-associative cache of spectra of segments of dry sounds, shared by all convolvers of a plan: agents with the same looping clip
-/// transform the same segments again and again.  Bounded: the least recently used of the eight slots of a set is replaced.  Thread-safe.
-/// A spectrum is a pure function of its key: a hit and a miss give the same bits.
+/// transform the same segments again and again.  Bounded: the least recently used of the eight slots of a set is replaced.  Thread-safe,
+/// without locks: a thread that finds a set in use by another works its spectrum out itself.  A spectrum is a pure function of its key: a
+/// hit and a miss give the same bits.
 class DrySpectra {
  public:
   /// Takes max_bytes of address space at once, memory as it fills.
@@ -38,8 +39,8 @@ class DrySpectra {
     std::size_t slot_ = 0;
   };
 
-  /// The spectrum of the segment at `start` of the clip with hash `clip`; make(out) writes it [fft_size] on a miss, to `scratch` if all
-  /// slots of its set are in use by other threads.
+  /// The spectrum of the segment at `start` of the clip with hash `clip`; make(out) writes it [fft_size] on a miss, to `scratch` if its set
+  /// or all slots of it are in use by other threads.
   template <class Make>
   View get(std::uint64_t clip, std::uint64_t start, std::span<std::complex<float>> scratch, Make&& make) {
     const Place place = find(clip, start);
@@ -61,17 +62,20 @@ class DrySpectra {
     std::size_t slot = 0;
   };
   struct Slot {
-    std::uint64_t clip = 0, start = 0, last_used = 0;
-    int readers = 0;
-    bool filled = false, ready = false;
+    std::uint64_t clip = 0, start = 0, last_used = 0;  // these and `filled` belong to the thread that has taken the set
+    bool filled = false;
+    std::atomic<bool> ready{false};  // set by the thread that has filled it
+    std::atomic<int> readers{0};     // raised by the thread that has taken the set, lowered by any
   };
   struct Set {
-    std::mutex mutex;
+    std::atomic<bool> taken{false};
     std::uint64_t clock = 0;
     Slot slots[kWays];
   };
 
   Place find(std::uint64_t clip, std::uint64_t start);
+  /// Of a set that this thread has taken; the slot counts within it.
+  static Place find_in(Set& set, std::uint64_t clip, std::uint64_t start);
   void publish(std::size_t slot);
   void release(std::size_t slot);
   [[nodiscard]] std::span<std::complex<float>> spectrum(std::size_t slot) { return {values_.get() + slot * size_, size_}; }

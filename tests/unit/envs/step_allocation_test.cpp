@@ -1,7 +1,13 @@
+// What steps take from the process: memory and locks, counted in the thread that steps, which with one thread is all of the batch.
+#include <dlfcn.h>
 #include <gtest/gtest.h>
+#include <pthread.h>
 
 #include <cstdlib>
+#include <memory>
+#include <mutex>
 #include <new>
+#include <string>
 
 #include "envs/batched_env.h"
 #include "tests/support/env_fixture.h"
@@ -16,7 +22,7 @@
 namespace {
 
 // Per thread, so that background threads do not count.
-thread_local std::uint64_t allocations = 0;
+thread_local std::uint64_t allocations = 0, locks = 0;
 
 #if EARSHOT_COUNTS_ALLOCATIONS
 void* counted_or_null(std::size_t size, std::size_t alignment) noexcept {
@@ -43,6 +49,13 @@ void* operator new(std::size_t size, const std::nothrow_t&) noexcept { return co
 void* operator new[](std::size_t size, const std::nothrow_t&) noexcept { return counted_or_null(size, 0); }
 // The pairs match each other; g++ 12 compares them with the operators that they replace.
 #pragma GCC diagnostic ignored "-Wmismatched-new-delete"
+// std::mutex takes this lock, in whichever library it is; so do the C library's callers of it.
+extern "C" int pthread_mutex_lock(pthread_mutex_t* mutex) {
+  using Lock = int (*)(pthread_mutex_t*);
+  static const Lock lock = reinterpret_cast<Lock>(dlsym(RTLD_NEXT, "pthread_mutex_lock"));
+  ++locks;
+  return lock(mutex);
+}
 void operator delete(void* memory) noexcept { std::free(memory); }
 void operator delete[](void* memory) noexcept { std::free(memory); }
 void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
@@ -72,6 +85,77 @@ TEST(StepAllocation, StepsWithoutAnEpisodeEndAllocateNothing) {
   const auto* probe = new int(1);  // the counter works
   EXPECT_EQ(allocations - before, 1u);
   delete probe;
+}
+
+/// Of a roll-out of many episodes, in this thread.
+struct Taken {
+  std::uint64_t allocations = 0, locks = 0, episodes = 0, steps = 0;
+};
+
+/// Runs the same episodes twice with the same actions, and counts in the second run: storage has grown to what these poses need.
+Taken count_steady_state(const EnvConfig& config, int envs, int batches) {
+  BatchedEnv env(config, quick_set(2), make_scene_cache(config), envs);
+  Taken taken;
+  std::vector<std::int32_t> actions(static_cast<std::size_t>(envs));
+  for (const bool counts : {false, true}) {
+    env.reset();
+    const std::uint64_t allocations_before = allocations, locks_before = locks;
+    for (int i = 0; i < batches; ++i) {
+      for (int row = 0; row < envs; ++row) {
+        const float u = RandomStream(3, Purpose::test, static_cast<std::uint32_t>(row), static_cast<std::uint32_t>(i)).uniform(0);
+        actions[static_cast<std::size_t>(row)] = u < 0.03f ? 0 : u < 0.6f ? 1 : u < 0.8f ? 2 : 3;
+      }
+      env.step(actions);
+      if (counts) taken.episodes += env.finished().size();
+    }
+    taken.allocations = allocations - allocations_before;
+    taken.locks = locks - locks_before;
+  }
+  taken.steps = static_cast<std::uint64_t>(envs) * static_cast<std::uint64_t>(batches);
+  EXPECT_EQ(env.quarantine_counters().total(), 0u);
+  return taken;
+}
+
+EnvConfig every_sensor() {
+  EnvConfig config = quick_env_config();
+  ObservationSpec& spec = config.observation;
+  spec.rgb = spec.semantic = spec.normals = spec.depth_noise = true;
+  spec.waveform = spec.heard = spec.gps_compass = spec.pose = spec.collision = spec.previous_action = spec.topdown_map = true;
+  spec.pose_noise = {.position_m = 0.1f, .heading_deg = 2.f};
+  config.task.actuation_noise = {.forward_m = 0.01f, .turn_deg = 1.f, .veer_deg = 1.f};
+  return config;
+}
+
+TEST(StepAllocation, TheCountersCount) {
+  if (!EARSHOT_COUNTS_ALLOCATIONS) GTEST_SKIP() << "allocations cannot be counted under a sanitizer";
+  const std::uint64_t allocations_before = allocations, locks_before = locks;
+  const auto probe = std::make_unique<std::string>(100, 'x');
+  std::mutex mutex;
+  { const std::scoped_lock lock(mutex); }
+  EXPECT_EQ(allocations - allocations_before, 2u);
+  EXPECT_EQ(locks - locks_before, 1u);
+}
+
+// 10,000 steps of agents, ends of episodes among them: no memory at all, and one lock where an episode begins, in the scene cache, which
+// batches share: it hands out the source of the episode, and notes when it was last used.
+TEST(StepAllocation, TenThousandStepsWithEndsTakeNoMemoryAndOneLockPerEpisode) {
+  if (!EARSHOT_COUNTS_ALLOCATIONS) GTEST_SKIP() << "allocations cannot be counted under a sanitizer";
+  const Taken taken = count_steady_state(every_sensor(), 5, 2000);
+  EXPECT_EQ(taken.steps, 10'000u);
+  EXPECT_GT(taken.episodes, 600u);
+  EXPECT_EQ(taken.allocations, 0u);
+  EXPECT_EQ(taken.locks, taken.episodes);
+}
+
+// A second lock with prefetching: whether the episode after the next is there already.
+TEST(StepAllocation, PrefetchingTakesASecondLock) {
+  if (!EARSHOT_COUNTS_ALLOCATIONS) GTEST_SKIP() << "allocations cannot be counted under a sanitizer";
+  EnvConfig config = quick_env_config();
+  config.prefetch = true;
+  const Taken taken = count_steady_state(config, 4, 200);
+  EXPECT_GT(taken.episodes, 40u);
+  EXPECT_EQ(taken.allocations, 0u);
+  EXPECT_EQ(taken.locks, 2 * taken.episodes);
 }
 
 }  // namespace
