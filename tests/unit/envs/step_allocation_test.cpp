@@ -1,8 +1,11 @@
-// What steps take from the process: memory and locks, counted in the thread that steps, which with one thread is all of the batch.
+// What steps take from the process: memory, locks and readings of the clock, counted in the thread that steps, which with one thread is all
+// of the batch.
 #include <dlfcn.h>
 #include <gtest/gtest.h>
 #include <pthread.h>
+#include <time.h>
 
+#include <chrono>
 #include <cstdlib>
 #include <memory>
 #include <mutex>
@@ -22,7 +25,7 @@
 namespace {
 
 // Per thread, so that background threads do not count.
-thread_local std::uint64_t allocations = 0, locks = 0;
+thread_local std::uint64_t allocations = 0, locks = 0, clock_reads = 0;
 
 #if EARSHOT_COUNTS_ALLOCATIONS
 void* counted_or_null(std::size_t size, std::size_t alignment) noexcept {
@@ -50,11 +53,18 @@ void* operator new[](std::size_t size, const std::nothrow_t&) noexcept { return 
 // The pairs match each other; g++ 12 compares them with the operators that they replace.
 #pragma GCC diagnostic ignored "-Wmismatched-new-delete"
 // std::mutex takes this lock, in whichever library it is; so do the C library's callers of it.
-extern "C" int pthread_mutex_lock(pthread_mutex_t* mutex) {
+extern "C" int pthread_mutex_lock(pthread_mutex_t* mutex) noexcept {
   using Lock = int (*)(pthread_mutex_t*);
   static const Lock lock = reinterpret_cast<Lock>(dlsym(RTLD_NEXT, "pthread_mutex_lock"));
   ++locks;
   return lock(mutex);
+}
+// What std::chrono's clocks read.
+extern "C" int clock_gettime(clockid_t clock, timespec* time) noexcept {
+  using Read = int (*)(clockid_t, timespec*);
+  static const Read read = reinterpret_cast<Read>(dlsym(RTLD_NEXT, "clock_gettime"));
+  ++clock_reads;
+  return read(clock, time);
 }
 void operator delete(void* memory) noexcept { std::free(memory); }
 void operator delete[](void* memory) noexcept { std::free(memory); }
@@ -89,7 +99,7 @@ TEST(StepAllocation, StepsWithoutAnEpisodeEndAllocateNothing) {
 
 /// Of a roll-out of many episodes, in this thread.
 struct Taken {
-  std::uint64_t allocations = 0, locks = 0, episodes = 0, steps = 0;
+  std::uint64_t allocations = 0, locks = 0, clock_reads = 0, episodes = 0, steps = 0;
 };
 
 /// Runs the same episodes twice with the same actions, and counts in the second run: storage has grown to what these poses need.
@@ -99,7 +109,7 @@ Taken count_steady_state(const EnvConfig& config, int envs, int batches) {
   std::vector<std::int32_t> actions(static_cast<std::size_t>(envs));
   for (const bool counts : {false, true}) {
     env.reset();
-    const std::uint64_t allocations_before = allocations, locks_before = locks;
+    const std::uint64_t allocations_before = allocations, locks_before = locks, reads_before = clock_reads;
     for (int i = 0; i < batches; ++i) {
       for (int row = 0; row < envs; ++row) {
         const float u = RandomStream(3, Purpose::test, static_cast<std::uint32_t>(row), static_cast<std::uint32_t>(i)).uniform(0);
@@ -110,6 +120,7 @@ Taken count_steady_state(const EnvConfig& config, int envs, int batches) {
     }
     taken.allocations = allocations - allocations_before;
     taken.locks = locks - locks_before;
+    taken.clock_reads = clock_reads - reads_before;
   }
   taken.steps = static_cast<std::uint64_t>(envs) * static_cast<std::uint64_t>(batches);
   EXPECT_EQ(env.quarantine_counters().total(), 0u);
@@ -128,16 +139,19 @@ EnvConfig every_sensor() {
 
 TEST(StepAllocation, TheCountersCount) {
   if (!EARSHOT_COUNTS_ALLOCATIONS) GTEST_SKIP() << "allocations cannot be counted under a sanitizer";
-  const std::uint64_t allocations_before = allocations, locks_before = locks;
+  const std::uint64_t allocations_before = allocations, locks_before = locks, reads_before = clock_reads;
   const auto probe = std::make_unique<std::string>(100, 'x');
   std::mutex mutex;
   { const std::scoped_lock lock(mutex); }
   EXPECT_EQ(allocations - allocations_before, 2u);
   EXPECT_EQ(locks - locks_before, 1u);
+  EXPECT_GT(std::chrono::steady_clock::now().time_since_epoch().count(), 0);
+  EXPECT_EQ(clock_reads - reads_before, 1u);
 }
 
 // 10,000 steps of agents, ends of episodes among them: no memory at all, and one lock where an episode begins, in the scene cache, which
-// batches share: it hands out the source of the episode, and notes when it was last used.
+// batches share: it hands out the source of the episode, and notes when it was last used.  The clock is read at the six stages of one step
+// in sixteen of each env, and twice where an episode begins.  (A line in a log would take memory, a lock and the time.)
 TEST(StepAllocation, TenThousandStepsWithEndsTakeNoMemoryAndOneLockPerEpisode) {
   if (!EARSHOT_COUNTS_ALLOCATIONS) GTEST_SKIP() << "allocations cannot be counted under a sanitizer";
   const Taken taken = count_steady_state(every_sensor(), 5, 2000);
@@ -145,6 +159,7 @@ TEST(StepAllocation, TenThousandStepsWithEndsTakeNoMemoryAndOneLockPerEpisode) {
   EXPECT_GT(taken.episodes, 600u);
   EXPECT_EQ(taken.allocations, 0u);
   EXPECT_EQ(taken.locks, taken.episodes);
+  EXPECT_EQ(taken.clock_reads, taken.steps / 16 * 7 + 2 * taken.episodes);
 }
 
 // A second lock with prefetching: whether the episode after the next is there already.
