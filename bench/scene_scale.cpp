@@ -119,6 +119,7 @@ SceneScaleResult run_scene_scale(const SceneScaleOptions& options) {
     const Stopwatch watch;
     env.step(actions);
     step.ms = watch.wall_ms();
+    step.cpu_ms = 1e3 * watch.cpu_s();
     step.reset_ms = 1e3 * (env.stage_seconds().reset - reset_before_s);
     step.scenes_loaded = scenes->scenes_loaded() - loaded_before;
     step.sources_built = scenes->sources_built() - built_before;
@@ -137,7 +138,13 @@ SceneScaleResult run_scene_scale(const SceneScaleOptions& options) {
   result.scenes_loaded = scenes->scenes_loaded();
   result.scenes_read = scenes->scene_store_counters().read;
   result.scenes_built = scenes->scene_store_counters().built;
-  for (const SlowStep& step : steps) result.step_ms.push_back(step.ms);
+  for (const SlowStep& step : steps) {
+    result.step_ms.push_back(step.ms);
+    result.step_cpu_ms.push_back(step.cpu_ms);
+  }
+  const double median_cpu_ms = percentile(result.step_cpu_ms, 0.5);
+  result.slow_by_cpu =
+      static_cast<std::uint64_t>(std::ranges::count_if(result.step_cpu_ms, [&](double cpu_ms) { return cpu_ms > kSlow * median_cpu_ms; }));
   const double median_ms = percentile(result.step_ms, 0.5);
   std::ranges::copy_if(steps, std::back_inserter(result.slow), [&](const SlowStep& step) { return step.ms > kSlow * median_ms; });
   std::ranges::sort(result.slow, [](const SlowStep& a, const SlowStep& b) { return a.ms > b.ms; });
@@ -155,16 +162,19 @@ std::string scene_scale_text(const SceneScaleResult& r) {
   line("first load", r.first_load_ms);
   line("second load", r.second_load_ms);
   line("step", r.step_ms);
+  if (r.options.threads == 1) line("its core", r.step_cpu_ms);
   text += fmt::format("store {:.0f} MB; {} steps, {} episodes; scenes loaded {} ({} read, {} built)\n", r.store_mb, r.steps, r.episodes,
                       r.scenes_loaded, r.scenes_read, r.scenes_built);
   text +=
       fmt::format("memory: cache at most {:.0f} MB, held by episodes at most {:.0f} MB, resident {:.0f} MB before and at most {:.0f} MB\n",
                   r.largest_cache_mb, r.largest_held_mb, r.resident_before_mb, r.largest_resident_mb);
-  text += fmt::format("steps over {:.0f} times the median: {} of {}\n", kSlow, r.slow.size(), r.steps);
+  text += fmt::format("steps over {:.0f} times the median: {} of {}", kSlow, r.slow.size(), r.steps);
+  text += r.options.threads == 1 ? fmt::format("; by the time that they had a core: {}\n", r.slow_by_cpu) : "\n";
   for (std::size_t i = 0; i < std::min<std::size_t>(r.slow.size(), 20); ++i) {
     const SlowStep& s = r.slow[i];
-    text += fmt::format("  step {}: {:.1f} ms, {:.1f} of them to begin {} episodes; meanwhile {} scenes loaded, {} sources built\n", s.step,
-                        s.ms, s.reset_ms, s.episodes_ended, s.scenes_loaded, s.sources_built);
+    text +=
+        fmt::format("  step {}: {:.1f} ms, {:.1f} with a core, {:.1f} to begin {} episodes; meanwhile {} scenes loaded, {} sources built\n",
+                    s.step, s.ms, s.cpu_ms, s.reset_ms, s.episodes_ended, s.scenes_loaded, s.sources_built);
   }
   for (const std::string& refused : r.refused) text += "left out: " + refused + "\n";
   return text;
@@ -183,6 +193,10 @@ BenchReport scene_scale_report(const SceneScaleResult& r) {
   report.add("scenes.second_load_ms", "ms", median_of(r.second_load_ms), setting);
   if (!r.step_ms.empty()) report.add("scenes.step_ms", "ms", median_of(r.step_ms), setting);
   report.add("scenes.step_p999_ms", "ms", one(percentile(r.step_ms, 0.999)), setting);
+  if (r.options.threads == 1 && !r.step_cpu_ms.empty()) {
+    report.add("scenes.step_cpu_ms", "ms", median_of(r.step_cpu_ms), setting);
+    report.add("scenes.slow_steps_by_cpu", "1", one(static_cast<double>(r.slow_by_cpu)), setting);
+  }
   report.add("scenes.slow_steps", "1", one(static_cast<double>(r.slow.size())), setting);
   report.add("scenes.largest_cache_mb", "MB", one(r.largest_cache_mb), setting);
   report.add("scenes.largest_resident_mb", "MB", one(r.largest_resident_mb), setting);

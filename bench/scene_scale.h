@@ -25,6 +25,7 @@ void validate(const SceneScaleOptions& options);
 /// A step that took much longer than the median, and what happened in it.
 struct SlowStep {
   double ms = 0, reset_ms = 0;  ///< reset_ms: work of beginning episodes, summed over threads
+  double cpu_ms = 0;            ///< of `ms`, what the thread that steps had a core for: the rest it waited, for other programs too
   std::uint64_t step = 0, episodes_ended = 0;
   std::uint64_t scenes_loaded = 0, sources_built = 0;  ///< by any thread while it ran: in the background too
 };
@@ -35,8 +36,9 @@ struct SceneScaleResult {
   std::vector<double> first_load_ms, second_load_ms;  ///< [scenes that have an episode], by SceneStore alone
   double store_mb = 0;
   std::uint64_t steps = 0, episodes = 0, scenes_loaded = 0, scenes_read = 0, scenes_built = 0;  ///< steps: of the batch
-  std::vector<double> step_ms;
-  std::vector<SlowStep> slow;  ///< over ten times the median, slowest first
+  std::vector<double> step_ms, step_cpu_ms;
+  std::uint64_t slow_by_cpu = 0;  ///< steps over ten times the median of step_cpu_ms
+  std::vector<SlowStep> slow;     ///< over ten times the median, slowest first
   double largest_cache_mb = 0, largest_held_mb = 0, largest_resident_mb = 0, resident_before_mb = 0;
   std::vector<std::string> refused;  ///< scenes without an episode, each with the reason
 };

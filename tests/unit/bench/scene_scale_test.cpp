@@ -21,6 +21,11 @@ TEST(SceneScale, AShortRunSeesLoadsStepsAndMemory) {
   EXPECT_GT(result.store_mb, 1);
   EXPECT_GT(result.steps, 0u);
   EXPECT_EQ(result.step_ms.size(), result.steps);
+  ASSERT_EQ(result.step_cpu_ms.size(), result.steps);
+  for (std::size_t i = 0; i < result.steps; ++i) {
+    EXPECT_GT(result.step_cpu_ms[i], 0);
+    EXPECT_LE(result.step_cpu_ms[i], result.step_ms[i] + 1);  // clocks of different steps
+  }
   EXPECT_EQ(result.scenes_built, 0u);  // the first load of each has written them
   EXPECT_EQ(result.scenes_read, result.scenes_loaded);
   EXPECT_TRUE(std::ranges::is_sorted(result.slow, [](const SlowStep& a, const SlowStep& b) { return a.ms > b.ms; }));
