@@ -117,6 +117,7 @@ const std::vector<std::string>& category_names() {
     const SemanticMaterials semantics = SemanticMaterials::indoor();
     for (const auto& [category, materials] : semantics.all())
       if (category != "unknown") all.push_back(category);  // a sorted map
+    all.emplace_back("agent");
     return all;
   }();
   return names;

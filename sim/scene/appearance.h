@@ -34,8 +34,8 @@ struct AppearanceOptions {
   bool detail = true;  ///< false: no textures and no colours of vertices, only triangle_color (which is white where a file has those alone)
 };
 
-/// Names of the semantic categories by number: 0 is "unknown", the others are those of configs/semantic_materials.yaml in the order of the
-/// alphabet.  The same for all scenes.
+/// Names of the semantic categories by number: 0 is "unknown", then come those of configs/semantic_materials.yaml in the order of the
+/// alphabet, and last "agent", which bodies of agents are (sim/vision/agent_body.h).  The same for all scenes.
 const std::vector<std::string>& category_names();
 
 /// Reads the file of the scene once more for its looks (visual_mesh.h); generated scenes and files without colours take those of

@@ -37,6 +37,42 @@ glm::vec3 color_at(const VisualMesh& mesh, const Hit& hit) {
   return color;
 }
 
+/// What a packet sees of the bodies: the nearest of each lane, and its colour.
+struct BodiesInPacket {
+  std::array<BodyHit, kLanes> hits;
+  std::array<glm::vec3, kLanes> colors;
+};
+
+/// False: none of the lanes meets any, and `seen` is as it was.
+bool intersect_bodies(std::span<const AgentBody> bodies, glm::vec3 eye, const Directions16& directions, BodiesInPacket& seen) {
+  bool any = false;
+  for (const AgentBody& body : bodies) {
+    // The ball around it first, for all lanes in one plain loop: most packets see no body.
+    constexpr float kSlack = 1.001f;
+    const glm::vec3 centre = body.foot + glm::vec3(0, 0.5f * body.height_m, 0) - eye;
+    const float ball2 = kSlack * (body.radius_m * body.radius_m + 0.25f * body.height_m * body.height_m);
+    const float beside2 = glm::dot(centre, centre) - ball2;
+    std::array<std::uint8_t, kLanes> possible;
+    std::uint8_t some = 0;
+    for (std::size_t lane = 0; lane < kLanes; ++lane) {
+      const float along = directions.x[lane] * centre.x + directions.y[lane] * centre.y + directions.z[lane] * centre.z;
+      possible[lane] = static_cast<std::uint8_t>((along * along >= beside2) & ((along > 0) | (beside2 < 0)));
+      some |= possible[lane];
+    }
+    if (some == 0) continue;
+    if (!any) seen.hits.fill({});
+    any = true;
+    for (std::size_t lane = 0; lane < kLanes; ++lane) {
+      if (possible[lane] == 0) continue;
+      const BodyHit hit = intersect(body, eye, {directions.x[lane], directions.y[lane], directions.z[lane]});
+      if (!(hit.distance_m < seen.hits[lane].distance_m)) continue;
+      seen.hits[lane] = hit;
+      seen.colors[lane] = body.color;
+    }
+  }
+  return any;
+}
+
 }  // namespace
 
 EmbreeCamera::EmbreeCamera(const CameraSensorConfig& config) : config_(config) {
@@ -66,11 +102,16 @@ Directions16 EmbreeCamera::directions_of(std::size_t packet, const CameraFrame& 
   return directions;
 }
 
-void EmbreeCamera::render_depth(const Scene& scene, const CameraFrame& frame, std::span<float> depth) const {
+void EmbreeCamera::render_depth(const Scene& scene, const CameraFrame& frame, std::span<const AgentBody> bodies,
+                                std::span<float> depth) const {
   const bool along_axis = config_.projection == Projection::pinhole;
   alignas(64) std::array<float, kLanes> distances_m;
+  BodiesInPacket seen;
   for (std::size_t packet = 0; packet < pixels_.size() / kLanes; ++packet) {
-    scene.rays().intersect16(frame.eye, directions_of(packet, frame), std::span(distances_m));
+    const Directions16 directions = directions_of(packet, frame);
+    scene.rays().intersect16(frame.eye, directions, std::span(distances_m));
+    if (intersect_bodies(bodies, frame.eye, directions, seen))
+      for (std::size_t lane = 0; lane < kLanes; ++lane) distances_m[lane] = std::min(distances_m[lane], seen.hits[lane].distance_m);
     for (std::size_t lane = 0; lane < kLanes; ++lane) {
       const std::size_t ray = kLanes * packet + lane;
       depth[pixels_[ray]] = std::min(distances_m[lane] * (along_axis ? forward_[ray] : 1.f) / config_.max_depth_m, 1.f);
@@ -78,43 +119,54 @@ void EmbreeCamera::render_depth(const Scene& scene, const CameraFrame& frame, st
   }
 }
 
-void EmbreeCamera::render(const Scene& scene, const Appearance* appearance, const Pose& pose, const CameraImages& images) const {
+void EmbreeCamera::render(const Scene& scene, const Appearance* appearance, const Pose& pose, const CameraImages& images,
+                          std::span<const AgentBody> bodies) const {
   const FlushDenormals flush;
   check_sizes(config_, images);
   EARSHOT_EXPECT(appearance || !images.wants_appearance());
   EARSHOT_EXPECT(!appearance || appearance->triangle_color.size() == scene.mesh().triangles.size());
   const CameraFrame frame = frame_of(config_, pose);
   if (images.rgb.empty() && images.semantic.empty() && images.normals.empty()) {
-    if (!images.depth.empty()) render_depth(scene, frame, images.depth);
+    if (!images.depth.empty()) render_depth(scene, frame, bodies, images.depth);
     return;
   }
   const Appearance::Detail* detail = appearance && !images.rgb.empty() && appearance->detail ? &*appearance->detail : nullptr;
   const bool wants_scene = !images.depth.empty() || !images.semantic.empty() || !images.normals.empty() || (!images.rgb.empty() && !detail);
   const bool along_axis = config_.projection == Projection::pinhole;
   std::array<Hit, kLanes> surface, colored;
+  BodiesInPacket bodies_seen;
+  const std::uint16_t body_category = bodies.empty() || images.semantic.empty() ? std::uint16_t{0} : agent_category();
 
   for (std::size_t packet = 0; packet < pixels_.size() / kLanes; ++packet) {
     const Directions16 directions = directions_of(packet, frame);
     if (wants_scene) scene.rays().intersect16(frame.eye, directions, std::span(surface));
     if (detail) detail->rays.intersect16(frame.eye, directions, std::span(colored));
+    const bool any_body = intersect_bodies(bodies, frame.eye, directions, bodies_seen);
     for (std::size_t lane = 0; lane < kLanes; ++lane) {
       const std::size_t ray = kLanes * packet + lane, pixel = pixels_[ray];
       const Hit& hit = surface[lane];
+      const bool is_body = any_body && bodies_seen.hits[lane].distance_m < hit.distance_m;
+      const glm::vec3 normal = is_body ? bodies_seen.hits[lane].normal : hit.normal;
       if (!images.depth.empty()) {
         // The local z is the cosine to the view axis: ray length becomes depth.
-        images.depth[pixel] = std::min(hit.distance_m * (along_axis ? forward_[ray] : 1.f) / config_.max_depth_m, 1.f);
+        const float distance_m = is_body ? bodies_seen.hits[lane].distance_m : hit.distance_m;
+        images.depth[pixel] = std::min(distance_m * (along_axis ? forward_[ray] : 1.f) / config_.max_depth_m, 1.f);
       }
-      if (!images.semantic.empty()) images.semantic[pixel] = hit.valid() ? appearance->triangle_category[hit.triangle] : std::uint16_t{0};
+      if (!images.semantic.empty())
+        images.semantic[pixel] = is_body ? body_category : hit.valid() ? appearance->triangle_category[hit.triangle] : std::uint16_t{0};
       if (!images.normals.empty()) {
         // Hit::normal is zero where nothing is hit.
-        images.normals[3 * pixel] = glm::dot(hit.normal, frame.right);
-        images.normals[3 * pixel + 1] = glm::dot(hit.normal, frame.up);
-        images.normals[3 * pixel + 2] = -glm::dot(hit.normal, frame.forward);
+        images.normals[3 * pixel] = glm::dot(normal, frame.right);
+        images.normals[3 * pixel + 1] = glm::dot(normal, frame.up);
+        images.normals[3 * pixel + 2] = -glm::dot(normal, frame.forward);
       }
       if (images.rgb.empty()) continue;
       const Hit& seen = detail ? colored[lane] : hit;
       std::array<std::uint8_t, 3> rgb{};
-      if (seen.valid()) {
+      if (any_body && bodies_seen.hits[lane].distance_m < seen.distance_m) {
+        const glm::vec3 color = bodies_seen.colors[lane];
+        rgb = to_srgb8(config_.unlit ? color : light_on(bodies_seen.hits[lane].normal) * color);
+      } else if (seen.valid()) {
         const glm::vec3 color = detail ? color_at(detail->mesh, seen) : appearance->triangle_color[seen.triangle];
         rgb = to_srgb8(config_.unlit ? color : light_on(seen.normal) * color);
       }
