@@ -11,7 +11,8 @@ namespace {
 struct Options {
   std::vector<std::string> scenes, overrides;
   std::string config, out, sounds;
-  int count = 50, goals = 0;
+  int count = 50, goals = 0, agents = 1;
+  std::string agent_sounds;
   std::uint64_t seed = 0;
 };
 
@@ -36,6 +37,9 @@ void run_dataset(const Options& options) {
   config.train.episodes_per_scene = options.count;
   config.train.goals_per_scene = options.goals;
   config.train.seed = options.seed;
+  if (options.agents != 1) config.train.agents.count = options.agents;
+  if (!options.agent_sounds.empty()) config.train.agents.sounds = {options.agent_sounds};
+  validate(config.train.agents);
   if (!options.sounds.empty()) config.train.sounds = {options.sounds};
   if (config.train.sounds.empty()) config.train.sounds = {"synth:telephone"};
   generate(config.train, config.env);
@@ -58,6 +62,9 @@ void add_dataset(CLI::App& app) {
   episodes->add_option(
       "--sounds", options->sounds,
       "Folder of sounds, one sound file, or synth:KIND[:SEED] (kinds: telephone alarm music noise speech click engine bird)");
+  episodes->add_option("--agents", options->agents, "Agents in each episode, with starts of their own and the same goal")
+      ->capture_default_str();
+  episodes->add_option("--agent-sounds", options->agent_sounds, "What the agents sound like to each other, as --sounds; none if left out");
   episodes->add_option("--seed", options->seed, "Seed")->capture_default_str();
   episodes->add_option("--config", options->config, "Run config: writes its data.train and data.eval sets instead");
   episodes->add_option("--set", options->overrides, "key=value over the run config, for example data.train.filter.min_geodesic_m=2");

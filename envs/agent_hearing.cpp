@@ -33,7 +33,7 @@ void AgentHearing::begin(std::span<const PlayedSound> played, const BackgroundNo
 void AgentHearing::trace(const HearingEngines& engines, const Pose& pose, float ear_height_m, int block) {
   for (std::size_t i = 0; i < sounding_.size(); ++i) {
     sounding_[i] = sources_[i].sounds(engines, block) ? 1 : 0;
-    if (sounding_[i] != 0) sources_[i].trace(pose, ear_height_m, block);
+    if (sounding_[i] != 0) sources_[i].trace(pose, ear_height_m, sounding_.size() > 2 ? &memory_ : nullptr);
   }
 }
 
@@ -72,7 +72,8 @@ void AgentHearing::add_noise(std::span<float> sound) const {
   const std::size_t block = sound.size() / 2;
   for (std::size_t ear = 0; ear < 2; ++ear) {
     // After the offsets of sounds, which are draws of (stream, episode, 0).
-    const RandomStream random(noise_.seed, Purpose::sound, noise_.stream, noise_.episode, static_cast<std::uint32_t>(1 + ear));
+    const RandomStream random(noise_.seed, Purpose::sound, noise_.stream, noise_.episode,
+                              static_cast<std::uint32_t>(1 + 2 * noise_.agent + ear));
     for (std::size_t i = 0; i < block; ++i)  // one of a pair, so that a sample depends on its place alone
       sound[ear * block + i] += noise_.rms * random.normal2(static_cast<std::uint32_t>(sample_ + i))[0];
   }

@@ -13,7 +13,7 @@ namespace earshot {
 struct BackgroundNoise {
   float rms = 0;  ///< 0: none
   std::uint64_t seed = 0;
-  std::uint32_t stream = 0, episode = 0;
+  std::uint32_t stream = 0, episode = 0, agent = 0;
 };
 
 /// The sound at the ears of one agent in one episode: the sum of what its sources bring, and noise.  One agent is used by one thread at a
@@ -23,7 +23,7 @@ class AgentHearing {
   /// Sounds that have been playing before: the first window holds the reverberation of a past spent at the start.
   void begin(std::span<const PlayedSound> played, const BackgroundNoise& noise = {});
 
-  /// Energy responses at the ears, of the sources that sound in the next `block` samples.
+  /// Energy responses at the ears, of the sources that sound in the next `block` samples; those that move are where they are at their end.
   void trace(const HearingEngines& engines, const Pose& pose, float ear_height_m, int block);
   /// Their RIRs.  Returns false if one is not finite: see SourceHearing.
   bool synthesize(HearingEngines& engines, double heading_rad, const std::function<void(std::span<float> rir)>& hook = {});
@@ -46,6 +46,7 @@ class AgentHearing {
 
   std::vector<SourceHearing> sources_;  ///< as many as any episode had: storage is kept
   std::vector<std::uint8_t> sounding_;  ///< [sources of this episode] in the block of the last trace()
+  ListenerMemory memory_;               ///< rays that sources without a field share: of three and more, the bits of a trace each
   BackgroundNoise noise_;
   std::uint64_t sample_ = 0;  ///< of the stream, at which the next block begins
   SpectrogramHistory history_;

@@ -81,7 +81,29 @@ void AvNavState::begin(const TaskConfig&, const NearestGoal& goal, glm::vec3 sta
   silent_from_s_ = silent_from_s;
 }
 
-float AvNavState::step(const TaskConfig& config, const Navmesh& navmesh, const NearestGoal& goal, Action action, ActuationError error) {
+double free_fraction(const BodiesAround& around, glm::vec3 from, glm::vec3 to) {
+  constexpr double kClearanceM = 1e-4;  // stops this far before contact: far above the rounding of float positions
+  const glm::dvec3 way(to - from);
+  const double length_m = std::hypot(way.x, way.z);
+  double free = 1;
+  if (!(length_m > 0)) return free;
+  for (const glm::vec3 place : around.places) {
+    if (std::abs(place.y - from.y) > around.height_m) continue;
+    const glm::dvec3 apart = glm::dvec3(from) - glm::dvec3(place);
+    const double approach = (apart.x * way.x + apart.z * way.z) / length_m;  // metres per metre, times the distance
+    if (!(approach < 0)) continue;
+    const double gap = apart.x * apart.x + apart.z * apart.z - double{around.apart_m} * double{around.apart_m};
+    if (gap <= 0) return 0;
+    const double discriminant = approach * approach - gap;
+    if (!(discriminant > 0)) continue;
+    const double contact_m = -approach - std::sqrt(discriminant);
+    if (contact_m < length_m) free = std::min(free, std::max(0.0, (contact_m - kClearanceM) / length_m));
+  }
+  return free;
+}
+
+float AvNavState::step(const TaskConfig& config, const Navmesh& navmesh, const NearestGoal& goal, Action action, ActuationError error,
+                       const BodiesAround& around) {
   EARSHOT_EXPECT(!terminated_ && !truncated_);
   ++steps_;
   collided_ = false;
@@ -93,6 +115,12 @@ float AvNavState::step(const TaskConfig& config, const Navmesh& navmesh, const N
     case Action::forward: {
       const glm::vec3 wanted = std::max(0.f, config.forward_m + error.forward_m) * forward_of(pose(config).heading_rad);
       MoveResult moved = slide(navmesh, position_, wanted);
+      if (const double free = free_fraction(around, position_, moved.position); free < 1) {
+        moved = slide(navmesh, position_, static_cast<float>(free) * (moved.position - position_));
+        // Walls may turn the shorter move aside, into another body.
+        if (free_fraction(around, position_, moved.position) < 1) moved.position = position_;
+        moved.collided = true;
+      }
       const glm::vec3 missing = position_ + wanted - moved.position;
       if (config.motion == Motion::grid && std::hypot(missing.x, missing.z) > kGridToleranceM)
         moved = {.position = position_, .collided = true};

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <limits>
 #include <optional>
+#include <vector>
 
 #include "envs/action.h"
 #include "envs/nearest_goal.h"
@@ -63,6 +64,16 @@ struct EpisodeMetrics {
 /// Whole turns in a circle: 36 for turns of 10 degrees.
 int turns_per_circle(const TaskConfig& config);
 
+/// Other agents, whom a walk does not go through: upright cylinders.
+struct BodiesAround {
+  std::vector<glm::vec3> places = {};  ///< foot points
+  float apart_m = 0;                   ///< least distance of the axes: twice the radius
+  float height_m = 0;                  ///< places further above or below than this are on another floor
+};
+/// The fraction in [0, 1] of the straight way from `from` to `to` (horizontal; on one floor) after which the first body is met.  1: none
+/// is. A body that is met at the start stops nothing that leads away from it.
+double free_fraction(const BodiesAround& around, glm::vec3 from, glm::vec3 to);
+
 /// State of one agent in one episode: motion, reward and end.  A plain value; no rendering.
 class AvNavState {
  public:
@@ -73,8 +84,10 @@ class AvNavState {
   void begin(const TaskConfig& config, const NearestGoal& goal, glm::vec3 start, double start_heading_rad, int oracle_actions,
              double silent_from_s = std::numeric_limits<double>::infinity());
   /// Applies one action; returns the reward.  A forward step never goes back, whatever its error.  Afterwards terminated() (stop called),
-  /// truncated() (out of steps) and collided() are current.
-  float step(const TaskConfig& config, const Navmesh& navmesh, const NearestGoal& goal, Action action, ActuationError error = {});
+  /// truncated() (out of steps) and collided() are current. around: a step forward ends where the first of them is met, and on the grid
+  /// does not begin; that is a collision.
+  float step(const TaskConfig& config, const Navmesh& navmesh, const NearestGoal& goal, Action action, ActuationError error = {},
+             const BodiesAround& around = {});
 
   [[nodiscard]] Pose pose(const TaskConfig& config) const;
   [[nodiscard]] bool terminated() const { return terminated_; }

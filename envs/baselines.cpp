@@ -28,7 +28,7 @@ struct EarLevels {
 };
 
 EarLevels ear_levels(const BatchedEnv& env, std::size_t row, std::size_t count) {
-  const std::size_t samples = env.heard().size() / (2 * static_cast<std::size_t>(env.num_envs()));
+  const std::size_t samples = env.heard().size() / (2 * static_cast<std::size_t>(env.num_rows()));
   const double gain = static_cast<double>(env.config().sound_gain);
   const auto level_db = [&](std::size_t ear) {
     double energy = 0;
@@ -54,7 +54,7 @@ Action greedy_action(const BatchedEnv& env, std::size_t row, const RandomStream&
   const bool hears = !env.heard().empty(), sees = !env.depth().empty();
   EarLevels now{kSilence_db, kSilence_db};
   if (hears) {
-    const std::size_t num_rows = 2 * static_cast<std::size_t>(env.num_envs());
+    const std::size_t num_rows = 2 * static_cast<std::size_t>(env.num_rows());
     const std::size_t window = env.heard().size() / num_rows, two_steps = std::min(window, 2 * env.audiogoal().size() / num_rows);
     // Sounds pause: the level is that of the whole second.  The side is that of the newest sound, heard since the last turns.
     const EarLevels second = ear_levels(env, row, window);
@@ -81,7 +81,7 @@ std::optional<Baseline> baseline_by_name(std::string_view name) {
 }
 
 void baseline_actions(Baseline baseline, const BatchedEnv& env, std::uint64_t seed, int first_env, std::span<std::int32_t> actions) {
-  EARSHOT_EXPECT(actions.size() == static_cast<std::size_t>(env.num_envs()));
+  EARSHOT_EXPECT(actions.size() == static_cast<std::size_t>(env.num_rows()));
   for (std::size_t row = 0; row < actions.size(); ++row) {
     const int index = static_cast<int>(row);
     actions[row] = as_int(Action::stop);

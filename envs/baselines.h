@@ -14,8 +14,8 @@ namespace earshot {
 enum class Baseline { random, greedy, oracle };
 std::optional<Baseline> baseline_by_name(std::string_view name);
 
-/// Writes one action per env.  Stateless across calls but for the env's own counters: random numbers are keyed by (seed, env, episode,
-/// step).
+/// Writes one action per agent, by row.  Stateless across calls but for the env's own counters: random numbers are keyed by (seed, env,
+/// episode, step).
 void baseline_actions(Baseline baseline, const BatchedEnv& env, std::uint64_t seed, int first_env, std::span<std::int32_t> actions);
 
 }  // namespace earshot

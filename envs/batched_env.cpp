@@ -33,15 +33,22 @@ BatchedEnv::Impl::Impl(const EnvConfig& env_config, std::shared_ptr<const Episod
       first_env(first),
       total_envs(total > 0 ? total : first + num_envs),
       block_samples((validate(config), static_cast<int>(std::lround(config.acoustics.sample_rate_hz * config.task.step_time_s)))),
-      oracle(set->episodes.size()),
+      oracle(set->episodes.size() * size_of(config.agents)),
       sounds(config.observation.hears() ? std::span<const Episode>(set->episodes) : std::span<const Episode>{}, config.sound_root,
              config.acoustics.sample_rate_hz, config.sound_gain),
-      agents(size_of(num_envs)),
+      per_env(size_of(config.agents)),
+      envs(size_of(num_envs)),
+      agents(envs.size() * per_env),
       quarantine(config.quarantine_dir) {
   require(config.accuracy.empty(), "accuracy", config.accuracy, "has to be planned before environments are made (plan_env_accuracy)");
   require(num_envs >= 1, "num_envs", num_envs, "must be at least 1");
   require(first_env >= 0 && first_env + num_envs <= total_envs, "first_env", first_env, "first_env + num_envs must not exceed total_envs");
   if (set->episodes.empty()) throw InputError("episode set", "holds no episodes", "make one with `earshot dataset episodes`");
+  for (const Episode& episode : set->episodes)
+    if (episode.other_agents.size() + 1 < per_env)
+      throw InputError("episode '" + episode.episode_id + "' in " + episode.scene_id,
+                       fmt::format("has {} agents, env.agents asks for {}", episode.other_agents.size() + 1, per_env),
+                       "make the set with as many (data.train.agents.count, `earshot dataset episodes --agents`), or lower env.agents");
   EARSHOT_EXPECT(scenes->acoustics().sample_rate_hz == config.acoustics.sample_rate_hz);
 
   const ObservationSpec& spec = config.observation;
@@ -94,24 +101,40 @@ BatchedEnv::Impl::Impl(const EnvConfig& env_config, std::shared_ptr<const Episod
     };
   }
   rewards.assign(agents.size(), 0.f);
-  for (auto* flags : {&terminated, &truncated, &active, &collided, &quarantined, &under_way, &is_done}) flags->assign(agents.size(), 0);
-  all_envs.resize(agents.size());
+  for (auto* flags : {&terminated, &truncated, &active, &collided, &quarantined, &acted}) flags->assign(agents.size(), 0);
+  for (auto* flags : {&under_way, &is_done}) flags->assign(envs.size(), 0);
+  for (Agent& agent : agents)
+    agent.around = {.places = {}, .apart_m = 2 * config.navmesh.agent_radius_m, .height_m = config.navmesh.agent_height_m};
+  all_envs.resize(envs.size());
   std::iota(all_envs.begin(), all_envs.end(), std::uint32_t{0});
   finished.reserve(agents.size());
   spare_actions.reserve(agents.size());
-  submitted.reserve(agents.size());
-  sent_order.reserve(agents.size());
-  received.reserve(agents.size());
+  for (EnvRun& run : envs) run.ended.reserve(per_env);
+  submitted.reserve(envs.size());
+  sent_order.reserve(envs.size());
+  received.reserve(envs.size());
   const int threads = config.threads > 0 ? config.threads : tbb::info::default_concurrency();
-  workers.emplace(std::min(threads, num_envs), agents.size(), config.stage_limit_s,
+  workers.emplace(std::min(threads, num_envs), envs.size(), config.stage_limit_s,
                   [this](std::size_t env, std::size_t worker) { run_task(env, worker); });
-  engines.resize(workers->num_workers());
+  // Threads that envs leave over share the agents of each.  A stage that is given up takes its thread with it, so with a limit there are
+  // none of these.
+  if (per_env > 1 && config.stage_limit_s == 0)
+    helpers = std::min(size_of(threads) / envs.size(), per_env) - std::min(size_of(threads) / envs.size(), std::size_t{1});
+  for (EnvRun& run : envs)
+    if (helpers > 0) run.team = std::make_unique<AgentTeam>(helpers);
+  engines.resize(workers->num_workers() + envs.size() * helpers);
 }
 
 std::size_t BatchedEnv::Impl::index_of(int env) const {
-  if (env < 0 || size_of(env) >= agents.size())
-    throw std::out_of_range(fmt::format("BatchedEnv: environment {} of a batch of {}", env, agents.size()));
+  if (env < 0 || size_of(env) >= envs.size())
+    throw std::out_of_range(fmt::format("BatchedEnv: environment {} of a batch of {}", env, envs.size()));
   return size_of(env);
+}
+
+std::size_t BatchedEnv::Impl::row_of(int row) const {
+  if (row < 0 || size_of(row) >= agents.size())
+    throw std::out_of_range(fmt::format("BatchedEnv: agent {} of a batch of {}", row, agents.size()));
+  return size_of(row);
 }
 
 BatchedEnv::BatchedEnv(const EnvConfig& config, std::shared_ptr<const EpisodeSet> set, std::shared_ptr<SceneCache> scenes, int num_envs,
@@ -146,7 +169,10 @@ namespace {
 
 void BatchedEnv::Impl::check_cursor(const EnvCursor& cursor) const {
   if (cursor.active && cursor.episode_index >= set->episodes.size()) refuse_state("names an episode that the set does not have");
-  if (cursor.actions.size() > size_of(config.task.max_steps)) refuse_state("has an episode longer than task.max_steps");
+  if (cursor.others.size() + 1 != per_env) refuse_state("has another number of agents");
+  std::size_t longest = cursor.actions.size();
+  for (const auto& actions : cursor.others) longest = std::max(longest, actions.size());
+  if (longest > size_of(config.task.max_steps)) refuse_state("has an episode longer than task.max_steps");
   if (cursor.ended && !cursor.is_void && config.autoreset == Autoreset::same_step)
     refuse_state("has an episode that has ended, which autoreset same_step knows none of");
 }
@@ -157,7 +183,7 @@ void BatchedEnv::restore(std::string_view text) {
   const EnvState state = decode_env_state(text);
   if (state.set_hash != in.set->hash) refuse_state("belongs to another episode set");
   if (state.seed != in.config.seed) refuse_state("has another seed");
-  if (state.envs.size() != in.agents.size() || state.first_env != in.first_env || state.total_envs != in.total_envs)
+  if (state.envs.size() != in.envs.size() || state.first_env != in.first_env || state.total_envs != in.total_envs)
     refuse_state("belongs to another batch of environments");
   for (const EnvCursor& cursor : state.envs) in.check_cursor(cursor);
   for (const std::uint32_t env : in.all_envs) in.require_settled(env, "restore");
@@ -166,8 +192,8 @@ void BatchedEnv::restore(std::string_view text) {
   if (!state.started) return;
   in.submitted.clear();
   for (const std::uint32_t env : in.all_envs) {
-    in.agents[env].job = Job::restore;
-    in.agents[env].cursor = state.envs[env];
+    in.envs[env].job = Job::restore;
+    in.envs[env].cursor = state.envs[env];
     in.submitted.push_back(env);
   }
   in.run_all();
@@ -195,13 +221,15 @@ void BatchedEnv::restore(int env, std::string_view snapshot) {
   if (!in.started) throw std::logic_error("BatchedEnv::restore: no episode has begun, reset all environments first");
   in.check_cursor(state.envs.front());
   in.require_settled(index, "restore");
-  in.agents[index].job = Job::restore;
-  in.agents[index].cursor = state.envs.front();
+  in.envs[index].job = Job::restore;
+  in.envs[index].cursor = state.envs.front();
   in.submitted.assign(1, static_cast<std::uint32_t>(index));
   in.run_all();
 }
 
 int BatchedEnv::num_envs() const { return impl_->num_envs(); }
+int BatchedEnv::num_agents() const { return static_cast<int>(impl_->per_env); }
+int BatchedEnv::num_rows() const { return static_cast<int>(impl_->agents.size()); }
 const EnvConfig& BatchedEnv::config() const { return impl_->config; }
 namespace {
 
@@ -231,24 +259,25 @@ std::span<const std::uint8_t> BatchedEnv::truncated() const { return impl_->trun
 std::span<const std::uint8_t> BatchedEnv::active() const { return impl_->active; }
 std::span<const std::uint8_t> BatchedEnv::collided() const { return impl_->collided; }
 std::span<const std::uint8_t> BatchedEnv::quarantined() const { return impl_->quarantined; }
+std::span<const std::uint8_t> BatchedEnv::acted() const { return impl_->acted; }
 std::span<const float> BatchedEnv::final_depth() const { return last_of(impl_->depth); }
 std::span<const float> BatchedEnv::final_spectrogram() const { return last_of(impl_->spectrogram); }
 std::span<const float> BatchedEnv::final_pointgoal() const { return last_of(impl_->pointgoal); }
 std::span<const FinishedEpisode> BatchedEnv::finished() const { return impl_->finished; }
 
-Pose BatchedEnv::pose(int env) const { return impl_->agents[impl_->index_of(env)].state.pose(impl_->config.task); }
-const EnvSource& BatchedEnv::source(int env) const {
-  const auto& source = impl_->agents[impl_->index_of(env)].source;
-  if (!source) throw std::logic_error(fmt::format("BatchedEnv::source: no episode runs in environment {}", env));
+Pose BatchedEnv::pose(int row) const { return impl_->agents[impl_->row_of(row)].state.pose(impl_->config.task); }
+const EnvSource& BatchedEnv::source(int row) const {
+  const auto& source = impl_->agents[impl_->row_of(row)].source;
+  if (!source) throw std::logic_error(fmt::format("BatchedEnv::source: agent {} has no episode", row));
   return *source;
 }
-NearestGoal BatchedEnv::goal(int env) const {
-  static_cast<void>(source(env));
-  return impl_->goal_of(impl_->agents[impl_->index_of(env)]);
+NearestGoal BatchedEnv::goal(int row) const {
+  static_cast<void>(source(row));
+  return impl_->goal_of(impl_->row_of(row));
 }
-std::uint64_t BatchedEnv::episode_index(int env) const { return impl_->agents[impl_->index_of(env)].episode_index; }
-int BatchedEnv::episode_count(int env) const { return impl_->agents[impl_->index_of(env)].episode_count; }
-int BatchedEnv::episode_step(int env) const { return impl_->agents[impl_->index_of(env)].state.steps(); }
+std::uint64_t BatchedEnv::episode_index(int row) const { return impl_->agents[impl_->row_of(row)].episode_index; }
+int BatchedEnv::episode_count(int row) const { return impl_->agents[impl_->row_of(row)].episode_count; }
+int BatchedEnv::episode_step(int row) const { return impl_->agents[impl_->row_of(row)].state.steps(); }
 const StageSeconds& BatchedEnv::stage_seconds() const { return impl_->stage_seconds; }
 EffectCounters BatchedEnv::effect_counters() const {
   EffectCounters sum;
@@ -275,21 +304,25 @@ void BatchedEnv::set_stage_hook(StageHook hook) { impl_->hook = std::move(hook);
 std::optional<FaultReport> BatchedEnv::begin(int env, std::uint64_t episode_index, int episode_count) {
   Impl& in = *impl_;
   in.refuse_while_under_way("begin");
-  Agent& agent = in.agents[in.index_of(env)];
+  const std::size_t index = in.index_of(env);
   if (episode_index >= in.set->episodes.size() || episode_count < 0)
     throw std::invalid_argument(
         fmt::format("BatchedEnv::begin: episode {} of {}, number {}", episode_index, in.set->episodes.size(), episode_count));
-  in.require_settled(size_of(env), "begin");
-  agent.job = Job::begin;
-  agent.seed = in.config.seed;
-  agent.stream = in.global_id(size_of(env));
-  agent.episode_index = episode_index;
-  agent.episode_count = episode_count;
+  in.require_settled(index, "begin");
+  in.envs[index].job = Job::begin;
+  in.seed_env(index, in.config.seed, in.global_id(index));
+  for (Agent& agent : in.agents_of(index)) {
+    agent.episode_index = episode_index;
+    agent.episode_count = episode_count;
+  }
   in.started = true;
   in.submitted.assign(1, static_cast<std::uint32_t>(env));
   in.run_all();
-  std::optional<FaultReport> fault = agent.fault;
-  if (fault) in.go_idle(size_of(env));
+  const FaultReport* found = in.fault_of(index);
+  if (!found) return std::nullopt;
+  const FaultReport fault = *found;
+  in.go_idle(index);
+  in.publish(index);
   return fault;
 }
 

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <filesystem>
 
+#include "envs/episode.h"
 #include "envs/scene_cache.h"
 #include "sim/acoustics/accuracy/accuracy_plan.h"
 #include "sim/base/errors.h"
@@ -50,6 +51,7 @@ void read(ConfigReader& reader, EnvConfig& config) {
   reader.read("sound_root", config.sound_root);
   reader.read("sound_gain", config.sound_gain);
   reader.read("crossfade_s", config.crossfade_s);
+  reader.read("agents", config.agents);
   reader.read_choice<EpisodeOrder>("order", config.order, {{"random", EpisodeOrder::random}, {"once", EpisodeOrder::once}});
   reader.read_choice<Autoreset>("autoreset", config.autoreset,
                                 {{"same_step", Autoreset::same_step}, {"next_step", Autoreset::next_step}, {"off", Autoreset::off}});
@@ -93,6 +95,9 @@ void validate(const EnvConfig& config) {
   require(config.sound_gain > 0 && std::isfinite(config.sound_gain), "sound_gain", config.sound_gain, "must be positive and finite");
   require(config.crossfade_s >= 0 && config.crossfade_s <= config.task.step_time_s, "crossfade_s", config.crossfade_s,
           "must be in [0, task.step_time_s]: a fade ends within its step");
+  require(config.agents >= 1 && config.agents <= static_cast<int>(kMaxAgents), "agents", config.agents, "must be in [1, 16]");
+  require(config.agents == 1 || config.observation.renderer == Renderer::embree, "observation.renderer", "another than embree",
+          "draws no bodies: with several agents in an env pictures are drawn by embree");
   require(config.threads >= 0 && config.threads <= 1024, "threads", config.threads, "must be in [0, 1024]; 0 means all cores");
   require(config.stage_limit_s >= 0 && config.stage_limit_s <= 1e6, "stage_limit_s", config.stage_limit_s,
           "must be in [0, 1e6] seconds; 0 means no limit");

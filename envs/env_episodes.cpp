@@ -25,6 +25,14 @@ double end_of(const EpisodeSource& source, const LibrarySound* sound) {
   return source.onset_s + length_s;
 }
 
+/// A sound that begins and ends at these samples of the stream, from its beginning.
+PlayedSound played_from(const LibrarySound& sound, std::uint64_t begin, std::uint64_t end, float level_db) {
+  const std::uint64_t length = sound.clip.samples.size();
+  return {.sound = &sound,
+          .position = {.clip_offset = (length - begin % length) % length, .already_playing = false, .begin = begin, .end = end},
+          .gain = std::pow(10.f, level_db / 20.f)};
+}
+
 float rms_at_1_m(const LibrarySound& sound, float gain) {
   double sum = 0;
   for (const float sample : sound.clip.samples) sum += static_cast<double>(sample) * static_cast<double>(sample);
@@ -37,40 +45,42 @@ std::optional<std::uint64_t> BatchedEnv::Impl::draw_episode(std::size_t env, int
   const std::uint64_t num_episodes = set->episodes.size();
   const auto count = static_cast<std::uint32_t>(episode_count);
   if (config.order == EpisodeOrder::random)
-    return RandomStream(agents[env].seed, Purpose::episode_order, agents[env].stream, count, attempt)
+    return RandomStream(agents[first_row(env)].seed, Purpose::episode_order, agents[first_row(env)].stream, count, attempt)
         .below(static_cast<std::uint32_t>(num_episodes), 0);
   const std::uint64_t index = global_id(env) + std::uint64_t{count} * static_cast<std::uint64_t>(total_envs);
   return index < num_episodes ? std::optional(index) : std::nullopt;
 }
 
 void BatchedEnv::Impl::begin_next_episode(std::size_t env, HearingEngines* own) {
-  Agent& agent = agents[env];
   const bool once = config.order == EpisodeOrder::once;
-  int count = agent.episode_count + 1;
+  int count = agents[first_row(env)].episode_count + 1;
   // Order `once` needs no bound: its episodes come to an end.
   for (std::uint32_t attempt = 0; once || attempt < kMaxDraws; ++attempt) {
     const auto index = draw_episode(env, count, once ? 0 : attempt);
     if (!index) return go_idle(env);
     begin_episode(env, *index, count, own);
     if (!goes_on(env)) return;
-    if (!agent.fault) {
+    const FaultReport* fault = fault_of(env);
+    if (!fault) {
       if (const auto next = draw_episode(env, count + 1, 0); next && config.prefetch) {
         const Episode& episode = set->episodes[*next];
         scenes->prefetch(episode.scene_id, episode.goal_position, config.task.source_height_m);
         for (const EpisodeSource& source : episode.sources)
-          if (source.position != episode.goal_position) scenes->prefetch(episode.scene_id, source.position, config.task.source_height_m);
+          if (source.path.empty() && source.position != episode.goal_position)
+            scenes->prefetch(episode.scene_id, source.position, config.task.source_height_m);
       }
       return;
     }
-    quarantine_episode(env, *agent.fault);
+    quarantine_episode(env, *fault);
     ++failed;
     if (once) {
-      agent.failed_starts.push_back(failed_episode(env, *agent.fault));
+      for (std::size_t row = first_row(env); row < first_row(env) + per_env; ++row)
+        envs[env].failed_starts.push_back(failed_episode(row, *fault));
       ++count;
     }
   }
-  const Episode& last = episode_of(agent);
-  const FaultReport fault = *agent.fault;
+  const Episode& last = episode_of(agents[first_row(env)]);
+  const FaultReport fault = *fault_of(env);
   go_idle(env);
   throw InputError("episode set",
                    fmt::format("{} episodes in a row could not begin, the last one for its {}: episode '{}' in {}: {}", kMaxDraws,
@@ -78,216 +88,320 @@ void BatchedEnv::Impl::begin_next_episode(std::size_t env, HearingEngines* own) 
                    "bring back what is missing, or make the set again for these scenes and this agent size");
 }
 
-/// The agent as it is before its episode begins.
+/// The agents as they are before their episode begins.
 void BatchedEnv::Impl::prepare_episode(std::size_t env, std::uint64_t episode_index, int episode_count) {
-  Agent& agent = agents[env];
-  agent.fault.reset();
-  agent.episode_index = episode_index;
-  agent.episode_count = episode_count;
-  agent.state = {};
-  agent.actions.clear();
-  agent.actions.reserve(size_of(config.task.max_steps));
-  agent.has_ended = false;
-  agent.pictures_are_current = false;
-  agent.pictures_now = {};
-  agent.path.clear();
-  if (topdown_map) agent.path.reserve(size_of(config.task.max_steps) + 1);
-  active[env] = 1;
+  EnvRun& run = envs[env];
+  run.has_episode = true;
+  run.has_ended = false;
+  run.steps = 0;
+  for (Agent& agent : agents_of(env)) {
+    agent.fault.reset();
+    agent.episode_index = episode_index;
+    agent.episode_count = episode_count;
+    agent.state = {};
+    agent.waits = false;
+    agent.actions.clear();
+    agent.actions.reserve(size_of(config.task.max_steps));
+    agent.pictures_are_current = false;
+    agent.pictures_now = {};
+    agent.path.clear();
+    if (topdown_map) agent.path.reserve(size_of(config.task.max_steps) + 1);
+  }
 }
 
 void BatchedEnv::Impl::begin_episode(std::size_t env, std::uint64_t episode_index, int episode_count, HearingEngines* own) {
-  Agent& agent = agents[env];
+  const std::size_t first = first_row(env);
   prepare_episode(env, episode_index, episode_count);
-  guarded(env, Fault::scene, [&] {
+  // What an env that is given up did, and in which episode, is read while its stage still runs: it is known from here on.
+  if (!goes_on(env)) return;
+  guarded(first, Fault::scene, [&] {
     enter_episode(env);
-    if (!agent.fault && goes_on(env)) observe_start(env, own);
+    if (fault_of(env) || !goes_on(env)) return;
+    move_sounds(env, own);
+    for_agents(env, own, [&](std::size_t row, HearingEngines* engine) {
+      guarded(row, Fault::scene, [&] { observe_start(row, engine); });
+      return true;
+    });
   });
-  if (!agent.fault) ++begun;
+  if (!fault_of(env)) ++begun;
 }
 
-/// Scene, source, start and sound of the episode that the agent's index names.
+/// Lets go of the scene and all that belongs to it.
+void BatchedEnv::Impl::leave_episode(std::size_t env) {
+  envs[env].sounds.clear();
+  envs[env].playing.clear();
+  envs[env].other_goals.clear();
+  for (Agent& agent : agents_of(env)) {
+    agent.source.reset();
+    agent.appearance.reset();
+  }
+}
+
+/// Scene, source, starts and sounds of the episode that the agents' index names.
 void BatchedEnv::Impl::enter_episode(std::size_t env) {
-  Agent& agent = agents[env];
-  const Episode& episode = episode_of(agent);
-  const TaskConfig& task = config.task;
-  // First, so that the cache may drop the last episode's scene for this one's.
-  agent.source.reset();
-  agent.playing.clear();
-  agent.other_goals.clear();
-  agent.appearance.reset();
-  agent.source = scenes->source(episode.scene_id, episode.goal_position, task.source_height_m);
-  const EnvScene& scene = *agent.source->scene;
+  const Episode& episode = episode_of(agents[first_row(env)]);
+  leave_episode(env);  // first, so that the cache may drop the last episode's scene for this one's
+  const auto source = scenes->source(episode.scene_id, episode.goal_position, config.task.source_height_m);
+  const EnvScene& scene = *source->scene;
   const bool looks = std::any_of(cameras.begin(), cameras.end(), [](const AgentCamera& camera) { return camera.rgb || camera.semantic; });
-  if (looks) agent.appearance = scene.looks->of(*scene.scene);
-  const Navmesh& navmesh = scene.navmesh;
-  for (const glm::dvec3 other : episode.other_goals) agent.other_goals.emplace_back(navmesh, scene.scene->to_local(other));
-  const NearestGoal goal = goal_of(agent);
-  const auto start = navmesh.snap(scene.scene->to_local(episode.start_position));
-  const auto distance_m = start ? goal.distance_m(*start) : std::nullopt;
-  if (!distance_m || !std::isfinite(*distance_m))
-    return report(env, Fault::path, start ? "no walkable path leads from its start to its goal" : "its start is off the walkable surface");
-  const double heading_rad = heading_of(episode.start_rotation);
-  // Counted here and not read from the file: published sets count 1 m steps and 90 degree turns (docs/conventions.md, section 7).
-  const int oracle_actions = oracle.of(agent.episode_index, [&] {
-    return std::max(1, count_oracle_actions(task, navmesh, goal, *start, heading_rad).value_or(episode.num_action));
-  });
-  const bool names_a_goal = std::any_of(episode.sources.begin(), episode.sources.end(), [](const auto& source) { return source.goal; });
+  const auto appearance = looks ? scene.looks->of(*scene.scene) : nullptr;
+  for (const glm::dvec3 other : episode.other_goals) envs[env].other_goals.emplace_back(scene.navmesh, scene.scene->to_local(other));
+  const bool names_a_goal = std::any_of(episode.sources.begin(), episode.sources.end(), [](const auto& each) { return each.goal; });
   double silent_from_s = names_a_goal ? 0 : std::numeric_limits<double>::infinity();
-  for (const EpisodeSource& source : episode.sources)  // the goal is silent when the last of its sounds is
-    if (source.goal)
-      silent_from_s = std::max(silent_from_s, end_of(source, config.observation.hears() ? &sounds.sound(source.sound) : nullptr));
+  for (const EpisodeSource& each : episode.sources)  // the goal is silent when the last of its sounds is
+    if (each.goal) silent_from_s = std::max(silent_from_s, end_of(each, config.observation.hears() ? &sounds.sound(each.sound) : nullptr));
+  for (Agent& agent : agents_of(env)) {
+    agent.source = source;
+    agent.appearance = appearance;
+  }
+  for (std::size_t row = first_row(env); row < first_row(env) + per_env && !fault_of(env); ++row) enter_agent(row, silent_from_s);
+  if (!fault_of(env) && config.observation.hears()) begin_hearing(env);
+}
+
+/// Puts an agent where it starts.
+void BatchedEnv::Impl::enter_agent(std::size_t row, double silent_from_s) {
+  Agent& agent = agents[row];
+  const TaskConfig& task = config.task;
+  const Episode& episode = episode_of(agent);
+  const EnvScene& scene = *agent.source->scene;
+  const NearestGoal goal = goal_of(row);
+  const int number = agent_of(row);
+  const EpisodeAgent* further = number > 0 ? &episode.other_agents[size_of(number - 1)] : nullptr;
+  const auto start = scene.navmesh.snap(scene.scene->to_local(further ? further->start_position : episode.start_position));
+  const auto distance_m = start ? goal.distance_m(*start) : std::nullopt;
+  if (!distance_m || !std::isfinite(*distance_m)) {
+    std::string detail = start ? "no walkable path leads from its start to its goal" : "its start is off the walkable surface";
+    if (further) detail += fmt::format(" (agent {})", number);
+    return report(row, Fault::path, std::move(detail));
+  }
+  const double heading_rad = heading_of(further ? further->start_rotation : episode.start_rotation);
+  // Counted here and not read from the file: published sets count 1 m steps and 90 degree turns (docs/conventions.md, section 7).
+  const int known = further ? task.max_steps : episode.num_action;
+  const int oracle_actions = oracle.of(agent.episode_index * per_env + size_of(number), [&] {
+    return std::max(1, count_oracle_actions(task, scene.navmesh, goal, *start, heading_rad).value_or(known));
+  });
   agent.state.begin(task, goal, *start, heading_rad, oracle_actions, silent_from_s);
   agent.start_pose = agent.state.pose(task);
-  if (topdown_map) {
-    agent.path.push_back(*start);
-    agent.goals.assign(1, scene.scene->to_local(episode.goal_position));
-    for (const glm::dvec3 other : episode.other_goals) agent.goals.push_back(scene.scene->to_local(other));
-  }
-  if (config.observation.hears()) begin_hearing(env);
+  if (!topdown_map) return;
+  agent.path.push_back(*start);
+  agent.goals.assign(1, scene.scene->to_local(episode.goal_position));
+  for (const glm::dvec3 other : episode.other_goals) agent.goals.push_back(scene.scene->to_local(other));
 }
 
-NearestGoal BatchedEnv::Impl::goal_of(const Agent& agent) const {
-  NearestGoal goal(agent.source->field);
-  for (const GeodesicField& other : agent.other_goals) goal.add(other);
+NearestGoal BatchedEnv::Impl::goal_of(std::size_t row) const {
+  NearestGoal goal(agents[row].source->field);
+  for (const GeodesicField& other : envs[env_of(row)].other_goals) goal.add(other);
   return goal;
 }
 
-/// What the agent's sources play, and noise.
+/// What the sources and the agents of an env play, and noise.
 void BatchedEnv::Impl::begin_hearing(std::size_t env) {
-  Agent& agent = agents[env];
-  const Episode& episode = episode_of(agent);
-  const auto count = static_cast<std::uint32_t>(agent.episode_count);
-  const RandomStream random(agent.seed, Purpose::sound, agent.stream, count);
+  EnvRun& run = envs[env];
+  const Agent& lead = agents[first_row(env)];
+  const Episode& episode = episode_of(lead);
+  const auto& scene = lead.source->scene;
+  const auto count = static_cast<std::uint32_t>(lead.episode_count);
+  const RandomStream random(lead.seed, Purpose::sound, lead.stream, count);
   const double rate_hz = static_cast<double>(config.acoustics.sample_rate_hz);
-  std::vector<PlayedSound>& played = agent.played;
-  played.clear();
   float noise_reference = 0;  // root mean square of the goal's sound at 1 m
   if (episode.sources.empty()) {
     const LibrarySound& sound = sounds.sound(episode.sound);
-    played.push_back({.source = agent.source.get(),
-                      .sound = &sound,
-                      .position = {.clip_offset = random.below(static_cast<std::uint32_t>(sound.clip.samples.size()), 0)}});
+    run.sounds.push_back({.played = {.source = lead.source.get(),
+                                     .sound = &sound,
+                                     .position = {.clip_offset = random.below(static_cast<std::uint32_t>(sound.clip.samples.size()), 0)}},
+                          .moving = nullptr});
     if (episode.noise_snr_db) noise_reference = rms_at_1_m(sound, 1);
   }
   for (const EpisodeSource& source : episode.sources) {
-    agent.playing.push_back(scenes->source(episode.scene_id, source.position, config.task.source_height_m));
     const LibrarySound& sound = sounds.sound(source.sound);
-    const std::uint64_t length = sound.clip.samples.size();
     // The first window is the second before the episode.
     const auto begin = static_cast<std::uint64_t>(config.observation.sound.num_samples + std::llround(source.onset_s * rate_hz));
     std::uint64_t end = ~std::uint64_t{0};
     if (source.duration_s >= 0) end = begin + static_cast<std::uint64_t>(std::llround(source.duration_s * rate_hz));
-    if (!source.loop) end = std::min(end, begin + length);
-    const float gain = std::pow(10.f, source.level_db / 20.f);
-    played.push_back({.source = agent.playing.back().get(),
-                      .sound = &sound,
-                      .position = {.clip_offset = (length - begin % length) % length,  // from its beginning
-                                   .already_playing = false,
-                                   .begin = begin,
-                                   .end = end},
-                      .gain = gain});
-    for (const Waypoint& at : source.path)
-      played.back().path.push_back(
-          {.sample = config.observation.sound.num_samples + at.t_s * rate_hz,
-           .position = agent.source->scene->scene->to_local(at.position) + glm::vec3(0, config.task.source_height_m, 0)});
-    if (episode.noise_snr_db && (source.goal || noise_reference == 0)) noise_reference = rms_at_1_m(sound, gain);
+    if (!source.loop) end = std::min(end, begin + sound.clip.samples.size());
+    EnvSound heard_one{.played = played_from(sound, begin, end, source.level_db), .moving = nullptr};
+    if (source.path.empty()) {
+      run.playing.push_back(scenes->source(episode.scene_id, source.position, config.task.source_height_m));
+      heard_one.played.source = run.playing.back().get();
+    } else {
+      std::vector<TimedPlace> path;
+      for (const Waypoint& at : source.path)
+        path.push_back({.sample = config.observation.sound.num_samples + at.t_s * rate_hz, .position = source_at(*scene, at.position)});
+      heard_one.moving = std::make_unique<MovingSource>(scene, source_at(*scene, source.position), std::move(path));
+    }
+    if (episode.noise_snr_db && (source.goal || noise_reference == 0)) noise_reference = rms_at_1_m(sound, heard_one.played.gain);
+    run.sounds.push_back(std::move(heard_one));
   }
-  BackgroundNoise noise{.seed = agent.seed, .stream = agent.stream, .episode = count};
+  begin_agent_sounds(env);
+  for (EnvSound& sound : run.sounds) sound.played.moving = sound.moving.get();
+
+  BackgroundNoise noise{.seed = lead.seed, .stream = lead.stream, .episode = count};
   if (episode.noise_snr_db) noise.rms = noise_reference * std::pow(10.f, -*episode.noise_snr_db / 20.f);
-  agent.hearing.begin(played, noise);
+  for (std::size_t row = first_row(env); row < first_row(env) + per_env; ++row) {
+    run.played.clear();
+    for (const EnvSound& sound : run.sounds)
+      if (sound.agent != agent_of(row)) run.played.push_back(sound.played);
+    noise.agent = static_cast<std::uint32_t>(agent_of(row));
+    agents[row].hearing.begin(run.played, noise);
+  }
+}
+
+/// Agents sound from the start of the episode on, from the height of sources above where they are.
+void BatchedEnv::Impl::begin_agent_sounds(std::size_t env) {
+  const Agent& lead = agents[first_row(env)];
+  const Episode& episode = episode_of(lead);
+  for (int number = 0; per_env > 1 && number < static_cast<int>(per_env); ++number) {
+    const EpisodeAgent* further = number > 0 ? &episode.other_agents[size_of(number - 1)] : nullptr;
+    const std::string& name = further ? further->sound : episode.agent_sound;
+    if (name.empty()) continue;
+    const glm::vec3 home = agents[first_row(env) + size_of(number)].start_pose.position + glm::vec3(0, config.task.source_height_m, 0);
+    envs[env].sounds.push_back({.played = played_from(sounds.sound(name), size_of(config.observation.sound.num_samples), ~std::uint64_t{0},
+                                                      further ? further->level_db : episode.agent_level_db),
+                                .moving = std::make_unique<MovingSource>(lead.source->scene, home),
+                                .agent = number});
+  }
+}
+
+glm::vec3 BatchedEnv::Impl::source_at(const EnvScene& scene, glm::dvec3 foot) const {
+  return scene.scene->to_local(foot) + glm::vec3(0, config.task.source_height_m, 0);
 }
 
 void BatchedEnv::Impl::go_idle(std::size_t env) {
-  active[env] = 0;
-  agents[env].pictures_now = {};
-  agents[env].source.reset();
-  agents[env].playing.clear();
-  agents[env].other_goals.clear();
-  agents[env].fault.reset();
+  envs[env].has_episode = false;
+  leave_episode(env);
+  for (Agent& agent : agents_of(env)) {
+    agent.pictures_now = {};
+    agent.fault.reset();
+  }
   clear_rows(env);
 }
 
-void BatchedEnv::Impl::observe_start(std::size_t env, HearingEngines* own) {
-  trace(env, own, config.observation.sound.num_samples);  // the window before the first step is heard with it
-  synthesize(env, own);
-  if (own && runs(env)) {
-    if (!agents[env].hearing.fill_window(*own, block_samples, waveform->row<float>(env), heard->row<float>(env)))
-      report(env, Fault::sound, "the sound before the first step is not finite");
+void BatchedEnv::Impl::observe_start(std::size_t row, HearingEngines* own) {
+  trace(row, own, config.observation.sound.num_samples);  // the window before the first step is heard with it
+  synthesize(row, own);
+  if (own && runs(row)) {
+    if (!agents[row].hearing.fill_window(*own, block_samples, waveform->row<float>(row), heard->row<float>(row)))
+      report(row, Fault::sound, "the sound before the first step is not finite");
     else if (hook)
-      check(env, Fault::sound, waveform->row<float>(env));
+      check(row, Fault::sound, waveform->row<float>(row));
   }
-  render(env);
-  observe(env, own);
+  render(row);
+  observe(row, own);
 }
 
 void BatchedEnv::Impl::restore(std::size_t env, const EnvCursor& cursor, HearingEngines* own) {
-  Agent& agent = agents[env];
-  agent.seed = cursor.seed;
-  agent.stream = cursor.stream;
-  agent.episode_count = cursor.episode_count;
-  agent.failed_starts.clear();
+  EnvRun& run = envs[env];
+  const std::size_t first = first_row(env), end = first + per_env;
+  seed_env(env, cursor.seed, cursor.stream);
+  for (Agent& agent : agents_of(env)) agent.episode_count = cursor.episode_count;
+  run.failed_starts.clear();
   if (!cursor.active) return go_idle(env);
   if (cursor.is_void) {
     if (config.autoreset == Autoreset::same_step) return begin_next_episode(env, own);
     prepare_episode(env, cursor.episode_index, cursor.episode_count);
     clear_rows(env);
-    agent.has_ended = true;
+    run.has_ended = true;
     return;
   }
   const auto damaged = [](const char* what) { throw InputError("environment state", what, "resume from another checkpoint"); };
   const auto stop_at_fault = [&] {
-    if (agent.fault)
-      throw InputError("episode '" + episode_of(agent).episode_id + "' in " + episode_of(agent).scene_id, agent.fault->detail,
+    if (const FaultReport* fault = fault_of(env))
+      throw InputError("episode '" + episode_of(agents[first]).episode_id + "' in " + episode_of(agents[first]).scene_id, fault->detail,
                        "it ran when the state was saved: bring back what is missing, or resume from another checkpoint");
   };
   prepare_episode(env, cursor.episode_index, cursor.episode_count);
   enter_episode(env);
   stop_at_fault();
   ++begun;
+  const auto actions_of = [&](std::size_t row) -> const std::vector<std::int8_t>& {
+    return row == first ? cursor.actions : cursor.others[row - first - 1];
+  };
+  std::size_t steps = 0;
+  for (std::size_t row = first; row < end; ++row) steps = std::max(steps, actions_of(row).size());
   // What is heard now depends on the poses of the last second only, and on the two steps before, by which paths arrive and which of them
   // glide (PathGlider::choose): poses before are walked, not rendered.
   const std::size_t window_blocks =
       (size_of(config.observation.sound.num_samples) + size_of(block_samples) - 1) / size_of(block_samples) + 2;
-  const std::size_t silent = cursor.actions.size() > window_blocks ? cursor.actions.size() - window_blocks : 0;
-  for (std::size_t step = 0; step <= cursor.actions.size(); ++step) {
-    if (step > 0) {
-      if (agent.state.terminated() || agent.state.truncated()) damaged("its actions go on after the end of the episode");
-      move(env, static_cast<Action>(cursor.actions[step - 1]));
+  const auto heard_from = [&](std::size_t row) {
+    const std::size_t count = actions_of(row).size();
+    return count > window_blocks ? count - window_blocks : 0;
+  };
+  for (std::size_t step = 0; step <= steps; ++step) {
+    run.steps = static_cast<int>(step);
+    bool any_hears = false;
+    for (std::size_t row = first; row < end; ++row) {
+      if (step > actions_of(row).size()) {
+        if (!ended(row)) damaged("has an agent that took fewer actions than the others and has not ended");
+        continue;
+      }
+      any_hears = any_hears || step >= heard_from(row);
+      if (step == 0) continue;
+      if (ended(row)) damaged("its actions go on after the end of the episode");
+      agents[row].outcome = {};
+      agents[row].actions.push_back(actions_of(row)[step - 1]);
+      move(row, static_cast<Action>(actions_of(row)[step - 1]));
     }
-    if (step < silent) continue;
-    const std::size_t window = size_of(config.observation.sound.num_samples);
-    if (step > 0 && step == silent) agent.hearing.seek(window + (step - 1) * size_of(block_samples));
-    trace(env, own, step == 0 ? config.observation.sound.num_samples : block_samples);
-    synthesize(env, own);
-    if (step == 0) {
-      if (own && runs(env)) agent.hearing.fill_window(*own, block_samples, waveform->row<float>(env), heard->row<float>(env));
-    } else if (step == silent) {
-      agent.hearing.seek(window + step * size_of(block_samples));
-    } else {
-      convolve(env, own);
+    if (any_hears) move_sounds(env, own);
+    for (std::size_t row = first; row < end; ++row) {
+      if (step > actions_of(row).size()) continue;
+      if (step >= heard_from(row)) hear_again(row, own, step, heard_from(row));
+      if (step == actions_of(row).size() && step < steps) {
+        render(row);
+        observe(row, own);
+        end_part(row);
+      }
     }
   }
-  if (ended(env) != cursor.ended) damaged("its last action ends the episode, or should");
-  rewards[env] = 0.f;
-  render(env);
-  observe(env, own);
+  bool all_ended = true;
+  for (std::size_t row = first; row < end; ++row) all_ended = all_ended && ended(row);
+  if (all_ended != cursor.ended) damaged("its last action ends the episode, or should");
+  for (std::size_t row = first; row < end; ++row) {
+    agents[row].outcome.reward = 0;
+    if (agents[row].waits) continue;
+    render(row);
+    observe(row, own);
+    if (!cursor.ended && ended(row)) end_part(row);
+  }
   stop_at_fault();
   if (!cursor.ended) return;
-  agent.has_ended = true;
-  keep_rows(env);
+  run.has_ended = true;
+  for (std::size_t row = first; row < end; ++row) {
+    if (!agents[row].waits) keep_rows(row);
+    agents[row].waits = false;
+  }
+}
+
+/// The sound of one step of a restored episode, of which the first to be heard is `from`.
+void BatchedEnv::Impl::hear_again(std::size_t row, HearingEngines* own, std::size_t step, std::size_t from) {
+  AgentHearing& hearing = agents[row].hearing;
+  const std::size_t window = size_of(config.observation.sound.num_samples);
+  if (step > 0 && step == from) hearing.seek(window + (step - 1) * size_of(block_samples));
+  trace(row, own, step == 0 ? config.observation.sound.num_samples : block_samples);
+  synthesize(row, own);
+  if (step == 0) {
+    if (own && runs(row)) hearing.fill_window(*own, block_samples, waveform->row<float>(row), heard->row<float>(row));
+  } else if (step == from) {
+    hearing.seek(window + step * size_of(block_samples));
+  } else {
+    convolve(row, own);
+  }
 }
 
 EnvCursor BatchedEnv::Impl::cursor_of(std::size_t env) const {
-  const Agent& agent = agents[env];
-  const bool is_void = agent.stalled || (agent.has_ended && agent.fault);
-  return {.active = active[env] != 0 || agent.stalled,
-          .ended = agent.has_ended,
-          .is_void = is_void,
-          .seed = agent.seed,
-          .stream = agent.stream,
-          .episode_index = agent.episode_index,
-          .episode_count = std::max(0, agent.episode_count),
-          .actions = is_void ? std::vector<std::int8_t>{} : agent.actions};
+  const EnvRun& run = envs[env];
+  const std::span<const Agent> ours = agents_of(env);
+  const Agent& lead = ours.front();
+  const bool is_void = run.stalled || (run.has_ended && fault_of(env));
+  EnvCursor cursor{.active = run.stalled || run.has_episode,
+                   .ended = run.has_ended,
+                   .is_void = is_void,
+                   .seed = lead.seed,
+                   .stream = lead.stream,
+                   .episode_index = lead.episode_index,
+                   .episode_count = std::max(0, lead.episode_count),
+                   .actions = is_void ? std::vector<std::int8_t>{} : lead.actions};
+  for (const Agent& agent : ours.subspan(1)) cursor.others.push_back(is_void ? std::vector<std::int8_t>{} : agent.actions);
+  return cursor;
 }
 
 }  // namespace earshot

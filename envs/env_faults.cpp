@@ -19,90 +19,114 @@ constexpr int kMostInARow = 64;
 
 }  // namespace
 
-void BatchedEnv::Impl::report(std::size_t env, Fault fault, std::string detail) {
-  if (!agents[env].fault) agents[env].fault = {fault, std::move(detail)};
+void BatchedEnv::Impl::report(std::size_t row, Fault fault, std::string detail) {
+  if (!agents[row].fault) agents[row].fault = {fault, std::move(detail)};
 }
 
-bool BatchedEnv::Impl::check(std::size_t env, Fault kind, std::span<float> values) {
-  const Agent& agent = agents[env];
+const FaultReport* BatchedEnv::Impl::fault_of(std::size_t env) const {
+  for (const Agent& agent : agents_of(env))
+    if (agent.fault) return &*agent.fault;
+  return nullptr;
+}
+
+bool BatchedEnv::Impl::check(std::size_t row, Fault kind, std::span<float> values) {
+  const Agent& agent = agents[row];
   if (hook)
-    hook({.kind = kind, .env = static_cast<int>(global_id(env)), .episode_index = agent.episode_index, .step = agent.state.steps()},
+    hook({.kind = kind,
+          .env = static_cast<int>(global_id(env_of(row))),
+          .episode_index = agent.episode_index,
+          .step = agent.state.steps(),
+          .agent = agent_of(row)},
          values);
   if (all_finite(values)) return true;
   const auto bad = std::find_if(values.begin(), values.end(), [](float value) { return !std::isfinite(value); });
   const Pose pose = agent.state.pose(config.task);
   const glm::dvec3 position = agent.source->scene->scene->to_world(pose.position);
-  report(env, kind,
-         fmt::format("value {} of {} is {}, at position {:.4f} {:.4f} {:.4f}, heading {:.4f} rad", bad - values.begin(), values.size(),
-                     *bad, position.x, position.y, position.z, pose.heading_rad));
+  std::string detail = fmt::format("value {} of {} is {}, at position {:.4f} {:.4f} {:.4f}, heading {:.4f} rad", bad - values.begin(),
+                                   values.size(), *bad, position.x, position.y, position.z, pose.heading_rad);
+  if (per_env > 1) detail += fmt::format(", agent {}", agent_of(row));
+  report(row, kind, std::move(detail));
   return false;
 }
 
+void BatchedEnv::Impl::clear_row(std::size_t row) {
+  for (const auto& sensor : sensor_rows) sensor->clear(row);
+  agents[row].pictures_now.wanted = false;
+}
+
 void BatchedEnv::Impl::clear_rows(std::size_t env) {
-  for (const auto& sensor : sensor_rows) sensor->clear(env);
-  agents[env].pictures_now.wanted = false;
+  for (std::size_t row = first_row(env); row < first_row(env) + per_env; ++row) clear_row(row);
 }
 
 /// Counts the fault and writes its file.
 void BatchedEnv::Impl::quarantine_episode(std::size_t env, const FaultReport& fault) {
-  const Agent& agent = agents[env];
-  quarantine.add({.report = fault,
-                  .engine = engine_commit(),
-                  .set_hash = set->hash,
-                  .seed = agent.seed,
-                  .episode_index = agent.episode_index,
-                  .env = static_cast<int>(agent.stream),
-                  .episode_count = agent.episode_count,
-                  .step = static_cast<int>(agent.actions.size()),
-                  .actions = agent.actions,
-                  .episode = episode_of(agent),
-                  .config = config_text(config)});
+  const std::span<const Agent> ours = agents_of(env);
+  const Agent& lead = ours.front();
+  QuarantineRecord record{.report = fault,
+                          .engine = engine_commit(),
+                          .set_hash = set->hash,
+                          .seed = lead.seed,
+                          .episode_index = lead.episode_index,
+                          .env = static_cast<int>(lead.stream),
+                          .episode_count = lead.episode_count,
+                          .step = 0,
+                          .actions = lead.actions,
+                          .episode = episode_of(lead),
+                          .config = config_text(config)};
+  for (const Agent& agent : ours) record.step = std::max(record.step, static_cast<int>(agent.actions.size()));
+  for (const Agent& agent : ours.subspan(1)) record.others.push_back(agent.actions);
+  quarantine.add(record);
 }
 
 /// How the faulty episode counts among the finished: as failed, at the distance that is known.
-FinishedEpisode BatchedEnv::Impl::failed_episode(std::size_t env, const FaultReport& fault) const {
-  const Agent& agent = agents[env];
-  FinishedEpisode failed_one{.env = static_cast<int>(global_id(env)),
+FinishedEpisode BatchedEnv::Impl::failed_episode(std::size_t row, const FaultReport& fault, bool began) const {
+  const Agent& agent = agents[row];
+  FinishedEpisode failed_one{.env = static_cast<int>(global_id(env_of(row))),
                              .episode_index = agent.episode_index,
-                             .metrics = agent.state.metrics(config.task),
+                             .metrics = began ? agent.state.metrics(config.task) : EpisodeMetrics{},
                              .actions = agent.actions,
-                             .fault = fault};
+                             .fault = fault,
+                             .agent = agent_of(row)};
   EpisodeMetrics& metrics = failed_one.metrics;
   metrics.success = metrics.spl = metrics.soft_spl = metrics.sna = metrics.success_when_silent = 0;
   metrics.steps = static_cast<int>(agent.actions.size());
-  if (metrics.steps == 0 || !std::isfinite(metrics.dtg_m)) metrics.dtg_m = static_cast<double>(episode_of(agent).geodesic_distance_m);
+  if (!began || metrics.steps == 0 || !std::isfinite(metrics.dtg_m))
+    metrics.dtg_m = static_cast<double>(episode_of(agent).geodesic_distance_m);
   if (!std::isfinite(metrics.reward)) metrics.reward = 0;
   return failed_one;
 }
 
-/// In the step that found the fault: no reward, truncated, all observations zero.
+/// In the step that found the fault: no reward, truncated, all observations zero, of all agents of the env.
 void BatchedEnv::Impl::end_faulty_episode(std::size_t env) {
-  if (!agents[env].fault) return;
-  quarantine_episode(env, *agents[env].fault);
-  rewards[env] = 0.f;
-  terminated[env] = collided[env] = 0;
-  truncated[env] = quarantined[env] = 1;
+  const FaultReport& fault = *fault_of(env);
+  quarantine_episode(env, fault);
+  for (Agent& agent : agents_of(env)) agent.outcome = {.truncated = true, .quarantined = true, .acted = agent.outcome.acted};
   clear_rows(env);
+  for (Agent& agent : agents_of(env)) agent.waits = false;  // the last rows of all are zero
   // One bad scene among many does not reach this count; a broken set would continue without end and without a whole episode.
-  if (++agents[env].faulty_in_a_row >= kMostInARow && config.order == EpisodeOrder::random)
-    throw InputError(fmt::format("env {}", global_id(env)),
-                     fmt::format("{} episodes in a row were quarantined, the last one for its {}: {}", kMostInARow,
-                                 name_of(agents[env].fault->fault), agents[env].fault->detail),
-                     "set quarantine_dir and run `earshot replay` on a file there");
+  if (++envs[env].faulty_in_a_row >= kMostInARow && config.order == EpisodeOrder::random)
+    throw InputError(
+        fmt::format("env {}", global_id(env)),
+        fmt::format("{} episodes in a row were quarantined, the last one for its {}: {}", kMostInARow, name_of(fault.fault), fault.detail),
+        "set quarantine_dir and run `earshot replay` on a file there");
 }
 
-/// Of a task that was given up: the env is out of the batch until its thread is done with it.
+/// Of a task that was given up: the env is out of the batch until its thread is done with it.  Reads nothing that a stage writes.
 void BatchedEnv::Impl::quarantine_stalled(std::size_t env) {
-  Agent& agent = agents[env];
+  EnvRun& run = envs[env];
   const FaultReport fault{Fault::stall, fmt::format("a stage took longer than stage_limit_s = {}", config.stage_limit_s)};
-  active[env] = 0;
-  agent.stalled = true;
+  run.stalled = true;
   quarantine_episode(env, fault);
-  if (config.order == EpisodeOrder::once) agent.stalled_one = failed_episode(env, fault);
   clear_outcome(env);
-  truncated[env] = quarantined[env] = 1;
-  clear_rows(env);
-  for (const auto& sensor : sensor_rows) sensor->keep(env);
+  for (std::size_t row = first_row(env); row < first_row(env) + per_env; ++row) {
+    active[row] = 0;
+    truncated[row] = quarantined[row] = 1;
+    if (config.order == EpisodeOrder::once) run.stalled_ones.push_back(failed_episode(row, fault, false));
+    for (const auto& sensor : sensor_rows) {
+      sensor->clear(row);
+      sensor->keep(row);
+    }
+  }
 }
 
 void BatchedEnv::Impl::stop_if_none_begins() const {

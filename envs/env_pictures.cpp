@@ -60,13 +60,26 @@ void BatchedEnv::Impl::open_renderer() {
   egl_draws = true;
 }
 
-void BatchedEnv::Impl::render(std::size_t env) {
-  if (!runs(env) || cameras.empty()) return;
-  Agent& agent = agents[env];
+void BatchedEnv::Impl::see_others(std::size_t row) {
+  Agent& agent = agents[row];
+  agent.others.clear();
+  const std::size_t first = first_row(env_of(row));
+  for (std::size_t other = first; other < first + per_env; ++other)
+    if (other != row)
+      agent.others.push_back({.foot = agents[other].state.pose(config.task).position,
+                              .radius_m = config.navmesh.agent_radius_m,
+                              .height_m = config.navmesh.agent_height_m,
+                              .color = body_color(agent_of(other))});
+}
+
+void BatchedEnv::Impl::render(std::size_t row) {
+  if (!runs(row) || cameras.empty()) return;
+  Agent& agent = agents[row];
+  see_others(row);
   const Pose now = agent.state.pose(config.task);
   const bool noisy = config.observation.depth_noise;  // which is another in each step
-  if (!noisy && agent.pictures_are_current && same_pose(now, agent.rendered_pose)) return;
-  const DepthNoiseDraw noise{.seed = agent.seed,
+  if (!noisy && agent.pictures_are_current && same_pose(now, agent.rendered_pose) && agent.others == agent.rendered_others) return;
+  const DepthNoiseDraw noise{.seed = noise_seed(row),
                              .env = agent.stream,
                              .episode = static_cast<std::uint32_t>(agent.episode_count),
                              .step = static_cast<std::uint32_t>(agent.state.steps())};
@@ -78,17 +91,17 @@ void BatchedEnv::Impl::render(std::size_t env) {
       wants_egl = true;
       continue;
     }
-    CameraImages images = images_of(camera, env, false);
+    CameraImages images = images_of(camera, row, false);
     const std::span<float> depth_row = images.depth;
     if (noisy && camera.depth) {
       agent.clean_depth.resize(depth_row.size());
       images.depth = agent.clean_depth;
     }
-    camera.camera.render(*agent.source->scene->scene, agent.appearance.get(), now, images);
+    camera.camera.render(*agent.source->scene->scene, agent.appearance.get(), now, images, agent.others);
     if (noisy && camera.depth)
       add_depth_noise(config.observation.noise, camera.camera.config(), of_camera(noise, i), agent.clean_depth, depth_row);
-    if (camera.depth && !check(env, Fault::depth, depth_row)) return;
-    if (camera.normals && !check(env, Fault::depth, images.normals)) return;
+    if (camera.depth && !check(row, Fault::depth, depth_row)) return;
+    if (camera.normals && !check(row, Fault::depth, images.normals)) return;
   }
   if (wants_egl)
     agent.pictures_now = {.wanted = true,
@@ -98,24 +111,25 @@ void BatchedEnv::Impl::render(std::size_t env) {
                           .episode_index = agent.episode_index,
                           .noise = noise};
   agent.rendered_pose = now;
+  agent.rendered_others = agent.others;
   agent.pictures_are_current = true;
 }
 
-void BatchedEnv::Impl::keep_rows(std::size_t env) {
-  for (const auto& sensor : sensor_rows) sensor->keep(env);
-  Agent& agent = agents[env];  // the copy has come too early for what is not drawn yet
+void BatchedEnv::Impl::keep_rows(std::size_t row) {
+  for (const auto& sensor : sensor_rows) sensor->keep(row);
+  Agent& agent = agents[row];  // the copy has come too early for what is not drawn yet
   if (agent.pictures_now.wanted)
     agent.pictures_last = agent.pictures_now;
   else
     agent.pictures_last.wanted = false;
 }
 
-void BatchedEnv::Impl::draw_pending(std::span<const std::uint32_t> envs) {
+void BatchedEnv::Impl::draw_pending(std::span<const std::uint32_t> done) {
   if (!egl) return;
   pending.clear();
-  for (const std::uint32_t env : envs) {
-    Agent& agent = agents[env];
-    if (agent.stalled) continue;  // its thread still writes there
+  for (const std::uint32_t env : done) {
+    Agent& agent = agents[env];       // envs of one agent (EnvConfig): it is a row
+    if (envs[env].stalled) continue;  // its thread still writes there
     if (agent.pictures_last.wanted) pending.push_back({.env = env, .last = true, .pictures = &agent.pictures_last});
     if (agent.pictures_now.wanted) pending.push_back({.env = env, .last = false, .pictures = &agent.pictures_now});
   }

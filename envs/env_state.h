@@ -16,7 +16,8 @@ struct EnvCursor {
   std::uint32_t stream = 0;  ///< which sequence of that seed: the global env id, or 0 where the env has a seed of its own
   std::uint64_t episode_index = 0;
   int episode_count = 0;
-  std::vector<std::int8_t> actions;
+  std::vector<std::int8_t> actions;                   ///< of the first agent, until it ended
+  std::vector<std::vector<std::int8_t>> others = {};  ///< of the further ones
 };
 
 /// State of a batch, with what it must be restored into.

@@ -30,6 +30,15 @@ struct EpisodeSource {
   friend bool operator==(const EpisodeSource&, const EpisodeSource&) = default;
 };
 
+/// An agent of an episode beside its first.
+struct EpisodeAgent {
+  glm::dvec3 start_position{0};                     ///< as Episode::start_position
+  std::array<float, 4> start_rotation{0, 0, 0, 1};  ///< as Episode::start_rotation
+  std::string sound = {};                           ///< that it makes wherever it goes, as Episode::sound; empty: none
+  float level_db = 0;                               ///< of it, over the clip's own level, in [-120, 60]
+  friend bool operator==(const EpisodeAgent&, const EpisodeAgent&) = default;
+};
+
 /// One continuous AV-Nav episode, the AudioNav JSON fields of docs/formats.md, section 1.
 struct Episode {
   std::string episode_id;
@@ -47,7 +56,13 @@ struct Episode {
   std::vector<glm::dvec3> other_goals = {};
   /// Noise at the ears, so many dB below the sound of the goal at 1 m in the open; none without a number.
   std::optional<float> noise_snr_db = std::nullopt;
+  /// Agents that look for the same goals in the same scene, beside the one at start_position; at most kMaxAgents - 1.
+  std::vector<EpisodeAgent> other_agents = {};
+  /// Of the first agent, as EpisodeAgent::sound and EpisodeAgent::level_db.
+  std::string agent_sound = {};
+  float agent_level_db = 0;
 };
+inline constexpr std::size_t kMaxAgents = 16;
 inline constexpr std::size_t kMaxGoals = 16;
 inline constexpr std::size_t kMaxSources = 64;
 inline constexpr std::size_t kMaxWaypoints = 10000;

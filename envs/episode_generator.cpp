@@ -23,10 +23,6 @@ enum Draw : std::uint32_t { start_draw = 0, goal_draw = 2, heading_draw = 4, sou
 /// Below this height the navmesh's floor may lie inside the real one by a cell or a step.
 constexpr float kKneeHeight_m = 0.3f;
 
-bool stands_free(const Scene& scene, glm::vec3 foot, float top_m) {
-  return top_m <= kKneeHeight_m || !scene.rays().occluded(foot + glm::vec3(0, kKneeHeight_m, 0), foot + glm::vec3(0, top_m, 0));
-}
-
 bool passes(const EpisodeFilter& filter, float geodesic_m, float straight_m) {
   return geodesic_m >= filter.min_geodesic_m && geodesic_m <= filter.max_geodesic_m && geodesic_m >= filter.min_ratio * straight_m;
 }
@@ -105,6 +101,10 @@ std::vector<Episode> generate(const std::string& scene_id, const Scene* scene, c
 }
 
 }  // namespace
+
+bool stands_free(const Scene& scene, glm::vec3 foot, float top_m) {
+  return top_m <= kKneeHeight_m || !scene.rays().occluded(foot + glm::vec3(0, kKneeHeight_m, 0), foot + glm::vec3(0, top_m, 0));
+}
 
 void read(ConfigReader& reader, EpisodeFilter& filter) {
   reader.read("min_geodesic_m", filter.min_geodesic_m);

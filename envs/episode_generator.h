@@ -19,6 +19,9 @@ void read(ConfigReader& reader, EpisodeFilter& filter);
 /// Throws InputError "key = value: rule".
 void validate(const EpisodeFilter& filter);
 
+/// Whether there is free air from knee height to `top_m` above a foot point.
+bool stands_free(const Scene& scene, glm::vec3 foot, float top_m);
+
 /// `count` episodes in one scene: start and goal uniform on the largest island, sound drawn from `sounds`, heading uniform over multiples
 /// of the turn. A function of (scene_id, seed) and the arguments, independent of other calls.  Throws InputError if the filter finds none
 /// in max_tries.

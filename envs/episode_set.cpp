@@ -38,9 +38,7 @@ class EpisodeReader {
     if (out.scene_id.starts_with(kScenePrefix)) out.scene_id.erase(0, kScenePrefix.size());
     if (out.scene_id.empty()) fail("scene_id", "is empty");
     out.start_position = position(member(episode_, "start_position"), "start_position");
-    out.start_rotation = numbers<4>(member(episode_, "start_rotation"), "start_rotation");
-    const auto& q = out.start_rotation;
-    if (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3] < 1e-12f) fail("start_rotation", "is a zero quaternion");
+    out.start_rotation = rotation(member(episode_, "start_rotation"), "start_rotation");
 
     const json& goals = member(episode_, "goals");
     if (!goals.is_array() || goals.empty()) fail("goals", "must be a list with at least one goal");
@@ -75,6 +73,7 @@ class EpisodeReader {
       out.noise_snr_db = number(*noise, "noise_snr_db");
       if (std::abs(*out.noise_snr_db) > 200) fail("noise_snr_db", "must be in [-200, 200]");
     }
+    read_agents(out);
     return out;
   }
 
@@ -100,6 +99,42 @@ class EpisodeReader {
     if (out.level_db < -120 || out.level_db > 60) fail(prefix + "level_db", "must be in [-120, 60]");
     if (value.contains("path")) out.path = path(value["path"], prefix + "path");
     return out;
+  }
+  void read_agents(Episode& out) const {
+    const auto read_sound = [&](const json& value, const std::string& sound_key, const std::string& level_key, const std::string& prefix,
+                                std::string& sound, float& level_db) {
+      if (value.contains(sound_key)) {
+        sound = text(value[sound_key], prefix + sound_key);
+        if (sound.empty()) fail(prefix + sound_key, "is empty");
+      }
+      if (!value.contains(level_key)) return;
+      if (sound.empty()) fail(prefix + level_key, "has no effect without " + sound_key);
+      level_db = number(value[level_key], prefix + level_key);
+      if (level_db < -120 || level_db > 60) fail(prefix + level_key, "must be in [-120, 60]");
+    };
+    read_sound(episode_, "agent_sound", "agent_level_db", "", out.agent_sound, out.agent_level_db);
+    const auto agents = episode_.find("agents");
+    if (agents == episode_.end() || agents->is_null()) return;
+    if (!agents->is_array() || agents->size() >= kMaxAgents)
+      fail("agents", "must be a list of at most " + std::to_string(kMaxAgents - 1) + " agents, those beside the first");
+    for (std::size_t i = 0; i < agents->size(); ++i) {
+      const json& value = (*agents)[i];
+      const std::string key = "agents[" + std::to_string(i) + "]", prefix = key + ".";
+      if (!value.is_object()) fail(key, "must be an object");
+      for (const auto& [name, unused] : value.items())
+        if (name != "start_position" && name != "start_rotation" && name != "sound" && name != "level_db")
+          fail(prefix + name, "is no key of an agent");
+      EpisodeAgent agent;
+      agent.start_position = position(member(value, "start_position", prefix.c_str()), prefix + "start_position");
+      agent.start_rotation = rotation(member(value, "start_rotation", prefix.c_str()), prefix + "start_rotation");
+      read_sound(value, "sound", "level_db", prefix, agent.sound, agent.level_db);
+      out.other_agents.push_back(std::move(agent));
+    }
+  }
+  std::array<float, 4> rotation(const json& value, const std::string& key) const {
+    const std::array<float, 4> q = numbers<4>(value, key);
+    if (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3] < 1e-12f) fail(key, "is a zero quaternion");
+    return q;
   }
   std::vector<Waypoint> path(const json& value, const std::string& key) const {
     if (!value.is_array() || value.size() > kMaxWaypoints)
@@ -249,6 +284,18 @@ json to_json(const Episode& episode) {
     out["sources"].push_back(std::move(item));
   }
   if (episode.noise_snr_db) out["noise_snr_db"] = *episode.noise_snr_db;
+  if (!episode.agent_sound.empty()) {
+    out["agent_sound"] = episode.agent_sound;
+    out["agent_level_db"] = episode.agent_level_db;
+  }
+  for (const EpisodeAgent& agent : episode.other_agents) {
+    json item = {{"start_position", vector(agent.start_position)}, {"start_rotation", agent.start_rotation}};
+    if (!agent.sound.empty()) {
+      item["sound"] = agent.sound;
+      item["level_db"] = agent.level_db;
+    }
+    out["agents"].push_back(std::move(item));
+  }
   return out;
 }
 

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
 #include <bit>
 #include <mutex>
 #include <nlohmann/json.hpp>
@@ -35,8 +36,15 @@ std::string file_name(const QuarantineRecord& record) {
   if (record.step > 0) {
     hash = hash64(fmt::format("{} {} {}", record.seed, record.env, record.episode_count), hash);
     hash = hash64(std::as_bytes(std::span(record.actions)), hash);
+    for (const auto& actions : record.others) hash = hash64(std::as_bytes(std::span(actions)), hash);
   }
   return fmt::format("{}_{}.json", name_of(record.report.fault), hex64(hash));
+}
+
+std::string text_of(const std::vector<std::int8_t>& actions) {
+  std::string text;
+  for (const std::int8_t action : actions) text += static_cast<char>('0' + action);
+  return text;
 }
 
 }  // namespace
@@ -52,21 +60,20 @@ std::optional<Fault> fault_by_name(std::string_view name) {
 std::uint64_t QuarantineCounters::total() const { return std::accumulate(episodes.begin(), episodes.end(), std::uint64_t{0}); }
 
 std::string encode(const QuarantineRecord& record) {
-  std::string actions;
-  for (const std::int8_t action : record.actions) actions += static_cast<char>('0' + action);
-  const json document = {{"earshot_quarantine", kVersion},
-                         {"reason", name_of(record.report.fault)},
-                         {"detail", record.report.detail},
-                         {"engine", record.engine},
-                         {"seed", record.seed},
-                         {"env", record.env},
-                         {"episode_count", record.episode_count},
-                         {"set_hash", hex64(record.set_hash)},
-                         {"episode_index", record.episode_index},
-                         {"step", record.step},
-                         {"actions", actions},
-                         {"set", json::parse(episode_set_text({record.episode}))},
-                         {"config", record.config}};
+  json document = {{"earshot_quarantine", kVersion},
+                   {"reason", name_of(record.report.fault)},
+                   {"detail", record.report.detail},
+                   {"engine", record.engine},
+                   {"seed", record.seed},
+                   {"env", record.env},
+                   {"episode_count", record.episode_count},
+                   {"set_hash", hex64(record.set_hash)},
+                   {"episode_index", record.episode_index},
+                   {"step", record.step},
+                   {"actions", text_of(record.actions)},
+                   {"set", json::parse(episode_set_text({record.episode}))},
+                   {"config", record.config}};
+  for (const auto& actions : record.others) document["others"].push_back(text_of(actions));
   return document.dump(1, ' ', false, json::error_handler_t::replace) + "\n";
 }
 
@@ -89,9 +96,18 @@ QuarantineRecord decode_quarantine_record(std::string_view text, const std::stri
     record.set_hash = std::stoull(document.at("set_hash").get<std::string>(), nullptr, 16);
     record.episode_index = whole_number<std::uint64_t>(document, "episode_index");
     record.step = whole_number<int>(document, "step");
-    for (const char action : document.at("actions").get_ref<const std::string&>()) {
-      if (action < '0' || action >= '0' + kNumActions) fail("holds an action that does not exist");
-      record.actions.push_back(static_cast<std::int8_t>(action - '0'));
+    const auto actions_of = [&](const json& value) {
+      std::vector<std::int8_t> actions;
+      for (const char action : value.get_ref<const std::string&>()) {
+        if (action < '0' || action >= '0' + kNumActions) fail("holds an action that does not exist");
+        actions.push_back(static_cast<std::int8_t>(action - '0'));
+      }
+      return actions;
+    };
+    record.actions = actions_of(document.at("actions"));
+    if (const auto others = document.find("others"); others != document.end()) {
+      if (!others->is_array() || others->size() >= kMaxAgents) fail("holds more agents than there can be");
+      for (const json& actions : *others) record.others.push_back(actions_of(actions));
     }
     record.config = document.at("config").get<std::string>();
     const EpisodeSet set = parse_episode_set(document.at("set").dump(), where);
@@ -105,7 +121,9 @@ QuarantineRecord decode_quarantine_record(std::string_view text, const std::stri
   constexpr int kMostEnvs = 1 << 30;
   if (record.env < 0 || record.env > kMostEnvs) fail("holds an env that cannot be");
   if (record.episode_count < 0 || record.episode_count > kMostEnvs) fail("holds an episode_count that cannot be");
-  if (record.step < 0 || static_cast<std::size_t>(record.step) > record.actions.size()) fail("holds fewer actions than steps");
+  std::size_t longest = record.actions.size();
+  for (const auto& actions : record.others) longest = std::max(longest, actions.size());
+  if (record.step < 0 || static_cast<std::size_t>(record.step) > longest) fail("holds fewer actions than steps");
   return record;
 }
 

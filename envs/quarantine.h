@@ -45,7 +45,8 @@ struct StageOutput {
   Fault kind;  ///< the fault it would be: distance, reward, pose (x, y, z, heading), depth, rir, sound, spectrogram or pointgoal
   int env;     ///< global env id
   std::uint64_t episode_index;
-  int step;  ///< of the episode; 0: its first observation
+  int step;       ///< of the episode; 0: its first observation
+  int agent = 0;  ///< of the env
 };
 /// An observer of stage outputs that may change them: monitors, and tests that inject faults.  Called from worker threads, and for
 /// pictures by EGL from the thread that steps.
@@ -66,11 +67,12 @@ struct QuarantineRecord {
   FaultReport report;
   std::string engine;  ///< commit of the build
   std::uint64_t set_hash = 0, seed = 0, episode_index = 0;
-  int env = 0, episode_count = 0;  ///< global env id, and how many episodes it had begun before: they fix where the sound begins
-  int step = 0;                    ///< at which the fault was found; 0: before the agent could act
-  std::vector<std::int8_t> actions;
+  int env = 0, episode_count = 0;    ///< global env id, and how many episodes it had begun before: they fix where the sound begins
+  int step = 0;                      ///< at which the fault was found; 0: before the agent could act
+  std::vector<std::int8_t> actions;  ///< of the first agent
   Episode episode;
-  std::string config;  ///< EnvConfig as YAML, every key
+  std::string config;                                 ///< EnvConfig as YAML, every key
+  std::vector<std::vector<std::int8_t>> others = {};  ///< actions of the further agents, as far as each came
 };
 /// JSON with a version.
 std::string encode(const QuarantineRecord& record);

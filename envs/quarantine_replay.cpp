@@ -1,9 +1,11 @@
 #include "envs/quarantine_replay.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "envs/batched_env.h"
 #include "envs/engine_commit.h"
+#include "sim/base/errors.h"
 
 namespace earshot {
 namespace {
@@ -20,6 +22,9 @@ EnvConfig config_of(const QuarantineRecord& record, const std::vector<std::strin
   config.order = EpisodeOrder::once;  // idle after the episode, however it ends
   config.autoreset = Autoreset::same_step;
   config.seed = record.seed;
+  if (record.others.size() + 1 != static_cast<std::size_t>(config.agents))
+    throw InputError("config of the quarantined episode", "has another number of agents than there are lists of actions",
+                     "name a file that a run wrote to its quarantine_dir");
   return config;
 }
 
@@ -35,8 +40,15 @@ ReplayOutcome replay(const QuarantineRecord& record, const std::vector<std::stri
 
   ReplayOutcome outcome{.fault = {}, .step = 0, .recurs = false, .same_engine = record.engine == engine_commit()};
   outcome.fault = env.begin(0, 0, record.episode_count);
-  while (!outcome.fault && outcome.step < record.step && env.active()[0]) {
-    env.step(std::vector<std::int32_t>{record.actions[static_cast<std::size_t>(outcome.step)]});
+  const auto goes_on = [&] { return std::ranges::any_of(env.active(), [](std::uint8_t active) { return active != 0; }); };
+  std::vector<std::int32_t> actions(static_cast<std::size_t>(config.agents));
+  while (!outcome.fault && outcome.step < record.step && goes_on()) {
+    const auto step = static_cast<std::size_t>(outcome.step);
+    for (std::size_t agent = 0; agent < actions.size(); ++agent) {
+      const auto& taken = agent == 0 ? record.actions : record.others[agent - 1];
+      actions[agent] = step < taken.size() ? taken[step] : 0;  // one that waits takes none
+    }
+    env.step(actions);
     ++outcome.step;
     for (const FinishedEpisode& finished : env.finished()) outcome.fault = finished.fault;
   }

@@ -34,6 +34,9 @@ SoundLibrary::SoundLibrary(std::span<const Episode> episodes, const std::string&
   for (const Episode& episode : episodes) {
     if (episode.sources.empty()) open(episode.sound, episode);
     for (const EpisodeSource& source : episode.sources) open(source.sound, episode);
+    if (!episode.agent_sound.empty()) open(episode.agent_sound, episode);
+    for (const EpisodeAgent& agent : episode.other_agents)
+      if (!agent.sound.empty()) open(agent.sound, episode);
   }
 }
 

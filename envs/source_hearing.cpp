@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "envs/finite_values.h"
+#include "envs/same_bits.h"
 #include "sim/acoustics/synthesis/carriers.h"
 #include "sim/base/files.h"
 
@@ -16,10 +17,6 @@ namespace {
 
 /// To turn speeds of agents into changes of delay: about that of air.
 constexpr double kSpeedOfSoundMPerS = 343;
-
-bool same_bits(glm::vec3 a, glm::vec3 b) {
-  return std::bit_cast<std::array<std::uint32_t, 3>>(a) == std::bit_cast<std::array<std::uint32_t, 3>>(b);
-}
 
 }  // namespace
 
@@ -44,47 +41,33 @@ void SourceHearing::begin(const PlayedSound& played) {
   clip_key_ = hash64(std::as_bytes(std::span(played.sound->clip.samples)));
   silent_ = played.sound->oversampled.silent();
   gliding_.forget();
-  moved_.reset();
   has_response_ = response_is_new_ = has_rir_ = fades_ = false;
-  response_.arrivals.reserve(played.source->candidates.size() + 1);  // direct sound and every image: no step allocates
-  carrier_key_ = carrier_key(played.source->scene->scene->hash(), played.source->candidates.source());
+  if (played.source) response_.arrivals.reserve(played.source->candidates.size() + 1);  // direct sound and every image: no step allocates
+  carrier_key_ = carrier_key(scene().scene->hash(), played.moving ? played.moving->home() : played.source->candidates.source());
+}
+
+bool sounds_within(const PlayedSound& played, std::size_t reach, int block) {
+  if (played.sound->oversampled.silent()) return false;
+  // Dry samples that the next block depends on: those of the block, and before it those that the RIR reaches back to.  Paths that glide
+  // reach as far, and a filter's length further: twice the RIR is more than both.
+  return played.position.segment(2 * reach, 2 * reach + static_cast<std::size_t>(block)).sounding > 0;
 }
 
 bool SourceHearing::sounds(const HearingEngines& engines, int block) const {
-  if (silent_) return false;
-  // Dry samples that the next block depends on: those of the block, and before it those that the RIR reaches back to.  Paths that glide
-  // reach as far, and a filter's length further: twice the RIR is more than both.
-  const std::size_t reach = 2 * static_cast<std::size_t>(engines.max_rir_samples);
-  return played_.position.segment(reach, reach + static_cast<std::size_t>(block)).sounding > 0;
+  return !silent_ && sounds_within(played_, static_cast<std::size_t>(engines.max_rir_samples), block);
 }
 
-glm::vec3 SourceHearing::place_at(double sample) const {
-  const std::vector<TimedPlace>& path = played_.path;
-  const auto next = std::find_if(path.begin(), path.end(), [&](const TimedPlace& place) { return place.sample > sample; });
-  if (next == path.begin()) return path.front().position;
-  if (next == path.end()) return path.back().position;
-  const TimedPlace& last = *std::prev(next);
-  const auto part = static_cast<float>((sample - last.sample) / (next->sample - last.sample));
-  return last.position + part * (next->position - last.position);
-}
-
-void SourceHearing::trace(const Pose& pose, float ear_height_m, int block) {
-  const EnvSource& source = *played_.source;
-  bool source_has_moved = false;
-  if (!played_.path.empty()) {
-    const glm::vec3 place = place_at(static_cast<double>(played_.position.sample + static_cast<std::uint64_t>(block)));
-    source_has_moved = !moved_ || !same_bits(moved_->source(), place);
-    if (source_has_moved) moved_ = std::make_unique<EarlyCandidates>(source.scene->acoustics, place, SourceMotion::moves);
-  }
-  if (has_response_ && !source_has_moved && same_bits(pose.position, traced_position_)) {
+void SourceHearing::trace(const Pose& pose, float ear_height_m, ListenerMemory* memory) {
+  const EarlyCandidates& candidates = played_.moving ? played_.moving->candidates() : played_.source->candidates;
+  if (has_response_ && same_bits(candidates.source(), traced_source_) && same_bits(pose.position, traced_position_)) {
     ++cached_responses_;
     return;
   }
   ears_ = pose.position + glm::vec3(0, ear_height_m, 0);
-  if (moved_)
-    compute_energy_response(source.scene->acoustics, *moved_, ears_, response_);
-  else
-    compute_energy_response(source.scene->acoustics, source.candidates, source.sound_field.get(), ears_, response_);
+  const SourceField* field = played_.moving ? nullptr : played_.source->sound_field.get();
+  if (memory && !field) response_.memory.use_those_of(*memory);
+  compute_energy_response(scene().acoustics, candidates, field, ears_, response_);
+  traced_source_ = candidates.source();
   effects_.add(response_.effects);
   traced_position_ = pose.position;
   has_response_ = response_is_new_ = true;
@@ -98,8 +81,8 @@ bool SourceHearing::synthesize(HearingEngines& engines, double heading_rad, cons
   std::swap(spectra_, previous_);
   if (response_is_new_) late_.forget();
   const std::span<const std::uint8_t> glides = engines.glider.choose(response_, &gliding_);
-  engines.synthesizer.render(response_, heading_rad, {carrier_key_, ears_, moved_ ? std::optional(moved_->source()) : std::nullopt}, rir_,
-                             &late_, glides);
+  engines.synthesizer.render(response_, heading_rad, {carrier_key_, ears_, played_.moving ? std::optional(traced_source_) : std::nullopt},
+                             rir_, &late_, glides);
   if (hook) hook(rir_.samples);
   if (!all_finite(rir_.samples)) return false;
   engines.convolver.transform(rir_.samples, rir_.num_samples, spectra_);

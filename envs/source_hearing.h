@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "envs/moving_source.h"
 #include "envs/scene_cache.h"
 #include "envs/sound_library.h"
 #include "sim/acoustics/response/energy_response.h"
@@ -36,20 +37,16 @@ struct HearingEngines {
 /// A cache of 16 MiB for the spectra of the dry sounds of all agents.
 std::shared_ptr<DrySpectra> make_dry_spectra(const StreamConfig& stream);
 
-/// Where a moving source is, in the coordinates of the engine.
-struct TimedPlace {
-  double sample = 0;  ///< of the stream
-  glm::vec3 position{0};
-};
-
-/// A source in one episode, and what it plays.  source, sound: must outlive the episode.
+/// A source in one episode, and what it plays.  source, moving, sound: must outlive the episode.
 struct PlayedSound {
-  const EnvSource* source = nullptr;
+  const EnvSource* source = nullptr;     ///< of a source at rest
+  const MovingSource* moving = nullptr;  ///< or one that moves: moved to where it is at the end of each step before it is traced
   const LibrarySound* sound = nullptr;
   StreamPosition position = {};  ///< at the first sample of the first window
   float gain = 1;
-  std::vector<TimedPlace> path = {};  ///< of the point source itself, by rising samples; empty: it is where `source` is
 };
+/// Whether samples of the next `block` may hold sound of it.  reach: the longest RIR in samples.
+bool sounds_within(const PlayedSound& played, std::size_t reach, int block);
 
 /// One source as one agent hears it: the energy response, the RIR made of it, and the position in the dry sound.  Used by one thread at a
 /// time.  The stages are called in the order of the data: trace, synthesize, convolve.  Of a source that does not sound in the next block,
@@ -60,10 +57,10 @@ class SourceHearing {
   /// Whether samples of the next `block` may hold sound.
   [[nodiscard]] bool sounds(const HearingEngines& engines, int block) const;
 
-  /// Energy response at the ears, from where the source is at the end of the next `block` samples.  Skipped where neither has moved by a
-  /// bit since the last call: the response is a function of the two places.  A source that moves costs its candidates anew, and late
-  /// sound is traced, field or not.
-  void trace(const Pose& pose, float ear_height_m, int block);
+  /// Energy response at the ears, from where the source is.  Skipped where neither has moved by a bit since the last call: the response is
+  /// a function of the two places.  Of a source that moves late sound is traced, field or not.  memory: of the rays of this agent, which
+  /// the sources that are traced without a field may share; null: its own.
+  void trace(const Pose& pose, float ear_height_m, ListenerMemory* memory = nullptr);
   /// RIR of the response at this heading, without its strong paths, which glide; the one before becomes the RIR to fade from.  Skipped
   /// where neither changed.  hook: called with the RIR before it is used.  Returns false if the RIR is not finite: nothing can be heard
   /// then until begin().
@@ -78,10 +75,9 @@ class SourceHearing {
   [[nodiscard]] std::uint64_t cached_responses() const { return cached_responses_; }
 
  private:
-  [[nodiscard]] glm::vec3 place_at(double sample) const;
+  [[nodiscard]] const EnvScene& scene() const { return played_.moving ? *played_.moving->scene() : *played_.source->scene; }
 
   PlayedSound played_;
-  std::unique_ptr<EarlyCandidates> moved_;  ///< of a source that moves, where it is
   std::uint64_t carrier_key_ = 0, clip_key_ = 0;
   EnergyResponse response_;
   EffectCounters effects_;
@@ -90,7 +86,7 @@ class SourceHearing {
   Rir rir_;
   RirSpectra spectra_, previous_;  ///< of rir_ and of the one before
   GlidingPaths gliding_;
-  glm::vec3 traced_position_{0}, ears_{0};
+  glm::vec3 traced_position_{0}, traced_source_{0}, ears_{0};
   double rendered_heading_rad_ = 0;
   bool silent_ = false;  ///< every sample of the clip is zero
   bool has_response_ = false, response_is_new_ = false, has_rir_ = false, fades_ = false;

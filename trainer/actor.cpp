@@ -18,7 +18,7 @@ ObservationTensors views(const BatchedEnv& env, bool final) {
     const std::span<const std::byte> rows = final ? env.final_rows(sensor) : env.rows(sensor);
     // from_blob wants a mutable pointer; no caller writes through these views.
     tensors.sensors.push_back(
-        {table[sensor].name, torch::from_blob(const_cast<std::byte*>(rows.data()), sizes_of(table[sensor], {env.num_envs()}),
+        {table[sensor].name, torch::from_blob(const_cast<std::byte*>(rows.data()), sizes_of(table[sensor], {env.num_rows()}),
                                               scalar_type(table[sensor].type))});
   }
   return tensors;
@@ -86,9 +86,9 @@ const PolicyOutput& Actor::observe(const ObservationTensors& observations) {
 }
 
 torch::Tensor Actor::truncated_values(const BatchedEnv& env) {
-  torch::Tensor values = torch::zeros({env.num_envs()});
+  torch::Tensor values = torch::zeros({env.num_rows()});
   std::vector<std::int64_t> rows;
-  for (int i = 0; i < env.num_envs(); ++i)
+  for (int i = 0; i < env.num_rows(); ++i)
     if (env.truncated()[i] != 0 && env.terminated()[i] == 0) rows.push_back(i);
   if (rows.empty()) return values;
   const torch::NoGradGuard no_grad;
@@ -107,7 +107,7 @@ torch::Tensor Actor::truncated_values(const BatchedEnv& env) {
 
 void Actor::advance(const BatchedEnv& env) {
   hidden_ = output_.hidden;
-  for (int i = 0; i < env.num_envs(); ++i) not_done_[i] = env.terminated()[i] != 0 || env.truncated()[i] != 0 ? 0.f : 1.f;
+  for (int i = 0; i < env.num_rows(); ++i) not_done_[i] = env.terminated()[i] != 0 || env.truncated()[i] != 0 ? 0.f : 1.f;
 }
 
 torch::Tensor Actor::peek_value(const BatchedEnv& env) {

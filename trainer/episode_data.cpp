@@ -45,6 +45,9 @@ EpisodeSet generate_data(const DataConfig& data, const EnvConfig& env) {
           places.push_back(scene->scene->to_world(place));
       apply_scenario(data.scenario, sounds, places, data.seed, episodes);
     }
+    AgentScenario agents = data.agents;
+    agents.sounds = expand_sounds(agents.sounds);
+    apply_agents(agents, *scene->scene, scene->navmesh, env.task, data.filter, data.seed, episodes);
     for (auto& episode : episodes) {
       episode.episode_id = std::to_string(set.episodes.size());
       set.episodes.push_back(std::move(episode));
@@ -72,6 +75,7 @@ std::map<std::string, std::string> generator_keys(const DataConfig& data, const 
   // A goal of its own for each episode is what sets had before they could share any: those stay valid.
   if (data.goals_per_scene == 0) keys.erase("data.goals_per_scene");
   if (env.task.motion == Motion::continuous) keys.erase("env.task.motion");
+  if (data.agents.count == 1) std::erase_if(keys, [](const auto& item) { return item.first.starts_with("data.agents."); });
   if (!data.scenario.changes_episodes()) std::erase_if(keys, [](const auto& item) { return item.first.starts_with("data.scenario."); });
   return keys;
 }

@@ -26,6 +26,10 @@ void read(ConfigReader& reader, DataConfig& data) {
   read(scenario, data.scenario);
   scenario.finish();
   validate(data.scenario);
+  ConfigReader agents = reader.child("agents");
+  read(agents, data.agents);
+  agents.finish();
+  validate(data.agents);
   require(data.episodes_per_scene > 0, reader.prefix() + "episodes_per_scene", data.episodes_per_scene, "must be positive");
   require(data.goals_per_scene >= 0 && data.goals_per_scene <= 100'000, reader.prefix() + "goals_per_scene", data.goals_per_scene,
           "must be in [0, 100000]; 0 gives every episode a goal of its own");
@@ -76,6 +80,8 @@ RunConfig read_run(ConfigReader reader) {
   validate(config.env);
   require(config.env.autoreset == Autoreset::same_step, "env.autoreset", "another than same_step",
           "has no place in a run: rollouts and evaluations take the next episode in the step that ends one");
+  require(config.env.agents == 1, "env.agents", config.env.agents,
+          "has no place in a run yet: rollouts and results have one agent per environment; BatchedEnv and `earshot bench env` take more");
   validate(config.policy);
   validate(config.ppo);
   require(config.workers >= 1 && config.workers <= 256, "workers", config.workers, "must be in [1, 256]");

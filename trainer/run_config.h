@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "envs/agent_scenario.h"
 #include "envs/batched_env.h"
 #include "envs/episode_generator.h"
 #include "envs/sound_scenario.h"
@@ -22,6 +23,7 @@ struct DataConfig {
   std::uint64_t seed = 0;
   EpisodeFilter filter;
   SoundScenario scenario;
+  AgentScenario agents;
 };
 
 /// One training run as its YAML file says it.  Sections: env, policy, ppo, data (train, eval); the other keys are below.

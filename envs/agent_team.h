@@ -1,0 +1,28 @@
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <memory>
+
+namespace earshot {
+
+/// Threads that help one other with the agents of its env.  For batches of fewer envs than threads; used by one thread at a time.
+class AgentTeam {
+ public:
+  /// helpers: threads beside the one that calls; at least 1.
+  explicit AgentTeam(std::size_t helpers);
+  /// Waits for its threads.
+  ~AgentTeam();
+  AgentTeam(const AgentTeam&) = delete;
+  AgentTeam& operator=(const AgentTeam&) = delete;
+
+  /// body(item, member) for all items below `count`, each once, in any order and by any member; returns when all are done.  member: of
+  /// the thread, 0 for the caller, up to the number of helpers.  body must not throw.
+  void run(std::size_t count, const std::function<void(std::size_t item, std::size_t member)>& body);
+
+ private:
+  struct Shared;
+  std::unique_ptr<Shared> shared_;
+};
+
+}  // namespace earshot

@@ -1,0 +1,15 @@
+#pragma once
+
+#include <array>
+#include <bit>
+#include <cstdint>
+#include <glm/vec3.hpp>
+
+namespace earshot {
+
+/// Unlike ==, tells 0 from -0: what is made of equal bits has equal bits.
+inline bool same_bits(glm::vec3 a, glm::vec3 b) {
+  return std::bit_cast<std::array<std::uint32_t, 3>>(a) == std::bit_cast<std::array<std::uint32_t, 3>>(b);
+}
+
+}  // namespace earshot

@@ -1,0 +1,431 @@
+// Several agents in one env: rows, ends, what they hear and see of each other, and how they pass.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <glm/geometric.hpp>
+#include <numbers>
+
+#include "envs/quarantine_replay.h"
+#include "envs/sensor_rows.h"
+#include "sim/base/errors.h"
+#include "sim/vision/agent_body.h"
+#include "tests/support/agents_fixture.h"
+
+namespace earshot {
+namespace {
+
+constexpr const char* kRoom = "shoebox:8x3x6@0.4";
+constexpr std::int32_t kStop = 0, kForward = 1, kLeft = 2;
+
+/// Two in an empty room, the first at (1, 4) looking along +x.
+Episode two_in_a_room(glm::dvec3 second, const std::string& sound = "") {
+  Episode episode = room_episode(kRoom, {1, 0, 4}, -0.5 * std::numbers::pi, {7, 0, 1}, "synth:noise");
+  episode.other_agents = {{.start_position = second, .start_rotation = rotation_of(0.5 * std::numbers::pi), .sound = sound}};
+  return episode;
+}
+
+EnvConfig two_agents() {
+  EnvConfig config = quick_env_config();
+  config.agents = 2;
+  config.order = EpisodeOrder::once;
+  config.task.max_steps = 60;
+  config.observation.semantic = config.observation.collision = true;
+  return config;
+}
+
+TEST_F(SeveralAgents, RowsAreEnvTimesAgent) {
+  BatchedEnv env(config_, set_, scenes_, 2);
+  EXPECT_EQ(env.num_envs(), 2);
+  EXPECT_EQ(env.num_agents(), 3);
+  EXPECT_EQ(env.num_rows(), 6);
+  env.reset();
+  EXPECT_EQ(env.rewards().size(), 6u);
+  EXPECT_EQ(env.depth().size(), 6u * 16 * 16);
+  EXPECT_EQ(env.pointgoal().size(), 12u);
+  for (int row = 0; row < 6; ++row) {
+    const Episode& episode = set_->episodes[env.episode_index(row)];
+    const int agent = row % 3;
+    const glm::dvec3 start = agent == 0 ? episode.start_position : episode.other_agents[static_cast<std::size_t>(agent - 1)].start_position;
+    const EnvScene& scene = *env.source(row).scene;
+    EXPECT_EQ(env.pose(row).position, scene.navmesh.snap(scene.scene->to_local(start)).value()) << row;
+    EXPECT_EQ(env.episode_index(row), env.episode_index(row / 3 * 3));
+    EXPECT_TRUE(env.active()[static_cast<std::size_t>(row)]);
+  }
+  EXPECT_THROW(env.step(std::vector<std::int32_t>{1, 1}), std::invalid_argument);
+  EXPECT_THROW(env.send(std::vector<std::int32_t>{0}, std::vector<std::int32_t>{1}), std::invalid_argument);
+  EXPECT_THROW(static_cast<void>(env.pose(6)), std::out_of_range);
+  EXPECT_THROW(static_cast<void>(env.snapshot(2)), std::out_of_range);
+  env.step(std::vector<std::int32_t>{1, 1, 1, 2, 2, 2});
+  for (int row = 3; row < 6; ++row) EXPECT_EQ(env.episode_step(row), 1);
+}
+
+// The first agent among silent ones hears what it hears alone, and takes its way.
+TEST_F(SeveralAgents, AgentsWithoutSoundsAreNotHeard) {
+  std::vector<Episode> silent = set_->episodes, alone = silent;
+  for (Episode& episode : silent) {
+    episode.agent_sound.clear();
+    for (EpisodeAgent& agent : episode.other_agents) agent.sound.clear();
+  }
+  EnvConfig one = config_;
+  one.agents = 1;
+  BatchedEnv several(config_, make_set(silent), scenes_, 1), single(one, make_set(alone), scenes_, 1);
+  several.reset();
+  single.reset();
+  for (int step = 0; step < 10; ++step) {
+    several.step(std::vector<std::int32_t>{kLeft, kForward, kLeft});
+    single.step(std::vector<std::int32_t>{kLeft});
+    EXPECT_EQ(row_of(several.audiogoal(), 3, 0), row_of(single.audiogoal(), 1, 0)) << step;
+    EXPECT_EQ(row_of(several.spectrogram(), 3, 0), row_of(single.spectrogram(), 1, 0)) << step;
+    EXPECT_EQ(several.rewards()[0], single.rewards()[0]);
+  }
+}
+
+// An agent's sound is that of a moving source on the agent's way, bit for bit; and what both bring is the sum of what each brings.
+TEST(Agents, AreHeardAsMovingSourcesOnTheirWay) {
+  EnvConfig config = two_agents();
+  config.observation.depth = config.observation.semantic = false;
+  config.observation.waveform = config.observation.heard = true;
+  const auto scenes = make_scene_cache(config);
+  constexpr int kSteps = 30;
+  // The second walks towards the first and past it; the first turns.
+  Episode together = two_in_a_room({6, 0, 3.5}, "synth:speech:3");
+  together.sources = {{.position = {7, 0, 1}, .sound = "synth:noise", .goal = true}};
+  BatchedEnv env(config, make_set({together}), scenes, 1);
+  env.reset();
+  std::vector<std::vector<float>> heard;
+  Episode apart = together;
+  apart.other_agents.clear();
+  EpisodeSource walker{.position = {6, 0, 3.5}, .sound = "synth:speech:3"};
+  heard.push_back(row_of(env.heard(), 2, 0));
+  walker.position = glm::dvec3(env.pose(1).position);
+  walker.path = {{0, walker.position}};
+  for (int step = 0; step < kSteps; ++step) {
+    env.step(std::vector<std::int32_t>{step % 3 == 0 ? kLeft : kForward, step % 5 == 4 ? kLeft : kForward});
+    heard.push_back(row_of(env.audiogoal(), 2, 0));
+    walker.path.push_back({0.15 * (step + 1), glm::dvec3(env.pose(1).position)});
+  }
+  ASSERT_GT(glm::distance(glm::vec3(walker.path.front().position), glm::vec3(walker.path.back().position)), 1.f);
+
+  EnvConfig one = config;
+  one.agents = 1;
+  const auto listen = [&](std::vector<EpisodeSource> sources) {
+    Episode episode = apart;
+    episode.sources = std::move(sources);
+    BatchedEnv single(one, make_set({episode}), scenes, 1);
+    single.reset();
+    std::vector<std::vector<float>> blocks{row_of(single.heard(), 1, 0)};
+    for (int step = 0; step < kSteps; ++step) {
+      single.step(std::vector<std::int32_t>{step % 3 == 0 ? kLeft : kForward});
+      blocks.push_back(row_of(single.audiogoal(), 1, 0));
+    }
+    return blocks;
+  };
+  const EpisodeSource goal = together.sources[0];
+  EXPECT_EQ(heard, listen({goal, walker}));
+  const auto a = listen({goal}), b = listen({walker});
+  double largest = 0, worst = 0, walker_largest = 0;
+  for (std::size_t step = 0; step < heard.size(); ++step)
+    for (std::size_t i = 0; i < heard[step].size(); ++i) {
+      largest = std::max(largest, std::abs(double{heard[step][i]}));
+      walker_largest = std::max(walker_largest, std::abs(double{b[step][i]}));
+      worst = std::max(worst, std::abs(double{heard[step][i]} - double{a[step][i]} - double{b[step][i]}));
+    }
+  EXPECT_GT(walker_largest, 1e-3);
+  EXPECT_LT(worst, 1e-6 * largest);
+}
+
+// In the open, at 1 and 4 m: 12 dB, and none hears itself.
+TEST(Agents, LevelsFallWithDistanceAndNoneHearsItself) {
+  EnvConfig config = two_agents();
+  config.observation.depth = config.observation.semantic = false;
+  config.observation.waveform = true;
+  config.acoustics.early = config.acoustics.late = config.acoustics.diffraction = Switch::off;
+  config.acoustics.air_absorption = Switch::off;
+  const auto scenes = make_scene_cache(config);
+  const auto energy_at = [&](double away_m, std::size_t listener) {
+    Episode episode = two_in_a_room({1 + away_m, 0, 4}, "synth:noise");
+    episode.sources = {{.position = {7, 0, 1}, .sound = "synth:noise", .onset_s = 100, .goal = true}};
+    BatchedEnv env(config, make_set({episode}), scenes, 1);
+    env.reset();
+    double sum = 0;
+    for (int step = 0; step < 40; ++step) {
+      env.step(std::vector<std::int32_t>{kLeft, kLeft});
+      for (const float sample : row_of(env.audiogoal(), 2, static_cast<int>(listener))) sum += double{sample} * double{sample};
+    }
+    return sum;
+  };
+  // Over several loops of the sound; the head turns once and more.
+  EXPECT_NEAR(10 * std::log10(energy_at(1, 0) / energy_at(4, 0)), 20 * std::log10(4.0), 0.3);
+  EXPECT_EQ(energy_at(1, 1), 0.0);
+}
+
+// A cylinder of 0.1 m, 2 m ahead and 1.5 m high: the ray of a pixel at slope s meets it at depth t, (t s)^2 + (t - d)^2 = r^2.
+TEST(Agents, SeeEachOtherAsCylinders) {
+  EnvConfig config = two_agents();
+  config.observation.camera.width_px = config.observation.camera.height_px = 64;
+  const auto scenes = make_scene_cache(config);
+  BatchedEnv env(config, make_set({two_in_a_room({3, 0, 4})}), scenes, 1);
+  env.reset();
+  const auto semantic = [&](int row) {
+    for (std::size_t sensor = 0; sensor < env.sensors().size(); ++sensor)
+      if (env.sensors()[sensor].name == "semantic") {
+        const auto bytes = row_of(env.rows(sensor), 2, row);
+        std::vector<std::uint16_t> values(bytes.size() / 2);
+        std::copy_n(bytes.begin(), bytes.size(), std::as_writable_bytes(std::span(values)).begin());
+        return values;
+      }
+    return std::vector<std::uint16_t>{};
+  };
+  const auto check = [&](double away_m) {
+    int pixels = 0;
+    for (int row = 0; row < 2; ++row) {
+      const auto depth = row_of(env.depth(), 2, row);
+      const auto category = semantic(row);
+      for (std::size_t column = 28; column < 36; ++column) {
+        const std::size_t pixel = 32 * 64 + column;
+        const double s = (static_cast<double>(column) + 0.5 - 32) / 32, root = away_m * away_m - (1 + s * s) * (away_m * away_m - 0.01);
+        if (std::abs(root) < 1e-4) continue;
+        EXPECT_EQ(category[pixel] == agent_category(), root > 0) << column;
+        if (root < 0) continue;
+        ++pixels;
+        EXPECT_NEAR(depth[pixel], (away_m - std::sqrt(root)) / (1 + s * s) / 10, 2e-6) << column;
+      }
+    }
+    return pixels;
+  };
+  EXPECT_GE(check(2.0), 4);
+  // Only the other moves: what one sees is drawn anew.
+  for (int step = 0; step < 3; ++step) env.step(std::vector<std::int32_t>{kForward, 2 + step % 2});
+  env.step(std::vector<std::int32_t>{kForward, 3});
+  for (int row = 0; row < 2; ++row) EXPECT_EQ(std::ranges::count(semantic(row), agent_category()) > 0, true);
+  const double apart_m = glm::distance(env.pose(0).position, env.pose(1).position);
+  EXPECT_NEAR(apart_m, 1.4, 1e-3);
+}
+
+// Head on: they stop where their discs touch, 0.2 m apart, and say so; sideways they pass.
+TEST(Agents, DoNotGoThroughEachOther) {
+  EnvConfig config = two_agents();
+  config.observation.spectrogram = config.observation.depth = config.observation.semantic = false;
+  const auto scenes = make_scene_cache(config);
+  BatchedEnv env(config, make_set({two_in_a_room({2, 0, 4})}), scenes, 1);
+  env.reset();
+  for (int step = 0; step < 8; ++step) {
+    env.step(std::vector<std::int32_t>{kForward, kForward});
+    ASSERT_GE(glm::distance(env.pose(0).position, env.pose(1).position), 0.2f);
+  }
+  EXPECT_NEAR(glm::distance(env.pose(0).position, env.pose(1).position), 0.2, 1e-3);
+  EXPECT_TRUE(env.collided()[0] && env.collided()[1]);
+  // By number: the first came 0.45 m in three steps, the second 0.35 m in what was left.
+  EXPECT_NEAR(env.pose(0).position.x, 1.45, 0.01);
+  const glm::vec3 stood = env.pose(0).position;
+  for (int turn = 0; turn < 18; ++turn) env.step(std::vector<std::int32_t>{kLeft, kLeft});
+  env.step(std::vector<std::int32_t>{kForward, kForward});
+  EXPECT_FALSE(env.collided()[0] || env.collided()[1]);  // away from each other
+  EXPECT_NEAR(glm::distance(env.pose(0).position, stood), 0.15, 1e-3);
+}
+
+TEST(Agents, FreeFractionIsThatOfTwoDiscs) {
+  const BodiesAround around{.places = {{3, 0, 0}}, .apart_m = 0.5f, .height_m = 1.5f};
+  EXPECT_EQ(free_fraction(around, {0, 0, 0}, {2, 0, 0}), 1.0);
+  EXPECT_NEAR(free_fraction(around, {0, 0, 0}, {4, 0, 0}), 2.5 / 4, 1e-4);
+  EXPECT_NEAR(free_fraction(around, {0, 0, 0.3f}, {4, 0, 0.3f}), (3 - 0.4) / 4, 1e-4);  // sqrt(0.25 - 0.09)
+  EXPECT_EQ(free_fraction(around, {0, 0, 0.51f}, {4, 0, 0.51f}), 1.0);
+  EXPECT_EQ(free_fraction(around, {0, 2, 0}, {4, 2, 0}), 1.0);        // on the floor above
+  EXPECT_EQ(free_fraction(around, {2.7f, 0, 0}, {2.8f, 0, 0}), 0.0);  // into one that it overlaps
+  EXPECT_EQ(free_fraction(around, {2.7f, 0, 0}, {2.6f, 0, 0}), 1.0);  // out of it
+}
+
+TEST(Agents, WaitUntilAllHaveEnded) {
+  for (const Autoreset mode : {Autoreset::same_step, Autoreset::next_step}) {
+    EnvConfig config = two_agents();
+    config.order = EpisodeOrder::random;
+    config.autoreset = mode;
+    config.observation.waveform = true;
+    const auto scenes = make_scene_cache(config);
+    BatchedEnv env(config, make_set({two_in_a_room({4, 0, 4}, "synth:bird")}), scenes, 1);
+    env.reset();
+    env.step(std::vector<std::int32_t>{kForward, kForward});
+    EXPECT_TRUE(env.acted()[0] && env.acted()[1]);
+    const auto depth_before = row_of(env.depth(), 2, 1);
+    env.step(std::vector<std::int32_t>{kForward, kStop});
+    EXPECT_TRUE(env.terminated()[1] && env.acted()[1] && !env.active()[1]);
+    EXPECT_FALSE(env.terminated()[0] || !env.active()[0]);
+    EXPECT_TRUE(env.finished().empty());
+    EXPECT_EQ(row_of(env.depth(), 2, 1), std::vector<float>(16 * 16, 0.f));
+    EXPECT_NE(row_of(env.final_depth(), 2, 1), std::vector<float>(16 * 16, 0.f));
+    const auto last = row_of(env.final_depth(), 2, 1);
+    const glm::vec3 stands = env.pose(1).position;
+    for (int step = 0; step < 4; ++step) {
+      env.step(std::vector<std::int32_t>{kForward, 99});  // not used, and so not refused
+      EXPECT_FALSE(env.terminated()[1] || env.acted()[1] || env.active()[1]);
+      EXPECT_EQ(env.rewards()[1], 0.f);
+      EXPECT_EQ(env.pose(1).position, stands);
+      EXPECT_EQ(row_of(env.final_depth(), 2, 1), last);
+      EXPECT_GT(std::ranges::max(row_of(env.audiogoal(), 2, 0)), 0.f);
+    }
+    env.step(std::vector<std::int32_t>{kStop, kForward});
+    EXPECT_TRUE(env.terminated()[0] && !env.terminated()[1]);
+    ASSERT_EQ(env.finished().size(), 2u);
+    EXPECT_EQ(env.finished()[0].agent, 0);
+    EXPECT_EQ(env.finished()[1].agent, 1);
+    EXPECT_EQ(env.finished()[0].metrics.steps, 7);
+    EXPECT_EQ(env.finished()[1].metrics.steps, 2);
+    EXPECT_EQ(env.finished()[1].actions, (std::vector<std::int8_t>{1, 0}));
+    EXPECT_TRUE(env.active()[0] && env.active()[1]);
+    if (mode == Autoreset::next_step) {
+      EXPECT_EQ(env.episode_step(0), 7);
+      env.step(std::vector<std::int32_t>{99, 99});
+      EXPECT_FALSE(env.acted()[0] || env.acted()[1]);
+    }
+    EXPECT_EQ(env.episode_step(0), 0);
+    EXPECT_NE(row_of(env.depth(), 2, 1), std::vector<float>(16 * 16, 0.f));
+  }
+}
+
+TEST_F(SeveralAgents, SnapshotsGoOnWithTheSameBits) {
+  for (const Autoreset mode : {Autoreset::same_step, Autoreset::next_step}) {
+    EnvConfig config = config_;
+    config.autoreset = mode;
+    BatchedEnv a(config, set_, scenes_, 2), b(config, set_, scenes_, 3);
+    a.reset();
+    b.reset();
+    int waiting = 0;
+    for (int step = 0; step < 40; ++step) {
+      a.step(actions_of(0, 2, kAgents, step));
+      b.restore(2, a.snapshot(1));
+      const auto compare = [&] {
+        for (std::size_t sensor = 0; sensor < a.sensors().size(); ++sensor)
+          for (int agent = 0; agent < kAgents; ++agent)
+            ASSERT_EQ(row_of(a.rows(sensor), 6, 3 + agent), row_of(b.rows(sensor), 9, 6 + agent))
+                << step << " " << agent << " " << a.sensors()[sensor].name;
+      };
+      compare();
+      for (std::size_t agent = 0; agent < kAgents; ++agent) {
+        ASSERT_EQ(a.active()[3 + agent], b.active()[6 + agent]);
+        if (a.active()[3 + agent]) continue;
+        ++waiting;  // its last observation is there as well
+        for (std::size_t sensor = 0; sensor < a.sensors().size(); ++sensor)
+          ASSERT_EQ(row_of(a.final_rows(sensor), 6, 3 + static_cast<int>(agent)),
+                    row_of(b.final_rows(sensor), 9, 6 + static_cast<int>(agent)))
+              << a.sensors()[sensor].name;
+      }
+      // And a step further.
+      std::vector<std::int32_t> ahead = actions_of(0, 3, kAgents, step);
+      const std::string before = a.snapshot(1);
+      a.step(std::vector<std::int32_t>(ahead.begin(), ahead.begin() + 6));
+      std::copy_n(ahead.begin() + 3, 3, ahead.begin() + 6);
+      b.step(ahead);
+      compare();
+      a.restore(1, before);
+    }
+    EXPECT_GT(waiting, 5);
+    const BatchedEnv& shown = a;
+    EXPECT_EQ(shown.quarantine_counters().total(), 0u);
+    EnvConfig two = config;
+    two.agents = 2;
+    BatchedEnv other(two, set_, scenes_, 1);
+    other.reset();
+    EXPECT_THROW(other.restore(0, a.snapshot(0)), InputError);
+  }
+}
+
+TEST_F(SeveralAgents, AFaultOfOneEndsTheEpisodeOfAll) {
+  const TestFolder folder("agents_fault");
+  config_.quarantine_dir = folder.path().string();
+  BatchedEnv env(config_, set_, scenes_, 2), plain(config_, set_, scenes_, 2);
+  env.set_stage_hook([](const StageOutput& output, std::span<float> values) {
+    if (output.kind == Fault::sound && output.env == 1 && output.agent == 1 && output.step == 4) values[7] = std::nanf("");
+  });
+  env.reset();
+  plain.reset();
+  for (int step = 0; step < 4; ++step) {
+    std::vector<std::int32_t> actions = actions_of(0, 2, kAgents, step);
+    for (std::size_t row = 3; row < 6; ++row) actions[row] = kForward;
+    if (step == 1) actions[5] = kStop;
+    env.step(actions);
+    plain.step(actions);
+    for (int row = 0; row < 3; ++row) ASSERT_EQ(shown_to_agent(env, row), shown_to_agent(plain, row)) << step;
+  }
+  EXPECT_EQ(env.quarantine_counters().of(Fault::sound), 1u);
+  for (std::size_t row = 3; row < 6; ++row) {
+    EXPECT_TRUE(env.truncated()[row] && env.quarantined()[row] && !env.terminated()[row]);
+    EXPECT_EQ(env.rewards()[row], 0.f);
+    EXPECT_TRUE(env.active()[row]);
+    EXPECT_EQ(env.acted()[row], row < 5);
+    EXPECT_EQ(row_of(env.final_depth(), 6, static_cast<int>(row)), std::vector<float>(16 * 16, 0.f));
+  }
+  const auto files = folder.files();
+  ASSERT_EQ(files.size(), 1u);
+  const QuarantineRecord record = load_quarantine_record(files[0]);
+  ASSERT_EQ(record.others.size(), 2u);
+  EXPECT_EQ(record.step, 4);
+  EXPECT_EQ(record.others[1].size(), 2u);
+  const ReplayOutcome again = replay(record, {}, [](const StageOutput& output, std::span<float> values) {
+    if (output.kind == Fault::sound && output.agent == 1 && output.step == 4) values[7] = std::nanf("");
+  });
+  EXPECT_TRUE(again.recurs);
+  const ReplayOutcome healed = replay(record);
+  EXPECT_FALSE(healed.fault);
+}
+
+TEST(Agents, WhatIsMissingOrWrongIsSaid) {
+  EnvConfig config = two_agents();
+  const auto scenes = make_scene_cache(config);
+  const Episode alone = room_episode(kRoom, {1, 0, 4}, 0, {7, 0, 1}, "synth:noise");
+  try {
+    BatchedEnv(config, make_set({alone}), scenes, 1);
+    FAIL();
+  } catch (const InputError& error) {
+    EXPECT_THAT(error.what(), testing::HasSubstr("env.agents asks for 2"));
+    EXPECT_THAT(error.what(), testing::HasSubstr("--agents"));
+  }
+  Episode off = two_in_a_room({40, 0, 4});
+  off.episode_id = "off";
+  BatchedEnv env(config, make_set({two_in_a_room({3, 0, 4}), off}), scenes, 2);
+  env.reset();  // the second episode cannot begin
+  EXPECT_EQ(env.skipped_episodes(), 1u);
+  EXPECT_TRUE(env.active()[0] && env.active()[1]);
+  EXPECT_FALSE(env.active()[2] || env.active()[3]);
+  config.agents = 17;
+  EXPECT_THROW(validate(config), InputError);
+  config.agents = 2;
+  config.observation.renderer = Renderer::egl;
+  EXPECT_THROW(validate(config), InputError);
+}
+
+TEST(EpisodeSet, AgentsAreReadAndWritten) {
+  Episode episode = two_in_a_room({3, 0, 4});
+  episode.other_agents.clear();
+  EXPECT_EQ(episode_set_text({episode}).find("agent"), std::string::npos);
+  episode.other_agents = {{.start_position = {3, 0, 4}, .start_rotation = {0, 1, 0, 0}, .sound = "synth:bird", .level_db = -6},
+                          {.start_position = {5, 0, 4}}};
+  episode.agent_sound = "synth:alarm";
+  episode.agent_level_db = 3;
+  const EpisodeSet read = parse_episode_set(episode_set_text({episode}), "set");
+  EXPECT_EQ(read.episodes[0].other_agents, episode.other_agents);
+  EXPECT_EQ(read.episodes[0].agent_sound, episode.agent_sound);
+  EXPECT_EQ(read.episodes[0].agent_level_db, 3.f);
+  EXPECT_EQ(episode_set_hash(read.episodes), episode_set_hash({episode}));
+  const std::string text = episode_set_text({episode});
+  const auto refusal = [&](const std::string& from, const std::string& to) {
+    std::string changed = text;
+    changed.replace(changed.find(from), from.size(), to);
+    try {
+      static_cast<void>(parse_episode_set(changed, "set"));
+    } catch (const InputError& error) {
+      return std::string(error.what());
+    }
+    return std::string("accepted");
+  };
+  EXPECT_THAT(refusal("\"level_db\":-6.0", "\"level_db\":-600.0"), testing::HasSubstr("agents[0].level_db"));
+  EXPECT_THAT(refusal("\"level_db\":-6.0", "\"loudness\":-6.0"), testing::HasSubstr("agents[0].loudness is no key"));
+  EXPECT_THAT(refusal("\"sound\":\"synth:bird\"", "\"sound\":\"\""), testing::HasSubstr("agents[0].sound is empty"));
+  EXPECT_THAT(refusal("\"sound\":\"synth:bird\",", ""), testing::HasSubstr("has no effect without"));
+  EXPECT_THAT(refusal("[0.0,1.0,0.0,0.0]", "[0.0,0.0,0.0,0.0]"), testing::HasSubstr("zero quaternion"));
+  EXPECT_THAT(refusal("\"agent_sound\":\"synth:alarm\",", ""), testing::HasSubstr("agent_level_db"));
+}
+
+}  // namespace
+}  // namespace earshot
