@@ -180,7 +180,10 @@ void add_env(CLI::App& bench) {
       bench, "env",
       "Agent steps per second with all senses and bare, milliseconds of every stage, percentiles of a step, memory, bare rays", env);
   command->add_option("--scene", env->bench.scene, "SCENE")->capture_default_str();
-  command->add_option("--envs", env->bench.envs, "Agents in the batch")->capture_default_str();
+  command->add_option("--envs", env->bench.envs, "Environments in the batch")->capture_default_str();
+  command->add_option("--agents", env->bench.agents, "Agents in each, who see each other; rates count steps of agents")
+      ->capture_default_str();
+  command->add_flag("--agent-sounds", env->bench.agent_sounds, "They make sounds, and hear each other");
   command->add_option("--size", env->size, "Picture, WxH pixels (default: 128x128)");
   command->add_option("--threads", env->bench.threads, "Over the batch (default: one, and two in a row of their own)");
   command->add_option("--renderer", env->bench.renderer, "Of pictures: embree, egl or auto (egl where its device is hardware)")

@@ -10,6 +10,7 @@
 
 #include "bench/bare_ray_rates.h"
 #include "bench/soak/statistics.h"
+#include "envs/agent_scenario.h"
 #include "envs/baselines.h"
 #include "envs/batched_env.h"
 #include "envs/episode_generator.h"
@@ -20,6 +21,8 @@ namespace earshot {
 namespace {
 
 constexpr int kEpisodes = 32, kSharedGoals = 10;
+/// For scenes where the default filter finds no episode, and for starts of further agents.
+constexpr EpisodeFilter kNearStarts{.min_geodesic_m = 1.f, .max_geodesic_m = 100.f, .min_ratio = 0.f, .max_tries = 1000};
 
 struct Senses {
   const char* name;
@@ -70,7 +73,7 @@ std::vector<Episode> episodes_in(const std::string& id, const EnvScene& scene, c
   try {
     return draw({});
   } catch (const InputError&) {
-    return draw({.min_geodesic_m = 1.f, .max_geodesic_m = 100.f, .min_ratio = 0.f, .max_tries = 1000});
+    return draw(kNearStarts);
   }
 }
 
@@ -88,11 +91,15 @@ class EnvBench {
     config_.observation.camera.width_px = options.width_px;
     config_.observation.camera.height_px = options.height_px;
     if (options.field && senses.sound) config_.acoustics.field = Switch::on;
+    config_.agents = options.agents;
     validate(config_);
     scenes_ = make_scene_cache(config_);
     loaded_ = scenes_->scene(options.scene);
     EpisodeSet set;
     set.episodes = episodes_in(options.scene, *loaded_, config_.task, options.field ? kSharedGoals : 0);
+    AgentScenario agents{.count = options.agents};
+    if (options.agent_sounds && options.agents > 1) agents.sounds = {"synth:speech:1", "synth:bird", "synth:engine", "synth:alarm"};
+    apply_agents(agents, *loaded_->scene, loaded_->navmesh, config_.task, kNearStarts, 1, set.episodes);
     set_ = std::make_shared<const EpisodeSet>(std::move(set));
     if (!options.field) return;
     const Stopwatch watch;
@@ -107,7 +114,7 @@ class EnvBench {
     BatchedEnv env(config, set_, scenes_, envs);
     env.reset();
     EnvTimes times;
-    std::vector<std::int32_t> actions(static_cast<std::size_t>(envs));
+    std::vector<std::int32_t> actions(static_cast<std::size_t>(env.num_rows()));
     for (int repeat = 0; repeat <= repeats; ++repeat) {
       const StageSeconds before = env.stage_seconds();
       const Stopwatch watch;
@@ -121,7 +128,7 @@ class EnvBench {
         const double batch_s = batch.wall_s();
         step_s += batch_s;
         batch_ms.push_back(1e3 * batch_s);
-        steps += envs;
+        steps += static_cast<double>(std::ranges::count(env.acted(), std::uint8_t{1}));  // those that wait for others take none
       } while (watch.wall_s() < seconds);
       if (repeat == 0) continue;
       times.steps_per_s.push_back(steps / watch.wall_s());
@@ -142,6 +149,8 @@ class EnvBench {
     BenchJson json = {{"scene", options_.scene},
                       {"triangles", loaded_->scene->mesh().triangles.size()},
                       {"envs", envs},
+                      {"agents", options_.agents},
+                      {"agent_sounds", options_.agent_sounds},
                       {"threads", threads},
                       {"senses", senses_.name},
                       {"camera_px", config_.observation.camera.width_px},
@@ -217,6 +226,7 @@ BenchReport autotune(const EnvBenchOptions& options) {
 
 BenchReport bench_env(const EnvBenchOptions& options) {
   require(options.envs >= 1 && options.envs <= 100'000, "--envs", options.envs, "must be in [1, 100000]");
+  require(!options.agent_sounds || options.agents > 1, "--agent-sounds", true, "has no effect with one agent, which does not hear its own");
   require(options.threads >= 0 && options.threads <= 1024, "--threads", options.threads, "must be in [0, 1024]");
   if (options.autotune) return autotune(options);
   BenchReport report("env");
