@@ -81,7 +81,8 @@ WalkableMap::WalkableMap(const Navmesh& navmesh) {
   glm::dvec3 least(std::numeric_limits<double>::infinity()), most = -least;
   for (int polygon = 0; polygon < static_cast<int>(nav.surface.polygons().size()); ++polygon) {
     if (nav.surface.polygons()[static_cast<std::size_t>(polygon)].island != nav.main_island) continue;
-    for (const glm::dvec3& corner : Outline(nav.surface, polygon).points()) {
+    const Outline outline(nav.surface, polygon);
+    for (const glm::dvec3& corner : outline.points()) {
       least = glm::min(least, corner);
       most = glm::max(most, corner);
     }
