@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
+#include <cstdint>
 #include <glm/geometric.hpp>
 
 #include "sim/base/denormals.h"
@@ -52,12 +54,17 @@ bool intersect_bodies(std::span<const AgentBody> bodies, glm::vec3 eye, const Di
     const glm::vec3 centre = body.foot + glm::vec3(0, 0.5f * body.height_m, 0) - eye;
     const float ball2 = kSlack * (body.radius_m * body.radius_m + 0.25f * body.height_m * body.height_m);
     const float beside2 = glm::dot(centre, centre) - ball2;
-    std::array<std::uint8_t, kLanes> possible;
-    std::uint8_t some = 0;
+    const bool within = beside2 < 0;  // of the ball: any ray may meet the body
+    std::array<std::int32_t, kLanes> possible;
+    std::int32_t some = 0;
     for (std::size_t lane = 0; lane < kLanes; ++lane) {
       const float along = directions.x[lane] * centre.x + directions.y[lane] * centre.y + directions.z[lane] * centre.z;
-      possible[lane] = static_cast<std::uint8_t>((along * along >= beside2) & ((along > 0) | (beside2 < 0)));
+      possible[lane] = along * std::abs(along) >= beside2 ? 1 : 0;
       some |= possible[lane];
+    }
+    if (within) {
+      possible.fill(1);
+      some = 1;
     }
     if (some == 0) continue;
     if (!any) seen.hits.fill({});
