@@ -160,6 +160,7 @@ CLI::App* add_bench_command(CLI::App& bench, const std::string& name, const std:
 struct EnvCommand : Options {
   EnvBenchOptions bench;
   std::string size;
+  std::optional<double> seconds;
 };
 
 /// "128x96": columns and rows.
@@ -183,6 +184,8 @@ void add_env(CLI::App& bench) {
   command->add_option("--envs", env->bench.envs, "Environments in the batch")->capture_default_str();
   command->add_option("--agents", env->bench.agents, "Agents in each, who see each other; rates count steps of agents")
       ->capture_default_str();
+  command->add_flag("--walk", env->bench.walk, "Random walks in place of the oracle, whose agents queue where they share a goal");
+  command->add_option("--seconds", env->seconds, "Per repeat (default: 3, 0.2 with --quick)");
   command->add_flag("--agent-sounds", env->bench.agent_sounds, "They make sounds, and hear each other");
   command->add_option("--size", env->size, "Picture, WxH pixels (default: 128x128)");
   command->add_option("--threads", env->bench.threads, "Over the batch (default: one, and two in a row of their own)");
@@ -196,6 +199,8 @@ void add_env(CLI::App& bench) {
     EnvBenchOptions& options = env->bench;
     options.quick = env->quick;
     if (env->quick) options.repeats = 3, options.seconds = 0.2;
+    if (env->seconds) options.seconds = *env->seconds;
+    require(options.seconds > 0 && options.seconds <= 3600, "--seconds", options.seconds, "must be in (0, 3600]");
     if (!env->size.empty()) std::tie(options.width_px, options.height_px) = parse_size(env->size);
     finish(bench_env(options), *env);
   });

@@ -15,6 +15,7 @@
 #include "envs/batched_env.h"
 #include "envs/episode_generator.h"
 #include "sim/base/errors.h"
+#include "sim/base/random.h"
 #include "sim/base/stopwatch.h"
 
 namespace earshot {
@@ -77,6 +78,18 @@ std::vector<Episode> episodes_in(const std::string& id, const EnvScene& scene, c
   }
 }
 
+/// Forward three times in four, else a turn: agents are all over the scene and end with their 500 steps, so that as many act all the time.
+void walk(const BatchedEnv& env, std::span<std::int32_t> actions) {
+  for (std::size_t row = 0; row < actions.size(); ++row) {
+    const int index = static_cast<int>(row);
+    const std::uint32_t draw =
+        RandomStream(0, Purpose::random_agent, static_cast<std::uint32_t>(row), static_cast<std::uint32_t>(env.episode_count(index)),
+                     static_cast<std::uint32_t>(env.episode_step(index)))
+            .below(8, 0);
+    actions[row] = draw < 6 ? 1 : draw == 6 ? 2 : 3;
+  }
+}
+
 /// The scene with its episodes, for one choice of senses and any number of agents and threads.
 class EnvBench {
  public:
@@ -122,7 +135,10 @@ class EnvBench {
       double steps = 0, step_s = 0;
       do {
         // The oracle's mix of turns and moves, ends of episodes included, is close to that of a trained policy.
-        baseline_actions(Baseline::oracle, env, 0, 0, actions);
+        if (options_.walk)
+          walk(env, actions);
+        else
+          baseline_actions(Baseline::oracle, env, 0, 0, actions);
         const Stopwatch batch;
         env.step(actions);
         const double batch_s = batch.wall_s();
@@ -159,7 +175,7 @@ class EnvBench {
                       {"egl_device", options_.egl_device},
                       {"rir_length_s", config_.acoustics.rir_length_s},
                       {"field", config_.acoustics.field == Switch::on},
-                      {"actions", "oracle"},
+                      {"actions", options_.walk ? "walk" : "oracle"},
                       {"repeats", options_.repeats}};
     if (config_.acoustics.field == Switch::on) json["sources_s"] = sources_s_;
     return json;

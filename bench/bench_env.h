@@ -14,6 +14,7 @@ struct EnvBenchOptions {
   int envs = 8, width_px = 128, height_px = 128;
   int agents = 1;                                        ///< in each env
   bool agent_sounds = false;                             ///< which each of them makes
+  bool walk = false;                                     ///< random walks without an end in place of the oracle
   int threads = 0;                                       ///< 0: one, and in a row of its own two
   std::string renderer = "embree", egl_device = "auto";  ///< as the keys of an environment's observation
   bool field = false;     ///< late sound from source fields, ten goals shared by all episodes; otherwise rays of the preset at each pose
