@@ -18,7 +18,7 @@ struct Options {
   std::string agent, config, out, name;
   std::vector<std::string> overrides;
   EvaluationConfig evaluation;
-  bool argmax = false;
+  bool argmax = false, sample = false;
 };
 
 /// The config's held-out set, unless --episodes names one.
@@ -30,8 +30,11 @@ void take_set_of(const RunConfig& config, EvaluationConfig& evaluation) {
 
 void run_eval(const Options& options) {
   EvaluationConfig evaluation = options.evaluation;
-  evaluation.sample = !options.argmax;
   const auto baseline = baseline_by_name(options.agent);
+  if (baseline && (options.argmax || options.sample))
+    throw InputError(options.argmax ? "--argmax" : "--sample", "has no effect on a baseline", "leave it out");
+  if (options.argmax) evaluation.actions = ActionChoice::argmax;
+  if (options.sample) evaluation.actions = ActionChoice::sample;
   EvaluationResult result;
   if (baseline) {
     RunConfig config =
@@ -72,7 +75,8 @@ void add_eval(CLI::App& app) {
   command->add_option("--threads", options->evaluation.threads, "Simulation threads; 0: all cores; any number gives the same bits")
       ->capture_default_str();
   command->add_option("--max-episodes", options->evaluation.max_episodes, "Only the first N episodes; 0: all")->capture_default_str();
-  command->add_flag("--argmax", options->argmax, "Most probable action instead of a sampled one");
+  auto* argmax = command->add_flag("--argmax", options->argmax, "Most probable action (default: eval_actions of the config)");
+  command->add_flag("--sample", options->sample, "Action drawn from the policy's distribution")->excludes(argmax);
   command->callback([options] { run_eval(*options); });
 }
 

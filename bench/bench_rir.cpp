@@ -425,7 +425,7 @@ class RirBench {
         hearing.trace(engines, pose, 1.5f, block);
         hearing.synthesize(engines, pose.heading_rad);
         hearing.convolve(engines, block, sound, window);
-        hearing.analyze(engines, window, spectrogram);
+        hearing.analyze(engines, window, spectrogram, {});
       }
       if (i > 0) rates.push_back(static_cast<double>(scene_.walk.size()) / watch.wall_s());
     }

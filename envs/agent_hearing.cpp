@@ -27,6 +27,7 @@ void AgentHearing::begin(std::span<const PlayedSound> played, const BackgroundNo
   noise_ = noise;
   sample_ = 0;
   history_.forget();
+  interaural_history_.forget();
   new_samples_ = 0;
 }
 
@@ -79,8 +80,10 @@ void AgentHearing::add_noise(std::span<float> sound) const {
   }
 }
 
-void AgentHearing::analyze(HearingEngines& engines, std::span<const float> window, std::span<float> spectrogram) {
-  engines.analyzer.analyze(window, new_samples_, history_, spectrogram);
+void AgentHearing::analyze(HearingEngines& engines, std::span<const float> window, std::span<float> spectrogram,
+                           std::span<float> interaural) {
+  if (!spectrogram.empty()) engines.analyzer.analyze(window, new_samples_, history_, spectrogram);
+  if (!interaural.empty()) engines.interaural.analyze(window, new_samples_, interaural_history_, interaural);
   new_samples_ = 0;
 }
 

@@ -30,8 +30,9 @@ class AgentHearing {
   /// The next `block` samples: written to `sound` [2, block] and pushed into the rolling `window` [2, samples].  Returns false if they
   /// were not finite: zeros are written then.
   bool convolve(HearingEngines& engines, int block, std::span<float> sound, std::span<float> window);
-  /// Spectrogram [rows, columns, 2] of the window that convolve() filled: only frames with new samples are worked out.
-  void analyze(HearingEngines& engines, std::span<const float> window, std::span<float> spectrogram);
+  /// Spectrogram [rows, columns, 2] and interaural cells [rows, columns, 4] of the window that convolve() filled, where they are not empty:
+  /// only frames with new samples are worked out.
+  void analyze(HearingEngines& engines, std::span<const float> window, std::span<float> spectrogram, std::span<float> interaural);
   /// Fills the window as if the agent had stood here before, and leaves its last `block` samples in `sound`.
   bool fill_window(HearingEngines& engines, int block, std::span<float> sound, std::span<float> window);
   /// Jumps to stream sample `sample`: a replay that starts in the middle.
@@ -50,6 +51,7 @@ class AgentHearing {
   BackgroundNoise noise_;
   std::uint64_t sample_ = 0;  ///< of the stream, at which the next block begins
   SpectrogramHistory history_;
+  InterauralHistory interaural_history_;
   std::size_t new_samples_ = 0;  ///< pushed since the last analysis
 };
 

@@ -171,6 +171,7 @@ EpisodeMetrics AvNavState::metrics(const TaskConfig& config) const {
   m.reward = reward_;
   m.steps = steps_;
   m.collisions = collisions_;
+  m.stopped = terminated_;
   return m;
 }
 

@@ -59,6 +59,7 @@ struct EpisodeMetrics {
   double success = 0, spl = 0, soft_spl = 0, sna = 0, dtg_m = 0, reward = 0;
   double success_when_silent = 0;  ///< success, and the sound of the goal had ended by then (SWS of Chen, Al-Halah and Grauman 2021)
   int steps = 0, collisions = 0;
+  bool stopped = false;  ///< ended by `stop`, in success or not; else out of steps
 };
 
 /// Whole turns in a circle: 36 for turns of 10 degrees.

@@ -86,6 +86,9 @@ BatchedEnv::Impl::Impl(const EnvConfig& env_config, std::shared_ptr<const Episod
   collision = rows_of(SensorKind::collision);
   previous_action = rows_of(SensorKind::previous_action);
   topdown_map = rows_of(SensorKind::topdown_map);
+  interaural = rows_of(SensorKind::interaural);
+  oracle_action_rows = rows_of(SensorKind::oracle_action);
+  goal_state = rows_of(SensorKind::goal_state);
 
   if (spec.hears()) {
     const float rate_hz = config.acoustics.sample_rate_hz;

@@ -155,9 +155,10 @@ struct BatchedEnv::Impl {
 
   std::vector<SensorSpec> table;
   std::vector<std::unique_ptr<SensorRows>> sensor_rows;  // as the table, then what is kept without being observed
-  SensorRows *depth = nullptr, *spectrogram = nullptr, *waveform = nullptr, *heard = nullptr;
+  SensorRows *depth = nullptr, *spectrogram = nullptr, *interaural = nullptr, *waveform = nullptr, *heard = nullptr;
   SensorRows *pointgoal = nullptr, *gps_compass = nullptr, *way = nullptr, *collision = nullptr, *previous_action = nullptr,
              *topdown_map = nullptr;
+  SensorRows *oracle_action_rows = nullptr, *goal_state = nullptr;
   std::vector<float> rewards;
   std::vector<std::uint8_t> terminated, truncated, active, collided, quarantined, acted;
   std::vector<FinishedEpisode> finished;
@@ -242,6 +243,7 @@ struct BatchedEnv::Impl {
   void see_others(std::size_t row);
   void observe(std::size_t row, HearingEngines* own);
   void observe_way(std::size_t row);
+  void observe_goal(std::size_t row);
   void add_pose_noise(std::size_t row, std::span<float> reading) const;
   /// Of the draws of one agent: each has noise of its own.
   [[nodiscard]] std::uint64_t noise_seed(std::size_t row) const {

@@ -100,8 +100,9 @@ void BatchedEnv::Impl::convolve(std::size_t row, HearingEngines* own) {
 
 void BatchedEnv::Impl::observe(std::size_t row, HearingEngines* own) {
   if (!runs(row)) return;
-  if (spectrogram) {
-    const auto picture = spectrogram->row<float>(row);
+  const auto cells = interaural ? interaural->row<float>(row) : std::span<float>{};
+  if (spectrogram || interaural) {
+    const auto picture = spectrogram ? spectrogram->row<float>(row) : std::span<float>{};
     if (config.observation.legacy_spectrogram) {  // the new samples, then zeros (docs/formats.md, section 6.2)
       const std::size_t samples = own->window.size() / 2, block = size_of(block_samples);
       const auto sound = waveform->row<float>(row);
@@ -110,12 +111,13 @@ void BatchedEnv::Impl::observe(std::size_t row, HearingEngines* own) {
         std::copy_n(sound.begin() + static_cast<std::ptrdiff_t>(ear * block), block,
                     own->window.begin() + static_cast<std::ptrdiff_t>(ear * samples));
       own->analyzer.analyze(own->window, picture);
-    } else {
-      agents[row].hearing.analyze(*own, heard->row<float>(row), picture);
     }
-    check(row, Fault::spectrogram, picture);
+    agents[row].hearing.analyze(*own, heard->row<float>(row), config.observation.legacy_spectrogram ? std::span<float>{} : picture, cells);
+    if (spectrogram) check(row, Fault::spectrogram, picture);
+    if (interaural) check(row, Fault::spectrogram, cells);
   }
   observe_way(row);
+  observe_goal(row);
 }
 
 /// reading: metres ahead and to the right, radians, as gps_compass.
@@ -157,6 +159,28 @@ void BatchedEnv::Impl::observe_way(std::size_t row) {
                      topdown_map->row<std::uint8_t>(row));
   if (collision) collision->row<std::uint8_t>(row)[0] = agent.state.collided() ? 1 : 0;
   if (previous_action) previous_action->row<std::int32_t>(row)[0] = agent.actions.empty() ? -1 : agent.actions.back();
+}
+
+/// What no agent could sense.
+void BatchedEnv::Impl::observe_goal(std::size_t row) {
+  if (!oracle_action_rows && !goal_state) return;
+  const Agent& agent = agents[row];
+  const Pose now = agent.state.pose(config.task);
+  const NearestGoal goal = goal_of(row);
+  if (oracle_action_rows) oracle_action_rows->row<std::int32_t>(row)[0] = static_cast<std::int32_t>(oracle_action(config.task, goal, now));
+  if (!goal_state) return;
+  const auto bearing_rad = [&](glm::vec3 toward) {  // forward_of(h) = (-sin h, 0, -cos h)
+    return static_cast<float>(std::remainder(std::atan2(-static_cast<double>(toward.x), -static_cast<double>(toward.z)) - now.heading_rad,
+                                             2.0 * std::numbers::pi));
+  };
+  const glm::vec3 toward = goal.nearest(now.position).goal() - now.position;
+  const auto state = goal_state->row<float>(row);
+  state[0] = agent.state.distance_to_goal_m();
+  state[1] = std::hypot(toward.x, toward.z);
+  state[2] = bearing_rad(toward);
+  const auto corner = goal.next_corner(now.position);
+  state[3] = corner ? bearing_rad(*corner - now.position) : state[2];
+  check(row, Fault::pointgoal, state);
 }
 
 }  // namespace earshot

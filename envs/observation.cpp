@@ -51,6 +51,7 @@ void read(ConfigReader& reader, ObservationSpec& spec) {
                                {{"embree", Renderer::embree}, {"egl", Renderer::egl}, {"auto", Renderer::automatic}});
   reader.read("egl_device", spec.egl_device);
   reader.read("spectrogram", spec.spectrogram);
+  reader.read("interaural", spec.interaural);
   reader.read("waveform", spec.waveform);
   reader.read("heard", spec.heard);
   reader.read("pointgoal", spec.pointgoal);
@@ -59,6 +60,8 @@ void read(ConfigReader& reader, ObservationSpec& spec) {
   reader.read("collision", spec.collision);
   reader.read("previous_action", spec.previous_action);
   reader.read("topdown_map", spec.topdown_map);
+  reader.read("oracle_action", spec.oracle_action);
+  reader.read("goal_state", spec.goal_state);
   reader.read("legacy_spectrogram", spec.legacy_spectrogram);
   ConfigReader camera = reader.child("camera");
   camera.read("width_px", spec.camera.width_px);

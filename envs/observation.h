@@ -37,13 +37,14 @@ struct PoseNoiseConfig {
 /// Which sensors an environment has, by the names of the sensor table (sensor.h), and what they are made with.
 struct ObservationSpec {
   bool depth = true, rgb = false, semantic = false, normals = false;  ///< of the main camera
-  bool spectrogram = true;
+  bool spectrogram = true, interaural = false;
   bool waveform = false, heard = false;
   bool pointgoal = false, gps_compass = false, pose = false;
   bool collision = false, previous_action = false;
   bool topdown_map = false;
-  CameraConfig camera;  ///< the main one: level, ahead, a pinhole
-  bool unlit = false;   ///< its colours without light
+  bool oracle_action = false, goal_state = false;  ///< privileged: for learners, not for agents
+  CameraConfig camera;                             ///< the main one: level, ahead, a pinhole
+  bool unlit = false;                              ///< its colours without light
   Renderer renderer = Renderer::embree;
   std::string egl_device = "auto";   ///< EglOptions::device: the first hardware, software, a number, a UUID or cuda:N
   std::vector<ExtraCamera> cameras;  ///< further ones
@@ -54,7 +55,7 @@ struct ObservationSpec {
   SpectrogramConfig sound;          ///< the analysed window: the last second of what was heard
   bool legacy_spectrogram = false;  ///< only the new samples, zero-padded to the window (SoundSpaces 2.0)
   /// Whether any sensor needs the sound at the ears.
-  [[nodiscard]] bool hears() const { return spectrogram || waveform || heard; }
+  [[nodiscard]] bool hears() const { return spectrogram || interaural || waveform || heard; }
   /// The main camera, if it has a sensor, and the further ones.
   [[nodiscard]] std::vector<ExtraCamera> all_cameras() const;
 };

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "envs/action.h"
+#include "sim/audio/interaural_spectrogram.h"
 #include "sim/scene/appearance.h"
 
 namespace earshot {
@@ -58,6 +59,8 @@ std::vector<SensorSpec> sensor_table(const ObservationSpec& spec, int step_sampl
     for (std::size_t sensor = first; sensor < table.size(); ++sensor) table[sensor].camera = static_cast<int>(i);
   }
   add(spec.spectrogram, "spectrogram", SensorKind::spectrogram, f32, {spec.sound.rows(), spec.sound.columns(), 2}, "1", 0, kUnbounded);
+  add(spec.interaural, "interaural", SensorKind::interaural, f32, {spec.sound.rows(), spec.sound.columns(), kInterauralChannels}, "1",
+      -kUnbounded, kUnbounded);
   add(spec.waveform, "waveform", SensorKind::waveform, f32, {2, step_samples}, "1", -kUnbounded, kUnbounded);
   add(spec.heard, "heard", SensorKind::heard, f32, {2, spec.sound.num_samples}, "1", -kUnbounded, kUnbounded);
   add(spec.pointgoal, "pointgoal", SensorKind::pointgoal, f32, {2}, "m,rad", -kPi, kUnbounded);
@@ -67,6 +70,9 @@ std::vector<SensorSpec> sensor_table(const ObservationSpec& spec, int step_sampl
   add(spec.previous_action, "previous_action", SensorKind::previous_action, SensorType::int32, {1}, "1", -1, kNumActions - 1);
   add(spec.topdown_map, "topdown_map", SensorKind::topdown_map, SensorType::uint8,
       {spec.map.size_px, spec.map.size_px, map_channels(spec.map)}, "1", 0, 255);
+  add(spec.oracle_action, "oracle_action", SensorKind::oracle_action, SensorType::int32, {1}, "1", 0, kNumActions - 1);
+  add(spec.goal_state, "goal_state", SensorKind::goal_state, f32, {4}, "m,m,rad,rad", -kPi, kUnbounded);
+  for (SensorSpec& sensor : table) sensor.privileged = sensor.kind == SensorKind::oracle_action || sensor.kind == SensorKind::goal_state;
   return table;
 }
 

@@ -18,6 +18,7 @@ enum class SensorKind : std::uint8_t {
   semantic,         ///< uint16 [height, width, 1], as CameraImages::semantic
   normals,          ///< float32 [height, width, 3], as CameraImages::normals
   spectrogram,      ///< float32 [rows, columns, 2], log(1 + magnitude) of the last second, left and right ear
+  interaural,       ///< float32 [rows, columns, 4]: level, and differences of level and phase between the ears (interaural_spectrogram.h)
   waveform,         ///< float32 [2, samples of a step]: what the ears heard in this step
   heard,            ///< float32 [2, samples of a second]: what they heard in the last second
   pointgoal,        ///< float32 [2]: horizontal distance to the goal in metres, and its bearing in radians, counter-clockwise from ahead
@@ -26,6 +27,9 @@ enum class SensorKind : std::uint8_t {
   collision,        ///< uint8 [1]: 1 where the last step met an obstacle
   previous_action,  ///< int32 [1]: the last action; -1 before the first
   topdown_map,      ///< uint8 [size, size, channels], as draw_topdown_map: what is walkable, the path, the agent, the goals
+  oracle_action,    ///< int32 [1], privileged: what the oracle would do here
+  goal_state,  ///< float32 [4], privileged: metres to the goal on foot and in a straight line; bearings of the goal and of the next corner
+               ///< on the way to it in radians, counter-clockwise from ahead
 };
 
 enum class SensorType : std::uint8_t { float32, uint8, uint16, int32 };
@@ -42,6 +46,7 @@ struct SensorSpec {
   std::string units;         ///< "m", "rad", "1"; of sensors that mix units, one for each number: "m,rad"
   double low = 0, high = 0;  ///< closed range of the values, infinite where there is no bound
   int camera = -1;           ///< of a picture: index in ObservationSpec::all_cameras()
+  bool privileged = false;   ///< what no agent could sense: labels and a critic's input, which policies do not read
 
   [[nodiscard]] std::size_t count() const;  ///< numbers in a row
   [[nodiscard]] std::size_t bytes() const { return count() * size_of(type); }

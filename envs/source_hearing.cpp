@@ -28,6 +28,7 @@ HearingEngines::HearingEngines(std::shared_ptr<const SynthesisTables> tables, co
       crossfade_samples(stream.crossfade_samples),
       max_rir_samples(stream.max_rir_samples),
       analyzer(spectrogram),
+      interaural(spectrogram),
       block(2 * static_cast<std::size_t>(stream.max_block_samples)),
       part(block.size()),
       window(2 * static_cast<std::size_t>(spectrogram.num_samples)) {}

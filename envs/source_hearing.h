@@ -12,6 +12,7 @@
 #include "sim/acoustics/response/energy_response.h"
 #include "sim/acoustics/synthesis/path_glide.h"
 #include "sim/acoustics/synthesis/rir_synthesis.h"
+#include "sim/audio/interaural_spectrogram.h"
 #include "sim/audio/sound_stream.h"
 #include "sim/audio/spectrogram.h"
 #include "sim/vision/camera.h"
@@ -29,6 +30,7 @@ struct HearingEngines {
   PathGlider glider;
   int crossfade_samples, max_rir_samples;
   SpectrogramAnalyzer analyzer;
+  InterauralAnalyzer interaural;
   std::vector<float> block;   ///< [2, block samples], of an odd piece
   std::vector<float> part;    ///< [2, block samples], of one source among several
   std::vector<float> window;  ///< [2, window samples], for the legacy spectrogram

@@ -11,9 +11,19 @@ namespace earshot {
 
 namespace {
 
+bool is_sound(const SensorSpec& sensor) { return sensor.kind == SensorKind::spectrogram || sensor.kind == SensorKind::interaural; }
+
 /// Encoders have parameters of their own; the other sensors are features as they are.
 bool is_picture(const SensorSpec& sensor) { return sensor.camera >= 0 || sensor.kind == SensorKind::topdown_map; }
-bool is_vector(const SensorSpec& sensor) { return !is_picture(sensor) && sensor.kind != SensorKind::spectrogram; }
+bool is_vector(const SensorSpec& sensor) { return !is_picture(sensor) && !is_sound(sensor); }
+
+/// What a guided critic reads of goal_state: both distances, straight and on a scale that resolves near ones, both bearings.
+constexpr int kGuideFeatures = 7, kGuidedWidth = 64;
+
+torch::Tensor guide_features(const torch::Tensor& goal_state) {
+  const torch::Tensor metres = goal_state.slice(1, 0, 1), line = goal_state.slice(1, 1, 2), bearings = goal_state.slice(1, 2, 4);
+  return torch::cat({0.1 * metres, metres.log1p(), 0.1 * line, bearings.cos(), bearings.sin()}, 1);
+}
 
 /// Which picture of the policy a sensor is part of: cameras have one each, the map has the one after them.
 std::size_t picture_index(const std::vector<SensorSpec>& sensors, const SensorSpec& sensor) {
@@ -70,6 +80,7 @@ torch::Tensor features_of(const SensorSpec& sensor, const torch::Tensor& rows) {
 
 ActorCriticImpl::ActorCriticImpl(const ObservationSpec& spec, const PolicyConfig& config)
     : sensors_(sensor_table(spec, 1)), config_(config) {
+  std::erase_if(sensors_, [](const SensorSpec& sensor) { return sensor.privileged; });
   if (sensors_.empty())
     throw InputError("sensors", "all are off: the policy would have nothing to go by", "switch depth, spectrogram or pointgoal on");
   int features = 0;
@@ -78,10 +89,13 @@ ActorCriticImpl::ActorCriticImpl(const ObservationSpec& spec, const PolicyConfig
       throw InputError("observation." + sensor.name, "has no encoder in the policy",
                        "switch it off for training; a policy hears by the spectrogram and sees by depth, rgb and normals");
     if (is_vector(sensor)) features += num_features(sensor);
-    if (sensor.kind != SensorKind::spectrogram) continue;
-    const int rows = sensor.shape[0], columns = sensor.shape[1];
-    audio_ = register_module(
-        "audio", ConvEncoder("spectrogram", rows, columns, 2, audio_layers(rows, columns, config.conv_channels), config.audio_features));
+  }
+  Picture sound;
+  for (const SensorSpec& sensor : sensors_)
+    if (is_sound(sensor)) sound = {.height = sensor.shape[0], .width = sensor.shape[1], .channels = sound.channels + sensor.shape[2]};
+  if (sound.channels > 0) {
+    audio_ = register_module("audio", ConvEncoder("spectrogram", sound.height, sound.width, sound.channels,
+                                                  audio_layers(sound.height, sound.width, config.conv_channels), config.audio_features));
     features += config.audio_features;
   }
   for (const Picture& picture : pictures_of(sensors_)) {
@@ -92,7 +106,14 @@ ActorCriticImpl::ActorCriticImpl(const ObservationSpec& spec, const PolicyConfig
   }
   rnn_ = register_module("rnn", MaskedGru(features, config.hidden_size));
   actor_ = register_module("actor", torch::nn::Linear(config.hidden_size, kNumActions));
-  critic_ = register_module("critic", torch::nn::Linear(config.hidden_size, 1));
+  if (config.guided_critic)
+    critic_hidden_ = register_module("critic_hidden", torch::nn::Linear(config.hidden_size + kGuideFeatures, kGuidedWidth));
+  critic_ = register_module("critic", torch::nn::Linear(config.guided_critic ? kGuidedWidth : config.hidden_size, 1));
+  if (config.goal_heads) goal_ = register_module("goal", torch::nn::Linear(config.hidden_size, kGoalOutputs));
+  if (config.normalize_values) {
+    value_mean_ = register_buffer("value_mean", torch::zeros({1}));
+    value_deviation_ = register_buffer("value_deviation", torch::ones({1}));
+  }
   initialize_weights();
   const torch::NoGradGuard no_gradient;
   actor_->bias[static_cast<std::int64_t>(Action::stop)] = config.initial_stop_logit;
@@ -119,15 +140,16 @@ void ActorCriticImpl::initialize_weights() {
 }
 
 torch::Tensor ActorCriticImpl::encode(const ObservationTensors& observations) {
-  std::vector<torch::Tensor> features;
+  std::vector<torch::Tensor> features, sound;
   std::vector<std::vector<torch::Tensor>> channels(visual_.size());
   for (const SensorSpec& sensor : sensors_) {
     const torch::Tensor& rows = observations[sensor.name];
     if (is_vector(sensor)) features.push_back(features_of(sensor, rows));
+    if (is_sound(sensor)) sound.push_back(rows);
     if (is_picture(sensor))
       channels[picture_index(sensors_, sensor)].push_back(sensor.type == SensorType::uint8 ? rows.to(torch::kFloat32).div_(255) : rows);
   }
-  if (audio_) features.push_back(audio_->forward(observations["spectrogram"]));
+  if (audio_) features.push_back(audio_->forward(sound.size() == 1 ? sound[0] : torch::cat(sound, 3)));
   for (std::size_t camera = 0; camera < visual_.size(); ++camera)
     features.push_back(visual_[camera]->forward(channels[camera].size() == 1 ? channels[camera][0] : torch::cat(channels[camera], 3)));
   return features.size() == 1 ? features[0] : torch::cat(features, 1);
@@ -143,7 +165,33 @@ PolicyOutput ActorCriticImpl::sequence(const ObservationTensors& observations, c
   EARSHOT_EXPECT(features.size(0) == T * B && hidden.size(0) == B && hidden.size(1) == config_.hidden_size);
   const torch::Tensor states = rnn_->forward(features.view({T, B, -1}), hidden, not_done);  // [T, B, hidden_size]
   const torch::Tensor flat = states.view({T * B, config_.hidden_size});
-  return {.logits = actor_->forward(flat), .value = critic_->forward(flat).squeeze(1), .hidden = states[T - 1]};
+  return {.logits = actor_->forward(flat),
+          .value = values_of(flat, observations["goal_state"]),
+          .hidden = states[T - 1],
+          .goal = goal_ ? goal_->forward(flat) : torch::Tensor()};
+}
+
+/// goal_state: undefined where nothing guides the critic.
+torch::Tensor ActorCriticImpl::values_of(const torch::Tensor& states, const torch::Tensor& goal_state) {
+  torch::Tensor value;
+  if (!config_.guided_critic)
+    value = critic_->forward(states);
+  else if (goal_state.defined())
+    value = critic_->forward(critic_hidden_->forward(torch::cat({states, guide_features(goal_state)}, 1)).relu_());
+  else
+    return torch::zeros({states.size(0)});
+  value = value.squeeze(1);
+  return config_.normalize_values ? value * value_deviation() + value_mean() : value;
+}
+
+void ActorCriticImpl::set_value_scale(double mean, double deviation) {
+  EARSHOT_EXPECT(config_.normalize_values && deviation > 0);
+  const torch::NoGradGuard no_gradient;
+  const double ratio = value_deviation() / deviation;
+  critic_->weight.mul_(ratio);
+  critic_->bias.mul_(ratio).add_((value_mean() - mean) / deviation);
+  value_mean_.fill_(mean);
+  value_deviation_.fill_(deviation);
 }
 
 std::int64_t ActorCriticImpl::num_parameters() const {
@@ -157,10 +205,14 @@ std::string ActorCriticImpl::architecture() const {
   for (const SensorSpec& sensor : sensors_) {
     line += fmt::format(" {} {}", sensor.name, fmt::join(sensor.shape, "x"));
     if (is_picture(sensor)) line += fmt::format(" -> {}", config_.visual_features);
-    if (sensor.kind == SensorKind::spectrogram) line += fmt::format(" -> {}", config_.audio_features);
+    if (is_sound(sensor)) line += fmt::format(" -> {}", config_.audio_features);
     line += ",";
   }
-  return line + fmt::format(" conv {}, gru {}, actions {}", config_.conv_channels, config_.hidden_size, kNumActions);
+  line += fmt::format(" conv {}, gru {}, actions {}", config_.conv_channels, config_.hidden_size, kNumActions);
+  if (config_.guided_critic) line += ", guided critic";
+  if (config_.goal_heads) line += ", goal heads";
+  if (config_.normalize_values) line += ", normalized values";
+  return line;
 }
 
 }  // namespace earshot

@@ -18,10 +18,15 @@
 
 namespace earshot {
 
+inline constexpr int kGoalOutputs = 6;
+
 struct PolicyOutput {
   torch::Tensor logits;  ///< [N, kNumActions] (or [T * B, kNumActions])
   torch::Tensor value;   ///< [N]
   torch::Tensor hidden;  ///< [B, hidden_size] after the last step
+  /// [N, kGoalOutputs] with PolicyConfig::goal_heads, else undefined: what the agent makes of where the goal is.  Cosine and sine of its
+  /// bearing, the same of the next corner on the way, log(1 + metres on foot), and the logit of being near enough to stop.
+  torch::Tensor goal = {};
 };
 
 /// Recurrent actor-critic: [vectors, audio CNN, visual CNN per camera] -> GRU -> categorical actor over four actions, scalar critic.  A
@@ -30,6 +35,7 @@ struct PolicyOutput {
 /// have no encoder: a policy refuses them.
 /// Initial weights are a function of PolicyConfig::seed: convolutions and encoders Kaiming-normal for ReLU, GRU orthogonal for each of its
 /// gates, actor orthogonal with gain 0.01 (all actions about equally likely at first), critic orthogonal with gain 1, biases 0.
+/// Spectrogram and interaural cells are channels of one picture.  Privileged sensors are not read, but goal_state by a guided critic.
 class ActorCriticImpl : public torch::nn::Module {
  public:
   /// Throws InputError if no sensor is on, one has no encoder, or a picture is too small for the convolutions.
@@ -43,11 +49,17 @@ class ActorCriticImpl : public torch::nn::Module {
 
   [[nodiscard]] int hidden_size() const { return config_.hidden_size; }
   [[nodiscard]] std::int64_t num_parameters() const;
+  /// With PolicyConfig::normalize_values: the critic's unit and origin become these, its values stay what they were (PopArt).
+  void set_value_scale(double mean, double deviation);
+  [[nodiscard]] bool normalizes_values() const { return config_.normalize_values; }
+  [[nodiscard]] double value_mean() const { return value_mean_.defined() ? value_mean_.item<double>() : 0; }
+  [[nodiscard]] double value_deviation() const { return value_deviation_.defined() ? value_deviation_.item<double>() : 1; }
   /// One line that says which weights fit: sensors, shapes and sizes.  Checkpoints compare it.
   [[nodiscard]] std::string architecture() const;
 
  private:
   torch::Tensor encode(const ObservationTensors& observations);  // -> [N, features]
+  torch::Tensor values_of(const torch::Tensor& states, const torch::Tensor& goal_state);
   void initialize_weights();
 
   std::vector<SensorSpec> sensors_;
@@ -56,6 +68,9 @@ class ActorCriticImpl : public torch::nn::Module {
   ConvEncoder audio_{nullptr};
   MaskedGru rnn_{nullptr};
   torch::nn::Linear actor_{nullptr}, critic_{nullptr};
+  torch::nn::Linear critic_hidden_{nullptr};              ///< of a guided critic
+  torch::nn::Linear goal_{nullptr};                       ///< of goal_heads
+  torch::Tensor value_mean_ = {}, value_deviation_ = {};  ///< [1], of normalize_values
 };
 TORCH_MODULE(ActorCritic);
 

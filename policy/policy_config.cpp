@@ -11,6 +11,9 @@ void read(ConfigReader& reader, PolicyConfig& config) {
   reader.read("conv_channels", config.conv_channels);
   reader.read("initial_stop_logit", config.initial_stop_logit);
   reader.read("seed", config.seed);
+  reader.read("guided_critic", config.guided_critic);
+  reader.read("goal_heads", config.goal_heads);
+  reader.read("normalize_values", config.normalize_values);
 }
 
 void validate(const PolicyConfig& config) {

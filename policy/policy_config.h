@@ -16,6 +16,12 @@ struct PolicyConfig {
   /// worth; at -4 its first episodes are walks of some fifty steps.
   double initial_stop_logit = 0;
   std::uint64_t seed = 0;  ///< of the initial weights
+  /// The critic reads goal_state beside the recurrent state (Pinto et al. 2018, asymmetric actor-critic).  It is not there in evaluation,
+  /// where values are 0 and not needed.
+  bool guided_critic = false;
+  bool goal_heads = false;  ///< further outputs that learn to say where the goal is (PolicyOutput::goal)
+  /// The critic learns returns in units of their running mean and deviation (PopArt, van Hasselt et al. 2016).
+  bool normalize_values = false;
 };
 void read(ConfigReader& reader, PolicyConfig& config);
 /// Throws InputError naming the key, its value and the rule.

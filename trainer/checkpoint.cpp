@@ -71,7 +71,7 @@ void pack_tensors(Packer& packer, const std::vector<torch::Tensor>& tensors) {
 }
 
 void pack_body(Packer& packer, const Checkpoint& checkpoint) {
-  packer.pack_map(15);
+  packer.pack_map(16);
   packer.pack("config_yaml").pack(checkpoint.config_yaml);
   packer.pack("architecture").pack(checkpoint.architecture);
   packer.pack("update").pack(checkpoint.update);
@@ -80,6 +80,7 @@ void pack_body(Packer& packer, const Checkpoint& checkpoint) {
   packer.pack("world_size").pack(checkpoint.world_size);
   packer.pack("engine").pack(checkpoint.engine);
   packer.pack("engine_commit").pack(checkpoint.engine_commit);
+  packer.pack("elapsed_s").pack(checkpoint.elapsed_s);
   packer.pack("mean_reward").pack(checkpoint.mean_reward);
   packer.pack("weights");
   pack_tensors(packer, checkpoint.weights);

@@ -33,6 +33,8 @@ Checkpoint decode_checkpoint(std::string_view bytes, const std::string& where);
 
 /// By name: parameters and buffers of the policy, as copies.
 std::map<std::string, torch::Tensor> weights_of(const ActorCritic& policy);
+/// XXH3 of their bits, by name order, going on from `start`.
+std::uint64_t hash_of(const std::map<std::string, torch::Tensor>& weights, std::uint64_t start = 0);
 /// Throws InputError naming both architectures if they differ, or what does not fit or is not finite; then nothing has changed.
 void load_weights(ActorCritic& policy, const Checkpoint& checkpoint, const std::string& where);
 /// Adam's state by parameter name and ".step", ".exp_avg" or ".exp_avg_sq"; parameters that were never stepped are left out.

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cstring>
 
 #include "sim/base/errors.h"
@@ -62,6 +63,14 @@ void CheckpointFields::fail(std::string_view name, std::string_view what) const 
   throw InputError(where_, fmt::format("is no valid checkpoint: '{}' {}", name, what), "take another checkpoint");
 }
 
+bool CheckpointFields::has(const msgpack::object& map, std::string_view name) {
+  if (map.type != msgpack::type::MAP) return false;
+  const std::span entries(map.via.map.ptr, map.via.map.size);
+  return std::any_of(entries.begin(), entries.end(), [&](const msgpack::object_kv& entry) {
+    return entry.key.type == msgpack::type::STR && std::string_view(entry.key.via.str.ptr, entry.key.via.str.size) == name;
+  });
+}
+
 const msgpack::object& CheckpointFields::field(const msgpack::object& map, std::string_view name) const {
   if (map.type != msgpack::type::MAP) fail(name, "is not in a map");
   for (const auto& [key, value] : std::span(map.via.map.ptr, map.via.map.size))
@@ -89,6 +98,8 @@ CheckpointMetadata CheckpointFields::metadata(const msgpack::object& body) const
   metadata.world_size = value<int>(body, "world_size");
   metadata.engine = value<std::string>(body, "engine");
   metadata.engine_commit = value<std::string>(body, "engine_commit");
+  if (has(body, "elapsed_s")) metadata.elapsed_s = value<double>(body, "elapsed_s");
+  if (!(metadata.elapsed_s >= 0 && metadata.elapsed_s < 1e12)) fail("elapsed_s", "is no time");
   metadata.mean_reward = value<double>(body, "mean_reward");
   return metadata;
 }

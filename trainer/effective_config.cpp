@@ -73,7 +73,7 @@ bool is_free_to_change(std::string_view key, const RunConfig& now) {
   constexpr std::array<std::string_view, 21> free{"name",
                                                   "out",
                                                   "workers",
-                                                  "max_minutes",
+                                                  "eval_actions",
                                                   "checkpoint_every",
                                                   "keep",
                                                   "eval_envs",
@@ -92,7 +92,10 @@ bool is_free_to_change(std::string_view key, const RunConfig& now) {
                                                   "ppo.loss_alarm",
                                                   "ppo.kl_alarm"};
   if (std::ranges::any_of(free, [&](std::string_view name) { return lies_in(key, name); })) return true;
-  return key == "total_steps" && !now.ppo.linear_learning_rate_decay && !now.ppo.linear_clip_decay;
+  if (key == "max_minutes") return now.schedule == Schedule::steps;
+  const PpoConfig& ppo = now.ppo;
+  const bool schedules = ppo.linear_learning_rate_decay || ppo.linear_clip_decay || ppo.linear_entropy_decay || now.guidance.imitation > 0;
+  return key == "total_steps" && !schedules;
 }
 
 RunConfig parse_effective_config(const std::string& yaml, const std::string& where, const std::vector<std::string>& overrides) {

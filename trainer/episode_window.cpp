@@ -9,8 +9,16 @@
 namespace earshot {
 
 void EpisodeSums::add(const EpisodeMetrics& m) {
-  const std::array<double, num_fields> row{
-      1, m.success, m.spl, m.soft_spl, m.sna, m.dtg_m, m.reward, static_cast<double>(m.steps), static_cast<double>(m.collisions)};
+  const std::array<double, num_fields> row{1,
+                                           m.success,
+                                           m.spl,
+                                           m.soft_spl,
+                                           m.sna,
+                                           m.dtg_m,
+                                           m.reward,
+                                           static_cast<double>(m.steps),
+                                           static_cast<double>(m.collisions),
+                                           m.stopped ? 1.0 : 0.0};
   for (std::size_t i = 0; i < row.size(); ++i) values[i] += row[i];
 }
 

@@ -11,7 +11,7 @@ namespace earshot {
 
 /// Sums over finished episodes, in double; the same layout on every worker, so that they add up by all-reduce.
 struct EpisodeSums {
-  enum Field { count, success, spl, soft_spl, sna, dtg, reward, steps, collisions, num_fields };
+  enum Field { count, success, spl, soft_spl, sna, dtg, reward, steps, collisions, stopped, num_fields };
   std::array<double, num_fields> values{};
 
   void add(const EpisodeMetrics& metrics);

@@ -98,7 +98,7 @@ EvaluationResult evaluate_checkpoint(const std::filesystem::path& path, const Ev
   const auto act = [&](BatchedEnv& env, std::span<std::int32_t> actions) {
     if (!actor) actor.emplace(policy, env.num_envs());
     const PolicyOutput& output = actor->observe(env);
-    if (!evaluation.sample) {
+    if (evaluation.actions.value_or(config.eval_actions) == ActionChoice::argmax) {
       greedy_actions(output.logits, actions);
       return;
     }
@@ -110,12 +110,7 @@ EvaluationResult evaluate_checkpoint(const std::filesystem::path& path, const Ev
   };
   EvaluationResult result = run_episodes(config.env, evaluation, config.name, act, [&](const BatchedEnv& env) { actor->advance(env); });
 
-  std::uint64_t hash = hash64(checkpoint.architecture);
-  for (const auto& [name, tensor] : checkpoint.weights) {
-    const torch::Tensor flat = tensor.contiguous();
-    hash = hash64(std::as_bytes(std::span(flat.data_ptr<float>(), static_cast<std::size_t>(flat.numel()))), hash);
-  }
-  result.policy_hash = hex64(hash);
+  result.policy_hash = hex64(hash_of(checkpoint.weights, hash64(checkpoint.architecture)));
   return result;
 }
 

@@ -16,9 +16,9 @@ struct EvaluationConfig {
   std::map<std::string, std::string> generator = {};  ///< keys that the set must have been made from (generator_keys); empty: any set
   int num_envs = 8;                                   ///< fixed batch: part of the bits of policy inference
   int threads = 0;
-  std::uint64_t seed = 0;  ///< of the sampled actions
-  bool sample = true;      ///< actions are sampled, as in the original; false: arg max
-  int max_episodes = 0;    ///< 0: all
+  std::uint64_t seed = 0;                              ///< of the sampled actions
+  std::optional<ActionChoice> actions = std::nullopt;  ///< none: as RunConfig::eval_actions says
+  int max_episodes = 0;                                ///< 0: all
 };
 
 /// Runs a checkpoint (by its own config, scenes and sounds from the set) on every episode.  Same inputs, same bits.

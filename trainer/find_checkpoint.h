@@ -14,6 +14,7 @@ struct CheckpointMetadata {
   std::uint64_t seed = 0;
   int world_size = 1;
   std::string engine, engine_commit;  ///< engine_hash() and engine_commit() of the program that wrote it
+  double elapsed_s = 0;               ///< wall seconds of training, over all sittings; 0 in files from before there was such a field
   double mean_reward = 0;             ///< per episode, over the last episodes; NaN where none had finished
 };
 

@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include "sim/base/errors.h"
+#include "sim/base/files.h"
 #include "trainer/checkpoint.h"
 
 namespace earshot {
@@ -23,6 +24,15 @@ std::map<std::string, torch::Tensor> weights_of(const ActorCritic& policy) {
   std::map<std::string, torch::Tensor> weights;
   for (const auto& [name, tensor] : live_tensors(policy)) weights.emplace(name, tensor.detach().clone());
   return weights;
+}
+
+std::uint64_t hash_of(const std::map<std::string, torch::Tensor>& weights, std::uint64_t start) {
+  std::uint64_t hash = start;
+  for (const auto& [name, tensor] : weights) {
+    const torch::Tensor flat = tensor.contiguous();
+    hash = hash64(std::as_bytes(std::span(flat.data_ptr<float>(), static_cast<std::size_t>(flat.numel()))), hash);
+  }
+  return hash;
 }
 
 void load_weights(ActorCritic& policy, const Checkpoint& checkpoint, const std::string& where) {

@@ -16,6 +16,8 @@
 #include "sim/base/random.h"
 #include "trainer/advantage_normalization.h"
 #include "trainer/gae.h"
+#include "trainer/guidance_loss.h"
+#include "trainer/value_scale.h"
 
 namespace earshot {
 namespace {
@@ -113,6 +115,7 @@ struct PpoLearner::Rollout {
   ObservationTensors observations;                                                // [T, B, ...]
   torch::Tensor hidden;                                                           // [B, hidden_size]
   torch::Tensor not_done, actions, log_prob, values, advantages, returns, valid;  // [T, B]
+  torch::Tensor own;                                                              // [T, B] valid, and the policy itself chose the action
 
   Rollout(const RolloutBuffer& buffer, const GaeConfig& config) {
     const auto rows = [&](const torch::Tensor& slab) { return slab.slice(0, 0, buffer.num_steps()); };
@@ -123,6 +126,7 @@ struct PpoLearner::Rollout {
     log_prob = rows(buffer.log_prob);
     values = rows(buffer.values);
     valid = rows(buffer.valid).to(torch::kBool);
+    own = valid.logical_and(rows(buffer.guided).to(torch::kBool).logical_not());
     // In float64 until the loss: the return is rounded once.
     advantages = gae(rows(buffer.rewards).to(torch::kFloat64), values, rows(buffer.terminated), rows(buffer.truncated),
                      rows(buffer.final_values), buffer.next_value, config, valid);
@@ -130,9 +134,11 @@ struct PpoLearner::Rollout {
   }
 };
 
-PpoLearner::PpoLearner(ActorCritic policy, const PpoConfig& config, std::uint64_t seed)
+PpoLearner::PpoLearner(ActorCritic policy, const PpoConfig& config, std::uint64_t seed, const GuidanceConfig& guidance, double near_m)
     : policy_(std::move(policy)),
       config_(config),
+      guidance_(guidance),
+      near_m_(near_m),
       optimizer_(policy_->parameters(), torch::optim::AdamOptions(config.learning_rate).eps(config.adam_epsilon)),
       seed_(seed),
       flat_gradient_(torch::zeros({policy_->num_parameters() + 1})) {
@@ -143,7 +149,8 @@ PpoLearner::PpoLearner(ActorCritic policy, const PpoConfig& config, std::uint64_
   }
 }
 
-PpoLoss PpoLearner::minibatch_loss(const Rollout& rollout, std::span<const std::int64_t> envs, double clip, double* max_ratio_error) {
+PpoLoss PpoLearner::minibatch_loss(const Rollout& rollout, std::span<const std::int64_t> envs, double progress, bool first_of_all,
+                                   UpdateStats& stats) {
   const torch::Tensor index = index_of(envs);
   const auto rows = [&](const torch::Tensor& slab) {  // [T, B, ...] -> [T * envs, ...]
     return slab.index_select(1, index).flatten(0, 1);
@@ -151,14 +158,33 @@ PpoLoss PpoLearner::minibatch_loss(const Rollout& rollout, std::span<const std::
   const PolicyOutput output =
       policy_->sequence(rollout.observations.map(rows), rollout.hidden.index_select(0, index), rollout.not_done.index_select(1, index));
   const torch::Tensor log_prob = log_probabilities(output.logits, rows(rollout.actions));
-  const torch::Tensor old_log_prob = rows(rollout.log_prob), valid = rows(rollout.valid);
-  if (max_ratio_error && valid.any().item<bool>())
-    *max_ratio_error = ((log_prob - old_log_prob).detach().masked_select(valid).exp() - 1).abs().max().item<double>();
-  return ppo_loss(log_prob, old_log_prob, rows(rollout.advantages), output.value, rows(rollout.values), rows(rollout.returns),
-                  entropy(output.logits), valid, clip, config_);
+  const torch::Tensor old_log_prob = rows(rollout.log_prob), valid = rows(rollout.valid), own = rows(rollout.own);
+  if (first_of_all && valid.any().item<bool>())
+    stats.max_ratio_error = ((log_prob - old_log_prob).detach().masked_select(valid).exp() - 1).abs().max().item<double>();
+
+  const double left = 1.0 - progress, value_unit = policy_->value_deviation();
+  PpoConfig now = config_;
+  now.value_coefficient /= value_unit * value_unit;  // errors count in the critic's own unit
+  if (config_.linear_entropy_decay) now.entropy_coefficient *= left;
+  PpoLoss loss = ppo_loss(log_prob, old_log_prob, rows(rollout.advantages), output.value, rows(rollout.values), rows(rollout.returns),
+                          entropy(output.logits), own, config_.clip * (config_.linear_clip_decay ? left : 1.0), now);
+  if (const double weight = guidance_.imitation_at(progress); weight > 0) {
+    const torch::Tensor oracle = rows(rollout.observations["oracle_action"]);
+    const torch::Tensor imitation = imitation_loss(output.logits, oracle, valid);
+    loss.total = loss.total + weight * imitation;
+    stats.imitation_loss += imitation.item<double>();
+    if (first_of_all && valid.any().item<bool>())
+      stats.oracle_agreement = output.logits.argmax(1).eq(oracle.squeeze(1)).masked_select(valid).to(torch::kFloat64).mean().item<double>();
+  }
+  if (guidance_.goal > 0) {
+    const torch::Tensor off = goal_loss(output.goal, rows(rollout.observations["goal_state"]), near_m_, valid);
+    loss.total = loss.total + guidance_.goal * off;
+    stats.goal_loss += off.item<double>();
+  }
+  return loss;
 }
 
-StepStatus PpoLearner::accumulate_gradient(const Rollout& rollout, std::span<const std::int64_t> envs, double clip, bool first_of_all,
+StepStatus PpoLearner::accumulate_gradient(const Rollout& rollout, std::span<const std::int64_t> envs, double progress, bool first_of_all,
                                            UpdateStats& stats) {
   const std::span<float> gradient(flat_gradient_.data_ptr<float>(), static_cast<std::size_t>(flat_gradient_.numel()));
   const bool has_rows = !envs.empty() && rollout.valid.index_select(1, index_of(envs)).any().item<bool>();
@@ -167,7 +193,7 @@ StepStatus PpoLearner::accumulate_gradient(const Rollout& rollout, std::span<con
   StepStatus status;
   if (!has_rows) return status;
 
-  const PpoLoss loss = minibatch_loss(rollout, envs, clip, first_of_all ? &stats.max_ratio_error : nullptr);
+  const PpoLoss loss = minibatch_loss(rollout, envs, progress, first_of_all, stats);
   loss.total.backward();
   status.loss = loss.total.item<double>();
   status.approx_kl = loss.approx_kl.item<double>();
@@ -190,13 +216,13 @@ UpdateStats PpoLearner::update(const RolloutBuffer& buffer, double progress, std
   const auto start = std::chrono::steady_clock::now();
   UpdateStats stats;
   const double left = std::clamp(1.0 - progress, 0.0, 1.0);
-  const double clip = config_.clip * (config_.linear_clip_decay ? left : 1.0);
   for (auto& group : optimizer_.param_groups())
     static_cast<torch::optim::AdamOptions&>(group.options()).lr(config_.learning_rate * (config_.linear_learning_rate_decay ? left : 1.0));
 
   Rollout rollout(buffer, config_.gae);
-  stats.explained_variance = explained_variance(rollout.values, rollout.returns, rollout.valid);
-  if (config_.normalize_advantages) rollout.advantages = normalize_advantages(rollout.advantages, rollout.valid, collective);
+  stats.explained_variance = explained_variance(rollout.values, rollout.returns, rollout.own);
+  if (config_.normalize_advantages) rollout.advantages = normalize_advantages(rollout.advantages, rollout.own, collective);
+  if (policy_->normalizes_values()) follow_returns(policy_, rollout.returns, rollout.own, update, collective);
   rollout.advantages = rollout.advantages.to(rollout.values.scalar_type());
 
   const std::size_t num_envs = static_cast<std::size_t>(buffer.num_envs()), minibatches = static_cast<std::size_t>(config_.minibatches);
@@ -204,10 +230,12 @@ UpdateStats PpoLearner::update(const RolloutBuffer& buffer, double progress, std
   int counted = 0;
   for (int epoch = 0; epoch < config_.epochs; ++epoch) {
     const std::vector<std::int64_t> order = permutation(buffer.num_envs(), seed_, update, epoch);
+    ++stats.epochs;
+    double epoch_kl = 0;  // of all workers, so that all end alike
     for (std::size_t minibatch = 0; minibatch < minibatches; ++minibatch) {
       const std::size_t first = minibatch * num_envs / minibatches, end = (minibatch + 1) * num_envs / minibatches;
       StepStatus mine =
-          accumulate_gradient(rollout, std::span(order).subspan(first, end - first), clip, epoch == 0 && minibatch == 0, stats);
+          accumulate_gradient(rollout, std::span(order).subspan(first, end - first), 1.0 - left, epoch == 0 && minibatch == 0, stats);
       counted += gradient.back() > 0 && mine.finite_here;
 
       const auto reduce_start = std::chrono::steady_clock::now();
@@ -217,6 +245,7 @@ UpdateStats PpoLearner::update(const RolloutBuffer& buffer, double progress, std
       const std::vector<StepStatus> statuses = exchange_status(mine, collective);
       stats.reduce_s += seconds_since(reduce_start);
 
+      for (const StepStatus& status : statuses) epoch_kl += status.approx_kl / static_cast<double>(statuses.size() * minibatches);
       raise_alarms(statuses, config_, stats);
       StepDecision decision = decide(statuses);
       if (!decision.take) {
@@ -226,8 +255,10 @@ UpdateStats PpoLearner::update(const RolloutBuffer& buffer, double progress, std
         ++stats.taken_steps;
       }
     }
+    if (config_.target_kl > 0 && epoch_kl > config_.target_kl) break;
   }
-  for (double* mean : {&stats.policy_loss, &stats.value_loss, &stats.entropy, &stats.approx_kl, &stats.clip_fraction})
+  for (double* mean : {&stats.policy_loss, &stats.value_loss, &stats.entropy, &stats.approx_kl, &stats.clip_fraction, &stats.imitation_loss,
+                       &stats.goal_loss})
     *mean /= std::max(1, counted);
   stats.gradient_norm /= std::max(1, stats.taken_steps);
   stats.skipped_steps = static_cast<int>(stats.skipped.size());

@@ -10,6 +10,7 @@
 
 #include "policy/actor_critic.h"
 #include "trainer/collective.h"
+#include "trainer/guidance_config.h"
 #include "trainer/ppo_config.h"
 #include "trainer/rollout_buffer.h"
 #include "trainer/step_agreement.h"
@@ -38,8 +39,11 @@ inline constexpr double kMaxRatioError = 1e-4;
 /// Means over the minibatches of one update.
 struct UpdateStats {
   double policy_loss = 0, value_loss = 0, entropy = 0, approx_kl = 0, clip_fraction = 0, gradient_norm = 0;
-  double explained_variance = 0;     ///< NaN if the returns do not vary
-  int taken_steps = 0;               ///< optimizer steps, the same on every worker
+  double imitation_loss = 0, goal_loss = 0;  ///< 0 where they are off
+  double oracle_agreement = 0;               ///< fraction of rows, before the first step, where the likeliest action is the oracle's
+  int epochs = 0;                            ///< begun: fewer than configured where the KL budget ended them
+  double explained_variance = 0;             ///< NaN if the returns do not vary
+  int taken_steps = 0;                       ///< optimizer steps, the same on every worker
   int skipped_steps = 0;             ///< optimizer steps that no worker took because something was not finite or not the same everywhere
   std::vector<SkippedStep> skipped;  ///< each of them: which one, why, which ranks; the same on every worker
   int non_finite_here = 0;           ///< how often this worker's own loss or gradient was not finite
@@ -60,23 +64,28 @@ struct UpdateStats {
 /// none joins the sum with weight 0.
 class PpoLearner {
  public:
-  PpoLearner(ActorCritic policy, const PpoConfig& config, std::uint64_t seed);
+  /// near_m: distance at which the goal is reached, for GuidanceConfig::goal.
+  PpoLearner(ActorCritic policy, const PpoConfig& config, std::uint64_t seed, const GuidanceConfig& guidance = {}, double near_m = 1);
   /// progress: fraction of training done, [0, 1], for the decays.  update: its index, keys the minibatch permutation.
   /// A collective call: epochs x minibatches sums of the gradient and exchanges of statuses, and two sums of statistics if
-  /// normalize_advantages is on, whatever this worker's rollout holds.  With one worker the collective does nothing.
+  /// normalize_advantages is on, one more with normalized values, whatever this worker's rollout holds.  With one worker the collective
+  /// does nothing.
   UpdateStats update(const RolloutBuffer& rollout, double progress, std::uint64_t update, Collective& collective);
   torch::optim::Adam& optimizer() { return optimizer_; }
 
  private:
   struct Rollout;  // rows [0, num_steps) with advantages and returns
-  PpoLoss minibatch_loss(const Rollout& rollout, std::span<const std::int64_t> envs, double clip, double* max_ratio_error);
+  PpoLoss minibatch_loss(const Rollout& rollout, std::span<const std::int64_t> envs, double progress, bool first_of_all,
+                         UpdateStats& stats);
   /// Loss and gradient of this worker's part of a minibatch, into flat_gradient_ and `stats`; what it has to say about them.
-  StepStatus accumulate_gradient(const Rollout& rollout, std::span<const std::int64_t> envs, double clip, bool first_of_all,
+  StepStatus accumulate_gradient(const Rollout& rollout, std::span<const std::int64_t> envs, double progress, bool first_of_all,
                                  UpdateStats& stats);
   double clip_and_step();  // of the summed flat_gradient_; returns the norm before clipping
 
   ActorCritic policy_;
   PpoConfig config_;
+  GuidanceConfig guidance_;
+  double near_m_;
   torch::optim::Adam optimizer_;
   std::uint64_t seed_;
   torch::Tensor flat_gradient_;  // [parameters + 1]: the parameters' gradients are views into it; the last element is the worker's weight

@@ -19,6 +19,8 @@ void read(ConfigReader& reader, PpoConfig& config) {
   reader.read("normalize_advantages", config.normalize_advantages);
   reader.read("linear_learning_rate_decay", config.linear_learning_rate_decay);
   reader.read("linear_clip_decay", config.linear_clip_decay);
+  reader.read("linear_entropy_decay", config.linear_entropy_decay);
+  reader.read("target_kl", config.target_kl);
   reader.read("loss_alarm", config.loss_alarm);
   reader.read("kl_alarm", config.kl_alarm);
   reader.read("gamma", config.gae.gamma);
@@ -40,6 +42,7 @@ void validate(const PpoConfig& config) {
           "must be in (0, 1e9]: longer gradients are scaled down to it, and Adam keeps its square in a float");
   positive("ppo.loss_alarm", config.loss_alarm, "must be positive: a larger loss is reported");
   positive("ppo.kl_alarm", config.kl_alarm, "must be positive: a larger divergence from the policy that acted is reported");
+  not_negative("ppo.target_kl", config.target_kl, "must not be negative: epochs end where the divergence is larger; 0: they do not");
   require(config.epochs > 0, "ppo.epochs", config.epochs, "must be positive: passes over each rollout");
   require(config.minibatches > 0, "ppo.minibatches", config.minibatches,
           "must be positive: the environments of a worker are divided among them");

@@ -11,7 +11,9 @@ struct PpoConfig {
   double learning_rate = 2.5e-4, adam_epsilon = 1e-5, max_gradient_norm = 0.2;
   int epochs = 2, minibatches = 2;  ///< minibatches split the envs, sequences stay whole
   bool clip_value_loss = true, normalize_advantages = false;
-  bool linear_learning_rate_decay = false, linear_clip_decay = false;
+  bool linear_learning_rate_decay = false, linear_clip_decay = false, linear_entropy_decay = false;
+  /// Epochs end early once the mean of approx_kl over the minibatches of an epoch, of all workers, is over this; 0: never.
+  double target_kl = 0;
   /// Above these a minibatch raises an alarm: it is counted and reported, the step is taken.  (Sample Factory's limits.)
   double loss_alarm = 30, kl_alarm = 100;
   GaeConfig gae;

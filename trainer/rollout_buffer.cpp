@@ -23,7 +23,7 @@ RolloutBuffer::RolloutBuffer(const ObservationSpec& spec, int max_steps, int num
   for (const SensorSpec& sensor : sensor_table(spec, 1))
     observations.add(sensor.name, torch::zeros(sizes_of(sensor, {T, B}), scalar_type(sensor.type)));
   hidden = torch::zeros({B, hidden_size});
-  for (torch::Tensor* slab : {&not_done, &log_prob, &values, &rewards, &terminated, &truncated, &final_values, &valid})
+  for (torch::Tensor* slab : {&not_done, &log_prob, &values, &rewards, &terminated, &truncated, &final_values, &valid, &guided})
     *slab = torch::zeros({T, B});
   actions = torch::zeros({T, B}, torch::kInt64);
   next_value = torch::zeros({B});
@@ -36,7 +36,7 @@ void RolloutBuffer::begin(const torch::Tensor& state) {
 }
 
 void RolloutBuffer::push(const ObservationTensors& seen, const torch::Tensor& continues, const torch::Tensor& chosen,
-                         const torch::Tensor& chosen_log_prob, const torch::Tensor& value) {
+                         const torch::Tensor& chosen_log_prob, const torch::Tensor& value, const torch::Tensor& by_oracle) {
   EARSHOT_EXPECT(steps_ < rewards.size(0) && continues.numel() == num_envs_ && chosen.numel() == num_envs_);
   EARSHOT_EXPECT(chosen_log_prob.numel() == num_envs_ && value.numel() == num_envs_);
   for (const auto& [name, slab] : observations.sensors) {
@@ -49,6 +49,10 @@ void RolloutBuffer::push(const ObservationTensors& seen, const torch::Tensor& co
   actions[steps_].copy_(chosen);
   log_prob[steps_].copy_(chosen_log_prob);
   values[steps_].copy_(value);
+  if (by_oracle.defined())
+    guided[steps_].copy_(by_oracle);
+  else
+    guided[steps_].zero_();
 }
 
 void RolloutBuffer::push_outcome(std::span<const float> reward, std::span<const std::uint8_t> ended,

@@ -24,9 +24,9 @@ class RolloutBuffer {
   /// hidden [B, hidden_size] before the first step of this rollout.
   void begin(const torch::Tensor& hidden);
   /// What the policy saw and did at step t; everything is copied.  actions [B] int64.  not_done [B]: 0 where this observation is the first
-  /// of an episode.
+  /// of an episode.  guided [B] or undefined (none): 1 where the oracle chose the action, from which PPO learns nothing.
   void push(const ObservationTensors& observations, const torch::Tensor& not_done, const torch::Tensor& actions,
-            const torch::Tensor& log_prob, const torch::Tensor& value);
+            const torch::Tensor& log_prob, const torch::Tensor& value, const torch::Tensor& guided = {});
   /// What came of it.  final_value [B]: V(final observation) where truncated, else 0.  valid [B]: 0 for idle envs and for steps that are no
   /// experience (quarantined, or acted on a sanitized observation).
   void push_outcome(std::span<const float> rewards, std::span<const std::uint8_t> terminated, std::span<const std::uint8_t> truncated,
@@ -42,6 +42,7 @@ class RolloutBuffer {
   ObservationTensors observations;                                                                         ///< [max_steps, B, ...]
   torch::Tensor hidden;                                                                                    ///< [B, hidden_size]
   torch::Tensor not_done, actions, log_prob, values, rewards, terminated, truncated, final_values, valid;  ///< [max_steps, B]
+  torch::Tensor guided;                                                                                    ///< [max_steps, B], see push
   torch::Tensor next_value;                                                                                ///< [B]
 
  private:

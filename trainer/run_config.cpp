@@ -47,6 +47,9 @@ void read(ConfigReader& reader, RunConfig& config) {
   reader.read("checkpoint_every", config.checkpoint_every);
   reader.read("keep", config.keep);
   reader.read("eval_envs", config.eval_envs);
+  reader.read_choice<Schedule>("schedule", config.schedule, {{"steps", Schedule::steps}, {"minutes", Schedule::minutes}});
+  reader.read_choice<ActionChoice>("eval_actions", config.eval_actions,
+                                   {{"sample", ActionChoice::sample}, {"argmax", ActionChoice::argmax}});
 
   ConfigReader env = reader.child("env");
   read(env, config.env);
@@ -57,6 +60,9 @@ void read(ConfigReader& reader, RunConfig& config) {
   ConfigReader ppo = reader.child("ppo");
   read(ppo, config.ppo);
   ppo.finish();
+  ConfigReader guidance = reader.child("guidance");
+  read(guidance, config.guidance);
+  guidance.finish();
   ConfigReader data = reader.child("data");
   ConfigReader train = data.child("train");
   read(train, config.train);
@@ -84,6 +90,12 @@ RunConfig read_run(ConfigReader reader) {
           "has no place in a run yet: rollouts and results have one agent per environment; BatchedEnv and `earshot bench env` take more");
   validate(config.policy);
   validate(config.ppo);
+  validate(config.guidance);
+  require(config.guidance.goal == 0 || config.policy.goal_heads, "guidance.goal", config.guidance.goal,
+          "has no effect without policy.goal_heads: nothing says where the goal is");
+  require(config.guidance.goal > 0 || !config.policy.goal_heads, "policy.goal_heads", true,
+          "has no effect without guidance.goal: nothing would teach them");
+  require(config.schedule == Schedule::steps || config.max_minutes > 0, "schedule", "minutes", "needs max_minutes");
   require(config.workers >= 1 && config.workers <= 256, "workers", config.workers, "must be in [1, 256]");
   require(config.envs_per_worker >= 1, "envs_per_worker", config.envs_per_worker, "must be positive");
   require(config.rollout_steps >= 1, "rollout_steps", config.rollout_steps, "must be positive");
@@ -120,6 +132,13 @@ Range find_range(const std::string& text) {
 }
 
 }  // namespace
+
+ObservationSpec training_sensors(const RunConfig& config) {
+  ObservationSpec spec = config.env.observation;
+  spec.oracle_action = spec.oracle_action || config.guidance.imitation > 0 || config.guidance.imitation_end_weight > 0;
+  spec.goal_state = spec.goal_state || config.guidance.goal > 0 || config.policy.guided_critic;
+  return spec;
+}
 
 RunConfig load_run_config(const std::filesystem::path& path, const std::vector<std::string>& overrides) {
   return read_run(ConfigReader::from_file(path, overrides));

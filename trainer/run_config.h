@@ -9,6 +9,7 @@
 #include "envs/episode_generator.h"
 #include "envs/sound_scenario.h"
 #include "policy/policy_config.h"
+#include "trainer/guidance_config.h"
 #include "trainer/ppo_config.h"
 
 namespace earshot {
@@ -26,6 +27,12 @@ struct DataConfig {
   AgentScenario agents;
 };
 
+/// How far a training is: by steps alone, which gives the same bits on every machine, or by whatever of total_steps and max_minutes (over
+/// all sittings) comes first.
+enum class Schedule { steps, minutes };
+/// What an evaluated policy does: an action drawn from its distribution, or the likeliest.
+enum class ActionChoice { sample, argmax };
+
 /// One training run as its YAML file says it.  Sections: env, policy, ppo, data (train, eval); the other keys are below.
 struct RunConfig {
   std::string name = "run";
@@ -39,9 +46,12 @@ struct RunConfig {
   int checkpoint_every = 50;            ///< updates
   int keep = 3;                         ///< periodic checkpoints that stay, beside the best and the last
   int eval_envs = 8;                    ///< batch of the evaluation: fixed, as it is part of the bits
+  Schedule schedule = Schedule::steps;  ///< what ends decays and guidance
+  ActionChoice eval_actions = ActionChoice::sample;
   EnvConfig env;
   PolicyConfig policy;
   PpoConfig ppo;
+  GuidanceConfig guidance;
   DataConfig train = shared_goals(), eval;
 
   /// Training visits a scene thousands of times: ten goals teach it, and a source field made for each serves thousands of responses.
@@ -52,6 +62,9 @@ struct RunConfig {
     return data;
   }
 };
+
+/// What the environments of a training show: the sensors of the config, and the privileged ones that its losses read.
+ObservationSpec training_sensors(const RunConfig& config);
 
 /// Reads and validates a run config.  Throws InputError: what, where, what to do.
 RunConfig load_run_config(const std::filesystem::path& path, const std::vector<std::string>& overrides);

@@ -12,6 +12,7 @@
 #include "envs/engine_commit.h"
 #include "policy/torch_threads.h"
 #include "sim/base/files.h"
+#include "sim/base/random.h"
 #include "trainer/actor.h"
 #include "trainer/checkpoint.h"
 #include "trainer/checkpoint_keeper.h"
@@ -24,6 +25,7 @@
 #include "trainer/run_folder.h"
 #include "trainer/stage_times.h"
 #include "trainer/stop_signals.h"
+#include "trainer/update_curves.h"
 
 namespace earshot {
 namespace {
@@ -43,9 +45,9 @@ class Worker {
         scenes_(make_scene_cache(config.env)),
         env_(training_env(config), set_, scenes_, config.envs_per_worker, rank_ * config.envs_per_worker, world_ * config.envs_per_worker),
         policy_(config.env.observation, config.policy),
-        learner_(policy_, config.ppo, config.seed),
+        learner_(policy_, config.ppo, config.seed, config.guidance, static_cast<double>(config.env.task.success_radius_m)),
         actor_(policy_, config.envs_per_worker),
-        rollout_(config.env.observation, config.rollout_steps, config.envs_per_worker, config.policy.hidden_size) {
+        rollout_(training_sensors(config), config.rollout_steps, config.envs_per_worker, config.policy.hidden_size) {
     env_.set_stage_hook(hooks.stage_hook);
     if (resume.empty())
       env_.reset();
@@ -60,12 +62,14 @@ class Worker {
   static EnvConfig training_env(const RunConfig& config) {
     EnvConfig env = config.env;
     env.order = EpisodeOrder::random;
+    env.observation = training_sensors(config);
     if (env.quarantine_dir.empty()) env.quarantine_dir = (std::filesystem::path(config.out) / "quarantine").string();
     return env;
   }
   void restore(const std::filesystem::path& path);
   void check_equal_weights();
   void collect();
+  torch::Tensor take_oracle_actions(std::span<const ActingEnv> acting, std::span<std::int32_t> actions) const;
   [[nodiscard]] std::vector<std::uint8_t> experience() const;
   UpdateStats learn();
   void note(const UpdateStats& stats);
@@ -73,11 +77,17 @@ class Worker {
   void save(bool last);
   template <class Write>
   bool write_or_go_on(const Write& write);
-  bool finished(double elapsed_s);
+  bool finished();
 
-  [[nodiscard]] double progress() const {
-    return std::min(1.0, static_cast<double>(env_steps_) / static_cast<double>(config_.total_steps));
+  /// Of this worker's clock: rank 0's holds for all.
+  [[nodiscard]] double own_progress() const {
+    const double by_steps = static_cast<double>(env_steps_) / static_cast<double>(config_.total_steps);
+    const double by_time = config_.schedule == Schedule::minutes ? total_elapsed_s() / (60 * config_.max_minutes) : 0;
+    return std::min(1.0, std::max(by_steps, by_time));
   }
+  [[nodiscard]] double total_elapsed_s() const { return elapsed_before_s_ + elapsed_s_; }
+  /// Wall time that max_minutes bounds: of this sitting, or with a schedule of minutes of the whole run.
+  [[nodiscard]] double bounded_s() const { return config_.schedule == Schedule::minutes ? total_elapsed_s() : elapsed_s_; }
   [[nodiscard]] std::uint64_t steps_per_update() const {
     return static_cast<std::uint64_t>(config_.rollout_steps) * static_cast<std::uint64_t>(config_.envs_per_worker) *
            static_cast<std::uint64_t>(world_);
@@ -106,7 +116,8 @@ class Worker {
   int updates_without_step_ = 0;  ///< in a row
   std::uint64_t ratio_alarms_ = 0;
   LapTimer clock_;
-  double elapsed_s_ = 0;
+  double elapsed_s_ = 0, elapsed_before_s_ = 0;  ///< in this sitting, and in those before
+  double progress_ = 0;                          ///< of all workers, in [0, 1]
 };
 
 void Worker::restore(const std::filesystem::path& path) {
@@ -124,17 +135,13 @@ void Worker::restore(const std::filesystem::path& path) {
   window_.restore(checkpoint.episode_window);
   update_ = checkpoint.update;
   env_steps_ = checkpoint.env_steps;
+  elapsed_before_s_ = checkpoint.elapsed_s;
 }
 
 void Worker::check_equal_weights() {
-  std::uint64_t hash = 0;
-  for (const auto& [name, tensor] : weights_of(policy_)) {
-    const torch::Tensor flat = tensor.contiguous();
-    hash = hash64(std::as_bytes(std::span(flat.data_ptr<float>(), static_cast<std::size_t>(flat.numel()))), hash);
-  }
-  for (const auto& other : collective_.all_gather(hex64(hash)))
-    if (other != hex64(hash))
-      throw RunError("workers", "hold different weights; are they the same program, config and seed, on sound memory?");
+  const std::string hash = hex64(hash_of(weights_of(policy_)));
+  for (const auto& other : collective_.all_gather(hash))
+    if (other != hash) throw RunError("workers", "hold different weights; are they the same program, config and seed, on sound memory?");
 }
 
 void Worker::collect() {
@@ -154,8 +161,9 @@ void Worker::collect() {
                    static_cast<std::uint32_t>(env_.episode_step(env))};
     }
     sample_actions(output.logits, acting, config_.seed, actions);
+    const torch::Tensor guided = take_oracle_actions(acting, actions);
     const torch::Tensor taken = torch::tensor(std::vector<std::int64_t>(actions.begin(), actions.end()));
-    rollout_.push(actor_.seen(), not_done, taken, log_probabilities(output.logits, taken), output.value);
+    rollout_.push(actor_.seen(), not_done, taken, log_probabilities(output.logits, taken), output.value, guided);
     times_.policy += watch.lap();
 
     env_.step(actions);
@@ -175,6 +183,22 @@ void Worker::collect() {
   if (stages.total() > 0) times_.add(stages, env_s / stages.total());
 }
 
+/// Puts the oracle's actions in where it acts, and returns a 1 for those; undefined where it acts nowhere.  Which episodes: by a draw per
+/// episode, so that it hands over to the policy once and for good as the training goes on.
+torch::Tensor Worker::take_oracle_actions(std::span<const ActingEnv> acting, std::span<std::int32_t> actions) const {
+  const double fraction = config_.guidance.oracle_at(progress_);
+  if (fraction <= 0) return {};
+  torch::Tensor guided = torch::zeros({static_cast<std::int64_t>(actions.size())});
+  const torch::Tensor& oracle = actor_.seen()["oracle_action"];
+  for (std::size_t i = 0; i < actions.size(); ++i) {
+    const RandomStream random(config_.seed, Purpose::action, acting[i].env, acting[i].episode, 0);
+    if (random.uniform(1) >= fraction) continue;  // draw 0 of step 0 is the action
+    actions[i] = oracle.data_ptr<std::int32_t>()[i];
+    guided[static_cast<std::int64_t>(i)] = 1;
+  }
+  return guided;
+}
+
 /// 1 for the envs whose last step is experience to learn from.
 std::vector<std::uint8_t> Worker::experience() const {
   std::vector<std::uint8_t> counts(env_.active().begin(), env_.active().end());
@@ -184,7 +208,7 @@ std::vector<std::uint8_t> Worker::experience() const {
 }
 
 UpdateStats Worker::learn() {
-  const UpdateStats stats = learner_.update(rollout_, progress(), update_, collective_);
+  const UpdateStats stats = learner_.update(rollout_, progress_, update_, collective_);
   times_.learn += stats.learn_s;
   times_.reduce += stats.reduce_s;
   return stats;
@@ -261,7 +285,7 @@ void Worker::report(const UpdateStats& stats, double update_s) {
   const double steps_per_s = static_cast<double>(steps_per_update()) / update_s;
   const double left_steps = static_cast<double>(config_.total_steps) - static_cast<double>(env_steps_);
   double left_s = std::max(0.0, left_steps) / steps_per_s;
-  if (config_.max_minutes > 0) left_s = std::min(left_s, std::max(0.0, config_.max_minutes * 60 - elapsed_s_));
+  if (config_.max_minutes > 0) left_s = std::min(left_s, std::max(0.0, config_.max_minutes * 60 - bounded_s()));
   const std::string faults = fault_summary(counters_, guards_);
   const std::string line = fmt::format(
       "update {:4}  {:>7} of {} steps  {:.0f} steps/s  success {:.3f}  SPL {:.3f}  reward {:.2f}  dtg {:.2f} m  [{}]  {:.0f} min to "
@@ -270,31 +294,7 @@ void Worker::report(const UpdateStats& stats, double update_s) {
       recent.mean(EpisodeSums::reward), recent.mean(EpisodeSums::dtg), mean.fractions(), left_s / 60, faults.empty() ? "" : "  ! ", faults);
   std::fputs(line.c_str(), stderr);  // fmt::print would throw where the log is on a full disk
 
-  std::vector<std::pair<std::string, double>> values{{"episodes/success", recent.mean(EpisodeSums::success)},
-                                                     {"episodes/spl", recent.mean(EpisodeSums::spl)},
-                                                     {"episodes/soft_spl", recent.mean(EpisodeSums::soft_spl)},
-                                                     {"episodes/sna", recent.mean(EpisodeSums::sna)},
-                                                     {"episodes/dtg_m", recent.mean(EpisodeSums::dtg)},
-                                                     {"episodes/reward", recent.mean(EpisodeSums::reward)},
-                                                     {"episodes/steps", recent.mean(EpisodeSums::steps)},
-                                                     {"episodes/collisions", recent.mean(EpisodeSums::collisions)},
-                                                     {"policy/loss", stats.policy_loss},
-                                                     {"policy/value_loss", stats.value_loss},
-                                                     {"policy/entropy", stats.entropy},
-                                                     {"policy/approx_kl", stats.approx_kl},
-                                                     {"policy/clip_fraction", stats.clip_fraction},
-                                                     {"policy/gradient_norm", stats.gradient_norm},
-                                                     {"policy/explained_variance", stats.explained_variance},
-                                                     {"policy/skipped_steps", static_cast<double>(stats.skipped_steps)},
-                                                     {"policy/max_ratio_error", stats.max_ratio_error},
-                                                     {"time/steps_per_s", steps_per_s},
-                                                     {"time/simulate_sound_s", mean.simulate_sound},
-                                                     {"time/convolve_s", mean.convolve},
-                                                     {"time/render_s", mean.render},
-                                                     {"time/move_s", mean.move},
-                                                     {"time/policy_s", mean.policy},
-                                                     {"time/learn_s", mean.learn},
-                                                     {"time/reduce_s", mean.reduce}};
+  std::vector<std::pair<std::string, double>> values = update_curves(recent, stats, mean, steps_per_s, config_.guidance, progress_);
   append_curve_values(values, counters_, before, guards_);
   write_or_go_on([&] { events_->write(update_, env_steps_, elapsed_s_, std::move(values)); });
 }
@@ -316,6 +316,7 @@ void Worker::save(bool last) {
   checkpoint.architecture = policy_->architecture();
   checkpoint.update = update_;
   checkpoint.env_steps = env_steps_;
+  checkpoint.elapsed_s = total_elapsed_s();
   checkpoint.seed = config_.seed;
   checkpoint.world_size = world_;
   checkpoint.engine = engine_hash();
@@ -351,14 +352,14 @@ void Worker::save(bool last) {
   write_or_go_on([&] { write_file_atomically(folder.curve(), curve_svg(config_.name, read_event_log(folder.event_log()))); });
 }
 
-bool Worker::finished(double elapsed_s) {
+bool Worker::finished() {
   // One worker's clock or signal must stop all at the same update: the sum of stop votes decides.
-  std::array<double, 1> stop_votes{StopSignals::received() || env_steps_ >= config_.total_steps ||
-                                           (rank_ == 0 && config_.max_minutes > 0 && elapsed_s >= config_.max_minutes * 60)
-                                       ? 1.0
-                                       : 0.0};
-  collective_.all_reduce_sum(std::span<double>(stop_votes));
-  return stop_votes[0] > 0;
+  const bool stops = StopSignals::received() || env_steps_ >= config_.total_steps ||
+                     (rank_ == 0 && config_.max_minutes > 0 && bounded_s() >= config_.max_minutes * 60);
+  std::array<double, 2> votes{stops ? 1.0 : 0.0, rank_ == 0 ? own_progress() : 0.0};
+  collective_.all_reduce_sum(std::span<double>(votes));
+  progress_ = votes[1];
+  return votes[0] > 0;
 }
 
 TrainReport Worker::run() {
@@ -370,7 +371,7 @@ TrainReport Worker::run() {
   }
   const std::uint64_t first_steps = env_steps_;
   clock_.lap();
-  while (!finished(elapsed_s_)) {
+  while (!finished()) {
     collect();
     const UpdateStats stats = learn();
     ++update_;

@@ -5,10 +5,10 @@
 #include <cmath>
 #include <complex>
 #include <cstdint>
-#include <numbers>
 #include <numeric>
 #include <vector>
 
+#include "sim/audio/stft_frames.h"
 #include "sim/base/denormals.h"
 #include "sim/base/errors.h"
 
@@ -62,44 +62,20 @@ void sum_rows(const float* magnitude, std::size_t num_bins, std::size_t pool, st
 struct SpectrogramAnalyzer::Impl {
   explicit Impl(const SpectrogramConfig& settings)
       : config(settings),
+        stft(settings),
         num_frames(static_cast<std::size_t>(settings.num_frames())),
         rows(static_cast<std::size_t>(settings.rows())),
         columns(static_cast<std::size_t>(settings.columns())),
-        fft(settings.fft_size),
-        window(settings.window),
-        frame(settings.fft_size, 0.f),
-        spectrum(fft.num_bins()),
-        magnitude(spectrum.size()),
-        pooled(rows) {
-    // Periodic Hann window, as in librosa (scipy.signal.get_window with fftbins).
-    for (int i = 0; i < config.window; ++i)
-      window[i] = static_cast<float>(0.5 - 0.5 * std::cos(2.0 * std::numbers::pi * i / config.window));
-  }
-
-  /// Sound sample under the first one of the window of a frame.
-  [[nodiscard]] int first_sample(std::size_t index) const {
-    return static_cast<int>(index) * config.hop - config.fft_size / 2 + (config.fft_size - config.window) / 2;
-  }
-  /// Whether the frame lies wholly inside the window.
-  [[nodiscard]] bool inside(std::size_t index) const {
-    return first_sample(index) >= 0 && first_sample(index) + config.window <= config.num_samples;
-  }
+        magnitude(stft.num_bins()),
+        pooled(rows) {}
 
   /// Magnitudes of one frame of one channel, summed over the bins of each row.
   void analyze_frame(std::span<const float> sound, std::size_t index, std::span<float> sums) {
-    const int first = first_sample(index);
-    const int begin = std::clamp(-first, 0, config.window), end = std::clamp(config.num_samples - first, begin, config.window);
-    float* target = frame.data() + (config.fft_size - config.window) / 2;
-    std::fill(target, target + begin, 0.f);
-    for (int i = begin; i < end; ++i) target[i] = window[i] * sound[static_cast<std::size_t>(first + i)];
-    std::fill(target + end, target + config.window, 0.f);
-
-    fft.forward(frame, spectrum);
-    const std::complex<float>* bins = spectrum.data();
+    const std::complex<float>* bins = stft.spectrum_of(sound, index).data();
     float* squares = magnitude.data();
-    for (std::size_t k = 0; k < spectrum.size(); ++k) squares[k] = bins[k].real() * bins[k].real() + bins[k].imag() * bins[k].imag();
-    for (std::size_t k = 0; k < spectrum.size(); ++k) squares[k] = std::sqrt(squares[k]);
-    sum_rows(squares, spectrum.size(), static_cast<std::size_t>(config.pool), sums);
+    for (std::size_t k = 0; k < magnitude.size(); ++k) squares[k] = bins[k].real() * bins[k].real() + bins[k].imag() * bins[k].imag();
+    for (std::size_t k = 0; k < magnitude.size(); ++k) squares[k] = std::sqrt(squares[k]);
+    sum_rows(squares, magnitude.size(), static_cast<std::size_t>(config.pool), sums);
   }
 
   /// Mean over the frames of each column and its logarithm.
@@ -119,22 +95,14 @@ struct SpectrogramAnalyzer::Impl {
   }
 
   SpectrogramConfig config;
+  StftFrames stft;
   std::size_t num_frames, rows, columns;
-  RealFft fft;
-  std::vector<float> window, frame;
-  std::vector<std::complex<float>> spectrum;
   std::vector<float> magnitude;
   std::vector<float> pooled;  ///< one column
   SpectrogramHistory own;     ///< of callers that keep none
 };
 
-SpectrogramAnalyzer::SpectrogramAnalyzer(const SpectrogramConfig& config) {
-  require(config.num_samples > 0, "spectrogram.num_samples", config.num_samples, "must be positive");
-  require(config.hop > 0, "spectrogram.hop", config.hop, "must be positive");
-  require(config.window > 0 && config.window <= config.fft_size, "spectrogram.window", config.window, "must be in [1, fft_size]");
-  require(config.pool > 0, "spectrogram.pool", config.pool, "must be positive");
-  impl_ = std::make_unique<Impl>(config);
-}
+SpectrogramAnalyzer::SpectrogramAnalyzer(const SpectrogramConfig& config) : impl_(std::make_unique<Impl>(config)) {}
 SpectrogramAnalyzer::~SpectrogramAnalyzer() = default;
 SpectrogramAnalyzer::SpectrogramAnalyzer(SpectrogramAnalyzer&&) noexcept = default;
 
@@ -158,7 +126,7 @@ void SpectrogramAnalyzer::analyze(std::span<const float> sound, std::size_t new_
     if (known && moved > 0 && moved < in.num_frames)
       std::copy(frames.begin() + static_cast<std::ptrdiff_t>(moved * in.rows), frames.end(), frames.begin());
     for (std::size_t t = 0; t < in.num_frames; ++t) {
-      const bool cached = known && t + moved < in.num_frames && in.inside(t) && in.inside(t + moved);
+      const bool cached = known && t + moved < in.num_frames && in.stft.inside(t) && in.stft.inside(t + moved);
       if (!cached) in.analyze_frame(sound.subspan(channel * samples, samples), t, frames.subspan(t * in.rows, in.rows));
     }
     in.pool_columns(frames, channel, spectrogram);

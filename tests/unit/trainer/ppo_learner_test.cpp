@@ -74,7 +74,7 @@ RolloutBuffer joined(ActorCritic policy, const RolloutBuffer& a, const RolloutBu
   both.next_value = torch::cat({a.next_value, b.next_value}, 0);
   for (torch::Tensor RolloutBuffer::*slab :
        {&RolloutBuffer::not_done, &RolloutBuffer::actions, &RolloutBuffer::log_prob, &RolloutBuffer::values, &RolloutBuffer::rewards,
-        &RolloutBuffer::terminated, &RolloutBuffer::truncated, &RolloutBuffer::final_values, &RolloutBuffer::valid})
+        &RolloutBuffer::terminated, &RolloutBuffer::truncated, &RolloutBuffer::final_values, &RolloutBuffer::valid, &RolloutBuffer::guided})
     both.*slab = torch::cat({a.*slab, b.*slab}, 1);
   return both;
 }
@@ -329,7 +329,7 @@ TEST(PpoLearner, ReadsNoRowPastTheEnd) {
   const RolloutBuffer exact = make_rollout(one, 3, 4, 12);
   RolloutBuffer longer = make_rollout(two, 3, 4, 12, 8);
   for (torch::Tensor* slab : {&longer.observations.at("pointgoal"), &longer.not_done, &longer.log_prob, &longer.values, &longer.rewards,
-                              &longer.final_values, &longer.terminated, &longer.truncated, &longer.valid})
+                              &longer.final_values, &longer.terminated, &longer.truncated, &longer.valid, &longer.guided})
     slab->slice(0, 3).fill_(std::numeric_limits<float>::quiet_NaN());
   PpoLearner(one, PpoConfig{}, 1).update(exact, 0, 0, kAlone);
   PpoLearner(two, PpoConfig{}, 1).update(longer, 0, 0, kAlone);
