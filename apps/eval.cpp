@@ -10,6 +10,7 @@
 #include "trainer/find_checkpoint.h"
 #include "trainer/leaderboard.h"
 #include "trainer/planned_acoustics.h"
+#include "trainer/result_groups.h"
 
 namespace earshot {
 namespace {
@@ -36,6 +37,7 @@ void run_eval(const Options& options) {
   if (options.argmax) evaluation.actions = ActionChoice::argmax;
   if (options.sample) evaluation.actions = ActionChoice::sample;
   EvaluationResult result;
+  std::vector<std::string> trained_sounds;
   if (baseline) {
     RunConfig config =
         options.config.empty() ? parse_run_config("", "--set", options.overrides) : load_run_config(options.config, options.overrides);
@@ -44,6 +46,7 @@ void run_eval(const Options& options) {
     take_set_of(config, evaluation);
     if (evaluation.episodes.empty()) throw InputError("--episodes", "is missing", "name an episode set, or a --config that names one");
     evaluation.num_envs = config.eval_envs;
+    trained_sounds = config.train.sounds;
     result = evaluate_baseline(*baseline, options.agent, config.env, evaluation);
   } else {
     const auto checkpoint = find_checkpoint(options.agent);
@@ -53,8 +56,10 @@ void run_eval(const Options& options) {
     if (evaluation.episodes.empty())
       throw InputError("--episodes", "is missing and the checkpoint's config names none", "name an episode set");
     evaluation.num_envs = config.eval_envs;
+    trained_sounds = config.train.sounds;
     result = evaluate_checkpoint(checkpoint, evaluation, options.overrides);
   }
+  if (!trained_sounds.empty()) note_novelty(result, expand_sounds(trained_sounds));
   if (!options.name.empty()) result.agent = options.name;
   if (!options.out.empty()) save_result(result, options.out);
   fmt::print("{}", leaderboard_text({result}));

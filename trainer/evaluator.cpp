@@ -66,7 +66,11 @@ EvaluationResult run_episodes(const EnvConfig& base, const EvaluationConfig& eva
     for (const auto& episode : env.finished()) {
       const auto index = static_cast<std::size_t>(episode.episode_index);
       const Episode& description = set->episodes[index];
-      result.episodes[index] = {description.episode_id, description.scene_id, episode.metrics, episode.actions};
+      result.episodes[index] = {.id = description.episode_id,
+                                .scene = description.scene_id,
+                                .metrics = episode.metrics,
+                                .actions = episode.actions,
+                                .sound = description.sound};
       ++done;
     }
     progress.update(done);
@@ -96,7 +100,7 @@ EvaluationResult evaluate_checkpoint(const std::filesystem::path& path, const Ev
   std::optional<Actor> actor;
   std::vector<ActingEnv> acting;
   const auto act = [&](BatchedEnv& env, std::span<std::int32_t> actions) {
-    if (!actor) actor.emplace(policy, env.num_envs());
+    if (!actor) actor.emplace(policy, 0, env.num_envs());
     const PolicyOutput& output = actor->observe(env);
     if (evaluation.actions.value_or(config.eval_actions) == ActionChoice::argmax) {
       greedy_actions(output.logits, actions);

@@ -30,6 +30,11 @@ std::string cell(const Estimate& estimate, int digits) {
   return fmt::format("{:.{}f} [{:.{}f}, {:.{}f}]", estimate.mean, digits, estimate.low, digits, estimate.high, digits);
 }
 
+std::string interval_kind(const std::vector<EvaluationResult>& results) {
+  const bool over_scenes = std::ranges::all_of(results, [](const auto& result) { return result.intervals_over_scenes(); });
+  return over_scenes ? "bootstrap over scenes" : "over episodes: Wilson for success, else Student's t";
+}
+
 /// What makes the rows hard to compare, or empty.
 std::vector<std::string> notes(const std::vector<EvaluationResult>& results) {
   std::vector<std::string> all;
@@ -88,7 +93,7 @@ std::string leaderboard_text(const std::vector<EvaluationResult>& results) {
     while (!text.empty() && text.back() == ' ') text.pop_back();
     text += '\n';
   }
-  text += "mean [95 % interval]; success: Wilson, others: Student's t\n";
+  text += "mean [95 % interval; " + interval_kind(rows) + "]\n";
   for (const auto& note : notes(rows)) text += "note: " + note + "\n";
   return text;
 }
@@ -117,7 +122,7 @@ std::string leaderboard_html(const std::vector<EvaluationResult>& results) {
     }
     html += fmt::format("<td>{}</td></tr>\n", rows[i].episodes.size());
   }
-  html += "</tbody></table>\n<p>Mean and 95 % interval (success: Wilson; others: Student's t). Bars: mean, dark line: interval.</p>\n";
+  html += "</tbody></table>\n<p>Mean and 95 % interval (" + interval_kind(rows) + "). Bars: mean, dark line: interval.</p>\n";
   for (const auto& note : notes(rows)) html += "<p><strong>Note:</strong> " + escaped(note) + "</p>\n";
   if (!rows.empty())
     html += fmt::format("<p><small>Episodes: {}, set {}. Engine {}.</small></p>\n", escaped(rows.front().episodes_file),

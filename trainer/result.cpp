@@ -2,14 +2,20 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
+#include <map>
 #include <nlohmann/json.hpp>
+#include <numeric>
+#include <set>
+#include <string_view>
 
 #include "envs/action.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/json_depth.h"
 #include "sim/base/json_number.h"
+#include "sim/base/random.h"
 
 namespace earshot {
 namespace {
@@ -23,12 +29,29 @@ double student_t975(double degrees) {
          (3 * z7 + 19 * z5 + 17 * z3 - 15 * z) / (384 * degrees * degrees * degrees);
 }
 
+/// The scene of each episode by number, in order of first appearance.
+std::vector<int> scene_numbers(const std::vector<EvaluationResult::Row>& rows) {
+  std::map<std::string, int> numbers;
+  std::vector<int> scenes;
+  scenes.reserve(rows.size());
+  for (const auto& row : rows) scenes.push_back(numbers.emplace(row.scene, static_cast<int>(numbers.size())).first->second);
+  return scenes;
+}
+
 template <class Get>
-Estimate over(const std::vector<EvaluationResult::Row>& rows, Get get) {
+Estimate over(const EvaluationResult& result, Get get) {
   std::vector<double> values;
-  values.reserve(rows.size());
-  for (const auto& row : rows) values.push_back(static_cast<double>(get(row.metrics)));
-  return mean_with_interval(values);
+  values.reserve(result.episodes.size());
+  for (const auto& row : result.episodes) values.push_back(static_cast<double>(get(row.metrics)));
+  return result.intervals_over_scenes() ? mean_with_group_interval(values, scene_numbers(result.episodes)) : mean_with_interval(values);
+}
+
+template <class Get>
+Estimate fraction_over(const EvaluationResult& result, Get get) {
+  if (result.intervals_over_scenes()) return over(result, [&](const EpisodeMetrics& m) { return get(m) > 0.5 ? 1.0 : 0.0; });
+  std::uint64_t hits = 0;
+  for (const auto& row : result.episodes) hits += get(row.metrics) > 0.5 ? 1 : 0;
+  return fraction_with_interval(hits, result.episodes.size());
 }
 
 Json to_json(const Estimate& estimate) { return {{"mean", estimate.mean}, {"low", estimate.low}, {"high", estimate.high}}; }
@@ -48,6 +71,40 @@ Estimate mean_with_interval(const std::vector<double>& values) {
   return {mean, mean - half, mean + half};
 }
 
+Estimate mean_with_group_interval(std::span<const double> values, std::span<const int> groups) {
+  EARSHOT_EXPECT(values.size() == groups.size());
+  std::map<int, std::size_t> numbers;
+  std::vector<double> sums, counts;
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    const std::size_t group = numbers.emplace(groups[i], numbers.size()).first->second;
+    if (group == sums.size()) {
+      sums.push_back(0);
+      counts.push_back(0);
+    }
+    sums[group] += values[i];
+    counts[group] += 1;
+  }
+  EARSHOT_EXPECT(sums.size() >= 2);
+  const double mean = std::accumulate(sums.begin(), sums.end(), 0.0) / static_cast<double>(values.size());
+  const auto num_groups = static_cast<std::uint32_t>(sums.size());
+  const double widening = std::sqrt(static_cast<double>(num_groups) / static_cast<double>(num_groups - 1));
+  constexpr std::size_t samples = 2000;
+  std::vector<double> means(samples);
+  for (std::size_t sample = 0; sample < samples; ++sample) {
+    const RandomStream random(0, Purpose::bootstrap, static_cast<std::uint32_t>(sample));
+    double sum = 0, count = 0;
+    for (std::uint32_t draw = 0; draw < num_groups; ++draw) {
+      const std::size_t group = random.below(num_groups, draw);
+      sum += sums[group];
+      count += counts[group];
+    }
+    means[sample] = mean + widening * (sum / count - mean);
+  }
+  std::ranges::sort(means);
+  const auto percentile = [&](double fraction) { return means[static_cast<std::size_t>(fraction * (samples - 1))]; };
+  return {mean, percentile(0.025), percentile(0.975)};
+}
+
 Estimate fraction_with_interval(std::uint64_t hits, std::uint64_t n) {
   if (n == 0) return {};
   const double z = 1.959963985, count = static_cast<double>(n), fraction = static_cast<double>(hits) / count;
@@ -56,33 +113,35 @@ Estimate fraction_with_interval(std::uint64_t hits, std::uint64_t n) {
   return {fraction, std::max(0.0, centre - half), std::min(1.0, centre + half)};
 }
 
+bool EvaluationResult::intervals_over_scenes() const {
+  std::set<std::string_view> scenes;
+  for (const auto& row : episodes) scenes.insert(row.scene);
+  return scenes.size() >= kLeastScenes;
+}
+
 Estimate EvaluationResult::success() const {
-  std::uint64_t hits = 0;
-  for (const auto& row : episodes) hits += row.metrics.success > 0.5 ? 1 : 0;
-  return fraction_with_interval(hits, episodes.size());
+  return fraction_over(*this, [](const EpisodeMetrics& m) { return m.success; });
 }
 Estimate EvaluationResult::spl() const {
-  return over(episodes, [](const EpisodeMetrics& m) { return m.spl; });
+  return over(*this, [](const EpisodeMetrics& m) { return m.spl; });
 }
 Estimate EvaluationResult::soft_spl() const {
-  return over(episodes, [](const EpisodeMetrics& m) { return m.soft_spl; });
+  return over(*this, [](const EpisodeMetrics& m) { return m.soft_spl; });
 }
 Estimate EvaluationResult::sna() const {
-  return over(episodes, [](const EpisodeMetrics& m) { return m.sna; });
+  return over(*this, [](const EpisodeMetrics& m) { return m.sna; });
 }
 Estimate EvaluationResult::success_when_silent() const {
-  std::uint64_t hits = 0;
-  for (const auto& row : episodes) hits += row.metrics.success_when_silent > 0.5 ? 1 : 0;
-  return fraction_with_interval(hits, episodes.size());
+  return fraction_over(*this, [](const EpisodeMetrics& m) { return m.success_when_silent; });
 }
 Estimate EvaluationResult::dtg_m() const {
-  return over(episodes, [](const EpisodeMetrics& m) { return m.dtg_m; });
+  return over(*this, [](const EpisodeMetrics& m) { return m.dtg_m; });
 }
 Estimate EvaluationResult::steps() const {
-  return over(episodes, [](const EpisodeMetrics& m) { return m.steps; });
+  return over(*this, [](const EpisodeMetrics& m) { return m.steps; });
 }
 Estimate EvaluationResult::collisions() const {
-  return over(episodes, [](const EpisodeMetrics& m) { return m.collisions; });
+  return over(*this, [](const EpisodeMetrics& m) { return m.collisions; });
 }
 
 void save_result(const EvaluationResult& result, const std::filesystem::path& path) {
@@ -91,6 +150,8 @@ void save_result(const EvaluationResult& result, const std::filesystem::path& pa
     const auto& m = row.metrics;
     rows.push_back({{"id", row.id},
                     {"scene", row.scene},
+                    {"sound", row.sound},
+                    {"novelty", row.novelty},
                     {"success", m.success},
                     {"spl", m.spl},
                     {"soft_spl", m.soft_spl},
@@ -99,6 +160,7 @@ void save_result(const EvaluationResult& result, const std::filesystem::path& pa
                     {"dtg_m", m.dtg_m},
                     {"reward", m.reward},
                     {"steps", m.steps},
+                    {"stopped", m.stopped},
                     {"collisions", m.collisions},
                     {"actions", row.actions}});
   }
@@ -138,6 +200,9 @@ EvaluationResult load_result(const std::filesystem::path& path) {
       EvaluationResult::Row read;
       row.at("id").get_to(read.id);
       row.at("scene").get_to(read.scene);
+      if (row.contains("sound")) row.at("sound").get_to(read.sound);
+      if (row.contains("novelty")) row.at("novelty").get_to(read.novelty);
+      if (row.contains("stopped")) row.at("stopped").get_to(read.metrics.stopped);
       read.metrics.success = finite_number<double>(row, "success");
       read.metrics.spl = finite_number<double>(row, "spl");
       read.metrics.soft_spl = finite_number<double>(row, "soft_spl");

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -9,12 +10,17 @@
 
 namespace earshot {
 
-/// Mean of a metric over episodes with its 95 % interval: Wilson's for success (a fraction), Student's t for the others.
+/// Mean of a metric over episodes with its 95 % interval.
 struct Estimate {
   double mean = 0, low = 0, high = 0;
 };
 /// values: one per episode.  An empty list gives zeros; one value gives an interval of zero width.
 Estimate mean_with_interval(const std::vector<double>& values);
+/// The mean over all values, and the interval of a bootstrap over groups (Davison and Hinkley 1997, section 3.8): episodes in one house are
+/// not independent, houses are.  2,000 samples of as many groups as there are, drawn with replacement, a function of the input;
+/// percentiles, widened by sqrt(G / (G - 1)) about the mean, as G groups show too little of their spread.  groups [values]: at least two
+/// different ones.
+Estimate mean_with_group_interval(std::span<const double> values, std::span<const int> groups);
 /// Wilson score interval of `hits` out of `n` (Wilson 1927).
 Estimate fraction_with_interval(std::uint64_t hits, std::uint64_t n);
 
@@ -28,9 +34,15 @@ struct EvaluationResult {
     std::string id, scene;
     EpisodeMetrics metrics;
     std::vector<std::int8_t> actions;
+    std::string sound = {};    ///< of the goal, as Episode::sound; empty in older files
+    std::string novelty = {};  ///< what it was to the training: see note_novelty; empty where that is not known
   };
   std::vector<Row> episodes;  ///< in the order of the set
 
+  /// Whether intervals are those of a bootstrap over scenes; with fewer than kLeastScenes they are Wilson's for fractions, else Student's
+  /// t, over episodes.
+  [[nodiscard]] bool intervals_over_scenes() const;
+  static constexpr std::size_t kLeastScenes = 5;
   [[nodiscard]] Estimate success() const;
   [[nodiscard]] Estimate spl() const;
   [[nodiscard]] Estimate soft_spl() const;

@@ -34,6 +34,8 @@ enum class Purpose : std::uint32_t {
   depth_noise = 23,
   pose_noise = 24,
   actuation_noise = 25,
+  bootstrap = 26,
+  oracle_episode = 27,
 };
 
 /// Philox4x32-10 (Salmon et al. 2011, "Parallel random numbers: as easy as 1, 2, 3", section 3.3).
