@@ -24,6 +24,10 @@ ObservationTensors views(const BatchedEnv& env, bool final) {
   return tensors;
 }
 
+ObservationTensors rows_of(const ObservationTensors& observations, int first, int count) {
+  return observations.map([&](const torch::Tensor& rows) { return rows.narrow(0, first, count); });
+}
+
 bool row_is_finite(const torch::Tensor& rows, std::int64_t row) {
   if (!rows.is_floating_point()) return true;
   const std::int64_t size = rows.numel() / rows.size(0);
@@ -57,11 +61,15 @@ ObservationTensors observation_tensors(const BatchedEnv& env) { return views(env
 
 ObservationTensors final_observation_tensors(const BatchedEnv& env) { return views(env, true); }
 
-Actor::Actor(ActorCritic policy, int num_envs)
+Actor::Actor(ActorCritic policy, int first_row, int num_rows)
     : policy_(std::move(policy)),
-      hidden_(torch::zeros({num_envs, policy_->hidden_size()})),
-      not_done_(torch::zeros({num_envs})),
-      sanitized_(static_cast<std::size_t>(num_envs), 0) {}
+      first_row_(first_row),
+      num_rows_(num_rows),
+      hidden_(torch::zeros({num_rows, policy_->hidden_size()})),
+      not_done_(torch::zeros({num_rows})),
+      sanitized_(static_cast<std::size_t>(num_rows), 0) {}
+
+const PolicyOutput& Actor::observe(const BatchedEnv& env) { return observe(rows_of(observation_tensors(env), first_row_, num_rows_)); }
 
 const PolicyOutput& Actor::observe(const ObservationTensors& observations) {
   const torch::NoGradGuard no_grad;
@@ -86,16 +94,19 @@ const PolicyOutput& Actor::observe(const ObservationTensors& observations) {
 }
 
 torch::Tensor Actor::truncated_values(const BatchedEnv& env) {
-  torch::Tensor values = torch::zeros({env.num_rows()});
+  torch::Tensor values = torch::zeros({num_rows_});
   std::vector<std::int64_t> rows;
-  for (int i = 0; i < env.num_rows(); ++i)
-    if (env.truncated()[i] != 0 && env.terminated()[i] == 0) rows.push_back(i);
+  for (int i = 0; i < num_rows_; ++i) {
+    const auto row = static_cast<std::size_t>(first_row_ + i);
+    if (env.truncated()[row] != 0 && env.terminated()[row] == 0) rows.push_back(i);
+  }
   if (rows.empty()) return values;
   const torch::NoGradGuard no_grad;
   const FlushDenormals flush;
   const torch::Tensor index = torch::tensor(rows);
-  ObservationTensors last =
-      final_observation_tensors(env).map([&](const torch::Tensor& rows_of_sensor) { return rows_of_sensor.index_select(0, index); });
+  ObservationTensors last = rows_of(final_observation_tensors(env), first_row_, num_rows_).map([&](const torch::Tensor& rows_of_sensor) {
+    return rows_of_sensor.index_select(0, index);
+  });
   const auto count = static_cast<std::int64_t>(rows.size());
   std::vector<std::uint8_t> sanitized(rows.size(), 0);
   sanitize(last, sanitized);
@@ -107,13 +118,16 @@ torch::Tensor Actor::truncated_values(const BatchedEnv& env) {
 
 void Actor::advance(const BatchedEnv& env) {
   hidden_ = output_.hidden;
-  for (int i = 0; i < env.num_rows(); ++i) not_done_[i] = env.terminated()[i] != 0 || env.truncated()[i] != 0 ? 0.f : 1.f;
+  for (int i = 0; i < num_rows_; ++i) {
+    const auto row = static_cast<std::size_t>(first_row_ + i);
+    not_done_[i] = env.terminated()[row] != 0 || env.truncated()[row] != 0 ? 0.f : 1.f;
+  }
 }
 
 torch::Tensor Actor::peek_value(const BatchedEnv& env) {
   const torch::NoGradGuard no_grad;
   const FlushDenormals flush;
-  ObservationTensors now = observation_tensors(env);
+  ObservationTensors now = rows_of(observation_tensors(env), first_row_, num_rows_);
   std::vector<std::uint8_t> sanitized(sanitized_.size(), 0);
   sanitize(now, sanitized);
   torch::Tensor value = policy_->step(now, hidden_, not_done_).value;

@@ -26,15 +26,16 @@ ObservationTensors final_observation_tensors(const BatchedEnv& env);
 /// the weights, and sample_actions refuses it with the env's id.
 class Actor {
  public:
-  Actor(ActorCritic policy, int num_envs);
+  /// Of rows [first_row, first_row + num_rows) of a batch: the others are not read.
+  Actor(ActorCritic policy, int first_row, int num_rows);
 
   /// Runs the policy on the env's current observations: output().logits [B, 4], value [B].  The new hidden state waits for advance().
-  const PolicyOutput& observe(const BatchedEnv& env) { return observe(observation_tensors(env)); }
+  const PolicyOutput& observe(const BatchedEnv& env);
   /// The same for observations from elsewhere; they must live until advance().
   const PolicyOutput& observe(const ObservationTensors& observations);
   /// What observe() gave to the policy: views of the env's rows, or copies where rows were sanitized.  Valid until the env's next step.
   [[nodiscard]] const ObservationTensors& seen() const { return seen_; }
-  /// [num_envs] 1 where the last observe() sanitized the row: what the policy did there is no experience.
+  /// [num_rows] 1 where the last observe() sanitized the row: what the policy did there is no experience.
   [[nodiscard]] std::span<const std::uint8_t> sanitized() const { return sanitized_; }
   /// Since construction.
   [[nodiscard]] std::uint64_t sanitized_rows() const { return sanitized_rows_; }
@@ -54,6 +55,7 @@ class Actor {
 
  private:
   ActorCritic policy_;
+  int first_row_, num_rows_;
   torch::Tensor hidden_, not_done_;
   ObservationTensors seen_;
   PolicyOutput output_;

@@ -29,6 +29,19 @@ RolloutBuffer::RolloutBuffer(const ObservationSpec& spec, int max_steps, int num
   next_value = torch::zeros({B});
 }
 
+RolloutBuffer RolloutBuffer::columns(int first, int count) const {
+  RolloutBuffer part = *this;
+  part.num_envs_ = count;
+  part.observations = observations.map([&](const torch::Tensor& slab) { return slab.narrow(1, first, count); });
+  for (torch::Tensor RolloutBuffer::*slab :
+       {&RolloutBuffer::not_done, &RolloutBuffer::actions, &RolloutBuffer::log_prob, &RolloutBuffer::values, &RolloutBuffer::rewards,
+        &RolloutBuffer::terminated, &RolloutBuffer::truncated, &RolloutBuffer::final_values, &RolloutBuffer::valid, &RolloutBuffer::guided})
+    part.*slab = (this->*slab).narrow(1, first, count);
+  part.hidden = hidden.narrow(0, first, count);
+  part.next_value = next_value.narrow(0, first, count);
+  return part;
+}
+
 void RolloutBuffer::begin(const torch::Tensor& state) {
   EARSHOT_EXPECT(state.sizes() == hidden.sizes());  // copy_ would broadcast
   hidden.copy_(state.detach());

@@ -34,6 +34,11 @@ class RolloutBuffer {
   /// next_value [B]: V of the observation after the last row.
   void finish(const torch::Tensor& next_value);
 
+  /// Envs [first, first + count) of this rollout, in the same memory: who fills them fills these columns here.  Once all columns have
+  /// num_steps rows, say so to columns_are_filled().
+  [[nodiscard]] RolloutBuffer columns(int first, int count) const;
+  void columns_are_filled(int num_steps) { steps_ = num_steps; }
+
   [[nodiscard]] int num_steps() const { return steps_; }
   [[nodiscard]] int num_envs() const { return num_envs_; }
   /// Rows left out because they were not finite, since construction.

@@ -42,6 +42,7 @@ void read(ConfigReader& reader, RunConfig& config) {
   reader.read("workers", config.workers);
   reader.read("envs_per_worker", config.envs_per_worker);
   reader.read("rollout_steps", config.rollout_steps);
+  reader.read("overlap", config.overlap);
   reader.read("total_steps", config.total_steps);
   reader.read("max_minutes", config.max_minutes);
   reader.read("checkpoint_every", config.checkpoint_every);
@@ -98,6 +99,7 @@ RunConfig read_run(ConfigReader reader) {
   require(config.schedule == Schedule::steps || config.max_minutes > 0, "schedule", "minutes", "needs max_minutes");
   require(config.workers >= 1 && config.workers <= 256, "workers", config.workers, "must be in [1, 256]");
   require(config.envs_per_worker >= 1, "envs_per_worker", config.envs_per_worker, "must be positive");
+  require(!config.overlap || config.envs_per_worker >= 2, "overlap", true, "needs at least two environments in a worker");
   require(config.rollout_steps >= 1, "rollout_steps", config.rollout_steps, "must be positive");
   require(config.total_steps >= 1, "total_steps", config.total_steps, "must be positive");
   require(config.max_minutes >= 0, "max_minutes", config.max_minutes, "must not be negative; 0 means no bound");

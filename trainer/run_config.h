@@ -41,6 +41,7 @@ struct RunConfig {
   int workers = 1;  ///< processes on this machine if no launcher says otherwise
   int envs_per_worker = 8;
   int rollout_steps = 150;
+  bool overlap = false;                 ///< a worker steps its environments in two halves, one while the policy looks at the other
   std::uint64_t total_steps = 1000000;  ///< over all workers
   double max_minutes = 0;               ///< wall time of training; 0: no bound
   int checkpoint_every = 50;            ///< updates

@@ -3,8 +3,6 @@
 #include <fmt/format.h>
 
 #include "envs/batched_env.h"
-#include "trainer/actor.h"
-#include "trainer/rollout_buffer.h"
 
 namespace earshot {
 namespace {
@@ -17,8 +15,8 @@ void mention(std::string& text, double count, const char* one, const char* many)
 
 }  // namespace
 
-RunCounters RunCounters::of(const BatchedEnv& env, const SceneCache& scenes, const Actor& actor, const RolloutBuffer& rollout,
-                            std::uint64_t num_ratio_alarms) {
+RunCounters RunCounters::of(const BatchedEnv& env, const SceneCache& scenes, std::uint64_t num_sanitized_rows,
+                            std::uint64_t num_dropped_rows, std::uint64_t num_ratio_alarms) {
   const EffectCounters effects = env.effect_counters();
   const FieldCounters fields = scenes.field_counters();
   const QuarantineCounters quarantine = env.quarantine_counters();
@@ -42,8 +40,8 @@ RunCounters RunCounters::of(const BatchedEnv& env, const SceneCache& scenes, con
   set(not_finite, env.nonfinite_events());
   set(quarantine_files, quarantine.files_written);
   set(quarantine_files_failed, quarantine.files_failed);
-  set(sanitized_rows, actor.sanitized_rows());
-  set(dropped_rows, rollout.dropped_rows());
+  set(sanitized_rows, num_sanitized_rows);
+  set(dropped_rows, num_dropped_rows);
   set(ratio_alarms, num_ratio_alarms);
   return counters;
 }

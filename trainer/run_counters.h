@@ -8,9 +8,7 @@
 
 namespace earshot {
 
-class Actor;
 class BatchedEnv;
-class RolloutBuffer;
 class SceneCache;
 
 /// What happened in the environments and on the way to the learner, since the worker began; in double, so that all workers' counts add up
@@ -42,7 +40,7 @@ struct RunCounters {
   };
   std::array<double, num_fields> values{};
 
-  static RunCounters of(const BatchedEnv& env, const SceneCache& scenes, const Actor& actor, const RolloutBuffer& rollout,
+  static RunCounters of(const BatchedEnv& env, const SceneCache& scenes, std::uint64_t num_sanitized_rows, std::uint64_t num_dropped_rows,
                         std::uint64_t num_ratio_alarms);
   [[nodiscard]] double operator[](Field field) const { return values[field]; }
 };

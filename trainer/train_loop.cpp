@@ -12,8 +12,6 @@
 #include "envs/engine_commit.h"
 #include "policy/torch_threads.h"
 #include "sim/base/files.h"
-#include "sim/base/random.h"
-#include "trainer/actor.h"
 #include "trainer/checkpoint.h"
 #include "trainer/checkpoint_keeper.h"
 #include "trainer/curve_svg.h"
@@ -21,7 +19,7 @@
 #include "trainer/event_log.h"
 #include "trainer/ppo.h"
 #include "trainer/result.h"
-#include "trainer/rollout_buffer.h"
+#include "trainer/rollout_collector.h"
 #include "trainer/run_folder.h"
 #include "trainer/stage_times.h"
 #include "trainer/stop_signals.h"
@@ -46,8 +44,7 @@ class Worker {
         env_(training_env(config), set_, scenes_, config.envs_per_worker, rank_ * config.envs_per_worker, world_ * config.envs_per_worker),
         policy_(config.env.observation, config.policy),
         learner_(policy_, config.ppo, config.seed, config.guidance, static_cast<double>(config.env.task.success_radius_m)),
-        actor_(policy_, config.envs_per_worker),
-        rollout_(training_sensors(config), config.rollout_steps, config.envs_per_worker, config.policy.hidden_size) {
+        collector_(config, env_, policy_, rank_ * config.envs_per_worker) {
     env_.set_stage_hook(hooks.stage_hook);
     if (resume.empty())
       env_.reset();
@@ -68,9 +65,6 @@ class Worker {
   }
   void restore(const std::filesystem::path& path);
   void check_equal_weights();
-  void collect();
-  torch::Tensor take_oracle_actions(std::span<const ActingEnv> acting, std::span<std::int32_t> actions) const;
-  [[nodiscard]] std::vector<std::uint8_t> experience() const;
   UpdateStats learn();
   void note(const UpdateStats& stats);
   void report(const UpdateStats& stats, double update_s);
@@ -101,8 +95,7 @@ class Worker {
   BatchedEnv env_;
   ActorCritic policy_;
   PpoLearner learner_;
-  Actor actor_;
-  RolloutBuffer rollout_;
+  RolloutCollector collector_;
 
   std::uint64_t update_ = 0, env_steps_ = 0;
   EpisodeSums finished_;
@@ -131,7 +124,7 @@ void Worker::restore(const std::filesystem::path& path) {
   if (!torch::isfinite(checkpoint.hidden.at(rank)).all().item<bool>())
     throw InputError(path.string(), "holds a recurrent state that is not finite", "take an earlier checkpoint");
   env_.restore(checkpoint.env_states[rank]);
-  actor_.restore(checkpoint.hidden.at(rank), checkpoint.not_done.at(rank));
+  collector_.restore(checkpoint.hidden.at(rank), checkpoint.not_done.at(rank));
   window_.restore(checkpoint.episode_window);
   update_ = checkpoint.update;
   env_steps_ = checkpoint.env_steps;
@@ -144,71 +137,8 @@ void Worker::check_equal_weights() {
     if (other != hash) throw RunError("workers", "hold different weights; are they the same program, config and seed, on sound memory?");
 }
 
-void Worker::collect() {
-  rollout_.begin(actor_.hidden());
-  std::vector<std::int32_t> actions(static_cast<std::size_t>(config_.envs_per_worker));
-  std::vector<ActingEnv> acting(actions.size());
-  const StageTimes before = StageTimes::of(env_.stage_seconds());
-  LapTimer watch;
-  double env_s = 0;
-  for (int t = 0; t < config_.rollout_steps; ++t) {
-    watch.lap();
-    const PolicyOutput& output = actor_.observe(env_);
-    const torch::Tensor not_done = actor_.not_done().clone();
-    for (std::size_t i = 0; i < acting.size(); ++i) {
-      const int env = static_cast<int>(i);
-      acting[i] = {static_cast<std::uint32_t>(rank_ * config_.envs_per_worker + env), static_cast<std::uint32_t>(env_.episode_count(env)),
-                   static_cast<std::uint32_t>(env_.episode_step(env))};
-    }
-    sample_actions(output.logits, acting, config_.seed, actions);
-    const torch::Tensor guided = take_oracle_actions(acting, actions);
-    const torch::Tensor taken = torch::tensor(std::vector<std::int64_t>(actions.begin(), actions.end()));
-    rollout_.push(actor_.seen(), not_done, taken, log_probabilities(output.logits, taken), output.value, guided);
-    times_.policy += watch.lap();
-
-    env_.step(actions);
-    env_s += watch.lap();
-
-    rollout_.push_outcome(env_.rewards(), env_.terminated(), env_.truncated(), actor_.truncated_values(env_), experience());
-    actor_.advance(env_);
-    for (const auto& episode : env_.finished()) finished_.add(episode.metrics);
-    times_.policy += watch.lap();
-  }
-  rollout_.finish(actor_.peek_value(env_));
-  times_.policy += watch.lap();
-
-  // Stage seconds are summed over the env's threads; scaled to wall time they add up with the other stages.
-  StageTimes stages = StageTimes::of(env_.stage_seconds());
-  stages.add(before, -1.0);
-  if (stages.total() > 0) times_.add(stages, env_s / stages.total());
-}
-
-/// Puts the oracle's actions in where it acts, and returns a 1 for those; undefined where it acts nowhere.  Which episodes: by a draw per
-/// episode, so that it hands over to the policy once and for good as the training goes on.
-torch::Tensor Worker::take_oracle_actions(std::span<const ActingEnv> acting, std::span<std::int32_t> actions) const {
-  const double fraction = config_.guidance.oracle_at(progress_);
-  if (fraction <= 0) return {};
-  torch::Tensor guided = torch::zeros({static_cast<std::int64_t>(actions.size())});
-  const torch::Tensor& oracle = actor_.seen()["oracle_action"];
-  for (std::size_t i = 0; i < actions.size(); ++i) {
-    const RandomStream random(config_.seed, Purpose::action, acting[i].env, acting[i].episode, 0);
-    if (random.uniform(1) >= fraction) continue;  // draw 0 of step 0 is the action
-    actions[i] = oracle.data_ptr<std::int32_t>()[i];
-    guided[static_cast<std::int64_t>(i)] = 1;
-  }
-  return guided;
-}
-
-/// 1 for the envs whose last step is experience to learn from.
-std::vector<std::uint8_t> Worker::experience() const {
-  std::vector<std::uint8_t> counts(env_.active().begin(), env_.active().end());
-  for (std::size_t env = 0; env < counts.size(); ++env)
-    if (env_.quarantined()[env] != 0 || actor_.sanitized()[env] != 0) counts[env] = 0;
-  return counts;
-}
-
 UpdateStats Worker::learn() {
-  const UpdateStats stats = learner_.update(rollout_, progress_, update_, collective_);
+  const UpdateStats stats = learner_.update(collector_.rollout(), progress_, update_, collective_);
   times_.learn += stats.learn_s;
   times_.reduce += stats.reduce_s;
   return stats;
@@ -262,7 +192,7 @@ void Worker::report(const UpdateStats& stats, double update_s) {
   constexpr std::size_t num_stages = 7, first_counter = EpisodeSums::num_fields + num_stages;
   std::array<double, first_counter + RunCounters::num_fields> sums{};
   std::copy(finished_.values.begin(), finished_.values.end(), sums.begin());
-  const RunCounters own = RunCounters::of(env_, *scenes_, actor_, rollout_, ratio_alarms_);
+  const RunCounters own = RunCounters::of(env_, *scenes_, collector_.sanitized_rows(), collector_.dropped_rows(), ratio_alarms_);
   std::copy(own.values.begin(), own.values.end(), sums.begin() + first_counter);
   const std::array<double, num_stages> stage{times_.simulate_sound, times_.convolve, times_.render, times_.move,
                                              times_.policy,         times_.learn,    times_.reduce};
@@ -302,7 +232,7 @@ void Worker::report(const UpdateStats& stats, double update_s) {
 void Worker::save(bool last) {
   check_equal_weights();  // else the checkpoint would be of no worker
   // Rank 0 needs the cursors of all workers; hidden states travel as raw floats.
-  const torch::Tensor hidden = actor_.hidden().contiguous(), not_done = actor_.not_done().contiguous();
+  const torch::Tensor hidden = collector_.hidden(), not_done = collector_.not_done();
   const auto raw = [](const torch::Tensor& tensor) {
     return std::string(reinterpret_cast<const char*>(tensor.data_ptr<float>()), static_cast<std::size_t>(tensor.numel()) * sizeof(float));
   };
@@ -372,7 +302,7 @@ TrainReport Worker::run() {
   const std::uint64_t first_steps = env_steps_;
   clock_.lap();
   while (!finished()) {
-    collect();
+    collector_.collect(progress_, finished_, times_);
     const UpdateStats stats = learn();
     ++update_;
     env_steps_ += steps_per_update();

@@ -16,7 +16,7 @@ std::vector<std::uint8_t> sanitized_of(const Actor& actor) { return {actor.sanit
 TEST(G9_Observation, ThatIsNotFiniteIsZeroedMarkedAndReachesNoOtherRow) {
   for (const float bad : {kNan, kInfinity, -kInfinity}) {
     ActorCritic policy(pointgoal_only(), small_policy());
-    Actor actor(policy, kEnvs), clean(policy, kEnvs);
+    Actor actor(policy, 0, kEnvs), clean(policy, 0, kEnvs);
     const torch::Tensor good = noise({kEnvs, 2}, 1, 1, 1);
     torch::Tensor faulty = good.clone(), zeroed = good.clone();
     faulty[1][1] = bad;
@@ -52,7 +52,7 @@ class StumblingPolicy : public ActorCriticImpl {
 TEST(G9_HiddenState, ThatIsNotFiniteBeginsAnew) {
   const auto stumbling = std::make_shared<StumblingPolicy>();
   ActorCritic policy(std::static_pointer_cast<ActorCriticImpl>(stumbling));
-  Actor actor(policy, kEnvs), expected(policy, kEnvs);
+  Actor actor(policy, 0, kEnvs), expected(policy, 0, kEnvs);
   const torch::Tensor hidden = noise({kEnvs, kHidden}, 3, 3, 3), ones = torch::ones({kEnvs}), seen = noise({kEnvs, 2}, 4, 4, 4);
   actor.restore(hidden, ones);
   stumbling->stumbles = 1;
@@ -73,7 +73,7 @@ TEST(G7_Sampling, FromWeightsThatAreNotFiniteIsRefusedAndNamesTheEnv) {
     const torch::NoGradGuard no_gradient;
     policy->named_parameters()["actor.bias"][1] = kNan;
   }
-  Actor actor(policy, kEnvs);
+  Actor actor(policy, 0, kEnvs);
   const PolicyOutput& output = actor.observe(goals(noise({kEnvs, 2}, 5, 5, 5)));
   const std::vector<ActingEnv> who{{7, 1, 2}, {8, 1, 2}, {9, 1, 2}, {10, 1, 2}};
   std::vector<std::int32_t> actions(kEnvs);

@@ -1,0 +1,63 @@
+#pragma once
+
+#include <torch/types.h>
+#include <torch/utils.h>
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "envs/batched_env.h"
+#include "trainer/actor.h"
+#include "trainer/episode_window.h"
+#include "trainer/rollout_buffer.h"
+#include "trainer/run_config.h"
+#include "trainer/stage_times.h"
+
+namespace earshot {
+
+/// Fills the rollouts of one worker: the policy acts, the batch steps, what came of it is noted.
+///
+/// With RunConfig::overlap the batch is stepped in two halves, each of which has its step in the background while the policy looks at the
+/// other one: thread of the policy and threads of the batch work at the same time.  The halves are handed back in the order in which they
+/// were sent, so that a run has the same bits each time.  They are not those without overlap: the policy sees half as many rows at once,
+/// and sums of products depend on their number in the last bit.
+class RolloutCollector {
+ public:
+  /// env, policy: must outlive this.  first_env: global number of the batch's first env.
+  RolloutCollector(const RunConfig& config, BatchedEnv& env, ActorCritic policy, int first_env);
+
+  /// One rollout of config.rollout_steps steps of all envs.  progress: of the training, for what guides it.
+  void collect(double progress, EpisodeSums& finished, StageTimes& times);
+  [[nodiscard]] const RolloutBuffer& rollout() const { return rollout_; }
+
+  /// Before the next step: recurrent state [B, H], and 0 for the envs that begin an episode [B].
+  [[nodiscard]] torch::Tensor hidden() const;
+  [[nodiscard]] torch::Tensor not_done() const;
+  void restore(const torch::Tensor& hidden, const torch::Tensor& not_done);
+  /// Since construction.
+  [[nodiscard]] std::uint64_t sanitized_rows() const;
+  [[nodiscard]] std::uint64_t dropped_rows() const;
+
+ private:
+  /// Some envs that step together.
+  struct Part {
+    int first, count;
+    Actor actor;
+    RolloutBuffer rollout;  ///< views of their columns
+    std::vector<std::int32_t> envs, actions;
+    std::vector<ActingEnv> acting;
+  };
+  void act(Part& part, double progress);
+  void note_outcome(Part& part, EpisodeSums& finished);
+  torch::Tensor take_oracle_actions(Part& part, double progress) const;
+  [[nodiscard]] std::vector<std::uint8_t> experience(const Part& part) const;
+
+  const RunConfig& config_;
+  BatchedEnv& env_;
+  int first_env_;
+  RolloutBuffer rollout_;
+  std::vector<Part> parts_;
+};
+
+}  // namespace earshot
