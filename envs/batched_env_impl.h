@@ -1,9 +1,10 @@
 #pragma once
 
 // The inside of BatchedEnv, shared by its files.  An env is a scene with an episode and per_env agents; a row is one agent of one env, row
-// = env * per_env + agent.  batched_env.cpp: construction, state that can be asked for.  env_stepping.cpp: how tasks of envs are started
-// and gathered.  env_stages.cpp: what a step does for one agent.  env_pictures.cpp: its cameras.  env_episodes.cpp: how episodes begin, and
-// are restored.  env_faults.cpp: how they are quarantined.
+// = env * per_env + agent.  batched_env.cpp: construction, state that can be asked for.  env_calls.cpp: reset, step, send and recv.
+// env_stepping.cpp: how tasks of envs are run and gathered.  env_stages.cpp: what a step does for one agent.  env_pictures.cpp: its
+// cameras. env_episodes.cpp: how episodes begin.  env_restore.cpp: how they are saved, and gone on with.  env_faults.cpp: how they are
+// quarantined.
 
 #include <array>
 #include <atomic>
@@ -195,7 +196,7 @@ struct BatchedEnv::Impl {
   std::size_t index_of(int env) const;
   std::size_t row_of(int row) const;
 
-  // Tasks (env_stepping.cpp).
+  // Tasks (env_stepping.cpp, env_calls.cpp).
   HearingEngines* engines_of(std::size_t worker);
   void run_task(std::size_t env, std::size_t worker);
   void step_task(std::size_t env, HearingEngines* own);

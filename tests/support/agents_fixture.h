@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <memory>
+#include <numbers>
 #include <string>
 #include <vector>
 
@@ -10,6 +11,25 @@
 #include "tests/support/env_roll_out.h"
 
 namespace earshot {
+
+inline constexpr const char* kRoom = "shoebox:8x3x6@0.4";
+inline constexpr std::int32_t kStop = 0, kForward = 1, kLeft = 2;
+
+/// Two in an empty room, the first at (1, 4) looking along +x.
+inline Episode two_in_a_room(glm::dvec3 second, const std::string& sound = "") {
+  Episode episode = room_episode(kRoom, {1, 0, 4}, -0.5 * std::numbers::pi, {7, 0, 1}, "synth:noise");
+  episode.other_agents = {{.start_position = second, .start_rotation = rotation_of(0.5 * std::numbers::pi), .sound = sound}};
+  return episode;
+}
+
+inline EnvConfig two_agents() {
+  EnvConfig config = quick_env_config();
+  config.agents = 2;
+  config.order = EpisodeOrder::once;
+  config.task.max_steps = 60;
+  config.observation.semantic = config.observation.collision = true;
+  return config;
+}
 
 /// All that a policy may read of one agent.
 inline std::vector<std::byte> shown_to_agent(const BatchedEnv& env, int row) {
