@@ -74,6 +74,7 @@ struct EnvRun {
   int steps = 0;                               // of the episode
   int faulty_in_a_row = 0;                     // episodes that went wrong in a step, since one that did not
   bool has_ended = false;                      // its episode, and no other has begun
+  bool is_void = false;                        // that episode was quarantined
   bool stalled = false;                        // a task of it was given up and still runs
   bool comes_back = false;                     // its next task is the first since
   std::size_t worker = 0;                      // that runs its task

@@ -93,6 +93,7 @@ void BatchedEnv::Impl::prepare_episode(std::size_t env, std::uint64_t episode_in
   EnvRun& run = envs[env];
   run.has_episode = true;
   run.has_ended = false;
+  run.is_void = false;
   run.steps = 0;
   for (Agent& agent : agents_of(env)) {
     agent.fault.reset();

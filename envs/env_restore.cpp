@@ -16,7 +16,7 @@ void BatchedEnv::Impl::restore(std::size_t env, const EnvCursor& cursor, Hearing
     if (config.autoreset == Autoreset::same_step) return begin_next_episode(env, own);
     prepare_episode(env, cursor.episode_index, cursor.episode_count);
     clear_rows(env);
-    run.has_ended = true;
+    run.has_ended = run.is_void = true;
     return;
   }
   const auto damaged = [](const char* what) { throw InputError("environment state", what, "resume from another checkpoint"); };
@@ -107,7 +107,7 @@ EnvCursor BatchedEnv::Impl::cursor_of(std::size_t env) const {
   const EnvRun& run = envs[env];
   const std::span<const Agent> ours = agents_of(env);
   const Agent& lead = ours.front();
-  const bool is_void = run.stalled || (run.has_ended && fault_of(env));
+  const bool is_void = run.stalled || (run.has_ended && run.is_void);
   EnvCursor cursor{.active = run.stalled || run.has_episode,
                    .ended = run.has_ended,
                    .is_void = is_void,

@@ -168,6 +168,7 @@ void BatchedEnv::Impl::end_episode(std::size_t env) {
   EnvRun& run = envs[env];
   run.has_ended = true;
   const FaultReport* fault = fault_of(env);
+  run.is_void = fault != nullptr;
   if (!fault) run.faulty_in_a_row = 0;
   for (std::size_t row = first_row(env); row < first_row(env) + per_env; ++row) {
     Agent& agent = agents[row];

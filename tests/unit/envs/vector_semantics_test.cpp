@@ -191,6 +191,39 @@ TEST_F(VectorSemantics, ASnapshotGoesOnInAnotherEnvOfAnotherBatch) {
   }
 }
 
+// Of an env whose episode was quarantined: what is restored from it says the same of itself, and begins the same episode.
+TEST_F(VectorSemantics, ASnapshotOfAQuarantinedEpisodeIsRestoredAgainAndAgain) {
+  for (const Autoreset mode : {Autoreset::next_step, Autoreset::off}) {
+    EnvConfig config = config_;
+    config.autoreset = mode;
+    BatchedEnv a = make(2, config), b = make(2, config);
+    a.set_stage_hook([](const StageOutput& output, std::span<float> values) {
+      if (output.env == 1 && output.kind == Fault::spectrogram && output.step == 3) values[0] = std::nanf("");
+    });
+    a.reset();
+    b.reset();
+    for (int i = 0; i < 3; ++i) a.step(std::vector<std::int32_t>{1, 1});
+    ASSERT_TRUE(a.quarantined()[1]);
+    const std::string saved = a.snapshot(1);
+    for (int again = 0; again < 3; ++again) {
+      b.restore(1, b.snapshot(1));
+      b.restore(1, saved);
+      EXPECT_EQ(b.snapshot(1), saved) << again;
+    }
+    a.set_stage_hook({});
+    const std::vector<std::uint8_t> second{0, 1};
+    for (BatchedEnv* env : {&a, &b})
+      if (mode == Autoreset::off)
+        env->reset(second);
+      else
+        env->step(std::vector<std::int32_t>{1, 1});
+    EXPECT_EQ(a.episode_count(1), b.episode_count(1));
+    EXPECT_TRUE(b.active()[1]);
+    for (std::size_t sensor = 0; sensor < a.sensors().size(); ++sensor)
+      EXPECT_EQ(row_of(a.rows(sensor), 2, 1), row_of(b.rows(sensor), 2, 1)) << a.sensors()[sensor].name;
+  }
+}
+
 TEST_F(VectorSemantics, WhatACallerCanGetWrongMovesNothing) {
   BatchedEnv env = make(3, config_);
   const std::vector<std::int32_t> one{1}, two{1, 1}, three{1, 1, 1};
