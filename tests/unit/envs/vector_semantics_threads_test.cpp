@@ -146,5 +146,50 @@ TEST_F(VectorSemantics, AnyExceptionIsContainedInItsEnv) {
     }
 }
 
+// A stage that does not come back is given up after the limit; its env is idle until it does, and the others go on with their bits.
+TEST_F(VectorSemantics, AStalledStageLeavesTheBatchUntilItReturns) {
+  config_.threads = 2;
+  BatchedEnv plain = make(3, config_);
+  // Far longer than any stage takes on this machine, in this build: the first reset loads the scenes too.
+  const auto start = std::chrono::steady_clock::now();
+  plain.reset();
+  config_.stage_limit_s = std::max(0.5, 4 * std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
+  BatchedEnv env = make(3, config_);
+  std::atomic<bool> armed{false}, released{false}, stuck{false};
+  env.set_stage_hook([&](const StageOutput& output, std::span<float>) {
+    if (output.env != 1 || output.kind != Fault::pose || !armed.exchange(false)) return;
+    stuck = true;
+    while (!released) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    stuck = false;
+  });
+  env.reset();
+  int index = 0;
+  const auto both = [&] {
+    const std::vector<std::int32_t> actions{test_action(0, index), 1, test_action(2, index)};
+    plain.step(actions);
+    env.step(actions);
+    ++index;
+    for (const int row : {0, 2}) ASSERT_EQ(shown(env, row), shown(plain, row)) << index;
+  };
+  for (int i = 0; i < 3; ++i) both();
+  armed = true;
+  both();
+  EXPECT_TRUE(stuck);
+  EXPECT_EQ(env.quarantine_counters().of(Fault::stall), 1u);
+  EXPECT_TRUE(env.truncated()[1] && env.quarantined()[1] && !env.active()[1]);
+  for (const float value : row_of(env.depth(), 3, 1)) ASSERT_EQ(value, 0.f);
+  for (int i = 0; i < 5; ++i) both();
+  EXPECT_FALSE(env.active()[1]);
+  released = true;
+  for (int tries = 0; tries < 2000 && !env.active()[1]; ++tries) {
+    both();
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  EXPECT_TRUE(env.active()[1]);
+  for (int i = 0; i < 5; ++i) both();
+  EXPECT_TRUE(buffers_are_finite(env));
+  EXPECT_EQ(env.quarantine_counters().total(), 1u);
+}
+
 }  // namespace
 }  // namespace earshot
