@@ -46,7 +46,7 @@ void run_eval(const Options& options) {
     take_set_of(config, evaluation);
     if (evaluation.episodes.empty()) throw InputError("--episodes", "is missing", "name an episode set, or a --config that names one");
     evaluation.num_envs = config.eval_envs;
-    trained_sounds = config.train.sounds;
+    trained_sounds = expand_sounds(config.train.sounds);  // before the work: a folder may be gone
     result = evaluate_baseline(*baseline, options.agent, config.env, evaluation);
   } else {
     const auto checkpoint = find_checkpoint(options.agent);
@@ -56,10 +56,10 @@ void run_eval(const Options& options) {
     if (evaluation.episodes.empty())
       throw InputError("--episodes", "is missing and the checkpoint's config names none", "name an episode set");
     evaluation.num_envs = config.eval_envs;
-    trained_sounds = config.train.sounds;
+    trained_sounds = expand_sounds(config.train.sounds);  // before the work: a folder may be gone
     result = evaluate_checkpoint(checkpoint, evaluation, options.overrides);
   }
-  if (!trained_sounds.empty()) note_novelty(result, expand_sounds(trained_sounds));
+  if (!trained_sounds.empty()) note_novelty(result, trained_sounds);
   if (!options.name.empty()) result.agent = options.name;
   if (!options.out.empty()) save_result(result, options.out);
   fmt::print("{}", leaderboard_text({result}));

@@ -87,7 +87,7 @@ ActorCriticImpl::ActorCriticImpl(const ObservationSpec& spec, const PolicyConfig
   for (const SensorSpec& sensor : sensors_) {
     if (sensor.kind == SensorKind::waveform || sensor.kind == SensorKind::heard || sensor.kind == SensorKind::semantic)
       throw InputError("observation." + sensor.name, "has no encoder in the policy",
-                       "switch it off for training; a policy hears by the spectrogram and sees by depth, rgb and normals");
+                       "switch it off for training; a policy hears by spectrogram and interaural, and sees by depth, rgb and normals");
     if (is_vector(sensor)) features += num_features(sensor);
   }
   Picture sound;

@@ -71,7 +71,7 @@ void pack_tensors(Packer& packer, const std::vector<torch::Tensor>& tensors) {
 }
 
 void pack_body(Packer& packer, const Checkpoint& checkpoint) {
-  packer.pack_map(16);
+  packer.pack_map(18);
   packer.pack("config_yaml").pack(checkpoint.config_yaml);
   packer.pack("architecture").pack(checkpoint.architecture);
   packer.pack("update").pack(checkpoint.update);
@@ -92,7 +92,10 @@ void pack_body(Packer& packer, const Checkpoint& checkpoint) {
   pack_tensors(packer, checkpoint.hidden);
   packer.pack("not_done");
   pack_tensors(packer, checkpoint.not_done);
+  packer.pack("oracle_acted");
+  pack_tensors(packer, checkpoint.oracle_acted);
   packer.pack("episode_window").pack(checkpoint.episode_window);
+  packer.pack("episode_window_fields").pack(checkpoint.episode_window_fields);
 }
 
 /// Adds the tensors to what CheckpointFields reads.
@@ -101,13 +104,16 @@ class BodyReader : CheckpointFields {
   using CheckpointFields::CheckpointFields;
 
   [[nodiscard]] Checkpoint read(const msgpack::object& body) const {
-    Checkpoint checkpoint{metadata(body), {}, {}, {}, {}, {}, {}};
+    Checkpoint checkpoint{metadata(body), {}, {}, {}, {}, {}, {}, {}};
     checkpoint.weights = named_tensors(body, "weights");
     checkpoint.optimizer = named_tensors(body, "optimizer");
     for (const auto& state : items(field(body, "env_states"), "env_states")) checkpoint.env_states.emplace_back(bytes(state, "env_states"));
     checkpoint.hidden = tensors(body, "hidden");
     checkpoint.not_done = tensors(body, "not_done");
+    if (has(body, "oracle_acted")) checkpoint.oracle_acted = tensors(body, "oracle_acted");
     checkpoint.episode_window = value<std::vector<double>>(body, "episode_window");
+    constexpr int fields_of_old = 9;  // before files said
+    checkpoint.episode_window_fields = has(body, "episode_window_fields") ? value<int>(body, "episode_window_fields") : fields_of_old;
     return checkpoint;
   }
 

@@ -20,7 +20,9 @@ struct Checkpoint : CheckpointMetadata {
   std::map<std::string, torch::Tensor> optimizer;  ///< Adam moments and step per parameter name; empty in exports
   std::vector<std::string> env_states;             ///< BatchedEnv::save_state per rank
   std::vector<torch::Tensor> hidden, not_done;     ///< per rank: recurrent state before the next step
+  std::vector<torch::Tensor> oracle_acted;         ///< per rank: RolloutCollector::oracle_acted; empty in files of before
   std::vector<double> episode_window;              ///< EpisodeWindow::state of rank 0
+  int episode_window_fields = 0;                   ///< numbers in each of its sums
 };
 
 /// File: "EARSHOT\0", version, length, MessagePack body, XXH3 of the body.  Written atomically.  Throws RunError if the disk is full.

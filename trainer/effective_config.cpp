@@ -94,7 +94,8 @@ bool is_free_to_change(std::string_view key, const RunConfig& now) {
   if (std::ranges::any_of(free, [&](std::string_view name) { return lies_in(key, name); })) return true;
   if (key == "max_minutes") return now.schedule == Schedule::steps;
   const PpoConfig& ppo = now.ppo;
-  const bool schedules = ppo.linear_learning_rate_decay || ppo.linear_clip_decay || ppo.linear_entropy_decay || now.guidance.imitation > 0;
+  const bool schedules = ppo.linear_learning_rate_decay || ppo.linear_clip_decay || ppo.linear_entropy_decay ||
+                         now.guidance.imitation != now.guidance.imitation_end_weight || now.guidance.oracle > 0;
   return key == "total_steps" && !schedules;
 }
 

@@ -21,7 +21,8 @@ struct ConfigChange {
 std::vector<ConfigChange> config_changes(const std::map<std::string, std::string>& before, const std::map<std::string, std::string>& now);
 
 /// Whether the key may differ between a run and the one it goes on from without being declared: it has no part in the bits of the weights
-/// (docs/training.md lists these keys).  `now`: the config of the resumed run; total_steps is bound where a decay depends on it.
+/// (docs/training.md lists these keys).  `now`: the config of the resumed run; total_steps and max_minutes are bound where a decay or
+/// guidance depends on them.
 bool is_free_to_change(std::string_view key, const RunConfig& now);
 
 /// The config of a checkpoint with overrides.  Throws InputError for the overrides env.acoustics.preset and seed: they set the defaults of

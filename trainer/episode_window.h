@@ -28,8 +28,9 @@ class EpisodeWindow {
 
   /// All sums in order, [pushes, num_fields]: what restore() takes.
   [[nodiscard]] std::vector<double> state() const;
-  /// Throws InputError if the values are no such state.
-  void restore(std::span<const double> state);
+  /// num_fields: numbers in each sum of the state; sums of an older program have fewer, and count 0 for what it did not sum.  Throws
+  /// InputError if the values are no such state.
+  void restore(std::span<const double> state, int num_fields = EpisodeSums::num_fields);
 
  private:
   std::deque<EpisodeSums> recent_;

@@ -40,8 +40,14 @@ void validate(const GuidanceConfig& config) {
   fraction("guidance.imitation_until", config.imitation_until, "must be in [0, 1]: a fraction of the training");
   fraction("guidance.oracle", config.oracle, "must be in [0, 1]: a fraction of the episodes");
   fraction("guidance.oracle_until", config.oracle_until, "must be in [0, 1]: a fraction of the training");
+  require(config.imitation == 0 || config.imitation_until > 0, "guidance.imitation_until", config.imitation_until,
+          "must be positive: guidance.imitation would be over before it begins");
   require(config.oracle == 0 || config.imitation > 0, "guidance.oracle", config.oracle,
           "has no effect without guidance.imitation: steps of the oracle teach by imitation alone");
+  require(config.oracle == 0 || config.oracle_until > 0, "guidance.oracle_until", config.oracle_until,
+          "must be positive: guidance.oracle would be over before it begins");
+  require(config.oracle == 0 || config.oracle_until <= config.imitation_until || config.imitation_end_weight > 0, "guidance.oracle_until",
+          config.oracle_until, "must not exceed guidance.imitation_until: steps of the oracle would teach nothing");
 }
 
 }  // namespace earshot

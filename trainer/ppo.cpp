@@ -162,24 +162,26 @@ PpoLoss PpoLearner::minibatch_loss(const Rollout& rollout, std::span<const std::
   if (first_of_all && valid.any().item<bool>())
     stats.max_ratio_error = ((log_prob - old_log_prob).detach().masked_select(valid).exp() - 1).abs().max().item<double>();
 
-  const double left = 1.0 - progress, value_unit = policy_->value_deviation();
+  const double left = 1.0 - progress;
   PpoConfig now = config_;
-  now.value_coefficient /= value_unit * value_unit;  // errors count in the critic's own unit
   if (config_.linear_entropy_decay) now.entropy_coefficient *= left;
-  PpoLoss loss = ppo_loss(log_prob, old_log_prob, rows(rollout.advantages), output.value, rows(rollout.values), rows(rollout.returns),
-                          entropy(output.logits), own, config_.clip * (config_.linear_clip_decay ? left : 1.0), now);
+  // Errors and the clip of values count in the critic's own unit.
+  const auto in_unit = [&](const torch::Tensor& values) {
+    return policy_->normalizes_values() ? values / policy_->value_deviation() : values;
+  };
+  PpoLoss loss =
+      ppo_loss(log_prob, old_log_prob, rows(rollout.advantages), in_unit(output.value), in_unit(rows(rollout.values)),
+               in_unit(rows(rollout.returns)), entropy(output.logits), own, config_.clip * (config_.linear_clip_decay ? left : 1.0), now);
   if (const double weight = guidance_.imitation_at(progress); weight > 0) {
     const torch::Tensor oracle = rows(rollout.observations["oracle_action"]);
-    const torch::Tensor imitation = imitation_loss(output.logits, oracle, valid);
-    loss.total = loss.total + weight * imitation;
-    stats.imitation_loss += imitation.item<double>();
+    loss.imitation = imitation_loss(output.logits, oracle, valid);
+    loss.total = loss.total + weight * loss.imitation;
     if (first_of_all && valid.any().item<bool>())
       stats.oracle_agreement = output.logits.argmax(1).eq(oracle.squeeze(1)).masked_select(valid).to(torch::kFloat64).mean().item<double>();
   }
   if (guidance_.goal > 0) {
-    const torch::Tensor off = goal_loss(output.goal, rows(rollout.observations["goal_state"]), near_m_, valid);
-    loss.total = loss.total + guidance_.goal * off;
-    stats.goal_loss += off.item<double>();
+    loss.goal = goal_loss(output.goal, rows(rollout.observations["goal_state"]), near_m_, valid);
+    loss.total = loss.total + guidance_.goal * loss.goal;
   }
   return loss;
 }
@@ -187,7 +189,8 @@ PpoLoss PpoLearner::minibatch_loss(const Rollout& rollout, std::span<const std::
 StepStatus PpoLearner::accumulate_gradient(const Rollout& rollout, std::span<const std::int64_t> envs, double progress, bool first_of_all,
                                            UpdateStats& stats) {
   const std::span<float> gradient(flat_gradient_.data_ptr<float>(), static_cast<std::size_t>(flat_gradient_.numel()));
-  const bool has_rows = !envs.empty() && rollout.valid.index_select(1, index_of(envs)).any().item<bool>();
+  const torch::Tensor& counts = guidance_.imitation_at(progress) > 0 || guidance_.goal > 0 ? rollout.valid : rollout.own;
+  const bool has_rows = !envs.empty() && counts.index_select(1, index_of(envs)).any().item<bool>();
   flat_gradient_.zero_();
   gradient.back() = has_rows ? 1.f : 0.f;
   StepStatus status;
@@ -207,6 +210,8 @@ StepStatus PpoLearner::accumulate_gradient(const Rollout& rollout, std::span<con
   stats.entropy += loss.entropy.item<double>();
   stats.approx_kl += status.approx_kl;
   stats.clip_fraction += loss.clip_fraction.item<double>();
+  if (loss.imitation.defined()) stats.imitation_loss += loss.imitation.item<double>();
+  if (loss.goal.defined()) stats.goal_loss += loss.goal.item<double>();
   return status;
 }
 

@@ -5,6 +5,7 @@
 #include <torch/utils.h>
 
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -20,7 +21,8 @@ namespace earshot {
 /// The pieces of one PPO loss; all scalars.
 struct PpoLoss {
   torch::Tensor total, policy, value, entropy;
-  torch::Tensor approx_kl, clip_fraction;  ///< detached
+  torch::Tensor approx_kl, clip_fraction;   ///< detached
+  torch::Tensor imitation = {}, goal = {};  ///< of GuidanceConfig, part of total where they are on, else undefined
 };
 /// log_prob, old_log_prob, advantages, values, old_values, returns, entropy, valid: [N]; rows with valid == 0 do not count.
 /// policy = -mean min(r A, clip(r) A), r = exp(clamp(log_prob - old_log_prob, -20, 20)); value = 0.5 mean max((v - R)^2, (v_clipped -
@@ -40,10 +42,11 @@ inline constexpr double kMaxRatioError = 1e-4;
 struct UpdateStats {
   double policy_loss = 0, value_loss = 0, entropy = 0, approx_kl = 0, clip_fraction = 0, gradient_norm = 0;
   double imitation_loss = 0, goal_loss = 0;  ///< 0 where they are off
-  double oracle_agreement = 0;               ///< fraction of rows, before the first step, where the likeliest action is the oracle's
-  int epochs = 0;                            ///< begun: fewer than configured where the KL budget ended them
-  double explained_variance = 0;             ///< NaN if the returns do not vary
-  int taken_steps = 0;                       ///< optimizer steps, the same on every worker
+  /// Fraction of this worker's rows, before the first step, where the likeliest action is the oracle's; NaN without such rows.
+  double oracle_agreement = std::numeric_limits<double>::quiet_NaN();
+  int epochs = 0;                    ///< begun: fewer than configured where the KL budget ended them
+  double explained_variance = 0;     ///< NaN if the returns do not vary
+  int taken_steps = 0;               ///< optimizer steps, the same on every worker
   int skipped_steps = 0;             ///< optimizer steps that no worker took because something was not finite or not the same everywhere
   std::vector<SkippedStep> skipped;  ///< each of them: which one, why, which ranks; the same on every worker
   int non_finite_here = 0;           ///< how often this worker's own loss or gradient was not finite
@@ -67,7 +70,8 @@ class PpoLearner {
   /// near_m: distance at which the goal is reached, for GuidanceConfig::goal.
   PpoLearner(ActorCritic policy, const PpoConfig& config, std::uint64_t seed, const GuidanceConfig& guidance = {}, double near_m = 1);
   /// progress: fraction of training done, [0, 1], for the decays.  update: its index, keys the minibatch permutation.
-  /// A collective call: epochs x minibatches sums of the gradient and exchanges of statuses, and two sums of statistics if
+  /// A collective call: a sum of the gradient and an exchange of statuses for each minibatch of each epoch (fewer epochs, the same on every
+  /// worker, where target_kl ends them), and two sums of statistics if
   /// normalize_advantages is on, one more with normalized values, whatever this worker's rollout holds.  With one worker the collective
   /// does nothing.
   UpdateStats update(const RolloutBuffer& rollout, double progress, std::uint64_t update, Collective& collective);

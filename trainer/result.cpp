@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <numeric>
@@ -22,6 +23,8 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
+constexpr double kUnbounded = std::numeric_limits<double>::infinity();
+
 /// 97.5 % point of Student's t, from the expansion of Abramowitz and Stegun 26.7.5 in 1/degrees: within 0.3 % from 3 degrees on.
 double student_t975(double degrees) {
   const double z = 1.959963985, z3 = z * z * z, z5 = z3 * z * z, z7 = z5 * z * z;
@@ -38,20 +41,30 @@ std::vector<int> scene_numbers(const std::vector<EvaluationResult::Row>& rows) {
   return scenes;
 }
 
+Estimate wider(const Estimate& a, const Estimate& b) { return {a.mean, std::min(a.low, b.low), std::max(a.high, b.high)}; }
+
+/// Of a metric in [0, most].  Never narrower than if episodes were independent: scenes that happen to agree show no spread at all.
 template <class Get>
-Estimate over(const EvaluationResult& result, Get get) {
+Estimate over(const EvaluationResult& result, double most, Get get) {
   std::vector<double> values;
   values.reserve(result.episodes.size());
   for (const auto& row : result.episodes) values.push_back(static_cast<double>(get(row.metrics)));
-  return result.intervals_over_scenes() ? mean_with_group_interval(values, scene_numbers(result.episodes)) : mean_with_interval(values);
+  Estimate estimate = mean_with_interval(values);
+  if (result.intervals_over_scenes()) estimate = wider(estimate, mean_with_group_interval(values, scene_numbers(result.episodes)));
+  return {estimate.mean, std::max(0.0, estimate.low), std::min(most, estimate.high)};
 }
 
 template <class Get>
 Estimate fraction_over(const EvaluationResult& result, Get get) {
-  if (result.intervals_over_scenes()) return over(result, [&](const EpisodeMetrics& m) { return get(m) > 0.5 ? 1.0 : 0.0; });
+  std::vector<double> hit;
   std::uint64_t hits = 0;
-  for (const auto& row : result.episodes) hits += get(row.metrics) > 0.5 ? 1 : 0;
-  return fraction_with_interval(hits, result.episodes.size());
+  for (const auto& row : result.episodes) {
+    hit.push_back(get(row.metrics) > 0.5 ? 1.0 : 0.0);
+    hits += get(row.metrics) > 0.5 ? 1 : 0;
+  }
+  Estimate estimate = fraction_with_interval(hits, result.episodes.size());
+  if (result.intervals_over_scenes()) estimate = wider(estimate, mean_with_group_interval(hit, scene_numbers(result.episodes)));
+  return {estimate.mean, std::max(0.0, estimate.low), std::min(1.0, estimate.high)};
 }
 
 Json to_json(const Estimate& estimate) { return {{"mean", estimate.mean}, {"low", estimate.low}, {"high", estimate.high}}; }
@@ -123,25 +136,25 @@ Estimate EvaluationResult::success() const {
   return fraction_over(*this, [](const EpisodeMetrics& m) { return m.success; });
 }
 Estimate EvaluationResult::spl() const {
-  return over(*this, [](const EpisodeMetrics& m) { return m.spl; });
+  return over(*this, 1, [](const EpisodeMetrics& m) { return m.spl; });
 }
 Estimate EvaluationResult::soft_spl() const {
-  return over(*this, [](const EpisodeMetrics& m) { return m.soft_spl; });
+  return over(*this, 1, [](const EpisodeMetrics& m) { return m.soft_spl; });
 }
 Estimate EvaluationResult::sna() const {
-  return over(*this, [](const EpisodeMetrics& m) { return m.sna; });
+  return over(*this, 1, [](const EpisodeMetrics& m) { return m.sna; });
 }
 Estimate EvaluationResult::success_when_silent() const {
   return fraction_over(*this, [](const EpisodeMetrics& m) { return m.success_when_silent; });
 }
 Estimate EvaluationResult::dtg_m() const {
-  return over(*this, [](const EpisodeMetrics& m) { return m.dtg_m; });
+  return over(*this, kUnbounded, [](const EpisodeMetrics& m) { return m.dtg_m; });
 }
 Estimate EvaluationResult::steps() const {
-  return over(*this, [](const EpisodeMetrics& m) { return m.steps; });
+  return over(*this, kUnbounded, [](const EpisodeMetrics& m) { return m.steps; });
 }
 Estimate EvaluationResult::collisions() const {
-  return over(*this, [](const EpisodeMetrics& m) { return m.collisions; });
+  return over(*this, kUnbounded, [](const EpisodeMetrics& m) { return m.collisions; });
 }
 
 void save_result(const EvaluationResult& result, const std::filesystem::path& path) {

@@ -39,8 +39,8 @@ struct EvaluationResult {
   };
   std::vector<Row> episodes;  ///< in the order of the set
 
-  /// Whether intervals are those of a bootstrap over scenes; with fewer than kLeastScenes they are Wilson's for fractions, else Student's
-  /// t, over episodes.
+  /// Whether intervals are those of a bootstrap over scenes, or of episodes where those are wider; with fewer than kLeastScenes they are of
+  /// episodes: Wilson's for fractions, else Student's t.
   [[nodiscard]] bool intervals_over_scenes() const;
   static constexpr std::size_t kLeastScenes = 5;
   [[nodiscard]] Estimate success() const;

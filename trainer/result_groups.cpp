@@ -51,8 +51,11 @@ std::string groups_text(const std::vector<EvaluationResult>& results, GroupBy by
     for (const EvaluationResult::Row& row : result.episodes) {
       const std::string name = group_of(row, by);
       if (name.empty())
-        throw InputError(result.agent, "is a result that does not say which sounds its episodes had",
-                         "evaluate it again with this program");
+        throw InputError(result.agent,
+                         by == GroupBy::novelty ? "is a result that does not say which sounds the training had"
+                                                : "is a result that does not say which sounds its episodes had",
+                         by == GroupBy::novelty ? "evaluate it again with a config (--config) that names data.train.sounds"
+                                                : "evaluate it again with this program");
       groups[name].episodes.push_back(row);
     }
     for (const auto& [name, group] : groups)

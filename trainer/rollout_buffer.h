@@ -41,7 +41,7 @@ class RolloutBuffer {
 
   [[nodiscard]] int num_steps() const { return steps_; }
   [[nodiscard]] int num_envs() const { return num_envs_; }
-  /// Rows left out because they were not finite, since construction.
+  /// Rows left out because they were not finite, since construction; those of columns() are counted there.
   [[nodiscard]] std::uint64_t dropped_rows() const { return dropped_rows_; }
 
   ObservationTensors observations;                                                                         ///< [max_steps, B, ...]

@@ -1,5 +1,6 @@
 #include "trainer/rollout_collector.h"
 
+#include <algorithm>
 #include <numeric>
 #include <utility>
 
@@ -20,7 +21,8 @@ RolloutCollector::RolloutCollector(const RunConfig& config, BatchedEnv& env, Act
     : config_(config),
       env_(env),
       first_env_(first_env),
-      rollout_(training_sensors(config), config.rollout_steps, env.num_envs(), config.policy.hidden_size) {
+      rollout_(training_sensors(config), config.rollout_steps, env.num_envs(), config.policy.hidden_size),
+      oracle_acted_(static_cast<std::size_t>(env.num_envs()), 0) {
   const int num_parts = config.overlap ? 2 : 1;
   for (int i = 0; i < num_parts; ++i) {
     const int first = i * env.num_envs() / num_parts, count = (i + 1) * env.num_envs() / num_parts - first;
@@ -86,16 +88,18 @@ void RolloutCollector::act(Part& part, double progress) {
 
 /// Puts the oracle's actions in where it acts, and returns a 1 for those; undefined where it acts nowhere.  Which episodes: by a draw per
 /// episode, so that it hands over to the policy once and for good as the training goes on.
-torch::Tensor RolloutCollector::take_oracle_actions(Part& part, double progress) const {
+torch::Tensor RolloutCollector::take_oracle_actions(Part& part, double progress) {
   const double fraction = config_.guidance.oracle_at(progress);
   if (fraction <= 0) return {};
   torch::Tensor guided = torch::zeros({part.count});
   const torch::Tensor& oracle = part.actor.seen()["oracle_action"];
   for (std::size_t i = 0; i < part.actions.size(); ++i) {
+    if (part.actor.sanitized()[i] != 0) continue;  // the label is gone with the rest of the row
     const ActingEnv& acting = part.acting[i];
     if (RandomStream(config_.seed, Purpose::oracle_episode, acting.env, acting.episode).uniform(0) >= fraction) continue;
     part.actions[i] = oracle.data_ptr<std::int32_t>()[i];
     guided[static_cast<std::int64_t>(i)] = 1;
+    oracle_acted_[static_cast<std::size_t>(part.envs[i])] = 1;
   }
   return guided;
 }
@@ -104,7 +108,13 @@ void RolloutCollector::note_outcome(Part& part, EpisodeSums& finished) {
   part.rollout.push_outcome(part_of(env_.rewards(), part.first, part.count), part_of(env_.terminated(), part.first, part.count),
                             part_of(env_.truncated(), part.first, part.count), part.actor.truncated_values(env_), experience(part));
   part.actor.advance(env_);
-  for (const FinishedEpisode& episode : env_.finished()) finished.add(episode.metrics);
+  for (const FinishedEpisode& episode : env_.finished()) {
+    std::uint8_t& by_oracle = oracle_acted_[static_cast<std::size_t>(episode.env - first_env_)];
+    if (by_oracle == 0) finished.add(episode.metrics);
+    by_oracle = 0;
+  }
+  for (const std::int32_t env : part.envs)  // an episode that was quarantined is not among the finished
+    if (env_.quarantined()[static_cast<std::size_t>(env)] != 0) oracle_acted_[static_cast<std::size_t>(env)] = 0;
 }
 
 /// 1 for the envs whose last step is experience to learn from.
@@ -128,7 +138,15 @@ torch::Tensor RolloutCollector::not_done() const {
   return torch::cat(all);
 }
 
-void RolloutCollector::restore(const torch::Tensor& hidden, const torch::Tensor& not_done) {
+torch::Tensor RolloutCollector::oracle_acted() const {
+  torch::Tensor flags = torch::empty({static_cast<std::int64_t>(oracle_acted_.size())});
+  std::copy(oracle_acted_.begin(), oracle_acted_.end(), flags.data_ptr<float>());
+  return flags;
+}
+
+void RolloutCollector::restore(const torch::Tensor& hidden, const torch::Tensor& not_done, const torch::Tensor& oracle_acted) {
+  for (std::size_t env = 0; env < oracle_acted_.size(); ++env)
+    oracle_acted_[env] = oracle_acted.defined() && oracle_acted[static_cast<std::int64_t>(env)].item<float>() != 0;
   for (Part& part : parts_) part.actor.restore(hidden.narrow(0, part.first, part.count), not_done.narrow(0, part.first, part.count));
 }
 

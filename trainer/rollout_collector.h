@@ -27,14 +27,18 @@ class RolloutCollector {
   /// env, policy: must outlive this.  first_env: global number of the batch's first env.
   RolloutCollector(const RunConfig& config, BatchedEnv& env, ActorCritic policy, int first_env);
 
-  /// One rollout of config.rollout_steps steps of all envs.  progress: of the training, for what guides it.
+  /// One rollout of config.rollout_steps steps of all envs.  progress: of the training, for what guides it.  finished: gains the episodes
+  /// that ended, but for those in which the oracle acted.
   void collect(double progress, EpisodeSums& finished, StageTimes& times);
   [[nodiscard]] const RolloutBuffer& rollout() const { return rollout_; }
 
   /// Before the next step: recurrent state [B, H], and 0 for the envs that begin an episode [B].
   [[nodiscard]] torch::Tensor hidden() const;
   [[nodiscard]] torch::Tensor not_done() const;
-  void restore(const torch::Tensor& hidden, const torch::Tensor& not_done);
+  /// 1 for the envs in whose episode the oracle has acted [B]: it does not count as one of the policy's.
+  [[nodiscard]] torch::Tensor oracle_acted() const;
+  /// oracle_acted: undefined for none.
+  void restore(const torch::Tensor& hidden, const torch::Tensor& not_done, const torch::Tensor& oracle_acted);
   /// Since construction.
   [[nodiscard]] std::uint64_t sanitized_rows() const;
   [[nodiscard]] std::uint64_t dropped_rows() const;
@@ -50,13 +54,14 @@ class RolloutCollector {
   };
   void act(Part& part, double progress);
   void note_outcome(Part& part, EpisodeSums& finished);
-  torch::Tensor take_oracle_actions(Part& part, double progress) const;
+  torch::Tensor take_oracle_actions(Part& part, double progress);
   [[nodiscard]] std::vector<std::uint8_t> experience(const Part& part) const;
 
   const RunConfig& config_;
   BatchedEnv& env_;
   int first_env_;
   RolloutBuffer rollout_;
+  std::vector<std::uint8_t> oracle_acted_;  ///< by env, in its episode
   std::vector<Part> parts_;
 };
 

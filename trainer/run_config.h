@@ -33,7 +33,7 @@ enum class Schedule { steps, minutes };
 /// What an evaluated policy does: an action drawn from its distribution, or the likeliest.
 enum class ActionChoice { sample, argmax };
 
-/// One training run as its YAML file says it.  Sections: env, policy, ppo, data (train, eval); the other keys are below.
+/// One training run as its YAML file says it.  Sections: env, policy, ppo, guidance, data (train, eval); the other keys are below.
 struct RunConfig {
   std::string name = "run";
   std::string out = "runs/run";  ///< checkpoints, curves and results go here

@@ -124,8 +124,9 @@ void Worker::restore(const std::filesystem::path& path) {
   if (!torch::isfinite(checkpoint.hidden.at(rank)).all().item<bool>())
     throw InputError(path.string(), "holds a recurrent state that is not finite", "take an earlier checkpoint");
   env_.restore(checkpoint.env_states[rank]);
-  collector_.restore(checkpoint.hidden.at(rank), checkpoint.not_done.at(rank));
-  window_.restore(checkpoint.episode_window);
+  collector_.restore(checkpoint.hidden.at(rank), checkpoint.not_done.at(rank),
+                     checkpoint.oracle_acted.empty() ? torch::Tensor() : checkpoint.oracle_acted.at(rank));
+  window_.restore(checkpoint.episode_window, checkpoint.episode_window_fields);
   update_ = checkpoint.update;
   env_steps_ = checkpoint.env_steps;
   elapsed_before_s_ = checkpoint.elapsed_s;
@@ -232,13 +233,14 @@ void Worker::report(const UpdateStats& stats, double update_s) {
 void Worker::save(bool last) {
   check_equal_weights();  // else the checkpoint would be of no worker
   // Rank 0 needs the cursors of all workers; hidden states travel as raw floats.
-  const torch::Tensor hidden = collector_.hidden(), not_done = collector_.not_done();
+  const torch::Tensor hidden = collector_.hidden(), not_done = collector_.not_done(), oracle_acted = collector_.oracle_acted();
   const auto raw = [](const torch::Tensor& tensor) {
     return std::string(reinterpret_cast<const char*>(tensor.data_ptr<float>()), static_cast<std::size_t>(tensor.numel()) * sizeof(float));
   };
   const auto states = collective_.all_gather(env_.save_state());
   const auto hiddens = collective_.all_gather(raw(hidden));
   const auto starts = collective_.all_gather(raw(not_done));
+  const auto guided = collective_.all_gather(raw(oracle_acted));
   if (rank_ != 0) return;
 
   Checkpoint checkpoint;
@@ -252,6 +254,7 @@ void Worker::save(bool last) {
   checkpoint.engine = engine_hash();
   checkpoint.engine_commit = engine_commit();
   checkpoint.episode_window = window_.state();
+  checkpoint.episode_window_fields = EpisodeSums::num_fields;
   checkpoint.mean_reward = window_.total().mean(EpisodeSums::reward);
   checkpoint.weights = weights_of(policy_);
   checkpoint.optimizer = optimizer_state_of(policy_, learner_.optimizer());
@@ -266,6 +269,7 @@ void Worker::save(bool last) {
     };
     checkpoint.hidden.push_back(tensor_of(hiddens[static_cast<std::size_t>(rank)], hidden.sizes()));
     checkpoint.not_done.push_back(tensor_of(starts[static_cast<std::size_t>(rank)], not_done.sizes()));
+    checkpoint.oracle_acted.push_back(tensor_of(guided[static_cast<std::size_t>(rank)], oracle_acted.sizes()));
   }
   const RunFolder folder(config_.out);
   const std::filesystem::path file = last ? folder.last_checkpoint() : folder.checkpoint_of(update_);

@@ -35,6 +35,7 @@ TEST(GuidanceConfig, WeightsFallLinearly) {
   EXPECT_DOUBLE_EQ(config.oracle_at(0.25), 0);
   EXPECT_THROW(validate(GuidanceConfig{.oracle = 0.5}), InputError);  // without imitation nothing is learnt from it
   EXPECT_THROW(validate(GuidanceConfig{.imitation = -1}), InputError);
+  EXPECT_THROW(validate(GuidanceConfig{.imitation = 1, .imitation_until = 0.1, .oracle = 1, .oracle_until = 0.5}), InputError);
   EXPECT_THROW(validate(GuidanceConfig{.imitation = 1, .oracle = 1.5}), InputError);
 }
 

@@ -97,6 +97,29 @@ TEST(Estimate, IntervalOverGroupsHoldsTheTruth) {
   EXPECT_LT(held_over_episodes, 0.90 * 400);
 }
 
+// Intervals over scenes that agree: never narrower than over episodes, never beyond what a metric can be.
+TEST(EvaluationResult, IntervalsOverScenesStayWithinReason) {
+  const auto result_of = [](const std::vector<int>& hits_of_ten) {
+    EvaluationResult result;
+    for (std::size_t scene = 0; scene < hits_of_ten.size(); ++scene)
+      for (int i = 0; i < 10; ++i) {
+        EpisodeMetrics metrics;
+        metrics.success = metrics.spl = i < hits_of_ten[scene] ? 1 : 0;
+        result.episodes.push_back({std::to_string(i), "house:" + std::to_string(scene), metrics, {}});
+      }
+    return result;
+  };
+  const EvaluationResult none = result_of(std::vector<int>(30, 0));
+  ASSERT_TRUE(none.intervals_over_scenes());
+  EXPECT_NEAR(none.success().high, fraction_with_interval(0, 300).high, 1e-12);
+  const EvaluationResult equal = result_of({9, 9, 9, 9, 9});
+  EXPECT_NEAR(equal.success().low, fraction_with_interval(45, 50).low, 1e-12);
+  const EvaluationResult spread = result_of({10, 10, 10, 10, 5});
+  EXPECT_LE(spread.success().high, 1);
+  EXPECT_LE(spread.spl().high, 1);
+  EXPECT_LT(spread.success().low, fraction_with_interval(45, 50).low);  // houses differ more than episodes would
+}
+
 TEST(ResultGroups, TellSoundsApartByWhatTheTrainingHeard) {
   EXPECT_EQ(sound_kind("synth:telephone:3"), "telephone");
   EXPECT_EQ(sound_kind("synth:bird"), "bird");

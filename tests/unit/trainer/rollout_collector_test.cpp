@@ -77,6 +77,28 @@ TEST(RolloutCollector, HalvesDoWhatTheWholeBatchDoes) {
   EXPECT_EQ(halves.finished.values, whole.finished.values);
 }
 
+// Where it always acts, no episode is the policy's.
+TEST(RolloutCollector, EpisodesOfTheOracleAreNotCounted) {
+  RunConfig config = run_config(false, 2);
+  config.guidance.oracle = 1;
+  config.guidance.imitation_end_weight = 1;
+  config.guidance.oracle_until = 1;
+  const auto counted = [&](double progress) {
+    static const auto set = quick_set(3);
+    EnvConfig env_config = config.env;
+    env_config.observation = training_sensors(config);
+    BatchedEnv env(env_config, set, make_scene_cache(env_config), 5);
+    env.reset();
+    RolloutCollector collector(config, env, ActorCritic(config.env.observation, config.policy), 0);
+    EpisodeSums finished;
+    StageTimes times;
+    collector.collect(progress, finished, times);
+    return finished.values[EpisodeSums::count];
+  };
+  EXPECT_EQ(counted(0), 0);
+  EXPECT_GT(counted(1), 0);
+}
+
 TEST(RolloutCollector, TheOracleActsInSomeEpisodesFromTheirBeginning) {
   const Collected run = collect(run_config(false, 2));
   const torch::Tensor guided = run.rollout.guided;

@@ -41,6 +41,30 @@ TEST(RunConfig, EverySectionRefusesUnknownKeys) {
   EXPECT_THAT(message_of("data: {train: {seeds: 2}}"), HasSubstr("did you mean 'seed'"));
 }
 
+TEST(RunConfig, GuidanceThatWouldHaveNoEffectIsRefused) {
+  EXPECT_EQ(message_of("policy: {goal_heads: true}\nguidance: {imitation: 1, oracle: 0.5, goal: 0.2}"), "accepted");
+  EXPECT_THAT(message_of("guidance: {goal: 0.2}"), HasSubstr("policy.goal_heads"));
+  EXPECT_THAT(message_of("policy: {goal_heads: true}"), HasSubstr("guidance.goal"));
+  EXPECT_THAT(message_of("guidance: {oracle: 0.5}"), HasSubstr("guidance.oracle"));
+  EXPECT_THAT(message_of("guidance: {imitation: 1, imitation_until: 0}"), HasSubstr("imitation_until"));
+  EXPECT_THAT(message_of("guidance: {imitation: 1, imitation_until: 0.1, oracle: 1, oracle_until: 0.5}"), HasSubstr("oracle_until"));
+  EXPECT_EQ(message_of("guidance: {imitation: 1, imitation_until: 0.1, imitation_end_weight: 0.1, oracle: 1, oracle_until: 0.5}"),
+            "accepted");
+  EXPECT_THAT(message_of("guidance: {imitaton: 1}"), HasSubstr("did you mean 'imitation'"));
+  EXPECT_THAT(message_of("schedule: minutes"), HasSubstr("max_minutes"));
+  EXPECT_THAT(message_of("schedule: hours"), HasSubstr("minutes"));
+  EXPECT_THAT(message_of("eval_actions: best"), HasSubstr("argmax"));
+  EXPECT_THAT(message_of("overlap: true\nenvs_per_worker: 1"), HasSubstr("overlap"));
+}
+
+TEST(RunConfig, SensorsOfTheLossesAreThoseOfTrainingAlone) {
+  const RunConfig config = parse_run_config("policy: {goal_heads: true}\nguidance: {imitation: 1, goal: 0.2}", "run.yaml", {});
+  EXPECT_TRUE(training_sensors(config).oracle_action && training_sensors(config).goal_state);
+  EXPECT_FALSE(config.env.observation.oracle_action || config.env.observation.goal_state);
+  const RunConfig plain = parse_run_config("", "run.yaml", {});
+  EXPECT_FALSE(training_sensors(plain).oracle_action || training_sensors(plain).goal_state);
+}
+
 TEST(RunConfig, ValuesOutOfRangeNameKeyAndRule) {
   EXPECT_THAT(message_of("workers: 0"), HasSubstr("workers = 0: must be in [1, 256]"));
   EXPECT_THAT(message_of("rollout_steps: -1"), HasSubstr("rollout_steps"));

@@ -116,6 +116,16 @@ TEST_F(StartRun, KeysWithoutAPartInTheBitsMayChange) {
                             "env.field_store=" + path("fields"), "data.eval.seed=5", "ppo.kl_alarm=7", "env.acoustics.threads=2"}),
                     {.resume = checkpoint}),
             "starts");
+  EXPECT_EQ(refusal(config({"eval_actions=argmax"}), {.resume = checkpoint}), "starts");
+  EXPECT_THAT(refusal(config({"overlap=true"}), {.resume = checkpoint}), HasSubstr("overlap"));
+  // Where a schedule depends on them, the bits do.
+  for (const std::string key : {"ppo.linear_entropy_decay=true", "guidance.imitation=1", "guidance.imitation_end_weight=0.5"}) {
+    const auto scheduled = write_checkpoint("run/checkpoints/last.ckpt", {key});
+    EXPECT_THAT(refusal(config({key, "total_steps=7"}), {.resume = scheduled}), HasSubstr("total_steps")) << key;
+    EXPECT_EQ(refusal(config({key, "max_minutes=3"}), {.resume = scheduled}), "starts") << key;
+  }
+  const auto by_minutes = write_checkpoint("run/checkpoints/last.ckpt", {"schedule=minutes", "max_minutes=5"});
+  EXPECT_THAT(refusal(config({"schedule=minutes", "max_minutes=3"}), {.resume = by_minutes}), HasSubstr("max_minutes"));
   const auto decaying = write_checkpoint("run/checkpoints/last.ckpt", {"ppo.linear_learning_rate_decay=true"});
   EXPECT_THAT(refusal(config({"ppo.linear_learning_rate_decay=true", "total_steps=7"}), {.resume = decaying}), HasSubstr("total_steps"));
 }

@@ -74,6 +74,40 @@ TEST_F(TrainLoop, ResumeGivesTheBitsOfTheUnbrokenRun) {
   EXPECT_TRUE(torch::equal(unbroken.not_done.at(0), resumed.not_done.at(0)));
 }
 
+// The same with all that guides a policy, and with halves of the batch in the background.
+TEST_F(TrainLoop, ResumeGivesTheBitsOfTheUnbrokenGuidedRun) {
+  const std::string last_size = "conv_channels: 4";
+  yaml_.replace(yaml_.find(last_size), last_size.size(), "conv_channels: 4, guided_critic: true, goal_heads: true, normalize_values: true");
+  yaml_ += "overlap: true\nguidance: {imitation: 1, imitation_until: 0.9, oracle: 0.7, oracle_until: 0.9, goal: 0.2}\n";
+  const Checkpoint unbroken = run("unbroken", 5);
+  const Checkpoint middle = load_checkpoint(folder_ / "unbroken/checkpoints/update_000002.ckpt");
+  EXPECT_GT(middle.oracle_acted.at(0).sum().item<double>(), 0);  // in the middle of an episode that the oracle began
+  const Checkpoint resumed = run("second", 5, folder_ / "unbroken/checkpoints/update_000002.ckpt");
+  expect_equal(unbroken.weights, resumed.weights);
+  expect_equal(unbroken.optimizer, resumed.optimizer);
+  EXPECT_EQ(unbroken.env_states, resumed.env_states);
+  EXPECT_TRUE(torch::equal(unbroken.hidden.at(0), resumed.hidden.at(0)));
+  EXPECT_TRUE(torch::equal(unbroken.oracle_acted.at(0), resumed.oracle_acted.at(0)));
+  EXPECT_EQ(unbroken.episode_window, resumed.episode_window);
+  EXPECT_NE(unbroken.weights.at("value_deviation").item<float>(), 1.f);
+}
+
+// A schedule of minutes is over when the minutes of all sittings are.
+TEST_F(TrainLoop, MinutesCountOverAllSittings) {
+  const auto sitting = [&](const std::string& out, const std::filesystem::path& resume) {
+    const RunConfig config = parse_run_config(
+        yaml_, "tiny", {"out=" + (folder_ / out).string(), "schedule=minutes", "max_minutes=0.02", "ppo.linear_learning_rate_decay=true"});
+    const auto worker = make_single_worker();
+    return train(config, *worker, {.resume = resume});
+  };
+  const TrainReport first = sitting("minutes", {});
+  EXPECT_GT(first.updates, 0u);
+  const Checkpoint end = load_checkpoint(first.checkpoint);
+  EXPECT_GE(end.elapsed_s, 1.2);
+  const TrainReport second = sitting("minutes_second", first.checkpoint);
+  EXPECT_EQ(second.env_steps, first.env_steps);
+}
+
 TEST_F(TrainLoop, SameSeedSameBitsAndAnotherSeedOthers) {
   const Checkpoint a = run("a", 2), b = run("b", 2);
   expect_equal(a.weights, b.weights);
