@@ -3,8 +3,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "envs/av_nav_task.h"
-#include "envs/episode.h"
+#include "envs/action_digits.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/json_depth.h"
@@ -19,21 +18,6 @@ constexpr int kVersion = 2;
 
 [[noreturn]] void fail(const std::string& what) { throw InputError("environment state", what, "resume from another checkpoint"); }
 
-std::string text_of(const std::vector<std::int8_t>& actions) {
-  std::string text;
-  for (const std::int8_t action : actions) text += static_cast<char>('0' + action);
-  return text;
-}
-
-std::vector<std::int8_t> actions_of(const json& value) {
-  std::vector<std::int8_t> actions;
-  for (const char action : value.get_ref<const std::string&>()) {
-    if (action < '0' || action >= '0' + kNumActions) fail("holds an action that does not exist");
-    actions.push_back(static_cast<std::int8_t>(action - '0'));
-  }
-  return actions;
-}
-
 }  // namespace
 
 std::string encode(const EnvState& state) {
@@ -45,9 +29,8 @@ std::string encode(const EnvState& state) {
                     {"seed", env.seed},
                     {"stream", env.stream},
                     {"episode_index", env.episode_index},
-                    {"episode_count", env.episode_count},
-                    {"actions", text_of(env.actions)}});
-    for (const auto& actions : env.others) envs.back()["others"].push_back(text_of(actions));
+                    {"episode_count", env.episode_count}});
+    write_actions(envs.back(), env.actions, env.others);
   }
   const json body = {{"set_hash", hex64(state.set_hash)}, {"seed", state.seed},       {"first_env", state.first_env},
                      {"total_envs", state.total_envs},    {"started", state.started}, {"envs", envs}};
@@ -78,11 +61,7 @@ EnvState decode_env_state(std::string_view text) {
                        .episode_index = whole_number<std::uint64_t>(env, "episode_index"),
                        .episode_count = whole_number<int>(env, "episode_count"),
                        .actions = {}};
-      cursor.actions = actions_of(env.at("actions"));
-      if (const auto others = env.find("others"); others != env.end()) {
-        if (!others->is_array() || others->size() >= kMaxAgents) fail("holds more agents than there can be");
-        for (const json& actions : *others) cursor.others.push_back(actions_of(actions));
-      }
+      read_actions(env, cursor.actions, cursor.others, fail);
       if (cursor.episode_count < 0) fail("holds a negative episode count");
       state.envs.push_back(std::move(cursor));
     }

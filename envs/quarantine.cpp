@@ -11,7 +11,7 @@
 #include <set>
 #include <utility>
 
-#include "envs/action.h"
+#include "envs/action_digits.h"
 #include "envs/episode_set.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
@@ -41,12 +41,6 @@ std::string file_name(const QuarantineRecord& record) {
   return fmt::format("{}_{}.json", name_of(record.report.fault), hex64(hash));
 }
 
-std::string text_of(const std::vector<std::int8_t>& actions) {
-  std::string text;
-  for (const std::int8_t action : actions) text += static_cast<char>('0' + action);
-  return text;
-}
-
 }  // namespace
 
 std::string_view name_of(Fault fault) { return kNames[static_cast<std::size_t>(fault)]; }
@@ -70,10 +64,9 @@ std::string encode(const QuarantineRecord& record) {
                    {"set_hash", hex64(record.set_hash)},
                    {"episode_index", record.episode_index},
                    {"step", record.step},
-                   {"actions", text_of(record.actions)},
                    {"set", json::parse(episode_set_text({record.episode}))},
                    {"config", record.config}};
-  for (const auto& actions : record.others) document["others"].push_back(text_of(actions));
+  write_actions(document, record.actions, record.others);
   return document.dump(1, ' ', false, json::error_handler_t::replace) + "\n";
 }
 
@@ -96,19 +89,7 @@ QuarantineRecord decode_quarantine_record(std::string_view text, const std::stri
     record.set_hash = std::stoull(document.at("set_hash").get<std::string>(), nullptr, 16);
     record.episode_index = whole_number<std::uint64_t>(document, "episode_index");
     record.step = whole_number<int>(document, "step");
-    const auto actions_of = [&](const json& value) {
-      std::vector<std::int8_t> actions;
-      for (const char action : value.get_ref<const std::string&>()) {
-        if (action < '0' || action >= '0' + kNumActions) fail("holds an action that does not exist");
-        actions.push_back(static_cast<std::int8_t>(action - '0'));
-      }
-      return actions;
-    };
-    record.actions = actions_of(document.at("actions"));
-    if (const auto others = document.find("others"); others != document.end()) {
-      if (!others->is_array() || others->size() >= kMaxAgents) fail("holds more agents than there can be");
-      for (const json& actions : *others) record.others.push_back(actions_of(actions));
-    }
+    read_actions(document, record.actions, record.others, fail);
     record.config = document.at("config").get<std::string>();
     const EpisodeSet set = parse_episode_set(document.at("set").dump(), where);
     if (set.episodes.size() != 1) fail("holds not one episode");
