@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "envs/batched_env_impl.h"
+#include "envs/bearing.h"
 #include "sim/base/random.h"
 
 namespace earshot {
@@ -139,10 +140,9 @@ void BatchedEnv::Impl::observe_way(std::size_t row) {
   const Pose now = agent.state.pose(config.task);
   if (pointgoal) {
     const glm::dvec3 toward = episode_of(agent).goal_position - agent.source->scene->scene->to_world(now.position);
-    const double bearing_rad = std::atan2(-toward.x, -toward.z);  // forward_of(h) = (-sin h, 0, -cos h)
     const auto goal = pointgoal->row<float>(row);
     goal[0] = static_cast<float>(std::hypot(toward.x, toward.z));
-    goal[1] = static_cast<float>(std::remainder(bearing_rad - now.heading_rad, 2.0 * std::numbers::pi));
+    goal[1] = static_cast<float>(bearing_rad(toward, now.heading_rad));
     check(row, Fault::pointgoal, goal);
   }
   const glm::vec3 moved = now.position - agent.start_pose.position;
@@ -169,17 +169,13 @@ void BatchedEnv::Impl::observe_goal(std::size_t row) {
   const NearestGoal goal = goal_of(row);
   if (oracle_action_rows) oracle_action_rows->row<std::int32_t>(row)[0] = static_cast<std::int32_t>(oracle_action(config.task, goal, now));
   if (!goal_state) return;
-  const auto bearing_rad = [&](glm::vec3 toward) {  // forward_of(h) = (-sin h, 0, -cos h)
-    return static_cast<float>(std::remainder(std::atan2(-static_cast<double>(toward.x), -static_cast<double>(toward.z)) - now.heading_rad,
-                                             2.0 * std::numbers::pi));
-  };
   const glm::vec3 toward = goal.nearest(now.position).goal() - now.position;
   const auto state = goal_state->row<float>(row);
   state[0] = agent.state.distance_to_goal_m();
   state[1] = std::hypot(toward.x, toward.z);
-  state[2] = bearing_rad(toward);
+  state[2] = static_cast<float>(bearing_rad(toward, now.heading_rad));
   const auto corner = goal.next_corner(now.position);
-  state[3] = corner ? bearing_rad(*corner - now.position) : state[2];
+  state[3] = corner ? static_cast<float>(bearing_rad(*corner - now.position, now.heading_rad)) : state[2];
   check(row, Fault::pointgoal, state);
 }
 
