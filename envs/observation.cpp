@@ -104,7 +104,14 @@ void validate(const ObservationSpec& spec) {
   validate(spec.camera);
   validate(spec.noise);
   validate(spec.map);
-  require(spec.topdown_map || !spec.map.goal, "observation.map.goal", true, "has no effect without observation.topdown_map");
+  const TopdownMapConfig untouched;
+  const auto require_map = [&](bool as_it_was, const char* key, const auto& value) {
+    require(spec.topdown_map || as_it_was, key, value, "has no effect without observation.topdown_map");
+  };
+  require_map(spec.map.size_px == untouched.size_px, "observation.map.size_px", spec.map.size_px);
+  require_map(spec.map.metres_per_px == untouched.metres_per_px, "observation.map.metres_per_px", spec.map.metres_per_px);
+  require_map(spec.map.frame == untouched.frame, "observation.map.frame", "allocentric");
+  require_map(spec.map.goal == untouched.goal, "observation.map.goal", true);
   const PoseNoiseConfig& pose_noise = spec.pose_noise;
   require(pose_noise.position_m >= 0.f && pose_noise.position_m <= 10.f, "observation.noise.position_m", pose_noise.position_m,
           "must be in [0, 10] metres");

@@ -49,6 +49,20 @@ observation:
   EXPECT_THROW(from_text("task: {actuation_noise: {sigma: 3}}"), InputError);
 }
 
+TEST(EnvConfig, AMapThatIsNotDrawnHasNoKeys) {
+  for (const std::string key : {"size_px: 48", "metres_per_px: 0.2", "frame: allocentric", "goal: true"}) {
+    EXPECT_NO_THROW(from_text("observation: {topdown_map: true, map: {" + key + "}}"));
+    try {
+      static_cast<void>(from_text("observation: {map: {" + key + "}}"));
+      ADD_FAILURE() << key << " was accepted";
+    } catch (const InputError& error) {
+      EXPECT_THAT(error.what(), testing::HasSubstr("observation.map." + key.substr(0, key.find(':'))));
+      EXPECT_THAT(error.what(), testing::HasSubstr("has no effect without observation.topdown_map"));
+    }
+  }
+  EXPECT_NO_THROW(from_text("observation: {map: {size_px: 64, metres_per_px: 0.125, frame: egocentric, goal: false}}"));
+}
+
 TEST(EnvConfig, ARendererHasAPictureToDrawAndADeviceThatItTakes) {
   const EnvConfig config = from_text("observation: {renderer: egl, egl_device: software}");
   EXPECT_EQ(config.observation.renderer, Renderer::egl);
