@@ -26,7 +26,8 @@ inline void relax() {
 /// A round is one call of run().  Its items are claimed by a counter that holds the round too, so that a helper that comes late claims none
 /// of another round.
 struct AgentTeam::Shared {
-  const std::function<void(std::size_t, std::size_t)>* body = nullptr;
+  const void* body = nullptr;
+  Call call = nullptr;
   std::atomic<std::uint64_t> next{0};  ///< round << 32 | items left
   std::atomic<std::uint32_t> round{0}, done{0};
   std::atomic<bool> stop{false};
@@ -36,7 +37,7 @@ struct AgentTeam::Shared {
     std::uint64_t now = next.load(std::memory_order_acquire);
     while (static_cast<std::uint32_t>(now >> 32) == of_round && static_cast<std::uint32_t>(now) > 0) {
       if (!next.compare_exchange_weak(now, now - 1, std::memory_order_acq_rel)) continue;
-      (*body)(static_cast<std::uint32_t>(now) - 1, member);
+      call(body, static_cast<std::uint32_t>(now) - 1, member);
       done.fetch_add(1, std::memory_order_release);
       done.notify_one();
       now = next.load(std::memory_order_acquire);
@@ -67,11 +68,12 @@ AgentTeam::~AgentTeam() {
   for (std::thread& thread : shared_->threads) thread.join();
 }
 
-void AgentTeam::run(std::size_t count, const std::function<void(std::size_t, std::size_t)>& body) {
+void AgentTeam::run_calls(std::size_t count, const void* body, Call call) {
   Shared& in = *shared_;
   if (count == 0) return;
-  if (count == 1) return body(0, 0);
-  in.body = &body;
+  if (count == 1) return call(body, 0, 0);
+  in.body = body;
+  in.call = call;
   in.done.store(0, std::memory_order_relaxed);
   const std::uint32_t round = in.round.load(std::memory_order_relaxed) + 1;
   in.next.store(std::uint64_t{round} << 32 | count, std::memory_order_release);

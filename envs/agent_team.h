@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstddef>
-#include <functional>
 #include <memory>
 
 namespace earshot {
@@ -17,10 +16,16 @@ class AgentTeam {
   AgentTeam& operator=(const AgentTeam&) = delete;
 
   /// body(item, member) for all items below `count`, each once, in any order and by any member; returns when all are done.  member: of
-  /// the thread, 0 for the caller, up to the number of helpers.  body must not throw.
-  void run(std::size_t count, const std::function<void(std::size_t item, std::size_t member)>& body);
+  /// the thread, 0 for the caller, up to the number of helpers.  body must not throw.  Takes no memory, whatever body captures.
+  template <class Body>
+  void run(std::size_t count, const Body& body) {
+    run_calls(count, &body, [](const void* of, std::size_t item, std::size_t member) { (*static_cast<const Body*>(of))(item, member); });
+  }
 
  private:
+  using Call = void (*)(const void* body, std::size_t item, std::size_t member);
+  void run_calls(std::size_t count, const void* body, Call call);
+
   struct Shared;
   std::unique_ptr<Shared> shared_;
 };
