@@ -34,11 +34,15 @@ class VectorSemantics : public testing::Test {
     EnvConfig config = quick_env_config();
     config.observation.waveform = config.observation.heard = config.observation.gps_compass = config.observation.pose = true;
     config.observation.collision = config.observation.previous_action = true;
-    config.observation.rgb = config.observation.semantic = config.observation.depth_noise = true;
+    config.observation.interaural = config.observation.topdown_map = true;
+    config.observation.oracle_action = config.observation.goal_state = true;
+    config.observation.rgb = config.observation.semantic = config.observation.normals = config.observation.depth_noise = true;
     config.observation.cameras = {
         {.name = "around",
          .config = {.width_px = 16, .height_px = 8, .projection = Projection::equirectangular, .horizontal_fov_deg = 360},
          .depth = true,
+         .rgb = true,
+         .semantic = true,
          .normals = true}};
     return config;
   }

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <numbers>
+#include <set>
 #include <stdexcept>
 
 #include "envs/sensor_rows.h"
@@ -16,6 +17,14 @@
 
 namespace earshot {
 namespace {
+
+// The claims below are about every sensor that there is.
+TEST_F(VectorSemantics, TheConfigHasAllSensors) {
+  BatchedEnv env = make(1, config_);
+  std::set<SensorKind> kinds;
+  for (const SensorSpec& sensor : env.sensors()) kinds.insert(sensor.kind);
+  EXPECT_EQ(kinds.size(), static_cast<std::size_t>(SensorKind::goal_state) + 1);
+}
 
 TEST_F(VectorSemantics, SensorsOfTheWaySayWhatTheAgentDid) {
   config_.order = EpisodeOrder::once;
