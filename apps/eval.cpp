@@ -70,7 +70,7 @@ void run_eval(const Options& options) {
 void add_eval(CLI::App& app) {
   auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand("eval", "Run an agent on every episode of a set and report its metrics");
-  command->add_option("AGENT", options->agent, "Checkpoint, run folder, or one of: random greedy oracle")->required();
+  command->add_option("AGENT", options->agent, "Checkpoint, run folder, or one of: " + baseline_names())->required();
   command->add_option("--episodes", options->evaluation.episodes, "Episode set (default: data.eval.file of the config)");
   command->add_option("--out", options->out, "Result file (JSON) to write");
   command->add_option("--config", options->config, "Run config that fixes the environment of a baseline");

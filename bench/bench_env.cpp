@@ -127,6 +127,7 @@ class EnvBench {
     BatchedEnv env(config, set_, scenes_, envs);
     env.reset();
     EnvTimes times;
+    BaselineAgent oracle(Baseline::oracle, env.config(), env.num_rows(), 0);
     std::vector<std::int32_t> actions(static_cast<std::size_t>(env.num_rows()));
     for (int repeat = 0; repeat <= repeats; ++repeat) {
       const StageSeconds before = env.stage_seconds();
@@ -138,7 +139,7 @@ class EnvBench {
         if (options_.walk)
           walk(env, actions);
         else
-          baseline_actions(Baseline::oracle, env, 0, 0, actions);
+          oracle.act(env, actions);
         const Stopwatch batch;
         env.step(actions);
         const double batch_s = batch.wall_s();

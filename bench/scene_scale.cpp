@@ -109,10 +109,11 @@ SceneScaleResult run_scene_scale(const SceneScaleOptions& options) {
   BatchedEnv env(config, std::make_shared<const EpisodeSet>(std::move(set)), scenes, options.num_envs);
   const Stopwatch whole;
   env.reset();
+  BaselineAgent oracle(Baseline::oracle, config, options.num_envs, options.seed);
   std::vector<std::int32_t> actions(static_cast<std::size_t>(options.num_envs));
   std::vector<SlowStep> steps;
   while (whole.wall_s() < 60 * options.minutes && std::ranges::any_of(env.active(), [](std::uint8_t active) { return active != 0; })) {
-    baseline_actions(Baseline::oracle, env, options.seed, 0, actions);
+    oracle.act(env, actions);
     SlowStep step{.step = steps.size()};
     const double reset_before_s = env.stage_seconds().reset;
     const std::uint64_t loaded_before = scenes->scenes_loaded(), built_before = scenes->sources_built();

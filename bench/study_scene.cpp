@@ -40,11 +40,12 @@ double steps_per_s(const EnvConfig& config, const std::shared_ptr<SceneCache>& s
                    int num_envs, double seconds) {
   BatchedEnv env(config, episodes, scenes, num_envs);
   env.reset();
+  BaselineAgent agent(Baseline::random, config, num_envs, 0);
   std::vector<std::int32_t> actions(static_cast<std::size_t>(num_envs));
   const Stopwatch watch;
   int steps = 0;
   do {
-    baseline_actions(Baseline::random, env, 0, 0, actions);
+    agent.act(env, actions);
     for (std::int32_t& action : actions) action = std::max(action, 1);  // no agent stops: the source is the same throughout
     env.step(actions);
     steps += num_envs;

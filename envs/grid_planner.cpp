@@ -24,8 +24,7 @@ GridPlanner::GridPlanner(float agent_radius_m)
 int GridPlanner::factor(const OccupancyGrid& grid, int x, int z) const {
   if (!OccupancyGrid::inside(x, z) || grid.at(x, z) != OccupancyGrid::Cell::free) return 0;
   const int clear = grid.clearance(x, z) - std::min(radius_cells_, OccupancyGrid::kReach - 2);
-  if (clear < 0)
-    return std::max(std::abs(x - from_.x), std::abs(z - from_.z)) <= kNearStart_cells ? kLargestFactor : 0;
+  if (clear < 0) return std::max(std::abs(x - from_.x), std::abs(z - from_.z)) <= kNearStart_cells ? kLargestFactor : 0;
   return clear == 0 ? 4 : clear == 1 ? 2 : 1;
 }
 

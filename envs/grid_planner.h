@@ -36,8 +36,8 @@ class GridPlanner {
 
   int radius_cells_;
   GridCell from_;
-  std::vector<std::int32_t> cost_;    ///< in tenths of a cell; -1: not reached
-  std::vector<std::int8_t> parent_;   ///< direction from which it was reached
+  std::vector<std::int32_t> cost_;   ///< in tenths of a cell; -1: not reached
+  std::vector<std::int8_t> parent_;  ///< direction from which it was reached
   std::vector<GridCell> reached_;
   std::vector<std::vector<GridCell>> buckets_;
 };

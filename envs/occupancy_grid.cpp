@@ -24,7 +24,8 @@ OccupancyGrid::OccupancyGrid(const CameraConfig& camera, const NavmeshConfig& bo
     : camera_(camera),
       climb_m_(body.max_climb_m),
       height_m_(body.agent_height_m),
-      focal_px_(0.5f * static_cast<float>(camera.width_px) / std::tan(0.5f * camera.horizontal_fov_deg * std::numbers::pi_v<float> / 180.f)) {
+      focal_px_(0.5f * static_cast<float>(camera.width_px) /
+                std::tan(0.5f * camera.horizontal_fov_deg * std::numbers::pi_v<float> / 180.f)) {
   clear();
 }
 
@@ -103,10 +104,12 @@ void OccupancyGrid::add(const PlanarPose& pose, std::span<const float> depth) {
   }
   for (std::size_t x = 0; x + 1 < width; ++x) {
     const double reach = static_cast<double>(camera_.max_depth_m);
-    const double a = along_m_[x] > 0 ? static_cast<double>(along_m_[x]) : reach, b = along_m_[x + 1] > 0 ? static_cast<double>(along_m_[x + 1]) : reach;
+    const double a = along_m_[x] > 0 ? static_cast<double>(along_m_[x]) : reach,
+                 b = along_m_[x + 1] > 0 ? static_cast<double>(along_m_[x + 1]) : reach;
     for (int line = 0; line < kLines; ++line) {
       const double right = slope(static_cast<double>(x) + static_cast<double>(line) / kLines), ahead = std::min(a, b);
-      carve(pose.x_m, pose.z_m, point_x(ahead, ahead * right), point_z(ahead, ahead * right), ahead * std::hypot(1.0, right) - 0.5 * kCell_m);
+      carve(pose.x_m, pose.z_m, point_x(ahead, ahead * right), point_z(ahead, ahead * right),
+            ahead * std::hypot(1.0, right) - 0.5 * kCell_m);
     }
   }
 }

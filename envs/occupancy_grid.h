@@ -15,9 +15,9 @@ struct PlanarPose {
   double x_m = 0, z_m = 0, heading_rad = 0;
 };
 
-/// A map of what an agent has seen: square cells that are unknown, free or occupied, from depth pictures of a level pinhole camera and poses
-/// in the map's own frame.  Occupied is what stands between max_climb_m and agent_height_m above the floor; free is what lies before it and
-/// floor that is seen.  What has been seen occupied stays so.
+/// A map of what an agent has seen: square cells that are unknown, free or occupied, from depth pictures of a level pinhole camera and
+/// poses in the map's own frame.  Occupied is what stands between max_climb_m and agent_height_m above the floor; free is what lies before
+/// it and floor that is seen.  What has been seen occupied stays so.
 class OccupancyGrid {
  public:
   static constexpr double kCell_m = 0.05;
@@ -39,8 +39,8 @@ class OccupancyGrid {
   /// Cells to the nearest obstacle, kReach if it is farther.
   [[nodiscard]] int clearance(int x, int z) const { return near_[index(x, z)]; }
   static constexpr int kReach = 6;
-  [[nodiscard]] static int cell_of(double metres);     ///< may lie outside
-  [[nodiscard]] static double centre_of(int cell);     ///< in metres
+  [[nodiscard]] static int cell_of(double metres);  ///< may lie outside
+  [[nodiscard]] static double centre_of(int cell);  ///< in metres
   [[nodiscard]] static bool inside(int x, int z) { return x >= 0 && z >= 0 && x < kSize && z < kSize; }
   [[nodiscard]] static std::size_t index(int x, int z) { return static_cast<std::size_t>(z) * kSize + static_cast<std::size_t>(x); }
 

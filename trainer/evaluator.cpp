@@ -119,10 +119,12 @@ EvaluationResult evaluate_checkpoint(const std::filesystem::path& path, const Ev
 }
 
 EvaluationResult evaluate_baseline(Baseline baseline, const std::string& name, const EnvConfig& env, const EvaluationConfig& evaluation) {
-  EvaluationResult result = run_episodes(
-      env, evaluation, name,
-      [&](BatchedEnv& batch, std::span<std::int32_t> actions) { baseline_actions(baseline, batch, evaluation.seed, 0, actions); },
-      [](const BatchedEnv&) {});
+  std::optional<BaselineAgent> agent;
+  const auto act = [&](BatchedEnv& batch, std::span<std::int32_t> actions) {
+    if (!agent) agent.emplace(baseline, batch.config(), batch.num_rows(), evaluation.seed);
+    agent->act(batch, actions);
+  };
+  EvaluationResult result = run_episodes(env, evaluation, name, act, [](const BatchedEnv&) {});
   result.policy_hash = name;
   return result;
 }

@@ -68,10 +68,11 @@ double process_cpu_s() {
   return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
+std::uint64_t seed_of_round(std::uint64_t seed, int round) { return seed + 1'000'003u * static_cast<std::uint64_t>(round); }
+
 /// Greedy or at random, by episode.  At random: mostly forward, rarely stop, so that episodes go on.
-void choose_actions(const BatchedEnv& env, std::uint64_t seed, int round, std::vector<std::int32_t>& actions) {
-  const std::uint64_t round_seed = seed + 1'000'003u * static_cast<std::uint64_t>(round);
-  baseline_actions(Baseline::greedy, env, round_seed, 0, actions);
+void choose_actions(const BatchedEnv& env, BaselineAgent& greedy, std::uint64_t round_seed, std::vector<std::int32_t>& actions) {
+  greedy.act(env, actions);
   for (std::size_t row = 0; row < actions.size(); ++row) {
     const int index = static_cast<int>(row);
     if (!env.active()[row]) continue;
@@ -139,7 +140,7 @@ class Soak {
         if (round_ == 1) end_of_first_round_ = watch_->steps();
         begin_round();
       }
-      choose_actions(*env_, options_.seed, round_, actions);
+      choose_actions(*env_, *greedy_, seed_of_round(options_.seed, round_), actions);
       const auto before = stage_seconds(*env_);
       const Stopwatch one_step;
       env_->step(actions);
@@ -155,6 +156,7 @@ class Soak {
 
   void begin_round() {
     env_->reset();
+    greedy_.emplace(Baseline::greedy, config_, options_.num_envs, seed_of_round(options_.seed, round_));
     watch_->check_start(*env_);
   }
 
@@ -238,6 +240,7 @@ class Soak {
   SoakEpisodes episodes_;
   std::shared_ptr<const EpisodeSet> set_;
   std::optional<BatchedEnv> env_;
+  std::optional<BaselineAgent> greedy_;  ///< of this round
   std::optional<SoakWatch> watch_;
   SoakResult result_;
   Stopwatch watch_time_;

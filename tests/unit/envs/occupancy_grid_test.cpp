@@ -14,7 +14,8 @@ OccupancyGrid map_of_room() {
   config.observation.spectrogram = false;
   config.observation.camera.width_px = config.observation.camera.height_px = 64;
   config.task.max_steps = 100;
-  BatchedEnv env(config, make_set({room_episode("shoebox:6x3x5@0.5", {3, 0, 2.5f}, 0, {1, 0, 1}, "synth:noise")}), make_scene_cache(config), 1);
+  BatchedEnv env(config, make_set({room_episode("shoebox:6x3x5@0.5", {3, 0, 2.5f}, 0, {1, 0, 1}, "synth:noise")}), make_scene_cache(config),
+                 1);
   env.reset();
   OccupancyGrid grid(config.observation.camera, config.navmesh);
   const std::vector<std::int32_t> left = {static_cast<std::int32_t>(Action::left)};
@@ -33,7 +34,9 @@ TEST(OccupancyGrid, WallsOfARoomAreWhereTheyAre) {
     for (int x = 0; x < OccupancyGrid::kSize; ++x) {
       const double x_m = OccupancyGrid::centre_of(x), z_m = OccupancyGrid::centre_of(z);
       const double outside_m = std::max(std::abs(x_m) - 3.0, std::abs(z_m) - 2.5);  // 0 on a wall
-      if (grid.at(x, z) == OccupancyGrid::Cell::occupied) { EXPECT_NEAR(outside_m, 0, tolerance_m) << x_m << " " << z_m; }
+      if (grid.at(x, z) == OccupancyGrid::Cell::occupied) {
+        EXPECT_NEAR(outside_m, 0, tolerance_m) << x_m << " " << z_m;
+      }
       if (grid.at(x, z) == OccupancyGrid::Cell::free) {
         EXPECT_LT(outside_m, tolerance_m);
         ++free;
@@ -51,7 +54,8 @@ TEST(OccupancyGrid, ThePictureFitsTheMapWhereItWasTaken) {
   EnvConfig config = quick_env_config();
   config.observation.spectrogram = false;
   config.observation.camera.width_px = config.observation.camera.height_px = 64;
-  BatchedEnv env(config, make_set({room_episode("shoebox:6x3x5@0.5", {3, 0, 2.5f}, 0.4, {1, 0, 1}, "synth:noise")}), make_scene_cache(config), 1);
+  BatchedEnv env(config, make_set({room_episode("shoebox:6x3x5@0.5", {3, 0, 2.5f}, 0.4, {1, 0, 1}, "synth:noise")}),
+                 make_scene_cache(config), 1);
   env.reset();
   const OccupancyGrid grid = map_of_room();
   const PlanarPose here{.heading_rad = 0.4};
