@@ -3,21 +3,25 @@
 #include <array>
 #include <utility>
 
+#include "envs/baseline_classical.h"
 #include "envs/baseline_greedy.h"
 #include "sim/base/errors.h"
 
 namespace earshot {
 namespace {
 
-constexpr std::array<std::pair<std::string_view, Baseline>, 4> kNames = {{{"random", Baseline::random},
+constexpr std::array<std::pair<std::string_view, Baseline>, 5> kNames = {{{"random", Baseline::random},
                                                                           {"random_oracle_stop", Baseline::random_oracle_stop},
                                                                           {"greedy", Baseline::greedy},
+                                                                          {"classical", Baseline::classical},
                                                                           {"oracle", Baseline::oracle}}};
 
 std::unique_ptr<BaselineMemory> make_memory(Baseline baseline, const EnvConfig& config) {
   switch (baseline) {
     case Baseline::greedy:
       return std::make_unique<GreedyAgent>(config);
+    case Baseline::classical:
+      return std::make_unique<ClassicalAgent>(config);
     case Baseline::random:
     case Baseline::random_oracle_stop:
     case Baseline::oracle:
@@ -71,6 +75,7 @@ void BaselineAgent::act(const BatchedEnv& env, std::span<std::int32_t> actions) 
           action = static_cast<Action>(1 + random.below(kNumActions - 1, 0));
         break;
       case Baseline::greedy:
+      case Baseline::classical:
         if (episode != row.episode || step != row.step + 1) row.memory->begin();
         action = row.memory->act({.heard = row_of(env.heard(), i, rows_.size()),
                                   .new_samples = env.audiogoal().size() / (2 * rows_.size()),

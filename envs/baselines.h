@@ -19,10 +19,11 @@ enum class Baseline {
   random,              ///< uniform over the four actions
   random_oracle_stop,  ///< uniform over forward, left and right; stops where the oracle does: what wandering alone is worth
   greedy,              ///< by ear and depth, without a map (baseline_greedy.h)
+  classical,           ///< direction by ear, map by depth, frontiers (baseline_classical.h)
   oracle,              ///< follows the geodesic
 };
 std::optional<Baseline> baseline_by_name(std::string_view name);
-/// "random random_oracle_stop greedy oracle": for messages.
+/// "random random_oracle_stop greedy classical oracle": for messages.
 std::string baseline_names();
 
 /// What a baseline keeps of one row between steps.

@@ -83,7 +83,7 @@ TEST(GridPlanner, GoesAroundWhatStandsInTheWay) {
   const GridCell start{OccupancyGrid::cell_of(0), OccupancyGrid::cell_of(0)}, end{OccupancyGrid::cell_of(2), OccupancyGrid::cell_of(0)};
   planner.plan(grid, start);
   ASSERT_TRUE(planner.is_reached(end));
-  EXPECT_GT(planner.cost_m(end), 2 * std::hypot(1.0, 1.6));  // both legs as the crow flies
+  EXPECT_GT(planner.cost_m(end), 2 * std::hypot(1.0, 1.6));  // by way of the end of the wall
   EXPECT_LT(planner.cost_m(end), 2 * std::hypot(1.0, 1.6) * 1.3 + 1);
 }
 
