@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # scripts/train.sh [--overwrite | --resume] [CONFIG] [key=value...]
 # The main job on a bare machine: install, build, generate houses and episodes, train with the config's workers, evaluate the checkpoint on
-# held-out houses and sounds beside three baselines, print the leaderboard.  CONFIG defaults to configs/train/quick.yaml.
+# held-out houses and sounds beside five baselines, print the leaderboard.  CONFIG defaults to configs/train/quick.yaml.
 # What comes out is in runs/NAME of the config's file.  If a run is there already the script stops before it changes anything:
 #   --overwrite  replaces that run and its results
 #   --resume     goes on with it, with the episodes it has, and evaluates it anew
@@ -47,11 +47,11 @@ fi
 echo "== train"
 "$earshot" train "$config" "$@" out="$out" "${start[@]}"
 # Results are of one run: those of an earlier one go before they could be ranked beside the new.
-rm -f "$out"/result_{"$name",random,greedy,oracle}.json "$out/leaderboard.html"
+rm -f "$out"/result_{"$name",random,random_oracle_stop,greedy,classical,oracle}.json "$out/leaderboard.html"
 echo "== evaluate"
 "$earshot" eval "$out" --out "$out/result_$name.json"
-for baseline in random greedy oracle; do
+for baseline in random random_oracle_stop greedy classical oracle; do
   "$earshot" eval "$baseline" --config "$config" "${sets[@]}" --out "$out/result_$baseline.json"
 done
 echo "== leaderboard"
-"$earshot" leaderboard "$out/result_$name.json" "$out"/result_{random,greedy,oracle}.json --html "$out/leaderboard.html"
+"$earshot" leaderboard "$out/result_$name.json" "$out"/result_{random,random_oracle_stop,greedy,classical,oracle}.json --html "$out/leaderboard.html"
