@@ -82,7 +82,7 @@ TEST(X_DamagedCheckpoint, IsRefusedByItsHashAlone) {
 }
 
 TEST(X_DamagedTrainYaml, IsAConfigOrRefused) {
-  for (const char* name : {"quick", "avnav"}) {
+  for (const char* name : {"quick", "houses", "avnav"}) {
     const std::string text = read_file(source_dir() / "configs/train" / (std::string(name) + ".yaml"));
     ASSERT_TRUE(is_taken(0, [&] { parse_run_config(text, "run.yaml", {}); })) << name;
     int taken = 0;

@@ -1,6 +1,7 @@
 // Agents of one env on several threads: equal bits for any number, any split and in the background.
 #include <gtest/gtest.h>
 
+#include <array>
 #include <atomic>
 #include <thread>
 
@@ -27,8 +28,16 @@ TEST(AgentTeam, EveryItemIsDoneOnceByAMemberOfItsOwn) {
   }
 }
 
+#ifdef EARSHOT_SANITIZED
+constexpr int kSteps = 6;  // thirty times slower; threads meet in the first step as in the last
+constexpr std::array kThreadCounts{2, 8};
+#else
+constexpr int kSteps = 22;
+constexpr std::array kThreadCounts{2, 3, 4, 8};
+#endif
+
 TEST_F(SeveralAgents, ThreadsSplitsAndSendingChangeNoBit) {
-  constexpr int kEnvs = 3, kSteps = 22;
+  constexpr int kEnvs = 3;
   using Shown = std::vector<std::vector<std::byte>>;  // by step
   const auto roll_out = [&](int threads, const std::vector<int>& batches, bool sends) {
     std::vector<Shown> all;
@@ -59,11 +68,13 @@ TEST_F(SeveralAgents, ThreadsSplitsAndSendingChangeNoBit) {
     return all;
   };
   const std::vector<Shown> reference = roll_out(1, {3}, false);
-  for (const int threads : {2, 3, 4, 8}) EXPECT_TRUE(roll_out(threads, {3}, false) == reference) << threads;
+  for (const int threads : kThreadCounts) EXPECT_TRUE(roll_out(threads, {3}, false) == reference) << threads;
+#ifndef EARSHOT_SANITIZED
   EXPECT_TRUE(roll_out(1, {1, 2}, false) == reference);
   EXPECT_TRUE(roll_out(8, {2, 1}, false) == reference);
   EXPECT_TRUE(roll_out(8, {1, 1, 1}, false) == reference);
   EXPECT_TRUE(roll_out(2, {3}, true) == reference);
+#endif
   EXPECT_TRUE(roll_out(8, {1, 2}, true) == reference);
 }
 

@@ -128,7 +128,7 @@ TEST(RunConfig, AnOverrideThatACheckpointWouldIgnoreIsRefused) {
 // The configs that ship with the product must stay readable, from the project's folder as the README says.
 TEST(RunConfig, ShippedConfigsAreValid) {
   std::filesystem::current_path(source_dir());
-  for (const char* name : {"quick", "small_house", "avnav"})
+  for (const char* name : {"quick", "houses", "small_house", "avnav"})
     EXPECT_NO_THROW(load_run_config(source_dir() / "configs/train" / (std::string(name) + ".yaml"), {})) << name;
 }
 
