@@ -42,10 +42,16 @@ RunConfig with_acoustics(const RunConfig& config, const RunStart& start, bool is
 int run_train(const Options& options, const std::vector<std::string>& arguments) {
   // Everything that can be wrong with the input is found before a process is started.
   const RunConfig asked = load_run_config(options.config, options.overrides);
-  const auto identity = worker_from_environment();
-  if (!identity && asked.train.file.empty())
+  const auto launched = worker_from_environment();
+  const bool is_worker = launched.has_value();
+  if (is_worker && options.workers > 0 && options.workers != launched->ring.identity.world_size)
+    throw InputError(fmt::format("--workers {}", options.workers),
+                     fmt::format("starts processes on this machine, and {} has started {} workers already", launched->launcher,
+                                 launched->ring.identity.world_size),
+                     "leave it out, and ask the launcher for as many workers as are to train");
+  if (!is_worker && asked.train.file.empty())
     throw InputError(options.config, "names no data.train.file", "add it, and write it with 'earshot dataset episodes --config'");
-  if (!identity && !std::filesystem::exists(asked.train.file))
+  if (!is_worker && !std::filesystem::exists(asked.train.file))
     throw InputError(asked.train.file, "no such episode set", "write it with 'earshot dataset episodes --config " + options.config + "'");
   RunStart start;
   if (!options.resume.empty()) start.resume = find_checkpoint(options.resume);
@@ -54,17 +60,19 @@ int run_train(const Options& options, const std::vector<std::string>& arguments)
   start.remake = "earshot dataset episodes --config " + options.config;
   for (const auto& override : options.overrides) start.remake += " --set " + override;
 
-  const FieldDecision decided = decide_field(with_acoustics(asked, start, identity.has_value(), options.config), start.resume);
+  const FieldDecision decided = decide_field(with_acoustics(asked, start, is_worker, options.config), start.resume);
   const RunConfig& config = decided.config;
   start.note = decided.text;
 
   const int workers = options.workers > 0 ? options.workers : config.workers;
-  if (!identity && workers > 1) {
+  if (!is_worker && workers > 1) {
     prepare_run(config, start);
     return spawn_workers(workers, arguments);
   }
 
-  const auto collective = identity ? make_zmq_ring(*identity) : make_single_worker();
+  if (is_worker && launched->launcher != "EARSHOT_RANK" && launched->ring.identity.rank == 0)
+    fmt::print("{} workers started by {} meet at {}\n", launched->ring.identity.world_size, launched->launcher, launched->ring.rendezvous);
+  const auto collective = is_worker ? make_zmq_ring(launched->ring) : make_single_worker();
   const TrainReport report = train(config, *collective, start);
   if (collective->identity().rank == 0)
     fmt::print("{} updates, {} steps in {:.1f} min: {:.0f} steps/s\n{}checkpoint: {}\n", report.updates, report.env_steps,
@@ -79,7 +87,8 @@ void add_train(CLI::App& app, const std::vector<std::string>& arguments, int& ex
   CLI::App* command = app.add_subcommand("train", "Train a policy with DD-PPO");
   command->add_option("CONFIG", options->config, "Run config (YAML)")->required();
   command->add_option("OVERRIDES", options->overrides, "key=value over the config, for example ppo.learning_rate=1e-4");
-  command->add_option("--workers", options->workers, "Worker processes on this machine (default: the config's)");
+  command->add_option("--workers", options->workers,
+                      "Worker processes on this machine (default: the config's); not within a launcher, which starts them");
   command->add_option("--resume", options->resume, "Run folder or checkpoint to go on from");
   command->add_option("--change", options->changes, "With --resume: keys or sections that may differ from the checkpoint's, and 'engine'")
       ->delimiter(',')
@@ -99,7 +108,7 @@ void add_train(CLI::App& app, const std::vector<std::string>& arguments, int& ex
       "  env.quarantine_dir=FOLDER  episodes that went wrong, each as a file that replays it (default: `out`/quarantine)\n"
       "  checkpoint_every=50        updates between checkpoints; a full disk is reported and training goes on\n"
       "  keep=3                     newest checkpoints that stay, beside best.ckpt and last.ckpt\n"
-      "All keys, curves and counters: docs/training.md.");
+      "All keys, curves and counters: docs/training.md.  Several machines, srun, mpirun, torchrun and Kubernetes: docs/hosts.md.");
   command->callback([options, &arguments, &exit_code] { exit_code = run_train(*options, arguments); });
 }
 

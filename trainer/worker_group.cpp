@@ -7,11 +7,11 @@
 #include <unistd.h>
 
 #include <cerrno>
-#include <charconv>
 #include <chrono>
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
+#include <memory>
 #include <system_error>
 
 #include "sim/base/errors.h"
@@ -29,14 +29,6 @@ constexpr std::chrono::minutes kCollectiveTimeout(10);
 constexpr std::size_t kMaxFolderLength = 60;  // leaves room for a socket's name within its 107 characters
 constexpr const char *kRank = "EARSHOT_RANK", *kWorldSize = "EARSHOT_WORLD_SIZE", *kRendezvous = "EARSHOT_RENDEZVOUS",
                      *kRunId = "EARSHOT_RUN_ID";
-
-int parse_int(const char* name, const std::string& text) {
-  int value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc() || end != text.data() + text.size() || text.empty())
-    throw InputError(fmt::format("{} = {}", name, text), "is not a whole number", "set it to a rank or a count");
-  return value;
-}
 
 /// A folder that only this user may enter, with everything in it gone at the end.
 class PrivateFolder {
@@ -230,21 +222,13 @@ class WorkerGroup {
 
 }  // namespace
 
-std::optional<RingConfig> worker_from_environment() {
-  const char* const names[] = {kRank, kWorldSize, kRendezvous, kRunId};
-  std::vector<std::string> set, missing;
-  for (const char* name : names) (std::getenv(name) != nullptr ? set : missing).emplace_back(name);
-  if (set.empty()) return std::nullopt;
-  if (!missing.empty())
-    throw InputError(missing.front(), fmt::format("is not set, but {} is", set.front()),
-                     "set all of EARSHOT_RANK, _WORLD_SIZE, _RENDEZVOUS and _RUN_ID, or none");
-  RingConfig config;
-  config.identity = {parse_int(kRank, std::getenv(kRank)), parse_int(kWorldSize, std::getenv(kWorldSize))};
-  config.rendezvous = std::getenv(kRendezvous);
-  config.run_id = std::getenv(kRunId);
-  config.timeout = kCollectiveTimeout;
-  validate(config);
-  return config;
+std::optional<LaunchedWorker> worker_from_environment() {
+  auto worker = worker_from(launcher_variables());
+  if (!worker) return std::nullopt;
+  worker->ring.timeout = kCollectiveTimeout;
+  worker->made_folder = std::make_shared<MeetingFolder>(worker->folder);
+  validate(worker->ring);
+  return worker;
 }
 
 int spawn_workers(int num_workers, const std::vector<std::string>& arguments, std::chrono::milliseconds grace) {

@@ -9,6 +9,7 @@
 #include <chrono>
 #include <cstdlib>
 #include <fstream>
+#include <map>
 #include <thread>
 
 #include "sim/base/errors.h"
@@ -47,11 +48,11 @@ TEST(WorkerGroupCopy, Acts) {
   if (role == "sum") {
     const auto config = worker_from_environment();
     if (!config) std::_Exit(10);
-    const auto ring = make_zmq_ring(*config);
+    const auto ring = make_zmq_ring(config->ring);
     std::vector<double> buffer{static_cast<double>(1 << rank)};
     ring->all_reduce_sum(std::span<double>(buffer));
     const bool alone = std::string(std::getenv("OMP_NUM_THREADS")) == "3" && std::string(std::getenv("OPENBLAS_NUM_THREADS")) == "1";
-    note("rendezvous", config->rendezvous);
+    note("rendezvous", config->ring.rendezvous);
     std::_Exit(buffer[0] == 7.0 && alone ? 0 : 11);
   }
   if (role == "fail") {  // rank 1 fails, the others would stay
@@ -184,12 +185,35 @@ class WorkerEnvironment : public testing::Test {
 TEST_F(WorkerEnvironment, GivesTheIdentity) {
   const auto config = worker_from_environment();
   ASSERT_TRUE(config);
-  EXPECT_EQ(config->identity.rank, 1);
-  EXPECT_EQ(config->identity.world_size, 2);
-  EXPECT_EQ(config->rendezvous, "tcp://127.0.0.1:5555");
-  EXPECT_EQ(config->run_id, "run");
+  EXPECT_EQ(config->ring.identity.rank, 1);
+  EXPECT_EQ(config->ring.identity.world_size, 2);
+  EXPECT_EQ(config->ring.rendezvous, "tcp://127.0.0.1:5555");
+  EXPECT_EQ(config->ring.run_id, "run");
   TearDown();
   EXPECT_FALSE(worker_from_environment());
+}
+
+TEST_F(WorkerEnvironment, MeetingFolderOfALauncherLastsAsLongAsItsWorkers) {
+  TearDown();
+  const std::map<const char*, const char*> mpirun = {{"OMPI_COMM_WORLD_RANK", "1"},
+                                                     {"OMPI_COMM_WORLD_SIZE", "2"},
+                                                     {"OMPI_COMM_WORLD_LOCAL_SIZE", "2"},
+                                                     {"PMIX_RANK", "1"},
+                                                     {"PMIX_NAMESPACE", "worker-environment-test"}};
+  for (const auto& [name, value] : mpirun) set(name, value);
+  std::filesystem::path folder;
+  {
+    const auto first = worker_from_environment();
+    ASSERT_TRUE(first);
+    folder = first->folder;
+    EXPECT_TRUE(std::filesystem::is_directory(folder));
+    std::ofstream(folder / "a worker's socket") << "";
+    worker_from_environment();  // another worker, which ends before the first
+    EXPECT_TRUE(std::filesystem::is_directory(folder));
+    std::filesystem::remove(folder / "a worker's socket");
+  }
+  EXPECT_FALSE(std::filesystem::exists(folder));
+  for (const auto& [name, value] : mpirun) ::unsetenv(name);
 }
 
 TEST_F(WorkerEnvironment, ContradictionsAreInputErrors) {
