@@ -3,10 +3,13 @@
 
 set(EARSHOT_HEADERS_sim
   embree3/rtcore.h libembree-dev  tbb/parallel_for.h libtbb-dev  assimp/Importer.hpp libassimp-dev  meshoptimizer.h libmeshoptimizer-dev
-  Recast.h librecast-dev  DetourNavMesh.h librecast-dev  glm/glm.hpp libglm-dev  sndfile.h libsndfile1-dev  libavutil/tx.h libavutil-dev
-  libswresample/swresample.h libswresample-dev  mysofa.h libmysofa-dev  xxhash.h libxxhash-dev  yaml-cpp/yaml.h libyaml-cpp-dev
+  Recast.h librecast-dev  DetourNavMesh.h librecast-dev  glm/glm.hpp libglm-dev  sndfile.h libsndfile1-dev  mysofa.h libmysofa-dev  xxhash.h libxxhash-dev  yaml-cpp/yaml.h libyaml-cpp-dev
   nlohmann/json.hpp nlohmann-json3-dev  fmt/format.h libfmt-dev  png.h libpng-dev  turbojpeg.h libturbojpeg0-dev
   EGL/egl.h libegl-dev  GLES3/gl3.h libgles-dev)
+# What transforms and resamples sound (EARSHOT_AUDIO_LIBRARIES).
+set(EARSHOT_HEADERS_audio_libav libavutil/tx.h libavutil-dev  libswresample/swresample.h libswresample-dev)
+set(EARSHOT_HEADERS_audio_permissive samplerate.h libsamplerate0-dev)
+list(APPEND EARSHOT_HEADERS_sim ${EARSHOT_HEADERS_audio_${EARSHOT_AUDIO_LIBRARIES}})
 set(EARSHOT_HEADERS_envs zlib.h zlib1g-dev  spdlog/spdlog.h libspdlog-dev)
 set(EARSHOT_HEADERS_policy torch/torch.h libtorch-dev)
 set(EARSHOT_HEADERS_trainer zmq.h libzmq3-dev  zmq.hpp cppzmq-dev  msgpack.hpp libmsgpack-cxx-dev)
@@ -64,7 +67,11 @@ function(earshot_find_packages)
     find_package(fmt REQUIRED)
     find_package(meshoptimizer REQUIRED)
     earshot_import(sndfile sndfile.h sndfile)
-    earshot_import(libav libavutil/tx.h avutil swresample)
+    if(EARSHOT_AUDIO_LIBRARIES STREQUAL "libav")
+      earshot_import(libav libavutil/tx.h avutil swresample)
+    else()
+      earshot_import(samplerate samplerate.h samplerate)
+    endif()
     earshot_import(mysofa mysofa.h mysofa)
     earshot_import(xxhash xxhash.h xxhash)
     earshot_import(recast Recast.h Recast Detour)

@@ -2,10 +2,14 @@
 set(EARSHOT_COMMON_HEADERS <fmt/format.h> <glm/glm.hpp> <algorithm> <array> <cmath> <filesystem> <fstream> <functional> <map> <memory> <mutex>
     <numbers> <optional> <set> <span> <sstream> <string> <vector>)
 
-# earshot_library(NAME DIR [PCH TARGET]): a static library of all .cpp files in DIR and below.  PCH: the target whose precompiled headers it reads.
+# earshot_library(NAME DIR [PCH TARGET] [EXCLUDE REGEX]): a static library of all .cpp files in DIR and below but those whose path matches REGEX.
+# PCH: the target whose precompiled headers it reads.
 function(earshot_library name dir)
-  cmake_parse_arguments(PARSE_ARGV 2 arg "" "PCH" "")
+  cmake_parse_arguments(PARSE_ARGV 2 arg "" "PCH;EXCLUDE" "")
   file(GLOB_RECURSE sources CONFIGURE_DEPENDS ${dir}/*.cpp)
+  if(arg_EXCLUDE)
+    list(FILTER sources EXCLUDE REGEX "${arg_EXCLUDE}")
+  endif()
   file(GLOB_RECURSE headers CONFIGURE_DEPENDS ${dir}/*.h)
   add_library(${name} STATIC ${sources} ${headers})
   set_target_properties(${name} PROPERTIES LINKER_LANGUAGE CXX)

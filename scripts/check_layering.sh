@@ -24,7 +24,7 @@ allowed() {
 # owned PATTERN "FOLDERS OR FILES": only they include headers that match PATTERN.
 owned() {
   local hits
-  hits=$(grep -rlE "#[[:space:]]*include[[:space:]]*<($1)" --include='*.h' --include='*.cpp' sim envs bench policy trainer apps | grep -vE "^($2)" || true)
+  hits=$(grep -rlE "#[[:space:]]*include[[:space:]]*<($1)" --include='*.h' --include='*.cpp' sim envs python bench policy trainer apps | grep -vE "^($2)" || true)
   if [ -n "$hits" ]; then echo "layering: <$1> is included outside $2: $hits"; failures=1; fi
 }
 
@@ -42,6 +42,7 @@ allowed sim/vision    "sim/base sim/rays sim/scene sim/vision"
 allowed sim/nav       "sim/base sim/rays sim/scene sim/nav"
 allowed sim/reader    "sim/base sim/scene sim/audio"
 allowed envs          "sim envs"
+allowed python        "sim envs python"
 allowed bench         "sim envs bench"
 allowed policy        "sim envs policy"
 allowed trainer       "sim envs policy trainer"
@@ -50,7 +51,7 @@ allowed apps          "sim envs bench policy trainer apps"
 owned 'embree'            'sim/rays/|apps/doctor'
 owned 'assimp'            'sim/scene/'
 owned 'Recast|Detour'     'sim/nav/'
-owned 'sndfile|mysofa|libav|libsw' 'sim/audio/'
+owned 'sndfile|mysofa|libav|libsw|samplerate' 'sim/audio/'
 owned 'yaml-cpp'         'sim/base/config_reader.cpp|trainer/effective_config.cpp'
 owned 'zmq'               'trainer/'
 owned 'torch'             'policy/|trainer/'

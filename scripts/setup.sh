@@ -25,6 +25,7 @@ packages=(
   libsndfile1-dev=1.2.0-1+deb12u1
   libavutil-dev=7:5.1.9-0+deb12u1
   libswresample-dev=7:5.1.9-0+deb12u1
+  libsamplerate0-dev=0.2.2-3
   libyaml-cpp-dev=0.7.0+dfsg-8+b1
   nlohmann-json3-dev=3.11.2-2
   libcli11-dev=2.1.2+ds-1

@@ -20,7 +20,7 @@ void interleave(std::size_t count, const float* a, const float* b, Complex* __re
 
 struct ComplexFft::Impl {
   Impl(int num_points, bool inverse)
-      : size(static_cast<std::size_t>(num_points)), run(AV_TX_FLOAT_FFT, inverse, num_points, 1.f), in(size), out(size) {}
+      : size(static_cast<std::size_t>(num_points)), run(TransformKind::complex, inverse, num_points, 1.f), in(size), out(size) {}
   std::size_t size;
   Transform run;
   AlignedSpectrum in, out;
@@ -55,7 +55,7 @@ std::span<const Complex> ComplexFft::transform() {
 
 void ComplexFft::transform(std::span<Complex> output) {
   EARSHOT_EXPECT(output.size() >= impl_->size && reinterpret_cast<std::uintptr_t>(output.data()) % 64 == 0);
-  impl_->run(output.data(), impl_->in.data(), sizeof(Complex));
+  impl_->run(output.data(), impl_->in.data());
 }
 
 }  // namespace earshot

@@ -22,7 +22,7 @@ struct VectorAllocator {
 
 using AlignedSpectrum = std::vector<std::complex<float>, VectorAllocator<std::complex<float>>>;
 
-/// Complex FFT of one direction (libavutil av_tx), neither scaled: the inverse of the forward transform is `size` times the signal.  Two
+/// Complex FFT of one direction (fft_transform.h), neither scaled: the inverse of the forward transform is `size` times the signal.  Two
 /// real signals fit in as real and imaginary part: a filter with real taps treats both alike.  Rounding of the louder one, 1e-7 of it,
 /// then reaches the other.  Owns aligned scratch: one per thread.
 class ComplexFft {

@@ -16,7 +16,7 @@ namespace {
 
 using Complex = std::complex<float>;
 
-/// libavutil 57 has no transform beyond 2^17 complex points (asking for one does not return).
+/// The largest transform of fft_transform.h: libavutil 57 has none beyond 2^17 complex points (asking for one does not return).
 constexpr int kMaxDirectSize = 1 << 17;
 constexpr int kMaxSize = 1 << 24;
 
@@ -35,8 +35,8 @@ class FourStepFft {
       : columns_(1 << (std::bit_width(static_cast<unsigned>(size)) / 2)),
         rows_(size / columns_),
         roots_(unit_roots(size, size)),
-        row_transform_(AV_TX_FLOAT_FFT, false, columns_, 1.f),
-        column_transform_(AV_TX_FLOAT_FFT, false, rows_, 1.f),
+        row_transform_(TransformKind::complex, false, columns_, 1.f),
+        column_transform_(TransformKind::complex, false, rows_, 1.f),
         in_(std::max(rows_, columns_)),
         out_(std::max(rows_, columns_)),
         work_(size) {}
@@ -45,12 +45,12 @@ class FourStepFft {
     const auto rows = static_cast<std::size_t>(rows_), columns = static_cast<std::size_t>(columns_);
     for (std::size_t column = 0; column < columns; ++column) {
       for (std::size_t row = 0; row < rows; ++row) in_[row] = data[row * columns + column];
-      column_transform_(out_.data(), in_.data(), sizeof(Complex));
+      column_transform_(out_.data(), in_.data());
       for (std::size_t k = 0; k < rows; ++k) work_[k * columns + column] = multiply(out_[k], roots_[k * column]);
     }
     for (std::size_t k = 0; k < rows; ++k) {
       std::copy_n(work_.data() + k * columns, columns, in_.data());
-      row_transform_(out_.data(), in_.data(), sizeof(Complex));
+      row_transform_(out_.data(), in_.data());
       for (std::size_t j = 0; j < columns; ++j) data[k + rows * j] = out_[j];
     }
   }
@@ -62,26 +62,26 @@ class FourStepFft {
   AlignedBuffer<Complex> in_, out_, work_;
 };
 
-/// Real transform of any size up to kMaxDirectSize by libavutil itself.
+/// Real transform of any size up to kMaxDirectSize by the library itself.
 class DirectRealFft {
  public:
   explicit DirectRealFft(int size)
-      : forward_(AV_TX_FLOAT_RDFT, false, size, 1.f),
-        inverse_(AV_TX_FLOAT_RDFT, true, size, 1.f / static_cast<float>(size)),
+      : forward_(TransformKind::real, false, size, 1.f),
+        inverse_(TransformKind::real, true, size, 1.f / static_cast<float>(size)),
         time_(size),
         spectrum_(size / 2 + 1) {}
 
   void forward(std::span<const float> time, std::span<Complex> spectrum) {
     std::fill(std::copy(time.begin(), time.end(), time_.data()), time_.data() + time_.size(), 0.f);
-    forward_(spectrum_.data(), time_.data(), sizeof(float));
+    forward_(spectrum_.data(), time_.data());
     std::copy_n(spectrum_.data(), spectrum_.size(), spectrum.begin());
     // libavutil leaves the imaginary part of the last bin as the buffer had it: what an inverse transform left there.
     spectrum[0].imag(0.f);
     spectrum[spectrum_.size() - 1].imag(0.f);
   }
   void inverse(std::span<const Complex> spectrum, std::span<float> time) {
-    std::copy_n(spectrum.begin(), spectrum_.size(), spectrum_.data());  // libavutil overwrites its input
-    inverse_(time_.data(), spectrum_.data(), sizeof(float));
+    std::copy_n(spectrum.begin(), spectrum_.size(), spectrum_.data());  // the transform may overwrite its input
+    inverse_(time_.data(), spectrum_.data());
     std::copy_n(time_.data(), time_.size(), time.begin());
   }
 
@@ -109,7 +109,7 @@ class PackedRealFft {
   }
   void inverse(std::span<const Complex> spectrum, std::span<float> time) {
     for (std::size_t k = 0; k < half_; ++k) {
-      // As in libavutil, only the real parts of the first and the last bin count.
+      // As in the direct transform, only the real parts of the first and the last bin count.
       Complex a = spectrum[k], b = std::conj(spectrum[half_ - k]);
       if (k == 0) a = a.real(), b = b.real();
       const Complex even = 0.5f * (a + b), odd = multiply(0.5f * (a - b), std::conj(roots_[k]));

@@ -6,7 +6,7 @@
 
 namespace earshot {
 
-/// Real FFT of a power-of-two size (libavutil av_tx).  Forward: X[k] = sum x[n] exp(-2 pi i k n / size), k = 0 ... size/2.  Inverse
+/// Real FFT of a power-of-two size (fft_transform.h).  Forward: X[k] = sum x[n] exp(-2 pi i k n / size), k = 0 ... size/2.  Inverse
 /// includes the 1 / size, so inverse(forward(x)) == x.  Owns aligned scratch: one per thread.
 class RealFft {
  public:

@@ -14,7 +14,7 @@ struct SoundClip {
   std::vector<float> samples;  ///< finite
 };
 
-/// Reads WAV, FLAC or OGG (libsndfile), averages channels, resamples to `sample_rate_hz` (libswresample).  Throws InputError: missing,
+/// Reads WAV, FLAC or OGG (libsndfile), averages channels, resamples to `sample_rate_hz` (resample.h).  Throws InputError: missing,
 /// not audio, empty, non-finite samples, rate outside [1000, 768000], longer than 10 minutes.
 SoundClip load_sound(const std::filesystem::path& path, float sample_rate_hz);
 

@@ -7,7 +7,7 @@ root=$(mktemp -d); trap 'rm -rf "$root"' EXIT
 new_tree() {  # one header per folder, one file that includes in order
   rm -rf "$root/tree"
   for folder in sim/{base,rays,scene,audio,vision,nav,reader} sim/acoustics/{core,geometry,model,paths,tracers,source_field,response,synthesis,metrics} \
-                envs bench policy trainer apps; do
+                envs python bench policy trainer apps; do
     mkdir -p "$root/tree/$folder"
     echo '#pragma once' > "$root/tree/$folder/a.h"
   done
