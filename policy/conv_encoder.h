@@ -21,7 +21,7 @@ std::vector<ConvLayer> visual_layers(int channels);
 /// Layers for spectrograms: 5/2, 3/2, 3/1 where a side is below 30, else 8/4, 4/2, 3/1.
 std::vector<ConvLayer> audio_layers(int rows, int columns, int channels);
 
-/// Convolutions with ReLU between them (none after the last: the original has none there), then a linear layer with ReLU.
+/// Three convolutions with ReLU between them (none after the last: the original has none there), then a linear layer with ReLU.
 class ConvEncoderImpl : public torch::nn::Module {
  public:
   /// name: of the sensor, for messages.  Throws InputError if the picture is too small for the layers.

@@ -2,6 +2,7 @@
 
 #include <torch/csrc/autograd/custom_function.h>
 
+#include "policy/matrix_product.h"
 #include "sim/base/errors.h"
 
 namespace earshot {
@@ -16,8 +17,9 @@ class Recurrence : public torch::autograd::Function<Recurrence> {
   static torch::Tensor forward(AutogradContext* context, const torch::Tensor& from_input, const torch::Tensor& hidden,
                                const torch::Tensor& not_done, const torch::Tensor& weight, const torch::Tensor& bias) {
     const std::int64_t T = from_input.size(0), B = from_input.size(1), H = hidden.size(1);
-    // [H, 3H] in memory: BLAS is up to a third faster on it for few rows, which pays for the copy after some steps.
-    const torch::Tensor weight_t = T < 8 ? weight.t() : weight.t().contiguous();
+    // [H, 3H] in memory: products of few rows are up to a third faster on it, which pays for the copy after some steps.
+    const bool transpose = T < 8;
+    const torch::Tensor matrix = transpose ? weight.contiguous() : weight.t().contiguous();
     const torch::Tensor mask = not_done.unsqueeze(2);  // [T, B, 1]
 
     torch::Tensor before = torch::empty({T, B, H}, from_input.options());         // masked state before each step
@@ -27,7 +29,8 @@ class Recurrence : public torch::autograd::Function<Recurrence> {
     for (std::int64_t t = 0; t < T; ++t) {
       torch::Tensor state = before[t], product = recurrent[t], next = after[t];
       at::mul_out(state, t == 0 ? hidden : after[t - 1], mask[t]);
-      at::addmm_out(product, bias, state, weight_t);
+      product.copy_(bias);
+      multiply_into(product, state, false, matrix, transpose, 1);
       torch::Tensor reset_update = gates[t].narrow(1, 0, 2 * H), candidate = gates[t].narrow(1, 2 * H, H);
       at::add_out(reset_update, from_input[t].narrow(1, 0, 2 * H), product.narrow(1, 0, 2 * H)).sigmoid_();
       at::mul_out(candidate, reset_update.narrow(1, 0, H), product.narrow(1, 2 * H, H)).add_(from_input[t].narrow(1, 2 * H, H)).tanh_();
@@ -39,7 +42,8 @@ class Recurrence : public torch::autograd::Function<Recurrence> {
 
   static variable_list backward(AutogradContext* context, variable_list outputs) {
     const variable_list saved = context->get_saved_variables();
-    const torch::Tensor &before = saved[0], &gates = saved[1], &recurrent_n = saved[2], &mask = saved[3], &weight = saved[4];
+    const torch::Tensor &before = saved[0], &gates = saved[1], &recurrent_n = saved[2], &mask = saved[3];
+    const torch::Tensor matrix = saved[4].contiguous();
     const std::int64_t T = before.size(0), B = before.size(1), H = before.size(2);
     const torch::Tensor r = gates.narrow(2, 0, H), z = gates.narrow(2, H, H), n = gates.narrow(2, 2 * H, H);
 
@@ -61,13 +65,16 @@ class Recurrence : public torch::autograd::Function<Recurrence> {
       torch::Tensor thirds = step.view({B, 3, H});
       at::mul_out(thirds, by_product[t].view({B, 3, H}), g.unsqueeze(1));
       at::mul_out(from_later, g, z[t]);
-      from_later.addmm_(step, weight).mul_(mask[t]);
+      multiply_into(from_later, step, false, matrix, false, 1);
+      from_later.mul_(mask[t]);
     }
 
     // The candidate's input gradient lacks the factor r that its recurrent product has.
     const torch::Tensor to_input = torch::cat({to_product.narrow(2, 0, 2 * H), by_n * state_gradients}, 2);
     const torch::Tensor rows = to_product.view({T * B, 3 * H});
-    return {to_input, from_later, torch::Tensor(), rows.t().mm(before.view({T * B, H})), rows.sum(0)};
+    torch::Tensor by_weight = torch::empty_like(matrix);
+    multiply_into(by_weight, rows, true, before.view({T * B, H}), false);
+    return {to_input, from_later, torch::Tensor(), by_weight, rows.sum(0)};
   }
 };
 
@@ -83,7 +90,7 @@ MaskedGruImpl::MaskedGruImpl(int input_size, int hidden_size) {
 torch::Tensor MaskedGruImpl::forward(const torch::Tensor& inputs, const torch::Tensor& hidden, const torch::Tensor& not_done) {
   EARSHOT_EXPECT(inputs.dim() == 3 && hidden.dim() == 2 && not_done.dim() == 2);
   EARSHOT_EXPECT(inputs.size(1) == hidden.size(0) && not_done.sizes() == inputs.sizes().slice(0, 2));
-  return Recurrence::apply(torch::linear(inputs, weight_ih, bias_ih), hidden, not_done, weight_hh, bias_hh);
+  return Recurrence::apply(linear_layer(inputs, weight_ih, bias_ih), hidden, not_done, weight_hh, bias_hh);
 }
 
 }  // namespace earshot

@@ -14,6 +14,7 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/random.h"
+#include "trainer/adam_kernel.h"
 #include "trainer/advantage_normalization.h"
 #include "trainer/gae.h"
 #include "trainer/guidance_loss.h"
@@ -61,6 +62,24 @@ double explained_variance(const torch::Tensor& values, const torch::Tensor& retu
   if (r.numel() < 2) return std::numeric_limits<double>::quiet_NaN();
   const double variance = r.var(false).item<double>();
   return variance > 0 ? 1 - (r - v).var(false).item<double>() / variance : std::numeric_limits<double>::quiet_NaN();
+}
+
+/// The state that torch's Adam keeps of a parameter, begun where there is none.  libtorch 1.13 keys it by the address of the parameter's
+/// implementation, as text.
+torch::optim::AdamParamState& state_of(torch::optim::Adam& optimizer, const torch::Tensor& parameter) {
+  auto& state = optimizer.state()[c10::guts::to_string(parameter.unsafeGetTensorImpl())];
+  if (!state) {
+    auto begun = std::make_unique<torch::optim::AdamParamState>();
+    begun->exp_avg(torch::zeros_like(parameter, at::MemoryFormat::Contiguous));
+    begun->exp_avg_sq(torch::zeros_like(parameter, at::MemoryFormat::Contiguous));
+    state = std::move(begun);
+  }
+  return static_cast<torch::optim::AdamParamState&>(*state);
+}
+
+std::span<float> elements_of(torch::Tensor& tensor) {
+  EARSHOT_EXPECT(tensor.is_contiguous());
+  return {tensor.data_ptr<float>(), static_cast<std::size_t>(tensor.numel())};
 }
 
 /// From the statuses, so that every worker counts the same.
@@ -196,8 +215,12 @@ StepStatus PpoLearner::accumulate_gradient(const Rollout& rollout, std::span<con
   StepStatus status;
   if (!has_rows) return status;
 
+  const auto start = std::chrono::steady_clock::now();
   const PpoLoss loss = minibatch_loss(rollout, envs, progress, first_of_all, stats);
+  stats.forward_s += seconds_since(start);
+  const auto backward_start = std::chrono::steady_clock::now();
   loss.total.backward();
+  stats.backward_s += seconds_since(backward_start);
   status.loss = loss.total.item<double>();
   status.approx_kl = loss.approx_kl.item<double>();
   status.finite_here = std::isfinite(status.loss) && std::isfinite(status.approx_kl) && std::isfinite(sum_of_squares(gradient));
@@ -245,7 +268,8 @@ UpdateStats PpoLearner::update(const RolloutBuffer& buffer, double progress, std
 
       const auto reduce_start = std::chrono::steady_clock::now();
       collective.all_reduce_sum(gradient);
-      mine.finite_sum = std::isfinite(sum_of_squares(gradient));
+      const double squared_sum = sum_of_squares(gradient.first(gradient.size() - 1));
+      mine.finite_sum = std::isfinite(squared_sum) && std::isfinite(gradient.back());
       if (collective.identity().world_size > 1) mine.sum_hash = hash64(std::as_bytes(gradient));
       const std::vector<StepStatus> statuses = exchange_status(mine, collective);
       stats.reduce_s += seconds_since(reduce_start);
@@ -256,7 +280,9 @@ UpdateStats PpoLearner::update(const RolloutBuffer& buffer, double progress, std
       if (!decision.take) {
         stats.skipped.push_back({epoch, static_cast<int>(minibatch), decision.cause, std::move(decision.faulty_ranks)});
       } else if (gradient.back() > 0) {  // a rank had rows; else Adam would still move along its moments
-        stats.gradient_norm += clip_and_step();
+        const auto step_start = std::chrono::steady_clock::now();
+        stats.gradient_norm += clip_and_step(squared_sum);
+        stats.step_s += seconds_since(step_start);
         ++stats.taken_steps;
       }
     }
@@ -271,15 +297,25 @@ UpdateStats PpoLearner::update(const RolloutBuffer& buffer, double progress, std
   return stats;
 }
 
-double PpoLearner::clip_and_step() {
-  const std::size_t count = static_cast<std::size_t>(flat_gradient_.numel()) - 1;
-  const std::span<float> gradient(flat_gradient_.data_ptr<float>(), count);
+double PpoLearner::clip_and_step(double squared_sum) {
   // Beside the sum of the gradients stands the number of workers that had rows: their quotient is the mean over those.
-  const double weight = flat_gradient_.data_ptr<float>()[count];
-  const double norm = std::sqrt(sum_of_squares(gradient)) / weight;
-  const double coefficient = std::min(1.0, config_.max_gradient_norm / (norm + 1e-6)) / weight;
-  for (float& element : gradient) element = static_cast<float>(element * coefficient);
-  optimizer_.step();
+  const double weight = flat_gradient_.data_ptr<float>()[flat_gradient_.numel() - 1];
+  const double norm = std::sqrt(squared_sum) / weight;
+  const double scale = std::min(1.0, config_.max_gradient_norm / (norm + 1e-6)) / weight;
+  for (auto& group : optimizer_.param_groups()) {
+    const auto& options = static_cast<const torch::optim::AdamOptions&>(group.options());
+    const AdamRates rates{.learning_rate = options.lr(),
+                          .beta1 = std::get<0>(options.betas()),
+                          .beta2 = std::get<1>(options.betas()),
+                          .epsilon = options.eps()};
+    for (torch::Tensor& parameter : group.params()) {
+      torch::optim::AdamParamState& state = state_of(optimizer_, parameter);
+      state.step(state.step() + 1);
+      torch::Tensor first = state.exp_avg(), second = state.exp_avg_sq(), weights = parameter.detach();
+      adam_step(rates, state.step(), scale, elements_of(parameter.mutable_grad()), elements_of(first), elements_of(second),
+                elements_of(weights));
+    }
+  }
   return norm;
 }
 

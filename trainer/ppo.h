@@ -55,6 +55,7 @@ struct UpdateStats {
   double alarm_loss = 0, alarm_kl = 0;  ///< of that first one
   double max_ratio_error = 0;  ///< max |r - 1| before the first step: 0 up to rounding, or the recomputation differs from what acted
   double learn_s = 0, reduce_s = 0;
+  double forward_s = 0, backward_s = 0, step_s = 0;  ///< parts of learn_s: losses, their gradients, Adam
 };
 
 /// PPO with Adam over all parameters of one policy.  The gradients of each minibatch are summed over workers, with the number of workers
@@ -84,7 +85,7 @@ class PpoLearner {
   /// Loss and gradient of this worker's part of a minibatch, into flat_gradient_ and `stats`; what it has to say about them.
   StepStatus accumulate_gradient(const Rollout& rollout, std::span<const std::int64_t> envs, double progress, bool first_of_all,
                                  UpdateStats& stats);
-  double clip_and_step();  // of the summed flat_gradient_; returns the norm before clipping
+  double clip_and_step(double squared_sum);  // of the summed flat_gradient_, without its last element; returns the norm before clipping
 
   ActorCritic policy_;
   PpoConfig config_;
