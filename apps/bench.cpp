@@ -232,7 +232,7 @@ void add_hearing(CLI::App& bench) {
 }  // namespace
 
 void add_bench(CLI::App& app) {
-  CLI::App* bench = app.add_subcommand("bench", "Measure this machine: rir, env, hearing, accuracy, promise, scenes, soak");
+  CLI::App* bench = app.add_subcommand("bench", "Measure this machine: rir, env, hearing, accuracy, promise, scenes, soak, train");
   const auto rir = std::make_shared<RirCommand>();
   CLI::App* rir_command =
       add_bench_command(*bench, "rir", "Impulse responses per second on one thread, their errors, and where the time goes", rir);
@@ -286,13 +286,14 @@ void add_bench(CLI::App& app) {
 
   add_scenes(*bench);
   add_soak(*bench);
+  add_bench_train(*bench);
 
   bench->allow_extras();  // not passed on to the benchmarks: for a message that names what there is
   bench->callback([bench] {
     if (!bench->get_subcommands().empty()) return;
     const std::vector<std::string> unknown = bench->remaining();
     throw InputError(unknown.empty() ? "bench" : "bench " + unknown.front(), unknown.empty() ? "names no benchmark" : "is not a benchmark",
-                     "use bench rir, bench env, bench hearing, bench accuracy, bench promise, bench scenes or bench soak");
+                     "use bench rir, bench env, bench hearing, bench accuracy, bench promise, bench scenes, bench soak or bench train");
   });
 }
 

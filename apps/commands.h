@@ -21,6 +21,7 @@ void add_eval(CLI::App& app);
 void add_leaderboard(CLI::App& app);
 void add_replay(CLI::App& app);
 void add_bench(CLI::App& app);
+void add_bench_train(CLI::App& bench);  ///< `bench train`
 
 /// "X,Y,Z" as metres, at most kMaxCoordinateM from zero (sim/base/coordinates.h), with a decimal point whatever the locale.  Throws
 /// InputError naming the option.
