@@ -42,6 +42,7 @@ packages=(
   libclang-rt-14-dev=1:14.0.6-12
   clang-format-14=1:14.0.6-12
   mold=1.10.1+dfsg-1
+  python3-dev python3-venv
 )
 
 as_root() { if [ "$(id -u)" -eq 0 ]; then "$@"; else sudo "$@"; fi; }

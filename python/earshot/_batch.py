@@ -1,0 +1,75 @@
+"""What the vector environment and the one of several agents share: a batch of the engine, its arrays and its spaces."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from ._engine import Batch, InputError
+
+NUM_ACTIONS = 4  #: stop, forward, left, right
+
+
+def open_batch(
+    config: str | Path | Mapping[str, Any],
+    num_envs: int,
+    overrides: Sequence[str],
+    split: str,
+    keys: Mapping[str, Any],
+    first_env: int,
+) -> Batch:
+    """keys: of the env section, over the config; None: as it says."""
+    if isinstance(config, Mapping):
+        text, where = json.dumps(config), "config"
+    else:
+        path = Path(config)
+        try:
+            text, where = path.read_text(encoding="utf-8"), str(path)
+        except (OSError, UnicodeDecodeError) as error:
+            raise InputError(f"{path}: cannot be read ({error}); name a YAML file") from error
+    env_overrides = [f"{key}={value}" for key, value in keys.items() if value is not None]
+    return Batch(text, where, list(overrides), env_overrides, split, num_envs, first_env)
+
+
+class SensorArrays:
+    """Views of the batch's memory, by name; each keeps the batch alive."""
+
+    def __init__(self, batch: Batch) -> None:
+        self.names: list[str] = []
+        self.units: dict[str, str] = {}
+        self.privileged: list[str] = []
+        self.rows: dict[str, NDArray[Any]] = {}
+        self.final_rows: dict[str, NDArray[Any]] = {}
+        boxes: dict[str, spaces.Space[Any]] = {}
+        for index, (name, dtype, shape, units, low, high, privileged) in enumerate(batch.sensors()):
+            self.names.append(name)
+            self.units[name] = units
+            if privileged:
+                self.privileged.append(name)
+            self.rows[name] = batch.rows(index)
+            self.final_rows[name] = batch.final_rows(index)
+            kind: Any = np.dtype(dtype)
+            if kind.kind == "f":
+                box = spaces.Box(low, high, tuple(shape), kind)
+            else:
+                limits = np.iinfo(kind)
+                box = spaces.Box(int(max(low, limits.min)), int(min(high, limits.max)), tuple(shape), kind)
+            boxes[name] = box
+        self.space = spaces.Dict(boxes)
+
+    def row(self, row: int, *, copy: bool, last: bool = False) -> dict[str, NDArray[Any]]:
+        """The observation of one row; last: of the episode that ended last there."""
+        arrays = self.final_rows if last else self.rows
+        return {name: array[row].copy() if copy else array[row] for name, array in arrays.items()}
+
+
+def require_gymnasium() -> None:
+    if int(gymnasium.__version__.split(".")[0]) < 1:
+        raise ImportError(f"gymnasium {gymnasium.__version__} is too old: pip install 'gymnasium>=1.0'")

@@ -1,0 +1,114 @@
+"""Several agents in one scene as a pettingzoo.ParallelEnv."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+from pettingzoo import ParallelEnv
+
+from ._batch import NUM_ACTIONS, SensorArrays, open_batch, require_gymnasium
+from ._engine import Batch, InputError
+
+Observation = dict[str, NDArray[Any]]
+
+
+class EarshotParallelEnv(ParallelEnv[str, Observation, int]):
+    """Agents that look for the same goals, hear and see each other, and are scored each for itself; make it with earshot.parallel_env.
+
+    An agent that stops leaves `agents` and stays in the scene, in the way of the others; the episode ends with the last one.  The infos of
+    the last step hold the metrics of every agent that is given one, those of earlier ones under "ended".
+    """
+
+    metadata: dict[str, Any] = {"name": "earshot_v0", "render_modes": [], "is_parallelizable": True}  # noqa: RUF012
+
+    def __init__(
+        self,
+        config: str | Path | Mapping[str, Any],
+        *,
+        overrides: Sequence[str] = (),
+        split: str = "train",
+        threads: int | None = None,
+        copy: bool = True,
+    ) -> None:
+        require_gymnasium()
+        batch = open_batch(config, 1, overrides, split, {"autoreset": "off", "threads": threads}, 0)
+        self._batch: Batch | None = batch
+        self._sensors = SensorArrays(batch)
+        self._copy = copy
+        self._started = False
+        self._rewards = batch.rewards()
+        self._terminated = batch.terminated()
+        self._truncated = batch.truncated()
+        self.render_mode = None
+        self.possible_agents = [f"agent_{number}" for number in range(batch.num_agents)]
+        self._rows = {agent: row for row, agent in enumerate(self.possible_agents)}
+        self.agents: list[str] = []
+        self._action_spaces = {agent: spaces.Discrete(NUM_ACTIONS) for agent in self.possible_agents}
+        self._observation_spaces = {agent: spaces.Dict(dict(self._sensors.space.spaces)) for agent in self.possible_agents}
+
+    @property
+    def batch(self) -> Batch:
+        if self._batch is None:
+            raise RuntimeError("this environment is closed")
+        return self._batch
+
+    def observation_space(self, agent: str) -> spaces.Space[Any]:
+        return self._observation_spaces[agent]
+
+    def action_space(self, agent: str) -> spaces.Space[Any]:
+        return self._action_spaces[agent]
+
+    def reset(
+        self, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, Observation], dict[str, dict[str, Any]]]:
+        """Begins an episode: the first one of the seed's sequence, or without a seed the next one.  options: not used."""
+        del options
+        batch = self.batch
+        if not self._started:
+            batch.reset()
+        if seed is not None or self._started:
+            seeds = np.array([] if seed is None else [seed], dtype=np.uint64)
+            batch.reset_masked(np.ones(1, dtype=np.uint8), seeds)
+        self._started = True
+        self.agents = list(self.possible_agents)
+        return {agent: self._observation(agent, last=False) for agent in self.agents}, {agent: {} for agent in self.agents}
+
+    def step(
+        self, actions: dict[str, int]
+    ) -> tuple[dict[str, Observation], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]]:
+        """One step of all agents at once; actions of those that have ended are not used."""
+        if not self.agents:
+            return {}, {}, {}, {}, {}
+        missing = [agent for agent in self.agents if agent not in actions]
+        if missing:
+            raise InputError(f"actions: none for {', '.join(missing)}; give one per agent in `agents`")
+        row_actions = np.zeros(len(self.possible_agents), dtype=np.int32)
+        for agent, action in actions.items():
+            row_actions[self._rows[agent]] = action
+        batch = self.batch
+        batch.step(row_actions)
+        acting = self.agents
+        terminated = {agent: bool(self._terminated[self._rows[agent]]) for agent in acting}
+        truncated = {agent: bool(self._truncated[self._rows[agent]]) for agent in acting}
+        rewards = {agent: float(self._rewards[self._rows[agent]]) for agent in acting}
+        ended = {agent for agent in acting if terminated[agent] or truncated[agent]}
+        observations = {agent: self._observation(agent, last=agent in ended) for agent in acting}
+        infos: dict[str, dict[str, Any]] = {agent: {} for agent in acting}
+        metrics = {self.possible_agents[number]: values for _, number, values in batch.finished()}
+        for agent in acting:
+            if agent in metrics:
+                infos[agent] = dict(metrics[agent])
+                infos[agent]["ended"] = {other: values for other, values in metrics.items() if other not in acting}
+        self.agents = [agent for agent in acting if agent not in ended]
+        return observations, rewards, terminated, truncated, infos
+
+    def close(self) -> None:
+        self._batch = None
+
+    def _observation(self, agent: str, *, last: bool) -> Observation:
+        return self._sensors.row(self._rows[agent], copy=self._copy, last=last)

@@ -1,0 +1,196 @@
+"""Batches of environments as a gymnasium.vector.VectorEnv."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from ._batch import NUM_ACTIONS, SensorArrays, open_batch, require_gymnasium
+from ._engine import Batch, InputError
+
+Observation = dict[str, NDArray[Any]]
+Info = dict[str, Any]
+
+_ENGINE_MODES = {"same_step": "same_step", "next_step": "next_step", "disabled": "off"}
+_MODES = {
+    "same_step": AutoresetMode.SAME_STEP,
+    "next_step": AutoresetMode.NEXT_STEP,
+    "off": AutoresetMode.DISABLED,
+}
+
+
+class EarshotVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
+    """Envs stepped together by the C++ batch; make it with earshot.make_vec.
+
+    Observations are a dict of arrays [num_envs, ...], views of the engine's memory unless `copy`: the next step overwrites them, those of
+    final_obs the next end in the same env.  Rewards and flags are arrays of their own.  Actions: 0 stop, 1 forward, 2 left, 3 right.
+
+    infos of a step in which episodes ended hold their metrics: success, spl, soft_spl, sna, distance_to_goal_m, success_when_silent,
+    episode_return, steps, collisions, stopped, episode_index, each with its mask under "_" + key; with autoreset in the same step below
+    final_info, beside final_obs.  "quarantined" marks envs whose episode was taken out of the run: not experience.
+    """
+
+    def __init__(
+        self,
+        config: str | Path | Mapping[str, Any],
+        num_envs: int = 1,
+        *,
+        overrides: Sequence[str] = (),
+        split: str = "train",
+        autoreset_mode: str | AutoresetMode | None = None,
+        threads: int | None = None,
+        copy: bool = False,
+        first_env: int = 0,
+    ) -> None:
+        require_gymnasium()
+        keys = {"autoreset": _engine_mode(autoreset_mode), "threads": threads}
+        batch = open_batch(config, num_envs, overrides, split, keys, first_env)
+        if batch.num_agents != 1:
+            raise InputError(f"agents = {batch.num_agents}: a vector environment has one agent per env; use earshot.parallel_env")
+        self._batch: Batch | None = batch
+        self._sensors = SensorArrays(batch)
+        self._copy = copy
+        self._started = False
+        self._rewards = batch.rewards()
+        self._terminated = batch.terminated().view(np.bool_)
+        self._truncated = batch.truncated().view(np.bool_)
+        self._quarantined = batch.quarantined().view(np.bool_)
+        self._actions = np.zeros(num_envs, dtype=np.int32)
+
+        self.num_envs = num_envs
+        self.first_env = first_env
+        self.metadata = {"autoreset_mode": _MODES[batch.autoreset], "render_modes": []}
+        self.single_observation_space = self._sensors.space
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.single_action_space = spaces.Discrete(NUM_ACTIONS)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+
+    @property
+    def batch(self) -> Batch:
+        """The engine's batch: arrays without a copy, snapshots, send and recv."""
+        if self._batch is None:
+            raise RuntimeError("this environment is closed")
+        return self._batch
+
+    @property
+    def sensor_units(self) -> dict[str, str]:
+        return dict(self._sensors.units)
+
+    @property
+    def privileged_sensors(self) -> list[str]:
+        """Keys of observations that no agent could sense: labels, and a critic's input."""
+        return list(self._sensors.privileged)
+
+    def reset(
+        self,
+        *,
+        seed: int | Sequence[int | None] | None = None,
+        options: dict[str, Any] | None = None,
+    ) -> tuple[Observation, Info]:
+        """Begins episodes in all envs, or in those of options["reset_mask"] (bool [num_envs]).
+
+        seed: env i begins the first episode of the sequence of seed + i, or of its own entry of a list; the same seed gives the same
+        episodes in any env of any batch.  Without a seed the first reset begins the sequences of the config, later ones go on in them.
+        """
+        batch = self.batch
+        mask = self._reset_mask(options)
+        seeds = self._seeds(seed)
+        if not self._started:
+            batch.reset()
+            self._started = True
+            if all(value is None for value in seeds):
+                return self._observations(), {}
+        seeded = np.array([value is not None for value in seeds], dtype=np.bool_)
+        no_seeds = np.empty(0, dtype=np.uint64)
+        if (mask & seeded).any():
+            values = np.array([value or 0 for value in seeds], dtype=np.uint64)
+            batch.reset_masked((mask & seeded).astype(np.uint8), values)
+        if (mask & ~seeded).any():
+            batch.reset_masked((mask & ~seeded).astype(np.uint8), no_seeds)
+        return self._observations(), {}
+
+    def step(self, actions: NDArray[Any]) -> tuple[Observation, NDArray[np.float32], NDArray[np.bool_], NDArray[np.bool_], Info]:
+        batch = self.batch
+        array = np.asarray(actions)
+        if array.shape != (self.num_envs,):
+            raise InputError(f"actions: have shape {array.shape}; give [{self.num_envs}]")
+        np.copyto(self._actions, array, casting="same_kind")
+        batch.step(self._actions)
+        terminated, truncated = self._terminated.copy(), self._truncated.copy()
+        return self._observations(), self._rewards.copy(), terminated, truncated, self._infos(terminated | truncated)
+
+    def close_extras(self, **_kwargs: Any) -> None:
+        """Lets go of the batch; its memory goes with the last array that shows it."""
+        self._batch = None
+
+    def __del__(self) -> None:
+        self._batch = None
+
+    def _observations(self) -> Observation:
+        if self._copy:
+            return {name: array.copy() for name, array in self._sensors.rows.items()}
+        return dict(self._sensors.rows)
+
+    def _infos(self, ended: NDArray[np.bool_]) -> Info:
+        infos: Info = {}
+        if not ended.any():
+            return infos
+        metrics: Info = {}
+        for env, _, values in self.batch.finished():
+            row: int = env - self.first_env
+            for key, value in values.items():
+                if key not in metrics:
+                    metrics[key] = np.zeros(self.num_envs, dtype=type(value))
+                    metrics[f"_{key}"] = np.zeros(self.num_envs, dtype=np.bool_)
+                metrics[key][row] = value
+                metrics[f"_{key}"][row] = True
+        if self._quarantined.any():
+            infos["quarantined"], infos["_quarantined"] = self._quarantined.copy(), self._quarantined.copy()
+        if self.metadata["autoreset_mode"] != AutoresetMode.SAME_STEP:
+            return infos | metrics
+        final = np.full(self.num_envs, None, dtype=object)
+        for row in np.flatnonzero(ended).tolist():
+            final[row] = self._sensors.row(row, copy=self._copy, last=True)
+        infos["final_obs"], infos["_final_obs"] = final, ended.copy()
+        infos["final_info"], infos["_final_info"] = metrics, ended.copy()
+        return infos
+
+    def _reset_mask(self, options: Mapping[str, Any] | None) -> NDArray[np.bool_]:
+        if options is None or "reset_mask" not in options:
+            return np.ones(self.num_envs, dtype=np.bool_)
+        mask = options["reset_mask"]  # stays there: wrappers read it too
+        if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_:
+            raise TypeError("options['reset_mask'] must be a numpy array of bool")
+        if mask.shape != (self.num_envs,) or not mask.any():
+            raise ValueError(f"options['reset_mask'] must have shape ({self.num_envs},) and at least one True")
+        if not self._started:
+            raise ValueError("options['reset_mask'] needs a reset of all envs before it")
+        return mask
+
+    def _seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
+        if seed is None:
+            return [None] * self.num_envs
+        if isinstance(seed, (int, np.integer)):
+            if seed < 0:
+                raise ValueError(f"seed = {seed}: must not be negative")
+            return [int(seed) + env for env in range(self.num_envs)]
+        seeds = [None if value is None else int(value) for value in seed]
+        if len(seeds) != self.num_envs:
+            raise ValueError(f"seed has {len(seeds)} entries for {self.num_envs} envs")
+        return seeds
+
+
+def _engine_mode(mode: str | AutoresetMode | None) -> str | None:
+    if mode is None:
+        return None
+    for name, engine in _ENGINE_MODES.items():
+        if mode == name or mode == _MODES[engine]:
+            return engine
+    raise InputError(f"autoreset_mode = {mode}: must be one of {', '.join(_ENGINE_MODES)}")

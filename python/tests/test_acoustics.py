@@ -1,0 +1,172 @@
+from __future__ import annotations
+
+import concurrent.futures
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import earshot
+
+ROOM = "shoebox:6x3x5"
+
+
+@pytest.fixture(scope="module")
+def scene() -> earshot.Scene:
+    return earshot.Scene(ROOM, preset="fast", settings={"rir_length_s": 0.3})
+
+
+def test_first_response_in_three_lines() -> None:
+    scene = earshot.Scene("house:7", preset="fast", settings={"rir_length_s": 0.2})
+    source, listener = scene.random_positions(2, seed=1)
+    rir = scene.source(source).render(listener, channels="binaural")
+    assert rir.shape == (2, round(0.2 * scene.sample_rate_hz))
+    assert rir.dtype == np.float32
+    assert np.isfinite(rir).all()
+    assert np.abs(rir).max() > 0
+
+
+def test_direct_sound_is_the_green_function(scene: earshot.Scene) -> None:
+    response = scene.source([2, 1.5, 2]).response([4, 1.5, 2])
+    direct = response.arrivals
+    assert direct.kind_names[0] == "direct"
+    # Pressure 1 / (4 pi r) of a unit source; air absorbs less than 2 % over 2 m below 8 kHz.
+    assert direct.amplitude[0, 0] == pytest.approx(1 / (4 * math.pi * 2), rel=0.02)
+    assert direct.delay_s[0] == pytest.approx(2 / response.speed_of_sound_m_per_s, rel=1e-5)
+    assert np.allclose(direct.direction[0], [-1, 0, 0], atol=1e-5)
+    assert np.all(np.diff(direct.distance_m) >= 0)
+    assert direct.amplitude.shape == (len(direct), len(scene.bands_hz))
+
+
+def test_impulse_comes_at_its_time(scene: earshot.Scene) -> None:
+    rir = scene.source([2, 1.5, 2]).render([4, 1.5, 2], channels="mono")
+    assert rir.shape[0] == 1
+    first = int(np.argmax(np.abs(rir[0]) > 0.5 * np.abs(rir[0]).max()))
+    expected = 2 / 343.2 * scene.sample_rate_hz
+    assert abs(first - expected) < 3
+
+
+@pytest.mark.parametrize(("channels", "count"), [("mono", 1), ("binaural", 2), ("ambisonic:1", 4), ("ambisonic:2", 9)])
+def test_channels(scene: earshot.Scene, channels: str, count: int) -> None:
+    rir = scene.source([2, 1.5, 2]).render([4, 1.5, 3], channels=channels)
+    assert rir.shape == (count, round(0.3 * scene.sample_rate_hz))
+    assert np.isfinite(rir).all()
+
+
+def test_left_ear_is_louder_for_a_source_on_the_left(scene: earshot.Scene) -> None:
+    rir = scene.source([2, 1.5, 2]).render([4, 1.5, 2])  # facing -z, the source at -x
+    energy = (rir**2).sum(axis=1)
+    assert energy[0] > 1.2 * energy[1]
+    turned = (scene.source([2, 1.5, 2]).render([4, 1.5, 2], 180) ** 2).sum(axis=1)
+    assert turned[1] > 1.2 * turned[0]
+
+
+def test_a_batch_has_the_bits_of_single_calls_for_any_number_of_threads(scene: earshot.Scene) -> None:
+    listeners = scene.random_positions(7, seed=4)
+    headings = np.linspace(0, 300, 7)
+    source = scene.source([2, 1.5, 2], pattern="cardioid", heading_deg=30)
+    one = source.render(listeners, headings, threads=1)
+    assert one.shape[:2] == (7, 2)
+    assert np.array_equal(one, source.render(listeners, headings, threads=4))
+    singles = [source.render(place, heading) for place, heading in zip(listeners, headings, strict=True)]
+    assert np.array_equal(one, np.stack(singles))
+    again = earshot.Scene(ROOM, preset="fast", settings={"rir_length_s": 0.3})
+    assert np.array_equal(one, again.source([2, 1.5, 2], pattern="cardioid", heading_deg=30).render(listeners, headings))
+
+
+def test_another_seed_gives_other_bits(scene: earshot.Scene) -> None:
+    other = earshot.Scene(ROOM, preset="fast", settings={"rir_length_s": 0.3}, seed=99)
+    listener = [4, 1.5, 3]
+    assert not np.array_equal(scene.source([2, 1.5, 2]).render(listener), other.source([2, 1.5, 2]).render(listener))
+
+
+def test_response_renders_what_the_source_renders(scene: earshot.Scene) -> None:
+    source = scene.source([2, 1.5, 2])
+    response = source.response([4, 1.5, 3])
+    assert np.array_equal(response.render(90), source.render([4, 1.5, 3], 90))
+    assert response.late.ndim == 3
+    assert not response.late.flags.writeable
+    assert (response.late[..., 0] >= 0).all()
+    late = response.late
+    del response, source
+    assert np.isfinite(late).all()  # the array keeps its memory
+
+
+def test_metrics_of_energy_and_of_the_rir_agree() -> None:
+    scene = earshot.Scene("shoebox:7x3x6@0.2", preset="balanced", settings={"rir_length_s": 1.0})
+    response = scene.source([2, 1.1, 2.3]).response([5, 1.7, 4.1])  # off the middles, where paths of equal length would add in phase
+    energy = response.metrics
+    assert energy.bands_hz.tolist() == scene.bands_hz.tolist()
+    # Sabine: 0.161 V / (a S) = 0.63 s with S = 162 m2; Eyring 0.56 s.  Wide enough for the air's part, which only shortens.
+    middle = int(np.argmin(np.abs(energy.bands_hz - 1000)))
+    assert 0.4 < energy.t20_s[middle] < 0.8
+    measured = earshot.measure(response.render(channels="mono"), scene.sample_rate_hz, direct_delay_s=energy.direct_delay_s)
+    assert measured.t20_s[middle] == pytest.approx(energy.t20_s[middle], rel=0.1)
+    assert measured.c50_db[middle] == pytest.approx(energy.c50_db[middle], abs=1.5)
+
+
+def test_plan_says_what_is_simulated(scene: earshot.Scene) -> None:
+    plan = {decision.effect: decision for decision in scene.plan}
+    assert "transmission" in plan
+    assert not plan["transmission"].on  # nothing lies behind the walls of a box
+    assert all(decision.why for decision in plan.values())
+
+
+def test_random_positions_are_inside_and_a_prefix_of_more(scene: earshot.Scene) -> None:
+    places = scene.random_positions(20, height_m=1.2, seed=5)
+    low, high = scene.bounds
+    assert ((places > low) & (places < high)).all()
+    assert np.array_equal(places[:5], scene.random_positions(5, height_m=1.2, seed=5))
+
+
+def test_threads_of_python_render_at_once(scene: earshot.Scene) -> None:
+    source = scene.source([2, 1.5, 2])
+    listeners = scene.random_positions(6, seed=8)
+    with concurrent.futures.ThreadPoolExecutor(3) as pool:
+        rirs = list(pool.map(lambda place: source.render(place, threads=1), listeners))
+    assert np.array_equal(np.stack(rirs), source.render(listeners, threads=1))
+
+
+def test_errors_are_python_exceptions_with_one_line(scene: earshot.Scene, tmp_path: Path) -> None:
+    assert issubclass(earshot.InputError, ValueError)
+    assert issubclass(earshot.RunError, RuntimeError)
+    broken = tmp_path / "broken.glb"
+    broken.write_bytes(b"glTF no mesh")
+    for call in (
+        lambda: earshot.Scene("house:not_a_seed"),
+        lambda: earshot.Scene(str(tmp_path / "absent.glb")),
+        lambda: earshot.Scene(str(broken)),
+        lambda: earshot.Scene(ROOM, settings={"reys": 5}),
+        lambda: earshot.Scene(ROOM, preset="best"),
+        lambda: scene.source([2, 1.5, 2], pattern="cardiod"),
+        lambda: scene.source([2, 1.5]),
+        lambda: scene.source([2, math.nan, 2]),
+        lambda: scene.source([2, 1.5, 2]).render([math.inf, 0, 0]),
+        lambda: scene.source([2, 1.5, 2]).render([4, 1.5, 2], math.nan),
+        lambda: scene.source([2, 1.5, 2]).render([4, 1.5, 2], [1, 2]),
+        lambda: scene.source([2, 1.5, 2]).render([4, 1.5, 2], channels="quadraphonic"),
+        lambda: scene.source([2, 1.5, 2]).render([4, 1.5, 2], channels="mono", hrtf="head.sofa"),
+        lambda: scene.source([2, 1.5, 2]).response([4, 1.5, 2], channels="mono").render(channels="binaural"),
+        lambda: earshot.measure(np.zeros((0, 0)), 16000),
+    ):
+        with pytest.raises(earshot.InputError) as caught:
+            call()
+        assert "\n" not in str(caught.value)
+        assert str(caught.value)
+
+
+@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    x=st.floats(0.3, 5.7),
+    y=st.floats(0.3, 2.7),
+    z=st.floats(0.3, 4.7),
+    heading=st.floats(-720, 720),
+    pitch=st.floats(-90, 90),
+)
+def test_any_pose_in_the_room_gives_finite_sound(scene: earshot.Scene, x: float, y: float, z: float, heading: float, pitch: float) -> None:
+    rir = scene.source([2, 1.5, 2]).render([x, y, z], heading, pitch_deg=pitch)
+    assert np.isfinite(rir).all()
+    assert np.abs(rir).max() > 0
