@@ -189,4 +189,43 @@ TEST_F(BenchCli, WrongNamesAreOneLineAndExitCodeTwo) {
   }
 }
 
+TEST_F(BenchCli, TrainWritesRatesOfTheLearnerAndOfAShortTraining) {
+  {
+    std::ofstream config(file("small.yaml"));
+    config << "envs_per_worker: 2\nrollout_steps: 4\n"
+              "env: {observation: {camera: {width_px: 40, height_px: 40}}, acoustics: {preset: fast, field: off, rir_length_s: 0.1}}\n"
+              "policy: {hidden_size: 16, visual_features: 8, audio_features: 8, conv_channels: 4}\n"
+              "ppo: {epochs: 2, minibatches: 2}\n"
+              "data: {train: {scenes: [\"shoebox:8x3x8\"], sounds: [\"synth:click\"], filter: {min_geodesic_m: 1, max_geodesic_m: 20, "
+              "min_ratio: 0}}}\n";
+  }
+  ASSERT_EQ(earshot("bench train --quick --config " + file("small.yaml") + " --set ppo.epochs=3 --json " + file("train.json")), 0)
+      << read("stderr");
+  const std::set<std::string> names = names_in("train.json", "train");
+  for (const char* name :
+       {"learner.samples_per_cpu_s", "learner.samples_per_s", "learner.update_ms.forward", "learner.update_ms.backward",
+        "learner.update_ms.step", "learner.update_ms.other", "actor.rows_per_cpu_s", "train.steps_per_s", "train.stage_ms.sound",
+        "train.stage_ms.convolve", "train.stage_ms.render", "train.stage_ms.move", "train.stage_ms.policy", "train.stage_ms.learn"})
+    EXPECT_EQ(names.count(name), 1u) << name;
+  // Beside torch where a python has it, else with a line that says how to get it.
+  EXPECT_EQ(names.count("torch.samples_per_cpu_s") + (read("stdout").find("torch left out") != std::string::npos), 1u);
+  EXPECT_EQ(names.count("torch.samples_per_cpu_s"), names.count("learner.ratio_to_torch"));
+  for (const json& result : json::parse(read("train.json")).at("results")) {
+    EXPECT_EQ(result.at("setting").at("epochs"), 3) << result;
+    for (const char* key : {"config", "parameters", "envs", "rollout_steps", "minibatches", "threads"})
+      EXPECT_TRUE(result.at("setting").contains(key)) << key;
+  }
+}
+
+TEST_F(BenchCli, TrainRefusesWhatItCannotDo) {
+  EXPECT_EQ(earshot("bench train --config " + file("none.yaml")), 2);
+  EXPECT_NE(read("stderr").find("none.yaml"), std::string::npos);
+  EXPECT_EQ(earshot("bench train --seconds 0"), 2);
+  EXPECT_NE(read("stderr").find("--seconds"), std::string::npos);
+  EXPECT_EQ(earshot("bench train --repeats 0"), 2);
+  EXPECT_NE(read("stderr").find("--repeats"), std::string::npos);
+  EXPECT_EQ(earshot("bench train --set ppo.epoch=2"), 2);
+  EXPECT_NE(read("stderr").find("ppo.epoch"), std::string::npos);
+}
+
 }  // namespace
