@@ -17,6 +17,7 @@ void add_walk(CLI::App& app);
 void add_dataset(CLI::App& app);
 void add_train(CLI::App& app, const std::vector<std::string>& arguments, int& exit_code);
 void add_plan(CLI::App& app);
+void add_keys(CLI::App& app);
 void add_eval(CLI::App& app);
 void add_leaderboard(CLI::App& app);
 void add_replay(CLI::App& app);

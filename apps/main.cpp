@@ -38,6 +38,7 @@ int main(int argc, char** argv) {
   earshot::add_dataset(app);
   earshot::add_train(app, arguments, exit_code);
   earshot::add_plan(app);
+  earshot::add_keys(app);
   earshot::add_eval(app);
   earshot::add_leaderboard(app);
   earshot::add_replay(app);

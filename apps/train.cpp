@@ -18,7 +18,7 @@ struct Options {
   std::string config, resume;
   std::vector<std::string> overrides, changes;
   int workers = 0;
-  bool overwrite = false;
+  bool overwrite = false, insecure_network = false;
 };
 
 /// The config with the choice that env.accuracy asks for: kept by the run or by the one that is resumed, or made now.  Workers read what
@@ -41,8 +41,10 @@ RunConfig with_acoustics(const RunConfig& config, const RunStart& start, bool is
 
 int run_train(const Options& options, const std::vector<std::string>& arguments) {
   // Everything that can be wrong with the input is found before a process is started.
-  const RunConfig asked = load_run_config(options.config, options.overrides);
-  const auto launched = worker_from_environment();
+  std::vector<std::string> overrides = options.overrides;
+  if (options.insecure_network) overrides.emplace_back("network.insecure=true");
+  const RunConfig asked = load_run_config(options.config, overrides);
+  const auto launched = worker_from_environment(asked.network);
   const bool is_worker = launched.has_value();
   if (is_worker && options.workers > 0 && options.workers != launched->ring.identity.world_size)
     throw InputError(fmt::format("--workers {}", options.workers),
@@ -95,6 +97,8 @@ void add_train(CLI::App& app, const std::vector<std::string>& arguments, int& ex
       ->allow_extra_args(false);
   command->add_flag("--overwrite", options->overwrite,
                     "Remove the files of an earlier run in `out` first; without it such a folder is refused");
+  command->add_flag("--insecure-network", options->insecure_network,
+                    "Let links between hosts go without encryption and without keys (network.insecure=true)");
   command->footer(
       "Writes checkpoints, events.jsonl and TensorBoard curves under the config's `out`.  SIGTERM, SIGINT and SIGUSR1 end the run after "
       "the\n"

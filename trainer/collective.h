@@ -7,6 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "trainer/network_config.h"
+
 namespace earshot {
 
 /// Who this worker is.
@@ -37,10 +39,11 @@ std::unique_ptr<Collective> make_single_worker();
 /// id checked.
 struct RingConfig {
   WorkerIdentity identity;
-  std::string rendezvous;                    ///< "tcp://127.0.0.1:PORT" or "ipc:///path": rank 0 listens here
+  std::string rendezvous;                    ///< "tcp://HOST:PORT" or "ipc:///path": rank 0 listens here
   std::string run_id;                        ///< an unknown peer with another id is refused
   std::chrono::milliseconds timeout{60000};  ///< of one collective call
   std::chrono::milliseconds heartbeat{500};  ///< a dead peer is noticed within about four of these
+  NetworkConfig network = {};                ///< where to listen, and the keys of links that leave the host
 };
 std::unique_ptr<Collective> make_zmq_ring(const RingConfig& config);
 

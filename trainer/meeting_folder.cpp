@@ -11,13 +11,17 @@
 
 namespace earshot {
 
-MeetingFolder::MeetingFolder(std::filesystem::path path) : path_(std::move(path)) {
+MeetingFolder::MeetingFolder(std::filesystem::path path, int rank) : path_(std::move(path)), rank_(rank) {
   if (!path_.empty() && ::mkdir(path_.c_str(), 0700) != 0 && errno != EEXIST)
     throw RunError(path_.string(), fmt::format("cannot be created: {}", std::strerror(errno)));
 }
 
 MeetingFolder::~MeetingFolder() {
-  if (!path_.empty()) ::rmdir(path_.c_str());  // refused while another worker's sockets are in it
+  if (path_.empty()) return;
+  // libzmq leaves the files of its sockets where they are.
+  for (const char* traffic : {"control", "bulk"}) ::unlink((path_ / fmt::format("meet.{}.{}", rank_, traffic)).c_str());
+  if (rank_ == 0) ::unlink((path_ / "meet").c_str());
+  ::rmdir(path_.c_str());  // refused while another worker's sockets are in it
 }
 
 }  // namespace earshot

@@ -17,23 +17,21 @@ namespace {
 
 using std::chrono::milliseconds;
 
-constexpr int kQueuedMessages = 4;  // per peer and direction: at most 4 MiB wait
-constexpr std::int64_t kMaxFrameBytes = static_cast<std::int64_t>(kChunkBytes);
+constexpr int kQueuedMessages = 4;                // per peer and direction: at most 4 MiB wait
+constexpr std::int64_t kCurveOverheadBytes = 64;  // libzmq compares the size of the sealed frame, 33 bytes more than its content
+constexpr std::int64_t kMaxFrameBytes = static_cast<std::int64_t>(kChunkBytes) + kCurveOverheadBytes;
 constexpr milliseconds kShutdownGrace{300};  // for a goodbye message to leave, or to arrive after its connection broke
 constexpr std::size_t kMaxReasonBytes = 600;
+constexpr int kUnknownAtOnce = 1000;  // messages of unknown peers that are dropped before anything else is looked at again
 
 std::string worker(int rank) { return fmt::format("worker {}", rank); }
 
-zmq::socket_t listen(zmq::context_t& context, const std::string& address) {
+zmq::socket_t listener(zmq::context_t& context, const LinkSecurity& security) {
   zmq::socket_t socket(context, zmq::socket_type::router);
   socket.set(zmq::sockopt::linger, 0);
   socket.set(zmq::sockopt::maxmsgsize, kMaxFrameBytes);
   socket.set(zmq::sockopt::rcvhwm, kQueuedMessages);
-  try {
-    socket.bind(address);
-  } catch (const zmq::error_t& error) {
-    throw RunError(address, fmt::format("cannot listen there: {}", error.what()));
-  }
+  security.secure_listener(socket);
   return socket;
 }
 
@@ -45,6 +43,7 @@ zmq::socket_t dial(zmq::context_t& context, const std::string& routing_id) {
   socket.set(zmq::sockopt::sndhwm, kQueuedMessages);
   socket.set(zmq::sockopt::immediate, true);    // nothing is queued for a connection that is not up
   socket.set(zmq::sockopt::reconnect_ivl, -1);  // a broken connection has lost messages: it is the end, not a pause
+  socket.set(zmq::sockopt::ipv6, true);         // IPv4 as well
   return socket;
 }
 
@@ -82,20 +81,28 @@ bool BuffersInFlight::wait_until_empty(std::chrono::steady_clock::time_point dea
 
 PeerMesh::PeerMesh(const RingConfig& config) : config_(config), exceptions_at_start_(std::uncaught_exceptions()) {
   validate(config_);
-  control_in_ = listen(context_, listening_address(config_, "control"));
-  bulk_in_ = listen(context_, listening_address(config_, "bulk"));
-  const PeerTable table = meet(context_, config_, control_in_.get(zmq::sockopt::last_endpoint), bulk_in_.get(zmq::sockopt::last_endpoint));
+  config_ = resolved(config_);
+  security_ = LinkSecurity(config_);
+  gate_ = security_.open_gate(context_);
+  control_in_ = listener(context_, security_);
+  bulk_in_ = listener(context_, security_);
+  const std::string control_endpoint = bind_listener(control_in_, config_, "control"),
+                    bulk_endpoint = bind_listener(bulk_in_, config_, "bulk");
+  const PeerTable table = meet(context_, config_, control_endpoint, bulk_endpoint, security_);
   run_key_ = hash64(config_.run_id, table.run_key);
 
   peers_.resize(static_cast<std::size_t>(config_.identity.world_size));
   for (int rank = 0; rank < config_.identity.world_size; ++rank) {
     if (rank == config_.identity.rank) continue;
+    const auto place = static_cast<std::size_t>(rank);
     rank_of_routing_id_[fmt::format("E{:016x}.{}", run_key_, rank)] = rank;
-    connect(rank, table.control_endpoints[static_cast<std::size_t>(rank)]);
+    connect(rank, table.control_endpoints[place], table.public_keys[place]);
   }
   bulk_out_ = dial(context_, fmt::format("E{:016x}.{}", run_key_, config_.identity.rank));
   bulk_out_.set(zmq::sockopt::linger, 0);  // its payloads are lent: they must come back when the caller leaves
-  bulk_out_.connect(table.bulk_endpoints[static_cast<std::size_t>(right())]);
+  const auto neighbour = static_cast<std::size_t>(right());
+  security_.secure_dialer(bulk_out_, table.public_keys[neighbour]);
+  bulk_out_.connect(table.bulk_endpoints[neighbour]);
 }
 
 PeerMesh::~PeerMesh() {
@@ -110,9 +117,10 @@ PeerMesh::~PeerMesh() {
   }
 }
 
-void PeerMesh::connect(int rank, const std::string& control_endpoint) {
+void PeerMesh::connect(int rank, const std::string& control_endpoint, const std::string& public_key) {
   Peer& peer = peers_[static_cast<std::size_t>(rank)];
   peer.control = dial(context_, fmt::format("E{:016x}.{}", run_key_, config_.identity.rank));
+  security_.secure_dialer(peer.control, public_key);
   const int interval_ms = static_cast<int>(config_.heartbeat.count());
   peer.control.set(zmq::sockopt::heartbeat_ivl, interval_ms);
   peer.control.set(zmq::sockopt::heartbeat_timeout, 4 * interval_ms);
@@ -149,7 +157,7 @@ bool PeerMesh::send_bulk(FrameHeader header, std::span<const std::byte> payload)
 }
 
 std::optional<PeerMesh::Frame> PeerMesh::receive_from(zmq::socket_t& socket) {
-  while (true) {
+  for (int unknown = 0; unknown < kUnknownAtOnce;) {
     std::array<zmq::message_t, 3> parts;
     std::size_t count = 0;
     bool more = true;
@@ -168,6 +176,7 @@ std::optional<PeerMesh::Frame> PeerMesh::receive_from(zmq::socket_t& socket) {
     const auto sender = rank_of_routing_id_.find(parts[0].to_string());
     if (sender == rank_of_routing_id_.end()) {
       if (++unknown_peers_ == 1) spdlog::warn("worker {} ignores messages of an unknown peer on its port", config_.identity.rank);
+      ++unknown;
       continue;
     }
     Frame frame;
@@ -184,6 +193,7 @@ std::optional<PeerMesh::Frame> PeerMesh::receive_from(zmq::socket_t& socket) {
     frame.payload = std::move(parts[2]);
     return frame;
   }
+  return std::nullopt;  // a flood: first see whether the peers are alive
 }
 
 std::optional<PeerMesh::Frame> PeerMesh::receive_control() {
@@ -321,6 +331,7 @@ void PeerMesh::close_all() {
   bulk_out_.close();
   bulk_in_.close();
   control_in_.close();
+  gate_.reset();
   context_.close();  // waits until the I/O thread has dropped or sent everything: all lent payloads are back
 }
 

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <deque>
 #include <map>
+#include <memory>
 #include <mutex>
 #include <optional>
 #include <span>
@@ -13,6 +14,7 @@
 #include <zmq.hpp>
 
 #include "trainer/collective.h"
+#include "trainer/link_security.h"
 #include "trainer/wire.h"
 
 namespace earshot {
@@ -79,7 +81,8 @@ class PeerMesh {
   /// Ends the mesh: tells the peers why, closes all sockets, takes back all lent payloads.  Later calls throw RunError with the same
   /// reason.
   void abandon(const std::string& reason);
-  [[nodiscard]] std::uint64_t unknown_peers() const { return unknown_peers_; }
+  /// Messages of unknown peers that were dropped, and peers whose keys were refused.
+  [[nodiscard]] std::uint64_t unknown_peers() const { return unknown_peers_ + (gate_ ? gate_->refused() : 0); }
 
  private:
   struct Peer {
@@ -88,7 +91,7 @@ class PeerMesh {
     std::optional<std::uint64_t> finished_after;  ///< its goodbye message came after that many calls
     std::deque<Frame> early;                      ///< of the next call
   };
-  void connect(int rank, const std::string& control_endpoint);
+  void connect(int rank, const std::string& control_endpoint, const std::string& public_key);
   std::optional<Frame> receive_from(zmq::socket_t& socket);
   void take_goodbye(const Frame& frame);
   void read_monitors();
@@ -100,6 +103,8 @@ class PeerMesh {
   int exceptions_at_start_;
   BuffersInFlight lent_buffers_;  // outlives the context: its I/O thread gives buffers back
   zmq::context_t context_{1};
+  LinkSecurity security_;
+  std::unique_ptr<CurveGate> gate_;
   zmq::socket_t control_in_, bulk_in_, bulk_out_;
   std::vector<Peer> peers_;  // by rank; the own place stays empty
   std::map<std::string, int> rank_of_routing_id_;

@@ -6,10 +6,13 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <array>
+#include <cstring>
 #include <filesystem>
 #include <optional>
 
 #include "sim/base/errors.h"
+#include "trainer/host_address.h"
 #include "trainer/wire.h"
 
 namespace earshot {
@@ -20,22 +23,24 @@ using Clock = std::chrono::steady_clock;
 constexpr int kMaxWorkers = 64;
 constexpr std::size_t kMaxSocketPath = 107;  // sockaddr_un::sun_path less its end mark
 constexpr std::string_view kIpc = "ipc://", kTcp = "tcp://";
+constexpr int kRefusalsPerSecond = 100;  // what comes above goes unanswered
+constexpr int kFailedHandshakes = 20;    // in a row: it is not a matter of rank 0 coming later
+constexpr int kReconnect_ms = 50, kReconnectMax_ms = 250;
 
 std::string listening_path(const RingConfig& config, const std::string& traffic) {
   return fmt::format("{}.{}.{}", config.rendezvous.substr(kIpc.size()), config.identity.rank, traffic);
 }
 
-bool is_loopback(std::string_view address) {
-  if (!address.starts_with(kTcp)) return false;
-  const std::string_view host = address.substr(kTcp.size(), address.rfind(':') - kTcp.size());
-  return host == "127.0.0.1" || host == "localhost";
-}
-
 /// A peer's endpoint comes from a message: it may only lead where we would listen ourselves.
-bool is_local_endpoint(const RingConfig& config, const std::string& endpoint) {
+bool is_possible_endpoint(const RingConfig& config, const std::string& endpoint) {
   if (config.rendezvous.starts_with(kIpc))
     return endpoint.starts_with(config.rendezvous + ".") && endpoint.find('/', config.rendezvous.size()) == std::string::npos;
-  return is_loopback(endpoint);
+  try {
+    const TcpAddress address = parse_tcp(endpoint);
+    return address.port > 0 && is_loopback(address.host) != leaves_host(config.rendezvous) && is_numeric_address(address.host);
+  } catch (const InputError&) {
+    return false;
+  }
 }
 
 void check_private_folder(const RingConfig& config) {
@@ -53,8 +58,9 @@ void check_private_folder(const RingConfig& config) {
     throw InputError(folder.string(), "is open to other users, who could join the run there", "chmod 700, or take a folder of your own");
 }
 
-zmq::socket_t open_socket(zmq::context_t& context, zmq::socket_type type) {
+zmq::socket_t open_socket(zmq::context_t& context, zmq::socket_type type, const std::string& address) {
   zmq::socket_t socket(context, type);
+  socket.set(zmq::sockopt::ipv6, address.find('[') != std::string::npos);
   socket.set(zmq::sockopt::linger, 2000);  // the context outlives this socket: a table on its way still arrives
   socket.set(zmq::sockopt::maxmsgsize, static_cast<std::int64_t>(kMaxControlBytes));
   socket.set(zmq::sockopt::rcvhwm, 64);
@@ -62,15 +68,18 @@ zmq::socket_t open_socket(zmq::context_t& context, zmq::socket_type type) {
   return socket;
 }
 
-/// True when there is something to read before the deadline.
-bool wait_readable(zmq::socket_t& socket, Clock::time_point deadline) {
+enum class Readable { none, first, second };
+
+/// Which of two sockets has something to read before the deadline.
+Readable wait_readable(zmq::socket_t& first, Clock::time_point deadline, zmq::socket_t* second = nullptr) {
   while (true) {
     const auto left = std::chrono::duration_cast<std::chrono::milliseconds>(deadline - Clock::now()) + std::chrono::milliseconds(1);
-    if (left.count() <= 0) return false;
-    zmq_pollitem_t item{socket.handle(), 0, ZMQ_POLLIN, 0};
-    const int count = zmq_poll(&item, 1, static_cast<long>(left.count()));
-    if (count > 0) return true;
-    if (count < 0 && zmq_errno() != EINTR) throw zmq::error_t();
+    if (left.count() <= 0) return Readable::none;
+    std::array<zmq_pollitem_t, 2> items{{{first.handle(), 0, ZMQ_POLLIN, 0}, {second ? second->handle() : nullptr, -1, ZMQ_POLLIN, 0}}};
+    const int count = ::zmq_poll(items.data(), second ? 2 : 1, static_cast<long>(left.count()));
+    if (count < 0 && ::zmq_errno() != EINTR) throw zmq::error_t();
+    if (count <= 0) continue;
+    return (items[0].revents & ZMQ_POLLIN) != 0 ? Readable::first : Readable::second;
   }
 }
 
@@ -84,21 +93,35 @@ std::vector<zmq::message_t> receive_parts(zmq::socket_t& socket) {
   return parts;
 }
 
+/// Where rank 0 listens for hellos: at the meeting point, or at its port of the interface that was chosen (the others may know the host by
+/// another address).
+std::string meeting_address(const RingConfig& config) {
+  if (!leaves_host(config.rendezvous) || config.network.interface.empty()) return config.rendezvous;
+  const TcpAddress meeting_point = parse_tcp(config.rendezvous);
+  return TcpAddress{address_of_interface(config.network.interface, meeting_point.host), meeting_point.port}.endpoint();
+}
+
 /// Rank 0: collects the hellos.
 class Host {
  public:
-  Host(zmq::context_t& context, const RingConfig& config, const std::string& control_endpoint, const std::string& bulk_endpoint)
+  Host(zmq::context_t& context, const RingConfig& config, const std::string& control_endpoint, const std::string& bulk_endpoint,
+       const LinkSecurity& security)
       : config_(config),
-        socket_(open_socket(context, zmq::socket_type::router)),
+        security_(security),
+        socket_(open_socket(context, zmq::socket_type::router, config.rendezvous)),
         addresses_(static_cast<std::size_t>(config.identity.world_size)) {
     socket_.set(zmq::sockopt::router_mandatory, true);
+    security.secure_listener(socket_);
     try {
-      socket_.bind(config.rendezvous);
+      socket_.bind(meeting_address(config));
     } catch (const zmq::error_t& error) {
-      throw InputError(config.rendezvous, fmt::format("cannot listen there: {}", error.what()), "choose another address or port");
+      throw InputError(config.rendezvous, fmt::format("cannot listen there: {}", error.what()),
+                       "choose another address or port; rank 0 listens there, and has to run on that host");
     }
     table_.control_endpoints.resize(addresses_.size());
     table_.bulk_endpoints.resize(addresses_.size());
+    table_.public_keys.resize(addresses_.size());
+    table_.public_keys[0] = security.public_key();
     table_.control_endpoints[0] = control_endpoint;
     table_.bulk_endpoints[0] = bulk_endpoint;
     if (::getrandom(&table_.run_key, sizeof(table_.run_key), 0) != sizeof(table_.run_key)) throw RunError("getrandom", "gives no bytes");
@@ -107,7 +130,7 @@ class Host {
   PeerTable run() {
     const auto deadline = Clock::now() + config_.timeout;
     while (!missing().empty()) {
-      if (!wait_readable(socket_, deadline))
+      if (wait_readable(socket_, deadline) == Readable::none)
         throw RunError(fmt::format("rendezvous {}", config_.rendezvous),
                        fmt::format("worker {} of {} did not come within {} ms", fmt::join(missing(), ", "), config_.identity.world_size,
                                    config_.timeout.count()));
@@ -117,6 +140,7 @@ class Host {
     welcome.run_key = table_.run_key;
     welcome.control_endpoints = table_.control_endpoints;
     welcome.bulk_endpoints = table_.bulk_endpoints;
+    welcome.public_keys = table_.public_keys;
     for (std::size_t rank = 1; rank < addresses_.size(); ++rank) {
       try {
         send(*addresses_[rank], welcome);
@@ -149,7 +173,7 @@ class Host {
       refuse(parts[0], error.what());
       return;
     }
-    const std::string reason = objection(hello);
+    const std::string reason = objection(hello, parts[1]);
     if (!reason.empty()) {
       ++table_.refused;
       refuse(parts[0], reason);
@@ -159,20 +183,33 @@ class Host {
     addresses_[rank] = parts[0].to_string();
     table_.control_endpoints[rank] = hello.control_endpoint;
     table_.bulk_endpoints[rank] = hello.bulk_endpoint;
+    table_.public_keys[rank] = hello.public_key;
   }
 
-  [[nodiscard]] std::string objection(const Hello& hello) const {
+  [[nodiscard]] std::string objection(const Hello& hello, const zmq::message_t& message) const {
     const int world_size = config_.identity.world_size;
     if (hello.run_id != config_.run_id) return "its run id is that of another run";
     if (hello.world_size != world_size) return fmt::format("it expects {} workers, this run has {}", hello.world_size, world_size);
     if (hello.rank < 1 || hello.rank >= world_size) return fmt::format("its rank {} is not within 1 to {}", hello.rank, world_size - 1);
     if (addresses_[static_cast<std::size_t>(hello.rank)]) return fmt::format("rank {} is taken", hello.rank);
-    if (!is_local_endpoint(config_, hello.control_endpoint) || !is_local_endpoint(config_, hello.bulk_endpoint))
-      return "its endpoints are not local ones";
+    if (!is_possible_endpoint(config_, hello.control_endpoint) || !is_possible_endpoint(config_, hello.bulk_endpoint))
+      return "its endpoints are not where workers of this run listen";
+    if (security_.encrypted() != !hello.public_key.empty()) return "of it and this run one has keys and the other none";
+    // The gate has seen the peer prove that it has the secret key.
+    if (security_.encrypted()) {
+      const char* proven = ::zmq_msg_gets(message.handle(), "User-Id");
+      if (proven == nullptr || hello.public_key != proven) return "it says another public key than it has";
+    }
     return {};
   }
 
   void refuse(const zmq::message_t& address, const std::string& reason) {
+    const auto now = Clock::now();
+    if (now - second_begins_ >= std::chrono::seconds(1)) {
+      second_begins_ = now;
+      refusals_ = 0;
+    }
+    if (++refusals_ > kRefusalsPerSecond) return;
     Welcome welcome;
     welcome.refusal = reason;
     try {
@@ -187,15 +224,52 @@ class Host {
   }
 
   const RingConfig& config_;
+  const LinkSecurity& security_;
   zmq::socket_t socket_;
   std::vector<std::optional<std::string>> addresses_;  // routing ids by rank
   PeerTable table_;
+  Clock::time_point second_begins_;
+  int refusals_ = 0;  // in the second that then began
 };
 
-PeerTable join(zmq::context_t& context, const RingConfig& config, const std::string& control_endpoint, const std::string& bulk_endpoint) {
+/// Handshakes of one socket that failed, by libzmq's monitor.
+class HandshakeMonitor {
+ public:
+  HandshakeMonitor(zmq::context_t& context, zmq::socket_t& socket) : events_(context, zmq::socket_type::pair) {
+    constexpr const char* kAddress = "inproc://rendezvous.handshakes";
+    constexpr int kEvents = ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL | ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL | ZMQ_EVENT_HANDSHAKE_FAILED_AUTH;
+    if (::zmq_socket_monitor(socket.handle(), kAddress, kEvents) != 0) throw zmq::error_t();
+    events_.set(zmq::sockopt::linger, 0);
+    events_.connect(kAddress);
+  }
+  [[nodiscard]] zmq::socket_t& socket() { return events_; }
+  /// Reads the next event; throws RunError if rank 0 refuses the key, or after too many failures.
+  void read(const std::string& where, const LinkSecurity& security) {
+    const auto parts = receive_parts(events_);
+    std::uint16_t event = 0;
+    if (!parts.empty() && parts[0].size() >= sizeof(event)) std::memcpy(&event, parts[0].data(), sizeof(event));
+    ++failed_;
+    if (event == ZMQ_EVENT_HANDSHAKE_FAILED_AUTH)
+      throw RunError(where, fmt::format("worker 0 does not allow the key {}: add it to its network.allow_list", security.public_key()));
+    if (failed_ >= kFailedHandshakes)
+      throw RunError(where, fmt::format("worker 0 and this worker cannot agree on keys: {}",
+                                        security.encrypted() ? "network.meeting_key is not its public key, or it has none"
+                                                             : "it has some, this worker has none"));
+  }
+
+ private:
+  zmq::socket_t events_;
+  int failed_ = 0;
+};
+
+PeerTable join(zmq::context_t& context, const RingConfig& config, const std::string& control_endpoint, const std::string& bulk_endpoint,
+               const LinkSecurity& security) {
   const std::string where = fmt::format("rendezvous {}", config.rendezvous);
-  zmq::socket_t socket = open_socket(context, zmq::socket_type::dealer);
-  socket.set(zmq::sockopt::reconnect_ivl, 50);  // rank 0 may come up later than we do
+  zmq::socket_t socket = open_socket(context, zmq::socket_type::dealer, config.rendezvous);
+  socket.set(zmq::sockopt::reconnect_ivl, kReconnect_ms);  // rank 0 may come up later than we do
+  socket.set(zmq::sockopt::reconnect_ivl_max, kReconnectMax_ms);
+  security.secure_dialer(socket, security.meeting_key());
+  HandshakeMonitor handshakes(context, socket);
   try {
     socket.connect(config.rendezvous);
   } catch (const zmq::error_t& error) {
@@ -207,10 +281,18 @@ PeerTable join(zmq::context_t& context, const RingConfig& config, const std::str
   hello.world_size = config.identity.world_size;
   hello.control_endpoint = control_endpoint;
   hello.bulk_endpoint = bulk_endpoint;
+  hello.public_key = security.public_key();
   socket.send(zmq::buffer(encode(hello)), zmq::send_flags::none);
 
-  if (!wait_readable(socket, Clock::now() + config.timeout)) {
-    socket.set(zmq::sockopt::linger, 0);
+  const auto deadline = Clock::now() + config.timeout;
+  socket.set(zmq::sockopt::linger, 0);
+  while (true) {
+    const Readable readable = wait_readable(socket, deadline, &handshakes.socket());
+    if (readable == Readable::first) break;
+    if (readable == Readable::second) {
+      handshakes.read(where, security);
+      continue;
+    }
     throw RunError(where, fmt::format("worker 0 did not answer within {} ms, or not all workers came", config.timeout.count()));
   }
   const auto parts = receive_parts(socket);
@@ -220,12 +302,15 @@ PeerTable join(zmq::context_t& context, const RingConfig& config, const std::str
     if (!welcome.refusal.empty())
       throw RunError(where, fmt::format("worker 0 refuses worker {}: {}", config.identity.rank, welcome.refusal));
     const auto world_size = static_cast<std::size_t>(config.identity.world_size);
-    if (welcome.control_endpoints.size() != world_size || welcome.bulk_endpoints.size() != world_size)
+    if (welcome.control_endpoints.size() != world_size || welcome.bulk_endpoints.size() != world_size ||
+        welcome.public_keys.size() != world_size)
       throw WireError("table of another size");
     for (const auto* endpoints : {&welcome.control_endpoints, &welcome.bulk_endpoints})
       for (const auto& endpoint : *endpoints)
-        if (!is_local_endpoint(config, endpoint)) throw WireError("endpoint that is not local");
-    return {welcome.run_key, std::move(welcome.control_endpoints), std::move(welcome.bulk_endpoints), 0, 0};
+        if (!is_possible_endpoint(config, endpoint)) throw WireError("endpoint where no worker listens");
+    for (const auto& key : welcome.public_keys)
+      if (security.encrypted() ? !is_curve_key(key) : !key.empty()) throw WireError("key that is none");
+    return {welcome.run_key, std::move(welcome.control_endpoints), std::move(welcome.bulk_endpoints), std::move(welcome.public_keys), 0, 0};
   } catch (const WireError& error) {
     throw RunError(where, fmt::format("worker 0 speaks another protocol: {}", error.what()));
   }
@@ -244,24 +329,61 @@ void validate(const RingConfig& config) {
   if (config.rendezvous.starts_with(kIpc)) {
     check_private_folder(config);
   } else if (config.rendezvous.starts_with(kTcp)) {
-    if (!is_loopback(config.rendezvous))
-      throw InputError(config.rendezvous,
-                       "is not on the loopback interface; that needs CURVE authentication, which this build does not have",
-                       "use tcp://127.0.0.1:PORT or ipc:///FOLDER/NAME and keep the workers on one host");
+    require(parse_tcp(config.rendezvous).port > 0, "rendezvous", config.rendezvous, "must name a port: the workers look for rank 0 there");
+    validate(config.network);
+    if (leaves_host(config.rendezvous) && config.network.curve_key_file.empty() && !config.network.insecure)
+      throw InputError(config.rendezvous, "can be reached from other hosts, and there are no keys for CURVE",
+                       "make some with 'earshot keys FILE' and set network.curve_key_file=FILE on all hosts, or say --insecure-network");
   } else {
-    throw InputError(fmt::format("rendezvous '{}'", config.rendezvous), "is not an address",
-                     "write tcp://127.0.0.1:PORT or ipc:///FOLDER/NAME");
+    throw InputError(fmt::format("rendezvous '{}'", config.rendezvous), "is not an address", "write tcp://HOST:PORT or ipc:///FOLDER/NAME");
   }
+}
+
+RingConfig resolved(const RingConfig& config) {
+  RingConfig result = config;
+  if (!config.rendezvous.starts_with(kTcp)) return result;
+  TcpAddress meeting_point = parse_tcp(config.rendezvous);
+  meeting_point.host = resolve(meeting_point.host, Clock::now() + config.timeout);
+  result.rendezvous = meeting_point.endpoint();
+  return result;
 }
 
 std::string listening_address(const RingConfig& config, const std::string& traffic) {
   if (config.rendezvous.starts_with(kIpc)) return std::string(kIpc) + listening_path(config, traffic);
-  return "tcp://127.0.0.1:*";
+  const TcpAddress meeting_point = parse_tcp(config.rendezvous);
+  const std::string& interface = config.network.interface;
+  const bool loopback = is_loopback(meeting_point.host);
+  if (interface.empty() || loopback) return TcpAddress{loopback ? meeting_point.host : local_address_towards(meeting_point), 0}.endpoint();
+  return TcpAddress{address_of_interface(interface, meeting_point.host), 0}.endpoint();
 }
 
-PeerTable meet(zmq::context_t& context, const RingConfig& config, const std::string& control_endpoint, const std::string& bulk_endpoint) {
-  if (config.identity.rank == 0) return Host(context, config, control_endpoint, bulk_endpoint).run();
-  return join(context, config, control_endpoint, bulk_endpoint);
+std::string bind_listener(zmq::socket_t& socket, const RingConfig& config, const std::string& traffic) {
+  const std::string address = listening_address(config, traffic);
+  socket.set(zmq::sockopt::ipv6, address.find('[') != std::string::npos);
+  const PortRange ports = address.starts_with(kTcp) ? ports_of(config.network) : PortRange{};
+  std::string problem;
+  for (int port = ports.first; port <= ports.last; ++port) {  // once, with port 0, where there is no range
+    TcpAddress place;
+    if (ports.first > 0) {
+      if (port == parse_tcp(config.rendezvous).port) continue;  // rank 0's to take
+      place = {parse_tcp(address).host, port};
+    }
+    try {
+      socket.bind(ports.first > 0 ? place.endpoint() : address);
+      return socket.get(zmq::sockopt::last_endpoint);
+    } catch (const zmq::error_t& error) {
+      problem = error.what();
+      if (error.num() != EADDRINUSE) break;
+    }
+  }
+  throw RunError(address, fmt::format("cannot listen there{}: {}",
+                                      ports.first > 0 ? fmt::format(", ports {}-{}", ports.first, ports.last) : std::string(), problem));
+}
+
+PeerTable meet(zmq::context_t& context, const RingConfig& config, const std::string& control_endpoint, const std::string& bulk_endpoint,
+               const LinkSecurity& security) {
+  if (config.identity.rank == 0) return Host(context, config, control_endpoint, bulk_endpoint, security).run();
+  return join(context, config, control_endpoint, bulk_endpoint, security);
 }
 
 }  // namespace earshot

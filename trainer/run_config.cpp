@@ -60,6 +60,9 @@ void read(ConfigReader& reader, RunConfig& config) {
   ConfigReader guidance = reader.child("guidance");
   read(guidance, config.guidance);
   guidance.finish();
+  ConfigReader network = reader.child("network");
+  read(network, config.network);
+  network.finish();
   ConfigReader data = reader.child("data");
   ConfigReader train = data.child("train");
   read(train, config.train);
@@ -88,6 +91,7 @@ RunConfig read_run(ConfigReader reader) {
   validate(config.policy);
   validate(config.ppo);
   validate(config.guidance);
+  validate(config.network);
   require(config.guidance.goal == 0 || config.policy.goal_heads, "guidance.goal", config.guidance.goal,
           "has no effect without policy.goal_heads: nothing says where the goal is");
   require(config.guidance.goal > 0 || !config.policy.goal_heads, "policy.goal_heads", true,

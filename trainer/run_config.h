@@ -10,6 +10,7 @@
 #include "envs/sound_scenario.h"
 #include "policy/policy_config.h"
 #include "trainer/guidance_config.h"
+#include "trainer/network_config.h"
 #include "trainer/ppo_config.h"
 
 namespace earshot {
@@ -33,7 +34,8 @@ enum class Schedule { steps, minutes };
 /// What an evaluated policy does: an action drawn from its distribution, or the likeliest.
 enum class ActionChoice { sample, argmax };
 
-/// One training run as its YAML file says it.  Sections: env, policy, ppo, guidance, data (train, eval); the other keys are below.
+/// One training run as its YAML file says it.  Sections: env, policy, ppo, guidance, network, data (train, eval); the other keys are
+/// below.
 struct RunConfig {
   std::string name = "run";
   std::string out = "runs/run";  ///< checkpoints, curves and results go here
@@ -53,6 +55,7 @@ struct RunConfig {
   PolicyConfig policy;
   PpoConfig ppo;
   GuidanceConfig guidance;
+  NetworkConfig network;
   DataConfig train = shared_goals(), eval;
 
   /// Training visits a scene thousands of times: ten goals teach it, and a source field made for each serves thousands of responses.

@@ -18,29 +18,31 @@ class WireError : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-inline constexpr std::uint16_t kWireVersion = 3;
+inline constexpr std::uint16_t kWireVersion = 4;
 inline constexpr std::size_t kMaxControlBytes = 64 * 1024;  ///< of one control message
 inline constexpr std::size_t kChunkBytes = std::size_t{1}
                                            << 20;  ///< payload of one bulk message (docs/ppo.md, section 6.3: 1 MiB was the fastest)
 
 /// A worker introduces itself to rank 0.
 struct Hello {
-  static constexpr std::size_t kFields = 6;
+  static constexpr std::size_t kFields = 7;
   std::uint16_t version = kWireVersion;
   std::string run_id;
   std::int32_t rank = 0, world_size = 0;
   std::string control_endpoint, bulk_endpoint;
-  MSGPACK_DEFINE(version, run_id, rank, world_size, control_endpoint, bulk_endpoint)  // append fields, never reorder
+  std::string public_key;                                                                         ///< of CURVE; empty without
+  MSGPACK_DEFINE(version, run_id, rank, world_size, control_endpoint, bulk_endpoint, public_key)  // append fields, never reorder
 };
 
 /// Rank 0's answer: the table of all endpoints by rank, or why the worker is refused.
 struct Welcome {
-  static constexpr std::size_t kFields = 5;
+  static constexpr std::size_t kFields = 6;
   std::uint16_t version = kWireVersion;
   std::string refusal;        ///< empty: accepted
   std::uint64_t run_key = 0;  ///< fresh per start; makes this run's routing ids and frames its own
   std::vector<std::string> control_endpoints, bulk_endpoints;
-  MSGPACK_DEFINE(version, refusal, run_key, control_endpoints, bulk_endpoints)
+  std::vector<std::string> public_keys;  ///< of CURVE, by rank; empty texts without
+  MSGPACK_DEFINE(version, refusal, run_key, control_endpoints, bulk_endpoints, public_keys)
 };
 
 /// The last message of a worker to its peers.

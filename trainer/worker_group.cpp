@@ -222,11 +222,13 @@ class WorkerGroup {
 
 }  // namespace
 
-std::optional<LaunchedWorker> worker_from_environment() {
-  auto worker = worker_from(launcher_variables());
+std::optional<LaunchedWorker> worker_from_environment(const NetworkConfig& network) {
+  const PortRange ports = ports_of(network);
+  auto worker = ports.first > 0 ? worker_from(launcher_variables(), ports.first, ports.last) : worker_from(launcher_variables());
   if (!worker) return std::nullopt;
+  worker->ring.network = network;
   worker->ring.timeout = kCollectiveTimeout;
-  worker->made_folder = std::make_shared<MeetingFolder>(worker->folder);
+  worker->made_folder = std::make_shared<MeetingFolder>(worker->folder, worker->ring.identity.rank);
   validate(worker->ring);
   return worker;
 }

@@ -12,7 +12,7 @@ namespace earshot {
 /// Rank, world size, meeting point and run id of this process, from our own spawn or a launcher (launcher_environment.h), validated.
 /// nullopt if this process is on its own; InputError if what is set contradicts itself.  The timeout is ten minutes: between two calls lies
 /// a rollout, or the loading of a large scene, and workers differ; a dead one is noticed anyway.
-std::optional<LaunchedWorker> worker_from_environment();
+std::optional<LaunchedWorker> worker_from_environment(const NetworkConfig& network = {});
 
 /// Starts `num_workers` copies of this program and waits for all.  arguments: those after the program's name.  Each copy has EARSHOT_RANK,
 /// _WORLD_SIZE, _RENDEZVOUS and _RUN_ID set, for a rendezvous in a private folder that is removed afterwards, and OMP_NUM_THREADS and

@@ -17,6 +17,7 @@ TEST(Hostlist, ExpandsAsSlurmDoes) {
   EXPECT_THAT(expand_hostlist("n[1-3,7]"), ElementsAre("n1", "n2", "n3", "n7"));
   EXPECT_THAT(expand_hostlist("n[08-11],gpu[3]"), ElementsAre("n08", "n09", "n10", "n11", "gpu3"));
   EXPECT_THAT(expand_hostlist("r[1-2]c[0-1]"), ElementsAre("r1c0", "r1c1", "r2c0", "r2c1"));
+  // Slurm takes no suffix after a bracket; the notation is common elsewhere.
   EXPECT_THAT(expand_hostlist("node[2,1]-ib0.cluster_a"), ElementsAre("node2-ib0.cluster_a", "node1-ib0.cluster_a"));
   EXPECT_EQ(expand_hostlist("n[0-65535]").size(), 65536u);
 }

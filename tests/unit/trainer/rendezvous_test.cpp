@@ -68,7 +68,7 @@ TEST(Rendezvous, UnknownPeersAreToldWhyAndDisturbNoWorker) {
     std::this_thread::sleep_for(milliseconds(5));
   std::this_thread::sleep_for(milliseconds(100));  // worker 1 has said hello
 
-  Hello hello{kWireVersion, "test-run", 2, 3, address + ".2.control", address + ".2.bulk"};
+  Hello hello{kWireVersion, "test-run", 2, 3, address + ".2.control", address + ".2.bulk", ""};
   const auto refusal = [&](auto change) {
     Hello changed = hello;
     change(changed);
@@ -166,9 +166,10 @@ TEST(Rendezvous, BadConfigsAreInputErrors) {
     EXPECT_NE(what_of([&] { make_zmq_ring(config); }).find(text), std::string::npos) << what_of([&] { make_zmq_ring(config); });
   };
   expect_refused([](RingConfig& c) { c.rendezvous = "tcp://0.0.0.0:5555"; }, "CURVE");
-  expect_refused([](RingConfig& c) { c.rendezvous = "tcp://*:5555"; }, "CURVE");
+  expect_refused([](RingConfig& c) { c.rendezvous = "tcp://*:5555"; }, "no host name has");
   expect_refused([](RingConfig& c) { c.rendezvous = "tcp://127.0.0.1.example.com:5555"; }, "CURVE");
-  expect_refused([](RingConfig& c) { c.rendezvous = "tcp://127.0.0.1:notaport"; }, "cannot listen");
+  expect_refused([](RingConfig& c) { c.rendezvous = "tcp://127.0.0.1:notaport"; }, "port");
+  expect_refused([](RingConfig& c) { c.rendezvous = "tcp://127.0.0.1:*"; }, "port");
   expect_refused([](RingConfig& c) { c.rendezvous = "udp://127.0.0.1:5555"; }, "not an address");
   expect_refused([](RingConfig& c) { c.rendezvous = ""; }, "not an address");
   expect_refused([](RingConfig& c) { c.rendezvous = "ipc://@abstract"; }, "socket file");

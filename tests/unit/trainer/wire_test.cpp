@@ -7,7 +7,7 @@
 namespace earshot {
 namespace {
 
-const Hello kHello{kWireVersion, "run", 3, 8, "ipc:///tmp/x/meet.3.control", "ipc:///tmp/x/meet.3.bulk"};
+const Hello kHello{kWireVersion, "run", 3, 8, "ipc:///tmp/x/meet.3.control", "ipc:///tmp/x/meet.3.bulk", "a-public-key"};
 
 /// The bytes with one byte replaced; which and by what is a function of `trial`.
 std::string damaged(std::string bytes, std::uint32_t trial) {
@@ -22,6 +22,7 @@ TEST(Wire, ControlMessageComesBackWhole) {
   EXPECT_EQ(back.rank, 3);
   EXPECT_EQ(back.world_size, 8);
   EXPECT_EQ(back.bulk_endpoint, kHello.bulk_endpoint);
+  EXPECT_EQ(back.public_key, kHello.public_key);
 }
 
 TEST(Wire, EveryTruncationAndAnyTrailerIsRefused) {

@@ -1,0 +1,46 @@
+#include "trainer/network_config.h"
+
+#include <charconv>
+
+#include "trainer/curve_keys.h"
+
+namespace earshot {
+
+PortRange ports_of(const NetworkConfig& config) {
+  const std::string& text = config.port_range;
+  if (text.empty()) return {};
+  PortRange range;
+  const char* const end = text.data() + text.size();
+  const auto [dash, first_error] = std::from_chars(text.data(), end, range.first);
+  bool parsed = first_error == std::errc() && dash != end && *dash == '-';
+  if (parsed) {
+    const auto [last, last_error] = std::from_chars(dash + 1, end, range.last);
+    parsed = last_error == std::errc() && last == end;
+  }
+  require(parsed && range.first >= 1 && range.last <= 65535 && range.last >= range.first, "network.port_range", text,
+          "must be FIRST-LAST with 1 <= FIRST <= LAST <= 65535");
+  return range;
+}
+
+void read(ConfigReader& reader, NetworkConfig& config) {
+  reader.read("interface", config.interface);
+  reader.read("port_range", config.port_range);
+  reader.read("curve_key_file", config.curve_key_file);
+  reader.read("allow_list", config.allow_list);
+  reader.read("meeting_key", config.meeting_key);
+  reader.read("insecure", config.insecure);
+}
+
+void validate(const NetworkConfig& config) {
+  ports_of(config);
+  require(!config.insecure || config.curve_key_file.empty(), "network.insecure", true,
+          "contradicts network.curve_key_file: leave one of them out");
+  require(config.allow_list.empty() || !config.curve_key_file.empty(), "network.allow_list", config.allow_list,
+          "needs network.curve_key_file: without keys of its own a worker knows no other's");
+  require(config.meeting_key.empty() || !config.curve_key_file.empty(), "network.meeting_key", config.meeting_key,
+          "needs network.curve_key_file");
+  require(config.meeting_key.empty() || is_curve_key(config.meeting_key), "network.meeting_key", config.meeting_key,
+          "must be a public key as `earshot keys` prints it: 40 characters");
+}
+
+}  // namespace earshot

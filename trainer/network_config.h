@@ -1,0 +1,31 @@
+#pragma once
+
+#include <string>
+
+#include "sim/base/config_reader.h"
+
+namespace earshot {
+
+/// How workers on several hosts reach each other: section `network` of a run config (docs/hosts.md).  Without any key, workers meet on one
+/// host only.
+struct NetworkConfig {
+  std::string interface;       ///< where this worker listens: name (eth0) or address; empty: where the way to rank 0 begins
+  std::string port_range;      ///< "FIRST-LAST"; empty: any free port, and 20000-29999 for a meeting point whose launcher names none
+  std::string curve_key_file;  ///< this worker's CURVE keys (`earshot keys`), mode 0600
+  std::string allow_list;      ///< file of public keys that may take part, one per line; empty: only the own one
+  std::string meeting_key;     ///< public key of rank 0; empty: the own one, as all workers have the same file
+  bool insecure = false;       ///< links that leave the host may go without keys
+};
+
+struct PortRange {
+  int first = 0, last = 0;  ///< both 0: any
+};
+
+/// Throws InputError for a port range that is none.
+PortRange ports_of(const NetworkConfig& config);
+
+void read(ConfigReader& reader, NetworkConfig& config);
+/// Throws InputError: a port range that is none, keys that are missing for what is asked, keys together with insecure.  Opens no file.
+void validate(const NetworkConfig& config);
+
+}  // namespace earshot
