@@ -1,0 +1,117 @@
+// `earshot train` started by the launchers that are installed here, and on two hosts: each gives the bits of `--workers 2`.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <thread>
+
+#include "tests/support/host_namespaces.h"
+#include "tests/support/slurm_node.h"
+#include "tests/support/train_cli.h"
+#include "trainer/checkpoint_format.h"
+
+namespace earshot {
+namespace {
+
+using testing::HasSubstr;
+
+class LaunchersCli : public TrainCli {
+ protected:
+  LaunchersCli() {
+    ::setenv("EARSHOT", earshot_program().c_str(), 1);
+    for (const char* name : {"OMPI_ALLOW_RUN_AS_ROOT", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM"}) ::setenv(name, "1", 1);
+  }
+  void SetUp() override { expect_done("dataset episodes --config " + config_); }
+  [[nodiscard]] static std::string launch(const std::string& name) { return source_dir() / "configs" / "launch" / name; }
+  /// Runs a shell command; its output and errors together.
+  [[nodiscard]] Outcome shell(const std::string& command) const {
+    const int status = std::system(("{ " + command + "; } >" + path("output") + " 2>&1 </dev/null").c_str());
+    return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read_file(path("output"))};
+  }
+  void expect_done_by(const std::string& command) const {
+    const Outcome outcome = shell(command);
+    EXPECT_EQ(outcome.exit_code, 0) << command << "\n" << outcome.text;
+  }
+  /// Hash of the weights and of what the optimizer knows at the end of the run in that folder.
+  [[nodiscard]] std::uint64_t bits_of(const std::string& run) const {
+    const std::string where = path(run + "/checkpoints/last.ckpt"), file = read_file(where);
+    const msgpack::object_handle body = unpack_checkpoint(file, where);
+    msgpack::sbuffer bytes;
+    for (const char* field : {"weights", "optimizer"}) msgpack::pack(bytes, CheckpointFields(where).field(body.get(), field));
+    return hash64(std::string_view(bytes.data(), bytes.size()));
+  }
+  [[nodiscard]] std::uint64_t bits_of_our_spawn(const std::string& more = "") const {
+    expect_done("train " + config_ + " --workers 2 out=" + path("ours") + more);
+    return bits_of("ours");
+  }
+  const std::string config_ = path("tiny.yaml");
+};
+
+TEST_F(LaunchersCli, TwoHostsWithKeysGiveTheBitsOfOne) {
+  const HostNamespaces hosts(2);
+  if (!hosts.missing().empty()) GTEST_SKIP() << hosts.missing();
+  expect_done("keys " + path("keys"));
+  const auto worker = [&](int rank) {
+    return hosts.on(rank) + "env EARSHOT_RANK=" + std::to_string(rank) +
+           " EARSHOT_WORLD_SIZE=2 EARSHOT_RUN_ID=a EARSHOT_RENDEZVOUS=tcp://" + HostNamespaces::address(0) + ":29400 " +
+           earshot_program().string() + " train " + config_ + " out=" + path("two_hosts");
+  };
+  const auto both = [&](const std::string& options) { return worker(0) + options + " & " + worker(1) + options + " && wait $!"; };
+  const Outcome open = shell(worker(0));
+  EXPECT_EQ(open.exit_code, 2);
+  EXPECT_THAT(open.text, testing::AllOf(HasSubstr("earshot keys"), HasSubstr("--insecure-network")));
+  expect_done_by(both(" network.curve_key_file=" + path("keys")));
+  EXPECT_EQ(bits_of("two_hosts"), bits_of_our_spawn());
+}
+
+TEST_F(LaunchersCli, MpirunGivesTheBitsOfOurSpawn) {
+  if (!has_program("mpirun")) GTEST_SKIP() << "mpirun is not installed (openmpi-bin)";
+  const std::string start = "EARSHOT_MPIRUN=--oversubscribe " + launch("mpirun.sh") + " 2 " + config_ + " out=" + path("mpirun");
+  const Outcome refused = shell(start + " --workers 3");
+  EXPECT_EQ(refused.exit_code, 2) << refused.text;
+  EXPECT_THAT(refused.text, HasSubstr("Open MPI has started 2 workers already"));
+  const Outcome done = shell(start);
+  EXPECT_EQ(done.exit_code, 0) << done.text;
+  EXPECT_THAT(done.text, HasSubstr("2 workers started by Open MPI meet at ipc://"));
+  EXPECT_EQ(bits_of("mpirun"), bits_of_our_spawn());
+}
+
+TEST_F(LaunchersCli, TorchrunGivesTheBitsOfOurSpawn) {
+  if (!has_program("torchrun")) GTEST_SKIP() << "torchrun is not installed (python3-torch)";
+  expect_done_by("MASTER_PORT=" + std::to_string(free_port()) + " " + launch("torchrun.sh") + " 2 " + config_ + " out=" + path("torchrun"));
+  EXPECT_EQ(bits_of("torchrun"), bits_of_our_spawn());
+}
+
+TEST_F(LaunchersCli, SlurmGivesTheBitsOfOurSpawnAcrossARequeue) {
+  const SlurmNode slurm(folder_.path() / "slurm");
+  if (!slurm.missing().empty()) GTEST_SKIP() << slurm.missing();
+  const Outcome refused = shell("srun -n2 " + earshot_program().string() + " train " + config_ + " --workers 3 out=" + path("srun"));
+  EXPECT_EQ(refused.exit_code, 2) << refused.text;
+  EXPECT_THAT(refused.text, HasSubstr("Slurm has started 2 workers already"));
+
+  // Asked by USR1 after a few updates; the job writes a checkpoint, queues itself again and goes on.
+  ::setenv("EARSHOT_OUT", path("slurm_run").c_str(), 1);
+  const std::string steps = " total_steps=800";
+  const Outcome queued =
+      shell("sbatch --parsable -n 2 -o " + path("slurm.log") + " " + launch("slurm.sbatch") + " " + config_ + steps + " | tail -n 1");
+  ASSERT_EQ(queued.exit_code, 0) << queued.text;
+  const std::string job = std::to_string(std::stoi(queued.text));
+  const auto log = [&] { return std::filesystem::exists(path("slurm.log")) ? read_file(path("slurm.log")) : std::string("no log"); };
+  const auto state_is = [&](const std::string& state) {
+    return shell("squeue -h -t all -j " + job + " -o %T").text.find(state) != std::string::npos;
+  };
+  ASSERT_TRUE(
+      wait_until([&] { return std::filesystem::exists(path("slurm_run/checkpoints/update_000003.ckpt")); }, std::chrono::seconds(60)))
+      << log();
+  expect_done_by("scancel --batch --signal=USR1 " + job);
+  ASSERT_TRUE(wait_until([&] { return state_is("PENDING"); }, std::chrono::seconds(60))) << log();
+  const std::uint64_t half_way = bits_of("slurm_run");
+  expect_done_by("scontrol update jobid=" + job + " StartTime=now");
+  ASSERT_TRUE(wait_until([&] { return state_is("COMPLETED"); }, std::chrono::seconds(90))) << log();
+  EXPECT_NE(bits_of("slurm_run"), half_way);
+  EXPECT_EQ(bits_of("slurm_run"), bits_of_our_spawn(steps)) << log();
+}
+
+}  // namespace
+}  // namespace earshot
