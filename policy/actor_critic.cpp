@@ -163,7 +163,8 @@ PolicyOutput ActorCriticImpl::sequence(const ObservationTensors& observations, c
   const std::int64_t T = not_done.size(0), B = not_done.size(1);
   const torch::Tensor features = encode(observations);  // [T * B, features]
   EARSHOT_EXPECT(features.size(0) == T * B && hidden.size(0) == B && hidden.size(1) == config_.hidden_size);
-  const torch::Tensor states = rnn_->forward(features.view({T, B, -1}), hidden, not_done);  // [T, B, hidden_size]
+  const torch::Tensor remembers = config_.recurrent ? not_done : torch::zeros_like(not_done);
+  const torch::Tensor states = rnn_->forward(features.view({T, B, -1}), hidden, remembers);  // [T, B, hidden_size]
   const torch::Tensor flat = states.view({T * B, config_.hidden_size});
   return {.logits = actor_->forward(flat),
           .value = values_of(flat, observations["goal_state"]),
@@ -209,6 +210,7 @@ std::string ActorCriticImpl::architecture() const {
     line += ",";
   }
   line += fmt::format(" conv {}, gru {}, actions {}", config_.conv_channels, config_.hidden_size, kNumActions);
+  if (!config_.recurrent) line += " without memory";
   if (config_.guided_critic) line += ", guided critic";
   if (config_.goal_heads) line += ", goal heads";
   if (config_.normalize_values) line += ", normalized values";

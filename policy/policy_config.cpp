@@ -8,6 +8,7 @@ void read(ConfigReader& reader, PolicyConfig& config) {
   reader.read("hidden_size", config.hidden_size);
   reader.read("visual_features", config.visual_features);
   reader.read("audio_features", config.audio_features);
+  reader.read("recurrent", config.recurrent);
   reader.read("conv_channels", config.conv_channels);
   reader.read("initial_stop_logit", config.initial_stop_logit);
   reader.read("seed", config.seed);

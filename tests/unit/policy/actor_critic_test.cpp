@@ -123,6 +123,23 @@ TEST(ActorCritic, SequenceEqualsStepsAcrossEpisodeStarts) {
   EXPECT_GT(largest(policy->sequence(seen, first, torch::ones({T, B})).value - whole.value), 1e-3);
 }
 
+TEST(ActorCritic, WithoutMemoryGoesByTheObservationAlone) {
+  torch::manual_seed(6);
+  const std::int64_t T = 4, B = 2;
+  const ObservationSpec spec = spec_of(64);
+  PolicyConfig config = small_config();
+  ActorCritic remembers(spec, config);
+  config.recurrent = false;
+  ActorCritic forgets(spec, config);
+  const ObservationTensors seen = random_observations(spec, T * B);
+  const torch::Tensor ones = torch::ones({T, B}), zeros = torch::zeros({T, B});
+  const torch::Tensor state = torch::randn({B, 24}), other = torch::randn({B, 24});
+  EXPECT_TRUE(torch::equal(forgets->sequence(seen, state, ones).logits, forgets->sequence(seen, other, ones).logits));
+  EXPECT_GT(largest(remembers->sequence(seen, state, ones).logits - remembers->sequence(seen, other, ones).logits), 1e-4);
+  // Same weights, and every step the first of an episode: the same agent.
+  EXPECT_TRUE(torch::equal(forgets->sequence(seen, state, ones).logits, remembers->sequence(seen, state, zeros).logits));
+}
+
 TEST(ActorCritic, GradientsReachEveryParameter) {
   torch::manual_seed(4);
   const ObservationSpec spec = spec_of(64, true, true, true);
@@ -209,7 +226,8 @@ TEST(ActorCritic, RefusesWhatCannotWork) {
 
 TEST(ActorCritic, ReadsItsConfig) {
   ConfigReader reader = ConfigReader::from_text(
-      "{hidden_size: 128, visual_features: 64, audio_features: 32, conv_channels: 16, seed: 9, initial_stop_logit: -3}", "test");
+      "{hidden_size: 128, visual_features: 64, audio_features: 32, conv_channels: 16, seed: 9, initial_stop_logit: -3, recurrent: false}",
+      "test");
   PolicyConfig config;
   read(reader, config);
   reader.finish();
@@ -219,6 +237,7 @@ TEST(ActorCritic, ReadsItsConfig) {
   EXPECT_EQ(config.conv_channels, 16);
   EXPECT_EQ(config.seed, 9u);
   EXPECT_EQ(config.initial_stop_logit, -3);
+  EXPECT_FALSE(config.recurrent);
 }
 
 TEST(ActorCritic, ArchitectureTellsWeightsApart) {
@@ -230,7 +249,9 @@ TEST(ActorCritic, ArchitectureTellsWeightsApart) {
   EXPECT_EQ(line(spec_of(64), reseeded), base);
   PolicyConfig wider = small_config();
   wider.hidden_size = 25;
-  for (const std::string& other : {line(spec_of(72), small_config()), line(spec_of(64), wider),
+  PolicyConfig forgetful = small_config();
+  forgetful.recurrent = false;
+  for (const std::string& other : {line(spec_of(64), forgetful), line(spec_of(72), small_config()), line(spec_of(64), wider),
                                    line(spec_of(64, true, false), small_config()), line(spec_of(64, true, true, true), small_config())})
     EXPECT_NE(other, base);
 }
