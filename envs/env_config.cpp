@@ -51,6 +51,7 @@ void read(ConfigReader& reader, EnvConfig& config) {
   reader.read("sound_root", config.sound_root);
   reader.read("sound_gain", config.sound_gain);
   reader.read("crossfade_s", config.crossfade_s);
+  reader.read("sound_restarts", config.sound_restarts);
   reader.read("agents", config.agents);
   reader.read_choice<EpisodeOrder>("order", config.order, {{"random", EpisodeOrder::random}, {"once", EpisodeOrder::once}});
   reader.read_choice<Autoreset>("autoreset", config.autoreset,

@@ -37,6 +37,9 @@ struct EnvConfig {
   std::string sound_root;  ///< folder of sounds that are named without a path ("my_ring", of original sets)
   float sound_gain = 1.f;  ///< applied to the dry sound; the spectrogram is log(1 + x), so the scale matters
   float crossfade_s = 0.05f;
+  /// Each step begins the sounds anew, without what rings of the steps before, as environments do that render every step by itself; for
+  /// comparison.
+  bool sound_restarts = false;
   int agents = 1;  ///< in each env: the first ones of its episode, which must have as many
   EpisodeOrder order = EpisodeOrder::random;
   Autoreset autoreset = Autoreset::same_step;

@@ -234,7 +234,10 @@ void BatchedEnv::Impl::begin_hearing(std::size_t env) {
     run.sounds.push_back(std::move(heard_one));
   }
   begin_agent_sounds(env);
-  for (EnvSound& sound : run.sounds) sound.played.moving = sound.moving.get();
+  for (EnvSound& sound : run.sounds) {
+    sound.played.moving = sound.moving.get();
+    sound.played.restarts = config.sound_restarts;
+  }
 
   BackgroundNoise noise{.seed = lead.seed, .stream = lead.stream, .episode = count};
   if (episode.noise_snr_db) noise.rms = noise_reference * std::pow(10.f, -*episode.noise_snr_db / 20.f);

@@ -95,8 +95,10 @@ bool SourceHearing::synthesize(HearingEngines& engines, double heading_rad, cons
 }
 
 void SourceHearing::convolve(HearingEngines& engines, int block, std::span<float> sound) {
-  engines.convolver.convolve(played_.sound->clip, clip_key_, played_.position, spectra_, fades_ ? &previous_ : nullptr, block, sound);
-  engines.glider.render(played_.sound->oversampled, played_.position, block, engines.crossfade_samples, gliding_, sound);
+  const StreamPosition position = played_.restarts ? played_.position.begun_anew() : played_.position;
+  const RirSpectra* fades_from = fades_ && !played_.restarts ? &previous_ : nullptr;
+  engines.convolver.convolve(played_.sound->clip, clip_key_, position, spectra_, fades_from, block, sound);
+  engines.glider.render(played_.sound->oversampled, position, block, engines.crossfade_samples, gliding_, sound);
   if (played_.gain != 1.f)
     for (float& sample : sound) sample *= played_.gain;
   played_.position.sample += static_cast<std::uint64_t>(block);

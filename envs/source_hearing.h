@@ -46,6 +46,7 @@ struct PlayedSound {
   const LibrarySound* sound = nullptr;
   StreamPosition position = {};  ///< at the first sample of the first window
   float gain = 1;
+  bool restarts = false;  ///< EnvConfig::sound_restarts
 };
 /// Whether samples of the next `block` may hold sound of it.  reach: the longest RIR in samples.
 bool sounds_within(const PlayedSound& played, std::size_t reach, int block);

@@ -36,6 +36,14 @@ struct StreamPosition {
     moved.sample += later;
     return moved;
   }
+  /// The sound begun anew at this sample, without what rings of it; silence where it is not playing now.
+  [[nodiscard]] StreamPosition begun_anew() const {
+    StreamPosition anew = *this;
+    anew.sample = begin;
+    anew.already_playing = false;
+    anew.end = (already_playing || sample >= begin) && sample < end ? ~std::uint64_t{0} : begin;
+    return anew;
+  }
 };
 
 /// How a StreamConvolver cuts its work (StreamConvolver::plan): overlap-save with transforms of `fft_size` samples, each giving `piece`

@@ -219,6 +219,33 @@ TEST(BatchedEnv, SoundIsContinuousAcrossSteps) {
   }
 }
 
+TEST(BatchedEnv, SoundThatRestartsIsAFunctionOfTheStepsPosesAlone) {
+  EnvConfig config = quick_env_config();
+  config.order = EpisodeOrder::once;
+  const auto set = make_set({room_episode("shoebox:6x3x5@0.3", {2, 0, 2}, 0.3, {4, 0, 3.5}, "synth:speech:3")});
+  // Turning forth and back: every second step has the same poses at both ends.
+  const auto difference = [&](bool restarts) {
+    config.sound_restarts = restarts;
+    BatchedEnv env(config, set, make_scene_cache(config), 1);
+    env.reset();
+    std::vector<std::vector<float>> blocks;
+    for (int i = 0; i < 6; ++i) {
+      const auto action = static_cast<std::int32_t>(i % 2 == 0 ? Action::left : Action::right);
+      env.step(std::span(&action, 1));
+      blocks.emplace_back(env.audiogoal().begin(), env.audiogoal().end());
+    }
+    double largest = 0, loudest = 0;
+    for (std::size_t i = 0; i < blocks[3].size(); ++i) {
+      largest = std::max(largest, std::abs(double{blocks[3][i]} - double{blocks[5][i]}));
+      loudest = std::max(loudest, std::abs(double{blocks[3][i]}));
+    }
+    EXPECT_GT(loudest, 0);
+    return largest / loudest;
+  };
+  EXPECT_LT(difference(true), 1e-3);  // headings add up to the same but for rounding
+  EXPECT_GT(difference(false), 0.1);  // another piece of the speech
+}
+
 double energy(std::span<const float> samples) {
   double sum = 0;
   for (const float x : samples) sum += static_cast<double>(x) * static_cast<double>(x);
