@@ -19,6 +19,7 @@ void add_train(CLI::App& app, const std::vector<std::string>& arguments, int& ex
 void add_plan(CLI::App& app);
 void add_keys(CLI::App& app);
 void add_eval(CLI::App& app);
+void add_policy(CLI::App& app);
 void add_leaderboard(CLI::App& app);
 void add_replay(CLI::App& app);
 void add_bench(CLI::App& app);

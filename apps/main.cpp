@@ -40,6 +40,7 @@ int main(int argc, char** argv) {
   earshot::add_plan(app);
   earshot::add_keys(app);
   earshot::add_eval(app);
+  earshot::add_policy(app);
   earshot::add_leaderboard(app);
   earshot::add_replay(app);
   earshot::add_bench(app);

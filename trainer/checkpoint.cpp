@@ -24,7 +24,8 @@ struct NamedType {
   std::string_view name;
   torch::ScalarType type;
 };
-constexpr std::array<NamedType, 6> kTypes{{{"float32", torch::kFloat32},
+constexpr std::array<NamedType, 7> kTypes{{{"float32", torch::kFloat32},
+                                           {"float16", torch::kFloat16},
                                            {"float64", torch::kFloat64},
                                            {"int64", torch::kInt64},
                                            {"int32", torch::kInt32},
@@ -143,7 +144,7 @@ class BodyReader : CheckpointFields {
         if (byte != 0 && byte != 1) fail(name, "holds booleans that are neither 0 nor 1");
     torch::Tensor tensor = torch::empty(sizes, type->type);
     if (!data.empty()) std::memcpy(tensor.data_ptr(), data.data(), data.size());
-    return tensor;
+    return type->type == torch::kFloat16 ? tensor.to(torch::kFloat32) : tensor;  // exact; nothing computes with halves
   }
 
   [[nodiscard]] std::vector<torch::Tensor> tensors(const msgpack::object& body, std::string_view name) const {

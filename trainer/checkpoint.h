@@ -1,5 +1,6 @@
 #pragma once
 
+#include <torch/optim/adam.h>
 #include <torch/types.h>
 #include <torch/utils.h>
 
@@ -25,7 +26,8 @@ struct Checkpoint : CheckpointMetadata {
   int episode_window_fields = 0;                   ///< numbers in each of its sums
 };
 
-/// File: "EARSHOT\0", version, length, MessagePack body, XXH3 of the body.  Written atomically.  Throws RunError if the disk is full.
+/// File: "EARSHOT\0", version, length, MessagePack body, XXH3 of the body.  Written atomically.  Tensors of float16 come back as float32.
+/// Throws RunError if the disk is full.
 void save_checkpoint(const Checkpoint& checkpoint, const std::filesystem::path& path);
 /// Throws InputError, one line: missing, not a checkpoint, other version, truncated, hash mismatch, malformed body.
 Checkpoint load_checkpoint(const std::filesystem::path& path);

@@ -101,6 +101,7 @@ CheckpointMetadata CheckpointFields::metadata(const msgpack::object& body) const
   if (has(body, "elapsed_s")) metadata.elapsed_s = value<double>(body, "elapsed_s");
   if (!(metadata.elapsed_s >= 0 && metadata.elapsed_s < 1e12)) fail("elapsed_s", "is no time");
   metadata.mean_reward = value<double>(body, "mean_reward");
+  metadata.is_policy = items(field(body, "env_states"), "env_states").empty();
   return metadata;
 }
 

@@ -16,6 +16,7 @@ struct CheckpointMetadata {
   std::string engine, engine_commit;  ///< engine_hash() and engine_commit() of the program that wrote it
   double elapsed_s = 0;               ///< wall seconds of training, over all sittings; 0 in files from before there was such a field
   double mean_reward = 0;             ///< per episode, over the last episodes; NaN where none had finished
+  bool is_policy = false;             ///< of a file that was read: it holds no state of a training, so that no run can go on from it
 };
 
 /// Reads the whole file and checks its hash; no tensor is made.  Throws InputError as load_checkpoint does.

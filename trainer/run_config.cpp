@@ -44,6 +44,7 @@ void read(ConfigReader& reader, RunConfig& config) {
   reader.read("checkpoint_every", config.checkpoint_every);
   reader.read("keep", config.keep);
   reader.read("eval_envs", config.eval_envs);
+  reader.read("initial_policy", config.initial_policy);
   reader.read_choice<Schedule>("schedule", config.schedule, {{"steps", Schedule::steps}, {"minutes", Schedule::minutes}});
   reader.read_choice<ActionChoice>("eval_actions", config.eval_actions,
                                    {{"sample", ActionChoice::sample}, {"argmax", ActionChoice::argmax}});

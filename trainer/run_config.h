@@ -49,6 +49,8 @@ struct RunConfig {
   int checkpoint_every = 50;            ///< updates
   int keep = 3;                         ///< periodic checkpoints that stay, beside the best and the last
   int eval_envs = 8;                    ///< batch of the evaluation: fixed, as it is part of the bits
+  /// Policy file, checkpoint or run folder whose weights a new run starts from; empty: weights of policy.seed.
+  std::string initial_policy = {};
   Schedule schedule = Schedule::steps;  ///< what ends decays and guidance
   ActionChoice eval_actions = ActionChoice::sample;
   EnvConfig env;

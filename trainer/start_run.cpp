@@ -12,6 +12,7 @@
 #include "trainer/effective_config.h"
 #include "trainer/episode_data.h"
 #include "trainer/find_checkpoint.h"
+#include "trainer/initial_policy.h"
 #include "trainer/result.h"
 #include "trainer/run_folder.h"
 
@@ -42,6 +43,9 @@ void check_declared(const std::vector<std::string>& declared, const std::map<std
 
 void check_same_run(const RunConfig& config, const RunStart& start) {
   const CheckpointMetadata saved = load_checkpoint_metadata(start.resume);
+  if (saved.is_policy)
+    throw InputError(start.resume.string(), "is a policy: it holds no state of a training to go on with",
+                     "start a run from it with initial_policy=" + start.resume.string());
   const auto before = flat_config(saved.config_yaml), now = flat_config(config_text(config));
   check_declared(start.changes, before, now);
   const auto declared = [&](const std::string& key) {
@@ -89,6 +93,7 @@ void prepare_run(const RunConfig& config, const RunStart& start) {
   refuse_mixed_runs(config, start);
   if (!start.resume.empty()) check_same_run(config, start);
   refuse_stale_episodes(config, start);
+  if (start.resume.empty() && !config.initial_policy.empty()) check_initial_policy(config);
   if (start.overwrite) RunFolder(config.out).remove_run();
 }
 

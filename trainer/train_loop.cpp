@@ -17,6 +17,7 @@
 #include "trainer/curve_svg.h"
 #include "trainer/episode_window.h"
 #include "trainer/event_log.h"
+#include "trainer/initial_policy.h"
 #include "trainer/ppo.h"
 #include "trainer/result.h"
 #include "trainer/rollout_collector.h"
@@ -46,10 +47,12 @@ class Worker {
         learner_(policy_, config.ppo, config.seed, config.guidance, static_cast<double>(config.env.task.success_radius_m)),
         collector_(config, env_, policy_, rank_ * config.envs_per_worker) {
     env_.set_stage_hook(hooks.stage_hook);
-    if (resume.empty())
+    if (resume.empty()) {
+      if (!config.initial_policy.empty()) load_initial_policy(config, policy_);
       env_.reset();
-    else
+    } else {
       restore(resume);
+    }
     check_equal_weights();
   }
 

@@ -61,6 +61,35 @@ TEST_F(TrainCli, AStaleEpisodeSetIsRefusedAndMadeAnew) {
   expect_done("eval " + path("run"));
 }
 
+TEST_F(TrainCli, APolicyFileIsEvaluatedAndStartsAnotherRun) {
+  const std::string config = path("tiny.yaml"), policy = path("tiny.policy");
+  expect_done("dataset episodes --config " + config);
+  expect_done("train " + config + " total_steps=16");
+  expect_done("policy " + path("run") + " --out " + policy);
+  EXPECT_LT(std::filesystem::file_size(policy), std::filesystem::file_size(path("run/checkpoints/last.ckpt")) / 2);
+  EXPECT_THAT(earshot("policy " + policy).text,
+              AllOf(HasSubstr(policy + ": policy"), HasSubstr("trained       16 steps"), HasSubstr("tiny")));
+  EXPECT_THAT(earshot("policy " + path("run")).text, HasSubstr("checkpoint of a training"));
+
+  // The same agent, to the last action.
+  expect_done("eval " + path("run") + " --out " + path("a.json"));
+  expect_done("eval " + policy + " --out " + path("b.json"));
+  EXPECT_EQ(read_file(path("a.json")), read_file(path("b.json")));
+  expect_done("policy " + path("run") + " --float16 --out " + path("half.policy"));
+  EXPECT_LT(std::filesystem::file_size(path("half.policy")), std::filesystem::file_size(policy));
+  expect_done("eval " + path("half.policy"));
+
+  // Its config is one to train with.
+  write_text(path("again.yaml"), earshot("policy " + policy + " --config").text);
+  expect_done("train " + path("again.yaml") + " out=" + path("tuned") + " total_steps=8 workers=1 initial_policy=" + policy);
+  expect_refused("train " + config + " --resume " + policy + " out=" + path("none") + " total_steps=16",
+                 AllOf(HasSubstr("is a policy"), HasSubstr("initial_policy=" + policy)));
+  expect_refused("train " + config + " out=" + path("none") + " policy.hidden_size=9 initial_policy=" + policy, HasSubstr("gru 9"));
+  expect_refused("train " + config + " --workers 2 out=" + path("none") + " initial_policy=" + path("absent"), HasSubstr("absent"));
+  expect_refused("policy " + policy + " --float16", HasSubstr("--out"));
+  EXPECT_FALSE(std::filesystem::exists(path("none")));
+}
+
 TEST_F(TrainCli, AccuracyIsPlannedOnceAndKeptWithTheRun) {
   // As tiny.yaml, but for what the planner chooses.
   std::string yaml = read_file(path("tiny.yaml"));
