@@ -49,6 +49,7 @@ class StartRun : public testing::Test {
     checkpoint.config_yaml = config_text(config(overrides));
     checkpoint.engine = engine_;
     checkpoint.engine_commit = "abc";
+    if (!is_policy_) checkpoint.env_states = {"state"};
     save_checkpoint(checkpoint, path(name));
     return path(name);
   }
@@ -63,6 +64,7 @@ class StartRun : public testing::Test {
 
   PrivateTestFolder folder_;
   std::string engine_ = engine_hash();
+  bool is_policy_ = false;
 };
 
 TEST_F(StartRun, AFolderWithCheckpointsIsRefusedUnlessTold) {
@@ -136,6 +138,12 @@ TEST_F(StartRun, AnotherEngineIsRefusedUnlessDeclared) {
   EXPECT_THAT(refusal(config(), {.resume = checkpoint}),
               AllOf(HasSubstr("engine 0123456789abcdef (commit abc)"), HasSubstr(engine_hash())));
   EXPECT_EQ(refusal(config(), {.resume = checkpoint, .changes = {"engine"}}), "starts");
+}
+
+TEST_F(StartRun, NoRunGoesOnFromAPolicy) {
+  is_policy_ = true;
+  const auto policy = write_checkpoint("a.policy");
+  EXPECT_THAT(refusal(config(), {.resume = policy}), AllOf(HasSubstr("is a policy"), HasSubstr("initial_policy=" + policy.string())));
 }
 
 TEST_F(StartRun, AResumedRunDoesNotGoIntoAnotherRunsFolder) {
