@@ -179,7 +179,7 @@ TEST_F(BenchCli, AccuracyWritesItsTablesAndFigures) {
 
 TEST_F(BenchCli, WrongNamesAreOneLineAndExitCodeTwo) {
   for (const char* arguments :
-       {"bench", "bench dance", "bench train", "bench rir --raya 3", "bench accuracy --quick --minutes 0",
+       {"bench", "bench dance", "bench trian", "bench rir --raya 3", "bench accuracy --quick --minutes 0",
         "bench rir --quick --scene shoebox:5x4x3 --scene shoebox:0x4x3", "bench rir --quick --reference-seconds 0",
         "bench rir --quick --reference-poses 0", "bench promise --quick --target t20=5", "bench accuracy --quick --engine mine",
         "bench accuracy --quick --engine 'mine=exit 3;'", "bench accuracy --quick --engine mine=true"}) {
