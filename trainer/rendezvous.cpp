@@ -251,7 +251,8 @@ class HandshakeMonitor {
     ++failed_;
     if (event == ZMQ_EVENT_HANDSHAKE_FAILED_AUTH)
       throw RunError(where, fmt::format("worker 0 does not allow the key {}: add it to its network.allow_list", security.public_key()));
-    if (failed_ >= kFailedHandshakes)
+    // After another protocol, which another mechanism counts as, libzmq does not connect again.
+    if (failed_ >= kFailedHandshakes || event == ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL)
       throw RunError(where, fmt::format("worker 0 and this worker cannot agree on keys: {}",
                                         security.encrypted() ? "network.meeting_key is not its public key, or it has none"
                                                              : "it has some, this worker has none"));
