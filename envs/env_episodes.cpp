@@ -2,11 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numbers>
 #include <optional>
 
 #include "envs/batched_env_impl.h"
+#include "envs/goal_silence.h"
 #include "sim/base/errors.h"
 #include "sim/base/random.h"
 
@@ -15,15 +15,6 @@ namespace {
 
 /// How many other episodes an env tries when one cannot begin.
 constexpr std::uint32_t kMaxDraws = 64;
-
-/// Seconds from the start of the episode to the end of a source's sound.  sound: null where no agent hears; clips that are played once then
-/// count as endless.
-double end_of(const EpisodeSource& source, const LibrarySound* sound) {
-  double length_s = source.duration_s < 0 ? std::numeric_limits<double>::infinity() : source.duration_s;
-  if (!source.loop && sound)
-    length_s = std::min(length_s, static_cast<double>(sound->clip.samples.size()) / static_cast<double>(sound->clip.sample_rate_hz));
-  return source.onset_s + length_s;
-}
 
 /// A sound that begins and ends at these samples of the stream, from its beginning.
 PlayedSound played_from(const LibrarySound& sound, std::uint64_t begin, std::uint64_t end, float level_db) {
@@ -147,10 +138,13 @@ void BatchedEnv::Impl::enter_episode(std::size_t env) {
   const bool looks = std::any_of(cameras.begin(), cameras.end(), [](const AgentCamera& camera) { return camera.rgb || camera.semantic; });
   const auto appearance = looks ? scene.looks->of(*scene.scene) : nullptr;
   for (const glm::dvec3 other : episode.other_goals) envs[env].other_goals.emplace_back(scene.navmesh, scene.scene->to_local(other));
-  const bool names_a_goal = std::any_of(episode.sources.begin(), episode.sources.end(), [](const auto& each) { return each.goal; });
-  double silent_from_s = names_a_goal ? 0 : std::numeric_limits<double>::infinity();
-  for (const EpisodeSource& each : episode.sources)  // the goal is silent when the last of its sounds is
-    if (each.goal) silent_from_s = std::max(silent_from_s, end_of(each, config.observation.hears() ? &sounds.sound(each.sound) : nullptr));
+  std::function<double(const std::string&)> clip_length_s;
+  if (config.observation.hears())
+    clip_length_s = [&](const std::string& name) {
+      const SoundClip& clip = sounds.sound(name).clip;
+      return static_cast<double>(clip.samples.size()) / static_cast<double>(clip.sample_rate_hz);
+    };
+  const double silent_from_s = goal_silent_from_s(episode, clip_length_s);
   for (Agent& agent : agents_of(env)) {
     agent.source = source;
     agent.appearance = appearance;
