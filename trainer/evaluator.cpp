@@ -15,6 +15,7 @@
 #include "trainer/checkpoint.h"
 #include "trainer/effective_config.h"
 #include "trainer/episode_data.h"
+#include "trainer/metric_rules.h"
 
 namespace earshot {
 namespace {
@@ -22,14 +23,17 @@ namespace {
 /// With no env but such whose stage has been given up, and none of those coming back.
 constexpr double kLongestIdleS = 600;
 
-/// Keeps the first `count` episodes.
-std::shared_ptr<const EpisodeSet> load_part(const EvaluationConfig& evaluation) {
+/// The episodes to run.  whole: hash of the set that they are the first of, empty where they are all.
+std::shared_ptr<const EpisodeSet> load_part(const EvaluationConfig& evaluation, std::string& whole) {
   EpisodeSet set = load_episode_set(evaluation.episodes);
   check_generator(
       set, evaluation.generator, evaluation.episodes,
       "make it anew with 'earshot dataset episodes --config CONFIG', or use it as it is with --episodes " + evaluation.episodes);
-  if (evaluation.max_episodes > 0 && set.episodes.size() > static_cast<std::size_t>(evaluation.max_episodes))
+  if (evaluation.max_episodes > 0 && set.episodes.size() > static_cast<std::size_t>(evaluation.max_episodes)) {
+    whole = hex64(set.hash);
     set.episodes.resize(static_cast<std::size_t>(evaluation.max_episodes));
+    set.hash = episode_set_hash(set.episodes);
+  }
   return std::make_shared<const EpisodeSet>(std::move(set));
 }
 
@@ -38,7 +42,8 @@ std::shared_ptr<const EpisodeSet> load_part(const EvaluationConfig& evaluation) 
 EvaluationResult run_episodes(const EnvConfig& base, const EvaluationConfig& evaluation, const std::string& name,
                               const std::function<void(BatchedEnv&, std::span<std::int32_t>)>& act,
                               const std::function<void(const BatchedEnv&)>& after) {
-  const auto set = load_part(evaluation);
+  EvaluationResult result;
+  const auto set = load_part(evaluation, result.partial_of);
   EnvConfig config = base;
   config.order = EpisodeOrder::once;
   config.threads = evaluation.threads;
@@ -48,12 +53,12 @@ EvaluationResult run_episodes(const EnvConfig& base, const EvaluationConfig& eva
   BatchedEnv env(config, set, scenes, num_envs);
   env.reset();
 
-  EvaluationResult result;
   result.agent = name;
   result.set_hash = hex64(set->hash);
   result.engine_hash = engine_hash();
   result.episodes_file = evaluation.episodes;
   result.seed = evaluation.seed;
+  result.rules = metric_rules(config, num_envs);
   result.episodes.resize(num_episodes);
 
   std::vector<std::int32_t> actions(static_cast<std::size_t>(num_envs));

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <functional>
+#include <map>
 
 namespace earshot {
 namespace {
@@ -35,12 +36,28 @@ std::string interval_kind(const std::vector<EvaluationResult>& results) {
   return over_scenes ? "bootstrap over scenes" : "over episodes: Wilson for success, else Student's t";
 }
 
+/// Of the rules those that ranked numbers depend on.
+std::map<std::string, std::string> ranked_rules(const EvaluationResult& result) {
+  std::map<std::string, std::string> rules = result.rules;
+  std::erase_if(rules, [](const auto& rule) {
+    return rule.first.ends_with("_reward") || !(rule.first.starts_with("task.") || rule.first.starts_with("navmesh."));
+  });
+  return rules;
+}
+
+bool any_verified(const std::vector<EvaluationResult>& results) { return std::ranges::any_of(results, &EvaluationResult::verified); }
+
 /// What makes the rows hard to compare, or empty.
 std::vector<std::string> notes(const std::vector<EvaluationResult>& results) {
   std::vector<std::string> all;
   const auto differ = [&](auto get) { return std::ranges::any_of(results, [&](const auto& r) { return get(r) != get(results.front()); }); };
   if (differ([](const auto& r) { return r.set_hash; }))
     all.emplace_back("the agents ran different episode sets: the rows cannot be compared");
+  if (differ([](const auto& r) { return ranked_rules(r); }))
+    all.emplace_back("the agents ran by different rules (the key 'rules' of their results)");
+  for (const auto& result : results)
+    if (!result.partial_of.empty())
+      all.push_back(result.agent + " is partial: the first " + std::to_string(result.episodes.size()) + " episodes of its set");
   if (differ([](const auto& r) { return r.episodes.size(); })) all.emplace_back("the agents ran different numbers of episodes");
   if (differ([](const auto& r) { return r.engine_hash; })) all.emplace_back("the agents ran in different builds of the engine");
   return all;
@@ -77,11 +94,13 @@ std::string leaderboard_text(const std::vector<EvaluationResult>& results) {
   std::vector<std::vector<std::string>> table{{"rank", "agent"}};
   for (const auto& column : columns()) table[0].emplace_back(column.title);
   table[0].emplace_back("episodes");
+  if (any_verified(results)) table[0].emplace_back("verified");
   const auto rows = ranked(results);
   for (std::size_t i = 0; i < rows.size(); ++i) {
     std::vector<std::string> line{std::to_string(i + 1), rows[i].agent};
     for (const auto& column : columns()) line.push_back(cell(column.get(rows[i]), column.digits));
     line.push_back(std::to_string(rows[i].episodes.size()));
+    if (any_verified(results)) line.emplace_back(rows[i].verified ? "yes" : "no");
     table.push_back(std::move(line));
   }
   std::vector<std::size_t> widths(table[0].size(), 0);
@@ -107,7 +126,8 @@ std::string leaderboard_html(const std::vector<EvaluationResult>& results) {
       ".bar b{position:absolute;top:.25rem;height:.2rem;background:#123}small{color:#666}\n</style></head><body>\n<h1>Earshot "
       "leaderboard</h1>\n<table><thead><tr><th>rank</th><th>agent</th>";
   for (const auto& column : columns()) html += fmt::format("<th>{}</th>", column.title);
-  html += "<th>episodes</th></tr></thead><tbody>\n";
+  html += any_verified(results) ? "<th>episodes</th><th>verified</th>" : "<th>episodes</th>";
+  html += "</tr></thead><tbody>\n";
   const auto rows = ranked(results);
   for (std::size_t i = 0; i < rows.size(); ++i) {
     html += fmt::format("<tr><td>{}</td><td>{}</td>", i + 1, escaped(rows[i].agent));
@@ -120,7 +140,9 @@ std::string leaderboard_html(const std::vector<EvaluationResult>& results) {
                             100 * e.mean / column.bar_scale, 100 * e.low / column.bar_scale, 100 * (e.high - e.low) / column.bar_scale);
       html += "</td>";
     }
-    html += fmt::format("<td>{}</td></tr>\n", rows[i].episodes.size());
+    html += fmt::format("<td>{}</td>", rows[i].episodes.size());
+    if (any_verified(results)) html += rows[i].verified ? "<td>yes</td>" : "<td>no</td>";
+    html += "</tr>\n";
   }
   html += "</tbody></table>\n<p>Mean and 95 % interval (" + interval_kind(rows) + "). Bars: mean, dark line: interval.</p>\n";
   for (const auto& note : notes(rows)) html += "<p><strong>Note:</strong> " + escaped(note) + "</p>\n";

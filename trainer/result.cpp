@@ -67,6 +67,17 @@ Estimate fraction_over(const EvaluationResult& result, Get get) {
   return {estimate.mean, std::max(0.0, estimate.low), std::min(1.0, estimate.high)};
 }
 
+/// Of the file's format; files without it are older.
+constexpr int kResultVersion = 2;
+
+/// XXH3 of everything else in the file, whatever the order of keys and blanks.  Tells that a file was damaged or edited; whoever makes a
+/// false one can make its checksum too.
+std::string checksum_of(const nlohmann::json& json) {
+  nlohmann::json rest = json;
+  rest.erase("checksum");
+  return hex64(hash64(rest.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace)));
+}
+
 Json to_json(const Estimate& estimate) { return {{"mean", estimate.mean}, {"low", estimate.low}, {"high", estimate.high}}; }
 
 }  // namespace
@@ -157,6 +168,17 @@ Estimate EvaluationResult::collisions() const {
   return over(*this, kUnbounded, [](const EpisodeMetrics& m) { return m.collisions; });
 }
 
+std::vector<std::pair<std::string, Estimate>> EvaluationResult::summary() const {
+  return {{"success", success()},
+          {"spl", spl()},
+          {"soft_spl", soft_spl()},
+          {"sna", sna()},
+          {"success_when_silent", success_when_silent()},
+          {"dtg_m", dtg_m()},
+          {"steps", steps()},
+          {"collisions", collisions()}};
+}
+
 void save_result(const EvaluationResult& result, const std::filesystem::path& path) {
   Json rows = Json::array();
   for (const auto& row : result.episodes) {
@@ -177,25 +199,36 @@ void save_result(const EvaluationResult& result, const std::filesystem::path& pa
                     {"collisions", m.collisions},
                     {"actions", row.actions}});
   }
-  const Json json = {{"agent", result.agent},
-                     {"policy_hash", result.policy_hash},
-                     {"set_hash", result.set_hash},
-                     {"engine_hash", result.engine_hash},
-                     {"episodes_file", result.episodes_file},
-                     {"seed", result.seed},
-                     {"summary",
-                      {{"episodes", result.episodes.size()},
-                       {"success", to_json(result.success())},
-                       {"spl", to_json(result.spl())},
-                       {"soft_spl", to_json(result.soft_spl())},
-                       {"sna", to_json(result.sna())},
-                       {"success_when_silent", to_json(result.success_when_silent())},
-                       {"dtg_m", to_json(result.dtg_m())},
-                       {"steps", to_json(result.steps())},
-                       {"collisions", to_json(result.collisions())}}},
-                     {"episodes", rows}};
+  Json summary = {{"episodes", result.episodes.size()}};
+  for (const auto& [name, estimate] : result.summary()) summary[name] = to_json(estimate);
+  Json json = {{"earshot_result", kResultVersion},
+               {"agent", result.agent},
+               {"policy_hash", result.policy_hash},
+               {"set_hash", result.set_hash},
+               {"partial_of", result.partial_of},
+               {"engine_hash", result.engine_hash},
+               {"episodes_file", result.episodes_file},
+               {"seed", result.seed},
+               {"rules", result.rules},
+               {"summary", summary},
+               {"episodes", rows}};
+  json["checksum"] = checksum_of(json);
   write_file_atomically(path, json.dump(1) + "\n");
 }
+
+namespace {
+
+void read_summary(const nlohmann::json& summary, EvaluationResult& result) {
+  for (const auto& [name, value] : summary.items()) {
+    if (name == "episodes")
+      result.claimed_episodes = whole_number<std::uint64_t>(summary, "episodes");
+    else
+      result.claimed_summary[name] = {finite_number<double>(value, "mean"), finite_number<double>(value, "low"),
+                                      finite_number<double>(value, "high")};
+  }
+}
+
+}  // namespace
 
 EvaluationResult load_result(const std::filesystem::path& path) {
   const std::string text = read_file(path, std::size_t{1} << 30);
@@ -209,6 +242,12 @@ EvaluationResult load_result(const std::filesystem::path& path) {
     json.at("engine_hash").get_to(result.engine_hash);
     json.at("episodes_file").get_to(result.episodes_file);
     result.seed = whole_number<std::uint64_t>(json, "seed");
+    if (json.contains("earshot_result") && whole_number<int>(json, "earshot_result") > kResultVersion)
+      throw InputError(path.string(), "is of a newer version than this program reads", "read it with the program that wrote it");
+    if (json.contains("partial_of")) json.at("partial_of").get_to(result.partial_of);
+    if (json.contains("rules")) json.at("rules").get_to(result.rules);
+    if (json.contains("checksum")) result.is_as_written = json.at("checksum").get<std::string>() == checksum_of(json);
+    if (json.contains("summary")) read_summary(json.at("summary"), result);
     for (const auto& row : json.at("episodes")) {
       EvaluationResult::Row read;
       row.at("id").get_to(read.id);

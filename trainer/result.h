@@ -2,8 +2,10 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "envs/av_nav_task.h"
@@ -24,10 +26,12 @@ Estimate mean_with_group_interval(std::span<const double> values, std::span<cons
 /// Wilson score interval of `hits` out of `n` (Wilson 1927).
 Estimate fraction_with_interval(std::uint64_t hits, std::uint64_t n);
 
-/// One evaluated agent: what `eval --out` writes and `leaderboard` and `replay` read.
+/// One evaluated agent: what `eval --out` writes, `leaderboard` reads and `verify` checks.
 struct EvaluationResult {
   std::string agent;  ///< name in the table
-  std::string policy_hash, set_hash, engine_hash;
+  std::string policy_hash, engine_hash;
+  std::string set_hash;         ///< of the episodes that were run
+  std::string partial_of = {};  ///< hash of the set that these are the first episodes of; empty: they are a whole set
   std::string episodes_file;
   std::uint64_t seed = 0;
   struct Row {
@@ -37,7 +41,14 @@ struct EvaluationResult {
     std::string sound = {};    ///< of the goal, as Episode::sound; empty in older files
     std::string novelty = {};  ///< what it was to the training: see note_novelty; empty where that is not known
   };
-  std::vector<Row> episodes;  ///< in the order of the set
+  std::vector<Row> episodes;                      ///< in the order of the set
+  std::map<std::string, std::string> rules = {};  ///< by which metrics were made (metric_rules.h); empty in older files
+
+  /// Of a file that was read: what it says of itself, which may not be so.
+  std::map<std::string, Estimate> claimed_summary = {};
+  std::uint64_t claimed_episodes = 0;
+  bool is_as_written = true;  ///< its checksum is that of the rest, or it has none (older files)
+  bool verified = false;      ///< set where it was, in this process; no file says it
 
   /// Whether intervals are those of a bootstrap over scenes, or of episodes where those are wider; with fewer than kLeastScenes they are of
   /// episodes: Wilson's for fractions, else Student's t.
@@ -51,6 +62,8 @@ struct EvaluationResult {
   [[nodiscard]] Estimate dtg_m() const;
   [[nodiscard]] Estimate steps() const;
   [[nodiscard]] Estimate collisions() const;
+  /// All of these by their names in files, in the order of files.
+  [[nodiscard]] std::vector<std::pair<std::string, Estimate>> summary() const;
 };
 
 void save_result(const EvaluationResult& result, const std::filesystem::path& path);

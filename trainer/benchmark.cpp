@@ -1,0 +1,100 @@
+#include "trainer/benchmark.h"
+
+#include <fmt/format.h>
+
+#include <vector>
+
+#include "sim/base/errors.h"
+#include "sim/base/files.h"
+#include "trainer/effective_config.h"
+#include "trainer/episode_data.h"
+#include "trainer/result_groups.h"
+#include "trainer/split_overlap.h"
+
+namespace earshot {
+namespace {
+
+constexpr std::size_t kMaxBytes = std::size_t{1} << 20;
+
+std::vector<std::string> expanded(const std::vector<std::string>& texts) {
+  std::vector<std::string> all;
+  for (const std::string& text : texts)
+    for (const std::string& one : expand_range(text)) all.push_back(one);
+  return all;
+}
+
+}  // namespace
+
+std::string hash_of_rules(const MetricRules& rules) {
+  std::string text;
+  for (const auto& [key, value] : rules) text += key + "=" + value + "\n";
+  return hex64(hash64(text));
+}
+
+Benchmark load_benchmark(const std::filesystem::path& path) {
+  const std::string where = path.string();
+  Benchmark benchmark;
+  ConfigReader file = ConfigReader::from_file(path);
+  if (file.text().size() > kMaxBytes) throw InputError(where, "is longer than a benchmark is", "name a file of configs/benchmarks");
+  if (!file.has("benchmark")) throw InputError(where, "has no section 'benchmark'", "name a file of configs/benchmarks");
+  ConfigReader section = file.child("benchmark");
+  section.read_required("name", benchmark.name);
+  section.read_required("version", benchmark.version);
+  section.read_required("set_hash", benchmark.set_hash);
+  section.read_required("rules_hash", benchmark.rules_hash);
+  section.read("seed", benchmark.seed);
+  section.finish();
+  std::vector<std::string> run;
+  for (const auto& [key, value] : flat_config(file.text()))
+    if (!key.starts_with("benchmark.")) run.push_back(key + "=" + value);
+  benchmark.run = parse_run_config("", where, run);
+  if (benchmark.run.eval.file.empty()) throw InputError(where, "names no data.eval.file", "name the file of the test set");
+  const std::string rules = hash_of_rules(metric_rules(benchmark.run.env, benchmark.run.eval_envs));
+  if (rules != benchmark.rules_hash)
+    throw InputError(where, fmt::format("has rules of hash {}, its benchmark.rules_hash is {}", rules, benchmark.rules_hash),
+                     "a benchmark is fixed: take the file as it was, or give it another version and this hash");
+  return benchmark;
+}
+
+EpisodeSet benchmark_set(const Benchmark& benchmark) {
+  const DataConfig& data = benchmark.run.eval;
+  EpisodeSet set = std::filesystem::exists(data.file) ? load_episode_set(data.file) : generate_data(data, benchmark.run.env);
+  if (hex64(set.hash) != benchmark.set_hash)
+    throw InputError(data.file,
+                     fmt::format("holds the set {}, {} {} is about {}", hex64(set.hash), benchmark.name, benchmark.version,
+                                 benchmark.set_hash),
+                     "remove the file, so that it is made again; if the hash stays, this build draws other episodes");
+  return set;
+}
+
+void check_splits(const Benchmark& benchmark) {
+  const RunConfig& run = benchmark.run;
+  const auto refuse = [&](const SplitOverlap& found) {
+    throw InputError(benchmark.name, fmt::format("has '{}' in its test set, {} '{}' of data.train", found.tested, found.why, found.trained),
+                     "leave it out of one of the two");
+  };
+  const auto scenes = find_scene_overlap(expanded(run.train.scenes), expanded(run.eval.scenes), run.env.scene_root);
+  if (scenes) refuse(*scenes);
+  const auto sounds = find_sound_overlap(expand_sounds(run.train.sounds), expand_sounds(run.eval.sounds), run.env.sound_root);
+  if (sounds) refuse(*sounds);
+}
+
+Verification verify_for_benchmark(const EvaluationResult& result, const std::string& where, const Benchmark& benchmark,
+                                  const EpisodeSet& set, const VerifyConfig& config) {
+  const char* remedy = "evaluate the agent again with --benchmark";
+  if (result.seed != benchmark.seed)
+    throw InputError(where, fmt::format("was run with seed {}, {} has {}", result.seed, benchmark.name, benchmark.seed), remedy);
+  const Verification verified =
+      verify_result(result, where, set, rules_for(result.rules, metric_rules(benchmark.run.env, benchmark.run.eval_envs)), config);
+  EvaluationResult noted = result;
+  note_novelty(noted, expand_sounds(benchmark.run.train.sounds));
+  for (std::size_t i = 0; i < noted.episodes.size(); ++i)
+    if (!result.episodes[i].novelty.empty() && result.episodes[i].novelty != noted.episodes[i].novelty)
+      throw InputError(where,
+                       fmt::format("says that the sound of episode {} is '{}' to the training, by the benchmark it is '{}'", i,
+                                   result.episodes[i].novelty, noted.episodes[i].novelty),
+                       remedy);
+  return verified;
+}
+
+}  // namespace earshot

@@ -1,0 +1,105 @@
+#include "trainer/split_overlap.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <glm/common.hpp>
+#include <limits>
+#include <map>
+#include <set>
+#include <string_view>
+#include <vector>
+
+#include "envs/episode_walk.h"
+#include "envs/sound_library.h"
+#include "sim/audio/sound_clip.h"
+#include "sim/base/files.h"
+
+namespace earshot {
+namespace {
+
+constexpr float kCellM = 0.05f;
+constexpr float kSampleRateHz = 16000.f;
+
+using Cells = std::set<std::array<std::int64_t, 3>>;
+
+Cells cells_of(const TriangleMesh& mesh) {
+  glm::vec3 low(std::numeric_limits<float>::max());
+  for (const glm::vec3 vertex : mesh.vertices) low = glm::min(low, vertex);
+  Cells cells;
+  for (const glm::vec3 vertex : mesh.vertices) {
+    const glm::vec3 cell = glm::round((vertex - low) / kCellM);
+    cells.insert({static_cast<std::int64_t>(cell.x), static_cast<std::int64_t>(cell.y), static_cast<std::int64_t>(cell.z)});
+  }
+  return cells;
+}
+
+double overlap(const Cells& a, const Cells& b) {
+  if (a.empty() || b.empty()) return 0;
+  const Cells& fewer = a.size() <= b.size() ? a : b;
+  const Cells& more = a.size() <= b.size() ? b : a;
+  const auto common = std::count_if(fewer.begin(), fewer.end(), [&](const auto& cell) { return more.contains(cell); });
+  return static_cast<double>(common) / static_cast<double>(fewer.size());
+}
+
+/// "house:3" of "house:3,rooms=2"; a file's name as it is.
+std::string identity_of(const std::string& scene) {
+  const bool generated = scene.starts_with("house:") || scene.starts_with("floor:");
+  return generated ? scene.substr(0, scene.find(',')) : scene;
+}
+
+/// "synth:bird" is "synth:bird:0".
+std::string sound_identity(const std::string& sound) {
+  if (!sound.starts_with("synth:")) return sound;
+  return std::count(sound.begin(), sound.end(), ':') == 1 ? sound + ":0" : sound;
+}
+
+/// Hash of the samples at the scale of their largest, in steps of 2^-8: a copy at another level has the same.
+std::uint64_t content_of(const std::string& sound, const std::string& sound_root) {
+  const SoundClip clip = open_sound(resolve_sound(sound, sound_root), kSampleRateHz);
+  float most = 0;
+  for (const float sample : clip.samples) most = std::max(most, std::abs(sample));
+  std::string text;
+  for (const float sample : clip.samples) text += static_cast<char>(most > 0 ? std::lround(127.f * sample / most) : 0);
+  return hash64(text);
+}
+
+/// Of the two lists, the first pair that `identity` maps to the same.
+template <class Identity>
+std::optional<SplitOverlap> same(std::span<const std::string> trained, std::span<const std::string> tested, const char* why,
+                                 const Identity& identity) {
+  std::map<decltype(identity(trained[0])), std::string> known;
+  for (const std::string& one : trained) known.emplace(identity(one), one);
+  for (const std::string& one : tested)
+    if (const auto found = known.find(identity(one)); found != known.end()) return SplitOverlap{one, found->second, why};
+  return std::nullopt;
+}
+
+}  // namespace
+
+double geometry_overlap(const TriangleMesh& a, const TriangleMesh& b) { return overlap(cells_of(a), cells_of(b)); }
+
+std::optional<SplitOverlap> find_scene_overlap(std::span<const std::string> trained, std::span<const std::string> tested,
+                                               const std::string& scene_root) {
+  if (auto found = same(trained, tested, "the same as", identity_of)) return found;
+  EnvConfig config;
+  config.scene_root = scene_root;
+  const auto cells = [&](const std::string& scene) { return cells_of(load_walked_scene(scene, config).scene->mesh()); };
+  std::vector<Cells> known;
+  for (const std::string& scene : trained) known.push_back(cells(scene));
+  for (const std::string& scene : tested) {
+    const Cells own = cells(scene);
+    for (std::size_t i = 0; i < known.size(); ++i)
+      if (overlap(known[i], own) >= kNearDuplicate) return SplitOverlap{scene, trained[i], "a near-duplicate of"};
+  }
+  return std::nullopt;
+}
+
+std::optional<SplitOverlap> find_sound_overlap(std::span<const std::string> trained, std::span<const std::string> tested,
+                                               const std::string& sound_root) {
+  if (auto found = same(trained, tested, "the same as", sound_identity)) return found;
+  return same(trained, tested, "another copy of", [&](const std::string& sound) { return content_of(sound, sound_root); });
+}
+
+}  // namespace earshot
