@@ -3,6 +3,7 @@
 #include <memory>
 
 #include "apps/commands.h"
+#include "trainer/benchmark.h"
 #include "trainer/effective_config.h"
 #include "trainer/episode_data.h"
 #include "trainer/evaluator.h"
@@ -16,7 +17,7 @@ namespace earshot {
 namespace {
 
 struct Options {
-  std::string agent, config, out, name;
+  std::string agent, config, out, name, benchmark;
   std::vector<std::string> overrides;
   EvaluationConfig evaluation;
   bool argmax = false, sample = false;
@@ -36,11 +37,21 @@ void run_eval(const Options& options) {
     throw InputError(options.argmax ? "--argmax" : "--sample", "has no effect on a baseline", "leave it out");
   if (options.argmax) evaluation.actions = ActionChoice::argmax;
   if (options.sample) evaluation.actions = ActionChoice::sample;
+  std::optional<Benchmark> benchmark;
+  if (!options.benchmark.empty()) {
+    if (!options.config.empty() || !evaluation.episodes.empty())
+      throw InputError("--benchmark", "names rules and episodes itself", "leave out --config and --episodes");
+    benchmark = load_benchmark(options.benchmark);
+    static_cast<void>(benchmark_set(*benchmark));  // made where it is missing, and the right one
+    evaluation.episodes = benchmark->run.eval.file;
+    evaluation.seed = benchmark->seed;
+  }
   EvaluationResult result;
   std::vector<std::string> trained_sounds;
   if (baseline) {
-    RunConfig config =
-        options.config.empty() ? parse_run_config("", "--set", options.overrides) : load_run_config(options.config, options.overrides);
+    RunConfig config = benchmark                ? benchmark->run
+                       : options.config.empty() ? parse_run_config("", "--set", options.overrides)
+                                                : load_run_config(options.config, options.overrides);
     const auto kept = with_kept_acoustics(config, {config.out});
     config = decide_field(kept ? *kept : plan_acoustics(config)).config;  // it hears what the policy of this config does
     take_set_of(config, evaluation);
@@ -59,6 +70,7 @@ void run_eval(const Options& options) {
     trained_sounds = expand_sounds(config.train.sounds);  // before the work: a folder may be gone
     result = evaluate_checkpoint(checkpoint, evaluation, options.overrides);
   }
+  if (benchmark) trained_sounds = expand_sounds(benchmark->run.train.sounds);
   if (!trained_sounds.empty()) note_novelty(result, trained_sounds);
   if (!options.name.empty()) result.agent = options.name;
   if (!options.out.empty()) save_result(result, options.out);
@@ -74,6 +86,8 @@ void add_eval(CLI::App& app) {
   command->add_option("--episodes", options->evaluation.episodes, "Episode set (default: data.eval.file of the config)");
   command->add_option("--out", options->out, "Result file (JSON) to write");
   command->add_option("--config", options->config, "Run config that fixes the environment of a baseline");
+  command->add_option("--benchmark", options->benchmark,
+                      "Benchmark (configs/benchmarks): its test set and seed, and a baseline's environment");
   command->add_option("--set", options->overrides, "key=value over the config");
   command->add_option("--name", options->name, "Name in tables (default: the config's name)");
   command->add_option("--seed", options->evaluation.seed, "Seed of sampled actions")->capture_default_str();

@@ -6,8 +6,11 @@
 #include <memory>
 #include <optional>
 
+#include "apps/board_commands.h"
 #include "apps/commands.h"
 #include "sim/base/files.h"
+#include "trainer/benchmark.h"
+#include "trainer/paired_comparison.h"
 #include "trainer/result_groups.h"
 
 namespace earshot {
@@ -15,14 +18,51 @@ namespace {
 
 struct Options {
   std::vector<std::string> results;
-  std::string html;
+  std::string html, benchmark;
   std::optional<GroupBy> by;
+  bool compare = false;
+  VerifyConfig verify;
 };
 
-void run_leaderboard(const Options& options) {
+/// Reads the results, and verifies them where a benchmark says by what.
+std::vector<EvaluationResult> read_results(const Options& options) {
+  std::optional<Benchmark> benchmark;
+  EpisodeSet set;
+  if (!options.benchmark.empty()) {
+    benchmark = load_benchmark(options.benchmark);
+    set = benchmark_set(*benchmark);
+  }
+  VerifyConfig verify = options.verify;
+  if (benchmark && verify.scene_root.empty()) verify.scene_root = benchmark->run.env.scene_root;
+  if (benchmark && verify.sound_root.empty()) verify.sound_root = benchmark->run.env.sound_root;
   std::vector<EvaluationResult> results;
-  for (const auto& path : options.results) results.push_back(load_result(path));
+  for (const auto& path : options.results) {
+    EvaluationResult result = load_result(path);
+    if (!result.partial_of.empty() && !verify.partial)
+      throw InputError(path, fmt::format("is partial: the first {} episodes of its set alone", result.episodes.size()),
+                       "evaluate the agent without --max-episodes, or say --partial");
+    if (!result.is_as_written)
+      throw InputError(path, "was changed after it was written: its checksum is another", "take the file as 'earshot eval --out' wrote it");
+    if (benchmark) {
+      verify_for_benchmark(result, path, *benchmark, set, verify);
+      result.verified = true;
+    }
+    results.push_back(std::move(result));
+  }
+  return results;
+}
+
+void run_leaderboard(const Options& options) {
+  if (options.compare && options.results.size() != 2)
+    throw InputError("--compare", "takes two results", "name the two agents' result files");
+  const std::vector<EvaluationResult> results = read_results(options);
+  if (options.compare) {
+    fmt::print("{}", comparison_text(results[0], results[1]));
+    return;
+  }
   fmt::print("{}", leaderboard_text(results));
+  if (options.benchmark.empty())
+    fmt::print("not verified: these are the numbers that the files hold (--benchmark walks their actions again)\n");
   if (options.by) fmt::print("\n{}", groups_text(results, *options.by));
   if (!options.html.empty()) write_file_atomically(options.html, leaderboard_html(results));
 }
@@ -37,6 +77,9 @@ void add_leaderboard(CLI::App& app) {
   command->add_option("--by", options->by, "Also a table by novelty of the sound (heard, unheard, unheard kind), its kind, or scene")
       ->transform(CLI::CheckedTransformer(groups, CLI::ignore_case).description("{novelty,kind,scene}"));
   command->add_option("--html", options->html, "Also write a page");
+  command->add_flag("--compare", options->compare, "Instead: two results on the same episodes, the first less the second");
+  command->add_option("--benchmark", options->benchmark, "Benchmark (configs/benchmarks) by which every result is verified first");
+  add_verify_options(*command, options->verify);
   command->callback([options] { run_leaderboard(*options); });
 }
 

@@ -3,6 +3,7 @@
 #include <cstdio>
 #include <exception>
 
+#include "apps/board_commands.h"
 #include "apps/commands.h"
 #include "sim/base/errors.h"
 #include "sim/base/version.h"
@@ -41,7 +42,9 @@ int main(int argc, char** argv) {
   earshot::add_keys(app);
   earshot::add_eval(app);
   earshot::add_policy(app);
+  earshot::add_verify(app);
   earshot::add_leaderboard(app);
+  earshot::add_benchmark(app);
   earshot::add_replay(app);
   earshot::add_bench(app);
 

@@ -1,0 +1,25 @@
+#include <fmt/format.h>
+
+#include <memory>
+
+#include "apps/board_commands.h"
+#include "sim/base/files.h"
+#include "trainer/benchmark.h"
+
+namespace earshot {
+
+void add_benchmark(CLI::App& app) {
+  auto file = std::make_shared<std::string>();
+  CLI::App* command = app.add_subcommand("benchmark", "Check a benchmark: its rules, its test set, and that training and test have nothing in common");
+  command->add_option("BENCHMARK", *file, "File of configs/benchmarks")->required();
+  command->footer("Makes the test set (data.eval.file) if it is missing, and refuses one whose hash is not that of the benchmark.");
+  command->callback([file] {
+    const Benchmark benchmark = load_benchmark(*file);
+    check_splits(benchmark);
+    const EpisodeSet set = benchmark_set(benchmark);
+    fmt::print("{} {}: {} episodes in {}, set {}, rules {}; no scene or sound of the training in it\n", benchmark.name, benchmark.version,
+               set.episodes.size(), benchmark.run.eval.file, hex64(set.hash), benchmark.rules_hash);
+  });
+}
+
+}  // namespace earshot

@@ -1,0 +1,19 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <string>
+
+#include "trainer/verify_result.h"
+
+namespace earshot {
+
+/// Commands about results and what they are results of; as those of commands.h.
+void add_benchmark(CLI::App& app);
+void add_verify(CLI::App& app);
+
+/// Options of every command that verifies results.
+void add_verify_options(CLI::App& command, VerifyConfig& config);
+/// What `verify` says of a result that holds.
+std::string verified_line(const std::string& file, const Verification& verified, const std::string& rules);
+
+}  // namespace earshot
