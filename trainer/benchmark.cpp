@@ -60,10 +60,10 @@ EpisodeSet benchmark_set(const Benchmark& benchmark) {
   const DataConfig& data = benchmark.run.eval;
   EpisodeSet set = std::filesystem::exists(data.file) ? load_episode_set(data.file) : generate_data(data, benchmark.run.env);
   if (hex64(set.hash) != benchmark.set_hash)
-    throw InputError(data.file,
-                     fmt::format("holds the set {}, {} {} is about {}", hex64(set.hash), benchmark.name, benchmark.version,
-                                 benchmark.set_hash),
-                     "remove the file, so that it is made again; if the hash stays, this build draws other episodes");
+    throw InputError(
+        data.file,
+        fmt::format("holds the set {}, {} {} is about {}", hex64(set.hash), benchmark.name, benchmark.version, benchmark.set_hash),
+        "remove the file, so that it is made again; if the hash stays, this build draws other episodes");
   return set;
 }
 

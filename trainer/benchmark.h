@@ -29,9 +29,9 @@ std::string hash_of_rules(const MetricRules& rules);
 /// The test set in the file that data.eval names, which is made first where it is missing.  Throws InputError if its hash is another.
 EpisodeSet benchmark_set(const Benchmark& benchmark);
 
-/// Looks for scenes and sounds of the training in the test set: by name, houses and floors by their seed whatever their other keys, synthetic
-/// sounds by kind and seed, files of sound by their samples, and near-duplicates of scenes by their geometry (geometry_overlap).  Throws
-/// InputError with the first that is found.  Loads every scene and sound: milliseconds each.
+/// Looks for scenes and sounds of the training in the test set: by name, houses and floors by their seed whatever their other keys,
+/// synthetic sounds by kind and seed, files of sound by their samples, and near-duplicates of scenes by their geometry (geometry_overlap).
+/// Throws InputError with the first that is found.  Loads every scene and sound: milliseconds each.
 void check_splits(const Benchmark& benchmark);
 
 /// verify_result by the rules of the benchmark, its seed, and what its training heard (Row::novelty).

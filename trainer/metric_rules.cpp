@@ -62,6 +62,7 @@ RuledEnv env_of_rules(const MetricRules& rules, const std::string& where, const 
   reader.finish();
   ObservationSpec& observation = ruled.env.observation;
   observation.depth = false;
+  observation.pointgoal = true;  // an environment has some sensor
   observation.spectrogram = hears;
   ruled.env.scene_root = scene_root;
   ruled.env.sound_root = sound_root;

@@ -13,7 +13,8 @@ double sign_test_p_value(std::uint64_t wins, std::uint64_t losses);
 
 /// One metric of two agents on the same episodes.
 struct PairedMetric {
-  Estimate difference;  ///< first less second, with the interval of a bootstrap over scenes, or of episodes where that is wider or scenes few
+  Estimate
+      difference;  ///< first less second, with the interval of a bootstrap over scenes, or of episodes where that is wider or scenes few
   std::uint64_t wins = 0, losses = 0, ties = 0;  ///< of the first
   double p_value = 1;                            ///< sign_test_p_value: takes episodes as independent, which those of one scene are not
 };

@@ -84,8 +84,8 @@ void check_rules(const EvaluationResult& result, const std::string& where, const
   if (result.rules.empty()) return;
   const auto changes = config_changes(result.rules, rules);
   if (changes.empty()) return;
-  throw InputError(where, fmt::format("was run with {} = {}, the rules say {}", changes.front().key, changes.front().before,
-                                      changes.front().now),
+  throw InputError(where,
+                   fmt::format("was run with {} = {}, the rules say {}", changes.front().key, changes.front().before, changes.front().now),
                    kRemedy);
 }
 
@@ -168,8 +168,7 @@ std::optional<FirstFault> first_fault(const EvaluationResult& result, const Epis
 
 Verification verify_result(const EvaluationResult& result, const std::string& where, const EpisodeSet& set, const MetricRules& rules,
                            const VerifyConfig& config) {
-  if (!result.is_as_written)
-    throw InputError(where, "was changed after it was written: its checksum is another", kRemedy);
+  if (!result.is_as_written) throw InputError(where, "was changed after it was written: its checksum is another", kRemedy);
   if (result.episodes.empty()) throw InputError(where, "holds no episodes", kRemedy);
   check_head(result, where, set, config);
   check_order(result, where, set);

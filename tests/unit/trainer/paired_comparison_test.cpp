@@ -38,8 +38,7 @@ EvaluationResult result_of(const std::string& name, const std::vector<double>& s
     EpisodeMetrics metrics;
     metrics.spl = spl[i];
     metrics.success = spl[i] > 0 ? 1 : 0;
-    result.episodes.push_back(
-        {std::to_string(i), "house:" + std::to_string(static_cast<int>(i) / per_house), metrics, {0}});
+    result.episodes.push_back({std::to_string(i), "house:" + std::to_string(static_cast<int>(i) / per_house), metrics, {0}});
   }
   return result;
 }

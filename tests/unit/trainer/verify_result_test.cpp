@@ -44,7 +44,6 @@ class VerifyResult : public testing::Test {
     folder_ = new TestFolder("verify_result");
     EnvConfig env = quick_env_config();
     env.task.max_steps = 80;
-    env.observation = {};
     env.observation.depth = env.observation.spectrogram = false;
     env.task.actuation_noise = {.forward_m = 0.02f, .turn_deg = 1, .veer_deg = 1};
     const auto set = quick_set(kPerScene);
@@ -127,7 +126,6 @@ TEST_F(VerifyResult, PartialResultsSaySo) {
   EvaluationConfig config = evaluation();
   config.max_episodes = 5;
   EnvConfig env = quick_env_config();
-  env.observation = {};
   env.observation.depth = env.observation.spectrogram = false;
   save_result(evaluate_baseline(Baseline::oracle, "oracle", env, config), path("partial.json"));
   const EvaluationResult result = load_result(path("partial.json"));
