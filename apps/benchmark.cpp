@@ -1,16 +1,18 @@
+#include "trainer/benchmark.h"
+
 #include <fmt/format.h>
 
 #include <memory>
 
 #include "apps/board_commands.h"
 #include "sim/base/files.h"
-#include "trainer/benchmark.h"
 
 namespace earshot {
 
 void add_benchmark(CLI::App& app) {
   auto file = std::make_shared<std::string>();
-  CLI::App* command = app.add_subcommand("benchmark", "Check a benchmark: its rules, its test set, and that training and test have nothing in common");
+  CLI::App* command =
+      app.add_subcommand("benchmark", "Check a benchmark: its rules, its test set, and that training and test have nothing in common");
   command->add_option("BENCHMARK", *file, "File of configs/benchmarks")->required();
   command->footer("Makes the test set (data.eval.file) if it is missing, and refuses one whose hash is not that of the benchmark.");
   command->callback([file] {

@@ -41,8 +41,7 @@ void run_verify(Options options) {
     if (!config && result.rules.empty())
       throw InputError(file, "does not say by which rules it was run: it is older than that",
                        "name the run's config with --config, or evaluate the agent again");
-    const MetricRules rules =
-        config ? rules_for(result.rules, metric_rules(config->env, config->eval_envs)) : result.rules;
+    const MetricRules rules = config ? rules_for(result.rules, metric_rules(config->env, config->eval_envs)) : result.rules;
     const Verification verified = verify_result(result, file, set_of_all ? *set_of_all : own, rules, options.verify);
     fmt::print("{}", verified_line(file, verified, config ? "of " + options.config : "hash " + hash_of_rules(rules) + ", its own"));
   }
@@ -67,8 +66,7 @@ std::string verified_line(const std::string& file, const Verification& verified,
 
 void add_verify(CLI::App& app) {
   auto options = std::make_shared<Options>();
-  CLI::App* command =
-      app.add_subcommand("verify", "Walk the actions of results again and refuse those whose numbers differ by a bit");
+  CLI::App* command = app.add_subcommand("verify", "Walk the actions of results again and refuse those whose numbers differ by a bit");
   command->add_option("RESULT", options->results, "Result files written by 'earshot eval --out'")->required();
   command->add_option("--benchmark", options->benchmark, "Benchmark (configs/benchmarks) whose rules and episodes they must have");
   command->add_option("--config", options->config, "Run config whose rules they must have (default: the rules that each file names)");

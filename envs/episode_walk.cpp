@@ -44,8 +44,7 @@ WalkOutcome walk_episode(const EnvConfig& config, const WalkedScene& scene, cons
   const auto distance_m = goal.distance_m(*start);
   if (!distance_m || !std::isfinite(*distance_m)) return {.metrics = {}, .fault = "no walkable path leads from its start to its goal"};
   const double heading_rad = heading_of(episode.start_rotation);
-  const int oracle_actions =
-      std::max(1, count_oracle_actions(task, scene.navmesh, goal, *start, heading_rad).value_or(episode.num_action));
+  const int oracle_actions = std::max(1, count_oracle_actions(task, scene.navmesh, goal, *start, heading_rad).value_or(episode.num_action));
   std::function<double(const std::string&)> clip_length_s;
   if (config.observation.hears())
     clip_length_s = [&](const std::string& name) {
@@ -63,9 +62,9 @@ WalkOutcome walk_episode(const EnvConfig& config, const WalkedScene& scene, cons
     const auto action = static_cast<Action>(actions[step]);
     ActuationError error;
     if (task.actuation_noise.any())
-      error = draw_actuation_error(task.actuation_noise, action,
-                                   RandomStream(config.seed, Purpose::actuation_noise, stream, episode_count,
-                                                static_cast<std::uint32_t>(state.steps())));
+      error = draw_actuation_error(
+          task.actuation_noise, action,
+          RandomStream(config.seed, Purpose::actuation_noise, stream, episode_count, static_cast<std::uint32_t>(state.steps())));
     state.step(task, scene.navmesh, goal, action, error);
     if (state.lost_distances() > 0)
       return {.metrics = state.metrics(task), .fault = fmt::format("has no distance to its goal at step {}", step + 1)};
