@@ -2,7 +2,7 @@
 # Evaluates agents on a benchmark, verifies their results and ranks them.
 #   scripts/leaderboard.sh BENCHMARK AGENT...
 #   BENCHMARK  name of a file in configs/benchmarks ("quick"), or a path
-#   AGENT      checkpoint, run folder, or baseline (random, random_oracle_stop, greedy, classical, oracle); NAME=AGENT names it in the table
+#   AGENT      policy file, checkpoint, run folder, or baseline (random, random_oracle_stop, greedy, classical, oracle); NAME=AGENT names it in the table
 # Results and the page go to runs/benchmarks/NAME (EARSHOT_BOARD).
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -24,7 +24,7 @@ results=()
 for entry in "$@"; do
   agent=${entry#*=}
   name=${entry%%=*}
-  [ "$name" != "$entry" ] || name=$(basename "$agent" .ckpt)
+  [ "$name" != "$entry" ] || name=$(basename "${agent%.ckpt}" .policy)
   result="$board/$name.json"
   for other in "${results[@]}"; do
     [ "$other" != "$result" ] || { echo "scripts/leaderboard.sh: $name: two agents of this name; write NAME=AGENT" >&2; exit 2; }
