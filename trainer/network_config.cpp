@@ -28,6 +28,7 @@ void read(ConfigReader& reader, NetworkConfig& config) {
   reader.read("curve_key_file", config.curve_key_file);
   reader.read("allow_list", config.allow_list);
   reader.read("meeting_key", config.meeting_key);
+  reader.read("shared_memory", config.shared_memory);
   reader.read("insecure", config.insecure);
 }
 

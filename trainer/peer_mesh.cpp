@@ -289,6 +289,11 @@ void PeerMesh::wait(const Interest& interest) {
   read_monitors();
 }
 
+void PeerMesh::check(int awaited) {
+  read_monitors();
+  check_peers({awaited});
+}
+
 void PeerMesh::finish_sends() {
   while (!lent_buffers_.wait_until_empty(Clock::now() + milliseconds(5))) {
     while (auto frame = receive_control())

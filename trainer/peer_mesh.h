@@ -75,6 +75,8 @@ class PeerMesh {
   };
   /// Blocks until something of interest may have changed.  Throws RunError: deadline, a dead peer, a peer that has left or stopped the run.
   void wait(const Interest& interest);
+  /// For a caller that waits for a worker elsewhere than on sockets: throws what wait() would.
+  void check(int awaited);
   /// Returns when libzmq reads none of the lent payloads any more.
   void finish_sends();
 

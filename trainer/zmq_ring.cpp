@@ -1,19 +1,19 @@
 #include "trainer/zmq_ring.h"
 
 #include <fmt/format.h>
+#include <spdlog/spdlog.h>
 
 #include <algorithm>
 #include <cstring>
 
 #include "sim/base/errors.h"
 #include "trainer/rendezvous.h"
+#include "trainer/sum_order.h"
 
 namespace earshot {
 namespace {
 
-constexpr std::size_t kSmallBytes = 64 * 1024;                 // below this, latency counts and not bandwidth (docs/ppo.md, section 6.1)
 constexpr std::size_t kMaxGatherBytes = std::size_t{1} << 30;  // of one worker's part: bounds what a peer can make us allocate
-constexpr std::size_t kSegmentAlignment = 16;                  // elements; keeps segments on cache lines
 
 [[noreturn]] void mismatch(int peer, const FrameHeader& got, Operation operation, std::size_t total) {
   throw RunError(
@@ -61,8 +61,7 @@ class RingSchedule {
   }
   [[nodiscard]] std::size_t chunk_count() const { return kChunkBytes / element_bytes_; }
   [[nodiscard]] std::size_t start(std::uint32_t segment) const {
-    if (segment == static_cast<std::uint32_t>(world_size_)) return count_;
-    return count_ * segment / static_cast<std::size_t>(world_size_) / kSegmentAlignment * kSegmentAlignment;
+    return segment_start(count_, segment, static_cast<std::size_t>(world_size_));
   }
 
   std::size_t count_, element_bytes_;
@@ -82,7 +81,35 @@ struct Cursor {
 
 }  // namespace
 
-ZmqRing::ZmqRing(const RingConfig& config) : mesh_(config) { barrier(); }
+ZmqRing::ZmqRing(const RingConfig& config) : mesh_(config) {
+  barrier();
+  if (config.network.shared_memory && config.rendezvous.starts_with("ipc://")) map_shared_memory();
+}
+
+/// All workers share memory, or none: a machine without room for it, or containers that do not see each other's processes, go on with
+/// messages.
+void ZmqRing::map_shared_memory() {
+  const WorkerIdentity identity = mesh_.identity();
+  const std::size_t bytes = SharedSum::bytes_for(identity.world_size);
+  std::string path, fault;
+  const auto attempt = [&](auto&& body) {
+    try {
+      body();
+    } catch (const RunError& error) {
+      fault = error.what();
+    }
+  };
+  if (identity.rank == 0) attempt([&] { path = memory_.emplace(SharedMemory::create(bytes)).path(); });
+  path = all_gather(path)[0];
+  if (identity.rank != 0 && !path.empty()) attempt([&] { memory_.emplace(SharedMemory::open(path, bytes)); });
+  for (const std::string& reason : all_gather(fault)) {
+    if (reason.empty()) continue;
+    if (identity.rank == 0) spdlog::warn("workers send their sums: {}", reason);
+    memory_.reset();
+    return;
+  }
+  sums_.emplace(memory_->bytes(), identity);
+}
 
 /// Runs one call; any failure in it ends the run for all workers and takes the lent memory back before the caller sees the exception.
 template <class Body>
@@ -154,7 +181,12 @@ void ZmqRing::exchange(Operation operation, std::span<const std::byte> mine, Sin
 template <class T>
 void ZmqRing::all_reduce(Operation operation, std::span<T> buffer) {
   collective_call([&] {
-    if (buffer.size_bytes() < kSmallBytes)
+    if (sums_)
+      sums_->sum(operation, buffer, [&](int awaited) {
+        while (const auto frame = mesh_.receive_control()) mismatch(frame->from, frame->header, operation, buffer.size_bytes());
+        mesh_.check(awaited);
+      });
+    else if (buffer.size_bytes() < kSmallSumBytes)
       all_reduce_small(operation, buffer);
     else
       all_reduce_ring(operation, buffer);

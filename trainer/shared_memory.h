@@ -1,0 +1,33 @@
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <string>
+
+namespace earshot {
+
+/// Zeroed memory that several processes of one user on one machine map.  It has no name in any file system: it goes with the last process
+/// that maps it, however that ends.  One owner; the mapping ends with it.
+class SharedMemory {
+ public:
+  /// Takes the memory at once, so that no later write meets a machine without room.  Throws RunError.
+  static SharedMemory create(std::size_t bytes);
+  /// Maps what another process created, by its path(); that process must still be there.  Throws RunError: no such process, another user's,
+  /// another number of bytes.
+  static SharedMemory open(const std::string& path, std::size_t bytes);
+  SharedMemory(SharedMemory&& other) noexcept;
+  SharedMemory& operator=(SharedMemory&&) = delete;
+  ~SharedMemory();
+
+  [[nodiscard]] std::span<std::byte> bytes() const { return {static_cast<std::byte*>(address_), size_}; }
+  /// What other processes open.
+  [[nodiscard]] std::string path() const;
+
+ private:
+  SharedMemory(int file, std::size_t bytes);
+  int file_ = -1;
+  void* address_ = nullptr;
+  std::size_t size_ = 0;
+};
+
+}  // namespace earshot
