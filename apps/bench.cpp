@@ -231,8 +231,9 @@ void add_hearing(CLI::App& bench) {
 
 }  // namespace
 
-void add_bench(CLI::App& app) {
-  CLI::App* bench = app.add_subcommand("bench", "Measure this machine: rir, env, hearing, accuracy, promise, scenes, soak, train");
+void add_bench(CLI::App& app, const std::vector<std::string>& arguments, int& exit_code) {
+  CLI::App* bench =
+      app.add_subcommand("bench", "Measure this machine: rir, env, hearing, accuracy, promise, scenes, soak, train, allreduce");
   const auto rir = std::make_shared<RirCommand>();
   CLI::App* rir_command =
       add_bench_command(*bench, "rir", "Impulse responses per second on one thread, their errors, and where the time goes", rir);
@@ -287,6 +288,7 @@ void add_bench(CLI::App& app) {
   add_scenes(*bench);
   add_soak(*bench);
   add_bench_train(*bench);
+  add_bench_allreduce(*bench, arguments, exit_code);
 
   bench->allow_extras();  // not passed on to the benchmarks: for a message that names what there is
   bench->callback([bench] {

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "apps/commands.h"
+#include "apps/scratch_folder.h"
 #include "bench/bench_report.h"
 #include "bench/bench_scene.h"
 #include "bench/engine_process.h"
@@ -30,26 +31,6 @@ struct Options {
   double seconds = 3;
   int repeats = 5;
   bool quick = false, no_torch = false, no_training = false;
-};
-
-/// A folder that goes with everything in it.
-class ScratchFolder {
- public:
-  ScratchFolder() {
-    std::string name = (std::filesystem::temp_directory_path() / "earshot_bench_train_XXXXXX").string();
-    if (mkdtemp(name.data()) == nullptr) throw RunError(name, "cannot be made");
-    path_ = name;
-  }
-  ~ScratchFolder() {
-    std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
-  }
-  ScratchFolder(const ScratchFolder&) = delete;
-  ScratchFolder& operator=(const ScratchFolder&) = delete;
-  [[nodiscard]] const std::filesystem::path& path() const { return path_; }
-
- private:
-  std::filesystem::path path_;
 };
 
 struct Answer {
@@ -121,7 +102,7 @@ void run(Options options) {
     options.config = *usual;
   }
   const RunConfig config = load_run_config(options.config, options.overrides);
-  const ScratchFolder folder;
+  const ScratchFolder folder("earshot_bench_train");
   LearnerSpeedTest test(config);
   const BenchJson setting = {{"config", std::filesystem::path(options.config).filename().string()},
                              {"parameters", test.num_parameters()},

@@ -22,8 +22,9 @@ void add_eval(CLI::App& app);
 void add_policy(CLI::App& app);
 void add_leaderboard(CLI::App& app);
 void add_replay(CLI::App& app);
-void add_bench(CLI::App& app);
-void add_bench_train(CLI::App& bench);  ///< `bench train`
+void add_bench(CLI::App& app, const std::vector<std::string>& arguments, int& exit_code);
+void add_bench_train(CLI::App& bench);                                                                 ///< `bench train`
+void add_bench_allreduce(CLI::App& bench, const std::vector<std::string>& arguments, int& exit_code);  ///< `bench allreduce`
 
 /// "X,Y,Z" as metres, at most kMaxCoordinateM from zero (sim/base/coordinates.h), with a decimal point whatever the locale.  Throws
 /// InputError naming the option.

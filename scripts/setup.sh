@@ -16,6 +16,7 @@ packages=(
   libegl-mesa0=22.3.6-1+deb12u2
   libgl1-mesa-dri=22.3.6-1+deb12u2
   libtorch-dev=1.13.1+dfsg-4
+  libgloo-dev=0.0~git20220518.5b14351-3
   libopenblas0-pthread=0.3.21+ds-4
   libzmq3-dev=4.3.4-6
   cppzmq-dev=4.9.0-1

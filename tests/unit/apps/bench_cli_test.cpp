@@ -130,8 +130,11 @@ TEST_F(BenchCli, EnvTakesSceneAgentsPictureThreadsAndFields) {
       earshot("bench env --quick --scene house:5,rooms=2,area_m2=24 --envs 3 --size 64x32 --threads 2 --field --json " + file("env.json")),
       0)
       << read("stderr");
-  for (const json& result : json::parse(read("env.json")).at("results")) {
+  const json report = json::parse(read("env.json"));
+  int rates = 0;
+  for (const json& result : report.at("results")) {
     if (result.at("name") != "env.steps_per_s") continue;
+    ++rates;
     const json& setting = result.at("setting");
     EXPECT_EQ(setting.at("scene"), "house:5,rooms=2,area_m2=24");
     EXPECT_EQ(setting.at("envs"), 3);
@@ -140,8 +143,22 @@ TEST_F(BenchCli, EnvTakesSceneAgentsPictureThreadsAndFields) {
     EXPECT_EQ(setting.at("camera_height_px"), 32);
     EXPECT_EQ(setting.at("field"), true);
   }
+  EXPECT_EQ(rates, 1);
   for (const char* wrong : {"--size 64", "--size 64x", "--size 63x32", "--envs 0", "--threads -1", "--scene nowhere.glb"})
     EXPECT_EQ(earshot("bench env --quick " + std::string(wrong)), 2) << wrong << read("stderr");
+}
+
+TEST_F(BenchCli, AllReduceTimesEachWayWithItsSetting) {
+  ASSERT_EQ(earshot("bench allreduce --quick --no-gloo --ranks 2,3 --json " + file("sums.json")), 0) << read("stderr");
+  const std::set<std::string> names = names_in("sums.json", "allreduce");
+  for (const char* way : {"shared_memory", "ipc", "tcp"}) EXPECT_EQ(names.count(std::string("allreduce.ms.") + way), 1u) << way;
+  std::set<std::pair<int, int>> settings;
+  const json report = json::parse(read("sums.json"));
+  for (const json& result : report.at("results"))
+    settings.insert({result.at("setting").at("ranks").get<int>(), result.at("setting").at("bytes").get<int>()});
+  EXPECT_EQ(settings, (std::set<std::pair<int, int>>{{2, 4096}, {2, 262144}, {3, 4096}, {3, 262144}}));
+  for (const char* wrong : {"--ranks 1", "--ranks 65", "--kib 0", "--seconds 0", "--repeats 0"})
+    EXPECT_EQ(earshot("bench allreduce --quick " + std::string(wrong)), 2) << wrong << read("stderr");
 }
 
 TEST_F(BenchCli, EnvFindsTheBestBatchHere) {
@@ -210,7 +227,8 @@ TEST_F(BenchCli, TrainWritesRatesOfTheLearnerAndOfAShortTraining) {
   // Beside torch where a python has it, else with a line that says how to get it.
   EXPECT_EQ(names.count("torch.samples_per_cpu_s") + (read("stdout").find("torch left out") != std::string::npos), 1u);
   EXPECT_EQ(names.count("torch.samples_per_cpu_s"), names.count("learner.ratio_to_torch"));
-  for (const json& result : json::parse(read("train.json")).at("results")) {
+  const json report = json::parse(read("train.json"));
+  for (const json& result : report.at("results")) {
     EXPECT_EQ(result.at("setting").at("epochs"), 3) << result;
     for (const char* key : {"config", "parameters", "envs", "rollout_steps", "minibatches", "threads"})
       EXPECT_TRUE(result.at("setting").contains(key)) << key;

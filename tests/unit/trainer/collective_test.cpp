@@ -1,18 +1,24 @@
 #include "trainer/collective.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 
+#include <algorithm>
 #include <bit>
 #include <chrono>
 #include <cmath>
 #include <cstring>
 #include <thread>
+#include <tuple>
 #include <zmq.hpp>
 
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "tests/support/worker_processes.h"
+#include "trainer/gloo_group.h"
 #include "trainer/rendezvous.h"
+#include "trainer/shared_memory.h"
 #include "trainer/zmq_ring.h"
 
 namespace earshot {
@@ -67,13 +73,24 @@ bool sums_are_right(Collective& ring, std::size_t count) {
   return true;
 }
 
-class RingOf : public testing::TestWithParam<int> {};
-INSTANTIATE_TEST_SUITE_P(Workers, RingOf, testing::Values(2, 3, 4));
+/// Workers that send their sums, and workers that share memory: the same tests, the same bits.
+class RingOf : public testing::TestWithParam<std::tuple<int, bool>> {
+ protected:
+  static int world_size() { return std::get<0>(GetParam()); }
+  static RingConfig config(const PrivateTestFolder& folder, int rank) {
+    RingConfig config = ring_in(folder, rank, world_size());
+    config.network.shared_memory = std::get<1>(GetParam());
+    return config;
+  }
+};
+INSTANTIATE_TEST_SUITE_P(Workers, RingOf, testing::Combine(testing::Values(2, 3, 4), testing::Bool()), [](const auto& test) {
+  return fmt::format("{}{}", std::get<0>(test.param), std::get<1>(test.param) ? "Sharing" : "Sending");
+});
 
 TEST_P(RingOf, SumsEqualTheReferenceInTheStatedOrder) {
   const PrivateTestFolder folder;
-  WorkerProcesses workers(GetParam(), [&](int rank) {
-    const auto ring = make_zmq_ring(ring_in(folder, rank, GetParam()));
+  WorkerProcesses workers(world_size(), [&](int rank) {
+    const auto ring = make_zmq_ring(config(folder, rank));
     // Around the small/ring border (16384 floats), around one chunk (262144 floats), and a gradient of 20 MB.
     for (const std::size_t count : {0, 1, 7, 16383, 16384, 16385, 262143, 262144, 262145, 524289, 5000000})
       if (!sums_are_right<float>(*ring, count)) return false;
@@ -87,10 +104,10 @@ TEST_P(RingOf, SumsEqualTheReferenceInTheStatedOrder) {
 TEST_P(RingOf, BitsAreEqualOnAllWorkersAndFromRunToRun) {
   const PrivateTestFolder folder;
   SharedArray<std::uint64_t, 8> hashes;
-  WorkerProcesses workers(GetParam(), [&](int rank) {
+  WorkerProcesses workers(world_size(), [&](int rank) {
     std::uint64_t hash = 0;
     for (int run = 0; run < 2; ++run) {
-      const auto ring = make_zmq_ring(ring_in(folder, rank, GetParam()));
+      const auto ring = make_zmq_ring(config(folder, rank));
       std::vector<float> buffer(1000003);
       for (std::size_t i = 0; i < buffer.size(); ++i) buffer[i] = addend<float>(rank, i);
       ring->all_reduce_sum(buffer);
@@ -102,20 +119,19 @@ TEST_P(RingOf, BitsAreEqualOnAllWorkersAndFromRunToRun) {
     return true;
   });
   workers.expect_all_succeed();
-  for (int rank = 1; rank < GetParam(); ++rank) EXPECT_EQ(hashes[static_cast<std::size_t>(rank)], hashes[0]);
+  for (int rank = 1; rank < world_size(); ++rank) EXPECT_EQ(hashes[static_cast<std::size_t>(rank)], hashes[0]);
 }
 
 // libzmq may still be sending a buffer when the sum is complete; a call that returned then would send what the caller writes next.
 TEST_P(RingOf, CallerMayOverwriteTheBufferAtOnce) {
   const PrivateTestFolder folder;
-  WorkerProcesses workers(GetParam(), [&](int rank) {
-    const auto ring = make_zmq_ring(ring_in(folder, rank, GetParam()));
+  WorkerProcesses workers(world_size(), [&](int rank) {
+    const auto ring = make_zmq_ring(config(folder, rank));
     std::vector<float> buffer(1u << 20);
     for (int round = 0; round < 12; ++round) {
       std::fill(buffer.begin(), buffer.end(), static_cast<float>(rank + round));
       ring->all_reduce_sum(buffer);
-      const int world_size = GetParam();
-      const auto expected = static_cast<float>(world_size * (world_size - 1) / 2 + world_size * round);
+      const auto expected = static_cast<float>(world_size() * (world_size() - 1) / 2 + world_size() * round);
       for (const float value : buffer)
         if (value != expected) return false;
       std::fill(buffer.begin(), buffer.end(), -1e9f);
@@ -128,8 +144,8 @@ TEST_P(RingOf, CallerMayOverwriteTheBufferAtOnce) {
 TEST_P(RingOf, BroadcastGatherAndBarrier) {
   const PrivateTestFolder folder;
   SharedArray<std::atomic<int>, 1> arrived;
-  WorkerProcesses workers(GetParam(), [&](int rank) {
-    const auto ring = make_zmq_ring(ring_in(folder, rank, GetParam()));
+  WorkerProcesses workers(world_size(), [&](int rank) {
+    const auto ring = make_zmq_ring(config(folder, rank));
     for (const std::size_t size : {0, 1, 1 << 20, (1 << 20) + 1, 5000000}) {
       std::vector<std::byte> bytes(size, std::byte(rank + 1));
       for (std::size_t i = 0; rank == 0 && i < size; ++i) bytes[i] = std::byte(i * 31 >> 3 & 0xFF);
@@ -142,14 +158,14 @@ TEST_P(RingOf, BroadcastGatherAndBarrier) {
         return std::string(size * static_cast<std::size_t>(of), static_cast<char>('a' + of));
       };  // rank 0's is empty
       const auto parts = ring->all_gather(part(rank));
-      if (static_cast<int>(parts.size()) != GetParam()) return false;
-      for (int of = 0; of < GetParam(); ++of)
+      if (static_cast<int>(parts.size()) != world_size()) return false;
+      for (int of = 0; of < world_size(); ++of)
         if (parts[static_cast<std::size_t>(of)] != part(of)) return false;
     }
     std::this_thread::sleep_for(std::chrono::milliseconds(30 * rank));
     ++arrived[0];
     ring->barrier();
-    return arrived[0] == GetParam();
+    return arrived[0] == world_size();
   });
   workers.expect_all_succeed();
 }
@@ -208,11 +224,11 @@ TEST_P(RingOf, AnotherSizeOnOneWorkerIsAnErrorOnAll) {
   const Sizes sizes[] = {{7, 8}, {1000000, 1000001}, {100, 1000000}, {1000000, 100}, {0, 1}};
   for (const auto& [usual, odd] : sizes) {
     const PrivateTestFolder folder;
-    WorkerProcesses workers(GetParam(), [&](int rank) {
+    WorkerProcesses workers(world_size(), [&](int rank) {
       std::unique_ptr<Collective> ring;
       std::vector<float> buffer(rank == 1 ? odd : usual);
       const auto connect_and_sum = [&] {  // the others may fail while we still connect
-        ring = make_zmq_ring(ring_in(folder, rank, GetParam()));
+        ring = make_zmq_ring(config(folder, rank));
         ring->all_reduce_sum(buffer);
       };
       return fails_with(connect_and_sum, {"worker "}) &&
@@ -226,10 +242,10 @@ TEST_P(RingOf, AnotherSizeOnOneWorkerIsAnErrorOnAll) {
 
 TEST_P(RingOf, AnotherCallOnOneWorkerIsAnErrorOnAll) {
   const PrivateTestFolder folder;
-  WorkerProcesses workers(GetParam(), [&](int rank) {
+  WorkerProcesses workers(world_size(), [&](int rank) {
     std::vector<float> buffer(100000);
     const auto connect_and_call = [&] {
-      const auto ring = make_zmq_ring(ring_in(folder, rank, GetParam()));
+      const auto ring = make_zmq_ring(config(folder, rank));
       rank == 1 ? ring->barrier() : ring->all_reduce_sum(buffer);
     };
     return fails_with(connect_and_call, {"worker "});
@@ -238,11 +254,13 @@ TEST_P(RingOf, AnotherCallOnOneWorkerIsAnErrorOnAll) {
 }
 
 TEST(Collective, KilledWorkerIsNamedWithinSeconds) {
-  for (const bool within_a_sum : {false, true}) {
+  for (const auto& [within_a_sum, shared_memory] : {std::pair(false, false), {true, false}, {false, true}, {true, true}}) {
     const PrivateTestFolder folder;
     SharedArray<std::atomic<int>, 1> ready;
-    WorkerProcesses workers(3, [&](int rank) {
-      const auto ring = make_zmq_ring(ring_in(folder, rank, 3));
+    WorkerProcesses workers(3, [&, within_a_sum = within_a_sum, shared_memory = shared_memory](int rank) {
+      RingConfig config = ring_in(folder, rank, 3);
+      config.network.shared_memory = shared_memory;
+      const auto ring = make_zmq_ring(config);
       std::vector<float> buffer(within_a_sum ? 5000000 : 10);
       ++ready[0];
       if (rank == 1 && !within_a_sum) ::pause();
@@ -288,11 +306,12 @@ TEST(Collective, StoppedWorkerIsNamedAfterFourHeartbeats) {
 }
 
 TEST(Collective, BusyWorkerIsNamedAfterTheTimeout) {
-  const PrivateTestFolder folders[2];
-  const std::size_t counts[2] = {10, 1000000};  // one hop, ring
-  WorkerProcesses workers(4, [&](int process) {
+  const PrivateTestFolder folders[3];
+  const std::size_t counts[3] = {10, 1000000, 1000000};  // one hop, ring, shared memory
+  WorkerProcesses workers(6, [&](int process) {
     const int rank = process % 2;
     RingConfig config = ring_in(folders[process / 2], rank, 2);
+    config.network.shared_memory = process / 2 == 2;
     config.timeout = std::chrono::milliseconds(1000);
     const auto ring = make_zmq_ring(config);
     std::vector<float> buffer(counts[process / 2]);
@@ -304,6 +323,72 @@ TEST(Collective, BusyWorkerIsNamedAfterTheTimeout) {
     return fails_with([&] { ring->all_reduce_sum(buffer); }, {"worker 1", "1000 ms"}) && seconds_since(start) > 0.9;
   });
   workers.expect_all_succeed();
+}
+
+TEST_P(RingOf, SharesMemoryWhereItIsTold) {
+  const PrivateTestFolder folder;
+  WorkerProcesses workers(world_size(), [&](int rank) {
+    ZmqRing ring(config(folder, rank));
+    return ring.shares_memory() == std::get<1>(GetParam());
+  });
+  workers.expect_all_succeed();
+}
+
+// Sums follow each other without a pause, so a worker is often one call ahead, with other sizes and types in turn.
+TEST_P(RingOf, SumsInQuickSuccessionDoNotMix) {
+  const PrivateTestFolder folder;
+  WorkerProcesses workers(world_size(), [&](int rank) {
+    const auto ring = make_zmq_ring(config(folder, rank));
+    for (std::size_t round = 0; round < 600; ++round) {
+      const auto value = static_cast<float>(rank + 1) * static_cast<float>(round % 97);
+      std::vector<float> floats(round % 5 * 9001 % 40000, value);
+      std::vector<double> doubles(round % 3, value);
+      ring->all_reduce_sum(floats);
+      ring->all_reduce_sum(doubles);
+      const double expected = static_cast<double>(world_size() * (world_size() + 1) / 2) * static_cast<double>(round % 97);
+      for (const float sum : floats)
+        if (static_cast<double>(sum) != expected) return false;
+      for (const double sum : doubles)
+        if (sum != expected) return false;
+      if (round % 100 == 0) ring->barrier();
+    }
+    return true;
+  });
+  workers.expect_all_succeed();
+}
+
+TEST(Gloo, SumsAndGathersAsTheRingDoes) {
+  if (!has_gloo()) GTEST_SKIP() << "built without libgloo-dev";
+  const PrivateTestFolder folder;
+  WorkerProcesses workers(2, [&](int rank) {
+    const auto gloo = make_gloo_group({rank, 2}, (folder.path() / "meet").string(), std::chrono::seconds(30));
+    std::vector<std::byte> bytes(1000, std::byte(rank + 1));
+    gloo->broadcast(bytes);
+    const std::string part(static_cast<std::size_t>(3 * rank), 'x');
+    return sums_are_right<float>(*gloo, 100003) && sums_are_right<double>(*gloo, 5) && bytes[999] == std::byte(1) &&
+           gloo->all_gather(part) == std::vector<std::string>{"", "xxx"};
+  });
+  workers.expect_all_succeed();
+}
+
+TEST(SharedMemory, IsZeroAndTheSameForWhoeverOpensIt) {
+  const SharedMemory made = SharedMemory::create(10000);
+  const SharedMemory opened = SharedMemory::open(made.path(), 10000);
+  EXPECT_NE(made.bytes().data(), opened.bytes().data());
+  EXPECT_TRUE(std::ranges::all_of(opened.bytes(), [](std::byte byte) { return byte == std::byte(0); }));
+  made.bytes()[9999] = std::byte(7);
+  EXPECT_EQ(opened.bytes()[9999], std::byte(7));
+  EXPECT_THROW(SharedMemory::open(made.path(), 10001), RunError);
+  EXPECT_THROW(SharedMemory::open("/proc/self/fd/987654", 10000), RunError);
+}
+
+TEST(SharedMemory, SaysWhenItCannotTakeThem) {
+  WorkerProcesses worker(1, [](int) {
+    const rlimit limit{4096, 4096};
+    ::signal(SIGXFSZ, SIG_IGN);
+    return ::setrlimit(RLIMIT_FSIZE, &limit) == 0 && fails_with([] { SharedMemory::create(10000); }, {"cannot take 10000 bytes"});
+  });
+  worker.expect_all_succeed();
 }
 
 TEST(Collective, WorkerThatHasFinishedIsNamedByTheNextCall) {
