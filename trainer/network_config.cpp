@@ -30,10 +30,14 @@ void read(ConfigReader& reader, NetworkConfig& config) {
   reader.read("meeting_key", config.meeting_key);
   reader.read("shared_memory", config.shared_memory);
   reader.read("insecure", config.insecure);
+  reader.read_choice<OnLoss>("on_loss", config.on_loss, {{"stop", OnLoss::stop}, {"continue", OnLoss::go_on}});
+  reader.read("progress_timeout_s", config.progress_timeout_s);
 }
 
 void validate(const NetworkConfig& config) {
   ports_of(config);
+  require(config.progress_timeout_s >= 0.1 && config.progress_timeout_s <= 1e6, "network.progress_timeout_s", config.progress_timeout_s,
+          "must be in [0.1, 1e6]: a worker that makes no progress for so long counts as lost");
   require(!config.insecure || config.curve_key_file.empty(), "network.insecure", true,
           "contradicts network.curve_key_file: leave one of them out");
   require(config.allow_list.empty() || !config.curve_key_file.empty(), "network.allow_list", config.allow_list,

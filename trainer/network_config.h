@@ -6,6 +6,9 @@
 
 namespace earshot {
 
+/// What the others do when a worker is lost: end the run, or go on without it.
+enum class OnLoss { stop, go_on };
+
 /// How workers on several hosts reach each other: section `network` of a run config (docs/hosts.md).  Without any key, workers meet on one
 /// host only.
 struct NetworkConfig {
@@ -16,6 +19,8 @@ struct NetworkConfig {
   std::string meeting_key;     ///< public key of rank 0; empty: the own one, as all workers have the same file
   bool shared_memory = true;   ///< workers that all meet over ipc add up gradients in memory that they share
   bool insecure = false;       ///< links that leave the host may go without keys
+  OnLoss on_loss = OnLoss::stop;
+  double progress_timeout_s = 600;  ///< a worker that others wait for and that gets on in nothing for so long is lost
 };
 
 struct PortRange {

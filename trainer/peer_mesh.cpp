@@ -5,32 +5,39 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <charconv>
 #include <cstring>
 #include <exception>
 
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
-#include "trainer/rendezvous.h"
 
 namespace earshot {
 namespace {
 
 using std::chrono::milliseconds;
 
-constexpr int kQueuedMessages = 4;                // per peer and direction: at most 4 MiB wait
+constexpr int kQueuedMessages = 4;  // per peer and direction: at most 4 MiB wait
+// Control messages that a listener takes in ahead of its reader.  libzmq 4.3.4 ends the process if a connection breaks while its reading is
+// held up by a full queue and a heartbeat stands in its buffer (an assertion in stream_engine_base.cpp), so the queue must not fill: a
+// reader that is away gets eight messages of progress until it counts as lost.
+constexpr int kQueuedControl = 256;
 constexpr std::int64_t kCurveOverheadBytes = 64;  // libzmq compares the size of the sealed frame, 33 bytes more than its content
 constexpr std::int64_t kMaxFrameBytes = static_cast<std::int64_t>(kChunkBytes) + kCurveOverheadBytes;
-constexpr milliseconds kShutdownGrace{300};  // for a goodbye message to leave, or to arrive after its connection broke
+// For a goodbye message to leave, or to arrive after its connection broke; on one host, where the others go on, the shorter one.
+constexpr milliseconds kShutdownGrace{300}, kLocalGrace{40};
+constexpr milliseconds kLongestWait{100}, kRegroupInterval{10};
+constexpr milliseconds kBuffersBack{5000};  // for libzmq to drop what it had not sent, once the socket is closed
 constexpr std::size_t kMaxReasonBytes = 600;
 constexpr int kUnknownAtOnce = 1000;  // messages of unknown peers that are dropped before anything else is looked at again
 
 std::string worker(int rank) { return fmt::format("worker {}", rank); }
 
-zmq::socket_t listener(zmq::context_t& context, const LinkSecurity& security) {
+zmq::socket_t listener(zmq::context_t& context, const LinkSecurity& security, int queued) {
   zmq::socket_t socket(context, zmq::socket_type::router);
   socket.set(zmq::sockopt::linger, 0);
   socket.set(zmq::sockopt::maxmsgsize, kMaxFrameBytes);
-  socket.set(zmq::sockopt::rcvhwm, kQueuedMessages);
+  socket.set(zmq::sockopt::rcvhwm, queued);
   security.secure_listener(socket);
   return socket;
 }
@@ -62,6 +69,29 @@ bool send_message(zmq::socket_t& socket, const FrameHeader& header, zmq::message
   return socket.send(std::move(payload), zmq::send_flags::dontwait).has_value();
 }
 
+/// Events of a connection that ends.
+zmq::socket_t monitor_of(zmq::context_t& context, zmq::socket_t& socket, const std::string& address) {
+  if (zmq_socket_monitor(socket.handle(), address.c_str(), ZMQ_EVENT_DISCONNECTED | ZMQ_EVENT_CLOSED) != 0) throw zmq::error_t();
+  zmq::socket_t events(context, zmq::socket_type::pair);
+  events.set(zmq::sockopt::linger, 0);
+  events.connect(address);
+  return events;
+}
+
+/// Whether it tells of an end.  Reads all that there is.
+bool has_ended(zmq::socket_t& monitor) {
+  bool ended = false;
+  zmq::message_t event;
+  while (monitor.recv(event, zmq::recv_flags::dontwait)) {
+    std::uint16_t number = 0;
+    if (event.size() >= sizeof(number)) std::memcpy(&number, event.data(), sizeof(number));
+    zmq::message_t address;
+    if (event.more() && !monitor.recv(address, zmq::recv_flags::dontwait)) break;
+    ended = ended || number == ZMQ_EVENT_DISCONNECTED || number == ZMQ_EVENT_CLOSED;
+  }
+  return ended;
+}
+
 }  // namespace
 
 void BuffersInFlight::lend() {
@@ -81,28 +111,30 @@ bool BuffersInFlight::wait_until_empty(std::chrono::steady_clock::time_point dea
 
 PeerMesh::PeerMesh(const RingConfig& config) : config_(config), exceptions_at_start_(std::uncaught_exceptions()) {
   validate(config_);
+  grace_ = survives_loss() && !leaves_host(config_.rendezvous) ? kLocalGrace : kShutdownGrace;
   config_ = resolved(config_);
   security_ = LinkSecurity(config_);
   gate_ = security_.open_gate(context_);
-  control_in_ = listener(context_, security_);
-  bulk_in_ = listener(context_, security_);
+  control_in_ = listener(context_, security_, kQueuedControl);
+  bulk_in_ = listener(context_, security_, kQueuedMessages);
   const std::string control_endpoint = bind_listener(control_in_, config_, "control"),
                     bulk_endpoint = bind_listener(bulk_in_, config_, "bulk");
-  const PeerTable table = meet(context_, config_, control_endpoint, bulk_endpoint, security_);
-  run_key_ = hash64(config_.run_id, table.run_key);
+  table_ = meet(context_, config_, control_endpoint, bulk_endpoint, security_);
+  run_key_ = hash64(config_.run_id, table_.run_key);
 
-  peers_.resize(static_cast<std::size_t>(config_.identity.world_size));
-  for (int rank = 0; rank < config_.identity.world_size; ++rank) {
-    if (rank == config_.identity.rank) continue;
-    const auto place = static_cast<std::size_t>(rank);
-    rank_of_routing_id_[fmt::format("E{:016x}.{}", run_key_, rank)] = rank;
-    connect(rank, table.control_endpoints[place], table.public_keys[place]);
-  }
-  bulk_out_ = dial(context_, fmt::format("E{:016x}.{}", run_key_, config_.identity.rank));
-  bulk_out_.set(zmq::sockopt::linger, 0);  // its payloads are lent: they must come back when the caller leaves
-  const auto neighbour = static_cast<std::size_t>(right());
-  security_.secure_dialer(bulk_out_, table.public_keys[neighbour]);
-  bulk_out_.connect(table.bulk_endpoints[neighbour]);
+  const int world_size = config_.identity.world_size;
+  peers_.resize(static_cast<std::size_t>(world_size));
+  for (int rank = 0; rank < world_size; ++rank)
+    if (rank != config_.identity.rank) connect(rank);
+  views_.emplace(config_.identity.rank, View{0, world_size == 64 ? ~std::uint64_t{0} : (std::uint64_t{1} << world_size) - 1});
+  set_members(views_->current().ranks());
+  connect_bulk();
+}
+
+void PeerMesh::set_members(std::vector<int> ranks) {
+  members_ = std::move(ranks);
+  const auto own = std::ranges::find(members_, config_.identity.rank);
+  identity_ = {static_cast<int>(own - members_.begin()), static_cast<int>(members_.size())};
 }
 
 PeerMesh::~PeerMesh() {
@@ -117,37 +149,63 @@ PeerMesh::~PeerMesh() {
   }
 }
 
-void PeerMesh::connect(int rank, const std::string& control_endpoint, const std::string& public_key) {
+void PeerMesh::connect(int rank) {
   Peer& peer = peers_[static_cast<std::size_t>(rank)];
   peer.control = dial(context_, fmt::format("E{:016x}.{}", run_key_, config_.identity.rank));
-  security_.secure_dialer(peer.control, public_key);
+  security_.secure_dialer(peer.control, table_.public_keys[static_cast<std::size_t>(rank)]);
   const int interval_ms = static_cast<int>(config_.heartbeat.count());
   peer.control.set(zmq::sockopt::heartbeat_ivl, interval_ms);
   peer.control.set(zmq::sockopt::heartbeat_timeout, 4 * interval_ms);
-  const std::string events = fmt::format("inproc://peer-{}", rank);
-  if (zmq_socket_monitor(peer.control.handle(), events.c_str(), ZMQ_EVENT_DISCONNECTED | ZMQ_EVENT_CLOSED) != 0) throw zmq::error_t();
-  peer.monitor = zmq::socket_t(context_, zmq::socket_type::pair);
-  peer.monitor.set(zmq::sockopt::linger, 0);
-  peer.monitor.connect(events);
-  peer.control.connect(control_endpoint);
+  peer.monitor = monitor_of(context_, peer.control, fmt::format("inproc://peer-{}", rank));
+  peer.control.connect(table_.control_endpoints[static_cast<std::size_t>(rank)]);
+  peer.heard_at = Clock::now();
+}
+
+/// To the right neighbour.  The routing id holds the epoch: the listener may still have the connection of the last view under the other.
+void PeerMesh::connect_bulk() {
+  bulk_lost_at_.reset();
+  if (identity_.world_size == 1) return;
+  const auto neighbour = static_cast<std::size_t>(members_[static_cast<std::size_t>(right())]);
+  const std::uint32_t epoch = views_->current().epoch;
+  bulk_out_ = dial(context_, fmt::format("E{:016x}.{}.{}", run_key_, config_.identity.rank, epoch));
+  bulk_out_.set(zmq::sockopt::linger, 0);  // its payloads are lent: they must come back when the caller leaves
+  security_.secure_dialer(bulk_out_, table_.public_keys[neighbour]);
+  bulk_monitor_ = monitor_of(context_, bulk_out_, fmt::format("inproc://bulk-{}", epoch));
+  bulk_out_.connect(table_.bulk_endpoints[neighbour]);
+}
+
+int PeerMesh::sender_of(const std::string& routing_id) const {
+  const std::string prefix = fmt::format("E{:016x}.", run_key_);
+  if (!routing_id.starts_with(prefix)) return -1;
+  const char* const end = routing_id.data() + routing_id.size();
+  int rank = -1;
+  const auto [rest, error] = std::from_chars(routing_id.data() + prefix.size(), end, rank);
+  if (error != std::errc() || rank < 0 || rank >= config_.identity.world_size || rank == config_.identity.rank) return -1;
+  if (rest == end) return rank;
+  std::uint32_t epoch = 0;
+  const auto [last, no_epoch] = std::from_chars(rest + 1, end, epoch);
+  return *rest == '.' && no_epoch == std::errc() && last == end ? rank : -1;
 }
 
 void PeerMesh::begin(std::uint64_t sequence) {
   if (abandoned_) throw RunError("workers", fmt::format("the run was stopped before: {}", *abandoned_));
   sequence_ = sequence;
-  deadline_ = Clock::now() + config_.timeout;
+  call_began_ = Clock::now();
+  deadline_ = call_began_ + config_.timeout;
 }
 
 bool PeerMesh::send_control(int peer, FrameHeader header, std::span<const std::byte> payload) {
   header.run_key = run_key_;
   header.sequence = sequence_;
+  header.epoch = views_->current().epoch;
   header.length = payload.size();
-  return send_message(peers_[static_cast<std::size_t>(peer)].control, header, zmq::message_t(payload.data(), payload.size()));
+  return send_message(peer_at(peer).control, header, zmq::message_t(payload.data(), payload.size()));
 }
 
 bool PeerMesh::send_bulk(FrameHeader header, std::span<const std::byte> payload) {
   header.run_key = run_key_;
   header.sequence = sequence_;
+  header.epoch = views_->current().epoch;
   header.length = payload.size();
   lent_buffers_.lend();
   // libzmq never writes to the payload; its interface only lacks the const.  A message that is not sent gives the buffer back in its
@@ -173,14 +231,18 @@ std::optional<PeerMesh::Frame> PeerMesh::receive_from(zmq::socket_t& socket) {
       ++count;
       more = part.more();
     }
-    const auto sender = rank_of_routing_id_.find(parts[0].to_string());
-    if (sender == rank_of_routing_id_.end()) {
+    const int sender = sender_of(parts[0].to_string());
+    if (sender < 0) {
       if (++unknown_peers_ == 1) spdlog::warn("worker {} ignores messages of an unknown peer on its port", config_.identity.rank);
       ++unknown;
       continue;
     }
+    if (!views_->current().has(sender)) {
+      ++late_messages_;
+      continue;
+    }
     Frame frame;
-    frame.from = sender->second;
+    frame.from = sender;
     try {
       if (count != parts.size()) throw WireError(fmt::format("message of {} parts", count));
       frame.header = decode_header({parts[1].data<const std::byte>(), parts[1].size()});
@@ -196,34 +258,66 @@ std::optional<PeerMesh::Frame> PeerMesh::receive_from(zmq::socket_t& socket) {
   return std::nullopt;  // a flood: first see whether the peers are alive
 }
 
+/// The frame with its sender's place.
+std::optional<PeerMesh::Frame> PeerMesh::handed_out(Frame frame) const {
+  frame.from = static_cast<int>(std::ranges::find(members_, frame.from) - members_.begin());
+  return frame;
+}
+
 std::optional<PeerMesh::Frame> PeerMesh::receive_control() {
+  const std::uint32_t epoch = views_->current().epoch;
   for (Peer& peer : peers_) {
-    if (peer.early.empty() || peer.early.front().header.sequence != sequence_) continue;
+    if (regrouping_ || peer.early.empty()) continue;
+    if (peer.early.front().header.epoch != epoch || peer.early.front().header.sequence != sequence_) continue;
     Frame frame = std::move(peer.early.front());
     peer.early.pop_front();
-    return frame;
+    return handed_out(std::move(frame));
   }
   while (auto frame = receive_from(control_in_)) {
-    if (frame->header.operation == Operation::goodbye) {
+    Peer& peer = peers_[static_cast<std::size_t>(frame->from)];
+    peer.heard_at = Clock::now();
+    const FrameHeader& header = frame->header;
+    if (header.operation == Operation::goodbye) {
       take_goodbye(*frame);
-      continue;
+    } else if (header.operation == Operation::view) {
+      take_view(*frame);
+    } else if (header.operation == Operation::progress) {
+      take_progress(*frame);
+    } else if (header.epoch > epoch || (header.epoch == epoch && header.sequence == sequence_ + 1)) {
+      peer.early.push_back(std::move(*frame));
+    } else if (header.epoch < epoch || regrouping_) {
+      ++late_messages_;
+    } else if (header.sequence == sequence_) {
+      return handed_out(std::move(*frame));
+    } else {  // every call needs something from every worker, so no worker can be two calls ahead, or behind
+      throw RunError(worker(frame->from), fmt::format("is at collective call {} where this worker is at {}", header.sequence, sequence_));
     }
-    if (frame->header.sequence == sequence_) return frame;
-    // Every call needs something from every worker, so no worker can be two calls ahead, or behind.
-    if (frame->header.sequence != sequence_ + 1)
-      throw RunError(worker(frame->from),
-                     fmt::format("is at collective call {} where this worker is at {}", frame->header.sequence, sequence_));
-    peers_[static_cast<std::size_t>(frame->from)].early.push_back(std::move(*frame));
   }
   return std::nullopt;
 }
 
 std::optional<PeerMesh::Frame> PeerMesh::receive_bulk() {
-  auto frame = receive_from(bulk_in_);
-  if (frame && (frame->from != left() || frame->header.sequence != sequence_))
+  const std::uint32_t epoch = views_->current().epoch;
+  std::optional<Frame> frame;
+  if (!early_bulk_.empty() && early_bulk_.front().header.epoch == epoch) {
+    frame = std::move(early_bulk_.front());
+    early_bulk_.pop_front();
+  } else {
+    frame = receive_from(bulk_in_);
+    while (frame && frame->header.epoch < epoch) {
+      ++late_messages_;
+      frame = receive_from(bulk_in_);
+    }
+    if (frame && frame->header.epoch > epoch) {
+      early_bulk_.push_back(std::move(*frame));
+      return std::nullopt;
+    }
+  }
+  if (!frame) return frame;
+  if (frame->from != members_[static_cast<std::size_t>(left())] || frame->header.sequence != sequence_)
     throw RunError(worker(frame->from), fmt::format("sends part of collective call {} where call {} of worker {} is due",
-                                                    frame->header.sequence, sequence_, left()));
-  return frame;
+                                                    frame->header.sequence, sequence_, members_[static_cast<std::size_t>(left())]));
+  return handed_out(std::move(*frame));
 }
 
 void PeerMesh::take_goodbye(const Frame& frame) {
@@ -233,40 +327,194 @@ void PeerMesh::take_goodbye(const Frame& frame) {
   } catch (const WireError& error) {
     throw RunError(worker(frame.from), fmt::format("breaks the protocol: {}", error.what()));
   }
-  if (!goodbye.reason.empty()) throw RunError(worker(frame.from), fmt::format("stopped the run: {}", goodbye.reason));
+  // Of one that is being left out: it has stopped no more than itself.
+  if (!goodbye.reason.empty() && (!regrouping_ || views_->proposal().has(frame.from)))
+    throw RunError(worker(frame.from), fmt::format("stopped the run: {}", goodbye.reason));
   peers_[static_cast<std::size_t>(frame.from)].finished_after = frame.header.sequence;
 }
 
-void PeerMesh::read_monitors() {
-  for (Peer& peer : peers_) {
-    if (!peer.monitor) continue;
-    zmq::message_t event;
-    while (peer.monitor.recv(event, zmq::recv_flags::dontwait)) {
-      std::uint16_t number = 0;
-      if (event.size() >= sizeof(number)) std::memcpy(&number, event.data(), sizeof(number));
-      zmq::message_t address;
-      if (event.more() && !peer.monitor.recv(address, zmq::recv_flags::dontwait)) break;
-      if ((number == ZMQ_EVENT_DISCONNECTED || number == ZMQ_EVENT_CLOSED) && !peer.lost_at) peer.lost_at = Clock::now();
+void PeerMesh::take_view(const Frame& frame) {
+  try {
+    if (!survives_loss()) throw WireError("a view, where a lost worker is the end (do all have the same network.on_loss?)");
+    const auto message = decode<ViewMessage>(frame.payload.to_string_view());
+    const View view{message.epoch, message.members};
+    const auto effect = views_->receive(frame.from, view);
+    if (effect == ViewAgreement::Effect::excluded) {
+      left_out_ = true;
+      throw LeftOut(worker(config_.identity.rank),
+                    fmt::format("was left out of the run after a pause: worker {} go on without it; what it did since is void, nothing is "
+                                "to be resumed",
+                                fmt::join(view.ranks(), ", ")));
     }
+  } catch (const WireError& error) {
+    throw RunError(worker(frame.from), fmt::format("breaks the protocol: {}", error.what()));
   }
+  if (views_->is_open() && !regrouping_) throw Disruption{};
 }
 
-void PeerMesh::check_peers(const std::vector<int>& awaited) const {
+void PeerMesh::take_progress(const Frame& frame) {
+  if (frame.header.phase == 0) deadline_ = Clock::now() + config_.timeout;
+}
+
+void PeerMesh::read_monitors() {
   const auto now = Clock::now();
-  for (int rank = 0; rank < config_.identity.world_size; ++rank) {
+  for (Peer& peer : peers_)
+    if (peer.monitor && has_ended(peer.monitor) && !peer.lost_at) peer.lost_at = now;
+  if (bulk_monitor_ && has_ended(bulk_monitor_) && !bulk_lost_at_) bulk_lost_at_ = now;
+}
+
+/// A lost peer is the end of the run, or of this view.
+void PeerMesh::lose(int rank, const std::string& what) {
+  if (!survives_loss()) throw RunError(worker(rank), what);
+  spdlog::warn("worker {}: {}", rank, what);
+  views_->leave_out(rank);
+}
+
+void PeerMesh::check_peers(const std::vector<int>& awaited) {
+  const auto now = Clock::now();
+  const milliseconds patience(static_cast<std::int64_t>(1000 * config_.network.progress_timeout_s));
+  for (const int rank : members_) {
     const Peer& peer = peers_[static_cast<std::size_t>(rank)];
     if (peer.finished_after) {
       // It has done its part of this call or it never will; what it did send may still be on its way.
       if (*peer.finished_after < sequence_)
         throw RunError(worker(rank),
                        fmt::format("has left the run after {} collective calls, this worker makes another", *peer.finished_after));
-    } else if (peer.lost_at && now - *peer.lost_at >= kShutdownGrace) {
-      throw RunError(worker(rank), fmt::format("has gone in collective call {}: it was killed, crashed, or hangs", sequence_));
+    } else if (peer.lost_at && now - *peer.lost_at >= grace_) {
+      lose(rank, fmt::format("has gone in collective call {}: it was killed, crashed, or hangs", sequence_));
     }
   }
-  if (now >= deadline_)
-    throw RunError(fmt::format("worker {}", fmt::join(awaited, ", ")),
-                   fmt::format("did not take part in collective call {} within {} ms", sequence_, config_.timeout.count()));
+  for (const int place : awaited) {
+    const int rank = members_[static_cast<std::size_t>(place)];
+    const auto silent = now - std::max(peer_at(place).heard_at, call_began_);
+    if (rank != config_.identity.rank && silent >= patience)
+      lose(rank,
+           fmt::format("has made no progress for {} ms, in or before collective call {}: it hangs in a loop", patience.count(), sequence_));
+  }
+  if (identity_.world_size > 1 && bulk_lost_at_ && now - *bulk_lost_at_ >= 2 * grace_) {
+    const Peer& neighbour = peer_at(right());
+    if (!neighbour.finished_after && !neighbour.lost_at) {
+      const std::string what = fmt::format("the connection for gradients to worker {} broke", members_[static_cast<std::size_t>(right())]);
+      if (!survives_loss()) throw RunError(worker(config_.identity.rank), what);
+      spdlog::warn("worker {}: {}, and is opened anew", config_.identity.rank, what);
+      views_->renew();
+    }
+  }
+  if (views_->is_open()) throw Disruption{};
+  if (now < deadline_) return;
+  std::vector<int> ranks;
+  for (const int place : awaited) ranks.push_back(members_[static_cast<std::size_t>(place)]);
+  throw RunError(fmt::format("worker {}", fmt::join(ranks, ", ")),
+                 fmt::format("did not take part in collective call {} within {} ms", sequence_, config_.timeout.count()));
+}
+
+void PeerMesh::send_progress(bool waiting) {
+  const auto now = Clock::now();
+  if (std::chrono::duration<double>(now - progress_sent_at_).count() < std::min(5.0, config_.network.progress_timeout_s / 8)) return;
+  progress_sent_at_ = now;
+  FrameHeader header;
+  header.operation = Operation::progress;
+  header.phase = waiting ? 1 : 0;
+  header.total = progress_;
+  for (int place = 0; place < identity_.world_size; ++place) {
+    if (place == identity_.rank || peer_at(place).lost_at) continue;
+    try {
+      send_control(place, header, {});  // a full queue has messages enough for it to see
+    } catch (const zmq::error_t&) {     // its connection has gone: seen in the next call
+    }
+  }
+}
+
+void PeerMesh::note_progress() {
+  ++progress_;
+  if (!abandoned_) send_progress(false);
+}
+
+/// The proposal to all that have not had it; to those that it leaves out once, so that they know when they wake.
+void PeerMesh::send_proposals() {
+  ViewMessage message;
+  message.epoch = views_->proposal().epoch;
+  message.members = views_->proposal().members;
+  const std::string text = encode(message);
+  FrameHeader header;
+  header.operation = Operation::view;
+  header.total = text.size();
+  for (int place = 0; place < identity_.world_size; ++place) {
+    Peer& peer = peer_at(place);
+    if (place == identity_.rank || !peer.proposal_due) continue;
+    const bool sent = send_control(place, header, std::as_bytes(std::span(text)));
+    if (sent || !views_->proposal().has(members_[static_cast<std::size_t>(place)])) peer.proposal_due = false;
+  }
+}
+
+void PeerMesh::drop_lost_peers(Clock::time_point since) {
+  const auto now = Clock::now();
+  for (const int rank : views_->proposal().ranks()) {
+    const Peer& peer = peers_[static_cast<std::size_t>(rank)];
+    if (rank == config_.identity.rank) continue;
+    const bool silent = std::chrono::duration<double>(now - std::max(peer.heard_at, since)).count() >= config_.network.progress_timeout_s;
+    if (peer.finished_after || silent || (peer.lost_at && now - *peer.lost_at >= grace_)) {
+      spdlog::warn("worker {}: has gone as well", rank);
+      views_->leave_out(rank);
+    }
+  }
+}
+
+LeftOut PeerMesh::too_few() const {
+  return {
+      worker(config_.identity.rank),
+      fmt::format("reaches only worker {} of {}: others may go on without them, so that it ends here; if they did not, go on with --resume",
+                  fmt::join(views_->proposal().ranks(), ", "), fmt::join(members_, ", "))};
+}
+
+std::vector<int> PeerMesh::regroup() {
+  const View before = views_->current();
+  regrouping_ = true;
+  bulk_out_.close();
+  bulk_monitor_.close();
+  if (!lent_buffers_.wait_until_empty(Clock::now() + kBuffersBack)) throw RunError("ZeroMQ", "does not give lent buffers back");
+
+  const auto began = Clock::now();
+  View sent;
+  while (true) {
+    while (receive_control()) {
+    }
+    read_monitors();
+    drop_lost_peers(began);
+    if (!views_->has_quorum()) {
+      left_out_ = true;
+      throw too_few();
+    }
+    if (sent != views_->proposal())
+      for (Peer& peer : peers_) peer.proposal_due = true;
+    sent = views_->proposal();
+    send_proposals();
+    send_progress(true);
+    const auto ranks = sent.ranks();
+    const bool all_know = std::ranges::none_of(
+        ranks, [&](int rank) { return rank != config_.identity.rank && peers_[static_cast<std::size_t>(rank)].proposal_due; });
+    if (all_know && views_->is_decided()) break;
+    zmq_pollitem_t item{control_in_.handle(), 0, ZMQ_POLLIN, 0};
+    if (zmq_poll(&item, 1, static_cast<long>(kRegroupInterval.count())) < 0 && zmq_errno() != EINTR) throw zmq::error_t();
+  }
+  views_->adopt();
+
+  std::vector<int> lost;
+  for (const int rank : before.ranks()) {
+    Peer& peer = peers_[static_cast<std::size_t>(rank)];
+    if (!views_->current().has(rank)) {
+      lost.push_back(rank);
+      peer.control.close();
+      peer.monitor.close();
+    }
+    while (!peer.early.empty() && peer.early.front().header.epoch < views_->current().epoch) peer.early.pop_front();
+  }
+  while (!early_bulk_.empty() && early_bulk_.front().header.epoch < views_->current().epoch) early_bulk_.pop_front();
+  set_members(views_->current().ranks());
+  sequence_ = 0;
+  connect_bulk();
+  regrouping_ = false;
+  return lost;
 }
 
 void PeerMesh::wait(const Interest& interest) {
@@ -275,14 +523,16 @@ void PeerMesh::wait(const Interest& interest) {
   poll_items_.push_back({control_in_.handle(), 0, ZMQ_POLLIN, 0});
   if (interest.bulk_data) poll_items_.push_back({bulk_in_.handle(), 0, ZMQ_POLLIN, 0});
   if (interest.bulk_queue_full) poll_items_.push_back({bulk_out_.handle(), 0, ZMQ_POLLOUT, 0});
-  for (const int peer : interest.full_control_queues)
-    poll_items_.push_back({peers_[static_cast<std::size_t>(peer)].control.handle(), 0, ZMQ_POLLOUT, 0});
-  bool grace = false;
+  for (const int peer : interest.full_control_queues) poll_items_.push_back({peer_at(peer).control.handle(), 0, ZMQ_POLLOUT, 0});
+  bool grace = bulk_lost_at_.has_value();
   for (Peer& peer : peers_) {
     if (peer.monitor && !peer.lost_at) poll_items_.push_back({peer.monitor.handle(), 0, ZMQ_POLLIN, 0});
-    grace = grace || (peer.lost_at && !peer.finished_after);
+    grace = grace || (peer.monitor && peer.lost_at && !peer.finished_after);
   }
+  if (bulk_monitor_ && !bulk_lost_at_) poll_items_.push_back({bulk_monitor_.handle(), 0, ZMQ_POLLIN, 0});
+  send_progress(true);
   auto left = std::chrono::duration_cast<milliseconds>(deadline_ - Clock::now()) + milliseconds(1);
+  left = std::min(left, kLongestWait);
   if (grace) left = std::min(left, milliseconds(20));  // for its goodbye message; then it counts as dead
   const int count = zmq_poll(poll_items_.data(), static_cast<int>(poll_items_.size()), std::max<long>(0, static_cast<long>(left.count())));
   if (count < 0 && zmq_errno() != EINTR) throw zmq::error_t();
@@ -290,14 +540,17 @@ void PeerMesh::wait(const Interest& interest) {
 }
 
 void PeerMesh::check(int awaited) {
+  send_progress(true);
   read_monitors();
   check_peers({awaited});
 }
 
 void PeerMesh::finish_sends() {
   while (!lent_buffers_.wait_until_empty(Clock::now() + milliseconds(5))) {
+    send_progress(true);
     while (auto frame = receive_control())
-      throw RunError(worker(frame->from), fmt::format("calls {} where this worker still sends", name_of(frame->header.operation)));
+      throw RunError(worker(members_[static_cast<std::size_t>(frame->from)]),
+                     fmt::format("calls {} where this worker still sends", name_of(frame->header.operation)));
     read_monitors();
     check_peers({right()});
   }
@@ -306,7 +559,7 @@ void PeerMesh::finish_sends() {
 void PeerMesh::abandon(const std::string& reason) {
   if (abandoned_) return;
   abandoned_ = reason.empty() ? "it was left" : reason;
-  send_goodbye(reason.substr(0, kMaxReasonBytes));
+  if (!left_out_) send_goodbye(reason.substr(0, kMaxReasonBytes));  // whoever is left out has no say in the run of the others
   close_all();
 }
 
@@ -320,6 +573,7 @@ void PeerMesh::send_goodbye(const std::string& reason) {
     header.operation = Operation::goodbye;
     header.run_key = run_key_;
     header.sequence = sequence_;
+    header.epoch = views_->current().epoch;
     header.length = header.total = text.size();
     try {
       send_message(peer.control, header, zmq::message_t(text));
@@ -334,6 +588,7 @@ void PeerMesh::close_all() {
     peer.monitor.close();
   }
   bulk_out_.close();
+  bulk_monitor_.close();
   bulk_in_.close();
   control_in_.close();
   gate_.reset();

@@ -4,7 +4,6 @@
 #include <condition_variable>
 #include <cstdint>
 #include <deque>
-#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -15,6 +14,8 @@
 
 #include "trainer/collective.h"
 #include "trainer/link_security.h"
+#include "trainer/membership.h"
+#include "trainer/rendezvous.h"
 #include "trainer/wire.h"
 
 namespace earshot {
@@ -38,12 +39,15 @@ class BuffersInFlight {
 /// in front of a goodbye message: control, from every worker to every other, small; bulk, only to the right neighbour, in chunks that
 /// libzmq reads from the caller's memory. Each plane has one listening ROUTER per worker; the sender's routing id names it, any other
 /// sender is counted and dropped.  Queues hold four messages.  A peer's death shows on the connection to it (at once when killed, after
-/// four heartbeats when its machine or process hangs).
+/// four heartbeats when its machine or process hangs); that its loop hangs shows in the messages of progress that it no longer sends.
+///
+/// Where OnLoss::go_on is set a lost peer is a Disruption, after which regroup() finds those that are left.  Peers are named by their place
+/// among these, 0 to identity().world_size - 1; messages name workers by the ranks with which they began.
 class PeerMesh {
  public:
   using Clock = std::chrono::steady_clock;
   struct Frame {
-    int from = 0;
+    int from = 0;  ///< place
     FrameHeader header;
     zmq::message_t payload;
     [[nodiscard]] std::span<const std::byte> bytes() const { return {payload.data<const std::byte>(), payload.size()}; }
@@ -56,9 +60,13 @@ class PeerMesh {
   PeerMesh(const PeerMesh&) = delete;
   PeerMesh& operator=(const PeerMesh&) = delete;
 
-  [[nodiscard]] WorkerIdentity identity() const { return config_.identity; }
-  [[nodiscard]] int right() const { return (config_.identity.rank + 1) % config_.identity.world_size; }
-  [[nodiscard]] int left() const { return (config_.identity.rank + config_.identity.world_size - 1) % config_.identity.world_size; }
+  /// Place among those that are left, and their number.
+  [[nodiscard]] WorkerIdentity identity() const { return identity_; }
+  /// Ranks at the start, by place.
+  [[nodiscard]] const std::vector<int>& members() const { return members_; }
+  [[nodiscard]] bool survives_loss() const { return config_.network.on_loss == OnLoss::go_on; }
+  [[nodiscard]] int right() const { return (identity_.rank + 1) % identity_.world_size; }
+  [[nodiscard]] int left() const { return (identity_.rank + identity_.world_size - 1) % identity_.world_size; }
 
   /// Opens collective call number `sequence`: sets its deadline.
   void begin(std::uint64_t sequence);
@@ -77,6 +85,13 @@ class PeerMesh {
   void wait(const Interest& interest);
   /// For a caller that waits for a worker elsewhere than on sockets: throws what wait() would.
   void check(int awaited);
+  /// Thrown by the calls above where a peer is lost and the others are to go on: regroup() is then due.
+  struct Disruption {};
+  /// Agrees with the peers on who is left, and opens the connections among them.  Returns who has gone, by ranks at the start: none where
+  /// a connection was broken.  Throws LeftOut: this worker was left out, or too few are left (ViewAgreement).
+  std::vector<int> regroup();
+  /// Tells the peers that this worker gets on: at most every 5 s, or eight times in the time after which it would count as lost.
+  void note_progress();
   /// Returns when libzmq reads none of the lent payloads any more.
   void finish_sends();
 
@@ -85,19 +100,37 @@ class PeerMesh {
   void abandon(const std::string& reason);
   /// Messages of unknown peers that were dropped, and peers whose keys were refused.
   [[nodiscard]] std::uint64_t unknown_peers() const { return unknown_peers_ + (gate_ ? gate_->refused() : 0); }
+  /// Messages of earlier views, or of workers that were left out, that were dropped.
+  [[nodiscard]] std::uint64_t late_messages() const { return late_messages_; }
 
  private:
   struct Peer {
     zmq::socket_t control, monitor;
     std::optional<Clock::time_point> lost_at;     ///< its connection broke
     std::optional<std::uint64_t> finished_after;  ///< its goodbye message came after that many calls
-    std::deque<Frame> early;                      ///< of the next call
+    Clock::time_point heard_at;                   ///< any message from its loop
+    std::deque<Frame> early;                      ///< of the next call, or of the next view
+    bool proposal_due = false;
   };
-  void connect(int rank, const std::string& control_endpoint, const std::string& public_key);
+  // Ranks below are those at the start; so is Frame::from, until a frame is handed out.
+  void connect(int rank);
+  void connect_bulk();
+  void set_members(std::vector<int> ranks);
+  Peer& peer_at(int place) { return peers_[static_cast<std::size_t>(members_[static_cast<std::size_t>(place)])]; }
+  /// Rank of a sender by its routing id; -1 for an unknown one.
+  [[nodiscard]] int sender_of(const std::string& routing_id) const;
   std::optional<Frame> receive_from(zmq::socket_t& socket);
+  std::optional<Frame> handed_out(Frame frame) const;
   void take_goodbye(const Frame& frame);
+  void take_view(const Frame& frame);
+  void take_progress(const Frame& frame);
   void read_monitors();
-  void check_peers(const std::vector<int>& awaited) const;
+  void check_peers(const std::vector<int>& awaited);
+  void lose(int rank, const std::string& what);
+  void send_progress(bool waiting);
+  void send_proposals();
+  void drop_lost_peers(Clock::time_point since);
+  [[nodiscard]] LeftOut too_few() const;
   void send_goodbye(const std::string& reason);
   void close_all();
 
@@ -107,12 +140,19 @@ class PeerMesh {
   zmq::context_t context_{1};
   LinkSecurity security_;
   std::unique_ptr<CurveGate> gate_;
-  zmq::socket_t control_in_, bulk_in_, bulk_out_;
-  std::vector<Peer> peers_;  // by rank; the own place stays empty
-  std::map<std::string, int> rank_of_routing_id_;
+  zmq::socket_t control_in_, bulk_in_, bulk_out_, bulk_monitor_;
+  PeerTable table_;
+  std::vector<Peer> peers_;  // by rank at the start; the own place stays empty
+  WorkerIdentity identity_;
+  std::vector<int> members_;
+  std::optional<ViewAgreement> views_;
+  bool regrouping_ = false, left_out_ = false;
+  std::deque<Frame> early_bulk_;  ///< of the next view
+  std::optional<Clock::time_point> bulk_lost_at_;
   std::vector<zmq_pollitem_t> poll_items_;
-  std::uint64_t run_key_ = 0, sequence_ = 0, unknown_peers_ = 0;
-  Clock::time_point deadline_;
+  std::uint64_t run_key_ = 0, sequence_ = 0, unknown_peers_ = 0, late_messages_ = 0, progress_ = 0;
+  std::chrono::milliseconds grace_;
+  Clock::time_point call_began_, deadline_, progress_sent_at_;
   std::optional<std::string> abandoned_;
 };
 

@@ -9,7 +9,7 @@ namespace {
 static_assert(std::endian::native == std::endian::little, "frames and checkpoints are written as they lie in memory");
 
 constexpr std::uint32_t kMagic = 0x53524145;  // "EARS"
-constexpr std::uint8_t kLastOperation = static_cast<std::uint8_t>(Operation::goodbye);
+constexpr std::uint8_t kLastOperation = static_cast<std::uint8_t>(Operation::progress);
 
 }  // namespace
 
@@ -27,6 +27,10 @@ const char* name_of(Operation operation) {
       return "all_gather";
     case Operation::goodbye:
       return "goodbye";
+    case Operation::view:
+      return "view";
+    case Operation::progress:
+      return "progress";
   }
   return "unknown operation";
 }
@@ -49,6 +53,7 @@ std::array<std::byte, kHeaderBytes> encode_header(const FrameHeader& header) {
   put(header.offset);
   put(header.length);
   put(header.total);
+  put(header.epoch);
   return bytes;
 }
 
@@ -79,6 +84,7 @@ FrameHeader decode_header(std::span<const std::byte> bytes) {
   take(header.offset);
   take(header.length);
   take(header.total);
+  take(header.epoch);
   if (header.length > kChunkBytes || header.offset > header.total || header.length > header.total - header.offset)
     throw WireError("frame whose lengths cannot be");
   return header;

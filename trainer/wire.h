@@ -18,7 +18,7 @@ class WireError : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-inline constexpr std::uint16_t kWireVersion = 4;
+inline constexpr std::uint16_t kWireVersion = 5;
 inline constexpr std::size_t kMaxControlBytes = 64 * 1024;  ///< of one control message
 inline constexpr std::size_t kChunkBytes = std::size_t{1}
                                            << 20;  ///< payload of one bulk message (docs/ppo.md, section 6.3: 1 MiB was the fastest)
@@ -51,6 +51,15 @@ struct Goodbye {
   std::uint16_t version = kWireVersion;
   std::string reason;  ///< empty: it has finished
   MSGPACK_DEFINE(version, reason)
+};
+
+/// The workers that are to be left, as one of them proposes (membership.h).
+struct ViewMessage {
+  static constexpr std::size_t kFields = 3;
+  std::uint16_t version = kWireVersion;
+  std::uint32_t epoch = 0;
+  std::uint64_t members = 0;  ///< bit r: the worker that began as rank r
+  MSGPACK_DEFINE(version, epoch, members)
 };
 
 template <class T>
@@ -88,7 +97,16 @@ T decode(std::string_view bytes, std::size_t max_bytes = kMaxControlBytes) {
 }
 
 /// What a data message belongs to.
-enum class Operation : std::uint8_t { all_reduce_float, all_reduce_double, broadcast, barrier, all_gather, goodbye };
+enum class Operation : std::uint8_t {
+  all_reduce_float,
+  all_reduce_double,
+  broadcast,
+  barrier,
+  all_gather,
+  goodbye,
+  view,     ///< a ViewMessage
+  progress  ///< the sender gets on (phase 0, total: how far) or waits for others (phase 1)
+};
 const char* name_of(Operation operation);
 
 /// Header frame of every message between workers: 64 bytes, little-endian, followed by one payload frame.
@@ -101,6 +119,7 @@ struct FrameHeader {
   std::uint64_t offset = 0;  ///< in bytes, from the start of the buffer
   std::uint64_t length = 0;  ///< of the payload
   std::uint64_t total = 0;   ///< of the whole buffer
+  std::uint32_t epoch = 0;   ///< of the membership (membership.h)
   friend bool operator==(const FrameHeader&, const FrameHeader&) = default;
 };
 inline constexpr std::size_t kHeaderBytes = 64;

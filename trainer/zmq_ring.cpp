@@ -15,13 +15,6 @@ namespace {
 
 constexpr std::size_t kMaxGatherBytes = std::size_t{1} << 30;  // of one worker's part: bounds what a peer can make us allocate
 
-[[noreturn]] void mismatch(int peer, const FrameHeader& got, Operation operation, std::size_t total) {
-  throw RunError(
-      fmt::format("worker {}", peer),
-      fmt::format("calls {} with {} bytes where this worker calls {} with {} bytes; do all workers run the same program and config?",
-                  name_of(got.operation), got.total, name_of(operation), total));
-}
-
 /// buffer += message, element by element.  The message may lie at any address.
 template <class T>
 void add_to(std::span<T> buffer, std::span<const std::byte> message) {
@@ -111,13 +104,37 @@ void ZmqRing::map_shared_memory() {
   sums_.emplace(memory_->bytes(), identity);
 }
 
-/// Runs one call; any failure in it ends the run for all workers and takes the lent memory back before the caller sees the exception.
+void ZmqRing::mismatch(int place, const FrameHeader& got, Operation operation, std::size_t total) const {
+  throw RunError(
+      fmt::format("worker {}", rank_of(place)),
+      fmt::format("calls {} with {} bytes where this worker calls {} with {} bytes; do all workers run the same program and config?",
+                  name_of(got.operation), got.total, name_of(operation), total));
+}
+
+/// Finds those that are left; the calls of the new view are counted from 0.
+void ZmqRing::regroup() {
+  std::vector<int> lost = mesh_.regroup();
+  // A worker that was stopped and goes on may still write there: those that are left send their sums.
+  sums_.reset();
+  memory_.reset();
+  sequence_ = 0;
+  throw MembershipChange(std::move(lost));
+}
+
+/// Runs one call; any failure in it ends the run for all workers, but for a lost one where the others go on, and takes the lent memory back
+/// before the caller sees the exception.
 template <class Body>
 void ZmqRing::collective_call(Body&& body) {
   mesh_.begin(sequence_);
   try {
-    body();
-    ++sequence_;
+    try {
+      body();
+      ++sequence_;
+    } catch (const PeerMesh::Disruption&) {
+      regroup();
+    }
+  } catch (const MembershipChange&) {
+    throw;
   } catch (const RunError& error) {
     mesh_.abandon(error.what());
     throw;
@@ -164,7 +181,7 @@ void ZmqRing::exchange(Operation operation, std::span<const std::byte> mine, Sin
       Progress& p = progress[static_cast<std::size_t>(frame->from)];
       if (frame->header.operation != operation) mismatch(frame->from, frame->header, operation, mine.size());
       if (frame->header.offset != p.received || p.received_all)
-        throw RunError(fmt::format("worker {}", frame->from), "sends its part out of order");
+        throw RunError(fmt::format("worker {}", rank_of(frame->from)), "sends its part out of order");
       sink(frame->from, frame->header, frame->bytes());
       p.received += frame->payload.size();
       p.received_all = p.received == frame->header.total;
@@ -243,7 +260,7 @@ void ZmqRing::all_reduce_ring(Operation operation, std::span<T> buffer) {
           mismatch(frame->from, header, operation, buffer.size_bytes());
         if (header.step != chunk.step || header.segment != chunk.segment || header.phase != (schedule.reducing(chunk.step) ? 0 : 1) ||
             header.offset != chunk.first * sizeof(T) || header.length != chunk.count * sizeof(T))
-          throw RunError(fmt::format("worker {}", frame->from), "sends another part of the buffer than is due");
+          throw RunError(fmt::format("worker {}", rank_of(frame->from)), "sends another part of the buffer than is due");
         const std::span<T> target = buffer.subspan(chunk.first, chunk.count);
         if (schedule.reducing(chunk.step))
           add_to(target, frame->bytes());

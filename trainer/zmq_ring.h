@@ -18,6 +18,9 @@ class ZmqRing : public Collective {
  public:
   explicit ZmqRing(const RingConfig& config);
   [[nodiscard]] WorkerIdentity identity() const override { return mesh_.identity(); }
+  [[nodiscard]] std::vector<int> members() const override { return mesh_.members(); }
+  [[nodiscard]] bool survives_loss() const override { return mesh_.survives_loss(); }
+  void note_progress() override { mesh_.note_progress(); }
   void all_reduce_sum(std::span<float> buffer) override;
   void all_reduce_sum(std::span<double> buffer) override;
   void broadcast(std::span<std::byte> buffer) override;
@@ -27,10 +30,15 @@ class ZmqRing : public Collective {
   [[nodiscard]] bool shares_memory() const { return sums_.has_value(); }
   /// Messages of unknown peers that were dropped.
   [[nodiscard]] std::uint64_t unknown_peers() const { return mesh_.unknown_peers(); }
+  /// Messages of earlier views that were dropped.
+  [[nodiscard]] std::uint64_t late_messages() const { return mesh_.late_messages(); }
 
  private:
   template <class Body>
   void collective_call(Body&& body);
+  [[noreturn]] void regroup();
+  [[noreturn]] void mismatch(int place, const FrameHeader& got, Operation operation, std::size_t total) const;
+  [[nodiscard]] int rank_of(int place) const { return mesh_.members()[static_cast<std::size_t>(place)]; }
   template <class Sink>
   void exchange(Operation operation, std::span<const std::byte> mine, Sink&& sink);
   template <class T>

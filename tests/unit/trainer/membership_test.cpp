@@ -1,0 +1,159 @@
+#include "trainer/membership.h"
+
+#include <gtest/gtest.h>
+
+#include <bit>
+#include <deque>
+#include <map>
+#include <optional>
+#include <vector>
+
+#include "sim/base/random.h"
+
+namespace earshot {
+namespace {
+
+using Effect = ViewAgreement::Effect;
+
+View all_of(int count) { return {0, (std::uint64_t{1} << count) - 1}; }
+
+TEST(ViewAgreement, LeavesOutWhoIsLostOnceAllSaySo) {
+  ViewAgreement a(0, all_of(3)), b(1, all_of(3));
+  EXPECT_FALSE(a.is_open());
+  a.leave_out(2);
+  EXPECT_TRUE(a.is_open());
+  EXPECT_FALSE(a.is_decided());
+  EXPECT_EQ(b.receive(0, a.proposal()), Effect::proposal_changed);
+  EXPECT_TRUE(b.is_decided());
+  EXPECT_EQ(a.receive(1, b.proposal()), Effect::none);
+  ASSERT_TRUE(a.is_decided());
+  a.adopt();
+  b.adopt();
+  EXPECT_EQ(a.current(), (View{1, 0b011}));
+  EXPECT_EQ(a.current(), b.current());
+  EXPECT_EQ(a.current().ranks(), (std::vector<int>{0, 1}));
+  EXPECT_EQ(a.receive(1, View{1, 0b011}), Effect::none);  // late
+  EXPECT_FALSE(a.is_open());
+}
+
+TEST(ViewAgreement, AWorkerThatIsLeftOutIsTold) {
+  ViewAgreement c(2, all_of(3));
+  EXPECT_EQ(c.receive(0, View{1, 0b011}), Effect::excluded);
+}
+
+TEST(ViewAgreement, RenewsConnectionsOfTheSameWorkers) {
+  ViewAgreement a(0, all_of(2)), b(1, all_of(2));
+  a.renew();
+  EXPECT_EQ(b.receive(0, a.proposal()), Effect::proposal_changed);
+  EXPECT_EQ(b.proposal(), (View{1, 0b11}));
+  a.receive(1, b.proposal());
+  EXPECT_TRUE(a.is_decided() && b.is_decided());
+}
+
+TEST(ViewAgreement, OnlyAMajorityOrTheHalfWithTheLowestRankGoesOn) {
+  const auto goes_on = [](int world_size, int rank, const std::vector<int>& lost) {
+    ViewAgreement views(rank, all_of(world_size));
+    for (const int other : lost) views.leave_out(other);
+    return views.has_quorum();
+  };
+  EXPECT_TRUE(goes_on(3, 1, {0}));
+  EXPECT_FALSE(goes_on(3, 1, {0, 2}));
+  EXPECT_TRUE(goes_on(4, 0, {2, 3}));
+  EXPECT_FALSE(goes_on(4, 2, {0, 1}));
+  EXPECT_TRUE(goes_on(2, 0, {1}));
+  EXPECT_FALSE(goes_on(2, 1, {0}));
+}
+
+TEST(ViewAgreement, AProposalForADecidedViewOpensALaterOne) {
+  ViewAgreement a(0, all_of(4));
+  a.leave_out(3);
+  a.receive(1, View{1, 0b0111});
+  a.receive(2, View{1, 0b0111});
+  ASSERT_TRUE(a.is_decided());
+  a.adopt();
+  // Worker 1 lost 2 before it saw that all had proposed the same.
+  EXPECT_EQ(a.receive(1, View{1, 0b0011}), Effect::proposal_changed);
+  EXPECT_EQ(a.proposal(), (View{2, 0b0011}));
+}
+
+/// Workers with channels in order that lose what a worker had not yet been handed when it died; who is dead is noticed by each at its own
+/// time, in the midst of agreements.
+class Simulation {
+ public:
+  Simulation(int count, std::uint32_t trial) : count_(count), trial_(trial) {
+    for (int rank = 0; rank < count; ++rank) {
+      workers_.emplace_back(rank, all_of(count));
+      sent_.emplace_back(View{});
+    }
+  }
+  /// Kills `deaths` workers at random moments; returns the views that the living have in the end.
+  std::vector<View> run(int deaths) {
+    int idle = 0;
+    for (int step = 0; idle < 500 || deaths > 0; ++step) {
+      if (step > 100000) ADD_FAILURE() << "no end";
+      if (step > 100000) break;
+      if (deaths > 0 && draw(40) == 0) {
+        dead_ |= std::uint64_t{1} << draw(static_cast<std::uint32_t>(count_));
+        --deaths;
+      }
+      const int rank = static_cast<int>(draw(static_cast<std::uint32_t>(count_)));
+      idle = dead(rank) || !act(rank) ? idle + 1 : 0;
+    }
+    std::vector<View> views;
+    for (int rank = 0; rank < count_; ++rank)
+      if (!dead(rank)) views.push_back(workers_[static_cast<std::size_t>(rank)].current());
+    return views;
+  }
+  [[nodiscard]] std::uint64_t living() const { return all_of(count_).members & ~dead_; }
+
+ private:
+  std::uint32_t draw(std::uint32_t bound) { return RandomStream(trial_, Purpose::test, 11).below(bound, draws_++); }
+  [[nodiscard]] bool dead(int rank) const { return (dead_ >> rank & 1) != 0; }
+  /// One thing that this worker can do; false if there was nothing.
+  bool act(int rank) {
+    ViewAgreement& views = workers_[static_cast<std::size_t>(rank)];
+    const int other = static_cast<int>(draw(static_cast<std::uint32_t>(count_)));
+    if (other == rank) return false;
+    if (auto& channel = channels_[{other, rank}]; !channel.empty()) {
+      EXPECT_NE(views.receive(other, channel.front()), Effect::excluded) << "worker " << rank << " lives";
+      channel.pop_front();
+    } else if (dead(other) && views.proposal().has(other)) {
+      if (draw(3) != 0) return true;
+      views.leave_out(other);
+    } else if (views.is_open() && sent_[static_cast<std::size_t>(rank)] != views.proposal()) {
+      for (const int to : views.current().ranks())
+        if (to != rank) channels_[{rank, to}].push_back(views.proposal());
+      sent_[static_cast<std::size_t>(rank)] = views.proposal();
+    } else if (views.is_decided() && sent_[static_cast<std::size_t>(rank)] == views.proposal()) {
+      views.adopt();
+    } else {
+      return false;
+    }
+    return true;
+  }
+
+  int count_;
+  std::uint32_t trial_, draws_ = 0;
+  std::uint64_t dead_ = 0;
+  std::vector<ViewAgreement> workers_;
+  std::vector<View> sent_;
+  std::map<std::pair<int, int>, std::deque<View>> channels_;
+};
+
+TEST(ViewAgreement, LivingWorkersEndWithTheSameView) {
+  int with_losses = 0;
+  for (std::uint32_t trial = 0; trial < 400; ++trial) {
+    const int count = 3 + static_cast<int>(trial % 6), deaths = static_cast<int>(trial % 3) % ((count + 1) / 2);
+    Simulation simulation(count, trial);
+    const auto views = simulation.run(deaths);
+    for (const View& view : views) {
+      EXPECT_EQ(view, views.front()) << trial;
+      EXPECT_EQ(view.members, simulation.living()) << trial;
+    }
+    with_losses += std::popcount(simulation.living()) < count;
+  }
+  EXPECT_GT(with_losses, 150);
+}
+
+}  // namespace
+}  // namespace earshot
