@@ -85,6 +85,11 @@ void RunFolder::remove_run() const {
   remove_if_empty(out_ / "quarantine");
 }
 
+void RunFolder::remove_temporaries() const {
+  for (const auto& file : files_in(out_ / "checkpoints"))
+    if (file.filename().string().find(".ckpt.tmp") != std::string::npos) std::filesystem::remove(file);
+}
+
 void RunFolder::remove_surplus(std::uint64_t update, int keep, bool is_last) const {
   std::map<std::uint64_t, std::filesystem::path> by_update;
   for (const auto& file : files_in(out_ / "checkpoints"))

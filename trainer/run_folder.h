@@ -32,6 +32,8 @@ class RunFolder {
   /// Removes what the bound on checkpoints leaves over once the one of `update` is on disk: those of the `keep` newest updates stay, those
   /// of later updates go (a resumed run makes them anew), and last.ckpt goes unless it is of this update.  best.ckpt stays.
   /// Throws std::filesystem::filesystem_error.
+  /// Removes what killed writers left of checkpoints that they had not finished.
+  void remove_temporaries() const;
   void remove_surplus(std::uint64_t update, int keep, bool is_last) const;
 
  private:

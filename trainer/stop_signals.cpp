@@ -8,7 +8,7 @@
 namespace earshot {
 namespace {
 
-constexpr std::array<int, 3> kSignals{SIGTERM, SIGINT, SIGUSR1};
+constexpr std::array<int, 4> kSignals{SIGTERM, SIGINT, SIGHUP, SIGUSR1};
 
 // A signal handler may only touch a lock-free atomic; it has to be reachable without an argument.
 std::atomic<bool> stop_requested{false};
@@ -21,7 +21,10 @@ void request_stop(int) { stop_requested.store(true); }
 StopSignals::StopSignals() {
   static_assert(kSignals.size() == std::tuple_size_v<decltype(previous_)>);
   stop_requested.store(false);
-  for (std::size_t i = 0; i < kSignals.size(); ++i) previous_[i] = std::signal(kSignals[i], request_stop);
+  for (std::size_t i = 0; i < kSignals.size(); ++i) {
+    previous_[i] = std::signal(kSignals[i], request_stop);
+    if (kSignals[i] == SIGHUP && previous_[i] == SIG_IGN) std::signal(SIGHUP, SIG_IGN);  // nohup
+  }
 }
 
 StopSignals::~StopSignals() {

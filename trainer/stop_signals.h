@@ -4,7 +4,8 @@
 
 namespace earshot {
 
-/// While it lives, SIGTERM, SIGINT and SIGUSR1 ask for a graceful stop instead of ending the process; the old handlers come back at its
+/// While it lives, SIGTERM, SIGINT, SIGHUP and SIGUSR1 ask for a graceful stop instead of ending the process (SIGHUP only
+/// where it was not ignored, as under nohup); the old handlers come back at its
 /// end. One at a time.
 class StopSignals {
  public:
@@ -17,7 +18,7 @@ class StopSignals {
   static bool received();
 
  private:
-  std::array<void (*)(int), 3> previous_{};
+  std::array<void (*)(int), 4> previous_{};
 };
 
 }  // namespace earshot

@@ -47,6 +47,12 @@ class TemporaryFile {
   void rename_to(const std::filesystem::path& target) {
     if (::rename(path_.c_str(), target.c_str()) != 0) throw RunError(target.string(), "cannot be replaced: " + last_error());
     kept_ = true;
+    // The name is on disk once the folder is; a file system that cannot say so loses the rename at worst, and the old file is whole.
+    const std::filesystem::path folder = target.has_parent_path() ? target.parent_path() : ".";
+    const int descriptor = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    if (descriptor < 0) return;
+    ::fsync(descriptor);
+    ::close(descriptor);
   }
 
  private:

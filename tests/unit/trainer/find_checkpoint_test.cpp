@@ -1,7 +1,9 @@
 #include <gtest/gtest.h>
+#include <spdlog/spdlog.h>
 
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/random.h"
 #include "tests/support/worker_processes.h"
 #include "trainer/checkpoint.h"
 
@@ -42,6 +44,42 @@ TEST_F(FindCheckpoint, TakesTheNewestThatIsWhole) {
   EXPECT_EQ(find_checkpoint(folder_.path()), path("update_000020.ckpt"));
   damage("update_000020.ckpt", [](std::string& bytes) { bytes[bytes.size() / 2] ^= 4; });  // a bit rotted
   EXPECT_EQ(find_checkpoint(folder_.path()), path("update_000010.ckpt"));
+}
+
+// Bits that flip, blocks that are zero, files that end early or are padded: each is seen, and the checkpoint before it is taken.
+TEST_F(FindCheckpoint, AThousandRandomDamagesAreSeenAndThePreviousIsTaken) {
+  write("update_000010.ckpt", 10);
+  write("update_000020.ckpt", 20);
+  const std::string whole = read_file(path("update_000020.ckpt"));
+  const auto level = spdlog::get_level();
+  spdlog::set_level(spdlog::level::off);  // a warning for each
+  int harmless = 0;
+  for (std::uint32_t trial = 0; trial < 1000; ++trial) {
+    const RandomStream random(23, Purpose::test, trial);
+    const auto below = [&](std::size_t bound, std::uint32_t draw) { return random.below(static_cast<std::uint32_t>(bound), draw); };
+    std::string bytes = whole;
+    switch (trial % 4) {
+      case 0:
+        for (std::uint32_t flip = 0; flip <= trial % 5; ++flip)
+          bytes[below(bytes.size(), 2 * flip)] ^= static_cast<char>(1 << below(8, 2 * flip + 1));
+        break;
+      case 1:
+        bytes.resize(below(bytes.size(), 0));
+        break;
+      case 2:
+        std::fill_n(bytes.begin() + below(bytes.size() - 64, 0), 64, '\0');
+        break;
+      default:
+        bytes.append(1 + below(4096, 0), '\0');
+    }
+    harmless += bytes == whole;
+    write_file_atomically(path("update_000020.ckpt"), bytes);
+    if (bytes != whole) {
+      ASSERT_EQ(find_checkpoint(folder_.path()), path("update_000010.ckpt")) << trial;
+    }
+  }
+  spdlog::set_level(level);
+  EXPECT_LT(harmless, 10);  // two flips of one bit, or zeros where zeros were
 }
 
 TEST_F(FindCheckpoint, SaysWhyWhenNoneIsWhole) {
