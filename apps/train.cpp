@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <chrono>
 #include <memory>
 
 #include "apps/commands.h"
@@ -69,13 +70,19 @@ int run_train(const Options& options, const std::vector<std::string>& arguments)
   const int workers = options.workers > 0 ? options.workers : config.workers;
   if (!is_worker && workers > 1) {
     prepare_run(config, start);
-    return spawn_workers(workers, arguments);
+    return spawn_workers(workers, arguments, std::chrono::seconds(5), config.network.on_loss);
   }
 
   if (is_worker && launched->launcher != "EARSHOT_RANK" && launched->ring.identity.rank == 0)
     fmt::print("{} workers started by {} meet at {}\n", launched->ring.identity.world_size, launched->launcher, launched->ring.rendezvous);
   const auto collective = is_worker ? make_zmq_ring(launched->ring) : make_single_worker();
-  const TrainReport report = train(config, *collective, start);
+  TrainReport report;
+  try {
+    report = train(config, *collective, start);
+  } catch (const LeftOut& error) {
+    fmt::print(stderr, "earshot: {}\n", error.what());
+    return kLeftOutExitCode;
+  }
   if (collective->identity().rank == 0)
     fmt::print("{} updates, {} steps in {:.1f} min: {:.0f} steps/s\n{}checkpoint: {}\n", report.updates, report.env_steps,
                report.wall_s / 60, report.steps_per_s, summary(report.counters, report.guards), report.checkpoint.string());
@@ -100,9 +107,10 @@ void add_train(CLI::App& app, const std::vector<std::string>& arguments, int& ex
   command->add_flag("--insecure-network", options->insecure_network,
                     "Let links between hosts go without encryption and without keys (network.insecure=true)");
   command->footer(
-      "Writes checkpoints, events.jsonl and TensorBoard curves under the config's `out`.  SIGTERM, SIGINT and SIGUSR1 end the run after "
-      "the\n"
-      "current update with a checkpoint.  A resumed run gives the bits that the unbroken one would have given: another config or\n"
+      "Writes checkpoints, events.jsonl and TensorBoard curves under the config's `out`.  SIGTERM, SIGINT, SIGHUP and SIGUSR1 end the "
+      "run\n"
+      "after the current update with a checkpoint.  A resumed run gives the bits that the unbroken one would have given: another config "
+      "or\n"
       "engine than the checkpoint's is refused unless --change declares it.\n\n"
       "Keys of CONFIG that save or keep something on disk:\n"
       "  env.field_store=FOLDER     source fields (env.acoustics.field) that all workers and later runs share (default: `out`/fields)\n"

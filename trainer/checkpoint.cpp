@@ -72,7 +72,7 @@ void pack_tensors(Packer& packer, const std::vector<torch::Tensor>& tensors) {
 }
 
 void pack_body(Packer& packer, const Checkpoint& checkpoint) {
-  packer.pack_map(18);
+  packer.pack_map(20);
   packer.pack("config_yaml").pack(checkpoint.config_yaml);
   packer.pack("architecture").pack(checkpoint.architecture);
   packer.pack("update").pack(checkpoint.update);
@@ -97,6 +97,8 @@ void pack_body(Packer& packer, const Checkpoint& checkpoint) {
   pack_tensors(packer, checkpoint.oracle_acted);
   packer.pack("episode_window").pack(checkpoint.episode_window);
   packer.pack("episode_window_fields").pack(checkpoint.episode_window_fields);
+  packer.pack("members").pack(checkpoint.members);
+  packer.pack("started_workers").pack(checkpoint.started_workers);
 }
 
 /// Adds the tensors to what CheckpointFields reads.
@@ -115,10 +117,28 @@ class BodyReader : CheckpointFields {
     checkpoint.episode_window = value<std::vector<double>>(body, "episode_window");
     constexpr int fields_of_old = 9;  // before files said
     checkpoint.episode_window_fields = has(body, "episode_window_fields") ? value<int>(body, "episode_window_fields") : fields_of_old;
+    read_members(body, checkpoint);
     return checkpoint;
   }
 
  private:
+  void read_members(const msgpack::object& body, Checkpoint& checkpoint) const {
+    if (has(body, "members")) {
+      checkpoint.members = value<std::vector<int>>(body, "members");
+      checkpoint.started_workers = value<int>(body, "started_workers");
+    }
+    if (checkpoint.members.empty()) {
+      checkpoint.started_workers = checkpoint.world_size;
+      return;
+    }
+    int least = 0;
+    for (const int member : checkpoint.members) {
+      if (member < least || member >= checkpoint.started_workers) fail("members", "are not workers in order");
+      least = member + 1;
+    }
+    if (checkpoint.members.size() != static_cast<std::size_t>(checkpoint.world_size)) fail("members", "are not one per worker");
+  }
+
   [[nodiscard]] torch::Tensor tensor(const msgpack::object& object, std::string_view name) const {
     const auto type_name = value<std::string>(object, "dtype");
     const auto* type = std::find_if(kTypes.begin(), kTypes.end(), [&](const NamedType& known) { return known.name == type_name; });

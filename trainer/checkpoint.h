@@ -24,6 +24,10 @@ struct Checkpoint : CheckpointMetadata {
   std::vector<torch::Tensor> oracle_acted;         ///< per rank: RolloutCollector::oracle_acted; empty in files of before
   std::vector<double> episode_window;              ///< EpisodeWindow::state of rank 0
   int episode_window_fields = 0;                   ///< numbers in each of its sums
+  /// Which part of the environments each rank has: those that rank members[r] of a run with started_workers has at its start.  0, 1, ... of
+  /// world_size as long as no worker was lost, and in files of before.
+  std::vector<int> members = {};
+  int started_workers = 0;
 };
 
 /// File: "EARSHOT\0", version, length, MessagePack body, XXH3 of the body.  Written atomically.  Tensors of float16 come back as float32.

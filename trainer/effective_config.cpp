@@ -70,7 +70,8 @@ std::vector<ConfigChange> config_changes(const std::map<std::string, std::string
 bool is_free_to_change(std::string_view key, const RunConfig& now) {
   // What is only reported, where files lie, how long and on how many threads: the weights have the same bits.  The training set itself is
   // bound by its hash in the checkpoint, the number of workers by the checkpoint's.
-  constexpr std::array<std::string_view, 22> free{"name",
+  constexpr std::array<std::string_view, 23> free{"name",
+                                                  "metrics_file",
                                                   "network",
                                                   "out",
                                                   "workers",

@@ -265,6 +265,7 @@ UpdateStats PpoLearner::update(const RolloutBuffer& buffer, double progress, std
       StepStatus mine =
           accumulate_gradient(rollout, std::span(order).subspan(first, end - first), 1.0 - left, epoch == 0 && minibatch == 0, stats);
       counted += gradient.back() > 0 && mine.finite_here;
+      collective.note_progress();
 
       const auto reduce_start = std::chrono::steady_clock::now();
       collective.all_reduce_sum(gradient);

@@ -37,7 +37,7 @@ RolloutCollector::RolloutCollector(const RunConfig& config, BatchedEnv& env, Act
   }
 }
 
-void RolloutCollector::collect(double progress, EpisodeSums& finished, StageTimes& times) {
+void RolloutCollector::collect(double progress, EpisodeSums& finished, StageTimes& times, const std::function<bool(int step)>& in_step) {
   const StageTimes before = StageTimes::of(env_.stage_seconds());
   LapTimer watch;
   double env_s = 0;
@@ -54,16 +54,20 @@ void RolloutCollector::collect(double progress, EpisodeSums& finished, StageTime
     env_s += watch.lap();
   };
   for (Part& part : parts_) start(part);
-  for (int t = 0; t < config_.rollout_steps; ++t)
+  int steps = 0;
+  for (bool last = false; !last; ++steps) {
+    last = in_step && in_step(steps);
+    last = last || steps + 1 == config_.rollout_steps;
     for (Part& part : parts_) {
       if (!together) env_.recv(part.count, RecvOrder::as_sent);
       env_s += watch.lap();
       note_outcome(part, finished);
       times.policy += watch.lap();
-      if (t + 1 < config_.rollout_steps) start(part);
+      if (!last) start(part);
     }
+  }
   for (Part& part : parts_) part.rollout.finish(part.actor.peek_value(env_));
-  rollout_.columns_are_filled(config_.rollout_steps);
+  rollout_.columns_are_filled(steps);
   times.policy += watch.lap();
 
   // Stage seconds are summed over the env's threads; scaled to wall time they add up with the other stages.

@@ -4,6 +4,7 @@
 #include <torch/utils.h>
 
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -28,8 +29,9 @@ class RolloutCollector {
   RolloutCollector(const RunConfig& config, BatchedEnv& env, ActorCritic policy, int first_env);
 
   /// One rollout of config.rollout_steps steps of all envs.  progress: of the training, for what guides it.  finished: gains the episodes
-  /// that ended, but for those in which the oracle acted.
-  void collect(double progress, EpisodeSums& finished, StageTimes& times);
+  /// that ended, but for those in which the oracle acted.  in_step: called once in each step of all envs, with its number from 0; true
+  /// makes it the last one of the rollout.
+  void collect(double progress, EpisodeSums& finished, StageTimes& times, const std::function<bool(int step)>& in_step = {});
   [[nodiscard]] const RolloutBuffer& rollout() const { return rollout_; }
 
   /// Before the next step: recurrent state [B, H], and 0 for the envs that begin an episode [B].

@@ -43,6 +43,7 @@ void read(ConfigReader& reader, RunConfig& config) {
   reader.read("max_minutes", config.max_minutes);
   reader.read("checkpoint_every", config.checkpoint_every);
   reader.read("keep", config.keep);
+  reader.read("metrics_file", config.metrics_file);
   reader.read("eval_envs", config.eval_envs);
   reader.read("initial_policy", config.initial_policy);
   reader.read_choice<Schedule>("schedule", config.schedule, {{"steps", Schedule::steps}, {"minutes", Schedule::minutes}});

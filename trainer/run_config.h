@@ -48,6 +48,7 @@ struct RunConfig {
   double max_minutes = 0;               ///< wall time of training; 0: no bound
   int checkpoint_every = 50;            ///< updates
   int keep = 3;                         ///< periodic checkpoints that stay, beside the best and the last
+  std::string metrics_file = {};        ///< text file for Prometheus that each update replaces (metrics_file.h); empty: none
   int eval_envs = 8;                    ///< batch of the evaluation: fixed, as it is part of the bits
   /// Policy file, checkpoint or run folder whose weights a new run starts from; empty: weights of policy.seed.
   std::string initial_policy = {};

@@ -1,13 +1,19 @@
 #include "trainer/train_loop.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdio>
+#include <cstring>
+#include <future>
+#include <limits>
+#include <numeric>
 #include <optional>
+#include <utility>
 
 #include "envs/engine_commit.h"
 #include "policy/torch_threads.h"
@@ -18,6 +24,7 @@
 #include "trainer/episode_window.h"
 #include "trainer/event_log.h"
 #include "trainer/initial_policy.h"
+#include "trainer/metrics_file.h"
 #include "trainer/ppo.h"
 #include "trainer/result.h"
 #include "trainer/rollout_collector.h"
@@ -35,23 +42,28 @@ constexpr std::uint64_t kLoggedSkips = 20;  // one line each; the others are cou
 /// Everything one worker holds during a run.
 class Worker {
  public:
-  Worker(const RunConfig& config, Collective& collective, const std::filesystem::path& resume, const TrainHooks& hooks)
+  Worker(const RunConfig& config, Collective& collective, const std::filesystem::path& resume, const std::vector<std::string>& changes,
+         const TrainHooks& hooks)
       : config_(config),
         collective_(collective),
         rank_(collective.identity().rank),
         world_(collective.identity().world_size),
+        resumed_(resume.empty() ? std::nullopt : std::optional<Checkpoint>(load_checkpoint(resume))),
+        places_(places_of_envs(resumed_, world_, changes)),
         set_(std::make_shared<const EpisodeSet>(load_episode_set(config.train.file))),
         scenes_(make_scene_cache(config.env)),
-        env_(training_env(config), set_, scenes_, config.envs_per_worker, rank_ * config.envs_per_worker, world_ * config.envs_per_worker),
+        env_(training_env(config), set_, scenes_, config.envs_per_worker, places_.first_of(rank_) * config.envs_per_worker,
+             places_.started_workers * config.envs_per_worker),
         policy_(config.env.observation, config.policy),
         learner_(policy_, config.ppo, config.seed, config.guidance, static_cast<double>(config.env.task.success_radius_m)),
-        collector_(config, env_, policy_, rank_ * config.envs_per_worker) {
+        collector_(config, env_, policy_, places_.first_of(rank_) * config.envs_per_worker) {
     env_.set_stage_hook(hooks.stage_hook);
     if (resume.empty()) {
       if (!config.initial_policy.empty()) load_initial_policy(config, policy_);
       env_.reset();
     } else {
       restore(resume);
+      resumed_.reset();
     }
     check_equal_weights();
   }
@@ -66,14 +78,35 @@ class Worker {
     if (env.quarantine_dir.empty()) env.quarantine_dir = (std::filesystem::path(config.out) / "quarantine").string();
     return env;
   }
+  /// Which part of the environments each rank has (Checkpoint::members).
+  struct Places {
+    std::vector<int> members;
+    int started_workers = 0;
+    bool begin_anew = false;  ///< the checkpoint's are of another number of workers
+    [[nodiscard]] int first_of(int rank) const { return members[static_cast<std::size_t>(rank)]; }
+  };
+  static Places places_of_envs(const std::optional<Checkpoint>& resumed, int world, const std::vector<std::string>& changes);
   void restore(const std::filesystem::path& path);
+  void update();
+  void begin_files();
+  void remember();
+  void go_back();
+  void recover(const MembershipChange& change);
   void check_equal_weights();
   UpdateStats learn();
-  void note(const UpdateStats& stats);
+  void note(UpdateStats stats);
   void report(const UpdateStats& stats, double update_s);
+  /// What a worker says of its own update; travels as it lies in memory.
+  struct OwnUpdate {
+    double update_s, collect_s, episodes, stopped, explained_variance, approx_kl, clip_fraction;
+  };
+  void append_workers(std::vector<std::pair<std::string, double>>& values, const std::vector<std::string>& of_all) const;
   void save(bool last);
+  void finish_writing();
   template <class Write>
-  bool write_or_go_on(const Write& write);
+  static bool written(const Write& write);
+  template <class Write>
+  void write_or_go_on(const Write& write);
   bool finished();
 
   /// Of this worker's clock: rank 0's holds for all.
@@ -90,9 +123,19 @@ class Worker {
            static_cast<std::uint64_t>(world_);
   }
 
+  /// The whole update before the one under way: what is left of it when a worker is lost.
+  struct Before {
+    std::uint64_t update = 0, env_steps = 0;
+    Checkpoint learner;  ///< weights and optimizer
+    GuardCounts guards;
+    int updates_without_step = 0;
+  };
+
   const RunConfig& config_;
   Collective& collective_;
   int rank_, world_;
+  std::optional<Checkpoint> resumed_;  ///< until it is restored
+  const Places places_;                ///< by rank at this start
   std::shared_ptr<const EpisodeSet> set_;
   std::shared_ptr<SceneCache> scenes_;
   BatchedEnv env_;
@@ -101,10 +144,15 @@ class Worker {
   RolloutCollector collector_;
 
   std::uint64_t update_ = 0, env_steps_ = 0;
+  bool collected_ = false;  ///< the rollout of the update under way is there
+  bool learning_ = false;   ///< the weights are in the midst of an update
+  std::optional<Before> before_;
+  bool lost_since_report_ = false;
   EpisodeSums finished_;
   EpisodeWindow window_;
   StageTimes times_;  ///< this update, this worker
   std::filesystem::path last_checkpoint_;
+  std::future<std::uint64_t> writing_;  ///< rank 0's checkpoint on its way to the disk; what of it failed
   std::optional<EventLog> events_;
   std::optional<CheckpointKeeper> checkpoints_;  ///< rank 0's
   RunCounters counters_;                         ///< of all workers
@@ -112,27 +160,97 @@ class Worker {
   int updates_without_step_ = 0;  ///< in a row
   std::uint64_t ratio_alarms_ = 0;
   LapTimer clock_;
+  double own_step_s_ = 0;                        ///< seconds of this worker's rollout
   double elapsed_s_ = 0, elapsed_before_s_ = 0;  ///< in this sitting, and in those before
   double progress_ = 0;                          ///< of all workers, in [0, 1]
 };
 
+Worker::Places Worker::places_of_envs(const std::optional<Checkpoint>& resumed, int world, const std::vector<std::string>& changes) {
+  Places places;
+  if (resumed && resumed->world_size == world && !resumed->members.empty()) return {resumed->members, resumed->started_workers, false};
+  places.members.resize(static_cast<std::size_t>(world));
+  std::iota(places.members.begin(), places.members.end(), 0);
+  places.started_workers = world;
+  if (!resumed || resumed->world_size == world) return places;
+  if (std::ranges::find(changes, "workers") == changes.end())
+    throw InputError(fmt::format("checkpoint of update {}", resumed->update),
+                     fmt::format("is of a run with {} workers, this one has {}", resumed->world_size, world),
+                     "resume with as many workers, or declare the change with --change workers");
+  places.begin_anew = true;
+  return places;
+}
+
 void Worker::restore(const std::filesystem::path& path) {
-  const Checkpoint checkpoint = load_checkpoint(path);
-  if (checkpoint.world_size != world_ || checkpoint.env_states.size() != static_cast<std::size_t>(world_))
-    throw InputError(path.string(), fmt::format("is of a run with {} workers, this one has {}", checkpoint.world_size, world_),
-                     "resume with the same number of workers");
+  const Checkpoint& checkpoint = *resumed_;
   load_weights(policy_, checkpoint, path.string());
   load_optimizer_state(policy_, learner_.optimizer(), checkpoint);
+  window_.restore(checkpoint.episode_window, checkpoint.episode_window_fields);
+  update_ = checkpoint.update;
+  env_steps_ = checkpoint.env_steps;
+  elapsed_before_s_ = checkpoint.elapsed_s;
+  if (places_.begin_anew) {
+    env_.reset();
+    return;
+  }
+  if (checkpoint.env_states.size() != static_cast<std::size_t>(world_))
+    throw InputError(path.string(), fmt::format("holds {} workers' environments, of {} workers", checkpoint.env_states.size(), world_),
+                     "take an earlier checkpoint");
   const auto rank = static_cast<std::size_t>(rank_);
   if (!torch::isfinite(checkpoint.hidden.at(rank)).all().item<bool>())
     throw InputError(path.string(), "holds a recurrent state that is not finite", "take an earlier checkpoint");
   env_.restore(checkpoint.env_states[rank]);
   collector_.restore(checkpoint.hidden.at(rank), checkpoint.not_done.at(rank),
                      checkpoint.oracle_acted.empty() ? torch::Tensor() : checkpoint.oracle_acted.at(rank));
-  window_.restore(checkpoint.episode_window, checkpoint.episode_window_fields);
-  update_ = checkpoint.update;
-  env_steps_ = checkpoint.env_steps;
-  elapsed_before_s_ = checkpoint.elapsed_s;
+}
+
+void Worker::remember() {
+  Before before{
+      .update = update_, .env_steps = env_steps_, .learner = {}, .guards = guards_, .updates_without_step = updates_without_step_};
+  before.learner.architecture = policy_->architecture();
+  before.learner.weights = weights_of(policy_);
+  before.learner.optimizer = optimizer_state_of(policy_, learner_.optimizer());
+  before_ = std::move(before);
+}
+
+void Worker::go_back() {
+  load_weights(policy_, before_->learner, "the update before");
+  load_optimizer_state(policy_, learner_.optimizer(), before_->learner);
+  update_ = before_->update;
+  env_steps_ = before_->env_steps;
+  const std::uint64_t lost = guards_.lost_workers;
+  guards_ = before_->guards;
+  guards_.lost_workers = lost;
+  updates_without_step_ = before_->updates_without_step;
+  collected_ = true;
+}
+
+/// Brings those that are left to the same state: the last update that all of them have completed.  They differ by one call at most, so that
+/// by one update at most.
+void Worker::recover(const MembershipChange& change) {
+  std::vector<int> lost = change.lost();
+  const bool wrote = rank_ == 0;
+  while (true) try {
+      rank_ = collective_.identity().rank;
+      world_ = collective_.identity().world_size;
+      std::uint64_t last = update_;
+      for (const auto& text : collective_.all_gather(std::to_string(update_))) last = std::min<std::uint64_t>(last, std::stoull(text));
+      if (update_ > last || learning_) {
+        if (!before_ || before_->update != last)
+          throw RunError("workers", fmt::format("are at updates {} and {}, too far from each other", last, update_));
+        go_back();
+      }
+      learning_ = false;
+      check_equal_weights();
+      break;
+    } catch (const MembershipChange& next) {
+      lost.insert(lost.end(), next.lost().begin(), next.lost().end());
+    }
+  guards_.lost_workers += lost.size();
+  lost_since_report_ = lost_since_report_ || !lost.empty();
+  if (rank_ != 0) return;
+  if (!wrote) begin_files();
+  spdlog::warn("update {}: worker {} lost; worker {} go on", update_,
+               lost.empty() ? std::string("none was") : fmt::format("{}", fmt::join(lost, ", ")), fmt::join(collective_.members(), ", "));
 }
 
 void Worker::check_equal_weights() {
@@ -142,14 +260,21 @@ void Worker::check_equal_weights() {
 }
 
 UpdateStats Worker::learn() {
+  if (collective_.survives_loss()) remember();
+  learning_ = true;
   const UpdateStats stats = learner_.update(collector_.rollout(), progress_, update_, collective_);
+  learning_ = false;
   times_.learn += stats.learn_s;
   times_.reduce += stats.reduce_s;
   return stats;
 }
 
 /// Books what the guards of one update did.  The statuses are those of all workers, so rank 0 can name any.
-void Worker::note(const UpdateStats& stats) {
+void Worker::note(UpdateStats stats) {
+  const std::vector<int> members = collective_.members();  // messages name workers by the ranks with which they began
+  for (SkippedStep& step : stats.skipped)
+    for (int& faulty : step.faulty_ranks) faulty = members[static_cast<std::size_t>(faulty)];
+  if (stats.alarm_rank >= 0) stats.alarm_rank = members[static_cast<std::size_t>(stats.alarm_rank)];
   if (rank_ == 0) {
     for (std::size_t i = 0; i < stats.skipped.size() && guards_.skipped_steps + i < kLoggedSkips; ++i)
       spdlog::warn("update {}, epoch {}, minibatch {}: no worker takes the step: {}{}", update_, stats.skipped[i].epoch,
@@ -164,7 +289,7 @@ void Worker::note(const UpdateStats& stats) {
     spdlog::warn(
         "update {}, worker {}: before the first step the learner's probabilities differ from the rollout's by {:.2g} of them: a mask, a "
         "hidden state or an observation is not what the policy acted on (further updates are counted only)",
-        update_, rank_, stats.max_ratio_error);
+        update_, members[static_cast<std::size_t>(rank_)], stats.max_ratio_error);
   guards_.taken_steps += static_cast<std::uint64_t>(stats.taken_steps);
   guards_.skipped_steps += stats.skipped.size();
   guards_.loss_alarms += static_cast<std::uint64_t>(stats.loss_alarms);
@@ -179,16 +304,43 @@ void Worker::note(const UpdateStats& stats) {
                   updates_without_step_, stats.skipped.empty() ? "no row counted" : describe(stats.skipped.back())));
 }
 
-/// A full disk must not end a run that may find room again: false, logged and counted.
+/// A full disk must not end a run that may find space again: false, and logged.
 template <class Write>
-bool Worker::write_or_go_on(const Write& write) {
+bool Worker::written(const Write& write) {
   try {
     write();
     return true;
   } catch (const std::exception& error) {
-    ++guards_.failed_writes;
     spdlog::error("{}; training goes on", error.what());
     return false;
+  }
+}
+
+template <class Write>
+void Worker::write_or_go_on(const Write& write) {
+  if (!written(write)) ++guards_.failed_writes;
+}
+
+void Worker::finish_writing() {
+  if (writing_.valid()) guards_.failed_writes += writing_.get();
+}
+
+/// What each worker says of its own update, by the rank with which it began.
+void Worker::append_workers(std::vector<std::pair<std::string, double>>& values, const std::vector<std::string>& of_all) const {
+  const std::vector<int> members = collective_.members();
+  for (std::size_t rank = 0; rank < of_all.size(); ++rank) {
+    OwnUpdate own{};
+    if (of_all[rank].size() != sizeof(own)) throw RunError(fmt::format("worker {}", members[rank]), "reports an update of another size");
+    std::memcpy(&own, of_all[rank].data(), sizeof(own));
+    const double stopped = own.episodes > 0 ? own.stopped / own.episodes : std::numeric_limits<double>::quiet_NaN();
+    const auto add = [&](const char* name, double value) { values.emplace_back(fmt::format("workers/{}/{}", members[rank], name), value); };
+    add("update_s", own.update_s);
+    add("collect_s", own.collect_s);
+    add("stopped", stopped);
+    add("timeout", 1 - stopped);
+    add("explained_variance", own.explained_variance);
+    add("approx_kl", own.approx_kl);
+    add("clip_fraction", own.clip_fraction);
   }
 }
 
@@ -201,16 +353,27 @@ void Worker::report(const UpdateStats& stats, double update_s) {
   const std::array<double, num_stages> stage{times_.simulate_sound, times_.convolve, times_.render, times_.move,
                                              times_.policy,         times_.learn,    times_.reduce};
   std::copy(stage.begin(), stage.end(), sums.begin() + EpisodeSums::num_fields);
+  const OwnUpdate own_update{update_s,
+                             std::exchange(own_step_s_, 0),
+                             finished_.values[EpisodeSums::count],
+                             finished_.values[EpisodeSums::stopped],
+                             stats.explained_variance,
+                             stats.approx_kl,
+                             stats.clip_fraction};
+  std::string own_bytes(sizeof(own_update), '\0');
+  std::memcpy(own_bytes.data(), &own_update, sizeof(own_update));
+  const auto of_all = collective_.all_gather(own_bytes);
   collective_.all_reduce_sum(std::span<double>(sums));
   finished_ = {};
   times_ = {};
-  const RunCounters before = counters_;
+  RunCounters before = counters_;
   std::copy_n(sums.begin() + first_counter, counters_.values.size(), counters_.values.begin());
-  if (rank_ != 0) return;
-
+  if (std::exchange(lost_since_report_, false)) before = counters_;  // the totals are of the workers that are left
   EpisodeSums all;
   std::copy_n(sums.begin(), all.values.size(), all.values.begin());
-  window_.push(all);
+  window_.push(all);  // on all ranks: any may have to write one day
+  if (rank_ != 0) return;
+
   const double* seconds = sums.data() + EpisodeSums::num_fields;
   StageTimes mean;
   mean.add({seconds[0], seconds[1], seconds[2], seconds[3], seconds[4], seconds[5], seconds[6]}, 1.0 / world_);
@@ -230,7 +393,10 @@ void Worker::report(const UpdateStats& stats, double update_s) {
 
   std::vector<std::pair<std::string, double>> values = update_curves(recent, stats, mean, steps_per_s, config_.guidance, progress_);
   append_curve_values(values, counters_, before, guards_);
-  write_or_go_on([&] { events_->write(update_, env_steps_, elapsed_s_, std::move(values)); });
+  append_workers(values, of_all);
+  const CurvePoint point{update_, env_steps_, elapsed_s_, std::move(values)};
+  write_or_go_on([&] { events_->write(point); });
+  if (!config_.metrics_file.empty()) write_or_go_on([&] { write_metrics_file(config_.metrics_file, point, config_.name); });
 }
 
 void Worker::save(bool last) {
@@ -262,6 +428,8 @@ void Worker::save(bool last) {
   checkpoint.weights = weights_of(policy_);
   checkpoint.optimizer = optimizer_state_of(policy_, learner_.optimizer());
   checkpoint.env_states = states;
+  for (const int member : collective_.members()) checkpoint.members.push_back(places_.first_of(member));
+  checkpoint.started_workers = places_.started_workers;
   for (int rank = 0; rank < world_; ++rank) {
     const auto tensor_of = [](const std::string& bytes, torch::IntArrayRef shape) {
       torch::Tensor tensor = torch::empty(shape);
@@ -276,17 +444,23 @@ void Worker::save(bool last) {
   }
   const RunFolder folder(config_.out);
   const std::filesystem::path file = last ? folder.last_checkpoint() : folder.checkpoint_of(update_);
-  const auto write = [&] {
-    save_checkpoint(checkpoint, file);
-    last_checkpoint_ = file;
+  // What the thread reads is its own (the tensors are copies), or rank 0's alone and not touched before finish_writing().
+  const auto write_beside = [this, folder, file, last, update = update_, reward = checkpoint.mean_reward](bool whole) -> std::uint64_t {
+    std::uint64_t failed = whole ? 0 : 1;
+    if (whole) failed += !written([&] { checkpoints_->saved(file, update, reward, last); });
+    failed += !written([&] { write_file_atomically(folder.curve(), curve_svg(config_.name, read_event_log(folder.event_log()))); });
+    return failed;
   };
-  bool written = true;
-  if (last)
-    write();
-  else
-    written = write_or_go_on(write);
-  if (written) write_or_go_on([&] { checkpoints_->saved(file, update_, checkpoint.mean_reward, last); });
-  write_or_go_on([&] { write_file_atomically(folder.curve(), curve_svg(config_.name, read_event_log(folder.event_log()))); });
+  finish_writing();
+  last_checkpoint_ = file;
+  if (last) {
+    save_checkpoint(checkpoint, file);
+    guards_.failed_writes += write_beside(true);
+    return;
+  }
+  writing_ = std::async(std::launch::async, [write_beside, file, checkpoint = std::move(checkpoint)] {
+    return write_beside(written([&] { save_checkpoint(checkpoint, file); }));
+  });
 }
 
 bool Worker::finished() {
@@ -299,27 +473,48 @@ bool Worker::finished() {
   return votes[0] > 0;
 }
 
+void Worker::begin_files() {
+  RunFolder(config_.out).remove_temporaries();
+  events_.emplace(config_.out, update_);
+  checkpoints_.emplace(RunFolder(config_.out), config_.keep, update_);
+}
+
+void Worker::update() {
+  if (!collected_) {
+    LapTimer watch;
+    collector_.collect(progress_, finished_, times_, [&](int) {
+      collective_.note_progress();
+      return false;
+    });
+    collected_ = true;
+    own_step_s_ = watch.lap();
+  }
+  const UpdateStats stats = learn();
+  collected_ = false;
+  ++update_;
+  env_steps_ += steps_per_update();
+  const double update_s = clock_.lap();
+  elapsed_s_ += update_s;
+  note(stats);
+  report(stats, update_s);
+  if (update_ % static_cast<std::uint64_t>(config_.checkpoint_every) == 0) save(false);
+}
+
 TrainReport Worker::run() {
   if (rank_ == 0) {
-    events_.emplace(config_.out, update_);
-    checkpoints_.emplace(RunFolder(config_.out), config_.keep, update_);
+    begin_files();
     fmt::print(stderr, "training {}: {} workers x {} envs, {} episodes, {} parameters\n", config_.name, world_, config_.envs_per_worker,
                set_->episodes.size(), policy_->num_parameters());
   }
   const std::uint64_t first_steps = env_steps_;
   clock_.lap();
-  while (!finished()) {
-    collector_.collect(progress_, finished_, times_);
-    const UpdateStats stats = learn();
-    ++update_;
-    env_steps_ += steps_per_update();
-    const double update_s = clock_.lap();
-    elapsed_s_ += update_s;
-    note(stats);
-    report(stats, update_s);
-    if (update_ % static_cast<std::uint64_t>(config_.checkpoint_every) == 0) save(false);
-  }
-  save(true);
+  for (bool saved = false; !saved;) try {
+      while (!finished()) update();
+      save(true);
+      saved = true;
+    } catch (const MembershipChange& change) {
+      recover(change);
+    }
   return {update_,          env_steps_, elapsed_s_, elapsed_s_ > 0 ? static_cast<double>(env_steps_ - first_steps) / elapsed_s_ : 0,
           last_checkpoint_, counters_,  guards_};
 }
@@ -332,7 +527,7 @@ TrainReport train(const RunConfig& config, Collective& collective, const RunStar
   prepare_run(config, start, collective);
   if (collective.identity().rank == 0 && !start.note.empty()) fmt::print("{}\n", start.note);
   const StopSignals signals;
-  return Worker(config, collective, start.resume, hooks).run();
+  return Worker(config, collective, start.resume, start.changes, hooks).run();
 }
 
 }  // namespace earshot

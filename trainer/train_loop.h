@@ -26,13 +26,15 @@ struct TrainHooks {
 };
 
 /// One worker's part of a DD-PPO run: roll out, sum gradients, step, until config.total_steps or config.max_minutes.  Rank 0 writes
-/// curves (events.jsonl, TensorBoard) and checkpoints under config.out and shows progress.  SIGTERM, SIGINT and SIGUSR1 end the run after
-/// the current update with a checkpoint.  start: see prepare_run; a resumed run gives the bits of the unbroken one.
+/// curves (events.jsonl, TensorBoard) and checkpoints under config.out and shows progress.  SIGTERM, SIGINT, SIGHUP and SIGUSR1 end the run
+/// after the current update with a checkpoint.  start: see prepare_run; a resumed run gives the bits of the unbroken one.
 ///
 /// What goes wrong in one episode, one observation or one gradient is left out, counted and reported, and the run goes on
-/// (docs/stability.md); so it does when a curve point or a periodic checkpoint cannot be written.  RunError: a worker dies, weights differ
-/// between workers, the last checkpoint cannot be written, or twenty updates in a row take no step; the last good checkpoint stays.
-/// Episodes that are quarantined leave their files in config.env.quarantine_dir, or else in `quarantine` under config.out.
+/// (docs/stability.md); so it does when a curve point or a periodic checkpoint cannot be written, and, where the collective survives it,
+/// when a worker is lost: the others go back to the last update that all of them have completed, make the one under way again with what
+/// they have collected, and go on; the lowest of them writes the files.  RunError: a worker dies otherwise, or before the first update,
+/// weights differ between workers, the last checkpoint cannot be written, or twenty updates in a row take no step; the last good checkpoint
+/// stays. Episodes that are quarantined leave their files in config.env.quarantine_dir, or else in `quarantine` under config.out.
 TrainReport train(const RunConfig& config, Collective& collective, const RunStart& start = {}, const TrainHooks& hooks = {});
 
 }  // namespace earshot

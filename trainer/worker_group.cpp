@@ -6,6 +6,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <chrono>
 #include <cstdlib>
@@ -13,6 +14,7 @@
 #include <filesystem>
 #include <memory>
 #include <system_error>
+#include <utility>
 
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
@@ -26,7 +28,9 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 constexpr std::chrono::minutes kCollectiveTimeout(10);
-constexpr std::size_t kMaxFolderLength = 60;  // leaves room for a socket's name within its 107 characters
+constexpr std::chrono::milliseconds kShortHeartbeat(150);  // four and one until the next: a stopped worker is noticed within 1 s
+constexpr std::chrono::minutes kLastWorkerGrace(1);        // for the last checkpoint, once the first worker has ended
+constexpr std::size_t kMaxFolderLength = 60;               // leaves room for a socket's name within its 107 characters
 constexpr const char *kRank = "EARSHOT_RANK", *kWorldSize = "EARSHOT_WORLD_SIZE", *kRendezvous = "EARSHOT_RENDEZVOUS",
                      *kRunId = "EARSHOT_RUN_ID";
 
@@ -120,13 +124,14 @@ std::vector<std::string> environment_of(int rank, int num_workers, const std::st
 struct Worker {
   int rank = 0;
   pid_t pid = 0;
-  bool running = true;
+  bool running = true, stopped = false;
 };
 
 /// The workers of one run; kills what is left when it goes.
 class WorkerGroup {
  public:
-  WorkerGroup(const BlockedSignals& signals, std::chrono::milliseconds grace) : signals_(signals), grace_(grace) {}
+  WorkerGroup(const BlockedSignals& signals, std::chrono::milliseconds grace, OnLoss on_loss)
+      : signals_(signals), grace_(grace), on_loss_(on_loss) {}
   ~WorkerGroup() {
     send(SIGKILL);
     for (Worker& worker : workers_)
@@ -158,6 +163,7 @@ class WorkerGroup {
       const siginfo_t info = signals_.wait(std::chrono::milliseconds(stopping ? 100 : 1000));
       if (info.si_signo != 0 && info.si_signo != SIGCHLD) pass_on(info);
     }
+    if (exit_code_ == 0 && lost_ && !succeeded_) return 1;  // none is left
     return exit_code_;
   }
 
@@ -190,17 +196,37 @@ class WorkerGroup {
     bool running = false;
     for (Worker& worker : workers_) {
       int status = 0;
-      if (worker.running && ::waitpid(worker.pid, &status, WNOHANG) == worker.pid) {
-        worker.running = false;
-        ended(worker.rank, status);
+      if (worker.running && ::waitpid(worker.pid, &status, WNOHANG | WUNTRACED | WCONTINUED) == worker.pid) {
+        worker.stopped = WIFSTOPPED(status);
+        worker.running = WIFSTOPPED(status) || WIFCONTINUED(status);
+        if (!worker.running) ended(worker.rank, status);
       }
       running = running || worker.running;
     }
+    end_what_was_lost();
     return running;
   }
 
+  /// Once a worker has made the run to its end, those that the run went on without.
+  void end_what_was_lost() {
+    if (!succeeded_ || on_loss_ != OnLoss::go_on || kill_at_ != Clock::time_point::max()) return;
+    const bool only_stopped = std::ranges::all_of(workers_, [](const Worker& worker) { return !worker.running || worker.stopped; });
+    if (only_stopped || Clock::now() - succeeded_at_ > kLastWorkerGrace) kill_at_ = Clock::now();
+  }
+
   void ended(int rank, int status) {
-    if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return;
+    if (WIFEXITED(status) && WEXITSTATUS(status) == 0) {
+      if (!std::exchange(succeeded_, true)) succeeded_at_ = Clock::now();
+      return;
+    }
+    const bool lost = WIFSIGNALED(status) || WEXITSTATUS(status) == kLeftOutExitCode;
+    if (on_loss_ == OnLoss::go_on && lost && (succeeded_ || kill_at_ == Clock::time_point::max())) {
+      lost_ = true;
+      if (WIFSIGNALED(status) && !succeeded_)
+        fmt::print(stderr, "worker {}: was killed by signal {} ({}); the others go on\n", rank, WTERMSIG(status),
+                   ::strsignal(WTERMSIG(status)));
+      return;
+    }
     if (exit_code_ == 0) {
       exit_code_ = WIFEXITED(status) ? WEXITSTATUS(status) : 1;
       if (WIFSIGNALED(status))
@@ -217,6 +243,9 @@ class WorkerGroup {
   std::vector<Worker> workers_;
   Clock::time_point kill_at_ = Clock::time_point::max();  ///< end of the grace time, once the group is being stopped
   bool asked_to_end_ = false;
+  OnLoss on_loss_;
+  bool succeeded_ = false, lost_ = false;  ///< a worker has succeeded, or was lost
+  Clock::time_point succeeded_at_;
   int exit_code_ = 0;
 };
 
@@ -228,12 +257,13 @@ std::optional<LaunchedWorker> worker_from_environment(const NetworkConfig& netwo
   if (!worker) return std::nullopt;
   worker->ring.network = network;
   worker->ring.timeout = kCollectiveTimeout;
+  if (network.on_loss == OnLoss::go_on) worker->ring.heartbeat = kShortHeartbeat;
   worker->made_folder = std::make_shared<MeetingFolder>(worker->folder, worker->ring.identity.rank);
   validate(worker->ring);
   return worker;
 }
 
-int spawn_workers(int num_workers, const std::vector<std::string>& arguments, std::chrono::milliseconds grace) {
+int spawn_workers(int num_workers, const std::vector<std::string>& arguments, std::chrono::milliseconds grace, OnLoss on_loss) {
   require(num_workers >= 1 && num_workers <= 64, "workers", num_workers, "must be 1 to 64");
   std::vector<std::string> line{std::filesystem::read_symlink("/proc/self/exe").string()};
   line.insert(line.end(), arguments.begin(), arguments.end());
@@ -243,7 +273,7 @@ int spawn_workers(int num_workers, const std::vector<std::string>& arguments, st
   const std::string rendezvous = fmt::format("ipc://{}", (folder.path() / "meet").string());
   const std::string run_id = hex64(hash64(folder.path().string(), static_cast<std::uint64_t>(::getpid())));
   const BlockedSignals signals;
-  WorkerGroup group(signals, grace);
+  WorkerGroup group(signals, grace, on_loss);
   for (int rank = 0; rank < num_workers; ++rank) group.start(rank, argv, CStrings(environment_of(rank, num_workers, rendezvous, run_id)));
   return group.wait();
 }

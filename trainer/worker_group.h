@@ -21,6 +21,13 @@ std::optional<LaunchedWorker> worker_from_environment(const NetworkConfig& netwo
 /// passed on; a second SIGINT or SIGTERM stops all in the same way.  Returns the exit code for main: 0 if all succeeded, else the first
 /// failing worker's code (1 if it was killed).  No worker outlives the call, or the calling process. Call it before other threads exist.
 /// Throws RunError if no process can be started, InputError for a number outside 1 to 64.
-int spawn_workers(int num_workers, const std::vector<std::string>& arguments, std::chrono::milliseconds grace = std::chrono::seconds(5));
+///
+/// With OnLoss::go_on a worker that is killed, or ends with kLeftOutExitCode, stops no other, and the run has succeeded if a worker has;
+/// what then still stands stopped, or is there a minute later, is killed.
+int spawn_workers(int num_workers, const std::vector<std::string>& arguments, std::chrono::milliseconds grace = std::chrono::seconds(5),
+                  OnLoss on_loss = OnLoss::stop);
+
+/// How a worker ends that the others have left out of the run (LeftOut).
+inline constexpr int kLeftOutExitCode = 3;
 
 }  // namespace earshot

@@ -25,10 +25,10 @@ using std::chrono::milliseconds;
 double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
 
 /// The group starts this test program again; EARSHOT_TEST_ROLE tells the copy what to do.
-int spawn(int num_workers, const std::string& role, milliseconds grace = milliseconds(5000)) {
+int spawn(int num_workers, const std::string& role, milliseconds grace = milliseconds(5000), OnLoss on_loss = OnLoss::stop) {
   ::setenv("EARSHOT_TEST_ROLE", role.c_str(), 1);
   ::alarm(60);
-  return spawn_workers(num_workers, {"--gtest_filter=WorkerGroupCopy.Acts", "--gtest_brief=1"}, grace);
+  return spawn_workers(num_workers, {"--gtest_filter=WorkerGroupCopy.Acts", "--gtest_brief=1"}, grace, on_loss);
 }
 
 int rank_of_copy() { return std::atoi(std::getenv("EARSHOT_RANK")); }
@@ -65,6 +65,14 @@ TEST(WorkerGroupCopy, Acts) {
   if (role == "killed") {
     if (rank == 1) ::raise(SIGKILL);
     ::pause();
+  }
+  if (role == "lossy") {  // one is killed, one left out, one stands still for ever, one makes it to the end
+    if (rank == 0) ::raise(SIGKILL);
+    if (rank == 1) std::_Exit(kLeftOutExitCode);
+    if (rank == 2) ::raise(SIGSTOP);
+    std::this_thread::sleep_for(milliseconds(300));
+    note("end" + std::to_string(rank), "");
+    std::_Exit(0);
   }
   if (role == "stubborn") {  // does not listen to SIGTERM
     ::signal(SIGTERM, SIG_IGN);
@@ -133,6 +141,13 @@ TEST_F(WorkerGroup, FirstFailureStopsTheOthersAndGivesItsCode) {
 }
 
 TEST_F(WorkerGroup, KilledWorkerCountsAsFailure) { EXPECT_EQ(spawn(2, "killed"), 1); }
+
+TEST_F(WorkerGroup, LostWorkersStopNoOtherWhereTheyGoOn) {
+  EXPECT_EQ(spawn(4, "lossy", milliseconds(5000), OnLoss::go_on), 0);
+  EXPECT_TRUE(exists("end3"));
+  EXPECT_EQ(spawn(2, "killed", milliseconds(500), OnLoss::stop), 1);
+  EXPECT_EQ(spawn(3, "fail", std::chrono::seconds(40), OnLoss::go_on), 5);  // an error of its own ends the run
+}
 
 TEST_F(WorkerGroup, StubbornWorkerIsKilledAfterTheGraceTime) {
   const auto start = Clock::now();
