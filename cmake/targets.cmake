@@ -16,6 +16,10 @@ function(earshot_library name dir)
   target_include_directories(${name} PUBLIC $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}> $<BUILD_INTERFACE:${PROJECT_BINARY_DIR}/generated>
                              $<INSTALL_INTERFACE:${EARSHOT_INSTALL_HEADERS}>)
   target_link_libraries(${name} PRIVATE $<BUILD_INTERFACE:project_flags>)
+  if(CMAKE_POSITION_INDEPENDENT_CODE)
+    # No other library replaces functions of ours, so they may be inlined as in a program.
+    target_compile_options(${name} PRIVATE -fno-semantic-interposition)
+  endif()
   # A user's compiler needs C++20, and must round the functions of headers as the library does.
   target_compile_features(${name} PUBLIC cxx_std_20)
   target_compile_options(${name} INTERFACE $<INSTALL_INTERFACE:-ffp-contract=off>)
