@@ -1,0 +1,51 @@
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <mutex>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace earshot {
+
+/// The files of a corpus (rir_corpus.h).  A room is there when its part of the manifest is, a folder when its manifest is: both are written
+/// after what they name has reached the disk, so that a run that is killed at any moment leaves nothing that looks complete and is not.
+/// Rooms may be written from any thread, each by one at a time.
+class CorpusFolder {
+ public:
+  CorpusFolder(std::filesystem::path out, std::size_t num_rooms, std::size_t rooms_per_folder, float sample_rate_hz,
+               std::size_t num_channels);
+
+  /// Writes corpus.json, or compares it with the one that is there.  Throws InputError naming the first line that differs.
+  void begin(const std::string& description) const;
+  [[nodiscard]] std::size_t count() const { return (num_rooms_ + rooms_per_folder_ - 1) / rooms_per_folder_; }
+  /// "00012/", of the folder that holds the room.
+  [[nodiscard]] std::string prefix_of(std::size_t room) const;
+  /// Rooms of a folder that are not there.  Completes a folder whose rooms all are.
+  std::vector<std::size_t> missing_rooms(std::size_t folder) const;
+
+  void write_sound(std::size_t room, const std::string& name, std::string_view bytes) const;
+  /// All files of the room are written: waits until they are on the disk, then writes its lines, and the manifest of the folder if it was
+  /// the last room.
+  void finish_room(std::size_t room, const std::vector<std::string>& files, const std::string& lines) const;
+  /// Joins the manifests of all folders, if none is missing.  Returns the number of those that are.
+  [[nodiscard]] std::size_t join_manifests() const;
+
+ private:
+  [[nodiscard]] std::filesystem::path folder_path(std::size_t folder) const;
+  [[nodiscard]] std::filesystem::path part_path(std::size_t room) const;
+  [[nodiscard]] std::filesystem::path manifest_path(std::size_t folder) const { return folder_path(folder) / "manifest.jsonl"; }
+  [[nodiscard]] std::size_t first_room(std::size_t folder) const { return folder * rooms_per_folder_; }
+  [[nodiscard]] std::size_t end_room(std::size_t folder) const;
+  void complete(std::size_t folder) const;
+  [[nodiscard]] std::string recording_line(const std::string& manifest_line) const;
+
+  std::filesystem::path out_;
+  std::size_t num_rooms_, rooms_per_folder_;
+  float sample_rate_hz_;
+  std::size_t num_channels_;
+  mutable std::mutex completing_;  ///< two rooms may end at once
+};
+
+}  // namespace earshot
