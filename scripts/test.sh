@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # scripts/test.sh [full|quick|all]
-#   full   (default; what CI runs) format, the release build and its tests without the slow statistics, the tests under the address and
-#          undefined-behaviour sanitizers, those in which threads meet under the thread sanitizer, and a minute of fuzzing
+#   full   (default; what CI runs) format, the release build and its tests without the slow statistics, those of the Python package (skipped with
+#          a line where the Python package index cannot be reached), the tests under the address and undefined-behaviour sanitizers, those in which threads meet under the thread sanitizer, and a minute of fuzzing
 #   quick  the loop while working: builds and runs the tests of the folders with uncommitted changes (of the last commit, if there are none)
 #   all    full, and the slow statistics (label slow); notes date and commit in tests/slow_statistics.txt if all pass
 # Ends with the seconds of each stage, the number of tests, failures and skips, and the absent test data that caused skips.
@@ -73,10 +73,14 @@ run_quick() {
   stage "quick build" scripts/build.sh release --target "${targets[@]}" && run_tests "quick tests" release -LE slow -L "^(${labels#|})\$" || true
 }
 
+# Skipped is not failed.
+test_python() { local status=0; scripts/test_python.sh || status=$?; [ "$status" -eq 77 ] || return "$status"; }
+
 run_full() {
   stage "format" scripts/check_format.sh || true
   if stage "release build" scripts/build.sh release; then
     run_tests "release tests" release -LE slow || true
+    stage "python tests" test_python || true
     if [ "$mode" = all ] && run_tests "slow statistics" release -L slow; then
       printf 'The slow statistics (scripts/test.sh all) last passed on %s at commit %s.\n' "$(date -u +%Y-%m-%d)" "$(git describe --always --abbrev=12 --dirty)" >"$record"
     fi

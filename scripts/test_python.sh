@@ -1,25 +1,40 @@
 #!/usr/bin/env bash
-# scripts/test_python.sh [PYTEST ARGUMENTS...]
-# Builds the wheel, installs it with its test dependencies into an environment of its own (build/python_tests), and checks formatting, types and
-# behaviour.  Ends with 77 (skipped) where the Python package index cannot be reached or python3 has no venv.
+# scripts/test_python.sh [--wheel] [PYTEST ARGUMENTS...]
+# Checks formatting, types and behaviour of the Python package, with gymnasium's and pettingzoo's own checks, in an environment of its own
+# (build/python_tests).  What is tested is the extension as a target of the release build, which takes sim and envs from there, or with --wheel the
+# wheel of scripts/build_wheel.sh, installed.
+# Ends with 77 (skipped) and one line where the Python package index cannot be reached or python3 has no venv or headers.
+# EARSHOT_JOBS: how many jobs at once (default: all cores).
 set -euo pipefail
 cd "$(dirname "$0")/.."
+
+wheel=
+if [ "${1:-}" = --wheel ]; then wheel=1; shift; fi
+root=$PWD
+tests=$root/build/python_tests
 
 skip() { echo "test_python: skipped: $*"; exit 77; }
 python3 -c 'import venv, ensurepip' 2>/dev/null || skip "python3-venv is missing (scripts/setup.sh)"
 python3 -c 'import sysconfig, os, sys; sys.exit(not os.path.exists(os.path.join(sysconfig.get_paths()["include"], "Python.h")))' ||
   skip "python3-dev is missing (scripts/setup.sh)"
-tests=build/python_tests
 [ -x "$tests/bin/python" ] || python3 -m venv "$tests"
-"$tests/bin/pip" install -q --disable-pip-version-check 'gymnasium>=1.0' 'pettingzoo>=1.24' pytest hypothesis mypy ruff ||
-  skip "the Python package index cannot be reached"
+"$tests/bin/pip" install -q --disable-pip-version-check --retries 1 --timeout 20 \
+  'nanobind>=2.4' 'gymnasium>=1.0' 'pettingzoo>=1.24' pytest hypothesis mypy ruff || skip "the Python package index cannot be reached"
 
-scripts/build_wheel.sh
-"$tests/bin/pip" install -q --disable-pip-version-check --force-reinstall --no-deps build/wheel/*.whl
 "$tests/bin/ruff" format --check python
 "$tests/bin/ruff" check python
 "$tests/bin/mypy"
-# From another folder, so that the installed package is what is tested.
-root=$PWD
+
+if [ -n "$wheel" ]; then
+  scripts/build_wheel.sh "$tests/bin/python"
+  "$tests/bin/pip" install -q --disable-pip-version-check --force-reinstall --no-deps build/wheel/*.whl
+else
+  # Whatever becomes of the tests, the next configure of the release build asks for no Python.
+  trap 'cmake --preset release -DEARSHOT_PYTHON=OFF >/dev/null' EXIT
+  cmake --preset release -DEARSHOT_PYTHON=ON -DPython_EXECUTABLE="$tests/bin/python" >/dev/null
+  scripts/build.sh release --target python_package
+  export PYTHONPATH=$root/build/release/python_package
+fi
+# From another folder, so that the sources are not what is imported.
 cd "$tests"
-bin/python -m pytest -q -c "$root/pyproject.toml" --rootdir "$root" "$root/python/tests" "$@"
+bin/python -m pytest -q -p no:cacheprovider -c "$root/pyproject.toml" --rootdir "$root" "$root/python/tests" "$@"
