@@ -2,6 +2,8 @@
 
 #include <CLI/CLI.hpp>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "trainer/verify_result.h"
 
@@ -13,6 +15,9 @@ void add_verify(CLI::App& app);
 
 /// Options of every command that verifies results.
 void add_verify_options(CLI::App& command, VerifyConfig& config);
+/// "ADDRESS=TEXT" of --link.  Throws InputError.
+std::pair<std::string, std::string> parse_link(const std::string& text);
+
 /// What `verify` says of a result that holds.
 std::string verified_line(const std::string& file, const Verification& verified, const std::string& rules);
 

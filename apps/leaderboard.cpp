@@ -18,7 +18,8 @@ namespace {
 
 struct Options {
   std::vector<std::string> results;
-  std::string html, benchmark;
+  std::string html, json, benchmark;
+  std::vector<std::string> links;
   std::optional<GroupBy> by;
   bool compare = false;
   VerifyConfig verify;
@@ -55,6 +56,9 @@ std::vector<EvaluationResult> read_results(const Options& options) {
 void run_leaderboard(const Options& options) {
   if (options.compare && options.results.size() != 2)
     throw InputError("--compare", "takes two results", "name the two agents' result files");
+  if (options.html.empty() && !options.links.empty()) throw InputError("--link", "has no effect without a page", "say --html");
+  if (options.compare && (!options.html.empty() || !options.json.empty()))
+    throw InputError(options.html.empty() ? "--json" : "--html", "writes the table, which --compare takes the place of", "leave one out");
   const std::vector<EvaluationResult> results = read_results(options);
   if (options.compare) {
     fmt::print("{}", comparison_text(results[0], results[1]));
@@ -64,10 +68,20 @@ void run_leaderboard(const Options& options) {
   if (options.benchmark.empty())
     fmt::print("not verified: these are the numbers that the files hold (--benchmark walks their actions again)\n");
   if (options.by) fmt::print("\n{}", groups_text(results, *options.by));
-  if (!options.html.empty()) write_file_atomically(options.html, leaderboard_html(results));
+  std::vector<std::pair<std::string, std::string>> links;
+  for (const std::string& link : options.links) links.push_back(parse_link(link));
+  if (!options.html.empty()) write_file_atomically(options.html, leaderboard_html(results, links));
+  if (!options.json.empty()) write_file_atomically(options.json, leaderboard_json(results));
 }
 
 }  // namespace
+
+std::pair<std::string, std::string> parse_link(const std::string& text) {
+  const std::size_t equals = text.find('=');
+  if (equals == std::string::npos || equals == 0 || equals + 1 == text.size())
+    throw InputError("--link " + text, "is no link", "write ADDRESS=TEXT, for example leaderboard.html=leaderboard");
+  return {text.substr(0, equals), text.substr(equals + 1)};
+}
 
 void add_leaderboard(CLI::App& app) {
   auto options = std::make_shared<Options>();
@@ -77,6 +91,8 @@ void add_leaderboard(CLI::App& app) {
   command->add_option("--by", options->by, "Also a table by novelty of the sound (heard, unheard, unheard kind), its kind, or scene")
       ->transform(CLI::CheckedTransformer(groups, CLI::ignore_case).description("{novelty,kind,scene}"));
   command->add_option("--html", options->html, "Also write a page");
+  command->add_option("--link", options->links, "ADDRESS=TEXT of a page that it links to; may be repeated");
+  command->add_option("--json", options->json, "Also write the table to a file");
   command->add_flag("--compare", options->compare, "Instead: two results on the same episodes, the first less the second");
   command->add_option("--benchmark", options->benchmark, "Benchmark (configs/benchmarks) by which every result is verified first");
   add_verify_options(*command, options->verify);

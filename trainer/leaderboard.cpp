@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <functional>
 #include <map>
+#include <nlohmann/json.hpp>
 
 namespace earshot {
 namespace {
@@ -117,7 +118,30 @@ std::string leaderboard_text(const std::vector<EvaluationResult>& results) {
   return text;
 }
 
-std::string leaderboard_html(const std::vector<EvaluationResult>& results) {
+std::string leaderboard_json(const std::vector<EvaluationResult>& results) {
+  using Json = nlohmann::ordered_json;
+  const auto rows = ranked(results);
+  Json agents = Json::array();
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const EvaluationResult& row = rows[i];
+    Json metrics;
+    for (const auto& [name, estimate] : row.summary())
+      metrics[name] = {{"mean", estimate.mean}, {"low", estimate.low}, {"high", estimate.high}};
+    agents.push_back({{"rank", i + 1},
+                      {"agent", row.agent},
+                      {"policy_hash", row.policy_hash},
+                      {"engine_hash", row.engine_hash},
+                      {"set_hash", row.set_hash},
+                      {"episodes", row.episodes.size()},
+                      {"partial", !row.partial_of.empty()},
+                      {"verified", row.verified},
+                      {"metrics", std::move(metrics)}});
+  }
+  const Json json{{"schema_version", 1}, {"intervals", interval_kind(rows)}, {"agents", std::move(agents)}, {"notes", notes(rows)}};
+  return json.dump(2) + "\n";
+}
+
+std::string leaderboard_html(const std::vector<EvaluationResult>& results, const std::vector<std::pair<std::string, std::string>>& links) {
   std::string html =
       "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>Earshot leaderboard</title>\n<style>\n"
       "body{font:15px/1.4 system-ui,sans-serif;margin:2rem;color:#222}table{border-collapse:collapse}\n"
@@ -146,6 +170,11 @@ std::string leaderboard_html(const std::vector<EvaluationResult>& results) {
   }
   html += "</tbody></table>\n<p>Mean and 95 % interval (" + interval_kind(rows) + "). Bars: mean, dark line: interval.</p>\n";
   for (const auto& note : notes(rows)) html += "<p><strong>Note:</strong> " + escaped(note) + "</p>\n";
+  if (!links.empty()) {
+    html += "<ul>\n";
+    for (const auto& [address, text] : links) html += fmt::format("<li><a href=\"{}\">{}</a></li>\n", escaped(address), escaped(text));
+    html += "</ul>\n";
+  }
   if (!rows.empty())
     html += fmt::format("<p><small>Episodes: {}, set {}. Engine {}.</small></p>\n", escaped(rows.front().episodes_file),
                         rows.front().set_hash, rows.front().engine_hash);

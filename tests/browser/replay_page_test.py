@@ -1,0 +1,252 @@
+"""A page of `earshot replay --html` in headless Chromium, opened from disk: it plays, picture, map, house and sound keep step, the keyboard
+works, screen readers get each step in words, and the console stays empty.
+
+  replay_page_test.py EARSHOT [--page FILE] [--screenshot FILE]
+
+Needs Debian's chromium, chromium-driver and python3-selenium; ends with 77 (skipped) where one is missing.
+"""
+import argparse
+import pathlib
+import re
+import shutil
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+
+SKIPPED = 77
+IN_STEP_S = 0.040  # by which picture, map and house may follow the sound
+SLACK_S = 0.012    # the clock of the sound card goes in blocks
+
+# Notes when each part of the page shows which step, by the clock that the sound keeps, and what is being played.
+WATCH = """
+const log = window.watched = {shown: [], frames: [], heard: []};
+const player = window.earshotReplay, clock = player.clock;
+for (const id of ['camera', 'map', 'house']) {
+  const canvas = document.getElementById(id);
+  let last = canvas.dataset.step;
+  new MutationObserver(() => {
+    if (canvas.dataset.step === last || !clock.playing) return;
+    last = canvas.dataset.step;
+    log.shown.push([id, Number(last), clock.now()]);
+  }).observe(canvas, {attributes: true, attributeFilter: ['data-step']});
+}
+let before = null;
+const frame = () => {
+  if (clock.playing) {
+    const now = clock.now();
+    if (before !== null) log.frames.push([before, now]);
+    before = now;
+  }
+  requestAnimationFrame(frame);
+};
+frame();
+setInterval(() => {
+  if (!clock.playing || !clock.analyser) return;
+  const samples = new Float32Array(clock.analyser.fftSize);
+  clock.analyser.getFloatTimeDomainData(samples);
+  const rendered = clock.offset + clock.context.currentTime - clock.startedAt;
+  if (rendered > 0.3) log.heard.push([rendered, clock.context.sampleRate, samples]);
+}, 200);
+"""
+
+# Where in the sound each piece lies that was caught on its way to the ears: the best match within 80 ms of where the clock says.
+LOCATE = """
+const rate = window.earshotReplay.clock.buffer.sampleRate, sound = window.earshotReplay.clock.buffer.getChannelData(0);
+const other = window.earshotReplay.clock.buffer.getChannelData(1);
+return window.watched.heard.slice(0, 12).map(([end, captured, samples]) => {
+  const count = Math.floor(samples.length * rate / captured) - 2, piece = new Float32Array(count);
+  let energy = 0;
+  for (let i = 0; i < count; ++i) {
+    const at = samples.length - 1 - (count - 1 - i) * captured / rate, low = Math.floor(at);
+    piece[i] = samples[low] + (at - low) * ((samples[low + 1] || samples[low]) - samples[low]);
+    energy += piece[i] ** 2;
+  }
+  if (energy < 1e-6) return null;
+  let best = -1, offset = 0;
+  for (let shift = -Math.round(0.08 * rate); shift <= 0.08 * rate; ++shift) {
+    const first = Math.round(end * rate) - count + shift;
+    let product = 0, norm = 1e-12;
+    for (let i = 0; i < count; i += 2) {
+      const value = 0.5 * ((sound[first + i] || 0) + (other[first + i] || 0));
+      product += value * piece[i];
+      norm += value * value;
+    }
+    const match = product / Math.sqrt(norm * energy / 2);
+    if (match > best) { best = match; offset = shift / rate; }
+  }
+  return [offset, best];
+});
+"""
+
+
+def skip(what):
+    print(f"skipped: {what}")
+    sys.exit(SKIPPED)
+
+
+def run(*command):
+    done = subprocess.run([str(part) for part in command], capture_output=True, text=True)
+    assert done.returncode == 0, f"{command}: {done.stdout}{done.stderr}"
+    return done.stdout
+
+
+def make_page(earshot, folder):
+    """An episode of the greedy baseline in a house, with a sound that does not repeat within a fraction of a second."""
+    episodes, result, page = folder / "set.json", folder / "result.json", folder / "page.html"
+    run(earshot, "dataset", "episodes", "house:7,rooms=3,area_m2=36", "--count", "2", "--sounds", "synth:speech:3", "--seed", "5", "--out", episodes)
+    run(earshot, "eval", "oracle", "--episodes", episodes, "--out", result)
+    print(run(earshot, "replay", result, "--episode", "worst", "--html", page).strip())
+    return page
+
+
+def open_browser():
+    try:
+        from selenium import webdriver
+        from selenium.webdriver.chrome.options import Options
+        from selenium.webdriver.chrome.service import Service
+    except ImportError:
+        skip("no python3-selenium")
+    chromium, driver = shutil.which("chromium"), shutil.which("chromedriver")
+    if not chromium or not driver:
+        skip("no chromium or no chromium-driver")
+    options = Options()
+    options.binary_location = chromium
+    for argument in ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--window-size=1440,1040", "--use-angle=swiftshader",
+                     "--enable-unsafe-swiftshader", "--autoplay-policy=no-user-gesture-required", "--hide-scrollbars"):
+        options.add_argument(argument)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    return webdriver.Chrome(service=Service(driver), options=options)
+
+
+def press(browser, *keys):
+    from selenium.webdriver.common.action_chains import ActionChains
+    chain = ActionChains(browser)
+    for key in keys[:-1]:
+        chain = chain.key_down(key)
+    chain = chain.send_keys(keys[-1])
+    for key in keys[:-1]:
+        chain = chain.key_up(key)
+    chain.perform()
+
+
+def wait_for(browser, script, seconds=120):
+    end = time.time() + seconds
+    while time.time() < end:
+        value = browser.execute_script(script)
+        if value:
+            return value
+        time.sleep(0.05)
+    raise AssertionError(f"not within {seconds} s: {script}")
+
+
+def check_in_step(browser):
+    step_s, shown, frames = browser.execute_script("return [stepTime, watched.shown, watched.frames]")
+    # Where the computer is too slow for the house it is drawn in fewer frames; picture and map are not.
+    house = browser.execute_script("return earshotReplay.house !== null && earshotReplay.house.every === 1")
+    late = {}
+    for name, step, heard in shown:
+        late.setdefault(name, []).append((heard - step * step_s, step, heard))
+    for name in ("camera", "map") + (("house",) if house else ()):
+        assert len(late.get(name, [])) >= 5, f"{name} showed {len(late.get(name, []))} steps"
+        values = sorted(1000 * value for value, _, _ in late[name])
+        print(f"{name:7} behind the sound: median {statistics.median(values):.1f} ms, 95 % {values[int(0.95 * (len(values) - 1))]:.1f} ms, "
+              f"most {values[-1]:.1f} ms over {len(values)} steps")
+    # A machine with other work draws fewer frames: then the first frame after a step is due must show it.
+    for name, all_steps in late.items():
+        if name == "house" and not house:
+            continue
+        for value, step, heard in all_steps:
+            between = sum(1 for start, _ in frames if step * step_s + SLACK_S < start < heard - 0.001)
+            assert value >= -0.002 and (value <= IN_STEP_S or between <= 1), f"{name} shows step {step} {1000 * value:.1f} ms after it is heard, {between} frames late"
+    lengths = sorted(1000 * (after - before) for before, after in frames)
+    print(f"frames: median {statistics.median(lengths):.1f} ms, most {lengths[-1]:.1f} ms")
+    found = [entry for entry in browser.execute_script(LOCATE) if entry and entry[1] > 0.9]
+    assert found, "none of the sound that was played is that of the episode"
+    print(f"sound: what is played lies within {1000 * max(abs(offset) for offset, _ in found):.1f} ms of where the clock says, in {len(found)} pieces")
+    assert max(abs(offset) for offset, _ in found) <= IN_STEP_S
+
+
+def check_keyboard(browser, last):
+    from selenium.webdriver.common.keys import Keys
+    step = lambda: int(browser.execute_script("return document.getElementById('camera').dataset.step"))
+    live = lambda: browser.execute_script("return document.getElementById('live').textContent")
+    words = re.compile(r"^step (\d+), (at the start|stopped|went forward|turned left|turned right)( and met an obstacle)?, "
+                       r"sound (straight ahead|straight behind|\d+ degrees? (left|right)), \d+\.\d m(, the end: .+)?$")
+    expected = [((Keys.HOME,), 0), ((Keys.ARROW_RIGHT,), 1), ((Keys.ARROW_RIGHT,), 2), ((Keys.ARROW_LEFT,), 1),
+                ((Keys.SHIFT, Keys.ARROW_RIGHT), min(11, last)), ((Keys.END,), last), ((Keys.ARROW_RIGHT,), last), ((Keys.SHIFT, Keys.ARROW_LEFT), max(0, last - 10))]
+    for keys, wanted in expected:
+        press(browser, *keys)
+        assert step() == wanted, f"step {step()} after {keys}, not {wanted}"
+        match = words.match(live())
+        assert match and int(match[1]) == wanted, live()
+    print(f"screen reader: '{live()}'")
+    slider = browser.execute_script("return document.getElementById('step').getAttribute('aria-valuetext')")
+    assert slider == live()
+    for key, view in (("2", "follow"), ("3", "eyes"), ("1", "overview")):
+        press(browser, key)
+        pressed = browser.execute_script("return [...document.querySelectorAll('[data-view][aria-pressed=true]')].map(b => b.dataset.view)")
+        assert pressed == [view], pressed
+    steps = browser.execute_script("return document.querySelectorAll('#log li').length")
+    assert steps == last + 1
+    names = [node["name"]["value"] for node in browser.execute_cdp_cmd("Accessibility.getFullAXTree", {})["nodes"]
+             if not node.get("ignored") and node.get("role", {}).get("value") in ("button", "slider", "img", "image", "status", "region") and "name" in node]
+    for wanted in ("Play", "Step", "Map from above", "One step back"):
+        assert wanted in names, names
+    assert all(names), names
+
+
+def check_reduced_motion(browser):
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [{"name": "prefers-reduced-motion", "value": "reduce"}]})
+    assert browser.execute_script("return calmQuery.matches")
+    # The agent stands where the step ends, whatever the time within it, and nothing moves by itself.
+    places = browser.execute_script("return [poseAt(2.1 * stepTime, true), poseAt(2.9 * stepTime, true)].map(JSON.stringify)")
+    assert places[0] == places[1]
+    rings = browser.execute_script("earshotReplay.seek(1.5 * stepTime); return earshotReplay.house ? earshotReplay.house.sounds.flatMap(s => s.rings.map(r => r.visible)) : []")
+    assert not any(rings), rings
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("earshot", type=pathlib.Path)
+    parser.add_argument("--page", type=pathlib.Path, help="a page that is there already")
+    parser.add_argument("--screenshot", type=pathlib.Path, help="PNG of the page in the middle of the episode")
+    options = parser.parse_args()
+    browser = open_browser()
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            page = options.page or make_page(options.earshot, pathlib.Path(folder))
+            size = page.stat().st_size
+            browser.get(page.resolve().as_uri())
+            wait_for(browser, "return document.body.dataset.ready === 'true' || !document.getElementById('problem').hidden")
+            assert browser.execute_script("return document.getElementById('problem').hidden"), browser.execute_script("return document.getElementById('problem').textContent")
+            last = browser.execute_script("return lastStep")
+            print(f"page: {size / 1e6:.2f} MB for {last} steps")
+            assert size <= 5e6 * max(1, last / 100)
+            browser.execute_script(WATCH)
+            press(browser, " ")
+            wait_for(browser, "return earshotReplay.clock.playing")
+            wait_for(browser, f"return earshotReplay.step >= {min(last, 40)} || !earshotReplay.clock.playing")
+            if browser.execute_script("return earshotReplay.clock.playing"):
+                press(browser, " ")
+            wait_for(browser, "return !earshotReplay.clock.playing")
+            check_in_step(browser)
+            check_keyboard(browser, last)
+            check_reduced_motion(browser)
+            if options.screenshot:
+                browser.execute_script(f"earshotReplay.goTo({int(0.6 * last)})")
+                time.sleep(0.5)
+                browser.save_screenshot(str(options.screenshot))
+            errors = [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"]
+            assert not errors, errors
+            requests = browser.execute_script("return performance.getEntriesByType('resource').map(e => e.name).filter(n => !n.startsWith('data:'))")
+            assert not requests, requests
+    finally:
+        browser.quit()
+    print("passed")
+
+
+if __name__ == "__main__":
+    main()
