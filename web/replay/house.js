@@ -39,8 +39,7 @@ class House {
     this.canvas = document.getElementById('house');
     this.view = 'overview';
     this.quality = 1;
-    this.every = 1;  // of so many frames one is drawn
-    this.frames = 0;
+    this.still = false;  // while the episode plays: too slow
     this.turn = 0.55;
     this.tilt = 0.95;
     this.zoom = 1;
@@ -62,6 +61,7 @@ class House {
     this.listen();
     new ResizeObserver(() => this.resize()).observe(this.canvas.parentElement);
     this.resize();
+    this.calibrate();
   }
 
   addMesh() {
@@ -176,23 +176,37 @@ class House {
     this.redraw();
   }
 
-  /// Fewer pixels where a computer is too slow for them, and then fewer frames, so that picture and map stay in step with the sound.
-  lowerQuality(atOnce) {
-    if (atOnce) {
-      this.quality = Math.min(this.quality, 0.35);
-      this.every = Math.min(32, 4 * this.every);
-      this.resize();
-    } else if (this.quality > 0.35) {
+  /// Milliseconds of one picture, waited for.
+  cost() {
+    const gl = this.renderer.getContext(), pixel = new Uint8Array(4), start = performance.now();
+    this.draw(0, 0, true);
+    gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel);
+    return performance.now() - start;
+  }
+
+  /// As many pixels as the computer draws in a third of the time that picture and map may be behind the sound; where none are few enough, the
+  /// house stands still while the episode plays.
+  calibrate() {
+    this.cost();  // compiles the programs
+    let took = this.cost();
+    while (took > 13 && this.quality > 0.35) this.lowerQuality(), took = this.cost();
+    this.still = took > 26;
+    if (!this.still) return;
+    this.quality = 1;  // of pictures that nothing waits for
+    this.resize();
+  }
+
+  lowerQuality() {
+    if (this.quality > 0.35) {
       this.quality *= 0.7;
       this.resize();
     } else {
-      this.every = Math.min(32, 2 * this.every);
+      this.still = true;
     }
   }
 
-  /// While it plays: every frame, or as many as the computer can draw.
   drawFrame(time, step, calm) {
-    if (++this.frames % this.every === 0) this.draw(time, step, calm);
+    if (!this.still) this.draw(time, step, calm);
   }
 
   choose(view) {

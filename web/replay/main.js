@@ -27,7 +27,7 @@ class Player {
     const canvas = this.get(id);
     canvas.width = width;
     canvas.height = height;
-    return canvas.getContext('2d');
+    return canvas.getContext('2d', {willReadFrequently: true});  // drawn by the processor, which is never late
   }
 
   listen() {
@@ -126,11 +126,10 @@ class Player {
   frame() {
     if (!this.clock.playing) return;
     const started = performance.now();
-    // Three frames in a row below 30 per second, or one that took as long as a step: the house is drawn in fewer pixels.
-    const took = this.lastFrame === null ? 0 : started - this.lastFrame;
-    this.slowFrames = took > 34 ? this.slowFrames + 1 : 0;
-    if (this.house && (this.slowFrames >= 3 || took > 150)) {
-      this.house.lowerQuality(took > 150);
+    // Three frames in a row below 30 per second: the house is drawn in fewer pixels.
+    this.slowFrames = this.lastFrame !== null && started - this.lastFrame > 34 ? this.slowFrames + 1 : 0;
+    if (this.house && this.slowFrames >= 3) {
+      this.house.lowerQuality();
       this.slowFrames = 0;
     }
     this.lastFrame = started;

@@ -4,7 +4,7 @@
 class FloorMap {
   constructor(picture) {
     this.canvas = document.getElementById('map');
-    this.context = this.canvas.getContext('2d');
+    this.context = this.canvas.getContext('2d', {willReadFrequently: true});  // drawn by the processor, which is never late
     this.picture = picture;
     this.base = null;  // what does not change between steps
     new ResizeObserver(() => this.resize()).observe(this.canvas);
@@ -44,7 +44,7 @@ class FloorMap {
     const base = document.createElement('canvas');
     base.width = this.canvas.width;
     base.height = this.canvas.height;
-    const context = base.getContext('2d'), map = episode.map;
+    const context = base.getContext('2d', {willReadFrequently: true}), map = episode.map;
     context.fillStyle = '#0e1117';
     context.fillRect(0, 0, base.width, base.height);
     context.globalAlpha = 0.85;
