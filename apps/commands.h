@@ -19,7 +19,6 @@ void add_dataset_rir(CLI::App& dataset);  ///< `dataset rir`
 void add_train(CLI::App& app, const std::vector<std::string>& arguments, int& exit_code);
 void add_plan(CLI::App& app);
 void add_keys(CLI::App& app);
-void add_eval(CLI::App& app);
 void add_policy(CLI::App& app);
 void add_leaderboard(CLI::App& app);
 void add_replay(CLI::App& app);

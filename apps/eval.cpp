@@ -1,11 +1,15 @@
 #include <fmt/format.h>
 
+#include <filesystem>
 #include <memory>
+#include <optional>
 
-#include "apps/commands.h"
+#include "apps/board_commands.h"
+#include "sim/base/files.h"
 #include "trainer/benchmark.h"
 #include "trainer/effective_config.h"
 #include "trainer/episode_data.h"
+#include "trainer/evaluation_workers.h"
 #include "trainer/evaluator.h"
 #include "trainer/field_decision.h"
 #include "trainer/find_checkpoint.h"
@@ -21,6 +25,8 @@ struct Options {
   std::vector<std::string> overrides;
   EvaluationConfig evaluation;
   bool argmax = false, sample = false;
+  int workers = 1;
+  std::string part_folder, json;
 };
 
 /// The config's held-out set, unless --episodes names one.
@@ -30,10 +36,21 @@ void take_set_of(const RunConfig& config, EvaluationConfig& evaluation) {
   evaluation.generator = expected_generator(config.eval, config.env);
 }
 
-void run_eval(const Options& options) {
-  EvaluationConfig evaluation = options.evaluation;
-  const auto baseline = baseline_by_name(options.agent);
-  if (baseline && (options.argmax || options.sample))
+/// What an evaluation needs, whatever process runs it.
+struct Plan {
+  std::optional<Baseline> baseline;
+  std::filesystem::path checkpoint;  ///< where it is no baseline
+  RunConfig config;
+  EvaluationConfig evaluation;
+  std::vector<std::string> trained_sounds;
+};
+
+Plan plan_of(const Options& options) {
+  Plan plan;
+  plan.baseline = baseline_by_name(options.agent);
+  plan.evaluation = options.evaluation;
+  EvaluationConfig& evaluation = plan.evaluation;
+  if (plan.baseline && (options.argmax || options.sample))
     throw InputError(options.argmax ? "--argmax" : "--sample", "has no effect on a baseline", "leave it out");
   if (options.argmax) evaluation.actions = ActionChoice::argmax;
   if (options.sample) evaluation.actions = ActionChoice::sample;
@@ -46,40 +63,64 @@ void run_eval(const Options& options) {
     evaluation.episodes = benchmark->run.eval.file;
     evaluation.seed = benchmark->seed;
   }
-  EvaluationResult result;
-  std::vector<std::string> trained_sounds;
-  if (baseline) {
+  if (plan.baseline) {
     RunConfig config = benchmark                ? benchmark->run
                        : options.config.empty() ? parse_run_config("", "--set", options.overrides)
                                                 : load_run_config(options.config, options.overrides);
     const auto kept = with_kept_acoustics(config, {config.out});
-    config = decide_field(kept ? *kept : plan_acoustics(config)).config;  // it hears what the policy of this config does
-    take_set_of(config, evaluation);
+    plan.config = decide_field(kept ? *kept : plan_acoustics(config)).config;  // it hears what the policy of this config does
+    take_set_of(plan.config, evaluation);
     if (evaluation.episodes.empty()) throw InputError("--episodes", "is missing", "name an episode set, or a --config that names one");
-    evaluation.num_envs = config.eval_envs;
-    trained_sounds = expand_sounds(config.train.sounds);  // before the work: a folder may be gone
-    result = evaluate_baseline(*baseline, options.agent, config.env, evaluation);
   } else {
-    const auto checkpoint = find_checkpoint(options.agent);
-    const RunConfig config =
-        parse_effective_config(load_checkpoint_metadata(checkpoint).config_yaml, checkpoint.string() + " (its config)", options.overrides);
-    take_set_of(config, evaluation);
+    plan.checkpoint = find_checkpoint(options.agent);
+    plan.config = parse_effective_config(load_checkpoint_metadata(plan.checkpoint).config_yaml, plan.checkpoint.string() + " (its config)",
+                                         options.overrides);
+    take_set_of(plan.config, evaluation);
     if (evaluation.episodes.empty())
       throw InputError("--episodes", "is missing and the checkpoint's config names none", "name an episode set");
-    evaluation.num_envs = config.eval_envs;
-    trained_sounds = expand_sounds(config.train.sounds);  // before the work: a folder may be gone
-    result = evaluate_checkpoint(checkpoint, evaluation, options.overrides);
   }
-  if (benchmark) trained_sounds = expand_sounds(benchmark->run.train.sounds);
-  if (!trained_sounds.empty()) note_novelty(result, trained_sounds);
+  evaluation.num_envs = plan.config.eval_envs;
+  plan.trained_sounds =
+      expand_sounds(benchmark ? benchmark->run.train.sounds : plan.config.train.sounds);  // before the work: a folder may be gone
+  return plan;
+}
+
+EvaluationResult evaluate(const Plan& plan, const Options& options) {
+  if (plan.baseline) return evaluate_baseline(*plan.baseline, options.agent, plan.config.env, plan.evaluation);
+  return evaluate_checkpoint(plan.checkpoint, plan.evaluation, options.overrides);
+}
+
+int run_eval(const Options& options, const std::vector<std::string>& arguments) {
+  Plan plan = plan_of(options);
+  if (!options.part_folder.empty()) {
+    EvaluationWorker worker(options.part_folder, options.agent);
+    worker.prepare(plan.evaluation, load_evaluated_set(plan.evaluation)->episodes.size());
+    worker.finish(evaluate(plan, options));
+    return 0;
+  }
+  EvaluationResult result;
+  if (options.workers > 1) {
+    if (plan.config.env.stage_limit_s > 0)
+      throw InputError("--workers", "does not go with env.stage_limit_s: which episode is given up depends on the load",
+                       "set env.stage_limit_s=0, or evaluate in one process");
+    static_cast<void>(load_evaluated_set(plan.evaluation));  // what is wrong with it is said once
+    int exit_code = 0;
+    result = evaluate_with_workers(options.workers, arguments, exit_code);
+    if (exit_code != 0) return exit_code;
+  } else {
+    result = evaluate(plan, options);
+  }
+  if (!plan.trained_sounds.empty()) note_novelty(result, plan.trained_sounds);
   if (!options.name.empty()) result.agent = options.name;
   if (!options.out.empty()) save_result(result, options.out);
   fmt::print("{}", leaderboard_text({result}));
+  if (!options.json.empty()) write_file_atomically(options.json, leaderboard_json({result}));
+  return 0;
 }
 
 }  // namespace
 
-void add_eval(CLI::App& app) {
+void add_eval(CLI::App& app, const std::vector<std::string>& arguments, int& exit_code) {
   auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand("eval", "Run an agent on every episode of a set and report its metrics");
   command->add_option("AGENT", options->agent, "Checkpoint, run folder, or one of: " + baseline_names())->required();
@@ -96,7 +137,15 @@ void add_eval(CLI::App& app) {
   command->add_option("--max-episodes", options->evaluation.max_episodes, "Only the first N episodes; 0: all")->capture_default_str();
   auto* argmax = command->add_flag("--argmax", options->argmax, "Most probable action (default: eval_actions of the config)");
   command->add_flag("--sample", options->sample, "Action drawn from the policy's distribution")->excludes(argmax);
-  command->callback([options] { run_eval(*options); });
+  command
+      ->add_option(
+          "--workers", options->workers,
+          "Processes that run the episodes; any number gives the same bits.  Each has its part of --threads 0 and a cache of scenes")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 64));
+  command->add_option(kPartFolderOption, options->part_folder)->group("");  // of the workers that --workers starts
+  command->add_option("--json", options->json, "Also write the table to a file");
+  command->callback([options, &arguments, &exit_code] { exit_code = run_eval(*options, arguments); });
 }
 
 }  // namespace earshot

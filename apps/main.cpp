@@ -40,7 +40,7 @@ int main(int argc, char** argv) {
   earshot::add_train(app, arguments, exit_code);
   earshot::add_plan(app);
   earshot::add_keys(app);
-  earshot::add_eval(app);
+  earshot::add_eval(app, arguments, exit_code);
   earshot::add_policy(app);
   earshot::add_verify(app);
   earshot::add_leaderboard(app);

@@ -1,15 +1,25 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <map>
+#include <memory>
 #include <optional>
 #include <string>
 
 #include "envs/baselines.h"
+#include "envs/episode_set.h"
 #include "trainer/result.h"
 #include "trainer/run_config.h"
 
 namespace earshot {
+
+/// Of several processes that evaluate one set: each takes every `parts`-th round of episodes, a round being one for each env of the batch,
+/// so that every episode runs in the env, with the number and in the row of the batch that it has in one process.
+struct EvaluationPart {
+  int part = 0, parts = 1;
+  std::function<void(std::size_t done)> on_progress = {};  ///< called with the number of its episodes that have ended
+};
 
 struct EvaluationConfig {
   std::string episodes;                               ///< set to run; each episode once
@@ -19,7 +29,13 @@ struct EvaluationConfig {
   std::uint64_t seed = 0;                              ///< of the sampled actions
   std::optional<ActionChoice> actions = std::nullopt;  ///< none: as RunConfig::eval_actions says
   int max_episodes = 0;                                ///< 0: all
+  /// Only these episodes, the rows of the others stay empty; without: all.
+  std::optional<EvaluationPart> part = std::nullopt;
 };
+
+/// The episodes to run: those of the set, or the first of them.  whole: becomes the hash of the set that they are the first of.  Throws
+/// InputError: no set, or one that was made from other keys.
+std::shared_ptr<const EpisodeSet> load_evaluated_set(const EvaluationConfig& evaluation, std::string* whole = nullptr);
 
 /// Runs a checkpoint (by its own config, scenes and sounds from the set) on every episode.  Same inputs, same bits.
 EvaluationResult evaluate_checkpoint(const std::filesystem::path& checkpoint, const EvaluationConfig& evaluation,
