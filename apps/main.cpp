@@ -46,6 +46,7 @@ int main(int argc, char** argv) {
   earshot::add_leaderboard(app);
   earshot::add_benchmark(app);
   earshot::add_replay(app);
+  earshot::add_sweep(app);
   earshot::add_bench(app, arguments, exit_code);
 
   try {
