@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # scripts/train.sh [--overwrite | --resume] [CONFIG] [key=value...]
 # The main job on a bare machine: install, build, generate houses and episodes, train with the config's workers, evaluate the checkpoint on
-# held-out houses and sounds beside five baselines, print the leaderboard.  CONFIG defaults to configs/train/quick.yaml.
+# held-out houses and sounds beside five baselines, verify the results, print the leaderboard and write pages: the leaderboard, and the best,
+# median and worst episode of the agent by SPL as replays, linked from each other.  CONFIG defaults to configs/train/quick.yaml.
 # What comes out is in runs/NAME of the config's file.  If a run is there already the script stops before it changes anything:
 #   --overwrite  replaces that run and its results
 #   --resume     goes on with it, with the episodes it has, and evaluates it anew
@@ -47,11 +48,22 @@ fi
 echo "== train"
 "$earshot" train "$config" "$@" out="$out" "${start[@]}"
 # Results are of one run: those of an earlier one go before they could be ranked beside the new.
-rm -f "$out"/result_{"$name",random,random_oracle_stop,greedy,classical,oracle}.json "$out/leaderboard.html"
+rm -f "$out"/result_{"$name",random,random_oracle_stop,greedy,classical,oracle}.json "$out/leaderboard.html" "$out"/replay_{best,median,worst}.html
 echo "== evaluate"
 "$earshot" eval "$out" --out "$out/result_$name.json"
 for baseline in random random_oracle_stop greedy classical oracle; do
   "$earshot" eval "$baseline" --config "$config" "${sets[@]}" --out "$out/result_$baseline.json"
 done
+results=("$out/result_$name.json" "$out"/result_{random,random_oracle_stop,greedy,classical,oracle}.json)
+echo "== verify"
+"$earshot" verify "${results[@]}" --config "$config" "${sets[@]}"
 echo "== leaderboard"
-"$earshot" leaderboard "$out/result_$name.json" "$out"/result_{random,random_oracle_stop,greedy,classical,oracle}.json --html "$out/leaderboard.html"
+links=()
+for which in best median worst; do links+=(--link "replay_$which.html=replay: $which episode"); done
+"$earshot" leaderboard "${results[@]}" --html "$out/leaderboard.html" "${links[@]}"
+echo "== replays"
+for which in best median worst; do
+  "$earshot" replay "$out/result_$name.json" --episode "$which" --policy "$out" --html "$out/replay_$which.html" \
+    --link "leaderboard.html=leaderboard" "${links[@]}"
+done
+echo "pages: $out/leaderboard.html, $out/replay_best.html, $out/replay_median.html, $out/replay_worst.html"
