@@ -13,6 +13,8 @@ namespace earshot {
 void add_benchmark(CLI::App& app);
 void add_verify(CLI::App& app);
 void add_sweep(CLI::App& app);
+/// Knows the commands that were added before it, and itself.
+void add_completion(CLI::App& app);
 void add_eval(CLI::App& app, const std::vector<std::string>& arguments, int& exit_code);
 
 /// Options of every command that verifies results.

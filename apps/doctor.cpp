@@ -10,6 +10,7 @@
 #include <filesystem>
 #include <fstream>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <string>
 #include <thread>
 #include <vector>
@@ -19,6 +20,7 @@
 #include "policy/torch_info.h"
 #include "policy/torch_threads.h"
 #include "sim/base/errors.h"
+#include "sim/base/files.h"
 #include "sim/base/isolated_call.h"
 #include "sim/base/version.h"
 #include "sim/vision/egl_device.h"
@@ -164,12 +166,14 @@ Finding check_test_data() {
                                      fmt::join(absent, ", "))};
 }
 
-void run_doctor() {
+void run_doctor(const std::string& json) {
   int bad = 0;
+  nlohmann::ordered_json rows = nlohmann::ordered_json::array();
   const auto print = [&](const char* what, const Finding& finding) {
-    constexpr const char* words[] = {"ok", "SLOW", "none", "BAD"};
+    constexpr const char *words[] = {"ok", "SLOW", "none", "BAD"}, *names[] = {"ok", "slow", "absent", "bad"};
     fmt::print("{:<5} {:<10} {}\n", words[static_cast<int>(finding.state)], what, finding.text);
     bad += finding.state == State::bad;
+    rows.push_back({{"what", what}, {"state", names[static_cast<int>(finding.state)]}, {"text", finding.text}});
   };
   print("earshot", {State::ok, kVersion});
   print("CPU", {State::ok, fmt::format("{}, {} cores for this process", cpu_model(), std::thread::hardware_concurrency())});
@@ -180,13 +184,18 @@ void run_doctor() {
   print("BLAS", check_blas());
   print("libtorch", check_torch());
   print("test data", check_test_data());
+  const nlohmann::ordered_json report{{"schema_version", 1}, {"findings", std::move(rows)}};
+  if (!json.empty()) write_file_atomically(json, report.dump(2) + "\n");
   if (bad > 0) throw RunError("doctor", fmt::format("{} of the lines above must be remedied", bad));
 }
 
 }  // namespace
 
 void add_doctor(CLI::App& app) {
-  app.add_subcommand("doctor", "What this machine has, what is missing and how to get it")->callback(run_doctor);
+  auto json = std::make_shared<std::string>();
+  CLI::App* command = app.add_subcommand("doctor", "What this machine has, what is missing and how to get it");
+  command->add_option("--json", *json, "Also write the findings to a file");
+  command->callback([json] { run_doctor(*json); });
 }
 
 }  // namespace earshot

@@ -4,6 +4,7 @@
 
 #include <map>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <optional>
 
 #include "apps/board_commands.h"
@@ -53,20 +54,38 @@ std::vector<EvaluationResult> read_results(const Options& options) {
   return results;
 }
 
+nlohmann::ordered_json json_of(const PairedMetric& metric) {
+  return {{"mean", metric.difference.mean}, {"low", metric.difference.low}, {"high", metric.difference.high}, {"better", metric.wins},
+          {"worse", metric.losses},         {"equal", metric.ties},         {"p_value", metric.p_value}};
+}
+
+std::string comparison_json(const EvaluationResult& first, const EvaluationResult& second) {
+  const PairedComparison comparison = compare_paired(first, second);
+  const nlohmann::ordered_json json{{"schema_version", 1},
+                                    {"first", first.agent},
+                                    {"second", second.agent},
+                                    {"episodes", first.episodes.size()},
+                                    {"success", json_of(comparison.success)},
+                                    {"spl", json_of(comparison.spl)}};
+  return json.dump(2) + "\n";
+}
+
 void run_leaderboard(const Options& options) {
   if (options.compare && options.results.size() != 2)
     throw InputError("--compare", "takes two results", "name the two agents' result files");
   if (options.html.empty() && !options.links.empty()) throw InputError("--link", "has no effect without a page", "say --html");
-  if (options.compare && (!options.html.empty() || !options.json.empty()))
-    throw InputError(options.html.empty() ? "--json" : "--html", "writes the table, which --compare takes the place of", "leave one out");
+  if (options.compare && !options.html.empty())
+    throw InputError("--html", "writes the table, which --compare takes the place of", "leave one out");
   const std::vector<EvaluationResult> results = read_results(options);
   if (options.compare) {
     fmt::print("{}", comparison_text(results[0], results[1]));
+    if (!options.json.empty()) write_file_atomically(options.json, comparison_json(results[0], results[1]));
     return;
   }
   fmt::print("{}", leaderboard_text(results));
   if (options.benchmark.empty())
-    fmt::print("not verified: these are the numbers that the files hold (--benchmark walks their actions again)\n");
+    fmt::print(
+        "not verified here: these are the numbers that the files hold (earshot verify, or --benchmark, walks their actions again)\n");
   if (options.by) fmt::print("\n{}", groups_text(results, *options.by));
   std::vector<std::pair<std::string, std::string>> links;
   for (const std::string& link : options.links) links.push_back(parse_link(link));

@@ -48,6 +48,7 @@ int main(int argc, char** argv) {
   earshot::add_replay(app);
   earshot::add_sweep(app);
   earshot::add_bench(app, arguments, exit_code);
+  earshot::add_completion(app);
 
   try {
     app.parse(argc, argv);

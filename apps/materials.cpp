@@ -2,16 +2,18 @@
 
 #include <array>
 #include <memory>
+#include <nlohmann/json.hpp>
 
 #include "apps/commands.h"
 #include "sim/base/errors.h"
+#include "sim/base/files.h"
 #include "sim/scene/material_lint.h"
 
 namespace earshot {
 namespace {
 
 struct Options {
-  std::string file, reading;
+  std::string file, reading, json;
   bool only_lint = false;
 };
 
@@ -21,6 +23,26 @@ void print_row(const Material& material, const char* key, const CoefficientCurve
   fmt::print("  {:<13}", key);
   for (const float hz : kOctavesHz) fmt::print(" {:>7.3g}", curve.at(hz));
   fmt::print("  {}\n", material.source_of(key));
+}
+
+nlohmann::ordered_json json_of(const Material& material, const char* key, const CoefficientCurve& curve) {
+  nlohmann::ordered_json values = nlohmann::ordered_json::array();
+  for (const float hz : kOctavesHz) values.push_back(curve.at(hz));
+  return {{"values", std::move(values)}, {"source", material.source_of(key)}};
+}
+
+std::string materials_json(const MaterialDatabase& database, const std::vector<MaterialWarning>& findings) {
+  nlohmann::ordered_json materials = nlohmann::ordered_json::array(), lint = nlohmann::ordered_json::array();
+  for (const Material& material : database.all())
+    materials.push_back({{"name", material.name},
+                         {"absorption", json_of(material, "absorption", material.absorption)},
+                         {"scattering", json_of(material, "scattering", material.scattering)},
+                         {"transmission", json_of(material, "transmission", material.transmission)}});
+  for (const MaterialWarning& finding : findings) lint.push_back({{"material", finding.material}, {"text", finding.text}});
+  return nlohmann::ordered_json{
+             {"schema_version", 1}, {"bands_hz", kOctavesHz}, {"materials", std::move(materials)}, {"findings", std::move(lint)}}
+             .dump(2) +
+         "\n";
 }
 
 void run_materials(const Options& options) {
@@ -40,6 +62,7 @@ void run_materials(const Options& options) {
   const std::vector<MaterialWarning> findings = lint(database);
   for (const MaterialWarning& finding : findings)
     fmt::print("lint: {}{}{}\n", finding.material, finding.material.empty() ? "" : ": ", finding.text);
+  if (!options.json.empty()) write_file_atomically(options.json, materials_json(database, findings));
   fmt::print("{} materials, {} findings\n", database.all().size(), findings.size());
   if (!findings.empty()) throw RunError(options.file, fmt::format("has {} findings of the lint", findings.size()));
 }
@@ -53,6 +76,7 @@ void add_materials(CLI::App& app) {
   command->add_option("--coefficients", options->reading, "What the numbers are fractions of; default: what the file says, else energy")
       ->check(CLI::IsMember({"energy", "pressure"}));
   command->add_flag("--lint", options->only_lint, "Print the findings only.  Findings give exit code 1, with or without this");
+  command->add_option("--json", options->json, "Also write the table and the findings to a file");
   command->callback([options] { run_materials(*options); });
 }
 

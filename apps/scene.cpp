@@ -144,7 +144,8 @@ void run_scene(const Options& options) {
                          {"rim", hole.rim}});
   }
   const auto& simplified = report.removed.simplified;
-  const Json json = {{"scene", scene.name()},
+  const Json json = {{"schema_version", 1},
+                     {"scene", scene.name()},
                      {"triangles", report.triangles},
                      {"removed",
                       {{"degenerate", report.removed.degenerate_removed},

@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <optional>
 
 #include "apps/board_commands.h"
@@ -12,7 +13,8 @@ namespace {
 
 struct Options {
   std::vector<std::string> results;
-  std::string benchmark, config, episodes;
+  std::string benchmark, config, episodes, json;
+  std::vector<std::string> overrides;
   VerifyConfig verify;
 };
 
@@ -20,7 +22,8 @@ void run_verify(Options options) {
   std::optional<Benchmark> benchmark;
   std::optional<RunConfig> config;
   if (!options.benchmark.empty()) benchmark = load_benchmark(options.benchmark);
-  if (!options.config.empty()) config = load_run_config(options.config, {});
+  if (!options.config.empty()) config = load_run_config(options.config, options.overrides);
+  if (!config && !options.overrides.empty()) throw InputError("--set", "has no effect without --config", "leave it out");
   if (benchmark && (config || !options.episodes.empty()))
     throw InputError("--benchmark", "names rules and episodes itself", "leave out --config and --episodes");
   if (const RunConfig* run = benchmark ? &benchmark->run : config ? &*config : nullptr) {
@@ -30,11 +33,21 @@ void run_verify(Options options) {
   std::optional<EpisodeSet> set_of_all;
   if (benchmark) set_of_all = benchmark_set(*benchmark);
   if (!options.episodes.empty()) set_of_all = load_episode_set(options.episodes);
+  nlohmann::ordered_json rows = nlohmann::ordered_json::array();
+  const auto note = [&](const std::string& file, const Verification& verified, const std::string& rules_hash) {
+    rows.push_back({{"file", file},
+                    {"episodes", verified.episodes},
+                    {"steps", verified.steps},
+                    {"partial", verified.partial},
+                    {"same_engine", verified.same_engine},
+                    {"rules_hash", rules_hash}});
+  };
   for (const std::string& file : options.results) {
     const EvaluationResult result = load_result(file);
     if (benchmark) {
       const Verification verified = verify_for_benchmark(result, file, *benchmark, *set_of_all, options.verify);
       fmt::print("{}", verified_line(file, verified, fmt::format("of benchmark {} {}", benchmark->name, benchmark->version)));
+      note(file, verified, benchmark->rules_hash);
       continue;
     }
     const EpisodeSet own = set_of_all ? EpisodeSet{} : load_episode_set(result.episodes_file);
@@ -44,7 +57,10 @@ void run_verify(Options options) {
     const MetricRules rules = config ? rules_for(result.rules, metric_rules(config->env, config->eval_envs)) : result.rules;
     const Verification verified = verify_result(result, file, set_of_all ? *set_of_all : own, rules, options.verify);
     fmt::print("{}", verified_line(file, verified, config ? "of " + options.config : "hash " + hash_of_rules(rules) + ", its own"));
+    note(file, verified, hash_of_rules(rules));
   }
+  const nlohmann::ordered_json report{{"schema_version", 1}, {"results", std::move(rows)}};
+  if (!options.json.empty()) write_file_atomically(options.json, report.dump(2) + "\n");
 }
 
 }  // namespace
@@ -70,8 +86,10 @@ void add_verify(CLI::App& app) {
   command->add_option("RESULT", options->results, "Result files written by 'earshot eval --out'")->required();
   command->add_option("--benchmark", options->benchmark, "Benchmark (configs/benchmarks) whose rules and episodes they must have");
   command->add_option("--config", options->config, "Run config whose rules they must have (default: the rules that each file names)");
+  command->add_option("--set", options->overrides, "key=value over --config");
   command->add_option("--episodes", options->episodes, "Episode set (default: the file that each result names)");
   add_verify_options(*command, options->verify);
+  command->add_option("--json", options->json, "Also write what was verified to a file, where all was");
   command->footer(
       "One line on stderr and exit code 2 for the first result that is not what its actions give, with the first episode that shows it.\n"
       "Without --benchmark or --config a result may name easier rules than others: compare the hash of the rules.");

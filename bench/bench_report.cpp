@@ -38,7 +38,8 @@ BenchJson BenchReport::json() const {
                        {"max", number(result.measured.max)},
                        {"setting", result.setting}});
   }
-  return {{"bench", bench_}, {"machine", machine_json()}, {"commit", engine_commit()}, {"results", std::move(results)}};
+  return {
+      {"schema_version", 1}, {"bench", bench_}, {"machine", machine_json()}, {"commit", engine_commit()}, {"results", std::move(results)}};
 }
 
 std::string BenchReport::table() const {

@@ -1,0 +1,154 @@
+// Commands around results: evaluation in several processes, replay pages, sweeps, tables as JSON, completion.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "sim/base/files.h"
+#include "tests/support/train_cli.h"
+
+namespace earshot {
+namespace {
+
+using Json = nlohmann::json;
+using testing::AllOf;
+using testing::HasSubstr;
+
+class BoardCli : public TrainCli {
+ protected:
+  void make_episodes(int count) const {
+    expect_done("dataset episodes --config " + path("tiny.yaml") + " --set data.eval.episodes_per_scene=" + std::to_string(count));
+  }
+  [[nodiscard]] Json json_of(const std::string& name) const { return Json::parse(read_file(path(name))); }
+  /// A line of bash; what it prints.
+  [[nodiscard]] std::string bash(const std::string& line) const {
+    write_text(path("line.sh"), line);
+    std::system(("bash " + path("line.sh") + " >" + path("said") + " 2>&1").c_str());
+    return read_file(path("said"));
+  }
+};
+
+TEST_F(BoardCli, AnyNumberOfProcessesGivesTheSameBytes) {
+  make_episodes(7);
+  expect_done("train " + path("tiny.yaml"));
+  const std::string noisy = " --set env.task.actuation_noise.forward_m=0.02 --set env.observation.gps_compass=true";
+  for (const std::string& agent : {path("run"), "random --config " + path("tiny.yaml") + noisy}) {
+    const std::string common = "eval " + agent + " --episodes " + path("eval.json.gz") + " --seed 3 --out ";
+    expect_done(common + path("one.json"));
+    EXPECT_EQ(json_of("one.json")["episodes"].size(), 7u);
+    for (const std::string workers : {"2", "5"}) {  // five: one of them has nothing to do
+      expect_done(common + path("several.json") + " --workers " + workers);
+      EXPECT_EQ(read_file(path("several.json")), read_file(path("one.json"))) << agent << ", " << workers << " workers";
+    }
+  }
+}
+
+TEST_F(BoardCli, AKilledWorkerEndsTheEvaluationWithOneLine) {
+  make_episodes(150);
+  const std::string said =
+      bash(earshot_program().string() + " eval random --config " + path("tiny.yaml") + " --set env.task.max_steps=500 --episodes " + path("eval.json.gz") + " --workers 2 --out " +
+           path("result.json") +
+           " & pid=$!\n"
+           "for i in $(seq 400); do read -r worker rest </proc/$pid/task/$pid/children; [ -n \"$rest\" ] && break; sleep 0.02; done\n"
+           "kill -9 $worker; wait $pid; echo code $?\n");
+  EXPECT_THAT(said, AllOf(HasSubstr("was killed by signal 9"), HasSubstr("code 1\n")));
+  EXPECT_EQ(std::ranges::count(said, '\n'), 2) << said;  // the error and the code
+  EXPECT_FALSE(std::filesystem::exists(path("result.json")));
+  // What is wrong with the input is said once, before any worker starts.
+  expect_refused("eval random --config " + path("tiny.yaml") + " --workers 2", HasSubstr("episodes_per_scene"));
+}
+
+TEST_F(BoardCli, ReplayWritesAPageOfWhatHappened) {
+  make_episodes(3);
+  expect_done("eval oracle --config " + path("tiny.yaml") + " --set env.task.max_steps=200 --episodes " + path("eval.json.gz") + " --out " + path("result.json"));
+  const std::string replay = "replay " + path("result.json") + " --config " + path("tiny.yaml") + " --html " + path("page.html");
+  expect_done(replay + " --episode best --link board.html=leaderboard");
+  const std::string page = read_file(path("page.html"));
+  const std::size_t begin = page.find("id=\"episode\">") + 13;
+  const Json episode = Json::parse(page.substr(begin, page.find("</script>", begin) - begin));
+  EXPECT_EQ(episode["schema_version"], 1);
+  EXPECT_EQ(episode["links"][0]["href"], "board.html");
+  const std::size_t index = episode["episode"]["index"];
+  const Json row = json_of("result.json")["episodes"][index];
+  EXPECT_EQ(episode["steps"].size(), row["actions"].size() + 1);
+  for (std::size_t i = 0; i < row["actions"].size(); ++i) EXPECT_EQ(episode["steps"][i + 1]["action"], row["actions"][i]);
+  EXPECT_EQ(episode["pictures"]["rgb"].size(), episode["steps"].size());
+  EXPECT_EQ(episode["audio"]["samples"], episode["steps"].size() * episode["samples_per_step"].get<std::size_t>());
+  EXPECT_TRUE(page.find("<script src") == std::string::npos && page.find("<link") == std::string::npos) << "needs other files";
+
+  expect_refused(replay + " --episode 3", HasSubstr("write a number from 0 to 2"));
+  expect_refused(replay, HasSubstr("--episode"));
+  expect_refused("replay " + path("result.json") + " --episode 0", HasSubstr("--html"));
+  expect_refused("replay " + path("result.json") + " --link a=b", HasSubstr("--link"));
+  Json forged = json_of("result.json");
+  forged["episodes"][index]["spl"] = 0.25;
+  write_text(path("result.json"), forged.dump());
+  expect_refused(replay + " --episode " + std::to_string(index), HasSubstr("claims spl = 0.25"));
+}
+
+TEST_F(BoardCli, SweepsGoOnWhereTheyWereStopped) {
+  make_episodes(2);
+  const auto sweep_file = [&](const std::string& rate) {
+    write_text(path("sweep.yaml"), "config: " + path("tiny.yaml") + "\nout: " + path("sweep") + "\nseeds: [1, 2]\nset: [total_steps=64]\n" +
+                                       "runs: {base: [], fast: [ppo.learning_rate=" + rate + "]}\n");
+  };
+  sweep_file("1e-3");
+  // Stopped in its first run: nothing is finished, and the same command goes on.
+  const std::string said =
+      bash("timeout -s TERM 2 " + earshot_program().string() + " sweep " + path("sweep.yaml") + " >/dev/null 2>&1; echo code $?");
+  EXPECT_THAT(said, testing::AnyOf(HasSubstr("code 124"), HasSubstr("code 0")));
+  expect_done("sweep " + path("sweep.yaml") + " --json " + path("numbers.json"));
+  const Json numbers = json_of("numbers.json");
+  EXPECT_EQ(numbers["schema_version"], 1);
+  ASSERT_EQ(numbers["runs"].size(), 2u);
+  for (const Json& run : numbers["runs"])
+    for (const Json& seed : run["seeds"]) EXPECT_TRUE(seed["finished"] && seed["env_steps"] == 64) << seed;
+  EXPECT_THAT(read_file(path("sweep/index.html")), AllOf(HasSubstr("<svg"), HasSubstr("ppo.learning_rate=1e-3")));
+  EXPECT_THAT(read_file(path("sweep/table.txt")), HasSubstr("2/2"));
+
+  // Finished runs stay as they are; those of other settings are not theirs.
+  const auto log = std::filesystem::last_write_time(path("sweep/base/seed_1.log"));
+  expect_done("sweep " + path("sweep.yaml"));
+  EXPECT_EQ(std::filesystem::last_write_time(path("sweep/base/seed_1.log")), log);
+  sweep_file("2e-3");
+  expect_refused("sweep " + path("sweep.yaml"), AllOf(HasSubstr("fast/seed_1"), HasSubstr("other settings")));
+  write_text(path("bad.yaml"), "config: " + path("tiny.yaml") + "\nseeds: [1]\nrun: {base: []}\n");
+  expect_refused("sweep " + path("bad.yaml"), HasSubstr("runs"));
+}
+
+TEST_F(BoardCli, TablesAreThereAsJson) {
+  make_episodes(3);
+  expect_done("eval random --config " + path("tiny.yaml") + " --episodes " + path("eval.json.gz") + " --out " + path("result.json") + " --json " + path("eval_table.json"));
+  expect_done("leaderboard " + path("result.json") + " --json " + path("board.json") + " --html " + path("board.html") +
+              " --link page.html=best");
+  for (const std::string& file : {std::string("eval_table.json"), std::string("board.json")}) {
+    const Json table = json_of(file);
+    EXPECT_EQ(table["schema_version"], 1);
+    EXPECT_EQ(table["agents"][0]["rank"], 1);
+    EXPECT_EQ(table["agents"][0]["episodes"], 3);
+    EXPECT_TRUE(table["agents"][0]["metrics"]["spl"].contains("low"));
+  }
+  EXPECT_THAT(read_file(path("board.html")), HasSubstr("<a href=\"page.html\">best</a>"));
+}
+
+TEST_F(BoardCli, ShellsCompleteCommandsAndOptions) {
+  const std::string program = earshot_program().string();
+  EXPECT_EQ(bash("source <(" + program + " completion bash); COMP_WORDS=(earshot ev); COMP_CWORD=1; _earshot; echo ${COMPREPLY[@]}"),
+            "eval\n");
+  EXPECT_EQ(bash("source <(" + program +
+                 " completion bash); COMP_WORDS=(earshot eval random --work); COMP_CWORD=3; _earshot; echo ${COMPREPLY[@]}"),
+            "--workers\n");
+  EXPECT_EQ(
+      bash("source <(" + program + " completion bash); COMP_WORDS=(earshot dataset ep); COMP_CWORD=2; _earshot; echo ${COMPREPLY[@]}"),
+      "episodes\n");
+  EXPECT_THAT(bash("! command -v zsh >/dev/null || zsh -n <(" + program + " completion zsh)"), testing::IsEmpty());
+  EXPECT_THAT(bash(program + " completion zsh"), AllOf(HasSubstr("#compdef earshot"), HasSubstr("eval) _earshot_eval ;;")));
+  EXPECT_THAT(bash(program + " completion man"), AllOf(HasSubstr(".TH EARSHOT 1"), HasSubstr(".SS \"earshot eval\"")));
+  EXPECT_THAT(bash(program + " completion bash"), testing::Not(HasSubstr("--part-folder")));  // no user's option
+}
+
+}  // namespace
+}  // namespace earshot
