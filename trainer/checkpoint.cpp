@@ -127,10 +127,7 @@ class BodyReader : CheckpointFields {
       checkpoint.members = value<std::vector<int>>(body, "members");
       checkpoint.started_workers = value<int>(body, "started_workers");
     }
-    if (checkpoint.members.empty()) {
-      checkpoint.started_workers = checkpoint.world_size;
-      return;
-    }
+    if (checkpoint.members.empty()) return;
     int least = 0;
     for (const int member : checkpoint.members) {
       if (member < least || member >= checkpoint.started_workers) fail("members", "are not workers in order");

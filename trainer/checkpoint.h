@@ -25,7 +25,7 @@ struct Checkpoint : CheckpointMetadata {
   std::vector<double> episode_window;              ///< EpisodeWindow::state of rank 0
   int episode_window_fields = 0;                   ///< numbers in each of its sums
   /// Which part of the environments each rank has: those that rank members[r] of a run with started_workers has at its start.  0, 1, ... of
-  /// world_size as long as no worker was lost, and in files of before.
+  /// world_size as long as no worker was lost; empty in files of before.
   std::vector<int> members = {};
   int started_workers = 0;
 };

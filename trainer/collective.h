@@ -57,6 +57,9 @@ class Collective {
   /// Not collective: the work between two calls calls this wherever it has got on (an env step, a minibatch), so that the others can tell a
   /// worker that is slow from one that hangs.  Costs a look at the clock.
   virtual void note_progress() {}
+  /// Not collective: how many other workers have begun the next call, which has to be one that reaches all at once (no sum of 64 KiB or
+  /// more).
+  [[nodiscard]] virtual int num_waiting() { return 0; }
 };
 
 /// One worker alone: every call is the identity.

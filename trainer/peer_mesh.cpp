@@ -239,6 +239,7 @@ std::optional<PeerMesh::Frame> PeerMesh::receive_from(zmq::socket_t& socket) {
     }
     if (!views_->current().has(sender)) {
       ++late_messages_;
+      tell_left_out(sender);
       continue;
     }
     Frame frame;
@@ -256,6 +257,28 @@ std::optional<PeerMesh::Frame> PeerMesh::receive_from(zmq::socket_t& socket) {
     return frame;
   }
   return std::nullopt;  // a flood: first see whether the peers are alive
+}
+
+/// A worker that was left out has woken: it learns so over a connection of its own, at most once a second.
+void PeerMesh::tell_left_out(int rank) {
+  const auto now = Clock::now();
+  Peer& peer = peers_[static_cast<std::size_t>(rank)];
+  if (peer.lost_at && now - *peer.lost_at < std::chrono::seconds(1)) return;
+  peer.lost_at = now;
+  zmq::socket_t notice = dial(context_, fmt::format("E{:016x}.{}", run_key_, config_.identity.rank));
+  notice.set(zmq::sockopt::immediate, false);  // waits for the connection, as long as a socket lingers
+  security_.secure_dialer(notice, table_.public_keys[static_cast<std::size_t>(rank)]);
+  notice.connect(table_.control_endpoints[static_cast<std::size_t>(rank)]);
+  ViewMessage message;
+  message.epoch = views_->current().epoch;
+  message.members = views_->current().members;
+  const std::string text = encode(message);
+  FrameHeader header;
+  header.operation = Operation::view;
+  header.run_key = run_key_;
+  header.epoch = message.epoch;
+  header.length = header.total = text.size();
+  send_message(notice, header, zmq::message_t(text));
 }
 
 /// The frame with its sender's place.
@@ -349,7 +372,7 @@ void PeerMesh::take_view(const Frame& frame) {
   } catch (const WireError& error) {
     throw RunError(worker(frame.from), fmt::format("breaks the protocol: {}", error.what()));
   }
-  if (views_->is_open() && !regrouping_) throw Disruption{};
+  if (views_->is_open() && !regrouping_ && !peeking_) throw Disruption{};
 }
 
 void PeerMesh::take_progress(const Frame& frame) {
@@ -428,6 +451,20 @@ void PeerMesh::send_progress(bool waiting) {
 void PeerMesh::note_progress() {
   ++progress_;
   if (!abandoned_) send_progress(false);
+}
+
+int PeerMesh::num_waiting(std::uint64_t next) {
+  if (abandoned_) return 0;
+  sequence_ = next - 1;  // of call 0, too: the call after this one is `next`, whose messages are kept
+  peeking_ = true;       // a change of membership is the next call's business
+  while (receive_control()) {
+  }
+  peeking_ = false;
+  int count = 0;
+  for (const Peer& peer : peers_)
+    count +=
+        !peer.early.empty() && peer.early.front().header.epoch == views_->current().epoch && peer.early.front().header.sequence == next;
+  return count;
 }
 
 /// The proposal to all that have not had it; to those that it leaves out once, so that they know when they wake.

@@ -92,6 +92,8 @@ class PeerMesh {
   std::vector<int> regroup();
   /// Tells the peers that this worker gets on: at most every 5 s, or eight times in the time after which it would count as lost.
   void note_progress();
+  /// Between two calls: how many peers have sent control messages of call number `next`.
+  int num_waiting(std::uint64_t next);
   /// Returns when libzmq reads none of the lent payloads any more.
   void finish_sends();
 
@@ -121,6 +123,7 @@ class PeerMesh {
   [[nodiscard]] int sender_of(const std::string& routing_id) const;
   std::optional<Frame> receive_from(zmq::socket_t& socket);
   std::optional<Frame> handed_out(Frame frame) const;
+  void tell_left_out(int rank);
   void take_goodbye(const Frame& frame);
   void take_view(const Frame& frame);
   void take_progress(const Frame& frame);
@@ -146,7 +149,7 @@ class PeerMesh {
   WorkerIdentity identity_;
   std::vector<int> members_;
   std::optional<ViewAgreement> views_;
-  bool regrouping_ = false, left_out_ = false;
+  bool regrouping_ = false, peeking_ = false, left_out_ = false;
   std::deque<Frame> early_bulk_;  ///< of the next view
   std::optional<Clock::time_point> bulk_lost_at_;
   std::vector<zmq_pollitem_t> poll_items_;

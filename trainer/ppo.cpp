@@ -135,10 +135,12 @@ struct PpoLearner::Rollout {
   torch::Tensor hidden;                                                           // [B, hidden_size]
   torch::Tensor not_done, actions, log_prob, values, advantages, returns, valid;  // [T, B]
   torch::Tensor own;                                                              // [T, B] valid, and the policy itself chose the action
+  float weight;  // of this worker's mean in that of all: the fraction of its steps that it made, so exactly 1 for a whole rollout
 
   Rollout(const RolloutBuffer& buffer, const GaeConfig& config) {
     const auto rows = [&](const torch::Tensor& slab) { return slab.slice(0, 0, buffer.num_steps()); };
     observations = buffer.observations.map(rows);
+    weight = static_cast<float>(buffer.num_steps()) / static_cast<float>(buffer.actions.size(0));
     hidden = buffer.hidden;
     not_done = rows(buffer.not_done);
     actions = rows(buffer.actions);
@@ -211,7 +213,7 @@ StepStatus PpoLearner::accumulate_gradient(const Rollout& rollout, std::span<con
   const torch::Tensor& counts = guidance_.imitation_at(progress) > 0 || guidance_.goal > 0 ? rollout.valid : rollout.own;
   const bool has_rows = !envs.empty() && counts.index_select(1, index_of(envs)).any().item<bool>();
   flat_gradient_.zero_();
-  gradient.back() = has_rows ? 1.f : 0.f;
+  gradient.back() = has_rows ? rollout.weight : 0.f;
   StepStatus status;
   if (!has_rows) return status;
 
@@ -219,7 +221,7 @@ StepStatus PpoLearner::accumulate_gradient(const Rollout& rollout, std::span<con
   const PpoLoss loss = minibatch_loss(rollout, envs, progress, first_of_all, stats);
   stats.forward_s += seconds_since(start);
   const auto backward_start = std::chrono::steady_clock::now();
-  loss.total.backward();
+  (rollout.weight == 1.f ? loss.total : loss.total * rollout.weight).backward();
   stats.backward_s += seconds_since(backward_start);
   status.loss = loss.total.item<double>();
   status.approx_kl = loss.approx_kl.item<double>();
@@ -299,7 +301,8 @@ UpdateStats PpoLearner::update(const RolloutBuffer& buffer, double progress, std
 }
 
 double PpoLearner::clip_and_step(double squared_sum) {
-  // Beside the sum of the gradients stands the number of workers that had rows: their quotient is the mean over those.
+  // Beside the sum of the gradients stands the number of workers that had rows, each as the fraction of its steps: their quotient is the
+  // mean over those.
   const double weight = flat_gradient_.data_ptr<float>()[flat_gradient_.numel() - 1];
   const double norm = std::sqrt(squared_sum) / weight;
   const double scale = std::min(1.0, config_.max_gradient_norm / (norm + 1e-6)) / weight;

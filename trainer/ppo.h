@@ -64,8 +64,8 @@ struct UpdateStats {
 /// worker steps; weights and Adam's state stay as they are and the run goes on.
 ///
 /// A minibatch is a part of the envs with their whole sequences; each env is in one minibatch per epoch.  The loss is the mean over the
-/// valid rows of a worker's minibatch, and each worker that has such rows weighs the same (docs/ppo.md, section 5.1); a worker that has
-/// none joins the sum with weight 0.
+/// valid rows of a worker's minibatch, and each worker that has such rows weighs the same (docs/ppo.md, section 5.1), or by its steps if
+/// its rollout ended early; a worker that has none joins the sum with weight 0.
 class PpoLearner {
  public:
   /// near_m: distance at which the goal is reached, for GuidanceConfig::goal.

@@ -21,6 +21,7 @@ void read(ConfigReader& reader, PpoConfig& config) {
   reader.read("linear_clip_decay", config.linear_clip_decay);
   reader.read("linear_entropy_decay", config.linear_entropy_decay);
   reader.read("target_kl", config.target_kl);
+  reader.read("preempt_fraction", config.preempt_fraction);
   reader.read("loss_alarm", config.loss_alarm);
   reader.read("kl_alarm", config.kl_alarm);
   reader.read("gamma", config.gae.gamma);
@@ -43,6 +44,8 @@ void validate(const PpoConfig& config) {
   positive("ppo.loss_alarm", config.loss_alarm, "must be positive: a larger loss is reported");
   positive("ppo.kl_alarm", config.kl_alarm, "must be positive: a larger divergence from the policy that acted is reported");
   not_negative("ppo.target_kl", config.target_kl, "must not be negative: epochs end where the divergence is larger; 0: they do not");
+  require(config.preempt_fraction >= 0 && config.preempt_fraction < 1, "ppo.preempt_fraction", config.preempt_fraction,
+          "must be in [0, 1): the fraction of workers that the others do not keep waiting; 0: all are waited for");
   require(config.epochs > 0, "ppo.epochs", config.epochs, "must be positive: passes over each rollout");
   require(config.minibatches > 0, "ppo.minibatches", config.minibatches,
           "must be positive: the environments of a worker are divided among them");

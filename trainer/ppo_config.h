@@ -14,6 +14,10 @@ struct PpoConfig {
   bool linear_learning_rate_decay = false, linear_clip_decay = false, linear_entropy_decay = false;
   /// Epochs end early once the mean of approx_kl over the minibatches of an epoch, of all workers, is over this; 0: never.
   double target_kl = 0;
+  /// Once this fraction of the workers has its rollout, the others end theirs, after a quarter of the steps at least (DD-PPO, Wijmans et
+  /// al. 2020, section 3); each then counts by its steps.  0: all are waited for.  When a worker is cut short depends on the clock, so that
+  /// two runs do not have the same bits.
+  double preempt_fraction = 0;
   /// Above these a minibatch raises an alarm: it is counted and reported, the step is taken.  (Sample Factory's limits.)
   double loss_alarm = 30, kl_alarm = 100;
   GaeConfig gae;

@@ -95,10 +95,12 @@ class Worker {
   void check_equal_weights();
   UpdateStats learn();
   void note(UpdateStats stats);
-  void report(const UpdateStats& stats, double update_s);
+  bool is_preempted(int step);
+  std::uint64_t collected_steps();
+  void report(const UpdateStats& stats, double update_s, std::uint64_t steps);
   /// What a worker says of its own update; travels as it lies in memory.
   struct OwnUpdate {
-    double update_s, collect_s, episodes, stopped, explained_variance, approx_kl, clip_fraction;
+    double update_s, collect_s, rollout_steps, episodes, stopped, explained_variance, approx_kl, clip_fraction;
   };
   void append_workers(std::vector<std::pair<std::string, double>>& values, const std::vector<std::string>& of_all) const;
   void save(bool last);
@@ -336,6 +338,7 @@ void Worker::append_workers(std::vector<std::pair<std::string, double>>& values,
     const auto add = [&](const char* name, double value) { values.emplace_back(fmt::format("workers/{}/{}", members[rank], name), value); };
     add("update_s", own.update_s);
     add("collect_s", own.collect_s);
+    add("rollout_steps", own.rollout_steps);
     add("stopped", stopped);
     add("timeout", 1 - stopped);
     add("explained_variance", own.explained_variance);
@@ -344,7 +347,7 @@ void Worker::append_workers(std::vector<std::pair<std::string, double>>& values,
   }
 }
 
-void Worker::report(const UpdateStats& stats, double update_s) {
+void Worker::report(const UpdateStats& stats, double update_s, std::uint64_t steps) {
   constexpr std::size_t num_stages = 7, first_counter = EpisodeSums::num_fields + num_stages;
   std::array<double, first_counter + RunCounters::num_fields> sums{};
   std::copy(finished_.values.begin(), finished_.values.end(), sums.begin());
@@ -355,6 +358,7 @@ void Worker::report(const UpdateStats& stats, double update_s) {
   std::copy(stage.begin(), stage.end(), sums.begin() + EpisodeSums::num_fields);
   const OwnUpdate own_update{update_s,
                              std::exchange(own_step_s_, 0),
+                             static_cast<double>(collector_.rollout().num_steps()),
                              finished_.values[EpisodeSums::count],
                              finished_.values[EpisodeSums::stopped],
                              stats.explained_variance,
@@ -379,7 +383,7 @@ void Worker::report(const UpdateStats& stats, double update_s) {
   mean.add({seconds[0], seconds[1], seconds[2], seconds[3], seconds[4], seconds[5], seconds[6]}, 1.0 / world_);
 
   const EpisodeSums recent = window_.total();
-  const double steps_per_s = static_cast<double>(steps_per_update()) / update_s;
+  const double steps_per_s = static_cast<double>(steps) / update_s;
   const double left_steps = static_cast<double>(config_.total_steps) - static_cast<double>(env_steps_);
   double left_s = std::max(0.0, left_steps) / steps_per_s;
   if (config_.max_minutes > 0) left_s = std::min(left_s, std::max(0.0, config_.max_minutes * 60 - bounded_s()));
@@ -479,24 +483,40 @@ void Worker::begin_files() {
   checkpoints_.emplace(RunFolder(config_.out), config_.keep, update_);
 }
 
+/// Whether enough others wait for this worker's rollout that it ends with this step.
+bool Worker::is_preempted(int step) {
+  constexpr int kLeastPart = 4;  // of a rollout: a quarter
+  if (config_.ppo.preempt_fraction <= 0 || kLeastPart * (step + 1) < config_.rollout_steps) return false;
+  return collective_.num_waiting() >= std::max(1, static_cast<int>(std::ceil(config_.ppo.preempt_fraction * world_ - 1e-9)));
+}
+
+/// Of all workers in this update.  With preemption a call in which those that have their rollouts wait for the others.
+std::uint64_t Worker::collected_steps() {
+  if (config_.ppo.preempt_fraction <= 0) return steps_per_update();
+  std::uint64_t steps = 0;
+  for (const auto& text : collective_.all_gather(std::to_string(collector_.rollout().num_steps()))) steps += std::stoull(text);
+  return steps * static_cast<std::uint64_t>(config_.envs_per_worker);
+}
+
 void Worker::update() {
   if (!collected_) {
     LapTimer watch;
-    collector_.collect(progress_, finished_, times_, [&](int) {
+    collector_.collect(progress_, finished_, times_, [&](int step) {
       collective_.note_progress();
-      return false;
+      return is_preempted(step);
     });
     collected_ = true;
     own_step_s_ = watch.lap();
   }
+  const std::uint64_t steps = collected_steps();
   const UpdateStats stats = learn();
   collected_ = false;
   ++update_;
-  env_steps_ += steps_per_update();
+  env_steps_ += steps;
   const double update_s = clock_.lap();
   elapsed_s_ += update_s;
   note(stats);
-  report(stats, update_s);
+  report(stats, update_s, steps);
   if (update_ % static_cast<std::uint64_t>(config_.checkpoint_every) == 0) save(false);
 }
 

@@ -21,6 +21,7 @@ class ZmqRing : public Collective {
   [[nodiscard]] std::vector<int> members() const override { return mesh_.members(); }
   [[nodiscard]] bool survives_loss() const override { return mesh_.survives_loss(); }
   void note_progress() override { mesh_.note_progress(); }
+  [[nodiscard]] int num_waiting() override { return mesh_.num_waiting(sequence_); }
   void all_reduce_sum(std::span<float> buffer) override;
   void all_reduce_sum(std::span<double> buffer) override;
   void broadcast(std::span<std::byte> buffer) override;

@@ -123,6 +123,37 @@ TEST_F(LostWorkers, StoppedOneIsLeftBehindAndEndsWhenItWakes) {
   EXPECT_EQ(status_of_victim_, 0);  // with one line that names it
 }
 
+// It wakes while the others still train, and must not wait for them until a time-out.
+TEST_F(LostWorkers, AStoppedOneThatWakesIsToldAtOnce) {
+  SharedArray<std::atomic<int>, 2> state;  // sums since the loss; the one that woke has ended
+  WorkerProcesses workers(3, [&](int rank) {
+    const auto collective = make_zmq_ring(lasting_ring(ring_in(folder_, rank, 3)));
+    Summing summing(*collective);
+    try {
+      while (state[1] == 0 || summing.rounds % 4 != 0) {
+        if (summing.sum_once() && summing.changes > 0 && rank == 0) ++state[0];
+        std::this_thread::sleep_for(milliseconds(5));
+        if (rank == 1 && summing.changes == 0 && summing.rounds == 8) ::raise(SIGSTOP);
+      }
+    } catch (const LeftOut& error) {
+      std::fprintf(stderr, "worker %d ends: %s\n", rank, error.what());
+      return rank == 1;
+    } catch (const RunError&) {
+      return rank != 1;  // the other one has seen the end earlier
+    }
+    return rank != 1 && summing.right;
+  });
+  while (state[0] < 20) std::this_thread::sleep_for(milliseconds(5));
+  ::kill(workers.pid(1), SIGCONT);
+  const auto woken = Clock::now();
+  EXPECT_EQ(workers.wait(1), 0);
+  std::printf("ended %.0f ms after it woke\n", 1000 * seconds_since(woken));
+  EXPECT_LT(seconds_since(woken), 10.0);
+  state[1] = 1;
+  EXPECT_EQ(workers.wait(0), 0);
+  EXPECT_EQ(workers.wait(2), 0);
+}
+
 // Its heart beats, since that is another thread; but its loop is in one place.
 TEST_F(LostWorkers, OneInAnEndlessLoopIsLeftBehind) {
   const auto ring = [&](int rank) {
@@ -151,6 +182,32 @@ TEST_F(LostWorkers, ASlowOneIsWaitedFor) {
     return buffer[0] == 3.f && collective->identity().world_size == 3;
   });
   workers.expect_all_succeed();
+}
+
+// Those that have begun the next call are counted before it, also where a change of membership has set the numbers of calls back.
+TEST_F(LostWorkers, WaitingOnesAreCounted) {
+  SharedArray<std::atomic<int>, 1> ready;
+  WorkerProcesses workers(4, [&](int rank) {
+    const auto collective = make_zmq_ring(lasting_ring(ring_in(folder_, rank, 4)));
+    const auto all_come_to = [&](std::size_t others) {
+      if (rank == 0 && collective->num_waiting() > static_cast<int>(others)) return false;
+      for (int tries = 0; rank == 0 && collective->num_waiting() < static_cast<int>(others); ++tries) {
+        if (tries > 2000) return false;
+        std::this_thread::sleep_for(milliseconds(5));
+      }
+      return collective->all_gather(std::to_string(rank)).size() == others + 1;
+    };
+    for (int call = 0; call < 5; ++call)
+      if (!all_come_to(3)) return false;
+    ++ready[0];
+    Summing summing(*collective);
+    if (rank == 3) ::pause();
+    while (summing.changes == 0) summing.sum_once();
+    return all_come_to(2) && all_come_to(2);
+  });
+  while (ready[0] < 4) std::this_thread::sleep_for(milliseconds(2));
+  ::kill(workers.pid(3), SIGKILL);
+  for (const int rank : {0, 1, 2}) EXPECT_EQ(workers.wait(rank), 0) << rank;
 }
 
 /// Closes the worker's connections for gradients, as a machine between two hosts may.

@@ -1,0 +1,98 @@
+// Workers of which one is four times as slow: what preemption does to its rollouts, and to the steps that all make in a second.
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <cmath>
+#include <thread>
+
+#include "tests/support/worker_processes.h"
+#include "trainer/checkpoint.h"
+#include "trainer/episode_data.h"
+#include "trainer/event_log.h"
+#include "trainer/train_loop.h"
+
+namespace earshot {
+namespace {
+
+constexpr int kWorld = 8, kSlow = 5, kRolloutSteps = 16, kUpdates = 6;
+constexpr std::chrono::milliseconds kStep(40);  // sleep of a healthy worker in a step: far more than what the step computes
+
+std::string tiny_yaml(const std::filesystem::path& folder) {
+  return "name: tiny\nseed: 3\nenvs_per_worker: 1\nrollout_steps: 16\ncheckpoint_every: 1000\n"
+         "env:\n  task: {max_steps: 12}\n  observation: {depth: false, camera: {width_px: 40, height_px: 40}}\n  acoustics: {rays: 4, "
+         "rir_length_s: 0.1, early_order: 0}\n"
+         "policy: {hidden_size: 8, visual_features: 8, audio_features: 8, conv_channels: 2}\n"
+         "ppo: {epochs: 2, minibatches: 1}\n"
+         "data:\n  train: {file: " +
+         (folder / "train.json.gz").string() +
+         ", scenes: [\"shoebox:5x3x4@0.2\"], episodes_per_scene: 12, sounds: [\"synth:telephone\"], filter: {min_geodesic_m: 1, min_ratio: "
+         "1}}\n";
+}
+
+class PreemptedRun : public testing::Test {
+ protected:
+  void SetUp() override {
+    WorkerProcesses generator(1, [&](int) {
+      const RunConfig config = parse_run_config(tiny_yaml(folder_.path()), "tiny", {});
+      return !generate_data(config.train, config.env).episodes.empty();
+    });
+    generator.expect_all_succeed();
+  }
+  /// Curve points of a run with so much sleep in the steps of one worker.
+  std::vector<CurvePoint> run(const std::string& name, std::chrono::milliseconds slow_step, const std::string& fraction) {
+    WorkerProcesses workers(kWorld, [&](int rank) {
+      if (std::freopen("/dev/null", "w", stderr) == nullptr) return false;  // a line per update
+      RunConfig config = parse_run_config(tiny_yaml(folder_.path()), "tiny",
+                                          {"out=" + (folder_.path() / name).string(), "ppo.preempt_fraction=" + fraction,
+                                           "total_steps=" + std::to_string(kUpdates * kWorld * kRolloutSteps)});
+      RingConfig ring = ring_in(folder_, rank, kWorld);
+      ring.rendezvous = "ipc://" + (folder_.path() / ("meet_" + name)).string();
+      const auto collective = make_zmq_ring(ring);
+      TrainHooks hooks;
+      hooks.stage_hook = [&](const StageOutput& output, std::span<float>) {
+        if (output.kind == Fault::sound) std::this_thread::sleep_for(rank == kSlow ? slow_step : kStep);
+      };
+      const TrainReport report = train(config, *collective, {}, hooks);
+      return report.env_steps >= config.total_steps && report.guards.skipped_steps == 0;  // weights are compared with the last checkpoint
+    });
+    workers.expect_all_succeed();
+    return read_event_log(folder_.path() / name / "events.jsonl");
+  }
+  static double value(const CurvePoint& point, const std::string& curve) {
+    for (const auto& [name, number] : point.values)
+      if (name == curve) return number;
+    ADD_FAILURE() << "no curve " << curve;
+    return std::nan("");
+  }
+  /// Steps per second after the first update, which loads the scene.
+  static double rate(const std::vector<CurvePoint>& points) {
+    return static_cast<double>(points.back().env_steps - points.front().env_steps) / (points.back().wall_s - points.front().wall_s);
+  }
+
+  PrivateTestFolder folder_;
+};
+
+TEST_F(PreemptedRun, ASlowWorkerMakesShorterRolloutsAndHoldsUpNoOther) {
+  const auto healthy = run("healthy", kStep, "0.6"), waiting = run("waiting", 4 * kStep, "0"),
+             preempted = run("preempted", 4 * kStep, "0.6");
+  std::printf("steps per second: %.1f healthy, %.1f (%.0f %%) with a slow worker, %.1f (%.0f %%) with preemption\n", rate(healthy),
+              rate(waiting), 100 * rate(waiting) / rate(healthy), rate(preempted), 100 * rate(preempted) / rate(healthy));
+  std::uint64_t before = 0;
+  for (const CurvePoint& point : preempted) {
+    double steps = 0;
+    for (int rank = 0; rank < kWorld; ++rank) {
+      const double own = value(point, "workers/" + std::to_string(rank) + "/rollout_steps");
+      EXPECT_GE(own, kRolloutSteps / 4) << rank;
+      EXPECT_LE(own, kRolloutSteps) << rank;
+      steps += own;
+    }
+    EXPECT_LT(value(point, "workers/5/rollout_steps"), kRolloutSteps) << "update " << point.update;
+    EXPECT_EQ(static_cast<double>(point.env_steps - before), steps);
+    before = point.env_steps;
+  }
+  for (const CurvePoint& point : waiting) EXPECT_EQ(value(point, "workers/5/rollout_steps"), kRolloutSteps);
+  EXPECT_GT(rate(preempted), 1.5 * rate(waiting));  // 3.6 times on an idle machine
+}
+
+}  // namespace
+}  // namespace earshot
