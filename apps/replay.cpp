@@ -14,6 +14,7 @@
 #include "trainer/field_decision.h"
 #include "trainer/find_checkpoint.h"
 #include "trainer/planned_acoustics.h"
+#include "trainer/replay_mcap.h"
 #include "trainer/replay_page.h"
 #include "trainer/replay_policy.h"
 
@@ -21,7 +22,7 @@ namespace earshot {
 namespace {
 
 struct Options {
-  std::string file, episode, html, policy, config, benchmark, episodes;
+  std::string file, episode, html, mcap, policy, config, benchmark, episodes;
   std::vector<std::string> overrides, links;
 };
 
@@ -76,6 +77,12 @@ void make_page(const Options& options) {
     caption.policy = config.name;
   }
   const EpisodeRecording recording = record_episode(result, options.file, set, index, config.env, {}, observer);
+  if (!options.mcap.empty()) {
+    const std::string bytes = replay_mcap(recording);
+    write_file_atomically(options.mcap, bytes);
+    fmt::print("{}: {} observations; {:.1f} MB\n", options.mcap, recording.steps.size(), static_cast<double>(bytes.size()) * 1e-6);
+  }
+  if (options.html.empty()) return;
   const std::string page = replay_html(recording, caption);
   write_file_atomically(options.html, page);
   fmt::print("{}: episode {} ('{}' in {}), {} actions, SPL {:.3f}; {:.1f} MB{}\n", options.html, index, recording.episode.episode_id,
@@ -84,7 +91,7 @@ void make_page(const Options& options) {
 }
 
 void run_replay(const Options& options) {
-  const bool page = !options.html.empty() || !options.episode.empty();
+  const bool page = !options.html.empty() || !options.mcap.empty() || !options.episode.empty();
   if (!page) {
     for (const auto& [value, option] : {std::pair(&options.policy, "--policy"), std::pair(&options.config, "--config"),
                                         std::pair(&options.benchmark, "--benchmark"), std::pair(&options.episodes, "--episodes")})
@@ -93,7 +100,9 @@ void run_replay(const Options& options) {
     return replay_quarantined(options);
   }
   if (options.episode.empty()) throw InputError("--episode", "is missing", "say which one: a number from 0 on, or best, median or worst");
-  if (options.html.empty()) throw InputError("--html", "is missing", "name the page to write");
+  if (options.html.empty() && options.mcap.empty())
+    throw InputError("--html", "is missing", "name the page to write, or a file with --mcap");
+  if (options.html.empty() && !options.links.empty()) throw InputError("--link", "has no effect without a page", "say --html");
   make_page(options);
 }
 
@@ -110,6 +119,7 @@ void add_replay(CLI::App& app) {
       ->required();
   command->add_option("--episode", options->episode, "Of a result: its number from 0 on, or best, median or worst by SPL");
   command->add_option("--html", options->html, "Of a result: the page to write, one file that needs no network");
+  command->add_option("--mcap", options->mcap, "Of a result: an MCAP file to write, with pose, pictures, sound and numbers of each step");
   command->add_option("--policy", options->policy,
                       "Policy file, checkpoint or run folder: what the agent sees and hears, and its values and probabilities");
   command->add_option("--config", options->config, "Run config: what the agent sees and hears, where it is no policy");

@@ -49,8 +49,8 @@ TEST_F(BoardCli, AnyNumberOfProcessesGivesTheSameBytes) {
 TEST_F(BoardCli, AKilledWorkerEndsTheEvaluationWithOneLine) {
   make_episodes(150);
   const std::string said =
-      bash(earshot_program().string() + " eval random --config " + path("tiny.yaml") + " --set env.task.max_steps=500 --episodes " + path("eval.json.gz") + " --workers 2 --out " +
-           path("result.json") +
+      bash(earshot_program().string() + " eval random --config " + path("tiny.yaml") + " --set env.task.max_steps=500 --episodes " +
+           path("eval.json.gz") + " --workers 2 --out " + path("result.json") +
            " & pid=$!\n"
            "for i in $(seq 400); do read -r worker rest </proc/$pid/task/$pid/children; [ -n \"$rest\" ] && break; sleep 0.02; done\n"
            "kill -9 $worker; wait $pid; echo code $?\n");
@@ -63,7 +63,8 @@ TEST_F(BoardCli, AKilledWorkerEndsTheEvaluationWithOneLine) {
 
 TEST_F(BoardCli, ReplayWritesAPageOfWhatHappened) {
   make_episodes(3);
-  expect_done("eval oracle --config " + path("tiny.yaml") + " --set env.task.max_steps=200 --episodes " + path("eval.json.gz") + " --out " + path("result.json"));
+  expect_done("eval oracle --config " + path("tiny.yaml") + " --set env.task.max_steps=200 --episodes " + path("eval.json.gz") + " --out " +
+              path("result.json"));
   const std::string replay = "replay " + path("result.json") + " --config " + path("tiny.yaml") + " --html " + path("page.html");
   expect_done(replay + " --episode best --link board.html=leaderboard");
   const std::string page = read_file(path("page.html"));
@@ -121,7 +122,8 @@ TEST_F(BoardCli, SweepsGoOnWhereTheyWereStopped) {
 
 TEST_F(BoardCli, TablesAreThereAsJson) {
   make_episodes(3);
-  expect_done("eval random --config " + path("tiny.yaml") + " --episodes " + path("eval.json.gz") + " --out " + path("result.json") + " --json " + path("eval_table.json"));
+  expect_done("eval random --config " + path("tiny.yaml") + " --episodes " + path("eval.json.gz") + " --out " + path("result.json") +
+              " --json " + path("eval_table.json"));
   expect_done("leaderboard " + path("result.json") + " --json " + path("board.json") + " --html " + path("board.html") +
               " --link page.html=best");
   for (const std::string& file : {std::string("eval_table.json"), std::string("board.json")}) {
