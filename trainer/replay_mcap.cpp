@@ -60,7 +60,7 @@ class McapWriter {
     write(message, Fields().number(number).number(sequence).number(time_ns).number(time_ns).rest(value.dump()));
   }
   [[nodiscard]] std::string finish() {
-    write(data_end, Fields().number(std::uint32_t{0}));                                                   // no checksum
+    write(data_end, Fields().number(std::uint32_t{0}));                                                  // no checksum
     write(footer, Fields().number(std::uint64_t{0}).number(std::uint64_t{0}).number(std::uint32_t{0}));  // no summary
     file_ += kMagic;
     return std::move(file_);
@@ -83,7 +83,8 @@ Json numbers_of(std::initializer_list<const char*> names) {
 }
 
 const Json& time_schema() {
-  static const Json schema_of_time{{"type", "object"}, {"title", "time"}, {"properties", {{"sec", {{"type", "integer"}}}, {"nsec", {{"type", "integer"}}}}}};
+  static const Json schema_of_time{
+      {"type", "object"}, {"title", "time"}, {"properties", {{"sec", {{"type", "integer"}}}, {"nsec", {{"type", "integer"}}}}}};
   return schema_of_time;
 }
 
@@ -95,7 +96,8 @@ std::string sound_of(const EpisodeRecording& recording, std::size_t step, float 
   std::vector<std::int16_t> samples;
   for (std::size_t i = 0; i < count; ++i)
     for (std::size_t ear = 0; ear < 2; ++ear)
-      samples.push_back(static_cast<std::int16_t>(std::lround(32767.f * std::clamp(gain * recording.sound[ear * all + step * count + i], -1.f, 1.f))));
+      samples.push_back(
+          static_cast<std::int16_t>(std::lround(32767.f * std::clamp(gain * recording.sound[ear * all + step * count + i], -1.f, 1.f))));
   return base64_of<std::int16_t>(samples);
 }
 
@@ -126,7 +128,8 @@ std::string replay_mcap(const EpisodeRecording& recording) {
     const double half = step.pose.heading_rad / 2;
     const Json at{{"x", step.pose.position.x}, {"y", step.pose.position.y}, {"z", step.pose.position.z}};
     const Json turned{{"x", 0}, {"y", std::sin(half)}, {"z", 0}, {"w", std::cos(half)}};
-    file.message_of(1, sequence, time_ns, {{"timestamp", stamp}, {"frame_id", "scene"}, {"pose", {{"position", at}, {"orientation", turned}}}});
+    file.message_of(1, sequence, time_ns,
+                    {{"timestamp", stamp}, {"frame_id", "scene"}, {"pose", {{"position", at}, {"orientation", turned}}}});
     file.message_of(2, sequence, time_ns,
                     {{"timestamp", stamp},
                      {"frame_id", "camera"},
