@@ -250,6 +250,7 @@ UpdateStats PpoLearner::update(const RolloutBuffer& buffer, double progress, std
     static_cast<torch::optim::AdamOptions&>(group.options()).lr(config_.learning_rate * (config_.linear_learning_rate_decay ? left : 1.0));
 
   Rollout rollout(buffer, config_.gae);
+  if (collective.identity().world_size == 1) rollout.weight = 1.f;  // it would cancel, but for rounding
   stats.explained_variance = explained_variance(rollout.values, rollout.returns, rollout.own);
   if (config_.normalize_advantages) rollout.advantages = normalize_advantages(rollout.advantages, rollout.own, collective);
   if (policy_->normalizes_values()) follow_returns(policy_, rollout.returns, rollout.own, update, collective);
