@@ -18,6 +18,8 @@ fi
 if [ "${1:-}" = -- ]; then shift; fi
 # Without these ccache keeps nothing that reads precompiled headers.
 export CCACHE_SLOPPINESS=${CCACHE_SLOPPINESS:-pch_defines,time_macros}
+# Paths below here count as relative, so that clones share what they have compiled.
+export CCACHE_BASEDIR=${CCACHE_BASEDIR:-$PWD} CCACHE_NOHASHDIR=${CCACHE_NOHASHDIR:-1}
 launcher=()
 command -v ccache >/dev/null && launcher=(-DCMAKE_CXX_COMPILER_LAUNCHER=ccache)
 # In a folder of another compiler's, CMake would forget what the preset sets, the sanitizer first of all.
