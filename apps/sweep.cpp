@@ -31,6 +31,7 @@ struct Options {
 
 /// Beside a run's folder: what it was started with, and that it has ended as its config says.
 std::filesystem::path file_beside(const SweepRun& run, const char* ending) { return run.folder.string() + ending; }
+std::filesystem::path result_of(const SweepRun& run) { return file_beside(run, ".result.json"); }
 std::filesystem::path log_of(const SweepRun& run) { return file_beside(run, ".log"); }
 
 std::string settings_of(const SweepConfig& sweep, const SweepRun& run) {
@@ -39,14 +40,31 @@ std::string settings_of(const SweepConfig& sweep, const SweepRun& run) {
   return text + config_text(run.config);
 }
 
+/// What a result was made with: another list of changes makes another result.
+std::filesystem::path evaluated_with(const SweepRun& run) { return file_beside(run, ".evaluated"); }
+std::string evaluation_settings(const SweepConfig& sweep) {
+  std::string text;
+  for (const std::string& override : *sweep.evaluate) text += override + "\n";
+  return text;
+}
+bool evaluation_due(const SweepConfig& sweep, const SweepRun& run) {
+  return sweep.evaluate && (!std::filesystem::exists(result_of(run)) || !std::filesystem::exists(evaluated_with(run)) ||
+                            read_file(evaluated_with(run)) != evaluation_settings(sweep));
+}
+
 bool finished(const SweepRun& run) { return std::filesystem::exists(file_beside(run, ".done")); }
 
-std::vector<SweepCurve> curves_of(const std::vector<SweepRun>& runs) {
+std::vector<SweepCurve> curves_of(const SweepConfig& sweep, const std::vector<SweepRun>& runs) {
   std::vector<SweepCurve> curves;
   for (const SweepRun& run : runs) {
     SweepCurve curve{.variant = run.variant, .seed = run.seed, .finished = finished(run), .points = {}};
     const std::filesystem::path log = RunFolder(run.folder).event_log();
     if (std::filesystem::exists(log)) curve.points = read_event_log(log);
+    if (sweep.evaluate && !evaluation_due(sweep, run)) {
+      const EvaluationResult result = load_result(result_of(run));
+      curve.held_out_success = result.success().mean;
+      curve.held_out_spl = result.spl().mean;
+    }
     curves.push_back(std::move(curve));
   }
   return curves;
@@ -126,7 +144,8 @@ void refuse_other_settings(const SweepConfig& sweep, const SweepRun& run) {
 
 void train_run(const SweepConfig& sweep, const SweepRun& run, const std::string& label) {
   const std::string what = fmt::format("sweep run {} seed {}", run.variant, run.seed);
-  if (!run.config.train.file.empty() && !std::filesystem::exists(run.config.train.file)) {
+  const auto missing = [](const std::string& file) { return !file.empty() && !std::filesystem::exists(file); };
+  if (missing(run.config.train.file) || (sweep.evaluate && missing(run.config.eval.file))) {
     std::vector<std::string> make{"dataset", "episodes", "--config", sweep.config};
     for (const std::string& override : run.overrides) make.insert(make.end(), {"--set", override});
     expect_done(run_program(make, log_of(run), [] {}), what + ": its episodes", log_of(run));
@@ -148,8 +167,20 @@ void train_run(const SweepConfig& sweep, const SweepRun& run, const std::string&
   write_file_atomically(file_beside(run, ".done"), "");
 }
 
+/// On the held-out set of its config, in the environment that the sweep asks for.
+void evaluate_run(const SweepConfig& sweep, const SweepRun& run, const std::string& label) {
+  std::vector<std::string> evaluate{
+      "eval", run.folder.string(), "--out", result_of(run).string(), "--workers", std::to_string(run.config.workers)};
+  for (const std::string& override : *sweep.evaluate) evaluate.insert(evaluate.end(), {"--set", override});
+  fmt::print(stderr, "{}: evaluation\n", label);
+  expect_done(run_program(evaluate, log_of(run), [] {}), fmt::format("sweep run {} seed {}: its evaluation", run.variant, run.seed),
+              log_of(run));
+  stop_if_told();
+  write_file_atomically(evaluated_with(run), evaluation_settings(sweep));
+}
+
 void write_report(const Options& options, const SweepConfig& sweep, const std::vector<SweepRun>& runs) {
-  const auto curves = curves_of(runs);
+  const auto curves = curves_of(sweep, runs);
   const std::filesystem::path out = sweep.out;
   write_file_atomically(out / "sweep.json", sweep_json(sweep, curves));
   write_file_atomically(out / "sweep.svg", sweep_svg(sweep, curves));
@@ -165,13 +196,15 @@ void run_sweep(const Options& options) {
   if (!options.report) {
     const StopSignals signals;
     for (std::size_t i = 0; i < runs.size(); ++i) {
-      if (finished(runs[i])) continue;
-      train_run(sweep, runs[i], fmt::format("[{}/{}] {} seed {}", i + 1, runs.size(), runs[i].variant, runs[i].seed));
+      const std::string label = fmt::format("[{}/{}] {} seed {}", i + 1, runs.size(), runs[i].variant, runs[i].seed);
+      if (finished(runs[i]) && !evaluation_due(sweep, runs[i])) continue;
+      if (!finished(runs[i])) train_run(sweep, runs[i], label);
+      if (evaluation_due(sweep, runs[i])) evaluate_run(sweep, runs[i], label);
       write_report(options, sweep, runs);
     }
   }
   write_report(options, sweep, runs);
-  fmt::print("{}page: {}\n", sweep_text(sweep_rows(curves_of(runs))), (std::filesystem::path(sweep.out) / "index.html").string());
+  fmt::print("{}page: {}\n", sweep_text(sweep_rows(curves_of(sweep, runs))), (std::filesystem::path(sweep.out) / "index.html").string());
 }
 
 }  // namespace
@@ -184,7 +217,8 @@ void add_sweep(CLI::App& app) {
   command->add_option("--json", options->json, "Also write the numbers to a file");
   command->footer(
       "Keys of SWEEP: config (run config that all start from), seeds, runs {NAME: [key=value, ...]}, and optionally name, out (default:\n"
-      "runs/sweeps/NAME) and set [key=value, ...] for all.  Runs go one after the other, with the config's workers.  What is finished is\n"
+      "runs/sweeps/NAME), set [key=value, ...] for all, and evaluate [key=value, ...]: each finished run is evaluated on data.eval of its\n"
+      "config with these changes ([]: none).  Runs go one after the other, with the config's workers.  What is finished is\n"
       "not run again, and what was stopped or killed goes on from its last checkpoint: the same command resumes.  `out` gets NAME/seed_N,\n"
       "table.txt, sweep.json, sweep.svg and index.html, anew after each run.");
   command->callback([options] { run_sweep(*options); });

@@ -58,6 +58,11 @@ SweepConfig load_sweep(const std::filesystem::path& path) {
     refuse_own_keys(runs, name, variant.overrides);
     sweep.runs.push_back(std::move(variant));
   }
+  if (reader.has("evaluate")) {
+    if (!reader.list_size("evaluate")) reader.fail("evaluate", "is no list of key=value: write [] to evaluate as trained");
+    reader.read("evaluate", sweep.evaluate.emplace());
+    refuse_own_keys(reader, "evaluate", *sweep.evaluate);
+  }
   if (sweep.runs.empty()) reader.fail("runs", "is missing or empty: name the runs, for example {base: []}");
   reader.finish();
   return sweep;
@@ -73,6 +78,14 @@ std::vector<SweepRun> runs_of(const SweepConfig& sweep) {
       run.overrides.push_back(fmt::format("seed={}", seed));
       run.overrides.push_back("out=" + run.folder.string());
       run.config = load_run_config(sweep.config, run.overrides);
+      if (sweep.evaluate) {
+        auto overrides = run.overrides;
+        overrides.insert(overrides.end(), sweep.evaluate->begin(), sweep.evaluate->end());
+        static_cast<void>(load_run_config(sweep.config, overrides));  // what is wrong is said before the first run
+        if (run.config.eval.file.empty())
+          throw InputError(sweep.config, "names no data.eval.file, so runs cannot be evaluated",
+                           "leave `evaluate` out of the sweep, or name a set");
+      }
       runs.push_back(std::move(run));
     }
   return runs;

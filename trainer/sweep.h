@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -23,9 +24,11 @@ struct SweepConfig {
     std::vector<std::string> overrides;
   };
   std::vector<Variant> runs;  ///< at least one
+  /// key=value over a finished run's own config for its evaluation on data.eval; none: runs are not evaluated
+  std::optional<std::vector<std::string>> evaluate = {};
 };
-/// Keys: name, out, config, seeds, set, runs{NAME: [key=value, ...]}.  Throws InputError: missing, unknown or wrong keys, and whatever
-/// load_run_config finds wrong with a variant.
+/// Keys: name, out, config, seeds, set, runs{NAME: [key=value, ...]}, evaluate[key=value, ...].  Throws InputError: missing, unknown or
+/// wrong keys, and whatever load_run_config finds wrong with a variant.
 SweepConfig load_sweep(const std::filesystem::path& path);
 
 /// One training of a sweep.
@@ -45,6 +48,7 @@ struct SweepCurve {
   std::uint64_t seed = 0;
   bool finished = false;
   std::vector<CurvePoint> points;
+  std::optional<double> held_out_success = {}, held_out_spl = {};  ///< where it was evaluated
 };
 
 /// A metric of a variant over its finished seeds: the mean over the last tenth of each one's steps, then over seeds, with Student's
@@ -53,7 +57,9 @@ struct SweepRow {
   std::string variant;
   std::size_t finished = 0, seeds = 0;
   Estimate success, spl, reward;
-  double env_steps = 0, minutes = 0;  ///< means
+  std::size_t evaluated = 0;
+  Estimate held_out_success, held_out_spl;  ///< NaN where evaluated is 0
+  double env_steps = 0, minutes = 0;        ///< means
 };
 std::vector<SweepRow> sweep_rows(const std::vector<SweepCurve>& curves);
 /// As a table for a terminal; as JSON with a schema_version; as a drawing: success, SPL and reward over steps, the mean of the seeds and a

@@ -109,6 +109,12 @@ std::string escaped(const std::string& text) {
   return out;
 }
 
+bool any_evaluated(const std::vector<SweepRow>& rows) {
+  return std::ranges::any_of(rows, [](const SweepRow& row) { return row.evaluated > 0; });
+}
+
+nlohmann::ordered_json json_of(const std::optional<double>& value) { return value ? nlohmann::ordered_json(*value) : nullptr; }
+
 nlohmann::ordered_json json_of(const Estimate& estimate) {
   if (!std::isfinite(estimate.mean)) return nullptr;
   return {{"mean", estimate.mean}, {"low", estimate.low}, {"high", estimate.high}};
@@ -121,7 +127,7 @@ std::vector<SweepRow> sweep_rows(const std::vector<SweepCurve>& curves) {
   for (const std::string& variant : variants_of(curves)) {
     SweepRow row;
     row.variant = variant;
-    std::vector<double> success, spl, reward;
+    std::vector<double> success, spl, reward, held_out_success, held_out_spl;
     for (const SweepCurve& curve : curves) {
       if (curve.variant != variant) continue;
       ++row.seeds;
@@ -129,6 +135,10 @@ std::vector<SweepRow> sweep_rows(const std::vector<SweepCurve>& curves) {
       ++row.finished;
       for (const auto& [values, key] : {std::pair(&success, kSuccess), std::pair(&spl, kSpl), std::pair(&reward, kReward)})
         if (const double value = final_value(curve, key); std::isfinite(value)) values->push_back(value);
+      if (curve.held_out_success && curve.held_out_spl) {
+        held_out_success.push_back(*curve.held_out_success);
+        held_out_spl.push_back(*curve.held_out_spl);
+      }
       if (curve.points.empty()) continue;
       row.env_steps += static_cast<double>(curve.points.back().env_steps);
       row.minutes += curve.points.back().wall_s / 60;
@@ -140,6 +150,9 @@ std::vector<SweepRow> sweep_rows(const std::vector<SweepCurve>& curves) {
     row.success = estimate(success);
     row.spl = estimate(spl);
     row.reward = estimate(reward);
+    row.evaluated = held_out_success.size();
+    row.held_out_success = estimate(held_out_success);
+    row.held_out_spl = estimate(held_out_spl);
     const double finished = static_cast<double>(std::max<std::size_t>(1, row.finished));
     row.env_steps /= finished;
     row.minutes /= finished;
@@ -149,10 +162,14 @@ std::vector<SweepRow> sweep_rows(const std::vector<SweepCurve>& curves) {
 }
 
 std::string sweep_text(const std::vector<SweepRow>& rows) {
+  const bool evaluated = any_evaluated(rows);
   std::vector<std::vector<std::string>> table{{"run", "seeds", "success", "SPL", "reward", "steps", "minutes"}};
-  for (const SweepRow& row : rows)
+  if (evaluated) table[0].insert(table[0].end(), {"held-out success", "held-out SPL"});
+  for (const SweepRow& row : rows) {
     table.push_back({row.variant, fmt::format("{}/{}", row.finished, row.seeds), interval(row.success, 3), interval(row.spl, 3),
                      interval(row.reward, 2), fmt::format("{:.0f}", row.env_steps), fmt::format("{:.1f}", row.minutes)});
+    if (evaluated) table.back().insert(table.back().end(), {interval(row.held_out_success, 3), interval(row.held_out_spl, 3)});
+  }
   std::vector<std::size_t> widths(table[0].size(), 0);
   for (const auto& line : table)
     for (std::size_t c = 0; c < line.size(); ++c) widths[c] = std::max(widths[c], line[c].size());
@@ -162,7 +179,8 @@ std::string sweep_text(const std::vector<SweepRow>& rows) {
     while (text.back() == ' ') text.pop_back();
     text += '\n';
   }
-  return text + "training episodes of the last tenth of the steps; mean [95 % interval over seeds, Student's t]\n";
+  return text + "training episodes of the last tenth of the steps" + (evaluated ? ", held-out: the episodes of data.eval" : "") +
+         "; mean [95 % interval over seeds, Student's t]\n";
 }
 
 std::string sweep_json(const SweepConfig& sweep, const std::vector<SweepCurve>& curves) {
@@ -182,12 +200,16 @@ std::string sweep_json(const SweepConfig& sweep, const std::vector<SweepCurve>& 
                        {"wall_s", curve.points.empty() ? 0.0 : curve.points.back().wall_s},
                        {"success", number(kSuccess)},
                        {"spl", number(kSpl)},
-                       {"reward", number(kReward)}});
+                       {"reward", number(kReward)},
+                       {"held_out_success", json_of(curve.held_out_success)},
+                       {"held_out_spl", json_of(curve.held_out_spl)}});
     }
     runs.push_back({{"run", row.variant},
                     {"success", json_of(row.success)},
                     {"spl", json_of(row.spl)},
                     {"reward", json_of(row.reward)},
+                    {"held_out_success", json_of(row.held_out_success)},
+                    {"held_out_spl", json_of(row.held_out_spl)},
                     {"seeds", std::move(seeds)}});
   }
   return Json{{"schema_version", 1}, {"sweep", sweep.name}, {"config", sweep.config}, {"runs", std::move(runs)}}.dump(2) + "\n";
@@ -250,16 +272,22 @@ std::string sweep_html(const SweepConfig& sweep, const std::vector<SweepCurve>& 
   for (const std::uint64_t seed : sweep.seeds) html += fmt::format(" {}", seed);
   html +=
       "</p>\n<table><thead><tr><th>run</th><th>changes</th><th>seeds</th><th>success</th><th>SPL</th><th>reward</th><th>steps</"
-      "th><th>minutes</th></tr></thead><tbody>\n";
-  for (const SweepRow& row : sweep_rows(curves)) {
+      "th><th>minutes</th>";
+  const auto rows = sweep_rows(curves);
+  const bool evaluated = any_evaluated(rows);
+  if (evaluated) html += "<th>held-out success</th><th>held-out SPL</th>";
+  html += "</tr></thead><tbody>\n";
+  for (const SweepRow& row : rows) {
     std::string changes;
     for (const auto& variant : sweep.runs)
       if (variant.name == row.variant)
         for (const std::string& override : variant.overrides) changes += (changes.empty() ? "" : " ") + override;
-    html += fmt::format(
-        "<tr><td>{}</td><td><code>{}</code></td><td>{}/{}</td><td>{}</td><td>{}</td><td>{}</td><td>{:.0f}</td><td>{:.1f}</td></tr>\n",
-        escaped(row.variant), escaped(changes), row.finished, row.seeds, interval(row.success, 3), interval(row.spl, 3),
-        interval(row.reward, 2), row.env_steps, row.minutes);
+    html +=
+        fmt::format("<tr><td>{}</td><td><code>{}</code></td><td>{}/{}</td><td>{}</td><td>{}</td><td>{}</td><td>{:.0f}</td><td>{:.1f}</td>",
+                    escaped(row.variant), escaped(changes), row.finished, row.seeds, interval(row.success, 3), interval(row.spl, 3),
+                    interval(row.reward, 2), row.env_steps, row.minutes);
+    if (evaluated) html += fmt::format("<td>{}</td><td>{}</td>", interval(row.held_out_success, 3), interval(row.held_out_spl, 3));
+    html += "</tr>\n";
   }
   html += "</tbody></table>\n<p>Training episodes of the last tenth of the steps; mean and 95 % interval over seeds (Student's t).</p>\n";
   std::string svg = sweep_svg(sweep, curves);

@@ -9,6 +9,7 @@
 
 #include "sim/base/files.h"
 #include "tests/support/train_cli.h"
+#include "trainer/result.h"
 
 namespace earshot {
 namespace {
@@ -114,10 +115,29 @@ TEST_F(BoardCli, SweepsGoOnWhereTheyWereStopped) {
   const auto log = std::filesystem::last_write_time(path("sweep/base/seed_1.log"));
   expect_done("sweep " + path("sweep.yaml"));
   EXPECT_EQ(std::filesystem::last_write_time(path("sweep/base/seed_1.log")), log);
+
+  // Evaluated on the held-out set on request: the means of the results, without training again.
+  write_text(path("sweep.yaml"), read_file(path("sweep.yaml")) + "evaluate: [env.task.max_steps=20]\n");
+  expect_done("sweep " + path("sweep.yaml") + " --json " + path("numbers.json"));
+  const Json evaluated = json_of("numbers.json");
+  for (const Json& run : evaluated["runs"])
+    for (const Json& seed : run["seeds"]) {
+      const EvaluationResult result =
+          load_result(path("sweep/" + run["run"].get<std::string>() + "/seed_" + std::to_string(seed["seed"].get<int>()) + ".result.json"));
+      EXPECT_EQ(result.rules.at("task.max_steps"), "20");
+      EXPECT_EQ(seed["held_out_success"], result.success().mean);
+      EXPECT_EQ(seed["held_out_spl"], result.spl().mean);
+    }
+  EXPECT_THAT(read_file(path("sweep/table.txt")), HasSubstr("held-out SPL"));
+  const auto result_time = std::filesystem::last_write_time(path("sweep/base/seed_1.result.json"));
+  expect_done("sweep " + path("sweep.yaml"));
+  EXPECT_EQ(std::filesystem::last_write_time(path("sweep/base/seed_1.result.json")), result_time);
   sweep_file("2e-3");
   expect_refused("sweep " + path("sweep.yaml"), AllOf(HasSubstr("fast/seed_1"), HasSubstr("other settings")));
   write_text(path("bad.yaml"), "config: " + path("tiny.yaml") + "\nseeds: [1]\nrun: {base: []}\n");
   expect_refused("sweep " + path("bad.yaml"), HasSubstr("runs"));
+  write_text(path("bad.yaml"), "config: " + path("tiny.yaml") + "\nseeds: [1]\nruns: {base: []}\nevaluate: [env.tusk=1]\n");
+  expect_refused("sweep " + path("bad.yaml"), HasSubstr("tusk"));
 }
 
 TEST_F(BoardCli, TablesAreThereAsJson) {
