@@ -414,7 +414,7 @@ void PeerMesh::check_peers(const std::vector<int>& awaited) {
       lose(rank,
            fmt::format("has made no progress for {} ms, in or before collective call {}: it hangs in a loop", patience.count(), sequence_));
   }
-  if (identity_.world_size > 1 && bulk_lost_at_ && now - *bulk_lost_at_ >= 2 * grace_) {
+  if (identity_.world_size > 1 && bulk_in_use_ && bulk_lost_at_ && now - *bulk_lost_at_ >= 2 * grace_) {
     const Peer& neighbour = peer_at(right());
     if (!neighbour.finished_after && !neighbour.lost_at) {
       const std::string what = fmt::format("the connection for gradients to worker {} broke", members_[static_cast<std::size_t>(right())]);
@@ -561,7 +561,7 @@ void PeerMesh::wait(const Interest& interest) {
   if (interest.bulk_data) poll_items_.push_back({bulk_in_.handle(), 0, ZMQ_POLLIN, 0});
   if (interest.bulk_queue_full) poll_items_.push_back({bulk_out_.handle(), 0, ZMQ_POLLOUT, 0});
   for (const int peer : interest.full_control_queues) poll_items_.push_back({peer_at(peer).control.handle(), 0, ZMQ_POLLOUT, 0});
-  bool grace = bulk_lost_at_.has_value();
+  bool grace = bulk_in_use_ && bulk_lost_at_.has_value();
   for (Peer& peer : peers_) {
     if (peer.monitor && !peer.lost_at) poll_items_.push_back({peer.monitor.handle(), 0, ZMQ_POLLIN, 0});
     grace = grace || (peer.monitor && peer.lost_at && !peer.finished_after);

@@ -85,6 +85,8 @@ class PeerMesh {
   void wait(const Interest& interest);
   /// For a caller that waits for a worker elsewhere than on sockets: throws what wait() would.
   void check(int awaited);
+  /// Whether calls send bulk messages.  Where none does, a broken bulk connection is no matter; regroup() opens all of them anew.
+  void set_bulk_in_use(bool in_use) { bulk_in_use_ = in_use; }
   /// Thrown by the calls above where a peer is lost and the others are to go on: regroup() is then due.
   struct Disruption {};
   /// Agrees with the peers on who is left, and opens the connections among them.  Returns who has gone, by ranks at the start: none where
@@ -152,6 +154,7 @@ class PeerMesh {
   bool regrouping_ = false, peeking_ = false, left_out_ = false;
   std::deque<Frame> early_bulk_;  ///< of the next view
   std::optional<Clock::time_point> bulk_lost_at_;
+  bool bulk_in_use_ = true;
   std::vector<zmq_pollitem_t> poll_items_;
   std::uint64_t run_key_ = 0, sequence_ = 0, unknown_peers_ = 0, late_messages_ = 0, progress_ = 0;
   std::chrono::milliseconds grace_;

@@ -102,6 +102,7 @@ void ZmqRing::map_shared_memory() {
     return;
   }
   sums_.emplace(memory_->bytes(), identity);
+  mesh_.set_bulk_in_use(false);
 }
 
 void ZmqRing::mismatch(int place, const FrameHeader& got, Operation operation, std::size_t total) const {
@@ -117,6 +118,7 @@ void ZmqRing::regroup() {
   // A worker that was stopped and goes on may still write there: those that are left send their sums.
   sums_.reset();
   memory_.reset();
+  mesh_.set_bulk_in_use(true);
   sequence_ = 0;
   throw MembershipChange(std::move(lost));
 }

@@ -222,9 +222,15 @@ int break_bulk_connections() {
   return broken;
 }
 
+/// Workers on one host that send their sums.
+RingConfig sending_ring(RingConfig config) {
+  config.network.shared_memory = false;
+  return config;
+}
+
 TEST_F(LostWorkers, ABrokenConnectionIsOpenedAnew) {
   WorkerProcesses workers(3, [&](int rank) {
-    const auto collective = make_zmq_ring(lasting_ring(ring_in(folder_, rank, 3)));
+    const auto collective = make_zmq_ring(sending_ring(lasting_ring(ring_in(folder_, rank, 3))));
     Summing summing(*collective);
     for (int i = 0; i < 10; ++i) summing.sum_once();
     if (rank == 1 && break_bulk_connections() != 1) return false;
@@ -236,7 +242,7 @@ TEST_F(LostWorkers, ABrokenConnectionIsOpenedAnew) {
 
 TEST_F(LostWorkers, ABrokenConnectionEndsARunThatDoesNotGoOn) {
   WorkerProcesses workers(3, [&](int rank) {
-    const auto collective = make_zmq_ring(ring_in(folder_, rank, 3));
+    const auto collective = make_zmq_ring(sending_ring(ring_in(folder_, rank, 3)));
     std::vector<float> buffer(kElements);
     collective->all_reduce_sum(buffer);
     if (rank == 1 && break_bulk_connections() != 1) return false;
@@ -248,6 +254,44 @@ TEST_F(LostWorkers, ABrokenConnectionEndsARunThatDoesNotGoOn) {
     }
   });
   workers.expect_all_succeed();
+}
+
+// Sums that go through shared memory need no connection for gradients: the run neither ends nor changes, however long it is broken, and
+// whether a worker waits in a sum or in a call that sends messages.
+TEST_F(LostWorkers, ABrokenConnectionIsNoMatterToSumsInSharedMemory) {
+  for (const bool goes_on : {false, true}) {
+    const PrivateTestFolder folder;
+    WorkerProcesses workers(3, [&](int rank) {
+      const RingConfig config = ring_in(folder, rank, 3);
+      const auto collective = make_zmq_ring(goes_on ? lasting_ring(config) : config);
+      Summing summing(*collective);
+      for (int i = 0; i < 10; ++i) summing.sum_once();
+      if (rank == 1 && break_bulk_connections() != 1) return false;
+      for (int i = 0; i < 40; ++i) {  // 1.6 s: longer than such a connection has where sums are sent
+        if (rank == 2) std::this_thread::sleep_for(milliseconds(40));
+        summing.sum_once();
+        if (collective->all_gather(std::to_string(rank)).size() != 3) return false;
+      }
+      return summing.right && summing.changes == 0;
+    });
+    workers.expect_all_succeed();
+  }
+}
+
+// Those that are left after a loss send their sums, also where one of their connections had broken unnoticed before.
+TEST_F(LostWorkers, AConnectionThatBrokeUnderSharedMemoryIsOpenedAnewForTheRing) {
+  WorkerProcesses workers(kWorld, [&](int rank) {
+    const auto collective = make_zmq_ring(lasting_ring(ring_in(folder_, rank, kWorld)));
+    Summing summing(*collective);
+    for (int i = 0; i < 10; ++i) summing.sum_once();
+    if (rank == 2 && break_bulk_connections() != 1) return false;
+    for (int i = 0; i < 20; ++i) summing.sum_once();
+    if (rank == 3) ::raise(SIGKILL);
+    for (int after = 0; after < 20;) after += summing.sum_once() && summing.changes > 0;
+    return summing.right && summing.changes == 1 && summing.lost == std::vector<int>{3};
+  });
+  for (const int rank : {0, 1, 2}) EXPECT_EQ(workers.wait(rank), 0) << rank;
+  EXPECT_EQ(WTERMSIG(workers.wait(3)), SIGKILL);
 }
 
 TEST_F(LostWorkers, TwoAtOnceAndOneAfterTheOther) {
