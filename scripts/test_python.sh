@@ -29,8 +29,9 @@ if [ -n "$wheel" ]; then
   scripts/build_wheel.sh "$tests/bin/python"
   "$tests/bin/pip" install -q --disable-pip-version-check --force-reinstall --no-deps build/wheel/*.whl
 else
-  # Whatever becomes of the tests, the next configure of the release build asks for no Python.
-  trap 'cmake --preset release -DEARSHOT_PYTHON=OFF >/dev/null' EXIT
+  # Whatever becomes of the tests, the next configure of the release build asks for no Python.  A trap that fails would end the script with its own
+  # status.
+  trap '(cd "$root" && cmake --preset release -DEARSHOT_PYTHON=OFF >/dev/null)' EXIT
   cmake --preset release -DEARSHOT_PYTHON=ON -DPython_EXECUTABLE="$tests/bin/python" >/dev/null
   scripts/build.sh release --target python_package
   export PYTHONPATH=$root/build/release/python_package
