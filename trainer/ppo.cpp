@@ -82,6 +82,19 @@ std::span<float> elements_of(torch::Tensor& tensor) {
   return {tensor.data_ptr<float>(), static_cast<std::size_t>(tensor.numel())};
 }
 
+/// Of this worker's mean in that of all: in units of a whole rollout, so that it is exactly 1 where all made all steps, and cancels.
+float weight_of(const RolloutBuffer& rollout, PreemptWeight rule, Collective& collective) {
+  const int world_size = collective.identity().world_size;
+  if (world_size == 1 || rule == PreemptWeight::worker) return 1.f;
+  double steps = rollout.num_steps();
+  if (rule == PreemptWeight::truncated) {
+    double mean = steps;
+    collective.all_reduce_sum(std::span(&mean, 1));
+    steps = std::min(steps, mean / world_size);  // samples times min(1, mean / samples)
+  }
+  return static_cast<float>(steps / static_cast<double>(rollout.actions.size(0)));
+}
+
 /// From the statuses, so that every worker counts the same.
 void raise_alarms(std::span<const StepStatus> statuses, const PpoConfig& config, UpdateStats& stats) {
   for (std::size_t rank = 0; rank < statuses.size(); ++rank) {
@@ -135,12 +148,11 @@ struct PpoLearner::Rollout {
   torch::Tensor hidden;                                                           // [B, hidden_size]
   torch::Tensor not_done, actions, log_prob, values, advantages, returns, valid;  // [T, B]
   torch::Tensor own;                                                              // [T, B] valid, and the policy itself chose the action
-  float weight;  // of this worker's mean in that of all: the fraction of its steps that it made, so exactly 1 for a whole rollout
+  float weight = 1;                                                               // of this worker's mean in that of all
 
   Rollout(const RolloutBuffer& buffer, const GaeConfig& config) {
     const auto rows = [&](const torch::Tensor& slab) { return slab.slice(0, 0, buffer.num_steps()); };
     observations = buffer.observations.map(rows);
-    weight = static_cast<float>(buffer.num_steps()) / static_cast<float>(buffer.actions.size(0));
     hidden = buffer.hidden;
     not_done = rows(buffer.not_done);
     actions = rows(buffer.actions);
@@ -250,7 +262,7 @@ UpdateStats PpoLearner::update(const RolloutBuffer& buffer, double progress, std
     static_cast<torch::optim::AdamOptions&>(group.options()).lr(config_.learning_rate * (config_.linear_learning_rate_decay ? left : 1.0));
 
   Rollout rollout(buffer, config_.gae);
-  if (collective.identity().world_size == 1) rollout.weight = 1.f;  // it would cancel, but for rounding
+  rollout.weight = weight_of(buffer, config_.preempt_weight, collective);
   stats.explained_variance = explained_variance(rollout.values, rollout.returns, rollout.own);
   if (config_.normalize_advantages) rollout.advantages = normalize_advantages(rollout.advantages, rollout.own, collective);
   if (policy_->normalizes_values()) follow_returns(policy_, rollout.returns, rollout.own, update, collective);
@@ -302,8 +314,7 @@ UpdateStats PpoLearner::update(const RolloutBuffer& buffer, double progress, std
 }
 
 double PpoLearner::clip_and_step(double squared_sum) {
-  // Beside the sum of the gradients stands the number of workers that had rows, each as the fraction of its steps: their quotient is the
-  // mean over those.
+  // Beside the sum of the gradients stands that of the weights of the workers that had rows: their quotient is the mean over those.
   const double weight = flat_gradient_.data_ptr<float>()[flat_gradient_.numel() - 1];
   const double norm = std::sqrt(squared_sum) / weight;
   const double scale = std::min(1.0, config_.max_gradient_norm / (norm + 1e-6)) / weight;

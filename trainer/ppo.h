@@ -64,17 +64,16 @@ struct UpdateStats {
 /// worker steps; weights and Adam's state stay as they are and the run goes on.
 ///
 /// A minibatch is a part of the envs with their whole sequences; each env is in one minibatch per epoch.  The loss is the mean over the
-/// valid rows of a worker's minibatch, and each worker that has such rows weighs the same (docs/ppo.md, section 5.1), or by its steps if
-/// its rollout ended early; a worker that has none joins the sum with weight 0.
+/// valid rows of a worker's minibatch, and each worker that has such rows weighs the same (docs/ppo.md, section 5.1), or as
+/// PpoConfig::preempt_weight says if a rollout ended early; a worker that has none joins the sum with weight 0.
 class PpoLearner {
  public:
   /// near_m: distance at which the goal is reached, for GuidanceConfig::goal.
   PpoLearner(ActorCritic policy, const PpoConfig& config, std::uint64_t seed, const GuidanceConfig& guidance = {}, double near_m = 1);
   /// progress: fraction of training done, [0, 1], for the decays.  update: its index, keys the minibatch permutation.
   /// A collective call: a sum of the gradient and an exchange of statuses for each minibatch of each epoch (fewer epochs, the same on every
-  /// worker, where target_kl ends them), and two sums of statistics if
-  /// normalize_advantages is on, one more with normalized values, whatever this worker's rollout holds.  With one worker the collective
-  /// does nothing.
+  /// worker, where target_kl ends them), and two sums of statistics if normalize_advantages is on, one more with normalized values and one
+  /// with truncated weights, whatever this worker's rollout holds.  With one worker the collective does nothing.
   UpdateStats update(const RolloutBuffer& rollout, double progress, std::uint64_t update, Collective& collective);
   torch::optim::Adam& optimizer() { return optimizer_; }
 

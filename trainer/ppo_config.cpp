@@ -22,6 +22,10 @@ void read(ConfigReader& reader, PpoConfig& config) {
   reader.read("linear_entropy_decay", config.linear_entropy_decay);
   reader.read("target_kl", config.target_kl);
   reader.read("preempt_fraction", config.preempt_fraction);
+  reader.read("preempt_least", config.preempt_least);
+  reader.read_choice<PreemptWeight>(
+      "preempt_weight", config.preempt_weight,
+      {{"sample", PreemptWeight::sample}, {"worker", PreemptWeight::worker}, {"truncated", PreemptWeight::truncated}});
   reader.read("loss_alarm", config.loss_alarm);
   reader.read("kl_alarm", config.kl_alarm);
   reader.read("gamma", config.gae.gamma);
@@ -46,6 +50,11 @@ void validate(const PpoConfig& config) {
   not_negative("ppo.target_kl", config.target_kl, "must not be negative: epochs end where the divergence is larger; 0: they do not");
   require(config.preempt_fraction >= 0 && config.preempt_fraction < 1, "ppo.preempt_fraction", config.preempt_fraction,
           "must be in [0, 1): the fraction of workers that the others do not keep waiting; 0: all are waited for");
+  require(config.preempt_least >= 0 && config.preempt_least <= 1, "ppo.preempt_least", config.preempt_least,
+          "must be in [0, 1]: the fraction of its steps that a worker makes in any case");
+  require(config.preempt_fraction > 0 || config.preempt_weight == PreemptWeight::sample, "ppo.preempt_weight",
+          config.preempt_weight == PreemptWeight::worker ? "worker" : "truncated",
+          "has no effect without ppo.preempt_fraction: all rollouts have the same length");
   require(config.epochs > 0, "ppo.epochs", config.epochs, "must be positive: passes over each rollout");
   require(config.minibatches > 0, "ppo.minibatches", config.minibatches,
           "must be positive: the environments of a worker are divided among them");

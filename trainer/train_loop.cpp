@@ -26,6 +26,7 @@
 #include "trainer/initial_policy.h"
 #include "trainer/metrics_file.h"
 #include "trainer/ppo.h"
+#include "trainer/preemption.h"
 #include "trainer/result.h"
 #include "trainer/rollout_collector.h"
 #include "trainer/run_folder.h"
@@ -56,7 +57,8 @@ class Worker {
              places_.started_workers * config.envs_per_worker),
         policy_(config.env.observation, config.policy),
         learner_(policy_, config.ppo, config.seed, config.guidance, static_cast<double>(config.env.task.success_radius_m)),
-        collector_(config, env_, policy_, places_.first_of(rank_) * config.envs_per_worker) {
+        collector_(config, env_, policy_, places_.first_of(rank_) * config.envs_per_worker),
+        preemption_(config.ppo, config.rollout_steps) {
     env_.set_stage_hook(hooks.stage_hook);
     if (resume.empty()) {
       if (!config.initial_policy.empty()) load_initial_policy(config, policy_);
@@ -95,14 +97,14 @@ class Worker {
   void check_equal_weights();
   UpdateStats learn();
   void note(UpdateStats stats);
-  bool is_preempted(int step);
   std::uint64_t collected_steps();
   void report(const UpdateStats& stats, double update_s, std::uint64_t steps);
   /// What a worker says of its own update; travels as it lies in memory.
   struct OwnUpdate {
     double update_s, collect_s, rollout_steps, episodes, stopped, explained_variance, approx_kl, clip_fraction;
   };
-  void append_workers(std::vector<std::pair<std::string, double>>& values, const std::vector<std::string>& of_all) const;
+  [[nodiscard]] std::vector<OwnUpdate> of_all_workers(const OwnUpdate& own);
+  void append_workers(std::vector<std::pair<std::string, double>>& values, const std::vector<OwnUpdate>& of_all) const;
   void save(bool last);
   void finish_writing();
   template <class Write>
@@ -144,6 +146,7 @@ class Worker {
   ActorCritic policy_;
   PpoLearner learner_;
   RolloutCollector collector_;
+  Preemption preemption_;
 
   std::uint64_t update_ = 0, env_steps_ = 0;
   bool collected_ = false;  ///< the rollout of the update under way is there
@@ -327,13 +330,24 @@ void Worker::finish_writing() {
   if (writing_.valid()) guards_.failed_writes += writing_.get();
 }
 
-/// What each worker says of its own update, by the rank with which it began.
-void Worker::append_workers(std::vector<std::pair<std::string, double>>& values, const std::vector<std::string>& of_all) const {
+std::vector<Worker::OwnUpdate> Worker::of_all_workers(const OwnUpdate& own) {
+  std::string bytes(sizeof(own), '\0');
+  std::memcpy(bytes.data(), &own, sizeof(own));
+  std::vector<OwnUpdate> all;
+  for (const std::string& of_one : collective_.all_gather(bytes)) {
+    OwnUpdate& update = all.emplace_back();
+    if (of_one.size() != sizeof(update))
+      throw RunError(fmt::format("worker {}", collective_.members()[all.size() - 1]), "reports an update of another size");
+    std::memcpy(&update, of_one.data(), sizeof(update));
+  }
+  return all;
+}
+
+/// By the rank with which each worker began.
+void Worker::append_workers(std::vector<std::pair<std::string, double>>& values, const std::vector<OwnUpdate>& of_all) const {
   const std::vector<int> members = collective_.members();
   for (std::size_t rank = 0; rank < of_all.size(); ++rank) {
-    OwnUpdate own{};
-    if (of_all[rank].size() != sizeof(own)) throw RunError(fmt::format("worker {}", members[rank]), "reports an update of another size");
-    std::memcpy(&own, of_all[rank].data(), sizeof(own));
+    const OwnUpdate& own = of_all[rank];
     const double stopped = own.episodes > 0 ? own.stopped / own.episodes : std::numeric_limits<double>::quiet_NaN();
     const auto add = [&](const char* name, double value) { values.emplace_back(fmt::format("workers/{}/{}", members[rank], name), value); };
     add("update_s", own.update_s);
@@ -364,9 +378,10 @@ void Worker::report(const UpdateStats& stats, double update_s, std::uint64_t ste
                              stats.explained_variance,
                              stats.approx_kl,
                              stats.clip_fraction};
-  std::string own_bytes(sizeof(own_update), '\0');
-  std::memcpy(own_bytes.data(), &own_update, sizeof(own_update));
-  const auto of_all = collective_.all_gather(own_bytes);
+  const std::vector<OwnUpdate> of_all = of_all_workers(own_update);
+  std::vector<RolloutTime> rollouts;
+  for (const OwnUpdate& worker : of_all) rollouts.push_back({worker.collect_s, static_cast<int>(worker.rollout_steps)});
+  preemption_.note_update(rollouts);
   collective_.all_reduce_sum(std::span<double>(sums));
   finished_ = {};
   times_ = {};
@@ -483,16 +498,9 @@ void Worker::begin_files() {
   checkpoints_.emplace(RunFolder(config_.out), config_.keep, update_);
 }
 
-/// Whether enough others wait for this worker's rollout that it ends with this step.
-bool Worker::is_preempted(int step) {
-  constexpr int kLeastPart = 4;  // of a rollout: a quarter
-  if (config_.ppo.preempt_fraction <= 0 || kLeastPart * (step + 1) < config_.rollout_steps) return false;
-  return collective_.num_waiting() >= std::max(1, static_cast<int>(std::ceil(config_.ppo.preempt_fraction * world_ - 1e-9)));
-}
-
 /// Of all workers in this update.  With preemption a call in which those that have their rollouts wait for the others.
 std::uint64_t Worker::collected_steps() {
-  if (config_.ppo.preempt_fraction <= 0) return steps_per_update();
+  if (!preemption_.is_on()) return steps_per_update();
   std::uint64_t steps = 0;
   for (const auto& text : collective_.all_gather(std::to_string(collector_.rollout().num_steps()))) steps += std::stoull(text);
   return steps * static_cast<std::uint64_t>(config_.envs_per_worker);
@@ -501,12 +509,14 @@ std::uint64_t Worker::collected_steps() {
 void Worker::update() {
   if (!collected_) {
     LapTimer watch;
+    own_step_s_ = 0;
     collector_.collect(progress_, finished_, times_, [&](int step) {
       collective_.note_progress();
-      return is_preempted(step);
+      own_step_s_ += watch.lap();
+      return preemption_.may_end_with(step) && preemption_.ends_with(step, own_step_s_, collective_.num_waiting(), world_);
     });
     collected_ = true;
-    own_step_s_ = watch.lap();
+    own_step_s_ += watch.lap();
   }
   const std::uint64_t steps = collected_steps();
   const UpdateStats stats = learn();

@@ -149,6 +149,59 @@ TEST(PpoLearner, AdvantagesAreNormalizedOverAllWorkers) {
   EXPECT_GT(largest(each_its_own - of_both), 1e-2);
 }
 
+// Eight steps and two of eight.  Truncated: the mean is five, so the eight count as five, and the two as they are.
+TEST(PpoLearner, ShortRolloutsWeighAsConfigured) {
+  struct Rule {
+    PreemptWeight rule;
+    std::array<double, 2> weights;
+  };
+  const std::array<RolloutBuffer, 2> rollouts{make_rollout(make_policy(), 8, 3, 1), make_rollout(make_policy(), 2, 3, 2, 8)};
+  std::array<torch::Tensor, 2> whole;
+  for (std::size_t r = 0; r < 2; ++r) whole[r] = gradient_of_first_minibatch(rollouts[r], one_minibatch());
+  for (const Rule& rule :
+       {Rule{PreemptWeight::sample, {1, 0.25}}, Rule{PreemptWeight::worker, {1, 1}}, Rule{PreemptWeight::truncated, {0.625, 0.25}}}) {
+    PpoConfig config = one_minibatch();
+    config.preempt_weight = rule.rule;
+    TwoWorkers workers;
+    std::array<torch::Tensor, 2> gradients;
+    std::vector<std::thread> threads;
+    for (std::size_t r = 0; r < 2; ++r)
+      threads.emplace_back([&, r] {
+        torch::set_num_threads(1);
+        TwoWorkers::Worker worker = workers.worker(static_cast<int>(r));
+        gradients[r] = gradient_of_first_minibatch(rollouts[r], config, worker);
+      });
+    for (std::thread& thread : threads) thread.join();
+    for (std::size_t r = 0; r < 2; ++r) {
+      EXPECT_EQ(whole[r][-1].item<float>(), 1) << "one worker alone";
+      EXPECT_EQ(gradients[r][-1].item<double>(), rule.weights[r]);
+      EXPECT_LT(largest(gradients[r] - rule.weights[r] * whole[r]), 1e-6);
+    }
+  }
+}
+
+TEST(PpoLearner, WholeRolloutsHaveTheSameBitsWithEachWeight) {
+  const RolloutBuffer a = make_rollout(make_policy(), 7, 3, 1), b = make_rollout(make_policy(), 7, 3, 2);
+  std::vector<torch::Tensor> weights;
+  for (const PreemptWeight rule : {PreemptWeight::sample, PreemptWeight::worker, PreemptWeight::truncated}) {
+    PpoConfig config;
+    config.preempt_weight = rule;
+    std::array<ActorCritic, 2> policies{make_policy(), make_policy()};
+    TwoWorkers workers;
+    std::vector<std::thread> threads;
+    for (int rank = 0; rank < 2; ++rank)
+      threads.emplace_back([&, rank] {
+        torch::set_num_threads(1);
+        TwoWorkers::Worker worker = workers.worker(rank);
+        PpoLearner(policies[static_cast<std::size_t>(rank)], config, 1).update(rank == 0 ? a : b, 0, 0, worker);
+      });
+    for (std::thread& thread : threads) thread.join();
+    weights.push_back(flat(policies[0]));
+  }
+  EXPECT_TRUE(weights[1].equal(weights[0]));
+  EXPECT_TRUE(weights[2].equal(weights[0]));
+}
+
 TEST(PpoLearner, WorkersKeepEqualWeights) {
   PpoConfig config;
   config.epochs = 3;

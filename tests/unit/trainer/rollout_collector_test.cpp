@@ -78,6 +78,42 @@ TEST(RolloutCollector, HalvesDoWhatTheWholeBatchDoes) {
 }
 
 // Where it always acts, no episode is the policy's.
+// Eight steps, a rollout that ends after three, and eight more are the nineteen steps of one rollout: no row is read twice, and the policy
+// goes on from what it saw last.
+TEST(RolloutCollector, ARolloutThatEndsEarlyIsFollowedByTheNextStep) {
+  torch::set_num_threads(1);
+  for (const bool overlap : {false, true}) {
+    const auto rollouts = [&](int rollout_steps, const std::vector<int>& lengths) {
+      RunConfig config = run_config(overlap, 1);
+      config.rollout_steps = rollout_steps;
+      EnvConfig env_config = config.env;
+      env_config.observation = training_sensors(config);
+      BatchedEnv env(env_config, quick_set(3), make_scene_cache(env_config), 5);
+      env.reset();
+      RolloutCollector collector(config, env, ActorCritic(config.env.observation, config.policy), 0);
+      std::map<std::string, std::vector<torch::Tensor>> rows;
+      for (const int length : lengths) {
+        EpisodeSums finished;
+        StageTimes times;
+        collector.collect(0.5, finished, times, [&](int step) { return step + 1 == length; });
+        const RolloutBuffer& rollout = collector.rollout();
+        EXPECT_EQ(rollout.num_steps(), length);
+        const auto add = [&](const std::string& name, const torch::Tensor& slab) {
+          rows[name].push_back(slab.slice(0, 0, rollout.num_steps()).clone());
+        };
+        for (const auto& [name, slab] : rollout.observations.sensors) add(name, slab);
+        add("not_done", rollout.not_done), add("actions", rollout.actions), add("log_prob", rollout.log_prob);
+        add("values", rollout.values), add("rewards", rollout.rewards), add("final_values", rollout.final_values);
+        rows["next_value"] = {rollout.next_value.clone()};
+      }
+      return rows;
+    };
+    const auto cut = rollouts(8, {8, 3, 8}), whole = rollouts(19, {19});
+    ASSERT_EQ(cut.size(), whole.size());
+    for (const auto& [name, parts] : cut) EXPECT_TRUE(torch::cat(parts).equal(whole.at(name)[0])) << name << (overlap ? ", overlap" : "");
+  }
+}
+
 TEST(RolloutCollector, EpisodesOfTheOracleAreNotCounted) {
   RunConfig config = run_config(false, 2);
   config.guidance.oracle = 1;

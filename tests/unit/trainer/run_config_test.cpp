@@ -70,6 +70,12 @@ TEST(RunConfig, ValuesOutOfRangeNameKeyAndRule) {
   EXPECT_THAT(message_of("rollout_steps: -1"), HasSubstr("rollout_steps"));
   EXPECT_THAT(message_of("seed: many"), HasSubstr("cannot be read as a whole number"));
   EXPECT_THAT(message_of("ppo: {clip: -0.1}"), HasSubstr("clip"));
+  EXPECT_THAT(message_of("ppo: {preempt_fraction: 1}"), HasSubstr("ppo.preempt_fraction = 1: must be in [0, 1)"));
+  EXPECT_THAT(message_of("ppo: {preempt_fraction: 0.6, preempt_least: 1.5}"), HasSubstr("ppo.preempt_least = 1.5: must be in [0, 1]"));
+  EXPECT_THAT(message_of("ppo: {preempt_fraction: 0.6, preempt_weight: ranks}"), HasSubstr("preempt_weight"));
+  EXPECT_THAT(message_of("ppo: {preempt_weight: truncated}"), HasSubstr("has no effect without ppo.preempt_fraction"));
+  const RunConfig config = parse_run_config("ppo: {preempt_fraction: 0.6, preempt_weight: worker}", "run.yaml", {});
+  EXPECT_EQ(parse_run_config(config_text(config), "run.yaml", {}).ppo.preempt_weight, PreemptWeight::worker);
 }
 
 TEST(RunConfig, SeedReachesEnvAndPolicyUnlessTheySayOtherwise) {
