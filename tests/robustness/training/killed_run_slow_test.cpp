@@ -19,7 +19,8 @@
 namespace earshot {
 namespace {
 
-constexpr int kWorld = 2, kUpdates = 40, kKills = 50;
+constexpr int kWorld = 2, kUpdates = 100, kKills = 50;
+constexpr unsigned kLongest_s = 600;  // of a run, before its workers are killed
 
 std::string tiny_yaml(const std::filesystem::path& folder) {
   return "name: tiny\nseed: 5\nenvs_per_worker: 2\nrollout_steps: 6\ncheckpoint_every: 1\nkeep: 3\ntotal_steps: " +
@@ -49,6 +50,7 @@ class KilledRun : public testing::Test {
     if (!RunFolder(out(name)).checkpoints().empty()) from.resume = find_checkpoint(out(name));
     const std::string meet = (folder_.path() / ("meet" + std::to_string(++starts_))).string();  // sockets of the killed stay behind
     return std::make_unique<WorkerProcesses>(kWorld, [this, name, from, meet](int rank) {
+      ::alarm(kLongest_s);
       spdlog::set_level(spdlog::level::err);
       if (std::freopen("/dev/null", "w", stderr) == nullptr) return false;  // a line per update
       const RunConfig config = parse_run_config(tiny_yaml(folder_.path()), "tiny", {"out=" + out(name).string()});
