@@ -21,9 +21,7 @@ Preemption::Preemption(const PpoConfig& config, int rollout_steps)
       rollout_steps_(rollout_steps),
       least_steps_(std::max(1, static_cast<int>(std::ceil(config.preempt_least * rollout_steps - kRounding)))) {}
 
-int Preemption::enough_of(int world_size) const {
-  return std::max(1, static_cast<int>(std::ceil(fraction_ * world_size - kRounding)));
-}
+int Preemption::enough_of(int world_size) const { return std::max(1, static_cast<int>(std::ceil(fraction_ * world_size - kRounding))); }
 
 bool Preemption::ends_with(int step, double elapsed_s, int num_waiting, int world_size) const {
   EARSHOT_EXPECT(may_end_with(step));

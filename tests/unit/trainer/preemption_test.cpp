@@ -42,7 +42,7 @@ TEST(Preemption, NeverBeforeTheLeastPart) {
 TEST(Preemption, OnceEnoughOthersWait) {
   const Preemption eight(config(0.6), 64);
   EXPECT_FALSE(eight.ends_with(20, 1, 4, 8));
-  EXPECT_TRUE(eight.ends_with(20, 1, 5, 8));  // 4.8 of 8
+  EXPECT_TRUE(eight.ends_with(20, 1, 5, 8));                        // 4.8 of 8
   EXPECT_TRUE(Preemption(config(0.6), 64).ends_with(20, 1, 3, 5));  // 0.6 x 5 is 3, whatever its rounding
   EXPECT_FALSE(Preemption(config(0.01), 64).ends_with(20, 1, 0, 8));
 }
