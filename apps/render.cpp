@@ -14,7 +14,7 @@
 #include "sim/base/coordinates.h"
 #include "sim/base/errors.h"
 #include "sim/scene/appearance.h"
-#include "sim/scene/surface_palette.h"
+#include "sim/scene/category_palette.h"
 #include "sim/vision/egl_renderer.h"
 #include "sim/vision/embree_camera.h"
 #include "sim/vision/png_file.h"
@@ -65,16 +65,6 @@ CameraSensorConfig camera_of(const Options& options) {
   set_size(options.size, config);
   validate(config);
   return config;
-}
-
-/// What the numbers of a category picture look like: black for unknown, else a colour of the name.
-std::vector<std::uint8_t> category_palette() {
-  std::vector<std::uint8_t> palette;
-  for (const std::string& name : category_names()) {
-    const glm::vec3 color = name == "unknown" ? glm::vec3(0) : palette_color("category " + name, "");
-    for (int channel = 0; channel < 3; ++channel) palette.push_back(static_cast<std::uint8_t>(std::lround(255.f * color[channel])));
-  }
-  return palette;
 }
 
 void print_legend(const std::vector<std::uint16_t>& semantic) {

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <span>
+#include <string>
 
 namespace earshot {
 
@@ -16,5 +17,11 @@ void write_png_grey16(const std::filesystem::path& path, int width_px, int heigh
 /// [height, width] numbers below 256 as a palette image: the indices are the numbers, palette [numbers, 3] is what they look like.
 void write_png_indexed(const std::filesystem::path& path, int width_px, int height_px, std::span<const std::uint16_t> numbers,
                        std::span<const std::uint8_t> palette);
+
+/// The same as bytes; where: how messages name them.
+std::string encode_png_rgb(const std::string& where, int width_px, int height_px, std::span<const std::uint8_t> rgb);
+std::string encode_png_grey16(const std::string& where, int width_px, int height_px, std::span<const float> grey);
+std::string encode_png_indexed(const std::string& where, int width_px, int height_px, std::span<const std::uint16_t> numbers,
+                               std::span<const std::uint8_t> palette);
 
 }  // namespace earshot
