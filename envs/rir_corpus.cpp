@@ -11,32 +11,24 @@
 #include <memory>
 #include <mutex>
 #include <nlohmann/json.hpp>
+#include <span>
 #include <thread>
 #include <utility>
 #include <vector>
 
+#include "envs/corpus_parts.h"
 #include "envs/engine_commit.h"
 #include "envs/rir_corpus_folder.h"
 #include "envs/rir_corpus_response.h"
 #include "envs/rir_corpus_room.h"
 #include "sim/base/denormals.h"
 #include "sim/base/errors.h"
+#include "sim/scene/appearance.h"
 
 namespace earshot {
 namespace {
 
 using Json = nlohmann::ordered_json;
-
-std::shared_ptr<const SynthesisTables> tables_of(const RirCorpusConfig& config) {
-  const ListenerLayout layout = ListenerLayout::named(config.channels);
-  const float rate_hz = config.acoustics.sample_rate_hz;
-  std::shared_ptr<const Hrtf> head;
-  if (layout.kind == ListenerKind::binaural)
-    head = config.hrtf.empty() ? Hrtf::rigid_sphere(rate_hz) : Hrtf::from_sofa(config.hrtf, rate_hz);
-  const int bands = config.acoustics.bands;
-  return make_synthesis_tables(config.acoustics, bands == 0 ? BandLayout::octaves(rate_hz) : BandLayout::log_spaced(bands, rate_hz), layout,
-                               head);
-}
 
 /// A room that threads work on: its sources one by one, each by one thread.
 struct RoomInWork {
@@ -51,8 +43,13 @@ struct RoomInWork {
 class CorpusWork {
  public:
   CorpusWork(const RirCorpusConfig& config, CorpusFolder& folder, const std::vector<CorpusRoomSpec>& rooms,
-             std::vector<std::size_t> missing)
-      : config_(config), folder_(folder), rooms_(rooms), missing_(std::move(missing)), tables_(tables_of(config)) {}
+             std::vector<std::size_t> missing, const CorpusRun& run)
+      : config_(config),
+        folder_(folder),
+        rooms_(rooms),
+        missing_(std::move(missing)),
+        tables_(corpus_tables(config)),
+        encode_sofa_(run.encode_sofa) {}
 
   void run(int threads, const std::function<void(std::uint64_t, std::uint64_t)>& progress) {
     const std::uint64_t total = missing_.size() * responses_per_room();
@@ -79,12 +76,13 @@ class CorpusWork {
   void work() {
     flush_denormals_on_this_thread();
     try {
-      RirSynthesizer synthesizer(tables_);
+      std::vector<RirSynthesizer> heads;
+      for (const auto& tables : tables_) heads.emplace_back(tables);
       while (const std::shared_ptr<RoomInWork> room = take_room()) {
         for (;;) {
           const int source = take_source(*room);
           if (source < 0) break;
-          render(*room, source, synthesizer);
+          render(*room, source, heads);
         }
       }
     } catch (...) {
@@ -127,8 +125,8 @@ class CorpusWork {
     return !error_ && room.next_source < config_.sources_per_room ? room.next_source++ : -1;
   }
 
-  void render(RoomInWork& room, int source, RirSynthesizer& synthesizer) {
-    CorpusSourceRenderer renderer(config_, *room.room, room.index, source, synthesizer);
+  void render(RoomInWork& room, int source, std::span<RirSynthesizer> heads) {
+    CorpusSourceRenderer renderer(config_, *room.room, room.index, source, heads);
     std::vector<std::string> lines, names;
     std::vector<CorpusFile> files;
     for (int listener = 0; listener < config_.listeners_per_source; ++listener) {
@@ -141,6 +139,10 @@ class CorpusWork {
       const std::lock_guard lock(mutex_);
       ++done_responses_;
       if (error_) return;
+    }
+    if (config_.sofa) {
+      names.push_back(renderer.sofa_name());
+      folder_.write_sound(room.index, names.back(), encode_sofa_(renderer.sofa(), names.back()));
     }
     std::unique_lock lock(mutex_);
     room.lines[static_cast<std::size_t>(source)] = std::move(lines);
@@ -158,7 +160,8 @@ class CorpusWork {
   CorpusFolder& folder_;
   const std::vector<CorpusRoomSpec>& rooms_;
   const std::vector<std::size_t> missing_;
-  std::shared_ptr<const SynthesisTables> tables_;
+  std::vector<std::shared_ptr<const SynthesisTables>> tables_;
+  std::function<std::string(const SofaRoomResponses&, const std::string&)> encode_sofa_;
 
   std::mutex mutex_;  ///< guards what follows, and RoomInWork but for what one thread writes
   std::condition_variable changed_;
@@ -177,14 +180,15 @@ std::string description_of(const RirCorpusConfig& config, std::size_t rooms) {
   const auto per_room = static_cast<std::size_t>(config.sources_per_room) * static_cast<std::size_t>(config.listeners_per_source);
   Json centres = Json::array();
   for (const float hz : bands.centre_hz) centres.push_back(std::round(10 * static_cast<double>(hz)) / 10);
-  const Json json = {{"earshot_corpus", 1},
-                     {"engine", engine_commit() + " " + build_type()},
-                     {"rooms", rooms},
-                     {"responses", rooms * per_room},
-                     {"channels", channel_names(layout)},
-                     {"sample_rate_hz", rate_hz},
-                     {"bands_hz", centres},
-                     {"config", config_text(config)}};
+  Json json = {{"earshot_corpus", 1},
+               {"engine", engine_commit() + " " + build_type()},
+               {"rooms", rooms},
+               {"responses", rooms * per_room},
+               {"channels", channel_names(layout)},
+               {"sample_rate_hz", rate_hz},
+               {"bands_hz", centres},
+               {"config", config_text(config)}};
+  if (config.panorama) json["categories"] = category_names();
   return json.dump(1) + "\n";
 }
 
@@ -209,23 +213,21 @@ CorpusShard CorpusShard::parse(const std::string& text) {
 CorpusReport write_rir_corpus(const RirCorpusConfig& config, const CorpusRun& run) {
   validate(config);
   require(run.threads >= 0 && run.threads <= 1024, "--threads", run.threads, "must be in [0, 1024]; 0 means all cores");
+  if (config.sofa && !run.encode_sofa)
+    throw InputError("sofa", "cannot be written: this program was built without HDF5",
+                     "install libhdf5-dev and build again, or leave it out");
   const std::vector<CorpusRoomSpec> rooms = list_corpus_rooms(config);
   CorpusFolder folder(run.out, rooms.size(), static_cast<std::size_t>(config.rooms_per_folder), config.acoustics.sample_rate_hz,
-                      channel_names(ListenerLayout::named(config.channels)).size());
+                      config.sofa ? 0 : channel_names(ListenerLayout::named(config.channels)).size());
   folder.begin(description_of(config, rooms.size()));
 
-  std::vector<std::size_t> missing;
-  for (std::size_t number = 0; number < folder.count(); ++number)
-    if (number % static_cast<std::size_t>(run.shard.count) == static_cast<std::size_t>(run.shard.index - 1)) {
-      const std::vector<std::size_t> left = folder.missing_rooms(number);
-      missing.insert(missing.end(), left.begin(), left.end());
-    }
+  std::vector<std::size_t> missing = missing_parts(folder, run.shard);
   CorpusReport report;
   report.rooms = missing.size();
   report.all_responses =
       rooms.size() * static_cast<std::size_t>(config.sources_per_room) * static_cast<std::size_t>(config.listeners_per_source);
   if (!missing.empty()) {
-    CorpusWork work(config, folder, rooms, std::move(missing));
+    CorpusWork work(config, folder, rooms, std::move(missing), run);
     const int cores = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
     work.run(run.threads > 0 ? run.threads : cores, run.progress);
     report.responses = work.done_responses();

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "envs/rir_corpus_config.h"
+#include "sim/sofa/sofa_writer.h"
 
 namespace earshot {
 
@@ -23,6 +24,8 @@ struct CorpusRun {
   CorpusShard shard;
   /// Called from the caller's thread with the responses written so far and in all, of those that were missing.
   std::function<void(std::uint64_t done, std::uint64_t total)> progress;
+  /// sofa_writer.h's, for corpora that ask for SOFA: who calls decides whether HDF5 is linked.
+  std::function<std::string(const SofaRoomResponses& responses, const std::string& where)> encode_sofa = {};
 };
 
 struct CorpusReport {
@@ -36,8 +39,10 @@ struct CorpusReport {
 ///
 ///   OUT/corpus.json                   config, program, channels: what is compared before a corpus is completed
 ///   OUT/00000/000000_s00_l0000.wav    room, source, listener; with a split .early.wav and .late.wav beside it
+///   OUT/00000/000000_s00_l0000.rgb.png   with config.panorama; .depth.png and .category.png likewise (rir_corpus_pictures.h)
 ///   OUT/00000/manifest.jsonl          one line per response; written last, when all rooms of the folder are there
 ///   OUT/manifest.jsonl                all of them, once no folder is missing
+///   OUT/00000/000000_s00.sofa         with config.sofa in their place: the listeners of a source; no recordings.jsonl then
 ///   OUT/recordings.jsonl              the same files as lhotse's RecordingSet
 ///
 /// Throws InputError: a corpus of another config or program in `out`, a scene that cannot be used; RunError: disk full.

@@ -69,6 +69,7 @@ void read(ConfigReader& reader, RirCorpusConfig& config) {
   }
   reader.read("sources_per_room", config.sources_per_room);
   reader.read("listeners_per_source", config.listeners_per_source);
+  reader.read("shared_listeners", config.shared_listeners);
   reader.read("source_height_m", config.source_height_m);
   reader.read("listener_height_m", config.listener_height_m);
   reader.read("clearance_m", config.clearance_m);
@@ -79,8 +80,17 @@ void read(ConfigReader& reader, RirCorpusConfig& config) {
   reader.read("roll_deg", config.roll_deg);
   reader.read("channels", config.channels);
   reader.read("hrtf", config.hrtf);
+  reader.read("hrtfs", config.hrtfs);
   reader.read_choice<SoundFormat>("format", config.format, {{"wav", SoundFormat::wav}, {"flac", SoundFormat::flac}});
+  reader.read("sofa", config.sofa);
   reader.read("split_ms", config.split_ms);
+  if (reader.has("panorama") && !config.panorama) config.panorama.emplace();
+  if (config.panorama) {
+    ConfigReader panorama = reader.child("panorama");
+    panorama.read("width_px", config.panorama->width_px);
+    panorama.read("height_px", config.panorama->height_px);
+    panorama.finish();
+  }
   reader.read("rooms_per_folder", config.rooms_per_folder);
 
   ConfigReader acoustics = reader.child("acoustics");
@@ -128,12 +138,26 @@ void validate(const RirCorpusConfig& config) {
   const ListenerLayout layout = ListenerLayout::named(config.channels);
   if (!config.hrtf.empty() && layout.kind != ListenerKind::binaural)
     throw InputError("hrtf", "has no effect on channels '" + config.channels + "'", "leave it out, or ask for binaural");
+  if (!config.hrtfs.empty() && layout.kind != ListenerKind::binaural)
+    throw InputError("hrtfs", "have no effect on channels '" + config.channels + "'", "leave them out, or ask for binaural");
+  if (!config.hrtfs.empty() && !config.hrtf.empty())
+    throw InputError("hrtf, hrtfs", "are both given", "name the one head in hrtf, or those to draw from in hrtfs");
+  require(config.hrtfs.size() <= 1000, "hrtfs", config.hrtfs.size(), "must be at most 1000 files");
+  if (config.sofa && config.format != SoundFormat::wav) throw InputError("format", "has no effect on SOFA files", "leave it out, or sofa");
+  if (config.sofa && config.split_ms > 0)
+    throw InputError("split_ms", "has no effect on SOFA files, which hold whole responses", "leave it out, or sofa");
   require(config.format == SoundFormat::wav || layout.num_channels() <= 8, "format", "flac", "holds 8 channels at most; take wav");
   validate(config.acoustics);
   require(config.acoustics.rir_length_s > 0, "acoustics.rir_length_s", "auto",
           "must be a number: the responses of a corpus have one length");
   require(config.split_ms >= 0 && config.split_ms < 1000 * config.acoustics.rir_length_s, "split_ms", config.split_ms,
           "must be in [0, the length of a response)");
+  if (config.panorama) {
+    const auto [width_px, height_px] = *config.panorama;
+    require(width_px >= 8 && width_px <= 4096 && height_px >= 4 && 2 * height_px <= width_px, "panorama",
+            std::to_string(width_px) + "x" + std::to_string(height_px),
+            "must be 8 to 4096 pixels wide, and at most half as high: 360 degrees over the width, 180 at most over the height");
+  }
   require(config.rooms_per_folder >= 1 && config.rooms_per_folder <= 10000, "rooms_per_folder", config.rooms_per_folder,
           "must be in [1, 10000]");
 }

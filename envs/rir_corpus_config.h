@@ -22,6 +22,11 @@ struct ShoeboxRooms {
   std::vector<std::string> walls, floor, ceiling;
 };
 
+/// Panoramas from where the listeners stand, ahead in the middle.
+struct CorpusPanorama {
+  int width_px = 1152, height_px = 384;  ///< 360 degrees over the width, square in angle
+};
+
 /// A corpus of room impulse responses: rooms, sources in each, listeners of each source.  A plain value.
 struct RirCorpusConfig {
   std::uint64_t seed = 0;
@@ -32,6 +37,7 @@ struct RirCorpusConfig {
   std::optional<AcousticRandomization> randomize;
 
   int sources_per_room = 4, listeners_per_source = 25;
+  bool shared_listeners = false;  ///< the listeners of a room are the same for all of its sources: what mixtures of them need
   std::vector<float> source_height_m = {1.1f, 1.8f}, listener_height_m = {1.1f, 1.8f};  ///< least and largest, above the floor
   float clearance_m = 0.3f;                                                             ///< from walls, furniture and the ceiling
   float min_distance_m = 0.5f, max_distance_m = 1000.f;                                 ///< source to listener
@@ -39,10 +45,13 @@ struct RirCorpusConfig {
   std::vector<float> pitch_deg = {0, 0}, roll_deg = {0, 0};                             ///< of listeners; headings are anywhere
 
   std::string channels = "binaural", hrtf;  ///< as `earshot rir`
+  std::vector<std::string> hrtfs;           ///< SOFA files, or `sphere`, one of them for each listener; empty: hrtf for all
   AcousticConfig acoustics;                 ///< key `preset` besides; its threads are those of the command
   SoundFormat format = SoundFormat::wav;
+  bool sofa = false;  ///< one SOFA file (SingleRoomSRIR) per source in place of sound files
   /// Above 0: the part up to so long after the direct sound, and the rest, as files of their own that add up to the whole.
   float split_ms = 0;
+  std::optional<CorpusPanorama> panorama;  ///< PNG files of colour, depth and category beside each response
   int rooms_per_folder = 10;
 
   RirCorpusConfig() { acoustics.rir_length_s = 1.f; }

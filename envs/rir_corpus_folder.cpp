@@ -10,6 +10,7 @@
 #include <system_error>
 #include <utility>
 
+#include "envs/engine_commit.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 
@@ -175,22 +176,37 @@ std::string CorpusFolder::recording_line(const std::string& manifest_line) const
       .dump();
 }
 
-std::size_t CorpusFolder::join_manifests() const {
+std::string CorpusFolder::describe(const std::string& kind, const std::string& config, float sample_rate_hz,
+                                   const std::vector<std::string>& channels) {
+  const Json json = {{"earshot_corpus", 1},
+                     {"kind", kind},
+                     {"engine", engine_commit() + " " + build_type()},
+                     {"channels", channels},
+                     {"sample_rate_hz", sample_rate_hz},
+                     {"config", config}};
+  return json.dump(1) + "\n";
+}
+
+std::size_t CorpusFolder::join_manifests(const std::vector<DerivedManifest>& derived) const {
   std::size_t missing = 0;
   for (std::size_t folder = 0; folder < count(); ++folder) missing += !std::filesystem::exists(manifest_path(folder));
   if (missing > 0) return missing;
   std::string all, recordings;
+  std::vector<std::string> derived_lines(derived.size());
   for (std::size_t folder = 0; folder < count(); ++folder) {
     const std::string lines = read_file(manifest_path(folder));
     all += lines;
     for (std::size_t begin = 0; begin < lines.size();) {
       const std::size_t end = std::min(lines.find('\n', begin), lines.size());
-      recordings += recording_line(lines.substr(begin, end - begin)) + "\n";
+      const std::string line = lines.substr(begin, end - begin);
+      if (num_channels_ > 0) recordings += recording_line(line) + "\n";
+      for (std::size_t i = 0; i < derived.size(); ++i) derived_lines[i] += derived[i].lines(line);
       begin = end + 1;
     }
   }
   write_file_atomically(out_ / "manifest.jsonl", all);
-  write_file_atomically(out_ / "recordings.jsonl", recordings);
+  if (num_channels_ > 0) write_file_atomically(out_ / "recordings.jsonl", recordings);
+  for (std::size_t i = 0; i < derived.size(); ++i) write_file_atomically(out_ / derived[i].name, derived_lines[i]);
   return 0;
 }
 

@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <filesystem>
+#include <functional>
 #include <mutex>
 #include <string>
 #include <string_view>
@@ -9,11 +10,25 @@
 
 namespace earshot {
 
-/// The files of a corpus (rir_corpus.h).  A room is there when its part of the manifest is, a folder when its manifest is: both are written
+/// A file of a corpus and its bytes.
+struct CorpusFile {
+  std::string name;  ///< within the folder of the room
+  std::string bytes;
+};
+
+/// A list made of the manifest of a whole corpus, beside recordings.jsonl.
+struct DerivedManifest {
+  std::string name;
+  std::function<std::string(const std::string& manifest_line)> lines;  ///< of a line of the manifest, each with its line feed
+};
+
+/// The files of a corpus (rir_corpus.h).  A corpus that is not of rooms calls its smallest part so that is written whole or not at all, a
+/// batch of recordings for example.  A room is there when its part of the manifest is, a folder when its manifest is: both are written
 /// after what they name has reached the disk, so that a run that is killed at any moment leaves nothing that looks complete and is not.
 /// Rooms may be written from any thread, each by one at a time.
 class CorpusFolder {
  public:
+  /// num_channels: of the recordings; 0: none are listed in recordings.jsonl.
   CorpusFolder(std::filesystem::path out, std::size_t num_rooms, std::size_t rooms_per_folder, float sample_rate_hz,
                std::size_t num_channels);
 
@@ -30,7 +45,10 @@ class CorpusFolder {
   /// the last room.
   void finish_room(std::size_t room, const std::vector<std::string>& files, const std::string& lines) const;
   /// Joins the manifests of all folders, if none is missing.  Returns the number of those that are.
-  [[nodiscard]] std::size_t join_manifests() const;
+  [[nodiscard]] std::size_t join_manifests(const std::vector<DerivedManifest>& derived = {}) const;
+  /// corpus.json as the text that begin() compares: `config` as lines "key: value", and the engine that runs.  kind: of the corpus.
+  [[nodiscard]] static std::string describe(const std::string& kind, const std::string& config, float sample_rate_hz,
+                                            const std::vector<std::string>& channels);
 
  private:
   [[nodiscard]] std::filesystem::path folder_path(std::size_t folder) const;

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <glm/geometric.hpp>
+#include <iterator>
 #include <nlohmann/json.hpp>
 #include <numbers>
 #include <optional>
@@ -59,6 +60,50 @@ float gain_for(SoundFormat format, std::span<const float> samples) {
   return gain;
 }
 
+/// To the axes of SOFA: x ahead, y to the left, z up.
+glm::dvec3 sofa_axes(glm::dvec3 v) { return {-v.z, -v.x, v.y}; }
+
+/// Receivers as the layout has them; ears where the rigid sphere of hrtf.h has them, as files of measured heads do not say.
+void describe_receivers(const ListenerLayout& layout, SofaRoomResponses& sofa) {
+  if (layout.kind == ListenerKind::ambisonics) {
+    sofa.harmonics = true;
+    sofa.comment = fmt::format("spherical harmonics to order {} by ACN, {}, in the axes of the {}", layout.order,
+                               layout.norm == HarmonicNorm::n3d ? "N3D" : "SN3D", layout.axes == HarmonicAxes::world ? "room" : "listener");
+  } else if (layout.kind == ListenerKind::binaural) {
+    constexpr double radius_m = 0.0875, ear_rad = 100 * std::numbers::pi / 180;
+    for (const double side : {1.0, -1.0})
+      sofa.receivers.push_back({.position = radius_m * glm::dvec3(std::cos(ear_rad), side * std::sin(ear_rad), 0),
+                                .view = {std::cos(ear_rad), side * std::sin(ear_rad), 0},
+                                .up = {0, 0, 1}});
+  } else if (layout.kind == ListenerKind::array) {
+    for (const Microphone& microphone : layout.microphones)
+      sofa.receivers.push_back({.position = sofa_axes(microphone.position_m),
+                                .view = sofa_axes(microphone.orientation * glm::vec3(0, 0, -1)),
+                                .up = sofa_axes(microphone.orientation * glm::vec3(0, 1, 0))});
+  } else {
+    sofa.receivers.push_back({});
+  }
+}
+
+SofaRoomResponses describe_sofa(const RirCorpusConfig& config, const Scene& scene, const CorpusSource& source) {
+  const ListenerLayout layout = ListenerLayout::named(config.channels);
+  SofaRoomResponses sofa;
+  sofa.title = "room impulse responses of " + scene.name();
+  sofa.room_description = scene.name() + ", hash " + hex64(scene.hash());
+  sofa.listener_description = config.channels;
+  sofa.comment = "pressure of a source of 1/(4 pi r) at 1 m, sample n at time n / rate after emission";
+  sofa.sample_rate_hz = config.acoustics.sample_rate_hz;
+  sofa.num_receivers = layout.num_channels();
+  sofa.source = {.position = sofa_axes(scene.to_world(source.sound.position)),
+                 .view = sofa_axes(source.sound.orientation * glm::vec3(0, 0, -1)),
+                 .up = sofa_axes(source.sound.orientation * glm::vec3(0, 1, 0))};
+  describe_receivers(layout, sofa);
+  if (scene.name().starts_with("shoebox:"))
+    sofa.shoebox = {sofa_axes(scene.to_world(scene.bounds().lower)), sofa_axes(scene.to_world(scene.bounds().upper))};
+  sofa.temperature_k = 273.15 + static_cast<double>(scene.air().temperature_c);
+  return sofa;
+}
+
 std::vector<float> scaled(std::span<const float> samples, float gain) {
   std::vector<float> result(samples.begin(), samples.end());
   for (float& sample : result) sample *= gain;
@@ -87,19 +132,38 @@ std::vector<std::string> channel_names(const ListenerLayout& layout) {
   return names;
 }
 
+std::vector<std::shared_ptr<const SynthesisTables>> corpus_tables(const RirCorpusConfig& config) {
+  const ListenerLayout layout = ListenerLayout::named(config.channels);
+  const float rate_hz = config.acoustics.sample_rate_hz;
+  std::vector<std::string> heads = config.hrtfs;
+  if (heads.empty()) heads.push_back(config.hrtf.empty() ? "sphere" : config.hrtf);
+  const int bands = config.acoustics.bands;
+  std::vector<std::shared_ptr<const SynthesisTables>> tables;
+  for (const std::string& name : heads) {
+    std::shared_ptr<const Hrtf> head;
+    if (layout.kind == ListenerKind::binaural) head = name == "sphere" ? Hrtf::rigid_sphere(rate_hz) : Hrtf::from_sofa(name, rate_hz);
+    tables.push_back(make_synthesis_tables(
+        config.acoustics, bands == 0 ? BandLayout::octaves(rate_hz) : BandLayout::log_spaced(bands, rate_hz), layout, head));
+  }
+  return tables;
+}
+
 CorpusSourceRenderer::CorpusSourceRenderer(const RirCorpusConfig& config, const CorpusRoom& room, std::size_t room_index, int source,
-                                           RirSynthesizer& synthesizer)
+                                           std::span<RirSynthesizer> heads)
     : config_(config),
       room_(room),
       room_index_(room_index),
       number_(source),
-      synthesizer_(synthesizer),
+      heads_(heads),
       source_(room.draw_source(source)),
       candidates_(room.acoustics(), source_.sound) {
   const AcousticScene& acoustics = room.acoustics();
   const bool many = config.acoustics.field == Switch::on || config.listeners_per_source >= kManyListeners;
   if (many && uses_source_field(acoustics)) field_ = build_source_field(acoustics, candidates_);
+  if (config.sofa) sofa_ = describe_sofa(config, room.scene(), source_);
 }
+
+std::string CorpusSourceRenderer::sofa_name() const { return fmt::format("{:06}_s{:02}.sofa", room_index_, number_); }
 
 std::string CorpusSourceRenderer::render(int listener, const std::string& folder, std::vector<CorpusFile>& files) {
   const AcousticScene& acoustics = room_.acoustics();
@@ -107,13 +171,25 @@ std::string CorpusSourceRenderer::render(int listener, const std::string& folder
   const CorpusListener pose = room_.draw_listener(source_, number_, listener);
   const ListenerOrientation orientation = pose.orientation();
   compute_energy_response(acoustics, candidates_, field_.get(), pose.position, response_);
-  synthesizer_.render(response_, orientation, CarrierKey(carrier_key(acoustics.hash(), candidates_.source()), pose.position), rir_);
+  heads_[pose.head].render(response_, orientation, CarrierKey(carrier_key(acoustics.hash(), candidates_.source()), pose.position), rir_);
   const RoomMetrics metrics = measure(acoustics, response_);
 
   const std::string id = fmt::format("{:06}_s{:02}_l{:04}", room_index_, number_, listener);
   const float gain = gain_for(config_.format, rir_.samples);
   std::vector<float> samples = scaled(rir_.samples, gain);
   const auto add = [&](const std::string& suffix, std::span<const float> channels) {
+    if (config_.sofa) {
+      // Harmonics in the axes of the room are those of a listener who looks along them.
+      const ListenerLayout layout = ListenerLayout::named(config_.channels);
+      const bool turned = layout.kind != ListenerKind::ambisonics || layout.axes == HarmonicAxes::ego;
+      const ListenerOrientation facing = turned ? orientation : ListenerOrientation();
+      sofa_.num_samples = rir_.num_samples;
+      sofa_.samples.insert(sofa_.samples.end(), channels.begin(), channels.end());
+      sofa_.listeners.push_back({.position = sofa_axes(scene.to_world(pose.position)),
+                                 .view = sofa_axes(facing.local_to_world(glm::vec3(0, 0, -1))),
+                                 .up = sofa_axes(facing.local_to_world(glm::vec3(0, 1, 0)))});
+      return folder + sofa_name();
+    }
     const std::string name = id + suffix + ending_of(config_.format);
     files.push_back({name, encode_sound(channels, rir_.num_channels, rir_.sample_rate_hz, config_.format, folder + name)});
     return folder + name;
@@ -153,6 +229,15 @@ std::string CorpusSourceRenderer::render(int listener, const std::string& folder
       {"field_t20_error", field_ ? rounded(field_->t20_error()) : Json(nullptr)},
       {"num_samples", rir_.num_samples},
       {"gain", gain}};
+  if (!config_.hrtfs.empty()) line["listener"]["hrtf"] = config_.hrtfs[pose.head];
+  if (const CorpusPictures* pictures = room_.pictures()) {
+    std::vector<CorpusFile> made = pictures->render(scene, pose.position, pose.heading_deg / kRadian, id);
+    line["rgb_file"] = folder + made[0].name;
+    line["depth_file"] = folder + made[1].name;
+    line["category_file"] = folder + made[2].name;
+    std::ranges::move(made, std::back_inserter(files));
+  }
+  if (config_.sofa) line["measurement"] = sofa_.listeners.size() - 1;
   if (config_.split_ms > 0) {
     const auto frames = static_cast<std::size_t>(rir_.num_samples);
     const double split = (direct_s + 1e-3 * static_cast<double>(config_.split_ms)) * static_cast<double>(rir_.sample_rate_hz);

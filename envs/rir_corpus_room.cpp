@@ -37,10 +37,13 @@ enum PlaceDraw : std::uint32_t {
   pitch_draw = 4,
   roll_draw = 5,
   pattern_draw = 6,
+  head_draw = 7,
   draws_per_try = 8
 };
 
 RandomStream shape_stream(std::uint64_t seed, std::uint32_t room) { return {seed, Purpose::episode, kCorpusStream, room, 0}; }
+/// In place of the number of a source: listeners of all sources.
+constexpr int kAnySource = -1;
 /// listener: counted from 1; 0 is the source itself.
 RandomStream place_stream(std::uint64_t seed, std::uint32_t room, int source, int listener) {
   return {seed, Purpose::episode, kCorpusStream, room,
@@ -138,9 +141,21 @@ CorpusRoom::CorpusRoom(const RirCorpusConfig& config, std::size_t index, const C
     : config_(config),
       index_(static_cast<std::uint32_t>(index)),
       acoustics_(load_room(config, spec), config.acoustics),
-      navmesh_(acoustics_.scene().mesh(), floor_of(config)) {}
+      navmesh_(acoustics_.scene().mesh(), floor_of(config)),
+      pictures_(config.panorama ? std::make_unique<const CorpusPictures>(*config.panorama, acoustics_.scene()) : nullptr) {}
 
 bool CorpusRoom::is_free(glm::vec3 foot, float height_m) const { return stands_free(scene(), foot, height_m + config_.clearance_m); }
+
+FreePlace CorpusRoom::draw_place(const RandomStream& random, std::uint32_t number, const std::vector<float>& height_m,
+                                 const std::function<bool(glm::vec3)>& accept, const std::string& what) const {
+  for (std::uint32_t attempt = 0; attempt < kTries; ++attempt) {
+    const std::uint32_t draw = (number * kTries + attempt) * draws_per_try;
+    const FreePlace place{navmesh_.random_point(random, draw + foot_draw), within(height_m, random.uniform(draw + height_draw))};
+    if (accept(place.position()) && is_free(place.foot, place.height_m)) return place;
+  }
+  throw InputError(scene().name(), fmt::format("has no free place for {} within {} draws", what, kTries),
+                   "widen the distances, lower the heights or clearance_m, or leave this scene out");
+}
 
 CorpusSource CorpusRoom::draw_source(int source) const {
   const RandomStream random = place_stream(config_.seed, index_, source, 0);
@@ -162,18 +177,25 @@ CorpusSource CorpusRoom::draw_source(int source) const {
 }
 
 CorpusListener CorpusRoom::draw_listener(const CorpusSource& from, int source, int listener) const {
-  const RandomStream random = place_stream(config_.seed, index_, source, listener + 1);
+  const RandomStream random = place_stream(config_.seed, index_, config_.shared_listeners ? kAnySource : source, listener + 1);
+  std::vector<glm::vec3> sources{from.sound.position};
+  for (int other = 0; config_.shared_listeners && other < config_.sources_per_room; ++other)
+    if (other != source) sources.push_back(draw_source(other).sound.position);
   for (std::uint32_t attempt = 0; attempt < kTries; ++attempt) {
     const std::uint32_t draw = attempt * draws_per_try;
     const glm::vec3 foot = navmesh_.random_point(random, draw + foot_draw);
     const float height_m = within(config_.listener_height_m, random.uniform(draw + height_draw));
     const glm::vec3 place = foot + glm::vec3(0, height_m, 0);
-    const float distance_m = glm::length(place - from.sound.position);
-    if (distance_m < config_.min_distance_m || distance_m > config_.max_distance_m || !is_free(foot, height_m)) continue;
+    const bool in_range = std::ranges::all_of(sources, [&](glm::vec3 position) {
+      const float distance_m = glm::length(place - position);
+      return distance_m >= config_.min_distance_m && distance_m <= config_.max_distance_m;
+    });
+    if (!in_range || !is_free(foot, height_m)) continue;
     return {.position = place,
             .heading_deg = heading_of(random, draw + heading_draw),
             .pitch_deg = angle_within(config_.pitch_deg, random.uniform(draw + pitch_draw)),
-            .roll_deg = angle_within(config_.roll_deg, random.uniform(draw + roll_draw))};
+            .roll_deg = angle_within(config_.roll_deg, random.uniform(draw + roll_draw)),
+            .head = config_.hrtfs.empty() ? 0 : random.below(static_cast<std::uint32_t>(config_.hrtfs.size()), draw + head_draw)};
   }
   throw InputError(scene().name(),
                    fmt::format("has no free place for a listener {} to {} m from a source within {} draws", config_.min_distance_m,

@@ -32,6 +32,7 @@ allowed sim/base      "sim/base"
 allowed sim/rays      "sim/base sim/rays"
 allowed sim/scene     "sim/base sim/rays sim/scene"
 allowed sim/audio     "sim/base sim/audio"
+allowed sim/sofa      "sim/base sim/sofa"
 allowed sim/acoustics "sim/base sim/rays sim/scene sim/audio sim/acoustics"
 stages=""
 for stage in core geometry model paths tracers source_field response synthesis metrics accuracy; do
@@ -52,6 +53,7 @@ owned 'embree'            'sim/rays/|apps/doctor'
 owned 'assimp'            'sim/scene/'
 owned 'Recast|Detour'     'sim/nav/'
 owned 'sndfile|mysofa|libav|libsw|samplerate' 'sim/audio/'
+owned 'hdf5'              'sim/sofa/'
 owned 'yaml-cpp'         'sim/base/config_reader.cpp|trainer/effective_config.cpp'
 owned 'zmq'               'trainer/'
 owned 'torch'             'policy/|trainer/'

@@ -36,6 +36,7 @@ packages=(
   zlib1g-dev
   libpng-dev=1.6.39-2+deb12u6
   libturbojpeg0-dev=1:2.1.5-2
+  libhdf5-dev=1.10.8+repack1-1
   libjs-three=111+dfsg1-3
   libgtest-dev=1.12.1-0.2
   libgmock-dev=1.12.1-0.2

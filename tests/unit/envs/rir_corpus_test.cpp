@@ -209,6 +209,9 @@ TEST(RirCorpus, ConfigsAreCheckedByKey) {
   EXPECT_THAT(refused(room + "channels: mono\nhrtf: head.sofa\n"), HasSubstr("has no effect on channels 'mono'"));
   EXPECT_THAT(refused(room + "channels: ambisonic:3\nformat: flac\n"), HasSubstr("8 channels"));
   EXPECT_THAT(refused(room + "split_ms: 2000\n"), HasSubstr("split_ms"));
+  EXPECT_THAT(refused(room + "sofa: true\nsplit_ms: 20\n"), HasSubstr("split_ms"));
+  EXPECT_THAT(refused(room + "hrtf: a.sofa\nhrtfs: [b.sofa]\n"), HasSubstr("are both given"));
+  EXPECT_THAT(refused(room + "panorama: {width_px: 100, height_px: 60}\n"), HasSubstr("at most half as high"));
   EXPECT_THAT(refused(room + "acoustics: {threads: 4}\n"), HasSubstr("--threads"));
   EXPECT_THAT(refused(room + "acoustics: {rir_length_s: 0}\n"), HasSubstr("rir_length_s"));
   EXPECT_THAT(refused(room + "randomize: {seed: 3}\n"), HasSubstr("seed"));
@@ -225,6 +228,41 @@ TEST(RirCorpus, TheStatedConfigIsTheConfig) {
   const std::string text = config_text(config);
   EXPECT_EQ(config_text(from_yaml(text)), text);
   EXPECT_THAT(text, HasSubstr("noise_std: 0.07"));
+}
+
+// What mixtures need: every source of a room at the same listeners, each as far as the config asks.
+TEST(RirCorpus, SharedListenersAreThoseOfAllSources) {
+  RirCorpusConfig config = tiny();
+  config.shared_listeners = true;
+  config.min_distance_m = 1;
+  config.sources_per_room = 3;
+  const CorpusRoom room(config, 0, list_corpus_rooms(config)[0]);
+  for (int listener = 0; listener < 10; ++listener) {
+    const CorpusListener first = room.draw_listener(room.draw_source(0), 0, listener);
+    for (int source = 0; source < 3; ++source) {
+      const CorpusSource from = room.draw_source(source);
+      const CorpusListener again = room.draw_listener(from, source, listener);
+      EXPECT_EQ(again.position, first.position);
+      EXPECT_EQ(again.heading_deg, first.heading_deg);
+      EXPECT_GE(glm::length(again.position - from.sound.position), 1.f);
+    }
+  }
+}
+
+TEST(RirCorpus, HeadsAreDrawnPerListener) {
+  RirCorpusConfig config = tiny();
+  config.shoeboxes.count = 1;
+  const TestFolder one("corpus_head"), several("corpus_heads");
+  write_rir_corpus(config, {.out = one.path(), .threads = 1, .shard = {}, .progress = {}});
+  config.hrtfs = {"sphere", "sphere"};  // two of the same: the draw shows, and no response changes
+  config.listeners_per_source = 12;
+  write_rir_corpus(config, {.out = several.path(), .threads = 2, .shard = {}, .progress = {}});
+  const CorpusRoom room(config, 0, list_corpus_rooms(config)[0]);
+  int first_head = 0;
+  for (int listener = 0; listener < 12; ++listener) first_head += room.draw_listener(room.draw_source(0), 0, listener).head == 0;
+  EXPECT_TRUE(first_head > 1 && first_head < 11) << first_head;
+  EXPECT_EQ(lines_of(several.path() / "manifest.jsonl").at(3)["listener"]["hrtf"], "sphere");
+  EXPECT_TRUE(read_file(one.path() / "00000/000000_s01_l0002.wav") == read_file(several.path() / "00000/000000_s01_l0002.wav"));
 }
 
 TEST(RirCorpus, ChannelsHaveNames) {

@@ -1,0 +1,96 @@
+#include <fmt/format.h>
+
+#include <chrono>
+#include <cstdio>
+#include <memory>
+
+#include "apps/commands.h"
+#include "envs/rir_corpus.h"
+#include "sim/base/errors.h"
+#include "sim/base/progress.h"
+
+namespace earshot {
+namespace {
+
+struct Options {
+  std::vector<std::string> scenes, overrides;
+  std::string out, shard = "1/1", size = "1152x384", channels = "mono";
+  int pairs = 100, threads = 0;
+  float max_distance_m = 5, rate_hz = 44100, length_s = 1;
+  std::uint64_t seed = 0;
+};
+
+CorpusPanorama parse_size(const std::string& text) {
+  CorpusPanorama panorama;
+  int used = 0;
+  if (std::sscanf(text.c_str(), "%dx%d%n", &panorama.width_px, &panorama.height_px, &used) != 2 ||
+      static_cast<std::size_t>(used) != text.size())
+    throw InputError("--size " + text, "is not a size", "write WIDTHxHEIGHT in pixels: 1152x384");
+  return panorama;
+}
+
+RirCorpusConfig config_of(const Options& options) {
+  RirCorpusConfig config;
+  config.seed = options.seed;
+  config.scenes = options.scenes;
+  config.sources_per_room = options.pairs;
+  config.listeners_per_source = 1;
+  config.max_distance_m = options.max_distance_m;
+  config.channels = options.channels;
+  config.acoustics = acoustic_preset("fast");
+  config.acoustics.sample_rate_hz = options.rate_hz;
+  config.acoustics.rir_length_s = options.length_s;
+  config.panorama = parse_size(options.size);
+  config.rooms_per_folder = 1;
+  ConfigReader reader = ConfigReader::from_text("{}", "--set", options.overrides);
+  read(reader, config);
+  reader.finish();
+  return config;
+}
+
+void run_dataset_pano(const Options& options) {
+  const RirCorpusConfig config = config_of(options);
+  std::unique_ptr<Progress> progress;
+  const auto begin = std::chrono::steady_clock::now();
+  const CorpusReport report = write_rir_corpus(config, {.out = options.out,
+                                                        .threads = options.threads,
+                                                        .shard = CorpusShard::parse(options.shard),
+                                                        .progress = [&](std::uint64_t done, std::uint64_t total) {
+                                                          if (!progress)
+                                                            progress = std::make_unique<Progress>("dataset pano", "pairs", total);
+                                                          progress->update(done);
+                                                        }});
+  progress.reset();
+  const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  fmt::print("{}: {} panoramas with a response in {:.1f} s, {:.1f} per second\n", options.out, report.responses, seconds,
+             static_cast<double>(report.responses) / seconds);
+  if (report.folders_missing == 0)
+    fmt::print("{}: complete, {} pairs; manifest.jsonl, recordings.jsonl\n", options.out, report.all_responses);
+  else
+    fmt::print("{}: {} folders are missing, which other shards write; run any shard again once all are here\n", options.out,
+               report.folders_missing);
+}
+
+}  // namespace
+
+void add_dataset_pano(CLI::App& dataset) {
+  auto options = std::make_shared<Options>();
+  CLI::App* command = dataset.add_subcommand(
+      "pano", "Write panoramas (colour, depth, category) with a response at the same pose, as the PanoIR sets (docs/datasets.md)");
+  command->add_option("SCENE", options->scenes, "Scenes, and folders of them; house:10..14 stands for five houses")->required();
+  command->add_option("--out", options->out, "Folder to write; the same command completes it after an interruption")->required();
+  command->add_option("--pairs", options->pairs, "Of a source and a listener, in each scene")->capture_default_str();
+  command->add_option("--size", options->size, "WIDTHxHEIGHT in pixels: 360 degrees over the width, square in angle")
+      ->capture_default_str();
+  command->add_option("--channels", options->channels, "mono, binaural, ambisonic:N, array:FILE")->capture_default_str();
+  command->add_option("--rate", options->rate_hz, "Sample rate of the responses in Hz")->capture_default_str();
+  command->add_option("--length", options->length_s, "Of the responses in seconds")->capture_default_str();
+  command->add_option("--max-distance", options->max_distance_m, "Of source and listener in metres")->capture_default_str();
+  command->add_option("--seed", options->seed, "Seed of all that is drawn")->capture_default_str();
+  command->add_option("--set", options->overrides, "key=value, any key of a config of `dataset rir`, for example acoustics.rays=64");
+  command->add_option("--threads", options->threads, "Threads; 0: all cores; any number gives the same bytes")->capture_default_str();
+  command->add_option("--shard", options->shard, "K/N: the K-th of N parts, by scenes; any N gives the same bytes")->capture_default_str();
+  command->callback([options] { run_dataset_pano(*options); });
+}
+
+}  // namespace earshot
