@@ -70,6 +70,7 @@ void add_dataset(CLI::App& app) {
   episodes->add_option("--set", options->overrides, "key=value over the run config, for example data.train.filter.min_geodesic_m=2");
   episodes->callback([options] { run_dataset(*options); });
   add_dataset_rir(*dataset);
+  add_dataset_convolve(*dataset);
   add_dataset_pano(*dataset);
 }
 

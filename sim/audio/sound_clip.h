@@ -18,6 +18,20 @@ struct SoundClip {
 /// not audio, empty, non-finite samples, rate outside [1000, 768000], longer than 10 minutes.
 SoundClip load_sound(const std::filesystem::path& path, float sample_rate_hz);
 
+/// The channels of a sound file as they are, at its own rate.
+struct SoundChannels {
+  int num_channels = 0;
+  float sample_rate_hz = 0;
+  std::vector<float> samples;  ///< [num_channels, n], finite
+  [[nodiscard]] std::size_t num_frames() const { return samples.size() / static_cast<std::size_t>(num_channels); }
+  [[nodiscard]] std::span<const float> channel(int index) const {
+    return std::span(samples).subspan(static_cast<std::size_t>(index) * num_frames(), num_frames());
+  }
+};
+
+/// Reads them.  Throws InputError as load_sound.
+SoundChannels load_sound_channels(const std::filesystem::path& path);
+
 /// Seeded synthetic sounds so that training needs no files: "synth:KIND[:SEED]" with KIND = telephone, alarm, music, noise, speech, click,
 /// engine, bird.  One to three seconds, peak 0.5, loops without a click.  Throws InputError for an unknown kind or a bad seed.
 SoundClip synthesize_sound(const std::string& spec, float sample_rate_hz);

@@ -1,0 +1,98 @@
+#include <fmt/format.h>
+
+#include <chrono>
+#include <memory>
+
+#include "apps/commands.h"
+#include "apps/number_range.h"
+#include "envs/convolve_corpus.h"
+#include "sim/base/errors.h"
+#include "sim/base/progress.h"
+
+namespace earshot {
+namespace {
+
+struct Options {
+  ConvolveConfig config;
+  std::string out, shard = "1/1", talkers = "1", talker_level = "-5,5", snr = "5,25", level = "-30,-20", format = "wav";
+  int threads = 0;
+};
+
+void run_dataset_convolve(const Options& options) {
+  ConvolveConfig config = options.config;
+  const std::vector<float> talkers = parse_range(options.talkers, "--talkers");
+  config.min_talkers = static_cast<int>(talkers[0]);
+  config.max_talkers = static_cast<int>(talkers[1]);
+  require(static_cast<float>(config.min_talkers) == talkers[0] && static_cast<float>(config.max_talkers) == talkers[1], "--talkers",
+          options.talkers, "must be whole numbers");
+  config.talker_db = parse_range(options.talker_level, "--talker-level");
+  config.snr_db = parse_range(options.snr, "--snr");
+  config.level_dbfs = parse_range(options.level, "--level");
+  config.format = options.format == "wav" ? SoundFormat::wav : SoundFormat::flac;
+
+  std::unique_ptr<Progress> progress;
+  const auto begin = std::chrono::steady_clock::now();
+  const ConvolveReport report = write_convolve_corpus(config, {.out = options.out,
+                                                               .threads = options.threads,
+                                                               .shard = CorpusShard::parse(options.shard),
+                                                               .progress = [&](std::uint64_t done, std::uint64_t total) {
+                                                                 if (!progress)
+                                                                   progress =
+                                                                       std::make_unique<Progress>("dataset convolve", "signals", total);
+                                                                 progress->update(done);
+                                                               }});
+  progress.reset();
+  const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  fmt::print("{}: {} signals in {:.1f} s, {:.1f} per second\n", options.out, report.signals, seconds,
+             static_cast<double>(report.signals) / seconds);
+  if (report.folders_missing > 0) {
+    fmt::print("{}: {} folders are missing, which other shards write; run any shard again once all are here\n", options.out,
+               report.folders_missing);
+    return;
+  }
+  fmt::print("{}: complete, {} signals; manifest.jsonl, recordings.jsonl, supervisions.jsonl\n", options.out, report.all_signals);
+  if (report.lowered > 0)
+    fmt::print(
+        "{} signals are below the level that was drawn, so that no sample exceeds 1 (lowered in the manifest); --level makes all "
+        "quieter\n",
+        report.lowered);
+}
+
+}  // namespace
+
+void add_dataset_convolve(CLI::App& dataset) {
+  auto options = std::make_shared<Options>();
+  ConvolveConfig& config = options->config;
+  CLI::App* command = dataset.add_subcommand(
+      "convolve", "Send dry speech through the responses of a corpus, with noise, targets and labels (docs/datasets.md)");
+  command->add_option("CORPUS", config.corpus, "Folder that `earshot dataset rir` has written")->required();
+  command
+      ->add_option("--speech", config.speech, "Folder of dry speech, with the folders below it: WAV, FLAC, OGG, Opus, MP3, AIFF, any rate")
+      ->required();
+  command->add_option("--out", options->out, "Folder to write; the same command completes it after an interruption")->required();
+  command->add_option("--count", config.count, "Signals; speech files come in turn; 0: one per speech file")->capture_default_str();
+  command->add_option("--talkers", options->talkers, "N or LOW,HIGH: so many, from different sources of a room")->capture_default_str();
+  command->add_option("--talker-level", options->talker_level, "LOW,HIGH in dB: further talkers over the first, as they are heard")
+      ->capture_default_str();
+  command->add_option("--noise", config.noise,
+                      "Folder of noise, synth (white), or synth:KIND, through the response of another source of the room; where there is "
+                      "none, unrelated noise on each channel");
+  command->add_option("--snr", options->snr, "LOW,HIGH in dB: all talkers over the noise, over all channels and the whole signal")
+      ->capture_default_str();
+  command->add_option("--level", options->level, "LOW,HIGH in dB: root mean square of a signal, 0 is full scale")->capture_default_str();
+  command->add_flag("--early", config.early, "Also each talker through the early part of the response (split_ms of the corpus)");
+  command->add_flag("--dry", config.dry, "Also each talker dry, at the time and the level of the direct sound");
+  command->add_flag("--stems", config.stems, "Also each talker and the noise alone");
+  command->add_flag("--cut", config.cut, "End with the dry speech, not with its last echo");
+  command->add_option("--format", options->format, "wav (32-bit float) or flac (24 bits)")
+      ->check(CLI::IsMember({"wav", "flac"}))
+      ->capture_default_str();
+  command->add_option("--seed", config.seed, "Seed of all that is drawn")->capture_default_str();
+  command->add_option("--signals-per-folder", config.signals_per_folder, "The unit of --shard")->capture_default_str();
+  command->add_option("--threads", options->threads, "Threads; 0: all cores; any number gives the same bytes")->capture_default_str();
+  command->add_option("--shard", options->shard, "K/N: the K-th of N parts, for N machines; any N gives the same bytes")
+      ->capture_default_str();
+  command->callback([options] { run_dataset_convolve(*options); });
+}
+
+}  // namespace earshot

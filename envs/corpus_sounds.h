@@ -1,0 +1,37 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "sim/base/random.h"
+
+namespace earshot {
+
+/// Sound files of a folder and those below it, by the order of their paths, which are relative to it.
+struct SoundFolder {
+  std::filesystem::path root;
+  std::vector<std::string> files;
+  /// Throws InputError if there is none.
+  static SoundFolder list(const std::string& folder);
+  /// Of names and sizes.
+  [[nodiscard]] std::uint64_t hash() const;
+};
+
+/// Most of a sample of what is written: below 1 with 24 bits.
+inline constexpr double kMostPeak = 0.999;
+
+/// range: [low, high]; fraction in [0, 1).  To the hundredth, so that a manifest shows all of it.
+double within_range(const std::vector<float>& range, float fraction);
+double amplitude_of_db(double db);
+double energy_of(std::span<const float> samples);
+double peak_of(std::span<const float> samples);
+void scale(std::vector<float>& samples, double factor);
+/// `count` samples of an endless loop of `clip`, from `start` on.
+std::vector<float> looped(std::span<const float> clip, std::uint64_t start, std::size_t count);
+/// Normal numbers of unit variance.
+std::vector<float> white_noise(const RandomStream& random, std::size_t count);
+
+}  // namespace earshot
