@@ -71,6 +71,7 @@ void add_dataset(CLI::App& app) {
   episodes->callback([options] { run_dataset(*options); });
   add_dataset_rir(*dataset);
   add_dataset_convolve(*dataset);
+  add_dataset_scenes(*dataset);
   add_dataset_pano(*dataset);
 }
 
