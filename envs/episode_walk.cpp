@@ -16,15 +16,20 @@
 
 namespace earshot {
 
-WalkedScene load_walked_scene(const std::string& scene_id, const EnvConfig& config) {
+std::shared_ptr<const Scene> load_scene_under(const std::string& scene_id, const std::string& scene_root) {
   const FlushDenormals flush;
   std::string spec = scene_id;
-  if (!config.scene_root.empty() && !std::filesystem::path(scene_id).is_absolute()) {
-    const std::filesystem::path inside = std::filesystem::path(config.scene_root) / scene_id;
+  if (!scene_root.empty() && !std::filesystem::path(scene_id).is_absolute()) {
+    const std::filesystem::path inside = std::filesystem::path(scene_root) / scene_id;
     std::error_code ignored;  // "house:3" is no file, and that is fine
     if (std::filesystem::exists(inside, ignored)) spec = inside.string();
   }
-  auto scene = std::make_shared<const Scene>(load_scene(spec));
+  return std::make_shared<const Scene>(load_scene(spec));
+}
+
+WalkedScene load_walked_scene(const std::string& scene_id, const EnvConfig& config) {
+  const FlushDenormals flush;
+  std::shared_ptr<const Scene> scene = load_scene_under(scene_id, config.scene_root);
   Navmesh navmesh(scene->mesh(), config.navmesh);
   return {std::move(scene), std::move(navmesh)};
 }

@@ -12,12 +12,15 @@
 
 namespace earshot {
 
+/// scene_id: as SceneCache takes it, looked up under scene_root.  Throws InputError.
+std::shared_ptr<const Scene> load_scene_under(const std::string& scene_id, const std::string& scene_root);
+
 /// A scene as far as walking needs it: neither its acoustics nor its looks.
 struct WalkedScene {
   std::shared_ptr<const Scene> scene;
   Navmesh navmesh;
 };
-/// scene_id: as SceneCache takes it, looked up under config.scene_root.  Throws InputError.
+/// scene_id: as load_scene_under with config.scene_root.
 WalkedScene load_walked_scene(const std::string& scene_id, const EnvConfig& config);
 
 /// What recorded actions come to.

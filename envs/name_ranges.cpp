@@ -45,6 +45,13 @@ std::vector<std::string> expand_range(const std::string& text) {
   return all;
 }
 
+std::vector<std::string> expand_ranges(const std::vector<std::string>& texts) {
+  std::vector<std::string> all;
+  for (const std::string& text : texts)
+    for (std::string& one : expand_range(text)) all.push_back(std::move(one));
+  return all;
+}
+
 std::vector<std::string> expand_sounds(const std::vector<std::string>& sounds) {
   static const std::set<std::string> endings{".wav", ".flac", ".ogg", ".oga"};
   std::vector<std::string> all;

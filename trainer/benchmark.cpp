@@ -2,8 +2,10 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <vector>
 
+#include "envs/name_ranges.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "trainer/effective_config.h"
@@ -16,11 +18,16 @@ namespace {
 
 constexpr std::size_t kMaxBytes = std::size_t{1} << 20;
 
-std::vector<std::string> expanded(const std::vector<std::string>& texts) {
-  std::vector<std::string> all;
-  for (const std::string& text : texts)
-    for (const std::string& one : expand_range(text)) all.push_back(one);
-  return all;
+/// The sounds of the test set that must be new: those of heard_sounds are taken out, once they are known to be of both.
+std::vector<std::string> new_sounds(const Benchmark& benchmark, const std::vector<std::string>& trained, std::vector<std::string> tested) {
+  for (const std::string& heard : expand_sounds(benchmark.heard_sounds)) {
+    const bool both = std::ranges::count(trained, heard) > 0 && std::ranges::count(tested, heard) > 0;
+    if (!both)
+      throw InputError(benchmark.name, fmt::format("names '{}' in benchmark.heard_sounds, which training and test do not both have", heard),
+                       "leave it out there");
+    std::erase(tested, heard);
+  }
+  return tested;
 }
 
 }  // namespace
@@ -43,6 +50,8 @@ Benchmark load_benchmark(const std::filesystem::path& path) {
   section.read_required("set_hash", benchmark.set_hash);
   section.read_required("rules_hash", benchmark.rules_hash);
   section.read("seed", benchmark.seed);
+  section.read("heard_sounds", benchmark.heard_sounds);
+  section.read("held_out_kinds", benchmark.held_out_kinds);
   section.finish();
   std::vector<std::string> run;
   for (const auto& [key, value] : flat_config(file.text()))
@@ -67,15 +76,29 @@ EpisodeSet benchmark_set(const Benchmark& benchmark) {
   return set;
 }
 
+void check_held_out_kinds(const Benchmark& benchmark, const std::vector<std::string>& trained, const std::vector<std::string>& tested) {
+  for (const std::string& kind : benchmark.held_out_kinds) {
+    const auto of_kind = [&](const std::string& sound) { return sound_kind(sound) == kind; };
+    if (const auto found = std::ranges::find_if(trained, of_kind); found != trained.end())
+      throw InputError(benchmark.name, fmt::format("has '{}' in data.train, of the kind '{}' of benchmark.held_out_kinds", *found, kind),
+                       "leave it out of one of the two");
+    if (std::ranges::none_of(tested, of_kind))
+      throw InputError(benchmark.name, fmt::format("has no sound of the kind '{}' of benchmark.held_out_kinds in its test set", kind),
+                       "leave it out there");
+  }
+}
+
 void check_splits(const Benchmark& benchmark) {
   const RunConfig& run = benchmark.run;
   const auto refuse = [&](const SplitOverlap& found) {
     throw InputError(benchmark.name, fmt::format("has '{}' in its test set, {} '{}' of data.train", found.tested, found.why, found.trained),
                      "leave it out of one of the two");
   };
-  const auto scenes = find_scene_overlap(expanded(run.train.scenes), expanded(run.eval.scenes), run.env.scene_root);
+  const auto scenes = find_scene_overlap(expand_ranges(run.train.scenes), expand_ranges(run.eval.scenes), run.env.scene_root);
   if (scenes) refuse(*scenes);
-  const auto sounds = find_sound_overlap(expand_sounds(run.train.sounds), expand_sounds(run.eval.sounds), run.env.sound_root);
+  const auto trained = expand_sounds(run.train.sounds), tested = expand_sounds(run.eval.sounds);
+  check_held_out_kinds(benchmark, trained, tested);
+  const auto sounds = find_sound_overlap(trained, new_sounds(benchmark, trained, tested), run.env.sound_root);
   if (sounds) refuse(*sounds);
 }
 

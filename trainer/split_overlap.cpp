@@ -1,13 +1,11 @@
 #include "trainer/split_overlap.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdint>
 #include <glm/common.hpp>
 #include <limits>
 #include <map>
-#include <set>
 #include <string_view>
 #include <vector>
 
@@ -22,25 +20,35 @@ namespace {
 constexpr float kCellM = 0.05f;
 constexpr float kSampleRateHz = 16000.f;
 
-using Cells = std::set<std::array<std::int64_t, 3>>;
+/// Rising, each once; 21 bits an axis, which are 100 km.
+constexpr std::uint64_t kMostCell = (std::uint64_t{1} << 21) - 1;
+using Cells = std::vector<std::uint64_t>;
 
 Cells cells_of(const TriangleMesh& mesh) {
   glm::vec3 low(std::numeric_limits<float>::max());
   for (const glm::vec3 vertex : mesh.vertices) low = glm::min(low, vertex);
+  const auto bits = [](float cell) { return std::min(static_cast<std::uint64_t>(cell), kMostCell); };
   Cells cells;
+  cells.reserve(mesh.vertices.size());
   for (const glm::vec3 vertex : mesh.vertices) {
     const glm::vec3 cell = glm::round((vertex - low) / kCellM);
-    cells.insert({static_cast<std::int64_t>(cell.x), static_cast<std::int64_t>(cell.y), static_cast<std::int64_t>(cell.z)});
+    cells.push_back(bits(cell.x) << 42 | bits(cell.y) << 21 | bits(cell.z));
   }
+  std::ranges::sort(cells);
+  cells.erase(std::unique(cells.begin(), cells.end()), cells.end());
   return cells;
 }
 
 double overlap(const Cells& a, const Cells& b) {
   if (a.empty() || b.empty()) return 0;
-  const Cells& fewer = a.size() <= b.size() ? a : b;
-  const Cells& more = a.size() <= b.size() ? b : a;
-  const auto common = std::count_if(fewer.begin(), fewer.end(), [&](const auto& cell) { return more.contains(cell); });
-  return static_cast<double>(common) / static_cast<double>(fewer.size());
+  std::size_t common = 0;
+  for (std::size_t i = 0, j = 0; i < a.size() && j < b.size();) {
+    common += a[i] == b[j] ? 1 : 0;
+    const bool first_is_less = a[i] < b[j], second_is_less = b[j] < a[i];
+    i += second_is_less ? 0 : 1;
+    j += first_is_less ? 0 : 1;
+  }
+  return static_cast<double>(common) / static_cast<double>(std::min(a.size(), b.size()));
 }
 
 /// "house:3" of "house:3,rooms=2"; a file's name as it is.
@@ -83,9 +91,7 @@ double geometry_overlap(const TriangleMesh& a, const TriangleMesh& b) { return o
 std::optional<SplitOverlap> find_scene_overlap(std::span<const std::string> trained, std::span<const std::string> tested,
                                                const std::string& scene_root) {
   if (auto found = same(trained, tested, "the same as", identity_of)) return found;
-  EnvConfig config;
-  config.scene_root = scene_root;
-  const auto cells = [&](const std::string& scene) { return cells_of(load_walked_scene(scene, config).scene->mesh()); };
+  const auto cells = [&](const std::string& scene) { return cells_of(load_scene_under(scene, scene_root)->mesh()); };
   std::vector<Cells> known;
   for (const std::string& scene : trained) known.push_back(cells(scene));
   for (const std::string& scene : tested) {
