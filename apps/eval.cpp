@@ -15,13 +15,14 @@
 #include "trainer/find_checkpoint.h"
 #include "trainer/leaderboard.h"
 #include "trainer/planned_acoustics.h"
+#include "trainer/private_set.h"
 #include "trainer/result_groups.h"
 
 namespace earshot {
 namespace {
 
 struct Options {
-  std::string agent, config, out, name, benchmark;
+  std::string agent, config, out, name, benchmark, private_file;
   std::vector<std::string> overrides;
   EvaluationConfig evaluation;
   bool argmax = false, sample = false;
@@ -55,10 +56,13 @@ Plan plan_of(const Options& options) {
   if (options.argmax) evaluation.actions = ActionChoice::argmax;
   if (options.sample) evaluation.actions = ActionChoice::sample;
   std::optional<Benchmark> benchmark;
+  if (options.benchmark.empty() && !options.private_file.empty())
+    throw InputError("--private", "is a set of a benchmark", "name it with --benchmark");
   if (!options.benchmark.empty()) {
     if (!options.config.empty() || !evaluation.episodes.empty())
       throw InputError("--benchmark", "names rules and episodes itself", "leave out --config and --episodes");
     benchmark = load_benchmark(options.benchmark);
+    if (!options.private_file.empty()) benchmark = with_private_set(*benchmark, options.private_file);
     static_cast<void>(benchmark_set(*benchmark));  // made where it is missing, and the right one
     evaluation.episodes = benchmark->run.eval.file;
     evaluation.seed = benchmark->seed;
@@ -129,6 +133,7 @@ void add_eval(CLI::App& app, const std::vector<std::string>& arguments, int& exi
   command->add_option("--config", options->config, "Run config that fixes the environment of a baseline");
   command->add_option("--benchmark", options->benchmark,
                       "Benchmark (configs/benchmarks): its test set and seed, and a baseline's environment");
+  command->add_option("--private", options->private_file, "The benchmark's private set in this file, in the place of its test set");
   command->add_option("--set", options->overrides, "key=value over the config");
   command->add_option("--name", options->name, "Name in tables (default: the config's name)");
   command->add_option("--seed", options->evaluation.seed, "Seed of sampled actions")->capture_default_str();

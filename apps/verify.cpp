@@ -7,13 +7,14 @@
 #include "apps/board_commands.h"
 #include "sim/base/files.h"
 #include "trainer/benchmark.h"
+#include "trainer/private_set.h"
 
 namespace earshot {
 namespace {
 
 struct Options {
   std::vector<std::string> results;
-  std::string benchmark, config, episodes, json;
+  std::string benchmark, private_file, config, episodes, json;
   std::vector<std::string> overrides;
   VerifyConfig verify;
 };
@@ -22,6 +23,8 @@ void run_verify(Options options) {
   std::optional<Benchmark> benchmark;
   std::optional<RunConfig> config;
   if (!options.benchmark.empty()) benchmark = load_benchmark(options.benchmark);
+  if (!benchmark && !options.private_file.empty()) throw InputError("--private", "is a set of a benchmark", "name it with --benchmark");
+  if (!options.private_file.empty()) benchmark = with_private_set(*benchmark, options.private_file);
   if (!options.config.empty()) config = load_run_config(options.config, options.overrides);
   if (!config && !options.overrides.empty()) throw InputError("--set", "has no effect without --config", "leave it out");
   if (benchmark && (config || !options.episodes.empty()))
@@ -46,7 +49,9 @@ void run_verify(Options options) {
     const EvaluationResult result = load_result(file);
     if (benchmark) {
       const Verification verified = verify_for_benchmark(result, file, *benchmark, *set_of_all, options.verify);
-      fmt::print("{}", verified_line(file, verified, fmt::format("of benchmark {} {}", benchmark->name, benchmark->version)));
+      fmt::print("{}", verified_line(file, verified,
+                                     fmt::format("of benchmark {} {}{}", benchmark->name, benchmark->version,
+                                                 options.private_file.empty() ? "" : ", private set")));
       note(file, verified, benchmark->rules_hash);
       continue;
     }
@@ -85,6 +90,7 @@ void add_verify(CLI::App& app) {
   CLI::App* command = app.add_subcommand("verify", "Walk the actions of results again and refuse those whose numbers differ by a bit");
   command->add_option("RESULT", options->results, "Result files written by 'earshot eval --out'")->required();
   command->add_option("--benchmark", options->benchmark, "Benchmark (configs/benchmarks) whose rules and episodes they must have");
+  command->add_option("--private", options->private_file, "The benchmark's private set in this file, in the place of its test set");
   command->add_option("--config", options->config, "Run config whose rules they must have (default: the rules that each file names)");
   command->add_option("--set", options->overrides, "key=value over --config");
   command->add_option("--episodes", options->episodes, "Episode set (default: the file that each result names)");

@@ -52,6 +52,13 @@ Benchmark load_benchmark(const std::filesystem::path& path) {
   section.read("seed", benchmark.seed);
   section.read("heard_sounds", benchmark.heard_sounds);
   section.read("held_out_kinds", benchmark.held_out_kinds);
+  ConfigReader hidden = section.child("private");
+  hidden.read("sha256", benchmark.private_sha256);
+  hidden.finish();
+  const bool is_hash =
+      benchmark.private_sha256.size() == 64 && benchmark.private_sha256.find_first_not_of("0123456789abcdef") == std::string::npos;
+  if (!benchmark.private_sha256.empty() && !is_hash)
+    throw InputError(where, "has a benchmark.private.sha256 that is not 64 hexadecimal digits", "write what sha256sum prints, in quotes");
   section.finish();
   std::vector<std::string> run;
   for (const auto& [key, value] : flat_config(file.text()))

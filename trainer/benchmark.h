@@ -23,6 +23,7 @@ struct Benchmark {
   std::vector<std::string> heard_sounds = {};
   /// Kinds of sound (sound_kind) of the test set of which the training has none.
   std::vector<std::string> held_out_kinds = {};
+  std::string private_sha256 = {};  ///< of the file of a second set that is not published (private_set.h); empty: there is none
   RunConfig run;
 };
 
