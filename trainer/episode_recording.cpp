@@ -6,10 +6,13 @@
 #include <bit>
 #include <charconv>
 #include <cmath>
+#include <limits>
 #include <numeric>
 
 #include "envs/bearing.h"
+#include "envs/sound_library.h"
 #include "sim/audio/interaural_bearing.h"
+#include "sim/audio/sound_clip.h"
 #include "sim/base/denormals.h"
 #include "sim/base/errors.h"
 #include "sim/vision/embree_camera.h"
@@ -65,6 +68,24 @@ std::vector<glm::vec3> source_places(const Episode& episode, double t_s, const S
   std::vector<glm::vec3> places;
   for (const EpisodeSource& source : episode.sources) places.push_back(place_of(source, t_s, scene));
   return places;
+}
+
+/// EpisodeRecording::playing of a source in an episode of `count` observations, each with the sound of the step before it.
+std::optional<std::array<std::size_t, 2>> playing_steps(const EpisodeSource& source, const EnvConfig& env, std::size_t count) {
+  const auto step_s = static_cast<double>(env.task.step_time_s), rate_hz = static_cast<double>(env.acoustics.sample_rate_hz);
+  double end_s = source.duration_s < 0 ? std::numeric_limits<double>::infinity() : source.onset_s + source.duration_s;
+  if (!source.loop) {
+    const SoundClip clip = open_sound(resolve_sound(source.sound, env.sound_root), env.acoustics.sample_rate_hz);
+    end_s = std::min(end_s, source.onset_s + static_cast<double>(clip.samples.size()) / rate_hz);
+  }
+  std::optional<std::array<std::size_t, 2>> steps;
+  for (std::size_t k = 0; k < count; ++k) {
+    const double to_s = static_cast<double>(k) * step_s, from_s = to_s - step_s, half_sample_s = 0.5 / rate_hz;
+    if (to_s <= source.onset_s + half_sample_s || from_s >= end_s - half_sample_s) continue;
+    if (!steps) steps = {k, k};
+    (*steps)[1] = k;
+  }
+  return steps;
 }
 
 /// Places of the oracle, and how many actions it takes.
@@ -229,6 +250,9 @@ EpisodeRecording record_episode(const EvaluationResult& result, const std::strin
   recorder.finish();
   if (!finished) throw InputError(where, place + " does not end with its actions", "take a result as 'earshot eval --out' wrote it");
   recording.metrics = finished->metrics;
+  if (recording.episode.sources.empty()) recording.playing = {std::array{std::size_t{0}, recording.steps.size() - 1}};
+  for (const EpisodeSource& source : recording.episode.sources)
+    recording.playing.push_back(playing_steps(source, recording.env, recording.steps.size()));
   if (const std::string what = difference(row.metrics, recording.metrics); !what.empty())
     throw InputError(where, place + " " + what, "see 'earshot verify': it was changed, or made by another engine");
   return recording;

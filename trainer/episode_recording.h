@@ -56,7 +56,10 @@ struct EpisodeRecording {
   RecordingConfig config;
   std::vector<RecordedStep> steps;  ///< one more than actions
   int samples_per_step = 0;
-  std::vector<float> sound;       ///< [2, steps * samples_per_step]: left ear, then right; part k is what was heard up to observation k
+  std::vector<float> sound;  ///< [2, steps * samples_per_step]: left ear, then right; part k is what was heard up to observation k
+  /// Of each source (Episode::sources, or the one at the goal) the first and the last observation in whose sound it plays by itself,
+  /// without what the scene still gives back of it; none: it begins after the episode.
+  std::vector<std::optional<std::array<std::size_t, 2>>> playing;
   std::vector<glm::vec3> goals;   ///< foot points
   std::vector<glm::vec3> oracle;  ///< places of the oracle from the start on
   int oracle_actions = 0;         ///< stop included

@@ -134,7 +134,7 @@ Json steps_json(const EpisodeRecording& recording) {
   return steps;
 }
 
-/// Where each sound is: once where it stays, else by step.
+/// Where each sound is: once where it stays, else by step; and the first and the last observation that it plays in.
 Json sources_json(const EpisodeRecording& recording) {
   Json sources = Json::array();
   const std::size_t count = recording.steps.front().sources.size();
@@ -145,6 +145,7 @@ Json sources_json(const EpisodeRecording& recording) {
     const bool listed = !recording.episode.sources.empty();
     sources.push_back({{"sound", listed ? recording.episode.sources[i].sound : recording.episode.sound},
                        {"goal", !listed || recording.episode.sources[i].goal},
+                       {"playing", recording.playing[i] ? Json(*recording.playing[i]) : Json()},
                        {"places", places(path)}});
   }
   return sources;
@@ -186,6 +187,7 @@ std::string replay_json(const EpisodeRecording& recording, const ReplayCaption& 
                     {"spl", number(metrics.spl)},
                     {"soft_spl", number(metrics.soft_spl)},
                     {"sna", number(metrics.sna)},
+                    {"success_when_silent", metrics.success_when_silent},
                     {"dtg_m", number(metrics.dtg_m)},
                     {"reward", number(metrics.reward)},
                     {"steps", metrics.steps},

@@ -8,14 +8,12 @@ Needs Debian's chromium, chromium-driver and python3-selenium; ends with 77 (ski
 import argparse
 import pathlib
 import re
-import shutil
 import statistics
-import subprocess
-import sys
 import tempfile
 import time
 
-SKIPPED = 77
+from headless import accessible, open_browser, press, run, wait_for
+
 IN_STEP_S = 0.040  # by which picture, map and house may follow the sound
 SLACK_S = 0.012    # the clock of the sound card goes in blocks
 
@@ -81,64 +79,13 @@ return window.watched.heard.slice(0, 12).map(([end, captured, samples]) => {
 """
 
 
-def skip(what):
-    print(f"skipped: {what}")
-    sys.exit(SKIPPED)
-
-
-def run(*command):
-    done = subprocess.run([str(part) for part in command], capture_output=True, text=True)
-    assert done.returncode == 0, f"{command}: {done.stdout}{done.stderr}"
-    return done.stdout
-
-
 def make_page(earshot, folder):
     """An episode of the greedy baseline in a house, with a sound that does not repeat within a fraction of a second."""
     episodes, result, page = folder / "set.json", folder / "result.json", folder / "page.html"
     run(earshot, "dataset", "episodes", "house:7,rooms=3,area_m2=36", "--count", "2", "--sounds", "synth:speech:3", "--seed", "5", "--out", episodes)
     run(earshot, "eval", "oracle", "--episodes", episodes, "--out", result)
-    print(run(earshot, "replay", result, "--episode", "worst", "--html", page).strip())
+    print(run(earshot, "replay", result, "--episode", "worst", "--html", page, "--link", "index.html=leaderboard").strip())
     return page
-
-
-def open_browser():
-    try:
-        from selenium import webdriver
-        from selenium.webdriver.chrome.options import Options
-        from selenium.webdriver.chrome.service import Service
-    except ImportError:
-        skip("no python3-selenium")
-    chromium, driver = shutil.which("chromium"), shutil.which("chromedriver")
-    if not chromium or not driver:
-        skip("no chromium or no chromium-driver")
-    options = Options()
-    options.binary_location = chromium
-    for argument in ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--window-size=1440,1040", "--use-angle=swiftshader", "--disable-gpu-compositing",
-                     "--enable-unsafe-swiftshader", "--autoplay-policy=no-user-gesture-required", "--hide-scrollbars"):
-        options.add_argument(argument)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    return webdriver.Chrome(service=Service(driver), options=options)
-
-
-def press(browser, *keys):
-    from selenium.webdriver.common.action_chains import ActionChains
-    chain = ActionChains(browser)
-    for key in keys[:-1]:
-        chain = chain.key_down(key)
-    chain = chain.send_keys(keys[-1])
-    for key in keys[:-1]:
-        chain = chain.key_up(key)
-    chain.perform()
-
-
-def wait_for(browser, script, seconds=120):
-    end = time.time() + seconds
-    while time.time() < end:
-        value = browser.execute_script(script)
-        if value:
-            return value
-        time.sleep(0.05)
-    raise AssertionError(f"not within {seconds} s: {script}")
 
 
 def check_in_step(browser):
@@ -175,7 +122,7 @@ def check_keyboard(browser, last):
     step = lambda: int(browser.execute_script("return document.getElementById('camera').dataset.step"))
     live = lambda: browser.execute_script("return document.getElementById('live').textContent")
     words = re.compile(r"^step (\d+), (at the start|stopped|went forward|turned left|turned right)( and met an obstacle)?, "
-                       r"sound (straight ahead|straight behind|\d+ degrees? (left|right)), \d+\.\d m(, the end: .+)?$")
+                       r"(sound|silence, goal) (straight ahead|straight behind|\d+ degrees? (left|right)), \d+\.\d m(, the end: .+)?$")
     expected = [((Keys.HOME,), 0), ((Keys.ARROW_RIGHT,), 1), ((Keys.ARROW_RIGHT,), 2), ((Keys.ARROW_LEFT,), 1),
                 ((Keys.SHIFT, Keys.ARROW_RIGHT), min(11, last)), ((Keys.END,), last), ((Keys.ARROW_RIGHT,), last), ((Keys.SHIFT, Keys.ARROW_LEFT), max(0, last - 10))]
     for keys, wanted in expected:
@@ -192,13 +139,84 @@ def check_keyboard(browser, last):
         assert pressed == [view], pressed
     steps = browser.execute_script("return document.querySelectorAll('#log li').length")
     assert steps == last + 1
-    parts = [(node["role"]["value"], node["name"]["value"]) for node in browser.execute_cdp_cmd("Accessibility.getFullAXTree", {})["nodes"]
-             if not node.get("ignored") and node.get("role", {}).get("value") in ("button", "slider", "img", "image", "region") and "name" in node]
-    names = [name for _, name in parts]
-    for wanted in ("Play", "Step", "Map from above", "One step back"):
-        assert wanted in names, names
-    assert all(names), parts
-    print(f"accessible names: {len(names)}")
+
+
+def check_accessible_tree(browser, last):
+    """Landmarks, headings, controls with names and states, pictures with names, and every step as text."""
+    tree = accessible(browser)
+    named = lambda *roles: [name for role, name, _ in tree if role in roles]
+    assert len(named("heading")) >= 1 and all(named("heading")), named("heading")
+    assert len(named("main")) == 1 and len(named("banner")) == 1 and named("navigation") == ["Other pages"], sorted({role for role, _, _ in tree})
+    for wanted in ("House", "What the agent sees, and where it is", "Player", "Over time"):
+        assert wanted in named("region"), named("region")
+    for wanted in ("Play", "One step back", "One step on", "Overview 1", "Follow 2", "Eyes 3"):
+        assert wanted in named("button"), named("button")
+    sliders = {name: properties for role, name, properties in tree if role == "slider"}
+    assert {"Step", "volume"} <= set(sliders), sliders
+    images = named("img", "image")
+    for wanted in ("Map from above", "Colours from the agent's camera, for people", "Spectrogram of the left ear", "Spectrogram of the right ear", "Level at the ears", "Direction of the goal",
+                   "Sum of the rewards"):
+        assert any(name.startswith(wanted) for name in images), images
+    parts = [(role, name) for role, name, _ in tree if role in ("button", "slider", "img", "image", "region", "link", "heading")]
+    assert all(name for _, name in parts), parts
+    assert any(role == "status" for role, _, _ in tree), "no live region for the steps"
+    pressed = [properties.get("pressed") for role, name, properties in tree if role == "button" and name.startswith("Overview")]
+    assert pressed == ["true"], pressed
+    browser.execute_script("document.querySelector('details').open = true")
+    items = [name for role, name, _ in accessible(browser) if role == "listitem"]
+    assert len(browser.find_elements("css selector", "#log li")) == last + 1 and len(items) > last
+    browser.execute_script("document.querySelector('details').open = false")
+    roles = {}
+    for role, _, _ in tree:
+        roles[role] = roles.get(role, 0) + 1
+    print("screen reader gets: " + ", ".join(f"{roles[role]} {role}" for role in ("banner", "main", "navigation", "region", "heading", "button", "slider", "image", "list", "status") if role in roles))
+
+
+def check_tab_order(browser):
+    """The keyboard alone reaches every control, in the order of the page, and sees where it is."""
+    from selenium.webdriver.common.keys import Keys
+    browser.execute_script("document.activeElement.blur(); window.scrollTo(0, 0)")
+    seen = []
+    for _ in range(12):
+        press(browser, Keys.TAB)
+        name, outline = browser.execute_script("const e = document.activeElement; return [e.getAttribute('aria-label') || e.id || e.dataset.view || e.textContent.trim() || e.tagName, getComputedStyle(e).outlineStyle]")
+        assert outline != "none", f"{name} has the focus, and does not show it"
+        seen.append(name)
+        if name == "Every step in words":
+            break
+    wanted = [name for name in seen if name in ("overview", "follow", "eyes", "Play", "One step back", "One step on", "Step", "volume", "Every step in words")]
+    assert wanted == ["overview", "follow", "eyes", "Play", "One step back", "One step on", "Step", "volume", "Every step in words"], seen
+    browser.execute_script("document.activeElement.blur()")
+
+
+def check_silence(browser, earshot, folder):
+    """An episode whose goal begins late and falls silent while another sound plays on: words, map and legend tell them apart."""
+    episodes, result, page = folder / "silent_set.json", folder / "silent.json", folder / "silent.html"
+    scenario = [part for key, value in (("onset_low_s", 1), ("onset_high_s", 1.5), ("duration_mean_s", 1.5), ("distractors", 1)) for part in ("--set", f"data.train.scenario.{key}={value}")]
+    run(earshot, "dataset", "episodes", "house:7,rooms=3,area_m2=36", "--count", "2", "--set", "data.train.sounds=[\"synth:speech:3\", \"synth:music:1\"]", "--seed", "6", *scenario, "--out", episodes)
+    run(earshot, "eval", "oracle", "--episodes", episodes, "--out", result)
+    run(earshot, "replay", result, "--episode", "worst", "--html", page)
+    browser.get(page.resolve().as_uri())
+    wait_for(browser, "return document.body.dataset.ready === 'true'")
+    words = browser.execute_script("return [...document.querySelectorAll('#log li')].map(item => item.textContent)")
+    heard = ["silence, goal" not in line for line in words]
+    first, last = browser.execute_script("return episode.sources.find(source => source.goal).playing")
+    assert heard == [first <= step <= last for step in range(len(words))], words
+    assert 7 <= first <= 11 and 9 <= last - first <= 12 and last < len(words) - 1, (first, last, len(words))
+    other = browser.execute_script("return episode.sources.find(source => !source.goal).playing")
+    assert other[0] <= 1 and other[1] == len(words) - 1, other
+    for step, loud in ((0, False), ((first + last) // 2, True), (len(words) - 1, False)):
+        center = browser.execute_script(f"""
+          earshotReplay.goTo({step});
+          const map = earshotReplay.map, at = map.at(sourcePlace(episode.sources.find(source => source.goal), {step}));
+          return [...map.context.getImageData(Math.round(at[0]), Math.round(at[1]), 1, 1).data];""")
+        assert (center[0] > 200) == loud, f"step {step}: the goal on the map is {center}, and it {'plays' if loud else 'is silent'}"
+    shown = browser.execute_script("return ['.goal', '.other', '.silent'].map(name => !document.querySelector('#legend ' + name).hidden)")
+    assert shown == [True, True, True], shown
+    assert browser.execute_script("return episode.metrics.success_when_silent") == 1
+    badges = browser.execute_script("return [...document.querySelectorAll('#badges li')].map(item => item.textContent)")
+    assert "success" in badges and "found in silence" in badges, badges
+    print(f"silence: goal heard in steps {first} to {last} of {len(words) - 1}; '{words[-1]}'")
 
 
 def check_reduced_motion(browser):
@@ -238,6 +256,8 @@ def main():
             wait_for(browser, "return !earshotReplay.clock.playing")
             check_in_step(browser)
             check_keyboard(browser, last)
+            check_accessible_tree(browser, last)
+            check_tab_order(browser)
             check_reduced_motion(browser)
             if options.screenshot:
                 browser.execute_script(f"earshotReplay.goTo({int(0.6 * last)})")
@@ -247,6 +267,8 @@ def main():
             assert not errors, errors
             requests = browser.execute_script("return performance.getEntriesByType('resource').map(e => e.name).filter(n => !n.startsWith('data:'))")
             assert not requests, requests
+            if not options.page:
+                check_silence(browser, options.earshot, pathlib.Path(folder))
     finally:
         browser.quit()
     print("passed")

@@ -49,12 +49,14 @@ class Charts {
     const loudest = Math.max(...steps.map(step => Math.max(...step.level_db)));
     const levels = ear => steps.map(step => step.level_db[ear] - loudest);
     const quietest = Math.max(-60, Math.min(...levels(0), ...levels(1)));
-    this.add('level dB', 56, `Level at the ears, from ${quietest.toFixed(0)} to 0 dB below the loudest step`, (context, width, height) => {
+    this.add('level dB', 56, `Level at the ears, from ${quietest.toFixed(0)} to 0 dB below the loudest step; darker where the goal is silent`, (context, width, height) => {
       const axes = this.axes(context, width, height, Math.min(-6, quietest), 0);
+      context.fillStyle = '#07090d';
+      steps.forEach((step, i) => !goalPlays(i) && context.fillRect(axes.x(i), 0, axes.x(i + 1) - axes.x(i) + 0.5, height));
       this.line(context, axes, levels(0), '#c084fc');
       this.line(context, axes, levels(1), '#34d399');
     }, [['left', '#c084fc'], ['right', '#34d399']]);
-    this.add('direction', 64, 'Direction of the sound: where it is, and where the ears place it', (context, width, height) => {
+    this.add('direction', 64, 'Direction of the goal: where it is, and where the ears place what they hear', (context, width, height) => {
       const axes = this.axes(context, width, height, -180, 180);
       this.zero(context, axes, 0);
       this.line(context, axes, steps.map(step => step.bearing_deg), '#fb7185', 180);

@@ -40,14 +40,35 @@ function directionWords(degrees) {
   return `${angle} degree${angle === 1 ? '' : 's'} ${degrees > 0 ? 'left' : 'right'}`;
 }
 
-/// "step 12, turned left, sound 40 degrees right, 3.2 m".
+/// Whether a source plays by itself in the sound of a step; the house may still give back what it played before.
+function plays(source, step) {
+  return source.playing !== null && source.playing[0] <= step && step <= source.playing[1];
+}
+
+function goalPlays(step) {
+  return episode.sources.some(source => source.goal && plays(source, step));
+}
+
+/// "step 12, turned left, sound 40 degrees right, 3.2 m"; where the goal makes no sound, "silence, goal 40 degrees right".
 function stepWords(step) {
   const now = episode.steps[step];
   let done = step === 0 ? 'at the start' : actionWords[now.action];
   if (now.collided) done += ' and met an obstacle';
-  let words = `step ${step}, ${done}, sound ${directionWords(now.bearing_deg)}, ${now.straight_m.toFixed(1)} m`;
-  if (step === lastStep) words += episode.metrics.success ? ', the end: success' : episode.metrics.stopped ? ', the end: too far from the sound' : ', the end: out of steps';
+  let words = `step ${step}, ${done}, ${goalPlays(step) ? 'sound' : 'silence, goal'} ${directionWords(now.bearing_deg)}, ${now.straight_m.toFixed(1)} m`;
+  if (step === lastStep) words += episode.metrics.success ? ', the end: success' : episode.metrics.stopped ? ', the end: too far from the goal' : ', the end: out of steps';
   return words;
+}
+
+/// "synth:bird:3", and what else there is to hear: "synth:bird:3, from 1.2 to 9.0 s; beside it synth:music:1".
+function soundWords() {
+  const name = source => {
+    if (source.playing === null) return `${source.sound}, not within the episode`;
+    const [first, last] = source.playing, begins = first > 1, ends = last < lastStep;
+    const from = ((first - 1) * stepTime).toFixed(1), to = (last * stepTime).toFixed(1);
+    return source.sound + (begins && ends ? `, from ${from} to ${to} s` : begins ? `, from ${from} s on` : ends ? `, until ${to} s` : '');
+  };
+  const goals = episode.sources.filter(source => source.goal), others = episode.sources.filter(source => !source.goal);
+  return goals.map(name).join('; ') + (others.length ? `; beside it ${others.map(name).join('; ')}` : '');
 }
 
 function sourcePlace(source, step) {

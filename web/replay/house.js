@@ -257,9 +257,11 @@ class House {
       const [x, y, z] = sourcePlace(source, step);
       ball.position.set(x, y + episode.source_height_m, z);
       pole.position.set(x, y + episode.source_height_m / 2, z);
+      const heard = plays(source, step);
+      ball.material.wireframe = !heard;
       rings.forEach((ring, i) => {
         const phase = (time * 0.8 + i / 3) % 1;
-        ring.visible = !calm;
+        ring.visible = !calm && heard;
         ring.position.set(x, this.floor + 0.05, z);
         ring.scale.setScalar(0.15 + 1.6 * phase);
         ring.material.opacity = 0.7 * (1 - phase) * (0.25 + 0.75 * loudness);

@@ -194,10 +194,13 @@ class Player {
 function describeEpisode() {
   const {agent, episode: which, metrics, oracle} = episode;
   document.getElementById('title').textContent = `${agent}, episode ${which.index}`;
-  document.getElementById('about').textContent = `${which.scene}, ${which.sound}`;
+  document.getElementById('about').textContent = `${which.scene}, ${soundWords()}`;
   const badges = [[metrics.success ? 'success' : metrics.stopped ? 'stopped too far away' : 'out of steps', metrics.success ? 'good' : 'bad'],
     [`SPL ${metrics.spl.toFixed(3)}`], [`${metrics.steps} actions, the oracle ${oracle.actions}`], [`${metrics.dtg_m.toFixed(2)} m left`],
     [`${metrics.collisions} collision${metrics.collisions === 1 ? '' : 's'}`], [`reward ${metrics.reward.toFixed(2)}`]];
+  if (metrics.success_when_silent) badges.push(['found in silence', 'good']);
+  document.querySelector('#legend .other').hidden = episode.sources.every(source => source.goal);
+  document.querySelector('#legend .silent').hidden = episode.sources.every(source => source.playing !== null && source.playing[0] <= 1 && source.playing[1] === lastStep);
   for (const [text, kind] of badges) {
     const item = document.createElement('li');
     item.textContent = text;

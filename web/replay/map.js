@@ -78,10 +78,11 @@ class FloorMap {
       const [x, y] = this.at(sourcePlace(source, step));
       context.beginPath();
       context.arc(x, y, 5 * this.ratio, 0, 2 * Math.PI);
-      context.fillStyle = source.goal ? '#fb7185' : '#a78bfa';
+      const color = source.goal ? '#fb7185' : '#a78bfa', heard = plays(source, step);
+      context.fillStyle = heard ? color : '#0e1117';
       context.fill();
-      context.strokeStyle = '#fff';
-      context.lineWidth = 1.5 * this.ratio;
+      context.strokeStyle = heard ? '#fff' : color;
+      context.lineWidth = (heard ? 1.5 : 2.5) * this.ratio;
       context.stroke();
     });
     const [x, y] = this.at(pose.position), half = episode.fov_deg * Math.PI / 360, ahead = -Math.PI / 2 - pose.heading;
