@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <filesystem>
 #include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -11,7 +13,9 @@
 #include "apps/commands.h"
 #include "sim/base/files.h"
 #include "trainer/benchmark.h"
+#include "trainer/leaderboard_page.h"
 #include "trainer/paired_comparison.h"
+#include "trainer/private_set.h"
 #include "trainer/result_groups.h"
 
 namespace earshot {
@@ -19,26 +23,22 @@ namespace {
 
 struct Options {
   std::vector<std::string> results;
-  std::string html, json, benchmark;
-  std::vector<std::string> links;
+  std::string html, json, benchmark, private_file;
+  std::vector<std::string> links, replays, private_results, run_here;
   std::optional<GroupBy> by;
   bool compare = false;
   VerifyConfig verify;
 };
 
-/// Reads the results, and verifies them where a benchmark says by what.
-std::vector<EvaluationResult> read_results(const Options& options) {
-  std::optional<Benchmark> benchmark;
+/// The results of some files, verified where a benchmark says by what.
+std::vector<EvaluationResult> read_results(const std::vector<std::string>& files, const std::optional<Benchmark>& benchmark,
+                                           VerifyConfig verify) {
   EpisodeSet set;
-  if (!options.benchmark.empty()) {
-    benchmark = load_benchmark(options.benchmark);
-    set = benchmark_set(*benchmark);
-  }
-  VerifyConfig verify = options.verify;
+  if (benchmark) set = benchmark_set(*benchmark);
   if (benchmark && verify.scene_root.empty()) verify.scene_root = benchmark->run.env.scene_root;
   if (benchmark && verify.sound_root.empty()) verify.sound_root = benchmark->run.env.sound_root;
   std::vector<EvaluationResult> results;
-  for (const auto& path : options.results) {
+  for (const auto& path : files) {
     EvaluationResult result = load_result(path);
     if (!result.partial_of.empty() && !verify.partial)
       throw InputError(path, fmt::format("is partial: the first {} episodes of its set alone", result.episodes.size()),
@@ -48,10 +48,64 @@ std::vector<EvaluationResult> read_results(const Options& options) {
     if (benchmark) {
       verify_for_benchmark(result, path, *benchmark, set, verify);
       result.verified = true;
+      note_places(result, set, verify.scene_root);
+    } else {
+      try {
+        note_places(result, load_episode_set(result.episodes_file), verify.scene_root);
+      } catch (const InputError&) {  // the set has gone elsewhere: tables go without sizes and distances
+      }
     }
     results.push_back(std::move(result));
   }
   return results;
+}
+
+/// "AGENT=ADDRESS=TEXT" of --replay.
+void add_replay_link(const std::string& text, const std::vector<EvaluationResult>& results, BoardPage& page) {
+  const std::size_t equals = text.find('=');
+  if (equals == std::string::npos || equals == 0)
+    throw InputError("--replay " + text, "is no link to a replay", "write AGENT=ADDRESS=TEXT, for example greedy=greedy_best.html=best");
+  const std::string agent = text.substr(0, equals);
+  if (std::ranges::find(results, agent, &EvaluationResult::agent) == results.end())
+    throw InputError("--replay " + text, "is of an agent that has no result here", "name one of the agents of the results");
+  page.replays[agent].push_back(parse_link(text.substr(equals + 1)));
+}
+
+/// A board tells agents apart by their names: that of another must not be borrowed.
+void check_names(const std::vector<EvaluationResult>& results, const std::vector<std::string>& files) {
+  for (std::size_t i = 0; i < results.size(); ++i)
+    for (std::size_t j = 0; j < i; ++j)
+      if (results[i].agent == results[j].agent)
+        throw InputError(files[i], fmt::format("is of an agent '{}', as {} is", results[i].agent, files[j]),
+                         "evaluate one of them under another --name");
+}
+
+void check_options(const Options& options) {
+  if (options.compare && options.results.size() != 2)
+    throw InputError("--compare", "takes two results", "name the two agents' result files");
+  if (options.compare && !options.html.empty())
+    throw InputError("--html", "writes the table, which --compare takes the place of", "leave one out");
+  for (const auto& [list, option] :
+       {std::pair(&options.links, "--link"), std::pair(&options.replays, "--replay"), std::pair(&options.run_here, "--run-here")})
+    if (options.html.empty() && !list->empty()) throw InputError(option, "has no effect without a page", "say --html");
+  if (options.private_file.empty() != options.private_results.empty())
+    throw InputError("--private", "goes with --private-result", "name the private set and the results on it, or neither");
+  if (!options.private_file.empty() && (options.benchmark.empty() || options.compare))
+    throw InputError("--private", "is a set of a benchmark", "name it with --benchmark, without --compare");
+}
+
+nlohmann::ordered_json json_of(const Estimate& estimate) {
+  return {{"mean", estimate.mean}, {"low", estimate.low}, {"high", estimate.high}};
+}
+
+nlohmann::ordered_json json_of(const PrivateScore& score) {
+  const auto metric = [](const Estimate& open, const Estimate& hidden, const Estimate& gap) {
+    return nlohmann::ordered_json{{"public", json_of(open)}, {"private", json_of(hidden)}, {"gap", json_of(gap)}};
+  };
+  return {{"agent", score.agent},
+          {"success", metric(score.public_success, score.private_success, score.success_gap)},
+          {"spl", metric(score.public_spl, score.private_spl, score.spl_gap)},
+          {"unexplained", score.unexplained()}};
 }
 
 nlohmann::ordered_json json_of(const PairedMetric& metric) {
@@ -71,26 +125,46 @@ std::string comparison_json(const EvaluationResult& first, const EvaluationResul
 }
 
 void run_leaderboard(const Options& options) {
-  if (options.compare && options.results.size() != 2)
-    throw InputError("--compare", "takes two results", "name the two agents' result files");
-  if (options.html.empty() && !options.links.empty()) throw InputError("--link", "has no effect without a page", "say --html");
-  if (options.compare && !options.html.empty())
-    throw InputError("--html", "writes the table, which --compare takes the place of", "leave one out");
-  const std::vector<EvaluationResult> results = read_results(options);
+  check_options(options);
+  std::optional<Benchmark> benchmark;
+  if (!options.benchmark.empty()) benchmark = load_benchmark(options.benchmark);
+  const std::vector<EvaluationResult> results = read_results(options.results, benchmark, options.verify);
   if (options.compare) {
     fmt::print("{}", comparison_text(results[0], results[1]));
     if (!options.json.empty()) write_file_atomically(options.json, comparison_json(results[0], results[1]));
     return;
   }
+  if (benchmark) check_names(results, options.results);
+  BoardPage page;
+  for (const std::string& link : options.links) page.links.push_back(parse_link(link));
+  for (const std::string& replay : options.replays) add_replay_link(replay, results, page);
+  page.run_here = {options.run_here.begin(), options.run_here.end()};
+  if (!options.private_file.empty())
+    page.private_scores =
+        private_scores(results, read_results(options.private_results, with_private_set(*benchmark, options.private_file), options.verify));
+  if (benchmark) page.benchmark = fmt::format("{} {}", benchmark->name, benchmark->version);
+  page.tells_evidence = benchmark.has_value();
+
   fmt::print("{}", leaderboard_text(results));
-  if (options.benchmark.empty())
+  if (!benchmark)
     fmt::print(
         "not verified here: these are the numbers that the files hold (earshot verify, or --benchmark, walks their actions again)\n");
+  if (!page.private_scores.empty()) fmt::print("\n{}", private_text(page.private_scores));
   if (options.by) fmt::print("\n{}", groups_text(results, *options.by));
-  std::vector<std::pair<std::string, std::string>> links;
-  for (const std::string& link : options.links) links.push_back(parse_link(link));
-  if (!options.html.empty()) write_file_atomically(options.html, leaderboard_html(results, links));
-  if (!options.json.empty()) write_file_atomically(options.json, leaderboard_json(results));
+  if (!options.html.empty()) write_file_atomically(options.html, leaderboard_page(results, page));
+  if (options.json.empty()) return;
+  auto json = nlohmann::ordered_json::parse(leaderboard_json(results));
+  for (const PrivateScore& score : page.private_scores) json["private"].push_back(json_of(score));
+  if (options.by)
+    for (const EvaluationResult& result : results)
+      for (const auto& [name, group] : groups_of(result, *options.by))
+        json["groups"].push_back({{"agent", result.agent},
+                                  {"group", name},
+                                  {"episodes", group.episodes.size()},
+                                  {"success", json_of(group.success())},
+                                  {"success_when_silent", json_of(group.success_when_silent())},
+                                  {"spl", json_of(group.spl())}});
+  write_file_atomically(options.json, json.dump(2) + "\n");
 }
 
 }  // namespace
@@ -106,11 +180,27 @@ void add_leaderboard(CLI::App& app) {
   auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand("leaderboard", "Rank evaluated agents");
   command->add_option("RESULT", options->results, "Result files written by 'earshot eval --out'")->required();
-  static const std::map<std::string, GroupBy> groups{{"novelty", GroupBy::novelty}, {"kind", GroupBy::kind}, {"scene", GroupBy::scene}};
-  command->add_option("--by", options->by, "Also a table by novelty of the sound (heard, unheard, unheard kind), its kind, or scene")
-      ->transform(CLI::CheckedTransformer(groups, CLI::ignore_case).description("{novelty,kind,scene}"));
+  static const std::map<std::string, GroupBy> groups{{"novelty", GroupBy::novelty},
+                                                     {"kind", GroupBy::kind},
+                                                     {"size", GroupBy::size},
+                                                     {"distance", GroupBy::distance},
+                                                     {"scene", GroupBy::scene}};
+  command
+      ->add_option("--by", options->by,
+                   "Also a table by novelty of the sound (heard, unheard, unheard kind), its kind, size of the scene, distance of the "
+                   "goal, or scene")
+      ->transform(CLI::CheckedTransformer(groups, CLI::ignore_case).description("{novelty,kind,size,distance,scene}"));
   command->add_option("--html", options->html, "Also write a page");
   command->add_option("--link", options->links, "ADDRESS=TEXT of a page that it links to; may be repeated");
+  command->add_option("--replay", options->replays, "AGENT=ADDRESS=TEXT of a replay that the page links to; may be repeated")
+      ->allow_extra_args(false);
+  command
+      ->add_option("--run-here", options->run_here,
+                   "Agent whose policy was run by whoever makes the page; of others it says that actions alone are known; may be repeated")
+      ->allow_extra_args(false);
+  command->add_option("--private", options->private_file, "The benchmark's private set in this file, on which --private-result was run");
+  command->add_option("--private-result", options->private_results, "Result of one of the agents on the private set; may be repeated")
+      ->allow_extra_args(false);
   command->add_option("--json", options->json, "Also write the table to a file");
   command->add_flag("--compare", options->compare, "Instead: two results on the same episodes, the first less the second");
   command->add_option("--benchmark", options->benchmark, "Benchmark (configs/benchmarks) by which every result is verified first");

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "trainer/result.h"
@@ -17,8 +16,18 @@ std::string leaderboard_text(const std::vector<EvaluationResult>& results);
 /// The same as JSON with a schema_version (docs/formats.md).
 std::string leaderboard_json(const std::vector<EvaluationResult>& results);
 
-/// The same as a self-contained HTML page with a bar per agent for success and SPL.  links: address and text of pages that belong to it.
-std::string leaderboard_html(const std::vector<EvaluationResult>& results,
-                             const std::vector<std::pair<std::string, std::string>>& links = {});
+/// A column of tables of agents.
+struct BoardColumn {
+  const char* title;
+  Estimate (*get)(const EvaluationResult&);
+  int digits;
+  bool is_fraction;  ///< of values from 0 to 1
+};
+const std::vector<BoardColumn>& board_columns();
+/// How the intervals were made, in words.
+std::string interval_kind(const std::vector<EvaluationResult>& results);
+bool any_verified(const std::vector<EvaluationResult>& results);
+/// What makes the rows hard to compare, or empty.
+std::vector<std::string> board_notes(const std::vector<EvaluationResult>& results);
 
 }  // namespace earshot

@@ -40,6 +40,8 @@ struct EvaluationResult {
     std::vector<std::int8_t> actions;
     std::string sound = {};    ///< of the goal, as Episode::sound; empty in older files
     std::string novelty = {};  ///< what it was to the training: see note_novelty; empty where that is not known
+    /// Of the set (note_places), in no file: floor of the scene, and how far the goal is on foot; 0 where that is not known.
+    double area_m2 = 0, distance_m = 0;
   };
   std::vector<Row> episodes;                      ///< in the order of the set
   std::map<std::string, std::string> rules = {};  ///< by which metrics were made (metric_rules.h); empty in older files

@@ -10,6 +10,7 @@
 #include "sim/base/files.h"
 #include "sim/base/random.h"
 #include "trainer/leaderboard.h"
+#include "trainer/leaderboard_page.h"
 #include "trainer/result_groups.h"
 
 namespace earshot {
@@ -168,7 +169,7 @@ TEST(Leaderboard, RanksBySplAndWarnsOfDifferentSets) {
   other.set_hash = "another";
   EXPECT_THAT(leaderboard_text({rows[0], other}), HasSubstr("different episode sets"));
   other.agent = "<b>&";
-  EXPECT_THAT(leaderboard_html({other}), HasSubstr("&lt;b&gt;&amp;"));
+  EXPECT_THAT(leaderboard_page({other}, {}), HasSubstr("&lt;b&gt;&amp;"));
 }
 
 }  // namespace
