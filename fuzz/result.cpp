@@ -3,6 +3,7 @@
 
 #include "fuzz/fuzz_target.h"
 #include "trainer/leaderboard.h"
+#include "trainer/leaderboard_page.h"
 
 int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace earshot;
@@ -13,7 +14,7 @@ int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
     other.agent += "2";
     const std::vector<EvaluationResult> table = ranked({result, other});
     static_cast<void>(leaderboard_text(table));
-    static_cast<void>(leaderboard_html(table));
+    static_cast<void>(leaderboard_page(table, {}));
   });
   return 0;
 }
