@@ -4,6 +4,7 @@
 
 #include "apps/commands.h"
 #include "sim/base/errors.h"
+#include "sim/base/files.h"
 #include "trainer/find_checkpoint.h"
 #include "trainer/policy_file.h"
 
@@ -11,7 +12,7 @@ namespace earshot {
 namespace {
 
 struct Options {
-  std::string agent, out;
+  std::string agent, out, json;
   bool float16 = false, config = false;
 };
 
@@ -23,6 +24,7 @@ void run_policy(const Options& options) {
     fmt::print("{}", checkpoint.config_yaml);
     return;
   }
+  if (!options.json.empty()) write_file_atomically(options.json, policy_json(checkpoint, path.string()));
   if (options.out.empty()) {
     fmt::print("{}", describe_policy(checkpoint, path.string()));
     return;
@@ -41,6 +43,7 @@ void add_policy(CLI::App& app) {
   auto* out = command->add_option("--out", options->out, "Policy file to write: weights and config, which `earshot eval` runs");
   command->add_flag("--float16", options->float16, "Store weights in half the bytes, each within 2^-11 of itself");
   command->add_flag("--config", options->config, "Print its config (YAML), the start of one for fine-tuning")->excludes(out);
+  command->add_option("--json", options->json, "Also write what AGENT is to a file");
   command->footer(
       "Fine-tuning: a run config with `initial_policy: FILE` starts from these weights (configs/train/finetune.yaml, docs/agent.md).");
   command->callback([options] { run_policy(*options); });

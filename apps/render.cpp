@@ -5,6 +5,7 @@
 #include <charconv>
 #include <cmath>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <numbers>
 #include <optional>
 #include <string>
@@ -13,6 +14,7 @@
 #include "apps/commands.h"
 #include "sim/base/coordinates.h"
 #include "sim/base/errors.h"
+#include "sim/base/files.h"
 #include "sim/scene/appearance.h"
 #include "sim/scene/category_palette.h"
 #include "sim/vision/egl_renderer.h"
@@ -23,7 +25,7 @@ namespace earshot {
 namespace {
 
 struct Options {
-  std::string scene, pose, sensor = "rgb", size = "512x512", renderer = "embree", device = "auto", out;
+  std::string scene, pose, sensor = "rgb", size = "512x512", renderer = "embree", device = "auto", out, json;
   double fov_deg = 90, height_m = 1.25, yaw_deg = 0, pitch_deg = 0, max_depth_m = 10;
   std::optional<double> unit_m;
   bool panorama = false, unlit = false;
@@ -67,16 +69,24 @@ CameraSensorConfig camera_of(const Options& options) {
   return config;
 }
 
-void print_legend(const std::vector<std::uint16_t>& semantic) {
+/// The categories in the picture, each with its fraction of the pixels.
+void write_legend(const std::vector<std::uint16_t>& semantic, const std::string& json_file) {
   std::vector<std::size_t> count(category_names().size(), 0);
   for (const std::uint16_t number : semantic) ++count[number];
-  for (std::size_t i = 0; i < count.size(); ++i)
-    if (count[i] > 0)
-      fmt::print("{:4}  {:<20} {:5.1f} %\n", i, category_names()[i],
-                 100.0 * static_cast<double>(count[i]) / static_cast<double>(semantic.size()));
+  nlohmann::ordered_json rows = nlohmann::ordered_json::array();
+  for (std::size_t i = 0; i < count.size(); ++i) {
+    if (count[i] == 0) continue;
+    const double fraction = static_cast<double>(count[i]) / static_cast<double>(semantic.size());
+    fmt::print("{:4}  {:<20} {:5.1f} %\n", i, category_names()[i], 100.0 * fraction);
+    rows.push_back({{"category", i}, {"name", category_names()[i]}, {"fraction", fraction}});
+  }
+  const nlohmann::ordered_json report{{"schema_version", 1}, {"categories", std::move(rows)}};
+  if (!json_file.empty()) write_file_atomically(json_file, report.dump(2) + "\n");
 }
 
 void run_render(const Options& options) {
+  if (!options.json.empty() && options.sensor != "semantic")
+    throw InputError("--json", "has no effect without a table of categories", "say --sensor semantic, or leave it out");
   const CameraSensorConfig config = camera_of(options);
   SceneOverrides overrides;
   overrides.unit_m = options.unit_m;
@@ -111,7 +121,7 @@ void run_render(const Options& options) {
     std::vector<std::uint16_t> semantic(pixels);
     render({.semantic = semantic});
     write_png_indexed(options.out, config.width_px, config.height_px, semantic, category_palette());
-    print_legend(semantic);
+    write_legend(semantic, options.json);
   } else {
     std::vector<float> normals(3 * pixels);
     render({.normals = normals});
@@ -153,6 +163,7 @@ void add_render(CLI::App& app) {
   command->add_option("--unit", options->unit_m, "Metres per unit of a mesh file");
   command->add_flag("--panorama", options->panorama,
                     "All around: 360 degrees over the width, rows are angles (height: at most half the width)");
+  command->add_option("--json", options->json, "Of semantic: also write the table of categories to a file");
   command->add_flag("--unlit", options->unlit, "Colours as they are, without light");
   command->callback([options] { run_render(*options); });
 }

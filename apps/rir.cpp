@@ -235,7 +235,11 @@ void run_rir(const Options& options) {
       pairs.push_back(std::move(pair));
     }
   }
-  if (!options.metrics.empty()) write_file_atomically(options.metrics, (single ? pairs : OrderedJson{{"pairs", pairs}}).dump(1) + "\n");
+  if (!options.metrics.empty()) {
+    OrderedJson report{{"schema_version", 1}};
+    report.update(single ? pairs : OrderedJson{{"pairs", pairs}});
+    write_file_atomically(options.metrics, report.dump(1) + "\n");
+  }
 }
 
 }  // namespace

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <nlohmann/json.hpp>
 
 #include "sim/base/errors.h"
 #include "trainer/effective_config.h"
@@ -23,9 +24,38 @@ Checkpoint policy_of(const Checkpoint& checkpoint, WeightStorage storage) {
   return policy;
 }
 
+namespace {
+
+std::int64_t num_parameters_of(const Checkpoint& checkpoint) {
+  std::int64_t sum = 0;
+  for (const auto& [name, tensor] : checkpoint.weights) sum += tensor.numel();
+  return sum;
+}
+
+}  // namespace
+
+std::string policy_json(const Checkpoint& checkpoint, const std::string& where) {
+  const RunConfig config = parse_effective_config(checkpoint.config_yaml, where + " (its config)", {});
+  const bool has_reward = std::isfinite(checkpoint.mean_reward);
+  const nlohmann::ordered_json json{{"schema_version", 1},
+                                    {"file", where},
+                                    {"is_policy", checkpoint.is_policy},
+                                    {"name", config.name},
+                                    {"architecture", checkpoint.architecture},
+                                    {"parameters", num_parameters_of(checkpoint)},
+                                    {"env_steps", checkpoint.env_steps},
+                                    {"updates", checkpoint.update},
+                                    {"elapsed_s", checkpoint.elapsed_s},
+                                    {"seed", checkpoint.seed},
+                                    {"workers", checkpoint.world_size},
+                                    {"mean_reward", has_reward ? nlohmann::ordered_json(checkpoint.mean_reward) : nlohmann::ordered_json()},
+                                    {"engine", checkpoint.engine},
+                                    {"engine_commit", checkpoint.engine_commit}};
+  return json.dump(2) + "\n";
+}
+
 std::string describe_policy(const Checkpoint& checkpoint, const std::string& where) {
-  std::int64_t num_parameters = 0;
-  for (const auto& [name, tensor] : checkpoint.weights) num_parameters += tensor.numel();
+  const std::int64_t num_parameters = num_parameters_of(checkpoint);
   const RunConfig config = parse_effective_config(checkpoint.config_yaml, where + " (its config)", {});
   std::string text = fmt::format("{}: {}\n", where, checkpoint.is_policy ? "policy" : "checkpoint of a training");
   text += fmt::format("  name          {}\n  architecture  {}\n  parameters    {}\n", config.name, checkpoint.architecture, num_parameters);
