@@ -4,9 +4,11 @@
 #include <memory>
 
 #include "apps/commands.h"
+#include "trainer/effective_config.h"
 #include "trainer/field_decision.h"
 #include "trainer/find_checkpoint.h"
 #include "trainer/planned_acoustics.h"
+#include "trainer/result.h"
 #include "trainer/run_folder.h"
 #include "trainer/start_run.h"
 #include "trainer/train_loop.h"
@@ -19,7 +21,7 @@ struct Options {
   std::string config, resume;
   std::vector<std::string> overrides, changes;
   int workers = 0;
-  bool overwrite = false, insecure_network = false;
+  bool overwrite = false, insecure_network = false, join = false;
 };
 
 /// The config with the choice that env.accuracy asks for: kept by the run or by the one that is resumed, or made now.  Workers read what
@@ -56,6 +58,9 @@ int run_train(const Options& options, const std::vector<std::string>& arguments)
     throw InputError(options.config, "names no data.train.file", "add it, and write it with 'earshot dataset episodes --config'");
   if (!is_worker && !std::filesystem::exists(asked.train.file))
     throw InputError(asked.train.file, "no such episode set", "write it with 'earshot dataset episodes --config " + options.config + "'");
+  if (options.join && !is_worker)
+    throw InputError("--join", "is for a worker of a launcher, and there is none",
+                     "set the variables with which this worker was started (docs/hosts.md, section 4)");
   RunStart start;
   if (!options.resume.empty()) start.resume = find_checkpoint(options.resume);
   start.overwrite = options.overwrite;
@@ -75,9 +80,15 @@ int run_train(const Options& options, const std::vector<std::string>& arguments)
 
   if (is_worker && launched->launcher != "EARSHOT_RANK" && launched->ring.identity.rank == 0)
     fmt::print("{} workers started by {} meet at {}\n", launched->ring.identity.world_size, launched->launcher, launched->ring.rendezvous);
-  const auto collective = is_worker ? make_zmq_ring(launched->ring) : make_single_worker();
+  RingConfig ring = is_worker ? launched->ring : RingConfig{};
+  if (config.network.on_loss == OnLoss::go_on) {
+    ring.engine = engine_hash();
+    ring.settings = common_settings(config);
+  }
   TrainReport report;
+  std::unique_ptr<Collective> collective;
   try {
+    collective = !is_worker ? make_single_worker() : options.join ? make_joining_worker(ring) : make_zmq_ring(ring);
     report = train(config, *collective, start);
   } catch (const LeftOut& error) {
     fmt::print(stderr, "earshot: {}\n", error.what());
@@ -104,6 +115,9 @@ void add_train(CLI::App& app, const std::vector<std::string>& arguments, int& ex
       ->allow_extra_args(false);
   command->add_flag("--overwrite", options->overwrite,
                     "Remove the files of an earlier run in `out` first; without it such a folder is refused");
+  command->add_flag("--join", options->join,
+                    "Come (back) to a run under way in the place of a lost worker, where network.on_loss is continue (docs/hosts.md);\n"
+                    "beside the options of the first start, which are not carried out again");
   command->add_flag("--insecure-network", options->insecure_network,
                     "Let links between hosts go without encryption and without keys (network.insecure=true)");
   command->footer(

@@ -190,7 +190,7 @@ void write_little_endian(std::string& bytes, std::size_t at, T value) {
 
 }  // namespace
 
-void save_checkpoint(const Checkpoint& checkpoint, const std::filesystem::path& path) {
+std::string encode_checkpoint(const Checkpoint& checkpoint, const std::string& where) {
   std::string file(kCheckpointHeaderBytes, '\0');
   std::size_t expected = kCheckpointHeaderBytes + kCheckpointHashBytes;
   for (const auto* tensors : {&checkpoint.weights, &checkpoint.optimizer})
@@ -202,14 +202,18 @@ void save_checkpoint(const Checkpoint& checkpoint, const std::filesystem::path& 
 
   const std::size_t length = file.size() - kCheckpointHeaderBytes;
   if (file.size() + kCheckpointHashBytes > kMaxCheckpointBytes)
-    throw RunError(path.string(), fmt::format("{} bytes are more than a checkpoint can hold", file.size()));
+    throw RunError(where, fmt::format("{} bytes are more than a checkpoint can hold", file.size()));
   file.replace(0, kCheckpointMagic.size(), kCheckpointMagic);
   write_little_endian(file, kCheckpointMagic.size(), kCheckpointVersion);
   write_little_endian(file, kCheckpointMagic.size() + sizeof(kCheckpointVersion), static_cast<std::uint64_t>(length));
   const std::uint64_t hash = hash64(std::string_view(file).substr(kCheckpointHeaderBytes));
   file.resize(file.size() + kCheckpointHashBytes);
   write_little_endian(file, file.size() - kCheckpointHashBytes, hash);
-  write_file_atomically(path, file);
+  return file;
+}
+
+void save_checkpoint(const Checkpoint& checkpoint, const std::filesystem::path& path) {
+  write_file_atomically(path, encode_checkpoint(checkpoint, path.string()));
 }
 
 Checkpoint load_checkpoint(const std::filesystem::path& path) {

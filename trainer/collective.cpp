@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <numeric>
 
 namespace earshot {
@@ -18,16 +19,29 @@ class SingleWorker : public Collective {
   std::vector<std::string> all_gather(const std::string& bytes) override { return {bytes}; }
 };
 
-std::string describe(const std::vector<int>& lost) {
-  if (lost.empty()) return "a connection was broken and has been opened anew";
+std::string subject_of(const std::vector<int>& lost, const std::vector<int>& joined) {
+  if (lost.empty() && joined.empty()) return "workers";
+  return fmt::format("worker {}", fmt::join(lost.empty() ? joined : lost, ", "));
+}
+
+std::string describe(const std::vector<int>& lost, const std::vector<int>& joined) {
+  if (lost.empty() && joined.empty()) return "a connection was broken and has been opened anew";
+  if (lost.empty()) return joined.size() == 1 ? "has joined" : "have joined";
   return lost.size() == 1 ? "was lost" : "were lost";
 }
 
 }  // namespace
 
-MembershipChange::MembershipChange(std::vector<int> lost_workers)
-    : RunError(lost_workers.empty() ? "workers" : fmt::format("worker {}", fmt::join(lost_workers, ", ")), describe(lost_workers)),
-      lost_(std::move(lost_workers)) {}
+MembershipChange::MembershipChange(std::vector<int> lost_workers, std::vector<int> joined_workers)
+    : RunError(subject_of(lost_workers, joined_workers), describe(lost_workers, joined_workers)),
+      lost_(std::move(lost_workers)),
+      joined_(std::move(joined_workers)) {}
+
+std::string Collective::hand_over(int from, const std::vector<int>& to, const std::string& bytes) {
+  const int rank = identity().rank;
+  const auto parts = all_gather(rank == from ? bytes : std::string());
+  return std::ranges::find(to, rank) == to.end() ? std::string() : parts[static_cast<std::size_t>(from)];
+}
 
 std::vector<int> Collective::members() const {
   std::vector<int> ranks(static_cast<std::size_t>(identity().world_size));

@@ -17,15 +17,17 @@ struct WorkerIdentity {
   int rank = 0, world_size = 1;
 };
 
-/// Workers were lost and those that are left have agreed to go on without them, or a connection was broken and has been opened anew.  What
-/// the open call was to give is void, on all workers that are left; some of them may have completed it.
+/// Workers were lost and those that are left have agreed to go on without them, others have joined, or a connection was broken and has been
+/// opened anew.  What the open call was to give is void, on all workers; some of them may have completed it.
 class MembershipChange : public RunError {
  public:
-  explicit MembershipChange(std::vector<int> lost_workers);
-  [[nodiscard]] const std::vector<int>& lost() const { return lost_; }  ///< ranks at the start; empty where a connection was opened anew
+  explicit MembershipChange(std::vector<int> lost_workers, std::vector<int> joined_workers = {});
+  /// Ranks at the start; both empty where a connection was opened anew.
+  [[nodiscard]] const std::vector<int>& lost() const { return lost_; }
+  [[nodiscard]] const std::vector<int>& joined() const { return joined_; }
 
  private:
-  std::vector<int> lost_;
+  std::vector<int> lost_, joined_;
 };
 
 /// This worker is no part of the run any more: the others have gone on without it, or may have.
@@ -60,6 +62,24 @@ class Collective {
   /// Not collective: how many other workers have begun the next call, which has to be one that reaches all at once (no sum of 64 KiB or
   /// more).
   [[nodiscard]] virtual int num_waiting() { return 0; }
+
+  /// Workers that come to a run under way (docs/hosts.md, section 4).  Not collective: what they are told before they prepare their part;
+  /// the same on all workers, as any may come to be the one that tells them.
+  virtual void brief(const std::string& /*text*/) {}
+  /// Not collective: whether some are ready.  On one worker at most.
+  [[nodiscard]] virtual bool has_joiners() { return false; }
+  /// Lets those join that are ready: then a MembershipChange; returns where none is.
+  virtual void admit() {}
+  /// The bytes of worker `from` reach the workers `to`; the others get an empty text.  The same from and to everywhere.
+  virtual std::string hand_over(int from, const std::vector<int>& to, const std::string& bytes);
+
+  /// Of a worker that joins.  Before enter(), identity() is that of the start of the run, and there are no collective calls.
+  [[nodiscard]] virtual bool is_joining() const { return false; }
+  [[nodiscard]] virtual std::string briefing() const { return {}; }
+  /// Returns once the others have admitted this worker: for them the MembershipChange.
+  virtual void enter() {}
+  /// This worker has all that the others have.  An error of its own ends the run from now on; before, the others only lose it again.
+  virtual void confirm_join() {}
 };
 
 /// One worker alone: every call is the identity.
@@ -74,7 +94,15 @@ struct RingConfig {
   std::chrono::milliseconds timeout{60000};  ///< of one collective call in which no peer makes progress
   std::chrono::milliseconds heartbeat{500};  ///< a dead peer is noticed within about four of these
   NetworkConfig network = {};                ///< where to listen, and the keys of links that leave the host
+  /// What a worker that joins must have in common with the run: its program, and lines KEY=VALUE.
+  std::string engine = {}, settings = {};
+  std::uint32_t incarnation = 0;  ///< 0: one of the first world; else names one start of a worker that joins
 };
 std::unique_ptr<Collective> make_zmq_ring(const RingConfig& config);
+
+/// A worker that comes to a run under way, in the place of a lost one: same run id, world size and meeting point as at the start of the
+/// run. Asks who is there, and may be refused.  Throws InputError (refused: another protocol, engine, setting or run, a rank outside the
+/// world), RunError (no worker answers, the key is not allowed).
+std::unique_ptr<Collective> make_joining_worker(const RingConfig& config);
 
 }  // namespace earshot

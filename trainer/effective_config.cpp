@@ -9,6 +9,7 @@
 #include <system_error>
 
 #include "sim/base/errors.h"
+#include "sim/base/files.h"
 
 namespace earshot {
 namespace {
@@ -99,6 +100,16 @@ bool is_free_to_change(std::string_view key, const RunConfig& now) {
   const bool schedules = ppo.linear_learning_rate_decay || ppo.linear_clip_decay || ppo.linear_entropy_decay ||
                          now.guidance.imitation != now.guidance.imitation_end_weight || now.guidance.oracle > 0;
   return key == "total_steps" && !schedules;
+}
+
+std::string common_settings(const RunConfig& config) {
+  // Free for a run that goes on, but not within one: they say when all workers make which calls.
+  constexpr std::array<std::string_view, 3> bound{"total_steps", "max_minutes", "checkpoint_every"};
+  std::string lines;
+  for (const auto& [key, value] : flat_config(config_text(config)))
+    if (std::ranges::find(bound, key) != bound.end() || !is_free_to_change(key, config)) lines += fmt::format("{}={}\n", key, value);
+  if (!config.train.file.empty()) lines += fmt::format("training set={}\n", hex64(hash64(read_file(config.train.file))));
+  return lines;
 }
 
 RunConfig parse_effective_config(const std::string& yaml, const std::string& where, const std::vector<std::string>& overrides) {

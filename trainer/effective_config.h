@@ -25,6 +25,10 @@ std::vector<ConfigChange> config_changes(const std::map<std::string, std::string
 /// guidance depends on them.
 bool is_free_to_change(std::string_view key, const RunConfig& now);
 
+/// Lines KEY=VALUE of what all workers of one run must have in common: every key but those that say where files lie, how a worker reaches
+/// the others and on how many threads it runs; the contents of the training set by their hash.  Throws InputError if that cannot be read.
+std::string common_settings(const RunConfig& config);
+
 /// The config of a checkpoint with overrides.  Throws InputError for the overrides env.acoustics.preset and seed: they set the defaults of
 /// other keys, and a checkpoint holds all keys.
 RunConfig parse_effective_config(const std::string& yaml, const std::string& where, const std::vector<std::string>& overrides);

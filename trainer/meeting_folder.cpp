@@ -20,7 +20,10 @@ MeetingFolder::~MeetingFolder() {
   if (path_.empty()) return;
   // libzmq leaves the files of its sockets where they are.
   for (const char* traffic : {"control", "bulk"}) ::unlink((path_ / fmt::format("meet.{}.{}", rank_, traffic)).c_str());
-  if (rank_ == 0) ::unlink((path_ / "meet").c_str());
+  // Of whoever listened last for workers that join, once no worker is there any more.
+  std::error_code ignored;
+  const auto files = std::filesystem::directory_iterator(path_, ignored);
+  if (rank_ == 0 || (!ignored && std::distance(begin(files), end(files)) == 1)) ::unlink((path_ / "meet").c_str());
   ::rmdir(path_.c_str());  // refused while another worker's sockets are in it
 }
 

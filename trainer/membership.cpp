@@ -18,8 +18,19 @@ ViewAgreement::ViewAgreement(int rank, View first) : rank_(rank), current_(first
   EARSHOT_EXPECT(rank >= 0 && rank < 64 && first.has(rank));
 }
 
+ViewAgreement::ViewAgreement(int rank, View current, std::uint64_t joining)
+    : rank_(rank), current_(current), proposal_(current), joining_(joining) {
+  EARSHOT_EXPECT(rank >= 0 && rank < 64 && (joining >> rank & 1) != 0 && (joining & current.members) == 0);
+  open();
+}
+
 void ViewAgreement::open() {
-  if (!is_open()) proposal_ = {current_.epoch + 1, current_.members};
+  if (!is_open()) proposal_ = {current_.epoch + 1, current_.members | joining_};
+}
+
+void ViewAgreement::invite(std::uint64_t joining) {
+  EARSHOT_EXPECT((joining & current_.members) == 0);
+  if (!is_open()) joining_ = joining;
 }
 
 void ViewAgreement::leave_out(int rank) {
@@ -34,7 +45,7 @@ ViewAgreement::Effect ViewAgreement::receive(int from, const View& view) {
   // Views of the past, and the current one from a worker that has not seen it decided when it sent it.
   if (view.epoch < current_.epoch || view == current_) return Effect::none;
   if (!view.has(rank_)) return Effect::excluded;
-  if (!proposal_.has(from)) return Effect::none;
+  if (!proposal_.has(from) && (is_open() || (joining_ >> from & 1) == 0)) return Effect::none;
   const View before = proposal_;
   // A worker that still proposes another view for the current epoch left a member of it out before it saw it decided: a later view.
   open();
@@ -45,7 +56,7 @@ ViewAgreement::Effect ViewAgreement::receive(int from, const View& view) {
 }
 
 bool ViewAgreement::has_quorum() const {
-  const int left = std::popcount(proposal_.members), all = std::popcount(current_.members);
+  const int left = std::popcount(proposal_.members & current_.members), all = std::popcount(current_.members);
   return 2 * left > all || (2 * left == all && proposal_.has(std::countr_zero(current_.members)));
 }
 
@@ -59,6 +70,7 @@ bool ViewAgreement::is_decided() const {
 void ViewAgreement::adopt() {
   EARSHOT_EXPECT(is_decided());
   current_ = proposal_;
+  joining_ = 0;
 }
 
 }  // namespace earshot

@@ -19,12 +19,18 @@ struct View {
 
 /// How one worker comes to the same next view as the others: each proposes who is to be left, leaves out whom a proposal that it receives
 /// leaves out, and proposes again; the view is decided when all of its members have proposed it.  Proposals only ever lose members, so this
-/// ends.  No sockets: the owner sends proposal() to all members of current() whenever it has changed.
+/// ends.  No sockets: the owner sends proposal() to all of current() and proposal() whenever it has changed.
+///
+/// Workers join by a proposal that begins with more members than the last view had.  They propose like the others, so that a view with them
+/// is decided only once they reach all and all reach them.  Whoever does not know of them leaves them out: a change that crosses comes
+/// first.
 ///
 /// Only a majority of the last view goes on, or the half that holds its lowest rank: two parts of a network that is cut never both do.
 class ViewAgreement {
  public:
   ViewAgreement(int rank, View first);
+  /// Of a worker that joins the members of `current` together with `joining`, of which it is one.
+  ViewAgreement(int rank, View current, std::uint64_t joining);
 
   [[nodiscard]] const View& current() const { return current_; }
   [[nodiscard]] const View& proposal() const { return proposal_; }
@@ -34,6 +40,10 @@ class ViewAgreement {
   /// This worker's own reasons: a peer is lost; or the same workers need new connections.
   void leave_out(int rank);
   void renew();
+  /// The next proposal begins with these workers as well (bit r: rank r), none of which is a member.  All members have been told the same.
+  void invite(std::uint64_t joining);
+  /// Whether messages of that worker belong here.
+  [[nodiscard]] bool knows(int rank) const { return ((current_.members | proposal_.members | joining_) >> rank & 1) != 0; }
 
   enum class Effect { none, proposal_changed, excluded };
   /// Another worker proposes a view.  excluded: one without this worker.
@@ -49,6 +59,7 @@ class ViewAgreement {
 
   int rank_;
   View current_, proposal_;
+  std::uint64_t joining_ = 0;
   std::array<std::optional<View>, 64> received_;  ///< the last of each worker
 };
 

@@ -29,7 +29,9 @@ constexpr milliseconds kShutdownGrace{300}, kLocalGrace{40};
 constexpr milliseconds kLongestWait{100}, kRegroupInterval{10};
 constexpr milliseconds kBuffersBack{5000};  // for libzmq to drop what it had not sent, once the socket is closed
 constexpr std::size_t kMaxReasonBytes = 600;
-constexpr int kUnknownAtOnce = 1000;  // messages of unknown peers that are dropped before anything else is looked at again
+constexpr double kJoinPatience_s = 5;               // with a worker that was told that it may join
+constexpr std::chrono::seconds kGuestPatience(10);  // of that worker: longer, so that it is the members who decide
+constexpr int kUnknownAtOnce = 1000;                // messages of unknown peers that are dropped before anything else is looked at again
 
 std::string worker(int rank) { return fmt::format("worker {}", rank); }
 
@@ -119,16 +121,20 @@ PeerMesh::PeerMesh(const RingConfig& config) : config_(config), exceptions_at_st
   bulk_in_ = listener(context_, security_, kQueuedMessages);
   const std::string control_endpoint = bind_listener(control_in_, config_, "control"),
                     bulk_endpoint = bind_listener(bulk_in_, config_, "bulk");
-  table_ = meet(context_, config_, control_endpoint, bulk_endpoint, security_);
-  run_key_ = hash64(config_.run_id, table_.run_key);
-
   const int world_size = config_.identity.world_size;
   peers_.resize(static_cast<std::size_t>(world_size));
+  if (config_.incarnation != 0) {
+    join(control_endpoint, bulk_endpoint);
+    return;
+  }
+  table_ = meet(context_, config_, control_endpoint, bulk_endpoint, security_, survives_loss() ? &meeting_socket_ : nullptr);
+  run_key_ = hash64(config_.run_id, table_.run_key);
   for (int rank = 0; rank < world_size; ++rank)
     if (rank != config_.identity.rank) connect(rank);
   views_.emplace(config_.identity.rank, View{0, world_size == 64 ? ~std::uint64_t{0} : (std::uint64_t{1} << world_size) - 1});
   set_members(views_->current().ranks());
   connect_bulk();
+  open_meeting_point();
 }
 
 void PeerMesh::set_members(std::vector<int> ranks) {
@@ -151,14 +157,16 @@ PeerMesh::~PeerMesh() {
 
 void PeerMesh::connect(int rank) {
   Peer& peer = peers_[static_cast<std::size_t>(rank)];
-  peer.control = dial(context_, fmt::format("E{:016x}.{}", run_key_, config_.identity.rank));
+  peer.control = dial(context_, routing_id());
   security_.secure_dialer(peer.control, table_.public_keys[static_cast<std::size_t>(rank)]);
   const int interval_ms = static_cast<int>(config_.heartbeat.count());
   peer.control.set(zmq::sockopt::heartbeat_ivl, interval_ms);
   peer.control.set(zmq::sockopt::heartbeat_timeout, 4 * interval_ms);
-  peer.monitor = monitor_of(context_, peer.control, fmt::format("inproc://peer-{}", rank));
+  peer.monitor = monitor_of(context_, peer.control, fmt::format("inproc://peer-{}", ++num_monitors_));
   peer.control.connect(table_.control_endpoints[static_cast<std::size_t>(rank)]);
   peer.heard_at = Clock::now();
+  peer.lost_at.reset();
+  peer.finished_after.reset();
 }
 
 /// To the right neighbour.  The routing id holds the epoch: the listener may still have the connection of the last view under the other.
@@ -167,24 +175,37 @@ void PeerMesh::connect_bulk() {
   if (identity_.world_size == 1) return;
   const auto neighbour = static_cast<std::size_t>(members_[static_cast<std::size_t>(right())]);
   const std::uint32_t epoch = views_->current().epoch;
-  bulk_out_ = dial(context_, fmt::format("E{:016x}.{}.{}", run_key_, config_.identity.rank, epoch));
+  bulk_out_ = dial(context_, fmt::format("{}.{}", routing_id(), epoch));
   bulk_out_.set(zmq::sockopt::linger, 0);  // its payloads are lent: they must come back when the caller leaves
   security_.secure_dialer(bulk_out_, table_.public_keys[neighbour]);
   bulk_monitor_ = monitor_of(context_, bulk_out_, fmt::format("inproc://bulk-{}", epoch));
   bulk_out_.connect(table_.bulk_endpoints[neighbour]);
 }
 
-int PeerMesh::sender_of(const std::string& routing_id) const {
+/// Another one for each start of a rank: a listener may still have the connections of the start before.
+std::string PeerMesh::routing_id() const { return fmt::format("E{:016x}.{}.{:08x}", run_key_, config_.identity.rank, config_.incarnation); }
+
+PeerMesh::Sender PeerMesh::sender_of(const std::string& routing_id) const {
   const std::string prefix = fmt::format("E{:016x}.", run_key_);
-  if (!routing_id.starts_with(prefix)) return -1;
+  if (!routing_id.starts_with(prefix)) return {};
   const char* const end = routing_id.data() + routing_id.size();
-  int rank = -1;
-  const auto [rest, error] = std::from_chars(routing_id.data() + prefix.size(), end, rank);
-  if (error != std::errc() || rank < 0 || rank >= config_.identity.world_size || rank == config_.identity.rank) return -1;
-  if (rest == end) return rank;
+  Sender sender;
+  const auto [dot, error] = std::from_chars(routing_id.data() + prefix.size(), end, sender.rank);
+  if (error != std::errc() || dot == end || *dot != '.') return {};
+  if (sender.rank < 0 || sender.rank >= config_.identity.world_size || sender.rank == config_.identity.rank) return {};
+  const auto [rest, no_incarnation] = std::from_chars(dot + 1, end, sender.incarnation, 16);
+  if (no_incarnation != std::errc()) return {};
+  if (rest == end) return sender;
   std::uint32_t epoch = 0;
   const auto [last, no_epoch] = std::from_chars(rest + 1, end, epoch);
-  return *rest == '.' && no_epoch == std::errc() && last == end ? rank : -1;
+  return *rest == '.' && no_epoch == std::errc() && last == end ? sender : Sender{};
+}
+
+std::vector<int> PeerMesh::contacts() const {
+  std::vector<int> ranks;
+  for (int rank = 0; rank < config_.identity.world_size; ++rank)
+    if (rank != config_.identity.rank && views_->knows(rank)) ranks.push_back(rank);
+  return ranks;
 }
 
 void PeerMesh::begin(std::uint64_t sequence) {
@@ -195,11 +216,15 @@ void PeerMesh::begin(std::uint64_t sequence) {
 }
 
 bool PeerMesh::send_control(int peer, FrameHeader header, std::span<const std::byte> payload) {
+  return send_to(members_[static_cast<std::size_t>(peer)], header, payload);
+}
+
+bool PeerMesh::send_to(int rank, FrameHeader header, std::span<const std::byte> payload) {
   header.run_key = run_key_;
   header.sequence = sequence_;
   header.epoch = views_->current().epoch;
   header.length = payload.size();
-  return send_message(peer_at(peer).control, header, zmq::message_t(payload.data(), payload.size()));
+  return send_message(peers_[static_cast<std::size_t>(rank)].control, header, zmq::message_t(payload.data(), payload.size()));
 }
 
 bool PeerMesh::send_bulk(FrameHeader header, std::span<const std::byte> payload) {
@@ -231,19 +256,19 @@ std::optional<PeerMesh::Frame> PeerMesh::receive_from(zmq::socket_t& socket) {
       ++count;
       more = part.more();
     }
-    const int sender = sender_of(parts[0].to_string());
-    if (sender < 0) {
+    const Sender sender = sender_of(parts[0].to_string());
+    if (sender.rank < 0) {
       if (++unknown_peers_ == 1) spdlog::warn("worker {} ignores messages of an unknown peer on its port", config_.identity.rank);
       ++unknown;
       continue;
     }
-    if (!views_->current().has(sender)) {
+    if (!views_->knows(sender.rank) || peers_[static_cast<std::size_t>(sender.rank)].incarnation != sender.incarnation) {
       ++late_messages_;
       tell_left_out(sender);
       continue;
     }
     Frame frame;
-    frame.from = sender;
+    frame.from = sender.rank;
     try {
       if (count != parts.size()) throw WireError(fmt::format("message of {} parts", count));
       frame.header = decode_header({parts[1].data<const std::byte>(), parts[1].size()});
@@ -260,18 +285,23 @@ std::optional<PeerMesh::Frame> PeerMesh::receive_from(zmq::socket_t& socket) {
 }
 
 /// A worker that was left out has woken: it learns so over a connection of its own, at most once a second.
-void PeerMesh::tell_left_out(int rank) {
+void PeerMesh::tell_left_out(Sender sender) {
   const auto now = Clock::now();
-  Peer& peer = peers_[static_cast<std::size_t>(rank)];
-  if (peer.lost_at && now - *peer.lost_at < std::chrono::seconds(1)) return;
-  peer.lost_at = now;
-  zmq::socket_t notice = dial(context_, fmt::format("E{:016x}.{}", run_key_, config_.identity.rank));
-  notice.set(zmq::sockopt::immediate, false);  // waits for the connection, as long as a socket lingers
-  security_.secure_dialer(notice, table_.public_keys[static_cast<std::size_t>(rank)]);
-  notice.connect(table_.control_endpoints[static_cast<std::size_t>(rank)]);
+  Peer& peer = peers_[static_cast<std::size_t>(sender.rank)];
+  if (now - peer.told_at < std::chrono::seconds(1)) return;
+  peer.told_at = now;
+  const bool former = sender.incarnation != peer.incarnation;
+  const std::string endpoint = former ? peer.former_endpoint : table_.control_endpoints[static_cast<std::size_t>(sender.rank)];
+  if (endpoint.empty()) return;  // of a start that this worker has never known
+  zmq::socket_t notice = dial(context_, routing_id());
+  notice.set(zmq::sockopt::immediate, false);  // waits for the connection, as long as the socket lingers
+  notice.set(zmq::sockopt::linger, 2000);
+  security_.secure_dialer(notice, former ? peer.former_key : table_.public_keys[static_cast<std::size_t>(sender.rank)]);
+  notice.connect(endpoint);
   ViewMessage message;
   message.epoch = views_->current().epoch;
-  message.members = views_->current().members;
+  // Not the rank's of its next start.
+  message.members = views_->current().members & ~(std::uint64_t{1} << sender.rank);
   const std::string text = encode(message);
   FrameHeader header;
   header.operation = Operation::view;
@@ -361,9 +391,12 @@ void PeerMesh::take_view(const Frame& frame) {
     if (!survives_loss()) throw WireError("a view, where a lost worker is the end (do all have the same network.on_loss?)");
     const auto message = decode<ViewMessage>(frame.payload.to_string_view());
     const View view{message.epoch, message.members};
+    // A worker that joins may have proposed before this one knew of it; and one that proposes now hears so again.
+    if (is_guest_ && regrouping_) peers_[static_cast<std::size_t>(frame.from)].proposal_due = true;
     const auto effect = views_->receive(frame.from, view);
     if (effect == ViewAgreement::Effect::excluded) {
       left_out_ = true;
+      if (is_guest_) throw LeftOut(worker(config_.identity.rank), "was not let in, as another change of membership came first");
       throw LeftOut(worker(config_.identity.rank),
                     fmt::format("was left out of the run after a pause: worker {} go on without it; what it did since is void, nothing is "
                                 "to be resumed",
@@ -439,18 +472,20 @@ void PeerMesh::send_progress(bool waiting) {
   header.operation = Operation::progress;
   header.phase = waiting ? 1 : 0;
   header.total = progress_;
-  for (int place = 0; place < identity_.world_size; ++place) {
-    if (place == identity_.rank || peer_at(place).lost_at) continue;
+  for (const int rank : contacts()) {
+    if (peers_[static_cast<std::size_t>(rank)].lost_at) continue;
     try {
-      send_control(place, header, {});  // a full queue has messages enough for it to see
-    } catch (const zmq::error_t&) {     // its connection has gone: seen in the next call
+      send_to(rank, header, {});     // a full queue has messages enough for it to see
+    } catch (const zmq::error_t&) {  // its connection has gone: seen in the next call
     }
   }
 }
 
 void PeerMesh::note_progress() {
   ++progress_;
-  if (!abandoned_) send_progress(false);
+  if (abandoned_) return;
+  send_progress(false);
+  look_at_meeting_point();
 }
 
 int PeerMesh::num_waiting(std::uint64_t next) {
@@ -476,11 +511,11 @@ void PeerMesh::send_proposals() {
   FrameHeader header;
   header.operation = Operation::view;
   header.total = text.size();
-  for (int place = 0; place < identity_.world_size; ++place) {
-    Peer& peer = peer_at(place);
-    if (place == identity_.rank || !peer.proposal_due) continue;
-    const bool sent = send_control(place, header, std::as_bytes(std::span(text)));
-    if (sent || !views_->proposal().has(members_[static_cast<std::size_t>(place)])) peer.proposal_due = false;
+  for (const int rank : contacts()) {
+    Peer& peer = peers_[static_cast<std::size_t>(rank)];
+    if (!peer.proposal_due) continue;
+    const bool sent = peer.control && send_to(rank, header, std::as_bytes(std::span(text)));
+    if (sent || !views_->proposal().has(rank)) peer.proposal_due = false;
   }
 }
 
@@ -488,10 +523,13 @@ void PeerMesh::drop_lost_peers(Clock::time_point since) {
   const auto now = Clock::now();
   for (const int rank : views_->proposal().ranks()) {
     const Peer& peer = peers_[static_cast<std::size_t>(rank)];
-    if (rank == config_.identity.rank) continue;
-    const bool silent = std::chrono::duration<double>(now - std::max(peer.heard_at, since)).count() >= config_.network.progress_timeout_s;
+    // A worker that joins cannot cost a member its place: who does not reach all others gives up.
+    if (rank == config_.identity.rank || (is_guest_ && !peer.joins)) continue;
+    const double patience_s =
+        peer.joins ? std::min(kJoinPatience_s, config_.network.progress_timeout_s) : config_.network.progress_timeout_s;
+    const bool silent = std::chrono::duration<double>(now - std::max(peer.heard_at, since)).count() >= patience_s;
     if (peer.finished_after || silent || (peer.lost_at && now - *peer.lost_at >= grace_)) {
-      spdlog::warn("worker {}: has gone as well", rank);
+      spdlog::warn("worker {}: {}", rank, peer.joins ? "did not come in time, or went again: it has not joined" : "has gone as well");
       views_->leave_out(rank);
     }
   }
@@ -504,8 +542,7 @@ LeftOut PeerMesh::too_few() const {
                   fmt::join(views_->proposal().ranks(), ", "), fmt::join(members_, ", "))};
 }
 
-std::vector<int> PeerMesh::regroup() {
-  const View before = views_->current();
+PeerMesh::Change PeerMesh::regroup() {
   regrouping_ = true;
   bulk_out_.close();
   bulk_monitor_.close();
@@ -527,6 +564,11 @@ std::vector<int> PeerMesh::regroup() {
     sent = views_->proposal();
     send_proposals();
     send_progress(true);
+    look_at_meeting_point();
+    if (is_guest_ && Clock::now() - began >= kGuestPatience) {
+      left_out_ = true;
+      throw LeftOut(worker(config_.identity.rank), fmt::format("was not let in by worker {}", fmt::join(views_->current().ranks(), ", ")));
+    }
     const auto ranks = sent.ranks();
     const bool all_know = std::ranges::none_of(
         ranks, [&](int rank) { return rank != config_.identity.rank && peers_[static_cast<std::size_t>(rank)].proposal_due; });
@@ -534,27 +576,11 @@ std::vector<int> PeerMesh::regroup() {
     zmq_pollitem_t item{control_in_.handle(), 0, ZMQ_POLLIN, 0};
     if (zmq_poll(&item, 1, static_cast<long>(kRegroupInterval.count())) < 0 && zmq_errno() != EINTR) throw zmq::error_t();
   }
-  views_->adopt();
-
-  std::vector<int> lost;
-  for (const int rank : before.ranks()) {
-    Peer& peer = peers_[static_cast<std::size_t>(rank)];
-    if (!views_->current().has(rank)) {
-      lost.push_back(rank);
-      peer.control.close();
-      peer.monitor.close();
-    }
-    while (!peer.early.empty() && peer.early.front().header.epoch < views_->current().epoch) peer.early.pop_front();
-  }
-  while (!early_bulk_.empty() && early_bulk_.front().header.epoch < views_->current().epoch) early_bulk_.pop_front();
-  set_members(views_->current().ranks());
-  sequence_ = 0;
-  connect_bulk();
-  regrouping_ = false;
-  return lost;
+  return adopt();
 }
 
 void PeerMesh::wait(const Interest& interest) {
+  look_at_meeting_point();
   check_peers(interest.awaited);
   poll_items_.clear();
   poll_items_.push_back({control_in_.handle(), 0, ZMQ_POLLIN, 0});
@@ -577,6 +603,7 @@ void PeerMesh::wait(const Interest& interest) {
 }
 
 void PeerMesh::check(int awaited) {
+  look_at_meeting_point();
   send_progress(true);
   read_monitors();
   check_peers({awaited});
@@ -596,7 +623,7 @@ void PeerMesh::finish_sends() {
 void PeerMesh::abandon(const std::string& reason) {
   if (abandoned_) return;
   abandoned_ = reason.empty() ? "it was left" : reason;
-  if (!left_out_) send_goodbye(reason.substr(0, kMaxReasonBytes));  // whoever is left out has no say in the run of the others
+  if (!left_out_ && !is_guest_) send_goodbye(reason.substr(0, kMaxReasonBytes));  // whoever is not in has no say in the run of the others
   close_all();
 }
 
@@ -620,6 +647,7 @@ void PeerMesh::send_goodbye(const std::string& reason) {
 }
 
 void PeerMesh::close_all() {
+  meeting_point_.reset();
   for (Peer& peer : peers_) {
     peer.control.close();
     peer.monitor.close();
@@ -629,6 +657,7 @@ void PeerMesh::close_all() {
   bulk_in_.close();
   control_in_.close();
   gate_.reset();
+  remove_listening_files();
   context_.close();  // waits until the I/O thread has dropped or sent everything: all lent payloads are back
 }
 

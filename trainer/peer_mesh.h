@@ -13,7 +13,9 @@
 #include <zmq.hpp>
 
 #include "trainer/collective.h"
+#include "trainer/join_wire.h"
 #include "trainer/link_security.h"
+#include "trainer/meeting_point.h"
 #include "trainer/membership.h"
 #include "trainer/rendezvous.h"
 #include "trainer/wire.h"
@@ -53,7 +55,8 @@ class PeerMesh {
     [[nodiscard]] std::span<const std::byte> bytes() const { return {payload.data<const std::byte>(), payload.size()}; }
   };
 
-  /// Rendezvous and connections.  Throws InputError (config), RunError (a rank does not come or refuses).
+  /// Rendezvous and connections; of a worker that joins, once it is admitted.  Throws InputError (config), RunError (a rank does not come
+  /// or refuses), LeftOut (another change of membership crossed the admission).
   explicit PeerMesh(const RingConfig& config);
   /// Sends the goodbye message, as finished or, while an exception passes through, as failed.
   ~PeerMesh();
@@ -89,9 +92,23 @@ class PeerMesh {
   void set_bulk_in_use(bool in_use) { bulk_in_use_ = in_use; }
   /// Thrown by the calls above where a peer is lost and the others are to go on: regroup() is then due.
   struct Disruption {};
-  /// Agrees with the peers on who is left, and opens the connections among them.  Returns who has gone, by ranks at the start: none where
-  /// a connection was broken.  Throws LeftOut: this worker was left out, or too few are left (ViewAgreement).
-  std::vector<int> regroup();
+  /// Agrees with the peers on who is left and who joins, and opens the connections among them.  Returns who has gone and come, by ranks at
+  /// the start: none where a connection was broken.  Throws LeftOut: this worker was left out, or too few are left (ViewAgreement).
+  struct Change {
+    std::vector<int> lost, joined;
+  };
+  Change regroup();
+
+  /// What workers that want to join are told.
+  void brief(const std::string& text) { briefing_ = text; }
+  /// At the worker that listens for them: those that are ready, encoded; else empty.
+  std::string candidates();
+  /// What that worker has found, on all members: the next view may have them.  Tells them so.  False if there are none.
+  bool expect(const std::string& candidates);
+  /// Once all members expect them: throws Disruption, so that regroup() agrees on a view with them.
+  [[noreturn]] void invite();
+  /// This worker has joined for good: from now on it says goodbye, and an error of its own ends the run.
+  void confirm_join() { is_guest_ = false; }
   /// Tells the peers that this worker gets on: at most every 5 s, or eight times in the time after which it would count as lost.
   void note_progress();
   /// Between two calls: how many peers have sent control messages of call number `next`.
@@ -110,22 +127,32 @@ class PeerMesh {
  private:
   struct Peer {
     zmq::socket_t control, monitor;
+    std::uint32_t incarnation = 0;                ///< which start of that rank
+    bool joins = false;                           ///< has not been a member yet
     std::optional<Clock::time_point> lost_at;     ///< its connection broke
+    Clock::time_point told_at;                    ///< that it was left out, or an earlier start of it was
     std::optional<std::uint64_t> finished_after;  ///< its goodbye message came after that many calls
     Clock::time_point heard_at;                   ///< any message from its loop
     std::deque<Frame> early;                      ///< of the next call, or of the next view
     bool proposal_due = false;
+    std::string former_endpoint, former_key;  ///< of the start before this one
+  };
+  struct Sender {
+    int rank = -1;  ///< -1: unknown
+    std::uint32_t incarnation = 0;
   };
   // Ranks below are those at the start; so is Frame::from, until a frame is handed out.
   void connect(int rank);
   void connect_bulk();
   void set_members(std::vector<int> ranks);
   Peer& peer_at(int place) { return peers_[static_cast<std::size_t>(members_[static_cast<std::size_t>(place)])]; }
-  /// Rank of a sender by its routing id; -1 for an unknown one.
-  [[nodiscard]] int sender_of(const std::string& routing_id) const;
+  [[nodiscard]] std::string routing_id() const;
+  [[nodiscard]] Sender sender_of(const std::string& routing_id) const;
+  /// Ranks of the others that take part, or may do so in the next view.
+  [[nodiscard]] std::vector<int> contacts() const;
   std::optional<Frame> receive_from(zmq::socket_t& socket);
   std::optional<Frame> handed_out(Frame frame) const;
-  void tell_left_out(int rank);
+  void tell_left_out(Sender sender);
   void take_goodbye(const Frame& frame);
   void take_view(const Frame& frame);
   void take_progress(const Frame& frame);
@@ -135,9 +162,15 @@ class PeerMesh {
   void send_progress(bool waiting);
   void send_proposals();
   void drop_lost_peers(Clock::time_point since);
+  void join(const std::string& control_endpoint, const std::string& bulk_endpoint);
+  void open_meeting_point();
+  void look_at_meeting_point();
+  Change adopt();
+  bool send_to(int rank, FrameHeader header, std::span<const std::byte> payload);
   [[nodiscard]] LeftOut too_few() const;
   void send_goodbye(const std::string& reason);
   void close_all();
+  void remove_listening_files() const;
 
   RingConfig config_;
   int exceptions_at_start_;
@@ -152,6 +185,12 @@ class PeerMesh {
   std::vector<int> members_;
   std::optional<ViewAgreement> views_;
   bool regrouping_ = false, peeking_ = false, left_out_ = false;
+  bool is_guest_ = false;  ///< joins, and has not confirmed it
+  int num_monitors_ = 0;
+  int meeting_rank_ = 0;                         ///< who listens for workers that want to join
+  zmq::socket_t meeting_socket_;                 ///< rank 0's of the rendezvous, until the meeting point has it
+  std::unique_ptr<MeetingPoint> meeting_point_;  ///< of that worker
+  std::string briefing_;
   std::deque<Frame> early_bulk_;  ///< of the next view
   std::optional<Clock::time_point> bulk_lost_at_;
   bool bulk_in_use_ = true;

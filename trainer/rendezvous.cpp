@@ -13,6 +13,7 @@
 
 #include "sim/base/errors.h"
 #include "trainer/host_address.h"
+#include "trainer/meeting_sockets.h"
 #include "trainer/wire.h"
 
 namespace earshot {
@@ -24,23 +25,12 @@ constexpr int kMaxWorkers = 64;
 constexpr std::size_t kMaxSocketPath = 107;  // sockaddr_un::sun_path less its end mark
 constexpr std::string_view kIpc = "ipc://", kTcp = "tcp://";
 constexpr int kRefusalsPerSecond = 100;  // what comes above goes unanswered
-constexpr int kFailedHandshakes = 20;    // in a row: it is not a matter of rank 0 coming later
 constexpr int kReconnect_ms = 50, kReconnectMax_ms = 250;
 
 std::string listening_path(const RingConfig& config, const std::string& traffic) {
-  return fmt::format("{}.{}.{}", config.rendezvous.substr(kIpc.size()), config.identity.rank, traffic);
-}
-
-/// A peer's endpoint comes from a message: it may only lead where we would listen ourselves.
-bool is_possible_endpoint(const RingConfig& config, const std::string& endpoint) {
-  if (config.rendezvous.starts_with(kIpc))
-    return endpoint.starts_with(config.rendezvous + ".") && endpoint.find('/', config.rendezvous.size()) == std::string::npos;
-  try {
-    const TcpAddress address = parse_tcp(endpoint);
-    return address.port > 0 && is_loopback(address.host) != leaves_host(config.rendezvous) && is_numeric_address(address.host);
-  } catch (const InputError&) {
-    return false;
-  }
+  const std::string path = config.rendezvous.substr(kIpc.size());
+  if (config.incarnation == 0) return fmt::format("{}.{}.{}", path, config.identity.rank, traffic);
+  return fmt::format("{}.{}.{:08x}.{}", path, config.identity.rank, config.incarnation, traffic);
 }
 
 void check_private_folder(const RingConfig& config) {
@@ -58,49 +48,6 @@ void check_private_folder(const RingConfig& config) {
     throw InputError(folder.string(), "is open to other users, who could join the run there", "chmod 700, or take a folder of your own");
 }
 
-zmq::socket_t open_socket(zmq::context_t& context, zmq::socket_type type, const std::string& address) {
-  zmq::socket_t socket(context, type);
-  socket.set(zmq::sockopt::ipv6, address.find('[') != std::string::npos);
-  socket.set(zmq::sockopt::linger, 2000);  // the context outlives this socket: a table on its way still arrives
-  socket.set(zmq::sockopt::maxmsgsize, static_cast<std::int64_t>(kMaxControlBytes));
-  socket.set(zmq::sockopt::rcvhwm, 64);
-  socket.set(zmq::sockopt::sndhwm, 64);
-  return socket;
-}
-
-enum class Readable { none, first, second };
-
-/// Which of two sockets has something to read before the deadline.
-Readable wait_readable(zmq::socket_t& first, Clock::time_point deadline, zmq::socket_t* second = nullptr) {
-  while (true) {
-    const auto left = std::chrono::duration_cast<std::chrono::milliseconds>(deadline - Clock::now()) + std::chrono::milliseconds(1);
-    if (left.count() <= 0) return Readable::none;
-    std::array<zmq_pollitem_t, 2> items{{{first.handle(), 0, ZMQ_POLLIN, 0}, {second ? second->handle() : nullptr, -1, ZMQ_POLLIN, 0}}};
-    const int count = ::zmq_poll(items.data(), second ? 2 : 1, static_cast<long>(left.count()));
-    if (count < 0 && ::zmq_errno() != EINTR) throw zmq::error_t();
-    if (count <= 0) continue;
-    return (items[0].revents & ZMQ_POLLIN) != 0 ? Readable::first : Readable::second;
-  }
-}
-
-std::vector<zmq::message_t> receive_parts(zmq::socket_t& socket) {
-  std::vector<zmq::message_t> parts;
-  do {
-    zmq::message_t part;
-    if (!socket.recv(part, zmq::recv_flags::none)) break;
-    if (parts.size() < 3) parts.push_back(std::move(part));  // enough to see that it is not ours
-  } while (socket.get(zmq::sockopt::rcvmore));
-  return parts;
-}
-
-/// Where rank 0 listens for hellos: at the meeting point, or at its port of the interface that was chosen (the others may know the host by
-/// another address).
-std::string meeting_address(const RingConfig& config) {
-  if (!leaves_host(config.rendezvous) || config.network.interface.empty()) return config.rendezvous;
-  const TcpAddress meeting_point = parse_tcp(config.rendezvous);
-  return TcpAddress{address_of_interface(config.network.interface, meeting_point.host), meeting_point.port}.endpoint();
-}
-
 /// Rank 0: collects the hellos.
 class Host {
  public:
@@ -108,7 +55,7 @@ class Host {
        const LinkSecurity& security)
       : config_(config),
         security_(security),
-        socket_(open_socket(context, zmq::socket_type::router, config.rendezvous)),
+        socket_(open_meeting_socket(context, zmq::socket_type::router, config.rendezvous)),
         addresses_(static_cast<std::size_t>(config.identity.world_size)) {
     socket_.set(zmq::sockopt::router_mandatory, true);
     security.secure_listener(socket_);
@@ -126,6 +73,9 @@ class Host {
     table_.bulk_endpoints[0] = bulk_endpoint;
     if (::getrandom(&table_.run_key, sizeof(table_.run_key), 0) != sizeof(table_.run_key)) throw RunError("getrandom", "gives no bytes");
   }
+
+  /// The socket at which it listened.
+  zmq::socket_t take_socket() { return std::move(socket_); }
 
   PeerTable run() {
     const auto deadline = Clock::now() + config_.timeout;
@@ -232,41 +182,10 @@ class Host {
   int refusals_ = 0;  // in the second that then began
 };
 
-/// Handshakes of one socket that failed, by libzmq's monitor.
-class HandshakeMonitor {
- public:
-  HandshakeMonitor(zmq::context_t& context, zmq::socket_t& socket) : events_(context, zmq::socket_type::pair) {
-    constexpr const char* kAddress = "inproc://rendezvous.handshakes";
-    constexpr int kEvents = ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL | ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL | ZMQ_EVENT_HANDSHAKE_FAILED_AUTH;
-    if (::zmq_socket_monitor(socket.handle(), kAddress, kEvents) != 0) throw zmq::error_t();
-    events_.set(zmq::sockopt::linger, 0);
-    events_.connect(kAddress);
-  }
-  [[nodiscard]] zmq::socket_t& socket() { return events_; }
-  /// Reads the next event; throws RunError if rank 0 refuses the key, or after too many failures.
-  void read(const std::string& where, const LinkSecurity& security) {
-    const auto parts = receive_parts(events_);
-    std::uint16_t event = 0;
-    if (!parts.empty() && parts[0].size() >= sizeof(event)) std::memcpy(&event, parts[0].data(), sizeof(event));
-    ++failed_;
-    if (event == ZMQ_EVENT_HANDSHAKE_FAILED_AUTH)
-      throw RunError(where, fmt::format("worker 0 does not allow the key {}: add it to its network.allow_list", security.public_key()));
-    // After another protocol, which another mechanism counts as, libzmq does not connect again.
-    if (failed_ >= kFailedHandshakes || event == ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL)
-      throw RunError(where, fmt::format("worker 0 and this worker cannot agree on keys: {}",
-                                        security.encrypted() ? "network.meeting_key is not its public key, or it has none"
-                                                             : "it has some, this worker has none"));
-  }
-
- private:
-  zmq::socket_t events_;
-  int failed_ = 0;
-};
-
 PeerTable join(zmq::context_t& context, const RingConfig& config, const std::string& control_endpoint, const std::string& bulk_endpoint,
                const LinkSecurity& security) {
   const std::string where = fmt::format("rendezvous {}", config.rendezvous);
-  zmq::socket_t socket = open_socket(context, zmq::socket_type::dealer, config.rendezvous);
+  zmq::socket_t socket = open_meeting_socket(context, zmq::socket_type::dealer, config.rendezvous);
   socket.set(zmq::sockopt::reconnect_ivl, kReconnect_ms);  // rank 0 may come up later than we do
   socket.set(zmq::sockopt::reconnect_ivl_max, kReconnectMax_ms);
   security.secure_dialer(socket, security.meeting_key());
@@ -326,6 +245,8 @@ void validate(const RingConfig& config) {
   require(config.run_id.size() <= 256, "run id", config.run_id.substr(0, 32), "must have at most 256 characters");
   require(config.timeout.count() > 0, "timeout", config.timeout.count(), "must be positive: no call waits for ever");
   require(config.heartbeat.count() > 0, "heartbeat", config.heartbeat.count(), "must be positive: it is how a dead peer is noticed");
+  require(config.incarnation == 0 || (world_size > 1 && config.network.on_loss == OnLoss::go_on), "network.on_loss", "stop",
+          "must be continue, and the world more than one worker, where a worker is to join a run that goes on without it");
   if (world_size == 1) return;
   if (config.rendezvous.starts_with(kIpc)) {
     check_private_folder(config);
@@ -382,8 +303,13 @@ std::string bind_listener(zmq::socket_t& socket, const RingConfig& config, const
 }
 
 PeerTable meet(zmq::context_t& context, const RingConfig& config, const std::string& control_endpoint, const std::string& bulk_endpoint,
-               const LinkSecurity& security) {
-  if (config.identity.rank == 0) return Host(context, config, control_endpoint, bulk_endpoint, security).run();
+               const LinkSecurity& security, zmq::socket_t* meeting_socket) {
+  if (config.identity.rank == 0) {
+    Host host(context, config, control_endpoint, bulk_endpoint, security);
+    PeerTable table = host.run();
+    if (meeting_socket != nullptr) *meeting_socket = host.take_socket();
+    return table;
+  }
   return join(context, config, control_endpoint, bulk_endpoint, security);
 }
 

@@ -37,8 +37,9 @@ struct PeerTable {
 /// Workers find each other: rank 0 listens at config.rendezvous, the others say hello with their endpoints, rank 0 answers all with the
 /// table once all ranks are there.  A wrong run id, version, rank or world size is answered with the reason and disturbs no worker; garbage
 /// is counted and dropped, and so are more than 100 unknown peers in a second.  Throws RunError: refused, or not all ranks came within
-/// config.timeout (names those that are missing).  config: resolved; with keys, the gate of `security` is open.
+/// config.timeout (names those that are missing).  config: resolved; with keys, the gate of `security` is open.  meeting_socket: gets the
+/// socket at which rank 0 listened.
 PeerTable meet(zmq::context_t& context, const RingConfig& config, const std::string& control_endpoint, const std::string& bulk_endpoint,
-               const LinkSecurity& security = {});
+               const LinkSecurity& security = {}, zmq::socket_t* meeting_socket = nullptr);
 
 }  // namespace earshot

@@ -75,6 +75,7 @@ void append_curve_values(std::vector<std::pair<std::string, double>>& values, co
   values.emplace_back("guards/kl_alarms", static_cast<double>(guards.kl_alarms));
   values.emplace_back("guards/failed_writes", static_cast<double>(guards.failed_writes));
   values.emplace_back("guards/lost_workers", static_cast<double>(guards.lost_workers));
+  values.emplace_back("guards/joined_workers", static_cast<double>(guards.joined_workers));
 }
 
 std::string fault_summary(const RunCounters& counters, const GuardCounts& guards) {
@@ -88,6 +89,7 @@ std::string fault_summary(const RunCounters& counters, const GuardCounts& guards
   mention(text, counters[RunCounters::ratio_alarms], "ratio alarm", "ratio alarms");
   mention(text, static_cast<double>(guards.failed_writes), "file not written", "files not written");
   mention(text, static_cast<double>(guards.lost_workers), "worker lost", "workers lost");
+  mention(text, static_cast<double>(guards.joined_workers), "worker joined", "workers joined");
   return text;
 }
 

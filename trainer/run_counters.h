@@ -48,8 +48,9 @@ struct RunCounters {
 /// What became of the optimizer's steps and the run's files; the same on every worker, but for the files, which are rank 0's.
 struct GuardCounts {
   std::uint64_t taken_steps = 0, skipped_steps = 0, loss_alarms = 0, kl_alarms = 0;
-  std::uint64_t failed_writes = 0;  ///< curve points and periodic checkpoints that could not be written
-  std::uint64_t lost_workers = 0;   ///< without which the others went on
+  std::uint64_t failed_writes = 0;   ///< curve points and periodic checkpoints that could not be written
+  std::uint64_t lost_workers = 0;    ///< without which the others went on
+  std::uint64_t joined_workers = 0;  ///< that came to the run under way
 };
 
 /// Curve points: fractions of the poses heard since `before` under hearing/, totals under fields/ and guards/.

@@ -13,6 +13,7 @@
 #include <limits>
 #include <numeric>
 #include <optional>
+#include <sstream>
 #include <utility>
 
 #include "envs/engine_commit.h"
@@ -30,6 +31,7 @@
 #include "trainer/result.h"
 #include "trainer/rollout_collector.h"
 #include "trainer/run_folder.h"
+#include "trainer/run_state.h"
 #include "trainer/stage_times.h"
 #include "trainer/stop_signals.h"
 #include "trainer/update_curves.h"
@@ -50,7 +52,9 @@ class Worker {
         rank_(collective.identity().rank),
         world_(collective.identity().world_size),
         resumed_(resume.empty() ? std::nullopt : std::optional<Checkpoint>(load_checkpoint(resume))),
-        places_(places_of_envs(resumed_, world_, changes)),
+        joins_(collective.is_joining()),
+        briefing_(joins_ ? decode_briefing(collective.briefing(), world_) : JoinBriefing{}),
+        places_(joins_ ? Places{briefing_.places, briefing_.started_workers, false} : places_of_envs(resumed_, world_, changes)),
         set_(std::make_shared<const EpisodeSet>(load_episode_set(config.train.file))),
         scenes_(make_scene_cache(config.env)),
         env_(training_env(config), set_, scenes_, config.envs_per_worker, places_.first_of(rank_) * config.envs_per_worker,
@@ -60,6 +64,13 @@ class Worker {
         collector_(config, env_, policy_, places_.first_of(rank_) * config.envs_per_worker),
         preemption_(config.ppo, config.rollout_steps) {
     env_.set_stage_hook(hooks.stage_hook);
+    brief();
+    if (joins_) {
+      begin_other_episodes();
+      collective.enter();
+      recover(MembershipChange({}));
+      return;
+    }
     if (resume.empty()) {
       if (!config.initial_policy.empty()) load_initial_policy(config, policy_);
       env_.reset();
@@ -91,9 +102,15 @@ class Worker {
   void restore(const std::filesystem::path& path);
   void update();
   void begin_files();
+  void begin_other_episodes();
   void remember();
   void go_back();
   void recover(const MembershipChange& change);
+  bool agree_on_state();
+  [[nodiscard]] std::string state();
+  void take_state(const std::string& bytes);
+  void leave_files();
+  void brief();
   void check_equal_weights();
   UpdateStats learn();
   void note(UpdateStats stats);
@@ -139,7 +156,9 @@ class Worker {
   Collective& collective_;
   int rank_, world_;
   std::optional<Checkpoint> resumed_;  ///< until it is restored
-  const Places places_;                ///< by rank at this start
+  bool joins_;                         ///< has not got the state of the run yet
+  JoinBriefing briefing_;
+  const Places places_;  ///< by rank at this start
   std::shared_ptr<const EpisodeSet> set_;
   std::shared_ptr<SceneCache> scenes_;
   BatchedEnv env_;
@@ -153,6 +172,7 @@ class Worker {
   bool learning_ = false;   ///< the weights are in the midst of an update
   std::optional<Before> before_;
   bool lost_since_report_ = false;
+  bool joiners_ = false;  ///< some are ready
   EpisodeSums finished_;
   EpisodeWindow window_;
   StageTimes times_;  ///< this update, this worker
@@ -229,33 +249,138 @@ void Worker::go_back() {
   collected_ = true;
 }
 
-/// Brings those that are left to the same state: the last update that all of them have completed.  They differ by one call at most, so that
-/// by one update at most.
+/// The environments begin where no worker has been: by their number and the update, other episodes than those of the start or of a worker
+/// that joined before.
+void Worker::begin_other_episodes() {
+  std::vector<std::uint64_t> seeds;
+  for (int env = 0; env < config_.envs_per_worker; ++env)
+    seeds.push_back(
+        hash64(fmt::format("joins {} {}", places_.first_of(rank_) * config_.envs_per_worker + env, briefing_.update), config_.seed));
+  env_.reset(std::vector<std::uint8_t>(seeds.size(), 1), seeds);
+}
+
+std::string Worker::state() {
+  RunState state;
+  state.learner.architecture = policy_->architecture();
+  state.learner.weights = weights_of(policy_);
+  state.learner.optimizer = optimizer_state_of(policy_, learner_.optimizer());
+  state.learner.update = update_;
+  state.learner.env_steps = env_steps_;
+  state.learner.episode_window = window_.state();
+  state.learner.episode_window_fields = EpisodeSums::num_fields;
+  state.guards = guards_;
+  state.counters = counters_;
+  state.updates_without_step = updates_without_step_;
+  state.elapsed_s = elapsed_s_;
+  state.elapsed_before_s = elapsed_before_s_;
+  return encode_run_state(state);
+}
+
+void Worker::take_state(const std::string& bytes) {
+  const RunState state = decode_run_state(bytes);
+  load_weights(policy_, state.learner, "the state of the run");
+  load_optimizer_state(policy_, learner_.optimizer(), state.learner);
+  window_.restore(state.learner.episode_window, state.learner.episode_window_fields);
+  update_ = state.learner.update;
+  env_steps_ = state.learner.env_steps;
+  guards_ = state.guards;
+  counters_ = state.counters;
+  updates_without_step_ = state.updates_without_step;
+  elapsed_s_ = state.elapsed_s;
+  elapsed_before_s_ = state.elapsed_before_s;
+}
+
+/// Brings all to the same state: the last update that all members have completed, which workers that join get from the first of the others.
+/// Members differ by one call at most, so that by one update at most.  False where a worker that joins has to leave again.
+bool Worker::agree_on_state() {
+  constexpr const char* kJoins = "joins";
+  const auto of_all =
+      collective_.all_gather(joins_ ? std::string(kJoins) : fmt::format("{} {} {}", update_, guards_.lost_workers, guards_.joined_workers));
+  std::vector<int> joining;
+  std::uint64_t last = std::numeric_limits<std::uint64_t>::max();
+  int source = -1;
+  for (std::size_t place = 0; place < of_all.size(); ++place) {
+    if (of_all[place] == kJoins) {
+      joining.push_back(static_cast<int>(place));
+      continue;
+    }
+    if (source < 0) source = static_cast<int>(place);
+    std::uint64_t update = 0, lost = 0, joined = 0;
+    if (!(std::istringstream(of_all[place]) >> update >> lost >> joined))
+      throw RunError(fmt::format("worker {}", collective_.members()[place]), "does not say how far it is");
+    last = std::min(last, update);
+    // A change that some have not seen, as another one followed it at once.
+    guards_.lost_workers = std::max(guards_.lost_workers, lost);
+    guards_.joined_workers = std::max(guards_.joined_workers, joined);
+  }
+  if (source < 0) throw RunError("workers", "all that had the state of the run were lost; go on with --resume");
+  if (!joins_ && (update_ > last || learning_)) {
+    if (!before_ || before_->update != last)
+      throw RunError("workers", fmt::format("are at updates {} and {}, too far from each other", last, update_));
+    go_back();
+  }
+  learning_ = false;
+  if (!joining.empty()) {
+    const std::string bytes = collective_.hand_over(source, joining, rank_ == source ? state() : std::string());
+    if (joins_) take_state(bytes);
+  }
+
+  Checkpoint learner;
+  learner.weights = weights_of(policy_);
+  learner.optimizer = optimizer_state_of(policy_, learner_.optimizer());
+  const auto hashes = collective_.all_gather(hash_of_learner(learner));
+  const std::string& right = hashes[static_cast<std::size_t>(source)];
+  bool equal = true;
+  for (std::size_t place = 0; place < hashes.size(); ++place) {
+    if (hashes[place] == right) continue;
+    equal = false;
+    if (std::ranges::find(joining, static_cast<int>(place)) == joining.end() || (joins_ && static_cast<int>(place) == rank_))
+      throw RunError("workers", "hold different weights; are they the same program, config and seed, on sound memory?");
+  }
+  if (equal && std::exchange(joins_, false)) collective_.confirm_join();
+  return equal;
+}
+
 void Worker::recover(const MembershipChange& change) {
-  std::vector<int> lost = change.lost();
-  const bool wrote = rank_ == 0;
+  std::vector<int> lost = change.lost(), joined = change.joined();
+  const auto count = [&](const MembershipChange& one) {
+    guards_.lost_workers += one.lost().size();
+    guards_.joined_workers += one.joined().size();
+  };
+  count(change);
   while (true) try {
       rank_ = collective_.identity().rank;
       world_ = collective_.identity().world_size;
-      std::uint64_t last = update_;
-      for (const auto& text : collective_.all_gather(std::to_string(update_))) last = std::min<std::uint64_t>(last, std::stoull(text));
-      if (update_ > last || learning_) {
-        if (!before_ || before_->update != last)
-          throw RunError("workers", fmt::format("are at updates {} and {}, too far from each other", last, update_));
-        go_back();
-      }
-      learning_ = false;
-      check_equal_weights();
-      break;
+      if (rank_ != 0) leave_files();
+      if (agree_on_state()) break;
+      collective_.barrier();  // until the worker that holds something else has gone
     } catch (const MembershipChange& next) {
+      count(next);
       lost.insert(lost.end(), next.lost().begin(), next.lost().end());
+      joined.insert(joined.end(), next.joined().begin(), next.joined().end());
     }
-  guards_.lost_workers += lost.size();
   lost_since_report_ = lost_since_report_ || !lost.empty();
+  brief();
   if (rank_ != 0) return;
-  if (!wrote) begin_files();
-  spdlog::warn("update {}: worker {} lost; worker {} go on", update_,
-               lost.empty() ? std::string("none was") : fmt::format("{}", fmt::join(lost, ", ")), fmt::join(collective_.members(), ", "));
+  if (!events_) begin_files();
+  const auto named = [](const std::vector<int>& ranks) {
+    return ranks.empty() ? std::string("none") : fmt::format("{}", fmt::join(ranks, ", "));
+  };
+  spdlog::warn("update {}: lost worker {}, joined worker {}; worker {} go on", update_, named(lost), named(joined),
+               fmt::join(collective_.members(), ", "));
+}
+
+/// Of a worker that has written the run, once a lower one has joined.
+void Worker::leave_files() {
+  if (!events_) return;
+  finish_writing();
+  events_.reset();
+  checkpoints_.reset();
+}
+
+void Worker::brief() {
+  if (collective_.survives_loss() && !collective_.is_joining())
+    collective_.brief(encode_briefing({places_.members, places_.started_workers, update_}));
 }
 
 void Worker::check_equal_weights() {
@@ -486,9 +611,10 @@ bool Worker::finished() {
   // One worker's clock or signal must stop all at the same update: the sum of stop votes decides.
   const bool stops = StopSignals::received() || env_steps_ >= config_.total_steps ||
                      (rank_ == 0 && config_.max_minutes > 0 && bounded_s() >= config_.max_minutes * 60);
-  std::array<double, 2> votes{stops ? 1.0 : 0.0, rank_ == 0 ? own_progress() : 0.0};
+  std::array<double, 3> votes{stops ? 1.0 : 0.0, rank_ == 0 ? own_progress() : 0.0, collective_.has_joiners() ? 1.0 : 0.0};
   collective_.all_reduce_sum(std::span<double>(votes));
   progress_ = votes[1];
+  joiners_ = votes[2] > 0;
   return votes[0] > 0;
 }
 
@@ -523,6 +649,7 @@ void Worker::update() {
   collected_ = false;
   ++update_;
   env_steps_ += steps;
+  brief();
   const double update_s = clock_.lap();
   elapsed_s_ += update_s;
   note(stats);
@@ -531,7 +658,7 @@ void Worker::update() {
 }
 
 TrainReport Worker::run() {
-  if (rank_ == 0) {
+  if (rank_ == 0 && !events_) {
     begin_files();
     fmt::print(stderr, "training {}: {} workers x {} envs, {} episodes, {} parameters\n", config_.name, world_, config_.envs_per_worker,
                set_->episodes.size(), policy_->num_parameters());
@@ -539,7 +666,10 @@ TrainReport Worker::run() {
   const std::uint64_t first_steps = env_steps_;
   clock_.lap();
   for (bool saved = false; !saved;) try {
-      while (!finished()) update();
+      while (!finished()) {
+        if (joiners_) collective_.admit();
+        update();
+      }
       save(true);
       saved = true;
     } catch (const MembershipChange& change) {
@@ -554,10 +684,14 @@ TrainReport Worker::run() {
 TrainReport train(const RunConfig& config, Collective& collective, const RunStart& start, const TrainHooks& hooks) {
   // One thread per worker: the fast setting on shared cores, and the one that gives the same bits (docs/ppo.md, section 4).
   use_one_torch_thread();
-  prepare_run(config, start, collective);
-  if (collective.identity().rank == 0 && !start.note.empty()) fmt::print("{}\n", start.note);
+  if (collective.is_joining())
+    refuse_stale_episodes(config, start);
+  else
+    prepare_run(config, start, collective);
+  if (collective.identity().rank == 0 && !collective.is_joining() && !start.note.empty()) fmt::print("{}\n", start.note);
   const StopSignals signals;
-  return Worker(config, collective, start.resume, start.changes, hooks).run();
+  // A worker that joins gets from the others what they have made of the checkpoint.
+  return Worker(config, collective, collective.is_joining() ? std::filesystem::path() : start.resume, start.changes, hooks).run();
 }
 
 }  // namespace earshot

@@ -9,7 +9,7 @@ namespace {
 static_assert(std::endian::native == std::endian::little, "frames and checkpoints are written as they lie in memory");
 
 constexpr std::uint32_t kMagic = 0x53524145;  // "EARS"
-constexpr std::uint8_t kLastOperation = static_cast<std::uint8_t>(Operation::progress);
+constexpr std::uint8_t kLastOperation = static_cast<std::uint8_t>(Operation::hand_over);
 
 }  // namespace
 
@@ -31,6 +31,8 @@ const char* name_of(Operation operation) {
       return "view";
     case Operation::progress:
       return "progress";
+    case Operation::hand_over:
+      return "hand_over";
   }
   return "unknown operation";
 }

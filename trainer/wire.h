@@ -18,7 +18,7 @@ class WireError : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-inline constexpr std::uint16_t kWireVersion = 5;
+inline constexpr std::uint16_t kWireVersion = 6;
 inline constexpr std::size_t kMaxControlBytes = 64 * 1024;  ///< of one control message
 inline constexpr std::size_t kChunkBytes = std::size_t{1}
                                            << 20;  ///< payload of one bulk message (docs/ppo.md, section 6.3: 1 MiB was the fastest)
@@ -104,8 +104,9 @@ enum class Operation : std::uint8_t {
   barrier,
   all_gather,
   goodbye,
-  view,     ///< a ViewMessage
-  progress  ///< the sender gets on (phase 0, total: how far) or waits for others (phase 1)
+  view,      ///< a ViewMessage
+  progress,  ///< the sender gets on (phase 0, total: how far) or waits for others (phase 1)
+  hand_over  ///< the state of the run, to workers that have joined
 };
 const char* name_of(Operation operation);
 

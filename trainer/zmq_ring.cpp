@@ -75,6 +75,7 @@ struct Cursor {
 }  // namespace
 
 ZmqRing::ZmqRing(const RingConfig& config) : mesh_(config) {
+  if (config.incarnation != 0) return;  // the others compare what they have with it, and share no memory any more
   barrier();
   if (config.network.shared_memory && config.rendezvous.starts_with("ipc://")) map_shared_memory();
 }
@@ -114,13 +115,13 @@ void ZmqRing::mismatch(int place, const FrameHeader& got, Operation operation, s
 
 /// Finds those that are left; the calls of the new view are counted from 0.
 void ZmqRing::regroup() {
-  std::vector<int> lost = mesh_.regroup();
+  PeerMesh::Change change = mesh_.regroup();
   // A worker that was stopped and goes on may still write there: those that are left send their sums.
   sums_.reset();
   memory_.reset();
   mesh_.set_bulk_in_use(true);
   sequence_ = 0;
-  throw MembershipChange(std::move(lost));
+  throw MembershipChange(std::move(change.lost), std::move(change.joined));
 }
 
 /// Runs one call; any failure in it ends the run for all workers, but for a lost one where the others go on, and takes the lent memory back
@@ -149,9 +150,16 @@ void ZmqRing::collective_call(Body&& body) {
   }
 }
 
-/// The bytes of every worker to every other in one hop.  sink(peer, header, bytes) takes each piece, in order per peer.
 template <class Sink>
 void ZmqRing::exchange(Operation operation, std::span<const std::byte> mine, Sink&& sink) {
+  exchange_parts(
+      operation, [&](int) { return mine; }, std::forward<Sink>(sink));
+}
+
+/// Bytes of every worker to every other in one hop, to each of them its part.  sink(peer, header, bytes) takes each piece, in order per
+/// peer.
+template <class PartFor, class Sink>
+void ZmqRing::exchange_parts(Operation operation, const PartFor& part_for, Sink&& sink) {
   const auto [rank, world_size] = mesh_.identity();
   struct Progress {
     std::size_t sent = 0, received = 0;
@@ -161,13 +169,14 @@ void ZmqRing::exchange(Operation operation, std::span<const std::byte> mine, Sin
   progress[static_cast<std::size_t>(rank)] = {0, 0, true, true};
   FrameHeader header;
   header.operation = operation;
-  header.total = mine.size();
 
   PeerMesh::Interest interest;
   while (true) {
     interest.full_control_queues.clear();
     for (int peer = 0; peer < world_size; ++peer) {
       Progress& p = progress[static_cast<std::size_t>(peer)];
+      const std::span<const std::byte> mine = part_for(peer);
+      header.total = mine.size();
       while (!p.sent_all) {  // an empty part is one empty message
         header.offset = p.sent;
         const std::size_t length = std::min(kChunkBytes, mine.size() - p.sent);
@@ -181,7 +190,7 @@ void ZmqRing::exchange(Operation operation, std::span<const std::byte> mine, Sin
     }
     while (auto frame = mesh_.receive_control()) {
       Progress& p = progress[static_cast<std::size_t>(frame->from)];
-      if (frame->header.operation != operation) mismatch(frame->from, frame->header, operation, mine.size());
+      if (frame->header.operation != operation) mismatch(frame->from, frame->header, operation, part_for(frame->from).size());
       if (frame->header.offset != p.received || p.received_all)
         throw RunError(fmt::format("worker {}", rank_of(frame->from)), "sends its part out of order");
       sink(frame->from, frame->header, frame->bytes());
@@ -316,6 +325,42 @@ std::vector<std::string> ZmqRing::all_gather(const std::string& bytes) {
              });
   });
   return parts;
+}
+
+bool ZmqRing::has_joiners() {
+  candidates_ = mesh_.candidates();
+  return !candidates_.empty();
+}
+
+/// Every member knows who is to join before any proposes a view with them: the barrier stands between.
+void ZmqRing::admit() {
+  const auto lists = all_gather(std::exchange(candidates_, {}));
+  bool any = false;
+  collective_call([&] {
+    for (const std::string& list : lists) any = mesh_.expect(list) || any;
+    exchange(Operation::barrier, {}, [&](int peer, const FrameHeader& header, std::span<const std::byte>) {
+      if (header.total != 0) mismatch(peer, header, Operation::barrier, 0);
+    });
+    if (any) mesh_.invite();
+  });
+}
+
+std::string ZmqRing::hand_over(int from, const std::vector<int>& to, const std::string& bytes) {
+  const int rank = mesh_.identity().rank;
+  const auto receives = [&](int place) { return place != from && std::ranges::find(to, place) != to.end(); };
+  std::string received;
+  collective_call([&] {
+    if (bytes.size() > kMaxGatherBytes) throw RunError("hand_over", fmt::format("{} bytes, {} at most", bytes.size(), kMaxGatherBytes));
+    const auto part_for = [&](int place) {
+      return rank == from && receives(place) ? std::as_bytes(std::span(bytes)) : std::span<const std::byte>();
+    };
+    exchange_parts(Operation::hand_over, part_for, [&](int peer, const FrameHeader& header, std::span<const std::byte> piece) {
+      const bool due = peer == from && receives(rank);
+      if (header.total > (due ? kMaxGatherBytes : 0)) mismatch(peer, header, Operation::hand_over, 0);
+      received.append(reinterpret_cast<const char*>(piece.data()), piece.size());
+    });
+  });
+  return received;
 }
 
 std::unique_ptr<Collective> make_zmq_ring(const RingConfig& config) {

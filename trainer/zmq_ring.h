@@ -27,6 +27,11 @@ class ZmqRing : public Collective {
   void broadcast(std::span<std::byte> buffer) override;
   void barrier() override;
   std::vector<std::string> all_gather(const std::string& bytes) override;
+  void brief(const std::string& text) override { mesh_.brief(text); }
+  [[nodiscard]] bool has_joiners() override;
+  void admit() override;
+  std::string hand_over(int from, const std::vector<int>& to, const std::string& bytes) override;
+  void confirm_join() override { mesh_.confirm_join(); }
   /// Whether sums go through shared memory.
   [[nodiscard]] bool shares_memory() const { return sums_.has_value(); }
   /// Messages of unknown peers that were dropped.
@@ -42,6 +47,8 @@ class ZmqRing : public Collective {
   [[nodiscard]] int rank_of(int place) const { return mesh_.members()[static_cast<std::size_t>(place)]; }
   template <class Sink>
   void exchange(Operation operation, std::span<const std::byte> mine, Sink&& sink);
+  template <class PartFor, class Sink>
+  void exchange_parts(Operation operation, const PartFor& part_for, Sink&& sink);
   template <class T>
   void all_reduce(Operation operation, std::span<T> buffer);
   template <class T>
@@ -55,6 +62,7 @@ class ZmqRing : public Collective {
   std::optional<SharedMemory> memory_;
   std::optional<SharedSum> sums_;  ///< in memory_
   std::uint64_t sequence_ = 0;
+  std::string candidates_;                ///< what admit() tells the others
   std::vector<std::byte> contributions_;  ///< [world_size, bytes] of a small sum
 };
 

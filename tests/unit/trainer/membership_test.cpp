@@ -76,6 +76,59 @@ TEST(ViewAgreement, AProposalForADecidedViewOpensALaterOne) {
   EXPECT_EQ(a.proposal(), (View{2, 0b0011}));
 }
 
+TEST(ViewAgreement, AWorkerJoinsOnceAllHaveProposedIt) {
+  const View left{3, 0b011};
+  ViewAgreement a(0, left), b(1, left), c(2, left, 0b100);
+  EXPECT_TRUE(c.is_open());
+  EXPECT_FALSE(a.knows(2));
+  EXPECT_EQ(a.receive(2, c.proposal()), Effect::none);  // has not heard of it
+  a.invite(0b100);
+  b.invite(0b100);
+  EXPECT_TRUE(a.knows(2));
+  EXPECT_FALSE(a.is_open());
+  a.renew();
+  EXPECT_EQ(a.proposal(), (View{4, 0b111}));
+  EXPECT_EQ(b.receive(0, a.proposal()), Effect::proposal_changed);
+  a.receive(1, b.proposal());
+  EXPECT_FALSE(a.is_decided());  // not before the new one has said so
+  for (ViewAgreement* member : {&a, &b}) member->receive(2, c.proposal());
+  c.receive(0, a.proposal());
+  EXPECT_FALSE(c.is_decided());
+  c.receive(1, b.proposal());
+  for (ViewAgreement* all : {&a, &b, &c}) {
+    ASSERT_TRUE(all->is_decided());
+    all->adopt();
+    EXPECT_EQ(all->current(), (View{4, 0b111}));
+  }
+}
+
+TEST(ViewAgreement, ALossThatOthersHaveNotHeardOfComesBeforeAJoin) {
+  const View left{3, 0b01011};
+  ViewAgreement a(0, left), b(1, left), c(2, left, 0b100);
+  a.invite(0b100);
+  a.renew();
+  b.leave_out(3);  // had not been told of the new one
+  EXPECT_EQ(b.receive(0, a.proposal()), Effect::none);
+  EXPECT_EQ(a.receive(1, b.proposal()), Effect::proposal_changed);
+  EXPECT_EQ(a.proposal(), (View{4, 0b00011}));
+  EXPECT_EQ(c.receive(0, a.proposal()), Effect::excluded);
+  b.receive(0, a.proposal());
+  EXPECT_TRUE(a.is_decided() && b.is_decided());
+}
+
+// Workers that come are no part of the majority: two parts of a network that is cut never both go on with their help.
+TEST(ViewAgreement, TheMajorityIsOfMembers) {
+  const View left{3, 0b00111};
+  ViewAgreement a(2, left), c(3, left, 0b11000);
+  a.invite(0b11000);
+  a.renew();
+  for (ViewAgreement* part : {&a, &c}) {
+    part->leave_out(0);
+    part->leave_out(1);
+    EXPECT_FALSE(part->has_quorum());
+  }
+}
+
 /// Workers with channels in order that lose what a worker had not yet been handed when it died; who is dead is noticed by each at its own
 /// time, in the midst of agreements.
 class Simulation {
@@ -86,6 +139,21 @@ class Simulation {
       sent_.emplace_back(View{});
     }
   }
+  /// From the midst of a run: workers of the mask are away, and come to those that are left, once these have all been told of them.
+  Simulation(int count, std::uint32_t trial, std::uint64_t joining) : count_(count), trial_(trial) {
+    const View left{5, all_of(count).members & ~joining};
+    for (int rank = 0; rank < count; ++rank) {
+      if (left.has(rank)) {
+        workers_.emplace_back(rank, left).invite(joining);
+        if (draw(2) == 0) workers_.back().renew();
+      } else {
+        workers_.emplace_back(rank, left, joining);
+      }
+      sent_.emplace_back(View{});
+    }
+    joins_ = joining;
+  }
+  [[nodiscard]] std::uint64_t excluded() const { return excluded_; }
   /// Kills `deaths` workers at random moments; returns the views that the living have in the end.
   std::vector<View> run(int deaths) {
     int idle = 0;
@@ -115,14 +183,21 @@ class Simulation {
     const int other = static_cast<int>(draw(static_cast<std::uint32_t>(count_)));
     if (other == rank) return false;
     if (auto& channel = channels_[{other, rank}]; !channel.empty()) {
-      EXPECT_NE(views.receive(other, channel.front()), Effect::excluded) << "worker " << rank << " lives";
+      const bool before = views.is_open();
+      if (views.receive(other, channel.front()) == Effect::excluded) {
+        EXPECT_TRUE((joins_ >> rank & 1) != 0) << "worker " << rank << " lives";
+        excluded_ |= std::uint64_t{1} << rank;
+        dead_ |= std::uint64_t{1} << rank;
+      } else if (joins_ != 0 && (joins_ >> rank & 1) != 0 && before) {
+        sent_[static_cast<std::size_t>(rank)] = {};  // one that joins answers each proposal
+      }
       channel.pop_front();
     } else if (dead(other) && views.proposal().has(other)) {
       if (draw(3) != 0) return true;
       views.leave_out(other);
     } else if (views.is_open() && sent_[static_cast<std::size_t>(rank)] != views.proposal()) {
-      for (const int to : views.current().ranks())
-        if (to != rank) channels_[{rank, to}].push_back(views.proposal());
+      for (int to = 0; to < count_; ++to)
+        if (to != rank && views.knows(to)) channels_[{rank, to}].push_back(views.proposal());
       sent_[static_cast<std::size_t>(rank)] = views.proposal();
     } else if (views.is_decided() && sent_[static_cast<std::size_t>(rank)] == views.proposal()) {
       views.adopt();
@@ -134,7 +209,7 @@ class Simulation {
 
   int count_;
   std::uint32_t trial_, draws_ = 0;
-  std::uint64_t dead_ = 0;
+  std::uint64_t dead_ = 0, joins_ = 0, excluded_ = 0;
   std::vector<ViewAgreement> workers_;
   std::vector<View> sent_;
   std::map<std::pair<int, int>, std::deque<View>> channels_;
@@ -153,6 +228,28 @@ TEST(ViewAgreement, LivingWorkersEndWithTheSameView) {
     with_losses += std::popcount(simulation.living()) < count;
   }
   EXPECT_GT(with_losses, 150);
+}
+
+// The same where workers join: who lives and was not turned away is in the view of all, and no member is ever turned away.
+TEST(ViewAgreement, LivingWorkersEndWithTheSameViewWhereOthersJoin) {
+  int with_joins = 0, with_losses = 0;
+  for (std::uint32_t trial = 0; trial < 600; ++trial) {
+    const int count = 4 + static_cast<int>(trial % 5);
+    const std::uint64_t joining = trial % 2 == 0 ? 0b0100 : 0b1001;
+    const int members = count - std::popcount(joining);
+    const int deaths = static_cast<int>(trial % 3) % ((members + 1) / 2);
+    Simulation simulation(count, trial, joining);
+    const auto views = simulation.run(deaths);
+    ASSERT_FALSE(views.empty());
+    for (const View& view : views) {
+      EXPECT_EQ(view, views.front()) << trial;
+      EXPECT_EQ(view.members, simulation.living()) << trial;
+    }
+    with_joins += (views.front().members & joining) != 0;
+    with_losses += simulation.excluded() != 0 || std::popcount(simulation.living()) < count;
+  }
+  EXPECT_GT(with_joins, 200);
+  EXPECT_GT(with_losses, 200);
 }
 
 }  // namespace
