@@ -75,7 +75,7 @@ int run_train(const Options& options, const std::vector<std::string>& arguments)
   const int workers = options.workers > 0 ? options.workers : config.workers;
   if (!is_worker && workers > 1) {
     prepare_run(config, start);
-    return spawn_workers(workers, arguments, std::chrono::seconds(5), config.network.on_loss);
+    return spawn_workers(workers, arguments, std::chrono::seconds(5), config.network.on_loss, config.network.restarts);
   }
 
   if (is_worker && launched->launcher != "EARSHOT_RANK" && launched->ring.identity.rank == 0)

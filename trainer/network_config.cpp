@@ -31,6 +31,7 @@ void read(ConfigReader& reader, NetworkConfig& config) {
   reader.read("shared_memory", config.shared_memory);
   reader.read("insecure", config.insecure);
   reader.read_choice<OnLoss>("on_loss", config.on_loss, {{"stop", OnLoss::stop}, {"continue", OnLoss::go_on}});
+  reader.read("restarts", config.restarts);
   reader.read("progress_timeout_s", config.progress_timeout_s);
 }
 
@@ -38,6 +39,10 @@ void validate(const NetworkConfig& config) {
   ports_of(config);
   require(config.progress_timeout_s >= 0.1 && config.progress_timeout_s <= 1e6, "network.progress_timeout_s", config.progress_timeout_s,
           "must be in [0.1, 1e6]: a worker that makes no progress for so long counts as lost");
+  require(config.restarts >= 0 && config.restarts <= 1000000, "network.restarts", config.restarts,
+          "must be in [0, 1000000]: how often a lost worker is started again");
+  require(config.restarts == 0 || config.on_loss == OnLoss::go_on, "network.restarts", config.restarts,
+          "needs network.on_loss=continue: else the run ends with the first lost worker");
   require(!config.insecure || config.curve_key_file.empty(), "network.insecure", true,
           "contradicts network.curve_key_file: leave one of them out");
   require(config.allow_list.empty() || !config.curve_key_file.empty(), "network.allow_list", config.allow_list,

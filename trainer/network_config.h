@@ -20,6 +20,7 @@ struct NetworkConfig {
   bool shared_memory = true;   ///< workers that all meet over ipc add up gradients in memory that they share
   bool insecure = false;       ///< links that leave the host may go without keys
   OnLoss on_loss = OnLoss::stop;
+  int restarts = 0;                 ///< how often `earshot train --workers N` starts a lost worker again, in one run
   double progress_timeout_s = 600;  ///< a worker that others wait for and that gets on in nothing for so long is lost
 };
 

@@ -12,6 +12,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <system_error>
 #include <utility>
@@ -124,14 +125,16 @@ std::vector<std::string> environment_of(int rank, int num_workers, const std::st
 struct Worker {
   int rank = 0;
   pid_t pid = 0;
+  bool joins = false;  ///< was started again
   bool running = true, stopped = false;
 };
 
 /// The workers of one run; kills what is left when it goes.
 class WorkerGroup {
  public:
-  WorkerGroup(const BlockedSignals& signals, std::chrono::milliseconds grace, OnLoss on_loss)
-      : signals_(signals), grace_(grace), on_loss_(on_loss) {}
+  /// again: starts a lost worker of that rank again.
+  WorkerGroup(const BlockedSignals& signals, std::chrono::milliseconds grace, OnLoss on_loss, int restarts, std::function<void(int)> again)
+      : signals_(signals), grace_(grace), on_loss_(on_loss), restarts_(restarts), again_(std::move(again)) {}
   ~WorkerGroup() {
     send(SIGKILL);
     for (Worker& worker : workers_)
@@ -140,7 +143,7 @@ class WorkerGroup {
   WorkerGroup(const WorkerGroup&) = delete;
   WorkerGroup& operator=(const WorkerGroup&) = delete;
 
-  void start(int rank, const CStrings& arguments, const CStrings& environment) {
+  void start(int rank, const CStrings& arguments, const CStrings& environment, bool joins = false) {
     const pid_t parent = ::getpid();
     const pid_t pid = ::fork();
     if (pid < 0) throw RunError(fmt::format("worker {}", rank), fmt::format("cannot be started: {}", std::strerror(errno)));
@@ -151,7 +154,7 @@ class WorkerGroup {
       ::execve("/proc/self/exe", arguments.get(), environment.get());
       ::_exit(127);
     }
-    workers_.push_back({rank, pid, true});
+    workers_.push_back({rank, pid, joins});
   }
 
   /// Waits for all; returns the exit code of the run.
@@ -199,10 +202,16 @@ class WorkerGroup {
       if (worker.running && ::waitpid(worker.pid, &status, WNOHANG | WUNTRACED | WCONTINUED) == worker.pid) {
         worker.stopped = WIFSTOPPED(status);
         worker.running = WIFSTOPPED(status) || WIFCONTINUED(status);
-        if (!worker.running) ended(worker.rank, status);
+        if (!worker.running) ended(worker, status);
       }
       running = running || worker.running;
     }
+    for (const int rank : std::exchange(lost_ranks_, {})) try {
+        again_(rank);
+        running = true;
+      } catch (const RunError& error) {  // no process to be had: the others go on
+        fmt::print(stderr, "{}\n", error.what());
+      }
     end_what_was_lost();
     return running;
   }
@@ -214,17 +223,26 @@ class WorkerGroup {
     if (only_stopped || Clock::now() - succeeded_at_ > kLastWorkerGrace) kill_at_ = Clock::now();
   }
 
-  void ended(int rank, int status) {
+  void ended(const Worker& worker, int status) {
+    const int rank = worker.rank;
     if (WIFEXITED(status) && WEXITSTATUS(status) == 0) {
       if (!std::exchange(succeeded_, true)) succeeded_at_ = Clock::now();
       return;
     }
-    const bool lost = WIFSIGNALED(status) || WEXITSTATUS(status) == kLeftOutExitCode;
+    const bool lost = WIFSIGNALED(status) || WEXITSTATUS(status) == kLeftOutExitCode || worker.joins;
     if (on_loss_ == OnLoss::go_on && lost && (succeeded_ || kill_at_ == Clock::time_point::max())) {
       lost_ = true;
-      if (WIFSIGNALED(status) && !succeeded_)
-        fmt::print(stderr, "worker {}: was killed by signal {} ({}); the others go on\n", rank, WTERMSIG(status),
-                   ::strsignal(WTERMSIG(status)));
+      if (succeeded_) return;
+      const bool again = restarts_ > 0 && !asked_to_end_ && (WIFSIGNALED(status) || WEXITSTATUS(status) == kLeftOutExitCode);
+      const char* const then = again ? "; it is started again" : "";
+      if (WIFSIGNALED(status))
+        fmt::print(stderr, "worker {}: was killed by signal {} ({}); the others go on{}\n", rank, WTERMSIG(status),
+                   ::strsignal(WTERMSIG(status)), then);
+      else
+        fmt::print(stderr, "worker {}: ended with code {}; the others go on{}\n", rank, WEXITSTATUS(status), then);
+      if (!again) return;
+      --restarts_;
+      lost_ranks_.push_back(rank);
       return;
     }
     if (exit_code_ == 0) {
@@ -244,6 +262,9 @@ class WorkerGroup {
   Clock::time_point kill_at_ = Clock::time_point::max();  ///< end of the grace time, once the group is being stopped
   bool asked_to_end_ = false;
   OnLoss on_loss_;
+  int restarts_;  ///< that are left
+  std::function<void(int)> again_;
+  std::vector<int> lost_ranks_;            ///< to be started again
   bool succeeded_ = false, lost_ = false;  ///< a worker has succeeded, or was lost
   Clock::time_point succeeded_at_;
   int exit_code_ = 0;
@@ -263,17 +284,24 @@ std::optional<LaunchedWorker> worker_from_environment(const NetworkConfig& netwo
   return worker;
 }
 
-int spawn_workers(int num_workers, const std::vector<std::string>& arguments, std::chrono::milliseconds grace, OnLoss on_loss) {
+int spawn_workers(int num_workers, const std::vector<std::string>& arguments, std::chrono::milliseconds grace, OnLoss on_loss,
+                  int restarts) {
   require(num_workers >= 1 && num_workers <= 64, "workers", num_workers, "must be 1 to 64");
   std::vector<std::string> line{std::filesystem::read_symlink("/proc/self/exe").string()};
   line.insert(line.end(), arguments.begin(), arguments.end());
-  const CStrings argv(std::move(line));
+  const CStrings argv(line);
+  line.emplace_back("--join");
+  const CStrings joining_argv(std::move(line));
 
   const PrivateFolder folder;
   const std::string rendezvous = fmt::format("ipc://{}", (folder.path() / "meet").string());
   const std::string run_id = hex64(hash64(folder.path().string(), static_cast<std::uint64_t>(::getpid())));
   const BlockedSignals signals;
-  WorkerGroup group(signals, grace, on_loss);
+  WorkerGroup* started = nullptr;
+  WorkerGroup group(signals, grace, on_loss, restarts, [&](int rank) {
+    started->start(rank, joining_argv, CStrings(environment_of(rank, num_workers, rendezvous, run_id)), true);
+  });
+  started = &group;
   for (int rank = 0; rank < num_workers; ++rank) group.start(rank, argv, CStrings(environment_of(rank, num_workers, rendezvous, run_id)));
   return group.wait();
 }

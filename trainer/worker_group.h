@@ -23,9 +23,10 @@ std::optional<LaunchedWorker> worker_from_environment(const NetworkConfig& netwo
 /// Throws RunError if no process can be started, InputError for a number outside 1 to 64.
 ///
 /// With OnLoss::go_on a worker that is killed, or ends with kLeftOutExitCode, stops no other, and the run has succeeded if a worker has;
-/// what then still stands stopped, or is there a minute later, is killed.
+/// what then still stands stopped, or is there a minute later, is killed.  While the run is under way, a lost worker is started again with
+/// --join, `restarts` times in all; one that was started so ends no other, however it ends.
 int spawn_workers(int num_workers, const std::vector<std::string>& arguments, std::chrono::milliseconds grace = std::chrono::seconds(5),
-                  OnLoss on_loss = OnLoss::stop);
+                  OnLoss on_loss = OnLoss::stop, int restarts = 0);
 
 /// How a worker ends that the others have left out of the run (LeftOut).
 inline constexpr int kLeftOutExitCode = 3;

@@ -25,10 +25,11 @@ using std::chrono::milliseconds;
 double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
 
 /// The group starts this test program again; EARSHOT_TEST_ROLE tells the copy what to do.
-int spawn(int num_workers, const std::string& role, milliseconds grace = milliseconds(5000), OnLoss on_loss = OnLoss::stop) {
+int spawn(int num_workers, const std::string& role, milliseconds grace = milliseconds(5000), OnLoss on_loss = OnLoss::stop,
+          int restarts = 0) {
   ::setenv("EARSHOT_TEST_ROLE", role.c_str(), 1);
   ::alarm(60);
-  return spawn_workers(num_workers, {"--gtest_filter=WorkerGroupCopy.Acts", "--gtest_brief=1"}, grace, on_loss);
+  return spawn_workers(num_workers, {"--gtest_filter=WorkerGroupCopy.Acts", "--gtest_brief=1"}, grace, on_loss, restarts);
 }
 
 int rank_of_copy() { return std::atoi(std::getenv("EARSHOT_RANK")); }
@@ -73,6 +74,22 @@ TEST(WorkerGroupCopy, Acts) {
     std::this_thread::sleep_for(milliseconds(300));
     note("end" + std::to_string(rank), "");
     std::_Exit(0);
+  }
+  if (role == "restarted") {  // rank 1 is killed twice, and then fails by itself; rank 0 waits for that
+    std::ifstream file("/proc/self/cmdline");
+    const std::string line{std::istreambuf_iterator<char>(file), {}};
+    const bool joins = line.find("--join") != std::string::npos;
+    if (rank == 0) {
+      for (int tries = 0; tries < 4000 && !std::filesystem::exists(notes() / "third"); ++tries)
+        std::this_thread::sleep_for(milliseconds(5));
+      std::this_thread::sleep_for(milliseconds(300));
+      std::_Exit(!joins && std::filesystem::exists(notes() / "third") ? 0 : 12);
+    }
+    const bool first = !std::filesystem::exists(notes() / "first"), second = !first && !std::filesystem::exists(notes() / "second");
+    if (joins == first) std::_Exit(13);
+    note(first ? "first" : second ? "second" : "third", "");
+    if (first || second) ::raise(SIGKILL);
+    std::_Exit(5);
   }
   if (role == "stubborn") {  // does not listen to SIGTERM
     ::signal(SIGTERM, SIG_IGN);
@@ -147,6 +164,12 @@ TEST_F(WorkerGroup, LostWorkersStopNoOtherWhereTheyGoOn) {
   EXPECT_TRUE(exists("end3"));
   EXPECT_EQ(spawn(2, "killed", milliseconds(500), OnLoss::stop), 1);
   EXPECT_EQ(spawn(3, "fail", std::chrono::seconds(40), OnLoss::go_on), 5);  // an error of its own ends the run
+}
+
+// With --join; and an error of one that was started again is no matter to the others.
+TEST_F(WorkerGroup, LostWorkersAreStartedAgain) {
+  EXPECT_EQ(spawn(2, "restarted", milliseconds(5000), OnLoss::go_on, 2), 0);
+  EXPECT_TRUE(exists("third"));
 }
 
 TEST_F(WorkerGroup, StubbornWorkerIsKilledAfterTheGraceTime) {
