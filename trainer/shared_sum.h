@@ -1,24 +1,21 @@
 #pragma once
 
 #include <cstdint>
-#include <functional>
 #include <span>
 
 #include "trainer/collective.h"
+#include "trainer/shared_progress.h"
 #include "trainer/wire.h"
 
 namespace earshot {
 
 /// Sums over the workers of one host through memory that all of them map, 256 KiB at a time so that it stays in caches.  Two workers, and
 /// small buffers: each worker copies its chunk there and adds up all of them itself.  More: each adds up one part of the chunk and copies
-/// the others' parts.  The order of the additions is that of sum_order.h, so the bits are those of the ring.
-///
-/// Every worker has one counter that it alone advances; the others wait for it, first in a short loop, then asleep in the kernel (futex).
-/// A worker that dies leaves its counter as it is, which nothing here notices: `check` does.  One thread per worker.
+/// the others' parts.  The order of the additions is that of sum_order.h, so the bits are those of the ring.  Workers wait for each other
+/// by SharedProgress.  One thread per worker.
 class SharedSum {
  public:
-  /// Called about every 10 ms while this worker waits for worker `awaited`; ends the wait by an exception.
-  using Check = std::function<void(int awaited)>;
+  using Check = SharedProgress::Check;
 
   static std::size_t bytes_for(int world_size);
   /// memory: bytes_for(world_size) zeroed bytes, the same ones for all workers; must outlive the object.
@@ -30,19 +27,14 @@ class SharedSum {
   void sum(Operation operation, std::span<double> buffer, const Check& check);
 
  private:
-  struct Counter;
   template <class T>
   void sum_chunks(Operation operation, std::span<T> buffer, const Check& check);
-  [[nodiscard]] Counter& counter(int rank) const;
   [[nodiscard]] std::byte* slot(int rank) const;
   [[nodiscard]] std::size_t buffer_index() const { return progress_ / 2 % 2; }
-  void announce(std::uint32_t progress);
-  void wait_for_all(std::uint32_t progress, const Check& check);
-  void compare_calls(Operation operation, std::size_t bytes) const;
 
-  std::span<std::byte> memory_;
+  std::span<std::byte> memory_;  ///< of the slots
   WorkerIdentity identity_;
-  int spins_ = 0;
+  SharedProgress workers_;
   std::uint32_t progress_ = 0;  ///< two per chunk, over all calls; may overflow
 };
 
