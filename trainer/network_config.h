@@ -17,7 +17,7 @@ struct NetworkConfig {
   std::string curve_key_file;  ///< this worker's CURVE keys (`earshot keys`), mode 0600
   std::string allow_list;      ///< file of public keys that may take part, one per line; empty: only the own one
   std::string meeting_key;     ///< public key of rank 0; empty: the own one, as all workers have the same file
-  bool shared_memory = true;   ///< workers that all meet over ipc add up gradients in memory that they share
+  bool shared_memory = true;   ///< workers of one host add up gradients in memory that they share
   bool insecure = false;       ///< links that leave the host may go without keys
   OnLoss on_loss = OnLoss::stop;
   int restarts = 0;                 ///< how often `earshot train --workers N` starts a lost worker again, in one run

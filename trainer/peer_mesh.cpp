@@ -141,6 +141,18 @@ void PeerMesh::set_members(std::vector<int> ranks) {
   members_ = std::move(ranks);
   const auto own = std::ranges::find(members_, config_.identity.rank);
   identity_ = {static_cast<int>(own - members_.begin()), static_cast<int>(members_.size())};
+  bulk_right_ = (identity_.rank + 1) % identity_.world_size;
+  bulk_left_ = (identity_.rank + identity_.world_size - 1) % identity_.world_size;
+}
+
+void PeerMesh::link_bulk(int right, int left) {
+  if (abandoned_) return;
+  bulk_left_ = left;
+  if (right == bulk_right_) return;
+  bulk_right_ = right;
+  bulk_out_.close();
+  bulk_monitor_.close();
+  connect_bulk();
 }
 
 PeerMesh::~PeerMesh() {
@@ -169,16 +181,17 @@ void PeerMesh::connect(int rank) {
   peer.finished_after.reset();
 }
 
-/// To the right neighbour.  The routing id holds the epoch: the listener may still have the connection of the last view under the other.
+/// To the right neighbour, if there is one.  The routing id holds the epoch: the listener may still have the connection of the last view
+/// under the other.
 void PeerMesh::connect_bulk() {
   bulk_lost_at_.reset();
-  if (identity_.world_size == 1) return;
+  if (right() == identity_.rank) return;
   const auto neighbour = static_cast<std::size_t>(members_[static_cast<std::size_t>(right())]);
   const std::uint32_t epoch = views_->current().epoch;
   bulk_out_ = dial(context_, fmt::format("{}.{}", routing_id(), epoch));
   bulk_out_.set(zmq::sockopt::linger, 0);  // its payloads are lent: they must come back when the caller leaves
   security_.secure_dialer(bulk_out_, table_.public_keys[neighbour]);
-  bulk_monitor_ = monitor_of(context_, bulk_out_, fmt::format("inproc://bulk-{}", epoch));
+  bulk_monitor_ = monitor_of(context_, bulk_out_, fmt::format("inproc://bulk-{}-{}", epoch, neighbour));
   bulk_out_.connect(table_.bulk_endpoints[neighbour]);
 }
 

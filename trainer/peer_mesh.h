@@ -68,8 +68,11 @@ class PeerMesh {
   /// Ranks at the start, by place.
   [[nodiscard]] const std::vector<int>& members() const { return members_; }
   [[nodiscard]] bool survives_loss() const { return config_.network.on_loss == OnLoss::go_on; }
-  [[nodiscard]] int right() const { return (identity_.rank + 1) % identity_.world_size; }
-  [[nodiscard]] int left() const { return (identity_.rank + identity_.world_size - 1) % identity_.world_size; }
+  /// Whom bulk messages go to and come from: the neighbours by place, unless link_bulk() has said otherwise.
+  [[nodiscard]] int right() const { return bulk_right_; }
+  [[nodiscard]] int left() const { return bulk_left_; }
+  /// Between two calls: makes another ring for bulk messages, until the membership changes.  The own place for both: no part in it.
+  void link_bulk(int right, int left);
 
   /// Opens collective call number `sequence`: sets its deadline.
   void begin(std::uint64_t sequence);
@@ -183,6 +186,7 @@ class PeerMesh {
   std::vector<Peer> peers_;  // by rank at the start; the own place stays empty
   WorkerIdentity identity_;
   std::vector<int> members_;
+  int bulk_right_ = 0, bulk_left_ = 0;  ///< places
   std::optional<ViewAgreement> views_;
   bool regrouping_ = false, peeking_ = false, left_out_ = false;
   bool is_guest_ = false;  ///< joins, and has not confirmed it

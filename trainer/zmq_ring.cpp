@@ -77,14 +77,36 @@ struct Cursor {
 ZmqRing::ZmqRing(const RingConfig& config) : mesh_(config) {
   if (config.incarnation != 0) return;  // the others compare what they have with it, and share no memory any more
   barrier();
-  if (config.network.shared_memory && config.rendezvous.starts_with("ipc://")) map_shared_memory();
+  set_up_shared_memory(config);
 }
 
-/// All workers share memory, or none: a machine without room for it, or containers that do not see each other's processes, go on with
-/// messages.
-void ZmqRing::map_shared_memory() {
+/// Workers that meet over ipc are on one host; elsewhere each says where it is.
+void ZmqRing::set_up_shared_memory(const RingConfig& config) {
   const WorkerIdentity identity = mesh_.identity();
-  const std::size_t bytes = SharedSum::bytes_for(identity.world_size);
+  std::optional<HostLayout> layout = HostLayout{{0, identity.world_size}};
+  const bool wanted = config.network.shared_memory;
+  if (!config.rendezvous.starts_with("ipc://"))
+    layout = contiguous_hosts(all_gather(wanted ? host_identity() : std::string()));
+  else if (!wanted)
+    return;
+  if (!layout && identity.rank == 0)
+    spdlog::warn("workers send their sums: the ranks of one host do not follow each other, so that they cannot share memory");
+  if (!layout || !layout->shares() || !map_shared_memory(*layout)) return;
+  if (layout->num_hosts() > 1) {
+    hierarchy_.emplace(mesh_, *layout, std::move(memory_));
+    return;
+  }
+  sums_.emplace(memory_->bytes(), identity);
+  mesh_.set_bulk_in_use(false);
+}
+
+/// The workers of each host that has several share memory, or none do: a machine without room for it, or containers that do not see each
+/// other's processes, go on with messages.
+bool ZmqRing::map_shared_memory(const HostLayout& layout) {
+  const int rank = mesh_.identity().rank, host = layout.host_of(rank), num_local = layout.num_workers(host);
+  const auto leader = static_cast<std::size_t>(layout.first[static_cast<std::size_t>(host)]);
+  const std::size_t bytes = layout.num_hosts() == 1 ? SharedSum::bytes_for(num_local) : HierarchicalSum::bytes_for(num_local);
+  const bool leads = static_cast<std::size_t>(rank) == leader;
   std::string path, fault;
   const auto attempt = [&](auto&& body) {
     try {
@@ -93,17 +115,16 @@ void ZmqRing::map_shared_memory() {
       fault = error.what();
     }
   };
-  if (identity.rank == 0) attempt([&] { path = memory_.emplace(SharedMemory::create(bytes)).path(); });
-  path = all_gather(path)[0];
-  if (identity.rank != 0 && !path.empty()) attempt([&] { memory_.emplace(SharedMemory::open(path, bytes)); });
+  if (leads && num_local > 1) attempt([&] { path = memory_.emplace(SharedMemory::create(bytes)).path(); });
+  path = all_gather(path)[leader];
+  if (!leads && !path.empty()) attempt([&] { memory_.emplace(SharedMemory::open(path, bytes)); });
   for (const std::string& reason : all_gather(fault)) {
     if (reason.empty()) continue;
-    if (identity.rank == 0) spdlog::warn("workers send their sums: {}", reason);
+    if (rank == 0) spdlog::warn("workers send their sums: {}", reason);
     memory_.reset();
-    return;
+    return false;
   }
-  sums_.emplace(memory_->bytes(), identity);
-  mesh_.set_bulk_in_use(false);
+  return true;
 }
 
 void ZmqRing::mismatch(int place, const FrameHeader& got, Operation operation, std::size_t total) const {
@@ -118,6 +139,7 @@ void ZmqRing::regroup() {
   PeerMesh::Change change = mesh_.regroup();
   // A worker that was stopped and goes on may still write there: those that are left send their sums.
   sums_.reset();
+  hierarchy_.reset();
   memory_.reset();
   mesh_.set_bulk_in_use(true);
   sequence_ = 0;
@@ -216,6 +238,8 @@ void ZmqRing::all_reduce(Operation operation, std::span<T> buffer) {
       });
     else if (buffer.size_bytes() < kSmallSumBytes)
       all_reduce_small(operation, buffer);
+    else if (hierarchy_)
+      hierarchy_->sum(operation, buffer);
     else
       all_reduce_ring(operation, buffer);
   });

@@ -4,6 +4,8 @@
 #include <vector>
 
 #include "trainer/collective.h"
+#include "trainer/hierarchical_sum.h"
+#include "trainer/host_layout.h"
 #include "trainer/peer_mesh.h"
 #include "trainer/shared_memory.h"
 #include "trainer/shared_sum.h"
@@ -13,7 +15,8 @@ namespace earshot {
 /// Collective calls over a PeerMesh.  Small buffers, and all that is not a sum, go from every worker to every other in one hop and are
 /// summed in rank order. Large sums go round the ring: reduce-scatter, then all-gather (Patarasuk and Yuan 2009), 2 (P - 1) / P of the
 /// buffer per worker.  Segment k is summed in the order k, k + 1, ..., k + P - 1 (mod P): the same on every worker and in every run, but
-/// another one for another P.  Workers that meet over ipc add up in memory that they share instead, in the same order.
+/// another one for another P.  Workers of one host add up in memory that they share instead, and with workers of other hosts by way of one
+/// worker per host (HierarchicalSum), in the same order.
 class ZmqRing : public Collective {
  public:
   explicit ZmqRing(const RingConfig& config);
@@ -32,8 +35,10 @@ class ZmqRing : public Collective {
   void admit() override;
   std::string hand_over(int from, const std::vector<int>& to, const std::string& bytes) override;
   void confirm_join() override { mesh_.confirm_join(); }
-  /// Whether sums go through shared memory.
+  /// Whether all sums go through memory that all workers share.
   [[nodiscard]] bool shares_memory() const { return sums_.has_value(); }
+  /// Whether large sums go through memory that the workers of each host share.
+  [[nodiscard]] bool shares_memory_per_host() const { return hierarchy_.has_value(); }
   /// Messages of unknown peers that were dropped.
   [[nodiscard]] std::uint64_t unknown_peers() const { return mesh_.unknown_peers(); }
   /// Messages of earlier views that were dropped.
@@ -56,11 +61,13 @@ class ZmqRing : public Collective {
   template <class T>
   void all_reduce_ring(Operation operation, std::span<T> buffer);
 
-  void map_shared_memory();
+  void set_up_shared_memory(const RingConfig& config);
+  bool map_shared_memory(const HostLayout& layout);
 
   PeerMesh mesh_;
   std::optional<SharedMemory> memory_;
-  std::optional<SharedSum> sums_;  ///< in memory_
+  std::optional<SharedSum> sums_;             ///< in memory_
+  std::optional<HierarchicalSum> hierarchy_;  ///< owns its memory
   std::uint64_t sequence_ = 0;
   std::string candidates_;                ///< what admit() tells the others
   std::vector<std::byte> contributions_;  ///< [world_size, bytes] of a small sum

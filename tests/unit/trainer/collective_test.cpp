@@ -170,24 +170,29 @@ TEST_P(RingOf, BroadcastGatherAndBarrier) {
   workers.expect_all_succeed();
 }
 
+// Over tcp the workers tell each other where they are, and share memory on one host too.
 TEST(Collective, EightWorkersAndTcp) {
-  SharedArray<int, 1> port;
-  {
-    zmq::context_t context;
-    zmq::socket_t probe(context, zmq::socket_type::router);
-    probe.bind("tcp://127.0.0.1:*");
-    const std::string endpoint = probe.get(zmq::sockopt::last_endpoint);
-    port[0] = std::stoi(endpoint.substr(endpoint.rfind(':') + 1));
+  for (const bool shared_memory : {false, true}) {
+    SharedArray<int, 1> port;
+    {
+      zmq::context_t context;
+      zmq::socket_t probe(context, zmq::socket_type::router);
+      probe.bind("tcp://127.0.0.1:*");
+      const std::string endpoint = probe.get(zmq::sockopt::last_endpoint);
+      port[0] = std::stoi(endpoint.substr(endpoint.rfind(':') + 1));
+    }
+    WorkerProcesses workers(8, [&](int rank) {
+      RingConfig config;
+      config.identity = {rank, 8};
+      config.rendezvous = "tcp://127.0.0.1:" + std::to_string(port[0]);
+      config.run_id = "eight";
+      config.network.shared_memory = shared_memory;
+      ZmqRing ring(config);
+      return ring.shares_memory() == shared_memory && sums_are_right<float>(ring, 5) && sums_are_right<float>(ring, 100001) &&
+             sums_are_right<double>(ring, 9001);
+    });
+    workers.expect_all_succeed();
   }
-  WorkerProcesses workers(8, [&](int rank) {
-    RingConfig config;
-    config.identity = {rank, 8};
-    config.rendezvous = "tcp://127.0.0.1:" + std::to_string(port[0]);
-    config.run_id = "eight";
-    const auto ring = make_zmq_ring(config);
-    return sums_are_right<float>(*ring, 5) && sums_are_right<float>(*ring, 100001) && sums_are_right<double>(*ring, 9001);
-  });
-  workers.expect_all_succeed();
 }
 
 TEST(Collective, OneWorkerAloneChangesNothing) {

@@ -369,5 +369,15 @@ TEST_F(LostHosts, ACutOffOneIsLeftBehindAndEnds) {
   EXPECT_EQ(status_of_victim_, 0);
 }
 
+// Workers of one host share memory, two and two; those that are left send their sums.
+TEST_F(LostHosts, OneOfAHostThatSharesMemoryIsLeftBehind) {
+  const auto ring = [&](int rank) {
+    if (!hosts_.enter(rank / 2)) throw RunError("namespace", "cannot be entered");
+    return curve_ring(HostNamespaces::address(0), 29410, rank, kWorld, keys_);
+  };
+  expect_others_go_on([](pid_t pid) { ::kill(pid, SIGKILL); }, 0.4, {}, ring);
+  EXPECT_EQ(WTERMSIG(status_of_victim_), SIGKILL);
+}
+
 }  // namespace
 }  // namespace earshot

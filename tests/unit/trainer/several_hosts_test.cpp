@@ -4,6 +4,7 @@
 
 #include <atomic>
 #include <chrono>
+#include <cmath>
 #include <thread>
 
 #include "sim/base/errors.h"
@@ -75,6 +76,88 @@ TEST_F(SeveralHosts, GiveTheBitsOfOneHost) {
   EXPECT_EQ(hash_over(HostNamespaces::address(0), 2, &chosen), four);
 }
 
+/// Hash of sums of several chunks per host, twice in a row: floats and doubles.
+std::uint64_t hash_of_large_sums(Collective& collective) {
+  std::uint64_t hash = 0;
+  const auto sum = [&]<class T>(std::vector<T> buffer) {
+    for (std::size_t i = 0; i < buffer.size(); ++i)
+      buffer[i] = static_cast<T>(std::sin(static_cast<double>(i * 17 + static_cast<std::size_t>(collective.identity().rank) * 7919)));
+    collective.all_reduce_sum(std::span<T>(buffer));
+    hash = hash64(std::as_bytes(std::span(buffer)), hash);
+  };
+  for (int round = 0; round < 2; ++round) {
+    sum(std::vector<float>(1500001));
+    sum(std::vector<double>(400003));
+    sum(std::vector<float>(16384));
+  }
+  return hash;
+}
+
+// From five workers of a host on each of them adds up a part.
+TEST_F(SeveralHosts, ManyWorkersOfAHostGiveTheBitsOfTheRing) {
+  std::uint64_t expected = 0;
+  for (const bool shared_memory : {false, true}) {
+    SharedArray<std::uint64_t, 7> hashes;
+    WorkerProcesses workers(7, [&](int rank) {
+      if (!hosts_.enter(rank == 0 ? 0 : 1)) return false;  // one and six
+      RingConfig config = ring(HostNamespaces::address(0), rank, 7);
+      config.network.shared_memory = shared_memory;
+      ZmqRing collective(config);
+      hashes[static_cast<std::size_t>(rank)] = hash_of_large_sums(collective);
+      return collective.shares_memory_per_host() == shared_memory;
+    });
+    workers.expect_all_succeed();
+    if (expected == 0) expected = hashes[0];
+    for (std::size_t rank = 0; rank < 7; ++rank) EXPECT_EQ(hashes[rank], expected) << rank;
+  }
+}
+
+// Workers of one host add up in shared memory where their ranks follow each other; the bits are those of the ring whatever the placement.
+TEST_F(SeveralHosts, PlacementChangesNoBit) {
+  struct Placement {
+    std::vector<int> host_of_rank;
+    bool shared_memory, shares;
+  };
+  const Placement placements[] = {{{0, 0, 1, 1}, false, false}, {{0, 0, 1, 1}, true, true},  {{0, 1, 1, 1}, true, true},
+                                  {{0, 0, 0, 1}, true, true},   {{0, 1, 0, 1}, true, false}, {{0, 0, 0, 0}, true, false}};
+  std::uint64_t expected = 0;
+  for (const Placement& placement : placements) {
+    SharedArray<std::uint64_t, 4> hashes;
+    WorkerProcesses workers(4, [&](int rank) {
+      if (!hosts_.enter(placement.host_of_rank[static_cast<std::size_t>(rank)])) return false;
+      RingConfig config = ring(HostNamespaces::address(0), rank, 4);
+      config.network.shared_memory = placement.shared_memory;
+      ZmqRing collective(config);
+      hashes[static_cast<std::size_t>(rank)] = hash_of_large_sums(collective);
+      return collective.shares_memory_per_host() == placement.shares && collective.shares_memory() == (placement.host_of_rank.back() == 0);
+    });
+    workers.expect_all_succeed();
+    if (expected == 0) expected = hashes[0];
+    for (std::size_t rank = 0; rank < 4; ++rank) EXPECT_EQ(hashes[rank], expected) << rank;
+  }
+  EXPECT_NE(expected, 0u);
+}
+
+// The size differs within a host, or between hosts.
+TEST_F(SeveralHosts, AnotherSizeOnOneWorkerIsAnErrorOnAll) {
+  for (const int odd : {0, 1, 3}) {
+    WorkerProcesses workers(4, [&](int rank) {
+      if (!hosts_.enter(rank / 2)) return false;
+      try {
+        const auto collective = make_zmq_ring(ring(HostNamespaces::address(0), rank, 4));
+        std::vector<float> buffer(rank == odd ? 1000000 : 1000001);
+        collective->all_reduce_sum(buffer);
+      } catch (const RunError& error) {
+        return std::string(error.what()).find("worker ") != std::string::npos;
+      }
+      return false;
+    });
+    const auto start = Clock::now();
+    workers.expect_all_succeed();
+    EXPECT_LT(std::chrono::duration<double>(Clock::now() - start).count(), 15.0);  // by the error, not by the timeout of 20 s
+  }
+}
+
 TEST_F(SeveralHosts, DelayAndLossChangeNoBit) {
   if (!hosts_.disturb(0, "delay 2ms loss 1%") || !hosts_.disturb(1, "delay 2ms loss 1%"))
     GTEST_SKIP() << "this kernel has no netem (tc qdisc)";
@@ -119,6 +202,59 @@ TEST_F(Lost, LinkIsNoticedOnBothSides) {
 
 TEST_F(Lost, KilledWorkerIsNoticedOnTheOtherHost) {
   expect_noticed(false, [](WorkerProcesses& workers) { ::kill(workers.pid(1), SIGKILL); });
+}
+
+// Two workers on each of two hosts, so that sums go through shared memory on each.
+TEST_F(Lost, OneOfAHostThatSharesMemoryIsNamedByAll) {
+  for (const int victim : {3, 2, 0}) {  // the second of its host, and both leaders
+    SharedArray<std::atomic<int>, 1> rounds;
+    WorkerProcesses workers(4, [&](int rank) {
+      if (!hosts_.enter(rank / 2)) return false;
+      ZmqRing collective(ring(HostNamespaces::address(0), rank, 4));
+      std::vector<float> buffer(1000000, 1.0f);
+      try {
+        while (true) {
+          collective.all_reduce_sum(buffer);
+          if (rank == 1) ++rounds[0];
+        }
+      } catch (const RunError& error) {
+        return collective.shares_memory_per_host() &&
+               std::string(error.what()).find("worker " + std::to_string(victim)) != std::string::npos;
+      }
+    });
+    while (rounds[0] < 3) std::this_thread::sleep_for(milliseconds(5));
+    ::kill(workers.pid(victim), SIGKILL);
+    const auto start = Clock::now();
+    for (int rank = 0; rank < 4; ++rank)
+      if (rank != victim) {
+        EXPECT_EQ(workers.wait(rank), 0) << rank << " of " << victim;
+      }
+    std::printf("worker %d was killed: the others end within %.0f ms\n", victim,
+                std::chrono::duration<double, std::milli>(Clock::now() - start).count());
+    EXPECT_LT(std::chrono::duration<double>(Clock::now() - start).count(), 10.0);
+  }
+}
+
+TEST_F(Lost, ACutLinkBetweenHostsThatShareMemoryIsNoticedByAll) {
+  SharedArray<std::atomic<int>, 1> rounds;
+  WorkerProcesses workers(4, [&](int rank) {
+    if (!hosts_.enter(rank / 2)) return false;
+    ZmqRing collective(ring(HostNamespaces::address(0), rank, 4));
+    std::vector<float> buffer(1000000, 1.0f);
+    try {
+      while (true) {
+        collective.all_reduce_sum(buffer);
+        if (rank == 1) ++rounds[0];
+      }
+    } catch (const RunError& error) {
+      return collective.shares_memory_per_host() && std::string(error.what()).find("worker ") != std::string::npos;
+    }
+  });
+  while (rounds[0] < 3) std::this_thread::sleep_for(milliseconds(5));
+  hosts_.set_link(1, false);
+  const auto start = Clock::now();
+  workers.expect_all_succeed();
+  EXPECT_LT(std::chrono::duration<double>(Clock::now() - start).count(), 10.0);
 }
 
 }  // namespace
