@@ -268,7 +268,8 @@ void HierarchicalSum::sum_chunks(Operation operation, std::span<T> buffer) {
   interest.bulk_queue_full = true;
   while (!send_due(operation, sizeof(T), buffer.size_bytes())) {
     while (const auto frame = mesh_.receive_control())
-      throw RunError(fmt::format("worker {}", frame->from), fmt::format("calls {} where this worker still sends", name_of(frame->header.operation)));
+      throw RunError(fmt::format("worker {}", frame->from),
+                     fmt::format("calls {} where this worker still sends", name_of(frame->header.operation)));
     mesh_.wait(interest);
   }
   mesh_.finish_sends();

@@ -71,7 +71,7 @@ class HierarchicalSum {
   };
   std::deque<Due> due_;
   std::vector<std::byte> begun_;  ///< sums of the host's own part that lack this worker's addends, which stay in its buffer
-  std::uint32_t progress_ = 0;             ///< two per visit, over all calls; may overflow
+  std::uint32_t progress_ = 0;    ///< two per visit, over all calls; may overflow
 };
 
 }  // namespace earshot

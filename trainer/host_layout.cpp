@@ -13,16 +13,15 @@ namespace earshot {
 std::string host_identity() {
   std::string boot;
   std::getline(std::ifstream("/proc/sys/kernel/random/boot_id"), boot);
-  struct stat network {}, processes {};
+  struct stat network {
+  }, processes{};
   if (boot.empty() || ::stat("/proc/self/ns/net", &network) != 0 || ::stat("/proc/self/ns/pid", &processes) != 0) return {};
   return fmt::format("{} {} {} {}", boot, network.st_ino, processes.st_ino, ::geteuid());
 }
 
 int HostLayout::host_of(int rank) const { return static_cast<int>(std::ranges::upper_bound(first, rank) - first.begin()) - 1; }
 
-int HostLayout::num_workers(int host) const {
-  return first[static_cast<std::size_t>(host) + 1] - first[static_cast<std::size_t>(host)];
-}
+int HostLayout::num_workers(int host) const { return first[static_cast<std::size_t>(host) + 1] - first[static_cast<std::size_t>(host)]; }
 
 std::optional<HostLayout> contiguous_hosts(const std::vector<std::string>& identities) {
   HostLayout layout;

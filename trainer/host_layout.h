@@ -21,8 +21,8 @@ struct HostLayout {
   [[nodiscard]] bool shares() const { return num_hosts() < first.back(); }
 };
 
-/// By the identities of all workers, in rank order; an empty one is a host of its own.  nullopt if the ranks of some host do not follow each
-/// other: sums in rank order would then go back and forth between hosts.
+/// By the identities of all workers, in rank order; an empty one is a host of its own.  nullopt if the ranks of some host do not follow
+/// each other: sums in rank order would then go back and forth between hosts.
 std::optional<HostLayout> contiguous_hosts(const std::vector<std::string>& identities);
 
 }  // namespace earshot

@@ -80,15 +80,12 @@ ZmqRing::ZmqRing(const RingConfig& config) : mesh_(config) {
   set_up_shared_memory(config);
 }
 
-/// Workers that meet over ipc are on one host; elsewhere each says where it is.
+/// Each says where it is; workers that meet over ipc are on one host.  One that is to send its sums counts as a host of its own.
 void ZmqRing::set_up_shared_memory(const RingConfig& config) {
   const WorkerIdentity identity = mesh_.identity();
-  std::optional<HostLayout> layout = HostLayout{{0, identity.world_size}};
-  const bool wanted = config.network.shared_memory;
-  if (!config.rendezvous.starts_with("ipc://"))
-    layout = contiguous_hosts(all_gather(wanted ? host_identity() : std::string()));
-  else if (!wanted)
-    return;
+  std::string host;
+  if (config.network.shared_memory) host = config.rendezvous.starts_with("ipc://") ? "ipc" : host_identity();
+  const auto layout = contiguous_hosts(all_gather(host));
   if (!layout && identity.rank == 0)
     spdlog::warn("workers send their sums: the ranks of one host do not follow each other, so that they cannot share memory");
   if (!layout || !layout->shares() || !map_shared_memory(*layout)) return;

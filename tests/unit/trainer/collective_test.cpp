@@ -195,6 +195,22 @@ TEST(Collective, EightWorkersAndTcp) {
   }
 }
 
+// A worker that is to send its sums counts as a host of its own: the others share memory, and one of them sends for all.
+TEST(Collective, WorkersThatSendAndWorkersThatShareMemorySumAlike) {
+  for (const int sender : {0, 1, 5}) {  // between two of the others there is no memory to share: their ranks do not follow each other
+    const PrivateTestFolder folder;
+    WorkerProcesses workers(6, [&](int rank) {
+      RingConfig config = ring_in(folder, rank, 6);
+      config.network.shared_memory = rank != sender;
+      ZmqRing ring(config);
+      if (ring.shares_memory() || ring.shares_memory_per_host() != (sender != 1)) return false;
+      return sums_are_right<float>(ring, 5) && sums_are_right<float>(ring, 16384) && sums_are_right<float>(ring, 400001) &&
+             sums_are_right<double>(ring, 100001);
+    });
+    workers.expect_all_succeed();
+  }
+}
+
 TEST(Collective, OneWorkerAloneChangesNothing) {
   const auto single = make_single_worker();
   std::vector<float> buffer{1, 2, 3};

@@ -86,8 +86,8 @@ std::uint64_t hash_of_large_sums(Collective& collective) {
     hash = hash64(std::as_bytes(std::span(buffer)), hash);
   };
   for (int round = 0; round < 2; ++round) {
-    sum(std::vector<float>(1500001));
-    sum(std::vector<double>(400003));
+    sum(std::vector<float>(900001));
+    sum(std::vector<double>(200003));
     sum(std::vector<float>(16384));
   }
   return hash;
