@@ -20,6 +20,7 @@ results=$(mktemp -d)
 finish() {
   if [ -n "$table" ]; then printf '\n%s%-26s %5d s\n' "$table" "in all" "$SECONDS"; fi
   if compgen -G "$results/*.xml" >/dev/null; then scripts/summarize_tests.sh "$results"/*.xml; fi
+  if [ -f "$results/python.log" ]; then echo "  python tests:"; tail -n 12 "$results/python.log" | sed 's/^/      /'; fi
   rm -rf "$results"
 }
 trap finish EXIT
@@ -73,8 +74,13 @@ run_quick() {
   stage "quick build" scripts/build.sh release --target "${targets[@]}" && run_tests "quick tests" release -LE slow -L "^(${labels#|})\$" || true
 }
 
-# Skipped is not failed.
-test_python() { local status=0; scripts/test_python.sh || status=$?; [ "$status" -eq 77 ] || return "$status"; }
+# Skipped is not failed.  Of a failure the last lines stay for the end of the log.
+test_python() {
+  local status=0
+  scripts/test_python.sh 2>&1 | tee "$results/python.log" || status=$?
+  if [ "$status" -eq 0 ] || [ "$status" -eq 77 ]; then rm "$results/python.log"; return 0; fi
+  return "$status"
+}
 
 run_full() {
   stage "format" scripts/check_format.sh || true

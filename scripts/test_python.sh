@@ -3,6 +3,8 @@
 # Checks formatting, types and behaviour of the Python package, with gymnasium's and pettingzoo's own checks, in an environment of its own
 # (build/python_tests).  What is tested is the extension as a target of the release build, which takes sim and envs from there, or with --wheel the
 # wheel of scripts/build_wheel.sh, installed.
+# Takes the versions of python/tests/tested_versions.txt, so that a new release of a tool changes no result.
+# EARSHOT_PROGRAM: a program whose bits are compared with the package's (default: the one of the release build, if it is there).
 # Ends with 77 (skipped) and one line where the Python package index cannot be reached or python3 has no venv or headers.
 # EARSHOT_JOBS: how many jobs at once (default: all cores).
 set -euo pipefail
@@ -18,8 +20,13 @@ python3 -c 'import venv, ensurepip' 2>/dev/null || skip "python3-venv is missing
 python3 -c 'import sysconfig, os, sys; sys.exit(not os.path.exists(os.path.join(sysconfig.get_paths()["include"], "Python.h")))' ||
   skip "python3-dev is missing (scripts/setup.sh)"
 [ -x "$tests/bin/python" ] || python3 -m venv "$tests"
-"$tests/bin/pip" install -q --disable-pip-version-check --retries 1 --timeout 20 \
-  'nanobind>=2.4' 'gymnasium>=1.0' 'pettingzoo>=1.24' pytest hypothesis mypy ruff || skip "the Python package index cannot be reached"
+if ! answer=$("$tests/bin/pip" install -q --disable-pip-version-check --retries 1 --timeout 20 -c python/tests/tested_versions.txt \
+  nanobind gymnasium pettingzoo pytest hypothesis mypy ruff xxhash 2>&1); then
+  echo "$answer" >&2
+  # An index that answers but lacks a version is a wrong file, not an absent index.
+  if grep -qE 'from versions: [0-9]|ResolutionImpossible' <<<"$answer"; then exit 1; fi
+  skip "the Python package index cannot be reached"
+fi
 
 "$tests/bin/ruff" format --check python
 "$tests/bin/ruff" check python
@@ -35,6 +42,7 @@ else
   cmake --preset release -DEARSHOT_PYTHON=ON -DPython_EXECUTABLE="$tests/bin/python" >/dev/null
   scripts/build.sh release --target python_package
   export PYTHONPATH=$root/build/release/python_package
+  if [ -x build/release/earshot ]; then export EARSHOT_PROGRAM=${EARSHOT_PROGRAM:-$root/build/release/earshot}; fi
 fi
 # From another folder, so that the sources are not what is imported.
 cd "$tests"
