@@ -36,8 +36,9 @@ inline std::string instruction_set() {
 /// Hash over the bytes of any number of arrays, in order.
 class BitHash {
  public:
-  BitHash& add(std::span<const float> values) {
-    hash_ = hash64(std::as_bytes(values), hash_);
+  BitHash& add(std::span<const float> values) { return add(std::as_bytes(values)); }
+  BitHash& add(std::span<const std::byte> bytes) {
+    hash_ = hash64(bytes, hash_);
     return *this;
   }
   [[nodiscard]] std::string hex() const { return hex64(hash_); }

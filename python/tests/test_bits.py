@@ -1,0 +1,139 @@
+"""One hash for 100 poses and one for 200 steps: those of the C++ test (tests/pinned/promise_test.cpp) and of the command line."""
+
+from __future__ import annotations
+
+import os
+import struct
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xxhash
+from numpy.typing import NDArray
+
+import earshot
+from earshot._engine import Batch
+
+PINNED = Path(__file__).parents[2] / "tests" / "pinned"
+#: An installed wheel transforms sound by other libraries than the program, whose sound differs by rounding.
+INSTALLED = "site-packages" in earshot.__file__
+HOUSE = "house:1,rooms=3,area_m2=60"
+SOURCE = (2.0, 1.5, 2.0)
+POSES, STEPS, ENVS = 100, 200, 3
+
+
+class BitHash:
+    """XXH3 over any number of arrays, each seeded by the hash of those before."""
+
+    def __init__(self) -> None:
+        self.value = 0
+
+    def add(self, values: NDArray[np.generic]) -> None:
+        self.value = xxhash.xxh3_64_intdigest(np.ascontiguousarray(values).tobytes(), seed=self.value)
+
+    def hex(self) -> str:
+        return f"{self.value:016x}"
+
+
+def expect_pinned(stage: str, bits: BitHash) -> None:
+    flags = Path("/proc/cpuinfo").read_text().split()
+    machine = "x86-64-v3+avx512" if "avx512f" in flags else "x86-64-v3"
+    rows = [row.split(",") for row in (PINNED / "bits.csv").read_text().splitlines()]
+    pinned = [row[2] for row in rows if row[:2] == [stage, machine]]
+    if not pinned or INSTALLED:
+        pytest.skip(f"no pinned bits for {machine}{' and the libraries of the wheel' if INSTALLED else ''}")
+    assert bits.hex() == pinned[0]
+
+
+def poses() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Places [100, 3] and headings in degrees."""
+    number = np.arange(POSES)
+    places: NDArray[np.float64] = np.stack([1 + 0.25 * (number % 10), np.full(POSES, 1.5), 1 + 0.25 * (number // 10)], axis=1)
+    headings = (36 * (number % 10)).astype(np.float64)
+    return places, headings
+
+
+def render(threads: int) -> NDArray[np.float32]:
+    scene = earshot.Scene(HOUSE, preset="fast", settings={"rir_length_s": 0.3})
+    places, headings = poses()
+    return scene.source(SOURCE).render(places, headings, channels="binaural", threads=threads)
+
+
+def hash_of(rirs: NDArray[np.float32]) -> BitHash:
+    bits = BitHash()
+    for rir in rirs:
+        bits.add(rir)
+    return bits
+
+
+def test_a_hundred_poses_have_the_pinned_bits_on_any_number_of_threads() -> None:
+    first = hash_of(render(1))
+    for threads in (2, 4, 8):
+        assert hash_of(render(threads)).hex() == first.hex(), threads
+    expect_pinned("rirs_100_poses", first)
+
+
+def samples_of(path: Path) -> NDArray[np.float32]:
+    """[channels, samples] of a WAV file of 32-bit floats."""
+    data = path.read_bytes()
+    assert data[:4] == b"RIFF"
+    channels, at = 0, 12
+    while True:
+        name, size = data[at : at + 4], struct.unpack_from("<I", data, at + 4)[0]
+        if name == b"fmt ":
+            channels = struct.unpack_from("<H", data, at + 10)[0]
+            assert struct.unpack_from("<H", data, at + 22)[0] == 32
+        if name == b"data":
+            return np.frombuffer(data, np.float32, size // 4, at + 8).reshape(-1, channels).T
+        at += 8 + size + size % 2
+
+
+def test_the_command_line_writes_the_same_bits(tmp_path: Path) -> None:
+    program = os.environ.get("EARSHOT_PROGRAM")
+    if not program or INSTALLED:
+        pytest.skip("EARSHOT_PROGRAM names no program that was built with the libraries of the package")
+    places, headings = poses()
+    rirs = render(2)
+    for threads in (1, 2, 4, 8):
+        out = tmp_path / f"threads{threads}"
+        out.mkdir()
+        settings = ["--preset", "fast", "--set", "rir_length_s=0.3", f"threads={threads}"]
+        command = [program, "rir", HOUSE, *settings, "--out", str(out / "rir.wav"), "--source", ",".join(map(str, SOURCE))]
+        command += ["--heading", ",".join(map(str, headings))]
+        for place in places:
+            command += ["--listener", ",".join(map(str, place))]
+        subprocess.run(command, check=True, capture_output=True)
+        written = np.stack([samples_of(out / f"rir.s0.l{pose}.wav") for pose in range(POSES)])
+        assert np.array_equal(written.view(np.uint32), rirs.view(np.uint32)), threads
+
+
+def open_batch(threads: int) -> Batch:
+    episodes = f"episodes.file={PINNED / 'episodes.json'}"
+    return earshot.make_vec(PINNED / "batch.yaml", num_envs=ENVS, overrides=[episodes], threads=threads).batch
+
+
+def hash_of_steps(threads: int, *, restored: bool) -> BitHash:
+    """Of every sensor, reward and flag; restored: half way the state goes on in another batch, with another number of threads."""
+    batch = open_batch(threads)
+    batch.reset()
+    bits = BitHash()
+    for step in range(STEPS):
+        if restored and step == STEPS // 2:
+            state = batch.save_state()
+            batch = open_batch(9 - threads)
+            batch.restore_state(state)
+        batch.step(np.array([1 + (step * 3 + env * 5) % 7 % 3 for env in range(ENVS)], dtype=np.int32))
+        for sensor in range(len(batch.sensors())):
+            bits.add(batch.rows(sensor))
+        for values in (batch.rewards(), batch.terminated(), batch.truncated()):
+            bits.add(values)
+    return bits
+
+
+def test_two_hundred_steps_have_the_pinned_bits_fresh_and_restored_on_any_number_of_threads() -> None:
+    first = hash_of_steps(1, restored=False)
+    for threads in (1, 2, 4, 8):
+        for restored in (False, True):
+            assert hash_of_steps(threads, restored=restored).hex() == first.hex(), (threads, restored)
+    expect_pinned("batch_200_steps", first)
