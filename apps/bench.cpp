@@ -289,6 +289,7 @@ void add_bench(CLI::App& app, const std::vector<std::string>& arguments, int& ex
   add_soak(*bench);
   add_bench_train(*bench);
   add_bench_allreduce(*bench, arguments, exit_code);
+  add_bench_scaling(*bench, arguments, exit_code);
 
   bench->allow_extras();  // not passed on to the benchmarks: for a message that names what there is
   bench->callback([bench] {

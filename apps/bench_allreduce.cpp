@@ -22,6 +22,7 @@ namespace {
 struct Options {
   std::vector<int> ranks{2, 4};
   std::vector<double> kib{4, 16, 64, 256, 1024, 4096, 19345.52, 65536};
+  std::vector<double> delays_ms{0};
   std::string json, times;
   AllReduceSpeedOptions speed;
   bool quick = false, no_gloo = false;
@@ -47,7 +48,7 @@ std::string row(const std::vector<std::string>& cells) {
   return line + "\n";
 }
 
-/// Per size a line: milliseconds of each way, and those of shared memory and of the ring over Gloo's.
+/// Per size a line: milliseconds of each way, and those of shared memory and of the ring, or of tcp where links are delayed, over Gloo's.
 std::string table(int ranks, const nlohmann::json& times, const BenchJson& setting, BenchReport& report) {
   std::vector<std::string> ways;
   std::vector<std::size_t> sizes;
@@ -60,9 +61,12 @@ std::string table(int ranks, const nlohmann::json& times, const BenchJson& setti
     ms[{bytes, way}] = time.at("ms").get<std::vector<double>>();
   }
   const bool gloo = std::ranges::find(ways, "gloo") != ways.end();
+  const bool one_host = std::ranges::find(ways, "ipc") != ways.end();
+  const std::vector<std::string> compared = one_host ? std::vector<std::string>{"shared_memory", "ipc"} : std::vector<std::string>{"tcp"};
   std::vector<std::string> head{fmt::format("{} workers", ranks)};
   for (const std::string& way : ways) head.push_back(way + " ms");
-  if (gloo) head.insert(head.end(), {"shared / gloo", "ipc / gloo"});
+  for (const std::string& way : compared)
+    if (gloo) head.push_back((way == "shared_memory" ? "shared" : way) + " / gloo");
   std::string text = row(head);
   for (const std::size_t bytes : sizes) {
     BenchJson with_size = setting;
@@ -73,7 +77,7 @@ std::string table(int ranks, const nlohmann::json& times, const BenchJson& setti
       report.add(fmt::format("allreduce.ms.{}", way), "ms", time, with_size);
       cells.push_back(fmt::format("{:.3f}", time.value));
     }
-    for (const char* way : {"shared_memory", "ipc"}) {
+    for (const std::string& way : compared) {
       if (!gloo) break;
       std::vector<double> ratios;
       for (std::size_t round = 0; round < ms[{bytes, way}].size(); ++round)
@@ -92,27 +96,31 @@ int run(Options options, const std::vector<std::string>& arguments) {
   require(options.speed.rounds >= 1 && options.speed.rounds <= 100, "--repeats", options.speed.rounds, "must be in [1, 100]");
   for (const int ranks : options.ranks) require(ranks >= 2 && ranks <= 64, "--ranks", ranks, "must be 2 to 64");
   for (const double kib : options.kib) require(kib > 0 && kib <= 1024 * 1024, "--kib", kib, "must lie in (0, 1048576]");
+  for (const double delay : options.delays_ms) require(delay >= 0 && delay <= 500, "--delay-ms", delay, "must be in [0, 500]");
   if (options.quick) options.speed.seconds = 0.01, options.speed.rounds = 1, options.kib = {4, 256};
   for (const double kib : options.kib) options.speed.bytes.push_back(static_cast<std::size_t>(kib * 256) * sizeof(float));
   options.speed.gloo = !options.no_gloo;
   if (const auto worker = worker_from_environment()) {
     if (options.times.empty()) throw InputError("bench allreduce", "starts its workers by itself", "call it without a launcher");
+    options.speed.delay_ms = options.delays_ms.back();  // after those of the command line
     measure(options, *worker);
     return 0;
   }
 
   const ScratchFolder folder("earshot_bench_allreduce");
   BenchReport report("allreduce");
-  const BenchJson setting = {{"seconds", options.speed.seconds}, {"threads", 1}};
   if (options.speed.gloo && !has_gloo())
     fmt::print("Gloo left out: it is not in this build (apt-get install libgloo-dev, then build again)\n");
-  for (const int ranks : options.ranks) {
-    const std::string file = (folder.path() / "times.json").string();
-    std::vector<std::string> worker_arguments = arguments;
-    worker_arguments.insert(worker_arguments.end(), {"--times", file});
-    if (const int code = spawn_workers(ranks, worker_arguments); code != 0) return code;
-    fmt::print("\n{}", table(ranks, nlohmann::json::parse(read_file(file)), setting, report));
-  }
+  for (const double delay_ms : options.delays_ms)
+    for (const int ranks : options.ranks) {
+      const std::string file = (folder.path() / "times.json").string();
+      std::vector<std::string> worker_arguments = arguments;
+      worker_arguments.insert(worker_arguments.end(), {"--times", file, "--delay-ms", fmt::format("{}", delay_ms)});
+      if (const int code = spawn_workers(ranks, worker_arguments); code != 0) return code;
+      const BenchJson setting = {{"seconds", options.speed.seconds}, {"threads", 1}, {"delay_ms", delay_ms}};
+      if (delay_ms > 0) fmt::print("\n{:g} ms from host to host, a worker on each", delay_ms);
+      fmt::print("\n{}", table(ranks, nlohmann::json::parse(read_file(file)), setting, report));
+    }
   report.write(options.json);
   return 0;
 }
@@ -125,6 +133,11 @@ void add_bench_allreduce(CLI::App& bench, const std::vector<std::string>& argume
       "allreduce", "Time of a sum over workers of this machine: shared memory, the ring over ipc and over tcp, and Gloo, in turn");
   command->add_option("--ranks", options->ranks, "Numbers of workers")->delimiter(',')->capture_default_str();
   command->add_option("--kib", options->kib, "Sizes in KiB; 19345.52 is the gradient of the published network")
+      ->delimiter(',')
+      ->capture_default_str();
+  command
+      ->add_option("--delay-ms", options->delays_ms,
+                   "One way between workers, each of which is then a host of its own (a network namespace; needs root); 0: one host")
       ->delimiter(',')
       ->capture_default_str();
   command->add_option("--seconds", options->speed.seconds, "Per size, way and repeat")->capture_default_str();

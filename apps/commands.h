@@ -28,6 +28,7 @@ void add_replay(CLI::App& app);
 void add_bench(CLI::App& app, const std::vector<std::string>& arguments, int& exit_code);
 void add_bench_train(CLI::App& bench);                                                                 ///< `bench train`
 void add_bench_allreduce(CLI::App& bench, const std::vector<std::string>& arguments, int& exit_code);  ///< `bench allreduce`
+void add_bench_scaling(CLI::App& bench, const std::vector<std::string>& arguments, int& exit_code);    ///< `bench scaling`
 
 /// "X,Y,Z" as metres, at most kMaxCoordinateM from zero (sim/base/coordinates.h), with a decimal point whatever the locale.  Throws
 /// InputError naming the option.

@@ -5,10 +5,13 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <filesystem>
 #include <memory>
+#include <optional>
 #include <zmq.hpp>
 
 #include "sim/base/errors.h"
+#include "trainer/delayed_host.h"
 #include "trainer/gloo_group.h"
 
 namespace earshot {
@@ -34,7 +37,22 @@ std::string loopback_meeting(Collective& workers) {
   return workers.all_gather(endpoint)[0];
 }
 
+std::filesystem::path meeting_file(const RingConfig& config) { return config.rendezvous.substr(std::string_view("ipc://").size()); }
+
+std::vector<Way> connect_hosts(const AllReduceSpeedOptions& options, const RingConfig& config) {
+  std::vector<Way> ways;
+  RingConfig ring = config;
+  ring.rendezvous = "tcp://" + DelayedHost::address(0) + ":29400";
+  ring.network.insecure = true;  // no one else is in these namespaces
+  ways.push_back({"tcp", make_zmq_ring(ring)});
+  if (options.gloo && has_gloo())
+    ways.push_back({"gloo", make_gloo_group(config.identity, meeting_file(config).string() + "_gloo", config.timeout,
+                                            DelayedHost::address(config.identity.rank))});
+  return ways;
+}
+
 std::vector<Way> connect(const AllReduceSpeedOptions& options, const RingConfig& config) {
+  if (options.delay_ms > 0) return connect_hosts(options, config);
   std::vector<Way> ways;
   RingConfig ring = config;
   ring.network.shared_memory = true;
@@ -44,8 +62,8 @@ std::vector<Way> connect(const AllReduceSpeedOptions& options, const RingConfig&
   ways.push_back({"ipc", make_zmq_ring(ring)});
   ring.rendezvous = loopback_meeting(*ways[0].workers);
   ways.push_back({"tcp", make_zmq_ring(ring)});
-  const std::string file = config.rendezvous.substr(std::string_view("ipc://").size()) + "_gloo";
-  if (options.gloo && has_gloo()) ways.push_back({"gloo", make_gloo_group(config.identity, file, config.timeout)});
+  if (options.gloo && has_gloo())
+    ways.push_back({"gloo", make_gloo_group(config.identity, meeting_file(config).string() + "_gloo", config.timeout)});
   return ways;
 }
 
@@ -75,7 +93,20 @@ int number_of_calls(Collective& workers, std::span<float> buffer, double seconds
 
 }  // namespace
 
+std::unique_ptr<Collective> connect_over_loopback(const RingConfig& config) {
+  const auto over_ipc = make_zmq_ring(config);
+  RingConfig ring = config;
+  ring.network.shared_memory = false;
+  ring.rendezvous = loopback_meeting(*over_ipc);
+  auto over_tcp = make_zmq_ring(ring);
+  over_ipc->barrier();  // none leaves while another still says hello there
+  return over_tcp;
+}
+
 std::vector<AllReduceTime> time_all_reduce(const AllReduceSpeedOptions& options, const RingConfig& config) {
+  std::optional<DelayedHost> host;
+  if (options.delay_ms > 0)
+    host.emplace(config.identity.rank, std::chrono::microseconds(std::lround(1e3 * options.delay_ms)), meeting_file(config).parent_path());
   std::vector<Way> ways = connect(options, config);
   std::vector<AllReduceTime> times;
   for (const std::size_t bytes : options.bytes) {

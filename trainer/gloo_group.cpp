@@ -19,10 +19,11 @@ namespace {
 
 class GlooGroup : public Collective {
  public:
-  GlooGroup(WorkerIdentity identity, const std::string& meeting_file, std::chrono::milliseconds timeout) : identity_(identity) {
+  GlooGroup(WorkerIdentity identity, const std::string& meeting_file, std::chrono::milliseconds timeout, const std::string& address)
+      : identity_(identity) {
     const auto store = c10::make_intrusive<c10d::FileStore>(meeting_file, identity.world_size);
     const auto options = c10d::ProcessGroupGloo::Options::create(timeout);
-    options->devices = {c10d::ProcessGroupGloo::createDeviceForHostname("127.0.0.1")};
+    options->devices = {c10d::ProcessGroupGloo::createDeviceForHostname(address)};
     options->threads = 2;
     group_ = c10::make_intrusive<c10d::ProcessGroupGloo>(store, identity.rank, identity.world_size, options);
   }
@@ -83,9 +84,10 @@ class GlooGroup : public Collective {
 
 bool has_gloo() { return true; }
 
-std::unique_ptr<Collective> make_gloo_group(WorkerIdentity identity, const std::string& meeting_file, std::chrono::milliseconds timeout) {
+std::unique_ptr<Collective> make_gloo_group(WorkerIdentity identity, const std::string& meeting_file, std::chrono::milliseconds timeout,
+                                            const std::string& address) {
   try {
-    return std::make_unique<GlooGroup>(identity, meeting_file, timeout);
+    return std::make_unique<GlooGroup>(identity, meeting_file, timeout, address);
   } catch (const std::exception& error) {
     throw RunError("Gloo", error.what());
   }
@@ -93,7 +95,7 @@ std::unique_ptr<Collective> make_gloo_group(WorkerIdentity identity, const std::
 #else
 bool has_gloo() { return false; }
 
-std::unique_ptr<Collective> make_gloo_group(WorkerIdentity, const std::string&, std::chrono::milliseconds) {
+std::unique_ptr<Collective> make_gloo_group(WorkerIdentity, const std::string&, std::chrono::milliseconds, const std::string&) {
   throw InputError("Gloo", "is not in this build", "install libgloo-dev and build again");
 }
 #endif

@@ -161,6 +161,21 @@ TEST_F(BenchCli, AllReduceTimesEachWayWithItsSetting) {
     EXPECT_EQ(earshot("bench allreduce --quick " + std::string(wrong)), 2) << wrong << read("stderr");
 }
 
+TEST_F(BenchCli, ScalingChecksItsModelAndPredicts) {
+  ASSERT_EQ(earshot("bench scaling --quick --kib 512 --predict 8,128 --json " + file("scaling.json")), 0) << read("stderr");
+  const std::set<std::string> names = names_in("scaling.json", "scaling");
+  for (const char* name : {"scaling.update_ms", "scaling.prediction_error", "scaling.efficiency"}) EXPECT_EQ(names.count(name), 1u) << name;
+  const json report = json::parse(read("scaling.json"));
+  for (const json& result : report.at("results")) {
+    if (result.at("name") != "scaling.efficiency") continue;
+    EXPECT_GT(result.at("value").get<double>(), 0.1);
+    EXPECT_LT(result.at("value").get<double>(), 1);
+  }
+  EXPECT_THAT(read("stdout"), testing::HasSubstr("assumed:"));
+  for (const char* wrong : {"--ranks 1", "--kib 4", "--predict 0", "--spread 2", "--updates 1", "--latency-us -1"})
+    EXPECT_EQ(earshot("bench scaling --quick " + std::string(wrong)), 2) << wrong << read("stderr");
+}
+
 TEST_F(BenchCli, EnvFindsTheBestBatchHere) {
   ASSERT_EQ(earshot("bench env --quick --autotune --scene shoebox:8x3x8@0.3 --size 64x64 --json " + file("tune.json")), 0)
       << read("stderr");
