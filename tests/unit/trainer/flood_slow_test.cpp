@@ -22,7 +22,7 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 constexpr int kWorld = 2, kFirstPort = 42100, kPorts = 2 * kWorld;  // control and bulk of each worker
-constexpr int kPhases = 16;                                        // without and with, in turn
+constexpr int kPhases = 16;                                         // without and with, in turn
 constexpr double kPhase_s = 2;
 constexpr int kSumFloats = 300000, kComputation = 12'000'000;  // about 7 ms of a core
 
