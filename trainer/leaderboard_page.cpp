@@ -94,30 +94,35 @@ std::string evidence(const BoardPage& page, const std::string& agent) {
 std::string main_table(const std::vector<EvaluationResult>& rows, const BoardPage& page) {
   const bool verified = any_verified(rows);
   const bool silence = std::ranges::any_of(rows, [](const auto& row) { return row.success_when_silent().mean > 0; });
+  // What agents are ranked by, where it comes from and what it looks like stand first: in narrow windows the rest has to be scrolled to.
+  constexpr std::size_t kRankedBy = 2;  // success and SPL
+  const std::vector<BoardColumn>& columns = board_columns();
   std::vector<std::string> heads{"rank", "agent"};
-  for (const BoardColumn& column : board_columns()) heads.emplace_back(column.title);
+  for (std::size_t c = 0; c < kRankedBy; ++c) heads.emplace_back(columns[c].title);
+  if (page.tells_evidence) heads.emplace_back("where the actions come from");
+  if (!page.replays.empty()) heads.emplace_back("replays");
+  for (std::size_t c = kRankedBy; c < columns.size(); ++c) heads.emplace_back(columns[c].title);
   if (silence) heads.emplace_back("success when silent");
   heads.emplace_back("episodes");
   if (verified) heads.emplace_back("verified");
-  if (page.tells_evidence) heads.emplace_back("where the actions come from");
-  if (!page.replays.empty()) heads.emplace_back("replays");
   std::string body;
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const EvaluationResult& row = rows[i];
     body += fmt::format("<tr><td>{}</td><th scope=\"row\">{}</th>", i + 1, escaped(row.agent));
-    for (const BoardColumn& column : board_columns()) {
-      const Estimate e = column.get(row);
-      const bool has_bar = &column - board_columns().data() < 2;  // of success and SPL, which agents are ranked by
-      body += "<td>" + numbers(e, column.digits) + (has_bar ? bar(e) : "") + "</td>";
-    }
-    if (silence) body += "<td>" + numbers(row.success_when_silent(), 3) + "</td>";
-    body += fmt::format("<td>{}</td>", row.episodes.size());
-    if (verified) body += row.verified ? "<td>yes</td>" : "<td>no</td>";
+    const auto cell = [&](std::size_t c) {
+      const Estimate e = columns[c].get(row);
+      body += "<td>" + numbers(e, columns[c].digits) + (c < kRankedBy ? bar(e) : "") + "</td>";
+    };
+    for (std::size_t c = 0; c < kRankedBy; ++c) cell(c);
     if (page.tells_evidence) body += "<td class=\"words\">" + evidence(page, row.agent) + "</td>";
     if (!page.replays.empty()) {
       const auto found = page.replays.find(row.agent);
       body += "<td class=\"words\">" + (found == page.replays.end() ? std::string("none") : links(found->second)) + "</td>";
     }
+    for (std::size_t c = kRankedBy; c < columns.size(); ++c) cell(c);
+    if (silence) body += "<td>" + numbers(row.success_when_silent(), 3) + "</td>";
+    body += fmt::format("<td>{}</td>", row.episodes.size());
+    if (verified) body += row.verified ? "<td>yes</td>" : "<td>no</td>";
     body += "</tr>\n";
   }
   return table("Agents by SPL: mean and 95 % interval (" + interval_kind(rows) + "); bars: mean, with the interval across", heads, body);
