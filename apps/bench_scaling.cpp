@@ -57,8 +57,9 @@ LinkSpeed link_of(const json& numbers) {
 }
 
 void print_link(const char* name, const LinkSpeed& link) {
-  fmt::print("{}: {:.3f} ms for an exchange, {:.3f} ms and {:.2f} GB/s for a step of the ring; of a core {:.3f} ms a message, {:.2f} ns a byte\n",
-             name, 1e3 * link.exchange_s, 1e3 * link.step_s, 1e-9 * link.bytes_per_s, 1e3 * link.message_s, 1e9 * link.byte_s);
+  fmt::print(
+      "{}: {:.3f} ms for an exchange, {:.3f} ms and {:.2f} GB/s for a step of the ring; of a core {:.3f} ms a message, {:.2f} ns a byte\n",
+      name, 1e3 * link.exchange_s, 1e3 * link.step_s, 1e-9 * link.bytes_per_s, 1e3 * link.message_s, 1e9 * link.byte_s);
 }
 
 void predict_large(const Options& options, LinkSpeed link, BenchReport& report) {
@@ -70,8 +71,8 @@ void predict_large(const Options& options, LinkSpeed link, BenchReport& report) 
                   .sums = options.check.sums,
                   .bytes = options.check.bytes,
                   .exchanges = options.check.exchanges};
-  fmt::print("\nprediction: rollouts of {:g} s, deviation {:g}, {:g} s of learning, {} sums of {:.1f} MB, a worker on each host\n", work.rollout_s,
-             options.rollout_spread, work.learn_s, work.sums, 1e-6 * static_cast<double>(work.bytes));
+  fmt::print("\nprediction: rollouts of {:g} s, deviation {:g}, {:g} s of learning, {} sums of {:.1f} MB, a worker on each host\n",
+             work.rollout_s, options.rollout_spread, work.learn_s, work.sums, 1e-6 * static_cast<double>(work.bytes));
   print_link("link", link);
   fmt::print("{:>8}{:>14}{:>14}{:>14}{:>14}{:>20}\n", "workers", "waiting s", "sums s", "update s", "efficiency", "with preemption 0.6");
   for (const int workers : options.predicted) {
@@ -84,15 +85,18 @@ void predict_large(const Options& options, LinkSpeed link, BenchReport& report) 
     report.add("scaling.efficiency", "1", {preempted, preempted, preempted}, {{"workers", workers}, {"preempt_fraction", 0.6}});
   }
   fmt::print(
-      "assumed: rollouts independent and normal; learning alike on all workers; a ring of whole segments over links that are all as fast; small calls\n"
-      "from each worker to each other up to 64 workers, beyond by a tree, which is not there yet; batches grow with the workers, and what such a\n"
+      "assumed: rollouts independent and normal; learning alike on all workers; a ring of whole segments over links that are all as fast; "
+      "small calls\n"
+      "from each worker to each other up to 64 workers, beyond by a tree, which is not there yet; batches grow with the workers, and what "
+      "such a\n"
       "batch is worth to the agent is left out\n");
 }
 
 int run(Options options, const std::vector<std::string>& arguments) {
   require(options.step_ms > 0 && options.step_ms <= 1000, "--step-ms", options.step_ms, "must be in (0, 1000]");
   require(options.learn_ms >= 0 && options.learn_ms <= 1e5, "--learn-ms", options.learn_ms, "must be in [0, 100000]");
-  require(options.kib >= 64 && options.kib <= 1024 * 1024, "--kib", options.kib, "must lie in [64, 1048576]: smaller sums do not go round the ring");
+  require(options.kib >= 64 && options.kib <= 1024 * 1024, "--kib", options.kib,
+          "must lie in [64, 1048576]: smaller sums do not go round the ring");
   require(options.check.spread >= 0 && options.check.spread <= 1, "--spread", options.check.spread, "must be in [0, 1]");
   require(options.check.rollout_steps >= 1 && options.check.rollout_steps <= 10000, "--rollout-steps", options.check.rollout_steps,
           "must be in [1, 10000]");
@@ -128,15 +132,16 @@ int run(Options options, const std::vector<std::string>& arguments) {
              1e3 * work.rollout_s, 1e3 * work.rollout_deviation_s, 1e3 * work.learn_s, work.sums, 1e-6 * static_cast<double>(work.bytes),
              work.exchanges);
   print_link("two workers, tcp on the loopback interface", link);
-  fmt::print("{} cores\n\n{:>8}{:>14}{:>14}{:>14}{:>14}{:>10}\n", cores, "workers", "waiting ms", "sums ms", "predicted ms", "measured ms", "error");
+  fmt::print("{} cores\n\n{:>8}{:>14}{:>14}{:>14}{:>14}{:>10}\n", cores, "workers", "waiting ms", "sums ms", "predicted ms", "measured ms",
+             "error");
   for (const int ranks : options.ranks) {
     const json measured = ranks == 2 ? two : run_workers(ranks, arguments, file, code);
     if (code != 0) return code;
     const double measured_s = measured.at("update_s").get<double>();
     const ScalingPrediction update = predict_update(work, link, {.workers = ranks, .per_host = ranks, .cores_per_host = cores});
     const double error = update.update_s() / measured_s - 1;
-    fmt::print("{:>8}{:>14.1f}{:>14.1f}{:>14.1f}{:>14.1f}{:>9.1f}%\n", ranks, 1e3 * (update.collect_s - work.rollout_s), 1e3 * update.reduce_s,
-               1e3 * update.update_s(), 1e3 * measured_s, 100 * error);
+    fmt::print("{:>8}{:>14.1f}{:>14.1f}{:>14.1f}{:>14.1f}{:>9.1f}%\n", ranks, 1e3 * (update.collect_s - work.rollout_s),
+               1e3 * update.reduce_s, 1e3 * update.update_s(), 1e3 * measured_s, 100 * error);
     report.add("scaling.update_ms", "ms", {1e3 * measured_s, 1e3 * measured_s, 1e3 * measured_s}, {{"workers", ranks}});
     report.add("scaling.prediction_error", "1", {error, error, error}, {{"workers", ranks}});
   }
@@ -154,7 +159,9 @@ void add_bench_scaling(CLI::App& bench, const std::vector<std::string>& argument
   const auto list = [&](const char* name, std::vector<int>& values, const char* text) {
     command->add_option(name, values, text)->delimiter(',')->capture_default_str();
   };
-  const auto number = [&](const char* name, auto& value, const char* text) { command->add_option(name, value, text)->capture_default_str(); };
+  const auto number = [&](const char* name, auto& value, const char* text) {
+    command->add_option(name, value, text)->capture_default_str();
+  };
   list("--ranks", options->ranks, "Numbers of workers to check");
   list("--predict", options->predicted, "Numbers of workers to predict");
   number("--updates", options->check.updates, "Of each number of workers");

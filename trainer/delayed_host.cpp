@@ -72,7 +72,8 @@ int open_tun(int host) {
   ifreq device = request("eth0");
   device.ifr_flags = IFF_TUN | IFF_NO_PI;
   ask(tun, TUNSETIFF, device);
-  for (const auto& [what, text] : {std::pair<unsigned long, std::string>{SIOCSIFADDR, DelayedHost::address(host)}, {SIOCSIFNETMASK, "255.255.255.0"}}) {
+  for (const auto& [what, text] :
+       {std::pair<unsigned long, std::string>{SIOCSIFADDR, DelayedHost::address(host)}, {SIOCSIFNETMASK, "255.255.255.0"}}) {
     ifreq of = request("eth0");
     sockaddr_in address{};
     address.sin_family = AF_INET;
@@ -127,7 +128,8 @@ void DelayedHost::send_delayed() {
     pollfd readable{tun_.value, POLLIN, 0};
     ::ppoll(&readable, 1, &limit, nullptr);
     const auto now = Clock::now();
-    for (ssize_t size = ::read(tun_.value, buffer.data(), buffer.size()); size > 0; size = ::read(tun_.value, buffer.data(), buffer.size())) {
+    for (ssize_t size = ::read(tun_.value, buffer.data(), buffer.size()); size > 0;
+         size = ::read(tun_.value, buffer.data(), buffer.size())) {
       packets.push_back({now + delay_, {buffer.data(), buffer.data() + size}});
       if (packets.front().due <= now) break;
     }

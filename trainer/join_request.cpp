@@ -100,11 +100,12 @@ class Asker {
   void give_up_after_silence() const {
     const auto limit = answered_ ? std::min<std::chrono::milliseconds>(config_.timeout, kSilenceAfterAnswer) : config_.timeout;
     if (Clock::now() - heard_at_ < limit) return;
-    throw RunError(where_, answered_ ? fmt::format("no worker of the run has answered for {} ms: it has ended, or its meeting point has gone",
-                                                   limit.count())
-                                     : fmt::format("no worker of a run has answered within {} ms; if rank 0's host is gone, set "
-                                                   "EARSHOT_RENDEZVOUS to the address that the log of the lowest worker names",
-                                                   limit.count()));
+    throw RunError(
+        where_, answered_
+                    ? fmt::format("no worker of the run has answered for {} ms: it has ended, or its meeting point has gone", limit.count())
+                    : fmt::format("no worker of a run has answered within {} ms; if rank 0's host is gone, set "
+                                  "EARSHOT_RENDEZVOUS to the address that the log of the lowest worker names",
+                                  limit.count()));
   }
 
   const RingConfig& config_;

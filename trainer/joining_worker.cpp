@@ -52,7 +52,9 @@ class JoiningWorker : public Collective {
   void brief(const std::string& text) override { ring().brief(text); }
   [[nodiscard]] bool has_joiners() override { return ring().has_joiners(); }
   void admit() override { ring().admit(); }
-  std::string hand_over(int from, const std::vector<int>& to, const std::string& bytes) override { return ring().hand_over(from, to, bytes); }
+  std::string hand_over(int from, const std::vector<int>& to, const std::string& bytes) override {
+    return ring().hand_over(from, to, bytes);
+  }
 
  private:
   [[nodiscard]] ZmqRing& ring() {

@@ -58,11 +58,7 @@ std::string difference(const std::string& theirs, const std::string& ours) {
 
 MeetingPoint::MeetingPoint(zmq::context_t& context, const RingConfig& config, const LinkSecurity& security,
                            const std::string& control_endpoint, zmq::socket_t socket)
-    : context_(context),
-      config_(config),
-      security_(security),
-      address_(address_for(config, control_endpoint)),
-      socket_(std::move(socket)) {
+    : context_(context), config_(config), security_(security), address_(address_for(config, control_endpoint)), socket_(std::move(socket)) {
   if (!socket_) open();
 }
 
@@ -154,8 +150,10 @@ void MeetingPoint::take(const std::vector<zmq::message_t>& parts, const View& vi
   const auto known = waiting_.find(request.rank);
   const bool other_waits = known != waiting_.end() && known->second.candidate.incarnation != request.incarnation &&
                            Clock::now() - known->second.heard_at < kSilenceLimit;
-  if (view.has(request.rank)) reason = fmt::format("worker {} still takes part", request.rank);
-  else if (other_waits) reason = fmt::format("another worker {} waits already", request.rank);
+  if (view.has(request.rank))
+    reason = fmt::format("worker {} still takes part", request.rank);
+  else if (other_waits)
+    reason = fmt::format("another worker {} waits already", request.rank);
   if (reason.empty()) {
     const Candidate candidate{request.rank, request.incarnation, request.control_endpoint, request.bulk_endpoint, request.public_key};
     waiting_[request.rank] = {routing_id, candidate, request.is_ready(), Clock::now()};
@@ -166,11 +164,11 @@ void MeetingPoint::take(const std::vector<zmq::message_t>& parts, const View& vi
 std::string MeetingPoint::objection(const JoinRequest& request, const zmq::message_t& message) const {
   const int world_size = config_.identity.world_size;
   if (request.run_id != config_.run_id) return "its run id is that of another run";
-  if (request.world_size != world_size)
-    return fmt::format("it expects {} workers, this run began with {}", request.world_size, world_size);
+  if (request.world_size != world_size) return fmt::format("it expects {} workers, this run began with {}", request.world_size, world_size);
   if (request.rank < 0 || request.rank >= world_size) return fmt::format("its rank {} is not within 0 to {}", request.rank, world_size - 1);
   if (request.incarnation == 0) return "it is one of the first world";
-  if (request.engine != config_.engine) return fmt::format("its engine is {:.40}, that of the run is {:.40}", request.engine, config_.engine);
+  if (request.engine != config_.engine)
+    return fmt::format("its engine is {:.40}, that of the run is {:.40}", request.engine, config_.engine);
   if (const std::string other = difference(request.settings, config_.settings); !other.empty()) return other;
   if (request.is_ready() &&
       (!is_possible_endpoint(config_, request.control_endpoint) || !is_possible_endpoint(config_, request.bulk_endpoint)))

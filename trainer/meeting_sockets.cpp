@@ -45,8 +45,8 @@ bool is_possible_endpoint(const RingConfig& config, const std::string& endpoint)
 
 Readable wait_readable(zmq::socket_t& first, std::chrono::steady_clock::time_point deadline, zmq::socket_t* second) {
   while (true) {
-    const auto left = std::chrono::duration_cast<std::chrono::milliseconds>(deadline - std::chrono::steady_clock::now()) +
-                      std::chrono::milliseconds(1);
+    const auto left =
+        std::chrono::duration_cast<std::chrono::milliseconds>(deadline - std::chrono::steady_clock::now()) + std::chrono::milliseconds(1);
     if (left.count() <= 0) return Readable::none;
     std::array<zmq_pollitem_t, 2> items{{{first.handle(), 0, ZMQ_POLLIN, 0}, {second ? second->handle() : nullptr, -1, ZMQ_POLLIN, 0}}};
     const int count = ::zmq_poll(items.data(), second ? 2 : 1, static_cast<long>(left.count()));

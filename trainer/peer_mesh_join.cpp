@@ -15,9 +15,8 @@ namespace earshot {
 
 void PeerMesh::open_meeting_point() {
   if (!survives_loss() || meeting_rank_ != config_.identity.rank || meeting_point_) return;
-  meeting_point_ = std::make_unique<MeetingPoint>(context_, config_, security_,
-                                                  table_.control_endpoints[static_cast<std::size_t>(config_.identity.rank)],
-                                                  std::move(meeting_socket_));
+  meeting_point_ = std::make_unique<MeetingPoint>(
+      context_, config_, security_, table_.control_endpoints[static_cast<std::size_t>(config_.identity.rank)], std::move(meeting_socket_));
 }
 
 void PeerMesh::look_at_meeting_point() {

@@ -10,8 +10,8 @@
 
 namespace earshot {
 
-/// What a worker that joins gets from another one: all that is the same on every worker between two updates, and what the worker that writes
-/// the run has to know.  Environments, their random numbers and hidden states are not part of it.
+/// What a worker that joins gets from another one: all that is the same on every worker between two updates, and what the worker that
+/// writes the run has to know.  Environments, their random numbers and hidden states are not part of it.
 struct RunState {
   Checkpoint learner;  ///< weights, optimizer, update, env_steps, episode_window
   GuardCounts guards;

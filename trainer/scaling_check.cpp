@@ -20,7 +20,9 @@ using Clock = std::chrono::steady_clock;
 
 double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
 void sleep_s(double seconds) { std::this_thread::sleep_for(std::chrono::duration<double>(seconds)); }
-double mean(const std::vector<double>& values) { return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size()); }
+double mean(const std::vector<double>& values) {
+  return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
+}
 
 double roll_out(const ScalingCheckOptions& options, std::uint32_t rank, std::uint32_t update) {
   const RandomStream random(1, Purpose::bench, rank, update);
@@ -103,7 +105,8 @@ LinkSpeed measure_link(std::size_t bytes, Collective& workers) {
   EARSHOT_EXPECT(workers.identity().world_size == 2);
   constexpr std::size_t small = 4096, least = std::size_t{1} << 18;
   const std::size_t large = std::max(bytes, 8 * least);
-  const SumCost exchange = cost_of_sum(small, 200, workers), ring = cost_of_sum(least, 20, workers), larger = cost_of_sum(large, 3, workers);
+  const SumCost exchange = cost_of_sum(small, 200, workers), ring = cost_of_sum(least, 20, workers),
+                larger = cost_of_sum(large, 3, workers);
   LinkSpeed link = link_from_sums(exchange.wall_s, {least, ring.wall_s}, {large, larger.wall_s});
   link.message_s = exchange.processor_s;
   link.byte_s = larger.processor_s / static_cast<double>(large);  // of two workers each sends as many bytes as a sum has

@@ -38,7 +38,7 @@ struct UpdateWork {
 
 struct WorkerLayout {
   int workers = 1;
-  int per_host = 1;        ///< workers that share the cores of a host
+  int per_host = 1;  ///< workers that share the cores of a host
   int cores_per_host = 1;
   double preempt_fraction = 0;  ///< PpoConfig's; 0: all are waited for
 };

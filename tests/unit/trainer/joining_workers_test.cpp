@@ -33,9 +33,9 @@ RingConfig lasting(RingConfig config) {
 
 /// What the processes of a test tell each other.
 struct Shared {
-  std::atomic<int> rounds[8];     ///< made by each rank
-  std::atomic<int> in_view[8];    ///< workers in the view of each rank
-  std::atomic<int> joined;        ///< workers that have entered
+  std::atomic<int> rounds[8];   ///< made by each rank
+  std::atomic<int> in_view[8];  ///< workers in the view of each rank
+  std::atomic<int> joined;      ///< workers that have entered
   std::atomic<int> stop, hold;
 };
 
@@ -362,7 +362,8 @@ TEST_F(JoiningWorkers, OneJoinsWhileAnotherIsLost) {
                                 std::this_thread::sleep_for(milliseconds(delay_ms));
                                 ::raise(SIGKILL);
                                 ::kill(::getpid(), SIGKILL);
-                              }).detach();
+                              })
+                                  .detach();
                             }));
     wait_for_rounds({0, 1, 2, 3, 4}, 5);
     ::kill(workers.pid(1), SIGKILL);
@@ -382,7 +383,8 @@ TEST_F(JoiningWorkers, AnErrorAfterwardsEndsTheRun) {
     try {
       member(3)(rank);
     } catch (const RunError& error) {
-      return std::string(error.what()).find("worker 1 ") != std::string::npos || std::string(error.what()).find("worker 1:") != std::string::npos;
+      return std::string(error.what()).find("worker 1 ") != std::string::npos ||
+             std::string(error.what()).find("worker 1:") != std::string::npos;
     }
     return false;
   });

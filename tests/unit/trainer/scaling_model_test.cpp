@@ -31,8 +31,8 @@ TEST(ScalingModel, LinkFromTwoSums) {
   EXPECT_THROW(link_from_sums(5e-5, {1'000'000, 2e-3}, {20'000'000, 1e-3}), RunError);
 }
 
-// 1 s of rollout with a deviation of 0.1 s, 0.2 s of learning, 4 sums of 20 MB at 1 GB/s with 1 ms per step, 10 exchanges of 0.1 ms, of which
-// a message takes 0.01 ms of a core, and a byte 0.4 ns.
+// 1 s of rollout with a deviation of 0.1 s, 0.2 s of learning, 4 sums of 20 MB at 1 GB/s with 1 ms per step, 10 exchanges of 0.1 ms, of
+// which a message takes 0.01 ms of a core, and a byte 0.4 ns.
 constexpr UpdateWork kWork{.rollout_s = 1, .rollout_deviation_s = 0.1, .learn_s = 0.2, .sums = 4, .bytes = 20'000'000, .exchanges = 10};
 constexpr LinkSpeed kLink{.exchange_s = 1e-4, .step_s = 1e-3, .bytes_per_s = 1e9, .message_s = 1e-5, .byte_s = 0.4e-9};
 
@@ -51,7 +51,8 @@ TEST(ScalingModel, PartsByHand) {
   EXPECT_NEAR(predict_update(kWork, kLink, {.workers = 8, .per_host = 8, .cores_per_host = 2}).reduce_s,
               4 * 56e-3 + 10 * (1e-4 + 4 * 6 * 1e-5), 1e-9);
   // Beyond 64 workers: a tree of ten levels.
-  EXPECT_NEAR(predict_update(kWork, kLink, {.workers = 1024}).reduce_s, 4 * (2046 * 1e-3 + 2 * 1023.0 / 1024 * 20e-3) + 10 * 20 * 1e-4, 1e-9);
+  EXPECT_NEAR(predict_update(kWork, kLink, {.workers = 1024}).reduce_s, 4 * (2046 * 1e-3 + 2 * 1023.0 / 1024 * 20e-3) + 10 * 20 * 1e-4,
+              1e-9);
 }
 
 TEST(ScalingModel, PreemptionWaitsForFewerAndLosesSteps) {
