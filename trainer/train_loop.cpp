@@ -343,6 +343,7 @@ bool Worker::agree_on_state() {
 
 void Worker::recover(const MembershipChange& change) {
   std::vector<int> lost = change.lost(), joined = change.joined();
+  const bool joins = joins_;
   const auto count = [&](const MembershipChange& one) {
     guards_.lost_workers += one.lost().size();
     guards_.joined_workers += one.joined().size();
@@ -359,6 +360,7 @@ void Worker::recover(const MembershipChange& change) {
       lost.insert(lost.end(), next.lost().begin(), next.lost().end());
       joined.insert(joined.end(), next.joined().begin(), next.joined().end());
     }
+  if (joins) joined.push_back(collective_.members()[static_cast<std::size_t>(rank_)]);
   lost_since_report_ = lost_since_report_ || !lost.empty();
   brief();
   if (rank_ != 0) return;
