@@ -451,9 +451,9 @@ TEST_F(JoiningWorkers, TheKeyDecidesWhoMayCome) {
   wait_for_rounds({0, 1, 2}, 3);
   ::kill(workers.pid(0), SIGKILL);  // another one listens at its port from then on
   wait_for_rounds({1, 2}, 2);
-  RingConfig stranger = curve(0, others);
-  stranger.network.meeting_key = public_key;
-  expect_refused(stranger, "does not allow the key");
+  RingConfig unknown_peer = curve(0, others);
+  unknown_peer.network.meeting_key = public_key;
+  expect_refused(unknown_peer, "does not allow the key");
   wait_for_rounds({1, 2}, 2);
   WorkerProcesses back(1, [&](int) {
     const auto collective = make_joining_worker(curve(0, keys));
