@@ -142,15 +142,28 @@ void refuse_other_settings(const SweepConfig& sweep, const SweepRun& run) {
                      "take them back, give the run another name, or remove the folder and the files beside it");
 }
 
+bool is_missing(const std::string& file) { return !file.empty() && !std::filesystem::exists(file); }
+
+/// A set that only the evaluation names is made by no run: it would be missed after the first training.
+void refuse_missing_set(const SweepConfig& sweep, const SweepRun& run) {
+  const std::string& set = run.evaluated.eval.file;
+  if (sweep.evaluate && set != run.config.eval.file && is_missing(set))
+    throw InputError(set, "the set of `evaluate` is missing", "make it with earshot dataset episodes, from the config that it belongs to");
+}
+
+std::string name_of(const SweepRun& run) { return fmt::format("sweep run {} seed {}", run.variant, run.seed); }
+
+void make_missing_sets(const SweepConfig& sweep, const SweepRun& run) {
+  if (!is_missing(run.config.train.file) && !(sweep.evaluate && is_missing(run.config.eval.file))) return;
+  std::vector<std::string> make{"dataset", "episodes", "--config", sweep.config};
+  for (const std::string& override : run.overrides) make.insert(make.end(), {"--set", override});
+  expect_done(run_program(make, log_of(run), [] {}), name_of(run) + ": its episodes", log_of(run));
+  stop_if_told();
+}
+
 void train_run(const SweepConfig& sweep, const SweepRun& run, const std::string& label) {
-  const std::string what = fmt::format("sweep run {} seed {}", run.variant, run.seed);
-  const auto missing = [](const std::string& file) { return !file.empty() && !std::filesystem::exists(file); };
-  if (missing(run.config.train.file) || (sweep.evaluate && missing(run.config.eval.file))) {
-    std::vector<std::string> make{"dataset", "episodes", "--config", sweep.config};
-    for (const std::string& override : run.overrides) make.insert(make.end(), {"--set", override});
-    expect_done(run_program(make, log_of(run), [] {}), what + ": its episodes", log_of(run));
-    stop_if_told();
-  }
+  make_missing_sets(sweep, run);
+  std::filesystem::remove(evaluated_with(run));  // a result of earlier weights
   write_file_atomically(file_beside(run, ".settings"), settings_of(sweep, run));
   std::vector<std::string> train{"train", sweep.config};
   train.insert(train.end(), run.overrides.begin(), run.overrides.end());
@@ -160,7 +173,7 @@ void train_run(const SweepConfig& sweep, const SweepRun& run, const std::string&
     train.insert(train.end(), {"--resume", run.folder.string()});
   {
     Progress progress(label, "step", run.config.total_steps);
-    expect_done(run_program(train, log_of(run), [&] { progress.update(std::min(steps_of(run), run.config.total_steps)); }), what,
+    expect_done(run_program(train, log_of(run), [&] { progress.update(std::min(steps_of(run), run.config.total_steps)); }), name_of(run),
                 log_of(run));
   }
   stop_if_told();  // a run that was asked to stop ends well, before its time
@@ -169,12 +182,13 @@ void train_run(const SweepConfig& sweep, const SweepRun& run, const std::string&
 
 /// On the held-out set of its config, in the environment that the sweep asks for.
 void evaluate_run(const SweepConfig& sweep, const SweepRun& run, const std::string& label) {
+  make_missing_sets(sweep, run);
+  std::filesystem::remove(evaluated_with(run));  // until the new result is there
   std::vector<std::string> evaluate{
       "eval", run.folder.string(), "--out", result_of(run).string(), "--workers", std::to_string(run.config.workers)};
   for (const std::string& override : *sweep.evaluate) evaluate.insert(evaluate.end(), {"--set", override});
   fmt::print(stderr, "{}: evaluation\n", label);
-  expect_done(run_program(evaluate, log_of(run), [] {}), fmt::format("sweep run {} seed {}: its evaluation", run.variant, run.seed),
-              log_of(run));
+  expect_done(run_program(evaluate, log_of(run), [] {}), name_of(run) + ": its evaluation", log_of(run));
   stop_if_told();
   write_file_atomically(evaluated_with(run), evaluation_settings(sweep));
 }
@@ -192,7 +206,10 @@ void write_report(const Options& options, const SweepConfig& sweep, const std::v
 void run_sweep(const Options& options) {
   const SweepConfig sweep = load_sweep(options.file);
   const std::vector<SweepRun> runs = runs_of(sweep);  // whatever is wrong with one of them is said before the first
-  for (const SweepRun& run : runs) refuse_other_settings(sweep, run);
+  for (const SweepRun& run : runs) {
+    refuse_other_settings(sweep, run);
+    refuse_missing_set(sweep, run);
+  }
   if (!options.report) {
     const StopSignals signals;
     for (std::size_t i = 0; i < runs.size(); ++i) {

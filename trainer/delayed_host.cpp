@@ -124,7 +124,8 @@ void DelayedHost::send_delayed() {
   for (int host = 0; host < kMaxHosts; ++host) hosts.push_back(socket_of(folder_, host));
   while (!over_) {
     const auto wait = packets.empty() ? std::chrono::nanoseconds(kLook) : packets.front().due - Clock::now();
-    const timespec limit{0, static_cast<long>(std::max<std::int64_t>(0, wait.count()))};
+    const std::int64_t wait_ns = std::max<std::int64_t>(0, wait.count());
+    const timespec limit{wait_ns / 1'000'000'000, wait_ns % 1'000'000'000};
     pollfd readable{tun_.value, POLLIN, 0};
     ::ppoll(&readable, 1, &limit, nullptr);
     const auto now = Clock::now();

@@ -52,6 +52,8 @@ void validate(const PpoConfig& config) {
           "must be in [0, 1): the fraction of workers that the others do not keep waiting; 0: all are waited for");
   require(config.preempt_least >= 0 && config.preempt_least <= 1, "ppo.preempt_least", config.preempt_least,
           "must be in [0, 1]: the fraction of its steps that a worker makes in any case");
+  require(config.preempt_fraction > 0 || config.preempt_least == PpoConfig{}.preempt_least, "ppo.preempt_least", config.preempt_least,
+          "has no effect without ppo.preempt_fraction: all workers make all of their steps");
   require(config.preempt_fraction > 0 || config.preempt_weight == PreemptWeight::sample, "ppo.preempt_weight",
           config.preempt_weight == PreemptWeight::worker ? "worker" : "truncated",
           "has no effect without ppo.preempt_fraction: all rollouts have the same length");

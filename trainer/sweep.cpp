@@ -81,8 +81,8 @@ std::vector<SweepRun> runs_of(const SweepConfig& sweep) {
       if (sweep.evaluate) {
         auto overrides = run.overrides;
         overrides.insert(overrides.end(), sweep.evaluate->begin(), sweep.evaluate->end());
-        static_cast<void>(load_run_config(sweep.config, overrides));  // what is wrong is said before the first run
-        if (run.config.eval.file.empty())
+        run.evaluated = load_run_config(sweep.config, overrides);
+        if (run.evaluated.eval.file.empty())
           throw InputError(sweep.config, "names no data.eval.file, so runs cannot be evaluated",
                            "leave `evaluate` out of the sweep, or name a set");
       }

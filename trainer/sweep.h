@@ -38,6 +38,7 @@ struct SweepRun {
   std::filesystem::path folder;        ///< its `out`
   std::vector<std::string> overrides;  ///< all of them, seed and out included
   RunConfig config;
+  RunConfig evaluated = {};  ///< with the changes of SweepConfig::evaluate; the same where there are none
 };
 /// Variants in the order of the file, seeds within each.
 std::vector<SweepRun> runs_of(const SweepConfig& sweep);

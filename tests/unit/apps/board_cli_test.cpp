@@ -136,6 +136,16 @@ TEST_F(BoardCli, SweepsGoOnWhereTheyWereStopped) {
   expect_refused("sweep " + path("sweep.yaml"), AllOf(HasSubstr("fast/seed_1"), HasSubstr("other settings")));
   write_text(path("bad.yaml"), "config: " + path("tiny.yaml") + "\nseeds: [1]\nrun: {base: []}\n");
   expect_refused("sweep " + path("bad.yaml"), HasSubstr("runs"));
+  // A run that is trained anew is evaluated anew.
+  sweep_file("1e-3");
+  write_text(path("sweep.yaml"), read_file(path("sweep.yaml")) + "evaluate: [env.task.max_steps=20]\n");
+  std::filesystem::remove_all(path("sweep/base/seed_1"));
+  std::filesystem::remove(path("sweep/base/seed_1.done"));
+  expect_done("sweep " + path("sweep.yaml"));
+  EXPECT_GT(std::filesystem::last_write_time(path("sweep/base/seed_1.result.json")), result_time);
+  write_text(path("bad.yaml"), "config: " + path("tiny.yaml") + "\nout: " + path("other") +
+                                   "\nseeds: [1]\nruns: {base: []}\nevaluate: [data.eval.file=" + path("no.json.gz") + "]\n");
+  expect_refused("sweep " + path("bad.yaml"), HasSubstr("no.json.gz"));
   write_text(path("bad.yaml"), "config: " + path("tiny.yaml") + "\nseeds: [1]\nruns: {base: []}\nevaluate: [env.tusk=1]\n");
   expect_refused("sweep " + path("bad.yaml"), HasSubstr("tusk"));
 }

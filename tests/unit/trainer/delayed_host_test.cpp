@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 
@@ -22,7 +23,7 @@ TEST(DelayedHost, PacketsTakeTheDelayAndNoBitIsLost) {
   if (::access("/dev/net/tun", R_OK | W_OK) != 0) GTEST_SKIP() << "no /dev/net/tun";
   const PrivateTestFolder folder;
   SharedArray<std::uint64_t, 4> hashes;
-  SharedArray<std::atomic<double>, 2> exchange_s;
+  SharedArray<std::atomic<double>, 2> mean_s, least_s;  ///< of ten exchanges
   {
     WorkerProcesses workers(2, [&](int rank) {
       const DelayedHost host(rank, kDelay, folder.path());
@@ -33,9 +34,15 @@ TEST(DelayedHost, PacketsTakeTheDelayAndNoBitIsLost) {
       const auto r = static_cast<std::size_t>(rank);
       hashes[r] = hash_of_calls(*ring);
       ring->barrier();
-      const auto start = Clock::now();
-      for (int call = 0; call < 10; ++call) ring->barrier();
-      exchange_s[r] = std::chrono::duration<double>(Clock::now() - start).count() / 10;
+      double least = 1e9;
+      const auto begin = Clock::now();
+      for (int call = 0; call < 10; ++call) {
+        const auto start = Clock::now();
+        ring->barrier();
+        least = std::min(least, std::chrono::duration<double>(Clock::now() - start).count());
+      }
+      mean_s[r] = std::chrono::duration<double>(Clock::now() - begin).count() / 10;
+      least_s[r] = least;
       return true;
     });
     workers.expect_all_succeed();
@@ -47,8 +54,8 @@ TEST(DelayedHost, PacketsTakeTheDelayAndNoBitIsLost) {
   workers.expect_all_succeed();
   for (std::size_t i = 1; i < 4; ++i) EXPECT_EQ(hashes[i], hashes[0]) << i;
   for (std::size_t r = 0; r < 2; ++r) {
-    EXPECT_GE(exchange_s[r], 0.020);
-    EXPECT_LT(exchange_s[r], 0.060);  // one way, not there and back and there again, on a loaded machine
+    EXPECT_GE(mean_s[r], 0.020);
+    EXPECT_LT(least_s[r], 0.039);  // one way, not there and back; the least of ten, as the machine may be loaded
   }
 }
 

@@ -79,6 +79,7 @@ class Rounds {
 
 class JoiningWorkers : public testing::Test {
  protected:
+  static constexpr unsigned kAlarm_s = 240;  ///< several losses and joins in turn, on a loaded machine
   Shared& shared() { return shared_[0]; }
   void wait_for(const std::function<bool()>& condition) {
     for (int tries = 0; tries < 8000 && !condition(); ++tries) std::this_thread::sleep_for(milliseconds(5));
@@ -96,6 +97,7 @@ class JoiningWorkers : public testing::Test {
   /// Workers of the first world that make rounds until the end.
   WorkerProcesses::Body member(int world_size, const std::function<void(int rank, bool joiners)>& before_admission = {}) {
     return [this, world_size, before_admission](int rank) {
+      ::alarm(kAlarm_s);
       const auto collective = make_zmq_ring(ring(rank, world_size));
       collective->brief("known");
       Rounds rounds(*collective, rank, shared());
@@ -107,6 +109,7 @@ class JoiningWorkers : public testing::Test {
   /// A worker that joins and makes rounds like the others.
   WorkerProcesses::Body joiner(int rank, int world_size) {
     return [this, rank, world_size](int) {
+      ::alarm(kAlarm_s);
       const auto collective = make_joining_worker(ring(rank, world_size));
       if (!collective->is_joining() || collective->briefing() != "known") return false;
       collective->enter();

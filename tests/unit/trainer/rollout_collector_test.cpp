@@ -77,7 +77,6 @@ TEST(RolloutCollector, HalvesDoWhatTheWholeBatchDoes) {
   EXPECT_EQ(halves.finished.values, whole.finished.values);
 }
 
-// Where it always acts, no episode is the policy's.
 // Eight steps, a rollout that ends after three, and eight more are the nineteen steps of one rollout: no row is read twice, and the policy
 // goes on from what it saw last.
 TEST(RolloutCollector, ARolloutThatEndsEarlyIsFollowedByTheNextStep) {
@@ -114,6 +113,7 @@ TEST(RolloutCollector, ARolloutThatEndsEarlyIsFollowedByTheNextStep) {
   }
 }
 
+// Where it always acts, no episode is the policy's.
 TEST(RolloutCollector, EpisodesOfTheOracleAreNotCounted) {
   RunConfig config = run_config(false, 2);
   config.guidance.oracle = 1;

@@ -71,6 +71,7 @@ TEST(RunConfig, ValuesOutOfRangeNameKeyAndRule) {
   EXPECT_THAT(message_of("seed: many"), HasSubstr("cannot be read as a whole number"));
   EXPECT_THAT(message_of("ppo: {clip: -0.1}"), HasSubstr("clip"));
   EXPECT_THAT(message_of("ppo: {preempt_fraction: 1}"), HasSubstr("ppo.preempt_fraction = 1: must be in [0, 1)"));
+  EXPECT_THAT(message_of("ppo: {preempt_least: 0.5}"), HasSubstr("ppo.preempt_least = 0.5: has no effect without ppo.preempt_fraction"));
   EXPECT_THAT(message_of("ppo: {preempt_fraction: 0.6, preempt_least: 1.5}"), HasSubstr("ppo.preempt_least = 1.5: must be in [0, 1]"));
   EXPECT_THAT(message_of("ppo: {preempt_fraction: 0.6, preempt_weight: ranks}"), HasSubstr("preempt_weight"));
   EXPECT_THAT(message_of("ppo: {preempt_weight: truncated}"), HasSubstr("has no effect without ppo.preempt_fraction"));
