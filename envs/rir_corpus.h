@@ -7,7 +7,7 @@
 #include <string>
 
 #include "envs/rir_corpus_config.h"
-#include "sim/sofa/sofa_writer.h"
+#include "sim/sofa/sofa_room_responses.h"
 
 namespace earshot {
 

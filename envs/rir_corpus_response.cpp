@@ -63,12 +63,14 @@ float gain_for(SoundFormat format, std::span<const float> samples) {
 /// To the axes of SOFA: x ahead, y to the left, z up.
 glm::dvec3 sofa_axes(glm::dvec3 v) { return {-v.z, -v.x, v.y}; }
 
-/// Receivers as the layout has them; ears where the rigid sphere of hrtf.h has them, as files of measured heads do not say.
+/// Receivers as the layout has them, of which the comment of harmonics says more; ears where the rigid sphere of hrtf.h has them, as files
+/// of measured heads do not say.
 void describe_receivers(const ListenerLayout& layout, SofaRoomResponses& sofa) {
   if (layout.kind == ListenerKind::ambisonics) {
     sofa.harmonics = true;
-    sofa.comment = fmt::format("spherical harmonics to order {} by ACN, {}, in the axes of the {}", layout.order,
-                               layout.norm == HarmonicNorm::n3d ? "N3D" : "SN3D", layout.axes == HarmonicAxes::world ? "room" : "listener");
+    sofa.comment +=
+        fmt::format("; spherical harmonics to order {} by ACN, {}, in the axes of the {}", layout.order,
+                    layout.norm == HarmonicNorm::n3d ? "N3D" : "SN3D", layout.axes == HarmonicAxes::world ? "room" : "listener");
   } else if (layout.kind == ListenerKind::binaural) {
     constexpr double radius_m = 0.0875, ear_rad = 100 * std::numbers::pi / 180;
     for (const double side : {1.0, -1.0})

@@ -10,7 +10,7 @@
 #include "sim/acoustics/paths/early_reflections.h"
 #include "sim/acoustics/source_field/source_field.h"
 #include "sim/acoustics/synthesis/rir_synthesis.h"
-#include "sim/sofa/sofa_writer.h"
+#include "sim/sofa/sofa_room_responses.h"
 
 namespace earshot {
 

@@ -249,6 +249,26 @@ TEST(RirCorpus, SharedListenersAreThoseOfAllSources) {
   }
 }
 
+// Without HDF5: what the writer is handed.
+TEST(RirCorpus, SofaFilesOfHarmonicsStateTheirLevel) {
+  RirCorpusConfig config = tiny();
+  config.shoeboxes.count = 1;
+  config.sources_per_room = config.listeners_per_source = 1;
+  config.sofa = true;
+  for (const std::string channels : {"mono", "ambisonic:1"}) {
+    config.channels = channels;
+    const TestFolder folder("corpus_sofa_comment");
+    std::string comment;
+    const auto encode = [&](const SofaRoomResponses& responses, const std::string&) {
+      comment = responses.comment;
+      return std::string("sofa");
+    };
+    write_rir_corpus(config, {.out = folder.path(), .threads = 1, .shard = {}, .progress = {}, .encode_sofa = encode});
+    EXPECT_THAT(comment, HasSubstr("pressure of a source of 1/(4 pi r) at 1 m"));
+    EXPECT_EQ(comment.find("by ACN") != std::string::npos, channels != "mono") << comment;
+  }
+}
+
 TEST(RirCorpus, HeadsAreDrawnPerListener) {
   RirCorpusConfig config = tiny();
   config.shoeboxes.count = 1;
