@@ -14,6 +14,7 @@
 #include "envs/reverberant_mixture.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/utf8.h"
 
 namespace earshot {
 namespace {
@@ -21,7 +22,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 /// Signals that a killed run may have to make again.
-constexpr std::uint64_t kSignalsPerPart = 10;
+constexpr int kSignalsPerPart = 10;
 constexpr std::size_t kLongestTranscript = 1 << 16;
 
 Json rounded(double value) { return std::strtod(fmt::format("{:.6g}", value).c_str(), nullptr); }
@@ -32,6 +33,25 @@ void validate_range(const std::vector<float>& range, const std::string& key, flo
           fmt::format("must be LOW,HIGH within [{}, {}] dB, the smaller one first", low, high));
 }
 
+/// What stands beside a speech file in a text file of its name; nothing if there is none.  Throws InputError for what is no text.
+std::optional<std::string> transcript_of(const SoundFolder& speech, const std::string& file) {
+  const std::filesystem::path path = (speech.root / file).replace_extension(".txt");
+  std::error_code unknown;
+  if (!std::filesystem::is_regular_file(path, unknown)) return {};
+  std::string text = read_file(path, kLongestTranscript);
+  if (!is_utf8(text)) throw InputError(path.string(), "is not UTF-8 text", "save it as UTF-8");
+  while (!text.empty() && (text.back() == '\n' || text.back() == '\r' || text.back() == ' ')) text.pop_back();
+  return text;
+}
+
+/// Of the words beside all speech files, so that a corpus is not completed with others.
+std::uint64_t transcripts_hash(const SoundFolder& speech) {
+  std::string all;
+  for (const std::string& file : speech.files)
+    if (const auto text = transcript_of(speech, file)) all += fmt::format("{} {}\n", file, hex64(hash64(*text)));
+  return hash64(all);
+}
+
 std::string config_lines(const ConvolveConfig& config, const ResponseIndex& index, const SoundFolder& speech, const SoundFolder* noise,
                          std::uint64_t signals) {
   const auto range = [](const std::vector<float>& values) { return fmt::format("[{}, {}]", values[0], values[1]); };
@@ -40,6 +60,7 @@ std::string config_lines(const ConvolveConfig& config, const ResponseIndex& inde
   add("corpus_hash", hex64(index.hash()));
   add("speech_files", speech.files.size());
   add("speech_hash", hex64(speech.hash()));
+  add("transcripts_hash", hex64(transcripts_hash(speech)));
   add("noise", noise ? "folder " + hex64(noise->hash()) : config.noise.empty() ? "none" : config.noise);
   add("seed", config.seed);
   add("signals", signals);
@@ -53,15 +74,6 @@ std::string config_lines(const ConvolveConfig& config, const ResponseIndex& inde
   add("cut", config.cut);
   add("format", config.format == SoundFormat::wav ? "wav" : "flac");
   add("signals_per_folder", config.signals_per_folder);
-  return text;
-}
-
-/// What stands beside a speech file in a text file of its name; nothing if there is none.
-std::optional<std::string> transcript_of(const SoundFolder& speech, const std::string& file) {
-  const std::filesystem::path path = (speech.root / file).replace_extension(".txt");
-  if (!std::filesystem::is_regular_file(path)) return {};
-  std::string text = read_file(path, kLongestTranscript);
-  while (!text.empty() && (text.back() == '\n' || text.back() == '\r' || text.back() == ' ')) text.pop_back();
   return text;
 }
 
@@ -169,8 +181,9 @@ void validate(const ConvolveConfig& config) {
   validate_range(config.talker_db, "--talker-level", -60, 60);
   validate_range(config.snr_db, "--snr", -60, 120);
   validate_range(config.level_dbfs, "--level", -100, 0);
-  require(config.signals_per_folder >= 1 && config.signals_per_folder <= 100'000, "--signals-per-folder", config.signals_per_folder,
-          "must be in [1, 100000]");
+  const int per_folder = config.signals_per_folder;
+  require(per_folder >= 1 && per_folder <= 100'000 && (per_folder <= kSignalsPerPart || per_folder % kSignalsPerPart == 0),
+          "--signals-per-folder", per_folder, "must be in [1, 10], or a multiple of 10 up to 100000");
 }
 
 ConvolveReport write_convolve_corpus(const ConvolveConfig& config, const CorpusRun& run) {
@@ -192,8 +205,8 @@ ConvolveReport write_convolve_corpus(const ConvolveConfig& config, const CorpusR
     throw InputError("--format flac", fmt::format("holds 8 channels, and the responses have {}", index.channels().size()), "take wav");
 
   const std::uint64_t signals = config.count > 0 ? config.count : speech.files.size();
-  const std::uint64_t per_part = std::min<std::uint64_t>(kSignalsPerPart, static_cast<std::uint64_t>(config.signals_per_folder));
-  const auto parts_per_folder = (static_cast<std::uint64_t>(config.signals_per_folder) + per_part - 1) / per_part;
+  const auto per_part = static_cast<std::uint64_t>(std::min(kSignalsPerPart, config.signals_per_folder));
+  const std::uint64_t parts_per_folder = static_cast<std::uint64_t>(config.signals_per_folder) / per_part;
   const CorpusFolder folder(run.out, static_cast<std::size_t>((signals + per_part - 1) / per_part),
                             static_cast<std::size_t>(parts_per_folder), index.sample_rate_hz(), index.channels().size());
   folder.begin(CorpusFolder::describe("convolve", config_lines(config, index, speech, noise ? &*noise : nullptr, signals),

@@ -14,11 +14,15 @@ namespace earshot {
 struct SoundFolder {
   std::filesystem::path root;
   std::vector<std::string> files;
-  /// Throws InputError if there is none.
+  /// Links are followed.  Throws InputError: none is there, a folder that cannot be read or that holds itself by a link, a name that is not
+  /// UTF-8, which manifests are.
   static SoundFolder list(const std::string& folder);
-  /// Of names and sizes.
+  /// Of names and sizes.  Throws InputError for a file that is gone.
   [[nodiscard]] std::uint64_t hash() const;
 };
+
+/// Bytes of a sound file.  Throws InputError if it cannot be read.
+std::uint64_t sound_file_size(const std::filesystem::path& file);
 
 /// Most of a sample of what is written: below 1 with 24 bits.
 inline constexpr double kMostPeak = 0.999;

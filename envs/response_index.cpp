@@ -15,6 +15,9 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 constexpr std::size_t kMostRooms = 100'000'000;
+/// Far beyond any room, and small enough that a number of samples fits an integer.
+constexpr double kMostDistanceM = 1e6, kLongestDelayS = 3600;
+constexpr float kHighestRateHz = 1e6f;
 
 IndexedResponse parse_line(std::string_view line) {
   const Json json = Json::parse(line);
@@ -63,12 +66,17 @@ ResponseIndex::ResponseIndex(std::filesystem::path corpus) : corpus_(std::move(c
     throw InputError(manifest.string() + ":" + std::to_string(number), "is not a line of a manifest of responses",
                      "name a folder that `earshot dataset rir` has written");
   }
+  if (!(sample_rate_hz_ > 0 && sample_rate_hz_ <= kHighestRateHz))
+    throw InputError(description.string(), "has a sample rate out of its range", "write the corpus again");
   if (responses_.empty()) throw InputError(manifest.string(), "holds no response", "write the corpus again");
   for (std::size_t i = 0; i < responses_.size(); ++i) {
     const IndexedResponse& response = responses_[i];
     if (response.file.ends_with(".sofa"))
       throw InputError(corpus_.string(), "holds its responses in SOFA files", "write the corpus with format: wav or flac");
-    if (response.room >= kMostRooms || !(response.gain > 0) || !(response.distance_m >= 0) || !(response.direct_delay_s >= 0))
+    const bool in_range = response.room < kMostRooms && response.gain > 0 && response.distance_m >= 0 &&
+                          response.distance_m <= kMostDistanceM && response.direct_delay_s >= 0 &&
+                          response.direct_delay_s <= kLongestDelayS;
+    if (!in_range)
       throw InputError(manifest.string() + ":" + std::to_string(i + 1), "has a number out of its range", "write the corpus again");
     if (response.room >= rooms_.size()) rooms_.resize(response.room + 1);
     rooms_[response.room].push_back(i);

@@ -40,8 +40,9 @@ RandomStream stream_of(const ConvolveConfig& config, std::uint64_t number, std::
 /// [channels, frames] to [channels, length], the sound from `start` on; what lies beyond is cut.
 std::vector<float> placed(std::span<const float> sound, std::size_t channels, std::size_t start, std::size_t length) {
   const std::size_t frames = sound.size() / channels;
-  const std::size_t count = start >= length ? 0 : std::min(frames, length - start);
   std::vector<float> result(channels * length, 0.f);
+  if (start >= length) return result;
+  const std::size_t count = std::min(frames, length - start);
   for (std::size_t c = 0; c < channels; ++c)
     std::copy_n(sound.begin() + static_cast<std::ptrdiff_t>(c * frames), count,
                 result.begin() + static_cast<std::ptrdiff_t>(c * length + start));

@@ -16,6 +16,7 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/random.h"
+#include "sim/base/utf8.h"
 #include "sim/scene/materials.h"
 #include "sim/scene/semantic_materials.h"
 
@@ -97,6 +98,8 @@ std::vector<std::string> expand_scenes(const std::vector<std::string>& scenes) {
     std::ranges::sort(files);
     all.insert(all.end(), files.begin(), files.end());
   }
+  for (const std::string& scene : all)
+    if (!is_utf8(scene)) throw InputError(scene, "has a name that is not UTF-8, as manifests are", "rename it");
   return all;
 }
 
@@ -142,7 +145,10 @@ CorpusRoom::CorpusRoom(const RirCorpusConfig& config, std::size_t index, const C
       index_(static_cast<std::uint32_t>(index)),
       acoustics_(load_room(config, spec), config.acoustics),
       navmesh_(acoustics_.scene().mesh(), floor_of(config)),
-      pictures_(config.panorama ? std::make_unique<const CorpusPictures>(*config.panorama, acoustics_.scene()) : nullptr) {}
+      pictures_(config.panorama ? std::make_unique<const CorpusPictures>(*config.panorama, acoustics_.scene()) : nullptr) {
+  for (int source = 0; config.shared_listeners && source < config.sources_per_room; ++source)
+    sources_.push_back(draw_source(source).sound.position);
+}
 
 bool CorpusRoom::is_free(glm::vec3 foot, float height_m) const { return stands_free(scene(), foot, height_m + config_.clearance_m); }
 
@@ -178,19 +184,17 @@ CorpusSource CorpusRoom::draw_source(int source) const {
 
 CorpusListener CorpusRoom::draw_listener(const CorpusSource& from, int source, int listener) const {
   const RandomStream random = place_stream(config_.seed, index_, config_.shared_listeners ? kAnySource : source, listener + 1);
-  std::vector<glm::vec3> sources{from.sound.position};
-  for (int other = 0; config_.shared_listeners && other < config_.sources_per_room; ++other)
-    if (other != source) sources.push_back(draw_source(other).sound.position);
   for (std::uint32_t attempt = 0; attempt < kTries; ++attempt) {
     const std::uint32_t draw = attempt * draws_per_try;
     const glm::vec3 foot = navmesh_.random_point(random, draw + foot_draw);
     const float height_m = within(config_.listener_height_m, random.uniform(draw + height_draw));
     const glm::vec3 place = foot + glm::vec3(0, height_m, 0);
-    const bool in_range = std::ranges::all_of(sources, [&](glm::vec3 position) {
+    const auto in_range = [&](glm::vec3 position) {
       const float distance_m = glm::length(place - position);
       return distance_m >= config_.min_distance_m && distance_m <= config_.max_distance_m;
-    });
-    if (!in_range || !is_free(foot, height_m)) continue;
+    };
+    // With shared listeners the source itself is among the others.
+    if (!in_range(from.sound.position) || !std::ranges::all_of(sources_, in_range) || !is_free(foot, height_m)) continue;
     return {.position = place,
             .heading_deg = heading_of(random, draw + heading_draw),
             .pitch_deg = angle_within(config_.pitch_deg, random.uniform(draw + pitch_draw)),

@@ -50,7 +50,7 @@ struct FreePlace {
 /// A loaded room, with what draws places in it.  Immutable, safe from any thread.
 class CorpusRoom {
  public:
-  /// Throws InputError as load_scene, and where nothing is walkable.
+  /// Throws InputError as load_scene, where nothing is walkable, and with config.shared_listeners as draw_source.
   CorpusRoom(const RirCorpusConfig& config, std::size_t index, const CorpusRoomSpec& spec);
 
   [[nodiscard]] const AcousticScene& acoustics() const { return acoustics_; }
@@ -75,6 +75,7 @@ class CorpusRoom {
   AcousticScene acoustics_;
   Navmesh navmesh_;
   std::unique_ptr<const CorpusPictures> pictures_;
+  std::vector<glm::vec3> sources_;  ///< places of all, with config.shared_listeners
 };
 
 }  // namespace earshot

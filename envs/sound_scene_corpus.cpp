@@ -19,6 +19,7 @@
 #include "sim/acoustics/synthesis/carriers.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/utf8.h"
 
 namespace earshot {
 namespace {
@@ -27,8 +28,6 @@ using Json = nlohmann::ordered_json;
 
 /// In the place of the scene in the streams of episodes: what stands beside the events of a recording.
 constexpr std::uint32_t kMixStream = 0x53454C4Du;
-/// Apart from the numbers of events.
-constexpr std::uint32_t kMixNumber = 0xFFFFu;
 
 enum Draw : std::uint32_t {
   level_draw = 0,
@@ -175,6 +174,23 @@ class RoomRecorder {
   CorpusRoom room_;
 };
 
+/// Of the names of all sounds, and of the sizes of those that are files.  Throws InputError: an unknown kind, a file that cannot be read or
+/// whose name is not UTF-8.
+std::uint64_t hash_of(const ClassSounds& sounds, float sample_rate_hz) {
+  std::string text;
+  for (const auto& of_class : sounds)
+    for (const std::string& sound : of_class) {
+      if (!is_utf8(sound)) throw InputError(sound, "has a name that is not UTF-8, as manifests are", "rename it");
+      text += sound;
+      if (sound.starts_with("synth:"))
+        (void)synthesize_sound(sound, sample_rate_hz);
+      else
+        text += fmt::format(" {}", sound_file_size(sound));
+      text += '\n';
+    }
+  return hash64(text);
+}
+
 /// The events of a recording as lhotse's SupervisionSegments.
 std::string supervision_lines(const std::string& manifest_line, std::size_t num_channels) {
   const Json recording = Json::parse(manifest_line);
@@ -200,13 +216,7 @@ std::string supervision_lines(const std::string& manifest_line, std::size_t num_
 SoundSceneReport write_sound_scenes(const SoundSceneConfig& config, const CorpusRun& run) {
   validate(config);
   const ClassSounds sounds = expand_classes(config);
-  std::string sounds_text;
-  for (const auto& of_class : sounds)
-    for (const std::string& sound : of_class) {
-      sounds_text += sound + "\n";
-      if (sound.starts_with("synth:"))
-        (void)synthesize_sound(sound, config.rooms.acoustics.sample_rate_hz);  // an unknown kind shows before anything is written
-    }
+  const std::uint64_t sounds_hash = hash_of(sounds, config.rooms.acoustics.sample_rate_hz);  // before anything is written
   std::optional<SoundFolder> noise;
   if (!config.noise.empty() && config.noise != "synth") noise = SoundFolder::list(config.noise);
   const std::vector<CorpusRoomSpec> rooms = list_corpus_rooms(config.rooms);
@@ -216,7 +226,7 @@ SoundSceneReport write_sound_scenes(const SoundSceneConfig& config, const Corpus
                             static_cast<std::size_t>(layout.num_channels()));
   folder.begin(CorpusFolder::describe(
       "scenes",
-      config_text(config) + fmt::format("sounds: {}\nnoise_files: {}\n", hex64(hash64(sounds_text)), noise ? hex64(noise->hash()) : "none"),
+      config_text(config) + fmt::format("sounds: {}\nnoise_files: {}\n", hex64(sounds_hash), noise ? hex64(noise->hash()) : "none"),
       rate_hz, channel_names(layout)));
   std::string names;
   for (const SoundClass& sound_class : config.classes) names += sound_class.name + "\n";

@@ -19,6 +19,7 @@ namespace {
 constexpr std::uint32_t kEventStream = 0x53454C44u, kPlaceStream = 0x53454C50u;
 constexpr int kOnsetTries = 100, kWalkTries = 20;
 constexpr int kMostCorners = 200;
+constexpr float kArrivedM = 0.02f;
 constexpr double kFrameS = 0.1, kDegree = 180 / std::numbers::pi;
 
 /// Draw numbers of an event, fixed so that a new consumer does not shift the others.
@@ -56,9 +57,9 @@ std::vector<glm::vec3> way_between(const Navmesh& navmesh, FreePlace from, FreeP
     const auto next = field.next_corner(feet.back());
     if (!next) return {};
     if (glm::length(*next - feet.back()) > 0.01f) feet.push_back(*next);
-    if (glm::length(field.goal() - feet.back()) <= 0.02f) break;
-    if (glm::length(*next - feet.back()) > 0 && corner + 1 == kMostCorners) return {};
+    if (glm::length(field.goal() - feet.back()) <= kArrivedM) break;
   }
+  if (glm::length(field.goal() - feet.back()) > kArrivedM) return {};
   float length_m = 0;
   for (std::size_t i = 1; i < feet.size(); ++i) length_m += glm::length(feet[i] - feet[i - 1]);
   std::vector<glm::vec3> way;

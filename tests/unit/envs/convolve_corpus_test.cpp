@@ -12,6 +12,8 @@
 #include <string>
 #include <vector>
 
+#include "envs/corpus_sounds.h"
+#include "envs/response_index.h"
 #include "sim/base/errors.h"
 #include "tests/support/convolve_corpus_cases.h"
 #include "tests/support/test_files.h"
@@ -218,11 +220,55 @@ TEST_F(ConvolveCorpus, WhatCannotBeIsOneLine) {
   EXPECT_THAT(refused([&](auto& c) { c.noise = "synth:nose"; }), HasSubstr("nose"));
   EXPECT_THAT(refused([&](auto& c) { c.max_talkers = 3; }), HasSubstr("more than the 2 sources of a room"));
   EXPECT_THAT(refused([&](auto& c) { c.snr_db = {20, 5}; }), HasSubstr("--snr"));
+  EXPECT_THAT(refused([&](auto& c) { c.signals_per_folder = 15; }), HasSubstr("--signals-per-folder = 15"));
   EXPECT_FALSE(std::filesystem::exists(files_.path("refused")));
   write_wav(files_.path("speech/silent.wav"), std::vector<float>(2000, 0.f), 1, 16000);
   EXPECT_THAT(refused([](auto&) {}), HasSubstr("silent.wav: is silent"));
   std::filesystem::remove(files_.path("corpus/manifest.jsonl"));
   EXPECT_THAT(refused([](auto&) {}), HasSubstr("is not complete"));
+}
+
+// What a manifest cannot hold is named before anything is written.
+TEST_F(ConvolveCorpus, TextThatIsNotUtf8IsRefused) {
+  const auto refused = [&] { return message_of<InputError>([&] { run(files_.config(), "refused"); }); };
+  write_text(files_.path("speech/other/c.txt"), "caf\xE9");
+  EXPECT_THAT(refused(), HasSubstr("c.txt: is not UTF-8 text"));
+  write_text(files_.path("speech/other/c.txt"), "caf\xC3\xA9");
+  std::filesystem::copy_file(files_.path("speech/a.wav"), files_.path("speech/caf\xE9.wav"));
+  EXPECT_THAT(refused(), HasSubstr("has a name that is not UTF-8"));
+  EXPECT_FALSE(std::filesystem::exists(files_.path("refused")));
+}
+
+TEST_F(ConvolveCorpus, LinksAreFollowedButNotInCircles) {
+  ConvolveConfig config = files_.config();
+  config.count = 0;
+  std::filesystem::create_directory_symlink(files_.path("noise"), files_.path("speech/linked"));
+  std::filesystem::create_symlink(files_.path("nowhere.wav"), files_.path("speech/gone.wav"));
+  EXPECT_EQ(SoundFolder::list(config.speech).files, (std::vector<std::string>{"a.wav", "b.wav", "linked/engine.wav", "other/c.wav"}));
+  std::filesystem::create_directory_symlink(files_.path("speech"), files_.path("speech/other/back"));
+  EXPECT_THAT(message_of<InputError>([&] { SoundFolder::list(config.speech); }), HasSubstr("look for a link that leads back"));
+}
+
+TEST_F(ConvolveCorpus, OtherWordsAreAnotherCorpus) {
+  ConvolveConfig config = files_.config();
+  config.count = 3;
+  run(config);
+  write_text(files_.path("speech/b.txt"), "words of d\n");  // of the same length
+  EXPECT_THAT(message_of<InputError>([&] { run(config); }), HasSubstr("begun otherwise: 'transcripts_hash"));
+}
+
+TEST_F(ConvolveCorpus, NumbersOfADamagedManifestAreRefused) {
+  const std::string manifest = read_file(files_.path("corpus/manifest.jsonl")), description = read_file(files_.path("corpus/corpus.json"));
+  const auto refused = [&](const std::string& file, const std::string& text, const std::string& key, const std::string& value) {
+    const std::size_t at = text.find("\"" + key + "\":") + key.size() + 3;
+    write_text(files_.path(file), text.substr(0, at) + value + text.substr(text.find_first_of(",\n", at)));
+    return message_of<InputError>([&] { ResponseIndex(files_.path("corpus")); });
+  };
+  for (const char* key : {"direct_delay_s", "distance_m"})
+    EXPECT_THAT(refused("corpus/manifest.jsonl", manifest, key, "1e300"), HasSubstr("manifest.jsonl:1: has a number out of its range"));
+  write_text(files_.path("corpus/manifest.jsonl"), manifest);
+  EXPECT_EQ(ResponseIndex(files_.path("corpus")).sample_rate_hz(), 16000);
+  EXPECT_THAT(refused("corpus/corpus.json", description, "sample_rate_hz", "1e30"), HasSubstr("has a sample rate out of its range"));
 }
 
 }  // namespace

@@ -15,39 +15,19 @@
 
 #include "envs/rir_corpus_room.h"
 #include "envs/sound_scene_events.h"
+#include "sim/audio/sound_clip.h"
 #include "sim/base/errors.h"
 #include "tests/support/env_cases.h"
-#include "tests/support/rir_corpus_cases.h"
+#include "tests/support/sound_scene_cases.h"
 #include "tests/support/test_files.h"
 
 namespace earshot {
 namespace {
 
-using corpus_cases::differences;
+using corpus_cases::dry_scenes;
 using corpus_cases::lines_of;
 using corpus_cases::read_float_wav;
-using corpus_cases::tree;
 using testing::HasSubstr;
-
-/// Rooms whose walls take nearly all, so that direct sound is nearly all there is.
-SoundSceneConfig dry_scenes() {
-  SoundSceneConfig config;
-  config.rooms = corpus_cases::tiny();
-  config.rooms.shoeboxes.count = 2;
-  config.rooms.shoeboxes.min_size_m = {5, 3, 5};
-  config.rooms.shoeboxes.max_size_m = {6, 3, 6};
-  config.rooms.shoeboxes.absorption = {0.999f, 1.f};
-  config.rooms.source_height_m = {0.4f, 2.2f};
-  config.rooms.channels = "ambisonic:1:sn3d:ego";
-  config.rooms.pitch_deg = {-20, 20};
-  config.recordings_per_room = 3;
-  config.duration_s = 4;
-  config.classes = {{"noise", {"synth:noise"}}, {"engine", {"synth:engine"}}};
-  config.events = {2, 4};
-  config.event_s = {0.8f, 1.5f};
-  config.speed_m_per_s = {0.8f, 1.5f};
-  return config;
-}
 
 using Row = std::array<int, 6>;  ///< frame, class, source, azimuth, elevation, distance
 
@@ -159,20 +139,28 @@ TEST(SoundSceneCorpus, RowsAreCountedByHand) {
             "2,3,0,90,0,200\n");
 }
 
-TEST(SoundSceneCorpus, ThreadsShardsAndInterruptionsChangeNoByte) {
+// A corpus is not completed with another sound of the same name.
+TEST(SoundSceneCorpus, SoundsAreKnownByNameAndSize) {
+  const TestFolder folder("scene_sounds");
+  const std::string file = (folder.path() / "alarm.wav").string(), out = (folder.path() / "out").string();
   SoundSceneConfig config = dry_scenes();
-  config.rooms.rooms_per_folder = 1;
-  config.recordings_per_room = 2;
-  config.duration_s = 2;
-  config.noise = "synth";
-  config.rooms.channels = "binaural";
-  const TestFolder one("scene_one"), split("scene_split");
-  write_sound_scenes(config, {.out = one.path(), .threads = 1, .shard = {}, .progress = {}});
-  const auto expected = tree(one.path());
-  EXPECT_EQ(expected.size(), 4u * 2 + 2 + 5);
-  write_sound_scenes(config, {.out = split.path(), .threads = 2, .shard = {2, 2}, .progress = {}});
-  EXPECT_EQ(write_sound_scenes(config, {.out = split.path(), .threads = 2, .shard = {1, 2}, .progress = {}}).folders_missing, 0u);
-  EXPECT_EQ(differences(tree(split.path()), expected), std::vector<std::string>{});
+  config.rooms.shoeboxes.count = config.recordings_per_room = 1;
+  config.duration_s = 1;
+  config.event_s = {0.3f, 0.5f};
+  config.classes = {{"alarm", {file}}};
+  const auto refused = [&] {
+    return message_of<InputError>([&] { write_sound_scenes(config, {.out = out, .threads = 1, .shard = {}, .progress = {}}); });
+  };
+  EXPECT_THAT(refused(), HasSubstr("alarm.wav: cannot be read"));
+  EXPECT_FALSE(std::filesystem::exists(out));
+  write_wav(file, std::vector<float>(16000, 0.5f), 1, 16000);
+  write_sound_scenes(config, {.out = out, .threads = 1, .shard = {}, .progress = {}});
+  write_wav(file, std::vector<float>(17000, 0.5f), 1, 16000);
+  EXPECT_THAT(refused(), HasSubstr("begun otherwise: 'sounds"));
+  const std::string other = (folder.path() / "caf\xE9.wav").string();
+  std::filesystem::copy_file(file, other);
+  config.classes = {{"alarm", {other}}};
+  EXPECT_THAT(refused(), HasSubstr("has a name that is not UTF-8"));
 }
 
 TEST(SoundSceneCorpus, ConfigsAreCheckedByKey) {
