@@ -439,7 +439,7 @@ TEST(Collective, PeerThatBreaksTheProtocolIsNamed) {
     control.bind(listening_address(config, "control"));
     bulk.bind(listening_address(config, "bulk"));
     const PeerTable table = meet(context, config, listening_address(config, "control"), listening_address(config, "bulk"));
-    out.set(zmq::sockopt::routing_id, "E" + hex64(hash64(config.run_id, table.run_key)) + ".1");
+    out.set(zmq::sockopt::routing_id, "E" + hex64(hash64(config.run_id, table.run_key)) + ".1.00000000");
     out.connect(table.control_endpoints[0]);
     out.send(zmq::str_buffer("not a header"), zmq::send_flags::sndmore);
     out.send(zmq::str_buffer("at all"), zmq::send_flags::none);
