@@ -3,8 +3,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <utility>
 
 #include "envs/batched_env.h"
+#include "envs/name_ranges.h"
 #include "sim/base/progress.h"
 #include "trainer/effective_config.h"
 
@@ -19,36 +21,37 @@ constexpr int kDistractorPlaces = 10;
 
 }  // namespace
 
+EpisodeMaker::EpisodeMaker(const DataConfig& data, const EnvConfig& env)
+    : data_(data), env_(env), sounds_(expand_sounds(data.sounds)), agents_(data.agents), cache_(make_scene_cache(env)) {
+  if (sounds_.empty()) throw InputError("data.sounds", "is empty", "name at least one sound, for example synth:telephone");
+  agents_.sounds = expand_sounds(agents_.sounds);
+}
+
+std::vector<Episode> EpisodeMaker::make(const std::string& name) {
+  const auto scene = cache_->scene(name);
+  auto episodes = generate_episodes(name, *scene->scene, scene->navmesh, env_.task, data_.filter, sounds_, data_.episodes_per_scene,
+                                    data_.seed, data_.goals_per_scene);
+  if (data_.scenario.changes_episodes()) {
+    // Distractors stand where goals of the scene may: what is made once per source serves both.
+    std::vector<glm::dvec3> places;
+    if (data_.scenario.distractors > 0)
+      for (const glm::vec3 place : spread_goals(name, *scene->scene, scene->navmesh, env_.task, data_.filter,
+                                                std::max(data_.goals_per_scene, kDistractorPlaces), data_.seed))
+        places.push_back(scene->scene->to_world(place));
+    apply_scenario(data_.scenario, sounds_, places, data_.seed, episodes);
+  }
+  apply_agents(agents_, *scene->scene, scene->navmesh, env_.task, data_.filter, data_.seed, episodes);
+  return episodes;
+}
+
 EpisodeSet generate_data(const DataConfig& data, const EnvConfig& env) {
   if (data.scenes.empty()) throw InputError("data.scenes", "is empty", "name at least one SCENE, for example house:1");
-  std::vector<std::string> scenes;
-  for (const auto& scene : data.scenes) {
-    const auto expanded = expand_range(scene);
-    scenes.insert(scenes.end(), expanded.begin(), expanded.end());
-  }
-  const auto sounds = expand_sounds(data.sounds);
-  if (sounds.empty()) throw InputError("data.sounds", "is empty", "name at least one sound, for example synth:telephone");
-
-  const auto cache = make_scene_cache(env);
+  const std::vector<std::string> scenes = expand_ranges(data.scenes);
+  EpisodeMaker maker(data, env);
   Progress progress("episodes", "scene", scenes.size());
   EpisodeSet set;
   for (std::size_t i = 0; i < scenes.size(); ++i) {
-    const auto scene = cache->scene(scenes[i]);
-    auto episodes = generate_episodes(scenes[i], *scene->scene, scene->navmesh, env.task, data.filter, sounds, data.episodes_per_scene,
-                                      data.seed, data.goals_per_scene);
-    if (data.scenario.changes_episodes()) {
-      // Distractors stand where goals of the scene may: what is made once per source serves both.
-      std::vector<glm::dvec3> places;
-      if (data.scenario.distractors > 0)
-        for (const glm::vec3 place : spread_goals(scenes[i], *scene->scene, scene->navmesh, env.task, data.filter,
-                                                  std::max(data.goals_per_scene, kDistractorPlaces), data.seed))
-          places.push_back(scene->scene->to_world(place));
-      apply_scenario(data.scenario, sounds, places, data.seed, episodes);
-    }
-    AgentScenario agents = data.agents;
-    agents.sounds = expand_sounds(agents.sounds);
-    apply_agents(agents, *scene->scene, scene->navmesh, env.task, data.filter, data.seed, episodes);
-    for (auto& episode : episodes) {
+    for (Episode& episode : maker.make(scenes[i])) {
       episode.episode_id = std::to_string(set.episodes.size());
       set.episodes.push_back(std::move(episode));
     }
