@@ -21,6 +21,7 @@ struct Options {
 void run_dataset_convolve(const Options& options) {
   ConvolveConfig config = options.config;
   const std::vector<float> talkers = parse_range(options.talkers, "--talkers");
+  require(talkers[0] >= 1 && talkers[1] <= 100, "--talkers", options.talkers, "must be within [1, 100]");
   config.min_talkers = static_cast<int>(talkers[0]);
   config.max_talkers = static_cast<int>(talkers[1]);
   require(static_cast<float>(config.min_talkers) == talkers[0] && static_cast<float>(config.max_talkers) == talkers[1], "--talkers",
@@ -88,7 +89,8 @@ void add_dataset_convolve(CLI::App& dataset) {
       ->check(CLI::IsMember({"wav", "flac"}))
       ->capture_default_str();
   command->add_option("--seed", config.seed, "Seed of all that is drawn")->capture_default_str();
-  command->add_option("--signals-per-folder", config.signals_per_folder, "The unit of --shard")->capture_default_str();
+  command->add_option("--signals-per-folder", config.signals_per_folder, "The unit of --shard: 1 to 10, or a multiple of 10")
+      ->capture_default_str();
   command->add_option("--threads", options->threads, "Threads; 0: all cores; any number gives the same bytes")->capture_default_str();
   command->add_option("--shard", options->shard, "K/N: the K-th of N parts, for N machines; any N gives the same bytes")
       ->capture_default_str();

@@ -1,13 +1,14 @@
 #include <fmt/format.h>
 
+#include <charconv>
 #include <chrono>
-#include <cstdio>
 #include <memory>
 
 #include "apps/commands.h"
 #include "envs/rir_corpus.h"
 #include "sim/base/errors.h"
 #include "sim/base/progress.h"
+#include "sim/sofa/sofa_writer.h"
 
 namespace earshot {
 namespace {
@@ -22,10 +23,14 @@ struct Options {
 
 CorpusPanorama parse_size(const std::string& text) {
   CorpusPanorama panorama;
-  int used = 0;
-  if (std::sscanf(text.c_str(), "%dx%d%n", &panorama.width_px, &panorama.height_px, &used) != 2 ||
-      static_cast<std::size_t>(used) != text.size())
-    throw InputError("--size " + text, "is not a size", "write WIDTHxHEIGHT in pixels: 1152x384");
+  const char* const end = text.data() + text.size();
+  std::from_chars_result number = std::from_chars(text.data(), end, panorama.width_px);
+  bool ok = number.ec == std::errc() && number.ptr != end && *number.ptr == 'x';
+  if (ok) {
+    number = std::from_chars(number.ptr + 1, end, panorama.height_px);
+    ok = number.ec == std::errc() && number.ptr == end;
+  }
+  if (!ok) throw InputError("--size " + text, "is not a size", "write WIDTHxHEIGHT in pixels: 1152x384");
   return panorama;
 }
 
@@ -38,11 +43,13 @@ RirCorpusConfig config_of(const Options& options) {
   config.max_distance_m = options.max_distance_m;
   config.channels = options.channels;
   config.acoustics = acoustic_preset("fast");
-  config.acoustics.sample_rate_hz = options.rate_hz;
-  config.acoustics.rir_length_s = options.length_s;
   config.panorama = parse_size(options.size);
   config.rooms_per_folder = 1;
-  ConfigReader reader = ConfigReader::from_text("{}", "--set", options.overrides);
+  // As overrides ahead of the user's, since `--set acoustics.preset=...` replaces all that was set before it.
+  std::vector<std::string> overrides{fmt::format("acoustics.sample_rate_hz={}", options.rate_hz),
+                                     fmt::format("acoustics.rir_length_s={}", options.length_s)};
+  overrides.insert(overrides.end(), options.overrides.begin(), options.overrides.end());
+  ConfigReader reader = ConfigReader::from_text("{}", "--set", overrides);
   read(reader, config);
   reader.finish();
   return config;
@@ -52,20 +59,21 @@ void run_dataset_pano(const Options& options) {
   const RirCorpusConfig config = config_of(options);
   std::unique_ptr<Progress> progress;
   const auto begin = std::chrono::steady_clock::now();
-  const CorpusReport report = write_rir_corpus(config, {.out = options.out,
-                                                        .threads = options.threads,
-                                                        .shard = CorpusShard::parse(options.shard),
-                                                        .progress = [&](std::uint64_t done, std::uint64_t total) {
-                                                          if (!progress)
-                                                            progress = std::make_unique<Progress>("dataset pano", "pairs", total);
-                                                          progress->update(done);
-                                                        }});
+  CorpusRun run{.out = options.out,
+                .threads = options.threads,
+                .shard = CorpusShard::parse(options.shard),
+                .progress = [&](std::uint64_t done, std::uint64_t total) {
+                  if (!progress) progress = std::make_unique<Progress>("dataset pano", "pairs", total);
+                  progress->update(done);
+                }};
+  if (can_write_sofa()) run.encode_sofa = encode_sofa;
+  const CorpusReport report = write_rir_corpus(config, run);
   progress.reset();
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   fmt::print("{}: {} panoramas with a response in {:.1f} s, {:.1f} per second\n", options.out, report.responses, seconds,
              static_cast<double>(report.responses) / seconds);
   if (report.folders_missing == 0)
-    fmt::print("{}: complete, {} pairs; manifest.jsonl, recordings.jsonl\n", options.out, report.all_responses);
+    fmt::print("{}: complete, {} pairs; manifest.jsonl{}\n", options.out, report.all_responses, config.sofa ? "" : ", recordings.jsonl");
   else
     fmt::print("{}: {} folders are missing, which other shards write; run any shard again once all are here\n", options.out,
                report.folders_missing);

@@ -77,6 +77,7 @@ TEST_F(DatasetCorporaCli, SpeechThroughACorpusByShardsOfTheTemplate) {
   expect_refused(signals + path("refused") + " --early", "split_ms");
   expect_refused("convolve " + path("none") + " --speech " + path("speech") + " --out " + path("refused"), "holds no corpus.json");
   expect_refused("convolve " + path("corpus") + " --speech " + path("speech") + " --snr loud --out " + path("refused"), "--snr loud");
+  expect_refused("convolve " + path("corpus") + " --speech " + path("speech") + " --talkers 1e30 --out " + path("refused"), "--talkers");
   EXPECT_FALSE(std::filesystem::exists(path("refused")));
   expect_refused(signals + path("whole") + " --seed 9", "'seed: 0' there, 'seed: 9' here");
 }
@@ -103,6 +104,20 @@ TEST_F(DatasetCorporaCli, ScenesThatShipAreRead) {
   ASSERT_EQ(lines.size(), 1u);
   EXPECT_EQ(read_float_wav(read_file(folder_.path() / "scenes" / lines[0]["file"].get<std::string>())).channels.size(), 4u);
   EXPECT_FALSE(read_file(folder_.path() / "scenes" / lines[0]["metadata_file"].get<std::string>()).empty());
+}
+
+// A preset names neither rate nor length; --set does.
+TEST_F(DatasetCorporaCli, PanoramasKeepRateAndLengthWithAPreset) {
+  const std::string pano = "pano shoebox:6x3x4@0.3 --pairs 1 --size 16x8 --rate 16000 --length 0.1 --set acoustics.preset=fast ";
+  ASSERT_EQ(dataset(pano + "--out " + path("preset")).exit_code, 0);
+  EXPECT_EQ(lines_of(path("preset/recordings.jsonl")).at(0)["num_samples"], 1600);
+  EXPECT_EQ(lines_of(path("preset/recordings.jsonl")).at(0)["sampling_rate"], 16000);
+  ASSERT_EQ(dataset(pano + "--set acoustics.rir_length_s=0.2 --out " + path("set")).exit_code, 0);
+  EXPECT_EQ(lines_of(path("set/recordings.jsonl")).at(0)["num_samples"], 3200);
+  const Outcome sofa = dataset(pano + "--set sofa=true --out " + path("sofa"));
+  if (sofa.exit_code == 2 && sofa.text.find("without HDF5") != std::string::npos) return;
+  ASSERT_EQ(sofa.exit_code, 0) << sofa.text;
+  EXPECT_TRUE(tree(path("sofa")).contains("00000/000000_s00.sofa"));
 }
 
 std::vector<std::uint16_t> read_grey16(const std::string& bytes, int& width, int& height) {
@@ -146,6 +161,7 @@ TEST_F(DatasetCorporaCli, PanoramasShowTheRoomOfTheResponse) {
   const auto corpus = nlohmann::json::parse(read_file(folder_.path() / "pano/corpus.json"));
   EXPECT_EQ(corpus["categories"][0], "unknown");
   expect_refused("pano shoebox:6x3x4@0.3 --size 100 --out " + path("refused"), "--size 100");
+  expect_refused("pano shoebox:6x3x4@0.3 --size 4294967424x48 --out " + path("refused"), "is not a size");
   expect_refused("pano shoebox:6x3x4@0.3 --size 100x80 --out " + path("refused"), "at most half as high");
 }
 
