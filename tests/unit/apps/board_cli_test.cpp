@@ -117,14 +117,14 @@ TEST_F(BoardCli, SweepsGoOnWhereTheyWereStopped) {
   EXPECT_EQ(std::filesystem::last_write_time(path("sweep/base/seed_1.log")), log);
 
   // Evaluated on the held-out set on request: the means of the results, without training again.
-  write_text(path("sweep.yaml"), read_file(path("sweep.yaml")) + "evaluate: [eval_envs=3]\n");
+  write_text(path("sweep.yaml"), read_file(path("sweep.yaml")) + "evaluate: [eval_envs=1]\n");
   expect_done("sweep " + path("sweep.yaml") + " --json " + path("numbers.json"));
   const Json evaluated = json_of("numbers.json");
   for (const Json& run : evaluated["runs"])
     for (const Json& seed : run["seeds"]) {
       const EvaluationResult result =
           load_result(path("sweep/" + run["run"].get<std::string>() + "/seed_" + std::to_string(seed["seed"].get<int>()) + ".result.json"));
-      EXPECT_EQ(result.rules.at("envs"), "3");
+      EXPECT_EQ(result.rules.at("envs"), "1");
       EXPECT_EQ(seed["held_out_success"], result.success().mean);
       EXPECT_EQ(seed["held_out_spl"], result.spl().mean);
     }
@@ -138,7 +138,7 @@ TEST_F(BoardCli, SweepsGoOnWhereTheyWereStopped) {
   expect_refused("sweep " + path("bad.yaml"), HasSubstr("runs"));
   // A run that is trained anew is evaluated anew.
   sweep_file("1e-3");
-  write_text(path("sweep.yaml"), read_file(path("sweep.yaml")) + "evaluate: [eval_envs=3]\n");
+  write_text(path("sweep.yaml"), read_file(path("sweep.yaml")) + "evaluate: [eval_envs=1]\n");
   std::filesystem::remove_all(path("sweep/base/seed_1"));
   std::filesystem::remove(path("sweep/base/seed_1.done"));
   expect_done("sweep " + path("sweep.yaml"));
