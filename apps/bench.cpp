@@ -232,8 +232,8 @@ void add_hearing(CLI::App& bench) {
 }  // namespace
 
 void add_bench(CLI::App& app, const std::vector<std::string>& arguments, int& exit_code) {
-  CLI::App* bench =
-      app.add_subcommand("bench", "Measure this machine: rir, env, hearing, accuracy, promise, scenes, soak, train, allreduce");
+  CLI::App* bench = app.add_subcommand(
+      "bench", "Measure this machine: rir, env, hearing, accuracy, promise, scenes, soak, bits, train, allreduce, scaling");
   const auto rir = std::make_shared<RirCommand>();
   CLI::App* rir_command =
       add_bench_command(*bench, "rir", "Impulse responses per second on one thread, their errors, and where the time goes", rir);
@@ -287,6 +287,7 @@ void add_bench(CLI::App& app, const std::vector<std::string>& arguments, int& ex
 
   add_scenes(*bench);
   add_soak(*bench);
+  add_bench_bits(*bench);
   add_bench_train(*bench);
   add_bench_allreduce(*bench, arguments, exit_code);
   add_bench_scaling(*bench, arguments, exit_code);
@@ -296,7 +297,8 @@ void add_bench(CLI::App& app, const std::vector<std::string>& arguments, int& ex
     if (!bench->get_subcommands().empty()) return;
     const std::vector<std::string> unknown = bench->remaining();
     throw InputError(unknown.empty() ? "bench" : "bench " + unknown.front(), unknown.empty() ? "names no benchmark" : "is not a benchmark",
-                     "use bench rir, bench env, bench hearing, bench accuracy, bench promise, bench scenes, bench soak or bench train");
+                     "use bench rir, bench env, bench hearing, bench accuracy, bench promise, bench scenes, bench soak, bench bits, bench "
+                     "train, bench allreduce or bench scaling");
   });
 }
 

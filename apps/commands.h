@@ -26,6 +26,7 @@ void add_policy(CLI::App& app);
 void add_leaderboard(CLI::App& app);
 void add_replay(CLI::App& app);
 void add_bench(CLI::App& app, const std::vector<std::string>& arguments, int& exit_code);
+void add_bench_bits(CLI::App& bench);                                                                  ///< `bench bits`
 void add_bench_train(CLI::App& bench);                                                                 ///< `bench train`
 void add_bench_allreduce(CLI::App& bench, const std::vector<std::string>& arguments, int& exit_code);  ///< `bench allreduce`
 void add_bench_scaling(CLI::App& bench, const std::vector<std::string>& arguments, int& exit_code);    ///< `bench scaling`

@@ -131,6 +131,18 @@ def hash_of_steps(threads: int, *, restored: bool) -> BitHash:
     return bits
 
 
+def test_the_command_line_steps_to_the_same_bits() -> None:
+    program = os.environ.get("EARSHOT_PROGRAM")
+    if not program or INSTALLED:
+        pytest.skip("EARSHOT_PROGRAM names no program that was built with the libraries of the package")
+    expected = hash_of_steps(1, restored=False).hex()
+    command = [program, "bench", "bits", "--env", str(PINNED / "batch.yaml"), "--episodes", str(PINNED / "episodes.json")]
+    for threads in (1, 2, 4, 8):
+        for restored in ([], ["--restored", str(9 - threads)]):
+            call = [*command, "--threads", str(threads), *restored]
+            assert subprocess.run(call, check=True, capture_output=True, text=True).stdout.split()[0] == expected, call
+
+
 def test_two_hundred_steps_have_the_pinned_bits_fresh_and_restored_on_any_number_of_threads() -> None:
     first = hash_of_steps(1, restored=False)
     for threads in (1, 2, 4, 8):

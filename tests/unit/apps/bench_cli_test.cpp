@@ -60,6 +60,23 @@ class BenchCli : public testing::Test {
   std::filesystem::path folder_;
 };
 
+TEST_F(BenchCli, BitsAreThoseOfAnyThreadsRestoredOrNot) {
+  const std::string pinned = (earshot::source_dir() / "tests/pinned").string();
+  const std::string bits = "bench bits --envs 2 --env " + pinned + "/batch.yaml --episodes " + pinned + "/episodes.json";
+  ASSERT_EQ(earshot(bits + " --steps 12 --json " + file("bits.json")), 0) << read("stderr");
+  const json report = json::parse(read("bits.json"));
+  EXPECT_EQ(report.at("schema_version"), 1);
+  const std::string hash = report.at("hash");
+  EXPECT_EQ(hash.size(), 16u);
+  ASSERT_EQ(earshot(bits + " --steps 12 --threads 2 --restored 3"), 0) << read("stderr");
+  EXPECT_EQ(read("stdout").substr(0, 16), hash);
+  ASSERT_EQ(earshot(bits + " --steps 13"), 0) << read("stderr");
+  EXPECT_NE(read("stdout").substr(0, 16), hash);
+  std::ofstream(file("bad.yaml")) << "sead: 3\n";
+  EXPECT_EQ(earshot("bench bits --env " + file("bad.yaml") + " --episodes " + pinned + "/episodes.json"), 2);
+  EXPECT_THAT(read("stderr"), testing::HasSubstr("sead"));
+}
+
 TEST_F(BenchCli, RirWritesTheNamesThatScriptsRelyOn) {
   ASSERT_EQ(earshot("bench rir --quick --json " + file("rir.json")), 0) << read("stderr");
   const std::set<std::string> names = names_in("rir.json", "rir");
