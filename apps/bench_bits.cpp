@@ -22,8 +22,8 @@ struct Options {
   std::optional<int> restored;
 };
 
-/// XXH3 of every sensor, reward and flag over all steps, each array seeded by the hash of those before.  Actions are fixed: forward, left and
-/// right by step and env.  restored: half way the state goes on in another batch with so many threads.
+/// XXH3 of every sensor, reward and flag over all steps, each array seeded by the hash of those before.  Actions are fixed: forward, left
+/// and right by step and env.  restored: half way the state goes on in another batch with so many threads.
 std::uint64_t hash_of_steps(const Options& options) {
   EnvConfig config;
   ConfigReader reader = ConfigReader::from_file(options.env);
