@@ -1,21 +1,20 @@
 #include <fmt/format.h>
 
-#include <chrono>
 #include <memory>
 
 #include "apps/commands.h"
+#include "apps/corpus_command.h"
 #include "apps/number_range.h"
 #include "envs/convolve_corpus.h"
 #include "sim/base/errors.h"
-#include "sim/base/progress.h"
 
 namespace earshot {
 namespace {
 
 struct Options {
   ConvolveConfig config;
-  std::string out, shard = "1/1", talkers = "1", talker_level = "-5,5", snr = "5,25", level = "-30,-20", format = "wav";
-  int threads = 0;
+  CorpusTarget target;
+  std::string talkers = "1", talker_level = "-5,5", snr = "5,25", level = "-30,-20", format = "wav";
 };
 
 void run_dataset_convolve(const Options& options) {
@@ -31,27 +30,16 @@ void run_dataset_convolve(const Options& options) {
   config.level_dbfs = parse_range(options.level, "--level");
   config.format = options.format == "wav" ? SoundFormat::wav : SoundFormat::flac;
 
-  std::unique_ptr<Progress> progress;
-  const auto begin = std::chrono::steady_clock::now();
-  const ConvolveReport report = write_convolve_corpus(config, {.out = options.out,
-                                                               .threads = options.threads,
-                                                               .shard = CorpusShard::parse(options.shard),
-                                                               .progress = [&](std::uint64_t done, std::uint64_t total) {
-                                                                 if (!progress)
-                                                                   progress =
-                                                                       std::make_unique<Progress>("dataset convolve", "signals", total);
-                                                                 progress->update(done);
-                                                               }});
-  progress.reset();
-  const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-  fmt::print("{}: {} signals in {:.1f} s, {:.1f} per second\n", options.out, report.signals, seconds,
+  ConvolveReport report;
+  const double seconds = write_with_progress(options.target, "dataset convolve", "signals",
+                                             [&](const CorpusRun& run) { report = write_convolve_corpus(config, run); });
+  fmt::print("{}: {} signals in {:.1f} s, {:.1f} per second\n", options.target.out, report.signals, seconds,
              static_cast<double>(report.signals) / seconds);
   if (report.folders_missing > 0) {
-    fmt::print("{}: {} folders are missing, which other shards write; run any shard again once all are here\n", options.out,
-               report.folders_missing);
+    print_missing_folders(options.target, report.folders_missing);
     return;
   }
-  fmt::print("{}: complete, {} signals; manifest.jsonl, recordings.jsonl, supervisions.jsonl\n", options.out, report.all_signals);
+  fmt::print("{}: complete, {} signals; manifest.jsonl, recordings.jsonl, supervisions.jsonl\n", options.target.out, report.all_signals);
   if (report.lowered > 0)
     fmt::print(
         "{} signals are below the level that was drawn, so that no sample exceeds 1 (lowered in the manifest); --level makes all "
@@ -70,7 +58,7 @@ void add_dataset_convolve(CLI::App& dataset) {
   command
       ->add_option("--speech", config.speech, "Folder of dry speech, with the folders below it: WAV, FLAC, OGG, Opus, MP3, AIFF, any rate")
       ->required();
-  command->add_option("--out", options->out, "Folder to write; the same command completes it after an interruption")->required();
+  command->add_option("--out", options->target.out, "Folder to write; the same command completes it after an interruption")->required();
   command->add_option("--count", config.count, "Signals; speech files come in turn; 0: one per speech file")->capture_default_str();
   command->add_option("--talkers", options->talkers, "N or LOW,HIGH: so many, from different sources of a room")->capture_default_str();
   command->add_option("--talker-level", options->talker_level, "LOW,HIGH in dB: further talkers over the first, as they are heard")
@@ -91,8 +79,9 @@ void add_dataset_convolve(CLI::App& dataset) {
   command->add_option("--seed", config.seed, "Seed of all that is drawn")->capture_default_str();
   command->add_option("--signals-per-folder", config.signals_per_folder, "The unit of --shard: 1 to 10, or a multiple of 10")
       ->capture_default_str();
-  command->add_option("--threads", options->threads, "Threads; 0: all cores; any number gives the same bytes")->capture_default_str();
-  command->add_option("--shard", options->shard, "K/N: the K-th of N parts, for N machines; any N gives the same bytes")
+  command->add_option("--threads", options->target.threads, "Threads; 0: all cores; any number gives the same bytes")
+      ->capture_default_str();
+  command->add_option("--shard", options->target.shard, "K/N: the K-th of N parts, for N machines; any N gives the same bytes")
       ->capture_default_str();
   command->callback([options] { run_dataset_convolve(*options); });
 }

@@ -1,22 +1,21 @@
 #include <fmt/format.h>
 
 #include <charconv>
-#include <chrono>
 #include <memory>
 
 #include "apps/commands.h"
+#include "apps/corpus_command.h"
 #include "envs/rir_corpus.h"
 #include "sim/base/errors.h"
-#include "sim/base/progress.h"
-#include "sim/sofa/sofa_writer.h"
 
 namespace earshot {
 namespace {
 
 struct Options {
+  CorpusTarget target;
   std::vector<std::string> scenes, overrides;
-  std::string out, shard = "1/1", size = "1152x384", channels = "mono";
-  int pairs = 100, threads = 0;
+  std::string size = "1152x384", channels = "mono";
+  int pairs = 100;
   float max_distance_m = 5, rate_hz = 44100, length_s = 1;
   std::uint64_t seed = 0;
 };
@@ -57,26 +56,16 @@ RirCorpusConfig config_of(const Options& options) {
 
 void run_dataset_pano(const Options& options) {
   const RirCorpusConfig config = config_of(options);
-  std::unique_ptr<Progress> progress;
-  const auto begin = std::chrono::steady_clock::now();
-  CorpusRun run{.out = options.out,
-                .threads = options.threads,
-                .shard = CorpusShard::parse(options.shard),
-                .progress = [&](std::uint64_t done, std::uint64_t total) {
-                  if (!progress) progress = std::make_unique<Progress>("dataset pano", "pairs", total);
-                  progress->update(done);
-                }};
-  if (can_write_sofa()) run.encode_sofa = encode_sofa;
-  const CorpusReport report = write_rir_corpus(config, run);
-  progress.reset();
-  const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-  fmt::print("{}: {} panoramas with a response in {:.1f} s, {:.1f} per second\n", options.out, report.responses, seconds,
+  CorpusReport report;
+  const double seconds =
+      write_with_progress(options.target, "dataset pano", "pairs", [&](const CorpusRun& run) { report = write_rir_corpus(config, run); });
+  fmt::print("{}: {} panoramas with a response in {:.1f} s, {:.1f} per second\n", options.target.out, report.responses, seconds,
              static_cast<double>(report.responses) / seconds);
   if (report.folders_missing == 0)
-    fmt::print("{}: complete, {} pairs; manifest.jsonl{}\n", options.out, report.all_responses, config.sofa ? "" : ", recordings.jsonl");
+    fmt::print("{}: complete, {} pairs; manifest.jsonl{}\n", options.target.out, report.all_responses,
+               config.sofa ? "" : ", recordings.jsonl");
   else
-    fmt::print("{}: {} folders are missing, which other shards write; run any shard again once all are here\n", options.out,
-               report.folders_missing);
+    print_missing_folders(options.target, report.folders_missing);
 }
 
 }  // namespace
@@ -86,7 +75,7 @@ void add_dataset_pano(CLI::App& dataset) {
   CLI::App* command = dataset.add_subcommand(
       "pano", "Write panoramas (colour, depth, category) with a response at the same pose, as the PanoIR sets (docs/datasets.md)");
   command->add_option("SCENE", options->scenes, "Scenes, and folders of them; house:10..14 stands for five houses")->required();
-  command->add_option("--out", options->out, "Folder to write; the same command completes it after an interruption")->required();
+  command->add_option("--out", options->target.out, "Folder to write; the same command completes it after an interruption")->required();
   command->add_option("--pairs", options->pairs, "Of a source and a listener, in each scene")->capture_default_str();
   command->add_option("--size", options->size, "WIDTHxHEIGHT in pixels: 360 degrees over the width, square in angle")
       ->capture_default_str();
@@ -96,8 +85,10 @@ void add_dataset_pano(CLI::App& dataset) {
   command->add_option("--max-distance", options->max_distance_m, "Of source and listener in metres")->capture_default_str();
   command->add_option("--seed", options->seed, "Seed of all that is drawn")->capture_default_str();
   command->add_option("--set", options->overrides, "key=value, any key of a config of `dataset rir`, for example acoustics.rays=64");
-  command->add_option("--threads", options->threads, "Threads; 0: all cores; any number gives the same bytes")->capture_default_str();
-  command->add_option("--shard", options->shard, "K/N: the K-th of N parts, by scenes; any N gives the same bytes")->capture_default_str();
+  command->add_option("--threads", options->target.threads, "Threads; 0: all cores; any number gives the same bytes")
+      ->capture_default_str();
+  command->add_option("--shard", options->target.shard, "K/N: the K-th of N parts, by scenes; any N gives the same bytes")
+      ->capture_default_str();
   command->callback([options] { run_dataset_pano(*options); });
 }
 

@@ -1,86 +1,11 @@
 #include "envs/corpus_parts.h"
 
-#include <algorithm>
-#include <chrono>
-#include <condition_variable>
-#include <exception>
-#include <mutex>
-#include <thread>
+#include <atomic>
 
-#include "sim/base/denormals.h"
+#include "envs/corpus_threads.h"
 #include "sim/base/errors.h"
 
 namespace earshot {
-namespace {
-
-/// Hands parts to threads in their order.
-class PartWork {
- public:
-  PartWork(const CorpusFolder& folder, const CorpusParts& parts, const std::vector<std::size_t>& missing)
-      : folder_(folder), parts_(parts), missing_(missing) {}
-
-  void run(int threads, const std::function<void(std::uint64_t, std::uint64_t)>& progress) {
-    std::uint64_t total = 0;
-    for (const std::size_t part : missing_) total += parts_.items(part);
-    std::vector<std::thread> workers;
-    for (int i = 0; i < threads; ++i) workers.emplace_back([this] { work(); });
-    for (bool ended = false; !ended;) {
-      std::uint64_t done = 0;
-      {
-        std::unique_lock lock(mutex_);
-        ended = changed_.wait_for(lock, std::chrono::milliseconds(200), [&] { return ended_workers_ == threads; });
-        done = done_;
-      }
-      if (progress) progress(done, total);
-    }
-    for (std::thread& worker : workers) worker.join();
-    if (error_) std::rethrow_exception(error_);
-  }
-  [[nodiscard]] std::uint64_t done() const { return done_; }
-
- private:
-  void work() {
-    flush_denormals_on_this_thread();
-    try {
-      MakeCorpusPart make;
-      for (std::size_t part = 0; take(part);) {
-        if (!make) make = parts_.make_worker();
-        CorpusPartWriter writer(folder_, part);
-        make(part, writer, [this] {
-          const std::lock_guard lock(mutex_);
-          ++done_;
-        });
-        writer.finish();
-      }
-    } catch (...) {
-      const std::lock_guard lock(mutex_);
-      if (!error_) error_ = std::current_exception();
-    }
-    const std::lock_guard lock(mutex_);
-    ++ended_workers_;
-    changed_.notify_all();
-  }
-  bool take(std::size_t& part) {
-    const std::lock_guard lock(mutex_);
-    if (error_ || next_ == missing_.size()) return false;
-    part = missing_[next_++];
-    return true;
-  }
-
-  const CorpusFolder& folder_;
-  const CorpusParts& parts_;
-  const std::vector<std::size_t>& missing_;
-
-  std::mutex mutex_;  ///< guards what follows
-  std::condition_variable changed_;
-  std::size_t next_ = 0;
-  std::uint64_t done_ = 0;
-  int ended_workers_ = 0;
-  std::exception_ptr error_;
-};
-
-}  // namespace
-
 std::string CorpusPartWriter::write(const std::string& name, std::string_view bytes) {
   folder_.write_sound(part_, name, bytes);
   names_.push_back(name);
@@ -92,11 +17,20 @@ CorpusPartsReport complete_corpus(const CorpusFolder& folder, const CorpusRun& r
   const std::vector<std::size_t> missing = missing_parts(folder, run.shard);
   CorpusPartsReport report;
   if (!missing.empty()) {
-    PartWork work(folder, parts, missing);
-    const int cores = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
-    const int threads = run.threads > 0 ? run.threads : cores;
-    work.run(static_cast<int>(std::min(missing.size(), static_cast<std::size_t>(threads))), run.progress);
-    report.items = work.done();
+    std::uint64_t total = 0;
+    for (const std::size_t part : missing) total += parts.items(part);
+    CorpusThreads threads;
+    std::atomic<std::size_t> next = 0;
+    threads.run(run.threads, missing.size(), total, run.progress, [&] {
+      MakeCorpusPart make;
+      for (std::size_t i = next++; i < missing.size() && !threads.failed(); i = next++) {
+        if (!make) make = parts.make_worker();
+        CorpusPartWriter writer(folder, missing[i]);
+        make(missing[i], writer, [&threads] { threads.count_item(); });
+        writer.finish();
+      }
+    });
+    report.items = threads.items();
   }
   report.folders_missing = folder.join_manifests(parts.derived);
   return report;

@@ -2,26 +2,23 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <charconv>
 #include <chrono>
 #include <cmath>
 #include <condition_variable>
-#include <exception>
 #include <memory>
 #include <mutex>
 #include <nlohmann/json.hpp>
 #include <span>
-#include <thread>
 #include <utility>
 #include <vector>
 
 #include "envs/corpus_parts.h"
+#include "envs/corpus_threads.h"
 #include "envs/engine_commit.h"
 #include "envs/rir_corpus_folder.h"
 #include "envs/rir_corpus_response.h"
 #include "envs/rir_corpus_room.h"
-#include "sim/base/denormals.h"
 #include "sim/base/errors.h"
 #include "sim/scene/appearance.h"
 
@@ -53,51 +50,30 @@ class CorpusWork {
 
   void run(int threads, const std::function<void(std::uint64_t, std::uint64_t)>& progress) {
     const std::uint64_t total = missing_.size() * responses_per_room();
-    std::vector<std::thread> workers;
-    for (int i = 0; i < threads; ++i) workers.emplace_back([this] { work(); });
-    for (bool ended = false; !ended;) {
-      std::uint64_t done = 0;
-      {
-        std::unique_lock lock(mutex_);
-        ended = changed_.wait_for(lock, std::chrono::milliseconds(200), [&] { return ended_workers_ == threads; });
-        done = done_responses_;
-      }
-      if (progress) progress(done, total);
-    }
-    for (std::thread& worker : workers) worker.join();
-    if (error_) std::rethrow_exception(error_);
+    threads_.run(threads, missing_.size() * static_cast<std::size_t>(config_.sources_per_room), total, progress, [this] { work(); });
   }
-  [[nodiscard]] std::uint64_t done_responses() const { return done_responses_; }
+  [[nodiscard]] std::uint64_t done_responses() const { return threads_.items(); }
   [[nodiscard]] std::uint64_t responses_per_room() const {
     return static_cast<std::uint64_t>(config_.sources_per_room) * static_cast<std::uint64_t>(config_.listeners_per_source);
   }
 
  private:
   void work() {
-    flush_denormals_on_this_thread();
-    try {
-      std::vector<RirSynthesizer> heads;
-      for (const auto& tables : tables_) heads.emplace_back(tables);
-      while (const std::shared_ptr<RoomInWork> room = take_room()) {
-        for (;;) {
-          const int source = take_source(*room);
-          if (source < 0) break;
-          render(*room, source, heads);
-        }
+    std::vector<RirSynthesizer> heads;
+    for (const auto& tables : tables_) heads.emplace_back(tables);
+    while (const std::shared_ptr<RoomInWork> room = take_room()) {
+      for (;;) {
+        const int source = take_source(*room);
+        if (source < 0) break;
+        render(*room, source, heads);
       }
-    } catch (...) {
-      const std::lock_guard lock(mutex_);
-      if (!error_) error_ = std::current_exception();
     }
-    const std::lock_guard lock(mutex_);
-    ++ended_workers_;
-    changed_.notify_all();
   }
 
   /// The next room, loaded, or else one that has sources left; null when there is nothing left to do.
   std::shared_ptr<RoomInWork> take_room() {
     std::unique_lock lock(mutex_);
-    if (!error_ && next_room_ < missing_.size()) {
+    if (!threads_.failed() && next_room_ < missing_.size()) {
       auto room = std::make_shared<RoomInWork>();
       room->index = missing_[next_room_++];
       room->lines.resize(static_cast<std::size_t>(config_.sources_per_room));
@@ -110,7 +86,7 @@ class CorpusWork {
       return room;
     }
     for (;;) {
-      if (error_) return nullptr;
+      if (threads_.failed()) return nullptr;
       bool loading = false;
       for (const std::shared_ptr<RoomInWork>& room : in_work_) {
         if (room->room && room->next_source < config_.sources_per_room) return room;
@@ -122,7 +98,7 @@ class CorpusWork {
   }
   int take_source(RoomInWork& room) {
     const std::lock_guard lock(mutex_);
-    return !error_ && room.next_source < config_.sources_per_room ? room.next_source++ : -1;
+    return !threads_.failed() && room.next_source < config_.sources_per_room ? room.next_source++ : -1;
   }
 
   void render(RoomInWork& room, int source, std::span<RirSynthesizer> heads) {
@@ -136,9 +112,8 @@ class CorpusWork {
         folder_.write_sound(room.index, file.name, file.bytes);
         names.push_back(file.name);
       }
-      const std::lock_guard lock(mutex_);
-      ++done_responses_;
-      if (error_) return;
+      threads_.count_item();
+      if (threads_.failed()) return;
     }
     if (config_.sofa) {
       names.push_back(renderer.sofa_name());
@@ -163,13 +138,11 @@ class CorpusWork {
   std::vector<std::shared_ptr<const SynthesisTables>> tables_;
   std::function<std::string(const SofaRoomResponses&, const std::string&)> encode_sofa_;
 
+  CorpusThreads threads_;
   std::mutex mutex_;  ///< guards what follows, and RoomInWork but for what one thread writes
   std::condition_variable changed_;
   std::size_t next_room_ = 0;
   std::vector<std::shared_ptr<RoomInWork>> in_work_;
-  std::uint64_t done_responses_ = 0;
-  int ended_workers_ = 0;
-  std::exception_ptr error_;
 };
 
 std::string description_of(const RirCorpusConfig& config, std::size_t rooms) {
@@ -228,8 +201,7 @@ CorpusReport write_rir_corpus(const RirCorpusConfig& config, const CorpusRun& ru
       rooms.size() * static_cast<std::size_t>(config.sources_per_room) * static_cast<std::size_t>(config.listeners_per_source);
   if (!missing.empty()) {
     CorpusWork work(config, folder, rooms, std::move(missing), run);
-    const int cores = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
-    work.run(run.threads > 0 ? run.threads : cores, run.progress);
+    work.run(run.threads, run.progress);
     report.responses = work.done_responses();
   }
   report.folders_missing = folder.join_manifests();
