@@ -1,7 +1,11 @@
 """Debian's headless Chromium for the tests of pages; they end with 77 (skipped) without chromium, chromium-driver or python3-selenium."""
+import argparse
+import contextlib
+import pathlib
 import shutil
 import subprocess
 import sys
+import tempfile
 import time
 
 SKIPPED = 77
@@ -64,3 +68,35 @@ def accessible(browser):
     return [(node["role"]["value"], node.get("name", {}).get("value", ""),
              {item["name"]: item["value"].get("value") for item in node.get("properties", [])} | {"value": node.get("value", {}).get("value")})
             for node in nodes if not node.get("ignored") and node.get("role", {}).get("value")]
+
+
+def page_options(description):
+    """What every test of a page is called with: EARSHOT [--page FILE] [--screenshot FILE]."""
+    parser = argparse.ArgumentParser(description=description)
+    parser.add_argument("earshot", type=pathlib.Path)
+    parser.add_argument("--page", type=pathlib.Path, help="a page that is there already")
+    parser.add_argument("--screenshot", type=pathlib.Path, help="PNG of the page")
+    return parser.parse_args()
+
+
+@contextlib.contextmanager
+def opened_page(options, make_page):
+    """The browser with the page of the options, or else the one that make_page(earshot, folder) makes, opened from disk; that file, and the folder, which is
+    gone at the end."""
+    browser = open_browser()
+    try:
+        with tempfile.TemporaryDirectory() as name:
+            folder = pathlib.Path(name)
+            page = options.page or make_page(options.earshot, folder)
+            browser.get(page.resolve().as_uri())
+            yield browser, page, folder
+    finally:
+        browser.quit()
+
+
+def check_console_and_requests(browser, may_hold_data=False):
+    """No error, and nothing asked of a network; data: URLs of the page's own count as requests unless it may hold them."""
+    errors = [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"]
+    assert not errors, errors
+    requests = browser.execute_script("return performance.getEntriesByType('resource').map(entry => entry.name)")
+    assert not [name for name in requests if not (may_hold_data and name.startswith("data:"))], requests

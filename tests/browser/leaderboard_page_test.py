@@ -5,11 +5,7 @@ windows, and that nothing is asked of a network.
 
 Needs Debian's chromium, chromium-driver and python3-selenium; ends with 77 (skipped) where one is missing.
 """
-import argparse
-import pathlib
-import tempfile
-
-from headless import accessible, open_browser, press, run
+from headless import accessible, check_console_and_requests, opened_page, page_options, press, run
 
 LEAST_CONTRAST = 4.5  # WCAG 2.1, 1.4.3, for text of this size
 
@@ -112,31 +108,18 @@ def check_narrow(browser):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("earshot", type=pathlib.Path)
-    parser.add_argument("--page", type=pathlib.Path, help="a page that is there already: only its screenshot")
-    parser.add_argument("--screenshot", type=pathlib.Path, help="PNG of the top of the page")
-    options = parser.parse_args()
-    browser = open_browser()
-    try:
-        with tempfile.TemporaryDirectory() as folder:
-            page = options.page or make_page(options.earshot, pathlib.Path(folder))
-            browser.get(page.resolve().as_uri())
-            print(f"page: {page.stat().st_size / 1e3:.0f} kB")
-            if not options.page:
-                check_accessible_tree(browser)
-                check_keyboard(browser)
-                check_narrow(browser)
-            check_colors(browser)
-            if options.screenshot:
-                browser.execute_script("window.scrollTo(0, 0)")
-                browser.save_screenshot(str(options.screenshot))
-            errors = [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"]
-            assert not errors, errors
-            requests = browser.execute_script("return performance.getEntriesByType('resource').map(entry => entry.name)")
-            assert not requests, requests
-    finally:
-        browser.quit()
+    options = page_options(__doc__)
+    with opened_page(options, make_page) as (browser, page, _):
+        print(f"page: {page.stat().st_size / 1e3:.0f} kB")
+        if not options.page:
+            check_accessible_tree(browser)
+            check_keyboard(browser)
+            check_narrow(browser)
+        check_colors(browser)
+        if options.screenshot:
+            browser.execute_script("window.scrollTo(0, 0)")
+            browser.save_screenshot(str(options.screenshot))
+        check_console_and_requests(browser)
     print("passed")
 
 

@@ -5,14 +5,11 @@ works, screen readers get each step in words, and the console stays empty.
 
 Needs Debian's chromium, chromium-driver and python3-selenium; ends with 77 (skipped) where one is missing.
 """
-import argparse
-import pathlib
 import re
 import statistics
-import tempfile
 import time
 
-from headless import accessible, open_browser, press, run, wait_for
+from headless import accessible, check_console_and_requests, opened_page, page_options, press, run, wait_for
 
 IN_STEP_S = 0.040  # by which picture, map and house may follow the sound
 SLACK_S = 0.012    # the clock of the sound card goes in blocks
@@ -231,46 +228,33 @@ def check_reduced_motion(browser):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("earshot", type=pathlib.Path)
-    parser.add_argument("--page", type=pathlib.Path, help="a page that is there already")
-    parser.add_argument("--screenshot", type=pathlib.Path, help="PNG of the page in the middle of the episode")
-    options = parser.parse_args()
-    browser = open_browser()
-    try:
-        with tempfile.TemporaryDirectory() as folder:
-            page = options.page or make_page(options.earshot, pathlib.Path(folder))
-            size = page.stat().st_size
-            browser.get(page.resolve().as_uri())
-            wait_for(browser, "return document.body.dataset.ready === 'true' || !document.getElementById('problem').hidden")
-            assert browser.execute_script("return document.getElementById('problem').hidden"), browser.execute_script("return document.getElementById('problem').textContent")
-            last = browser.execute_script("return lastStep")
-            print(f"page: {size / 1e6:.2f} MB for {last} steps")
-            assert size <= 5e6 * max(1, last / 100)
-            browser.execute_script(WATCH)
+    options = page_options(__doc__)
+    with opened_page(options, make_page) as (browser, page, folder):
+        size = page.stat().st_size
+        wait_for(browser, "return document.body.dataset.ready === 'true' || !document.getElementById('problem').hidden")
+        assert browser.execute_script("return document.getElementById('problem').hidden"), browser.execute_script("return document.getElementById('problem').textContent")
+        last = browser.execute_script("return lastStep")
+        print(f"page: {size / 1e6:.2f} MB for {last} steps")
+        assert size <= 5e6 * max(1, last / 100)
+        browser.execute_script(WATCH)
+        press(browser, " ")
+        wait_for(browser, "return earshotReplay.clock.playing")
+        wait_for(browser, f"return earshotReplay.step >= {min(last, 40)} || !earshotReplay.clock.playing")
+        if browser.execute_script("return earshotReplay.clock.playing"):
             press(browser, " ")
-            wait_for(browser, "return earshotReplay.clock.playing")
-            wait_for(browser, f"return earshotReplay.step >= {min(last, 40)} || !earshotReplay.clock.playing")
-            if browser.execute_script("return earshotReplay.clock.playing"):
-                press(browser, " ")
-            wait_for(browser, "return !earshotReplay.clock.playing")
-            check_in_step(browser)
-            check_keyboard(browser, last)
-            check_accessible_tree(browser, last)
-            check_tab_order(browser)
-            check_reduced_motion(browser)
-            if options.screenshot:
-                browser.execute_script(f"earshotReplay.goTo({int(0.6 * last)})")
-                time.sleep(0.5)
-                browser.save_screenshot(str(options.screenshot))
-            errors = [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"]
-            assert not errors, errors
-            requests = browser.execute_script("return performance.getEntriesByType('resource').map(e => e.name).filter(n => !n.startsWith('data:'))")
-            assert not requests, requests
-            if not options.page:
-                check_silence(browser, options.earshot, pathlib.Path(folder))
-    finally:
-        browser.quit()
+        wait_for(browser, "return !earshotReplay.clock.playing")
+        check_in_step(browser)
+        check_keyboard(browser, last)
+        check_accessible_tree(browser, last)
+        check_tab_order(browser)
+        check_reduced_motion(browser)
+        if options.screenshot:
+            browser.execute_script(f"earshotReplay.goTo({int(0.6 * last)})")
+            time.sleep(0.5)
+            browser.save_screenshot(str(options.screenshot))
+        check_console_and_requests(browser, may_hold_data=True)
+        if not options.page:
+            check_silence(browser, options.earshot, folder)
     print("passed")
 
 

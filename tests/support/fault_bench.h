@@ -13,6 +13,7 @@
 #include "policy/action_distribution.h"
 #include "sim/base/random.h"
 #include "tests/support/hooked_collective.h"
+#include "tests/support/pointgoal_policy.h"
 #include "tests/support/worker_processes.h"
 #include "trainer/checkpoint.h"
 #include "trainer/ppo.h"
@@ -36,13 +37,6 @@ struct Seams {
   std::function<void(const Moment&, std::span<float>)> sent;      ///< the flat gradient, before the collective
   std::function<void(const Moment&, std::span<float>)> received;  ///< the sum, after it
 };
-
-inline ObservationSpec pointgoal_only() {
-  ObservationSpec spec;
-  spec.depth = spec.spectrogram = false;
-  spec.pointgoal = true;
-  return spec;
-}
 
 inline PolicyConfig small_policy() {
   PolicyConfig config;

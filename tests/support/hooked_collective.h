@@ -35,6 +35,20 @@ class HookedCollective : public Collective {
   void broadcast(std::span<std::byte> buffer) override { inner_.broadcast(buffer); }
   void barrier() override { inner_.barrier(); }
   std::vector<std::string> all_gather(const std::string& bytes) override { return inner_.all_gather(bytes); }
+  [[nodiscard]] std::vector<int> members() const override { return inner_.members(); }
+  [[nodiscard]] bool survives_loss() const override { return inner_.survives_loss(); }
+  void note_progress() override { inner_.note_progress(); }
+  [[nodiscard]] int num_waiting() override { return inner_.num_waiting(); }
+  void brief(const std::string& text) override { inner_.brief(text); }
+  [[nodiscard]] bool has_joiners() override { return inner_.has_joiners(); }
+  void admit() override { inner_.admit(); }
+  std::string hand_over(int from, const std::vector<int>& to, const std::string& bytes) override {
+    return inner_.hand_over(from, to, bytes);
+  }
+  [[nodiscard]] bool is_joining() const override { return inner_.is_joining(); }
+  [[nodiscard]] std::string briefing() const override { return inner_.briefing(); }
+  void enter() override { inner_.enter(); }
+  void confirm_join() override { inner_.confirm_join(); }
 
  private:
   std::unique_ptr<Collective> single_;

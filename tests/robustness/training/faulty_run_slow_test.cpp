@@ -10,63 +10,15 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "tests/support/fault_bench.h"
-#include "trainer/checkpoint.h"
-#include "trainer/episode_data.h"
-#include "trainer/event_log.h"
+#include "tests/support/training_run.h"
 #include "trainer/train_loop.h"
 
 namespace earshot::faults {
 namespace {
 
-constexpr int kEnvsPerWorker = 2, kRolloutSteps = 8;
-
-std::string tiny_yaml(const std::filesystem::path& folder) {
-  return "name: tiny\nseed: 3\nworkers: 3\nenvs_per_worker: 2\nrollout_steps: 8\ncheckpoint_every: 2\nout: " + (folder / "run").string() +
-         "\nenv:\n  task: {max_steps: 12}\n  observation: {camera: {width_px: 40, height_px: 40}}\n  acoustics: {rays: 4, rir_length_s: "
-         "0.1, early_order: 1}\n"
-         "policy: {hidden_size: 16, visual_features: 16, audio_features: 16, conv_channels: 4}\n"
-         "ppo: {learning_rate: 1.0e-3, epochs: 2, minibatches: 2}\n"
-         "data:\n  train: {file: " +
-         (folder / "train.json.gz").string() +
-         ", scenes: [\"shoebox:5x3x4@0.2\"], episodes_per_scene: 12, sounds: [\"synth:telephone\"], filter: {min_geodesic_m: 1, min_ratio: "
-         "1}}\n";
-}
-
-/// Passes all on, and lets a test damage the floats, which are gradients.
-class DamagingCollective : public Collective {
- public:
-  using Damage = std::function<void(int call, std::span<float> buffer)>;
-  DamagingCollective(std::unique_ptr<Collective> inner, Damage before, Damage after)
-      : inner_(std::move(inner)), before_(std::move(before)), after_(std::move(after)) {}
-  [[nodiscard]] WorkerIdentity identity() const override { return inner_->identity(); }
-  void all_reduce_sum(std::span<float> buffer) override {
-    if (before_) before_(calls_, buffer);
-    inner_->all_reduce_sum(buffer);
-    if (after_) after_(calls_, buffer);
-    ++calls_;
-  }
-  void all_reduce_sum(std::span<double> buffer) override { inner_->all_reduce_sum(buffer); }
-  void broadcast(std::span<std::byte> buffer) override { inner_->broadcast(buffer); }
-  void barrier() override { inner_->barrier(); }
-  std::vector<std::string> all_gather(const std::string& bytes) override { return inner_->all_gather(bytes); }
-
- private:
-  std::unique_ptr<Collective> inner_;
-  Damage before_, after_;
-  int calls_ = 0;
-};
-
-class FaultyRun : public testing::Test {
+class FaultyRun : public TrainingRun {
  protected:
-  void SetUp() override {
-    yaml_ = tiny_yaml(folder_.path());
-    // In a process of its own: what forks workers must not have started the threads of the simulation.
-    WorkerProcesses generator(1, [&](int) {
-      const RunConfig config = parse_run_config(yaml_, "tiny", {});
-      return !generate_data(config.train, config.env).episodes.empty();
-    });
-    generator.expect_all_succeed();
-  }
+  FaultyRun() : TrainingRun("workers: 3\ncheckpoint_every: 2\n") {}
 
   struct Faults {
     std::function<void(int rank, const StageOutput&, std::span<float>)> env;
@@ -74,28 +26,22 @@ class FaultyRun : public testing::Test {
   };
   /// This worker's part of a run of `updates` updates.
   TrainReport run(int rank, int updates, const Faults& faults, const std::filesystem::path& resume = {}) {
-    const RunConfig config =
-        parse_run_config(yaml_, "tiny", {"total_steps=" + std::to_string(updates * kWorkers * kEnvsPerWorker * kRolloutSteps)});
-    const auto bind = [rank](const auto& damage) {
-      return damage ? DamagingCollective::Damage([rank, damage](int call, std::span<float> buffer) { damage(rank, call, buffer); })
-                    : DamagingCollective::Damage();
+    const RunConfig config = config_with({"total_steps=" + std::to_string(updates * kWorkers * kEnvsPerWorker * kRolloutSteps)});
+    const auto ring = make_zmq_ring(ring_in(folder_, rank, kWorkers));
+    int call = 0;
+    const auto damage = [&](const auto& of, std::span<float> gradient) {
+      if (of) of(rank, call, gradient);
     };
-    DamagingCollective collective(make_zmq_ring(ring_in(folder_, rank, kWorkers)), bind(faults.before), bind(faults.after));
+    HookedCollective collective(
+        *ring, [&](std::span<float> gradient) { damage(faults.before, gradient); },
+        [&](std::span<float> sum) {
+          damage(faults.after, sum);
+          ++call;
+        });
     TrainHooks hooks;
     if (faults.env) hooks.stage_hook = [&, rank](const StageOutput& output, std::span<float> values) { faults.env(rank, output, values); };
     return train(config, collective, {.resume = resume}, hooks);
   }
-  [[nodiscard]] std::filesystem::path out() const { return folder_.path() / "run"; }
-  double last_value(const std::string& name) {
-    const CurvePoint point = read_event_log(out() / "events.jsonl").back();
-    for (const auto& [key, value] : point.values)
-      if (key == name) return value;
-    ADD_FAILURE() << "no curve " << name;
-    return -1;
-  }
-
-  PrivateTestFolder folder_;
-  std::string yaml_;
 };
 
 // A NaN from the ear of one env of each worker, and a gradient message damaged at each worker: counted, named, left out; the run ends well,

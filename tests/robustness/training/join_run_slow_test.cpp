@@ -11,84 +11,27 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
-#include "tests/support/worker_processes.h"
-#include "trainer/checkpoint.h"
+#include "tests/support/hooked_collective.h"
+#include "tests/support/training_run.h"
 #include "trainer/effective_config.h"
-#include "trainer/episode_data.h"
-#include "trainer/event_log.h"
 #include "trainer/result.h"
 #include "trainer/train_loop.h"
 
 namespace earshot {
 namespace {
 
-constexpr int kWorld = 4, kEnvsPerWorker = 2, kRolloutSteps = 8;
-constexpr int kCallsPerUpdate = 4;  // sums of a gradient: two epochs of two minibatches
-
-std::string tiny_yaml(const std::filesystem::path& folder) {
-  return "name: tiny\nseed: 3\nenvs_per_worker: 2\nrollout_steps: 8\ncheckpoint_every: 1\nkeep: 100\ntotal_steps: 100000\nout: " +
-         (folder / "run").string() + "\nmetrics_file: " + (folder / "metrics.prom").string() +
-         "\nenv:\n  task: {max_steps: 12}\n  observation: {camera: {width_px: 40, height_px: 40}}\n  acoustics: {rays: 4, rir_length_s: "
-         "0.1, early_order: 1}\n"
-         "policy: {hidden_size: 16, visual_features: 16, audio_features: 16, conv_channels: 4, normalize_values: true}\n"
-         "ppo: {learning_rate: 1.0e-3, epochs: 2, minibatches: 2, normalize_advantages: true, target_kl: 0.5}\n"
-         "data:\n  train: {file: " +
-         (folder / "train.json.gz").string() +
-         ", scenes: [\"shoebox:5x3x4@0.2\"], episodes_per_scene: 12, sounds: [\"synth:telephone\"], filter: {min_geodesic_m: 1, min_ratio: "
-         "1}}\n";
-}
-
-/// Passes all on, and tells a test of each sum of a gradient that is complete.
-class CountedCollective : public Collective {
- public:
-  using Watch = std::function<void(int sums, Collective&)>;
-  CountedCollective(std::unique_ptr<Collective> inner, Watch watch) : inner_(std::move(inner)), watch_(std::move(watch)) {}
-  [[nodiscard]] WorkerIdentity identity() const override { return inner_->identity(); }
-  void all_reduce_sum(std::span<float> buffer) override {
-    inner_->all_reduce_sum(buffer);
-    watch_(++sums_, *inner_);
-  }
-  void all_reduce_sum(std::span<double> buffer) override { inner_->all_reduce_sum(buffer); }
-  void broadcast(std::span<std::byte> buffer) override { inner_->broadcast(buffer); }
-  void barrier() override { inner_->barrier(); }
-  std::vector<std::string> all_gather(const std::string& bytes) override { return inner_->all_gather(bytes); }
-  [[nodiscard]] std::vector<int> members() const override { return inner_->members(); }
-  [[nodiscard]] bool survives_loss() const override { return inner_->survives_loss(); }
-  void note_progress() override { inner_->note_progress(); }
-  [[nodiscard]] int num_waiting() override { return inner_->num_waiting(); }
-  void brief(const std::string& text) override { inner_->brief(text); }
-  [[nodiscard]] bool has_joiners() override { return inner_->has_joiners(); }
-  void admit() override { inner_->admit(); }
-  std::string hand_over(int from, const std::vector<int>& to, const std::string& bytes) override {
-    return inner_->hand_over(from, to, bytes);
-  }
-  [[nodiscard]] bool is_joining() const override { return inner_->is_joining(); }
-  [[nodiscard]] std::string briefing() const override { return inner_->briefing(); }
-  void enter() override { inner_->enter(); }
-  void confirm_join() override { inner_->confirm_join(); }
-
- private:
-  std::unique_ptr<Collective> inner_;
-  Watch watch_;
-  int sums_ = 0;
-};
+constexpr int kWorld = 4;
 
 struct Shared {
   std::atomic<int> sums[kWorld];   ///< of each rank, since its process began
   std::atomic<int> world[kWorld];  ///< in the last of them
 };
 
-class JoinRun : public testing::Test {
+class JoinRun : public TrainingRun {
  protected:
-  void SetUp() override {
-    yaml_ = tiny_yaml(folder_.path());
-    WorkerProcesses generator(1, [&](int) {
-      const RunConfig config = parse_run_config(yaml_, "tiny", {});
-      return !generate_data(config.train, config.env).episodes.empty();
-    });
-    generator.expect_all_succeed();
-  }
-  [[nodiscard]] std::filesystem::path out(const std::string& name = "run") const { return folder_.path() / name; }
+  JoinRun()
+      : TrainingRun("checkpoint_every: 1\nkeep: 100\ntotal_steps: 100000\n", ", normalize_values: true",
+                    ", normalize_advantages: true, target_kl: 0.5") {}
   Shared& shared() { return shared_[0]; }
 
   struct Start {
@@ -97,19 +40,22 @@ class JoinRun : public testing::Test {
     RunStart run = {};
     std::string engine = engine_hash();
   };
-  TrainReport run(int rank, const Start& start, const CountedCollective::Watch& watch = {}) {
-    std::vector<std::string> overrides{"network.on_loss=continue"};
+  /// watch: called after each sum of a gradient, with their number.
+  TrainReport run(int rank, const Start& start, const std::function<void(int sums)>& watch = {}) {
+    std::vector<std::string> overrides{"network.on_loss=continue", "metrics_file=" + (folder_.path() / "metrics.prom").string()};
     overrides.insert(overrides.end(), start.overrides.begin(), start.overrides.end());
-    const RunConfig config = parse_run_config(yaml_, "tiny", overrides);
+    const RunConfig config = config_with(overrides);
     RingConfig ring = ring_in(folder_, rank, kWorld);
     ring.network = config.network;
     ring.heartbeat = std::chrono::milliseconds(150);
     ring.engine = start.engine;
     ring.settings = common_settings(config);
-    CountedCollective collective(start.joins ? make_joining_worker(ring) : make_zmq_ring(ring), [&](int sums, Collective& inner) {
-      shared().sums[rank] = sums;
-      shared().world[rank] = inner.identity().world_size;
-      if (watch) watch(sums, inner);
+    const auto inner = start.joins ? make_joining_worker(ring) : make_zmq_ring(ring);
+    int sums = 0;
+    HookedCollective collective(*inner, {}, [&](std::span<float>) {
+      shared().sums[rank] = ++sums;
+      shared().world[rank] = inner->identity().world_size;
+      if (watch) watch(sums);
     });
     return train(config, collective, start.run);
   }
@@ -126,9 +72,7 @@ class JoinRun : public testing::Test {
   }
   static std::map<std::string, double> values_of(const CurvePoint& point) { return {point.values.begin(), point.values.end()}; }
 
-  PrivateTestFolder folder_;
   SharedArray<Shared, 1> shared_;
-  std::string yaml_;
 };
 
 // Killed in its third update, started again two updates later.  What was saved with all four back gives the bits of the run when four
@@ -138,7 +82,7 @@ TEST_F(JoinRun, ALostWorkerComesBack) {
     std::filesystem::remove_all(out());
     for (int rank = 0; rank < kWorld; ++rank) shared().sums[rank] = shared().world[rank] = 0;
     WorkerProcesses workers(kWorld, [&](int rank) {
-      const TrainReport report = run(rank, {}, [&](int sums, Collective&) {
+      const TrainReport report = run(rank, {}, [&](int sums) {
         if (rank == victim && sums == 2 * kCallsPerUpdate + 2) ::raise(SIGKILL);
       });
       return report.guards.lost_workers == 1 && report.guards.joined_workers == 1;
@@ -207,10 +151,7 @@ TEST_F(JoinRun, ALostWorkerComesBack) {
     });
     resumed.expect_all_succeed();
     const Checkpoint again = load_checkpoint(out("resumed") / "checkpoints/last.ckpt");
-    ASSERT_EQ(again.optimizer.size(), last.optimizer.size());
-    for (const auto& [name, tensor] : last.weights) EXPECT_TRUE(torch::equal(tensor, again.weights.at(name))) << name;
-    for (const auto& [name, tensor] : last.optimizer) EXPECT_TRUE(torch::equal(tensor, again.optimizer.at(name))) << name;
-    EXPECT_EQ(last.env_states, again.env_states);
+    expect_same_learner(last, again);
     EXPECT_EQ(last.episode_window, again.episode_window);
   }
 }
@@ -219,7 +160,7 @@ TEST_F(JoinRun, ALostWorkerComesBack) {
 // updates all the while, and in the end the right one comes back.
 TEST_F(JoinRun, WhoDoesNotFitOrDiesDisturbsNoOne) {
   WorkerProcesses workers(kWorld, [&](int rank) {
-    run(rank, {}, [&](int sums, Collective&) {
+    run(rank, {}, [&](int sums) {
       if (rank == 1 && sums == kCallsPerUpdate + 1) ::raise(SIGKILL);
     });
     return true;
@@ -245,7 +186,7 @@ TEST_F(JoinRun, WhoDoesNotFitOrDiesDisturbsNoOne) {
   for (const int sums : {1, kCallsPerUpdate + 1}) {
     shared().sums[1] = 0;
     WorkerProcesses dies(1, [&](int) {
-      run(1, {.joins = true}, [&](int made, Collective&) {
+      run(1, {.joins = true}, [&](int made) {
         if (made == sums) ::raise(SIGKILL);
       });
       return true;

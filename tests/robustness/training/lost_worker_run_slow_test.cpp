@@ -7,10 +7,8 @@
 #include <memory>
 
 #include "sim/base/files.h"
-#include "tests/support/worker_processes.h"
-#include "trainer/checkpoint.h"
-#include "trainer/episode_data.h"
-#include "trainer/event_log.h"
+#include "tests/support/hooked_collective.h"
+#include "tests/support/training_run.h"
 #include "trainer/train_loop.h"
 
 namespace earshot {
@@ -18,86 +16,25 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr int kWorld = 4, kEnvsPerWorker = 2, kRolloutSteps = 8;
-constexpr int kCallsPerUpdate = 4;  // sums of a gradient: two epochs of two minibatches
+constexpr int kWorld = 4;
 
-std::string tiny_yaml(const std::filesystem::path& folder) {
-  return "name: tiny\nseed: 3\nenvs_per_worker: 2\nrollout_steps: 8\ncheckpoint_every: 2\nkeep: 20\nout: " + (folder / "run").string() +
-         "\nenv:\n  task: {max_steps: 12}\n  observation: {camera: {width_px: 40, height_px: 40}}\n  acoustics: {rays: 4, rir_length_s: "
-         "0.1, early_order: 1}\n"
-         "policy: {hidden_size: 16, visual_features: 16, audio_features: 16, conv_channels: 4, normalize_values: true}\n"
-         "ppo: {learning_rate: 1.0e-3, epochs: 2, minibatches: 2, normalize_advantages: true}\n"
-         "data:\n  train: {file: " +
-         (folder / "train.json.gz").string() +
-         ", scenes: [\"shoebox:5x3x4@0.2\"], episodes_per_scene: 12, sounds: [\"synth:telephone\"], filter: {min_geodesic_m: 1, min_ratio: "
-         "1}}\n";
-}
-
-/// Passes all on, and tells a test before and after each sum of a gradient.
-class WatchedCollective : public Collective {
- public:
-  using Watch = std::function<void(int call)>;
-  WatchedCollective(std::unique_ptr<Collective> inner, Watch before, Watch after)
-      : inner_(std::move(inner)), before_(std::move(before)), after_(std::move(after)) {}
-  [[nodiscard]] WorkerIdentity identity() const override { return inner_->identity(); }
-  void all_reduce_sum(std::span<float> buffer) override {
-    before_(calls_);
-    inner_->all_reduce_sum(buffer);
-    after_(calls_++);
-  }
-  void all_reduce_sum(std::span<double> buffer) override { inner_->all_reduce_sum(buffer); }
-  void broadcast(std::span<std::byte> buffer) override { inner_->broadcast(buffer); }
-  void barrier() override { inner_->barrier(); }
-  std::vector<std::string> all_gather(const std::string& bytes) override { return inner_->all_gather(bytes); }
-  [[nodiscard]] std::vector<int> members() const override { return inner_->members(); }
-  [[nodiscard]] bool survives_loss() const override { return inner_->survives_loss(); }
-  void note_progress() override { inner_->note_progress(); }
-
- private:
-  std::unique_ptr<Collective> inner_;
-  Watch before_, after_;
-  int calls_ = 0;
-};
-
-class LostWorkerRun : public testing::Test {
+class LostWorkerRun : public TrainingRun {
  protected:
-  void SetUp() override {
-    yaml_ = tiny_yaml(folder_.path());
-    WorkerProcesses generator(1, [&](int) {
-      const RunConfig config = parse_run_config(yaml_, "tiny", {});
-      return !generate_data(config.train, config.env).episodes.empty();
-    });
-    generator.expect_all_succeed();
-  }
-  [[nodiscard]] std::filesystem::path out(const std::string& name = "run") const { return folder_.path() / name; }
+  LostWorkerRun() : TrainingRun("checkpoint_every: 2\nkeep: 20\n", ", normalize_values: true", ", normalize_advantages: true") {}
 
+  using Watch = std::function<void(int call)>;  ///< before or after a sum of a gradient, counted from 0
   /// This worker's part of a run of `world` workers up to so many steps.
-  TrainReport run(int rank, int world, int steps, const std::string& name, const RunStart& start, const WatchedCollective::Watch& before,
-                  const WatchedCollective::Watch& after) {
-    const RunConfig config =
-        parse_run_config(yaml_, "tiny", {"total_steps=" + std::to_string(steps), "out=" + out(name).string(), "network.on_loss=continue"});
+  TrainReport run(int rank, int world, int steps, const std::string& name, const RunStart& start, const Watch& before, const Watch& after) {
+    const RunConfig config = config_with({"total_steps=" + std::to_string(steps), "out=" + out(name).string(), "network.on_loss=continue"});
     RingConfig ring = ring_in(folder_, rank, world);
     ring.network = config.network;
     ring.heartbeat = std::chrono::milliseconds(150);
-    WatchedCollective collective(make_zmq_ring(ring), before, after);
+    const auto inner = make_zmq_ring(ring);
+    int call = 0;
+    HookedCollective collective(
+        *inner, [&](std::span<float>) { before(call); }, [&](std::span<float>) { after(call++); });
     return train(config, collective, start);
   }
-  double last_value(const std::string& curve) {
-    const CurvePoint point = read_event_log(out() / "events.jsonl").back();
-    for (const auto& [key, value] : point.values)
-      if (key == curve) return value;
-    ADD_FAILURE() << "no curve " << curve;
-    return -1;
-  }
-  static void expect_same_learner(const std::filesystem::path& a, const std::filesystem::path& b) {
-    const Checkpoint one = load_checkpoint(a), other = load_checkpoint(b);
-    ASSERT_EQ(one.optimizer.size(), other.optimizer.size());
-    for (const auto& [name, tensor] : one.weights) EXPECT_TRUE(torch::equal(tensor, other.weights.at(name))) << name;
-    for (const auto& [name, tensor] : one.optimizer) EXPECT_TRUE(torch::equal(tensor, other.optimizer.at(name))) << name;
-    EXPECT_EQ(one.env_states, other.env_states);
-    EXPECT_EQ(one.members, other.members);
-  }
-
   /// The worker gets the signal in its third update; the others make six updates, and what they saved after the loss can be gone on with.
   void expect_others_go_on(int victim, int signal) {
     std::filesystem::remove_all(out());
@@ -154,11 +91,10 @@ class LostWorkerRun : public testing::Test {
                  .updates == 6;
     });
     resumed.expect_all_succeed();
-    expect_same_learner(out("resumed") / "checkpoints/last.ckpt", out() / "checkpoints/last.ckpt");
+    const Checkpoint again = load_checkpoint(out("resumed") / "checkpoints/last.ckpt");
+    expect_same_learner(again, last);
+    EXPECT_EQ(again.members, last.members);
   }
-
-  PrivateTestFolder folder_;
-  std::string yaml_;
 };
 
 TEST_F(LostWorkerRun, GoesOnWithoutAKilledOne) {

@@ -10,6 +10,7 @@
 
 #include "policy/action_distribution.h"
 #include "tests/support/hooked_collective.h"
+#include "tests/support/pointgoal_policy.h"
 #include "tests/support/two_workers.h"
 #include "trainer/ppo.h"
 
@@ -20,18 +21,8 @@ constexpr int kHidden = 8;
 const std::unique_ptr<Collective> kSingle = make_single_worker();
 Collective& kAlone = *kSingle;
 
-ObservationSpec pointgoal_only() {
-  ObservationSpec spec;
-  spec.depth = spec.spectrogram = false;
-  spec.pointgoal = true;
-  return spec;
-}
-
 ActorCritic make_policy() {
-  PolicyConfig config;
-  config.hidden_size = kHidden;
-  config.seed = 3;
-  ActorCritic policy(pointgoal_only(), config);
+  ActorCritic policy = pointgoal_policy(kHidden);
   const torch::NoGradGuard no_gradient;
   policy->named_parameters()["actor.weight"].mul_(50);  // distinct action probabilities
   return policy;

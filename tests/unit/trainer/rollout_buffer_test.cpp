@@ -4,15 +4,10 @@
 
 #include <vector>
 
+#include "tests/support/pointgoal_policy.h"
+
 namespace earshot {
 namespace {
-
-ObservationSpec pointgoal_only() {
-  ObservationSpec spec;
-  spec.depth = spec.spectrogram = false;
-  spec.pointgoal = true;
-  return spec;
-}
 
 std::vector<float> list(const torch::Tensor& tensor) {
   const torch::Tensor flat = tensor.contiguous();

@@ -194,19 +194,9 @@ class Lost : public SeveralHosts {
     // Four heartbeats of 0.5 s, one until the next beat, 0.3 s of grace; the rest is for a loaded machine.  The call's timeout is 20 s.
     EXPECT_LT(std::chrono::duration<double>(Clock::now() - start).count(), 10.0);
   }
-};
 
-TEST_F(Lost, LinkIsNoticedOnBothSides) {
-  expect_noticed(true, [&](WorkerProcesses&) { hosts_.set_link(1, false); });
-}
-
-TEST_F(Lost, KilledWorkerIsNoticedOnTheOtherHost) {
-  expect_noticed(false, [](WorkerProcesses& workers) { ::kill(workers.pid(1), SIGKILL); });
-}
-
-// Two workers on each of two hosts, so that sums go through shared memory on each.
-TEST_F(Lost, OneOfAHostThatSharesMemoryIsNamedByAll) {
-  for (const int victim : {3, 2, 0}) {  // the second of its host, and both leaders
+  /// Two workers on each of two hosts, so that sums go through shared memory on each: those that are left name `named` within seconds.
+  void expect_named_by_all(const std::string& named, const std::vector<int>& left, const std::function<void(WorkerProcesses&)>& loss) {
     SharedArray<std::atomic<int>, 1> rounds;
     WorkerProcesses workers(4, [&](int rank) {
       if (!hosts_.enter(rank / 2)) return false;
@@ -218,43 +208,38 @@ TEST_F(Lost, OneOfAHostThatSharesMemoryIsNamedByAll) {
           if (rank == 1) ++rounds[0];
         }
       } catch (const RunError& error) {
-        return collective.shares_memory_per_host() &&
-               std::string(error.what()).find("worker " + std::to_string(victim)) != std::string::npos;
+        return collective.shares_memory_per_host() && std::string(error.what()).find(named) != std::string::npos;
       }
     });
     while (rounds[0] < 3) std::this_thread::sleep_for(milliseconds(5));
-    ::kill(workers.pid(victim), SIGKILL);
+    loss(workers);
     const auto start = Clock::now();
-    for (int rank = 0; rank < 4; ++rank)
-      if (rank != victim) {
-        EXPECT_EQ(workers.wait(rank), 0) << rank << " of " << victim;
-      }
-    std::printf("worker %d was killed: the others end within %.0f ms\n", victim,
-                std::chrono::duration<double, std::milli>(Clock::now() - start).count());
-    EXPECT_LT(std::chrono::duration<double>(Clock::now() - start).count(), 10.0);
+    for (const int rank : left) EXPECT_EQ(workers.wait(rank), 0) << rank << " names " << named;
+    const double took_s = std::chrono::duration<double>(Clock::now() - start).count();
+    std::printf("%s: noticed by all within %.0f ms\n", named.c_str(), 1000 * took_s);
+    EXPECT_LT(took_s, 10.0);
   }
+};
+
+TEST_F(Lost, LinkIsNoticedOnBothSides) {
+  expect_noticed(true, [&](WorkerProcesses&) { hosts_.set_link(1, false); });
+}
+
+TEST_F(Lost, KilledWorkerIsNoticedOnTheOtherHost) {
+  expect_noticed(false, [](WorkerProcesses& workers) { ::kill(workers.pid(1), SIGKILL); });
+}
+
+TEST_F(Lost, OneOfAHostThatSharesMemoryIsNamedByAll) {
+  const auto kill_one = [&](int victim, const std::vector<int>& left) {
+    expect_named_by_all("worker " + std::to_string(victim), left, [&](WorkerProcesses& workers) { ::kill(workers.pid(victim), SIGKILL); });
+  };
+  kill_one(3, {0, 1, 2});  // the second of its host
+  kill_one(2, {0, 1, 3});  // both leaders
+  kill_one(0, {1, 2, 3});
 }
 
 TEST_F(Lost, ACutLinkBetweenHostsThatShareMemoryIsNoticedByAll) {
-  SharedArray<std::atomic<int>, 1> rounds;
-  WorkerProcesses workers(4, [&](int rank) {
-    if (!hosts_.enter(rank / 2)) return false;
-    ZmqRing collective(ring(HostNamespaces::address(0), rank, 4));
-    std::vector<float> buffer(1000000, 1.0f);
-    try {
-      while (true) {
-        collective.all_reduce_sum(buffer);
-        if (rank == 1) ++rounds[0];
-      }
-    } catch (const RunError& error) {
-      return collective.shares_memory_per_host() && std::string(error.what()).find("worker ") != std::string::npos;
-    }
-  });
-  while (rounds[0] < 3) std::this_thread::sleep_for(milliseconds(5));
-  hosts_.set_link(1, false);
-  const auto start = Clock::now();
-  workers.expect_all_succeed();
-  EXPECT_LT(std::chrono::duration<double>(Clock::now() - start).count(), 10.0);
+  expect_named_by_all("worker ", {0, 1, 2, 3}, [&](WorkerProcesses&) { hosts_.set_link(1, false); });
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "policy/action_distribution.h"
+#include "tests/support/pointgoal_policy.h"
 #include "trainer/ppo.h"
 
 namespace earshot {
@@ -12,19 +13,9 @@ namespace {
 
 constexpr int kSteps = 8, kHidden = 4;
 
-ObservationSpec pointgoal_only() {
-  ObservationSpec spec;
-  spec.depth = spec.spectrogram = false;
-  spec.pointgoal = true;
-  return spec;
-}
-
 /// Every state is worth 0 to it, so that the value loss is half the mean square of the returns.
 ActorCritic policy_without_values() {
-  PolicyConfig config;
-  config.hidden_size = kHidden;
-  config.seed = 3;
-  ActorCritic policy(pointgoal_only(), config);
+  ActorCritic policy = pointgoal_policy(kHidden);
   const torch::NoGradGuard no_gradient;
   policy->named_parameters()["critic.weight"].zero_();
   policy->named_parameters()["critic.bias"].zero_();
