@@ -25,7 +25,7 @@ namespace earshot {
 class TrainWorker {
  public:
   TrainWorker(const RunConfig& config, Collective& collective, const std::filesystem::path& resume, const std::vector<std::string>& changes,
-         const TrainHooks& hooks);
+              const TrainHooks& hooks);
 
   TrainReport run();
 

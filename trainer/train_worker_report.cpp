@@ -66,13 +66,13 @@ void TrainWorker::report(const UpdateStats& stats, double update_s, std::uint64_
                                              times_.policy,         times_.learn,    times_.reduce};
   std::copy(stage.begin(), stage.end(), sums.begin() + EpisodeSums::num_fields);
   const WorkerUpdate own_update{update_s,
-                             std::exchange(own_step_s_, 0),
-                             static_cast<double>(collector_.rollout().num_steps()),
-                             finished_.values[EpisodeSums::count],
-                             finished_.values[EpisodeSums::stopped],
-                             stats.explained_variance,
-                             stats.approx_kl,
-                             stats.clip_fraction};
+                                std::exchange(own_step_s_, 0),
+                                static_cast<double>(collector_.rollout().num_steps()),
+                                finished_.values[EpisodeSums::count],
+                                finished_.values[EpisodeSums::stopped],
+                                stats.explained_variance,
+                                stats.approx_kl,
+                                stats.clip_fraction};
   const std::vector<WorkerUpdate> of_all = gather_worker_updates(collective_, own_update);
   std::vector<RolloutTime> rollouts;
   for (const WorkerUpdate& worker : of_all) rollouts.push_back({worker.collect_s, static_cast<int>(worker.rollout_steps)});

@@ -26,8 +26,8 @@ class TrainingRun : public testing::Test {
               "\nenv:\n  task: {max_steps: 12}\n  observation: {camera: {width_px: 40, height_px: 40}}\n  acoustics: {rays: 4, "
               "rir_length_s: 0.1, early_order: 1}\n"
               "policy: {hidden_size: 16, visual_features: 16, audio_features: 16, conv_channels: 4" +
-              policy + "}\nppo: {learning_rate: 1.0e-3, epochs: 2, minibatches: 2" + ppo + "}\ndata:\n  train: {file: " +
-              (folder_.path() / "train.json.gz").string() +
+              policy + "}\nppo: {learning_rate: 1.0e-3, epochs: 2, minibatches: 2" + ppo +
+              "}\ndata:\n  train: {file: " + (folder_.path() / "train.json.gz").string() +
               ", scenes: [\"shoebox:5x3x4@0.2\"], episodes_per_scene: 12, sounds: [\"synth:telephone\"], filter: {min_geodesic_m: 1, "
               "min_ratio: 1}}\n") {}
   void SetUp() override {
@@ -38,7 +38,9 @@ class TrainingRun : public testing::Test {
     });
     generator.expect_all_succeed();
   }
-  [[nodiscard]] RunConfig config_with(const std::vector<std::string>& overrides) const { return parse_run_config(yaml_, "tiny", overrides); }
+  [[nodiscard]] RunConfig config_with(const std::vector<std::string>& overrides) const {
+    return parse_run_config(yaml_, "tiny", overrides);
+  }
   [[nodiscard]] std::filesystem::path out(const std::string& name = "run") const { return folder_.path() / name; }
   double last_value(const std::string& curve) {
     const CurvePoint point = read_event_log(out() / "events.jsonl").back();
