@@ -17,7 +17,6 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 constexpr std::chrono::milliseconds kAskInterval(250);
-constexpr std::chrono::seconds kSilenceAfterAnswer(60);  // a member that moves the meeting point, or an update without a look at it
 constexpr int kReconnect_ms = 50, kReconnectMax_ms = 250;
 
 /// A connection to whoever listens at the meeting point, over which one request is sent again and again.
@@ -98,7 +97,9 @@ class Asker {
   }
 
   void give_up_after_silence() const {
-    const auto limit = answered_ ? std::min<std::chrono::milliseconds>(config_.timeout, kSilenceAfterAnswer) : config_.timeout;
+    // A member that loads a large scene looks here as late as it may tell of progress.
+    const auto limit =
+        answered_ ? std::chrono::milliseconds(static_cast<std::int64_t>(1000 * config_.network.progress_timeout_s)) : config_.timeout;
     if (Clock::now() - heard_at_ < limit) return;
     throw RunError(
         where_, answered_
@@ -152,7 +153,8 @@ JoinAnswer ask_for_admission(zmq::context_t& context, const RingConfig& config, 
     const std::uint64_t world = world_size == 64 ? ~std::uint64_t{0} : (std::uint64_t{1} << world_size) - 1;
     const std::uint64_t own = std::uint64_t{1} << config.identity.rank;
     if (((answer.members | answer.joining) & ~world) != 0 || answer.members == 0 || (answer.members & answer.joining) != 0 ||
-        (answer.joining & own) == 0)
+        (answer.joining & own) == 0 || answer.meeting_rank < 0 || answer.meeting_rank >= config.identity.world_size ||
+        (answer.members >> answer.meeting_rank & 1) == 0)
       throw WireError("view that cannot be");
     for (std::size_t rank = 0; rank < world_size; ++rank) {
       if (((answer.members | answer.joining) >> rank & 1) == 0) continue;

@@ -27,9 +27,10 @@ std::string encoded_answer(JoinState state, const std::string& reason, const std
   return encode(answer);
 }
 
-/// On another host than rank 0's the port stays, at the address where this worker listens anyway.
+/// Where the run began for the rank 0 that began it.  Elsewhere the port stays, at the address where this worker listens anyway: a rank 0
+/// that has come back may have met the run on another host.
 std::string address_for(const RingConfig& config, const std::string& control_endpoint) {
-  if (config.identity.rank == 0 || !leaves_host(config.rendezvous)) return meeting_address(config);
+  if ((config.identity.rank == 0 && config.incarnation == 0) || !leaves_host(config.rendezvous)) return meeting_address(config);
   return TcpAddress{parse_tcp(control_endpoint).host, parse_tcp(config.rendezvous).port}.endpoint();
 }
 
@@ -121,8 +122,7 @@ void MeetingPoint::look(const View& view, const std::string& briefing) {
     }
   }
   if (!socket_) open();
-  for (int count = 0; socket_ && count < kMessagesAtOnce && (socket_.get(zmq::sockopt::events) & ZMQ_POLLIN) != 0; ++count)
-    take(receive_parts(socket_), view, briefing);
+  for (int count = 0; socket_ && count < kMessagesAtOnce && has_message(socket_); ++count) take(receive_parts(socket_), view, briefing);
 }
 
 void MeetingPoint::take(const std::vector<zmq::message_t>& parts, const View& view, const std::string& briefing) {

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <array>
+#include <cerrno>
 #include <cstring>
 
 #include "sim/base/errors.h"
@@ -56,13 +57,29 @@ Readable wait_readable(zmq::socket_t& first, std::chrono::steady_clock::time_poi
   }
 }
 
+bool has_message(zmq::socket_t& socket) {
+  try {
+    return (socket.get(zmq::sockopt::events) & ZMQ_POLLIN) != 0;
+  } catch (const zmq::error_t& error) {
+    if (error.num() != EINTR) throw;
+    return false;
+  }
+}
+
 std::vector<zmq::message_t> receive_parts(zmq::socket_t& socket) {
   std::vector<zmq::message_t> parts;
-  do {
+  for (bool more = true; more;) {
     zmq::message_t part;
-    if (!socket.recv(part, zmq::recv_flags::none)) break;
+    try {
+      if (!socket.recv(part, zmq::recv_flags::none)) break;
+    } catch (const zmq::error_t& error) {
+      if (error.num() != EINTR) throw;
+      if (parts.empty()) break;
+      continue;  // the rest of a message is there already
+    }
+    more = part.more();
     if (parts.size() < 3) parts.push_back(std::move(part));
-  } while (socket.get(zmq::sockopt::rcvmore));
+  }
   return parts;
 }
 

@@ -27,7 +27,10 @@ enum class Readable { none, first, second };
 /// Which of two sockets has something to read before the deadline.
 Readable wait_readable(zmq::socket_t& first, std::chrono::steady_clock::time_point deadline, zmq::socket_t* second = nullptr);
 
-/// The parts of the next message, three at most: enough to see that it is not ours.
+/// Whether a message is there.  Never waits; a signal that comes meanwhile reads as none.
+bool has_message(zmq::socket_t& socket);
+
+/// The parts of the next message, three at most: enough to see that it is not ours.  None where a signal ends the wait for it.
 std::vector<zmq::message_t> receive_parts(zmq::socket_t& socket);
 
 /// Handshakes of one socket that failed, by libzmq's monitor.

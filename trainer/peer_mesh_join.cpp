@@ -88,7 +88,13 @@ void PeerMesh::invite() {
 /// Of a worker that joins: asks until the members are about to let it in, and agrees with them on the view in which it is one.
 void PeerMesh::join(const std::string& control_endpoint, const std::string& bulk_endpoint) {
   is_guest_ = true;
-  const JoinAnswer answer = ask_for_admission(context_, config_, control_endpoint, bulk_endpoint, security_);
+  JoinAnswer answer;
+  try {
+    answer = ask_for_admission(context_, config_, control_endpoint, bulk_endpoint, security_);
+  } catch (...) {
+    remove_listening_files();
+    throw;
+  }
   table_.run_key = answer.run_key;
   table_.control_endpoints = answer.control_endpoints;
   table_.bulk_endpoints = answer.bulk_endpoints;
