@@ -296,6 +296,7 @@ TEST_F(JoiningWorkers, TheStateGoesToThoseThatHaveJoinedAlone) {
   WorkerProcesses workers(3, [&](int rank) {
     const auto collective = make_zmq_ring(ring(rank, 3));
     collective->brief("known");
+    shared().in_view[rank] = 3;
     if (rank == 1) ::pause();
     while (true) try {
         std::array<double, 1> vote{collective->has_joiners() ? 1.0 : 0.0};
@@ -306,8 +307,7 @@ TEST_F(JoiningWorkers, TheStateGoesToThoseThatHaveJoinedAlone) {
         if (change.joined() == std::vector<int>{1}) return hand_over(*collective, rank);
       }
   });
-  wait_for([&] { return workers.pid(1) > 0; });
-  std::this_thread::sleep_for(milliseconds(300));
+  for (const int rank : {0, 1, 2}) wait_for([&] { return shared().in_view[rank] == 3; });  // all have met
   ::kill(workers.pid(1), SIGKILL);
   wait_for([&] { return shared().in_view[0] == 2 && shared().in_view[2] == 2; });
   WorkerProcesses back(1, [&](int) {
