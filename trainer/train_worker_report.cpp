@@ -66,7 +66,7 @@ void TrainWorker::report(const UpdateStats& stats, double update_s, std::uint64_
                                              times_.policy,         times_.learn,    times_.reduce};
   std::copy(stage.begin(), stage.end(), sums.begin() + EpisodeSums::num_fields);
   const WorkerUpdate own_update{update_s,
-                                std::exchange(own_step_s_, 0),
+                                own_step_s_,  // stays: a change of members may have this update made again from the same rollout
                                 static_cast<double>(collector_.rollout().num_steps()),
                                 finished_.values[EpisodeSums::count],
                                 finished_.values[EpisodeSums::stopped],
