@@ -18,15 +18,16 @@ namespace {
 
 /// `learner` is the body of a checkpoint file, with its hash.
 struct StateMessage {
-  static constexpr std::size_t kFields = 12;
+  static constexpr std::size_t kFields = 14;
   std::uint16_t version = kWireVersion;
   std::string learner;
   std::vector<double> counters;
-  std::uint64_t taken_steps = 0, skipped_steps = 0, loss_alarms = 0, kl_alarms = 0, lost_workers = 0, joined_workers = 0;
+  std::uint64_t taken_steps = 0, skipped_steps = 0, loss_alarms = 0, kl_alarms = 0, lost_workers = 0, joined_workers = 0, failed_writes = 0;
   std::int32_t updates_without_step = 0;
   double elapsed_s = 0, elapsed_before_s = 0;
+  std::uint64_t steps_before = 0;
   MSGPACK_DEFINE(version, learner, counters, taken_steps, skipped_steps, loss_alarms, kl_alarms, lost_workers, joined_workers,
-                 updates_without_step, elapsed_s, elapsed_before_s)
+                 failed_writes, updates_without_step, elapsed_s, elapsed_before_s, steps_before)
 };
 
 }  // namespace
@@ -41,9 +42,11 @@ std::string encode_run_state(const RunState& state) {
   message.kl_alarms = state.guards.kl_alarms;
   message.lost_workers = state.guards.lost_workers;
   message.joined_workers = state.guards.joined_workers;
+  message.failed_writes = state.guards.failed_writes;
   message.updates_without_step = state.updates_without_step;
   message.elapsed_s = state.elapsed_s;
   message.elapsed_before_s = state.elapsed_before_s;
+  message.steps_before = state.steps_before;
   return encode(message);
 }
 
@@ -59,11 +62,13 @@ RunState decode_run_state(std::string_view bytes) {
                     .skipped_steps = message.skipped_steps,
                     .loss_alarms = message.loss_alarms,
                     .kl_alarms = message.kl_alarms,
+                    .failed_writes = message.failed_writes,
                     .lost_workers = message.lost_workers,
                     .joined_workers = message.joined_workers};
     state.updates_without_step = message.updates_without_step;
     state.elapsed_s = message.elapsed_s;
     state.elapsed_before_s = message.elapsed_before_s;
+    state.steps_before = message.steps_before;
   } catch (const WireError& error) {
     throw RunError(where, error.what());
   } catch (const InputError& error) {

@@ -18,6 +18,7 @@ struct RunState {
   RunCounters counters;  ///< of all workers
   int updates_without_step = 0;
   double elapsed_s = 0, elapsed_before_s = 0;  ///< of this sitting, and of those before
+  std::uint64_t steps_before = 0;              ///< env_steps with which this sitting began
 };
 
 /// Bits come back as they were.  decode_run_state throws RunError if the bytes are no state.

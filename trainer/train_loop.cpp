@@ -66,7 +66,7 @@ void TrainWorker::restore(const std::filesystem::path& path) {
   load_learner(checkpoint, path.string());
   window_.restore(checkpoint.episode_window, checkpoint.episode_window_fields);
   update_ = checkpoint.update;
-  env_steps_ = checkpoint.env_steps;
+  env_steps_ = steps_before_ = checkpoint.env_steps;
   elapsed_before_s_ = checkpoint.elapsed_s;
   if (places_.begin_anew) {
     env_.reset();
@@ -149,7 +149,6 @@ TrainReport TrainWorker::run() {
     fmt::print(stderr, "training {}: {} workers x {} envs, {} episodes, {} parameters\n", config_.name, world_, config_.envs_per_worker,
                set_->episodes.size(), policy_->num_parameters());
   }
-  const std::uint64_t first_steps = env_steps_;
   clock_.lap();
   for (bool saved = false; !saved;) try {
       while (!finished()) {
@@ -161,7 +160,7 @@ TrainReport TrainWorker::run() {
     } catch (const MembershipChange& change) {
       recover(change);
     }
-  return {update_,          env_steps_, elapsed_s_, elapsed_s_ > 0 ? static_cast<double>(env_steps_ - first_steps) / elapsed_s_ : 0,
+  return {update_,          env_steps_, elapsed_s_, elapsed_s_ > 0 ? static_cast<double>(env_steps_ - steps_before_) / elapsed_s_ : 0,
           last_checkpoint_, counters_,  guards_};
 }
 

@@ -112,6 +112,7 @@ class TrainWorker {
   LapTimer clock_;
   double own_step_s_ = 0;                        ///< seconds of this worker's rollout
   double elapsed_s_ = 0, elapsed_before_s_ = 0;  ///< in this sitting, and in those before
+  std::uint64_t steps_before_ = 0;               ///< env_steps_ with which this sitting began
   double progress_ = 0;                          ///< of all workers, in [0, 1]
 };
 

@@ -39,9 +39,12 @@ void TrainWorker::go_back() {
   load_learner(before_->learner, "the update before");
   update_ = before_->update;
   env_steps_ = before_->env_steps;
-  const std::uint64_t lost = guards_.lost_workers;
+  // Members that left or came, and files that were not written, stay so.
+  const GuardCounts now = guards_;
   guards_ = before_->guards;
-  guards_.lost_workers = lost;
+  guards_.lost_workers = now.lost_workers;
+  guards_.joined_workers = now.joined_workers;
+  guards_.failed_writes = now.failed_writes;
   updates_without_step_ = before_->updates_without_step;
   collected_ = true;
 }
@@ -68,6 +71,7 @@ std::string TrainWorker::state() {
   state.updates_without_step = updates_without_step_;
   state.elapsed_s = elapsed_s_;
   state.elapsed_before_s = elapsed_before_s_;
+  state.steps_before = steps_before_;
   return encode_run_state(state);
 }
 
@@ -82,6 +86,7 @@ void TrainWorker::take_state(const std::string& bytes) {
   updates_without_step_ = state.updates_without_step;
   elapsed_s_ = state.elapsed_s;
   elapsed_before_s_ = state.elapsed_before_s;
+  steps_before_ = state.steps_before;
 }
 
 /// Brings all to the same state: the last update that all members have completed, which workers that join get from the first of the others.

@@ -16,11 +16,13 @@ RunState example() {
   state.learner.optimizer = {{"a.step", torch::tensor(28, torch::kInt64)}, {"a.exp_avg", torch::tensor({0.1f, 0.2f, 0.3f})}};
   state.learner.episode_window = {1, 2, 3};
   state.learner.episode_window_fields = 3;
-  state.guards = {.taken_steps = 1, .skipped_steps = 2, .loss_alarms = 3, .kl_alarms = 4, .lost_workers = 6, .joined_workers = 7};
+  state.guards = {
+      .taken_steps = 1, .skipped_steps = 2, .loss_alarms = 3, .kl_alarms = 4, .failed_writes = 8, .lost_workers = 6, .joined_workers = 7};
   for (std::size_t i = 0; i < state.counters.values.size(); ++i) state.counters.values[i] = static_cast<double>(i) / 3;
   state.updates_without_step = 5;
   state.elapsed_s = 1.5;
   state.elapsed_before_s = 0.1;
+  state.steps_before = 9000;
   return state;
 }
 
@@ -37,9 +39,11 @@ TEST(RunState, ComesBackWithTheSameBits) {
   EXPECT_EQ(after.guards.kl_alarms, 4u);
   EXPECT_EQ(after.guards.lost_workers, 6u);
   EXPECT_EQ(after.guards.joined_workers, 7u);
+  EXPECT_EQ(after.guards.failed_writes, 8u);
   EXPECT_EQ(after.updates_without_step, 5);
   EXPECT_EQ(after.elapsed_s, 1.5);
   EXPECT_EQ(after.elapsed_before_s, 0.1);
+  EXPECT_EQ(after.steps_before, 9000u);
 }
 
 // One bit of a weight, of a moment or of a step is another hash; so is the sign of a zero.
