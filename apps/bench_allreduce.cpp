@@ -8,10 +8,10 @@
 #include <vector>
 
 #include "apps/commands.h"
-#include "apps/scratch_folder.h"
 #include "bench/bench_report.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/temporary_folder.h"
 #include "trainer/all_reduce_speed.h"
 #include "trainer/gloo_group.h"
 #include "trainer/worker_group.h"
@@ -107,7 +107,7 @@ int run(Options options, const std::vector<std::string>& arguments) {
     return 0;
   }
 
-  const ScratchFolder folder("earshot_bench_allreduce");
+  const TemporaryFolder folder(std::filesystem::temp_directory_path(), "earshot_bench_allreduce_");
   BenchReport report("allreduce");
   if (options.speed.gloo && !has_gloo())
     fmt::print("Gloo left out: it is not in this build (apt-get install libgloo-dev, then build again)\n");

@@ -7,10 +7,10 @@
 #include <vector>
 
 #include "apps/commands.h"
-#include "apps/scratch_folder.h"
 #include "bench/bench_report.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/temporary_folder.h"
 #include "trainer/all_reduce_speed.h"
 #include "trainer/scaling_check.h"
 #include "trainer/worker_group.h"
@@ -118,7 +118,7 @@ int run(Options options, const std::vector<std::string>& arguments) {
     return 0;
   }
 
-  const ScratchFolder folder("earshot_bench_scaling");
+  const TemporaryFolder folder(std::filesystem::temp_directory_path(), "earshot_bench_scaling_");
   const std::string file = (folder.path() / "times.json").string();
   BenchReport report("scaling");
   const auto alone = make_single_worker();

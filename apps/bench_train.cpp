@@ -14,12 +14,12 @@
 #include <vector>
 
 #include "apps/commands.h"
-#include "apps/scratch_folder.h"
 #include "bench/bench_report.h"
 #include "bench/bench_scene.h"
 #include "bench/engine_process.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/temporary_folder.h"
 #include "trainer/learner_speed.h"
 
 namespace earshot {
@@ -102,7 +102,7 @@ void run(Options options) {
     options.config = *usual;
   }
   const RunConfig config = load_run_config(options.config, options.overrides);
-  const ScratchFolder folder("earshot_bench_train");
+  const TemporaryFolder folder(std::filesystem::temp_directory_path(), "earshot_bench_train_");
   LearnerSpeedTest test(config);
   const BenchJson setting = {{"config", std::filesystem::path(options.config).filename().string()},
                              {"parameters", test.num_parameters()},

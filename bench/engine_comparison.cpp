@@ -1,7 +1,6 @@
 #include "bench/engine_comparison.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
@@ -13,6 +12,7 @@
 #include "sim/acoustics/synthesis/carriers.h"
 #include "sim/acoustics/synthesis/rir_synthesis.h"
 #include "sim/base/stopwatch.h"
+#include "sim/base/temporary_folder.h"
 #include "sim/scene/shoebox.h"
 
 namespace earshot {
@@ -148,29 +148,9 @@ double render_own(const ShoeboxRoom& room, const AcousticConfig& config, std::ve
   return seconds;
 }
 
-/// A folder that is removed with everything in it.
-class TemporaryFolder {
- public:
-  TemporaryFolder() {
-    std::string path = (std::filesystem::temp_directory_path() / "earshot_engine_XXXXXX").string();
-    if (::mkdtemp(path.data()) == nullptr) throw RunError(path, "cannot be made");
-    path_ = path;
-  }
-  ~TemporaryFolder() {
-    std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
-  }
-  TemporaryFolder(const TemporaryFolder&) = delete;
-  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
-  [[nodiscard]] const std::filesystem::path& path() const { return path_; }
-
- private:
-  std::filesystem::path path_;
-};
-
 /// One engine at one time allowed in all rooms; false, and a line in `left_out`, if it is not available.
 bool ask_in_rooms(const EngineCommand& engine, double allowed_s, EngineComparison& comparison) {
-  const TemporaryFolder folder;
+  const TemporaryFolder folder(std::filesystem::temp_directory_path(), "earshot_engine_");
   std::vector<std::vector<RoomMetrics>> rendered;
   std::string setting;
   double seconds = 0;

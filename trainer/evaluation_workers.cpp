@@ -16,6 +16,7 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/progress.h"
+#include "sim/base/temporary_folder.h"
 #include "trainer/worker_group.h"
 
 namespace earshot {
@@ -31,26 +32,6 @@ int number_of(const char* variable) {
   if (text != nullptr) std::from_chars(text, text + std::strlen(text), value);
   return value;
 }
-
-/// A folder that is gone at the end.
-class PartFolder {
- public:
-  PartFolder() {
-    std::string name = (std::filesystem::temp_directory_path() / "earshot-eval-XXXXXX").string();
-    if (::mkdtemp(name.data()) == nullptr) throw RunError(name, fmt::format("cannot be created: {}", std::strerror(errno)));
-    path_ = name;
-  }
-  ~PartFolder() {
-    std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
-  }
-  PartFolder(const PartFolder&) = delete;
-  PartFolder& operator=(const PartFolder&) = delete;
-  [[nodiscard]] const std::filesystem::path& path() const { return path_; }
-
- private:
-  std::filesystem::path path_;
-};
 
 }  // namespace
 
@@ -114,7 +95,7 @@ void EvaluationWorker::finish(const EvaluationResult& result) {
 }
 
 EvaluationResult evaluate_with_workers(int workers, std::vector<std::string> arguments, int& exit_code) {
-  const PartFolder folder;
+  const TemporaryFolder folder(std::filesystem::temp_directory_path(), "earshot-eval-");
   arguments.emplace_back(kPartFolderOption);
   arguments.push_back(folder.path().string());
   EvaluationResult result;

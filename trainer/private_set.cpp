@@ -1,11 +1,9 @@
 #include "trainer/private_set.h"
 
 #include <fmt/format.h>
-#include <stdlib.h>
 #include <sys/random.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <iterator>
 #include <optional>
 #include <set>
@@ -18,6 +16,7 @@
 #include "sim/base/files.h"
 #include "sim/base/progress.h"
 #include "sim/base/sha256.h"
+#include "sim/base/temporary_folder.h"
 #include "trainer/episode_data.h"
 #include "trainer/split_overlap.h"
 
@@ -29,30 +28,14 @@ constexpr std::uint64_t kLeastSeed = 1'000'000'000, kSeedCount = std::uint64_t{1
 /// Of one scene or sound.
 constexpr int kMostDraws = 20;
 
-/// A folder beside a file that only its owner can look into, removed with what is in it.
-class PrivateFolder {
- public:
-  explicit PrivateFolder(const std::filesystem::path& beside) {
-    const std::filesystem::path parent = beside.has_parent_path() ? beside.parent_path() : ".";
-    std::error_code error;
-    std::filesystem::create_directories(parent, error);
-    std::string name = (parent / ".private_XXXXXX").string();
-    if (error || ::mkdtemp(name.data()) == nullptr)
-      throw RunError(parent.string(),
-                     "no folder can be created there: " + (error ? error : std::error_code(errno, std::generic_category())).message());
-    path_ = name;
-  }
-  PrivateFolder(const PrivateFolder&) = delete;
-  PrivateFolder& operator=(const PrivateFolder&) = delete;
-  ~PrivateFolder() {
-    std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
-  }
-  [[nodiscard]] const std::filesystem::path& path() const { return path_; }
-
- private:
-  std::filesystem::path path_;
-};
+/// Where a file is written before it has its name: beside it, so that it can be renamed.
+std::filesystem::path folder_of(const std::filesystem::path& file) {
+  const std::filesystem::path parent = file.has_parent_path() ? file.parent_path() : ".";
+  std::error_code error;
+  std::filesystem::create_directories(parent, error);
+  if (error) throw RunError(parent.string(), "cannot be created: " + error.message());
+  return parent;
+}
 
 /// "house:3,rooms=2" with another seed.
 std::string other_scene(const std::string& scene, const SecretSeeds& draw) {
@@ -207,7 +190,7 @@ std::string make_private_set(const Benchmark& benchmark, const std::filesystem::
   set.generator = generator_keys(data, run.env);
   check_private_split(benchmark, set);
 
-  const PrivateFolder folder(file);
+  const TemporaryFolder folder(folder_of(file), ".private_");
   const std::filesystem::path made = folder.path() / file.filename();
   save_episode_set(set, made);
   std::filesystem::permissions(made, std::filesystem::perms::owner_read | std::filesystem::perms::owner_write);

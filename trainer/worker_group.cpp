@@ -19,6 +19,7 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/temporary_folder.h"
 #include "trainer/rendezvous.h"
 
 extern char** environ;
@@ -35,28 +36,12 @@ constexpr std::size_t kMaxFolderLength = 60;               // leaves room for a 
 constexpr const char *kRank = "EARSHOT_RANK", *kWorldSize = "EARSHOT_WORLD_SIZE", *kRendezvous = "EARSHOT_RENDEZVOUS",
                      *kRunId = "EARSHOT_RUN_ID";
 
-/// A folder that only this user may enter, with everything in it gone at the end.
-class PrivateFolder {
- public:
-  PrivateFolder() {
-    std::error_code error;
-    std::filesystem::path parent = std::filesystem::temp_directory_path(error);
-    if (error || parent.string().size() > kMaxFolderLength) parent = "/tmp";
-    std::string name = (parent / "earshot-XXXXXX").string();
-    if (::mkdtemp(name.data()) == nullptr) throw RunError(name, fmt::format("cannot be created: {}", std::strerror(errno)));
-    path_ = name;
-  }
-  ~PrivateFolder() {
-    std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
-  }
-  PrivateFolder(const PrivateFolder&) = delete;
-  PrivateFolder& operator=(const PrivateFolder&) = delete;
-  [[nodiscard]] const std::filesystem::path& path() const { return path_; }
-
- private:
-  std::filesystem::path path_;
-};
+/// Where the sockets of the group are.
+std::filesystem::path parent_of_sockets() {
+  std::error_code error;
+  const std::filesystem::path parent = std::filesystem::temp_directory_path(error);
+  return error || parent.string().size() > kMaxFolderLength ? "/tmp" : parent;
+}
 
 /// Holds back the signals that the parent waits for; the old mask comes back at the end.
 class BlockedSignals {
@@ -293,7 +278,7 @@ int spawn_workers(int num_workers, const std::vector<std::string>& arguments, st
   line.emplace_back("--join");
   const CStrings joining_argv(std::move(line));
 
-  const PrivateFolder folder;
+  const TemporaryFolder folder(parent_of_sockets(), "earshot-");
   const std::string rendezvous = fmt::format("ipc://{}", (folder.path() / "meet").string());
   const std::string run_id = hex64(hash64(folder.path().string(), static_cast<std::uint64_t>(::getpid())));
   const BlockedSignals signals;

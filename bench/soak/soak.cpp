@@ -1,10 +1,8 @@
 #include "bench/soak/soak.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <chrono>
 #include <ctime>
 #include <memory>
 #include <optional>
@@ -17,6 +15,7 @@
 #include "sim/base/progress.h"
 #include "sim/base/random.h"
 #include "sim/base/stopwatch.h"
+#include "sim/base/temporary_folder.h"
 
 namespace earshot {
 namespace {
@@ -26,25 +25,6 @@ constexpr std::uint64_t kMemorySamples = 400, kReports = 20;
 /// Scenes are walked through at least this often, so that slopes are of times when every scene has been there before.
 constexpr double kWantedRounds = 4;
 constexpr double kStepsPerEpisode = 120;  // about; only the number of rounds hangs on it
-
-/// Holds the scenes that are files.
-class ScratchFolder {
- public:
-  ScratchFolder() : path_(std::filesystem::temp_directory_path() / fmt::format("earshot_soak_{}_{}", ::getpid(), count())) {
-    std::filesystem::create_directories(path_);
-  }
-  ~ScratchFolder() {
-    std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
-  }
-  ScratchFolder(const ScratchFolder&) = delete;
-  ScratchFolder& operator=(const ScratchFolder&) = delete;
-  [[nodiscard]] const std::filesystem::path& path() const { return path_; }
-
- private:
-  static long long count() { return std::chrono::steady_clock::now().time_since_epoch().count(); }
-  std::filesystem::path path_;
-};
 
 EnvConfig soak_env_config(const SoakOptions& options) {
   EnvConfig config;
@@ -234,7 +214,7 @@ class Soak {
 
   SoakOptions options_;
   EnvConfig config_;
-  ScratchFolder folder_;
+  TemporaryFolder folder_{std::filesystem::temp_directory_path(), "earshot_soak_"};  ///< of the scenes that are files
   std::shared_ptr<SceneCache> cache_;
   std::vector<SoakScene> scenes_;
   SoakEpisodes episodes_;

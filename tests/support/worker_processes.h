@@ -7,35 +7,21 @@
 #include <unistd.h>
 
 #include <cstdio>
-#include <cstdlib>
 #include <exception>
 #include <filesystem>
 #include <functional>
 #include <string>
 #include <vector>
 
+#include "sim/base/temporary_folder.h"
 #include "trainer/collective.h"
 
 namespace earshot {
 
-/// A folder that only we may enter, gone at the end of the test.
-class PrivateTestFolder {
+/// Its path is short enough for the sockets of a group.
+class PrivateTestFolder : public TemporaryFolder {
  public:
-  PrivateTestFolder() {
-    std::string name = "/tmp/earshot-test-XXXXXX";
-    if (::mkdtemp(name.data()) == nullptr) std::abort();
-    path_ = name;
-  }
-  ~PrivateTestFolder() {
-    std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
-  }
-  PrivateTestFolder(const PrivateTestFolder&) = delete;
-  PrivateTestFolder& operator=(const PrivateTestFolder&) = delete;
-  [[nodiscard]] const std::filesystem::path& path() const { return path_; }
-
- private:
-  std::filesystem::path path_;
+  PrivateTestFolder() : TemporaryFolder("/tmp", "earshot-test-") {}
 };
 
 /// An array that forked processes share with the test.

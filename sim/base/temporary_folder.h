@@ -1,0 +1,21 @@
+#pragma once
+
+#include <filesystem>
+
+namespace earshot {
+
+/// A new folder that only this user may enter; it goes with everything in it.
+class TemporaryFolder {
+ public:
+  /// In `parent`, which is there, under a name that begins so.  Throws RunError naming the folder and the reason.
+  TemporaryFolder(const std::filesystem::path& parent, const char* prefix);
+  ~TemporaryFolder();
+  TemporaryFolder(const TemporaryFolder&) = delete;
+  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
+  [[nodiscard]] const std::filesystem::path& path() const { return path_; }
+
+ private:
+  std::filesystem::path path_;
+};
+
+}  // namespace earshot
