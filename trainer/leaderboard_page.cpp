@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "sim/base/markup.h"
 #include "trainer/leaderboard.h"
 #include "trainer/result_groups.h"
 
@@ -36,23 +37,6 @@ small, .quiet { color: var(--quiet); }
 summary { cursor: pointer; font-size: 1.15rem; font-weight: 600; margin: 1.8rem 0 .4rem; }
 )";
 
-std::string escaped(const std::string& text) {
-  std::string out;
-  for (const char c : text) {
-    if (c == '&')
-      out += "&amp;";
-    else if (c == '<')
-      out += "&lt;";
-    else if (c == '>')
-      out += "&gt;";
-    else if (c == '"')
-      out += "&quot;";
-    else
-      out += c;
-  }
-  return out;
-}
-
 std::string numbers(const Estimate& e, int digits) {
   return fmt::format("{:.{}f} <small>[{:.{}f}, {:.{}f}]</small>", e.mean, digits, e.low, digits, e.high, digits);
 }
@@ -67,7 +51,7 @@ std::string bar(const Estimate& e) {
 std::string links(const std::vector<std::pair<std::string, std::string>>& all) {
   std::string html;
   for (const auto& [address, text] : all)
-    html += fmt::format("{}<a href=\"{}\">{}</a>", html.empty() ? "" : ", ", escaped(address), escaped(text));
+    html += fmt::format("{}<a href=\"{}\">{}</a>", html.empty() ? "" : ", ", escape_markup(address), escape_markup(text));
   return html;
 }
 
@@ -108,7 +92,7 @@ std::string main_table(const std::vector<EvaluationResult>& rows, const BoardPag
   std::string body;
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const EvaluationResult& row = rows[i];
-    body += fmt::format("<tr><td>{}</td><th scope=\"row\">{}</th>", i + 1, escaped(row.agent));
+    body += fmt::format("<tr><td>{}</td><th scope=\"row\">{}</th>", i + 1, escape_markup(row.agent));
     const auto cell = [&](std::size_t c) {
       const Estimate e = columns[c].get(row);
       body += "<td>" + numbers(e, columns[c].digits) + (c < kRankedBy ? bar(e) : "") + "</td>";
@@ -135,7 +119,7 @@ std::string private_table(const BoardPage& page) {
       body += fmt::format(
           "<tr><th scope=\"row\">{}</th><td>{}</td><td>{}{}</td><td>{}{}</td><td>{:+.3f} <small>[{:+.3f}, {:+.3f}]</small></td>"
           "<td class=\"words\">{}</td></tr>\n",
-          escaped(score.agent), metric, numbers(open, 3), bar(open), numbers(hidden, 3), bar(hidden), gap.mean, gap.low, gap.high,
+          escape_markup(score.agent), metric, numbers(open, 3), bar(open), numbers(hidden, 3), bar(hidden), gap.mean, gap.low, gap.high,
           gap.low > 0 ? "<span class=\"flag\">better in public than chance explains</span>" : "no more than chance explains");
     };
     line("success", score.public_success, score.private_success, score.success_gap);
@@ -171,7 +155,7 @@ std::string breakdown(const std::vector<EvaluationResult>& rows, const Breakdown
   }
   if (names.size() < 2) return {};
   std::vector<std::string> heads{what.name, "episodes"};
-  for (const EvaluationResult& row : rows) heads.push_back(escaped(row.agent));
+  for (const EvaluationResult& row : rows) heads.push_back(escape_markup(row.agent));
   const auto metric_table = [&](const std::string& metric, auto get) {
     std::string body;
     for (const std::string& name : names) {
@@ -187,7 +171,7 @@ std::string breakdown(const std::vector<EvaluationResult>& rows, const Breakdown
         const Estimate e = get(found->second);
         cells += "<td>" + numbers(e, 3) + bar(e) + "</td>";
       }
-      body += fmt::format("<tr><th scope=\"row\">{}</th><td>{}</td>{}</tr>\n", escaped(name), episodes, cells);
+      body += fmt::format("<tr><th scope=\"row\">{}</th><td>{}</td>{}</tr>\n", escape_markup(name), episodes, cells);
     }
     return table(fmt::format("{}, {}: mean and 95 % interval", what.title, metric), heads, body);
   };
@@ -202,7 +186,7 @@ std::string breakdown(const std::vector<EvaluationResult>& rows, const Breakdown
 
 std::string leaderboard_page(const std::vector<EvaluationResult>& results, const BoardPage& page) {
   const auto rows = ranked(results);
-  const std::string title = "Earshot leaderboard" + (page.benchmark.empty() ? "" : ": " + escaped(page.benchmark));
+  const std::string title = "Earshot leaderboard" + (page.benchmark.empty() ? "" : ": " + escape_markup(page.benchmark));
   std::string html = fmt::format(
       "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" content=\"width=device-width, "
       "initial-scale=1\">\n"
@@ -210,11 +194,11 @@ std::string leaderboard_page(const std::vector<EvaluationResult>& results, const
       title, kStyle);
   if (!rows.empty())
     html += fmt::format(
-        "<p class=\"quiet\">Set {}, engine {}.{}</p>\n", escaped(rows.front().set_hash), escaped(rows.front().engine_hash),
+        "<p class=\"quiet\">Set {}, engine {}.{}</p>\n", escape_markup(rows.front().set_hash), escape_markup(rows.front().engine_hash),
         any_verified(rows) ? " Every number of a verified row follows from its recorded actions, which were walked again." : "");
   if (!page.links.empty()) html += "<nav aria-label=\"Other pages\">" + links(page.links) + "</nav>\n";
   html += "</header>\n<main>\n" + main_table(rows, page);
-  for (const std::string& note : board_notes(rows)) html += "<p><strong>Note:</strong> " + escaped(note) + "</p>\n";
+  for (const std::string& note : board_notes(rows)) html += "<p><strong>Note:</strong> " + escape_markup(note) + "</p>\n";
   if (!page.private_scores.empty()) html += private_table(page);
   for (const Breakdown& what : kBreakdowns) html += breakdown(rows, what);
   return html + "</main>\n</body>\n</html>\n";

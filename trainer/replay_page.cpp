@@ -8,6 +8,7 @@
 #include <numbers>
 
 #include "sim/audio/flac_bytes.h"
+#include "sim/base/markup.h"
 #include "sim/vision/jpeg_bytes.h"
 #include "trainer/base64.h"
 #include "trainer/replay_scene.h"
@@ -156,12 +157,6 @@ void replace(std::string& text, std::string_view key, std::string_view by) {
   if (at != std::string::npos) text.replace(at, key.size(), by);
 }
 
-std::string escaped(const std::string& text) {
-  std::string out;
-  for (const char c : text) out += c == '&' ? "&amp;" : c == '<' ? "&lt;" : c == '>' ? "&gt;" : std::string(1, c);
-  return out;
-}
-
 }  // namespace
 
 bool replay_has_three() { return *kThree != '\0'; }
@@ -215,7 +210,7 @@ std::string replay_html(const EpisodeRecording& recording, const ReplayCaption& 
   std::string json = replay_json(recording, caption);  // base64 has no '<'; what a scene is called may
   for (std::size_t at = json.find('<'); at != std::string::npos; at = json.find('<', at)) json.replace(at, 1, "\\u003c");
   std::string page = kPage;
-  replace(page, "@TITLE@", escaped(fmt::format("{}: episode {} in {}", caption.agent, recording.index, recording.episode.scene_id)));
+  replace(page, "@TITLE@", escape_markup(fmt::format("{}: episode {} in {}", caption.agent, recording.index, recording.episode.scene_id)));
   replace(page, "@STYLE@", kStyle);
   replace(page, "@THREE@", kThree);
   replace(page, "@SCRIPT@", kScript);

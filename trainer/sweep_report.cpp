@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
+#include "sim/base/markup.h"
 #include "sim/base/plot_axes.h"
 #include "sim/base/svg_document.h"
 #include "trainer/sweep.h"
@@ -101,12 +102,6 @@ Band band_of(const std::vector<SweepCurve>& curves, const std::string& variant, 
 std::string interval(const Estimate& estimate, int digits) {
   if (!std::isfinite(estimate.mean)) return "-";
   return fmt::format("{:.{}f} [{:.{}f}, {:.{}f}]", estimate.mean, digits, estimate.low, digits, estimate.high, digits);
-}
-
-std::string escaped(const std::string& text) {
-  std::string out;
-  for (const char c : text) out += c == '&' ? "&amp;" : c == '<' ? "&lt;" : c == '>' ? "&gt;" : std::string(1, c);
-  return out;
 }
 
 bool any_evaluated(const std::vector<SweepRow>& rows) {
@@ -268,7 +263,7 @@ std::string sweep_html(const SweepConfig& sweep, const std::vector<SweepCurve>& 
       "system-ui,sans-serif;margin:2rem;color:#222}}table{{border-collapse:collapse}}th,td{{padding:.4rem "
       ".8rem;text-align:left;border-bottom:1px solid "
       "#ddd;font-variant-numeric:tabular-nums}}svg{{max-width:100%;height:auto}}</style></head><body>\n<h1>Sweep {0}</h1>\n<p>{1}, seeds",
-      escaped(sweep.name), escaped(sweep.config));
+      escape_markup(sweep.name), escape_markup(sweep.config));
   for (const std::uint64_t seed : sweep.seeds) html += fmt::format(" {}", seed);
   html +=
       "</p>\n<table><thead><tr><th>run</th><th>changes</th><th>seeds</th><th>success</th><th>SPL</th><th>reward</th><th>steps</"
@@ -284,8 +279,8 @@ std::string sweep_html(const SweepConfig& sweep, const std::vector<SweepCurve>& 
         for (const std::string& override : variant.overrides) changes += (changes.empty() ? "" : " ") + override;
     html +=
         fmt::format("<tr><td>{}</td><td><code>{}</code></td><td>{}/{}</td><td>{}</td><td>{}</td><td>{}</td><td>{:.0f}</td><td>{:.1f}</td>",
-                    escaped(row.variant), escaped(changes), row.finished, row.seeds, interval(row.success, 3), interval(row.spl, 3),
-                    interval(row.reward, 2), row.env_steps, row.minutes);
+                    escape_markup(row.variant), escape_markup(changes), row.finished, row.seeds, interval(row.success, 3),
+                    interval(row.spl, 3), interval(row.reward, 2), row.env_steps, row.minutes);
     if (evaluated) html += fmt::format("<td>{}</td><td>{}</td>", interval(row.held_out_success, 3), interval(row.held_out_spl, 3));
     html += "</tr>\n";
   }

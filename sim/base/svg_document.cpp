@@ -4,26 +4,21 @@
 
 #include <array>
 
+#include "sim/base/markup.h"
+
 namespace earshot {
 namespace {
 
+/// XML 1.0 has no form for most control characters.
 std::string escape(std::string_view text) {
-  std::string escaped;
+  std::string printable;
   for (const char c : text) {
-    if (c == '&')
-      escaped += "&amp;";
-    else if (c == '<')
-      escaped += "&lt;";
-    else if (c == '>')
-      escaped += "&gt;";
-    else if (c == '"')
-      escaped += "&quot;";
-    else if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f)  // XML 1.0 has no form for most of these
-      escaped += "\xEF\xBF\xBD";
+    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f)
+      printable += "\xEF\xBF\xBD";
     else
-      escaped += c;
+      printable += c;
   }
-  return escaped;
+  return escape_markup(printable);
 }
 
 std::string attributes(const SvgStyle& style) {
