@@ -1,6 +1,5 @@
 #include <fmt/format.h>
 
-#include <charconv>
 #include <cstdio>
 #include <memory>
 #include <optional>
@@ -10,6 +9,7 @@
 #include <vector>
 
 #include "apps/commands.h"
+#include "apps/picture_size.h"
 #include "bench/accuracy_promise.h"
 #include "bench/accuracy_report.h"
 #include "bench/bench_env.h"
@@ -163,18 +163,6 @@ struct EnvCommand : Options {
   std::optional<double> seconds;
 };
 
-/// "128x96": columns and rows.
-std::pair<int, int> parse_size(const std::string& text) {
-  int width = 0, height = 0;
-  const char* end = text.data() + text.size();
-  const auto [cross, wrong_width] = std::from_chars(text.data(), end, width);
-  if (wrong_width == std::errc() && cross != end && *cross == 'x') {
-    const auto [last, wrong_height] = std::from_chars(cross + 1, end, height);
-    if (wrong_height == std::errc() && last == end) return {width, height};
-  }
-  throw InputError("--size " + text, "is no size in pixels", "write WxH, for example 128x128");
-}
-
 void add_env(CLI::App& bench) {
   const auto env = std::make_shared<EnvCommand>();
   CLI::App* command = add_bench_command(
@@ -201,7 +189,7 @@ void add_env(CLI::App& bench) {
     if (env->quick) options.repeats = 3, options.seconds = 0.2;
     if (env->seconds) options.seconds = *env->seconds;
     require(options.seconds > 0 && options.seconds <= 3600, "--seconds", options.seconds, "must be in (0, 3600]");
-    if (!env->size.empty()) std::tie(options.width_px, options.height_px) = parse_size(env->size);
+    if (!env->size.empty()) std::tie(options.width_px, options.height_px) = parse_picture_size(env->size, "128x128");
     finish(bench_env(options), *env);
   });
 }

@@ -1,10 +1,10 @@
 #include <fmt/format.h>
 
-#include <charconv>
 #include <memory>
 
 #include "apps/commands.h"
 #include "apps/corpus_command.h"
+#include "apps/picture_size.h"
 #include "envs/rir_corpus.h"
 #include "sim/base/errors.h"
 
@@ -20,19 +20,6 @@ struct Options {
   std::uint64_t seed = 0;
 };
 
-CorpusPanorama parse_size(const std::string& text) {
-  CorpusPanorama panorama;
-  const char* const end = text.data() + text.size();
-  std::from_chars_result number = std::from_chars(text.data(), end, panorama.width_px);
-  bool ok = number.ec == std::errc() && number.ptr != end && *number.ptr == 'x';
-  if (ok) {
-    number = std::from_chars(number.ptr + 1, end, panorama.height_px);
-    ok = number.ec == std::errc() && number.ptr == end;
-  }
-  if (!ok) throw InputError("--size " + text, "is not a size", "write WIDTHxHEIGHT in pixels: 1152x384");
-  return panorama;
-}
-
 RirCorpusConfig config_of(const Options& options) {
   RirCorpusConfig config;
   config.seed = options.seed;
@@ -42,7 +29,8 @@ RirCorpusConfig config_of(const Options& options) {
   config.max_distance_m = options.max_distance_m;
   config.channels = options.channels;
   config.acoustics = acoustic_preset("fast");
-  config.panorama = parse_size(options.size);
+  const auto [width_px, height_px] = parse_picture_size(options.size, "1152x384");
+  config.panorama = CorpusPanorama{width_px, height_px};
   config.rooms_per_folder = 1;
   // As overrides ahead of the user's, since `--set acoustics.preset=...` replaces all that was set before it.
   std::vector<std::string> overrides{fmt::format("acoustics.sample_rate_hz={}", options.rate_hz),

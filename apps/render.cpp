@@ -9,9 +9,11 @@
 #include <numbers>
 #include <optional>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include "apps/commands.h"
+#include "apps/picture_size.h"
 #include "sim/base/coordinates.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
@@ -43,19 +45,6 @@ Pose parse_pose(const std::string& text, const Scene& scene) {
   return {.position = scene.to_local(parse_point(text.substr(0, last), "--pose")), .heading_rad = heading_deg * std::numbers::pi / 180.0};
 }
 
-void set_size(const std::string& text, CameraSensorConfig& config) {
-  const std::size_t cross = text.find('x');
-  const auto number = [&](std::size_t begin, std::size_t end) {
-    int value = 0;
-    const auto [stopped, error] = std::from_chars(text.data() + begin, text.data() + end, value);
-    return error == std::errc() && stopped == text.data() + end ? value : 0;
-  };
-  config.width_px = cross == std::string::npos ? 0 : number(0, cross);
-  config.height_px = cross == std::string::npos ? 0 : number(cross + 1, text.size());
-  if (config.width_px <= 0 || config.height_px <= 0)
-    throw InputError("--size " + text, "is not a size", "write WIDTHxHEIGHT in pixels: 512x384");
-}
-
 CameraSensorConfig camera_of(const Options& options) {
   CameraSensorConfig config{.projection = options.panorama ? Projection::equirectangular : Projection::pinhole,
                             .horizontal_fov_deg = static_cast<float>(options.panorama ? 360 : options.fov_deg),
@@ -64,7 +53,7 @@ CameraSensorConfig camera_of(const Options& options) {
                             .pitch_deg = static_cast<float>(options.pitch_deg),
                             .max_depth_m = static_cast<float>(options.max_depth_m),
                             .unlit = options.unlit};
-  set_size(options.size, config);
+  std::tie(config.width_px, config.height_px) = parse_picture_size(options.size, "512x384");
   validate(config);
   return config;
 }
