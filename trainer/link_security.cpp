@@ -42,4 +42,11 @@ void LinkSecurity::secure_dialer(zmq::socket_t& socket, const std::string& serve
   socket.set(zmq::sockopt::curve_secretkey, keys_.secret_key);
 }
 
+std::string LinkSecurity::objection_to(const std::string& public_key, const zmq::message_t& message) const {
+  if (encrypted() != !public_key.empty()) return "of it and this run one has keys and the other none";
+  if (!encrypted()) return {};
+  const char* proven = ::zmq_msg_gets(message.handle(), "User-Id");
+  return proven != nullptr && public_key == proven ? "" : "it says another public key than it has";
+}
+
 }  // namespace earshot

@@ -30,6 +30,9 @@ class LinkSecurity {
   void secure_listener(zmq::socket_t& socket) const;
   /// server_key: public key of the listener.
   void secure_dialer(zmq::socket_t& socket, const std::string& server_key) const;
+  /// What is wrong with a peer that says this public key in this message; empty if nothing.  The gate has seen the peer prove that it has
+  /// the secret key.
+  [[nodiscard]] std::string objection_to(const std::string& public_key, const zmq::message_t& message) const;
 
  private:
   CurveKeys keys_;

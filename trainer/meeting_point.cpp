@@ -173,13 +173,7 @@ std::string MeetingPoint::objection(const JoinRequest& request, const zmq::messa
   if (request.is_ready() &&
       (!is_possible_endpoint(config_, request.control_endpoint) || !is_possible_endpoint(config_, request.bulk_endpoint)))
     return "its endpoints are not where workers of this run listen";
-  if (security_.encrypted() != !request.public_key.empty()) return "of it and this run one has keys and the other none";
-  // The gate has seen the peer prove that it has the secret key.
-  if (security_.encrypted()) {
-    const char* proven = ::zmq_msg_gets(message.handle(), "User-Id");
-    if (proven == nullptr || request.public_key != proven) return "it says another public key than it has";
-  }
-  return {};
+  return security_.objection_to(request.public_key, message);
 }
 
 std::vector<Candidate> MeetingPoint::ready(const View& view, const std::string& briefing) {

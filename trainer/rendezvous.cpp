@@ -144,13 +144,7 @@ class Host {
     if (addresses_[static_cast<std::size_t>(hello.rank)]) return fmt::format("rank {} is taken", hello.rank);
     if (!is_possible_endpoint(config_, hello.control_endpoint) || !is_possible_endpoint(config_, hello.bulk_endpoint))
       return "its endpoints are not where workers of this run listen";
-    if (security_.encrypted() != !hello.public_key.empty()) return "of it and this run one has keys and the other none";
-    // The gate has seen the peer prove that it has the secret key.
-    if (security_.encrypted()) {
-      const char* proven = ::zmq_msg_gets(message.handle(), "User-Id");
-      if (proven == nullptr || hello.public_key != proven) return "it says another public key than it has";
-    }
-    return {};
+    return security_.objection_to(hello.public_key, message);
   }
 
   void refuse(const zmq::message_t& address, const std::string& reason) {
