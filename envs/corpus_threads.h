@@ -13,7 +13,8 @@ namespace earshot {
 class CorpusThreads {
  public:
   /// Calls work() on each of `threads` threads and, about five times a second, progress(items made, total) on the caller's, which may be
-  /// empty.  Returns when all have ended; throws what the first of them threw.  `threads` as CorpusRun::threads, but at most `most`.
+  /// empty.  Returns when all have ended; throws then what the first of them threw, or progress.  `threads` as CorpusRun::threads, but at
+  /// most `most`.
   void run(int threads, std::uint64_t most, std::uint64_t total, const std::function<void(std::uint64_t, std::uint64_t)>& progress,
            const std::function<void()>& work);
 
