@@ -1,5 +1,6 @@
 #pragma once
 
+#include <CLI/CLI.hpp>
 #include <cstddef>
 #include <functional>
 #include <string>
@@ -14,11 +15,16 @@ struct CorpusTarget {
   int threads = 0;
 };
 
+/// --out, and further down in what --help says, --threads and --shard.  `parts`: what a shard is one of.
+void add_out_option(CLI::App& command, CorpusTarget& target);
+void add_sharing_options(CLI::App& command, CorpusTarget& target, const std::string& parts = "for N machines");
+
 /// Calls write with the run that the target asks for and shows its progress, in `unit`s, under the command's name.  Returns the seconds
 /// that it took.  Throws InputError naming --shard, and what write throws.
 double write_with_progress(const CorpusTarget& target, const std::string& command, const std::string& unit,
                            const std::function<void(const CorpusRun& run)>& write);
 
-void print_missing_folders(const CorpusTarget& target, std::size_t count);
+/// Says what the corpus has, where it is complete, or else how many folders other shards have yet to write.
+void print_state(const CorpusTarget& target, std::size_t folders_missing, const std::string& complete);
 
 }  // namespace earshot

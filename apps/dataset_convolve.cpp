@@ -35,12 +35,9 @@ void run_dataset_convolve(const Options& options) {
                                              [&](const CorpusRun& run) { report = write_convolve_corpus(config, run); });
   fmt::print("{}: {} signals in {:.1f} s, {:.1f} per second\n", options.target.out, report.signals, seconds,
              static_cast<double>(report.signals) / seconds);
-  if (report.folders_missing > 0) {
-    print_missing_folders(options.target, report.folders_missing);
-    return;
-  }
-  fmt::print("{}: complete, {} signals; manifest.jsonl, recordings.jsonl, supervisions.jsonl\n", options.target.out, report.all_signals);
-  if (report.lowered > 0)
+  print_state(options.target, report.folders_missing,
+              fmt::format("{} signals; manifest.jsonl, recordings.jsonl, supervisions.jsonl", report.all_signals));
+  if (report.folders_missing == 0 && report.lowered > 0)
     fmt::print(
         "{} signals are below the level that was drawn, so that no sample exceeds 1 (lowered in the manifest); --level makes all "
         "quieter\n",
@@ -58,7 +55,7 @@ void add_dataset_convolve(CLI::App& dataset) {
   command
       ->add_option("--speech", config.speech, "Folder of dry speech, with the folders below it: WAV, FLAC, OGG, Opus, MP3, AIFF, any rate")
       ->required();
-  command->add_option("--out", options->target.out, "Folder to write; the same command completes it after an interruption")->required();
+  add_out_option(*command, options->target);
   command->add_option("--count", config.count, "Signals; speech files come in turn; 0: one per speech file")->capture_default_str();
   command->add_option("--talkers", options->talkers, "N or LOW,HIGH: so many, from different sources of a room")->capture_default_str();
   command->add_option("--talker-level", options->talker_level, "LOW,HIGH in dB: further talkers over the first, as they are heard")
@@ -79,10 +76,7 @@ void add_dataset_convolve(CLI::App& dataset) {
   command->add_option("--seed", config.seed, "Seed of all that is drawn")->capture_default_str();
   command->add_option("--signals-per-folder", config.signals_per_folder, "The unit of --shard: 1 to 10, or a multiple of 10")
       ->capture_default_str();
-  command->add_option("--threads", options->target.threads, "Threads; 0: all cores; any number gives the same bytes")
-      ->capture_default_str();
-  command->add_option("--shard", options->target.shard, "K/N: the K-th of N parts, for N machines; any N gives the same bytes")
-      ->capture_default_str();
+  add_sharing_options(*command, options->target);
   command->callback([options] { run_dataset_convolve(*options); });
 }
 

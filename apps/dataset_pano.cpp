@@ -49,11 +49,8 @@ void run_dataset_pano(const Options& options) {
       write_with_progress(options.target, "dataset pano", "pairs", [&](const CorpusRun& run) { report = write_rir_corpus(config, run); });
   fmt::print("{}: {} panoramas with a response in {:.1f} s, {:.1f} per second\n", options.target.out, report.responses, seconds,
              static_cast<double>(report.responses) / seconds);
-  if (report.folders_missing == 0)
-    fmt::print("{}: complete, {} pairs; manifest.jsonl{}\n", options.target.out, report.all_responses,
-               config.sofa ? "" : ", recordings.jsonl");
-  else
-    print_missing_folders(options.target, report.folders_missing);
+  print_state(options.target, report.folders_missing,
+              fmt::format("{} pairs; manifest.jsonl{}", report.all_responses, config.sofa ? "" : ", recordings.jsonl"));
 }
 
 }  // namespace
@@ -63,7 +60,7 @@ void add_dataset_pano(CLI::App& dataset) {
   CLI::App* command = dataset.add_subcommand(
       "pano", "Write panoramas (colour, depth, category) with a response at the same pose, as the PanoIR sets (docs/datasets.md)");
   command->add_option("SCENE", options->scenes, "Scenes, and folders of them; house:10..14 stands for five houses")->required();
-  command->add_option("--out", options->target.out, "Folder to write; the same command completes it after an interruption")->required();
+  add_out_option(*command, options->target);
   command->add_option("--pairs", options->pairs, "Of a source and a listener, in each scene")->capture_default_str();
   command->add_option("--size", options->size, "WIDTHxHEIGHT in pixels: 360 degrees over the width, square in angle")
       ->capture_default_str();
@@ -73,10 +70,7 @@ void add_dataset_pano(CLI::App& dataset) {
   command->add_option("--max-distance", options->max_distance_m, "Of source and listener in metres")->capture_default_str();
   command->add_option("--seed", options->seed, "Seed of all that is drawn")->capture_default_str();
   command->add_option("--set", options->overrides, "key=value, any key of a config of `dataset rir`, for example acoustics.rays=64");
-  command->add_option("--threads", options->target.threads, "Threads; 0: all cores; any number gives the same bytes")
-      ->capture_default_str();
-  command->add_option("--shard", options->target.shard, "K/N: the K-th of N parts, by scenes; any N gives the same bytes")
-      ->capture_default_str();
+  add_sharing_options(*command, options->target, "by scenes");
   command->callback([options] { run_dataset_pano(*options); });
 }
 

@@ -25,11 +25,8 @@ void run_dataset_rir(const Options& options) {
                                              [&](const CorpusRun& run) { report = write_rir_corpus(config, run); });
   fmt::print("{}: {} responses of {} rooms in {:.1f} s, {:.1f} per second\n", options.target.out, report.responses, report.rooms, seconds,
              static_cast<double>(report.responses) / seconds);
-  if (report.folders_missing == 0)
-    fmt::print("{}: complete, {} responses; manifest.jsonl{}\n", options.target.out, report.all_responses,
-               config.sofa ? "" : ", recordings.jsonl");
-  else
-    print_missing_folders(options.target, report.folders_missing);
+  print_state(options.target, report.folders_missing,
+              fmt::format("{} responses; manifest.jsonl{}", report.all_responses, config.sofa ? "" : ", recordings.jsonl"));
 }
 
 }  // namespace
@@ -40,13 +37,10 @@ void add_dataset_rir(CLI::App& dataset) {
       "rir", "Write a corpus of room impulse responses with their labels, or complete one that was interrupted (docs/datasets.md)");
   command->add_option("CONFIG", options->config, "YAML file with rooms, sources, listeners and acoustics, as configs/datasets/rir.yaml")
       ->required();
-  command->add_option("--out", options->target.out, "Folder to write; the same command completes it after an interruption")->required();
+  add_out_option(*command, options->target);
   command->add_option("--set", options->overrides, "key=value over the config, for example acoustics.field_error=0.03");
   command->add_flag("--sofa", options->sofa, "SOFA files (SingleRoomSRIR 1.0), one per source, in place of sound files; as sofa=true");
-  command->add_option("--threads", options->target.threads, "Threads; 0: all cores; any number gives the same bytes")
-      ->capture_default_str();
-  command->add_option("--shard", options->target.shard, "K/N: the K-th of N parts, for N machines; any N gives the same bytes")
-      ->capture_default_str();
+  add_sharing_options(*command, options->target);
   command->callback([options] { run_dataset_rir(*options); });
 }
 

@@ -21,11 +21,9 @@ void run_dataset_scenes(const Options& options) {
   const double seconds = write_with_progress(options.target, "dataset scenes", "recordings",
                                              [&](const CorpusRun& run) { report = write_sound_scenes(config, run); });
   fmt::print("{}: {} recordings of {} s in {:.1f} s\n", options.target.out, report.recordings, config.duration_s, seconds);
-  if (report.folders_missing == 0)
-    fmt::print("{}: complete, {} recordings; manifest.jsonl, recordings.jsonl, supervisions.jsonl, a CSV beside each recording\n",
-               options.target.out, report.all_recordings);
-  else
-    print_missing_folders(options.target, report.folders_missing);
+  print_state(options.target, report.folders_missing,
+              fmt::format("{} recordings; manifest.jsonl, recordings.jsonl, supervisions.jsonl, a CSV beside each recording",
+                          report.all_recordings));
 }
 
 }  // namespace
@@ -36,12 +34,9 @@ void add_dataset_scenes(CLI::App& dataset) {
       "scenes", "Record sound events at rest and on the move, with DCASE labels of class, direction and distance (docs/datasets.md)");
   command->add_option("CONFIG", options->config, "YAML file with rooms, classes, events and acoustics, as configs/datasets/scenes.yaml")
       ->required();
-  command->add_option("--out", options->target.out, "Folder to write; the same command completes it after an interruption")->required();
+  add_out_option(*command, options->target);
   command->add_option("--set", options->overrides, "key=value over the config, for example max_overlap=1");
-  command->add_option("--threads", options->target.threads, "Threads; 0: all cores; any number gives the same bytes")
-      ->capture_default_str();
-  command->add_option("--shard", options->target.shard, "K/N: the K-th of N parts, for N machines; any N gives the same bytes")
-      ->capture_default_str();
+  add_sharing_options(*command, options->target);
   command->callback([options] { run_dataset_scenes(*options); });
 }
 
