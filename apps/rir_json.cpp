@@ -1,10 +1,10 @@
 #include "apps/rir_json.h"
 
-#include <array>
 #include <cmath>
 #include <vector>
 
 #include "sim/acoustics/core/jackknife.h"
+#include "sim/acoustics/metrics/band_metric_keys.h"
 #include "sim/acoustics/metrics/late_errors.h"
 
 namespace earshot {
@@ -61,25 +61,8 @@ OrderedJson number_or_null(const std::optional<double>& value) {
 }
 
 OrderedJson metrics_json(const RoomMetrics& metrics) {
-  struct Entry {
-    const char* key;
-    std::optional<double> BandMetrics::*value;
-  };
-  static constexpr std::array<Entry, 13> entries{{{"edt_s", &BandMetrics::edt_s},
-                                                  {"t20_s", &BandMetrics::t20_s},
-                                                  {"t30_s", &BandMetrics::t30_s},
-                                                  {"rt60_s", &BandMetrics::rt60_s},
-                                                  {"c50_db", &BandMetrics::c50_db},
-                                                  {"c80_db", &BandMetrics::c80_db},
-                                                  {"d50", &BandMetrics::d50},
-                                                  {"ts_s", &BandMetrics::ts_s},
-                                                  {"g_db", &BandMetrics::g_db},
-                                                  {"drr_band_db", &BandMetrics::drr_db},
-                                                  {"iacc", &BandMetrics::iacc},
-                                                  {"iacc_early", &BandMetrics::iacc_early},
-                                                  {"iacc_late", &BandMetrics::iacc_late}}};
   OrderedJson json = OrderedJson::object();
-  for (const auto& entry : entries) {
+  for (const BandMetricKey& entry : kBandMetricKeys) {
     OrderedJson values = OrderedJson::array();
     for (const auto& band : metrics.bands) values.push_back(number_or_null(band.*entry.value));
     json[entry.key] = values;

@@ -3,12 +3,12 @@
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
-#include <array>
 #include <limits>
 #include <optional>
 
 #include "python/src/acoustic_model.h"
 #include "python/src/bindings.h"
+#include "sim/acoustics/metrics/band_metric_keys.h"
 #include "sim/acoustics/metrics/room_metrics.h"
 #include "sim/base/errors.h"
 
@@ -18,30 +18,12 @@ namespace {
 /// What does not exist is NaN in arrays: no decay that could be fitted, no direct sound.
 double number(const std::optional<double>& value) { return value.value_or(std::numeric_limits<double>::quiet_NaN()); }
 
-struct MetricEntry {
-  const char* key;
-  std::optional<double> BandMetrics::*value;
-};
-constexpr std::array<MetricEntry, 13> kEntries{{{"edt_s", &BandMetrics::edt_s},
-                                                {"t20_s", &BandMetrics::t20_s},
-                                                {"t30_s", &BandMetrics::t30_s},
-                                                {"rt60_s", &BandMetrics::rt60_s},
-                                                {"c50_db", &BandMetrics::c50_db},
-                                                {"c80_db", &BandMetrics::c80_db},
-                                                {"d50", &BandMetrics::d50},
-                                                {"ts_s", &BandMetrics::ts_s},
-                                                {"g_db", &BandMetrics::g_db},
-                                                {"drr_band_db", &BandMetrics::drr_db},
-                                                {"iacc", &BandMetrics::iacc},
-                                                {"iacc_early", &BandMetrics::iacc_early},
-                                                {"iacc_late", &BandMetrics::iacc_late}}};
-
 nb::dict dict_of(const RoomMetrics& metrics) {
   nb::dict dict;
   const std::size_t bands = metrics.bands.size();
   std::vector<double> centres(metrics.bands_hz.begin(), metrics.bands_hz.end());
   dict["bands_hz"] = array_of(std::move(centres), {bands});
-  for (const MetricEntry& entry : kEntries) {
+  for (const BandMetricKey& entry : kBandMetricKeys) {
     std::vector<double> values;
     for (const BandMetrics& band : metrics.bands) values.push_back(number(band.*entry.value));
     dict[entry.key] = array_of(std::move(values), {bands});

@@ -1,0 +1,30 @@
+#pragma once
+
+#include <array>
+#include <optional>
+
+#include "sim/acoustics/core/energy_decay.h"
+
+namespace earshot {
+
+struct BandMetricKey {
+  const char* key;
+  std::optional<double> BandMetrics::*value;
+};
+
+/// Metrics per band under the names of JSON and of Python (docs/formats.md, section 5.1), in that order.
+inline constexpr std::array<BandMetricKey, 13> kBandMetricKeys{{{"edt_s", &BandMetrics::edt_s},
+                                                                {"t20_s", &BandMetrics::t20_s},
+                                                                {"t30_s", &BandMetrics::t30_s},
+                                                                {"rt60_s", &BandMetrics::rt60_s},
+                                                                {"c50_db", &BandMetrics::c50_db},
+                                                                {"c80_db", &BandMetrics::c80_db},
+                                                                {"d50", &BandMetrics::d50},
+                                                                {"ts_s", &BandMetrics::ts_s},
+                                                                {"g_db", &BandMetrics::g_db},
+                                                                {"drr_band_db", &BandMetrics::drr_db},
+                                                                {"iacc", &BandMetrics::iacc},
+                                                                {"iacc_early", &BandMetrics::iacc_early},
+                                                                {"iacc_late", &BandMetrics::iacc_late}}};
+
+}  // namespace earshot
