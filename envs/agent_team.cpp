@@ -6,20 +6,13 @@
 #include <vector>
 
 #include "sim/base/denormals.h"
+#include "sim/base/relax.h"
 
 namespace earshot {
 namespace {
 
 /// As long a thread looks for work before it sleeps: some 20 us, less than what an agent takes and more than the pause between two rounds.
 constexpr int kSpins = 4000;
-
-inline void relax() {
-#if defined(__x86_64__)
-  __builtin_ia32_pause();
-#elif defined(__aarch64__)
-  asm volatile("yield");
-#endif
-}
 
 }  // namespace
 

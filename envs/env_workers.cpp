@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "sim/base/errors.h"
+#include "sim/base/relax.h"
 
 namespace earshot {
 namespace {
@@ -30,14 +31,6 @@ constexpr std::uint32_t kNothing = 0, kGivenUp = ~std::uint32_t{0};
 /// What a worker is at, in one word, so that a task is either given up or goes on: the environment + 1 below, stages begun above.
 constexpr std::uint64_t at_work(std::uint32_t env, std::uint64_t stages) { return stages << 32 | env; }
 constexpr std::uint32_t env_of(std::uint64_t state) { return static_cast<std::uint32_t>(state); }
-
-inline void relax() {
-#if defined(__x86_64__)
-  __builtin_ia32_pause();
-#elif defined(__aarch64__)
-  asm volatile("yield");
-#endif
-}
 
 struct alignas(64) Worker {
   std::atomic<std::uint64_t> state{0};

@@ -1,7 +1,6 @@
 #include "trainer/shared_progress.h"
 
 #include <fmt/format.h>
-#include <immintrin.h>
 #include <linux/futex.h>
 #include <sys/syscall.h>
 #include <unistd.h>
@@ -11,6 +10,7 @@
 #include <thread>
 
 #include "sim/base/errors.h"
+#include "sim/base/relax.h"
 
 namespace earshot {
 namespace {
@@ -69,7 +69,7 @@ void SharedProgress::wait_for_all(std::uint32_t progress, const Check& check) {
 void SharedProgress::wait_for(int place, std::uint32_t progress, const Check& check) {
   Counter& peer = counter(place);
   const Word word(peer.progress);
-  for (int spin = 0; spin < spins_ && !reached(word.load(std::memory_order_acquire), progress); ++spin) _mm_pause();
+  for (int spin = 0; spin < spins_ && !reached(word.load(std::memory_order_acquire), progress); ++spin) relax();
   while (!reached(word.load(std::memory_order_acquire), progress)) {
     // The counter is read again after the sleeper is counted: an announcement in between either is seen here or sees the sleeper.
     Word(peer.sleepers).fetch_add(1);
