@@ -8,6 +8,7 @@
 #include "envs/quarantine_replay.h"
 #include "sim/base/errors.h"
 #include "tests/support/agents_fixture.h"
+#include "tests/support/episode_refusal.h"
 
 namespace earshot {
 namespace {
@@ -183,17 +184,7 @@ TEST(EpisodeSet, AgentsAreReadAndWritten) {
   EXPECT_EQ(read.episodes[0].agent_sound, episode.agent_sound);
   EXPECT_EQ(read.episodes[0].agent_level_db, 3.f);
   EXPECT_EQ(episode_set_hash(read.episodes), episode_set_hash({episode}));
-  const std::string text = episode_set_text({episode});
-  const auto refusal = [&](const std::string& from, const std::string& to) {
-    std::string changed = text;
-    changed.replace(changed.find(from), from.size(), to);
-    try {
-      static_cast<void>(parse_episode_set(changed, "set"));
-    } catch (const InputError& error) {
-      return std::string(error.what());
-    }
-    return std::string("accepted");
-  };
+  const auto refusal = [&](const std::string& from, const std::string& to) { return refusal_of_changed(episode, from, to); };
   EXPECT_THAT(refusal("\"level_db\":-6.0", "\"level_db\":-600.0"), testing::HasSubstr("agents[0].level_db"));
   EXPECT_THAT(refusal("\"level_db\":-6.0", "\"loudness\":-6.0"), testing::HasSubstr("agents[0].loudness is no key"));
   EXPECT_THAT(refusal("\"sound\":\"synth:bird\"", "\"sound\":\"\""), testing::HasSubstr("agents[0].sound is empty"));

@@ -6,8 +6,8 @@
 #include <cmath>
 #include <numbers>
 
-#include "sim/base/errors.h"
 #include "tests/support/env_cases.h"
+#include "tests/support/episode_refusal.h"
 
 namespace earshot {
 namespace {
@@ -221,17 +221,7 @@ TEST(EpisodeSet, SourcesAndGoalsAreReadAndWritten) {
   EXPECT_EQ(read.episodes[0].other_goals, episode.other_goals);
   EXPECT_EQ(read.episodes[0].noise_snr_db, episode.noise_snr_db);
   EXPECT_EQ(episode_set_hash(read.episodes), episode_set_hash({episode}));
-  const std::string text = episode_set_text({episode});
-  const auto refusal = [&](const std::string& from, const std::string& to) {
-    std::string changed = text;
-    changed.replace(changed.find(from), from.size(), to);
-    try {
-      static_cast<void>(parse_episode_set(changed, "set"));
-    } catch (const InputError& error) {
-      return std::string(error.what());
-    }
-    return std::string("accepted");
-  };
+  const auto refusal = [&](const std::string& from, const std::string& to) { return refusal_of_changed(episode, from, to); };
   EXPECT_THAT(refusal("\"onset_s\":2.5", "\"onset_s\":-1"), testing::HasSubstr("sources[0].onset_s"));
   EXPECT_THAT(refusal("\"onset_s\":2.5", "\"onset\":2.5"), testing::HasSubstr("sources[0].onset is no key"));
   EXPECT_THAT(refusal("[2.5,7.0", "[1.5,7.0"), testing::HasSubstr("sources[1].path[1]"));

@@ -29,8 +29,8 @@ struct Collected {
   EpisodeSums finished;
 };
 
-/// Two rollouts of five envs; the second one.
-Collected collect(const RunConfig& config) {
+/// So many rollouts of five envs, all at `progress`; the last one.
+Collected collect(const RunConfig& config, int rollouts = 2, double progress = 0.5) {
   torch::set_num_threads(1);
   static const auto set = quick_set(3);
   EnvConfig env_config = config.env;
@@ -40,8 +40,7 @@ Collected collect(const RunConfig& config) {
   RolloutCollector collector(config, env, ActorCritic(config.env.observation, config.policy), 0);
   EpisodeSums finished;
   StageTimes times;
-  collector.collect(0.5, finished, times);
-  collector.collect(0.5, finished, times);
+  for (int i = 0; i < rollouts; ++i) collector.collect(progress, finished, times);
   return {collector.rollout(), collector.hidden(), finished};
 }
 
@@ -119,18 +118,7 @@ TEST(RolloutCollector, EpisodesOfTheOracleAreNotCounted) {
   config.guidance.oracle = 1;
   config.guidance.imitation_end_weight = 1;
   config.guidance.oracle_until = 1;
-  const auto counted = [&](double progress) {
-    static const auto set = quick_set(3);
-    EnvConfig env_config = config.env;
-    env_config.observation = training_sensors(config);
-    BatchedEnv env(env_config, set, make_scene_cache(env_config), 5);
-    env.reset();
-    RolloutCollector collector(config, env, ActorCritic(config.env.observation, config.policy), 0);
-    EpisodeSums finished;
-    StageTimes times;
-    collector.collect(progress, finished, times);
-    return finished.values[EpisodeSums::count];
-  };
+  const auto counted = [&](double progress) { return collect(config, 1, progress).finished.values[EpisodeSums::count]; };
   EXPECT_EQ(counted(0), 0);
   EXPECT_GT(counted(1), 0);
 }
