@@ -15,8 +15,8 @@ namespace earshot {
 struct TrainReport {
   std::uint64_t updates = 0, env_steps = 0;
   double wall_s = 0, steps_per_s = 0;  ///< of this sitting of the run, also where this worker joined later
-  std::filesystem::path checkpoint;  ///< the last one
-  RunCounters counters;              ///< of all workers, since the run was started or resumed
+  std::filesystem::path checkpoint;    ///< the last one
+  RunCounters counters;                ///< of all workers, since the run was started or resumed
   GuardCounts guards;
 };
 
