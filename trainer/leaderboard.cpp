@@ -25,13 +25,13 @@ std::map<std::string, std::string> ranked_rules(const EvaluationResult& result) 
 }  // namespace
 
 const std::vector<BoardColumn>& board_columns() {
-  static const std::vector<BoardColumn> all{{"success", [](const EvaluationResult& r) { return r.success(); }, 3, true},
-                                            {"SPL", [](const EvaluationResult& r) { return r.spl(); }, 3, true},
-                                            {"SoftSPL", [](const EvaluationResult& r) { return r.soft_spl(); }, 3, false},
-                                            {"SNA", [](const EvaluationResult& r) { return r.sna(); }, 3, false},
-                                            {"DTG m", [](const EvaluationResult& r) { return r.dtg_m(); }, 2, false},
-                                            {"steps", [](const EvaluationResult& r) { return r.steps(); }, 0, false},
-                                            {"collisions", [](const EvaluationResult& r) { return r.collisions(); }, 1, false}};
+  static const std::vector<BoardColumn> all{{"success", [](const EvaluationResult& r) { return r.success(); }, 3},
+                                            {"SPL", [](const EvaluationResult& r) { return r.spl(); }, 3},
+                                            {"SoftSPL", [](const EvaluationResult& r) { return r.soft_spl(); }, 3},
+                                            {"SNA", [](const EvaluationResult& r) { return r.sna(); }, 3},
+                                            {"DTG m", [](const EvaluationResult& r) { return r.dtg_m(); }, 2},
+                                            {"steps", [](const EvaluationResult& r) { return r.steps(); }, 0},
+                                            {"collisions", [](const EvaluationResult& r) { return r.collisions(); }, 1}};
   return all;
 }
 

@@ -21,7 +21,6 @@ struct BoardColumn {
   const char* title;
   Estimate (*get)(const EvaluationResult&);
   int digits;
-  bool is_fraction;  ///< of values from 0 to 1
 };
 const std::vector<BoardColumn>& board_columns();
 /// How the intervals were made, in words.
