@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <string>
 #include <thread>
+#include <utility>
 
 namespace earshot {
 
@@ -14,11 +15,25 @@ namespace earshot {
 /// sockets; it stays in its namespace.  Needs root (CAP_SYS_ADMIN, CAP_NET_ADMIN) and /dev/net/tun.
 class DelayedHost {
  public:
+  /// A descriptor that is closed at the end; below zero it is none.
+  class Descriptor {
+   public:
+    explicit Descriptor(int number) : number_(number) {}
+    ~Descriptor();
+    Descriptor(Descriptor&& other) noexcept : number_(std::exchange(other.number_, -1)) {}
+    Descriptor& operator=(Descriptor&&) = delete;
+    [[nodiscard]] int number() const { return number_; }
+
+   private:
+    int number_;
+  };
+
   static constexpr int kMaxHosts = 64;
 
   /// folder: one that all hosts share and only their owner may enter; packets travel through sockets in it.  delay: of one way.  Throws
   /// RunError, one line, where this machine does not give it.
   DelayedHost(int host, std::chrono::microseconds delay, const std::filesystem::path& folder);
+  /// Waits until what has been sent is on its way, but for no host that does not take its packets.
   ~DelayedHost();
   DelayedHost(const DelayedHost&) = delete;
   DelayedHost& operator=(const DelayedHost&) = delete;
@@ -26,14 +41,6 @@ class DelayedHost {
   [[nodiscard]] static std::string address(int host) { return "10.78.0." + std::to_string(host + 1); }
 
  private:
-  /// A descriptor that is closed at the end.
-  struct Descriptor {
-    explicit Descriptor(int number) : value(number) {}
-    ~Descriptor();
-    Descriptor(const Descriptor&) = delete;
-    Descriptor& operator=(const Descriptor&) = delete;
-    int value;
-  };
   void send_delayed();
   void receive();
 
