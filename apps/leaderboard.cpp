@@ -60,14 +60,19 @@ std::vector<EvaluationResult> read_results(const std::vector<std::string>& files
   return results;
 }
 
+/// Throws InputError for the name of an agent without a result.
+void require_result_of(const std::string& agent, const std::string& option, const std::vector<EvaluationResult>& results) {
+  if (std::ranges::find(results, agent, &EvaluationResult::agent) == results.end())
+    throw InputError(option, "is of an agent that has no result here", "name one of the agents of the results");
+}
+
 /// "AGENT=ADDRESS=TEXT" of --replay.
 void add_replay_link(const std::string& text, const std::vector<EvaluationResult>& results, BoardPage& page) {
   const std::size_t equals = text.find('=');
   if (equals == std::string::npos || equals == 0)
     throw InputError("--replay " + text, "is no link to a replay", "write AGENT=ADDRESS=TEXT, for example greedy=greedy_best.html=best");
   const std::string agent = text.substr(0, equals);
-  if (std::ranges::find(results, agent, &EvaluationResult::agent) == results.end())
-    throw InputError("--replay " + text, "is of an agent that has no result here", "name one of the agents of the results");
+  require_result_of(agent, "--replay " + text, results);
   page.replays[agent].push_back(parse_link(text.substr(equals + 1)));
 }
 
@@ -138,6 +143,7 @@ void run_leaderboard(const Options& options) {
   BoardPage page;
   for (const std::string& link : options.links) page.links.push_back(parse_link(link));
   for (const std::string& replay : options.replays) add_replay_link(replay, results, page);
+  for (const std::string& agent : options.run_here) require_result_of(agent, "--run-here " + agent, results);
   page.run_here = {options.run_here.begin(), options.run_here.end()};
   if (!options.private_file.empty())
     page.private_scores =

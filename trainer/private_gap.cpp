@@ -25,9 +25,12 @@ Estimate independent_difference(const Estimate& first, const Estimate& second) {
 
 std::vector<PrivateScore> private_scores(const std::vector<EvaluationResult>& public_results,
                                          const std::vector<EvaluationResult>& private_results) {
-  for (const EvaluationResult& hidden : private_results)
+  for (const EvaluationResult& hidden : private_results) {
     if (std::ranges::none_of(public_results, [&](const auto& open) { return open.agent == hidden.agent; }))
       throw InputError(hidden.agent, "has a result on the private set alone", "name its result on the public set too");
+    if (std::ranges::count(private_results, hidden.agent, &EvaluationResult::agent) > 1)
+      throw InputError(hidden.agent, "has several results on the private set", "name one of them");
+  }
   std::vector<PrivateScore> scores;
   for (const EvaluationResult& open : public_results) {
     const auto hidden = std::ranges::find(private_results, open.agent, &EvaluationResult::agent);

@@ -21,8 +21,8 @@ struct PrivateScore {
   [[nodiscard]] bool unexplained() const { return success_gap.low > 0 || spl_gap.low > 0; }
 };
 
-/// Pairs the results by agent, in the order of the public ones.  Throws InputError: a private result whose agent has no public one, or is
-/// another policy there (policy_hash).
+/// Pairs the results by agent, in the order of the public ones.  Throws InputError: a private result whose agent has no public one, is
+/// another policy there (policy_hash), or has another private one.
 std::vector<PrivateScore> private_scores(const std::vector<EvaluationResult>& public_results,
                                          const std::vector<EvaluationResult>& private_results);
 

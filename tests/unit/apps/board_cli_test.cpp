@@ -166,6 +166,16 @@ TEST_F(BoardCli, TablesAreThereAsJson) {
   EXPECT_THAT(read_file(path("board.html")), HasSubstr("<a href=\"page.html\">best</a>"));
 }
 
+TEST_F(BoardCli, PagesTakeAgentsOfTheResultsAlone) {
+  make_episodes(2);
+  expect_done("eval random --config " + path("tiny.yaml") + " --episodes " + path("eval.json.gz") + " --out " + path("result.json"));
+  const std::string board = "leaderboard " + path("result.json") + " --html " + path("board.html");
+  expect_refused(board + " --run-here randon", AllOf(HasSubstr("--run-here randon"), HasSubstr("no result here")));
+  expect_refused(board + " --replay randon=a.html=best", AllOf(HasSubstr("--replay randon"), HasSubstr("no result here")));
+  EXPECT_FALSE(std::filesystem::exists(path("board.html")));
+  expect_done(board + " --run-here random --replay random=a.html=best");
+}
+
 TEST_F(BoardCli, ShellsCompleteCommandsAndOptions) {
   const std::string program = earshot_program().string();
   EXPECT_EQ(bash("source <(" + program + " completion bash); COMP_WORDS=(earshot ev); COMP_CWORD=1; _earshot; echo ${COMPREPLY[@]}"),

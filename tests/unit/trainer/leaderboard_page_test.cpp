@@ -76,6 +76,7 @@ TEST(PrivateGap, PairsPoliciesByNameAndHash) {
   EvaluationResult other = agent("a", {9, 9, 9, 9, 9});
   other.policy_hash = "another";
   EXPECT_THROW(private_scores({a}, {other}), InputError);
+  EXPECT_THROW(private_scores({a}, {a, a}), InputError);  // which of them to show is not said
   EXPECT_THAT(private_text(private_scores({a}, {agent("a", {1, 1, 1, 1, 1})})), HasSubstr("better in public than chance explains"));
   EXPECT_THAT(private_text(private_scores({a}, {a})), Not(HasSubstr("better in public")));
 }
