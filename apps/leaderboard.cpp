@@ -30,14 +30,24 @@ struct Options {
   VerifyConfig verify;
 };
 
-/// The results of some files, verified where a benchmark says by what.
-std::vector<EvaluationResult> read_results(const std::vector<std::string>& files, const std::optional<Benchmark>& benchmark,
-                                           VerifyConfig verify) {
-  EpisodeSet set;
-  if (benchmark) set = benchmark_set(*benchmark);
-  if (benchmark && verify.scene_root.empty()) verify.scene_root = benchmark->run.env.scene_root;
-  if (benchmark && verify.sound_root.empty()) verify.sound_root = benchmark->run.env.sound_root;
+/// Folder of relative scene files.
+std::string scene_root_of(const VerifyConfig& verify, const std::optional<Benchmark>& benchmark) {
+  return verify.scene_root.empty() && benchmark ? benchmark->run.env.scene_root : verify.scene_root;
+}
+
+struct ReadResults {
   std::vector<EvaluationResult> results;
+  EpisodeSet set;  ///< of the benchmark; empty without one
+};
+
+/// The results of some files, verified where a benchmark says by what.
+ReadResults read_results(const std::vector<std::string>& files, const std::optional<Benchmark>& benchmark, VerifyConfig verify) {
+  ReadResults read;
+  if (benchmark) {
+    read.set = benchmark_set(*benchmark);
+    verify.scene_root = scene_root_of(verify, benchmark);
+    if (verify.sound_root.empty()) verify.sound_root = benchmark->run.env.sound_root;
+  }
   for (const auto& path : files) {
     EvaluationResult result = load_result(path);
     if (!result.partial_of.empty() && !verify.partial)
@@ -46,18 +56,34 @@ std::vector<EvaluationResult> read_results(const std::vector<std::string>& files
     if (!result.is_as_written)
       throw InputError(path, "was changed after it was written: its checksum is another", "take the file as 'earshot eval --out' wrote it");
     if (benchmark) {
-      verify_for_benchmark(result, path, *benchmark, set, verify);
+      verify_for_benchmark(result, path, *benchmark, read.set, verify);
       result.verified = true;
-      note_places(result, set, verify.scene_root);
-    } else {
-      try {
-        note_places(result, load_episode_set(result.episodes_file), verify.scene_root);
-      } catch (const InputError&) {  // the set has gone elsewhere: tables go without sizes and distances
-      }
     }
-    results.push_back(std::move(result));
+    read.results.push_back(std::move(result));
   }
-  return results;
+  return read;
+}
+
+/// Whether anything is written that tells episodes apart by their scenes' floors and their distances, for which scenes are loaded.
+bool needs_places(const Options& options) {
+  return !options.html.empty() || options.by == GroupBy::size || options.by == GroupBy::distance;
+}
+
+/// Without a benchmark each result is noted by the file that it names, if that holds its set still: else tables go without.
+void note_places_of_all(ReadResults& read, const std::string& scene_root, bool is_benchmark) {
+  FloorAreas areas(scene_root);
+  std::map<std::string, EpisodeSet> sets;
+  for (EvaluationResult& result : read.results) {
+    if (is_benchmark) {
+      note_places(result, read.set, areas);
+      continue;
+    }
+    try {
+      if (!sets.contains(result.episodes_file)) sets.emplace(result.episodes_file, load_episode_set(result.episodes_file));
+      note_places(result, sets.at(result.episodes_file), areas);
+    } catch (const InputError&) {  // the set or its scenes have gone elsewhere
+    }
+  }
 }
 
 /// Throws InputError for the name of an agent without a result.
@@ -133,7 +159,8 @@ void run_leaderboard(const Options& options) {
   check_options(options);
   std::optional<Benchmark> benchmark;
   if (!options.benchmark.empty()) benchmark = load_benchmark(options.benchmark);
-  const std::vector<EvaluationResult> results = read_results(options.results, benchmark, options.verify);
+  ReadResults read = read_results(options.results, benchmark, options.verify);
+  const std::vector<EvaluationResult>& results = read.results;
   if (options.compare) {
     fmt::print("{}", comparison_text(results[0], results[1]));
     if (!options.json.empty()) write_file_atomically(options.json, comparison_json(results[0], results[1]));
@@ -146,17 +173,19 @@ void run_leaderboard(const Options& options) {
   for (const std::string& agent : options.run_here) require_result_of(agent, "--run-here " + agent, results);
   page.run_here = {options.run_here.begin(), options.run_here.end()};
   if (!options.private_file.empty())
-    page.private_scores =
-        private_scores(results, read_results(options.private_results, with_private_set(*benchmark, options.private_file), options.verify));
+    page.private_scores = private_scores(
+        results, read_results(options.private_results, with_private_set(*benchmark, options.private_file), options.verify).results);
   if (benchmark) page.benchmark = fmt::format("{} {}", benchmark->name, benchmark->version);
   page.tells_evidence = benchmark.has_value();
+  if (needs_places(options)) note_places_of_all(read, scene_root_of(options.verify, benchmark), benchmark.has_value());
+  const std::string groups = options.by ? groups_text(results, *options.by) : "";  // refused before anything is written
 
   fmt::print("{}", leaderboard_text(results));
   if (!benchmark)
     fmt::print(
         "not verified here: these are the numbers that the files hold (earshot verify, or --benchmark, walks their actions again)\n");
   if (!page.private_scores.empty()) fmt::print("\n{}", private_text(page.private_scores));
-  if (options.by) fmt::print("\n{}", groups_text(results, *options.by));
+  if (options.by) fmt::print("\n{}", groups);
   if (!options.html.empty()) write_file_atomically(options.html, leaderboard_page(results, page));
   if (options.json.empty()) return;
   auto json = nlohmann::ordered_json::parse(leaderboard_json(results));

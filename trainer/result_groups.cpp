@@ -10,7 +10,9 @@
 
 #include "envs/episode_walk.h"
 #include "sim/base/errors.h"
+#include "sim/base/files.h"
 #include "sim/scene/house_plan.h"
+#include "trainer/verify_result.h"
 
 namespace earshot {
 namespace {
@@ -86,15 +88,24 @@ double floor_area_m2(const std::string& scene, const std::string& scene_root) {
   return static_cast<double>(high.x - low.x) * static_cast<double>(high.z - low.z);
 }
 
-void note_places(EvaluationResult& result, const EpisodeSet& set, const std::string& scene_root) {
-  std::map<std::string, double> areas;
-  for (std::size_t i = 0; i < std::min(result.episodes.size(), set.episodes.size()); ++i) {
+double FloorAreas::of(const std::string& scene) {
+  auto area = areas_m2_.find(scene);
+  if (area == areas_m2_.end()) area = areas_m2_.emplace(scene, floor_area_m2(scene, scene_root_)).first;
+  return area->second;
+}
+
+bool note_places(EvaluationResult& result, const EpisodeSet& set, FloorAreas& areas) {
+  const std::size_t episodes = result.episodes.size();
+  if (episodes > set.episodes.size() || result.set_hash != set_hash_of_first(set, episodes)) return false;
+  if (episodes < set.episodes.size() && result.partial_of != hex64(set.hash)) return false;
+  for (std::size_t i = 0; i < episodes; ++i) {
     EvaluationResult::Row& row = result.episodes[i];
-    if (row.scene != set.episodes[i].scene_id || row.id != set.episodes[i].episode_id) continue;
-    if (!areas.contains(row.scene)) areas[row.scene] = floor_area_m2(row.scene, scene_root);
-    row.area_m2 = areas[row.scene];
-    row.distance_m = static_cast<double>(set.episodes[i].geodesic_distance_m);
+    const Episode& episode = set.episodes[i];
+    if (row.scene != episode.scene_id || row.id != episode.episode_id) continue;  // a row that was written by hand
+    row.area_m2 = areas.of(row.scene);
+    row.distance_m = static_cast<double>(episode.geodesic_distance_m);
   }
+  return true;
 }
 
 bool can_group(const EvaluationResult& result, GroupBy by) {

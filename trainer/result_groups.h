@@ -1,5 +1,6 @@
 #pragma once
 
+#include <map>
 #include <span>
 #include <string>
 #include <string_view>
@@ -21,8 +22,20 @@ void note_novelty(EvaluationResult& result, std::span<const std::string> trained
 /// Floor of a scene: of a generated house the floor of its rooms, else the extent of the mesh along x times that along z.  Throws
 /// InputError if it cannot be loaded.
 double floor_area_m2(const std::string& scene, const std::string& scene_root);
-/// Notes in each row the floor of its scene and the distance from its start to its goal.  set: that of the result, in its order.
-void note_places(EvaluationResult& result, const EpisodeSet& set, const std::string& scene_root);
+/// floor_area_m2 of scenes below one root, each of which is loaded once.
+class FloorAreas {
+ public:
+  explicit FloorAreas(std::string scene_root) : scene_root_(std::move(scene_root)) {}
+  double of(const std::string& scene);
+
+ private:
+  std::string scene_root_;
+  std::map<std::string, double> areas_m2_;
+};
+
+/// Notes in each row the floor of its scene and the distance from its start to its goal.  set: that of the result, or the one that a
+/// partial result is of.  Returns false, and notes nothing, if it is another set: its hash says so.
+bool note_places(EvaluationResult& result, const EpisodeSet& set, FloorAreas& areas);
 
 /// By what the episodes of a result are told apart.  size: floor of the scene in classes of 50 m2; distance: of start and goal on foot,
 /// below 3 m, 6 m, 12 m, and above.

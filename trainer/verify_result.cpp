@@ -58,10 +58,9 @@ void check_head(const EvaluationResult& result, const std::string& where, const 
 
 void check_set_hash(const EvaluationResult& result, const std::string& where, const EpisodeSet& set) {
   const bool partial = result.episodes.size() < set.episodes.size();
-  std::uint64_t hash = set.hash;
-  if (partial) hash = episode_set_hash({set.episodes.begin(), set.episodes.begin() + static_cast<std::ptrdiff_t>(result.episodes.size())});
-  if (result.set_hash != hex64(hash) || (partial && result.partial_of != hex64(set.hash)))
-    throw InputError(where, fmt::format("is of the set {}, the episodes here are {}", result.set_hash, hex64(hash)), kRemedy);
+  const std::string hash = set_hash_of_first(set, result.episodes.size());
+  if (result.set_hash != hash || (partial && result.partial_of != hex64(set.hash)))
+    throw InputError(where, fmt::format("is of the set {}, the episodes here are {}", result.set_hash, hash), kRemedy);
 }
 
 /// Rows are the episodes of the set, in its order.
@@ -165,6 +164,12 @@ std::optional<FirstFault> first_fault(const EvaluationResult& result, const Epis
 }
 
 }  // namespace
+
+std::string set_hash_of_first(const EpisodeSet& set, std::size_t episodes) {
+  EARSHOT_EXPECT(episodes <= set.episodes.size());
+  if (episodes == set.episodes.size()) return hex64(set.hash);
+  return hex64(episode_set_hash({set.episodes.begin(), set.episodes.begin() + static_cast<std::ptrdiff_t>(episodes)}));
+}
 
 Verification verify_result(const EvaluationResult& result, const std::string& where, const EpisodeSet& set, const MetricRules& rules,
                            const VerifyConfig& config) {

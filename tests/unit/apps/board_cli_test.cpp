@@ -166,6 +166,20 @@ TEST_F(BoardCli, TablesAreThereAsJson) {
   EXPECT_THAT(read_file(path("board.html")), HasSubstr("<a href=\"page.html\">best</a>"));
 }
 
+TEST_F(BoardCli, GroupsByPlaceAreThoseOfTheSetThatWasRun) {
+  make_episodes(3);
+  expect_done("eval random --config " + path("tiny.yaml") + " --episodes " + path("eval.json.gz") + " --out " + path("result.json"));
+  const std::string board = "leaderboard " + path("result.json") + " --by distance";
+  expect_done(board + " --json " + path("board.json"));
+  EXPECT_FALSE(json_of("board.json")["groups"].empty());
+  // The same scenes and names of episodes with other places in the same file.
+  std::filesystem::remove(path("eval.json.gz"));
+  expect_done("dataset episodes --config " + path("tiny.yaml") + " --set data.eval.episodes_per_scene=3 --set data.eval.seed=9");
+  expect_refused(board, HasSubstr("episode set is not at hand"));
+  expect_done("leaderboard " + path("result.json") + " --html " + path("board.html"));
+  EXPECT_THAT(read_file(path("board.html")), testing::Not(HasSubstr("By distance")));
+}
+
 TEST_F(BoardCli, PagesTakeAgentsOfTheResultsAlone) {
   make_episodes(2);
   expect_done("eval random --config " + path("tiny.yaml") + " --episodes " + path("eval.json.gz") + " --out " + path("result.json"));

@@ -6,8 +6,11 @@
 #include <cmath>
 
 #include "sim/base/errors.h"
+#include "sim/base/files.h"
 #include "sim/base/random.h"
+#include "tests/support/test_files.h"
 #include "trainer/result_groups.h"
+#include "trainer/verify_result.h"
 
 namespace earshot {
 namespace {
@@ -135,6 +138,63 @@ TEST(ResultGroups, FloorsAreThoseOfTheRooms) {
   EXPECT_GE(drawn, 60);
   EXPECT_LE(drawn, 200);
   EXPECT_NEAR(floor_area_m2("shoebox:6x3x5@0.3", ""), 30, 1e-4);
+}
+
+TEST(ResultGroups, AFloorIsLoadedOnce) {
+  const TempFolder folder;
+  const std::string slab = folder.write("slab.obj", "v 0 0 0\nv 4 0 0\nv 0 0 5\nf 1 3 2\n");
+  FloorAreas areas(folder / "");
+  EXPECT_NEAR(areas.of("slab.obj"), 20, 1e-6);
+  std::filesystem::remove(slab);
+  EXPECT_NEAR(areas.of("slab.obj"), 20, 1e-6);
+  EXPECT_THROW(areas.of("other.obj"), InputError);
+}
+
+/// A set of episodes in two rooms, in turn, with goals so far from their starts.
+EpisodeSet set_of(const std::vector<float>& distances_m) {
+  EpisodeSet set;
+  for (const float distance_m : distances_m) {
+    Episode episode;
+    episode.episode_id = std::to_string(set.episodes.size());
+    episode.scene_id = set.episodes.size() % 2 == 0 ? "shoebox:6x3x5@0.3" : "shoebox:4x3x5@0.3";
+    episode.geodesic_distance_m = distance_m;
+    set.episodes.push_back(std::move(episode));
+  }
+  set.hash = episode_set_hash(set.episodes);
+  return set;
+}
+
+/// A result of the first so many episodes of a set.
+EvaluationResult result_on(const EpisodeSet& set, std::size_t episodes) {
+  EvaluationResult result;
+  result.agent = "a";
+  result.set_hash = set_hash_of_first(set, episodes);
+  if (episodes < set.episodes.size()) result.partial_of = hex64(set.hash);
+  for (std::size_t i = 0; i < episodes; ++i) result.episodes.push_back({set.episodes[i].episode_id, set.episodes[i].scene_id, {}, {0}});
+  return result;
+}
+
+// Sets of the same scenes and names of episodes, made with other seeds, are told apart by their hashes.
+TEST(ResultGroups, PlacesAreThoseOfTheResultsOwnSet) {
+  const EpisodeSet set = set_of({2, 4, 8}), made_again = set_of({2, 4, 9});
+  FloorAreas areas("");
+  EvaluationResult whole = result_on(set, 3);
+  ASSERT_TRUE(note_places(whole, set, areas));
+  for (std::size_t i = 0; i < 3; ++i) {
+    EXPECT_EQ(whole.episodes[i].distance_m, static_cast<double>(set.episodes[i].geodesic_distance_m));
+    EXPECT_NEAR(whole.episodes[i].area_m2, i % 2 == 0 ? 30 : 20, 1e-4);
+  }
+  EvaluationResult part = result_on(set, 2);
+  ASSERT_TRUE(note_places(part, set, areas));
+  EXPECT_EQ(part.episodes[1].distance_m, 4);
+
+  const auto expect_nothing_noted = [&](EvaluationResult result, const EpisodeSet& other) {
+    EXPECT_FALSE(note_places(result, other, areas));
+    for (const auto& row : result.episodes) EXPECT_TRUE(row.distance_m == 0 && row.area_m2 == 0);
+  };
+  expect_nothing_noted(result_on(set, 3), made_again);
+  expect_nothing_noted(result_on(set, 2), made_again);  // the first two are the same, the set that they are of is not
+  expect_nothing_noted(result_on(set, 3), set_of({2, 4}));
 }
 
 }  // namespace
