@@ -3,7 +3,8 @@
 #   scripts/leaderboard.sh [--private SET] BENCHMARK AGENT...
 #   BENCHMARK  name of a file in configs/benchmarks ("quick"), or a path
 #   AGENT      policy file, checkpoint, run folder, or baseline (random, random_oracle_stop, greedy, classical, oracle), which are run here;
-#              or RESULT.json of 'earshot eval --out', of which the actions alone are known; NAME=AGENT names it in the table
+#              or RESULT.json of 'earshot eval --out', of which the actions alone are known and which names its agent.  NAME=AGENT names one that
+#              is run here in the table
 #   --private  the benchmark's private set, for those who keep it: every agent that is run here is run there too, and the page shows public
 #              and private numbers beside each other.  Results on it stay in private/ and are not for the public.
 # Results, the page and of each policy the best, median and worst replay go to runs/benchmarks/NAME (EARSHOT_BOARD).
@@ -16,7 +17,7 @@ if [ "${1:-}" = --private ]; then
   shift $(($# > 1 ? 2 : 1))
 fi
 if [ $# -lt 2 ]; then
-  sed -n '2,10s/^# \{0,1\}//p' "$0" >&2
+  sed -n '2,11s/^# \{0,1\}//p' "$0" >&2
   exit 2
 fi
 benchmark=$1
@@ -25,23 +26,39 @@ shift
 [ -f "$benchmark" ] || { echo "scripts/leaderboard.sh: $benchmark: no such benchmark" >&2; exit 2; }
 earshot=${EARSHOT:-build/release/earshot}
 board=${EARSHOT_BOARD:-runs/benchmarks/$(basename "$benchmark" .yaml)}
-mkdir -p "$board"
 
+# Names in the table, before anything is run.
+refuse() { echo "scripts/leaderboard.sh: $*" >&2; exit 2; }
+names=()
+for entry in "$@"; do
+  agent=${entry#*=}
+  case $agent in
+    *.json)
+      [ "$agent" = "$entry" ] || refuse "$entry: a result names its agent by itself; leave '${entry%%=*}=' out"
+      [ -f "$agent" ] || refuse "$agent: no such result"
+      name=$(sed -n '/^ *"agent": "/{s/^ *"agent": "\(.*\)",$/\1/p;q}' "$agent")
+      [ -n "$name" ] || refuse "$agent: is no result of 'earshot eval --out'" ;;
+    *)
+      name=${entry%%=*}
+      [ "$name" != "$entry" ] || name=$(basename "${agent%.ckpt}" .policy) ;;
+  esac
+  for other in "${names[@]}"; do
+    [ "$other" != "$name" ] || refuse "$name: two agents of this name; write NAME=AGENT for one that is run here"
+  done
+  names+=("$name")
+done
+
+mkdir -p "$board"
 "$earshot" benchmark "$benchmark" ${private:+--private "$private"}
 [ -z "$private" ] || mkdir -p -m 700 "$board/private"
 results=()
-names=()
 page=()
 hidden=()
-for entry in "$@"; do
-  agent=${entry#*=}
-  name=${entry%%=*}
-  [ "$name" != "$entry" ] || { name=$(basename "${agent%.ckpt}" .policy); name=${name%.json}; }
+for i in "${!names[@]}"; do
+  name=${names[i]}
+  agent=${1#*=}
+  shift
   result="$board/$name.json"
-  for other in "${names[@]}"; do
-    [ "$other" != "$name" ] || { echo "scripts/leaderboard.sh: $name: two agents of this name; write NAME=AGENT" >&2; exit 2; }
-  done
-  names+=("$name")
   case $agent in
     *.json)
       "$earshot" verify "$agent" --benchmark "$benchmark"
