@@ -38,9 +38,10 @@ endfunction()
 #   *_threads_test.cpp  test_DIR_threads, labels `fast` and `threads`: tests in which threads meet, all that the thread sanitizer builds
 #                       (target thread_tests) and runs
 #   other *_test.cpp    test_DIR, label `fast`
-# A leading unit/ is not part of the executables' names.  PCH TARGET: the target whose precompiled headers these tests read.
+# A leading unit/ is not part of the executables' names.  PCH TARGET: the target whose precompiled headers these tests read.  ALONE REGEX: tests
+# that compare times, beside which ctest runs no others.
 function(earshot_tests dir)
-  cmake_parse_arguments(PARSE_ARGV 1 arg "" "PCH" "")
+  cmake_parse_arguments(PARSE_ARGV 1 arg "" "PCH;ALONE" "")
   if(NOT arg_PCH)
     set(arg_PCH test_headers)
   endif()
@@ -73,6 +74,10 @@ function(earshot_tests dir)
       # gtest_discover_tests splits a list of labels into properties, so a file that ctest reads after the discovery sets them.
       set(labels_file ${CMAKE_CURRENT_BINARY_DIR}/${target}_labels.cmake)
       file(WRITE ${labels_file} "if(${target}_TESTS)\n  set_tests_properties(\${${target}_TESTS} PROPERTIES LABELS \"${labels};${dir}\")\nendif()\n")
+      if(arg_ALONE)
+        file(APPEND ${labels_file} "foreach(test IN LISTS ${target}_TESTS)\n  if(test MATCHES \"${arg_ALONE}\")\n"
+             "    set_tests_properties(\${test} PROPERTIES RUN_SERIAL ON)\n  endif()\nendforeach()\n")
+      endif()
       set_property(DIRECTORY APPEND PROPERTY TEST_INCLUDE_FILES ${labels_file})
       if(kind STREQUAL "threads")
         add_dependencies(thread_tests ${target})

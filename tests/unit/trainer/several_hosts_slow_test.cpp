@@ -15,7 +15,7 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr int kWorld = 4, kRounds = 9;
+constexpr int kWorld = 4, kRounds = 31;
 constexpr std::size_t kGradient = 4952453;
 
 class SeveralHostsSpeed : public testing::TestWithParam<bool> {};
