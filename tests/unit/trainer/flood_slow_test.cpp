@@ -21,8 +21,8 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr int kWorld = 2, kFirstPort = 42100, kPorts = 2 * kWorld;  // control and bulk of each worker
-constexpr int kPhases = 16;                                         // without and with, in turn
+constexpr int kWorld = 2, kFirstPort = 24200, kPorts = 2 * kWorld;  // control and bulk of each worker, none that a system gives by itself
+constexpr int kPhases = 17;                                         // without and with, in turn; the last one without
 constexpr double kPhase_s = 2;
 constexpr int kSumFloats = 300000, kComputation = 12'000'000;  // about 7 ms of a core
 
@@ -55,7 +55,8 @@ class FloodedRun : public testing::Test {
  protected:
   FloodedRun() { write_curve_keys(keys_, make_curve_keys()); }
 
-  /// Median over pairs of phases of (with / without): processor time per round of all workers, and rounds per second.
+  /// Medians over the phases with a flood, each over the mean of its two neighbours without: processor time per round of all workers, and
+  /// rounds per second.  A machine that gets slower or faster cancels.
   struct Ratios {
     double processor = 0, rounds_per_s = 0, peers_per_s = 0;
   };
@@ -83,9 +84,9 @@ class FloodedRun : public testing::Test {
       return sum_s;
     };
     const auto rate = [&](std::size_t of_phase) { return costs[of_phase][0].rounds / costs[of_phase][0].wall_s; };
-    for (std::size_t pair = 0; pair < kPhases; pair += 2) {
-      processor.push_back(per_round(pair + 1) / per_round(pair));
-      rounds.push_back(rate(pair + 1) / rate(pair));
+    for (std::size_t with = 1; with < kPhases; with += 2) {
+      processor.push_back(2 * per_round(with) / (per_round(with - 1) + per_round(with + 1)));
+      rounds.push_back(2 * rate(with) / (rate(with - 1) + rate(with + 1)));
     }
     double flood_s = 0;
     for (std::size_t with = 1; with < kPhases; with += 2) flood_s += costs[with][0].wall_s;
@@ -153,10 +154,9 @@ class FloodedRun : public testing::Test {
 
 // The bound is on the workers' own processor time: the flooding program needs a core as well, which is the attacker's and not theirs.
 TEST_F(FloodedRun, UnknownPeersAtEachPortCostLessThanFivePercent) {
-  EXPECT_LT(measure(200).processor, 1.05);
-  measure(1000);
   const Ratios none = measure(0);  // what the measurement itself is worth
-  EXPECT_LT(std::abs(none.processor - 1), 0.05);
+  EXPECT_LT(measure(200).processor - none.processor, 0.05);
+  measure(1000);
 }
 
 // The meeting point is open until all workers are there.  Times of two workers to meet, without and with a flood there in turn.
