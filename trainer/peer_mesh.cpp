@@ -5,8 +5,6 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
-#include <charconv>
-#include <cstring>
 #include <exception>
 
 #include "sim/base/errors.h"
@@ -17,99 +15,16 @@ namespace {
 
 using std::chrono::milliseconds;
 
-constexpr int kQueuedMessages = 4;  // per peer and direction: at most 4 MiB wait
-// Control messages that a listener takes in ahead of its reader.  libzmq 4.3.4 ends the process if a connection breaks while its reading is
-// held up by a full queue and a heartbeat stands in its buffer (an assertion in stream_engine_base.cpp), so the queue must not fill: a
-// reader that is away gets eight messages of progress until it counts as lost.
-constexpr int kQueuedControl = 256;
-constexpr std::int64_t kCurveOverheadBytes = 64;  // libzmq compares the size of the sealed frame, 33 bytes more than its content
-constexpr std::int64_t kMaxFrameBytes = static_cast<std::int64_t>(kChunkBytes) + kCurveOverheadBytes;
 // For a goodbye message to leave, or to arrive after its connection broke; on one host, where the others go on, the shorter one.
 constexpr milliseconds kShutdownGrace{300}, kLocalGrace{40};
 constexpr milliseconds kLongestWait{100}, kRegroupInterval{10};
-constexpr milliseconds kBuffersBack{5000};  // for libzmq to drop what it had not sent, once the socket is closed
-constexpr std::size_t kMaxReasonBytes = 600;
+constexpr milliseconds kBuffersBack{5000};          // for libzmq to drop what it had not sent, once the socket is closed
 constexpr double kJoinPatience_s = 5;               // with a worker that was told that it may join
 constexpr std::chrono::seconds kGuestPatience(10);  // of that worker: longer, so that it is the members who decide
-constexpr int kUnknownAtOnce = 1000;                // messages of unknown peers that are dropped before anything else is looked at again
 
 std::string worker(int rank) { return fmt::format("worker {}", rank); }
 
-zmq::socket_t listener(zmq::context_t& context, const LinkSecurity& security, int queued) {
-  zmq::socket_t socket(context, zmq::socket_type::router);
-  socket.set(zmq::sockopt::linger, 0);
-  socket.set(zmq::sockopt::maxmsgsize, kMaxFrameBytes);
-  socket.set(zmq::sockopt::rcvhwm, queued);
-  security.secure_listener(socket);
-  return socket;
-}
-
-zmq::socket_t dial(zmq::context_t& context, const std::string& routing_id) {
-  zmq::socket_t socket(context, zmq::socket_type::dealer);
-  socket.set(zmq::sockopt::routing_id, routing_id);
-  socket.set(zmq::sockopt::linger, static_cast<int>(kShutdownGrace.count()));
-  socket.set(zmq::sockopt::maxmsgsize, kMaxFrameBytes);
-  socket.set(zmq::sockopt::sndhwm, kQueuedMessages);
-  socket.set(zmq::sockopt::immediate, true);    // nothing is queued for a connection that is not up
-  socket.set(zmq::sockopt::reconnect_ivl, -1);  // a broken connection has lost messages: it is the end, not a pause
-  socket.set(zmq::sockopt::ipv6, true);         // IPv4 as well
-  return socket;
-}
-
-void give_back_buffer(void*, void* lent_buffers) { static_cast<BuffersInFlight*>(lent_buffers)->give_back(); }
-
-/// Header and payload as one message of two parts; false if the queue is full.
-bool send_message(zmq::socket_t& socket, const FrameHeader& header, zmq::message_t payload) {
-  const auto head = encode_header(header);
-  try {
-    if (!socket.send(zmq::buffer(head), zmq::send_flags::sndmore | zmq::send_flags::dontwait)) return false;
-  } catch (const zmq::error_t& error) {
-    if (error.num() == EINTR) return false;
-    throw;
-  }
-  // The parts of one message enter the queue together: the second cannot find it full.
-  return socket.send(std::move(payload), zmq::send_flags::dontwait).has_value();
-}
-
-/// Events of a connection that ends.
-zmq::socket_t monitor_of(zmq::context_t& context, zmq::socket_t& socket, const std::string& address) {
-  if (zmq_socket_monitor(socket.handle(), address.c_str(), ZMQ_EVENT_DISCONNECTED | ZMQ_EVENT_CLOSED) != 0) throw zmq::error_t();
-  zmq::socket_t events(context, zmq::socket_type::pair);
-  events.set(zmq::sockopt::linger, 0);
-  events.connect(address);
-  return events;
-}
-
-/// Whether it tells of an end.  Reads all that there is.
-bool has_ended(zmq::socket_t& monitor) {
-  bool ended = false;
-  zmq::message_t event;
-  while (monitor.recv(event, zmq::recv_flags::dontwait)) {
-    std::uint16_t number = 0;
-    if (event.size() >= sizeof(number)) std::memcpy(&number, event.data(), sizeof(number));
-    zmq::message_t address;
-    if (event.more() && !monitor.recv(address, zmq::recv_flags::dontwait)) break;
-    ended = ended || number == ZMQ_EVENT_DISCONNECTED || number == ZMQ_EVENT_CLOSED;
-  }
-  return ended;
-}
-
 }  // namespace
-
-void BuffersInFlight::lend() {
-  const std::lock_guard lock(mutex_);
-  ++count_;
-}
-
-void BuffersInFlight::give_back() {
-  const std::lock_guard lock(mutex_);
-  if (--count_ == 0) empty_.notify_one();
-}
-
-bool BuffersInFlight::wait_until_empty(std::chrono::steady_clock::time_point deadline) {
-  std::unique_lock lock(mutex_);
-  return empty_.wait_until(lock, deadline, [this] { return count_ == 0; });
-}
 
 PeerMesh::PeerMesh(const RingConfig& config) : config_(config), exceptions_at_start_(std::uncaught_exceptions()) {
   validate(config_);
@@ -117,8 +32,8 @@ PeerMesh::PeerMesh(const RingConfig& config) : config_(config), exceptions_at_st
   config_ = resolved(config_);
   security_ = LinkSecurity(config_);
   gate_ = security_.open_gate(context_);
-  control_in_ = listener(context_, security_, kQueuedControl);
-  bulk_in_ = listener(context_, security_, kQueuedMessages);
+  control_in_ = open_listener(context_, security_, kQueuedControl);
+  bulk_in_ = open_listener(context_, security_, kQueuedMessages);
   const std::string control_endpoint = bind_listener(control_in_, config_, "control"),
                     bulk_endpoint = bind_listener(bulk_in_, config_, "bulk");
   const int world_size = config_.identity.world_size;
@@ -169,7 +84,7 @@ PeerMesh::~PeerMesh() {
 
 void PeerMesh::connect(int rank) {
   Peer& peer = peers_[static_cast<std::size_t>(rank)];
-  peer.control = dial(context_, routing_id());
+  peer.control = open_dialer(context_, routing_id(), kShutdownGrace);
   security_.secure_dialer(peer.control, table_.public_keys[static_cast<std::size_t>(rank)]);
   const int interval_ms = static_cast<int>(config_.heartbeat.count());
   peer.control.set(zmq::sockopt::heartbeat_ivl, interval_ms);
@@ -188,31 +103,14 @@ void PeerMesh::connect_bulk() {
   if (right() == identity_.rank) return;
   const auto neighbour = static_cast<std::size_t>(members_[static_cast<std::size_t>(right())]);
   const std::uint32_t epoch = views_->current().epoch;
-  bulk_out_ = dial(context_, fmt::format("{}.{}", routing_id(), epoch));
-  bulk_out_.set(zmq::sockopt::linger, 0);  // its payloads are lent: they must come back when the caller leaves
+  // Its payloads are lent: they must come back when the caller leaves.
+  bulk_out_ = open_dialer(context_, fmt::format("{}.{}", routing_id(), epoch), milliseconds(0));
   security_.secure_dialer(bulk_out_, table_.public_keys[neighbour]);
   bulk_monitor_ = monitor_of(context_, bulk_out_, fmt::format("inproc://bulk-{}-{}", epoch, neighbour));
   bulk_out_.connect(table_.bulk_endpoints[neighbour]);
 }
 
-/// Another one for each start of a rank: a listener may still have the connections of the start before.
-std::string PeerMesh::routing_id() const { return fmt::format("E{:016x}.{}.{:08x}", run_key_, config_.identity.rank, config_.incarnation); }
-
-PeerMesh::Sender PeerMesh::sender_of(const std::string& routing_id) const {
-  const std::string prefix = fmt::format("E{:016x}.", run_key_);
-  if (!routing_id.starts_with(prefix)) return {};
-  const char* const end = routing_id.data() + routing_id.size();
-  Sender sender;
-  const auto [dot, error] = std::from_chars(routing_id.data() + prefix.size(), end, sender.rank);
-  if (error != std::errc() || dot == end || *dot != '.') return {};
-  if (sender.rank < 0 || sender.rank >= config_.identity.world_size || sender.rank == config_.identity.rank) return {};
-  const auto [rest, no_incarnation] = std::from_chars(dot + 1, end, sender.incarnation, 16);
-  if (no_incarnation != std::errc()) return {};
-  if (rest == end) return sender;
-  std::uint32_t epoch = 0;
-  const auto [last, no_epoch] = std::from_chars(rest + 1, end, epoch);
-  return *rest == '.' && no_epoch == std::errc() && last == end ? sender : Sender{};
-}
+std::string PeerMesh::routing_id() const { return routing_id_of(run_key_, config_.identity.rank, config_.incarnation); }
 
 std::vector<int> PeerMesh::contacts() const {
   std::vector<int> ranks;
@@ -245,31 +143,14 @@ bool PeerMesh::send_bulk(FrameHeader header, std::span<const std::byte> payload)
   header.sequence = sequence_;
   header.epoch = views_->current().epoch;
   header.length = payload.size();
-  lent_buffers_.lend();
-  // libzmq never writes to the payload; its interface only lacks the const.  A message that is not sent gives the buffer back in its
-  // destructor.
-  return send_message(bulk_out_, header,
-                      zmq::message_t(const_cast<std::byte*>(payload.data()), payload.size(), give_back_buffer, &lent_buffers_));
+  return send_message(bulk_out_, header, lent_message(payload, lent_buffers_));
 }
 
 std::optional<PeerMesh::Frame> PeerMesh::receive_from(zmq::socket_t& socket) {
   for (int unknown = 0; unknown < kUnknownAtOnce;) {
-    std::array<zmq::message_t, 3> parts;
-    std::size_t count = 0;
-    bool more = true;
-    while (more) {
-      zmq::message_t surplus;
-      zmq::message_t& part = count < parts.size() ? parts[count] : surplus;
-      try {
-        if (!socket.recv(part, zmq::recv_flags::dontwait)) return std::nullopt;
-      } catch (const zmq::error_t& error) {
-        if (error.num() == EINTR) continue;
-        throw;
-      }
-      ++count;
-      more = part.more();
-    }
-    const Sender sender = sender_of(parts[0].to_string());
+    std::optional<ReceivedMessage> message = receive_message(socket);
+    if (!message) return std::nullopt;
+    const PeerSender sender = sender_of(message->parts[0].to_string(), run_key_, config_.identity);
     if (sender.rank < 0) {
       if (++unknown_peers_ == 1) spdlog::warn("worker {} ignores messages of an unknown peer on its port", config_.identity.rank);
       ++unknown;
@@ -280,25 +161,13 @@ std::optional<PeerMesh::Frame> PeerMesh::receive_from(zmq::socket_t& socket) {
       tell_left_out(sender);
       continue;
     }
-    Frame frame;
-    frame.from = sender.rank;
-    try {
-      if (count != parts.size()) throw WireError(fmt::format("message of {} parts", count));
-      frame.header = decode_header({parts[1].data<const std::byte>(), parts[1].size()});
-      if (frame.header.run_key != run_key_) throw WireError("frame of another run");
-      if (frame.header.length != parts[2].size())
-        throw WireError(fmt::format("{} bytes announced, {} sent", frame.header.length, parts[2].size()));
-    } catch (const WireError& error) {
-      throw RunError(worker(frame.from), fmt::format("breaks the protocol: {}", error.what()));
-    }
-    frame.payload = std::move(parts[2]);
-    return frame;
+    return frame_of(std::move(*message), sender.rank, run_key_);
   }
   return std::nullopt;  // a flood: first see whether the peers are alive
 }
 
 /// A worker that was left out has woken: it learns so over a connection of its own, at most once a second.
-void PeerMesh::tell_left_out(Sender sender) {
+void PeerMesh::tell_left_out(PeerSender sender) {
   const auto now = Clock::now();
   Peer& peer = peers_[static_cast<std::size_t>(sender.rank)];
   if (now - peer.told_at < std::chrono::seconds(1)) return;
@@ -306,7 +175,7 @@ void PeerMesh::tell_left_out(Sender sender) {
   const bool former = sender.incarnation != peer.incarnation;
   const std::string endpoint = former ? peer.former_endpoint : table_.control_endpoints[static_cast<std::size_t>(sender.rank)];
   if (endpoint.empty()) return;  // of a start that this worker has never known
-  zmq::socket_t notice = dial(context_, routing_id());
+  zmq::socket_t notice = open_dialer(context_, routing_id(), kShutdownGrace);
   notice.set(zmq::sockopt::immediate, false);  // waits for the connection, as long as the socket lingers
   notice.set(zmq::sockopt::linger, 2000);
   security_.secure_dialer(notice, former ? peer.former_key : table_.public_keys[static_cast<std::size_t>(sender.rank)]);

@@ -1,11 +1,9 @@
 #pragma once
 
 #include <chrono>
-#include <condition_variable>
 #include <cstdint>
 #include <deque>
 #include <memory>
-#include <mutex>
 #include <optional>
 #include <span>
 #include <string>
@@ -17,25 +15,11 @@
 #include "trainer/link_security.h"
 #include "trainer/meeting_point.h"
 #include "trainer/membership.h"
+#include "trainer/peer_sockets.h"
 #include "trainer/rendezvous.h"
 #include "trainer/wire.h"
 
 namespace earshot {
-
-/// Counts buffers that libzmq still reads.  Its I/O thread gives them back (docs/ppo.md, section 6.2: touching one earlier gave wrong
-/// sums).
-class BuffersInFlight {
- public:
-  void lend();
-  void give_back();
-  /// False if some are still out at the deadline.
-  bool wait_until_empty(std::chrono::steady_clock::time_point deadline);
-
- private:
-  std::mutex mutex_;
-  std::condition_variable empty_;
-  int count_ = 0;
-};
 
 /// Sockets between the workers of one run, all used by the one thread that owns this object.  Two planes, so that a gradient never stands
 /// in front of a goodbye message: control, from every worker to every other, small; bulk, only to the right neighbour, in chunks that
@@ -48,12 +32,8 @@ class BuffersInFlight {
 class PeerMesh {
  public:
   using Clock = std::chrono::steady_clock;
-  struct Frame {
-    int from = 0;  ///< place
-    FrameHeader header;
-    zmq::message_t payload;
-    [[nodiscard]] std::span<const std::byte> bytes() const { return {payload.data<const std::byte>(), payload.size()}; }
-  };
+  using Frame = PeerFrame;  ///< from: place
+  using Interest = PeerInterest;
 
   /// Rendezvous and connections; of a worker that joins, once it is admitted.  Throws InputError (config), RunError (a rank does not come
   /// or refuses), LeftOut (another change of membership crossed the admission).
@@ -67,6 +47,7 @@ class PeerMesh {
   [[nodiscard]] WorkerIdentity identity() const { return identity_; }
   /// Ranks at the start, by place.
   [[nodiscard]] const std::vector<int>& members() const { return members_; }
+  [[nodiscard]] int rank_of(int place) const { return members_[static_cast<std::size_t>(place)]; }
   [[nodiscard]] bool survives_loss() const { return config_.network.on_loss == OnLoss::go_on; }
   /// Whom bulk messages go to and come from: the neighbours by place, unless link_bulk() has said otherwise.
   [[nodiscard]] int right() const { return bulk_right_; }
@@ -82,11 +63,6 @@ class PeerMesh {
   /// The next message of the open call, or none yet.  A peer may be one call ahead: its control messages are kept for that call.
   std::optional<Frame> receive_control();
   std::optional<Frame> receive_bulk();
-  struct Interest {
-    std::vector<int> full_control_queues;  ///< peers whose control queue was full
-    bool bulk_queue_full = false, bulk_data = false;
-    std::vector<int> awaited;  ///< peers without whose data the call cannot end
-  };
   /// Blocks until something of interest may have changed.  Throws RunError: deadline, a dead peer, a peer that has left or stopped the run.
   void wait(const Interest& interest);
   /// For a caller that waits for a worker elsewhere than on sockets: throws what wait() would.
@@ -140,22 +116,17 @@ class PeerMesh {
     bool proposal_due = false;
     std::string former_endpoint, former_key;  ///< of the start before this one
   };
-  struct Sender {
-    int rank = -1;  ///< -1: unknown
-    std::uint32_t incarnation = 0;
-  };
   // Ranks below are those at the start; so is Frame::from, until a frame is handed out.
   void connect(int rank);
   void connect_bulk();
   void set_members(std::vector<int> ranks);
   Peer& peer_at(int place) { return peers_[static_cast<std::size_t>(members_[static_cast<std::size_t>(place)])]; }
   [[nodiscard]] std::string routing_id() const;
-  [[nodiscard]] Sender sender_of(const std::string& routing_id) const;
   /// Ranks of the others that take part, or may do so in the next view.
   [[nodiscard]] std::vector<int> contacts() const;
   std::optional<Frame> receive_from(zmq::socket_t& socket);
   std::optional<Frame> handed_out(Frame frame) const;
-  void tell_left_out(Sender sender);
+  void tell_left_out(PeerSender sender);
   void take_goodbye(const Frame& frame);
   void take_view(const Frame& frame);
   void take_progress(const Frame& frame);

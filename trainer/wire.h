@@ -23,6 +23,8 @@ inline constexpr std::size_t kMaxControlBytes = 64 * 1024;  ///< of one control 
 inline constexpr std::size_t kChunkBytes = std::size_t{1}
                                            << 20;  ///< payload of one bulk message (docs/ppo.md, section 6.3: 1 MiB was the fastest)
 
+inline constexpr std::size_t kMaxGatherBytes = std::size_t{1} << 30;  ///< of one worker's part: bounds what a peer can make us allocate
+
 /// A worker introduces itself to rank 0.
 struct Hello {
   static constexpr std::size_t kFields = 7;

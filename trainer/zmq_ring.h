@@ -58,8 +58,6 @@ class ZmqRing : public Collective {
   void all_reduce(Operation operation, std::span<T> buffer);
   template <class T>
   void all_reduce_small(Operation operation, std::span<T> buffer);
-  template <class T>
-  void all_reduce_ring(Operation operation, std::span<T> buffer);
 
   void set_up_shared_memory(const RingConfig& config);
   bool map_shared_memory(const HostLayout& layout);
