@@ -12,6 +12,7 @@
 #include "sim/base/files.h"
 #include "sim/base/temporary_folder.h"
 #include "trainer/all_reduce_speed.h"
+#include "trainer/collective.h"
 #include "trainer/scaling_check.h"
 #include "trainer/worker_group.h"
 
@@ -87,8 +88,8 @@ void predict_large(const Options& options, LinkSpeed link, BenchReport& report) 
   fmt::print(
       "assumed: rollouts independent and normal; learning alike on all workers; a ring of whole segments over links that are all as fast; "
       "small calls\n"
-      "from each worker to each other up to 64 workers, beyond by a tree, which is not there yet; batches grow with the workers, and what "
-      "such a\n"
+      "from each worker to each other up to 64 workers, beyond by a tree of eight children; batches grow with the workers, and what such "
+      "a\n"
       "batch is worth to the agent is left out\n");
 }
 
@@ -106,7 +107,8 @@ int run(Options options, const std::vector<std::string>& arguments) {
   require(options.learn_s >= 0 && options.learn_s <= 1e5, "--learn-s", options.learn_s, "must be in [0, 100000]");
   require(options.latency_us >= 0 && options.latency_us <= 1e6, "--latency-us", options.latency_us, "must be in [0, 1000000]");
   require(options.gbit_per_s >= 0 && options.gbit_per_s <= 1e5, "--gbit-per-s", options.gbit_per_s, "must be in [0, 100000]");
-  for (const int ranks : options.ranks) require(ranks >= 2 && ranks <= 64, "--ranks", ranks, "must be 2 to 64");
+  for (const int ranks : options.ranks)
+    require(ranks >= 2 && ranks <= kMaxWorkers, "--ranks", ranks, fmt::format("must be 2 to {}", kMaxWorkers));
   for (const int workers : options.predicted) require(workers >= 1 && workers <= 4096, "--predict", workers, "must be 1 to 4096");
   if (options.quick) options.check.updates = 3, options.check.rollout_steps = 4, options.ranks = {2, 3};
   options.check.step_s = 1e-3 * options.step_ms;

@@ -4,6 +4,7 @@
 #include <memory>
 
 #include "apps/commands.h"
+#include "trainer/collective.h"
 #include "trainer/effective_config.h"
 #include "trainer/field_decision.h"
 #include "trainer/find_checkpoint.h"
@@ -49,6 +50,8 @@ int run_train(const Options& options, const std::vector<std::string>& arguments)
   const RunConfig asked = load_run_config(options.config, overrides);
   const auto launched = worker_from_environment(asked.network);
   const bool is_worker = launched.has_value();
+  const int workers = options.workers > 0 ? options.workers : asked.workers;
+  validate_world(is_worker ? launched->ring.identity.world_size : workers, asked.network.on_loss);
   if (is_worker && options.workers > 0 && options.workers != launched->ring.identity.world_size)
     throw InputError(fmt::format("--workers {}", options.workers),
                      fmt::format("starts processes on this machine, and {} has started {} workers already", launched->launcher,
@@ -72,7 +75,6 @@ int run_train(const Options& options, const std::vector<std::string>& arguments)
   const RunConfig& config = decided.config;
   start.note = decided.text;
 
-  const int workers = options.workers > 0 ? options.workers : config.workers;
   if (!is_worker && workers > 1) {
     prepare_run(config, start);
     return spawn_workers(workers, arguments, std::chrono::seconds(5), config.network.on_loss, config.network.restarts);

@@ -12,6 +12,12 @@
 
 namespace earshot {
 
+/// Workers of one run.  Up to kMaxMeshWorkers each has a connection to each other; beyond, each has its neighbours in a tree (tree_mesh.h).
+inline constexpr int kMaxMeshWorkers = 64, kMaxWorkers = 1024;
+/// Throws InputError for less than one worker or more than kMaxWorkers, and for more than kMaxMeshWorkers that are to go on without a lost
+/// one.
+void validate_world(int num_workers, OnLoss on_loss);
+
 /// Who this worker is.
 struct WorkerIdentity {
   int rank = 0, world_size = 1;
@@ -86,7 +92,7 @@ class Collective {
 std::unique_ptr<Collective> make_single_worker();
 
 /// Ring over ZeroMQ (docs/ppo.md, section 6): reduce-scatter and all-gather in 1 MiB chunks, MessagePack control messages, version and run
-/// id checked.
+/// id checked.  With more than kMaxMeshWorkers all but large sums go through a tree, with the same bits.
 struct RingConfig {
   WorkerIdentity identity;
   std::string rendezvous;                    ///< "tcp://HOST:PORT" or "ipc:///path": rank 0 listens here

@@ -24,8 +24,8 @@ namespace earshot {
 // held up by a full queue and a heartbeat stands in its buffer (an assertion in stream_engine_base.cpp), so the queue must not fill: a
 // reader that is away gets eight messages of progress until it counts as lost.
 inline constexpr int kQueuedControl = 256;
-inline constexpr int kQueuedMessages = 4;  ///< per peer and direction: at most 4 MiB wait
-inline constexpr int kUnknownAtOnce = 1000;  ///< messages of unknown peers that are dropped before anything else is looked at again
+inline constexpr int kQueuedMessages = 4;            ///< per peer and direction: at most 4 MiB wait
+inline constexpr int kUnknownAtOnce = 1000;          ///< messages of unknown peers that are dropped before anything else is looked at again
 inline constexpr std::size_t kMaxReasonBytes = 600;  ///< of a goodbye message
 
 /// Counts buffers that libzmq still reads.  Its I/O thread gives them back (docs/ppo.md, section 6.2: touching one earlier gave wrong

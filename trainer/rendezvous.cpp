@@ -12,8 +12,10 @@
 #include <optional>
 
 #include "sim/base/errors.h"
+#include "trainer/file_limit.h"
 #include "trainer/host_address.h"
 #include "trainer/meeting_sockets.h"
+#include "trainer/tree_shape.h"
 #include "trainer/wire.h"
 
 namespace earshot {
@@ -21,9 +23,9 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr int kMaxWorkers = 64;
 constexpr std::size_t kMaxSocketPath = 107;  // sockaddr_un::sun_path less its end mark
 constexpr std::string_view kIpc = "ipc://", kTcp = "tcp://";
+constexpr int kOtherFiles = 256;         // of rank 0, beside a connection from each worker
 constexpr int kRefusalsPerSecond = 100;  // what comes above goes unanswered
 constexpr int kReconnect_ms = 50, kReconnectMax_ms = 250;
 
@@ -48,6 +50,16 @@ void check_private_folder(const RingConfig& config) {
     throw InputError(folder.string(), "is open to other users, who could join the run there", "chmod 700, or take a folder of your own");
 }
 
+/// By rank, whether it is told where that other one is: all others, or its neighbours in the tree and in the ring.
+std::vector<bool> contacts_of(WorkerIdentity identity) {
+  const auto world_size = static_cast<std::size_t>(identity.world_size);
+  if (identity.world_size <= kMaxMeshWorkers) return std::vector<bool>(world_size, true);
+  std::vector<bool> contacts(world_size, false);
+  for (const int rank : tree_node(identity.rank, identity.world_size).neighbours()) contacts[static_cast<std::size_t>(rank)] = true;
+  contacts[static_cast<std::size_t>((identity.rank + 1) % identity.world_size)] = true;
+  return contacts;
+}
+
 /// Rank 0: collects the hellos.
 class Host {
  public:
@@ -58,6 +70,10 @@ class Host {
         socket_(open_meeting_socket(context, zmq::socket_type::router, config.rendezvous)),
         addresses_(static_cast<std::size_t>(config.identity.world_size)) {
     socket_.set(zmq::sockopt::router_mandatory, true);
+    if (config.identity.world_size > kMaxMeshWorkers) {
+      file_limit_.emplace(config.identity.world_size + kOtherFiles);
+      socket_.set(zmq::sockopt::backlog, config.identity.world_size);
+    }
     security.secure_listener(socket_);
     try {
       socket_.bind(meeting_address(config));
@@ -86,14 +102,9 @@ class Host {
                                    config_.timeout.count()));
       admit(receive_parts(socket_));
     }
-    Welcome welcome;
-    welcome.run_key = table_.run_key;
-    welcome.control_endpoints = table_.control_endpoints;
-    welcome.bulk_endpoints = table_.bulk_endpoints;
-    welcome.public_keys = table_.public_keys;
     for (std::size_t rank = 1; rank < addresses_.size(); ++rank) {
       try {
-        send(*addresses_[rank], welcome);
+        send(*addresses_[rank], welcome_for(static_cast<int>(rank)));
       } catch (const zmq::error_t&) {
         throw RunError(fmt::format("worker {}", rank), "left before the run began");
       }
@@ -102,6 +113,22 @@ class Host {
   }
 
  private:
+  /// Empty texts in the place of those that it has nothing to do with: 1,024 workers' endpoints would not fit into one message.
+  [[nodiscard]] Welcome welcome_for(int rank) const {
+    Welcome welcome;
+    welcome.run_key = table_.run_key;
+    const std::vector<bool> contacts = contacts_of({rank, config_.identity.world_size});
+    const auto filled = [&](std::vector<std::string> texts) {
+      for (std::size_t other = 0; other < texts.size(); ++other)
+        if (!contacts[other]) texts[other].clear();
+      return texts;
+    };
+    welcome.control_endpoints = filled(table_.control_endpoints);
+    welcome.bulk_endpoints = filled(table_.bulk_endpoints);
+    welcome.public_keys = filled(table_.public_keys);
+    return welcome;
+  }
+
   [[nodiscard]] std::vector<int> missing() const {
     std::vector<int> ranks;
     for (std::size_t rank = 1; rank < addresses_.size(); ++rank)
@@ -174,6 +201,7 @@ class Host {
   PeerTable table_;
   Clock::time_point second_begins_;
   int refusals_ = 0;  // in the second that then began
+  std::optional<RaisedFileLimit> file_limit_;
 };
 
 PeerTable join(zmq::context_t& context, const RingConfig& config, const std::string& control_endpoint, const std::string& bulk_endpoint,
@@ -219,11 +247,16 @@ PeerTable join(zmq::context_t& context, const RingConfig& config, const std::str
     if (welcome.control_endpoints.size() != world_size || welcome.bulk_endpoints.size() != world_size ||
         welcome.public_keys.size() != world_size)
       throw WireError("table of another size");
-    for (const auto* endpoints : {&welcome.control_endpoints, &welcome.bulk_endpoints})
-      for (const auto& endpoint : *endpoints)
-        if (!is_possible_endpoint(config, endpoint)) throw WireError("endpoint where no worker listens");
-    for (const auto& key : welcome.public_keys)
-      if (security.encrypted() ? !is_curve_key(key) : !key.empty()) throw WireError("key that is none");
+    const std::vector<bool> contacts = contacts_of(config.identity);
+    for (std::size_t rank = 0; rank < world_size; ++rank) {
+      for (const auto* endpoints : {&welcome.control_endpoints, &welcome.bulk_endpoints}) {
+        const std::string& endpoint = (*endpoints)[rank];
+        if (contacts[rank] ? !is_possible_endpoint(config, endpoint) : !endpoint.empty())
+          throw WireError("endpoint where no worker listens");
+      }
+      const std::string& key = welcome.public_keys[rank];
+      if (contacts[rank] && security.encrypted() ? !is_curve_key(key) : !key.empty()) throw WireError("key that is none");
+    }
     return {welcome.run_key, std::move(welcome.control_endpoints), std::move(welcome.bulk_endpoints), std::move(welcome.public_keys), 0, 0};
   } catch (const WireError& error) {
     throw RunError(where, fmt::format("worker 0 speaks another protocol: {}", error.what()));
@@ -234,7 +267,8 @@ PeerTable join(zmq::context_t& context, const RingConfig& config, const std::str
 
 void validate(const RingConfig& config) {
   const auto [rank, world_size] = config.identity;
-  require(world_size >= 1 && world_size <= kMaxWorkers, "world size", world_size, "must be 1 to 64 workers");
+  require(world_size >= 1 && world_size <= kMaxWorkers, "world size", world_size, fmt::format("must be 1 to {} workers", kMaxWorkers));
+  validate_world(world_size, config.network.on_loss);
   require(rank >= 0 && rank < world_size, "rank", rank, fmt::format("must be within 0 to {}", world_size - 1));
   require(config.run_id.size() <= 256, "run id", config.run_id.substr(0, 32), "must have at most 256 characters");
   require(config.timeout.count() > 0, "timeout", config.timeout.count(), "must be positive: no call waits for ever");

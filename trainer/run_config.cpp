@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include "sim/base/config_reader.h"
+#include "trainer/collective.h"
 
 namespace earshot {
 namespace {
@@ -99,7 +100,7 @@ RunConfig read_run(ConfigReader reader) {
   require(config.guidance.goal > 0 || !config.policy.goal_heads, "policy.goal_heads", true,
           "has no effect without guidance.goal: nothing would teach them");
   require(config.schedule == Schedule::steps || config.max_minutes > 0, "schedule", "minutes", "needs max_minutes");
-  require(config.workers >= 1 && config.workers <= 256, "workers", config.workers, "must be in [1, 256]");
+  validate_world(config.workers, config.network.on_loss);
   require(config.envs_per_worker >= 1, "envs_per_worker", config.envs_per_worker, "must be positive");
   require(!config.overlap || config.envs_per_worker >= 2, "overlap", true, "needs at least two environments in a worker");
   require(config.rollout_steps >= 1, "rollout_steps", config.rollout_steps, "must be positive");

@@ -5,11 +5,11 @@
 #include <numbers>
 
 #include "sim/base/errors.h"
+#include "trainer/collective.h"
+#include "trainer/tree_shape.h"
 
 namespace earshot {
 namespace {
-
-constexpr int kLargestMesh = 64;  // workers that all know each other
 
 double density(double x) { return std::exp(-0.5 * x * x) / std::sqrt(2 * std::numbers::pi); }
 double below(double x) { return 0.5 * std::erfc(-x / std::numbers::sqrt2); }
@@ -65,9 +65,13 @@ ScalingPrediction predict_update(const UpdateWork& work, const LinkSpeed& link, 
   const double per_core = static_cast<double>(std::min(P, layout.per_host)) / layout.cores_per_host;
   const double sent_bytes = 2.0 * (P - 1) / P * static_cast<double>(work.bytes);
   const double sum_s = std::max(2.0 * (P - 1) * link.step_s + sent_bytes / link.bytes_per_s, per_core * sent_bytes * link.byte_s);
-  const double call_s = P <= kLargestMesh ? link.exchange_s + (P - 2) * std::max(1.0, per_core) * link.message_s
-                                          : 2 * std::ceil(std::log2(P)) * link.exchange_s;
-  prediction.reduce_s = work.sums * sum_s + work.exchanges * call_s;
+  const double message_s = std::max(1.0, per_core) * link.message_s;
+  if (P <= kMaxMeshWorkers) {
+    prediction.reduce_s = work.sums * sum_s + work.exchanges * (link.exchange_s + (P - 2) * message_s);
+  } else {
+    const double call_s = 2 * tree_depth(P) * (link.exchange_s + (kTreeChildren - 1) * message_s);
+    prediction.reduce_s = work.sums * (sum_s + call_s) + work.exchanges * call_s;
+  }
   return prediction;
 }
 

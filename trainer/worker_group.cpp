@@ -271,7 +271,7 @@ std::optional<LaunchedWorker> worker_from_environment(const NetworkConfig& netwo
 
 int spawn_workers(int num_workers, const std::vector<std::string>& arguments, std::chrono::milliseconds grace, OnLoss on_loss,
                   int restarts) {
-  require(num_workers >= 1 && num_workers <= 64, "workers", num_workers, "must be 1 to 64");
+  validate_world(num_workers, on_loss);
   std::vector<std::string> line{std::filesystem::read_symlink("/proc/self/exe").string()};
   line.insert(line.end(), arguments.begin(), arguments.end());
   const CStrings argv(line);

@@ -20,7 +20,7 @@ std::optional<LaunchedWorker> worker_from_environment(const NetworkConfig& netwo
 /// are inherited.  The first worker that fails stops the others (SIGTERM, after `grace` SIGKILL).  SIGINT, SIGTERM, SIGHUP and SIGUSR1 are
 /// passed on; a second SIGINT or SIGTERM stops all in the same way.  Returns the exit code for main: 0 if all succeeded, else the first
 /// failing worker's code (1 if it was killed).  No worker outlives the call, or the calling process. Call it before other threads exist.
-/// Throws RunError if no process can be started, InputError for a number outside 1 to 64.
+/// Throws RunError if no process can be started, InputError for a number that validate_world() refuses.
 ///
 /// With OnLoss::go_on a worker that is killed, or ends with kLeftOutExitCode, stops no other, and the run has succeeded if a worker has;
 /// what then still stands stopped, or is there a minute later, is killed.  While the run is under way, a lost worker is started again with

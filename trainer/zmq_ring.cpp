@@ -10,6 +10,7 @@
 #include "trainer/rendezvous.h"
 #include "trainer/ring_sum.h"
 #include "trainer/sum_order.h"
+#include "trainer/tree_collective.h"
 
 namespace earshot {
 ZmqRing::ZmqRing(const RingConfig& config) : mesh_(config) {
@@ -269,6 +270,7 @@ std::unique_ptr<Collective> make_zmq_ring(const RingConfig& config) {
   validate(config);
   if (config.identity.world_size == 1) return make_single_worker();
   try {
+    if (config.identity.world_size > kMaxMeshWorkers) return std::make_unique<TreeCollective>(config);
     return std::make_unique<ZmqRing>(config);
   } catch (const zmq::error_t& error) {
     throw RunError(fmt::format("rendezvous {}", config.rendezvous), error.what());

@@ -15,6 +15,7 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "tests/support/summed_addends.h"
 #include "tests/support/worker_processes.h"
 #include "trainer/gloo_group.h"
 #include "trainer/rendezvous.h"
@@ -27,25 +28,6 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
-
-/// Addends of mixed sign and size, so that another order of summation gives other bits.
-template <class T>
-T addend(int rank, std::size_t i) {
-  std::uint64_t bits = (i + 1) * 0x9E3779B97F4A7C15ull + static_cast<std::uint64_t>(rank + 1) * 0xD1B54A32D192ED03ull;
-  bits = (bits ^ bits >> 29) * 0xBF58476D1CE4E5B9ull;
-  const double unit = static_cast<double>(bits >> 11) / 9007199254740992.0 - 0.5;
-  return static_cast<T>(std::ldexp(unit, static_cast<int>(bits % 9) - 4));
-}
-
-/// The stated order, written down a second time: rank order below 64 KiB, else segment k of the ring starts at rank k; segments are cut at
-/// n k / P, rounded down to 16 elements.
-int first_rank(std::size_t i, std::size_t count, std::size_t element_bytes, int world_size) {
-  if (count * element_bytes < 65536) return 0;
-  int segment = 0;
-  while (segment + 1 < world_size && i >= count * static_cast<std::size_t>(segment + 1) / static_cast<std::size_t>(world_size) / 16 * 16)
-    ++segment;
-  return segment;
-}
 
 template <class T>
 bool sums_are_right(Collective& ring, std::size_t count) {

@@ -66,7 +66,9 @@ TEST(RunConfig, SensorsOfTheLossesAreThoseOfTrainingAlone) {
 }
 
 TEST(RunConfig, ValuesOutOfRangeNameKeyAndRule) {
-  EXPECT_THAT(message_of("workers: 0"), HasSubstr("workers = 0: must be in [1, 256]"));
+  EXPECT_THAT(message_of("workers: 0"), HasSubstr("workers = 0: must be in [1, 1024]"));
+  EXPECT_THAT(message_of("workers: 65\nnetwork: {on_loss: continue}"),
+              HasSubstr("network.on_loss = continue: must be stop with 65 workers"));
   EXPECT_THAT(message_of("rollout_steps: -1"), HasSubstr("rollout_steps"));
   EXPECT_THAT(message_of("seed: many"), HasSubstr("cannot be read as a whole number"));
   EXPECT_THAT(message_of("ppo: {clip: -0.1}"), HasSubstr("clip"));

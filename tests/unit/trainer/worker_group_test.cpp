@@ -203,7 +203,8 @@ TEST_F(WorkerGroup, WorkersDieWithTheParent) {
 
 TEST_F(WorkerGroup, ImpossibleNumbersAreInputErrors) {
   EXPECT_THROW(spawn_workers(0, {}), InputError);
-  EXPECT_THROW(spawn_workers(65, {}), InputError);
+  EXPECT_THROW(spawn_workers(1025, {}), InputError);
+  EXPECT_THROW(spawn_workers(65, {}, std::chrono::seconds(5), OnLoss::go_on), InputError);
 }
 
 class WorkerEnvironment : public testing::Test {
