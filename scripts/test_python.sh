@@ -5,7 +5,8 @@
 # wheel of scripts/build_wheel.sh, installed.
 # Takes the versions of python/tests/tested_versions.txt, so that a new release of a tool changes no result.
 # EARSHOT_PROGRAM: a program whose bits are compared with the package's (default: the one of the release build, if it is there).
-# Ends with 77 (skipped) and one line where pip has no connection to the Python package index, or python3 has no venv or headers.
+# Ends with 77 (skipped) and one line where pip has no connection to the Python package index, or does not know the certificate there, or
+# python3 has no venv or headers.
 # EARSHOT_JOBS: how many jobs at once (default: all cores).
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -19,7 +20,8 @@ skip() { echo "test_python: skipped: $*"; exit 77; }
 # index_is_out_of_reach ANSWER: whether pip says that it has no connection, and no error but those that follow from this.
 index_is_out_of_reach() {
   local broken follows
-  broken='(New|HTTPS?)ConnectionError|NameResolutionError|ConnectTimeoutError|ReadTimeoutError|ProtocolError|ProxyError'
+  # A certificate that this machine does not know stands between as well.
+  broken='(New|HTTPS?)ConnectionError|NameResolutionError|ConnectTimeoutError|ReadTimeoutError|ProtocolError|ProxyError|SSLError'
   grep -qE "connection broken by '($broken)|Max retries exceeded.*($broken)" <<<"$1" || return 1
   # A package of which the index says nothing has no version, and none that python/tests/tested_versions.txt wants.
   follows="from versions: none\)|No matching distribution found|have conflicting dependencies|ResolutionImpossible|Max retries exceeded.*($broken)"

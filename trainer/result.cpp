@@ -280,4 +280,10 @@ EvaluationResult load_result(const std::filesystem::path& path) {
 
 std::string engine_hash() { return hex64(hash64(read_file("/proc/self/exe"))); }
 
+std::string set_hash_of_first(const EpisodeSet& set, std::size_t episodes) {
+  EARSHOT_EXPECT(episodes <= set.episodes.size());
+  if (episodes == set.episodes.size()) return hex64(set.hash);
+  return hex64(episode_set_hash({set.episodes.begin(), set.episodes.begin() + static_cast<std::ptrdiff_t>(episodes)}));
+}
+
 }  // namespace earshot

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "envs/av_nav_task.h"
+#include "envs/episode_set.h"
 
 namespace earshot {
 
@@ -74,5 +75,8 @@ EvaluationResult load_result(const std::filesystem::path& path);
 
 /// XXH3 of the running program: results of different builds can be told apart.
 std::string engine_hash();
+
+/// EvaluationResult::set_hash of a result of the first `episodes` episodes of a set, at most all of them.
+std::string set_hash_of_first(const EpisodeSet& set, std::size_t episodes);
 
 }  // namespace earshot

@@ -12,7 +12,6 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/scene/house_plan.h"
-#include "trainer/verify_result.h"
 
 namespace earshot {
 namespace {

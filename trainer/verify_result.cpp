@@ -165,12 +165,6 @@ std::optional<FirstFault> first_fault(const EvaluationResult& result, const Epis
 
 }  // namespace
 
-std::string set_hash_of_first(const EpisodeSet& set, std::size_t episodes) {
-  EARSHOT_EXPECT(episodes <= set.episodes.size());
-  if (episodes == set.episodes.size()) return hex64(set.hash);
-  return hex64(episode_set_hash({set.episodes.begin(), set.episodes.begin() + static_cast<std::ptrdiff_t>(episodes)}));
-}
-
 Verification verify_result(const EvaluationResult& result, const std::string& where, const EpisodeSet& set, const MetricRules& rules,
                            const VerifyConfig& config) {
   if (!result.is_as_written) throw InputError(where, "was changed after it was written: its checksum is another", kRemedy);

@@ -23,9 +23,6 @@ struct Verification {
   bool same_engine = false;  ///< of the build that wrote the result
 };
 
-/// EvaluationResult::set_hash of a result of the first `episodes` episodes of a set, at most all of them.
-std::string set_hash_of_first(const EpisodeSet& set, std::size_t episodes);
-
 /// Walks the actions of every episode again, in geometry alone, and compares what comes out bit for bit: success, SPL, SoftSPL, SNA,
 /// success when silent, distance to the goal, reward, steps, stop and collisions; and that episodes are those of the set in its order, each
 /// once and whole, the summary follows from them, and the file is as it was written.  Actions prove the numbers; that ears made them they

@@ -32,6 +32,8 @@ expect 77 "no name" <<<"${refused/Errno 111] Connection refused/Errno -3] Tempor
 $none"
 expect 77 "no proxy" <<<"${refused/NewConnectionError/ProxyError(\'Cannot connect to proxy.\', NewConnectionError}
 $none"
+expect 77 "a certificate that this machine does not know" <<<"${refused/NewConnectionError/SSLError}
+$conflict"
 expect 77 "a file out of reach" <<<"ERROR: Could not install packages due to an OSError: HTTPSConnectionPool(host='files', port=443): Max retries exceeded with url: /a.whl (Caused by NewConnectionError('Failed to establish a new connection'))"
 expect 1 "disk full" <<<"$full"
 expect 1 "disk full after a broken connection" <<<"$refused
@@ -45,6 +47,4 @@ ERROR: No matching distribution found for nanobind==99"
 expect 1 "a version that the index lacks, after a broken connection" <<<"$refused
 ERROR: Could not find a version that satisfies the requirement nanobind==99 (from versions: 0.0.1, 3.1.0)
 ERROR: No matching distribution found for nanobind==99"
-expect 1 "a certificate that is not trusted" <<<"${refused/NewConnectionError/SSLError}
-$none"
 exit "$failures"
