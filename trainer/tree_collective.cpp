@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "sim/base/errors.h"
+#include "trainer/abandon_on_error.h"
 #include "trainer/ring_sum.h"
 #include "trainer/sum_order.h"
 
@@ -53,24 +54,14 @@ struct Incoming {
 
 TreeCollective::TreeCollective(const RingConfig& config) : mesh_(config) { barrier(); }
 
-/// Runs one call; any failure in it ends the run for all workers, and takes the lent memory back before the caller sees the exception.
 template <class Body>
 void TreeCollective::collective_call(Operation operation, Body&& body) {
   mesh_.begin(sequence_, operation);
-  try {
+  abandon_on_error(mesh_, [&] {
     body();
     mesh_.end();
     ++sequence_;
-  } catch (const RunError& error) {
-    mesh_.abandon(error.what());
-    throw;
-  } catch (const zmq::error_t& error) {
-    mesh_.abandon(error.what());
-    throw RunError("ZeroMQ", error.what());
-  } catch (...) {
-    mesh_.abandon("an error of its own");
-    throw;
-  }
+  });
 }
 
 /// Up: parts_ becomes this worker's part and those of its subtree, which go to the parent.  is_expected(subtree, header): whether a child's

@@ -7,6 +7,7 @@
 #include <cstring>
 
 #include "sim/base/errors.h"
+#include "trainer/abandon_on_error.h"
 #include "trainer/rendezvous.h"
 #include "trainer/ring_sum.h"
 #include "trainer/sum_order.h"
@@ -79,30 +80,18 @@ void ZmqRing::regroup() {
   throw MembershipChange(std::move(change.lost), std::move(change.joined));
 }
 
-/// Runs one call; any failure in it ends the run for all workers, but for a lost one where the others go on, and takes the lent memory back
-/// before the caller sees the exception.
+/// Runs one call, and finds those that are left where a worker is lost and the others go on.
 template <class Body>
 void ZmqRing::collective_call(Body&& body) {
   mesh_.begin(sequence_);
-  try {
+  abandon_on_error(mesh_, [&] {
     try {
       body();
       ++sequence_;
     } catch (const PeerMesh::Disruption&) {
       regroup();
     }
-  } catch (const MembershipChange&) {
-    throw;
-  } catch (const RunError& error) {
-    mesh_.abandon(error.what());
-    throw;
-  } catch (const zmq::error_t& error) {
-    mesh_.abandon(error.what());
-    throw RunError("ZeroMQ", error.what());
-  } catch (...) {
-    mesh_.abandon("an error of its own");
-    throw;
-  }
+  });
 }
 
 template <class Sink>
