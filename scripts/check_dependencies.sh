@@ -6,7 +6,7 @@ cd "$(dirname "$0")/.."
 command -v dpkg-query >/dev/null || exit 77
 
 # Packages that setup.sh names, and those that g++ brings.
-listed=$(sed -nE '/^packages=\(/,/^\)/s/^ +([^=]+)(=.*)?$/\1/p' scripts/setup.sh | tr ' ' '\n' | sed 's/=.*//' | sort -u)
+listed=$(sed -n "/^packages='/,/^'/p" scripts/setup.sh | awk 'NF == 3 { print $1 }' | sort -u)
 compiler='^(libc6-dev|linux-libc-dev|libstdc\+\+-[0-9]+-dev|libgcc-[0-9]+-dev)$'
 failed=0
 complain() { echo "check_dependencies: $*" >&2; failed=1; }
