@@ -2,7 +2,7 @@
 # policy and trainer; each needs the parts before it.  Every package is Debian's; docs/dependencies.md says why each.
 
 set(EARSHOT_HEADERS_sim
-  embree3/rtcore.h libembree-dev  tbb/parallel_for.h libtbb-dev  assimp/Importer.hpp libassimp-dev  meshoptimizer.h libmeshoptimizer-dev
+  embree4/rtcore.h|embree3/rtcore.h libembree-dev  tbb/parallel_for.h libtbb-dev  assimp/Importer.hpp libassimp-dev  meshoptimizer.h libmeshoptimizer-dev
   Recast.h librecast-dev  DetourNavMesh.h librecast-dev  glm/glm.hpp libglm-dev  sndfile.h libsndfile1-dev  mysofa.h libmysofa-dev  xxhash.h libxxhash-dev  yaml-cpp/yaml.h libyaml-cpp-dev
   nlohmann/json.hpp nlohmann-json3-dev  fmt/format.h libfmt-dev  png.h libpng-dev  turbojpeg.h libturbojpeg0-dev
   EGL/egl.h libegl-dev  GLES3/gl3.h libgles-dev)
@@ -18,15 +18,18 @@ set(EARSHOT_HEADERS_trainer zmq.h libzmq3-dev  zmq.hpp cppzmq-dev  msgpack.hpp l
 set(EARSHOT_HEADER_FOLDERS recastnavigation torch/csrc/api/include)
 
 # earshot_missing_packages(VARIABLE [HEADER PACKAGE]...): empty, or one line that names the headers that are not found and the command that
-# installs them.  Nothing is cached: what was installed or removed since the last configure is seen.
+# installs them.  A HEADER of several names, joined by |, is there if one of them is.  Nothing is cached: what was installed or removed since the
+# last configure is seen.
 function(earshot_missing_packages variable)
   set(headers "")
   set(packages "")
   while(ARGN)
     list(POP_FRONT ARGN header package)
     unset(folder)
-    find_path(folder ${header} PATH_SUFFIXES ${EARSHOT_HEADER_FOLDERS} NO_CACHE)
+    string(REPLACE "|" ";" names ${header})
+    find_path(folder NAMES ${names} PATH_SUFFIXES ${EARSHOT_HEADER_FOLDERS} NO_CACHE)
     if(NOT folder)
+      list(GET names 0 header)
       list(APPEND headers ${header})
       list(APPEND packages ${package})
     endif()
@@ -59,7 +62,15 @@ endfunction()
 function(earshot_find_packages)
   find_package(Threads REQUIRED)
   if("sim" IN_LIST ARGN)
-    find_package(embree 3 REQUIRED)
+    find_package(embree 4 QUIET)
+    if(NOT embree_FOUND)
+      find_package(embree 3 REQUIRED)
+    endif()
+    if(NOT TARGET earshot_deps::embree)
+      add_library(earshot_deps::embree INTERFACE IMPORTED)
+      target_link_libraries(earshot_deps::embree INTERFACE embree)
+      target_compile_definitions(earshot_deps::embree INTERFACE EARSHOT_EMBREE_MAJOR=${embree_VERSION_MAJOR})
+    endif()
     find_package(TBB REQUIRED)
     find_package(assimp REQUIRED)
     find_package(yaml-cpp REQUIRED)
@@ -90,7 +101,15 @@ function(earshot_find_packages)
     target_link_libraries(earshot_deps::libtorch INTERFACE Threads::Threads)
   endif()
   if("trainer" IN_LIST ARGN)
-    find_package(msgpack REQUIRED CONFIG)
+    # Version 4 of the package is `msgpack` with the target msgpackc-cxx; from 5 on both are called msgpack-cxx.
+    find_package(msgpack-cxx QUIET CONFIG)
+    if(NOT msgpack-cxx_FOUND)
+      find_package(msgpack REQUIRED CONFIG)
+    endif()
+    if(NOT TARGET earshot_deps::msgpack)
+      add_library(earshot_deps::msgpack INTERFACE IMPORTED)
+      target_link_libraries(earshot_deps::msgpack INTERFACE $<IF:$<TARGET_EXISTS:msgpack-cxx>,msgpack-cxx,msgpackc-cxx>)
+    endif()
     earshot_import(zmq zmq.hpp zmq)
   endif()
 endfunction()

@@ -4,6 +4,7 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "trainer/checkpoint.h"
+#include "trainer/optimizer_key.h"
 
 namespace earshot {
 namespace {
@@ -14,9 +15,6 @@ std::map<std::string, torch::Tensor> live_tensors(const ActorCritic& policy) {
   for (const auto& item : policy->named_buffers()) tensors.emplace(item.key(), item.value());
   return tensors;
 }
-
-/// libtorch 1.13 keys the state of a parameter by the address of its implementation, as text.
-std::string state_key(const torch::Tensor& parameter) { return c10::guts::to_string(parameter.unsafeGetTensorImpl()); }
 
 }  // namespace
 
@@ -61,7 +59,7 @@ void load_weights(ActorCritic& policy, const Checkpoint& checkpoint, const std::
 std::map<std::string, torch::Tensor> optimizer_state_of(const ActorCritic& policy, torch::optim::Adam& optimizer) {
   std::map<std::string, torch::Tensor> saved;
   for (const auto& item : policy->named_parameters()) {
-    const auto found = optimizer.state().find(state_key(item.value()));
+    const auto found = optimizer.state().find(optimizer_key(item.value()));
     if (found == optimizer.state().end()) continue;  // never stepped
     const auto& state = static_cast<const torch::optim::AdamParamState&>(*found->second);
     saved.emplace(item.key() + ".step", torch::tensor(state.step(), torch::kInt64));
@@ -76,7 +74,7 @@ void load_optimizer_state(const ActorCritic& policy, torch::optim::Adam& optimiz
     throw InputError("optimizer state of the checkpoint", fmt::format("'{}' {}", name, what), "use the config it was trained with");
   };
   std::size_t used = 0;
-  std::vector<std::pair<std::string, std::unique_ptr<torch::optim::AdamParamState>>> states;
+  std::vector<std::pair<decltype(optimizer_key({})), std::unique_ptr<torch::optim::AdamParamState>>> states;
   for (const auto& item : policy->named_parameters()) {
     const auto saved = [&](const std::string& what) { return checkpoint.optimizer.find(item.key() + what); };
     const auto step = saved(".step"), mean = saved(".exp_avg"), square = saved(".exp_avg_sq");
@@ -95,7 +93,7 @@ void load_optimizer_state(const ActorCritic& policy, torch::optim::Adam& optimiz
     state->step(step->second.item<std::int64_t>());
     state->exp_avg(mean->second.clone());
     state->exp_avg_sq(square->second.clone());
-    states.emplace_back(state_key(item.value()), std::move(state));
+    states.emplace_back(optimizer_key(item.value()), std::move(state));
   }
   if (used != checkpoint.optimizer.size()) refuse("optimizer", "has entries for weights that the policy does not have");
   optimizer.state().clear();

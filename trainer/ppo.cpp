@@ -18,6 +18,7 @@
 #include "trainer/advantage_normalization.h"
 #include "trainer/gae.h"
 #include "trainer/guidance_loss.h"
+#include "trainer/optimizer_key.h"
 #include "trainer/value_scale.h"
 
 namespace earshot {
@@ -64,10 +65,9 @@ double explained_variance(const torch::Tensor& values, const torch::Tensor& retu
   return variance > 0 ? 1 - (r - v).var(false).item<double>() / variance : std::numeric_limits<double>::quiet_NaN();
 }
 
-/// The state that torch's Adam keeps of a parameter, begun where there is none.  libtorch 1.13 keys it by the address of the parameter's
-/// implementation, as text.
+/// The state that torch's Adam keeps of a parameter, begun where there is none.
 torch::optim::AdamParamState& state_of(torch::optim::Adam& optimizer, const torch::Tensor& parameter) {
-  auto& state = optimizer.state()[c10::guts::to_string(parameter.unsafeGetTensorImpl())];
+  auto& state = optimizer.state()[optimizer_key(parameter)];
   if (!state) {
     auto begun = std::make_unique<torch::optim::AdamParamState>();
     begun->exp_avg(torch::zeros_like(parameter, at::MemoryFormat::Contiguous));

@@ -4,7 +4,7 @@
 #include <limits>
 
 #include "sim/base/errors.h"
-#include "sim/rays/embree_handles.h"
+#include "sim/rays/embree_query.h"
 
 namespace earshot {
 namespace {
@@ -20,7 +20,7 @@ struct BareRays::Handles {
 
 BareRays::BareRays(std::span<const glm::vec3> vertices, std::span<const glm::uvec3> triangles) : handles_(std::make_unique<Handles>()) {
   const auto check = [](bool fine) {
-    if (!fine) throw InputError("ray tracer", "cannot hold this mesh", "check the installation of libembree3 and the free memory");
+    if (!fine) throw InputError("ray tracer", "cannot hold this mesh", "check the installation of libembree and the free memory");
   };
   handles_->device.reset(rtcNewDevice(nullptr));
   check(handles_->device != nullptr);
@@ -44,9 +44,6 @@ BareRays::BareRays(std::span<const glm::vec3> vertices, std::span<const glm::uve
 BareRays::~BareRays() = default;
 
 void BareRays::closest16(glm::vec3 origin, const Directions16& directions, std::span<float, 16> distances_m) const {
-  RTCIntersectContext context;
-  rtcInitIntersectContext(&context);
-  context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
   alignas(64) int valid[16];
   RTCRayHit16 query;
   for (std::size_t i = 0; i < 16; ++i) {
@@ -65,13 +62,11 @@ void BareRays::closest16(glm::vec3 origin, const Directions16& directions, std::
     query.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
     query.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
   }
-  rtcIntersect16(valid, handles_->scene.get(), &context, &query);
+  intersect_coherent(valid, handles_->scene.get(), query);
   for (std::size_t i = 0; i < 16; ++i) distances_m[i] = query.ray.tfar[i];
 }
 
 BareRays::Bounce BareRays::closest(glm::vec3 origin, glm::vec3 direction) const {
-  RTCIntersectContext context;
-  rtcInitIntersectContext(&context);
   RTCRayHit query{};
   query.ray.org_x = origin.x;
   query.ray.org_y = origin.y;
@@ -84,7 +79,8 @@ BareRays::Bounce BareRays::closest(glm::vec3 origin, glm::vec3 direction) const 
   query.ray.mask = ~0u;
   query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
   query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
-  rtcIntersect1(handles_->scene.get(), &context, &query);
+  EmbreeContext context;
+  intersect_one(handles_->scene.get(), context, nullptr, query);
   const bool hit = query.hit.geomID != RTC_INVALID_GEOMETRY_ID;
   return {.distance_m = query.ray.tfar, .normal = hit ? glm::vec3(query.hit.Ng_x, query.hit.Ng_y, query.hit.Ng_z) : glm::vec3(0)};
 }

@@ -2,7 +2,11 @@
 
 // Owners of Embree's handles, for sim/rays alone: public headers show no type of Embree.
 
+#if EARSHOT_EMBREE_MAJOR >= 4
+#include <embree4/rtcore.h>
+#else
 #include <embree3/rtcore.h>
+#endif
 
 #include <memory>
 #include <type_traits>

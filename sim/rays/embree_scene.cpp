@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "sim/base/errors.h"
-#include "sim/rays/embree_handles.h"
+#include "sim/rays/embree_query.h"
 #include "sim/rays/hit_surface.h"
 #include "sim/rays/sure_block.h"
 
@@ -39,12 +39,12 @@ bool count_bytes(void* counter, ssize_t bytes, bool) {
 }
 
 [[noreturn]] void fail(const std::string& what) {
-  throw InputError("ray tracer", what, "check the installation of libembree3 and the free memory (earshot doctor)");
+  throw InputError("ray tracer", what, "check the installation of libembree and the free memory (earshot doctor)");
 }
 
 // A query's context with the winner so far.  Embree hands it back to the filter by address.
 struct TieContext {
-  RTCIntersectContext base;    // first, so that the addresses agree
+  EmbreeContext base;          // first, so that the addresses agree
   float origin_size;           // largest coordinate of the ray's origin
   float distance;              // of the winner
   float normal[3];             // of the winner, not normalised
@@ -92,7 +92,7 @@ void prefer_lowest_id(const RTCFilterFunctionNArguments* arguments) {
 /// the margin that hits keep from edges, so that the next wall is never taken for the one that a ray starts from.
 float rounding_of(glm::vec3 point) { return 0x1p-24f * std::max({std::fabs(point.x), std::fabs(point.y), std::fabs(point.z), 1e-30f}); }
 
-/// Embree 3 ends the process on a ray from 1e30 m.  Scenes end at 1e9 m: a ray from beyond this, or from NaN, hits nothing.
+/// Embree ends the process on a ray from 1e30 m.  Scenes end at 1e9 m: a ray from beyond this, or from NaN, hits nothing.
 constexpr float farthest_m = 1e15f;
 
 bool is_near(glm::vec3 point) {  // not so for NaN
@@ -101,9 +101,14 @@ bool is_near(glm::vec3 point) {  // not so for NaN
 
 /// A query's context with the triangle that blocks it.
 struct BlockerContext {
-  RTCIntersectContext base;  // first, so that the addresses agree
+  EmbreeContext base;  // first, so that the addresses agree
   unsigned triangle = RTC_INVALID_GEOMETRY_ID;
 };
+
+void keep_blocker(const RTCFilterFunctionNArguments* arguments) {
+  if (arguments->valid[0] == 0) return;
+  reinterpret_cast<BlockerContext*>(arguments->context)->triangle = reinterpret_cast<const RTCHit*>(arguments->hit)->primID;
+}
 
 /// The open segment between two points as a shadow ray.
 RTCRay segment_between(glm::vec3 from, glm::vec3 to) {
@@ -137,9 +142,6 @@ struct EmbreeScene::Handles {
   std::vector<HitSurface> surfaces;    // [traced]
 
   [[nodiscard]] RTCRayHit8 trace8(std::span<const glm::vec3, 8> origins, std::span<const glm::vec3, 8> directions) const {
-    RTCIntersectContext context;
-    rtcInitIntersectContext(&context);
-    context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
     alignas(32) int valid[8];
     RTCRayHit8 query{};
     for (std::size_t i = 0; i < 8; ++i) {
@@ -155,14 +157,11 @@ struct EmbreeScene::Handles {
       query.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
       query.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
     }
-    rtcIntersect8(valid, scene.get(), &context, &query);
+    intersect_coherent(valid, scene.get(), query);
     return query;
   }
 
   [[nodiscard]] RTCRayHit16 trace16(glm::vec3 origin, const Directions16& directions) const {
-    RTCIntersectContext context;
-    rtcInitIntersectContext(&context);
-    context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
     alignas(64) int valid[16];
     RTCRayHit16 query;
     const bool starts_near = is_near(origin);
@@ -182,7 +181,7 @@ struct EmbreeScene::Handles {
       query.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
       query.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
     }
-    rtcIntersect16(valid, scene.get(), &context, &query);
+    intersect_coherent(valid, scene.get(), query);
     return query;
   }
 
@@ -223,8 +222,8 @@ EmbreeScene::EmbreeScene(std::span<const glm::vec3> vertices, std::span<const gl
   h.scene.reset(rtcNewScene(h.device.get()));
   if (!h.scene) fail("rtcNewScene failed");
   // Robust: conservative boxes and watertight edges, so that rays cannot slip between neighbouring triangles.
-  // The context filter is what settles ties between coplanar triangles.
-  rtcSetSceneFlags(h.scene.get(), RTC_SCENE_FLAG_ROBUST | RTC_SCENE_FLAG_CONTEXT_FILTER_FUNCTION);
+  // The filter of a query is what settles ties between coplanar triangles.
+  rtcSetSceneFlags(h.scene.get(), RTC_SCENE_FLAG_ROBUST | kFilterPerQuery);
 
   if (!traced.empty()) {
     const EmbreeGeometry geometry{rtcNewGeometry(h.device.get(), RTC_GEOMETRY_TYPE_TRIANGLE)};
@@ -238,6 +237,7 @@ EmbreeScene::EmbreeScene(std::span<const glm::vec3> vertices, std::span<const gl
     std::memcpy(vertex_buffer, vertices.data(), vertices.size_bytes());
     std::memcpy(index_buffer, traced.data(), traced.size_bytes());
     h.traced = {static_cast<const glm::uvec3*>(index_buffer), traced.size()};
+    allow_filter_per_query(geometry.get());
     rtcCommitGeometry(geometry.get());
     rtcAttachGeometryByID(h.scene.get(), geometry.get(), 0);
   }
@@ -271,8 +271,6 @@ std::size_t EmbreeScene::bytes() const {
 Hit EmbreeScene::intersect(glm::vec3 origin, glm::vec3 direction, float max_distance_m) const {
   if (!is_near(origin) || !is_near(direction)) return {};
   TieContext context;
-  rtcInitIntersectContext(&context.base);
-  context.base.filter = [](const RTCFilterFunctionNArguments* arguments) { prefer_lowest_id(arguments); };
   context.origin_size = std::max({std::fabs(origin.x), std::fabs(origin.y), std::fabs(origin.z)});
   context.surfaces = handles_->surfaces.data();
   RTCRayHit query{};
@@ -290,7 +288,7 @@ Hit EmbreeScene::intersect(glm::vec3 origin, glm::vec3 direction, float max_dist
                .flags = 0};
   query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
   query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
-  rtcIntersect1(handles_->scene.get(), &context.base, &query);
+  intersect_one(handles_->scene.get(), context.base, prefer_lowest_id, query);
   Hit hit;
   if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return hit;
 
@@ -301,10 +299,9 @@ Hit EmbreeScene::intersect(glm::vec3 origin, glm::vec3 direction, float max_dist
 
 bool EmbreeScene::occluded(glm::vec3 from, glm::vec3 to) const {
   if (!is_near(from) || !is_near(to)) return true;  // outside of all scenes
-  RTCIntersectContext context;
-  rtcInitIntersectContext(&context);
+  EmbreeContext context;
   RTCRay ray = segment_between(from, to);
-  rtcOccluded1(handles_->scene.get(), &context, &ray);
+  occlude_one(handles_->scene.get(), context, nullptr, ray);
   return ray.tfar < 0;
 }
 
@@ -315,13 +312,8 @@ bool EmbreeScene::occluded(glm::vec3 from, glm::vec3 to, std::uint32_t& blocker)
     if (surely_blocks(surface.a, surface.b, surface.c, from, to)) return true;
   }
   BlockerContext context;
-  rtcInitIntersectContext(&context.base);
-  context.base.filter = [](const RTCFilterFunctionNArguments* arguments) {
-    if (arguments->valid[0] == 0) return;
-    reinterpret_cast<BlockerContext*>(arguments->context)->triangle = reinterpret_cast<const RTCHit*>(arguments->hit)->primID;
-  };
   RTCRay ray = segment_between(from, to);
-  rtcOccluded1(handles_->scene.get(), &context.base, &ray);
+  occlude_one(handles_->scene.get(), context.base, keep_blocker, ray);
   if (!(ray.tfar < 0)) return false;
   blocker = context.triangle;
   return true;

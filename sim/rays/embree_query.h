@@ -1,0 +1,86 @@
+#pragma once
+
+// The two interfaces of Embree in one shape, for sim/rays alone.  Embree 3 takes flags and filter of a query in its context, Embree 4 in
+// arguments beside the context.
+
+#include "sim/rays/embree_handles.h"
+
+namespace earshot {
+
+#if EARSHOT_EMBREE_MAJOR >= 4
+using EmbreeContext = RTCRayQueryContext;
+inline constexpr RTCSceneFlags kFilterPerQuery = RTC_SCENE_FLAG_FILTER_FUNCTION_IN_ARGUMENTS;
+#else
+using EmbreeContext = RTCIntersectContext;
+inline constexpr RTCSceneFlags kFilterPerQuery = RTC_SCENE_FLAG_CONTEXT_FILTER_FUNCTION;
+#endif
+
+/// Whether hits on this geometry go to the filter of the query; the scene needs kFilterPerQuery.
+inline void allow_filter_per_query([[maybe_unused]] RTCGeometry geometry) {
+#if EARSHOT_EMBREE_MAJOR >= 4
+  rtcSetGeometryEnableFilterFunctionFromArguments(geometry, true);
+#endif
+}
+
+/// Nearest hit of one ray.  filter: nullptr, or decides about each hit; it finds `context` by address in its arguments.
+inline void intersect_one(RTCScene scene, EmbreeContext& context, RTCFilterFunctionN filter, RTCRayHit& query) {
+#if EARSHOT_EMBREE_MAJOR >= 4
+  rtcInitRayQueryContext(&context);
+  RTCIntersectArguments arguments;
+  rtcInitIntersectArguments(&arguments);
+  arguments.context = &context;
+  arguments.filter = filter;
+  rtcIntersect1(scene, &query, &arguments);
+#else
+  rtcInitIntersectContext(&context);
+  context.filter = filter;
+  rtcIntersect1(scene, &context, &query);
+#endif
+}
+
+/// Whether anything blocks the ray: `tfar` is then negative.  filter: as in intersect_one.
+inline void occlude_one(RTCScene scene, EmbreeContext& context, RTCFilterFunctionN filter, RTCRay& ray) {
+#if EARSHOT_EMBREE_MAJOR >= 4
+  rtcInitRayQueryContext(&context);
+  RTCOccludedArguments arguments;
+  rtcInitOccludedArguments(&arguments);
+  arguments.context = &context;
+  arguments.filter = filter;
+  rtcOccluded1(scene, &ray, &arguments);
+#else
+  rtcInitIntersectContext(&context);
+  context.filter = filter;
+  rtcOccluded1(scene, &context, &ray);
+#endif
+}
+
+/// Nearest hits of a packet of coherent rays, without a filter.  valid: -1 for a ray that is traced, 0 for one that is not; aligned as the
+/// packet is.
+template <class Packet>
+void intersect_coherent(const int* valid, RTCScene scene, Packet& query) {
+  static_assert(std::is_same_v<Packet, RTCRayHit8> || std::is_same_v<Packet, RTCRayHit16>);
+#if EARSHOT_EMBREE_MAJOR >= 4
+  EmbreeContext context;
+  rtcInitRayQueryContext(&context);
+  RTCIntersectArguments arguments;
+  rtcInitIntersectArguments(&arguments);
+  arguments.flags = RTC_RAY_QUERY_FLAG_COHERENT;
+  arguments.context = &context;
+  if constexpr (std::is_same_v<Packet, RTCRayHit8>) {
+    rtcIntersect8(valid, scene, &query, &arguments);
+  } else {
+    rtcIntersect16(valid, scene, &query, &arguments);
+  }
+#else
+  EmbreeContext context;
+  rtcInitIntersectContext(&context);
+  context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
+  if constexpr (std::is_same_v<Packet, RTCRayHit8>) {
+    rtcIntersect8(valid, scene, &context, &query);
+  } else {
+    rtcIntersect16(valid, scene, &context, &query);
+  }
+#endif
+}
+
+}  // namespace earshot
