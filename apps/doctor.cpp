@@ -1,5 +1,4 @@
 #include <dlfcn.h>
-#include <embree3/rtcore.h>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <link.h>
@@ -23,6 +22,7 @@
 #include "sim/base/files.h"
 #include "sim/base/isolated_call.h"
 #include "sim/base/version.h"
+#include "sim/rays/ray_tracer_version.h"
 #include "sim/vision/egl_device.h"
 
 namespace earshot {
@@ -57,22 +57,24 @@ Finding check_vectors() {
 }
 
 Finding check_embree() {
-  struct Release {
-    void operator()(RTCDevice device) const noexcept { rtcReleaseDevice(device); }
-  };
-  const std::unique_ptr<std::remove_pointer_t<RTCDevice>, Release> device{rtcNewDevice(nullptr)};
-  if (!device) return {State::bad, "opens no device: apt-get install --reinstall libembree3-3"};
-  return {State::ok, fmt::format("{}.{}.{}, for sound and for the camera, on the CPU",
-                                 rtcGetDeviceProperty(device.get(), RTC_DEVICE_PROPERTY_VERSION_MAJOR),
-                                 rtcGetDeviceProperty(device.get(), RTC_DEVICE_PROPERTY_VERSION_MINOR),
-                                 rtcGetDeviceProperty(device.get(), RTC_DEVICE_PROPERTY_VERSION_PATCH))};
+  try {
+    return {State::ok, fmt::format("{}, for sound and for the camera, on the CPU", ray_tracer_version())};
+  } catch (const InputError& error) {
+    return {State::bad, error.what()};
+  }
 }
 
 /// One finding per device that can draw pictures, and what they mean.
 std::vector<Finding> check_egl() {
   std::vector<Finding> findings;
-  for (const EglDevice& device : list_egl_devices()) {
-    std::string text = device.surfaceless ? "without a device of its own" : fmt::format("device {}", device.index);
+  std::vector<EglDevice> devices;
+  try {
+    devices = list_egl_devices();
+  } catch (const RunError& error) {
+    return {{State::absent, fmt::format("is not probed: {}", error.what())}};  // the line of the reader has the remedy
+  }
+  for (const EglDevice& device : devices) {
+    std::string text = device.surfaceless() ? "without a device of its own" : fmt::format("device {}", device.index);
     if (!device.uuid.empty()) text += fmt::format(", UUID {}", device.uuid);
     if (device.cuda) text += fmt::format(", cuda:{}", *device.cuda);
     if (device.renderer.empty()) {

@@ -41,7 +41,7 @@ for stage in core geometry model paths tracers source_field response synthesis m
 done
 allowed sim/vision    "sim/base sim/rays sim/scene sim/vision"
 allowed sim/nav       "sim/base sim/rays sim/scene sim/nav"
-allowed sim/reader    "sim/base sim/scene sim/audio"
+allowed sim/reader    "sim/base sim/scene sim/audio sim/vision"
 allowed envs          "sim envs"
 allowed python        "sim envs python"
 allowed bench         "sim envs bench"
@@ -49,7 +49,7 @@ allowed policy        "sim envs policy"
 allowed trainer       "sim envs policy trainer"
 allowed apps          "sim envs bench policy trainer apps"
 
-owned 'embree'            'sim/rays/|apps/doctor'
+owned 'embree'            'sim/rays/'
 owned 'assimp'            'sim/scene/'
 owned 'Recast|Detour'     'sim/nav/'
 owned 'sndfile|mysofa|libav|libsw|samplerate' 'sim/audio/'

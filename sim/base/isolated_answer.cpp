@@ -51,17 +51,18 @@ Footprint footprint() {
   return {size * page, data * page};
 }
 
-/// Sets the limits: memory, CPU time, end with the caller, no file written, no core.
+/// Sets the limits: CPU time, end with the caller, no core; of memory and files as IsolationLimits has it.
 void take_on_limits(pid_t asking, std::uint64_t memory_bytes, std::uint64_t seconds) {
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
   if (::getppid() != asking) ::_exit(0);  // it ended before that call
   ::prctl(PR_SET_DUMPABLE, 0);
+  lower_limit(RLIMIT_CPU, seconds);
+  lower_limit(RLIMIT_CORE, 0);
+  if (memory_bytes == IsolationLimits::kUnlimited) return;
   const Footprint now = footprint();
   lower_limit(RLIMIT_AS, now.address_bytes + memory_bytes);
   lower_limit(RLIMIT_DATA, now.data_bytes + memory_bytes);
-  lower_limit(RLIMIT_CPU, seconds);
   lower_limit(RLIMIT_FSIZE, 0);
-  lower_limit(RLIMIT_CORE, 0);
 }
 
 void write_all(std::string_view bytes) {

@@ -32,6 +32,7 @@ constexpr std::uint64_t kMagic = 0x31534E4152414545;  // "EEARANS1" in little-en
 constexpr std::size_t kHeaderBytes = 4 * sizeof(std::uint64_t);
 constexpr int kAnswerDescriptor = 3;  // isolated_answer.cpp writes there
 constexpr int kPipeBytes = 1 << 20;
+constexpr const char* kDriverRemedy = "update or remove the driver";
 constexpr const char* kRemedy = "check the file in another program, or export or fetch it again";
 
 std::string message_of(int error) { return std::generic_category().message(error); }
@@ -160,15 +161,14 @@ bool read_answer(int descriptor, Clock::time_point deadline, std::uint64_t max_b
   }
 }
 
-std::string manner_of(std::optional<int> status) {
+std::string manner_of(std::optional<int> status, const char* worker) {
   if (status && WIFSIGNALED(*status)) {
     const int signal = WTERMSIG(*status);
     if (signal == SIGXCPU) return "takes too long to read";
-    if (signal != SIGKILL) return fmt::format("crashes the library that reads it (signal {}, {})", signal, ::strsignal(signal));
+    if (signal != SIGKILL) return fmt::format("crashes {} (signal {}, {})", worker, signal, ::strsignal(signal));
   }
-  if (status && WIFEXITED(*status) && WEXITSTATUS(*status) != 0)
-    return fmt::format("ends the library that reads it (exit code {})", WEXITSTATUS(*status));
-  return "gives no whole answer from the library that reads it";
+  if (status && WIFEXITED(*status) && WEXITSTATUS(*status) != 0) return fmt::format("ends {} (exit code {})", worker, WEXITSTATUS(*status));
+  return fmt::format("gives no whole answer from {}", worker);
 }
 
 }  // namespace
@@ -191,9 +191,12 @@ std::string call_isolated(const std::filesystem::path& program, const std::vecto
   Child child(program, all, pipe.write.get());
   pipe.write = Descriptor();  // so that the end of the program is the end of the pipe
   std::string frame;
-  const bool in_time = read_answer(pipe.read.get(), deadline, limits.memory_bytes, frame);
+  const bool is_driver = limits.memory_bytes == IsolationLimits::kUnlimited;
+  const std::uint64_t max_bytes = is_driver ? std::uint64_t{1} << 20 : limits.memory_bytes;
+  const char* remedy = is_driver ? kDriverRemedy : kRemedy;
+  const bool in_time = read_answer(pipe.read.get(), deadline, max_bytes, frame);
   const std::optional<int> status = child.end();
-  const Answer answer = decode_answer(frame, limits.memory_bytes);
+  const Answer answer = decode_answer(frame, max_bytes);
   if (answer.state == Answer::State::whole && answer.kind == AnswerKind::answer) {
     frame.erase(0, frame.size() - answer.bytes.size());
     return frame;
@@ -205,8 +208,11 @@ std::string call_isolated(const std::filesystem::path& program, const std::vecto
     throw InputError(where, text, "");
   }
   if (!in_time)
-    throw InputError(where, fmt::format("is not read within {} s", std::chrono::duration<double>(limits.wall_time).count()), kRemedy);
-  throw InputError(where, manner_of(status), kRemedy);
+    throw InputError(where,
+                     fmt::format("{} within {} s", is_driver ? "gives no answer" : "is not read",
+                                 std::chrono::duration<double>(limits.wall_time).count()),
+                     remedy);
+  throw InputError(where, manner_of(status, limits.worker), remedy);
 }
 
 namespace {

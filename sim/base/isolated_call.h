@@ -19,8 +19,11 @@ namespace earshot {
 /// tables of a run that holds 10 GB takes longer than starting a program that holds none.
 
 struct IsolationLimits {
+  /// For a driver, which maps memory of its device and keeps caches in files: neither is limited; the answer is, to 1 MB.
+  static constexpr std::uint64_t kUnlimited = 0;
   std::chrono::milliseconds wall_time{60'000};
   std::uint64_t memory_bytes = std::uint64_t{4} << 30;  ///< that the program may take beyond what it starts with; bounds the answer too
+  const char* worker = "the library that reads it";     ///< what works there, as errors call it
 };
 
 /// More for larger files: libraries were measured to take up to 12 times the size of a file, and to read 10 MB per second.
@@ -28,8 +31,8 @@ IsolationLimits limits_for_file(const std::filesystem::path& file);
 
 /// Starts `program` with `arguments`, waits for its answer and for its end: no process and no descriptor stays behind.
 /// where: the file that is read, named by errors.  Safe from any thread; Ctrl-C does not reach the program, which ends with this thread.
-/// Throws InputError: what the program refuses, crashed, over a limit, answer cut short or damaged.  Throws RunError: cannot be started.
-/// Costs about 6 ms to start, and 10 ms of CPU time per MB of the answer.
+/// Throws InputError: what the program refuses; its crash; a limit reached; an answer cut short or damaged.  Throws RunError: cannot be
+/// started. Costs about 6 ms to start, and 10 ms of CPU time per MB of the answer.
 std::string call_isolated(const std::filesystem::path& program, const std::vector<std::string>& arguments, const std::string& where,
                           const IsolationLimits& limits = {});
 

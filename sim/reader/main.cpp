@@ -1,8 +1,10 @@
-// earshot_reader: reads one file with a library that a damaged file can crash, in a process of its own (sim/base/isolated_call.h).
+// earshot_reader: reads one file with a library that a damaged file can crash, or opens a driver that can crash, in a process of its own
+// (sim/base/isolated_call.h).
 #include "sim/audio/sofa_reader.h"
 #include "sim/base/errors.h"
 #include "sim/base/isolated_call.h"
 #include "sim/scene/assimp_reader.h"
+#include "sim/vision/egl_device.h"
 
 int main(int argc, char** argv) {
   using namespace earshot;
@@ -10,6 +12,7 @@ int main(int argc, char** argv) {
     if (arguments.size() == 2 && arguments[0] == "mesh") return encode_parts(read_parts_with_assimp(arguments[1]));
     if (arguments.size() == 2 && arguments[0] == "visual") return encode_parts(read_parts_with_assimp(arguments[1], true));
     if (arguments.size() == 2 && arguments[0] == "sofa") return encode_responses(parse_sofa(arguments[1]));
+    if (arguments.size() == 2 && arguments[0] == "egl") return answer_egl_probe(arguments[1]);
     throw InputError("earshot_reader", "got an unknown command", "build earshot and earshot_reader together");
   });
 }

@@ -15,6 +15,8 @@
 
 #include "sim/base/errors.h"
 #include "sim/vision/egl_device.h"
+#include "sim/vision/egl_driver.h"
+#include "sim/vision/egl_opening.h"
 
 namespace earshot {
 namespace {
@@ -31,7 +33,11 @@ bool has_extension(const char* list, std::string_view wanted) {
   return false;
 }
 
-const char* client_extensions() { return eglQueryString(EGL_NO_DISPLAY, EGL_EXTENSIONS); }
+/// The first call of EGL on every way in.
+const char* client_extensions() {
+  keep_driver_symbols_apart();
+  return eglQueryString(EGL_NO_DISPLAY, EGL_EXTENSIONS);
+}
 
 template <class Function>
 Function load(const char* name) {
@@ -43,8 +49,9 @@ using ResetStatus = GLenum (*)();
 std::string egl_problem(const char* doing) { return fmt::format("{} failed with EGL error 0x{:04X}", doing, eglGetError()); }
 
 std::vector<EGLDeviceEXT> query_devices() {
+  if (!has_extension(client_extensions(), "EGL_EXT_platform_device")) return {};
   const auto query = load<PFNEGLQUERYDEVICESEXTPROC>("eglQueryDevicesEXT");
-  if (!query || !has_extension(client_extensions(), "EGL_EXT_platform_device")) return {};
+  if (!query) return {};
   EGLint count = 0;
   if (query(0, nullptr, &count) == EGL_FALSE || count <= 0) return {};
   std::vector<EGLDeviceEXT> devices(static_cast<std::size_t>(count));
@@ -172,25 +179,30 @@ bool is_software_renderer(const std::string& renderer) {
   return false;
 }
 
-std::vector<EglDevice> list_egl_devices() {
-  std::vector<EglDevice> listed;
-  for (EGLDeviceEXT device : query_devices()) {
-    CurrentContext current;
-    EglDevice found{.index = static_cast<int>(listed.size())};
-    const bool opens = open_device(current, device);
-    found.renderer = current.renderer;
-    found.problem = current.problem;
+int count_egl_devices() { return static_cast<int>(query_devices().size()); }
+
+EglDevice open_egl_device(int index) {
+  CurrentContext current;
+  EglDevice found{.index = index};
+  bool says_software = false, opens = false;
+  if (index == EglDevice::kSurfaceless) {
+    opens = open_surfaceless(current);
+  } else {
+    const std::vector<EGLDeviceEXT> devices = query_devices();
+    if (index < 0 || static_cast<std::size_t>(index) >= devices.size()) {
+      found.problem = fmt::format("is not among the {} devices that EGL lists", devices.size());
+      return found;
+    }
+    const EGLDeviceEXT device = devices[static_cast<std::size_t>(index)];
+    opens = open_device(current, device);
     found.uuid = uuid_of(device);
     found.cuda = cuda_number(device);
-    found.software =
-        has_extension(device_extensions(device), "EGL_MESA_device_software") || (opens && is_software_renderer(current.renderer));
-    listed.push_back(std::move(found));
+    says_software = has_extension(device_extensions(device), "EGL_MESA_device_software");
   }
-  if (!listed.empty()) return listed;
-  CurrentContext current;
-  if (open_surfaceless(current))
-    listed.push_back({.index = -1, .renderer = current.renderer, .software = is_software_renderer(current.renderer), .surfaceless = true});
-  return listed;
+  found.renderer = current.renderer;
+  found.problem = current.problem;
+  found.software = says_software || (opens && is_software_renderer(current.renderer));
+  return found;
 }
 
 struct EglContext::Impl {
@@ -198,44 +210,45 @@ struct EglContext::Impl {
   bool software = true;
   ResetStatus reset_status = nullptr;
 
-  /// Opens what `device` names.  A context that turns out to be another kind is dropped again.
+  /// Opens what `device` names.  Every device is probed in another process first: of a driver that crashes there only the report comes
+  /// here.
   void open(const std::string& device) {
-    const std::vector<EGLDeviceEXT> devices = query_devices();
     const bool any_hardware = device == "auto", any_software = device == "software";
     const std::optional<int> number = whole_number(device);
     const std::optional<int> cuda = device.starts_with("cuda:") ? whole_number(std::string_view(device).substr(5)) : std::nullopt;
     const std::string uuid = folded_uuid(device);
+    const std::vector<EglDevice> devices = list_egl_devices();
     std::string problem;
-    for (std::size_t i = 0; i < devices.size(); ++i) {
-      const bool said_software = has_extension(device_extensions(devices[i]), "EGL_MESA_device_software");
-      const bool named = number ? *number == static_cast<int>(i)
-                         : cuda ? cuda_number(devices[i]) == cuda
-                                : uuid.size() == 32 && uuid_of(devices[i]) == uuid;
-      if (!named && !(any_hardware && !said_software) && !(any_software && said_software)) continue;
-      CurrentContext tried;
-      if (open_device(tried, devices[i])) {
-        software = said_software || is_software_renderer(tried.renderer);
-        if (named || software == any_software) return take(tried);
-      } else {
-        problem = tried.problem;
-      }
+    for (const EglDevice& listed : devices) {
+      const bool named = !listed.surfaceless() && (number ? *number == listed.index
+                                                   : cuda ? cuda == listed.cuda
+                                                          : uuid.size() == 32 && listed.uuid == uuid);
+      const bool wanted = named || ((any_hardware || any_software) && listed.software == any_software);
+      if (!wanted) continue;
+      if (!listed.renderer.empty()) return take(device, listed);
+      problem = listed.problem;
       if (named) refuse(device, problem);
     }
     if (!any_hardware && !any_software)
       refuse(device, fmt::format("is none of the {} that EGL lists here: a number, a UUID, cuda:N, auto or software", devices.size()));
-    CurrentContext tried;
-    if (open_surfaceless(tried)) {
-      software = is_software_renderer(tried.renderer);
-      if (software == any_software) return take(tried);
-    } else if (problem.empty()) {
-      problem = tried.problem;
-    }
+    const EglDevice surfaceless = probe_egl_device(EglDevice::kSurfaceless);
+    if (!surfaceless.renderer.empty() && surfaceless.software == any_software) return take(device, surfaceless);
+    if (problem.empty()) problem = surfaceless.problem;
     const std::string why = problem.empty() ? "" : " (" + problem + ")";
     refuse(device, any_hardware ? "finds no hardware that renders OpenGL ES 3" + why
                                 : "finds no software renderer" + why + ": install libgl1-mesa-dri");
   }
 
-  void take(CurrentContext& from) {
+  /// Opens a probed device in this process.  device: what the user called it.
+  void take(const std::string& device, const EglDevice& probed) {
+    CurrentContext from;
+    const std::vector<EGLDeviceEXT> devices = query_devices();
+    const bool opens = probed.surfaceless() ? open_surfaceless(from)
+                       : static_cast<std::size_t>(probed.index) < devices.size()
+                           ? open_device(from, devices[static_cast<std::size_t>(probed.index)])
+                           : false;
+    if (!opens) refuse(device, from.problem.empty() ? "is no longer listed by EGL" : from.problem);
+    software = probed.software;
     std::swap(current.display, from.display);
     std::swap(current.context, from.context);
     current.renderer = std::move(from.renderer);

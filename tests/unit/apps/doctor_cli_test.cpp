@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
+#include <fstream>
 #include <sstream>
 #include <string>
 
@@ -59,6 +60,18 @@ TEST(Doctor, ReaderThatIsNotThereOrDoesNotAnswerIsBad) {
     EXPECT_EQ(report.exit_code, 1) << program;
     EXPECT_THAT(report.line("reader"), AllOf(StartsWith("BAD "), HasSubstr("build or install earshot_reader"))) << report.text;
   }
+}
+
+TEST(Doctor, DriverThatCrashesIsALineAndNoCrash) {
+  const TempFolder folder;
+  const std::string reader = folder / "reader";
+  std::ofstream(reader) << "#!/bin/bash\n[ \"$4\" != egl ] || kill -SEGV $$\nexec "
+                        << (earshot_program().parent_path() / "earshot_reader").string() << " \"$@\"\n";
+  std::filesystem::permissions(reader, std::filesystem::perms::owner_all);
+  const Report report = doctor("EARSHOT_READER=" + reader);
+  EXPECT_EQ(report.exit_code, 0) << report.text;
+  EXPECT_THAT(report.line("EGL"), AllOf(StartsWith("none "), HasSubstr("crashes its driver (signal 11")));
+  EXPECT_THAT(report.line("reader"), StartsWith("ok "));
 }
 
 TEST(Doctor, TestDataThatAreAbsentAreSaidToBeAndAreNoFault) {
