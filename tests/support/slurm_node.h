@@ -58,6 +58,9 @@ class SlurmNode {
                                          << "/slurmctld.log\nSlurmdLogFile=" << where << "/slurmd.log\nNodeName=" << name
                                          << " NodeAddr=127.0.0.1 CPUs=2 State=UNKNOWN\nPartitionName=all Nodes=" << name
                                          << " Default=YES State=UP\n";
+    // Slurm 24 looks for control groups even where no plugin uses them; 22 does not know the word for none.
+    if (std::system("slurmd -V | grep -qE ' (2[4-9]|[3-9][0-9])\\.'") == 0)
+      std::ofstream(folder / "cgroup.conf") << "CgroupPlugin=disabled\n";
     ::setenv("SLURM_CONF", (folder / "slurm.conf").c_str(), 1);
     controller_ = start("slurmctld -D");
     daemon_ = start("slurmd -D -N " + name);
