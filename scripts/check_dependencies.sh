@@ -20,12 +20,28 @@ done
 folders=$(LC_ALL=C g++ -xc++ -E -v /dev/null 2>&1 >/dev/null | sed -n '/^#include </,/^End/s/^ //p')
 folders+=" /usr/include/recastnavigation /usr/include/torch/csrc/api/include /usr/include/hdf5/serial"
 
+find_header() {
+  local folder
+  for folder in $folders; do if [ -f "$folder/$1" ]; then realpath "$folder/$1"; return; fi; done
+  return 1
+}
+# Headers of which a machine has one or another, as cmake names them: a|b.
+alternatives=$(grep -oE '[^ ]+\|[^ ]+' cmake/EarshotDependencies.cmake | grep '\.h' || true)
+has_alternative() {
+  local names name
+  names=$(grep -E "(^|\|)$1(\||\$)" <<<"$alternatives") || return 1
+  for name in ${names//|/ }; do if find_header "$name" >/dev/null; then return 0; fi; done
+  return 1
+}
+
 declare -A header_of  # by the file's path
 # Headers of the C++ library have neither folder nor ending.
 for header in $(git ls-files '*.h' '*.cpp' | xargs grep -hoE '^ *# *include *<[^>]+[./][^>]*>' | sed -E 's/.*<(.*)>/\1/' | grep -v '^nanobind/' | sort -u); do
-  file=
-  for folder in $folders; do if [ -f "$folder/$header" ]; then file=$(realpath "$folder/$header"); break; fi; done
-  if [ -n "$file" ]; then header_of[$file]=$header; else complain "no installed package has <$header>"; fi
+  if file=$(find_header "$header"); then
+    header_of[$file]=$header
+  elif ! has_alternative "$header"; then
+    complain "no installed package has <$header>"
+  fi
 done
 while IFS=: read -r package file; do
   package=${package%%:*} file=${file##* }
