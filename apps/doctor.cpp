@@ -8,6 +8,7 @@
 #include <exception>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -15,12 +16,12 @@
 #include <vector>
 
 #include "apps/commands.h"
-#include "apps/cpu_features.h"
 #include "policy/torch_info.h"
 #include "policy/torch_threads.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/isolated_call.h"
+#include "sim/base/processor.h"
 #include "sim/base/version.h"
 #include "sim/rays/ray_tracer_version.h"
 #include "sim/vision/egl_device.h"
@@ -45,13 +46,17 @@ std::string cpu_model() {
 
 Finding check_vectors() {
   std::vector<std::string> used, unused;
-  for (const CpuFeature& feature : cpu_features()) {
-    if (feature.compiled_for) used.emplace_back(feature.name);
-    if (feature.present && !feature.compiled_for) unused.emplace_back(feature.name);
+  const unsigned present = present_instruction_sets();
+  for (std::size_t set = 0; set < std::size(kInstructionSets); ++set) {
+    const unsigned bit = 1u << set;
+    if ((kUsedInstructionSets & bit) != 0)
+      used.emplace_back(kInstructionSets[set]);
+    else if ((present & bit) != 0)
+      unused.emplace_back(kInstructionSets[set]);
   }
   std::string text = used.empty() ? "compiled for the plain instruction set" : fmt::format("compiled for {}", fmt::join(used, ", "));
   if (!unused.empty()) text += fmt::format("; the CPU also has {}", fmt::join(unused, ", "));
-  const bool could_be_faster = used.empty() && !unused.empty();
+  const bool could_be_faster = (present & ~kUsedInstructionSets & kDefaultInstructionSets) != 0;
   if (could_be_faster) text += ": configure without -DEARSHOT_ARCH";
   return {could_be_faster ? State::slow : State::ok, text};
 }

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "sim/base/denormals.h"
-#include "sim/base/relax.h"
+#include "sim/base/processor.h"
 
 namespace earshot {
 namespace {

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "sim/base/errors.h"
-#include "sim/base/relax.h"
+#include "sim/base/processor.h"
 
 namespace earshot {
 namespace {

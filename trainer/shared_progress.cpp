@@ -10,7 +10,7 @@
 #include <thread>
 
 #include "sim/base/errors.h"
-#include "sim/base/relax.h"
+#include "sim/base/processor.h"
 
 namespace earshot {
 namespace {

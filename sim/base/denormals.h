@@ -1,8 +1,6 @@
 #pragma once
 
-#if defined(__x86_64__)
-#include <xmmintrin.h>
-#endif
+#include "sim/base/processor.h"
 
 namespace earshot {
 
@@ -24,36 +22,23 @@ class FlushDenormals {
   FlushDenormals& operator=(const FlushDenormals&) = delete;
 
  private:
-  unsigned before_ = 0;
+  FloatControl before_;
 };
 
 /// For the start of a thread that only computes: the setting lasts until the thread ends.
 inline void flush_denormals_on_this_thread();
 
-#if defined(__x86_64__)
+inline bool denormals_are_flushed() { return kFlushDenormals != 0 && (read_float_control() & kFlushDenormals) == kFlushDenormals; }
 
-/// Of MXCSR: flush to zero (bit 15) and denormals are zero (bit 6).
-inline constexpr unsigned kFlushBits = 0x8040u;
-
-inline bool denormals_are_flushed() { return (_mm_getcsr() & kFlushBits) == kFlushBits; }
-
-inline FlushDenormals::FlushDenormals() : before_(_mm_getcsr()) {
-  if ((before_ & kFlushBits) != kFlushBits) _mm_setcsr(before_ | kFlushBits);
+inline FlushDenormals::FlushDenormals() : before_(read_float_control()) {
+  if ((before_ & kFlushDenormals) != kFlushDenormals) write_float_control(before_ | kFlushDenormals);
 }
 inline FlushDenormals::~FlushDenormals() {
-  // Only the two bits: exception flags that were raised in between stay set.
-  if ((before_ & kFlushBits) != kFlushBits) _mm_setcsr((_mm_getcsr() & ~kFlushBits) | (before_ & kFlushBits));
+  // Only these bits: exception flags that were raised in between stay set.
+  if ((before_ & kFlushDenormals) != kFlushDenormals)
+    write_float_control((read_float_control() & ~kFlushDenormals) | (before_ & kFlushDenormals));
 }
 
-inline void flush_denormals_on_this_thread() { _mm_setcsr(_mm_getcsr() | kFlushBits); }
-
-#else  // elsewhere denormals are computed with on every thread: as reproducible, and slower
-
-inline bool denormals_are_flushed() { return false; }
-inline FlushDenormals::FlushDenormals() = default;
-inline FlushDenormals::~FlushDenormals() = default;
-inline void flush_denormals_on_this_thread() {}
-
-#endif
+inline void flush_denormals_on_this_thread() { write_float_control(read_float_control() | kFlushDenormals); }
 
 }  // namespace earshot

@@ -6,16 +6,15 @@
 #include <cstdint>
 #include <cstring>
 #include <numbers>
-#ifdef __AVX__
-#include <immintrin.h>
-#endif
+
+#include "sim/base/processor.h"
 
 namespace earshot {
 
 /// Eight frequency bands side by side: what an edge does to one it does to all, so that the terms of diffraction are worked out for eight
 /// at once.  Single precision, except for the phases of long ways.
 inline constexpr std::size_t kLanes = 8;
-using Lanes = float __attribute__((vector_size(4 * kLanes)));
+using Lanes = EightFloats;
 using LaneIntegers = std::int32_t __attribute__((vector_size(4 * kLanes)));
 
 struct ComplexLanes {
@@ -84,15 +83,10 @@ inline Lanes argument(const ComplexLanes& z) {
   return z.imag < 0.f ? -angle : angle;
 }
 
-/// Exact as std::sqrt; the compiler does not make one instruction of it, because of errno.
-inline Lanes root_of(const Lanes& x) {
-#ifdef __AVX__
-  return _mm256_sqrt_ps(x);
-#else
-  Lanes root;
-  for (std::size_t lane = 0; lane < kLanes; ++lane) root[lane] = std::sqrt(x[lane]);
-  return root;
-#endif
+/// Exact as std::sqrt.
+inline Lanes root_of(Lanes x) {
+  take_roots(x);
+  return x;
 }
 
 /// Wavenumbers of eight bands, ascending, in 1/m.
