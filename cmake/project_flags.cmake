@@ -2,7 +2,15 @@
 add_library(project_flags INTERFACE)
 
 set(EARSHOT_SANITIZE "" CACHE STRING "Value of -fsanitize=, empty for none")
-set(EARSHOT_ARCH "x86-64-v3" CACHE STRING "Value of -march= on x86-64 machines, empty for the compiler's default")
+if(CMAKE_SYSTEM_PROCESSOR MATCHES "^(x86_64|AMD64)$")
+  set(default_arch x86-64-v3)
+elseif(CMAKE_SYSTEM_PROCESSOR MATCHES "^(aarch64|arm64)$")
+  set(default_arch armv8-a)
+else()
+  set(default_arch "")
+endif()
+set(EARSHOT_ARCH "${default_arch}" CACHE STRING
+    "Value of -march=, empty for the compiler's own default; by default x86-64-v3 on x86-64 and armv8-a, which any has, on arm64")
 
 option(EARSHOT_WARNINGS_AS_ERRORS "Fail on a warning; for the compilers that CI builds with" OFF)
 
@@ -22,13 +30,25 @@ target_compile_options(project_flags INTERFACE
   -fmacro-prefix-map=${PROJECT_SOURCE_DIR}/=)
 target_include_directories(project_flags INTERFACE ${PROJECT_SOURCE_DIR} ${PROJECT_BINARY_DIR}/generated)
 
-if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64" AND EARSHOT_ARCH)
+if(EARSHOT_ARCH)
+  # One of another kind of processor, say, left over in a script: the compiler would refuse it in each of a thousand files.
+  include(CheckCXXCompilerFlag)
+  string(MAKE_C_IDENTIFIER "EARSHOT_KNOWS_${CMAKE_SYSTEM_PROCESSOR}_${EARSHOT_ARCH}" known)
+  check_cxx_compiler_flag(-march=${EARSHOT_ARCH} ${known})
+  if(NOT ${known})
+    message(FATAL_ERROR " EARSHOT_ARCH is '${EARSHOT_ARCH}', which ${CMAKE_CXX_COMPILER} does not know for ${CMAKE_SYSTEM_PROCESSOR}: leave the key out for '${default_arch}', or give another value of -march=")
+  endif()
   target_compile_options(project_flags INTERFACE -march=${EARSHOT_ARCH})
 endif()
+if(NOT EARSHOT_ARCH STREQUAL default_arch)
+  # Vectors of eight floats are handed over otherwise where there is no AVX; no function that takes them is called from outside.
+  target_compile_options(project_flags INTERFACE -Wno-psabi)
+endif()
 
-# mold links the forty programs of the tests several times as fast as GNU ld.
-find_program(EARSHOT_MOLD mold)
-if(EARSHOT_MOLD)
+# mold links the forty programs of the tests several times as fast as GNU ld.  A cross compiler looks for it under a name of its own.
+include(CheckLinkerFlag)
+check_linker_flag(CXX -fuse-ld=mold EARSHOT_LINKS_BY_MOLD)
+if(EARSHOT_LINKS_BY_MOLD)
   add_link_options(-fuse-ld=mold)
 endif()
 
