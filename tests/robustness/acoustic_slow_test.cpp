@@ -1,4 +1,5 @@
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <array>
 #include <cmath>
@@ -40,7 +41,7 @@ double resident_bytes() {
   std::ifstream status("/proc/self/statm");
   double pages = 0, resident = 0;
   status >> pages >> resident;
-  return resident * 4096;
+  return resident * static_cast<double>(::sysconf(_SC_PAGESIZE));
 }
 
 TEST(H34_AMinuteAt96kHzSlow, IsRenderedAndMeasuredInBoundedMemory) {
