@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Fails if a header that the sources include by <...> belongs to no package of scripts/setup.sh, or a package that CMake names to the user is not
-# in scripts/setup.sh.  nanobind, which python/ includes, comes from the Python package index (pyproject.toml).  Ends with 77 (skipped) where dpkg is not the package manager.
+# in scripts/setup.sh.  nanobind, which python/ includes, comes from the Python package index (pyproject.toml), and Python.h from the Python of the
+# build.  Ends with 77 (skipped) where dpkg is not the package manager.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 command -v dpkg-query >/dev/null || exit 77
@@ -36,7 +37,7 @@ has_alternative() {
 
 declare -A header_of  # by the file's path
 # Headers of the C++ library have neither folder nor ending.
-for header in $(git ls-files '*.h' '*.cpp' | xargs grep -hoE '^ *# *include *<[^>]+[./][^>]*>' | sed -E 's/.*<(.*)>/\1/' | grep -v '^nanobind/' | sort -u); do
+for header in $(git ls-files '*.h' '*.cpp' | xargs grep -hoE '^ *# *include *<[^>]+[./][^>]*>' | sed -E 's/.*<(.*)>/\1/' | grep -vE '^(nanobind/|Python\.h$|pyconfig\.h$)' | sort -u); do
   if file=$(find_header "$header"); then
     header_of[$file]=$header
   elif ! has_alternative "$header"; then

@@ -19,6 +19,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from . import _processor  # noqa: F401  # before the engine: raises ImportError where the processor lacks its instructions
 from ._engine import InputError, RunError, __version__
 from .acoustics import Arrivals, EffectDecision, Metrics, Response, Scene, Source, measure
 

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import platform
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -30,6 +32,17 @@ def test_package_is_typed_and_whole() -> None:
     assert (folder / "_engine.pyi").is_file()
     assert (folder / "earshot_reader").is_file()
     assert earshot.__version__
+
+
+@pytest.mark.parametrize(("processor", "lacks"), [("Nehalem", "AVX, AVX2, BMI2, FMA"), ("SandyBridge", "AVX2, BMI2, FMA")])
+def test_import_on_an_older_processor_says_what_is_missing(processor: str, lacks: str) -> None:
+    qemu = shutil.which("qemu-x86_64-static") or shutil.which("qemu-x86_64")
+    if platform.machine() != "x86_64" or qemu is None:
+        pytest.skip("no qemu-user-static, or not an x86-64 machine")
+    done = subprocess.run([qemu, "-cpu", processor, sys.executable, "-c", "import earshot"], capture_output=True, text=True)
+    line = f"this processor lacks instructions that Earshot was compiled for ({lacks}); compile it with -DEARSHOT_ARCH=x86-64"
+    assert done.returncode == 1, done.stderr
+    assert done.stderr.splitlines()[-1] == f"ImportError: {line}"
 
 
 def test_ppo_example_runs(tmp_path: Path) -> None:
