@@ -8,6 +8,7 @@
 #include "sim/base/files.h"
 #include "sim/base/json_depth.h"
 #include "sim/base/json_number.h"
+#include "sim/base/schema_version.h"
 
 namespace earshot {
 namespace {
@@ -43,7 +44,7 @@ EnvState decode_env_state(std::string_view text) {
   check_json_depth(text, "environment state");
   try {
     const json document = json::parse(text);
-    if (whole_number<int>(document, "earshot_env_state") != kVersion) fail("is of another version");
+    check_schema_version("environment state", "a state", whole_number<std::int64_t>(document, "earshot_env_state"), {kVersion, kVersion});
     const json& body = document.at("body");
     if (document.at("checksum").get<std::string>() != hex64(hash64(body.dump()))) fail("is damaged: its checksum is wrong");
     const auto hash = body.at("set_hash").get<std::string>();

@@ -3,12 +3,14 @@
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <utility>
 
 #include "envs/gzip.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/json_depth.h"
+#include "sim/base/schema_version.h"
 
 namespace earshot {
 namespace {
@@ -17,6 +19,7 @@ using nlohmann::json;
 
 constexpr std::size_t kMaxTextBytes = std::size_t{1} << 30;
 constexpr const char* kGeneratorKey = "earshot_generator";
+constexpr const char* kVersionKey = "schema_version";
 constexpr std::string_view kScenePrefix = "data/scene_datasets/";
 constexpr std::string_view kRemedy = "see docs/formats.md for the episode format, or make a set with `earshot dataset episodes`";
 
@@ -203,6 +206,7 @@ ParsedSet parse_text(std::string_view text, const std::string& where) {
   ParsedSet set;
   std::string key;
   bool has_list = false;
+  std::optional<InputError> first_error;  // held until the version is known, which the file may state behind the episodes
   // Episodes are taken out of the parse as they end: a document of half a million of them would need gigabytes.
   const auto take = [&](int depth, json::parse_event_t event, json& parsed) {
     if (depth == 1 && event == json::parse_event_t::key) {
@@ -210,21 +214,29 @@ ParsedSet parse_text(std::string_view text, const std::string& where) {
     } else if (depth == 1 && key == "episodes" && event == json::parse_event_t::array_end) {
       has_list = true;
     } else if (depth == 2 && key == "episodes") {
-      if (event == json::parse_event_t::object_end) {
-        set.episodes.push_back(EpisodeReader(parsed, set.episodes.size(), where).read());
+      if (first_error) return false;
+      try {
+        if (event == json::parse_event_t::object_end) {
+          set.episodes.push_back(EpisodeReader(parsed, set.episodes.size(), where).read());
+          return false;
+        }
+        if (event == json::parse_event_t::value || event == json::parse_event_t::array_end)
+          throw InputError(where, "episodes holds an entry that is not an object", kRemedy);
+      } catch (const InputError& error) {
+        first_error = error;
         return false;
       }
-      if (event == json::parse_event_t::value || event == json::parse_event_t::array_end)
-        throw InputError(where, "episodes holds an entry that is not an object", kRemedy);
     }
     return true;
   };
   json document;
   try {
     document = json::parse(text, take);
+    check_schema_version(document, kVersionKey, where, "an episode set", {1, 1});
   } catch (const json::exception& error) {
     throw InputError(where, std::string("is not valid JSON: ") + error.what(), kRemedy);
   }
+  if (first_error) throw *first_error;
   if (!document.is_object() || !has_list) throw InputError(where, "has no list 'episodes'", kRemedy);
   if (const auto pattern = document.find("content_scenes_path"); pattern != document.end() && pattern->is_string())
     set.content_pattern = pattern->get<std::string>();

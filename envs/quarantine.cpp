@@ -17,6 +17,7 @@
 #include "sim/base/files.h"
 #include "sim/base/json_depth.h"
 #include "sim/base/json_number.h"
+#include "sim/base/schema_version.h"
 
 namespace earshot {
 namespace {
@@ -77,7 +78,7 @@ QuarantineRecord decode_quarantine_record(std::string_view text, const std::stri
   try {
     const json document = json::parse(text);
     if (!document.is_object() || !document.contains("earshot_quarantine")) fail("is no quarantined episode");
-    if (whole_number<int>(document, "earshot_quarantine") != kVersion) fail("is of another version");
+    check_schema_version(document, "earshot_quarantine", where, "a quarantined episode", {kVersion, kVersion});
     const auto reason = document.at("reason").get<std::string>();
     const auto fault = fault_by_name(reason);
     if (!fault) fail("has an unknown reason '" + reason + "'");

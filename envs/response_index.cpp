@@ -6,8 +6,10 @@
 #include <set>
 #include <utility>
 
+#include "envs/rir_corpus_folder.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/schema_version.h"
 
 namespace earshot {
 namespace {
@@ -55,6 +57,7 @@ ResponseIndex::ResponseIndex(std::filesystem::path corpus) : corpus_(std::move(c
   std::size_t number = 1;
   try {
     const Json json = Json::parse(read_file(description));
+    check_schema_version(json, kCorpusVersionKey, description.string(), "a corpus", {1, kCorpusVersion});
     sample_rate_hz_ = json.at("sample_rate_hz").get<float>();
     channels_ = json.at("channels").get<std::vector<std::string>>();
     for (std::size_t begin = 0; begin < text.size(); ++number) {

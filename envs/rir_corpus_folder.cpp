@@ -13,6 +13,7 @@
 #include "envs/engine_commit.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/schema_version.h"
 
 namespace earshot {
 namespace {
@@ -77,6 +78,7 @@ std::string trimmed(const std::string& text) {
 std::string as_lines(const std::string& json, const std::string& where) {
   try {
     const Json parsed = Json::parse(json);
+    check_schema_version(parsed, kCorpusVersionKey, where, "a corpus", {1, kCorpusVersion});
     std::string lines;
     for (const auto& [key, value] : parsed.items())
       lines += key == "config" ? value.get<std::string>() : fmt::format("{}: {}\n", key, value.dump());
@@ -178,7 +180,7 @@ std::string CorpusFolder::recording_line(const std::string& manifest_line) const
 
 std::string CorpusFolder::describe(const std::string& kind, const std::string& config, float sample_rate_hz,
                                    const std::vector<std::string>& channels) {
-  const Json json = {{"earshot_corpus", 1},
+  const Json json = {{kCorpusVersionKey, kCorpusVersion},
                      {"kind", kind},
                      {"engine", engine_commit() + " " + build_type()},
                      {"channels", channels},

@@ -10,6 +10,10 @@
 
 namespace earshot {
 
+/// The version of corpus.json, under its key.
+inline constexpr const char* kCorpusVersionKey = "earshot_corpus";
+inline constexpr int kCorpusVersion = 1;
+
 /// A file of a corpus and its bytes.
 struct CorpusFile {
   std::string name;  ///< within the folder of the room

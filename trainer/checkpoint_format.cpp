@@ -7,6 +7,7 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/schema_version.h"
 
 namespace earshot {
 namespace {
@@ -26,9 +27,7 @@ std::string_view checked_body(std::string_view file, const std::string& where) {
   if (file.size() < kCheckpointHeaderBytes + kCheckpointHashBytes || file.substr(0, kCheckpointMagic.size()) != kCheckpointMagic)
     throw InputError(where, "is not an Earshot checkpoint", "name a file that earshot train wrote");
   const auto version = read_little_endian<std::uint32_t>(file, kCheckpointMagic.size());
-  if (version != kCheckpointVersion)
-    throw InputError(where, fmt::format("has checkpoint version {}, this program reads version {}", version, kCheckpointVersion),
-                     "use the program that wrote it");
+  check_schema_version(where, "a checkpoint", version, {kCheckpointVersion, kCheckpointVersion});
   const auto length = read_little_endian<std::uint64_t>(file, kCheckpointMagic.size() + sizeof(version));
   const std::size_t present = file.size() - kCheckpointHeaderBytes - kCheckpointHashBytes;
   if (length != present)

@@ -14,6 +14,7 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/json_number.h"
+#include "sim/base/schema_version.h"
 
 namespace earshot {
 namespace {
@@ -31,10 +32,11 @@ std::string line_of(const CurvePoint& point) {
   return line.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 
-/// Throws nlohmann::json::exception when the line is no point.
-CurvePoint point_of(std::string_view line) {
+/// Throws nlohmann::json::exception when the line is no point, InputError naming `where` when it is of a newer version.
+CurvePoint point_of(std::string_view line, const std::string& where) {
   // To the parser a zero byte is the end of the text.
   const Json json = Json::parse(line.substr(0, line.find('\0') == std::string_view::npos ? line.size() : 0));
+  check_schema_version(json, "schema_version", where, "an event log", {1, 1});
   CurvePoint point;
   point.update = whole_number<std::uint64_t>(json, "update");
   point.env_steps = whole_number<std::uint64_t>(json, "env_steps");
@@ -60,7 +62,7 @@ ParsedLog parse_log(const std::filesystem::path& file) {
     const std::string line = text.substr(begin, end + 1 - begin);
     begin = end + 1;
     try {
-      log.points.push_back(point_of(line));
+      log.points.push_back(point_of(line, file.string()));
     } catch (const Json::exception&) {
       if (begin == text.size() && number > 1) break;  // a machine that crashed may leave zeros where the last line was to be
       throw InputError(fmt::format("{}:{}", file.string(), number), "is not a line of an event log",

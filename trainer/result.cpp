@@ -17,6 +17,7 @@
 #include "sim/base/json_depth.h"
 #include "sim/base/json_number.h"
 #include "sim/base/random.h"
+#include "sim/base/schema_version.h"
 
 namespace earshot {
 namespace {
@@ -236,14 +237,13 @@ EvaluationResult load_result(const std::filesystem::path& path) {
   EvaluationResult result;
   try {
     const auto json = nlohmann::json::parse(text);
+    check_schema_version(json, "earshot_result", path.string(), "a result", {1, kResultVersion});
     json.at("agent").get_to(result.agent);
     json.at("policy_hash").get_to(result.policy_hash);
     json.at("set_hash").get_to(result.set_hash);
     json.at("engine_hash").get_to(result.engine_hash);
     json.at("episodes_file").get_to(result.episodes_file);
     result.seed = whole_number<std::uint64_t>(json, "seed");
-    if (json.contains("earshot_result") && whole_number<int>(json, "earshot_result") > kResultVersion)
-      throw InputError(path.string(), "is of a newer version than this program reads", "read it with the program that wrote it");
     if (json.contains("partial_of")) json.at("partial_of").get_to(result.partial_of);
     if (json.contains("rules")) json.at("rules").get_to(result.rules);
     if (json.contains("checksum")) result.is_as_written = json.at("checksum").get<std::string>() == checksum_of(json);

@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "sim/base/files.h"
+#include "sim/base/schema_version.h"
 #include "sim/base/utf8.h"
 
 namespace earshot {
@@ -77,6 +78,22 @@ void apply_override(YAML::Node root, const std::string& text, const std::string&
   node[path] = value;
 }
 
+/// The key that every YAML file may have at its top.  It is checked here and taken out: readers of the file do not see it.
+void take_schema_version(YAML::Node root, const std::string& where) {
+  constexpr const char* kKey = "schema_version";
+  constexpr SchemaRange kConfig{.oldest = 1, .newest = 1};
+  const YAML::Node node = root[kKey];
+  if (!node.IsDefined()) return;
+  std::int64_t version = 0;
+  try {
+    version = node.as<std::int64_t>();
+  } catch (const YAML::Exception&) {
+    throw InputError(where, std::string(kKey) + ": '" + shown(node) + "' cannot be read as a whole number", "");
+  }
+  check_schema_version(where, "a config", version, kConfig);
+  root.remove(kKey);
+}
+
 /// Name of the type of a key, for messages.
 template <class T>
 std::string type_name() {
@@ -124,6 +141,7 @@ ConfigReader ConfigReader::from_text(std::string_view yaml, std::string where, c
   if (!root.IsDefined() || root.IsNull()) root = YAML::Node(YAML::NodeType::Map);
   if (!root.IsMap()) throw InputError(where, "is not a map of keys and values", "write 'key: value' lines");
   for (const auto& text : overrides) apply_override(root, text, where);
+  take_schema_version(root, where);
   if (!can_be_written(root)) throw InputError(where, "holds text that cannot be written and read again", "use no \\N and \\_ in quotes");
   return {Nodes{root}, std::move(where), ""};
 }

@@ -32,8 +32,8 @@ concept ConfigValue = std::same_as<T, bool> || std::same_as<T, int> || std::same
 ///   read(task, config.task); task.finish(); reader.finish();
 class ConfigReader {
  public:
-  /// overrides: "a.b.c=value" strings, applied in order after the file.  Throws InputError: missing file, not UTF-8, YAML
-  /// syntax (with line), not a map, an override without '='.
+  /// overrides: "a.b.c=value" strings, applied in order after the file.  A top key `schema_version` is checked here and taken out.
+  /// Throws InputError: missing file, not UTF-8, YAML syntax (with line), not a map, an override without '=', a newer schema.
   static ConfigReader from_file(const std::filesystem::path& path, const std::vector<std::string>& overrides = {});
   /// where: how messages name the text.
   static ConfigReader from_text(std::string_view yaml, std::string where, const std::vector<std::string>& overrides = {});

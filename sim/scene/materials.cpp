@@ -12,12 +12,15 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/json_depth.h"
+#include "sim/base/schema_version.h"
 #include "sim/scene/text_match.h"
 
 namespace earshot {
 namespace {
 
 using Json = nlohmann::json;
+
+constexpr const char* kVersionKey = "schema_version";
 
 /// One entry of "materials", with its name for messages.
 struct Entry {
@@ -175,11 +178,16 @@ MaterialDatabase MaterialDatabase::from_json(std::string_view text, const std::s
   } catch (const Json::exception&) {
     throw InputError(where, "is not JSON: a number is out of range", "write finite numbers");
   }
+  try {
+    check_schema_version(json, kVersionKey, where, "a material database", {1, 1});
+  } catch (const Json::exception& error) {
+    throw InputError(where, error.what(), "write 1");
+  }
   if (!json.is_object() || !json.contains("materials") || !json["materials"].is_array()) {
     throw InputError(where, "has no list 'materials'", "write {\"materials\": [...]}");
   }
   for (const auto& [key, unused] : json.items()) {
-    if (key != "materials" && key != "coefficients") {
+    if (key != "materials" && key != "coefficients" && key != kVersionKey) {
       throw InputError(where, "key '" + key + "' is unknown", "the keys here are 'materials' and 'coefficients'");
     }
   }
