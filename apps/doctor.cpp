@@ -63,7 +63,8 @@ Finding check_vectors() {
 
 Finding check_embree() {
   try {
-    return {State::ok, fmt::format("{}, for sound and for the camera, on the CPU", ray_tracer_version())};
+    return {State::ok,
+            fmt::format("{}, {} instructions, for sound and for the camera, on the CPU", ray_tracer_version(), ray_tracer_isa())};
   } catch (const InputError& error) {
     return {State::bad, error.what()};
   }

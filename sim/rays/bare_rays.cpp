@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "sim/base/errors.h"
+#include "sim/rays/embree_options.h"
 #include "sim/rays/embree_query.h"
 
 namespace earshot {
@@ -22,7 +23,7 @@ BareRays::BareRays(std::span<const glm::vec3> vertices, std::span<const glm::uve
   const auto check = [](bool fine) {
     if (!fine) throw InputError("ray tracer", "cannot hold this mesh", "check the installation of libembree and the free memory");
   };
-  handles_->device.reset(rtcNewDevice(nullptr));
+  handles_->device.reset(rtcNewDevice(embree_device_options().c_str()));
   check(handles_->device != nullptr);
   handles_->scene.reset(rtcNewScene(handles_->device.get()));
   check(handles_->scene != nullptr);

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "sim/base/errors.h"
+#include "sim/rays/embree_options.h"
 #include "sim/rays/embree_query.h"
 #include "sim/rays/hit_surface.h"
 #include "sim/rays/sure_block.h"
@@ -214,8 +215,7 @@ EmbreeScene::EmbreeScene(std::span<const glm::vec3> vertices, std::span<const gl
 EmbreeScene::EmbreeScene(std::span<const glm::vec3> vertices, std::span<const glm::uvec3> traced, std::span<const std::uint32_t> stands_for)
     : handles_(std::make_unique<Handles>()) {
   Handles& h = *handles_;
-  // No options: builds run on the process's TBB pool.  "threads=1" would cap that pool for the whole process.
-  h.device.reset(rtcNewDevice(nullptr));
+  h.device.reset(rtcNewDevice(embree_device_options().c_str()));
   if (!h.device) fail("rtcNewDevice failed, Embree error " + std::to_string(rtcGetDeviceError(nullptr)));
   rtcSetDeviceErrorFunction(h.device.get(), keep_first_error, &h.errors);
   rtcSetDeviceMemoryMonitorFunction(h.device.get(), count_bytes, &h.embree_bytes);
