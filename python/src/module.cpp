@@ -1,6 +1,10 @@
+#include <nanobind/stl/string.h>
+
 #include "python/src/bindings.h"
+#include "sim/base/compiler.h"
 #include "sim/base/errors.h"
 #include "sim/base/version.h"
+#include "sim/rays/ray_tracer_version.h"
 
 namespace earshot::python {
 
@@ -13,6 +17,9 @@ void bind_errors(nb::module_& m) {
 
 NB_MODULE(_engine, m) {
   m.attr("__version__") = earshot::kVersion;
+  m.attr("__compiler__") = earshot::compiler_name();
+  m.def("ray_tracer_version", &earshot::ray_tracer_version);
+  m.def("ray_tracer_isa", &earshot::ray_tracer_isa);
   earshot::python::bind_errors(m);
   earshot::python::bind_scene(m);
   earshot::python::bind_response(m);

@@ -58,7 +58,7 @@ std::vector<Rir> render_poses(int threads) {
   return rirs;
 }
 
-TEST(PinnedBits, RirsOfAHundredPosesOnAnyNumberOfThreads) {
+TEST_F(PinnedBits, RirsOfAHundredPosesOnAnyNumberOfThreads) {
   pinned::BitHash first;
   for (const int threads : {1, 2, 4, 8}) {
     pinned::BitHash bits;
@@ -66,7 +66,7 @@ TEST(PinnedBits, RirsOfAHundredPosesOnAnyNumberOfThreads) {
     if (threads == 1) first = bits;
     EXPECT_EQ(bits.hex(), first.hex()) << threads << " threads";
   }
-  pinned::expect_pinned("rirs_100_poses", first);
+  pinned::expect_pinned_rays("rirs_100_poses", first, {pinned::transforms()});
 }
 
 struct Batches {
@@ -106,13 +106,13 @@ pinned::BitHash bits_of_steps(const Batches& batches, int threads, bool restored
   return bits;
 }
 
-TEST(PinnedBits, TwoHundredStepsOnAnyNumberOfThreadsFreshAndRestored) {
+TEST_F(PinnedBits, TwoHundredStepsOnAnyNumberOfThreadsFreshAndRestored) {
   const Batches batches;
   const pinned::BitHash first = bits_of_steps(batches, 1, false);
   for (const int threads : {1, 2, 4, 8})
     for (const bool restored : {false, true})
       EXPECT_EQ(bits_of_steps(batches, threads, restored).hex(), first.hex()) << threads << " threads, restored " << restored;
-  if (kSteps == 200) pinned::expect_pinned("batch_200_steps", first);
+  if (kSteps == 200) pinned::expect_pinned_rays("batch_200_steps", first, {pinned::transforms()});
 }
 
 }  // namespace

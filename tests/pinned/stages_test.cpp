@@ -39,20 +39,20 @@ pinned::BitHash bits_of_rir(const RirCase& c) {
   return pinned::BitHash().add(response.late.values()).add(rir.samples);
 }
 
-TEST(PinnedBits, RirOfARoom) {
+TEST_F(PinnedBits, RirOfARoom) {
   RirCase c{.scene = "shoebox:6x3x5@0.2", .config = acoustic_preset("fast"), .source = {1.2f, 1.5f, 1.1f}, .listener = {4.8f, 1.6f, 3.9f}};
-  pinned::expect_pinned("rir_room_fast", bits_of_rir(c));
+  pinned::expect_pinned_rays("rir_room_fast", bits_of_rir(c), {pinned::transforms()});
 }
 
-TEST(PinnedBits, RirOfAHouseFromASourceField) {
+TEST_F(PinnedBits, RirOfAHouseFromASourceField) {
   RirCase c{.scene = "house:7", .config = acoustic_preset("fast"), .source = {2, 1.5f, 2}, .listener = {10, 1.5f, 5}};
   c.config.field = Switch::on;
   c.config.field_photons = 2048;
   c.config.rir_length_s = 0.6f;
-  pinned::expect_pinned("rir_house_field", bits_of_rir(c));
+  pinned::expect_pinned_rays("rir_house_field", bits_of_rir(c), {pinned::transforms()});
 }
 
-TEST(PinnedBits, RirOfTwoRoomsFromBothEnds) {
+TEST_F(PinnedBits, RirOfTwoRoomsFromBothEnds) {
   RirCase c{.scene = "house:2,rooms=2,area_m2=30",
             .config = acoustic_preset("high"),
             .layout = ListenerLayout::ambisonics(2),
@@ -61,10 +61,10 @@ TEST(PinnedBits, RirOfTwoRoomsFromBothEnds) {
   c.config.field = Switch::off;
   c.config.rays = c.config.source_rays = 512;
   c.config.rir_length_s = 0.4f;
-  pinned::expect_pinned("rir_two_rooms_bidirectional", bits_of_rir(c));
+  pinned::expect_pinned_rays("rir_two_rooms_bidirectional", bits_of_rir(c), {pinned::transforms()});
 }
 
-TEST(PinnedBits, SoundStream) {
+TEST_F(PinnedBits, SoundStream) {
   const StreamConfig config{.max_rir_samples = 3000, .max_block_samples = 2400, .crossfade_samples = 800};
   StreamConvolver convolver(config, 2);
   std::vector<float> first(2 * 3000), second(first.size());
@@ -84,10 +84,11 @@ TEST(PinnedBits, SoundStream) {
     bits.add(block);
     position.sample += 2400;
   }
-  pinned::expect_pinned("sound_stream", bits);
+  // No rays; the transforms choose their vectors from the same processor.
+  pinned::expect_pinned({"sound_stream", pinned::toolchain({pinned::transforms()}), pinned::instruction_set(ray_tracer_isa())}, bits);
 }
 
-TEST(PinnedBits, Depth) {
+TEST_F(PinnedBits, Depth) {
   const Scene scene = load_scene("house:7");
   const EmbreeCamera camera(sensor_of(CameraConfig{.width_px = 64, .height_px = 48}));
   std::vector<float> depth(64 * 48);
@@ -96,10 +97,10 @@ TEST(PinnedBits, Depth) {
     camera.render(scene, nullptr, Pose{{2.5f, 0, 2.5f}, heading_rad}, {.depth = depth});
     bits.add(depth);
   }
-  pinned::expect_pinned("depth", bits);
+  pinned::expect_pinned_rays("depth", bits, {});
 }
 
-TEST(PinnedBits, ObservationsAfterTwentySteps) {
+TEST_F(PinnedBits, ObservationsAfterTwentySteps) {
   const EnvConfig config = quick_env_config();
   BatchedEnv env(config, quick_set(3), make_scene_cache(config), 4);
   env.reset();
@@ -108,8 +109,9 @@ TEST(PinnedBits, ObservationsAfterTwentySteps) {
     for (std::int32_t e = 0; e < 4; ++e) actions[static_cast<std::size_t>(e)] = 1 + (step * 3 + e * 5) % 7 % 3;
     env.step(actions);
   }
-  pinned::expect_pinned("observation_20_steps",
-                        pinned::BitHash().add(env.depth()).add(env.spectrogram()).add(env.heard()).add(env.pointgoal()).add(env.rewards()));
+  pinned::BitHash bits;
+  bits.add(env.depth()).add(env.spectrogram()).add(env.heard()).add(env.pointgoal()).add(env.rewards());
+  pinned::expect_pinned_rays("observation_20_steps", bits, {pinned::transforms()});
 }
 
 }  // namespace

@@ -1,35 +1,54 @@
 #pragma once
 
+#include <dlfcn.h>
 #include <gtest/gtest.h>
 
 #include <cstddef>
-#include <fstream>
+#include <cstdlib>
+#include <initializer_list>
 #include <span>
-#include <sstream>
 #include <string>
 
+#include "sim/base/compiler.h"
 #include "sim/base/files.h"
+#include "sim/rays/embree_options.h"
+#include "sim/rays/ray_tracer_version.h"
+#include "tests/support/pinned_rows.h"
 #include "tests/support/test_paths.h"
 
-/// Absolute hashes of what each stage computes, in tests/pinned/bits.csv: one row per stage and instruction set.
+/// Absolute hashes of what each stage computes, in tests/pinned/bits.csv: a row per stage, toolchain and instruction set.
 namespace earshot::pinned {
 
-/// What decides the bits beside the sources: the compiler and the architecture that our code is compiled for, and the widest vectors that
-/// the libraries (Embree, BLAS, FFT) choose from on this processor.  Rows without a compiler's name are those of g++.
-inline std::string instruction_set() {
-#if defined(__clang__)
-  const std::string compiler = "+clang";
-#else
-  const std::string compiler;
-#endif
+/// "embree3.13".
+inline std::string ray_tracer() {
+  const std::string version = ray_tracer_version();
+  return "embree" + version.substr(0, version.rfind('.'));
+}
+
+/// Whose Fourier transforms the program has: "libavutil57", or "permissive" for its own.
+inline std::string transforms() {
+  const auto version = reinterpret_cast<unsigned (*)()>(::dlsym(RTLD_DEFAULT, "avutil_version"));
+  return version ? "libavutil" + std::to_string(version() >> 16) : "permissive";
+}
+
+/// compiler, then what else a stage uses, joined by '/'.
+inline std::string toolchain(std::initializer_list<std::string> libraries) {
+  std::string joined = compiler_name();
+  for (const std::string& library : libraries) joined += "/" + library;
+  return joined;
+}
+
+/// widest: the vectors that a library has chosen, as "avx2".
+inline std::string instruction_set(const std::string& widest) {
 #if defined(__x86_64__) && defined(__AVX2__)
-  return (__builtin_cpu_supports("avx512f") != 0 ? "x86-64-v3+avx512" : "x86-64-v3") + compiler;
+  return "x86-64-v3+" + widest;
 #elif defined(__x86_64__)
-  return "x86-64" + compiler;
+  return "x86-64+" + widest;
 #elif defined(__aarch64__)
-  return "aarch64" + compiler;
+  static_cast<void>(widest);  // there is one
+  return "armv8-a";
 #else
-  return "other" + compiler;
+  return "other+" + widest;
 #endif
 }
 
@@ -47,24 +66,48 @@ class BitHash {
   std::uint64_t hash_ = 0;
 };
 
-/// The hash that `file` (rows "stage,instruction set,hash") has for a stage; empty if there is no row.
-inline std::string pinned_hash(const std::string& file, const std::string& stage, const std::string& set) {
-  std::istringstream rows(read_file(file));
-  for (std::string row; std::getline(rows, row);) {
-    if (row.starts_with(stage + "," + set + ",")) return row.substr(stage.size() + set.size() + 2);
+/// Fails if the bits are not the pinned ones.  Without a row: missing_row_fails, with the row to add.
+inline void expect_pinned(const Key& key, const BitHash& bits) {
+#if defined(NDEBUG) && !defined(EARSHOT_SANITIZED)
+  constexpr bool release_build = true;
+#else
+  constexpr bool release_build = false;
+#endif
+  const std::string file = (source_dir() / "tests/pinned/bits.csv").string();
+  const std::string pinned = pinned_hash(read_file(file), key), row = row_of(key, bits.hex());
+  if (!pinned.empty()) {
+    EXPECT_EQ(bits.hex(), pinned)
+        << "the bits of this stage have changed.  Where that is the purpose of a commit, its message says why and " << file
+        << " gets the row\n"
+        << row;
+    return;
   }
-  return {};
+  const std::string missing = "no pinned bits for this toolchain and instruction set; the row to add to " + file + " is\n" + row;
+  if (missing_row_fails(std::getenv("CI"), std::getenv("EARSHOT_ALLOW_MISSING_PINS"), release_build))
+    FAIL() << missing << "\nEARSHOT_ALLOW_MISSING_PINS=1 skips it";
+  GTEST_SKIP() << missing;
 }
 
-/// Fails if the bits of a stage are not the pinned ones.  A processor without a row of its own is skipped, with the row to add.
-/// library: what else decides the bits of this stage, appended to the instruction set.
-inline void expect_pinned(const std::string& stage, const BitHash& bits, const std::string& library = {}) {
-  const std::string file = (source_dir() / "tests/pinned/bits.csv").string(), set = instruction_set() + library;
-  const std::string pinned = pinned_hash(file, stage, set), row = stage + "," + set + "," + bits.hex();
-  if (pinned.empty()) GTEST_SKIP() << "no pinned bits for this instruction set; the row for " << file << " is\n" << row;
-  EXPECT_EQ(bits.hex(), pinned) << "the bits of this stage have changed.  Where that is the purpose of a commit, its message says why and "
-                                << file << " gets the row\n"
-                                << row;
+/// Of a stage that traces rays and uses these libraries too.
+inline void expect_pinned_rays(const std::string& stage, const BitHash& bits, std::initializer_list<std::string> libraries) {
+  std::string of = toolchain({ray_tracer()});
+  for (const std::string& library : libraries) of += "/" + library;
+  expect_pinned({stage, of, instruction_set(ray_tracer_isa())}, bits);
 }
 
 }  // namespace earshot::pinned
+
+namespace earshot {
+
+/// ctest runs these tests a second time under narrower vectors (tests/CMakeLists.txt sets EARSHOT_PINS_AGAIN, and what the libraries read).
+/// Where the processor has no wider ones, that is the same run again, and is skipped.
+class PinnedBits : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (std::getenv("EARSHOT_PINS_AGAIN") == nullptr) return;
+    const std::vector<RayIsa> isas = ray_isas();
+    if (isas.empty() || !isas.back().present) GTEST_SKIP() << "no AVX-512 here: the first run had AVX2 already";
+  }
+};
+
+}  // namespace earshot

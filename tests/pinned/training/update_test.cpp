@@ -1,6 +1,9 @@
+#include <ATen/Version.h>
 #include <dlfcn.h>
 #include <gtest/gtest.h>
+#include <torch/version.h>
 
+#include <cctype>
 #include <string>
 #include <vector>
 
@@ -59,13 +62,23 @@ RolloutBuffer drawn_rollout(ActorCritic policy, const ObservationSpec& spec, int
   return rollout;
 }
 
-/// The processor whose kernels OpenBLAS has chosen; empty for another BLAS.
-std::string blas_kernels() {
-  const auto name = reinterpret_cast<const char* (*)()>(::dlsym(RTLD_DEFAULT, "openblas_get_corename"));
-  return name ? name() : "";
+/// "libtorch1.13/Haswell": the second is the processor whose kernels OpenBLAS has chosen, "blas" for another library.
+std::string torch_and_blas() {
+  const auto kernel = reinterpret_cast<const char* (*)()>(::dlsym(RTLD_DEFAULT, "openblas_get_corename"));
+  return "libtorch" + std::to_string(TORCH_VERSION_MAJOR) + "." + std::to_string(TORCH_VERSION_MINOR) + "/" + (kernel ? kernel() : "blas");
 }
 
-TEST(PinnedBits, OnePpoUpdate) {
+/// "avx2", the vectors that libtorch uses: what the processor has, or ATEN_CPU_CAPABILITY.
+std::string torch_vectors() {
+  const std::string config = at::show_config(), label = "CPU capability usage: ";
+  const std::size_t at = config.find(label);
+  if (at == std::string::npos) return "unknown";
+  std::string name = config.substr(at + label.size(), config.find('\n', at) - at - label.size());
+  for (char& c : name) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return name;
+}
+
+TEST_F(PinnedBits, OnePpoUpdate) {
   const ObservationSpec spec = small_spec();
   PolicyConfig config;
   config.hidden_size = 64;
@@ -83,7 +96,7 @@ TEST(PinnedBits, OnePpoUpdate) {
     const torch::Tensor values = parameter.detach().contiguous();
     bits.add(std::span<const float>(values.data_ptr<float>(), static_cast<std::size_t>(values.numel())));
   }
-  pinned::expect_pinned("ppo_update", bits, "+" + blas_kernels());
+  pinned::expect_pinned({"ppo_update", pinned::toolchain({torch_and_blas()}), pinned::instruction_set(torch_vectors())}, bits);
 }
 
 }  // namespace
