@@ -12,9 +12,11 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <string_view>
 #include <thread>
 #include <vector>
 
+#include "apps/blas_kernel.h"
 #include "apps/commands.h"
 #include "policy/torch_info.h"
 #include "policy/torch_threads.h"
@@ -116,13 +118,28 @@ std::string loaded_library(const std::string& part) {
   return search.found;
 }
 
+bool has_avx2_and_fma() {
+  int found = 0;
+  for (const CpuFeature& feature : cpu_features())
+    if ((feature.name == std::string_view("AVX2") || feature.name == std::string_view("FMA")) && feature.present) ++found;
+  return found == 2;
+}
+
+/// Of a BLAS that trains fast: the library, and the processor whose kernels it has chosen.
+Finding fast_blas(const std::string& path) {
+  const std::string kernel = blas_kernel();
+  if (kernel.empty()) return {State::ok, path};
+  if (const auto remedy = blas_kernel_remedy(kernel, has_avx2_and_fma())) return {State::slow, fmt::format("{}: {}", path, *remedy)};
+  return {State::ok, fmt::format("{}, kernels for {}", path, kernel)};
+}
+
 Finding check_blas() {
   probe_torch();  // loads the BLAS
   for (const char* fast : {"libopenblas", "libmkl", "libblis"})
-    if (const std::string path = loaded_library(fast); !path.empty()) return {State::ok, path};
+    if (const std::string path = loaded_library(fast); !path.empty()) return fast_blas(path);
   // Debian's OpenBLAS is a libblas.so.3 in a folder of its own.
   const std::string path = loaded_library("libblas");
-  if (path.find("openblas") != std::string::npos || path.find("blis") != std::string::npos) return {State::ok, path};
+  if (path.find("openblas") != std::string::npos || path.find("blis") != std::string::npos) return fast_blas(path);
   return {State::slow, fmt::format("{}: not OpenBLAS, which trains several times faster: apt-get install libopenblas0-pthread, then "
                                    "update-alternatives --config libblas.so.3-$(uname -m)-linux-gnu",
                                    path.empty() ? "unknown library" : path)};

@@ -11,6 +11,7 @@
 #include <sstream>
 #include <string>
 
+#include "sim/rays/embree_options.h"
 #include "tests/support/test_files.h"
 #include "tests/support/test_paths.h"
 
@@ -52,6 +53,32 @@ TEST(Doctor, HasALineForEveryPart) {
   for (const char* part : {"earshot", "CPU", "vectors", "Embree", "EGL", "reader", "BLAS", "libtorch", "test data"})
     EXPECT_THAT(report.line(part), ContainsRegex("^(ok|SLOW|none) ")) << part << " in:\n" << report.text;
   EXPECT_THAT(report.line("reader"), StartsWith("ok "));
+}
+
+TEST(Doctor, BlasNamesItsKernelsAndIsSlowWithThoseOfAnOldProcessor) {
+  if (doctor("").line("BLAS").find("openblas") == std::string::npos) GTEST_SKIP() << "another BLAS than OpenBLAS";
+  for (const char* kernel : {"Haswell", "Prescott"}) {
+    const Report report = doctor(std::string("OPENBLAS_CORETYPE=") + kernel);
+    EXPECT_EQ(report.exit_code, 0) << report.text;
+    EXPECT_THAT(report.line("BLAS"), HasSubstr(std::string("kernels for ") + kernel)) << report.text;
+    // Where the processor has AVX2, only the kernels without it are slow.
+    const bool slow = kernel == std::string("Prescott") && report.line("vectors").find("AVX2") != std::string::npos;
+    EXPECT_THAT(report.line("BLAS"), StartsWith(slow ? "SLOW " : "ok ")) << report.text;
+    if (slow) {
+      EXPECT_THAT(report.line("BLAS"), HasSubstr("set OPENBLAS_CORETYPE=Haswell"));
+    }
+  }
+}
+
+TEST(Doctor, EmbreeNamesItsInstructionSetAndRefusesAnUnknownOne) {
+  for (const RayIsa& isa : ray_isas()) {
+    const Report report = doctor("EARSHOT_ISA=" + isa.name);
+    EXPECT_EQ(report.exit_code, isa.present ? 0 : 1) << report.text;
+    EXPECT_THAT(report.line("Embree"), isa.present ? HasSubstr(" " + isa.name + " instructions") : HasSubstr("does not have it")) << report.text;
+  }
+  const Report report = doctor("EARSHOT_ISA=avx22");
+  EXPECT_EQ(report.exit_code, 1) << report.text;
+  EXPECT_THAT(report.line("Embree"), AllOf(StartsWith("BAD "), HasSubstr("did you mean 'avx2'?")));
 }
 
 TEST(Doctor, ReaderThatIsNotThereOrDoesNotAnswerIsBad) {

@@ -1,0 +1,112 @@
+// How much responses of one processor differ by the instruction set that Embree uses (EARSHOT_ISA), through the program that a user starts.
+
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdio>
+#include <cstdlib>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "sim/base/random.h"
+#include "sim/nav/navmesh.h"
+#include "sim/rays/embree_options.h"
+#include "sim/scene/scene.h"
+#include "tests/support/test_files.h"
+#include "tests/support/test_paths.h"
+
+namespace earshot {
+namespace {
+
+constexpr int kListeners = 4;
+/// Hits differ in their last bits, 1e-7 of a distance; a ray that takes another surface at an edge for it is one of the thousand that carry
+/// the late energy, and late there.
+constexpr double kTolerance = 1e-4;
+
+int run(const std::string& command) {
+  const int status = std::system(command.c_str());
+  return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+}
+
+/// "X,Y,Z" of points that are drawn on the floor of a scene, 1.5 m above it.
+std::vector<std::string> draw_places(const std::string& name, int count) {
+  const Scene scene = load_scene(name);
+  const Navmesh navmesh(scene.mesh(), NavmeshConfig{});
+  std::vector<std::string> places;
+  for (int i = 0; i < count; ++i) {
+    const RandomStream random(23, Purpose::test, static_cast<std::uint32_t>(i));
+    const glm::dvec3 place = scene.to_world(navmesh.random_point(random, 0) + glm::vec3(0, 1.5f, 0));
+    places.push_back(fmt::format("{:.4f},{:.4f},{:.4f}", place.x, place.y, place.z));
+  }
+  return places;
+}
+
+/// Energy of each band, then of all, of every listener in turn: from the strengths of the energy response.
+std::vector<std::vector<double>> energies(const std::string& isa, const std::string& scene, const std::string& preset,
+                                          const std::vector<std::string>& places, const std::string& folder) {
+  std::string command = fmt::format("EARSHOT_ISA={} {} rir '{}' --preset {} --channels mono --source {} --out {}/rir.wav --metrics {}/rir.json",
+                                    isa, earshot_program().string(), scene, preset, places[0], folder, folder);
+  for (std::size_t i = 1; i < places.size(); ++i) command += " --listener " + places[i];
+  EXPECT_EQ(run(command + " >" + folder + "/log 2>&1"), 0) << command;
+  std::ifstream file(folder + "/rir.json");
+  const nlohmann::json json = nlohmann::json::parse(file, nullptr, false);
+  std::vector<std::vector<double>> result;
+  if (!json.contains("pairs")) {
+    ADD_FAILURE() << "no pairs in what " << command << " wrote";
+    return result;
+  }
+  for (const nlohmann::json& pair : json["pairs"]) {
+    std::vector<double> bands;
+    double sum = 0;
+    for (const nlohmann::json& strength_db : pair["energy"]["g_db"]) {
+      bands.push_back(strength_db.is_null() ? 0 : std::pow(10, strength_db.get<double>() / 10));
+      sum += bands.back();
+    }
+    bands.push_back(sum);
+    result.push_back(bands);
+  }
+  return result;
+}
+
+TEST(InstructionSets, ResponsesDifferByLessThanTenThousandthOfTheirEnergy) {
+  std::vector<std::string> isas;
+  for (const RayIsa& isa : ray_isas())
+    if (isa.present) isas.push_back(isa.name);
+  if (isas.size() < 2) GTEST_SKIP() << "Embree has one instruction set on this processor";
+  const TempFolder folder;
+  for (const char* scene : {"shoebox:6x3x5@0.2", "house:7", "house:2,rooms=2,area_m2=30"}) {
+    const std::vector<std::string> places = draw_places(scene, 1 + kListeners);
+    for (const char* preset : {"fast", "balanced"}) {
+      const auto widest = energies(isas.back(), scene, preset, places, folder / "");
+      ASSERT_EQ(widest.size(), static_cast<std::size_t>(kListeners));
+      for (std::size_t i = 0; i + 1 < isas.size(); ++i) {
+        const auto other = energies(isas[i], scene, preset, places, folder / "");
+        ASSERT_EQ(other.size(), widest.size());
+        double in_band = 0, in_all = 0;
+        for (std::size_t listener = 0; listener < widest.size(); ++listener) {
+          const std::vector<double>&expected = widest[listener], &found = other[listener];
+          ASSERT_EQ(found.size(), expected.size());
+          ASSERT_GT(expected.back(), 0) << scene << " listener " << listener;
+          for (std::size_t band = 0; band < expected.size(); ++band) {
+            if (expected[band] == 0 && found[band] == 0) continue;
+            double& greatest = band + 1 == expected.size() ? in_all : in_band;
+            greatest = std::max(greatest, std::fabs(found[band] / expected[band] - 1));
+          }
+        }
+        fmt::print("{} {}: {} against {}: {:.1e} in a band, {:.1e} in all\n", scene, preset, isas[i], isas.back(), in_band, in_all);
+        EXPECT_LE(in_band, kTolerance) << scene << ' ' << preset << ' ' << isas[i];
+        EXPECT_LE(in_all, kTolerance) << scene << ' ' << preset << ' ' << isas[i];
+      }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace earshot
