@@ -133,21 +133,29 @@ std::string roff(const std::string& text) {
   return out;
 }
 
+/// Paragraphs of options with their flags, values and descriptions.
+std::string man_options(const CLI::App& app, bool with_help) {
+  std::string out;
+  for (const CLI::Option* option : shown_options(app)) {
+    if (option->check_lname("help") && !with_help) continue;
+    const std::string value = option->get_items_expected_max() > 0 ? option->get_type_name() : "";
+    out += fmt::format(".TP\n.B {}\n{}\n", roff(option->get_name(true, true) + (value.empty() ? "" : " " + value)),
+                       roff(option->get_description()));
+  }
+  return out;
+}
+
 std::string man_page(const std::vector<Command>& commands) {
   const CLI::App& app = *commands.front().app;
+  // Scenes and options are long words that no line can be filled with evenly.
   std::string page = fmt::format(
-      ".TH EARSHOT 1 \"\" \"earshot {}\" \"User Commands\"\n.SH NAME\nearshot \\- {}\n.SH SYNOPSIS\n.B earshot\nCOMMAND [OPTIONS]\n",
+      ".TH EARSHOT 1 \"\" \"earshot {}\" \"User Commands\"\n.ad l\n.SH NAME\nearshot \\- {}\n.SH SYNOPSIS\n.B earshot\nCOMMAND [OPTIONS]\n",
       kVersion, roff(app.get_description()));
-  page += ".SH DESCRIPTION\n" + roff(app.get_footer()) + "\n.SH COMMANDS\n";
+  page += ".SH DESCRIPTION\n" + roff(app.get_footer()) + "\n.SH OPTIONS\n" + man_options(app, true) + ".SH COMMANDS\n";
   for (const Command& command : commands) {
     if (command.words.empty()) continue;
-    page += fmt::format(".SS \"earshot {}\"\n{}\n", roff(command.name()), roff(command.app->get_description()));
-    for (const CLI::Option* option : shown_options(*command.app)) {
-      if (option->check_lname("help")) continue;
-      const std::string value = option->get_items_expected_max() > 0 ? option->get_type_name() : "";
-      page += fmt::format(".TP\n.B {}\n{}\n", roff(option->get_name(true, true) + (value.empty() ? "" : " " + value)),
-                          roff(option->get_description()));
-    }
+    page += fmt::format(".SS \"earshot {}\"\n{}\n{}", roff(command.name()), roff(command.app->get_description()),
+                        man_options(*command.app, false));
     if (const std::string footer = command.app->get_footer(); !footer.empty() && footer != app.get_footer())
       page += ".PP\n.nf\n" + roff(footer) + "\n.fi\n";
   }

@@ -1,5 +1,5 @@
 # cmake --install: the program, its reader, the libraries and their headers, and what find_package(Earshot) reads.  One export set per part, so
-# that a user of sim needs neither torch nor zmq.
+# that a user of sim needs neither torch nor zmq.  Components: `program` (what cmake/packaging.cmake puts into the .deb) and `development`.
 include(CMakePackageConfigHelpers)
 set(package_folder ${CMAKE_INSTALL_LIBDIR}/cmake/Earshot)
 
@@ -10,23 +10,33 @@ if(EARSHOT_BUILD_TRAINING)
   list(APPEND parts policy trainer)
   set(libraries_policy policy)
   set(libraries_trainer trainer)
-  install(TARGETS earshot)
-  install(DIRECTORY ${PROJECT_SOURCE_DIR}/configs DESTINATION ${CMAKE_INSTALL_DATADIR}/earshot)
+  install(TARGETS earshot COMPONENT program)
+  install(DIRECTORY ${PROJECT_SOURCE_DIR}/configs DESTINATION ${CMAKE_INSTALL_DATADIR}/earshot COMPONENT program)
+  install(FILES ${EARSHOT_SHELL_FOLDER}/earshot.bash DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions RENAME earshot
+          COMPONENT program)
+  install(FILES ${EARSHOT_SHELL_FOLDER}/_earshot DESTINATION ${CMAKE_INSTALL_DATADIR}/zsh/vendor-completions COMPONENT program)
+  install(FILES ${EARSHOT_SHELL_FOLDER}/earshot.1.gz DESTINATION ${CMAKE_INSTALL_MANDIR}/man1 COMPONENT program)
+  install(FILES ${PROJECT_SOURCE_DIR}/README.md ${PROJECT_SOURCE_DIR}/CHANGELOG.md ${PROJECT_SOURCE_DIR}/CITATION.cff
+                ${PROJECT_SOURCE_DIR}/SECURITY.md DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT program)
+  install(DIRECTORY ${PROJECT_SOURCE_DIR}/docs DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT program)
+  install(FILES ${CMAKE_CURRENT_LIST_DIR}/copyright DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT program)
 endif()
 
 set_target_properties(earshot_reader PROPERTIES EXPORT_NAME reader)
 foreach(part IN LISTS parts)
-  install(TARGETS ${libraries_${part}} EXPORT Earshot_${part} ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR}/earshot
-          RUNTIME DESTINATION ${CMAKE_INSTALL_LIBEXECDIR}/earshot)
-  install(EXPORT Earshot_${part} NAMESPACE earshot:: DESTINATION ${package_folder})
-  install(DIRECTORY ${PROJECT_SOURCE_DIR}/${part} DESTINATION ${EARSHOT_INSTALL_HEADERS}
+  install(TARGETS ${libraries_${part}} EXPORT Earshot_${part}
+          ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR}/earshot COMPONENT development
+          RUNTIME DESTINATION ${CMAKE_INSTALL_LIBEXECDIR}/earshot COMPONENT program)
+  install(EXPORT Earshot_${part} NAMESPACE earshot:: DESTINATION ${package_folder} COMPONENT development)
+  install(DIRECTORY ${PROJECT_SOURCE_DIR}/${part} DESTINATION ${EARSHOT_INSTALL_HEADERS} COMPONENT development
           FILES_MATCHING PATTERN "*.h" PATTERN "*_impl.h" EXCLUDE PATTERN reader EXCLUDE)
 endforeach()
-install(FILES ${PROJECT_BINARY_DIR}/generated/sim/base/version.h DESTINATION ${EARSHOT_INSTALL_HEADERS}/sim/base)
+install(FILES ${PROJECT_BINARY_DIR}/generated/sim/base/version.h DESTINATION ${EARSHOT_INSTALL_HEADERS}/sim/base
+        COMPONENT development)
 
 list(JOIN parts " " parts)
 configure_package_config_file(${CMAKE_CURRENT_LIST_DIR}/EarshotConfig.cmake.in ${PROJECT_BINARY_DIR}/generated/EarshotConfig.cmake
                               INSTALL_DESTINATION ${package_folder} NO_SET_AND_CHECK_MACRO)
 write_basic_package_version_file(${PROJECT_BINARY_DIR}/generated/EarshotConfigVersion.cmake COMPATIBILITY SameMinorVersion)
 install(FILES ${PROJECT_BINARY_DIR}/generated/EarshotConfig.cmake ${PROJECT_BINARY_DIR}/generated/EarshotConfigVersion.cmake
-              ${CMAKE_CURRENT_LIST_DIR}/EarshotDependencies.cmake DESTINATION ${package_folder})
+              ${CMAKE_CURRENT_LIST_DIR}/EarshotDependencies.cmake DESTINATION ${package_folder} COMPONENT development)

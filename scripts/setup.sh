@@ -13,6 +13,8 @@ packages='
   ninja-build              *                          *
   ccache                   *                          *
   git                      *                          *
+  dpkg-dev                 *                          *
+  file                     *                          *
   ca-certificates          *                          *
   libembree-dev            3.13.5+dfsg-2              4.3.3+dfsg-1
   libassimp-dev            5.2.5~ds0-1+b1             5.4.3+ds-2
