@@ -12,7 +12,9 @@ for tool in cpack:cmake dpkg-shlibdeps:dpkg-dev file:file; do
 done
 build=${1:-build/release}
 [ -f "$build/CPackConfig.cmake" ] || cmake "$build" >/dev/null 2>&1 || { echo "build_deb: $build is no folder of a build; run scripts/build.sh" >&2; exit 2; }
-cmake --build "$build" --target earshot earshot_reader shell_files -- -j "${EARSHOT_JOBS:-$(nproc)}" >"$build/deb.log" || { tail -n 20 "$build/deb.log" >&2; fail "the program does not build"; }
+targets=(earshot earshot_reader shell_files)
+if cmake --build "$build" --target help | grep -q '^sbom:'; then targets+=(sbom); fi
+cmake --build "$build" --target "${targets[@]}" -- -j "${EARSHOT_JOBS:-$(nproc)}" >"$build/deb.log" || { tail -n 20 "$build/deb.log" >&2; fail "the program does not build"; }
 [ -f "$build/CPackConfig.cmake" ] || fail "$build has no CPackConfig.cmake: it was configured without EARSHOT_BUILD_TRAINING"
 rm -rf "$build/deb"
 cpack -G DEB --config "$build/CPackConfig.cmake" -B "$build/deb" >"$build/deb.log" 2>&1 || { tail -n 20 "$build/deb.log" >&2; fail "cpack failed"; }
