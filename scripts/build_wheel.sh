@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # scripts/build_wheel.sh [PYTHON...]
-# Builds the Python package into build/wheel: wheels that bring every library they need but those of the C and C++ run time, with their licences.
+# Builds the Python package into build/wheel: wheels that bring every library they need but those of the C and C++ run time, with their licences and
+# a software bill of materials (scripts/make_sbom.py).
 # PYTHON: Pythons from 3.11 on (default: python3).  The wheel of 3.12 or later is for all from 3.12 on (the stable ABI), that of 3.11 for 3.11 alone.
 # Fails where one of the libraries is under the GPL.  What does not depend on the Python is compiled once, in build/python.
 # EARSHOT_JOBS: how many jobs at once (default: all cores).  Tools come from the Python package index, into build/wheel_tools, in the
@@ -19,6 +20,8 @@ export CMAKE_GENERATOR=Ninja CMAKE_BUILD_PARALLEL_LEVEL=${EARSHOT_JOBS:-$(nproc)
 export CC=${CC:-cc} CXX=${CXX:-c++}
 # Without these ccache keeps nothing that reads precompiled headers.
 export CCACHE_SLOPPINESS=${CCACHE_SLOPPINESS:-pch_defines,time_macros}
+# Paths below here count as relative, so that clones have what another one compiled.
+export CCACHE_BASEDIR=${CCACHE_BASEDIR:-$PWD} CCACHE_NOHASHDIR=${CCACHE_NOHASHDIR:-1}
 if command -v ccache >/dev/null; then export CMAKE_CXX_COMPILER_LAUNCHER=ccache; fi
 
 # compile PYTHON: $work/raw gets a wheel that needs the libraries of this machine.
@@ -46,13 +49,23 @@ repair() {
   mkdir -p "$work/no_mp3"
   nm -D --undefined-only "$sndfile" | awk '$2 ~ /^(lame|hip|id3tag)_/ {sub(/@.*/, "", $2); print "void *" $2 "(void) { return 0; }"}' >"$work/no_mp3/no_mp3.c"
   "$CC" -shared -fPIC -O1 -Wl,-soname,libmp3lame.so.0 -o "$work/no_mp3/libmp3lame.so.0" "$work/no_mp3/no_mp3.c"
+  # Not manylinux_2_28: libraries of Debian 12 ask for symbols of glibc 2.32 to 2.36 (docs/python.md).
   LD_LIBRARY_PATH=$work/no_mp3 auditwheel repair --plat "manylinux_2_36_$(uname -m)" -w "$work/repaired" "$work"/raw/*.whl >"$work/auditwheel.log" 2>&1 ||
     { cat "$work/auditwheel.log" >&2; return 1; }
 }
 
-# finish: the wheel of $work/repaired with the licence of each library that was copied in, as Debian states it, into build/wheel.
+# refuse_gpl PACKAGE...: fails where the licence of one is the GPL or not known.
+refuse_gpl() {
+  local licences gpl
+  licences=$(python3 scripts/make_sbom.py licence "$@")
+  gpl=$(grep -E '[ (]GPL-' <<<"$licences" | grep -v 'WITH GCC-exception' || true)
+  [ -z "$gpl" ] || { echo "build_wheel: under the GPL, which the wheel may not hold: $gpl" >&2; return 1; }
+}
+
+# finish: the wheel of $work/repaired with the licence of each library that was copied in, as Debian states it, and a bill of materials, into build/wheel.
 finish() {
   local tree notices installed file name stem path package failed=0
+  : >"$work/libraries.txt"
   wheel unpack -d "$work/tree" "$work"/repaired/*.whl >/dev/null
   tree=$(echo "$work"/tree/*)
   notices=$tree/earshot/licenses
@@ -71,10 +84,11 @@ finish() {
     if [ -z "$package" ]; then package=$(dpkg-query -S "*/$(basename "$(readlink -f "$path")")" 2>/dev/null | head -n 1 | cut -d: -f1 || true); fi
     if [ -z "$package" ]; then echo "build_wheel: no package is known for $(basename "$file")" >&2; failed=1; continue; fi
     cp "/usr/share/doc/$package/copyright" "$notices/$package.txt"
-    printf '%-44s %s\n' "$(basename "$file")" "$package"
-    case $package in libav* | libsw* | libpostproc* | libfftw3* | libgsl*) echo "build_wheel: $package is under the GPL" >&2; failed=1 ;; esac
+    printf '%-44s %s\n' "$(basename "$file")" "$package" | tee -a "$work/libraries.txt"
   done
   [ "$failed" = 0 ] || return 1
+  refuse_gpl $(awk '{ print $2 }' "$work/libraries.txt" | sort -u)
+  python3 scripts/make_sbom.py wheel "$work/libraries.txt" "$tree" --nanobind "$(sed -n 's/^nanobind==//p' python/tests/tested_versions.txt)"
   wheel pack -d build/wheel "$tree" >/dev/null
 }
 
