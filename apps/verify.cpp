@@ -43,6 +43,7 @@ void run_verify(Options options) {
                     {"steps", verified.steps},
                     {"partial", verified.partial},
                     {"same_engine", verified.same_engine},
+                    {"toolchain", verified.toolchain},
                     {"rules_hash", rules_hash}});
   };
   for (const std::string& file : options.results) {
@@ -82,7 +83,9 @@ void add_verify_options(CLI::App& command, VerifyConfig& config) {
 std::string verified_line(const std::string& file, const Verification& verified, const std::string& rules) {
   return fmt::format("{}: verified, {} episodes{}, {} steps; rules {}{}\n", file, verified.episodes,
                      verified.partial ? " (the first of a set)" : "", verified.steps, rules,
-                     verified.same_engine ? "" : "; made by another engine");
+                     verified.same_engine         ? ""
+                     : verified.toolchain.empty() ? "; made by another engine"
+                                                  : "; made by another engine with " + verified.toolchain);
 }
 
 void add_verify(CLI::App& app) {

@@ -111,6 +111,7 @@ EvaluationResult run_episodes(const EnvConfig& base, const EvaluationConfig& eva
   result.agent = name;
   result.set_hash = hex64(set->hash);
   result.engine_hash = engine_hash();
+  result.toolchain = this_toolchain();
   result.episodes_file = evaluation.episodes;
   result.seed = evaluation.seed;
   result.rules = metric_rules(config, num_envs);

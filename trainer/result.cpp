@@ -211,6 +211,7 @@ void save_result(const EvaluationResult& result, const std::filesystem::path& pa
                {"episodes_file", result.episodes_file},
                {"seed", result.seed},
                {"rules", result.rules},
+               {"toolchain", result.toolchain},
                {"summary", summary},
                {"episodes", rows}};
   json["checksum"] = checksum_of(json);
@@ -246,6 +247,7 @@ EvaluationResult load_result(const std::filesystem::path& path) {
     result.seed = whole_number<std::uint64_t>(json, "seed");
     if (json.contains("partial_of")) json.at("partial_of").get_to(result.partial_of);
     if (json.contains("rules")) json.at("rules").get_to(result.rules);
+    if (json.contains("toolchain")) json.at("toolchain").get_to(result.toolchain);
     if (json.contains("checksum")) result.is_as_written = json.at("checksum").get<std::string>() == checksum_of(json);
     if (json.contains("summary")) read_summary(json.at("summary"), result);
     for (const auto& row : json.at("episodes")) {

@@ -10,6 +10,7 @@
 
 #include "envs/av_nav_task.h"
 #include "envs/episode_set.h"
+#include "trainer/toolchain.h"
 
 namespace earshot {
 
@@ -46,6 +47,7 @@ struct EvaluationResult {
   };
   std::vector<Row> episodes;                      ///< in the order of the set
   std::map<std::string, std::string> rules = {};  ///< by which metrics were made (metric_rules.h); empty in older files
+  Toolchain toolchain = {};                       ///< of the program that ran the episodes; empty in older files
 
   /// Of a file that was read: what it says of itself, which may not be so.
   std::map<std::string, Estimate> claimed_summary = {};

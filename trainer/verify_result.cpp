@@ -114,7 +114,19 @@ std::string fault_of(const EvaluationResult::Row& row, const WalkOutcome& walked
 struct FirstFault {
   std::size_t index;
   std::string what;
+  bool is_walked = true;  ///< else the scene or the sound could not be loaded
 };
+
+/// Toolchains round differently: a number that another one gave is no evidence of a forgery, and is no evidence of the actions either.
+[[noreturn]] void refuse_row(const EvaluationResult& result, const std::string& where, const FirstFault& fault) {
+  const std::string what = place(fault.index, result.episodes[fault.index]) + " " + fault.what;
+  const std::string made = walking_toolchain(result.toolchain), here = walking_toolchain(this_toolchain());
+  if (!fault.is_walked || made == here || result.engine_hash == engine_hash()) throw InputError(where, what, kRemedy);
+  throw InputError(where,
+                   fmt::format("{}; it was made with {}, and walked again with {}", what,
+                               made.empty() ? "a toolchain that it does not name" : made, here),
+                   "toolchains round differently, so this is no evidence of a forgery: verify it with the toolchain that made it");
+}
 
 /// Episodes of the scenes are walked by the threads, a scene by one of them.
 std::optional<FirstFault> first_fault(const EvaluationResult& result, const EpisodeSet& set, const RuledEnv& ruled, int threads) {
@@ -141,12 +153,12 @@ std::optional<FirstFault> first_fault(const EvaluationResult& result, const Epis
           const WalkOutcome walked = walk_episode(ruled.env, scene, field->second, episode, result.episodes[i].actions,
                                                   static_cast<std::uint32_t>(i % envs), static_cast<std::uint32_t>(i / envs));
           if (std::string what = fault_of(result.episodes[i], walked); !what.empty()) {
-            faults[part] = {i, std::move(what)};
+            faults[part] = {.index = i, .what = std::move(what)};
             break;
           }
         }
       } catch (const std::exception& error) {
-        faults[part] = {index, error.what()};
+        faults[part] = {.index = index, .what = error.what(), .is_walked = false};
       }
     }
   };
@@ -174,13 +186,13 @@ Verification verify_result(const EvaluationResult& result, const std::string& wh
   check_set_hash(result, where, set);
   check_rules(result, where, rules);
   const RuledEnv ruled = env_of_rules(rules, where, config.scene_root, config.sound_root);
-  if (const auto fault = first_fault(result, set, ruled, config.threads))
-    throw InputError(where, place(fault->index, result.episodes[fault->index]) + " " + fault->what, kRemedy);
+  if (const auto fault = first_fault(result, set, ruled, config.threads)) refuse_row(result, where, *fault);
   check_summary(result, where);
   Verification verified{.episodes = result.episodes.size(),
                         .steps = 0,
                         .partial = result.episodes.size() < set.episodes.size(),
-                        .same_engine = result.engine_hash == engine_hash()};
+                        .same_engine = result.engine_hash == engine_hash(),
+                        .toolchain = walking_toolchain(result.toolchain)};
   for (const auto& row : result.episodes) verified.steps += row.actions.size();
   return verified;
 }

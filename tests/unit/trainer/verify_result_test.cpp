@@ -17,7 +17,10 @@ namespace earshot {
 namespace {
 
 using Json = nlohmann::json;
+using testing::AllOf;
 using testing::HasSubstr;
+using testing::Not;
+using testing::StartsWith;
 
 /// The reason for which this throws; empty where it does not.
 std::string refusal(const std::function<void()>& body) {
@@ -224,6 +227,51 @@ TEST_F(VerifyResult, RefusesWhatElseCanBeForged) {
   json = honest;
   json["engine_hash"] = "0123456789abcdef";
   EXPECT_EQ(refusal_of(with_checksum(json), {.any_engine = true}), "");
+}
+
+TEST_F(VerifyResult, NumbersOfAnotherToolchainAreRefusedAsSuchAndNotAsForged) {
+  const Json honest = json_of("oracle.json");
+  for (const char* part : {"compiler", "c_library", "processor", "embree", "libtorch", "onednn", "blas"})
+    EXPECT_FALSE(honest["toolchain"].value(part, "").empty()) << part;
+  const std::string here = walking_toolchain(this_toolchain());
+  EXPECT_EQ(walking_toolchain(load_result(path("oracle.json")).toolchain), here);
+
+  // Of another build, with a number that is off by one unit in the last place.
+  Json off = honest;
+  off["engine_hash"] = "0123456789abcdef";
+  off["episodes"][2]["spl"] = std::nextafter(off["episodes"][2]["spl"].get<double>(), 10.0);
+  const VerifyConfig any{.any_engine = true};
+  EXPECT_THAT(refusal_of(with_checksum(off), any),
+              AllOf(HasSubstr("episode 2 ("), HasSubstr("claims spl = "), HasSubstr("it is refused"), Not(HasSubstr("toolchain"))));
+  for (const auto& [part, value] : {std::pair("compiler", "g++99"), std::pair("c_library", "glibc 9.9"), std::pair("processor", "armv8-a"),
+                                    std::pair("embree", "9.9.9 neon")}) {
+    Json json = off;
+    json["toolchain"][part] = value;
+    const std::string why = refusal_of(with_checksum(json), any);
+    EXPECT_THAT(why, AllOf(HasSubstr("episode 2 ("), HasSubstr("claims spl = "), HasSubstr("it was made with "), HasSubstr(value),
+                           HasSubstr("walked again with " + here), HasSubstr("no evidence of a forgery")));
+    EXPECT_EQ(why.find('\n'), std::string::npos);
+    // Where this very program wrote it, another toolchain is no reason.
+    json["engine_hash"] = honest["engine_hash"];
+    EXPECT_THAT(refusal_of(with_checksum(json)), AllOf(HasSubstr("it is refused"), Not(HasSubstr("no evidence"))));
+  }
+  // libtorch chose the actions, which the file has: it has no part in the numbers.
+  Json json = off;
+  json["toolchain"]["libtorch"] = "9.9 AVX9";
+  json["toolchain"]["blas"] = "unknown";
+  EXPECT_THAT(refusal_of(with_checksum(json), any), Not(HasSubstr("no evidence")));
+
+  // The same numbers are taken, whatever toolchain made them, and older files name none.
+  json = honest;
+  json["engine_hash"] = "0123456789abcdef";
+  json["toolchain"]["compiler"] = "g++99";
+  EXPECT_EQ(refusal_of(with_checksum(json), any), "");
+  write_file_atomically(path("other.json"), with_checksum(json).dump());
+  EXPECT_THAT(verify(load_result(path("other.json")), any).toolchain, StartsWith("g++99, "));
+  json.erase("toolchain");
+  EXPECT_EQ(refusal_of(with_checksum(json), any), "");
+  off.erase("toolchain");
+  EXPECT_THAT(refusal_of(with_checksum(off), any), AllOf(HasSubstr("a toolchain that it does not name"), HasSubstr("no evidence")));
 }
 
 TEST_F(VerifyResult, RulesThatAreMissingOrUnknownAreRefused) {
