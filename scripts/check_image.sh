@@ -38,6 +38,10 @@ apt-get indextargets --format 'deb $(REPO_URI) $(RELEASE) $(COMPONENT) #$(ORIGIN
   sed -nE "s/^(deb [^ ]+) [a-z]+((-updates|-security)? [^ ]+) #Debian\$/\\1 trixie\\2/p" | sort -u >"$root/etc/apt/sources.list"
 apt-config dump | grep -E '^Acquire::(https?|ftp|Check-|Retries|ForceIPv)' >"$root/etc/apt/apt.conf.d/90machine" || true
 cp /etc/hosts /etc/resolv.conf "$root/etc/"
+# Packages that scripts/bare_machine.sh downloaded; the step removes what it does not need and the rest of them.
+for package in "$cache"/packages-trixie/*.deb; do
+  if [ -f "$package" ]; then ln "$package" "$root/var/cache/apt/archives/" || true; fi
+done
 mkdir -p "$root$folder"
 cp "$script" "$deb" "$root$folder/"
 

@@ -8,13 +8,17 @@ set -euo pipefail
 debs=("$1"/earshot_*.deb)
 [ ${#debs[@]} = 1 ] && [ -f "${debs[0]}" ] || { echo "image_runtime: $1 holds another number of files earshot_*.deb than one: ${debs[*]}" >&2; exit 2; }
 export DEBIAN_FRONTEND=noninteractive
-# As in the slim images of Debian: no documents and translations but licences.
+# As in the slim images of Debian: no documents and translations but licences.  Mesa's driver and its compiler (170 MB) draw on the CPU, slower than
+# Embree does: the image leaves them out.  A driver of a graphics card comes from the host.
 cat >/etc/dpkg/dpkg.cfg.d/earshot <<'EXCLUDE'
 path-exclude /usr/share/doc/*
 path-include /usr/share/doc/*/copyright
 path-exclude /usr/share/info/*
 path-exclude /usr/share/locale/*
 path-exclude /usr/share/man/*
+path-exclude /usr/lib/*/libLLVM*
+path-exclude /usr/lib/*/libgallium-*
+path-exclude /usr/lib/llvm-*
 EXCLUDE
 apt-get update -qq
 apt-get install -y -qq --no-install-recommends "$(realpath "${debs[0]}")" >/dev/null
