@@ -12,9 +12,10 @@ namespace earshot {
 namespace {
 
 /// Those of OpenBLAS's names for x86-64 whose kernels have no AVX2.
-constexpr std::array<std::string_view, 22> kWithoutAvx2{
-    "generic", "unknown",    "katmai", "coppermine", "northwood",    "prescott",  "banias", "core2",       "penryn",    "dunnington", "nehalem",
-    "atom",    "sandybridge", "nano",  "athlon",     "opteron", "opteron_sse3", "barcelona", "bobcat", "bulldozer", "piledriver", "steamroller"};
+constexpr std::array<std::string_view, 22> kWithoutAvx2{"generic",     "unknown",   "katmai",     "coppermine", "northwood",    "prescott",
+                                                        "banias",      "core2",     "penryn",     "dunnington", "nehalem",      "atom",
+                                                        "sandybridge", "nano",      "athlon",     "opteron",    "opteron_sse3", "barcelona",
+                                                        "bobcat",      "bulldozer", "piledriver", "steamroller"};
 
 }  // namespace
 

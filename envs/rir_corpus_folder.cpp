@@ -180,12 +180,9 @@ std::string CorpusFolder::recording_line(const std::string& manifest_line) const
 
 std::string CorpusFolder::describe(const std::string& kind, const std::string& config, float sample_rate_hz,
                                    const std::vector<std::string>& channels) {
-  const Json json = {{kCorpusVersionKey, kCorpusVersion},
-                     {"kind", kind},
-                     {"engine", engine_commit() + " " + build_type()},
-                     {"channels", channels},
-                     {"sample_rate_hz", sample_rate_hz},
-                     {"config", config}};
+  const Json json = {
+      {kCorpusVersionKey, kCorpusVersion}, {"kind", kind},    {"engine", engine_commit() + " " + build_type()}, {"channels", channels},
+      {"sample_rate_hz", sample_rate_hz},  {"config", config}};
   return json.dump(1) + "\n";
 }
 

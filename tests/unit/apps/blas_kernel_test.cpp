@@ -16,9 +16,22 @@ TEST(BlasKernel, IsAtFaultWhereItLeavesAvx2Unused) {
     bool has_avx2;
   };
   // Names as openblas_get_corename has them.
-  for (const Case& c : {Case{"Prescott", false}, {"Core2", false}, {"Nehalem", false}, {"Barcelona", false}, {"Sandybridge", false},
-                        {"Piledriver", false}, {"generic", false}, {"Unknown", false}, {"Haswell", true}, {"Zen", true}, {"Excavator", true},
-                        {"SkylakeX", true}, {"Cooperlake", true}, {"SapphireRapids", true}, {"neoversen1", true}, {"", true}}) {
+  for (const Case& c : {Case{"Prescott", false},
+                        {"Core2", false},
+                        {"Nehalem", false},
+                        {"Barcelona", false},
+                        {"Sandybridge", false},
+                        {"Piledriver", false},
+                        {"generic", false},
+                        {"Unknown", false},
+                        {"Haswell", true},
+                        {"Zen", true},
+                        {"Excavator", true},
+                        {"SkylakeX", true},
+                        {"Cooperlake", true},
+                        {"SapphireRapids", true},
+                        {"neoversen1", true},
+                        {"", true}}) {
     EXPECT_EQ(blas_kernel_remedy(c.kernel, true).has_value(), !c.has_avx2) << c.kernel;
     EXPECT_FALSE(blas_kernel_remedy(c.kernel, false)) << c.kernel << " is all that a processor without AVX2 can run";
   }

@@ -51,8 +51,9 @@ std::vector<std::string> draw_places(const std::string& name, int count) {
 /// Energy of each band, then of all, of every listener in turn: from the strengths of the energy response.
 std::vector<std::vector<double>> energies(const std::string& isa, const std::string& scene, const std::string& preset,
                                           const std::vector<std::string>& places, const std::string& folder) {
-  std::string command = fmt::format("EARSHOT_ISA={} {} rir '{}' --preset {} --channels mono --source {} --out {}/rir.wav --metrics {}/rir.json",
-                                    isa, earshot_program().string(), scene, preset, places[0], folder, folder);
+  std::string command =
+      fmt::format("EARSHOT_ISA={} {} rir '{}' --preset {} --channels mono --source {} --out {}/rir.wav --metrics {}/rir.json", isa,
+                  earshot_program().string(), scene, preset, places[0], folder, folder);
   for (std::size_t i = 1; i < places.size(); ++i) command += " --listener " + places[i];
   EXPECT_EQ(run(command + " >" + folder + "/log 2>&1"), 0) << command;
   std::ifstream file(folder + "/rir.json");
