@@ -9,7 +9,8 @@ debs=("$1"/earshot_*.deb)
 [ ${#debs[@]} = 1 ] && [ -f "${debs[0]}" ] || { echo "image_runtime: $1 holds another number of files earshot_*.deb than one: ${debs[*]}" >&2; exit 2; }
 export DEBIAN_FRONTEND=noninteractive
 # As in the slim images of Debian: no documents and translations but licences.  Mesa's driver and its compiler (170 MB) draw on the CPU, slower than
-# Embree does: the image leaves them out.  A driver of a graphics card comes from the host.
+# Embree does: the image leaves them out.  A driver of a graphics card comes from the host.  libtorch asks for Open MPI, that for AMD's run time, which
+# opens its compiler of kernels (190 MB with an LLVM of its own) only for a card of theirs.
 cat >/etc/dpkg/dpkg.cfg.d/earshot <<'EXCLUDE'
 path-exclude /usr/share/doc/*
 path-include /usr/share/doc/*/copyright
@@ -19,6 +20,7 @@ path-exclude /usr/share/man/*
 path-exclude /usr/lib/*/libLLVM*
 path-exclude /usr/lib/*/libgallium-*
 path-exclude /usr/lib/llvm-*
+path-exclude /usr/lib/*/libamd_comgr*
 EXCLUDE
 apt-get update -qq
 apt-get install -y -qq --no-install-recommends "$(realpath "${debs[0]}")" >/dev/null
