@@ -4,6 +4,7 @@
 #include <link.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <exception>
 #include <filesystem>
@@ -25,6 +26,7 @@
 #include "sim/base/isolated_call.h"
 #include "sim/base/processor.h"
 #include "sim/base/version.h"
+#include "sim/rays/embree_options.h"
 #include "sim/rays/ray_tracer_version.h"
 #include "sim/vision/egl_device.h"
 
@@ -118,18 +120,16 @@ std::string loaded_library(const std::string& part) {
   return search.found;
 }
 
-bool has_avx2_and_fma() {
-  int found = 0;
-  for (const CpuFeature& feature : cpu_features())
-    if ((feature.name == std::string_view("AVX2") || feature.name == std::string_view("FMA")) && feature.present) ++found;
-  return found == 2;
+bool has_ray_isa(std::string_view name) {
+  const std::vector<RayIsa> isas = ray_isas();
+  return std::any_of(isas.begin(), isas.end(), [&](const RayIsa& isa) { return isa.name == name && isa.present; });
 }
 
 /// Of a BLAS that trains fast: the library, and the processor whose kernels it has chosen.
 Finding fast_blas(const std::string& path) {
   const std::string kernel = blas_kernel();
   if (kernel.empty()) return {State::ok, path};
-  if (const auto remedy = blas_kernel_remedy(kernel, has_avx2_and_fma())) return {State::slow, fmt::format("{}: {}", path, *remedy)};
+  if (const auto remedy = blas_kernel_remedy(kernel, has_ray_isa("avx2"))) return {State::slow, fmt::format("{}: {}", path, *remedy)};
   return {State::ok, fmt::format("{}, kernels for {}", path, kernel)};
 }
 

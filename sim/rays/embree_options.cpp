@@ -1,27 +1,33 @@
 #include "sim/rays/embree_options.h"
 
 #include <algorithm>
+#include <cstddef>
 #include <cstdlib>
+#include <initializer_list>
+#include <iterator>
 #include <set>
+#include <string_view>
 
 #include "sim/base/config_reader.h"
 #include "sim/base/errors.h"
+#include "sim/base/processor.h"
 
 namespace earshot {
 
 std::vector<RayIsa> ray_isas() {
-#if defined(__x86_64__)
-  const auto has = [](auto... supported) { return (... && (supported != 0)); };
+  if (std::string_view(kFirstProcessor) != "x86-64") return {};
+  const unsigned present = present_instruction_sets();
+  const auto has = [&](std::initializer_list<std::string_view> names) {
+    unsigned bits = 0;
+    for (std::size_t set = 0; set < std::size(kInstructionSets); ++set)
+      if (std::find(names.begin(), names.end(), kInstructionSets[set]) != names.end()) bits |= 1u << set;
+    return (present & bits) == bits;
+  };
   return {{"sse2", true},
-          {"sse4.2", has(__builtin_cpu_supports("sse4.2"), __builtin_cpu_supports("popcnt"))},
-          {"avx", has(__builtin_cpu_supports("avx"))},
-          {"avx2", has(__builtin_cpu_supports("avx2"), __builtin_cpu_supports("fma"), __builtin_cpu_supports("bmi"),
-                       __builtin_cpu_supports("bmi2"))},
-          {"avx512", has(__builtin_cpu_supports("avx512f"), __builtin_cpu_supports("avx512dq"), __builtin_cpu_supports("avx512cd"),
-                         __builtin_cpu_supports("avx512bw"), __builtin_cpu_supports("avx512vl"))}};
-#else
-  return {};
-#endif
+          {"sse4.2", has({"SSE4.2"})},
+          {"avx", has({"AVX"})},
+          {"avx2", has({"AVX2", "BMI2", "FMA"})},
+          {"avx512", has({"AVX-512"})}};
 }
 
 std::string embree_options_of(const std::string& isa, const std::vector<RayIsa>& isas) {

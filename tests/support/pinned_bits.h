@@ -11,6 +11,7 @@
 
 #include "sim/base/compiler.h"
 #include "sim/base/files.h"
+#include "sim/base/processor.h"
 #include "sim/rays/embree_options.h"
 #include "sim/rays/ray_tracer_version.h"
 #include "tests/support/pinned_rows.h"
@@ -38,18 +39,11 @@ inline std::string toolchain(std::initializer_list<std::string> libraries) {
   return joined;
 }
 
-/// widest: the vectors that a library has chosen, as "avx2".
+/// widest: the vectors that a library has chosen, as "avx2"; processors other than x86-64 have no choice.
 inline std::string instruction_set(const std::string& widest) {
-#if defined(__x86_64__) && defined(__AVX2__)
-  return "x86-64-v3+" + widest;
-#elif defined(__x86_64__)
-  return "x86-64+" + widest;
-#elif defined(__aarch64__)
-  static_cast<void>(widest);  // there is one
-  return "armv8-a";
-#else
-  return "other+" + widest;
-#endif
+  const std::string first = kFirstProcessor;
+  if (first != "x86-64") return first;
+  return ((kUsedInstructionSets & kDefaultInstructionSets) == kDefaultInstructionSets ? "x86-64-v3+" : "x86-64+") + widest;
 }
 
 /// Hash over the bytes of any number of arrays, in order.
