@@ -26,9 +26,11 @@ namespace earshot {
 namespace {
 
 constexpr int kListeners = 4;
-/// Hits differ in their last bits, 1e-7 of a distance; a ray that takes another surface at an edge for it is one of the thousand that carry
-/// the late energy, and late there.
+/// Hits differ in their last bits, 1e-7 of a distance.
 constexpr double kTolerance = 1e-4;
+/// Of the late field's stated standard error: a late ray that takes another surface at an edge for those bits goes another way from there,
+/// with 1 / rays of the energy and more of what reaches a far room.  Seen: 0.016 (house:7, balanced, 1024 rays, 2.9e-3 of a band).
+constexpr double kOfStandardError = 0.05;
 
 int run(const std::string& command) {
   const int status = std::system(command.c_str());
@@ -48,9 +50,13 @@ std::vector<std::string> draw_places(const std::string& name, int count) {
   return places;
 }
 
-/// Energy of each band, then of all, of every listener in turn: from the strengths of the energy response.
-std::vector<std::vector<double>> energies(const std::string& isa, const std::string& scene, const std::string& preset,
-                                          const std::vector<std::string>& places, const std::string& folder) {
+/// Of every listener: the energy of each band, then of all, from the strengths of the energy response, and what each may differ by.
+struct Energies {
+  std::vector<double> energy, tolerance;
+};
+
+std::vector<Energies> energies(const std::string& isa, const std::string& scene, const std::string& preset,
+                               const std::vector<std::string>& places, const std::string& folder) {
   std::string command =
       fmt::format("EARSHOT_ISA={} {} rir '{}' --preset {} --channels mono --source {} --out {}/rir.wav --metrics {}/rir.json", isa,
                   earshot_program().string(), scene, preset, places[0], folder, folder);
@@ -58,25 +64,31 @@ std::vector<std::vector<double>> energies(const std::string& isa, const std::str
   EXPECT_EQ(run(command + " >" + folder + "/log 2>&1"), 0) << command;
   std::ifstream file(folder + "/rir.json");
   const nlohmann::json json = nlohmann::json::parse(file, nullptr, false);
-  std::vector<std::vector<double>> result;
+  std::vector<Energies> result;
   if (!json.contains("pairs")) {
     ADD_FAILURE() << "no pairs in what " << command << " wrote";
     return result;
   }
   for (const nlohmann::json& pair : json["pairs"]) {
-    std::vector<double> bands;
-    double sum = 0;
-    for (const nlohmann::json& strength_db : pair["energy"]["g_db"]) {
-      bands.push_back(strength_db.is_null() ? 0 : std::pow(10, strength_db.get<double>() / 10));
-      sum += bands.back();
+    const nlohmann::json& strengths_db = pair["energy"]["g_db"];
+    const nlohmann::json errors_db = pair["standard_error"].value("g_db", nlohmann::json::array());
+    Energies of;
+    double sum = 0, least = INFINITY;
+    for (std::size_t band = 0; band < strengths_db.size(); ++band) {
+      of.energy.push_back(strengths_db[band].is_null() ? 0 : std::pow(10, strengths_db[band].get<double>() / 10));
+      const double error_db = band < errors_db.size() && errors_db[band].is_number() ? errors_db[band].get<double>() : 0;
+      of.tolerance.push_back(std::max(kTolerance, std::pow(10, kOfStandardError * error_db / 10) - 1));
+      sum += of.energy.back();
+      least = std::min(least, of.tolerance.back());
     }
-    bands.push_back(sum);
-    result.push_back(bands);
+    of.energy.push_back(sum);
+    of.tolerance.push_back(least);
+    result.push_back(of);
   }
   return result;
 }
 
-TEST(InstructionSets, ResponsesDifferByLessThanTenThousandthOfTheirEnergy) {
+TEST(InstructionSets, DifferByATenThousandthOfAnEnergyOrFarLessThanItsError) {
   std::vector<std::string> isas;
   for (const RayIsa& isa : ray_isas())
     if (isa.present) isas.push_back(isa.name);
@@ -92,18 +104,19 @@ TEST(InstructionSets, ResponsesDifferByLessThanTenThousandthOfTheirEnergy) {
         ASSERT_EQ(other.size(), widest.size());
         double in_band = 0, in_all = 0;
         for (std::size_t listener = 0; listener < widest.size(); ++listener) {
-          const std::vector<double>&expected = widest[listener], &found = other[listener];
+          const std::vector<double>&expected = widest[listener].energy, &found = other[listener].energy;
           ASSERT_EQ(found.size(), expected.size());
           ASSERT_GT(expected.back(), 0) << scene << " listener " << listener;
           for (std::size_t band = 0; band < expected.size(); ++band) {
             if (expected[band] == 0 && found[band] == 0) continue;
+            const double difference = std::fabs(found[band] / expected[band] - 1);
             double& greatest = band + 1 == expected.size() ? in_all : in_band;
-            greatest = std::max(greatest, std::fabs(found[band] / expected[band] - 1));
+            greatest = std::max(greatest, difference);
+            EXPECT_LE(difference, widest[listener].tolerance[band])
+                << scene << ' ' << preset << ' ' << isas[i] << " listener " << listener << " band " << band;
           }
         }
         fmt::print("{} {}: {} against {}: {:.1e} in a band, {:.1e} in all\n", scene, preset, isas[i], isas.back(), in_band, in_all);
-        EXPECT_LE(in_band, kTolerance) << scene << ' ' << preset << ' ' << isas[i];
-        EXPECT_LE(in_all, kTolerance) << scene << ' ' << preset << ' ' << isas[i];
       }
     }
   }
