@@ -1,14 +1,18 @@
 #!/usr/bin/env bash
 # scripts/build_wheel.sh [PYTHON...]
+# scripts/build_wheel.sh --compiled FOLDER
 # Builds the Python package into build/wheel: wheels that bring every library they need but those of the C and C++ run time, with their licences and
 # a software bill of materials (scripts/make_sbom.py).
 # PYTHON: Pythons from 3.11 on (default: python3).  The wheel of 3.12 or later is for all from 3.12 on (the stable ABI), that of 3.11 for 3.11 alone.
+# --compiled FOLDER: completes the wheel in FOLDER, which needs the libraries of this machine and was compiled on another one (scripts/arm64.sh).
 # Fails where one of the libraries is under the GPL.  What does not depend on the Python is compiled once, in build/python.
 # EARSHOT_JOBS: how many jobs at once (default: all cores).  Tools come from the Python package index, into build/wheel_tools, in the
 # versions of python/tests/tested_versions.txt.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
+compiled=
+if [ "${1:-}" = --compiled ]; then compiled=$(realpath "$2"); shift 2; fi
 [ $# -gt 0 ] || set -- python3
 tools=$PWD/build/wheel_tools
 work=$PWD/build/wheel_work
@@ -97,7 +101,7 @@ mkdir -p build/wheel
 for python in "$@"; do
   rm -rf "$work"
   mkdir -p "$work/raw" "$work/repaired"
-  compile "$python"
+  if [ -n "$compiled" ]; then cp "$compiled"/*.whl "$work/raw/"; else compile "$python"; fi
   repair
   finish
 done
