@@ -49,7 +49,9 @@ endif()
 include(CheckLinkerFlag)
 check_linker_flag(CXX -fuse-ld=mold EARSHOT_LINKS_BY_MOLD)
 if(EARSHOT_LINKS_BY_MOLD)
-  add_link_options(-fuse-ld=mold)
+  # Without pages of their own for segments, mold 1.10 may begin the part that is made read-only after relocation in a page that is not mapped (code
+  # that ends in the last seven bytes of a page, before a thread_local of one byte): the program then does not start.
+  add_link_options(-fuse-ld=mold LINKER:-z,separate-loadable-segments)
 endif()
 
 if(EARSHOT_SANITIZE)
