@@ -1,4 +1,6 @@
 // Files of newer versions are refused with one line that names the version; files without a version are of version 1.
+#include "sim/base/schema_version.h"
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -9,7 +11,6 @@
 
 #include "sim/base/config_reader.h"
 #include "sim/base/errors.h"
-#include "sim/base/schema_version.h"
 #include "sim/base/version.h"
 
 namespace earshot {
@@ -32,7 +33,8 @@ TEST(SchemaVersion, OfNewerFilesIsNamed) {
   EXPECT_THAT(refusal([] { check_schema_version("a.json", "a result", 2, {}); }),
               AllOf(HasSubstr("a.json"), HasSubstr(std::string("is a result of version 2; earshot ") + kVersion + " reads version 1"),
                     HasSubstr("use a newer earshot")));
-  EXPECT_THAT(refusal([] { check_schema_version("a.json", "a result", 4, {.oldest = 1, .newest = 3}); }), HasSubstr("reads versions 1 to 3"));
+  EXPECT_THAT(refusal([] { check_schema_version("a.json", "a result", 4, {.oldest = 1, .newest = 3}); }),
+              HasSubstr("reads versions 1 to 3"));
   EXPECT_THAT(refusal([] { check_schema_version("a.json", "a result", 1, {.oldest = 2, .newest = 2}); }),
               HasSubstr("use the earshot that wrote it"));
   for (const std::int64_t version : {std::int64_t{0}, std::int64_t{-1}, std::int64_t{1} << 40})
