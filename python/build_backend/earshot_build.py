@@ -1,7 +1,7 @@
 """The build backend of the package: scikit-build-core, after a look for the headers that the build reads.
 
-Where headers are missing, the hooks that build end with one line that names the Debian packages to install; CMake would say the same at the end of
-a page of output.  Headers and packages are those of cmake/EarshotDependencies.cmake.
+Where headers are missing, the hooks that build end with one line that names the Debian packages to install; CMake would say
+the same at the end of a page of output.  Headers and packages are those of cmake/EarshotDependencies.cmake.
 """
 
 from __future__ import annotations
@@ -42,7 +42,10 @@ def compiler_folders() -> list[Path] | None:
 def looks_elsewhere(settings: Settings) -> bool:
     """Whether CMake is told to look for headers in other folders than the compiler's: then it alone can say what is missing."""
     words = "CMAKE_PREFIX_PATH|CMAKE_INCLUDE_PATH|CMAKE_TOOLCHAIN_FILE|CMAKE_SYSROOT|CMAKE_FIND_ROOT_PATH|CMAKE_CXX_COMPILER(?!_LAUNCHER)"
-    given = [*(settings or {}).items(), *((name, value) for name, value in os.environ.items() if name.startswith(("CMAKE_", "SKBUILD_", "CONDA_PREFIX")))]
+    given = [
+        *(settings or {}).items(),
+        *((name, value) for name, value in os.environ.items() if name.startswith(("CMAKE_", "SKBUILD_", "CONDA_PREFIX"))),
+    ]
     return any(re.search(words + "|CONDA_PREFIX", f"{name}={value}") for name, value in given)
 
 
