@@ -29,4 +29,8 @@ expect 1 sim/acoustics/core/a.h '"sim/vision/a.h"'
 expect 1 sim/base/a.h '"sim/rays/a.h"'
 expect 1 envs/a.h '"trainer/a.h"'
 expect 1 sim/nav/a.h '<embree3/rtcore.h>'
+expect 0 bench/learner_a_bench.cpp '"policy/a.h"'
+expect 1 bench/camera_bench.cpp '"policy/a.h"'
+expect 0 bench/learner_a_bench.cpp '<torch/types.h>'
+expect 1 bench/camera_bench.cpp '<torch/types.h>'
 exit "$failures"
