@@ -1,5 +1,5 @@
-// Question: which hand-written kernels of the learner are faster than those of the installed libtorch?  (docs/agent.md, "Speed of the
-// learner") Names are KERNEL/CONFIG/IMPLEMENTATION/PASS.  --benchmark_enable_random_interleaving measures the implementations in turn.
+// Question: which hand-written kernels of the learner are faster than those of the installed libtorch?  (docs/learner_speed.md)
+// Names are KERNEL/CONFIG/IMPLEMENTATION/PASS.  --benchmark_enable_random_interleaving=true measures the implementations in turn.
 
 #include <ATen/Context.h>
 #include <ATen/ops/_foreach_add.h>
@@ -155,7 +155,7 @@ struct Gru {
   std::vector<Tensor> weights = {};  ///< in torch's order
 };
 
-/// torch's GRU on each stretch of steps in which no episode begins.
+/// torch's GRU on each segment of steps in which no episode begins.
 Tensor gru_by_segment(const Gru& gru, const Tensor& x, const Tensor& hidden, const Tensor& mask) {
   std::vector<Tensor> outputs;
   Tensor state = hidden.unsqueeze(0);
