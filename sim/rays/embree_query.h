@@ -3,6 +3,9 @@
 // The two interfaces of Embree in one shape, for sim/rays alone.  Embree 3 takes flags and filter of a query in its context, Embree 4 in
 // arguments beside the context.
 
+#include <cstddef>
+#include <cstring>
+
 #include "sim/rays/embree_handles.h"
 
 namespace earshot {
@@ -54,6 +57,25 @@ inline void occlude_one(RTCScene scene, EmbreeContext& context, RTCFilterFunctio
 #endif
 }
 
+#if EARSHOT_EMBREE_MAJOR >= 4
+/// A packet of sixteen as two of eight.  Without AVX-512, Embree 4 traces sixteen rays one by one (Embree 3 as two packets): pictures then
+/// cost 1.6 times as much.
+inline void intersect_as_eights(const int* valid, RTCScene scene, RTCRayHit16& query, RTCIntersectArguments& arguments) {
+  constexpr std::size_t kLaneBytes = 4, kFields = sizeof(RTCRayHit8) / (8 * kLaneBytes);
+  static_assert(sizeof(RTCRayHit16) == kFields * 16 * kLaneBytes);
+  auto* all = reinterpret_cast<std::byte*>(&query);
+  for (std::size_t half = 0; half < 2; ++half, valid += 8, all += 8 * kLaneBytes) {
+    RTCRayHit8 eight;
+    auto* lanes = reinterpret_cast<std::byte*>(&eight);
+    for (std::size_t field = 0; field < kFields; ++field)
+      std::memcpy(lanes + field * 8 * kLaneBytes, all + field * 16 * kLaneBytes, 8 * kLaneBytes);
+    rtcIntersect8(valid, scene, &eight, &arguments);
+    for (std::size_t field = 0; field < kFields; ++field)
+      std::memcpy(all + field * 16 * kLaneBytes, lanes + field * 8 * kLaneBytes, 8 * kLaneBytes);
+  }
+}
+#endif
+
 /// Nearest hits of a packet of coherent rays, without a filter.  valid: -1 for a ray that is traced, 0 for one that is not; aligned as the
 /// packet is.
 template <class Packet>
@@ -69,7 +91,7 @@ void intersect_coherent(const int* valid, RTCScene scene, Packet& query) {
   if constexpr (std::is_same_v<Packet, RTCRayHit8>) {
     rtcIntersect8(valid, scene, &query, &arguments);
   } else {
-    rtcIntersect16(valid, scene, &query, &arguments);
+    intersect_as_eights(valid, scene, query, arguments);
   }
 #else
   EmbreeContext context;
