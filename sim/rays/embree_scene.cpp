@@ -111,13 +111,15 @@ void keep_blocker(const RTCFilterFunctionNArguments* arguments) {
   reinterpret_cast<BlockerContext*>(arguments->context)->triangle = reinterpret_cast<const RTCHit*>(arguments->hit)->primID;
 }
 
-/// The open segment between two points as a shadow ray.
-RTCRay segment_between(glm::vec3 from, glm::vec3 to) {
+/// The open segment between two points as a shadow ray.  roundings: error of the distance of a hit, in roundings of the farthest
+/// coordinate.
+RTCRay segment_between(glm::vec3 from, glm::vec3 to, float roundings) {
   // Both directions of a segment must agree (reciprocity), and rounding at edges depends on the ray's origin: fix the order.
   if (std::tie(to.x, to.y, to.z) < std::tie(from.x, from.y, from.z)) std::swap(from, to);
   const glm::vec3 along = to - from;
   // An open segment: what its ends lie on does not block it.
-  const float fraction = std::min(0.25f, std::max(rounding_of(from), rounding_of(to)) / std::max(glm::length(along), 1e-30f));
+  const float margin_m = roundings * std::max(rounding_of(from), rounding_of(to));
+  const float fraction = std::min(0.25f, margin_m / std::max(glm::length(along), 1e-30f));
   return {.org_x = from.x,
           .org_y = from.y,
           .org_z = from.z,
@@ -141,6 +143,7 @@ struct EmbreeScene::Handles {
   EmbreeSceneHandle scene;
   std::span<const glm::uvec3> traced;  // in a buffer of the scene's geometry
   std::vector<HitSurface> surfaces;    // [traced]
+  float distance_roundings = 4;        // without AVX-512 Embree divides by approximate reciprocals
 
   [[nodiscard]] RTCRayHit8 trace8(std::span<const glm::vec3, 8> origins, std::span<const glm::vec3, 8> directions) const {
     alignas(32) int valid[8];
@@ -218,6 +221,7 @@ EmbreeScene::EmbreeScene(std::span<const glm::vec3> vertices, std::span<const gl
   h.device.reset(rtcNewDevice(embree_device_options().c_str()));
   if (!h.device) fail("rtcNewDevice failed, Embree error " + std::to_string(rtcGetDeviceError(nullptr)));
   rtcSetDeviceErrorFunction(h.device.get(), keep_first_error, &h.errors);
+  if (rtcGetDeviceProperty(h.device.get(), RTC_DEVICE_PROPERTY_NATIVE_RAY16_SUPPORTED) != 0) h.distance_roundings = 1;
   rtcSetDeviceMemoryMonitorFunction(h.device.get(), count_bytes, &h.embree_bytes);
   h.scene.reset(rtcNewScene(h.device.get()));
   if (!h.scene) fail("rtcNewScene failed");
@@ -300,7 +304,7 @@ Hit EmbreeScene::intersect(glm::vec3 origin, glm::vec3 direction, float max_dist
 bool EmbreeScene::occluded(glm::vec3 from, glm::vec3 to) const {
   if (!is_near(from) || !is_near(to)) return true;  // outside of all scenes
   EmbreeContext context;
-  RTCRay ray = segment_between(from, to);
+  RTCRay ray = segment_between(from, to, handles_->distance_roundings);
   occlude_one(handles_->scene.get(), context, nullptr, ray);
   return ray.tfar < 0;
 }
@@ -312,7 +316,7 @@ bool EmbreeScene::occluded(glm::vec3 from, glm::vec3 to, std::uint32_t& blocker)
     if (surely_blocks(surface.a, surface.b, surface.c, from, to)) return true;
   }
   BlockerContext context;
-  RTCRay ray = segment_between(from, to);
+  RTCRay ray = segment_between(from, to, handles_->distance_roundings);
   occlude_one(handles_->scene.get(), context.base, keep_blocker, ray);
   if (!(ray.tfar < 0)) return false;
   blocker = context.triangle;
