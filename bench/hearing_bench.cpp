@@ -1,6 +1,7 @@
 // Question: what does the sound of one agent cost per step, stage by stage, once its source field is built?
 #include <benchmark/benchmark.h>
 
+#include <algorithm>
 #include <array>
 #include <chrono>
 #include <cstring>

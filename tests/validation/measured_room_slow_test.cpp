@@ -1,7 +1,9 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <glm/geometric.hpp>
+#include <numbers>
 
 #include "sim/acoustics/response/energy_response.h"
 #include "tests/support/cap_loudspeaker.h"

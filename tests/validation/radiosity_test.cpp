@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <numbers>
+
 #include "tests/support/decay.h"
 
 // The radiosity solver is judged first, by closed forms and by docs/oracles.md, O-10, before it judges the tracer

@@ -1,5 +1,6 @@
 #include "sim/acoustics/synthesis/late_envelope.h"
 
+#include <algorithm>
 #include <cstdint>
 
 namespace earshot {

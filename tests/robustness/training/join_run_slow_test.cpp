@@ -1,6 +1,7 @@
 // Whole runs of four worker processes in which a lost one comes back: what it gets, what it brings, what is on disk, and who may not come.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <cmath>

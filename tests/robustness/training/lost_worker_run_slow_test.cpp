@@ -1,6 +1,7 @@
 // Whole runs of four worker processes that go on without one of them: what it takes, what the others hold, and what is on disk.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <csignal>

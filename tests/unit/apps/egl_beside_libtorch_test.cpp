@@ -1,6 +1,8 @@
 // Mesa's driver in a process that has libtorch loaded, whose copy of LLVM must not answer the driver's calls.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "policy/torch_info.h"
 #include "sim/vision/egl_context.h"
 #include "sim/vision/egl_device.h"

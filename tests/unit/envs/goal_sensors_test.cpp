@@ -1,6 +1,7 @@
 // Sensors of what no agent could sense, and the interaural one: against what they are made of.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <numbers>

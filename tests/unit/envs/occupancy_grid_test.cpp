@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <numbers>
+
 #include "envs/grid_planner.h"
 #include "tests/support/env_fixture.h"
 

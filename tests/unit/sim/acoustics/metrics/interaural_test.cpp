@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <numbers>
 
 #include "sim/acoustics/metrics/room_metrics.h"
 #include "sim/base/errors.h"

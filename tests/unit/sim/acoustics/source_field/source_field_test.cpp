@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstring>
 #include <glm/geometric.hpp>
+#include <numbers>
 #include <vector>
 
 #include "sim/acoustics/geometry/field_grid.h"

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <glm/geometric.hpp>
+#include <numbers>
 
 #include "sim/acoustics/synthesis/rir_synthesis.h"
 #include "tests/support/synthesis_cases.h"

@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <numbers>
 
 #include "sim/acoustics/synthesis/rir_synthesis.h"
 #include "tests/support/synthesis_cases.h"

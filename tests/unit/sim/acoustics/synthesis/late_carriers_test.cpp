@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cmath>
+#include <numbers>
 
 #include "sim/base/random.h"
 #include "tests/support/synthesis_cases.h"

@@ -4,6 +4,7 @@
 
 #include <functional>
 #include <glm/geometric.hpp>
+#include <numbers>
 #include <optional>
 
 #include "sim/audio/sound_stream.h"

@@ -4,6 +4,7 @@
 
 #include <array>
 #include <map>
+#include <numbers>
 
 #include "sim/base/errors.h"
 #include "tests/support/synthesis_cases.h"
