@@ -1,6 +1,5 @@
 #include "apps/blas_kernel.h"
 
-#include <dlfcn.h>
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -18,11 +17,6 @@ constexpr std::array<std::string_view, 22> kWithoutAvx2{"generic",     "unknown"
                                                         "bobcat",      "bulldozer", "piledriver", "steamroller"};
 
 }  // namespace
-
-std::string blas_kernel() {
-  const auto name = reinterpret_cast<const char* (*)()>(::dlsym(RTLD_DEFAULT, "openblas_get_corename"));
-  return name ? name() : "";
-}
 
 std::optional<std::string> blas_kernel_remedy(const std::string& kernel, bool avx2) {
   std::string lower = kernel;

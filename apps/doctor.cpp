@@ -20,6 +20,7 @@
 #include "apps/blas_kernel.h"
 #include "apps/commands.h"
 #include "policy/torch_info.h"
+#include "policy/torch_kernels.h"
 #include "policy/torch_threads.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
@@ -127,7 +128,7 @@ bool has_ray_isa(std::string_view name) {
 
 /// Of a BLAS that trains fast: the library, and the processor whose kernels it has chosen.
 Finding fast_blas(const std::string& path) {
-  const std::string kernel = blas_kernel();
+  const std::string kernel = torch_kernels().blas;
   if (kernel.empty()) return {State::ok, path};
   if (const auto remedy = blas_kernel_remedy(kernel, has_ray_isa("avx2"))) return {State::slow, fmt::format("{}: {}", path, *remedy)};
   return {State::ok, fmt::format("{}, kernels for {}", path, kernel)};
