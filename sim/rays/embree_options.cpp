@@ -31,7 +31,10 @@ std::vector<RayIsa> ray_isas() {
 }
 
 std::string embree_options_of(const std::string& isa, const std::vector<RayIsa>& isas) {
-  if (isa.empty()) return {};
+  if (isa.empty()) {
+    const bool wider = !isas.empty() && isas.back().name == "avx512" && isas.back().present;
+    return wider ? "isa=avx2" : "";  // the choice is Embree's: it takes the widest
+  }
   std::set<std::string> names;
   std::string known, present;
   for (const RayIsa& set : isas) {

@@ -45,12 +45,12 @@ bool count_bytes(void* counter, ssize_t bytes, bool) {
 
 // A query's context with the winner so far.  Embree hands it back to the filter by address.
 struct TieContext {
-  EmbreeContext base;          // first, so that the addresses agree
-  float origin_size;           // largest coordinate of the ray's origin
-  float distance;              // of the winner
-  float normal[3];             // of the winner, not normalised
-  const HitSurface* surfaces;  // of all triangles
-  unsigned triangle = RTC_INVALID_GEOMETRY_ID;
+  EmbreeContext base;                           // first, so that the addresses agree
+  float origin_size;                            // largest coordinate of the ray's origin
+  const HitSurface* surfaces;                   // of all triangles
+  unsigned triangle = RTC_INVALID_GEOMETRY_ID;  // the winner
+  Crossing crossing;                            // with the winner
+  float normal[3];                              // of the winner, not normalised
 };
 
 // Overlapping coplanar triangles differ in distance only by rounding, so "the nearest" would be chosen by the direction of the
@@ -65,28 +65,30 @@ void prefer_lowest_id(const RTCFilterFunctionNArguments* arguments) {
   // Rounding moves the plane by about 1e-6 of the coordinates; along a slanted ray that is 1 / cos longer.
   constexpr float plane_rounding = 1e-6f, least_cosine = 1e-3f;
   const float cosine = std::max(std::fabs(dot) / std::sqrt(std::max(length2, 1e-38f)), least_cosine);
-  const float band = plane_rounding * (context.origin_size + ray.tfar) / cosine;
+  const ExactRay exact(context.surfaces[hit.primID], {ray.org_x, ray.org_y, ray.org_z}, {ray.dir_x, ray.dir_y, ray.dir_z});
+  const Crossing crossing = exact.crossing_or({ray.tfar, hit.u, hit.v});
+  const float band = plane_rounding * (context.origin_size + crossing.distance) / cosine;
 
   if (context.triangle != RTC_INVALID_GEOMETRY_ID) {
     const float* n = context.normal;
     const float along = n[0] * hit.Ng_x + n[1] * hit.Ng_y + n[2] * hit.Ng_z;
     const float winner_length2 = n[0] * n[0] + n[1] * n[1] + n[2] * n[2];
     const bool parallel = along * along >= 0.99999f * length2 * winner_length2;
-    const bool tied = ray.tfar == context.distance || (parallel && std::fabs(ray.tfar - context.distance) <= band);
-    const bool wins = tied ? hit.primID < context.triangle : ray.tfar < context.distance;
+    const float farther = crossing.distance - context.crossing.distance;
+    const bool tied = farther == 0 || (parallel && std::fabs(farther) <= band);
+    const bool wins = tied ? hit.primID < context.triangle : farther < 0;
     if (!wins) {
       arguments->valid[0] = 0;
       return;
     }
   }
-  context.distance = ray.tfar;
+  context.crossing = crossing;
   context.normal[0] = hit.Ng_x;
   context.normal[1] = hit.Ng_y;
   context.normal[2] = hit.Ng_z;
   context.triangle = hit.primID;
-  // Its data, which a large mesh has in no cache, come while the ray looks for something nearer.
-  __builtin_prefetch(context.surfaces + hit.primID);
-  ray.tfar += band;  // search behind the winner as far as a tie reaches
+  // Search behind the winner as far as a tie reaches.
+  ray.tfar = std::max(ray.tfar, crossing.distance) + band;
 }
 
 /// Half the spacing of floats at the farthest coordinate: what lies nearer than that to a point is what the point lies on.  An eighth of
@@ -100,38 +102,47 @@ bool is_near(glm::vec3 point) {  // not so for NaN
   return std::fabs(point.x) <= farthest_m && std::fabs(point.y) <= farthest_m && std::fabs(point.z) <= farthest_m;
 }
 
-/// A query's context with the triangle that blocks it.
-struct BlockerContext {
+/// A segment between two points, its query, and the triangle that blocks it.
+struct Segment {
   EmbreeContext base;  // first, so that the addresses agree
-  unsigned triangle = RTC_INVALID_GEOMETRY_ID;
+  RTCRay ray;
+  float margin;                // of both ends, as a fraction of the segment
+  const HitSurface* surfaces;  // of all triangles
+  unsigned blocker = RTC_INVALID_GEOMETRY_ID;
+
+  Segment(glm::vec3 from, glm::vec3 to, const HitSurface* surfaces_of_scene) : surfaces(surfaces_of_scene) {
+    // Both directions of a segment must agree (reciprocity), and rounding at edges depends on the ray's origin: fix the order.
+    if (std::tie(to.x, to.y, to.z) < std::tie(from.x, from.y, from.z)) std::swap(from, to);
+    const glm::vec3 along = to - from;
+    margin = std::min(0.25f, std::max(rounding_of(from), rounding_of(to)) / std::max(glm::length(along), 1e-30f));
+    ray = {.org_x = from.x,
+           .org_y = from.y,
+           .org_z = from.z,
+           .tnear = 0.f,
+           .dir_x = along.x,
+           .dir_y = along.y,
+           .dir_z = along.z,
+           .time = 0.f,
+           .tfar = 1.f,
+           .mask = ~0u,
+           .id = 0,
+           .flags = 0};
+  }
 };
 
+/// An open segment: what its ends lie on does not block it.  Embree's distances are too rough to tell.
 void keep_blocker(const RTCFilterFunctionNArguments* arguments) {
   if (arguments->valid[0] == 0) return;
-  reinterpret_cast<BlockerContext*>(arguments->context)->triangle = reinterpret_cast<const RTCHit*>(arguments->hit)->primID;
-}
-
-/// The open segment between two points as a shadow ray.  roundings: error of the distance of a hit, in roundings of the farthest
-/// coordinate.
-RTCRay segment_between(glm::vec3 from, glm::vec3 to, float roundings) {
-  // Both directions of a segment must agree (reciprocity), and rounding at edges depends on the ray's origin: fix the order.
-  if (std::tie(to.x, to.y, to.z) < std::tie(from.x, from.y, from.z)) std::swap(from, to);
-  const glm::vec3 along = to - from;
-  // An open segment: what its ends lie on does not block it.
-  const float margin_m = roundings * std::max(rounding_of(from), rounding_of(to));
-  const float fraction = std::min(0.25f, margin_m / std::max(glm::length(along), 1e-30f));
-  return {.org_x = from.x,
-          .org_y = from.y,
-          .org_z = from.z,
-          .tnear = fraction,
-          .dir_x = along.x,
-          .dir_y = along.y,
-          .dir_z = along.z,
-          .time = 0.f,
-          .tfar = 1.f - fraction,
-          .mask = ~0u,
-          .id = 0,
-          .flags = 0};
+  auto& segment = *reinterpret_cast<Segment*>(arguments->context);
+  const auto& ray = *reinterpret_cast<const RTCRay*>(arguments->ray);
+  const auto& hit = *reinterpret_cast<const RTCHit*>(arguments->hit);
+  const ExactRay exact(segment.surfaces[hit.primID], {ray.org_x, ray.org_y, ray.org_z}, {ray.dir_x, ray.dir_y, ray.dir_z});
+  const float distance = exact.distance_or(ray.tfar);
+  if (distance > segment.margin && distance < 1.f - segment.margin) {
+    segment.blocker = hit.primID;
+  } else {
+    arguments->valid[0] = 0;
+  }
 }
 
 }  // namespace
@@ -143,7 +154,6 @@ struct EmbreeScene::Handles {
   EmbreeSceneHandle scene;
   std::span<const glm::uvec3> traced;  // in a buffer of the scene's geometry
   std::vector<HitSurface> surfaces;    // [traced]
-  float distance_roundings = 4;        // without AVX-512 Embree divides by approximate reciprocals
 
   [[nodiscard]] RTCRayHit8 trace8(std::span<const glm::vec3, 8> origins, std::span<const glm::vec3, 8> directions) const {
     alignas(32) int valid[8];
@@ -189,6 +199,13 @@ struct EmbreeScene::Handles {
     return query;
   }
 
+  /// Of one ray of a packet; infinity where it escapes.
+  template <class Packet>
+  [[nodiscard]] float distance(const Packet& query, std::size_t ray, glm::vec3 origin, glm::vec3 direction) const {
+    if (query.hit.geomID[ray] == RTC_INVALID_GEOMETRY_ID) return query.ray.tfar[ray];
+    return ExactRay(surfaces[query.hit.primID[ray]], origin, direction).distance_or(query.ray.tfar[ray]);
+  }
+
   void throw_on_error(const char* doing) {
     const std::lock_guard lock(errors.mutex);
     if (!errors.first.empty()) fail(std::string(doing) + ": " + errors.first);
@@ -221,7 +238,6 @@ EmbreeScene::EmbreeScene(std::span<const glm::vec3> vertices, std::span<const gl
   h.device.reset(rtcNewDevice(embree_device_options().c_str()));
   if (!h.device) fail("rtcNewDevice failed, Embree error " + std::to_string(rtcGetDeviceError(nullptr)));
   rtcSetDeviceErrorFunction(h.device.get(), keep_first_error, &h.errors);
-  if (rtcGetDeviceProperty(h.device.get(), RTC_DEVICE_PROPERTY_NATIVE_RAY16_SUPPORTED) != 0) h.distance_roundings = 1;
   rtcSetDeviceMemoryMonitorFunction(h.device.get(), count_bytes, &h.embree_bytes);
   h.scene.reset(rtcNewScene(h.device.get()));
   if (!h.scene) fail("rtcNewScene failed");
@@ -293,45 +309,38 @@ Hit EmbreeScene::intersect(glm::vec3 origin, glm::vec3 direction, float max_dist
   query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
   query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
   intersect_one(handles_->scene.get(), context.base, prefer_lowest_id, query);
-  Hit hit;
-  if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return hit;
-
-  hit = hit_on(handles_->surfaces[query.hit.primID], query.hit.u, query.hit.v, direction);
-  hit.distance_m = context.distance;
-  return hit;
+  if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return {};
+  return hit_on(handles_->surfaces[query.hit.primID], context.crossing, direction);
 }
 
 bool EmbreeScene::occluded(glm::vec3 from, glm::vec3 to) const {
-  if (!is_near(from) || !is_near(to)) return true;  // outside of all scenes
-  EmbreeContext context;
-  RTCRay ray = segment_between(from, to, handles_->distance_roundings);
-  occlude_one(handles_->scene.get(), context, nullptr, ray);
-  return ray.tfar < 0;
+  std::uint32_t blocker = Hit::no_triangle;
+  return occluded(from, to, blocker);
 }
 
 bool EmbreeScene::occluded(glm::vec3 from, glm::vec3 to, std::uint32_t& blocker) const {
-  if (!is_near(from) || !is_near(to)) return true;
+  if (!is_near(from) || !is_near(to)) return true;  // outside of all scenes
   if (blocker < handles_->surfaces.size()) {
     const HitSurface& surface = handles_->surfaces[blocker];
     if (surely_blocks(surface.a, surface.b, surface.c, from, to)) return true;
   }
-  BlockerContext context;
-  RTCRay ray = segment_between(from, to, handles_->distance_roundings);
-  occlude_one(handles_->scene.get(), context.base, keep_blocker, ray);
-  if (!(ray.tfar < 0)) return false;
-  blocker = context.triangle;
+  Segment segment(from, to, handles_->surfaces.data());
+  occlude_one(handles_->scene.get(), segment.base, keep_blocker, segment.ray);
+  if (!(segment.ray.tfar < 0)) return false;
+  blocker = segment.blocker;
   return true;
 }
 
 void EmbreeScene::intersect8(std::span<const glm::vec3, 8> origins, std::span<const glm::vec3, 8> directions,
                              std::span<float, 8> distances_m) const {
   const RTCRayHit8 query = handles_->trace8(origins, directions);
-  for (std::size_t i = 0; i < 8; ++i) distances_m[i] = query.ray.tfar[i];
+  for (std::size_t i = 0; i < 8; ++i) distances_m[i] = handles_->distance(query, i, origins[i], directions[i]);
 }
 
 void EmbreeScene::intersect16(glm::vec3 origin, const Directions16& directions, std::span<float, 16> distances_m) const {
   const RTCRayHit16 query = handles_->trace16(origin, directions);
-  std::copy_n(query.ray.tfar, 16, distances_m.begin());
+  for (std::size_t i = 0; i < 16; ++i)
+    distances_m[i] = handles_->distance(query, i, origin, {directions.x[i], directions.y[i], directions.z[i]});
 }
 
 void EmbreeScene::intersect16(glm::vec3 origin, const Directions16& directions, std::span<Hit, 16> hits) const {
@@ -339,9 +348,10 @@ void EmbreeScene::intersect16(glm::vec3 origin, const Directions16& directions, 
   for (std::size_t i = 0; i < 16; ++i) {
     hits[i] = {};
     if (query.hit.geomID[i] == RTC_INVALID_GEOMETRY_ID) continue;
-    hits[i] = hit_on(handles_->surfaces[query.hit.primID[i]], query.hit.u[i], query.hit.v[i],
-                     {directions.x[i], directions.y[i], directions.z[i]});
-    hits[i].distance_m = query.ray.tfar[i];
+    const glm::vec3 direction(directions.x[i], directions.y[i], directions.z[i]);
+    const HitSurface& surface = handles_->surfaces[query.hit.primID[i]];
+    const Crossing of_embree{query.ray.tfar[i], query.hit.u[i], query.hit.v[i]};
+    hits[i] = hit_on(surface, ExactRay(surface, origin, direction).crossing_or(of_embree), direction);
   }
 }
 

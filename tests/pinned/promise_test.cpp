@@ -27,7 +27,8 @@ constexpr int kSteps = 200;
 constexpr int kSteps = 40;  // the sanitizers see the same code; bits are compared with the pinned ones over 200 steps alone
 #endif
 
-glm::dvec3 place(int pose) { return {1 + 0.25 * (pose % 10), 1.5, 1 + 0.25 * (pose / 10)}; }
+/// In line with neither the walls nor the source: a path that runs exactly along the edge of two materials is reflected by either.
+glm::dvec3 place(int pose) { return {1.013 + 0.2471 * (pose % 10), 1.5, 1.029 + 0.2437 * (pose / 10)}; }
 double heading_rad(int pose) { return 36.0 * (pose % 10) * std::numbers::pi / 180; }
 
 /// Binaural RIRs of all poses, rendered on `threads` threads.
@@ -58,7 +59,7 @@ std::vector<Rir> render_poses(int threads) {
   return rirs;
 }
 
-TEST_F(PinnedBits, RirsOfAHundredPosesOnAnyNumberOfThreads) {
+TEST(PinnedBits, RirsOfAHundredPosesOnAnyNumberOfThreads) {
   pinned::BitHash first;
   for (const int threads : {1, 2, 4, 8}) {
     pinned::BitHash bits;
@@ -106,7 +107,7 @@ pinned::BitHash bits_of_steps(const Batches& batches, int threads, bool restored
   return bits;
 }
 
-TEST_F(PinnedBits, TwoHundredStepsOnAnyNumberOfThreadsFreshAndRestored) {
+TEST(PinnedBits, TwoHundredStepsOnAnyNumberOfThreadsFreshAndRestored) {
   const Batches batches;
   const pinned::BitHash first = bits_of_steps(batches, 1, false);
   for (const int threads : {1, 2, 4, 8})

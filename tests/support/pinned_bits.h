@@ -12,7 +12,6 @@
 #include "sim/base/compiler.h"
 #include "sim/base/files.h"
 #include "sim/base/processor.h"
-#include "sim/rays/embree_options.h"
 #include "sim/rays/ray_tracer_version.h"
 #include "tests/support/pinned_rows.h"
 #include "tests/support/test_paths.h"
@@ -39,11 +38,16 @@ inline std::string toolchain(std::initializer_list<std::string> libraries) {
   return joined;
 }
 
-/// widest: the vectors that a library has chosen, as "avx2"; processors other than x86-64 have no choice.
-inline std::string instruction_set(const std::string& widest) {
+/// What the machine code was compiled for.
+inline std::string processor() {
   const std::string first = kFirstProcessor;
   if (first != "x86-64") return first;
-  return ((kUsedInstructionSets & kDefaultInstructionSets) == kDefaultInstructionSets ? "x86-64-v3+" : "x86-64+") + widest;
+  return (kUsedInstructionSets & kDefaultInstructionSets) == kDefaultInstructionSets ? "x86-64-v3" : "x86-64";
+}
+
+/// The same with the vectors that a library has chosen and that its bits depend on, as "avx2"; processors other than x86-64 have no choice.
+inline std::string processor_with(const std::string& widest) {
+  return std::string(kFirstProcessor) == "x86-64" ? processor() + "+" + widest : processor();
 }
 
 /// Hash over the bytes of any number of arrays, in order.
@@ -82,26 +86,11 @@ inline void expect_pinned(const Key& key, const BitHash& bits) {
   GTEST_SKIP() << missing;
 }
 
-/// Of a stage that traces rays and uses these libraries too.
+/// Of a stage that traces rays and uses these libraries too.  The bits of one are those of every instruction set of Embree's.
 inline void expect_pinned_rays(const std::string& stage, const BitHash& bits, std::initializer_list<std::string> libraries) {
   std::string of = toolchain({ray_tracer()});
   for (const std::string& library : libraries) of += "/" + library;
-  expect_pinned({stage, of, instruction_set(ray_tracer_isa())}, bits);
+  expect_pinned({stage, of, processor()}, bits);
 }
 
 }  // namespace earshot::pinned
-
-namespace earshot {
-
-/// ctest runs these tests a second time under narrower vectors (tests/CMakeLists.txt sets EARSHOT_PINS_AGAIN, and what the libraries read).
-/// Where the processor has no wider ones, that is the same run again, and is skipped.
-class PinnedBits : public testing::Test {
- protected:
-  void SetUp() override {
-    if (std::getenv("EARSHOT_PINS_AGAIN") == nullptr) return;
-    const std::vector<RayIsa> isas = ray_isas();
-    if (isas.empty() || !isas.back().present) GTEST_SKIP() << "no AVX-512 here: the first run had AVX2 already";
-  }
-};
-
-}  // namespace earshot

@@ -1,5 +1,4 @@
-#include <ATen/Version.h>
-#include <dlfcn.h>
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <torch/version.h>
 
@@ -8,6 +7,7 @@
 #include <vector>
 
 #include "policy/action_distribution.h"
+#include "policy/torch_kernels.h"
 #include "sim/base/random.h"
 #include "tests/support/pinned_bits.h"
 #include "trainer/ppo.h"
@@ -63,22 +63,11 @@ RolloutBuffer drawn_rollout(ActorCritic policy, const ObservationSpec& spec, int
 }
 
 /// "libtorch1.13/Haswell": the second is the processor whose kernels OpenBLAS has chosen, "blas" for another library.
-std::string torch_and_blas() {
-  const auto kernel = reinterpret_cast<const char* (*)()>(::dlsym(RTLD_DEFAULT, "openblas_get_corename"));
-  return "libtorch" + std::to_string(TORCH_VERSION_MAJOR) + "." + std::to_string(TORCH_VERSION_MINOR) + "/" + (kernel ? kernel() : "blas");
+std::string torch_and_blas(const TorchKernels& kernels) {
+  return fmt::format("libtorch{}.{}/{}", TORCH_VERSION_MAJOR, TORCH_VERSION_MINOR, kernels.blas.empty() ? "blas" : kernels.blas);
 }
 
-/// "avx2", the vectors that libtorch uses: what the processor has, or ATEN_CPU_CAPABILITY.
-std::string torch_vectors() {
-  const std::string config = at::show_config(), label = "CPU capability usage: ";
-  const std::size_t at = config.find(label);
-  if (at == std::string::npos) return "unknown";
-  std::string name = config.substr(at + label.size(), config.find('\n', at) - at - label.size());
-  for (char& c : name) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  return name;
-}
-
-TEST_F(PinnedBits, OnePpoUpdate) {
+TEST(PinnedBits, OnePpoUpdate) {
   const ObservationSpec spec = small_spec();
   PolicyConfig config;
   config.hidden_size = 64;
@@ -96,7 +85,10 @@ TEST_F(PinnedBits, OnePpoUpdate) {
     const torch::Tensor values = parameter.detach().contiguous();
     bits.add(std::span<const float>(values.data_ptr<float>(), static_cast<std::size_t>(values.numel())));
   }
-  pinned::expect_pinned({"ppo_update", pinned::toolchain({torch_and_blas()}), pinned::instruction_set(torch_vectors())}, bits);
+  const TorchKernels kernels = torch_kernels();
+  std::string vectors = kernels.libtorch;
+  for (char& c : vectors) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  pinned::expect_pinned({"ppo_update", pinned::toolchain({torch_and_blas(kernels)}), pinned::processor_with(vectors)}, bits);
 }
 
 }  // namespace

@@ -26,10 +26,11 @@ namespace earshot {
 namespace {
 
 constexpr int kListeners = 4;
-/// Hits differ in their last bits, 1e-7 of a distance.
+/// Crossings are computed in double from the corners of the triangle (sim/rays/hit_surface.h), the same ones with every set; which triangle
+/// is hit is the set's own choice.
 constexpr double kTolerance = 1e-4;
-/// Of the late field's stated standard error: a late ray that takes another surface at an edge for those bits goes another way from there,
-/// with 1 / rays of the energy and more of what reaches a far room.  Seen: 0.016 (house:7, balanced, 1024 rays, 2.9e-3 of a band).
+/// Of AVX-512, which is in use only where it is asked for: of the late field's stated standard error.  A late ray that takes another
+/// surface at an edge goes another way from there, with 1 / rays of the energy and more of what reaches a far room.
 constexpr double kOfStandardError = 0.05;
 
 int run(const std::string& command) {
@@ -50,9 +51,10 @@ std::vector<std::string> draw_places(const std::string& name, int count) {
   return places;
 }
 
-/// Of every listener: the energy of each band, then of all, from the strengths of the energy response, and what each may differ by.
+/// Of every listener: the energy of each band, then of all, from the strengths of the energy response, and what each may differ by with
+/// AVX-512.
 struct Energies {
-  std::vector<double> energy, tolerance;
+  std::vector<double> energy, tolerance_of_wider;
 };
 
 std::vector<Energies> energies(const std::string& isa, const std::string& scene, const std::string& preset,
@@ -77,34 +79,35 @@ std::vector<Energies> energies(const std::string& isa, const std::string& scene,
     for (std::size_t band = 0; band < strengths_db.size(); ++band) {
       of.energy.push_back(strengths_db[band].is_null() ? 0 : std::pow(10, strengths_db[band].get<double>() / 10));
       const double error_db = band < errors_db.size() && errors_db[band].is_number() ? errors_db[band].get<double>() : 0;
-      of.tolerance.push_back(std::max(kTolerance, std::pow(10, kOfStandardError * error_db / 10) - 1));
+      of.tolerance_of_wider.push_back(std::max(kTolerance, std::pow(10, kOfStandardError * error_db / 10) - 1));
       sum += of.energy.back();
-      least = std::min(least, of.tolerance.back());
+      least = std::min(least, of.tolerance_of_wider.back());
     }
     of.energy.push_back(sum);
-    of.tolerance.push_back(least);
+    of.tolerance_of_wider.push_back(least);
     result.push_back(of);
   }
   return result;
 }
 
-TEST(InstructionSets, DifferByATenThousandthOfAnEnergyOrFarLessThanItsError) {
-  std::vector<std::string> isas;
+TEST(InstructionSets, DifferByATenThousandthOfAnEnergy) {
+  const std::string reference = "avx2";
+  std::vector<std::string> others;
   for (const RayIsa& isa : ray_isas())
-    if (isa.present) isas.push_back(isa.name);
-  if (isas.size() < 2) GTEST_SKIP() << "Embree has one instruction set on this processor";
+    if (isa.present && isa.name != reference) others.push_back(isa.name);
+  if (others.empty()) GTEST_SKIP() << "Embree has one instruction set on this processor";
   const TempFolder folder;
   for (const char* scene : {"shoebox:6x3x5@0.2", "house:7", "house:2,rooms=2,area_m2=30"}) {
     const std::vector<std::string> places = draw_places(scene, 1 + kListeners);
     for (const char* preset : {"fast", "balanced"}) {
-      const auto widest = energies(isas.back(), scene, preset, places, folder / "");
-      ASSERT_EQ(widest.size(), static_cast<std::size_t>(kListeners));
-      for (std::size_t i = 0; i + 1 < isas.size(); ++i) {
-        const auto other = energies(isas[i], scene, preset, places, folder / "");
-        ASSERT_EQ(other.size(), widest.size());
+      const auto avx2 = energies(reference, scene, preset, places, folder / "");
+      ASSERT_EQ(avx2.size(), static_cast<std::size_t>(kListeners));
+      for (const std::string& isa : others) {
+        const auto other = energies(isa, scene, preset, places, folder / "");
+        ASSERT_EQ(other.size(), avx2.size());
         double in_band = 0, in_all = 0;
-        for (std::size_t listener = 0; listener < widest.size(); ++listener) {
-          const std::vector<double>&expected = widest[listener].energy, &found = other[listener].energy;
+        for (std::size_t listener = 0; listener < avx2.size(); ++listener) {
+          const std::vector<double>&expected = avx2[listener].energy, &found = other[listener].energy;
           ASSERT_EQ(found.size(), expected.size());
           ASSERT_GT(expected.back(), 0) << scene << " listener " << listener;
           for (std::size_t band = 0; band < expected.size(); ++band) {
@@ -112,11 +115,11 @@ TEST(InstructionSets, DifferByATenThousandthOfAnEnergyOrFarLessThanItsError) {
             const double difference = std::fabs(found[band] / expected[band] - 1);
             double& greatest = band + 1 == expected.size() ? in_all : in_band;
             greatest = std::max(greatest, difference);
-            EXPECT_LE(difference, widest[listener].tolerance[band])
-                << scene << ' ' << preset << ' ' << isas[i] << " listener " << listener << " band " << band;
+            EXPECT_LE(difference, isa == "avx512" ? avx2[listener].tolerance_of_wider[band] : kTolerance)
+                << scene << ' ' << preset << ' ' << isa << " listener " << listener << " band " << band;
           }
         }
-        fmt::print("{} {}: {} against {}: {:.1e} in a band, {:.1e} in all\n", scene, preset, isas[i], isas.back(), in_band, in_all);
+        fmt::print("{} {}: {} against {}: {:.1e} in a band, {:.1e} in all\n", scene, preset, isa, reference, in_band, in_all);
       }
     }
   }

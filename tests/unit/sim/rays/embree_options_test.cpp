@@ -30,7 +30,16 @@ std::string refusal(const std::string& isa, const std::vector<RayIsa>& isas) {
 TEST(EmbreeOptions, NameWhatIsAskedForAndNothingWithoutAWish) {
   EXPECT_EQ(embree_options_of("", kIsas), "");
   EXPECT_EQ(embree_options_of("", {}), "");
+  std::vector<RayIsa> all = kIsas;
+  all.back().present = true;
+  EXPECT_EQ(embree_options_of("avx512", all), "isa=avx512");
   for (const char* isa : {"sse2", "sse4.2", "avx", "avx2"}) EXPECT_EQ(embree_options_of(isa, kIsas), std::string("isa=") + isa);
+}
+
+TEST(EmbreeOptions, WithoutAWishAProcessorWithAvx512TracesAsOneWithAvx2) {
+  std::vector<RayIsa> all = kIsas;
+  all.back().present = true;
+  EXPECT_EQ(embree_options_of("", all), "isa=avx2");
 }
 
 TEST(EmbreeOptions, UnknownNamesAreRefusedWithTheNearestAndAllKnownOnes) {
