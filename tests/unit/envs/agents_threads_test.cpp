@@ -29,8 +29,8 @@ TEST(AgentTeam, EveryItemIsDoneOnceByAMemberOfItsOwn) {
 }
 
 #ifdef EARSHOT_SANITIZED
-constexpr int kSteps = 6;  // thirty times slower; threads meet in the first step as in the last
-constexpr std::array kThreadCounts{2, 8};
+constexpr int kSteps = 4;  // thirty times slower, and slower again with more threads than cores; threads meet in the first step as in the last
+constexpr std::array kThreadCounts{2, 3};
 #else
 constexpr int kSteps = 22;
 constexpr std::array kThreadCounts{2, 3, 4, 8};
@@ -75,7 +75,7 @@ TEST_F(SeveralAgents, ThreadsSplitsAndSendingChangeNoBit) {
   EXPECT_TRUE(roll_out(8, {1, 1, 1}, false) == reference);
   EXPECT_TRUE(roll_out(2, {3}, true) == reference);
 #endif
-  EXPECT_TRUE(roll_out(8, {1, 2}, true) == reference);
+  EXPECT_TRUE(roll_out(kThreadCounts.back(), {1, 2}, true) == reference);
 }
 
 }  // namespace
