@@ -29,8 +29,8 @@ TEST(AgentTeam, EveryItemIsDoneOnceByAMemberOfItsOwn) {
 }
 
 #ifdef EARSHOT_SANITIZED
-constexpr int kSteps =
-    4;  // thirty times slower, and slower again with more threads than cores; threads meet in the first step as in the last
+// Thirty times slower, and slower again with more threads than cores; threads meet in the first step as in the last.
+constexpr int kSteps = 4;
 constexpr std::array kThreadCounts{2, 3};
 #else
 constexpr int kSteps = 22;
