@@ -3,7 +3,8 @@
 #   full   (default; what CI runs) format, the release build and its tests without the slow statistics, those of the Python package (skipped with
 #          a line where the Python package index cannot be reached), the tests under the address and undefined-behaviour sanitizers, those in which threads meet under the thread sanitizer, and a minute of fuzzing
 #   quick  the loop while working: builds and runs the tests of the folders with uncommitted changes (of the last commit, if there are none)
-#   all    full, the slow statistics (label slow), and the long sums of numbers under the address sanitizer too; notes date and commit in tests/slow_statistics.txt if all pass
+#   all    full, the slow statistics (label slow), and the long numerical tests under the address sanitizer too; notes date and commit in
+#          tests/slow_statistics.txt if the statistics pass
 # Ends with the seconds of each stage, the number of tests, failures and skips, and the absent test data that caused skips.
 # EARSHOT_JOBS: how many jobs at once (default: all cores).
 set -euo pipefail
@@ -13,8 +14,8 @@ mode=${1:-full}
 case $mode in full | quick | all) ;; *) echo "test.sh: unknown mode '$mode'; one of: full, quick, all" >&2; exit 2 ;; esac
 jobs=${EARSHOT_JOBS:-$(nproc)}
 record=tests/slow_statistics.txt
-everything=""
-[ "$mode" = all ] && everything=-all
+asan_tests=asan-ubsan
+if [ "$mode" = all ]; then asan_tests=asan-ubsan-all; fi
 table=""
 failed=()
 results=$(mktemp -d)
@@ -101,7 +102,7 @@ run_full() {
     fi
   fi
   if stage "asan-ubsan build" scripts/build.sh asan-ubsan; then
-    run_tests "asan-ubsan tests" "asan-ubsan${everything}" || true
+    run_tests "asan-ubsan tests" "$asan_tests" || true
     stage "fuzzing" scripts/fuzz.sh 60 || true
   fi
   stage "tsan build" scripts/build.sh tsan && run_tests "tsan tests" tsan || true
