@@ -505,8 +505,17 @@ void PeerMesh::finish_sends() {
 void PeerMesh::abandon(const std::string& reason) {
   if (abandoned_) return;
   abandoned_ = reason.empty() ? "it was left" : reason;
+  if (reason.empty()) let_messages_leave();
   if (!left_out_ && !is_guest_) send_goodbye(reason.substr(0, kMaxReasonBytes));  // whoever is not in has no say in the run of the others
   close_all();
+}
+
+/// No payload is lent after a call, but libzmq may still hold the sealed copies of some.
+void PeerMesh::let_messages_leave() {
+  const int linger_ms = static_cast<int>(kFarewell.count());
+  if (bulk_out_) bulk_out_.set(zmq::sockopt::linger, linger_ms);
+  for (Peer& peer : peers_)
+    if (peer.control) peer.control.set(zmq::sockopt::linger, linger_ms);
 }
 
 void PeerMesh::send_goodbye(const std::string& reason) {

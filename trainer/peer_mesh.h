@@ -142,6 +142,7 @@ class PeerMesh {
   Change adopt();
   bool send_to(int rank, FrameHeader header, std::span<const std::byte> payload);
   [[nodiscard]] LeftOut too_few() const;
+  void let_messages_leave();
   void send_goodbye(const std::string& reason);
   void close_all();
   void remove_listening_files() const;
