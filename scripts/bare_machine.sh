@@ -7,7 +7,8 @@
 #   --release NAME  bookworm (Debian 12, the default) or trixie (Debian 13)
 #   --keep          continue in the root of the last run of this release, with its installed packages and build outputs; the clone is moved to HEAD
 #
-# Needs root, debootstrap, and apt sources of a Debian release on this machine: mirror, proxy and date checks are theirs.
+# Needs root, debootstrap, and apt sources of a Debian release on this machine: mirror, proxy and date checks are theirs.  PIP_CERT: certificates
+# of the Python package index, where those of Debian do not know it.
 # EARSHOT_BARE_CACHE (default /var/cache/earshot-bare) holds the fresh roots as archives, downloaded packages, and the root of the last run of each
 # release: 5 GB each.
 # EARSHOT_BARE_CCACHE: a folder that the root uses as the store of ccache; without it every run compiles everything.
@@ -72,10 +73,14 @@ fi
 git -C "$clone" fetch -q "$sources" HEAD || fail "cannot fetch HEAD of $sources"
 git -C "$clone" checkout -q --force --detach FETCH_HEAD
 
-# How to reach the mirror comes from this machine, and nothing else does.
+# How to reach the mirror and the Python package index comes from this machine, and nothing else does.
 debian_sources >"$root/etc/apt/sources.list"
 apt-config dump | grep -E '^Acquire::(https?|ftp|Check-|Retries|ForceIPv)' >"$root/etc/apt/apt.conf.d/90machine" || true
 cp /etc/hosts /etc/resolv.conf "$root/etc/"
+if [ -f "${PIP_CERT:-}" ]; then
+  cp "$PIP_CERT" "$root/etc/pip-certificates.crt"
+  printf '[global]\ncert = /etc/pip-certificates.crt\n' >"$root/etc/pip.conf"
+fi
 
 echo "bare_machine: $(git -C "$clone" rev-parse --short HEAD) in $root: $command"
 # Mounts and processes live in name spaces of their own: the kernel ends both with the command, however it ends.
