@@ -181,11 +181,12 @@ void BatchedEnv::Impl::end_episode(std::size_t env) {
     std::vector<std::int8_t> actions = std::move(agent.spare_actions);
     actions.reserve(size_of(config.task.max_steps));
     actions.assign(agent.actions.begin(), agent.actions.end());
-    run.ended.push_back({.env = static_cast<int>(global_id(env)),
-                         .episode_index = agent.episode_index,
-                         .metrics = agent.state.metrics(config.task),
-                         .actions = std::move(actions),
-                         .agent = agent_of(row)});
+    FinishedEpisode& ended = run.ended.emplace_back();
+    ended.env = static_cast<int>(global_id(env));
+    ended.episode_index = agent.episode_index;
+    ended.metrics = agent.state.metrics(config.task);
+    ended.actions = std::move(actions);
+    ended.agent = agent_of(row);
   }
 }
 

@@ -12,7 +12,7 @@ namespace {
 
 /// A polygon of the surface as seen from above.
 struct Outline {
-  std::array<glm::dvec3, Surface::kMaxCorners> corners;
+  std::array<glm::dvec3, Surface::kMaxCorners> corners{};
   int count = 0;
 
   Outline(const Surface& surface, int polygon) : count(surface.polygons()[static_cast<std::size_t>(polygon)].num_corners) {

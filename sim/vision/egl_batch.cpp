@@ -44,7 +44,6 @@ void EglBatch::drop_dead_scenes() {
 
 void EglBatch::require_target(int width_px, int height_px) {
   if (target_ && target_->width_px == width_px && target_->height_px == height_px) return;
-  target_.reset();
   target_.emplace();
   target_->width_px = width_px;
   target_->height_px = height_px;
