@@ -14,6 +14,7 @@
 #include <thread>
 
 #include "sim/base/errors.h"
+#include "sim/base/temporary_folder.h"
 #include "tests/support/isolated_calls.h"
 
 namespace earshot {
@@ -148,6 +149,15 @@ TEST(IsolatedCall, EndsWithTheRun) {
   };
   while (is_there() && Clock::now() < deadline) std::this_thread::sleep_for(std::chrono::milliseconds(5));
   EXPECT_FALSE(is_there());
+}
+
+// The loader ends a program so whose libraries are not there: the file is not to blame.
+TEST(IsolatedCall, SaysWhenALibraryOfTheProgramIsMissing) {
+  const TemporaryFolder folder("/tmp", "earshot-test-");
+  const std::filesystem::path reader = folder.path() / "reader";
+  std::ofstream(reader) << "#!/bin/sh\nexit 127\n";
+  std::filesystem::permissions(reader, std::filesystem::perms::owner_all);
+  EXPECT_THROW(call_isolated(reader, {}, "house.obj"), RunError);
 }
 
 TEST(IsolatedCall, SaysWhenThereIsNoProgram) {
