@@ -32,12 +32,6 @@ std::string describe(const std::vector<int>& lost, const std::vector<int>& joine
 
 }  // namespace
 
-void validate_world(int num_workers, OnLoss on_loss) {
-  require(num_workers >= 1 && num_workers <= kMaxWorkers, "workers", num_workers, fmt::format("must be in [1, {}]", kMaxWorkers));
-  require(num_workers <= kMaxMeshWorkers || on_loss == OnLoss::stop, "network.on_loss", "continue",
-          fmt::format("must be stop with {} workers: more than {} do not go on without one of them", num_workers, kMaxMeshWorkers));
-}
-
 MembershipChange::MembershipChange(std::vector<int> lost_workers, std::vector<int> joined_workers)
     : RunError(subject_of(lost_workers, joined_workers), describe(lost_workers, joined_workers)),
       lost_(std::move(lost_workers)),

@@ -1,27 +1,15 @@
 #pragma once
 
-#include <chrono>
-#include <cstdint>
+#include <cstddef>
 #include <memory>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "sim/base/errors.h"
-#include "trainer/network_config.h"
+#include "trainer/ring_config.h"
 
 namespace earshot {
-
-/// Workers of one run.  Up to kMaxMeshWorkers each has a connection to each other; beyond, each has its neighbours in a tree (tree_mesh.h).
-inline constexpr int kMaxMeshWorkers = 64, kMaxWorkers = 1024;
-/// Throws InputError for less than one worker or more than kMaxWorkers, and for more than kMaxMeshWorkers that are to go on without a lost
-/// one.
-void validate_world(int num_workers, OnLoss on_loss);
-
-/// Who this worker is.
-struct WorkerIdentity {
-  int rank = 0, world_size = 1;
-};
 
 /// Workers were lost and those that are left have agreed to go on without them, others have joined, or a connection was broken and has been
 /// opened anew.  What the open call was to give is void, on all workers; some of them may have completed it.
@@ -34,12 +22,6 @@ class MembershipChange : public RunError {
 
  private:
   std::vector<int> lost_, joined_;
-};
-
-/// This worker is no part of the run any more: the others have gone on without it, or may have.
-class LeftOut : public RunError {
- public:
-  using RunError::RunError;
 };
 
 /// What the workers of one run do together.  Calls are collective: every worker makes the same calls in the same order.  A peer that does
@@ -93,17 +75,6 @@ std::unique_ptr<Collective> make_single_worker();
 
 /// Ring over ZeroMQ (docs/ppo.md, section 6): reduce-scatter and all-gather in 1 MiB chunks, MessagePack control messages, version and run
 /// id checked.  With more than kMaxMeshWorkers all but large sums go through a tree, with the same bits.
-struct RingConfig {
-  WorkerIdentity identity;
-  std::string rendezvous;                    ///< "tcp://HOST:PORT" or "ipc:///path": rank 0 listens here
-  std::string run_id;                        ///< an unknown peer with another id is refused
-  std::chrono::milliseconds timeout{60000};  ///< of one collective call in which no peer makes progress
-  std::chrono::milliseconds heartbeat{500};  ///< a dead peer is noticed within about four of these
-  NetworkConfig network = {};                ///< where to listen, and the keys of links that leave the host
-  /// What a worker that joins must have in common with the run: its program, and lines KEY=VALUE.
-  std::string engine = {}, settings = {};
-  std::uint32_t incarnation = 0;  ///< 0: one of the first world; else names one start of a worker that joins
-};
 std::unique_ptr<Collective> make_zmq_ring(const RingConfig& config);
 
 /// A worker that comes to a run under way, in the place of a lost one: same run id, world size and meeting point as at the start of the

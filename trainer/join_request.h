@@ -3,9 +3,9 @@
 #include <string>
 #include <zmq.hpp>
 
-#include "trainer/collective.h"
 #include "trainer/join_wire.h"
 #include "trainer/link_security.h"
+#include "trainer/ring_config.h"
 
 namespace earshot {
 

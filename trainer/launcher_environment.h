@@ -6,8 +6,8 @@
 #include <optional>
 #include <string>
 
-#include "trainer/collective.h"
 #include "trainer/meeting_folder.h"
+#include "trainer/ring_config.h"
 
 namespace earshot {
 

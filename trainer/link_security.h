@@ -5,9 +5,9 @@
 #include <string>
 #include <zmq.hpp>
 
-#include "trainer/collective.h"
 #include "trainer/curve_gate.h"
 #include "trainer/curve_keys.h"
+#include "trainer/ring_config.h"
 
 namespace earshot {
 

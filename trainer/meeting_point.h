@@ -8,10 +8,10 @@
 #include <vector>
 #include <zmq.hpp>
 
-#include "trainer/collective.h"
 #include "trainer/join_wire.h"
 #include "trainer/link_security.h"
 #include "trainer/membership.h"
+#include "trainer/ring_config.h"
 
 namespace earshot {
 

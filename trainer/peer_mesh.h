@@ -10,13 +10,13 @@
 #include <vector>
 #include <zmq.hpp>
 
-#include "trainer/collective.h"
 #include "trainer/join_wire.h"
 #include "trainer/link_security.h"
 #include "trainer/meeting_point.h"
 #include "trainer/membership.h"
 #include "trainer/peer_sockets.h"
 #include "trainer/rendezvous.h"
+#include "trainer/ring_config.h"
 #include "trainer/wire.h"
 
 namespace earshot {

@@ -5,8 +5,8 @@
 #include <vector>
 #include <zmq.hpp>
 
-#include "trainer/collective.h"
 #include "trainer/link_security.h"
+#include "trainer/ring_config.h"
 
 namespace earshot {
 

@@ -10,10 +10,10 @@
 #include <vector>
 #include <zmq.hpp>
 
-#include "trainer/collective.h"
 #include "trainer/link_security.h"
 #include "trainer/peer_sockets.h"
 #include "trainer/rendezvous.h"
+#include "trainer/ring_config.h"
 #include "trainer/tree_shape.h"
 
 namespace earshot {
