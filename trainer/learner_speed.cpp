@@ -184,7 +184,7 @@ TrainingSpeed measure_training(const RunConfig& asked, double wall_s, const std:
   BatchedEnv env(env_config, set, make_scene_cache(config.env), config.envs_per_worker);
   ActorCritic policy(config.env.observation, config.policy);
   PpoLearner learner(policy, config.ppo, config.seed, config.guidance, static_cast<double>(config.env.task.success_radius_m));
-  RolloutCollector collector(config, env, policy, 0);
+  RolloutCollector collector(rollout_config(config), env, policy, 0);
   const auto alone = make_single_worker();
   env.reset();
 

@@ -12,21 +12,21 @@
 #include "trainer/actor.h"
 #include "trainer/episode_window.h"
 #include "trainer/rollout_buffer.h"
-#include "trainer/run_config.h"
+#include "trainer/rollout_config.h"
 #include "trainer/stage_times.h"
 
 namespace earshot {
 
 /// Fills the rollouts of one worker: the policy acts, the batch steps, what came of it is noted.
 ///
-/// With RunConfig::overlap the batch is stepped in two halves, each of which has its step in the background while the policy looks at the
-/// other one: thread of the policy and threads of the batch work at the same time.  The halves are handed back in the order in which they
-/// were sent, so that a run has the same bits each time.  They are not those without overlap: the policy sees half as many rows at once,
-/// and sums of products depend on their number in the last bit.
+/// With RolloutConfig::overlap the batch is stepped in two halves, each of which has its step in the background while the policy looks at
+/// the other one: thread of the policy and threads of the batch work at the same time.  The halves are handed back in the order in which
+/// they were sent, so that a run has the same bits each time.  They are not those without overlap: the policy sees half as many rows at
+/// once, and sums of products depend on their number in the last bit.
 class RolloutCollector {
  public:
   /// env, policy: must outlive this.  first_env: global number of the batch's first env.
-  RolloutCollector(const RunConfig& config, BatchedEnv& env, ActorCritic policy, int first_env);
+  RolloutCollector(const RolloutConfig& config, BatchedEnv& env, ActorCritic policy, int first_env);
 
   /// One rollout of config.rollout_steps steps of all envs.  progress: of the training, for what guides it.  finished: gains the episodes
   /// that ended, but for those in which the oracle acted.  in_step: called once in each step of all envs, with its number from 0; true
@@ -59,7 +59,7 @@ class RolloutCollector {
   torch::Tensor take_oracle_actions(Part& part, double progress);
   [[nodiscard]] std::vector<std::uint8_t> experience(const Part& part) const;
 
-  const RunConfig& config_;
+  RolloutConfig config_;
   BatchedEnv& env_;
   int first_env_;
   RolloutBuffer rollout_;

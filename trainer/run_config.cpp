@@ -122,6 +122,15 @@ ObservationSpec training_sensors(const RunConfig& config) {
   return spec;
 }
 
+RolloutConfig rollout_config(const RunConfig& config) {
+  return {.seed = config.seed,
+          .rollout_steps = config.rollout_steps,
+          .overlap = config.overlap,
+          .hidden_size = config.policy.hidden_size,
+          .sensors = training_sensors(config),
+          .guidance = config.guidance};
+}
+
 RunConfig load_run_config(const std::filesystem::path& path, const std::vector<std::string>& overrides) {
   return read_run(ConfigReader::from_file(path, overrides));
 }

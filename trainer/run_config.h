@@ -12,6 +12,7 @@
 #include "trainer/guidance_config.h"
 #include "trainer/network_config.h"
 #include "trainer/ppo_config.h"
+#include "trainer/rollout_config.h"
 
 namespace earshot {
 
@@ -72,6 +73,8 @@ struct RunConfig {
 
 /// What the environments of a training show: the sensors of the config, and the privileged ones that its losses read.
 ObservationSpec training_sensors(const RunConfig& config);
+/// What the collector of each worker reads of the config.
+RolloutConfig rollout_config(const RunConfig& config);
 
 /// Reads and validates a run config.  Throws InputError: what, where, what to do.
 RunConfig load_run_config(const std::filesystem::path& path, const std::vector<std::string>& overrides);

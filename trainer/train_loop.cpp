@@ -41,7 +41,7 @@ TrainWorker::TrainWorker(const RunConfig& config, Collective& collective, const 
            places_.started_workers * config.envs_per_worker),
       policy_(config.env.observation, config.policy),
       learner_(policy_, config.ppo, config.seed, config.guidance, static_cast<double>(config.env.task.success_radius_m)),
-      collector_(config, env_, policy_, places_.first_of(rank_) * config.envs_per_worker),
+      collector_(rollout_config(config), env_, policy_, places_.first_of(rank_) * config.envs_per_worker),
       preemption_(config.ppo, config.rollout_steps) {
   env_.set_stage_hook(hooks.stage_hook);
   brief();

@@ -14,6 +14,7 @@
 #include "trainer/ppo.h"
 #include "trainer/preemption.h"
 #include "trainer/rollout_collector.h"
+#include "trainer/run_config.h"
 #include "trainer/run_files.h"
 #include "trainer/run_state.h"
 #include "trainer/stage_times.h"

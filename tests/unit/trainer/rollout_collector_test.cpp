@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/support/env_fixture.h"
+#include "trainer/run_config.h"
 
 namespace earshot {
 namespace {
@@ -37,7 +38,7 @@ Collected collect(const RunConfig& config, int rollouts = 2, double progress = 0
   env_config.observation = training_sensors(config);
   BatchedEnv env(env_config, set, make_scene_cache(env_config), 5);
   env.reset();
-  RolloutCollector collector(config, env, ActorCritic(config.env.observation, config.policy), 0);
+  RolloutCollector collector(rollout_config(config), env, ActorCritic(config.env.observation, config.policy), 0);
   EpisodeSums finished;
   StageTimes times;
   for (int i = 0; i < rollouts; ++i) collector.collect(progress, finished, times);
@@ -88,7 +89,7 @@ TEST(RolloutCollector, ARolloutThatEndsEarlyIsFollowedByTheNextStep) {
       env_config.observation = training_sensors(config);
       BatchedEnv env(env_config, quick_set(3), make_scene_cache(env_config), 5);
       env.reset();
-      RolloutCollector collector(config, env, ActorCritic(config.env.observation, config.policy), 0);
+      RolloutCollector collector(rollout_config(config), env, ActorCritic(config.env.observation, config.policy), 0);
       std::map<std::string, std::vector<torch::Tensor>> rows;
       for (const int length : lengths) {
         EpisodeSums finished;
