@@ -4,12 +4,12 @@
 #include <memory>
 
 #include "apps/commands.h"
+#include "sim/base/engine_hash.h"
 #include "trainer/collective.h"
 #include "trainer/effective_config.h"
 #include "trainer/field_decision.h"
 #include "trainer/find_checkpoint.h"
 #include "trainer/planned_acoustics.h"
-#include "trainer/result.h"
 #include "trainer/run_folder.h"
 #include "trainer/start_run.h"
 #include "trainer/train_loop.h"

@@ -8,7 +8,7 @@
 #include <limits>
 
 #include "bench/accuracy_report.h"
-#include "envs/engine_commit.h"
+#include "sim/base/engine_commit.h"
 
 namespace earshot {
 namespace {

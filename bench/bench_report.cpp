@@ -7,7 +7,7 @@
 #include <fstream>
 #include <thread>
 
-#include "envs/engine_commit.h"
+#include "sim/base/engine_commit.h"
 #include "sim/base/files.h"
 
 namespace earshot {

@@ -5,8 +5,8 @@
 #include <utility>
 
 #include "envs/batched_env_impl.h"
-#include "envs/engine_commit.h"
 #include "envs/finite_values.h"
+#include "sim/base/engine_commit.h"
 #include "sim/base/errors.h"
 
 namespace earshot {

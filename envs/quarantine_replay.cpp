@@ -4,7 +4,7 @@
 #include <utility>
 
 #include "envs/batched_env.h"
-#include "envs/engine_commit.h"
+#include "sim/base/engine_commit.h"
 #include "sim/base/errors.h"
 
 namespace earshot {

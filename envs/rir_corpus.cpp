@@ -15,10 +15,10 @@
 
 #include "envs/corpus_parts.h"
 #include "envs/corpus_threads.h"
-#include "envs/engine_commit.h"
 #include "envs/rir_corpus_folder.h"
 #include "envs/rir_corpus_response.h"
 #include "envs/rir_corpus_room.h"
+#include "sim/base/engine_commit.h"
 #include "sim/base/errors.h"
 #include "sim/scene/appearance.h"
 

@@ -10,7 +10,7 @@
 #include <system_error>
 #include <utility>
 
-#include "envs/engine_commit.h"
+#include "sim/base/engine_commit.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/schema_version.h"

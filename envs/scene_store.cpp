@@ -11,9 +11,9 @@
 #include <system_error>
 #include <utility>
 
-#include "envs/engine_commit.h"
 #include "sim/acoustics/model/acoustic_image.h"
 #include "sim/base/config_reader.h"
+#include "sim/base/engine_commit.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/image_store.h"

@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "policy/torch_threads.h"
+#include "sim/base/engine_hash.h"
 #include "sim/base/files.h"
 #include "sim/base/progress.h"
 #include "sim/base/stopwatch.h"

@@ -280,8 +280,6 @@ EvaluationResult load_result(const std::filesystem::path& path) {
   return result;
 }
 
-std::string engine_hash() { return hex64(hash64(read_file("/proc/self/exe"))); }
-
 std::string set_hash_of_first(const EpisodeSet& set, std::size_t episodes) {
   EARSHOT_EXPECT(episodes <= set.episodes.size());
   if (episodes == set.episodes.size()) return hex64(set.hash);

@@ -75,9 +75,6 @@ void save_result(const EvaluationResult& result, const std::filesystem::path& pa
 /// Throws InputError: missing, not JSON, a key missing or mistyped.
 EvaluationResult load_result(const std::filesystem::path& path);
 
-/// XXH3 of the running program: results of different builds can be told apart.
-std::string engine_hash();
-
 /// EvaluationResult::set_hash of a result of the first `episodes` episodes of a set, at most all of them.
 std::string set_hash_of_first(const EpisodeSet& set, std::size_t episodes);
 

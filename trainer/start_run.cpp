@@ -6,14 +6,14 @@
 #include <exception>
 #include <set>
 
-#include "envs/engine_commit.h"
 #include "sim/base/config_reader.h"
+#include "sim/base/engine_commit.h"
+#include "sim/base/engine_hash.h"
 #include "sim/base/errors.h"
 #include "trainer/effective_config.h"
 #include "trainer/episode_data.h"
 #include "trainer/find_checkpoint.h"
 #include "trainer/initial_policy.h"
-#include "trainer/result.h"
 #include "trainer/run_folder.h"
 
 namespace earshot {

@@ -6,9 +6,9 @@
 #include <cstdio>
 #include <utility>
 
-#include "envs/engine_commit.h"
+#include "sim/base/engine_commit.h"
+#include "sim/base/engine_hash.h"
 #include "sim/base/errors.h"
-#include "trainer/result.h"
 #include "trainer/train_worker.h"
 #include "trainer/update_curves.h"
 #include "trainer/worker_updates.h"

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "envs/episode_walk.h"
+#include "sim/base/engine_hash.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "trainer/effective_config.h"

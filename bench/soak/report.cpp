@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "bench/soak/plot.h"
-#include "envs/engine_commit.h"
+#include "sim/base/engine_commit.h"
 #include "sim/base/files.h"
 
 namespace earshot {

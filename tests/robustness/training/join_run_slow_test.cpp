@@ -10,6 +10,7 @@
 #include <memory>
 #include <thread>
 
+#include "sim/base/engine_hash.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "tests/support/hooked_collective.h"

@@ -6,6 +6,7 @@
 #include <array>
 #include <thread>
 
+#include "sim/base/engine_hash.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "tests/support/two_workers.h"

@@ -1,4 +1,4 @@
-#include "envs/engine_commit.h"
+#include "sim/base/engine_commit.h"
 
 #include "build_commit.inc"
 
