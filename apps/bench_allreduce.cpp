@@ -9,12 +9,12 @@
 
 #include "apps/commands.h"
 #include "bench/bench_report.h"
+#include "bench/training/all_reduce_speed.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/temporary_folder.h"
-#include "trainer/all_reduce_speed.h"
-#include "trainer/gloo_group.h"
-#include "trainer/worker_group.h"
+#include "trainer/collective/gloo_group.h"
+#include "trainer/launch/worker_group.h"
 
 namespace earshot {
 namespace {

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "apps/commands.h"
-#include "envs/batched_env.h"
-#include "envs/episode_set.h"
+#include "envs/batch/batched_env.h"
+#include "envs/episodes/episode_set.h"
 #include "sim/base/config_reader.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"

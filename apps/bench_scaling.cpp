@@ -8,13 +8,13 @@
 
 #include "apps/commands.h"
 #include "bench/bench_report.h"
+#include "bench/training/all_reduce_speed.h"
+#include "bench/training/scaling_check.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/temporary_folder.h"
-#include "trainer/all_reduce_speed.h"
-#include "trainer/collective.h"
-#include "trainer/scaling_check.h"
-#include "trainer/worker_group.h"
+#include "trainer/collective/collective.h"
+#include "trainer/launch/worker_group.h"
 
 namespace earshot {
 namespace {

@@ -17,10 +17,10 @@
 #include "bench/bench_report.h"
 #include "bench/bench_scene.h"
 #include "bench/engine_process.h"
+#include "bench/training/learner_speed.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/temporary_folder.h"
-#include "trainer/learner_speed.h"
 
 namespace earshot {
 namespace {

@@ -1,4 +1,4 @@
-#include "trainer/benchmark.h"
+#include "evaluation/leaderboard/benchmark.h"
 
 #include <fmt/format.h>
 
@@ -6,9 +6,9 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/board_commands.h"
+#include "evaluation/leaderboard/private_set.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
-#include "trainer/private_set.h"
 
 namespace earshot {
 

@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "trainer/verify_result.h"
+#include "evaluation/results/verify_result.h"
 
 namespace earshot {
 

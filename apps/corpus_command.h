@@ -5,7 +5,7 @@
 #include <functional>
 #include <string>
 
-#include "envs/rir_corpus.h"
+#include "datasets/rir_corpus.h"
 
 namespace earshot {
 

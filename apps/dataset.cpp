@@ -3,7 +3,7 @@
 #include <memory>
 
 #include "apps/commands.h"
-#include "trainer/episode_data.h"
+#include "trainer/run/episode_data.h"
 
 namespace earshot {
 namespace {

@@ -5,7 +5,7 @@
 #include "apps/commands.h"
 #include "apps/corpus_command.h"
 #include "apps/number_range.h"
-#include "envs/convolve_corpus.h"
+#include "datasets/convolve_corpus.h"
 #include "sim/base/errors.h"
 
 namespace earshot {

@@ -5,7 +5,7 @@
 #include "apps/commands.h"
 #include "apps/corpus_command.h"
 #include "apps/picture_size.h"
-#include "envs/rir_corpus.h"
+#include "datasets/rir_corpus.h"
 #include "sim/base/errors.h"
 
 namespace earshot {

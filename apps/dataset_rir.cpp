@@ -4,7 +4,7 @@
 
 #include "apps/commands.h"
 #include "apps/corpus_command.h"
-#include "envs/rir_corpus.h"
+#include "datasets/rir_corpus.h"
 
 namespace earshot {
 namespace {

@@ -4,7 +4,7 @@
 
 #include "apps/commands.h"
 #include "apps/corpus_command.h"
-#include "envs/sound_scene_corpus.h"
+#include "datasets/sound_scene_corpus.h"
 
 namespace earshot {
 namespace {

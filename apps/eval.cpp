@@ -5,18 +5,18 @@
 #include <optional>
 
 #include "apps/board_commands.h"
+#include "evaluation/leaderboard/benchmark.h"
+#include "evaluation/leaderboard/leaderboard.h"
+#include "evaluation/leaderboard/private_set.h"
+#include "evaluation/results/evaluation_workers.h"
+#include "evaluation/results/evaluator.h"
+#include "evaluation/results/result_groups.h"
 #include "sim/base/files.h"
-#include "trainer/benchmark.h"
-#include "trainer/effective_config.h"
-#include "trainer/episode_data.h"
-#include "trainer/evaluation_workers.h"
-#include "trainer/evaluator.h"
-#include "trainer/field_decision.h"
-#include "trainer/find_checkpoint.h"
-#include "trainer/leaderboard.h"
-#include "trainer/planned_acoustics.h"
-#include "trainer/private_set.h"
-#include "trainer/result_groups.h"
+#include "trainer/checkpoint/find_checkpoint.h"
+#include "trainer/run/effective_config.h"
+#include "trainer/run/episode_data.h"
+#include "trainer/run/field_decision.h"
+#include "trainer/run/planned_acoustics.h"
 
 namespace earshot {
 namespace {

@@ -3,7 +3,7 @@
 #include <memory>
 
 #include "apps/commands.h"
-#include "trainer/curve_keys.h"
+#include "trainer/net/curve_keys.h"
 
 namespace earshot {
 namespace {

@@ -1,4 +1,4 @@
-#include "trainer/leaderboard.h"
+#include "evaluation/leaderboard/leaderboard.h"
 
 #include <fmt/format.h>
 
@@ -11,12 +11,12 @@
 
 #include "apps/board_commands.h"
 #include "apps/commands.h"
+#include "evaluation/leaderboard/benchmark.h"
+#include "evaluation/leaderboard/leaderboard_page.h"
+#include "evaluation/leaderboard/paired_comparison.h"
+#include "evaluation/leaderboard/private_set.h"
+#include "evaluation/results/result_groups.h"
 #include "sim/base/files.h"
-#include "trainer/benchmark.h"
-#include "trainer/leaderboard_page.h"
-#include "trainer/paired_comparison.h"
-#include "trainer/private_set.h"
-#include "trainer/result_groups.h"
 
 namespace earshot {
 namespace {

@@ -4,7 +4,7 @@
 
 #include "apps/commands.h"
 #include "sim/base/errors.h"
-#include "trainer/planned_acoustics.h"
+#include "trainer/run/planned_acoustics.h"
 
 namespace earshot {
 namespace {

@@ -5,8 +5,8 @@
 #include "apps/commands.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
-#include "trainer/find_checkpoint.h"
-#include "trainer/policy_file.h"
+#include "trainer/checkpoint/find_checkpoint.h"
+#include "trainer/run/policy_file.h"
 
 namespace earshot {
 namespace {

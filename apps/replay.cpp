@@ -6,17 +6,17 @@
 
 #include "apps/board_commands.h"
 #include "apps/commands.h"
-#include "envs/quarantine_replay.h"
+#include "envs/batch/quarantine_replay.h"
+#include "evaluation/leaderboard/benchmark.h"
+#include "evaluation/replay/replay_mcap.h"
+#include "evaluation/replay/replay_page.h"
+#include "evaluation/replay/replay_policy.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
-#include "trainer/benchmark.h"
-#include "trainer/effective_config.h"
-#include "trainer/field_decision.h"
-#include "trainer/find_checkpoint.h"
-#include "trainer/planned_acoustics.h"
-#include "trainer/replay_mcap.h"
-#include "trainer/replay_page.h"
-#include "trainer/replay_policy.h"
+#include "trainer/checkpoint/find_checkpoint.h"
+#include "trainer/run/effective_config.h"
+#include "trainer/run/field_decision.h"
+#include "trainer/run/planned_acoustics.h"
 
 namespace earshot {
 namespace {

@@ -1,4 +1,4 @@
-#include "trainer/sweep.h"
+#include "evaluation/leaderboard/sweep.h"
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -18,8 +18,8 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/progress.h"
-#include "trainer/run_folder.h"
-#include "trainer/stop_signals.h"
+#include "trainer/checkpoint/run_folder.h"
+#include "trainer/net/stop_signals.h"
 
 namespace earshot {
 namespace {

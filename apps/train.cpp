@@ -5,15 +5,15 @@
 
 #include "apps/commands.h"
 #include "sim/base/engine_hash.h"
-#include "trainer/collective.h"
-#include "trainer/effective_config.h"
-#include "trainer/field_decision.h"
-#include "trainer/find_checkpoint.h"
-#include "trainer/planned_acoustics.h"
-#include "trainer/run_folder.h"
-#include "trainer/start_run.h"
-#include "trainer/train_loop.h"
-#include "trainer/worker_group.h"
+#include "trainer/checkpoint/find_checkpoint.h"
+#include "trainer/checkpoint/run_folder.h"
+#include "trainer/collective/collective.h"
+#include "trainer/launch/worker_group.h"
+#include "trainer/run/effective_config.h"
+#include "trainer/run/field_decision.h"
+#include "trainer/run/planned_acoustics.h"
+#include "trainer/run/start_run.h"
+#include "trainer/run/train_loop.h"
 
 namespace earshot {
 namespace {

@@ -5,9 +5,9 @@
 #include <optional>
 
 #include "apps/board_commands.h"
+#include "evaluation/leaderboard/benchmark.h"
+#include "evaluation/leaderboard/private_set.h"
 #include "sim/base/files.h"
-#include "trainer/benchmark.h"
-#include "trainer/private_set.h"
 
 namespace earshot {
 namespace {

@@ -9,7 +9,7 @@
 #include "bench/bench_scene.h"
 #include "bench/converged_reference.h"
 #include "bench/error_coverage.h"
-#include "envs/agent_hearing.h"
+#include "envs/hearing/agent_hearing.h"
 #include "sim/acoustics/metrics/room_metrics.h"
 #include "sim/acoustics/model/acoustic_scene.h"
 #include "sim/acoustics/paths/transmission.h"

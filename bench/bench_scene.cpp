@@ -8,7 +8,7 @@
 #include <filesystem>
 #include <glm/geometric.hpp>
 
-#include "envs/episode_generator.h"
+#include "envs/episodes/episode_generator.h"
 #include "sim/base/errors.h"
 #include "sim/nav/geodesic_field.h"
 #include "sim/scene/scene_config.h"

@@ -32,7 +32,7 @@
 #include "policy/masked_gru.h"
 #include "policy/matrix_product.h"
 #include "policy/torch_threads.h"
-#include "trainer/adam_kernel.h"
+#include "trainer/learner/adam_kernel.h"
 
 namespace earshot {
 namespace {

@@ -10,10 +10,10 @@
 
 #include "bench/measured.h"
 #include "bench/soak/statistics.h"
-#include "envs/baselines.h"
-#include "envs/batched_env.h"
-#include "envs/episode_generator.h"
-#include "envs/scene_store.h"
+#include "envs/baselines/baselines.h"
+#include "envs/batch/batched_env.h"
+#include "envs/episodes/episode_generator.h"
+#include "envs/scenes/scene_store.h"
 #include "sim/base/errors.h"
 #include "sim/base/stopwatch.h"
 

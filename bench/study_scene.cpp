@@ -7,9 +7,9 @@
 #include <optional>
 
 #include "bench/measured.h"
-#include "envs/baselines.h"
-#include "envs/batched_env.h"
-#include "envs/episode_generator.h"
+#include "envs/baselines/baselines.h"
+#include "envs/batch/batched_env.h"
+#include "envs/episodes/episode_generator.h"
 #include "sim/acoustics/synthesis/carriers.h"
 #include "sim/base/stopwatch.h"
 

@@ -3,13 +3,15 @@
 include(CMakePackageConfigHelpers)
 set(package_folder ${CMAKE_INSTALL_LIBDIR}/cmake/Earshot)
 
-set(parts sim envs)
+set(parts sim envs datasets)
 set(libraries_sim sim sim_base sim_rays sim_scene sim_audio sim_acoustics sim_vision sim_nav earshot_reader)
 set(libraries_envs envs)
+set(libraries_datasets datasets)
 if(EARSHOT_BUILD_TRAINING)
-  list(APPEND parts policy trainer)
+  list(APPEND parts policy trainer evaluation)
   set(libraries_policy policy)
-  set(libraries_trainer trainer)
+  set(libraries_trainer trainer trainer_net trainer_launch trainer_collective)
+  set(libraries_evaluation evaluation)
   install(TARGETS earshot COMPONENT program)
   install(DIRECTORY ${PROJECT_SOURCE_DIR}/configs DESTINATION ${CMAKE_INSTALL_DATADIR}/earshot COMPONENT program)
   install(FILES ${EARSHOT_SHELL_FOLDER}/earshot.bash DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions RENAME earshot

@@ -39,15 +39,21 @@ endfunction()
 #                       (target thread_tests) and runs
 #   other *_test.cpp    test_DIR, label `fast`
 # A leading unit/ is not part of the executables' names.  PCH TARGET: the target whose precompiled headers these tests read.  ALONE REGEX: tests
-# that compare times, beside which ctest runs no others.
+# that compare times, beside which ctest runs no others.  ROOMS FOLDER...: those of these folders
+# in DIR, `*` of all.
 function(earshot_tests dir)
-  cmake_parse_arguments(PARSE_ARGV 1 arg "" "PCH;ALONE" "")
+  cmake_parse_arguments(PARSE_ARGV 1 arg "" "PCH;ALONE" "ROOMS")
   if(NOT arg_PCH)
     set(arg_PCH test_headers)
   endif()
   string(REGEX REPLACE "^unit/" "" stem ${dir})
   string(REPLACE "/" "_" stem ${stem})
-  file(GLOB all_tests CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/tests/${dir}/*_test.cpp)
+  set(folders ${dir})
+  if(arg_ROOMS)
+    list(TRANSFORM arg_ROOMS PREPEND ${dir}/ OUTPUT_VARIABLE folders)
+  endif()
+  list(TRANSFORM folders REPLACE "(.+)" "${PROJECT_SOURCE_DIR}/tests/\\1/*_test.cpp")
+  file(GLOB all_tests CONFIGURE_DEPENDS ${folders})
   foreach(kind fast threads slow)
     set(sources ${all_tests})
     if(kind STREQUAL "fast")

@@ -6,8 +6,8 @@
 #include <memory>
 #include <vector>
 
-#include "envs/batched_env.h"
-#include "envs/episode_generator.h"
+#include "envs/batch/batched_env.h"
+#include "envs/episodes/episode_generator.h"
 #include "sim/base/random.h"
 
 using namespace earshot;

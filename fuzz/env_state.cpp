@@ -1,5 +1,5 @@
 // The state of the environments inside a checkpoint: as it is, or behind a checksum that is right.
-#include "envs/env_state.h"
+#include "envs/batch/env_state.h"
 
 #include <nlohmann/json.hpp>
 

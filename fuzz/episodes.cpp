@@ -1,6 +1,6 @@
 // Episode sets, JSON or gzipped JSON.
-#include "envs/episode_set.h"
-#include "envs/gzip.h"
+#include "envs/episodes/episode_set.h"
+#include "envs/episodes/gzip.h"
 #include "fuzz/fuzz_target.h"
 
 int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {

@@ -1,5 +1,5 @@
 // The event log that a resumed run reads.
-#include "trainer/event_log.h"
+#include "trainer/curves/event_log.h"
 
 #include "fuzz/fuzz_target.h"
 

@@ -1,7 +1,7 @@
 // What a launcher says in environment variables: host lists, and whole sets of variables, one NAME=VALUE per line.
 #include "fuzz/fuzz_target.h"
-#include "trainer/hostlist.h"
-#include "trainer/launcher_environment.h"
+#include "trainer/launch/hostlist.h"
+#include "trainer/launch/launcher_environment.h"
 
 int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace earshot;

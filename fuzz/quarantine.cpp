@@ -1,5 +1,5 @@
 // Files of quarantined episodes, which `earshot replay` reads.
-#include "envs/quarantine.h"
+#include "envs/batch/quarantine.h"
 
 #include "fuzz/fuzz_target.h"
 

@@ -1,9 +1,9 @@
 // Result files and the leaderboard that is made of them.
-#include "trainer/result.h"
+#include "evaluation/results/result.h"
 
+#include "evaluation/leaderboard/leaderboard.h"
+#include "evaluation/leaderboard/leaderboard_page.h"
 #include "fuzz/fuzz_target.h"
-#include "trainer/leaderboard.h"
-#include "trainer/leaderboard_page.h"
 
 int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace earshot;

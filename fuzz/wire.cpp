@@ -1,5 +1,5 @@
 // What arrives at the ports of the trainer: the hellos and tables of the rendezvous, goodbye messages, headers of data frames.
-#include "trainer/wire.h"
+#include "trainer/net/wire.h"
 
 #include "fuzz/fuzz_target.h"
 

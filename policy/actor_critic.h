@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
-#include "envs/action.h"
-#include "envs/observation.h"
+#include "envs/sensors/observation.h"
+#include "envs/task/action.h"
 #include "policy/conv_encoder.h"
 #include "policy/masked_gru.h"
 #include "policy/observation_tensors.h"

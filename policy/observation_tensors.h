@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "envs/sensor.h"
+#include "envs/sensors/sensor.h"
 
 namespace earshot {
 

@@ -3,7 +3,7 @@
 # Builds Earshot for arm64 on a machine of another kind, with Debian's cross compiler, and runs it under qemu (user mode).  Without STEP: all of them.
 #
 #   root   a Debian 12 of arm64 with the packages that Earshot needs, made once: about 20 minutes under qemu, 2 GB
-#   build  sim, envs and their tests into build/aarch64
+#   build  sim, envs, datasets and their tests into build/aarch64
 #   test   runs these tests in the root
 #   wheel  the Python package into build/wheel_aarch64, with every library that it needs
 #   try    in the root: installs the wheel into a fresh environment, renders a response, steps a batch of environments

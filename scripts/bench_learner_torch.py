@@ -4,7 +4,7 @@
 Usage: bench_learner_torch.py REQUEST.json       (written by `earshot bench train`)
 Prints one JSON line: samples_per_cpu_s, samples_per_s, torch.  Exit code 69: torch is not there.
 
-The network is the one of policy/actor_critic.h with the same shapes, the loss that of trainer/ppo.h; rows are drawn.  The recurrent layer is
+The network is the one of policy/actor_critic.h with the same shapes, the loss that of trainer/learner/ppo.h; rows are drawn.  The recurrent layer is
 torch's GRU over the steps between episode starts, as in the published code, pictures are permuted to channels first, Adam is torch's.
 """
 import json

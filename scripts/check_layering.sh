@@ -1,14 +1,19 @@
 #!/usr/bin/env bash
-# Fails on any include against the arrow  sim <- envs <- policy <- trainer <- apps,  on one between the stages inside sim against
-# base <- rays <- scene <- {acoustics, vision, nav} (audio stands on base), on one between the stages inside sim/acoustics against
-# core <- geometry <- model <- paths <- tracers <- source_field <- response <- synthesis <- metrics <- accuracy, and on a library header outside the
-# folder that owns it.  A program bench/learner_*_bench.cpp, which nothing links, may use policy, trainer and torch.
+# Fails on any include against the arrows, and on a library header outside the folder that owns it.
+#   all              sim <- envs <- {datasets, policy};  policy <- trainer <- evaluation <- bench <- apps;  python over sim, envs and datasets
+#   in sim           base <- rays <- scene <- {acoustics, vision, nav}; audio stands on base
+#   in sim/acoustics core <- geometry <- model <- paths <- tracers <- source_field <- response <- synthesis <- metrics <- accuracy
+#   in envs          task <- episodes <- sensors <- scenes <- config <- hearing <- batch <- baselines
+#   in trainer       net <- launch <- collective <- learner <- rollout <- checkpoint <- curves <- run; the first three use of the rest sim/base alone
+#   in evaluation    results <- leaderboard <- replay
+# Of bench only training/ and the programs learner_*_bench.cpp, which nothing links, use policy and trainer.
 # Usage: check_layering.sh [ROOT]     ROOT: the source tree, by default the one this script is in
 set -euo pipefail
 cd "${1:-$(dirname "$0")/..}"
 failures=0
 
-# allowed FOLDER "ALLOWED PREFIXES" [EXCEPTION]: every #include "..." in FOLDER must start with one of them, but in files with a name like EXCEPTION.
+# allowed FOLDER "ALLOWED PREFIXES" [GREP OPTION...]: every #include "..." in FOLDER must start with one of them, but in files that an option leaves
+# out.
 allowed() {
   local folder=$1 file line path prefix ok
   while IFS=: read -r file line path; do
@@ -18,13 +23,13 @@ allowed() {
     ok=0
     for prefix in $2; do case "$path" in "$prefix"/*) ok=1 ;; esac; done
     if [ "$ok" = 0 ]; then echo "layering: $file:$line includes $path, but $folder may only use: $2"; failures=1; fi
-  done < <(grep -rnE '^[[:space:]]*#[[:space:]]*include[[:space:]]*"' --include='*.h' --include='*.cpp' ${3:+--exclude="$3"} "$folder" || true)
+  done < <(grep -srnE '^[[:space:]]*#[[:space:]]*include[[:space:]]*"' --include='*.h' --include='*.cpp' "${@:3}" "$folder" || true)
 }
 
 # owned PATTERN "FOLDERS OR FILES": only they include headers that match PATTERN.
 owned() {
   local hits
-  hits=$(grep -rlE "#[[:space:]]*include[[:space:]]*<($1)" --include='*.h' --include='*.cpp' sim envs python bench policy trainer apps | grep -vE "^($2)" || true)
+  hits=$(grep -rlE "#[[:space:]]*include[[:space:]]*<($1)" --include='*.h' --include='*.cpp' sim envs datasets python bench policy trainer evaluation apps | grep -vE "^($2)" || true)
   if [ -n "$hits" ]; then echo "layering: <$1> is included outside $2: $hits"; failures=1; fi
 }
 
@@ -42,20 +47,35 @@ done
 allowed sim/vision    "sim/base sim/rays sim/scene sim/vision"
 allowed sim/nav       "sim/base sim/rays sim/scene sim/nav"
 allowed sim/reader    "sim/base sim/scene sim/audio sim/vision"
+# chain FOLDER "ROOMS" "ALLOWED PREFIXES": each room of FOLDER may use those before it, and what is allowed to all.
+chain() {
+  local room rooms=""
+  for room in $2; do
+    rooms="$rooms $1/$room"
+    allowed "$1/$room" "$3$rooms"
+  done
+}
+chain envs "task episodes sensors scenes config hearing batch baselines" "sim"
 allowed envs          "sim envs"
-allowed python        "sim envs python"
-allowed bench         "sim envs bench" "learner_*_bench.cpp"
+allowed datasets      "sim envs datasets"
+allowed python        "sim envs datasets python"
 allowed policy        "sim envs policy"
+chain trainer "net launch collective" "sim/base"
+chain trainer "net launch collective learner rollout checkpoint curves run" "sim envs policy"
 allowed trainer       "sim envs policy trainer"
-allowed apps          "sim envs bench policy trainer apps"
+chain evaluation "results leaderboard replay" "sim envs policy trainer"
+allowed evaluation    "sim envs policy trainer evaluation"
+allowed bench         "sim envs bench" --exclude-dir=training --exclude='learner_*_bench.cpp'
+allowed bench         "sim envs policy trainer evaluation bench"
+allowed apps          "sim envs datasets policy trainer evaluation bench apps"
 
 owned 'embree'            'sim/rays/'
 owned 'assimp'            'sim/scene/'
 owned 'Recast|Detour'     'sim/nav/'
 owned 'sndfile|mysofa|libav|libsw|samplerate' 'sim/audio/'
 owned 'hdf5'              'sim/sofa/'
-owned 'yaml-cpp'         'sim/base/config_reader.cpp|trainer/effective_config.cpp'
-owned 'zmq'               'trainer/'
+owned 'yaml-cpp'         'sim/base/config_reader.cpp|trainer/run/effective_config.cpp'
+owned 'zmq'               'trainer/net/|trainer/collective/|bench/training/'
 owned 'torch'             'policy/|trainer/|bench/learner_[a-z_]*_bench.cpp'
 
 [ "$failures" = 0 ] && echo "layering: every include follows the arrow"

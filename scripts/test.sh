@@ -56,6 +56,11 @@ changed_folders() {
       *) folder=unit/$folder ;;
     esac
     while [[ "$folder" == */* ]] && ! compgen -G "tests/$folder/*_test.cpp" >/dev/null; do folder=$(dirname "$folder"); done
+    # One program has the tests of these rooms.
+    case $folder in
+      unit/trainer/net | unit/trainer/launch | unit/trainer/collective) echo "$folder"; continue ;;
+      unit/envs/* | unit/trainer/* | unit/evaluation/*) dirname "$folder"; continue ;;
+    esac
     if compgen -G "tests/$folder/*_test.cpp" >/dev/null; then echo "$folder"; else echo "test.sh: no test folder mirrors $file" >&2; fi
   done | sort -u
 }
@@ -65,14 +70,14 @@ run_quick() {
   local folders=("$@") targets=() labels="" folder target
   for folder in "${folders[@]}"; do
     case $folder in
-      unit/sim/* | unit/envs) targets+=(test_pinned); labels+="|pinned" ;;
-      unit/policy | unit/trainer) targets+=(test_pinned_training); labels+="|pinned/training" ;;
+      unit/sim/* | unit/envs | unit/datasets) targets+=(test_pinned); labels+="|pinned" ;;
+      unit/policy | unit/trainer | unit/trainer/*) targets+=(test_pinned_training); labels+="|pinned/training" ;;
     esac
     labels+="|$folder"
     target=${folder#unit/}
     target=test_${target//\//_}
-    if compgen -G "tests/$folder/*_threads_test.cpp" >/dev/null; then targets+=("${target}_threads"); fi
-    if ls "tests/$folder" | grep -E '_test\.cpp$' | grep -qvE '_(slow|threads)_test\.cpp$'; then targets+=("$target"); fi
+    if [ -n "$(find "tests/$folder" -name '*_threads_test.cpp' -print -quit)" ]; then targets+=("${target}_threads"); fi
+    if [ -n "$(find "tests/$folder" -name '*_test.cpp' ! -name '*_slow_test.cpp' ! -name '*_threads_test.cpp' -print -quit)" ]; then targets+=("$target"); fi
   done
   stage "quick build" scripts/build.sh release --target "${targets[@]}" && run_tests "quick tests" release -LE slow -L "^(${labels#|})\$" || true
 }

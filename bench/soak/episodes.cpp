@@ -13,8 +13,8 @@
 #include <optional>
 #include <thread>
 
-#include "envs/episode_generator.h"
-#include "envs/sound_library.h"
+#include "envs/episodes/episode_generator.h"
+#include "envs/hearing/sound_library.h"
 #include "sim/base/errors.h"
 #include "sim/base/progress.h"
 #include "sim/scene/house_plan.h"

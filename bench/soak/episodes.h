@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "bench/soak/scenes.h"
-#include "envs/batched_env.h"
+#include "envs/batch/batched_env.h"
 
 namespace earshot {
 

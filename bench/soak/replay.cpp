@@ -2,7 +2,7 @@
 
 #include <array>
 
-#include "envs/env_state.h"
+#include "envs/batch/env_state.h"
 
 namespace earshot {
 

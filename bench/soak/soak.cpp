@@ -10,7 +10,7 @@
 
 #include "bench/soak/episodes.h"
 #include "bench/soak/replay.h"
-#include "envs/baselines.h"
+#include "envs/baselines/baselines.h"
 #include "sim/base/errors.h"
 #include "sim/base/progress.h"
 #include "sim/base/random.h"

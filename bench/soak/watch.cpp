@@ -9,7 +9,7 @@
 #include <numbers>
 #include <utility>
 
-#include "envs/finite_values.h"
+#include "envs/hearing/finite_values.h"
 #include "sim/acoustics/core/arrival.h"
 #include "sim/base/files.h"
 #include "sim/base/random.h"

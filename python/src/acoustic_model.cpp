@@ -10,7 +10,7 @@
 #include <numbers>
 #include <thread>
 
-#include "envs/episode_generator.h"
+#include "envs/episodes/episode_generator.h"
 #include "sim/base/config_reader.h"
 #include "sim/base/errors.h"
 #include "sim/base/random.h"

@@ -6,7 +6,7 @@
 #include <memory>
 #include <span>
 
-#include "envs/batched_env.h"
+#include "envs/batch/batched_env.h"
 #include "python/src/batch_config.h"
 #include "python/src/bindings.h"
 #include "sim/base/errors.h"

@@ -3,13 +3,13 @@
 #include <algorithm>
 #include <utility>
 
-#include "envs/agent_scenario.h"
-#include "envs/env_accuracy.h"
-#include "envs/episode_generator.h"
-#include "envs/field_choice.h"
-#include "envs/name_ranges.h"
-#include "envs/scene_cache.h"
-#include "envs/sound_scenario.h"
+#include "envs/config/env_accuracy.h"
+#include "envs/config/field_choice.h"
+#include "envs/episodes/agent_scenario.h"
+#include "envs/episodes/episode_generator.h"
+#include "envs/episodes/name_ranges.h"
+#include "envs/episodes/sound_scenario.h"
+#include "envs/scenes/scene_cache.h"
 #include "sim/base/config_reader.h"
 #include "sim/base/errors.h"
 

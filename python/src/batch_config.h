@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "envs/env_config.h"
-#include "envs/episode_set.h"
+#include "envs/config/env_config.h"
+#include "envs/episodes/episode_set.h"
 
 namespace earshot::python {
 

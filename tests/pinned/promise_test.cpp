@@ -9,7 +9,7 @@
 #include <thread>
 #include <vector>
 
-#include "envs/batched_env.h"
+#include "envs/batch/batched_env.h"
 #include "sim/acoustics/response/energy_response.h"
 #include "sim/acoustics/synthesis/carriers.h"
 #include "sim/acoustics/synthesis/rir_synthesis.h"

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <vector>
 
-#include "envs/batched_env.h"
+#include "envs/batch/batched_env.h"
 #include "sim/acoustics/response/energy_response.h"
 #include "sim/acoustics/source_field/source_field.h"
 #include "sim/acoustics/synthesis/rir_synthesis.h"

@@ -11,7 +11,7 @@
 #include <numbers>
 #include <sstream>
 
-#include "envs/episode_set.h"
+#include "envs/episodes/episode_set.h"
 #include "sim/acoustics/response/energy_response.h"
 #include "sim/base/errors.h"
 #include "tests/support/env_cases.h"

@@ -2,9 +2,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "envs/env_state.h"
-#include "envs/episode_set.h"
-#include "envs/quarantine.h"
+#include "envs/batch/env_state.h"
+#include "envs/batch/quarantine.h"
+#include "envs/episodes/episode_set.h"
 #include "sim/base/config_reader.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"

@@ -1,4 +1,4 @@
-#include "envs/quarantine_replay.h"
+#include "envs/batch/quarantine_replay.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

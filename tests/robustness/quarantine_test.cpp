@@ -1,7 +1,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "envs/quarantine_replay.h"
+#include "envs/batch/quarantine_replay.h"
 #include "sim/base/errors.h"
 #include "tests/support/env_cases.h"
 #include "tests/support/quarantine_cases.h"

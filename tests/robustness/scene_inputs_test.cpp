@@ -9,7 +9,7 @@
 #include <glm/geometric.hpp>
 #include <locale>
 
-#include "envs/episode_set.h"
+#include "envs/episodes/episode_set.h"
 #include "sim/acoustics/response/energy_response.h"
 #include "sim/acoustics/source_field/source_field_store.h"
 #include "sim/base/errors.h"

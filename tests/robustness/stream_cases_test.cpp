@@ -8,7 +8,7 @@
 #include <glm/geometric.hpp>
 #include <memory>
 
-#include "envs/agent_hearing.h"
+#include "envs/hearing/agent_hearing.h"
 #include "sim/base/errors.h"
 #include "tests/support/env_cases.h"
 

@@ -7,7 +7,7 @@ root=$(mktemp -d); trap 'rm -rf "$root"' EXIT
 new_tree() {  # one header per folder, one file that includes in order
   rm -rf "$root/tree"
   for folder in sim/{base,rays,scene,audio,vision,nav,reader} sim/acoustics/{core,geometry,model,paths,tracers,source_field,response,synthesis,metrics} \
-                envs python bench policy trainer apps; do
+                envs/{task,episodes,batch} datasets python bench/training policy trainer/{net,collective,run} evaluation/{results,replay} apps; do
     mkdir -p "$root/tree/$folder"
     echo '#pragma once' > "$root/tree/$folder/a.h"
   done
@@ -27,7 +27,19 @@ expect 1 sim/acoustics/model/a.h '"sim/acoustics/paths/a.h"'
 expect 1 sim/acoustics/source_field/a.h '"sim/acoustics/metrics/a.h"'
 expect 1 sim/acoustics/core/a.h '"sim/vision/a.h"'
 expect 1 sim/base/a.h '"sim/rays/a.h"'
-expect 1 envs/a.h '"trainer/a.h"'
+expect 1 envs/task/a.h '"trainer/net/a.h"'
+expect 0 envs/batch/a.h '"envs/task/a.h"'
+expect 1 envs/task/a.h '"envs/episodes/a.h"'
+expect 1 envs/task/a.h '"datasets/a.h"'
+expect 0 python/a.h '"datasets/a.h"'
+expect 1 policy/a.h '"datasets/a.h"'
+expect 0 trainer/run/a.h '"policy/a.h"'
+expect 1 trainer/net/a.h '"policy/a.h"'
+expect 1 trainer/net/a.h '"trainer/collective/a.h"'
+expect 1 trainer/run/a.h '"evaluation/results/a.h"'
+expect 1 evaluation/results/a.h '"evaluation/replay/a.h"'
+expect 0 bench/training/a.h '"trainer/run/a.h"'
+expect 1 apps/a.h '<zmq.hpp>'
 expect 1 sim/nav/a.h '<embree3/rtcore.h>'
 expect 0 bench/learner_a_bench.cpp '"policy/a.h"'
 expect 1 bench/camera_bench.cpp '"policy/a.h"'

@@ -5,10 +5,10 @@
 #include <functional>
 #include <string>
 
+#include "evaluation/leaderboard/benchmark.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "tests/support/env_cases.h"
-#include "trainer/benchmark.h"
 
 namespace earshot {
 

@@ -3,7 +3,7 @@
 #include <filesystem>
 #include <string>
 
-#include "envs/convolve_corpus.h"
+#include "datasets/convolve_corpus.h"
 #include "sim/audio/sound_clip.h"
 #include "tests/support/env_cases.h"
 #include "tests/support/rir_corpus_cases.h"

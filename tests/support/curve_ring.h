@@ -10,7 +10,7 @@
 
 #include "sim/base/files.h"
 #include "tests/support/worker_processes.h"
-#include "trainer/collective.h"
+#include "trainer/collective/collective.h"
 
 namespace earshot {
 

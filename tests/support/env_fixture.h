@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "envs/batched_env.h"
-#include "envs/episode_generator.h"
+#include "envs/batch/batched_env.h"
+#include "envs/episodes/episode_generator.h"
 
 namespace earshot {
 

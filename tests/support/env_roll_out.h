@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "envs/batched_env.h"
+#include "envs/batch/batched_env.h"
 #include "sim/base/random.h"
 
 /// Everything that a batch shows over a number of steps, to be compared bit for bit.

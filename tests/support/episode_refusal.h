@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "envs/episode_set.h"
+#include "envs/episodes/episode_set.h"
 #include "sim/base/errors.h"
 
 namespace earshot {

@@ -15,8 +15,8 @@
 #include "tests/support/hooked_collective.h"
 #include "tests/support/pointgoal_policy.h"
 #include "tests/support/worker_processes.h"
-#include "trainer/checkpoint.h"
-#include "trainer/ppo.h"
+#include "trainer/checkpoint/checkpoint.h"
+#include "trainer/learner/ppo.h"
 
 namespace earshot::faults {
 

@@ -14,7 +14,7 @@
 #include <vector>
 #include <zmq.hpp>
 
-#include "trainer/curve_keys.h"
+#include "trainer/net/curve_keys.h"
 
 namespace earshot {
 

@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "trainer/collective.h"
+#include "trainer/collective/collective.h"
 
 namespace earshot {
 

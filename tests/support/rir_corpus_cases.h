@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "envs/rir_corpus.h"
+#include "datasets/rir_corpus.h"
 #include "sim/base/files.h"
 
 namespace earshot::corpus_cases {

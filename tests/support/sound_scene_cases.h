@@ -1,6 +1,6 @@
 #pragma once
 
-#include "envs/sound_scene_corpus.h"
+#include "datasets/sound_scene_corpus.h"
 #include "tests/support/rir_corpus_cases.h"
 
 namespace earshot::corpus_cases {

@@ -7,10 +7,10 @@
 #include <vector>
 
 #include "tests/support/worker_processes.h"
-#include "trainer/checkpoint.h"
-#include "trainer/episode_data.h"
-#include "trainer/event_log.h"
-#include "trainer/run_config.h"
+#include "trainer/checkpoint/checkpoint.h"
+#include "trainer/curves/event_log.h"
+#include "trainer/run/episode_data.h"
+#include "trainer/run/run_config.h"
 
 namespace earshot {
 

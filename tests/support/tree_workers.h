@@ -14,7 +14,7 @@
 #include "sim/base/errors.h"
 #include "tests/support/summed_addends.h"
 #include "tests/support/worker_processes.h"
-#include "trainer/tree_collective.h"
+#include "trainer/collective/tree_collective.h"
 
 namespace earshot {
 

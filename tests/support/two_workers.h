@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "trainer/collective.h"
+#include "trainer/collective/collective.h"
 
 namespace earshot {
 

@@ -14,7 +14,7 @@
 #include <vector>
 
 #include "sim/base/temporary_folder.h"
-#include "trainer/collective.h"
+#include "trainer/collective/collective.h"
 
 namespace earshot {
 

@@ -9,7 +9,7 @@
 #include <numbers>
 #include <string>
 
-#include "envs/agent_hearing.h"
+#include "envs/hearing/agent_hearing.h"
 #include "sim/acoustics/response/energy_response.h"
 #include "sim/acoustics/synthesis/rir_synthesis.h"
 #include "tests/support/decay.h"

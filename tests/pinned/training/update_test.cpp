@@ -10,7 +10,7 @@
 #include "policy/torch_kernels.h"
 #include "sim/base/random.h"
 #include "tests/support/pinned_bits.h"
-#include "trainer/ppo.h"
+#include "trainer/learner/ppo.h"
 
 namespace earshot {
 namespace {

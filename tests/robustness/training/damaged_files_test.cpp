@@ -11,8 +11,8 @@
 #include "sim/base/files.h"
 #include "tests/support/mutate.h"
 #include "tests/support/test_paths.h"
-#include "trainer/checkpoint.h"
-#include "trainer/run_config.h"
+#include "trainer/checkpoint/checkpoint.h"
+#include "trainer/run/run_config.h"
 
 namespace earshot {
 namespace {

@@ -3,8 +3,8 @@
 
 #include "sim/base/errors.h"
 #include "tests/support/fault_bench.h"
-#include "trainer/actor.h"
-#include "trainer/gae.h"
+#include "trainer/learner/gae.h"
+#include "trainer/rollout/actor.h"
 
 namespace earshot::faults {
 namespace {

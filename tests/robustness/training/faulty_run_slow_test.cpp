@@ -11,7 +11,7 @@
 #include "sim/base/files.h"
 #include "tests/support/fault_bench.h"
 #include "tests/support/training_run.h"
-#include "trainer/train_loop.h"
+#include "trainer/run/train_loop.h"
 
 namespace earshot::faults {
 namespace {

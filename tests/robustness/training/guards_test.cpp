@@ -5,8 +5,8 @@
 #include "sim/base/denormals.h"
 #include "sim/base/errors.h"
 #include "tests/support/fault_bench.h"
-#include "trainer/actor.h"
-#include "trainer/advantage_normalization.h"
+#include "trainer/learner/advantage_normalization.h"
+#include "trainer/rollout/actor.h"
 
 namespace earshot::faults {
 namespace {

@@ -10,14 +10,14 @@
 #include <memory>
 #include <thread>
 
+#include "evaluation/results/result.h"
 #include "sim/base/engine_hash.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "tests/support/hooked_collective.h"
 #include "tests/support/training_run.h"
-#include "trainer/effective_config.h"
-#include "trainer/result.h"
-#include "trainer/train_loop.h"
+#include "trainer/run/effective_config.h"
+#include "trainer/run/train_loop.h"
 
 namespace earshot {
 namespace {

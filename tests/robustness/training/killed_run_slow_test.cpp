@@ -10,11 +10,11 @@
 #include "sim/base/files.h"
 #include "sim/base/random.h"
 #include "tests/support/worker_processes.h"
-#include "trainer/checkpoint.h"
-#include "trainer/episode_data.h"
-#include "trainer/event_log.h"
-#include "trainer/run_folder.h"
-#include "trainer/train_loop.h"
+#include "trainer/checkpoint/checkpoint.h"
+#include "trainer/checkpoint/run_folder.h"
+#include "trainer/curves/event_log.h"
+#include "trainer/run/episode_data.h"
+#include "trainer/run/train_loop.h"
 
 namespace earshot {
 namespace {

@@ -16,8 +16,8 @@
 #include "tests/support/hooked_collective.h"
 #include "tests/support/host_namespaces.h"
 #include "tests/support/training_run.h"
-#include "trainer/curve_keys.h"
-#include "trainer/train_loop.h"
+#include "trainer/net/curve_keys.h"
+#include "trainer/run/train_loop.h"
 
 namespace earshot {
 namespace {

@@ -10,7 +10,7 @@
 #include "sim/base/files.h"
 #include "tests/support/hooked_collective.h"
 #include "tests/support/training_run.h"
-#include "trainer/train_loop.h"
+#include "trainer/run/train_loop.h"
 
 namespace earshot {
 namespace {

@@ -3,10 +3,10 @@
 #include <gtest/gtest.h>
 
 #include "tests/support/fault_bench.h"
-#include "trainer/advantage_normalization.h"
-#include "trainer/collective.h"
-#include "trainer/episode_window.h"
-#include "trainer/gae.h"
+#include "trainer/collective/collective.h"
+#include "trainer/learner/advantage_normalization.h"
+#include "trainer/learner/gae.h"
+#include "trainer/rollout/episode_window.h"
 
 namespace earshot::faults {
 namespace {

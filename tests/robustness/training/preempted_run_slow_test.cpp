@@ -7,10 +7,10 @@
 #include <thread>
 
 #include "tests/support/worker_processes.h"
-#include "trainer/checkpoint.h"
-#include "trainer/episode_data.h"
-#include "trainer/event_log.h"
-#include "trainer/train_loop.h"
+#include "trainer/checkpoint/checkpoint.h"
+#include "trainer/curves/event_log.h"
+#include "trainer/run/episode_data.h"
+#include "trainer/run/train_loop.h"
 
 namespace earshot {
 namespace {

@@ -8,9 +8,9 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
+#include "evaluation/results/result.h"
 #include "sim/base/files.h"
 #include "tests/support/train_cli.h"
-#include "trainer/result.h"
 
 namespace earshot {
 namespace {

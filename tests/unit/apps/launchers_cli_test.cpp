@@ -9,7 +9,7 @@
 #include "tests/support/host_namespaces.h"
 #include "tests/support/slurm_node.h"
 #include "tests/support/train_cli.h"
-#include "trainer/checkpoint_format.h"
+#include "trainer/checkpoint/checkpoint_format.h"
 
 namespace earshot {
 namespace {

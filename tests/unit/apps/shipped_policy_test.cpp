@@ -4,10 +4,10 @@
 
 #include <cstdlib>
 
+#include "evaluation/results/result.h"
 #include "sim/base/files.h"
 #include "tests/support/env_cases.h"
 #include "tests/support/test_paths.h"
-#include "trainer/result.h"
 
 namespace earshot {
 namespace {

@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "bench/soak/report.h"
-#include "envs/scene_cache.h"
+#include "envs/scenes/scene_cache.h"
 #include "sim/base/errors.h"
 #include "sim/base/random.h"
 

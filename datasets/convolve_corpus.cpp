@@ -1,0 +1,237 @@
+#include "datasets/convolve_corpus.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "datasets/corpus_parts.h"
+#include "datasets/response_index.h"
+#include "datasets/reverberant_mixture.h"
+#include "sim/base/errors.h"
+#include "sim/base/files.h"
+#include "sim/base/utf8.h"
+
+namespace earshot {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+/// Signals that a killed run may have to make again.
+constexpr int kSignalsPerPart = 10;
+constexpr std::size_t kLongestTranscript = 1 << 16;
+
+Json rounded(double value) { return std::strtod(fmt::format("{:.6g}", value).c_str(), nullptr); }
+
+void validate_range(const std::vector<float>& range, const std::string& key, float low, float high) {
+  const bool ok = range.size() == 2 && range[0] >= low && range[1] <= high && range[0] <= range[1];
+  require(ok, key, fmt::format("{}", fmt::join(range, ",")),
+          fmt::format("must be LOW,HIGH within [{}, {}] dB, the smaller one first", low, high));
+}
+
+/// What stands beside a speech file in a text file of its name; nothing if there is none.  Throws InputError for what is no text.
+std::optional<std::string> transcript_of(const SoundFolder& speech, const std::string& file) {
+  const std::filesystem::path path = (speech.root / file).replace_extension(".txt");
+  std::error_code unknown;
+  if (!std::filesystem::is_regular_file(path, unknown)) return {};
+  std::string text = read_file(path, kLongestTranscript);
+  if (!is_utf8(text)) throw InputError(path.string(), "is not UTF-8 text", "save it as UTF-8");
+  while (!text.empty() && (text.back() == '\n' || text.back() == '\r' || text.back() == ' ')) text.pop_back();
+  return text;
+}
+
+/// Of the words beside all speech files, so that a corpus is not completed with others.
+std::uint64_t transcripts_hash(const SoundFolder& speech) {
+  std::string all;
+  for (const std::string& file : speech.files)
+    if (const auto text = transcript_of(speech, file)) all += fmt::format("{} {}\n", file, hex64(hash64(*text)));
+  return hash64(all);
+}
+
+std::string config_lines(const ConvolveConfig& config, const ResponseIndex& index, const SoundFolder& speech, const SoundFolder* noise,
+                         std::uint64_t signals) {
+  const auto range = [](const std::vector<float>& values) { return fmt::format("[{}, {}]", values[0], values[1]); };
+  std::string text;
+  const auto add = [&](const std::string& key, const auto& value) { text += fmt::format("{}: {}\n", key, value); };
+  add("corpus_hash", hex64(index.hash()));
+  add("speech_files", speech.files.size());
+  add("speech_hash", hex64(speech.hash()));
+  add("transcripts_hash", hex64(transcripts_hash(speech)));
+  add("noise", noise ? "folder " + hex64(noise->hash()) : config.noise.empty() ? "none" : config.noise);
+  add("seed", config.seed);
+  add("signals", signals);
+  add("talkers", fmt::format("[{}, {}]", config.min_talkers, config.max_talkers));
+  add("talker_db", range(config.talker_db));
+  add("snr_db", range(config.snr_db));
+  add("level_dbfs", range(config.level_dbfs));
+  add("early", config.early);
+  add("dry", config.dry);
+  add("stems", config.stems);
+  add("cut", config.cut);
+  add("format", config.format == SoundFormat::wav ? "wav" : "flac");
+  add("signals_per_folder", config.signals_per_folder);
+  return text;
+}
+
+/// Writes the files of a mixture and makes its line of the manifest.
+class SignalWriter {
+ public:
+  SignalWriter(const ConvolveConfig& config, const ResponseIndex& index, const SoundFolder& speech, CorpusPartWriter& writer)
+      : config_(config), index_(index), speech_(speech), writer_(writer) {}
+
+  void write(std::uint64_t number, const Mixture& mixture) {
+    const auto channels = static_cast<int>(index_.channels().size());
+    const std::string id = fmt::format("{:07}", number);
+    const auto add = [&](const std::string& suffix, std::span<const float> samples, int width) -> std::string {
+      const std::string name = id + suffix + ending_of(config_.format);
+      return writer_.write(name, encode_sound(samples, width, index_.sample_rate_hz(), config_.format, name));
+    };
+    Json line = {{"id", id},
+                 {"file", add("", mixture.samples, channels)},
+                 {"num_samples", mixture.num_frames},
+                 {"level_dbfs", rounded(mixture.level_dbfs)},
+                 {"lowered", mixture.lowered}};
+    Json talkers = Json::array();
+    for (std::size_t t = 0; t < mixture.talkers.size(); ++t) {
+      const MixedTalker& talker = mixture.talkers[t];
+      const IndexedResponse& response = index_.responses()[talker.response];
+      Json labels = {{"speech", talker.speech}, {"start_sample", talker.start_sample}, {"num_samples", talker.dry_samples}};
+      labels.update(Json::parse(response.labels));
+      labels["gain"] = rounded(talker.gain);
+      labels["same_listener"] = response.place == index_.responses()[mixture.talkers[0].response].place;
+      const std::string suffix = fmt::format(".t{}", t);
+      if (config_.stems) labels["file"] = add(suffix, talker.reverberant, channels);
+      if (config_.early) labels["early_file"] = add(suffix + ".early", talker.early, channels);
+      if (config_.dry) labels["dry_file"] = add(suffix + ".dry", talker.dry, 1);
+      if (const auto text = transcript_of(speech_, talker.speech)) labels["text"] = *text;
+      talkers.push_back(labels);
+    }
+    line["talkers"] = talkers;
+    line["noise"] = nullptr;
+    if (mixture.has_noise) {
+      const MixedNoise& noise = mixture.noise;
+      Json labels = {{"sound", noise.sound}, {"start_sample", noise.start_sample}, {"snr_db", rounded(noise.snr_db)}};
+      if (noise.response >= 0) {
+        const IndexedResponse& response = index_.responses()[static_cast<std::size_t>(noise.response)];
+        labels.update(Json::parse(response.labels));
+        labels["same_listener"] = response.place == index_.responses()[mixture.talkers[0].response].place;
+      } else {
+        labels["response"] = nullptr;
+      }
+      labels["gain"] = rounded(noise.gain);
+      if (config_.stems) labels["file"] = add(".noise", noise.samples, channels);
+      line["noise"] = labels;
+    }
+    writer_.add_line(line.dump());
+  }
+
+ private:
+  const ConvolveConfig& config_;
+  const ResponseIndex& index_;
+  const SoundFolder& speech_;
+  CorpusPartWriter& writer_;
+};
+
+/// The talkers of a recording as lhotse's SupervisionSegments.
+std::string supervision_lines(const std::string& manifest_line, float sample_rate_hz, std::size_t num_channels) {
+  const Json recording = Json::parse(manifest_line);
+  Json channels = Json::array();
+  for (std::size_t channel = 0; channel < num_channels; ++channel) channels.push_back(channel);
+  const auto frames = recording.at("num_samples").get<std::uint64_t>();
+  std::string lines;
+  std::size_t number = 0;
+  for (const Json& talker : recording.at("talkers")) {
+    // From the direct sound on; the end of the dry sound, or of the recording where that is cut.
+    const double rate_hz = static_cast<double>(sample_rate_hz);
+    const auto delay = static_cast<std::uint64_t>(std::lround(talker.at("direct_delay_s").get<double>() * rate_hz));
+    const std::uint64_t begin = std::min(frames, talker.at("start_sample").get<std::uint64_t>() + delay);
+    const std::uint64_t end = std::min(frames, begin + talker.at("num_samples").get<std::uint64_t>());
+    Json custom = talker;
+    custom.erase("text");
+    custom["snr_db"] = recording.at("noise").is_null() ? Json(nullptr) : recording.at("noise").at("snr_db");
+    Json segment = {{"id", fmt::format("{}-{}", recording.at("id").get<std::string>(), number++)},
+                    {"recording_id", recording.at("id")},
+                    {"start", static_cast<double>(begin) / rate_hz},
+                    {"duration", static_cast<double>(end - begin) / rate_hz},
+                    {"channel", channels}};
+    if (talker.contains("text")) segment["text"] = talker.at("text");
+    segment["custom"] = custom;
+    lines += segment.dump() + "\n";
+  }
+  return lines;
+}
+
+std::uint64_t count_lowered(const std::filesystem::path& manifest) {
+  const std::string text = read_file(manifest);
+  std::uint64_t count = 0;
+  for (std::size_t at = 0; (at = text.find("\"lowered\":true", at)) != std::string::npos; ++at) ++count;
+  return count;
+}
+
+}  // namespace
+
+void validate(const ConvolveConfig& config) {
+  require(config.count <= 100'000'000, "--count", config.count, "must be in [0, 100000000]; 0 means one signal per speech file");
+  require(config.min_talkers >= 1 && config.min_talkers <= config.max_talkers && config.max_talkers <= 100, "--talkers",
+          fmt::format("{},{}", config.min_talkers, config.max_talkers), "must be LOW,HIGH within [1, 100], the smaller one first");
+  validate_range(config.talker_db, "--talker-level", -60, 60);
+  validate_range(config.snr_db, "--snr", -60, 120);
+  validate_range(config.level_dbfs, "--level", -100, 0);
+  const int per_folder = config.signals_per_folder;
+  require(per_folder >= 1 && per_folder <= 100'000 && (per_folder <= kSignalsPerPart || per_folder % kSignalsPerPart == 0),
+          "--signals-per-folder", per_folder, "must be in [1, 10], or a multiple of 10 up to 100000");
+}
+
+ConvolveReport write_convolve_corpus(const ConvolveConfig& config, const CorpusRun& run) {
+  validate(config);
+  const ResponseIndex index(config.corpus);
+  const SoundFolder speech = SoundFolder::list(config.speech);
+  std::optional<SoundFolder> noise;
+  if (config.noise.starts_with("synth:"))
+    (void)synthesize_sound(config.noise, index.sample_rate_hz());  // an unknown kind shows before anything is written
+  else if (!config.noise.empty() && config.noise != "synth")
+    noise = SoundFolder::list(config.noise);
+  if (config.early && !index.has_early())
+    throw InputError("--early", "wants early parts, which " + config.corpus + " does not hold", "write the corpus with split_ms: 50");
+  if (index.fewest_sources() < static_cast<std::size_t>(config.max_talkers))
+    throw InputError(fmt::format("--talkers {},{}", config.min_talkers, config.max_talkers),
+                     fmt::format("are more than the {} sources of a room of {}", index.fewest_sources(), config.corpus),
+                     "ask for fewer, or write the corpus with more sources_per_room");
+  if (config.format == SoundFormat::flac && index.channels().size() > 8)
+    throw InputError("--format flac", fmt::format("holds 8 channels, and the responses have {}", index.channels().size()), "take wav");
+
+  const std::uint64_t signals = config.count > 0 ? config.count : speech.files.size();
+  const auto per_part = static_cast<std::uint64_t>(std::min(kSignalsPerPart, config.signals_per_folder));
+  const std::uint64_t parts_per_folder = static_cast<std::uint64_t>(config.signals_per_folder) / per_part;
+  const CorpusFolder folder(run.out, static_cast<std::size_t>((signals + per_part - 1) / per_part),
+                            static_cast<std::size_t>(parts_per_folder), index.sample_rate_hz(), index.channels().size());
+  folder.begin(CorpusFolder::describe("convolve", config_lines(config, index, speech, noise ? &*noise : nullptr, signals),
+                                      index.sample_rate_hz(), index.channels()));
+
+  const auto end_of = [&](std::size_t part) { return std::min<std::uint64_t>(signals, (part + 1) * per_part); };
+  const CorpusPartsReport done = complete_corpus(
+      folder, run,
+      {.items = [&](std::size_t part) { return end_of(part) - part * per_part; },
+       .make_worker =
+           [&] {
+             auto maker = std::make_shared<MixtureMaker>(config, index, speech, noise ? &*noise : nullptr);
+             return [&, maker](std::size_t part, CorpusPartWriter& writer, const std::function<void()>& count_item) {
+               SignalWriter signal_writer(config, index, speech, writer);
+               for (std::uint64_t number = part * per_part; number < end_of(part); ++number) {
+                 signal_writer.write(number, maker->mix(number));
+                 count_item();
+               }
+             };
+           },
+       .derived = {{"supervisions.jsonl",
+                    [&](const std::string& line) { return supervision_lines(line, index.sample_rate_hz(), index.channels().size()); }}}});
+  ConvolveReport report{.signals = done.items, .all_signals = signals, .folders_missing = done.folders_missing};
+  if (report.folders_missing == 0) report.lowered = count_lowered(run.out / "manifest.jsonl");
+  return report;
+}
+
+}  // namespace earshot

@@ -1,0 +1,50 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "datasets/rir_corpus.h"
+#include "sim/audio/sound_file.h"
+
+namespace earshot {
+
+/// Reverberant signals: dry speech through the responses of a corpus, with noise.  A plain value.
+struct ConvolveConfig {
+  std::string corpus;                              ///< folder that write_rir_corpus has completed
+  std::string speech;                              ///< folder of sound files, with those below it
+  std::string noise;                               ///< the same, or synth (white noise), or synth:KIND; empty: none
+  std::uint64_t seed = 0;                          ///< of all that is drawn
+  std::uint64_t count = 0;                         ///< signals; 0: one per speech file.  Speech files come in turn
+  int min_talkers = 1, max_talkers = 1;            ///< of different sources of a room, and different files where there are as many
+  std::vector<float> talker_db = {-5, 5};          ///< of further talkers over the first one
+  std::vector<float> snr_db = {5, 25};             ///< all talkers over the noise
+  std::vector<float> level_dbfs = {-30, -20};      ///< root of the mean square of the whole, over channels and time
+  bool early = false, dry = false, stems = false;  ///< files besides, for each talker; see write_convolve_corpus
+  bool cut = false;                                ///< as long as the first speech; else until the last response is over
+  SoundFormat format = SoundFormat::wav;
+  int signals_per_folder = 100;  ///< the unit of shards
+};
+/// Throws InputError "key = value: rule".
+void validate(const ConvolveConfig& config);
+
+struct ConvolveReport {
+  std::uint64_t signals = 0, all_signals = 0;  ///< written by this run; of the whole
+  std::uint64_t lowered = 0;                   ///< of all, once complete: below the level that was drawn, so that no sample exceeds 1
+  std::size_t folders_missing = 0;
+};
+
+/// Writes signals, or completes what was begun (docs/datasets.md); every byte is a function of (config, files, program).
+///
+///   OUT/00000/0000007.wav              talkers and noise, channels as in the corpus
+///   OUT/00000/0000007.t0.wav, .noise.wav   with `stems`: what each talker, and the noise, adds to it
+///   OUT/00000/0000007.t0.early.wav     with `early`: the talker through the early part of its response
+///   OUT/00000/0000007.t0.dry.wav       with `dry`: the dry speech, one channel, at the time and level of the direct sound of an
+///                                      omnidirectional source: delayed by distance / speed of sound, times 1 / (4 pi distance)
+///   OUT/manifest.jsonl, recordings.jsonl, supervisions.jsonl
+///
+/// All files of a signal have one factor, below which no sample of any exceeds 0.999.  Throws InputError, RunError.
+ConvolveReport write_convolve_corpus(const ConvolveConfig& config, const CorpusRun& run);
+
+}  // namespace earshot

@@ -1,0 +1,225 @@
+#include "datasets/reverberant_mixture.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <set>
+
+#include "sim/base/errors.h"
+#include "sim/base/files.h"
+#include "sim/base/random.h"
+
+namespace earshot {
+namespace {
+
+/// In the place of the scene in the streams of episodes: the signals of a corpus.
+constexpr std::uint32_t kSignalStream = 0x434F4E56u;
+
+/// Draw numbers of one talker; talker 0 also draws for the whole.  Fixed, so that a new consumer does not shift the others.
+enum Draw : std::uint32_t {
+  talkers_draw = 0,
+  response_draw = 1,
+  level_draw = 2,
+  snr_draw = 3,
+  noise_file_draw = 4,
+  noise_start_draw = 5,
+  speech_draw = 6,
+  start_draw = 7,
+  gain_draw = 8,
+  source_draw = 9,
+  noise_source_draw = 10,
+  channel_start_draw = 32
+};
+
+RandomStream stream_of(const ConvolveConfig& config, std::uint64_t number, std::size_t talker) {
+  return {config.seed, Purpose::episode, kSignalStream, static_cast<std::uint32_t>(number), static_cast<std::uint32_t>(talker)};
+}
+
+/// [channels, frames] to [channels, length], the sound from `start` on; what lies beyond is cut.
+std::vector<float> placed(std::span<const float> sound, std::size_t channels, std::size_t start, std::size_t length) {
+  const std::size_t frames = sound.size() / channels;
+  std::vector<float> result(channels * length, 0.f);
+  if (start >= length) return result;
+  const std::size_t count = std::min(frames, length - start);
+  for (std::size_t c = 0; c < channels; ++c)
+    std::copy_n(sound.begin() + static_cast<std::ptrdiff_t>(c * frames), count,
+                result.begin() + static_cast<std::ptrdiff_t>(c * length + start));
+  return result;
+}
+
+/// Unrelated for every (signal, channel).
+RandomStream noise_stream(const ConvolveConfig& config, std::uint64_t number, std::size_t channel) {
+  return {config.seed, Purpose::sound, kSignalStream, static_cast<std::uint32_t>(number), static_cast<std::uint32_t>(channel)};
+}
+
+}  // namespace
+
+std::vector<std::size_t> MixtureMaker::draw_responses(std::uint64_t number, std::size_t count) const {
+  const RandomStream first = stream_of(config_, number, 0);
+  const std::vector<IndexedResponse>& all = index_.responses();
+  std::vector<std::size_t> drawn{first.below(static_cast<std::uint32_t>(all.size()), response_draw)};
+  const std::vector<std::size_t>& room = index_.room_of(drawn[0]);
+  std::set<int> taken{all[drawn[0]].source};
+  while (drawn.size() < count) {
+    std::vector<std::size_t> free, here;  // of sources that are left; of those at the first one's place
+    for (const std::size_t i : room) {
+      if (taken.contains(all[i].source)) continue;
+      free.push_back(i);
+      if (all[i].place == all[drawn[0]].place) here.push_back(i);
+    }
+    const std::vector<std::size_t>& among = here.empty() ? free : here;
+    if (among.empty()) return drawn;
+    const RandomStream random = stream_of(config_, number, drawn.size());
+    drawn.push_back(among[random.below(static_cast<std::uint32_t>(among.size()), source_draw)]);
+    taken.insert(all[drawn.back()].source);
+  }
+  return drawn;
+}
+
+std::vector<float> MixtureMaker::convolved(const IndexedResponse& response, const std::string& file, std::span<const float> dry) {
+  const SoundChannels filter = index_.load(response, file);
+  return convolver_.convolve(dry, filter.samples, filter.num_channels);
+}
+
+void MixtureMaker::add_talker(Mixture& mixture, std::uint64_t number, std::size_t talker, std::size_t response_index) {
+  const RandomStream random = stream_of(config_, number, talker);
+  const auto num_files = static_cast<std::uint32_t>(speech_.files.size());
+  std::size_t file = static_cast<std::size_t>(number % num_files);
+  if (talker > 0) {  // in steps from the first one, so that it is another file where there are two
+    const std::uint32_t step = num_files > 1 ? 1 + random.below(num_files - 1, speech_draw) : 0;
+    file = (file + step) % num_files;
+  }
+  const std::size_t channels = index_.channels().size();
+  const IndexedResponse& response = index_.responses()[response_index];
+  MixedTalker added;
+  added.speech = speech_.files[file];
+  added.response = response_index;
+  std::vector<float> dry = load_sound(speech_.root / added.speech, index_.sample_rate_hz()).samples;
+  if (peak_of(dry) <= 0) throw InputError((speech_.root / added.speech).string(), "is silent", "take it out of the folder");
+  const std::size_t first_samples = talker == 0 ? dry.size() : mixture.talkers[0].dry_samples;
+  if (talker > 0) {
+    if (dry.size() > first_samples) dry.resize(first_samples);
+    added.start_sample = random.below(static_cast<std::uint32_t>(first_samples - dry.size() + 1), start_draw);
+    if (peak_of(dry) <= 0)
+      throw InputError((speech_.root / added.speech).string(), "begins with silence longer than others are", "trim it");
+  }
+  added.dry_samples = dry.size();
+  const std::vector<float> sound = convolved(response, response.file, dry);
+  if (talker == 0) mixture.num_frames = config_.cut ? dry.size() : sound.size() / channels;
+  added.reverberant = placed(sound, channels, added.start_sample, mixture.num_frames);
+  if (config_.early) added.early = placed(convolved(response, response.early_file, dry), channels, added.start_sample, mixture.num_frames);
+  if (config_.dry) {
+    const auto delay = static_cast<std::size_t>(std::lround(response.direct_delay_s * static_cast<double>(index_.sample_rate_hz())));
+    added.dry = placed(dry, 1, added.start_sample + delay, mixture.num_frames);
+    scale(added.dry, 1 / (4 * std::numbers::pi * std::max(response.distance_m, 1e-3)));
+  }
+  const double energy = energy_of(added.reverberant);
+  if (energy <= 0)
+    throw InputError((speech_.root / added.speech).string(), fmt::format("is silent through response {}", response.id),
+                     "leave --cut out, or take the file out of the folder");
+  if (talker > 0) {
+    const double wanted = amplitude_of_db(within_range(config_.talker_db, random.uniform(gain_draw)));
+    added.gain = std::sqrt(energy_of(mixture.talkers[0].reverberant) / energy) * wanted;
+    for (std::vector<float>* samples : {&added.reverberant, &added.early, &added.dry}) scale(*samples, added.gain);
+  }
+  mixture.talkers.push_back(std::move(added));
+}
+
+void MixtureMaker::add_noise(Mixture& mixture, std::uint64_t number) {
+  const RandomStream random = stream_of(config_, number, 0);
+  const std::size_t channels = index_.channels().size(), frames = mixture.num_frames;
+  MixedNoise& noise = mixture.noise;
+  mixture.has_noise = true;
+
+  // The response of a source that is left in the room, at the same place where there is one.
+  const std::vector<IndexedResponse>& all = index_.responses();
+  std::set<int> taken;
+  for (const MixedTalker& talker : mixture.talkers) taken.insert(all[talker.response].source);
+  std::vector<std::size_t> free, here;
+  for (const std::size_t i : index_.room_of(mixture.talkers[0].response)) {
+    if (taken.contains(all[i].source)) continue;
+    free.push_back(i);
+    if (all[i].place == all[mixture.talkers[0].response].place) here.push_back(i);
+  }
+  const std::vector<std::size_t>& among = here.empty() ? free : here;
+  if (!among.empty())
+    noise.response = static_cast<std::ptrdiff_t>(among[random.below(static_cast<std::uint32_t>(among.size()), noise_source_draw)]);
+
+  std::vector<float> clip;  // empty: white noise without an end
+  if (noise_) {
+    noise.sound = noise_->files[random.below(static_cast<std::uint32_t>(noise_->files.size()), noise_file_draw)];
+    clip = load_sound(noise_->root / noise.sound, index_.sample_rate_hz()).samples;
+  } else if (config_.noise == "synth") {
+    noise.sound = "synth";
+  } else {
+    noise.sound = fmt::format("{}:{}", config_.noise, random.below(1u << 30, noise_file_draw));
+    clip = synthesize_sound(noise.sound, index_.sample_rate_hz()).samples;
+  }
+  const auto part = [&](std::size_t channel, std::size_t count) {
+    if (clip.empty()) return white_noise(noise_stream(config_, number, channel), count);
+    const auto size = static_cast<std::uint32_t>(clip.size());
+    const std::uint64_t start =
+        random.below(size, channel == 0 ? noise_start_draw : channel_start_draw + static_cast<std::uint32_t>(channel));
+    if (channel == 0) noise.start_sample = start;
+    return looped(clip, start, count);
+  };
+  if (noise.response >= 0) {
+    // It has been sounding: what it rings from before the first sample is there, and its end is not.
+    const IndexedResponse& response = all[static_cast<std::size_t>(noise.response)];
+    const SoundChannels filter = index_.load(response, response.file);
+    const std::size_t before = filter.num_frames() - 1;
+    const std::vector<float> sound = convolver_.convolve(part(0, before + frames), filter.samples, filter.num_channels);
+    const std::size_t width = sound.size() / channels;
+    noise.samples.resize(channels * frames);
+    for (std::size_t c = 0; c < channels; ++c)
+      std::copy_n(sound.begin() + static_cast<std::ptrdiff_t>(c * width + before), frames,
+                  noise.samples.begin() + static_cast<std::ptrdiff_t>(c * frames));
+  } else {
+    for (std::size_t c = 0; c < channels; ++c) {
+      const std::vector<float> channel = part(c, frames);
+      noise.samples.insert(noise.samples.end(), channel.begin(), channel.end());
+    }
+  }
+  const double energy = energy_of(noise.samples);
+  if (energy <= 0)
+    throw InputError(noise_ ? (noise_->root / noise.sound).string() : noise.sound, "is silent, or has a pause as long as a signal",
+                     "take it out of the folder");
+  noise.snr_db = within_range(config_.snr_db, random.uniform(snr_draw));
+  noise.gain = std::sqrt(energy_of(mixture.samples) / energy) / amplitude_of_db(noise.snr_db);
+  scale(noise.samples, noise.gain);
+  for (std::size_t i = 0; i < mixture.samples.size(); ++i) mixture.samples[i] += noise.samples[i];
+}
+
+Mixture MixtureMaker::mix(std::uint64_t number) {
+  const RandomStream random = stream_of(config_, number, 0);
+  const auto talkers = static_cast<std::size_t>(config_.min_talkers) +
+                       random.below(static_cast<std::uint32_t>(config_.max_talkers - config_.min_talkers + 1), talkers_draw);
+  Mixture mixture;
+  const std::vector<std::size_t> responses = draw_responses(number, talkers);
+  for (std::size_t talker = 0; talker < responses.size(); ++talker) add_talker(mixture, number, talker, responses[talker]);
+  mixture.samples.assign(mixture.talkers[0].reverberant.size(), 0.f);
+  for (const MixedTalker& talker : mixture.talkers)
+    for (std::size_t i = 0; i < mixture.samples.size(); ++i) mixture.samples[i] += talker.reverberant[i];
+  if (!config_.noise.empty()) add_noise(mixture, number);
+
+  const double mean_square = energy_of(mixture.samples) / static_cast<double>(mixture.samples.size());
+  mixture.level_dbfs = within_range(config_.level_dbfs, random.uniform(level_draw));
+  double factor = amplitude_of_db(mixture.level_dbfs) / std::sqrt(mean_square);
+  std::vector<std::vector<float>*> all{&mixture.samples, &mixture.noise.samples};
+  for (MixedTalker& talker : mixture.talkers) all.insert(all.end(), {&talker.reverberant, &talker.early, &talker.dry});
+  double peak = 0;
+  for (const std::vector<float>* samples : all) peak = std::max(peak, peak_of(*samples));
+  if (peak * factor > kMostPeak) {
+    mixture.lowered = true;
+    mixture.level_dbfs += 20 * std::log10(kMostPeak / (peak * factor));
+    factor = kMostPeak / peak;
+  }
+  for (std::vector<float>* samples : all) scale(*samples, factor);
+  for (MixedTalker& talker : mixture.talkers) talker.gain *= factor;
+  mixture.noise.gain *= factor;
+  return mixture;
+}
+
+}  // namespace earshot

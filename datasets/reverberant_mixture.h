@@ -1,0 +1,64 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "datasets/convolve_corpus.h"
+#include "datasets/corpus_sounds.h"
+#include "datasets/response_index.h"
+#include "sim/audio/fir_convolver.h"
+
+namespace earshot {
+
+/// One talker of a mixture; all sounds have the length of the mixture.
+struct MixedTalker {
+  std::string speech;  ///< path within its folder
+  std::size_t response = 0, start_sample = 0, dry_samples = 0;
+  double gain = 1;                             ///< on the dry sound as it was read and resampled, before the response
+  std::vector<float> reverberant, early, dry;  ///< [channels, n], [channels, n] or empty, [n] or empty
+};
+
+struct MixedNoise {
+  std::string sound;               ///< path within its folder, or synth...
+  std::ptrdiff_t response = -1;    ///< -1: none, each channel has noise of its own
+  std::uint64_t start_sample = 0;  ///< of the noise file, which loops
+  double snr_db = 0, gain = 1;
+  std::vector<float> samples;  ///< [channels, n]
+};
+
+struct Mixture {
+  std::size_t num_frames = 0;
+  std::vector<MixedTalker> talkers;
+  bool has_noise = false;
+  MixedNoise noise;
+  std::vector<float> samples;  ///< [channels, n]
+  double level_dbfs = 0;
+  bool lowered = false;
+};
+
+/// Mixes signal `number`, a function of (config, index, files, number).  Owns scratch: one per thread.
+class MixtureMaker {
+ public:
+  /// All must outlive this.  noise: null where config.noise is no folder.
+  MixtureMaker(const ConvolveConfig& config, const ResponseIndex& index, const SoundFolder& speech, const SoundFolder* noise)
+      : config_(config), index_(index), speech_(speech), noise_(noise) {}
+  /// Throws InputError: a file that cannot be read, or that is silent.
+  Mixture mix(std::uint64_t number);
+
+ private:
+  [[nodiscard]] std::vector<std::size_t> draw_responses(std::uint64_t number, std::size_t count) const;
+  void add_talker(Mixture& mixture, std::uint64_t number, std::size_t talker, std::size_t response);
+  void add_noise(Mixture& mixture, std::uint64_t number);
+  std::vector<float> convolved(const IndexedResponse& response, const std::string& file, std::span<const float> dry);
+
+  const ConvolveConfig& config_;
+  const ResponseIndex& index_;
+  const SoundFolder& speech_;
+  const SoundFolder* noise_;
+  FirConvolver convolver_;
+};
+
+}  // namespace earshot

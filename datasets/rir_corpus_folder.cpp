@@ -1,0 +1,212 @@
+#include "datasets/rir_corpus_folder.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <nlohmann/json.hpp>
+#include <system_error>
+#include <utility>
+
+#include "sim/base/engine_commit.h"
+#include "sim/base/errors.h"
+#include "sim/base/files.h"
+#include "sim/base/schema_version.h"
+
+namespace earshot {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+[[noreturn]] void fail(const std::filesystem::path& path, const char* what) {
+  throw RunError(path.string(), std::string(what) + ": " + std::generic_category().message(errno));
+}
+
+/// Closes a descriptor on every way out.
+class Descriptor {
+ public:
+  Descriptor(const std::filesystem::path& path, int flags) : value_(::open(path.c_str(), flags | O_CLOEXEC, 0644)) {
+    if (value_ < 0) fail(path, "cannot be opened");
+  }
+  ~Descriptor() { ::close(value_); }
+  Descriptor(const Descriptor&) = delete;
+  Descriptor& operator=(const Descriptor&) = delete;
+  [[nodiscard]] int value() const { return value_; }
+
+ private:
+  int value_;
+};
+
+void write_whole(const std::filesystem::path& path, std::string_view bytes) {
+  const Descriptor file(path, O_WRONLY | O_CREAT | O_TRUNC);
+  while (!bytes.empty()) {
+    const ssize_t written = ::write(file.value(), bytes.data(), bytes.size());
+    if (written < 0 && errno == EINTR) continue;
+    if (written <= 0) fail(path, "cannot be written");
+    bytes.remove_prefix(static_cast<std::size_t>(written));
+  }
+}
+
+void flush_to_disk(const std::filesystem::path& path, int flags) {
+  const Descriptor file(path, flags);
+  if (::fsync(file.value()) != 0) fail(path, "cannot be flushed");
+}
+
+/// The first line that two texts do not have in common, of each.
+std::pair<std::string, std::string> first_difference(std::string_view a, std::string_view b) {
+  const auto cut = [](std::string_view& text) {
+    const std::size_t end = std::min(text.find('\n'), text.size());
+    const std::string_view line = text.substr(0, end);
+    text.remove_prefix(std::min(end + 1, text.size()));
+    return line;
+  };
+  while (!a.empty() || !b.empty()) {
+    const std::string_view left = cut(a), right = cut(b);
+    if (left != right) return {std::string(left), std::string(right)};
+  }
+  return {};
+}
+
+std::string trimmed(const std::string& text) {
+  const std::size_t begin = text.find_first_not_of(' ');
+  return begin == std::string::npos ? "nothing" : text.substr(begin);
+}
+
+/// corpus.json as lines with one key each, the config among them.
+std::string as_lines(const std::string& json, const std::string& where) {
+  try {
+    const Json parsed = Json::parse(json);
+    check_schema_version(parsed, kCorpusVersionKey, where, "a corpus", {1, kCorpusVersion});
+    std::string lines;
+    for (const auto& [key, value] : parsed.items())
+      lines += key == "config" ? value.get<std::string>() : fmt::format("{}: {}\n", key, value.dump());
+    return lines;
+  } catch (const nlohmann::json::exception&) {
+    throw InputError(where, "is damaged", "remove it if the folder holds no corpus that you want to complete");
+  }
+}
+
+}  // namespace
+
+CorpusFolder::CorpusFolder(std::filesystem::path out, std::size_t num_rooms, std::size_t rooms_per_folder, float sample_rate_hz,
+                           std::size_t num_channels)
+    : out_(std::move(out)),
+      num_rooms_(num_rooms),
+      rooms_per_folder_(rooms_per_folder),
+      sample_rate_hz_(sample_rate_hz),
+      num_channels_(num_channels) {}
+
+void CorpusFolder::begin(const std::string& description) const {
+  const std::filesystem::path path = out_ / "corpus.json";
+  if (!std::filesystem::exists(path)) {
+    if (std::filesystem::exists(out_) && !std::filesystem::is_directory(out_))
+      throw InputError(out_.string(), "is not a folder", "name a folder to write");
+    write_file_atomically(path, description);
+    return;
+  }
+  const std::string there = read_file(path);
+  if (there == description) return;
+  const auto [old_line, line] = first_difference(as_lines(there, path.string()), as_lines(description, path.string()));
+  throw InputError(out_.string(),
+                   fmt::format("holds a corpus that was begun otherwise: '{}' there, '{}' here", trimmed(old_line), trimmed(line)),
+                   "complete it with the same config and program, or name another folder");
+}
+
+std::filesystem::path CorpusFolder::folder_path(std::size_t folder) const { return out_ / fmt::format("{:05}", folder); }
+std::filesystem::path CorpusFolder::part_path(std::size_t room) const {
+  return folder_path(room / rooms_per_folder_) / fmt::format("room_{:06}.jsonl", room);
+}
+std::string CorpusFolder::prefix_of(std::size_t room) const { return fmt::format("{:05}/", room / rooms_per_folder_); }
+std::size_t CorpusFolder::end_room(std::size_t folder) const { return std::min(num_rooms_, first_room(folder + 1)); }
+
+std::vector<std::size_t> CorpusFolder::missing_rooms(std::size_t folder) const {
+  std::vector<std::size_t> missing;
+  const bool whole = std::filesystem::exists(manifest_path(folder));
+  for (std::size_t room = first_room(folder); room < end_room(folder); ++room)
+    if (!whole && !std::filesystem::exists(part_path(room))) missing.push_back(room);
+  std::error_code error;
+  std::filesystem::create_directories(folder_path(folder), error);
+  if (error) throw RunError(folder_path(folder).string(), "cannot be created: " + error.message());
+  if (missing.empty()) complete(folder);
+  return missing;
+}
+
+void CorpusFolder::write_sound(std::size_t room, const std::string& name, std::string_view bytes) const {
+  const std::filesystem::path path = folder_path(room / rooms_per_folder_) / name;
+  // A reader of the folder finds whole files only; one name per file, so that what a killed run leaves behind is replaced.
+  const std::filesystem::path part = path.string() + ".part";
+  write_whole(part, bytes);
+  if (::rename(part.c_str(), path.c_str()) != 0) fail(path, "cannot be replaced");
+}
+
+void CorpusFolder::finish_room(std::size_t room, const std::vector<std::string>& files, const std::string& lines) const {
+  const std::size_t folder = room / rooms_per_folder_;
+  for (const std::string& name : files) flush_to_disk(folder_path(folder) / name, O_RDONLY);
+  flush_to_disk(folder_path(folder), O_RDONLY | O_DIRECTORY);
+  const std::lock_guard lock(completing_);
+  write_file_atomically(part_path(room), lines);
+  for (std::size_t other = first_room(folder); other < end_room(folder); ++other)
+    if (!std::filesystem::exists(part_path(other))) return;
+  complete(folder);
+}
+
+void CorpusFolder::complete(std::size_t folder) const {
+  if (!std::filesystem::exists(manifest_path(folder))) {
+    std::string lines;
+    for (std::size_t room = first_room(folder); room < end_room(folder); ++room) lines += read_file(part_path(room));
+    write_file_atomically(manifest_path(folder), lines);
+  }
+  std::error_code ignored;
+  for (std::size_t room = first_room(folder); room < end_room(folder); ++room) std::filesystem::remove(part_path(room), ignored);
+  for (const auto& entry : std::filesystem::directory_iterator(folder_path(folder)))
+    if (entry.path().filename().string().find(".jsonl.tmp") != std::string::npos) std::filesystem::remove(entry.path(), ignored);
+}
+
+std::string CorpusFolder::recording_line(const std::string& manifest_line) const {
+  const Json response = Json::parse(manifest_line);
+  Json channels = Json::array();
+  for (std::size_t channel = 0; channel < num_channels_; ++channel) channels.push_back(channel);
+  const auto samples = response.at("num_samples").get<std::uint64_t>();
+  return Json{{"id", response.at("id")},
+              {"sources", Json::array({{{"type", "file"}, {"channels", channels}, {"source", response.at("file")}}})},
+              {"sampling_rate", static_cast<int>(sample_rate_hz_)},
+              {"num_samples", samples},
+              {"duration", static_cast<double>(samples) / static_cast<double>(sample_rate_hz_)},
+              {"channel_ids", channels}}
+      .dump();
+}
+
+std::string CorpusFolder::describe(const std::string& kind, const std::string& config, float sample_rate_hz,
+                                   const std::vector<std::string>& channels) {
+  const Json json = {
+      {kCorpusVersionKey, kCorpusVersion}, {"kind", kind},    {"engine", engine_commit() + " " + build_type()}, {"channels", channels},
+      {"sample_rate_hz", sample_rate_hz},  {"config", config}};
+  return json.dump(1) + "\n";
+}
+
+std::size_t CorpusFolder::join_manifests(const std::vector<DerivedManifest>& derived) const {
+  std::size_t missing = 0;
+  for (std::size_t folder = 0; folder < count(); ++folder) missing += !std::filesystem::exists(manifest_path(folder));
+  if (missing > 0) return missing;
+  std::string all, recordings;
+  std::vector<std::string> derived_lines(derived.size());
+  for (std::size_t folder = 0; folder < count(); ++folder) {
+    const std::string lines = read_file(manifest_path(folder));
+    all += lines;
+    for (std::size_t begin = 0; begin < lines.size();) {
+      const std::size_t end = std::min(lines.find('\n', begin), lines.size());
+      const std::string line = lines.substr(begin, end - begin);
+      if (num_channels_ > 0) recordings += recording_line(line) + "\n";
+      for (std::size_t i = 0; i < derived.size(); ++i) derived_lines[i] += derived[i].lines(line);
+      begin = end + 1;
+    }
+  }
+  write_file_atomically(out_ / "manifest.jsonl", all);
+  if (num_channels_ > 0) write_file_atomically(out_ / "recordings.jsonl", recordings);
+  for (std::size_t i = 0; i < derived.size(); ++i) write_file_atomically(out_ / derived[i].name, derived_lines[i]);
+  return 0;
+}
+
+}  // namespace earshot

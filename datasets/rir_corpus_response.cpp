@@ -1,0 +1,260 @@
+#include "datasets/rir_corpus_response.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <glm/geometric.hpp>
+#include <iterator>
+#include <nlohmann/json.hpp>
+#include <numbers>
+#include <optional>
+#include <span>
+
+#include "sim/acoustics/metrics/room_metrics.h"
+#include "sim/acoustics/synthesis/carriers.h"
+#include "sim/base/files.h"
+
+namespace earshot {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+/// Listeners from which on a field is the cheaper way where the plan of a scene has one.
+constexpr int kManyListeners = 300;
+constexpr double kRadian = 180 / std::numbers::pi;
+
+/// Six digits: what is measured has no more, and lines stay short.
+Json rounded(double value) { return std::strtod(fmt::format("{:.6g}", value).c_str(), nullptr); }
+Json rounded(const std::optional<double>& value) { return value ? rounded(*value) : Json(nullptr); }
+Json place(glm::dvec3 position) { return {position.x, position.y, position.z}; }
+
+template <class Get>
+Json per_band(const RoomMetrics& metrics, const Get& get) {
+  Json values = Json::array();
+  for (const BandMetrics& band : metrics.bands) values.push_back(rounded(get(band)));
+  return values;
+}
+
+/// Mean over the octaves at 500 Hz and 1 kHz, as ISO 3382-1 states single numbers; null where one of them has none.
+Json mid_t20(const RoomMetrics& metrics) {
+  double sum = 0;
+  int count = 0;
+  for (std::size_t b = 0; b < metrics.bands.size(); ++b) {
+    if (metrics.bands_hz[b] < 400 || metrics.bands_hz[b] > 1250) continue;
+    if (!metrics.bands[b].t20_s) return nullptr;
+    sum += *metrics.bands[b].t20_s;
+    ++count;
+  }
+  return count > 0 ? rounded(sum / count) : Json(nullptr);
+}
+
+/// What FLAC needs for samples above 1, beside a source: a power of two, so that nothing is rounded.
+float gain_for(SoundFormat format, std::span<const float> samples) {
+  if (format == SoundFormat::wav) return 1.f;
+  float peak = 0;
+  for (const float sample : samples) peak = std::max(peak, std::abs(sample));
+  float gain = 1.f;
+  while (peak * gain >= 1.f) gain *= 0.5f;
+  return gain;
+}
+
+/// To the axes of SOFA: x ahead, y to the left, z up.
+glm::dvec3 sofa_axes(glm::dvec3 v) { return {-v.z, -v.x, v.y}; }
+
+/// Receivers as the layout has them, of which the comment of harmonics says more; ears where the rigid sphere of hrtf.h has them, as files
+/// of measured heads do not say.
+void describe_receivers(const ListenerLayout& layout, SofaRoomResponses& sofa) {
+  if (layout.kind == ListenerKind::ambisonics) {
+    sofa.harmonics = true;
+    sofa.comment +=
+        fmt::format("; spherical harmonics to order {} by ACN, {}, in the axes of the {}", layout.order,
+                    layout.norm == HarmonicNorm::n3d ? "N3D" : "SN3D", layout.axes == HarmonicAxes::world ? "room" : "listener");
+  } else if (layout.kind == ListenerKind::binaural) {
+    constexpr double radius_m = 0.0875, ear_rad = 100 * std::numbers::pi / 180;
+    for (const double side : {1.0, -1.0})
+      sofa.receivers.push_back({.position = radius_m * glm::dvec3(std::cos(ear_rad), side * std::sin(ear_rad), 0),
+                                .view = {std::cos(ear_rad), side * std::sin(ear_rad), 0},
+                                .up = {0, 0, 1}});
+  } else if (layout.kind == ListenerKind::array) {
+    for (const Microphone& microphone : layout.microphones)
+      sofa.receivers.push_back({.position = sofa_axes(microphone.position_m),
+                                .view = sofa_axes(microphone.orientation * glm::vec3(0, 0, -1)),
+                                .up = sofa_axes(microphone.orientation * glm::vec3(0, 1, 0))});
+  } else {
+    sofa.receivers.push_back({});
+  }
+}
+
+SofaRoomResponses describe_sofa(const RirCorpusConfig& config, const Scene& scene, const CorpusSource& source) {
+  const ListenerLayout layout = ListenerLayout::named(config.channels);
+  SofaRoomResponses sofa;
+  sofa.title = "room impulse responses of " + scene.name();
+  sofa.room_description = scene.name() + ", hash " + hex64(scene.hash());
+  sofa.listener_description = config.channels;
+  sofa.comment = "pressure of a source of 1/(4 pi r) at 1 m, sample n at time n / rate after emission";
+  sofa.sample_rate_hz = config.acoustics.sample_rate_hz;
+  sofa.num_receivers = layout.num_channels();
+  sofa.source = {.position = sofa_axes(scene.to_world(source.sound.position)),
+                 .view = sofa_axes(source.sound.orientation * glm::vec3(0, 0, -1)),
+                 .up = sofa_axes(source.sound.orientation * glm::vec3(0, 1, 0))};
+  describe_receivers(layout, sofa);
+  if (scene.name().starts_with("shoebox:"))
+    sofa.shoebox = {sofa_axes(scene.to_world(scene.bounds().lower)), sofa_axes(scene.to_world(scene.bounds().upper))};
+  sofa.temperature_k = 273.15 + static_cast<double>(scene.air().temperature_c);
+  return sofa;
+}
+
+std::vector<float> scaled(std::span<const float> samples, float gain) {
+  std::vector<float> result(samples.begin(), samples.end());
+  for (float& sample : result) sample *= gain;
+  return result;
+}
+
+}  // namespace
+
+std::vector<std::string> channel_names(const ListenerLayout& layout) {
+  switch (layout.kind) {
+    case ListenerKind::mono:
+      return {"mono"};
+    case ListenerKind::binaural:
+      return {"left", "right"};
+    case ListenerKind::ambisonics: {
+      std::vector<std::string> names;
+      for (int acn = 0; acn < layout.num_channels(); ++acn) names.push_back(fmt::format("acn{}", acn));
+      return names;
+    }
+    case ListenerKind::array:
+      break;
+  }
+  std::vector<std::string> names;
+  for (std::size_t i = 0; i < layout.microphones.size(); ++i)
+    names.push_back(layout.microphones[i].name.empty() ? fmt::format("mic{}", i) : layout.microphones[i].name);
+  return names;
+}
+
+std::vector<std::shared_ptr<const SynthesisTables>> corpus_tables(const RirCorpusConfig& config) {
+  const ListenerLayout layout = ListenerLayout::named(config.channels);
+  const float rate_hz = config.acoustics.sample_rate_hz;
+  std::vector<std::string> heads = config.hrtfs;
+  if (heads.empty()) heads.push_back(config.hrtf.empty() ? "sphere" : config.hrtf);
+  const int bands = config.acoustics.bands;
+  std::vector<std::shared_ptr<const SynthesisTables>> tables;
+  for (const std::string& name : heads) {
+    std::shared_ptr<const Hrtf> head;
+    if (layout.kind == ListenerKind::binaural) head = name == "sphere" ? Hrtf::rigid_sphere(rate_hz) : Hrtf::from_sofa(name, rate_hz);
+    tables.push_back(make_synthesis_tables(
+        config.acoustics, bands == 0 ? BandLayout::octaves(rate_hz) : BandLayout::log_spaced(bands, rate_hz), layout, head));
+  }
+  return tables;
+}
+
+CorpusSourceRenderer::CorpusSourceRenderer(const RirCorpusConfig& config, const CorpusRoom& room, std::size_t room_index, int source,
+                                           std::span<RirSynthesizer> heads)
+    : config_(config),
+      room_(room),
+      room_index_(room_index),
+      number_(source),
+      heads_(heads),
+      source_(room.draw_source(source)),
+      candidates_(room.acoustics(), source_.sound) {
+  const AcousticScene& acoustics = room.acoustics();
+  const bool many = config.acoustics.field == Switch::on || config.listeners_per_source >= kManyListeners;
+  if (many && uses_source_field(acoustics)) field_ = build_source_field(acoustics, candidates_);
+  if (config.sofa) sofa_ = describe_sofa(config, room.scene(), source_);
+}
+
+std::string CorpusSourceRenderer::sofa_name() const { return fmt::format("{:06}_s{:02}.sofa", room_index_, number_); }
+
+std::string CorpusSourceRenderer::render(int listener, const std::string& folder, std::vector<CorpusFile>& files) {
+  const AcousticScene& acoustics = room_.acoustics();
+  const Scene& scene = room_.scene();
+  const CorpusListener pose = room_.draw_listener(source_, number_, listener);
+  const ListenerOrientation orientation = pose.orientation();
+  compute_energy_response(acoustics, candidates_, field_.get(), pose.position, response_);
+  heads_[pose.head].render(response_, orientation, CarrierKey(carrier_key(acoustics.hash(), candidates_.source()), pose.position), rir_);
+  const RoomMetrics metrics = measure(acoustics, response_);
+
+  const std::string id = fmt::format("{:06}_s{:02}_l{:04}", room_index_, number_, listener);
+  const float gain = gain_for(config_.format, rir_.samples);
+  std::vector<float> samples = scaled(rir_.samples, gain);
+  const auto add = [&](const std::string& suffix, std::span<const float> channels) {
+    if (config_.sofa) {
+      // Harmonics in the axes of the room are those of a listener who looks along them.
+      const ListenerLayout layout = ListenerLayout::named(config_.channels);
+      const bool turned = layout.kind != ListenerKind::ambisonics || layout.axes == HarmonicAxes::ego;
+      const ListenerOrientation facing = turned ? orientation : ListenerOrientation();
+      sofa_.num_samples = rir_.num_samples;
+      sofa_.samples.insert(sofa_.samples.end(), channels.begin(), channels.end());
+      sofa_.listeners.push_back({.position = sofa_axes(scene.to_world(pose.position)),
+                                 .view = sofa_axes(facing.local_to_world(glm::vec3(0, 0, -1))),
+                                 .up = sofa_axes(facing.local_to_world(glm::vec3(0, 1, 0)))});
+      return folder + sofa_name();
+    }
+    const std::string name = id + suffix + ending_of(config_.format);
+    files.push_back({name, encode_sound(channels, rir_.num_channels, rir_.sample_rate_hz, config_.format, folder + name)});
+    return folder + name;
+  };
+
+  const glm::dvec3 from = scene.to_world(source_.sound.position), at = scene.to_world(pose.position);
+  const glm::vec3 toward = source_.sound.position - pose.position;
+  const double distance_m = static_cast<double>(glm::length(toward));
+  const glm::vec3 direction = distance_m > 0 ? orientation.world_to_local(glm::normalize(toward)) : glm::vec3(0, 0, -1);
+  const bool in_sight = std::ranges::any_of(response_.arrivals, [](const Arrival& a) { return a.kind == ArrivalKind::direct; });
+  // Behind a wall the direct sound counts from when the straight line would bring it.
+  const double direct_s = distance_m / static_cast<double>(response_.speed_of_sound_m_per_s);
+
+  Json line = {
+      {"id", id},
+      {"file", add("", samples)},
+      {"scene", scene.name()},
+      {"scene_hash", hex64(scene.hash())},
+      {"room", room_index_},
+      {"source", {{"index", number_}, {"position_m", place(from)}, {"heading_deg", source_.heading_deg}, {"pattern", source_.pattern}}},
+      {"listener",
+       {{"index", listener},
+        {"position_m", place(at)},
+        {"heading_deg", pose.heading_deg},
+        {"pitch_deg", pose.pitch_deg},
+        {"roll_deg", pose.roll_deg}}},
+      {"distance_m", rounded(distance_m)},
+      {"azimuth_deg", rounded(kRadian * std::atan2(static_cast<double>(-direction.x), static_cast<double>(-direction.z)))},
+      {"elevation_deg", rounded(kRadian * std::asin(std::clamp(static_cast<double>(direction.y), -1.0, 1.0)))},
+      {"line_of_sight", in_sight},
+      {"direct_delay_s", rounded(direct_s)},
+      {"drr_db", rounded(metrics.drr_db)},
+      {"t20_mid_s", mid_t20(metrics)},
+      {"t20_s", per_band(metrics, [](const BandMetrics& band) { return band.t20_s; })},
+      {"rt60_s", per_band(metrics, [](const BandMetrics& band) { return band.rt60_s; })},
+      {"c50_db", per_band(metrics, [](const BandMetrics& band) { return band.c50_db; })},
+      {"field_t20_error", field_ ? rounded(field_->t20_error()) : Json(nullptr)},
+      {"num_samples", rir_.num_samples},
+      {"gain", gain}};
+  if (!config_.hrtfs.empty()) line["listener"]["hrtf"] = config_.hrtfs[pose.head];
+  if (const CorpusPictures* pictures = room_.pictures()) {
+    std::vector<CorpusFile> made = pictures->render(scene, pose.position, pose.heading_deg / kRadian, id);
+    line["rgb_file"] = folder + made[0].name;
+    line["depth_file"] = folder + made[1].name;
+    line["category_file"] = folder + made[2].name;
+    std::ranges::move(made, std::back_inserter(files));
+  }
+  if (config_.sofa) line["measurement"] = sofa_.listeners.size() - 1;
+  if (config_.split_ms > 0) {
+    const auto frames = static_cast<std::size_t>(rir_.num_samples);
+    const double split = (direct_s + 1e-3 * static_cast<double>(config_.split_ms)) * static_cast<double>(rir_.sample_rate_hz);
+    const std::size_t first_late = std::min(frames, static_cast<std::size_t>(std::lround(split)));
+    std::vector<float> late = samples;
+    for (std::size_t channel = 0; channel < static_cast<std::size_t>(rir_.num_channels); ++channel) {
+      const auto begin = static_cast<std::ptrdiff_t>(channel * frames), split_at = begin + static_cast<std::ptrdiff_t>(first_late);
+      std::fill(late.begin() + begin, late.begin() + split_at, 0.f);
+      std::fill(samples.begin() + split_at, samples.begin() + begin + static_cast<std::ptrdiff_t>(frames), 0.f);
+    }
+    line["split_sample"] = first_late;
+    line["early_file"] = add(".early", samples);
+    line["late_file"] = add(".late", late);
+  }
+  return line.dump();
+}
+
+}  // namespace earshot

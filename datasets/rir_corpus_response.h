@@ -1,0 +1,52 @@
+#pragma once
+
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "datasets/rir_corpus_folder.h"
+#include "datasets/rir_corpus_room.h"
+#include "sim/acoustics/paths/early_reflections.h"
+#include "sim/acoustics/source_field/source_field.h"
+#include "sim/acoustics/synthesis/rir_synthesis.h"
+#include "sim/sofa/sofa_room_responses.h"
+
+namespace earshot {
+
+/// Names of the channels of a layout: left and right, harmonics by ACN number, names of microphones.
+std::vector<std::string> channel_names(const ListenerLayout& layout);
+
+/// Tables of the channels, for each head that listeners may have: config.hrtfs, or the one.
+std::vector<std::shared_ptr<const SynthesisTables>> corpus_tables(const RirCorpusConfig& config);
+
+/// Responses of one source of one room.  Not thread-safe; holds the source's field.
+class CorpusSourceRenderer {
+ public:
+  /// All must outlive this.  heads: a synthesizer for each of config.hrtfs, or one.  A field is built where the plan of the scene calls for
+  /// one, from 300 listeners on or with field = on.
+  CorpusSourceRenderer(const RirCorpusConfig& config, const CorpusRoom& room, std::size_t room_index, int source,
+                       std::span<RirSynthesizer> heads);
+  /// Renders a listener, appends its files, and returns its line of the manifest, without the line feed.  folder: prefix of the names
+  /// there.
+  /// With config.sofa nothing is appended, and the response kept for sofa().
+  std::string render(int listener, const std::string& folder, std::vector<CorpusFile>& files);
+  /// All responses so far, for one file.
+  [[nodiscard]] const SofaRoomResponses& sofa() const { return sofa_; }
+  [[nodiscard]] std::string sofa_name() const;
+
+ private:
+  const RirCorpusConfig& config_;
+  const CorpusRoom& room_;
+  std::size_t room_index_;
+  int number_;
+  std::span<RirSynthesizer> heads_;
+  CorpusSource source_;
+  EarlyCandidates candidates_;
+  std::shared_ptr<const SourceField> field_;
+  EnergyResponse response_;
+  Rir rir_;
+  SofaRoomResponses sofa_;
+};
+
+}  // namespace earshot

@@ -1,0 +1,210 @@
+#include "datasets/rir_corpus_room.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <filesystem>
+#include <glm/geometric.hpp>
+#include <glm/gtc/quaternion.hpp>
+#include <numbers>
+#include <set>
+
+#include "envs/episodes/episode_generator.h"
+#include "envs/episodes/name_ranges.h"
+#include "sim/base/errors.h"
+#include "sim/base/files.h"
+#include "sim/base/random.h"
+#include "sim/base/utf8.h"
+#include "sim/scene/materials.h"
+#include "sim/scene/semantic_materials.h"
+
+namespace earshot {
+namespace {
+
+constexpr double kDegree = std::numbers::pi / 180;
+constexpr std::uint32_t kTries = 1000;
+/// In the place of the scene in the streams of episodes: the rooms of a corpus.
+constexpr std::uint32_t kCorpusStream = 0x52495243u;
+
+/// Draw numbers of the shape of a room, fixed so that a new consumer does not shift the others.
+enum ShapeDraw : std::uint32_t { size_draw = 0, surface_draw = 4, materials_draw = 16 };
+/// The same of one try of a place.
+enum PlaceDraw : std::uint32_t {
+  foot_draw = 0,
+  height_draw = 2,
+  heading_draw = 3,
+  pitch_draw = 4,
+  roll_draw = 5,
+  pattern_draw = 6,
+  head_draw = 7,
+  draws_per_try = 8
+};
+
+RandomStream shape_stream(std::uint64_t seed, std::uint32_t room) { return {seed, Purpose::episode, kCorpusStream, room, 0}; }
+/// In place of the number of a source: listeners of all sources.
+constexpr int kAnySource = -1;
+/// listener: counted from 1; 0 is the source itself.
+RandomStream place_stream(std::uint64_t seed, std::uint32_t room, int source, int listener) {
+  return {seed, Purpose::episode, kCorpusStream, room,
+          (static_cast<std::uint32_t>(source + 1) << 16) | static_cast<std::uint32_t>(listener)};
+}
+
+float within(const std::vector<float>& range, float fraction) { return range[0] + fraction * (range[1] - range[0]); }
+double heading_of(const RandomStream& random, std::uint32_t draw) { return 0.01 * random.below(36000, draw); }
+/// To the hundredth, as headings are, so that a manifest shows all of it.
+double angle_within(const std::vector<float>& range, float fraction) { return 0.01 * std::round(100.0 * within(range, fraction)); }
+
+std::string shoebox_spec(const RirCorpusConfig& config, std::uint32_t room) {
+  const ShoeboxRooms& rooms = config.shoeboxes;
+  const RandomStream random = shape_stream(config.seed, room);
+  std::array<double, 3> size{};
+  for (std::uint32_t axis = 0; axis < 3; ++axis) {
+    const float low = rooms.min_size_m[axis], high = rooms.max_size_m[axis];
+    const double drawn = low + static_cast<double>(random.uniform(size_draw + axis)) * (high - low);
+    size[axis] = 0.01 * std::round(100 * drawn);
+  }
+  std::string walls;
+  for (std::uint32_t wall = 0; wall < 6; ++wall) {
+    const std::vector<std::string>& names = wall == 2 ? rooms.floor : wall == 3 ? rooms.ceiling : rooms.walls;
+    if (!walls.empty()) walls += ',';
+    if (names.empty()) {
+      const double ratio = static_cast<double>(rooms.absorption[1]) / static_cast<double>(rooms.absorption[0]);
+      // Rounded to three digits, so that the last bits of exp and log play no part.
+      walls += fmt::format("{:.3f}", static_cast<double>(rooms.absorption[0]) *
+                                         std::exp(std::log(ratio) * static_cast<double>(random.uniform(surface_draw + wall))));
+    } else {
+      walls += names[random.below(static_cast<std::uint32_t>(names.size()), surface_draw + wall)];
+    }
+  }
+  return fmt::format("shoebox:{:.2f}x{:.2f}x{:.2f}@{}", size[0], size[1], size[2], walls);
+}
+
+/// Ranges of names, and folders as the scenes in them by order of names.
+std::vector<std::string> expand_scenes(const std::vector<std::string>& scenes) {
+  static const std::set<std::string> endings{".glb", ".gltf", ".obj", ".ply", ".stl", ".yaml", ".yml"};
+  std::vector<std::string> all;
+  for (const std::string& scene : scenes) {
+    if (!std::filesystem::is_directory(scene)) {
+      const std::vector<std::string> expanded = expand_range(scene);
+      all.insert(all.end(), expanded.begin(), expanded.end());
+      continue;
+    }
+    std::vector<std::string> files;
+    for (const auto& entry : std::filesystem::directory_iterator(scene))
+      if (entry.is_regular_file() && endings.contains(entry.path().extension().string())) files.push_back(entry.path().string());
+    if (files.empty()) throw InputError(scene, "holds no .glb, .gltf, .obj, .ply, .stl or .yaml file", "name a folder of scenes");
+    std::ranges::sort(files);
+    all.insert(all.end(), files.begin(), files.end());
+  }
+  for (const std::string& scene : all)
+    if (!is_utf8(scene)) throw InputError(scene, "has a name that is not UTF-8, as manifests are", "rename it");
+  return all;
+}
+
+std::shared_ptr<const Scene> load_room(const RirCorpusConfig& config, const CorpusRoomSpec& spec) {
+  Scene scene = load_scene(spec.scene);
+  if (!config.randomize) return std::make_shared<const Scene>(std::move(scene));
+  AcousticRandomization randomization = *config.randomize;
+  randomization.seed = spec.materials_seed;
+  return std::make_shared<const Scene>(randomize_materials(scene, SemanticMaterials::indoor(), MaterialDatabase::builtin(), randomization));
+}
+
+NavmeshConfig floor_of(const RirCorpusConfig& config) {
+  NavmeshConfig navmesh;
+  navmesh.agent_radius_m = config.clearance_m;
+  return navmesh;
+}
+
+glm::quat source_orientation(double heading_deg) { return glm::angleAxis(static_cast<float>(heading_deg * kDegree), glm::vec3(0, 1, 0)); }
+
+}  // namespace
+
+std::vector<CorpusRoomSpec> list_corpus_rooms(const RirCorpusConfig& config) {
+  std::vector<CorpusRoomSpec> rooms;
+  for (int i = 0; i < config.shoeboxes.count; ++i) rooms.push_back({shoebox_spec(config, static_cast<std::uint32_t>(i)), 0});
+  const std::vector<std::string> scenes = expand_scenes(config.scenes);
+  for (int again = 0; again < config.rooms_per_scene; ++again)
+    for (const std::string& scene : scenes) rooms.push_back({scene, 0});
+  for (std::size_t i = 0; i < rooms.size(); ++i) {
+    const auto words = shape_stream(config.seed, static_cast<std::uint32_t>(i)).bits4(materials_draw);
+    rooms[i].materials_seed = (std::uint64_t{words[0]} << 32) | words[1];
+  }
+  return rooms;
+}
+
+ListenerOrientation CorpusListener::orientation() const {
+  // A level listener has a path of its own that keeps the bits of `earshot rir`.
+  if (pitch_deg == 0 && roll_deg == 0) return {heading_deg * kDegree};
+  return {heading_deg * kDegree, pitch_deg * kDegree, roll_deg * kDegree};
+}
+
+CorpusRoom::CorpusRoom(const RirCorpusConfig& config, std::size_t index, const CorpusRoomSpec& spec)
+    : config_(config),
+      index_(static_cast<std::uint32_t>(index)),
+      acoustics_(load_room(config, spec), config.acoustics),
+      navmesh_(acoustics_.scene().mesh(), floor_of(config)),
+      pictures_(config.panorama ? std::make_unique<const CorpusPictures>(*config.panorama, acoustics_.scene()) : nullptr) {
+  for (int source = 0; config.shared_listeners && source < config.sources_per_room; ++source)
+    sources_.push_back(draw_source(source).sound.position);
+}
+
+bool CorpusRoom::is_free(glm::vec3 foot, float height_m) const { return stands_free(scene(), foot, height_m + config_.clearance_m); }
+
+FreePlace CorpusRoom::draw_place(const RandomStream& random, std::uint32_t number, const std::vector<float>& height_m,
+                                 const std::function<bool(glm::vec3)>& accept, const std::string& what) const {
+  for (std::uint32_t attempt = 0; attempt < kTries; ++attempt) {
+    const std::uint32_t draw = (number * kTries + attempt) * draws_per_try;
+    const FreePlace place{navmesh_.random_point(random, draw + foot_draw), within(height_m, random.uniform(draw + height_draw))};
+    if (accept(place.position()) && is_free(place.foot, place.height_m)) return place;
+  }
+  throw InputError(scene().name(), fmt::format("has no free place for {} within {} draws", what, kTries),
+                   "widen the distances, lower the heights or clearance_m, or leave this scene out");
+}
+
+CorpusSource CorpusRoom::draw_source(int source) const {
+  const RandomStream random = place_stream(config_.seed, index_, source, 0);
+  for (std::uint32_t attempt = 0; attempt < kTries; ++attempt) {
+    const std::uint32_t draw = attempt * draws_per_try;
+    const glm::vec3 foot = navmesh_.random_point(random, draw + foot_draw);
+    const float height_m = within(config_.source_height_m, random.uniform(draw + height_draw));
+    if (!is_free(foot, height_m)) continue;
+    CorpusSource drawn{
+        .sound = SoundSource(foot + glm::vec3(0, height_m, 0)),
+        .pattern = config_.source_patterns[random.below(static_cast<std::uint32_t>(config_.source_patterns.size()), draw + pattern_draw)],
+        .heading_deg = heading_of(random, draw + heading_draw)};
+    drawn.sound.directivity = Directivity::named(drawn.pattern);
+    drawn.sound.orientation = source_orientation(drawn.heading_deg);
+    return drawn;
+  }
+  throw InputError(scene().name(), fmt::format("has no free place for a source within {} draws", kTries),
+                   "lower source_height_m or clearance_m, or leave this scene out");
+}
+
+CorpusListener CorpusRoom::draw_listener(const CorpusSource& from, int source, int listener) const {
+  const RandomStream random = place_stream(config_.seed, index_, config_.shared_listeners ? kAnySource : source, listener + 1);
+  for (std::uint32_t attempt = 0; attempt < kTries; ++attempt) {
+    const std::uint32_t draw = attempt * draws_per_try;
+    const glm::vec3 foot = navmesh_.random_point(random, draw + foot_draw);
+    const float height_m = within(config_.listener_height_m, random.uniform(draw + height_draw));
+    const glm::vec3 place = foot + glm::vec3(0, height_m, 0);
+    const auto in_range = [&](glm::vec3 position) {
+      const float distance_m = glm::length(place - position);
+      return distance_m >= config_.min_distance_m && distance_m <= config_.max_distance_m;
+    };
+    // With shared listeners the source itself is among the others.
+    if (!in_range(from.sound.position) || !std::ranges::all_of(sources_, in_range) || !is_free(foot, height_m)) continue;
+    return {.position = place,
+            .heading_deg = heading_of(random, draw + heading_draw),
+            .pitch_deg = angle_within(config_.pitch_deg, random.uniform(draw + pitch_draw)),
+            .roll_deg = angle_within(config_.roll_deg, random.uniform(draw + roll_draw)),
+            .head = config_.hrtfs.empty() ? 0 : random.below(static_cast<std::uint32_t>(config_.hrtfs.size()), draw + head_draw)};
+  }
+  throw InputError(scene().name(),
+                   fmt::format("has no free place for a listener {} to {} m from a source within {} draws", config_.min_distance_m,
+                               config_.max_distance_m, kTries),
+                   "widen min_distance_m to max_distance_m, lower listener_height_m or clearance_m, or leave this scene out");
+}
+
+}  // namespace earshot

@@ -1,0 +1,257 @@
+#include "datasets/sound_scene_corpus.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <numbers>
+#include <optional>
+
+#include "datasets/corpus_parts.h"
+#include "datasets/corpus_sounds.h"
+#include "datasets/rir_corpus_response.h"
+#include "datasets/rir_corpus_room.h"
+#include "datasets/sound_scene_events.h"
+#include "datasets/sound_scene_recorder.h"
+#include "sim/acoustics/synthesis/carriers.h"
+#include "sim/base/errors.h"
+#include "sim/base/files.h"
+#include "sim/base/utf8.h"
+
+namespace earshot {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+/// In the place of the scene in the streams of episodes: what stands beside the events of a recording.
+constexpr std::uint32_t kMixStream = 0x53454C4Du;
+
+enum Draw : std::uint32_t {
+  level_draw = 0,
+  snr_draw = 1,
+  noise_file_draw = 2,
+  pattern_draw = 64,
+  heading_draw = 256,
+  noise_start_draw = 512
+};
+
+Json rounded(double value) { return std::strtod(fmt::format("{:.6g}", value).c_str(), nullptr); }
+Json place(glm::dvec3 position) { return {rounded(position.x), rounded(position.y), rounded(position.z)}; }
+
+/// Root mean square of each channel in a diffuse field, over that of an omnidirectional one.
+float diffuse_level(const ListenerLayout& layout, std::size_t channel) {
+  if (layout.kind != ListenerKind::ambisonics || layout.norm == HarmonicNorm::n3d) return 1.f;
+  const double degree = std::floor(std::sqrt(static_cast<double>(channel)));
+  return static_cast<float>(1 / std::sqrt(2 * degree + 1));
+}
+
+/// One room's recordings.
+class RoomRecorder {
+ public:
+  RoomRecorder(const SoundSceneConfig& config, const ClassSounds& sounds, const SoundFolder* noise, const ListenerLayout& layout,
+               SoundSceneRecorder& recorder, const CorpusRoomSpec& spec, std::size_t room)
+      : config_(config),
+        sounds_(sounds),
+        noise_(noise),
+        layout_(layout),
+        recorder_(recorder),
+        room_index_(room),
+        room_(config.rooms, room, spec) {}
+
+  void record(int recording, CorpusPartWriter& writer) {
+    const SoundScenePlan plan = plan_sound_scene(config_, sounds_, room_, room_index_, recording);
+    const RandomStream random(config_.rooms.seed, Purpose::episode, kMixStream, static_cast<std::uint32_t>(room_index_),
+                              static_cast<std::uint32_t>(recording));
+    const float rate_hz = config_.rooms.acoustics.sample_rate_hz;
+    const auto frames = static_cast<std::size_t>(std::lround(config_.duration_s * rate_hz));
+    const auto channels = static_cast<std::size_t>(recorder_.num_channels());
+    std::vector<float> mix(channels * frames, 0.f);
+    Json events = Json::array();
+    for (const SoundEvent& event : plan.events) {
+      const auto number = static_cast<std::uint32_t>(event.number);
+      const std::vector<std::string>& patterns = config_.rooms.source_patterns;
+      const std::string& pattern = patterns[random.below(static_cast<std::uint32_t>(patterns.size()), pattern_draw + number)];
+      const double heading_deg = 0.01 * random.below(36000, heading_draw + number);
+      SoundSource source(event.path[0].position);
+      source.directivity = Directivity::named(pattern);
+      source.orientation = glm::angleAxis(static_cast<float>(heading_deg * std::numbers::pi / 180), glm::vec3(0, 1, 0));
+      recorder_.add(room_, event, plan.listener, source, carrier_key(room_.acoustics().hash(), static_cast<std::size_t>(event.number)),
+                    frames, mix);
+      events.push_back(describe(event, pattern, heading_deg));
+    }
+    Json noise = nullptr;
+    if (!config_.noise.empty() && !plan.events.empty()) noise = add_noise(recording, random, frames, mix);
+
+    const double mean_square = energy_of(mix) / static_cast<double>(mix.size());
+    double level_dbfs = within_range(config_.level_dbfs, random.uniform(level_draw));
+    double factor = mean_square > 0 ? amplitude_of_db(level_dbfs) / std::sqrt(mean_square) : 1;
+    const double peak = peak_of(mix);
+    const bool lowered = peak * factor > kMostPeak;
+    if (lowered) {
+      level_dbfs += 20 * std::log10(kMostPeak / (peak * factor));
+      factor = kMostPeak / peak;
+    }
+    scale(mix, factor);
+
+    const std::string id = fmt::format("{:06}_r{:04}", room_index_, recording), name = id + ending_of(config_.rooms.format);
+    const Scene& scene = room_.scene();
+    const Json line = {{"id", id},
+                       {"file", writer.write(name, encode_sound(mix, recorder_.num_channels(), rate_hz, config_.rooms.format, name))},
+                       {"metadata_file", writer.write(id + ".csv", dcase_metadata(plan, config_.duration_s))},
+                       {"num_samples", frames},
+                       {"scene", scene.name()},
+                       {"scene_hash", hex64(scene.hash())},
+                       {"room", room_index_},
+                       {"listener",
+                        {{"position_m", place(scene.to_world(plan.listener.position))},
+                         {"heading_deg", plan.listener.heading_deg},
+                         {"pitch_deg", plan.listener.pitch_deg},
+                         {"roll_deg", plan.listener.roll_deg}}},
+                       {"events", events},
+                       {"noise", noise},
+                       {"level_dbfs", mean_square > 0 ? rounded(level_dbfs) : Json(nullptr)},
+                       {"lowered", lowered}};
+    writer.add_line(line.dump());
+  }
+
+ private:
+  [[nodiscard]] Json describe(const SoundEvent& event, const std::string& pattern, double heading_deg) const {
+    Json path = Json::array();
+    for (const WalkPoint& point : event.path) {
+      const glm::dvec3 world = room_.scene().to_world(point.position);
+      path.push_back({rounded(point.t_s), rounded(world.x), rounded(world.y), rounded(world.z)});
+    }
+    return {{"class", config_.classes[event.class_index].name},
+            {"class_index", event.class_index},
+            {"source", event.number},
+            {"sound", event.sound},
+            {"onset_s", rounded(event.onset_s)},
+            {"offset_s", rounded(event.offset_s)},
+            {"level_db", event.level_db},
+            {"pattern", pattern},
+            {"heading_deg", heading_deg},
+            {"speed_m_per_s", event.speed_m_per_s},
+            {"path", path}};
+  }
+
+  /// Unrelated between channels, at the levels of a diffuse field.
+  Json add_noise(int recording, const RandomStream& random, std::size_t frames, std::vector<float>& mix) const {
+    const auto channels = static_cast<std::size_t>(layout_.num_channels());
+    std::string name = "synth";
+    std::vector<float> clip;
+    if (noise_) {
+      name = noise_->files[random.below(static_cast<std::uint32_t>(noise_->files.size()), noise_file_draw)];
+      clip = load_sound(noise_->root / name, config_.rooms.acoustics.sample_rate_hz).samples;
+    }
+    std::vector<float> noise;
+    for (std::size_t c = 0; c < channels; ++c) {
+      const RandomStream white(config_.rooms.seed, Purpose::sound, kMixStream, static_cast<std::uint32_t>(room_index_),
+                               (static_cast<std::uint32_t>(recording) << 9) | static_cast<std::uint32_t>(c));
+      std::vector<float> channel =
+          clip.empty()
+              ? white_noise(white, frames)
+              : looped(clip, random.below(static_cast<std::uint32_t>(clip.size()), noise_start_draw + static_cast<std::uint32_t>(c)),
+                       frames);
+      scale(channel, static_cast<double>(diffuse_level(layout_, c)));
+      noise.insert(noise.end(), channel.begin(), channel.end());
+    }
+    const double energy = energy_of(noise), snr_db = within_range(config_.snr_db, random.uniform(snr_draw));
+    if (energy <= 0) throw InputError((noise_->root / name).string(), "is silent", "take it out of the folder");
+    const double gain = std::sqrt(energy_of(mix) / energy) / amplitude_of_db(snr_db);
+    for (std::size_t i = 0; i < mix.size(); ++i) mix[i] += static_cast<float>(gain) * noise[i];
+    return {{"sound", name}, {"snr_db", rounded(snr_db)}};
+  }
+
+  const SoundSceneConfig& config_;
+  const ClassSounds& sounds_;
+  const SoundFolder* noise_;
+  const ListenerLayout& layout_;
+  SoundSceneRecorder& recorder_;
+  std::size_t room_index_;
+  CorpusRoom room_;
+};
+
+/// Of the names of all sounds, and of the sizes of those that are files.  Throws InputError: an unknown kind, a file that cannot be read or
+/// whose name is not UTF-8.
+std::uint64_t hash_of(const ClassSounds& sounds, float sample_rate_hz) {
+  std::string text;
+  for (const auto& of_class : sounds)
+    for (const std::string& sound : of_class) {
+      if (!is_utf8(sound)) throw InputError(sound, "has a name that is not UTF-8, as manifests are", "rename it");
+      text += sound;
+      if (sound.starts_with("synth:"))
+        (void)synthesize_sound(sound, sample_rate_hz);
+      else
+        text += fmt::format(" {}", sound_file_size(sound));
+      text += '\n';
+    }
+  return hash64(text);
+}
+
+/// The events of a recording as lhotse's SupervisionSegments.
+std::string supervision_lines(const std::string& manifest_line, std::size_t num_channels) {
+  const Json recording = Json::parse(manifest_line);
+  Json channels = Json::array();
+  for (std::size_t channel = 0; channel < num_channels; ++channel) channels.push_back(channel);
+  std::string lines;
+  for (const Json& event : recording.at("events")) {
+    const double onset_s = event.at("onset_s").get<double>(), offset_s = event.at("offset_s").get<double>();
+    lines += Json{{"id", fmt::format("{}-{}", recording.at("id").get<std::string>(), event.at("source").get<int>())},
+                  {"recording_id", recording.at("id")},
+                  {"start", onset_s},
+                  {"duration", std::round(1e6 * (offset_s - onset_s)) / 1e6},
+                  {"channel", channels},
+                  {"custom", event}}
+                 .dump() +
+             "\n";
+  }
+  return lines;
+}
+
+}  // namespace
+
+SoundSceneReport write_sound_scenes(const SoundSceneConfig& config, const CorpusRun& run) {
+  validate(config);
+  const ClassSounds sounds = expand_classes(config);
+  const std::uint64_t sounds_hash = hash_of(sounds, config.rooms.acoustics.sample_rate_hz);  // before anything is written
+  std::optional<SoundFolder> noise;
+  if (!config.noise.empty() && config.noise != "synth") noise = SoundFolder::list(config.noise);
+  const std::vector<CorpusRoomSpec> rooms = list_corpus_rooms(config.rooms);
+  const ListenerLayout layout = ListenerLayout::named(config.rooms.channels);
+  const float rate_hz = config.rooms.acoustics.sample_rate_hz;
+  const CorpusFolder folder(run.out, rooms.size(), static_cast<std::size_t>(config.rooms.rooms_per_folder), rate_hz,
+                            static_cast<std::size_t>(layout.num_channels()));
+  folder.begin(CorpusFolder::describe(
+      "scenes",
+      config_text(config) + fmt::format("sounds: {}\nnoise_files: {}\n", hex64(sounds_hash), noise ? hex64(noise->hash()) : "none"),
+      rate_hz, channel_names(layout)));
+  std::string names;
+  for (const SoundClass& sound_class : config.classes) names += sound_class.name + "\n";
+  write_file_atomically(run.out / "classes.txt", names);
+
+  const std::shared_ptr<const SynthesisTables> tables = corpus_tables(config.rooms).front();
+  const CorpusPartsReport done = complete_corpus(
+      folder, run,
+      {.items = [&](std::size_t) { return static_cast<std::uint64_t>(config.recordings_per_room); },
+       .make_worker =
+           [&] {
+             auto recorder = std::make_shared<SoundSceneRecorder>(config, tables);
+             return [&, recorder](std::size_t room, CorpusPartWriter& writer, const std::function<void()>& count_item) {
+               RoomRecorder of_room(config, sounds, noise ? &*noise : nullptr, layout, *recorder, rooms[room], room);
+               for (int recording = 0; recording < config.recordings_per_room; ++recording) {
+                 of_room.record(recording, writer);
+                 count_item();
+               }
+             };
+           },
+       .derived = {{"supervisions.jsonl",
+                    [&](const std::string& line) { return supervision_lines(line, static_cast<std::size_t>(layout.num_channels())); }}}});
+  return {.recordings = done.items,
+          .all_recordings = rooms.size() * static_cast<std::uint64_t>(config.recordings_per_room),
+          .folders_missing = done.folders_missing};
+}
+
+}  // namespace earshot

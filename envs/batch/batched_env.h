@@ -1,0 +1,157 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "envs/batch/quarantine.h"
+#include "envs/config/env_config.h"
+#include "envs/episodes/episode_set.h"
+#include "envs/scenes/scene_cache.h"
+#include "envs/sensors/sensor.h"
+#include "envs/task/av_nav_task.h"
+#include "sim/acoustics/paths/pose_effects.h"
+
+namespace earshot {
+
+/// A finished episode, with what is needed to replay it.  A quarantined one is among the finished only with EpisodeOrder::once, where it
+/// counts as failed: success, SPL, SoftSPL and SNA are 0, and all numbers are finite.
+struct FinishedEpisode {
+  int env = 0;                      ///< global env id
+  std::uint64_t episode_index = 0;  ///< in the set
+  EpisodeMetrics metrics;
+  std::vector<std::int8_t> actions;
+  std::optional<FaultReport> fault = std::nullopt;  ///< of a quarantined episode
+  int agent = 0;  ///< of the env: an episode ends for all of its agents at once, each with numbers of its own
+};
+
+/// Which of the environments under way recv() hands back.
+enum class RecvOrder {
+  as_ready,  ///< all that are done: which ones depends on the threads
+  as_sent,   ///< the first that were sent, done or not yet: the same ones in every run
+};
+
+/// Wall seconds spent per stage since construction, summed over threads: an estimate from one step in sixteen of each env, and all resets.
+struct StageSeconds {
+  double move = 0, trace = 0, synthesize = 0, convolve = 0, render = 0, observe = 0, reset = 0;
+};
+
+/// num_envs scenes with config.agents agents each, stepped together.  Buffers are flat [rows, ...], owned here, valid until the env's next
+/// step; a row is one agent of one env, row = env * agents + agent.  Results are a function of (set, config, global env id) and of what the
+/// env was asked to do: not of threads, of how a batch is split, nor of the order in which envs are sent.
+///
+/// Agents of one env look for the same goals.  In a step they all move, by number, none through another, and then each hears and sees where
+/// the others have come to: their sounds but not its own, and their bodies.  One whose part has ended (stop, out of steps) stays where it
+/// is, sounding, inactive and with rows of zeros, until all have; then the episode of the env ends.
+///
+/// Quarantine: an episode with a fault (quarantine.h) never reaches a policy and never ends a run.  One that cannot begin is skipped:
+/// the env draws another (`random`) or takes its next (`once`).  One that goes wrong in a step, by a value that is not finite or by any
+/// exception, ends in that step: reward 0, truncated, marked in quarantined(), all its final rows zero; what follows is as after any other
+/// episode; of several agents it ends for all.  Buffers hold finite numbers only.  A stage that exceeds config.stage_limit_s ends its
+/// episode so too, and the env is idle until the stage returns.  reset(), step() and recv() throw InputError where 64 draws in a row cannot
+/// begin, where 64 episodes of an env in a row go wrong (`random`), or where of a whole set no episode could begin (`once`).
+///
+/// Used by one thread at a time.  Calls throw std::logic_error, std::invalid_argument or std::out_of_range for what a caller can get wrong;
+/// then nothing has moved.
+class BatchedEnv {
+ public:
+  /// Global ids are first_env ... first_env + num_envs - 1 of `total_envs` (all workers together; used by EpisodeOrder::once).
+  /// scenes: must have config.acoustics.  Opens every sound of the set.  Throws InputError.
+  BatchedEnv(const EnvConfig& config, std::shared_ptr<const EpisodeSet> set, std::shared_ptr<SceneCache> scenes, int num_envs,
+             int first_env = 0, int total_envs = 0);
+  ~BatchedEnv();
+
+  /// Starts the first episode of every env and fills the observations.  Seeds of envs are those of the config again.
+  void reset();
+  /// The same for the envs whose flag is not 0; rows, flags and rewards of the others stay.  mask [num_envs].  seeds: [num_envs] or empty;
+  /// an env with a seed of its own begins the first episode of that seed's sequence, which (EpisodeOrder::random) is the same in any env of
+  /// any batch; without, the next episode of its own.  An env whose stage has been given up and still runs stays out of the batch.
+  void reset(std::span<const std::uint8_t> mask, std::span<const std::uint64_t> seeds = {});
+  /// actions: [rows] in [0, 4).  What an ended episode leads to: config.autoreset; its last observation is in the final rows.  Idle
+  /// envs (EpisodeOrder::once, no episode left) and agents that wait ignore their action.
+  void step(std::span<const std::int32_t> actions);
+
+  /// Begins a step of these envs and returns: they are under way until recv() hands them back, and their rows must not be read.  envs [n],
+  /// actions [n * agents]; with config.threads threads in the background.  An env under way cannot be sent.
+  void send(std::span<const std::int32_t> envs, std::span<const std::int32_t> actions);
+  /// Waits until at least min_ready envs under way are done, and hands back all that are (as_ready) or the first min_ready sent (as_sent):
+  /// by ascending number, valid until the next call.  finished() then holds their episodes.
+  std::span<const std::int32_t> recv(int min_ready, RecvOrder order = RecvOrder::as_ready);
+
+  [[nodiscard]] int num_envs() const;
+  [[nodiscard]] int num_agents() const;  ///< in each env
+  [[nodiscard]] int num_rows() const;    ///< num_envs() * num_agents()
+  [[nodiscard]] const EnvConfig& config() const;
+  /// The sensors of the config, and their rows by index: bytes of [rows, shape].  final_rows: like rows; those of an env are the last
+  /// observation of the episode that ended last.
+  [[nodiscard]] std::span<const SensorSpec> sensors() const;
+  [[nodiscard]] std::span<const std::byte> rows(std::size_t sensor) const;
+  [[nodiscard]] std::span<const std::byte> final_rows(std::size_t sensor) const;
+  /// The same by name for sensors of float32; empty where it is off.  Sound is kept where any sensor hears.
+  [[nodiscard]] std::span<const float> depth() const;              ///< [rows, height, width, 1]
+  [[nodiscard]] std::span<const float> spectrogram() const;        ///< [rows, 65, 26, 2]
+  [[nodiscard]] std::span<const float> audiogoal() const;          ///< [rows, 2, new samples]: this step's sound
+  [[nodiscard]] std::span<const float> heard() const;              ///< [rows, 2, window]: the last second
+  [[nodiscard]] std::span<const float> pointgoal() const;          ///< [rows, 2]
+  [[nodiscard]] std::span<const float> rewards() const;            ///< [rows] of the last step
+  [[nodiscard]] std::span<const std::uint8_t> terminated() const;  ///< stop was called
+  [[nodiscard]] std::span<const std::uint8_t> truncated() const;   ///< out of steps: bootstrap from the final observation
+  [[nodiscard]] std::span<const std::uint8_t> active() const;      ///< 0: idle, or waits for the other agents
+  [[nodiscard]] std::span<const std::uint8_t> collided() const;
+  /// 1: the episode was quarantined in the last step.  Its steps are no experience: mask them, without a bootstrap value.
+  [[nodiscard]] std::span<const std::uint8_t> quarantined() const;
+  /// 1: the agent took its action in the last step.  0: idle, waiting, or the step began an episode; such a step is no experience.
+  [[nodiscard]] std::span<const std::uint8_t> acted() const;
+  [[nodiscard]] std::span<const float> final_depth() const;
+  [[nodiscard]] std::span<const float> final_spectrogram() const;
+  [[nodiscard]] std::span<const float> final_pointgoal() const;
+  /// Episodes that ended in the last step or are of the envs that recv() handed back, by env.
+  [[nodiscard]] std::span<const FinishedEpisode> finished() const;
+
+  /// For baselines and pages: state that is no observation.  `row` counts from 0 in this batch; throws std::out_of_range for another.
+  [[nodiscard]] Pose pose(int row) const;
+  [[nodiscard]] const EnvSource& source(int row) const;
+  /// The goals of its episode, as far as the nearest of them; refers to what the episode holds.
+  [[nodiscard]] NearestGoal goal(int row) const;
+  [[nodiscard]] std::uint64_t episode_index(int row) const;
+  [[nodiscard]] int episode_count(int row) const;  ///< episodes started before this one
+  [[nodiscard]] int episode_step(int row) const;
+  [[nodiscard]] const StageSeconds& stage_seconds() const;
+  /// Poses rendered without an effect, by effect, summed over agents since construction.  Fields built and loaded:
+  /// SceneCache::field_counters().
+  [[nodiscard]] EffectCounters effect_counters() const;
+  /// Steps of agents that did not move (turned, collided): they reuse the cached response.
+  [[nodiscard]] std::uint64_t cached_responses() const;
+  /// Episodes taken out of the run, by reason, and what became of their files.
+  [[nodiscard]] QuarantineCounters quarantine_counters() const;
+  /// Of them: those where something was not finite.
+  [[nodiscard]] std::uint64_t nonfinite_events() const;
+  /// Of them: those without a path to their goal.
+  [[nodiscard]] std::uint64_t skipped_episodes() const;
+  /// hook: see StageHook; empty: none.
+  void set_stage_hook(StageHook hook);
+
+  /// Ends what env `env` of the batch does and begins this episode of the set there, as that env's episode number `episode_count`: replays.
+  /// Returns what is wrong if it cannot begin; the env is idle then.  Throws std::out_of_range or std::invalid_argument for an env, an
+  /// episode or a number that does not exist.
+  std::optional<FaultReport> begin(int env, std::uint64_t episode_index, int episode_count);
+
+  /// Cursors and actions of all running episodes; restore() replays them, which gives the same bits in all observations.  Rewards and flags
+  /// of the last step are not part of it.  restore throws InputError if the state is damaged or is of another set, seed or batch.
+  [[nodiscard]] std::string save_state() const;
+  void restore(std::string_view state);
+  /// The same for one env.  A snapshot can be restored in any env of any batch with the same set and config.
+  [[nodiscard]] std::string snapshot(int env) const;
+  void restore(int env, std::string_view snapshot);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace earshot

@@ -1,0 +1,77 @@
+#include "envs/batch/env_state.h"
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "envs/task/action_digits.h"
+#include "sim/base/errors.h"
+#include "sim/base/files.h"
+#include "sim/base/json_depth.h"
+#include "sim/base/json_number.h"
+#include "sim/base/schema_version.h"
+
+namespace earshot {
+namespace {
+
+using nlohmann::json;
+
+constexpr int kVersion = 2;
+
+[[noreturn]] void fail(const std::string& what) { throw InputError("environment state", what, "resume from another checkpoint"); }
+
+}  // namespace
+
+std::string encode(const EnvState& state) {
+  json envs = json::array();
+  for (const EnvCursor& env : state.envs) {
+    envs.push_back({{"active", env.active},
+                    {"ended", env.ended},
+                    {"void", env.is_void},
+                    {"seed", env.seed},
+                    {"stream", env.stream},
+                    {"episode_index", env.episode_index},
+                    {"episode_count", env.episode_count}});
+    write_actions(envs.back(), env.actions, env.others);
+  }
+  const json body = {{"set_hash", hex64(state.set_hash)}, {"seed", state.seed},       {"first_env", state.first_env},
+                     {"total_envs", state.total_envs},    {"started", state.started}, {"envs", envs}};
+  const json document = {{"earshot_env_state", kVersion}, {"checksum", hex64(hash64(body.dump()))}, {"body", body}};
+  return document.dump();
+}
+
+EnvState decode_env_state(std::string_view text) {
+  EnvState state;
+  check_json_depth(text, "environment state");
+  try {
+    const json document = json::parse(text);
+    check_schema_version("environment state", "a state", whole_number<std::int64_t>(document, "earshot_env_state"), {kVersion, kVersion});
+    const json& body = document.at("body");
+    if (document.at("checksum").get<std::string>() != hex64(hash64(body.dump()))) fail("is damaged: its checksum is wrong");
+    const auto hash = body.at("set_hash").get<std::string>();
+    state.set_hash = std::stoull(hash, nullptr, 16);
+    state.seed = whole_number<std::uint64_t>(body, "seed");
+    state.first_env = whole_number<int>(body, "first_env");
+    state.total_envs = whole_number<int>(body, "total_envs");
+    state.started = body.at("started").get<bool>();
+    for (const json& env : body.at("envs")) {
+      EnvCursor cursor{.active = env.at("active").get<bool>(),
+                       .ended = env.at("ended").get<bool>(),
+                       .is_void = env.at("void").get<bool>(),
+                       .seed = whole_number<std::uint64_t>(env, "seed"),
+                       .stream = whole_number<std::uint32_t>(env, "stream"),
+                       .episode_index = whole_number<std::uint64_t>(env, "episode_index"),
+                       .episode_count = whole_number<int>(env, "episode_count"),
+                       .actions = {}};
+      read_actions(env, cursor.actions, cursor.others, fail);
+      if (cursor.episode_count < 0) fail("holds a negative episode count");
+      state.envs.push_back(std::move(cursor));
+    }
+  } catch (const json::exception& error) {
+    fail(std::string("cannot be read: ") + error.what());
+  } catch (const std::logic_error&) {  // std::stoull
+    fail("cannot be read: set_hash is not a hexadecimal number");
+  }
+  return state;
+}
+
+}  // namespace earshot

@@ -1,0 +1,85 @@
+#include "envs/episodes/agent_scenario.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <glm/geometric.hpp>
+#include <numbers>
+
+#include "sim/base/errors.h"
+#include "sim/base/files.h"
+#include "sim/base/random.h"
+
+namespace earshot {
+namespace {
+
+/// The third counter of an episode's draws, with the agent and the attempt: the generator's own attempts stay below.
+constexpr std::uint32_t kFirstOfAgents = 0x80000000u, kTriesPerAgent = 1u << 26;
+enum Draw : std::uint32_t { place_draw = 0, heading_draw = 2, sound_draw = 3 };
+
+}  // namespace
+
+void read(ConfigReader& reader, AgentScenario& scenario) {
+  reader.read("count", scenario.count);
+  reader.read("apart_m", scenario.apart_m);
+  reader.read("sounds", scenario.sounds);
+  reader.read("level_db", scenario.level_db);
+}
+
+void validate(const AgentScenario& scenario) {
+  require(scenario.count >= 1 && scenario.count <= static_cast<int>(kMaxAgents), "agents.count", scenario.count, "must be in [1, 16]");
+  require(scenario.apart_m >= 0 && scenario.apart_m <= 100, "agents.apart_m", scenario.apart_m, "must be in [0, 100] metres");
+  require(scenario.count > 1 || scenario.sounds.empty(), "agents.sounds", scenario.sounds.size(),
+          "have no effect with one agent, which does not hear its own");
+  require(std::abs(scenario.level_db) <= 60, "agents.level_db", scenario.level_db, "must be in [-60, 60]");
+  require(!scenario.sounds.empty() || scenario.level_db == 0, "agents.level_db", scenario.level_db, "has no effect without agents.sounds");
+}
+
+void apply_agents(const AgentScenario& scenario, const Scene& scene, const Navmesh& navmesh, const TaskConfig& task,
+                  const EpisodeFilter& filter, std::uint64_t seed, std::span<Episode> episodes) {
+  validate(scenario);
+  if (scenario.count == 1) return;
+  const auto max_tries = std::min(static_cast<std::uint32_t>(filter.max_tries), kTriesPerAgent);
+  for (std::size_t index = 0; index < episodes.size(); ++index) {
+    Episode& episode = episodes[index];
+    const auto random_of = [&](std::uint32_t agent, std::uint32_t attempt) {
+      return RandomStream(seed, Purpose::episode, static_cast<std::uint32_t>(hash64(episode.scene_id)), static_cast<std::uint32_t>(index),
+                          kFirstOfAgents + agent * kTriesPerAgent + attempt);
+    };
+    const auto sound_of = [&](std::uint32_t agent) {
+      return scenario.sounds.empty()
+                 ? std::string{}
+                 : scenario.sounds[random_of(agent, 0).below(static_cast<std::uint32_t>(scenario.sounds.size()), sound_draw)];
+    };
+    const glm::vec3 goal = scene.to_local(episode.goal_position);
+    std::vector<glm::vec3> starts{scene.to_local(episode.start_position)};
+    episode.agent_sound = sound_of(0);
+    episode.agent_level_db = scenario.level_db;
+    episode.other_agents.clear();
+    for (std::uint32_t agent = 1; agent < static_cast<std::uint32_t>(scenario.count); ++agent) {
+      for (std::uint32_t attempt = 0; attempt < max_tries && starts.size() == agent; ++attempt) {
+        const RandomStream random = random_of(agent, attempt);
+        const glm::vec3 place = navmesh.random_point(random, place_draw);
+        const auto near = [&](glm::vec3 other) { return glm::distance(place, other) < scenario.apart_m; };
+        if (std::any_of(starts.begin(), starts.end(), near) || !stands_free(scene, place, task.ear_height_m)) continue;
+        const auto path_m = navmesh.path_length_m(place, goal);
+        if (!path_m || *path_m < filter.min_geodesic_m || *path_m > filter.max_geodesic_m) continue;
+        starts.push_back(place);
+        const int turns = turns_per_circle(task);
+        const auto turned = static_cast<double>(random.below(static_cast<std::uint32_t>(turns), heading_draw));
+        episode.other_agents.push_back({.start_position = scene.to_world(place),
+                                        .start_rotation = rotation_of(turned * 2.0 * std::numbers::pi / turns),
+                                        .sound = sound_of(agent),
+                                        .level_db = scenario.level_db});
+      }
+      if (starts.size() == agent)
+        throw InputError(episode.scene_id,
+                         fmt::format("no place for agent {} of {}, {} m from the others and {} to {} m from its goal, in {} tries", agent,
+                                     scenario.count, scenario.apart_m, filter.min_geodesic_m, filter.max_geodesic_m, max_tries),
+                         "ask for fewer agents, less apart (agents.apart_m), loosen the filter or take a larger scene");
+    }
+  }
+}
+
+}  // namespace earshot

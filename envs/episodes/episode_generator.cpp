@@ -1,0 +1,171 @@
+#include "envs/episodes/episode_generator.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <glm/geometric.hpp>
+#include <limits>
+#include <numbers>
+#include <optional>
+#include <utility>
+
+#include "sim/base/errors.h"
+#include "sim/base/files.h"
+#include "sim/base/random.h"
+
+namespace earshot {
+namespace {
+
+/// Draw numbers of one try, fixed so that a new consumer does not shift the others.
+enum Draw : std::uint32_t { start_draw = 0, goal_draw = 2, heading_draw = 4, sound_draw = 5 };
+
+/// Below this height the navmesh's floor may lie inside the real one by a cell or a step.
+constexpr float kKneeHeight_m = 0.3f;
+
+bool passes(const EpisodeFilter& filter, float geodesic_m, float straight_m) {
+  return geodesic_m >= filter.min_geodesic_m && geodesic_m <= filter.max_geodesic_m && geodesic_m >= filter.min_ratio * straight_m;
+}
+
+/// In the place of an episode's index, which is an int: the stream of the goals.
+constexpr std::uint32_t kGoalsOfTheScene = 0xFFFFFFFFu;
+constexpr int kPlacesPerGoal = 20;
+
+/// Goals that episodes share, with their distances, which are built when the first path to them is measured.
+struct SharedGoals {
+  std::vector<glm::vec3> places;
+  std::vector<std::optional<GeodesicField>> fields;
+  const GeodesicField& field_of(const Navmesh& navmesh, std::size_t index) {
+    if (!fields[index]) fields[index].emplace(navmesh, places[index]);
+    return *fields[index];
+  }
+};
+
+std::optional<Episode> draw_episode(const RandomStream& random, const Scene* scene, const Navmesh& navmesh, const TaskConfig& task,
+                                    const EpisodeFilter& filter, SharedGoals& shared) {
+  const std::size_t which = shared.places.empty() ? 0 : random.below(static_cast<std::uint32_t>(shared.places.size()), goal_draw);
+  const glm::vec3 start = navmesh.random_point(random, start_draw),
+                  goal = shared.places.empty() ? navmesh.random_point(random, goal_draw) : shared.places[which];
+  const float straight_m = glm::length(goal - start);
+  if (!(straight_m > 0) || straight_m > filter.max_geodesic_m) return std::nullopt;
+  // The plain path query refuses most draws before a distance field is built for the goal.
+  const auto path_m = navmesh.path_length_m(start, goal);
+  if (!path_m || !passes(filter, *path_m, straight_m)) return std::nullopt;
+  if (scene && !(stands_free(*scene, start, task.ear_height_m) && stands_free(*scene, goal, task.source_height_m))) return std::nullopt;
+
+  std::optional<GeodesicField> own;
+  if (shared.places.empty()) own.emplace(navmesh, goal);
+  const GeodesicField& field = own ? *own : shared.field_of(navmesh, which);
+  const auto geodesic_m = field.distance_m(start);
+  if (!geodesic_m || !std::isfinite(*geodesic_m) || !passes(filter, *geodesic_m, straight_m)) return std::nullopt;
+  const auto turns = static_cast<double>(random.below(static_cast<std::uint32_t>(turns_per_circle(task)), heading_draw));
+  Episode episode;
+  episode.start_rotation = rotation_of(turns * 2.0 * std::numbers::pi / turns_per_circle(task));
+  // Counted from the heading that a reader of the file gets.
+  const auto actions = count_oracle_actions(task, navmesh, field, start, heading_of(episode.start_rotation));
+  if (!actions || *actions > task.max_steps) return std::nullopt;
+  episode.start_position = scene ? scene->to_world(start) : glm::dvec3(start);
+  episode.goal_position = scene ? scene->to_world(goal) : glm::dvec3(goal);
+  episode.geodesic_distance_m = *geodesic_m;
+  episode.num_action = *actions;
+  return episode;
+}
+
+std::vector<Episode> generate(const std::string& scene_id, const Scene* scene, const Navmesh& navmesh, const TaskConfig& task,
+                              const EpisodeFilter& filter, const std::vector<std::string>& sounds, int count, std::uint64_t seed,
+                              SharedGoals shared) {
+  validate(task);
+  validate(filter);
+  require(count >= 0, "count", count, "must not be negative");
+  if (sounds.empty()) throw InputError(scene_id, "no sounds to draw from", "name at least one, for example synth:telephone");
+  const auto scene_word = static_cast<std::uint32_t>(hash64(scene_id));
+  std::vector<Episode> episodes;
+  episodes.reserve(static_cast<std::size_t>(count));
+  for (int index = 0; index < count; ++index) {
+    std::optional<Episode> episode;
+    for (int attempt = 0; attempt < filter.max_tries && !episode; ++attempt) {
+      const RandomStream random(seed, Purpose::episode, scene_word, static_cast<std::uint32_t>(index), static_cast<std::uint32_t>(attempt));
+      episode = draw_episode(random, scene, navmesh, task, filter, shared);
+      if (episode) episode->sound = sounds[random.below(static_cast<std::uint32_t>(sounds.size()), sound_draw)];
+    }
+    if (!episode)
+      throw InputError(scene_id,
+                       fmt::format("no episode with a path of {} to {} m, {} times the straight distance, in {} tries",
+                                   filter.min_geodesic_m, filter.max_geodesic_m, filter.min_ratio, filter.max_tries),
+                       "loosen the filter (min_geodesic_m, min_ratio) or take a larger scene");
+    episode->episode_id = std::to_string(index);
+    episode->scene_id = scene_id;
+    episodes.push_back(std::move(*episode));
+  }
+  return episodes;
+}
+
+}  // namespace
+
+bool stands_free(const Scene& scene, glm::vec3 foot, float top_m) {
+  return top_m <= kKneeHeight_m || !scene.rays().occluded(foot + glm::vec3(0, kKneeHeight_m, 0), foot + glm::vec3(0, top_m, 0));
+}
+
+void read(ConfigReader& reader, EpisodeFilter& filter) {
+  reader.read("min_geodesic_m", filter.min_geodesic_m);
+  reader.read("max_geodesic_m", filter.max_geodesic_m);
+  reader.read("min_ratio", filter.min_ratio);
+  reader.read("max_tries", filter.max_tries);
+}
+
+void validate(const EpisodeFilter& filter) {
+  require(filter.min_geodesic_m > 0 && std::isfinite(filter.min_geodesic_m), "min_geodesic_m", filter.min_geodesic_m, "must be positive");
+  require(filter.max_geodesic_m >= filter.min_geodesic_m && std::isfinite(filter.max_geodesic_m), "max_geodesic_m", filter.max_geodesic_m,
+          "must be finite and at least min_geodesic_m");
+  require(filter.min_ratio >= 0 && filter.min_ratio <= 100, "min_ratio", filter.min_ratio, "must be in [0, 100]");
+  require(filter.max_tries >= 1, "max_tries", filter.max_tries, "must be at least 1");
+}
+
+std::vector<Episode> generate_episodes(const std::string& scene_id, const Navmesh& navmesh, const TaskConfig& task,
+                                       const EpisodeFilter& filter, const std::vector<std::string>& sounds, int count, std::uint64_t seed) {
+  return generate(scene_id, nullptr, navmesh, task, filter, sounds, count, seed, {});
+}
+
+std::vector<Episode> generate_episodes(const std::string& scene_id, const Scene& scene, const Navmesh& navmesh, const TaskConfig& task,
+                                       const EpisodeFilter& filter, const std::vector<std::string>& sounds, int count, std::uint64_t seed,
+                                       int num_goals) {
+  SharedGoals shared{.places = spread_goals(scene_id, scene, navmesh, task, filter, num_goals, seed), .fields = {}};
+  shared.fields.resize(shared.places.size());
+  return generate(scene_id, &scene, navmesh, task, filter, sounds, count, seed, std::move(shared));
+}
+
+std::vector<glm::vec3> spread_goals(const std::string& scene_id, const Scene& scene, const Navmesh& navmesh, const TaskConfig& task,
+                                    const EpisodeFilter& filter, int count, std::uint64_t seed) {
+  validate(task);
+  validate(filter);
+  require(count >= 0, "goals_per_scene", count, "must not be negative; 0 gives every episode a goal of its own");
+  const auto scene_word = static_cast<std::uint32_t>(hash64(scene_id));
+  std::vector<glm::vec3> goals;
+  std::uint32_t draw = 0;
+  for (int i = 0; i < count; ++i) {
+    float farthest_m = -1.f;
+    glm::vec3 best{0};
+    for (int found = 0, occupied = 0; found < kPlacesPerGoal && occupied < filter.max_tries;) {
+      const RandomStream random(seed, Purpose::episode, scene_word, kGoalsOfTheScene, draw++);
+      const glm::vec3 place = navmesh.random_point(random, goal_draw);
+      if (!stands_free(scene, place, task.source_height_m)) {
+        ++occupied;
+        continue;
+      }
+      ++found;
+      float nearest_m = std::numeric_limits<float>::max();
+      for (const glm::vec3 goal : goals) nearest_m = std::min(nearest_m, glm::length(goal - place));
+      if (nearest_m > farthest_m) {
+        farthest_m = nearest_m;
+        best = place;
+      }
+    }
+    if (farthest_m < 0)
+      throw InputError(scene_id, fmt::format("no place in {} has free air up to {} m", filter.max_tries, task.source_height_m),
+                       "lower task.source_height_m or take another scene");
+    goals.push_back(best);
+  }
+  return goals;
+}
+
+}  // namespace earshot

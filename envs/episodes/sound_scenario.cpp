@@ -1,0 +1,90 @@
+#include "envs/episodes/sound_scenario.h"
+
+#include <algorithm>
+#include <cmath>
+#include <glm/geometric.hpp>
+#include <iterator>
+#include <vector>
+
+#include "sim/base/errors.h"
+#include "sim/base/files.h"
+#include "sim/base/random.h"
+
+namespace earshot {
+namespace {
+
+constexpr double kFromTheGoalM = 1;
+/// The third counter of an episode's draws: attempts of the generator stay far below.
+constexpr std::uint32_t kSourcesOfTheEpisode = 0xFFFFFFFEu;
+enum Draw : std::uint32_t { onset_draw, duration_draw, first_distractor_draw };
+
+}  // namespace
+
+bool SoundScenario::changes_episodes() const { return has_sources() || noise_snr_db < kNoNoiseDb; }
+
+void read(ConfigReader& reader, SoundScenario& scenario) {
+  reader.read("onset_low_s", scenario.onset_low_s);
+  reader.read("onset_high_s", scenario.onset_high_s);
+  reader.read("duration_mean_s", scenario.duration_mean_s);
+  reader.read("duration_std_s", scenario.duration_std_s);
+  reader.read("distractors", scenario.distractors);
+  reader.read("distractor_level_db", scenario.distractor_level_db);
+  reader.read("noise_snr_db", scenario.noise_snr_db);
+}
+
+void validate(const SoundScenario& scenario) {
+  require(scenario.onset_low_s >= 0 && scenario.onset_low_s <= scenario.onset_high_s, "scenario.onset_low_s", scenario.onset_low_s,
+          "must be in [0, onset_high_s]");
+  require(scenario.onset_high_s <= 1e5f, "scenario.onset_high_s", scenario.onset_high_s, "must be at most 1e5 seconds");
+  require(scenario.duration_mean_s <= 1e5f, "scenario.duration_mean_s", scenario.duration_mean_s,
+          "must be at most 1e5 seconds; below 0 the sound has no end");
+  require(scenario.duration_std_s >= 0 && scenario.duration_std_s <= 1e5f, "scenario.duration_std_s", scenario.duration_std_s,
+          "must be in [0, 1e5] seconds");
+  require(scenario.duration_mean_s >= 0 || scenario.duration_std_s == 0, "scenario.duration_std_s", scenario.duration_std_s,
+          "has no effect without duration_mean_s");
+  require(scenario.distractors >= 0 && scenario.distractors < static_cast<int>(kMaxSources), "scenario.distractors", scenario.distractors,
+          "must be in [0, 63]");
+  require(std::abs(scenario.distractor_level_db) <= 60, "scenario.distractor_level_db", scenario.distractor_level_db,
+          "must be in [-60, 60]");
+  require(scenario.distractors > 0 || scenario.distractor_level_db == 0, "scenario.distractor_level_db", scenario.distractor_level_db,
+          "has no effect without distractors");
+  require(std::abs(scenario.noise_snr_db) <= SoundScenario::kNoNoiseDb, "scenario.noise_snr_db", scenario.noise_snr_db,
+          "must be in [-200, 200]; 200 means none");
+}
+
+void apply_scenario(const SoundScenario& scenario, std::span<const std::string> sounds, std::span<const glm::dvec3> places,
+                    std::uint64_t seed, std::span<Episode> episodes) {
+  validate(scenario);
+  for (std::size_t index = 0; index < episodes.size(); ++index) {
+    Episode& episode = episodes[index];
+    if (scenario.noise_snr_db < SoundScenario::kNoNoiseDb) episode.noise_snr_db = scenario.noise_snr_db;
+    if (!scenario.has_sources()) continue;
+    const RandomStream random(seed, Purpose::episode, static_cast<std::uint32_t>(hash64(episode.scene_id)),
+                              static_cast<std::uint32_t>(index), kSourcesOfTheEpisode);
+    EpisodeSource goal{.position = episode.goal_position, .sound = episode.sound, .goal = true};
+    const float span_s = scenario.onset_high_s - scenario.onset_low_s;
+    goal.onset_s = static_cast<double>(scenario.onset_low_s + span_s * random.uniform(onset_draw));
+    if (scenario.duration_mean_s >= 0)
+      goal.duration_s = static_cast<double>(
+          std::max(SoundScenario::kLeastDurationS, scenario.duration_mean_s + scenario.duration_std_s * random.normal2(duration_draw)[0]));
+    episode.sources = {goal};
+
+    std::vector<glm::dvec3> free;
+    std::copy_if(places.begin(), places.end(), std::back_inserter(free),
+                 [&](glm::dvec3 place) { return glm::distance(place, episode.goal_position) >= kFromTheGoalM; });
+    std::vector<std::string> others;
+    std::copy_if(sounds.begin(), sounds.end(), std::back_inserter(others),
+                 [&](const std::string& sound) { return sound != episode.sound; });
+    if (scenario.distractors > 0 && (free.empty() || others.empty()))
+      throw InputError(episode.scene_id, "has no place, or the set no second sound, for a distractor",
+                       "name more sounds, take a larger scene, or set scenario.distractors to 0");
+    for (int i = 0; i < scenario.distractors; ++i) {
+      const std::uint32_t draw = first_distractor_draw + 2 * static_cast<std::uint32_t>(i);
+      episode.sources.push_back({.position = free[random.below(static_cast<std::uint32_t>(free.size()), draw)],
+                                 .sound = others[random.below(static_cast<std::uint32_t>(others.size()), draw + 1)],
+                                 .level_db = scenario.distractor_level_db});
+    }
+  }
+}
+
+}  // namespace earshot

@@ -1,0 +1,62 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "envs/sensors/observation.h"
+
+namespace earshot {
+
+/// What a sensor measures.  Shapes are those of one row.
+enum class SensorKind : std::uint8_t {
+  depth,            ///< float32 [height, width, 1], as CameraImages::depth
+  rgb,              ///< uint8 [height, width, 3], as CameraImages::rgb
+  semantic,         ///< uint16 [height, width, 1], as CameraImages::semantic
+  normals,          ///< float32 [height, width, 3], as CameraImages::normals
+  spectrogram,      ///< float32 [rows, columns, 2], log(1 + magnitude) of the last second, left and right ear
+  interaural,       ///< float32 [rows, columns, 4]: level, and differences of level and phase between the ears (interaural_spectrogram.h)
+  waveform,         ///< float32 [2, samples of a step]: what the ears heard in this step
+  heard,            ///< float32 [2, samples of a second]: what they heard in the last second
+  pointgoal,        ///< float32 [2]: horizontal distance to the goal in metres, and its bearing in radians, counter-clockwise from ahead
+  gps_compass,      ///< float32 [3]: metres ahead of and to the right of the start, as it faced, and radians turned since, in [-pi, pi]
+  pose,             ///< float32 [4]: as gps_compass, then the seconds since the start
+  collision,        ///< uint8 [1]: 1 where the last step met an obstacle
+  previous_action,  ///< int32 [1]: the last action; -1 before the first
+  topdown_map,      ///< uint8 [size, size, channels], as draw_topdown_map: what is walkable, the path, the agent, the goals
+  oracle_action,    ///< int32 [1], privileged: what the oracle would do here
+  goal_state,  ///< float32 [4], privileged: metres to the goal on foot and in a straight line; bearings of the goal and of the next corner
+               ///< on the way to it in radians, counter-clockwise from ahead
+};
+
+enum class SensorType : std::uint8_t { float32, uint8, uint16, int32 };
+std::size_t size_of(SensorType type);
+std::string_view name_of(SensorType type);
+
+/// One sensor of an environment: a row of its table.  Environments, buffers and policies loop over the table; they know no sensor by
+/// name but those for which they have a stage or an encoder.
+struct SensorSpec {
+  std::string name;  ///< unique in the table; the key of observations
+  SensorKind kind = SensorKind::depth;
+  SensorType type = SensorType::float32;
+  std::vector<int> shape;    ///< of one row
+  std::string units;         ///< "m", "rad", "1"; of sensors that mix units, one for each number: "m,rad"
+  double low = 0, high = 0;  ///< closed range of the values, infinite where there is no bound
+  int camera = -1;           ///< of a picture: index in ObservationSpec::all_cameras()
+  bool privileged = false;   ///< what no agent could sense: labels and a critic's input, which policies do not read
+
+  [[nodiscard]] std::size_t count() const;  ///< numbers in a row
+  [[nodiscard]] std::size_t bytes() const { return count() * size_of(type); }
+  friend bool operator==(const SensorSpec&, const SensorSpec&) = default;
+};
+
+/// The sensors that `spec` switches on: those of the main camera, of the further ones, of sound, of the way.  step_samples: new samples of
+/// sound in a step.
+std::vector<SensorSpec> sensor_table(const ObservationSpec& spec, int step_samples);
+/// The row of the table with this name; null if there is none.
+const SensorSpec* find_sensor(std::span<const SensorSpec> table, std::string_view name);
+
+}  // namespace earshot

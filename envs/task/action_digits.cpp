@@ -1,0 +1,40 @@
+#include "envs/task/action_digits.h"
+
+#include "envs/task/action.h"
+#include "envs/task/episode.h"
+
+namespace earshot {
+namespace {
+
+std::string digits_of(const std::vector<std::int8_t>& actions) {
+  std::string digits;
+  for (const std::int8_t action : actions) digits += static_cast<char>('0' + action);
+  return digits;
+}
+
+}  // namespace
+
+void write_actions(nlohmann::json& object, const std::vector<std::int8_t>& actions, const std::vector<std::vector<std::int8_t>>& others) {
+  object["actions"] = digits_of(actions);
+  for (const auto& further : others) object["others"].push_back(digits_of(further));
+}
+
+void read_actions(const nlohmann::json& object, std::vector<std::int8_t>& actions, std::vector<std::vector<std::int8_t>>& others,
+                  const std::function<void(const std::string& what)>& fail) {
+  const auto read = [&](const nlohmann::json& digits) {
+    std::vector<std::int8_t> all;
+    for (const char digit : digits.get_ref<const std::string&>()) {
+      if (digit < '0' || digit >= '0' + kNumActions) fail("holds an action that does not exist");
+      all.push_back(static_cast<std::int8_t>(digit - '0'));
+    }
+    return all;
+  };
+  actions = read(object.at("actions"));
+  others.clear();
+  const auto further = object.find("others");
+  if (further == object.end()) return;
+  if (!further->is_array() || further->size() >= kMaxAgents) fail("holds more agents than there can be");
+  for (const nlohmann::json& digits : *further) others.push_back(read(digits));
+}
+
+}  // namespace earshot

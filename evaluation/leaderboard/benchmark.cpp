@@ -1,0 +1,130 @@
+#include "evaluation/leaderboard/benchmark.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <vector>
+
+#include "envs/episodes/name_ranges.h"
+#include "evaluation/results/result_groups.h"
+#include "evaluation/results/split_overlap.h"
+#include "sim/base/errors.h"
+#include "sim/base/files.h"
+#include "trainer/run/effective_config.h"
+#include "trainer/run/episode_data.h"
+
+namespace earshot {
+namespace {
+
+constexpr std::size_t kMaxBytes = std::size_t{1} << 20;
+
+/// The sounds of the test set that must be new: those of heard_sounds are taken out, once they are known to be of both.
+std::vector<std::string> new_sounds(const Benchmark& benchmark, const std::vector<std::string>& trained, std::vector<std::string> tested) {
+  for (const std::string& heard : expand_sounds(benchmark.heard_sounds)) {
+    const bool both = std::ranges::count(trained, heard) > 0 && std::ranges::count(tested, heard) > 0;
+    if (!both)
+      throw InputError(benchmark.name, fmt::format("names '{}' in benchmark.heard_sounds, which training and test do not both have", heard),
+                       "leave it out there");
+    std::erase(tested, heard);
+  }
+  return tested;
+}
+
+}  // namespace
+
+std::string hash_of_rules(const MetricRules& rules) {
+  std::string text;
+  for (const auto& [key, value] : rules) text += key + "=" + value + "\n";
+  return hex64(hash64(text));
+}
+
+Benchmark load_benchmark(const std::filesystem::path& path) {
+  const std::string where = path.string();
+  Benchmark benchmark;
+  ConfigReader file = ConfigReader::from_file(path);
+  if (file.text().size() > kMaxBytes) throw InputError(where, "is longer than a benchmark is", "name a file of configs/benchmarks");
+  if (!file.has("benchmark")) throw InputError(where, "has no section 'benchmark'", "name a file of configs/benchmarks");
+  ConfigReader section = file.child("benchmark");
+  section.read_required("name", benchmark.name);
+  section.read_required("version", benchmark.version);
+  section.read_required("set_hash", benchmark.set_hash);
+  section.read_required("rules_hash", benchmark.rules_hash);
+  section.read("seed", benchmark.seed);
+  section.read("heard_sounds", benchmark.heard_sounds);
+  section.read("held_out_kinds", benchmark.held_out_kinds);
+  ConfigReader hidden = section.child("private");
+  hidden.read("sha256", benchmark.private_sha256);
+  hidden.finish();
+  const bool is_hash =
+      benchmark.private_sha256.size() == 64 && benchmark.private_sha256.find_first_not_of("0123456789abcdef") == std::string::npos;
+  if (!benchmark.private_sha256.empty() && !is_hash)
+    throw InputError(where, "has a benchmark.private.sha256 that is not 64 hexadecimal digits", "write what sha256sum prints, in quotes");
+  section.finish();
+  std::vector<std::string> run;
+  for (const auto& [key, value] : flat_config(file.text()))
+    if (!key.starts_with("benchmark.")) run.push_back(key + "=" + value);
+  benchmark.run = parse_run_config("", where, run);
+  if (benchmark.run.eval.file.empty()) throw InputError(where, "names no data.eval.file", "name the file of the test set");
+  const std::string rules = hash_of_rules(metric_rules(benchmark.run.env, benchmark.run.eval_envs));
+  if (rules != benchmark.rules_hash)
+    throw InputError(where, fmt::format("has rules of hash {}, its benchmark.rules_hash is {}", rules, benchmark.rules_hash),
+                     "a benchmark is fixed: take the file as it was, or give it another version and this hash");
+  return benchmark;
+}
+
+EpisodeSet benchmark_set(const Benchmark& benchmark) {
+  const DataConfig& data = benchmark.run.eval;
+  EpisodeSet set = std::filesystem::exists(data.file) ? load_episode_set(data.file) : generate_data(data, benchmark.run.env);
+  if (hex64(set.hash) != benchmark.set_hash)
+    throw InputError(
+        data.file,
+        fmt::format("holds the set {}, {} {} is about {}", hex64(set.hash), benchmark.name, benchmark.version, benchmark.set_hash),
+        "remove the file, so that it is made again; if the hash stays, this build draws other episodes");
+  return set;
+}
+
+void check_held_out_kinds(const Benchmark& benchmark, const std::vector<std::string>& trained, const std::vector<std::string>& tested) {
+  for (const std::string& kind : benchmark.held_out_kinds) {
+    const auto of_kind = [&](const std::string& sound) { return sound_kind(sound) == kind; };
+    if (const auto found = std::ranges::find_if(trained, of_kind); found != trained.end())
+      throw InputError(benchmark.name, fmt::format("has '{}' in data.train, of the kind '{}' of benchmark.held_out_kinds", *found, kind),
+                       "leave it out of one of the two");
+    if (std::ranges::none_of(tested, of_kind))
+      throw InputError(benchmark.name, fmt::format("has no sound of the kind '{}' of benchmark.held_out_kinds in its test set", kind),
+                       "leave it out there");
+  }
+}
+
+void check_splits(const Benchmark& benchmark) {
+  const RunConfig& run = benchmark.run;
+  const auto refuse = [&](const SplitOverlap& found) {
+    throw InputError(benchmark.name, fmt::format("has '{}' in its test set, {} '{}' of data.train", found.tested, found.why, found.trained),
+                     "leave it out of one of the two");
+  };
+  const auto scenes = find_scene_overlap(expand_ranges(run.train.scenes), expand_ranges(run.eval.scenes), run.env.scene_root);
+  if (scenes) refuse(*scenes);
+  const auto trained = expand_sounds(run.train.sounds), tested = expand_sounds(run.eval.sounds);
+  check_held_out_kinds(benchmark, trained, tested);
+  const auto sounds = find_sound_overlap(trained, new_sounds(benchmark, trained, tested), run.env.sound_root);
+  if (sounds) refuse(*sounds);
+}
+
+Verification verify_for_benchmark(const EvaluationResult& result, const std::string& where, const Benchmark& benchmark,
+                                  const EpisodeSet& set, const VerifyConfig& config) {
+  const char* remedy = "evaluate the agent again with --benchmark";
+  if (result.seed != benchmark.seed)
+    throw InputError(where, fmt::format("was run with seed {}, {} has {}", result.seed, benchmark.name, benchmark.seed), remedy);
+  const Verification verified =
+      verify_result(result, where, set, rules_for(result.rules, metric_rules(benchmark.run.env, benchmark.run.eval_envs)), config);
+  EvaluationResult noted = result;
+  note_novelty(noted, expand_sounds(benchmark.run.train.sounds));
+  for (std::size_t i = 0; i < noted.episodes.size(); ++i)
+    if (!result.episodes[i].novelty.empty() && result.episodes[i].novelty != noted.episodes[i].novelty)
+      throw InputError(where,
+                       fmt::format("says that the sound of episode {} is '{}' to the training, by the benchmark it is '{}'", i,
+                                   result.episodes[i].novelty, noted.episodes[i].novelty),
+                       remedy);
+  return verified;
+}
+
+}  // namespace earshot

@@ -1,0 +1,32 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "evaluation/results/result.h"
+
+namespace earshot {
+
+/// Results ranked by SPL, then success, then name: rank 1 first.
+std::vector<EvaluationResult> ranked(std::vector<EvaluationResult> results);
+
+/// The table for a terminal: one row per agent, each metric with its 95 % interval; a note when the agents ran different sets or engines.
+std::string leaderboard_text(const std::vector<EvaluationResult>& results);
+
+/// The same as JSON with a schema_version (docs/formats.md).
+std::string leaderboard_json(const std::vector<EvaluationResult>& results);
+
+/// A column of tables of agents.
+struct BoardColumn {
+  const char* title;
+  Estimate (*get)(const EvaluationResult&);
+  int digits;
+};
+const std::vector<BoardColumn>& board_columns();
+/// How the intervals were made, in words.
+std::string interval_kind(const std::vector<EvaluationResult>& results);
+bool any_verified(const std::vector<EvaluationResult>& results);
+/// What makes the rows hard to compare, or empty.
+std::vector<std::string> board_notes(const std::vector<EvaluationResult>& results);
+
+}  // namespace earshot

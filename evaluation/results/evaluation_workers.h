@@ -1,0 +1,40 @@
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "evaluation/results/evaluator.h"
+
+namespace earshot {
+
+/// Starts `workers` copies of this program with these arguments, each of which evaluates its part (worker_part), and puts their results
+/// together: the bytes of one process.  The first worker that fails ends the others, and its code comes back in exit_code (worker_group.h).
+/// Call it before other threads exist.
+EvaluationResult evaluate_with_workers(int workers, std::vector<std::string> arguments, int& exit_code);
+
+/// Option by which a worker is told the folder in which it leaves its result.
+inline constexpr const char* kPartFolderOption = "--part-folder";
+
+/// What one of these workers does: evaluation.part says which episodes, and threads become its part of the cores where all are asked for.
+/// The first worker shows the progress of all.  Throws InputError where this process is no such worker.
+class EvaluationWorker {
+ public:
+  /// name: of the agent, for the progress.
+  EvaluationWorker(std::filesystem::path folder, std::string name);
+  ~EvaluationWorker();
+  EvaluationWorker(const EvaluationWorker&) = delete;
+  EvaluationWorker& operator=(const EvaluationWorker&) = delete;
+  /// num_episodes: of all workers.
+  void prepare(EvaluationConfig& evaluation, std::size_t num_episodes);
+  /// Leaves the result for the process that started the workers.
+  void finish(const EvaluationResult& result);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace earshot

@@ -1,0 +1,46 @@
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "envs/baselines/baselines.h"
+#include "envs/episodes/episode_set.h"
+#include "evaluation/results/result.h"
+#include "trainer/run/run_config.h"
+
+namespace earshot {
+
+/// Of several processes that evaluate one set: each takes every `parts`-th round of episodes, a round being one for each env of the batch,
+/// so that every episode runs in the env, with the number and in the row of the batch that it has in one process.
+struct EvaluationPart {
+  int part = 0, parts = 1;
+  std::function<void(std::size_t done)> on_progress = {};  ///< called with the number of its episodes that have ended
+};
+
+struct EvaluationConfig {
+  std::string episodes;                               ///< set to run; each episode once
+  std::map<std::string, std::string> generator = {};  ///< keys that the set must have been made from (generator_keys); empty: any set
+  int num_envs = 8;                                   ///< fixed batch: part of the bits of policy inference
+  int threads = 0;
+  std::uint64_t seed = 0;                              ///< of the sampled actions
+  std::optional<ActionChoice> actions = std::nullopt;  ///< none: as RunConfig::eval_actions says
+  int max_episodes = 0;                                ///< 0: all
+  /// Only these episodes, the rows of the others stay empty; without: all.
+  std::optional<EvaluationPart> part = std::nullopt;
+};
+
+/// The episodes to run: those of the set, or the first of them.  whole: becomes the hash of the set that they are the first of.  Throws
+/// InputError: no set, or one that was made from other keys.
+std::shared_ptr<const EpisodeSet> load_evaluated_set(const EvaluationConfig& evaluation, std::string* whole = nullptr);
+
+/// Runs a checkpoint (by its own config, scenes and sounds from the set) on every episode.  Same inputs, same bits.
+EvaluationResult evaluate_checkpoint(const std::filesystem::path& checkpoint, const EvaluationConfig& evaluation,
+                                     const std::vector<std::string>& overrides);
+/// Runs a baseline under the env of `config`.
+EvaluationResult evaluate_baseline(Baseline baseline, const std::string& name, const EnvConfig& env, const EvaluationConfig& evaluation);
+
+}  // namespace earshot

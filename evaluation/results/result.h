@@ -1,0 +1,81 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "envs/episodes/episode_set.h"
+#include "envs/task/av_nav_task.h"
+#include "trainer/run/toolchain.h"
+
+namespace earshot {
+
+/// Mean of a metric over episodes with its 95 % interval.
+struct Estimate {
+  double mean = 0, low = 0, high = 0;
+};
+/// values: one per episode.  An empty list gives zeros; one value gives an interval of zero width.
+Estimate mean_with_interval(const std::vector<double>& values);
+/// The mean over all values, and the interval of a bootstrap over groups (Davison and Hinkley 1997, section 3.8): episodes in one house are
+/// not independent, houses are.  2,000 samples of as many groups as there are, drawn with replacement, a function of the input;
+/// percentiles, widened by sqrt(G / (G - 1)) about the mean, as G groups show too little of their spread.  groups [values]: at least two
+/// different ones.
+Estimate mean_with_group_interval(std::span<const double> values, std::span<const int> groups);
+/// Wilson score interval of `hits` out of `n` (Wilson 1927).
+Estimate fraction_with_interval(std::uint64_t hits, std::uint64_t n);
+
+/// One evaluated agent: what `eval --out` writes, `leaderboard` reads and `verify` checks.
+struct EvaluationResult {
+  std::string agent;  ///< name in the table
+  std::string policy_hash, engine_hash;
+  std::string set_hash;         ///< of the episodes that were run
+  std::string partial_of = {};  ///< hash of the set that these are the first episodes of; empty: they are a whole set
+  std::string episodes_file;
+  std::uint64_t seed = 0;
+  struct Row {
+    std::string id, scene;
+    EpisodeMetrics metrics;
+    std::vector<std::int8_t> actions;
+    std::string sound = {};    ///< of the goal, as Episode::sound; empty in older files
+    std::string novelty = {};  ///< what it was to the training: see note_novelty; empty where that is not known
+    /// Of the set (note_places), in no file: floor of the scene, and how far the goal is on foot; 0 where that is not known.
+    double area_m2 = 0, distance_m = 0;
+  };
+  std::vector<Row> episodes;                      ///< in the order of the set
+  std::map<std::string, std::string> rules = {};  ///< by which metrics were made (metric_rules.h); empty in older files
+  Toolchain toolchain = {};                       ///< of the program that ran the episodes; empty in older files
+
+  /// Of a file that was read: what it says of itself, which may not be so.
+  std::map<std::string, Estimate> claimed_summary = {};
+  std::uint64_t claimed_episodes = 0;
+  bool is_as_written = true;  ///< its checksum is that of the rest, or it has none (older files)
+  bool verified = false;      ///< set where it was, in this process; no file says it
+
+  /// Whether intervals are those of a bootstrap over scenes, or of episodes where those are wider; with fewer than kLeastScenes they are of
+  /// episodes: Wilson's for fractions, else Student's t.
+  [[nodiscard]] bool intervals_over_scenes() const;
+  static constexpr std::size_t kLeastScenes = 5;
+  [[nodiscard]] Estimate success() const;
+  [[nodiscard]] Estimate spl() const;
+  [[nodiscard]] Estimate soft_spl() const;
+  [[nodiscard]] Estimate sna() const;
+  [[nodiscard]] Estimate success_when_silent() const;
+  [[nodiscard]] Estimate dtg_m() const;
+  [[nodiscard]] Estimate steps() const;
+  [[nodiscard]] Estimate collisions() const;
+  /// All of these by their names in files, in the order of files.
+  [[nodiscard]] std::vector<std::pair<std::string, Estimate>> summary() const;
+};
+
+void save_result(const EvaluationResult& result, const std::filesystem::path& path);
+/// Throws InputError: missing, not JSON, a key missing or mistyped.
+EvaluationResult load_result(const std::filesystem::path& path);
+
+/// EvaluationResult::set_hash of a result of the first `episodes` episodes of a set, at most all of them.
+std::string set_hash_of_first(const EpisodeSet& set, std::size_t episodes);
+
+}  // namespace earshot

@@ -1,0 +1,42 @@
+#include "trainer/checkpoint/find_checkpoint.h"
+
+#include <spdlog/spdlog.h>
+
+#include "sim/base/errors.h"
+#include "sim/base/files.h"
+#include "trainer/checkpoint/checkpoint_format.h"
+#include "trainer/checkpoint/run_folder.h"
+
+namespace earshot {
+
+CheckpointMetadata load_checkpoint_metadata(const std::filesystem::path& path) {
+  const std::string bytes = read_file(path, kMaxCheckpointBytes);
+  const msgpack::object_handle body = unpack_checkpoint(bytes, path.string());
+  return CheckpointFields(path.string()).metadata(body.get());
+}
+
+std::filesystem::path find_checkpoint(const std::filesystem::path& folder_or_file) {
+  if (std::filesystem::is_regular_file(folder_or_file)) return folder_or_file;
+  std::filesystem::path newest;
+  std::uint64_t newest_update = 0;
+  std::string damaged;
+  // In the order of names, so that of equals the one named by its update is taken.
+  for (const auto& file : RunFolder(folder_or_file).checkpoints()) {
+    try {
+      const std::uint64_t update = load_checkpoint_metadata(file).update;
+      if (newest.empty() || update >= newest_update) {
+        newest = file;
+        newest_update = update;
+      }
+    } catch (const InputError& error) {
+      damaged = error.what();
+      spdlog::warn("skipped: {}", damaged);
+    }
+  }
+  if (!newest.empty()) return newest;
+  if (!damaged.empty())
+    throw InputError(folder_or_file.string(), "holds no checkpoint that is whole: " + damaged, "start anew, or find a copy");
+  throw InputError(folder_or_file.string(), "holds no checkpoint (*.ckpt)", "name a run folder or a checkpoint file");
+}
+
+}  // namespace earshot

@@ -1,0 +1,103 @@
+// The part of trainer/checkpoint/checkpoint.h that moves weights and optimizer state between tensors by name and live modules.
+#include <fmt/format.h>
+
+#include "sim/base/errors.h"
+#include "sim/base/files.h"
+#include "trainer/checkpoint/checkpoint.h"
+#include "trainer/learner/optimizer_key.h"
+
+namespace earshot {
+namespace {
+
+std::map<std::string, torch::Tensor> live_tensors(const ActorCritic& policy) {
+  std::map<std::string, torch::Tensor> tensors;
+  for (const auto& item : policy->named_parameters()) tensors.emplace(item.key(), item.value());
+  for (const auto& item : policy->named_buffers()) tensors.emplace(item.key(), item.value());
+  return tensors;
+}
+
+}  // namespace
+
+std::map<std::string, torch::Tensor> weights_of(const ActorCritic& policy) {
+  std::map<std::string, torch::Tensor> weights;
+  for (const auto& [name, tensor] : live_tensors(policy)) weights.emplace(name, tensor.detach().clone());
+  return weights;
+}
+
+std::uint64_t hash_of(const std::map<std::string, torch::Tensor>& weights, std::uint64_t start) {
+  std::uint64_t hash = start;
+  for (const auto& [name, tensor] : weights) {
+    const torch::Tensor flat = tensor.contiguous();
+    hash = hash64(std::as_bytes(std::span(flat.data_ptr<float>(), static_cast<std::size_t>(flat.numel()))), hash);
+  }
+  return hash;
+}
+
+void load_weights(ActorCritic& policy, const Checkpoint& checkpoint, const std::string& where) {
+  const std::string remedy = "use the config and sensors it was trained with";
+  if (checkpoint.architecture != policy->architecture())
+    throw InputError(
+        where,
+        fmt::format("holds weights of the architecture '{}', the config asks for '{}'", checkpoint.architecture, policy->architecture()),
+        remedy);
+  const auto live = live_tensors(policy);
+  // Everything is checked before anything is changed.
+  for (const auto& [name, tensor] : checkpoint.weights)
+    if (!live.contains(name)) throw InputError(where, fmt::format("holds weights '{}' that the policy does not have", name), remedy);
+  for (const auto& [name, tensor] : live) {
+    const auto saved = checkpoint.weights.find(name);
+    if (saved == checkpoint.weights.end()) throw InputError(where, fmt::format("lacks the weights '{}'", name), remedy);
+    if (saved->second.sizes() != tensor.sizes() || saved->second.scalar_type() != tensor.scalar_type())
+      throw InputError(where, fmt::format("holds weights '{}' of another shape or type", name), remedy);
+    if (!torch::isfinite(saved->second).all().item<bool>())
+      throw InputError(where, fmt::format("holds weights '{}' that are not finite", name), "take an earlier checkpoint");
+  }
+  const torch::NoGradGuard no_grad;
+  for (const auto& [name, tensor] : live) tensor.detach().copy_(checkpoint.weights.at(name));
+}
+
+std::map<std::string, torch::Tensor> optimizer_state_of(const ActorCritic& policy, torch::optim::Adam& optimizer) {
+  std::map<std::string, torch::Tensor> saved;
+  for (const auto& item : policy->named_parameters()) {
+    const auto found = optimizer.state().find(optimizer_key(item.value()));
+    if (found == optimizer.state().end()) continue;  // never stepped
+    const auto& state = static_cast<const torch::optim::AdamParamState&>(*found->second);
+    saved.emplace(item.key() + ".step", torch::tensor(state.step(), torch::kInt64));
+    saved.emplace(item.key() + ".exp_avg", state.exp_avg().detach().clone());
+    saved.emplace(item.key() + ".exp_avg_sq", state.exp_avg_sq().detach().clone());
+  }
+  return saved;
+}
+
+void load_optimizer_state(const ActorCritic& policy, torch::optim::Adam& optimizer, const Checkpoint& checkpoint) {
+  const auto refuse = [](const std::string& name, const std::string& what) {
+    throw InputError("optimizer state of the checkpoint", fmt::format("'{}' {}", name, what), "use the config it was trained with");
+  };
+  std::size_t used = 0;
+  std::vector<std::pair<decltype(optimizer_key({})), std::unique_ptr<torch::optim::AdamParamState>>> states;
+  for (const auto& item : policy->named_parameters()) {
+    const auto saved = [&](const std::string& what) { return checkpoint.optimizer.find(item.key() + what); };
+    const auto step = saved(".step"), mean = saved(".exp_avg"), square = saved(".exp_avg_sq");
+    const auto none = checkpoint.optimizer.end();
+    if (step == none && mean == none && square == none) continue;
+    if (step == none || mean == none || square == none) refuse(item.key(), "is incomplete");
+    if (step->second.scalar_type() != torch::kInt64 || step->second.numel() != 1 || step->second.item<std::int64_t>() < 0)
+      refuse(item.key() + ".step", "is not a count");
+    for (const auto& moment : {mean, square}) {
+      if (moment->second.sizes() != item.value().sizes() || moment->second.scalar_type() != item.value().scalar_type())
+        refuse(moment->first, "has another shape or type than its weights");
+      if (!torch::isfinite(moment->second).all().item<bool>()) refuse(moment->first, "is not finite");
+    }
+    used += 3;
+    auto state = std::make_unique<torch::optim::AdamParamState>();
+    state->step(step->second.item<std::int64_t>());
+    state->exp_avg(mean->second.clone());
+    state->exp_avg_sq(square->second.clone());
+    states.emplace_back(optimizer_key(item.value()), std::move(state));
+  }
+  if (used != checkpoint.optimizer.size()) refuse("optimizer", "has entries for weights that the policy does not have");
+  optimizer.state().clear();
+  for (auto& [key, state] : states) optimizer.state().insert_or_assign(key, std::move(state));
+}
+
+}  // namespace earshot

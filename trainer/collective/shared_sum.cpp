@@ -1,0 +1,94 @@
+#include "trainer/collective/shared_sum.h"
+
+#include <algorithm>
+#include <cstring>
+
+#include "sim/base/errors.h"
+#include "trainer/collective/sum_order.h"
+
+namespace earshot {
+namespace {
+
+constexpr std::size_t kChunk = 256 * 1024;  // bytes; two buffers of two workers stay in a cache of 1 MiB
+constexpr std::size_t kBlock = 2048;        // elements that are summed over all workers before the next ones: they stay in the first cache
+
+/// target[0, count) = the sum over ranks of the elements [begin, begin + count) of the buffer, in the stated order.  slot_of(rank): where
+/// that worker's element `begin` lies.
+template <class T, class SlotOf>
+void sum_in_order(T* target, std::size_t begin, std::size_t count, std::size_t total, int world_size, const SlotOf& slot_of) {
+  const auto world = static_cast<std::size_t>(world_size);
+  const bool small = total * sizeof(T) < kSmallSumBytes;
+  for (std::size_t segment = 0; segment < (small ? 1 : world); ++segment) {
+    const std::size_t first = small ? begin : std::max(begin, segment_start(total, segment, world));
+    const std::size_t last = small ? begin + count : std::min(begin + count, segment_start(total, segment + 1, world));
+    for (std::size_t block = first; block < last; block += kBlock) {
+      const std::size_t offset = block - begin, length = std::min(kBlock, last - block);
+      T* const sum = target + offset;
+      std::memcpy(sum, slot_of(static_cast<int>(segment)) + offset, length * sizeof(T));
+      for (std::size_t k = 1; k < world; ++k) {
+        const T* const addend = slot_of(static_cast<int>((segment + k) % world)) + offset;
+        for (std::size_t i = 0; i < length; ++i) sum[i] += addend[i];
+      }
+    }
+  }
+}
+
+}  // namespace
+
+// Layout: a counter per worker, then two buffers of a slot per worker and one slot of results.
+std::size_t SharedSum::bytes_for(int world_size) {
+  const auto world = static_cast<std::size_t>(world_size);
+  return SharedProgress::bytes_for(world_size) + 2 * (world + 1) * kChunk;
+}
+
+SharedSum::SharedSum(std::span<std::byte> memory, WorkerIdentity identity)
+    : identity_(identity), workers_(memory.first(std::min(memory.size(), SharedProgress::bytes_for(identity.world_size))), identity) {
+  EARSHOT_EXPECT(memory.size() == bytes_for(identity.world_size));
+  memory_ = memory.subspan(SharedProgress::bytes_for(identity.world_size));
+}
+
+/// Of the buffer of the present chunk; rank world_size is that of the results.
+std::byte* SharedSum::slot(int rank) const {
+  const auto world = static_cast<std::size_t>(identity_.world_size);
+  const std::size_t buffer = buffer_index();
+  return memory_.data() + (buffer * (world + 1) + static_cast<std::size_t>(rank)) * kChunk;
+}
+
+template <class T>
+void SharedSum::sum_chunks(Operation operation, std::span<T> buffer, const Check& check) {
+  const auto [rank, world_size] = identity_;
+  const auto world = static_cast<std::size_t>(world_size);
+  workers_.state_call(buffer_index(), operation, buffer.size_bytes());
+  const bool each_sums_all = world_size == 2 || buffer.size_bytes() < kSmallSumBytes;
+  const auto slot_of = [&](int of) { return reinterpret_cast<const T*>(slot(of)); };
+
+  // An empty buffer is one empty chunk: all calls are collective.  A slot is written again two chunks later.  By then every worker has
+  // announced the chunk between, which it does only when it has read all it needs of this one.
+  std::size_t first = 0;
+  do {
+    const std::size_t count = std::min(kChunk / sizeof(T), buffer.size() - first);
+    T* const out = buffer.data() + first;
+    if (count > 0) std::memcpy(slot(rank), out, count * sizeof(T));
+    workers_.announce(progress_ + (each_sums_all ? 2 : 1));
+    workers_.wait_for_all(progress_ + (each_sums_all ? 2 : 1), check);
+    if (first == 0) workers_.compare_calls(buffer_index(), operation, buffer.size_bytes());
+    if (each_sums_all) {
+      sum_in_order(out, first, count, buffer.size(), world_size, slot_of);
+    } else {
+      T* const results = reinterpret_cast<T*>(slot(world_size));
+      const std::size_t begin = segment_start(count, static_cast<std::size_t>(rank), world);
+      const std::size_t end = segment_start(count, static_cast<std::size_t>(rank) + 1, world);
+      sum_in_order(results + begin, first + begin, end - begin, buffer.size(), world_size, [&](int of) { return slot_of(of) + begin; });
+      workers_.announce(progress_ + 2);
+      workers_.wait_for_all(progress_ + 2, check);
+      std::memcpy(out, results, count * sizeof(T));
+    }
+    progress_ += 2;
+    first += count;
+  } while (first < buffer.size());
+}
+
+void SharedSum::sum(Operation operation, std::span<float> buffer, const Check& check) { sum_chunks(operation, buffer, check); }
+void SharedSum::sum(Operation operation, std::span<double> buffer, const Check& check) { sum_chunks(operation, buffer, check); }
+
+}  // namespace earshot

@@ -1,0 +1,42 @@
+#include "trainer/collective/worker_updates.h"
+
+#include <fmt/format.h>
+
+#include <cstring>
+#include <limits>
+
+#include "sim/base/errors.h"
+
+namespace earshot {
+
+std::vector<WorkerUpdate> gather_worker_updates(Collective& collective, const WorkerUpdate& own) {
+  std::string bytes(sizeof(own), '\0');
+  std::memcpy(bytes.data(), &own, sizeof(own));
+  std::vector<WorkerUpdate> all;
+  for (const std::string& of_one : collective.all_gather(bytes)) {
+    WorkerUpdate& update = all.emplace_back();
+    if (of_one.size() != sizeof(update))
+      throw RunError(fmt::format("worker {}", collective.members()[all.size() - 1]), "reports an update of another size");
+    std::memcpy(&update, of_one.data(), sizeof(update));
+  }
+  return all;
+}
+
+void append_worker_values(std::vector<std::pair<std::string, double>>& values, const std::vector<int>& members,
+                          const std::vector<WorkerUpdate>& of_all) {
+  for (std::size_t rank = 0; rank < of_all.size(); ++rank) {
+    const WorkerUpdate& own = of_all[rank];
+    const double stopped = own.episodes > 0 ? own.stopped / own.episodes : std::numeric_limits<double>::quiet_NaN();
+    const auto add = [&](const char* name, double value) { values.emplace_back(fmt::format("workers/{}/{}", members[rank], name), value); };
+    add("update_s", own.update_s);
+    add("collect_s", own.collect_s);
+    add("rollout_steps", own.rollout_steps);
+    add("stopped", stopped);
+    add("timeout", 1 - stopped);
+    add("explained_variance", own.explained_variance);
+    add("approx_kl", own.approx_kl);
+    add("clip_fraction", own.clip_fraction);
+  }
+}
+
+}  // namespace earshot

@@ -1,0 +1,19 @@
+#pragma once
+
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "trainer/learner/guidance_config.h"
+#include "trainer/learner/ppo.h"
+#include "trainer/rollout/episode_window.h"
+#include "trainer/rollout/stage_times.h"
+
+namespace earshot {
+
+/// What one update adds to the curves, by name: episodes of late, losses, seconds per stage, and what guides the policy where anything
+/// does. progress: of the training, in [0, 1].
+std::vector<std::pair<std::string, double>> update_curves(const EpisodeSums& recent, const UpdateStats& stats, const StageTimes& times,
+                                                          double steps_per_s, const GuidanceConfig& guidance, double progress);
+
+}  // namespace earshot

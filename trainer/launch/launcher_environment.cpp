@@ -1,0 +1,270 @@
+#include "trainer/launch/launcher_environment.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cstdlib>
+#include <system_error>
+
+#include "sim/base/errors.h"
+#include "sim/base/files.h"
+#include "trainer/launch/hostlist.h"
+
+namespace earshot {
+namespace {
+
+constexpr const char *kRank = "EARSHOT_RANK", *kWorldSize = "EARSHOT_WORLD_SIZE", *kRendezvous = "EARSHOT_RENDEZVOUS",
+                     *kRunId = "EARSHOT_RUN_ID";
+constexpr std::array kNames{kRank,
+                            kWorldSize,
+                            kRendezvous,
+                            kRunId,
+                            "RANK",
+                            "WORLD_SIZE",
+                            "LOCAL_RANK",
+                            "LOCAL_WORLD_SIZE",
+                            "MASTER_ADDR",
+                            "MASTER_PORT",
+                            "TORCHELASTIC_RUN_ID",
+                            "TORCHELASTIC_RESTART_COUNT",
+                            "TORCHELASTIC_USE_AGENT_STORE",
+                            "OMPI_COMM_WORLD_RANK",
+                            "OMPI_COMM_WORLD_SIZE",
+                            "OMPI_COMM_WORLD_LOCAL_SIZE",
+                            "OMPI_MCA_ess_base_jobid",
+                            "PMIX_RANK",
+                            "PMIX_NAMESPACE",
+                            "PMI_RANK",
+                            "PMI_SIZE",
+                            "MPI_LOCALNRANKS",
+                            "SLURM_PROCID",
+                            "SLURM_NTASKS",
+                            "SLURM_STEP_NUM_TASKS",
+                            "SLURM_STEP_ID",
+                            "SLURM_JOB_ID",
+                            "SLURM_RESTART_COUNT",
+                            "SLURM_STEP_NODELIST",
+                            "SLURM_JOB_NODELIST",
+                            "SLURM_NODELIST",
+                            "JOB_COMPLETION_INDEX"};
+constexpr std::size_t kMaxFolderLength = 60;  // leaves room for a socket's name within its 107 characters
+
+/// A value for a message: one line, not too long.
+std::string shown(std::string text) {
+  if (text.size() > 60) text = text.substr(0, 60) + "...";
+  std::ranges::replace_if(
+      text, [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7F; }, '?');
+  return text;
+}
+
+/// The variables of one launcher.
+class Table {
+ public:
+  Table(const Variables& variables, std::string launcher) : variables_(variables), launcher_(std::move(launcher)) {}
+
+  [[nodiscard]] bool has(const std::string& name) const { return variables_.contains(name); }
+  [[nodiscard]] std::string text(const std::string& name) const {
+    const auto found = variables_.find(name);
+    if (found == variables_.end())
+      throw InputError(name, "is not set, but other variables of " + launcher_ + " are", "start the workers with the launcher itself");
+    return found->second;
+  }
+  [[nodiscard]] std::string text_or(const std::string& name, const std::string& otherwise) const {
+    return has(name) ? text(name) : otherwise;
+  }
+  [[nodiscard]] int number(const std::string& name) const {
+    const std::string value = text(name);
+    int result = 0;
+    const auto [end, error] = std::from_chars(value.data(), value.data() + value.size(), result);
+    if (error != std::errc() || end != value.data() + value.size())
+      throw InputError(name + " = " + shown(value), "is not a whole number", "set it to a rank or a count");
+    return result;
+  }
+  /// Two variables that must say the same.
+  void expect_equal(const std::string& one, const std::string& other) const {
+    if (has(one) && has(other) && number(one) != number(other)) refuse_both(one, other);
+  }
+  [[noreturn]] void refuse_both(const std::string& one, const std::string& other) const {
+    throw InputError(fmt::format("{} = {}", one, shown(text(one))), fmt::format("contradicts {} = {}", other, shown(text(other))),
+                     "unset the one that is left over from another launcher");
+  }
+
+ private:
+  const Variables& variables_;
+  std::string launcher_;
+};
+
+/// What a launcher says; what it does not say stays empty.
+struct Said {
+  std::string launcher;
+  WorkerIdentity identity;
+  std::string rank_name, size_name;  ///< variables, for messages
+  bool one_host = false;
+  std::string host;  ///< of rank 0
+  int port = 0;      ///< 0: any in the range that is a function of the run id
+  std::string run_id;
+};
+
+Said from_torchrun(const Variables& variables) {
+  const Table table(variables, "torchrun");
+  Said said{"torchrun", {table.number("RANK"), table.number("WORLD_SIZE")}, "RANK", "WORLD_SIZE", false, {}, 0, {}};
+  if (table.has("LOCAL_WORLD_SIZE")) {
+    const int local = table.number("LOCAL_WORLD_SIZE");
+    if (local > said.identity.world_size) table.refuse_both("LOCAL_WORLD_SIZE", "WORLD_SIZE");
+    if (table.has("LOCAL_RANK") && table.number("LOCAL_RANK") >= local) table.refuse_both("LOCAL_RANK", "LOCAL_WORLD_SIZE");
+    said.one_host = local == said.identity.world_size;
+  }
+  said.host = table.text("MASTER_ADDR");
+  said.port = table.number("MASTER_PORT");
+  require(said.port > 0 && said.port < 65535, "MASTER_PORT", said.port, "must be in [1, 65534]");
+  // torchrun's agent may keep a store of its own at that port.
+  if (table.text_or("TORCHELASTIC_USE_AGENT_STORE", "") == "True") ++said.port;
+  said.run_id = fmt::format("torchrun {} {}:{} {}", table.text_or("TORCHELASTIC_RUN_ID", "-"), said.host, said.port,
+                            table.text_or("TORCHELASTIC_RESTART_COUNT", "0"));
+  return said;
+}
+
+Said from_open_mpi(const Variables& variables) {
+  const Table table(variables, "Open MPI");
+  Said said{"Open MPI",
+            {table.number("OMPI_COMM_WORLD_RANK"), table.number("OMPI_COMM_WORLD_SIZE")},
+            "OMPI_COMM_WORLD_RANK",
+            "OMPI_COMM_WORLD_SIZE",
+            false,
+            {},
+            0,
+            {}};
+  table.expect_equal("OMPI_COMM_WORLD_RANK", "PMIX_RANK");
+  if (table.has("OMPI_COMM_WORLD_LOCAL_SIZE")) {
+    const int local = table.number("OMPI_COMM_WORLD_LOCAL_SIZE");
+    if (local > said.identity.world_size) table.refuse_both("OMPI_COMM_WORLD_LOCAL_SIZE", "OMPI_COMM_WORLD_SIZE");
+    said.one_host = local == said.identity.world_size;
+  }
+  const std::string job = table.text_or("PMIX_NAMESPACE", table.text_or("OMPI_MCA_ess_base_jobid", ""));
+  if (!job.empty()) said.run_id = "mpirun " + job;
+  return said;
+}
+
+Said from_hydra(const Variables& variables) {
+  const Table table(variables, "MPICH");
+  Said said{"MPICH", {table.number("PMI_RANK"), table.number("PMI_SIZE")}, "PMI_RANK", "PMI_SIZE", false, {}, 0, {}};
+  said.one_host = table.has("MPI_LOCALNRANKS") && table.number("MPI_LOCALNRANKS") == said.identity.world_size;
+  return said;
+}
+
+Said from_slurm(const Variables& variables) {
+  const Table table(variables, "Slurm");
+  const std::string size = table.has("SLURM_STEP_NUM_TASKS") ? "SLURM_STEP_NUM_TASKS" : "SLURM_NTASKS";
+  Said said{"Slurm", {table.number("SLURM_PROCID"), table.number(size)}, "SLURM_PROCID", size, false, {}, 0, {}};
+  said.run_id =
+      fmt::format("slurm {}.{}.{}", table.text("SLURM_JOB_ID"), table.text("SLURM_STEP_ID"), table.text_or("SLURM_RESTART_COUNT", "0"));
+  for (const char* name : {"SLURM_STEP_NODELIST", "SLURM_JOB_NODELIST", "SLURM_NODELIST"}) {
+    if (!table.has(name)) continue;
+    const auto hosts = expand_hostlist(table.text(name));
+    said.host = hosts.front();
+    said.one_host = hosts.size() == 1;
+    return said;
+  }
+  throw InputError("SLURM_STEP_NODELIST", "is not set, but other variables of Slurm are", "start the workers with srun");
+}
+
+Said from_kubernetes(const Variables& variables) {
+  const Table table(variables, "Kubernetes");
+  Said said{"Kubernetes", {table.number("JOB_COMPLETION_INDEX"), 0}, "JOB_COMPLETION_INDEX", kWorldSize, false, {}, 0, {}};
+  if (!table.has(kWorldSize))
+    throw InputError("JOB_COMPLETION_INDEX",
+                     "is set (an indexed job of Kubernetes), but not EARSHOT_WORLD_SIZE, and Kubernetes does not tell the number of pods",
+                     "set EARSHOT_WORLD_SIZE to the job's completions; 1 if every pod trains by itself");
+  said.identity.world_size = table.number(kWorldSize);
+  return said;
+}
+
+std::optional<Said> from_launcher(const Variables& variables) {
+  const auto has = [&](const char* name) { return variables.contains(name); };
+  // RANK and WORLD_SIZE are common words: only together with where to meet are they torchrun's.
+  if (has("MASTER_ADDR") && (has("RANK") || has("WORLD_SIZE"))) return from_torchrun(variables);
+  if (has("OMPI_COMM_WORLD_RANK") || has("OMPI_COMM_WORLD_SIZE")) return from_open_mpi(variables);
+  // srun sets PMI_RANK too, for programs that would use it; MPI_LOCALNRANKS only Hydra does.
+  const bool slurm = has("SLURM_STEP_ID") && has("SLURM_PROCID");
+  if (has("PMI_RANK") && has("PMI_SIZE") && (has("MPI_LOCALNRANKS") || !slurm)) return from_hydra(variables);
+  if (slurm) return from_slurm(variables);
+  if (has("JOB_COMPLETION_INDEX")) return from_kubernetes(variables);
+  return std::nullopt;
+}
+
+/// A folder that all workers of this user and run name alike.
+std::filesystem::path meeting_folder(const std::string& run_id) {
+  std::error_code error;
+  std::filesystem::path parent = std::filesystem::temp_directory_path(error);
+  if (error || parent.string().size() > kMaxFolderLength) parent = "/tmp";
+  return parent / fmt::format("earshot-{}-{}", ::geteuid(), hex64(hash64(run_id, 0)));
+}
+
+std::string tcp_address(const std::string& host, int port) {
+  const bool ipv6 = host.find(':') != std::string::npos && !host.starts_with('[');
+  return ipv6 ? fmt::format("tcp://[{}]:{}", host, port) : fmt::format("tcp://{}:{}", host, port);
+}
+
+}  // namespace
+
+std::optional<LaunchedWorker> worker_from(const Variables& variables, int first_port, int last_port) {
+  const Table own(variables, "Earshot");
+  const bool complete = own.has(kRank) && own.has(kWorldSize) && own.has(kRendezvous) && own.has(kRunId);
+  LaunchedWorker worker;
+  if (complete) {
+    worker.launcher = kRank;
+    worker.ring.identity = {own.number(kRank), own.number(kWorldSize)};
+    worker.ring.rendezvous = own.text(kRendezvous);
+    worker.ring.run_id = own.text(kRunId);
+    return worker;
+  }
+  const auto said = from_launcher(variables);
+  if (!said) {
+    for (const char* name : {kRank, kWorldSize, kRendezvous, kRunId})
+      for (const char* other : {kRank, kWorldSize, kRendezvous, kRunId})
+        if (own.has(name) && !own.has(other))
+          throw InputError(other, fmt::format("is not set, but {} is, and there is no launcher", name),
+                           "set all of EARSHOT_RANK, _WORLD_SIZE, _RENDEZVOUS and _RUN_ID, or none");
+    return std::nullopt;
+  }
+  own.expect_equal(kRank, said->rank_name);
+  own.expect_equal(kWorldSize, said->size_name);
+  const auto [rank, world_size] = said->identity;
+  require(world_size >= 1, said->size_name, world_size, "must be at least 1");
+  require(rank >= 0 && rank < world_size, said->rank_name, rank,
+          fmt::format("must be within 0 to {}: {} = {}", world_size - 1, said->size_name, world_size));
+  if (world_size == 1) return std::nullopt;
+
+  worker.launcher = said->launcher;
+  worker.ring.identity = said->identity;
+  worker.ring.run_id = own.has(kRunId) ? own.text(kRunId) : said->run_id;
+  if (worker.ring.run_id.empty())
+    throw InputError(kRunId, fmt::format("is not set, and {} gives the job no name", said->launcher),
+                     "set EARSHOT_RUN_ID to any text that is the same in all workers and in no other run");
+  if (own.has(kRendezvous)) {
+    worker.ring.rendezvous = own.text(kRendezvous);
+  } else if (said->one_host) {
+    worker.folder = meeting_folder(worker.ring.run_id);
+    worker.ring.rendezvous = fmt::format("ipc://{}", (worker.folder / "meet").string());
+  } else if (!said->host.empty()) {
+    const auto num_ports = static_cast<std::uint64_t>(last_port - first_port + 1);
+    const int port = said->port > 0 ? said->port : first_port + static_cast<int>(hash64(worker.ring.run_id, 1) % num_ports);
+    worker.ring.rendezvous = tcp_address(said->host, port);
+  } else {
+    throw InputError(kRendezvous, fmt::format("is not set, and {} does not say where rank 0 is", said->launcher),
+                     "set EARSHOT_RENDEZVOUS=tcp://HOST OF RANK 0:PORT for all workers");
+  }
+  return worker;
+}
+
+Variables launcher_variables() {
+  Variables variables;
+  for (const char* name : kNames)
+    if (const char* value = std::getenv(name)) variables[name] = value;
+  return variables;
+}
+
+}  // namespace earshot

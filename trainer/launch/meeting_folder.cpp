@@ -1,0 +1,30 @@
+#include "trainer/launch/meeting_folder.h"
+
+#include <fmt/format.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+
+#include "sim/base/errors.h"
+
+namespace earshot {
+
+MeetingFolder::MeetingFolder(std::filesystem::path path, int rank) : path_(std::move(path)), rank_(rank) {
+  if (!path_.empty() && ::mkdir(path_.c_str(), 0700) != 0 && errno != EEXIST)
+    throw RunError(path_.string(), fmt::format("cannot be created: {}", std::strerror(errno)));
+}
+
+MeetingFolder::~MeetingFolder() {
+  if (path_.empty()) return;
+  // libzmq leaves the files of its sockets where they are.
+  for (const char* traffic : {"control", "bulk"}) ::unlink((path_ / fmt::format("meet.{}.{}", rank_, traffic)).c_str());
+  // Of whoever listened last for workers that join, once no worker is there any more.
+  std::error_code ignored;
+  const auto files = std::filesystem::directory_iterator(path_, ignored);
+  if (rank_ == 0 || (!ignored && std::distance(begin(files), end(files)) == 1)) ::unlink((path_ / "meet").c_str());
+  ::rmdir(path_.c_str());  // refused while another worker's sockets are in it
+}
+
+}  // namespace earshot

@@ -1,0 +1,202 @@
+#include "trainer/net/meeting_point.h"
+
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+#include <sys/stat.h>
+
+#include <algorithm>
+
+#include "sim/base/errors.h"
+#include "trainer/net/host_address.h"
+#include "trainer/net/meeting_sockets.h"
+
+namespace earshot {
+namespace {
+
+constexpr std::chrono::milliseconds kLookInterval(20);
+constexpr std::chrono::seconds kTryInterval(1);   // between attempts to listen where another socket still does
+constexpr std::chrono::seconds kSilenceLimit(3);  // a candidate asks several times a second
+constexpr int kMessagesAtOnce = 100, kRefusalsPerSecond = 100;
+constexpr std::string_view kIpc = "ipc://";
+
+std::string encoded_answer(JoinState state, const std::string& reason, const std::string& briefing = {}) {
+  JoinAnswer answer;
+  answer.state = static_cast<std::uint8_t>(state);
+  answer.reason = reason;
+  answer.briefing = briefing;
+  return encode(answer);
+}
+
+/// Where the run began for the rank 0 that began it.  Elsewhere the port stays, at the address where this worker listens anyway: a rank 0
+/// that has come back may have met the run on another host.
+std::string address_for(const RingConfig& config, const std::string& control_endpoint) {
+  if ((config.identity.rank == 0 && config.incarnation == 0) || !leaves_host(config.rendezvous)) return meeting_address(config);
+  return TcpAddress{parse_tcp(control_endpoint).host, parse_tcp(config.rendezvous).port}.endpoint();
+}
+
+/// "ppo.clip is 0.1, that of the run is 0.2" of the first line that differs; empty where none does.
+std::string difference(const std::string& theirs, const std::string& ours) {
+  const auto lines = [](const std::string& text) {
+    std::map<std::string, std::string> values;
+    for (std::size_t begin = 0; begin < text.size();) {
+      const std::size_t end = std::min(text.find('\n', begin), text.size()), equals = text.find('=', begin);
+      if (equals < end) values[text.substr(begin, equals - begin)] = text.substr(equals + 1, end - equals - 1);
+      begin = end + 1;
+    }
+    return values;
+  };
+  auto a = lines(theirs), b = lines(ours);
+  for (const auto& [key, unused] : b) a.try_emplace(key, "(absent)");
+  for (const auto& [key, value] : a) {
+    const auto other = b.find(key);
+    const std::string their_value = other == b.end() ? "(absent)" : other->second;
+    if (value != their_value) return fmt::format("its {} is {:.60}, that of the run is {:.60}", key, value, their_value);
+  }
+  return {};
+}
+
+}  // namespace
+
+MeetingPoint::MeetingPoint(zmq::context_t& context, const RingConfig& config, const LinkSecurity& security,
+                           const std::string& control_endpoint, zmq::socket_t socket)
+    : context_(context), config_(config), security_(security), address_(address_for(config, control_endpoint)), socket_(std::move(socket)) {
+  if (!socket_) open();
+}
+
+MeetingPoint::~MeetingPoint() {
+  try {
+    if (!socket_) return;
+    const std::string text = encoded_answer(JoinState::refused, "the run ends");
+    for (const auto& [rank, waiting] : waiting_) send(waiting.routing_id, text);
+    socket_.set(zmq::sockopt::linger, 300);
+  } catch (const std::exception&) {  // they ask in vain, and give up
+  }
+}
+
+void MeetingPoint::open() {
+  const auto now = Clock::now();
+  if (tried_at_ != Clock::time_point() && now - tried_at_ < kTryInterval) return;
+  tried_at_ = now;
+  zmq::socket_t socket = open_meeting_socket(context_, zmq::socket_type::router, address_);
+  socket.set(zmq::sockopt::router_mandatory, true);
+  security_.secure_listener(socket);
+  try {
+    socket.bind(address_);
+    socket_ = std::move(socket);
+    spdlog::info("worker {} listens at {} for workers that come back", config_.identity.rank, address_);
+  } catch (const zmq::error_t& error) {
+    if (!std::exchange(warned_, true))
+      spdlog::warn("worker {} cannot listen at {} for workers that come back, and tries again: {}", config_.identity.rank, address_,
+                   error.what());
+  }
+}
+
+bool MeetingPoint::send(const std::string& routing_id, const std::string& encoded) {
+  try {
+    return socket_.send(zmq::buffer(routing_id), zmq::send_flags::sndmore | zmq::send_flags::dontwait).has_value() &&
+           socket_.send(zmq::buffer(encoded), zmq::send_flags::dontwait).has_value();
+  } catch (const zmq::error_t&) {  // it has gone
+    return false;
+  }
+}
+
+void MeetingPoint::refuse(const std::string& routing_id, const std::string& encoded) {
+  const auto now = Clock::now();
+  if (now - second_begins_ >= std::chrono::seconds(1)) {
+    second_begins_ = now;
+    refusals_ = 0;
+  }
+  if (++refusals_ <= kRefusalsPerSecond) send(routing_id, encoded);
+}
+
+void MeetingPoint::look(const View& view, const std::string& briefing) {
+  const auto now = Clock::now();
+  if (now - looked_at_ < kLookInterval) return;
+  looked_at_ = now;
+  if (socket_ && address_.starts_with(kIpc) && now - tried_at_ >= kTryInterval) {
+    tried_at_ = now;
+    struct stat status {};
+    if (::stat(address_.substr(kIpc.size()).c_str(), &status) != 0) {
+      socket_.close();
+      tried_at_ = {};
+    }
+  }
+  if (!socket_) open();
+  for (int count = 0; socket_ && count < kMessagesAtOnce && has_message(socket_); ++count) take(receive_parts(socket_), view, briefing);
+}
+
+void MeetingPoint::take(const std::vector<zmq::message_t>& parts, const View& view, const std::string& briefing) {
+  if (parts.size() != 2) return;
+  const std::string routing_id = parts[0].to_string();
+  JoinRequest request;
+  try {
+    request = decode<JoinRequest>(parts[1].to_string_view());
+  } catch (const WireError& error) {
+    try {  // a worker that was started as if the run were new
+      static_cast<void>(decode<Hello>(parts[1].to_string_view()));
+      Welcome welcome;
+      welcome.refusal = "the run is under way; a worker that was lost comes back with --join, where network.on_loss is continue";
+      refuse(routing_id, encode(welcome));
+    } catch (const WireError&) {
+      refuse(routing_id, encoded_answer(JoinState::refused, error.what()));
+    }
+    return;
+  }
+  if (const std::string reason = objection(request, parts[1]); !reason.empty()) {
+    refuse(routing_id, encoded_answer(JoinState::refused, reason));
+    return;
+  }
+  std::string reason;
+  const auto known = waiting_.find(request.rank);
+  const bool other_waits = known != waiting_.end() && known->second.candidate.incarnation != request.incarnation &&
+                           Clock::now() - known->second.heard_at < kSilenceLimit;
+  if (view.has(request.rank))
+    reason = fmt::format("worker {} still takes part", request.rank);
+  else if (other_waits)
+    reason = fmt::format("another worker {} waits already", request.rank);
+  if (reason.empty()) {
+    const Candidate candidate{request.rank, request.incarnation, request.control_endpoint, request.bulk_endpoint, request.public_key};
+    waiting_[request.rank] = {routing_id, candidate, request.is_ready(), Clock::now()};
+  }
+  send(routing_id, encoded_answer(JoinState::waits, reason, briefing));
+}
+
+std::string MeetingPoint::objection(const JoinRequest& request, const zmq::message_t& message) const {
+  const int world_size = config_.identity.world_size;
+  if (request.run_id != config_.run_id) return "its run id is that of another run";
+  if (request.world_size != world_size) return fmt::format("it expects {} workers, this run began with {}", request.world_size, world_size);
+  if (request.rank < 0 || request.rank >= world_size) return fmt::format("its rank {} is not within 0 to {}", request.rank, world_size - 1);
+  if (request.incarnation == 0) return "it is one of the first world";
+  if (request.engine != config_.engine)
+    return fmt::format("its engine is {:.40}, that of the run is {:.40}", request.engine, config_.engine);
+  if (const std::string other = difference(request.settings, config_.settings); !other.empty()) return other;
+  if (request.is_ready() &&
+      (!is_possible_endpoint(config_, request.control_endpoint) || !is_possible_endpoint(config_, request.bulk_endpoint)))
+    return "its endpoints are not where workers of this run listen";
+  return security_.objection_to(request.public_key, message);
+}
+
+std::vector<Candidate> MeetingPoint::ready(const View& view, const std::string& briefing) {
+  looked_at_ = {};
+  look(view, briefing);
+  const std::string text = encoded_answer(JoinState::waits, {}, briefing);
+  std::vector<Candidate> candidates;
+  for (auto it = waiting_.begin(); it != waiting_.end();) {
+    const bool gone = view.has(it->first) || Clock::now() - it->second.heard_at >= kSilenceLimit || !send(it->second.routing_id, text);
+    if (!gone && it->second.is_ready) candidates.push_back(it->second.candidate);
+    it = gone ? waiting_.erase(it) : std::next(it);
+  }
+  return candidates;
+}
+
+void MeetingPoint::admit(const std::vector<Candidate>& candidates, const JoinAnswer& answer) {
+  const std::string text = encode(answer);
+  for (const Candidate& candidate : candidates) {
+    const auto waiting = waiting_.find(candidate.rank);
+    if (waiting == waiting_.end()) continue;
+    send(waiting->second.routing_id, text);
+    waiting_.erase(waiting);
+  }
+}
+
+}  // namespace earshot

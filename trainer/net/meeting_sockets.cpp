@@ -1,0 +1,108 @@
+#include "trainer/net/meeting_sockets.h"
+
+#include <fmt/format.h>
+
+#include <array>
+#include <cerrno>
+#include <cstring>
+
+#include "sim/base/errors.h"
+#include "trainer/net/host_address.h"
+#include "trainer/net/wire.h"
+
+namespace earshot {
+namespace {
+
+constexpr int kFailedHandshakes = 20;  // in a row: it is not a matter of rank 0 coming later
+
+}  // namespace
+
+zmq::socket_t open_meeting_socket(zmq::context_t& context, zmq::socket_type type, const std::string& address) {
+  zmq::socket_t socket(context, type);
+  socket.set(zmq::sockopt::ipv6, address.find('[') != std::string::npos);
+  socket.set(zmq::sockopt::linger, 2000);  // the context outlives this socket: a table on its way still arrives
+  socket.set(zmq::sockopt::maxmsgsize, static_cast<std::int64_t>(kMaxControlBytes));
+  socket.set(zmq::sockopt::rcvhwm, 64);
+  socket.set(zmq::sockopt::sndhwm, 64);
+  return socket;
+}
+
+std::string meeting_address(const RingConfig& config) {
+  if (!leaves_host(config.rendezvous) || config.network.interface.empty()) return config.rendezvous;
+  const TcpAddress meeting_point = parse_tcp(config.rendezvous);
+  return TcpAddress{address_of_interface(config.network.interface, meeting_point.host), meeting_point.port}.endpoint();
+}
+
+bool is_possible_endpoint(const RingConfig& config, const std::string& endpoint) {
+  if (config.rendezvous.starts_with("ipc://"))
+    return endpoint.starts_with(config.rendezvous + ".") && endpoint.find('/', config.rendezvous.size()) == std::string::npos;
+  try {
+    const TcpAddress address = parse_tcp(endpoint);
+    return address.port > 0 && is_loopback(address.host) != leaves_host(config.rendezvous) && is_numeric_address(address.host);
+  } catch (const InputError&) {
+    return false;
+  }
+}
+
+Readable wait_readable(zmq::socket_t& first, std::chrono::steady_clock::time_point deadline, zmq::socket_t* second) {
+  while (true) {
+    const auto left =
+        std::chrono::duration_cast<std::chrono::milliseconds>(deadline - std::chrono::steady_clock::now()) + std::chrono::milliseconds(1);
+    if (left.count() <= 0) return Readable::none;
+    std::array<zmq_pollitem_t, 2> items{{{first.handle(), 0, ZMQ_POLLIN, 0}, {second ? second->handle() : nullptr, -1, ZMQ_POLLIN, 0}}};
+    const int count = ::zmq_poll(items.data(), second ? 2 : 1, static_cast<long>(left.count()));
+    if (count < 0 && ::zmq_errno() != EINTR) throw zmq::error_t();
+    if (count <= 0) continue;
+    return (items[0].revents & ZMQ_POLLIN) != 0 ? Readable::first : Readable::second;
+  }
+}
+
+bool has_message(zmq::socket_t& socket) {
+  try {
+    return (socket.get(zmq::sockopt::events) & ZMQ_POLLIN) != 0;
+  } catch (const zmq::error_t& error) {
+    if (error.num() != EINTR) throw;
+    return false;
+  }
+}
+
+std::vector<zmq::message_t> receive_parts(zmq::socket_t& socket) {
+  std::vector<zmq::message_t> parts;
+  for (bool more = true; more;) {
+    zmq::message_t part;
+    try {
+      if (!socket.recv(part, zmq::recv_flags::none)) break;
+    } catch (const zmq::error_t& error) {
+      if (error.num() != EINTR) throw;
+      if (parts.empty()) break;
+      continue;  // the rest of a message is there already
+    }
+    more = part.more();
+    if (parts.size() < 3) parts.push_back(std::move(part));
+  }
+  return parts;
+}
+
+HandshakeMonitor::HandshakeMonitor(zmq::context_t& context, zmq::socket_t& socket) : events_(context, zmq::socket_type::pair) {
+  constexpr const char* kAddress = "inproc://rendezvous.handshakes";
+  constexpr int kEvents = ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL | ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL | ZMQ_EVENT_HANDSHAKE_FAILED_AUTH;
+  if (::zmq_socket_monitor(socket.handle(), kAddress, kEvents) != 0) throw zmq::error_t();
+  events_.set(zmq::sockopt::linger, 0);
+  events_.connect(kAddress);
+}
+
+void HandshakeMonitor::read(const std::string& where, const LinkSecurity& security) {
+  const auto parts = receive_parts(events_);
+  std::uint16_t event = 0;
+  if (!parts.empty() && parts[0].size() >= sizeof(event)) std::memcpy(&event, parts[0].data(), sizeof(event));
+  ++failed_;
+  if (event == ZMQ_EVENT_HANDSHAKE_FAILED_AUTH)
+    throw RunError(where, fmt::format("worker 0 does not allow the key {}: add it to its network.allow_list", security.public_key()));
+  // After another protocol, which another mechanism counts as, libzmq does not connect again.
+  if (failed_ >= kFailedHandshakes || event == ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL)
+    throw RunError(where, fmt::format("worker 0 and this worker cannot agree on keys: {}",
+                                      security.encrypted() ? "network.meeting_key is not its public key, or it has none"
+                                                           : "it has some, this worker has none"));
+}
+
+}  // namespace earshot

@@ -1,0 +1,49 @@
+#pragma once
+
+#include <chrono>
+#include <optional>
+#include <string>
+#include <vector>
+#include <zmq.hpp>
+
+#include "trainer/net/link_security.h"
+#include "trainer/net/ring_config.h"
+
+namespace earshot {
+
+/// What both ends of a meeting point share: that of the start (rendezvous.cpp) and that of a run under way (meeting_point.h).
+
+/// A socket for control messages between workers that do not know each other yet.
+zmq::socket_t open_meeting_socket(zmq::context_t& context, zmq::socket_type type, const std::string& address);
+
+/// Where rank 0 listens: at the meeting point, or at its port of the interface that was chosen (the others may know the host by another
+/// address).
+std::string meeting_address(const RingConfig& config);
+
+/// A peer's endpoint comes from a message: it may only lead where we would listen ourselves.
+bool is_possible_endpoint(const RingConfig& config, const std::string& endpoint);
+
+enum class Readable { none, first, second };
+/// Which of two sockets has something to read before the deadline.
+Readable wait_readable(zmq::socket_t& first, std::chrono::steady_clock::time_point deadline, zmq::socket_t* second = nullptr);
+
+/// Whether a message is there.  Never waits; a signal that comes meanwhile reads as none.
+bool has_message(zmq::socket_t& socket);
+
+/// The parts of the next message, three at most: enough to see that it is not ours.  None where a signal ends the wait for it.
+std::vector<zmq::message_t> receive_parts(zmq::socket_t& socket);
+
+/// Handshakes of one socket that failed, by libzmq's monitor.
+class HandshakeMonitor {
+ public:
+  HandshakeMonitor(zmq::context_t& context, zmq::socket_t& socket);
+  [[nodiscard]] zmq::socket_t& socket() { return events_; }
+  /// Reads the next event; throws RunError if the other end refuses the key, or after too many failures.
+  void read(const std::string& where, const LinkSecurity& security);
+
+ private:
+  zmq::socket_t events_;
+  int failed_ = 0;
+};
+
+}  // namespace earshot

@@ -1,0 +1,36 @@
+#include "trainer/net/stop_signals.h"
+
+#include <atomic>
+#include <csignal>
+#include <cstddef>
+#include <tuple>
+
+namespace earshot {
+namespace {
+
+constexpr std::array<int, 4> kSignals{SIGTERM, SIGINT, SIGHUP, SIGUSR1};
+
+// A signal handler may only touch a lock-free atomic; it has to be reachable without an argument.
+std::atomic<bool> stop_requested{false};
+static_assert(std::atomic<bool>::is_always_lock_free);
+
+void request_stop(int) { stop_requested.store(true); }
+
+}  // namespace
+
+StopSignals::StopSignals() {
+  static_assert(kSignals.size() == std::tuple_size_v<decltype(previous_)>);
+  stop_requested.store(false);
+  for (std::size_t i = 0; i < kSignals.size(); ++i) {
+    previous_[i] = std::signal(kSignals[i], request_stop);
+    if (kSignals[i] == SIGHUP && previous_[i] == SIG_IGN) std::signal(SIGHUP, SIG_IGN);  // nohup
+  }
+}
+
+StopSignals::~StopSignals() {
+  for (std::size_t i = 0; i < kSignals.size(); ++i) std::signal(kSignals[i], previous_[i]);
+}
+
+bool StopSignals::received() { return stop_requested.load(); }
+
+}  // namespace earshot

@@ -1,0 +1,103 @@
+#include "trainer/run/episode_data.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "envs/batch/batched_env.h"
+#include "envs/episodes/name_ranges.h"
+#include "sim/base/progress.h"
+#include "trainer/run/effective_config.h"
+
+namespace earshot {
+namespace {
+
+/// Raised where the same keys come to give other episodes.
+constexpr const char* kGeneratorVersion = "1";
+
+/// At least so many places of a scene are drawn for distractors.
+constexpr int kDistractorPlaces = 10;
+
+}  // namespace
+
+EpisodeMaker::EpisodeMaker(const DataConfig& data, const EnvConfig& env)
+    : data_(data), env_(env), sounds_(expand_sounds(data.sounds)), agents_(data.agents), cache_(make_scene_cache(env)) {
+  if (sounds_.empty()) throw InputError("data.sounds", "is empty", "name at least one sound, for example synth:telephone");
+  agents_.sounds = expand_sounds(agents_.sounds);
+}
+
+std::vector<Episode> EpisodeMaker::make(const std::string& name) {
+  const auto scene = cache_->scene(name);
+  auto episodes = generate_episodes(name, *scene->scene, scene->navmesh, env_.task, data_.filter, sounds_, data_.episodes_per_scene,
+                                    data_.seed, data_.goals_per_scene);
+  if (data_.scenario.changes_episodes()) {
+    // Distractors stand where goals of the scene may: what is made once per source serves both.
+    std::vector<glm::dvec3> places;
+    if (data_.scenario.distractors > 0)
+      for (const glm::vec3 place : spread_goals(name, *scene->scene, scene->navmesh, env_.task, data_.filter,
+                                                std::max(data_.goals_per_scene, kDistractorPlaces), data_.seed))
+        places.push_back(scene->scene->to_world(place));
+    apply_scenario(data_.scenario, sounds_, places, data_.seed, episodes);
+  }
+  apply_agents(agents_, *scene->scene, scene->navmesh, env_.task, data_.filter, data_.seed, episodes);
+  return episodes;
+}
+
+EpisodeSet generate_data(const DataConfig& data, const EnvConfig& env) {
+  if (data.scenes.empty()) throw InputError("data.scenes", "is empty", "name at least one SCENE, for example house:1");
+  const std::vector<std::string> scenes = expand_ranges(data.scenes);
+  EpisodeMaker maker(data, env);
+  Progress progress("episodes", "scene", scenes.size());
+  EpisodeSet set;
+  for (std::size_t i = 0; i < scenes.size(); ++i) {
+    for (Episode& episode : maker.make(scenes[i])) {
+      episode.episode_id = std::to_string(set.episodes.size());
+      set.episodes.push_back(std::move(episode));
+    }
+    progress.update(i + 1);
+  }
+  set.generator = generator_keys(data, env);
+  save_episode_set(set, data.file);
+  return load_episode_set(data.file);
+}
+
+std::map<std::string, std::string> generator_keys(const DataConfig& data, const EnvConfig& env) {
+  RunConfig run;
+  run.env = env;
+  run.train = data;
+  std::map<std::string, std::string> keys{{"generator_version", kGeneratorVersion}};
+  const std::string section = "data.train.";
+  for (const auto& [key, value] : flat_config(config_text(run))) {
+    if (key.starts_with(section) && key != section + "file") keys.emplace("data." + key.substr(section.size()), value);
+    if (key.starts_with("env.navmesh.")) keys.emplace(key, value);
+    for (const char* used : {"env.scene_root", "env.task.forward_m", "env.task.turn_deg", "env.task.success_radius_m", "env.task.max_steps",
+                             "env.task.ear_height_m", "env.task.source_height_m", "env.task.motion"})
+      if (key == used) keys.emplace(key, value);
+  }
+  // A goal of its own for each episode is what sets had before they could share any: those stay valid.
+  if (data.goals_per_scene == 0) keys.erase("data.goals_per_scene");
+  if (env.task.motion == Motion::continuous) keys.erase("env.task.motion");
+  if (data.agents.count == 1) std::erase_if(keys, [](const auto& item) { return item.first.starts_with("data.agents."); });
+  if (!data.scenario.changes_episodes()) std::erase_if(keys, [](const auto& item) { return item.first.starts_with("data.scenario."); });
+  return keys;
+}
+
+std::map<std::string, std::string> expected_generator(const DataConfig& data, const EnvConfig& env) {
+  return data.scenes.empty() ? std::map<std::string, std::string>{} : generator_keys(data, env);
+}
+
+void check_generator(const EpisodeSet& set, const std::map<std::string, std::string>& expected, const std::string& file,
+                     const std::string& remedy) {
+  if (expected.empty()) return;
+  if (set.generator.empty()) throw InputError(file, "does not say which keys its episodes were made from", remedy);
+  const auto changes = config_changes(set.generator, expected);
+  if (changes.empty()) return;
+  const std::string more = changes.size() > 1 ? fmt::format(" ({} more keys differ)", changes.size() - 1) : "";
+  throw InputError(
+      file,
+      fmt::format("was made with {} = {}, the config says {}{}", changes.front().key, changes.front().before, changes.front().now, more),
+      remedy);
+}
+
+}  // namespace earshot

@@ -1,0 +1,45 @@
+#pragma once
+
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "envs/episodes/episode_set.h"
+#include "trainer/run/run_config.h"
+
+namespace earshot {
+
+/// Makes the episodes of one scene after another.
+class EpisodeMaker {
+ public:
+  /// Throws InputError: no sound, a damaged range.
+  EpisodeMaker(const DataConfig& data, const EnvConfig& env);
+  /// scene: without a range.  A function of (data, env, scene); episode_id is empty.  Throws InputError: a scene that cannot be loaded or
+  /// has too few places.
+  std::vector<Episode> make(const std::string& scene);
+
+ private:
+  DataConfig data_;
+  EnvConfig env_;
+  std::vector<std::string> sounds_;
+  AgentScenario agents_;
+  std::shared_ptr<SceneCache> cache_;
+};
+
+/// Generates the episodes of `data`, writes its file with the keys they were made from, and reports progress.  Returns the set.
+EpisodeSet generate_data(const DataConfig& data, const EnvConfig& env);
+
+/// What a generated set depends on: the version of the generator, the keys of the data section but `file`, and those of the environment
+/// that decide where agents can stand and how far they walk.  Names as in a run config, the data section's as "data.KEY".
+std::map<std::string, std::string> generator_keys(const DataConfig& data, const EnvConfig& env);
+
+/// Throws InputError, one line with the first key that differs, its two values and `remedy`, if `set` was made from other keys than
+/// `expected`, or does not say from which.  An empty `expected` stands for a config that does not generate: any set will do.
+void check_generator(const EpisodeSet& set, const std::map<std::string, std::string>& expected, const std::string& file,
+                     const std::string& remedy);
+
+/// generator_keys, or nothing where data.scenes is empty: then the file is a set from elsewhere, used as it is.
+std::map<std::string, std::string> expected_generator(const DataConfig& data, const EnvConfig& env);
+
+}  // namespace earshot

@@ -1,0 +1,19 @@
+#include "trainer/run/initial_policy.h"
+
+#include "policy/actor_critic.h"
+#include "trainer/checkpoint/checkpoint.h"
+#include "trainer/checkpoint/find_checkpoint.h"
+
+namespace earshot {
+
+void load_initial_policy(const RunConfig& config, ActorCritic& policy) {
+  const std::filesystem::path file = find_checkpoint(config.initial_policy);
+  load_weights(policy, load_checkpoint(file), file.string());
+}
+
+void check_initial_policy(const RunConfig& config) {
+  ActorCritic policy(config.env.observation, config.policy);
+  load_initial_policy(config, policy);
+}
+
+}  // namespace earshot

@@ -1,0 +1,69 @@
+#include "trainer/run/policy_file.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "sim/base/errors.h"
+#include "trainer/run/effective_config.h"
+
+namespace earshot {
+
+Checkpoint policy_of(const Checkpoint& checkpoint, WeightStorage storage) {
+  Checkpoint policy;
+  static_cast<CheckpointMetadata&>(policy) = checkpoint;
+  policy.is_policy = true;
+  policy.weights = checkpoint.weights;
+  if (storage == WeightStorage::float32) return policy;
+  for (auto& [name, tensor] : policy.weights) {
+    tensor = tensor.to(torch::kFloat16);
+    if (!torch::isfinite(tensor).all().item<bool>())
+      throw InputError("weights '" + name + "'", "have values that float16 cannot hold", "store them as float32");
+  }
+  return policy;
+}
+
+namespace {
+
+std::int64_t num_parameters_of(const Checkpoint& checkpoint) {
+  std::int64_t sum = 0;
+  for (const auto& [name, tensor] : checkpoint.weights) sum += tensor.numel();
+  return sum;
+}
+
+}  // namespace
+
+std::string policy_json(const Checkpoint& checkpoint, const std::string& where) {
+  const RunConfig config = parse_effective_config(checkpoint.config_yaml, where + " (its config)", {});
+  const bool has_reward = std::isfinite(checkpoint.mean_reward);
+  const nlohmann::ordered_json json{{"schema_version", 1},
+                                    {"file", where},
+                                    {"is_policy", checkpoint.is_policy},
+                                    {"name", config.name},
+                                    {"architecture", checkpoint.architecture},
+                                    {"parameters", num_parameters_of(checkpoint)},
+                                    {"env_steps", checkpoint.env_steps},
+                                    {"updates", checkpoint.update},
+                                    {"elapsed_s", checkpoint.elapsed_s},
+                                    {"seed", checkpoint.seed},
+                                    {"workers", checkpoint.world_size},
+                                    {"mean_reward", has_reward ? nlohmann::ordered_json(checkpoint.mean_reward) : nlohmann::ordered_json()},
+                                    {"engine", checkpoint.engine},
+                                    {"engine_commit", checkpoint.engine_commit}};
+  return json.dump(2) + "\n";
+}
+
+std::string describe_policy(const Checkpoint& checkpoint, const std::string& where) {
+  const std::int64_t num_parameters = num_parameters_of(checkpoint);
+  const RunConfig config = parse_effective_config(checkpoint.config_yaml, where + " (its config)", {});
+  std::string text = fmt::format("{}: {}\n", where, checkpoint.is_policy ? "policy" : "checkpoint of a training");
+  text += fmt::format("  name          {}\n  architecture  {}\n  parameters    {}\n", config.name, checkpoint.architecture, num_parameters);
+  text += fmt::format("  trained       {} steps, {} updates, {:.1f} min, seed {}, {} worker{}\n", checkpoint.env_steps, checkpoint.update,
+                      checkpoint.elapsed_s / 60, checkpoint.seed, checkpoint.world_size, checkpoint.world_size == 1 ? "" : "s");
+  if (std::isfinite(checkpoint.mean_reward))
+    text += fmt::format("  mean reward   {:.2f} per episode of training\n", checkpoint.mean_reward);
+  return text + fmt::format("  engine        {} (commit {})\n", checkpoint.engine, checkpoint.engine_commit);
+}
+
+}  // namespace earshot

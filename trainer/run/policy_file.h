@@ -1,0 +1,23 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "trainer/checkpoint/checkpoint.h"
+
+namespace earshot {
+
+/// How weights are stored.  float16 halves the file; each weight then differs by at most 2^-11 of itself, and the agent is another one by
+/// that little.
+enum class WeightStorage { float32, float16 };
+
+/// What acting and fine-tuning need of a checkpoint: weights, configuration and origin, without the state of the training.  Throws
+/// InputError naming the weights that float16 (largest number 65,504) cannot hold.
+Checkpoint policy_of(const Checkpoint& checkpoint, WeightStorage storage);
+
+/// A few lines for people: name, architecture, parameters, steps of training, seed, engine.  `where`: the file.
+std::string describe_policy(const Checkpoint& checkpoint, const std::string& where);
+/// The same as JSON with a schema_version (docs/formats.md).
+std::string policy_json(const Checkpoint& checkpoint, const std::string& where);
+
+}  // namespace earshot

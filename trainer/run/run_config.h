@@ -1,0 +1,92 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "envs/batch/batched_env.h"
+#include "envs/episodes/agent_scenario.h"
+#include "envs/episodes/episode_generator.h"
+#include "envs/episodes/sound_scenario.h"
+#include "policy/policy_config.h"
+#include "trainer/learner/guidance_config.h"
+#include "trainer/learner/ppo_config.h"
+#include "trainer/net/network_config.h"
+#include "trainer/rollout/rollout_config.h"
+
+namespace earshot {
+
+/// A set of episodes and how to generate it.
+struct DataConfig {
+  std::string file;                 ///< the set, relative to the working folder
+  std::vector<std::string> scenes;  ///< SCENEs; "house:10..14,rooms=3" stands for five of them
+  std::vector<std::string> sounds;  ///< drawn per episode; "synth:bird:0..3" stands for four, a folder for its sound files
+  int episodes_per_scene = 50;
+  int goals_per_scene = 0;  ///< places of the source that the episodes of a scene share, far from each other; 0: each has one of its own
+  std::uint64_t seed = 0;
+  EpisodeFilter filter;
+  SoundScenario scenario;
+  AgentScenario agents;
+};
+
+/// How far a training is: by steps alone, which gives the same bits on every machine, or by whatever of total_steps and max_minutes (over
+/// all sittings) comes first.
+enum class Schedule { steps, minutes };
+/// What an evaluated policy does: an action drawn from its distribution, or the likeliest.
+enum class ActionChoice { sample, argmax };
+
+/// One training run as its YAML file says it.  Sections: env, policy, ppo, guidance, network, data (train, eval); the other keys are
+/// below.
+struct RunConfig {
+  std::string name = "run";
+  std::string out = "runs/run";  ///< checkpoints, curves and results go here
+  std::uint64_t seed = 0;
+  int workers = 1;  ///< processes on this machine if no launcher says otherwise
+  int envs_per_worker = 8;
+  int rollout_steps = 150;
+  bool overlap = false;                 ///< a worker steps its environments in two halves, one while the policy looks at the other
+  std::uint64_t total_steps = 1000000;  ///< over all workers
+  double max_minutes = 0;               ///< wall time of training; 0: no bound
+  int checkpoint_every = 50;            ///< updates
+  int keep = 3;                         ///< periodic checkpoints that stay, beside the best and the last
+  std::string metrics_file = {};        ///< text file for Prometheus that each update replaces (metrics_file.h); empty: none
+  int eval_envs = 8;                    ///< batch of the evaluation: fixed, as it is part of the bits
+  /// Policy file, checkpoint or run folder whose weights a new run starts from; empty: weights of policy.seed.
+  std::string initial_policy = {};
+  Schedule schedule = Schedule::steps;  ///< what ends decays and guidance
+  ActionChoice eval_actions = ActionChoice::sample;
+  EnvConfig env;
+  PolicyConfig policy;
+  PpoConfig ppo;
+  GuidanceConfig guidance;
+  NetworkConfig network;
+  DataConfig train = shared_goals(), eval;
+
+  /// Training visits a scene thousands of times: ten goals teach it, and a source field made for each serves thousands of responses.
+  /// Evaluation asks about goals that were not seen, a new one in every episode.
+  static DataConfig shared_goals() {
+    DataConfig data;
+    data.goals_per_scene = 10;
+    return data;
+  }
+};
+
+/// What the environments of a training show: the sensors of the config, and the privileged ones that its losses read.
+ObservationSpec training_sensors(const RunConfig& config);
+/// What the collector of each worker reads of the config.
+RolloutConfig rollout_config(const RunConfig& config);
+
+/// Reads and validates a run config.  Throws InputError: what, where, what to do.
+RunConfig load_run_config(const std::filesystem::path& path, const std::vector<std::string>& overrides);
+RunConfig parse_run_config(std::string_view yaml, const std::string& where, const std::vector<std::string>& overrides);
+/// Every key of a run with its value as YAML, defaults included: read again it gives the same run, whatever the defaults are by then.
+/// Checkpoints hold this.
+std::string config_text(const RunConfig& config);
+
+/// Expands "PREFIX A..B REST" to one text per whole number in [A, B]; text without a range stays alone.  Throws InputError: over 100,000,
+/// or B < A.
+std::vector<std::string> expand_range(const std::string& text);
+/// Expands ranges, and folders to the sound files in them by name order.
+std::vector<std::string> expand_sounds(const std::vector<std::string>& sounds);
+
+}  // namespace earshot

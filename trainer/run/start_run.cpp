@@ -1,0 +1,115 @@
+#include "trainer/run/start_run.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <exception>
+#include <set>
+
+#include "sim/base/config_reader.h"
+#include "sim/base/engine_commit.h"
+#include "sim/base/engine_hash.h"
+#include "sim/base/errors.h"
+#include "trainer/checkpoint/find_checkpoint.h"
+#include "trainer/checkpoint/run_folder.h"
+#include "trainer/run/effective_config.h"
+#include "trainer/run/episode_data.h"
+#include "trainer/run/initial_policy.h"
+
+namespace earshot {
+namespace {
+
+constexpr const char* kEngine = "engine";
+
+/// Whether `name` is the key or a section that holds it.
+bool covers(const std::string& name, const std::string& key) { return key == name || key.starts_with(name + "."); }
+
+void check_declared(const std::vector<std::string>& declared, const std::map<std::string, std::string>& before,
+                    const std::map<std::string, std::string>& now) {
+  std::set<std::string> known{kEngine};
+  for (const auto* config : {&before, &now})
+    for (const auto& [key, value] : *config)
+      for (std::size_t end = key.find('.');; end = key.find('.', end + 1)) {
+        known.insert(key.substr(0, end));
+        if (end == std::string::npos) break;
+      }
+  for (const auto& name : declared) {
+    if (known.contains(name)) continue;
+    const std::string nearest = nearest_word(name, known);
+    throw InputError("--change " + name, "is no key of a run config, no section and not 'engine'",
+                     nearest.empty() ? "name the key with its section, for example env.task.forward_m" : "did you mean '" + nearest + "'?");
+  }
+}
+
+void check_same_run(const RunConfig& config, const RunStart& start) {
+  const CheckpointMetadata saved = load_checkpoint_metadata(start.resume);
+  if (saved.is_policy)
+    throw InputError(start.resume.string(), "is a policy: it holds no state of a training to go on with",
+                     "start a run from it with initial_policy=" + start.resume.string());
+  const auto before = flat_config(saved.config_yaml), now = flat_config(config_text(config));
+  check_declared(start.changes, before, now);
+  const auto declared = [&](const std::string& key) {
+    return std::ranges::any_of(start.changes, [&](const std::string& name) { return covers(name, key); });
+  };
+  std::string keys, what;
+  int others = -1;
+  for (const auto& change : config_changes(before, now)) {
+    if (is_free_to_change(change.key, config) || declared(change.key)) continue;
+    if (what.empty()) what = fmt::format("was trained with {} = {}, the resumed run has {}", change.key, change.before, change.now);
+    keys += (keys.empty() ? "" : ",") + change.key;
+    ++others;
+  }
+  if (others > 0) what += fmt::format(" ({} more keys differ)", others);
+  if (!what.empty()) throw InputError(start.resume.string(), what, "take the old values, or declare the change with --change " + keys);
+  if (saved.engine != engine_hash() && !declared(kEngine))
+    throw InputError(start.resume.string(),
+                     fmt::format("was written by engine {} (commit {}), this one is {} (commit {})", saved.engine, saved.engine_commit,
+                                 engine_hash(), engine_commit()),
+                     "go on with the program that wrote it, or declare the change with --change engine");
+}
+
+}  // namespace
+
+void refuse_mixed_runs(const RunConfig& config, const RunStart& start) {
+  if (start.overwrite && !start.resume.empty())
+    throw InputError("--overwrite", "removes the run that --resume goes on with", "give one of the two");
+  if (!start.changes.empty() && start.resume.empty())
+    throw InputError("--change", "declares what differs from a checkpoint, and there is none", "give --resume, or leave it out");
+  const auto checkpoints = RunFolder(config.out).checkpoints();
+  if (start.resume.empty() && !checkpoints.empty() && !start.overwrite)
+    throw InputError(config.out, fmt::format("holds an earlier run ({} checkpoints)", checkpoints.size()),
+                     "go on with it by --resume " + config.out + ", replace it with --overwrite, or name another folder with out=FOLDER");
+  if (!start.resume.empty() && !checkpoints.empty() && run_folder_of(start.resume) != std::filesystem::weakly_canonical(config.out))
+    throw InputError(config.out, "holds another run than the one to go on with, " + start.resume.string(),
+                     "name another folder with out=FOLDER");
+}
+
+void refuse_stale_episodes(const RunConfig& config, const RunStart& start) {
+  check_generator(load_episode_set(config.train.file), expected_generator(config.train, config.env), config.train.file,
+                  "make it anew with '" + start.remake + "', or leave data.train.scenes out to use it as it is");
+}
+
+void prepare_run(const RunConfig& config, const RunStart& start) {
+  refuse_mixed_runs(config, start);
+  if (!start.resume.empty()) check_same_run(config, start);
+  refuse_stale_episodes(config, start);
+  if (start.resume.empty() && !config.initial_policy.empty()) check_initial_policy(config);
+  if (start.overwrite) RunFolder(config.out).remove_run();
+}
+
+void prepare_run(const RunConfig& config, const RunStart& start, Collective& collective) {
+  const int rank = collective.identity().rank;
+  std::exception_ptr refusal;
+  std::string message;
+  if (rank == 0) try {
+      prepare_run(config, start);
+    } catch (const std::exception& error) {
+      refusal = std::current_exception();
+      message = error.what();
+    }
+  const std::string decision = collective.all_gather(message).front();
+  if (refusal) std::rethrow_exception(refusal);
+  if (!decision.empty()) throw InputError(fmt::format("worker {}", rank), "rank 0 refuses to start: " + decision, "");
+}
+
+}  // namespace earshot
