@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Fails on any include against the arrows, and on a library header outside the folder that owns it.
+# Fails on any include against the arrows, on a library header outside the folder that owns it, and on a folder of sources without a README.md that
+# says what it holds.
 #   all              sim <- envs <- {datasets, policy};  policy <- trainer <- evaluation <- bench <- apps;  python over sim, envs and datasets
 #   in sim           base <- rays <- scene <- {acoustics, vision, nav}; audio stands on base
 #   in sim/acoustics core <- geometry <- model <- paths <- tracers <- source_field <- response <- synthesis <- metrics <- accuracy
@@ -77,6 +78,10 @@ owned 'hdf5'              'sim/sofa/'
 owned 'yaml-cpp'         'sim/base/config_reader.cpp|trainer/run/effective_config.cpp'
 owned 'zmq'               'trainer/net/|trainer/collective/|bench/training/'
 owned 'torch'             'policy/|trainer/|bench/learner_[a-z_]*_bench.cpp'
+
+while read -r folder; do
+  [ -f "$folder/README.md" ] || { echo "layering: $folder has no README.md that says what it holds"; failures=1; }
+done < <(find sim envs datasets policy trainer evaluation bench apps \( -name '*.cpp' -o -name '*.h' \) -printf '%h\n' | sort -u)
 
 [ "$failures" = 0 ] && echo "layering: every include follows the arrow"
 exit "$failures"

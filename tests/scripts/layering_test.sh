@@ -7,9 +7,10 @@ root=$(mktemp -d); trap 'rm -rf "$root"' EXIT
 new_tree() {  # one header per folder, one file that includes in order
   rm -rf "$root/tree"
   for folder in sim/{base,rays,scene,audio,vision,nav,reader} sim/acoustics/{core,geometry,model,paths,tracers,source_field,response,synthesis,metrics} \
-                envs/{task,episodes,batch} datasets python bench/training policy trainer/{net,collective,run} evaluation/{results,replay} apps; do
+                envs/{task,episodes,batch} datasets python bench bench/training policy trainer/{net,collective,run} evaluation/{results,replay} apps; do
     mkdir -p "$root/tree/$folder"
     echo '#pragma once' > "$root/tree/$folder/a.h"
+    echo "# $folder" > "$root/tree/$folder/README.md"
   done
   echo '#include "sim/acoustics/core/a.h"' > "$root/tree/sim/acoustics/metrics/b.cpp"
 }
@@ -45,4 +46,7 @@ expect 0 bench/learner_a_bench.cpp '"policy/a.h"'
 expect 1 bench/camera_bench.cpp '"policy/a.h"'
 expect 0 bench/learner_a_bench.cpp '<torch/types.h>'
 expect 1 bench/camera_bench.cpp '<torch/types.h>'
+new_tree
+rm "$root/tree/envs/task/README.md"
+if "$check" "$root/tree" >/dev/null; then echo "layering_test: a folder without README.md passes"; failures=1; fi
 exit "$failures"

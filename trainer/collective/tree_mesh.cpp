@@ -353,7 +353,7 @@ void TreeMesh::abandon(const std::string& reason) {
   if (abandoned_) return;
   abandoned_ = reason.empty() ? "it was left" : reason;
   // No payload is lent after a call, but libzmq may still hold the sealed copies of some.
-  if (reason.empty() && bulk_out_) bulk_out_.set(zmq::sockopt::linger, static_cast<int>(kFarewell.count()));
+  if (reason.empty() && bulk_out_) bulk_out_.set(zmq::sockopt::linger, static_cast<int>(kFinalLinger.count()));
   send_goodbye(stopped_by_ ? *stopped_by_ : Stop{config_.identity.rank, reason.substr(0, kMaxReasonBytes)});
   close_all();
 }

@@ -512,7 +512,7 @@ void PeerMesh::abandon(const std::string& reason) {
 
 /// No payload is lent after a call, but libzmq may still hold the sealed copies of some.
 void PeerMesh::let_messages_leave() {
-  const int linger_ms = static_cast<int>(kFarewell.count());
+  const int linger_ms = static_cast<int>(kFinalLinger.count());
   if (bulk_out_) bulk_out_.set(zmq::sockopt::linger, linger_ms);
   for (Peer& peer : peers_)
     if (peer.control) peer.control.set(zmq::sockopt::linger, linger_ms);

@@ -29,7 +29,7 @@ inline constexpr int kUnknownAtOnce = 1000;          ///< messages of unknown pe
 inline constexpr std::size_t kMaxReasonBytes = 600;  ///< of a goodbye message
 /// After its last call a worker waits that long for what it has sent to leave: the others may not have read it yet.  Only a peer that lives
 /// and does not read makes use of it.
-inline constexpr std::chrono::milliseconds kFarewell{5000};
+inline constexpr std::chrono::milliseconds kFinalLinger{5000};
 
 /// Counts buffers that libzmq still reads.  Its I/O thread gives them back (docs/ppo.md, section 6.2: touching one earlier gave wrong
 /// sums).
