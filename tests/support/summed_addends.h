@@ -3,7 +3,13 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <cstdio>
+#include <cstring>
+#include <limits>
+#include <span>
 #include <vector>
+
+#include "trainer/collective/collective.h"
 
 namespace earshot {
 
@@ -44,6 +50,33 @@ std::vector<T> serial_sums(std::size_t count, int world_size) {
     for (int k = 1; k < world_size; ++k) sums[i] += addend<T>((first + k) % world_size, i);
   }
   return sums;
+}
+
+/// Whether each element of a sum has the bits of the stated order, and the value of the exact sum within rounding.
+template <class T>
+bool sums_are_right(Collective& ring, std::size_t count) {
+  const auto [rank, world_size] = ring.identity();
+  std::vector<T> buffer(count);
+  for (std::size_t i = 0; i < count; ++i) buffer[i] = addend<T>(rank, i);
+  ring.all_reduce_sum(std::span<T>(buffer));
+  for (std::size_t i = 0; i < count; ++i) {
+    const int first = first_rank(i, count, sizeof(T), world_size);
+    T ordered = addend<T>(first, i);
+    double exact = ordered, magnitude = std::abs(exact);
+    for (int k = 1; k < world_size; ++k) {
+      const T next = addend<T>((first + k) % world_size, i);
+      ordered += next;
+      exact += next;
+      magnitude += std::abs(static_cast<double>(next));
+    }
+    // Each of P - 1 additions rounds by half a unit in the last place of at most the sum of magnitudes.
+    const double tolerance = world_size * static_cast<double>(std::numeric_limits<T>::epsilon()) * magnitude;
+    if (std::memcmp(&ordered, &buffer[i], sizeof(T)) != 0 || std::abs(static_cast<double>(buffer[i]) - exact) > tolerance) {
+      std::fprintf(stderr, "element %zu of %zu: %.17g, expected %.17g\n", i, count, static_cast<double>(buffer[i]), exact);
+      return false;
+    }
+  }
+  return true;
 }
 
 }  // namespace earshot

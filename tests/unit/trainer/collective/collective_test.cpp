@@ -17,7 +17,6 @@
 #include "sim/base/files.h"
 #include "tests/support/summed_addends.h"
 #include "tests/support/worker_processes.h"
-#include "trainer/collective/gloo_group.h"
 #include "trainer/collective/shared_memory.h"
 #include "trainer/collective/zmq_ring.h"
 #include "trainer/net/rendezvous.h"
@@ -28,32 +27,6 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
-
-template <class T>
-bool sums_are_right(Collective& ring, std::size_t count) {
-  const auto [rank, world_size] = ring.identity();
-  std::vector<T> buffer(count);
-  for (std::size_t i = 0; i < count; ++i) buffer[i] = addend<T>(rank, i);
-  ring.all_reduce_sum(std::span<T>(buffer));
-  for (std::size_t i = 0; i < count; ++i) {
-    const int first = first_rank(i, count, sizeof(T), world_size);
-    T ordered = addend<T>(first, i);
-    double exact = ordered, magnitude = std::abs(exact);
-    for (int k = 1; k < world_size; ++k) {
-      const T next = addend<T>((first + k) % world_size, i);
-      ordered += next;
-      exact += next;
-      magnitude += std::abs(static_cast<double>(next));
-    }
-    // Each of P - 1 additions rounds by half a unit in the last place of at most the sum of magnitudes.
-    const double tolerance = world_size * static_cast<double>(std::numeric_limits<T>::epsilon()) * magnitude;
-    if (std::memcmp(&ordered, &buffer[i], sizeof(T)) != 0 || std::abs(static_cast<double>(buffer[i]) - exact) > tolerance) {
-      std::fprintf(stderr, "element %zu of %zu: %.17g, expected %.17g\n", i, count, static_cast<double>(buffer[i]), exact);
-      return false;
-    }
-  }
-  return true;
-}
 
 /// Workers that send their sums, and workers that share memory: the same tests, the same bits.
 class RingOf : public testing::TestWithParam<std::tuple<int, bool>> {
@@ -356,20 +329,6 @@ TEST_P(RingOf, SumsInQuickSuccessionDoNotMix) {
       if (round % 100 == 0) ring->barrier();
     }
     return true;
-  });
-  workers.expect_all_succeed();
-}
-
-TEST(Gloo, SumsAndGathersAsTheRingDoes) {
-  if (!has_gloo()) GTEST_SKIP() << "built without libgloo-dev";
-  const PrivateTestFolder folder;
-  WorkerProcesses workers(2, [&](int rank) {
-    const auto gloo = make_gloo_group({rank, 2}, (folder.path() / "meet").string(), std::chrono::seconds(30));
-    std::vector<std::byte> bytes(1000, std::byte(rank + 1));
-    gloo->broadcast(bytes);
-    const std::string part(static_cast<std::size_t>(3 * rank), 'x');
-    return sums_are_right<float>(*gloo, 100003) && sums_are_right<double>(*gloo, 5) && bytes[999] == std::byte(1) &&
-           gloo->all_gather(part) == std::vector<std::string>{"", "xxx"};
   });
   workers.expect_all_succeed();
 }
