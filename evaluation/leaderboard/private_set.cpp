@@ -11,6 +11,8 @@
 #include <utility>
 #include <vector>
 
+#include "envs/config/env_config.h"
+#include "envs/config/episode_maker.h"
 #include "envs/episodes/name_ranges.h"
 #include "evaluation/results/split_overlap.h"
 #include "sim/base/errors.h"
@@ -108,7 +110,7 @@ std::vector<std::vector<Episode>> draw_scenes(const Benchmark& benchmark, const 
   const std::vector<std::string> asked = data.scenes;
   std::vector<int> draws(asked.size(), 0);
   std::vector<std::vector<Episode>> episodes(asked.size());
-  EpisodeMaker maker(data, run.env);
+  EpisodeMaker maker(data, run.env.task, make_scene_cache(run.env));
   Progress progress("private episodes", "scene", asked.size());
   const auto draw_scene = [&](std::size_t i) {
     while (draws[i]++ < kMostDraws) {

@@ -5,7 +5,8 @@
 #include <algorithm>
 #include <utility>
 
-#include "envs/batch/batched_env.h"
+#include "envs/config/env_config.h"
+#include "envs/config/episode_maker.h"
 #include "envs/episodes/name_ranges.h"
 #include "sim/base/progress.h"
 #include "trainer/run/effective_config.h"
@@ -16,38 +17,12 @@ namespace {
 /// Raised where the same keys come to give other episodes.
 constexpr const char* kGeneratorVersion = "1";
 
-/// At least so many places of a scene are drawn for distractors.
-constexpr int kDistractorPlaces = 10;
-
 }  // namespace
-
-EpisodeMaker::EpisodeMaker(const DataConfig& data, const EnvConfig& env)
-    : data_(data), env_(env), sounds_(expand_sounds(data.sounds)), agents_(data.agents), cache_(make_scene_cache(env)) {
-  if (sounds_.empty()) throw InputError("data.sounds", "is empty", "name at least one sound, for example synth:telephone");
-  agents_.sounds = expand_sounds(agents_.sounds);
-}
-
-std::vector<Episode> EpisodeMaker::make(const std::string& name) {
-  const auto scene = cache_->scene(name);
-  auto episodes = generate_episodes(name, *scene->scene, scene->navmesh, env_.task, data_.filter, sounds_, data_.episodes_per_scene,
-                                    data_.seed, data_.goals_per_scene);
-  if (data_.scenario.changes_episodes()) {
-    // Distractors stand where goals of the scene may: what is made once per source serves both.
-    std::vector<glm::dvec3> places;
-    if (data_.scenario.distractors > 0)
-      for (const glm::vec3 place : spread_goals(name, *scene->scene, scene->navmesh, env_.task, data_.filter,
-                                                std::max(data_.goals_per_scene, kDistractorPlaces), data_.seed))
-        places.push_back(scene->scene->to_world(place));
-    apply_scenario(data_.scenario, sounds_, places, data_.seed, episodes);
-  }
-  apply_agents(agents_, *scene->scene, scene->navmesh, env_.task, data_.filter, data_.seed, episodes);
-  return episodes;
-}
 
 EpisodeSet generate_data(const DataConfig& data, const EnvConfig& env) {
   if (data.scenes.empty()) throw InputError("data.scenes", "is empty", "name at least one SCENE, for example house:1");
   const std::vector<std::string> scenes = expand_ranges(data.scenes);
-  EpisodeMaker maker(data, env);
+  EpisodeMaker maker(data, env.task, make_scene_cache(env));
   Progress progress("episodes", "scene", scenes.size());
   EpisodeSet set;
   for (std::size_t i = 0; i < scenes.size(); ++i) {

@@ -1,31 +1,12 @@
 #pragma once
 
 #include <map>
-#include <memory>
 #include <string>
-#include <vector>
 
 #include "envs/episodes/episode_set.h"
 #include "trainer/run/run_config.h"
 
 namespace earshot {
-
-/// Makes the episodes of one scene after another.
-class EpisodeMaker {
- public:
-  /// Throws InputError: no sound, a damaged range.
-  EpisodeMaker(const DataConfig& data, const EnvConfig& env);
-  /// scene: without a range.  A function of (data, env, scene); episode_id is empty.  Throws InputError: a scene that cannot be loaded or
-  /// has too few places.
-  std::vector<Episode> make(const std::string& scene);
-
- private:
-  DataConfig data_;
-  EnvConfig env_;
-  std::vector<std::string> sounds_;
-  AgentScenario agents_;
-  std::shared_ptr<SceneCache> cache_;
-};
 
 /// Generates the episodes of `data`, writes its file with the keys they were made from, and reports progress.  Returns the set.
 EpisodeSet generate_data(const DataConfig& data, const EnvConfig& env);

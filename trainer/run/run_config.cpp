@@ -8,30 +8,6 @@
 namespace earshot {
 namespace {
 
-void read(ConfigReader& reader, DataConfig& data) {
-  reader.read("file", data.file);
-  reader.read("scenes", data.scenes);
-  reader.read("sounds", data.sounds);
-  reader.read("episodes_per_scene", data.episodes_per_scene);
-  reader.read("goals_per_scene", data.goals_per_scene);
-  reader.read("seed", data.seed);
-  ConfigReader filter = reader.child("filter");
-  read(filter, data.filter);
-  filter.finish();
-  validate(data.filter);
-  ConfigReader scenario = reader.child("scenario");
-  read(scenario, data.scenario);
-  scenario.finish();
-  validate(data.scenario);
-  ConfigReader agents = reader.child("agents");
-  read(agents, data.agents);
-  agents.finish();
-  validate(data.agents);
-  require(data.episodes_per_scene > 0, reader.prefix() + "episodes_per_scene", data.episodes_per_scene, "must be positive");
-  require(data.goals_per_scene >= 0 && data.goals_per_scene <= 100'000, reader.prefix() + "goals_per_scene", data.goals_per_scene,
-          "must be in [0, 100000]; 0 gives every episode a goal of its own");
-}
-
 void read(ConfigReader& reader, RunConfig& config) {
   reader.read("name", config.name);
   reader.read("out", config.out);

@@ -5,9 +5,7 @@
 #include <vector>
 
 #include "envs/batch/batched_env.h"
-#include "envs/episodes/agent_scenario.h"
-#include "envs/episodes/episode_generator.h"
-#include "envs/episodes/sound_scenario.h"
+#include "envs/config/data_config.h"
 #include "policy/policy_config.h"
 #include "trainer/learner/guidance_config.h"
 #include "trainer/learner/ppo_config.h"
@@ -15,19 +13,6 @@
 #include "trainer/rollout/rollout_config.h"
 
 namespace earshot {
-
-/// A set of episodes and how to generate it.
-struct DataConfig {
-  std::string file;                 ///< the set, relative to the working folder
-  std::vector<std::string> scenes;  ///< SCENEs; "house:10..14,rooms=3" stands for five of them
-  std::vector<std::string> sounds;  ///< drawn per episode; "synth:bird:0..3" stands for four, a folder for its sound files
-  int episodes_per_scene = 50;
-  int goals_per_scene = 0;  ///< places of the source that the episodes of a scene share, far from each other; 0: each has one of its own
-  std::uint64_t seed = 0;
-  EpisodeFilter filter;
-  SoundScenario scenario;
-  AgentScenario agents;
-};
 
 /// How far a training is: by steps alone, which gives the same bits on every machine, or by whatever of total_steps and max_minutes (over
 /// all sittings) comes first.

@@ -1,0 +1,40 @@
+#include "envs/config/episode_maker.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "envs/episodes/name_ranges.h"
+#include "sim/base/errors.h"
+
+namespace earshot {
+namespace {
+
+/// At least so many places of a scene are drawn for distractors.
+constexpr int kDistractorPlaces = 10;
+
+}  // namespace
+
+EpisodeMaker::EpisodeMaker(const DataConfig& data, const TaskConfig& task, std::shared_ptr<SceneCache> scenes)
+    : data_(data), task_(task), sounds_(expand_sounds(data.sounds)), agents_(data.agents), scenes_(std::move(scenes)) {
+  if (sounds_.empty()) throw InputError("data.sounds", "is empty", "name at least one sound, for example synth:telephone");
+  agents_.sounds = expand_sounds(agents_.sounds);
+}
+
+std::vector<Episode> EpisodeMaker::make(const std::string& name) {
+  const auto scene = scenes_->scene(name);
+  auto episodes = generate_episodes(name, *scene->scene, scene->navmesh, task_, data_.filter, sounds_, data_.episodes_per_scene, data_.seed,
+                                    data_.goals_per_scene);
+  if (data_.scenario.changes_episodes()) {
+    // Distractors stand where goals of the scene may: what is made once per source serves both.
+    std::vector<glm::dvec3> places;
+    if (data_.scenario.distractors > 0)
+      for (const glm::vec3 place : spread_goals(name, *scene->scene, scene->navmesh, task_, data_.filter,
+                                                std::max(data_.goals_per_scene, kDistractorPlaces), data_.seed))
+        places.push_back(scene->scene->to_world(place));
+    apply_scenario(data_.scenario, sounds_, places, data_.seed, episodes);
+  }
+  apply_agents(agents_, *scene->scene, scene->navmesh, task_, data_.filter, data_.seed, episodes);
+  return episodes;
+}
+
+}  // namespace earshot
