@@ -13,6 +13,7 @@
 #include "apps/rir_json.h"
 #include "apps/source_options.h"
 #include "sim/acoustics/geometry/position_check.h"
+#include "sim/acoustics/source_field/field_for_poses.h"
 #include "sim/acoustics/source_field/source_field.h"
 #include "sim/acoustics/synthesis/carriers.h"
 #include "sim/audio/sound_clip.h"
@@ -167,10 +168,8 @@ class PairRenderer {
   RirSynthesizer synthesizer_;
 };
 
-/// A few responses are the cheaper traced, so `field = auto` builds one for many alone.
 std::shared_ptr<const SourceField> field_of(const AcousticScene& acoustics, const EarlyCandidates& candidates, std::size_t responses) {
-  constexpr std::size_t many = 300;  // what the plan counts with
-  if (!uses_source_field(acoustics) || (acoustics.config().field != Switch::on && responses < many)) return nullptr;
+  if (!wants_source_field(acoustics, responses)) return nullptr;
   Progress progress("source field", "%", 100);
   return build_source_field(acoustics, candidates, [&](double fraction) { progress.update(static_cast<std::uint64_t>(100 * fraction)); });
 }

@@ -11,6 +11,7 @@
 #include <thread>
 
 #include "envs/episodes/episode_generator.h"
+#include "sim/acoustics/source_field/field_for_poses.h"
 #include "sim/base/config_reader.h"
 #include "sim/base/errors.h"
 #include "sim/base/random.h"
@@ -22,8 +23,6 @@ namespace {
 constexpr double kDegree = std::numbers::pi / 180;
 /// The late field carries harmonics up to here.
 constexpr int kTracedOrder = 5;
-/// For so many poses a field is built where the scene calls for one: what its plan counts with.
-constexpr std::size_t kManyResponses = 300;
 
 glm::quat source_orientation(double heading_deg, double pitch_deg) {
   return glm::angleAxis(static_cast<float>(heading_deg * kDegree), glm::vec3(0, 1, 0)) *
@@ -146,8 +145,7 @@ SourceParts SourceModel::parts(int sh_order, std::size_t responses) {
     kept.acoustics = scene_->acoustics(sh_order);
     kept.candidates = std::make_shared<const EarlyCandidates>(*kept.acoustics, source_);
   }
-  const bool many = kept.acoustics->config().field == Switch::on || responses >= kManyResponses;
-  if (!kept.field && many && uses_source_field(*kept.acoustics)) kept.field = build_source_field(*kept.acoustics, *kept.candidates);
+  if (!kept.field && wants_source_field(*kept.acoustics, responses)) kept.field = build_source_field(*kept.acoustics, *kept.candidates);
   return kept;
 }
 

@@ -14,6 +14,7 @@
 #include "sim/acoustics/model/diffraction_budget.h"
 #include "sim/acoustics/model/effect_probe.h"
 #include "sim/acoustics/model/flutter_time.h"
+#include "sim/acoustics/model/source_poses.h"
 #include "sim/base/denormals.h"
 #include "sim/base/errors.h"
 
@@ -23,7 +24,6 @@ namespace {
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kMargin = 1.2, kOpenMargin = 2.0, kClosedFraction = 0.98;
 constexpr double kShortestRirS = 0.1, kShortestHorizonS = 1.5, kLongestRirS = 4.0, kLongestDelayS = 0.6;
-constexpr double kPosesOfASource = 300;
 /// How far down the flutter of facing mirrors may be cut: what is missing there is 0.5 dB of a decay curve at -45 dB.
 constexpr double kFlutterFallDb = 55;
 /// Rays for 5 % error of T30, one diffuse room; they grow with the inverse cube of the fraction of the air that is visible from a point:
@@ -259,12 +259,12 @@ class Planner {
 
     const double rays = std::min(kRaysOfARoom / std::pow(std::max(probe_.visible_fraction, 0.1), 3.0), 2000.0);
     // What would run instead: the configured rays, or the needed ones if they are more.
-    const double tracer_ms = kPosesOfASource * trace_ms(std::max(rays, static_cast<double>(config_.rays)), plan_.rir_length_s);
+    const double tracer_ms = kPosesPerSource * trace_ms(std::max(rays, static_cast<double>(config_.rays)), plan_.rir_length_s);
     // Photons for 5 %: their error falls as 0.7 to 1.8 over the root of their number, from a room to a furnished house (measured).  Per
     // pose eight histories are blended.
     const double pass_ms =
         trace_ms(std::min(kPhotonsOfAField, static_cast<double>(std::max(config_.field_photons, 512))), plan_.rir_length_s) + kProbesMs;
-    const double field_ms = pass_ms + kPosesOfASource * kBlendMs;
+    const double field_ms = pass_ms + kPosesPerSource * kBlendMs;
     // Cells fill the bounds of a scene: in the open a listener may be outside of them.
     const bool cheaper = probe_.hit_fraction >= kClosedFraction && tracer_ms > kFieldGain * field_ms;
     const bool wanted = unfit.empty() && (config_.field == Switch::on || (config_.field == Switch::automatic && cheaper));
@@ -294,8 +294,8 @@ class Planner {
     const std::string costs = fmt::format(
         "{:.0f} % of the air are visible from a point of it: about {:.0f} rays per pose for 5 % of T30, {:.0f} ms for {:.0f} "
         "poses against {:.0f} ms with a field",
-        100 * probe_.visible_fraction, rays, tracer_ms, kPosesOfASource, field_ms);
-    const double saved = std::abs(tracer_ms - field_ms) / kPosesOfASource;
+        100 * probe_.visible_fraction, rays, tracer_ms, kPosesPerSource, field_ms);
+    const double saved = std::abs(tracer_ms - field_ms) / kPosesPerSource;
     if (config_.field != Switch::automatic) {
       add("field", wanted, name_of(config_.field), kNan, "", BoundKind::user_set, 0, costs);
     } else if (!unfit.empty()) {
