@@ -39,8 +39,8 @@ endfunction()
 #                       (target thread_tests) and runs
 #   other *_test.cpp    test_DIR, label `fast`
 # A leading unit/ is not part of the executables' names.  PCH TARGET: the target whose precompiled headers these tests read.  ALONE REGEX: tests
-# that compare times, beside which ctest runs no others.  ROOMS FOLDER...: those of these folders
-# in DIR, `*` of all.
+# that compare times, beside which ctest runs no others.  ROOMS FOLDER...: the
+# tests of these folders in DIR; `*` stands for all.
 function(earshot_tests dir)
   cmake_parse_arguments(PARSE_ARGV 1 arg "" "PCH;ALONE" "ROOMS")
   if(NOT arg_PCH)

@@ -197,7 +197,7 @@ std::string call_isolated(const std::filesystem::path& program, const std::vecto
   const char* remedy = is_driver ? kDriverRemedy : kRemedy;
   const bool in_time = read_answer(pipe.read.get(), deadline, max_bytes, frame);
   const std::optional<int> status = child.end();
-  // So ends what a shell, the loader or posix_spawn under an emulator cannot start.
+  // The exit code of a shell, the dynamic loader, or posix_spawn under an emulator when a program cannot start.
   if (frame.empty() && status && WIFEXITED(*status) && WEXITSTATUS(*status) == 127)
     throw RunError(program.string(), "cannot be started: it is missing, or one of its libraries is (exit code 127)");
   const Answer answer = decode_answer(frame, max_bytes);

@@ -352,7 +352,7 @@ void TreeMesh::finish_sends() {
 void TreeMesh::abandon(const std::string& reason) {
   if (abandoned_) return;
   abandoned_ = reason.empty() ? "it was left" : reason;
-  // No payload is lent after a call, but libzmq may still hold the sealed copies of some.
+  // After a call no payload is lent, but libzmq may still hold encrypted copies that it has not sent.
   if (reason.empty() && bulk_out_) bulk_out_.set(zmq::sockopt::linger, static_cast<int>(kFinalLinger.count()));
   send_goodbye(stopped_by_ ? *stopped_by_ : Stop{config_.identity.rank, reason.substr(0, kMaxReasonBytes)});
   close_all();

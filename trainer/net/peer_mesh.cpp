@@ -510,7 +510,7 @@ void PeerMesh::abandon(const std::string& reason) {
   close_all();
 }
 
-/// No payload is lent after a call, but libzmq may still hold the sealed copies of some.
+/// After a call no payload is lent, but libzmq may still hold encrypted copies that it has not sent.
 void PeerMesh::let_messages_leave() {
   const int linger_ms = static_cast<int>(kFinalLinger.count());
   if (bulk_out_) bulk_out_.set(zmq::sockopt::linger, linger_ms);

@@ -27,8 +27,8 @@ inline constexpr int kQueuedControl = 256;
 inline constexpr int kQueuedMessages = 4;            ///< per peer and direction: at most 4 MiB wait
 inline constexpr int kUnknownAtOnce = 1000;          ///< messages of unknown peers that are dropped before anything else is looked at again
 inline constexpr std::size_t kMaxReasonBytes = 600;  ///< of a goodbye message
-/// After its last call a worker waits that long for what it has sent to leave: the others may not have read it yet.  Only a peer that lives
-/// and does not read makes use of it.
+/// How long a worker that ends after its last call waits for its messages to leave; the others may still need them.  Only a live peer that
+/// does not read delays the end that long.
 inline constexpr std::chrono::milliseconds kFinalLinger{5000};
 
 /// Counts buffers that libzmq still reads.  Its I/O thread gives them back (docs/ppo.md, section 6.2: touching one earlier gave wrong

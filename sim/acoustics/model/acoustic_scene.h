@@ -98,8 +98,8 @@ class AcousticScene {
 /// Is transmission part of the late field here?  On request, and where the plan finds that walls matter beside the air.
 inline bool traces_transmission(const AcousticScene& scene) { return scene.plan().traced_transmission; }
 
-/// Is a SourceField planned for the late part of a source that stands still?  Where that is the cheaper way to the same error over
-/// a few hundred poses: not in single rooms, where tens of rays per pose do.
+/// Whether the plan calls for a SourceField for the late part of a source that stands still: where it reaches the same error as tracing
+/// with less work over kPosesPerSource poses (source_poses.h).
 inline bool uses_source_field(const AcousticScene& scene) { return scene.plan().field; }
 
 }  // namespace earshot

@@ -151,7 +151,7 @@ TEST(IsolatedCall, EndsWithTheRun) {
   EXPECT_FALSE(is_there());
 }
 
-// The loader ends a program so whose libraries are not there: the file is not to blame.
+// The dynamic loader exits with 127 when a library is missing: the file is not to blame.
 TEST(IsolatedCall, SaysWhenALibraryOfTheProgramIsMissing) {
   const TemporaryFolder folder("/tmp", "earshot-test-");
   const std::filesystem::path reader = folder.path() / "reader";
