@@ -10,6 +10,7 @@
 #include <optional>
 
 #include "datasets/corpus_parts.h"
+#include "datasets/label_number.h"
 #include "datasets/response_index.h"
 #include "datasets/reverberant_mixture.h"
 #include "sim/base/errors.h"
@@ -24,8 +25,6 @@ using Json = nlohmann::ordered_json;
 /// Signals that a killed run may have to make again.
 constexpr int kSignalsPerPart = 10;
 constexpr std::size_t kLongestTranscript = 1 << 16;
-
-Json rounded(double value) { return std::strtod(fmt::format("{:.6g}", value).c_str(), nullptr); }
 
 void validate_range(const std::vector<float>& range, const std::string& key, float low, float high) {
   const bool ok = range.size() == 2 && range[0] >= low && range[1] <= high && range[0] <= range[1];

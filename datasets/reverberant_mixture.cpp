@@ -18,19 +18,21 @@ namespace {
 constexpr std::uint32_t kSignalStream = 0x434F4E56u;
 
 /// Draw numbers of one talker; talker 0 also draws for the whole.  Fixed, so that a new consumer does not shift the others.
-enum Draw : std::uint32_t {
-  talkers_draw = 0,
-  response_draw = 1,
-  level_draw = 2,
-  snr_draw = 3,
-  noise_file_draw = 4,
-  noise_start_draw = 5,
-  speech_draw = 6,
-  start_draw = 7,
-  gain_draw = 8,
-  source_draw = 9,
-  noise_source_draw = 10,
-  channel_start_draw = 32
+struct MixtureDraw {
+  enum : std::uint32_t {
+    talkers = 0,
+    response = 1,
+    level = 2,
+    snr = 3,
+    noise_file = 4,
+    noise_start = 5,
+    speech = 6,
+    start = 7,
+    gain = 8,
+    source = 9,
+    noise_source = 10,
+    channel_start = 32
+  };
 };
 
 RandomStream stream_of(const ConvolveConfig& config, std::uint64_t number, std::size_t talker) {
@@ -59,7 +61,7 @@ RandomStream noise_stream(const ConvolveConfig& config, std::uint64_t number, st
 std::vector<std::size_t> MixtureMaker::draw_responses(std::uint64_t number, std::size_t count) const {
   const RandomStream first = stream_of(config_, number, 0);
   const std::vector<IndexedResponse>& all = index_.responses();
-  std::vector<std::size_t> drawn{first.below(static_cast<std::uint32_t>(all.size()), response_draw)};
+  std::vector<std::size_t> drawn{first.below(static_cast<std::uint32_t>(all.size()), MixtureDraw::response)};
   const std::vector<std::size_t>& room = index_.room_of(drawn[0]);
   std::set<int> taken{all[drawn[0]].source};
   while (drawn.size() < count) {
@@ -72,7 +74,7 @@ std::vector<std::size_t> MixtureMaker::draw_responses(std::uint64_t number, std:
     const std::vector<std::size_t>& among = here.empty() ? free : here;
     if (among.empty()) return drawn;
     const RandomStream random = stream_of(config_, number, drawn.size());
-    drawn.push_back(among[random.below(static_cast<std::uint32_t>(among.size()), source_draw)]);
+    drawn.push_back(among[random.below(static_cast<std::uint32_t>(among.size()), MixtureDraw::source)]);
     taken.insert(all[drawn.back()].source);
   }
   return drawn;
@@ -88,7 +90,7 @@ void MixtureMaker::add_talker(Mixture& mixture, std::uint64_t number, std::size_
   const auto num_files = static_cast<std::uint32_t>(speech_.files.size());
   std::size_t file = static_cast<std::size_t>(number % num_files);
   if (talker > 0) {  // in steps from the first one, so that it is another file where there are two
-    const std::uint32_t step = num_files > 1 ? 1 + random.below(num_files - 1, speech_draw) : 0;
+    const std::uint32_t step = num_files > 1 ? 1 + random.below(num_files - 1, MixtureDraw::speech) : 0;
     file = (file + step) % num_files;
   }
   const std::size_t channels = index_.channels().size();
@@ -101,7 +103,7 @@ void MixtureMaker::add_talker(Mixture& mixture, std::uint64_t number, std::size_
   const std::size_t first_samples = talker == 0 ? dry.size() : mixture.talkers[0].dry_samples;
   if (talker > 0) {
     if (dry.size() > first_samples) dry.resize(first_samples);
-    added.start_sample = random.below(static_cast<std::uint32_t>(first_samples - dry.size() + 1), start_draw);
+    added.start_sample = random.below(static_cast<std::uint32_t>(first_samples - dry.size() + 1), MixtureDraw::start);
     if (peak_of(dry) <= 0)
       throw InputError((speech_.root / added.speech).string(), "begins with silence longer than others are", "trim it");
   }
@@ -120,7 +122,7 @@ void MixtureMaker::add_talker(Mixture& mixture, std::uint64_t number, std::size_
     throw InputError((speech_.root / added.speech).string(), fmt::format("is silent through response {}", response.id),
                      "leave --cut out, or take the file out of the folder");
   if (talker > 0) {
-    const double wanted = amplitude_of_db(within_range(config_.talker_db, random.uniform(gain_draw)));
+    const double wanted = amplitude_of_db(within_range(config_.talker_db, random.uniform(MixtureDraw::gain)));
     added.gain = std::sqrt(energy_of(mixture.talkers[0].reverberant) / energy) * wanted;
     for (std::vector<float>* samples : {&added.reverberant, &added.early, &added.dry}) scale(*samples, added.gain);
   }
@@ -145,23 +147,23 @@ void MixtureMaker::add_noise(Mixture& mixture, std::uint64_t number) {
   }
   const std::vector<std::size_t>& among = here.empty() ? free : here;
   if (!among.empty())
-    noise.response = static_cast<std::ptrdiff_t>(among[random.below(static_cast<std::uint32_t>(among.size()), noise_source_draw)]);
+    noise.response = static_cast<std::ptrdiff_t>(among[random.below(static_cast<std::uint32_t>(among.size()), MixtureDraw::noise_source)]);
 
   std::vector<float> clip;  // empty: white noise without an end
   if (noise_) {
-    noise.sound = noise_->files[random.below(static_cast<std::uint32_t>(noise_->files.size()), noise_file_draw)];
+    noise.sound = noise_->files[random.below(static_cast<std::uint32_t>(noise_->files.size()), MixtureDraw::noise_file)];
     clip = load_sound(noise_->root / noise.sound, index_.sample_rate_hz()).samples;
   } else if (config_.noise == "synth") {
     noise.sound = "synth";
   } else {
-    noise.sound = fmt::format("{}:{}", config_.noise, random.below(1u << 30, noise_file_draw));
+    noise.sound = fmt::format("{}:{}", config_.noise, random.below(1u << 30, MixtureDraw::noise_file));
     clip = synthesize_sound(noise.sound, index_.sample_rate_hz()).samples;
   }
   const auto part = [&](std::size_t channel, std::size_t count) {
     if (clip.empty()) return white_noise(noise_stream(config_, number, channel), count);
     const auto size = static_cast<std::uint32_t>(clip.size());
     const std::uint64_t start =
-        random.below(size, channel == 0 ? noise_start_draw : channel_start_draw + static_cast<std::uint32_t>(channel));
+        random.below(size, channel == 0 ? MixtureDraw::noise_start : MixtureDraw::channel_start + static_cast<std::uint32_t>(channel));
     if (channel == 0) noise.start_sample = start;
     return looped(clip, start, count);
   };
@@ -186,7 +188,7 @@ void MixtureMaker::add_noise(Mixture& mixture, std::uint64_t number) {
   if (energy <= 0)
     throw InputError(noise_ ? (noise_->root / noise.sound).string() : noise.sound, "is silent, or has a pause as long as a signal",
                      "take it out of the folder");
-  noise.snr_db = within_range(config_.snr_db, random.uniform(snr_draw));
+  noise.snr_db = within_range(config_.snr_db, random.uniform(MixtureDraw::snr));
   noise.gain = std::sqrt(energy_of(mixture.samples) / energy) / amplitude_of_db(noise.snr_db);
   scale(noise.samples, noise.gain);
   for (std::size_t i = 0; i < mixture.samples.size(); ++i) mixture.samples[i] += noise.samples[i];
@@ -195,7 +197,7 @@ void MixtureMaker::add_noise(Mixture& mixture, std::uint64_t number) {
 Mixture MixtureMaker::mix(std::uint64_t number) {
   const RandomStream random = stream_of(config_, number, 0);
   const auto talkers = static_cast<std::size_t>(config_.min_talkers) +
-                       random.below(static_cast<std::uint32_t>(config_.max_talkers - config_.min_talkers + 1), talkers_draw);
+                       random.below(static_cast<std::uint32_t>(config_.max_talkers - config_.min_talkers + 1), MixtureDraw::talkers);
   Mixture mixture;
   const std::vector<std::size_t> responses = draw_responses(number, talkers);
   for (std::size_t talker = 0; talker < responses.size(); ++talker) add_talker(mixture, number, talker, responses[talker]);
@@ -205,7 +207,7 @@ Mixture MixtureMaker::mix(std::uint64_t number) {
   if (!config_.noise.empty()) add_noise(mixture, number);
 
   const double mean_square = energy_of(mixture.samples) / static_cast<double>(mixture.samples.size());
-  mixture.level_dbfs = within_range(config_.level_dbfs, random.uniform(level_draw));
+  mixture.level_dbfs = within_range(config_.level_dbfs, random.uniform(MixtureDraw::level));
   double factor = amplitude_of_db(mixture.level_dbfs) / std::sqrt(mean_square);
   std::vector<std::vector<float>*> all{&mixture.samples, &mixture.noise.samples};
   for (MixedTalker& talker : mixture.talkers) all.insert(all.end(), {&talker.reverberant, &talker.early, &talker.dry});

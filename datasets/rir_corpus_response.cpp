@@ -12,6 +12,7 @@
 #include <optional>
 #include <span>
 
+#include "datasets/label_number.h"
 #include "sim/acoustics/metrics/room_metrics.h"
 #include "sim/acoustics/synthesis/carriers.h"
 #include "sim/base/files.h"
@@ -26,7 +27,6 @@ constexpr int kManyListeners = 300;
 constexpr double kRadian = 180 / std::numbers::pi;
 
 /// Six digits: what is measured has no more, and lines stay short.
-Json rounded(double value) { return std::strtod(fmt::format("{:.6g}", value).c_str(), nullptr); }
 Json rounded(const std::optional<double>& value) { return value ? rounded(*value) : Json(nullptr); }
 Json place(glm::dvec3 position) { return {position.x, position.y, position.z}; }
 

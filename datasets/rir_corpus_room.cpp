@@ -29,17 +29,12 @@ constexpr std::uint32_t kTries = 1000;
 constexpr std::uint32_t kCorpusStream = 0x52495243u;
 
 /// Draw numbers of the shape of a room, fixed so that a new consumer does not shift the others.
-enum ShapeDraw : std::uint32_t { size_draw = 0, surface_draw = 4, materials_draw = 16 };
+struct ShapeDraw {
+  enum : std::uint32_t { size = 0, surface = 4, materials = 16 };
+};
 /// The same of one try of a place.
-enum PlaceDraw : std::uint32_t {
-  foot_draw = 0,
-  height_draw = 2,
-  heading_draw = 3,
-  pitch_draw = 4,
-  roll_draw = 5,
-  pattern_draw = 6,
-  head_draw = 7,
-  draws_per_try = 8
+struct PlaceDraw {
+  enum : std::uint32_t { foot = 0, height = 2, heading = 3, pitch = 4, roll = 5, pattern = 6, head = 7, per_try = 8 };
 };
 
 RandomStream shape_stream(std::uint64_t seed, std::uint32_t room) { return {seed, Purpose::episode, kCorpusStream, room, 0}; }
@@ -62,7 +57,7 @@ std::string shoebox_spec(const RirCorpusConfig& config, std::uint32_t room) {
   std::array<double, 3> size{};
   for (std::uint32_t axis = 0; axis < 3; ++axis) {
     const float low = rooms.min_size_m[axis], high = rooms.max_size_m[axis];
-    const double drawn = low + static_cast<double>(random.uniform(size_draw + axis)) * (high - low);
+    const double drawn = low + static_cast<double>(random.uniform(ShapeDraw::size + axis)) * (high - low);
     size[axis] = 0.01 * std::round(100 * drawn);
   }
   std::string walls;
@@ -73,9 +68,9 @@ std::string shoebox_spec(const RirCorpusConfig& config, std::uint32_t room) {
       const double ratio = static_cast<double>(rooms.absorption[1]) / static_cast<double>(rooms.absorption[0]);
       // Rounded to three digits, so that the last bits of exp and log play no part.
       walls += fmt::format("{:.3f}", static_cast<double>(rooms.absorption[0]) *
-                                         std::exp(std::log(ratio) * static_cast<double>(random.uniform(surface_draw + wall))));
+                                         std::exp(std::log(ratio) * static_cast<double>(random.uniform(ShapeDraw::surface + wall))));
     } else {
-      walls += names[random.below(static_cast<std::uint32_t>(names.size()), surface_draw + wall)];
+      walls += names[random.below(static_cast<std::uint32_t>(names.size()), ShapeDraw::surface + wall)];
     }
   }
   return fmt::format("shoebox:{:.2f}x{:.2f}x{:.2f}@{}", size[0], size[1], size[2], walls);
@@ -128,7 +123,7 @@ std::vector<CorpusRoomSpec> list_corpus_rooms(const RirCorpusConfig& config) {
   for (int again = 0; again < config.rooms_per_scene; ++again)
     for (const std::string& scene : scenes) rooms.push_back({scene, 0});
   for (std::size_t i = 0; i < rooms.size(); ++i) {
-    const auto words = shape_stream(config.seed, static_cast<std::uint32_t>(i)).bits4(materials_draw);
+    const auto words = shape_stream(config.seed, static_cast<std::uint32_t>(i)).bits4(ShapeDraw::materials);
     rooms[i].materials_seed = (std::uint64_t{words[0]} << 32) | words[1];
   }
   return rooms;
@@ -155,8 +150,9 @@ bool CorpusRoom::is_free(glm::vec3 foot, float height_m) const { return stands_f
 FreePlace CorpusRoom::draw_place(const RandomStream& random, std::uint32_t number, const std::vector<float>& height_m,
                                  const std::function<bool(glm::vec3)>& accept, const std::string& what) const {
   for (std::uint32_t attempt = 0; attempt < kTries; ++attempt) {
-    const std::uint32_t draw = (number * kTries + attempt) * draws_per_try;
-    const FreePlace place{navmesh_.random_point(random, draw + foot_draw), within(height_m, random.uniform(draw + height_draw))};
+    const std::uint32_t draw = (number * kTries + attempt) * PlaceDraw::per_try;
+    const FreePlace place{navmesh_.random_point(random, draw + PlaceDraw::foot),
+                          within(height_m, random.uniform(draw + PlaceDraw::height))};
     if (accept(place.position()) && is_free(place.foot, place.height_m)) return place;
   }
   throw InputError(scene().name(), fmt::format("has no free place for {} within {} draws", what, kTries),
@@ -166,14 +162,15 @@ FreePlace CorpusRoom::draw_place(const RandomStream& random, std::uint32_t numbe
 CorpusSource CorpusRoom::draw_source(int source) const {
   const RandomStream random = place_stream(config_.seed, index_, source, 0);
   for (std::uint32_t attempt = 0; attempt < kTries; ++attempt) {
-    const std::uint32_t draw = attempt * draws_per_try;
-    const glm::vec3 foot = navmesh_.random_point(random, draw + foot_draw);
-    const float height_m = within(config_.source_height_m, random.uniform(draw + height_draw));
+    const std::uint32_t draw = attempt * PlaceDraw::per_try;
+    const glm::vec3 foot = navmesh_.random_point(random, draw + PlaceDraw::foot);
+    const float height_m = within(config_.source_height_m, random.uniform(draw + PlaceDraw::height));
     if (!is_free(foot, height_m)) continue;
     CorpusSource drawn{
         .sound = SoundSource(foot + glm::vec3(0, height_m, 0)),
-        .pattern = config_.source_patterns[random.below(static_cast<std::uint32_t>(config_.source_patterns.size()), draw + pattern_draw)],
-        .heading_deg = heading_of(random, draw + heading_draw)};
+        .pattern =
+            config_.source_patterns[random.below(static_cast<std::uint32_t>(config_.source_patterns.size()), draw + PlaceDraw::pattern)],
+        .heading_deg = heading_of(random, draw + PlaceDraw::heading)};
     drawn.sound.directivity = Directivity::named(drawn.pattern);
     drawn.sound.orientation = source_orientation(drawn.heading_deg);
     return drawn;
@@ -185,9 +182,9 @@ CorpusSource CorpusRoom::draw_source(int source) const {
 CorpusListener CorpusRoom::draw_listener(const CorpusSource& from, int source, int listener) const {
   const RandomStream random = place_stream(config_.seed, index_, config_.shared_listeners ? kAnySource : source, listener + 1);
   for (std::uint32_t attempt = 0; attempt < kTries; ++attempt) {
-    const std::uint32_t draw = attempt * draws_per_try;
-    const glm::vec3 foot = navmesh_.random_point(random, draw + foot_draw);
-    const float height_m = within(config_.listener_height_m, random.uniform(draw + height_draw));
+    const std::uint32_t draw = attempt * PlaceDraw::per_try;
+    const glm::vec3 foot = navmesh_.random_point(random, draw + PlaceDraw::foot);
+    const float height_m = within(config_.listener_height_m, random.uniform(draw + PlaceDraw::height));
     const glm::vec3 place = foot + glm::vec3(0, height_m, 0);
     const auto in_range = [&](glm::vec3 position) {
       const float distance_m = glm::length(place - position);
@@ -196,10 +193,10 @@ CorpusListener CorpusRoom::draw_listener(const CorpusSource& from, int source, i
     // With shared listeners the source itself is among the others.
     if (!in_range(from.sound.position) || !std::ranges::all_of(sources_, in_range) || !is_free(foot, height_m)) continue;
     return {.position = place,
-            .heading_deg = heading_of(random, draw + heading_draw),
-            .pitch_deg = angle_within(config_.pitch_deg, random.uniform(draw + pitch_draw)),
-            .roll_deg = angle_within(config_.roll_deg, random.uniform(draw + roll_draw)),
-            .head = config_.hrtfs.empty() ? 0 : random.below(static_cast<std::uint32_t>(config_.hrtfs.size()), draw + head_draw)};
+            .heading_deg = heading_of(random, draw + PlaceDraw::heading),
+            .pitch_deg = angle_within(config_.pitch_deg, random.uniform(draw + PlaceDraw::pitch)),
+            .roll_deg = angle_within(config_.roll_deg, random.uniform(draw + PlaceDraw::roll)),
+            .head = config_.hrtfs.empty() ? 0 : random.below(static_cast<std::uint32_t>(config_.hrtfs.size()), draw + PlaceDraw::head)};
   }
   throw InputError(scene().name(),
                    fmt::format("has no free place for a listener {} to {} m from a source within {} draws", config_.min_distance_m,

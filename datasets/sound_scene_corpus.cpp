@@ -12,6 +12,7 @@
 
 #include "datasets/corpus_parts.h"
 #include "datasets/corpus_sounds.h"
+#include "datasets/label_number.h"
 #include "datasets/rir_corpus_response.h"
 #include "datasets/rir_corpus_room.h"
 #include "datasets/sound_scene_events.h"
@@ -26,20 +27,14 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-/// In the place of the scene in the streams of episodes: what stands beside the events of a recording.
+/// In the rounded_place of the scene in the streams of episodes: what stands beside the events of a recording.
 constexpr std::uint32_t kMixStream = 0x53454C4Du;
 
-enum Draw : std::uint32_t {
-  level_draw = 0,
-  snr_draw = 1,
-  noise_file_draw = 2,
-  pattern_draw = 64,
-  heading_draw = 256,
-  noise_start_draw = 512
+struct MixDraw {
+  enum : std::uint32_t { level = 0, snr = 1, noise_file = 2, pattern = 64, heading = 256, noise_start = 512 };
 };
 
-Json rounded(double value) { return std::strtod(fmt::format("{:.6g}", value).c_str(), nullptr); }
-Json place(glm::dvec3 position) { return {rounded(position.x), rounded(position.y), rounded(position.z)}; }
+Json rounded_place(glm::dvec3 position) { return {rounded(position.x), rounded(position.y), rounded(position.z)}; }
 
 /// Root mean square of each channel in a diffuse field, over that of an omnidirectional one.
 float diffuse_level(const ListenerLayout& layout, std::size_t channel) {
@@ -73,8 +68,8 @@ class RoomRecorder {
     for (const SoundEvent& event : plan.events) {
       const auto number = static_cast<std::uint32_t>(event.number);
       const std::vector<std::string>& patterns = config_.rooms.source_patterns;
-      const std::string& pattern = patterns[random.below(static_cast<std::uint32_t>(patterns.size()), pattern_draw + number)];
-      const double heading_deg = 0.01 * random.below(36000, heading_draw + number);
+      const std::string& pattern = patterns[random.below(static_cast<std::uint32_t>(patterns.size()), MixDraw::pattern + number)];
+      const double heading_deg = 0.01 * random.below(36000, MixDraw::heading + number);
       SoundSource source(event.path[0].position);
       source.directivity = Directivity::named(pattern);
       source.orientation = glm::angleAxis(static_cast<float>(heading_deg * std::numbers::pi / 180), glm::vec3(0, 1, 0));
@@ -86,7 +81,7 @@ class RoomRecorder {
     if (!config_.noise.empty() && !plan.events.empty()) noise = add_noise(recording, random, frames, mix);
 
     const double mean_square = energy_of(mix) / static_cast<double>(mix.size());
-    double level_dbfs = within_range(config_.level_dbfs, random.uniform(level_draw));
+    double level_dbfs = within_range(config_.level_dbfs, random.uniform(MixDraw::level));
     double factor = mean_square > 0 ? amplitude_of_db(level_dbfs) / std::sqrt(mean_square) : 1;
     const double peak = peak_of(mix);
     const bool lowered = peak * factor > kMostPeak;
@@ -106,7 +101,7 @@ class RoomRecorder {
                        {"scene_hash", hex64(scene.hash())},
                        {"room", room_index_},
                        {"listener",
-                        {{"position_m", place(scene.to_world(plan.listener.position))},
+                        {{"position_m", rounded_place(scene.to_world(plan.listener.position))},
                          {"heading_deg", plan.listener.heading_deg},
                          {"pitch_deg", plan.listener.pitch_deg},
                          {"roll_deg", plan.listener.roll_deg}}},
@@ -143,7 +138,7 @@ class RoomRecorder {
     std::string name = "synth";
     std::vector<float> clip;
     if (noise_) {
-      name = noise_->files[random.below(static_cast<std::uint32_t>(noise_->files.size()), noise_file_draw)];
+      name = noise_->files[random.below(static_cast<std::uint32_t>(noise_->files.size()), MixDraw::noise_file)];
       clip = load_sound(noise_->root / name, config_.rooms.acoustics.sample_rate_hz).samples;
     }
     std::vector<float> noise;
@@ -153,12 +148,12 @@ class RoomRecorder {
       std::vector<float> channel =
           clip.empty()
               ? white_noise(white, frames)
-              : looped(clip, random.below(static_cast<std::uint32_t>(clip.size()), noise_start_draw + static_cast<std::uint32_t>(c)),
+              : looped(clip, random.below(static_cast<std::uint32_t>(clip.size()), MixDraw::noise_start + static_cast<std::uint32_t>(c)),
                        frames);
       scale(channel, static_cast<double>(diffuse_level(layout_, c)));
       noise.insert(noise.end(), channel.begin(), channel.end());
     }
-    const double energy = energy_of(noise), snr_db = within_range(config_.snr_db, random.uniform(snr_draw));
+    const double energy = energy_of(noise), snr_db = within_range(config_.snr_db, random.uniform(MixDraw::snr));
     if (energy <= 0) throw InputError((noise_->root / name).string(), "is silent", "take it out of the folder");
     const double gain = std::sqrt(energy_of(mix) / energy) / amplitude_of_db(snr_db);
     for (std::size_t i = 0; i < mix.size(); ++i) mix[i] += static_cast<float>(gain) * noise[i];

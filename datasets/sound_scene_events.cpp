@@ -20,32 +20,34 @@ constexpr std::uint32_t kEventStream = 0x53454C44u, kPlaceStream = 0x53454C50u;
 constexpr int kOnsetTries = 100, kWalkTries = 20;
 constexpr int kMostCorners = 200;
 constexpr float kArrivedM = 0.02f;
-constexpr double kFrameS = 0.1, kDegree = 180 / std::numbers::pi;
+constexpr double kFrameS = 0.1, kDegreesPerRadian = 180 / std::numbers::pi;
 
 /// Draw numbers of an event, fixed so that a new consumer does not shift the others.
-enum Draw : std::uint32_t {
-  class_draw = 0,
-  sound_draw = 1,
-  length_draw = 2,
-  moving_draw = 3,
-  speed_draw = 4,
-  level_draw = 5,
-  pattern_draw = 6,
-  instance_draw = 7,
-  heading_draw = 8,
-  pitch_draw = 9,
-  roll_draw = 10,
-  count_draw = 11,
-  onset_draw = 32
+struct EventDraw {
+  enum : std::uint32_t {
+    class_index = 0,
+    sound = 1,
+    length = 2,
+    moving = 3,
+    speed = 4,
+    level = 5,
+    pattern = 6,
+    instance = 7,
+    heading = 8,
+    pitch = 9,
+    roll = 10,
+    count = 11,
+    onset = 32
+  };
 };
 
-/// what: counted within the recording; each has a stream of its own.
+/// what: counted hundredths_within the recording; each has a stream of its own.
 RandomStream stream_of(const SoundSceneConfig& config, std::uint32_t kind, std::size_t room, int recording, int what) {
   return {config.rooms.seed, Purpose::episode, kind, static_cast<std::uint32_t>(room),
           (static_cast<std::uint32_t>(recording) << 16) | static_cast<std::uint32_t>(what)};
 }
 
-double within(const std::vector<float>& range, float fraction) {
+double hundredths_within(const std::vector<float>& range, float fraction) {
   return 0.01 * std::round(100.0 * static_cast<double>(range[0] + fraction * (range[1] - range[0])));
 }
 
@@ -149,38 +151,38 @@ SoundScenePlan plan_sound_scene(const SoundSceneConfig& config, const ClassSound
   SoundScenePlan plan;
   const auto anywhere = [](glm::vec3) { return true; };
   plan.listener.position = room.draw_place(stream(kPlaceStream, 0), 0, config.rooms.listener_height_m, anywhere, "a listener").position();
-  plan.listener.heading_deg = 0.01 * whole.below(36000, heading_draw);
-  plan.listener.pitch_deg = within(config.rooms.pitch_deg, whole.uniform(pitch_draw));
-  plan.listener.roll_deg = within(config.rooms.roll_deg, whole.uniform(roll_draw));
+  plan.listener.heading_deg = 0.01 * whole.below(36000, EventDraw::heading);
+  plan.listener.pitch_deg = hundredths_within(config.rooms.pitch_deg, whole.uniform(EventDraw::pitch));
+  plan.listener.roll_deg = hundredths_within(config.rooms.roll_deg, whole.uniform(EventDraw::roll));
   const auto keeps_distance = [&](glm::vec3 place) {
     const float distance_m = glm::length(place - plan.listener.position);
     return distance_m >= config.rooms.min_distance_m && distance_m <= config.rooms.max_distance_m;
   };
-  const int count =
-      config.events[0] + static_cast<int>(whole.below(static_cast<std::uint32_t>(config.events[1] - config.events[0] + 1), count_draw));
+  const int count = config.events[0] +
+                    static_cast<int>(whole.below(static_cast<std::uint32_t>(config.events[1] - config.events[0] + 1), EventDraw::count));
   for (int number = 1; number <= count; ++number) {
     const RandomStream random = stream(kEventStream, number);
     SoundEvent event;
-    event.class_index = random.below(static_cast<std::uint32_t>(config.classes.size()), class_draw);
+    event.class_index = random.below(static_cast<std::uint32_t>(config.classes.size()), EventDraw::class_index);
     const std::vector<std::string>& among = sounds[event.class_index];
-    event.sound = among[random.below(static_cast<std::uint32_t>(among.size()), sound_draw)];
+    event.sound = among[random.below(static_cast<std::uint32_t>(among.size()), EventDraw::sound)];
     if (event.sound.starts_with("synth:") && std::ranges::count(event.sound, ':') == 1)
-      event.sound += fmt::format(":{}", random.below(1u << 20, instance_draw));
-    const double length_s = within(config.event_s, random.uniform(length_draw));
+      event.sound += fmt::format(":{}", random.below(1u << 20, EventDraw::instance));
+    const double length_s = hundredths_within(config.event_s, random.uniform(EventDraw::length));
     bool fits = false;
     for (std::uint32_t attempt = 0; attempt < kOnsetTries && !fits; ++attempt) {
-      event.onset_s = 0.001 * std::floor(1000 * static_cast<double>(random.uniform(onset_draw + attempt)) *
+      event.onset_s = 0.001 * std::floor(1000 * static_cast<double>(random.uniform(EventDraw::onset + attempt)) *
                                          std::max(0.0, static_cast<double>(config.duration_s) - length_s));
       event.offset_s = event.onset_s + length_s;
       fits = most_at_once(plan.events, event.onset_s, event.offset_s) < config.max_overlap;
     }
     if (!fits) continue;
-    event.level_db = within(config.event_db, random.uniform(level_draw));
+    event.level_db = hundredths_within(config.event_db, random.uniform(EventDraw::level));
     const RandomStream places = stream(kPlaceStream, number);
     const FreePlace start = room.draw_place(places, 0, config.rooms.source_height_m, keeps_distance, "a source");
     event.path = {{0, start.position()}};
-    if (random.uniform(moving_draw) < config.moving) {
-      event.speed_m_per_s = std::max(0.01, within(config.speed_m_per_s, random.uniform(speed_draw)));
+    if (random.uniform(EventDraw::moving) < config.moving) {
+      event.speed_m_per_s = std::max(0.01, hundredths_within(config.speed_m_per_s, random.uniform(EventDraw::speed)));
       event.path = draw_walk(config, room, places, start, plan.listener.position, event.speed_m_per_s, length_s);
     }
     if (!event.moves()) event.speed_m_per_s = 0;
@@ -202,8 +204,8 @@ std::string dcase_metadata(const SoundScenePlan& plan, float duration_s) {
       const glm::vec3 toward = event.position_at(t_s - event.onset_s) - plan.listener.position;
       const glm::vec3 local = orientation.world_to_local(glm::normalize(toward));
       lines += fmt::format("{},{},{},{},{},{}\n", frame, event.class_index, event.number,
-                           std::lround(kDegree * std::atan2(static_cast<double>(-local.x), static_cast<double>(-local.z))),
-                           std::lround(kDegree * std::asin(std::clamp(static_cast<double>(local.y), -1.0, 1.0))),
+                           std::lround(kDegreesPerRadian * std::atan2(static_cast<double>(-local.x), static_cast<double>(-local.z))),
+                           std::lround(kDegreesPerRadian * std::asin(std::clamp(static_cast<double>(local.y), -1.0, 1.0))),
                            std::lround(100 * static_cast<double>(glm::length(toward))));
     }
   }

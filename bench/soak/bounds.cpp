@@ -8,7 +8,7 @@
 namespace earshot {
 namespace {
 
-constexpr double kPerSteps = 100'000;
+constexpr double kSlopeSteps = 100'000;
 /// The heap finds its high-water mark when the largest scene is loaded: before every scene has been there, and in fewer than 100,000 steps,
 /// growth below this says nothing.
 constexpr double kNoiseMiB = 32;
@@ -18,10 +18,10 @@ SoakBound none_of(const std::string& name, std::uint64_t count, const std::strin
 }
 
 SoakBound memory_bound(const SoakResult& result) {
-  const double slope = kPerSteps * result.resident_slope.per_x, error = kPerSteps * result.resident_slope.standard_error;
+  const double slope = kSlopeSteps * result.resident_slope.per_x, error = kSlopeSteps * result.resident_slope.standard_error;
   const auto window = static_cast<double>(result.steps - std::min(result.steps, result.warm_up_steps));
-  const bool warm = result.all_scenes_before && window >= kPerSteps;
-  const double noise = !warm && window > 0 ? kNoiseMiB * kPerSteps / window : 0;
+  const bool warm = result.all_scenes_before && window >= kSlopeSteps;
+  const double noise = !warm && window > 0 ? kNoiseMiB * kSlopeSteps / window : 0;
   const double limit = std::max(result.options.memory_limit_mib, noise);
   SoakBound bound{.name = "resident memory",
                   .found = fmt::format("{:+.3f} ± {:.3f} MiB per 100,000 steps after the first {}", slope, error, result.warm_up_steps),

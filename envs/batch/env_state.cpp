@@ -15,7 +15,7 @@ namespace {
 
 using nlohmann::json;
 
-constexpr int kVersion = 2;
+constexpr int kStateVersion = 2;
 
 [[noreturn]] void fail(const std::string& what) { throw InputError("environment state", what, "resume from another checkpoint"); }
 
@@ -35,7 +35,7 @@ std::string encode(const EnvState& state) {
   }
   const json body = {{"set_hash", hex64(state.set_hash)}, {"seed", state.seed},       {"first_env", state.first_env},
                      {"total_envs", state.total_envs},    {"started", state.started}, {"envs", envs}};
-  const json document = {{"earshot_env_state", kVersion}, {"checksum", hex64(hash64(body.dump()))}, {"body", body}};
+  const json document = {{"earshot_env_state", kStateVersion}, {"checksum", hex64(hash64(body.dump()))}, {"body", body}};
   return document.dump();
 }
 
@@ -44,7 +44,8 @@ EnvState decode_env_state(std::string_view text) {
   check_json_depth(text, "environment state");
   try {
     const json document = json::parse(text);
-    check_schema_version("environment state", "a state", whole_number<std::int64_t>(document, "earshot_env_state"), {kVersion, kVersion});
+    check_schema_version("environment state", "a state", whole_number<std::int64_t>(document, "earshot_env_state"),
+                         {kStateVersion, kStateVersion});
     const json& body = document.at("body");
     if (document.at("checksum").get<std::string>() != hex64(hash64(body.dump()))) fail("is damaged: its checksum is wrong");
     const auto hash = body.at("set_hash").get<std::string>();

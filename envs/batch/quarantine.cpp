@@ -24,7 +24,7 @@ namespace {
 
 using nlohmann::json;
 
-constexpr int kVersion = 1;
+constexpr int kQuarantineVersion = 1;
 constexpr std::size_t kMaxFileBytes = std::size_t{64} << 20;
 constexpr const char* kRemedy = "name a file that a run wrote to its quarantine_dir";
 
@@ -55,7 +55,7 @@ std::optional<Fault> fault_by_name(std::string_view name) {
 std::uint64_t QuarantineCounters::total() const { return std::accumulate(episodes.begin(), episodes.end(), std::uint64_t{0}); }
 
 std::string encode(const QuarantineRecord& record) {
-  json document = {{"earshot_quarantine", kVersion},
+  json document = {{"earshot_quarantine", kQuarantineVersion},
                    {"reason", name_of(record.report.fault)},
                    {"detail", record.report.detail},
                    {"engine", record.engine},
@@ -78,7 +78,7 @@ QuarantineRecord decode_quarantine_record(std::string_view text, const std::stri
   try {
     const json document = json::parse(text);
     if (!document.is_object() || !document.contains("earshot_quarantine")) fail("is no quarantined episode");
-    check_schema_version(document, "earshot_quarantine", where, "a quarantined episode", {kVersion, kVersion});
+    check_schema_version(document, "earshot_quarantine", where, "a quarantined episode", {kQuarantineVersion, kQuarantineVersion});
     const auto reason = document.at("reason").get<std::string>();
     const auto fault = fault_by_name(reason);
     if (!fault) fail("has an unknown reason '" + reason + "'");

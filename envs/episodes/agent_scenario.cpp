@@ -16,7 +16,9 @@ namespace {
 
 /// The third counter of an episode's draws, with the agent and the attempt: the generator's own attempts stay below.
 constexpr std::uint32_t kFirstOfAgents = 0x80000000u, kTriesPerAgent = 1u << 26;
-enum Draw : std::uint32_t { place_draw = 0, heading_draw = 2, sound_draw = 3 };
+struct AgentDraw {
+  enum : std::uint32_t { place = 0, heading = 2, sound = 3 };
+};
 
 }  // namespace
 
@@ -50,7 +52,7 @@ void apply_agents(const AgentScenario& scenario, const Scene& scene, const Navme
     const auto sound_of = [&](std::uint32_t agent) {
       return scenario.sounds.empty()
                  ? std::string{}
-                 : scenario.sounds[random_of(agent, 0).below(static_cast<std::uint32_t>(scenario.sounds.size()), sound_draw)];
+                 : scenario.sounds[random_of(agent, 0).below(static_cast<std::uint32_t>(scenario.sounds.size()), AgentDraw::sound)];
     };
     const glm::vec3 goal = scene.to_local(episode.goal_position);
     std::vector<glm::vec3> starts{scene.to_local(episode.start_position)};
@@ -60,14 +62,14 @@ void apply_agents(const AgentScenario& scenario, const Scene& scene, const Navme
     for (std::uint32_t agent = 1; agent < static_cast<std::uint32_t>(scenario.count); ++agent) {
       for (std::uint32_t attempt = 0; attempt < max_tries && starts.size() == agent; ++attempt) {
         const RandomStream random = random_of(agent, attempt);
-        const glm::vec3 place = navmesh.random_point(random, place_draw);
+        const glm::vec3 place = navmesh.random_point(random, AgentDraw::place);
         const auto near = [&](glm::vec3 other) { return glm::distance(place, other) < scenario.apart_m; };
         if (std::any_of(starts.begin(), starts.end(), near) || !stands_free(scene, place, task.ear_height_m)) continue;
         const auto path_m = navmesh.path_length_m(place, goal);
         if (!path_m || *path_m < filter.min_geodesic_m || *path_m > filter.max_geodesic_m) continue;
         starts.push_back(place);
         const int turns = turns_per_circle(task);
-        const auto turned = static_cast<double>(random.below(static_cast<std::uint32_t>(turns), heading_draw));
+        const auto turned = static_cast<double>(random.below(static_cast<std::uint32_t>(turns), AgentDraw::heading));
         episode.other_agents.push_back({.start_position = scene.to_world(place),
                                         .start_rotation = rotation_of(turned * 2.0 * std::numbers::pi / turns),
                                         .sound = sound_of(agent),

@@ -18,7 +18,9 @@ namespace earshot {
 namespace {
 
 /// Draw numbers of one try, fixed so that a new consumer does not shift the others.
-enum Draw : std::uint32_t { start_draw = 0, goal_draw = 2, heading_draw = 4, sound_draw = 5 };
+struct EpisodeDraw {
+  enum : std::uint32_t { start = 0, goal = 2, heading = 4, sound = 5 };
+};
 
 /// Below this height the navmesh's floor may lie inside the real one by a cell or a step.
 constexpr float kKneeHeight_m = 0.3f;
@@ -43,9 +45,9 @@ struct SharedGoals {
 
 std::optional<Episode> draw_episode(const RandomStream& random, const Scene* scene, const Navmesh& navmesh, const TaskConfig& task,
                                     const EpisodeFilter& filter, SharedGoals& shared) {
-  const std::size_t which = shared.places.empty() ? 0 : random.below(static_cast<std::uint32_t>(shared.places.size()), goal_draw);
-  const glm::vec3 start = navmesh.random_point(random, start_draw),
-                  goal = shared.places.empty() ? navmesh.random_point(random, goal_draw) : shared.places[which];
+  const std::size_t which = shared.places.empty() ? 0 : random.below(static_cast<std::uint32_t>(shared.places.size()), EpisodeDraw::goal);
+  const glm::vec3 start = navmesh.random_point(random, EpisodeDraw::start),
+                  goal = shared.places.empty() ? navmesh.random_point(random, EpisodeDraw::goal) : shared.places[which];
   const float straight_m = glm::length(goal - start);
   if (!(straight_m > 0) || straight_m > filter.max_geodesic_m) return std::nullopt;
   // The plain path query refuses most draws before a distance field is built for the goal.
@@ -58,7 +60,7 @@ std::optional<Episode> draw_episode(const RandomStream& random, const Scene* sce
   const GeodesicField& field = own ? *own : shared.field_of(navmesh, which);
   const auto geodesic_m = field.distance_m(start);
   if (!geodesic_m || !std::isfinite(*geodesic_m) || !passes(filter, *geodesic_m, straight_m)) return std::nullopt;
-  const auto turns = static_cast<double>(random.below(static_cast<std::uint32_t>(turns_per_circle(task)), heading_draw));
+  const auto turns = static_cast<double>(random.below(static_cast<std::uint32_t>(turns_per_circle(task)), EpisodeDraw::heading));
   Episode episode;
   episode.start_rotation = rotation_of(turns * 2.0 * std::numbers::pi / turns_per_circle(task));
   // Counted from the heading that a reader of the file gets.
@@ -86,7 +88,7 @@ std::vector<Episode> generate(const std::string& scene_id, const Scene* scene, c
     for (int attempt = 0; attempt < filter.max_tries && !episode; ++attempt) {
       const RandomStream random(seed, Purpose::episode, scene_word, static_cast<std::uint32_t>(index), static_cast<std::uint32_t>(attempt));
       episode = draw_episode(random, scene, navmesh, task, filter, shared);
-      if (episode) episode->sound = sounds[random.below(static_cast<std::uint32_t>(sounds.size()), sound_draw)];
+      if (episode) episode->sound = sounds[random.below(static_cast<std::uint32_t>(sounds.size()), EpisodeDraw::sound)];
     }
     if (!episode)
       throw InputError(scene_id,
@@ -147,7 +149,7 @@ std::vector<glm::vec3> spread_goals(const std::string& scene_id, const Scene& sc
     glm::vec3 best{0};
     for (int found = 0, occupied = 0; found < kPlacesPerGoal && occupied < filter.max_tries;) {
       const RandomStream random(seed, Purpose::episode, scene_word, kGoalsOfTheScene, draw++);
-      const glm::vec3 place = navmesh.random_point(random, goal_draw);
+      const glm::vec3 place = navmesh.random_point(random, EpisodeDraw::goal);
       if (!stands_free(scene, place, task.source_height_m)) {
         ++occupied;
         continue;

@@ -16,7 +16,9 @@ namespace {
 constexpr double kFromTheGoalM = 1;
 /// The third counter of an episode's draws: attempts of the generator stay far below.
 constexpr std::uint32_t kSourcesOfTheEpisode = 0xFFFFFFFEu;
-enum Draw : std::uint32_t { onset_draw, duration_draw, first_distractor_draw };
+struct SoundDraw {
+  enum : std::uint32_t { onset, duration, first_distractor };
+};
 
 }  // namespace
 
@@ -63,10 +65,10 @@ void apply_scenario(const SoundScenario& scenario, std::span<const std::string> 
                               static_cast<std::uint32_t>(index), kSourcesOfTheEpisode);
     EpisodeSource goal{.position = episode.goal_position, .sound = episode.sound, .goal = true};
     const float span_s = scenario.onset_high_s - scenario.onset_low_s;
-    goal.onset_s = static_cast<double>(scenario.onset_low_s + span_s * random.uniform(onset_draw));
+    goal.onset_s = static_cast<double>(scenario.onset_low_s + span_s * random.uniform(SoundDraw::onset));
     if (scenario.duration_mean_s >= 0)
-      goal.duration_s = static_cast<double>(
-          std::max(SoundScenario::kLeastDurationS, scenario.duration_mean_s + scenario.duration_std_s * random.normal2(duration_draw)[0]));
+      goal.duration_s = static_cast<double>(std::max(
+          SoundScenario::kLeastDurationS, scenario.duration_mean_s + scenario.duration_std_s * random.normal2(SoundDraw::duration)[0]));
     episode.sources = {goal};
 
     std::vector<glm::dvec3> free;
@@ -79,7 +81,7 @@ void apply_scenario(const SoundScenario& scenario, std::span<const std::string> 
       throw InputError(episode.scene_id, "has no place, or the set no second sound, for a distractor",
                        "name more sounds, take a larger scene, or set scenario.distractors to 0");
     for (int i = 0; i < scenario.distractors; ++i) {
-      const std::uint32_t draw = first_distractor_draw + 2 * static_cast<std::uint32_t>(i);
+      const std::uint32_t draw = SoundDraw::first_distractor + 2 * static_cast<std::uint32_t>(i);
       episode.sources.push_back({.position = free[random.below(static_cast<std::uint32_t>(free.size()), draw)],
                                  .sound = others[random.below(static_cast<std::uint32_t>(others.size()), draw + 1)],
                                  .level_db = scenario.distractor_level_db});

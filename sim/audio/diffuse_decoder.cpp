@@ -11,7 +11,7 @@
 namespace earshot {
 namespace {
 
-using Complex = std::complex<double>;
+using DoubleComplex = std::complex<double>;
 
 constexpr std::size_t kNumDirections = 2000;
 constexpr double kPhaseLimitHz = 1500;
@@ -20,26 +20,26 @@ constexpr double kSilence = 1e-12;
 
 /// 2 x 2 complex matrix.
 struct Matrix {
-  Complex a, b, c, d;  ///< rows (a b), (c d)
+  DoubleComplex a, b, c, d;  ///< rows (a b), (c d)
 };
 Matrix operator*(const Matrix& x, const Matrix& y) {
   return {x.a * y.a + x.b * y.c, x.a * y.b + x.b * y.d, x.c * y.a + x.d * y.c, x.c * y.b + x.d * y.d};
 }
 Matrix adjoint(const Matrix& x) { return {std::conj(x.a), std::conj(x.c), std::conj(x.b), std::conj(x.d)}; }
-Complex determinant(const Matrix& x) { return x.a * x.d - x.b * x.c; }
+DoubleComplex determinant(const Matrix& x) { return x.a * x.d - x.b * x.c; }
 
 /// Lower triangle L with L L^H = the Hermitian matrix x.
 Matrix cholesky(const Matrix& x) {
   const double first = std::sqrt(x.a.real());
-  const Complex below = x.c / first;
+  const DoubleComplex below = x.c / first;
   return {first, 0, below, std::sqrt(std::max(x.d.real() - std::norm(below), 0.0))};
 }
 Matrix inverse_of_lower(const Matrix& l) { return {1.0 / l.a, 0, -l.c / (l.a * l.d), 1.0 / l.d}; }
 
 /// Unitary factor of the polar decomposition.  For 2 x 2, x + |det x| x^-H has the singular vectors of x and equal singular values.
 Matrix unitary_factor(const Matrix& x) {
-  const Complex det = determinant(x);
-  const Complex turn = std::abs(det) > 0 ? det / std::abs(det) : 1.0;
+  const DoubleComplex det = determinant(x);
+  const DoubleComplex turn = std::abs(det) > 0 ? det / std::abs(det) : 1.0;
   const Matrix sum{x.a + turn * std::conj(x.d), x.b - turn * std::conj(x.c), x.c - turn * std::conj(x.b), x.d + turn * std::conj(x.a)};
   const double scale = 1.0 / std::sqrt(std::abs(determinant(sum)));
   return {sum.a * scale, sum.b * scale, sum.c * scale, sum.d * scale};
@@ -48,8 +48,8 @@ Matrix unitary_factor(const Matrix& x) {
 /// Covariance of the two ears from spectra of one bin.
 struct Covariance {
   double left = 0, right = 0;
-  Complex cross = 0;  ///< mean of left * conj(right)
-  void add(Complex l, Complex r) {
+  DoubleComplex cross = 0;  ///< mean of left * conj(right)
+  void add(DoubleComplex l, DoubleComplex r) {
     left += std::norm(l);
     right += std::norm(r);
     cross += l * std::conj(r);
@@ -105,20 +105,20 @@ std::array<std::vector<std::complex<float>>, 8> make_diffuse_decoder(const EarSp
 
   std::array<std::vector<std::complex<float>>, 8> decoder;
   for (auto& spectrum : decoder) spectrum.resize(bins);
-  std::array<Complex, 8> before{};
+  std::array<DoubleComplex, 8> before{};
   double loudest = 0;
   for (std::size_t k = 0; k < bins; ++k) {
     const bool phase_free = static_cast<double>(k) * sample_rate_hz / fft_size > kPhaseLimitHz;
-    std::array<Complex, 8> projection{};
+    std::array<DoubleComplex, 8> projection{};
     Covariance of_head;
     for (std::size_t i = 0; i < directions.size(); ++i) {
-      Complex ear[2];
+      DoubleComplex ear[2];
       for (std::size_t e = 0; e < 2; ++e) ear[e] = spectra[(i * 2 + e) * bins + k];
       of_head.add(ear[0], ear[1]);
       for (std::size_t e = 0; e < 2; ++e) {
-        Complex target = ear[e];
+        DoubleComplex target = ear[e];
         if (phase_free) {  // the magnitude of the head with the phase that the decoder already has one bin below
-          Complex decoded = 0;
+          DoubleComplex decoded = 0;
           for (std::size_t c = 0; c < 4; ++c) decoded += before[2 * c + e] * static_cast<double>(harmonics[i][c]);
           if (std::abs(decoded) > 0) target = std::abs(target) * decoded / std::abs(decoded);
         }
@@ -126,7 +126,7 @@ std::array<std::vector<std::complex<float>>, 8> make_diffuse_decoder(const EarSp
       }
     }
     const double weight = 1.0 / static_cast<double>(directions.size());
-    for (Complex& value : projection) value *= weight;
+    for (DoubleComplex& value : projection) value *= weight;
     before = projection;
     of_head.left *= weight, of_head.right *= weight, of_head.cross *= weight;
 
@@ -141,7 +141,7 @@ std::array<std::vector<std::complex<float>>, 8> make_diffuse_decoder(const EarSp
     // Among all mixings that give the wanted covariance, the one that changes the ears least.
     const Matrix mixing = want * adjoint(unitary_factor(adjoint(have) * want)) * inverse_of_lower(have);
     for (std::size_t c = 0; c < 4; ++c) {
-      const Complex left = projection[2 * c], right = projection[2 * c + 1];
+      const DoubleComplex left = projection[2 * c], right = projection[2 * c + 1];
       decoder[2 * c][k] = std::complex<float>(mixing.a * left + mixing.b * right);
       decoder[2 * c + 1][k] = std::complex<float>(mixing.c * left + mixing.d * right);
     }

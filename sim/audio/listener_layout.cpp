@@ -13,7 +13,7 @@
 namespace earshot {
 namespace {
 
-constexpr int kMaxOrder = 9;
+constexpr int kMaxLayoutOrder = 9;
 constexpr std::size_t kMaxMicrophones = 256;
 constexpr float kMaxOffsetM = 10.f;
 
@@ -138,7 +138,7 @@ int ListenerLayout::num_channels() const {
 
 void validate(const ListenerLayout& layout) {
   if (layout.kind == ListenerKind::ambisonics)
-    require(layout.order >= 0 && layout.order <= kMaxOrder, "ambisonic order", layout.order, "must be in [0, 9]");
+    require(layout.order >= 0 && layout.order <= kMaxLayoutOrder, "ambisonic order", layout.order, "must be in [0, 9]");
   if (layout.kind != ListenerKind::array) return;
   require(!layout.microphones.empty() && layout.microphones.size() <= kMaxMicrophones, "microphones", layout.microphones.size(),
           "must be in [1, 256]: each is a channel");

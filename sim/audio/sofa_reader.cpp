@@ -21,7 +21,7 @@ namespace {
 
 constexpr std::size_t kMaxFileBytes = std::size_t{1} << 30;
 constexpr unsigned kMinDirections = 8, kMaxDirections = 100000, kMaxTaps = 16384;
-constexpr float kMinRateHz = 1000, kMaxRateHz = 768000;
+constexpr float kMinSofaRateHz = 1000, kMaxSofaRateHz = 768000;
 constexpr std::string_view kRemedy = "give a SimpleFreeFieldHRIR SOFA file";
 
 struct FreeResponses {
@@ -135,8 +135,8 @@ SofaResponses parse_sofa(const std::filesystem::path& path) {
 void validate(const SofaResponses& responses, const std::string& where) {
   const auto refuse = [&](const std::string& what) { return InputError(where, what, kRemedy); };
   const std::size_t measurements = responses.direction.size();
-  if (!(responses.sample_rate_hz >= kMinRateHz && responses.sample_rate_hz <= kMaxRateHz))
-    throw refuse(fmt::format("has Data.SamplingRate {} Hz, outside [{}, {}]", responses.sample_rate_hz, kMinRateHz, kMaxRateHz));
+  if (!(responses.sample_rate_hz >= kMinSofaRateHz && responses.sample_rate_hz <= kMaxSofaRateHz))
+    throw refuse(fmt::format("has Data.SamplingRate {} Hz, outside [{}, {}]", responses.sample_rate_hz, kMinSofaRateHz, kMaxSofaRateHz));
   if (measurements < kMinDirections || measurements > kMaxDirections) throw refuse(fmt::format("has {} measurements (M)", measurements));
   if (responses.num_taps < 1 || responses.num_taps > static_cast<int>(kMaxTaps))
     throw refuse(fmt::format("has {} samples per response (N)", responses.num_taps));

@@ -11,11 +11,10 @@
 #include <system_error>
 
 #include "sim/base/errors.h"
+#include "sim/base/file_descriptor.h"
 
 namespace earshot {
 namespace {
-
-std::string last_error() { return std::generic_category().message(errno); }
 
 /// A file descriptor and the temporary file behind it: closed and removed unless the rename succeeded.
 class TemporaryFile {

@@ -19,6 +19,7 @@
 #include <utility>
 #include <vector>
 
+#include "sim/base/file_descriptor.h"
 #include "sim/base/files.h"
 
 namespace earshot {
@@ -36,21 +37,6 @@ struct Header {
 static_assert(sizeof(Header) == 64);  // so that what follows is aligned to a cache line
 
 constexpr auto kStaleTemporary = std::chrono::hours(1);
-
-std::string last_error() { return std::generic_category().message(errno); }
-
-class Descriptor {
- public:
-  explicit Descriptor(int value) : value_(value) {}
-  ~Descriptor() { close(); }
-  Descriptor(const Descriptor&) = delete;
-  Descriptor& operator=(const Descriptor&) = delete;
-  [[nodiscard]] int get() const { return value_; }
-  bool close() { return value_ < 0 || ::close(std::exchange(value_, -1)) == 0; }
-
- private:
-  int value_;
-};
 
 /// Pages of a file, read-only and shared.
 struct Mapping {

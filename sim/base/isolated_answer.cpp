@@ -18,7 +18,6 @@
 namespace earshot {
 namespace {
 
-constexpr int kAnswerDescriptor = 3;
 constexpr int kOwnArguments = 4;  // name, calling process, memory, seconds
 
 std::uint64_t to_number(const char* text) {

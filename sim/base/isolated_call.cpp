@@ -19,6 +19,7 @@
 #include <utility>
 
 #include "sim/base/errors.h"
+#include "sim/base/file_descriptor.h"
 #include "sim/base/files.h"
 #include "sim/base/install_paths.h"
 
@@ -31,29 +32,11 @@ using Clock = std::chrono::steady_clock;
 
 constexpr std::uint64_t kMagic = 0x31534E4152414545;  // "EEARANS1" in little-endian order
 constexpr std::size_t kHeaderBytes = 4 * sizeof(std::uint64_t);
-constexpr int kAnswerDescriptor = 3;  // isolated_answer.cpp writes there
 constexpr int kPipeBytes = 1 << 20;
 constexpr const char* kDriverRemedy = "update or remove the driver";
 constexpr const char* kRemedy = "check the file in another program, or export or fetch it again";
 
 std::string message_of(int error) { return std::generic_category().message(error); }
-
-class Descriptor {
- public:
-  explicit Descriptor(int value = -1) : value_(value) {}
-  Descriptor(Descriptor&& other) noexcept : value_(std::exchange(other.value_, -1)) {}
-  Descriptor& operator=(Descriptor&& other) noexcept {
-    std::swap(value_, other.value_);
-    return *this;
-  }
-  ~Descriptor() {
-    if (value_ >= 0) ::close(value_);
-  }
-  [[nodiscard]] int get() const { return value_; }
-
- private:
-  int value_;
-};
 
 struct Pipe {
   Descriptor read, write;

@@ -12,7 +12,7 @@
 namespace earshot {
 namespace {
 
-constexpr std::uint32_t none = 0xFFFFFFFFu;
+constexpr std::uint32_t kNoTriangle = 0xFFFFFFFFu;
 /// Of the diagonal, and of the root of a triangle's area.
 constexpr double kFlatOfDiagonal = 1e-6, kFlatOfTriangle = 1e-3;
 /// Facing of neighbours in a patch: small triangles may lean by their rounding.
@@ -25,7 +25,7 @@ struct Facet {
 
 class PatchFinder {
  public:
-  explicit PatchFinder(const TriangleMesh& mesh) : mesh_(mesh), patch_(mesh.triangles.size(), none) {
+  explicit PatchFinder(const TriangleMesh& mesh) : mesh_(mesh), patch_(mesh.triangles.size(), kNoTriangle) {
     const Bounds bounds = bounds_of(mesh);
     if (!mesh.triangles.empty()) flat_m_ = kFlatOfDiagonal * glm::length(glm::dvec3(bounds.upper) - glm::dvec3(bounds.lower));
     find_neighbours();
@@ -42,7 +42,7 @@ class PatchFinder {
     for (std::size_t next = 0; next < members_.size(); ++next) {
       for (std::size_t side = 0; side < 3; ++side) {
         const std::uint32_t other = neighbours_[3 * std::size_t{members_[next]} + side];
-        if (other == none || patch_[other] != none) continue;
+        if (other == kNoTriangle || patch_[other] != kNoTriangle) continue;
         const Facet of_other = facet(other);
         if (glm::dot(of_other.normal, normal) < kSameFacing) continue;
         const double limit_m = std::min(most_m, flatness(of_other));
@@ -58,7 +58,7 @@ class PatchFinder {
     return members_;
   }
 
-  [[nodiscard]] bool is_taken(std::uint32_t triangle) const { return patch_[triangle] != none; }
+  [[nodiscard]] bool is_taken(std::uint32_t triangle) const { return patch_[triangle] != kNoTriangle; }
   [[nodiscard]] Facet facet(std::uint32_t triangle) const {
     const glm::uvec3 corner = mesh_.triangles[triangle];
     const glm::dvec3 a = vertex(corner.x), n = glm::cross(vertex(corner.y) - a, vertex(corner.z) - a);
@@ -68,7 +68,7 @@ class PatchFinder {
   /// Whether the patch of a triangle ends at this side.
   [[nodiscard]] bool is_border(std::uint32_t triangle, int side) const {
     const std::uint32_t other = neighbours_[3 * std::size_t{triangle} + static_cast<std::size_t>(side)];
-    return other == none || patch_[other] != patch_[triangle];
+    return other == kNoTriangle || patch_[other] != patch_[triangle];
   }
 
  private:
@@ -79,7 +79,7 @@ class PatchFinder {
   void find_neighbours() {
     // Sides, as 3 * triangle + side, by their lower vertex: the others that it may be shared with are few.
     const std::size_t num_sides = 3 * mesh_.triangles.size();
-    EARSHOT_EXPECT(num_sides < none);
+    EARSHOT_EXPECT(num_sides < kNoTriangle);
     const auto start = [&](std::uint32_t side) { return mesh_.triangles[side / 3][static_cast<int>(side % 3)]; };
     const auto end_of = [&](std::uint32_t side) { return mesh_.triangles[side / 3][static_cast<int>((side + 1) % 3)]; };
     std::vector<std::uint32_t> first_of(mesh_.vertices.size() + 1, 0), sides(num_sides);
@@ -88,7 +88,7 @@ class PatchFinder {
     std::vector<std::uint32_t> next(first_of.begin(), first_of.end() - 1);
     for (std::uint32_t side = 0; side < num_sides; ++side) sides[next[std::min(start(side), end_of(side))]++] = side;
 
-    neighbours_.assign(num_sides, none);
+    neighbours_.assign(num_sides, kNoTriangle);
     for (std::size_t vertex = 0; vertex + 1 < first_of.size(); ++vertex) {
       const auto group = std::span(sides).subspan(first_of[vertex], first_of[vertex + 1] - first_of[vertex]);
       const auto far = [&](std::uint32_t side) { return std::max(start(side), end_of(side)); };

@@ -11,23 +11,23 @@
 namespace earshot {
 namespace {
 
-constexpr int kLatticeMm = 50, kCorridorMm = 2400, kPassageMm = 2000;
+constexpr int kFloorLatticeMm = 50, kCorridorMm = 2400, kPassageMm = 2000;
 constexpr int kShortestRoomMm = 3000, kLongestRoomMm = 6500;
 constexpr int kPassageEveryMm = 20'000;
 constexpr int kDoorMarginMm = 200;
 enum Stage : std::uint32_t { walls_stage = 32, doors_stage = 33, windows_stage = 34 };
 
-int snapped(int value_mm) { return value_mm / kLatticeMm * kLatticeMm; }
-int millimetres(float metres) { return snapped(static_cast<int>(metres * 1000.f + 0.5f)); }
+int snapped_down(int value_mm) { return value_mm / kFloorLatticeMm * kFloorLatticeMm; }
+int millimetres(float metres) { return snapped_down(static_cast<int>(metres * 1000.f + 0.5f)); }
 
 /// Rooms side by side along z from z0 to z1, walls between them.
 void append_row(int x0, int x1, int z0, int z1, HouseDraws& draws, std::vector<PlanRoom>& rooms) {
   constexpr RoomType types[] = {RoomType::bedroom,  RoomType::bedroom, RoomType::office,
                                 RoomType::bathroom, RoomType::living,  RoomType::kitchen};
   for (int at = z0; at < z1;) {
-    int end = at + draws.between(kShortestRoomMm / kLatticeMm, kLongestRoomMm / kLatticeMm) * kLatticeMm;
+    int end = at + draws.between(kShortestRoomMm / kFloorLatticeMm, kLongestRoomMm / kFloorLatticeMm) * kFloorLatticeMm;
     if (z1 - end < kShortestRoomMm + kWallMm) end = z1;
-    if (end - at > kLongestRoomMm + kShortestRoomMm) end = snapped((at + z1) / 2);
+    if (end - at > kLongestRoomMm + kShortestRoomMm) end = snapped_down((at + z1) / 2);
     rooms.push_back({.floor = {x0, at, x1, end}, .type = types[draws.between(0, 5)]});
     at = end == z1 ? z1 : end + kWallMm;
   }
@@ -41,9 +41,9 @@ bool add_door(const std::vector<PlanRoom>& rooms, int a, int b, int door_mm, Hou
   if (across_x == across_z) return false;
   const int from = across_x ? std::max(first.z0, second.z0) : std::max(first.x0, second.x0);
   const int to = across_x ? std::min(first.z1, second.z1) : std::min(first.x1, second.x1);
-  const int steps = (to - from - door_mm - 2 * kDoorMarginMm) / kLatticeMm;
+  const int steps = (to - from - door_mm - 2 * kDoorMarginMm) / kFloorLatticeMm;
   if (to - from < door_mm + 2 * kDoorMarginMm) return false;
-  const int at = from + kDoorMarginMm + draws.between(0, steps) * kLatticeMm;
+  const int at = from + kDoorMarginMm + draws.between(0, steps) * kFloorLatticeMm;
   PlanRect hole = across_x ? PlanRect{std::min(first.x1, second.x1), at, std::max(first.x0, second.x0), at + door_mm}
                            : PlanRect{at, std::min(first.z1, second.z1), at + door_mm, std::max(first.z0, second.z0)};
   doors.push_back({a, b, hole});
@@ -74,7 +74,7 @@ HousePlan make_floor_plan(const FloorConfig& config) {
   const int width = millimetres(config.width_m), length = millimetres(config.length_m);
   // Across x: rooms, corridor, core, corridor, rooms.
   const int rows = width - 2 * kCorridorMm - 4 * kWallMm;
-  const int outer = snapped(rows * walls.between(290, 330) / 1000);
+  const int outer = snapped_down(rows * walls.between(290, 330) / 1000);
   const int corridor_a = outer + kWallMm, core0 = corridor_a + kCorridorMm + kWallMm;
   const int core1 = width - outer - 2 * kWallMm - kCorridorMm, corridor_b = core1 + kWallMm;
   HousePlan plan;
@@ -86,9 +86,9 @@ HousePlan make_floor_plan(const FloorConfig& config) {
   append_row(corridor_b + kCorridorMm + kWallMm, width, 0, length, walls, rooms);
   // The core: rooms two deep, cut by passages from corridor to corridor.
   const int blocks = std::max(1, (length + kPassageEveryMm / 2) / kPassageEveryMm);
-  const int middle = snapped((core0 + core1) / 2);
+  const int middle = snapped_down((core0 + core1) / 2);
   for (int block = 0, at = 0; block < blocks; ++block) {
-    const int end = block + 1 == blocks ? length : snapped(length * (block + 1) / blocks) - kPassageMm / 2;
+    const int end = block + 1 == blocks ? length : snapped_down(length * (block + 1) / blocks) - kPassageMm / 2;
     append_row(core0, middle, at, end, walls, rooms);
     append_row(middle + kWallMm, core1, at, end, walls, rooms);
     if (block + 1 == blocks) break;

@@ -23,15 +23,13 @@ using engines::late_energy;
 using engines::name_of;
 using Complex = std::complex<double>;
 
-constexpr double kPi = std::numbers::pi;
-
 TEST(H66_ShadowBoundary, ThePoleOfTheCotangentIsNotThere) {
   // A half plane, source at 45 degrees: at the boundary itself the incident term is 1/2 of the free field, on both sides with the opposite
   // sign. Its jump of 1 makes up for the direct sound that ends there, so the sum is continuous however close one comes.
-  const double source = kPi / 4, boundary = source + kPi;
+  const double source = std::numbers::pi / 4, boundary = source + std::numbers::pi;
   for (const double wave_lengths : {1e-6, 1.0, 1e3, 1e9}) {
     const auto total = [&](double angle) {
-      const Complex diffracted = uniform_theory::ratio(WedgeDiffraction(2 * kPi, source, angle), wave_lengths);
+      const Complex diffracted = uniform_theory::ratio(WedgeDiffraction(2 * std::numbers::pi, source, angle), wave_lengths);
       return diffracted + (angle <= boundary ? 1.0 : 0.0);
     };
     const Complex at_1e_6 = total(boundary - 1e-6);
@@ -52,25 +50,25 @@ TEST(H66_ShadowBoundary, FollowsTheTableAtAMicroradian) {
   const double exact[] = {3.7362, 5.2004, 5.7392}, frequency_hz[] = {125, 1000, 8000};
   for (int i = 0; i < 3; ++i)
     for (const double off : {-1e-6, 0.0, 1e-6}) {
-      const double wave_lengths = 2 * kPi * frequency_hz[i] / 343.0 * 1.0;  // L = 2 * 2 / 4 m
-      const double angle = 225.006 * kPi / 180 + off;
-      const Complex diffracted = uniform_theory::ratio(WedgeDiffraction(2 * kPi, kPi / 4, angle), wave_lengths);
-      const double straight_m = std::sqrt(4 + 4 - 8 * std::cos(angle - kPi / 4));
+      const double wave_lengths = 2 * std::numbers::pi * frequency_hz[i] / 343.0 * 1.0;  // L = 2 * 2 / 4 m
+      const double angle = 225.006 * std::numbers::pi / 180 + off;
+      const Complex diffracted = uniform_theory::ratio(WedgeDiffraction(2 * std::numbers::pi, std::numbers::pi / 4, angle), wave_lengths);
+      const double straight_m = std::sqrt(4 + 4 - 8 * std::cos(angle - std::numbers::pi / 4));
       EXPECT_NEAR(-20 * std::log10(std::abs(diffracted) * straight_m / 4), exact[i], 5e-4) << i << " " << off;
     }
 }
 
 TEST(H66_FlatEdges, DiffractNothing) {
   // 180 degrees: the terms cancel, at any angle but where a boundary is near; and every angle is finite.
-  for (double source = 0; source <= kPi; source += 0.1)
-    for (double listener = 0; listener <= kPi; listener += 0.1)
+  for (double source = 0; source <= std::numbers::pi; source += 0.1)
+    for (double listener = 0; listener <= std::numbers::pi; listener += 0.1)
       for (const double wave_lengths : {0.0, 1e-9, 1.0, 1e9}) {
-        const Complex ratio = uniform_theory::ratio(WedgeDiffraction(kPi, source, listener), wave_lengths);
+        const Complex ratio = uniform_theory::ratio(WedgeDiffraction(std::numbers::pi, source, listener), wave_lengths);
         ASSERT_TRUE(std::isfinite(ratio.real()) && std::isfinite(ratio.imag()));
         ASSERT_LE(std::abs(ratio), 2.0);
       }
   for (const double listener : {1.0, 1.7, 2.5})
-    EXPECT_LT(std::abs(uniform_theory::ratio(WedgeDiffraction(kPi, 0.4, listener), 1e8)), 1e-7) << listener;
+    EXPECT_LT(std::abs(uniform_theory::ratio(WedgeDiffraction(std::numbers::pi, 0.4, listener), 1e8)), 1e-7) << listener;
 }
 
 TEST(H66_ShadowBoundary, TheEngineIsContinuousThroughIt) {
@@ -88,7 +86,7 @@ TEST(H66_ShadowBoundary, TheEngineIsContinuousThroughIt) {
   for (const double off_m : {-1e-3, -1e-4, -1e-5, -1e-6, -2.4e-7, 0.0, 2.4e-7, 1e-6, 1e-5, 1e-4, 1e-3}) {
     const EnergyResponse response = heard.at({2, static_cast<float>(-1 + off_m), 0});
     expect_sound(response);
-    const double free = 1 / (4 * kPi * std::sqrt(20.0));
+    const double free = 1 / (4 * std::numbers::pi * std::sqrt(20.0));
     Complex sum = 0;
     for (const Arrival& arrival : response.arrivals) sum += std::polar(double{arrival.amplitude[3]}, double{arrival.phase_rad[3]});
     EXPECT_NEAR(std::abs(sum) / free, 0.5, 0.06) << off_m << ", " << response.arrivals.size() << " arrivals";  // reflection terms: 4 %
@@ -99,7 +97,7 @@ TEST(H66_ShadowBoundary, TheEngineIsContinuousThroughIt) {
 std::shared_ptr<const Scene> sheets_at(std::span<const double> degrees) {
   TriangleMesh mesh;
   for (const double angle : degrees) {
-    const glm::vec3 tip(2 * std::cos(angle * kPi / 180), 0, 2 * std::sin(angle * kPi / 180)), up(0, 4, 0);
+    const glm::vec3 tip(2 * std::cos(angle * std::numbers::pi / 180), 0, 2 * std::sin(angle * std::numbers::pi / 180)), up(0, 4, 0);
     rooms::append_quad(mesh, {glm::vec3(0, -2, 0), tip + glm::vec3(0, -2, 0), tip + glm::vec3(0, 2, 0), glm::vec3(0, -2, 0) + up}, 0);
   }
   // A triangle without area and an edge of no length on the common edge.
@@ -132,7 +130,7 @@ TEST(H66_EdgesOfManyFaces, StayFiniteAndBelowTheDirectSound) {
         double energy = 0;
         for (const Arrival& arrival : response.arrivals)
           if (arrival.kind == ArrivalKind::diffraction) energy += double{arrival.amplitude[band]} * arrival.amplitude[band];
-        EXPECT_LE(std::sqrt(energy), 2.0 / (4 * kPi * direct_m)) << star.size();  // direct + 6 dB
+        EXPECT_LE(std::sqrt(energy), 2.0 / (4 * std::numbers::pi * direct_m)) << star.size();  // direct + 6 dB
       }
       expect_sound(measure(heard.scene, response));
     }
@@ -151,15 +149,15 @@ TEST(H67_AtTheEdge, AMillimetreAwayAllBandsAreBelowTwiceTheDirectSound) {
     const Heard heard(Engine::path_tracer, sheets_at(faces), config, source);
     for (const double radius_m : {1e-3, 1e-4, 1e-6})
       for (double degrees = 5; degrees < 360; degrees += 10) {
-        const glm::vec3 listener(static_cast<float>(radius_m * std::cos(degrees * kPi / 180)), 0.1f,
-                                 static_cast<float>(radius_m * std::sin(degrees * kPi / 180)));
+        const glm::vec3 listener(static_cast<float>(radius_m * std::cos(degrees * std::numbers::pi / 180)), 0.1f,
+                                 static_cast<float>(radius_m * std::sin(degrees * std::numbers::pi / 180)));
         const EnergyResponse response = heard.at(listener);
         expect_sound(response);
         for (int band = 0; band < heard.scene.num_bands(); ++band) {
           double energy = 0;
           for (const Arrival& arrival : response.arrivals)
             if (arrival.kind == ArrivalKind::diffraction) energy += double{arrival.amplitude[band]} * arrival.amplitude[band];
-          ASSERT_LE(std::sqrt(energy), 2.0 / (4 * kPi * glm::length(listener - source))) << degrees << " " << radius_m;
+          ASSERT_LE(std::sqrt(energy), 2.0 / (4 * std::numbers::pi * glm::length(listener - source))) << degrees << " " << radius_m;
         }
       }
   }
@@ -188,11 +186,11 @@ TEST(H69_FiftySheets, TracersPassThemWithoutUnderflowOrHanging) {
       const double straight_m = glm::length(rooms::point(5.8, 1.1, 1) - rooms::point(0.2, 1, 1));
       if (tau == 1.0) {
         ASSERT_EQ(engines::count(response, ArrivalKind::transmission), 1u);
-        EXPECT_NEAR(response.arrivals[0].amplitude[0], 1 / (4 * kPi * straight_m), 1e-5);
+        EXPECT_NEAR(response.arrivals[0].amplitude[0], 1 / (4 * std::numbers::pi * straight_m), 1e-5);
         EXPECT_GT(late_energy(response), 0.0);
       } else if (tau == 0.5) {
         ASSERT_EQ(engines::count(response, ArrivalKind::transmission), 1u);  // 150.5 dB
-        EXPECT_NEAR(20 * std::log10(response.arrivals[0].amplitude[0] * 4 * kPi * straight_m), -150.515, 0.01);
+        EXPECT_NEAR(20 * std::log10(response.arrivals[0].amplitude[0] * 4 * std::numbers::pi * straight_m), -150.515, 0.01);
       } else {
         EXPECT_EQ(engines::count(response, ArrivalKind::transmission), 0u);  // below -200 dB: nothing
         EXPECT_EQ(late_energy(response), 0.0);

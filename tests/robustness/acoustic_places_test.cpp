@@ -19,8 +19,6 @@ namespace {
 
 using namespace engines;
 
-constexpr double kPi = std::numbers::pi;
-
 TEST(H13_SourceEqualsListener, IsFiniteAndLooksAhead) {
   for (const Engine engine : kEngines) {
     SCOPED_TRACE(name_of(engine));
@@ -28,7 +26,7 @@ TEST(H13_SourceEqualsListener, IsFiniteAndLooksAhead) {
     const EnergyResponse same = heard.at(rooms::shoe1_listener());
     expect_sound(same);
     ASSERT_EQ(same.arrivals.size(), 1u);
-    EXPECT_NEAR(same.arrivals[0].amplitude[0], 1 / (4 * kPi * 0.01), 1e-6 / (4 * kPi * 0.01));
+    EXPECT_NEAR(same.arrivals[0].amplitude[0], 1 / (4 * std::numbers::pi * 0.01), 1e-6 / (4 * std::numbers::pi * 0.01));
     EXPECT_EQ(same.arrivals[0].direction, glm::vec3(0, 0, -1));
     EXPECT_EQ(same.arrivals[0].distance_m, 0.01f);
     // The room answers as it does 2 cm away: the density of first reflections from walls 1.3 m off changes by some per cent at most.
@@ -51,7 +49,7 @@ TEST(H13_SourceEqualsListener, SoundsLikeAnImpulse) {
     ASSERT_TRUE(std::isfinite(sample));
     energy += double{sample} * sample;
   }
-  EXPECT_GT(energy, 0.1 * std::pow(1 / (4 * kPi * 0.01), 2));
+  EXPECT_GT(energy, 0.1 * std::pow(1 / (4 * std::numbers::pi * 0.01), 2));
 }
 
 TEST(H14_SourceANanometreAway, IsContinuousAtTheLeastDistance) {
@@ -73,7 +71,8 @@ TEST(H14_SourceANanometreAway, IsContinuousAtTheLeastDistance) {
       expect_sound(near);
       ASSERT_EQ(near.arrivals.size(), 1u) << apart_m;
       const Arrival& direct = near.arrivals[0];
-      EXPECT_NEAR(direct.amplitude[0], 1 / (4 * kPi * std::max(apart_m, 0.01)), 2e-6 / (4 * kPi * 0.01)) << apart_m;
+      EXPECT_NEAR(direct.amplitude[0], 1 / (4 * std::numbers::pi * std::max(apart_m, 0.01)), 2e-6 / (4 * std::numbers::pi * 0.01))
+          << apart_m;
       EXPECT_LE(direct.amplitude[0], before);
       before = direct.amplitude[0];
       EXPECT_NEAR(glm::length(direct.direction), 1.f, 1e-6f);

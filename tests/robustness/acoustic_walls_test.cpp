@@ -14,7 +14,6 @@ namespace {
 
 using namespace engines;
 
-constexpr double kPi = std::numbers::pi;
 /// First reflections of SHOE-1 by Lambert walls that keep everything, all six walls (docs/oracles.md, O-8).
 constexpr double kFirstReflections = 3.315472e-04 + 3.393299e-04 + 3.373553e-04 + 2.868505e-04 + 5.257685e-04 + 4.373527e-04;
 
@@ -204,7 +203,7 @@ TEST(H25_EmptyScene, IsTheFreeField) {
       const EnergyResponse response = heard.at({0, 0, 0});
       expect_sound(response);
       ASSERT_EQ(response.arrivals.size(), 1u);
-      EXPECT_NEAR(response.arrivals[0].amplitude[0], 1 / (4 * kPi * 5), 1e-7);
+      EXPECT_NEAR(response.arrivals[0].amplitude[0], 1 / (4 * std::numbers::pi * 5), 1e-7);
       for (const float value : response.late.values()) ASSERT_EQ(value, 0.f);
       EXPECT_EQ(measure(heard.scene, response).bands[0].decay, DecayStatus::no_reverberation);
     }

@@ -94,11 +94,11 @@ struct Effort {
 /// What a field may err.  In the mean over places and octaves: what `fast` promises of T20 (docs/acoustics.md) and half of what is just
 /// heard of a level; its level at every place by what is just heard, 1 dB (docs/estimators.md, section 12).
 inline constexpr double kT20 = 0.0475, kCurveDb = 0.5, kLevelDb = 1.0;
-struct Bounds {
+struct DecayBounds {
   float cell_m;
   double t20, curve_db;  ///< of single octaves at single places, plus three standard errors
 };
-inline constexpr Bounds within_what_is_heard(float cell_m) { return {.cell_m = cell_m, .t20 = 0.10, .curve_db = kLevelDb}; }
+inline constexpr DecayBounds within_what_is_heard(float cell_m) { return {.cell_m = cell_m, .t20 = 0.10, .curve_db = kLevelDb}; }
 
 struct Place {
   Runs field, paths;
@@ -149,7 +149,7 @@ inline std::vector<double> gather_fields(const std::shared_ptr<const Scene>& roo
 /// Means over seeds show the bias of the field: T20 of each octave, and the decay curve every 5 dB down to -35 dB, at every place.  Each
 /// field by itself shows what a user gets, and whether it states its error.
 inline void expect_decay_of_paths(const std::vector<Place>& places, std::span<const double> stated, double bin_s, const Effort& effort,
-                                  const Bounds& bounds) {
+                                  const DecayBounds& bounds) {
   const auto t20 = [&](const std::vector<double>& energy) { return decay::time_s(energy, bin_s, -5, -25); };
   const std::size_t num_bands = places[0].paths.runs[0].size();
   const double count = static_cast<double>(places.size() * num_bands);
@@ -221,7 +221,7 @@ inline void expect_decay_of_paths(const std::vector<Place>& places, std::span<co
 }
 
 /// The late field of `fast` but for its cells: the same paths judge each size of them.
-inline void expect_decay_of_paths(glm::vec3 source, const Effort& effort, std::span<const Bounds> cells) {
+inline void expect_decay_of_paths(glm::vec3 source, const Effort& effort, std::span<const DecayBounds> cells) {
   const std::shared_ptr<const Scene> room = dead_and_live();
   AcousticConfig config = acoustic_preset("fast");
   config.rir_length_s = 1.6f;
@@ -230,7 +230,7 @@ inline void expect_decay_of_paths(glm::vec3 source, const Effort& effort, std::s
   config.sh_order = 0;
   std::vector<Place> places(kPlaces.size());
   trace_paths(room, config, source, effort, places);
-  for (const Bounds& bounds : cells) {
+  for (const DecayBounds& bounds : cells) {
     config.field_cell_m = bounds.cell_m;
     const std::vector<double> stated = gather_fields(room, config, source, effort.fields, places);
     expect_decay_of_paths(places, stated, double{config.time_bin_s}, effort, bounds);

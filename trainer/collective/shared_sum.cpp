@@ -9,8 +9,8 @@
 namespace earshot {
 namespace {
 
-constexpr std::size_t kChunk = 256 * 1024;  // bytes; two buffers of two workers stay in a cache of 1 MiB
-constexpr std::size_t kBlock = 2048;        // elements that are summed over all workers before the next ones: they stay in the first cache
+constexpr std::size_t kSharedChunk = 256 * 1024;  // bytes; two buffers of two workers stay in a cache of 1 MiB
+constexpr std::size_t kSharedBlock = 2048;  // elements that are summed over all workers before the next ones: they stay in the first cache
 
 /// target[0, count) = the sum over ranks of the elements [begin, begin + count) of the buffer, in the stated order.  slot_of(rank): where
 /// that worker's element `begin` lies.
@@ -21,8 +21,8 @@ void sum_in_order(T* target, std::size_t begin, std::size_t count, std::size_t t
   for (std::size_t segment = 0; segment < (small ? 1 : world); ++segment) {
     const std::size_t first = small ? begin : std::max(begin, segment_start(total, segment, world));
     const std::size_t last = small ? begin + count : std::min(begin + count, segment_start(total, segment + 1, world));
-    for (std::size_t block = first; block < last; block += kBlock) {
-      const std::size_t offset = block - begin, length = std::min(kBlock, last - block);
+    for (std::size_t block = first; block < last; block += kSharedBlock) {
+      const std::size_t offset = block - begin, length = std::min(kSharedBlock, last - block);
       T* const sum = target + offset;
       std::memcpy(sum, slot_of(static_cast<int>(segment)) + offset, length * sizeof(T));
       for (std::size_t k = 1; k < world; ++k) {
@@ -38,7 +38,7 @@ void sum_in_order(T* target, std::size_t begin, std::size_t count, std::size_t t
 // Layout: a counter per worker, then two buffers of a slot per worker and one slot of results.
 std::size_t SharedSum::bytes_for(int world_size) {
   const auto world = static_cast<std::size_t>(world_size);
-  return SharedProgress::bytes_for(world_size) + 2 * (world + 1) * kChunk;
+  return SharedProgress::bytes_for(world_size) + 2 * (world + 1) * kSharedChunk;
 }
 
 SharedSum::SharedSum(std::span<std::byte> memory, WorkerIdentity identity)
@@ -51,7 +51,7 @@ SharedSum::SharedSum(std::span<std::byte> memory, WorkerIdentity identity)
 std::byte* SharedSum::slot(int rank) const {
   const auto world = static_cast<std::size_t>(identity_.world_size);
   const std::size_t buffer = buffer_index();
-  return memory_.data() + (buffer * (world + 1) + static_cast<std::size_t>(rank)) * kChunk;
+  return memory_.data() + (buffer * (world + 1) + static_cast<std::size_t>(rank)) * kSharedChunk;
 }
 
 template <class T>
@@ -66,7 +66,7 @@ void SharedSum::sum_chunks(Operation operation, std::span<T> buffer, const Check
   // announced the chunk between, which it does only when it has read all it needs of this one.
   std::size_t first = 0;
   do {
-    const std::size_t count = std::min(kChunk / sizeof(T), buffer.size() - first);
+    const std::size_t count = std::min(kSharedChunk / sizeof(T), buffer.size() - first);
     T* const out = buffer.data() + first;
     if (count > 0) std::memcpy(slot(rank), out, count * sizeof(T));
     workers_.announce(progress_ + (each_sums_all ? 2 : 1));

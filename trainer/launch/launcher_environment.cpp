@@ -12,16 +12,15 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "trainer/launch/hostlist.h"
+#include "trainer/launch/worker_names.h"
 
 namespace earshot {
 namespace {
 
-constexpr const char *kRank = "EARSHOT_RANK", *kWorldSize = "EARSHOT_WORLD_SIZE", *kRendezvous = "EARSHOT_RENDEZVOUS",
-                     *kRunId = "EARSHOT_RUN_ID";
-constexpr std::array kNames{kRank,
-                            kWorldSize,
-                            kRendezvous,
-                            kRunId,
+constexpr std::array kNames{kRankName,
+                            kWorldSizeName,
+                            kRendezvousName,
+                            kRunIdName,
                             "RANK",
                             "WORLD_SIZE",
                             "LOCAL_RANK",
@@ -50,7 +49,6 @@ constexpr std::array kNames{kRank,
                             "SLURM_JOB_NODELIST",
                             "SLURM_NODELIST",
                             "JOB_COMPLETION_INDEX"};
-constexpr std::size_t kMaxFolderLength = 60;  // leaves room for a socket's name within its 107 characters
 
 /// A value for a message: one line, not too long.
 std::string shown(std::string text) {
@@ -173,12 +171,12 @@ Said from_slurm(const Variables& variables) {
 
 Said from_kubernetes(const Variables& variables) {
   const Table table(variables, "Kubernetes");
-  Said said{"Kubernetes", {table.number("JOB_COMPLETION_INDEX"), 0}, "JOB_COMPLETION_INDEX", kWorldSize, false, {}, 0, {}};
-  if (!table.has(kWorldSize))
+  Said said{"Kubernetes", {table.number("JOB_COMPLETION_INDEX"), 0}, "JOB_COMPLETION_INDEX", kWorldSizeName, false, {}, 0, {}};
+  if (!table.has(kWorldSizeName))
     throw InputError("JOB_COMPLETION_INDEX",
                      "is set (an indexed job of Kubernetes), but not EARSHOT_WORLD_SIZE, and Kubernetes does not tell the number of pods",
                      "set EARSHOT_WORLD_SIZE to the job's completions; 1 if every pod trains by itself");
-  said.identity.world_size = table.number(kWorldSize);
+  said.identity.world_size = table.number(kWorldSizeName);
   return said;
 }
 
@@ -197,10 +195,7 @@ std::optional<Said> from_launcher(const Variables& variables) {
 
 /// A folder that all workers of this user and run name alike.
 std::filesystem::path meeting_folder(const std::string& run_id) {
-  std::error_code error;
-  std::filesystem::path parent = std::filesystem::temp_directory_path(error);
-  if (error || parent.string().size() > kMaxFolderLength) parent = "/tmp";
-  return parent / fmt::format("earshot-{}-{}", ::geteuid(), hex64(hash64(run_id, 0)));
+  return parent_of_sockets() / fmt::format("earshot-{}-{}", ::geteuid(), hex64(hash64(run_id, 0)));
 }
 
 std::string tcp_address(const std::string& host, int port) {
@@ -212,26 +207,26 @@ std::string tcp_address(const std::string& host, int port) {
 
 std::optional<LaunchedWorker> worker_from(const Variables& variables, int first_port, int last_port) {
   const Table own(variables, "Earshot");
-  const bool complete = own.has(kRank) && own.has(kWorldSize) && own.has(kRendezvous) && own.has(kRunId);
+  const bool complete = own.has(kRankName) && own.has(kWorldSizeName) && own.has(kRendezvousName) && own.has(kRunIdName);
   LaunchedWorker worker;
   if (complete) {
-    worker.launcher = kRank;
-    worker.ring.identity = {own.number(kRank), own.number(kWorldSize)};
-    worker.ring.rendezvous = own.text(kRendezvous);
-    worker.ring.run_id = own.text(kRunId);
+    worker.launcher = kRankName;
+    worker.ring.identity = {own.number(kRankName), own.number(kWorldSizeName)};
+    worker.ring.rendezvous = own.text(kRendezvousName);
+    worker.ring.run_id = own.text(kRunIdName);
     return worker;
   }
   const auto said = from_launcher(variables);
   if (!said) {
-    for (const char* name : {kRank, kWorldSize, kRendezvous, kRunId})
-      for (const char* other : {kRank, kWorldSize, kRendezvous, kRunId})
+    for (const char* name : {kRankName, kWorldSizeName, kRendezvousName, kRunIdName})
+      for (const char* other : {kRankName, kWorldSizeName, kRendezvousName, kRunIdName})
         if (own.has(name) && !own.has(other))
           throw InputError(other, fmt::format("is not set, but {} is, and there is no launcher", name),
                            "set all of EARSHOT_RANK, _WORLD_SIZE, _RENDEZVOUS and _RUN_ID, or none");
     return std::nullopt;
   }
-  own.expect_equal(kRank, said->rank_name);
-  own.expect_equal(kWorldSize, said->size_name);
+  own.expect_equal(kRankName, said->rank_name);
+  own.expect_equal(kWorldSizeName, said->size_name);
   const auto [rank, world_size] = said->identity;
   require(world_size >= 1, said->size_name, world_size, "must be at least 1");
   require(rank >= 0 && rank < world_size, said->rank_name, rank,
@@ -240,12 +235,12 @@ std::optional<LaunchedWorker> worker_from(const Variables& variables, int first_
 
   worker.launcher = said->launcher;
   worker.ring.identity = said->identity;
-  worker.ring.run_id = own.has(kRunId) ? own.text(kRunId) : said->run_id;
+  worker.ring.run_id = own.has(kRunIdName) ? own.text(kRunIdName) : said->run_id;
   if (worker.ring.run_id.empty())
-    throw InputError(kRunId, fmt::format("is not set, and {} gives the job no name", said->launcher),
+    throw InputError(kRunIdName, fmt::format("is not set, and {} gives the job no name", said->launcher),
                      "set EARSHOT_RUN_ID to any text that is the same in all workers and in no other run");
-  if (own.has(kRendezvous)) {
-    worker.ring.rendezvous = own.text(kRendezvous);
+  if (own.has(kRendezvousName)) {
+    worker.ring.rendezvous = own.text(kRendezvousName);
   } else if (said->one_host) {
     worker.folder = meeting_folder(worker.ring.run_id);
     worker.ring.rendezvous = fmt::format("ipc://{}", (worker.folder / "meet").string());
@@ -254,7 +249,7 @@ std::optional<LaunchedWorker> worker_from(const Variables& variables, int first_
     const int port = said->port > 0 ? said->port : first_port + static_cast<int>(hash64(worker.ring.run_id, 1) % num_ports);
     worker.ring.rendezvous = tcp_address(said->host, port);
   } else {
-    throw InputError(kRendezvous, fmt::format("is not set, and {} does not say where rank 0 is", said->launcher),
+    throw InputError(kRendezvousName, fmt::format("is not set, and {} does not say where rank 0 is", said->launcher),
                      "set EARSHOT_RENDEZVOUS=tcp://HOST OF RANK 0:PORT for all workers");
   }
   return worker;

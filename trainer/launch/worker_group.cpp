@@ -20,6 +20,7 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/temporary_folder.h"
+#include "trainer/launch/worker_names.h"
 #include "trainer/net/rendezvous.h"
 
 extern char** environ;
@@ -32,16 +33,6 @@ using Clock = std::chrono::steady_clock;
 constexpr std::chrono::minutes kCollectiveTimeout(10);
 constexpr std::chrono::milliseconds kShortHeartbeat(150);  // four and one until the next: a stopped worker is noticed within 1 s
 constexpr std::chrono::minutes kLastWorkerGrace(1);        // for the last checkpoint, once the first worker has ended
-constexpr std::size_t kMaxFolderLength = 60;               // leaves room for a socket's name within its 107 characters
-constexpr const char *kRank = "EARSHOT_RANK", *kWorldSize = "EARSHOT_WORLD_SIZE", *kRendezvous = "EARSHOT_RENDEZVOUS",
-                     *kRunId = "EARSHOT_RUN_ID";
-
-/// Where the sockets of the group are.
-std::filesystem::path parent_of_sockets() {
-  std::error_code error;
-  const std::filesystem::path parent = std::filesystem::temp_directory_path(error);
-  return error || parent.string().size() > kMaxFolderLength ? "/tmp" : parent;
-}
 
 /// Holds back the signals that the parent waits for; the old mask comes back at the end.
 class BlockedSignals {
@@ -93,17 +84,17 @@ std::vector<std::string> environment_of(int rank, int num_workers, const std::st
   for (char** variable = environ; *variable != nullptr; ++variable) {
     const std::string_view text = *variable;
     const std::string_view name = text.substr(0, text.find('='));
-    if (name == kRank || name == kWorldSize || name == kRendezvous || name == kRunId) continue;
+    if (name == kRankName || name == kWorldSizeName || name == kRendezvousName || name == kRunIdName) continue;
     omp = omp || name == "OMP_NUM_THREADS";
     openblas = openblas || name == "OPENBLAS_NUM_THREADS";
     variables.emplace_back(text);
   }
   if (!omp) variables.emplace_back("OMP_NUM_THREADS=1");
   if (!openblas) variables.emplace_back("OPENBLAS_NUM_THREADS=1");
-  variables.push_back(fmt::format("{}={}", kRank, rank));
-  variables.push_back(fmt::format("{}={}", kWorldSize, num_workers));
-  variables.push_back(fmt::format("{}={}", kRendezvous, rendezvous));
-  variables.push_back(fmt::format("{}={}", kRunId, run_id));
+  variables.push_back(fmt::format("{}={}", kRankName, rank));
+  variables.push_back(fmt::format("{}={}", kWorldSizeName, num_workers));
+  variables.push_back(fmt::format("{}={}", kRendezvousName, rendezvous));
+  variables.push_back(fmt::format("{}={}", kRunIdName, run_id));
   return variables;
 }
 

@@ -9,7 +9,7 @@ namespace earshot {
 namespace {
 
 constexpr std::size_t kLeastPoints = 12;  // of a piece
-constexpr int n = FieldBoxes::kPointsPerEdge, kPoints = FieldBoxes::kPoints;
+constexpr int kAlongEdge = FieldBoxes::kPointsPerEdge, kBoxPoints = FieldBoxes::kPoints;
 constexpr std::array<int, 3> kStrides = FieldBoxes::kStrides;
 
 /// Sets that grow together.
@@ -26,7 +26,7 @@ class Groups {
   }
 
  private:
-  std::array<int, kPoints> parent_{};
+  std::array<int, kBoxPoints> parent_{};
 };
 
 }  // namespace
@@ -40,21 +40,21 @@ BoxPieces whole_box(const FieldBoxes& boxes, const glm::ivec3& index) {
 
 BoxPieces find_box_pieces(const Scene& scene, const FieldBoxes& boxes, const glm::ivec3& index) {
   const glm::vec3 edge_m = boxes.edge_m();
-  std::array<glm::vec3, kPoints> point;
-  for (int i = 0; i < kPoints; ++i) point[i] = boxes.lattice_point(index, FieldBoxes::lattice_place(i));
+  std::array<glm::vec3, kBoxPoints> point;
+  for (int i = 0; i < kBoxPoints; ++i) point[i] = boxes.lattice_point(index, FieldBoxes::lattice_place(i));
   // Lines from each point to the next one along each axis.
-  std::array<std::array<bool, kPoints>, 3> open{};
-  for (int i = 0; i < kPoints; ++i)
+  std::array<std::array<bool, kBoxPoints>, 3> open{};
+  for (int i = 0; i < kBoxPoints; ++i)
     for (int axis = 0; axis < 3; ++axis)
-      open[axis][i] = FieldBoxes::lattice_place(i)[axis] + 1 < n && !scene.rays().occluded(point[i], point[i + kStrides[axis]]);
+      open[axis][i] = FieldBoxes::lattice_place(i)[axis] + 1 < kAlongEdge && !scene.rays().occluded(point[i], point[i + kStrides[axis]]);
   // Lines that are open side by side, three by three, join points: a slit lets a row or two of them through.
   constexpr int across = 3;
   Groups groups;
   for (int axis = 0; axis < 3; ++axis) {
     const int u = kStrides[(axis + 1) % 3], v = kStrides[(axis + 2) % 3];
-    for (int i = 0; i < kPoints; ++i) {
+    for (int i = 0; i < kBoxPoints; ++i) {
       const glm::ivec3 at = FieldBoxes::lattice_place(i);
-      if (at[axis] + 1 == n || at[(axis + 1) % 3] + across > n || at[(axis + 2) % 3] + across > n) continue;
+      if (at[axis] + 1 == kAlongEdge || at[(axis + 1) % 3] + across > kAlongEdge || at[(axis + 2) % 3] + across > kAlongEdge) continue;
       bool all = true;
       for (int line = 0; all && line < across * across; ++line) all = open[axis][i + line / across * u + line % across * v];
       for (int line = 0; all && line < across * across; ++line) {
@@ -63,12 +63,12 @@ BoxPieces find_box_pieces(const Scene& scene, const FieldBoxes& boxes, const glm
       }
     }
   }
-  std::array<int, kPoints> size{};
-  for (int i = 0; i < kPoints; ++i) ++size[groups.find(i)];
+  std::array<int, kBoxPoints> size{};
+  for (int i = 0; i < kBoxPoints; ++i) ++size[groups.find(i)];
   // What is left over, in thin layers of air, goes to the nearest group that a line leads to, or is a group of its own.
   constexpr int unknown = -1;
-  std::array<int, kPoints> group;
-  for (int i = 0; i < kPoints; ++i) group[i] = size[groups.find(i)] >= static_cast<int>(kLeastPoints) ? groups.find(i) : unknown;
+  std::array<int, kBoxPoints> group;
+  for (int i = 0; i < kBoxPoints; ++i) group[i] = size[groups.find(i)] >= static_cast<int>(kLeastPoints) ? groups.find(i) : unknown;
   const auto along_lines = [&](int i, auto&& visit) {
     const glm::ivec3 at = FieldBoxes::lattice_place(i);
     for (int axis = 0; axis < 3; ++axis) {
@@ -76,12 +76,12 @@ BoxPieces find_box_pieces(const Scene& scene, const FieldBoxes& boxes, const glm
       if (at[axis] > 0 && open[axis][i - kStrides[axis]]) visit(i - kStrides[axis]);
     }
   };
-  const std::array<int, kPoints> core = group;
+  const std::array<int, kBoxPoints> core = group;
   // Where two groups have as many lines to a point, as beside a slit, its neighbours come first.
   const auto grow = [&](bool ties) {
     bool grows = false;
-    const std::array<int, kPoints> before = group;
-    for (int i = 0; i < kPoints; ++i) {
+    const std::array<int, kBoxPoints> before = group;
+    for (int i = 0; i < kBoxPoints; ++i) {
       if (before[i] != unknown) continue;
       std::array<int, 6> next_groups{};
       int count = 0;
@@ -104,20 +104,20 @@ BoxPieces find_box_pieces(const Scene& scene, const FieldBoxes& boxes, const glm
   while (grow(false) || grow(true)) {
   }
   Groups rest;
-  for (int i = 0; i < kPoints; ++i)
+  for (int i = 0; i < kBoxPoints; ++i)
     if (group[i] == unknown)
       along_lines(i, [&](int next) {
         if (group[next] == unknown) rest.join(i, next);
       });
-  for (int i = 0; i < kPoints; ++i)
+  for (int i = 0; i < kBoxPoints; ++i)
     if (group[i] == unknown) group[i] = rest.find(i);
 
-  std::array<std::vector<int>, kPoints> members;
-  for (int i = 0; i < kPoints; ++i) members[group[i]].push_back(i);
+  std::array<std::vector<int>, kBoxPoints> members;
+  for (int i = 0; i < kBoxPoints; ++i) members[group[i]].push_back(i);
   std::sort(members.begin(), members.end(),
             [](const auto& a, const auto& b) { return a.size() != b.size() ? a.size() > b.size() : !a.empty() && a.front() < b.front(); });
-  BoxPieces found{.pieces = {}, .label = std::vector<std::uint8_t>(kPoints, BoxPieces::kNoPiece)};
-  const float point_m3 = edge_m.x * edge_m.y * edge_m.z / kPoints;
+  BoxPieces found{.pieces = {}, .label = std::vector<std::uint8_t>(kBoxPoints, BoxPieces::kNoPiece)};
+  const float point_m3 = edge_m.x * edge_m.y * edge_m.z / kBoxPoints;
   for (const std::vector<int>& of_piece : members) {
     if (of_piece.size() < kLeastPoints) break;
     for (const int i : of_piece) found.label[i] = static_cast<std::uint8_t>(found.pieces.size());
@@ -132,8 +132,8 @@ BoxPieces find_box_pieces(const Scene& scene, const FieldBoxes& boxes, const glm
     piece.lower = piece.upper = point[of_piece[0]];
     for (const int i : of_piece) piece.lower = glm::min(piece.lower, point[i]), piece.upper = glm::max(piece.upper, point[i]);
     // The outermost of the many points along a wall lies a small part of their spacing from it.
-    piece.lower -= 0.5f / n * edge_m;
-    piece.upper += 0.5f / n * edge_m;
+    piece.lower -= 0.5f / kAlongEdge * edge_m;
+    piece.upper += 0.5f / kAlongEdge * edge_m;
     found.pieces.push_back(piece);
   }
   return found;

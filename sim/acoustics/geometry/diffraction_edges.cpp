@@ -13,8 +13,7 @@
 namespace earshot {
 namespace {
 
-constexpr double kPi = std::numbers::pi, kDegree = kPi / 180.0;
-constexpr double kLeastExterior = kPi + 5.0 * kDegree;
+constexpr double kDegree = std::numbers::pi / 180.0;
 
 struct Found {
   double angle_rad;
@@ -49,7 +48,7 @@ bool narrow(const Scene& scene, DiffractionEdge& edge, double along_m, double ra
   face[count++] = {edge.exterior_rad, edge.second_material};
   for (std::size_t i = 0; i + 1 < count; ++i) {
     const double sector = face[i + 1].angle_rad - face[i].angle_rad;
-    if (sector < kLeastExterior) continue;
+    if (sector < kLeastExteriorRad) continue;
     const double turn = face[i].angle_rad;
     edge.face = std::cos(turn) * edge.face + std::sin(turn) * edge.first_normal;
     edge.first_normal = glm::cross(edge.along, edge.face);
@@ -102,9 +101,9 @@ double clearance_of(double diagonal_m) { return 2e-5 * diagonal_m; }
 double DiffractionEdge::angle_of(glm::dvec3 point) const {
   const glm::dvec3 from = point - start;
   double angle = std::atan2(glm::dot(from, first_normal), glm::dot(from, face));
-  if (angle < 0) angle += 2.0 * kPi;
+  if (angle < 0) angle += 2.0 * std::numbers::pi;
   if (angle <= exterior_rad) return angle;
-  return angle - exterior_rad < 0.5 * (2.0 * kPi - exterior_rad) ? exterior_rad : 0.0;
+  return angle - exterior_rad < 0.5 * (2.0 * std::numbers::pi - exterior_rad) ? exterior_rad : 0.0;
 }
 
 glm::dvec3 DiffractionEdge::outward() const { return std::cos(0.5 * exterior_rad) * face + std::sin(0.5 * exterior_rad) * first_normal; }

@@ -13,9 +13,8 @@
 namespace earshot {
 namespace {
 
-constexpr double kPi = std::numbers::pi, kDegree = kPi / 180.0;
-constexpr double kLeastExterior = kPi + 5.0 * kDegree;
-const double kStraight = std::cos(1.0 * kDegree), kSameFace = std::cos(3.0 * kDegree);
+constexpr double kDegreeRad = std::numbers::pi / 180.0;
+const double kStraight = std::cos(1.0 * kDegreeRad), kSameFace = std::cos(3.0 * kDegreeRad);
 
 /// One mesh edge with its wedge.  `second` is the direction into the second face.
 struct Piece {
@@ -58,20 +57,21 @@ std::optional<Piece> piece_of(const TriangleMesh& mesh, std::span<const MeshSide
     faces[count++] = {0, inward / height_m, mesh.triangle_material[side.triangle]};
   }
   if (count == 0) return std::nullopt;
-  if (count == 2 && glm::dot(faces[0].direction, faces[1].direction) < std::cos(kLeastExterior)) return std::nullopt;  // flat
+  if (count == 2 && glm::dot(faces[0].direction, faces[1].direction) < std::cos(kLeastExteriorRad)) return std::nullopt;  // flat
 
   const glm::dvec3 x = faces[0].direction, y = glm::cross(along, x);
   for (std::size_t i = 1; i < count; ++i) {
     const double angle = std::atan2(glm::dot(faces[i].direction, y), glm::dot(faces[i].direction, x));
-    faces[i].angle_rad = angle < 0 ? angle + 2.0 * kPi : angle;
+    faces[i].angle_rad = angle < 0 ? angle + 2.0 * std::numbers::pi : angle;
   }
   std::stable_sort(faces.begin(), faces.begin() + static_cast<std::ptrdiff_t>(count),
                    [](const Face& a, const Face& b) { return a.angle_rad < b.angle_rad; });
   // At most one sector is wider than half a turn.  Faces on top of each other leave a sector of zero between them.
   for (std::size_t i = 0; i < count; ++i) {
     const Face& next = faces[(i + 1) % count];
-    const double sector = i + 1 < count ? next.angle_rad - faces[i].angle_rad : 2.0 * kPi - faces[i].angle_rad + faces[0].angle_rad;
-    if (sector < kLeastExterior) continue;
+    const double sector =
+        i + 1 < count ? next.angle_rad - faces[i].angle_rad : 2.0 * std::numbers::pi - faces[i].angle_rad + faces[0].angle_rad;
+    if (sector < kLeastExteriorRad) continue;
     return Piece{{low, high}, along, faces[i].direction, next.direction, length_m, sector, faces[i].material, next.material};
   }
   return std::nullopt;

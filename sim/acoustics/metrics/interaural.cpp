@@ -5,6 +5,7 @@
 #include <complex>
 #include <vector>
 
+#include "sim/acoustics/metrics/interaural_windows.h"
 #include "sim/acoustics/metrics/octave_filter.h"
 #include "sim/audio/fft.h"
 #include "sim/base/errors.h"
@@ -14,7 +15,6 @@ namespace {
 
 using Complex = std::complex<float>;
 
-constexpr double kMaxLagS = 1e-3, kBeforeDirectS = 2.5e-3, kEarlyS = 0.08;
 /// Points per sample at which the correlation is evaluated; a parabola through the largest finds the top between them.
 constexpr int kPointsPerSample = 4;
 

@@ -5,6 +5,7 @@
 #include <complex>
 #include <numbers>
 
+#include "sim/acoustics/metrics/interaural_windows.h"
 #include "sim/acoustics/metrics/octave_filter.h"
 #include "sim/audio/fft.h"
 #include "sim/base/errors.h"
@@ -12,7 +13,6 @@
 namespace earshot {
 namespace {
 
-constexpr double kMaxLagS = 1e-3, kBeforeDirectS = 2.5e-3, kEarlyS = 0.08;
 constexpr double kHighestItdHz = 1200;  ///< of the centre: the octave of 1 kHz is the last
 constexpr double kPointsPerPeriod = 8;  ///< of the correlation, at the upper edge of a band
 

@@ -13,7 +13,7 @@ namespace earshot {
 namespace {
 
 constexpr std::size_t kMaxPlanes = 64;
-constexpr float kParallel = 1e-3f;  // sine
+constexpr float kParallelSine = 1e-3f;  // sine
 constexpr double kLeastReflected = 0.6;
 constexpr std::size_t kSteps = 96;
 
@@ -112,7 +112,7 @@ std::vector<double> flutter_times(const AcousticSurfaces& surfaces, std::span<co
         const glm::vec3 point = place == 0 ? centre : 0.5f * (centre + corner[place - 1]);
         const glm::vec3 origin = offset_from_surface(point, side * normal);
         const Hit hit = rays.intersect(origin, side * normal);
-        if (!hit.valid() || glm::length(glm::cross(hit.normal, normal)) > kParallel) continue;
+        if (!hit.valid() || glm::length(glm::cross(hit.normal, normal)) > kParallelSine) continue;
         const Pair pair{hit.distance_m,
                         {mesh.triangle_material[triangle], mesh.triangle_material[hit.triangle]},
                         origin + 0.5f * hit.distance_m * side * normal};

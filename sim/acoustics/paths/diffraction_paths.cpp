@@ -15,8 +15,7 @@
 namespace earshot {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
-constexpr double kRankingHz = 500;
+constexpr double kLossHz = 500;
 constexpr float kMostRaised = 1.171f;  // past a straight edge, by Fresnel's integrals: 1.4 dB where it passes furthest above the free field
 constexpr double kMostBelowBestDb = 30;  // of a path that is still worked out
 /// An estimate may be this much too low: Kurze-Anderson at a corner (4.1 dB), and bands below the one it is made at.
@@ -25,7 +24,7 @@ constexpr double kMarginDb = 9;
 /// Loss of the diffraction at `at` on the way from `before` to `after`.
 double estimate_loss_db(double speed_m_per_s, glm::dvec3 before, glm::dvec3 at, glm::dvec3 after) {
   const double detour_m = glm::length(at - before) + glm::length(after - at) - glm::length(after - before);
-  return kurze_anderson_db(2.0 * detour_m * kRankingHz / speed_m_per_s);
+  return kurze_anderson_db(2.0 * detour_m * kLossHz / speed_m_per_s);
 }
 
 double level_db(double amplitude) { return 20.0 * std::log10(std::max(amplitude, 1e-12)); }
@@ -34,7 +33,7 @@ double level_db(double amplitude) { return 20.0 * std::log10(std::max(amplitude,
 double level_db(const Arrival& arrival, int num_bands) {
   double sum = 0;
   for (int band = 0; band < num_bands; ++band) sum += double{arrival.amplitude[band]} * arrival.amplitude[band];
-  return level_db(4.0 * kPi * std::sqrt(sum / num_bands));
+  return level_db(4.0 * std::numbers::pi * std::sqrt(sum / num_bands));
 }
 
 glm::dvec3 mirror(glm::dvec3 point, const DiffractionEdge& edge, glm::dvec3 normal) {
@@ -205,7 +204,7 @@ void DiffractionCandidates::split(const DiffractionEdge& edge, const FiniteWedge
       const bool ends = i > 0 && budget_.near_boundary_only;
       for (std::size_t lane = 0; lane < kLanes; ++lane) {
         const std::size_t band = static_cast<std::size_t>(bands.first) + std::min(lane, static_cast<std::size_t>(bands.count) - 1);
-        const double own = ends ? 0.0 : boundary_weight(bands.wave.exact[lane] * parts[i].detour_m / (2.0 * kPi));
+        const double own = ends ? 0.0 : boundary_weight(bands.wave.exact[lane] * parts[i].detour_m / (2.0 * std::numbers::pi));
         const double weight = std::max(own, found.sight_ends[band]);
         if (!(weight > 0)) continue;
         if (i == 0) {

@@ -13,7 +13,6 @@
 namespace earshot {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
 constexpr std::uint32_t kPlaneBit = 0x80000000u;  // tells planes from edges in an identity
 
 double energy_of(const Arrival& arrival) {
@@ -46,7 +45,7 @@ void add_wave(std::span<const EdgeBands> groups, const Arrival& wave, Arrival& p
 
 void cap_at_free_field(int num_bands, glm::dvec3 from, glm::dvec3 to, std::span<Arrival> waves) {
   const double straight_m = std::max(glm::length(from - to), double{kLeastDistanceM});
-  const double most = 1.0 / (4.0 * kPi * straight_m * 4.0 * kPi * straight_m);
+  const double most = 1.0 / (4.0 * std::numbers::pi * straight_m * 4.0 * std::numbers::pi * straight_m);
   for (int band = 0; band < num_bands; ++band) {
     double energy = 0;
     for (const Arrival& wave : waves) energy += double{wave.amplitude[band]} * wave.amplitude[band];
@@ -130,13 +129,15 @@ bool EdgeReflections::find_path(const EdgeSequence& sequence, int first_plane, i
 
   std::array<double, kMaxBands> weight;
   weight.fill(1.0);
-  const auto wavenumber = [&](int band) { return 2.0 * kPi * scene_.bands().centre_hz[band] / scene_.speed_of_sound_m_per_s(); };
+  const auto wavenumber = [&](int band) {
+    return 2.0 * std::numbers::pi * scene_.bands().centre_hz[band] / scene_.speed_of_sound_m_per_s();
+  };
   double most_weight = image_path < 0 && sight_weight_.empty() ? 1 : 0;
   if (most_weight == 0) {
     const double straight_detour_m =
         sight_weight_.empty() ? 0 : FiniteWedge(edges[sequence.edge[0]], glm::dvec3(from_), glm::dvec3(to_)).detour_m(0);
     for (int band = 0; band < scene_.num_bands(); ++band) {
-      const double waves_per_m = wavenumber(band) / (2.0 * kPi);
+      const double waves_per_m = wavenumber(band) / (2.0 * std::numbers::pi);
       weight[band] = boundary_weight(waves_per_m * wedge.detour_m(0));
       // In sight what belongs to no image fades away from the shadow boundary as the edge's own wave does.
       if (image_path < 0)

@@ -15,7 +15,7 @@ namespace earshot {
 namespace {
 
 constexpr std::size_t kMaxPlanes = 64;                 // the largest of the scene are looked at
-constexpr double kParallel = 1e-4;                     // sine between planes that count as parallel, or at right angles
+constexpr double kParallelSine = 1e-4;                 // sine between planes that count as parallel, or at right angles
 constexpr std::size_t kMaxSidePlanes = 24;             // per pair
 constexpr double kMaxFamilies = 64, kFewFamilies = 8;  // per pair; with few rays, whose noise is larger than what side planes add
 constexpr int kManyRays = 512;
@@ -60,7 +60,7 @@ void FacingPlanes::find_pairs(const AcousticScene& scene) {
   for (std::size_t i = 0; i < std::min(planes.size(), kMaxPlanes) && pairs_.size() < kMaxPairs; ++i) {
     const ExactPlane plane(planes[i]);
     const bool known =
-        std::any_of(axes.begin(), axes.end(), [&](glm::dvec3 axis) { return glm::length(glm::cross(axis, plane.normal)) < kParallel; });
+        std::any_of(axes.begin(), axes.end(), [&](glm::dvec3 axis) { return glm::length(glm::cross(axis, plane.normal)) < kParallelSine; });
     if (known) continue;
     axes.push_back(plane.normal);
     const Hit ahead = rays.intersect(source_.position, glm::vec3(plane.normal)),
@@ -70,7 +70,8 @@ void FacingPlanes::find_pairs(const AcousticScene& scene) {
     pair.plane = {scene.plane_of_triangle()[behind.triangle], scene.plane_of_triangle()[ahead.triangle]};
     if (pair.plane[0] == pair.plane[1]) continue;
     const ExactPlane near(planes[pair.plane[0]]), far(planes[pair.plane[1]]);
-    if (glm::length(glm::cross(near.normal, plane.normal)) > kParallel || glm::length(glm::cross(far.normal, plane.normal)) > kParallel)
+    if (glm::length(glm::cross(near.normal, plane.normal)) > kParallelSine ||
+        glm::length(glm::cross(far.normal, plane.normal)) > kParallelSine)
       continue;
     pair.axis = glm::dot(near.normal, plane.normal) > 0 ? near.normal : -near.normal;
     const glm::dvec3 source(source_.position);
@@ -87,7 +88,7 @@ void FacingPlanes::find_sides(const AcousticScene& scene, Pair& pair) const {
   const std::span<const MirrorPlane> planes = scene.planes();
   pair.role.assign(planes.size(), kNone);
   for (std::uint32_t p = 0; p < planes.size() && pair.side.size() < kMaxSidePlanes; ++p) {
-    if (std::abs(glm::dot(ExactPlane(planes[p]).normal, pair.axis)) > kParallel) continue;
+    if (std::abs(glm::dot(ExactPlane(planes[p]).normal, pair.axis)) > kParallelSine) continue;
     pair.side.push_back(p);
     pair.role[p] = kSide;
   }

@@ -10,7 +10,6 @@
 namespace earshot {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
 /// Two terms of the series by parts are good from here on.
 constexpr float kFar = 2.75f;
 
@@ -94,7 +93,7 @@ double largest_ratio(const DiffractionEdge& edge, glm::dvec3 before, glm::dvec3 
     const double b = scale * wedge.boundary(term);
     sum += std::abs(wedge.weight(term)) * (fast_atan2(high, b) - fast_atan2(low, b));
   }
-  return sum / kPi;
+  return sum / std::numbers::pi;
 }
 
 FiniteWedge::FiniteWedge(const DiffractionEdge& edge, glm::dvec3 before, glm::dvec3 after)
@@ -112,7 +111,7 @@ FiniteWedge::FiniteWedge(const DiffractionEdge& edge, glm::dvec3 before, glm::dv
   const double across = source_r + listener_r;
   const double apex_z = across > 0 ? (source_z * listener_r + listener_z * source_r) / across : 0.5 * edge.length_m;
   past_end_ = apex_z < 0 ? 0 : apex_z > edge.length_m ? 1 : -1;
-  const double nu = kPi / edge.exterior_rad;
+  const double nu = std::numbers::pi / edge.exterior_rad;
   const FourPhases beta = fast_unit_phase(  // exp(j nu d)
       nu * FourNumbers{wedge_.from_boundary(0), wedge_.from_boundary(1), wedge_.from_boundary(2), wedge_.from_boundary(3)});
   for (std::size_t i = 0; i < 2; ++i) {
@@ -126,10 +125,10 @@ FiniteWedge::FiniteWedge(const DiffractionEdge& edge, glm::dvec3 before, glm::dv
     // cosh(nu arcosh(cosh_eta)).
     const double above = std::max(cosh_eta, 1.0), raised = std::pow(above + std::sqrt(above * above - 1.0), nu);
     const double cosh_nu_eta = 0.5 * (raised + 1.0 / raised);
-    const double spreading = nu * shortest_m / (4.0 * kPi) / (m * l) * 2.0 * ends_[i].root_of_detour / slope;
+    const double spreading = nu * shortest_m / (4.0 * std::numbers::pi) / (m * l) * 2.0 * ends_[i].root_of_detour / slope;
     for (std::size_t term = 0; term < 4; ++term) {
       const double theory = wedge_.weight(term) * std::sqrt(2.0 * own_length_m_) * wedge_.boundary(term) /
-                            (kPi * (ends_[i].detour_m + 2.0 * own_length_m_ * wedge_.boundary(term) * wedge_.boundary(term)));
+                            (std::numbers::pi * (ends_[i].detour_m + 2.0 * own_length_m_ * wedge_.boundary(term) * wedge_.boundary(term)));
       const double below = cosh_nu_eta - beta.cosine[term];
       ends_[i].residue[term] = below > 1e-12 ? -spreading * beta.sine[term] / below - theory : 0.0;
     }

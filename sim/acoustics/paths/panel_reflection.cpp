@@ -11,7 +11,7 @@
 namespace earshot {
 namespace {
 
-constexpr double kPi = std::numbers::pi, kEndless = std::numeric_limits<double>::infinity();
+constexpr double kEndless = std::numeric_limits<double>::infinity();
 
 /// How much longer the shortest way from a to b over the edge's line is than the straight one.
 double detour(const PanelEdge& edge, glm::dvec3 a, glm::dvec3 b, double straight_m) {
@@ -25,7 +25,7 @@ double detour(const PanelEdge& edge, glm::dvec3 a, glm::dvec3 b, double straight
 
 double boundary_weight(double waves) {
   const double x = 4.0 * waves - 1.0;
-  return x <= 0 ? 1.0 : x >= 1 ? 0.0 : 0.5 + 0.5 * std::cos(kPi * x);
+  return x <= 0 ? 1.0 : x >= 1 ? 0.0 : 0.5 + 0.5 * std::cos(std::numbers::pi * x);
 }
 
 PanelReflection::PanelReflection(std::span<const PanelEdge> edges, glm::dvec3 image, glm::dvec3 listener, glm::dvec3 at,
@@ -66,7 +66,7 @@ PanelReflection::PanelReflection(std::span<const PanelEdge> edges, glm::dvec3 im
 }
 
 ComplexLanes PanelReflection::pressure_factor(const Lanes& wavenumber) const {
-  constexpr auto pi = static_cast<float>(kPi);
+  constexpr auto pi = static_cast<float>(std::numbers::pi);
   const ComplexLanes one = {all_lanes(1.f), {}};
   std::array<ComplexLanes, 2> inside = {one, one};
   for (std::size_t side = 0; side < 4; ++side) {

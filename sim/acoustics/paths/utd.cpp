@@ -7,11 +7,7 @@
 #include "sim/acoustics/paths/fast_angles.h"
 
 namespace earshot {
-namespace {
-
-constexpr double kPi = std::numbers::pi;
-
-}  // namespace
+namespace {}  // namespace
 
 ComplexLanes scaled_erfc(const Lanes& u) {
   // Fitted with least relative error to the exact values at 2,000 points of [0, infinity); no coefficient is negative, so that nothing
@@ -27,10 +23,12 @@ ComplexLanes scaled_erfc(const Lanes& u) {
 }
 
 WedgeDiffraction::WedgeDiffraction(double exterior_rad, double source_rad, double listener_rad) {
-  const double n = exterior_rad / kPi;
+  const double n = exterior_rad / std::numbers::pi;
   const double difference = std::abs(source_rad - listener_rad), sum = source_rad + listener_rad;
   // pi -+ (phi - phi'), pi -+ (phi + phi'), each less the multiple of 2 pi n that brings it nearest to zero: N+ and N- of the paper.
-  FourNumbers from_boundary = {kPi - difference, kPi + difference, kPi - sum, kPi + sum}, half;
+  FourNumbers from_boundary = {std::numbers::pi - difference, std::numbers::pi + difference, std::numbers::pi - sum,
+                               std::numbers::pi + sum},
+              half;
   const double turn = 2.0 * exterior_rad;
   for (std::size_t i = 0; i < 4; ++i) {
     from_boundary[i] -= turn * std::nearbyint(from_boundary[i] / turn);
@@ -57,7 +55,7 @@ ComplexLanes WedgeDiffraction::ratio(const Lanes& root_of_two_wave_lengths, cons
 }
 
 double kurze_anderson_db(double fresnel_number) {
-  const double root = std::sqrt(2.0 * kPi * std::max(fresnel_number, 0.0));
+  const double root = std::sqrt(2.0 * std::numbers::pi * std::max(fresnel_number, 0.0));
   return 5.0 + (root > 1e-6 ? 20.0 * std::log10(root / std::tanh(root)) : 0.0);
 }
 

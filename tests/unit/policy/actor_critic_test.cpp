@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "sim/base/errors.h"
+#include "tests/support/largest.h"
 
 namespace earshot {
 namespace {
@@ -35,8 +36,6 @@ ObservationTensors random_observations(const ObservationSpec& spec, std::int64_t
   }
   return seen;
 }
-
-double largest(const torch::Tensor& tensor) { return tensor.abs().max().item<double>(); }
 
 std::int64_t parameters_of(const torch::OrderedDict<std::string, torch::Tensor>& named, const std::string& prefix) {
   std::int64_t count = 0;

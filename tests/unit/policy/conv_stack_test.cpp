@@ -8,11 +8,10 @@
 #include <vector>
 
 #include "policy/matrix_product.h"
+#include "tests/support/largest.h"
 
 namespace earshot {
 namespace {
-
-double largest(const torch::Tensor& tensor) { return tensor.abs().max().item<double>(); }
 
 struct Stack {
   std::int64_t pictures, rows, columns, channels, out_channels;

@@ -4,6 +4,8 @@
 #include <torch/csrc/autograd/autograd.h>
 #include <torch/nn/modules/rnn.h>
 
+#include "tests/support/largest.h"
+
 namespace earshot {
 namespace {
 
@@ -32,8 +34,6 @@ torch::Tensor cell_by_cell(const MaskedGru& gru, const torch::Tensor& inputs, to
   }
   return torch::stack(states);
 }
-
-double largest(const torch::Tensor& tensor) { return tensor.abs().max().item<double>(); }
 
 // Both are float64 and differ in the order of sums only: 1e-12 leaves a factor 100 of room.
 constexpr double kTolerance = 1e-12;

@@ -30,11 +30,11 @@ TEST(AgentTeam, EveryItemIsDoneOnceByAMemberOfItsOwn) {
 
 #ifdef EARSHOT_SANITIZED
 // Thirty times slower, and slower again with more threads than cores; threads meet in the first step as in the last.
-constexpr int kSteps = 4;
-constexpr std::array kThreadCounts{2, 3};
+constexpr int kAgentSteps = 4;
+constexpr std::array kAgentThreadCounts{2, 3};
 #else
-constexpr int kSteps = 22;
-constexpr std::array kThreadCounts{2, 3, 4, 8};
+constexpr int kAgentSteps = 22;
+constexpr std::array kAgentThreadCounts{2, 3, 4, 8};
 #endif
 
 TEST_F(SeveralAgents, ThreadsSplitsAndSendingChangeNoBit) {
@@ -49,7 +49,7 @@ TEST_F(SeveralAgents, ThreadsSplitsAndSendingChangeNoBit) {
       BatchedEnv env(config, set_, scenes_, envs, first, kEnvs);
       env.reset();
       std::vector<Shown> rows(static_cast<std::size_t>(env.num_rows()));
-      for (int step = 0; step < kSteps; ++step) {
+      for (int step = 0; step < kAgentSteps; ++step) {
         for (int row = 0; row < env.num_rows(); ++row) rows[static_cast<std::size_t>(row)].push_back(shown_to_agent(env, row));
         const std::vector<std::int32_t> actions = actions_of(first, envs, kAgents, step);
         if (!sends) {
@@ -69,14 +69,14 @@ TEST_F(SeveralAgents, ThreadsSplitsAndSendingChangeNoBit) {
     return all;
   };
   const std::vector<Shown> reference = roll_out(1, {3}, false);
-  for (const int threads : kThreadCounts) EXPECT_TRUE(roll_out(threads, {3}, false) == reference) << threads;
+  for (const int threads : kAgentThreadCounts) EXPECT_TRUE(roll_out(threads, {3}, false) == reference) << threads;
 #ifndef EARSHOT_SANITIZED
   EXPECT_TRUE(roll_out(1, {1, 2}, false) == reference);
   EXPECT_TRUE(roll_out(8, {2, 1}, false) == reference);
   EXPECT_TRUE(roll_out(8, {1, 1, 1}, false) == reference);
   EXPECT_TRUE(roll_out(2, {3}, true) == reference);
 #endif
-  EXPECT_TRUE(roll_out(kThreadCounts.back(), {1, 2}, true) == reference);
+  EXPECT_TRUE(roll_out(kAgentThreadCounts.back(), {1, 2}, true) == reference);
 }
 
 }  // namespace

@@ -18,10 +18,10 @@ using namespace roll_outs;
 // A sanitizer slows the simulation by a factor of twenty to eighty, and workers that wait without a core of their own slow it by as much
 // again (TBB spins): its finds need neither the long run nor a third thread.
 #ifdef EARSHOT_SANITIZED
-constexpr int kSteps = 6;
+constexpr int kBatchSteps = 6;
 constexpr std::array kThreadCounts{2};
 #else
-constexpr int kSteps = 40;
+constexpr int kBatchSteps = 40;
 constexpr std::array kThreadCounts{2, 3};
 #endif
 
@@ -30,19 +30,19 @@ TEST(BatchedEnv, ThreadsAndSplitsOfTheBatchChangeNoBit) {
   EnvConfig config = quick_env_config();
   const auto set = quick_set(3);
   const auto scenes = make_scene_cache(config);
-  const auto reference = roll_out(config, set, scenes, {6}, kSteps);
+  const auto reference = roll_out(config, set, scenes, {6}, kBatchSteps);
   int ends = 0;
   for (const auto& [env, records] : reference)
     for (const Record& r : records) ends += r.flags[0] + r.flags[1];
-  EXPECT_GT(ends, kSteps / 4);
+  EXPECT_GT(ends, kBatchSteps / 4);
   for (const int threads : kThreadCounts) {
     config.threads = threads;
-    EXPECT_TRUE(roll_out(config, set, make_scene_cache(config), {6}, kSteps) == reference) << threads << " threads";
+    EXPECT_TRUE(roll_out(config, set, make_scene_cache(config), {6}, kBatchSteps) == reference) << threads << " threads";
   }
-  EXPECT_TRUE(roll_out(config, set, scenes, {2, 4}, kSteps) == reference) << "split 2 + 4 on the most threads";
+  EXPECT_TRUE(roll_out(config, set, scenes, {2, 4}, kBatchSteps) == reference) << "split 2 + 4 on the most threads";
   config.threads = 1;
   config.prefetch = true;
-  EXPECT_TRUE(roll_out(config, set, make_scene_cache(config), {1, 5}, kSteps) == reference) << "split 1 + 5, prefetching";
+  EXPECT_TRUE(roll_out(config, set, make_scene_cache(config), {1, 5}, kBatchSteps) == reference) << "split 1 + 5, prefetching";
 }
 
 TEST(BatchedEnv, HalfBatchesInFlightTogetherChangeNoBit) {

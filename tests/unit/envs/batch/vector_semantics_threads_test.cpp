@@ -16,11 +16,11 @@ namespace {
 
 // Each env shows the same, whatever the threads, and however sending and waiting are interleaved.
 TEST_F(VectorSemantics, SendingGivesTheBitsOfLockstep) {
-  constexpr int kEnvs = 6, kSteps = 24;
+  constexpr int kEnvs = 6, kEnvSteps = 24;
   BatchedEnv lockstep = make(kEnvs, config_);
   lockstep.reset();
   std::vector<std::vector<std::vector<std::byte>>> expected(kEnvs);
-  for (int i = 0; i < kSteps; ++i) {
+  for (int i = 0; i < kEnvSteps; ++i) {
     step(lockstep, i);
     for (int row = 0; row < kEnvs; ++row) expected[static_cast<std::size_t>(row)].push_back(shown(lockstep, row));
   }
@@ -37,7 +37,7 @@ TEST_F(VectorSemantics, SendingGivesTheBitsOfLockstep) {
       while (!ready.empty() || under_way > 0) {
         std::vector<std::int32_t> send, actions;
         for (const std::int32_t row : ready)
-          if (done[static_cast<std::size_t>(row)] < kSteps) {
+          if (done[static_cast<std::size_t>(row)] < kEnvSteps) {
             send.push_back(row);
             actions.push_back(test_action(row, done[static_cast<std::size_t>(row)]));
           }

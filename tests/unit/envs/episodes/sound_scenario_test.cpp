@@ -12,12 +12,12 @@
 namespace earshot {
 namespace {
 
-const std::vector<std::string> kSounds = {"synth:bird", "synth:alarm", "synth:music"};
+const std::vector<std::string> kScenarioSounds = {"synth:bird", "synth:alarm", "synth:music"};
 const std::vector<glm::dvec3> kPlaces = {{0, 0, 0}, {4, 0, 0}, {0, 0, 4}, {4, 0, 4}};
 
 std::vector<Episode> episodes(std::size_t count) {
   std::vector<Episode> all(count, room_episode("shoebox:6x3x5@0.3", {1, 0, 1}, 0, {4, 0, 4}, "synth:bird"));
-  for (std::size_t i = 0; i < count; ++i) all[i].sound = kSounds[i % 3];
+  for (std::size_t i = 0; i < count; ++i) all[i].sound = kScenarioSounds[i % 3];
   return all;
 }
 
@@ -25,7 +25,7 @@ TEST(SoundScenario, AsItStandsEpisodesStayAsTheyAre) {
   std::vector<Episode> all = episodes(3);
   const std::uint64_t before = episode_set_hash(all);
   EXPECT_FALSE(SoundScenario{}.changes_episodes());
-  apply_scenario({}, kSounds, {}, 1, all);
+  apply_scenario({}, kScenarioSounds, {}, 1, all);
   EXPECT_EQ(episode_set_hash(all), before);
 }
 
@@ -34,7 +34,7 @@ TEST(SoundScenario, AsItStandsEpisodesStayAsTheyAre) {
 TEST(SoundScenario, OnsetsAndDurationsAreDrawnAsPublished) {
   constexpr std::size_t kCount = 4000;
   std::vector<Episode> all = episodes(kCount);
-  apply_scenario({.onset_high_s = 5, .duration_mean_s = 15, .duration_std_s = 9}, kSounds, {}, 1, all);
+  apply_scenario({.onset_high_s = 5, .duration_mean_s = 15, .duration_std_s = 9}, kScenarioSounds, {}, 1, all);
   double onset = 0, duration = 0;
   std::size_t shortest = 0;
   for (const Episode& episode : all) {
@@ -54,7 +54,7 @@ TEST(SoundScenario, OnsetsAndDurationsAreDrawnAsPublished) {
 TEST(SoundScenario, DistractorsPlayOtherSoundsElsewhere) {
   std::vector<Episode> all = episodes(60), again = episodes(60);
   const SoundScenario scenario{.distractors = 2, .distractor_level_db = -6, .noise_snr_db = 30};
-  apply_scenario(scenario, kSounds, kPlaces, 1, all);
+  apply_scenario(scenario, kScenarioSounds, kPlaces, 1, all);
   std::set<double> places;
   for (const Episode& episode : all) {
     ASSERT_EQ(episode.sources.size(), 3u);
@@ -68,13 +68,13 @@ TEST(SoundScenario, DistractorsPlayOtherSoundsElsewhere) {
     }
   }
   EXPECT_EQ(places.size(), 3u);
-  apply_scenario(scenario, kSounds, kPlaces, 1, again);
+  apply_scenario(scenario, kScenarioSounds, kPlaces, 1, again);
   EXPECT_EQ(episode_set_hash(all), episode_set_hash(again));
-  apply_scenario(scenario, kSounds, kPlaces, 2, again);
+  apply_scenario(scenario, kScenarioSounds, kPlaces, 2, again);
   EXPECT_NE(episode_set_hash(all), episode_set_hash(again));
   std::vector<Episode> one = episodes(1);
-  EXPECT_THROW(apply_scenario(scenario, std::span(kSounds).first(1), kPlaces, 1, one), InputError);
-  EXPECT_THROW(apply_scenario(scenario, kSounds, std::span(kPlaces).last(1), 1, one), InputError);
+  EXPECT_THROW(apply_scenario(scenario, std::span(kScenarioSounds).first(1), kPlaces, 1, one), InputError);
+  EXPECT_THROW(apply_scenario(scenario, kScenarioSounds, std::span(kPlaces).last(1), 1, one), InputError);
 }
 
 TEST(SoundScenario, RefusesWhatCannotBe) {

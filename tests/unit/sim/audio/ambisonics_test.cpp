@@ -9,26 +9,13 @@
 #include <vector>
 
 #include "sim/base/random.h"
+#include "tests/support/directions.h"
 #include "tests/support/harmonic_table.h"
 
 namespace earshot {
 namespace {
 
 using namespace harmonic_table;
-
-constexpr double kDegree = std::numbers::pi / 180.0;
-
-glm::vec3 random_direction(std::uint32_t index) {
-  const auto u = RandomStream(11, Purpose::test).uniform2(index);
-  const double z = 2.0 * u[0] - 1.0;
-  return direction_of(360.0 * u[1], std::asin(z) / kDegree);
-}
-
-std::vector<float> harmonics(glm::vec3 direction, int order) {
-  std::vector<float> values(static_cast<std::size_t>((order + 1) * (order + 1)));
-  spherical_harmonics_n3d(direction, order, values);
-  return values;
-}
 
 TEST(SphericalHarmonics, MatchTheTableO28) {
   for (const TableRow& row : kTable) {
@@ -42,7 +29,7 @@ TEST(SphericalHarmonics, SquaresSumToTheChannelCountO28) {
   for (int order = 0; order <= 9; ++order) {
     for (std::uint32_t i = 0; i < 200; ++i) {
       double sum = 0;
-      for (const float value : harmonics(random_direction(i), order)) sum += static_cast<double>(value) * value;
+      for (const float value : harmonics(random_direction(11, i), order)) sum += static_cast<double>(value) * value;
       EXPECT_NEAR(sum, (order + 1) * (order + 1),
                   2e-5 * (order + 1) * (order + 1));  // a float unit vector is off by 1e-7, to the 18th power
     }
@@ -52,7 +39,7 @@ TEST(SphericalHarmonics, SquaresSumToTheChannelCountO28) {
 // The addition theorem: sum over m of Y(a) Y(b) = (2l + 1) P_l(a . b).  Independent of our recursion: Bonnet's.
 TEST(SphericalHarmonics, ObeyTheAdditionTheorem) {
   for (std::uint32_t i = 0; i < 100; ++i) {
-    const glm::vec3 a = random_direction(2 * i), b = random_direction(2 * i + 1);
+    const glm::vec3 a = random_direction(11, 2 * i), b = random_direction(11, 2 * i + 1);
     const auto ya = harmonics(a, 9), yb = harmonics(b, 9);
     const double cosine = glm::dot(glm::dvec3(a), glm::dvec3(b));
     double before = 0, legendre = 1;
@@ -97,15 +84,15 @@ TEST(Rotation, TurningLeftMovesAFrontSourceToTheRightO28) {
 TEST(Rotation, OfTheFieldEqualsTheFieldOfTheTurnedDirection) {
   for (std::uint32_t i = 0; i < 50; ++i) {
     const double heading = (37.0 * i - 500.0) * kDegree;
-    auto field = harmonics(random_direction(i), 9);
+    auto field = harmonics(random_direction(11, i), 9);
     rotate_to_heading(field, 9, heading);
-    const auto expected = harmonics(to_head_axes(random_direction(i), heading), 9);
+    const auto expected = harmonics(to_head_axes(random_direction(11, i), heading), 9);
     for (std::size_t c = 0; c < field.size(); ++c) EXPECT_NEAR(field[c], expected[c], 3e-5) << c;  // float direction, m <= 9
   }
 }
 
 TEST(Rotation, KeepsThePowerOfEachOrder) {
-  const auto field = harmonics(random_direction(3), 9);
+  const auto field = harmonics(random_direction(11, 3), 9);
   auto turned = field;
   rotate_to_heading(turned, 9, 0.7);
   for (int l = 0; l <= 9; ++l) {
@@ -119,7 +106,7 @@ TEST(Rotation, KeepsThePowerOfEachOrder) {
 }
 
 TEST(Rotation, IsAGroup) {
-  const auto field = harmonics(random_direction(4), 9);
+  const auto field = harmonics(random_direction(11, 4), 9);
   auto twice = field, once = field, full = field, steps = field;
   rotate_to_heading(twice, 9, 0.4);
   rotate_to_heading(twice, 9, 1.1);

@@ -10,22 +10,16 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/random.h"
+#include "tests/support/directions.h"
 
 namespace earshot {
 namespace {
-
-constexpr double kDegree = std::numbers::pi / 180.0;
 
 /// Azimuth counter-clockwise from the front.
 glm::vec3 direction_of(double azimuth_deg, double elevation_deg) {
   const double azimuth = azimuth_deg * kDegree, elevation = elevation_deg * kDegree;
   return {static_cast<float>(-std::cos(elevation) * std::sin(azimuth)), static_cast<float>(std::sin(elevation)),
           static_cast<float>(-std::cos(elevation) * std::cos(azimuth))};
-}
-
-glm::vec3 random_direction(std::uint32_t index) {
-  const auto u = RandomStream(21, Purpose::test).uniform2(index);
-  return direction_of(360.0 * static_cast<double>(u[0]), std::asin(2.0 * static_cast<double>(u[1]) - 1.0) / kDegree);
 }
 
 /// Mean of the squared gain over the sphere: midpoints in height and azimuth.
@@ -119,7 +113,7 @@ TEST(BandDirectivity, TableFollowsThePattern) {
   const BandDirectivity bands(voice, centres);
   std::array<float, 7> gain{};
   for (std::uint32_t i = 0; i < 2000; ++i) {
-    const glm::vec3 direction = random_direction(i);
+    const glm::vec3 direction = random_direction(21, i);
     bands.pressure(direction, gain);
     // Bilinear on 5 degrees: h^2 / 8 times a curvature of up to (ka)^2 = 160 at 8 kHz behind the head, where the gain is small.
     for (std::size_t b = 0; b < 7; ++b) ASSERT_NEAR(gain[b], voice->pressure(direction, centres[b]), b < 5 ? 0.01 : 0.03) << b;

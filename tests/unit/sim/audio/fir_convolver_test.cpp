@@ -11,7 +11,7 @@
 namespace earshot {
 namespace {
 
-std::vector<float> noise(std::size_t count, unsigned seed) {
+std::vector<float> twister_noise(std::size_t count, unsigned seed) {
   std::mt19937 generator(seed);
   std::uniform_real_distribution<float> uniform(-1, 1);
   std::vector<float> values(count);
@@ -23,7 +23,7 @@ TEST(FirConvolver, IsTheSumOfProducts) {
   FirConvolver convolver;
   // Signals shorter and longer than a hop, filters of one tap, of an odd number and of more than the signal.
   for (const auto& [samples, taps] : {std::pair<std::size_t, std::size_t>{1, 1}, {3000, 1}, {2500, 701}, {40, 900}, {1024, 512}}) {
-    const std::vector<float> signal = noise(samples, 1), filters = noise(2 * taps, 2);
+    const std::vector<float> signal = twister_noise(samples, 1), filters = twister_noise(2 * taps, 2);
     const std::vector<float> result = convolver.convolve(signal, filters, 2);
     const std::size_t frames = samples + taps - 1;
     ASSERT_EQ(result.size(), 2 * frames);

@@ -15,12 +15,12 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/random.h"
+#include "tests/support/directions.h"
 #include "tests/support/test_data.h"
 
 namespace earshot {
 namespace {
 
-constexpr double kDegree = std::numbers::pi / 180.0;
 constexpr double kRadiusOverSpeedUs = 0.0875 / 343.0 * 1e6;
 
 /// Azimuth clockwise from the front: positive on the right.

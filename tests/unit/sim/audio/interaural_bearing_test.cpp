@@ -11,12 +11,12 @@
 #include "sim/audio/fft.h"
 #include "sim/audio/rigid_sphere.h"
 #include "sim/base/random.h"
+#include "tests/support/directions.h"
 
 namespace earshot {
 namespace {
 
 constexpr float kRate_hz = 16000;
-constexpr double kDegree = std::numbers::pi / 180.0;
 
 /// White noise at two ears that delay it by these seconds.
 std::vector<float> delayed_noise(double left_s, double right_s, std::size_t samples) {

@@ -16,8 +16,8 @@ namespace {
 constexpr int kSamples = 16000;
 const SpectrogramConfig kConfig{};
 
-/// White noise with deviation 1.
-std::vector<float> noise(int count, std::uint32_t stream) {
+/// White normal_noise with deviation 1.
+std::vector<float> normal_noise(int count, std::uint32_t stream) {
   const RandomStream random(11, Purpose::test, stream);
   std::vector<float> samples(static_cast<std::size_t>(count));
   for (std::size_t i = 0; i < samples.size(); ++i) samples[i] = random.normal2(static_cast<std::uint32_t>(i))[0];
@@ -53,7 +53,7 @@ Cells analyze(const std::vector<float>& sound) {
 // 1,440 cells of 16 correlated estimates each: the mean power is known to about 1 %, 0.04 dB.
 TEST(InterauralSpectrogram, WhiteNoiseHasALevelOfZeroDecibels) {
   for (const double gain_db : {0.0, -30.0, 20.0}) {
-    std::vector<float> left = noise(kSamples, 1);
+    std::vector<float> left = normal_noise(kSamples, 1);
     for (float& sample : left) sample *= static_cast<float>(std::pow(10.0, gain_db / 20));
     const Cells cells = analyze(both(left, left));
     double power = 0;
@@ -66,7 +66,7 @@ TEST(InterauralSpectrogram, WhiteNoiseHasALevelOfZeroDecibels) {
 }
 
 TEST(InterauralSpectrogram, LevelDifferenceIsTheRatioOfTheEars) {
-  const std::vector<float> left = noise(kSamples, 2);
+  const std::vector<float> left = normal_noise(kSamples, 2);
   std::vector<float> right = left;
   for (float& sample : right) sample *= 0.5f;
   const Cells cells = analyze(both(left, right));
@@ -81,7 +81,7 @@ TEST(InterauralSpectrogram, LevelDifferenceIsTheRatioOfTheEars) {
 // a row.  A window of 400 samples that is moved by d keeps 1 - d / 400 of its sound or more.
 TEST(InterauralSpectrogram, PhaseDifferenceIsThatOfTheDelay) {
   constexpr int margin = 16;
-  const std::vector<float> sound = noise(kSamples + 2 * margin, 3);
+  const std::vector<float> sound = normal_noise(kSamples + 2 * margin, 3);
   const auto from = [&](int first) { return std::vector<float>(sound.begin() + first, sound.begin() + first + kSamples); };
   for (const int delay : {0, 3, 11, -7}) {
     const Cells cells = analyze(both(from(margin), from(margin - delay)));
@@ -100,7 +100,7 @@ TEST(InterauralSpectrogram, PhaseDifferenceIsThatOfTheDelay) {
 // Of unrelated ears the cross spectrum of a cell is the sum of 16 products, about 4 of them independent (bins and frames overlap), with
 // random phases.
 TEST(InterauralSpectrogram, EarsWithoutRelationAreNotCoherent) {
-  const Cells cells = analyze(both(noise(kSamples, 4), noise(kSamples, 5)));
+  const Cells cells = analyze(both(normal_noise(kSamples, 4), normal_noise(kSamples, 5)));
   double square = 0, mean = 0;
   int count = 0;
   for (int row = 1; row < kConfig.rows() - 1; ++row)
@@ -121,12 +121,12 @@ TEST(InterauralSpectrogram, SilenceGivesZeros) {
 
 TEST(InterauralSpectrogram, IsFiniteFromTheFaintestToTheLoudest) {
   for (const double scale : {1e-30, 1e-12, 1e6, 1e12}) {
-    std::vector<float> sound = both(noise(kSamples, 6), noise(kSamples, 7));
+    std::vector<float> sound = both(normal_noise(kSamples, 6), normal_noise(kSamples, 7));
     for (float& sample : sound) sample *= static_cast<float>(scale);
     for (const float value : analyze(sound).values) ASSERT_TRUE(std::isfinite(value)) << scale;
   }
   // One ear deaf: the difference is that of the sound over the floor.
-  const Cells cells = analyze(both(noise(kSamples, 8), std::vector<float>(kSamples, 0.f)));
+  const Cells cells = analyze(both(normal_noise(kSamples, 8), std::vector<float>(kSamples, 0.f)));
   EXPECT_NEAR(cells.mean(20, 1), 10, 0.5);  // 100 dB in units of 10 dB
   EXPECT_EQ(cells.at(20, 10, 2), 0.f);
 }
@@ -135,7 +135,7 @@ TEST(InterauralSpectrogram, HistoryChangesNoBit) {
   const std::array steps{2400, 2400, 0, 160, 15840, 16000, 2400, 2401, 2400, 40000, 2400};
   int total = kSamples;
   for (const int step : steps) total += step;
-  const std::vector<float> left = noise(total, 9), right = noise(total, 10);
+  const std::vector<float> left = normal_noise(total, 9), right = normal_noise(total, 10);
   InterauralAnalyzer keeping(kConfig), full(kConfig);
   InterauralHistory history;
   std::vector<float> kept(static_cast<std::size_t>(kConfig.rows() * kConfig.columns() * kInterauralChannels)), anew(kept.size());

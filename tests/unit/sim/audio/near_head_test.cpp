@@ -9,11 +9,11 @@
 #include "sim/audio/hrtf.h"
 #include "sim/audio/rigid_sphere.h"
 #include "sim/audio/sofa_reader.h"
+#include "tests/support/directions.h"
 
 namespace earshot {
 namespace {
 
-constexpr double kDegree = std::numbers::pi / 180.0;
 constexpr float kRateHz = 25600.f;  // bins of 50 Hz
 
 /// Unit vector of the horizontal plane, azimuth clockwise from the front.

@@ -7,11 +7,11 @@
 
 #include "sim/audio/hrtf.h"
 #include "sim/audio/rigid_sphere.h"
+#include "tests/support/directions.h"
 
 namespace earshot {
 namespace {
 
-constexpr double kDegree = std::numbers::pi / 180.0;
 constexpr double kUsPerRadius = kHeadRadiusM / kHeadSpeedOfSoundMPerS * 1e6;
 
 struct Row {

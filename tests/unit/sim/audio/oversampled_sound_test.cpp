@@ -9,11 +9,11 @@
 namespace earshot {
 namespace {
 
-constexpr double kRateHz = 16000;
+constexpr double kLowRateHz = 16000;
 
 /// A sine with a whole number of periods in the loop.
 SoundClip sine_loop(std::size_t length, int periods) {
-  SoundClip clip{.name = "sine", .sample_rate_hz = static_cast<float>(kRateHz), .samples = std::vector<float>(length)};
+  SoundClip clip{.name = "sine", .sample_rate_hz = static_cast<float>(kLowRateHz), .samples = std::vector<float>(length)};
   for (std::size_t n = 0; n < length; ++n)
     clip.samples[n] = static_cast<float>(std::sin(2.0 * std::numbers::pi * periods * static_cast<double>(n) / static_cast<double>(length)));
   return clip;

@@ -36,13 +36,14 @@ TEST(Camera, RightIsForwardCrossUp) {
 TEST(Camera, RefusesWhatNoPinholeCanDo) {
   EXPECT_NO_THROW(validate(CameraConfig{}));
   const float nan = std::numeric_limits<float>::quiet_NaN(), infinity = std::numeric_limits<float>::infinity();
-  EXPECT_THROW(validate({.width_px = 0}), InputError);
-  EXPECT_THROW(validate({.width_px = 127}), InputError);
-  EXPECT_THROW(validate({.width_px = -8}), InputError);
-  EXPECT_THROW(validate({.height_px = 0}), InputError);
-  for (const float fov_deg : {0.f, 1.f, 179.f, 180.f, -90.f, nan}) EXPECT_THROW(validate({.horizontal_fov_deg = fov_deg}), InputError);
-  for (const float height_m : {0.f, -1.f, nan, infinity}) EXPECT_THROW(validate({.height_m = height_m}), InputError);
-  for (const float depth_m : {0.f, -10.f, nan, infinity}) EXPECT_THROW(validate({.max_depth_m = depth_m}), InputError);
+  EXPECT_THROW(validate(CameraConfig{.width_px = 0}), InputError);
+  EXPECT_THROW(validate(CameraConfig{.width_px = 127}), InputError);
+  EXPECT_THROW(validate(CameraConfig{.width_px = -8}), InputError);
+  EXPECT_THROW(validate(CameraConfig{.height_px = 0}), InputError);
+  for (const float fov_deg : {0.f, 1.f, 179.f, 180.f, -90.f, nan})
+    EXPECT_THROW(validate(CameraConfig{.horizontal_fov_deg = fov_deg}), InputError);
+  for (const float height_m : {0.f, -1.f, nan, infinity}) EXPECT_THROW(validate(CameraConfig{.height_m = height_m}), InputError);
+  for (const float depth_m : {0.f, -10.f, nan, infinity}) EXPECT_THROW(validate(CameraConfig{.max_depth_m = depth_m}), InputError);
 }
 
 }  // namespace

@@ -13,7 +13,7 @@
 namespace earshot {
 namespace {
 
-constexpr int kPort = 29420;
+constexpr int kJoiningPort = 29420;
 
 class JoiningWorkersOfHosts : public JoiningWorkers {
  protected:
@@ -24,7 +24,7 @@ class JoiningWorkersOfHosts : public JoiningWorkers {
   /// A worker on its host, which looks for the meeting point where it is at that time.
   RingConfig ring(int rank, int world_size) override {
     if (!hosts_.enter(host_of_[static_cast<std::size_t>(rank)])) throw RunError("namespace", "cannot be entered");
-    return joinable(curve_ring(HostNamespaces::address(meeting_host_), kPort, rank, world_size, keys_));
+    return joinable(curve_ring(HostNamespaces::address(meeting_host_), kJoiningPort, rank, world_size, keys_));
   }
   void lose(WorkerProcesses& workers, int process, const std::vector<int>& left) {
     ::kill(workers.pid(process), SIGKILL);

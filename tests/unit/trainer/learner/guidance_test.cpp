@@ -9,6 +9,7 @@
 
 #include "policy/action_distribution.h"
 #include "sim/base/errors.h"
+#include "tests/support/largest.h"
 #include "tests/support/two_workers.h"
 #include "trainer/learner/guidance_config.h"
 #include "trainer/learner/guidance_loss.h"
@@ -18,11 +19,9 @@
 namespace earshot {
 namespace {
 
-constexpr int kHidden = 8;
-const std::unique_ptr<Collective> kSingle = make_single_worker();
-Collective& kAlone = *kSingle;
-
-double largest(const torch::Tensor& tensor) { return tensor.abs().max().item<double>(); }
+constexpr int kGuidedHidden = 8;
+const std::unique_ptr<Collective> kGuidedWorker = make_single_worker();
+Collective& kGuidedAlone = *kGuidedWorker;
 
 TEST(GuidanceConfig, WeightsFallLinearly) {
   const GuidanceConfig config{
@@ -77,7 +76,7 @@ ObservationSpec guided_spec() {
 
 PolicyConfig guided_config() {
   PolicyConfig config;
-  config.hidden_size = kHidden;
+  config.hidden_size = kGuidedHidden;
   config.guided_critic = config.goal_heads = config.normalize_values = true;
   config.seed = 3;
   return config;
@@ -93,7 +92,7 @@ TEST(GuidedPolicy, ActsWithoutWhatIsPrivileged) {
   torch::manual_seed(1);
   ActorCritic policy(guided_spec(), guided_config());
   const ObservationTensors seen = observations(5);
-  const torch::Tensor hidden = torch::randn({5, kHidden}), not_done = torch::ones({5});
+  const torch::Tensor hidden = torch::randn({5, kGuidedHidden}), not_done = torch::ones({5});
   const PolicyOutput trained = policy->step(seen, hidden, not_done);
   const PolicyOutput evaluated = policy->step({{"pointgoal", seen["pointgoal"]}}, hidden, not_done);
   EXPECT_TRUE(trained.logits.equal(evaluated.logits));
@@ -113,7 +112,7 @@ TEST(GuidedPolicy, ValuesStayWhenTheirUnitChanges) {
   torch::manual_seed(2);
   ActorCritic policy(guided_spec(), guided_config());
   const ObservationTensors seen = observations(5);
-  const torch::Tensor hidden = torch::randn({5, kHidden}), not_done = torch::ones({5});
+  const torch::Tensor hidden = torch::randn({5, kGuidedHidden}), not_done = torch::ones({5});
   const torch::Tensor before = policy->step(seen, hidden, not_done).value;
   ASSERT_GT(largest(before), 1e-3);
   policy->set_value_scale(3.0, 4.0);
@@ -147,8 +146,8 @@ TEST(ValueScale, FollowsTheReturnsOfAllWorkers) {
 RolloutBuffer half_guided(ActorCritic policy, int num_steps) {
   const torch::NoGradGuard no_gradient;
   torch::manual_seed(5);
-  RolloutBuffer rollout(guided_spec(), num_steps, 2, kHidden);
-  torch::Tensor hidden = torch::zeros({2, kHidden});
+  RolloutBuffer rollout(guided_spec(), num_steps, 2, kGuidedHidden);
+  torch::Tensor hidden = torch::zeros({2, kGuidedHidden});
   rollout.begin(hidden);
   for (int t = 0; t < num_steps; ++t) {
     const ObservationTensors seen = observations(2);
@@ -168,7 +167,7 @@ torch::Tensor weights_after(const RolloutBuffer& rollout, const GuidanceConfig& 
   ActorCritic policy(guided_spec(), guided_config());
   PpoConfig config;
   config.epochs = config.minibatches = 1;
-  const UpdateStats update = PpoLearner(policy, config, 1, guidance).update(rollout, 0, 0, kAlone);
+  const UpdateStats update = PpoLearner(policy, config, 1, guidance).update(rollout, 0, 0, kGuidedAlone);
   if (stats) *stats = update;
   std::vector<torch::Tensor> parts;
   for (const torch::Tensor& parameter : policy->parameters()) parts.push_back(parameter.detach().flatten());
@@ -206,7 +205,7 @@ TEST(GuidedLearner, ImitationLearnsTheOraclesActions) {
   config.value_coefficient = 0;
   PpoLearner learner(policy, config, 1, {.imitation = 1, .imitation_end_weight = 1});
   UpdateStats stats;
-  for (std::uint64_t update = 0; update < 60; ++update) stats = learner.update(rollout, 0, update, kAlone);
+  for (std::uint64_t update = 0; update < 60; ++update) stats = learner.update(rollout, 0, update, kGuidedAlone);
   EXPECT_GT(stats.oracle_agreement, 0.95);
   EXPECT_LT(stats.imitation_loss, 0.3);
 }
@@ -219,7 +218,7 @@ TEST(PpoLearner, EpochsEndAtTheBudgetOfDivergence) {
   const auto epochs = [&](double target_kl) {
     ActorCritic policy(guided_spec(), guided_config());
     config.target_kl = target_kl;
-    return PpoLearner(policy, config, 1).update(half_guided(policy, 16), 0, 0, kAlone).epochs;
+    return PpoLearner(policy, config, 1).update(half_guided(policy, 16), 0, 0, kGuidedAlone).epochs;
   };
   EXPECT_EQ(epochs(0), 8);
   EXPECT_EQ(epochs(1e9), 8);

@@ -10,6 +10,7 @@
 
 #include "policy/action_distribution.h"
 #include "tests/support/hooked_collective.h"
+#include "tests/support/largest.h"
 #include "tests/support/pointgoal_policy.h"
 #include "tests/support/two_workers.h"
 #include "trainer/learner/ppo.h"
@@ -81,8 +82,6 @@ torch::Tensor flat(const ActorCritic& policy) {
   for (const torch::Tensor& parameter : policy->parameters()) parts.push_back(parameter.detach().flatten());
   return torch::cat(parts);
 }
-
-double largest(const torch::Tensor& tensor) { return tensor.abs().max().item<double>(); }
 
 /// Before it is summed over workers.
 torch::Tensor gradient_of_first_minibatch(const RolloutBuffer& rollout, const PpoConfig& config, Collective& collective = kAlone) {

@@ -9,7 +9,7 @@
 namespace earshot {
 namespace {
 
-std::vector<float> list(const torch::Tensor& tensor) {
+std::vector<float> floats_of(const torch::Tensor& tensor) {
   const torch::Tensor flat = tensor.contiguous();
   return {flat.data_ptr<float>(), flat.data_ptr<float>() + flat.numel()};
 }
@@ -36,7 +36,7 @@ class Clock {
   int time_ = 0;
 };
 
-std::vector<float> rows(const RolloutBuffer& buffer, const torch::Tensor& slab) { return list(slab.slice(0, 0, buffer.num_steps())); }
+std::vector<float> rows(const RolloutBuffer& buffer, const torch::Tensor& slab) { return floats_of(slab.slice(0, 0, buffer.num_steps())); }
 
 TEST(RolloutBuffer, AnEarlyStopLeavesNoStaleRows) {
   // docs/ppo.md, section 1.2.  The original trained the second rollout on [9, 10, 11, 4, 5, 6, 7, 8] with bootstrap 8, and the third on
@@ -47,7 +47,7 @@ TEST(RolloutBuffer, AnEarlyStopLeavesNoStaleRows) {
   clock.roll_out(8);
   EXPECT_EQ(rows(buffer, buffer.rewards), (std::vector<float>{1, 2, 3, 4, 5, 6, 7, 8}));
   EXPECT_EQ(buffer.next_value.item<float>(), 8);
-  EXPECT_EQ(list(buffer.hidden), (std::vector<float>{0, 0, 0}));
+  EXPECT_EQ(floats_of(buffer.hidden), (std::vector<float>{0, 0, 0}));
 
   clock.roll_out(3);
   EXPECT_EQ(buffer.num_steps(), 3);
@@ -56,13 +56,13 @@ TEST(RolloutBuffer, AnEarlyStopLeavesNoStaleRows) {
   EXPECT_EQ(rows(buffer, buffer.log_prob), (std::vector<float>{-8, -9, -10}));
   EXPECT_EQ(rows(buffer, buffer.values), (std::vector<float>{16, 18, 20}));
   EXPECT_EQ(buffer.next_value.item<float>(), 11);
-  EXPECT_EQ(list(buffer.hidden), (std::vector<float>{8, 8, 8}));
+  EXPECT_EQ(floats_of(buffer.hidden), (std::vector<float>{8, 8, 8}));
 
   clock.roll_out(8);
   EXPECT_EQ(rows(buffer, buffer.rewards), (std::vector<float>{12, 13, 14, 15, 16, 17, 18, 19}));
   EXPECT_EQ(rows(buffer, buffer.observations["pointgoal"].select(2, 1)), (std::vector<float>{11, 12, 13, 14, 15, 16, 17, 18}));
   EXPECT_EQ(buffer.next_value.item<float>(), 19);
-  EXPECT_EQ(list(buffer.hidden), (std::vector<float>{11, 11, 11}));
+  EXPECT_EQ(floats_of(buffer.hidden), (std::vector<float>{11, 11, 11}));
 }
 
 TEST(RolloutBuffer, HoldsWhatWasPushedEnvByEnv) {
@@ -89,7 +89,7 @@ TEST(RolloutBuffer, HoldsWhatWasPushedEnvByEnv) {
   EXPECT_EQ(rows(buffer, buffer.truncated), (std::vector<float>{0, 1}));
   EXPECT_EQ(rows(buffer, buffer.final_values), (std::vector<float>{0, 9}));
   EXPECT_EQ(rows(buffer, buffer.valid), (std::vector<float>{1, 0}));
-  EXPECT_EQ(list(buffer.next_value), (std::vector<float>{10, 11}));
+  EXPECT_EQ(floats_of(buffer.next_value), (std::vector<float>{10, 11}));
 }
 
 TEST(RolloutBuffer, HasASlabForEverySensor) {

@@ -11,11 +11,11 @@
 namespace earshot {
 namespace {
 
-constexpr int kSteps = 8, kHidden = 4;
+constexpr int kSteps = 8, kStaleHidden = 4;
 
 /// Every state is worth 0 to it, so that the value loss is half the mean square of the returns.
 ActorCritic policy_without_values() {
-  ActorCritic policy = pointgoal_policy(kHidden);
+  ActorCritic policy = pointgoal_policy(kStaleHidden);
   const torch::NoGradGuard no_gradient;
   policy->named_parameters()["critic.weight"].zero_();
   policy->named_parameters()["critic.bias"].zero_();
@@ -66,11 +66,11 @@ TEST(StaleRows, TheLearnerReadsNone) {
   const std::vector<Rollout> table{{8, {44, 43, 41, 38, 34, 29, 23, 16}, 605.75},  // 9692 / 16
                                    {3, {41, 32, 22}, 531.5},                       // 3189 / 6
                                    {8, {143, 131, 118, 104, 89, 73, 56, 38}, 5011.25}};
-  RolloutBuffer buffer(pointgoal_only(), kSteps, 1, kHidden);
+  RolloutBuffer buffer(pointgoal_only(), kSteps, 1, kStaleHidden);
   int time = 0;
   for (const Rollout& rollout : table) {
     ActorCritic policy = policy_without_values();
-    torch::Tensor hidden = torch::zeros({1, kHidden});
+    torch::Tensor hidden = torch::zeros({1, kStaleHidden});
     buffer.begin(hidden);
     for (int step = 0; step < rollout.steps; ++step, ++time)
       push_row(buffer, policy, hidden, static_cast<float>(time), static_cast<float>(time + 1));
@@ -99,9 +99,9 @@ TEST(StaleRows, ThePredecessorsTableGivesOtherLosses) {
     for (int step = 0; step < rollout.steps; ++step, ++time) storage.push(static_cast<float>(time + 1), static_cast<float>(time + 1));
     ASSERT_EQ(std::vector<float>(storage.rewards.begin(), storage.rewards.end()), rollout.rewards);
     ASSERT_EQ(storage.observations.back(), rollout.bootstrap);
-    RolloutBuffer buffer(pointgoal_only(), kSteps, 1, kHidden);
+    RolloutBuffer buffer(pointgoal_only(), kSteps, 1, kStaleHidden);
     ActorCritic policy = policy_without_values();
-    torch::Tensor hidden = torch::zeros({1, kHidden});
+    torch::Tensor hidden = torch::zeros({1, kStaleHidden});
     buffer.begin(hidden);
     for (std::size_t row = 0; row < kSteps; ++row) push_row(buffer, policy, hidden, storage.observations[row], storage.rewards[row]);
     buffer.finish(torch::full({1}, storage.observations.back()));

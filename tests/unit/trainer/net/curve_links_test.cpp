@@ -13,6 +13,7 @@
 
 #include "sim/base/errors.h"
 #include "tests/support/curve_ring.h"
+#include "tests/support/what_of.h"
 #include "trainer/collective/zmq_ring.h"
 #include "trainer/net/rendezvous.h"
 #include "trainer/net/wire.h"
@@ -22,14 +23,6 @@ namespace {
 
 using std::chrono::milliseconds;
 
-std::string what_of(const std::function<void()>& call) {
-  try {
-    call();
-  } catch (const std::exception& error) {
-    return error.what();
-  }
-  return "no error";
-}
 bool contains(const std::string& text, const std::string& part) {
   if (text.find(part) != std::string::npos) return true;
   std::fprintf(stderr, "'%s' lacks '%s'\n", text.c_str(), part.c_str());

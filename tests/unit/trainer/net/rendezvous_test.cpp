@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "sim/base/errors.h"
+#include "tests/support/what_of.h"
 #include "tests/support/worker_processes.h"
 #include "trainer/collective/zmq_ring.h"
 #include "trainer/net/wire.h"
@@ -29,15 +30,6 @@ std::string refusal_of(const std::string& address, const std::string& hello) {
   socket.send(zmq::buffer(hello), zmq::send_flags::none);
   zmq::message_t answer;
   return socket.recv(answer) ? decode<Welcome>(answer.to_string_view()).refusal : std::string();
-}
-
-std::string what_of(const std::function<void()>& call) {
-  try {
-    call();
-  } catch (const std::exception& error) {
-    return error.what();
-  }
-  return {};
 }
 
 /// Bytes that are not even ZMTP, straight into the socket file.

@@ -9,8 +9,6 @@
 namespace earshot {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
-
 TEST(BandLanes, PhasesExponentialsAndArgumentsAreThoseOfTheLibrary) {
   for (float x = -100; x < 100; x += 0.137f) {
     const ComplexLanes phase = unit_phase(all_lanes(x));
@@ -18,7 +16,7 @@ TEST(BandLanes, PhasesExponentialsAndArgumentsAreThoseOfTheLibrary) {
     EXPECT_NEAR(phase.imag[2], std::sin(double{x}), 3e-7) << x;
     const float below = x - 100.f;
     EXPECT_NEAR(exp_of_negative(all_lanes(below))[1] / std::exp(std::max(double{below}, -87.0)), 1.0, 3e-7) << x;
-    const std::complex<double> z = std::polar(std::exp(0.3 * x), 0.01 * kPi * x);
+    const std::complex<double> z = std::polar(std::exp(0.3 * x), 0.01 * std::numbers::pi * x);
     const ComplexLanes lanes = {all_lanes(static_cast<float>(z.real())), all_lanes(static_cast<float>(z.imag()))};
     EXPECT_NEAR(argument(lanes)[7], std::arg(z), 3e-7) << x;
   }
@@ -28,7 +26,7 @@ TEST(BandLanes, PhasesExponentialsAndArgumentsAreThoseOfTheLibrary) {
 
 TEST(BandLanes, PhasesOfLongWaysAreExact) {
   std::array<double, kLanes> wavenumbers;
-  for (std::size_t i = 0; i < kLanes; ++i) wavenumbers[i] = 2 * kPi * 62.5 * std::exp2(static_cast<double>(i)) / 343;
+  for (std::size_t i = 0; i < kLanes; ++i) wavenumbers[i] = 2 * std::numbers::pi * 62.5 * std::exp2(static_cast<double>(i)) / 343;
   const WaveLanes waves(wavenumbers);
   for (const double way_m : {0.0, 1e-4, 0.3, 17.1, 1234.5}) {
     const ComplexLanes turn = waves.turn(way_m);

@@ -25,18 +25,17 @@ namespace {
 
 using namespace coherent_field;
 using Complex = std::complex<double>;
-constexpr double kPi = std::numbers::pi;
 
 std::shared_ptr<const Scene> hard(TriangleMesh mesh) { return rooms::scene_of(std::move(mesh), {Material::uniform("hard", 0.f, 0.f)}); }
 
-double db(double amplitude) { return 20 * std::log10(amplitude); }
+double amplitude_db(double amplitude) { return 20 * std::log10(amplitude); }
 
 /// The wedge of a case, long and wide, edge on the y axis (theirs: z), first face along +x.
 TriangleMesh wedge_mesh(double exterior_rad) {
   const float reach = 200;
   TriangleMesh mesh;
   rooms::append_quad(mesh, {glm::vec3(0, -reach, 0), glm::vec3(reach, -reach, 0), glm::vec3(reach, reach, 0), glm::vec3(0, reach, 0)}, 0);
-  if (exterior_rad > 1.9 * kPi) return mesh;
+  if (exterior_rad > 1.9 * std::numbers::pi) return mesh;
   const glm::vec3 tip(reach * std::cos(exterior_rad), 0, -reach * std::sin(exterior_rad));
   rooms::append_quad(mesh, {glm::vec3(0, -reach, 0), tip - glm::vec3(0, reach, 0), tip + glm::vec3(0, reach, 0), glm::vec3(0, reach, 0)},
                      0);
@@ -63,7 +62,7 @@ TEST(O24Diffraction, PathsOverWedgesHaveTheTabulatedLoss) {
       // The table has nominal frequencies, bands have exact midbands (1.2 % apart at most): 0.04 dB.  The highest band is cut at 8 kHz.
       for (std::size_t i = 0; i < wedges::kFrequencyHz.size(); ++i) {
         if (std::abs(scene.bands().centre_hz[band] / wedges::kFrequencyHz[i] - 1) > 0.02) continue;
-        const double loss = -db(4 * kPi * direct_m * arrivals[0].amplitude[band]);
+        const double loss = -amplitude_db(4 * std::numbers::pi * direct_m * arrivals[0].amplitude[band]);
         EXPECT_NEAR(loss, wedge.utd_db[i], 0.06) << wedge.name << " " << wedges::kFrequencyHz[i];
       }
     }
@@ -93,7 +92,7 @@ TEST(Diffraction, ConvexRoomGivesTheBitsOfOff) {
 
 TEST(Diffraction, LevelFollowsAListenerPastACorner) {
   // Corner of 270 degrees; the source lies near one face, the listener walks out of the shadow and past the reflection boundary.
-  const AcousticScene scene(hard(wedge_mesh(1.5 * kPi)), config_with(Switch::on));
+  const AcousticScene scene(hard(wedge_mesh(1.5 * std::numbers::pi)), config_with(Switch::on));
   const glm::vec3 source = cylindrical({3, 0.7, 0});
   const EarlyCandidates candidates(scene, source);
   EnergyResponse response;
@@ -103,7 +102,7 @@ TEST(Diffraction, LevelFollowsAListenerPastACorner) {
   for (int step = 0; step < 300; ++step) {
     const glm::vec3 listener(-1.2f, 0.3f, 2.5033f - 0.01f * static_cast<float>(step));
     compute_energy_response(scene, candidates, listener, response);
-    const double level = db(std::abs(pressure(scene, response.arrivals, band)));
+    const double level = amplitude_db(std::abs(pressure(scene, response.arrivals, band)));
     if (step > 0) largest_db = std::max(largest_db, std::abs(level - last_db));
     last_db = level;
     if (response.arrivals[0].kind != ArrivalKind::direct) ++without_sight;
@@ -116,7 +115,7 @@ TEST(Diffraction, LevelFollowsAListenerPastACorner) {
 TEST(Diffraction, MetricsAreContinuousThroughTheShadowBoundary) {
   AcousticConfig config = config_with(Switch::on);
   config.early = Switch::off;  // its reflections are not part of this; nor is the reflection boundary, which is never reached
-  const AcousticScene scene(hard(wedge_mesh(1.5 * kPi)), config);
+  const AcousticScene scene(hard(wedge_mesh(1.5 * std::numbers::pi)), config);
   const EarlyCandidates candidates(scene, cylindrical({3, 1.5, 0}));
   EnergyResponse response;
   std::vector<double> last;
@@ -182,15 +181,15 @@ TEST(Diffraction, BendsOverTwoEdgesOfAThickWall) {
   // Keller's product far from all boundaries, 4 kHz: D = exp(-j pi/4) / (n sqrt(2 pi k)) sin(pi/n) [1 / (cos(pi/n) - cos((a - b)/n)) +
   // 1 / (cos(pi/n) - cos((a + b)/n))] at each edge, half of one for the segment along the top, over sqrt(s0 s1 s2 (s0 + s1 + s2)).
   const std::size_t band = 5;
-  const double k = 2 * kPi * scene.bands().centre_hz[band] / 343, n = 1.5, slope = std::atan2(10.0, 30.0);
+  const double k = 2 * std::numbers::pi * scene.bands().centre_hz[band] / 343, n = 1.5, slope = std::atan2(10.0, 30.0);
   const auto keller = [&](double a, double b) {
-    const auto term = [&](double angle) { return 1 / (std::cos(kPi / n) - std::cos(angle / n)); };
-    return std::sin(kPi / n) / (n * std::sqrt(2 * kPi * k)) * (term(a - b) + term(a + b));
+    const auto term = [&](double angle) { return 1 / (std::cos(std::numbers::pi / n) - std::cos(angle / n)); };
+    return std::sin(std::numbers::pi / n) / (n * std::sqrt(2 * std::numbers::pi * k)) * (term(a - b) + term(a + b));
   };
-  const double in = kPi / 2 - slope;  // from the front face
-  const double expected =
-      std::abs(keller(in, 1.5 * kPi) * keller(0, 1.5 * kPi - in)) / 2 / std::sqrt(segment_m * 10 * segment_m * path_m) / (4 * kPi);
-  EXPECT_NEAR(db(arrivals[0].amplitude[band] / expected), 0, 0.06);  // the rest of the transition functions, 1 / (2 k L)
+  const double in = std::numbers::pi / 2 - slope;  // from the front face
+  const double expected = std::abs(keller(in, 1.5 * std::numbers::pi) * keller(0, 1.5 * std::numbers::pi - in)) / 2 /
+                          std::sqrt(segment_m * 10 * segment_m * path_m) / (4 * std::numbers::pi);
+  EXPECT_NEAR(amplitude_db(arrivals[0].amplitude[band] / expected), 0, 0.06);  // the rest of the transition functions, 1 / (2 k L)
 }
 
 TEST(Diffraction, ThickWallsAgainstBiotTolstoyMedwin) {
@@ -223,14 +222,14 @@ TEST(Diffraction, ThickWallsAgainstBiotTolstoyMedwin) {
     const EdgePathField field(edges, path);
     ASSERT_TRUE(field.valid());
     std::array<double, kLanes> wavenumbers;
-    wavenumbers.fill(2 * kPi * 2000 / 343);
-    for (std::size_t i = 0; i < 2; ++i) wavenumbers[i] = 2 * kPi * std::array<double, 2>{125, 500}[i] / 343;
+    wavenumbers.fill(2 * std::numbers::pi * 2000 / 343);
+    for (std::size_t i = 0; i < 2; ++i) wavenumbers[i] = 2 * std::numbers::pi * std::array<double, 2>{125, 500}[i] / 343;
     const FaceLanes rigid{.reflected = all_lanes(1), .transmitted = {}};
     const ComplexLanes ratio =
         field.ratio(EdgeBands{.first = 0, .count = 3, .wave = WaveLanes(wavenumbers), .air_per_m = {}, .face = {rigid}});
     for (std::size_t i = 0; i < 3; ++i) {
       const double k = wavenumbers[i];
-      const double loss = -db(std::sqrt(norm(ratio)[i]) * glm::length(source - listener) / path.length_m);
+      const double loss = -amplitude_db(std::sqrt(norm(ratio)[i]) * glm::length(source - listener) / path.length_m);
       // Second order alone misses what goes back and forth on top, the more the thinner the wall: compare where k w > 3.
       EXPECT_NEAR(loss, wall.loss_db[i], k * wall.thick_m > 3 ? 0.65 : 2.0) << wall.thick_m << " m, k " << k;
     }
@@ -252,7 +251,7 @@ TEST(Diffraction, EdgesOnTheSameLineOfAThinWallJoinTheSingleEdge) {
     compute_energy_response(scene, candidates, {0.2f, 0.5033f + 0.01f * static_cast<float>(step), -2}, response);
     ASSERT_FALSE(response.arrivals.empty());
     orders |= 1 << response.arrivals[0].order;
-    const double level = db(std::abs(pressure(scene, response.arrivals, 3)));
+    const double level = amplitude_db(std::abs(pressure(scene, response.arrivals, 3)));
     if (step > 0) largest_db = std::max(largest_db, std::abs(level - last_db));
     last_db = level;
   }
@@ -269,7 +268,7 @@ TEST(Diffraction, FadesWhereTheEdgeEnds) {
   double last_db = 0, largest_db = 0;
   for (int step = 0; step < 140; ++step) {
     const float x = 0.6033f + 0.01f * static_cast<float>(step);
-    const double level = db(std::abs(pressure(scene, arrivals_of(scene, {x, 0.2f, 2}, {x, 0.2f, -2}), 3)));
+    const double level = amplitude_db(std::abs(pressure(scene, arrivals_of(scene, {x, 0.2f, 2}, {x, 0.2f, -2}), 3)));
     if (step > 0) largest_db = std::max(largest_db, std::abs(level - last_db));
     last_db = level;
   }
@@ -281,7 +280,7 @@ TEST(Diffraction, NoEdgeWaveWhereAnImageIsLitButNoCandidate) {
   // at 1.2 rad from one face: its image there ends at pi - 1.2.
   AcousticConfig config = config_with(Switch::on);
   config.early = Switch::off;
-  const AcousticScene scene(hard(wedge_mesh(1.5 * kPi)), config);
+  const AcousticScene scene(hard(wedge_mesh(1.5 * std::numbers::pi)), config);
   for (const double angle : {1.0, 1.5, 1.9}) {
     const auto lit = arrivals_of(scene, cylindrical({3, 1.2, 0}), cylindrical({2, angle, 0}));
     ASSERT_EQ(lit.size(), 1u) << angle;
@@ -290,7 +289,7 @@ TEST(Diffraction, NoEdgeWaveWhereAnImageIsLitButNoCandidate) {
   // On the other side the tracers have nothing: half the image's pressure at its end, the edge's.
   const auto ended = arrivals_of(scene, cylindrical({3, 1.2, 0}), cylindrical({2, 1.95, 0}));
   ASSERT_EQ(ended.size(), 2u);
-  EXPECT_NEAR(4 * kPi * ended[1].distance_m * ended[1].amplitude[0], 0.5, 0.05);
+  EXPECT_NEAR(4 * std::numbers::pi * ended[1].distance_m * ended[1].amplitude[0], 0.5, 0.05);
 }
 
 TEST(Diffraction, NarrowFacesReflectByTheirWidth) {
@@ -313,23 +312,23 @@ TEST(Diffraction, NarrowFacesReflectByTheirWidth) {
       std::erase_if(arrivals, [](const Arrival& arrival) { return arrival.kind != ArrivalKind::diffraction; });
       const double image_m = glm::length(glm::dvec3(source.x, -source.y, source.z) - glm::dvec3(listener));
       for (int band = 0; band < scene.num_bands(); ++band) {
-        const double k = 2 * kPi * scene.bands().centre_hz[band] / scene.speed_of_sound_m_per_s();
+        const double k = 2 * std::numbers::pi * scene.bands().centre_hz[band] / scene.speed_of_sound_m_per_s();
         const Complex truth = rigid_plate::reflected(width_m, depth_m, glm::dvec3(source), glm::dvec3(listener), k);
-        const double error = 4 * kPi * image_m * std::abs(pressure(scene, arrivals, static_cast<std::size_t>(band)) - truth);
+        const double error = 4 * std::numbers::pi * image_m * std::abs(pressure(scene, arrivals, static_cast<std::size_t>(band)) - truth);
         // Of a free path as long as the image's; each edge is within 1.5 % of it, or 1 dB (finite_edge.h).  Ways over the edges that
         // are longer than the image's by half a wave count no more.
         double least_waves = 1e9, most_waves = 0;
         for (const double side_m : {-width_m / 2, width_m / 2}) {
           const double way_m = std::hypot(std::hypot(-4 - side_m, 1.5) + std::hypot(x - side_m, 1.9), 0.5);
-          least_waves = std::min(least_waves, (way_m - image_m) * k / (2 * kPi));
-          most_waves = std::max(most_waves, (way_m - image_m) * k / (2 * kPi));
+          least_waves = std::min(least_waves, (way_m - image_m) * k / (2 * std::numbers::pi));
+          most_waves = std::max(most_waves, (way_m - image_m) * k / (2 * std::numbers::pi));
         }
         if (most_waves < 0.25) {
           ++close;
-          EXPECT_LT(error, 0.03 + 0.12 * 4 * kPi * image_m * std::abs(truth))
+          EXPECT_LT(error, 0.03 + 0.12 * 4 * std::numbers::pi * image_m * std::abs(truth))
               << width_m << " m, listener at " << x << ", " << scene.bands().centre_hz[band] << " Hz";
         } else if (least_waves > 0.5) {
-          EXPECT_LE(error, 4 * kPi * image_m * std::abs(truth) * (1 + 1e-6));
+          EXPECT_LE(error, 4 * std::numbers::pi * image_m * std::abs(truth) * (1 + 1e-6));
         }
       }
     }
@@ -340,7 +339,7 @@ TEST(Diffraction, NarrowFacesReflectByTheirWidth) {
 TEST(Diffraction, ReflectionsThatEndWithoutTheirEdgesChangeAnOctaveByWhatThePlanStates) {
   // A large sheet, listeners about where the image in it ends, in sight: all edges against those near their shadow boundary.  Octaves are
   // sums over narrow bands.
-  const auto geometry = hard(wedge_mesh(2 * kPi));
+  const auto geometry = hard(wedge_mesh(2 * std::numbers::pi));
   AcousticConfig config = config_with(Switch::on);
   config.bands = kMaxBands;
   const AcousticScene all(geometry, config);
@@ -360,7 +359,7 @@ TEST(Diffraction, ReflectionsThatEndWithoutTheirEdgesChangeAnOctaveByWhatThePlan
         const glm::vec3 source = cylindrical({source_m, source_rad, 0});
         const EarlyCandidates by_all(all, source), by_few(few, source);
         EnergyResponse a, b;
-        for (double angle = kPi - source_rad - 0.5; angle < kPi + source_rad; angle += 0.02) {
+        for (double angle = std::numbers::pi - source_rad - 0.5; angle < std::numbers::pi + source_rad; angle += 0.02) {
           const glm::vec3 listener = cylindrical({listener_m, angle, 0});
           compute_energy_response(all, by_all, listener, a);
           compute_energy_response(few, by_few, listener, b);
@@ -381,11 +380,11 @@ TEST(Diffraction, ReflectionsThatEndWithoutTheirEdgesChangeAnOctaveByWhatThePlan
 }
 
 TEST(Diffraction, BoundedAtTheEdgeItself) {  // docs/stability.md, H-66, H-67
-  const AcousticScene scene(hard(wedge_mesh(1.5 * kPi)), config_with(Switch::on));
+  const AcousticScene scene(hard(wedge_mesh(1.5 * std::numbers::pi)), config_with(Switch::on));
   for (const glm::vec3 listener :
        {glm::vec3(-0.001f, 0, 0.001f), glm::vec3(-1e-5f, 0, 1e-5f), glm::vec3(0, 0.5f, 0), glm::vec3(0, 250, 0)}) {
     const auto arrivals = arrivals_of(scene, {2, 0.2f, -2}, listener);
-    const double most = 2.0 / (4 * kPi * glm::length(listener - glm::vec3(2, 0.2f, -2)));
+    const double most = 2.0 / (4 * std::numbers::pi * glm::length(listener - glm::vec3(2, 0.2f, -2)));
     for (const Arrival& arrival : arrivals)
       for (int band = 0; band < scene.num_bands(); ++band) {
         EXPECT_TRUE(std::isfinite(arrival.amplitude[band]) && std::isfinite(arrival.phase_rad[band]));
@@ -407,7 +406,7 @@ TEST(Diffraction, CombOfAThousandEdges) {  // docs/stability.md, H-68
   const auto start = std::chrono::steady_clock::now();
   const auto arrivals = arrivals_of(scene, source, listener);
   EXPECT_LT(std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count(), 20.0);  // 1 s on an idle core
-  const double direct = 1 / (4 * kPi * glm::length(source - listener));
+  const double direct = 1 / (4 * std::numbers::pi * glm::length(source - listener));
   for (int band = 0; band < scene.num_bands(); ++band) {
     double energy = 0;
     for (const Arrival& arrival : arrivals) energy += double{arrival.amplitude[band]} * arrival.amplitude[band];
@@ -440,7 +439,7 @@ TEST(Diffraction, FurnishedHouse) {
       EXPECT_NEAR(glm::length(arrival.departure), 1, 1e-5);
       for (int band = 0; band < scene.num_bands(); ++band) {
         EXPECT_TRUE(std::isfinite(arrival.phase_rad[band]));
-        EXPECT_LE(arrival.amplitude[band], 2 / (4 * kPi * direct_m));
+        EXPECT_LE(arrival.amplitude[band], 2 / (4 * std::numbers::pi * direct_m));
       }
     }
   }
@@ -450,7 +449,7 @@ TEST(Diffraction, FurnishedHouse) {
 TEST(Diffraction, AutomaticWithFewRaysKeepsToTheShadowAndItsBoundary) {
   AcousticConfig config = config_with(Switch::automatic);
   config.rays = 64;
-  const AcousticScene scene(hard(wedge_mesh(1.5 * kPi)), config);
+  const AcousticScene scene(hard(wedge_mesh(1.5 * std::numbers::pi)), config);
   const glm::vec3 source = cylindrical({3, 0.7, 0});
   const auto lit = arrivals_of(scene, source, cylindrical({3, 2.0, 0}));  // a detour of 2.4 m
   EXPECT_TRUE(std::none_of(lit.begin(), lit.end(), [](const Arrival& a) { return a.kind == ArrivalKind::diffraction; }));
@@ -464,7 +463,7 @@ TEST(Diffraction, AutomaticWithFewRaysKeepsToTheShadowAndItsBoundary) {
   int in_sight = 0;
   for (int step = 0; step < 260; ++step) {
     compute_energy_response(scene, candidates, cylindrical({3, 4.3 - 0.005 * step, 0}), response);
-    const double level = db(std::abs(pressure(scene, response.arrivals, 3)));  // 1 kHz
+    const double level = amplitude_db(std::abs(pressure(scene, response.arrivals, 3)));  // 1 kHz
     if (step > 0) largest_db = std::max(largest_db, std::abs(level - last_db));
     last_db = level;
     in_sight += response.arrivals.front().kind == ArrivalKind::direct ? 1 : 0;

@@ -12,8 +12,6 @@
 namespace earshot {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
-
 double level_db(double amplitude) { return 20.0 * std::log10(amplitude); }
 
 glm::dvec3 nearest_point(const DiffractionEdge& edge, glm::dvec3 point) {
@@ -57,7 +55,8 @@ struct Exhaustive {
       const double detour_m = glm::length(at - before) + glm::length(after - at) - glm::length(after - before);
       const double half_waves = 2.0 * detour_m * 500.0 / static_cast<double>(scene.speed_of_sound_m_per_s());
       const double loss_db = static_cast<double>(parent.loss_db) + kurze_anderson_db(half_waves);
-      if (loss_db > 30 || (std::abs(last_edge.angle_of(before) - last_edge.angle_of(after)) < kPi && half_waves > 2.0)) continue;
+      if (loss_db > 30 || (std::abs(last_edge.angle_of(before) - last_edge.angle_of(after)) < std::numbers::pi && half_waves > 2.0))
+        continue;
       EdgeCandidate child = parent;
       child.before = glm::vec3(at);
       child.reached_m += static_cast<float>(glm::length(at - before));

@@ -19,7 +19,7 @@ namespace {
 using coherent_field::arrivals_of;
 using coherent_field::pressure;
 using Complex = std::complex<double>;
-constexpr double kPi = std::numbers::pi, kTop = 2.0;
+constexpr double kTop = 2.0;
 
 AcousticConfig config_with(int reflections) {
   AcousticConfig config = coherent_field::config_with(Switch::on);
@@ -41,14 +41,14 @@ std::shared_ptr<const Scene> screen_on_floor(float absorption = 0.f) {
 Complex over_the_top(glm::dvec3 source, glm::dvec3 listener, double wavenumber) {
   const auto cylindrical = [](glm::dvec3 p) {
     double angle = std::atan2(p.x, kTop - p.z);  // 0: down the screen, toward +x
-    if (angle < 0) angle += 2 * kPi;
+    if (angle < 0) angle += 2 * std::numbers::pi;
     return finite_wedge::Point{std::hypot(p.x, p.z - kTop), angle, p.y};
   };
   // In pieces: the integral has a fixed number of points.
   constexpr std::array<double, 10> ends = {-200, -100, -50, -20, -5, 5, 20, 50, 100, 200};
   Complex sum = 0;
   for (std::size_t i = 0; i + 1 < ends.size(); ++i)
-    sum += finite_wedge::line_integral(2 * kPi, cylindrical(source), cylindrical(listener), ends[i], ends[i + 1], wavenumber);
+    sum += finite_wedge::line_integral(2 * std::numbers::pi, cylindrical(source), cylindrical(listener), ends[i], ends[i + 1], wavenumber);
   return sum;
 }
 
@@ -65,7 +65,7 @@ TEST(EdgeReflections, AScreenOnAHardFloorIsTheSumOfFourInTheFreeField) {
                     listener = rooms::point(pose.listener.x, pose.listener.y, pose.listener.z);
     const glm::dvec3 down(1, 1, -1);
     for (std::size_t band = 0; band < static_cast<std::size_t>(scenes[0].num_bands()); ++band) {
-      const double k = 2 * kPi * scenes[0].bands().centre_hz[band] / scenes[0].speed_of_sound_m_per_s();
+      const double k = 2 * std::numbers::pi * scenes[0].bands().centre_hz[band] / scenes[0].speed_of_sound_m_per_s();
       const std::array<Complex, 4> free = {over_the_top(pose.source, pose.listener, k), over_the_top(pose.source * down, pose.listener, k),
                                            over_the_top(pose.source, pose.listener * down, k),
                                            over_the_top(pose.source * down, pose.listener * down, k)};

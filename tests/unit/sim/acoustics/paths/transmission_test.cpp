@@ -59,9 +59,9 @@ AcousticConfig config() {
   return c;
 }
 
-const glm::vec3 kSource = point(-1, 0.3, 0.2), kListener = point(4, 0.3, 0.2);  // 5 m apart
+const glm::vec3 kBefore = point(-1, 0.3, 0.2), kBehind = point(4, 0.3, 0.2);  // 5 m apart
 
-std::vector<Arrival> transmitted(const AcousticScene& scene, glm::vec3 source = kSource, glm::vec3 listener = kListener) {
+std::vector<Arrival> transmitted(const AcousticScene& scene, glm::vec3 source = kBefore, glm::vec3 listener = kBehind) {
   std::vector<Arrival> arrivals;
   find_transmitted(scene, source, listener, arrivals);
   return arrivals;
@@ -207,7 +207,7 @@ TEST(O22_Transmission, CrossingAsTheTracerSeesIt) {
   wall.speed_m_per_s = 1484;
   const AcousticScene scene(panels({{.at_m = 1, .thickness_m = 0.2}}, {wall}), config());
   const glm::vec3 along(1, 0, 0);
-  const WallCrossing crossing = cross_wall(scene.surfaces(), along, scene.scene().rays().intersect(kSource, along));
+  const WallCrossing crossing = cross_wall(scene.surfaces(), along, scene.scene().rays().intersect(kBefore, along));
   EXPECT_TRUE(crossing.thick);
   EXPECT_NEAR(crossing.inside_m, 0.2, 1e-6);
   EXPECT_GT(crossing.exit.x, 1.2f);
@@ -297,7 +297,7 @@ TEST(Transmission, ListenerInsideAWallHearsOneFace) {
   Material wall = wall_of(0.1);
   wall.damping_db_per_m = CoefficientCurve::constant(100);
   const AcousticScene scene(panels({{.at_m = 1, .thickness_m = 0.4}}, {wall}), config());
-  const std::vector<Arrival> arrivals = transmitted(scene, kSource, point(1.1, 0.3, 0.2));
+  const std::vector<Arrival> arrivals = transmitted(scene, kBefore, point(1.1, 0.3, 0.2));
   ASSERT_EQ(arrivals.size(), 1u);
   const double free = 1 / (4 * std::numbers::pi * 2.1);
   EXPECT_LE(-20 * std::log10(arrivals[0].amplitude[0] / free), 10 + 10 + 1e-3);
@@ -316,7 +316,7 @@ std::vector<float> bits_of(std::shared_ptr<const Scene> scene, Switch transmissi
   c.transmission = transmission;
   const AcousticScene acoustic(std::move(scene), c);
   EnergyResponse response;
-  compute_energy_response(acoustic, EarlyCandidates(acoustic, kSource), kListener, response);
+  compute_energy_response(acoustic, EarlyCandidates(acoustic, kBefore), kBehind, response);
   std::vector<float> bits(response.late.values().begin(), response.late.values().end());
   for (const Arrival& arrival : response.arrivals) {
     bits.push_back(arrival.distance_m);
@@ -340,7 +340,7 @@ TEST(Transmission, RirHoldsItInOrderOfDistance) {
   c.late = Switch::off;
   const AcousticScene scene(panels({{.at_m = 1}}, {Material::uniform("wall", 0.3f, 0.f, 0.1f)}), c);
   EnergyResponse response;
-  compute_energy_response(scene, EarlyCandidates(scene, kSource), kListener, response);
+  compute_energy_response(scene, EarlyCandidates(scene, kBefore), kBehind, response);
   ASSERT_EQ(std::ranges::count(response.arrivals, ArrivalKind::transmission, &Arrival::kind), 1);
   EXPECT_TRUE(std::ranges::is_sorted(response.arrivals, {}, &Arrival::distance_m));
   // O-22 for material that says tau > alpha: lowered to alpha (H-27).

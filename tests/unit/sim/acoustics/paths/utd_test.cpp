@@ -13,11 +13,11 @@ namespace earshot {
 namespace {
 
 using Complex = std::complex<double>;
-constexpr double kPi = std::numbers::pi, kSpeed = 343.0;
+constexpr double kSpeed = 343.0;
 
 const FaceFactorLanes kRigid{.first = all_lanes(1.f), .second = all_lanes(1.f), .incidence = all_lanes(1.f)};
 
-double wavenumber(double frequency_hz) { return 2.0 * kPi * frequency_hz / kSpeed; }
+double wavenumber(double frequency_hz) { return 2.0 * std::numbers::pi * frequency_hz / kSpeed; }
 
 double straight_m(const std::array<double, 3>& a, const std::array<double, 3>& b) {
   return std::sqrt(a[0] * a[0] + b[0] * b[0] - 2.0 * a[0] * b[0] * std::cos(a[1] - b[1]) + (a[2] - b[2]) * (a[2] - b[2]));
@@ -38,7 +38,7 @@ double loss_db(Complex value) { return -20.0 * std::log10(std::abs(value)); }
 
 TEST(O24Diffraction, UniformTheoryOfFiveWedges) {
   for (const wedges::WedgeCase& wedge : wedges::kCases) {
-    const bool screen = wedge.exterior_rad > 1.9 * kPi;
+    const bool screen = wedge.exterior_rad > 1.9 * std::numbers::pi;
     for (std::size_t i = 0; i < wedges::kFrequencyHz.size(); ++i) {
       const double loss = loss_db(relative(wedge.exterior_rad, wedge.source, wedge.listener, wedges::kFrequencyHz[i]));
       // Same theory, other code (transition function from another library): rounding of the table alone.
@@ -50,11 +50,11 @@ TEST(O24Diffraction, UniformTheoryOfFiveWedges) {
 }
 
 TEST(O24Diffraction, ShadowBoundaryOfAHalfPlane) {
-  const std::array<double, 3> source = {2, kPi / 4, 0}, listener = {2, 1.25 * kPi + 1e-4, 0};
+  const std::array<double, 3> source = {2, std::numbers::pi / 4, 0}, listener = {2, 1.25 * std::numbers::pi + 1e-4, 0};
   // 225.006 degrees: just in the shadow.  exact: tends to 6.02 dB, half the pressure; the uniform theory is 0.02 dB off at 125 Hz.
   const std::array<std::array<double, 3>, 3> rows = {{{125, 3.71684, 3.73621}, {1000, 5.19915, 5.20041}, {8000, 5.73916, 5.73922}}};
   for (const auto& [frequency, exact, utd] : rows) {
-    const double loss = loss_db(relative(2 * kPi, source, listener, frequency));
+    const double loss = loss_db(relative(2 * std::numbers::pi, source, listener, frequency));
     EXPECT_NEAR(loss, utd, 1e-5);
     EXPECT_NEAR(loss, exact, 0.02);
   }
@@ -79,16 +79,16 @@ TEST(O24Diffraction, KnifeEdgeIsTheFresnelIntegral) {
                                                         {3, 22.521813},
                                                         {5, 26.936198}}};
   for (const auto& [v, loss] : table) {
-    const double u = std::abs(v) * std::sqrt(kPi / 2);
+    const double u = std::abs(v) * std::sqrt(std::numbers::pi / 2);
     const Complex behind = 0.5 * uniform_theory::scaled_erfc(u) * std::polar(1.0, -u * u);
     EXPECT_NEAR(loss_db(v >= 0 ? behind : 1.0 - behind), loss, 1e-6) << v;  // six decimals in the table
   }
   // The black screen (faces that reflect nothing), a small angle behind its boundary, far away: the same integral.
   const double k = wavenumber(4000), distance = 100, angle = 0.02;
-  const Complex field =
-      uniform_theory::ratio(WedgeDiffraction(2 * kPi, kPi / 2, 1.5 * kPi + angle), k * distance / 2, {.first = 0, .second = 0});
-  const double v = std::sqrt(2 * k * distance / 2) * std::sin(angle / 2) * std::sqrt(2 / kPi);
-  const double u = v * std::sqrt(kPi / 2);
+  const Complex field = uniform_theory::ratio(WedgeDiffraction(2 * std::numbers::pi, std::numbers::pi / 2, 1.5 * std::numbers::pi + angle),
+                                              k * distance / 2, {.first = 0, .second = 0});
+  const double v = std::sqrt(2 * k * distance / 2) * std::sin(angle / 2) * std::sqrt(2 / std::numbers::pi);
+  const double u = v * std::sqrt(std::numbers::pi / 2);
   EXPECT_NEAR(loss_db(field), loss_db(0.5 * uniform_theory::scaled_erfc(u)), 0.05);  // what passes round the back adds sin(angle / 2) / 2
 }
 
@@ -101,13 +101,14 @@ TEST(ScaledErfc, MeetsItselfWhereTheMethodsMeet) {
   for (double u = 0.05; u < 12; u += 0.05) {
     const double h = 1e-4;
     const Complex slope = (uniform_theory::scaled_erfc(u + h) - uniform_theory::scaled_erfc(u - h)) / (2 * h);
-    const Complex exact = Complex(0, 2 * u) * uniform_theory::scaled_erfc(u) - 2.0 / std::sqrt(kPi) * std::polar(1.0, kPi / 4);
+    const Complex exact =
+        Complex(0, 2 * u) * uniform_theory::scaled_erfc(u) - 2.0 / std::sqrt(std::numbers::pi) * std::polar(1.0, std::numbers::pi / 4);
     EXPECT_LT(std::abs(slope - exact), 2e-7) << u;
   }
   EXPECT_EQ(uniform_theory::scaled_erfc(0), Complex(1, 0));
   // Asymptote: 1 / (sqrt(pi) z) (1 - 1 / (2 z^2)); the next term is 3 / (4 u^4).
-  const Complex z = std::polar(30.0, kPi / 4);
-  EXPECT_LT(std::abs(uniform_theory::scaled_erfc(30) * std::sqrt(kPi) * z - (1.0 - 0.5 / (z * z))), 1e-6);
+  const Complex z = std::polar(30.0, std::numbers::pi / 4);
+  EXPECT_LT(std::abs(uniform_theory::scaled_erfc(30) * std::sqrt(std::numbers::pi) * z - (1.0 - 0.5 / (z * z))), 1e-6);
 }
 
 /// Direct sound where visible, its mirror image where the first face shows it, and the diffracted field, over the free field.
@@ -116,8 +117,8 @@ Complex total(double exterior_rad, double source_rad, double listener_rad, doubl
   const std::array<double, 3> source = {radius_m, source_rad, 0}, listener = {radius_m, listener_rad, 0};
   const double direct_m = straight_m(source, listener);
   Complex sum = relative(exterior_rad, source, listener, frequency_hz);
-  if (listener_rad - source_rad < kPi) sum += 1.0;
-  if (source_rad + listener_rad < kPi) {
+  if (listener_rad - source_rad < std::numbers::pi) sum += 1.0;
+  if (source_rad + listener_rad < std::numbers::pi) {
     const double image_m = straight_m({radius_m, -source_rad, 0}, listener);
     sum += direct_m / image_m * std::polar(1.0, -k * (image_m - direct_m));
   }
@@ -132,7 +133,7 @@ TEST(Utd, EightBandsAtOnceAreEachOfThem) {
         << u;
   }
   const FaceFactorLanes faces{.first = all_lanes(0.8f), .second = all_lanes(0.6f), .incidence = all_lanes(0.9f)};
-  for (const double exterior : {1.2 * kPi, 1.5 * kPi, 2 * kPi}) {
+  for (const double exterior : {1.2 * std::numbers::pi, 1.5 * std::numbers::pi, 2 * std::numbers::pi}) {
     for (const double wave_lengths : {0.01, 1.0, 30.0, 3000.0}) {
       const WedgeDiffraction wedge(exterior, 0.4, 3.7);
       const ComplexLanes lanes = wedge.ratio(all_lanes(static_cast<float>(std::sqrt(2 * wave_lengths))), faces);
@@ -143,15 +144,15 @@ TEST(Utd, EightBandsAtOnceAreEachOfThem) {
 }
 
 TEST(O24Diffraction, LevelIsContinuousThroughShadowAndReflectionBoundary) {
-  for (const double exterior : {2 * kPi, 1.5 * kPi}) {
-    const double source = kPi / 4;
+  for (const double exterior : {2 * std::numbers::pi, 1.5 * std::numbers::pi}) {
+    const double source = std::numbers::pi / 4;
     double last_db = 0;
     double largest_db = 0;
     // Reflection boundary at 135 degrees, shadow boundary at 225; no step falls on either.
     for (int step = 0; step <= 1300; ++step) {
       const double degrees = 125.05 + 0.1 * step;
       if (degrees > 140 && degrees < 190) continue;  // dips between direct and reflected sound, steeper than any jump looked for
-      const double listener = degrees * kPi / 180;
+      const double listener = degrees * std::numbers::pi / 180;
       const double level_db = -loss_db(total(exterior, source, listener, 2, 1000));
       if (step > 0 && step != 650) largest_db = std::max(largest_db, std::abs(level_db - last_db));
       last_db = level_db;
@@ -159,9 +160,10 @@ TEST(O24Diffraction, LevelIsContinuousThroughShadowAndReflectionBoundary) {
     EXPECT_LT(largest_db, 0.25);  // without diffraction: 6 dB and more at either boundary
   }
   // A microradian on either side.
-  for (const double exterior : {2 * kPi, 1.5 * kPi}) {
-    for (const double boundary : {0.75 * kPi, 1.25 * kPi}) {
-      const Complex before = total(exterior, kPi / 4, boundary - 1e-6, 2, 1000), after = total(exterior, kPi / 4, boundary + 1e-6, 2, 1000);
+  for (const double exterior : {2 * std::numbers::pi, 1.5 * std::numbers::pi}) {
+    for (const double boundary : {0.75 * std::numbers::pi, 1.25 * std::numbers::pi}) {
+      const Complex before = total(exterior, std::numbers::pi / 4, boundary - 1e-6, 2, 1000),
+                    after = total(exterior, std::numbers::pi / 4, boundary + 1e-6, 2, 1000);
       EXPECT_LT(std::abs(before - after), 1e-4);  // the field turns by k r times 2e-6
       EXPECT_GT(std::abs(before), 0.3);
     }
@@ -169,7 +171,7 @@ TEST(O24Diffraction, LevelIsContinuousThroughShadowAndReflectionBoundary) {
 }
 
 TEST(WedgeDiffraction, StaysFiniteAtTheEdge) {  // docs/stability.md, H-67
-  for (const double exterior : {1.1 * kPi, 1.5 * kPi, 2 * kPi}) {
+  for (const double exterior : {1.1 * std::numbers::pi, 1.5 * std::numbers::pi, 2 * std::numbers::pi}) {
     for (double source = 0; source <= exterior; source += 0.1) {
       for (double listener = 0; listener <= exterior; listener += 0.1) {
         const WedgeDiffraction wedge(exterior, source, listener);
@@ -186,7 +188,7 @@ TEST(WedgeDiffraction, StaysFiniteAtTheEdge) {  // docs/stability.md, H-67
 
 TEST(WedgeDiffraction, FlatWedgeDiffractsNothing) {  // docs/stability.md, H-66: the reflection is already the image's
   // n = 1: the four terms cancel in pairs wherever no boundary is near (Keller's sum of cotangents is zero for a plane).
-  const Complex ratio = uniform_theory::ratio(WedgeDiffraction(kPi, 0.4, 1.3), 1e6);
+  const Complex ratio = uniform_theory::ratio(WedgeDiffraction(std::numbers::pi, 0.4, 1.3), 1e6);
   EXPECT_LT(std::abs(ratio), 1e-6);
 }
 
@@ -194,8 +196,8 @@ TEST(WedgeDiffraction, SwappedEndsGiveTheSameBits) {
   const FaceFactorLanes faces{.first = all_lanes(0.8f), .second = all_lanes(0.6f), .incidence = all_lanes(1.f)};
   for (int i = 0; i < 200; ++i) {
     const double a = 4.71238898 * ((i * 37) % 101) / 101.0, b = 4.71238898 * ((i * 53) % 97) / 97.0;
-    const ComplexLanes there = WedgeDiffraction(1.5 * kPi, a, b).ratio(all_lanes(2.72f), faces),
-                       back = WedgeDiffraction(1.5 * kPi, b, a).ratio(all_lanes(2.72f), faces);
+    const ComplexLanes there = WedgeDiffraction(1.5 * std::numbers::pi, a, b).ratio(all_lanes(2.72f), faces),
+                       back = WedgeDiffraction(1.5 * std::numbers::pi, b, a).ratio(all_lanes(2.72f), faces);
     EXPECT_EQ(Complex(there.real[0], there.imag[0]), Complex(back.real[0], back.imag[0]));
   }
 }

@@ -11,7 +11,7 @@
 namespace earshot {
 namespace {
 
-AcousticConfig quick_config() {
+AcousticConfig refining_config() {
   AcousticConfig config;
   config.early_candidate_rays = 100;
   config.rir_length_s = 0.2f;
@@ -22,7 +22,7 @@ AcousticConfig quick_config() {
 
 class RefiningFieldTest : public testing::Test {
  protected:
-  const AcousticScene room_{std::make_shared<const Scene>(load_scene("shoebox:6x3x4@0.3")), quick_config()};
+  const AcousticScene room_{std::make_shared<const Scene>(load_scene("shoebox:6x3x4@0.3")), refining_config()};
   const EarlyCandidates source_{room_, glm::vec3{1.5f, 1.4f, 1.1f}};
 };
 

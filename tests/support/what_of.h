@@ -1,0 +1,19 @@
+#pragma once
+
+#include <exception>
+#include <functional>
+#include <string>
+
+namespace earshot {
+
+/// The message of what `call` throws; "no error" if it does not.
+inline std::string what_of(const std::function<void()>& call) {
+  try {
+    call();
+  } catch (const std::exception& error) {
+    return error.what();
+  }
+  return "no error";
+}
+
+}  // namespace earshot

@@ -1,0 +1,21 @@
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <system_error>
+
+namespace earshot {
+
+/// The variables in which our own spawn says a worker's place, and which a user may set by hand (docs/hosts.md).
+inline constexpr const char *kRankName = "EARSHOT_RANK", *kWorldSizeName = "EARSHOT_WORLD_SIZE", *kRendezvousName = "EARSHOT_RENDEZVOUS",
+                            *kRunIdName = "EARSHOT_RUN_ID";
+
+/// The folder of temporary files, or /tmp where its name leaves no room for that of a socket, which has 107 characters at most.
+inline std::filesystem::path parent_of_sockets() {
+  constexpr std::size_t kMaxLength = 60;
+  std::error_code error;
+  const std::filesystem::path parent = std::filesystem::temp_directory_path(error);
+  return error || parent.string().size() > kMaxLength ? "/tmp" : parent;
+}
+
+}  // namespace earshot
