@@ -30,6 +30,7 @@ function(earshot_library name dir)
   elseif(num_sources GREATER 8)  # below, reading them once more costs what it saves
     target_precompile_headers(${name} PRIVATE ${EARSHOT_COMMON_HEADERS})
   endif()
+  cmake_language(EVAL CODE "cmake_language(DEFER CALL earshot_join_sources ${name})")  # once the properties of all sources are known
 endfunction()
 
 # earshot_tests(DIR LIBS...): the tests of one folder, as up to three executables.  Each test has the folder as a label, so that a change runs the
@@ -73,6 +74,9 @@ function(earshot_tests dir)
       target_link_libraries(${target} PRIVATE ${arg_UNPARSED_ARGUMENTS} GTest::gtest GTest::gmock GTest::gtest_main test_paths project_flags)
       target_compile_options(${target} PRIVATE ${EARSHOT_TEST_OPTIMIZATION})
       target_precompile_headers(${target} REUSE_FROM ${arg_PCH})
+      if(NOT kind STREQUAL "slow")
+        earshot_join_sources(${target})
+      endif()
       if(NOT dir MATCHES "^unit/sim/(base|rays)$")
         add_dependencies(${target} earshot_reader)
       endif()
@@ -83,6 +87,12 @@ function(earshot_tests dir)
       if(arg_ALONE)
         file(APPEND ${labels_file} "foreach(test IN LISTS ${target}_TESTS)\n  if(test MATCHES \"${arg_ALONE}\")\n"
              "    set_tests_properties(\${test} PROPERTIES RUN_SERIAL ON)\n  endif()\nendforeach()\n")
+      endif()
+      if(EARSHOT_SANITIZE)
+        file(STRINGS ${PROJECT_SOURCE_DIR}/tests/long_tests.txt long_tests REGEX "^[^#]")
+        list(JOIN long_tests "|" long_tests)
+        file(APPEND ${labels_file} "foreach(test IN LISTS ${target}_TESTS)\n  if(test MATCHES \"${long_tests}\")\n"
+             "    set_tests_properties(\${test} PROPERTIES LABELS \"${labels};${dir};long\")\n  endif()\nendforeach()\n")
       endif()
       set_property(DIRECTORY APPEND PROPERTY TEST_INCLUDE_FILES ${labels_file})
       if(kind STREQUAL "threads")
