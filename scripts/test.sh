@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
 # scripts/test.sh [full|quick|all]
-#   full   (default; what CI runs) format, the release build and its tests without the slow statistics, those of the Python package (skipped with
+#   full   (default; what CI runs) format, the release build without the slow tests and its tests, those of the Python package (skipped with
 #          a line where the Python package index cannot be reached), the tests under the address and undefined-behaviour sanitizers, those in which threads meet under the thread sanitizer, and a minute of fuzzing
 #   quick  the loop while working: builds and runs the tests of the folders with uncommitted changes (of the last commit, if there are none)
-#   all    full, the slow statistics (label slow), and the long numerical tests under the address sanitizer too; notes date and commit in
-#          tests/slow_statistics.txt if the statistics pass
+#   all    full, the slow tests (label slow: statistics, launchers, sweeps, long benchmarks), and the long tests under the address sanitizer too;
+#          notes date and commit in tests/slow_statistics.txt if the slow tests pass
 # Ends with the seconds of each stage, the number of tests, failures and skips, and the absent test data that caused skips.
 # EARSHOT_JOBS: how many jobs at once (default: all cores).
 set -euo pipefail
@@ -14,8 +14,8 @@ mode=${1:-full}
 case $mode in full | quick | all) ;; *) echo "test.sh: unknown mode '$mode'; one of: full, quick, all" >&2; exit 2 ;; esac
 jobs=${EARSHOT_JOBS:-$(nproc)}
 record=tests/slow_statistics.txt
-asan_tests=asan-ubsan
-if [ "$mode" = all ]; then asan_tests=asan-ubsan-all; fi
+build=ci asan_tests=asan-ubsan
+if [ "$mode" = all ]; then build=release asan_tests=asan-ubsan-all; fi
 table=""
 failed=()
 results=$(mktemp -d)
@@ -99,11 +99,11 @@ test_python() {
 
 run_full() {
   stage "format" check_format || true
-  if stage "release build" scripts/build.sh release; then
+  if stage "release build" scripts/build.sh "$build"; then
     run_tests "release tests" release -LE slow || true
     stage "python tests" test_python || true
-    if [ "$mode" = all ] && run_tests "slow statistics" release -L slow; then
-      printf 'The slow statistics (scripts/test.sh all) last passed on %s at commit %s.\n' "$(date -u +%Y-%m-%d)" "$(git describe --always --abbrev=12 --dirty)" >"$record"
+    if [ "$mode" = all ] && run_tests "slow tests" release -L slow; then
+      printf 'The slow tests (scripts/test.sh all) last passed on %s at commit %s.\n' "$(date -u +%Y-%m-%d)" "$(git describe --always --abbrev=12 --dirty)" >"$record"
     fi
   fi
   if stage "asan-ubsan build" scripts/build.sh asan-ubsan; then

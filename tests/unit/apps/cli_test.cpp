@@ -25,7 +25,7 @@ namespace {
 
 using testing::HasSubstr;
 
-struct Outcome {
+struct CliOutcome {
   int exit_code = -1;
   std::string output, errors;
 };
@@ -48,7 +48,7 @@ class Cli : public testing::Test {
     std::ifstream stream(file(name), std::ios::binary);
     return {std::istreambuf_iterator<char>(stream), {}};
   }
-  [[nodiscard]] Outcome earshot(const std::string& arguments) const {
+  [[nodiscard]] CliOutcome earshot(const std::string& arguments) const {
     const std::string command = earshot::earshot_program().string() + " " + arguments + " >" + file("stdout") + " 2>" + file("stderr");
     const int status = std::system(command.c_str());
     return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read("stdout"), read("stderr")};
@@ -67,7 +67,7 @@ class Cli : public testing::Test {
   }
   /// Exit code 2 and one line on stderr that holds `text`; no output file exists.
   void expect_bad_input(const std::string& arguments, const std::string& text) const {
-    const Outcome outcome = earshot(arguments);
+    const CliOutcome outcome = earshot(arguments);
     EXPECT_EQ(outcome.exit_code, 2) << arguments << "\n" << outcome.errors;
     EXPECT_THAT(outcome.errors, HasSubstr(text)) << arguments;
     EXPECT_EQ(std::count(outcome.errors.begin(), outcome.errors.end(), '\n'), 1) << outcome.errors;
@@ -77,7 +77,7 @@ class Cli : public testing::Test {
 };
 
 TEST_F(Cli, HelpIsCompleteAndUnknownCommandsAreRefused) {
-  const Outcome help = earshot("--help");
+  const CliOutcome help = earshot("--help");
   EXPECT_EQ(help.exit_code, 0);
   for (const char* command : {"doctor", "scene", "materials", "rir", "walk", "dataset", "train", "eval", "leaderboard", "bench"}) {
     EXPECT_THAT(help.output, HasSubstr(command));
@@ -89,7 +89,7 @@ TEST_F(Cli, HelpIsCompleteAndUnknownCommandsAreRefused) {
 }
 
 TEST_F(Cli, DoctorReportsTheMachine) {
-  const Outcome outcome = earshot("doctor");
+  const CliOutcome outcome = earshot("doctor");
   EXPECT_EQ(outcome.exit_code, 0);
   for (const char* part : {"CPU", "Embree", "BLAS", "libtorch", "camera"}) EXPECT_THAT(outcome.output, HasSubstr(part));
 }
@@ -135,7 +135,7 @@ TEST_F(Cli, RirGathersAFieldOnRequest) {
       "rays=512 source_rays=512 field_photons=4096 time_bin_s=0.004 sh_order=0 threads=1 ";
   for (const std::string preset : {"--preset high ", "--preset balanced "}) {
     const auto run = [&](const std::string& setting) {
-      const Outcome outcome = earshot(room + setting + " " + preset + "--out " + file("f.wav") + " --metrics " + file("f.json"));
+      const CliOutcome outcome = earshot(room + setting + " " + preset + "--out " + file("f.wav") + " --metrics " + file("f.json"));
       EXPECT_EQ(outcome.exit_code, 0) << outcome.errors;
       return nlohmann::json::parse(read("f.json"));
     };
@@ -152,10 +152,10 @@ TEST_F(Cli, RirGathersAFieldOnRequest) {
 TEST_F(Cli, RirPlansForAnAccuracy) {
   const std::string room =
       "rir shoebox:5x3x4@0.2 --source 1.2,1.1,1.5 --listener 3.8,1.6,2.3 --listener 2,1.4,3 --preset fast --channels mono ";
-  const Outcome planned = earshot(room + "--accuracy t20=15%,edc=2dB --out " + file("a.wav") + " --metrics " + file("a.json"));
+  const CliOutcome planned = earshot(room + "--accuracy t20=15%,edc=2dB --out " + file("a.wav") + " --metrics " + file("a.json"));
   ASSERT_EQ(planned.exit_code, 0) << planned.errors;
-  const auto json = nlohmann::json::parse(read("a.json"));
-  const auto accuracy = json.at("pairs").at(0).at("accuracy");
+  const auto metrics = nlohmann::json::parse(read("a.json"));
+  const auto accuracy = metrics.at("pairs").at(0).at("accuracy");
   EXPECT_EQ(accuracy.at("target"), "t20=15%,edc=2dB");
   EXPECT_LE(accuracy.at("predicted").at("t20_pct").get<double>(), 0.85 * 15);
   EXPECT_LE(accuracy.at("predicted").at("edc_db").get<double>(), 0.85 * 2);
@@ -177,16 +177,16 @@ TEST_F(Cli, RirPlansForAnAccuracy) {
 // O-1 through the command line: r = 2.765863 m in SHOE-1 (docs/oracles.md has z up, here it is y): amplitude 0.0287713, delay 8.06374 ms at
 // c = 343 m/s, 343 / 343.2 of that here.
 TEST_F(Cli, RirWritesSoundAndMetrics) {
-  const Outcome outcome = earshot(
+  const CliOutcome outcome = earshot(
       "rir shoebox:5x3x4@0.2 --source 1.2,1.1,1.5 --listener 3.8,1.6,2.3 --preset fast --channels mono --set air_absorption=off "
       "--components --seed 5 --out " +
       file("r.wav") + " --metrics " + file("r.json"));
   ASSERT_EQ(outcome.exit_code, 0) << outcome.errors;
-  const auto json = nlohmann::json::parse(read("r.json"));
-  EXPECT_NEAR(json.at("direct_amplitude").get<double>(), 0.0287713, 1e-4);
-  EXPECT_NEAR(json.at("direct_delay_s").get<double>(), 2.765863 / 343.2, 1e-6);
-  EXPECT_EQ(json.at("seed").get<int>(), 5);
-  EXPECT_EQ(json.at("energy").at("rt60_s").size(), json.at("bands_hz").size());
+  const auto document = nlohmann::json::parse(read("r.document"));
+  EXPECT_NEAR(document.at("direct_amplitude").get<double>(), 0.0287713, 1e-4);
+  EXPECT_NEAR(document.at("direct_delay_s").get<double>(), 2.765863 / 343.2, 1e-6);
+  EXPECT_EQ(document.at("seed").get<int>(), 5);
+  EXPECT_EQ(document.at("energy").at("rt60_s").size(), document.at("bands_hz").size());
   std::vector<float> sum;
   for (const char* part : {"r.direct.wav", "r.early.wav", "r.diffracted.wav", "r.transmitted.wav", "r.late.wav"}) {
     const std::vector<float> samples = read_wav(part);
@@ -236,10 +236,10 @@ TEST_F(Cli, ComponentsOfAPairBehindAWall) {
       "db.json",
       R"({"materials": [{"name": "panel", "labels": ["default"], "absorption": [1000, 0.2], "scattering": [1000, 0.1], "transmission": [1000, 0.05], "source": "a test"}]})");
   write("wall.yaml", "mesh: wall.obj\nmaterials: db.json\nassign: {panel: panel}\n");
-  const Outcome outcome = earshot("rir " + file("wall.yaml") +
-                                  " --source 3,1,-2 --listener 3,1,2 --preset fast --channels mono --set diffraction=on --set "
-                                  "transmission=on --set air_absorption=off --components --plot " +
-                                  file("p.svg") + " --out " + file("p.wav") + " --metrics " + file("p.json"));
+  const CliOutcome outcome = earshot("rir " + file("wall.yaml") +
+                                     " --source 3,1,-2 --listener 3,1,2 --preset fast --channels mono --set diffraction=on --set "
+                                     "transmission=on --set air_absorption=off --components --plot " +
+                                     file("p.svg") + " --out " + file("p.wav") + " --metrics " + file("p.json"));
   ASSERT_EQ(outcome.exit_code, 0) << outcome.errors;
   const auto energy = [&](const std::string& name) {
     double sum = 0;
@@ -256,7 +256,7 @@ TEST_F(Cli, ComponentsOfAPairBehindAWall) {
 }
 
 TEST_F(Cli, SeveralSourcesAndListenersGiveAFileEach) {
-  const Outcome outcome = earshot(
+  const CliOutcome outcome = earshot(
       "rir shoebox:5x3x4@0.2 --source 1,1,1 --source 4,1,1 --source-pattern omni,cardioid --source-heading 0,180 --listener 2,1.5,3 "
       "--listener 3,1.5,3 --preset fast --channels mono --out " +
       file("m.wav") + " --metrics " + file("m.json"));
@@ -334,8 +334,8 @@ TEST_F(Cli, WalkDoesNotComb) {
 
 TEST_F(Cli, WalkIsAsLongAsItsPosesAndNeverSilent) {
   write("poses.csv", "t_s,x,y,z,heading_deg\n0,1,1.5,1,0\n1.5,3,1.5,3,90\n");
-  const Outcome outcome = earshot("walk shoebox:5x3x4@0.3 --poses " + file("poses.csv") +
-                                  " --source 4,1.5,1 --sound synth:noise --set rays=16 --out " + file("w.wav"));
+  const CliOutcome outcome = earshot("walk shoebox:5x3x4@0.3 --poses " + file("poses.csv") +
+                                     " --source 4,1.5,1 --sound synth:noise --set rays=16 --out " + file("w.wav"));
   ASSERT_EQ(outcome.exit_code, 0) << outcome.errors;
   EXPECT_GE(read("w.wav").size(), static_cast<std::size_t>(1.5 * 16000 * 2 * 4));
   expect_bad_input("walk shoebox:5x3x4@0.3 --poses " + write("back.csv", "1,0,0,0,0\n0,0,0,0,0\n") +
@@ -347,7 +347,7 @@ TEST_F(Cli, WalkPlansForAnAccuracyOfOneSourceAtRest) {
   write("poses.csv", "t_s,x,y,z,heading_deg\n0,1,1.5,1,0\n1,3,1.5,3,90\n");
   const std::string walk =
       "walk shoebox:5x3x4@0.3 --poses " + file("poses.csv") + " --sound synth:noise --channels mono --out " + file("w.wav");
-  const Outcome outcome = earshot(walk + " --source 4,1.5,1 --accuracy t20=20%");
+  const CliOutcome outcome = earshot(walk + " --source 4,1.5,1 --accuracy t20=20%");
   ASSERT_EQ(outcome.exit_code, 0) << outcome.errors;
   EXPECT_NE(outcome.output.find("predicted t20"), std::string::npos) << outcome.output;
   EXPECT_GE(read("w.wav").size(), static_cast<std::size_t>(16000 * 4));
@@ -360,7 +360,7 @@ TEST_F(Cli, WalkThroughAFieldIsReproducible) {
   const std::string walk = "walk shoebox:5x3x4@0.3 --poses " + file("poses.csv") +
                            " --source 4,1.5,1 --sound synth:noise --set rays=16 rir_length_s=0.2 field_photons=8192 field_error=0.001 ";
   const auto heard = [&](const std::string& options) {
-    const Outcome outcome = earshot(walk + options + " --out " + file("w.wav"));
+    const CliOutcome outcome = earshot(walk + options + " --out " + file("w.wav"));
     EXPECT_EQ(outcome.exit_code, 0) << outcome.errors;
     return read("w.wav");
   };
@@ -381,7 +381,7 @@ TEST_F(Cli, WalkPastAMovingSourceReusesUnlessTold) {
   const std::string walk = "walk shoebox:5x3x4@0.3 --poses " + file("poses.csv") + " --source-path " + file("path.csv") +
                            " --sound synth:noise --set rays=16 rir_length_s=0.2 ";
   const auto heard = [&](const std::string& options) {
-    const Outcome outcome = earshot(walk + options + " --out " + file("w.wav"));
+    const CliOutcome outcome = earshot(walk + options + " --out " + file("w.wav"));
     EXPECT_EQ(outcome.exit_code, 0) << outcome.errors;
     return read("w.wav");
   };
@@ -391,13 +391,13 @@ TEST_F(Cli, WalkPastAMovingSourceReusesUnlessTold) {
 }
 
 TEST_F(Cli, MaterialsAreListedAndLinted) {
-  const Outcome builtin = earshot("materials");
+  const CliOutcome builtin = earshot("materials");
   EXPECT_EQ(builtin.exit_code, 0) << builtin.output;
   EXPECT_THAT(builtin.output, HasSubstr("0 findings"));
   const std::string slip =
       write("slip.json",
             R"({"materials": [{"name": "a", "labels": ["default"], "absorption": [125, 0.02, 250, 0.9], "scattering": [125, 0.1]}]})");
-  const Outcome linted = earshot("materials --lint " + slip);
+  const CliOutcome linted = earshot("materials --lint " + slip);
   EXPECT_EQ(linted.exit_code, 1);
   EXPECT_THAT(linted.output, HasSubstr("lint: a: "));
   expect_bad_input("materials " + write("bad.json", "{"), "bad.json");
@@ -405,11 +405,11 @@ TEST_F(Cli, MaterialsAreListedAndLinted) {
 
 TEST_F(Cli, SceneReportIsJson) {
   ASSERT_EQ(earshot("scene house:4,rooms=2,area_m2=24 --explain --json " + file("s.json")).exit_code, 0);
-  const auto json = nlohmann::json::parse(read("s.json"));
-  EXPECT_TRUE(json.at("holes").empty());
-  EXPECT_GT(json.at("ray_efficiency").get<double>(), 0.999);
-  EXPECT_GT(json.at("navigable_area_m2").get<double>(), 10.0);
-  EXPECT_LT(json.at("navigable_area_m2").get<double>(), 24.0);
+  const auto document = nlohmann::json::parse(read("s.document"));
+  EXPECT_TRUE(document.at("holes").empty());
+  EXPECT_GT(document.at("ray_efficiency").get<double>(), 0.999);
+  EXPECT_GT(document.at("navigable_area_m2").get<double>(), 10.0);
+  EXPECT_LT(document.at("navigable_area_m2").get<double>(), 24.0);
 }
 
 // A scene a thousand kilometres from the origin of its file: points on the command line and in CSVs are those of the file.
@@ -425,7 +425,7 @@ TEST_F(Cli, FarScenesSoundAsNearOnes) {
   const std::string near = room("near.obj", 0, 0), far = room("far.obj", 1e6, -2e5);
   const std::string options = " --preset fast --set rays=50 --set rir_length_s=0.1 --channels mono";
   const auto rir = [&](const std::string& scene, const std::string& points, const std::string& name) {
-    const Outcome outcome =
+    const CliOutcome outcome =
         earshot("rir " + scene + points + options + " --out " + file(name + ".wav") + " --metrics " + file(name + ".json"));
     EXPECT_EQ(outcome.exit_code, 0) << outcome.errors;
     return read(name + ".wav");
@@ -437,8 +437,8 @@ TEST_F(Cli, FarScenesSoundAsNearOnes) {
   EXPECT_EQ(nlohmann::json::parse(read("near.json")).at("origin_m"), nlohmann::json({0, 0, 0}));
 
   const auto walk = [&](const std::string& scene, const std::string& poses, const std::string& source, const std::string& name) {
-    const Outcome outcome = earshot("walk " + scene + " --poses " + write(name + ".csv", poses) + source + options +
-                                    " --sound synth:noise --step 0.1 --out " + file(name + ".wav"));
+    const CliOutcome outcome = earshot("walk " + scene + " --poses " + write(name + ".csv", poses) + source + options +
+                                       " --sound synth:noise --step 0.1 --out " + file(name + ".wav"));
     EXPECT_EQ(outcome.exit_code, 0) << outcome.errors;
     return read(name + ".wav");
   };
@@ -447,13 +447,13 @@ TEST_F(Cli, FarScenesSoundAsNearOnes) {
             walk(near, "\xEF\xBB\xBFt_s,x,y,z,heading_deg\r\n0,3.75,1.5,2.25,0\r\n0.2,3.75,1.5,1.25,0\r\n", " --source 1.25,1.125,1.5",
                  "near_walk"));
 
-  const Outcome report = earshot("scene " + far + " --json " + file("scene.json"));
+  const CliOutcome report = earshot("scene " + far + " --json " + file("scene.json"));
   EXPECT_THAT(report.output, HasSubstr("computed around (1000000, 0, -200000)"));
   EXPECT_EQ(nlohmann::json::parse(read("scene.json")).at("origin_m"), nlohmann::json({1e6, 0, -2e5}));
   expect_bad_input("rir " + near + " --source 1e39,0,0 --listener 1,1,1 --out " + file("x.wav"), "is not a point");
 
   // Centimetres taken for metres: said on the way, by every command that loads the scene.
-  const Outcome large = earshot("rir " + near + " --unit 1000 --source 1,1,1 --listener 2,1,1" + options + " --out " + file("x.wav"));
+  const CliOutcome large = earshot("rir " + near + " --unit 1000 --source 1,1,1 --listener 2,1,1" + options + " --out " + file("x.wav"));
   EXPECT_EQ(large.exit_code, 0) << large.errors;
   EXPECT_THAT(large.errors, HasSubstr("is the unit right?"));
 }

@@ -18,13 +18,13 @@ namespace {
 
 using testing::HasSubstr;
 
-struct Outcome {
+struct RenderOutcome {
   int exit_code = -1;
   std::string text;  ///< standard output and error
 };
 
-Outcome render(const std::string& arguments) {
-  Outcome outcome;
+RenderOutcome render(const std::string& arguments) {
+  RenderOutcome outcome;
   FILE* output = ::popen((earshot_program().string() + " render " + arguments + " 2>&1").c_str(), "r");
   if (output == nullptr) return outcome;
   for (int c = 0; (c = std::fgetc(output)) != EOF;) outcome.text += static_cast<char>(c);
@@ -37,7 +37,7 @@ TEST(RenderCli, EverySensorBecomesAPictureOfTheSizeAskedFor) {
   const TempFolder folder;
   for (const char* sensor : {"depth", "rgb", "semantic", "normals"}) {
     const std::string file = folder / (std::string(sensor) + ".png");
-    const Outcome outcome = render("shoebox:6x3x4 --pose 3,0,2,0 --size 72x40 --sensor " + std::string(sensor) + " --out " + file);
+    const RenderOutcome outcome = render("shoebox:6x3x4 --pose 3,0,2,0 --size 72x40 --sensor " + std::string(sensor) + " --out " + file);
     EXPECT_EQ(outcome.exit_code, 0) << outcome.text;
     const Texture picture = decode_texture(read_file(file), file, 4096);
     EXPECT_EQ(picture.width_px, 72);
@@ -48,7 +48,8 @@ TEST(RenderCli, EverySensorBecomesAPictureOfTheSizeAskedFor) {
 TEST(RenderCli, CategoriesArePrintedWithTheirFractions) {
   const TempFolder folder;
   // Straight down from 1 m in a large room there is only the floor.
-  const Outcome outcome = render("shoebox:20x3x20 --pose 10,0,10,0 --pitch -90 --height 1 --sensor semantic --out " + (folder / "a.png"));
+  const RenderOutcome outcome =
+      render("shoebox:20x3x20 --pose 10,0,10,0 --pitch -90 --height 1 --sensor semantic --out " + (folder / "a.png"));
   EXPECT_THAT(outcome.text, testing::ContainsRegex("floor +100\\.0 %"));
 }
 
@@ -56,7 +57,7 @@ TEST(RenderCli, BothRenderersDrawTheSame) {
   const TempFolder folder;
   const std::string scene = "house:1,rooms=3 --pose 2,0,2,30 --size 64x48 --out ";
   EXPECT_EQ(render(scene + (folder / "cast.png")).exit_code, 0);
-  const Outcome outcome = render(scene + (folder / "drawn.png") + " --renderer egl --device software");
+  const RenderOutcome outcome = render(scene + (folder / "drawn.png") + " --renderer egl --device software");
   EXPECT_EQ(outcome.exit_code, 0) << outcome.text;
   EXPECT_THAT(outcome.text, HasSubstr("drawn by "));
   const Texture cast = decode_texture(read_file(folder / "cast.png"), "cast", 4096),
@@ -71,7 +72,7 @@ TEST(RenderCli, RefusesInOneLine) {
   const TempFolder folder;
   const std::string out = " --out " + (folder / "a.png");
   const auto refusal = [&](const std::string& arguments) {
-    const Outcome outcome = render(arguments + out);
+    const RenderOutcome outcome = render(arguments + out);
     EXPECT_EQ(outcome.exit_code, 2) << outcome.text;
     EXPECT_EQ(std::count(outcome.text.begin(), outcome.text.end(), '\n'), 1) << outcome.text;
     return outcome.text;

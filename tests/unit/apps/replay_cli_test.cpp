@@ -13,12 +13,12 @@
 namespace earshot {
 namespace {
 
-struct Outcome {
+struct ReplayOutcome {
   int exit_code = -1;
   std::string text;
 };
 
-Outcome earshot(const TestFolder& folder, const std::string& arguments) {
+ReplayOutcome earshot(const TestFolder& folder, const std::string& arguments) {
   const std::filesystem::path output = folder.path() / "output";
   const int status = std::system((earshot::earshot_program().string() + " " + arguments + " >" + output.string() + " 2>&1").c_str());
   return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read_file(output)};
@@ -41,13 +41,13 @@ TEST(ReplayCli, AMissingSceneRecursUntilItIsThere) {
   ASSERT_EQ(quarantine.files().size(), 1u);
   const std::string file = quarantine.files()[0].string();
 
-  const Outcome missing = earshot(folder, "replay " + file);
+  const ReplayOutcome missing = earshot(folder, "replay " + file);
   EXPECT_EQ(missing.exit_code, 0) << missing.text;
   EXPECT_THAT(missing.text, testing::HasSubstr("gone.obj"));
   EXPECT_THAT(missing.text, testing::HasSubstr("recurs      yes"));
 
   write_text(folder.path() / "gone.obj", room_obj(6, 3, 5));
-  const Outcome found = earshot(folder, "replay " + file + " --set scene_root=" + folder.path().string());
+  const ReplayOutcome found = earshot(folder, "replay " + file + " --set scene_root=" + folder.path().string());
   EXPECT_EQ(found.exit_code, 0) << found.text;
   EXPECT_THAT(found.text, testing::HasSubstr("recurs      no"));
 }
@@ -56,7 +56,7 @@ TEST(ReplayCli, WhatIsNoSuchFileIsRefused) {
   const TestFolder folder("replay_cli_bad");
   write_text(folder.path() / "other.json", "{\"success\": 1}");
   for (const std::string& file : {(folder.path() / "other.json").string(), (folder.path() / "none.json").string()}) {
-    const Outcome outcome = earshot(folder, "replay " + file);
+    const ReplayOutcome outcome = earshot(folder, "replay " + file);
     EXPECT_EQ(outcome.exit_code, 2) << outcome.text;
     EXPECT_THAT(outcome.text, testing::HasSubstr(file));
   }
