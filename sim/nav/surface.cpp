@@ -57,6 +57,14 @@ void Surface::find_islands() {
 
 double Surface::area_m2(int polygon) const { return 0.5 * doubled_area(vertices_, polygons_[polygon]); }
 
+double Surface::height_m(const Polygon& polygon, glm::dvec3 point) const {
+  const glm::dvec3 &a = vertices_[polygon.corners[0]], &b = vertices_[polygon.corners[1]];
+  const glm::dvec3& c = vertices_[polygon.corners[polygon.num_corners - 1]];
+  const glm::dvec3 normal = glm::cross(b - a, c - a);
+  if (!(std::abs(normal.y) > 1e-12)) return a.y;
+  return a.y - (normal.x * (point.x - a.x) + normal.z * (point.z - a.z)) / normal.y;
+}
+
 Surface::Walk Surface::walk(int polygon, glm::dvec3 from, glm::dvec3 to) const {
   constexpr double tie_m = 1e-9;  // a walk through a vertex may leave by either edge: by the open one
   constexpr double storey_m = 1.0;
@@ -88,7 +96,8 @@ Surface::Walk Surface::walk(int polygon, glm::dvec3 from, glm::dvec3 to) const {
     if (exit >= 1) {
       walk.length_m += glm::distance(last, to);
       // Storeys lie above each other: the same (x, z) may be on another floor.
-      walk.arrived = std::abs(vertices_[here.corners[0]].y - to.y) < storey_m || std::abs(last.y - to.y) < storey_m;
+      walk.arrived = std::abs(vertices_[here.corners[0]].y - to.y) < storey_m || std::abs(last.y - to.y) < storey_m ||
+                     std::abs(height_m(here, to) - to.y) < storey_m;
       return walk;
     }
     const glm::dvec3& a = vertices_[here.corners[exit_edge]];

@@ -52,6 +52,8 @@ class Surface {
 
  private:
   void find_islands();
+  /// Of the plane through three corners of the polygon, above or below `point`.
+  [[nodiscard]] double height_m(const Polygon& polygon, glm::dvec3 point) const;
 
   std::vector<glm::dvec3> vertices_;
   std::vector<Polygon> polygons_;

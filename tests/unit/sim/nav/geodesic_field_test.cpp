@@ -58,6 +58,32 @@ TEST(GeodesicField, AroundOneBlockByTangentsAndArcs) {
   EXPECT_EQ(*field.next_corner({6, 0, 4}), field.goal());
 }
 
+// An agent on a corner of its way, or within millimetres of it, is sent on to the next one.
+TEST(GeodesicField, FromACornerTheWayLeadsOn) {
+  const Navmesh nav(floor_with(8, 6, {{3, -0.5f, 5, 3}}), {});
+  const glm::vec3 goal{7, 0, 1};
+  const GeodesicField field(nav, goal);
+  glm::vec3 at{1, 0, 1};
+  double left_m = *field.distance_m(at);
+  int corners = 0;
+  while (glm::distance(at, field.goal()) > 1e-3f) {
+    ASSERT_LT(++corners, 20) << "the same corner again";
+    const glm::vec3 next = *field.next_corner(at);
+    EXPECT_GT(flat_distance(next, at), 0.01) << "not the corner that the agent stands on";
+    for (int k = 0; k < 17 && next != field.goal(); ++k) {
+      const float off_m = k == 0 ? 0.f : k % 2 == 0 ? 0.002f : 0.005f, angle = static_cast<float>(k) * 2 * std::numbers::pi_v<float> / 16;
+      const glm::vec3 beside = next + off_m * glm::vec3(std::cos(angle), 0, std::sin(angle));
+      const glm::vec3 after = *field.next_corner(beside);
+      EXPECT_GT(flat_distance(after, next), 0.02) << off_m << " m from corner " << corners << ", toward " << angle;
+      EXPECT_LT(*field.distance_m(after), *field.distance_m(next));
+    }
+    EXPECT_LT(*field.distance_m(next), left_m);
+    left_m = *field.distance_m(next);
+    at = next;
+  }
+  EXPECT_GE(corners, 3) << "past both corners of the block to the goal";
+}
+
 TEST(GeodesicField, LShapedCorridor) {
   // Two corridors 1 m wide at a right angle; the inner corner is at (1, 1).
   const Navmesh nav(floor_with(6, 6, {{1, 1, 6.5f, 6.5f}}), {});
