@@ -27,7 +27,6 @@ constexpr int kManyListeners = 300;
 constexpr double kRadian = 180 / std::numbers::pi;
 
 /// Six digits: what is measured has no more, and lines stay short.
-Json rounded(const std::optional<double>& value) { return value ? rounded(*value) : Json(nullptr); }
 Json place(glm::dvec3 position) { return {position.x, position.y, position.z}; }
 
 template <class Get>
