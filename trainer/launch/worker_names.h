@@ -10,7 +10,7 @@ namespace earshot {
 inline constexpr const char *kRankName = "EARSHOT_RANK", *kWorldSizeName = "EARSHOT_WORLD_SIZE", *kRendezvousName = "EARSHOT_RENDEZVOUS",
                             *kRunIdName = "EARSHOT_RUN_ID";
 
-/// The folder of temporary files, or /tmp where its name leaves no room for that of a socket, which has 107 characters at most.
+/// The folder of temporary files, or /tmp where its name is too long for that of a socket in it, which has 107 characters at most.
 inline std::filesystem::path parent_of_sockets() {
   constexpr std::size_t kMaxLength = 60;
   std::error_code error;

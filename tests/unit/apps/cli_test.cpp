@@ -255,6 +255,24 @@ TEST_F(Cli, ComponentsOfAPairBehindAWall) {
   EXPECT_TRUE(nlohmann::json::parse(read("p.json")).at("direct_delay_s").is_null());
 }
 
+// The listener is 2 m ahead (-z) of a cardioid that turns: (1 + cos) / 2 of 1 / (4 pi 2 m), as the metrics say and as the samples are.
+TEST_F(Cli, DirectSoundFollowsThePatternOfTheSource) {
+  for (const int heading_deg : {0, 60, 90, 180, 240}) {
+    const CliOutcome outcome =
+        earshot("rir shoebox:9x4x9@0.9 --source 4.5,1.5,4.5 --listener 4.5,1.5,2.5 --source-pattern cardioid --source-heading " +
+                std::to_string(heading_deg) + " --preset fast --channels mono --set air_absorption=off --components --out " +
+                file("d.wav") + " --metrics " + file("d.json"));
+    ASSERT_EQ(outcome.exit_code, 0) << outcome.errors;
+    const double expected = (0.5 + 0.5 * std::cos(heading_deg * std::numbers::pi / 180)) / (4 * std::numbers::pi * 2);
+    const auto heard = nlohmann::json::parse(read("d.json")).at("direct_amplitude");
+    EXPECT_NEAR(heard.is_null() ? 0.0 : heard.get<double>(), expected, 1e-4) << heading_deg;
+    double energy = 0;
+    for (const float sample : read_wav("d.direct.wav")) energy += double{sample} * double{sample};
+    // A pulse of the whole band has the amplitude as the root of its energy, but for the band's upper edge.
+    EXPECT_NEAR(std::sqrt(energy), expected, 0.05 * expected + 1e-6) << heading_deg;
+  }
+}
+
 TEST_F(Cli, SeveralSourcesAndListenersGiveAFileEach) {
   const CliOutcome outcome = earshot(
       "rir shoebox:5x3x4@0.2 --source 1,1,1 --source 4,1,1 --source-pattern omni,cardioid --source-heading 0,180 --listener 2,1.5,3 "

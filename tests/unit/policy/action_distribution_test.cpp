@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "sim/base/errors.h"
+#include "sim/base/random.h"
 
 namespace earshot {
 namespace {
@@ -52,6 +53,15 @@ TEST(ActionDistribution, FrequenciesFollowTheProbabilities) {
   for (std::size_t a = 0; a < 4; ++a) chi_square += std::pow(count[a] - draws * probability[a], 2) / (draws * probability[a]);
   EXPECT_LT(chi_square, 16.27);  // three degrees of freedom: exceeded by chance once in a thousand seeds; ours is fixed
   // An error of 1 % of the mass (0.09, 0.21) would give 100000 (0.01^2 / 0.1 + 0.01^2 / 0.2) = 150.
+}
+
+// The first number of this stream is 0, the least that there is: the first action that is possible at all, not the first one.
+TEST(ActionDistribution, AnActionOfProbabilityZeroIsNeverDrawn) {
+  constexpr ActingEnv kWho{.env = 0, .episode = 0, .step = 16481244};
+  ASSERT_EQ(RandomStream(1, Purpose::action, kWho.env, kWho.episode, kWho.step).uniform(0), 0.f);
+  EXPECT_EQ(sample_one(torch::tensor({{-1e5f, 0.f, 0.f, 0.f}}), kWho, 1), 1);
+  EXPECT_EQ(sample_one(torch::tensor({{-1e5f, -1e5f, -1e5f, 0.f}}), kWho, 1), 3);
+  EXPECT_EQ(sample_one(torch::tensor({{0.f, 0.f, 0.f, 0.f}}), kWho, 1), 0);
 }
 
 TEST(ActionDistribution, WhoActsDecidesAndNotTheBatch) {

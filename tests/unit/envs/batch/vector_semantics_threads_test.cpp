@@ -186,7 +186,11 @@ TEST_F(VectorSemantics, AStalledStageLeavesTheBatchUntilItReturns) {
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
   EXPECT_TRUE(env.active()[1]);
-  for (int i = 0; i < 5; ++i) both();
+  // No action was used there: the first row after it came back is no experience, and ends what was before.
+  EXPECT_TRUE(env.truncated()[1] && env.quarantined()[1] && !env.acted()[1] && !env.terminated()[1]);
+  both();
+  EXPECT_TRUE(env.acted()[1] && !env.quarantined()[1]);
+  for (int i = 0; i < 4; ++i) both();
   EXPECT_TRUE(buffers_are_finite(env));
   EXPECT_EQ(env.quarantine_counters().total(), 1u);
 }

@@ -101,6 +101,28 @@ TEST_F(AvNavTask, StraightSuccessByHand) {
   EXPECT_EQ(m.collisions, 0);
 }
 
+// Fewer actions than the oracle's, which walks on to half a metre: counted as many as it took.
+TEST_F(AvNavTask, SnaIsAtMostOne) {
+  state_.begin(task_, field_, start_, 0.0, 20);
+  step_times(14, Action::forward);
+  step(Action::stop);
+  EXPECT_EQ(state_.metrics(task_).success, 1);
+  EXPECT_EQ(state_.metrics(task_).sna, 1);
+}
+
+// 13 x 0.15 = 1.95: 1.05 m to go, outside 1 m by a third of a step.  The reward for success is paid where success is counted, and only
+// there.
+TEST_F(AvNavTask, StoppingJustOutsidePaysNothing) {
+  for (const float radius_m : {1.f, 1.04f, 1.06f, 2.f}) {
+    task_.success_radius_m = radius_m;
+    state_.begin(task_, field_, start_, 0.0, 12);
+    step_times(13, Action::forward);
+    const bool inside = radius_m > 1.05f;
+    EXPECT_NEAR(step(Action::stop), -0.01 + (inside ? 10 : 0), kTolerance_m) << radius_m;
+    EXPECT_EQ(state_.metrics(task_).success, inside ? 1 : 0) << radius_m;
+  }
+}
+
 TEST_F(AvNavTask, DetourLowersSplByHand) {
   step_times(18, Action::left);
   EXPECT_NEAR(step_times(10, Action::forward), -0.1 - 1.5, kTolerance_m);  // away: 4.5 m to go

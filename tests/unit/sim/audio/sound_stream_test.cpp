@@ -3,9 +3,11 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <memory>
 #include <numbers>
+#include <span>
 
 #include "sim/base/errors.h"
 #include "tests/support/stream_sounds.h"
@@ -105,6 +107,27 @@ INSTANTIATE_TEST_SUITE_P(SoundStream, SoundStreamCase,
                                            Case{"block_of_one", 900, 500, 1, true}, Case{"rir_of_one_tap", 5000, 1, 2400, true},
                                            Case{"short_clip_from_silence", 5, 2000, 777, false}),
                          [](const auto& test) { return test.param.name; });
+
+// Each ear keeps its own tail, whichever of the two is the longer.
+TEST(SoundStream, EarsMayEndAtDifferentTaps) {
+  constexpr int kTaps = 3000, kBlock = 2400;
+  const SoundClip clip = clip_of(noise(5000, 1));
+  const StreamPosition position{.sample = 70000};
+  for (const auto& ends : {std::array{1500, 2000}, std::array{2000, 1500}, std::array{1, 3000}, std::array{3000, 0}, std::array{0, 700}}) {
+    auto rir = stereo_rir(kTaps, 2);
+    for (std::size_t ear = 0; ear < 2; ++ear)
+      std::fill_n(rir.begin() + static_cast<std::ptrdiff_t>(ear * kTaps) + ends[ear], kTaps - ends[ear], 0.f);
+    StreamConvolver convolver({.max_rir_samples = kTaps, .max_block_samples = kBlock}, 2);
+    std::vector<float> block(2 * kBlock);
+    convolver.convolve(clip, position, rir, rir, kTaps, kBlock, block);
+    for (std::size_t ear = 0; ear < 2; ++ear)
+      for (int i = 0; i < kBlock; i += 37) {
+        const auto taps = std::span(rir).subspan(ear * kTaps, kTaps);
+        EXPECT_NEAR(block[ear * kBlock + static_cast<std::size_t>(i)], expected_sample(clip, position, taps, 70000 + i), 5e-4)
+            << ends[0] << " and " << ends[1] << " taps, ear " << ear;  // peak about 20
+      }
+  }
+}
 
 TEST(SoundStream, SilenceBeforeTheStartIsExact) {
   const SoundClip clip = clip_of(noise(500, 1));

@@ -16,6 +16,7 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "tests/support/summed_addends.h"
+#include "tests/support/what_of.h"
 #include "tests/support/worker_processes.h"
 #include "trainer/collective/shared_memory.h"
 #include "trainer/collective/zmq_ring.h"
@@ -227,6 +228,27 @@ TEST_P(RingOf, AnotherCallOnOneWorkerIsAnErrorOnAll) {
     return fails_with(connect_and_call, {"worker "});
   });
   workers.expect_all_succeed();
+}
+
+// Whoever receives what belongs to another call says which call and how large: the user then knows to look at programs and configs.
+TEST(Collective, ASumOfAnotherSizeIsNamedWithBothSizes) {
+  for (const int world_size : {2, 3, 4}) {
+    const PrivateTestFolder folder;
+    SharedArray<std::atomic<int>, 2> said;  // how many named both sizes, and how many complained of something else in the message
+    WorkerProcesses workers(world_size, [&](int rank) {
+      RingConfig config = ring_in(folder, rank, world_size);
+      config.network.shared_memory = false;
+      std::vector<float> buffer(rank == 1 ? 200000 : 100000);
+      const std::string text = what_of([&] { make_zmq_ring(config)->all_reduce_sum(buffer); });
+      const auto has = [&](const char* part) { return text.find(part) != std::string::npos; };
+      said[0] += has("with 800000 bytes") && has("with 400000 bytes");
+      said[1] += has("another part of the buffer");
+      return has("worker ");
+    });
+    workers.expect_all_succeed();
+    EXPECT_GE(said[0], 1) << world_size;
+    EXPECT_EQ(said[1], 0) << world_size;
+  }
 }
 
 TEST(Collective, KilledWorkerIsNamedWithinSeconds) {

@@ -2,7 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <complex>
 #include <numbers>
 
 #include "sim/base/errors.h"
@@ -39,6 +41,65 @@ TEST(RoomMetrics, TimeZeroIsTheDirectArrival) {
   EXPECT_NEAR(*m.edt_s, t60_s, 0.02 * t60_s);  // the 4 ms bins round off the start
   EXPECT_NEAR(*m.d50, 0.95, 0.002);            // (1 + 0.9) / 2
   EXPECT_NEAR(1e3 * *m.ts_s, 21.7147 / 2, 0.1);
+}
+
+/// Direct sound of amplitude 1 and diffracted sound of 0.5, `after_s` later and `phase_rad` ahead, in one band.
+RoomMetrics of_direct_and_diffracted(const AcousticScene& scene, int band, double after_s, double phase_rad) {
+  EnergyResponse response;
+  response.late = make_histogram(scene);
+  const double speed = scene.speed_of_sound_m_per_s();
+  Arrival& direct = response.arrivals.emplace_back();
+  direct.distance_m = static_cast<float>(0.01 * speed);
+  direct.amplitude[static_cast<std::size_t>(band)] = 1.f;
+  Arrival& diffracted = response.arrivals.emplace_back();
+  diffracted.kind = ArrivalKind::diffraction;
+  diffracted.distance_m = static_cast<float>((0.01 + after_s) * speed);
+  diffracted.amplitude[static_cast<std::size_t>(band)] = 0.5f;
+  diffracted.phase_rad[static_cast<std::size_t>(band)] = static_cast<float>(phase_rad);
+  return measure(scene, response);
+}
+
+// Sound diffracted within 1.5 ms is part of the direct sound, half of it at 2 ms, none from 2.5 ms on.  In a band this wide what is
+// milliseconds apart hardly interferes: energies add, 1 and 0.25, but for 2 a b sinc(bandwidth t), at most 1 / (pi bandwidth t).
+TEST(RoomMetrics, DiffractedSoundCountsAsDirectForTwoMilliseconds) {
+  AcousticConfig config;
+  config.bands = 1;
+  const AcousticScene scene(rooms::shoe1(0.2, 1), config);
+  const double bandwidth_hz = scene.bands().edge_hz[1] - scene.bands().edge_hz[0];
+  const auto expect_drr = [&](double after_s, double direct, double rest) {
+    const double tolerance_db = 10 * std::log10(1 + 1 / (std::numbers::pi * bandwidth_hz * after_s)) + 0.01;
+    EXPECT_LT(tolerance_db, 0.1);
+    EXPECT_NEAR(*of_direct_and_diffracted(scene, 0, after_s, 0).drr_db, 10 * std::log10(direct / rest), tolerance_db) << after_s;
+  };
+  EXPECT_FALSE(of_direct_and_diffracted(scene, 0, 0.001, 0).drr_db) << "nothing comes after it";
+  expect_drr(0.002, 1.125, 0.125);
+  for (const double after_s : {0.0026, 0.005, 0.02}) expect_drr(after_s, 1, 0.25);
+}
+
+// Against the integral of |1 + 0.5 exp(j (p - 2 pi f t))|^2 over the band, by midpoints.
+TEST(RoomMetrics, DirectAndDiffractedSoundInterfereByDelayAndPhase) {
+  const AcousticScene scene(rooms::shoe1(0.2, 1), AcousticConfig{});
+  double least = 2, most = 0;
+  for (int band = 0; band < scene.num_bands(); ++band)
+    for (const double after_s : {0.0, 0.0003, 0.0011})
+      for (const double phase_rad : {-2.0, 0.0, 1.0, 3.0}) {
+        const double low_hz = scene.bands().edge_hz[band], high_hz = scene.bands().edge_hz[band + 1];
+        double sum = 0;
+        constexpr int kPoints = 4000;
+        for (int i = 0; i < kPoints; ++i) {
+          const double f_hz = low_hz + (high_hz - low_hz) * (i + 0.5) / kPoints;
+          sum += std::norm(1.0 + 0.5 * std::polar(1.0, phase_rad - 2 * std::numbers::pi * f_hz * after_s)) / kPoints;
+        }
+        double bandwidth_hz = 0;
+        for (int b = 0; b < scene.num_bands(); ++b) bandwidth_hz += scene.bands().edge_hz[b + 1] - scene.bands().edge_hz[b];
+        const double amplitude = *of_direct_and_diffracted(scene, band, after_s, phase_rad).direct_amplitude;
+        const double energy = amplitude * amplitude * bandwidth_hz / (high_hz - low_hz);
+        EXPECT_NEAR(energy, sum, 2e-3) << "band " << band << ", " << after_s << " s, " << phase_rad << " rad";  // distances are floats
+        least = std::min(least, sum);
+        most = std::max(most, sum);
+      }
+  EXPECT_LT(least, 0.5) << "some cancel";
+  EXPECT_GT(most, 2.0) << "some add";
 }
 
 TEST(RoomMetrics, OpenFieldHasNoDecayO7) {

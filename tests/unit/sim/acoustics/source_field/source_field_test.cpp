@@ -12,6 +12,7 @@
 #include "sim/acoustics/geometry/field_grid.h"
 #include "sim/acoustics/metrics/room_metrics.h"
 #include "sim/acoustics/response/energy_response.h"
+#include "sim/acoustics/source_field/field_image.h"
 #include "sim/audio/ambisonics.h"
 #include "sim/base/errors.h"
 #include "tests/support/late_field.h"
@@ -103,6 +104,24 @@ TEST(SourceField, WallsLetSoundThroughAsInTheTracer) {
               0.02 + 3.5 * std::hypot(field.standard_error / field.mean, traced.standard_error / traced.mean));
 }
 
+// Nothing reflects: behind a sheet that lets half of it through, all sound is that of the straight path, which is an arrival of its own.
+TEST(SourceField, WhatGoesStraightThroughAWallIsNoLateSound) {
+  TriangleMesh mesh;
+  rooms::append_box(mesh, {0, 0, 0}, {6, 3, 2.5}, 0);
+  rooms::append_quad(mesh, {rooms::point(3.3, 0, 0), rooms::point(3.3, 3, 0), rooms::point(3.3, 3, 2.5), rooms::point(3.3, 0, 2.5)}, 1);
+  const auto room = rooms::scene_of(mesh, {Material::uniform("wall", 1.f, 1.f), Material::uniform("sheet", 1.f, 0.f, 0.5f)});
+  AcousticConfig config = field_config(8192, 0.5f);
+  config.transmission = Switch::on;
+  const glm::vec3 source = rooms::point(1, 1, 1), listener = rooms::point(5, 2, 1.4);
+  const Field field(room, config, source);
+  for (const glm::vec3 place : {listener, rooms::point(3.6, 1, 1), rooms::point(2, 1.5, 1)}) EXPECT_EQ(total_energy(field.at(place)), 0);
+  EnergyResponse response;
+  compute_energy_response(field.scene, field.candidates, field.field.get(), listener, response);
+  double energy = total_energy(response.late);
+  for (const Arrival& arrival : response.arrivals) energy += std::pow(double{arrival.amplitude[0]}, 2);
+  EXPECT_NEAR(energy / (0.5 / std::pow(4 * std::numbers::pi * double{glm::length(listener - source)}, 2)), 1, 1e-4);
+}
+
 TEST(SourceField, DirectionsPointToWhereSoundComesFrom) {
   // Only the far wall reflects: all late sound comes from there.
   std::array<Material, 6> walls = rooms::uniform_walls(1, 1);
@@ -177,7 +196,31 @@ TEST(SourceField, DamagedAndForeignImagesAreRefused) {
     EXPECT_THROW(open(bad), InputError) << at;
   }
   std::vector<std::byte> bad = good;  // the place of a history, far outside
-  std::memset(bad.data() + 72 + 8, 0x7F, 8);
+  std::memset(bad.data() + sizeof(FieldHeader) + 8, 0x7F, 8);
+  EXPECT_THROW(open(bad), InputError);
+  // Lengths that would be read past the end, each with a place that is right.
+  for (const std::uint32_t count : {0x7FFFFFFFu, 0xFFFFFFFFu, 10000u}) {
+    bad = good;
+    std::memcpy(bad.data() + sizeof(FieldHeader) + 4, &count, 4);
+    EXPECT_THROW(open(bad), InputError) << count;
+  }
+  // The last history, one bin longer than it is: the bins there are, the values are not.
+  bad = good;
+  std::size_t last = 0;
+  std::uint64_t furthest = 0;
+  for (std::size_t i = 0; i < field.scene.field_grid().size(); ++i) {
+    FieldEntry entry;
+    std::memcpy(&entry, good.data() + sizeof(FieldHeader) + i * sizeof entry, sizeof entry);
+    if (entry.count > 0 && entry.offset >= furthest) {
+      furthest = entry.offset;
+      last = i;
+    }
+  }
+  FieldEntry entry;
+  std::memcpy(&entry, good.data() + sizeof(FieldHeader) + last * sizeof entry, sizeof entry);
+  entry.first = 0;
+  ++entry.count;
+  std::memcpy(bad.data() + sizeof(FieldHeader) + last * sizeof entry, &entry, sizeof entry);
   EXPECT_THROW(open(bad), InputError);
   const Field elsewhere(rooms::shoe1(0.2, 0.5), field_config(2048, 1.f), rooms::shoe1_listener());
   EXPECT_THROW(SourceField(elsewhere.scene, elsewhere.candidates, good, nullptr), InputError);
@@ -209,6 +252,14 @@ TEST(SourceField, KeyTellsApartWhatDecidesBits) {
   SoundSource large(rooms::shoe1_source());
   large.radius_m = 0.1f;
   EXPECT_NE(base, key(config, large));
+  SoundSource cardioid(rooms::shoe1_source()), dipole(rooms::shoe1_source()), turned(rooms::shoe1_source());
+  cardioid.directivity = turned.directivity = Directivity::first_order(0.5f);
+  dipole.directivity = Directivity::first_order(0.f);
+  turned.orientation = glm::quat(0, 0, 1, 0);
+  EXPECT_NE(base, key(config, cardioid));
+  EXPECT_NE(key(config, cardioid), key(config, dipole));
+  EXPECT_NE(key(config, cardioid), key(config, turned));
+  EXPECT_EQ(key(config, cardioid), key(config, SoundSource(cardioid)));
 }
 
 TEST(SourceField, KeyKnowsWhichFlutterTheFieldLeavesOut) {
