@@ -27,7 +27,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-/// In the rounded_place of the scene in the streams of episodes: what stands beside the events of a recording.
+/// In the place of the scene in the streams of episodes: what stands beside the events of a recording.
 constexpr std::uint32_t kMixStream = 0x53454C4Du;
 
 struct MixDraw {

@@ -41,7 +41,7 @@ struct EventDraw {
   };
 };
 
-/// what: counted hundredths_within the recording; each has a stream of its own.
+/// what: counted within the recording; each has a stream of its own.
 RandomStream stream_of(const SoundSceneConfig& config, std::uint32_t kind, std::size_t room, int recording, int what) {
   return {config.rooms.seed, Purpose::episode, kind, static_cast<std::uint32_t>(room),
           (static_cast<std::uint32_t>(recording) << 16) | static_cast<std::uint32_t>(what)};

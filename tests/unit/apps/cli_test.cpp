@@ -182,7 +182,7 @@ TEST_F(Cli, RirWritesSoundAndMetrics) {
       "--components --seed 5 --out " +
       file("r.wav") + " --metrics " + file("r.json"));
   ASSERT_EQ(outcome.exit_code, 0) << outcome.errors;
-  const auto document = nlohmann::json::parse(read("r.document"));
+  const auto document = nlohmann::json::parse(read("r.json"));
   EXPECT_NEAR(document.at("direct_amplitude").get<double>(), 0.0287713, 1e-4);
   EXPECT_NEAR(document.at("direct_delay_s").get<double>(), 2.765863 / 343.2, 1e-6);
   EXPECT_EQ(document.at("seed").get<int>(), 5);
@@ -423,7 +423,7 @@ TEST_F(Cli, MaterialsAreListedAndLinted) {
 
 TEST_F(Cli, SceneReportIsJson) {
   ASSERT_EQ(earshot("scene house:4,rooms=2,area_m2=24 --explain --json " + file("s.json")).exit_code, 0);
-  const auto document = nlohmann::json::parse(read("s.document"));
+  const auto document = nlohmann::json::parse(read("s.json"));
   EXPECT_TRUE(document.at("holes").empty());
   EXPECT_GT(document.at("ray_efficiency").get<double>(), 0.999);
   EXPECT_GT(document.at("navigable_area_m2").get<double>(), 10.0);

@@ -16,7 +16,7 @@ namespace {
 constexpr int kSamples = 16000;
 const SpectrogramConfig kConfig{};
 
-/// White normal_noise with deviation 1.
+/// White noise with deviation 1.
 std::vector<float> normal_noise(int count, std::uint32_t stream) {
   const RandomStream random(11, Purpose::test, stream);
   std::vector<float> samples(static_cast<std::size_t>(count));
