@@ -6,12 +6,12 @@
 
 #include "bench/accuracy_report.h"
 #include "bench/accuracy_tables.h"
+#include "bench/table_cell.h"
 
 namespace earshot {
 namespace {
 
-std::string preset_cell(double value, const char* digits = "{:.3g}") { return table_cell(value, digits); }
-std::string rms_cell(double rms, double error) { return preset_cell(rms) + (error > 0 ? " ± " + preset_cell(error, "{:.2g}") : ""); }
+std::string rms_cell(double rms, double error) { return table_cell(rms) + (error > 0 ? " ± " + table_cell(error, "{:.2g}") : ""); }
 
 /// Decay times of the open scene are those of one reflection.
 bool has_meaning(const std::string& scene, ErrorKind kind) {
@@ -51,9 +51,9 @@ std::string preset_scenes_table(const AccuracyStudy& study) {
                         result.method == "bidirectional" ? "bidirectional"
                         : result.field                   ? "field"
                                                          : "tracer",
-                        result.rir_length_s, result.errors.poses, preset_cell(result.per_source_ms), preset_cell(result.per_rir_ms));
+                        result.rir_length_s, result.errors.poses, table_cell(result.per_source_ms), table_cell(result.per_rir_ms));
     for (const ErrorKind kind : kSceneKinds)
-      text += fmt::format(" {} |", has_meaning(result.scene, kind) ? preset_cell(scale_of(kind) * result.error(kind).rms) : "-");
+      text += fmt::format(" {} |", has_meaning(result.scene, kind) ? table_cell(scale_of(kind) * result.error(kind).rms) : "-");
     text += "\n";
   }
   return text;
@@ -70,16 +70,16 @@ std::string bias_table(const AccuracyStudy& study) {
       const ModeMean mean = mean_over_scenes(study, "preset", preset, kind);
       if (mean.scenes == 0) continue;
       text += fmt::format("| `{}` | {}{} | {} | {} | {} | {} | {} |\n", preset, facts_of(kind).title, unit_of_kind(kind),
-                          rms_cell(mean.rms, mean.rms_error), preset_cell(mean.bias), preset_cell(mean.deviation),
-                          preset_cell(mean.signed_mean, "{:+.3g}"), rms_cell(mean.mean, mean.standard_error));
+                          rms_cell(mean.rms, mean.rms_error), table_cell(mean.bias), table_cell(mean.deviation),
+                          table_cell(mean.signed_mean, "{:+.3g}"), rms_cell(mean.mean, mean.standard_error));
     }
   text += "\nT20, scene by scene:\n\n| scene | mode | rms, % | bias, % | scatter, % | mean error, % |\n|---|---|---|---|---|---|\n";
   for (const ModeResult& result : study.results) {
     if (result.sweep != "preset" || !has_meaning(result.scene, ErrorKind::t20)) continue;
     const ErrorSummary& t20 = result.error(ErrorKind::t20);
     text += fmt::format("| {} | `{}` | {} | {} | {} | {} |\n", result.scene, result.value, rms_cell(100 * t20.rms, 100 * t20.rms_error),
-                        rms_cell(100 * t20.bias, 100 * t20.bias_error), preset_cell(100 * t20.deviation),
-                        preset_cell(100 * t20.signed_mean, "{:+.3g}"));
+                        rms_cell(100 * t20.bias, 100 * t20.bias_error), table_cell(100 * t20.deviation),
+                        table_cell(100 * t20.signed_mean, "{:+.3g}"));
   }
   return text;
 }
@@ -95,7 +95,7 @@ std::string octave_table(const AccuracyStudy& study) {
                                  ErrorKind::level_db, ErrorKind::ild_db, ErrorKind::itd_us, ErrorKind::iacc}) {
       text += fmt::format("| `{}` | {}{} |", preset, facts_of(kind).title, unit_of_kind(kind));
       for (std::size_t band = 0; band < octaves.size(); ++band)
-        text += fmt::format(" {} |", preset_cell(mean_over_scenes(study, "preset", preset, kind, static_cast<int>(band)).rms));
+        text += fmt::format(" {} |", table_cell(mean_over_scenes(study, "preset", preset, kind, static_cast<int>(band)).rms));
       text += "\n";
     }
   return text;
@@ -138,8 +138,8 @@ std::string noticeable_table(const AccuracyStudy& study) {
     if (errors.count == 0) return;
     const ErrorKindFacts& facts = facts_of(kind);
     text += fmt::format("| {} | {} | {:g}{} | {} | {} | {} | {:.0f} | {} |\n", mode, facts.title, facts.noticeable,
-                        unit_of_kind(kind).empty() ? "" : unit_of_kind(kind).substr(1), facts.noticed, preset_cell(errors.p50, "{:.2g}"),
-                        preset_cell(errors.p95, "{:.2g}"), errors.within_pct, errors.count);
+                        unit_of_kind(kind).empty() ? "" : unit_of_kind(kind).substr(1), facts.noticed, table_cell(errors.p50, "{:.2g}"),
+                        table_cell(errors.p95, "{:.2g}"), errors.within_pct, errors.count);
   };
   for (const std::string& preset : presets_of(study))
     for (const ErrorKind kind : kSceneKinds)

@@ -13,16 +13,13 @@
 namespace earshot {
 namespace {
 
-constexpr double kNoValue = std::numeric_limits<double>::quiet_NaN();
-constexpr int kSharedSteps = 500;
-
 /// Mean of what is finite.
 class Mean {
  public:
   void add(double value) {
     if (std::isfinite(value)) sum_ += value, ++count_;
   }
-  [[nodiscard]] double value() const { return count_ > 0 ? sum_ / count_ : kNoValue; }
+  [[nodiscard]] double value() const { return count_ > 0 ? sum_ / count_ : kNoMean; }
 
  private:
   double sum_ = 0;
@@ -59,9 +56,9 @@ ModeMean mean_over_scenes(const AccuracyStudy& study, const std::string& sweep, 
   mean.rms = scale * std::sqrt(square.value());
   mean.bias = scale * std::sqrt(bias.value());
   mean.deviation = scale * std::sqrt(variance.value());
-  mean.standard_error = mean.scenes > 0 ? scale * std::sqrt(errors) / mean.scenes : kNoValue;
+  mean.standard_error = mean.scenes > 0 ? scale * std::sqrt(errors) / mean.scenes : kNoMean;
   // d rms = sum of rms_s d rms_s / (scenes rms)
-  mean.rms_error = mean.rms > 0 ? scale * scale * std::sqrt(square_errors) / (mean.scenes * mean.rms) : kNoValue;
+  mean.rms_error = mean.rms > 0 ? scale * scale * std::sqrt(square_errors) / (mean.scenes * mean.rms) : kNoMean;
   return mean;
 }
 
@@ -85,7 +82,7 @@ std::string accuracy_csv(const AccuracyStudy& study) {
   text += "\n";
   const auto number = [](double value) { return std::isfinite(value) ? fmt::format("{:.6g}", value) : std::string(); };
   for (const ModeResult& r : study.results) {
-    const double ms = r.shared_ms(kSharedSteps);
+    const double ms = r.shared_ms(kEpisodeSteps);
     text += fmt::format("{},{},{},{},{},{},{},{},{},{},{},{},{},{},{}", r.scene, r.sweep, r.value, r.method, r.field ? 1 : 0,
                         number(r.rir_length_s), number(r.per_source_ms), number(r.per_rir_ms), number(ms), number(1e3 / ms),
                         number(1e3 / r.per_rir_ms), number(r.rirs_per_s_two), r.steps_per_s_one > 0 ? number(r.steps_per_s_one) : "",
@@ -118,8 +115,8 @@ BenchReport accuracy_bench_report(const AccuracyStudy& study) {
     const BenchJson setting = {
         {"scene", r.scene}, {"threads", 1}, {"rir_length_s", r.rir_length_s}, {"field", r.field}, {"poses", r.errors.poses}};
     BenchJson shared = setting;
-    shared["n"] = kSharedSteps;
-    const double rate = 1e3 / r.shared_ms(kSharedSteps);
+    shared["n"] = kEpisodeSteps;
+    const double rate = 1e3 / r.shared_ms(kEpisodeSteps);
     report.add(fmt::format("accuracy.{}.rir_per_s", r.value), "1/s", {rate, rate, rate}, shared);
     for (const auto& [name, unit, kind] :
          {std::tuple{"rt60_error_pct", "%", ErrorKind::t20}, std::tuple{"edc_rms_db", "dB", ErrorKind::decay_db}}) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <limits>
 #include <optional>
 #include <string>
 
@@ -21,6 +22,10 @@ struct ModeMean {
   int scenes = 0, missing = 0;
 };
 ModeMean mean_over_scenes(const AccuracyStudy& study, const std::string& sweep, const std::string& value, ErrorKind kind, int band = -1);
+/// The mean of nothing.
+inline constexpr double kNoMean = std::numeric_limits<double>::quiet_NaN();
+/// Responses that one source is heard in, where rates share the work for it: an episode of the task.
+inline constexpr int kEpisodeSteps = 500;
 /// Mean over scenes of the milliseconds per RIR with n of them per source; of the scenes that have a value of `kind`, if it is given.
 double mean_shared_ms(const AccuracyStudy& study, const std::string& sweep, const std::string& value, int n,
                       std::optional<ErrorKind> kind = {});

@@ -8,20 +8,16 @@
 #include <limits>
 
 #include "bench/accuracy_report.h"
+#include "bench/table_cell.h"
 #include "sim/base/engine_commit.h"
 
 namespace earshot {
 namespace {
 
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-constexpr int kEpisodeSteps = 500;
-
-std::string cell(double value, const char* digits = "{:.3g}") { return table_cell(value, digits); }
-
 std::string with_error(const ModeMean& mean) {
   if (mean.scenes == 0) return "-";
   const std::string missing = mean.missing > 0 ? fmt::format(" ({} missing)", mean.missing) : "";
-  return cell(mean.mean) + (mean.standard_error > 0 ? " ± " + cell(mean.standard_error, "{:.2g}") : "") + missing;
+  return table_cell(mean.mean) + (mean.standard_error > 0 ? " ± " + table_cell(mean.standard_error, "{:.2g}") : "") + missing;
 }
 
 template <class Value>
@@ -30,7 +26,7 @@ double mean_of(const AccuracyStudy& study, const std::string& sweep, const std::
   int count = 0;
   for (const ModeResult& result : study.results)
     if (result.sweep == sweep && result.value == value && is_in_means(result.scene)) sum += get(result), ++count;
-  return count > 0 ? sum / count : kNan;
+  return count > 0 ? sum / count : kNoMean;
 }
 
 /// Modes in the order of the study, each once.
@@ -47,7 +43,7 @@ double t20_rms_error_pct(const AccuracyStudy& study, const std::string& scene, c
   for (const ModeResult& result : study.results)
     if (result.scene == scene && result.sweep == "preset" && result.value == preset && result.error(ErrorKind::t20).count > 0)
       return 100 * result.error(ErrorKind::t20).rms_error;
-  return kNan;
+  return kNoMean;
 }
 
 std::string scenes_table(const AccuracyStudy& study) {
@@ -61,12 +57,12 @@ std::string scenes_table(const AccuracyStudy& study) {
   text += "\n" + rule + "\n";
   for (const SceneFacts& scene : study.scenes) {
     text += fmt::format("| {} | `{}` | {} | {} | {} | {} | {:.0f} | {} | {} |", scene.name,
-                        std::filesystem::path(scene.spec).filename().string(), scene.triangles, cell(scene.rt60_s), scene.truth_rounds,
-                        scene.truth_rays, scene.truth_s, scene.poses,
-                        std::isfinite(scene.truth_error_pct) ? cell(scene.truth_error_pct) + " %" : "-");
+                        std::filesystem::path(scene.spec).filename().string(), scene.triangles, table_cell(scene.rt60_s),
+                        scene.truth_rounds, scene.truth_rays, scene.truth_s, scene.poses,
+                        std::isfinite(scene.truth_error_pct) ? table_cell(scene.truth_error_pct) + " %" : "-");
     for (const std::string& preset : presets_of(study)) {
       const double error = t20_rms_error_pct(study, scene.name, preset);
-      text += fmt::format(" {} |", std::isfinite(error) ? cell(error, "{:.2g}") + " %" : "-");
+      text += fmt::format(" {} |", std::isfinite(error) ? table_cell(error, "{:.2g}") + " %" : "-");
     }
     text += "\n";
   }
@@ -90,7 +86,7 @@ std::string quality_table(const AccuracyStudy& study) {
     if (mode->sweep != "preset") continue;
     const auto mean = [&](ErrorKind kind) { return with_error(mean_over_scenes(study, "preset", mode->value, kind)); };
     // Rates are those of the mean time, as a trainer that visits the scenes in turn would see them.
-    const auto rate = [&](const auto& seconds) { return cell(1 / mean_of(study, "preset", mode->value, seconds)); };
+    const auto rate = [&](const auto& seconds) { return table_cell(1 / mean_of(study, "preset", mode->value, seconds)); };
     const bool steps = mode->steps_per_s_one > 0;
     text += fmt::format("| `{}` | {} | {} | {} | {} | {} | {} | {} | {} | {} | {} |\n", mode->value,
                         rate([](const ModeResult& r) { return 1e-3 * r.shared_ms(kEpisodeSteps); }),
@@ -122,8 +118,8 @@ std::string sweeps_table(const AccuracyStudy& study) {
   for (const ModeResult* mode : modes_of(study)) {
     if (mode->sweep == "preset") continue;
     text += fmt::format("| {} | {} | {} | {} | {} |", mode->sweep, mode->value, mode->method,
-                        cell(mean_shared_ms(study, mode->sweep, mode->value, kEpisodeSteps)),
-                        cell(mean_of(study, mode->sweep, mode->value, [](const ModeResult& r) { return r.per_rir_ms; })));
+                        table_cell(mean_shared_ms(study, mode->sweep, mode->value, kEpisodeSteps)),
+                        table_cell(mean_of(study, mode->sweep, mode->value, [](const ModeResult& r) { return r.per_rir_ms; })));
     for (const ErrorKind kind : {ErrorKind::t20, ErrorKind::t30, ErrorKind::decay_db, ErrorKind::rir_t20, ErrorKind::drr_db,
                                  ErrorKind::ild_db, ErrorKind::iacc, ErrorKind::spectral_db})
       text += fmt::format(" {} |", with_error(mean_over_scenes(study, mode->sweep, mode->value, kind)));
@@ -133,10 +129,6 @@ std::string sweeps_table(const AccuracyStudy& study) {
 }
 
 }  // namespace
-
-std::string table_cell(double value, const char* digits) {
-  return std::isfinite(value) ? fmt::format(fmt::runtime(digits), value) : std::string("-");
-}
 
 std::vector<std::string> presets_of(const AccuracyStudy& study) {
   std::vector<std::string> presets;

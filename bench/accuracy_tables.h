@@ -26,8 +26,6 @@ NoticeableErrors noticeable_errors(const AccuracyStudy& study, const std::string
 /// Values in the unit of files over `noticeable`.
 NoticeableErrors count_noticeable(std::vector<double> sizes, double noticeable);
 
-/// A number, or `-` for what is not finite.
-std::string table_cell(double value, const char* digits = "{:.3g}");
 /// Presets in the order of the study, each once.
 std::vector<std::string> presets_of(const AccuracyStudy& study);
 

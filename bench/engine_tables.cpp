@@ -5,16 +5,13 @@
 
 #include "bench/engine_comparison.h"
 #include "bench/plot_svg.h"
+#include "bench/table_cell.h"
 
 namespace earshot {
 namespace {
 
-std::string engine_cell(double value, const char* digits = "{:.3g}") {
-  return std::isfinite(value) ? fmt::format(fmt::runtime(digits), value) : std::string("-");
-}
-
 std::string with_missing(double scale, const ErrorSummary& error) {
-  return engine_cell(scale * error.rms) + (error.missing > 0 ? fmt::format(" ({} missing)", error.missing / 2) : "");
+  return table_cell(scale * error.rms) + (error.missing > 0 ? fmt::format(" ({} missing)", error.missing / 2) : "");
 }
 
 /// A colour for the n-th engine.
@@ -50,8 +47,8 @@ std::string engines_markdown(const EngineComparison& comparison) {
   for (const float hz : comparison.rooms.front().bands_hz) text += fmt::format(" T20 {:.0f} Hz |", hz), rule += "---|";
   text += " C50, dB | DRR, dB | to pressure: T20, % | C50, dB | DRR, dB |\n" + rule + "---|---|---|---|---|\n";
   for (const EnginePoint& point : comparison.points) {
-    text += fmt::format("| {} | {} | {} | {} | {} |", point.engine, point.setting,
-                        point.allowed_ms > 0 ? engine_cell(point.allowed_ms) : "", engine_cell(point.ms), with_missing(100, point.t20_all));
+    text += fmt::format("| {} | {} | {} | {} | {} |", point.engine, point.setting, point.allowed_ms > 0 ? table_cell(point.allowed_ms) : "",
+                        table_cell(point.ms), with_missing(100, point.t20_all));
     for (const ErrorSummary& band : point.t20) text += " " + with_missing(100, band) + " |";
     text +=
         fmt::format(" {} | {} | {} | {} | {} |\n", with_missing(1, point.c50_db), with_missing(1, point.drr_db),

@@ -39,6 +39,7 @@ endfunction()
 #   *_threads_test.cpp  test_DIR_threads, labels `fast` and `threads`: tests in which threads meet, all that the thread sanitizer builds
 #                       (target thread_tests) and runs
 #   other *_test.cpp    test_DIR, label `fast`
+# Under a sanitizer, tests that tests/long_tests.txt names have the label `long` too.
 # A leading unit/ is not part of the executables' names.  PCH TARGET: the target whose precompiled headers these tests read.  ALONE REGEX: tests
 # that compare times, beside which ctest runs no others.  ROOMS FOLDER...: the
 # tests of these folders in DIR; `*` stands for all.
@@ -89,6 +90,7 @@ function(earshot_tests dir)
              "    set_tests_properties(\${test} PROPERTIES RUN_SERIAL ON)\n  endif()\nendforeach()\n")
       endif()
       if(EARSHOT_SANITIZE)
+        set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/tests/long_tests.txt)
         file(STRINGS ${PROJECT_SOURCE_DIR}/tests/long_tests.txt long_tests REGEX "^[^#]")
         list(JOIN long_tests "|" long_tests)
         file(APPEND ${labels_file} "foreach(test IN LISTS ${target}_TESTS)\n  if(test MATCHES \"${long_tests}\")\n"

@@ -26,7 +26,6 @@ using Json = nlohmann::ordered_json;
 constexpr int kManyListeners = 300;
 constexpr double kRadian = 180 / std::numbers::pi;
 
-/// Six digits: what is measured has no more, and lines stay short.
 Json place(glm::dvec3 position) { return {position.x, position.y, position.z}; }
 
 template <class Get>

@@ -4,11 +4,11 @@
 #include <cmath>
 
 #include "bench/soak/soak.h"
+#include "bench/soak/statistics.h"
 
 namespace earshot {
 namespace {
 
-constexpr double kSlopeSteps = 100'000;
 /// The heap finds its high-water mark when the largest scene is loaded: before every scene has been there, and in fewer than 100,000 steps,
 /// growth below this says nothing.
 constexpr double kNoiseMiB = 32;

@@ -6,13 +6,12 @@
 #include <cmath>
 
 #include "bench/soak/plot.h"
+#include "bench/soak/statistics.h"
 #include "sim/base/engine_commit.h"
 #include "sim/base/files.h"
 
 namespace earshot {
 namespace {
-
-constexpr double kPerSteps = 100'000;
 
 const char* name_of(BoundStatus status) {
   switch (status) {
@@ -79,7 +78,8 @@ std::string list_of(const std::string& title, const std::vector<std::string>& li
 }
 
 BenchJson slope_json(const Slope& slope) {
-  return {{"mib_per_100k_steps", kPerSteps * slope.per_x}, {"standard_error", kPerSteps * slope.standard_error}, {"samples", slope.points}};
+  return {
+      {"mib_per_100k_steps", kSlopeSteps * slope.per_x}, {"standard_error", kSlopeSteps * slope.standard_error}, {"samples", slope.points}};
 }
 
 }  // namespace
@@ -112,7 +112,7 @@ std::string soak_markdown(const SoakResult& result) {
       "Allowed above it: 6 dB for the head and 12 dB for four images in phase or for the loudest place of a standing wave in 10^7. "
       "Median {:+.1f} dB, 99.9 % below {:+.1f} dB.\n\n",
       decibels(result.loudness.quantile(0.5)), decibels(result.loudness.quantile(0.999)));
-  const double in_use = kPerSteps * result.heap_slope.per_x, in_use_error = kPerSteps * result.heap_slope.standard_error;
+  const double in_use = kSlopeSteps * result.heap_slope.per_x, in_use_error = kSlopeSteps * result.heap_slope.standard_error;
   const MemorySample last = result.memory.empty() ? MemorySample{} : result.memory.back();
   text += fmt::format(
       "Memory at the end: {:.0f} MiB resident, {:.0f} MiB of heap in use ({:+.3f} ± {:.3f} MiB per 100,000 steps), {:.0f} MiB of heap "
@@ -201,7 +201,7 @@ BenchReport soak_bench_report(const SoakResult& result) {
   add("soak.episodes", "1", static_cast<double>(result.episodes));
   add("soak.not_finite", "1",
       static_cast<double>(result.faults[static_cast<std::size_t>(SoakFault::not_finite)] + result.nonfinite_events));
-  const double slope = kPerSteps * result.resident_slope.per_x, error = kPerSteps * result.resident_slope.standard_error;
+  const double slope = kSlopeSteps * result.resident_slope.per_x, error = kSlopeSteps * result.resident_slope.standard_error;
   report.add("soak.resident_mib_per_100k_steps", "MiB", {slope, slope - 2 * error, slope + 2 * error}, setting);
   add("soak.loudest_db", "dB", decibels(result.loudness.max()));
   add("soak.replays_that_differ", "1", result.replays_that_differ);

@@ -41,6 +41,9 @@ struct MemorySample {
 /// Fills in resident, heap_in_use and heap_free.
 void read_process_memory(MemorySample& sample);
 
+/// Steps over which a growth of memory is stated.
+inline constexpr double kSlopeSteps = 100'000;
+
 /// A straight line through points, by least squares.
 struct Slope {
   double per_x = 0, intercept = 0;

@@ -15,6 +15,9 @@
 
 namespace earshot {
 
+/// Of JPEG, in pages and MCAP files.
+inline constexpr int kPictureQuality = 80;
+
 /// What a policy makes of an observation.
 struct PolicyJudgement {
   double value = 0;

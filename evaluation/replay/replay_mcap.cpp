@@ -18,7 +18,6 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 constexpr std::string_view kMagic("\x89MCAP0\r\n", 8);
-constexpr int kMcapQuality = 80;
 
 enum Opcode : std::uint8_t { header = 0x01, footer = 0x02, schema = 0x03, channel = 0x04, message = 0x05, data_end = 0x0F };
 
@@ -133,7 +132,7 @@ std::string replay_mcap(const EpisodeRecording& recording) {
     file.message_of(2, sequence, time_ns,
                     {{"timestamp", stamp},
                      {"frame_id", "camera"},
-                     {"data", base64(jpeg_bytes(recording.config.width_px, recording.config.height_px, step.rgb, kMcapQuality))},
+                     {"data", base64(jpeg_bytes(recording.config.width_px, recording.config.height_px, step.rgb, kPictureQuality))},
                      {"format", "jpeg"}});
     file.message_of(3, sequence, time_ns,
                     {{"timestamp", stamp},

@@ -32,7 +32,7 @@ constexpr const char* kThree =
 #include "replay_page_three.inc"
     ;
 
-constexpr int kPictureQuality = 80, kMapQuality = 92;
+constexpr int kMapQuality = 92;
 constexpr float kLoudest = 0.89f;  ///< of the sound of a page: 1 dB below the largest number
 
 double degrees(double rad) { return rad * 180.0 / std::numbers::pi; }

@@ -9,18 +9,16 @@
 namespace earshot {
 namespace {
 
-constexpr int kHighestOrder = 9;
-
 constexpr std::size_t acn(int l, int m) { return static_cast<std::size_t>(l * (l + 1) + m); }
 
 /// Factors of the recursion P(l, m) = a (z P(l-1, m) - b P(l-2, m)) of fully normalized associated Legendre functions (Holmes and
 /// Featherstone 2002, eqs. 11 to 13).  No factorials, so no overflow at any order.
 struct Recursion {
-  std::array<std::array<double, kHighestOrder + 1>, kHighestOrder + 1> a{}, b{};
-  std::array<double, kHighestOrder + 1> sectoral{};  ///< P(m, m) / P(m-1, m-1)
+  std::array<std::array<double, kMaxAmbisonicOrder + 1>, kMaxAmbisonicOrder + 1> a{}, b{};
+  std::array<double, kMaxAmbisonicOrder + 1> sectoral{};  ///< P(m, m) / P(m-1, m-1)
   Recursion() {
-    for (int m = 1; m <= kHighestOrder; ++m) sectoral[m] = std::sqrt((m == 1 ? 2.0 : 1.0) * (2.0 * m + 1) / (2.0 * m));
-    for (int l = 1; l <= kHighestOrder; ++l) {
+    for (int m = 1; m <= kMaxAmbisonicOrder; ++m) sectoral[m] = std::sqrt((m == 1 ? 2.0 : 1.0) * (2.0 * m + 1) / (2.0 * m));
+    for (int l = 1; l <= kMaxAmbisonicOrder; ++l) {
       for (int m = 0; m < l; ++m) {
         a[l][m] = std::sqrt((4.0 * l * l - 1) / (1.0 * l * l - m * m));
         b[l][m] = l < 2 ? 0.0 : std::sqrt(((l - 1.0) * (l - 1.0) - m * m) / (4.0 * (l - 1.0) * (l - 1.0) - 1));
@@ -32,7 +30,7 @@ struct Recursion {
 }  // namespace
 
 void spherical_harmonics_n3d(glm::vec3 direction, int order, std::span<float> values) {
-  EARSHOT_EXPECT(order >= 0 && order <= kHighestOrder && values.size() >= acn(order + 1, -order - 1));
+  EARSHOT_EXPECT(order >= 0 && order <= kMaxAmbisonicOrder && values.size() >= acn(order + 1, -order - 1));
   values[0] = 1.f;
   if (order == 0) return;
   // The path tracer evaluates order 1 at every hit.

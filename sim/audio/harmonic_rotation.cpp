@@ -5,17 +5,14 @@
 #include <cmath>
 #include <cstdlib>
 
+#include "sim/audio/ambisonics.h"
 #include "sim/base/errors.h"
 
 namespace earshot {
-namespace {
-
-constexpr int kMaxOrder = 9;
-
-}  // namespace
+namespace {}  // namespace
 
 HarmonicRotation::HarmonicRotation(int order) : order_(order) {
-  require(order >= 0 && order <= kMaxOrder, "ambisonic order", order, "must be in [0, 9]");
+  require(order >= 0 && order <= kMaxAmbisonicOrder, "ambisonic order", order, "must be in [0, 9]");
   matrix_.resize(index(order + 1, -order - 1, -order - 1));
   block_.resize(static_cast<std::size_t>(2 * order + 1) * kBlock);
   set(ListenerOrientation());
@@ -71,7 +68,7 @@ void HarmonicRotation::set(const ListenerOrientation& orientation) {
 
 void HarmonicRotation::apply(std::span<float> coefficients) const {
   EARSHOT_EXPECT(coefficients.size() >= static_cast<std::size_t>((order_ + 1) * (order_ + 1)));
-  std::array<double, 2 * kMaxOrder + 1> turned{};
+  std::array<double, 2 * kMaxAmbisonicOrder + 1> turned{};
   for (int l = 1; l <= order_; ++l) {
     float* of_order = coefficients.data() + l * l;
     for (int m = -l; m <= l; ++m) {

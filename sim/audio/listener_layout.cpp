@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "sim/audio/ambisonics.h"
 #include "sim/audio/listener_orientation.h"
 #include "sim/base/config_reader.h"
 #include "sim/base/errors.h"
@@ -13,7 +14,6 @@
 namespace earshot {
 namespace {
 
-constexpr int kMaxLayoutOrder = 9;
 constexpr std::size_t kMaxMicrophones = 256;
 constexpr float kMaxOffsetM = 10.f;
 
@@ -138,7 +138,7 @@ int ListenerLayout::num_channels() const {
 
 void validate(const ListenerLayout& layout) {
   if (layout.kind == ListenerKind::ambisonics)
-    require(layout.order >= 0 && layout.order <= kMaxLayoutOrder, "ambisonic order", layout.order, "must be in [0, 9]");
+    require(layout.order >= 0 && layout.order <= kMaxAmbisonicOrder, "ambisonic order", layout.order, "must be in [0, 9]");
   if (layout.kind != ListenerKind::array) return;
   require(!layout.microphones.empty() && layout.microphones.size() <= kMaxMicrophones, "microphones", layout.microphones.size(),
           "must be in [1, 256]: each is a channel");

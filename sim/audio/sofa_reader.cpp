@@ -11,6 +11,7 @@
 #include <string>
 #include <string_view>
 
+#include "sim/audio/resample.h"
 #include "sim/base/byte_stream.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
@@ -21,7 +22,6 @@ namespace {
 
 constexpr std::size_t kMaxFileBytes = std::size_t{1} << 30;
 constexpr unsigned kMinDirections = 8, kMaxDirections = 100000, kMaxTaps = 16384;
-constexpr float kMinSofaRateHz = 1000, kMaxSofaRateHz = 768000;
 constexpr std::string_view kRemedy = "give a SimpleFreeFieldHRIR SOFA file";
 
 struct FreeResponses {
@@ -135,8 +135,8 @@ SofaResponses parse_sofa(const std::filesystem::path& path) {
 void validate(const SofaResponses& responses, const std::string& where) {
   const auto refuse = [&](const std::string& what) { return InputError(where, what, kRemedy); };
   const std::size_t measurements = responses.direction.size();
-  if (!(responses.sample_rate_hz >= kMinSofaRateHz && responses.sample_rate_hz <= kMaxSofaRateHz))
-    throw refuse(fmt::format("has Data.SamplingRate {} Hz, outside [{}, {}]", responses.sample_rate_hz, kMinSofaRateHz, kMaxSofaRateHz));
+  if (!(responses.sample_rate_hz >= kMinRateHz && responses.sample_rate_hz <= kMaxRateHz))
+    throw refuse(fmt::format("has Data.SamplingRate {} Hz, outside [{}, {}]", responses.sample_rate_hz, kMinRateHz, kMaxRateHz));
   if (measurements < kMinDirections || measurements > kMaxDirections) throw refuse(fmt::format("has {} measurements (M)", measurements));
   if (responses.num_taps < 1 || responses.num_taps > static_cast<int>(kMaxTaps))
     throw refuse(fmt::format("has {} samples per response (N)", responses.num_taps));

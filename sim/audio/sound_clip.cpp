@@ -15,7 +15,6 @@
 namespace earshot {
 namespace {
 
-constexpr double kMinRateHz = 1000, kMaxRateHz = 768000;
 constexpr double kMaxLengthS = 600;
 constexpr sf_count_t kBlockFrames = 4096;
 

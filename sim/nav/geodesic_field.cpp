@@ -17,7 +17,6 @@ namespace earshot {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr float kReachM = 0.5f;      // how far off the surface a query may be
 constexpr double kOffWallM = 1e-4;   // walks start this far from walls: above the rounding of float positions
 constexpr double kAtCornerM = 0.01;  // an agent this near a corner has reached it
 constexpr std::uint32_t kGoal = 0xFFFFFFFFu;

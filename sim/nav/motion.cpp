@@ -9,8 +9,7 @@
 namespace earshot {
 namespace {
 
-constexpr float kStartReachM = 0.5f;  // how far off the surface a caller's point may be
-constexpr float kKeptBitsM = 1e-4f;   // nearer than this it is on the surface, and its bits are kept
+constexpr float kSamePlaceM = 1e-4f;  // nearer than this it is on the surface, and its bits are kept
 constexpr double kClearanceM = 1e-4;  // agents stop this far from a wall: far above the rounding of their float position
 constexpr double kStuckM = 3e-4;      // what a blocked move gains below this is rounding: the agent stands still, bit for bit
 constexpr double kCollisionM = 1e-3;
@@ -49,9 +48,9 @@ MoveResult slide(const Navmesh& navmesh, glm::vec3 from, glm::vec3 displacement)
   const Navmesh::Impl& nav = navmesh.impl();
   const glm::dvec3 horizontal(displacement.x, 0, displacement.z);
   const double wanted_m = flat_length(horizontal);
-  const auto start = nav.locate(from, kStartReachM);
+  const auto start = nav.locate(from, kReachM);
   if (!start || !std::isfinite(wanted_m)) return {from, true};
-  const bool on_surface = std::hypot(start->point.x - from.x, start->point.z - from.z) < kKeptBitsM;
+  const bool on_surface = std::hypot(start->point.x - from.x, start->point.z - from.z) < kSamePlaceM;
   if (!on_surface) from = start->point;
 
   bool blocked = false;

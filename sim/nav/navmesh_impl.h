@@ -38,6 +38,9 @@ OwnedNavMeshQuery make_query(const dtNavMesh& mesh, int num_nodes);
 /// walkable.
 OwnedNavMesh build_tile(const TriangleMesh& mesh, const EmbreeScene& rays, const NavmeshConfig& config);
 
+/// How far off the surface the point of a caller may be.
+inline constexpr float kReachM = 0.5f;
+
 /// A point of the surface and the polygon under it.
 struct Located {
   int polygon;

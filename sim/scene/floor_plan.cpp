@@ -11,13 +11,13 @@
 namespace earshot {
 namespace {
 
-constexpr int kFloorLatticeMm = 50, kCorridorMm = 2400, kPassageMm = 2000;
+constexpr int kCorridorMm = 2400, kPassageMm = 2000;
 constexpr int kShortestRoomMm = 3000, kLongestRoomMm = 6500;
 constexpr int kPassageEveryMm = 20'000;
 constexpr int kDoorMarginMm = 200;
 enum Stage : std::uint32_t { walls_stage = 32, doors_stage = 33, windows_stage = 34 };
 
-int snapped_down(int value_mm) { return value_mm / kFloorLatticeMm * kFloorLatticeMm; }
+int snapped_down(int value_mm) { return value_mm / kLatticeMm * kLatticeMm; }
 int millimetres(float metres) { return snapped_down(static_cast<int>(metres * 1000.f + 0.5f)); }
 
 /// Rooms side by side along z from z0 to z1, walls between them.
@@ -25,7 +25,7 @@ void append_row(int x0, int x1, int z0, int z1, HouseDraws& draws, std::vector<P
   constexpr RoomType types[] = {RoomType::bedroom,  RoomType::bedroom, RoomType::office,
                                 RoomType::bathroom, RoomType::living,  RoomType::kitchen};
   for (int at = z0; at < z1;) {
-    int end = at + draws.between(kShortestRoomMm / kFloorLatticeMm, kLongestRoomMm / kFloorLatticeMm) * kFloorLatticeMm;
+    int end = at + draws.between(kShortestRoomMm / kLatticeMm, kLongestRoomMm / kLatticeMm) * kLatticeMm;
     if (z1 - end < kShortestRoomMm + kWallMm) end = z1;
     if (end - at > kLongestRoomMm + kShortestRoomMm) end = snapped_down((at + z1) / 2);
     rooms.push_back({.floor = {x0, at, x1, end}, .type = types[draws.between(0, 5)]});
@@ -41,9 +41,9 @@ bool add_door(const std::vector<PlanRoom>& rooms, int a, int b, int door_mm, Hou
   if (across_x == across_z) return false;
   const int from = across_x ? std::max(first.z0, second.z0) : std::max(first.x0, second.x0);
   const int to = across_x ? std::min(first.z1, second.z1) : std::min(first.x1, second.x1);
-  const int steps = (to - from - door_mm - 2 * kDoorMarginMm) / kFloorLatticeMm;
+  const int steps = (to - from - door_mm - 2 * kDoorMarginMm) / kLatticeMm;
   if (to - from < door_mm + 2 * kDoorMarginMm) return false;
-  const int at = from + kDoorMarginMm + draws.between(0, steps) * kFloorLatticeMm;
+  const int at = from + kDoorMarginMm + draws.between(0, steps) * kLatticeMm;
   PlanRect hole = across_x ? PlanRect{std::min(first.x1, second.x1), at, std::max(first.x0, second.x0), at + door_mm}
                            : PlanRect{at, std::min(first.z1, second.z1), at + door_mm, std::max(first.z0, second.z0)};
   doors.push_back({a, b, hole});

@@ -4,11 +4,13 @@
 #include <map>
 #include <optional>
 
+#include "sim/scene/plan_settings.h"
+
 namespace earshot {
 namespace {
 
 constexpr std::uint32_t kFurnitureStage = 16;  // plus the room's index
-constexpr int kFurnitureLatticeMm = 50, kWallGapMm = 30, kPieceGapMm = 50;
+constexpr int kWallGapMm = 30, kPieceGapMm = 50;
 constexpr int kDoorDepthMm = 800;  // free floor behind a doorway
 constexpr int kTries = 24;
 
@@ -73,7 +75,7 @@ void add_books(Piece& piece, int board_y, int top_y, int v0) {
 }
 
 Piece make_sofa(HouseDraws& draws) {
-  const int w = draws.between(28, 46) * kFurnitureLatticeMm, d = draws.between(17, 19) * kFurnitureLatticeMm;
+  const int w = draws.between(28, 46) * kLatticeMm, d = draws.between(17, 19) * kLatticeMm;
   Piece piece{{"sofa"},
               w,
               d,
@@ -91,7 +93,7 @@ Piece make_sofa(HouseDraws& draws) {
 }
 
 Piece make_bed(HouseDraws& draws) {
-  const int w = draws.between(18, 34) * kFurnitureLatticeMm, d = 2050;
+  const int w = draws.between(18, 34) * kLatticeMm, d = 2050;
   Piece piece{{"bed"}, w, d, {{0, w, -10, 300, 10, d, wood}, {20, w - 20, 290, 540, 40, d - 20, soft}, {5, w - 5, 60, 950, 0, 60, wood}}};
   const int pillows = w / 800 > 0 ? w / 800 : 1, pillow = w / pillows;
   for (int i = 0; i < pillows; ++i) add_cushion(piece, {i * pillow + 60, (i + 1) * pillow - 60, 525, 690, 80, 520, soft});
@@ -99,7 +101,7 @@ Piece make_bed(HouseDraws& draws) {
 }
 
 Piece make_shelf(HouseDraws& draws) {
-  const int w = draws.between(14, 24) * kFurnitureLatticeMm, d = 300, h = draws.between(32, 40) * kFurnitureLatticeMm;
+  const int w = draws.between(14, 24) * kLatticeMm, d = 300, h = draws.between(32, 40) * kLatticeMm;
   Piece piece{{"shelf"}, w, d, {{0, 25, -10, h, 0, d, wood}, {w - 25, w, -10, h, 0, d, wood}, {15, w - 15, 20, h - 20, 10, 30, wood}}};
   const int boards = 5;
   for (int i = 0; i < boards; ++i) {
@@ -111,7 +113,7 @@ Piece make_shelf(HouseDraws& draws) {
 }
 
 Piece make_dining_set(HouseDraws& draws) {
-  const int w = draws.between(24, 36) * kFurnitureLatticeMm, d = draws.between(15, 18) * kFurnitureLatticeMm;
+  const int w = draws.between(24, 36) * kLatticeMm, d = draws.between(15, 18) * kLatticeMm;
   Piece piece{{"table"}, w, d + 840, {}, false};
   add_table(piece, 0, 0, 420, w, d);
   for (const bool far : {false, true})
@@ -124,8 +126,7 @@ Piece make_dining_set(HouseDraws& draws) {
 }
 
 Piece make_desk(HouseDraws& draws) {
-  const int w = draws.between(22, 32) * kFurnitureLatticeMm, d = 700,
-            chair_u = draws.between(3, (w - 440) / kFurnitureLatticeMm - 3) * kFurnitureLatticeMm + 5;
+  const int w = draws.between(22, 32) * kLatticeMm, d = 700, chair_u = draws.between(3, (w - 440) / kLatticeMm - 3) * kLatticeMm + 5;
   Piece piece{{"table", "chair"}, w, d + 400, {}};
   add_table(piece, 0, 0, 0, w, d);
   add_chair(piece, 1, chair_u, d - 50, true);
@@ -133,18 +134,18 @@ Piece make_desk(HouseDraws& draws) {
 }
 
 Piece make_tv(HouseDraws& draws) {
-  const int w = draws.between(22, 32) * kFurnitureLatticeMm, d = 400;
+  const int w = draws.between(22, 32) * kLatticeMm, d = 400;
   return {{"cabinet", "tv"}, w, d, {{0, w, -10, 500, 0, d, wood, 0}, {60, w - 60, 490, 1120, 120, 180, "tv_glass", 1}}};
 }
 
 Piece make_plant(HouseDraws& draws) {
-  const int height = draws.between(16, 30) * kFurnitureLatticeMm;
+  const int height = draws.between(16, 30) * kLatticeMm;
   return {{"plant"}, 450, 450, {{75, 375, -10, 350, 75, 375, ceramic}, {0, 450, 340, height, 0, 450, "plant_foliage"}}};
 }
 
 Piece make_rug(HouseDraws& draws, const PlanRect& floor) {
-  const int w = draws.between(24, 24 + std::clamp((floor.width() - 1600) / kFurnitureLatticeMm, 0, 30)) * kFurnitureLatticeMm - 13;
-  const int d = draws.between(20, 20 + std::clamp((floor.depth() - 1400) / kFurnitureLatticeMm, 0, 20)) * kFurnitureLatticeMm - 13;
+  const int w = draws.between(24, 24 + std::clamp((floor.width() - 1600) / kLatticeMm, 0, 30)) * kLatticeMm - 13;
+  const int d = draws.between(20, 20 + std::clamp((floor.depth() - 1400) / kLatticeMm, 0, 20)) * kLatticeMm - 13;
   return {{"rug"}, w, d, {{0, w, -5, 11, 0, d, "rug_heavy"}}, false, false};
 }
 
@@ -167,7 +168,7 @@ std::vector<Piece> wanted_pieces(const PlanRoom& room, HouseDraws& draws) {
   std::vector<Piece> pieces;
   const auto cabinet = [&] {
     // One draw per statement: the order in which arguments are evaluated is the compiler's choice.
-    const int height = draws.between(16, 20) * kFurnitureLatticeMm, width = draws.between(16, 32) * kFurnitureLatticeMm;
+    const int height = draws.between(16, 20) * kLatticeMm, width = draws.between(16, 32) * kLatticeMm;
     return box_piece("cabinet", wood, width, 450, height);
   };
   switch (room.type) {
@@ -182,16 +183,16 @@ std::vector<Piece> wanted_pieces(const PlanRoom& room, HouseDraws& draws) {
       if (draws.chance(80)) pieces.push_back(make_rug(draws, room.floor));
       break;
     case RoomType::bedroom:
-      pieces = {make_bed(draws), box_piece("cabinet", wood, draws.between(18, 40) * kFurnitureLatticeMm, 600, 2000)};
+      pieces = {make_bed(draws), box_piece("cabinet", wood, draws.between(18, 40) * kLatticeMm, 600, 2000)};
       if (area_m2 >= 12) pieces.push_back(make_desk(draws));
       if (area_m2 >= 16) pieces.push_back(make_shelf(draws));
       if (draws.chance(60)) pieces.push_back(make_rug(draws, room.floor));
       break;
     case RoomType::kitchen:
-      pieces = {box_piece("counter", steel, draws.between(24, 48) * kFurnitureLatticeMm, 600, 900),
+      pieces = {box_piece("counter", steel, draws.between(24, 48) * kLatticeMm, 600, 900),
                 box_piece("refrigerator", steel, 600, 650, 1800)};
       if (area_m2 >= 9) pieces.push_back(make_dining_set(draws));
-      if (area_m2 >= 14) pieces.push_back(box_piece("counter", steel, draws.between(24, 40) * kFurnitureLatticeMm, 600, 900));
+      if (area_m2 >= 14) pieces.push_back(box_piece("counter", steel, draws.between(24, 40) * kLatticeMm, 600, 900));
       pieces.push_back(cabinet());
       break;
     case RoomType::bathroom:
@@ -321,8 +322,8 @@ std::optional<Placement> draw_placement(const Piece& piece, const PlanRect& floo
   const int gap = piece.at_wall ? kWallGapMm : 200;
   const int free_x = floor.width() - width - 2 * gap, free_z = floor.depth() - depth - 2 * gap;
   if (free_x < 0 || free_z < 0) return std::nullopt;
-  int x = floor.x0 + gap + draws.between(0, free_x / kFurnitureLatticeMm) * kFurnitureLatticeMm;
-  int z = floor.z0 + gap + draws.between(0, free_z / kFurnitureLatticeMm) * kFurnitureLatticeMm;
+  int x = floor.x0 + gap + draws.between(0, free_x / kLatticeMm) * kLatticeMm;
+  int z = floor.z0 + gap + draws.between(0, free_z / kLatticeMm) * kLatticeMm;
   if (piece.at_wall) {
     if (side == 0) z = floor.z0 + gap;
     if (side == 1) z = floor.z1 - gap - depth;

@@ -8,11 +8,11 @@
 #include <utility>
 
 #include "sim/base/errors.h"
+#include "sim/scene/plan_settings.h"
 
 namespace earshot {
 namespace {
 
-constexpr int kLatticeMm = 50;
 constexpr int kMinSideMm = 1800, kTightSideMm = 1500, kMinCorridorMm = 1200;
 constexpr int kDoorMarginMm = 100;     // jamb to the nearest crossing wall
 constexpr float kMinRoomAreaM2 = 6.f;  // below that no plan with 0.9 m doors and furniture comes out

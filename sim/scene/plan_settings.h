@@ -11,6 +11,9 @@
 /// Scene specs of generated buildings: `KIND:SEED[,key=value...]`.
 namespace earshot {
 
+/// Walls, doors and furniture stand on a lattice of this width.
+inline constexpr int kLatticeMm = 50;
+
 inline constexpr std::string_view kHouseUsage = "write house:SEED[,rooms=3][,area_m2=36][,height_m=2.7][,furnished=false][,detail_m=0.12]";
 inline constexpr std::string_view kFloorUsage =
     "write floor:SEED[,width_m=25][,length_m=57][,height_m=2.7][,furnished=false][,detail_m=0.12]";

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <memory>
 
 #include "sim/acoustics/core/energy_histogram.h"
@@ -74,6 +75,9 @@ inline std::array<Material, 6> uniform_walls(double absorption, double scatterin
   return walls;
 }
 
+/// Of sound, in the oracles.
+inline constexpr double kSpeedMPerS = 343.0;
+
 /// SHOE-1: 5 x 4 x 3 m.
 inline std::shared_ptr<const Scene> shoe1(double absorption, double scattering, double scale = 1) {
   return box(5, 4, 3, uniform_walls(absorption, scattering), scale);
@@ -101,6 +105,8 @@ inline AcousticConfig plain_config() {
   config.diffuse_last_segment = false;
   return config;
 }
+
+inline double amplitude_db(double ratio) { return 20 * std::log10(ratio); }
 
 inline double total_energy(const EnergyHistogram& histogram, int band = 0) {
   double sum = 0;

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "sim/base/errors.h"
+#include "tests/support/seconds_since.h"
 #include "tests/support/summed_addends.h"
 #include "tests/support/worker_processes.h"
 #include "trainer/collective/tree_collective.h"
@@ -67,9 +68,5 @@ class Arrivals {
  private:
   SharedArray<std::atomic<int>, 1> count_;
 };
-
-inline double seconds_since(std::chrono::steady_clock::time_point start) {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-}
 
 }  // namespace earshot

@@ -13,7 +13,6 @@ namespace earshot {
 namespace {
 
 constexpr std::size_t kChunk = 512 * 1024;  // bytes of one visit, and of one message
-constexpr std::size_t kBlock = 2048;        // elements that are summed over all workers before the next ones: they stay in the first cache
 constexpr int kLeaderAdds = 4;              // workers of a host whose leader adds up alone
 
 /// sum[0, count) += addends, element by element.
@@ -86,8 +85,8 @@ void HierarchicalSum::add_as_leader(const HostRing::Visit& visit, std::span<T> b
   }
   // [begin, end): the addends of the places from `from` to `to` - 1, onto what came if anything did.
   const auto add_range = [&](std::size_t begin, std::size_t end, int from, int to) {
-    for (std::size_t block = begin; block < end; block += kBlock) {
-      const std::size_t length = std::min(kBlock, end - block), offset = block - visit.first;
+    for (std::size_t block = begin; block < end; block += kSumBlock) {
+      const std::size_t length = std::min(kSumBlock, end - block), offset = block - visit.first;
       T* const sum = target + offset;
       if (came != nullptr)  // the leader's is the first addend
         add_to_message(sum, own + offset, static_cast<const std::byte*>(came->data()) + offset * sizeof(T), length);
@@ -132,8 +131,8 @@ void HierarchicalSum::add_part(const HostRing::Visit& visit, std::size_t total) 
   const std::size_t part_begin = visit.first + segment_start(visit.count, place, num_local);
   const std::size_t part_end = visit.first + segment_start(visit.count, place + 1, num_local);
   const auto add_range = [&](std::size_t begin, std::size_t end, int from, int to, bool onto_nothing) {
-    for (std::size_t block = begin; block < end; block += kBlock) {
-      const std::size_t length = std::min(kBlock, end - block);
+    for (std::size_t block = begin; block < end; block += kSumBlock) {
+      const std::size_t length = std::min(kSumBlock, end - block);
       T* const sum = slot_at<T>(local_.world_size, visit, block);
       if (onto_nothing) std::memcpy(sum, slot_at<T>(from, visit, block), length * sizeof(T));
       for (int of = from + (onto_nothing ? 1 : 0); of < to; ++of) add(sum, slot_at<T>(of, visit, block), length);

@@ -10,7 +10,6 @@ namespace earshot {
 namespace {
 
 constexpr std::size_t kSharedChunk = 256 * 1024;  // bytes; two buffers of two workers stay in a cache of 1 MiB
-constexpr std::size_t kSharedBlock = 2048;  // elements that are summed over all workers before the next ones: they stay in the first cache
 
 /// target[0, count) = the sum over ranks of the elements [begin, begin + count) of the buffer, in the stated order.  slot_of(rank): where
 /// that worker's element `begin` lies.
@@ -21,8 +20,8 @@ void sum_in_order(T* target, std::size_t begin, std::size_t count, std::size_t t
   for (std::size_t segment = 0; segment < (small ? 1 : world); ++segment) {
     const std::size_t first = small ? begin : std::max(begin, segment_start(total, segment, world));
     const std::size_t last = small ? begin + count : std::min(begin + count, segment_start(total, segment + 1, world));
-    for (std::size_t block = first; block < last; block += kSharedBlock) {
-      const std::size_t offset = block - begin, length = std::min(kSharedBlock, last - block);
+    for (std::size_t block = first; block < last; block += kSumBlock) {
+      const std::size_t offset = block - begin, length = std::min(kSumBlock, last - block);
       T* const sum = target + offset;
       std::memcpy(sum, slot_of(static_cast<int>(segment)) + offset, length * sizeof(T));
       for (std::size_t k = 1; k < world; ++k) {

@@ -9,6 +9,9 @@ namespace earshot {
 /// a ring does (docs/ppo.md, section 6.1).
 inline constexpr std::size_t kSmallSumBytes = 64 * 1024;  // below this, latency counts and not bandwidth
 
+/// Elements that are summed over all workers before the next ones: they stay in the first cache.
+inline constexpr std::size_t kSumBlock = 2048;
+
 /// First element of a segment of a buffer of `count` elements; for segment world_size, the end.  Whole cache lines but for the last.
 inline std::size_t segment_start(std::size_t count, std::size_t segment, std::size_t world_size) {
   constexpr std::size_t kAlignment = 16;

@@ -12,7 +12,6 @@
 namespace earshot {
 namespace {
 
-constexpr int kCellsAlong = FieldBoxes::kPointsPerEdge, kCellPoints = FieldBoxes::kPoints;
 constexpr std::uint8_t kNoPiece = BoxPieces::kNoPiece;
 
 bool is_inside(const Bounds& bounds, glm::vec3 point) {
@@ -75,14 +74,14 @@ void AirCells::find_stray_air() {
     const Box& here = box_[box];
     if (here.labels == none) return;
     const glm::ivec3 index = boxes_.index_of(box);
-    for (int i = 0; i < kCellPoints; ++i) {
+    for (int i = 0; i < FieldBoxes::kPoints; ++i) {
       if (labels_[here.labels + i] != kNoPiece) continue;
       const glm::ivec3 at = FieldBoxes::lattice_place(i);
       for (int axis = 0; axis < 3; ++axis) {
-        if (at[axis] != 0 && at[axis] + 1 != kCellsAlong) continue;
+        if (at[axis] != 0 && at[axis] + 1 != FieldBoxes::kPointsPerEdge) continue;
         glm::ivec3 next = index, other = at;
         next[axis] += at[axis] == 0 ? -1 : 1;
-        other[axis] = kCellsAlong - 1 - at[axis];
+        other[axis] = FieldBoxes::kPointsPerEdge - 1 - at[axis];
         if (next[axis] < 0 || next[axis] >= boxes_.count()[axis]) continue;
         const Box& there = box_[boxes_.number_of(next)];
         const bool is_air =
@@ -94,7 +93,7 @@ void AirCells::find_stray_air() {
   });
   for (std::size_t i = 0; i < box_.size(); ++i) {
     Box& box = box_[i];
-    for (int k = 0; box.labels != none && k < kCellPoints; ++k) {
+    for (int k = 0; box.labels != none && k < FieldBoxes::kPoints; ++k) {
       if (!found[box.labels + k]) continue;
       labels_[box.labels + k] = kStrayAir;
       const glm::vec3 point = boxes_.lattice_point(boxes_.index_of(i), FieldBoxes::lattice_place(k));
@@ -103,8 +102,8 @@ void AirCells::find_stray_air() {
         stray_.push_back({point, point});
       }
       Bounds& bounds = stray_[box.stray];
-      bounds.lower = glm::min(bounds.lower, point - 0.5f / kCellsAlong * boxes_.edge_m());
-      bounds.upper = glm::max(bounds.upper, point + 0.5f / kCellsAlong * boxes_.edge_m());
+      bounds.lower = glm::min(bounds.lower, point - 0.5f / FieldBoxes::kPointsPerEdge * boxes_.edge_m());
+      bounds.upper = glm::max(bounds.upper, point + 0.5f / FieldBoxes::kPointsPerEdge * boxes_.edge_m());
     }
   }
 }
@@ -129,14 +128,14 @@ void AirCells::find_sure_labels() {
   for (const Box& box : box_) {
     if (box.labels == none) continue;
     const std::uint8_t* label = &labels_[box.labels];
-    for (int i = 0; i < kCellPoints; ++i) {
+    for (int i = 0; i < FieldBoxes::kPoints; ++i) {
       const glm::ivec3 at = FieldBoxes::lattice_place(i);
       const auto may_be = [&](int other) { return label[other] == label[i] || label[other] == kNoPiece; };
       bool same = true;
       for (int axis = 0; axis < 3; ++axis) {
         const int stride = FieldBoxes::kStrides[static_cast<std::size_t>(axis)];
         same = same && (at[axis] == 0 || may_be(i - stride));
-        same = same && (at[axis] + 1 == kCellsAlong || may_be(i + stride));
+        same = same && (at[axis] + 1 == FieldBoxes::kPointsPerEdge || may_be(i + stride));
       }
       if (!same) sure_[box.labels + static_cast<std::uint32_t>(i)] = kNoPiece;
     }
@@ -187,7 +186,8 @@ std::uint32_t AirCells::cell_near_walls(std::size_t box, glm::vec3 point) const 
     for (int step = 0; step < 27; ++step) {
       const glm::ivec3 by(step / 9 - 1, step / 3 % 3 - 1, step % 3 - 1), other = at + by;
       if (std::abs(by.x) + std::abs(by.y) + std::abs(by.z) != distance) continue;
-      if (glm::clamp(other, 0, kCellsAlong - 1) == other && sees(other)) return of.first + label[FieldBoxes::lattice_number(other)];
+      if (glm::clamp(other, 0, FieldBoxes::kPointsPerEdge - 1) == other && sees(other))
+        return of.first + label[FieldBoxes::lattice_number(other)];
     }
   return none;
 }

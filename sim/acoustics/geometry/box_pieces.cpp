@@ -9,7 +9,6 @@ namespace earshot {
 namespace {
 
 constexpr std::size_t kLeastPoints = 12;  // of a piece
-constexpr int kAlongEdge = FieldBoxes::kPointsPerEdge, kBoxPoints = FieldBoxes::kPoints;
 constexpr std::array<int, 3> kStrides = FieldBoxes::kStrides;
 
 /// Sets that grow together.
@@ -26,7 +25,7 @@ class Groups {
   }
 
  private:
-  std::array<int, kBoxPoints> parent_{};
+  std::array<int, FieldBoxes::kPoints> parent_{};
 };
 
 }  // namespace
@@ -40,21 +39,24 @@ BoxPieces whole_box(const FieldBoxes& boxes, const glm::ivec3& index) {
 
 BoxPieces find_box_pieces(const Scene& scene, const FieldBoxes& boxes, const glm::ivec3& index) {
   const glm::vec3 edge_m = boxes.edge_m();
-  std::array<glm::vec3, kBoxPoints> point;
-  for (int i = 0; i < kBoxPoints; ++i) point[i] = boxes.lattice_point(index, FieldBoxes::lattice_place(i));
+  std::array<glm::vec3, FieldBoxes::kPoints> point;
+  for (int i = 0; i < FieldBoxes::kPoints; ++i) point[i] = boxes.lattice_point(index, FieldBoxes::lattice_place(i));
   // Lines from each point to the next one along each axis.
-  std::array<std::array<bool, kBoxPoints>, 3> open{};
-  for (int i = 0; i < kBoxPoints; ++i)
+  std::array<std::array<bool, FieldBoxes::kPoints>, 3> open{};
+  for (int i = 0; i < FieldBoxes::kPoints; ++i)
     for (int axis = 0; axis < 3; ++axis)
-      open[axis][i] = FieldBoxes::lattice_place(i)[axis] + 1 < kAlongEdge && !scene.rays().occluded(point[i], point[i + kStrides[axis]]);
+      open[axis][i] = FieldBoxes::lattice_place(i)[axis] + 1 < FieldBoxes::kPointsPerEdge &&
+                      !scene.rays().occluded(point[i], point[i + kStrides[axis]]);
   // Lines that are open side by side, three by three, join points: a slit lets a row or two of them through.
   constexpr int across = 3;
   Groups groups;
   for (int axis = 0; axis < 3; ++axis) {
     const int u = kStrides[(axis + 1) % 3], v = kStrides[(axis + 2) % 3];
-    for (int i = 0; i < kBoxPoints; ++i) {
+    for (int i = 0; i < FieldBoxes::kPoints; ++i) {
       const glm::ivec3 at = FieldBoxes::lattice_place(i);
-      if (at[axis] + 1 == kAlongEdge || at[(axis + 1) % 3] + across > kAlongEdge || at[(axis + 2) % 3] + across > kAlongEdge) continue;
+      if (at[axis] + 1 == FieldBoxes::kPointsPerEdge || at[(axis + 1) % 3] + across > FieldBoxes::kPointsPerEdge ||
+          at[(axis + 2) % 3] + across > FieldBoxes::kPointsPerEdge)
+        continue;
       bool all = true;
       for (int line = 0; all && line < across * across; ++line) all = open[axis][i + line / across * u + line % across * v];
       for (int line = 0; all && line < across * across; ++line) {
@@ -63,12 +65,13 @@ BoxPieces find_box_pieces(const Scene& scene, const FieldBoxes& boxes, const glm
       }
     }
   }
-  std::array<int, kBoxPoints> size{};
-  for (int i = 0; i < kBoxPoints; ++i) ++size[groups.find(i)];
+  std::array<int, FieldBoxes::kPoints> size{};
+  for (int i = 0; i < FieldBoxes::kPoints; ++i) ++size[groups.find(i)];
   // What is left over, in thin layers of air, goes to the nearest group that a line leads to, or is a group of its own.
   constexpr int unknown = -1;
-  std::array<int, kBoxPoints> group;
-  for (int i = 0; i < kBoxPoints; ++i) group[i] = size[groups.find(i)] >= static_cast<int>(kLeastPoints) ? groups.find(i) : unknown;
+  std::array<int, FieldBoxes::kPoints> group;
+  for (int i = 0; i < FieldBoxes::kPoints; ++i)
+    group[i] = size[groups.find(i)] >= static_cast<int>(kLeastPoints) ? groups.find(i) : unknown;
   const auto along_lines = [&](int i, auto&& visit) {
     const glm::ivec3 at = FieldBoxes::lattice_place(i);
     for (int axis = 0; axis < 3; ++axis) {
@@ -76,12 +79,12 @@ BoxPieces find_box_pieces(const Scene& scene, const FieldBoxes& boxes, const glm
       if (at[axis] > 0 && open[axis][i - kStrides[axis]]) visit(i - kStrides[axis]);
     }
   };
-  const std::array<int, kBoxPoints> core = group;
+  const std::array<int, FieldBoxes::kPoints> core = group;
   // Where two groups have as many lines to a point, as beside a slit, its neighbours come first.
   const auto grow = [&](bool ties) {
     bool grows = false;
-    const std::array<int, kBoxPoints> before = group;
-    for (int i = 0; i < kBoxPoints; ++i) {
+    const std::array<int, FieldBoxes::kPoints> before = group;
+    for (int i = 0; i < FieldBoxes::kPoints; ++i) {
       if (before[i] != unknown) continue;
       std::array<int, 6> next_groups{};
       int count = 0;
@@ -104,20 +107,20 @@ BoxPieces find_box_pieces(const Scene& scene, const FieldBoxes& boxes, const glm
   while (grow(false) || grow(true)) {
   }
   Groups rest;
-  for (int i = 0; i < kBoxPoints; ++i)
+  for (int i = 0; i < FieldBoxes::kPoints; ++i)
     if (group[i] == unknown)
       along_lines(i, [&](int next) {
         if (group[next] == unknown) rest.join(i, next);
       });
-  for (int i = 0; i < kBoxPoints; ++i)
+  for (int i = 0; i < FieldBoxes::kPoints; ++i)
     if (group[i] == unknown) group[i] = rest.find(i);
 
-  std::array<std::vector<int>, kBoxPoints> members;
-  for (int i = 0; i < kBoxPoints; ++i) members[group[i]].push_back(i);
+  std::array<std::vector<int>, FieldBoxes::kPoints> members;
+  for (int i = 0; i < FieldBoxes::kPoints; ++i) members[group[i]].push_back(i);
   std::sort(members.begin(), members.end(),
             [](const auto& a, const auto& b) { return a.size() != b.size() ? a.size() > b.size() : !a.empty() && a.front() < b.front(); });
-  BoxPieces found{.pieces = {}, .label = std::vector<std::uint8_t>(kBoxPoints, BoxPieces::kNoPiece)};
-  const float point_m3 = edge_m.x * edge_m.y * edge_m.z / kBoxPoints;
+  BoxPieces found{.pieces = {}, .label = std::vector<std::uint8_t>(FieldBoxes::kPoints, BoxPieces::kNoPiece)};
+  const float point_m3 = edge_m.x * edge_m.y * edge_m.z / FieldBoxes::kPoints;
   for (const std::vector<int>& of_piece : members) {
     if (of_piece.size() < kLeastPoints) break;
     for (const int i : of_piece) found.label[i] = static_cast<std::uint8_t>(found.pieces.size());
@@ -132,8 +135,8 @@ BoxPieces find_box_pieces(const Scene& scene, const FieldBoxes& boxes, const glm
     piece.lower = piece.upper = point[of_piece[0]];
     for (const int i : of_piece) piece.lower = glm::min(piece.lower, point[i]), piece.upper = glm::max(piece.upper, point[i]);
     // The outermost of the many points along a wall lies a small part of their spacing from it.
-    piece.lower -= 0.5f / kAlongEdge * edge_m;
-    piece.upper += 0.5f / kAlongEdge * edge_m;
+    piece.lower -= 0.5f / FieldBoxes::kPointsPerEdge * edge_m;
+    piece.upper += 0.5f / FieldBoxes::kPointsPerEdge * edge_m;
     found.pieces.push_back(piece);
   }
   return found;

@@ -12,7 +12,6 @@ namespace {
 
 /// Cells with a smaller passage between them are apart: a slit does not join the sides of a wall.
 constexpr float kLeastOpenness = 0.25f;
-constexpr int kEdgePoints = FieldBoxes::kPointsPerEdge;
 
 /// Passages through the face between a box and the next one along an axis.
 void find_passages_between(const Scene& scene, const AirCells& cells, const glm::ivec3& index, int axis, std::vector<CellPassage>& found) {
@@ -23,11 +22,11 @@ void find_passages_between(const Scene& scene, const AirCells& cells, const glm:
   const AirCells::Box &here = cells.box(box_here), &there = cells.box(box_there);
   // The points beside the face, of each piece, and the lines across it that are open.
   std::vector<int> points_here(here.count, 0), points_there(there.count, 0), open(here.count * there.count, 0);
-  for (int i = 0; i < kEdgePoints * kEdgePoints; ++i) {
+  for (int i = 0; i < FieldBoxes::kPointsPerEdge * FieldBoxes::kPointsPerEdge; ++i) {
     glm::ivec3 at(0), other(0);
-    at[axis] = kEdgePoints - 1;
-    at[(axis + 1) % 3] = other[(axis + 1) % 3] = i / kEdgePoints;
-    at[(axis + 2) % 3] = other[(axis + 2) % 3] = i % kEdgePoints;
+    at[axis] = FieldBoxes::kPointsPerEdge - 1;
+    at[(axis + 1) % 3] = other[(axis + 1) % 3] = i / FieldBoxes::kPointsPerEdge;
+    at[(axis + 2) % 3] = other[(axis + 2) % 3] = i % FieldBoxes::kPointsPerEdge;
     const std::uint32_t a = cells.cell_of_lattice(box_here, FieldBoxes::lattice_number(at)),
                         b = cells.cell_of_lattice(box_there, FieldBoxes::lattice_number(other));
     if (a != AirCells::none) ++points_here[a - here.first];

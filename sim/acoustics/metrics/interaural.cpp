@@ -7,6 +7,7 @@
 
 #include "sim/acoustics/metrics/interaural_windows.h"
 #include "sim/acoustics/metrics/octave_filter.h"
+#include "sim/acoustics/metrics/signal_energy.h"
 #include "sim/audio/fft.h"
 #include "sim/base/errors.h"
 
@@ -31,12 +32,6 @@ std::vector<float> filtered(std::span<const float> samples, float sample_rate_hz
   fft.inverse(spectrum, signal);
   signal.resize(samples.size());
   return signal;
-}
-
-double energy_of(std::span<const float> samples) {
-  double sum = 0;
-  for (const float value : samples) sum += static_cast<double>(value) * static_cast<double>(value);
-  return sum;
 }
 
 /// Largest |correlation| of two cuts, lags up to kMaxLagS.

@@ -5,6 +5,7 @@
 #include "sim/acoustics/metrics/interaural.h"
 #include "sim/acoustics/metrics/octave_filter.h"
 #include "sim/acoustics/metrics/room_metrics.h"
+#include "sim/acoustics/metrics/signal_energy.h"
 #include "sim/audio/fft.h"
 #include "sim/base/errors.h"
 
@@ -15,12 +16,6 @@ constexpr double kDirectWindowS = 2.5e-3;
 constexpr double kBinS = 1e-3;
 /// Of minutes of response the first 20 s and more decide: the rest is 20 dB and more below, or noise.
 constexpr std::size_t kMaxInterauralSamples = std::size_t{1} << 21;
-
-double sum_of_squares(std::span<const float> samples) {
-  double sum = 0;
-  for (const float value : samples) sum += double{value} * value;
-  return sum;
-}
 
 }  // namespace
 
@@ -67,7 +62,7 @@ RoomMetrics measure(std::span<const float> rir, float sample_rate_hz, double dir
       fft.inverse(filtered, signal);
     };
     filter(direct_spectrum);
-    const double direct_energy = sum_of_squares(signal) / delta_energy;
+    const double direct_energy = energy_of(signal) / delta_energy;
     filter(rest_spectrum);
     std::vector<double> series(num_bins, 0.0);
     for (int i = 0; i < fft_size; ++i) {
@@ -80,7 +75,7 @@ RoomMetrics measure(std::span<const float> rir, float sample_rate_hz, double dir
     metrics.bands.push_back(measure_band(series, kBinS, direct_energy));
   }
 
-  const double direct_energy = sum_of_squares(direct), rest_energy = sum_of_squares(rest);
+  const double direct_energy = energy_of(direct), rest_energy = energy_of(rest);
   if (direct_energy > 0) {
     metrics.direct_delay_s = direct_delay_s;
     metrics.direct_amplitude = std::sqrt(direct_energy);

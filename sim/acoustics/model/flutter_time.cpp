@@ -13,7 +13,7 @@ namespace earshot {
 namespace {
 
 constexpr std::size_t kMaxPlanes = 64;
-constexpr float kParallelSine = 1e-3f;  // sine
+constexpr float kParallelSine = 1e-3f;
 constexpr double kLeastReflected = 0.6;
 constexpr std::size_t kSteps = 96;
 

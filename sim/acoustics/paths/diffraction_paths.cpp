@@ -11,11 +11,11 @@
 #include "sim/acoustics/paths/edge_reflections.h"
 #include "sim/acoustics/paths/line_of_sight.h"
 #include "sim/acoustics/paths/panel_reflection.h"
+#include "sim/acoustics/paths/path_level.h"
 
 namespace earshot {
 namespace {
 
-constexpr double kLossHz = 500;
 constexpr float kMostRaised = 1.171f;  // past a straight edge, by Fresnel's integrals: 1.4 dB where it passes furthest above the free field
 constexpr double kMostBelowBestDb = 30;  // of a path that is still worked out
 /// An estimate may be this much too low: Kurze-Anderson at a corner (4.1 dB), and bands below the one it is made at.
@@ -24,13 +24,11 @@ constexpr double kMarginDb = 9;
 /// Loss of the diffraction at `at` on the way from `before` to `after`.
 double estimate_loss_db(double speed_m_per_s, glm::dvec3 before, glm::dvec3 at, glm::dvec3 after) {
   const double detour_m = glm::length(at - before) + glm::length(after - at) - glm::length(after - before);
-  return kurze_anderson_db(2.0 * detour_m * kLossHz / speed_m_per_s);
+  return kurze_anderson_db(2.0 * detour_m * kRankingHz / speed_m_per_s);
 }
 
-double level_db(double amplitude) { return 20.0 * std::log10(std::max(amplitude, 1e-12)); }
-
 /// Level of an arrival, mean over bands, re 1 / (4 pi).
-double level_db(const Arrival& arrival, int num_bands) {
+double arrival_level_db(const Arrival& arrival, int num_bands) {
   double sum = 0;
   for (int band = 0; band < num_bands; ++band) sum += double{arrival.amplitude[band]} * arrival.amplitude[band];
   return level_db(4.0 * std::numbers::pi * std::sqrt(sum / num_bands));
@@ -258,7 +256,7 @@ int DiffractionCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 l
   const auto bring_weakest_to_front = [&] {
     std::size_t weakest = first;
     for (std::size_t i = first; i < arrivals.size(); ++i) {
-      const double db = level_db(arrivals[i], num_bands);
+      const double db = arrival_level_db(arrivals[i], num_bands);
       if (i == first || db < weakest_db) weakest = i, weakest_db = db;
     }
     std::swap(arrivals[first], arrivals[weakest]);
@@ -301,9 +299,9 @@ int DiffractionCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 l
         if (!find_path(scene, candidates_[i], listener, in_sight, least_db, std::span(arrivals).first(first), attempts, found)) continue;
         for (int band = 0; boundaries_only && band < num_bands; ++band)
           sight_ends[band] = std::max(sight_ends[band], std::clamp((found.jump[band] - 0.2) / 0.15, 0.0, 1.0));
-        if (budget.reflections) note_base(level_db(found.arrival[0], num_bands), candidates_[i]);
+        if (budget.reflections) note_base(arrival_level_db(found.arrival[0], num_bands), candidates_[i]);
         for (const Arrival& arrival : std::span(found.arrival).first(static_cast<std::size_t>(found.count))) {
-          const double db = level_db(arrival, num_bands);
+          const double db = arrival_level_db(arrival, num_bands);
           best_db = std::max(best_db, db);
           if (arrivals.size() - first < limit) {
             arrivals.push_back(arrival);
@@ -369,7 +367,7 @@ int DiffractionCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 l
         continue;
       }
       bring_weakest_to_front();
-      if (level_db(arrival, num_bands) > weakest_db) arrivals[first] = arrival;
+      if (arrival_level_db(arrival, num_bands) > weakest_db) arrivals[first] = arrival;
     }
   }
   // Insertion sort: few entries, stable, no allocation.

@@ -7,15 +7,13 @@
 #include <span>
 
 #include "sim/acoustics/core/arrival.h"
+#include "sim/acoustics/paths/path_level.h"
 
 namespace earshot {
 namespace {
 
-constexpr double kRankingHz = 500;
 constexpr double kMostLossDb = 30;  // of an estimate, over all edges but the last
 constexpr double kRoundingDb = 1e-3;
-
-double amplitude_db(double amplitude) { return 20.0 * std::log10(std::max(amplitude, 1e-12)); }
 
 glm::dvec3 nearest_point(const DiffractionEdge& edge, glm::dvec3 point) {
   return edge.at(std::clamp(glm::dot(point - edge.start, edge.along), 0.0, edge.length_m));
@@ -55,7 +53,7 @@ void EdgeGrowth::add_family(const EdgeCandidate& parent) {
   }
   if (family.links.empty()) return;
   std::make_heap(family.links.begin(), family.links.end());
-  family.best_db = amplitude_db(static_cast<double>(family.links.front().bound)) + family.most_db;
+  family.best_db = level_db(static_cast<double>(family.links.front().bound)) + family.most_db;
   (order == 0                                                      ? roots_
    : parent.sequence.order + 1 < scene_.config().diffraction_order ? growing_
                                                                    : full_)
@@ -146,7 +144,7 @@ void EdgeGrowth::add_links_of_edge(Family& family) const {
 void EdgeGrowth::pop_link(Family& family) {
   std::pop_heap(family.links.begin(), family.links.end());
   family.links.pop_back();
-  family.best_db = family.links.empty() ? -1e9 : amplitude_db(static_cast<double>(family.links.front().bound)) + family.most_db;
+  family.best_db = family.links.empty() ? -1e9 : level_db(static_cast<double>(family.links.front().bound)) + family.most_db;
 }
 
 bool EdgeGrowth::score(const Family& family, std::uint32_t edge, RankedCandidate& ranked) const {
@@ -175,8 +173,8 @@ bool EdgeGrowth::score(const Family& family, std::uint32_t edge, RankedCandidate
   const double length_m = static_cast<double>(child.reached_m) + glm::length(after - glm::dvec3(child.before));
   if (length_m > static_cast<double>(scene_.max_path_m())) return false;
   // Long edges first: the frame of a door is passed by many more listeners than the rim of a table.
-  ranked.score_db = 0.5 * amplitude_db(edges_[edge].length_m) - amplitude_db(std::max(length_m, double{kLeastDistanceM})) -
-                    static_cast<double>(child.loss_db);
+  ranked.score_db =
+      0.5 * level_db(edges_[edge].length_m) - level_db(std::max(length_m, double{kLeastDistanceM})) - static_cast<double>(child.loss_db);
   return true;
 }
 

@@ -14,11 +14,8 @@
 namespace earshot {
 namespace {
 
-constexpr std::size_t kMaxPlanes = 64;                 // the largest of the scene are looked at
-constexpr double kParallelSine = 1e-4;                 // sine between planes that count as parallel, or at right angles
 constexpr std::size_t kMaxSidePlanes = 24;             // per pair
 constexpr double kMaxFamilies = 64, kFewFamilies = 8;  // per pair; with few rays, whose noise is larger than what side planes add
-constexpr int kManyRays = 512;
 // Samples of a strip: along the line across it, at least kAcross and no further apart than kStepM, and from plane to plane.
 constexpr int kAcross = 12, kMostAcross = 240, kLevels = 4;
 constexpr double kStepM = 0.25;
@@ -57,10 +54,11 @@ void FacingPlanes::find_pairs(const AcousticScene& scene) {
   const DiffuseDecay decay(scene, source_.position);
   std::vector<glm::dvec3> axes;
   const std::span<const MirrorPlane> planes = scene.planes();
-  for (std::size_t i = 0; i < std::min(planes.size(), kMaxPlanes) && pairs_.size() < kMaxPairs; ++i) {
+  for (std::size_t i = 0; i < std::min(planes.size(), FacingPlanes::kPlanes) && pairs_.size() < kMaxPairs; ++i) {
     const ExactPlane plane(planes[i]);
-    const bool known =
-        std::any_of(axes.begin(), axes.end(), [&](glm::dvec3 axis) { return glm::length(glm::cross(axis, plane.normal)) < kParallelSine; });
+    const bool known = std::any_of(axes.begin(), axes.end(), [&](glm::dvec3 axis) {
+      return glm::length(glm::cross(axis, plane.normal)) < FacingPlanes::kParallelSine;
+    });
     if (known) continue;
     axes.push_back(plane.normal);
     const Hit ahead = rays.intersect(source_.position, glm::vec3(plane.normal)),
@@ -70,8 +68,8 @@ void FacingPlanes::find_pairs(const AcousticScene& scene) {
     pair.plane = {scene.plane_of_triangle()[behind.triangle], scene.plane_of_triangle()[ahead.triangle]};
     if (pair.plane[0] == pair.plane[1]) continue;
     const ExactPlane near(planes[pair.plane[0]]), far(planes[pair.plane[1]]);
-    if (glm::length(glm::cross(near.normal, plane.normal)) > kParallelSine ||
-        glm::length(glm::cross(far.normal, plane.normal)) > kParallelSine)
+    if (glm::length(glm::cross(near.normal, plane.normal)) > FacingPlanes::kParallelSine ||
+        glm::length(glm::cross(far.normal, plane.normal)) > FacingPlanes::kParallelSine)
       continue;
     pair.axis = glm::dot(near.normal, plane.normal) > 0 ? near.normal : -near.normal;
     const glm::dvec3 source(source_.position);
@@ -88,7 +86,7 @@ void FacingPlanes::find_sides(const AcousticScene& scene, Pair& pair) const {
   const std::span<const MirrorPlane> planes = scene.planes();
   pair.role.assign(planes.size(), kNone);
   for (std::uint32_t p = 0; p < planes.size() && pair.side.size() < kMaxSidePlanes; ++p) {
-    if (std::abs(glm::dot(ExactPlane(planes[p]).normal, pair.axis)) > kParallelSine) continue;
+    if (std::abs(glm::dot(ExactPlane(planes[p]).normal, pair.axis)) > FacingPlanes::kParallelSine) continue;
     pair.side.push_back(p);
     pair.role[p] = kSide;
   }
@@ -97,7 +95,7 @@ void FacingPlanes::find_sides(const AcousticScene& scene, Pair& pair) const {
   double sequences = count, families = 1;
   for (pair.max_sides = 0; pair.max_sides < std::min(scene.image_order(), kMaxSides); ++pair.max_sides) {
     families += sequences;
-    if (count == 0 || families > (scene.config().rays < kManyRays ? kFewFamilies : kMaxFamilies)) break;
+    if (count == 0 || families > (scene.config().rays < FacingPlanes::kManyRays ? kFewFamilies : kMaxFamilies)) break;
     sequences *= count - 1;
   }
 }

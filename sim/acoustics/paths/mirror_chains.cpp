@@ -16,11 +16,8 @@
 namespace earshot {
 namespace {
 
-constexpr std::size_t kMostMirrors = 64;  // the largest of the scene
-constexpr double kLeastSine = 1e-4;       // sine below which planes are FacingPlanes'
-constexpr double kLeastCosine = 0.866;    // of the angle between planes that face each other
-constexpr double kSpentChain = 1e-6;      // of energy, after which a chain ends
-constexpr int kManyRaysForChains = 512;
+constexpr double kLeastCosine = 0.866;         // of the angle between planes that face each other
+constexpr double kSpentChain = 1e-6;           // of energy, after which a chain ends
 constexpr std::size_t kMostWaiting = 200'000;  // beams, for the sake of memory
 
 glm::dvec3 middle_of(const ConvexPolygon& polygon) {
@@ -37,7 +34,7 @@ bool some_pair_stands_out(const AcousticScene& scene, std::span<const ConvexPoly
     for (std::size_t j = 0; j < i; ++j) {
       const ExactPlane second(scene.planes()[j]);
       if (polygons[i].empty() || polygons[j].empty() || std::abs(glm::dot(first.normal, second.normal)) < kLeastCosine) continue;
-      if (glm::length(glm::cross(first.normal, second.normal)) <= kLeastSine) continue;
+      if (glm::length(glm::cross(first.normal, second.normal)) <= FacingPlanes::kParallelSine) continue;
       const double there = first.height(middle_of(polygons[j])), back = second.height(middle_of(polygons[i]));
       if (!(there * first.height(glm::dvec3(source)) > 0 && back * second.height(glm::dvec3(source)) > 0)) continue;
       const double gap_m = 0.5 * (std::abs(there) + std::abs(back));
@@ -68,11 +65,11 @@ struct Beam {
 MirrorChains::MirrorChains(const AcousticScene& scene, const SoundSource& source, const FacingPlanes& facing)
     : source_(source), emission_(source, scene.bands()) {
   if (scene.image_order() == 0) return;  // without image paths mirrors are the tracers' alone
-  grow(scene, facing, scene.config().rays < kManyRaysForChains ? kFewChains : kMaxChains);
+  grow(scene, facing, scene.config().rays < FacingPlanes::kManyRays ? kFewChains : kMaxChains);
 }
 
 void MirrorChains::grow(const AcousticScene& scene, const FacingPlanes& facing, std::size_t most) {
-  const std::size_t num_planes = std::min(scene.planes().size(), kMostMirrors);
+  const std::size_t num_planes = std::min(scene.planes().size(), FacingPlanes::kPlanes);
   const int num_bands = scene.num_bands();
   std::vector<ConvexPolygon> polygons;
   for (std::size_t p = 0; p < num_planes; ++p) polygons.push_back(polygon_of(scene.planes()[p]));

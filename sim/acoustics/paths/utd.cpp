@@ -7,8 +7,6 @@
 #include "sim/acoustics/paths/fast_angles.h"
 
 namespace earshot {
-namespace {}  // namespace
-
 ComplexLanes scaled_erfc(const Lanes& u) {
   // Fitted with least relative error to the exact values at 2,000 points of [0, infinity); no coefficient is negative, so that nothing
   // cancels.

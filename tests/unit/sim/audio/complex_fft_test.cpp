@@ -9,20 +9,14 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/random.h"
+#include "tests/support/stream_sounds.h"
 
 namespace earshot {
 namespace {
 
-std::vector<float> samples_of_noise(std::size_t size, std::uint32_t stream) {
-  const RandomStream random(3, Purpose::test, stream);
-  std::vector<float> values(size);
-  for (std::size_t i = 0; i < size; ++i) values[i] = 2.f * random.uniform(static_cast<std::uint32_t>(i)) - 1.f;
-  return values;
-}
-
 TEST(ComplexFft, TwoRealSignalsGiveTheSumOfTheirDefinitions) {
   constexpr int size = 64;
-  const auto a = samples_of_noise(40, 1), b = samples_of_noise(40, 2);
+  const auto a = stream_sounds::noise(40, 1), b = stream_sounds::noise(40, 2);
   ComplexFft fft(size, ComplexFft::Direction::forward);
   fft.set_input(a, b);
   const auto spectrum = fft.transform();
@@ -37,7 +31,7 @@ TEST(ComplexFft, TwoRealSignalsGiveTheSumOfTheirDefinitions) {
 
 TEST(ComplexFft, InverseUndoesForwardTimesTheSize) {
   for (const int size : {16, 512, 2048, 1 << 14}) {
-    const auto a = samples_of_noise(static_cast<std::size_t>(size), 1), b = samples_of_noise(static_cast<std::size_t>(size), 2);
+    const auto a = stream_sounds::noise(static_cast<std::size_t>(size), 1), b = stream_sounds::noise(static_cast<std::size_t>(size), 2);
     ComplexFft forward(size, ComplexFft::Direction::forward), inverse(size, ComplexFft::Direction::inverse);
     AlignedSpectrum spectrum(static_cast<std::size_t>(size));
     forward.set_input(a, b);
@@ -53,8 +47,8 @@ TEST(ComplexFft, InverseUndoesForwardTimesTheSize) {
 
 TEST(ComplexFft, AbsentSecondSignalIsZero) {
   ComplexFft one(256, ComplexFft::Direction::forward), two(256, ComplexFft::Direction::forward);
-  const auto a = samples_of_noise(100, 1);
-  one.set_input(samples_of_noise(256, 3), samples_of_noise(256, 4));  // leaves scratch dirty
+  const auto a = stream_sounds::noise(100, 1);
+  one.set_input(stream_sounds::noise(256, 3), stream_sounds::noise(256, 4));  // leaves scratch dirty
   one.transform();
   one.set_input(a, {});
   two.set_input(a, std::vector<float>(100, 0.f));

@@ -8,16 +8,10 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/random.h"
+#include "tests/support/stream_sounds.h"
 
 namespace earshot {
 namespace {
-
-std::vector<float> uniform_noise(int size, std::uint32_t stream) {
-  const RandomStream random(7, Purpose::test, stream);
-  std::vector<float> values(size);
-  for (int i = 0; i < size; ++i) values[i] = 2.f * random.uniform(static_cast<std::uint32_t>(i)) - 1.f;
-  return values;
-}
 
 std::vector<std::complex<float>> spectrum_of(RealFft& fft, std::span<const float> time) {
   std::vector<std::complex<float>> spectrum(fft.num_bins());
@@ -39,7 +33,7 @@ std::complex<double> naive_bin(std::span<const float> time, int k) {
 TEST(RealFft, EqualsTheDefinition) {
   for (int size = 4; size <= 4096; size *= 2) {
     RealFft fft(size);
-    const auto time = uniform_noise(size, static_cast<std::uint32_t>(size));
+    const auto time = stream_sounds::noise(size, static_cast<std::uint32_t>(size));
     const auto spectrum = spectrum_of(fft, time);
     const double rms = std::sqrt(size / 3.0);
     for (int k = 0; k < fft.num_bins(); ++k)
@@ -51,7 +45,7 @@ TEST(RealFft, EqualsTheDefinition) {
 TEST(RealFft, LargeSizesEqualTheDefinition) {
   for (const int size : {1 << 17, 1 << 18, 1 << 19}) {
     RealFft fft(size);
-    const auto time = uniform_noise(size, 3);
+    const auto time = stream_sounds::noise(size, 3);
     const auto spectrum = spectrum_of(fft, time);
     for (const int k : {0, 1, 2, 777, size / 4, size / 4 + 1, size / 2 - 1, size / 2})
       EXPECT_LT(std::abs(naive_bin(time, k) - std::complex<double>(spectrum[k])), 2e-6 * std::sqrt(size / 3.0)) << size << " bin " << k;
@@ -61,7 +55,7 @@ TEST(RealFft, LargeSizesEqualTheDefinition) {
 TEST(RealFft, InverseUndoesForward) {
   for (int size = 4; size <= 1 << 20; size *= 2) {
     RealFft fft(size);
-    const auto time = uniform_noise(size, 1);
+    const auto time = stream_sounds::noise(size, 1);
     std::vector<float> back(size);
     fft.inverse(spectrum_of(fft, time), back);
     float worst = 0;
@@ -83,7 +77,7 @@ TEST(RealFft, InverseOfOneLineIsACosine) {
 
 TEST(RealFft, IsLinear) {
   RealFft fft(1024);
-  const auto a = uniform_noise(1024, 1), b = uniform_noise(1024, 2);
+  const auto a = stream_sounds::noise(1024, 1), b = stream_sounds::noise(1024, 2);
   std::vector<float> sum(1024);
   for (int i = 0; i < 1024; ++i) sum[i] = 3.f * a[i] - 0.5f * b[i];
   const auto sa = spectrum_of(fft, a), sb = spectrum_of(fft, b), ss = spectrum_of(fft, sum);
@@ -93,7 +87,7 @@ TEST(RealFft, IsLinear) {
 TEST(RealFft, ScalingByAPowerOfTwoScalesTheBits) {
   for (const int size : {512, 1 << 18}) {
     RealFft fft(size);
-    auto time = uniform_noise(size, 4);
+    auto time = stream_sounds::noise(size, 4);
     const auto before = spectrum_of(fft, time);
     for (float& value : time) value *= 1048576.f;
     const auto after = spectrum_of(fft, time);
@@ -104,7 +98,7 @@ TEST(RealFft, ScalingByAPowerOfTwoScalesTheBits) {
 TEST(RealFft, KeepsEnergy) {  // Parseval
   for (const int size : {256, 1 << 18}) {
     RealFft fft(size);
-    const auto time = uniform_noise(size, 5);
+    const auto time = stream_sounds::noise(size, 5);
     const auto spectrum = spectrum_of(fft, time);
     double in_time = 0, in_frequency = 0;
     for (const float value : time) in_time += static_cast<double>(value) * value;
@@ -117,7 +111,7 @@ TEST(RealFft, KeepsEnergy) {  // Parseval
 TEST(RealFft, ShortInputIsPaddedWithZeros) {
   for (const int size : {64, 1 << 18}) {
     RealFft fft(size);
-    auto time = uniform_noise(size, 6);
+    auto time = stream_sounds::noise(size, 6);
     spectrum_of(fft, time);  // leaves scratch dirty
     std::fill(time.begin() + 10, time.end(), 0.f);
     EXPECT_EQ(spectrum_of(fft, time), spectrum_of(fft, std::span(time).first(10)));
@@ -131,7 +125,7 @@ TEST(RealFft, ForwardDoesNotRememberTheInverseBeforeIt) {
     std::vector<std::complex<float>> bins(static_cast<std::size_t>(fft.num_bins()), {1.f, 1.f});
     std::vector<float> time(static_cast<std::size_t>(size));
     fft.inverse(bins, time);
-    const auto input = uniform_noise(size, 3);
+    const auto input = stream_sounds::noise(size, 3);
     const auto after = spectrum_of(fft, input), expected = spectrum_of(fresh, input);
     EXPECT_EQ(after, expected) << size;
     EXPECT_EQ(after.back().imag(), 0.f) << size;

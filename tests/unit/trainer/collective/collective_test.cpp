@@ -15,6 +15,7 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "tests/support/seconds_since.h"
 #include "tests/support/summed_addends.h"
 #include "tests/support/what_of.h"
 #include "tests/support/worker_processes.h"
@@ -26,8 +27,6 @@ namespace earshot {
 namespace {
 
 using Clock = std::chrono::steady_clock;
-
-double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
 
 /// Workers that send their sums, and workers that share memory: the same tests, the same bits.
 class RingOf : public testing::TestWithParam<std::tuple<int, bool>> {

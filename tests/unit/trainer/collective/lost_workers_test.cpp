@@ -15,6 +15,7 @@
 #include "sim/base/errors.h"
 #include "tests/support/curve_ring.h"
 #include "tests/support/host_namespaces.h"
+#include "tests/support/seconds_since.h"
 #include "trainer/collective/zmq_ring.h"
 #include "trainer/net/curve_keys.h"
 
@@ -26,8 +27,6 @@ using std::chrono::milliseconds;
 
 constexpr int kWorld = 4, kVictim = 1;
 constexpr std::size_t kElements = 300001;  // round the ring in more than one chunk
-
-double seconds_after(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
 
 RingConfig lasting_ring(RingConfig config) {
   config.network.on_loss = OnLoss::go_on;
@@ -82,7 +81,7 @@ class LostWorkers : public testing::Test {
       try {
         while (after < 20) {
           const bool summed = summing.sum_once();
-          if (!summed) noticed_at[static_cast<std::size_t>(rank)] = seconds_after(start);
+          if (!summed) noticed_at[static_cast<std::size_t>(rank)] = seconds_since(start);
           if (rank == 0) ++state[0];
           after += summed && summing.changes > 0;
           if (rank == kVictim && state[0] > 10 && victim) victim(*collective);
@@ -97,7 +96,7 @@ class LostWorkers : public testing::Test {
       return rank != kVictim && expected;
     });
     while (state[0] < 10) std::this_thread::sleep_for(milliseconds(2));
-    const double event_at = seconds_after(start);
+    const double event_at = seconds_since(start);
     event(workers.pid(kVictim));
     for (const int rank : {0, 2, 3}) {
       EXPECT_EQ(workers.wait(rank), 0) << "worker " << rank;
@@ -148,8 +147,8 @@ TEST_F(LostWorkers, AStoppedOneThatWakesIsToldAtOnce) {
   ::kill(workers.pid(1), SIGCONT);
   const auto woken = Clock::now();
   EXPECT_EQ(workers.wait(1), 0);
-  std::printf("ended %.0f ms after it woke\n", 1000 * seconds_after(woken));
-  EXPECT_LT(seconds_after(woken), 10.0);
+  std::printf("ended %.0f ms after it woke\n", 1000 * seconds_since(woken));
+  EXPECT_LT(seconds_since(woken), 10.0);
   state[1] = 1;
   EXPECT_EQ(workers.wait(0), 0);
   EXPECT_EQ(workers.wait(2), 0);
@@ -251,7 +250,7 @@ TEST_F(LostWorkers, ABrokenConnectionEndsARunThatDoesNotGoOn) {
     try {
       while (true) collective->all_reduce_sum(buffer);
     } catch (const RunError& error) {
-      return std::string(error.what()).find("worker 1") != std::string::npos && seconds_after(start) < 5;
+      return std::string(error.what()).find("worker 1") != std::string::npos && seconds_since(start) < 5;
     }
   });
   workers.expect_all_succeed();

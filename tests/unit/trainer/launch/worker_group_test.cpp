@@ -14,6 +14,7 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "tests/support/seconds_since.h"
 #include "tests/support/worker_processes.h"
 
 namespace earshot {
@@ -21,8 +22,6 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 using std::chrono::milliseconds;
-
-double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
 
 /// The group starts this test program again; EARSHOT_TEST_ROLE tells the copy what to do.
 int spawn(int num_workers, const std::string& role, milliseconds grace = milliseconds(5000), OnLoss on_loss = OnLoss::stop,

@@ -28,8 +28,6 @@ using Complex = std::complex<double>;
 
 std::shared_ptr<const Scene> hard(TriangleMesh mesh) { return rooms::scene_of(std::move(mesh), {Material::uniform("hard", 0.f, 0.f)}); }
 
-double amplitude_db(double amplitude) { return 20 * std::log10(amplitude); }
-
 /// The wedge of a case, long and wide, edge on the y axis (theirs: z), first face along +x.
 TriangleMesh wedge_mesh(double exterior_rad) {
   const float reach = 200;
@@ -62,7 +60,7 @@ TEST(O24Diffraction, PathsOverWedgesHaveTheTabulatedLoss) {
       // The table has nominal frequencies, bands have exact midbands (1.2 % apart at most): 0.04 dB.  The highest band is cut at 8 kHz.
       for (std::size_t i = 0; i < wedges::kFrequencyHz.size(); ++i) {
         if (std::abs(scene.bands().centre_hz[band] / wedges::kFrequencyHz[i] - 1) > 0.02) continue;
-        const double loss = -amplitude_db(4 * std::numbers::pi * direct_m * arrivals[0].amplitude[band]);
+        const double loss = -rooms::amplitude_db(4 * std::numbers::pi * direct_m * arrivals[0].amplitude[band]);
         EXPECT_NEAR(loss, wedge.utd_db[i], 0.06) << wedge.name << " " << wedges::kFrequencyHz[i];
       }
     }
@@ -102,7 +100,7 @@ TEST(Diffraction, LevelFollowsAListenerPastACorner) {
   for (int step = 0; step < 300; ++step) {
     const glm::vec3 listener(-1.2f, 0.3f, 2.5033f - 0.01f * static_cast<float>(step));
     compute_energy_response(scene, candidates, listener, response);
-    const double level = amplitude_db(std::abs(pressure(scene, response.arrivals, band)));
+    const double level = rooms::amplitude_db(std::abs(pressure(scene, response.arrivals, band)));
     if (step > 0) largest_db = std::max(largest_db, std::abs(level - last_db));
     last_db = level;
     if (response.arrivals[0].kind != ArrivalKind::direct) ++without_sight;
@@ -189,7 +187,7 @@ TEST(Diffraction, BendsOverTwoEdgesOfAThickWall) {
   const double in = std::numbers::pi / 2 - slope;  // from the front face
   const double expected = std::abs(keller(in, 1.5 * std::numbers::pi) * keller(0, 1.5 * std::numbers::pi - in)) / 2 /
                           std::sqrt(segment_m * 10 * segment_m * path_m) / (4 * std::numbers::pi);
-  EXPECT_NEAR(amplitude_db(arrivals[0].amplitude[band] / expected), 0, 0.06);  // the rest of the transition functions, 1 / (2 k L)
+  EXPECT_NEAR(rooms::amplitude_db(arrivals[0].amplitude[band] / expected), 0, 0.06);  // the rest of the transition functions, 1 / (2 k L)
 }
 
 TEST(Diffraction, ThickWallsAgainstBiotTolstoyMedwin) {
@@ -229,7 +227,7 @@ TEST(Diffraction, ThickWallsAgainstBiotTolstoyMedwin) {
         field.ratio(EdgeBands{.first = 0, .count = 3, .wave = WaveLanes(wavenumbers), .air_per_m = {}, .face = {rigid}});
     for (std::size_t i = 0; i < 3; ++i) {
       const double k = wavenumbers[i];
-      const double loss = -amplitude_db(std::sqrt(norm(ratio)[i]) * glm::length(source - listener) / path.length_m);
+      const double loss = -rooms::amplitude_db(std::sqrt(norm(ratio)[i]) * glm::length(source - listener) / path.length_m);
       // Second order alone misses what goes back and forth on top, the more the thinner the wall: compare where k w > 3.
       EXPECT_NEAR(loss, wall.loss_db[i], k * wall.thick_m > 3 ? 0.65 : 2.0) << wall.thick_m << " m, k " << k;
     }
@@ -251,7 +249,7 @@ TEST(Diffraction, EdgesOnTheSameLineOfAThinWallJoinTheSingleEdge) {
     compute_energy_response(scene, candidates, {0.2f, 0.5033f + 0.01f * static_cast<float>(step), -2}, response);
     ASSERT_FALSE(response.arrivals.empty());
     orders |= 1 << response.arrivals[0].order;
-    const double level = amplitude_db(std::abs(pressure(scene, response.arrivals, 3)));
+    const double level = rooms::amplitude_db(std::abs(pressure(scene, response.arrivals, 3)));
     if (step > 0) largest_db = std::max(largest_db, std::abs(level - last_db));
     last_db = level;
   }
@@ -268,7 +266,7 @@ TEST(Diffraction, FadesWhereTheEdgeEnds) {
   double last_db = 0, largest_db = 0;
   for (int step = 0; step < 140; ++step) {
     const float x = 0.6033f + 0.01f * static_cast<float>(step);
-    const double level = amplitude_db(std::abs(pressure(scene, arrivals_of(scene, {x, 0.2f, 2}, {x, 0.2f, -2}), 3)));
+    const double level = rooms::amplitude_db(std::abs(pressure(scene, arrivals_of(scene, {x, 0.2f, 2}, {x, 0.2f, -2}), 3)));
     if (step > 0) largest_db = std::max(largest_db, std::abs(level - last_db));
     last_db = level;
   }
@@ -463,7 +461,7 @@ TEST(Diffraction, AutomaticWithFewRaysKeepsToTheShadowAndItsBoundary) {
   int in_sight = 0;
   for (int step = 0; step < 260; ++step) {
     compute_energy_response(scene, candidates, cylindrical({3, 4.3 - 0.005 * step, 0}), response);
-    const double level = amplitude_db(std::abs(pressure(scene, response.arrivals, 3)));  // 1 kHz
+    const double level = rooms::amplitude_db(std::abs(pressure(scene, response.arrivals, 3)));  // 1 kHz
     if (step > 0) largest_db = std::max(largest_db, std::abs(level - last_db));
     last_db = level;
     in_sight += response.arrivals.front().kind == ArrivalKind::direct ? 1 : 0;

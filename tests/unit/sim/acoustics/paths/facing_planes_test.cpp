@@ -9,11 +9,10 @@
 #include "sim/acoustics/tracers/bidirectional_tracer.h"
 #include "tests/support/decay.h"
 #include "tests/support/late_field.h"
+#include "tests/support/rooms.h"
 
 namespace earshot {
 namespace {
-
-constexpr double kPairSpeed = 343.0;
 
 AcousticConfig mirror_config(int order) {
   AcousticConfig config = rooms::plain_config();
@@ -43,7 +42,7 @@ double images(double hard, double soft, int least, int most, double from_s, doub
     for (int y = -most; y <= most; ++y)
       for (int z = -most; z <= most; ++z) {
         if (std::abs(x) < least || std::abs(y) + std::abs(z) > most) continue;
-        const double r = std::hypot(offset(0, x), offset(1, y), offset(2, z)), t = r / kPairSpeed;
+        const double r = std::hypot(offset(0, x), offset(1, y), offset(2, z)), t = r / rooms::kSpeedMPerS;
         if (t < from_s || t >= to_s) continue;
         sum += std::pow(1 - hard, std::abs(x)) * std::pow(1 - soft, std::abs(y) + std::abs(z)) * decay::direct_energy(r);
       }
@@ -123,7 +122,7 @@ double clear_images(double hard, glm::dvec3 source, glm::dvec3 listener, Obstacl
     if (std::abs(n) < least) continue;
     const double image_x = n * 6.0 + (n % 2 == 0 ? source.x : 6 - source.x), rise = image_x - listener.x;
     const double r = std::hypot(rise, source.y - listener.y, source.z - listener.z);
-    if (r >= kPairSpeed * to_s) continue;
+    if (r >= rooms::kSpeedMPerS * to_s) continue;
     // The unfolded path in small steps while it is within the obstacle's y.
     bool clear = true;
     const double from = (obstacle.lower.y - listener.y) / (source.y - listener.y),

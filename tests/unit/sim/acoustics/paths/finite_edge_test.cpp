@@ -10,14 +10,13 @@
 
 #include "sim/base/random.h"
 #include "tests/support/finite_wedge.h"
+#include "tests/support/rooms.h"
 #include "tests/support/uniform_theory.h"
 
 namespace earshot {
 namespace {
 
 using Complex = std::complex<double>;
-
-double edge_db(double ratio) { return 20 * std::log10(ratio); }
 
 /// An edge along z from 0, first face along +x, air counterclockwise.
 DiffractionEdge edge_of(double exterior_rad, double length_m) {
@@ -105,7 +104,7 @@ TEST(O24FiniteEdge, LineIntegralOfEdgesOfZeroPointTwoToFourMetres) {
           const Complex exact = finite_wedge::line_integral(exterior, source, listener, 0, length_m, k);
           const Complex ours = pressure(edge, source, listener, k);
           ++cases;
-          if (std::abs(edge_db(std::abs(ours / exact))) < 1.0) continue;
+          if (std::abs(rooms::amplitude_db(std::abs(ours / exact))) < 1.0) continue;
           ++in_nulls;
           EXPECT_LT(std::abs(ours - exact), 0.015 * free) << exterior << " " << length_m << " " << i << " " << frequency_hz;
         }
@@ -128,8 +127,9 @@ TEST(O24FiniteEdge, ShortEdgesScatterByTheirLengthAndPiecesAddUp) {
   };
   const double around = source.r + listener.r, sine = around / std::hypot(around, source.z - listener.z);
   const double g = sine * sine * sine * (1 / source.r + 1 / listener.r);
-  EXPECT_NEAR(edge_db(about_apex(0.2) / about_apex(0.1)), edge_db(2), 0.05);
-  EXPECT_NEAR(edge_db(about_apex(0.25) / about_apex(1000)), edge_db(0.25 * std::sqrt(k * g / (2 * std::numbers::pi))), 0.5);
+  EXPECT_NEAR(rooms::amplitude_db(about_apex(0.2) / about_apex(0.1)), rooms::amplitude_db(2), 0.05);
+  EXPECT_NEAR(rooms::amplitude_db(about_apex(0.25) / about_apex(1000)),
+              rooms::amplitude_db(0.25 * std::sqrt(k * g / (2 * std::numbers::pi))), 0.5);
   // Three pieces of one edge: the sum of their waves, by their own ways, is that of the whole.
   Complex sum = 0;
   const std::array<double, 4> ends = {-1.3, -0.1, 0.9, 2.0};

@@ -15,13 +15,13 @@
 #include "sim/acoustics/source_field/source_field.h"
 #include "tests/support/decay.h"
 #include "tests/support/late_field.h"
+#include "tests/support/rooms.h"
 #include "tests/support/tilted_mirrors.h"
 
 namespace earshot {
 namespace {
 
 using tilted::Mirrors;
-constexpr double kChainSpeed = 343.0;
 constexpr glm::dvec3 kSource{1.7, -0.6, -1.2}, kListener{4.1, 0.8, -1.5};
 
 AcousticConfig mirror_config() {
@@ -46,7 +46,7 @@ void expect_images(const Mirrors& mirrors, int most, double until_s, int& count)
   candidates.long_chains()->add_late(scene, at(kListener), histogram);
   std::vector<std::array<double, 2>> paths;  // time, energy
   mirrors.for_each_path(kSource, kListener, 4, most, [&](double length_m, int order) {
-    paths.push_back({length_m / kChainSpeed, std::pow(1 - mirrors.absorption, order) * decay::direct_energy(length_m)});
+    paths.push_back({length_m / rooms::kSpeedMPerS, std::pow(1 - mirrors.absorption, order) * decay::direct_energy(length_m)});
   });
   std::sort(paths.begin(), paths.end());
   const auto come_by = [&](double time_s) {
@@ -78,7 +78,7 @@ TEST(MirrorChains, BetweenTiltedMirrorsAreAllImages) {
 TEST(MirrorChains, GoOverAThirdMirrorToo) {
   // Up to 50 m, in which there are at most nine reflections between the two and three of the floor.
   int count = 0;
-  expect_images(Mirrors(4, 0.05, true), 12, 50 / kChainSpeed, count);
+  expect_images(Mirrors(4, 0.05, true), 12, 50 / rooms::kSpeedMPerS, count);
 }
 
 TEST(MirrorChains, EndAtWhatStandsInTheirWay) {
@@ -139,7 +139,7 @@ TEST(MirrorChains, EachEstimatorLeavesOutWhatTheyCarry) {
       compute_energy_response(scene, candidates, field.get(), listener, response);
       double energy = 0;
       for (const Arrival& arrival : response.arrivals)
-        if (const double time_s = arrival.distance_m / kChainSpeed; time_s >= 0.04 && time_s < 0.1)
+        if (const double time_s = arrival.distance_m / rooms::kSpeedMPerS; time_s >= 0.04 && time_s < 0.1)
           energy += double{arrival.amplitude[0]} * arrival.amplitude[0];
       for (int bin = 40; bin < 100; ++bin) energy += response.late.energy(bin, 0);
       sum += energy, squares += energy * energy;

@@ -33,8 +33,6 @@ Complex pressure(const AcousticScene& scene, const EarlyCandidates& candidates, 
   return coherent_field::pressure(scene, coherent_field::arrivals_of(scene, candidates, listener), band);
 }
 
-double screen_db(double ratio) { return 20 * std::log10(ratio); }
-
 /// On a circle of 3 m about the edge, from the source's side over the top to behind the screen.
 glm::vec3 on_circle(double degrees) {
   const double angle = degrees * std::numbers::pi / 180;
@@ -51,7 +49,7 @@ TEST(O24Babinet, ScreenThatLetsAllThroughIsNoScreen) {
       if (glm::length(listener - source) < 0.3f) continue;
       const double free = 1 / (4 * std::numbers::pi * glm::length(listener - source));
       for (const std::size_t band : {0u, 2u, 4u})  // 125, 500, 2000 Hz
-        EXPECT_NEAR(screen_db(std::abs(pressure(scene, candidates, listener, band)) / free), 0, 1.0)
+        EXPECT_NEAR(rooms::amplitude_db(std::abs(pressure(scene, candidates, listener, band)) / free), 0, 1.0)
             << thick << " " << degrees << " " << band;
     }
   }
@@ -75,7 +73,7 @@ TEST(O24Babinet, NoJumpAtAnyTransmission) {
     // And on the way all around, on the boundaries themselves too.
     double last_db = 0;
     for (double degrees = to_source - 20; degrees > -170; degrees -= 0.25) {
-      const double level_db = screen_db(std::abs(pressure(scene, candidates, on_circle(degrees), 0)));
+      const double level_db = rooms::amplitude_db(std::abs(pressure(scene, candidates, on_circle(degrees), 0)));
       if (degrees < to_source - 20) {
         EXPECT_LT(std::abs(level_db - last_db), 1.0) << tau << " " << degrees;
       }
@@ -100,7 +98,7 @@ TEST(O24Babinet, DeepInTheShadowOnlyWhatPassesIsLeft) {
                 mirrored = 0.5 * uniform_theory::scaled_erfc(std::sqrt(2 * k * length_m) * std::abs(std::cos((a + b) / 2)));
   const double sign = std::cos((a + b) / 2) < 0 ? 1 : -1;
   const Complex expected = ((1 - std::sqrt(0.1)) * half + sign * std::sqrt(0.9) * mirrored) / (4 * std::numbers::pi * (r + s));
-  EXPECT_NEAR(screen_db(response.arrivals[1].amplitude[2] / std::abs(expected)), 0, 0.05);
+  EXPECT_NEAR(rooms::amplitude_db(response.arrivals[1].amplitude[2] / std::abs(expected)), 0, 0.05);
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 #include <complex>
 #include <numbers>
 
+#include "tests/support/rooms.h"
 #include "tests/support/uniform_theory.h"
 #include "tests/support/wedge_cases.h"
 
@@ -13,11 +14,10 @@ namespace earshot {
 namespace {
 
 using Complex = std::complex<double>;
-constexpr double kSpeed = 343.0;
 
 const FaceFactorLanes kRigid{.first = all_lanes(1.f), .second = all_lanes(1.f), .incidence = all_lanes(1.f)};
 
-double wavenumber(double frequency_hz) { return 2.0 * std::numbers::pi * frequency_hz / kSpeed; }
+double wavenumber(double frequency_hz) { return 2.0 * std::numbers::pi * frequency_hz / rooms::kSpeedMPerS; }
 
 double straight_m(const std::array<double, 3>& a, const std::array<double, 3>& b) {
   return std::sqrt(a[0] * a[0] + b[0] * b[0] - 2.0 * a[0] * b[0] * std::cos(a[1] - b[1]) + (a[2] - b[2]) * (a[2] - b[2]));
