@@ -1,7 +1,6 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
-#include <glm/vec3.hpp>
 #include <string>
 #include <vector>
 
@@ -30,9 +29,5 @@ void add_bench_bits(CLI::App& bench);                                           
 void add_bench_train(CLI::App& bench);                                                                 ///< `bench train`
 void add_bench_allreduce(CLI::App& bench, const std::vector<std::string>& arguments, int& exit_code);  ///< `bench allreduce`
 void add_bench_scaling(CLI::App& bench, const std::vector<std::string>& arguments, int& exit_code);    ///< `bench scaling`
-
-/// "X,Y,Z" as metres, at most kMaxCoordinateM from zero (sim/base/coordinates.h), with a decimal point whatever the locale.  Throws
-/// InputError naming the option.
-glm::dvec3 parse_point(const std::string& text, const std::string& option);
 
 }  // namespace earshot

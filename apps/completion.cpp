@@ -4,7 +4,7 @@
 #include <functional>
 #include <memory>
 
-#include "apps/board_commands.h"
+#include "apps/board/board_commands.h"
 #include "sim/base/errors.h"
 #include "sim/base/version.h"
 

@@ -1,4 +1,4 @@
-# cmake --install: the program, its reader, the libraries and their headers, and what find_package(Earshot) reads.  One export set per part, so
+# cmake --install: the program, those that it starts, the libraries and their headers, and what find_package(Earshot) reads.  One export set per part, so
 # that a user of sim needs neither torch nor zmq.  Components: `program` (what cmake/packaging.cmake puts into the .deb) and `development`.
 include(CMakePackageConfigHelpers)
 set(package_folder ${CMAKE_INSTALL_LIBDIR}/cmake/Earshot)
@@ -9,10 +9,11 @@ set(libraries_envs envs)
 set(libraries_datasets datasets)
 if(EARSHOT_BUILD_TRAINING)
   list(APPEND parts policy trainer evaluation)
-  set(libraries_policy policy)
-  set(libraries_trainer trainer trainer_net trainer_launch trainer_collective)
-  set(libraries_evaluation evaluation)
+  set(libraries_policy policy policy_plain)
+  set(libraries_trainer trainer trainer_plain trainer_net trainer_launch trainer_collective)
+  set(libraries_evaluation evaluation evaluation_plain)
   install(TARGETS earshot COMPONENT program)
+  install(TARGETS earshot_training RUNTIME DESTINATION ${CMAKE_INSTALL_LIBEXECDIR}/earshot COMPONENT program)
   install(DIRECTORY ${PROJECT_SOURCE_DIR}/configs DESTINATION ${CMAKE_INSTALL_DATADIR}/earshot COMPONENT program)
   install(FILES ${EARSHOT_SHELL_FOLDER}/earshot.bash DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions RENAME earshot
           COMPONENT program)

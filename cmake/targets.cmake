@@ -2,13 +2,19 @@
 set(EARSHOT_COMMON_HEADERS <fmt/format.h> <glm/glm.hpp> <algorithm> <array> <cmath> <filesystem> <fstream> <functional> <map> <memory> <mutex>
     <numbers> <optional> <set> <span> <sstream> <string> <vector>)
 
-# earshot_library(NAME DIR [PCH TARGET] [EXCLUDE REGEX]): a static library of all .cpp files in DIR and below but those whose path matches REGEX.
-# PCH: the target whose precompiled headers it reads.
+# earshot_library(NAME DIR [PCH TARGET] [EXCLUDE REGEX] [WITH_LIBTORCH | WITHOUT_LIBTORCH]): a static library of all .cpp files in DIR and below but
+# those whose path matches REGEX, and of these only what needs libtorch or only what does not (libtorch_sources.cmake).  PCH: the target whose
+# precompiled headers it reads.
 function(earshot_library name dir)
-  cmake_parse_arguments(PARSE_ARGV 2 arg "" "PCH;EXCLUDE" "")
+  cmake_parse_arguments(PARSE_ARGV 2 arg "WITH_LIBTORCH;WITHOUT_LIBTORCH" "PCH;EXCLUDE" "")
   file(GLOB_RECURSE sources CONFIGURE_DEPENDS ${dir}/*.cpp)
   if(arg_EXCLUDE)
     list(FILTER sources EXCLUDE REGEX "${arg_EXCLUDE}")
+  endif()
+  if(arg_WITH_LIBTORCH)
+    earshot_split_by_libtorch(sources without ${sources})
+  elseif(arg_WITHOUT_LIBTORCH)
+    earshot_split_by_libtorch(with sources ${sources})
   endif()
   file(GLOB_RECURSE headers CONFIGURE_DEPENDS ${dir}/*.h)
   add_library(${name} STATIC ${sources} ${headers})
@@ -39,15 +45,15 @@ endfunction()
 #   *_threads_test.cpp  test_DIR_threads, labels `fast` and `threads`: tests in which threads meet, all that the thread sanitizer builds
 #                       (target thread_tests) and runs
 #   other *_test.cpp    test_DIR, label `fast`
-# Under a sanitizer, tests that tests/long_tests.txt names have the label `long` too.
-# A leading unit/ is not part of the executables' names.  PCH TARGET: the target whose precompiled headers these tests read.  ALONE REGEX: tests
-# that compare times, beside which ctest runs no others.  ROOMS FOLDER...: the
-# tests of these folders in DIR; `*` stands for all.
+# Those that tests/long_tests.txt names, and under a sanitizer tests/long_tests_sanitized.txt, have the label `long` too.
+# Tests of what reads files and messages of others have the label `sanitized`: the address sanitizer runs them in CI (target sanitized_tests), and all
+# in `scripts/test.sh all`.
+# A leading unit/ is not part of the executables' names.  ALONE REGEX: tests that compare times, beside which ctest runs no others.  ROOMS
+# FOLDER...: the tests of these folders in DIR; `*` stands for all.
+# LIBTORCH LIBS...: tests that include libtorch are an executable of their own, test_DIR_libtorch, with these libraries, so that the others start
+# at once.
 function(earshot_tests dir)
-  cmake_parse_arguments(PARSE_ARGV 1 arg "" "PCH;ALONE" "ROOMS")
-  if(NOT arg_PCH)
-    set(arg_PCH test_headers)
-  endif()
+  cmake_parse_arguments(PARSE_ARGV 1 arg "" "ALONE" "ROOMS;LIBTORCH")
   string(REGEX REPLACE "^unit/" "" stem ${dir})
   string(REPLACE "/" "_" stem ${stem})
   set(folders ${dir})
@@ -70,36 +76,64 @@ function(earshot_tests dir)
     if(kind STREQUAL "threads")
       set(labels fast threads)
     endif()
-    if(sources AND (NOT kind STREQUAL "slow" OR EARSHOT_BUILD_SLOW_TESTS))
-      add_executable(${target} ${sources})
-      target_link_libraries(${target} PRIVATE ${arg_UNPARSED_ARGUMENTS} GTest::gtest GTest::gmock GTest::gtest_main test_paths project_flags)
-      target_compile_options(${target} PRIVATE ${EARSHOT_TEST_OPTIMIZATION})
-      target_precompile_headers(${target} REUSE_FROM ${arg_PCH})
-      if(NOT kind STREQUAL "slow")
-        earshot_join_sources(${target})
-      endif()
-      if(NOT dir MATCHES "^unit/sim/(base|rays)$")
-        add_dependencies(${target} earshot_reader)
-      endif()
-      gtest_discover_tests(${target} DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 120 PROPERTIES TIMEOUT 1500)
-      # gtest_discover_tests splits a list of labels into properties, so a file that ctest reads after the discovery sets them.
-      set(labels_file ${CMAKE_CURRENT_BINARY_DIR}/${target}_labels.cmake)
-      file(WRITE ${labels_file} "if(${target}_TESTS)\n  set_tests_properties(\${${target}_TESTS} PROPERTIES LABELS \"${labels};${dir}\")\nendif()\n")
-      if(arg_ALONE)
-        file(APPEND ${labels_file} "foreach(test IN LISTS ${target}_TESTS)\n  if(test MATCHES \"${arg_ALONE}\")\n"
-             "    set_tests_properties(\${test} PROPERTIES RUN_SERIAL ON)\n  endif()\nendforeach()\n")
-      endif()
-      if(EARSHOT_SANITIZE)
-        set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/tests/long_tests.txt)
-        file(STRINGS ${PROJECT_SOURCE_DIR}/tests/long_tests.txt long_tests REGEX "^[^#]")
-        list(JOIN long_tests "|" long_tests)
-        file(APPEND ${labels_file} "foreach(test IN LISTS ${target}_TESTS)\n  if(test MATCHES \"${long_tests}\")\n"
-             "    set_tests_properties(\${test} PROPERTIES LABELS \"${labels};${dir};long\")\n  endif()\nendforeach()\n")
-      endif()
-      set_property(DIRECTORY APPEND PROPERTY TEST_INCLUDE_FILES ${labels_file})
-      if(kind STREQUAL "threads")
-        add_dependencies(thread_tests ${target})
-      endif()
+    if(kind STREQUAL "slow" AND NOT EARSHOT_BUILD_SLOW_TESTS)
+      continue()
+    endif()
+    set(sources_libtorch "")
+    if(arg_LIBTORCH)
+      earshot_split_by_libtorch(sources_libtorch sources ${sources})
+    endif()
+    if(sources)
+      earshot_test_program(${target} "${dir}" "${labels}" "${arg_ALONE}" SOURCES ${sources} LIBS ${arg_UNPARSED_ARGUMENTS} PCH test_headers)
+    endif()
+    if(sources_libtorch AND EARSHOT_BUILD_TRAINING)
+      earshot_test_program(${target}_libtorch "${dir}" "${labels}" "${arg_ALONE}" SOURCES ${sources_libtorch} LIBS ${arg_LIBTORCH} PCH policy)
     endif()
   endforeach()
+endfunction()
+
+# One regular expression of the names of all long tests.
+set(earshot_long_tests "")
+foreach(list long_tests long_tests_sanitized)
+  if(list STREQUAL "long_tests" OR EARSHOT_SANITIZE)
+    set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/tests/${list}.txt)
+    file(STRINGS ${PROJECT_SOURCE_DIR}/tests/${list}.txt names REGEX "^[^#]")
+    list(APPEND earshot_long_tests ${names})
+  endif()
+endforeach()
+list(JOIN earshot_long_tests "|" earshot_long_tests)
+
+# earshot_test_program(TARGET DIR LABELS ALONE SOURCES... LIBS... PCH TARGET): one executable of earshot_tests.
+function(earshot_test_program target dir labels alone)
+  cmake_parse_arguments(PARSE_ARGV 4 arg "" "PCH" "SOURCES;LIBS")
+  if(dir MATCHES "^(robustness|unit/(datasets|sim/(base|rays|scene|audio|sofa|vision|nav)|trainer/(net|launch)))$")
+    list(APPEND labels sanitized)
+  endif()
+  add_executable(${target} ${arg_SOURCES})
+  target_link_libraries(${target} PRIVATE ${arg_LIBS} GTest::gtest GTest::gmock GTest::gtest_main test_paths project_flags)
+  target_compile_options(${target} PRIVATE ${EARSHOT_TEST_OPTIMIZATION})
+  target_precompile_headers(${target} REUSE_FROM ${arg_PCH})
+  if(NOT "slow" IN_LIST labels)
+    earshot_join_sources(${target})
+  endif()
+  if(NOT dir MATCHES "^unit/sim/(base|rays)$")
+    add_dependencies(${target} earshot_reader)
+  endif()
+  gtest_discover_tests(${target} DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 120 PROPERTIES TIMEOUT 1500)
+  # gtest_discover_tests splits a list of labels into properties, so a file that ctest reads after the discovery sets them.
+  set(labels_file ${CMAKE_CURRENT_BINARY_DIR}/${target}_labels.cmake)
+  file(WRITE ${labels_file} "if(${target}_TESTS)\n  set_tests_properties(\${${target}_TESTS} PROPERTIES LABELS \"${labels};${dir}\")\nendif()\n")
+  if(alone)
+    file(APPEND ${labels_file} "foreach(test IN LISTS ${target}_TESTS)\n  if(test MATCHES \"${alone}\")\n"
+         "    set_tests_properties(\${test} PROPERTIES RUN_SERIAL ON)\n  endif()\nendforeach()\n")
+  endif()
+  file(APPEND ${labels_file} "foreach(test IN LISTS ${target}_TESTS)\n  if(test MATCHES \"${earshot_long_tests}\")\n"
+       "    set_tests_properties(\${test} PROPERTIES LABELS \"${labels};${dir};long\")\n  endif()\nendforeach()\n")
+  set_property(DIRECTORY APPEND PROPERTY TEST_INCLUDE_FILES ${labels_file})
+  if("threads" IN_LIST labels)
+    add_dependencies(thread_tests ${target})
+  endif()
+  if("sanitized" IN_LIST labels)
+    add_dependencies(sanitized_tests ${target})
+  endif()
 endfunction()

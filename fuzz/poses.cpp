@@ -1,7 +1,7 @@
 // CSV files of timed poses.
 #include <cmath>
 
-#include "apps/timed_path.h"
+#include "apps/options/timed_path.h"
 #include "fuzz/fuzz_target.h"
 
 int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {

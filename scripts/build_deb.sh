@@ -12,7 +12,7 @@ for tool in cpack:cmake dpkg-shlibdeps:dpkg-dev file:file; do
 done
 build=${1:-build/release}
 [ -f "$build/CPackConfig.cmake" ] || cmake "$build" >/dev/null 2>&1 || { echo "build_deb: $build is no folder of a build; run scripts/build.sh" >&2; exit 2; }
-targets=(earshot earshot_reader shell_files)
+targets=(earshot shell_files)
 if cmake --build "$build" --target help | grep -q '^sbom:'; then targets+=(sbom); fi
 cmake --build "$build" --target "${targets[@]}" -- -j "${EARSHOT_JOBS:-$(nproc)}" >"$build/deb.log" || { tail -n 20 "$build/deb.log" >&2; fail "the program does not build"; }
 [ -f "$build/CPackConfig.cmake" ] || fail "$build has no CPackConfig.cmake: it was configured without EARSHOT_BUILD_TRAINING"
@@ -24,7 +24,7 @@ rm -rf "$build/deb/_CPack_Packages"
 deb=$(echo "$build"/deb/*.deb)
 [ -f "$deb" ] || fail "cpack made another number of packages than one: $deb"
 contents=$(dpkg-deb --contents "$deb" | awk '{print $6}')
-for path in bin/earshot libexec/earshot/earshot_reader share/earshot/configs/train/quick.yaml share/man/man1/earshot.1.gz \
+for path in bin/earshot libexec/earshot/earshot_training libexec/earshot/earshot_reader share/earshot/configs/train/quick.yaml share/man/man1/earshot.1.gz \
   share/bash-completion/completions/earshot share/zsh/vendor-completions/_earshot share/doc/earshot/copyright share/doc/earshot/README.md; do
   grep -qx "./usr/$path" <<<"$contents" || fail "$deb has no /usr/$path"
 done

@@ -7,13 +7,14 @@
 #   in envs          task <- episodes <- sensors <- scenes <- config <- hearing <- batch <- baselines
 #   in trainer       net <- launch <- collective <- learner <- rollout <- checkpoint <- curves <- run; the first three use of the rest sim/base alone
 #   in evaluation    results <- leaderboard <- replay
+#   in apps          options <- {sound, scene, dataset, training, board, bench}
 # Of bench only training/ and the programs learner_*_bench.cpp, which nothing links, use policy and trainer.
 # Usage: check_layering.sh [ROOT]     ROOT: the source tree, by default the one this script is in
 set -euo pipefail
 cd "${1:-$(dirname "$0")/..}"
 failures=0
 
-# allowed FOLDER "ALLOWED PREFIXES" [GREP OPTION...]: every #include "..." in FOLDER must start with one of them, but in files that an option leaves
+# allowed FOLDER "ALLOWED PREFIXES" [GREP OPTION...]: every #include "..." in FOLDER must be or lie in one of them, but in files that an option leaves
 # out.
 allowed() {
   local folder=$1 file line path prefix ok
@@ -22,7 +23,7 @@ allowed() {
     path=${path#*\"}; path=${path%%\"*}
     [ -e "$path" ] || continue                      # a library's or a generated header
     ok=0
-    for prefix in $2; do case "$path" in "$prefix"/*) ok=1 ;; esac; done
+    for prefix in $2; do case "$path" in "$prefix" | "$prefix"/*) ok=1 ;; esac; done
     if [ "$ok" = 0 ]; then echo "layering: $file:$line includes $path, but $folder may only use: $2"; failures=1; fi
   done < <(grep -srnE '^[[:space:]]*#[[:space:]]*include[[:space:]]*"' --include='*.h' --include='*.cpp' "${@:3}" "$folder" || true)
 }
@@ -68,6 +69,7 @@ chain evaluation "results leaderboard replay" "sim envs policy trainer"
 allowed evaluation    "sim envs policy trainer evaluation"
 allowed bench         "sim envs bench" --exclude-dir=training --exclude='learner_*_bench.cpp'
 allowed bench         "sim envs policy trainer evaluation bench"
+for room in options sound scene dataset training board; do allowed "apps/$room" "sim envs datasets policy trainer evaluation apps/commands.h apps/options apps/$room"; done
 allowed apps          "sim envs datasets policy trainer evaluation bench apps"
 
 owned 'embree'            'sim/rays/'

@@ -7,6 +7,6 @@ cd "$(dirname "$0")/.."
 [ $# = 1 ] || { echo "image_build: takes the folder for the .deb" >&2; exit 2; }
 mkdir -p "$1"
 scripts/setup.sh
-scripts/build.sh release --target earshot earshot_reader
+scripts/build.sh release --target earshot
 scripts/build_deb.sh
 cp build/release/deb/earshot_*.deb "$1/"

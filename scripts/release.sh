@@ -45,7 +45,7 @@ cp build/wheel/*.whl "$dist/"
 build/wheel_tools/bin/pip install -q --disable-pip-version-check -c python/tests/tested_versions.txt build
 build/wheel_tools/bin/python -m build --sdist --outdir "$dist" . >/dev/null
 
-scripts/build.sh release --target earshot earshot_reader
+scripts/build.sh release --target earshot
 scripts/build_deb.sh
 cp build/release/deb/*.deb "$dist/"
 for deb in ${debs:+"$debs"/*.deb}; do cp "$deb" "$dist/"; done

@@ -1,153 +1,13 @@
 #include "evaluation/results/evaluator.h"
 
-#include <fmt/format.h>
-#include <spdlog/spdlog.h>
+#include <optional>
+#include <span>
 
-#include <algorithm>
-#include <chrono>
-#include <functional>
-#include <thread>
-
-#include "evaluation/results/metric_rules.h"
-#include "policy/torch_threads.h"
-#include "sim/base/engine_hash.h"
+#include "evaluation/results/episode_loop.h"
 #include "sim/base/files.h"
-#include "sim/base/progress.h"
-#include "sim/base/stopwatch.h"
-#include "trainer/checkpoint/checkpoint.h"
-#include "trainer/rollout/actor.h"
-#include "trainer/run/effective_config.h"
 #include "trainer/run/episode_data.h"
 
 namespace earshot {
-namespace {
-
-/// With no env but such whose stage has been given up, and none of those coming back.
-constexpr double kLongestIdleS = 600;
-
-EvaluationResult::Row row_of(const Episode& episode, const FinishedEpisode& finished) {
-  return {.id = episode.episode_id,
-          .scene = episode.scene_id,
-          .metrics = finished.metrics,
-          .actions = finished.actions,
-          .sound = episode.sound};
-}
-
-/// The rounds of episodes that one of several processes runs.  An env begins its next episode on request, with the number that the
-/// episode has in one process; an env without one stays as it is, in its row.
-class PartOfEpisodes {
- public:
-  PartOfEpisodes(BatchedEnv& env, const EpisodeSet& set, const EvaluationPart& part, EvaluationResult& result)
-      : env_(&env), set_(&set), part_(&part), result_(&result), rounds_(static_cast<std::size_t>(env.num_envs()), part.part) {}
-
-  void run(const std::function<void(BatchedEnv&, std::span<std::int32_t>)>& act, const std::function<void(const BatchedEnv&)>& after) {
-    std::vector<std::int32_t> live, live_actions, actions(rounds_.size());
-    for (std::int32_t i = 0; i < env_->num_envs(); ++i)
-      if (begin_next(i)) live.push_back(i);
-    while (!live.empty()) {
-      act(*env_, actions);
-      live_actions.clear();
-      for (const std::int32_t i : live) live_actions.push_back(actions[static_cast<std::size_t>(i)]);
-      env_->send(live, live_actions);
-      env_->recv(static_cast<int>(live.size()), RecvOrder::as_sent);
-      after(*env_);
-      const std::vector<FinishedEpisode> finished(env_->finished().begin(), env_->finished().end());  // begin() lets go of them
-      for (const FinishedEpisode& episode : finished) {
-        result_->episodes[static_cast<std::size_t>(episode.episode_index)] = row_of(set_->episodes[episode.episode_index], episode);
-        ended();
-        if (!begin_next(episode.env)) std::erase(live, episode.env);
-      }
-    }
-  }
-
- private:
-  void ended() {
-    ++done_;
-    if (part_->on_progress) part_->on_progress(done_);
-  }
-
-  /// False where the env has no episode left.
-  bool begin_next(std::int32_t env) {
-    int& round = rounds_[static_cast<std::size_t>(env)];
-    for (;; round += part_->parts) {
-      const std::size_t index = static_cast<std::size_t>(round) * rounds_.size() + static_cast<std::size_t>(env);
-      if (index >= set_->episodes.size()) return false;
-      const auto fault = env_->begin(env, index, round);
-      if (!fault) break;
-      const Episode& episode = set_->episodes[index];
-      spdlog::warn("episode '{}' in {} cannot begin and counts as failed: {}", episode.episode_id, episode.scene_id, fault->detail);
-      FinishedEpisode failed;
-      failed.metrics.dtg_m = static_cast<double>(episode.geodesic_distance_m);
-      result_->episodes[index] = row_of(episode, failed);
-      ended();
-    }
-    round += part_->parts;
-    return true;
-  }
-
-  BatchedEnv* env_;
-  const EpisodeSet* set_;
-  const EvaluationPart* part_;
-  EvaluationResult* result_;
-  std::vector<int> rounds_;  ///< next one of each env
-  std::size_t done_ = 0;
-};
-
-/// The loop that all agents share: act until every episode has ended once.
-/// act: writes actions for the current observations.  after: called behind each step.
-EvaluationResult run_episodes(const EnvConfig& base, const EvaluationConfig& evaluation, const std::string& name,
-                              const std::function<void(BatchedEnv&, std::span<std::int32_t>)>& act,
-                              const std::function<void(const BatchedEnv&)>& after) {
-  EvaluationResult result;
-  const auto set = load_evaluated_set(evaluation, &result.partial_of);
-  EnvConfig config = base;
-  config.order = EpisodeOrder::once;
-  config.threads = evaluation.threads;
-  if (evaluation.part) config.autoreset = Autoreset::off;
-  const auto scenes = make_scene_cache(config);
-  const auto num_episodes = set->episodes.size();
-  const int num_envs = static_cast<int>(std::min<std::size_t>(static_cast<std::size_t>(evaluation.num_envs), num_episodes));
-  BatchedEnv env(config, set, scenes, num_envs);
-
-  result.agent = name;
-  result.set_hash = hex64(set->hash);
-  result.engine_hash = engine_hash();
-  result.toolchain = this_toolchain();
-  result.episodes_file = evaluation.episodes;
-  result.seed = evaluation.seed;
-  result.rules = metric_rules(config, num_envs);
-  result.episodes.resize(num_episodes);
-  if (evaluation.part) {
-    PartOfEpisodes(env, *set, *evaluation.part, result).run(act, after);
-    return result;
-  }
-
-  env.reset();
-  std::vector<std::int32_t> actions(static_cast<std::size_t>(num_envs));
-  Progress progress("evaluate " + name, "episode", num_episodes);
-  Stopwatch idle;
-  for (std::size_t done = 0; done < num_episodes;) {
-    act(env, actions);
-    env.step(actions);
-    after(env);
-    for (const auto& episode : env.finished()) {
-      result.episodes[static_cast<std::size_t>(episode.episode_index)] = row_of(set->episodes[episode.episode_index], episode);
-      ++done;
-    }
-    progress.update(done);
-    if (std::ranges::any_of(env.active(), [](std::uint8_t flag) { return flag != 0; })) {
-      idle = Stopwatch();
-    } else if (done < num_episodes) {  // stages that were given up hold all that is left
-      if (idle.wall_s() > kLongestIdleS)
-        throw RunError("evaluation",
-                       fmt::format("{} of {} episodes wait for stages that do not return", num_episodes - done, num_episodes));
-      std::this_thread::sleep_for(std::chrono::milliseconds(10));
-    }
-  }
-  return result;
-}
-
-}  // namespace
 
 std::shared_ptr<const EpisodeSet> load_evaluated_set(const EvaluationConfig& evaluation, std::string* whole) {
   EpisodeSet set = load_episode_set(evaluation.episodes);
@@ -160,36 +20,6 @@ std::shared_ptr<const EpisodeSet> load_evaluated_set(const EvaluationConfig& eva
     set.hash = episode_set_hash(set.episodes);
   }
   return std::make_shared<const EpisodeSet>(std::move(set));
-}
-
-EvaluationResult evaluate_checkpoint(const std::filesystem::path& path, const EvaluationConfig& evaluation,
-                                     const std::vector<std::string>& overrides) {
-  use_one_torch_thread();
-  const Checkpoint checkpoint = load_checkpoint(path);
-  const RunConfig config = parse_effective_config(checkpoint.config_yaml, path.string() + " (its config)", overrides);
-  ActorCritic policy(config.env.observation, config.policy);
-  load_weights(policy, checkpoint, path.string());
-  policy->eval();
-
-  std::optional<Actor> actor;
-  std::vector<ActingEnv> acting;
-  const auto act = [&](BatchedEnv& env, std::span<std::int32_t> actions) {
-    if (!actor) actor.emplace(policy, 0, env.num_envs());
-    const PolicyOutput& output = actor->observe(env);
-    if (evaluation.actions.value_or(config.eval_actions) == ActionChoice::argmax) {
-      greedy_actions(output.logits, actions);
-      return;
-    }
-    // Keyed by the episode, not by the env that happens to run it.
-    acting.clear();
-    for (int i = 0; i < env.num_envs(); ++i)
-      acting.push_back({static_cast<std::uint32_t>(env.episode_index(i)), 0, static_cast<std::uint32_t>(env.episode_step(i))});
-    sample_actions(output.logits, acting, evaluation.seed, actions);
-  };
-  EvaluationResult result = run_episodes(config.env, evaluation, config.name, act, [&](const BatchedEnv& env) { actor->advance(env); });
-
-  result.policy_hash = hex64(hash_of(checkpoint.weights, hash64(checkpoint.architecture)));
-  return result;
 }
 
 EvaluationResult evaluate_baseline(Baseline baseline, const std::string& name, const EnvConfig& env, const EvaluationConfig& evaluation) {

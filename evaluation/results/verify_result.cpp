@@ -121,7 +121,7 @@ struct FirstFault {
 /// Toolchains round differently: a number that another one gave is no evidence of a forgery, and is no evidence of the actions either.
 [[noreturn]] void refuse_row(const EvaluationResult& result, const std::string& where, const FirstFault& fault) {
   const std::string what = place(fault.index, result.episodes[fault.index]) + " " + fault.what;
-  const std::string made = walking_toolchain(result.toolchain), here = walking_toolchain(this_toolchain());
+  const std::string made = walking_toolchain(result.toolchain), here = walking_toolchain(simulation_toolchain());
   if (!fault.is_walked || made == here || result.engine_hash == engine_hash()) throw InputError(where, what, kRemedy);
   throw InputError(where,
                    fmt::format("{}; it was made with {}, and walked again with {}", what,

@@ -1,6 +1,5 @@
 #include "sim/base/isolated_call.h"
 
-#include <dlfcn.h>
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <poll.h>
@@ -18,10 +17,10 @@
 #include <system_error>
 #include <utility>
 
+#include "sim/base/companion_program.h"
 #include "sim/base/errors.h"
 #include "sim/base/file_descriptor.h"
 #include "sim/base/files.h"
-#include "sim/base/install_paths.h"
 
 extern char** environ;
 
@@ -202,33 +201,7 @@ std::string call_isolated(const std::filesystem::path& program, const std::vecto
   throw InputError(where, manner_of(status, limits.worker), remedy);
 }
 
-namespace {
-
-/// Of the file that holds this code: the program, or a library, such as the extension of a Python package.  Empty where it is not known by
-/// its whole path.
-std::filesystem::path folder_of_this_code() {
-  Dl_info info{};
-  if (dladdr(reinterpret_cast<const void*>(&reader_program), &info) == 0 || info.dli_fname == nullptr) return {};
-  const std::filesystem::path file = info.dli_fname;
-  return file.is_absolute() ? file.parent_path() : std::filesystem::path();
-}
-
-}  // namespace
-
-std::filesystem::path reader_program() {
-  constexpr const char* name = "earshot_reader";
-  if (const char* set = std::getenv("EARSHOT_READER"); set && *set) return set;
-  std::error_code error;
-  const std::filesystem::path folder = std::filesystem::read_symlink("/proc/self/exe", error).parent_path();
-  const std::filesystem::path own_folder = folder_of_this_code();
-  for (const std::filesystem::path& candidate :
-       {own_folder.empty() ? folder / name : own_folder / name, folder / name, folder.parent_path() / name,
-        (folder / kReaderFromPrograms).lexically_normal(), std::filesystem::path(kInstalledReader)})
-    if (std::filesystem::is_regular_file(candidate, error)) return candidate;
-  throw RunError(name, fmt::format("the reader program is neither in {} nor installed as {}; build or install it, or set "
-                                   "EARSHOT_READER to its path",
-                                   folder.string(), kInstalledReader));
-}
+std::filesystem::path reader_program() { return companion_program("earshot_reader", "EARSHOT_READER"); }
 
 std::string answer_header(AnswerKind kind, std::string_view bytes) {
   const std::array<std::uint64_t, 4> header{kMagic, static_cast<std::uint64_t>(kind), bytes.size(), hash64(bytes)};

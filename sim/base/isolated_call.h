@@ -36,9 +36,8 @@ IsolationLimits limits_for_file(const std::filesystem::path& file);
 std::string call_isolated(const std::filesystem::path& program, const std::vector<std::string>& arguments, const std::string& where,
                           const IsolationLimits& limits = {});
 
-/// The program that reads meshes and SOFA files: $EARSHOT_READER; or earshot_reader beside the library that holds this code (the extension
-/// of the Python package), beside the running program, one folder up, in ../libexec/earshot (a program installed under the same prefix), or
-/// where the build's own prefix puts it.  Throws RunError if it is in none.
+/// The program that reads meshes and SOFA files: $EARSHOT_READER, or the companion program earshot_reader (companion_program.h).  Throws
+/// RunError if it is nowhere.
 std::filesystem::path reader_program();
 
 /// The whole main() of such a program: sets the limits, then answers with what `work` returns for the arguments.  An InputError of

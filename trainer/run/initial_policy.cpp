@@ -1,6 +1,5 @@
 #include "trainer/run/initial_policy.h"
 
-#include "policy/actor_critic.h"
 #include "trainer/checkpoint/checkpoint.h"
 #include "trainer/checkpoint/find_checkpoint.h"
 

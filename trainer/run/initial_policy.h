@@ -1,10 +1,9 @@
 #pragma once
 
+#include "policy/actor_critic.h"
 #include "trainer/run/run_config.h"
 
 namespace earshot {
-
-class ActorCritic;
 
 /// The weights of config.initial_policy (a policy file, checkpoint or run folder), for a run that starts from them.  Throws InputError: no
 /// such file, damaged, or of another architecture than `config` asks for; then nothing has changed.

@@ -5,8 +5,6 @@
 #include <cstddef>
 #include <iterator>
 
-#include "policy/torch_info.h"
-#include "policy/torch_kernels.h"
 #include "sim/base/compiler.h"
 #include "sim/base/processor.h"
 #include "sim/rays/ray_tracer_version.h"
@@ -29,15 +27,11 @@ std::string compiled_for() {
 
 }  // namespace
 
-Toolchain this_toolchain() {
-  const TorchKernels kernels = torch_kernels();
+Toolchain simulation_toolchain() {
   return {{"compiler", compiler_name()},
           {"c_library", std::string("glibc ") + ::gnu_get_libc_version()},
           {"processor", compiled_for()},
-          {"embree", ray_tracer_version() + " " + ray_tracer_isa()},
-          {"libtorch", probe_torch().version + " " + kernels.libtorch},
-          {"onednn", kernels.onednn.empty() ? "none" : kernels.onednn},
-          {"blas", kernels.blas.empty() ? "unknown" : kernels.blas_version + " " + kernels.blas}};
+          {"embree", ray_tracer_version() + " " + ray_tracer_isa()}};
 }
 
 std::string walking_toolchain(const Toolchain& toolchain) {

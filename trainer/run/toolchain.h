@@ -10,7 +10,9 @@ namespace earshot {
 /// (instruction set), "blas" (version and kernels: "OpenBLAS 0.3.21 Haswell").
 using Toolchain = std::map<std::string, std::string>;
 
-/// Of this program on this machine.  Throws InputError if Embree opens no device.
+/// Of this program on this machine, without "libtorch", "onednn" and "blas".  Throws InputError if Embree opens no device.
+Toolchain simulation_toolchain();
+/// All of it; for programs with libtorch, which it loads.  Throws as above.
 Toolchain this_toolchain();
 
 /// The parts that decide what walking an episode computes (poses, distances, metrics), which torch has no part in, in one line:

@@ -1,4 +1,4 @@
-#include "apps/blas_kernel.h"
+#include "apps/training/blas_kernel.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -49,8 +49,10 @@ class Cli : public testing::Test {
     return {std::istreambuf_iterator<char>(stream), {}};
   }
   [[nodiscard]] CliOutcome earshot(const std::string& arguments) const {
-    const std::string command = earshot::earshot_program().string() + " " + arguments + " >" + file("stdout") + " 2>" + file("stderr");
-    const int status = std::system(command.c_str());
+    return run(earshot::earshot_program().string() + " " + arguments);
+  }
+  [[nodiscard]] CliOutcome run(const std::string& line) const {
+    const int status = std::system((line + " >" + file("stdout") + " 2>" + file("stderr")).c_str());
     return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read("stdout"), read("stderr")};
   }
   /// Samples of a 32-bit float WAV, channels interleaved: what follows the head of the data chunk.
@@ -76,16 +78,36 @@ class Cli : public testing::Test {
   std::filesystem::path folder_;
 };
 
-TEST_F(Cli, HelpIsCompleteAndUnknownCommandsAreRefused) {
+TEST_F(Cli, HelpIsComplete) {
   const CliOutcome help = earshot("--help");
   EXPECT_EQ(help.exit_code, 0);
   for (const char* command : {"doctor", "scene", "materials", "rir", "walk", "dataset", "train", "eval", "leaderboard", "bench"}) {
     EXPECT_THAT(help.output, HasSubstr(command));
     EXPECT_EQ(earshot(std::string(command) + " --help").exit_code, 0) << command;
   }
-  EXPECT_EQ(earshot("dance").exit_code, 2);
-  EXPECT_EQ(earshot("").exit_code, 2);
-  EXPECT_EQ(earshot("rir shoebox:5x3x4").exit_code, 2);
+}
+
+TEST_F(Cli, WordsThatAreNoCommandAreRefusedWithTheNearest) {
+  expect_bad_input("dance", "one of: bench, benchmark, completion");
+  expect_bad_input("", "one of: bench, benchmark, completion");
+  expect_bad_input("rirr shoebox:5x3x4", "did you mean 'rir'?");
+  expect_bad_input("evla random", "did you mean 'eval'?");
+  expect_bad_input("dataset", "one of: convolve, episodes, pano, rir, scenes");
+  expect_bad_input("dataset episode house:1", "did you mean 'dataset episodes'?");
+  expect_bad_input("bench", "one of: accuracy, allreduce");
+  expect_bad_input("bench rirs", "did you mean 'bench rir'?");
+  expect_bad_input("rir shoebox:5x3x4", "--source");
+}
+
+// What is asked of the program with libtorch reaches it through the other one, and a lack of it is said.
+TEST_F(Cli, CommandsOfTheProgramBesideAreItsOwn) {
+  const std::filesystem::path alone = folder_ / "alone";
+  std::filesystem::create_directory(alone);
+  std::filesystem::copy_file(earshot::earshot_program(), alone / "earshot");
+  EXPECT_EQ(run((alone / "earshot").string() + " rir --help").exit_code, 0);
+  const CliOutcome lost = run((alone / "earshot").string() + " train quick.yaml");
+  EXPECT_EQ(lost.exit_code, 1);
+  EXPECT_THAT(lost.errors, AllOf(HasSubstr("earshot_training: is neither in " + alone.string()), HasSubstr("build or install it")));
 }
 
 TEST_F(Cli, DoctorReportsTheMachine) {

@@ -1,0 +1,286 @@
+#include <fmt/format.h>
+
+#include <cstdio>
+#include <memory>
+#include <optional>
+#include <string>
+#include <tuple>
+#include <utility>
+#include <vector>
+
+#include "apps/commands.h"
+#include "apps/options/picture_size.h"
+#include "bench/accuracy_promise.h"
+#include "bench/accuracy_report.h"
+#include "bench/bench_env.h"
+#include "bench/bench_rir.h"
+#include "bench/engine_comparison.h"
+#include "bench/hearing_cost.h"
+#include "bench/scene_scale.h"
+#include "bench/soak/report.h"
+#include "sim/base/errors.h"
+
+namespace earshot {
+namespace {
+
+struct BenchArguments {
+  std::string json;
+  bool quick = false;
+};
+
+void finish(const BenchReport& report, const BenchArguments& options) {
+  fmt::print("\n{}", report.table());
+  report.write(options.json);
+}
+
+struct RirCommand : BenchArguments {
+  std::vector<std::string> scenes;
+  std::optional<double> reference_seconds;
+  std::optional<int> reference_poses;
+};
+
+struct AccuracyCommand : BenchArguments {
+  std::string out = "accuracy";
+  std::optional<double> minutes;
+  std::vector<std::string> engines;
+};
+
+void run_accuracy(const AccuracyCommand& command) {
+  AccuracyOptions options;
+  options.quick = command.quick;
+  options.minutes = command.minutes.value_or(command.quick ? 2.5 : 20);
+  require(options.minutes > 0 && options.minutes <= 1440, "--minutes", options.minutes, "must be in (0, 1440]");
+  for (const std::string& engine : command.engines) options.engines.push_back(EngineCommand::parse(engine));
+  if (command.engines.empty()) options.engines = usual_engines();
+  options.after_scene = [&](const AccuracyStudy& so_far) { write_accuracy_files(so_far, command.out); };
+  const AccuracyStudy study = run_accuracy_study(options);
+  fmt::print(
+      "{}: accuracy.csv, accuracy_tables.md, accuracy_pareto.svg, accuracy_scenes.svg, accuracy_sweeps.svg, "
+      "accuracy_engines.svg\n",
+      command.out);
+  for (const std::string& line : study.engines.left_out) fmt::print("{}\n", line);
+  finish(accuracy_bench_report(study), command);
+}
+
+struct PromiseCommand : BenchArguments {
+  std::vector<std::string> scenes, targets;
+};
+
+void run_promise(const PromiseCommand& command) {
+  PromiseOptions options{.quick = command.quick, .scenes = command.scenes, .targets = command.targets};
+  const std::vector<PromiseScene> scenes =
+      run_promises(options, [](const PromiseScene& scene) { fmt::print("{}\n", promises_markdown({scene})), std::fflush(stdout); });
+  fmt::print("\n{}", promises_markdown(scenes));
+  promises_report(scenes).write(command.json);
+}
+
+struct SoakCommand {
+  SoakOptions options;
+  std::string json, out;
+};
+
+void run_soak_command(const SoakCommand& command) {
+  SoakOptions options = command.options;
+  if (!command.out.empty()) options.on_progress = [&](const SoakResult& so_far) { write_soak_files(so_far, command.out); };
+  const SoakResult result = run_soak(options);
+  if (!command.out.empty()) write_soak_files(result, command.out);
+  soak_bench_report(result).write(command.json);
+  fmt::print("{}", soak_markdown(result));
+  if (!result.passed()) throw RunError("bench soak", "a bound is broken: see the bounds above");
+}
+
+void add_soak(CLI::App& bench) {
+  const auto soak = std::make_shared<SoakCommand>();
+  SoakOptions& options = soak->options;
+  CLI::App* command = bench.add_subcommand("soak",
+                                           "Steps a batch through generated scenes for a long time and watches observations, heard energy, "
+                                           "memory and step times; exit code 1 if a bound is broken");
+  command->add_option("--steps", options.steps, "Agent steps")->capture_default_str();
+  command->add_option("--scenes", options.scenes, "Generated scenes: houses and shoeboxes")->capture_default_str();
+  command
+      ->add_option("--hard-every", options.hard_every, "Every how many-th scene is a hard one: tiny, rigid, open, far away, ...; 0: none")
+      ->capture_default_str();
+  command->add_option("--num-envs", options.num_envs, "Agents in the batch")->capture_default_str();
+  command->add_option("--threads", options.threads, "Over the batch; 0: all cores")->capture_default_str();
+  command->add_option("--minutes", options.minutes, "The steps end here, done or not")->capture_default_str();
+  command->add_option("--seed", options.seed, "Of scenes, episodes and actions")->capture_default_str();
+  command->add_option("--camera-px", options.camera_px, "Width and height of the picture; small, so that rendering does not hide the rest")
+      ->capture_default_str();
+  command->add_option("--cache-mb", options.cache_mb, "Bound of the scene cache, MiB; below what the scenes take, so that they come and go")
+      ->capture_default_str();
+  command->add_option("--replays", options.replays, "Episodes that are run again at the end, alone, and must give the same bits")
+      ->capture_default_str();
+  command->add_option("--memory-limit", options.memory_limit_mib, "Allowed growth of resident memory, MiB per 100000 steps")
+      ->capture_default_str();
+  command->add_option("--out", soak->out, "Folder for soak.md, soak.json and soak.svg, also written while it runs");
+  command->add_option("--json", soak->json, "Also write names, values and settings to a file");
+  command->callback([soak] { run_soak_command(*soak); });
+}
+
+struct ScenesCommand {
+  SceneScaleOptions options;
+  std::string store, json;
+};
+
+void run_scenes(const ScenesCommand& command) {
+  SceneScaleOptions options = command.options;
+  options.store = command.store;
+  options.progress = [](const std::string& line) { fmt::print(stderr, "{}\n", line); };
+  const SceneScaleResult result = run_scene_scale(options);
+  scene_scale_report(result).write(command.json);
+  fmt::print("{}", scene_scale_text(result));
+}
+
+void add_scenes(CLI::App& bench) {
+  const auto scenes = std::make_shared<ScenesCommand>();
+  SceneScaleOptions& options = scenes->options;
+  CLI::App* command = bench.add_subcommand("scenes",
+                                           "Loads many generated houses twice, steps a batch through them within a bound on memory, and "
+                                           "tells which steps took longer than ten times the median, and why");
+  command->add_option("--scenes", options.scenes, "Generated houses of three to six rooms")->capture_default_str();
+  command->add_option("--episodes", options.episodes_per_scene, "Episodes in each")->capture_default_str();
+  command->add_option("--num-envs", options.num_envs, "Agents in the batch")->capture_default_str();
+  command->add_option("--threads", options.threads, "Over the batch; 0: all cores")->capture_default_str();
+  command->add_option("--cache-gb", options.cache_gb, "Bound of the scene cache")->capture_default_str();
+  command->add_option("--minutes", options.minutes, "The steps end here, done or not")->capture_default_str();
+  command->add_option("--seed", options.seed, "Of houses and episodes")->capture_default_str();
+  command->add_option("--store", scenes->store, "Folder for the preprocessed scenes, about 9 MB each")->required();
+  command->add_option("--json", scenes->json, "Also write names, values and settings to a file");
+  command->callback([scenes] { run_scenes(*scenes); });
+}
+
+/// BenchArguments common to all benchmarks.
+CLI::App* add_bench_command(CLI::App& bench, const std::string& name, const std::string& about,
+                            const std::shared_ptr<BenchArguments>& options) {
+  CLI::App* command = bench.add_subcommand(name, about);
+  command->add_option("--json", options->json, "Also write names, medians, ranges and settings to a file");
+  command->add_flag("--quick", options->quick, "A small run that shows that everything works; its numbers mean little");
+  return command;
+}
+
+struct EnvCommand : BenchArguments {
+  EnvBenchOptions bench;
+  std::string size;
+  std::optional<double> seconds;
+};
+
+void add_env(CLI::App& bench) {
+  const auto env = std::make_shared<EnvCommand>();
+  CLI::App* command = add_bench_command(
+      bench, "env",
+      "Agent steps per second with all senses and bare, milliseconds of every stage, percentiles of a step, memory, bare rays", env);
+  command->add_option("--scene", env->bench.scene, "SCENE")->capture_default_str();
+  command->add_option("--envs", env->bench.envs, "Environments in the batch")->capture_default_str();
+  command->add_option("--agents", env->bench.agents, "Agents in each, who see each other; rates count steps of agents")
+      ->capture_default_str();
+  command->add_flag("--walk", env->bench.walk, "Random walks in place of the oracle, whose agents queue where they share a goal");
+  command->add_option("--seconds", env->seconds, "Per repeat (default: 3, 0.2 with --quick)");
+  command->add_flag("--agent-sounds", env->bench.agent_sounds, "They make sounds, and hear each other");
+  command->add_option("--size", env->size, "Picture, WxH pixels (default: 128x128)");
+  command->add_option("--threads", env->bench.threads, "Over the batch (default: one, and two in a row of their own)");
+  command->add_option("--renderer", env->bench.renderer, "Of pictures: embree, egl or auto (egl where its device is hardware)")
+      ->capture_default_str();
+  command->add_option("--egl-device", env->bench.egl_device, "auto, software, a number of `earshot doctor`, a UUID or cuda:N")
+      ->capture_default_str();
+  command->add_flag("--field", env->bench.field, "Late sound from source fields of ten shared goals instead of rays at each pose");
+  command->add_flag("--autotune", env->bench.autotune, "Instead: steps per second over agents and threads, and the best of them here");
+  command->callback([env] {
+    EnvBenchOptions& options = env->bench;
+    options.quick = env->quick;
+    if (env->quick) options.repeats = 3, options.seconds = 0.2;
+    if (env->seconds) options.seconds = *env->seconds;
+    require(options.seconds > 0 && options.seconds <= 3600, "--seconds", options.seconds, "must be in (0, 3600]");
+    if (!env->size.empty()) std::tie(options.width_px, options.height_px) = parse_picture_size(env->size, "128x128");
+    finish(bench_env(options), *env);
+  });
+}
+
+struct HearingCommand : BenchArguments {
+  std::vector<std::string> scenes;
+  std::optional<double> truth_seconds;
+};
+
+void add_hearing(CLI::App& bench) {
+  const auto hearing = std::make_shared<HearingCommand>();
+  CLI::App* command = add_bench_command(
+      bench, "hearing", "What 16, 64, 256 rays per pose and the source field cost an environment and give its agents", hearing);
+  command->add_option("--scene", hearing->scenes, "SCENE in place of the usual two, repeatable")->allow_extra_args(false);
+  command->add_option("--reference-seconds", hearing->truth_seconds,
+                      "Per scene, for the converged reference (default: 60, 0.2 with --quick)");
+  command->callback([hearing] {
+    HearingCostOptions options{.quick = hearing->quick, .scenes = hearing->scenes};
+    options.truth_seconds = hearing->truth_seconds.value_or(hearing->quick ? 0.2 : 60);
+    require(options.truth_seconds > 0 && options.truth_seconds <= 36'000, "--reference-seconds", options.truth_seconds,
+            "must lie in (0, 36000]");
+    const HearingCost cost = bench_hearing(options);
+    fmt::print("\n{}", cost.markdown);
+    finish(cost.report, *hearing);
+  });
+}
+
+}  // namespace
+
+void add_bench(CLI::App& app, const std::vector<std::string>& arguments, int& exit_code) {
+  CLI::App* bench = app.add_subcommand(
+      "bench", "Measure this machine: rir, env, hearing, accuracy, promise, scenes, soak, bits, train, allreduce, scaling");
+  bench->require_subcommand(1);
+  const auto rir = std::make_shared<RirCommand>();
+  CLI::App* rir_command =
+      add_bench_command(*bench, "rir", "Impulse responses per second on one thread, their errors, and where the time goes", rir);
+  rir_command
+      ->add_option(
+          "--scene", rir->scenes,
+          "SCENE to measure in place of the usual two, repeatable; errors are then taken against bidirectional paths, not against a "
+          "finer field")
+      ->allow_extra_args(false);
+  rir_command->add_option("--reference-seconds", rir->reference_seconds,
+                          "Per scene, for the paths that are the truth or check it (default: 60, 0.2 with --quick)");
+  rir_command->add_option("--reference-poses", rir->reference_poses,
+                          "Poses at which those paths are the truth of a --scene: fewer are known better in the same time (default: 12)");
+  rir_command->callback([rir] {
+    RirBenchOptions options;
+    options.quick = rir->quick;
+    options.scenes = rir->scenes;
+    if (rir->quick) options.repeats = 3, options.poses = 2, options.error_fields = 2, options.reference_seconds = 0.2;
+    if (rir->reference_seconds) options.reference_seconds = *rir->reference_seconds;
+    require(options.reference_seconds > 0 && options.reference_seconds <= 36'000, "--reference-seconds", options.reference_seconds,
+            "must lie in (0, 36000]");
+    if (rir->reference_poses) options.path_poses = *rir->reference_poses;
+    require(options.path_poses >= 1 && options.path_poses <= 24, "--reference-poses", options.path_poses, "must lie in [1, 24]");
+    finish(bench_rir(options), *rir);
+  });
+
+  add_env(*bench);
+  add_hearing(*bench);
+
+  const auto accuracy = std::make_shared<AccuracyCommand>();
+  CLI::App* command = add_bench_command(
+      *bench, "accuracy", "What accuracy costs in time: every mode in every scene against a converged truth; tables and figures", accuracy);
+  command->add_option("--out", accuracy->out, "Folder for accuracy.csv, accuracy_tables.md and the figures")->capture_default_str();
+  command->add_option("--minutes", accuracy->minutes,
+                      "Of the whole study; poses and repeats are cut to fit (default: 20, 2.5 with --quick)");
+  command
+      ->add_option("--engine", accuracy->engines,
+                   "NAME=COMMAND: another engine for the comparison in shoeboxes, repeatable (protocol: docs/accuracy.md; default: "
+                   "pyroomacoustics, where python3 has it)")
+      ->allow_extra_args(false);
+  command->callback([accuracy] { run_accuracy(*accuracy); });
+
+  const auto promise = std::make_shared<PromiseCommand>();
+  CLI::App* promise_command = add_bench_command(
+      *bench, "promise", "What --accuracy promises, predicts and keeps in ten scenes, and what it saves over the presets", promise);
+  promise_command->add_option("--scene", promise->scenes, "SCENE in place of the usual ten, repeatable")->allow_extra_args(false);
+  promise_command
+      ->add_option("--target", promise->targets, "As --accuracy; repeatable (default: 2, 5, with 1 dB of drr and edc, and 10 % of T20)")
+      ->allow_extra_args(false);
+  promise_command->callback([promise] { run_promise(*promise); });
+
+  add_scenes(*bench);
+  add_soak(*bench);
+  add_bench_bits(*bench);
+  add_bench_train(*bench);
+  add_bench_allreduce(*bench, arguments, exit_code);
+  add_bench_scaling(*bench, arguments, exit_code);
+}
+
+}  // namespace earshot

@@ -1,0 +1,152 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <map>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "apps/commands.h"
+#include "bench/bench_report.h"
+#include "bench/training/all_reduce_speed.h"
+#include "sim/base/errors.h"
+#include "sim/base/files.h"
+#include "sim/base/temporary_folder.h"
+#include "trainer/collective/gloo_group.h"
+#include "trainer/launch/worker_group.h"
+
+namespace earshot {
+namespace {
+
+struct BenchAllreduceArguments {
+  std::vector<int> ranks{2, 4};
+  std::vector<double> kib{4, 16, 64, 256, 1024, 4096, 19345.52, 65536};
+  std::vector<double> delays_ms{0};
+  std::string json, times;
+  AllReduceSpeedOptions speed;
+  bool quick = false, no_gloo = false;
+};
+
+/// What a worker does: measures with the others; rank 0 writes the times.
+void measure(const BenchAllreduceArguments& options, const LaunchedWorker& worker) {
+  const auto times = time_all_reduce(options.speed, worker.ring);
+  if (worker.ring.identity.rank != 0) return;
+  nlohmann::json rows = nlohmann::json::array();
+  for (const AllReduceTime& time : times) rows.push_back({{"way", time.way}, {"bytes", time.bytes}, {"ms", time.ms}});
+  write_file_atomically(options.times, rows.dump());
+}
+
+std::string size_text(std::size_t bytes) {
+  return bytes < 1'000'000 ? fmt::format("{:.4g}KB", static_cast<double>(bytes) / 1e3)
+                           : fmt::format("{:.3g}MB", static_cast<double>(bytes) / 1e6);
+}
+
+std::string row(const std::vector<std::string>& cells) {
+  std::string line;
+  for (std::size_t i = 0; i < cells.size(); ++i) line += i == 0 ? fmt::format("{:<10}", cells[i]) : fmt::format("{:>16}", cells[i]);
+  return line + "\n";
+}
+
+/// Per size a line: milliseconds of each way, and those of shared memory and of the ring, or of tcp where links are delayed, over Gloo's.
+std::string table(int ranks, const nlohmann::json& times, const BenchJson& setting, BenchReport& report) {
+  std::vector<std::string> ways;
+  std::vector<std::size_t> sizes;
+  std::map<std::pair<std::size_t, std::string>, std::vector<double>> ms;
+  for (const auto& time : times) {
+    const auto bytes = time.at("bytes").get<std::size_t>();
+    const auto way = time.at("way").get<std::string>();
+    if (std::ranges::find(ways, way) == ways.end()) ways.push_back(way);
+    if (std::ranges::find(sizes, bytes) == sizes.end()) sizes.push_back(bytes);
+    ms[{bytes, way}] = time.at("ms").get<std::vector<double>>();
+  }
+  const bool gloo = std::ranges::find(ways, "gloo") != ways.end();
+  const bool one_host = std::ranges::find(ways, "ipc") != ways.end();
+  const std::vector<std::string> compared = one_host ? std::vector<std::string>{"shared_memory", "ipc"} : std::vector<std::string>{"tcp"};
+  std::vector<std::string> head{fmt::format("{} workers", ranks)};
+  for (const std::string& way : ways) head.push_back(way + " ms");
+  for (const std::string& way : compared)
+    if (gloo) head.push_back((way == "shared_memory" ? "shared" : way) + " / gloo");
+  std::string text = row(head);
+  for (const std::size_t bytes : sizes) {
+    BenchJson with_size = setting;
+    with_size["ranks"] = ranks, with_size["bytes"] = bytes;
+    std::vector<std::string> cells{size_text(bytes)};
+    for (const std::string& way : ways) {
+      const Measured time = median_of(ms[{bytes, way}]);
+      report.add(fmt::format("allreduce.ms.{}", way), "ms", time, with_size);
+      cells.push_back(fmt::format("{:.3f}", time.value));
+    }
+    for (const std::string& way : compared) {
+      if (!gloo) break;
+      std::vector<double> ratios;
+      for (std::size_t round = 0; round < ms[{bytes, way}].size(); ++round)
+        ratios.push_back(ms[{bytes, way}][round] / ms[{bytes, "gloo"}][round]);
+      const Measured ratio = median_of(ratios);
+      report.add(fmt::format("allreduce.ratio_to_gloo.{}", way), "1", ratio, with_size);
+      cells.push_back(fmt::format("{:.2f}", ratio.value));
+    }
+    text += row(cells);
+  }
+  return text;
+}
+
+int run(BenchAllreduceArguments options, const std::vector<std::string>& arguments) {
+  require(options.speed.seconds > 0 && options.speed.seconds <= 60, "--seconds", options.speed.seconds, "must be in (0, 60]");
+  require(options.speed.rounds >= 1 && options.speed.rounds <= 100, "--repeats", options.speed.rounds, "must be in [1, 100]");
+  for (const int ranks : options.ranks) require(ranks >= 2 && ranks <= 64, "--ranks", ranks, "must be 2 to 64");
+  for (const double kib : options.kib) require(kib > 0 && kib <= 1024 * 1024, "--kib", kib, "must lie in (0, 1048576]");
+  for (const double delay : options.delays_ms) require(delay >= 0 && delay <= 500, "--delay-ms", delay, "must be in [0, 500]");
+  if (options.quick) options.speed.seconds = 0.01, options.speed.rounds = 1, options.kib = {4, 256};
+  for (const double kib : options.kib) options.speed.bytes.push_back(static_cast<std::size_t>(kib * 256) * sizeof(float));
+  options.speed.gloo = !options.no_gloo;
+  if (const auto worker = worker_from_environment()) {
+    if (options.times.empty()) throw InputError("bench allreduce", "starts its workers by itself", "call it without a launcher");
+    options.speed.delay_ms = options.delays_ms.back();  // after those of the command line
+    measure(options, *worker);
+    return 0;
+  }
+
+  const TemporaryFolder folder(std::filesystem::temp_directory_path(), "earshot_bench_allreduce_");
+  BenchReport report("allreduce");
+  if (options.speed.gloo && !has_gloo())
+    fmt::print("Gloo left out: it is not in this build (apt-get install libgloo-dev, then build again)\n");
+  for (const double delay_ms : options.delays_ms)
+    for (const int ranks : options.ranks) {
+      const std::string file = (folder.path() / "times.json").string();
+      std::vector<std::string> worker_arguments = arguments;
+      worker_arguments.insert(worker_arguments.end(), {"--times", file, "--delay-ms", fmt::format("{}", delay_ms)});
+      if (const int code = spawn_workers(ranks, worker_arguments); code != 0) return code;
+      const BenchJson setting = {{"seconds", options.speed.seconds}, {"threads", 1}, {"delay_ms", delay_ms}};
+      if (delay_ms > 0) fmt::print("\n{:g} ms from host to host, a worker on each", delay_ms);
+      fmt::print("\n{}", table(ranks, nlohmann::json::parse(read_file(file)), setting, report));
+    }
+  report.write(options.json);
+  return 0;
+}
+
+}  // namespace
+
+void add_bench_allreduce(CLI::App& bench, const std::vector<std::string>& arguments, int& exit_code) {
+  const auto options = std::make_shared<BenchAllreduceArguments>();
+  CLI::App* command = bench.add_subcommand(
+      "allreduce", "Time of a sum over workers of this machine: shared memory, the ring over ipc and over tcp, and Gloo, in turn");
+  command->add_option("--ranks", options->ranks, "Numbers of workers")->delimiter(',')->capture_default_str();
+  command->add_option("--kib", options->kib, "Sizes in KiB; 19345.52 is the gradient of the published network")
+      ->delimiter(',')
+      ->capture_default_str();
+  command
+      ->add_option("--delay-ms", options->delays_ms,
+                   "One way between workers, each of which is then a host of its own (a network namespace; needs root); 0: one host")
+      ->delimiter(',')
+      ->capture_default_str();
+  command->add_option("--seconds", options->speed.seconds, "Per size, way and repeat")->capture_default_str();
+  command->add_option("--repeats", options->speed.rounds, "Of each, in turn")->capture_default_str();
+  command->add_flag("--no-gloo", options->no_gloo, "Without Gloo");
+  command->add_option("--json", options->json, "Also write names, medians, ranges and settings to a file");
+  command->add_flag("--quick", options->quick, "A small run that shows that everything works; its numbers mean little");
+  command->add_option("--times", options->times, "")->group("");  // of the workers
+  command->callback([options, &arguments, &exit_code] { exit_code = run(*options, arguments); });
+}
+
+}  // namespace earshot

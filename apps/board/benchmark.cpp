@@ -1,0 +1,80 @@
+#include "evaluation/leaderboard/benchmark.h"
+
+#include <fmt/format.h>
+
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "apps/board/board_commands.h"
+#include "evaluation/leaderboard/private_set.h"
+#include "sim/base/errors.h"
+#include "sim/base/files.h"
+
+namespace earshot {
+
+namespace {
+
+struct BenchmarkArguments {
+  std::string file, json, private_file, new_private_file;
+};
+
+void run_benchmark(const BenchmarkArguments& options) {
+  if (!options.private_file.empty() && !options.new_private_file.empty())
+    throw InputError("--make-private", "makes the set that --private would read", "leave one of them out");
+  const Benchmark benchmark = load_benchmark(options.file);
+  if (!options.new_private_file.empty()) {
+    const std::string sha256 = make_private_set(benchmark, options.new_private_file);
+    fmt::print(
+        "{}: a private set of {} {}; keep the file to yourself, and put this into {}, section benchmark:\n  private: {{sha256: \"{}\"}}\n",
+        options.new_private_file, benchmark.name, benchmark.version, options.file, sha256);
+    if (options.json.empty()) return;
+    const nlohmann::ordered_json report{
+        {"schema_version", 1}, {"benchmark", benchmark.name}, {"version", benchmark.version}, {"private_sha256", sha256}};
+    write_file_atomically(options.json, report.dump(2) + "\n");
+    return;
+  }
+  check_splits(benchmark);
+  const EpisodeSet set = benchmark_set(benchmark);
+  fmt::print("{} {}: {} episodes in {}, set {}, rules {}; no scene of the training in it, and {}\n", benchmark.name, benchmark.version,
+             set.episodes.size(), benchmark.run.eval.file, hex64(set.hash), benchmark.rules_hash,
+             benchmark.heard_sounds.empty() ? "no sound" : "no sound but those that it says are heard");
+  nlohmann::ordered_json report{{"schema_version", 1},
+                                {"benchmark", benchmark.name},
+                                {"version", benchmark.version},
+                                {"episodes_file", benchmark.run.eval.file},
+                                {"episodes", set.episodes.size()},
+                                {"set_hash", hex64(set.hash)},
+                                {"rules_hash", benchmark.rules_hash},
+                                {"seed", benchmark.seed},
+                                {"private_sha256", benchmark.private_sha256}};
+  if (!options.private_file.empty()) {
+    const Benchmark hidden = with_private_set(benchmark, options.private_file);
+    const EpisodeSet private_set = benchmark_set(hidden);
+    check_private_split(benchmark, private_set);
+    fmt::print("{}: the private set of {} {}: {} episodes, set {}; no scene or sound of training or public set in it{}\n",
+               options.private_file, benchmark.name, benchmark.version, private_set.episodes.size(), hidden.set_hash,
+               benchmark.heard_sounds.empty() ? "" : ", but for those that are heard");
+    report["private_episodes"] = private_set.episodes.size();
+    report["private_set_hash"] = hidden.set_hash;
+  }
+  if (!options.json.empty()) write_file_atomically(options.json, report.dump(2) + "\n");
+}
+
+}  // namespace
+
+void add_benchmark(CLI::App& app) {
+  auto options = std::make_shared<BenchmarkArguments>();
+  CLI::App* command =
+      app.add_subcommand("benchmark", "Check a benchmark: its rules, its test set, and that training and test have nothing in common");
+  command->add_option("BENCHMARK", options->file, "File of configs/benchmarks")->required();
+  command->add_option(
+      "--private", options->private_file,
+      "Also the private set in this file: that it is the one whose SHA-256 the benchmark names, and what it has in common with others");
+  command->add_option("--make-private", options->new_private_file,
+                      "Instead: draw a set of the same kind from secret numbers into this file, for those who keep the benchmark");
+  command->add_option("--json", options->json, "Also write what was found to a file");
+  command->footer("Makes the test set (data.eval.file) if it is missing, and refuses one whose hash is not that of the benchmark.");
+  command->callback([options] { run_benchmark(*options); });
+}
+
+}  // namespace earshot

@@ -1,0 +1,156 @@
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <memory>
+#include <optional>
+
+#include "apps/board/board_commands.h"
+#include "evaluation/leaderboard/benchmark.h"
+#include "evaluation/leaderboard/leaderboard.h"
+#include "evaluation/leaderboard/private_set.h"
+#include "evaluation/results/evaluation_workers.h"
+#include "evaluation/results/evaluator.h"
+#include "evaluation/results/result_groups.h"
+#include "sim/base/files.h"
+#include "trainer/checkpoint/find_checkpoint.h"
+#include "trainer/run/effective_config.h"
+#include "trainer/run/episode_data.h"
+#include "trainer/run/field_decision.h"
+#include "trainer/run/planned_acoustics.h"
+
+namespace earshot {
+namespace {
+
+struct EvalArguments {
+  std::string agent, config, out, name, benchmark, private_file;
+  std::vector<std::string> overrides;
+  EvaluationConfig evaluation;
+  bool argmax = false, sample = false;
+  int workers = 1;
+  std::string part_folder, json;
+};
+
+/// The config's held-out set, unless --episodes names one.
+void take_set_of(const RunConfig& config, EvaluationConfig& evaluation) {
+  if (!evaluation.episodes.empty()) return;
+  evaluation.episodes = config.eval.file;
+  evaluation.generator = expected_generator(config.eval, config.env);
+}
+
+/// What an evaluation needs, whatever process runs it.
+struct Plan {
+  std::optional<Baseline> baseline;
+  std::filesystem::path checkpoint;  ///< where it is no baseline
+  RunConfig config;
+  EvaluationConfig evaluation;
+  std::vector<std::string> trained_sounds;
+};
+
+Plan plan_of(const EvalArguments& options) {
+  Plan plan;
+  plan.baseline = baseline_by_name(options.agent);
+  plan.evaluation = options.evaluation;
+  EvaluationConfig& evaluation = plan.evaluation;
+  if (plan.baseline && (options.argmax || options.sample))
+    throw InputError(options.argmax ? "--argmax" : "--sample", "has no effect on a baseline", "leave it out");
+  if (options.argmax) evaluation.actions = ActionChoice::argmax;
+  if (options.sample) evaluation.actions = ActionChoice::sample;
+  std::optional<Benchmark> benchmark;
+  if (options.benchmark.empty() && !options.private_file.empty())
+    throw InputError("--private", "is a set of a benchmark", "name it with --benchmark");
+  if (!options.benchmark.empty()) {
+    if (!options.config.empty() || !evaluation.episodes.empty())
+      throw InputError("--benchmark", "names rules and episodes itself", "leave out --config and --episodes");
+    benchmark = load_benchmark(options.benchmark);
+    if (!options.private_file.empty()) benchmark = with_private_set(*benchmark, options.private_file);
+    static_cast<void>(benchmark_set(*benchmark));  // made where it is missing, and the right one
+    evaluation.episodes = benchmark->run.eval.file;
+    evaluation.seed = benchmark->seed;
+  }
+  if (plan.baseline) {
+    RunConfig config = benchmark                ? benchmark->run
+                       : options.config.empty() ? parse_run_config("", "--set", options.overrides)
+                                                : load_run_config(options.config, options.overrides);
+    const auto kept = with_kept_acoustics(config, {config.out});
+    plan.config = decide_field(kept ? *kept : plan_acoustics(config)).config;  // it hears what the policy of this config does
+    take_set_of(plan.config, evaluation);
+    if (evaluation.episodes.empty()) throw InputError("--episodes", "is missing", "name an episode set, or a --config that names one");
+  } else {
+    plan.checkpoint = find_checkpoint(options.agent);
+    plan.config = parse_effective_config(load_checkpoint_metadata(plan.checkpoint).config_yaml, plan.checkpoint.string() + " (its config)",
+                                         options.overrides);
+    take_set_of(plan.config, evaluation);
+    if (evaluation.episodes.empty())
+      throw InputError("--episodes", "is missing and the checkpoint's config names none", "name an episode set");
+  }
+  evaluation.num_envs = plan.config.eval_envs;
+  plan.trained_sounds =
+      expand_sounds(benchmark ? benchmark->run.train.sounds : plan.config.train.sounds);  // before the work: a folder may be gone
+  return plan;
+}
+
+EvaluationResult evaluate(const Plan& plan, const EvalArguments& options) {
+  if (plan.baseline) return evaluate_baseline(*plan.baseline, options.agent, plan.config.env, plan.evaluation);
+  return evaluate_checkpoint(plan.checkpoint, plan.evaluation, options.overrides);
+}
+
+int run_eval(const EvalArguments& options, const std::vector<std::string>& arguments) {
+  Plan plan = plan_of(options);
+  if (!options.part_folder.empty()) {
+    EvaluationWorker worker(options.part_folder, options.agent);
+    worker.prepare(plan.evaluation, load_evaluated_set(plan.evaluation)->episodes.size());
+    worker.finish(evaluate(plan, options));
+    return 0;
+  }
+  EvaluationResult result;
+  if (options.workers > 1) {
+    if (plan.config.env.stage_limit_s > 0)
+      throw InputError("--workers", "does not go with env.stage_limit_s: which episode is given up depends on the load",
+                       "set env.stage_limit_s=0, or evaluate in one process");
+    static_cast<void>(load_evaluated_set(plan.evaluation));  // what is wrong with it is said once
+    int exit_code = 0;
+    result = evaluate_with_workers(options.workers, arguments, exit_code);
+    if (exit_code != 0) return exit_code;
+  } else {
+    result = evaluate(plan, options);
+  }
+  if (!plan.trained_sounds.empty()) note_novelty(result, plan.trained_sounds);
+  if (!options.name.empty()) result.agent = options.name;
+  if (!options.out.empty()) save_result(result, options.out);
+  fmt::print("{}", leaderboard_text({result}));
+  if (!options.json.empty()) write_file_atomically(options.json, leaderboard_json({result}));
+  return 0;
+}
+
+}  // namespace
+
+void add_eval(CLI::App& app, const std::vector<std::string>& arguments, int& exit_code) {
+  auto options = std::make_shared<EvalArguments>();
+  CLI::App* command = app.add_subcommand("eval", "Run an agent on every episode of a set and report its metrics");
+  command->add_option("AGENT", options->agent, "Checkpoint, run folder, or one of: " + baseline_names())->required();
+  command->add_option("--episodes", options->evaluation.episodes, "Episode set (default: data.eval.file of the config)");
+  command->add_option("--out", options->out, "Result file (JSON) to write");
+  command->add_option("--config", options->config, "Run config that fixes the environment of a baseline");
+  command->add_option("--benchmark", options->benchmark,
+                      "Benchmark (configs/benchmarks): its test set and seed, and a baseline's environment");
+  command->add_option("--private", options->private_file, "The benchmark's private set in this file, in the place of its test set");
+  command->add_option("--set", options->overrides, "key=value over the config");
+  command->add_option("--name", options->name, "Name in tables (default: the config's name)");
+  command->add_option("--seed", options->evaluation.seed, "Seed of sampled actions")->capture_default_str();
+  command->add_option("--threads", options->evaluation.threads, "Simulation threads; 0: all cores; any number gives the same bits")
+      ->capture_default_str();
+  command->add_option("--max-episodes", options->evaluation.max_episodes, "Only the first N episodes; 0: all")->capture_default_str();
+  auto* argmax = command->add_flag("--argmax", options->argmax, "Most probable action (default: eval_actions of the config)");
+  command->add_flag("--sample", options->sample, "Action drawn from the policy's distribution")->excludes(argmax);
+  command
+      ->add_option(
+          "--workers", options->workers,
+          "Processes that run the episodes; any number gives the same bits.  Each has its part of --threads 0 and a cache of scenes")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 64));
+  command->add_option(kPartFolderOption, options->part_folder)->group("");  // of the workers that --workers starts
+  command->add_option("--json", options->json, "Also write the table to a file");
+  command->callback([options, &arguments, &exit_code] { exit_code = run_eval(*options, arguments); });
+}
+
+}  // namespace earshot

@@ -1,0 +1,48 @@
+#include "apps/dataset/corpus_command.h"
+
+#include <fmt/format.h>
+
+#include <chrono>
+#include <cstdint>
+#include <memory>
+
+#include "sim/base/progress.h"
+#include "sim/sofa/sofa_writer.h"
+
+namespace earshot {
+
+void add_out_option(CLI::App& command, CorpusTarget& target) {
+  command.add_option("--out", target.out, "Folder to write; the same command completes it after an interruption")->required();
+}
+
+void add_sharing_options(CLI::App& command, CorpusTarget& target, const std::string& parts) {
+  command.add_option("--threads", target.threads, "Threads; 0: all cores; any number gives the same bytes")->capture_default_str();
+  command.add_option("--shard", target.shard, "K/N: the K-th of N parts, " + parts + "; any N gives the same bytes")->capture_default_str();
+}
+
+double write_with_progress(const CorpusTarget& target, const std::string& command, const std::string& unit,
+                           const std::function<void(const CorpusRun& run)>& write) {
+  std::unique_ptr<Progress> progress;  // begins with the first call, which knows the total
+  const auto begin = std::chrono::steady_clock::now();
+  CorpusRun run{.out = target.out,
+                .threads = target.threads,
+                .shard = CorpusShard::parse(target.shard),
+                .progress = [&](std::uint64_t done, std::uint64_t total) {
+                  if (!progress) progress = std::make_unique<Progress>(command, unit, total);
+                  progress->update(done);
+                }};
+  if (can_write_sofa()) run.encode_sofa = encode_sofa;
+  write(run);
+  progress.reset();
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+}
+
+void print_state(const CorpusTarget& target, std::size_t folders_missing, const std::string& complete) {
+  if (folders_missing == 0)
+    fmt::print("{}: complete, {}\n", target.out, complete);
+  else
+    fmt::print("{}: {} folders are missing, which other shards write; run any shard again once all are here\n", target.out,
+               folders_missing);
+}
+
+}  // namespace earshot

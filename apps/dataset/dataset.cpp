@@ -1,0 +1,78 @@
+#include <fmt/format.h>
+
+#include <memory>
+
+#include "apps/commands.h"
+#include "trainer/run/episode_data.h"
+
+namespace earshot {
+namespace {
+
+struct DatasetArguments {
+  std::vector<std::string> scenes, overrides;
+  std::string config, out, sounds;
+  int count = 50, goals = 0, agents = 1;
+  std::string agent_sounds;
+  std::uint64_t seed = 0;
+};
+
+void generate(const DataConfig& data, const EnvConfig& env) {
+  const EpisodeSet set = generate_data(data, env);
+  fmt::print("{}: {} episodes\n", data.file, set.episodes.size());
+}
+
+void run_dataset(const DatasetArguments& options) {
+  if (!options.config.empty()) {
+    if (!options.scenes.empty()) throw InputError("--config", "names the scenes itself", "give either SCENEs or --config");
+    const RunConfig config = load_run_config(options.config, options.overrides);
+    generate(config.train, config.env);
+    generate(config.eval, config.env);
+    return;
+  }
+  if (options.out.empty()) throw InputError("--out", "is missing", "name the file to write, for example --out episodes.json.gz");
+  // The keys of --set are those of a run config: env.task.forward_m=0.25, data.train.filter.min_geodesic_m=2.
+  RunConfig config = parse_run_config("", "--set", options.overrides);
+  config.train.file = options.out;
+  config.train.scenes = options.scenes;
+  config.train.episodes_per_scene = options.count;
+  config.train.goals_per_scene = options.goals;
+  config.train.seed = options.seed;
+  if (options.agents != 1) config.train.agents.count = options.agents;
+  if (!options.agent_sounds.empty()) config.train.agents.sounds = {options.agent_sounds};
+  validate(config.train.agents);
+  if (!options.sounds.empty()) config.train.sounds = {options.sounds};
+  if (config.train.sounds.empty()) config.train.sounds = {"synth:telephone"};
+  generate(config.train, config.env);
+}
+
+}  // namespace
+
+void add_dataset(CLI::App& app) {
+  auto options = std::make_shared<DatasetArguments>();
+  CLI::App* dataset = app.add_subcommand("dataset", "Generate data sets");
+  dataset->require_subcommand(1);
+  CLI::App* episodes = dataset->add_subcommand("episodes", "Draw AV-Nav episodes in scenes and write them as AudioNav JSON(.gz)");
+  episodes->add_option("SCENE", options->scenes, "Scenes; house:10..14,rooms=3 stands for five houses");
+  episodes->add_option("--count", options->count, "Episodes per scene")->capture_default_str();
+  episodes
+      ->add_option("--goals-per-scene", options->goals,
+                   "Places of the source that the episodes of a scene share, far from each other; 0: each has one of its own")
+      ->capture_default_str();
+  episodes->add_option("--out", options->out, "File to write; .gz compresses");
+  episodes->add_option(
+      "--sounds", options->sounds,
+      "Folder of sounds, one sound file, or synth:KIND[:SEED] (kinds: telephone alarm music noise speech click engine bird)");
+  episodes->add_option("--agents", options->agents, "Agents in each episode, with starts of their own and the same goal")
+      ->capture_default_str();
+  episodes->add_option("--agent-sounds", options->agent_sounds, "What the agents sound like to each other, as --sounds; none if left out");
+  episodes->add_option("--seed", options->seed, "Seed")->capture_default_str();
+  episodes->add_option("--config", options->config, "Run config: writes its data.train and data.eval sets instead");
+  episodes->add_option("--set", options->overrides, "key=value over the run config, for example data.train.filter.min_geodesic_m=2");
+  episodes->callback([options] { run_dataset(*options); });
+  add_dataset_rir(*dataset);
+  add_dataset_convolve(*dataset);
+  add_dataset_scenes(*dataset);
+  add_dataset_pano(*dataset);
+}
+
+}  // namespace earshot

@@ -1,0 +1,83 @@
+#include <fmt/format.h>
+
+#include <memory>
+
+#include "apps/commands.h"
+#include "apps/dataset/corpus_command.h"
+#include "apps/options/number_range.h"
+#include "datasets/convolve_corpus.h"
+#include "sim/base/errors.h"
+
+namespace earshot {
+namespace {
+
+struct DatasetConvolveArguments {
+  ConvolveConfig config;
+  CorpusTarget target;
+  std::string talkers = "1", talker_level = "-5,5", snr = "5,25", level = "-30,-20", format = "wav";
+};
+
+void run_dataset_convolve(const DatasetConvolveArguments& options) {
+  ConvolveConfig config = options.config;
+  const std::vector<float> talkers = parse_range(options.talkers, "--talkers");
+  require(talkers[0] >= 1 && talkers[1] <= 100, "--talkers", options.talkers, "must be within [1, 100]");
+  config.min_talkers = static_cast<int>(talkers[0]);
+  config.max_talkers = static_cast<int>(talkers[1]);
+  require(static_cast<float>(config.min_talkers) == talkers[0] && static_cast<float>(config.max_talkers) == talkers[1], "--talkers",
+          options.talkers, "must be whole numbers");
+  config.talker_db = parse_range(options.talker_level, "--talker-level");
+  config.snr_db = parse_range(options.snr, "--snr");
+  config.level_dbfs = parse_range(options.level, "--level");
+  config.format = options.format == "wav" ? SoundFormat::wav : SoundFormat::flac;
+
+  ConvolveReport report;
+  const double seconds = write_with_progress(options.target, "dataset convolve", "signals",
+                                             [&](const CorpusRun& run) { report = write_convolve_corpus(config, run); });
+  fmt::print("{}: {} signals in {:.1f} s, {:.1f} per second\n", options.target.out, report.signals, seconds,
+             static_cast<double>(report.signals) / seconds);
+  print_state(options.target, report.folders_missing,
+              fmt::format("{} signals; manifest.jsonl, recordings.jsonl, supervisions.jsonl", report.all_signals));
+  if (report.folders_missing == 0 && report.lowered > 0)
+    fmt::print(
+        "{} signals are below the level that was drawn, so that no sample exceeds 1 (lowered in the manifest); --level makes all "
+        "quieter\n",
+        report.lowered);
+}
+
+}  // namespace
+
+void add_dataset_convolve(CLI::App& dataset) {
+  auto options = std::make_shared<DatasetConvolveArguments>();
+  ConvolveConfig& config = options->config;
+  CLI::App* command = dataset.add_subcommand(
+      "convolve", "Send dry speech through the responses of a corpus, with noise, targets and labels (docs/datasets.md)");
+  command->add_option("CORPUS", config.corpus, "Folder that `earshot dataset rir` has written")->required();
+  command
+      ->add_option("--speech", config.speech, "Folder of dry speech, with the folders below it: WAV, FLAC, OGG, Opus, MP3, AIFF, any rate")
+      ->required();
+  add_out_option(*command, options->target);
+  command->add_option("--count", config.count, "Signals; speech files come in turn; 0: one per speech file")->capture_default_str();
+  command->add_option("--talkers", options->talkers, "N or LOW,HIGH: so many, from different sources of a room")->capture_default_str();
+  command->add_option("--talker-level", options->talker_level, "LOW,HIGH in dB: further talkers over the first, as they are heard")
+      ->capture_default_str();
+  command->add_option("--noise", config.noise,
+                      "Folder of noise, synth (white), or synth:KIND, through the response of another source of the room; where there is "
+                      "none, unrelated noise on each channel");
+  command->add_option("--snr", options->snr, "LOW,HIGH in dB: all talkers over the noise, over all channels and the whole signal")
+      ->capture_default_str();
+  command->add_option("--level", options->level, "LOW,HIGH in dB: root mean square of a signal, 0 is full scale")->capture_default_str();
+  command->add_flag("--early", config.early, "Also each talker through the early part of the response (split_ms of the corpus)");
+  command->add_flag("--dry", config.dry, "Also each talker dry, at the time and the level of the direct sound");
+  command->add_flag("--stems", config.stems, "Also each talker and the noise alone");
+  command->add_flag("--cut", config.cut, "End with the dry speech, not with its last echo");
+  command->add_option("--format", options->format, "wav (32-bit float) or flac (24 bits)")
+      ->check(CLI::IsMember({"wav", "flac"}))
+      ->capture_default_str();
+  command->add_option("--seed", config.seed, "Seed of all that is drawn")->capture_default_str();
+  command->add_option("--signals-per-folder", config.signals_per_folder, "The unit of --shard: 1 to 10, or a multiple of 10")
+      ->capture_default_str();
+  add_sharing_options(*command, options->target);
+  command->callback([options] { run_dataset_convolve(*options); });
+}
+
+}  // namespace earshot

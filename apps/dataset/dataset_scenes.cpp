@@ -1,0 +1,43 @@
+#include <fmt/format.h>
+
+#include <memory>
+
+#include "apps/commands.h"
+#include "apps/dataset/corpus_command.h"
+#include "datasets/sound_scene_corpus.h"
+
+namespace earshot {
+namespace {
+
+struct DatasetScenesArguments {
+  CorpusTarget target;
+  std::string config;
+  std::vector<std::string> overrides;
+};
+
+void run_dataset_scenes(const DatasetScenesArguments& options) {
+  const SoundSceneConfig config = load_sound_scene_config(options.config, options.overrides);
+  SoundSceneReport report;
+  const double seconds = write_with_progress(options.target, "dataset scenes", "recordings",
+                                             [&](const CorpusRun& run) { report = write_sound_scenes(config, run); });
+  fmt::print("{}: {} recordings of {} s in {:.1f} s\n", options.target.out, report.recordings, config.duration_s, seconds);
+  print_state(options.target, report.folders_missing,
+              fmt::format("{} recordings; manifest.jsonl, recordings.jsonl, supervisions.jsonl, a CSV beside each recording",
+                          report.all_recordings));
+}
+
+}  // namespace
+
+void add_dataset_scenes(CLI::App& dataset) {
+  auto options = std::make_shared<DatasetScenesArguments>();
+  CLI::App* command = dataset.add_subcommand(
+      "scenes", "Record sound events at rest and on the move, with DCASE labels of class, direction and distance (docs/datasets.md)");
+  command->add_option("CONFIG", options->config, "YAML file with rooms, classes, events and acoustics, as configs/datasets/scenes.yaml")
+      ->required();
+  add_out_option(*command, options->target);
+  command->add_option("--set", options->overrides, "key=value over the config, for example max_overlap=1");
+  add_sharing_options(*command, options->target);
+  command->callback([options] { run_dataset_scenes(*options); });
+}
+
+}  // namespace earshot

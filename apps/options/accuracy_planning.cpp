@@ -1,0 +1,27 @@
+#include "apps/options/accuracy_planning.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "sim/base/progress.h"
+
+namespace earshot {
+
+AccuracyPlan plan_and_print(const AcousticScene& acoustics, const AccuracyTarget& target, const SoundSource& source,
+                            const std::vector<glm::vec3>& places, double poses) {
+  Progress progress("calibration", "%", 100);
+  AccuracyPlan plan = plan_accuracy({.config = acoustics.config(),
+                                     .target = target,
+                                     .sites = {{.scene = acoustics.shared_scene(), .source = source, .places = places}},
+                                     .poses = poses},
+                                    [&](double fraction) { progress.update(static_cast<std::uint64_t>(100 * fraction)); });
+  const AccuracyChoice& choice = plan.choice();
+  fmt::print("accuracy {}: {}, the cheapest of {} candidates, calibrated in {:.1f} s\n", target.text(), choice.method, plan.tried.size(),
+             plan.calibration_s);
+  fmt::print("  predicted {}; {:.1f} ms per source, {:.2f} ms per response\n", text_of(choice.predicted), choice.per_source_ms,
+             choice.per_pose_ms);
+  fmt::print("  the same bits with --set {}\n", fmt::join(settings_of(choice), " --set "));
+  return plan;
+}
+
+}  // namespace earshot

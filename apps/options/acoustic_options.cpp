@@ -1,0 +1,110 @@
+#include "apps/options/acoustic_options.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <numbers>
+
+#include "sim/acoustics/accuracy/accuracy_plan.h"
+#include "sim/base/errors.h"
+
+namespace earshot {
+
+void AcousticOptions::add_to(CLI::App& command, const std::string& default_preset) {
+  preset = default_preset;
+  command.add_option("SCENE", scene, "Mesh file, shoebox:XxYxZ[@M], house:SEED, floor:SEED, or scene YAML")->required();
+  command.add_option("--preset", preset, "Quality: fast (training), balanced, high (reference)")->capture_default_str();
+  command.add_option(
+      "--set", settings,
+      "key=value over the preset.  Switches (auto|on|off): direct early late air_absorption diffraction transmission.  Numbers: rays "
+      "source_rays (above 0: bidirectional) source_bounces max_bounces early_order early_candidate_rays diffraction_order "
+      "diffraction_edge_m "
+      "diffraction_paths diffraction_reflections transmission_walls scattering specular_exponent (0: mirror) diffuse_last_segment "
+      "source_radius_m rir_length_s "
+      "time_bin_s "
+      "late_decode_s glide_paths bands (0: octaves) sh_order sample_rate_hz seed threads (0: all)");
+  command
+      .add_option(
+          "--channels", channels,
+          "mono[:PATTERN], binaural, ambisonic:ORDER[:n3d|:sn3d][:world|:ego] (ACN), or array:FILE (YAML or JSON list of microphones)")
+      ->capture_default_str();
+  command.add_option("--hrtf", hrtf, "SOFA file of head filters (default: a rigid sphere of 8.75 cm)");
+  command
+      .add_option("--hrtf-orientation", hrtf_orientation_deg,
+                  "HEADING,PITCH,ROLL in degrees of the head filters in the listener's axes (default: 0,0,0)")
+      ->delimiter(',')
+      ->expected(3);
+  command.add_option("--unit", unit_m, "Metres per unit of a mesh file (0.01 for centimetres); default: what a YAML says, else 1");
+  command.add_option("--simplify", simplify_m, "Simplify the mesh: largest deviation of its surface in metres, (0, 1]");
+  command.add_option("--rate", rate_hz, "Sample rate in Hz, 8000 to 96000 (default: the preset's)");
+  command.add_option("--seed", seed, "Seed of rays and carriers; the same seed gives the same bits");
+}
+
+void AcousticOptions::add_accuracy_to(CLI::App& command) {
+  command.add_option(
+      "--accuracy", accuracy,
+      "The errors that responses may have, as t20=5%,drr=1dB,edc=1dB or some of these (root mean squares over octaves and places against "
+      "converged paths): the planner tries the scene and chooses rays, photons or paths from both ends, images and edges, "
+      "whatever is cheapest; the length is automatic, all else is the preset's");
+}
+
+std::optional<AccuracyTarget> AcousticOptions::accuracy_target() const {
+  if (!accuracy) return std::nullopt;
+  for (const std::string& setting : settings)
+    for (const std::string_view key : keys_of_accuracy())
+      if (setting.substr(0, setting.find('=')) == key)
+        throw InputError("--set " + setting, "is what --accuracy chooses", "leave out one of the two");
+  return AccuracyTarget::parse(*accuracy);
+}
+
+AcousticConfig AcousticOptions::config() const {
+  constexpr int traced_order = 5;
+  AcousticConfig config = acoustic_preset(preset);
+  const ListenerLayout listener = layout();
+  if (listener.kind == ListenerKind::ambisonics) config.sh_order = std::clamp(listener.order, config.sh_order, traced_order);
+  if (listener.kind == ListenerKind::mono) config.sh_order = 0;  // it hears from all sides alike
+  if (accuracy) config.rir_length_s = 0;
+  ConfigReader reader = ConfigReader::from_text("", "--set", settings);
+  read(reader, config);
+  reader.finish();
+  if (rate_hz) config.sample_rate_hz = static_cast<float>(*rate_hz);
+  if (seed) config.seed = *seed;
+  validate(config);
+  return config;
+}
+
+ListenerOrientation AcousticOptions::orientation(double heading_deg, double pitch_deg, double roll_deg) const {
+  constexpr double degree = std::numbers::pi / 180;
+  require(std::isfinite(heading_deg), "--heading", heading_deg, "must be finite");
+  require(std::isfinite(pitch_deg), "--pitch", pitch_deg, "must be finite");
+  require(std::isfinite(roll_deg), "--roll", roll_deg, "must be finite");
+  const ListenerOrientation listener = pitch_deg == 0 && roll_deg == 0
+                                           ? ListenerOrientation(heading_deg * degree)
+                                           : ListenerOrientation(heading_deg * degree, pitch_deg * degree, roll_deg * degree);
+  if (hrtf_orientation_deg.empty() || layout().kind != ListenerKind::binaural) return listener;
+  for (const double value : hrtf_orientation_deg) require(std::isfinite(value), "--hrtf-orientation", value, "must be finite");
+  const ListenerOrientation filters(hrtf_orientation_deg[0] * degree, hrtf_orientation_deg[1] * degree, hrtf_orientation_deg[2] * degree);
+  return ListenerOrientation(listener.local_to_world() * filters.local_to_world());
+}
+
+AcousticScene AcousticOptions::load(const AcousticConfig& config) const {
+  SceneOverrides overrides;
+  overrides.unit_m = unit_m;
+  if (simplify_m) overrides.simplify_m = static_cast<float>(*simplify_m);
+  auto loaded = std::make_shared<const Scene>(load_scene(scene, overrides));
+  for (const std::string& warning : loaded->import_report().warnings) fmt::print(stderr, "warning: {}: {}\n", scene, warning);
+  return {std::move(loaded), config};
+}
+
+std::shared_ptr<const SynthesisTables> AcousticOptions::tables(const AcousticScene& acoustics) const {
+  const AcousticConfig& config = acoustics.config();
+  const ListenerLayout listener = layout();
+  std::shared_ptr<const Hrtf> head;
+  if (listener.kind == ListenerKind::binaural)
+    head = hrtf.empty() ? Hrtf::rigid_sphere(config.sample_rate_hz) : Hrtf::from_sofa(hrtf, config.sample_rate_hz);
+  return make_synthesis_tables(config, acoustics.bands(), listener, head);
+}
+
+}  // namespace earshot

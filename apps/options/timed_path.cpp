@@ -1,0 +1,55 @@
+#include "apps/options/timed_path.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <fstream>
+#include <locale>
+#include <sstream>
+
+#include "sim/base/coordinates.h"
+#include "sim/base/errors.h"
+
+namespace earshot {
+
+std::vector<TimedPose> read_timed_path(const std::string& path) {
+  std::ifstream stream(path);
+  if (!stream) throw InputError(path, "cannot be opened", "name a CSV file with the columns t_s,x,y,z,heading_deg");
+  std::vector<TimedPose> poses;
+  int line_number = 0;
+  for (std::string line; std::getline(stream, line);) {
+    ++line_number;
+    if (line_number == 1 && line.starts_with("\xEF\xBB\xBF")) line.erase(0, 3);
+    if (line.empty() || line == "\r" || line.starts_with("#") || line.starts_with("t_s")) continue;
+    std::istringstream fields(line);
+    fields.imbue(std::locale::classic());
+    TimedPose pose;
+    std::array<char, 4> commas{};
+    fields >> pose.t_s >> commas[0] >> pose.position.x >> commas[1] >> pose.position.y >> commas[2] >> pose.position.z >> commas[3] >>
+        pose.heading_deg;
+    const bool complete = !fields.fail() && (fields >> std::ws).eof();
+    const bool possible = std::isfinite(pose.t_s) && is_valid_position(pose.position) && std::isfinite(pose.heading_deg);
+    if (!complete || commas != std::array{',', ',', ',', ','} || !possible)
+      throw InputError(fmt::format("{}:{}", path, line_number), "is not 't_s,x,y,z,heading_deg'",
+                       fmt::format("write five finite numbers, positions within {:g} m", kMaxCoordinateM));
+    if (!poses.empty() && pose.t_s <= poses.back().t_s)
+      throw InputError(fmt::format("{}:{}", path, line_number), "time does not rise", "sort the poses by t_s");
+    poses.push_back(pose);
+  }
+  if (poses.size() < 2) throw InputError(path, "holds fewer than two poses", "give a start and an end");
+  return poses;
+}
+
+TimedPose pose_at(const std::vector<TimedPose>& path, double t_s) {
+  if (path.size() == 1) return {t_s, path[0].position, path[0].heading_deg};
+  std::size_t next = 1;
+  while (next + 1 < path.size() && path[next].t_s < t_s) ++next;
+  const TimedPose &a = path[next - 1], &b = path[next];
+  const double fraction = std::clamp((t_s - a.t_s) / (b.t_s - a.t_s), 0.0, 1.0);
+  const double turn_deg = std::remainder(b.heading_deg - a.heading_deg, 360.0);
+  return {t_s, a.position + fraction * (b.position - a.position), a.heading_deg + fraction * turn_deg};
+}
+
+}  // namespace earshot

@@ -1,0 +1,99 @@
+#include "apps/program.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <exception>
+#include <set>
+
+#include "sim/base/config_reader.h"
+#include "sim/base/errors.h"
+#include "sim/base/version.h"
+
+namespace earshot {
+namespace {
+
+constexpr int kExitFailed = 1, kExitBadInput = 2;
+constexpr const char* kVersionFlag = "--version";
+
+std::vector<const CLI::App*> commands_of(const CLI::App& app) {
+  return app.get_subcommands([](const CLI::App*) { return true; });
+}
+
+const CLI::App* find_command(const CLI::App& app, const std::string& word) {
+  for (const CLI::App* command : commands_of(app))
+    if (command->check_name(word)) return command;
+  return nullptr;
+}
+
+/// Throws InputError where a word names no command, or where none is left to name one: "bench rirs", "bench".
+void check_commands(const CLI::App& app, const std::vector<std::string>& words) {
+  std::string before;
+  const CLI::App* level = &app;
+  for (std::size_t i = 0; !commands_of(*level).empty(); ++i) {
+    if (i < words.size() && words[i].starts_with('-')) return;  // --help
+    const CLI::App* command = i < words.size() ? find_command(*level, words[i]) : nullptr;
+    if (command == nullptr) {
+      std::set<std::string> names;
+      for (const CLI::App* known : commands_of(*level)) names.insert(known->get_name());
+      const std::string all = fmt::format("one of: {}", fmt::join(names, ", "));
+      if (i == words.size()) throw InputError(before.empty() ? "earshot" : before.substr(0, before.size() - 1), "lacks a command", all);
+      const std::string nearest = nearest_word(words[i], names);
+      throw InputError(before + words[i], "is not a command", nearest.empty() ? all : fmt::format("did you mean '{}{}'?", before, nearest));
+    }
+    before += words[i] + " ";
+    level = command;
+  }
+}
+
+int fail(int code, const std::string& what) {
+  fmt::print(stderr, "earshot: {}\n", what);
+  return code;
+}
+
+}  // namespace
+
+Program::Program(int argc, char** argv)
+    : argc_(argc),
+      argv_(argv),
+      arguments_(argv + (argc > 0 ? 1 : 0), argv + argc),
+      app_("Earshot: a runtime in which reinforcement-learning agents see and hear", "earshot") {
+  app_.set_version_flag(kVersionFlag, fmt::format("earshot {}", kVersion));
+  app_.require_subcommand(1);
+  app_.footer(
+      "SCENE is a mesh file (glb, gltf, obj, ply, stl), shoebox:XxYxZ[@M], house:SEED[,rooms=N][,area_m2=A][,detail_m=D], "
+      "floor:SEED[,width_m=W][,length_m=L][,detail_m=D], or a scene YAML.\n"
+      "Exit codes: 0 done, 1 a run that failed, 2 bad usage or bad input.");
+}
+
+bool Program::has_what_is_asked() const {
+  if (arguments_.empty()) return false;
+  return arguments_.front() == kVersionFlag || find_command(app_, arguments_.front()) != nullptr;
+}
+
+int Program::run() {
+  try {
+    check_commands(app_, arguments_);
+    app_.parse(argc_, argv_);
+    return exit_code_;
+  } catch (const CLI::ParseError& error) {
+    if (error.get_exit_code() == 0) return app_.exit(error);  // --help, --version
+    return fail(kExitBadInput, fmt::format("{} (see earshot --help)", error.what()));
+  } catch (const std::exception& error) {
+    return report_failure(error);
+  }
+}
+
+void continue_as(const std::filesystem::path& program, char** argv) {
+  ::execv(program.c_str(), argv);
+  throw RunError(program.string(), fmt::format("cannot be started: {}", std::strerror(errno)));
+}
+
+int report_failure(const std::exception& error) {
+  return fail(dynamic_cast<const InputError*>(&error) != nullptr ? kExitBadInput : kExitFailed, error.what());
+}
+
+}  // namespace earshot

@@ -1,0 +1,161 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <numbers>
+#include <optional>
+#include <string>
+#include <tuple>
+#include <vector>
+
+#include "apps/commands.h"
+#include "apps/options/parse_point.h"
+#include "apps/options/picture_size.h"
+#include "sim/base/coordinates.h"
+#include "sim/base/errors.h"
+#include "sim/base/files.h"
+#include "sim/scene/appearance.h"
+#include "sim/scene/category_palette.h"
+#include "sim/vision/egl_renderer.h"
+#include "sim/vision/embree_camera.h"
+#include "sim/vision/png_file.h"
+
+namespace earshot {
+namespace {
+
+struct RenderArguments {
+  std::string scene, pose, sensor = "rgb", size = "512x512", renderer = "embree", device = "auto", out, json;
+  double fov_deg = 90, height_m = 1.25, yaw_deg = 0, pitch_deg = 0, max_depth_m = 10;
+  std::optional<double> unit_m;
+  bool panorama = false, unlit = false;
+};
+
+/// "X,Y,Z,HEADING": the position in the coordinates of the file, the heading in degrees.
+Pose parse_pose(const std::string& text, const Scene& scene) {
+  const std::size_t last = text.rfind(',');
+  double heading_deg = 0;
+  const char* end = text.data() + text.size();
+  const auto parsed = last == std::string::npos ? std::from_chars_result{text.data(), std::errc::invalid_argument}
+                                                : std::from_chars(text.data() + last + 1, end, heading_deg);
+  if (std::count(text.begin(), text.end(), ',') != 3 || parsed.ec != std::errc() || parsed.ptr != end || !(std::fabs(heading_deg) <= 1e6))
+    throw InputError("--pose " + text, "is not a pose", "write the foot point in metres and the heading in degrees: 1.2,0,0.8,90");
+  return {.position = scene.to_local(parse_point(text.substr(0, last), "--pose")), .heading_rad = heading_deg * std::numbers::pi / 180.0};
+}
+
+CameraSensorConfig camera_of(const RenderArguments& options) {
+  CameraSensorConfig config{.projection = options.panorama ? Projection::equirectangular : Projection::pinhole,
+                            .horizontal_fov_deg = static_cast<float>(options.panorama ? 360 : options.fov_deg),
+                            .up_m = static_cast<float>(options.height_m),
+                            .yaw_deg = static_cast<float>(options.yaw_deg),
+                            .pitch_deg = static_cast<float>(options.pitch_deg),
+                            .max_depth_m = static_cast<float>(options.max_depth_m),
+                            .unlit = options.unlit};
+  std::tie(config.width_px, config.height_px) = parse_picture_size(options.size, "512x384");
+  validate(config);
+  return config;
+}
+
+/// The categories in the picture, each with its fraction of the pixels.
+void write_legend(const std::vector<std::uint16_t>& semantic, const std::string& json_file) {
+  std::vector<std::size_t> count(category_names().size(), 0);
+  for (const std::uint16_t number : semantic) ++count[number];
+  nlohmann::ordered_json rows = nlohmann::ordered_json::array();
+  for (std::size_t i = 0; i < count.size(); ++i) {
+    if (count[i] == 0) continue;
+    const double fraction = static_cast<double>(count[i]) / static_cast<double>(semantic.size());
+    fmt::print("{:4}  {:<20} {:5.1f} %\n", i, category_names()[i], 100.0 * fraction);
+    rows.push_back({{"category", i}, {"name", category_names()[i]}, {"fraction", fraction}});
+  }
+  const nlohmann::ordered_json report{{"schema_version", 1}, {"categories", std::move(rows)}};
+  if (!json_file.empty()) write_file_atomically(json_file, report.dump(2) + "\n");
+}
+
+void run_render(const RenderArguments& options) {
+  if (!options.json.empty() && options.sensor != "semantic")
+    throw InputError("--json", "has no effect without a table of categories", "say --sensor semantic, or leave it out");
+  const CameraSensorConfig config = camera_of(options);
+  SceneOverrides overrides;
+  overrides.unit_m = options.unit_m;
+  const auto shared_scene = std::make_shared<const Scene>(load_scene(options.scene, overrides));
+  const Scene& scene = *shared_scene;
+  const Pose pose = parse_pose(options.pose, scene);
+  const auto pixels = static_cast<std::size_t>(config.width_px) * static_cast<std::size_t>(config.height_px);
+  std::shared_ptr<const Appearance> appearance;
+  if (options.sensor == "rgb" || options.sensor == "semantic") appearance = load_appearance(scene, overrides);
+  if (appearance)
+    for (const std::string& warning : appearance->warnings) fmt::print("warning: {}\n", warning);
+  const auto render = [&](const CameraImages& images) {
+    if (options.renderer == "embree") return EmbreeCamera(config).render(scene, appearance.get(), pose, images);
+    const EglView view{shared_scene, appearance, pose, images};
+    EglRenderer renderer({.device = options.device});
+    renderer.render(config, {&view, 1});
+    fmt::print("drawn by {}\n", renderer.device_name());
+  };
+
+  if (options.sensor == "depth") {
+    std::vector<float> depth(pixels);
+    render({.depth = depth});
+    write_png_grey16(options.out, config.width_px, config.height_px, depth);
+    const auto [nearest, farthest] = std::minmax_element(depth.begin(), depth.end());
+    fmt::print("depth {:.3f} to {:.3f} m; white is {} m and beyond\n", *nearest * config.max_depth_m, *farthest * config.max_depth_m,
+               config.max_depth_m);
+  } else if (options.sensor == "rgb") {
+    std::vector<std::uint8_t> rgb(3 * pixels);
+    render({.rgb = rgb});
+    write_png_rgb(options.out, config.width_px, config.height_px, rgb);
+  } else if (options.sensor == "semantic") {
+    std::vector<std::uint16_t> semantic(pixels);
+    render({.semantic = semantic});
+    write_png_indexed(options.out, config.width_px, config.height_px, semantic, category_palette());
+    write_legend(semantic, options.json);
+  } else {
+    std::vector<float> normals(3 * pixels);
+    render({.normals = normals});
+    std::vector<std::uint8_t> rgb(3 * pixels);
+    std::transform(normals.begin(), normals.end(), rgb.begin(),
+                   [](float value) { return static_cast<std::uint8_t>(std::lround(127.5f + 127.5f * std::clamp(value, -1.f, 1.f))); });
+    write_png_rgb(options.out, config.width_px, config.height_px, rgb);
+  }
+}
+
+}  // namespace
+
+void add_render(CLI::App& app) {
+  const auto options = std::make_shared<RenderArguments>();
+  CLI::App* command = app.add_subcommand("render", "What an agent's camera sees from a pose, as a PNG file");
+  command->add_option("SCENE", options->scene, "Mesh file, shoebox:XxYxZ[@M], house:SEED, floor:SEED, or scene YAML")->required();
+  command->add_option("--pose", options->pose, "X,Y,Z,HEADING: the agent's foot point in metres, and degrees to the left of -z")
+      ->required();
+  command->add_option("--out", options->out, "PNG file to write")->required();
+  command
+      ->add_option(
+          "--sensor", options->sensor,
+          "depth (16 bits of grey), rgb, semantic (palette image, the indices are the categories), or normals (camera axes, 128 is 0)")
+      ->check(CLI::IsMember({"depth", "rgb", "semantic", "normals"}))
+      ->capture_default_str();
+  command->add_option("--renderer", options->renderer, "embree (rays, on the CPU) or egl (OpenGL ES, without a display)")
+      ->check(CLI::IsMember({"embree", "egl"}))
+      ->capture_default_str();
+  command
+      ->add_option("--device", options->device,
+                   "Of egl: auto (hardware only), software (Mesa on the CPU), a number of `earshot doctor`, a UUID, or cuda:N")
+      ->capture_default_str();
+  command->add_option("--size", options->size, "WIDTHxHEIGHT in pixels")->capture_default_str();
+  command->add_option("--fov", options->fov_deg, "Horizontal field of view in degrees")->capture_default_str();
+  command->add_option("--height", options->height_m, "Of the camera above the foot point, metres")->capture_default_str();
+  command->add_option("--yaw", options->yaw_deg, "Of the camera to the left of the heading, degrees")->capture_default_str();
+  command->add_option("--pitch", options->pitch_deg, "Of the camera upwards, degrees")->capture_default_str();
+  command->add_option("--max-depth", options->max_depth_m, "Metres that are white in a picture of depth")->capture_default_str();
+  command->add_option("--unit", options->unit_m, "Metres per unit of a mesh file");
+  command->add_flag("--panorama", options->panorama,
+                    "All around: 360 degrees over the width, rows are angles (height: at most half the width)");
+  command->add_option("--json", options->json, "Of semantic: also write the table of categories to a file");
+  command->add_flag("--unlit", options->unlit, "Colours as they are, without light");
+  command->callback([options] { run_render(*options); });
+}
+
+}  // namespace earshot

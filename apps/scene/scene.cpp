@@ -1,0 +1,188 @@
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "apps/commands.h"
+#include "sim/acoustics/model/acoustic_scene.h"
+#include "sim/acoustics/model/air_absorption.h"
+#include "sim/acoustics/model/effect_plan.h"
+#include "sim/base/errors.h"
+#include "sim/base/files.h"
+#include "sim/nav/navmesh.h"
+#include "sim/scene/hole_finder.h"
+#include "sim/scene/scene_report.h"
+
+namespace earshot {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+struct SceneArguments {
+  std::string scene, json, preset = "fast";
+  std::vector<std::string> settings;
+  std::optional<double> unit_m, simplify_m;
+  bool explain = false;
+};
+
+constexpr double hardly_any_leak = 0.001;
+
+AcousticScene acoustics_of(const std::shared_ptr<const Scene>& scene, const SceneArguments& options) {
+  AcousticConfig config = acoustic_preset(options.preset);
+  ConfigReader reader = ConfigReader::from_text("", "--set", options.settings);
+  read(reader, config);
+  reader.finish();
+  return {scene, config};
+}
+
+std::string shown_change(const EffectDecision& decision) {
+  return std::isnan(decision.change) ? "-" : fmt::format("{}{:.3g} {}", decision.on ? "" : "<= ", decision.change, decision.unit);
+}
+
+/// The columns "leaving it out": for what is off the most that it may change a response, for what is on about what it contributes.
+void print_plan(const EffectPlan& plan) {
+  std::size_t widest = 0;
+  for (const EffectDecision& decision : plan.decisions) widest = std::max(widest, decision.decision.size());
+  fmt::print("effects          budget per effect: {} dB in every band down to -45 dB, {:.0f} % of RT60\n", kEffectBudgetDb,
+             100 * kEffectBudgetRt);
+  fmt::print("  {:<18} {:<{}} {:<15} {:<8} {:<11} {}\n", "effect", "decision", widest, "leaving it out", "bound", "saves/pose", "why");
+  for (const EffectDecision& decision : plan.decisions) {
+    fmt::print("  {:<18} {:<{}} {:<15} {:<8} {:<11} {}\n", decision.effect, decision.decision, widest, shown_change(decision),
+               name_of(decision.kind), decision.saved_ms > 0 ? fmt::format("{:.4f} ms", decision.saved_ms) : "-", decision.why);
+  }
+}
+
+Json plan_json(const EffectPlan& plan) {
+  Json json = Json::object();
+  for (const EffectDecision& decision : plan.decisions) {
+    json[decision.effect] = {{"decision", decision.decision},
+                             {"on", decision.on},
+                             {"change", std::isfinite(decision.change) ? Json(decision.change) : Json(nullptr)},
+                             {"unit", decision.unit},
+                             {"bound", name_of(decision.kind)},
+                             {"saved_ms", decision.saved_ms},
+                             {"why", decision.why}};
+  }
+  return json;
+}
+
+Json numbers(const std::vector<double>& values) {
+  Json array = Json::array();
+  for (const double value : values) array.push_back(std::isfinite(value) ? Json(value) : Json(nullptr));
+  return array;
+}
+
+void run_scene(const SceneArguments& options) {
+  SceneOverrides overrides;
+  overrides.unit_m = options.unit_m;
+  if (options.simplify_m) overrides.simplify_m = static_cast<float>(*options.simplify_m);
+  const auto shared_scene = std::make_shared<const Scene>(load_scene(options.scene, overrides));
+  const Scene& scene = *shared_scene;
+  std::array<double, report_bands_hz.size()> air_per_m;
+  for (std::size_t band = 0; band < air_per_m.size(); ++band)
+    air_per_m[band] = air_absorption_energy_per_m(scene.air(), report_bands_hz[band]);
+  const SceneReport report = report_scene(scene, 0, air_per_m);
+  const std::vector<Hole> holes = report.leaked_ray_fraction > hardly_any_leak ? find_holes(scene) : std::vector<Hole>{};
+  std::optional<float> navigable_m2;
+  std::string navigation_problem;
+  try {
+    navigable_m2 = Navmesh(scene.mesh(), {}).main_area_m2();
+  } catch (const InputError& error) {
+    navigation_problem = error.what();
+  }
+
+  const Bounds& b = scene.bounds();
+  fmt::print("scene            {}\n", scene.name());
+  fmt::print("triangles        {} ({} degenerate and {} duplicate removed, {} vertices welded)\n", report.triangles,
+             report.removed.degenerate_removed, report.removed.duplicate_removed, report.removed.vertices_welded);
+  if (report.removed.simplified)
+    fmt::print("simplified       {} -> {} triangles, surface moved by at most {:.4f} m\n", report.removed.simplified->triangles_before,
+               report.removed.simplified->triangles_after, report.removed.simplified->deviation_m);
+  fmt::print("size             {:.2f} x {:.2f} x {:.2f} m\n", b.upper.x - b.lower.x, b.upper.y - b.lower.y, b.upper.z - b.lower.z);
+  if (scene.origin_m() != glm::dvec3(0))
+    fmt::print("origin           computed around ({:.9g}, {:.9g}, {:.9g}); positions here and on the command line are those of the file\n",
+               scene.origin_m().x, scene.origin_m().y, scene.origin_m().z);
+  for (const std::string& warning : report.removed.warnings) fmt::print("warning          {}\n", warning);
+  fmt::print("open edges       {}\n", report.open_edges);
+  fmt::print("ray efficiency   {:.4f}: {:.2f} % of rays leaked{}\n", report.ray_efficiency, 100 * report.leaked_ray_fraction,
+             report.leaked_ray_fraction > 0.01 ? " (holes, or a missing ceiling: set ceiling_m in a scene YAML)" : "");
+  for (const Hole& hole : holes) {
+    const glm::vec3 size = hole.bounds.upper - hole.bounds.lower;
+    const glm::dvec3 centre = scene.to_world(0.5f * (hole.bounds.lower + hole.bounds.upper));
+    fmt::print("  hole           {:.2f} % of rays around ({:.2f}, {:.2f}, {:.2f}), {:.2f} x {:.2f} x {:.2f} m, beside {}\n",
+               100 * hole.ray_fraction, centre.x, centre.y, centre.z, size.x, size.y, size.z, fmt::join(hole.rim, ", "));
+  }
+  // An open scene has no enclosed volume, nor a surface distinct from its outside.
+  const auto shown = [](double value, const char* unit) {
+    return std::isfinite(value) ? fmt::format("{:.1f} {}", value, unit) : std::string("-");
+  };
+  fmt::print("volume           {}\nsurface          {}\n", shown(report.volume_m3, "m3"), shown(report.area_m2, "m2"));
+  if (navigable_m2)
+    fmt::print("navigable        {:.1f} m2\n", *navigable_m2);
+  else
+    fmt::print("navigable        none ({})\n", navigation_problem);
+  fmt::print("RT60 estimate    ");
+  for (std::size_t i = 0; i < report.rt60_estimate_s.size(); ++i)
+    fmt::print("{}{:.0f} Hz {}", i == 0 ? "" : ", ", 125.0 * (1 << i),
+               std::isfinite(report.rt60_estimate_s[i]) ? fmt::format("{:.2f} s", report.rt60_estimate_s[i]) : "-");
+  fmt::print("\n");
+  if (!options.explain && options.json.empty()) return;
+  const AcousticScene acoustics = acoustics_of(shared_scene, options);
+  if (options.explain) print_plan(acoustics.plan());
+  if (options.json.empty()) return;
+  const auto point = [](glm::dvec3 p) { return Json{p.x, p.y, p.z}; };
+  Json hole_list = Json::array();
+  for (const Hole& hole : holes) {
+    hole_list.push_back({{"ray_fraction", hole.ray_fraction},
+                         {"lower", point(scene.to_world(hole.bounds.lower))},
+                         {"upper", point(scene.to_world(hole.bounds.upper))},
+                         {"rim", hole.rim}});
+  }
+  const auto& simplified = report.removed.simplified;
+  const Json json = {{"schema_version", 1},
+                     {"scene", scene.name()},
+                     {"triangles", report.triangles},
+                     {"removed",
+                      {{"degenerate", report.removed.degenerate_removed},
+                       {"duplicate", report.removed.duplicate_removed},
+                       {"welded_vertices", report.removed.vertices_welded}}},
+                     {"origin_m", point(scene.origin_m())},
+                     {"warnings", report.removed.warnings},
+                     {"open_edges", report.open_edges},
+                     {"ray_efficiency", report.ray_efficiency},
+                     {"leaked_ray_fraction", report.leaked_ray_fraction},
+                     {"holes", hole_list},
+                     {"simplified", simplified ? Json{{"triangles_before", simplified->triangles_before},
+                                                      {"triangles_after", simplified->triangles_after},
+                                                      {"deviation_m", simplified->deviation_m}}
+                                               : Json(nullptr)},
+                     {"volume_m3", report.volume_m3},
+                     {"area_m2", report.area_m2},
+                     {"navigable_area_m2", navigable_m2 ? Json(*navigable_m2) : Json(nullptr)},
+                     {"rt60_estimate_s", numbers(report.rt60_estimate_s)},
+                     {"effects", plan_json(acoustics.plan())}};
+  write_file_atomically(options.json, json.dump(1) + "\n");
+}
+
+}  // namespace
+
+void add_scene(CLI::App& app) {
+  auto options = std::make_shared<SceneArguments>();
+  CLI::App* command = app.add_subcommand("scene", "Triangles, holes, ray efficiency, volume, RT60 estimate and navigable area of a scene");
+  command->add_option("SCENE", options->scene, "Mesh file, shoebox:XxYxZ[@M], house:SEED, floor:SEED, or scene YAML")->required();
+  command->add_option("--unit", options->unit_m,
+                      "Metres per unit of a mesh file (0.01 for centimetres); default: what a YAML says, else 1");
+  command->add_option("--simplify", options->simplify_m, "Simplify the mesh: largest deviation of its surface in metres, (0, 1]");
+  command->add_flag("--explain", options->explain, "Also print the effect plan: what is simulated, on which bound, and what it saves");
+  command->add_option("--preset", options->preset, "Whose plan: fast (training), balanced, high (reference)")->capture_default_str();
+  command->add_option("--set", options->settings, "key=value over that preset, as in `earshot rir`");
+  command->add_option("--json", options->json, "Also write the report to a file");
+  command->callback([options] { run_scene(*options); });
+}
+
+}  // namespace earshot

@@ -1,0 +1,278 @@
+#include <fmt/format.h>
+
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <memory>
+#include <optional>
+
+#include "apps/commands.h"
+#include "apps/options/accuracy_planning.h"
+#include "apps/options/acoustic_options.h"
+#include "apps/options/parse_point.h"
+#include "apps/options/source_options.h"
+#include "apps/sound/echogram_svg.h"
+#include "apps/sound/rir_json.h"
+#include "sim/acoustics/geometry/position_check.h"
+#include "sim/acoustics/source_field/field_for_poses.h"
+#include "sim/acoustics/source_field/source_field.h"
+#include "sim/acoustics/synthesis/carriers.h"
+#include "sim/audio/sound_clip.h"
+#include "sim/base/errors.h"
+#include "sim/base/files.h"
+#include "sim/base/progress.h"
+
+namespace earshot {
+namespace {
+
+struct RirArguments {
+  AcousticOptions acoustics;
+  SourceOptions radiation;
+  std::vector<std::string> sources, listeners;
+  std::vector<double> heading_deg = {0};
+  double pitch_deg = 0, roll_deg = 0;
+  std::string out, metrics, plot;
+  double gain = 1;
+  bool components = false;
+};
+
+/// A part of a response: what kinds of arrivals, and whether the late field.
+struct Component {
+  const char* name;
+  std::optional<ArrivalKind> kind;  ///< nullopt: the late field
+};
+constexpr std::array<Component, 5> kComponents{{{"direct", ArrivalKind::direct},
+                                                {"early", ArrivalKind::reflection},
+                                                {"diffracted", ArrivalKind::diffraction},
+                                                {"transmitted", ArrivalKind::transmission},
+                                                {"late", std::nullopt}}};
+
+std::string with_suffix(const std::string& file, const std::string& suffix) {
+  std::filesystem::path path = file;
+  path.replace_extension(suffix + path.extension().string());
+  return path.string();
+}
+
+/// The response with everything but one part silenced.  Silent arrivals stay, because the late field begins no earlier than the direct one.
+EnergyResponse part_of(const EnergyResponse& response, const Component& component) {
+  EnergyResponse part = response;
+  for (Arrival& arrival : part.arrivals)
+    if (arrival.kind != component.kind) arrival.amplitude.fill(0.f);
+  if (component.kind) part.late.scale(0.f);
+  return part;
+}
+
+OrderedJson effects_json(const EnergyResponse& response, const AcousticConfig& config) {
+  OrderedJson json = OrderedJson::object();
+  for (const Component& component : kComponents) {
+    std::size_t count = 0;
+    for (const Arrival& arrival : response.arrivals) count += arrival.kind == component.kind;
+    if (component.kind)
+      json[component.name] = fmt::format("{} path{}", count, count == 1 ? "" : "s");
+    else
+      json[component.name] = response.stats.rays == 0
+                                 ? std::string("off")
+                                 : fmt::format("{} {}", response.stats.rays, response.effects.field_gathers > 0 ? "photons" : "rays");
+  }
+  json["air_absorption"] = config.air_absorption == Switch::off ? "off" : "on";
+  return json;
+}
+
+/// One source and one listener: WAV files, and their part of the metrics file.
+class PairRenderer {
+ public:
+  PairRenderer(const RirArguments& options, const AcousticScene& acoustics)
+      : options_(options), places_(acoustics.scene()), synthesizer_(options.acoustics.tables(acoustics)) {}
+
+  /// planned: what the synthesizer's tables fit.  field: of the source; null: the late field is traced.
+  OrderedJson render(const AcousticScene& planned, const EarlyCandidates& candidates, const SourceField* field, glm::vec3 listener,
+                     double heading_deg, const std::string& file) {
+    const ListenerOrientation orientation = options_.acoustics.orientation(heading_deg, options_.pitch_deg, options_.roll_deg);
+    const auto begin = std::chrono::steady_clock::now();
+    EnergyResponse response;
+    constexpr std::uint64_t steps = 1000;
+    Progress progress("rir", "permille", steps);
+    compute_energy_response(planned, candidates, field, listener, response,
+                            [&](double fraction) { progress.update(static_cast<std::uint64_t>(fraction * steps)); });
+    Rir rir;
+    const CarrierKey key(carrier_key(planned.hash(), candidates.source()), listener);
+    synthesizer_.render(response, orientation, key, rir);
+    const double render_ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count();
+    write(file, rir);
+    if (options_.components) {
+      Rir part;
+      for (const Component& component : kComponents) {
+        synthesizer_.render(part_of(response, component), orientation, key, part);
+        write(with_suffix(file, fmt::format(".{}", component.name)), part);
+      }
+    }
+    const RoomMetrics energy = measure(planned, response);
+    print(file, rir, response, energy, render_ms);
+    const std::vector<std::string> warnings = warnings_of(planned, candidates.source(), listener, response);
+    for (const std::string& warning : warnings) fmt::print(stderr, "warning: {}\n", warning);
+    if (!options_.plot.empty()) write_plot(planned, file, response);
+    if (options_.metrics.empty()) return {};
+    const double delay_s = energy.direct_delay_s ? *energy.direct_delay_s : 0.0;
+    const glm::dvec3 origin = planned.scene().origin_m();
+    return {{"bands_hz", energy.bands_hz},
+            {"origin_m", {origin.x, origin.y, origin.z}},
+            {"energy", metrics_json(energy)},
+            {"rir", metrics_json(measure(rir, delay_s))},
+            {"drr_db", number_or_null(energy.drr_db)},
+            {"direct_delay_s", number_or_null(energy.direct_delay_s)},
+            {"direct_amplitude", number_or_null(energy.direct_amplitude)},
+            {"ray_efficiency", response.stats.ray_efficiency()},
+            {"standard_error", standard_errors_json(planned, candidates, field, listener, response)},
+            {"render_ms", render_ms},
+            {"effects", effects_json(response, planned.config())},
+            {"warnings", warnings},
+            {"seed", planned.config().seed}};
+  }
+
+ private:
+  /// What is odd about the places, and what was not finite: with all that it takes to see it again.
+  [[nodiscard]] std::vector<std::string> warnings_of(const AcousticScene& planned, glm::vec3 source, glm::vec3 listener,
+                                                     const EnergyResponse& response) const {
+    const auto text = [&](glm::vec3 place) {
+      const glm::dvec3 p = planned.scene().to_world(place);
+      return fmt::format("{},{},{}", p.x, p.y, p.z);
+    };
+    std::vector<std::string> warnings;
+    if (places_.inside_solid(source)) warnings.push_back(fmt::format("the source {} lies inside a wall or a thing", text(source)));
+    if (places_.inside_solid(listener)) warnings.push_back(fmt::format("the listener {} lies inside a wall or a thing", text(listener)));
+    if (response.stats.nonfinite_dropped > 0)
+      warnings.push_back(fmt::format("{} contributions were not finite and were left out: scene {}, source {}, listener {}, seed {}",
+                                     response.stats.nonfinite_dropped, planned.scene().name(), text(source), text(listener),
+                                     planned.config().seed));
+    return warnings;
+  }
+  void write(const std::string& file, const Rir& rir) const {
+    std::vector<float> samples = rir.samples;
+    for (float& sample : samples) sample *= static_cast<float>(options_.gain);
+    write_wav(file, samples, rir.num_channels, rir.sample_rate_hz);
+  }
+  void write_plot(const AcousticScene& planned, const std::string& file, const EnergyResponse& response) const {
+    const std::string plot = file == options_.out ? options_.plot : std::filesystem::path(file).replace_extension(".svg").string();
+    write_file_atomically(plot, echogram_svg(fmt::format("{}, {} rays", planned.scene().name(), planned.config().rays), planned, response));
+  }
+  static void print(const std::string& file, const Rir& rir, const EnergyResponse& response, const RoomMetrics& energy, double render_ms) {
+    fmt::print("{}: {} channels, {} samples at {:.0f} Hz, {} arrivals, ray efficiency {:.3f}, {:.1f} ms\n", file, rir.num_channels,
+               rir.num_samples, rir.sample_rate_hz, response.arrivals.size(), response.stats.ray_efficiency(), render_ms);
+    for (std::size_t b = 0; b < energy.bands.size(); ++b)
+      fmt::print("  {:>6.0f} Hz  RT60 {}  DRR {}\n", energy.bands_hz[b],
+                 energy.bands[b].rt60_s ? fmt::format("{:.3f} s", *energy.bands[b].rt60_s) : "-",
+                 energy.bands[b].drr_db ? fmt::format("{:.2f} dB", *energy.bands[b].drr_db) : "-");
+  }
+
+  const RirArguments& options_;
+  PositionCheck places_;
+  RirSynthesizer synthesizer_;
+};
+
+std::shared_ptr<const SourceField> field_of(const AcousticScene& acoustics, const EarlyCandidates& candidates, std::size_t responses) {
+  if (!wants_source_field(acoustics, responses)) return nullptr;
+  Progress progress("source field", "%", 100);
+  return build_source_field(acoustics, candidates, [&](double fraction) { progress.update(static_cast<std::uint64_t>(100 * fraction)); });
+}
+
+/// A setting that changes nothing is an error.
+void refuse_settings_of_trajectories(const std::vector<std::string>& settings) {
+  for (const std::string& setting : settings)
+    for (const char* key : {"temporal_reuse", "glide_paths"})
+      if (setting.starts_with(std::string(key) + "="))
+        throw InputError("--set " + setting, "has no effect on a single response", "leave it out, or give it to `earshot walk`");
+}
+
+void run_rir(const RirArguments& options) {
+  refuse_settings_of_trajectories(options.acoustics.settings);
+  require(std::isfinite(options.gain), "--gain", options.gain, "must be a finite number");
+  for (const double heading_deg : options.heading_deg)
+    (void)options.acoustics.orientation(heading_deg, options.pitch_deg, options.roll_deg);  // before any work
+  for (const std::string& other : {options.metrics, options.plot})
+    if (other == options.out || (!other.empty() && options.metrics == options.plot))
+      throw InputError(other, "is named for two outputs", "give each its own file");
+  if (options.heading_deg.size() != 1 && options.heading_deg.size() != options.listeners.size())
+    throw InputError("--heading", fmt::format("is given {} times for {} listeners", options.heading_deg.size(), options.listeners.size()),
+                     "give it once for all or once per listener");
+  const AcousticConfig config = options.acoustics.config();
+  const std::optional<AccuracyTarget> target = options.acoustics.accuracy_target();
+  std::vector<glm::dvec3> listeners, source_points;
+  std::vector<SoundSource> sources;
+  for (const std::string& listener : options.listeners) listeners.push_back(parse_point(listener, "--listener"));
+  for (std::size_t i = 0; i < options.sources.size(); ++i) {
+    source_points.push_back(parse_point(options.sources[i], "--source"));
+    sources.push_back(options.radiation.source(i, options.sources.size(), glm::vec3(0)));
+  }
+  const AcousticScene acoustics = options.acoustics.load(config);
+  const Scene& scene = acoustics.scene();
+  for (std::size_t i = 0; i < sources.size(); ++i) sources[i].position = scene.to_local(source_points[i]);
+  std::vector<glm::vec3> places;
+  for (const glm::dvec3 listener : listeners) places.push_back(scene.to_local(listener));
+
+  PairRenderer renderer(options, acoustics);  // what is wrong with its files shows before the planner takes its time
+  std::vector<std::optional<AccuracyPlan>> plans(sources.size());
+  for (std::size_t s = 0; target && s < sources.size(); ++s)
+    plans[s] = plan_and_print(acoustics, *target, sources[s], places, static_cast<double>(places.size()));
+
+  const bool single = sources.size() == 1 && listeners.size() == 1;
+  OrderedJson pairs = OrderedJson::array();
+  for (std::size_t s = 0; s < sources.size(); ++s) {
+    const std::optional<AccuracyPlan>& plan = plans[s];
+    const AcousticScene planned = plan ? AcousticScene(acoustics.shared_scene(), plan->choice().config) : acoustics;
+    const EarlyCandidates candidates(planned, sources[s]);
+    const std::shared_ptr<const SourceField> field = field_of(planned, candidates, listeners.size());
+    for (std::size_t l = 0; l < listeners.size(); ++l) {
+      const double heading_deg = options.heading_deg[options.heading_deg.size() == 1 ? 0 : l];
+      OrderedJson pair = renderer.render(planned, candidates, field.get(), places[l], heading_deg,
+                                         single ? options.out : with_suffix(options.out, fmt::format(".s{}.l{}", s, l)));
+      if (plan && !pair.is_null()) pair["accuracy"] = accuracy_json(*target, *plan);
+      if (single) {
+        pairs = std::move(pair);
+        continue;
+      }
+      pair["source"] = s;
+      pair["listener"] = l;
+      pairs.push_back(std::move(pair));
+    }
+  }
+  if (!options.metrics.empty()) {
+    OrderedJson report{{"schema_version", 1}};
+    report.update(single ? pairs : OrderedJson{{"pairs", pairs}});
+    write_file_atomically(options.metrics, report.dump(1) + "\n");
+  }
+}
+
+}  // namespace
+
+void add_rir(CLI::App& app) {
+  auto options = std::make_shared<RirArguments>();
+  CLI::App* command = app.add_subcommand("rir", "Room impulse responses between points of a scene");
+  options->acoustics.add_to(*command, "balanced");
+  options->acoustics.add_accuracy_to(*command);
+  command->add_option("--source", options->sources, "X,Y,Z in metres; may be repeated")->required();
+  command->add_option("--listener", options->listeners, "X,Y,Z in metres, between the ears; may be repeated")->required();
+  command
+      ->add_option("--heading", options->heading_deg,
+                   "Degrees counter-clockwise from -z, seen from above; once for all listeners or once per listener")
+      ->capture_default_str()
+      ->delimiter(',');
+  command->add_option("--pitch", options->pitch_deg, "Elevation of the listener's front in degrees")->capture_default_str();
+  command->add_option("--roll", options->roll_deg, "Degrees that the listener's right ear goes down")->capture_default_str();
+  options->radiation.add_to(*command);
+  command
+      ->add_option(
+          "--out", options->out,
+          "WAV file to write (32-bit float; a unit source gives 1 / (4 pi r)); with several sources or listeners OUT.s0.l0.wav and so on")
+      ->required();
+  command->add_option("--gain", options->gain, "Factor on what is written to WAV files")->capture_default_str();
+  command->add_option("--metrics", options->metrics,
+                      "JSON file with room-acoustic parameters per band (several pairs: a list under \"pairs\")");
+  command->add_option("--plot", options->plot,
+                      "SVG file: every path by its kind, the late field and the decay of each band (several pairs: beside each WAV)");
+  command->add_flag(
+      "--components", options->components,
+      "Also write OUT.direct.wav, OUT.early.wav, OUT.diffracted.wav, OUT.transmitted.wav and OUT.late.wav, which add up to the whole");
+  command->callback([options] { run_rir(*options); });
+}
+
+}  // namespace earshot

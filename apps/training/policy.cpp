@@ -1,0 +1,52 @@
+#include <fmt/format.h>
+
+#include <memory>
+
+#include "apps/commands.h"
+#include "sim/base/errors.h"
+#include "sim/base/files.h"
+#include "trainer/checkpoint/find_checkpoint.h"
+#include "trainer/run/policy_file.h"
+
+namespace earshot {
+namespace {
+
+struct PolicyArguments {
+  std::string agent, out, json;
+  bool float16 = false, config = false;
+};
+
+void run_policy(const PolicyArguments& options) {
+  if (options.float16 && options.out.empty()) throw InputError("--float16", "has no effect without --out", "name the file to write");
+  const auto path = find_checkpoint(options.agent);
+  const Checkpoint checkpoint = load_checkpoint(path);
+  if (options.config) {
+    fmt::print("{}", checkpoint.config_yaml);
+    return;
+  }
+  if (!options.json.empty()) write_file_atomically(options.json, policy_json(checkpoint, path.string()));
+  if (options.out.empty()) {
+    fmt::print("{}", describe_policy(checkpoint, path.string()));
+    return;
+  }
+  save_checkpoint(policy_of(checkpoint, options.float16 ? WeightStorage::float16 : WeightStorage::float32), options.out);
+  fmt::print("{}  file          {:.2f} MB\n", describe_policy(load_checkpoint(options.out), options.out),
+             static_cast<double>(std::filesystem::file_size(options.out)) / 1e6);
+}
+
+}  // namespace
+
+void add_policy(CLI::App& app) {
+  auto options = std::make_shared<PolicyArguments>();
+  CLI::App* command = app.add_subcommand("policy", "Tell what a trained agent is, or write it without the state of its training");
+  command->add_option("AGENT", options->agent, "Policy file, checkpoint or run folder")->required();
+  auto* out = command->add_option("--out", options->out, "Policy file to write: weights and config, which `earshot eval` runs");
+  command->add_flag("--float16", options->float16, "Store weights in half the bytes, each within 2^-11 of itself");
+  command->add_flag("--config", options->config, "Print its config (YAML), the start of one for fine-tuning")->excludes(out);
+  command->add_option("--json", options->json, "Also write what AGENT is to a file");
+  command->footer(
+      "Fine-tuning: a run config with `initial_policy: FILE` starts from these weights (configs/train/finetune.yaml, docs/agent.md).");
+  command->callback([options] { run_policy(*options); });
+}
+
+}  // namespace earshot

@@ -1,0 +1,31 @@
+// earshot_training: all commands of earshot, which starts it for those that need libtorch, for the help, and for words that it does not
+// know.
+
+#include "apps/board/board_commands.h"
+#include "apps/commands.h"
+#include "apps/program.h"
+
+int main(int argc, char** argv) {
+  earshot::Program program(argc, argv);
+  CLI::App& app = program.app();
+  earshot::add_doctor(app);
+  earshot::add_scene(app);
+  earshot::add_materials(app);
+  earshot::add_rir(app);
+  earshot::add_render(app);
+  earshot::add_walk(app);
+  earshot::add_dataset(app);
+  earshot::add_train(app, program.arguments(), program.exit_code());
+  earshot::add_plan(app);
+  earshot::add_keys(app);
+  earshot::add_eval(app, program.arguments(), program.exit_code());
+  earshot::add_policy(app);
+  earshot::add_verify(app);
+  earshot::add_leaderboard(app);
+  earshot::add_benchmark(app);
+  earshot::add_replay(app);
+  earshot::add_sweep(app);
+  earshot::add_bench(app, program.arguments(), program.exit_code());
+  earshot::add_completion(app);
+  return program.run();
+}

@@ -1,0 +1,45 @@
+#include <optional>
+#include <span>
+
+#include "evaluation/results/episode_loop.h"
+#include "evaluation/results/evaluator.h"
+#include "policy/torch_threads.h"
+#include "sim/base/files.h"
+#include "trainer/checkpoint/checkpoint.h"
+#include "trainer/rollout/actor.h"
+#include "trainer/run/effective_config.h"
+
+namespace earshot {
+
+EvaluationResult evaluate_checkpoint(const std::filesystem::path& path, const EvaluationConfig& evaluation,
+                                     const std::vector<std::string>& overrides) {
+  use_one_torch_thread();
+  const Checkpoint checkpoint = load_checkpoint(path);
+  const RunConfig config = parse_effective_config(checkpoint.config_yaml, path.string() + " (its config)", overrides);
+  ActorCritic policy(config.env.observation, config.policy);
+  load_weights(policy, checkpoint, path.string());
+  policy->eval();
+
+  std::optional<Actor> actor;
+  std::vector<ActingEnv> acting;
+  const auto act = [&](BatchedEnv& env, std::span<std::int32_t> actions) {
+    if (!actor) actor.emplace(policy, 0, env.num_envs());
+    const PolicyOutput& output = actor->observe(env);
+    if (evaluation.actions.value_or(config.eval_actions) == ActionChoice::argmax) {
+      greedy_actions(output.logits, actions);
+      return;
+    }
+    // Keyed by the episode, not by the env that happens to run it.
+    acting.clear();
+    for (int i = 0; i < env.num_envs(); ++i)
+      acting.push_back({static_cast<std::uint32_t>(env.episode_index(i)), 0, static_cast<std::uint32_t>(env.episode_step(i))});
+    sample_actions(output.logits, acting, evaluation.seed, actions);
+  };
+  EvaluationResult result = run_episodes(config.env, evaluation, config.name, act, [&](const BatchedEnv& env) { actor->advance(env); });
+
+  result.toolchain = this_toolchain();
+  result.policy_hash = hex64(hash_of(checkpoint.weights, hash64(checkpoint.architecture)));
+  return result;
+}
+
+}  // namespace earshot
