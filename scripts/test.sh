@@ -1,10 +1,11 @@
 #!/usr/bin/env bash
 # scripts/test.sh [full|quick|all]
-#   full   (default; what CI runs) format, the release build without the slow tests and its tests, those of the Python package (skipped with
-#          a line where the Python package index cannot be reached), the tests under the address and undefined-behaviour sanitizers, those in which threads meet under the thread sanitizer, and a minute of fuzzing
+#   full   (default; what CI runs) format, the release build and its tests but the slow and long ones, those of the Python package (skipped with
+#          a line where the Python package index cannot be reached), the tests of what reads others' files under the address and
+#          undefined-behaviour sanitizers, those in which threads meet under the thread sanitizer, and a minute of fuzzing
 #   quick  the loop while working: builds and runs the tests of the folders with uncommitted changes (of the last commit, if there are none)
-#   all    full, the slow tests (label slow: statistics, launchers, sweeps, long benchmarks), and the long tests under the address sanitizer too;
-#          notes date and commit in tests/slow_statistics.txt if the slow tests pass
+#   all    full, the slow tests (label slow: statistics, launchers, sweeps, long benchmarks), the long ones (tests/long_tests*.txt), and all tests
+#          under the address sanitizer; notes date and commit in tests/slow_statistics.txt if the slow tests pass
 # Ends with the seconds of each stage, the number of tests, failures and skips, and the absent test data that caused skips.
 # EARSHOT_JOBS: how many jobs at once (default: all cores).
 set -euo pipefail
@@ -14,8 +15,8 @@ mode=${1:-full}
 case $mode in full | quick | all) ;; *) echo "test.sh: unknown mode '$mode'; one of: full, quick, all" >&2; exit 2 ;; esac
 jobs=${EARSHOT_JOBS:-$(nproc)}
 record=tests/slow_statistics.txt
-build=ci asan_tests=asan-ubsan
-if [ "$mode" = all ]; then build=release asan_tests=asan-ubsan-all; fi
+build=ci left_out='^(slow|long)$' asan_targets=() sanitized=""
+if [ "$mode" = all ]; then build=release left_out='^slow$' asan_targets=(--target all) sanitized=-all; fi
 table=""
 failed=()
 results=$(mktemp -d)
@@ -71,11 +72,15 @@ run_quick() {
   for folder in "${folders[@]}"; do
     case $folder in
       unit/sim/* | unit/envs | unit/datasets) targets+=(test_pinned); labels+="|pinned" ;;
-      unit/policy | unit/trainer | unit/trainer/*) targets+=(test_pinned_training); labels+="|pinned/training" ;;
+      unit/policy | unit/trainer | unit/trainer/*) targets+=(test_pinned_training_libtorch); labels+="|pinned/training" ;;
     esac
     labels+="|$folder"
     target=${folder#unit/}
     target=test_${target//\//_}
+    case $folder in
+      unit/policy | pinned/training | robustness/training) target+=_libtorch ;;
+      unit/trainer) targets+=("${target}_libtorch") ;;
+    esac
     if [ -n "$(find "tests/$folder" -name '*_threads_test.cpp' -print -quit)" ]; then targets+=("${target}_threads"); fi
     if [ -n "$(find "tests/$folder" -name '*_test.cpp' ! -name '*_slow_test.cpp' ! -name '*_threads_test.cpp' -print -quit)" ]; then targets+=("$target"); fi
   done
@@ -100,17 +105,17 @@ test_python() {
 run_full() {
   stage "format" check_format || true
   if stage "release build" scripts/build.sh "$build"; then
-    run_tests "release tests" release -LE slow || true
+    run_tests "release tests" release -LE "$left_out" || true
     stage "python tests" test_python || true
     if [ "$mode" = all ] && run_tests "slow tests" release -L slow; then
       printf 'The slow tests (scripts/test.sh all) last passed on %s at commit %s.\n' "$(date -u +%Y-%m-%d)" "$(git describe --always --abbrev=12 --dirty)" >"$record"
     fi
   fi
-  if stage "asan-ubsan build" scripts/build.sh asan-ubsan; then
-    run_tests "asan-ubsan tests" "$asan_tests" || true
+  if stage "asan-ubsan build" scripts/build.sh asan-ubsan "${asan_targets[@]}"; then
+    run_tests "asan-ubsan tests" "asan-ubsan$sanitized" || true
     stage "fuzzing" scripts/fuzz.sh 60 || true
   fi
-  stage "tsan build" scripts/build.sh tsan && run_tests "tsan tests" tsan || true
+  stage "tsan build" scripts/build.sh tsan && run_tests "tsan tests" "tsan$sanitized" || true
 }
 
 if [ "$mode" = quick ]; then
