@@ -92,7 +92,7 @@ function(earshot_tests dir)
   endforeach()
 endfunction()
 
-# One regular expression of the names of all long tests.
+# Regular expressions of the names of all long tests; CMake takes few groups in one.
 set(earshot_long_tests "")
 foreach(list long_tests long_tests_sanitized)
   if(list STREQUAL "long_tests" OR EARSHOT_SANITIZE)
@@ -101,7 +101,6 @@ foreach(list long_tests long_tests_sanitized)
     list(APPEND earshot_long_tests ${names})
   endif()
 endforeach()
-list(JOIN earshot_long_tests "|" earshot_long_tests)
 
 # earshot_test_program(TARGET DIR LABELS ALONE SOURCES... LIBS... PCH TARGET): one executable of earshot_tests.
 function(earshot_test_program target dir labels alone)
@@ -127,8 +126,9 @@ function(earshot_test_program target dir labels alone)
     file(APPEND ${labels_file} "foreach(test IN LISTS ${target}_TESTS)\n  if(test MATCHES \"${alone}\")\n"
          "    set_tests_properties(\${test} PROPERTIES RUN_SERIAL ON)\n  endif()\nendforeach()\n")
   endif()
-  file(APPEND ${labels_file} "foreach(test IN LISTS ${target}_TESTS)\n  if(test MATCHES \"${earshot_long_tests}\")\n"
-       "    set_tests_properties(\${test} PROPERTIES LABELS \"${labels};${dir};long\")\n  endif()\nendforeach()\n")
+  file(APPEND ${labels_file} "set(long_names \"${earshot_long_tests}\")\nforeach(name IN LISTS long_names)\n  set(long_tests \${${target}_TESTS})\n"
+       "  list(FILTER long_tests INCLUDE REGEX \"\${name}\")\n  if(long_tests)\n"
+       "    set_tests_properties(\${long_tests} PROPERTIES LABELS \"${labels};${dir};long\")\n  endif()\nendforeach()\n")
   set_property(DIRECTORY APPEND PROPERTY TEST_INCLUDE_FILES ${labels_file})
   if("threads" IN_LIST labels)
     add_dependencies(thread_tests ${target})

@@ -1,21 +1,25 @@
 #!/usr/bin/env bash
-# scripts/fuzz.sh [SECONDS] [TARGET...]
-# Builds the fuzz targets (in the preset asan-ubsan) and runs them, all or the ones named, for SECONDS in all (default 60), as many at once as there are
+# scripts/fuzz.sh [--quick] [SECONDS] [TARGET...]
+# Builds the fuzz targets (in the preset asan-ubsan) and runs them, all, those of CI (--quick) or the ones named, for SECONDS in all (default 60), as many at once as there are
 # cores.  Prints one row per target and exits with 1 if there is a finding; its input is kept in build/fuzz/findings, to be run again with
 #   build/asan-ubsan/fuzz/fuzz_TARGET FILE
 # What is learnt is kept in build/fuzz/corpus, so that a longer run goes on where the last one stopped.  EARSHOT_JOBS: how many at once.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
+built=fuzzers
+if [ "${1:-}" = --quick ]; then built=fuzzers_quick; shift; fi
 seconds=${1:-60}
 [ $# -gt 0 ] && shift
 jobs=${EARSHOT_JOBS:-$(nproc)}
-scripts/build.sh asan-ubsan --target fuzzers
+scripts/build.sh asan-ubsan --target "$built"
 
 programs=build/asan-ubsan/fuzz
 build=build/fuzz
 targets=("$@")
-if [ ${#targets[@]} -eq 0 ]; then
+if [ ${#targets[@]} -eq 0 ] && [ "$built" = fuzzers_quick ]; then
+  read -ra targets <"$programs/fuzzers_quick.txt"
+elif [ ${#targets[@]} -eq 0 ]; then
   for program in "$programs"/fuzz_*; do
     if [ -x "$program" ] && [ -f "$program" ]; then targets+=("$(basename "$program" | sed 's/^fuzz_//')"); fi
   done

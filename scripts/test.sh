@@ -15,8 +15,8 @@ mode=${1:-full}
 case $mode in full | quick | all) ;; *) echo "test.sh: unknown mode '$mode'; one of: full, quick, all" >&2; exit 2 ;; esac
 jobs=${EARSHOT_JOBS:-$(nproc)}
 record=tests/slow_statistics.txt
-build=ci left_out='^(slow|long)$' asan_targets=() sanitized=""
-if [ "$mode" = all ]; then build=release left_out='^slow$' asan_targets=(--target all) sanitized=-all; fi
+build=ci left_out='^(slow|long)$' asan_targets=() sanitized="" fuzz=(--quick 60)
+if [ "$mode" = all ]; then build=release left_out='^slow$' asan_targets=(--target all) sanitized=-all fuzz=(60); fi
 table=""
 failed=()
 results=$(mktemp -d)
@@ -113,7 +113,7 @@ run_full() {
   fi
   if stage "asan-ubsan build" scripts/build.sh asan-ubsan "${asan_targets[@]}"; then
     run_tests "asan-ubsan tests" "asan-ubsan$sanitized" || true
-    stage "fuzzing" scripts/fuzz.sh 60 || true
+    stage "fuzzing" scripts/fuzz.sh "${fuzz[@]}" || true
   fi
   stage "tsan build" scripts/build.sh tsan && run_tests "tsan tests" "tsan$sanitized" || true
 }
