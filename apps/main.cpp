@@ -1,5 +1,7 @@
-// earshot: the commands that do without libtorch, which takes longer to load than most of them take.  What else is asked for is left to
-// earshot_training, which has every command.
+// earshot: the commands that do without libtorch, which takes longer to load than most of them take.  It passes all other commands to
+// earshot_training, which has every one.
+
+#include <exception>
 
 #include "apps/commands.h"
 #include "apps/program.h"

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <limits>
 #include <tuple>
 
 #include "bench/accuracy_figures.h"

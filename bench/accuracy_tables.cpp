@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <limits>
 
 #include "bench/accuracy_report.h"
 #include "bench/table_cell.h"

@@ -1,5 +1,5 @@
 # Which sources need libtorch: those that include one of its headers, or a header of ours that includes one or is named torch_*.  The others
-# build and start without it: libtorch takes half a second and three hundred libraries to load.
+# build and start without it (docs/decisions.md).
 
 # Sets RESULT to whether FILE, a path in the project, needs libtorch.
 function(earshot_needs_libtorch result file)
@@ -9,7 +9,7 @@ function(earshot_needs_libtorch result file)
     file(STRINGS ${PROJECT_SOURCE_DIR}/${file} includes REGEX "^#include [<\"]((torch|ATen|c10)/|(policy|trainer|evaluation|bench|tests)/)")
     foreach(include IN LISTS includes)
       string(REGEX REPLACE "^#include [<\"]([^>\"]+).*" "\\1" header ${include})
-      if(header MATCHES "^(torch|ATen|c10)/|/torch_[a-z]+\\.h$")
+      if(header MATCHES "^(torch|ATen|c10)/|/torch_[^/]+\\.h$")
         set(known ON)
       elseif(EXISTS ${PROJECT_SOURCE_DIR}/${header})
         earshot_needs_libtorch(known ${header})

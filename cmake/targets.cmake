@@ -39,15 +39,16 @@ function(earshot_library name dir)
   cmake_language(EVAL CODE "cmake_language(DEFER CALL earshot_join_sources ${name})")  # once the properties of all sources are known
 endfunction()
 
-# earshot_tests(DIR LIBS...): the tests of one folder, as up to three executables.  Each test has the folder as a label, so that a change runs the
+# earshot_tests(DIR LIBS...): the tests of one folder, as an executable per kind.  Each test has the folder as a label, so that a change runs the
 # tests of its own folder (scripts/test.sh quick), and these:
 #   *_slow_test.cpp     test_DIR_slow, label `slow`: statistics of `scripts/test.sh all`; the sanitizer presets leave them out
 #   *_threads_test.cpp  test_DIR_threads, labels `fast` and `threads`: tests in which threads meet, all that the thread sanitizer builds
 #                       (target thread_tests) and runs
 #   other *_test.cpp    test_DIR, label `fast`
-# Those that tests/long_tests.txt names, and under a sanitizer tests/long_tests_sanitized.txt, have the label `long` too.
-# Tests of what reads files and messages of others have the label `sanitized`: the address sanitizer runs them in CI (target sanitized_tests), and all
-# in `scripts/test.sh all`.
+# Those that tests/long_tests.txt names, and under a sanitizer tests/long_tests_address.txt or long_tests_thread.txt, have the label `long` too,
+# and run in `scripts/test.sh all` alone.
+# Tests of code that parses outside files and messages have the label `sanitized` (folders below): the address sanitizer runs them in CI (target
+# sanitized_tests), and all tests in `scripts/test.sh all`.
 # A leading unit/ is not part of the executables' names.  ALONE REGEX: tests that compare times, beside which ctest runs no others.  ROOMS
 # FOLDER...: the tests of these folders in DIR; `*` stands for all.
 # LIBTORCH LIBS...: tests that include libtorch are an executable of their own, test_DIR_libtorch, with these libraries, so that the others start
@@ -94,12 +95,14 @@ endfunction()
 
 # Regular expressions of the names of all long tests; CMake takes few groups in one.
 set(earshot_long_tests "")
-foreach(list long_tests long_tests_sanitized)
-  if(list STREQUAL "long_tests" OR EARSHOT_SANITIZE)
-    set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/tests/${list}.txt)
-    file(STRINGS ${PROJECT_SOURCE_DIR}/tests/${list}.txt names REGEX "^[^#]")
-    list(APPEND earshot_long_tests ${names})
-  endif()
+set(lists long_tests)
+if(EARSHOT_SANITIZE MATCHES "^(address|thread)")
+  list(APPEND lists long_tests_${CMAKE_MATCH_1})
+endif()
+foreach(list IN LISTS lists)
+  set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/tests/${list}.txt)
+  file(STRINGS ${PROJECT_SOURCE_DIR}/tests/${list}.txt names REGEX "^[^#]")
+  list(APPEND earshot_long_tests ${names})
 endforeach()
 
 # earshot_test_program(TARGET DIR LABELS ALONE SOURCES... LIBS... PCH TARGET): one executable of earshot_tests.

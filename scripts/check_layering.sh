@@ -70,6 +70,7 @@ allowed evaluation    "sim envs policy trainer evaluation"
 allowed bench         "sim envs bench" --exclude-dir=training --exclude='learner_*_bench.cpp'
 allowed bench         "sim envs policy trainer evaluation bench"
 for room in options sound scene dataset training board; do allowed "apps/$room" "sim envs datasets policy trainer evaluation apps/commands.h apps/options apps/$room"; done
+allowed apps/bench    "sim envs datasets policy trainer evaluation bench apps/commands.h apps/options apps/bench"
 allowed apps          "sim envs datasets policy trainer evaluation bench apps"
 
 owned 'embree'            'sim/rays/'

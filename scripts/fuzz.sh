@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # scripts/fuzz.sh [--quick] [SECONDS] [TARGET...]
-# Builds the fuzz targets (in the preset asan-ubsan) and runs them, all, those of CI (--quick) or the ones named, for SECONDS in all (default 60), as many at once as there are
-# cores.  Prints one row per target and exits with 1 if there is a finding; its input is kept in build/fuzz/findings, to be run again with
+# Builds the fuzz targets (in the preset asan-ubsan) and runs them, all, those of CI (--quick) or the ones named, for SECONDS in all (default 60),
+# as many at once as there are cores.  Prints one row per target and exits with 1 if there is a finding; its input is kept in build/fuzz/findings, to be run again with
 #   build/asan-ubsan/fuzz/fuzz_TARGET FILE
 # What is learnt is kept in build/fuzz/corpus, so that a longer run goes on where the last one stopped.  EARSHOT_JOBS: how many at once.
 set -euo pipefail
@@ -11,6 +11,7 @@ built=fuzzers
 if [ "${1:-}" = --quick ]; then built=fuzzers_quick; shift; fi
 seconds=${1:-60}
 [ $# -gt 0 ] && shift
+if [ $# -gt 0 ] && [ "$built" = fuzzers_quick ]; then echo "fuzz.sh: --quick runs the targets of CI; name targets without it" >&2; exit 2; fi
 jobs=${EARSHOT_JOBS:-$(nproc)}
 scripts/build.sh asan-ubsan --target "$built"
 

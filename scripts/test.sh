@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
 # scripts/test.sh [full|quick|all]
 #   full   (default; what CI runs) format, the release build and its tests but the slow and long ones, those of the Python package (skipped with
-#          a line where the Python package index cannot be reached), the tests of what reads others' files under the address and
-#          undefined-behaviour sanitizers, those in which threads meet under the thread sanitizer, and a minute of fuzzing
+#          a line where the Python package index cannot be reached), the tests of code that parses outside files under the address
+#          and undefined-behaviour sanitizers, those in which threads meet under the thread sanitizer, and a minute of fuzzing
 #   quick  the loop while working: builds and runs the tests of the folders with uncommitted changes (of the last commit, if there are none)
-#   all    full, the slow tests (label slow: statistics, launchers, sweeps, long benchmarks), the long ones (tests/long_tests*.txt), and all tests
-#          under the address sanitizer; notes date and commit in tests/slow_statistics.txt if the slow tests pass
+#   all    full, the slow tests (label slow: statistics, launchers, sweeps, long benchmarks), the long ones (tests/long_tests*.txt, scripts among them), and all tests
+#          under the sanitizers; notes date and commit in tests/slow_statistics.txt if the slow tests pass
 # Ends with the seconds of each stage, the number of tests, failures and skips, and the absent test data that caused skips.
 # EARSHOT_JOBS: how many jobs at once (default: all cores).
 set -euo pipefail

@@ -149,7 +149,7 @@ void add_scenes(CLI::App& bench) {
   command->callback([scenes] { run_scenes(*scenes); });
 }
 
-/// BenchArguments common to all benchmarks.
+/// Adds a benchmark with the options common to all.
 CLI::App* add_bench_command(CLI::App& bench, const std::string& name, const std::string& about,
                             const std::shared_ptr<BenchArguments>& options) {
   CLI::App* command = bench.add_subcommand(name, about);

@@ -1,5 +1,7 @@
 #include "sim/audio/harmonic_rotation.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -9,10 +11,9 @@
 #include "sim/base/errors.h"
 
 namespace earshot {
-namespace {}  // namespace
 
 HarmonicRotation::HarmonicRotation(int order) : order_(order) {
-  require(order >= 0 && order <= kMaxAmbisonicOrder, "ambisonic order", order, "must be in [0, 9]");
+  require(order >= 0 && order <= kMaxAmbisonicOrder, "ambisonic order", order, fmt::format("must be in [0, {}]", kMaxAmbisonicOrder));
   matrix_.resize(index(order + 1, -order - 1, -order - 1));
   block_.resize(static_cast<std::size_t>(2 * order + 1) * kBlock);
   set(ListenerOrientation());

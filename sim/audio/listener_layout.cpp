@@ -138,7 +138,8 @@ int ListenerLayout::num_channels() const {
 
 void validate(const ListenerLayout& layout) {
   if (layout.kind == ListenerKind::ambisonics)
-    require(layout.order >= 0 && layout.order <= kMaxAmbisonicOrder, "ambisonic order", layout.order, "must be in [0, 9]");
+    require(layout.order >= 0 && layout.order <= kMaxAmbisonicOrder, "ambisonic order", layout.order,
+            fmt::format("must be in [0, {}]", kMaxAmbisonicOrder));
   if (layout.kind != ListenerKind::array) return;
   require(!layout.microphones.empty() && layout.microphones.size() <= kMaxMicrophones, "microphones", layout.microphones.size(),
           "must be in [1, 256]: each is a channel");

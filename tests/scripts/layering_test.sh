@@ -7,7 +7,7 @@ root=$(mktemp -d); trap 'rm -rf "$root"' EXIT
 new_tree() {  # one header per folder, one file that includes in order
   rm -rf "$root/tree"
   for folder in sim/{base,rays,scene,audio,vision,nav,reader} sim/acoustics/{core,geometry,model,paths,tracers,source_field,response,synthesis,metrics} \
-                envs/{task,episodes,batch} datasets python bench bench/training policy trainer/{net,collective,run} evaluation/{results,replay} apps; do
+                envs/{task,episodes,batch} datasets python bench bench/training policy trainer/{net,collective,run} evaluation/{results,replay} apps apps/{options,sound,board}; do
     mkdir -p "$root/tree/$folder"
     echo '#pragma once' > "$root/tree/$folder/a.h"
     echo "# $folder" > "$root/tree/$folder/README.md"
@@ -41,6 +41,8 @@ expect 1 trainer/run/a.h '"evaluation/results/a.h"'
 expect 1 evaluation/results/a.h '"evaluation/replay/a.h"'
 expect 0 bench/training/a.h '"trainer/run/a.h"'
 expect 1 apps/a.h '<zmq.hpp>'
+expect 0 apps/sound/a.h '"apps/options/a.h"'
+expect 1 apps/board/a.h '"apps/sound/a.h"'
 expect 1 sim/nav/a.h '<embree3/rtcore.h>'
 expect 0 bench/learner_a_bench.cpp '"policy/a.h"'
 expect 1 bench/camera_bench.cpp '"policy/a.h"'

@@ -8,7 +8,7 @@
 #include "sim/audio/sound_clip.h"
 #include "sim/base/random.h"
 
-/// Sounds and responses for tests of the convolution of a stream.
+/// Sounds and responses for tests of transforms and of the convolution of a stream.
 namespace earshot::stream_sounds {
 
 /// Uniform in [-1, 1], times exp(-decay i).

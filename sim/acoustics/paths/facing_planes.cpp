@@ -54,7 +54,7 @@ void FacingPlanes::find_pairs(const AcousticScene& scene) {
   const DiffuseDecay decay(scene, source_.position);
   std::vector<glm::dvec3> axes;
   const std::span<const MirrorPlane> planes = scene.planes();
-  for (std::size_t i = 0; i < std::min(planes.size(), FacingPlanes::kPlanes) && pairs_.size() < kMaxPairs; ++i) {
+  for (std::size_t i = 0; i < std::min(planes.size(), FacingPlanes::kMaxPlanes) && pairs_.size() < kMaxPairs; ++i) {
     const ExactPlane plane(planes[i]);
     const bool known = std::any_of(axes.begin(), axes.end(), [&](glm::dvec3 axis) {
       return glm::length(glm::cross(axis, plane.normal)) < FacingPlanes::kParallelSine;

@@ -27,7 +27,7 @@ namespace earshot {
 class FacingPlanes {
  public:
   static constexpr std::size_t kMaxPairs = 3;
-  static constexpr std::size_t kPlanes = 64;     ///< the largest of the scene are looked at
+  static constexpr std::size_t kMaxPlanes = 64;  ///< the largest of the scene are looked at
   static constexpr double kParallelSine = 1e-4;  ///< of the angle between planes that count as parallel, or at right angles
   static constexpr int kManyRays = 512;          ///< below, the noise is larger than what further chains add
 

@@ -69,7 +69,7 @@ MirrorChains::MirrorChains(const AcousticScene& scene, const SoundSource& source
 }
 
 void MirrorChains::grow(const AcousticScene& scene, const FacingPlanes& facing, std::size_t most) {
-  const std::size_t num_planes = std::min(scene.planes().size(), FacingPlanes::kPlanes);
+  const std::size_t num_planes = std::min(scene.planes().size(), FacingPlanes::kMaxPlanes);
   const int num_bands = scene.num_bands();
   std::vector<ConvexPolygon> polygons;
   for (std::size_t p = 0; p < num_planes; ++p) polygons.push_back(polygon_of(scene.planes()[p]));

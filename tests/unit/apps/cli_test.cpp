@@ -1,9 +1,9 @@
 // Runs the program as a user does and checks its exit code and its output.
 
+#include "tests/support/cli.h"
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
 #include <array>
 #include <cmath>
@@ -19,96 +19,13 @@
 #include <vector>
 
 #include "tests/support/band_levels.h"
-#include "tests/support/test_paths.h"
 
 namespace {
 
 using testing::HasSubstr;
 
-struct CliOutcome {
-  int exit_code = -1;
-  std::string output, errors;
-};
-
-class Cli : public testing::Test {
- protected:
-  void SetUp() override {
-    folder_ = std::filesystem::temp_directory_path() /
-              ("earshot_cli_" + std::string(testing::UnitTest::GetInstance()->current_test_info()->name()) + std::to_string(::getpid()));
-    std::filesystem::create_directories(folder_);
-  }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
-
-  [[nodiscard]] std::string file(const std::string& name) const { return (folder_ / name).string(); }
-  std::string write(const std::string& name, const std::string& text) const {
-    std::ofstream(file(name), std::ios::binary) << text;
-    return file(name);
-  }
-  [[nodiscard]] std::string read(const std::string& name) const {
-    std::ifstream stream(file(name), std::ios::binary);
-    return {std::istreambuf_iterator<char>(stream), {}};
-  }
-  [[nodiscard]] CliOutcome earshot(const std::string& arguments) const {
-    return run(earshot::earshot_program().string() + " " + arguments);
-  }
-  [[nodiscard]] CliOutcome run(const std::string& line) const {
-    const int status = std::system((line + " >" + file("stdout") + " 2>" + file("stderr")).c_str());
-    return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read("stdout"), read("stderr")};
-  }
-  /// Samples of a 32-bit float WAV, channels interleaved: what follows the head of the data chunk.
-  [[nodiscard]] std::vector<float> read_wav(const std::string& name) const {
-    const std::string bytes = read(name);
-    const std::size_t data = bytes.find("data");
-    EXPECT_NE(data, std::string::npos) << name;
-    if (data == std::string::npos) return {};
-    std::uint32_t size = 0;
-    std::memcpy(&size, bytes.data() + data + 4, 4);
-    std::vector<float> samples(size / sizeof(float));
-    std::memcpy(samples.data(), bytes.data() + data + 8, samples.size() * sizeof(float));
-    return samples;
-  }
-  /// Exit code 2 and one line on stderr that holds `text`; no output file exists.
-  void expect_bad_input(const std::string& arguments, const std::string& text) const {
-    const CliOutcome outcome = earshot(arguments);
-    EXPECT_EQ(outcome.exit_code, 2) << arguments << "\n" << outcome.errors;
-    EXPECT_THAT(outcome.errors, HasSubstr(text)) << arguments;
-    EXPECT_EQ(std::count(outcome.errors.begin(), outcome.errors.end(), '\n'), 1) << outcome.errors;
-  }
-
-  std::filesystem::path folder_;
-};
-
-TEST_F(Cli, HelpIsComplete) {
-  const CliOutcome help = earshot("--help");
-  EXPECT_EQ(help.exit_code, 0);
-  for (const char* command : {"doctor", "scene", "materials", "rir", "walk", "dataset", "train", "eval", "leaderboard", "bench"}) {
-    EXPECT_THAT(help.output, HasSubstr(command));
-    EXPECT_EQ(earshot(std::string(command) + " --help").exit_code, 0) << command;
-  }
-}
-
-TEST_F(Cli, WordsThatAreNoCommandAreRefusedWithTheNearest) {
-  expect_bad_input("dance", "one of: bench, benchmark, completion");
-  expect_bad_input("", "one of: bench, benchmark, completion");
-  expect_bad_input("rirr shoebox:5x3x4", "did you mean 'rir'?");
-  expect_bad_input("evla random", "did you mean 'eval'?");
-  expect_bad_input("dataset", "one of: convolve, episodes, pano, rir, scenes");
-  expect_bad_input("dataset episode house:1", "did you mean 'dataset episodes'?");
-  expect_bad_input("bench", "one of: accuracy, allreduce");
-  expect_bad_input("bench rirs", "did you mean 'bench rir'?");
-  expect_bad_input("rir shoebox:5x3x4", "--source");
-}
-
-// What is asked of the program with libtorch reaches it through the other one, and a lack of it is said.
-TEST_F(Cli, CommandsOfTheProgramBesideAreItsOwn) {
-  const std::filesystem::path alone = folder_ / "alone";
-  std::filesystem::create_directory(alone);
-  std::filesystem::copy_file(earshot::earshot_program(), alone / "earshot");
-  EXPECT_EQ(run((alone / "earshot").string() + " rir --help").exit_code, 0);
-  const CliOutcome lost = run((alone / "earshot").string() + " train quick.yaml");
-  EXPECT_EQ(lost.exit_code, 1);
-  EXPECT_THAT(lost.errors, AllOf(HasSubstr("earshot_training: is neither in " + alone.string()), HasSubstr("build or install it")));
-}
+using earshot::Cli;
+using earshot::CliOutcome;
 
 TEST_F(Cli, DoctorReportsTheMachine) {
   const CliOutcome outcome = earshot("doctor");

@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "sim/base/errors.h"
-#include "sim/base/random.h"
 #include "tests/support/stream_sounds.h"
 
 namespace earshot {

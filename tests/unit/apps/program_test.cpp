@@ -1,0 +1,49 @@
+// Commands of the two programs: help, words that are no command, and the way from one to the other.
+
+#include "apps/program.h"
+
+#include "sim/base/install_paths.h"
+#include "tests/support/cli.h"
+
+namespace earshot {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+
+TEST_F(Cli, HelpIsComplete) {
+  const CliOutcome help = earshot("--help");
+  EXPECT_EQ(help.exit_code, 0);
+  for (const char* command : {"doctor", "scene", "materials", "rir", "walk", "dataset", "train", "eval", "leaderboard", "bench"}) {
+    EXPECT_THAT(help.output, HasSubstr(command));
+    EXPECT_EQ(earshot(std::string(command) + " --help").exit_code, 0) << command;
+  }
+}
+
+TEST_F(Cli, WordsThatAreNoCommandAreRefusedWithTheNearest) {
+  expect_bad_input("dance", "one of: bench, benchmark, completion");
+  expect_bad_input("", "one of: bench, benchmark, completion");
+  expect_bad_input("rirr shoebox:5x3x4", "did you mean 'rir'?");
+  expect_bad_input("evla random", "did you mean 'eval'?");
+  expect_bad_input("dataset", "one of: convolve, episodes, pano, rir, scenes");
+  expect_bad_input("dataset episode house:1", "did you mean 'dataset episodes'?");
+  expect_bad_input("bench", "one of: accuracy, allreduce");
+  expect_bad_input("bench rirs", "did you mean 'bench rir'?");
+  expect_bad_input("rir shoebox:5x3x4", "--source");
+}
+
+// What is asked of the program with libtorch reaches it through the other one, and a lack of it is said.
+TEST_F(Cli, CommandsOfTheProgramBesideAreItsOwn) {
+  const std::filesystem::path alone = folder_ / "alone",
+                              installed = std::filesystem::path(kInstalledPrograms) / "earshot_training";
+  if (std::filesystem::exists(installed)) GTEST_SKIP() << installed << " would be started";
+  std::filesystem::create_directory(alone);
+  std::filesystem::copy_file(earshot_program(), alone / "earshot");
+  EXPECT_EQ(run((alone / "earshot").string() + " rir --help").exit_code, 0);
+  const CliOutcome lost = run((alone / "earshot").string() + " train quick.yaml");
+  EXPECT_EQ(lost.exit_code, 1);
+  EXPECT_THAT(lost.errors, AllOf(HasSubstr("earshot_training: is neither in " + alone.string()), HasSubstr("build or install it")));
+}
+
+}  // namespace
+}  // namespace earshot
