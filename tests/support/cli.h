@@ -43,9 +43,7 @@ class Cli : public testing::Test {
     std::ifstream stream(file(name), std::ios::binary);
     return {std::istreambuf_iterator<char>(stream), {}};
   }
-  [[nodiscard]] CliOutcome earshot(const std::string& arguments) const {
-    return run(earshot_program().string() + " " + arguments);
-  }
+  [[nodiscard]] CliOutcome earshot(const std::string& arguments) const { return run(earshot_program().string() + " " + arguments); }
   [[nodiscard]] CliOutcome run(const std::string& line) const {
     const int status = std::system((line + " >" + file("stdout") + " 2>" + file("stderr")).c_str());
     return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read("stdout"), read("stderr")};

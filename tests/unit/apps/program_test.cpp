@@ -34,8 +34,7 @@ TEST_F(Cli, WordsThatAreNoCommandAreRefusedWithTheNearest) {
 
 // What is asked of the program with libtorch reaches it through the other one, and a lack of it is said.
 TEST_F(Cli, CommandsOfTheProgramBesideAreItsOwn) {
-  const std::filesystem::path alone = folder_ / "alone",
-                              installed = std::filesystem::path(kInstalledPrograms) / "earshot_training";
+  const std::filesystem::path alone = folder_ / "alone", installed = std::filesystem::path(kInstalledPrograms) / "earshot_training";
   if (std::filesystem::exists(installed)) GTEST_SKIP() << installed << " would be started";
   std::filesystem::create_directory(alone);
   std::filesystem::copy_file(earshot_program(), alone / "earshot");
