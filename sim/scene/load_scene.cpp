@@ -8,6 +8,7 @@
 #include "sim/scene/house_generator.h"
 #include "sim/scene/material_assignment.h"
 #include "sim/scene/mesh_import.h"
+#include "sim/scene/mesh_simplify.h"
 #include "sim/scene/scene.h"
 #include "sim/scene/scene_config.h"
 #include "sim/scene/shoebox.h"

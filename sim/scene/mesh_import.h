@@ -3,7 +3,7 @@
 #include <filesystem>
 #include <glm/mat4x4.hpp>
 
-#include "sim/scene/scene.h"
+#include "sim/scene/import_report.h"
 #include "sim/scene/triangle_mesh.h"
 
 namespace earshot {

@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "sim/scene/scene.h"
+#include "sim/scene/import_report.h"
 #include "sim/scene/triangle_mesh.h"
 
 namespace earshot {

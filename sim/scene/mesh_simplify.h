@@ -1,18 +1,9 @@
 #pragma once
 
-#include <cstdint>
-
+#include "sim/scene/import_report.h"
 #include "sim/scene/triangle_mesh.h"
 
 namespace earshot {
-
-/// What simplification took away and how far it moved the surface.
-struct SimplifyReport {
-  std::uint64_t triangles_before = 0, triangles_after = 0;
-  /// Largest distance of a vertex of the original from the simplified surface of the same material and object, measured on up to 512 evenly
-  /// spaced vertices of each; 0 if nothing was taken away.
-  double deviation_m = 0;
-};
 
 /// Collapses edges of the mesh (quadric errors of Garland and Heckbert 1997, meshoptimizer) while its surface stays within
 /// `deviation_m` of where it was, as measured on the vertices that go (see below).  Every (material, object) is simplified for itself with

@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "sim/rays/embree_scene.h"
+#include "sim/scene/import_report.h"
 #include "sim/scene/materials.h"
-#include "sim/scene/mesh_simplify.h"
 #include "sim/scene/triangle_mesh.h"
 
 namespace earshot {
@@ -26,13 +26,6 @@ struct Air {
   /// 0: 343.2 sqrt(T / 293.15 K) of ISO 9613-1; otherwise this value (the oracles fix 343.0).
   float speed_of_sound_m_per_s = 0.f;
   [[nodiscard]] float speed() const;
-};
-
-/// What import repaired, as counts, and what it found odd, one line each (unmatched pattern, suspicious size, lowered transmission).
-struct ImportReport {
-  std::uint64_t triangles_read = 0, degenerate_removed = 0, duplicate_removed = 0, vertices_welded = 0;
-  std::optional<SimplifyReport> simplified;  ///< if the scene was simplified
-  std::vector<std::string> warnings;
 };
 
 /// Geometry with an acoustic material per triangle, ready for rays.  Built once, immutable, shared by all agents and threads.
