@@ -5,7 +5,7 @@
 
 #include "apps/commands.h"
 #include "apps/program.h"
-#include "sim/base/companion_program.h"
+#include "sim/base/process/companion_program.h"
 
 int main(int argc, char** argv) {
   earshot::Program program(argc, argv);

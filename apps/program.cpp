@@ -9,8 +9,8 @@
 #include <exception>
 #include <set>
 
-#include "sim/base/config_reader.h"
 #include "sim/base/errors.h"
+#include "sim/base/text/config_reader.h"
 #include "sim/base/version.h"
 
 namespace earshot {

@@ -50,7 +50,7 @@ endfunction()
 # Tests of code that parses outside files and messages have the label `sanitized` (folders below): the address sanitizer runs them in CI (target
 # sanitized_tests), and all tests in `scripts/test.sh all`.
 # A leading unit/ is not part of the executables' names.  ALONE REGEX: tests that compare times, beside which ctest runs no others.  ROOMS
-# FOLDER...: the tests of these folders in DIR; `*` stands for all.
+# FOLDER...: the tests of DIR and of these folders in it; `*` stands for all.
 # LIBTORCH LIBS...: tests that include libtorch are an executable of their own, test_DIR_libtorch, with these libraries, so that the others start
 # at once.
 function(earshot_tests dir)
@@ -59,7 +59,8 @@ function(earshot_tests dir)
   string(REPLACE "/" "_" stem ${stem})
   set(folders ${dir})
   if(arg_ROOMS)
-    list(TRANSFORM arg_ROOMS PREPEND ${dir}/ OUTPUT_VARIABLE folders)
+    list(TRANSFORM arg_ROOMS PREPEND ${dir}/)
+    list(APPEND folders ${arg_ROOMS})
   endif()
   list(TRANSFORM folders REPLACE "(.+)" "${PROJECT_SOURCE_DIR}/tests/\\1/*_test.cpp")
   file(GLOB all_tests CONFIGURE_DEPENDS ${folders})

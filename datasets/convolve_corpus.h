@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "datasets/rir_corpus.h"
-#include "sim/audio/sound_file.h"
+#include "sim/audio/dry_sounds/sound_file.h"
 
 namespace earshot {
 

@@ -9,7 +9,7 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
-#include "sim/base/utf8.h"
+#include "sim/base/text/utf8.h"
 
 namespace earshot {
 namespace {

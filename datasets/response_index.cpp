@@ -9,7 +9,7 @@
 #include "datasets/rir_corpus_folder.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
-#include "sim/base/schema_version.h"
+#include "sim/base/text/schema_version.h"
 
 namespace earshot {
 namespace {

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "sim/audio/sound_clip.h"
+#include "sim/audio/dry_sounds/sound_clip.h"
 
 namespace earshot {
 

@@ -9,7 +9,7 @@
 #include "datasets/convolve_corpus.h"
 #include "datasets/corpus_sounds.h"
 #include "datasets/response_index.h"
-#include "sim/audio/fir_convolver.h"
+#include "sim/audio/transforms/fir_convolver.h"
 
 namespace earshot {
 

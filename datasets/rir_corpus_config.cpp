@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "sim/audio/directivity.h"
+#include "sim/audio/head/directivity.h"
 #include "sim/base/errors.h"
 
 namespace earshot {

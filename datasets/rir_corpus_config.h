@@ -6,9 +6,9 @@
 #include <vector>
 
 #include "sim/acoustics/core/acoustic_config.h"
-#include "sim/audio/listener_layout.h"
-#include "sim/audio/sound_file.h"
-#include "sim/base/config_reader.h"
+#include "sim/audio/dry_sounds/sound_file.h"
+#include "sim/audio/head/listener_layout.h"
+#include "sim/base/text/config_reader.h"
 #include "sim/scene/acoustic_randomization.h"
 
 namespace earshot {

@@ -13,7 +13,7 @@
 #include "sim/base/engine_commit.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
-#include "sim/base/schema_version.h"
+#include "sim/base/text/schema_version.h"
 
 namespace earshot {
 namespace {

@@ -16,9 +16,9 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/random.h"
-#include "sim/base/utf8.h"
-#include "sim/scene/materials.h"
-#include "sim/scene/semantic_materials.h"
+#include "sim/base/text/utf8.h"
+#include "sim/scene/materials/materials.h"
+#include "sim/scene/materials/semantic_materials.h"
 
 namespace earshot {
 namespace {

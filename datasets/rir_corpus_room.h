@@ -11,7 +11,7 @@
 #include "datasets/rir_corpus_pictures.h"
 #include "sim/acoustics/core/sound_source.h"
 #include "sim/acoustics/model/acoustic_scene.h"
-#include "sim/audio/listener_orientation.h"
+#include "sim/audio/head/listener_orientation.h"
 #include "sim/base/random.h"
 #include "sim/nav/navmesh.h"
 

@@ -20,7 +20,7 @@
 #include "sim/acoustics/synthesis/carriers.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
-#include "sim/base/utf8.h"
+#include "sim/base/text/utf8.h"
 
 namespace earshot {
 namespace {

@@ -9,8 +9,8 @@
 #include "sim/acoustics/response/temporal_reuse.h"
 #include "sim/acoustics/synthesis/path_glide.h"
 #include "sim/acoustics/synthesis/rir_synthesis.h"
-#include "sim/audio/fir_convolver.h"
-#include "sim/audio/sound_stream.h"
+#include "sim/audio/stream/sound_stream.h"
+#include "sim/audio/transforms/fir_convolver.h"
 
 namespace earshot {
 

@@ -8,7 +8,7 @@
 #include "sim/acoustics/response/energy_response.h"
 #include "sim/acoustics/synthesis/carriers.h"
 #include "sim/acoustics/synthesis/rir_synthesis.h"
-#include "sim/audio/sound_clip.h"
+#include "sim/audio/dry_sounds/sound_clip.h"
 
 using namespace earshot;
 

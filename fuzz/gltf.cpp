@@ -1,6 +1,6 @@
 // glTF and GLB through gltf_reader.h, the mesh builder and the repair.
 #include "fuzz/fuzz_target.h"
-#include "sim/scene/mesh_import.h"
+#include "sim/scene/readers/mesh_import.h"
 
 int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace earshot;

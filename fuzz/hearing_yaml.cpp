@@ -2,8 +2,8 @@
 #include <cmath>
 
 #include "fuzz/fuzz_target.h"
-#include "sim/audio/directivity.h"
-#include "sim/audio/listener_layout.h"
+#include "sim/audio/head/directivity.h"
+#include "sim/audio/head/listener_layout.h"
 
 int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace earshot;

@@ -1,5 +1,5 @@
 // Material databases, in each of the ways to read them.
-#include "sim/scene/materials.h"
+#include "sim/scene/materials/materials.h"
 
 #include "fuzz/fuzz_target.h"
 

@@ -1,7 +1,7 @@
 // OBJ, PLY and STL before Assimp reads them: coordinates are moved near the origin, PLY headers are checked.
 #include "fuzz/fuzz_target.h"
-#include "sim/scene/file_coordinates.h"
-#include "sim/scene/ply_header.h"
+#include "sim/scene/readers/file_coordinates.h"
+#include "sim/scene/readers/ply_header.h"
 
 int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace earshot;

@@ -1,7 +1,7 @@
 // A config with overrides from the command line: lines of `key=value` before an empty line, then the YAML.  Every type of a key
 // is read, and the text that checkpoints hold is written and read again.
 #include "fuzz/fuzz_target.h"
-#include "sim/base/config_reader.h"
+#include "sim/base/text/config_reader.h"
 
 namespace {
 

@@ -1,9 +1,9 @@
 // What a damaged reader process may send: the frame of the answer, then the parts of a mesh or the responses of a head.
 #include "fuzz/fuzz_target.h"
-#include "sim/audio/sofa_reader.h"
-#include "sim/base/isolated_call.h"
-#include "sim/scene/assimp_reader.h"
-#include "sim/scene/mesh_builder.h"
+#include "sim/audio/head/sofa_reader.h"
+#include "sim/base/process/isolated_call.h"
+#include "sim/scene/readers/assimp_reader.h"
+#include "sim/scene/readers/mesh_builder.h"
 
 int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace earshot;

@@ -1,6 +1,6 @@
 // Materials of semantic categories.
 #include "fuzz/fuzz_target.h"
-#include "sim/scene/semantic_materials.h"
+#include "sim/scene/materials/semantic_materials.h"
 
 int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace earshot;

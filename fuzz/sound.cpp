@@ -2,7 +2,7 @@
 #include <cmath>
 
 #include "fuzz/fuzz_target.h"
-#include "sim/audio/sound_clip.h"
+#include "sim/audio/dry_sounds/sound_clip.h"
 
 int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace earshot;

@@ -1,8 +1,8 @@
 // Short texts that name things: shoebox:, synth:, listener layouts.
 #include "fuzz/fuzz_target.h"
-#include "sim/audio/listener_layout.h"
-#include "sim/audio/sound_clip.h"
-#include "sim/scene/shoebox.h"
+#include "sim/audio/dry_sounds/sound_clip.h"
+#include "sim/audio/head/listener_layout.h"
+#include "sim/scene/generators/shoebox.h"
 
 int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace earshot;

@@ -1,6 +1,6 @@
 #include "policy/policy_config.h"
 
-#include "sim/base/config_reader.h"
+#include "sim/base/text/config_reader.h"
 
 namespace earshot {
 

@@ -60,7 +60,8 @@ changed_folders() {
     # One program has the tests of these rooms.
     case $folder in
       unit/trainer/net | unit/trainer/launch | unit/trainer/collective) echo "$folder"; continue ;;
-      unit/envs/* | unit/trainer/* | unit/evaluation/*) dirname "$folder"; continue ;;
+      unit/bench/training) echo "$folder"; continue ;;
+      unit/sim/base/* | unit/sim/scene/* | unit/sim/audio/* | unit/bench/* | unit/envs/* | unit/trainer/* | unit/evaluation/*) dirname "$folder"; continue ;;
     esac
     if compgen -G "tests/$folder/*_test.cpp" >/dev/null; then echo "$folder"; else echo "test.sh: no test folder mirrors $file" >&2; fi
   done | sort -u

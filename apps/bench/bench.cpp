@@ -10,14 +10,14 @@
 
 #include "apps/commands.h"
 #include "apps/options/picture_size.h"
-#include "bench/accuracy_promise.h"
-#include "bench/accuracy_report.h"
-#include "bench/bench_env.h"
-#include "bench/bench_rir.h"
-#include "bench/engine_comparison.h"
-#include "bench/hearing_cost.h"
-#include "bench/scene_scale.h"
+#include "bench/accuracy/accuracy_promise.h"
+#include "bench/accuracy/accuracy_report.h"
+#include "bench/accuracy/engine_comparison.h"
 #include "bench/soak/report.h"
+#include "bench/speed/bench_env.h"
+#include "bench/speed/bench_rir.h"
+#include "bench/speed/hearing_cost.h"
+#include "bench/speed/scene_scale.h"
 #include "sim/base/errors.h"
 
 namespace earshot {

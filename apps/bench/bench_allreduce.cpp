@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "apps/commands.h"
-#include "bench/bench_report.h"
+#include "bench/measure/bench_report.h"
 #include "bench/training/all_reduce_speed.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"

@@ -9,9 +9,9 @@
 #include "apps/commands.h"
 #include "envs/batch/batched_env.h"
 #include "envs/episodes/episode_set.h"
-#include "sim/base/config_reader.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/text/config_reader.h"
 
 namespace earshot {
 namespace {

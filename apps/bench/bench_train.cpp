@@ -14,9 +14,9 @@
 #include <vector>
 
 #include "apps/commands.h"
-#include "bench/bench_report.h"
-#include "bench/bench_scene.h"
-#include "bench/engine_process.h"
+#include "bench/accuracy/engine_process.h"
+#include "bench/measure/bench_report.h"
+#include "bench/measure/bench_scene.h"
 #include "bench/training/learner_speed.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"

@@ -17,7 +17,7 @@
 #include "apps/board/board_commands.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
-#include "sim/base/progress.h"
+#include "sim/base/process/progress.h"
 #include "trainer/checkpoint/run_folder.h"
 #include "trainer/net/stop_signals.h"
 

@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <memory>
 
-#include "sim/base/progress.h"
+#include "sim/base/process/progress.h"
 #include "sim/sofa/sofa_writer.h"
 
 namespace earshot {

@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include "sim/base/progress.h"
+#include "sim/base/process/progress.h"
 
 namespace earshot {
 

@@ -7,7 +7,7 @@
 #include "apps/commands.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
-#include "sim/scene/material_lint.h"
+#include "sim/scene/materials/material_lint.h"
 
 namespace earshot {
 namespace {

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "sim/acoustics/metrics/room_metrics.h"
-#include "sim/base/plot_axes.h"
-#include "sim/base/svg_document.h"
+#include "sim/base/charts/plot_axes.h"
+#include "sim/base/charts/svg_document.h"
 
 namespace earshot {
 namespace {

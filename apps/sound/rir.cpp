@@ -17,10 +17,10 @@
 #include "sim/acoustics/source_field/field_for_poses.h"
 #include "sim/acoustics/source_field/source_field.h"
 #include "sim/acoustics/synthesis/carriers.h"
-#include "sim/audio/sound_clip.h"
+#include "sim/audio/dry_sounds/sound_clip.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
-#include "sim/base/progress.h"
+#include "sim/base/process/progress.h"
 
 namespace earshot {
 namespace {

@@ -18,10 +18,10 @@
 #include "sim/acoustics/source_field/source_field_store.h"
 #include "sim/acoustics/synthesis/carriers.h"
 #include "sim/acoustics/synthesis/path_glide.h"
-#include "sim/audio/sound_clip.h"
-#include "sim/audio/sound_stream.h"
+#include "sim/audio/dry_sounds/sound_clip.h"
+#include "sim/audio/stream/sound_stream.h"
 #include "sim/base/errors.h"
-#include "sim/base/progress.h"
+#include "sim/base/process/progress.h"
 
 namespace earshot {
 namespace {

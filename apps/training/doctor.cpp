@@ -24,7 +24,7 @@
 #include "policy/torch_threads.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
-#include "sim/base/isolated_call.h"
+#include "sim/base/process/isolated_call.h"
 #include "sim/base/processor.h"
 #include "sim/base/version.h"
 #include "sim/rays/embree_options.h"

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "bench/measure/statistics.h"
 #include "bench/soak/soak.h"
-#include "bench/soak/statistics.h"
 
 namespace earshot {
 namespace {

@@ -16,8 +16,8 @@
 #include "envs/episodes/episode_generator.h"
 #include "envs/hearing/sound_library.h"
 #include "sim/base/errors.h"
-#include "sim/base/progress.h"
-#include "sim/scene/house_plan.h"
+#include "sim/base/process/progress.h"
+#include "sim/scene/generators/house_plan.h"
 
 namespace earshot {
 namespace {

@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "bench/soak/report.h"
-#include "sim/base/plot_axes.h"
-#include "sim/base/svg_document.h"
+#include "sim/base/charts/plot_axes.h"
+#include "sim/base/charts/svg_document.h"
 
 namespace earshot {
 namespace {

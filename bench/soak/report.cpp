@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "bench/measure/statistics.h"
 #include "bench/soak/plot.h"
-#include "bench/soak/statistics.h"
 #include "sim/base/engine_commit.h"
 #include "sim/base/files.h"
 

@@ -4,7 +4,7 @@
 #include <filesystem>
 #include <string>
 
-#include "bench/bench_report.h"
+#include "bench/measure/bench_report.h"
 #include "bench/soak/soak.h"
 
 namespace earshot {

@@ -5,7 +5,7 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/random.h"
-#include "sim/scene/house_generator.h"
+#include "sim/scene/generators/house_generator.h"
 
 namespace earshot {
 namespace {

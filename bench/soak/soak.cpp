@@ -12,7 +12,7 @@
 #include "bench/soak/replay.h"
 #include "envs/baselines/baselines.h"
 #include "sim/base/errors.h"
-#include "sim/base/progress.h"
+#include "sim/base/process/progress.h"
 #include "sim/base/random.h"
 #include "sim/base/stopwatch.h"
 #include "sim/base/temporary_folder.h"

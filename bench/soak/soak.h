@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "bench/soak/statistics.h"
+#include "bench/measure/statistics.h"
 #include "bench/soak/watch.h"
 
 namespace earshot {

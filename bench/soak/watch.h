@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "bench/measure/statistics.h"
 #include "bench/soak/episodes.h"
-#include "bench/soak/statistics.h"
 
 namespace earshot {
 

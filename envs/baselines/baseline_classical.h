@@ -7,7 +7,7 @@
 #include "envs/baselines/bearing_memory.h"
 #include "envs/baselines/grid_planner.h"
 #include "envs/baselines/occupancy_grid.h"
-#include "sim/audio/interaural_bearing.h"
+#include "sim/audio/head/interaural_bearing.h"
 
 namespace earshot {
 

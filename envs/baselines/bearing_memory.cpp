@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "sim/audio/interaural_bearing.h"
+#include "sim/audio/head/interaural_bearing.h"
 #include "sim/base/errors.h"
 
 namespace earshot {

@@ -6,9 +6,9 @@
 #include "envs/task/action_digits.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
-#include "sim/base/json_depth.h"
-#include "sim/base/json_number.h"
-#include "sim/base/schema_version.h"
+#include "sim/base/text/json_depth.h"
+#include "sim/base/text/json_number.h"
+#include "sim/base/text/schema_version.h"
 
 namespace earshot {
 namespace {

@@ -1,7 +1,7 @@
 #include "envs/config/data_config.h"
 
-#include "sim/base/config_reader.h"
 #include "sim/base/errors.h"
+#include "sim/base/text/config_reader.h"
 
 namespace earshot {
 

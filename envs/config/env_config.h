@@ -7,7 +7,7 @@
 #include "envs/sensors/observation.h"
 #include "envs/task/av_nav_task.h"
 #include "sim/acoustics/core/acoustic_config.h"
-#include "sim/base/config_reader.h"
+#include "sim/base/text/config_reader.h"
 #include "sim/nav/navmesh.h"
 
 namespace earshot {

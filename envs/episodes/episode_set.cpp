@@ -9,8 +9,8 @@
 #include "envs/episodes/gzip.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
-#include "sim/base/json_depth.h"
-#include "sim/base/schema_version.h"
+#include "sim/base/text/json_depth.h"
+#include "sim/base/text/schema_version.h"
 
 namespace earshot {
 namespace {

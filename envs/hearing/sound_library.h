@@ -5,8 +5,8 @@
 #include <string>
 
 #include "envs/task/episode.h"
-#include "sim/audio/oversampled_sound.h"
-#include "sim/audio/sound_clip.h"
+#include "sim/audio/dry_sounds/sound_clip.h"
+#include "sim/audio/stream/oversampled_sound.h"
 
 namespace earshot {
 

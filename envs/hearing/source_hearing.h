@@ -12,9 +12,9 @@
 #include "sim/acoustics/response/energy_response.h"
 #include "sim/acoustics/synthesis/path_glide.h"
 #include "sim/acoustics/synthesis/rir_synthesis.h"
-#include "sim/audio/interaural_spectrogram.h"
-#include "sim/audio/sound_stream.h"
-#include "sim/audio/spectrogram.h"
+#include "sim/audio/stream/sound_stream.h"
+#include "sim/audio/transforms/interaural_spectrogram.h"
+#include "sim/audio/transforms/spectrogram.h"
 #include "sim/vision/camera.h"
 
 namespace earshot {

@@ -12,12 +12,12 @@
 #include <utility>
 
 #include "sim/acoustics/model/acoustic_image.h"
-#include "sim/base/config_reader.h"
 #include "sim/base/engine_commit.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/image_store.h"
 #include "sim/base/stopwatch.h"
+#include "sim/base/text/config_reader.h"
 #include "sim/nav/navmesh_image.h"
 #include "sim/scene/scene_image.h"
 #include "sim/scene/scene_inputs.h"

@@ -3,8 +3,8 @@
 #include <string>
 #include <vector>
 
-#include "sim/audio/spectrogram.h"
-#include "sim/base/config_reader.h"
+#include "sim/audio/transforms/spectrogram.h"
+#include "sim/base/text/config_reader.h"
 #include "sim/nav/topdown_map.h"
 #include "sim/vision/camera.h"
 #include "sim/vision/camera_sensor.h"

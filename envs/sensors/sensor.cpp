@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "envs/task/action.h"
-#include "sim/audio/interaural_spectrogram.h"
+#include "sim/audio/transforms/interaural_spectrogram.h"
 #include "sim/scene/appearance.h"
 
 namespace earshot {

@@ -7,8 +7,8 @@
 
 #include "envs/task/action.h"
 #include "envs/task/nearest_goal.h"
-#include "sim/base/config_reader.h"
 #include "sim/base/random.h"
+#include "sim/base/text/config_reader.h"
 #include "sim/nav/motion.h"
 #include "sim/vision/camera.h"
 

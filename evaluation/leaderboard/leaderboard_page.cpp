@@ -6,7 +6,7 @@
 
 #include "evaluation/leaderboard/leaderboard.h"
 #include "evaluation/results/result_groups.h"
-#include "sim/base/markup.h"
+#include "sim/base/text/markup.h"
 
 namespace earshot {
 namespace {

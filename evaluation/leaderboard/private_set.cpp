@@ -17,7 +17,7 @@
 #include "evaluation/results/split_overlap.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
-#include "sim/base/progress.h"
+#include "sim/base/process/progress.h"
 #include "sim/base/sha256.h"
 #include "sim/base/temporary_folder.h"
 #include "trainer/run/episode_data.h"

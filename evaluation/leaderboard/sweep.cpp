@@ -6,8 +6,8 @@
 #include <charconv>
 #include <set>
 
-#include "sim/base/config_reader.h"
 #include "sim/base/errors.h"
+#include "sim/base/text/config_reader.h"
 
 namespace earshot {
 namespace {

@@ -7,9 +7,9 @@
 #include <optional>
 
 #include "evaluation/leaderboard/sweep.h"
-#include "sim/base/markup.h"
-#include "sim/base/plot_axes.h"
-#include "sim/base/svg_document.h"
+#include "sim/base/charts/plot_axes.h"
+#include "sim/base/charts/svg_document.h"
+#include "sim/base/text/markup.h"
 
 namespace earshot {
 namespace {

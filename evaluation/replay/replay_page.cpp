@@ -9,8 +9,8 @@
 
 #include "evaluation/replay/base64.h"
 #include "evaluation/replay/replay_scene.h"
-#include "sim/audio/flac_bytes.h"
-#include "sim/base/markup.h"
+#include "sim/audio/dry_sounds/flac_bytes.h"
+#include "sim/base/text/markup.h"
 #include "sim/vision/jpeg_bytes.h"
 
 namespace earshot {

@@ -10,7 +10,7 @@
 #include <utility>
 
 #include "sim/scene/color.h"
-#include "sim/scene/mesh_simplify.h"
+#include "sim/scene/mesh/mesh_simplify.h"
 #include "sim/vision/camera_sensor.h"
 
 namespace earshot {

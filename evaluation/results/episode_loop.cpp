@@ -11,7 +11,7 @@
 #include "sim/base/engine_hash.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
-#include "sim/base/progress.h"
+#include "sim/base/process/progress.h"
 #include "sim/base/stopwatch.h"
 
 namespace earshot {

@@ -10,7 +10,7 @@
 
 #include "envs/hearing/sound_library.h"
 #include "envs/task/goal_silence.h"
-#include "sim/audio/sound_clip.h"
+#include "sim/audio/dry_sounds/sound_clip.h"
 #include "sim/base/denormals.h"
 #include "sim/base/errors.h"
 

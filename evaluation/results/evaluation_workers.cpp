@@ -15,7 +15,7 @@
 #include <thread>
 
 #include "sim/base/errors.h"
-#include "sim/base/progress.h"
+#include "sim/base/process/progress.h"
 #include "sim/base/temporary_folder.h"
 #include "trainer/launch/worker_group.h"
 

@@ -14,10 +14,10 @@
 #include "envs/task/action.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
-#include "sim/base/json_depth.h"
-#include "sim/base/json_number.h"
 #include "sim/base/random.h"
-#include "sim/base/schema_version.h"
+#include "sim/base/text/json_depth.h"
+#include "sim/base/text/json_number.h"
+#include "sim/base/text/schema_version.h"
 
 namespace earshot {
 namespace {

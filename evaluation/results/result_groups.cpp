@@ -11,7 +11,7 @@
 #include "evaluation/results/episode_walk.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
-#include "sim/scene/house_plan.h"
+#include "sim/scene/generators/house_plan.h"
 
 namespace earshot {
 namespace {

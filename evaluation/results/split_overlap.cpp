@@ -11,7 +11,7 @@
 
 #include "envs/hearing/sound_library.h"
 #include "evaluation/results/episode_walk.h"
-#include "sim/audio/sound_clip.h"
+#include "sim/audio/dry_sounds/sound_clip.h"
 #include "sim/base/files.h"
 
 namespace earshot {

@@ -4,7 +4,7 @@
 #include <span>
 #include <string>
 
-#include "sim/scene/triangle_mesh.h"
+#include "sim/scene/mesh/triangle_mesh.h"
 
 namespace earshot {
 

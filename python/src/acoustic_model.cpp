@@ -12,9 +12,9 @@
 
 #include "envs/episodes/episode_generator.h"
 #include "sim/acoustics/source_field/field_for_poses.h"
-#include "sim/base/config_reader.h"
 #include "sim/base/errors.h"
 #include "sim/base/random.h"
+#include "sim/base/text/config_reader.h"
 #include "sim/nav/navmesh.h"
 
 namespace earshot::python {

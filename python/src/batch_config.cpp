@@ -8,8 +8,8 @@
 #include "envs/config/field_choice.h"
 #include "envs/episodes/name_ranges.h"
 #include "envs/scenes/scene_cache.h"
-#include "sim/base/config_reader.h"
 #include "sim/base/errors.h"
+#include "sim/base/text/config_reader.h"
 
 namespace earshot::python {
 namespace {

@@ -40,7 +40,7 @@ class BitHash:
 
 
 def key() -> tuple[str, str]:
-    """Toolchain and instruction set of a stage with rays and sound, as tests/support/pinned_bits.h has them."""
+    """Toolchain and instruction set of a stage with rays and sound, as tests/support/files/pinned_bits.h has them."""
     tracer = "embree" + _engine.ray_tracer_version().rpartition(".")[0]
     loaded = re.search(r"/libavutil\.so\.(\d+)", Path("/proc/self/maps").read_text())
     transforms = f"libavutil{loaded[1]}" if loaded else "permissive"

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "sim/base/random.h"
-#include "sim/scene/triangle_mesh.h"
+#include "sim/scene/mesh/triangle_mesh.h"
 
 namespace earshot {
 

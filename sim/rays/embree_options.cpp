@@ -8,9 +8,9 @@
 #include <set>
 #include <string_view>
 
-#include "sim/base/config_reader.h"
 #include "sim/base/errors.h"
 #include "sim/base/processor.h"
+#include "sim/base/text/config_reader.h"
 
 namespace earshot {
 

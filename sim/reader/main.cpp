@@ -1,9 +1,9 @@
 // earshot_reader: reads one file with a library that a damaged file can crash, or opens a driver that can crash, in a process of its own
-// (sim/base/isolated_call.h).
-#include "sim/audio/sofa_reader.h"
+// (sim/base/process/isolated_call.h).
+#include "sim/audio/head/sofa_reader.h"
 #include "sim/base/errors.h"
-#include "sim/base/isolated_call.h"
-#include "sim/scene/assimp_reader.h"
+#include "sim/base/process/isolated_call.h"
+#include "sim/scene/readers/assimp_reader.h"
 #include "sim/vision/egl_device.h"
 
 int main(int argc, char** argv) {

@@ -6,9 +6,9 @@
 #include <string_view>
 #include <vector>
 
-#include "sim/scene/materials.h"
+#include "sim/scene/materials/materials.h"
+#include "sim/scene/materials/semantic_materials.h"
 #include "sim/scene/scene.h"
-#include "sim/scene/semantic_materials.h"
 
 namespace earshot {
 

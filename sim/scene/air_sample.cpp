@@ -11,7 +11,7 @@ namespace {
 
 using probe::Use;
 
-constexpr std::uint32_t cells_per_axis = 16, cells = cells_per_axis * cells_per_axis * cells_per_axis, passes = 4;
+constexpr std::uint32_t kCellsPerAxis = 16, kCells = kCellsPerAxis * kCellsPerAxis * kCellsPerAxis, kPasses = 4;
 
 /// Union-find: points in line of sight of each other, directly or through others.
 class Regions {
@@ -37,12 +37,12 @@ std::vector<glm::vec3> points_over_floor(const Scene& scene, std::uint64_t seed)
   glm::vec3 size = bounds.upper - bounds.lower;
   size.y = std::max(size.y, 0.01f * std::max(size.x, size.z));  // a flat scene has its air above it
   std::vector<glm::vec3> points;
-  for (std::uint32_t i = 0; i < passes * cells; ++i) {
-    const std::uint32_t cell = i % cells;
+  for (std::uint32_t i = 0; i < kPasses * kCells; ++i) {
+    const std::uint32_t cell = i % kCells;
     const std::array<float, 4> u = probe::stream(seed, Use::place, i).uniform4(0);
-    const glm::vec3 fraction((static_cast<float>(cell % cells_per_axis) + u[0]) / cells_per_axis,
-                             (static_cast<float>(cell / cells_per_axis % cells_per_axis) + u[1]) / cells_per_axis,
-                             (static_cast<float>(cell / cells_per_axis / cells_per_axis) + u[2]) / cells_per_axis);
+    const glm::vec3 fraction((static_cast<float>(cell % kCellsPerAxis) + u[0]) / kCellsPerAxis,
+                             (static_cast<float>(cell / kCellsPerAxis % kCellsPerAxis) + u[1]) / kCellsPerAxis,
+                             (static_cast<float>(cell / kCellsPerAxis / kCellsPerAxis) + u[2]) / kCellsPerAxis);
     const glm::vec3 point = bounds.lower + fraction * size;
     if (scene.rays().intersect(point, {0, -1, 0}).valid()) points.push_back(point);
   }
@@ -84,7 +84,7 @@ AirSample sample_air(const Scene& scene, std::uint64_t seed) {
   if (scene.mesh().triangles.empty()) return sample;
   const std::vector<glm::vec3> points = points_over_floor(scene, seed);
   for (const std::uint32_t member : largest_region(scene, points, seed)) sample.points.push_back(points[member]);
-  sample.fraction_of_bounds = static_cast<double>(sample.points.size()) / (passes * cells);
+  sample.fraction_of_bounds = static_cast<double>(sample.points.size()) / (kPasses * kCells);
   return sample;
 }
 

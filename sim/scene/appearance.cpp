@@ -9,11 +9,11 @@
 #include <utility>
 
 #include "sim/base/errors.h"
+#include "sim/base/text/text_match.h"
 #include "sim/scene/color.h"
+#include "sim/scene/materials/semantic_materials.h"
 #include "sim/scene/scene_config.h"
-#include "sim/scene/semantic_materials.h"
 #include "sim/scene/surface_palette.h"
-#include "sim/scene/text_match.h"
 
 namespace earshot {
 namespace {

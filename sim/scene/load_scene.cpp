@@ -4,15 +4,15 @@
 #include <string>
 
 #include "sim/base/errors.h"
-#include "sim/scene/floor_plan.h"
-#include "sim/scene/house_generator.h"
-#include "sim/scene/material_assignment.h"
-#include "sim/scene/mesh_import.h"
-#include "sim/scene/mesh_simplify.h"
+#include "sim/base/text/text_match.h"
+#include "sim/scene/generators/floor_plan.h"
+#include "sim/scene/generators/house_generator.h"
+#include "sim/scene/generators/shoebox.h"
+#include "sim/scene/materials/material_assignment.h"
+#include "sim/scene/mesh/mesh_simplify.h"
+#include "sim/scene/readers/mesh_import.h"
 #include "sim/scene/scene.h"
 #include "sim/scene/scene_config.h"
-#include "sim/scene/shoebox.h"
-#include "sim/scene/text_match.h"
 
 namespace earshot {
 namespace {

@@ -7,7 +7,7 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/memory_bytes.h"
-#include "sim/scene/flat_patches.h"
+#include "sim/scene/mesh/flat_patches.h"
 
 namespace earshot {
 namespace {

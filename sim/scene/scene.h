@@ -10,9 +10,9 @@
 #include <vector>
 
 #include "sim/rays/embree_scene.h"
-#include "sim/scene/import_report.h"
-#include "sim/scene/materials.h"
-#include "sim/scene/triangle_mesh.h"
+#include "sim/scene/materials/materials.h"
+#include "sim/scene/mesh/import_report.h"
+#include "sim/scene/mesh/triangle_mesh.h"
 
 namespace earshot {
 

@@ -5,8 +5,8 @@
 #include <string>
 
 #include "sim/scene/acoustic_randomization.h"
-#include "sim/scene/material_assignment.h"
-#include "sim/scene/mesh_import.h"
+#include "sim/scene/materials/material_assignment.h"
+#include "sim/scene/readers/mesh_import.h"
 #include "sim/scene/scene.h"
 
 namespace earshot {

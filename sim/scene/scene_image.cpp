@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "sim/base/byte_stream.h"
-#include "sim/scene/flat_patches.h"
+#include "sim/scene/mesh/flat_patches.h"
 
 namespace earshot {
 namespace {

@@ -6,11 +6,11 @@
 #include <string_view>
 #include <system_error>
 
-#include "sim/base/config_reader.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
-#include "sim/scene/mesh_import.h"
-#include "sim/scene/text_match.h"
+#include "sim/base/text/config_reader.h"
+#include "sim/base/text/text_match.h"
+#include "sim/scene/readers/mesh_import.h"
 
 namespace earshot {
 namespace {

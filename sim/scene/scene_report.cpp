@@ -8,7 +8,7 @@
 
 #include "sim/base/errors.h"
 #include "sim/scene/air_sample.h"
-#include "sim/scene/mesh_repair.h"
+#include "sim/scene/mesh/mesh_repair.h"
 #include "sim/scene/probe_rays.h"
 
 namespace earshot {

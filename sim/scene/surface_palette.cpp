@@ -4,7 +4,7 @@
 #include <glm/common.hpp>
 
 #include "sim/base/files.h"
-#include "sim/scene/text_match.h"
+#include "sim/base/text/text_match.h"
 
 namespace earshot {
 namespace {

@@ -13,10 +13,10 @@
 #include "sim/base/coordinates.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
-#include "sim/scene/assimp_reader.h"
+#include "sim/base/text/text_match.h"
 #include "sim/scene/color.h"
-#include "sim/scene/gltf_reader.h"
-#include "sim/scene/text_match.h"
+#include "sim/scene/readers/assimp_reader.h"
+#include "sim/scene/readers/gltf_reader.h"
 
 namespace earshot {
 namespace {

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "sim/scene/mesh_import.h"
+#include "sim/scene/readers/mesh_import.h"
 #include "sim/scene/texture.h"
 
 namespace earshot {

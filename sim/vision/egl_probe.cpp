@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "sim/base/errors.h"
-#include "sim/base/isolated_call.h"
+#include "sim/base/process/isolated_call.h"
 #include "sim/vision/egl_device.h"
 #include "sim/vision/egl_opening.h"
 

@@ -13,9 +13,9 @@
 #include "sim/acoustics/response/energy_response.h"
 #include "sim/acoustics/synthesis/carriers.h"
 #include "sim/acoustics/synthesis/rir_synthesis.h"
-#include "sim/base/config_reader.h"
+#include "sim/base/text/config_reader.h"
 #include "sim/scene/scene.h"
-#include "tests/support/pinned_bits.h"
+#include "tests/support/files/pinned_bits.h"
 
 namespace earshot {
 namespace {

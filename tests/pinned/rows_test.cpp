@@ -4,8 +4,8 @@
 #include <string>
 
 #include "sim/base/files.h"
-#include "tests/support/pinned_rows.h"
-#include "tests/support/test_paths.h"
+#include "tests/support/files/pinned_rows.h"
+#include "tests/support/files/test_paths.h"
 
 namespace earshot {
 namespace {

@@ -7,13 +7,13 @@
 #include "sim/acoustics/response/energy_response.h"
 #include "sim/acoustics/source_field/source_field.h"
 #include "sim/acoustics/synthesis/rir_synthesis.h"
-#include "sim/audio/sound_clip.h"
-#include "sim/audio/sound_stream.h"
+#include "sim/audio/dry_sounds/sound_clip.h"
+#include "sim/audio/stream/sound_stream.h"
 #include "sim/base/random.h"
 #include "sim/scene/scene.h"
 #include "sim/vision/embree_camera.h"
-#include "tests/support/env_fixture.h"
-#include "tests/support/pinned_bits.h"
+#include "tests/support/envs/env_fixture.h"
+#include "tests/support/files/pinned_bits.h"
 
 /// Comparing two runs of one build cannot see a commit that moves all bits in both; these compare with bits that are written down.
 namespace earshot {

@@ -8,8 +8,8 @@
 
 #include "sim/acoustics/geometry/diffraction_edges.h"
 #include "sim/acoustics/paths/utd.h"
-#include "tests/support/acoustic_engines.h"
-#include "tests/support/uniform_theory.h"
+#include "tests/support/acoustics/acoustic_engines.h"
+#include "tests/support/acoustics/uniform_theory.h"
 
 /// Edges where the theory of wedges has its poles, and sound that goes through fifty sheets.
 namespace earshot {

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "sim/audio/ambisonics.h"
-#include "sim/audio/harmonic_rotation.h"
+#include "sim/audio/head/ambisonics.h"
+#include "sim/audio/head/harmonic_rotation.h"
 #include "sim/base/random.h"
 
 /// Spherical harmonics up to order nine: no factorial is ever formed, so nothing overflows.

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "sim/acoustics/metrics/room_metrics.h"
-#include "tests/support/acoustic_engines.h"
+#include "tests/support/acoustics/acoustic_engines.h"
 
 /// Decay times where there is little or nothing to fit: the value is missing and the reason is given.
 namespace earshot {

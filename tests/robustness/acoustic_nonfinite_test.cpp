@@ -5,7 +5,7 @@
 #include <limits>
 
 #include "sim/acoustics/tracers/population_control.h"
-#include "tests/support/acoustic_engines.h"
+#include "tests/support/acoustics/acoustic_engines.h"
 
 /// What is not finite ends where it arises, is counted, and takes nothing else with it.
 namespace earshot {

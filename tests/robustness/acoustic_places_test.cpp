@@ -10,8 +10,8 @@
 #include "sim/acoustics/tracers/bidirectional_tracer.h"
 #include "sim/base/errors.h"
 #include "sim/scene/air_sample.h"
-#include "tests/support/acoustic_engines.h"
-#include "tests/support/late_field.h"
+#include "tests/support/acoustics/acoustic_engines.h"
+#include "tests/support/acoustics/late_field.h"
 
 /// Sources and listeners where no one would put them.
 namespace earshot {

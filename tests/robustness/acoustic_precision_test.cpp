@@ -17,8 +17,8 @@
 #include "sim/acoustics/source_field/field_image.h"
 #include "sim/acoustics/tracers/listener_ray.h"
 #include "sim/base/random.h"
-#include "tests/support/acoustic_engines.h"
-#include "tests/support/late_field.h"
+#include "tests/support/acoustics/acoustic_engines.h"
+#include "tests/support/acoustics/late_field.h"
 
 /// How much float would cost, and what is left of it: each quantity against the same in double or long double.  The numbers are in
 /// docs/stability.md; RecordProperty writes them to the XML of a run.

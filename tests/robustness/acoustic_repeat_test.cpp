@@ -4,8 +4,8 @@
 #include <limits>
 
 #include "sim/acoustics/response/temporal_reuse.h"
-#include "tests/support/acoustic_engines.h"
-#include "tests/support/synthesis_cases.h"
+#include "tests/support/acoustics/acoustic_engines.h"
+#include "tests/support/acoustics/synthesis_cases.h"
 
 /// The same bits for the same query: repeated, interleaved with others, moved by a micrometre, scaled.
 namespace earshot {

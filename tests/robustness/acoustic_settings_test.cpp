@@ -6,11 +6,11 @@
 
 #include "sim/acoustics/model/effect_plan.h"
 #include "sim/acoustics/synthesis/rir_synthesis.h"
-#include "sim/base/config_reader.h"
 #include "sim/base/errors.h"
-#include "tests/support/acoustic_engines.h"
-#include "tests/support/effect_scenes.h"
-#include "tests/support/synthesis_cases.h"
+#include "sim/base/text/config_reader.h"
+#include "tests/support/acoustics/acoustic_engines.h"
+#include "tests/support/acoustics/effect_scenes.h"
+#include "tests/support/acoustics/synthesis_cases.h"
 
 /// Counts, rates and lengths at the ends of their ranges.
 namespace earshot {

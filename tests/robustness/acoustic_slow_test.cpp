@@ -7,8 +7,8 @@
 #include <string>
 
 #include "sim/acoustics/core/histogram_sum.h"
-#include "tests/support/acoustic_engines.h"
-#include "tests/support/synthesis_cases.h"
+#include "tests/support/acoustics/acoustic_engines.h"
+#include "tests/support/acoustics/synthesis_cases.h"
 
 /// What takes many repetitions or minutes of sound.
 namespace earshot {

@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "tests/support/acoustic_engines.h"
+#include "tests/support/acoustics/acoustic_engines.h"
 
 namespace earshot {
 namespace {

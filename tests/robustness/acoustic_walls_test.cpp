@@ -6,7 +6,7 @@
 
 #include "sim/acoustics/model/effect_plan.h"
 #include "sim/acoustics/tracers/path_tracer.h"
-#include "tests/support/acoustic_engines.h"
+#include "tests/support/acoustics/acoustic_engines.h"
 
 /// Walls that keep everything, nothing, or hardly any of it, and scenes that are hardly rooms.
 namespace earshot {

@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 
 #include "sim/base/errors.h"
-#include "tests/support/env_cases.h"
+#include "tests/support/envs/env_cases.h"
 
 namespace earshot {
 namespace {

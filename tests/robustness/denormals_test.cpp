@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include "sim/audio/sound_stream.h"
+#include "sim/audio/stream/sound_stream.h"
 #include "tests/support/denormal_bits.h"
 
 namespace earshot {

@@ -12,7 +12,7 @@
 #include "sim/acoustics/tracers/path_tracer.h"
 #include "sim/base/denormals.h"
 #include "tests/support/denormal_bits.h"
-#include "tests/support/env_fixture.h"
+#include "tests/support/envs/env_fixture.h"
 
 // Whether denormals are flushed is a property of each thread: of the workers always, of the caller's as it was.
 

@@ -14,8 +14,8 @@
 #include "envs/episodes/episode_set.h"
 #include "sim/acoustics/response/energy_response.h"
 #include "sim/base/errors.h"
-#include "tests/support/env_cases.h"
-#include "tests/support/nav_scenes.h"
+#include "tests/support/envs/env_cases.h"
+#include "tests/support/envs/nav_scenes.h"
 
 namespace earshot {
 namespace {

@@ -8,8 +8,8 @@
 
 #include "sim/acoustics/response/energy_response.h"
 #include "sim/base/errors.h"
-#include "tests/support/env_fixture.h"
-#include "tests/support/mesh_cases.h"
+#include "tests/support/envs/env_fixture.h"
+#include "tests/support/files/mesh_cases.h"
 
 namespace earshot {
 namespace {

@@ -5,12 +5,12 @@
 #include "envs/batch/env_state.h"
 #include "envs/batch/quarantine.h"
 #include "envs/episodes/episode_set.h"
-#include "sim/base/config_reader.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
-#include "sim/scene/materials.h"
-#include "sim/scene/mesh_import.h"
-#include "tests/support/test_files.h"
+#include "sim/base/text/config_reader.h"
+#include "sim/scene/materials/materials.h"
+#include "sim/scene/readers/mesh_import.h"
+#include "tests/support/files/test_files.h"
 
 namespace earshot {
 namespace {

@@ -12,7 +12,7 @@
 
 #include "sim/base/errors.h"
 #include "sim/scene/scene_report.h"
-#include "tests/support/mesh_cases.h"
+#include "tests/support/files/mesh_cases.h"
 
 namespace earshot {
 namespace {

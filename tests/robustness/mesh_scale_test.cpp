@@ -11,8 +11,8 @@
 #include "sim/acoustics/synthesis/rir_synthesis.h"
 #include "sim/base/errors.h"
 #include "sim/scene/scene_report.h"
-#include "tests/support/leak_walk.h"
-#include "tests/support/mesh_cases.h"
+#include "tests/support/files/leak_walk.h"
+#include "tests/support/files/mesh_cases.h"
 
 namespace earshot {
 namespace {

@@ -9,8 +9,8 @@
 #include <ctime>
 #include <glm/geometric.hpp>
 
-#include "tests/support/leak_walk.h"
-#include "tests/support/mesh_cases.h"
+#include "tests/support/files/leak_walk.h"
+#include "tests/support/files/mesh_cases.h"
 
 namespace earshot {
 namespace {

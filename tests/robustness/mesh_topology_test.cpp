@@ -11,9 +11,9 @@
 #include "sim/acoustics/metrics/room_metrics.h"
 #include "sim/acoustics/response/energy_response.h"
 #include "sim/scene/scene_report.h"
-#include "tests/support/late_field.h"
-#include "tests/support/leak_walk.h"
-#include "tests/support/mesh_cases.h"
+#include "tests/support/acoustics/late_field.h"
+#include "tests/support/files/leak_walk.h"
+#include "tests/support/files/mesh_cases.h"
 
 namespace earshot {
 namespace {

@@ -10,8 +10,8 @@
 
 #include "sim/acoustics/response/energy_response.h"
 #include "sim/base/errors.h"
-#include "sim/scene/mesh_repair.h"
-#include "tests/support/mesh_cases.h"
+#include "sim/scene/mesh/mesh_repair.h"
+#include "tests/support/files/mesh_cases.h"
 
 namespace earshot {
 namespace {

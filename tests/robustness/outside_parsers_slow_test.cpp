@@ -1,5 +1,5 @@
 // The long version of outside_parsers_test.cpp.
-#include "tests/support/outside_parsers.h"
+#include "tests/support/files/outside_parsers.h"
 
 namespace earshot {
 namespace {

@@ -1,9 +1,9 @@
 // Formats that only libraries read which a damaged file can crash: whatever the file, the run goes on.
-#include "tests/support/outside_parsers.h"
+#include "tests/support/files/outside_parsers.h"
 
 #include <glm/geometric.hpp>
 
-#include "sim/scene/assimp_reader.h"
+#include "sim/scene/readers/assimp_reader.h"
 
 namespace earshot {
 namespace {

@@ -5,7 +5,7 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
-#include "tests/support/env_cases.h"
+#include "tests/support/envs/env_cases.h"
 
 namespace earshot {
 namespace {

@@ -3,8 +3,8 @@
 
 #include "envs/batch/quarantine_replay.h"
 #include "sim/base/errors.h"
-#include "tests/support/env_cases.h"
-#include "tests/support/quarantine_cases.h"
+#include "tests/support/envs/env_cases.h"
+#include "tests/support/envs/quarantine_cases.h"
 
 namespace earshot {
 namespace {

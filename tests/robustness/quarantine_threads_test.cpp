@@ -7,8 +7,8 @@
 #include <limits>
 
 #include "sim/base/errors.h"
-#include "tests/support/env_cases.h"
-#include "tests/support/quarantine_cases.h"
+#include "tests/support/envs/env_cases.h"
+#include "tests/support/envs/quarantine_cases.h"
 
 // Quarantined episodes of a batch on two threads, or beside the thread that loads scenes.
 

@@ -14,7 +14,7 @@
 #include "sim/acoustics/source_field/source_field_store.h"
 #include "sim/base/errors.h"
 #include "sim/scene/scene_report.h"
-#include "tests/support/mesh_cases.h"
+#include "tests/support/files/mesh_cases.h"
 
 namespace earshot {
 namespace {

@@ -6,11 +6,11 @@
 #include <glm/geometric.hpp>
 #include <numbers>
 
-#include "sim/audio/hrtf.h"
-#include "sim/audio/sofa_reader.h"
+#include "sim/audio/head/hrtf.h"
+#include "sim/audio/head/sofa_reader.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
-#include "tests/support/test_files.h"
+#include "tests/support/files/test_files.h"
 
 namespace earshot {
 namespace {

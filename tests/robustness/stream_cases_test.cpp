@@ -10,7 +10,7 @@
 
 #include "envs/hearing/agent_hearing.h"
 #include "sim/base/errors.h"
-#include "tests/support/env_cases.h"
+#include "tests/support/envs/env_cases.h"
 
 namespace earshot {
 namespace {

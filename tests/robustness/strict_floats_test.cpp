@@ -7,7 +7,7 @@
 #include <limits>
 #include <string>
 
-#include "tests/support/test_paths.h"
+#include "tests/support/files/test_paths.h"
 
 namespace earshot {
 namespace {

@@ -7,8 +7,8 @@
 
 #include "sim/acoustics/paths/transmission.h"
 #include "sim/acoustics/response/energy_response.h"
-#include "tests/support/mesh_cases.h"
-#include "tests/support/rooms.h"
+#include "tests/support/acoustics/rooms.h"
+#include "tests/support/files/mesh_cases.h"
 
 namespace earshot {
 namespace {

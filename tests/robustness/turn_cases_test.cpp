@@ -13,8 +13,8 @@
 
 #include "sim/acoustics/synthesis/rir_synthesis.h"
 #include "sim/base/errors.h"
-#include "tests/support/env_cases.h"
-#include "tests/support/nav_scenes.h"
+#include "tests/support/envs/env_cases.h"
+#include "tests/support/envs/nav_scenes.h"
 
 namespace earshot {
 namespace {

@@ -6,8 +6,8 @@ root=$(mktemp -d); trap 'rm -rf "$root"' EXIT
 
 new_tree() {  # one header per folder, one file that includes in order
   rm -rf "$root/tree"
-  for folder in sim/{base,rays,scene,audio,vision,nav,reader} sim/acoustics/{core,geometry,model,paths,tracers,source_field,response,synthesis,metrics} \
-                envs/{task,episodes,batch} datasets python bench bench/training policy trainer/{net,collective,run} evaluation/{results,replay} apps apps/{options,sound,board}; do
+  for folder in sim/base/{text,charts} sim/scene/{mesh,readers} sim/audio/{transforms,head} sim/{base,rays,scene,audio,vision,nav,reader} sim/acoustics/{core,geometry,model,paths,tracers,source_field,response,synthesis,metrics} \
+                envs/{task,episodes,batch} datasets python bench bench/{measure,accuracy,questions,training} policy trainer/{net,collective,run} evaluation/{results,replay} apps apps/{options,sound,board}; do
     mkdir -p "$root/tree/$folder"
     echo '#pragma once' > "$root/tree/$folder/a.h"
     echo "# $folder" > "$root/tree/$folder/README.md"
@@ -28,6 +28,14 @@ expect 1 sim/acoustics/model/a.h '"sim/acoustics/paths/a.h"'
 expect 1 sim/acoustics/source_field/a.h '"sim/acoustics/metrics/a.h"'
 expect 1 sim/acoustics/core/a.h '"sim/vision/a.h"'
 expect 1 sim/base/a.h '"sim/rays/a.h"'
+expect 0 sim/base/charts/a.h '"sim/base/text/a.h"'
+expect 1 sim/base/a.h '"sim/base/text/a.h"'
+expect 1 sim/base/text/a.h '"sim/base/charts/a.h"'
+expect 0 sim/scene/a.h '"sim/scene/readers/a.h"'
+expect 1 sim/scene/readers/a.h '"sim/scene/a.h"'
+expect 1 sim/scene/mesh/a.h '"sim/scene/readers/a.h"'
+expect 1 sim/audio/transforms/a.h '"sim/audio/head/a.h"'
+expect 1 bench/measure/a.h '"bench/accuracy/a.h"'
 expect 1 envs/task/a.h '"trainer/net/a.h"'
 expect 0 envs/batch/a.h '"envs/task/a.h"'
 expect 1 envs/task/a.h '"envs/episodes/a.h"'
@@ -44,10 +52,10 @@ expect 1 apps/a.h '<zmq.hpp>'
 expect 0 apps/sound/a.h '"apps/options/a.h"'
 expect 1 apps/board/a.h '"apps/sound/a.h"'
 expect 1 sim/nav/a.h '<embree3/rtcore.h>'
-expect 0 bench/learner_a_bench.cpp '"policy/a.h"'
-expect 1 bench/camera_bench.cpp '"policy/a.h"'
-expect 0 bench/learner_a_bench.cpp '<torch/types.h>'
-expect 1 bench/camera_bench.cpp '<torch/types.h>'
+expect 0 bench/questions/learner_a_bench.cpp '"policy/a.h"'
+expect 1 bench/questions/camera_bench.cpp '"policy/a.h"'
+expect 0 bench/questions/learner_a_bench.cpp '<torch/types.h>'
+expect 1 bench/questions/camera_bench.cpp '<torch/types.h>'
 new_tree
 rm "$root/tree/envs/task/README.md"
 if "$check" "$root/tree" >/dev/null; then echo "layering_test: a folder without README.md passes"; failures=1; fi

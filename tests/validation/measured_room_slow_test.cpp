@@ -6,8 +6,8 @@
 #include <numbers>
 
 #include "sim/acoustics/response/energy_response.h"
-#include "tests/support/cap_loudspeaker.h"
-#include "tests/support/measured_room.h"
+#include "tests/support/acoustics/cap_loudspeaker.h"
+#include "tests/support/acoustics/measured_room.h"
 
 namespace earshot {
 namespace {

@@ -1,4 +1,4 @@
-#include "tests/support/measured_room.h"
+#include "tests/support/acoustics/measured_room.h"
 
 #include <gtest/gtest.h>
 

@@ -3,9 +3,9 @@
 #include <cstdio>
 
 #include "sim/acoustics/response/energy_response.h"
-#include "tests/support/decay.h"
-#include "tests/support/image_sum.h"
-#include "tests/support/late_field.h"
+#include "tests/support/acoustics/decay.h"
+#include "tests/support/acoustics/image_sum.h"
+#include "tests/support/acoustics/late_field.h"
 
 // docs/oracles.md, O-6: corridor of mirrors, 40 x 2 x 2.5 m, absorption 0.1.
 namespace earshot {

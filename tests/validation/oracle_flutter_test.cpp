@@ -6,8 +6,8 @@
 #include "sim/acoustics/metrics/room_metrics.h"
 #include "sim/acoustics/response/energy_response.h"
 #include "sim/acoustics/source_field/source_field.h"
-#include "tests/support/decay.h"
-#include "tests/support/late_field.h"
+#include "tests/support/acoustics/decay.h"
+#include "tests/support/acoustics/late_field.h"
 
 // docs/oracles.md, O-5: two parallel planes 3.43 m apart, open sides.
 namespace earshot {

@@ -4,9 +4,9 @@
 #include <cstdio>
 
 #include "sim/scene/scene_report.h"
-#include "tests/support/decay.h"
-#include "tests/support/late_field.h"
-#include "tests/support/shoe2.h"
+#include "tests/support/acoustics/decay.h"
+#include "tests/support/acoustics/late_field.h"
+#include "tests/support/acoustics/shoe2.h"
 
 // docs/oracles.md, O-14: estimates by formula against the exact decay of Lambert rooms.
 namespace earshot {

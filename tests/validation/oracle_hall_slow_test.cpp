@@ -8,8 +8,8 @@
 #include "sim/acoustics/metrics/late_errors.h"
 #include "sim/acoustics/metrics/room_metrics.h"
 #include "sim/acoustics/response/energy_response.h"
-#include "tests/support/decay.h"
-#include "tests/support/rooms.h"
+#include "tests/support/acoustics/decay.h"
+#include "tests/support/acoustics/rooms.h"
 
 // Scatter of the reference (preset `high`) over seeds in a hall of 14,000 m3, and whether its stated errors cover it.
 namespace earshot {

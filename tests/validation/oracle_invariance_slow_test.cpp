@@ -4,8 +4,8 @@
 #include <glm/gtc/quaternion.hpp>
 
 #include "sim/acoustics/response/energy_response.h"
-#include "tests/support/decay.h"
-#include "tests/support/late_field.h"
+#include "tests/support/acoustics/decay.h"
+#include "tests/support/acoustics/late_field.h"
 
 // docs/oracles.md, O-20: what a rigid motion of scene, source and listener must not change.
 namespace earshot {

@@ -3,9 +3,9 @@
 #include <cstdio>
 
 #include "sim/acoustics/response/energy_response.h"
-#include "tests/support/decay.h"
-#include "tests/support/image_sum.h"
-#include "tests/support/shoe2.h"
+#include "tests/support/acoustics/decay.h"
+#include "tests/support/acoustics/image_sum.h"
+#include "tests/support/acoustics/shoe2.h"
 
 // docs/oracles.md, O-4: decay in rooms of mirrors, by all images.
 namespace earshot {

@@ -9,9 +9,9 @@
 #include "sim/acoustics/metrics/late_errors.h"
 #include "sim/acoustics/metrics/room_metrics.h"
 #include "sim/acoustics/response/energy_response.h"
-#include "tests/support/decay.h"
-#include "tests/support/rooms.h"
-#include "tests/support/tilted_mirrors.h"
+#include "tests/support/acoustics/decay.h"
+#include "tests/support/acoustics/rooms.h"
+#include "tests/support/acoustics/tilted_mirrors.h"
 
 // Two mirrors that face each other all but: a row of images in closed form does not apply, and few rays find a chain of reflections; beams
 // find them all (mirror_chains.h).

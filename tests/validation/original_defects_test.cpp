@@ -12,8 +12,8 @@
 #include "envs/hearing/agent_hearing.h"
 #include "sim/acoustics/response/energy_response.h"
 #include "sim/acoustics/synthesis/rir_synthesis.h"
-#include "tests/support/decay.h"
-#include "tests/support/rooms.h"
+#include "tests/support/acoustics/decay.h"
+#include "tests/support/acoustics/rooms.h"
 
 // One test per defect that the predecessor had or its users reported (docs/formats.md, section 6): each would have caught it.
 namespace earshot {

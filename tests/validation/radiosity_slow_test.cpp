@@ -3,9 +3,9 @@
 #include <cstdio>
 
 #include "sim/acoustics/tracers/bidirectional_tracer.h"
-#include "tests/support/decay.h"
-#include "tests/support/radiosity.h"
-#include "tests/support/rooms.h"
+#include "tests/support/acoustics/decay.h"
+#include "tests/support/acoustics/radiosity.h"
+#include "tests/support/acoustics/rooms.h"
 
 namespace earshot {
 namespace {

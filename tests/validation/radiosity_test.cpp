@@ -1,10 +1,10 @@
-#include "tests/support/radiosity.h"
+#include "tests/support/acoustics/radiosity.h"
 
 #include <gtest/gtest.h>
 
 #include <numbers>
 
-#include "tests/support/decay.h"
+#include "tests/support/acoustics/decay.h"
 
 // The radiosity solver is judged first, by closed forms and by docs/oracles.md, O-10, before it judges the tracer
 // (radiosity_slow_test.cpp).

@@ -7,7 +7,7 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
-#include "sim/base/schema_version.h"
+#include "sim/base/text/schema_version.h"
 
 namespace earshot {
 namespace {

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <optional>
 
-#include "sim/base/plot_axes.h"
-#include "sim/base/svg_document.h"
+#include "sim/base/charts/plot_axes.h"
+#include "sim/base/charts/svg_document.h"
 
 namespace earshot {
 namespace {

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "sim/base/config_reader.h"
+#include "sim/base/text/config_reader.h"
 
 namespace earshot {
 namespace {

@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "sim/base/config_reader.h"
+#include "sim/base/text/config_reader.h"
 
 namespace earshot {
 

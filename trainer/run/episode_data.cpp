@@ -8,7 +8,7 @@
 #include "envs/config/env_config.h"
 #include "envs/config/episode_maker.h"
 #include "envs/episodes/name_ranges.h"
-#include "sim/base/progress.h"
+#include "sim/base/process/progress.h"
 #include "trainer/run/effective_config.h"
 
 namespace earshot {

@@ -4,10 +4,10 @@
 #include <fmt/ranges.h>
 
 #include "envs/config/env_accuracy.h"
-#include "sim/base/config_reader.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
-#include "sim/base/progress.h"
+#include "sim/base/process/progress.h"
+#include "sim/base/text/config_reader.h"
 
 namespace earshot {
 namespace {

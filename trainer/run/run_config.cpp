@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-#include "sim/base/config_reader.h"
+#include "sim/base/text/config_reader.h"
 #include "trainer/collective/collective.h"
 
 namespace earshot {

@@ -6,10 +6,10 @@
 #include <exception>
 #include <set>
 
-#include "sim/base/config_reader.h"
 #include "sim/base/engine_commit.h"
 #include "sim/base/engine_hash.h"
 #include "sim/base/errors.h"
+#include "sim/base/text/config_reader.h"
 #include "trainer/checkpoint/find_checkpoint.h"
 #include "trainer/checkpoint/run_folder.h"
 #include "trainer/run/effective_config.h"

@@ -5,7 +5,7 @@
 #include <string_view>
 #include <vector>
 
-#include "sim/base/config_reader.h"
+#include "sim/base/text/config_reader.h"
 
 namespace earshot {
 

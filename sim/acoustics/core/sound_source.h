@@ -6,7 +6,7 @@
 #include <span>
 
 #include "sim/acoustics/core/bands.h"
-#include "sim/audio/directivity.h"
+#include "sim/audio/head/directivity.h"
 
 namespace earshot {
 

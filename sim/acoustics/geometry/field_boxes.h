@@ -5,7 +5,7 @@
 #include <glm/common.hpp>
 #include <glm/vec3.hpp>
 
-#include "sim/scene/triangle_mesh.h"
+#include "sim/scene/mesh/triangle_mesh.h"
 
 namespace earshot {
 

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "sim/acoustics/geometry/diffraction_edges.h"
-#include "sim/scene/triangle_mesh.h"
+#include "sim/scene/mesh/triangle_mesh.h"
 
 namespace earshot {
 

@@ -8,7 +8,7 @@
 #include "sim/acoustics/metrics/interaural_windows.h"
 #include "sim/acoustics/metrics/octave_filter.h"
 #include "sim/acoustics/metrics/signal_energy.h"
-#include "sim/audio/fft.h"
+#include "sim/audio/transforms/fft.h"
 #include "sim/base/errors.h"
 
 namespace earshot {

@@ -6,7 +6,7 @@
 #include "sim/acoustics/metrics/octave_filter.h"
 #include "sim/acoustics/metrics/room_metrics.h"
 #include "sim/acoustics/metrics/signal_energy.h"
-#include "sim/audio/fft.h"
+#include "sim/audio/transforms/fft.h"
 #include "sim/base/errors.h"
 
 namespace earshot {

@@ -9,7 +9,7 @@
 #include "sim/acoustics/core/energy_histogram.h"
 #include "sim/acoustics/core/sound_source.h"
 #include "sim/acoustics/model/acoustic_scene.h"
-#include "sim/audio/ambisonics.h"
+#include "sim/audio/head/ambisonics.h"
 
 namespace earshot {
 

@@ -13,7 +13,7 @@
 #include "sim/acoustics/source_field/photon_pass.h"
 #include "sim/acoustics/source_field/smoothing_correction.h"
 #include "sim/acoustics/source_field/source_field.h"
-#include "sim/audio/ambisonics.h"
+#include "sim/audio/head/ambisonics.h"
 #include "sim/base/denormals.h"
 #include "sim/base/errors.h"
 

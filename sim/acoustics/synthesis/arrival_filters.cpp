@@ -6,7 +6,7 @@
 
 #include "sim/acoustics/synthesis/microphone_wave.h"
 #include "sim/acoustics/synthesis/synthesis_tables.h"
-#include "sim/audio/ambisonics.h"
+#include "sim/audio/head/ambisonics.h"
 #include "sim/base/errors.h"
 
 namespace earshot {

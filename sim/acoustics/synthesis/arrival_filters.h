@@ -8,8 +8,8 @@
 #include "sim/acoustics/core/arrival.h"
 #include "sim/acoustics/synthesis/arrival_spectrum.h"
 #include "sim/acoustics/synthesis/rir_synthesis.h"
-#include "sim/audio/fft.h"
-#include "sim/audio/listener_orientation.h"
+#include "sim/audio/head/listener_orientation.h"
+#include "sim/audio/transforms/fft.h"
 
 namespace earshot {
 

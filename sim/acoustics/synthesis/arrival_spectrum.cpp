@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "sim/audio/spectrum_math.h"
+#include "sim/audio/transforms/spectrum_math.h"
 
 namespace earshot {
 namespace {

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "sim/acoustics/synthesis/band_filters.h"
-#include "sim/audio/fft.h"
+#include "sim/audio/transforms/fft.h"
 
 namespace earshot {
 

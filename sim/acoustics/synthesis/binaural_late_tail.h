@@ -7,8 +7,8 @@
 #include "sim/acoustics/synthesis/binaural_noise.h"
 #include "sim/acoustics/synthesis/late_carriers.h"
 #include "sim/acoustics/synthesis/late_envelope.h"
-#include "sim/audio/harmonic_rotation.h"
-#include "sim/audio/listener_orientation.h"
+#include "sim/audio/head/harmonic_rotation.h"
+#include "sim/audio/head/listener_orientation.h"
 
 namespace earshot {
 

@@ -8,7 +8,7 @@
 #include <numbers>
 
 #include "sim/acoustics/synthesis/band_filters.h"
-#include "sim/audio/fft.h"
+#include "sim/audio/transforms/fft.h"
 #include "sim/base/denormals.h"
 
 namespace earshot {

@@ -9,7 +9,7 @@
 #include "sim/acoustics/core/bands.h"
 #include "sim/acoustics/synthesis/band_filters.h"
 #include "sim/acoustics/synthesis/carriers.h"
-#include "sim/audio/hrtf.h"
+#include "sim/audio/head/hrtf.h"
 
 namespace earshot {
 

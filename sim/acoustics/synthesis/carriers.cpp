@@ -11,7 +11,7 @@
 
 #include "sim/acoustics/synthesis/band_filters.h"
 #include "sim/acoustics/synthesis/band_flattener.h"
-#include "sim/audio/fft.h"
+#include "sim/audio/transforms/fft.h"
 #include "sim/base/denormals.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"

@@ -6,7 +6,7 @@
 #include <glm/geometric.hpp>
 #include <numbers>
 
-#include "sim/audio/spectrum_math.h"
+#include "sim/audio/transforms/spectrum_math.h"
 
 namespace earshot {
 namespace {

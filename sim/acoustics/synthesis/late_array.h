@@ -9,10 +9,10 @@
 #include "sim/acoustics/synthesis/carriers.h"
 #include "sim/acoustics/synthesis/late_carriers.h"
 #include "sim/acoustics/synthesis/late_envelope.h"
-#include "sim/audio/directivity.h"
-#include "sim/audio/fft.h"
-#include "sim/audio/listener_layout.h"
-#include "sim/audio/listener_orientation.h"
+#include "sim/audio/head/directivity.h"
+#include "sim/audio/head/listener_layout.h"
+#include "sim/audio/head/listener_orientation.h"
+#include "sim/audio/transforms/fft.h"
 
 namespace earshot {
 

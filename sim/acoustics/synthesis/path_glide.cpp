@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "sim/acoustics/synthesis/synthesis_tables.h"
-#include "sim/audio/spectrum_math.h"
+#include "sim/audio/transforms/spectrum_math.h"
 #include "sim/base/denormals.h"
 #include "sim/base/errors.h"
 

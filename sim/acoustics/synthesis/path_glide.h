@@ -8,9 +8,9 @@
 
 #include "sim/acoustics/response/energy_response.h"
 #include "sim/acoustics/synthesis/arrival_filters.h"
-#include "sim/audio/fft.h"
-#include "sim/audio/listener_orientation.h"
-#include "sim/audio/oversampled_sound.h"
+#include "sim/audio/head/listener_orientation.h"
+#include "sim/audio/stream/oversampled_sound.h"
+#include "sim/audio/transforms/fft.h"
 
 namespace earshot {
 

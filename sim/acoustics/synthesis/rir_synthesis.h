@@ -9,9 +9,9 @@
 #include "sim/acoustics/response/energy_response.h"
 #include "sim/acoustics/synthesis/carriers.h"
 #include "sim/acoustics/synthesis/late_envelope.h"
-#include "sim/audio/hrtf.h"
-#include "sim/audio/listener_layout.h"
-#include "sim/audio/listener_orientation.h"
+#include "sim/audio/head/hrtf.h"
+#include "sim/audio/head/listener_layout.h"
+#include "sim/audio/head/listener_orientation.h"
 
 namespace earshot {
 

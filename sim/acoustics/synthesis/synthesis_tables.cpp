@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "sim/acoustics/synthesis/late_array.h"
-#include "sim/audio/fft.h"
+#include "sim/audio/transforms/fft.h"
 #include "sim/base/denormals.h"
 #include "sim/base/errors.h"
 

@@ -9,7 +9,7 @@
 #include "sim/acoustics/synthesis/binaural_noise.h"
 #include "sim/acoustics/synthesis/carriers.h"
 #include "sim/acoustics/synthesis/rir_synthesis.h"
-#include "sim/audio/complex_fft.h"
+#include "sim/audio/transforms/complex_fft.h"
 
 namespace earshot {
 

@@ -9,7 +9,7 @@
 
 #include "sim/acoustics/core/energy_histogram.h"
 #include "sim/acoustics/tracers/source_subpath.h"
-#include "sim/audio/ambisonics.h"
+#include "sim/audio/head/ambisonics.h"
 
 /// Subpaths from the listener and all ways in which they meet the source and its subpaths.  Internal to the tracer.
 ///

@@ -15,7 +15,7 @@
 #include "sim/acoustics/tracers/listener_ray.h"
 #include "sim/acoustics/tracers/population_control.h"
 #include "sim/acoustics/tracers/source_volume.h"
-#include "sim/audio/ambisonics.h"
+#include "sim/audio/head/ambisonics.h"
 #include "sim/base/denormals.h"
 #include "sim/base/random.h"
 

@@ -9,7 +9,7 @@
 #include "policy/action_distribution.h"
 #include "policy/torch_kernels.h"
 #include "sim/base/random.h"
-#include "tests/support/pinned_bits.h"
+#include "tests/support/files/pinned_bits.h"
 #include "trainer/learner/ppo.h"
 
 namespace earshot {

@@ -9,8 +9,8 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
-#include "tests/support/mutate.h"
-#include "tests/support/test_paths.h"
+#include "tests/support/files/mutate.h"
+#include "tests/support/files/test_paths.h"
 #include "trainer/checkpoint/checkpoint.h"
 #include "trainer/run/run_config.h"
 

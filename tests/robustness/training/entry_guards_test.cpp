@@ -2,7 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "sim/base/errors.h"
-#include "tests/support/fault_bench.h"
+#include "tests/support/workers/fault_bench.h"
 #include "trainer/learner/gae.h"
 #include "trainer/rollout/actor.h"
 

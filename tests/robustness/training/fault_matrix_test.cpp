@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "sim/base/files.h"
-#include "tests/support/fault_bench.h"
+#include "tests/support/workers/fault_bench.h"
 
 namespace earshot::faults {
 namespace {

@@ -9,8 +9,8 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
-#include "tests/support/fault_bench.h"
-#include "tests/support/training_run.h"
+#include "tests/support/workers/fault_bench.h"
+#include "tests/support/workers/training_run.h"
 #include "trainer/run/train_loop.h"
 
 namespace earshot::faults {

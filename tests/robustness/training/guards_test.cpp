@@ -4,7 +4,7 @@
 
 #include "sim/base/denormals.h"
 #include "sim/base/errors.h"
-#include "tests/support/fault_bench.h"
+#include "tests/support/workers/fault_bench.h"
 #include "trainer/learner/advantage_normalization.h"
 #include "trainer/rollout/actor.h"
 

@@ -14,8 +14,8 @@
 #include "sim/base/engine_hash.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
-#include "tests/support/hooked_collective.h"
-#include "tests/support/training_run.h"
+#include "tests/support/workers/hooked_collective.h"
+#include "tests/support/workers/training_run.h"
 #include "trainer/run/effective_config.h"
 #include "trainer/run/train_loop.h"
 

@@ -12,10 +12,10 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
-#include "tests/support/curve_ring.h"
-#include "tests/support/hooked_collective.h"
-#include "tests/support/host_namespaces.h"
-#include "tests/support/training_run.h"
+#include "tests/support/workers/curve_ring.h"
+#include "tests/support/workers/hooked_collective.h"
+#include "tests/support/workers/host_namespaces.h"
+#include "tests/support/workers/training_run.h"
 #include "trainer/net/curve_keys.h"
 #include "trainer/run/train_loop.h"
 

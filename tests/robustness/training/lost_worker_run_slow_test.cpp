@@ -8,8 +8,8 @@
 #include <memory>
 
 #include "sim/base/files.h"
-#include "tests/support/hooked_collective.h"
-#include "tests/support/training_run.h"
+#include "tests/support/workers/hooked_collective.h"
+#include "tests/support/workers/training_run.h"
 #include "trainer/run/train_loop.h"
 
 namespace earshot {

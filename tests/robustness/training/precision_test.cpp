@@ -2,7 +2,7 @@
 // that docs/stability.md quotes are printed.
 #include <gtest/gtest.h>
 
-#include "tests/support/fault_bench.h"
+#include "tests/support/workers/fault_bench.h"
 #include "trainer/collective/collective.h"
 #include "trainer/learner/advantage_normalization.h"
 #include "trainer/learner/gae.h"

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <thread>
 
-#include "tests/support/worker_processes.h"
+#include "tests/support/workers/worker_processes.h"
 #include "trainer/checkpoint/checkpoint.h"
 #include "trainer/curves/event_log.h"
 #include "trainer/run/episode_data.h"

@@ -8,7 +8,7 @@
 #include <set>
 #include <string>
 
-#include "tests/support/bench_cli.h"
+#include "tests/support/programs/bench_cli.h"
 
 namespace earshot {
 namespace {

@@ -1,6 +1,6 @@
 // Runs the benchmarks as a script does: names, layout of the JSON, exit codes.  The numbers of such short runs mean nothing.
 
-#include "tests/support/bench_cli.h"
+#include "tests/support/programs/bench_cli.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -10,7 +10,7 @@
 
 #include "evaluation/results/result.h"
 #include "sim/base/files.h"
-#include "tests/support/board_cli.h"
+#include "tests/support/programs/board_cli.h"
 
 namespace earshot {
 namespace {

@@ -1,6 +1,6 @@
 // Commands around results: evaluation in several processes, replay pages, sweeps, tables as JSON, completion.
 
-#include "tests/support/board_cli.h"
+#include "tests/support/programs/board_cli.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

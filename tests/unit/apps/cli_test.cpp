@@ -1,6 +1,6 @@
 // Runs the program as a user does and checks its exit code and its output.
 
-#include "tests/support/cli.h"
+#include "tests/support/programs/cli.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -18,7 +18,7 @@
 #include <string>
 #include <vector>
 
-#include "tests/support/band_levels.h"
+#include "tests/support/acoustics/band_levels.h"
 
 namespace {
 

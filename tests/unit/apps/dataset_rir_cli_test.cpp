@@ -14,9 +14,9 @@
 #include <thread>
 
 #include "sim/base/files.h"
-#include "tests/support/env_cases.h"
-#include "tests/support/rir_corpus_cases.h"
-#include "tests/support/test_paths.h"
+#include "tests/support/envs/env_cases.h"
+#include "tests/support/envs/rir_corpus_cases.h"
+#include "tests/support/files/test_paths.h"
 
 namespace earshot {
 namespace {

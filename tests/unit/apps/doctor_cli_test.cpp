@@ -12,8 +12,8 @@
 #include <string>
 
 #include "sim/rays/embree_options.h"
-#include "tests/support/test_files.h"
-#include "tests/support/test_paths.h"
+#include "tests/support/files/test_files.h"
+#include "tests/support/files/test_paths.h"
 
 namespace earshot {
 namespace {

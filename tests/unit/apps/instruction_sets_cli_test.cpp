@@ -19,8 +19,8 @@
 #include "sim/nav/navmesh.h"
 #include "sim/rays/embree_options.h"
 #include "sim/scene/scene.h"
-#include "tests/support/test_files.h"
-#include "tests/support/test_paths.h"
+#include "tests/support/files/test_files.h"
+#include "tests/support/files/test_paths.h"
 
 namespace earshot {
 namespace {

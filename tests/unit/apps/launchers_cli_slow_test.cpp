@@ -6,9 +6,9 @@
 #include <filesystem>
 #include <thread>
 
-#include "tests/support/host_namespaces.h"
-#include "tests/support/slurm_node.h"
-#include "tests/support/train_cli.h"
+#include "tests/support/programs/train_cli.h"
+#include "tests/support/workers/host_namespaces.h"
+#include "tests/support/workers/slurm_node.h"
 #include "trainer/checkpoint/checkpoint_format.h"
 
 namespace earshot {

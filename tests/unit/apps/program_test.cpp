@@ -2,8 +2,10 @@
 
 #include "apps/program.h"
 
+#include <fstream>
+
 #include "sim/base/install_paths.h"
-#include "tests/support/cli.h"
+#include "tests/support/programs/cli.h"
 
 namespace earshot {
 namespace {
@@ -32,13 +34,24 @@ TEST_F(Cli, WordsThatAreNoCommandAreRefusedWithTheNearest) {
   expect_bad_input("rir shoebox:5x3x4", "--source");
 }
 
-// What is asked of the program with libtorch reaches it through the other one, and a lack of it is said.
+// What is asked of the program with libtorch is what that program is given, word for word, and its exit code is the answer.
 TEST_F(Cli, CommandsOfTheProgramBesideAreItsOwn) {
+  const std::filesystem::path alone = folder_ / "alone", beside = alone / "earshot_training";
+  std::filesystem::create_directory(alone);
+  std::filesystem::copy_file(earshot_program(), alone / "earshot");
+  EXPECT_EQ(run((alone / "earshot").string() + " rir --help").exit_code, 0);
+  std::ofstream(beside) << "#!/bin/sh\nprintf '[%s]' \"$@\"\nexit 7\n";
+  std::filesystem::permissions(beside, std::filesystem::perms::owner_all);
+  const CliOutcome passed_on = run((alone / "earshot").string() + " train 'two words.yaml' key=1");
+  EXPECT_EQ(passed_on.exit_code, 7);
+  EXPECT_EQ(passed_on.output, "[train][two words.yaml][key=1]");
+}
+
+TEST_F(Cli, LackOfTheProgramBesideIsSaid) {
   const std::filesystem::path alone = folder_ / "alone", installed = std::filesystem::path(kInstalledPrograms) / "earshot_training";
   if (std::filesystem::exists(installed)) GTEST_SKIP() << installed << " would be started";
   std::filesystem::create_directory(alone);
   std::filesystem::copy_file(earshot_program(), alone / "earshot");
-  EXPECT_EQ(run((alone / "earshot").string() + " rir --help").exit_code, 0);
   const CliOutcome lost = run((alone / "earshot").string() + " train quick.yaml");
   EXPECT_EQ(lost.exit_code, 1);
   EXPECT_THAT(lost.errors, AllOf(HasSubstr("earshot_training: is neither in " + alone.string()), HasSubstr("build or install it")));

@@ -10,8 +10,8 @@
 
 #include "sim/base/files.h"
 #include "sim/scene/texture.h"
-#include "tests/support/test_files.h"
-#include "tests/support/test_paths.h"
+#include "tests/support/files/test_files.h"
+#include "tests/support/files/test_paths.h"
 
 namespace earshot {
 namespace {

@@ -7,8 +7,8 @@
 #include <cstdlib>
 
 #include "sim/base/files.h"
-#include "tests/support/env_cases.h"
-#include "tests/support/test_paths.h"
+#include "tests/support/envs/env_cases.h"
+#include "tests/support/files/test_paths.h"
 
 namespace earshot {
 namespace {

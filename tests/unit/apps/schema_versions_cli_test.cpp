@@ -2,7 +2,7 @@
 #include <nlohmann/json.hpp>
 
 #include "sim/base/files.h"
-#include "tests/support/train_cli.h"
+#include "tests/support/programs/train_cli.h"
 
 namespace earshot {
 namespace {

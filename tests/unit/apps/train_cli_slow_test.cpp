@@ -8,7 +8,7 @@
 #include <map>
 
 #include "sim/base/files.h"
-#include "tests/support/train_cli.h"
+#include "tests/support/programs/train_cli.h"
 
 namespace earshot {
 namespace {

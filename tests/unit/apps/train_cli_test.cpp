@@ -1,6 +1,6 @@
 // `earshot train` and what follows it, as a user runs them: a run never mixes with an older one.
 
-#include "tests/support/train_cli.h"
+#include "tests/support/programs/train_cli.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

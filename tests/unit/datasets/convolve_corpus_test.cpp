@@ -15,8 +15,8 @@
 #include "datasets/corpus_sounds.h"
 #include "datasets/response_index.h"
 #include "sim/base/errors.h"
-#include "tests/support/convolve_corpus_cases.h"
-#include "tests/support/test_files.h"
+#include "tests/support/envs/convolve_corpus_cases.h"
+#include "tests/support/files/test_files.h"
 
 namespace earshot {
 namespace {

@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "datasets/convolve_corpus.h"
-#include "tests/support/convolve_corpus_cases.h"
+#include "tests/support/envs/convolve_corpus_cases.h"
 
 namespace earshot {
 namespace {

@@ -13,9 +13,9 @@
 
 #include "datasets/rir_corpus_room.h"
 #include "sim/base/errors.h"
-#include "tests/support/env_cases.h"
-#include "tests/support/rir_corpus_cases.h"
-#include "tests/support/test_files.h"
+#include "tests/support/envs/env_cases.h"
+#include "tests/support/envs/rir_corpus_cases.h"
+#include "tests/support/files/test_files.h"
 
 namespace earshot {
 namespace {

@@ -3,8 +3,8 @@
 #include <gtest/gtest.h>
 
 #include "datasets/rir_corpus.h"
-#include "tests/support/env_cases.h"
-#include "tests/support/rir_corpus_cases.h"
+#include "tests/support/envs/env_cases.h"
+#include "tests/support/envs/rir_corpus_cases.h"
 
 namespace earshot {
 namespace {

@@ -15,11 +15,11 @@
 
 #include "datasets/rir_corpus_room.h"
 #include "datasets/sound_scene_events.h"
-#include "sim/audio/sound_clip.h"
+#include "sim/audio/dry_sounds/sound_clip.h"
 #include "sim/base/errors.h"
-#include "tests/support/env_cases.h"
-#include "tests/support/sound_scene_cases.h"
-#include "tests/support/test_files.h"
+#include "tests/support/envs/env_cases.h"
+#include "tests/support/envs/sound_scene_cases.h"
+#include "tests/support/files/test_files.h"
 
 namespace earshot {
 namespace {

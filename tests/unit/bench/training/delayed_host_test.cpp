@@ -19,7 +19,7 @@
 #include <thread>
 
 #include "sim/base/errors.h"
-#include "tests/support/curve_ring.h"
+#include "tests/support/workers/curve_ring.h"
 
 namespace earshot {
 namespace {

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "tests/support/summed_addends.h"
-#include "tests/support/worker_processes.h"
+#include "tests/support/workers/summed_addends.h"
+#include "tests/support/workers/worker_processes.h"
 
 namespace earshot {
 namespace {

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <numbers>
 
-#include "tests/support/env_fixture.h"
+#include "tests/support/envs/env_fixture.h"
 
 namespace earshot {
 namespace {

@@ -6,7 +6,7 @@
 #include <map>
 #include <numbers>
 
-#include "tests/support/env_fixture.h"
+#include "tests/support/envs/env_fixture.h"
 
 namespace earshot {
 namespace {

@@ -5,7 +5,7 @@
 #include <numbers>
 
 #include "envs/baselines/grid_planner.h"
-#include "tests/support/env_fixture.h"
+#include "tests/support/envs/env_fixture.h"
 
 namespace earshot {
 namespace {

@@ -7,8 +7,8 @@
 
 #include "envs/batch/quarantine_replay.h"
 #include "sim/base/errors.h"
-#include "tests/support/agents_fixture.h"
-#include "tests/support/episode_refusal.h"
+#include "tests/support/envs/agents_fixture.h"
+#include "tests/support/envs/episode_refusal.h"
 
 namespace earshot {
 namespace {

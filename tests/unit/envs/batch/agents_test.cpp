@@ -7,7 +7,7 @@
 #include <glm/geometric.hpp>
 
 #include "sim/vision/agent_body.h"
-#include "tests/support/agents_fixture.h"
+#include "tests/support/envs/agents_fixture.h"
 
 namespace earshot {
 namespace {

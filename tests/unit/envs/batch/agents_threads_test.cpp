@@ -6,7 +6,7 @@
 #include <thread>
 
 #include "envs/batch/agent_team.h"
-#include "tests/support/agents_fixture.h"
+#include "tests/support/envs/agents_fixture.h"
 
 namespace earshot {
 namespace {

@@ -5,7 +5,7 @@
 #include <stdexcept>
 
 #include "envs/batch/batched_env.h"
-#include "tests/support/env_cases.h"
+#include "tests/support/envs/env_cases.h"
 
 namespace earshot {
 namespace {

@@ -12,8 +12,8 @@
 
 #include "sim/base/errors.h"
 #include "sim/vision/embree_camera.h"
-#include "tests/support/env_fixture.h"
-#include "tests/support/env_roll_out.h"
+#include "tests/support/envs/env_fixture.h"
+#include "tests/support/envs/env_roll_out.h"
 
 namespace earshot {
 namespace {

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "envs/batch/batched_env.h"
-#include "tests/support/env_fixture.h"
-#include "tests/support/env_roll_out.h"
+#include "tests/support/envs/env_fixture.h"
+#include "tests/support/envs/env_roll_out.h"
 
 namespace earshot {
 namespace {

@@ -12,7 +12,7 @@
 #include "envs/sensors/sensor_rows.h"
 #include "sim/base/errors.h"
 #include "sim/vision/egl_renderer.h"
-#include "tests/support/vector_semantics.h"
+#include "tests/support/envs/vector_semantics.h"
 
 namespace earshot {
 namespace {

@@ -6,8 +6,8 @@
 #include <cmath>
 #include <numbers>
 
-#include "tests/support/env_cases.h"
-#include "tests/support/episode_refusal.h"
+#include "tests/support/envs/env_cases.h"
+#include "tests/support/envs/episode_refusal.h"
 
 namespace earshot {
 namespace {

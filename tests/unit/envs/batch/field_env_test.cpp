@@ -4,7 +4,7 @@
 #include <filesystem>
 #include <vector>
 
-#include "tests/support/field_env_fixture.h"
+#include "tests/support/envs/field_env_fixture.h"
 
 // Environments that hear through source fields: where a field comes from must change no bit.
 

@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
-#include "tests/support/field_env_fixture.h"
+#include "tests/support/envs/field_env_fixture.h"
 
 namespace earshot {
 namespace {

@@ -15,7 +15,7 @@
 
 #include "envs/batch/agent_team.h"
 #include "envs/batch/batched_env.h"
-#include "tests/support/env_fixture.h"
+#include "tests/support/envs/env_fixture.h"
 
 // The sanitizers bring their own operators, and need them.
 #ifdef EARSHOT_SANITIZED

@@ -1,6 +1,6 @@
 // How a batch is driven: which envs are reset, what follows an end, stepping in the background, and moving envs between batches.  Every
 // claim is one about bits.
-#include "tests/support/vector_semantics.h"
+#include "tests/support/envs/vector_semantics.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

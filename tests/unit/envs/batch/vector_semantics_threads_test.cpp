@@ -9,7 +9,7 @@
 #include <stdexcept>
 #include <thread>
 
-#include "tests/support/vector_semantics.h"
+#include "tests/support/envs/vector_semantics.h"
 
 namespace earshot {
 namespace {

@@ -8,7 +8,7 @@
 #include "envs/batch/batched_env.h"
 #include "envs/scenes/scene_cache.h"
 #include "sim/base/errors.h"
-#include "tests/support/env_fixture.h"
+#include "tests/support/envs/env_fixture.h"
 
 namespace earshot {
 namespace {

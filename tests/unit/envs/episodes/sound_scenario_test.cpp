@@ -7,7 +7,7 @@
 #include <set>
 
 #include "sim/base/errors.h"
-#include "tests/support/env_fixture.h"
+#include "tests/support/envs/env_fixture.h"
 
 namespace earshot {
 namespace {

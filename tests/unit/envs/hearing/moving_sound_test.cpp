@@ -5,7 +5,7 @@
 #include <numbers>
 
 #include "envs/hearing/agent_hearing.h"
-#include "tests/support/band_levels.h"
+#include "tests/support/acoustics/band_levels.h"
 
 namespace earshot {
 namespace {

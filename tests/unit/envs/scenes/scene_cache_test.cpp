@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "sim/base/errors.h"
-#include "tests/support/scene_cache_cases.h"
+#include "tests/support/envs/scene_cache_cases.h"
 
 namespace earshot {
 namespace {

@@ -11,7 +11,7 @@
 
 #include "envs/scenes/scene_cache.h"
 #include "sim/base/random.h"
-#include "tests/support/scene_cache_cases.h"
+#include "tests/support/envs/scene_cache_cases.h"
 
 namespace earshot {
 namespace {

@@ -11,10 +11,10 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/scene/scene_image.h"
-#include "tests/support/env_roll_out.h"
-#include "tests/support/field_env_fixture.h"
-#include "tests/support/scene_cache_cases.h"
-#include "tests/support/test_files.h"
+#include "tests/support/envs/env_roll_out.h"
+#include "tests/support/envs/field_env_fixture.h"
+#include "tests/support/envs/scene_cache_cases.h"
+#include "tests/support/files/test_files.h"
 
 namespace earshot {
 namespace {

@@ -7,8 +7,8 @@
 #include <numbers>
 
 #include "envs/sensors/sensor_rows.h"
-#include "sim/audio/interaural_spectrogram.h"
-#include "tests/support/env_fixture.h"
+#include "sim/audio/transforms/interaural_spectrogram.h"
+#include "tests/support/envs/env_fixture.h"
 
 namespace earshot {
 namespace {

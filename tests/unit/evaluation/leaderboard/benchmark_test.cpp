@@ -6,7 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "evaluation/results/evaluator.h"
-#include "tests/support/benchmark_file.h"
+#include "tests/support/programs/benchmark_file.h"
 
 namespace earshot {
 namespace {

@@ -10,7 +10,7 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/random.h"
-#include "tests/support/test_files.h"
+#include "tests/support/files/test_files.h"
 
 namespace earshot {
 namespace {

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "sim/base/sha256.h"
-#include "tests/support/benchmark_file.h"
+#include "tests/support/programs/benchmark_file.h"
 #include "trainer/run/episode_data.h"
 
 namespace earshot {

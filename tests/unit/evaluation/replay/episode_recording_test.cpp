@@ -8,7 +8,7 @@
 #include "envs/baselines/baselines.h"
 #include "evaluation/replay/replay_page.h"
 #include "evaluation/results/evaluator.h"
-#include "tests/support/env_cases.h"
+#include "tests/support/envs/env_cases.h"
 
 namespace earshot {
 namespace {

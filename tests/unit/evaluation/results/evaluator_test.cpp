@@ -2,8 +2,8 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/support/env_cases.h"
-#include "tests/support/quarantine_cases.h"
+#include "tests/support/envs/env_cases.h"
+#include "tests/support/envs/quarantine_cases.h"
 
 namespace earshot {
 namespace {

@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "sim/scene/scene.h"
-#include "tests/support/env_cases.h"
+#include "tests/support/envs/env_cases.h"
 
 namespace earshot {
 namespace {

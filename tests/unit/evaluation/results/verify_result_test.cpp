@@ -11,7 +11,7 @@
 #include "envs/baselines/baselines.h"
 #include "evaluation/results/evaluator.h"
 #include "sim/base/files.h"
-#include "tests/support/env_cases.h"
+#include "tests/support/envs/env_cases.h"
 
 namespace earshot {
 namespace {

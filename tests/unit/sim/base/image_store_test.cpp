@@ -15,7 +15,7 @@
 #include <vector>
 
 #include "sim/base/files.h"
-#include "tests/support/image_store_fixture.h"
+#include "tests/support/files/image_store_fixture.h"
 
 namespace earshot {
 namespace {

@@ -3,7 +3,7 @@
 #include <thread>
 #include <vector>
 
-#include "tests/support/image_store_fixture.h"
+#include "tests/support/files/image_store_fixture.h"
 
 namespace earshot {
 namespace {

@@ -14,8 +14,8 @@
 #include "sim/base/errors.h"
 #include "sim/nav/corridor.h"
 #include "sim/nav/motion.h"
-#include "sim/scene/house_generator.h"
-#include "tests/support/nav_scenes.h"
+#include "sim/scene/generators/house_generator.h"
+#include "tests/support/envs/nav_scenes.h"
 
 namespace earshot {
 namespace {

@@ -1,4 +1,4 @@
-#include "tests/support/house_navigation.h"
+#include "tests/support/envs/house_navigation.h"
 
 namespace earshot {
 namespace {

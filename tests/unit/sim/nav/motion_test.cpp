@@ -7,8 +7,8 @@
 #include <numbers>
 
 #include "sim/nav/geodesic_field.h"
-#include "sim/scene/house_generator.h"
-#include "tests/support/nav_scenes.h"
+#include "sim/scene/generators/house_generator.h"
+#include "tests/support/envs/nav_scenes.h"
 
 namespace earshot {
 namespace {

@@ -6,9 +6,9 @@
 
 #include "sim/base/errors.h"
 #include "sim/nav/geodesic_field.h"
-#include "sim/scene/house_generator.h"
-#include "tests/support/mutate.h"
-#include "tests/support/nav_scenes.h"
+#include "sim/scene/generators/house_generator.h"
+#include "tests/support/envs/nav_scenes.h"
+#include "tests/support/files/mutate.h"
 
 namespace earshot {
 namespace {

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "sim/base/errors.h"
-#include "sim/scene/house_generator.h"
-#include "tests/support/nav_scenes.h"
+#include "sim/scene/generators/house_generator.h"
+#include "tests/support/envs/nav_scenes.h"
 
 namespace earshot {
 namespace {

@@ -8,7 +8,7 @@
 #include "sim/nav/geodesic_field.h"
 #include "sim/nav/motion.h"
 #include "sim/nav/navmesh.h"
-#include "sim/scene/house_generator.h"
+#include "sim/scene/generators/house_generator.h"
 
 namespace earshot {
 namespace {

@@ -7,8 +7,8 @@
 #include "sim/nav/geodesic_field.h"
 #include "sim/nav/motion.h"
 #include "sim/nav/navmesh.h"
-#include "sim/scene/mesh_import.h"
-#include "tests/support/test_data.h"
+#include "sim/scene/readers/mesh_import.h"
+#include "tests/support/files/test_data.h"
 
 namespace earshot {
 namespace {

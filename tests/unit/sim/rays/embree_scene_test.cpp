@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "sim/base/random.h"
-#include "tests/support/triangle_soups.h"
+#include "tests/support/files/triangle_soups.h"
 
 namespace earshot {
 namespace {

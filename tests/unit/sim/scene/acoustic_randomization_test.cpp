@@ -9,7 +9,7 @@
 #include <string>
 
 #include "sim/base/errors.h"
-#include "tests/support/test_files.h"
+#include "tests/support/files/test_files.h"
 
 namespace earshot {
 namespace {

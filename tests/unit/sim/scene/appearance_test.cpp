@@ -8,8 +8,8 @@
 
 #include "sim/base/errors.h"
 #include "sim/scene/color.h"
-#include "tests/support/gltf_files.h"
-#include "tests/support/test_files.h"
+#include "tests/support/files/gltf_files.h"
+#include "tests/support/files/test_files.h"
 
 namespace earshot {
 namespace {

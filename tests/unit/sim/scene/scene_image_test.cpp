@@ -9,7 +9,7 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/random.h"
-#include "tests/support/mutate.h"
+#include "tests/support/files/mutate.h"
 
 namespace earshot {
 namespace {

@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <string>
 
-#include "tests/support/test_files.h"
+#include "tests/support/files/test_files.h"
 
 namespace earshot {
 namespace {

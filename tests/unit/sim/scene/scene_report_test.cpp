@@ -4,9 +4,9 @@
 
 #include <cmath>
 
-#include "sim/scene/shoebox.h"
-#include "tests/support/test_files.h"
-#include "tests/support/test_paths.h"
+#include "sim/scene/generators/shoebox.h"
+#include "tests/support/files/test_files.h"
+#include "tests/support/files/test_paths.h"
 
 namespace earshot {
 namespace {

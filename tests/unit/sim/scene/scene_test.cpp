@@ -6,8 +6,8 @@
 #include <glm/geometric.hpp>
 
 #include "sim/base/errors.h"
-#include "sim/scene/shoebox.h"
-#include "tests/support/test_files.h"
+#include "sim/scene/generators/shoebox.h"
+#include "tests/support/files/test_files.h"
 
 namespace earshot {
 namespace {

@@ -8,10 +8,10 @@
 #include <string>
 
 #include "sim/base/errors.h"
-#include "sim/base/isolated_call.h"
+#include "sim/base/process/isolated_call.h"
 #include "sim/vision/egl_context.h"
 #include "sim/vision/egl_device.h"
-#include "tests/support/test_files.h"
+#include "tests/support/files/test_files.h"
 
 namespace earshot {
 namespace {

@@ -10,9 +10,9 @@
 #include "sim/base/errors.h"
 #include "sim/vision/egl_device.h"
 #include "sim/vision/png_file.h"
-#include "tests/support/camera_agreement.h"
-#include "tests/support/gltf_files.h"
-#include "tests/support/test_files.h"
+#include "tests/support/envs/camera_agreement.h"
+#include "tests/support/files/gltf_files.h"
+#include "tests/support/files/test_files.h"
 
 namespace earshot {
 namespace {

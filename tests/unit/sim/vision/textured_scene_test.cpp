@@ -10,8 +10,8 @@
 #include "sim/scene/color.h"
 #include "sim/vision/embree_camera.h"
 #include "sim/vision/png_file.h"
-#include "tests/support/gltf_files.h"
-#include "tests/support/test_files.h"
+#include "tests/support/files/gltf_files.h"
+#include "tests/support/files/test_files.h"
 
 namespace earshot {
 namespace {

@@ -5,7 +5,7 @@
 #include <limits>
 #include <set>
 
-#include "tests/support/worker_processes.h"
+#include "tests/support/workers/worker_processes.h"
 #include "trainer/checkpoint/checkpoint.h"
 
 namespace earshot {

@@ -9,7 +9,7 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/random.h"
-#include "tests/support/worker_processes.h"
+#include "tests/support/workers/worker_processes.h"
 
 namespace earshot {
 namespace {

@@ -5,9 +5,9 @@
 #include <array>
 
 #include "sim/base/errors.h"
-#include "tests/support/curve_ring.h"
-#include "tests/support/host_namespaces.h"
-#include "tests/support/joining_workers.h"
+#include "tests/support/workers/curve_ring.h"
+#include "tests/support/workers/host_namespaces.h"
+#include "tests/support/workers/joining_workers.h"
 #include "trainer/net/curve_keys.h"
 
 namespace earshot {

@@ -1,5 +1,5 @@
 // Workers that come to a run under way, in the place of lost ones: what they and the members see, and what cannot disturb the members.
-#include "tests/support/joining_workers.h"
+#include "tests/support/workers/joining_workers.h"
 
 #include <gtest/gtest.h>
 #include <signal.h>
@@ -9,7 +9,7 @@
 #include <thread>
 
 #include "sim/base/errors.h"
-#include "tests/support/curve_ring.h"
+#include "tests/support/workers/curve_ring.h"
 #include "trainer/net/curve_keys.h"
 #include "trainer/net/join_request.h"
 #include "trainer/net/join_wire.h"

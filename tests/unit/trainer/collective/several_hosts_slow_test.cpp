@@ -5,8 +5,8 @@
 #include <chrono>
 #include <cmath>
 
-#include "tests/support/curve_ring.h"
-#include "tests/support/host_namespaces.h"
+#include "tests/support/workers/curve_ring.h"
+#include "tests/support/workers/host_namespaces.h"
 #include "trainer/collective/zmq_ring.h"
 #include "trainer/net/curve_keys.h"
 

@@ -8,8 +8,8 @@
 #include <thread>
 
 #include "sim/base/errors.h"
-#include "tests/support/curve_ring.h"
-#include "tests/support/host_namespaces.h"
+#include "tests/support/workers/curve_ring.h"
+#include "tests/support/workers/host_namespaces.h"
 #include "trainer/collective/zmq_ring.h"
 #include "trainer/net/curve_keys.h"
 

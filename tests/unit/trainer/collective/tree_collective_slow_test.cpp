@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "tests/support/tree_workers.h"
+#include "tests/support/workers/tree_workers.h"
 
 // Many workers, each a process, all on this host.
 namespace earshot {

@@ -7,8 +7,8 @@
 #include <algorithm>
 #include <filesystem>
 
-#include "tests/support/curve_ring.h"
-#include "tests/support/tree_workers.h"
+#include "tests/support/workers/curve_ring.h"
+#include "tests/support/workers/tree_workers.h"
 #include "trainer/net/curve_keys.h"
 #include "trainer/net/file_limit.h"
 

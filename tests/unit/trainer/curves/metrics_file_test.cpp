@@ -9,7 +9,7 @@
 #include <sstream>
 
 #include "sim/base/files.h"
-#include "tests/support/worker_processes.h"
+#include "tests/support/workers/worker_processes.h"
 
 namespace earshot {
 namespace {

@@ -10,7 +10,7 @@
 #include "policy/action_distribution.h"
 #include "sim/base/errors.h"
 #include "tests/support/largest.h"
-#include "tests/support/two_workers.h"
+#include "tests/support/workers/two_workers.h"
 #include "trainer/learner/guidance_config.h"
 #include "trainer/learner/guidance_loss.h"
 #include "trainer/learner/ppo.h"

@@ -9,10 +9,10 @@
 #include <vector>
 
 #include "policy/action_distribution.h"
-#include "tests/support/hooked_collective.h"
 #include "tests/support/largest.h"
-#include "tests/support/pointgoal_policy.h"
-#include "tests/support/two_workers.h"
+#include "tests/support/workers/hooked_collective.h"
+#include "tests/support/workers/pointgoal_policy.h"
+#include "tests/support/workers/two_workers.h"
 #include "trainer/learner/ppo.h"
 
 namespace earshot {

@@ -4,7 +4,7 @@
 
 #include <vector>
 
-#include "tests/support/pointgoal_policy.h"
+#include "tests/support/workers/pointgoal_policy.h"
 
 namespace earshot {
 namespace {

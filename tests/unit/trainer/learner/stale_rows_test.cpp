@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "policy/action_distribution.h"
-#include "tests/support/pointgoal_policy.h"
+#include "tests/support/workers/pointgoal_policy.h"
 #include "trainer/learner/ppo.h"
 
 namespace earshot {

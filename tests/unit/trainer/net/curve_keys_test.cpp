@@ -8,7 +8,7 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
-#include "tests/support/worker_processes.h"
+#include "tests/support/workers/worker_processes.h"
 
 namespace earshot {
 namespace {

@@ -12,8 +12,8 @@
 #include <vector>
 
 #include "sim/base/errors.h"
-#include "tests/support/curve_ring.h"
 #include "tests/support/what_of.h"
+#include "tests/support/workers/curve_ring.h"
 #include "trainer/collective/zmq_ring.h"
 #include "trainer/net/rendezvous.h"
 #include "trainer/net/wire.h"

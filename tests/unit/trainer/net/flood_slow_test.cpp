@@ -11,8 +11,8 @@
 #include <thread>
 #include <vector>
 
-#include "tests/support/curve_ring.h"
-#include "tests/support/flood.h"
+#include "tests/support/workers/curve_ring.h"
+#include "tests/support/workers/flood.h"
 #include "trainer/collective/zmq_ring.h"
 #include "trainer/net/curve_keys.h"
 

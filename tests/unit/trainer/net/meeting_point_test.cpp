@@ -8,8 +8,8 @@
 #include <thread>
 
 #include "sim/base/errors.h"
-#include "tests/support/curve_ring.h"
-#include "tests/support/joining_workers.h"
+#include "tests/support/workers/curve_ring.h"
+#include "tests/support/workers/joining_workers.h"
 #include "trainer/net/meeting_sockets.h"
 
 namespace earshot {

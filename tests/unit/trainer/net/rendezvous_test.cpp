@@ -11,7 +11,7 @@
 
 #include "sim/base/errors.h"
 #include "tests/support/what_of.h"
-#include "tests/support/worker_processes.h"
+#include "tests/support/workers/worker_processes.h"
 #include "trainer/collective/zmq_ring.h"
 #include "trainer/net/wire.h"
 

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/support/env_fixture.h"
+#include "tests/support/envs/env_fixture.h"
 #include "trainer/run/run_config.h"
 
 namespace earshot {

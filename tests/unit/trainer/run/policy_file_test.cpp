@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "sim/base/errors.h"
-#include "tests/support/worker_processes.h"
+#include "tests/support/workers/worker_processes.h"
 #include "trainer/run/initial_policy.h"
 
 namespace earshot {

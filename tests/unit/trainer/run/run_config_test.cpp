@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "sim/base/errors.h"
-#include "tests/support/test_paths.h"
+#include "tests/support/files/test_paths.h"
 #include "trainer/run/effective_config.h"
 #include "trainer/run/episode_data.h"
 

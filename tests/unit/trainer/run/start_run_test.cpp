@@ -10,8 +10,8 @@
 #include "sim/base/engine_hash.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
-#include "tests/support/two_workers.h"
-#include "tests/support/worker_processes.h"
+#include "tests/support/workers/two_workers.h"
+#include "tests/support/workers/worker_processes.h"
 #include "trainer/checkpoint/checkpoint.h"
 #include "trainer/run/episode_data.h"
 

@@ -6,7 +6,7 @@
 
 #include "sim/acoustics/source_field/field_image.h"
 #include "sim/acoustics/source_field/source_field.h"
-#include "tests/support/rooms.h"
+#include "tests/support/acoustics/rooms.h"
 
 namespace earshot {
 namespace {

@@ -10,8 +10,8 @@
 
 #include "sim/base/random.h"
 #include "sim/scene/scene.h"
-#include "tests/support/rooms.h"
-#include "tests/support/test_data.h"
+#include "tests/support/acoustics/rooms.h"
+#include "tests/support/files/test_data.h"
 
 namespace earshot {
 namespace {

@@ -7,7 +7,7 @@
 
 #include "sim/acoustics/core/sampling.h"
 #include "sim/base/random.h"
-#include "tests/support/rooms.h"
+#include "tests/support/acoustics/rooms.h"
 
 namespace earshot {
 namespace {

@@ -9,7 +9,7 @@
 #include "sim/acoustics/metrics/room_metrics.h"
 #include "sim/base/errors.h"
 #include "sim/base/random.h"
-#include "tests/support/synthesis_cases.h"
+#include "tests/support/acoustics/synthesis_cases.h"
 
 namespace earshot {
 namespace {

@@ -8,7 +8,7 @@
 
 #include "sim/acoustics/core/jackknife.h"
 #include "sim/acoustics/response/scattered_energy.h"
-#include "tests/support/rooms.h"
+#include "tests/support/acoustics/rooms.h"
 
 namespace earshot {
 namespace {

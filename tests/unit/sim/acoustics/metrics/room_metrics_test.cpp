@@ -8,7 +8,7 @@
 #include <numbers>
 
 #include "sim/base/errors.h"
-#include "tests/support/rooms.h"
+#include "tests/support/acoustics/rooms.h"
 
 namespace earshot {
 namespace {

@@ -10,7 +10,7 @@
 
 #include "sim/acoustics/response/energy_response.h"
 #include "sim/base/errors.h"
-#include "tests/support/mutate.h"
+#include "tests/support/files/mutate.h"
 
 namespace earshot {
 namespace {

@@ -9,7 +9,7 @@
 #include "sim/acoustics/model/air_absorption.h"
 #include "sim/acoustics/tracers/path_tracer.h"
 #include "sim/base/errors.h"
-#include "tests/support/rooms.h"
+#include "tests/support/acoustics/rooms.h"
 
 namespace earshot {
 namespace {

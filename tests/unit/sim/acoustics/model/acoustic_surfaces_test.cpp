@@ -6,7 +6,7 @@
 
 #include "sim/acoustics/model/acoustic_scene.h"
 #include "sim/base/errors.h"
-#include "tests/support/effect_scenes.h"
+#include "tests/support/acoustics/effect_scenes.h"
 
 namespace earshot {
 namespace {

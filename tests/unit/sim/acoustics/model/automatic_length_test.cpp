@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "tests/support/effect_scenes.h"
+#include "tests/support/acoustics/effect_scenes.h"
 
 namespace earshot {
 namespace {

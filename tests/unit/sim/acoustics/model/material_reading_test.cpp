@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "sim/acoustics/metrics/room_metrics.h"
-#include "tests/support/late_field.h"
+#include "tests/support/acoustics/late_field.h"
 
 /// docs/oracles.md, O-15: what "0.1" in a material file means.
 namespace earshot {

@@ -14,11 +14,11 @@
 #include "sim/acoustics/response/energy_response.h"
 #include "sim/base/random.h"
 #include "sim/scene/scene.h"
-#include "tests/support/coherent_field.h"
-#include "tests/support/rigid_plate.h"
-#include "tests/support/rooms.h"
-#include "tests/support/test_data.h"
-#include "tests/support/wedge_cases.h"
+#include "tests/support/acoustics/coherent_field.h"
+#include "tests/support/acoustics/rigid_plate.h"
+#include "tests/support/acoustics/rooms.h"
+#include "tests/support/acoustics/wedge_cases.h"
+#include "tests/support/files/test_data.h"
 
 namespace earshot {
 namespace {

@@ -9,9 +9,9 @@
 
 #include "sim/acoustics/response/energy_response.h"
 #include "sim/base/random.h"
-#include "tests/support/coherent_field.h"
-#include "tests/support/finite_wedge.h"
-#include "tests/support/rooms.h"
+#include "tests/support/acoustics/coherent_field.h"
+#include "tests/support/acoustics/finite_wedge.h"
+#include "tests/support/acoustics/rooms.h"
 
 namespace earshot {
 namespace {

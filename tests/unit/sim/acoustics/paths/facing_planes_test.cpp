@@ -7,9 +7,9 @@
 
 #include "sim/acoustics/paths/early_reflections.h"
 #include "sim/acoustics/tracers/bidirectional_tracer.h"
-#include "tests/support/decay.h"
-#include "tests/support/late_field.h"
-#include "tests/support/rooms.h"
+#include "tests/support/acoustics/decay.h"
+#include "tests/support/acoustics/late_field.h"
+#include "tests/support/acoustics/rooms.h"
 
 namespace earshot {
 namespace {

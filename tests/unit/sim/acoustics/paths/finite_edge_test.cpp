@@ -9,9 +9,9 @@
 #include <numbers>
 
 #include "sim/base/random.h"
-#include "tests/support/finite_wedge.h"
-#include "tests/support/rooms.h"
-#include "tests/support/uniform_theory.h"
+#include "tests/support/acoustics/finite_wedge.h"
+#include "tests/support/acoustics/rooms.h"
+#include "tests/support/acoustics/uniform_theory.h"
 
 namespace earshot {
 namespace {

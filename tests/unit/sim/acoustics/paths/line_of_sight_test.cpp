@@ -7,7 +7,7 @@
 #include <cmath>
 #include <vector>
 
-#include "tests/support/effect_scenes.h"
+#include "tests/support/acoustics/effect_scenes.h"
 
 namespace earshot {
 namespace {

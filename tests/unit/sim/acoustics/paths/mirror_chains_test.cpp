@@ -13,10 +13,10 @@
 #include "sim/acoustics/paths/early_reflections.h"
 #include "sim/acoustics/response/energy_response.h"
 #include "sim/acoustics/source_field/source_field.h"
-#include "tests/support/decay.h"
-#include "tests/support/late_field.h"
-#include "tests/support/rooms.h"
-#include "tests/support/tilted_mirrors.h"
+#include "tests/support/acoustics/decay.h"
+#include "tests/support/acoustics/late_field.h"
+#include "tests/support/acoustics/rooms.h"
+#include "tests/support/acoustics/tilted_mirrors.h"
 
 namespace earshot {
 namespace {

@@ -10,7 +10,7 @@
 #include "sim/acoustics/paths/early_reflections.h"
 #include "sim/base/random.h"
 #include "sim/scene/scene.h"
-#include "tests/support/rooms.h"
+#include "tests/support/acoustics/rooms.h"
 
 namespace earshot {
 namespace {

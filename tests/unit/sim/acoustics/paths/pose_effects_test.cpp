@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "tests/support/effect_scenes.h"
+#include "tests/support/acoustics/effect_scenes.h"
 
 namespace earshot {
 namespace {

@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "tests/support/bidirectional_field.h"
+#include "tests/support/acoustics/bidirectional_field.h"
 
 /// docs/oracles.md, O-22, room to room: D = TL + 10 log10(A2 / S), S = 10 m2, A2 = 15 m2.
 namespace earshot {

@@ -5,9 +5,9 @@
 #include <numbers>
 
 #include "sim/acoustics/response/energy_response.h"
-#include "tests/support/coherent_field.h"
-#include "tests/support/rooms.h"
-#include "tests/support/uniform_theory.h"
+#include "tests/support/acoustics/coherent_field.h"
+#include "tests/support/acoustics/rooms.h"
+#include "tests/support/acoustics/uniform_theory.h"
 
 namespace earshot {
 namespace {

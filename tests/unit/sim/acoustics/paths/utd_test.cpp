@@ -6,9 +6,9 @@
 #include <complex>
 #include <numbers>
 
-#include "tests/support/rooms.h"
-#include "tests/support/uniform_theory.h"
-#include "tests/support/wedge_cases.h"
+#include "tests/support/acoustics/rooms.h"
+#include "tests/support/acoustics/uniform_theory.h"
+#include "tests/support/acoustics/wedge_cases.h"
 
 namespace earshot {
 namespace {

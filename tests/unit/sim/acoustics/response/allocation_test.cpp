@@ -5,7 +5,7 @@
 #include <new>
 
 #include "sim/acoustics/response/energy_response.h"
-#include "tests/support/rooms.h"
+#include "tests/support/acoustics/rooms.h"
 
 // A sanitizer brings its own operator new: allocations are counted in the other builds.
 #ifndef EARSHOT_SANITIZED

@@ -9,7 +9,7 @@
 #include <numbers>
 
 #include "sim/acoustics/response/energy_response.h"
-#include "tests/support/rooms.h"
+#include "tests/support/acoustics/rooms.h"
 
 namespace earshot {
 namespace {

@@ -5,7 +5,7 @@
 #include "sim/acoustics/metrics/room_metrics.h"
 #include "sim/acoustics/paths/line_of_sight.h"
 #include "sim/acoustics/response/energy_response.h"
-#include "tests/support/rooms.h"
+#include "tests/support/acoustics/rooms.h"
 
 namespace earshot {
 namespace {

@@ -7,8 +7,8 @@
 #include "sim/acoustics/paths/line_of_sight.h"
 #include "sim/acoustics/response/energy_response.h"
 #include "sim/base/random.h"
-#include "sim/scene/house_generator.h"
-#include "tests/support/rooms.h"
+#include "sim/scene/generators/house_generator.h"
+#include "tests/support/acoustics/rooms.h"
 
 namespace earshot {
 namespace {

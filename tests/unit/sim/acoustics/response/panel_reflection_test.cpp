@@ -6,8 +6,8 @@
 #include <numbers>
 
 #include "sim/acoustics/response/energy_response.h"
-#include "tests/support/rigid_plate.h"
-#include "tests/support/rooms.h"
+#include "tests/support/acoustics/rigid_plate.h"
+#include "tests/support/acoustics/rooms.h"
 
 namespace earshot {
 namespace {

@@ -1,4 +1,4 @@
-#include "tests/support/field_decay.h"
+#include "tests/support/acoustics/field_decay.h"
 
 namespace earshot {
 namespace {

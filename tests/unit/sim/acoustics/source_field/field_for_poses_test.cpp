@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "sim/scene/scene.h"
-#include "tests/support/rooms.h"
+#include "tests/support/acoustics/rooms.h"
 
 namespace earshot {
 namespace {

@@ -2,7 +2,7 @@
 
 #include <array>
 
-#include "tests/support/slit_rooms.h"
+#include "tests/support/acoustics/slit_rooms.h"
 
 /// As slit_test.cpp, at more places, by more rays.
 namespace earshot {

@@ -2,7 +2,7 @@
 
 #include <array>
 
-#include "tests/support/slit_rooms.h"
+#include "tests/support/acoustics/slit_rooms.h"
 
 /// Fields behind walls that are nearly closed.  Cells that joined what one line joins were 18 dB too loud 0.3 m behind the slit.
 namespace earshot {

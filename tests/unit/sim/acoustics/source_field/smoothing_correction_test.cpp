@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "sim/base/random.h"
-#include "tests/support/rooms.h"
+#include "tests/support/acoustics/rooms.h"
 
 namespace earshot {
 namespace {

@@ -16,8 +16,8 @@
 #include "sim/base/random.h"
 #include "sim/scene/air_sample.h"
 #include "sim/scene/scene.h"
-#include "tests/support/test_data.h"
-#include "tests/support/test_paths.h"
+#include "tests/support/files/test_data.h"
+#include "tests/support/files/test_paths.h"
 
 namespace earshot {
 namespace {

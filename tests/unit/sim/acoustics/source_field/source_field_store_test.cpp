@@ -12,7 +12,7 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/scene/scene.h"
-#include "tests/support/field_store_fixture.h"
+#include "tests/support/acoustics/field_store_fixture.h"
 
 namespace earshot {
 namespace {

@@ -4,7 +4,7 @@
 #include <thread>
 #include <vector>
 
-#include "tests/support/field_store_fixture.h"
+#include "tests/support/acoustics/field_store_fixture.h"
 
 namespace earshot {
 namespace {

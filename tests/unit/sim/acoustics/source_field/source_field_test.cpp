@@ -13,11 +13,11 @@
 #include "sim/acoustics/metrics/room_metrics.h"
 #include "sim/acoustics/response/energy_response.h"
 #include "sim/acoustics/source_field/field_image.h"
-#include "sim/audio/ambisonics.h"
+#include "sim/audio/head/ambisonics.h"
 #include "sim/base/errors.h"
-#include "tests/support/late_field.h"
-#include "tests/support/rooms.h"
-#include "tests/support/source_field_cases.h"
+#include "tests/support/acoustics/late_field.h"
+#include "tests/support/acoustics/rooms.h"
+#include "tests/support/acoustics/source_field_cases.h"
 
 namespace earshot {
 namespace {

@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "sim/acoustics/source_field/source_field.h"
-#include "tests/support/rooms.h"
-#include "tests/support/source_field_cases.h"
+#include "tests/support/acoustics/rooms.h"
+#include "tests/support/acoustics/source_field_cases.h"
 
 namespace earshot {
 namespace {

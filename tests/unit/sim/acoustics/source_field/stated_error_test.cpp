@@ -8,7 +8,7 @@
 #include "sim/acoustics/core/energy_decay.h"
 #include "sim/acoustics/source_field/source_field.h"
 #include "sim/scene/scene.h"
-#include "tests/support/rooms.h"
+#include "tests/support/acoustics/rooms.h"
 
 /// Does a field know how wrong it is?
 namespace earshot {

@@ -4,7 +4,7 @@
 #include <glm/geometric.hpp>
 
 #include "sim/acoustics/synthesis/rir_synthesis.h"
-#include "tests/support/synthesis_cases.h"
+#include "tests/support/acoustics/synthesis_cases.h"
 
 namespace earshot {
 namespace {

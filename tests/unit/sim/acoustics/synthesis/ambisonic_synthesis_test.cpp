@@ -4,10 +4,10 @@
 #include <glm/geometric.hpp>
 
 #include "sim/acoustics/synthesis/rir_synthesis.h"
-#include "sim/audio/harmonic_rotation.h"
+#include "sim/audio/head/harmonic_rotation.h"
 #include "sim/base/errors.h"
-#include "tests/support/harmonic_table.h"
-#include "tests/support/synthesis_cases.h"
+#include "tests/support/acoustics/harmonic_table.h"
+#include "tests/support/acoustics/synthesis_cases.h"
 
 namespace earshot {
 namespace {

@@ -5,7 +5,7 @@
 #include <numbers>
 
 #include "sim/acoustics/synthesis/rir_synthesis.h"
-#include "tests/support/synthesis_cases.h"
+#include "tests/support/acoustics/synthesis_cases.h"
 
 namespace earshot {
 namespace {

@@ -9,7 +9,7 @@
 #include <memory>
 
 #include "sim/acoustics/synthesis/rir_synthesis.h"
-#include "tests/support/synthesis_cases.h"
+#include "tests/support/acoustics/synthesis_cases.h"
 
 namespace earshot {
 namespace {

@@ -6,8 +6,8 @@
 #include <complex>
 #include <vector>
 
-#include "sim/audio/hrtf.h"
-#include "tests/support/synthesis_cases.h"
+#include "sim/audio/head/hrtf.h"
+#include "tests/support/acoustics/synthesis_cases.h"
 
 namespace earshot {
 namespace {

@@ -4,7 +4,7 @@
 
 #include "sim/acoustics/synthesis/band_filters.h"
 #include "sim/base/files.h"
-#include "tests/support/synthesis_cases.h"
+#include "tests/support/acoustics/synthesis_cases.h"
 
 namespace earshot {
 namespace {

@@ -6,8 +6,8 @@
 
 #include "sim/acoustics/response/energy_response.h"
 #include "sim/acoustics/synthesis/rir_synthesis.h"
-#include "tests/support/rooms.h"
-#include "tests/support/wedge_cases.h"
+#include "tests/support/acoustics/rooms.h"
+#include "tests/support/acoustics/wedge_cases.h"
 
 namespace earshot {
 namespace {

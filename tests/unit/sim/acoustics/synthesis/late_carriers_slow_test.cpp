@@ -8,7 +8,7 @@
 
 #include "sim/acoustics/synthesis/late_carriers.h"
 #include "sim/base/random.h"
-#include "tests/support/synthesis_cases.h"
+#include "tests/support/acoustics/synthesis_cases.h"
 
 namespace earshot {
 namespace {

@@ -7,7 +7,7 @@
 #include <numbers>
 
 #include "sim/base/random.h"
-#include "tests/support/synthesis_cases.h"
+#include "tests/support/acoustics/synthesis_cases.h"
 
 namespace earshot {
 namespace {

@@ -7,9 +7,9 @@
 #include <numbers>
 #include <optional>
 
-#include "sim/audio/sound_stream.h"
-#include "tests/support/band_levels.h"
-#include "tests/support/synthesis_cases.h"
+#include "sim/audio/stream/sound_stream.h"
+#include "tests/support/acoustics/band_levels.h"
+#include "tests/support/acoustics/synthesis_cases.h"
 
 namespace earshot {
 namespace {

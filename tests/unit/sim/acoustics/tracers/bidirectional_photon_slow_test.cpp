@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "sim/acoustics/paths/transmission.h"
-#include "tests/support/bidirectional_field.h"
-#include "tests/support/photon_tracer.h"
+#include "tests/support/acoustics/bidirectional_field.h"
+#include "tests/support/acoustics/photon_tracer.h"
 
 namespace earshot {
 namespace {

@@ -11,10 +11,10 @@
 #include "sim/acoustics/metrics/late_errors.h"
 #include "sim/acoustics/metrics/room_metrics.h"
 #include "sim/acoustics/response/energy_response.h"
-#include "sim/audio/directivity.h"
-#include "tests/support/bidirectional_field.h"
-#include "tests/support/late_field.h"
-#include "tests/support/rooms.h"
+#include "sim/audio/head/directivity.h"
+#include "tests/support/acoustics/bidirectional_field.h"
+#include "tests/support/acoustics/late_field.h"
+#include "tests/support/acoustics/rooms.h"
 
 namespace earshot {
 namespace {

@@ -5,7 +5,7 @@
 #include <numeric>
 #include <vector>
 
-#include "tests/support/bidirectional_field.h"
+#include "tests/support/acoustics/bidirectional_field.h"
 
 // Paths that go from a mirror into a corner and back to a mirror: of theirs only the short edge inside the corner can be connected.
 namespace earshot {

@@ -1,6 +1,6 @@
 #include <gtest/gtest.h>
 
-#include "tests/support/late_field.h"
+#include "tests/support/acoustics/late_field.h"
 
 namespace earshot {
 namespace {

@@ -8,7 +8,7 @@
 
 #include "sim/acoustics/response/energy_response.h"
 #include "sim/base/random.h"
-#include "tests/support/rooms.h"
+#include "tests/support/acoustics/rooms.h"
 
 namespace earshot {
 namespace {

@@ -6,8 +6,8 @@
 #include "sim/acoustics/metrics/room_metrics.h"
 #include "sim/acoustics/response/energy_response.h"
 #include "sim/acoustics/tracers/path_tracer.h"
-#include "tests/support/late_field.h"
-#include "tests/support/rooms.h"
+#include "tests/support/acoustics/late_field.h"
+#include "tests/support/acoustics/rooms.h"
 
 namespace earshot {
 namespace {

@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "sim/acoustics/response/energy_response.h"
-#include "tests/support/late_field.h"
-#include "tests/support/rooms.h"
+#include "tests/support/acoustics/late_field.h"
+#include "tests/support/acoustics/rooms.h"
 
 namespace earshot {
 namespace {

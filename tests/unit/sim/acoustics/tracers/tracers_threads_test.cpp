@@ -2,9 +2,9 @@
 
 #include <algorithm>
 
-#include "tests/support/bidirectional_field.h"
-#include "tests/support/late_field.h"
-#include "tests/support/rooms.h"
+#include "tests/support/acoustics/bidirectional_field.h"
+#include "tests/support/acoustics/late_field.h"
+#include "tests/support/acoustics/rooms.h"
 
 // Both tracers give the bits of one thread on any number of them.
 

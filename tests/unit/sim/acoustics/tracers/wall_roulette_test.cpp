@@ -6,9 +6,9 @@
 #include <cmath>
 
 #include "sim/base/random.h"
-#include "tests/support/bidirectional_field.h"
-#include "tests/support/late_field.h"
-#include "tests/support/rooms.h"
+#include "tests/support/acoustics/bidirectional_field.h"
+#include "tests/support/acoustics/late_field.h"
+#include "tests/support/acoustics/rooms.h"
 
 namespace earshot {
 namespace {

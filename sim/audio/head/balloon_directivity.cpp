@@ -1,0 +1,157 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <vector>
+
+#include "sim/audio/head/directivity.h"
+#include "sim/base/files.h"
+#include "sim/base/text/config_reader.h"
+
+namespace earshot {
+namespace {
+
+constexpr std::size_t kMaxFileBytes = std::size_t{64} << 20;
+constexpr double kMaxDb = 200.0;
+
+/// Where a value lies between two entries of a rising list.
+struct Place {
+  std::size_t low, high;
+  double weight;  ///< of high
+};
+
+Place place_in(const std::vector<double>& list, double value) {
+  if (value <= list.front()) return {0, 0, 0.0};
+  if (value >= list.back()) return {list.size() - 1, list.size() - 1, 0.0};
+  const auto high = static_cast<std::size_t>(std::upper_bound(list.begin(), list.end(), value) - list.begin());
+  return {high - 1, high, (value - list[high - 1]) / (list[high] - list[high - 1])};
+}
+
+class Balloon final : public Directivity {
+ public:
+  Balloon(std::vector<double> log_frequency, std::vector<double> elevation_deg, std::vector<double> azimuth_deg,
+          std::vector<double> gain_db)
+      : log_frequency_(std::move(log_frequency)),
+        elevation_(std::move(elevation_deg)),
+        azimuth_(std::move(azimuth_deg)),
+        gain_db_(std::move(gain_db)) {
+    close_poles();
+    for (std::size_t f = 0; f < log_frequency_.size(); ++f) {
+      const double front = level_db(f, 0.0, 0.0);
+      for (std::size_t i = 0; i < elevation_.size() * azimuth_.size(); ++i) gain_db_[f * elevation_.size() * azimuth_.size() + i] -= front;
+    }
+  }
+
+  [[nodiscard]] float pressure(glm::vec3 direction, float frequency_hz) const override {
+    constexpr double degrees = 180.0 / std::numbers::pi;
+    const double elevation = std::atan2(direction.y, std::hypot(direction.x, direction.z)) * degrees;
+    const double azimuth = std::atan2(-direction.x, -direction.z) * degrees;
+    const Place f = place_in(log_frequency_, std::log(std::max(static_cast<double>(frequency_hz), 1e-3)));
+    const double low = level_db(f.low, elevation, azimuth), high = f.high == f.low ? low : level_db(f.high, elevation, azimuth);
+    return static_cast<float>(std::pow(10.0, (low + f.weight * (high - low)) / 20.0));
+  }
+
+ private:
+  [[nodiscard]] double& at(std::size_t f, std::size_t e, std::size_t a) {
+    return gain_db_[(f * elevation_.size() + e) * azimuth_.size() + a];
+  }
+  [[nodiscard]] double at(std::size_t f, std::size_t e, std::size_t a) const {
+    return gain_db_[(f * elevation_.size() + e) * azimuth_.size() + a];
+  }
+
+  /// Makes a row at each pole with one value: the mean power of the row that is there or nearest.
+  void close_poles() {
+    const bool add_bottom = elevation_.front() > -90.0, add_top = elevation_.back() < 90.0;
+    const std::size_t columns = azimuth_.size(), rows = elevation_.size();
+    std::vector<double> closed;
+    for (std::size_t f = 0; f < log_frequency_.size(); ++f) {
+      const auto add_mean_of = [&](std::size_t row) {
+        double power = 0;
+        for (std::size_t a = 0; a < columns; ++a) power += std::pow(10.0, at(f, row, a) / 10.0) / static_cast<double>(columns);
+        closed.insert(closed.end(), columns, 10.0 * std::log10(power));
+      };
+      add_mean_of(0);
+      for (std::size_t e = add_bottom ? 0 : 1; e < (add_top ? rows : rows - 1); ++e)
+        for (std::size_t a = 0; a < columns; ++a) closed.push_back(at(f, e, a));
+      add_mean_of(rows - 1);
+    }
+    if (add_bottom) elevation_.insert(elevation_.begin(), -90.0);
+    if (add_top) elevation_.push_back(90.0);
+    gain_db_ = std::move(closed);
+  }
+
+  [[nodiscard]] double level_db(std::size_t f, double elevation_deg, double azimuth_deg) const {
+    const Place row = place_in(elevation_, elevation_deg);
+    // Around the circle, the last azimuth is followed by the first.
+    double azimuth = std::fmod(azimuth_deg - azimuth_.front(), 360.0);
+    azimuth = azimuth_.front() + (azimuth < 0 ? azimuth + 360.0 : azimuth);
+    Place column = place_in(azimuth_, azimuth);
+    if (column.low + 1 == azimuth_.size()) {
+      const double gap = azimuth_.front() + 360.0 - azimuth_.back();
+      column = {azimuth_.size() - 1, 0, gap > 0 ? std::clamp((azimuth - azimuth_.back()) / gap, 0.0, 1.0) : 0.0};
+    }
+    const auto along = [&](std::size_t e) {
+      const double first = at(f, e, column.low);
+      return first + column.weight * (at(f, e, column.high) - first);
+    };
+    const double low = along(row.low);
+    return row.high == row.low ? low : low + row.weight * (along(row.high) - low);
+  }
+
+  std::vector<double> log_frequency_, elevation_, azimuth_;  ///< angles in degrees
+  std::vector<double> gain_db_;                              ///< [frequency][elevation][azimuth]
+};
+
+std::vector<double> rising_list(ConfigReader& reader, const std::string& key, double lowest, double highest) {
+  std::vector<double> list;
+  reader.read_required(key, list);
+  if (list.empty()) reader.fail(key, "is empty");
+  for (std::size_t i = 0; i < list.size(); ++i) {
+    if (!(list[i] >= lowest && list[i] <= highest)) reader.fail(key, fmt::format("{} is outside [{}, {}]", list[i], lowest, highest));
+    if (i > 0 && !(list[i] > list[i - 1])) reader.fail(key, fmt::format("does not rise at {}", list[i]));
+  }
+  return list;
+}
+
+std::shared_ptr<const Directivity> read_balloon(ConfigReader reader) {
+  std::string text;
+  reader.read("name", text);
+  reader.read("source", text);
+  std::vector<double> frequency = rising_list(reader, "frequencies_hz", 1.0, 1e6);
+  std::vector<double> elevation = rising_list(reader, "elevations_deg", -90.0, 90.0);
+  std::vector<double> azimuth = rising_list(reader, "azimuths_deg", -360.0, 360.0);
+  if (azimuth.back() - azimuth.front() >= 360.0)
+    reader.fail("azimuths_deg", "goes round more than once: leave out the last, it is the first");
+  std::vector<std::vector<std::vector<double>>> nested;
+  reader.read_required("gains_db", nested);
+  reader.finish();
+  std::vector<double> gain_db;
+  gain_db.reserve(frequency.size() * elevation.size() * azimuth.size());
+  if (nested.size() != frequency.size())
+    reader.fail("gains_db", fmt::format("has {} frequencies, not {}", nested.size(), frequency.size()));
+  for (const auto& rows : nested) {
+    if (rows.size() != elevation.size()) reader.fail("gains_db", fmt::format("has {} elevations, not {}", rows.size(), elevation.size()));
+    for (const auto& row : rows) {
+      if (row.size() != azimuth.size()) reader.fail("gains_db", fmt::format("has {} azimuths, not {}", row.size(), azimuth.size()));
+      for (const double value : row) {
+        if (!(std::abs(value) <= kMaxDb)) reader.fail("gains_db", fmt::format("{} is outside [-{}, {}] dB", value, kMaxDb, kMaxDb));
+        gain_db.push_back(value);
+      }
+    }
+  }
+  for (double& value : frequency) value = std::log(value);
+  return std::make_shared<const Balloon>(std::move(frequency), std::move(elevation), std::move(azimuth), std::move(gain_db));
+}
+
+}  // namespace
+
+std::shared_ptr<const Directivity> Directivity::balloon(const std::filesystem::path& path) {
+  return balloon_from_text(read_file(path, kMaxFileBytes), path.string());
+}
+
+std::shared_ptr<const Directivity> Directivity::balloon_from_text(std::string_view text, const std::string& where) {
+  return read_balloon(ConfigReader::from_text(text, where));
+}
+
+}  // namespace earshot

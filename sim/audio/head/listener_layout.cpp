@@ -1,0 +1,156 @@
+#include "sim/audio/head/listener_layout.h"
+
+#include <fmt/format.h>
+
+#include <charconv>
+#include <cmath>
+#include <numbers>
+
+#include "sim/audio/head/ambisonics.h"
+#include "sim/audio/head/listener_orientation.h"
+#include "sim/base/errors.h"
+#include "sim/base/text/config_reader.h"
+
+namespace earshot {
+namespace {
+
+constexpr std::size_t kMaxMicrophones = 256;
+constexpr float kMaxOffsetM = 10.f;
+
+constexpr const char* kNames = "use mono, mono:PATTERN, binaural, ambisonic:ORDER[:n3d|:sn3d][:world|:ego] or array:FILE";
+
+Microphone read_microphone(ConfigReader reader, const std::filesystem::path& folder) {
+  Microphone microphone;
+  std::vector<float> position;
+  std::string pattern;
+  float omni_weight = 1.f;
+  double azimuth_deg = 0, elevation_deg = 0, roll_deg = 0;
+  reader.read("name", microphone.name);
+  reader.read_required("position_m", position);
+  const bool has_weight = reader.has("omni_weight"), has_pattern = reader.has("pattern");
+  reader.read("omni_weight", omni_weight);
+  reader.read("pattern", pattern);
+  reader.read("azimuth_deg", azimuth_deg);
+  reader.read("elevation_deg", elevation_deg);
+  reader.read("roll_deg", roll_deg);
+  reader.finish();
+  if (position.size() != 3) reader.fail("position_m", fmt::format("has {} numbers, not x, y, z", position.size()));
+  for (const float value : position)
+    if (!(std::abs(value) <= kMaxOffsetM))
+      reader.fail("position_m", fmt::format("{} m is not within {} m of the listener", value, kMaxOffsetM));
+  if (has_weight && has_pattern) reader.fail("omni_weight", "stands beside pattern; give one of them");
+  for (const auto& [key, value] : {std::pair{"azimuth_deg", azimuth_deg}, {"elevation_deg", elevation_deg}, {"roll_deg", roll_deg}})
+    if (!std::isfinite(value)) reader.fail(key, "is not a finite number");
+  microphone.position_m = {position[0], position[1], position[2]};
+  if (has_weight) microphone.directivity = Directivity::first_order(omni_weight);
+  if (has_pattern) {
+    const bool is_file = std::filesystem::path(pattern).has_extension();
+    microphone.directivity = Directivity::named(is_file ? (folder / pattern).string() : pattern);
+  }
+  constexpr double degree = std::numbers::pi / 180.0;
+  microphone.orientation = glm::quat(ListenerOrientation(azimuth_deg * degree, elevation_deg * degree, roll_deg * degree).local_to_world());
+  return microphone;
+}
+
+}  // namespace
+
+ListenerLayout ListenerLayout::ambisonics(int order, HarmonicNorm norm, HarmonicAxes axes) {
+  ListenerLayout layout;
+  layout.kind = ListenerKind::ambisonics;
+  layout.order = order, layout.norm = norm, layout.axes = axes;
+  validate(layout);
+  return layout;
+}
+
+ListenerLayout ListenerLayout::array(std::vector<Microphone> microphones) {
+  ListenerLayout layout;
+  layout.kind = ListenerKind::array;
+  layout.microphones = std::move(microphones);
+  validate(layout);
+  return layout;
+}
+
+ListenerLayout ListenerLayout::mono(std::shared_ptr<const Directivity> directivity) {
+  if (!directivity || directivity->omnidirectional()) return ChannelLayout::mono;
+  std::vector<Microphone> one(1);
+  one[0].directivity = std::move(directivity);
+  return array(std::move(one));
+}
+
+ListenerLayout ListenerLayout::named(std::string_view text) {
+  const auto refuse = [&](std::string_view what) { return InputError("listener '" + std::string(text) + "'", what, kNames); };
+  const std::size_t colon = text.find(':');
+  const std::string_view kind = text.substr(0, colon);
+  std::string_view rest = colon == std::string_view::npos ? std::string_view() : text.substr(colon + 1);
+  if (kind == "mono") return rest.empty() ? ListenerLayout(ChannelLayout::mono) : mono(Directivity::named(rest));
+  if (kind == "binaural" && rest.empty()) return ChannelLayout::binaural;
+  if (kind == "array" && !rest.empty()) return from_file(std::filesystem::path(rest));
+  if (kind != "ambisonics" && kind != "ambisonic") throw refuse("is not a known layout");
+  ListenerLayout layout;
+  layout.kind = ListenerKind::ambisonics;
+  const auto [end, error] = std::from_chars(rest.data(), rest.data() + rest.size(), layout.order);
+  if (error != std::errc()) throw refuse("has no order");
+  rest.remove_prefix(static_cast<std::size_t>(end - rest.data()));
+  while (!rest.empty()) {
+    if (rest.front() != ':') throw refuse("has something behind its order");
+    rest.remove_prefix(1);
+    const std::string_view word = rest.substr(0, rest.find(':'));
+    rest.remove_prefix(word.size());
+    if (word == "n3d")
+      layout.norm = HarmonicNorm::n3d;
+    else if (word == "sn3d")
+      layout.norm = HarmonicNorm::sn3d;
+    else if (word == "world")
+      layout.axes = HarmonicAxes::world;
+    else if (word == "ego")
+      layout.axes = HarmonicAxes::ego;
+    else
+      throw refuse("has an unknown part '" + std::string(word) + "'");
+  }
+  validate(layout);
+  return layout;
+}
+
+ListenerLayout ListenerLayout::from_file(const std::filesystem::path& path) {
+  ConfigReader reader = ConfigReader::from_file(path);
+  const std::optional<std::size_t> count = reader.list_size("microphones");
+  reader.finish();
+  if (!count) reader.fail("microphones", "is missing or not a list of microphones");
+  if (*count == 0 || *count > kMaxMicrophones) reader.fail("microphones", fmt::format("holds {}, not 1 to {}", *count, kMaxMicrophones));
+  std::vector<Microphone> microphones;
+  for (std::size_t i = 0; i < *count; ++i) microphones.push_back(read_microphone(reader.list_child("microphones", i), path.parent_path()));
+  return array(std::move(microphones));
+}
+
+int ListenerLayout::num_channels() const {
+  switch (kind) {
+    case ListenerKind::mono:
+      return 1;
+    case ListenerKind::binaural:
+      return 2;
+    case ListenerKind::ambisonics:
+      return (order + 1) * (order + 1);
+    case ListenerKind::array:
+      return static_cast<int>(microphones.size());
+  }
+  return 0;
+}
+
+void validate(const ListenerLayout& layout) {
+  if (layout.kind == ListenerKind::ambisonics)
+    require(layout.order >= 0 && layout.order <= kMaxAmbisonicOrder, "ambisonic order", layout.order,
+            fmt::format("must be in [0, {}]", kMaxAmbisonicOrder));
+  if (layout.kind != ListenerKind::array) return;
+  require(!layout.microphones.empty() && layout.microphones.size() <= kMaxMicrophones, "microphones", layout.microphones.size(),
+          "must be in [1, 256]: each is a channel");
+  for (const Microphone& microphone : layout.microphones) {
+    for (int axis = 0; axis < 3; ++axis) {
+      const float value = microphone.position_m[axis];
+      require(std::abs(value) <= kMaxOffsetM, "position_m", value, "must be within 10 m of the listener");
+    }
+    const float length = glm::length(microphone.orientation);
+    require(std::abs(length - 1.f) <= 1e-3f, "orientation length", length, "must be a unit quaternion");
+  }
+}
+
+}  // namespace earshot

@@ -1,0 +1,60 @@
+#pragma once
+
+#include <filesystem>
+#include <glm/gtc/quaternion.hpp>
+#include <glm/vec3.hpp>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "sim/audio/head/directivity.h"
+
+namespace earshot {
+
+enum class ChannelLayout { mono, binaural };
+
+enum class ListenerKind { mono, binaural, ambisonics, array };
+enum class HarmonicNorm { n3d, sn3d };
+/// world: the axes of the scene, independent of the orientation of the listener.  ego: those of the listener.
+enum class HarmonicAxes { world, ego };
+
+/// One microphone of an array, in the listener's axes (x right, y up, -z front).
+struct Microphone {
+  glm::vec3 position_m{0};                                   ///< from the listener's position
+  std::shared_ptr<const Directivity> directivity = nullptr;  ///< null: omnidirectional
+  glm::quat orientation{1, 0, 0, 0};                         ///< own axes to the listener's; unit
+  std::string name{};
+};
+
+/// Output channels of a listener, as a plain value.  One channel: mono; two ears; (order + 1)^2 ambisonic channels in ACN order; one
+/// channel per microphone.
+struct ListenerLayout {
+  ListenerLayout(ChannelLayout layout = ChannelLayout::mono)
+      : kind(layout == ChannelLayout::mono ? ListenerKind::mono : ListenerKind::binaural) {}
+
+  ListenerKind kind;
+  int order = 1;  ///< ambisonics, [0, 9]
+  HarmonicNorm norm = HarmonicNorm::n3d;
+  HarmonicAxes axes = HarmonicAxes::world;
+  std::vector<Microphone> microphones;  ///< array, [1, 256], each within 10 m
+
+  static ListenerLayout ambisonics(int order, HarmonicNorm norm = HarmonicNorm::n3d, HarmonicAxes axes = HarmonicAxes::world);
+  static ListenerLayout array(std::vector<Microphone> microphones);
+  /// One microphone with a pattern whose front is that of the listener: an array of one.
+  static ListenerLayout mono(std::shared_ptr<const Directivity> directivity);
+  /// mono, mono:PATTERN, binaural, ambisonic:ORDER (or ambisonics:ORDER) with any of :n3d :sn3d :world :ego, array:FILE.  Patterns as in
+  /// Directivity::named.
+  static ListenerLayout named(std::string_view text);
+  /// YAML or JSON: `microphones`, a list of maps with `position_m` [x, y, z] (required), `pattern` (as in Directivity::named; files
+  /// relative to this one) or `omni_weight`, `azimuth_deg` counter-clockwise from the front, `elevation_deg`, `roll_deg` (its right side
+  /// down), `name`.
+  static ListenerLayout from_file(const std::filesystem::path& path);
+
+  [[nodiscard]] int num_channels() const;
+};
+
+/// Throws InputError with key, value and rule.
+void validate(const ListenerLayout& layout);
+
+}  // namespace earshot

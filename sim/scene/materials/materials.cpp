@@ -1,0 +1,266 @@
+#include "sim/scene/materials/materials.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "sim/base/errors.h"
+#include "sim/base/files.h"
+#include "sim/base/text/config_reader.h"
+#include "sim/base/text/json_depth.h"
+#include "sim/base/text/schema_version.h"
+#include "sim/base/text/text_match.h"
+
+namespace earshot {
+namespace {
+
+using Json = nlohmann::json;
+
+constexpr const char* kVersionKey = "schema_version";
+
+/// One entry of "materials", with its name for messages.
+struct Entry {
+  const Json& json;
+  std::string where;  // file: material "name"
+  [[noreturn]] void fail(const std::string& key, const std::string& what, const std::string& remedy) const {
+    throw InputError(where + ", key '" + key + "'", what, remedy);
+  }
+};
+
+float read_number(const Entry& entry, const std::string& key, const Json& json) {
+  if (!json.is_number())
+    entry.fail(key, fmt::format("{} is not a number", json.dump(-1, ' ', false, Json::error_handler_t::replace)), "write a number");
+  const auto value = json.get<float>();
+  if (!std::isfinite(value)) entry.fail(key, "the number is too large", "write a finite number");
+  return value;
+}
+
+/// [f0, c0, f1, c1, ...]: any order; of equal frequencies the last wins.
+CoefficientCurve read_curve(const Entry& entry, const std::string& key, float largest) {
+  const Json& list = entry.json.at(key);
+  if (!list.is_array() || list.empty() || list.size() % 2 != 0) {
+    entry.fail(key, "is not a list of pairs", "write [Hz, value, Hz, value, ...]");
+  }
+  std::map<float, float> points;
+  for (std::size_t i = 0; i < list.size(); i += 2) {
+    const float hz = read_number(entry, key, list[i]), value = read_number(entry, key, list[i + 1]);
+    if (!(hz > 0)) entry.fail(key, fmt::format("frequency {} Hz is not positive", hz), "write frequencies above 0 Hz");
+    if (!(value >= 0 && value <= largest)) {
+      entry.fail(key, fmt::format("{} at {} Hz is outside [0, {}]", value, hz, largest),
+                 largest == 1 ? "coefficients are fractions of the energy" : "write dB per metre");
+    }
+    points[hz] = value;
+  }
+  CoefficientCurve curve;
+  for (const auto& [hz, value] : points) {
+    curve.hz.push_back(hz);
+    curve.value.push_back(value);
+  }
+  return curve;
+}
+
+std::string read_text(const Entry& entry, const std::string& key) {
+  if (!entry.json.contains(key)) entry.fail(key, "is missing", "add it");
+  if (!entry.json[key].is_string()) entry.fail(key, "is not text", "write it in quotes");
+  return entry.json[key].get<std::string>();
+}
+
+/// Of a pressure ratio to a fraction of the energy.
+void read_as_pressure(Material& material) {
+  for (float& value : material.absorption.value) value = 1.f - (1.f - value) * (1.f - value);
+  for (float& value : material.transmission.value) value *= value;
+}
+
+void read_source(const Entry& entry, Material& material) {
+  static const std::set<std::string> known{"absorption", "scattering", "transmission", "damping", "speed", "density"};
+  if (!entry.json.contains("source")) return;
+  const Json& json = entry.json["source"];
+  if (!json.is_object()) {
+    material.source = read_text(entry, "source");
+    return;
+  }
+  const Entry inner{json, entry.where + ", key 'source'"};
+  for (const auto& [key, unused] : json.items()) {
+    const std::string nearest = nearest_word(key, known);
+    if (!known.contains(key)) inner.fail(key, "is unknown", nearest.empty() ? "remove it" : "did you mean '" + nearest + "'?");
+    material.sources[key] = read_text(inner, key);
+    material.source += (material.source.empty() ? "" : "; ") + key + ": " + material.sources[key];
+  }
+}
+
+/// What passes a wall cannot be more than what it does not reflect.  Strict without a list of warnings.
+void limit_transmission(const Entry& entry, Material& material, std::vector<MaterialWarning>* warnings) {
+  // Both are lines between their knots, so the difference is largest at a knot of one of them.
+  std::set<float> knots(material.absorption.hz.begin(), material.absorption.hz.end());
+  knots.insert(material.transmission.hz.begin(), material.transmission.hz.end());
+  CoefficientCurve limited;
+  for (const float hz : knots) {
+    const float a = material.absorption.at(hz), t = material.transmission.at(hz);
+    limited.hz.push_back(hz);
+    limited.value.push_back(std::min(a, t));
+    if (t <= a + 1e-6f) continue;  // 1e-6: rounding of interpolated knots
+    const std::string what = fmt::format("{:.4g} exceeds the absorption {:.4g} at {:.4g} Hz", t, a, hz);
+    if (!warnings) entry.fail("transmission", what, "absorption counts all that is not reflected, so it includes the transmitted fraction");
+    warnings->push_back({material.name, "transmission " + what + "; lowered to the absorption"});
+  }
+  material.transmission = std::move(limited);
+}
+
+Material read_material(const Json& json, std::size_t index, const std::string& where, const MaterialImport& import) {
+  static const std::set<std::string> known{"name",    "labels", "absorption", "scattering", "transmission",
+                                           "damping", "speed",  "density",    "source"};
+  Entry entry{json, fmt::format("{}: material {}", where, index)};
+  if (!json.is_object()) throw InputError(entry.where, "is not an object", "write {\"name\": ..., \"absorption\": [...], ...}");
+  Material material;
+  material.name = read_text(entry, "name");
+  if (material.name.empty()) entry.fail("name", "is empty", "give each material a name");
+  entry.where = where + ": material '" + material.name + "'";
+  for (const auto& [key, unused] : json.items()) {
+    if (known.contains(key)) continue;
+    const std::string nearest = nearest_word(key, known);
+    entry.fail(key, "is unknown", nearest.empty() ? "remove it" : "did you mean '" + nearest + "'?");
+  }
+  for (const char* key : {"absorption", "scattering"}) {
+    if (!json.contains(key)) entry.fail(key, "is missing", "add [Hz, value, ...]");
+  }
+  material.absorption = read_curve(entry, "absorption", 1);
+  material.scattering = read_curve(entry, "scattering", 1);
+  material.transmission = json.contains("transmission") ? read_curve(entry, "transmission", 1) : CoefficientCurve::constant(0);
+  material.damping_db_per_m = json.contains("damping") ? read_curve(entry, "damping", 1e6f) : CoefficientCurve::constant(0);
+  if (import.reading == CoefficientReading::pressure) read_as_pressure(material);
+  if (!import.keep_transmission) limit_transmission(entry, material, import.warnings);
+  if (json.contains("labels")) {
+    if (!json["labels"].is_array()) entry.fail("labels", "is not a list", "write [\"wall\", ...]");
+    for (const Json& label : json["labels"]) {
+      if (!label.is_string()) entry.fail("labels", "holds something that is not text", "write each label in quotes");
+      material.labels.push_back(label.get<std::string>());
+    }
+  }
+  if (json.contains("speed")) material.speed_m_per_s = read_number(entry, "speed", json["speed"]);
+  if (json.contains("density")) material.density_kg_per_m3 = read_number(entry, "density", json["density"]);
+  if (material.speed_m_per_s < 0) entry.fail("speed", "is negative", "write metres per second");
+  if (material.density_kg_per_m3 < 0) entry.fail("density", "is negative", "write kilograms per cubic metre");
+  read_source(entry, material);
+  return material;
+}
+
+/// The reading that the file declares, if any.
+std::optional<CoefficientReading> read_reading(const Json& json, const std::string& where) {
+  if (!json.contains("coefficients")) return std::nullopt;
+  if (json["coefficients"] == "energy") return CoefficientReading::energy;
+  if (json["coefficients"] == "pressure") return CoefficientReading::pressure;
+  throw InputError(where, "key 'coefficients' is neither \"energy\" nor \"pressure\"",
+                   "write one of them: fractions of the energy, or of the pressure");
+}
+
+constexpr std::string_view builtin_json =
+#include "builtin_materials.inc"
+    ;
+
+}  // namespace
+
+const std::string& Material::source_of(const std::string& key) const {
+  const auto found = sources.find(key);
+  return found == sources.end() ? source : found->second;
+}
+
+MaterialDatabase MaterialDatabase::from_json(std::string_view text, const std::string& where, const MaterialImport& import) {
+  check_json_depth(text, where);
+  Json json;
+  try {
+    json = Json::parse(text);
+  } catch (const Json::parse_error& error) {
+    throw InputError(where, fmt::format("is not JSON: error at byte {}", error.byte), "correct the syntax there");
+  } catch (const Json::exception&) {
+    throw InputError(where, "is not JSON: a number is out of range", "write finite numbers");
+  }
+  try {
+    check_schema_version(json, kVersionKey, where, "a material database", {1, 1});
+  } catch (const Json::exception& error) {
+    throw InputError(where, error.what(), "write 1");
+  }
+  if (!json.is_object() || !json.contains("materials") || !json["materials"].is_array()) {
+    throw InputError(where, "has no list 'materials'", "write {\"materials\": [...]}");
+  }
+  for (const auto& [key, unused] : json.items()) {
+    if (key != "materials" && key != "coefficients" && key != kVersionKey) {
+      throw InputError(where, "key '" + key + "' is unknown", "the keys here are 'materials' and 'coefficients'");
+    }
+  }
+  MaterialImport resolved = import;
+  if (const auto written = read_reading(json, where)) {
+    if (import.reading && *import.reading != *written) {
+      throw InputError(where, "says what its coefficients mean, and the scene says otherwise", "remove 'coefficients' from one of them");
+    }
+    resolved.reading = written;
+  }
+  MaterialDatabase database;
+  std::set<std::string> names;
+  for (const Json& entry : json["materials"]) {
+    database.materials_.push_back(read_material(entry, database.materials_.size(), where, resolved));
+    if (!names.insert(database.materials_.back().name).second) {
+      throw InputError(where, "material '" + database.materials_.back().name + "' is there twice", "rename or remove one");
+    }
+  }
+  return database;
+}
+
+MaterialDatabase MaterialDatabase::from_json(std::string_view text, const std::string& where, std::vector<MaterialWarning>* warnings) {
+  return from_json(text, where, MaterialImport{.reading = std::nullopt, .warnings = warnings});
+}
+
+MaterialDatabase MaterialDatabase::from_file(const std::filesystem::path& path, const MaterialImport& import) {
+  return from_json(read_file(path, std::size_t{64} << 20), path.string(), import);
+}
+
+MaterialDatabase MaterialDatabase::from_file(const std::filesystem::path& path, std::vector<MaterialWarning>* warnings) {
+  return from_file(path, MaterialImport{.reading = std::nullopt, .warnings = warnings});
+}
+
+MaterialDatabase MaterialDatabase::builtin() { return from_json(builtin_json, "built-in materials"); }
+
+const Material* MaterialDatabase::find(std::string_view name) const {
+  const auto found = std::find_if(materials_.begin(), materials_.end(), [&](const Material& m) { return m.name == name; });
+  return found == materials_.end() ? nullptr : &*found;
+}
+
+const Material& MaterialDatabase::get(std::string_view name, const std::string& where) const {
+  if (const Material* found = find(name)) return *found;
+  std::set<std::string> names;
+  for (const Material& material : materials_) names.insert(material.name);
+  const std::string nearest = nearest_word(name, names);
+  throw InputError(
+      where, "material '" + std::string(name) + "' is unknown",
+      nearest.empty() ? fmt::format("the database has {} materials, see its file", names.size()) : "did you mean '" + nearest + "'?");
+}
+
+const Material* MaterialDatabase::find_by_substrings(std::string_view category) const {
+  const std::string text = fold_case(category);
+  const Material* best = nullptr;
+  std::size_t most = 0;
+  for (const Material& material : materials_) {
+    std::size_t score = 0;
+    for (const std::string& label : material.labels) score += !label.empty() && text.find(label) != std::string::npos ? 1 : 0;
+    if (score > most) {
+      most = score;
+      best = &material;
+    }
+  }
+  return best;
+}
+
+const Material* MaterialDatabase::find_label(std::string_view category) const {
+  const std::string wanted = fold_case(category);
+  for (const Material& material : materials_) {
+    for (const std::string& label : material.labels) {
+      if (fold_case(label) == wanted) return &material;
+    }
+  }
+  return nullptr;
+}
+
+}  // namespace earshot

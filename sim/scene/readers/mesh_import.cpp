@@ -1,0 +1,70 @@
+#include "sim/scene/readers/mesh_import.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+
+#include "sim/base/errors.h"
+#include "sim/base/text/text_match.h"
+#include "sim/scene/mesh/mesh_repair.h"
+#include "sim/scene/readers/assimp_reader.h"
+#include "sim/scene/readers/gltf_reader.h"
+#include "sim/scene/readers/mesh_builder.h"
+
+namespace earshot {
+namespace {
+
+constexpr std::array<const char*, 5> extensions{".glb", ".gltf", ".obj", ".ply", ".stl"};
+
+std::string folded_extension(const std::filesystem::path& path) { return fold_case(path.extension().string()); }
+
+void warn_about_size(const TriangleMesh& mesh, double position_step_m, ImportReport& report) {
+  const Bounds bounds = bounds_of(mesh);
+  const glm::dvec3 size = glm::dvec3(bounds.upper) - glm::dvec3(bounds.lower);
+  const double largest_m = std::max({size.x, size.y, size.z});
+  if (largest_m > 500 || largest_m < 0.5) {
+    report.warnings.push_back(fmt::format("the scene is {:.4g} m in size: is the unit right? (unit_m in a scene YAML)", largest_m));
+  }
+  if (position_step_m > 2e-6 * largest_m) {
+    report.warnings.push_back(fmt::format(
+        "the file holds floats so far from its origin that they are exact to {:.2g} m only, in a scene of {:.4g} m: move the mesh "
+        "to the origin of the file (a node may put it back)",
+        position_step_m, largest_m));
+  }
+}
+
+}  // namespace
+
+bool is_mesh_file(const std::filesystem::path& path) {
+  return std::find(extensions.begin(), extensions.end(), folded_extension(path)) != extensions.end();
+}
+
+glm::dmat4 file_to_world(const MeshImportOptions& options) {
+  const double unit = options.unit_m;
+  return options.up == MeshImportOptions::Up::z ? glm::dmat4(unit, 0, 0, 0, 0, 0, -unit, 0, 0, unit, 0, 0, 0, 0, 0, 1)
+                                                : glm::dmat4(unit, 0, 0, 0, 0, unit, 0, 0, 0, 0, unit, 0, 0, 0, 0, 1);
+}
+
+ImportedMesh import_mesh(const std::filesystem::path& path, const MeshImportOptions& options) {
+  EARSHOT_EXPECT(options.unit_m > 0);
+  const std::string where = path.string();
+  std::error_code error;
+  if (!std::filesystem::exists(path, error)) throw InputError(where, "does not exist", "check the path of the mesh");
+  if (!std::filesystem::is_regular_file(path, error)) throw InputError(where, "is not a file", "name a glb, gltf, obj, ply or stl file");
+  if (!is_mesh_file(path)) throw InputError(where, "has an unknown extension", "name a glb, gltf, obj, ply or stl file");
+
+  ImportedMesh imported;
+  const std::string extension = folded_extension(path);
+  MeshBuilder builder(where, imported.mesh);
+  (extension == ".glb" || extension == ".gltf" ? read_gltf : read_with_assimp)(path, file_to_world(options), builder);
+  builder.finish();
+  imported.report.triangles_read = imported.mesh.triangles.size();
+  if (imported.mesh.triangles.empty()) throw InputError(where, "has no triangles", "export the file with its surfaces");
+  repair_mesh(imported.mesh, imported.report);
+  if (imported.mesh.triangles.empty()) throw InputError(where, "has no triangle with an area", "export the file with its surfaces");
+  warn_about_size(imported.mesh, builder.position_step_m(), imported.report);
+  return imported;
+}
+
+}  // namespace earshot

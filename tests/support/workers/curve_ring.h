@@ -1,0 +1,57 @@
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+#include <filesystem>
+#include <span>
+#include <string>
+#include <vector>
+#include <zmq.hpp>
+
+#include "sim/base/files.h"
+#include "tests/support/workers/worker_processes.h"
+#include "trainer/collective/collective.h"
+
+namespace earshot {
+
+/// A port that was free a moment ago.
+inline int free_port(const std::string& host = "127.0.0.1") {
+  zmq::context_t context;
+  zmq::socket_t probe(context, zmq::socket_type::router);
+  probe.bind("tcp://" + host + ":*");
+  const std::string endpoint = probe.get(zmq::sockopt::last_endpoint);
+  return std::stoi(endpoint.substr(endpoint.rfind(':') + 1));
+}
+
+/// A worker of a run that meets at host:port with the keys of a file.
+inline RingConfig curve_ring(const std::string& host, int port, int rank, int world_size, const std::filesystem::path& key_file) {
+  RingConfig config;
+  config.identity = {rank, world_size};
+  config.rendezvous = "tcp://" + host + ":" + std::to_string(port);
+  config.run_id = "test-run";
+  config.timeout = std::chrono::milliseconds(20000);
+  config.network.curve_key_file = key_file.string();
+  return config;
+}
+
+/// Hash of all that a few calls give: sums in one hop and round the ring, a broadcast, a gather.  Another order of summation gives another.
+inline std::uint64_t hash_of_calls(Collective& collective) {
+  const int rank = collective.identity().rank;
+  std::uint64_t hash = 0;
+  for (const std::size_t count : {7, 1000, 100003, 700001}) {
+    std::vector<float> buffer(count);
+    for (std::size_t i = 0; i < count; ++i)
+      buffer[i] = static_cast<float>(
+          std::ldexp(std::sin(static_cast<double>(i * 31 + static_cast<std::size_t>(rank) * 7919)), static_cast<int>(i % 9)));
+    collective.all_reduce_sum(std::span<float>(buffer));
+    hash = hash64(std::as_bytes(std::span(buffer)), hash);
+  }
+  std::vector<std::byte> bytes(3000, std::byte(rank + 1));
+  collective.broadcast(bytes);
+  hash = hash64(bytes, hash);
+  for (const auto& part : collective.all_gather(std::string(2000000, static_cast<char>('a' + rank)))) hash = hash64(part, hash);
+  collective.barrier();
+  return hash;
+}
+
+}  // namespace earshot

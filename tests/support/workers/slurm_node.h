@@ -1,0 +1,98 @@
+#pragma once
+
+#include <signal.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <string>
+#include <thread>
+
+#include "sim/base/files.h"
+#include "tests/support/workers/curve_ring.h"
+
+namespace earshot {
+
+/// True once `condition` holds; false after the limit.
+inline bool wait_until(const std::function<bool()>& condition, std::chrono::seconds limit) {
+  const auto end = std::chrono::steady_clock::now() + limit;
+  while (!condition()) {
+    if (std::chrono::steady_clock::now() > end) return false;
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  }
+  return true;
+}
+
+inline bool has_program(const std::string& name) { return std::system(("command -v " + name + " >/dev/null 2>&1").c_str()) == 0; }
+
+/// A Slurm of one node, this machine with two CPUs: its daemons run from a folder of the test, without munge, systemd or cgroups, and end
+/// with it. Sets SLURM_CONF for what the test starts.
+class SlurmNode {
+ public:
+  explicit SlurmNode(const std::filesystem::path& folder) : folder_(folder) {
+    if (::geteuid() != 0) {
+      missing_ = "the daemons of Slurm need root";
+      return;
+    }
+    for (const char* program : {"slurmctld", "slurmd", "srun", "sbatch", "scontrol"})
+      if (!has_program(program)) {
+        missing_ = std::string(program) + " is not installed (slurm-wlm)";
+        return;
+      }
+    std::filesystem::create_directories(folder / "state");
+    std::filesystem::create_directories(folder / "spool");
+    char host[256] = {};
+    ::gethostname(host, sizeof(host) - 1);
+    const std::string name = std::string(host).substr(0, std::string(host).find('.')), where = folder.string();
+    std::ofstream(folder / "slurm.conf") << "ClusterName=test\nSlurmctldHost=" << name << "(127.0.0.1)\nSlurmctldPort=" << free_port()
+                                         << "\nSlurmdPort=" << free_port()
+                                         << "\nSlurmUser=root\nSlurmdUser=root\nAuthType=auth/none\nCredType=cred/none\n"
+                                            "ProctrackType=proctrack/linuxproc\nTaskPlugin=task/none\nSelectType=select/cons_tres\n"
+                                            "SelectTypeParameters=CR_Core\nReturnToService=2\nMpiDefault=none\nSwitchType=switch/none\n"
+                                            "SchedulerParameters=sched_min_interval=0\nStateSaveLocation="
+                                         << where << "/state\nSlurmdSpoolDir=" << where << "/spool\nSlurmctldPidFile=" << where
+                                         << "/slurmctld.pid\nSlurmdPidFile=" << where << "/slurmd.pid\nSlurmctldLogFile=" << where
+                                         << "/slurmctld.log\nSlurmdLogFile=" << where << "/slurmd.log\nNodeName=" << name
+                                         << " NodeAddr=127.0.0.1 CPUs=2 State=UNKNOWN\nPartitionName=all Nodes=" << name
+                                         << " Default=YES State=UP\n";
+    // Slurm 24 looks for control groups even where no plugin uses them; 22 does not know the word for none.
+    if (std::system("slurmd -V | grep -qE ' (2[4-9]|[3-9][0-9])\\.'") == 0)
+      std::ofstream(folder / "cgroup.conf") << "CgroupPlugin=disabled\n";
+    ::setenv("SLURM_CONF", (folder / "slurm.conf").c_str(), 1);
+    controller_ = start("slurmctld -D");
+    daemon_ = start("slurmd -D -N " + name);
+    if (!wait_until([] { return std::system("sinfo -h -o %t 2>/dev/null | grep -q idle") == 0; }, std::chrono::seconds(30)))
+      missing_ = "the daemons of Slurm did not come up within 30 s: " + where;
+  }
+  ~SlurmNode() {
+    if (controller_ > 0)
+      static_cast<void>(std::system("scancel --full --signal=KILL --user=root >/dev/null 2>&1; scontrol shutdown >/dev/null 2>&1"));
+    for (const pid_t pid : {controller_, daemon_}) {
+      if (pid <= 0) continue;
+      if (!wait_until([&] { return ::kill(pid, 0) != 0; }, std::chrono::seconds(10))) ::kill(pid, SIGKILL);
+    }
+    ::unsetenv("SLURM_CONF");
+  }
+  SlurmNode(const SlurmNode&) = delete;
+  SlurmNode& operator=(const SlurmNode&) = delete;
+
+  /// Why there is none; empty if there is.
+  [[nodiscard]] const std::string& missing() const { return missing_; }
+
+ private:
+  /// A daemon in the background, not a child: no one has to wait for it.
+  [[nodiscard]] pid_t start(const std::string& command) const {
+    const std::string note = (folder_ / "started").string();
+    if (std::system((command + " </dev/null >>" + (folder_ / "daemons.log").string() + " 2>&1 & echo $! >" + note).c_str()) != 0) return 0;
+    return std::stoi(read_file(note));
+  }
+
+  std::filesystem::path folder_;
+  std::string missing_;
+  pid_t controller_ = 0, daemon_ = 0;
+};
+
+}  // namespace earshot

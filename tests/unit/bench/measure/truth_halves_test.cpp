@@ -1,0 +1,47 @@
+#include "bench/measure/truth_halves.h"
+
+#include <gtest/gtest.h>
+
+#include <vector>
+
+namespace earshot {
+namespace {
+
+TruthHalves shoebox_truth(int rounds) {
+  const BenchScene scene = load_bench_scene("shoebox", "shoebox:6x3x5@0.3");
+  TruthHalves truth(scene.scene, scene.source(), scene.some_poses(2), 256);
+  for (int i = 0; i < rounds; ++i) truth.add_round();
+  return truth;
+}
+
+double late_energy(const EnergyResponse& response) {
+  double sum = 0;
+  for (int bin = 0; bin < response.late.num_bins(); ++bin)
+    for (int band = 0; band < response.late.num_bands(); ++band) sum += static_cast<double>(response.late.energy(bin, band));
+  return sum;
+}
+
+// Seeds differ from half to half, from pose to pose and from round to round, and nothing else decides.
+TEST(TruthHalves, AreIndependentAndReproducible) {
+  const TruthHalves one = shoebox_truth(1), again = shoebox_truth(1), two = shoebox_truth(2);
+  const double first = late_energy(one.half(0, 0)), second = late_energy(one.half(0, 1));
+  EXPECT_NE(first, second);
+  EXPECT_EQ(first, late_energy(again.half(0, 0)));
+  EXPECT_NE(first, late_energy(two.half(0, 0)));
+  EXPECT_EQ(one.half(0, 0).arrivals.size(), one.half(0, 1).arrivals.size());
+  // Runs add up to means: energies agree within what 256 rays scatter by.
+  EXPECT_NEAR(first / late_energy(two.mean(0)), 1, 0.2);
+  EXPECT_NEAR(second / late_energy(two.mean(0)), 1, 0.2);
+  EXPECT_NEAR(late_energy(one.mean(0)), 0.5 * (first + second), 1e-4 * first);
+}
+
+// Sixteen times the runs: a quarter of the error, between a half and an eighth whatever the draw (14 values of each kind).
+TEST(TruthHalves, MoreRoundsLowerTheError) {
+  const double one = shoebox_truth(1).t20_error(), sixteen = shoebox_truth(16).t20_error();
+  EXPECT_GT(sixteen, 0);
+  EXPECT_LT(sixteen, one / 2);
+  EXPECT_GT(sixteen, one / 8);
+}
+
+}  // namespace
+}  // namespace earshot
