@@ -11,4 +11,7 @@ struct Measured {
 /// Median (of an even count: mean of the two in the middle), smallest and largest.  values: not empty.
 Measured median_of(std::vector<double> values);
 
+/// The smallest of the values that at least a fraction of them, in (0, 1], does not exceed; 0 without values.
+double percentile(std::vector<double> values, double fraction);
+
 }  // namespace earshot

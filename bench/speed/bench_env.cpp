@@ -53,12 +53,6 @@ struct EnvTimes {
   double resident_mb = 0, cache_mb = 0;       ///< at the end
 };
 
-/// The value that a fraction of `sorted` does not exceed.
-double percentile(const std::vector<double>& sorted, double fraction) {
-  const auto index = static_cast<std::size_t>(std::ceil(fraction * static_cast<double>(sorted.size())));
-  return sorted[std::clamp<std::size_t>(index, 1, sorted.size()) - 1];
-}
-
 Renderer renderer_of(const std::string& name) {
   if (name == "embree") return Renderer::embree;
   if (name == "egl") return Renderer::egl;

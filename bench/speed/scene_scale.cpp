@@ -78,13 +78,6 @@ EpisodeSet prepare(const SceneScaleOptions& options, const EnvConfig& config, Sc
   return set;
 }
 
-double percentile(std::vector<double> values, double fraction) {
-  if (values.empty()) return 0;
-  const auto at = static_cast<std::ptrdiff_t>(fraction * static_cast<double>(values.size() - 1));
-  std::nth_element(values.begin(), values.begin() + at, values.end());
-  return values[static_cast<std::size_t>(at)];
-}
-
 }  // namespace
 
 void validate(const SceneScaleOptions& o) {

@@ -6,7 +6,6 @@
 #include <limits>
 #include <vector>
 
-#include "bench/measure/measured.h"
 #include "sim/acoustics/metrics/energy_series.h"
 #include "sim/base/errors.h"
 
@@ -20,14 +19,6 @@ std::vector<double> decay(double db_per_bin, int bins) {
   std::vector<double> series;
   for (int i = 0; i < bins; ++i) series.push_back(std::pow(10.0, -db_per_bin * i / 10));
   return series;
-}
-
-TEST(Measured, MedianOfOddAndEvenCounts) {
-  EXPECT_EQ(median_of({3, 1, 2}).value, 2);
-  EXPECT_EQ(median_of({4, 1, 2, 3}).value, 2.5);
-  EXPECT_EQ(median_of({4, 1, 2, 3}).min, 1);
-  EXPECT_EQ(median_of({4, 1, 2, 3}).max, 4);
-  EXPECT_THROW(median_of({}), InputError);
 }
 
 // Curves of -1 and -1.2 dB per bin: after i bins they differ by 0.2 i dB.  The reference is above -30 dB for i = 0 ... 30:

@@ -15,7 +15,7 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/random.h"
-#include "tests/support/acoustics/directions.h"
+#include "tests/support/acoustics/ears.h"
 #include "tests/support/files/test_data.h"
 
 namespace earshot {
@@ -23,22 +23,6 @@ namespace {
 
 constexpr double kRadiusOverSpeedUs = 0.0875 / 343.0 * 1e6;
 
-/// Azimuth clockwise from the front: positive on the right.
-glm::vec3 from_right(double azimuth_deg, double elevation_deg = 0) {
-  const double azimuth = azimuth_deg * kDegree, elevation = elevation_deg * kDegree;
-  return {static_cast<float>(std::sin(azimuth) * std::cos(elevation)), static_cast<float>(std::sin(elevation)),
-          static_cast<float>(-std::cos(azimuth) * std::cos(elevation))};
-}
-
-struct Ears {
-  std::vector<std::complex<float>> left, right;
-};
-Ears ears(const Hrtf& head, glm::vec3 direction, double extra_delay_samples = 0) {
-  const auto bins = static_cast<std::size_t>(head.fft_size() / 2 + 1);
-  Ears result{std::vector<std::complex<float>>(bins), std::vector<std::complex<float>>(bins)};
-  head.spectra(direction, result.left, result.right, extra_delay_samples);
-  return result;
-}
 double level_db(std::complex<float> value) { return 20.0 * std::log10(std::abs(value)); }
 double ild_db(const Ears& e, std::size_t bin) { return level_db(e.right[bin]) - level_db(e.left[bin]); }
 

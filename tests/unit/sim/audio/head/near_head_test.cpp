@@ -9,17 +9,12 @@
 #include "sim/audio/head/hrtf.h"
 #include "sim/audio/head/rigid_sphere.h"
 #include "sim/audio/head/sofa_reader.h"
-#include "tests/support/acoustics/directions.h"
+#include "tests/support/acoustics/ears.h"
 
 namespace earshot {
 namespace {
 
 constexpr float kRateHz = 25600.f;  // bins of 50 Hz
-
-/// Unit vector of the horizontal plane, azimuth clockwise from the front.
-glm::vec3 from_right(double azimuth_deg) {
-  return {static_cast<float>(std::sin(azimuth_deg * kDegree)), 0.f, static_cast<float>(-std::cos(azimuth_deg * kDegree))};
-}
 
 /// Pressure at a point of a rigid sphere by a series in the classic form j_m - j_m' h_m / h_m', with Bessel functions of the standard
 /// library: no code and no recursion of the engine.  Over the free field at the centre.
@@ -40,15 +35,6 @@ std::complex<double> exact_pressure(double ka, double kr, double angle_rad) {
   return -i * kr * std::exp(i * kr) * sum;
 }
 
-struct Ears {
-  std::vector<std::complex<float>> left, right;
-};
-Ears ears(const Hrtf& head, glm::vec3 direction, double distance_m) {
-  const auto bins = static_cast<std::size_t>(head.fft_size() / 2 + 1);
-  Ears result{std::vector<std::complex<float>>(bins), std::vector<std::complex<float>>(bins)};
-  head.spectra(direction, result.left, result.right, 0.0, distance_m);
-  return result;
-}
 double octave_power(const std::vector<std::complex<float>>& spectrum, double centre_hz) {
   double sum = 0, count = 0;
   for (auto k = static_cast<std::size_t>(std::ceil(centre_hz / std::numbers::sqrt2 / 50));
@@ -91,7 +77,7 @@ TEST(NearHead, EarsHaveTheLevelsOfTheExactSeries) {
   const auto head = Hrtf::rigid_sphere(kRateHz);
   for (const double distance_m : {0.2, 0.3, 0.5, 1.0, 3.0}) {
     for (const double azimuth_deg : {0.0, 35.0, 60.0, 90.0, 100.0, 135.0, 180.0, -20.0, -90.0}) {
-      const Ears e = ears(*head, from_right(azimuth_deg), distance_m);
+      const Ears e = ears(*head, from_right(azimuth_deg), 0.0, distance_m);
       for (double centre_hz = 125; centre_hz <= 8000; centre_hz *= 2) {
         for (const int ear : {0, 1}) {
           double expected = 0, count = 0;
@@ -109,7 +95,7 @@ TEST(NearHead, EarsHaveTheLevelsOfTheExactSeries) {
       }
     }
   }
-  const Ears near = ears(*head, from_right(90.0), 0.3);
+  const Ears near = ears(*head, from_right(90.0), 0.0, 0.3);
   EXPECT_NEAR(10.0 * std::log10(octave_power(near.right, 250) / octave_power(near.left, 250)), 7.8, 0.5);
 }
 
@@ -122,12 +108,13 @@ TEST(NearHead, IsContinuousAndEndsWhereItSays) {
     return most;
   };
   for (const double distance_m : {0.0, 0.05, 0.1249, 0.125, 0.3, 1.0, 2.3, 2.9999})
-    EXPECT_LT(apart(ears(*head, from_right(70.0), distance_m), ears(*head, from_right(70.0), distance_m + 1e-4)), 0.02) << distance_m;
+    EXPECT_LT(apart(ears(*head, from_right(70.0), 0.0, distance_m), ears(*head, from_right(70.0), 0.0, distance_m + 1e-4)), 0.02)
+        << distance_m;
   const double infinite = std::numeric_limits<double>::infinity();
-  EXPECT_EQ(apart(ears(*head, from_right(70.0), 3.0), ears(*head, from_right(70.0), infinite)), 0.0);
-  EXPECT_EQ(apart(ears(*head, from_right(70.0), 0.0), ears(*head, from_right(70.0), 0.1)), 0.0);
+  EXPECT_EQ(apart(ears(*head, from_right(70.0), 0.0, 3.0), ears(*head, from_right(70.0), 0.0, infinite)), 0.0);
+  EXPECT_EQ(apart(ears(*head, from_right(70.0), 0.0, 0.0), ears(*head, from_right(70.0), 0.0, 0.1)), 0.0);
   // Mirrored sources swap the ears to the bit.
-  const Ears right = ears(*head, from_right(50.0), 0.4), left = ears(*head, from_right(-50.0), 0.4);
+  const Ears right = ears(*head, from_right(50.0), 0.0, 0.4), left = ears(*head, from_right(-50.0), 0.0, 0.4);
   EXPECT_EQ(right.left, left.right);
 }
 

@@ -34,13 +34,13 @@ const char* const box_obj =
     "o ends\nusemtl paint\n"
     "f 1 4 8 5\nf 2 6 7 3\n";
 
-ImportedMesh import(const std::string& name, std::string_view bytes, const MeshImportOptions& options = {}) {
+ImportedMesh import_file(const std::string& name, std::string_view bytes, const MeshImportOptions& options = {}) {
   const TempFolder folder;
   return import_mesh(folder.write(name, bytes), options);
 }
 
-std::string error_of(const std::string& name, std::string_view bytes) {
-  return message_of<InputError>([&] { import(name, bytes); });
+std::string file_error_of(const std::string& name, std::string_view bytes) {
+  return message_of<InputError>([&] { import_file(name, bytes); });
 }
 
 std::string crlf(std::string text) {
@@ -50,7 +50,7 @@ std::string crlf(std::string text) {
 
 TEST(MeshImport, ObjKeepsNamesAndCutsQuads) {
   for (const std::string& text : {std::string(box_obj), crlf(box_obj), "\xEF\xBB\xBF" + std::string(box_obj)}) {
-    const ImportedMesh imported = import("box.obj", text);
+    const ImportedMesh imported = import_file("box.obj", text);
     EXPECT_EQ(imported.mesh.triangles.size(), 12u);
     EXPECT_EQ(imported.mesh.vertices.size(), 8u);
     EXPECT_EQ(imported.report.triangles_read, 12u);
@@ -67,7 +67,7 @@ TEST(MeshImport, ObjKeepsNamesAndCutsQuads) {
 
 TEST(MeshImport, TurnsZUpAndScales) {
   const ImportedMesh imported =
-      import("a.obj", "v 100 200 300\nv 200 200 300\nv 100 300 400\nf 1 2 3\n", {MeshImportOptions::Up::z, 0.01f});
+      import_file("a.obj", "v 100 200 300\nv 200 200 300\nv 100 300 400\nf 1 2 3\n", {MeshImportOptions::Up::z, 0.01f});
   const glm::uvec3 t = imported.mesh.triangles[0];
   EXPECT_LT(glm::length(imported.mesh.vertices[t.x] - glm::vec3(1, 3, -2)), 1e-6f) << "(x, y, z) -> (x, z, -y)";
   EXPECT_LT(glm::length(imported.mesh.vertices[t.y] - glm::vec3(2, 3, -2)), 1e-6f);
@@ -98,7 +98,7 @@ TEST(MeshImport, ReadsPlyInAllEncodings) {
   const double expected = 2 + std::sqrt(3.) * 2;  // a right triangle; an equilateral one of side 2 sqrt 2
   for (const std::string& file : {header("ascii") + ascii, crlf(header("ascii") + ascii), header("binary_little_endian") + little,
                                   header("binary_big_endian") + big}) {
-    const ImportedMesh imported = import("a.ply", file);
+    const ImportedMesh imported = import_file("a.ply", file);
     EXPECT_EQ(imported.mesh.triangles.size(), 2u);
     EXPECT_EQ(imported.mesh.vertices.size(), 4u);
     EXPECT_NEAR(area_of(imported.mesh), expected, 1e-5);
@@ -118,7 +118,7 @@ TEST(MeshImport, ReadsStlTextAndBinary) {
     binary.append(2, '\0');
   }
   for (const std::string& file : {text, binary}) {
-    const ImportedMesh imported = import("a.STL", file);
+    const ImportedMesh imported = import_file("a.STL", file);
     EXPECT_EQ(imported.mesh.triangles.size(), 2u);
     EXPECT_EQ(imported.mesh.vertices.size(), 4u) << "corners of facets are welded";
     EXPECT_NEAR(area_of(imported.mesh), 12, 1e-5);
@@ -127,7 +127,7 @@ TEST(MeshImport, ReadsStlTextAndBinary) {
 }
 
 TEST(MeshImport, CountsWhatItRepairs) {
-  const ImportedMesh imported = import("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 2 0 0\nf 1 2 3\nf 3 2 1\nf 1 2 4\nf 1 1 2\n");
+  const ImportedMesh imported = import_file("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 2 0 0\nf 1 2 3\nf 3 2 1\nf 1 2 4\nf 1 1 2\n");
   EXPECT_EQ(imported.report.triangles_read, 4u);
   EXPECT_EQ(imported.report.duplicate_removed, 1u);
   EXPECT_EQ(imported.report.degenerate_removed, 2u);
@@ -136,7 +136,7 @@ TEST(MeshImport, CountsWhatItRepairs) {
 
 // docs/stability.md, H-12.
 TEST(MeshImport, WarnsAboutSuspiciousSizes) {
-  const auto warnings = [](const char* text) { return import("a.obj", text).report.warnings; };
+  const auto warnings = [](const char* text) { return import_file("a.obj", text).report.warnings; };
   EXPECT_THAT(warnings("v 0 0 0\nv 501 0 0\nv 0 1 0\nf 1 2 3\n"), testing::ElementsAre(HasSubstr("501 m")));
   EXPECT_THAT(warnings("v 0 0 0\nv 0.4 0 0\nv 0 0.3 0\nf 1 2 3\n"), testing::ElementsAre(HasSubstr("0.4 m")));
   EXPECT_TRUE(warnings("v 1e6 0 0\nv 1000005 0 0\nv 1e6 5 0\nf 1 2 3\n").empty()) << "far from the origin is handled: H9_FarFromTheOrigin";
@@ -146,26 +146,26 @@ TEST(MeshImport, WarnsAboutSuspiciousSizes) {
 TEST(MeshImport, RefusesBadFilesInOneLine) {
   EXPECT_THAT(message_of<InputError>([] { import_mesh("no/such/mesh.glb"); }), HasSubstr("does not exist"));
   EXPECT_THAT(message_of<InputError>([] { import_mesh("."); }), HasSubstr("not a file"));
-  EXPECT_THAT(error_of("a.off", "OFF\n"), HasSubstr("extension"));
-  EXPECT_THAT(error_of("a.obj", ""), HasSubstr("a.obj"));
-  EXPECT_THAT(error_of("a.obj", "v 0 0 0\n"), HasSubstr("a.obj"));
-  EXPECT_THAT(error_of("a.obj", "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n"), HasSubstr("no triangle with an area"));
-  EXPECT_THAT(error_of("a.obj", "v 0 0 0\nv nan 0 0\nv 0 1 0\nf 1 2 3\n"), AllOf(HasSubstr("vertex 1"), HasSubstr("not finite")));
-  EXPECT_THAT(error_of("a.obj", "v 0 0 0\nv 1 0 0\nv 0 inf 0\nf 1 2 3\n"), AllOf(HasSubstr("vertex 2"), HasSubstr("not finite")));
-  EXPECT_NE(error_of("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n"), "") << "index out of range";
-  EXPECT_NE(error_of("a.stl", "solid x\n"), "");
-  EXPECT_NE(error_of("a.stl", std::string(200, 'x')), "");
+  EXPECT_THAT(file_error_of("a.off", "OFF\n"), HasSubstr("extension"));
+  EXPECT_THAT(file_error_of("a.obj", ""), HasSubstr("a.obj"));
+  EXPECT_THAT(file_error_of("a.obj", "v 0 0 0\n"), HasSubstr("a.obj"));
+  EXPECT_THAT(file_error_of("a.obj", "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n"), HasSubstr("no triangle with an area"));
+  EXPECT_THAT(file_error_of("a.obj", "v 0 0 0\nv nan 0 0\nv 0 1 0\nf 1 2 3\n"), AllOf(HasSubstr("vertex 1"), HasSubstr("not finite")));
+  EXPECT_THAT(file_error_of("a.obj", "v 0 0 0\nv 1 0 0\nv 0 inf 0\nf 1 2 3\n"), AllOf(HasSubstr("vertex 2"), HasSubstr("not finite")));
+  EXPECT_NE(file_error_of("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n"), "") << "index out of range";
+  EXPECT_NE(file_error_of("a.stl", "solid x\n"), "");
+  EXPECT_NE(file_error_of("a.stl", std::string(200, 'x')), "");
   const std::string ply =
       "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
       "element face 1\nproperty list uchar int vertex_indices\n";
-  EXPECT_THAT(error_of("a.ply", ply), HasSubstr("end_header"));
-  EXPECT_THAT(error_of("a.ply", ply + "end_header\n0 0 0\n"), HasSubstr("promises"));
-  EXPECT_THAT(error_of("a.ply", "ply\nformat ascii 1.0\nelement vertex 99999999999999\nproperty float x\nend_header\n0\n"),
+  EXPECT_THAT(file_error_of("a.ply", ply), HasSubstr("end_header"));
+  EXPECT_THAT(file_error_of("a.ply", ply + "end_header\n0 0 0\n"), HasSubstr("promises"));
+  EXPECT_THAT(file_error_of("a.ply", "ply\nformat ascii 1.0\nelement vertex 99999999999999\nproperty float x\nend_header\n0\n"),
               HasSubstr("promises"));
-  EXPECT_THAT(error_of("a.ply", "ply\nformat ascii 1.0\nelement vertex three\nend_header\n0\n"), HasSubstr("line 3"));
-  EXPECT_NE(error_of("a.ply", ply + "end_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n"), "") << "index out of range";
+  EXPECT_THAT(file_error_of("a.ply", "ply\nformat ascii 1.0\nelement vertex three\nend_header\n0\n"), HasSubstr("line 3"));
+  EXPECT_NE(file_error_of("a.ply", ply + "end_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n"), "") << "index out of range";
   for (const char* name : {"a.glb", "a.gltf", "a.obj", "a.ply", "a.stl"}) {
-    EXPECT_THAT(error_of(name, "\x01\x02garbage\n\n\xFF"), AllOf(HasSubstr(name), Not(HasSubstr("\n")))) << name;
+    EXPECT_THAT(file_error_of(name, "\x01\x02garbage\n\n\xFF"), AllOf(HasSubstr(name), Not(HasSubstr("\n")))) << name;
   }
 }
 
