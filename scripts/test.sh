@@ -15,8 +15,8 @@ mode=${1:-full}
 case $mode in full | quick | all) ;; *) echo "test.sh: unknown mode '$mode'; one of: full, quick, all" >&2; exit 2 ;; esac
 jobs=${EARSHOT_JOBS:-$(nproc)}
 record=tests/slow_statistics.txt
-build=ci left_out='^(slow|long)$' asan_targets=() sanitized="" fuzz=(--quick 60)
-if [ "$mode" = all ]; then build=release left_out='^slow$' asan_targets=(--target all) sanitized=-all fuzz=(60); fi
+build=ci left_out='^(slow|long)$' asan_targets=() sanitized="" fuzz=(--quick 60) tidy=(--seconds 45)
+if [ "$mode" = all ]; then build=release left_out='^slow$' asan_targets=(--target all) sanitized=-all fuzz=(60) tidy=(); fi
 table=""
 failed=()
 results=$(mktemp -d)
@@ -88,10 +88,10 @@ run_quick() {
   stage "quick build" scripts/build.sh release --target "${targets[@]}" && run_tests "quick tests" release -LE slow -L "^(${labels#|})\$" || true
 }
 
-# Skipped is not failed.
-check_format() {
+# or_skipped COMMAND...: runs it; skipped is not failed.
+or_skipped() {
   local status=0
-  scripts/check_format.sh || status=$?
+  "$@" || status=$?
   [ "$status" -eq 77 ] || return "$status"
 }
 
@@ -104,7 +104,8 @@ test_python() {
 }
 
 run_full() {
-  stage "format" check_format || true
+  stage "format" or_skipped scripts/check_format.sh || true
+  stage "tidy" or_skipped scripts/tidy.py "${tidy[@]}" || true
   if stage "release build" scripts/build.sh "$build"; then
     run_tests "release tests" release -LE "$left_out" || true
     stage "python tests" test_python || true
