@@ -12,7 +12,7 @@
 #include <optional>
 
 #include "sim/base/errors.h"
-#include "trainer/net/file_limit.h"
+#include "sim/base/process/file_limit.h"
 #include "trainer/net/host_address.h"
 #include "trainer/net/meeting_sockets.h"
 #include "trainer/net/tree_shape.h"

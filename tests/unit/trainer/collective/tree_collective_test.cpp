@@ -7,10 +7,10 @@
 #include <algorithm>
 #include <filesystem>
 
+#include "sim/base/process/file_limit.h"
 #include "tests/support/workers/curve_ring.h"
 #include "tests/support/workers/tree_workers.h"
 #include "trainer/net/curve_keys.h"
-#include "trainer/net/file_limit.h"
 
 namespace earshot {
 namespace {

@@ -1,4 +1,4 @@
-#include "trainer/net/file_limit.h"
+#include "sim/base/process/file_limit.h"
 
 #include <fmt/format.h>
 
