@@ -10,7 +10,7 @@
 #include "sim/base/errors.h"
 #include "trainer/collective/collective.h"
 #include "trainer/collective/sum_order.h"
-#include "trainer/net/peer_sockets.h"
+#include "trainer/net/peer_links.h"
 #include "trainer/net/wire.h"
 
 namespace earshot {

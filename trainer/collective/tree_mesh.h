@@ -2,25 +2,22 @@
 
 #include <chrono>
 #include <cstdint>
-#include <deque>
-#include <memory>
 #include <optional>
 #include <span>
 #include <string>
 #include <vector>
-#include <zmq.hpp>
 
-#include "trainer/net/link_security.h"
-#include "trainer/net/peer_sockets.h"
-#include "trainer/net/rendezvous.h"
+#include "trainer/net/liveness.h"
+#include "trainer/net/peer_links.h"
 #include "trainer/net/ring_config.h"
 #include "trainer/net/tree_shape.h"
+#include "trainer/net/wire.h"
 
 namespace earshot {
 
 /// Connections of one worker of many to its neighbours: in a tree (tree_shape.h) its parent and up to eight children, for control messages,
 /// and in a ring the next rank, for bulk messages; 20 connections at most, whatever the number of workers.  All used by the one thread that
-/// owns this object.  Sockets, keys and messages are those of a PeerMesh; a lost worker is always the end of the run.
+/// owns this object.  PeerLinks and Liveness are those of a PeerMesh, with other neighbours; a lost worker is always the end of the run.
 ///
 /// No worker hears of all others, so that neighbours pass on what concerns all:
 /// - a goodbye with a reason, to all other neighbours, with the rank that has stopped the run;
@@ -36,14 +33,12 @@ class TreeMesh {
   explicit TreeMesh(const RingConfig& config);
   /// Sends the goodbye message, as finished or, while an exception passes through, as failed.
   ~TreeMesh();
-  TreeMesh(const TreeMesh&) = delete;
-  TreeMesh& operator=(const TreeMesh&) = delete;
 
   [[nodiscard]] WorkerIdentity identity() const { return config_.identity; }
   [[nodiscard]] const TreeNode& node() const { return node_; }
   /// From whom bulk messages come.
-  [[nodiscard]] int left() const;
-  [[nodiscard]] int right() const;
+  [[nodiscard]] int left() const { return identity().left(); }
+  [[nodiscard]] int right() const { return identity().right(); }
   [[nodiscard]] static int rank_of(int rank) { return rank; }
 
   /// Opens collective call number `sequence`: sets its deadline.
@@ -74,19 +69,14 @@ class TreeMesh {
   /// calls throw RunError with the same reason.
   void abandon(const std::string& reason);
   /// Messages of unknown peers that were dropped, and peers whose keys were refused.
-  [[nodiscard]] std::uint64_t unknown_peers() const { return unknown_peers_ + (gate_ ? gate_->refused() : 0); }
+  [[nodiscard]] std::uint64_t unknown_peers() const { return links_.unknown_peers(); }
   /// Connections to and from neighbours.
   [[nodiscard]] int num_connections() const { return 2 * static_cast<int>(neighbours_.size()) + 2; }
 
  private:
   struct Neighbour {
     int rank = 0;
-    zmq::socket_t control, monitor;
-    std::optional<Clock::time_point> lost_at;     ///< its connection broke
-    std::optional<std::uint64_t> finished_after;  ///< its goodbye message came after that many calls
-    Clock::time_point heard_at;                   ///< any message from its loop
-    std::uint64_t begun = 0;                      ///< calls that it has begun
-    std::deque<PeerFrame> early;                  ///< of the next call
+    std::uint64_t begun = 0;  ///< calls that it has begun
     /// How many workers on one side of this edge have begun a call.
     struct Count {
       std::uint64_t call = 0;
@@ -101,40 +91,27 @@ class TreeMesh {
     int rank = 0;
     std::string reason;
   };
-  void connect(Neighbour& neighbour, const PeerTable& table);
-  void connect_bulk(const PeerTable& table);
   Neighbour* neighbour_of(int rank);
-  std::optional<PeerFrame> receive_from(zmq::socket_t& socket, bool bulk);
-  void take_goodbye(const Neighbour& from, const PeerFrame& frame);
+  std::optional<PeerFrame> receive_from(PeerLinks::Plane plane);
+  void take_goodbye(const PeerFrame& frame);
   void take_progress(Neighbour& from, const FrameHeader& header);
-  void read_monitors();
   void check_neighbours();
   void check_deadline();
   void send_progress();
   [[nodiscard]] std::uint32_t num_begun_beside(const Neighbour& excepted) const;
   void look_around();
-  void send_goodbye(const Stop& stop);
-  void close_all();
 
-  RingConfig config_;
+  RingConfig config_;  ///< resolved
   int exceptions_at_start_;
   TreeNode node_;
-  BuffersInFlight lent_buffers_;  // outlives the context: its I/O thread gives buffers back
-  zmq::context_t context_{1};
-  LinkSecurity security_;
-  std::unique_ptr<CurveGate> gate_;
-  zmq::socket_t control_in_, bulk_in_, bulk_out_, bulk_monitor_;
+  PeerLinks links_;
+  Liveness liveness_;  ///< its call: the open one, or the next
   std::vector<Neighbour> neighbours_;
-  std::optional<Clock::time_point> bulk_lost_at_;
-  std::vector<zmq_pollitem_t> poll_items_;
-  std::uint64_t run_key_ = 0, unknown_peers_ = 0;
-  double progress_interval_s_ = 5;
-  std::uint64_t call_ = 0;       ///< the open one, or the next
   std::uint64_t announced_ = 0;  ///< calls of which the neighbours know that this worker has begun them
   Operation operation_ = Operation::barrier;
   bool is_open_ = false;
   bool counting_ = false;  ///< num_waiting() is in use
-  Clock::time_point call_began_, deadline_, progress_sent_at_, counts_sent_at_, looked_at_;
+  Clock::time_point counts_sent_at_, looked_at_;
   std::optional<Stop> stopped_by_;  ///< another worker's goodbye
   std::optional<std::string> abandoned_;
   std::optional<RunError> between_calls_;  ///< what look_around() has found

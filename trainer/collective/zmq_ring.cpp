@@ -14,7 +14,7 @@
 #include "trainer/net/rendezvous.h"
 
 namespace earshot {
-ZmqRing::ZmqRing(const RingConfig& config) : mesh_(config) {
+ZmqRing::ZmqRing(const RingConfig& config) : survives_loss_(config.survives_loss()), mesh_(config) {
   if (config.incarnation != 0) return;  // the others compare what they have with it, and share no memory any more
   barrier();
   set_up_shared_memory(config);
@@ -220,7 +220,7 @@ std::vector<std::string> ZmqRing::all_gather(const std::string& bytes) {
 }
 
 bool ZmqRing::has_joiners() {
-  candidates_ = mesh_.candidates();
+  candidates_ = mesh_.admissions().candidates();
   return !candidates_.empty();
 }
 
@@ -229,11 +229,11 @@ void ZmqRing::admit() {
   const auto lists = all_gather(std::exchange(candidates_, {}));
   bool any = false;
   collective_call([&] {
-    for (const std::string& list : lists) any = mesh_.expect(list) || any;
+    for (const std::string& list : lists) any = mesh_.admissions().expect(list) || any;
     exchange(Operation::barrier, {}, [&](int peer, const FrameHeader& header, std::span<const std::byte>) {
       if (header.total != 0) mismatch(peer, header, Operation::barrier, 0);
     });
-    if (any) mesh_.invite();
+    if (any) mesh_.admissions().invite();
   });
 }
 

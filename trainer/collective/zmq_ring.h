@@ -22,7 +22,7 @@ class ZmqRing : public Collective {
   explicit ZmqRing(const RingConfig& config);
   [[nodiscard]] WorkerIdentity identity() const override { return mesh_.identity(); }
   [[nodiscard]] std::vector<int> members() const override { return mesh_.members(); }
-  [[nodiscard]] bool survives_loss() const override { return mesh_.survives_loss(); }
+  [[nodiscard]] bool survives_loss() const override { return survives_loss_; }
   void note_progress() override { mesh_.note_progress(); }
   [[nodiscard]] int num_waiting() override { return mesh_.num_waiting(sequence_); }
   void all_reduce_sum(std::span<float> buffer) override;
@@ -30,11 +30,11 @@ class ZmqRing : public Collective {
   void broadcast(std::span<std::byte> buffer) override;
   void barrier() override;
   std::vector<std::string> all_gather(const std::string& bytes) override;
-  void brief(const std::string& text) override { mesh_.brief(text); }
+  void brief(const std::string& text) override { mesh_.admissions().brief(text); }
   [[nodiscard]] bool has_joiners() override;
   void admit() override;
   std::string hand_over(int from, const std::vector<int>& to, const std::string& bytes) override;
-  void confirm_join() override { mesh_.confirm_join(); }
+  void confirm_join() override { mesh_.admissions().confirm(); }
   /// Whether all sums go through memory that all workers share.
   [[nodiscard]] bool shares_memory() const { return sums_.has_value(); }
   /// Whether large sums go through memory that the workers of each host share.
@@ -62,6 +62,7 @@ class ZmqRing : public Collective {
   void set_up_shared_memory(const RingConfig& config);
   bool map_shared_memory(const HostLayout& layout);
 
+  bool survives_loss_;
   PeerMesh mesh_;
   std::optional<SharedMemory> memory_;
   std::optional<SharedSum> sums_;             ///< in memory_

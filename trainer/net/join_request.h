@@ -3,9 +3,9 @@
 #include <string>
 #include <zmq.hpp>
 
-#include "trainer/net/join_wire.h"
 #include "trainer/net/link_security.h"
 #include "trainer/net/ring_config.h"
+#include "trainer/net/wire.h"
 
 namespace earshot {
 

@@ -8,10 +8,10 @@
 #include <vector>
 #include <zmq.hpp>
 
-#include "trainer/net/join_wire.h"
 #include "trainer/net/link_security.h"
 #include "trainer/net/membership.h"
 #include "trainer/net/ring_config.h"
+#include "trainer/net/wire.h"
 
 namespace earshot {
 

@@ -298,6 +298,11 @@ RingConfig resolved(const RingConfig& config) {
   return result;
 }
 
+RingConfig prepared(const RingConfig& config) {
+  validate(config);
+  return resolved(config);
+}
+
 std::string listening_address(const RingConfig& config, const std::string& traffic) {
   if (config.rendezvous.starts_with(kIpc)) return std::string(kIpc) + listening_path(config, traffic);
   const TcpAddress meeting_point = parse_tcp(config.rendezvous);

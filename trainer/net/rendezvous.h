@@ -18,6 +18,9 @@ void validate(const RingConfig& config);
 /// The config with the meeting point as numbers (host_address.h: asks until config.timeout is over).  ipc stays as it is.
 RingConfig resolved(const RingConfig& config);
 
+/// validate(), then resolved().
+RingConfig prepared(const RingConfig& config);
+
 /// Where this worker listens for one kind of traffic ("control", "bulk"): a file beside the rendezvous, or a port of the chosen interface
 /// ("*": any).  config: resolved.
 std::string listening_address(const RingConfig& config, const std::string& traffic);

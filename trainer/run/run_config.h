@@ -9,7 +9,7 @@
 #include "policy/policy_config.h"
 #include "trainer/learner/guidance_config.h"
 #include "trainer/learner/ppo_config.h"
-#include "trainer/net/network_config.h"
+#include "trainer/net/ring_config.h"
 #include "trainer/rollout/rollout_config.h"
 
 namespace earshot {

@@ -12,7 +12,6 @@
 #include "tests/support/workers/curve_ring.h"
 #include "trainer/net/curve_keys.h"
 #include "trainer/net/join_request.h"
-#include "trainer/net/join_wire.h"
 #include "trainer/net/meeting_sockets.h"
 #include "trainer/net/rendezvous.h"
 #include "trainer/net/wire.h"

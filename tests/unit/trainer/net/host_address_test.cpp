@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "sim/base/errors.h"
-#include "trainer/net/network_config.h"
+#include "trainer/net/ring_config.h"
 
 namespace earshot {
 namespace {
