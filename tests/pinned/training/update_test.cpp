@@ -67,6 +67,13 @@ std::string torch_and_blas(const TorchKernels& kernels) {
   return fmt::format("libtorch{}.{}/{}", TORCH_VERSION_MAJOR, TORCH_VERSION_MINOR, kernels.blas.empty() ? "blas" : kernels.blas);
 }
 
+/// "avx2": instructions of libtorch's own kernels; "avx2+onednn_avx512" where oneDNN's are others.
+std::string vectors(const TorchKernels& kernels) {
+  std::string name = kernels.libtorch;
+  for (char& c : name) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return kernels.onednn.empty() || kernels.onednn == name ? name : name + "+onednn_" + kernels.onednn;
+}
+
 TEST(PinnedBits, OnePpoUpdate) {
   const ObservationSpec spec = small_spec();
   PolicyConfig config;
@@ -86,9 +93,7 @@ TEST(PinnedBits, OnePpoUpdate) {
     bits.add(std::span<const float>(values.data_ptr<float>(), static_cast<std::size_t>(values.numel())));
   }
   const TorchKernels kernels = torch_kernels();
-  std::string vectors = kernels.libtorch;
-  for (char& c : vectors) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  pinned::expect_pinned({"ppo_update", pinned::toolchain({torch_and_blas(kernels)}), pinned::processor_with(vectors)}, bits);
+  pinned::expect_pinned({"ppo_update", pinned::toolchain({torch_and_blas(kernels)}), pinned::processor_with(vectors(kernels))}, bits);
 }
 
 }  // namespace

@@ -1,9 +1,16 @@
 #pragma once
 
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <span>
+#include <stdexcept>
 #include <string>
 #include <vector>
 #include <zmq.hpp>
@@ -14,13 +21,30 @@
 
 namespace earshot {
 
-/// A port that was free a moment ago.
+/// A port that nothing listens on, and that no other test gets until this process ends.  Below those that a system gives by itself, so that
+/// no connection takes it either.
 inline int free_port(const std::string& host = "127.0.0.1") {
+  constexpr int first = 25000, count = 4000;
   zmq::context_t context;
-  zmq::socket_t probe(context, zmq::socket_type::router);
-  probe.bind("tcp://" + host + ":*");
-  const std::string endpoint = probe.get(zmq::sockopt::last_endpoint);
-  return std::stoi(endpoint.substr(endpoint.rfind(':') + 1));
+  for (int i = 0; i < count; ++i) {
+    const int port = first + (::getpid() * 37 + i) % count;
+    // An abstract address is held by one process, and given up with it.
+    sockaddr_un address{.sun_family = AF_UNIX, .sun_path = {}};
+    const std::string name = "earshot-test-port-" + std::to_string(port);
+    std::ranges::copy(name, address.sun_path + 1);
+    const int holder = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    const auto size = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + 1 + name.size());
+    if (::bind(holder, reinterpret_cast<const sockaddr*>(&address), size) != 0) {
+      ::close(holder);
+      continue;
+    }
+    try {
+      zmq::socket_t(context, zmq::socket_type::router).bind("tcp://" + host + ":" + std::to_string(port));
+      return port;
+    } catch (const zmq::error_t&) {  // of another program; it stays held
+    }
+  }
+  throw std::runtime_error("no port is free");
 }
 
 /// A worker of a run that meets at host:port with the keys of a file.
