@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Is an include against the arrow found?  Runs the given check_layering.sh on small trees: one in order, and that tree with one wrong include.
+# Is an include against the arrow found?  Runs the given check_layering.py on small trees: one in order, and that tree with one wrong include.
 set -euo pipefail
 check=$1
 root=$(mktemp -d); trap 'rm -rf "$root"' EXIT
@@ -7,7 +7,7 @@ root=$(mktemp -d); trap 'rm -rf "$root"' EXIT
 new_tree() {  # one header per folder, one file that includes in order
   rm -rf "$root/tree"
   for folder in sim/base/{text,charts} sim/scene/{mesh,readers} sim/audio/{transforms,head} sim/{base,rays,scene,audio,vision,nav,reader} sim/acoustics/{core,geometry,model,paths,tracers,source_field,response,synthesis,metrics} \
-                envs/{task,episodes,batch} datasets python bench bench/{measure,accuracy,questions,training} policy trainer/{net,collective,run} evaluation/{results,replay} apps apps/{options,sound,board}; do
+                envs/{task,episodes,batch} datasets python bench bench/{measure,accuracy,questions,training} policy trainer/{net,collective,run} evaluation/{results,replay} apps apps/{options,sound,board} tests; do
     mkdir -p "$root/tree/$folder"
     echo '#pragma once' > "$root/tree/$folder/a.h"
     echo "# $folder" > "$root/tree/$folder/README.md"
@@ -56,6 +56,12 @@ expect 0 bench/questions/learner_a_bench.cpp '"policy/a.h"'
 expect 1 bench/questions/camera_bench.cpp '"policy/a.h"'
 expect 0 bench/questions/learner_a_bench.cpp '<torch/types.h>'
 expect 1 bench/questions/camera_bench.cpp '<torch/types.h>'
+new_tree
+for i in {1..35}; do touch "$root/tree/envs/task/file_$i.cpp"; done
+if "$check" "$root/tree" >/dev/null; then echo "layering_test: a folder of 36 sources passes"; failures=1; fi
+new_tree
+yes '// a line' | head -n 501 >"$root/tree/tests/a_test.cpp"
+if "$check" "$root/tree" >/dev/null; then echo "layering_test: a source of 501 lines passes"; failures=1; fi
 new_tree
 rm "$root/tree/envs/task/README.md"
 if "$check" "$root/tree" >/dev/null; then echo "layering_test: a folder without README.md passes"; failures=1; fi
