@@ -53,4 +53,9 @@ std::map<std::string, torch::Tensor> optimizer_state_of(const ActorCritic& polic
 /// if it does not fit the policy; then nothing has changed.
 void load_optimizer_state(const ActorCritic& policy, torch::optim::Adam& optimizer, const Checkpoint& checkpoint);
 
+/// Architecture, weights_of() and optimizer_state_of(); the other fields have their defaults.
+Checkpoint learner_state_of(const ActorCritic& policy, torch::optim::Adam& optimizer);
+/// load_weights(), then load_optimizer_state().
+void load_learner_state(ActorCritic& policy, torch::optim::Adam& optimizer, const Checkpoint& learner, const std::string& where);
+
 }  // namespace earshot

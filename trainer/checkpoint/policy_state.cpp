@@ -100,4 +100,17 @@ void load_optimizer_state(const ActorCritic& policy, torch::optim::Adam& optimiz
   for (auto& [key, state] : states) optimizer.state().insert_or_assign(key, std::move(state));
 }
 
+Checkpoint learner_state_of(const ActorCritic& policy, torch::optim::Adam& optimizer) {
+  Checkpoint learner;
+  learner.architecture = policy->architecture();
+  learner.weights = weights_of(policy);
+  learner.optimizer = optimizer_state_of(policy, optimizer);
+  return learner;
+}
+
+void load_learner_state(ActorCritic& policy, torch::optim::Adam& optimizer, const Checkpoint& learner, const std::string& where) {
+  load_weights(policy, learner, where);
+  load_optimizer_state(policy, optimizer, learner);
+}
+
 }  // namespace earshot

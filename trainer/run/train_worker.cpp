@@ -1,0 +1,190 @@
+#include "trainer/run/train_worker.h"
+
+#include <fmt/format.h>
+
+#include <cstdio>
+#include <utility>
+
+#include "sim/base/errors.h"
+#include "sim/base/files.h"
+#include "trainer/checkpoint/env_states.h"
+#include "trainer/run/initial_policy.h"
+
+namespace earshot {
+namespace {
+
+EnvConfig training_env(const RunConfig& config) {
+  EnvConfig env = config.env;
+  env.order = EpisodeOrder::random;
+  env.observation = training_sensors(config);
+  if (env.quarantine_dir.empty()) env.quarantine_dir = (std::filesystem::path(config.out) / "quarantine").string();
+  return env;
+}
+
+}  // namespace
+
+WorkerStart worker_start(const Collective& collective, const std::filesystem::path& resume, const std::vector<std::string>& changes) {
+  WorkerStart start;
+  if (!resume.empty()) start.resumed = load_checkpoint(resume);
+  const int world_size = collective.identity().world_size;
+  if (collective.is_joining()) {
+    start.briefing = decode_briefing(collective.briefing(), world_size);
+    start.places = {start.briefing.places, start.briefing.started_workers, false};
+  } else {
+    start.places = env_places_of(start.resumed, world_size, changes);
+  }
+  return start;
+}
+
+TrainWorker::TrainWorker(const RunConfig& config, Collective& collective, WorkerStart start, const std::filesystem::path& resume,
+                         const TrainHooks& hooks)
+    : config_(config),
+      collective_(collective),
+      places_(std::move(start.places)),
+      set_(std::make_shared<const EpisodeSet>(load_episode_set(config.train.file))),
+      scenes_(make_scene_cache(config.env)),
+      env_(training_env(config), set_, scenes_, config.envs_per_worker, first_env(), places_.started_workers * config.envs_per_worker),
+      policy_(config.env.observation, config.policy),
+      learner_(policy_, config.ppo, config.seed, config.guidance, static_cast<double>(config.env.task.success_radius_m)),
+      collector_(rollout_config(config), env_, policy_, first_env()),
+      preemption_(config.ppo, config.rollout_steps),
+      progress_(config),
+      report_(config, collective, progress_),
+      recovery_(collective, places_, policy_, learner_, progress_, report_) {
+  env_.set_stage_hook(hooks.stage_hook);
+  recovery_.brief();
+  if (collective.is_joining()) {
+    join(start.briefing);
+    return;
+  }
+  if (start.resumed) {
+    restore(*start.resumed, resume);
+    start.resumed.reset();
+  } else {
+    if (!config.initial_policy.empty()) load_initial_policy(config, policy_);
+    env_.reset();
+  }
+  check_equal_weights(collective, policy_);
+}
+
+void TrainWorker::restore(const Checkpoint& checkpoint, const std::filesystem::path& path) {
+  load_learner_state(policy_, learner_.optimizer(), checkpoint, path.string());
+  report_.restore_window(checkpoint);
+  progress_.set_position({.update = checkpoint.update,
+                          .env_steps = checkpoint.env_steps,
+                          .steps_before = checkpoint.env_steps,
+                          .elapsed_s = 0,
+                          .elapsed_before_s = checkpoint.elapsed_s});
+  if (places_.begin_anew)
+    env_.reset();
+  else
+    restore_env_states(checkpoint, path, collective_.identity(), env_, collector_);
+}
+
+/// The environments begin where no worker has been: by their number and the update, other episodes than those of the start or of a worker
+/// that joined before.
+void TrainWorker::join(const JoinBriefing& briefing) {
+  std::vector<std::uint64_t> seeds;
+  for (int env = 0; env < config_.envs_per_worker; ++env)
+    seeds.push_back(hash64(fmt::format("joins {} {}", first_env() + env, briefing.update), config_.seed));
+  env_.reset(std::vector<std::uint8_t>(seeds.size(), 1), seeds);
+  collective_.enter();
+  recovery_.recover(MembershipChange({}));
+}
+
+TrainReport TrainWorker::run() {
+  if (rank() == 0 && report_.open_files())
+    fmt::print(stderr, "training {}: {} workers x {} envs, {} episodes, {} parameters\n", config_.name, collective_.identity().world_size,
+               config_.envs_per_worker, set_->episodes.size(), policy_->num_parameters());
+  progress_.start_clock();
+  for (bool saved = false; !saved;) try {
+      while (!progress_.agree_on_end(collective_)) {
+        if (progress_.has_joiners()) collective_.admit();
+        update();
+      }
+      save(true);
+      saved = true;
+    } catch (const MembershipChange& change) {
+      recovery_.recover(change);
+    }
+  const RunPosition& end = progress_.position();
+  return {end.update,         end.env_steps,   end.elapsed_s, progress_.steps_per_s(), report_.last_checkpoint(),
+          report_.counters(), report_.guards()};
+}
+
+void TrainWorker::update() {
+  if (!progress_.has_rollout()) collect();
+  const std::uint64_t steps = collected_steps();
+  const UpdateStats stats = learn();
+  const double update_s = progress_.complete_update(steps);
+  recovery_.brief();
+  if (const auto failure = report_.note(stats)) {
+    save(true);
+    collective_.barrier();  // who throws stops the others: not before rank 0 has all parts of the checkpoint, and has written it
+    throw RunError("training", *failure);
+  }
+  report(stats, update_s, steps);
+  if (progress_.update() % static_cast<std::uint64_t>(config_.checkpoint_every) == 0) save(false);
+}
+
+void TrainWorker::collect() {
+  LapTimer watch;
+  const int world_size = collective_.identity().world_size;
+  collect_s_ = 0;
+  collector_.collect(progress_.fraction(), sums_.episodes, sums_.times, [&](int step) {
+    collective_.note_progress();
+    collect_s_ += watch.lap();
+    return preemption_.may_end_with(step) && preemption_.ends_with(step, collect_s_, collective_.num_waiting(), world_size);
+  });
+  progress_.note_rollout();
+  collect_s_ += watch.lap();
+}
+
+/// Of all workers in this update.  With preemption a call in which those that have their rollouts wait for the others.
+std::uint64_t TrainWorker::collected_steps() {
+  const auto num_envs = static_cast<std::uint64_t>(config_.envs_per_worker);
+  if (!preemption_.is_on())
+    return static_cast<std::uint64_t>(config_.rollout_steps) * num_envs * static_cast<std::uint64_t>(collective_.identity().world_size);
+  std::uint64_t steps = 0;
+  for (const auto& text : collective_.all_gather(std::to_string(collector_.rollout().num_steps()))) steps += std::stoull(text);
+  return steps * num_envs;
+}
+
+UpdateStats TrainWorker::learn() {
+  recovery_.begin_update();
+  const UpdateStats stats = learner_.update(collector_.rollout(), progress_.fraction(), progress_.update(), collective_);
+  recovery_.end_update();
+  sums_.times.learn += stats.learn_s;
+  sums_.times.reduce += stats.reduce_s;
+  return stats;
+}
+
+void TrainWorker::report(const UpdateStats& stats, double update_s, std::uint64_t steps) {
+  sums_.counters = RunCounters::of(env_, *scenes_, collector_.sanitized_rows(), collector_.dropped_rows(), report_.ratio_alarms());
+  const std::vector<WorkerUpdate> of_all =
+      gather_worker_updates(collective_, {.update_s = update_s,
+                                          .collect_s = collect_s_,
+                                          .rollout_steps = static_cast<double>(collector_.rollout().num_steps()),
+                                          .episodes = sums_.episodes.values[EpisodeSums::count],
+                                          .stopped = sums_.episodes.values[EpisodeSums::stopped],
+                                          .explained_variance = stats.explained_variance,
+                                          .approx_kl = stats.approx_kl,
+                                          .clip_fraction = stats.clip_fraction});
+  std::vector<RolloutTime> rollouts;
+  for (const WorkerUpdate& worker : of_all) rollouts.push_back({worker.collect_s, static_cast<int>(worker.rollout_steps)});
+  preemption_.note_update(rollouts);
+  report_.report(stats, sums_, of_all, static_cast<double>(steps) / update_s);
+  sums_ = {};
+}
+
+void TrainWorker::save(bool is_last) {
+  check_equal_weights(collective_, policy_);  // else the checkpoint would be of no worker
+  Checkpoint checkpoint = learner_state_of(policy_, learner_.optimizer());
+  gather_env_states(collective_, env_, collector_, checkpoint);
+  if (rank() != 0) return;
+  for (const int member : collective_.members()) checkpoint.members.push_back(places_.first_of(member));
+  checkpoint.started_workers = places_.started_workers;
+  report_.save(std::move(checkpoint), is_last);
+}
+
+}  // namespace earshot

@@ -1,0 +1,179 @@
+#include "trainer/run/update_report.h"
+
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <array>
+#include <cstdio>
+#include <span>
+#include <utility>
+
+#include "sim/base/engine_commit.h"
+#include "sim/base/engine_hash.h"
+#include "trainer/curves/update_curves.h"
+
+namespace earshot {
+namespace {
+
+constexpr int kMaxUpdatesWithoutStep = 20;  // in a row, before a run that learns nothing is ended
+constexpr std::uint64_t kLoggedSkips = 20;  // one line each; the others are counted
+
+/// A collective call.
+WorkerSums sum_over_workers(const WorkerSums& own, Collective& collective) {
+  constexpr std::size_t num_stages = 7, first_counter = EpisodeSums::num_fields + num_stages;
+  std::array<double, first_counter + RunCounters::num_fields> sums{};
+  std::ranges::copy(own.episodes.values, sums.begin());
+  const StageTimes& times = own.times;
+  const std::array<double, num_stages> stage{times.simulate_sound, times.convolve, times.render, times.move,
+                                             times.policy,         times.learn,    times.reduce};
+  std::ranges::copy(stage, sums.begin() + EpisodeSums::num_fields);
+  std::ranges::copy(own.counters.values, sums.begin() + first_counter);
+  collective.all_reduce_sum(std::span<double>(sums));
+
+  WorkerSums all;
+  std::copy_n(sums.begin(), all.episodes.values.size(), all.episodes.values.begin());
+  const double* seconds = sums.data() + EpisodeSums::num_fields;
+  all.times = {seconds[0], seconds[1], seconds[2], seconds[3], seconds[4], seconds[5], seconds[6]};
+  std::copy_n(sums.begin() + first_counter, all.counters.values.size(), all.counters.values.begin());
+  return all;
+}
+
+}  // namespace
+
+UpdateReport::UpdateReport(const RunConfig& config, Collective& collective, const RunProgress& progress)
+    : config_(config), collective_(collective), progress_(progress) {}
+
+bool UpdateReport::open_files() {
+  if (files_) return false;
+  files_.emplace(config_, progress_.update());
+  return true;
+}
+
+void UpdateReport::close_files() {
+  if (!files_) return;
+  guards_.failed_writes += files_->finish();
+  files_.reset();
+}
+
+/// The statuses are those of all workers, so rank 0 can name any.
+void UpdateReport::log_guards(const UpdateStats& stats) const {
+  for (std::size_t i = 0; i < stats.skipped.size() && guards_.skipped_steps + i < kLoggedSkips; ++i)
+    spdlog::warn("update {}, epoch {}, minibatch {}: no worker takes the step: {}{}", progress_.update(), stats.skipped[i].epoch,
+                 stats.skipped[i].minibatch, describe(stats.skipped[i]),
+                 guards_.skipped_steps + i + 1 == kLoggedSkips ? " (further ones are counted only)" : "");
+  if (stats.alarm_rank >= 0 && guards_.loss_alarms + guards_.kl_alarms == 0)
+    spdlog::warn(
+        "update {}, worker {}: a loss of {:.4g} and a KL divergence of {:.4g} (alarms at {} and {}; further ones are counted only)",
+        progress_.update(), stats.alarm_rank, stats.alarm_loss, stats.alarm_kl, config_.ppo.loss_alarm, config_.ppo.kl_alarm);
+}
+
+std::optional<std::string> UpdateReport::note(UpdateStats stats) {
+  const std::vector<int> members = collective_.members();  // messages name workers by the ranks with which they began
+  const auto rank = static_cast<std::size_t>(collective_.identity().rank);
+  for (SkippedStep& step : stats.skipped)
+    for (int& faulty : step.faulty_ranks) faulty = members[static_cast<std::size_t>(faulty)];
+  if (stats.alarm_rank >= 0) stats.alarm_rank = members[static_cast<std::size_t>(stats.alarm_rank)];
+  if (rank == 0) log_guards(stats);
+  if (stats.max_ratio_error > kMaxRatioError && ratio_alarms_++ == 0)
+    spdlog::warn(
+        "update {}, worker {}: before the first step the learner's probabilities differ from the rollout's by {:.2g} of them: a mask, a "
+        "hidden state or an observation is not what the policy acted on (further updates are counted only)",
+        progress_.update(), members[rank], stats.max_ratio_error);
+  guards_.taken_steps += static_cast<std::uint64_t>(stats.taken_steps);
+  guards_.skipped_steps += stats.skipped.size();
+  guards_.loss_alarms += static_cast<std::uint64_t>(stats.loss_alarms);
+  guards_.kl_alarms += static_cast<std::uint64_t>(stats.kl_alarms);
+  updates_without_step_ = stats.taken_steps > 0 ? 0 : updates_without_step_ + 1;
+  if (updates_without_step_ < kMaxUpdatesWithoutStep) return std::nullopt;
+  return fmt::format(
+      "{} updates in a row took no step, at last because {}; resume from an earlier checkpoint, with a smaller learning rate",
+      updates_without_step_, stats.skipped.empty() ? "no row counted" : describe(stats.skipped.back()));
+}
+
+void UpdateReport::report(const UpdateStats& stats, const WorkerSums& own, const std::vector<WorkerUpdate>& of_all, double steps_per_s) {
+  const WorkerSums all = sum_over_workers(own, collective_);
+  RunCounters before = std::exchange(counters_, all.counters);
+  if (std::exchange(lost_since_report_, false)) before = counters_;  // the totals are of the workers that are left
+  window_.push(all.episodes);                                        // on all ranks: any may have to write one day
+  const auto [rank, world_size] = collective_.identity();
+  if (rank != 0) return;
+
+  StageTimes mean;
+  mean.add(all.times, 1.0 / world_size);
+  const EpisodeSums recent = window_.total();
+  show_progress(recent, mean, steps_per_s);
+
+  std::vector<std::pair<std::string, double>> values =
+      update_curves(recent, stats, mean, steps_per_s, config_.guidance, progress_.fraction());
+  append_curve_values(values, counters_, before, guards_);
+  append_worker_values(values, collective_.members(), of_all);
+  guards_.failed_writes +=
+      files_->write_point({progress_.update(), progress_.env_steps(), progress_.position().elapsed_s, std::move(values)});
+}
+
+void UpdateReport::show_progress(const EpisodeSums& recent, const StageTimes& mean, double steps_per_s) const {
+  const std::string faults = fault_summary(counters_, guards_);
+  const std::string line = fmt::format(
+      "update {:4}  {:>7} of {} steps  {:.0f} steps/s  success {:.3f}  SPL {:.3f}  reward {:.2f}  dtg {:.2f} m  [{}]  {:.0f} min to "
+      "go{}{}\n",
+      progress_.update(), progress_.env_steps(), config_.total_steps, steps_per_s, recent.mean(EpisodeSums::success),
+      recent.mean(EpisodeSums::spl), recent.mean(EpisodeSums::reward), recent.mean(EpisodeSums::dtg), mean.fractions(),
+      progress_.remaining_s(steps_per_s) / 60, faults.empty() ? "" : "  ! ", faults);
+  std::fputs(line.c_str(), stderr);  // fmt::print would throw where the log is on a full disk
+}
+
+void UpdateReport::save(Checkpoint checkpoint, bool is_last) {
+  checkpoint.config_yaml = config_text(config_);
+  checkpoint.update = progress_.update();
+  checkpoint.env_steps = progress_.env_steps();
+  checkpoint.elapsed_s = progress_.total_elapsed_s();
+  checkpoint.seed = config_.seed;
+  checkpoint.world_size = collective_.identity().world_size;
+  checkpoint.engine = engine_hash();
+  checkpoint.engine_commit = engine_commit();
+  checkpoint.episode_window = window_.state();
+  checkpoint.episode_window_fields = EpisodeSums::num_fields;
+  checkpoint.mean_reward = window_.total().mean(EpisodeSums::reward);
+  last_checkpoint_ = files_->checkpoint_of(progress_.update(), is_last);
+  guards_.failed_writes += files_->save(std::move(checkpoint), is_last);
+}
+
+void UpdateReport::note_members(const MembershipChange& change) {
+  guards_.lost_workers += change.lost().size();
+  guards_.joined_workers += change.joined().size();
+}
+
+void UpdateReport::raise_member_counts(std::uint64_t lost, std::uint64_t joined) {
+  guards_.lost_workers = std::max(guards_.lost_workers, lost);
+  guards_.joined_workers = std::max(guards_.joined_workers, joined);
+}
+
+void UpdateReport::go_back(const GuardCounts& guards, int updates_without_step) {
+  const GuardCounts now = std::exchange(guards_, guards);
+  guards_.lost_workers = now.lost_workers;
+  guards_.joined_workers = now.joined_workers;
+  guards_.failed_writes = now.failed_writes;
+  updates_without_step_ = updates_without_step;
+}
+
+void UpdateReport::restore_window(const Checkpoint& checkpoint) {
+  window_.restore(checkpoint.episode_window, checkpoint.episode_window_fields);
+}
+
+void UpdateReport::write_to(RunState& state) const {
+  state.learner.episode_window = window_.state();
+  state.learner.episode_window_fields = EpisodeSums::num_fields;
+  state.guards = guards_;
+  state.counters = counters_;
+  state.updates_without_step = updates_without_step_;
+}
+
+void UpdateReport::set_state(const RunState& state) {
+  restore_window(state.learner);
+  guards_ = state.guards;
+  counters_ = state.counters;
+  updates_without_step_ = state.updates_without_step;
+}
+
+}  // namespace earshot
