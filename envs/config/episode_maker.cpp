@@ -37,4 +37,20 @@ std::vector<Episode> EpisodeMaker::make(const std::string& name) {
   return episodes;
 }
 
+EpisodeSet make_episodes(const DataConfig& data, const TaskConfig& task, std::shared_ptr<SceneCache> scenes,
+                         const std::function<void(std::size_t done)>& progress) {
+  EpisodeMaker maker(data, task, std::move(scenes));
+  EpisodeSet set;
+  std::size_t done = 0;
+  for (const std::string& scene : expand_ranges(data.scenes)) {
+    for (Episode& episode : maker.make(scene)) {
+      episode.episode_id = std::to_string(set.episodes.size());
+      set.episodes.push_back(std::move(episode));
+    }
+    if (progress) progress(++done);
+  }
+  set.hash = episode_set_hash(set.episodes);
+  return set;
+}
+
 }  // namespace earshot

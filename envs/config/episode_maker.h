@@ -1,10 +1,13 @@
 #pragma once
 
+#include <cstddef>
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "envs/config/data_config.h"
+#include "envs/episodes/episode_set.h"
 #include "envs/scenes/scene_cache.h"
 #include "envs/task/episode.h"
 
@@ -26,5 +29,10 @@ class EpisodeMaker {
   AgentScenario agents_;
   std::shared_ptr<SceneCache> scenes_;
 };
+
+/// The episodes of all data.scenes, ranges expanded, with the set's hash; episode_id is the number in the set.  progress: called after each
+/// scene with the number of those that are done.  Throws as EpisodeMaker.
+EpisodeSet make_episodes(const DataConfig& data, const TaskConfig& task, std::shared_ptr<SceneCache> scenes,
+                         const std::function<void(std::size_t done)>& progress = {});
 
 }  // namespace earshot

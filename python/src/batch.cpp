@@ -7,7 +7,7 @@
 #include <span>
 
 #include "envs/batch/batched_env.h"
-#include "python/src/batch_config.h"
+#include "envs/config/batch_config.h"
 #include "python/src/bindings.h"
 #include "sim/base/errors.h"
 

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <utility>
 
 #include "envs/config/env_config.h"
 #include "envs/config/episode_maker.h"
@@ -21,17 +20,8 @@ constexpr const char* kGeneratorVersion = "1";
 
 EpisodeSet generate_data(const DataConfig& data, const EnvConfig& env) {
   if (data.scenes.empty()) throw InputError("data.scenes", "is empty", "name at least one SCENE, for example house:1");
-  const std::vector<std::string> scenes = expand_ranges(data.scenes);
-  EpisodeMaker maker(data, env.task, make_scene_cache(env));
-  Progress progress("episodes", "scene", scenes.size());
-  EpisodeSet set;
-  for (std::size_t i = 0; i < scenes.size(); ++i) {
-    for (Episode& episode : maker.make(scenes[i])) {
-      episode.episode_id = std::to_string(set.episodes.size());
-      set.episodes.push_back(std::move(episode));
-    }
-    progress.update(i + 1);
-  }
+  Progress progress("episodes", "scene", expand_ranges(data.scenes).size());
+  EpisodeSet set = make_episodes(data, env.task, make_scene_cache(env), [&](std::size_t done) { progress.update(done); });
   set.generator = generator_keys(data, env);
   save_episode_set(set, data.file);
   return load_episode_set(data.file);

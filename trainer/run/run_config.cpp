@@ -27,9 +27,7 @@ void read(ConfigReader& reader, RunConfig& config) {
   reader.read_choice<ActionChoice>("eval_actions", config.eval_actions,
                                    {{"sample", ActionChoice::sample}, {"argmax", ActionChoice::argmax}});
 
-  ConfigReader env = reader.child("env");
-  read(env, config.env);
-  env.finish();
+  read_env_section(reader, config.env);
   ConfigReader policy = reader.child("policy");
   read(policy, config.policy);
   policy.finish();
@@ -42,14 +40,7 @@ void read(ConfigReader& reader, RunConfig& config) {
   ConfigReader network = reader.child("network");
   read(network, config.network);
   network.finish();
-  ConfigReader data = reader.child("data");
-  ConfigReader train = data.child("train");
-  read(train, config.train);
-  train.finish();
-  ConfigReader eval = data.child("eval");
-  read(eval, config.eval);
-  eval.finish();
-  data.finish();
+  read_data_section(reader, config.train, config.eval);
 }
 
 RunConfig read_run(ConfigReader reader) {

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "envs/batch/batched_env.h"
-#include "envs/config/data_config.h"
+#include "envs/config/batch_config.h"
 #include "policy/policy_config.h"
 #include "trainer/learner/guidance_config.h"
 #include "trainer/learner/ppo_config.h"
@@ -45,15 +45,7 @@ struct RunConfig {
   PpoConfig ppo;
   GuidanceConfig guidance;
   NetworkConfig network;
-  DataConfig train = shared_goals(), eval;
-
-  /// Training visits a scene thousands of times: ten goals teach it, and a source field made for each serves thousands of responses.
-  /// Evaluation asks about goals that were not seen, a new one in every episode.
-  static DataConfig shared_goals() {
-    DataConfig data;
-    data.goals_per_scene = 10;
-    return data;
-  }
+  DataConfig train = training_data(), eval;
 };
 
 /// What the environments of a training show: the sensors of the config, and the privileged ones that its losses read.

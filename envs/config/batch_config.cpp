@@ -1,18 +1,23 @@
-#include "python/src/batch_config.h"
+#include "envs/config/batch_config.h"
 
 #include <utility>
 
-#include "envs/config/data_config.h"
 #include "envs/config/env_accuracy.h"
 #include "envs/config/episode_maker.h"
 #include "envs/config/field_choice.h"
-#include "envs/episodes/name_ranges.h"
 #include "envs/scenes/scene_cache.h"
 #include "sim/base/errors.h"
 #include "sim/base/text/config_reader.h"
 
-namespace earshot::python {
+namespace earshot {
 namespace {
+
+template <class Config>
+void read_section(ConfigReader& parent, const char* key, Config& config) {
+  ConfigReader section = parent.child(key);
+  read(section, config);
+  section.finish();
+}
 
 /// The keys of a section that must name something to walk in.
 void read_episodes(ConfigReader& reader, DataConfig& data) {
@@ -22,20 +27,22 @@ void read_episodes(ConfigReader& reader, DataConfig& data) {
   if (!data.scenes.empty() && data.sounds.empty()) reader.fail("sounds", "is missing; name at least one, for example synth:telephone");
 }
 
-EpisodeSet episodes_of(const DataConfig& data, const TaskConfig& task, const std::shared_ptr<SceneCache>& cache) {
-  if (data.scenes.empty()) return load_episode_set(data.file);
-  EpisodeMaker maker(data, task, cache);
-  EpisodeSet set;
-  for (const std::string& scene : expand_ranges(data.scenes))
-    for (Episode& episode : maker.make(scene)) {
-      episode.episode_id = std::to_string(set.episodes.size());
-      set.episodes.push_back(std::move(episode));
-    }
-  set.hash = episode_set_hash(set.episodes);
-  return set;
+}  // namespace
+
+void read_env_section(ConfigReader& run, EnvConfig& env) { read_section(run, "env", env); }
+
+void read_data_section(ConfigReader& run, DataConfig& train, DataConfig& eval) {
+  ConfigReader data = run.child("data");
+  read_section(data, "train", train);
+  read_section(data, "eval", eval);
+  data.finish();
 }
 
-}  // namespace
+DataConfig training_data() {
+  DataConfig data;
+  data.goals_per_scene = 10;
+  return data;
+}
 
 BatchParts read_batch(const std::string& yaml, const std::string& where, const std::vector<std::string>& overrides,
                       const std::vector<std::string>& env_overrides, const std::string& split) {
@@ -46,11 +53,9 @@ BatchParts read_batch(const std::string& yaml, const std::string& where, const s
   BatchParts parts;
   DataConfig keys;
   if (in_run) {
-    keys.goals_per_scene = split == "train" ? 10 : 0;  // the defaults of a run config
+    if (split == "train") keys = training_data();
     reader.read("seed", parts.config.seed);
-    ConfigReader env = reader.child("env");
-    read(env, parts.config);
-    env.finish();
+    read_env_section(reader, parts.config);
     ConfigReader data = reader.child("data");
     if (!data.has(split)) data.fail(split, "is missing; it names the episodes");
     ConfigReader section = data.child(split);
@@ -66,7 +71,8 @@ BatchParts read_batch(const std::string& yaml, const std::string& where, const s
   validate(parts.config);
 
   const std::shared_ptr<SceneCache> first = make_scene_cache(parts.config);
-  parts.set = std::make_shared<const EpisodeSet>(episodes_of(keys, parts.config.task, first));
+  parts.set =
+      std::make_shared<const EpisodeSet>(keys.scenes.empty() ? load_episode_set(keys.file) : make_episodes(keys, parts.config.task, first));
   EnvConfig& config = parts.config;
   bool replanned = false;
   if (!config.accuracy.empty()) {
@@ -80,4 +86,4 @@ BatchParts read_batch(const std::string& yaml, const std::string& where, const s
   return parts;
 }
 
-}  // namespace earshot::python
+}  // namespace earshot

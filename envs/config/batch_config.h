@@ -4,12 +4,21 @@
 #include <string>
 #include <vector>
 
+#include "envs/config/data_config.h"
 #include "envs/config/env_config.h"
 #include "envs/episodes/episode_set.h"
 
-namespace earshot::python {
+namespace earshot {
 
-/// Environments and the episodes that they draw from.
+/// Section `env` of a run config.  Throws as read(ConfigReader&, EnvConfig&), and for an unknown key.
+void read_env_section(ConfigReader& run, EnvConfig& env);
+/// Section `data` of a run config: `train` and `eval`.  Throws as read(ConfigReader&, DataConfig&), and for an unknown key.
+void read_data_section(ConfigReader& run, DataConfig& train, DataConfig& eval);
+/// Defaults of data.train.  Training visits a scene thousands of times: ten goals teach it, and a source field made for each serves
+/// thousands of responses.  Evaluation asks about goals that were not seen, a new one in every episode.
+DataConfig training_data();
+
+/// Environments and the episodes that they draw from: what BatchedEnv takes.
 struct BatchParts {
   EnvConfig config;
   std::shared_ptr<const EpisodeSet> set;
@@ -27,4 +36,4 @@ struct BatchParts {
 BatchParts read_batch(const std::string& yaml, const std::string& where, const std::vector<std::string>& overrides,
                       const std::vector<std::string>& env_overrides, const std::string& split);
 
-}  // namespace earshot::python
+}  // namespace earshot
