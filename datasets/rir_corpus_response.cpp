@@ -14,6 +14,7 @@
 
 #include "datasets/label_number.h"
 #include "sim/acoustics/metrics/room_metrics.h"
+#include "sim/acoustics/source_field/field_for_poses.h"
 #include "sim/acoustics/synthesis/carriers.h"
 #include "sim/base/files.h"
 
@@ -22,8 +23,6 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-/// Listeners from which on a field is the cheaper way where the plan of a scene has one.
-constexpr int kManyListeners = 300;
 constexpr double kRadian = 180 / std::numbers::pi;
 
 Json place(glm::dvec3 position) { return {position.x, position.y, position.z}; }
@@ -158,8 +157,7 @@ CorpusSourceRenderer::CorpusSourceRenderer(const RirCorpusConfig& config, const 
       source_(room.draw_source(source)),
       candidates_(room.acoustics(), source_.sound) {
   const AcousticScene& acoustics = room.acoustics();
-  const bool many = config.acoustics.field == Switch::on || config.listeners_per_source >= kManyListeners;
-  if (many && uses_source_field(acoustics)) field_ = build_source_field(acoustics, candidates_);
+  field_ = field_for_poses(acoustics, candidates_, static_cast<std::size_t>(config.listeners_per_source));
   if (config.sofa) sofa_ = describe_sofa(config, room.scene(), source_);
 }
 

@@ -23,8 +23,8 @@ std::vector<std::shared_ptr<const SynthesisTables>> corpus_tables(const RirCorpu
 /// Responses of one source of one room.  Not thread-safe; holds the source's field.
 class CorpusSourceRenderer {
  public:
-  /// All must outlive this.  heads: a synthesizer for each of config.hrtfs, or one.  A field is built where the plan of the scene calls for
-  /// one, from 300 listeners on or with field = on.
+  /// All must outlive this.  heads: a synthesizer for each of config.hrtfs, or one.  The late sound is gathered from
+  /// field_for_poses(config.listeners_per_source).
   CorpusSourceRenderer(const RirCorpusConfig& config, const CorpusRoom& room, std::size_t room_index, int source,
                        std::span<RirSynthesizer> heads);
   /// Renders a listener, appends its files, and returns its line of the manifest, without the line feed.  folder: prefix of the names

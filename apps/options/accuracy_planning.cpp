@@ -10,10 +10,7 @@ namespace earshot {
 AccuracyPlan plan_and_print(const AcousticScene& acoustics, const AccuracyTarget& target, const SoundSource& source,
                             const std::vector<glm::vec3>& places, double poses) {
   Progress progress("calibration", "%", 100);
-  AccuracyPlan plan = plan_accuracy({.config = acoustics.config(),
-                                     .target = target,
-                                     .sites = {{.scene = acoustics.shared_scene(), .source = source, .places = places}},
-                                     .poses = poses},
+  AccuracyPlan plan = plan_accuracy(acoustics, target, source, places, poses,
                                     [&](double fraction) { progress.update(static_cast<std::uint64_t>(100 * fraction)); });
   const AccuracyChoice& choice = plan.choice();
   fmt::print("accuracy {}: {}, the cheapest of {} candidates, calibrated in {:.1f} s\n", target.text(), choice.method, plan.tried.size(),

@@ -15,7 +15,6 @@
 #include "apps/sound/rir_json.h"
 #include "sim/acoustics/geometry/position_check.h"
 #include "sim/acoustics/source_field/field_for_poses.h"
-#include "sim/acoustics/source_field/source_field.h"
 #include "sim/acoustics/synthesis/carriers.h"
 #include "sim/audio/dry_sounds/sound_clip.h"
 #include "sim/base/errors.h"
@@ -170,9 +169,9 @@ class PairRenderer {
 };
 
 std::shared_ptr<const SourceField> field_of(const AcousticScene& acoustics, const EarlyCandidates& candidates, std::size_t responses) {
-  if (!wants_source_field(acoustics, responses)) return nullptr;
   Progress progress("source field", "%", 100);
-  return build_source_field(acoustics, candidates, [&](double fraction) { progress.update(static_cast<std::uint64_t>(100 * fraction)); });
+  return field_for_poses(acoustics, candidates, responses,
+                         [&](double fraction) { progress.update(static_cast<std::uint64_t>(100 * fraction)); });
 }
 
 /// A setting that changes nothing is an error.
@@ -218,7 +217,7 @@ void run_rir(const RirArguments& options) {
   OrderedJson pairs = OrderedJson::array();
   for (std::size_t s = 0; s < sources.size(); ++s) {
     const std::optional<AccuracyPlan>& plan = plans[s];
-    const AcousticScene planned = plan ? AcousticScene(acoustics.shared_scene(), plan->choice().config) : acoustics;
+    const AcousticScene planned = plan ? planned_scene(acoustics, *plan) : acoustics;
     const EarlyCandidates candidates(planned, sources[s]);
     const std::shared_ptr<const SourceField> field = field_of(planned, candidates, listeners.size());
     for (std::size_t l = 0; l < listeners.size(); ++l) {

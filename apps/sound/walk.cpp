@@ -14,6 +14,7 @@
 #include "apps/options/timed_path.h"
 #include "sim/acoustics/model/acoustic_scene.h"
 #include "sim/acoustics/response/temporal_reuse.h"
+#include "sim/acoustics/source_field/field_for_poses.h"
 #include "sim/acoustics/source_field/refining_field.h"
 #include "sim/acoustics/source_field/source_field_store.h"
 #include "sim/acoustics/synthesis/carriers.h"
@@ -42,12 +43,6 @@ enum class LateSound {
   gathered,  ///< from a field that is complete before the walk begins
   refined,   ///< from a field that gets better while the walk goes on, by a fixed schedule
 };
-
-/// What `field = auto` means for a walk, before the scene is planned with it: photons pay over hundreds of poses, of sources at rest.
-Switch decide_field(Switch user_set, bool any_moving, std::size_t num_blocks) {
-  constexpr std::size_t many = 300;
-  return user_set == Switch::automatic && (any_moving || num_blocks < many) ? Switch::off : user_set;
-}
 
 /// The reference (preset `high`) stays without reuse unless the user sets it: there a response depends on its pose alone.
 LateSound choose_late_sound(const AcousticScene& acoustics, bool moving, int refine_every) {
@@ -189,7 +184,7 @@ AcousticScene planned(const WalkArguments& options, const AcousticScene& acousti
     const double fraction = static_cast<double>(i) / static_cast<double>(num_blocks);
     places.emplace_back(pose_at(poses, poses.front().t_s + fraction * (poses.back().t_s - poses.front().t_s)).position);
   }
-  return {acoustics.shared_scene(), plan_and_print(acoustics, target, source, places, static_cast<double>(num_blocks)).choice().config};
+  return planned_scene(acoustics, plan_and_print(acoustics, target, source, places, static_cast<double>(num_blocks)));
 }
 
 void run_walk(const WalkArguments& options) {
@@ -208,7 +203,7 @@ void run_walk(const WalkArguments& options) {
   const std::size_t num_blocks = (num_samples + static_cast<std::size_t>(block) - 1) / static_cast<std::size_t>(block);
 
   const std::optional<AccuracyTarget> target = options.acoustics.accuracy_target();
-  config.field = decide_field(config.field, !options.source_paths.empty(), num_blocks);
+  config.field = field_switch_for_poses(config.field, options.source_paths.empty() ? num_blocks : 0);
   const AcousticScene loaded = options.acoustics.load(config);
   shift(poses, loaded.scene());
   const std::shared_ptr<const SynthesisTables> tables = options.acoustics.tables(loaded);  // of what no plan chooses

@@ -21,13 +21,15 @@ from typing import TYPE_CHECKING, Any
 
 from . import _processor  # noqa: F401  # before the engine: raises ImportError where the processor lacks its instructions
 from ._engine import InputError, RunError, __version__
-from .acoustics import Arrivals, EffectDecision, Metrics, Response, Scene, Source, measure
+from .acoustics import AccuracyChoice, AccuracyPlan, Arrivals, EffectDecision, Metrics, Response, Scene, Source, measure
 
 if TYPE_CHECKING:
     from .multi_agent import EarshotParallelEnv
     from .vector import EarshotVectorEnv
 
 __all__ = [
+    "AccuracyChoice",
+    "AccuracyPlan",
     "Arrivals",
     "EffectDecision",
     "InputError",

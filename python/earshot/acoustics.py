@@ -81,6 +81,32 @@ class Arrivals:
         return [ARRIVAL_KINDS[kind] for kind in self.kind]
 
 
+@dataclass(frozen=True)
+class AccuracyChoice:
+    """One way to compute the responses of a source, tried at a few listeners."""
+
+    method: str  #: listener rays, source field or both ends
+    settings: dict[str, str]  #: for ``Scene(settings=...)``
+    predicted: dict[str, float]  #: errors at other listeners: t20_pct, drr_db, edc_db; NaN: no such value
+    per_source_ms: float
+    per_response_ms: float
+
+
+@dataclass(frozen=True)
+class AccuracyPlan:
+    """The cheapest settings that keep an accuracy, and all that were tried."""
+
+    choice: AccuracyChoice
+    tried: list[AccuracyChoice]  #: in the order of trial
+    reference_error: dict[str, float]  #: standard error of the paths that judged
+    calibration_s: float
+
+
+def _choice(values: Mapping[str, Any]) -> AccuracyChoice:
+    settings = dict(text.split("=", 1) for text in values["settings"])
+    return AccuracyChoice(**{**values, "settings": settings})
+
+
 def _positions(value: ArrayLike, key: str) -> tuple[Floats, bool]:
     """As [n, 3], and whether it was a single one."""
     array = np.ascontiguousarray(value, dtype=np.float64)
@@ -193,6 +219,18 @@ class Source:
     def responses(self, listeners: ArrayLike, *, channels: str = "binaural", threads: int = 0) -> list[Response]:
         positions, _ = _positions(listeners, "listeners")
         return [Response(model, channels) for model in self._model.respond(positions, channels, threads)]
+
+    def plan_accuracy(self, target: str, listeners: ArrayLike, *, responses: int | None = None) -> AccuracyPlan:
+        """The cheapest settings within `target` for responses at places like `listeners`, [3] or [n, 3], as ``earshot rir --accuracy``.
+
+        target: as "t20=5%,drr=1dB,edc=1dB".  responses: that the source is for; default: one per listener.  Rays, source_rays,
+        early_order, field and the other keys of the plan replace those of the scene; the rest of its settings stays.  Takes seconds.
+        Raises InputError where no candidate keeps the target.
+        """
+        positions, _ = _positions(listeners, "listeners")
+        plan = self._model.plan_accuracy(target, positions, len(positions) if responses is None else responses)
+        tried = [_choice(values) for values in plan["tried"]]
+        return AccuracyPlan(tried[plan["chosen"]], tried, plan["reference_error"], plan["calibration_s"])
 
 
 class Scene:

@@ -145,7 +145,7 @@ SourceParts SourceModel::parts(int sh_order, std::size_t responses) {
     kept.acoustics = scene_->acoustics(sh_order);
     kept.candidates = std::make_shared<const EarlyCandidates>(*kept.acoustics, source_);
   }
-  if (!kept.field && wants_source_field(*kept.acoustics, responses)) kept.field = build_source_field(*kept.acoustics, *kept.candidates);
+  if (!kept.field) kept.field = field_for_poses(*kept.acoustics, *kept.candidates, responses);
   return kept;
 }
 
@@ -182,6 +182,18 @@ std::vector<Rir> SourceModel::render(std::span<const ListenerPose> listeners, co
     };
   });
   return rirs;
+}
+
+AccuracyPlan SourceModel::plan_accuracy(const std::string& target, std::span<const ListenerPose> listeners, double responses) {
+  require(!listeners.empty(), "listeners", listeners.size(), "must be at least one: errors are those at places");
+  require(responses > 0 && responses <= 1e12, "responses", responses, "must be in (0, 1e12]");
+  std::vector<glm::vec3> places;
+  for (const ListenerPose& pose : listeners) {
+    require_finite(pose.position, "listeners");
+    places.push_back(scene_->scene().to_local(pose.position));
+  }
+  return earshot::plan_accuracy(*scene_->acoustics(scene_->config().sh_order), AccuracyTarget::parse(target), source_, std::move(places),
+                                responses);
 }
 
 Rir render(const ResponseModel& response, const ListenerPose& pose, const std::string& channels, const std::string& hrtf) {

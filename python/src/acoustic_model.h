@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "sim/acoustics/accuracy/accuracy_plan.h"
 #include "sim/acoustics/response/energy_response.h"
 #include "sim/acoustics/source_field/source_field.h"
 #include "sim/acoustics/synthesis/rir_synthesis.h"
@@ -77,6 +78,8 @@ class SourceModel {
   std::vector<ResponseModel> respond(std::span<const ListenerPose> listeners, const std::string& channels, int threads);
   /// RIRs [listeners, channels, samples] of all listeners.
   std::vector<Rir> render(std::span<const ListenerPose> listeners, const std::string& channels, const std::string& hrtf, int threads);
+  /// The cheapest settings within `target` (AccuracyTarget::parse) for so many responses at places like these.
+  AccuracyPlan plan_accuracy(const std::string& target, std::span<const ListenerPose> listeners, double responses);
 
  private:
   std::shared_ptr<SceneModel> scene_;

@@ -80,13 +80,53 @@ Array<float> render_all(SourceModel& source, const Numbers& positions, const Num
   return rirs_of(std::move(rirs));
 }
 
-std::vector<std::shared_ptr<ResponseModel>> respond_all(SourceModel& source, const Numbers& positions, const std::string& channels,
-                                                        int threads) {
-  const std::vector<double> level(positions.size(), 0.0);
+std::vector<ListenerPose> places_of(const Numbers& positions) {
   if (positions.ndim() != 2 || positions.shape(1) != 3) throw InputError("listeners", "have a wrong shape", "give positions [n, 3]");
   std::vector<ListenerPose> poses(positions.shape(0));
   for (std::size_t i = 0; i < poses.size(); ++i)
     poses[i].position = {positions.data()[3 * i], positions.data()[3 * i + 1], positions.data()[3 * i + 2]};
+  return poses;
+}
+
+nb::dict dict_of(const AccuracyErrors& errors) {
+  nb::dict dict;
+  for (std::size_t kind = 0; kind < kNumAccuracyKinds; ++kind) {
+    const AccuracyUnit& unit = unit_of(static_cast<AccuracyKind>(kind));
+    dict[(std::string(unit.name) + (unit.scale > 1 ? "_pct" : "_db")).c_str()] = errors[kind] * unit.scale;
+  }
+  return dict;
+}
+
+nb::dict dict_of(const AccuracyChoice& choice) {
+  nb::dict dict;
+  dict["method"] = choice.method;
+  dict["settings"] = settings_of(choice);
+  dict["predicted"] = dict_of(choice.predicted);
+  dict["per_source_ms"] = choice.per_source_ms;
+  dict["per_response_ms"] = choice.per_pose_ms;
+  return dict;
+}
+
+nb::dict plan_accuracy(SourceModel& source, const std::string& target, const Numbers& positions, double responses) {
+  const std::vector<ListenerPose> places = places_of(positions);
+  AccuracyPlan plan;
+  {
+    const nb::gil_scoped_release released;
+    plan = source.plan_accuracy(target, places, responses);
+  }
+  nb::list tried;
+  for (const AccuracyChoice& choice : plan.tried) tried.append(dict_of(choice));
+  nb::dict dict;
+  dict["tried"] = tried;
+  dict["chosen"] = plan.chosen;
+  dict["reference_error"] = dict_of(plan.reference_error);
+  dict["calibration_s"] = plan.calibration_s;
+  return dict;
+}
+
+std::vector<std::shared_ptr<ResponseModel>> respond_all(SourceModel& source, const Numbers& positions, const std::string& channels,
+                                                        int threads) {
+  const std::vector<ListenerPose> poses = places_of(positions);
   const nb::gil_scoped_release released;
   std::vector<std::shared_ptr<ResponseModel>> responses;
   for (ResponseModel& response : source.respond(poses, channels, threads))
@@ -131,7 +171,8 @@ void bind_scene(nb::module_& m) {
           },
           "scene"_a, "x"_a, "y"_a, "z"_a, "pattern"_a, "heading_deg"_a, "pitch_deg"_a, "radius_m"_a)
       .def("render", &render_all, "positions"_a, "angles_deg"_a, "channels"_a, "hrtf"_a, "threads"_a)
-      .def("respond", &respond_all, "positions"_a, "channels"_a, "threads"_a);
+      .def("respond", &respond_all, "positions"_a, "channels"_a, "threads"_a)
+      .def("plan_accuracy", &plan_accuracy, "target"_a, "positions"_a, "responses"_a);
 }
 
 }  // namespace earshot::python

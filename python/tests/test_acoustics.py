@@ -170,3 +170,19 @@ def test_any_pose_in_the_room_gives_finite_sound(scene: earshot.Scene, x: float,
     rir = scene.source([2, 1.5, 2]).render([x, y, z], heading, pitch_deg=pitch)
     assert np.isfinite(rir).all()
     assert np.abs(rir).max() > 0
+
+
+def test_settings_of_an_accuracy_keep_it() -> None:
+    room, keys = "shoebox:6x3x5@0.3", {"rir_length_s": 0.5}
+    listeners = [[4, 1.5, 2], [3, 1.2, 4], [5, 1.6, 3.5]]
+    source = earshot.Scene(room, preset="fast", settings=keys).source([2, 1.5, 2])
+    plan = source.plan_accuracy("t20=20%", listeners)
+    assert plan.choice in plan.tried
+    assert plan.choice.predicted["t20_pct"] <= 20
+    assert plan.choice.per_response_ms > 0
+    planned = earshot.Scene(room, preset="fast", settings={**keys, **plan.choice.settings})
+    assert np.isfinite(planned.source([2, 1.5, 2]).render(listeners[0])).all()
+    with pytest.raises(earshot.InputError, match="t20"):
+        source.plan_accuracy("t20=5", listeners)
+    with pytest.raises(earshot.InputError, match="listeners"):
+        source.plan_accuracy("t20=20%", np.empty((0, 3)))

@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <optional>
+#include <utility>
 
 #include "sim/acoustics/accuracy/accuracy_search.h"
 #include "sim/base/errors.h"
@@ -140,6 +141,20 @@ AccuracyPlan plan_accuracy(const AccuracyRequest& request, const std::function<v
   plan.chosen = *best;
   if (progress) progress(1);
   return plan;
+}
+
+AccuracyPlan plan_accuracy(const AcousticScene& acoustics, const AccuracyTarget& target, const SoundSource& source,
+                           std::vector<glm::vec3> places, double poses, const std::function<void(double fraction)>& progress) {
+  AccuracyRequest request;
+  request.config = acoustics.config();
+  request.target = target;
+  request.sites.push_back({.scene = acoustics.shared_scene(), .source = source, .places = std::move(places)});
+  request.poses = poses;
+  return plan_accuracy(request, progress);
+}
+
+AcousticScene planned_scene(const AcousticScene& acoustics, const AccuracyPlan& plan) {
+  return AcousticScene(acoustics.shared_scene(), plan.choice().config);
 }
 
 std::vector<std::string> settings_of(const AccuracyChoice& choice) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <functional>
+#include <glm/vec3.hpp>
 #include <span>
 #include <string>
 #include <string_view>
@@ -8,6 +9,8 @@
 
 #include "sim/acoustics/accuracy/accuracy_request.h"
 #include "sim/acoustics/accuracy/accuracy_trial.h"
+#include "sim/acoustics/core/sound_source.h"
+#include "sim/acoustics/model/acoustic_scene.h"
 
 namespace earshot {
 
@@ -35,6 +38,12 @@ std::span<const std::string_view> keys_of_accuracy();
 /// times as long.  Throws InputError where no candidate is within the target and `most_ms`, with what the best one reaches, where the paths
 /// that judge it stay less certain than the target, and where what is asked for has no value.
 AccuracyPlan plan_accuracy(const AccuracyRequest& request, const std::function<void(double fraction)>& progress = {});
+
+/// The same for one source in one scene, with listeners at such places.  acoustics: its config is AccuracyRequest::config.
+AccuracyPlan plan_accuracy(const AcousticScene& acoustics, const AccuracyTarget& target, const SoundSource& source,
+                           std::vector<glm::vec3> places, double poses, const std::function<void(double fraction)>& progress = {});
+/// The scene with the acoustics that were chosen.
+AcousticScene planned_scene(const AcousticScene& acoustics, const AccuracyPlan& plan);
 
 /// "key=value" of what the planner chose, as for --set.
 std::vector<std::string> settings_of(const AccuracyChoice& choice);

@@ -105,6 +105,17 @@ TEST(AccuracyPlan, MoreAccuracyTakesMoreWork) {
   }
 }
 
+TEST(AccuracyPlan, IsMadeForASourceOfAScene) {
+  const AccuracyRequest request = request_in_a_box("t20=20%", 1);
+  const AccuracySite& site = request.sites[0];
+  const AcousticScene scene(site.scene, request.config);
+  const AccuracyPlan plan = plan_accuracy(scene, request.target, site.source, site.places, request.poses);
+  EXPECT_LE(request.target.used(plan.choice().predicted), 0.85);
+  const AcousticScene planned = planned_scene(scene, plan);
+  EXPECT_EQ(planned.shared_scene(), scene.shared_scene());
+  EXPECT_EQ(planned.hash(), AcousticScene(site.scene, plan.choice().config).hash());
+}
+
 TEST(AccuracyPlan, OneChoiceServesALiveAndADeadRoom) {
   AccuracyRequest request = request_in_a_box("t20=10%,drr=2dB", 300, 0.1);
   request.sites.push_back(request_in_a_box("t20=10%", 1, 0.4).sites[0]);

@@ -24,5 +24,25 @@ TEST(FieldForPoses, PaysForManyPosesOfAHouse) {
   }
 }
 
+TEST(FieldForPoses, IsBuiltWhereItIsWanted) {
+  AcousticConfig config = acoustic_preset("fast");
+  config.rir_length_s = 0.2f;
+  config.field_error = 0.2f;
+  config.field = Switch::on;
+  const AcousticScene with_field(rooms::shoe1(0.2, 0.3), config);
+  const EarlyCandidates candidates(with_field, rooms::shoe1_source());
+  EXPECT_NE(field_for_poses(with_field, candidates, 1), nullptr);
+  config.field = Switch::off;
+  const AcousticScene without_field(rooms::shoe1(0.2, 0.3), config);
+  EXPECT_EQ(field_for_poses(without_field, EarlyCandidates(without_field, rooms::shoe1_source()), 100'000), nullptr);
+}
+
+TEST(FieldForPoses, AutomaticIsOffForFewPoses) {
+  EXPECT_EQ(field_switch_for_poses(Switch::automatic, 299), Switch::off);
+  EXPECT_EQ(field_switch_for_poses(Switch::automatic, 300), Switch::automatic);
+  for (const Switch user_set : {Switch::on, Switch::off})
+    for (const std::size_t num_poses : {0u, 300u}) EXPECT_EQ(field_switch_for_poses(user_set, num_poses), user_set);
+}
+
 }  // namespace
 }  // namespace earshot
