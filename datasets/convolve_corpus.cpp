@@ -79,7 +79,7 @@ std::string config_lines(const ConvolveConfig& config, const ResponseIndex& inde
 /// Writes the files of a mixture and makes its line of the manifest.
 class SignalWriter {
  public:
-  SignalWriter(const ConvolveConfig& config, const ResponseIndex& index, const SoundFolder& speech, CorpusPartWriter& writer)
+  SignalWriter(const ConvolveConfig& config, const ResponseIndex& index, const SoundFolder& speech, CorpusPieceWriter& writer)
       : config_(config), index_(index), speech_(speech), writer_(writer) {}
 
   void write(std::uint64_t number, const Mixture& mixture) {
@@ -132,7 +132,7 @@ class SignalWriter {
   const ConvolveConfig& config_;
   const ResponseIndex& index_;
   const SoundFolder& speech_;
-  CorpusPartWriter& writer_;
+  CorpusPieceWriter& writer_;
 };
 
 /// The talkers of a recording as lhotse's SupervisionSegments.
@@ -218,9 +218,9 @@ ConvolveReport write_convolve_corpus(const ConvolveConfig& config, const CorpusR
        .make_worker =
            [&] {
              auto maker = std::make_shared<MixtureMaker>(config, index, speech, noise ? &*noise : nullptr);
-             return [&, maker](std::size_t part, CorpusPartWriter& writer, const std::function<void()>& count_item) {
+             return [&, maker](CorpusPiece piece, CorpusPieceWriter& writer, const std::function<void()>& count_item) {
                SignalWriter signal_writer(config, index, speech, writer);
-               for (std::uint64_t number = part * per_part; number < end_of(part); ++number) {
+               for (std::uint64_t number = piece.part * per_part; number < end_of(piece.part); ++number) {
                  signal_writer.write(number, maker->mix(number));
                  count_item();
                }

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "datasets/rir_corpus.h"
+#include "datasets/corpus_parts.h"
 #include "sim/audio/dry_sounds/sound_file.h"
 
 namespace earshot {

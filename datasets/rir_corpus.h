@@ -2,31 +2,11 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <filesystem>
-#include <functional>
-#include <string>
 
+#include "datasets/corpus_parts.h"
 #include "datasets/rir_corpus_config.h"
-#include "sim/sofa/sofa_room_responses.h"
 
 namespace earshot {
-
-/// Part `index` of `count`, counted from 1: the folders whose number leaves index - 1 when divided by count.
-struct CorpusShard {
-  int index = 1, count = 1;
-  /// "K/N".  Throws InputError.
-  static CorpusShard parse(const std::string& text);
-};
-
-struct CorpusRun {
-  std::filesystem::path out;
-  int threads = 0;  ///< over rooms, and over the sources of the last ones; 0: all cores
-  CorpusShard shard;
-  /// Called from the caller's thread with the responses written so far and in all, of those that were missing.
-  std::function<void(std::uint64_t done, std::uint64_t total)> progress;
-  /// sofa_writer.h's, for corpora that ask for SOFA: who calls decides whether HDF5 is linked.
-  std::function<std::string(const SofaRoomResponses& responses, const std::string& where)> encode_sofa = {};
-};
 
 struct CorpusReport {
   std::uint64_t rooms = 0, responses = 0;  ///< written by this run

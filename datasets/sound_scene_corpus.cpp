@@ -56,7 +56,7 @@ class RoomRecorder {
         room_index_(room),
         room_(config.rooms, room, spec) {}
 
-  void record(int recording, CorpusPartWriter& writer) {
+  void record(int recording, CorpusPieceWriter& writer) {
     const SoundScenePlan plan = plan_sound_scene(config_, sounds_, room_, room_index_, recording);
     const RandomStream random(config_.rooms.seed, Purpose::episode, kMixStream, static_cast<std::uint32_t>(room_index_),
                               static_cast<std::uint32_t>(recording));
@@ -234,8 +234,8 @@ SoundSceneReport write_sound_scenes(const SoundSceneConfig& config, const Corpus
        .make_worker =
            [&] {
              auto recorder = std::make_shared<SoundSceneRecorder>(config, tables);
-             return [&, recorder](std::size_t room, CorpusPartWriter& writer, const std::function<void()>& count_item) {
-               RoomRecorder of_room(config, sounds, noise ? &*noise : nullptr, layout, *recorder, rooms[room], room);
+             return [&, recorder](CorpusPiece piece, CorpusPieceWriter& writer, const std::function<void()>& count_item) {
+               RoomRecorder of_room(config, sounds, noise ? &*noise : nullptr, layout, *recorder, rooms[piece.part], piece.part);
                for (int recording = 0; recording < config.recordings_per_room; ++recording) {
                  of_room.record(recording, writer);
                  count_item();

@@ -3,7 +3,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "datasets/rir_corpus.h"
+#include "datasets/corpus_parts.h"
 #include "datasets/sound_scene_config.h"
 
 namespace earshot {
