@@ -16,6 +16,8 @@ OrderedJson stated_error(const std::vector<double>& values) {
   return error ? OrderedJson(*error * student_factor(static_cast<double>(values.size()) - 1)) : OrderedJson(nullptr);
 }
 
+/// One trace from the listener holds no eight independent parts: up to 256 rays are weighed against each other (population_control.h),
+/// which leaves four such populations of the preset `balanced`, and all rays follow one sequence of directions (SphereSequence).
 OrderedJson errors_by_repetition(const AcousticScene& acoustics, const EarlyCandidates& candidates, glm::vec3 listener) {
   constexpr int batches = 8;
   const AcousticConfig& config = acoustics.config();
