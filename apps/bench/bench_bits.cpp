@@ -50,7 +50,7 @@ std::uint64_t hash_of_steps(const BenchBitsArguments& options) {
     }
     for (int env = 0; env < options.envs; ++env) actions[static_cast<std::size_t>(env)] = 1 + (step * 3 + env * 5) % 7 % 3;
     batch->step(actions);
-    for (std::size_t sensor = 0; sensor < batch->sensors().size(); ++sensor) add(batch->rows(sensor));
+    for (const SensorSpec& sensor : batch->sensors()) add(batch->rows(sensor.name));
     add(std::as_bytes(batch->rewards()));
     add(std::as_bytes(batch->terminated()));
     add(std::as_bytes(batch->truncated()));

@@ -44,10 +44,10 @@ SoakRows SoakRowCopy::take(const BatchedEnv& env, std::size_t row, bool ended) {
     own.assign(all.begin() + static_cast<std::ptrdiff_t>(row * size), all.begin() + static_cast<std::ptrdiff_t>((row + 1) * size));
     return std::span<float>(own);
   };
-  return {.depth = copy(ended ? env.final_depth() : env.depth(), depth_),
-          .spectrogram = copy(ended ? env.final_spectrogram() : env.spectrogram(), spectrogram_),
-          .audiogoal = copy(ended ? std::span<const float>{} : env.audiogoal(), audiogoal_),
-          .pointgoal = copy(ended ? env.final_pointgoal() : env.pointgoal(), pointgoal_),
+  return {.depth = copy(ended ? final_float_rows(env, "depth") : float_rows(env, "depth"), depth_),
+          .spectrogram = copy(ended ? final_float_rows(env, "spectrogram") : float_rows(env, "spectrogram"), spectrogram_),
+          .audiogoal = copy(ended ? std::span<const float>{} : float_rows(env, "waveform"), audiogoal_),
+          .pointgoal = copy(ended ? final_float_rows(env, "pointgoal") : float_rows(env, "pointgoal"), pointgoal_),
           .reward = env.rewards()[row]};
 }
 

@@ -77,9 +77,9 @@ void BaselineAgent::act(const BatchedEnv& env, std::span<std::int32_t> actions) 
       case Baseline::greedy:
       case Baseline::classical:
         if (episode != row.episode || step != row.step + 1) row.memory->begin();
-        action = row.memory->act({.heard = row_of(env.heard(), i, rows_.size()),
-                                  .new_samples = env.audiogoal().size() / (2 * rows_.size()),
-                                  .depth = row_of(env.depth(), i, rows_.size()),
+        action = row.memory->act({.heard = row_of(float_rows(env, "heard"), i, rows_.size()),
+                                  .new_samples = float_rows(env, "waveform").size() / (2 * rows_.size()),
+                                  .depth = row_of(float_rows(env, "depth"), i, rows_.size()),
                                   .collided = env.collided()[i] != 0},
                                  random);
         break;

@@ -39,6 +39,7 @@ BatchedEnv::Impl::Impl(const EnvConfig& env_config, std::shared_ptr<const Episod
       per_env(size_of(config.agents)),
       envs(size_of(num_envs)),
       agents(envs.size() * per_env),
+      rows(config.observation, block_samples, agents.size()),
       quarantine(config.quarantine_dir) {
   require(config.accuracy.empty(), "accuracy", config.accuracy, "has to be planned before environments are made (plan_env_accuracy)");
   require(num_envs >= 1, "num_envs", num_envs, "must be at least 1");
@@ -52,43 +53,15 @@ BatchedEnv::Impl::Impl(const EnvConfig& env_config, std::shared_ptr<const Episod
   EARSHOT_EXPECT(scenes->acoustics().sample_rate_hz == config.acoustics.sample_rate_hz);
 
   const ObservationSpec& spec = config.observation;
-  table = sensor_table(spec, block_samples);
-  for (const SensorSpec& sensor : table) sensor_rows.push_back(std::make_unique<SensorRows>(sensor, agents.size()));
-  // What sensors of sound are made of is kept whether it is observed or not.
-  ObservationSpec kept;
-  kept.depth = kept.spectrogram = false;
-  kept.waveform = spec.hears() && !spec.waveform;
-  kept.heard = spec.hears() && !spec.heard;
-  kept.sound = spec.sound;
-  for (const SensorSpec& sensor : sensor_table(kept, block_samples))
-    sensor_rows.push_back(std::make_unique<SensorRows>(sensor, agents.size()));
-  for (const ExtraCamera& camera : spec.all_cameras()) cameras.push_back({.camera = EmbreeCamera(camera.config)});
-  for (const auto& rows : sensor_rows) {
-    if (rows->spec().camera < 0) continue;
-    AgentCamera& camera = cameras[size_of(rows->spec().camera)];
-    (rows->spec().kind == SensorKind::depth      ? camera.depth
-     : rows->spec().kind == SensorKind::rgb      ? camera.rgb
-     : rows->spec().kind == SensorKind::semantic ? camera.semantic
-                                                 : camera.normals) = rows.get();
+  for (std::size_t i = 0; const ExtraCamera& camera : spec.all_cameras()) {
+    const int index = static_cast<int>(i++);
+    cameras.push_back({.camera = EmbreeCamera(camera.config),
+                       .depth = rows.of(SensorKind::depth, index),
+                       .rgb = rows.of(SensorKind::rgb, index),
+                       .semantic = rows.of(SensorKind::semantic, index),
+                       .normals = rows.of(SensorKind::normals, index)});
   }
-  const auto rows_of = [&](SensorKind kind) {
-    const auto found = std::find_if(sensor_rows.begin(), sensor_rows.end(), [&](const auto& rows) { return rows->spec().kind == kind; });
-    return found == sensor_rows.end() ? nullptr : found->get();
-  };
   open_renderer();
-  if (spec.depth) depth = cameras.front().depth;
-  spectrogram = rows_of(SensorKind::spectrogram);
-  waveform = rows_of(SensorKind::waveform);
-  heard = rows_of(SensorKind::heard);
-  pointgoal = rows_of(SensorKind::pointgoal);
-  gps_compass = rows_of(SensorKind::gps_compass);
-  way = rows_of(SensorKind::pose);
-  collision = rows_of(SensorKind::collision);
-  previous_action = rows_of(SensorKind::previous_action);
-  topdown_map = rows_of(SensorKind::topdown_map);
-  interaural = rows_of(SensorKind::interaural);
-  oracle_action_rows = rows_of(SensorKind::oracle_action);
-  goal_state = rows_of(SensorKind::goal_state);
 
   if (spec.hears()) {
     const float rate_hz = config.acoustics.sample_rate_hz;
@@ -103,8 +76,6 @@ BatchedEnv::Impl::Impl(const EnvConfig& env_config, std::shared_ptr<const Episod
       return std::make_unique<HearingEngines>(tables, stream, sound, dry_spectra, most_speed_m_per_s);
     };
   }
-  rewards.assign(agents.size(), 0.f);
-  for (auto* flags : {&terminated, &truncated, &active, &collided, &quarantined, &acted}) flags->assign(agents.size(), 0);
   for (auto* flags : {&under_way, &is_done}) flags->assign(envs.size(), 0);
   for (Agent& agent : agents)
     agent.around = {.places = {}, .apart_m = 2 * config.navmesh.agent_radius_m, .height_m = config.navmesh.agent_height_m};
@@ -234,38 +205,16 @@ int BatchedEnv::num_envs() const { return impl_->num_envs(); }
 int BatchedEnv::num_agents() const { return static_cast<int>(impl_->per_env); }
 int BatchedEnv::num_rows() const { return static_cast<int>(impl_->agents.size()); }
 const EnvConfig& BatchedEnv::config() const { return impl_->config; }
-namespace {
-
-std::span<const float> now_of(const SensorRows* rows) { return rows ? as_floats(rows->now()) : std::span<const float>{}; }
-std::span<const float> last_of(const SensorRows* rows) { return rows ? as_floats(rows->last()) : std::span<const float>{}; }
-
-}  // namespace
-
-std::span<const SensorSpec> BatchedEnv::sensors() const { return impl_->table; }
-std::span<const std::byte> BatchedEnv::rows(std::size_t sensor) const {
-  if (sensor >= impl_->table.size()) throw std::out_of_range(fmt::format("BatchedEnv::rows: sensor {} of {}", sensor, impl_->table.size()));
-  return impl_->sensor_rows[sensor]->now();
-}
-std::span<const std::byte> BatchedEnv::final_rows(std::size_t sensor) const {
-  if (sensor >= impl_->table.size())
-    throw std::out_of_range(fmt::format("BatchedEnv::final_rows: sensor {} of {}", sensor, impl_->table.size()));
-  return impl_->sensor_rows[sensor]->last();
-}
-std::span<const float> BatchedEnv::depth() const { return now_of(impl_->depth); }
-std::span<const float> BatchedEnv::spectrogram() const { return now_of(impl_->spectrogram); }
-std::span<const float> BatchedEnv::audiogoal() const { return now_of(impl_->waveform); }
-std::span<const float> BatchedEnv::heard() const { return now_of(impl_->heard); }
-std::span<const float> BatchedEnv::pointgoal() const { return now_of(impl_->pointgoal); }
-std::span<const float> BatchedEnv::rewards() const { return impl_->rewards; }
-std::span<const std::uint8_t> BatchedEnv::terminated() const { return impl_->terminated; }
-std::span<const std::uint8_t> BatchedEnv::truncated() const { return impl_->truncated; }
-std::span<const std::uint8_t> BatchedEnv::active() const { return impl_->active; }
-std::span<const std::uint8_t> BatchedEnv::collided() const { return impl_->collided; }
-std::span<const std::uint8_t> BatchedEnv::quarantined() const { return impl_->quarantined; }
-std::span<const std::uint8_t> BatchedEnv::acted() const { return impl_->acted; }
-std::span<const float> BatchedEnv::final_depth() const { return last_of(impl_->depth); }
-std::span<const float> BatchedEnv::final_spectrogram() const { return last_of(impl_->spectrogram); }
-std::span<const float> BatchedEnv::final_pointgoal() const { return last_of(impl_->pointgoal); }
+std::span<const SensorSpec> BatchedEnv::sensors() const { return impl_->rows.table(); }
+std::span<const std::byte> BatchedEnv::rows(std::string_view sensor) const { return impl_->rows.now(sensor); }
+std::span<const std::byte> BatchedEnv::final_rows(std::string_view sensor) const { return impl_->rows.last(sensor); }
+std::span<const float> BatchedEnv::rewards() const { return impl_->rows.rewards(); }
+std::span<const std::uint8_t> BatchedEnv::terminated() const { return impl_->rows.terminated(); }
+std::span<const std::uint8_t> BatchedEnv::truncated() const { return impl_->rows.truncated(); }
+std::span<const std::uint8_t> BatchedEnv::active() const { return impl_->rows.active(); }
+std::span<const std::uint8_t> BatchedEnv::collided() const { return impl_->rows.collided(); }
+std::span<const std::uint8_t> BatchedEnv::quarantined() const { return impl_->rows.quarantined(); }
+std::span<const std::uint8_t> BatchedEnv::acted() const { return impl_->rows.acted(); }
 std::span<const FinishedEpisode> BatchedEnv::finished() const { return impl_->finished; }
 
 Pose BatchedEnv::pose(int row) const { return impl_->agents[impl_->row_of(row)].state.pose(impl_->config.task); }

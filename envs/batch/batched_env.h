@@ -87,17 +87,12 @@ class BatchedEnv {
   [[nodiscard]] int num_agents() const;  ///< in each env
   [[nodiscard]] int num_rows() const;    ///< num_envs() * num_agents()
   [[nodiscard]] const EnvConfig& config() const;
-  /// The sensors of the config, and their rows by index: bytes of [rows, shape].  final_rows: like rows; those of an env are the last
-  /// observation of the episode that ended last.
+  /// The sensors of the config.
   [[nodiscard]] std::span<const SensorSpec> sensors() const;
-  [[nodiscard]] std::span<const std::byte> rows(std::size_t sensor) const;
-  [[nodiscard]] std::span<const std::byte> final_rows(std::size_t sensor) const;
-  /// The same by name for sensors of float32; empty where it is off.  Sound is kept where any sensor hears.
-  [[nodiscard]] std::span<const float> depth() const;              ///< [rows, height, width, 1]
-  [[nodiscard]] std::span<const float> spectrogram() const;        ///< [rows, 65, 26, 2]
-  [[nodiscard]] std::span<const float> audiogoal() const;          ///< [rows, 2, new samples]: this step's sound
-  [[nodiscard]] std::span<const float> heard() const;              ///< [rows, 2, window]: the last second
-  [[nodiscard]] std::span<const float> pointgoal() const;          ///< [rows, 2]
+  /// Rows of a sensor by name: bytes of [rows, shape].  Empty where it is off; `waveform` and `heard` are kept where any sensor hears.
+  [[nodiscard]] std::span<const std::byte> rows(std::string_view sensor) const;
+  /// The same of the observations in which the episodes that ended last ended.
+  [[nodiscard]] std::span<const std::byte> final_rows(std::string_view sensor) const;
   [[nodiscard]] std::span<const float> rewards() const;            ///< [rows] of the last step
   [[nodiscard]] std::span<const std::uint8_t> terminated() const;  ///< stop was called
   [[nodiscard]] std::span<const std::uint8_t> truncated() const;   ///< out of steps: bootstrap from the final observation
@@ -107,9 +102,6 @@ class BatchedEnv {
   [[nodiscard]] std::span<const std::uint8_t> quarantined() const;
   /// 1: the agent took its action in the last step.  0: idle, waiting, or the step began an episode; such a step is no experience.
   [[nodiscard]] std::span<const std::uint8_t> acted() const;
-  [[nodiscard]] std::span<const float> final_depth() const;
-  [[nodiscard]] std::span<const float> final_spectrogram() const;
-  [[nodiscard]] std::span<const float> final_pointgoal() const;
   /// Episodes that ended in the last step or are of the envs that recv() handed back, by env.
   [[nodiscard]] std::span<const FinishedEpisode> finished() const;
 
@@ -153,5 +145,9 @@ class BatchedEnv {
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };
+
+/// BatchedEnv::rows() and final_rows() of a sensor of float32.
+inline std::span<const float> float_rows(const BatchedEnv& env, std::string_view sensor) { return as_floats(env.rows(sensor)); }
+inline std::span<const float> final_float_rows(const BatchedEnv& env, std::string_view sensor) { return as_floats(env.final_rows(sensor)); }
 
 }  // namespace earshot

@@ -13,13 +13,13 @@
 #include <new>
 
 #include "envs/batch/agent_team.h"
+#include "envs/batch/batch_rows.h"
 #include "envs/batch/batched_env.h"
 #include "envs/batch/env_state.h"
 #include "envs/batch/env_workers.h"
 #include "envs/hearing/agent_hearing.h"
 #include "envs/hearing/sound_library.h"
 #include "envs/sensors/pending_pictures.h"
-#include "envs/sensors/sensor_rows.h"
 #include "envs/task/oracle_counts.h"
 #include "sim/base/denormals.h"
 #include "sim/base/errors.h"
@@ -86,12 +86,6 @@ struct EnvRun {
   std::unique_ptr<AgentTeam> team;  // null: one thread does all of its agents
 };
 
-/// What a step gave an agent, until the task ends: rows belong to the batch from the moment in which it gives a task up.
-struct StepOutcome {
-  float reward = 0;
-  bool terminated = false, truncated = false, collided = false, quarantined = false, acted = false;
-};
-
 /// Everything that belongs to one agent and is not an observation.
 struct Agent {
   Action action = Action::stop;
@@ -104,8 +98,8 @@ struct Agent {
   std::shared_ptr<const Appearance> appearance;  // of its scene, where a camera wants colours or categories
 
   AvNavState state;
-  StepOutcome outcome;
-  bool waits = false;  // its part of the episode has ended, and others go on
+  StepOutcome outcome;  // until the task ends: rows belong to the batch from the moment in which it gives a task up
+  bool waits = false;   // its part of the episode has ended, and others go on
   AgentHearing hearing;
   bool pictures_are_current = false;
   Pose start_pose, rendered_pose;
@@ -155,14 +149,7 @@ struct BatchedEnv::Impl {
   std::vector<Agent> agents;           // by row: [num_envs * per_env]
   bool started = false;
 
-  std::vector<SensorSpec> table;
-  std::vector<std::unique_ptr<SensorRows>> sensor_rows;  // as the table, then what is kept without being observed
-  SensorRows *depth = nullptr, *spectrogram = nullptr, *interaural = nullptr, *waveform = nullptr, *heard = nullptr;
-  SensorRows *pointgoal = nullptr, *gps_compass = nullptr, *way = nullptr, *collision = nullptr, *previous_action = nullptr,
-             *topdown_map = nullptr;
-  SensorRows *oracle_action_rows = nullptr, *goal_state = nullptr;
-  std::vector<float> rewards;
-  std::vector<std::uint8_t> terminated, truncated, active, collided, quarantined, acted;
+  BatchRows rows;
   std::vector<FinishedEpisode> finished;
   std::vector<std::vector<std::int8_t>> spare_actions;  // of those that were finished before
   StageSeconds stage_seconds;

@@ -13,7 +13,7 @@ void BatchedEnv::Impl::refuse_while_under_way(const char* call) const {
 }
 
 void BatchedEnv::Impl::check_action(std::size_t row, std::int32_t action) const {
-  if (active[row] == 0) return;
+  if (rows.active()[row] == 0) return;
   const std::size_t env = env_of(row);
   if (envs[env].has_ended) {
     if (config.autoreset == Autoreset::off)

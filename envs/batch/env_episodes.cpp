@@ -97,7 +97,7 @@ void BatchedEnv::Impl::prepare_episode(std::size_t env, std::uint64_t episode_in
     agent.pictures_are_current = false;
     agent.pictures_now = {};
     agent.path.clear();
-    if (topdown_map) agent.path.reserve(size_of(config.task.max_steps) + 1);
+    if (rows.of(SensorKind::topdown_map)) agent.path.reserve(size_of(config.task.max_steps) + 1);
   }
 }
 
@@ -177,7 +177,7 @@ void BatchedEnv::Impl::enter_agent(std::size_t row, double silent_from_s) {
   });
   agent.state.begin(task, goal, *start, heading_rad, oracle_actions, silent_from_s);
   agent.start_pose = agent.state.pose(task);
-  if (!topdown_map) return;
+  if (!rows.of(SensorKind::topdown_map)) return;
   agent.path.push_back(*start);
   agent.goals.assign(1, scene.scene->to_local(episode.goal_position));
   for (const glm::dvec3 other : episode.other_goals) agent.goals.push_back(scene.scene->to_local(other));
@@ -278,10 +278,11 @@ void BatchedEnv::Impl::observe_start(std::size_t row, HearingEngines* own) {
   trace(row, own, config.observation.sound.num_samples);  // the window before the first step is heard with it
   synthesize(row, own);
   if (own && runs(row)) {
-    if (!agents[row].hearing.fill_window(*own, block_samples, waveform->row<float>(row), heard->row<float>(row)))
+    if (!agents[row].hearing.fill_window(*own, block_samples, rows.of(SensorKind::waveform)->row<float>(row),
+                                         rows.of(SensorKind::heard)->row<float>(row)))
       report(row, Fault::sound, "the sound before the first step is not finite");
     else if (hook)
-      check(row, Fault::sound, waveform->row<float>(row));
+      check(row, Fault::sound, rows.of(SensorKind::waveform)->row<float>(row));
   }
   render(row);
   observe(row, own);

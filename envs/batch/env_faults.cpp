@@ -50,7 +50,7 @@ bool BatchedEnv::Impl::check(std::size_t row, Fault kind, std::span<float> value
 }
 
 void BatchedEnv::Impl::clear_row(std::size_t row) {
-  for (const auto& sensor : sensor_rows) sensor->clear(row);
+  rows.clear(row);
   agents[row].pictures_now.wanted = false;
 }
 
@@ -117,21 +117,15 @@ void BatchedEnv::Impl::quarantine_stalled(std::size_t env) {
   const FaultReport fault{Fault::stall, fmt::format("a stage took longer than stage_limit_s = {}", config.stage_limit_s)};
   run.stalled = true;
   quarantine_episode(env, fault);
-  clear_outcome(env);
   for (std::size_t row = first_row(env); row < first_row(env) + per_env; ++row) {
-    active[row] = 0;
-    truncated[row] = quarantined[row] = 1;
     if (config.order == EpisodeOrder::once) run.stalled_ones.push_back(failed_episode(row, fault, false));
-    for (const auto& sensor : sensor_rows) {
-      sensor->clear(row);
-      sensor->keep(row);
-    }
+    rows.give_up(row);
   }
 }
 
 void BatchedEnv::Impl::stop_if_none_begins() const {
   if (begun > 0 || failed < std::min<std::uint64_t>(kHopeless, set->episodes.size())) return;
-  if (std::ranges::any_of(active, [](std::uint8_t flag) { return flag != 0; })) return;
+  if (std::ranges::any_of(rows.active(), [](std::uint8_t flag) { return flag != 0; })) return;
   const QuarantineCounters counters = quarantine.counters();
   std::string reasons;
   for (std::size_t i = 0; i < kNumFaults; ++i)

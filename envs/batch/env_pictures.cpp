@@ -17,8 +17,8 @@ bool same_pose(const Pose& a, const Pose& b) { return a.position == b.position &
 /// The rows of one env: its observation now, or the last one of its episode that ended.
 CameraImages images_of(const AgentCamera& camera, std::size_t env, bool last) {
   CameraImages images;
-  const auto row = [&]<class T>(SensorRows* rows, std::span<T>& image) {
-    if (rows) image = last ? rows->last_row<T>(env) : rows->row<T>(env);
+  const auto row = [&]<class T>(SensorRows* sensor, std::span<T>& image) {
+    if (sensor) image = last ? sensor->last_row<T>(env) : sensor->row<T>(env);
   };
   row(camera.depth, images.depth);
   row(camera.rgb, images.rgb);
@@ -116,7 +116,7 @@ void BatchedEnv::Impl::render(std::size_t row) {
 }
 
 void BatchedEnv::Impl::keep_rows(std::size_t row) {
-  for (const auto& sensor : sensor_rows) sensor->keep(row);
+  rows.keep(row);
   Agent& agent = agents[row];  // the copy has come too early for what is not drawn yet
   if (agent.pictures_now.wanted)
     agent.pictures_last = agent.pictures_now;

@@ -95,7 +95,8 @@ void BatchedEnv::Impl::hear_again(std::size_t row, HearingEngines* own, std::siz
   trace(row, own, step == 0 ? config.observation.sound.num_samples : block_samples);
   synthesize(row, own);
   if (step == 0) {
-    if (own && runs(row)) hearing.fill_window(*own, block_samples, waveform->row<float>(row), heard->row<float>(row));
+    if (own && runs(row))
+      hearing.fill_window(*own, block_samples, rows.of(SensorKind::waveform)->row<float>(row), rows.of(SensorKind::heard)->row<float>(row));
   } else if (step == from) {
     hearing.seek(window + step * size_of(block_samples));
   } else {

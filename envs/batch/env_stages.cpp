@@ -13,10 +13,7 @@
 namespace earshot {
 
 void BatchedEnv::Impl::clear_outcome(std::size_t env) {
-  for (std::size_t row = first_row(env); row < first_row(env) + per_env; ++row) {
-    rewards[row] = 0.f;
-    terminated[row] = truncated[row] = collided[row] = quarantined[row] = acted[row] = 0;
-  }
+  for (std::size_t row = first_row(env); row < first_row(env) + per_env; ++row) rows.clear_outcome(row);
 }
 
 void BatchedEnv::Impl::move(std::size_t row, Action action) {
@@ -33,7 +30,7 @@ void BatchedEnv::Impl::move(std::size_t row, Action action) {
                      static_cast<std::uint32_t>(agent.state.steps())));
   float reward = agent.state.step(config.task, agent.source->scene->navmesh, goal_of(row), action, error, agent.around);
   const Pose pose = agent.state.pose(config.task);
-  if (topdown_map && pose.position != agent.path.back()) agent.path.push_back(pose.position);
+  if (rows.of(SensorKind::topdown_map) && pose.position != agent.path.back()) agent.path.push_back(pose.position);
   std::array<float, 4> place = {pose.position.x, pose.position.y, pose.position.z, static_cast<float>(pose.heading_rad)};
   // A distance that was lost has the value before it (AvNavState), which is a guess and no reward.
   const bool lost = agent.state.lost_distances() != lost_before;
@@ -93,27 +90,31 @@ void BatchedEnv::Impl::synthesize(std::size_t row, HearingEngines* own) {
 
 void BatchedEnv::Impl::convolve(std::size_t row, HearingEngines* own) {
   if (!runs(row) || !own) return;
-  if (!agents[row].hearing.convolve(*own, block_samples, waveform->row<float>(row), heard->row<float>(row)))
+  if (!agents[row].hearing.convolve(*own, block_samples, rows.of(SensorKind::waveform)->row<float>(row),
+                                    rows.of(SensorKind::heard)->row<float>(row)))
     report(row, Fault::sound, "the sound of this step is not finite");
   else if (hook)
-    check(row, Fault::sound, waveform->row<float>(row));
+    check(row, Fault::sound, rows.of(SensorKind::waveform)->row<float>(row));
 }
 
 void BatchedEnv::Impl::observe(std::size_t row, HearingEngines* own) {
   if (!runs(row)) return;
+  SensorRows* const spectrogram = rows.of(SensorKind::spectrogram);
+  SensorRows* const interaural = rows.of(SensorKind::interaural);
   const auto cells = interaural ? interaural->row<float>(row) : std::span<float>{};
   if (spectrogram || interaural) {
     const auto picture = spectrogram ? spectrogram->row<float>(row) : std::span<float>{};
     if (config.observation.legacy_spectrogram) {  // the new samples, then zeros (docs/formats.md, section 6.2)
       const std::size_t samples = own->window.size() / 2, block = size_of(block_samples);
-      const auto sound = waveform->row<float>(row);
+      const auto sound = rows.of(SensorKind::waveform)->row<float>(row);
       std::fill(own->window.begin(), own->window.end(), 0.f);
       for (std::size_t ear = 0; ear < 2; ++ear)
         std::copy_n(sound.begin() + static_cast<std::ptrdiff_t>(ear * block), block,
                     own->window.begin() + static_cast<std::ptrdiff_t>(ear * samples));
       own->analyzer.analyze(own->window, picture);
     }
-    agents[row].hearing.analyze(*own, heard->row<float>(row), config.observation.legacy_spectrogram ? std::span<float>{} : picture, cells);
+    agents[row].hearing.analyze(*own, rows.of(SensorKind::heard)->row<float>(row),
+                                config.observation.legacy_spectrogram ? std::span<float>{} : picture, cells);
     if (spectrogram) check(row, Fault::spectrogram, picture);
     if (interaural) check(row, Fault::spectrogram, cells);
   }
@@ -138,7 +139,7 @@ void BatchedEnv::Impl::add_pose_noise(std::size_t row, std::span<float> reading)
 void BatchedEnv::Impl::observe_way(std::size_t row) {
   const Agent& agent = agents[row];
   const Pose now = agent.state.pose(config.task);
-  if (pointgoal) {
+  if (SensorRows* pointgoal = rows.of(SensorKind::pointgoal)) {
     const glm::dvec3 toward = episode_of(agent).goal_position - agent.source->scene->scene->to_world(now.position);
     const auto goal = pointgoal->row<float>(row);
     goal[0] = static_cast<float>(std::hypot(toward.x, toward.z));
@@ -151,18 +152,21 @@ void BatchedEnv::Impl::observe_way(std::size_t row) {
       static_cast<float>(std::remainder(now.heading_rad - agent.start_pose.heading_rad, 2.0 * std::numbers::pi)),
       static_cast<float>(agent.state.steps()) * config.task.step_time_s};
   if (config.observation.pose_noise.any()) add_pose_noise(row, since_start);
-  if (gps_compass) std::copy_n(since_start.begin(), 3, gps_compass->row<float>(row).begin());
-  if (way) std::copy_n(since_start.begin(), 4, way->row<float>(row).begin());
-  if (topdown_map)
+  if (SensorRows* gps_compass = rows.of(SensorKind::gps_compass)) std::copy_n(since_start.begin(), 3, gps_compass->row<float>(row).begin());
+  if (SensorRows* pose = rows.of(SensorKind::pose)) std::copy_n(since_start.begin(), 4, pose->row<float>(row).begin());
+  if (SensorRows* topdown_map = rows.of(SensorKind::topdown_map))
     draw_topdown_map(config.observation.map, agent.source->scene->floor->of(agent.source->scene->navmesh),
                      {.position = now.position, .heading_rad = now.heading_rad, .path = agent.path, .goals = agent.goals},
                      topdown_map->row<std::uint8_t>(row));
-  if (collision) collision->row<std::uint8_t>(row)[0] = agent.state.collided() ? 1 : 0;
-  if (previous_action) previous_action->row<std::int32_t>(row)[0] = agent.actions.empty() ? -1 : agent.actions.back();
+  if (SensorRows* collision = rows.of(SensorKind::collision)) collision->row<std::uint8_t>(row)[0] = agent.state.collided() ? 1 : 0;
+  if (SensorRows* previous_action = rows.of(SensorKind::previous_action))
+    previous_action->row<std::int32_t>(row)[0] = agent.actions.empty() ? -1 : agent.actions.back();
 }
 
 /// What no agent could sense.
 void BatchedEnv::Impl::observe_goal(std::size_t row) {
+  SensorRows* const oracle_action_rows = rows.of(SensorKind::oracle_action);
+  SensorRows* const goal_state = rows.of(SensorKind::goal_state);
   if (!oracle_action_rows && !goal_state) return;
   const Agent& agent = agents[row];
   const Pose now = agent.state.pose(config.task);

@@ -47,16 +47,8 @@ bool BatchedEnv::Impl::goes_on(std::size_t env) {
 }
 
 void BatchedEnv::Impl::publish(std::size_t env) {
-  for (std::size_t row = first_row(env); row < first_row(env) + per_env; ++row) {
-    const StepOutcome& outcome = agents[row].outcome;
-    rewards[row] = outcome.reward;
-    terminated[row] = outcome.terminated;
-    truncated[row] = outcome.truncated;
-    collided[row] = outcome.collided;
-    quarantined[row] = outcome.quarantined;
-    acted[row] = outcome.acted;
-    active[row] = envs[env].has_episode && !agents[row].waits;
-  }
+  for (std::size_t row = first_row(env); row < first_row(env) + per_env; ++row)
+    rows.publish(row, agents[row].outcome, envs[env].has_episode && !agents[row].waits);
 }
 
 void BatchedEnv::Impl::run_task(std::size_t env, std::size_t worker) {

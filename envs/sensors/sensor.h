@@ -31,6 +31,7 @@ enum class SensorKind : std::uint8_t {
   goal_state,  ///< float32 [4], privileged: metres to the goal on foot and in a straight line; bearings of the goal and of the next corner
                ///< on the way to it in radians, counter-clockwise from ahead
 };
+inline constexpr std::size_t kNumSensorKinds = static_cast<std::size_t>(SensorKind::goal_state) + 1;
 
 enum class SensorType : std::uint8_t { float32, uint8, uint16, int32 };
 std::size_t size_of(SensorType type);
@@ -58,5 +59,10 @@ struct SensorSpec {
 std::vector<SensorSpec> sensor_table(const ObservationSpec& spec, int step_samples);
 /// The row of the table with this name; null if there is none.
 const SensorSpec* find_sensor(std::span<const SensorSpec> table, std::string_view name);
+
+/// Rows of a sensor of float32 as floats.
+inline std::span<const float> as_floats(std::span<const std::byte> rows) {
+  return {reinterpret_cast<const float*>(rows.data()), rows.size() / sizeof(float)};
+}
 
 }  // namespace earshot

@@ -41,9 +41,4 @@ class SensorRows {
   std::vector<std::byte> now_, last_;
 };
 
-/// Rows of float32 as floats.
-inline std::span<const float> as_floats(std::span<const std::byte> rows) {
-  return {reinterpret_cast<const float*>(rows.data()), rows.size() / sizeof(float)};
-}
-
 }  // namespace earshot

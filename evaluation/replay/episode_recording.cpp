@@ -112,7 +112,7 @@ class Recorder {
         camera_(camera_of(env.config(), recording.config)),
         bearing_(env.config().acoustics.sample_rate_hz),
         response_(static_cast<std::size_t>(InterauralBearing::kNumAngles)) {
-    recording.samples_per_step = static_cast<int>(env.audiogoal().size() / 2);
+    recording.samples_per_step = static_cast<int>(float_rows(env, "waveform").size() / 2);
   }
 
   /// ended: the last step ended the episode, whose rows are the final ones.
@@ -146,13 +146,9 @@ class Recorder {
   }
 
   [[nodiscard]] std::span<const float> rows(std::string_view name, bool final) const {
-    const auto sensors = env_->sensors();
-    for (std::size_t i = 0; i < sensors.size(); ++i) {
-      if (sensors[i].name != name || sensors[i].type != SensorType::float32) continue;
-      const auto bytes = final ? env_->final_rows(i) : env_->rows(i);
-      return {reinterpret_cast<const float*>(bytes.data()), bytes.size() / sizeof(float)};
-    }
-    return {};
+    const SensorSpec* sensor = find_sensor(env_->sensors(), name);
+    if (!sensor || sensor->type != SensorType::float32) return {};
+    return as_floats(final ? env_->final_rows(name) : env_->rows(name));
   }
 
   void hear(std::span<const float> sound, RecordedStep& step) {

@@ -48,13 +48,13 @@ class SensorArrays:
         self.rows: dict[str, NDArray[Any]] = {}
         self.final_rows: dict[str, NDArray[Any]] = {}
         boxes: dict[str, spaces.Space[Any]] = {}
-        for index, (name, dtype, shape, units, low, high, privileged) in enumerate(batch.sensors()):
+        for name, dtype, shape, units, low, high, privileged in batch.sensors():
             self.names.append(name)
             self.units[name] = units
             if privileged:
                 self.privileged.append(name)
-            self.rows[name] = batch.rows(index)
-            self.final_rows[name] = batch.final_rows(index)
+            self.rows[name] = batch.rows(name)
+            self.final_rows[name] = batch.final_rows(name)
             kind: Any = np.dtype(dtype)
             if kind.kind == "f":
                 box = spaces.Box(low, high, tuple(shape), kind)

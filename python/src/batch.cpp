@@ -49,10 +49,11 @@ nb::dlpack::dtype dtype_of(SensorType type) {
 }
 
 /// Rows of a sensor, [rows, shape]: the memory of the batch itself.
-nb::ndarray<nb::numpy> rows_of(nb::handle_t<Batch> self, std::size_t sensor, bool last) {
+nb::ndarray<nb::numpy> rows_of(nb::handle_t<Batch> self, const std::string& sensor, bool last) {
   const BatchedEnv& env = nb::inst_ptr<Batch>(self)->env;
-  if (sensor >= env.sensors().size()) throw nb::index_error("there is no such sensor");
-  const SensorSpec& spec = env.sensors()[sensor];
+  const SensorSpec* found = find_sensor(env.sensors(), sensor);
+  if (!found) throw nb::key_error(("there is no sensor '" + sensor + "'").c_str());
+  const SensorSpec& spec = *found;
   const std::span<const std::byte> bytes = last ? env.final_rows(sensor) : env.rows(sensor);
   std::vector<std::size_t> shape{static_cast<std::size_t>(env.num_rows())};
   shape.insert(shape.end(), spec.shape.begin(), spec.shape.end());
@@ -161,9 +162,9 @@ void bind_batch(nb::module_& m) {
   batch.def_prop_ro("config_text", [](const Batch& b) { return config_text(b.env.config()); });
   batch.def("sensors", &sensors_of);
   batch.def(
-      "rows", [](nb::handle_t<Batch> self, std::size_t sensor) { return rows_of(self, sensor, false); }, "sensor"_a);
+      "rows", [](nb::handle_t<Batch> self, const std::string& sensor) { return rows_of(self, sensor, false); }, "sensor"_a);
   batch.def(
-      "final_rows", [](nb::handle_t<Batch> self, std::size_t sensor) { return rows_of(self, sensor, true); }, "sensor"_a);
+      "final_rows", [](nb::handle_t<Batch> self, const std::string& sensor) { return rows_of(self, sensor, true); }, "sensor"_a);
   batch.def("rewards", [](nb::handle_t<Batch> self) { return view_of(self, nb::inst_ptr<Batch>(self)->env.rewards()); });
   batch.def("terminated", [](nb::handle_t<Batch> self) { return view_of(self, nb::inst_ptr<Batch>(self)->env.terminated()); });
   batch.def("truncated", [](nb::handle_t<Batch> self) { return view_of(self, nb::inst_ptr<Batch>(self)->env.truncated()); });

@@ -147,8 +147,8 @@ def hash_of_steps(threads: int, *, restored: bool) -> BitHash:
             batch = open_batch(9 - threads)
             batch.restore_state(state)
         batch.step(np.array([1 + (step * 3 + env * 5) % 7 % 3 for env in range(ENVS)], dtype=np.int32))
-        for sensor in range(len(batch.sensors())):
-            bits.add(batch.rows(sensor))
+        for name, *_ in batch.sensors():
+            bits.add(batch.rows(name))
         for values in (batch.rewards(), batch.terminated(), batch.truncated()):
             bits.add(values)
     return bits

@@ -58,8 +58,8 @@ def test_observations_are_views_of_the_engine(small: Make) -> None:
     for actions in actions_of(30, 2):  # over ends of episodes too
         obs, *_ = envs.step(actions)
         assert {key: array.__array_interface__["data"][0] for key, array in obs.items()} == where
-    for index, (name, *_) in enumerate(envs.batch.sensors()):
-        assert envs.batch.rows(index).__array_interface__["data"][0] == where[name]
+    for name, *_ in envs.batch.sensors():
+        assert envs.batch.rows(name).__array_interface__["data"][0] == where[name]
 
 
 def test_dlpack_shares_the_memory(small: Make) -> None:

@@ -101,7 +101,7 @@ pinned::BitHash bits_of_steps(const Batches& batches, int threads, bool restored
     }
     for (int e = 0; e < kEnvs; ++e) actions[static_cast<std::size_t>(e)] = 1 + (step * 3 + e * 5) % 7 % 3;
     env->step(actions);
-    for (std::size_t sensor = 0; sensor < env->sensors().size(); ++sensor) bits.add(env->rows(sensor));
+    for (const SensorSpec& sensor : env->sensors()) bits.add(env->rows(sensor.name));
     bits.add(env->rewards()).add(std::as_bytes(env->terminated())).add(std::as_bytes(env->truncated()));
   }
   return bits;

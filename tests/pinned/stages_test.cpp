@@ -110,7 +110,11 @@ TEST(PinnedBits, ObservationsAfterTwentySteps) {
     env.step(actions);
   }
   pinned::BitHash bits;
-  bits.add(env.depth()).add(env.spectrogram()).add(env.heard()).add(env.pointgoal()).add(env.rewards());
+  bits.add(float_rows(env, "depth"))
+      .add(float_rows(env, "spectrogram"))
+      .add(float_rows(env, "heard"))
+      .add(float_rows(env, "pointgoal"))
+      .add(env.rewards());
   pinned::expect_pinned_rays("observation_20_steps", bits, {pinned::transforms()});
 }
 

@@ -169,8 +169,8 @@ TEST(H64_StuckInACorner, HearsOnWithoutNewResponses) {
   for (int step = 0; step < 20; ++step) env.step(std::vector<std::int32_t>{1});
   const Pose stuck = env.pose(0);
   const std::uint64_t cached = env.cached_responses();
-  std::vector<float> heard(env.heard().begin(), env.heard().end());
-  const std::vector<float> picture(env.depth().begin(), env.depth().end());
+  std::vector<float> heard(float_rows(env, "heard").begin(), float_rows(env, "heard").end());
+  const std::vector<float> picture(float_rows(env, "depth").begin(), float_rows(env, "depth").end());
   for (int step = 0; step < 500; ++step) {
     env.step(std::vector<std::int32_t>{1});
     ASSERT_EQ(env.pose(0).position, stuck.position) << step;
@@ -178,18 +178,18 @@ TEST(H64_StuckInACorner, HearsOnWithoutNewResponses) {
     ASSERT_EQ(env.collided()[0], 1);
     ASSERT_FLOAT_EQ(env.rewards()[0], -0.01f);
     // One step of new sound behind what was heard before.
-    const std::size_t window = heard.size() / 2, block = env.audiogoal().size() / 2;
+    const std::size_t window = heard.size() / 2, block = float_rows(env, "waveform").size() / 2;
     for (std::size_t ear = 0; ear < 2; ++ear) {
-      const auto now = env.heard().subspan(ear * window, window);
+      const auto now = float_rows(env, "heard").subspan(ear * window, window);
       ASSERT_TRUE(std::ranges::equal(now.first(window - block), std::span(heard).subspan(ear * window + block, window - block)));
-      ASSERT_TRUE(std::ranges::equal(now.last(block), env.audiogoal().subspan(ear * block, block)));
+      ASSERT_TRUE(std::ranges::equal(now.last(block), float_rows(env, "waveform").subspan(ear * block, block)));
     }
-    heard.assign(env.heard().begin(), env.heard().end());
+    heard.assign(float_rows(env, "heard").begin(), float_rows(env, "heard").end());
   }
   EXPECT_EQ(env.cached_responses() - cached, 500u);
-  EXPECT_TRUE(std::ranges::equal(env.depth(), picture));
+  EXPECT_TRUE(std::ranges::equal(float_rows(env, "depth"), picture));
   float loudest = 0;
-  for (const float value : env.audiogoal()) loudest = std::max(loudest, std::abs(value));
+  for (const float value : float_rows(env, "waveform")) loudest = std::max(loudest, std::abs(value));
   EXPECT_GT(loudest, 0.f);
 }
 

@@ -188,7 +188,8 @@ TEST(H9_FarFromTheOrigin, EnvironmentsStepAsAtTheOrigin) {
     const std::int32_t actions[] = {1, 2, 1, 1, 3, 1, 1, 2, 1, 1};
     for (const std::int32_t action : actions) {
       env.step(std::span(&action, 1));
-      for (const auto row : {env.depth(), env.audiogoal(), env.pointgoal(), env.rewards()}) seen.insert(seen.end(), row.begin(), row.end());
+      for (const auto row : {float_rows(env, "depth"), float_rows(env, "waveform"), float_rows(env, "pointgoal"), env.rewards()})
+        seen.insert(seen.end(), row.begin(), row.end());
     }
     return seen;
   };

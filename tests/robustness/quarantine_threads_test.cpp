@@ -77,7 +77,7 @@ TEST_F(QuarantineInBatch, AnyBadNumberEndsItsEpisodeInTheSameStep) {
         EXPECT_EQ(env.episode_step(row), 0);
         EXPECT_EQ(std::ranges::count(env.quarantined(), 1), 1);
         ASSERT_TRUE(buffers_are_finite(env)) << name_of(kind) << " " << value;
-        for (const auto rows : {env.final_depth(), env.final_spectrogram(), env.final_pointgoal()})
+        for (const auto rows : {final_float_rows(env, "depth"), final_float_rows(env, "spectrogram"), final_float_rows(env, "pointgoal")})
           for (const float x : row_of(rows, kEnvs, row)) ASSERT_EQ(x, 0.f);
         EXPECT_TRUE(env.finished().empty());  // order `random`: no metric of a run knows it
         EXPECT_EQ(env.quarantine_counters().total(), faults);

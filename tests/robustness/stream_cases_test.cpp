@@ -71,7 +71,7 @@ TEST(H38_SilentSource, IsExactlySilentToEarsAndSpectrogram) {
   BatchedEnv env(config, set, make_scene_cache(config), 1);
   env.reset();
   for (int step = 0; step < 12; ++step) {
-    for (const auto rows : {env.audiogoal(), env.heard(), env.spectrogram()})
+    for (const auto rows : {float_rows(env, "waveform"), float_rows(env, "heard"), float_rows(env, "spectrogram")})
       for (const float value : rows) ASSERT_EQ(value, 0.f);
     env.step(std::vector<std::int32_t>{1 + step % 3});
   }

@@ -14,12 +14,11 @@ ObservationTensors views(const BatchedEnv& env, bool final) {
   ObservationTensors tensors;
   const std::span<const SensorSpec> table = env.sensors();
   tensors.sensors.reserve(table.size());
-  for (std::size_t sensor = 0; sensor < table.size(); ++sensor) {
-    const std::span<const std::byte> rows = final ? env.final_rows(sensor) : env.rows(sensor);
+  for (const SensorSpec& sensor : table) {
+    const std::span<const std::byte> rows = final ? env.final_rows(sensor.name) : env.rows(sensor.name);
     // from_blob wants a mutable pointer; no caller writes through these views.
     tensors.sensors.push_back(
-        {table[sensor].name, torch::from_blob(const_cast<std::byte*>(rows.data()), sizes_of(table[sensor], {env.num_rows()}),
-                                              scalar_type(table[sensor].type))});
+        {sensor.name, torch::from_blob(const_cast<std::byte*>(rows.data()), sizes_of(sensor, {env.num_rows()}), scalar_type(sensor.type))});
   }
   return tensors;
 }

@@ -36,8 +36,8 @@ inline std::vector<std::byte> shown_to_agent(const BatchedEnv& env, int row) {
   std::vector<std::byte> all;
   const auto count = static_cast<std::size_t>(env.num_rows());
   const auto i = static_cast<std::size_t>(row);
-  for (std::size_t sensor = 0; sensor < env.sensors().size(); ++sensor)
-    for (const auto rows : {env.rows(sensor), env.final_rows(sensor)}) roll_outs::append_row(all, rows, i, count);
+  for (const SensorSpec& sensor : env.sensors())
+    for (const auto rows : {env.rows(sensor.name), env.final_rows(sensor.name)}) roll_outs::append_row(all, rows, i, count);
   for (const std::uint8_t flag :
        {env.terminated()[i], env.truncated()[i], env.active()[i], env.collided()[i], env.quarantined()[i], env.acted()[i]})
     all.push_back(static_cast<std::byte>(flag));

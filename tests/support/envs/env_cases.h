@@ -69,8 +69,9 @@ inline double resident_mib() {
 
 /// Everything a policy or a learner may read.
 inline bool buffers_are_finite(const BatchedEnv& env) {
-  for (const auto rows : {env.depth(), env.spectrogram(), env.audiogoal(), env.heard(), env.pointgoal(), env.rewards(), env.final_depth(),
-                          env.final_spectrogram(), env.final_pointgoal()})
+  for (const auto rows : {float_rows(env, "depth"), float_rows(env, "spectrogram"), float_rows(env, "waveform"), float_rows(env, "heard"),
+                          float_rows(env, "pointgoal"), env.rewards(), final_float_rows(env, "depth"), final_float_rows(env, "spectrogram"),
+                          final_float_rows(env, "pointgoal")})
     if (!is_finite(rows)) return false;
   for (const FinishedEpisode& end : env.finished())
     for (const double value :
@@ -89,7 +90,8 @@ std::vector<T> row_of(std::span<const T> rows, int num_envs, int env) {
 /// What env `env` of a batch shows.
 inline std::vector<float> shown_by(const BatchedEnv& env, int row) {
   std::vector<float> all;
-  for (const auto rows : {env.depth(), env.spectrogram(), env.audiogoal(), env.heard(), env.pointgoal()}) {
+  for (const auto rows : {float_rows(env, "depth"), float_rows(env, "spectrogram"), float_rows(env, "waveform"), float_rows(env, "heard"),
+                          float_rows(env, "pointgoal")}) {
     const auto part = row_of(rows, env.num_envs(), row);
     all.insert(all.end(), part.begin(), part.end());
   }

@@ -33,8 +33,9 @@ inline void record(const BatchedEnv& env, int first, std::map<int, std::vector<R
   const auto count = static_cast<std::size_t>(env.num_envs());
   for (std::size_t row = 0; row < count; ++row) {
     Record now;
-    for (const auto rows : {env.depth(), env.spectrogram(), env.audiogoal(), env.heard(), env.pointgoal(), env.rewards(), env.final_depth(),
-                            env.final_spectrogram(), env.final_pointgoal()})
+    for (const auto rows : {float_rows(env, "depth"), float_rows(env, "spectrogram"), float_rows(env, "waveform"), float_rows(env, "heard"),
+                            float_rows(env, "pointgoal"), env.rewards(), final_float_rows(env, "depth"),
+                            final_float_rows(env, "spectrogram"), final_float_rows(env, "pointgoal")})
       append_row(now.values, rows, row, count);
     for (const auto rows : {env.terminated(), env.truncated(), env.active(), env.collided()}) append_row(now.flags, rows, row, count);
     out[first + static_cast<int>(row)].push_back(std::move(now));

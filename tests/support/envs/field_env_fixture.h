@@ -40,7 +40,7 @@ using Heard = std::map<int, std::vector<float>>;
 
 inline void record(const BatchedEnv& env, int first, Heard& out) {
   for (int row = 0; row < env.num_envs(); ++row)
-    for (const auto rows : {env.heard(), env.spectrogram(), env.rewards()}) {
+    for (const auto rows : {float_rows(env, "heard"), float_rows(env, "spectrogram"), env.rewards()}) {
       const std::size_t size = rows.size() / static_cast<std::size_t>(env.num_envs());
       const auto mine = rows.subspan(static_cast<std::size_t>(row) * size, size);
       out[first + row].insert(out[first + row].end(), mine.begin(), mine.end());

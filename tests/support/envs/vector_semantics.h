@@ -16,8 +16,8 @@ using roll_outs::test_action;
 inline std::vector<std::byte> shown(const BatchedEnv& env, int row) {
   std::vector<std::byte> all;
   const auto count = static_cast<std::size_t>(env.num_envs());
-  for (std::size_t sensor = 0; sensor < env.sensors().size(); ++sensor)
-    for (const auto rows : {env.rows(sensor), env.final_rows(sensor)})
+  for (const SensorSpec& sensor : env.sensors())
+    for (const auto rows : {env.rows(sensor.name), env.final_rows(sensor.name)})
       roll_outs::append_row(all, rows, static_cast<std::size_t>(row), count);
   const auto i = static_cast<std::size_t>(row);
   for (const std::uint8_t flag : {env.terminated()[i], env.truncated()[i], env.active()[i], env.collided()[i], env.quarantined()[i]})

@@ -29,7 +29,10 @@ EnvConfig open_config() {
 }
 
 BaselineObservation observation_of(const BatchedEnv& env) {
-  return {.heard = env.heard(), .new_samples = env.audiogoal().size() / 2, .depth = env.depth(), .collided = env.collided()[0] != 0};
+  return {.heard = float_rows(env, "heard"),
+          .new_samples = float_rows(env, "waveform").size() / 2,
+          .depth = float_rows(env, "depth"),
+          .collided = env.collided()[0] != 0};
 }
 
 /// Actions of each episode, by its number in the set.
@@ -66,9 +69,9 @@ TEST(ClassicalAgent, BearingInTheOpenIsThatOfTheSource) {
   env.reset();
   InterauralBearing ears(config.acoustics.sample_rate_hz);
   std::vector<float> response(InterauralBearing::kNumAngles);
-  const std::size_t size = env.audiogoal().size() / static_cast<std::size_t>(count);
+  const std::size_t size = float_rows(env, "waveform").size() / static_cast<std::size_t>(count);
   for (int i = 0; i < count; ++i) {
-    const auto estimate = ears.estimate(env.audiogoal().subspan(static_cast<std::size_t>(i) * size, size), response);
+    const auto estimate = ears.estimate(float_rows(env, "waveform").subspan(static_cast<std::size_t>(i) * size, size), response);
     ASSERT_FALSE(estimate.silent);
     EXPECT_NEAR(estimate.lateral_rad / kDegree, -60 + 15 * i, 10.0);
   }
@@ -90,7 +93,7 @@ TEST(BearingMemory, TurningTellsFrontFromBack) {
     EXPECT_FALSE(memory.bearing_rad());
     const std::vector<std::int32_t> left = {static_cast<std::int32_t>(Action::left)};
     for (int turn = 0; turn < 6; ++turn) {
-      ears.estimate(env.audiogoal(), response);
+      ears.estimate(float_rows(env, "waveform"), response);
       memory.add(turn * 10 * kDegree, response);
       env.step(left);
     }

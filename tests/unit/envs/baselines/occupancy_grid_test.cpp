@@ -22,7 +22,7 @@ OccupancyGrid map_of_room() {
   OccupancyGrid grid(config.observation.camera, config.navmesh);
   const std::vector<std::int32_t> left = {static_cast<std::int32_t>(Action::left)};
   for (int turn = 0; turn < 36; ++turn) {
-    grid.add({.heading_rad = turn * 10 * std::numbers::pi / 180}, env.depth());
+    grid.add({.heading_rad = turn * 10 * std::numbers::pi / 180}, float_rows(env, "depth"));
     env.step(left);
   }
   return grid;
@@ -61,9 +61,9 @@ TEST(OccupancyGrid, ThePictureFitsTheMapWhereItWasTaken) {
   env.reset();
   const OccupancyGrid grid = map_of_room();
   const PlanarPose here{.heading_rad = 0.4};
-  const double fit = grid.misfit(here, env.depth());
+  const double fit = grid.misfit(here, float_rows(env, "depth"));
   for (const PlanarPose away : {PlanarPose{0.15, 0, 0.4}, PlanarPose{-0.15, 0, 0.4}, PlanarPose{0, 0.15, 0.4}, PlanarPose{0, -0.15, 0.4}})
-    EXPECT_GT(grid.misfit(away, env.depth()), fit + 10);
+    EXPECT_GT(grid.misfit(away, float_rows(env, "depth")), fit + 10);
 }
 
 TEST(GridPlanner, WalksStraightInTheOpenAndKnowsWhatIsUnknown) {

@@ -24,22 +24,22 @@ TEST(Agents, WaitUntilAllHaveEnded) {
     env.reset();
     env.step(std::vector<std::int32_t>{kForward, kForward});
     EXPECT_TRUE(env.acted()[0] && env.acted()[1]);
-    const auto depth_before = row_of(env.depth(), 2, 1);
+    const auto depth_before = row_of(float_rows(env, "depth"), 2, 1);
     env.step(std::vector<std::int32_t>{kForward, kStop});
     EXPECT_TRUE(env.terminated()[1] && env.acted()[1] && !env.active()[1]);
     EXPECT_FALSE(env.terminated()[0] || !env.active()[0]);
     EXPECT_TRUE(env.finished().empty());
-    EXPECT_EQ(row_of(env.depth(), 2, 1), std::vector<float>(16 * 16, 0.f));
-    EXPECT_NE(row_of(env.final_depth(), 2, 1), std::vector<float>(16 * 16, 0.f));
-    const auto last = row_of(env.final_depth(), 2, 1);
+    EXPECT_EQ(row_of(float_rows(env, "depth"), 2, 1), std::vector<float>(16 * 16, 0.f));
+    EXPECT_NE(row_of(final_float_rows(env, "depth"), 2, 1), std::vector<float>(16 * 16, 0.f));
+    const auto last = row_of(final_float_rows(env, "depth"), 2, 1);
     const glm::vec3 stands = env.pose(1).position;
     for (int step = 0; step < 4; ++step) {
       env.step(std::vector<std::int32_t>{kForward, 99});  // not used, and so not refused
       EXPECT_FALSE(env.terminated()[1] || env.acted()[1] || env.active()[1]);
       EXPECT_EQ(env.rewards()[1], 0.f);
       EXPECT_EQ(env.pose(1).position, stands);
-      EXPECT_EQ(row_of(env.final_depth(), 2, 1), last);
-      EXPECT_GT(std::ranges::max(row_of(env.audiogoal(), 2, 0)), 0.f);
+      EXPECT_EQ(row_of(final_float_rows(env, "depth"), 2, 1), last);
+      EXPECT_GT(std::ranges::max(row_of(float_rows(env, "waveform"), 2, 0)), 0.f);
     }
     env.step(std::vector<std::int32_t>{kStop, kForward});
     EXPECT_TRUE(env.terminated()[0] && !env.terminated()[1]);
@@ -56,7 +56,7 @@ TEST(Agents, WaitUntilAllHaveEnded) {
       EXPECT_FALSE(env.acted()[0] || env.acted()[1]);
     }
     EXPECT_EQ(env.episode_step(0), 0);
-    EXPECT_NE(row_of(env.depth(), 2, 1), std::vector<float>(16 * 16, 0.f));
+    EXPECT_NE(row_of(float_rows(env, "depth"), 2, 1), std::vector<float>(16 * 16, 0.f));
   }
 }
 
@@ -74,7 +74,7 @@ TEST_F(SeveralAgents, SnapshotsGoOnWithTheSameBits) {
       const auto compare = [&] {
         for (std::size_t sensor = 0; sensor < a.sensors().size(); ++sensor)
           for (int agent = 0; agent < kAgents; ++agent)
-            ASSERT_EQ(row_of(a.rows(sensor), 6, 3 + agent), row_of(b.rows(sensor), 9, 6 + agent))
+            ASSERT_EQ(row_of(a.rows(a.sensors()[sensor].name), 6, 3 + agent), row_of(b.rows(b.sensors()[sensor].name), 9, 6 + agent))
                 << step << " " << agent << " " << a.sensors()[sensor].name;
       };
       compare();
@@ -83,8 +83,8 @@ TEST_F(SeveralAgents, SnapshotsGoOnWithTheSameBits) {
         if (a.active()[3 + agent]) continue;
         ++waiting;  // its last observation is there as well
         for (std::size_t sensor = 0; sensor < a.sensors().size(); ++sensor)
-          ASSERT_EQ(row_of(a.final_rows(sensor), 6, 3 + static_cast<int>(agent)),
-                    row_of(b.final_rows(sensor), 9, 6 + static_cast<int>(agent)))
+          ASSERT_EQ(row_of(a.final_rows(a.sensors()[sensor].name), 6, 3 + static_cast<int>(agent)),
+                    row_of(b.final_rows(b.sensors()[sensor].name), 9, 6 + static_cast<int>(agent)))
               << a.sensors()[sensor].name;
       }
       // And a step further.
@@ -130,7 +130,7 @@ TEST_F(SeveralAgents, AFaultOfOneEndsTheEpisodeOfAll) {
     EXPECT_EQ(env.rewards()[row], 0.f);
     EXPECT_TRUE(env.active()[row]);
     EXPECT_EQ(env.acted()[row], row < 5);
-    EXPECT_EQ(row_of(env.final_depth(), 6, static_cast<int>(row)), std::vector<float>(16 * 16, 0.f));
+    EXPECT_EQ(row_of(final_float_rows(env, "depth"), 6, static_cast<int>(row)), std::vector<float>(16 * 16, 0.f));
   }
   const auto files = folder.files();
   ASSERT_EQ(files.size(), 1u);

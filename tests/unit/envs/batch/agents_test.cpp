@@ -19,8 +19,8 @@ TEST_F(SeveralAgents, RowsAreEnvTimesAgent) {
   EXPECT_EQ(env.num_rows(), 6);
   env.reset();
   EXPECT_EQ(env.rewards().size(), 6u);
-  EXPECT_EQ(env.depth().size(), 6u * 16 * 16);
-  EXPECT_EQ(env.pointgoal().size(), 12u);
+  EXPECT_EQ(float_rows(env, "depth").size(), 6u * 16 * 16);
+  EXPECT_EQ(float_rows(env, "pointgoal").size(), 12u);
   for (int row = 0; row < 6; ++row) {
     const Episode& episode = set_->episodes[env.episode_index(row)];
     const int agent = row % 3;
@@ -53,8 +53,8 @@ TEST_F(SeveralAgents, AgentsWithoutSoundsAreNotHeard) {
   for (int step = 0; step < 10; ++step) {
     several.step(std::vector<std::int32_t>{kLeft, kForward, kLeft});
     single.step(std::vector<std::int32_t>{kLeft});
-    EXPECT_EQ(row_of(several.audiogoal(), 3, 0), row_of(single.audiogoal(), 1, 0)) << step;
-    EXPECT_EQ(row_of(several.spectrogram(), 3, 0), row_of(single.spectrogram(), 1, 0)) << step;
+    EXPECT_EQ(row_of(float_rows(several, "waveform"), 3, 0), row_of(float_rows(single, "waveform"), 1, 0)) << step;
+    EXPECT_EQ(row_of(float_rows(several, "spectrogram"), 3, 0), row_of(float_rows(single, "spectrogram"), 1, 0)) << step;
     EXPECT_EQ(several.rewards()[0], single.rewards()[0]);
   }
 }
@@ -75,12 +75,12 @@ TEST(Agents, AreHeardAsMovingSourcesOnTheirWay) {
   Episode apart = together;
   apart.other_agents.clear();
   EpisodeSource walker{.position = {6, 0, 3.5}, .sound = "synth:speech:3"};
-  heard.push_back(row_of(env.heard(), 2, 0));
+  heard.push_back(row_of(float_rows(env, "heard"), 2, 0));
   walker.position = glm::dvec3(env.pose(1).position);
   walker.path = {{0, walker.position}};
   for (int step = 0; step < kSteps; ++step) {
     env.step(std::vector<std::int32_t>{step % 3 == 0 ? kLeft : kForward, step % 5 == 4 ? kLeft : kForward});
-    heard.push_back(row_of(env.audiogoal(), 2, 0));
+    heard.push_back(row_of(float_rows(env, "waveform"), 2, 0));
     walker.path.push_back({0.15 * (step + 1), glm::dvec3(env.pose(1).position)});
   }
   ASSERT_GT(glm::distance(glm::vec3(walker.path.front().position), glm::vec3(walker.path.back().position)), 1.f);
@@ -92,10 +92,10 @@ TEST(Agents, AreHeardAsMovingSourcesOnTheirWay) {
     episode.sources = std::move(sources);
     BatchedEnv single(one, make_set({episode}), scenes, 1);
     single.reset();
-    std::vector<std::vector<float>> blocks{row_of(single.heard(), 1, 0)};
+    std::vector<std::vector<float>> blocks{row_of(float_rows(single, "heard"), 1, 0)};
     for (int step = 0; step < kSteps; ++step) {
       single.step(std::vector<std::int32_t>{step % 3 == 0 ? kLeft : kForward});
-      blocks.push_back(row_of(single.audiogoal(), 1, 0));
+      blocks.push_back(row_of(float_rows(single, "waveform"), 1, 0));
     }
     return blocks;
   };
@@ -129,7 +129,7 @@ TEST(Agents, LevelsFallWithDistanceAndNoneHearsItself) {
     double sum = 0;
     for (int step = 0; step < 40; ++step) {
       env.step(std::vector<std::int32_t>{kLeft, kLeft});
-      for (const float sample : row_of(env.audiogoal(), 2, static_cast<int>(listener))) sum += double{sample} * double{sample};
+      for (const float sample : row_of(float_rows(env, "waveform"), 2, static_cast<int>(listener))) sum += double{sample} * double{sample};
     }
     return sum;
   };
@@ -146,19 +146,15 @@ TEST(Agents, SeeEachOtherAsCylinders) {
   BatchedEnv env(config, make_set({two_in_a_room({3, 0, 4})}), scenes, 1);
   env.reset();
   const auto semantic = [&](int row) {
-    for (std::size_t sensor = 0; sensor < env.sensors().size(); ++sensor)
-      if (env.sensors()[sensor].name == "semantic") {
-        const auto bytes = row_of(env.rows(sensor), 2, row);
-        std::vector<std::uint16_t> values(bytes.size() / 2);
-        std::copy_n(bytes.begin(), bytes.size(), std::as_writable_bytes(std::span(values)).begin());
-        return values;
-      }
-    return std::vector<std::uint16_t>{};
+    const auto bytes = row_of(env.rows("semantic"), 2, row);
+    std::vector<std::uint16_t> values(bytes.size() / 2);
+    std::copy_n(bytes.begin(), bytes.size(), std::as_writable_bytes(std::span(values)).begin());
+    return values;
   };
   const auto check = [&](double away_m) {
     int pixels = 0;
     for (int row = 0; row < 2; ++row) {
-      const auto depth = row_of(env.depth(), 2, row);
+      const auto depth = row_of(float_rows(env, "depth"), 2, row);
       const auto category = semantic(row);
       for (std::size_t column = 28; column < 36; ++column) {
         const std::size_t pixel = 32 * 64 + column;

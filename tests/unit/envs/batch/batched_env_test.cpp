@@ -41,17 +41,19 @@ TEST(BatchedEnv, ARestoredBatchGoesOnWithTheSameBits) {
     const std::string state = original.save_state();
     copy.restore(state);
     EXPECT_EQ(copy.save_state(), state);
-    for (const auto& [a, b] : {std::pair(original.depth(), copy.depth()), std::pair(original.spectrogram(), copy.spectrogram()),
-                               std::pair(original.heard(), copy.heard()), std::pair(original.audiogoal(), copy.audiogoal()),
-                               std::pair(original.pointgoal(), copy.pointgoal())})
+    for (const auto& [a, b] : {std::pair(float_rows(original, "depth"), float_rows(copy, "depth")),
+                               std::pair(float_rows(original, "spectrogram"), float_rows(copy, "spectrogram")),
+                               std::pair(float_rows(original, "heard"), float_rows(copy, "heard")),
+                               std::pair(float_rows(original, "waveform"), float_rows(copy, "waveform")),
+                               std::pair(float_rows(original, "pointgoal"), float_rows(copy, "pointgoal"))})
       EXPECT_TRUE(std::ranges::equal(a, b)) << steps_before << " steps before";
     std::map<int, std::vector<Record>> expected, got;
     for (int i = steps_before; i < steps_before + 15; ++i) {
       step(original, 2, i);
       step(copy, 2, i);
       for (int env = 0; env < 3; ++env) EXPECT_EQ(original.episode_index(env), copy.episode_index(env));
-      EXPECT_TRUE(std::ranges::equal(original.depth(), copy.depth()));
-      EXPECT_TRUE(std::ranges::equal(original.spectrogram(), copy.spectrogram()));
+      EXPECT_TRUE(std::ranges::equal(float_rows(original, "depth"), float_rows(copy, "depth")));
+      EXPECT_TRUE(std::ranges::equal(float_rows(original, "spectrogram"), float_rows(copy, "spectrogram")));
       EXPECT_TRUE(std::ranges::equal(original.rewards(), copy.rewards()));
       ASSERT_EQ(original.finished().size(), copy.finished().size());
       for (std::size_t k = 0; k < copy.finished().size(); ++k) {
@@ -107,8 +109,8 @@ TEST(BatchedEnv, OnceGivesEachEpisodeExactlyOnceThenIdles) {
       }
     }
     for (const std::uint8_t active : env.active()) EXPECT_EQ(active, 0);
-    for (const float value : env.depth()) ASSERT_EQ(value, 0.f);
-    for (const float value : env.heard()) ASSERT_EQ(value, 0.f);
+    for (const float value : float_rows(env, "depth")) ASSERT_EQ(value, 0.f);
+    for (const float value : float_rows(env, "heard")) ASSERT_EQ(value, 0.f);
     for (const float reward : env.rewards()) EXPECT_EQ(reward, 0.f);
     for (const std::uint8_t flag : env.truncated()) EXPECT_EQ(flag, 0);
     EXPECT_TRUE(env.finished().empty());
@@ -159,16 +161,16 @@ TEST(BatchedEnv, AnEndKeepsTheLastObservationAndShowsTheNextFirst) {
 
   const EmbreeCamera camera(sensor_of(config.observation.camera));
   const Scene scene = load_scene(room);
-  std::vector<float> picture(env.depth().size());
+  std::vector<float> picture(float_rows(env, "depth").size());
   camera.render(scene, nullptr, end, {.depth = picture});
-  for (std::size_t i = 0; i < picture.size(); ++i) ASSERT_NEAR(env.final_depth()[i], picture[i], 1e-4f);
+  for (std::size_t i = 0; i < picture.size(); ++i) ASSERT_NEAR(final_float_rows(env, "depth")[i], picture[i], 1e-4f);
   camera.render(scene, nullptr, env.pose(0), {.depth = picture});
-  EXPECT_TRUE(std::ranges::equal(env.depth(), picture));
+  EXPECT_TRUE(std::ranges::equal(float_rows(env, "depth"), picture));
   // Position and direction of the second episode's goal by hand: 4 m in -x, 3 m in -z; atan2(4, 3) to the left of -z.
-  EXPECT_NEAR(env.pointgoal()[0], 5.0f, 1e-3f);
-  EXPECT_NEAR(env.pointgoal()[1], std::atan2(4.0, 3.0) - 0.5, 1e-3);
-  EXPECT_NE(env.final_pointgoal()[0], env.pointgoal()[0]);
-  EXPECT_FALSE(std::ranges::equal(env.final_spectrogram(), env.spectrogram()));
+  EXPECT_NEAR(float_rows(env, "pointgoal")[0], 5.0f, 1e-3f);
+  EXPECT_NEAR(float_rows(env, "pointgoal")[1], std::atan2(4.0, 3.0) - 0.5, 1e-3);
+  EXPECT_NE(final_float_rows(env, "pointgoal")[0], float_rows(env, "pointgoal")[0]);
+  EXPECT_FALSE(std::ranges::equal(final_float_rows(env, "spectrogram"), float_rows(env, "spectrogram")));
 }
 
 TEST(BatchedEnv, RewardsAddUpToTheEpisodesReward) {
@@ -197,9 +199,9 @@ TEST(BatchedEnv, SoundIsContinuousAcrossSteps) {
   BatchedEnv env(config, quick_set(2), make_scene_cache(config), 2);
   env.reset();
   const std::size_t block = 2400, window = 16000;
-  ASSERT_EQ(env.audiogoal().size(), 2 * 2 * block);
-  ASSERT_EQ(env.heard().size(), 2 * 2 * window);
-  std::vector<float> before(env.heard().begin(), env.heard().end());
+  ASSERT_EQ(float_rows(env, "waveform").size(), 2 * 2 * block);
+  ASSERT_EQ(float_rows(env, "heard").size(), 2 * 2 * window);
+  std::vector<float> before(float_rows(env, "heard").begin(), float_rows(env, "heard").end());
   // Prefilled at the start: the sound has been playing.
   float loudest = 0;
   for (std::size_t i = 0; i < window / 4; ++i) loudest = std::max(loudest, std::abs(before[i]));
@@ -209,14 +211,14 @@ TEST(BatchedEnv, SoundIsContinuousAcrossSteps) {
     for (std::size_t row = 0; row < 2; ++row) {
       if (env.terminated()[row] || env.truncated()[row]) continue;
       for (std::size_t ear = 0; ear < 2; ++ear) {
-        const auto now = env.heard().subspan((2 * row + ear) * window, window);
-        const auto fresh = env.audiogoal().subspan((2 * row + ear) * block, block);
+        const auto now = float_rows(env, "heard").subspan((2 * row + ear) * window, window);
+        const auto fresh = float_rows(env, "waveform").subspan((2 * row + ear) * block, block);
         const auto old = std::span(before).subspan((2 * row + ear) * window, window);
         ASSERT_TRUE(std::ranges::equal(now.first(window - block), old.subspan(block)));
         ASSERT_TRUE(std::ranges::equal(now.last(block), fresh));
       }
     }
-    before.assign(env.heard().begin(), env.heard().end());
+    before.assign(float_rows(env, "heard").begin(), float_rows(env, "heard").end());
   }
 }
 
@@ -233,7 +235,7 @@ TEST(BatchedEnv, SoundThatRestartsIsAFunctionOfTheStepsPosesAlone) {
     for (int i = 0; i < 6; ++i) {
       const auto action = static_cast<std::int32_t>(i % 2 == 0 ? Action::left : Action::right);
       env.step(std::span(&action, 1));
-      blocks.emplace_back(env.audiogoal().begin(), env.audiogoal().end());
+      blocks.emplace_back(float_rows(env, "waveform").begin(), float_rows(env, "waveform").end());
     }
     double largest = 0, loudest = 0;
     for (std::size_t i = 0; i < blocks[3].size(); ++i) {
@@ -269,7 +271,7 @@ TEST(BatchedEnv, TheEarNearerToTheSourceIsLouder) {
     BatchedEnv env(anechoic_config(), make_set({room_episode(room, {5, 0, 5}, 0, goal, "synth:noise")}),
                    make_scene_cache(anechoic_config()), 1);
     env.reset();
-    const double left_energy = energy(env.heard().first(16000)), right_energy = energy(env.heard().last(16000));
+    const double left_energy = energy(float_rows(env, "heard").first(16000)), right_energy = energy(float_rows(env, "heard").last(16000));
     // A head shadows the far ear by more than 3 dB over the band of the noise (Duda and Martens 1998: up to 20 dB at 4 kHz).
     EXPECT_GT((left ? left_energy : right_energy), 2 * (left ? right_energy : left_energy));
   }
@@ -282,7 +284,7 @@ TEST(BatchedEnv, DirectSoundFallsWithTheDistance) {
     const auto set = make_set({room_episode("shoebox:10x3x10@1", {5, 0, 8}, 0, {5, 0, 8 - distance_m}, "synth:noise")});
     BatchedEnv env(config, set, make_scene_cache(config), 1);
     env.reset();
-    return energy(env.heard());
+    return energy(float_rows(env, "heard"));
   };
   // Ears and source are level, so 3 m and 6 m are the paths, and energy falls as 1/r^2; nearer than that it is the head that makes a
   // difference (near_head.h).  The later arrival shifts 140 of 16000 samples out of the window: 3 % at most; a missing square would be a
@@ -298,7 +300,8 @@ TEST(BatchedEnv, SoundGainScalesTheSound) {
   config.sound_gain = 4.f;  // a power of two: exact
   BatchedEnv loud(config, set, make_scene_cache(config), 1);
   loud.reset();
-  for (std::size_t i = 0; i < plain.heard().size(); ++i) ASSERT_EQ(loud.heard()[i], 4.f * plain.heard()[i]);
+  for (std::size_t i = 0; i < float_rows(plain, "heard").size(); ++i)
+    ASSERT_EQ(float_rows(loud, "heard")[i], 4.f * float_rows(plain, "heard")[i]);
 }
 
 TEST(BatchedEnv, LegacySpectrogramsHoldTheNewSamplesOnly) {
@@ -311,9 +314,9 @@ TEST(BatchedEnv, LegacySpectrogramsHoldTheNewSamplesOnly) {
   // 2400 samples reach frames whose window of 400 samples, centred at 160 f, begins before them: f <= 16, column 16 / 4 = 4.
   for (std::size_t row = 0; row < 65; ++row)
     for (std::size_t column = 5; column < 26; ++column)
-      for (std::size_t ear = 0; ear < 2; ++ear) ASSERT_EQ(env.spectrogram()[(row * 26 + column) * 2 + ear], 0.f);
+      for (std::size_t ear = 0; ear < 2; ++ear) ASSERT_EQ(float_rows(env, "spectrogram")[(row * 26 + column) * 2 + ear], 0.f);
   float loudest = 0;
-  for (const float value : env.spectrogram()) loudest = std::max(loudest, value);
+  for (const float value : float_rows(env, "spectrogram")) loudest = std::max(loudest, value);
   EXPECT_GT(loudest, 0.f);
 }
 
@@ -326,7 +329,8 @@ TEST(BatchedEnv, OverflowEverywhereStopsTheRun) {
     BatchedEnv env(config, quick_set(1), make_scene_cache(config), 2);
     EXPECT_THROW(env.reset(), InputError);
     EXPECT_GT(env.nonfinite_events(), 0u);
-    for (const auto rows : {env.spectrogram(), env.heard(), env.audiogoal(), env.depth(), env.rewards()})
+    for (const auto rows :
+         {float_rows(env, "spectrogram"), float_rows(env, "heard"), float_rows(env, "waveform"), float_rows(env, "depth"), env.rewards()})
       for (const float value : rows) ASSERT_TRUE(std::isfinite(value));
   }
 }
@@ -383,10 +387,10 @@ TEST(BatchedEnv, ADeafAgentRendersNoSound) {
   BatchedEnv env(config, set, make_scene_cache(config), 1);
   env.reset();
   env.step(std::vector<std::int32_t>{1});
-  EXPECT_TRUE(env.spectrogram().empty() && env.heard().empty() && env.audiogoal().empty());
+  EXPECT_TRUE(float_rows(env, "spectrogram").empty() && float_rows(env, "heard").empty() && float_rows(env, "waveform").empty());
   BatchedEnv copy(config, set, make_scene_cache(config), 1);
   copy.restore(env.save_state());
-  EXPECT_TRUE(std::ranges::equal(copy.depth(), env.depth()));
+  EXPECT_TRUE(std::ranges::equal(float_rows(copy, "depth"), float_rows(env, "depth")));
 }
 
 // One step in sixteen is timed and counts for all: of 32 envs over 16 steps each is timed once, so the sum is that of all in expectation.

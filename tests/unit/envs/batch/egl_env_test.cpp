@@ -19,9 +19,7 @@ namespace {
 
 /// The bytes of one sensor of one env.
 std::vector<std::byte> bytes_of(const BatchedEnv& env, std::string_view name, int row, bool last = false) {
-  for (std::size_t sensor = 0; sensor < env.sensors().size(); ++sensor)
-    if (env.sensors()[sensor].name == name) return row_of(last ? env.final_rows(sensor) : env.rows(sensor), env.num_envs(), row);
-  return {};
+  return row_of(last ? env.final_rows(name) : env.rows(name), env.num_envs(), row);
 }
 
 class EglEnv : public VectorSemantics {
@@ -157,7 +155,8 @@ TEST_F(EglEnv, SnapshotsGoOnWithTheSameBits) {
       step(a, i);
       b.restore(1, a.snapshot(2));
       for (std::size_t sensor = 0; sensor < a.sensors().size(); ++sensor)
-        ASSERT_EQ(row_of(a.rows(sensor), 3, 2), row_of(b.rows(sensor), 2, 1)) << i << " " << a.sensors()[sensor].name;
+        ASSERT_EQ(row_of(a.rows(a.sensors()[sensor].name), 3, 2), row_of(b.rows(b.sensors()[sensor].name), 2, 1))
+            << i << " " << a.sensors()[sensor].name;
     }
     EXPECT_GT(a.episode_count(2), 0);
   }

@@ -30,10 +30,10 @@ class EpisodeSounds : public testing::Test {
   std::vector<std::vector<float>> heard(const Episode& episode, int steps = 24) {
     BatchedEnv env(config_, make_set({episode}), scenes_, 1);
     env.reset();
-    std::vector<std::vector<float>> blocks{{env.heard().begin(), env.heard().end()}};
+    std::vector<std::vector<float>> blocks{{float_rows(env, "heard").begin(), float_rows(env, "heard").end()}};
     for (int i = 0; i < steps; ++i) {
       env.step(std::vector<std::int32_t>{i % 4 == 3 ? 2 : 1});
-      blocks.emplace_back(env.audiogoal().begin(), env.audiogoal().end());
+      blocks.emplace_back(float_rows(env, "waveform").begin(), float_rows(env, "waveform").end());
     }
     EXPECT_EQ(env.quarantine_counters().total(), 0u);
     return blocks;
@@ -125,7 +125,7 @@ TEST_F(EpisodeSounds, AMovingSourceIsHeardFromWhereItIs) {
     double sum = 0;
     for (int i = 0; i < to; ++i) {
       env.step(std::vector<std::int32_t>{2});
-      if (i >= from) sum += energy(env.audiogoal());
+      if (i >= from) sum += energy(float_rows(env, "waveform"));
     }
     return 10 * std::log10(sum);
   };
@@ -146,8 +146,8 @@ TEST_F(EpisodeSounds, ARestoredEnvGoesOnWithTheSameBits) {
     BatchedEnv copy(config_, make_set({episode}), scenes_, 1);
     copy.restore(env.save_state());
     for (int ahead = 0; ahead < 2; ++ahead) {
-      ASSERT_TRUE(std::ranges::equal(env.heard(), copy.heard())) << i << " " << ahead;
-      ASSERT_TRUE(std::ranges::equal(env.spectrogram(), copy.spectrogram())) << i << " " << ahead;
+      ASSERT_TRUE(std::ranges::equal(float_rows(env, "heard"), float_rows(copy, "heard"))) << i << " " << ahead;
+      ASSERT_TRUE(std::ranges::equal(float_rows(env, "spectrogram"), float_rows(copy, "spectrogram"))) << i << " " << ahead;
       if (ahead == 0) {
         const std::vector<std::int32_t> action{i % 4 == 3 ? 2 : 1};
         env.step(action);

@@ -23,26 +23,18 @@ TEST_F(VectorSemantics, TheConfigHasAllSensors) {
   BatchedEnv env = make(1, config_);
   std::set<SensorKind> kinds;
   for (const SensorSpec& sensor : env.sensors()) kinds.insert(sensor.kind);
-  EXPECT_EQ(kinds.size(), static_cast<std::size_t>(SensorKind::goal_state) + 1);
+  EXPECT_EQ(kinds.size(), kNumSensorKinds);
 }
 
 TEST_F(VectorSemantics, SensorsOfTheWaySayWhatTheAgentDid) {
   config_.order = EpisodeOrder::once;
   BatchedEnv env(config_, make_set({room_episode("shoebox:6x3x5@0.3", {1, 0, 1}, 0, {5, 0, 4}, "synth:noise")}), scenes_, 1);
   env.reset();
-  const auto floats = [&](std::string_view name, bool final = false) {
-    for (std::size_t sensor = 0; sensor < env.sensors().size(); ++sensor)
-      if (env.sensors()[sensor].name == name) return as_floats(final ? env.final_rows(sensor) : env.rows(sensor));
-    return std::span<const float>{};
-  };
+  const auto floats = [&](std::string_view name, bool final = false) { return as_floats(final ? env.final_rows(name) : env.rows(name)); };
   const auto integer = [&](std::string_view name) {
-    for (std::size_t sensor = 0; sensor < env.sensors().size(); ++sensor)
-      if (env.sensors()[sensor].name == name) {
-        std::int32_t value = 0;
-        std::ranges::copy(env.rows(sensor), std::as_writable_bytes(std::span(&value, 1)).begin());
-        return value;
-      }
-    return -99;
+    std::int32_t value = -99;
+    std::ranges::copy(env.rows(name), std::as_writable_bytes(std::span(&value, 1)).begin());
+    return value;
   };
   EXPECT_THAT(floats("gps_compass"), testing::ElementsAre(0.f, 0.f, 0.f));
   EXPECT_EQ(integer("previous_action"), -1);
@@ -75,7 +67,7 @@ TEST_F(VectorSemantics, CamerasSeeFromWhereTheAgentStands) {
     const auto check = [&](std::string_view name, std::span<const std::byte> expected) {
       for (std::size_t sensor = 0; sensor < env.sensors().size(); ++sensor) {
         if (env.sensors()[sensor].name != name) continue;
-        EXPECT_TRUE(std::ranges::equal(row_of(env.rows(sensor), 2, row), expected)) << name;
+        EXPECT_TRUE(std::ranges::equal(row_of(env.rows(env.sensors()[sensor].name), 2, row), expected)) << name;
       }
     };
     check("rgb", std::as_bytes(std::span(rgb)));
@@ -133,7 +125,8 @@ TEST_F(VectorSemantics, AutoresetModesShowTheSameEpisodes) {
   for (BatchedEnv* env : {&a, &b, &c}) env->reset();
   const auto now = [](const BatchedEnv& env) {
     std::vector<std::byte> all;
-    for (std::size_t sensor = 0; sensor < env.sensors().size(); ++sensor) roll_outs::append_row(all, env.rows(sensor), 0, 1);
+    for (std::size_t sensor = 0; sensor < env.sensors().size(); ++sensor)
+      roll_outs::append_row(all, env.rows(env.sensors()[sensor].name), 0, 1);
     return all;
   };
   int ends = 0;
@@ -147,8 +140,9 @@ TEST_F(VectorSemantics, AutoresetModesShowTheSameEpisodes) {
       ++ends;
       EXPECT_EQ(now(b), now(c));  // the last of the episode
       for (std::size_t sensor = 0; sensor < a.sensors().size(); ++sensor) {
-        EXPECT_TRUE(std::ranges::equal(a.final_rows(sensor), b.rows(sensor))) << a.sensors()[sensor].name;
-        EXPECT_TRUE(std::ranges::equal(c.final_rows(sensor), c.rows(sensor)));
+        EXPECT_TRUE(std::ranges::equal(a.final_rows(a.sensors()[sensor].name), b.rows(b.sensors()[sensor].name)))
+            << a.sensors()[sensor].name;
+        EXPECT_TRUE(std::ranges::equal(c.final_rows(c.sensors()[sensor].name), c.rows(c.sensors()[sensor].name)));
       }
       ASSERT_EQ(b.finished().size(), 1u);
       EXPECT_EQ(a.finished()[0].actions, b.finished()[0].actions);
@@ -182,7 +176,8 @@ TEST_F(VectorSemantics, ASnapshotGoesOnInAnotherEnvOfAnotherBatch) {
       step(a, i);
       b.restore(1, a.snapshot(2));
       for (std::size_t sensor = 0; sensor < a.sensors().size(); ++sensor)
-        ASSERT_EQ(row_of(a.rows(sensor), 3, 2), row_of(b.rows(sensor), 2, 1)) << i << " " << a.sensors()[sensor].name;
+        ASSERT_EQ(row_of(a.rows(a.sensors()[sensor].name), 3, 2), row_of(b.rows(b.sensors()[sensor].name), 2, 1))
+            << i << " " << a.sensors()[sensor].name;
       ASSERT_EQ(a.episode_count(2), b.episode_count(1));
     }
     if (mode == Autoreset::off) continue;
@@ -190,7 +185,8 @@ TEST_F(VectorSemantics, ASnapshotGoesOnInAnotherEnvOfAnotherBatch) {
       a.step(std::vector<std::int32_t>{1, 1, test_action(5, i)});
       b.step(std::vector<std::int32_t>{2, test_action(5, i)});
       for (std::size_t sensor = 0; sensor < a.sensors().size(); ++sensor)
-        ASSERT_EQ(row_of(a.rows(sensor), 3, 2), row_of(b.rows(sensor), 2, 1)) << i << " " << a.sensors()[sensor].name;
+        ASSERT_EQ(row_of(a.rows(a.sensors()[sensor].name), 3, 2), row_of(b.rows(b.sensors()[sensor].name), 2, 1))
+            << i << " " << a.sensors()[sensor].name;
     }
     EXPECT_THROW(a.restore(0, "{}"), InputError);
     EXPECT_THROW(a.restore(0, a.save_state()), InputError);
@@ -226,7 +222,7 @@ TEST_F(VectorSemantics, ASnapshotOfAQuarantinedEpisodeIsRestoredAgainAndAgain) {
     EXPECT_EQ(a.episode_count(1), b.episode_count(1));
     EXPECT_TRUE(b.active()[1]);
     for (std::size_t sensor = 0; sensor < a.sensors().size(); ++sensor)
-      EXPECT_EQ(row_of(a.rows(sensor), 2, 1), row_of(b.rows(sensor), 2, 1)) << a.sensors()[sensor].name;
+      EXPECT_EQ(row_of(a.rows(a.sensors()[sensor].name), 2, 1), row_of(b.rows(b.sensors()[sensor].name), 2, 1)) << a.sensors()[sensor].name;
   }
 }
 

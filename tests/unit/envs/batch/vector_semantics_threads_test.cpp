@@ -177,7 +177,7 @@ TEST_F(VectorSemantics, AStalledStageLeavesTheBatchUntilItReturns) {
   EXPECT_TRUE(stuck);
   EXPECT_EQ(env.quarantine_counters().of(Fault::stall), 1u);
   EXPECT_TRUE(env.truncated()[1] && env.quarantined()[1] && !env.active()[1]);
-  for (const float value : row_of(env.depth(), 3, 1)) ASSERT_EQ(value, 0.f);
+  for (const float value : row_of(float_rows(env, "depth"), 3, 1)) ASSERT_EQ(value, 0.f);
   for (int i = 0; i < 5; ++i) both();
   EXPECT_FALSE(env.active()[1]);
   released = true;

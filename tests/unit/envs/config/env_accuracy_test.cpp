@@ -76,7 +76,7 @@ TEST(EnvAccuracy, EnvironmentsTakeWhatWasChosenAndNotTheTarget) {
   env.reset();
   env.step(std::vector<std::int32_t>{1, 1});
   float loudest = 0;
-  for (const float sample : env.heard()) loudest = std::max(loudest, std::abs(sample));
+  for (const float sample : float_rows(env, "heard")) loudest = std::max(loudest, std::abs(sample));
   EXPECT_GT(loudest, 0.f);
 }
 

@@ -32,9 +32,7 @@ struct Spread {
 };
 
 std::vector<float> floats_of(const BatchedEnv& env, std::string_view name, int row) {
-  for (std::size_t sensor = 0; sensor < env.sensors().size(); ++sensor)
-    if (env.sensors()[sensor].name == name) return row_of(as_floats(env.rows(sensor)), env.num_envs(), row);
-  return {};
+  return row_of(as_floats(env.rows(name)), env.num_envs(), row);
 }
 
 class WayNoise : public VectorSemantics {
@@ -164,7 +162,8 @@ TEST_F(WayNoise, SnapshotsThreadsAndSplitsChangeNoBit) {
     for (int row = 1; row < 4; ++row) ASSERT_EQ(shown(a, row), shown(rest, row - 1)) << i;
     b.restore(1, a.snapshot(2));
     for (std::size_t sensor = 0; sensor < a.sensors().size(); ++sensor)
-      ASSERT_EQ(row_of(a.rows(sensor), 4, 2), row_of(b.rows(sensor), 2, 1)) << i << " " << a.sensors()[sensor].name;
+      ASSERT_EQ(row_of(a.rows(a.sensors()[sensor].name), 4, 2), row_of(b.rows(b.sensors()[sensor].name), 2, 1))
+          << i << " " << a.sensors()[sensor].name;
   }
   EXPECT_GT(a.episode_count(2), 0);
 }
@@ -180,7 +179,7 @@ TEST_F(WayNoise, TheMapShowsTheAgentAndItsPath) {
     for (std::size_t sensor = 0; sensor < env.sensors().size(); ++sensor)
       if (env.sensors()[sensor].name == "topdown_map") {
         EXPECT_EQ(env.sensors()[sensor].shape, (std::vector<int>{33, 33, 3}));
-        return std::to_integer<int>(env.rows(sensor)[static_cast<std::size_t>((row * 33 + column) * 3 + channel)]);
+        return std::to_integer<int>(env.rows(env.sensors()[sensor].name)[static_cast<std::size_t>((row * 33 + column) * 3 + channel)]);
       }
     return -1;
   };

@@ -65,7 +65,8 @@ TEST_F(SceneStoreTest, WhereASceneComesFromChangesNoBit) {
     std::vector<float> seen;
     for (int i = 0; i < 20; ++i) {
       field_envs::step(env, 0, i);
-      for (const auto rows : {env.heard(), env.spectrogram(), env.rewards(), env.depth(), env.pointgoal()})
+      for (const auto rows : {float_rows(env, "heard"), float_rows(env, "spectrogram"), env.rewards(), float_rows(env, "depth"),
+                              float_rows(env, "pointgoal")})
         seen.insert(seen.end(), rows.begin(), rows.end());
     }
     return seen;

@@ -21,15 +21,9 @@ EnvConfig config_with_goal_sensors() {
   return config;
 }
 
-std::span<const std::byte> rows_of(const BatchedEnv& env, std::string_view name) {
-  for (std::size_t sensor = 0; sensor < env.sensors().size(); ++sensor)
-    if (env.sensors()[sensor].name == name) return env.rows(sensor);
-  return {};
-}
-
 std::vector<std::int32_t> oracle_actions(const BatchedEnv& env) {
   std::vector<std::int32_t> actions(static_cast<std::size_t>(env.num_envs()));
-  std::memcpy(actions.data(), rows_of(env, "oracle_action").data(), actions.size() * sizeof(std::int32_t));
+  std::memcpy(actions.data(), env.rows("oracle_action").data(), actions.size() * sizeof(std::int32_t));
   return actions;
 }
 
@@ -56,7 +50,7 @@ TEST(GoalSensors, GoalStateSaysWhereTheGoalIs) {
   const Episode episode = room_episode("shoebox:6x3x6@0.3", {1, 0, 5}, 0, {4, 0, 1}, "synth:noise");
   BatchedEnv env(config, make_set({episode}), make_scene_cache(config), 1);
   env.reset();
-  const auto state = [&] { return as_floats(rows_of(env, "goal_state")); };
+  const auto state = [&] { return float_rows(env, "goal_state"); };
   // Ahead is -z: three metres to the right, four ahead.
   const double bearing_rad = -std::atan2(3.0, 4.0);
   EXPECT_NEAR(state()[0], 5, 0.05);
@@ -78,7 +72,7 @@ TEST(GoalSensors, InterauralCellsAreThoseOfTheLastSecond) {
   InterauralAnalyzer analyzer(sound);
   std::vector<float> cells(static_cast<std::size_t>(sound.rows() * sound.columns() * kInterauralChannels));
   for (int step = 0; step < 6; ++step) {
-    const auto heard = as_floats(rows_of(env, "heard")), shown = as_floats(rows_of(env, "interaural"));
+    const auto heard = float_rows(env, "heard"), shown = float_rows(env, "interaural");
     for (std::size_t row = 0; row < 2; ++row) {
       InterauralHistory none;
       analyzer.analyze(heard.subspan(row * 32000, 32000), 0, none, cells);
