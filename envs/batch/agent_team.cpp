@@ -12,7 +12,7 @@ namespace earshot {
 namespace {
 
 /// As long a thread looks for work before it sleeps: some 20 us, less than what an agent takes and more than the pause between two rounds.
-constexpr int kSpins = 4000;
+constexpr int kTeamSpins = 4000;
 
 }  // namespace
 
@@ -40,7 +40,7 @@ struct AgentTeam::Shared {
   void help(std::size_t member) {
     const FlushDenormals flush;
     for (std::uint32_t seen = 0;;) {
-      for (int spin = 0; spin < kSpins && round.load(std::memory_order_relaxed) == seen; ++spin) relax();
+      for (int spin = 0; spin < kTeamSpins && round.load(std::memory_order_relaxed) == seen; ++spin) relax();
       round.wait(seen, std::memory_order_acquire);
       if (stop.load(std::memory_order_acquire)) return;
       seen = round.load(std::memory_order_acquire);
@@ -74,7 +74,7 @@ void AgentTeam::run_calls(std::size_t count, const void* body, Call call) {
   in.round.notify_all();
   in.work(round, 0);
   for (int spin = 0; in.done.load(std::memory_order_acquire) < count; ++spin) {
-    if (spin < kSpins)
+    if (spin < kTeamSpins)
       relax();
     else if (const std::uint32_t done = in.done.load(std::memory_order_acquire); done < count)
       in.done.wait(done, std::memory_order_acquire);

@@ -1,137 +1,94 @@
-#include "envs/batch/batched_env.h"
-
 #include <fmt/format.h>
 #include <tbb/info.h>
 
 #include <algorithm>
-#include <cmath>
-#include <numeric>
 #include <stdexcept>
 #include <utility>
 
-#include "envs/batch/batched_env_impl.h"
+#include "envs/batch/agent_camera.h"
+#include "envs/batch/agent_senses.h"
+#include "envs/batch/batch_rows.h"
+#include "envs/batch/batch_setup.h"
+#include "envs/batch/batched_env.h"
+#include "envs/batch/env_scheduler.h"
+#include "envs/batch/env_state.h"
+#include "envs/batch/environment.h"
+#include "envs/batch/episode_entry.h"
+#include "envs/batch/fault_desk.h"
+#include "envs/batch/picture_queue.h"
+#include "envs/hearing/engine_pool.h"
 #include "sim/base/errors.h"
 
 namespace earshot {
-namespace {
 
-StreamConfig stream_config(const EnvConfig& config, int block_samples, int head_samples) {
-  const float rate_hz = config.acoustics.sample_rate_hz;
-  return {.sample_rate_hz = rate_hz,
-          .max_rir_samples = static_cast<int>(std::ceil(config.acoustics.rir_length_s * rate_hz)) + head_samples,
-          .max_block_samples = block_samples,
-          .crossfade_samples = std::min(block_samples, static_cast<int>(std::lround(config.crossfade_s * rate_hz)))};
-}
+/// The objects of a batch; each uses those above it.
+struct BatchedEnv::Impl {
+  BatchSetup setup;
+  BatchRows rows;
+  std::vector<AgentCamera> cameras;
+  FaultDesk faults;
+  PictureQueue pictures;
+  EnginePool engines;
+  AgentSenses senses;
+  EpisodeEntry entry;
+  std::vector<Agent> agents;  ///< by row
+  std::vector<Environment> envs;
+  EnvScheduler scheduler;  ///< last: its threads use what is above
 
-}  // namespace
-
-BatchedEnv::Impl::Impl(const EnvConfig& env_config, std::shared_ptr<const EpisodeSet> episodes, std::shared_ptr<SceneCache> cache,
-                       int num_envs, int first, int total)
-    : config(env_config),
-      set(std::move(episodes)),
-      scenes(std::move(cache)),
-      first_env(first),
-      total_envs(total > 0 ? total : first + num_envs),
-      block_samples((validate(config), static_cast<int>(std::lround(config.acoustics.sample_rate_hz * config.task.step_time_s)))),
-      oracle(set->episodes.size() * size_of(config.agents)),
-      sounds(config.observation.hears() ? std::span<const Episode>(set->episodes) : std::span<const Episode>{}, config.sound_root,
-             config.acoustics.sample_rate_hz, config.sound_gain),
-      per_env(size_of(config.agents)),
-      envs(size_of(num_envs)),
-      agents(envs.size() * per_env),
-      rows(config.observation, block_samples, agents.size()),
-      quarantine(config.quarantine_dir) {
-  require(config.accuracy.empty(), "accuracy", config.accuracy, "has to be planned before environments are made (plan_env_accuracy)");
-  require(num_envs >= 1, "num_envs", num_envs, "must be at least 1");
-  require(first_env >= 0 && first_env + num_envs <= total_envs, "first_env", first_env, "first_env + num_envs must not exceed total_envs");
-  if (set->episodes.empty()) throw InputError("episode set", "holds no episodes", "make one with `earshot dataset episodes`");
-  for (const Episode& episode : set->episodes)
-    if (episode.other_agents.size() + 1 < per_env)
-      throw InputError("episode '" + episode.episode_id + "' in " + episode.scene_id,
-                       fmt::format("has {} agents, env.agents asks for {}", episode.other_agents.size() + 1, per_env),
-                       "make the set with as many (data.train.agents.count, `earshot dataset episodes --agents`), or lower env.agents");
-  EARSHOT_EXPECT(scenes->acoustics().sample_rate_hz == config.acoustics.sample_rate_hz);
-
-  const ObservationSpec& spec = config.observation;
-  for (std::size_t i = 0; const ExtraCamera& camera : spec.all_cameras()) {
-    const int index = static_cast<int>(i++);
-    cameras.push_back({.camera = EmbreeCamera(camera.config),
-                       .depth = rows.of(SensorKind::depth, index),
-                       .rgb = rows.of(SensorKind::rgb, index),
-                       .semantic = rows.of(SensorKind::semantic, index),
-                       .normals = rows.of(SensorKind::normals, index)});
+  Impl(const EnvConfig& config, std::shared_ptr<const EpisodeSet> set, std::shared_ptr<SceneCache> scenes, int num_envs, int first_env,
+       int total_envs)
+      : setup(config, std::move(set), std::move(scenes), num_envs, first_env, total_envs),
+        rows(setup.config.observation, setup.block_samples, setup.num_rows()),
+        cameras(make_cameras(setup.config.observation, rows)),
+        faults(setup),
+        pictures(setup.config.observation, cameras, faults),
+        engines(setup.config, setup.block_samples),
+        senses(setup, rows, cameras, pictures, faults),
+        entry(setup, rows),
+        agents(make_agents()),
+        envs(make_envs()),
+        scheduler(parts(), pictures, envs, std::min(num_threads(), num_envs)) {
+    engines.resize(scheduler.workers().num_workers(), envs.size() * helpers_per_env());
   }
-  open_renderer();
 
-  if (spec.hears()) {
-    const float rate_hz = config.acoustics.sample_rate_hz;
-    const auto hrtf = config.hrtf.empty() ? Hrtf::rigid_sphere(rate_hz) : Hrtf::from_sofa(config.hrtf, rate_hz);
-    const BandLayout bands =
-        config.acoustics.bands > 0 ? BandLayout::log_spaced(config.acoustics.bands, rate_hz) : BandLayout::octaves(rate_hz);
-    const auto tables = make_synthesis_tables(config.acoustics, bands, ChannelLayout::binaural, hrtf);
-    const StreamConfig stream = stream_config(config, block_samples, hrtf->fft_size());
-    const auto dry_spectra = make_dry_spectra(stream);
-    const double most_speed_m_per_s = std::max(5.0, 2.0 * static_cast<double>(config.task.forward_m / config.task.step_time_s));
-    make_engines = [tables, stream, sound = spec.sound, dry_spectra, most_speed_m_per_s] {
-      return std::make_unique<HearingEngines>(tables, stream, sound, dry_spectra, most_speed_m_per_s);
-    };
+  [[nodiscard]] EnvParts parts() {
+    return {.setup = setup, .rows = rows, .faults = faults, .senses = senses, .entry = entry, .engines = engines};
   }
-  for (auto* flags : {&under_way, &is_done}) flags->assign(envs.size(), 0);
-  for (Agent& agent : agents)
-    agent.around = {.places = {}, .apart_m = 2 * config.navmesh.agent_radius_m, .height_m = config.navmesh.agent_height_m};
-  all_envs.resize(envs.size());
-  std::iota(all_envs.begin(), all_envs.end(), std::uint32_t{0});
-  finished.reserve(agents.size());
-  spare_actions.reserve(agents.size());
-  for (EnvRun& run : envs) run.ended.reserve(per_env);
-  submitted.reserve(envs.size());
-  sent_order.reserve(envs.size());
-  received.reserve(envs.size());
-  const int threads = config.threads > 0 ? config.threads : tbb::info::default_concurrency();
-  workers.emplace(std::min(threads, num_envs), envs.size(), config.stage_limit_s,
-                  [this](std::size_t env, std::size_t worker) { run_task(env, worker); });
-  // Threads that envs leave over share the agents of each.  A stage that is given up takes its thread with it, so with a limit there are
-  // none of these.
-  if (per_env > 1 && config.stage_limit_s == 0)
-    helpers = std::min(size_of(threads) / envs.size(), per_env) - std::min(size_of(threads) / envs.size(), std::size_t{1});
-  for (EnvRun& run : envs)
-    if (helpers > 0) run.team = std::make_unique<AgentTeam>(helpers);
-  engines.resize(workers->num_workers() + envs.size() * helpers);
-}
+  [[nodiscard]] int num_threads() const { return setup.config.threads > 0 ? setup.config.threads : tbb::info::default_concurrency(); }
+  /// Threads that envs leave over share the agents of each.  A stage that is given up takes its thread with it, so with a limit there are
+  /// none of these.
+  [[nodiscard]] std::size_t helpers_per_env() const {
+    if (setup.per_env <= 1 || setup.config.stage_limit_s != 0) return 0;
+    const std::size_t threads_per_env = size_of(num_threads()) / size_of(setup.num_envs);
+    return std::min(threads_per_env, setup.per_env) - std::min(threads_per_env, std::size_t{1});
+  }
+  [[nodiscard]] std::vector<Agent> make_agents() const {
+    const NavmeshConfig& body = setup.config.navmesh;
+    std::vector<Agent> made(setup.num_rows());
+    for (std::size_t row = 0; row < made.size(); ++row) {
+      made[row].row = row;
+      made[row].number = static_cast<int>(row % setup.per_env);
+      made[row].env_id = static_cast<int>(setup.global_id(row / setup.per_env));
+      made[row].around = {.places = {}, .apart_m = 2 * body.agent_radius_m, .height_m = body.agent_height_m};
+    }
+    return made;
+  }
+  [[nodiscard]] std::vector<Environment> make_envs() {
+    std::vector<Environment> made;
+    made.reserve(size_of(setup.num_envs));
+    for (std::size_t env = 0; env < size_of(setup.num_envs); ++env)
+      made.emplace_back(parts(), std::span(agents).subspan(env * setup.per_env, setup.per_env), env, helpers_per_env());
+    return made;
+  }
 
-std::size_t BatchedEnv::Impl::index_of(int env) const {
-  if (env < 0 || size_of(env) >= envs.size())
-    throw std::out_of_range(fmt::format("BatchedEnv: environment {} of a batch of {}", env, envs.size()));
-  return size_of(env);
-}
-
-std::size_t BatchedEnv::Impl::row_of(int row) const {
-  if (row < 0 || size_of(row) >= agents.size())
-    throw std::out_of_range(fmt::format("BatchedEnv: agent {} of a batch of {}", row, agents.size()));
-  return size_of(row);
-}
-
-BatchedEnv::BatchedEnv(const EnvConfig& config, std::shared_ptr<const EpisodeSet> set, std::shared_ptr<SceneCache> scenes, int num_envs,
-                       int first_env, int total_envs)
-    : impl_(std::make_unique<Impl>(config, std::move(set), std::move(scenes), num_envs, first_env, total_envs)) {}
-
-BatchedEnv::~BatchedEnv() {
-  // What a stage that never returns works on has to stay.
-  if (impl_->workers->tasks_given_up() > 0) static_cast<void>(impl_.release());
-}
-
-std::string BatchedEnv::save_state() const {
-  const Impl& in = *impl_;
-  EnvState state{.set_hash = in.set->hash,
-                 .seed = in.config.seed,
-                 .first_env = in.first_env,
-                 .total_envs = in.total_envs,
-                 .started = in.started,
-                 .envs = {}};
-  in.refuse_while_under_way("save_state");
-  for (const std::uint32_t env : in.all_envs) state.envs.push_back(in.cursor_of(env));
-  return encode(state);
-}
+  /// Throws std::out_of_range.
+  [[nodiscard]] const Agent& agent_at(int row) const {
+    if (row < 0 || size_of(row) >= agents.size())
+      throw std::out_of_range(fmt::format("BatchedEnv: agent {} of a batch of {}", row, agents.size()));
+    return agents[size_of(row)];
+  }
+  void check_cursor(const EnvCursor& cursor) const;
+};
 
 namespace {
 
@@ -142,69 +99,87 @@ namespace {
 }  // namespace
 
 void BatchedEnv::Impl::check_cursor(const EnvCursor& cursor) const {
-  if (cursor.active && cursor.episode_index >= set->episodes.size()) refuse_state("names an episode that the set does not have");
-  if (cursor.others.size() + 1 != per_env) refuse_state("has another number of agents");
+  if (cursor.active && cursor.episode_index >= setup.set->episodes.size()) refuse_state("names an episode that the set does not have");
+  if (cursor.others.size() + 1 != setup.per_env) refuse_state("has another number of agents");
   std::size_t longest = cursor.actions.size();
   for (const auto& actions : cursor.others) longest = std::max(longest, actions.size());
-  if (longest > size_of(config.task.max_steps)) refuse_state("has an episode longer than task.max_steps");
-  if (cursor.ended && !cursor.is_void && config.autoreset == Autoreset::same_step)
+  if (longest > size_of(setup.config.task.max_steps)) refuse_state("has an episode longer than task.max_steps");
+  if (cursor.ended && !cursor.is_void && setup.config.autoreset == Autoreset::same_step)
     refuse_state("has an episode that has ended, which autoreset same_step knows none of");
+}
+
+BatchedEnv::BatchedEnv(const EnvConfig& config, std::shared_ptr<const EpisodeSet> set, std::shared_ptr<SceneCache> scenes, int num_envs,
+                       int first_env, int total_envs)
+    : impl_(std::make_unique<Impl>(config, std::move(set), std::move(scenes), num_envs, first_env, total_envs)) {}
+
+BatchedEnv::~BatchedEnv() {
+  // What a stage that never returns works on has to stay.
+  if (impl_->scheduler.workers().tasks_given_up() > 0) static_cast<void>(impl_.release());
+}
+
+void BatchedEnv::reset() { impl_->scheduler.reset(); }
+void BatchedEnv::reset(std::span<const std::uint8_t> mask, std::span<const std::uint64_t> seeds) { impl_->scheduler.reset(mask, seeds); }
+void BatchedEnv::step(std::span<const std::int32_t> actions) { impl_->scheduler.step(actions); }
+void BatchedEnv::send(std::span<const std::int32_t> envs, std::span<const std::int32_t> actions) { impl_->scheduler.send(envs, actions); }
+std::span<const std::int32_t> BatchedEnv::recv(int min_ready, RecvOrder order) { return impl_->scheduler.recv(min_ready, order); }
+std::optional<FaultReport> BatchedEnv::begin(int env, std::uint64_t episode_index, int episode_count) {
+  return impl_->scheduler.begin(env, episode_index, episode_count);
+}
+
+std::string BatchedEnv::save_state() const {
+  const Impl& in = *impl_;
+  EnvState state{.set_hash = in.setup.set->hash,
+                 .seed = in.setup.config.seed,
+                 .first_env = in.setup.first_env,
+                 .total_envs = in.setup.total_envs,
+                 .started = in.scheduler.has_started(),
+                 .envs = {}};
+  in.scheduler.refuse_while_under_way("save_state");
+  for (std::size_t env = 0; env < in.envs.size(); ++env) state.envs.push_back(in.scheduler.cursor_of(env));
+  return encode(state);
 }
 
 void BatchedEnv::restore(std::string_view text) {
   Impl& in = *impl_;
-  in.refuse_while_under_way("restore");
+  in.scheduler.refuse_while_under_way("restore");
   const EnvState state = decode_env_state(text);
-  if (state.set_hash != in.set->hash) refuse_state("belongs to another episode set");
-  if (state.seed != in.config.seed) refuse_state("has another seed");
-  if (state.envs.size() != in.envs.size() || state.first_env != in.first_env || state.total_envs != in.total_envs)
+  if (state.set_hash != in.setup.set->hash) refuse_state("belongs to another episode set");
+  if (state.seed != in.setup.config.seed) refuse_state("has another seed");
+  if (state.envs.size() != in.envs.size() || state.first_env != in.setup.first_env || state.total_envs != in.setup.total_envs)
     refuse_state("belongs to another batch of environments");
   for (const EnvCursor& cursor : state.envs) in.check_cursor(cursor);
-  for (const std::uint32_t env : in.all_envs) in.require_settled(env, "restore");
-  in.clear_finished();
-  in.started = state.started;
-  if (!state.started) return;
-  in.submitted.clear();
-  for (const std::uint32_t env : in.all_envs) {
-    in.envs[env].job = Job::restore;
-    in.envs[env].cursor = state.envs[env];
-    in.submitted.push_back(env);
-  }
-  in.run_all();
+  in.scheduler.restore(state.envs, state.started);
 }
 
 std::string BatchedEnv::snapshot(int env) const {
   const Impl& in = *impl_;
-  const std::size_t index = in.index_of(env);
-  if (in.under_way[index] != 0) throw std::logic_error(fmt::format("BatchedEnv::snapshot: environment {} is under way", env));
-  return encode({.set_hash = in.set->hash,
-                 .seed = in.config.seed,
+  const std::size_t index = in.scheduler.index_of(env);
+  if (in.scheduler.is_under_way(index)) throw std::logic_error(fmt::format("BatchedEnv::snapshot: environment {} is under way", env));
+  return encode({.set_hash = in.setup.set->hash,
+                 .seed = in.setup.config.seed,
                  .first_env = 0,
                  .total_envs = 1,
-                 .started = in.started,
-                 .envs = {in.cursor_of(index)}});
+                 .started = in.scheduler.has_started(),
+                 .envs = {in.scheduler.cursor_of(index)}});
 }
 
 void BatchedEnv::restore(int env, std::string_view snapshot) {
   Impl& in = *impl_;
-  in.refuse_while_under_way("restore");
-  const std::size_t index = in.index_of(env);
+  in.scheduler.refuse_while_under_way("restore");
+  const std::size_t index = in.scheduler.index_of(env);
   const EnvState state = decode_env_state(snapshot);
-  if (state.set_hash != in.set->hash) refuse_state("belongs to another episode set");
+  if (state.set_hash != in.setup.set->hash) refuse_state("belongs to another episode set");
   if (state.envs.size() != 1 || !state.started) refuse_state("is no snapshot of one environment with an episode");
-  if (!in.started) throw std::logic_error("BatchedEnv::restore: no episode has begun, reset all environments first");
+  if (!in.scheduler.has_started()) throw std::logic_error("BatchedEnv::restore: no episode has begun, reset all environments first");
   in.check_cursor(state.envs.front());
-  in.require_settled(index, "restore");
-  in.envs[index].job = Job::restore;
-  in.envs[index].cursor = state.envs.front();
-  in.submitted.assign(1, static_cast<std::uint32_t>(index));
-  in.run_all();
+  in.scheduler.restore(index, state.envs.front());
 }
 
-int BatchedEnv::num_envs() const { return impl_->num_envs(); }
-int BatchedEnv::num_agents() const { return static_cast<int>(impl_->per_env); }
+int BatchedEnv::num_envs() const { return impl_->setup.num_envs; }
+int BatchedEnv::num_agents() const { return static_cast<int>(impl_->setup.per_env); }
 int BatchedEnv::num_rows() const { return static_cast<int>(impl_->agents.size()); }
-const EnvConfig& BatchedEnv::config() const { return impl_->config; }
+const EnvConfig& BatchedEnv::config() const { return impl_->setup.config; }
+
 std::span<const SensorSpec> BatchedEnv::sensors() const { return impl_->rows.table(); }
 std::span<const std::byte> BatchedEnv::rows(std::string_view sensor) const { return impl_->rows.now(sensor); }
 std::span<const std::byte> BatchedEnv::final_rows(std::string_view sensor) const { return impl_->rows.last(sensor); }
@@ -215,22 +190,22 @@ std::span<const std::uint8_t> BatchedEnv::active() const { return impl_->rows.ac
 std::span<const std::uint8_t> BatchedEnv::collided() const { return impl_->rows.collided(); }
 std::span<const std::uint8_t> BatchedEnv::quarantined() const { return impl_->rows.quarantined(); }
 std::span<const std::uint8_t> BatchedEnv::acted() const { return impl_->rows.acted(); }
-std::span<const FinishedEpisode> BatchedEnv::finished() const { return impl_->finished; }
+std::span<const FinishedEpisode> BatchedEnv::finished() const { return impl_->scheduler.finished(); }
 
-Pose BatchedEnv::pose(int row) const { return impl_->agents[impl_->row_of(row)].state.pose(impl_->config.task); }
+Pose BatchedEnv::pose(int row) const { return impl_->agent_at(row).state.pose(impl_->setup.config.task); }
 const EnvSource& BatchedEnv::source(int row) const {
-  const auto& source = impl_->agents[impl_->row_of(row)].source;
+  const auto& source = impl_->agent_at(row).source;
   if (!source) throw std::logic_error(fmt::format("BatchedEnv::source: agent {} has no episode", row));
   return *source;
 }
 NearestGoal BatchedEnv::goal(int row) const {
   static_cast<void>(source(row));
-  return impl_->goal_of(impl_->row_of(row));
+  return impl_->envs[size_of(row) / impl_->setup.per_env].run().goal_of(impl_->agent_at(row));
 }
-std::uint64_t BatchedEnv::episode_index(int row) const { return impl_->agents[impl_->row_of(row)].episode_index; }
-int BatchedEnv::episode_count(int row) const { return impl_->agents[impl_->row_of(row)].episode_count; }
-int BatchedEnv::episode_step(int row) const { return impl_->agents[impl_->row_of(row)].state.steps(); }
-const StageSeconds& BatchedEnv::stage_seconds() const { return impl_->stage_seconds; }
+std::uint64_t BatchedEnv::episode_index(int row) const { return impl_->agent_at(row).episode_index; }
+int BatchedEnv::episode_count(int row) const { return impl_->agent_at(row).episode_count; }
+int BatchedEnv::episode_step(int row) const { return impl_->agent_at(row).state.steps(); }
+const StageSeconds& BatchedEnv::stage_seconds() const { return impl_->scheduler.stage_seconds(); }
 EffectCounters BatchedEnv::effect_counters() const {
   EffectCounters sum;
   for (const Agent& agent : impl_->agents) sum.add(agent.hearing.effects());
@@ -241,7 +216,7 @@ std::uint64_t BatchedEnv::cached_responses() const {
   for (const Agent& agent : impl_->agents) sum += agent.hearing.cached_responses();
   return sum;
 }
-QuarantineCounters BatchedEnv::quarantine_counters() const { return impl_->quarantine.counters(); }
+QuarantineCounters BatchedEnv::quarantine_counters() const { return impl_->faults.counters(); }
 std::uint64_t BatchedEnv::nonfinite_events() const {
   const QuarantineCounters counters = quarantine_counters();
   std::uint64_t sum = 0;
@@ -251,31 +226,6 @@ std::uint64_t BatchedEnv::nonfinite_events() const {
   return sum;
 }
 std::uint64_t BatchedEnv::skipped_episodes() const { return quarantine_counters().of(Fault::path); }
-void BatchedEnv::set_stage_hook(StageHook hook) { impl_->hook = std::move(hook); }
-
-std::optional<FaultReport> BatchedEnv::begin(int env, std::uint64_t episode_index, int episode_count) {
-  Impl& in = *impl_;
-  in.refuse_while_under_way("begin");
-  const std::size_t index = in.index_of(env);
-  if (episode_index >= in.set->episodes.size() || episode_count < 0)
-    throw std::invalid_argument(
-        fmt::format("BatchedEnv::begin: episode {} of {}, number {}", episode_index, in.set->episodes.size(), episode_count));
-  in.require_settled(index, "begin");
-  in.envs[index].job = Job::begin;
-  in.seed_env(index, in.config.seed, in.global_id(index));
-  for (Agent& agent : in.agents_of(index)) {
-    agent.episode_index = episode_index;
-    agent.episode_count = episode_count;
-  }
-  in.started = true;
-  in.submitted.assign(1, static_cast<std::uint32_t>(env));
-  in.run_all();
-  const FaultReport* found = in.fault_of(index);
-  if (!found) return std::nullopt;
-  const FaultReport fault = *found;
-  in.go_idle(index);
-  in.publish(index);
-  return fault;
-}
+void BatchedEnv::set_stage_hook(StageHook hook) { impl_->faults.set_hook(std::move(hook)); }
 
 }  // namespace earshot

@@ -25,7 +25,7 @@ constexpr std::size_t kMostAtOnce = 8;
 constexpr std::size_t kMaxReplacements = 64;
 /// A batch without sound and picture takes some ten microseconds, and so does waking a thread: this long a thread looks for work before
 /// it sleeps.
-constexpr int kSpins = 2000;
+constexpr int kWorkerSpins = 2000;
 constexpr std::uint32_t kNothing = 0, kGivenUp = ~std::uint32_t{0};
 
 /// What a worker is at, in one word, so that a task is either given up or goes on: the environment + 1 below, stages begun above.
@@ -119,7 +119,7 @@ struct EnvWorkers::Shared {
       const std::uint32_t seen = wake.load(std::memory_order_acquire);
       if (stop.load(std::memory_order_acquire)) return;  // after `seen`, which the end changes: it cannot be slept through
       if (work(number, gone)) continue;
-      for (int spin = 0; spin < kSpins && wake.load(std::memory_order_relaxed) == seen; ++spin) relax();
+      for (int spin = 0; spin < kWorkerSpins && wake.load(std::memory_order_relaxed) == seen; ++spin) relax();
       wake.wait(seen, std::memory_order_acquire);
     }
     const std::scoped_lock lock(mutex);
@@ -238,7 +238,7 @@ CompletedEnv EnvWorkers::next() {
       throw RunError("environments", "stages of so many have stalled that no thread is left: look at the scenes that the log names");
     bool gone = false;
     if (in.caller_works && in.work(0, gone)) continue;
-    if (spin < kSpins)
+    if (spin < kWorkerSpins)
       relax();
     else  // until more have been completed than were received; an entry is written before it is counted
       in.completed.wait(static_cast<std::uint32_t>(in.received), std::memory_order_acquire);
