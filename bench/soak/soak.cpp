@@ -56,17 +56,17 @@ void choose_actions(const BatchedEnv& env, BaselineAgent& greedy, std::uint64_t 
   for (std::size_t row = 0; row < actions.size(); ++row) {
     const int index = static_cast<int>(row);
     if (!env.active()[row]) continue;
-    const auto id = static_cast<std::uint32_t>(index), episode = static_cast<std::uint32_t>(env.episode_count(index));
+    const auto id = static_cast<std::uint32_t>(index), episode = static_cast<std::uint32_t>(env.agent(index).episode_count);
     if (RandomStream(round_seed, Purpose::bench, id, episode).uniform(0) < 0.5f) continue;
     const float draw =
-        RandomStream(round_seed, Purpose::random_agent, id, episode, static_cast<std::uint32_t>(env.episode_step(index))).uniform(1);
+        RandomStream(round_seed, Purpose::random_agent, id, episode, static_cast<std::uint32_t>(env.agent(index).episode_step)).uniform(1);
     const Action action = draw < 0.008f ? Action::stop : draw < 0.3f ? Action::left : draw < 0.59f ? Action::right : Action::forward;
     actions[row] = static_cast<std::int32_t>(action);
   }
 }
 
 std::array<double, kSoakStages.size()> stage_seconds(const BatchedEnv& env) {
-  const StageSeconds& s = env.stage_seconds();
+  const StageSeconds& s = env.counters().stages;
   return {0, s.move, s.trace, s.synthesize, s.convolve, s.render, s.observe, s.reset};
 }
 
@@ -189,9 +189,9 @@ class Soak {
     result_.kinds = watch_->kinds();
     result_.loudness = watch_->loudness();
     result_.largest_reward = watch_->largest_reward();
-    result_.nonfinite_events = env_->nonfinite_events();
     result_.quarantined = env_->quarantine_counters();
-    result_.cached_responses = env_->cached_responses();
+    result_.nonfinite_events = result_.quarantined.nonfinite();
+    result_.cached_responses = env_->counters().cached_responses;
     fit_memory();
   }
 

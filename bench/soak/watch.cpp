@@ -32,7 +32,7 @@ std::size_t first_outside(std::span<const float> values, float low, float high) 
 
 double distance_to_source(const BatchedEnv& env, std::size_t row) {
   const int index = static_cast<int>(row);
-  const glm::vec3 ear = env.pose(index).position + glm::vec3(0, env.config().task.ear_height_m, 0);
+  const glm::vec3 ear = env.agent(index).pose.position + glm::vec3(0, env.config().task.ear_height_m, 0);
   return static_cast<double>(glm::distance(ear, env.source(index).candidates.source()));
 }
 
@@ -98,8 +98,8 @@ void SoakWatch::begin(const BatchedEnv& env, std::size_t row) {
   agent.active = env.active()[row] != 0;
   agent.hash.begin();
   if (!agent.active) return;
-  agent.episode_index = env.episode_index(index);
-  agent.episode_count = env.episode_count(index);
+  agent.episode_index = env.agent(index).episode_index;
+  agent.episode_count = env.agent(index).episode_count;
   agent.distance_m = distance_to_source(env, row);
   const EnvSource& source = env.source(index);
   agent.diffuse_energy =
@@ -110,7 +110,7 @@ void SoakWatch::begin(const BatchedEnv& env, std::size_t row) {
 void SoakWatch::check(const BatchedEnv& env, std::size_t row, bool ended, double nearest_m) {
   SoakRows rows = copy_.take(env, row, ended);
   // A row that begins an episode in the step that ended another carries that one's reward.
-  if (!ended && env.episode_step(static_cast<int>(row)) == 0) rows.reward = 0;
+  if (!ended && env.agent(static_cast<int>(row)).episode_step == 0) rows.reward = 0;
   if (tamper_) tamper_(steps_, static_cast<int>(row), rows);
   agents_[row].hash.add(rows);
 
@@ -140,7 +140,7 @@ void SoakWatch::check(const BatchedEnv& env, std::size_t row, bool ended, double
 }
 
 void SoakWatch::check_place(const BatchedEnv& env, std::size_t row) {
-  const glm::vec3 foot = env.pose(static_cast<int>(row)).position;
+  const glm::vec3 foot = env.agent(static_cast<int>(row)).pose.position;
   const Bounds& bounds = env.source(static_cast<int>(row)).scene->scene->bounds();
   for (int axis = 0; axis < 3; ++axis)
     if (!(foot[axis] >= bounds.lower[axis] - kBoundsSlackM && foot[axis] <= bounds.upper[axis] + kBoundsSlackM)) {
@@ -174,9 +174,9 @@ std::string SoakWatch::place_of(const BatchedEnv& env, std::size_t row, bool end
   const std::string where = fmt::format("scene {}, episode {} of the set, env {}, its episode {}, sound {}, seed {}", episode.scene_id,
                                         agents_[row].episode_index, index, agents_[row].episode_count, episode.sound, config_.seed);
   if (ended) return where + ", last step";
-  const Pose pose = env.pose(index);
-  return where + fmt::format(", step {}, position {} {} {}, heading {:.4f} rad", env.episode_step(index), pose.position.x, pose.position.y,
-                             pose.position.z, pose.heading_rad);
+  const Pose pose = env.agent(index).pose;
+  return where + fmt::format(", step {}, position {} {} {}, heading {:.4f} rad", env.agent(index).episode_step, pose.position.x,
+                             pose.position.y, pose.position.z, pose.heading_rad);
 }
 
 void SoakWatch::report(SoakFault fault, const std::string& what) {

@@ -77,8 +77,8 @@ void walk(const BatchedEnv& env, std::span<std::int32_t> actions) {
   for (std::size_t row = 0; row < actions.size(); ++row) {
     const int index = static_cast<int>(row);
     const std::uint32_t draw =
-        RandomStream(0, Purpose::random_agent, static_cast<std::uint32_t>(row), static_cast<std::uint32_t>(env.episode_count(index)),
-                     static_cast<std::uint32_t>(env.episode_step(index)))
+        RandomStream(0, Purpose::random_agent, static_cast<std::uint32_t>(row), static_cast<std::uint32_t>(env.agent(index).episode_count),
+                     static_cast<std::uint32_t>(env.agent(index).episode_step))
             .below(8, 0);
     actions[row] = draw < 6 ? 1 : draw == 6 ? 2 : 3;
   }
@@ -124,7 +124,7 @@ class EnvBench {
     BaselineAgent oracle(Baseline::oracle, env.config(), env.num_rows(), 0);
     std::vector<std::int32_t> actions(static_cast<std::size_t>(env.num_rows()));
     for (int repeat = 0; repeat <= repeats; ++repeat) {
-      const StageSeconds before = env.stage_seconds();
+      const StageSeconds before = env.counters().stages;
       const Stopwatch watch;
       std::vector<double> batch_ms;
       double steps = 0, step_s = 0;
@@ -145,7 +145,7 @@ class EnvBench {
       times.steps_per_s.push_back(steps / watch.wall_s());
       times.alone_per_s.push_back(steps / step_s);
       for (std::size_t i = 0; i < kStages.size(); ++i)
-        times.stage_ms[i].push_back(1e3 * (env.stage_seconds().*kStages[i].seconds - before.*kStages[i].seconds) / steps);
+        times.stage_ms[i].push_back(1e3 * (env.counters().stages.*kStages[i].seconds - before.*kStages[i].seconds) / steps);
       std::ranges::sort(batch_ms);
       times.batch_ms.push_back(std::move(batch_ms));
     }

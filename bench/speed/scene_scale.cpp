@@ -108,13 +108,13 @@ SceneScaleResult run_scene_scale(const SceneScaleOptions& options) {
   while (whole.wall_s() < 60 * options.minutes && std::ranges::any_of(env.active(), [](std::uint8_t active) { return active != 0; })) {
     oracle.act(env, actions);
     SlowStep step{.step = steps.size()};
-    const double reset_before_s = env.stage_seconds().reset;
+    const double reset_before_s = env.counters().stages.reset;
     const std::uint64_t loaded_before = scenes->scenes_loaded(), built_before = scenes->sources_built();
     const Stopwatch watch;
     env.step(actions);
     step.ms = watch.wall_ms();
     step.cpu_ms = 1e3 * watch.cpu_s();
-    step.reset_ms = 1e3 * (env.stage_seconds().reset - reset_before_s);
+    step.reset_ms = 1e3 * (env.counters().stages.reset - reset_before_s);
     step.scenes_loaded = scenes->scenes_loaded() - loaded_before;
     step.sources_built = scenes->sources_built() - built_before;
     step.episodes_ended = env.finished().size();

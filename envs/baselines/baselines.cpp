@@ -62,7 +62,8 @@ void BaselineAgent::act(const BatchedEnv& env, std::span<std::int32_t> actions) 
     const int index = static_cast<int>(i);
     actions[i] = static_cast<std::int32_t>(Action::stop);
     if (!env.active()[i]) continue;
-    const int episode = env.episode_count(index), step = env.episode_step(index);
+    const AgentPlace place = env.agent(index);
+    const int episode = place.episode_count, step = place.episode_step;
     const RandomStream random(seed_, Purpose::random_agent, static_cast<std::uint32_t>(first_env_ + index),
                               static_cast<std::uint32_t>(episode), static_cast<std::uint32_t>(step));
     Action action = Action::stop;
@@ -71,7 +72,7 @@ void BaselineAgent::act(const BatchedEnv& env, std::span<std::int32_t> actions) 
         action = static_cast<Action>(random.below(kNumActions, 0));
         break;
       case Baseline::random_oracle_stop:
-        if (oracle_action(env.config().task, env.goal(index), env.pose(index)) != Action::stop)
+        if (oracle_action(env.config().task, env.goal(index), place.pose) != Action::stop)
           action = static_cast<Action>(1 + random.below(kNumActions - 1, 0));
         break;
       case Baseline::greedy:
@@ -84,7 +85,7 @@ void BaselineAgent::act(const BatchedEnv& env, std::span<std::int32_t> actions) 
                                  random);
         break;
       case Baseline::oracle:
-        action = oracle_action(env.config().task, env.goal(index), env.pose(index));
+        action = oracle_action(env.config().task, env.goal(index), place.pose);
         break;
     }
     row.episode = episode;

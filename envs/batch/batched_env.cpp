@@ -1,3 +1,5 @@
+#include "envs/batch/batched_env.h"
+
 #include <fmt/format.h>
 #include <tbb/info.h>
 
@@ -9,7 +11,6 @@
 #include "envs/batch/agent_senses.h"
 #include "envs/batch/batch_rows.h"
 #include "envs/batch/batch_setup.h"
-#include "envs/batch/batched_env.h"
 #include "envs/batch/env_scheduler.h"
 #include "envs/batch/env_state.h"
 #include "envs/batch/environment.h"
@@ -110,11 +111,10 @@ void BatchedEnv::Impl::check_cursor(const EnvCursor& cursor) const {
 
 BatchedEnv::BatchedEnv(const EnvConfig& config, std::shared_ptr<const EpisodeSet> set, std::shared_ptr<SceneCache> scenes, int num_envs,
                        int first_env, int total_envs)
-    : impl_(std::make_unique<Impl>(config, std::move(set), std::move(scenes), num_envs, first_env, total_envs)) {}
+    : impl_(new Impl(config, std::move(set), std::move(scenes), num_envs, first_env, total_envs)) {}
 
-BatchedEnv::~BatchedEnv() {
-  // What a stage that never returns works on has to stay.
-  if (impl_->scheduler.workers().tasks_given_up() > 0) static_cast<void>(impl_.release());
+void BatchedEnv::Release::operator()(Impl* impl) const noexcept {
+  if (impl->scheduler.workers().tasks_given_up() == 0) delete impl;
 }
 
 void BatchedEnv::reset() { impl_->scheduler.reset(); }
@@ -176,7 +176,6 @@ void BatchedEnv::restore(int env, std::string_view snapshot) {
 }
 
 int BatchedEnv::num_envs() const { return impl_->setup.num_envs; }
-int BatchedEnv::num_agents() const { return static_cast<int>(impl_->setup.per_env); }
 int BatchedEnv::num_rows() const { return static_cast<int>(impl_->agents.size()); }
 const EnvConfig& BatchedEnv::config() const { return impl_->setup.config; }
 
@@ -192,7 +191,13 @@ std::span<const std::uint8_t> BatchedEnv::quarantined() const { return impl_->ro
 std::span<const std::uint8_t> BatchedEnv::acted() const { return impl_->rows.acted(); }
 std::span<const FinishedEpisode> BatchedEnv::finished() const { return impl_->scheduler.finished(); }
 
-Pose BatchedEnv::pose(int row) const { return impl_->agent_at(row).state.pose(impl_->setup.config.task); }
+AgentPlace BatchedEnv::agent(int row) const {
+  const Agent& agent = impl_->agent_at(row);
+  return {.pose = agent.state.pose(impl_->setup.config.task),
+          .episode_index = agent.episode_index,
+          .episode_count = agent.episode_count,
+          .episode_step = agent.state.steps()};
+}
 const EnvSource& BatchedEnv::source(int row) const {
   const auto& source = impl_->agent_at(row).source;
   if (!source) throw std::logic_error(fmt::format("BatchedEnv::source: agent {} has no episode", row));
@@ -202,30 +207,15 @@ NearestGoal BatchedEnv::goal(int row) const {
   static_cast<void>(source(row));
   return impl_->envs[size_of(row) / impl_->setup.per_env].run().goal_of(impl_->agent_at(row));
 }
-std::uint64_t BatchedEnv::episode_index(int row) const { return impl_->agent_at(row).episode_index; }
-int BatchedEnv::episode_count(int row) const { return impl_->agent_at(row).episode_count; }
-int BatchedEnv::episode_step(int row) const { return impl_->agent_at(row).state.steps(); }
-const StageSeconds& BatchedEnv::stage_seconds() const { return impl_->scheduler.stage_seconds(); }
-EffectCounters BatchedEnv::effect_counters() const {
-  EffectCounters sum;
-  for (const Agent& agent : impl_->agents) sum.add(agent.hearing.effects());
-  return sum;
-}
-std::uint64_t BatchedEnv::cached_responses() const {
-  std::uint64_t sum = 0;
-  for (const Agent& agent : impl_->agents) sum += agent.hearing.cached_responses();
+BatchCounters BatchedEnv::counters() const {
+  BatchCounters sum{.stages = impl_->scheduler.stage_seconds(), .effects = {}};
+  for (const Agent& agent : impl_->agents) {
+    sum.effects.add(agent.hearing.effects());
+    sum.cached_responses += agent.hearing.cached_responses();
+  }
   return sum;
 }
 QuarantineCounters BatchedEnv::quarantine_counters() const { return impl_->faults.counters(); }
-std::uint64_t BatchedEnv::nonfinite_events() const {
-  const QuarantineCounters counters = quarantine_counters();
-  std::uint64_t sum = 0;
-  for (const Fault fault :
-       {Fault::distance, Fault::reward, Fault::pose, Fault::depth, Fault::rir, Fault::sound, Fault::spectrogram, Fault::pointgoal})
-    sum += counters.of(fault);
-  return sum;
-}
-std::uint64_t BatchedEnv::skipped_episodes() const { return quarantine_counters().of(Fault::path); }
 void BatchedEnv::set_stage_hook(StageHook hook) { impl_->faults.set_hook(std::move(hook)); }
 
 }  // namespace earshot

@@ -41,6 +41,21 @@ struct StageSeconds {
   double move = 0, trace = 0, synthesize = 0, convolve = 0, render = 0, observe = 0, reset = 0;
 };
 
+/// Counts of a batch.
+struct BatchCounters {
+  StageSeconds stages;
+  EffectCounters effects;  ///< poses rendered without an effect, by effect; fields built and loaded: SceneCache::field_counters()
+  std::uint64_t cached_responses = 0;  ///< steps of agents that did not move (turned, collided) and reused the cached response
+};
+
+/// Where an agent is in its episode.
+struct AgentPlace {
+  Pose pose;                        ///< in the coordinates of the engine
+  std::uint64_t episode_index = 0;  ///< in the set
+  int episode_count = 0;            ///< episodes started before this one; -1: none has begun
+  int episode_step = 0;
+};
+
 /// num_envs scenes with config.agents agents each, stepped together.  Buffers are flat [rows, ...], owned here, valid until the env's next
 /// step; a row is one agent of one env, row = env * agents + agent.  Results are a function of (set, config, global env id) and of what the
 /// env was asked to do: not of threads, of how a batch is split, nor of the order in which envs are sent.
@@ -64,7 +79,6 @@ class BatchedEnv {
   /// scenes: must have config.acoustics.  Opens every sound of the set.  Throws InputError.
   BatchedEnv(const EnvConfig& config, std::shared_ptr<const EpisodeSet> set, std::shared_ptr<SceneCache> scenes, int num_envs,
              int first_env = 0, int total_envs = 0);
-  ~BatchedEnv();
 
   /// Starts the first episode of every env and fills the observations.  Seeds of envs are those of the config again.
   void reset();
@@ -84,8 +98,7 @@ class BatchedEnv {
   std::span<const std::int32_t> recv(int min_ready, RecvOrder order = RecvOrder::as_ready);
 
   [[nodiscard]] int num_envs() const;
-  [[nodiscard]] int num_agents() const;  ///< in each env
-  [[nodiscard]] int num_rows() const;    ///< num_envs() * num_agents()
+  [[nodiscard]] int num_rows() const;  ///< num_envs() * config().agents
   [[nodiscard]] const EnvConfig& config() const;
   /// The sensors of the config.
   [[nodiscard]] std::span<const SensorSpec> sensors() const;
@@ -106,25 +119,15 @@ class BatchedEnv {
   [[nodiscard]] std::span<const FinishedEpisode> finished() const;
 
   /// For baselines and pages: state that is no observation.  `row` counts from 0 in this batch; throws std::out_of_range for another.
-  [[nodiscard]] Pose pose(int row) const;
+  [[nodiscard]] AgentPlace agent(int row) const;
+  /// The source at its goal.  Throws std::logic_error where the agent has no episode, as goal().
   [[nodiscard]] const EnvSource& source(int row) const;
   /// The goals of its episode, as far as the nearest of them; refers to what the episode holds.
   [[nodiscard]] NearestGoal goal(int row) const;
-  [[nodiscard]] std::uint64_t episode_index(int row) const;
-  [[nodiscard]] int episode_count(int row) const;  ///< episodes started before this one
-  [[nodiscard]] int episode_step(int row) const;
-  [[nodiscard]] const StageSeconds& stage_seconds() const;
-  /// Poses rendered without an effect, by effect, summed over agents since construction.  Fields built and loaded:
-  /// SceneCache::field_counters().
-  [[nodiscard]] EffectCounters effect_counters() const;
-  /// Steps of agents that did not move (turned, collided): they reuse the cached response.
-  [[nodiscard]] std::uint64_t cached_responses() const;
-  /// Episodes taken out of the run, by reason, and what became of their files.
+  /// Sums since construction.  Not while an environment is under way or a stage of one that was given up still runs.
+  [[nodiscard]] BatchCounters counters() const;
+  /// Episodes taken out of the run, by reason, and what became of their files.  At any time.
   [[nodiscard]] QuarantineCounters quarantine_counters() const;
-  /// Of them: those where something was not finite.
-  [[nodiscard]] std::uint64_t nonfinite_events() const;
-  /// Of them: those without a path to their goal.
-  [[nodiscard]] std::uint64_t skipped_episodes() const;
   /// hook: see StageHook; empty: none.
   void set_stage_hook(StageHook hook);
 
@@ -143,7 +146,11 @@ class BatchedEnv {
 
  private:
   struct Impl;
-  std::unique_ptr<Impl> impl_;
+  /// Waits for the threads.  Keeps the memory of a stage that was given up and still runs.
+  struct Release {
+    void operator()(Impl* impl) const noexcept;
+  };
+  std::unique_ptr<Impl, Release> impl_;
 };
 
 /// BatchedEnv::rows() and final_rows() of a sensor of float32.

@@ -53,8 +53,8 @@ struct TaskResults {
 ///   env.run_task(workers, worker);        // by any thread: the stages of the step, the end of the episode, the start of the next
 ///   take(env.results());                  // by the thread that uses the batch again
 ///
-/// Threads: one at a time, but give_up(), which is called while run_task() hangs; until that task has returned nothing else may be called
-/// but agents() for what no stage writes.  Steps do not allocate once buffers have grown (StepAllocation).
+/// Threads: one at a time.  While run_task() hangs in a task that was given up, only give_up(), cursor(true) and TaskResults::given_up may
+/// be used.  Steps do not allocate once buffers have grown (StepAllocation).
 class Environment {
  public:
   /// parts, agents: must outlive it.  index: in the batch; it staggers which steps are timed.  helpers: threads that share the agents of

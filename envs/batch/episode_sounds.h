@@ -19,7 +19,7 @@ class EpisodeSounds {
   /// Makes the sounds of the episode that the agents have entered, and begins the hearing of each agent: it hears all sounds but its own,
   /// and noise where the episode has any.  Throws InputError for a place where no source can be made.
   void begin(const BatchSetup& setup, std::span<Agent> agents);
-  /// Puts those that move where they are at the end of step `steps` (0: the start), once for all agents.  A sound that nobody can hear in
+  /// Puts those that move where they are at the end of step `steps` (0: the start), once for all agents.  A sound that cannot be heard in
   /// this step stays.  team: threads that share the work; null: the caller does all.  Rethrows the first error of a move.
   void move(const BatchSetup& setup, int steps, std::span<const Agent> agents, const HearingEngines& engines, AgentTeam* team);
   /// Lets go of the sounds and of the scene that they are in.

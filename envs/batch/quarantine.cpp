@@ -53,6 +53,13 @@ std::optional<Fault> fault_by_name(std::string_view name) {
 }
 
 std::uint64_t QuarantineCounters::total() const { return std::accumulate(episodes.begin(), episodes.end(), std::uint64_t{0}); }
+std::uint64_t QuarantineCounters::nonfinite() const {
+  std::uint64_t sum = 0;
+  for (const Fault fault :
+       {Fault::distance, Fault::reward, Fault::pose, Fault::depth, Fault::rir, Fault::sound, Fault::spectrogram, Fault::pointgoal})
+    sum += of(fault);
+  return sum;
+}
 
 std::string encode(const QuarantineRecord& record) {
   json document = {{"earshot_quarantine", kQuarantineVersion},

@@ -60,6 +60,8 @@ struct QuarantineCounters {
   std::uint64_t files_left_out = 0;  ///< of the same fault of the same episode, or past the bound on files
   [[nodiscard]] std::uint64_t of(Fault fault) const { return episodes[static_cast<std::size_t>(fault)]; }
   [[nodiscard]] std::uint64_t total() const;
+  /// Of those: where a number was not finite.
+  [[nodiscard]] std::uint64_t nonfinite() const;
 };
 
 /// A quarantined episode with all that is needed to run it again.

@@ -119,7 +119,7 @@ class Recorder {
   void observe(bool ended) {
     RecordedStep step;
     const Scene& scene = *recording_->scene->scene;
-    step.pose = env_->pose(0);
+    step.pose = env_->agent(0).pose;
     step.reward = recording_->steps.empty() ? 0.f : env_->rewards()[0];
     step.collided = !recording_->steps.empty() && env_->collided()[0] != 0;
     const NearestGoal goal = env_->goal(0);
@@ -227,7 +227,7 @@ EpisodeRecording record_episode(const EvaluationResult& result, const std::strin
   recording.looks = recording.scene->looks->of(*recording.scene->scene);
   for (const glm::dvec3 goal : {recording.episode.goal_position}) recording.goals.push_back(recording.scene->scene->to_local(goal));
   for (const glm::dvec3 goal : recording.episode.other_goals) recording.goals.push_back(recording.scene->scene->to_local(goal));
-  walk_oracle(recording.env.task, recording.scene->navmesh, batch.goal(0), batch.pose(0), recording);
+  walk_oracle(recording.env.task, recording.scene->navmesh, batch.goal(0), batch.agent(0).pose, recording);
 
   Recorder recorder(batch, recording);
   recorder.observe(false);

@@ -32,7 +32,7 @@ EvaluationResult evaluate_checkpoint(const std::filesystem::path& path, const Ev
     // Keyed by the episode, not by the env that happens to run it.
     acting.clear();
     for (int i = 0; i < env.num_envs(); ++i)
-      acting.push_back({static_cast<std::uint32_t>(env.episode_index(i)), 0, static_cast<std::uint32_t>(env.episode_step(i))});
+      acting.push_back({static_cast<std::uint32_t>(env.agent(i).episode_index), 0, static_cast<std::uint32_t>(env.agent(i).episode_step)});
     sample_actions(output.logits, acting, evaluation.seed, actions);
   };
   EvaluationResult result = run_episodes(config.env, evaluation, config.name, act, [&](const BatchedEnv& env) { actor->advance(env); });

@@ -146,7 +146,7 @@ void bind_batch(nb::module_& m) {
       "min_ready"_a, "as_sent"_a);
 
   batch.def_prop_ro("num_envs", [](const Batch& b) { return b.env.num_envs(); });
-  batch.def_prop_ro("num_agents", [](const Batch& b) { return b.env.num_agents(); });
+  batch.def_prop_ro("num_agents", [](const Batch& b) { return b.env.config().agents; });
   batch.def_prop_ro("num_rows", [](const Batch& b) { return b.env.num_rows(); });
   batch.def_prop_ro("autoreset", [](const Batch& b) {
     switch (b.env.config().autoreset) {
@@ -176,7 +176,7 @@ void bind_batch(nb::module_& m) {
   batch.def(
       "pose",
       [](const Batch& b, int row) {
-        const Pose pose = b.env.pose(row);
+        const Pose pose = b.env.agent(row).pose;
         const glm::dvec3 at = b.env.source(row).scene->scene->to_world(pose.position);
         return nb::make_tuple(at.x, at.y, at.z, static_cast<double>(pose.heading_rad));
       },
@@ -184,7 +184,7 @@ void bind_batch(nb::module_& m) {
   batch.def(
       "scene_name", [](const Batch& b, int row) { return b.env.source(row).scene->scene->name(); }, "row"_a);
   batch.def(
-      "episode_index", [](const Batch& b, int row) { return b.env.episode_index(row); }, "row"_a);
+      "episode_index", [](const Batch& b, int row) { return b.env.agent(row).episode_index; }, "row"_a);
 
   batch.def(
       "snapshot",

@@ -73,7 +73,7 @@ TEST_F(H62_GoalOnAnotherIsland, IsQuarantinedAndSoundIsDefinedAllTheSame) {
   const auto inside = room_episode(mesh_, {1, 0, 1}, 0, {4, 0, 3}, "synth:noise");
   BatchedEnv env(config, make_set({across, inside}), make_scene_cache(config), 4);
   env.reset();
-  for (int row = 0; row < 4; ++row) EXPECT_EQ(env.episode_index(row), 1u);
+  for (int row = 0; row < 4; ++row) EXPECT_EQ(env.agent(row).episode_index, 1u);
   EXPECT_GT(env.quarantine_counters().of(Fault::path), 0u);
   EXPECT_EQ(env.quarantine_counters().files_written, 1u);
   EXPECT_TRUE(buffers_are_finite(env));
@@ -119,7 +119,7 @@ TEST(H63_BadStartsAndGoals, AreRejectedInSetsAndQuarantinedInRuns) {
   config.order = EpisodeOrder::once;
   BatchedEnv env(config, make_set(episodes), make_scene_cache(config), 1);
   env.reset();
-  EXPECT_EQ(env.episode_index(0), count);
+  EXPECT_EQ(env.agent(0).episode_index, count);
   EXPECT_EQ(env.quarantine_counters().total(), count);
   env.step(std::vector<std::int32_t>{0});
   ASSERT_EQ(env.finished().size(), count + 1);
@@ -167,14 +167,14 @@ TEST(H64_StuckInACorner, HearsOnWithoutNewResponses) {
   BatchedEnv env(config, set, make_scene_cache(config), 1);
   env.reset();
   for (int step = 0; step < 20; ++step) env.step(std::vector<std::int32_t>{1});
-  const Pose stuck = env.pose(0);
-  const std::uint64_t cached = env.cached_responses();
+  const Pose stuck = env.agent(0).pose;
+  const std::uint64_t cached = env.counters().cached_responses;
   std::vector<float> heard(float_rows(env, "heard").begin(), float_rows(env, "heard").end());
   const std::vector<float> picture(float_rows(env, "depth").begin(), float_rows(env, "depth").end());
   for (int step = 0; step < 500; ++step) {
     env.step(std::vector<std::int32_t>{1});
-    ASSERT_EQ(env.pose(0).position, stuck.position) << step;
-    ASSERT_EQ(env.pose(0).heading_rad, stuck.heading_rad);
+    ASSERT_EQ(env.agent(0).pose.position, stuck.position) << step;
+    ASSERT_EQ(env.agent(0).pose.heading_rad, stuck.heading_rad);
     ASSERT_EQ(env.collided()[0], 1);
     ASSERT_FLOAT_EQ(env.rewards()[0], -0.01f);
     // One step of new sound behind what was heard before.
@@ -186,7 +186,7 @@ TEST(H64_StuckInACorner, HearsOnWithoutNewResponses) {
     }
     heard.assign(float_rows(env, "heard").begin(), float_rows(env, "heard").end());
   }
-  EXPECT_EQ(env.cached_responses() - cached, 500u);
+  EXPECT_EQ(env.counters().cached_responses - cached, 500u);
   EXPECT_TRUE(std::ranges::equal(float_rows(env, "depth"), picture));
   float loudest = 0;
   for (const float value : float_rows(env, "waveform")) loudest = std::max(loudest, std::abs(value));

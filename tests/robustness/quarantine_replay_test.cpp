@@ -173,7 +173,7 @@ TEST_F(X_SoundTooLoud, IsQuarantinedWithAFileThatReplaysIt) {
   ASSERT_EQ(env.quarantined()[0], 1);
   EXPECT_EQ(env.rewards()[0], 0.f);
   EXPECT_TRUE(buffers_are_finite(env));
-  EXPECT_EQ(env.episode_index(0), 1u);
+  EXPECT_EQ(env.agent(0).episode_index, 1u);
   for (int i = 0; i < 10; ++i) {
     env.step(std::vector<std::int32_t>{2});
     ASSERT_TRUE(buffers_are_finite(env)) << i;

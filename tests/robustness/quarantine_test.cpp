@@ -28,7 +28,7 @@ TEST(X_MissingScene, IsPassedOverOrCountsAsFailed) {
     for (int step = 0; step < 40; ++step) {
       env.step(std::vector<std::int32_t>(4, step % 2));  // a stop every other step
       ASSERT_TRUE(buffers_are_finite(env));
-      for (int row = 0; row < 4; ++row) ASSERT_EQ(env.episode_index(row), 1u);
+      for (int row = 0; row < 4; ++row) ASSERT_EQ(env.agent(row).episode_index, 1u);
     }
     const QuarantineCounters counters = env.quarantine_counters();
     EXPECT_GT(counters.of(Fault::scene), 4u);
@@ -80,12 +80,12 @@ TEST(X_SceneDamagedMeanwhile, TheEpisodeIsQuarantinedAndTheRunGoesOn) {
   episodes[0].scene_id = episodes[2].scene_id = mesh.string();
   BatchedEnv env(config, make_set(episodes), make_scene_cache(config), 1);
   env.reset();
-  EXPECT_EQ(env.episode_index(0), 0u);
+  EXPECT_EQ(env.agent(0).episode_index, 0u);
   env.step(std::vector<std::int32_t>{0});
-  EXPECT_EQ(env.episode_index(0), 1u);
+  EXPECT_EQ(env.agent(0).episode_index, 1u);
   write_text(mesh, "v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
   env.step(std::vector<std::int32_t>{0});
-  EXPECT_EQ(env.episode_index(0), 3u);
+  EXPECT_EQ(env.agent(0).episode_index, 3u);
   ASSERT_EQ(env.finished().size(), 2u);
   EXPECT_EQ(env.finished()[0].episode_index, 1u);
   EXPECT_FALSE(env.finished()[0].fault);

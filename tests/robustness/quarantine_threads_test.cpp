@@ -62,7 +62,7 @@ TEST_F(QuarantineInBatch, AnyBadNumberEndsItsEpisodeInTheSameStep) {
         poison.kind = kind;
         poison.env = row;
         poison.value = value;
-        const int count_before = env.episode_count(row);
+        const int count_before = env.agent(row).episode_count;
         poison.armed = true;
         env.step(actions);
         ASSERT_FALSE(poison.armed) << name_of(kind);
@@ -73,8 +73,8 @@ TEST_F(QuarantineInBatch, AnyBadNumberEndsItsEpisodeInTheSameStep) {
         EXPECT_EQ(env.terminated()[at], 0);
         EXPECT_EQ(env.rewards()[at], 0.f);
         EXPECT_EQ(env.active()[at], 1);
-        EXPECT_EQ(env.episode_count(row), count_before + 1);
-        EXPECT_EQ(env.episode_step(row), 0);
+        EXPECT_EQ(env.agent(row).episode_count, count_before + 1);
+        EXPECT_EQ(env.agent(row).episode_step, 0);
         EXPECT_EQ(std::ranges::count(env.quarantined(), 1), 1);
         ASSERT_TRUE(buffers_are_finite(env)) << name_of(kind) << " " << value;
         for (const auto rows : {final_float_rows(env, "depth"), final_float_rows(env, "spectrogram"), final_float_rows(env, "pointgoal")})
@@ -85,7 +85,7 @@ TEST_F(QuarantineInBatch, AnyBadNumberEndsItsEpisodeInTheSameStep) {
         EXPECT_EQ(std::ranges::count(env.quarantined(), 1), 0);
       }
   for (const Fault kind : kSensorFaults) EXPECT_EQ(env.quarantine_counters().of(kind), 9u) << name_of(kind);
-  EXPECT_EQ(env.nonfinite_events(), faults);
+  EXPECT_EQ(env.quarantine_counters().nonfinite(), faults);
   EXPECT_EQ(env.quarantine_counters().files_written, 0u);  // no folder was given
 }
 
@@ -109,7 +109,7 @@ TEST_F(QuarantineInBatch, OtherEnvsDoNotNoticeAndTheNextEpisodeIsAsFresh) {
     }
     if (step == 5) {
       ASSERT_EQ(faulty.quarantined()[1], 1);
-      ASSERT_FALSE(fresh.begin(1, faulty.episode_index(1), faulty.episode_count(1)));
+      ASSERT_FALSE(fresh.begin(1, faulty.agent(1).episode_index, faulty.agent(1).episode_count));
     }
     if (step >= 5) {
       ASSERT_EQ(shown_by(faulty, 1), shown_by(fresh, 1)) << step;
@@ -125,7 +125,7 @@ TEST_F(QuarantineInBatch, AFaultAtTheStartIsPassedOver) {
     if (output.kind == Fault::depth && output.episode_index != 2) values[0] = kNan;
   });
   env.reset();
-  EXPECT_EQ(env.episode_index(0), 2u);
+  EXPECT_EQ(env.agent(0).episode_index, 2u);
   EXPECT_EQ(env.active()[0], 1);
   EXPECT_EQ(env.quarantined()[0], 0);
   EXPECT_TRUE(buffers_are_finite(env));

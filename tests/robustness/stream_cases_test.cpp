@@ -76,7 +76,7 @@ TEST(H38_SilentSource, IsExactlySilentToEarsAndSpectrogram) {
     env.step(std::vector<std::int32_t>{1 + step % 3});
   }
   EXPECT_EQ(env.quarantine_counters().total(), 0u);
-  EXPECT_EQ(env.effect_counters().poses, 0u);  // no response was worked out for it
+  EXPECT_EQ(env.counters().effects.poses, 0u);  // no response was worked out for it
 }
 
 // From a silent room into one that passes the sound on: a constant sound shows the weights themselves.
@@ -179,11 +179,11 @@ TEST(H46_Teleport, ANewEpisodeIsAColdStart) {
   worn.reset();
   for (int step = 0; step < 12; ++step) {
     worn.step(std::vector<std::int32_t>{1 + step % 3});
-    if (worn.episode_step(0) != 0) continue;
-    ASSERT_FALSE(fresh.begin(0, worn.episode_index(0), worn.episode_count(0)));
+    if (worn.agent(0).episode_step != 0) continue;
+    ASSERT_FALSE(fresh.begin(0, worn.agent(0).episode_index, worn.agent(0).episode_count));
     ASSERT_EQ(shown_by(worn, 0), shown_by(fresh, 0)) << step;
   }
-  EXPECT_EQ(worn.episode_index(0), 4u);
+  EXPECT_EQ(worn.agent(0).episode_index, 4u);
 }
 
 // What the fade costs in digits where the two rooms are nearly the same: x + w (y - x) against the same in long double, and the other way

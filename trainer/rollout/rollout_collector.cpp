@@ -38,7 +38,7 @@ RolloutCollector::RolloutCollector(const RolloutConfig& config, BatchedEnv& env,
 }
 
 void RolloutCollector::collect(double progress, EpisodeSums& finished, StageTimes& times, const std::function<bool(int step)>& in_step) {
-  const StageTimes before = StageTimes::of(env_.stage_seconds());
+  const StageTimes before = StageTimes::of(env_.counters().stages);
   LapTimer watch;
   double env_s = 0;
   for (Part& part : parts_) part.rollout.begin(part.actor.hidden());
@@ -71,7 +71,7 @@ void RolloutCollector::collect(double progress, EpisodeSums& finished, StageTime
   times.policy += watch.lap();
 
   // Stage seconds are summed over the env's threads; scaled to wall time they add up with the other stages.
-  StageTimes stages = StageTimes::of(env_.stage_seconds());
+  StageTimes stages = StageTimes::of(env_.counters().stages);
   stages.add(before, -1.0);
   if (stages.total() > 0) times.add(stages, env_s / stages.total());
 }
@@ -81,8 +81,9 @@ void RolloutCollector::act(Part& part, double progress) {
   const torch::Tensor not_done = part.actor.not_done().clone();
   for (std::size_t i = 0; i < part.acting.size(); ++i) {
     const int env = part.envs[i];
-    part.acting[i] = {static_cast<std::uint32_t>(first_env_ + env), static_cast<std::uint32_t>(env_.episode_count(env)),
-                      static_cast<std::uint32_t>(env_.episode_step(env))};
+    const AgentPlace place = env_.agent(env);
+    part.acting[i] = {static_cast<std::uint32_t>(first_env_ + env), static_cast<std::uint32_t>(place.episode_count),
+                      static_cast<std::uint32_t>(place.episode_step)};
   }
   sample_actions(output.logits, part.acting, config_.seed, part.actions);
   const torch::Tensor guided = take_oracle_actions(part, progress);

@@ -17,7 +17,8 @@ void mention(std::string& text, double count, const char* one, const char* many)
 
 RunCounters RunCounters::of(const BatchedEnv& env, const SceneCache& scenes, std::uint64_t num_sanitized_rows,
                             std::uint64_t num_dropped_rows, std::uint64_t num_ratio_alarms) {
-  const EffectCounters effects = env.effect_counters();
+  const BatchCounters batch = env.counters();
+  const EffectCounters& effects = batch.effects;
   const FieldCounters fields = scenes.field_counters();
   const QuarantineCounters quarantine = env.quarantine_counters();
   RunCounters counters;
@@ -29,15 +30,15 @@ RunCounters RunCounters::of(const BatchedEnv& env, const SceneCache& scenes, std
   set(without_early, effects.early_skipped);
   set(without_late, effects.late_skipped);
   set(from_field, effects.field_gathers);
-  set(cached, env.cached_responses());
+  set(cached, batch.cached_responses);
   set(fields_built, fields.built);
   set(fields_loaded, fields.loaded);
   set(fields_shared, fields.shared);
   set(field_bytes, fields.bytes);
   set(field_seconds, fields.build_seconds + fields.load_seconds);
   set(quarantined, quarantine.total());
-  set(without_path, env.skipped_episodes());
-  set(not_finite, env.nonfinite_events());
+  set(without_path, quarantine.of(Fault::path));
+  set(not_finite, quarantine.nonfinite());
   set(quarantine_files, quarantine.files_written);
   set(quarantine_files_failed, quarantine.files_failed);
   set(sanitized_rows, num_sanitized_rows);

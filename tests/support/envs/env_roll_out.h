@@ -67,7 +67,7 @@ inline std::map<int, std::vector<Record>> roll_out(const EnvConfig& config, cons
       step(env, first, i);
       record(env, first, out);
     }
-    EXPECT_EQ(env.nonfinite_events(), 0u);
+    EXPECT_EQ(env.quarantine_counters().nonfinite(), 0u);
     first += size;
   }
   return out;

@@ -68,7 +68,7 @@ inline Heard roll_out(const EnvConfig& config, const std::shared_ptr<SceneCache>
       step(env, first, i);
       record(env, first, out);
     }
-    EXPECT_EQ(env.nonfinite_events(), 0u);
+    EXPECT_EQ(env.quarantine_counters().nonfinite(), 0u);
     first += size;
   }
   return out;

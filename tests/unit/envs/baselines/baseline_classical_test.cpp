@@ -122,16 +122,16 @@ TEST(ClassicalAgent, KnowsWhereItIsFromItsOwnActions) {
     env.reset();
     ClassicalAgent agent(config);
     agent.begin();
-    const Pose start = env.pose(0);
+    const Pose start = env.agent(0).pose;
     const RandomStream random(5, Purpose::random_agent);
     std::vector<std::int32_t> actions(1);
     for (;;) {
       actions[0] = static_cast<std::int32_t>(agent.act(observation_of(env), random));
-      const glm::vec3 moved = env.pose(0).position - start.position;
+      const glm::vec3 moved = env.agent(0).pose.position - start.position;
       const glm::vec3 ahead = forward_of(start.heading_rad), right = right_of(start.heading_rad);
       EXPECT_NEAR(agent.pose().x_m, static_cast<double>(glm::dot(moved, right)), 0.25);
       EXPECT_NEAR(-agent.pose().z_m, static_cast<double>(glm::dot(moved, ahead)), 0.25);
-      if (actions[0] == 0 || env.episode_step(0) + 1 >= config.task.max_steps) break;
+      if (actions[0] == 0 || env.agent(0).episode_step + 1 >= config.task.max_steps) break;
       env.step(actions);
     }
   }

@@ -94,7 +94,7 @@ TEST(Baselines, RandomWithTheOraclesStopNeverStopsElsewhere) {
   for (int step = 0; step < 1000; ++step) {
     agent.act(env, actions);
     for (int row = 0; row < 4; ++row) {
-      const bool there = *env.goal(row).distance_m(env.pose(row).position) < 0.5f * config.task.success_radius_m;
+      const bool there = *env.goal(row).distance_m(env.agent(row).pose.position) < 0.5f * config.task.success_radius_m;
       const bool stop = actions[static_cast<std::size_t>(row)] == 0;
       EXPECT_EQ(stop, there);
       stops += stop;
@@ -121,7 +121,7 @@ TEST(Baselines, GreedyEscapesFromACorner) {
     agent.act(env, actions);
     env.step(actions);
     if (env.active()[0] == 0) break;
-    const glm::vec3 position = env.pose(0).position;
+    const glm::vec3 position = env.agent(0).pose.position;
     farthest_m = std::max(farthest_m, std::hypot(position.x - 0.5f, position.z - 0.5f));
   }
   EXPECT_GT(farthest_m, 2.f);

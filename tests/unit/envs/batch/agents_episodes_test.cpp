@@ -32,12 +32,12 @@ TEST(Agents, WaitUntilAllHaveEnded) {
     EXPECT_EQ(row_of(float_rows(env, "depth"), 2, 1), std::vector<float>(16 * 16, 0.f));
     EXPECT_NE(row_of(final_float_rows(env, "depth"), 2, 1), std::vector<float>(16 * 16, 0.f));
     const auto last = row_of(final_float_rows(env, "depth"), 2, 1);
-    const glm::vec3 stands = env.pose(1).position;
+    const glm::vec3 stands = env.agent(1).pose.position;
     for (int step = 0; step < 4; ++step) {
       env.step(std::vector<std::int32_t>{kForward, 99});  // not used, and so not refused
       EXPECT_FALSE(env.terminated()[1] || env.acted()[1] || env.active()[1]);
       EXPECT_EQ(env.rewards()[1], 0.f);
-      EXPECT_EQ(env.pose(1).position, stands);
+      EXPECT_EQ(env.agent(1).pose.position, stands);
       EXPECT_EQ(row_of(final_float_rows(env, "depth"), 2, 1), last);
       EXPECT_GT(std::ranges::max(row_of(float_rows(env, "waveform"), 2, 0)), 0.f);
     }
@@ -51,11 +51,11 @@ TEST(Agents, WaitUntilAllHaveEnded) {
     EXPECT_EQ(env.finished()[1].actions, (std::vector<std::int8_t>{1, 0}));
     EXPECT_TRUE(env.active()[0] && env.active()[1]);
     if (mode == Autoreset::next_step) {
-      EXPECT_EQ(env.episode_step(0), 7);
+      EXPECT_EQ(env.agent(0).episode_step, 7);
       env.step(std::vector<std::int32_t>{99, 99});
       EXPECT_FALSE(env.acted()[0] || env.acted()[1]);
     }
-    EXPECT_EQ(env.episode_step(0), 0);
+    EXPECT_EQ(env.agent(0).episode_step, 0);
     EXPECT_NE(row_of(float_rows(env, "depth"), 2, 1), std::vector<float>(16 * 16, 0.f));
   }
 }
@@ -161,7 +161,7 @@ TEST(Agents, WhatIsMissingOrWrongIsSaid) {
   off.episode_id = "off";
   BatchedEnv env(config, make_set({two_in_a_room({3, 0, 4}), off}), scenes, 2);
   env.reset();  // the second episode cannot begin
-  EXPECT_EQ(env.skipped_episodes(), 1u);
+  EXPECT_EQ(env.quarantine_counters().of(Fault::path), 1u);
   EXPECT_TRUE(env.active()[0] && env.active()[1]);
   EXPECT_FALSE(env.active()[2] || env.active()[3]);
   config.agents = 17;

@@ -15,27 +15,27 @@ namespace {
 TEST_F(SeveralAgents, RowsAreEnvTimesAgent) {
   BatchedEnv env(config_, set_, scenes_, 2);
   EXPECT_EQ(env.num_envs(), 2);
-  EXPECT_EQ(env.num_agents(), 3);
+  EXPECT_EQ(env.config().agents, 3);
   EXPECT_EQ(env.num_rows(), 6);
   env.reset();
   EXPECT_EQ(env.rewards().size(), 6u);
   EXPECT_EQ(float_rows(env, "depth").size(), 6u * 16 * 16);
   EXPECT_EQ(float_rows(env, "pointgoal").size(), 12u);
   for (int row = 0; row < 6; ++row) {
-    const Episode& episode = set_->episodes[env.episode_index(row)];
+    const Episode& episode = set_->episodes[env.agent(row).episode_index];
     const int agent = row % 3;
     const glm::dvec3 start = agent == 0 ? episode.start_position : episode.other_agents[static_cast<std::size_t>(agent - 1)].start_position;
     const EnvScene& scene = *env.source(row).scene;
-    EXPECT_EQ(env.pose(row).position, scene.navmesh.snap(scene.scene->to_local(start)).value()) << row;
-    EXPECT_EQ(env.episode_index(row), env.episode_index(row / 3 * 3));
+    EXPECT_EQ(env.agent(row).pose.position, scene.navmesh.snap(scene.scene->to_local(start)).value()) << row;
+    EXPECT_EQ(env.agent(row).episode_index, env.agent(row / 3 * 3).episode_index);
     EXPECT_TRUE(env.active()[static_cast<std::size_t>(row)]);
   }
   EXPECT_THROW(env.step(std::vector<std::int32_t>{1, 1}), std::invalid_argument);
   EXPECT_THROW(env.send(std::vector<std::int32_t>{0}, std::vector<std::int32_t>{1}), std::invalid_argument);
-  EXPECT_THROW(static_cast<void>(env.pose(6)), std::out_of_range);
+  EXPECT_THROW(static_cast<void>(env.agent(6).pose), std::out_of_range);
   EXPECT_THROW(static_cast<void>(env.snapshot(2)), std::out_of_range);
   env.step(std::vector<std::int32_t>{1, 1, 1, 2, 2, 2});
-  for (int row = 3; row < 6; ++row) EXPECT_EQ(env.episode_step(row), 1);
+  for (int row = 3; row < 6; ++row) EXPECT_EQ(env.agent(row).episode_step, 1);
 }
 
 // The first agent among silent ones hears what it hears alone, and takes its way.
@@ -76,12 +76,12 @@ TEST(Agents, AreHeardAsMovingSourcesOnTheirWay) {
   apart.other_agents.clear();
   EpisodeSource walker{.position = {6, 0, 3.5}, .sound = "synth:speech:3"};
   heard.push_back(row_of(float_rows(env, "heard"), 2, 0));
-  walker.position = glm::dvec3(env.pose(1).position);
+  walker.position = glm::dvec3(env.agent(1).pose.position);
   walker.path = {{0, walker.position}};
   for (int step = 0; step < kSteps; ++step) {
     env.step(std::vector<std::int32_t>{step % 3 == 0 ? kLeft : kForward, step % 5 == 4 ? kLeft : kForward});
     heard.push_back(row_of(float_rows(env, "waveform"), 2, 0));
-    walker.path.push_back({0.15 * (step + 1), glm::dvec3(env.pose(1).position)});
+    walker.path.push_back({0.15 * (step + 1), glm::dvec3(env.agent(1).pose.position)});
   }
   ASSERT_GT(glm::distance(glm::vec3(walker.path.front().position), glm::vec3(walker.path.back().position)), 1.f);
 
@@ -173,7 +173,7 @@ TEST(Agents, SeeEachOtherAsCylinders) {
   for (int step = 0; step < 3; ++step) env.step(std::vector<std::int32_t>{kForward, 2 + step % 2});
   env.step(std::vector<std::int32_t>{kForward, 3});
   for (int row = 0; row < 2; ++row) EXPECT_EQ(std::ranges::count(semantic(row), agent_category()) > 0, true);
-  const double apart_m = glm::distance(env.pose(0).position, env.pose(1).position);
+  const double apart_m = glm::distance(env.agent(0).pose.position, env.agent(1).pose.position);
   EXPECT_NEAR(apart_m, 1.4, 1e-3);
 }
 
@@ -186,17 +186,17 @@ TEST(Agents, DoNotGoThroughEachOther) {
   env.reset();
   for (int step = 0; step < 8; ++step) {
     env.step(std::vector<std::int32_t>{kForward, kForward});
-    ASSERT_GE(glm::distance(env.pose(0).position, env.pose(1).position), 0.2f);
+    ASSERT_GE(glm::distance(env.agent(0).pose.position, env.agent(1).pose.position), 0.2f);
   }
-  EXPECT_NEAR(glm::distance(env.pose(0).position, env.pose(1).position), 0.2, 1e-3);
+  EXPECT_NEAR(glm::distance(env.agent(0).pose.position, env.agent(1).pose.position), 0.2, 1e-3);
   EXPECT_TRUE(env.collided()[0] && env.collided()[1]);
   // By number: the first came 0.45 m in three steps, the second 0.35 m in what was left.
-  EXPECT_NEAR(env.pose(0).position.x, 1.45, 0.01);
-  const glm::vec3 stood = env.pose(0).position;
+  EXPECT_NEAR(env.agent(0).pose.position.x, 1.45, 0.01);
+  const glm::vec3 stood = env.agent(0).pose.position;
   for (int turn = 0; turn < 18; ++turn) env.step(std::vector<std::int32_t>{kLeft, kLeft});
   env.step(std::vector<std::int32_t>{kForward, kForward});
   EXPECT_FALSE(env.collided()[0] || env.collided()[1]);  // away from each other
-  EXPECT_NEAR(glm::distance(env.pose(0).position, stood), 0.15, 1e-3);
+  EXPECT_NEAR(glm::distance(env.agent(0).pose.position, stood), 0.15, 1e-3);
 }
 
 TEST(Agents, FreeFractionIsThatOfTwoDiscs) {

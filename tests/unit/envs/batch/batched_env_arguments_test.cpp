@@ -32,9 +32,9 @@ TEST_F(BatchedEnvArguments, AnotherNumberOfActionsIsRefused) {
   for (const std::size_t count : {0u, 2u, 4u})
     EXPECT_THAT([&] { env_.step(std::span(forward).first(count)); },
                 ThrowsMessage<std::invalid_argument>(HasSubstr(std::to_string(count) + " actions for 3 environments")));
-  EXPECT_EQ(env_.episode_step(0), 0);
+  EXPECT_EQ(env_.agent(0).episode_step, 0);
   env_.step(std::span(forward).first(3));
-  EXPECT_EQ(env_.episode_step(0), 1);
+  EXPECT_EQ(env_.agent(0).episode_step, 1);
 }
 
 TEST_F(BatchedEnvArguments, AnActionOutOfRangeIsRefusedBeforeAnyAgentMoves) {
@@ -42,7 +42,7 @@ TEST_F(BatchedEnvArguments, AnActionOutOfRangeIsRefusedBeforeAnyAgentMoves) {
   for (const std::int32_t wrong : {-1, 4, 255, std::numeric_limits<std::int32_t>::min()}) {
     const std::vector<std::int32_t> actions{1, 1, wrong};
     EXPECT_THAT([&] { env_.step(actions); }, ThrowsMessage<std::invalid_argument>(HasSubstr("of environment 2 is not in [0, 4)")));
-    EXPECT_EQ(env_.episode_step(0), 0);
+    EXPECT_EQ(env_.agent(0).episode_step, 0);
   }
 }
 
@@ -54,11 +54,8 @@ TEST_F(BatchedEnvArguments, SteppingBeforeTheFirstResetIsRefused) {
 TEST_F(BatchedEnvArguments, AnEnvironmentOutsideTheBatchIsRefused) {
   env_.reset();
   for (const int env : {-1, 3}) {
-    EXPECT_THROW(static_cast<void>(env_.pose(env)), std::out_of_range);
+    EXPECT_THROW(static_cast<void>(env_.agent(env)), std::out_of_range);
     EXPECT_THROW(static_cast<void>(env_.source(env)), std::out_of_range);
-    EXPECT_THROW(static_cast<void>(env_.episode_index(env)), std::out_of_range);
-    EXPECT_THROW(static_cast<void>(env_.episode_count(env)), std::out_of_range);
-    EXPECT_THROW(static_cast<void>(env_.episode_step(env)), std::out_of_range);
     EXPECT_THROW(env_.begin(env, 0, 0), std::out_of_range);
   }
   EXPECT_THROW(env_.begin(0, 1, 0), std::invalid_argument);

@@ -51,7 +51,7 @@ TEST(BatchedEnv, ARestoredBatchGoesOnWithTheSameBits) {
     for (int i = steps_before; i < steps_before + 15; ++i) {
       step(original, 2, i);
       step(copy, 2, i);
-      for (int env = 0; env < 3; ++env) EXPECT_EQ(original.episode_index(env), copy.episode_index(env));
+      for (int env = 0; env < 3; ++env) EXPECT_EQ(original.agent(env).episode_index, copy.agent(env).episode_index);
       EXPECT_TRUE(std::ranges::equal(float_rows(original, "depth"), float_rows(copy, "depth")));
       EXPECT_TRUE(std::ranges::equal(float_rows(original, "spectrogram"), float_rows(copy, "spectrogram")));
       EXPECT_TRUE(std::ranges::equal(original.rewards(), copy.rewards()));
@@ -147,7 +147,7 @@ TEST(BatchedEnv, AnEndKeepsTheLastObservationAndShowsTheNextFirst) {
   env.step(std::vector<std::int32_t>{2});
   EXPECT_EQ(env.truncated()[0], 0);
   // The last action turns, so the pose of the end is known from the one before.
-  Pose end = env.pose(0);
+  Pose end = env.agent(0).pose;
   end.heading_rad += 10 * std::numbers::pi / 180;
   env.step(std::vector<std::int32_t>{2});
   EXPECT_EQ(env.truncated()[0], 1);
@@ -155,16 +155,16 @@ TEST(BatchedEnv, AnEndKeepsTheLastObservationAndShowsTheNextFirst) {
   ASSERT_EQ(env.finished().size(), 1u);
   EXPECT_EQ(env.finished()[0].metrics.steps, 3);
   EXPECT_EQ(env.finished()[0].episode_index, 0u);
-  EXPECT_EQ(env.episode_index(0), 1u);
-  EXPECT_EQ(env.episode_count(0), 1);
-  EXPECT_EQ(env.episode_step(0), 0);
+  EXPECT_EQ(env.agent(0).episode_index, 1u);
+  EXPECT_EQ(env.agent(0).episode_count, 1);
+  EXPECT_EQ(env.agent(0).episode_step, 0);
 
   const EmbreeCamera camera(sensor_of(config.observation.camera));
   const Scene scene = load_scene(room);
   std::vector<float> picture(float_rows(env, "depth").size());
   camera.render(scene, nullptr, end, {.depth = picture});
   for (std::size_t i = 0; i < picture.size(); ++i) ASSERT_NEAR(final_float_rows(env, "depth")[i], picture[i], 1e-4f);
-  camera.render(scene, nullptr, env.pose(0), {.depth = picture});
+  camera.render(scene, nullptr, env.agent(0).pose, {.depth = picture});
   EXPECT_TRUE(std::ranges::equal(float_rows(env, "depth"), picture));
   // Position and direction of the second episode's goal by hand: 4 m in -x, 3 m in -z; atan2(4, 3) to the left of -z.
   EXPECT_NEAR(float_rows(env, "pointgoal")[0], 5.0f, 1e-3f);
@@ -328,7 +328,7 @@ TEST(BatchedEnv, OverflowEverywhereStopsTheRun) {
     config.order = order;
     BatchedEnv env(config, quick_set(1), make_scene_cache(config), 2);
     EXPECT_THROW(env.reset(), InputError);
-    EXPECT_GT(env.nonfinite_events(), 0u);
+    EXPECT_GT(env.quarantine_counters().nonfinite(), 0u);
     for (const auto rows :
          {float_rows(env, "spectrogram"), float_rows(env, "heard"), float_rows(env, "waveform"), float_rows(env, "depth"), env.rewards()})
       for (const float value : rows) ASSERT_TRUE(std::isfinite(value));
@@ -343,8 +343,8 @@ TEST(BatchedEnv, EpisodesWithoutAPathArePassedOverOrCountAsFailed) {
   EnvConfig config = quick_env_config();
   BatchedEnv env(config, make_set({bad, good}), make_scene_cache(config), 4);
   env.reset();
-  for (int i = 0; i < 4; ++i) EXPECT_EQ(env.episode_index(i), 1u);
-  EXPECT_GT(env.skipped_episodes(), 0u);
+  for (int i = 0; i < 4; ++i) EXPECT_EQ(env.agent(i).episode_index, 1u);
+  EXPECT_GT(env.quarantine_counters().of(Fault::path), 0u);
 
   config.order = EpisodeOrder::once;
   BatchedEnv once(config, make_set({bad, good}), make_scene_cache(config), 2);
@@ -399,13 +399,13 @@ TEST(BatchedEnv, StageSecondsAreThoseOfAllSteps) {
   const EnvConfig config = quick_env_config();
   BatchedEnv env(config, quick_set(1), make_scene_cache(config), 32);
   env.reset();
-  const StageSeconds before = env.stage_seconds();
+  const StageSeconds before = env.counters().stages;
   const auto sum = [](const StageSeconds& s) { return s.move + s.trace + s.synthesize + s.convolve + s.render + s.observe + s.reset; };
   EXPECT_GT(before.reset, 0.0);
   const auto start = std::chrono::steady_clock::now();
   for (int i = 0; i < 48; ++i) step(env, 0, i);
   const double wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  const StageSeconds s = env.stage_seconds();
+  const StageSeconds s = env.counters().stages;
   for (const double stage : {s.move, s.trace, s.synthesize, s.convolve, s.render, s.observe}) EXPECT_GT(stage, 0.0);
   EXPECT_LT(sum(s) - sum(before), 3 * wall_s);
   EXPECT_GT(sum(s) - sum(before), wall_s / 3);

@@ -158,7 +158,7 @@ TEST_F(EglEnv, SnapshotsGoOnWithTheSameBits) {
         ASSERT_EQ(row_of(a.rows(a.sensors()[sensor].name), 3, 2), row_of(b.rows(b.sensors()[sensor].name), 2, 1))
             << i << " " << a.sensors()[sensor].name;
     }
-    EXPECT_GT(a.episode_count(2), 0);
+    EXPECT_GT(a.agent(2).episode_count, 0);
   }
 }
 

@@ -181,7 +181,7 @@ TEST_F(EpisodeSounds, TheNearestOfSeveralGoalsCounts) {
   EXPECT_NEAR(env.goal(0).distance_m({6.9f, 0, 1}).value(), 0.1, 0.1);
   int steps = 0;
   while (env.active()[0] && steps++ < 90)
-    env.step(std::vector<std::int32_t>{static_cast<std::int32_t>(oracle_action(config_.task, env.goal(0), env.pose(0)))});
+    env.step(std::vector<std::int32_t>{static_cast<std::int32_t>(oracle_action(config_.task, env.goal(0), env.agent(0).pose))});
   EXPECT_LT(steps, 45);  // 18 half turns and 1.5 m, not the 5.8 m to the first goal
   ASSERT_EQ(env.finished().size(), 1u);
   EXPECT_EQ(env.finished()[0].metrics.success, 1.0);
@@ -193,11 +193,11 @@ TEST_F(EpisodeSounds, OnTheGridAStepIsWholeOrNone) {
   config_.task.turn_deg = 90;
   BatchedEnv env(config_, make_set({room_episode(kRoom, {1, 0, 5}, 0, {6, 0, 4}, "synth:noise")}), scenes_, 1);
   env.reset();
-  const glm::vec3 start = env.pose(0).position;
+  const glm::vec3 start = env.agent(0).pose.position;
   int forward = 0, blocked = 0;
   for (int i = 0; i < 40; ++i) {
     env.step(std::vector<std::int32_t>{i % 7 == 6 ? 3 : 1});
-    const glm::vec3 moved = env.pose(0).position - start;
+    const glm::vec3 moved = env.agent(0).pose.position - start;
     EXPECT_NEAR(moved.x, std::round(moved.x), 0.02 * (forward + 1));
     EXPECT_NEAR(moved.z, std::round(moved.z), 0.02 * (forward + 1));
     forward += env.collided()[0] == 0 && i % 7 != 6 ? 1 : 0;

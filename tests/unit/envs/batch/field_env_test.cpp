@@ -110,16 +110,16 @@ TEST_F(FieldEnv, CountersSumOverAgents) {
   const EnvConfig config = field_config();
   BatchedEnv env(config, quick_set(1), make_scene_cache(config), 3, 0, 3);
   env.reset();
-  EXPECT_EQ(env.effect_counters().poses, 3u);
-  EXPECT_EQ(env.cached_responses(), 0u);
+  EXPECT_EQ(env.counters().effects.poses, 3u);
+  EXPECT_EQ(env.counters().cached_responses, 0u);
   env.step(std::vector<std::int32_t>{2, 2, 3});
-  EXPECT_EQ(env.effect_counters().poses, 3u);
-  EXPECT_EQ(env.cached_responses(), 3u);
+  EXPECT_EQ(env.counters().effects.poses, 3u);
+  EXPECT_EQ(env.counters().cached_responses, 3u);
   for (int i = 0; i < 4; ++i) env.step(std::vector<std::int32_t>{1, 3, 2});
-  const EffectCounters counters = env.effect_counters();
+  const EffectCounters counters = env.counters().effects;
   EXPECT_GT(counters.poses, 3u);
   EXPECT_LE(counters.poses, 7u);  // env 0 may have walked into something
-  EXPECT_EQ(counters.poses + env.cached_responses(), 3u * 6u);
+  EXPECT_EQ(counters.poses + env.counters().cached_responses, 3u * 6u);
   EXPECT_EQ(counters.field_gathers, counters.poses);
   EXPECT_LE(counters.in_sight, counters.poses);
 }

@@ -93,7 +93,7 @@ TEST(StepAllocation, StepsWithoutAnEpisodeEndAllocateNothing) {
   const std::uint64_t before = allocations;
   for (std::size_t i = 0; i < 60; ++i) env.step(moves[i % 3]);
   EXPECT_EQ(allocations - before, 0u);
-  EXPECT_EQ(env.episode_step(0), 120);
+  EXPECT_EQ(env.agent(0).episode_step, 120);
   const auto* probe = new int(1);  // the counter works
   EXPECT_EQ(allocations - before, 1u);
   delete probe;

@@ -62,8 +62,8 @@ TEST_F(VectorSemantics, CamerasSeeFromWhereTheAgentStands) {
     std::vector<std::uint8_t> rgb(16 * 16 * 3);
     std::vector<std::uint16_t> semantic(16 * 16);
     std::vector<float> normals(16 * 8 * 3);
-    EmbreeCamera(cameras[0].config).render(scene, appearance.get(), env.pose(row), {.rgb = rgb, .semantic = semantic});
-    EmbreeCamera(cameras[1].config).render(scene, nullptr, env.pose(row), {.normals = normals});
+    EmbreeCamera(cameras[0].config).render(scene, appearance.get(), env.agent(row).pose, {.rgb = rgb, .semantic = semantic});
+    EmbreeCamera(cameras[1].config).render(scene, nullptr, env.agent(row).pose, {.normals = normals});
     const auto check = [&](std::string_view name, std::span<const std::byte> expected) {
       for (std::size_t sensor = 0; sensor < env.sensors().size(); ++sensor) {
         if (env.sensors()[sensor].name != name) continue;
@@ -94,7 +94,7 @@ TEST_F(VectorSemantics, ASeedOfItsOwnGivesTheSameEpisodesInAnyEnv) {
     b.step(actions_b);
     ASSERT_EQ(shown(a, 1), shown(b, 4)) << i;
   }
-  EXPECT_GT(a.episode_count(1), 0);
+  EXPECT_GT(a.agent(1).episode_count, 0);
 }
 
 TEST_F(VectorSemantics, AMaskLeavesTheOthersAsTheyAre) {
@@ -103,12 +103,12 @@ TEST_F(VectorSemantics, AMaskLeavesTheOthersAsTheyAre) {
     each->reset();
     for (int i = 0; i < 5; ++i) step(*each, i);
   }
-  const std::vector<int> counts{env.episode_count(0), env.episode_count(2)};
+  const std::vector<int> counts{env.agent(0).episode_count, env.agent(2).episode_count};
   env.reset(std::vector<std::uint8_t>{1, 0, 1, 0});
   for (const int row : {1, 3}) EXPECT_EQ(shown(env, row), shown(plain, row));
-  EXPECT_EQ(env.episode_count(0), counts[0] + 1);
-  EXPECT_EQ(env.episode_count(2), counts[1] + 1);
-  EXPECT_EQ(env.episode_step(0), 0);
+  EXPECT_EQ(env.agent(0).episode_count, counts[0] + 1);
+  EXPECT_EQ(env.agent(2).episode_count, counts[1] + 1);
+  EXPECT_EQ(env.agent(0).episode_step, 0);
   for (int i = 5; i < 12; ++i) {
     step(env, i);
     step(plain, i);
@@ -178,7 +178,7 @@ TEST_F(VectorSemantics, ASnapshotGoesOnInAnotherEnvOfAnotherBatch) {
       for (std::size_t sensor = 0; sensor < a.sensors().size(); ++sensor)
         ASSERT_EQ(row_of(a.rows(a.sensors()[sensor].name), 3, 2), row_of(b.rows(b.sensors()[sensor].name), 2, 1))
             << i << " " << a.sensors()[sensor].name;
-      ASSERT_EQ(a.episode_count(2), b.episode_count(1));
+      ASSERT_EQ(a.agent(2).episode_count, b.agent(1).episode_count);
     }
     if (mode == Autoreset::off) continue;
     for (int i = 20; i < 40; ++i) {
@@ -219,7 +219,7 @@ TEST_F(VectorSemantics, ASnapshotOfAQuarantinedEpisodeIsRestoredAgainAndAgain) {
         env->reset(second);
       else
         env->step(std::vector<std::int32_t>{1, 1});
-    EXPECT_EQ(a.episode_count(1), b.episode_count(1));
+    EXPECT_EQ(a.agent(1).episode_count, b.agent(1).episode_count);
     EXPECT_TRUE(b.active()[1]);
     for (std::size_t sensor = 0; sensor < a.sensors().size(); ++sensor)
       EXPECT_EQ(row_of(a.rows(a.sensors()[sensor].name), 2, 1), row_of(b.rows(b.sensors()[sensor].name), 2, 1)) << a.sensors()[sensor].name;
@@ -239,7 +239,7 @@ TEST_F(VectorSemantics, WhatACallerCanGetWrongMovesNothing) {
   EXPECT_THROW(env.send(two, two), std::logic_error);  // the same env twice
   EXPECT_THROW(env.send(std::vector<std::int32_t>{3}, one), std::out_of_range);
   EXPECT_THROW(env.send(std::vector<std::int32_t>{0, 1}, std::vector<std::int32_t>{1, 4}), std::invalid_argument);
-  for (int row = 0; row < 3; ++row) EXPECT_EQ(env.episode_step(row), 0);
+  for (int row = 0; row < 3; ++row) EXPECT_EQ(env.agent(row).episode_step, 0);
   env.send(one, one);
   EXPECT_THROW(env.step(three), std::logic_error);
   EXPECT_THROW(env.reset(), std::logic_error);
@@ -248,8 +248,8 @@ TEST_F(VectorSemantics, WhatACallerCanGetWrongMovesNothing) {
   EXPECT_THROW(env.send(one, one), std::logic_error);
   EXPECT_THAT(env.recv(1), testing::ElementsAre(1));
   env.step(three);
-  EXPECT_EQ(env.episode_step(1), 2);
-  EXPECT_EQ(env.episode_step(0), 1);
+  EXPECT_EQ(env.agent(1).episode_step, 2);
+  EXPECT_EQ(env.agent(0).episode_step, 1);
 }
 
 }  // namespace

@@ -106,11 +106,11 @@ TEST_F(WayNoise, StepsOfAgentsHaveTheErrorsOfTheConfig) {
   Spread distance, veer, turn;
   for (int i = 0; i < 200; ++i) {
     std::vector<Pose> before;
-    for (int row = 0; row < 16; ++row) before.push_back(env.pose(row));
+    for (int row = 0; row < 16; ++row) before.push_back(env.agent(row).pose);
     const Action action = i % 2 == 0 ? Action::forward : Action::left;
     env.step(std::vector<std::int32_t>(16, static_cast<std::int32_t>(action)));
     for (int row = 0; row < 16; ++row) {
-      const Pose now = env.pose(row), was = before[static_cast<std::size_t>(row)];
+      const Pose now = env.agent(row).pose, was = before[static_cast<std::size_t>(row)];
       const double turned = std::remainder(now.heading_rad - was.heading_rad, 2 * std::numbers::pi);
       ASSERT_FALSE(env.collided()[static_cast<std::size_t>(row)]);
       if (action == Action::left) {
@@ -139,7 +139,7 @@ TEST_F(WayNoise, ZeroNoiseChangesNoBit) {
     step(plain, i);
     step(other, i);
     for (int row = 0; row < 3; ++row) {
-      EXPECT_EQ(plain.pose(row).position, other.pose(row).position);
+      EXPECT_EQ(plain.agent(row).pose.position, other.agent(row).pose.position);
       EXPECT_EQ(floats_of(plain, "spectrogram", row), floats_of(other, "spectrogram", row));
       EXPECT_EQ(floats_of(plain, "gps_compass", row)[2], floats_of(other, "gps_compass", row)[2]);
       EXPECT_NE(floats_of(plain, "gps_compass", row)[0], floats_of(other, "gps_compass", row)[0]);
@@ -165,7 +165,7 @@ TEST_F(WayNoise, SnapshotsThreadsAndSplitsChangeNoBit) {
       ASSERT_EQ(row_of(a.rows(a.sensors()[sensor].name), 4, 2), row_of(b.rows(b.sensors()[sensor].name), 2, 1))
           << i << " " << a.sensors()[sensor].name;
   }
-  EXPECT_GT(a.episode_count(2), 0);
+  EXPECT_GT(a.agent(2).episode_count, 0);
 }
 
 // The agent is in the middle, on walkable ground, and its path leads to it.
