@@ -32,7 +32,9 @@ foreach(part IN LISTS parts)
           RUNTIME DESTINATION ${CMAKE_INSTALL_LIBEXECDIR}/earshot COMPONENT program)
   install(EXPORT Earshot_${part} NAMESPACE earshot:: DESTINATION ${package_folder} COMPONENT development)
   install(DIRECTORY ${PROJECT_SOURCE_DIR}/${part} DESTINATION ${EARSHOT_INSTALL_HEADERS} COMPONENT development
-          FILES_MATCHING PATTERN "*.h" PATTERN "*_impl.h" EXCLUDE PATTERN reader EXCLUDE)
+          FILES_MATCHING PATTERN "*.h" PATTERN "*_impl.h" EXCLUDE PATTERN reader EXCLUDE
+          # The inside of BatchedEnv.
+          REGEX "envs/batch/(agent_[a-z]*|batch_[a-z]*|env_[a-z]*|environment|episode_[a-z]*|fault_desk|picture_queue|stage_clock)\\.h$" EXCLUDE)
 endforeach()
 install(FILES ${PROJECT_BINARY_DIR}/generated/sim/base/version.h DESTINATION ${EARSHOT_INSTALL_HEADERS}/sim/base
         COMPONENT development)

@@ -186,6 +186,7 @@ void validate(const ConvolveConfig& config) {
 }
 
 ConvolveReport write_convolve_corpus(const ConvolveConfig& config, const CorpusRun& run) {
+  validate(run);
   validate(config);
   const ResponseIndex index(config.corpus);
   const SoundFolder speech = SoundFolder::list(config.speech);

@@ -13,7 +13,7 @@
 namespace earshot {
 namespace {
 
-int parse_part(const std::string& text, const std::string& digits) {
+int parse_shard_number(const std::string& text, const std::string& digits) {
   int value = 0;
   const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
   if (error != std::errc() || end != digits.data() + digits.size())
@@ -60,14 +60,13 @@ class CorpusScheduler {
   };
 
   void work() {
-    MakeCorpusPiece make;
+    const MakeCorpusPiece make = parts_.make_worker();
     const std::function<void()> count_item = [this] {
       threads_.count_item();
       if (threads_.failed()) throw AnotherThreadFailed();
     };
     while (const std::shared_ptr<PartInWork> part = take_part())
       for (int piece = take_piece(*part); piece >= 0; piece = take_piece(*part)) {
-        if (!make) make = parts_.make_worker();
         CorpusPieceWriter writer(folder_, part->part);
         make({part->part, piece}, writer, count_item);
         finish_piece(*part, piece, writer);
@@ -135,7 +134,8 @@ class CorpusScheduler {
 
 CorpusShard CorpusShard::parse(const std::string& text) {
   const std::size_t slash = text.find('/');
-  CorpusShard shard{parse_part(text, text.substr(0, slash)), slash == std::string::npos ? 0 : parse_part(text, text.substr(slash + 1))};
+  CorpusShard shard{parse_shard_number(text, text.substr(0, slash)),
+                    slash == std::string::npos ? 0 : parse_shard_number(text, text.substr(slash + 1))};
   if (shard.count < 1 || shard.count > 1'000'000 || shard.index < 1 || shard.index > shard.count)
     throw InputError("--shard " + text, "is not K/N with K from 1 to N", "write for example 1/4 for the first of four parts");
   return shard;
@@ -147,8 +147,11 @@ std::string CorpusPieceWriter::write(const std::string& name, std::string_view b
   return folder_.prefix_of(part_) + name;
 }
 
-CorpusPartsReport complete_corpus(const CorpusFolder& folder, const CorpusRun& run, const CorpusParts& parts) {
+void validate(const CorpusRun& run) {
   require(run.threads >= 0 && run.threads <= 1024, "--threads", run.threads, "must be in [0, 1024]; 0 means all cores");
+}
+
+CorpusPartsReport complete_corpus(const CorpusFolder& folder, const CorpusRun& run, const CorpusParts& parts) {
   std::vector<std::size_t> missing = missing_parts(folder, run.shard);
   CorpusPartsReport report;
   report.parts = missing.size();

@@ -8,7 +8,7 @@
 #include <string_view>
 #include <vector>
 
-#include "datasets/rir_corpus_folder.h"
+#include "datasets/corpus_folder.h"
 #include "sim/sofa/sofa_room_responses.h"
 
 namespace earshot {
@@ -29,6 +29,9 @@ struct CorpusRun {
   /// sofa_writer.h's, for corpora that ask for SOFA: who calls decides whether HDF5 is linked.
   std::function<std::string(const SofaRoomResponses& responses, const std::string& where)> encode_sofa = {};
 };
+
+/// Throws InputError.  To be called before anything is written.
+void validate(const CorpusRun& run);
 
 /// Writes the files of one piece of a part, each as soon as it is made, and keeps their names and the lines of its manifest.
 class CorpusPieceWriter {

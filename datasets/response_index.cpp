@@ -6,7 +6,7 @@
 #include <set>
 #include <utility>
 
-#include "datasets/rir_corpus_folder.h"
+#include "datasets/corpus_folder.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/text/schema_version.h"

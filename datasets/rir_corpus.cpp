@@ -10,8 +10,8 @@
 #include <span>
 #include <vector>
 
+#include "datasets/corpus_folder.h"
 #include "datasets/corpus_parts.h"
-#include "datasets/rir_corpus_folder.h"
 #include "datasets/rir_corpus_response.h"
 #include "datasets/rir_corpus_room.h"
 #include "sim/base/engine_commit.h"
@@ -75,7 +75,7 @@ std::string description_of(const RirCorpusConfig& config, std::size_t rooms) {
 
 CorpusReport write_rir_corpus(const RirCorpusConfig& config, const CorpusRun& run) {
   validate(config);
-  require(run.threads >= 0 && run.threads <= 1024, "--threads", run.threads, "must be in [0, 1024]; 0 means all cores");
+  validate(run);
   if (config.sofa && !run.encode_sofa)
     throw InputError("sofa", "cannot be written: this program was built without HDF5",
                      "install libhdf5-dev and build again, or leave it out");

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "datasets/corpus_folder.h"
 #include "datasets/rir_corpus_config.h"
-#include "datasets/rir_corpus_folder.h"
 #include "sim/vision/embree_camera.h"
 
 namespace earshot {

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "datasets/rir_corpus_folder.h"
+#include "datasets/corpus_folder.h"
 #include "datasets/rir_corpus_room.h"
 #include "sim/acoustics/paths/early_reflections.h"
 #include "sim/acoustics/source_field/source_field.h"

@@ -209,6 +209,7 @@ std::string supervision_lines(const std::string& manifest_line, std::size_t num_
 }  // namespace
 
 SoundSceneReport write_sound_scenes(const SoundSceneConfig& config, const CorpusRun& run) {
+  validate(run);
   validate(config);
   const ClassSounds sounds = expand_classes(config);
   const std::uint64_t sounds_hash = hash_of(sounds, config.rooms.acoustics.sample_rate_hz);  // before anything is written

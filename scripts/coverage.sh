@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
 # scripts/coverage.sh [CTEST ARGUMENTS...]
-# Builds the preset `coverage` (clang 14), runs its tests (all but the slow and long ones, or those that the arguments choose) and prints, by folder,
+# On Debian 12: builds the preset `coverage` (clang 14), runs its tests (all but the slow and long ones, or those that the arguments choose) and prints, by folder,
 # how many lines of code they run.  build/coverage/lines.txt has a row per source.
 # Exit status: that of the tests.  EARSHOT_JOBS: how many jobs at once (default: all cores).
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 for tool in clang++-14 llvm-profdata-14 llvm-cov-14; do
-  command -v "$tool" >/dev/null || { echo "coverage: $tool is missing: apt-get install clang-14 llvm-14" >&2; exit 2; }
+  command -v "$tool" >/dev/null || { echo "coverage: $tool is missing: scripts/setup.sh installs it on Debian 12" >&2; exit 2; }
 done
 build=build/coverage
 rm -rf "$build/profiles"

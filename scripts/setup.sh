@@ -58,6 +58,7 @@ packages='
   libclang-rt-14-dev       1:14.0.6-12                -
   clang-format-14          1:14.0.6-12                -
   clang-tidy-14            1:14.0.6-12                -
+  llvm-14                  1:14.0.6-12                -
   clang-19                 -                          1:19.1.7-3+b1
   libclang-rt-19-dev       -                          1:19.1.7-3+b1
   mold                     1.10.1+dfsg-1              2.37.1+dfsg-1

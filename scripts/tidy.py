@@ -23,19 +23,25 @@ BUILD = ROOT / "build" / "tidy"
 
 
 def git(*arguments: str) -> str:
-    return subprocess.run(["git", "-C", ROOT, *arguments], check=True, capture_output=True, text=True).stdout
+    run = subprocess.run(["git", "-C", ROOT, *arguments], capture_output=True, text=True)
+    if run.returncode:
+        print(f"tidy: git {arguments[0]}: {run.stderr.strip()}", file=sys.stderr)
+        sys.exit(2)
+    return run.stdout
 
 
 def changed_lines(since: str | None) -> dict[str, list[list[int]]]:
     """By path from the root: ranges of lines, first and last, of what was added or altered."""
+    untracked = git("ls-files", "--others", "--exclude-standard", "--", "*.h", "*.cpp").splitlines()
     if since is None:
-        since = "HEAD" if git("status", "--porcelain", "--untracked-files=no").strip() else "HEAD~1"
+        since = "HEAD" if untracked or git("status", "--porcelain", "--untracked-files=no").strip() else "HEAD~1"
         if since == "HEAD~1" and not git("log", "-1", "--format=%P").strip():
             print("tidy: no commit before the last; --since names another")
             return {}
-    lines: dict[str, list[list[int]]] = {}
+    lines = {name: [[1, len((ROOT / name).read_bytes().splitlines())]] for name in untracked}
     name = ""
-    for line in git("diff", "-U0", "--find-renames", since, "--", "*.h", "*.cpp").splitlines():
+    format_options = ["-U0", "--find-renames", "--no-ext-diff", "--no-color", "--src-prefix=a/", "--dst-prefix=b/"]
+    for line in git("diff", *format_options, since, "--", "*.h", "*.cpp").splitlines():
         if line.startswith("+++ "):
             name = line[6:] if line.startswith("+++ b/") else ""
         elif name and (found := re.match(r"@@ -\S+ \+(\d+)(?:,(\d+))? @@", line)):
@@ -80,7 +86,7 @@ def main() -> int:
         return source, run.stdout + run.stderr if run.returncode else ""
 
     failed = left = 0
-    with concurrent.futures.ThreadPoolExecutor(int(os.environ.get("EARSHOT_JOBS", os.cpu_count() or 1))) as pool:
+    with concurrent.futures.ThreadPoolExecutor(int(os.environ.get("EARSHOT_JOBS") or os.cpu_count() or 1)) as pool:
         for source, findings in pool.map(look_at, sources):
             if findings is None:
                 left += 1

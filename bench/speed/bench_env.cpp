@@ -49,7 +49,7 @@ struct EnvTimes {
   std::vector<double> steps_per_s;
   std::vector<double> alone_per_s;  ///< the same without the oracle that acts, which asks for two distances a step
   std::array<std::vector<double>, kStages.size()> stage_ms;
-  std::vector<std::vector<double>> batch_ms;  ///< of each repeat, every batch step in order of size
+  std::vector<std::vector<double>> batch_ms;  ///< of each repeat, every batch step
   double resident_mb = 0, cache_mb = 0;       ///< at the end
 };
 
@@ -146,7 +146,6 @@ class EnvBench {
       times.alone_per_s.push_back(steps / step_s);
       for (std::size_t i = 0; i < kStages.size(); ++i)
         times.stage_ms[i].push_back(1e3 * (env.counters().stages.*kStages[i].seconds - before.*kStages[i].seconds) / steps);
-      std::ranges::sort(batch_ms);
       times.batch_ms.push_back(std::move(batch_ms));
     }
     MemorySample memory;

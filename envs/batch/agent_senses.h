@@ -71,10 +71,10 @@ class AgentSenses {
 
 template <class GoesOn>
 bool AgentSenses::sense(const EnvRun& run, Agent& agent, HearingEngines* engines, StageClock& clock, const GoesOn& goes_on) const {
-  bool ours = true;
+  bool is_running = true;
   const auto stage = [&](Stage which, const auto& body) {
-    ours = ours && goes_on();
-    if (!ours) return;
+    is_running = is_running && goes_on();
+    if (!is_running) return;
     if (agent.runs()) FaultDesk::guard(agent, Fault::stage, body);
     clock.book(which);
   };
@@ -83,7 +83,7 @@ bool AgentSenses::sense(const EnvRun& run, Agent& agent, HearingEngines* engines
   stage(Stage::convolve, [&] { convolve(agent, engines); });
   stage(Stage::render, [&] { render(run, agent); });
   stage(Stage::observe, [&] { observe(run, agent, engines); });
-  return ours;
+  return is_running;
 }
 
 }  // namespace earshot

@@ -1,6 +1,7 @@
 #include "envs/batch/batch_rows.h"
 
 #include <algorithm>
+#include <iterator>
 
 namespace earshot {
 namespace {

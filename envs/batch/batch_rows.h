@@ -28,6 +28,8 @@ class BatchRows {
   /// Rows of all sensors of sensor_table(spec, block_samples).  Where a sensor hears, `waveform` and `heard` are kept too, as the others
   /// are made of them.
   BatchRows(const ObservationSpec& spec, int block_samples, std::size_t num_rows);
+  BatchRows(const BatchRows&) = delete;  // by_kind_ points into it
+  BatchRows& operator=(const BatchRows&) = delete;
 
   /// The observed sensors; it leaves out rows that are only kept.
   [[nodiscard]] std::span<const SensorSpec> table() const { return table_; }

@@ -207,14 +207,7 @@ NearestGoal BatchedEnv::goal(int row) const {
   static_cast<void>(source(row));
   return impl_->envs[size_of(row) / impl_->setup.per_env].run().goal_of(impl_->agent_at(row));
 }
-BatchCounters BatchedEnv::counters() const {
-  BatchCounters sum{.stages = impl_->scheduler.stage_seconds(), .effects = {}};
-  for (const Agent& agent : impl_->agents) {
-    sum.effects.add(agent.hearing.effects());
-    sum.cached_responses += agent.hearing.cached_responses();
-  }
-  return sum;
-}
+BatchCounters BatchedEnv::counters() const { return impl_->scheduler.counters(); }
 QuarantineCounters BatchedEnv::quarantine_counters() const { return impl_->faults.counters(); }
 void BatchedEnv::set_stage_hook(StageHook hook) { impl_->faults.set_hook(std::move(hook)); }
 

@@ -124,7 +124,7 @@ class BatchedEnv {
   [[nodiscard]] const EnvSource& source(int row) const;
   /// The goals of its episode, as far as the nearest of them; refers to what the episode holds.
   [[nodiscard]] NearestGoal goal(int row) const;
-  /// Sums since construction.  Not while an environment is under way or a stage of one that was given up still runs.
+  /// Sums since construction, up to the tasks whose environments were handed back.  At any time.
   [[nodiscard]] BatchCounters counters() const;
   /// Episodes taken out of the run, by reason, and what became of their files.  At any time.
   [[nodiscard]] QuarantineCounters quarantine_counters() const;

@@ -12,7 +12,14 @@
 namespace earshot {
 
 EnvScheduler::EnvScheduler(const EnvParts& parts, PictureQueue& pictures, std::span<Environment> envs, int threads)
-    : parts_(parts), pictures_(&pictures), envs_(envs), all_envs_(envs.size()), progress_(envs.size()), stalled_(envs.size()) {
+    : parts_(parts),
+      pictures_(&pictures),
+      envs_(envs),
+      all_envs_(envs.size()),
+      send_state_(envs.size()),
+      stalled_(envs.size()),
+      effects_(parts.rows.num_rows()),
+      cached_responses_(parts.rows.num_rows()) {
   std::iota(all_envs_.begin(), all_envs_.end(), std::uint32_t{0});
   submitted_.reserve(envs.size());
   sent_order_.reserve(envs.size());
@@ -61,7 +68,7 @@ void EnvScheduler::require_settled(std::size_t env, const char* call) {
 }
 
 bool EnvScheduler::submit_step(std::size_t env, std::span<const std::int32_t> actions) {
-  envs_[env].assign(Job::step);
+  if (stalled_[env] == 0) envs_[env].assign(Job::step);  // else rejoin() names the job, once its task has returned
   if (!takes_part(env)) {
     for (const Agent& agent : envs_[env].agents()) parts_.rows.clear_outcome(agent.row);
     return false;
@@ -132,11 +139,11 @@ void EnvScheduler::send(std::span<const std::int32_t> envs, std::span<const std:
       const std::size_t env = index_of(envs[i]);
       if (is_under_way(env)) throw std::logic_error(fmt::format("BatchedEnv::send: environment {} is under way already", env));
       for (std::size_t agent = 0; agent < per_env; ++agent) check_action(env * per_env + agent, actions[i * per_env + agent]);
-      progress_[env] = Progress::under_way;
+      send_state_[env] = SendState::under_way;
       sent_order_.push_back(static_cast<std::uint32_t>(env));
     }
   } catch (...) {  // nothing has moved
-    for (std::size_t i = sent_before; i < sent_order_.size(); ++i) progress_[sent_order_[i]] = Progress::at_rest;
+    for (std::size_t i = sent_before; i < sent_order_.size(); ++i) send_state_[sent_order_[i]] = SendState::at_rest;
     sent_order_.resize(sent_before);
     throw;
   }
@@ -144,7 +151,7 @@ void EnvScheduler::send(std::span<const std::int32_t> envs, std::span<const std:
   for (std::size_t i = 0; i < envs.size(); ++i) {
     const std::size_t env = size_of(envs[i]);
     const bool has_task = submit_step(env, actions.subspan(i * per_env, per_env));
-    if (!has_task) progress_[env] = Progress::done;  // idle: there is nothing to wait for
+    if (!has_task) send_state_[env] = SendState::done;  // idle: there is nothing to wait for
   }
   workers_->submit(submitted_);
 }
@@ -154,14 +161,14 @@ std::span<const std::int32_t> EnvScheduler::recv(int min_ready, RecvOrder order)
     throw std::invalid_argument(fmt::format("BatchedEnv::recv: {} of {} environments under way", min_ready, sent_order_.size()));
   clear_finished();
   while (const auto completed = workers_->done_already()) settle(*completed);
-  const auto is_done = [&](std::uint32_t env) { return progress_[env] == Progress::done; };
+  const auto is_done = [&](std::uint32_t env) { return send_state_[env] == SendState::done; };
   const auto last = order == RecvOrder::as_sent ? sent_order_.begin() + min_ready : sent_order_.end();
   while (std::count_if(sent_order_.begin(), last, is_done) < min_ready) settle(workers_->next());
 
   submitted_.clear();
   std::copy_if(sent_order_.begin(), last, std::back_inserter(submitted_), is_done);
   draw_pictures(submitted_);
-  for (const std::uint32_t env : submitted_) progress_[env] = Progress::at_rest;
+  for (const std::uint32_t env : submitted_) send_state_[env] = SendState::at_rest;
   std::erase_if(sent_order_, [&](std::uint32_t env) { return !is_under_way(env); });
   std::ranges::sort(submitted_);
   received_.assign(submitted_.begin(), submitted_.end());
@@ -184,6 +191,7 @@ std::optional<FaultReport> EnvScheduler::begin(int env, std::uint64_t episode_in
   has_started_ = true;
   submitted_.assign(1, static_cast<std::uint32_t>(env));
   run_all();
+  if (stalled_[index] != 0) return FaultReport{Fault::stall, "a stage took longer than its limit and still runs"};
   const FaultReport* found = begun.run().fault();
   if (!found) return std::nullopt;
   const FaultReport fault = *found;
@@ -226,7 +234,7 @@ void EnvScheduler::settle(CompletedEnv completed) {
     stalled_[env] = 1;
     envs_[env].give_up();
   }
-  if (is_under_way(env)) progress_[env] = Progress::done;
+  if (is_under_way(env)) send_state_[env] = SendState::done;
 }
 
 void EnvScheduler::draw_pictures(std::span<const std::uint32_t> done) {
@@ -252,6 +260,8 @@ void EnvScheduler::gather(std::span<const std::uint32_t> done) {
     for (Agent& agent : agents) {
       for (double StageSeconds::*stage : kStageSeconds) stage_seconds_.*stage += agent.seconds.*stage;
       agent.seconds = {};
+      effects_[agent.row] = agent.hearing.effects();
+      cached_responses_[agent.row] = agent.hearing.cached_responses();
     }
     for (std::size_t i = 0; i < results.ended.size() && !spare_actions_.empty(); ++i) {
       agents[i].spare_actions = std::move(spare_actions_.back());
@@ -263,6 +273,13 @@ void EnvScheduler::gather(std::span<const std::uint32_t> done) {
   }
   if (error) std::rethrow_exception(error);
   parts_.faults.stop_if_none_begins(parts_.rows.active());
+}
+
+BatchCounters EnvScheduler::counters() const {
+  BatchCounters sum{.stages = stage_seconds_, .effects = {}};
+  for (const EffectCounters& effects : effects_) sum.effects.add(effects);
+  for (const std::uint64_t cached : cached_responses_) sum.cached_responses += cached;
+  return sum;
 }
 
 /// Episodes that could not begin are among the finished of the step or recv() that follows: callers of reset() look at no finished ones.

@@ -45,17 +45,18 @@ class EnvScheduler {
   [[nodiscard]] std::size_t index_of(int env) const;
   /// Throws std::logic_error that names the call while any env is under way.
   void refuse_while_under_way(const char* call) const;
-  [[nodiscard]] bool is_under_way(std::size_t env) const { return progress_[env] != Progress::at_rest; }
+  [[nodiscard]] bool is_under_way(std::size_t env) const { return send_state_[env] != SendState::at_rest; }
   /// Whether any episode has begun.
   [[nodiscard]] bool has_started() const { return has_started_; }
   [[nodiscard]] EnvCursor cursor_of(std::size_t env) const { return envs_[env].cursor(stalled_[env] != 0); }
   [[nodiscard]] std::span<const FinishedEpisode> finished() const { return finished_; }
-  [[nodiscard]] const StageSeconds& stage_seconds() const { return stage_seconds_; }
+  /// Sums since construction, up to the tasks that were gathered last.
+  [[nodiscard]] BatchCounters counters() const;
   [[nodiscard]] const EnvWorkers& workers() const { return *workers_; }
 
  private:
   /// Of an env that was sent.
-  enum class Progress : std::uint8_t {
+  enum class SendState : std::uint8_t {
     at_rest,    ///< not sent, or handed back
     under_way,  ///< sent, and its task runs
     done,       ///< and not yet handed back
@@ -83,11 +84,14 @@ class EnvScheduler {
   bool has_started_ = false;
   std::vector<std::uint32_t> all_envs_, submitted_, sent_order_;
   std::vector<std::int32_t> received_;
-  std::vector<Progress> progress_;     ///< by env
+  std::vector<SendState> send_state_;  ///< by env
   std::vector<std::uint8_t> stalled_;  ///< by env: a task of it was given up and still runs
   std::vector<FinishedEpisode> finished_;
   std::vector<std::vector<std::int8_t>> spare_actions_;  ///< of those that were finished before
   StageSeconds stage_seconds_;
+  /// Of each agent [rows], as its env was gathered: a task that was given up may still write the agent's own.
+  std::vector<EffectCounters> effects_;
+  std::vector<std::uint64_t> cached_responses_;
   std::optional<EnvWorkers> workers_;  ///< last: its threads use what is above
 };
 

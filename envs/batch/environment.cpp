@@ -140,15 +140,16 @@ bool Environment::step_episode(HearingEngines* engines, double weight) {
     if (agent.runs()) FaultDesk::guard(agent, Fault::stage, [&] { parts_.senses.move(run_, agent, agent.action); });
   }
   clock.book(Stage::move);
-  FaultDesk::guard(run_.agents.front(), Fault::stage, [&] { move_sounds(engines); });
+  FaultDesk::guard(run_.agents.front(), Fault::stage,
+                   [&] { run_.sounds.move(parts_.setup, run_.steps, run_.agents, engines, run_.team.get()); });
   if (run_.team) clock.book(Stage::trace);  // of one thread the first agent's trace says it
-  const bool ours = for_agents(engines, [&](Agent& agent, HearingEngines* own) {
-    const auto asked = [this] { return goes_on(); };
-    if (!run_.team) return parts_.senses.sense(run_, agent, own, clock, asked);
-    StageClock own_clock(agent.seconds, weight);
-    return parts_.senses.sense(run_, agent, own, own_clock, asked);
+  const bool is_complete = for_agents(engines, [&](Agent& agent, HearingEngines* agent_engines) {
+    const auto ask = [this] { return goes_on(); };
+    if (!run_.team) return parts_.senses.sense(run_, agent, agent_engines, clock, ask);
+    StageClock agent_clock(agent.seconds, weight);
+    return parts_.senses.sense(run_, agent, agent_engines, agent_clock, ask);
   });
-  if (!ours || !goes_on()) return false;
+  if (!is_complete || !goes_on()) return false;
   if (run_.fault())
     end_faulty_episode();
   else if (!end_parts())
@@ -224,18 +225,13 @@ void Environment::begin_episode(std::uint64_t episode_index, int episode_count, 
   FaultDesk::guard(run_.agents.front(), Fault::scene, [&] {
     parts_.entry.enter(run_);
     if (run_.fault() || !goes_on()) return;
-    move_sounds(engines);
-    for_agents(engines, [&](Agent& agent, HearingEngines* own) {
-      FaultDesk::guard(agent, Fault::scene, [&] { parts_.senses.observe_start(run_, agent, own); });
+    run_.sounds.move(parts_.setup, run_.steps, run_.agents, engines, run_.team.get());
+    for_agents(engines, [&](Agent& agent, HearingEngines* agent_engines) {
+      FaultDesk::guard(agent, Fault::scene, [&] { parts_.senses.observe_start(run_, agent, agent_engines); });
       return true;
     });
   });
   if (!run_.fault()) parts_.faults.count_begun();
-}
-
-void Environment::move_sounds(HearingEngines* engines) {
-  if (!engines || run_.sounds.empty()) return;
-  run_.sounds.move(parts_.setup, run_.steps, run_.agents, *engines, run_.team.get());
 }
 
 void Environment::restore(HearingEngines* engines) {

@@ -53,8 +53,8 @@ struct TaskResults {
 ///   env.run_task(workers, worker);        // by any thread: the stages of the step, the end of the episode, the start of the next
 ///   take(env.results());                  // by the thread that uses the batch again
 ///
-/// Threads: one at a time.  While run_task() hangs in a task that was given up, only give_up(), cursor(true) and TaskResults::given_up may
-/// be used.  Steps do not allocate once buffers have grown (StepAllocation).
+/// Threads: one at a time.  While run_task() hangs in a task that was given up, only give_up(), cursor(true), the rows of agents() and
+/// TaskResults::given_up may be used.  Steps do not allocate once buffers have grown (StepAllocation).
 class Environment {
  public:
   /// parts, agents: must outlive it.  index: in the batch; it staggers which steps are timed.  helpers: threads that share the agents of
@@ -104,7 +104,6 @@ class Environment {
   void begin_next_episode(HearingEngines* engines);
   /// Leaves a fault at an agent if the episode cannot begin.
   void begin_episode(std::uint64_t episode_index, int episode_count, HearingEngines* engines);
-  void move_sounds(HearingEngines* engines);
   void restore(HearingEngines* engines);
   void end_faulty_episode();
   void end_episode();

@@ -28,7 +28,7 @@ void EpisodeReplay::walk() {
   for (std::size_t step = 0; step <= steps; ++step) {
     run_->steps = static_cast<int>(step);
     const bool any_hears = move(step);
-    if (any_hears && engines_ && !run_->sounds.empty()) run_->sounds.move(*setup_, run_->steps, run_->agents, *engines_, run_->team.get());
+    if (any_hears) run_->sounds.move(*setup_, run_->steps, run_->agents, engines_, run_->team.get());
     for (Agent& agent : run_->agents) {
       const std::size_t count = actions_of(agent).size();
       if (step > count) continue;

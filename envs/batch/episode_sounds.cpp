@@ -115,8 +115,9 @@ void EpisodeSounds::begin(const BatchSetup& setup, std::span<Agent> agents) {
   }
 }
 
-void EpisodeSounds::move(const BatchSetup& setup, int steps, std::span<const Agent> agents, const HearingEngines& engines,
+void EpisodeSounds::move(const BatchSetup& setup, int steps, std::span<const Agent> agents, const HearingEngines* engines,
                          AgentTeam* team) {
+  if (!engines || sounds_.empty()) return;
   const std::size_t window = size_of(setup.window_samples()), block = size_of(setup.block_samples);
   const std::uint64_t last = window + size_of(steps) * block;  // sample at which the step ends
   const auto move_one = [&](Sound& sound) {
@@ -124,7 +125,7 @@ void EpisodeSounds::move(const BatchSetup& setup, int steps, std::span<const Age
     const int new_samples = steps == 0 ? static_cast<int>(window) : setup.block_samples;
     PlayedSound now = sound.played;
     now.position.sample = last - static_cast<std::uint64_t>(new_samples);
-    if (!sounds_within(now, size_of(engines.max_rir_samples), new_samples)) return;
+    if (!sounds_within(now, size_of(engines->max_rir_samples), new_samples)) return;
     if (sound.agent < 0)
       sound.moving->move_to(sound.moving->place_at(static_cast<double>(last)));
     else

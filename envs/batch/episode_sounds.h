@@ -20,11 +20,11 @@ class EpisodeSounds {
   /// and noise where the episode has any.  Throws InputError for a place where no source can be made.
   void begin(const BatchSetup& setup, std::span<Agent> agents);
   /// Puts those that move where they are at the end of step `steps` (0: the start), once for all agents.  A sound that cannot be heard in
-  /// this step stays.  team: threads that share the work; null: the caller does all.  Rethrows the first error of a move.
-  void move(const BatchSetup& setup, int steps, std::span<const Agent> agents, const HearingEngines& engines, AgentTeam* team);
+  /// this step stays.  engines: null where no agent hears; nothing moves.  team: threads that share the work; null: the caller does all.
+  /// Rethrows the first error of a move.
+  void move(const BatchSetup& setup, int steps, std::span<const Agent> agents, const HearingEngines* engines, AgentTeam* team);
   /// Lets go of the sounds and of the scene that they are in.
   void clear();
-  [[nodiscard]] bool empty() const { return sounds_.empty(); }
 
  private:
   struct Sound {

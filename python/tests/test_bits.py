@@ -56,7 +56,7 @@ def pinned_hash(stage: str, toolchain: str, instruction_set: str) -> str | None:
 
 
 def expect_pinned(stage: str, bits: BitHash) -> None:
-    """Fails without a row where CI is set, unless EARSHOT_ALLOW_MISSING_PINS=1: the rule of tests/support/pinned_rows.h."""
+    """Fails without a row where CI is set, unless EARSHOT_ALLOW_MISSING_PINS=1: the rule of tests/support/files/pinned_rows.h."""
     if INSTALLED:
         pytest.skip("pinned bits are of the release build, not of the libraries of a wheel")
     toolchain, instruction_set = key()

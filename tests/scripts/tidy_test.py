@@ -50,6 +50,7 @@ def main() -> None:
         (root / "scripts").mkdir()
         shutil.copy(SCRIPT, root / "scripts/tidy.py")
         git("init", "-q")
+        git("config", "diff.noprefix", "true")
         git("add", "-A")
         git("commit", "-q", "-m", "one")
         expect(0, "no commit before the last")
@@ -66,6 +67,11 @@ def main() -> None:
         expect(1, "2 of 2 files with changed lines looked at, 2 with findings", "--since", "HEAD~1")
         write("sim/b.h", "#pragma once\n\n")
         expect(0, "1 of 1 files")
+        # One that git does not track yet.
+        write("sim/c.cpp", NULL_AS_ZERO.format("untracked"))
+        write("CMakeLists.txt", PROJECT.replace("sim/b.cpp", "sim/b.cpp sim/c.cpp"))
+        expect(1, "sim/c.cpp:1:")
+        expect(2, "", "--since", "no_such_commit")
 
 
 main()

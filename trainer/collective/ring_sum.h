@@ -17,7 +17,7 @@ namespace earshot {
 
 /// The error of a peer that makes another call than this worker.
 inline RunError call_mismatch(int rank, const FrameHeader& got, Operation operation, std::size_t total) {
-  return {fmt::format("worker {}", rank),
+  return {worker_name(rank),
           fmt::format("calls {} with {} bytes where this worker calls {} with {} bytes; do all workers run the same program and config?",
                       name_of(got.operation), got.total, name_of(operation), total)};
 }
@@ -116,7 +116,7 @@ void sum_round_ring(Mesh& mesh, Operation operation, std::span<T> buffer) {
           throw call_mismatch(mesh.rank_of(frame->from), header, operation, buffer.size_bytes());
         if (header.step != chunk.step || header.segment != chunk.segment || header.phase != (schedule.reducing(chunk.step) ? 0 : 1) ||
             header.offset != chunk.first * sizeof(T) || header.length != chunk.count * sizeof(T))
-          throw RunError(fmt::format("worker {}", mesh.rank_of(frame->from)), "sends another part of the buffer than is due");
+          throw RunError(worker_name(mesh.rank_of(frame->from)), "sends another part of the buffer than is due");
         const std::span<T> target = buffer.subspan(chunk.first, chunk.count);
         if (schedule.reducing(chunk.step))
           add_to(target, frame->bytes());

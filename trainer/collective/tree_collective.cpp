@@ -43,7 +43,7 @@ struct Incoming {
   void take(const PeerFrame& frame, std::uint8_t phase) {
     const FrameHeader& header = frame.header;
     if (done || header.phase != phase || header.offset != bytes.size() || (header.offset > 0 && header.total != total))
-      throw RunError(fmt::format("worker {}", frame.from), "sends its part out of order");
+      throw RunError(worker_name(frame.from), "sends its part out of order");
     total = header.total;
     bytes.insert(bytes.end(), frame.bytes().begin(), frame.bytes().end());
     done = bytes.size() == total;
@@ -89,7 +89,7 @@ void TreeCollective::gather(Operation operation, std::span<const std::byte> mine
     while (const auto frame = mesh_.receive_control()) {
       if (frame->header.operation != operation) throw call_mismatch(frame->from, frame->header, operation, mine.size());
       const auto child = std::ranges::find(node.children, frame->from, &TreeNode::Subtree::first);
-      if (child == node.children.end()) throw RunError(fmt::format("worker {}", frame->from), "sends a result before all parts were there");
+      if (child == node.children.end()) throw RunError(worker_name(frame->from), "sends a result before all parts were there");
       if (!is_expected(*child, frame->header)) {
         FrameHeader per_worker = frame->header;
         per_worker.total /= static_cast<std::uint64_t>(child->size());
@@ -124,7 +124,7 @@ void TreeCollective::scatter(Operation operation, const Expected& is_expected) {
     while (const auto frame = mesh_.receive_control()) {
       if (frame->header.operation != operation || !is_expected(frame->header))
         throw call_mismatch(frame->from, frame->header, operation, parts_.size());
-      if (frame->from != node.parent) throw RunError(fmt::format("worker {}", frame->from), "sends its part out of order");
+      if (frame->from != node.parent) throw RunError(worker_name(frame->from), "sends its part out of order");
       incoming.take(*frame, 1);
       began = came = true;
     }

@@ -136,7 +136,7 @@ void ZmqRing::exchange_parts(Operation operation, const PartFor& part_for, Sink&
       Progress& p = progress[static_cast<std::size_t>(frame->from)];
       if (frame->header.operation != operation) mismatch(frame->from, frame->header, operation, part_for(frame->from).size());
       if (frame->header.offset != p.received || p.received_all)
-        throw RunError(fmt::format("worker {}", rank_of(frame->from)), "sends its part out of order");
+        throw RunError(worker_name(rank_of(frame->from)), "sends its part out of order");
       sink(frame->from, frame->header, frame->bytes());
       p.received += frame->payload.size();
       p.received_all = p.received == frame->header.total;

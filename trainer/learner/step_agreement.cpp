@@ -25,7 +25,7 @@ StepStatus decode_status(std::size_t rank, const std::string& bytes) {
     const auto message = decode<StatusMessage>(bytes);
     return {message.finite_here, message.finite_sum, message.sum_hash, message.loss, message.approx_kl};
   } catch (const WireError& error) {
-    throw RunError(fmt::format("worker {}", rank), fmt::format("breaks the protocol: {}", error.what()));
+    throw protocol_breach(static_cast<int>(rank), error);
   }
 }
 

@@ -59,7 +59,7 @@ bool AddressBook::is_current(PeerSender sender) const {
   return entries_[static_cast<std::size_t>(sender.rank)].incarnation == sender.incarnation;
 }
 
-std::optional<PeerAddress> AddressBook::address_for_notice(PeerSender sender) {
+std::optional<PeerAddress> AddressBook::take_notice_address(PeerSender sender) {
   const auto now = std::chrono::steady_clock::now();
   Entry& entry = entries_[static_cast<std::size_t>(sender.rank)];
   if (now - entry.told_at < kNoticeInterval) return std::nullopt;
@@ -76,7 +76,7 @@ JoinAnswer AddressBook::listing(std::uint32_t incarnation) const {
   answer.bulk_endpoints = table_.bulk_endpoints;
   answer.public_keys = table_.public_keys;
   for (const Entry& entry : entries_) answer.incarnations.push_back(entry.incarnation);
-  answer.incarnations[static_cast<std::size_t>(own_.rank)] = incarnation;
+  answer.incarnations[static_cast<std::size_t>(own_identity_.rank)] = incarnation;
   return answer;
 }
 
@@ -129,9 +129,9 @@ FrameHeader MembershipDesk::stamped(FrameHeader header) const {
   return header;
 }
 
-PeerLinks::Origin MembershipDesk::origin_of(PeerSender sender) {
+PeerLinks::Origin MembershipDesk::admit_or_notify(PeerSender sender) {
   if (views_->knows(sender.rank) && book_.is_current(sender)) return PeerLinks::Origin::known;
-  if (const auto address = book_.address_for_notice(sender)) {
+  if (const auto address = book_.take_notice_address(sender)) {
     ViewMessage message;
     message.epoch = views_->current().epoch;
     message.members = views_->current().members & ~(std::uint64_t{1} << sender.rank);  // not the rank's of its next start
@@ -239,20 +239,20 @@ bool MembershipDesk::is_settled() {
 }
 
 MembershipDesk::Change MembershipDesk::adopt() {
-  const View before = views_->current();
+  const View old_view = views_->current();
   views_->adopt();
-  const View& now = views_->current();
+  const View& new_view = views_->current();
   Change change;
   for (int rank = 0; rank < config_.identity.world_size; ++rank) {
-    if (before.has(rank) && !now.has(rank)) change.lost.push_back(rank);
-    if (!before.has(rank) && now.has(rank)) change.joined.push_back(rank);
-    if (now.has(rank))
+    if (old_view.has(rank) && !new_view.has(rank)) change.lost.push_back(rank);
+    if (!old_view.has(rank) && new_view.has(rank)) change.joined.push_back(rank);
+    if (new_view.has(rank))
       newcomers_.erase(rank);
     else
       links_.disconnect(rank);
   }
-  links_.kept().drop_before(now.epoch);
-  set_members(now.ranks());
+  links_.kept().drop_before(new_view.epoch);
+  set_members(new_view.ranks());
   liveness_.set_call(0);
   is_regrouping_ = false;
   return change;

@@ -20,7 +20,8 @@ namespace earshot {
 /// Where each worker of a run can be reached, and which start of a rank that is.  Plain values, no sockets.
 class AddressBook {
  public:
-  explicit AddressBook(const WorkerIdentity& own) : own_(own), entries_(static_cast<std::size_t>(own.world_size)) {}
+  explicit AddressBook(const WorkerIdentity& own_identity)
+      : own_identity_(own_identity), entries_(static_cast<std::size_t>(own_identity.world_size)) {}
   /// Of a worker that begins with the run.
   void set(PeerTable table) { table_ = std::move(table); }
   /// Of a worker that joins.
@@ -34,7 +35,7 @@ class AddressBook {
   /// Whether it is of the start that is known here.
   [[nodiscard]] bool is_current(PeerSender sender) const;
   /// Where to tell a worker, of this start or the last one, that it is no member; at most once a second per rank.
-  std::optional<PeerAddress> address_for_notice(PeerSender sender);
+  std::optional<PeerAddress> take_notice_address(PeerSender sender);
   /// For workers that join; only the addresses are filled in.  incarnation: which start of its rank this worker is.
   [[nodiscard]] JoinAnswer listing(std::uint32_t incarnation) const;
 
@@ -44,7 +45,7 @@ class AddressBook {
     PeerAddress former;  ///< of the last start that was a member
     std::chrono::steady_clock::time_point told_at;
   };
-  WorkerIdentity own_;
+  WorkerIdentity own_identity_;
   PeerTable table_;
   std::vector<Entry> entries_;  ///< by rank; the own one stays as it is
 };
@@ -87,7 +88,7 @@ class MembershipDesk {
 
   /// Whether messages of that start of a worker belong here.  Tells it so, at most once a second, if they do not: a worker that was left
   /// out has woken.
-  PeerLinks::Origin origin_of(PeerSender sender);
+  PeerLinks::Origin admit_or_notify(PeerSender sender);
   /// The header with the open call and the present view.
   [[nodiscard]] FrameHeader stamped(FrameHeader header) const;
 

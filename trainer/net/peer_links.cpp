@@ -161,12 +161,6 @@ PeerFrame frame_of(ReceivedMessage message, int from, std::uint64_t run_key) {
 
 }  // namespace
 
-std::string worker_name(int rank) { return fmt::format("worker {}", rank); }
-
-RunError protocol_breach(int rank, const WireError& error) {
-  return {worker_name(rank), fmt::format("breaks the protocol: {}", error.what())};
-}
-
 void BuffersInFlight::lend() {
   const std::lock_guard lock(mutex_);
   ++count_;

@@ -27,11 +27,6 @@ namespace earshot {
 // reader that is away gets eight messages of progress until it counts as lost.
 inline constexpr int kQueuedControl = 256;
 
-/// How errors and log lines name a worker.
-[[nodiscard]] std::string worker_name(int rank);
-/// The error of a worker whose message cannot be what it should be.
-[[nodiscard]] RunError protocol_breach(int rank, const WireError& error);
-
 /// Counts buffers that libzmq still reads.  Its I/O thread gives them back (docs/ppo.md, section 6.2: touching one earlier gave wrong
 /// sums).  Safe from any thread.
 class BuffersInFlight {

@@ -99,7 +99,7 @@ bool PeerMesh::send_bulk(FrameHeader header, std::span<const std::byte> payload)
 
 std::optional<PeerMesh::Frame> PeerMesh::receive_from(PeerLinks::Plane plane) {
   return links_.receive(plane, [this](PeerSender sender) {
-    const PeerLinks::Origin origin = membership_.origin_of(sender);
+    const PeerLinks::Origin origin = membership_.admit_or_notify(sender);
     if (origin == PeerLinks::Origin::late) ++late_messages_;
     return origin;
   });

@@ -71,7 +71,8 @@ class Host {
         addresses_(static_cast<std::size_t>(config.identity.world_size)) {
     socket_.set(zmq::sockopt::router_mandatory, true);
     if (config.identity.world_size > kMaxMeshWorkers) {
-      file_limit_.emplace(config.identity.world_size + kOtherFiles);
+      file_limit_.emplace(config.identity.world_size + kOtherFiles, "rank 0",
+                          "raise the hard limit on rank 0's host, or start fewer workers");
       socket_.set(zmq::sockopt::backlog, config.identity.world_size);
     }
     security.secure_listener(socket_);
@@ -106,7 +107,7 @@ class Host {
       try {
         send(*addresses_[rank], welcome_for(static_cast<int>(rank)));
       } catch (const zmq::error_t&) {
-        throw RunError(fmt::format("worker {}", rank), "left before the run began");
+        throw RunError(worker_name(static_cast<int>(rank)), "left before the run began");
       }
     }
     return table_;

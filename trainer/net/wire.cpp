@@ -1,5 +1,7 @@
 #include "trainer/net/wire.h"
 
+#include <fmt/format.h>
+
 #include <bit>
 #include <cstring>
 
@@ -12,6 +14,12 @@ constexpr std::uint32_t kMagic = 0x53524145;  // "EARS"
 constexpr std::uint8_t kLastOperation = static_cast<std::uint8_t>(Operation::hand_over);
 
 }  // namespace
+
+std::string worker_name(int rank) { return fmt::format("worker {}", rank); }
+
+RunError protocol_breach(int rank, const WireError& error) {
+  return {worker_name(rank), fmt::format("breaks the protocol: {}", error.what())};
+}
 
 const char* name_of(Operation operation) {
   switch (operation) {

@@ -9,6 +9,8 @@
 #include <string_view>
 #include <vector>
 
+#include "sim/base/errors.h"
+
 namespace earshot {
 
 /// A message that cannot be what it should be: too large, truncated, of another type or version.  Never leaves trainer/: what it means (an
@@ -17,6 +19,11 @@ class WireError : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
+
+/// How errors and log lines name a worker.
+[[nodiscard]] std::string worker_name(int rank);
+/// The error of a worker whose message cannot be what it should be.
+[[nodiscard]] RunError protocol_breach(int rank, const WireError& error);
 
 inline constexpr std::uint16_t kWireVersion = 6;
 inline constexpr std::size_t kMaxControlBytes = 64 * 1024;  ///< of one control message

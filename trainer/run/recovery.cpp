@@ -40,11 +40,11 @@ Recovery::Recovery(Collective& collective, const EnvPlaces& places, ActorCritic 
 
 void Recovery::begin_update() {
   if (collective_.survives_loss())
-    before_ = Before{.update = progress_.update(),
-                     .env_steps = progress_.env_steps(),
-                     .learner = learner(),
-                     .guards = report_.guards(),
-                     .updates_without_step = report_.updates_without_step()};
+    last_whole_update_ = WholeUpdate{.update = progress_.update(),
+                                     .env_steps = progress_.env_steps(),
+                                     .learner = copy_learner(),
+                                     .guards = report_.guards(),
+                                     .updates_without_step = report_.updates_without_step()};
   learning_ = true;
 }
 
@@ -83,7 +83,7 @@ void Recovery::recover(const MembershipChange& change) {
 bool Recovery::agree_on_state() {
   const Standing standing = gather_standing();
   if (!joins_ && (progress_.update() > standing.last || learning_)) {
-    if (!before_ || before_->update != standing.last)
+    if (!last_whole_update_ || last_whole_update_->update != standing.last)
       throw RunError("workers", fmt::format("are at updates {} and {}, too far from each other", standing.last, progress_.update()));
     go_back();
   }
@@ -124,7 +124,7 @@ Recovery::Standing Recovery::gather_standing() {
 /// that had the state differs.
 bool Recovery::check_equal_learners(const Standing& standing) {
   const int rank = collective_.identity().rank;
-  const auto hashes = collective_.all_gather(hash_of_learner(learner()));
+  const auto hashes = collective_.all_gather(hash_of_learner(copy_learner()));
   const std::string& right = hashes[static_cast<std::size_t>(standing.source)];
   bool equal = true;
   for (std::size_t place = 0; place < hashes.size(); ++place) {
@@ -137,12 +137,12 @@ bool Recovery::check_equal_learners(const Standing& standing) {
 }
 
 void Recovery::go_back() {
-  load_learner(before_->learner, "the update before");
-  progress_.go_back(before_->update, before_->env_steps);
-  report_.go_back(before_->guards, before_->updates_without_step);
+  load_learner(last_whole_update_->learner, "the update before");
+  progress_.go_back(last_whole_update_->update, last_whole_update_->env_steps);
+  report_.go_back(last_whole_update_->guards, last_whole_update_->updates_without_step);
 }
 
-Checkpoint Recovery::learner() { return learner_state_of(policy_, learner_.optimizer()); }
+Checkpoint Recovery::copy_learner() { return learner_state_of(policy_, learner_.optimizer()); }
 
 void Recovery::load_learner(const Checkpoint& learner, const std::string& where) {
   load_learner_state(policy_, learner_.optimizer(), learner, where);
@@ -151,7 +151,7 @@ void Recovery::load_learner(const Checkpoint& learner, const std::string& where)
 std::string Recovery::encoded_state() {
   const RunPosition& position = progress_.position();
   RunState state;
-  state.learner = learner();
+  state.learner = copy_learner();
   state.learner.update = position.update;
   state.learner.env_steps = position.env_steps;
   state.elapsed_s = position.elapsed_s;

@@ -31,7 +31,7 @@ class Recovery {
   Recovery(Collective& collective, const EnvPlaces& places, ActorCritic policy, PpoLearner& learner, RunProgress& progress,
            UpdateReport& report);
 
-  /// Before the first optimizer step: keeps a copy of the state if the collective survives a loss.
+  /// WholeUpdate the first optimizer step: keeps a copy of the state if the collective survives a loss.
   void begin_update();
   /// The weights are those of a whole update.
   void end_update() { learning_ = false; }
@@ -43,7 +43,7 @@ class Recovery {
 
  private:
   /// The whole update before the one under way.
-  struct Before {
+  struct WholeUpdate {
     std::uint64_t update = 0, env_steps = 0;
     Checkpoint learner;  ///< weights and optimizer
     GuardCounts guards;
@@ -60,7 +60,7 @@ class Recovery {
   Standing gather_standing();
   bool check_equal_learners(const Standing& standing);
   void go_back();
-  [[nodiscard]] Checkpoint learner();
+  [[nodiscard]] Checkpoint copy_learner();
   void load_learner(const Checkpoint& learner, const std::string& where);
   [[nodiscard]] std::string encoded_state();
   void set_state(const std::string& bytes);
@@ -71,7 +71,7 @@ class Recovery {
   PpoLearner& learner_;
   RunProgress& progress_;
   UpdateReport& report_;
-  std::optional<Before> before_;
+  std::optional<WholeUpdate> last_whole_update_;
   bool learning_ = false;  ///< the weights are in the midst of an update
   bool joins_;             ///< has not got the state of the run yet
 };

@@ -179,7 +179,7 @@ void TrainWorker::report(const UpdateStats& stats, double update_s, std::uint64_
 
 void TrainWorker::save(bool is_last) {
   check_equal_weights(collective_, policy_);  // else the checkpoint would be of no worker
-  Checkpoint checkpoint = learner_state_of(policy_, learner_.optimizer());
+  Checkpoint checkpoint = rank() == 0 ? learner_state_of(policy_, learner_.optimizer()) : Checkpoint{};
   gather_env_states(collective_, env_, collector_, checkpoint);
   if (rank() != 0) return;
   for (const int member : collective_.members()) checkpoint.members.push_back(places_.first_of(member));

@@ -20,23 +20,23 @@ constexpr int kMaxUpdatesWithoutStep = 20;  // in a row, before a run that learn
 constexpr std::uint64_t kLoggedSkips = 20;  // one line each; the others are counted
 
 /// A collective call.
-WorkerSums sum_over_workers(const WorkerSums& own, Collective& collective) {
+WorkerSums sum_over_workers(const WorkerSums& worker_sums, Collective& collective) {
   constexpr std::size_t num_stages = 7, first_counter = EpisodeSums::num_fields + num_stages;
   std::array<double, first_counter + RunCounters::num_fields> sums{};
-  std::ranges::copy(own.episodes.values, sums.begin());
-  const StageTimes& times = own.times;
+  std::ranges::copy(worker_sums.episodes.values, sums.begin());
+  const StageTimes& times = worker_sums.times;
   const std::array<double, num_stages> stage{times.simulate_sound, times.convolve, times.render, times.move,
                                              times.policy,         times.learn,    times.reduce};
   std::ranges::copy(stage, sums.begin() + EpisodeSums::num_fields);
-  std::ranges::copy(own.counters.values, sums.begin() + first_counter);
+  std::ranges::copy(worker_sums.counters.values, sums.begin() + first_counter);
   collective.all_reduce_sum(std::span<double>(sums));
 
-  WorkerSums all;
-  std::copy_n(sums.begin(), all.episodes.values.size(), all.episodes.values.begin());
+  WorkerSums total;
+  std::copy_n(sums.begin(), total.episodes.values.size(), total.episodes.values.begin());
   const double* seconds = sums.data() + EpisodeSums::num_fields;
-  all.times = {seconds[0], seconds[1], seconds[2], seconds[3], seconds[4], seconds[5], seconds[6]};
-  std::copy_n(sums.begin() + first_counter, all.counters.values.size(), all.counters.values.begin());
-  return all;
+  total.times = {seconds[0], seconds[1], seconds[2], seconds[3], seconds[4], seconds[5], seconds[6]};
+  std::copy_n(sums.begin() + first_counter, total.counters.values.size(), total.counters.values.begin());
+  return total;
 }
 
 }  // namespace
@@ -91,23 +91,24 @@ std::optional<std::string> UpdateReport::note(UpdateStats stats) {
       updates_without_step_, stats.skipped.empty() ? "no row counted" : describe(stats.skipped.back()));
 }
 
-void UpdateReport::report(const UpdateStats& stats, const WorkerSums& own, const std::vector<WorkerUpdate>& of_all, double steps_per_s) {
-  const WorkerSums all = sum_over_workers(own, collective_);
-  RunCounters before = std::exchange(counters_, all.counters);
-  if (std::exchange(lost_since_report_, false)) before = counters_;  // the totals are of the workers that are left
-  window_.push(all.episodes);                                        // on all ranks: any may have to write one day
+void UpdateReport::report(const UpdateStats& stats, const WorkerSums& worker_sums, const std::vector<WorkerUpdate>& worker_updates,
+                          double steps_per_s) {
+  const WorkerSums total = sum_over_workers(worker_sums, collective_);
+  RunCounters previous_counters = std::exchange(counters_, total.counters);
+  if (std::exchange(lost_since_report_, false)) previous_counters = counters_;  // the totals are of the workers that are left
+  window_.push(total.episodes);                                                 // on all ranks: any may have to write one day
   const auto [rank, world_size] = collective_.identity();
   if (rank != 0) return;
 
   StageTimes mean;
-  mean.add(all.times, 1.0 / world_size);
+  mean.add(total.times, 1.0 / world_size);
   const EpisodeSums recent = window_.total();
   show_progress(recent, mean, steps_per_s);
 
   std::vector<std::pair<std::string, double>> values =
       update_curves(recent, stats, mean, steps_per_s, config_.guidance, progress_.fraction());
-  append_curve_values(values, counters_, before, guards_);
-  append_worker_values(values, collective_.members(), of_all);
+  append_curve_values(values, counters_, previous_counters, guards_);
+  append_worker_values(values, collective_.members(), worker_updates);
   guards_.failed_writes +=
       files_->write_point({progress_.update(), progress_.env_steps(), progress_.position().elapsed_s, std::move(values)});
 }
@@ -150,10 +151,10 @@ void UpdateReport::raise_member_counts(std::uint64_t lost, std::uint64_t joined)
 }
 
 void UpdateReport::go_back(const GuardCounts& guards, int updates_without_step) {
-  const GuardCounts now = std::exchange(guards_, guards);
-  guards_.lost_workers = now.lost_workers;
-  guards_.joined_workers = now.joined_workers;
-  guards_.failed_writes = now.failed_writes;
+  const GuardCounts current = std::exchange(guards_, guards);
+  guards_.lost_workers = current.lost_workers;
+  guards_.joined_workers = current.joined_workers;
+  guards_.failed_writes = current.failed_writes;
   updates_without_step_ = updates_without_step;
 }
 

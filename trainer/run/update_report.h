@@ -41,8 +41,8 @@ class UpdateReport {
   /// Counts what the guards of one update did, and logs the first skips and alarms.  Returns the reason where the run has to end, as too
   /// many updates in a row took no optimizer step.
   [[nodiscard]] std::optional<std::string> note(UpdateStats stats);
-  /// Progress line and curve point.  A collective call.  of_all: gather_worker_updates().
-  void report(const UpdateStats& stats, const WorkerSums& own, const std::vector<WorkerUpdate>& of_all, double steps_per_s);
+  /// Progress line and curve point.  A collective call.  worker_updates: gather_worker_updates().
+  void report(const UpdateStats& stats, const WorkerSums& worker_sums, const std::vector<WorkerUpdate>& worker_updates, double steps_per_s);
   /// Of rank 0: writes the checkpoint.  checkpoint: learner and environments of all workers; the rest is filled in here.  Throws RunError
   /// if the last one cannot be written.
   void save(Checkpoint checkpoint, bool is_last);

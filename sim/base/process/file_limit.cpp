@@ -9,13 +9,13 @@
 
 namespace earshot {
 
-RaisedFileLimit::RaisedFileLimit(int num_files) {
+RaisedFileLimit::RaisedFileLimit(int num_files, const std::string& user, const std::string& remedy) {
   if (::getrlimit(RLIMIT_NOFILE, &before_) != 0) throw RunError("open files", std::strerror(errno));
   const auto wanted = static_cast<rlim_t>(num_files);
   if (before_.rlim_cur == RLIM_INFINITY || before_.rlim_cur >= wanted) return;
   if (before_.rlim_max != RLIM_INFINITY && before_.rlim_max < wanted)
-    throw InputError("open files (ulimit -Hn)", fmt::format("at most {} are allowed here, and rank 0 needs {}", before_.rlim_max, wanted),
-                     "raise the hard limit on rank 0's host, or start fewer workers");
+    throw InputError("open files (ulimit -Hn)", fmt::format("at most {} are allowed here, and {} needs {}", before_.rlim_max, user, wanted),
+                     remedy);
   rlimit raised = before_;
   raised.rlim_cur = wanted;
   if (::setrlimit(RLIMIT_NOFILE, &raised) != 0) throw RunError("open files", std::strerror(errno));

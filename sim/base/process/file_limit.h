@@ -2,14 +2,16 @@
 
 #include <sys/resource.h>
 
+#include <string>
+
 namespace earshot {
 
 /// More open files for this process than its soft limit allows (1,024 on many systems), up to the hard one; the soft limit comes back at
 /// the end, and what is open then stays so.
 class RaisedFileLimit {
  public:
-  /// Throws InputError where the hard limit is lower.
-  explicit RaisedFileLimit(int num_files);
+  /// user, remedy: who needs so many and what to do, for the error.  Throws InputError where the hard limit is lower.
+  RaisedFileLimit(int num_files, const std::string& user, const std::string& remedy);
   ~RaisedFileLimit();
   RaisedFileLimit(const RaisedFileLimit&) = delete;
   RaisedFileLimit& operator=(const RaisedFileLimit&) = delete;

@@ -12,7 +12,7 @@
 #include "sim/base/process/isolated_call.h"
 #include "tests/support/files/test_paths.h"
 
-/// Calls of tests/unit/sim/base/isolated_child.cpp.
+/// Calls of tests/unit/sim/base/process/isolated_child.cpp.
 namespace earshot::isolated_calls {
 
 inline const std::filesystem::path program = isolated_child_program();

@@ -96,14 +96,12 @@ TEST_F(CorpusPartsTest, ThreadsHelpWithThePiecesOfOthers) {
 
 TEST_F(CorpusPartsTest, AFailureEndsTheOthersAtTheirNextItemAndKeepsWhatIsFinished) {
   const TestFolder out("corpus_parts_failure");
-  std::atomic<int> after = 0;
   const auto make = [&](CorpusPiece piece, CorpusPieceWriter& writer, const std::function<void()>& count_item) {
     if (piece.part == 2 && piece.number == 0) throw std::runtime_error("disk full");
     if (piece.part > 2 || (piece.part == 2 && piece.number > 0))
       for (;;) {  // ends by count_item alone
         std::this_thread::sleep_for(std::chrono::milliseconds(1));
         count_item();
-        ++after;
       }
     write_piece(piece, writer, count_item);
   };

@@ -295,7 +295,7 @@ TEST(FileLimit, IsRaisedForAsLongAsItIsNeeded) {
     if (::setrlimit(RLIMIT_NOFILE, &limit) != 0) return false;
     const auto soft = [&] { return ::getrlimit(RLIMIT_NOFILE, &limit) == 0 ? limit.rlim_cur : 0; };
     try {
-      const RaisedFileLimit raised(300);
+      const RaisedFileLimit raised(300, "this worker", "raise it");
       if (process == 1 || soft() != 300) return false;
     } catch (const InputError& error) {
       if (process == 0 || !tells(error.what(), {"ulimit -Hn", "100", "300"})) return false;

@@ -1,4 +1,4 @@
-#include "datasets/rir_corpus_folder.h"
+#include "datasets/corpus_folder.h"
 
 #include <fcntl.h>
 #include <fmt/format.h>
