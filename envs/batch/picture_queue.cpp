@@ -23,6 +23,8 @@ struct ClearedAtEnd {
   std::vector<T>& list;
   ~ClearedAtEnd() { list.clear(); }
 };
+template <class T>
+ClearedAtEnd(std::vector<T>&) -> ClearedAtEnd<T>;
 
 /// Null where Embree draws.
 std::unique_ptr<EglRenderer> open_renderer(const ObservationSpec& spec, std::span<const AgentCamera> cameras) {
