@@ -35,12 +35,69 @@ bool look_across(const AcousticScene& scene, glm::dvec3 from, glm::dvec3 directi
 }  // namespace
 
 /// Paths of one pair and one sequence of side planes at one listener.
-struct FacingPlanes::Family {
-  glm::dvec3 across{0};                               ///< from the listener to the images, at right angles to the axis
-  glm::dvec3 departure{0};                            ///< the same as the sound leaves the source
-  std::array<std::array<double, kMaxBands>, 2> ends;  ///< energy fraction of a bounce on either plane
-  std::array<double, kMaxBands> sides;                ///< of all side planes together
-  bool free = true;                                   ///< nothing stands in the strip
+class FacingPlanes::Family {
+ public:
+  using BandFactors = std::array<double, kMaxBands>;
+
+  /// sides: planes in the order from the source.
+  Family(const AcousticScene& scene, const Pair& pair, std::span<const std::uint32_t> sides, glm::vec3 source, glm::dvec3 listener)
+      : scene_(scene),
+        pair_(pair),
+        sides_(sides),
+        source_(source),
+        listener_(listener),
+        source_m_(glm::dot(pair.axis, glm::dvec3(source)) - pair.offset_m),
+        listener_m_(glm::dot(pair.axis, listener) - pair.offset_m) {}
+
+  /// The line across, from the listener to the source: as in EarlyCandidates::find_path, seen along the axis.  False if there is none.
+  bool find_line_across();
+  /// Side planes must be there over the whole height, and nothing before them.  False for a line through the edge of two planes.
+  bool average_side_factors();
+  /// Both planes along that line, and nothing between them.  False if they are nowhere.
+  bool average_end_factors();
+  /// All images of at least `least_bounces` bounces of which the first from the listener is on plane 0 (way -1) or plane 1 (way 1).
+  void add_row(int way, int least_bounces, ImageDeposit& deposit) const;
+
+ private:
+  enum class LineStatus { whole, broken, degenerate };
+  /// Past kTracedBounces, of an obstructed strip: the fraction that comes through is that of two paths out of each run of a quarter more
+  /// bounces.  What is wide across the strip blocks them all from some length on: the row ends with two runs of which nothing is left.
+  struct RunSample {
+    int end = kTracedBounces, blocked_runs = 0;
+    double passing = 1;
+  };
+
+  [[nodiscard]] std::size_t num_sides() const { return sides_.size(); }
+  [[nodiscard]] ExactPlane side(std::size_t i) const { return ExactPlane(scene_.planes()[sides_[i]]); }
+  [[nodiscard]] glm::dvec3 flat(glm::dvec3 v) const { return v - glm::dot(pair_.axis, v) * pair_.axis; }
+  /// A point of the strip: by its place across, at a height over plane 0.
+  [[nodiscard]] glm::dvec3 at(glm::dvec3 point, double height_m) const { return flat(point) + (pair_.offset_m + height_m) * pair_.axis; }
+  /// Place of the image of n bounces along the axis, from the listener.
+  [[nodiscard]] double rise_of(int way, int n) const {
+    return way * n * pair_.gap_m + (n % 2 == 0 ? source_m_ : pair_.gap_m - source_m_) - listener_m_;
+  }
+  /// Follows the line across at one height; `product`: what its side planes keep.
+  LineStatus trace_line(double height_m, BandFactors& product);
+  /// The point of the line across after `to_go_m` of it.
+  [[nodiscard]] glm::dvec3 place_on_line(double to_go_m) const;
+  /// The path of `bounces` between the planes whose image lies `rise_m` along the axis: follows it and keeps what it meets.
+  bool follow(int bounces, double rise_m, BandFactors& energy) const;
+  /// Starts the run of n bounces.  False if the row ends before it.
+  bool sample_run(int way, int n, RunSample& run) const;
+
+  const AcousticScene& scene_;
+  const Pair& pair_;
+  std::span<const std::uint32_t> sides_;
+  glm::vec3 source_;
+  glm::dvec3 listener_;
+  double source_m_, listener_m_;                  ///< heights over plane 0
+  glm::dvec3 across_{0};                          ///< from the listener to the images, at right angles to the axis
+  glm::dvec3 departure_{0};                       ///< the same as the sound leaves the source
+  std::array<glm::dvec3, kMaxSides + 2> corner_;  ///< of the line across: listener, side planes, source
+  std::array<double, kMaxSides + 2> along_m_{};   ///< length of the line to each corner
+  std::array<BandFactors, 2> end_factor_;         ///< energy fraction of a bounce on either plane
+  BandFactors side_factor_;                       ///< of all side planes together
+  bool free_ = true;                              ///< nothing stands in the strip
 };
 
 FacingPlanes::FacingPlanes(const AcousticScene& scene, const SoundSource& source) : source_(source), emission_(source, scene.bands()) {
@@ -120,7 +177,7 @@ void FacingPlanes::add_late(const AcousticScene& scene, glm::vec3 listener, Ener
 
 void FacingPlanes::add_families(const AcousticScene& scene, const Pair& pair, glm::dvec3 listener, Sequence& sides, int num_sides,
                                 EnergyHistogram& histogram) const {
-  add_family(scene, pair, listener, sides, num_sides, histogram);
+  add_family(scene, pair, listener, std::span(sides).first(static_cast<std::size_t>(num_sides)), histogram);
   if (num_sides == pair.max_sides) return;
   for (const std::uint32_t plane : pair.side) {
     if (num_sides > 0 && sides[static_cast<std::size_t>(num_sides) - 1] == plane) continue;
@@ -129,169 +186,169 @@ void FacingPlanes::add_families(const AcousticScene& scene, const Pair& pair, gl
   }
 }
 
-void FacingPlanes::add_family(const AcousticScene& scene, const Pair& pair, glm::dvec3 listener, const Sequence& sides, int num_sides,
+void FacingPlanes::add_family(const AcousticScene& scene, const Pair& pair, glm::dvec3 listener, std::span<const std::uint32_t> sides,
                               EnergyHistogram& histogram) const {
-  const EmbreeScene& rays = scene.scene().rays();
-  const int num_bands = scene.num_bands();
-  const glm::dvec3 source(source_.position);
-  const double source_m = glm::dot(pair.axis, source) - pair.offset_m, listener_m = glm::dot(pair.axis, listener) - pair.offset_m;
-  const auto flat = [&](glm::dvec3 v) { return v - glm::dot(pair.axis, v) * pair.axis; };
-  // A point of the strip: by its place across, at a height over plane 0.
-  const auto at = [&](glm::dvec3 point, double height_m) { return flat(point) + (pair.offset_m + height_m) * pair.axis; };
+  Family family(scene, pair, sides, source_.position, listener);
+  if (!family.find_line_across() || !family.average_side_factors() || !family.average_end_factors()) return;
+  ImageDeposit deposit(scene, emission_, histogram);
+  for (const int way : {-1, 1}) family.add_row(way, least_bounces_, deposit);
+}
 
-  // The line across, from the listener to the source: as in EarlyCandidates::find_path, seen along the axis.
-  glm::dvec3 image = source;
-  for (int i = 0; i < num_sides; ++i) image = ExactPlane(scene.planes()[sides[static_cast<std::size_t>(i)]]).mirror(image);
-  Family family;
-  family.across = flat(image - listener);
-  family.departure = -family.across;
-  std::array<glm::dvec3, kMaxSides + 2> corner;
-  corner[0] = listener;
-  for (int i = num_sides - 1, c = 1; i >= 0; --i, ++c) {
-    const ExactPlane plane(scene.planes()[sides[static_cast<std::size_t>(i)]]);
-    const glm::dvec3 start = corner[static_cast<std::size_t>(c) - 1];
+bool FacingPlanes::Family::find_line_across() {
+  glm::dvec3 image(source_);
+  for (std::size_t i = 0; i < num_sides(); ++i) image = side(i).mirror(image);
+  across_ = flat(image - listener_);
+  departure_ = -across_;
+  corner_[0] = listener_;
+  for (std::size_t i = num_sides(), c = 1; i-- > 0; ++c) {
+    const ExactPlane plane = side(i);
+    const glm::dvec3 start = corner_[c - 1];
     const double here = plane.height(start), there = plane.height(image);
-    if (!(here * there < 0)) return;
-    corner[static_cast<std::size_t>(c)] = start + here / (here - there) * (image - start);
+    if (!(here * there < 0)) return false;
+    corner_[c] = start + here / (here - there) * (image - start);
     image = plane.mirror(image);
-    family.departure = plane.mirror_vector(family.departure);
+    departure_ = plane.mirror_vector(departure_);
   }
-  corner[static_cast<std::size_t>(num_sides) + 1] = source;
+  corner_[num_sides() + 1] = glm::dvec3(source_);
+  for (std::size_t c = 1; c <= num_sides() + 1; ++c) along_m_[c] = along_m_[c - 1] + glm::length(flat(corner_[c] - corner_[c - 1]));
+  return true;
+}
 
-  // Side planes must be there over the whole height, and nothing before them.
-  family.sides.fill(num_sides > 0 ? 0.0 : 1.0);
+FacingPlanes::Family::LineStatus FacingPlanes::Family::trace_line(double height_m, BandFactors& product) {
+  product.fill(1.0);
+  for (std::size_t c = 0; c <= num_sides(); ++c) {
+    const glm::dvec3 from = at(corner_[c], height_m), to = at(corner_[c + 1], height_m);
+    const double length_m = glm::length(to - from);
+    // Straight above each other: a line and no strip.  Through the edge of two planes: of no measure.
+    if (length_m < 1e-6 * scene_.diagonal_m()) return num_sides() == 0 ? LineStatus::whole : LineStatus::degenerate;
+    const glm::vec3 direction((to - from) / length_m);
+    const glm::vec3 origin = c == 0 ? glm::vec3(from) : offset_from_surface(glm::vec3(from), direction);
+    const Hit hit = scene_.scene().rays().intersect(origin, direction);
+    if (c == num_sides()) {
+      free_ = free_ && (!hit.valid() || hit.distance_m > length_m * (1 - 1e-4));
+      break;
+    }
+    if (!hit.valid() || scene_.plane_of_triangle()[hit.triangle] != sides_[num_sides() - 1 - c]) {
+      free_ = false;
+      return LineStatus::broken;
+    }
+    const std::uint32_t material = scene_.scene().mesh().triangle_material[hit.triangle];
+    for (int b = 0; b < scene_.num_bands(); ++b) product[static_cast<std::size_t>(b)] *= specular_fraction(scene_, material, b);
+  }
+  return LineStatus::whole;
+}
+
+bool FacingPlanes::Family::average_side_factors() {
+  side_factor_.fill(num_sides() > 0 ? 0.0 : 1.0);
   int levels_found = 0;
   for (int level = 0; level < kLevels; ++level) {
-    const double height_m = pair.gap_m * (level + 0.5) / kLevels;
-    std::array<double, kMaxBands> product;
-    product.fill(1.0);
-    bool whole = true;
-    for (int c = 0; c <= num_sides; ++c) {
-      const glm::dvec3 from = at(corner[static_cast<std::size_t>(c)], height_m), to = at(corner[static_cast<std::size_t>(c) + 1], height_m);
-      const double length_m = glm::length(to - from);
-      if (length_m < 1e-6 * scene.diagonal_m()) {
-        if (num_sides == 0) break;  // straight above each other: a line and no strip
-        return;                     // through the edge of two planes: of no measure
-      }
-      const glm::vec3 direction((to - from) / length_m);
-      const glm::vec3 origin = c == 0 ? glm::vec3(from) : offset_from_surface(glm::vec3(from), direction);
-      const Hit hit = rays.intersect(origin, direction);
-      if (c == num_sides) {
-        family.free = family.free && (!hit.valid() || hit.distance_m > length_m * (1 - 1e-4));
-        break;
-      }
-      const std::uint32_t plane = sides[static_cast<std::size_t>(num_sides - 1 - c)];
-      if (!hit.valid() || scene.plane_of_triangle()[hit.triangle] != plane) {
-        family.free = whole = false;
-        break;
-      }
-      const std::uint32_t material = scene.scene().mesh().triangle_material[hit.triangle];
-      for (int b = 0; b < num_bands; ++b) product[static_cast<std::size_t>(b)] *= specular_fraction(scene, material, b);
-    }
-    if (!whole || num_sides == 0) continue;
+    BandFactors product;
+    const LineStatus status = trace_line(pair_.gap_m * (level + 0.5) / kLevels, product);
+    if (status == LineStatus::degenerate) return false;
+    if (status == LineStatus::broken || num_sides() == 0) continue;
     ++levels_found;
-    for (int b = 0; b < num_bands; ++b) family.sides[static_cast<std::size_t>(b)] += product[static_cast<std::size_t>(b)];
+    for (int b = 0; b < scene_.num_bands(); ++b) side_factor_[static_cast<std::size_t>(b)] += product[static_cast<std::size_t>(b)];
   }
-  for (double& fraction : family.sides) fraction /= std::max(levels_found, 1);
+  for (double& fraction : side_factor_) fraction /= std::max(levels_found, 1);
+  return true;
+}
 
-  // Both planes along that line, and nothing between them.
-  std::array<double, kMaxSides + 2> along{};
-  for (int c = 1; c <= num_sides + 1; ++c) {
-    const auto i = static_cast<std::size_t>(c);
-    along[i] = along[i - 1] + glm::length(flat(corner[i] - corner[i - 1]));
-  }
-  const double whole_m = along[static_cast<std::size_t>(num_sides) + 1];
-  std::array<std::array<double, kMaxBands>, 2> log_sum{};
+glm::dvec3 FacingPlanes::Family::place_on_line(double to_go_m) const {
+  std::size_t c = 1;
+  while (c < num_sides() + 1 && along_m_[c] < to_go_m) ++c;
+  const double part_m = along_m_[c] - along_m_[c - 1];
+  return corner_[c - 1] + (part_m > 0 ? (to_go_m - along_m_[c - 1]) / part_m : 0.0) * (corner_[c] - corner_[c - 1]);
+}
+
+bool FacingPlanes::Family::average_end_factors() {
+  const double whole_m = along_m_[num_sides() + 1];
+  std::array<BandFactors, 2> log_sum{};
   int found = 0;
   const int samples = std::clamp(static_cast<int>(std::ceil(whole_m / kStepM)), kAcross, kMostAcross);
   for (int k = 0; k < samples; ++k) {
-    const double to_go_m = whole_m * (k + 0.5) / samples;
-    std::size_t c = 1;
-    while (static_cast<int>(c) < num_sides + 1 && along[c] < to_go_m) ++c;
-    const double part_m = along[c] - along[c - 1];
-    const glm::dvec3 place = corner[c - 1] + (part_m > 0 ? (to_go_m - along[c - 1]) / part_m : 0.0) * (corner[c] - corner[c - 1]);
+    const glm::dvec3 place = place_on_line(whole_m * (k + 0.5) / samples);
     std::array<std::uint32_t, 2> material{};
-    if (!look_across(scene, at(place, 0), pair.axis, pair.gap_m, pair.plane[1], material[1]) ||
-        !look_across(scene, at(place, pair.gap_m), -pair.axis, pair.gap_m, pair.plane[0], material[0])) {
-      family.free = false;
+    if (!look_across(scene_, at(place, 0), pair_.axis, pair_.gap_m, pair_.plane[1], material[1]) ||
+        !look_across(scene_, at(place, pair_.gap_m), -pair_.axis, pair_.gap_m, pair_.plane[0], material[0])) {
+      free_ = false;
       continue;
     }
     ++found;
     for (std::size_t end = 0; end < 2; ++end)
-      for (int b = 0; b < num_bands; ++b)
-        log_sum[end][static_cast<std::size_t>(b)] += std::log(std::max(specular_fraction(scene, material[end], b), 1e-30));
+      for (int b = 0; b < scene_.num_bands(); ++b)
+        log_sum[end][static_cast<std::size_t>(b)] += std::log(std::max(specular_fraction(scene_, material[end], b), 1e-30));
     if (whole_m == 0) break;  // one point
   }
-  if (found == 0) return;
+  if (found == 0) return false;
   for (std::size_t end = 0; end < 2; ++end)
-    for (int b = 0; b < num_bands; ++b)
-      family.ends[end][static_cast<std::size_t>(b)] = std::exp(log_sum[end][static_cast<std::size_t>(b)] / found);
+    for (int b = 0; b < scene_.num_bands(); ++b)
+      end_factor_[end][static_cast<std::size_t>(b)] = std::exp(log_sum[end][static_cast<std::size_t>(b)] / found);
+  return true;
+}
 
-  // The path of `bounces` between the planes whose image lies `rise_m` along the axis: follows it and keeps what it meets.
-  const auto follow = [&](int bounces, double rise_m, std::array<double, kMaxBands>& energy) {
-    energy.fill(1.0);
-    glm::vec3 origin(listener), direction(glm::normalize(family.across + rise_m * pair.axis));
-    const double length_m = std::sqrt(glm::dot(family.across, family.across) + rise_m * rise_m);
-    int ends = 0, next_side = num_sides - 1;
-    for (int event = 0; event < bounces + num_sides; ++event) {
-      const Hit hit = rays.intersect(origin, direction);
-      if (!hit.valid()) return false;
-      const std::uint32_t plane = scene.plane_of_triangle()[hit.triangle];
-      if (plane == pair.plane[0] || plane == pair.plane[1]) {
-        if (++ends > bounces) return false;
-      } else if (next_side < 0 || plane != sides[static_cast<std::size_t>(next_side--)]) {
-        return false;
-      }
-      for (int b = 0; b < num_bands; ++b)
-        energy[static_cast<std::size_t>(b)] *= specular_fraction(scene, scene.scene().mesh().triangle_material[hit.triangle], b);
-      origin = offset_from_surface(hit.position, hit.normal);
-      direction = mirror_direction(direction, hit.normal);
+bool FacingPlanes::Family::follow(int bounces, double rise_m, BandFactors& energy) const {
+  const EmbreeScene& rays = scene_.scene().rays();
+  energy.fill(1.0);
+  glm::vec3 origin(listener_), direction(glm::normalize(across_ + rise_m * pair_.axis));
+  const double length_m = std::sqrt(glm::dot(across_, across_) + rise_m * rise_m);
+  int ends = 0;
+  std::size_t sides_left = num_sides();
+  for (int event = 0; event < bounces + static_cast<int>(num_sides()); ++event) {
+    const Hit hit = rays.intersect(origin, direction);
+    if (!hit.valid()) return false;
+    const std::uint32_t plane = scene_.plane_of_triangle()[hit.triangle];
+    if (plane == pair_.plane[0] || plane == pair_.plane[1]) {
+      if (++ends > bounces) return false;
+    } else if (sides_left == 0 || plane != sides_[--sides_left]) {
+      return false;
     }
-    // The direction is right by its image; rounding over so few bounces stays below this.
-    const glm::vec3 to_source = source_.position - origin;
-    const float along_m = glm::dot(to_source, direction);
-    const glm::vec3 miss = to_source - along_m * direction;
-    return along_m > 0 && glm::dot(miss, miss) < 1e-6 * length_m * length_m && !rays.occluded(origin, source_.position);
-  };
+    for (int b = 0; b < scene_.num_bands(); ++b)
+      energy[static_cast<std::size_t>(b)] *= specular_fraction(scene_, scene_.scene().mesh().triangle_material[hit.triangle], b);
+    origin = offset_from_surface(hit.position, hit.normal);
+    direction = mirror_direction(direction, hit.normal);
+  }
+  // The direction is right by its image; rounding over so few bounces stays below this.
+  const glm::vec3 to_source = source_ - origin;
+  const float along_m = glm::dot(to_source, direction);
+  const glm::vec3 miss = to_source - along_m * direction;
+  return along_m > 0 && glm::dot(miss, miss) < 1e-6 * length_m * length_m && !rays.occluded(origin, source_);
+}
 
-  ImageDeposit deposit(scene, emission_, histogram);
-  const double across2 = glm::dot(family.across, family.across);
-  for (const int way : {-1, 1}) {  // plane 0 or plane 1 first, from the listener
-    std::array<double, kMaxBands> energy = family.sides, traced;
-    const auto rise_of = [&](int n) { return way * n * pair.gap_m + (n % 2 == 0 ? source_m : pair.gap_m - source_m) - listener_m; };
-    // Past kTracedBounces, of an obstructed strip: the fraction that comes through is that of two paths out of each run of a quarter more
-    // bounces.  What is wide across the strip blocks them all from some length on: the row ends with two runs of which nothing is left.
-    int run_end = kTracedBounces, blocked_runs = 0;
-    double passing = 1;
-    for (int n = 1; n <= 0xFFFF; ++n) {
-      const bool at_far = (n % 2 == 1) == (way == 1);
-      double most = 0;
-      for (int b = 0; b < num_bands; ++b) {
-        const auto i = static_cast<std::size_t>(b);
-        most = std::max(most, energy[i] *= family.ends[at_far ? 1 : 0][i]);
-      }
-      if (most < kSpentFraction && (family.free || n > kTracedBounces)) break;
-      if (n < least_bounces_) continue;
-      const double rise_m = rise_of(n);
-      const double distance_m = std::sqrt(across2 + rise_m * rise_m);
-      if (distance_m > scene.max_path_m()) break;
-      const bool one_by_one = !family.free && n <= kTracedBounces;
-      if (one_by_one && !follow(n, rise_m, traced)) continue;
-      if (!family.free && n > run_end) {
-        const int size = std::max(4, n / 4), early = n + size / 4, late = early + ((size / 2 - 1) | 1);
-        run_end = n + size - 1;
-        passing = 0;
-        for (const int bounces : {early, late}) passing += follow(bounces, rise_of(bounces), traced) ? 0.5 : 0.0;
-        blocked_runs = passing > 0 ? 0 : blocked_runs + 1;
-        if (blocked_runs == 2) break;
-      }
-      if (!(passing > 0)) continue;
-      std::array<double, kMaxBands> kept = one_by_one ? traced : energy;
-      for (int b = 0; b < num_bands; ++b) kept[static_cast<std::size_t>(b)] *= passing;
-      const double departing_m = n % 2 == 0 ? -rise_m : rise_m;
-      deposit.add(kept, distance_m, (family.across + rise_m * pair.axis) / distance_m,
-                  (family.departure + departing_m * pair.axis) / distance_m);
+bool FacingPlanes::Family::sample_run(int way, int n, RunSample& run) const {
+  const int size = std::max(4, n / 4), early = n + size / 4, late = early + ((size / 2 - 1) | 1);
+  BandFactors traced;
+  run.end = n + size - 1;
+  run.passing = 0;
+  for (const int bounces : {early, late}) run.passing += follow(bounces, rise_of(way, bounces), traced) ? 0.5 : 0.0;
+  run.blocked_runs = run.passing > 0 ? 0 : run.blocked_runs + 1;
+  return run.blocked_runs < 2;
+}
+
+void FacingPlanes::Family::add_row(int way, int least_bounces, ImageDeposit& deposit) const {
+  const int num_bands = scene_.num_bands();
+  const double across2 = glm::dot(across_, across_);
+  BandFactors energy = side_factor_, traced;
+  RunSample run;
+  for (int n = 1; n <= 0xFFFF; ++n) {
+    const bool at_far = (n % 2 == 1) == (way == 1);
+    double most = 0;
+    for (int b = 0; b < num_bands; ++b) {
+      const auto i = static_cast<std::size_t>(b);
+      most = std::max(most, energy[i] *= end_factor_[at_far ? 1 : 0][i]);
     }
+    if (most < kSpentFraction && (free_ || n > kTracedBounces)) break;
+    if (n < least_bounces) continue;
+    const double rise_m = rise_of(way, n);
+    const double distance_m = std::sqrt(across2 + rise_m * rise_m);
+    if (distance_m > scene_.max_path_m()) break;
+    const bool one_by_one = !free_ && n <= kTracedBounces;
+    if (one_by_one && !follow(n, rise_m, traced)) continue;
+    if (!free_ && n > run.end && !sample_run(way, n, run)) break;
+    if (!(run.passing > 0)) continue;
+    BandFactors kept = one_by_one ? traced : energy;
+    for (int b = 0; b < num_bands; ++b) kept[static_cast<std::size_t>(b)] *= run.passing;
+    const double departing_m = n % 2 == 0 ? -rise_m : rise_m;
+    deposit.add(kept, distance_m, (across_ + rise_m * pair_.axis) / distance_m, (departure_ + departing_m * pair_.axis) / distance_m);
   }
 }
 

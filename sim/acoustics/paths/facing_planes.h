@@ -3,6 +3,7 @@
 #include <array>
 #include <cstdint>
 #include <glm/vec3.hpp>
+#include <span>
 #include <vector>
 
 #include "sim/acoustics/core/energy_histogram.h"
@@ -87,12 +88,12 @@ class FacingPlanes {
     std::vector<std::uint8_t> role;   ///< [planes]
     std::vector<std::uint32_t> side;  ///< planes at right angles
   };
-  struct Family;
+  class Family;
   void find_pairs(const AcousticScene& scene);
   void find_sides(const AcousticScene& scene, Pair& pair) const;
   void add_families(const AcousticScene& scene, const Pair& pair, glm::dvec3 listener, Sequence& sides, int num_sides,
                     EnergyHistogram& histogram) const;
-  void add_family(const AcousticScene& scene, const Pair& pair, glm::dvec3 listener, const Sequence& sides, int num_sides,
+  void add_family(const AcousticScene& scene, const Pair& pair, glm::dvec3 listener, std::span<const std::uint32_t> sides,
                   EnergyHistogram& histogram) const;
 
   SoundSource source_;
