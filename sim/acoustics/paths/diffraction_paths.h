@@ -56,21 +56,7 @@ class DiffractionCandidates {
     std::size_t begin, end;
     bool single;  ///< is a sequence of that edge alone among them?
   };
-  /// What one candidate brings: a path, or, in sight, the waves of one edge, each for one path of those found before.
-  struct Found {
-    int count = 0;
-    std::array<Arrival, 2> arrival;              ///< in sight, order is the index of the path that this is added to, or -1
-    std::array<double, kMaxBands> jump{};        ///< of the direct sound, over what of it is held back: 1/2 on a shadow boundary
-    std::array<double, kMaxBands> sight_ends{};  ///< given: the least weight in sight, 1 on a shadow boundary
-  };
-  bool find_path(const AcousticScene& scene, const EdgeCandidate& candidate, glm::vec3 listener, bool in_sight, double weakest_db,
-                 std::span<const Arrival> paths, int& attempts, Found& found) const;
-  /// Splits the wave of a single edge, whose place and time are in `base`, by the paths that its terms belong to.
-  void split(const DiffractionEdge& edge, const FiniteWedge& wedge, glm::vec3 listener, const Arrival& base, std::span<const Arrival> paths,
-             Found& found) const;
-  /// Is the way over the edge at most half a wave of the lowest band longer than the straight one, or, if reflections count, than that by
-  /// a face?
-  [[nodiscard]] bool near_boundary(const AcousticScene& scene, const DiffractionEdge& edge, glm::vec3 listener) const;
+  class Search;
 
   glm::vec3 source_;
   std::vector<EdgeBands> bands_;
