@@ -55,61 +55,186 @@ bool same_path(const Arrival& a, const Arrival& b) {
          glm::dot(a.direction - b.direction, a.direction - b.direction) <= tolerance * tolerance;
 }
 
+/// Few planes: every sequence in which no plane follows itself, order by order.  Returns whether rays find no others.
+bool append_all_sequences(int order, std::uint32_t num_planes, std::vector<PlaneSequence>& sequences) {
+  std::vector<PlaneSequence> last = {{}};
+  bool all_known = false;
+  for (int n = 1; n <= order; ++n) {
+    if (static_cast<double>(last.size()) * num_planes > kMaxSequencesPerOrder) break;
+    std::vector<PlaneSequence> longer;
+    for (const PlaneSequence& prefix : last) {
+      for (std::uint32_t plane = 0; plane < num_planes; ++plane) {
+        if (n > 1 && prefix.plane[n - 2] == plane) continue;
+        PlaneSequence& sequence = longer.emplace_back(prefix);
+        sequence.plane[n - 1] = plane;
+        sequence.order = n;
+      }
+    }
+    sequences.insert(sequences.end(), longer.begin(), longer.end());
+    last = std::move(longer);
+    all_known = n == order;
+  }
+  return all_known;
+}
+
+/// Many planes: those that specular rays from the source meet, whatever their fraction of energy.
+void append_met_sequences(const AcousticScene& scene, glm::vec3 source, SourceMotion motion, std::vector<PlaneSequence>& sequences) {
+  const AcousticConfig& config = scene.config();
+  const auto shift = RandomStream(config.seed, Purpose::source_ray).bits4(0);
+  const SphereSequence directions(shift[0], shift[1]);
+  const bool moves = motion == SourceMotion::moves;
+  const int rays = moves ? (config.early_candidate_rays + kOwnRays - 1) / kOwnRays : config.early_candidate_rays;
+  for (int ray = 0; ray < rays; ++ray) append_sequences(scene, source, directions.direction(static_cast<std::uint32_t>(ray)), sequences);
+  if (!moves) return;
+  const auto of_cell = scene.plane_cells().of(scene, source);
+  sequences.insert(sequences.end(), of_cell->begin(), of_cell->end());
+}
+
+/// A path by mirrors from a listener back to the source.
+struct MirrorPath {
+  static constexpr std::size_t kMaxOrder = PlaneSequence::kMaxOrder;
+  explicit MirrorPath(const PlaneSequence& planes_met) : sequence(planes_met) {}
+  const PlaneSequence& sequence;
+  std::array<glm::dvec3, kMaxOrder> point;                       ///< of reflection, by the order from the source
+  std::array<std::uint32_t, kMaxOrder> met_plane{}, met_fold{};  ///< of the triangles there
+  std::array<double, kMaxBands> energy_fraction;                 ///< that the reflections keep
+  [[nodiscard]] std::size_t order() const { return static_cast<std::size_t>(sequence.order); }
+  [[nodiscard]] std::span<const std::uint32_t> planes() const { return std::span(sequence.plane).first(order()); }
+};
+
+/// Points of reflection, from the listener back to the source: each segment must cross its plane between its ends, where the plane has
+/// triangles.
+bool find_reflection_points(const AcousticScene& scene, glm::dvec3 image, glm::dvec3 listener, MirrorPath& path) {
+  const PlaneSequence& sequence = path.sequence;
+  glm::dvec3 start = listener;
+  const double edge_m = 1e-6 * scene.diagonal_m();  // a path through the edge of two planes meets both at one point
+  for (int i = sequence.order - 1; i >= 0; --i) {
+    const MirrorPlane& rounded = mirror_at(scene, sequence.plane[i]);
+    const ExactPlane plane(rounded);
+    const double here = plane.height(start), there = plane.height(image);
+    const bool at_edge = i + 1 < sequence.order && std::abs(here) < edge_m;
+    if (!at_edge && !(here * there < 0)) return false;
+    path.point[i] = at_edge ? start : start + here / (here - there) * (image - start);
+    if (!rounded.bounds_hold(path.point[i])) return false;
+    start = path.point[i];
+    image = plane.mirror(image);
+  }
+  return true;
+}
+
+/// The second plane of an edge, reflection i: no segment to trace, only its side to keep to.  Returns its material.
+std::uint32_t pass_edge(const AcousticScene& scene, std::size_t i, glm::vec3 listener, glm::vec3& origin, MirrorPath& path) {
+  const auto num_planes = static_cast<std::uint32_t>(scene.planes().size());
+  const FoldedPlanes& folds = scene.folds();
+  const std::uint32_t index = path.sequence.plane[i];
+  const MirrorPlane& plane = mirror_at(scene, index);
+  const bool fold = index >= num_planes;
+  path.met_plane[i] = fold ? folds.some_plane[index - num_planes] : index;
+  path.met_fold[i] = fold ? index - num_planes : static_cast<std::uint32_t>(folds.planes.size());
+  origin = offset_from_surface(origin, ExactPlane(plane).height(glm::dvec3(listener)) > 0 ? plane.normal : -plane.normal);
+  return plane.material;
+}
+
+/// Is the triangle that reflection i meets, after `hit_m` instead of `segment_m`, one of its plane?
+bool meets_its_plane(const AcousticScene& scene, bool by_folds, std::size_t i, double hit_m, double segment_m, const MirrorPath& path) {
+  const bool of_fold = by_folds && path.met_fold[i] < scene.folds().planes.size();
+  const std::uint32_t met = of_fold ? static_cast<std::uint32_t>(scene.planes().size()) + path.met_fold[i] : path.met_plane[i];
+  if (met == path.sequence.plane[i]) return true;
+  // At an edge rounding decides which of its planes the ray meets; the point is the same.
+  const auto planes = path.planes();
+  const bool other_plane_of_edge = std::find(planes.begin(), planes.end(), met) != planes.end();
+  return other_plane_of_edge && !(std::abs(hit_m - segment_m) > 1e-5 * (segment_m + scene.diagonal_m()));
+}
+
+/// By rays: is the first thing that each segment meets a triangle of its plane?  Notes what the path meets and keeps.
+bool confirm_segments(const AcousticScene& scene, bool by_folds, glm::vec3 listener, glm::vec3 source, MirrorPath& path) {
+  const EmbreeScene& rays = scene.scene().rays();
+  const FoldedPlanes& folds = scene.folds();
+  path.energy_fraction.fill(1.0);
+  glm::vec3 origin = listener;
+  for (std::size_t i = path.order(); i-- > 0;) {
+    const glm::dvec3 segment = path.point[i] - glm::dvec3(origin);
+    const double segment_m = glm::length(segment);
+    std::uint32_t material;
+    if (i + 1 < path.order() && segment_m < 1e-5 * scene.diagonal_m()) {
+      material = pass_edge(scene, i, listener, origin, path);
+    } else {
+      const Hit hit = rays.intersect(origin, glm::vec3(segment / segment_m));
+      if (!hit.valid()) return false;
+      path.met_plane[i] = scene.plane_of_triangle()[hit.triangle];
+      if (!folds.planes.empty()) path.met_fold[i] = folds.fold_of_triangle[hit.triangle];
+      if (!meets_its_plane(scene, by_folds, i, hit.distance_m, segment_m, path)) return false;
+      material = scene.scene().mesh().triangle_material[hit.triangle];
+      origin = offset_from_surface(hit.position, hit.normal);
+    }
+    for (int band = 0; band < scene.num_bands(); ++band) {
+      path.energy_fraction[band] *= double{scene.reflectance(material)[band]} * (1.0 - scene.scattering(material)[band]);
+    }
+  }
+  return !rays.occluded(origin, source);
+}
+
+/// What panels of finite size leave of an image.
+struct PanelLoss {
+  std::array<double, kMaxBands> energy_fraction, phase_rad{};
+  bool finite = false;  ///< is any panel?
+};
+
+PanelLoss find_panel_loss(const AcousticScene& scene, std::span<const EdgeBands> groups, glm::dvec3 source, double distance_m,
+                          const MirrorPath& path) {
+  PanelLoss loss;
+  loss.energy_fraction.fill(1.0);
+  if (scene.panel_edges() == nullptr) return loss;
+  const auto num_planes = static_cast<std::uint32_t>(scene.planes().size());
+  const double longest_wave_m = scene.speed_of_sound_m_per_s() / scene.bands().centre_hz.front();
+  glm::dvec3 image = source;
+  for (std::size_t i = 0; i < path.order(); ++i) {
+    const std::uint32_t plane = path.sequence.plane[i];
+    image = ExactPlane(mirror_at(scene, plane)).mirror(image);
+    const auto edges = plane >= num_planes ? scene.fold_edges()->of(plane - num_planes) : scene.panel_edges()->of(plane);
+    const double before_m = glm::length(path.point[i] - image);
+    if (edges.empty() || !(before_m > 0)) continue;
+    const PanelReflection panel(edges, image, image + (path.point[i] - image) * (distance_m / before_m), path.point[i], longest_wave_m);
+    if (!panel.finite()) continue;
+    loss.finite = true;
+    for (const EdgeBands& bands : groups) {
+      const PanelReflection::Factor factor = panel.factor(bands.wave.number);
+      for (int lane = 0; lane < bands.count; ++lane) {
+        loss.energy_fraction[bands.first + lane] *= double{factor.energy[lane]};
+        loss.phase_rad[bands.first + lane] += double{factor.phase_rad[lane]};
+      }
+    }
+  }
+  return loss;
+}
+
 }  // namespace
 
 EarlyCandidates::EarlyCandidates(const AcousticScene& scene, const SoundSource& sound_source, SourceMotion motion)
     : source_(sound_source), emission_(sound_source, scene.bands()), diffraction_(scene, checked_position(sound_source)) {
   const FlushDenormals flush;
-  const glm::vec3 source = source_.position;
-  const AcousticConfig& config = scene.config();
   const int order = scene.image_order();
   const auto num_planes = static_cast<std::uint32_t>(scene.planes().size());
   if (order == 0 || num_planes == 0) return;
   if (auto chains = std::make_shared<const LongChains>(scene, sound_source); !chains->empty()) long_chains_ = std::move(chains);
 
-  // Few planes: every sequence in which no plane follows itself, order by order.
-  std::vector<Sequence> last = {{}};
-  bool all_known = false;
-  for (int n = 1; n <= order; ++n) {
-    if (static_cast<double>(last.size()) * num_planes > kMaxSequencesPerOrder) break;
-    std::vector<Sequence> longer;
-    for (const Sequence& prefix : last) {
-      for (std::uint32_t plane = 0; plane < num_planes; ++plane) {
-        if (n > 1 && prefix.plane[n - 2] == plane) continue;
-        Sequence& sequence = longer.emplace_back(prefix);
-        sequence.plane[n - 1] = plane;
-        sequence.order = n;
-      }
-    }
-    sequences_.insert(sequences_.end(), longer.begin(), longer.end());
-    last = std::move(longer);
-    all_known = n == order;  // rays find no others
-  }
-
-  // Many planes: those that specular rays from the source meet, whatever their fraction of energy.
-  const auto shift = RandomStream(config.seed, Purpose::source_ray).bits4(0);
-  const SphereSequence directions(shift[0], shift[1]);
-  const bool moves = motion == SourceMotion::moves;
-  const int rays = moves ? (config.early_candidate_rays + kOwnRays - 1) / kOwnRays : config.early_candidate_rays;
-  for (int ray = 0; ray < rays && !all_known; ++ray)
-    append_sequences(scene, source, directions.direction(static_cast<std::uint32_t>(ray)), sequences_);
-  if (moves && !all_known) {
-    const auto of_cell = scene.plane_cells().of(scene, source);
-    sequences_.insert(sequences_.end(), of_cell->begin(), of_cell->end());
-  }
+  if (!append_all_sequences(order, num_planes, sequences_)) append_met_sequences(scene, source(), motion, sequences_);
   std::sort(sequences_.begin(), sequences_.end());
   sequences_.erase(std::unique(sequences_.begin(), sequences_.end()), sequences_.end());
   num_by_planes_ = sequences_.size();
   if (!scene.folds().planes.empty()) add_folds(scene);
   sequences_.shrink_to_fit();  // of thousands of rays hundreds of sequences remain, and thousands of sources may be held
+  find_images(scene);
+}
 
+void EarlyCandidates::find_images(const AcousticScene& scene) {
   images_.reserve(sequences_.size());
   for (auto* rows : {&last_.normal, &last_.image, &last_.lower, &last_.upper})
     for (std::vector<double>& row : *rows) row.reserve(sequences_.size());
   last_.offset_m.reserve(sequences_.size());
   last_.image_height_m.reserve(sequences_.size());
   for (const Sequence& sequence : sequences_) {
-    glm::dvec3 image(source);
+    glm::dvec3 image(source());
     for (int i = 0; i < sequence.order; ++i) image = ExactPlane(mirror_at(scene, sequence.plane[i])).mirror(image);
     images_.push_back(image);
     const MirrorPlane& rounded = mirror_at(scene, sequence.plane[static_cast<std::size_t>(sequence.order - 1)]);
@@ -161,119 +286,37 @@ bool EarlyCandidates::find_path(const AcousticScene& scene, std::size_t index, g
   const double distance_m = std::max(glm::length(from_listener), double{kLeastDistanceM});
   if (distance_m > scene.max_path_m()) return false;
 
-  // Geometry first, from the listener back to the source: each segment must cross its plane between its ends, where the plane has
-  // triangles.
-  std::array<glm::dvec3, kMaxOrder> point;
-  glm::dvec3 start(listener), image = images_[index];
-  const double edge_m = 1e-6 * scene.diagonal_m();  // a path through the edge of two planes meets both at one point
-  for (int i = sequence.order - 1; i >= 0; --i) {
-    const MirrorPlane& rounded = mirror_at(scene, sequence.plane[i]);
-    const ExactPlane plane(rounded);
-    const double here = plane.height(start), there = plane.height(image);
-    const bool at_edge = i + 1 < sequence.order && std::abs(here) < edge_m;
-    if (!at_edge && !(here * there < 0)) return false;
-    point[i] = at_edge ? start : start + here / (here - there) * (image - start);
-    if (!rounded.bounds_hold(point[i])) return false;
-    start = point[i];
-    image = plane.mirror(image);
-  }
-
-  // Then rays: the first thing that each segment meets is a triangle of its plane.
-  const auto num_planes = static_cast<std::uint32_t>(scene.planes().size());
-  const FoldedPlanes& folds = scene.folds();
-  const bool any_folds = !folds.planes.empty(), by_folds = index >= num_by_planes_;
-  std::array<std::uint32_t, kMaxOrder> met_plane{}, met_fold{};
-  std::array<double, kMaxBands> energy_fraction;
-  energy_fraction.fill(1.0);
-  glm::vec3 origin = listener;
-  for (int i = sequence.order - 1; i >= 0; --i) {
-    const glm::dvec3 segment = point[i] - glm::dvec3(origin);
-    const double segment_m = glm::length(segment);
-    std::uint32_t material;
-    if (i + 1 < sequence.order && segment_m < 1e-5 * scene.diagonal_m()) {
-      // The second plane of an edge: no segment to trace, only its side to keep to.
-      const MirrorPlane& plane = mirror_at(scene, sequence.plane[i]);
-      material = plane.material;
-      const bool fold = sequence.plane[i] >= num_planes;
-      met_plane[static_cast<std::size_t>(i)] = fold ? folds.some_plane[sequence.plane[i] - num_planes] : sequence.plane[i];
-      met_fold[static_cast<std::size_t>(i)] = fold ? sequence.plane[i] - num_planes : static_cast<std::uint32_t>(folds.planes.size());
-      origin = offset_from_surface(origin, ExactPlane(plane).height(glm::dvec3(listener)) > 0 ? plane.normal : -plane.normal);
-    } else {
-      const Hit hit = scene.scene().rays().intersect(origin, glm::vec3(segment / segment_m));
-      if (!hit.valid()) return false;
-      const auto at = static_cast<std::size_t>(i);
-      met_plane[at] = scene.plane_of_triangle()[hit.triangle];
-      if (any_folds) met_fold[at] = folds.fold_of_triangle[hit.triangle];
-      const bool of_fold = by_folds && met_fold[at] < folds.planes.size();
-      const std::uint32_t met = of_fold ? num_planes + met_fold[at] : met_plane[at];
-      if (met != sequence.plane[i]) {
-        // At an edge rounding decides which of its planes the ray meets; the point is the same.
-        const auto planes = std::span(sequence.plane).first(static_cast<std::size_t>(sequence.order));
-        const bool other_plane_of_edge = std::find(planes.begin(), planes.end(), met) != planes.end();
-        if (!other_plane_of_edge || std::abs(hit.distance_m - segment_m) > 1e-5 * (segment_m + scene.diagonal_m())) return false;
-      }
-      material = scene.scene().mesh().triangle_material[hit.triangle];
-      origin = offset_from_surface(hit.position, hit.normal);
-    }
-    for (int band = 0; band < scene.num_bands(); ++band) {
-      energy_fraction[band] *= double{scene.reflectance(material)[band]} * (1.0 - scene.scattering(material)[band]);
-    }
-  }
-  if (scene.scene().rays().occluded(origin, source())) return false;
-  const auto order = static_cast<std::size_t>(sequence.order);
-  if (any_folds &&
-      !weigh_folds(scene, std::span(met_plane).first(order), std::span(met_fold).first(order), by_folds, listener, energy_fraction))
+  const bool by_folds = index >= num_by_planes_;
+  MirrorPath path(sequence);
+  if (!find_reflection_points(scene, images_[index], glm::dvec3(listener), path)) return false;
+  if (!confirm_segments(scene, by_folds, listener, source(), path)) return false;
+  const std::size_t order = path.order();
+  if (!scene.folds().planes.empty() && !weigh_folds(scene, std::span(path.met_plane).first(order), std::span(path.met_fold).first(order),
+                                                    by_folds, listener, path.energy_fraction))
     return false;
+  const PanelLoss panels = find_panel_loss(scene, diffraction_.bands(), glm::dvec3(source()), distance_m, path);
 
-  // What panels leave of it.
-  std::array<double, kMaxBands> size_fraction;
-  size_fraction.fill(1.0);
-  std::array<double, kMaxBands> size_phase{};
-  bool finite = false;
-  if (scene.panel_edges() != nullptr) {
-    const double longest_wave_m = scene.speed_of_sound_m_per_s() / scene.bands().centre_hz.front();
-    glm::dvec3 image_here(source());
-    for (int i = 0; i < sequence.order; ++i) {
-      image_here = ExactPlane(mirror_at(scene, sequence.plane[i])).mirror(image_here);
-      const bool fold = sequence.plane[i] >= num_planes;
-      const auto edges = fold ? scene.fold_edges()->of(sequence.plane[i] - num_planes) : scene.panel_edges()->of(sequence.plane[i]);
-      const double before_m = glm::length(point[i] - image_here);
-      if (edges.empty() || !(before_m > 0)) continue;
-      const PanelReflection panel(edges, image_here, image_here + (point[i] - image_here) * (distance_m / before_m), point[i],
-                                  longest_wave_m);
-      if (!panel.finite()) continue;
-      finite = true;
-      for (const EdgeBands& bands : diffraction_.bands()) {
-        const PanelReflection::Factor factor = panel.factor(bands.wave.number);
-        for (int lane = 0; lane < bands.count; ++lane) {
-          size_fraction[bands.first + lane] *= double{factor.energy[lane]};
-          size_phase[bands.first + lane] += double{factor.phase_rad[lane]};
-        }
-      }
-    }
-  }
-
-  const glm::dvec3 departure = point[0] - glm::dvec3(source());
+  const glm::dvec3 departure = path.point[0] - glm::dvec3(source());
   arrival.kind = ArrivalKind::reflection;
   arrival.phase_rad.fill(0.f);
-  arrival.identity = path_identity(arrival.kind, std::span(sequence.plane).first(static_cast<std::size_t>(sequence.order)));
+  arrival.identity = path_identity(arrival.kind, path.planes());
   arrival.departure = glm::vec3(departure / std::max(glm::length(departure), 1e-12));
   arrival.distance_m = static_cast<float>(distance_m);
   arrival.direction = glm::vec3(from_listener / glm::length(from_listener));
   arrival.order = sequence.order;
-  if (!finite) {
+  if (!panels.finite) {
     scattered.order = 0;
-    return set_amplitude(scene, distance_m, energy_fraction, arrival);
+    return set_amplitude(scene, distance_m, path.energy_fraction, arrival);
   }
   scattered = arrival;
   std::array<double, kMaxBands> lost{};
   for (int band = 0; band < scene.num_bands(); ++band) {
-    lost[band] = energy_fraction[band] * std::max(1.0 - size_fraction[band], 0.0);
-    energy_fraction[band] *= size_fraction[band];
-    arrival.phase_rad[band] = static_cast<float>(std::remainder(size_phase[band], 2.0 * std::numbers::pi));
+    lost[band] = path.energy_fraction[band] * std::max(1.0 - panels.energy_fraction[band], 0.0);
+    path.energy_fraction[band] *= panels.energy_fraction[band];
+    arrival.phase_rad[band] = static_cast<float>(std::remainder(panels.phase_rad[band], 2.0 * std::numbers::pi));
   }
   if (!set_amplitude(scene, distance_m, lost, scattered)) scattered.order = 0;
-  return set_amplitude(scene, distance_m, energy_fraction, arrival);
+  return set_amplitude(scene, distance_m, path.energy_fraction, arrival);
 }
 
 void EarlyCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 listener, std::vector<Arrival>& arrivals) const {

@@ -56,6 +56,8 @@ class EarlyCandidates {
  private:
   static constexpr int kMaxOrder = PlaneSequence::kMaxOrder;
   using Sequence = PlaneSequence;
+  /// Mirrors the source in all sequences and notes their last planes.
+  void find_images(const AcousticScene& scene);
   /// Appends the sequences in which folds stand for their planes.
   void add_folds(const AcousticScene& scene);
   /// Of a path that meets the planes `met`, in the triangles' folds `fold`: the fraction of its energy per band that it carries, as a path
