@@ -61,6 +61,11 @@ struct EdgeReflections::EndSegment {
   std::array<double, kMaxBands> pressure{};  ///< factors of the plane
 };
 
+/// Segments at both ends of the path as it is worked out.
+struct EdgeReflections::EndSegments {
+  EndSegment first, last;
+};
+
 EdgeReflections::EdgeReflections(const AcousticScene& scene, std::span<const EdgeBands> bands, glm::vec3 source, glm::vec3 listener,
                                  std::span<Arrival> images, std::span<const double> sight_weight)
     : scene_(scene),
@@ -99,81 +104,103 @@ bool EdgeReflections::follow(glm::dvec3 from, int plane, glm::vec3 to, EndSegmen
   return any;
 }
 
-bool EdgeReflections::find_path(const EdgeSequence& sequence, int first_plane, int second_plane, Arrival& arrival, int& image_path) {
+bool EdgeReflections::find_path(const EdgeSequence& sequence, EndPlanes planes, Arrival& arrival, int& image_path) const {
   const DiffractionEdges& edges = *scene_.diffraction_edges();
-  const auto order = static_cast<std::size_t>(sequence.order);
-  const auto image_of = [&](glm::vec3 end, int plane) {
-    return plane < 0 ? glm::dvec3(end) : ExactPlane(scene_.planes()[static_cast<std::size_t>(plane)]).mirror(glm::dvec3(end));
-  };
   EdgePath path;
-  if (!shortest_path(edges, sequence, image_of(from_, first_plane), image_of(to_, second_plane), path)) return false;
-  const double distance_m = std::max(path.length_m, double{kLeastDistanceM});
-  if (distance_m > scene_.max_path_m()) return false;
+  if (!shortest_path(edges, sequence, image_of(from_, planes.first), image_of(to_, planes.second), path)) return false;
+  if (std::max(path.length_m, double{kLeastDistanceM}) > scene_.max_path_m()) return false;
   const EdgePathField field(edges, path, false);
   if (!field.valid()) return false;
 
-  // The planes in the order from the source, and the image path by them alone, if it is one at this pose.
-  image_path = -1;
-  const int near_source = swapped_ ? second_plane : first_plane, near_listener = swapped_ ? first_plane : second_plane;
-  std::array<std::uint32_t, kMaxDiffractionOrder + 2> met;
-  std::size_t num_planes = 0;
-  for (const int plane : {near_source, near_listener})
-    if (plane >= 0) met[num_planes++] = static_cast<std::uint32_t>(plane);
-  const std::uint64_t image = path_identity(ArrivalKind::reflection, std::span(met).first(num_planes));
-  for (std::size_t i = 0; i < images_.size() && image_path < 0; ++i)
-    if (images_[i].identity == image) image_path = static_cast<int>(i);
+  image_path = find_image_path(planes);
+  const bool joins_image = image_path >= 0;
   // Energy is complete where images are in sight: there only the waves of single edges count, and the image is the place for them.
-  const FiniteWedge& wedge = field.first_edge();
-  if (image_path >= 0 && order > 1) return false;
-  if (image_path < 0 && order == 1 && wedge.endless().weight(0) < 0) return false;
+  if (joins_image && sequence.order > 1) return false;
+  if (!joins_image && sequence.order == 1 && field.first_edge().endless().weight(0) < 0) return false;
 
   std::array<double, kMaxBands> weight;
-  weight.fill(1.0);
-  const auto wavenumber = [&](int band) {
-    return 2.0 * std::numbers::pi * scene_.bands().centre_hz[band] / scene_.speed_of_sound_m_per_s();
-  };
-  double most_weight = image_path < 0 && sight_weight_.empty() ? 1 : 0;
-  if (most_weight == 0) {
-    const double straight_detour_m =
-        sight_weight_.empty() ? 0 : FiniteWedge(edges[sequence.edge[0]], glm::dvec3(from_), glm::dvec3(to_)).detour_m(0);
-    for (int band = 0; band < scene_.num_bands(); ++band) {
-      const double waves_per_m = wavenumber(band) / (2.0 * std::numbers::pi);
-      weight[band] = boundary_weight(waves_per_m * wedge.detour_m(0));
-      // In sight what belongs to no image fades away from the shadow boundary as the edge's own wave does.
-      if (image_path < 0)
-        weight[band] =
-            std::max({weight[band], boundary_weight(waves_per_m * straight_detour_m), sight_weight_[static_cast<std::size_t>(band)]});
-      most_weight = std::max(most_weight, weight[band]);
-    }
-  }
-  if (!(most_weight > 0)) return false;
+  if (!weigh_bands(edges[sequence.edge[0]], field.first_edge(), joins_image, weight)) return false;
+  EndSegments ends;
+  if (!follow_segments(path, planes, ends)) return false;
+  describe(path, planes, ends, arrival);
+  for (int band = 0; band < scene_.num_bands(); ++band) weight[band] = weight[band] * ends.first.pressure[band] * ends.last.pressure[band];
+  return set_field(path, field, joins_image, weight, arrival);
+}
 
-  const auto air_point = [&](std::size_t i) { return edges.inset_air_point(sequence.edge[i], path.along_m[i]); };
-  EndSegment first, last;
-  if (!follow(glm::dvec3(from_), first_plane, air_point(0), first) || !follow(glm::dvec3(to_), second_plane, air_point(order - 1), last))
-    return false;
+glm::dvec3 EdgeReflections::image_of(glm::vec3 end, int plane) const {
+  return plane < 0 ? glm::dvec3(end) : ExactPlane(scene_.planes()[static_cast<std::size_t>(plane)]).mirror(glm::dvec3(end));
+}
+
+int EdgeReflections::find_image_path(EndPlanes planes) const {
+  const EndPlanes from_source = in_order_from_source(planes);
+  std::array<std::uint32_t, 2> met;
+  std::size_t num_planes = 0;
+  for (const int plane : {from_source.first, from_source.second})
+    if (plane >= 0) met[num_planes++] = static_cast<std::uint32_t>(plane);
+  const std::uint64_t image = path_identity(ArrivalKind::reflection, std::span(met).first(num_planes));
+  for (std::size_t i = 0; i < images_.size(); ++i)
+    if (images_[i].identity == image) return static_cast<int>(i);
+  return -1;
+}
+
+bool EdgeReflections::weigh_bands(const DiffractionEdge& first_edge, const FiniteWedge& wedge, bool joins_image,
+                                  std::span<double> weight) const {
+  std::fill(weight.begin(), weight.end(), 1.0);
+  if (!joins_image && sight_weight_.empty()) return true;
+  const double straight_detour_m = sight_weight_.empty() ? 0 : FiniteWedge(first_edge, glm::dvec3(from_), glm::dvec3(to_)).detour_m(0);
+  double most_weight = 0;
+  for (int band = 0; band < scene_.num_bands(); ++band) {
+    const double wavenumber = 2.0 * std::numbers::pi * scene_.bands().centre_hz[band] / scene_.speed_of_sound_m_per_s();
+    const double waves_per_m = wavenumber / (2.0 * std::numbers::pi);
+    weight[band] = boundary_weight(waves_per_m * wedge.detour_m(0));
+    // In sight what belongs to no image fades away from the shadow boundary as the edge's own wave does.
+    if (!joins_image)
+      weight[band] =
+          std::max({weight[band], boundary_weight(waves_per_m * straight_detour_m), sight_weight_[static_cast<std::size_t>(band)]});
+    most_weight = std::max(most_weight, weight[band]);
+  }
+  return most_weight > 0;
+}
+
+bool EdgeReflections::follow_segments(const EdgePath& path, EndPlanes planes, EndSegments& ends) const {
+  const DiffractionEdges& edges = *scene_.diffraction_edges();
+  const auto order = static_cast<std::size_t>(path.sequence.order);
+  const auto air_point = [&](std::size_t i) { return edges.inset_air_point(path.sequence.edge[i], path.along_m[i]); };
+  if (!follow(glm::dvec3(from_), planes.first, air_point(0), ends.first)) return false;
+  if (!follow(glm::dvec3(to_), planes.second, air_point(order - 1), ends.last)) return false;
   for (std::size_t i = 1; i < order; ++i)
     if (scene_.scene().rays().occluded(air_point(i - 1), air_point(i))) return false;
+  return true;
+}
 
+void EdgeReflections::describe(const EdgePath& path, EndPlanes planes, const EndSegments& ends, Arrival& arrival) const {
+  const auto order = static_cast<std::size_t>(path.sequence.order);
+  const EndPlanes from_source = in_order_from_source(planes);
+  std::array<std::uint32_t, kMaxDiffractionOrder + 2> met;
+  std::size_t count = 0;
+  if (from_source.first >= 0) met[count++] = static_cast<std::uint32_t>(from_source.first) | kPlaneBit;
+  for (std::size_t i = 0; i < order; ++i) met[count++] = path.sequence.edge[swapped_ ? order - 1 - i : i];
+  if (from_source.second >= 0) met[count++] = static_cast<std::uint32_t>(from_source.second) | kPlaneBit;
   arrival = Arrival{};
   arrival.kind = ArrivalKind::diffraction;
-  std::size_t count = 0;
-  if (near_source >= 0) met[count++] = static_cast<std::uint32_t>(near_source) | kPlaneBit;
-  for (std::size_t i = 0; i < order; ++i) met[count++] = sequence.edge[swapped_ ? order - 1 - i : i];
-  if (near_listener >= 0) met[count++] = static_cast<std::uint32_t>(near_listener) | kPlaneBit;
   arrival.identity = path_identity(arrival.kind, std::span(met).first(count));
   arrival.order = static_cast<int>(count);
-  arrival.distance_m = static_cast<float>(distance_m);
-  arrival.departure = glm::vec3(swapped_ ? last.toward : first.toward);
-  arrival.direction = glm::vec3(swapped_ ? first.toward : last.toward);
+  arrival.distance_m = static_cast<float>(std::max(path.length_m, double{kLeastDistanceM}));
+  arrival.departure = glm::vec3(swapped_ ? ends.last.toward : ends.first.toward);
+  arrival.direction = glm::vec3(swapped_ ? ends.first.toward : ends.last.toward);
+}
 
+bool EdgeReflections::set_field(const EdgePath& path, const EdgePathField& field, bool joins_image, std::span<const double> gain,
+                                Arrival& arrival) const {
+  const double distance_m = std::max(path.length_m, double{kLeastDistanceM});
   bool any = false;
   for (const EdgeBands& bands : bands_) {
     ComplexLanes ratio;
-    if (image_path < 0) {
+    if (!joins_image) {
       ratio = field.ratio(bands);
     } else {
-      const DiffractionEdge& edge = edges[sequence.edge[0]];
+      const DiffractionEdge& edge = (*scene_.diffraction_edges())[path.sequence.edge[0]];
+      const FiniteWedge& wedge = field.first_edge();
       FaceFactorLanes only_incidence;
       only_incidence.incidence = 1.f - bands.transmitted(edge.first_material, edge.second_material);
       ratio = wedge.ratio(bands.wave, wedge.own_length_m(), only_incidence);
@@ -181,7 +208,7 @@ bool EdgeReflections::find_path(const EdgeSequence& sequence, int first_plane, i
     const Lanes amplitude = root_of(norm(ratio)) * bands.free_path(distance_m), phase = argument(ratio);
     for (int lane = 0; lane < bands.count; ++lane) {
       const int band = bands.first + lane;
-      arrival.amplitude[band] = static_cast<float>(weight[band] * first.pressure[band] * last.pressure[band]) * amplitude[lane];
+      arrival.amplitude[band] = static_cast<float>(gain[band]) * amplitude[lane];
       arrival.phase_rad[band] = phase[lane];
       any = any || arrival.amplitude[band] > 0.f;
     }
@@ -226,7 +253,7 @@ std::span<const Arrival> EdgeReflections::find(std::span<const EdgeSequence> seq
         if (!sight_weight_.empty() && s.order > 1) continue;
         if (!sees(from_, s.edge[0], first) || !sees(to_, s.edge[static_cast<std::size_t>(s.order - 1)], second)) continue;
         int image_path = -1;
-        if (!find_path(s, first, second, wave[count], image_path)) continue;
+        if (!find_path(s, {first, second}, wave[count], image_path)) continue;
         if (image_path < 0) {
           ++count;
         } else {
@@ -234,11 +261,8 @@ std::span<const Arrival> EdgeReflections::find(std::span<const EdgeSequence> seq
         }
       }
       if (count == 0) continue;
-      glm::dvec3 a(from_), b(to_);
-      if (first >= 0) a = ExactPlane(scene_.planes()[static_cast<std::size_t>(first)]).mirror(a);
-      if (second >= 0) b = ExactPlane(scene_.planes()[static_cast<std::size_t>(second)]).mirror(b);
       const std::span<Arrival> waves = std::span(wave).first(count);
-      cap_at_free_field(scene_.num_bands(), a, b, waves);
+      cap_at_free_field(scene_.num_bands(), image_of(from_, first), image_of(to_, second), waves);
       for (const Arrival& arrival : waves) keep(arrival);
     }
   }

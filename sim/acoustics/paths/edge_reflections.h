@@ -37,8 +37,28 @@ class EdgeReflections {
 
  private:
   struct EndSegment;
+  struct EndSegments;
+  /// Planes before the first edge and after the last; -1: none.
+  struct EndPlanes {
+    int first, second;
+  };
+  [[nodiscard]] EndPlanes in_order_from_source(EndPlanes planes) const {
+    return swapped_ ? EndPlanes{planes.second, planes.first} : planes;
+  }
+  /// An end of the path, mirrored in a plane if there is one.
+  [[nodiscard]] glm::dvec3 image_of(glm::vec3 end, int plane) const;
   /// image_path: index of the image path that the wave belongs to; -1: it is a path of its own.
-  bool find_path(const EdgeSequence& sequence, int first_plane, int second_plane, Arrival& arrival, int& image_path);
+  bool find_path(const EdgeSequence& sequence, EndPlanes planes, Arrival& arrival, int& image_path) const;
+  /// Index of the image path by these planes alone; -1: there is none at this pose.
+  [[nodiscard]] int find_image_path(EndPlanes planes) const;
+  /// How much the wave of a path counts in each band, by how near it is to its boundary; `wedge`: of its first edge.  False if nowhere.
+  bool weigh_bands(const DiffractionEdge& first_edge, const FiniteWedge& wedge, bool joins_image, std::span<double> weight) const;
+  /// False if anything stands in the way.
+  bool follow_segments(const EdgePath& path, EndPlanes planes, EndSegments& ends) const;
+  /// Identity, distance and directions.
+  void describe(const EdgePath& path, EndPlanes planes, const EndSegments& ends, Arrival& arrival) const;
+  /// Amplitude and phase: `gain` times those of the path, or of the wave of its edge alone.  False if silent.
+  bool set_field(const EdgePath& path, const EdgePathField& field, bool joins_image, std::span<const double> gain, Arrival& arrival) const;
   bool follow(glm::dvec3 from, int plane, glm::vec3 to, EndSegment& segment) const;
   /// Is `arrival` worth more than the weakest of those kept?  Then it is kept.
   void keep(const Arrival& arrival);
