@@ -4,6 +4,7 @@
 #include <cmath>
 #include <glm/geometric.hpp>
 #include <numbers>
+#include <span>
 
 namespace earshot {
 namespace {
@@ -91,6 +92,93 @@ double newton_step(const DiffractionEdges& edges, EdgePath& path) {
   return 0;
 }
 
+/// A path at its edge i, with the segments before and after.
+struct PathCorner {
+  PathCorner(const DiffractionEdge& at_edge, const EdgePath& path, std::size_t i)
+      : edge(at_edge),
+        before(point_before(path, static_cast<int>(i))),
+        after(point_after(path, static_cast<int>(i))),
+        point(path.point[i]),
+        in(point - before),
+        out(after - point),
+        in_m(glm::length(in)),
+        out_m(glm::length(out)) {}
+  /// False if a segment runs inside the wedge.
+  bool find_angles(double clearance_m) {
+    if (!edge.in_air(before, clearance_m) || !edge.in_air(after, clearance_m)) return false;
+    in_rad = edge.angle_of(before);
+    out_rad = edge.angle_of(after);
+    return true;
+  }
+
+  const DiffractionEdge& edge;
+  glm::dvec3 before, after, point, in, out;
+  double in_m, out_m;
+  double in_rad = 0, out_rad = 0;  ///< about the edge
+};
+
+/// The wedge at a corner that a path of `path_m` reaches after `reached_m`, alone or with others.
+template <class Wedge>
+void set_wedge(const PathCorner& corner, double reached_m, double path_m, bool is_single, Wedge& wedge) {
+  const DiffractionEdge& edge = corner.edge;
+  const double in_m = corner.in_m, out_m = corner.out_m;
+  // Source and listener where the path, unfolded, has them.
+  const bool alone = is_single || !(in_m > 0) || !(out_m > 0);
+  const glm::dvec3 source = alone ? corner.before : corner.point - corner.in * (reached_m / in_m);
+  const glm::dvec3 listener = alone ? corner.after : corner.point + corner.out * ((path_m - reached_m) / out_m);
+  wedge.diffraction = FiniteWedge(edge, source, listener, corner.in_rad, corner.out_rad);
+  wedge.first_material = edge.first_material;
+  wedge.second_material = edge.second_material;
+  // sin^2 of the angle with the edge; the same on both sides but where the path is kept on the edge by its end.
+  const double sine_in = in_m > 0 ? glm::length(glm::cross(corner.in, edge.along)) / in_m : 1.0;
+  const double sine_out = out_m > 0 ? glm::length(glm::cross(corner.out, edge.along)) / out_m : 1.0;
+  wedge.length_m = sine_in * sine_out;
+  wedge.own_length_m = wedge.length_m * (in_m + out_m > 0 ? in_m * out_m / (in_m + out_m) : 0.0);
+}
+
+/// Notes whether the segment from the last edge, which leaves that at `last_out_rad`, lies in a face of both.  False if the two are rims of
+/// one sheet.
+template <class Wedge>
+bool join_wedges(const DiffractionEdge& last_edge, double last_out_rad, const PathCorner& corner, Wedge& last, const Wedge& next) {
+  constexpr double grazing_rad = 1e-3, sheet_rad = 2.0 * std::numbers::pi - 0.01;
+  const bool last_first = last_out_rad < grazing_rad, last_second = last_edge.exterior_rad - last_out_rad < grazing_rad;
+  const bool first = corner.in_rad < grazing_rad, second = corner.edge.exterior_rad - corner.in_rad < grazing_rad;
+  if (!(last_first || last_second) || !(first || second)) return true;
+  if (last_edge.exterior_rad > sheet_rad && corner.edge.exterior_rad > sheet_rad) return false;
+  last.joins_next = true;
+  last.shared_material = last_first ? last.first_material : last.second_material;
+  last.next_shared_material = first ? next.first_material : next.second_material;
+  return true;
+}
+
+/// L of each wedge, from the least deviation to the largest.  reached_m: path length at source, edges, listener.  Returns the product of
+/// L by own segments over the product of L by rank.
+template <class Wedge>
+double rank_lengths(std::span<const double> reached_m, std::span<Wedge> wedges) {
+  const std::size_t order = wedges.size();
+  double spreading = 1;
+  std::array<std::size_t, kMaxDiffractionOrder + 2> left, right;
+  for (std::size_t i = 1; i <= order; ++i) left[i] = i - 1, right[i] = i + 1;
+  std::array<bool, kMaxDiffractionOrder + 2> done{};
+  const auto deviation_of = [&](std::size_t i) { return wedges[i - 1].diffraction.endless().deviation(); };
+  for (std::size_t round = 0; round < order; ++round) {
+    std::size_t least = 0;
+    for (std::size_t i = 1; i <= order; ++i) {
+      if (!done[i] && (least == 0 || deviation_of(i) < deviation_of(least))) least = i;
+    }
+    const double before_m = reached_m[least] - reached_m[left[least]], after_m = reached_m[right[least]] - reached_m[least];
+    Wedge& wedge = wedges[least - 1];
+    wedge.ranks_by_own_segments = round == 0;
+    wedge.length_m =
+        round == 0 ? wedge.own_length_m : wedge.length_m * (before_m + after_m > 0 ? before_m * after_m / (before_m + after_m) : 0.0);
+    if (wedge.length_m > 0) spreading *= wedge.own_length_m / wedge.length_m;
+    done[least] = true;
+    if (left[least] >= 1) right[left[least]] = right[least];
+    if (right[least] <= order) left[right[least]] = left[least];
+  }
+  return spreading;
+}
+
 }  // namespace
 
 double fermat_point(const DiffractionEdge& edge, glm::dvec3 a, glm::dvec3 b) {
@@ -135,83 +223,32 @@ bool shortest_path(const DiffractionEdges& edges, const EdgeSequence& sequence, 
 }
 
 EdgePathField::EdgePathField(const DiffractionEdges& edges, const EdgePath& path, bool in_sight) : order_(path.sequence.order) {
-  constexpr double grazing_rad = 1e-3, sheet_rad = 2.0 * std::numbers::pi - 0.01;
   const auto order = static_cast<std::size_t>(order_);
   std::array<double, kMaxDiffractionOrder + 2> reached_m{};  // path length at source, edges, listener
-  std::array<double, kMaxDiffractionOrder> out_rad{};
-  const DiffractionEdge* last_edge = nullptr;
+  double last_out_rad = 0;
   for (std::size_t i = 0; i < order; ++i) {
-    const DiffractionEdge& edge = edges[path.sequence.edge[i]];
-    const glm::dvec3 before = point_before(path, static_cast<int>(i)), after = point_after(path, static_cast<int>(i));
-    const glm::dvec3 in = path.point[i] - before, out = after - path.point[i];
-    const double in_m = glm::length(in), out_m = glm::length(out);
-    reached_m[i + 1] = reached_m[i] + in_m;
-    reached_m[i + 2] = reached_m[i + 1] + out_m;
-    if (!edge.in_air(before, edges.clearance_m()) || !edge.in_air(after, edges.clearance_m())) {
-      valid_ = false;
-      return;
-    }
-    const double in_rad = edge.angle_of(before);
-    out_rad[i] = edge.angle_of(after);
+    PathCorner corner(edges[path.sequence.edge[i]], path, i);
+    reached_m[i + 1] = reached_m[i] + corner.in_m;
+    reached_m[i + 2] = reached_m[i + 1] + corner.out_m;
+    valid_ = corner.find_angles(edges.clearance_m());
+    if (!valid_) return;
     Wedge& wedge = wedges_[i];
-    // Source and listener where the path, unfolded, has them.
-    const bool alone = order == 1 || !(in_m > 0) || !(out_m > 0);
-    const glm::dvec3 source = alone ? before : path.point[i] - in * (reached_m[i + 1] / in_m);
-    const glm::dvec3 listener = alone ? after : path.point[i] + out * ((path.length_m - reached_m[i + 1]) / out_m);
-    wedge.diffraction = FiniteWedge(edge, source, listener, in_rad, out_rad[i]);
-    wedge.first_material = edge.first_material;
-    wedge.second_material = edge.second_material;
-    // sin^2 of the angle with the edge; the same on both sides but where the path is kept on the edge by its end.
-    const double sine_in = in_m > 0 ? glm::length(glm::cross(in, edge.along)) / in_m : 1.0;
-    const double sine_out = out_m > 0 ? glm::length(glm::cross(out, edge.along)) / out_m : 1.0;
-    wedge.length_m = sine_in * sine_out;
-    wedge.own_length_m = wedge.length_m * (in_m + out_m > 0 ? in_m * out_m / (in_m + out_m) : 0.0);
-    if (order == 1) wedge.diffraction.set_in_sight(in_sight);
-    if (order == 1) wedge.own_length_m = wedge.length_m = wedge.diffraction.own_length_m();
+    set_wedge(corner, reached_m[i + 1], path.length_m, order == 1, wedge);
+    if (order == 1) {
+      wedge.diffraction.set_in_sight(in_sight);
+      wedge.own_length_m = wedge.length_m = wedge.diffraction.own_length_m();
+    }
     const double deviation = wedge.diffraction.endless().deviation();
     const double deviation_m = wedge.own_length_m * deviation * deviation;
     least_deviation_m_ = i == 0 ? deviation_m : std::min(least_deviation_m_, deviation_m);
-    if (i > 0) least_segment_m_ = i == 1 ? in_m : std::min(least_segment_m_, in_m);
-
-    if (last_edge != nullptr) {
-      const double last_rad = out_rad[i - 1];
-      const bool last_first = last_rad < grazing_rad, last_second = last_edge->exterior_rad - last_rad < grazing_rad;
-      const bool first = in_rad < grazing_rad, second = edge.exterior_rad - in_rad < grazing_rad;
-      if ((last_first || last_second) && (first || second)) {
-        if (last_edge->exterior_rad > sheet_rad && edge.exterior_rad > sheet_rad) {
-          valid_ = false;
-          return;
-        }
-        Wedge& last = wedges_[i - 1];
-        last.joins_next = true;
-        last.shared_material = last_first ? last.first_material : last.second_material;
-        last.next_shared_material = first ? wedge.first_material : wedge.second_material;
-      }
+    if (i > 0) {
+      least_segment_m_ = i == 1 ? corner.in_m : std::min(least_segment_m_, corner.in_m);
+      valid_ = join_wedges(edges[path.sequence.edge[i - 1]], last_out_rad, corner, wedges_[i - 1], wedge);
+      if (!valid_) return;
     }
-    last_edge = &edge;
+    last_out_rad = corner.out_rad;
   }
-
-  if (order == 1) return;
-  // L of each wedge, from the least deviation to the largest.
-  std::array<std::size_t, kMaxDiffractionOrder + 2> left, right;
-  for (std::size_t i = 1; i <= order; ++i) left[i] = i - 1, right[i] = i + 1;
-  std::array<bool, kMaxDiffractionOrder + 2> done{};
-  const auto deviation_of = [&](std::size_t i) { return wedges_[i - 1].diffraction.endless().deviation(); };
-  for (std::size_t round = 0; round < order; ++round) {
-    std::size_t least = 0;
-    for (std::size_t i = 1; i <= order; ++i) {
-      if (!done[i] && (least == 0 || deviation_of(i) < deviation_of(least))) least = i;
-    }
-    const double before_m = reached_m[least] - reached_m[left[least]], after_m = reached_m[right[least]] - reached_m[least];
-    Wedge& wedge = wedges_[least - 1];
-    wedge.ranks_by_own_segments = round == 0;
-    wedge.length_m =
-        round == 0 ? wedge.own_length_m : wedge.length_m * (before_m + after_m > 0 ? before_m * after_m / (before_m + after_m) : 0.0);
-    if (wedge.length_m > 0) spreading_ *= wedge.own_length_m / wedge.length_m;
-    done[least] = true;
-    if (left[least] >= 1) right[left[least]] = right[least];
-    if (right[least] <= order) left[right[least]] = left[least];
-  }
+  if (order > 1) spreading_ = rank_lengths(reached_m, std::span(wedges_).first(order));
 }
 
 ComplexLanes EdgePathField::ratio(const EdgeBands& bands) const {
