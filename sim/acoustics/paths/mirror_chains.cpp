@@ -60,6 +60,73 @@ struct Beam {
   bool operator<(const Beam& other) const { return strength != other.strength ? strength < other.strength : number > other.number; }
 };
 
+/// A plane that reflects beams.
+struct BeamMirror {
+  ExactPlane plane;
+  ConvexPolygon polygon;
+  std::array<double, kMaxBands> specular;  ///< energy fraction
+};
+
+/// The beams of one source, strongest first.
+class BeamQueue {
+ public:
+  BeamQueue(const AcousticScene& scene, const FacingPlanes& facing, std::span<const BeamMirror> mirrors)
+      : scene_(scene), facing_(facing), mirrors_(mirrors) {}
+
+  [[nodiscard]] bool empty() const { return waiting_.empty(); }
+  Beam pop() {
+    Beam beam = waiting_.top();
+    waiting_.pop();
+    return beam;
+  }
+  /// Reflects the beam of `image` behind `from` (null: of the source itself) in plane p, as a child of `node`.
+  void reflect(const Beam* from, std::uint32_t node, glm::dvec3 image, std::uint32_t p) {
+    Beam beam{};
+    const double strongest = keep(from, p, beam);
+    if (strongest < kSpentChain || waiting_.size() >= kMostWaiting) return;
+    const ExactPlane& plane = mirrors_[p].plane;
+    if (std::abs(plane.height(image)) < 1e-6 * scene_.diagonal_m()) return;
+    light(from, image, p, beam);
+    if (beam.aperture.empty()) return;
+    const double length_m = glm::length(middle_of(beam.aperture) - image);
+    if (std::abs(plane.height(image)) > double{scene_.max_path_m()} || !(length_m > 0)) return;
+    beam.strength = strongest / (length_m * length_m);
+    beam.number = born_++;
+    beam.parent = node, beam.plane = p, beam.order = (from ? from->order : 0) + 1;
+    beam.image = plane.mirror(image);
+    if (from) beam.chain = from->chain, beam.facing = from->facing;
+    MirrorChains::extend(beam.chain, p);
+    facing_.extend(beam.facing, p);
+    waiting_.push(std::move(beam));
+  }
+
+ private:
+  /// The energy that is left after plane p.  Returns that of the strongest band.
+  double keep(const Beam* from, std::uint32_t p, Beam& beam) const {
+    double strongest = 0;
+    for (int b = 0; b < scene_.num_bands(); ++b) {
+      const auto i = static_cast<std::size_t>(b);
+      beam.kept[i] = (from ? from->kept[i] : 1.0) * mirrors_[p].specular[i];
+      strongest = std::max(strongest, beam.kept[i]);
+    }
+    return strongest;
+  }
+  /// The part of plane p on the side of the last plane on which the image is not, and in its light.
+  void light(const Beam* from, glm::dvec3 image, std::uint32_t p, Beam& beam) const {
+    beam.aperture = mirrors_[p].polygon;
+    if (!from) return;
+    const ExactPlane& last = mirrors_[from->plane].plane;
+    const double side = last.height(image) > 0 ? -1.0 : 1.0;
+    beam.aperture = lit_part(clipped(beam.aperture, side * last.normal, side * last.offset_m), image, from->aperture);
+  }
+
+  const AcousticScene& scene_;
+  const FacingPlanes& facing_;
+  std::span<const BeamMirror> mirrors_;
+  std::priority_queue<Beam> waiting_;
+  std::uint64_t born_ = 0;
+};
+
 }  // namespace
 
 MirrorChains::MirrorChains(const AcousticScene& scene, const SoundSource& source, const FacingPlanes& facing)
@@ -70,54 +137,22 @@ MirrorChains::MirrorChains(const AcousticScene& scene, const SoundSource& source
 
 void MirrorChains::grow(const AcousticScene& scene, const FacingPlanes& facing, std::size_t most) {
   const std::size_t num_planes = std::min(scene.planes().size(), FacingPlanes::kMaxPlanes);
-  const int num_bands = scene.num_bands();
   std::vector<ConvexPolygon> polygons;
   for (std::size_t p = 0; p < num_planes; ++p) polygons.push_back(polygon_of(scene.planes()[p]));
   if (!some_pair_stands_out(scene, polygons, source_.position)) return;
-  std::vector<std::array<double, kMaxBands>> specular(num_planes);
+  std::vector<BeamMirror> beam_mirrors;
   for (std::size_t p = 0; p < num_planes; ++p) {
-    mirrors_.push_back({ExactPlane(scene.planes()[p]), scene.planes()[p]});
-    for (int b = 0; b < num_bands; ++b)
-      specular[p][static_cast<std::size_t>(b)] = specular_fraction(scene, mirrors_[p].rounded.material, b);
+    const ExactPlane plane(scene.planes()[p]);
+    mirrors_.push_back({plane, scene.planes()[p]});
+    BeamMirror& mirror = beam_mirrors.emplace_back(BeamMirror{plane, polygons[p], {}});
+    for (int b = 0; b < scene.num_bands(); ++b)
+      mirror.specular[static_cast<std::size_t>(b)] = specular_fraction(scene, mirrors_[p].rounded.material, b);
   }
 
-  std::priority_queue<Beam> waiting;
-  std::uint64_t born = 0;
-  // Reflects the beam of `image` behind `from` (null: of the source itself) in plane p.
-  const auto reflect = [&](const Beam* from, std::uint32_t node, glm::dvec3 image, std::uint32_t p) {
-    Beam beam{};
-    double strongest = 0;
-    for (int b = 0; b < num_bands; ++b) {
-      const auto i = static_cast<std::size_t>(b);
-      beam.kept[i] = (from ? from->kept[i] : 1.0) * specular[p][i];
-      strongest = std::max(strongest, beam.kept[i]);
-    }
-    if (strongest < kSpentChain || waiting.size() >= kMostWaiting) return;
-    const ExactPlane& plane = mirrors_[p].plane;
-    if (std::abs(plane.height(image)) < 1e-6 * scene.diagonal_m()) return;
-    beam.aperture = polygons[p];
-    if (from) {
-      // On the side of the last plane on which the image is not, and in its light.
-      const ExactPlane& last = mirrors_[from->plane].plane;
-      const double side = last.height(image) > 0 ? -1.0 : 1.0;
-      beam.aperture = lit_part(clipped(beam.aperture, side * last.normal, side * last.offset_m), image, from->aperture);
-    }
-    if (beam.aperture.empty()) return;
-    const double length_m = glm::length(middle_of(beam.aperture) - image);
-    if (std::abs(plane.height(image)) > double{scene.max_path_m()} || !(length_m > 0)) return;
-    beam.strength = strongest / (length_m * length_m);
-    beam.number = born++;
-    beam.parent = node, beam.plane = p, beam.order = (from ? from->order : 0) + 1;
-    beam.image = plane.mirror(image);
-    if (from) beam.chain = from->chain, beam.facing = from->facing;
-    extend(beam.chain, p);
-    facing.extend(beam.facing, p);
-    waiting.push(std::move(beam));
-  };
-  for (std::uint32_t p = 0; p < num_planes; ++p) reflect(nullptr, kSource, glm::dvec3(source_.position), p);
-  while (!waiting.empty() && chains_.size() < most) {
-    const Beam beam = waiting.top();
-    waiting.pop();
+  BeamQueue beams(scene, facing, beam_mirrors);
+  for (std::uint32_t p = 0; p < num_planes; ++p) beams.reflect(nullptr, kSource, glm::dvec3(source_.position), p);
+  while (!beams.empty() && chains_.size() < most) {
+    const Beam beam = beams.pop();
     const auto node = static_cast<std::uint32_t>(nodes_.size());
     nodes_.push_back({beam.image, beam.parent, beam.plane});
     if (beam.order > scene.image_order() && !facing.carries(beam.facing)) {
@@ -125,7 +160,7 @@ void MirrorChains::grow(const AcousticScene& scene, const FacingPlanes& facing, 
       keys_.push_back(beam.chain.from_source);
     }
     for (std::uint32_t p = 0; p < num_planes; ++p)
-      if (p != beam.plane) reflect(&beam, node, beam.image, p);
+      if (p != beam.plane) beams.reflect(&beam, node, beam.image, p);
   }
   std::sort(keys_.begin(), keys_.end());
   keys_.erase(std::unique(keys_.begin(), keys_.end()), keys_.end());
