@@ -19,6 +19,98 @@ glm::dvec3 nearest_point(const DiffractionEdge& edge, glm::dvec3 point) {
   return edge.at(std::clamp(glm::dot(point - edge.start, edge.along), 0.0, edge.length_m));
 }
 
+using ThreeLanes = std::array<Lanes, 3>;
+
+ThreeLanes three(glm::dvec3 v) {
+  return {all_lanes(static_cast<float>(v.x)), all_lanes(static_cast<float>(v.y)), all_lanes(static_cast<float>(v.z))};
+}
+Lanes dot(const ThreeLanes& a, const ThreeLanes& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+ThreeLanes minus(const ThreeLanes& a, const ThreeLanes& b) { return {a[0] - b[0], a[1] - b[1], a[2] - b[2]}; }
+ThreeLanes plus(const ThreeLanes& a, const Lanes& t, const ThreeLanes& b) { return {a[0] + t * b[0], a[1] + t * b[1], a[2] + t * b[2]}; }
+/// Between 0 and `most`.
+Lanes limited(const Lanes& x, const Lanes& most) { return x < 0.f ? Lanes{} : x > most ? most : x; }
+
+/// Kurze and Anderson as a factor: 10^(-5 / 20) tanh(x) / x.
+Lanes kurze_anderson_factor(const Lanes& fresnel_number) {
+  const Lanes x = root_of(fresnel_number * (2.f * std::numbers::pi_v<float>)), fall = exp_of_negative(-2.f * x);
+  return 0.562341325f * (x < 0.02f ? all_lanes(1.f) : (1.f - fall) / ((1.f + fall) * x));
+}
+
+/// The last edge of a sequence, for links to eight edges at a time.  Lengths of single precision are wrong by less than slack_m, so that
+/// all that follows errs to the side of the better score.
+struct LastEdgeLanes {
+  /// By Fermat's point of the last edge to one point of each of eight others.
+  struct Way {
+    Lanes away_there;   ///< distance of these points from the last edge's line
+    Lanes in_m, out_m;  ///< to Fermat's point, and on from it
+  };
+  struct Links {
+    LaneIntegers never;  ///< certainly no sequence
+    Lanes factor, way_m;
+  };
+
+  LastEdgeLanes(const DiffractionEdge& edge, const EdgeCandidate& parent)
+      : here(three(glm::dvec3(parent.before))),
+        start(three(edge.start)),
+        along(three(edge.along)),
+        first_normal(three(edge.first_normal)),
+        second_normal(three(edge.second_normal)),
+        face(three(edge.face)),
+        exterior(static_cast<float>(edge.exterior_rad)),
+        length_m(static_cast<float>(edge.length_m)),
+        reached_m(parent.reached_m) {
+    const glm::dvec3 before(parent.before), from_edge = before - edge.start;
+    const double along_before = glm::dot(from_edge, edge.along), away_before = glm::length(from_edge - along_before * edge.along);
+    along_here = static_cast<float>(along_before);
+    away_here = static_cast<float>(away_before);
+    angle_here = static_cast<float>(edge.angle_of(before));
+    least_factor = static_cast<float>(std::pow(10.0, -0.05 * (kMostLossDb + 0.1 - static_cast<double>(parent.loss_db))));
+  }
+
+  [[nodiscard]] Way way_to(const ThreeLanes& from_start) const {
+    const Lanes along_there = dot(from_start, along);
+    const ThreeLanes away = plus(from_start, -along_there, along);
+    const Lanes away_there = root_of(dot(away, away)), both = away_there + away_here;
+    const Lanes free = (along_here * away_there + along_there * away_here) / (both < 1e-20f ? all_lanes(1e-20f) : both);
+    const Lanes at = limited(both > 0.f ? free : all_lanes(0.5f * length_m), all_lanes(length_m));
+    const Lanes in_along = at - along_here, out_along = at - along_there;
+    return {.away_there = away_there,
+            .in_m = root_of(in_along * in_along + away_here * away_here),
+            .out_m = root_of(out_along * out_along + away_there * away_there)};
+  }
+
+  /// On the lit side of the edge; what is near the edge, at its faces or inside its solid counts as behind it.
+  [[nodiscard]] LaneIntegers is_lit(const ThreeLanes& from_start, const Lanes& height, const Lanes& away_there) const {
+    const Lanes argument_there = argument({dot(from_start, face), height});
+    const Lanes angle = argument_there < 0.f ? argument_there + 2.f * std::numbers::pi_v<float> : argument_there;
+    const Lanes turn = angle < angle_here ? angle_here - angle : angle - angle_here;
+    return (turn < std::numbers::pi_v<float> - 2e-3f) & (angle > 2e-3f) & (angle < exterior - 2e-3f) & (away_there > 1e3f * slack_m);
+  }
+
+  /// To eight edges, each at its point nearest to `here`.
+  [[nodiscard]] Links links_to(const ThreeLanes& edge_start, const ThreeLanes& edge_along, const Lanes& edge_length_m) const {
+    const ThreeLanes after = plus(edge_start, limited(dot(minus(here, edge_start), edge_along), edge_length_m), edge_along);
+    const ThreeLanes from_start = minus(after, start);
+    const Lanes height = dot(from_start, first_normal);
+    const LaneIntegers solid = (height < -outside_m) & (dot(from_start, second_normal) < -outside_m);
+    const Way way = way_to(from_start);
+    const ThreeLanes straight = minus(after, here);
+    const Lanes detour_m = way.in_m + way.out_m - root_of(dot(straight, straight)) - slack_m;
+    const Lanes fresnel_number = half_waves_per_m * (detour_m < 0.f ? Lanes{} : detour_m);
+    const Lanes factor = kurze_anderson_factor(fresnel_number);
+    const LaneIntegers lit = is_lit(from_start, height, way.away_there) & (fresnel_number > 2.f);
+    const Lanes way_m = reached_m + way.in_m + way.out_m - slack_m;
+    const LaneIntegers too_weak = (factor < least_factor) | (way_m > most_m);
+    return {.never = solid | lit | too_weak, .factor = factor, .way_m = way_m};
+  }
+
+  ThreeLanes here, start, along, first_normal, second_normal, face;
+  float exterior, length_m, reached_m;
+  float along_here = 0, away_here = 0, angle_here = 0;  ///< of the end of the sequence before the edge
+  float least_factor = 0;                               ///< of a loss that is not too much
+  float slack_m = 0, outside_m = 0, most_m = 0, half_waves_per_m = 0;
+};
+
 }  // namespace
 
 EdgeGrowth::EdgeGrowth(const AcousticScene& scene, glm::vec3 source) : scene_(scene), edges_(*scene.diffraction_edges()), source_(source) {
@@ -73,68 +165,25 @@ void EdgeGrowth::add_links_of_source(Family& family) const {
 void EdgeGrowth::add_links_of_edge(Family& family) const {
   const EdgeCandidate& parent = family.parent;
   const auto path = std::span(parent.sequence.edge).first(static_cast<std::size_t>(parent.sequence.order));
-  const DiffractionEdge& last = edges_[path.back()];
-  const glm::dvec3 before(parent.before), from_last = before - last.start;
-  using Three = std::array<Lanes, 3>;
-  const auto three = [](glm::dvec3 v) {
-    return Three{all_lanes(static_cast<float>(v.x)), all_lanes(static_cast<float>(v.y)), all_lanes(static_cast<float>(v.z))};
-  };
-  const auto dot = [](const Three& a, const Three& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; };
-  const auto minus = [](const Three& a, const Three& b) { return Three{a[0] - b[0], a[1] - b[1], a[2] - b[2]}; };
-  const auto plus = [](const Three& a, const Lanes& t, const Three& b) { return Three{a[0] + t * b[0], a[1] + t * b[1], a[2] + t * b[2]}; };
-  const auto limit = [](const Lanes& x, const Lanes& most) { return x < 0.f ? Lanes{} : x > most ? most : x; };
-
-  const Three here = three(before), start = three(last.start), along = three(last.along), first_normal = three(last.first_normal),
-              second_normal = three(last.second_normal), face = three(last.face);
-  const double along_before = glm::dot(from_last, last.along), away_before = glm::length(from_last - along_before * last.along);
-  const auto along_here = static_cast<float>(along_before), away_here = static_cast<float>(away_before),
-             angle_here = static_cast<float>(last.angle_of(before)), exterior = static_cast<float>(last.exterior_rad),
-             length_m = static_cast<float>(last.length_m);
-  // Lengths of single precision are wrong by less than this, so that all that follows errs to the side of the better score.
+  LastEdgeLanes last(edges_[path.back()], parent);
   const float reach_m = largest_m_ + std::max({std::abs(parent.before.x), std::abs(parent.before.y), std::abs(parent.before.z)}) +
                         static_cast<float>(scene_.max_path_m());
-  const float slack_m = 2e-6f * reach_m, outside_m = static_cast<float>(edges_.clearance_m()) + slack_m;
-  const auto half_waves_per_m = static_cast<float>(2.0 * kRankingHz / static_cast<double>(scene_.speed_of_sound_m_per_s()));
-  const auto least_factor = static_cast<float>(std::pow(10.0, -0.05 * (kMostLossDb + 0.1 - static_cast<double>(parent.loss_db))));
+  last.slack_m = 2e-6f * reach_m;
+  last.outside_m = static_cast<float>(edges_.clearance_m()) + last.slack_m;
+  last.most_m = 1.0001f * static_cast<float>(scene_.max_path_m());
+  last.half_waves_per_m = static_cast<float>(2.0 * kRankingHz / static_cast<double>(scene_.speed_of_sound_m_per_s()));
 
   for (std::size_t group = 0; group < lanes_.size(); ++group) {
     const EdgeLanes& edge = lanes_[group];
-    const Three after = plus(edge.start, limit(dot(minus(here, edge.start), edge.along), edge.length_m), edge.along);
-    const Three from_start = minus(after, start);
-    const Lanes height = dot(from_start, first_normal);
-    const LaneIntegers solid = (height < -outside_m) & (dot(from_start, second_normal) < -outside_m);
-    // Fermat's point of the last edge, and how much longer the way by it is than the straight one.
-    const Lanes along_there = dot(from_start, along);
-    const Three away = plus(from_start, -along_there, along);
-    const Lanes away_there = root_of(dot(away, away)), both = away_there + away_here;
-    const Lanes free = (along_here * away_there + along_there * away_here) / (both < 1e-20f ? all_lanes(1e-20f) : both);
-    const Lanes at = limit(both > 0.f ? free : all_lanes(0.5f * length_m), all_lanes(length_m));
-    const Lanes in_along = at - along_here, out_along = at - along_there;
-    const Lanes in_m = root_of(in_along * in_along + away_here * away_here),
-                out_m = root_of(out_along * out_along + away_there * away_there);
-    const Three straight = minus(after, here);
-    const Lanes detour_m = in_m + out_m - root_of(dot(straight, straight)) - slack_m;
-    const Lanes fresnel_number = half_waves_per_m * (detour_m < 0.f ? Lanes{} : detour_m);
-    // Kurze and Anderson as a factor: 10^(-5 / 20) tanh(x) / x.
-    const Lanes x = root_of(fresnel_number * (2.f * std::numbers::pi_v<float>)), fall = exp_of_negative(-2.f * x);
-    const Lanes factor = 0.562341325f * (x < 0.02f ? all_lanes(1.f) : (1.f - fall) / ((1.f + fall) * x));
-    // On the lit side of the last edge; what is near the edge, at its faces or inside its solid counts as behind it.
-    const Lanes argument_there = argument({dot(from_start, face), height});
-    const Lanes angle = argument_there < 0.f ? argument_there + 2.f * std::numbers::pi_v<float> : argument_there;
-    const Lanes turn = angle < angle_here ? angle_here - angle : angle - angle_here;
-    const LaneIntegers lit = (turn < std::numbers::pi_v<float> - 2e-3f) & (angle > 2e-3f) & (angle < exterior - 2e-3f) &
-                             (away_there > 1e3f * slack_m) & (fresnel_number > 2.f);
-    const Lanes way_m = static_cast<float>(parent.reached_m) + in_m + out_m - slack_m;
-    const LaneIntegers too_weak = (factor < least_factor) | (way_m > 1.0001f * static_cast<float>(scene_.max_path_m()));
-    const LaneIntegers never = solid | lit | too_weak;
+    const LastEdgeLanes::Links links = last.links_to(edge.start, edge.along, edge.length_m);
     // Sequences that are not in sight are dropped sooner or later; those of which that is known, here.
     static_assert(kLanes == EdgeSight::kGroup);
     const std::uint32_t hidden = edges_.known_hidden(path.back(), static_cast<std::uint32_t>(group));
-    const Lanes least_m = way_m < kLeastDistanceM ? all_lanes(kLeastDistanceM) : way_m;
-    const Lanes bound = 1.01f * factor * edge.root_of_length / least_m;
+    const Lanes least_m = links.way_m < kLeastDistanceM ? all_lanes(kLeastDistanceM) : links.way_m;
+    const Lanes bound = 1.01f * links.factor * edge.root_of_length / least_m;
     for (std::size_t lane = 0; lane < kLanes; ++lane) {
       const auto index = static_cast<std::uint32_t>(group * kLanes + lane);
-      if (never[lane] != 0 || (hidden >> lane & 1u) != 0 || index >= edges_.size() || std::ranges::find(path, index) != path.end())
+      if (links.never[lane] != 0 || (hidden >> lane & 1u) != 0 || index >= edges_.size() || std::ranges::find(path, index) != path.end())
         continue;
       family.links.push_back({bound[lane], index});
     }
