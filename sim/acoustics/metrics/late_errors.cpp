@@ -58,13 +58,8 @@ void add_squares(const RoomMetrics& a, const RoomMetrics& b, Differences& square
   }
 }
 
-}  // namespace
-
-std::vector<BandErrors> late_errors(const AcousticScene& scene, const EnergyResponse& response) {
-  const LateBatches& batches = response.batches;
-  if (batches.count < 2) return {};
-  EnergyHistogram scattered(response.late.num_bins(), response.late.num_bands(), 0, response.late.bin_s());
-  add_scattered_energy(response.scattered, response.speed_of_sound_m_per_s, scattered);
+/// Late energy of each band with its error: the spread of the batches.
+std::vector<BandErrors> late_energy_errors(const LateBatches& batches, const EnergyHistogram& scattered) {
   std::vector<BandErrors> errors(static_cast<std::size_t>(batches.num_bands));
   for (int band = 0; band < batches.num_bands; ++band) {
     double mean = 0, squares = 0;
@@ -78,20 +73,22 @@ std::vector<BandErrors> late_errors(const AcousticScene& scene, const EnergyResp
     for (int bin = 0; bin < batches.num_bins; ++bin) errors[band].late_energy += static_cast<double>(scattered.energy(bin, band));
     errors[band].late_energy_error = std::sqrt(squares / (double{1} * batches.count * (batches.count - 1)));
   }
+  return errors;
+}
 
-  EnergyResponse rest;
-  rest.arrivals = response.arrivals;
-  rest.late = response.late;
-  rest.speed_of_sound_m_per_s = response.speed_of_sound_m_per_s;
+/// Sets the errors of all statistics from what each is without one batch.  rest: as `response`; its late field is overwritten.
+void set_batch_errors(const AcousticScene& scene, const EnergyResponse& response, const EnergyHistogram& scattered, EnergyResponse& rest,
+                      std::vector<BandErrors>& errors) {
+  const int num_batches = response.batches.count;
   std::array<std::vector<std::vector<std::optional<double>>>, kErrorEntries.size()> values;
   values.fill(std::vector<std::vector<std::optional<double>>>(errors.size()));
-  for (int i = 0; i < batches.count; ++i) {
+  for (int i = 0; i < num_batches; ++i) {
     leave_out(response, scattered, i, rest);
     const RoomMetrics metrics = measure(scene, rest);
     for (std::size_t band = 0; band < errors.size(); ++band)
       for (std::size_t e = 0; e < kErrorEntries.size(); ++e) values[e][band].push_back(metrics.bands[band].*kErrorEntries[e].value);
   }
-  const double factor = student_factor(batches.count - 1);
+  const double factor = student_factor(num_batches - 1);
   for (std::size_t band = 0; band < errors.size(); ++band) {
     for (std::size_t e = 0; e < kErrorEntries.size(); ++e) {
       std::optional<double>& error = errors[band].*kErrorEntries[e].error;
@@ -99,10 +96,13 @@ std::vector<BandErrors> late_errors(const AcousticScene& scene, const EnergyResp
       if (error) *error *= factor;
     }
   }
-  if (batches.unseen.empty()) return errors;
+}
 
-  // Per octave of time, as the rays that follow a chain thin out with 1 / t^2: each octave by itself, in quadrature, or all at once if that
-  // weighs more (a chain is missed as a whole).
+/// Adds to the errors what chains that no ray followed may bring.  Per octave of time, as the rays that follow a chain thin out with
+/// 1 / t^2: each octave by itself, in quadrature, or all at once if that weighs more (a chain is missed as a whole).  rest: as in
+/// set_batch_errors.
+void add_unseen_errors(const AcousticScene& scene, const EnergyResponse& response, EnergyResponse& rest, std::vector<BandErrors>& errors) {
+  const LateBatches& batches = response.batches;
   const RoomMetrics as_is = measure(scene, response);
   Differences apart(errors.size()), together(errors.size());
   EnergyHistogram all = response.late;
@@ -120,6 +120,23 @@ std::vector<BandErrors> late_errors(const AcousticScene& scene, const EnergyResp
       if (error) error = std::sqrt(*error * *error + std::max(apart[band][e], together[band][e]));
     }
   }
+}
+
+}  // namespace
+
+std::vector<BandErrors> late_errors(const AcousticScene& scene, const EnergyResponse& response) {
+  const LateBatches& batches = response.batches;
+  if (batches.count < 2) return {};
+  EnergyHistogram scattered(response.late.num_bins(), response.late.num_bands(), 0, response.late.bin_s());
+  add_scattered_energy(response.scattered, response.speed_of_sound_m_per_s, scattered);
+  std::vector<BandErrors> errors = late_energy_errors(batches, scattered);
+
+  EnergyResponse rest;
+  rest.arrivals = response.arrivals;
+  rest.late = response.late;
+  rest.speed_of_sound_m_per_s = response.speed_of_sound_m_per_s;
+  set_batch_errors(scene, response, scattered, rest, errors);
+  if (!batches.unseen.empty()) add_unseen_errors(scene, response, rest, errors);
   return errors;
 }
 

@@ -49,87 +49,122 @@ double direct_fraction(double after_s) {
   return 0.5 + 0.5 * std::cos(std::numbers::pi * x);
 }
 
+bool has_kind(std::span<const Arrival> arrivals, ArrivalKind kind) {
+  return std::any_of(arrivals.begin(), arrivals.end(), [&](const Arrival& arrival) { return arrival.kind == kind; });
+}
+
+/// Begin of the first late bin with energy; infinity if there is none.
+double first_late_s(const EnergyHistogram& late) {
+  for (int bin = 0; bin < late.num_bins(); ++bin) {
+    double energy = 0;
+    for (int band = 0; band < late.num_bands(); ++band) energy += late.energy(bin, band);
+    if (energy > 0) return bin * double{late.bin_s()};
+  }
+  return std::numeric_limits<double>::infinity();
+}
+
+/// Time zero of a response, and the times of its arrivals from there on.
+struct TimeZero {
+  TimeZero(const EnergyResponse& response, double speed)
+      : speed_m_per_s(speed),
+        has_direct(has_kind(response.arrivals, ArrivalKind::direct)),
+        has_diffraction(has_kind(response.arrivals, ArrivalKind::diffraction)) {
+    // The first arrival of any kind: rounding may put sound diffracted on the shadow boundary before the direct sound.
+    if (!response.arrivals.empty()) start_s = response.arrivals.front().distance_m / speed;
+    if (!has_direct) start_s = std::min(start_s, first_late_s(response.late));
+  }
+  [[nodiscard]] double after_s(const Arrival& arrival) const { return arrival.distance_m / speed_m_per_s - start_s; }
+  /// Fraction of a diffracted arrival that does not belong to the direct sound.
+  [[nodiscard]] double reverberant_fraction(const Arrival& arrival) const {
+    return has_direct ? 1.0 - direct_fraction(after_s(arrival)) : 1.0;
+  }
+
+  double speed_m_per_s;
+  bool has_direct, has_diffraction;
+  double start_s = std::numeric_limits<double>::infinity();  ///< infinity: silence
+};
+
+/// Direct sound of one band with what diffraction adds to it.
+struct FirstSound {
+  double direct = 0;               ///< energy
+  double diffracted_fraction = 1;  ///< of its own energy that diffracted sound has where there is no direct sound
+};
+
+/// Interference of all paths with diffraction goes to the direct sound, or to the diffracted sound if there is none.
+FirstSound first_sound(const TimeZero& zero, std::span<const Arrival> arrivals, const BandLayout& bands, int band) {
+  FirstSound first;
+  if (!zero.has_diffraction) {
+    for (const Arrival& arrival : arrivals)
+      if (arrival.kind == ArrivalKind::direct) first.direct += double{arrival.amplitude[band]} * arrival.amplitude[band];
+    return first;
+  }
+  const double together = coherent_energy(arrivals, band, bands.edge_hz[band], bands.edge_hz[band + 1], zero.speed_m_per_s);
+  double apart = 0;
+  for (const Arrival& arrival : arrivals) {
+    if (arrival.kind != ArrivalKind::diffraction) continue;
+    apart += zero.reverberant_fraction(arrival) * arrival.amplitude[band] * arrival.amplitude[band];
+  }
+  if (zero.has_direct)
+    first.direct = std::max(together - apart, 0.0);
+  else if (apart > 0)
+    first.diffracted_fraction = together / apart;
+  return first;
+}
+
+/// Bins of about a millisecond from time zero on.
+struct SeriesBins {
+  double bin_s;
+  std::size_t count;
+};
+SeriesBins series_bins(double late_bin_s, double length_s) {
+  const int parts = std::max(1, static_cast<int>(std::ceil(late_bin_s / 1e-3 - 1e-6)));
+  const double bin_s = late_bin_s / parts;
+  return {bin_s, static_cast<std::size_t>(std::max(1.0, std::ceil(length_s / bin_s)))};
+}
+
+/// Energy of one band over time without the direct sound; a late bin is spread evenly over its width.
+std::vector<double> reverberant_series(const EnergyResponse& response, const TimeZero& zero, int band, double diffracted_fraction,
+                                       const SeriesBins& bins) {
+  std::vector<double> series(bins.count, 0.0);
+  for (const Arrival& arrival : response.arrivals) {
+    if (arrival.kind == ArrivalKind::direct) continue;
+    double energy = double{arrival.amplitude[band]} * arrival.amplitude[band];
+    if (arrival.kind == ArrivalKind::diffraction) energy *= zero.has_direct ? zero.reverberant_fraction(arrival) : diffracted_fraction;
+    const double position = zero.after_s(arrival) / bins.bin_s;
+    if (position < static_cast<double>(bins.count)) series[static_cast<std::size_t>(std::max(position, 0.0))] += energy;
+  }
+  const double late_bin_s = response.late.bin_s();
+  for (int bin = 0; bin < response.late.num_bins(); ++bin) {
+    const double energy = response.late.energy(bin, band);
+    if (energy > 0) add_spread(series, bins.bin_s, bin * late_bin_s - zero.start_s, late_bin_s, energy);
+  }
+  return series;
+}
+
 }  // namespace
 
 RoomMetrics measure(const AcousticScene& scene, const EnergyResponse& response) {
-  const double speed = scene.speed_of_sound_m_per_s();
-  const EnergyHistogram& late = response.late;
-  const double late_bin_s = late.bin_s();
   RoomMetrics metrics;
   metrics.bands_hz = scene.bands().centre_hz;
-
-  // Time zero.
-  double start_s = std::numeric_limits<double>::infinity();
-  // Rounding may put sound diffracted on the shadow boundary before the direct sound.
-  const bool has_direct = std::any_of(response.arrivals.begin(), response.arrivals.end(),
-                                      [](const Arrival& arrival) { return arrival.kind == ArrivalKind::direct; });
-  if (!response.arrivals.empty()) start_s = response.arrivals.front().distance_m / speed;
-  if (has_direct) {
-    metrics.direct_delay_s = start_s;
-  } else {
-    for (int bin = 0; bin < late.num_bins(); ++bin) {
-      double energy = 0;
-      for (int band = 0; band < late.num_bands(); ++band) energy += late.energy(bin, band);
-      if (energy > 0) {
-        start_s = std::min(start_s, bin * late_bin_s);
-        break;
-      }
-    }
-  }
-  const bool has_diffraction = std::any_of(response.arrivals.begin(), response.arrivals.end(),
-                                           [](const Arrival& arrival) { return arrival.kind == ArrivalKind::diffraction; });
+  const TimeZero zero(response, scene.speed_of_sound_m_per_s());
+  if (zero.has_direct) metrics.direct_delay_s = zero.start_s;
   metrics.bands.resize(scene.num_bands());
-  if (!std::isfinite(start_s)) return metrics;  // silence
+  if (!std::isfinite(zero.start_s)) return metrics;  // silence
 
-  // Bins of about a millisecond from time zero on; a late bin is spread evenly over its width.
-  const int parts = std::max(1, static_cast<int>(std::ceil(late_bin_s / 1e-3 - 1e-6)));
-  const double bin_s = late_bin_s / parts;
-  const double length_s = scene.config().rir_length_s - start_s;
-  const auto num_bins = static_cast<std::size_t>(std::max(1.0, std::ceil(length_s / bin_s)));
+  const SeriesBins bins = series_bins(response.late.bin_s(), scene.config().rir_length_s - zero.start_s);
   double direct_sum = 0, reverberant_sum = 0, bandwidth_sum = 0;
   for (int band = 0; band < scene.num_bands(); ++band) {
-    std::vector<double> series(num_bins, 0.0);
-    // Fraction of its own energy that the diffracted sound has in the interference of all paths: as the direct sound's part if there is
-    // one.
-    double direct = 0, diffracted_fraction = 1;
-    if (has_diffraction) {
-      const double together = coherent_energy(response.arrivals, band, scene.bands().edge_hz[band], scene.bands().edge_hz[band + 1], speed);
-      double apart = 0;
-      for (const Arrival& arrival : response.arrivals) {
-        if (arrival.kind != ArrivalKind::diffraction) continue;
-        const double fraction = has_direct ? 1.0 - direct_fraction(arrival.distance_m / speed - start_s) : 1.0;
-        apart += fraction * arrival.amplitude[band] * arrival.amplitude[band];
-      }
-      if (has_direct)
-        direct = std::max(together - apart, 0.0);
-      else if (apart > 0)
-        diffracted_fraction = together / apart;
-    }
-    for (const Arrival& arrival : response.arrivals) {
-      double energy = double{arrival.amplitude[band]} * arrival.amplitude[band];
-      if (arrival.kind == ArrivalKind::direct) {
-        if (!has_diffraction) direct += energy;
-        continue;
-      }
-      if (arrival.kind == ArrivalKind::diffraction) {
-        energy *= has_direct ? 1.0 - direct_fraction(arrival.distance_m / speed - start_s) : diffracted_fraction;
-      }
-      const double position = (arrival.distance_m / speed - start_s) / bin_s;
-      if (position < static_cast<double>(num_bins)) series[static_cast<std::size_t>(std::max(position, 0.0))] += energy;
-    }
-    for (int bin = 0; bin < late.num_bins(); ++bin) {
-      const double energy = late.energy(bin, band);
-      if (energy > 0) add_spread(series, bin_s, bin * late_bin_s - start_s, late_bin_s, energy);
-    }
-    metrics.bands[band] = measure_band(series, bin_s, direct);
+    const FirstSound first = first_sound(zero, response.arrivals, scene.bands(), band);
+    const std::vector<double> series = reverberant_series(response, zero, band, first.diffracted_fraction, bins);
+    metrics.bands[band] = measure_band(series, bins.bin_s, first.direct);
 
     const double bandwidth = scene.bands().edge_hz[band + 1] - scene.bands().edge_hz[band];
-    direct_sum += bandwidth * direct;
+    direct_sum += bandwidth * first.direct;
     for (const double energy : series) reverberant_sum += bandwidth * energy;
     bandwidth_sum += bandwidth;
   }
   metrics.drr_db = level_ratio_db(direct_sum, reverberant_sum);
-  if (has_direct) metrics.direct_amplitude = std::sqrt(direct_sum / bandwidth_sum);
+  if (zero.has_direct) metrics.direct_amplitude = std::sqrt(direct_sum / bandwidth_sum);
   return metrics;
 }
 

@@ -17,6 +17,88 @@ constexpr double kBinS = 1e-3;
 /// Of minutes of response the first 20 s and more decide: the rest is 20 dB and more below, or noise.
 constexpr std::size_t kMaxInterauralSamples = std::size_t{1} << 21;
 
+/// A response in two parts of its whole length.  They are filtered apart, so that the ringing of the direct sound does not count as
+/// reverberation.
+struct SplitResponse {
+  std::vector<float> direct, rest;
+};
+SplitResponse split_direct_sound(std::span<const float> rir, double rate, double direct_delay_s) {
+  const auto size = static_cast<double>(rir.size());
+  const auto split_at = [&](double time_s) { return static_cast<std::size_t>(std::clamp(std::round(time_s * rate), 0.0, size)); };
+  const std::size_t begin = split_at(direct_delay_s - kDirectWindowS), end = split_at(direct_delay_s + kDirectWindowS);
+  SplitResponse split{std::vector<float>(rir.size(), 0.f), std::vector<float>(rir.begin(), rir.end())};
+  std::copy(rir.begin() + begin, rir.begin() + end, split.direct.begin() + begin);
+  std::fill(split.rest.begin() + begin, split.rest.begin() + end, 0.f);
+  return split;
+}
+
+/// Measures a split response octave by octave.
+class OctaveAnalysis {
+ public:
+  /// start: time zero, in samples.
+  OctaveAnalysis(const SplitResponse& split, const BandLayout& bands, double rate, double start)
+      : bands_(bands),
+        rate_(rate),
+        start_(start),
+        num_bins_(static_cast<std::size_t>(std::max(1.0, std::ceil((static_cast<double>(split.rest.size()) - start) / (kBinS * rate))))),
+        // Twice the length: the zero-phase ringing before time zero wraps to the end of the buffer and stays apart from the tail.
+        fft_(next_power_of_two(static_cast<int>(std::max<std::size_t>(2 * split.rest.size(), 4)))),
+        direct_spectrum_(fft_.num_bins()),
+        rest_spectrum_(fft_.num_bins()),
+        filtered_(fft_.num_bins()),
+        signal_(fft_.size()),
+        gain_(fft_.num_bins()) {
+    fft_.forward(split.direct, direct_spectrum_);
+    fft_.forward(split.rest, rest_spectrum_);
+  }
+
+  BandMetrics measure_octave(int band) {
+    const double delta_energy = set_gain(band);
+    if (!(delta_energy > 0)) return {};
+    filter(direct_spectrum_);
+    const double direct_energy = energy_of(signal_) / delta_energy;
+    filter(rest_spectrum_);
+    return measure_band(series_of_signal(delta_energy), kBinS, direct_energy);
+  }
+
+ private:
+  /// Energy of a unit sample behind the filter of a band: makes every band read in Green units.
+  double set_gain(int band) {
+    const int fft_size = fft_.size();
+    double delta_energy = 0;
+    for (int k = 0; k < fft_.num_bins(); ++k) {
+      gain_[k] = static_cast<float>(octave_gain(bands_, band, k * rate_ / fft_size, 0.5 * rate_));
+      delta_energy += (k == 0 || k == fft_size / 2 ? 1.0 : 2.0) * gain_[k] * gain_[k] / fft_size;
+    }
+    return delta_energy;
+  }
+  /// Writes a spectrum behind the filter to signal_.
+  void filter(const std::vector<std::complex<float>>& spectrum) {
+    for (int k = 0; k < fft_.num_bins(); ++k) filtered_[k] = spectrum[k] * gain_[k];
+    fft_.inverse(filtered_, signal_);
+  }
+  [[nodiscard]] std::vector<double> series_of_signal(double delta_energy) const {
+    const int fft_size = fft_.size();
+    const double bin_samples = kBinS * rate_;
+    std::vector<double> series(num_bins_, 0.0);
+    for (int i = 0; i < fft_size; ++i) {
+      // The last quarter of the buffer is time before zero.
+      const double sample = i < fft_size - fft_size / 4 ? i : i - fft_size;
+      const double bin = std::max(0.0, (sample - start_) / bin_samples);
+      if (bin >= static_cast<double>(num_bins_)) continue;  // ringing behind the end
+      series[static_cast<std::size_t>(bin)] += double{signal_[i]} * signal_[i] / delta_energy;
+    }
+    return series;
+  }
+
+  const BandLayout& bands_;
+  double rate_, start_;
+  std::size_t num_bins_;
+  RealFft fft_;
+  std::vector<std::complex<float>> direct_spectrum_, rest_spectrum_, filtered_;
+  std::vector<float> signal_, gain_;
+};
+
 }  // namespace
 
 RoomMetrics measure(std::span<const float> rir, float sample_rate_hz, double direct_delay_s) {
@@ -27,55 +109,11 @@ RoomMetrics measure(std::span<const float> rir, float sample_rate_hz, double dir
   const double rate = sample_rate_hz;
   RoomMetrics metrics;
   metrics.bands_hz = bands.centre_hz;
+  const SplitResponse split = split_direct_sound(rir, rate, direct_delay_s);
+  OctaveAnalysis analysis(split, bands, rate, direct_delay_s * rate);
+  for (int band = 0; band < bands.size(); ++band) metrics.bands.push_back(analysis.measure_octave(band));
 
-  // Direct sound and the rest are filtered apart, so that the ringing of the direct sound does not count as reverberation.
-  const auto size = static_cast<double>(rir.size());
-  const auto split_at = [&](double time_s) { return static_cast<std::size_t>(std::clamp(std::round(time_s * rate), 0.0, size)); };
-  const std::size_t direct_begin = split_at(direct_delay_s - kDirectWindowS), direct_end = split_at(direct_delay_s + kDirectWindowS);
-  std::vector<float> direct(rir.size(), 0.f), rest(rir.begin(), rir.end());
-  std::copy(rir.begin() + direct_begin, rir.begin() + direct_end, direct.begin() + direct_begin);
-  std::fill(rest.begin() + direct_begin, rest.begin() + direct_end, 0.f);
-
-  // Twice the length: the zero-phase ringing before time zero wraps to the end of the buffer and stays apart from the tail.
-  const int fft_size = next_power_of_two(static_cast<int>(std::max<std::size_t>(2 * rir.size(), 4)));
-  RealFft fft(fft_size);
-  std::vector<std::complex<float>> direct_spectrum(fft.num_bins()), rest_spectrum(fft.num_bins()), filtered(fft.num_bins());
-  fft.forward(direct, direct_spectrum);
-  fft.forward(rest, rest_spectrum);
-  std::vector<float> signal(fft_size), gain(fft.num_bins());
-
-  const double start = direct_delay_s * rate;  // in samples
-  const double bin_samples = kBinS * rate;
-  const auto num_bins = static_cast<std::size_t>(std::max(1.0, std::ceil((size - start) / bin_samples)));
-  for (int band = 0; band < bands.size(); ++band) {
-    double delta_energy = 0;  // of a unit sample behind this filter: makes every band read in Green units
-    for (int k = 0; k < fft.num_bins(); ++k) {
-      gain[k] = static_cast<float>(octave_gain(bands, band, k * rate / fft_size, 0.5 * rate));
-      delta_energy += (k == 0 || k == fft_size / 2 ? 1.0 : 2.0) * gain[k] * gain[k] / fft_size;
-    }
-    if (!(delta_energy > 0)) {
-      metrics.bands.emplace_back();
-      continue;
-    }
-    const auto filter = [&](const std::vector<std::complex<float>>& spectrum) {
-      for (int k = 0; k < fft.num_bins(); ++k) filtered[k] = spectrum[k] * gain[k];
-      fft.inverse(filtered, signal);
-    };
-    filter(direct_spectrum);
-    const double direct_energy = energy_of(signal) / delta_energy;
-    filter(rest_spectrum);
-    std::vector<double> series(num_bins, 0.0);
-    for (int i = 0; i < fft_size; ++i) {
-      // The last quarter of the buffer is time before zero.
-      const double sample = i < fft_size - fft_size / 4 ? i : i - fft_size;
-      const double bin = std::max(0.0, (sample - start) / bin_samples);
-      if (bin >= static_cast<double>(num_bins)) continue;  // ringing behind the end
-      series[static_cast<std::size_t>(bin)] += double{signal[i]} * signal[i] / delta_energy;
-    }
-    metrics.bands.push_back(measure_band(series, kBinS, direct_energy));
-  }
-
-  const double direct_energy = energy_of(direct), rest_energy = energy_of(rest);
+  const double direct_energy = energy_of(split.direct), rest_energy = energy_of(split.rest);
   if (direct_energy > 0) {
     metrics.direct_delay_s = direct_delay_s;
     metrics.direct_amplitude = std::sqrt(direct_energy);
