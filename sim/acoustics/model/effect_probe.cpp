@@ -208,6 +208,125 @@ void look_into_live_rooms(const AcousticSurfaces& surfaces, std::span<const doub
   }
 }
 
+/// Walls that walks meet and that let sound through, and whether air lies behind them.
+class WallSurvey {
+ public:
+  WallSurvey(const AcousticSurfaces& surfaces, std::size_t num_points)
+      : surfaces_(surfaces),
+        num_points_(num_points),
+        tau_of_tested_(static_cast<std::size_t>(surfaces.num_bands()), 0.0),
+        tau_of_inner_(static_cast<std::size_t>(surfaces.num_bands()), 0.0) {}
+
+  /// num_begun: points that walks have begun from so far, over which the tests are spread.  tau: of the wall, per band.
+  void meet(glm::vec3 direction, const Hit& hit, std::span<const float> tau, std::size_t num_begun) {
+    const bool transmits = std::any_of(tau.begin(), tau.end(), [](float t) { return t > 0.f; });
+    if (!transmits || num_tested_ >= kWallTests * num_begun) return;
+    ++num_tested_;
+    const EmbreeScene& rays = surfaces_.scene().rays();
+    const WallCrossing crossing = cross_wall(surfaces_, direction, hit);
+    constexpr float off_m = 0.3f;
+    const Wall wall{hit.position + off_m * hit.normal, crossing.exit - off_m * hit.normal, -hit.normal};
+    const bool air_behind = rays.intersect(crossing.exit, direction).valid() && has_height(surfaces_, wall.far);
+    for (std::size_t band = 0; band < tau_of_tested_.size(); ++band) {
+      tau_of_tested_[band] += tau[band];
+      if (air_behind) tau_of_inner_[band] += tau[band];
+    }
+    if (air_behind && walls_.size() * num_points_ < kMaxWalls * num_begun && is_room(surfaces_, wall.far) &&
+        is_room(surfaces_, wall.near) && rays.occluded(wall.near, wall.far))
+      walls_.push_back(wall);
+  }
+  /// Walls between two rooms.
+  [[nodiscard]] const std::vector<Wall>& inner_walls() const { return walls_; }
+  /// The part of the mean transmission of all hits that leads to other air.
+  [[nodiscard]] std::vector<double> inner_transmission(std::vector<double> transmission) const {
+    for (std::size_t band = 0; band < transmission.size(); ++band)
+      transmission[band] *= tau_of_tested_[band] > 0 ? tau_of_inner_[band] / tau_of_tested_[band] : 0.0;
+    return transmission;
+  }
+
+ private:
+  const AcousticSurfaces& surfaces_;
+  std::size_t num_points_, num_tested_ = 0;
+  std::vector<double> tau_of_tested_, tau_of_inner_;  ///< [band], sums
+  std::vector<Wall> walls_;
+};
+
+/// Diffuse walks from the points of a probe, which add what surfaces take and let through at each hit to it.
+class AirWalks {
+ public:
+  AirWalks(const AcousticSurfaces& surfaces, EffectProbe& probe)
+      : surfaces_(surfaces),
+        speed_m_per_s_(surfaces.speed_of_sound_m_per_s()),
+        probe_(probe),
+        walls_(surfaces, probe.points.size()),
+        energy_(static_cast<std::size_t>(surfaces.num_bands())) {}
+
+  /// Walks of one point.
+  void walk_from(std::size_t point, Decay& decay) {
+    for (std::uint32_t w = 0; w < kWalksPerPoint; ++w) walk(point, static_cast<std::uint32_t>(point) * kWalksPerPoint + w, decay);
+  }
+  /// Turns the sums over all hits into means.
+  void finish() {
+    probe_.hit_fraction = num_segments_ == 0 ? 0.0 : static_cast<double>(num_hits_) / static_cast<double>(num_segments_);
+    if (num_hits_ == 0) return;
+    probe_.mean_free_path_m = path_sum_m_ / static_cast<double>(num_hits_);
+    for (auto* row : {&probe_.absorption, &probe_.transmission})
+      for (double& value : *row) value /= static_cast<double>(num_hits_);
+  }
+  [[nodiscard]] const WallSurvey& walls() const { return walls_; }
+
+ private:
+  void walk(std::size_t point, std::uint32_t number, Decay& decay) {
+    const RandomStream random = probe_stream(ProbeUse::walk, number);
+    const auto first = random.uniform2(0);
+    glm::vec3 origin = probe_.points[point], direction = sphere_direction(first[0], first[1]);
+    std::fill(energy_.begin(), energy_.end(), 1.0);
+    double time_s = 0;
+    std::size_t next = 0;
+    for (std::uint32_t step = 1; step <= kMaxSteps; ++step) {
+      const Hit hit = surfaces_.scene().rays().intersect(origin, direction);
+      if (!hit.valid()) {
+        ++num_segments_;
+        return;
+      }
+      time_s += hit.distance_m / speed_m_per_s_;
+      if (step == 1)
+        decay.wait(next, time_s);
+      else
+        decay.add(next, time_s, energy_);
+      if (time_s >= probe_.horizon_s) return;
+      ++num_segments_;
+      ++num_hits_;
+      path_sum_m_ += hit.distance_m;
+      const std::uint32_t material = surfaces_.scene().mesh().triangle_material[hit.triangle];
+      const double loudest = reflect(material);
+      walls_.meet(direction, hit, surfaces_.transmission(material), point + 1);
+      if (loudest < 1e-9) return;
+      origin = offset_from_surface(hit.position, hit.normal);
+      direction = next_direction(surfaces_, hit, direction, random.uniform4(step));
+    }
+  }
+  /// What is left of the walk's energy behind a hit, in the loudest band.
+  double reflect(std::uint32_t material) {
+    const auto reflectance = surfaces_.reflectance(material), tau = surfaces_.transmission(material);
+    double loudest = 0;
+    for (std::size_t band = 0; band < energy_.size(); ++band) {
+      probe_.absorption[band] += 1.0 - reflectance[band];
+      probe_.transmission[band] += tau[band];
+      loudest = std::max(loudest, energy_[band] *= reflectance[band]);
+    }
+    return loudest;
+  }
+
+  const AcousticSurfaces& surfaces_;
+  double speed_m_per_s_;
+  EffectProbe& probe_;
+  WallSurvey walls_;
+  std::vector<double> energy_;  ///< [band], of the present walk
+  std::uint64_t num_hits_ = 0, num_segments_ = 0;
+  double path_sum_m_ = 0;
+};
+
 }  // namespace
 
 EffectProbe probe_effects(const AcousticSurfaces& surfaces, std::span<const double> air_energy_per_m, double horizon_s) {
@@ -223,83 +342,18 @@ EffectProbe probe_effects(const AcousticSurfaces& surfaces, std::span<const doub
   probe.points = points_of_air(surfaces);
   probe.visible_fraction = fraction_of_visible_pairs(surfaces, probe.points);
 
-  const EmbreeScene& rays = surfaces.scene().rays();
   const double speed = surfaces.speed_of_sound_m_per_s();
-  std::vector<Wall> walls;
-  std::size_t tested = 0;
-  std::vector<double> tau_of_tested(num_bands, 0.0), tau_of_inner(num_bands, 0.0);
-  std::uint64_t hits = 0, segments = 0;
-  double path_sum_m = 0;
-  std::vector<double> energy(num_bands);
-  for (std::size_t p = 0; p < probe.points.size(); ++p) {
+  AirWalks walks(surfaces, probe);
+  for (std::size_t point = 0; point < probe.points.size(); ++point) {
     Decay decay(num_bands, horizon_s);
-    for (std::uint32_t w = 0; w < kWalksPerPoint; ++w) {
-      const auto walk = static_cast<std::uint32_t>(p) * kWalksPerPoint + w;
-      const RandomStream random = probe_stream(ProbeUse::walk, walk);
-      const auto first = random.uniform2(0);
-      glm::vec3 origin = probe.points[p], direction = sphere_direction(first[0], first[1]);
-      std::fill(energy.begin(), energy.end(), 1.0);
-      double time_s = 0;
-      std::size_t next = 0;
-      for (std::uint32_t step = 1; step <= kMaxSteps; ++step) {
-        const Hit hit = rays.intersect(origin, direction);
-        if (!hit.valid()) {
-          ++segments;
-          break;
-        }
-        time_s += hit.distance_m / speed;
-        if (step == 1)
-          decay.wait(next, time_s);
-        else
-          decay.add(next, time_s, energy);
-        if (time_s >= horizon_s) break;
-        ++segments;
-        ++hits;
-        path_sum_m += hit.distance_m;
-        const std::uint32_t material = surfaces.scene().mesh().triangle_material[hit.triangle];
-        const auto reflectance = surfaces.reflectance(material), tau = surfaces.transmission(material);
-        double most = 0;
-        bool transmits = false;
-        for (std::size_t band = 0; band < num_bands; ++band) {
-          probe.absorption[band] += 1.0 - reflectance[band];
-          probe.transmission[band] += tau[band];
-          transmits = transmits || tau[band] > 0.f;
-          most = std::max(most, energy[band] *= reflectance[band]);
-        }
-        if (transmits && tested < kWallTests * (p + 1)) {
-          ++tested;
-          const WallCrossing crossing = cross_wall(surfaces, direction, hit);
-          constexpr float off_m = 0.3f;
-          const Wall wall{hit.position + off_m * hit.normal, crossing.exit - off_m * hit.normal, -hit.normal};
-          const bool air_behind = rays.intersect(crossing.exit, direction).valid() && has_height(surfaces, wall.far);
-          for (std::size_t band = 0; band < num_bands; ++band) {
-            tau_of_tested[band] += tau[band];
-            if (air_behind) tau_of_inner[band] += tau[band];
-          }
-          if (air_behind && walls.size() * probe.points.size() < kMaxWalls * (p + 1) && is_room(surfaces, wall.far) &&
-              is_room(surfaces, wall.near) && rays.occluded(wall.near, wall.far))
-            walls.push_back(wall);
-        }
-        if (most < 1e-9) break;
-        origin = offset_from_surface(hit.position, hit.normal);
-        direction = next_direction(surfaces, hit, direction, random.uniform4(step));
-      }
-    }
+    walks.walk_from(point, decay);
     for (std::size_t band = 0; band < num_bands; ++band) {
       probe.decay_s[band] = std::max(probe.decay_s[band], decay.fall_s(band, 0.0));
       probe.decay_with_air_s[band] = std::max(probe.decay_with_air_s[band], decay.fall_s(band, air_energy_per_m[band] * speed));
     }
   }
-  probe.hit_fraction = segments == 0 ? 0.0 : static_cast<double>(hits) / static_cast<double>(segments);
-  if (hits > 0) {
-    probe.mean_free_path_m = path_sum_m / static_cast<double>(hits);
-    for (auto* row : {&probe.absorption, &probe.transmission})
-      for (double& value : *row) value /= static_cast<double>(hits);
-  }
-  std::vector<double> inner = probe.transmission;
-  for (std::size_t band = 0; band < num_bands; ++band)
-    inner[band] *= tau_of_tested[band] > 0 ? tau_of_inner[band] / tau_of_tested[band] : 0.0;
-  compare_walls(surfaces, walls, inner, probe);
+  walks.finish();
+  compare_walls(surfaces, walks.walls().inner_walls(), walks.walls().inner_transmission(probe.transmission), probe);
   look_into_live_rooms(surfaces, air_energy_per_m, probe);
   return probe;
 }
