@@ -43,6 +43,21 @@ double level_change_db(double added) { return 10.0 * std::log10(1.0 + added); }
 
 const char* name_of(Switch s) { return s == Switch::off ? "off" : "on"; }
 
+/// Change by a decision and the kind of its bound, as in EffectDecision.
+struct EffectChange {
+  double value;
+  const char* unit;
+  BoundKind kind;
+};
+constexpr EffectChange kUserSet{kNan, "", BoundKind::user_set};
+constexpr EffectChange kUnchanged{0, "dB", BoundKind::exact};
+
+/// Cost model of a scene with a source field and without one.
+struct FieldCosts {
+  double rays;                 ///< per pose without a field
+  double tracer_ms, field_ms;  ///< for all poses of a source
+};
+
 /// One call per effect, in the order of the table; each fills its part of the plan.
 class Planner {
  public:
@@ -63,8 +78,8 @@ class Planner {
                                 ? config_.source_radius_m
                                 : std::clamp(static_cast<float>(probe_.mean_free_path_m) / kPathsPerRadius, kLeastRadiusM, kLargestRadiusM);
     decide_length();
-    add("direct", config_.direct != Switch::off, name_of(config_.direct), kNan, "",
-        config_.direct == Switch::automatic ? BoundKind::exact : BoundKind::user_set, 0,
+    add("direct", config_.direct != Switch::off, name_of(config_.direct),
+        {kNan, "", config_.direct == Switch::automatic ? BoundKind::exact : BoundKind::user_set}, 0,
         config_.direct == Switch::automatic ? "always, where the line of sight is free" : "");
     decide_late();
     decide_early();
@@ -75,14 +90,13 @@ class Planner {
   }
 
  private:
-  void add(std::string effect, bool on, std::string decision, double change, std::string unit, BoundKind kind, double saved_ms,
-           std::string why) {
+  void add(std::string effect, bool on, std::string decision, const EffectChange& change, double saved_ms, std::string why) {
     plan_.decisions.push_back({.effect = std::move(effect),
                                .decision = std::move(decision),
                                .on = on,
-                               .change = change,
-                               .unit = std::move(unit),
-                               .kind = kind,
+                               .change = change.value,
+                               .unit = change.unit,
+                               .kind = change.kind,
                                .saved_ms = on ? 0.0 : saved_ms,
                                .why = std::move(why)});
   }
@@ -125,11 +139,12 @@ class Planner {
     if (automatic) {
       const bool capped = wanted_s > kLongestRirS;
       const double saved = trace_ms(all_rays(), kLongestRirS) - late_ms();
-      add("rir_length_s", false, fmt::format("{:.2f} s", plan_.rir_length_s), capped ? ends_db : 100 * kEffectBudgetRt,
-          capped ? "dB of decay kept" : "% of T30", capped ? BoundKind::approximated : BoundKind::bounded, saved,
-          fmt::format("{}, after at most {:.2f} s on the way, with a margin{}", decay, delay_s, capped ? "; cut at 4 s" : ""));
+      add("rir_length_s", false, fmt::format("{:.2f} s", plan_.rir_length_s),
+          {capped ? ends_db : 100 * kEffectBudgetRt, capped ? "dB of decay kept" : "% of T30",
+           capped ? BoundKind::approximated : BoundKind::bounded},
+          saved, fmt::format("{}, after at most {:.2f} s on the way, with a margin{}", decay, delay_s, capped ? "; cut at 4 s" : ""));
     } else {
-      add("rir_length_s", true, fmt::format("{:.2f} s", plan_.rir_length_s), kNan, "", BoundKind::user_set, 0,
+      add("rir_length_s", true, fmt::format("{:.2f} s", plan_.rir_length_s), kUserSet, 0,
           fmt::format("{}; automatic would be {:.2f} s{}", decay, needed_s,
                       ends_db < 35 ? fmt::format("; this one ends {:.0f} dB down: T30 cannot be measured from it", ends_db) : ""));
     }
@@ -146,15 +161,15 @@ class Planner {
     const bool comes_back = !surfaces_.scene().mesh().triangles.empty() && (anything_reflects() || surfaces_.transmits());
     plan_.late = config_.late == Switch::on || (config_.late == Switch::automatic && comes_back);
     if (config_.late != Switch::automatic) {
-      add("late", plan_.late, name_of(config_.late), kNan, "", BoundKind::user_set, late_ms(), "");
+      add("late", plan_.late, name_of(config_.late), kUserSet, late_ms(), "");
     } else if (!comes_back) {
-      add("late", false, "off", 0, "dB", BoundKind::exact, late_ms(), "no surface sends anything back");
+      add("late", false, "off", kUnchanged, late_ms(), "no surface sends anything back");
     } else {
       // Its energy must stay 45 dB below the direct sound before the decay curve can do without it: nearer than this.
       double absorption = 0;
       for (const double a : probe_.absorption) absorption += a / static_cast<double>(probe_.absorption.size());
       const double bounces = segments_per_ray(plan_.rir_length_s);
-      add("late", true, "on", kNan, "dB", BoundKind::bounded, 0,
+      add("late", true, "on", {kNan, "dB", BoundKind::bounded}, 0,
           fmt::format(
               "{:.0f} % of rays meet a surface, which takes {:.0f} %: it is what comes after the direct sound, at every pose{}",
               100 * probe_.hit_fraction, 100 * absorption,
@@ -167,15 +182,14 @@ class Planner {
     const double reflectance = surfaces_.largest_specular_reflectance();
     const bool matters = reflectance > kEffectBudgetFraction;
     if (config_.early == Switch::off || order == 0) {
-      add("early", false, "off", kNan, "", BoundKind::user_set, early_ms(),
-          config_.specular_exponent > 0.f ? "mirrors are lobes (specular_exponent)" : "");
+      add("early", false, "off", kUserSet, early_ms(), config_.specular_exponent > 0.f ? "mirrors are lobes (specular_exponent)" : "");
     } else if (config_.early == Switch::on || matters) {
       plan_.image_order = order;
-      add("early", true, fmt::format("order {}", order), level_change_db(reflectance), "dB",
-          config_.early == Switch::on ? BoundKind::user_set : BoundKind::bounded, 0,
+      add("early", true, fmt::format("order {}", order),
+          {level_change_db(reflectance), "dB", config_.early == Switch::on ? BoundKind::user_set : BoundKind::bounded}, 0,
           fmt::format("{} planes, the best mirror sends {:.1f} % back", surfaces_.planes().size(), 100 * reflectance));
     } else {
-      add("early", false, "off", level_change_db(reflectance), "dB", reflectance > 0 ? BoundKind::bounded : BoundKind::exact, early_ms(),
+      add("early", false, "off", {level_change_db(reflectance), "dB", reflectance > 0 ? BoundKind::bounded : BoundKind::exact}, early_ms(),
           reflectance > 0 ? "what mirrors send back is below the direct sound by more than 16.3 dB; rays carry it"
                           : "nothing reflects as a mirror");
     }
@@ -188,14 +202,14 @@ class Planner {
 
   void decide_diffraction() {
     if (config_.diffraction == Switch::off) {
-      add("diffraction", false, "off", kNan, "", BoundKind::user_set, diffraction_ms(), "");
+      add("diffraction", false, "off", kUserSet, diffraction_ms(), "");
       return;
     }
     const DiffractionEdges* edges = surfaces_.diffraction_edges();
     const bool any = edges != nullptr && edges->size() > 0;
     plan_.diffraction = any && (config_.diffraction == Switch::on || edge_in_sight(*edges));
     if (!plan_.diffraction) {
-      add("diffraction", false, "off", 0, "dB", BoundKind::exact, diffraction_ms(),
+      add("diffraction", false, "off", kUnchanged, diffraction_ms(),
           "no edge stands out into air where one could stand; sources look for none");
       return;
     }
@@ -205,11 +219,11 @@ class Planner {
       // without it nothing does.  Beside a direct sound as strong and later by d an octave has 1 + 1/4 + mean cos(k d) of its energy
       // instead of 1: 20 log10(1.5) = 3.5 dB more in phase, and 3.8 dB less where the mean is least (k d = 2.85).
       constexpr double least_mean_cosine = -0.8333;
-      add("diffraction", true, "where blocked, or nearly", -10.0 * std::log10(1.25 + least_mean_cosine), "dB", BoundKind::approximated, 0,
+      add("diffraction", true, "where blocked, or nearly", {-10.0 * std::log10(1.25 + least_mean_cosine), "dB", BoundKind::approximated}, 0,
           "in line of sight, where the energy is complete without it, at shadow boundaries; reflections end at half their pressure without "
           "their edges' waves (on, or 512 rays: with them)");
     } else {
-      add("diffraction", true, "on", 6.0, "dB", config_.diffraction == Switch::on ? BoundKind::user_set : BoundKind::bounded, 0,
+      add("diffraction", true, "on", {6.0, "dB", config_.diffraction == Switch::on ? BoundKind::user_set : BoundKind::bounded}, 0,
           "6 dB where sight ends, more behind it; in sight only at shadow and reflection boundaries, the energy is complete without it");
     }
   }
@@ -233,30 +247,36 @@ class Planner {
     plan_.straight_transmission = !off && surfaces_.transmits();
     const double straight_ms = 2 * probe_.query_us * 1e-3;
     if (!surfaces_.transmits() || off) {
-      add("transmission", false, "off", off ? kNan : 0, off ? "" : "dB", off ? BoundKind::user_set : BoundKind::exact, straight_ms,
+      add("transmission", false, "off", {off ? kNan : 0, off ? "" : "dB", off ? BoundKind::user_set : BoundKind::exact}, straight_ms,
           off ? "" : "no material lets sound through");
       decide_field(false, 0);
       return;
     }
-    add("transmission", true, "where blocked", kNan, "dB", config_.transmission == Switch::on ? BoundKind::user_set : BoundKind::exact, 0,
+    add("transmission", true, "where blocked", {kNan, "dB", config_.transmission == Switch::on ? BoundKind::user_set : BoundKind::exact}, 0,
         "along the straight line, which may bring the first sound; nothing where the line of sight is free");
     decide_field(config_.transmission == Switch::on, *std::max_element(probe_.wall_to_air.begin(), probe_.wall_to_air.end()));
   }
 
-  /// Late transmission is worth tracing where a source field pays for it once: one question.
-  void decide_field(bool forced, double wall_to_air) {
-    const bool matters = wall_to_air > kEffectBudgetFraction;
-    const double change_db = level_change_db(wall_to_air), traced_ms = 0.3 * late_ms();
-    std::string unfit;
-    if (!plan_.late)
-      unfit = "there is no late field";
-    else if (config_.source_rays > 0 && config_.field != Switch::on)
-      unfit = "source_rays selects bidirectional tracing";
-    else if (config_.specular_exponent > 0.f)
-      unfit = "specular_exponent selects lobes";
+  /// The field, and with it late transmission, which is worth tracing where a field pays for it once.
+  void decide_field(bool forced_transmission, double wall_to_air) {
+    const std::string unfit = unfit_for_field();
     if (config_.field == Switch::on && !unfit.empty() && plan_.late)
       throw InputError("field = on", "cannot be: " + unfit, "use field = auto, or drop the other setting");
-
+    const FieldCosts costs = field_costs();
+    // Cells fill the bounds of a scene: in the open a listener may be outside of them.
+    const bool cheaper = probe_.hit_fraction >= kClosedFraction && costs.tracer_ms > kFieldGain * costs.field_ms;
+    plan_.field = unfit.empty() && (config_.field == Switch::on || (config_.field == Switch::automatic && cheaper));
+    if (plan_.straight_transmission) decide_late_transmission(forced_transmission, wall_to_air);
+    add_field(unfit, costs);
+  }
+  /// Why no field can carry the late sound; empty: it can.
+  [[nodiscard]] std::string unfit_for_field() const {
+    if (!plan_.late) return "there is no late field";
+    if (config_.source_rays > 0 && config_.field != Switch::on) return "source_rays selects bidirectional tracing";
+    if (config_.specular_exponent > 0.f) return "specular_exponent selects lobes";
+    return "";
+  }
+  [[nodiscard]] FieldCosts field_costs() const {
     const double rays = std::min(kRaysOfARoom / std::pow(std::max(probe_.visible_fraction, 0.1), 3.0), 2000.0);
     // What would run instead: the configured rays, or the needed ones if they are more.
     const double tracer_ms = kPosesPerSource * trace_ms(std::max(rays, static_cast<double>(config_.rays)), plan_.rir_length_s);
@@ -264,45 +284,44 @@ class Planner {
     // pose eight histories are blended.
     const double pass_ms =
         trace_ms(std::min(kPhotonsOfAField, static_cast<double>(std::max(config_.field_photons, 512))), plan_.rir_length_s) + kProbesMs;
-    const double field_ms = pass_ms + kPosesPerSource * kBlendMs;
-    // Cells fill the bounds of a scene: in the open a listener may be outside of them.
-    const bool cheaper = probe_.hit_fraction >= kClosedFraction && tracer_ms > kFieldGain * field_ms;
-    const bool wanted = unfit.empty() && (config_.field == Switch::on || (config_.field == Switch::automatic && cheaper));
-    plan_.field = wanted;
-
-    if (plan_.straight_transmission) {
-      // Photons pass walls once for all poses, many rays are configured where accuracy counts; with few rays per pose walls would double
-      // the time for less than their noise, unless they are the only way.
-      const bool affordable = wanted || all_rays() >= kManyRays || std::isinf(wall_to_air);
-      plan_.traced_transmission = plan_.late && (forced || (matters && affordable));
-      if (forced) {
-        add("transmission_late", true, "on", change_db, "dB", BoundKind::user_set, 0, "");
-      } else if (plan_.traced_transmission) {
-        add("transmission_late", true, "on", change_db, "dB", BoundKind::bounded, 0,
-            std::isinf(wall_to_air) ? "some rooms are reached through walls only"
-                                    : "walls bring that much beside what comes through the air");
-      } else if (!matters) {
-        add("transmission_late", false, "off", change_db, "dB", BoundKind::bounded, traced_ms,
-            wall_to_air > 0 ? "walls bring next to nothing beside what comes through the air"
-                            : "no wall that lets sound through has air behind it");
-      } else {
-        add("transmission_late", false, "off", change_db, "dB", BoundKind::approximated, traced_ms,
-            "walls bring up to that much in one band of one room, but few rays cannot tell (on, 512 rays or a source field: traced)");
-      }
+    return {rays, tracer_ms, pass_ms + kPosesPerSource * kBlendMs};
+  }
+  void decide_late_transmission(bool forced, double wall_to_air) {
+    const bool matters = wall_to_air > kEffectBudgetFraction;
+    const double change_db = level_change_db(wall_to_air), traced_ms = 0.3 * late_ms();
+    // Photons pass walls once for all poses, many rays are configured where accuracy counts; with few rays per pose walls would double
+    // the time for less than their noise, unless they are the only way.
+    const bool affordable = plan_.field || all_rays() >= kManyRays || std::isinf(wall_to_air);
+    plan_.traced_transmission = plan_.late && (forced || (matters && affordable));
+    if (forced) {
+      add("transmission_late", true, "on", {change_db, "dB", BoundKind::user_set}, 0, "");
+    } else if (plan_.traced_transmission) {
+      add("transmission_late", true, "on", {change_db, "dB", BoundKind::bounded}, 0,
+          std::isinf(wall_to_air) ? "some rooms are reached through walls only"
+                                  : "walls bring that much beside what comes through the air");
+    } else if (!matters) {
+      add("transmission_late", false, "off", {change_db, "dB", BoundKind::bounded}, traced_ms,
+          wall_to_air > 0 ? "walls bring next to nothing beside what comes through the air"
+                          : "no wall that lets sound through has air behind it");
+    } else {
+      add("transmission_late", false, "off", {change_db, "dB", BoundKind::approximated}, traced_ms,
+          "walls bring up to that much in one band of one room, but few rays cannot tell (on, 512 rays or a source field: traced)");
     }
-
-    const std::string costs = fmt::format(
+  }
+  void add_field(const std::string& unfit, const FieldCosts& costs) {
+    const bool on = plan_.field;
+    const std::string why = fmt::format(
         "{:.0f} % of the air are visible from a point of it: about {:.0f} rays per pose for 5 % of T30, {:.0f} ms for {:.0f} "
         "poses against {:.0f} ms with a field",
-        100 * probe_.visible_fraction, rays, tracer_ms, kPosesPerSource, field_ms);
-    const double saved = std::abs(tracer_ms - field_ms) / kPosesPerSource;
+        100 * probe_.visible_fraction, costs.rays, costs.tracer_ms, kPosesPerSource, costs.field_ms);
+    const double saved = std::abs(costs.tracer_ms - costs.field_ms) / kPosesPerSource;
     if (config_.field != Switch::automatic) {
-      add("field", wanted, name_of(config_.field), kNan, "", BoundKind::user_set, 0, costs);
+      add("field", on, name_of(config_.field), kUserSet, 0, why);
     } else if (!unfit.empty()) {
-      add("field", false, "off", 0, "dB", BoundKind::exact, 0, unfit);
+      add("field", false, "off", kUnchanged, 0, unfit);
     } else {
-      add("field", wanted, name_of(wanted ? Switch::on : Switch::off), wanted ? 100.0 * config_.field_error : 0, wanted ? "% of T20" : "dB",
-          wanted ? BoundKind::bounded : BoundKind::exact, 0, costs);
+      add("field", on, name_of(on ? Switch::on : Switch::off),
+          {on ? 100.0 * config_.field_error : 0, on ? "% of T20" : "dB", on ? BoundKind::bounded : BoundKind::exact}, 0, why);
       plan_.decisions.back().saved_ms = std::max(saved, 0.0);
     }
   }
@@ -330,17 +349,18 @@ class Planner {
       }
     }
     if (config_.air_absorption != Switch::automatic) {
-      add("air_absorption", config_.air_absorption == Switch::on, name_of(config_.air_absorption), std::max(largest_on_db, largest_off_db),
-          "dB", BoundKind::user_set, off * band_ms, fmt::format("on the longest path, {:.0f} m", longest_m));
+      add("air_absorption", config_.air_absorption == Switch::on, name_of(config_.air_absorption),
+          {std::max(largest_on_db, largest_off_db), "dB", BoundKind::user_set}, off * band_ms,
+          fmt::format("on the longest path, {:.0f} m", longest_m));
     } else if (off == surfaces_.num_bands()) {
-      add("air_absorption", false, "off", largest_off_db, "dB", BoundKind::bounded, off * band_ms,
+      add("air_absorption", false, "off", {largest_off_db, "dB", BoundKind::bounded}, off * band_ms,
           fmt::format("on the longest path, {:.0f} m, and less than 1 % of RT60", longest_m));
     } else {
       add("air_absorption", true, fmt::format("from {:.0f} Hz up", surfaces_.bands().centre_hz[static_cast<std::size_t>(lowest_on)]),
-          largest_on_db, "dB", BoundKind::bounded, 0, fmt::format("on the longest path, {:.0f} m", longest_m));
+          {largest_on_db, "dB", BoundKind::bounded}, 0, fmt::format("on the longest path, {:.0f} m", longest_m));
       if (off > 0) {
-        add("air_absorption_low", false, fmt::format("off in the lowest {}", off), largest_off_db, "dB", BoundKind::bounded, off * band_ms,
-            fmt::format("on the longest path, {:.0f} m, and less than 1 % of RT60", longest_m));
+        add("air_absorption_low", false, fmt::format("off in the lowest {}", off), {largest_off_db, "dB", BoundKind::bounded},
+            off * band_ms, fmt::format("on the longest path, {:.0f} m, and less than 1 % of RT60", longest_m));
       }
     }
   }
