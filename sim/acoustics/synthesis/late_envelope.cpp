@@ -35,24 +35,39 @@ void LateEnvelope::set_higher(std::size_t index, const Float* c, std::size_t num
 }
 
 void LateEnvelope::make(const EnergyHistogram& energy, float sample_rate_hz, double onset_sample, std::size_t num_samples) {
-  num_bins_ = energy.num_bins();
   num_samples_ = num_samples;
   onset_ = onset_sample;
-  const int num_bands = num_bands_ = energy.num_bands();
   width_ = static_cast<double>(energy.bin_s()) * static_cast<double>(sample_rate_hz);
+  resize(energy);
+  cut_hats();
+  // From here on no hat is cut and nothing is carried.
+  const int first_whole_bin = onset_ > 0 ? static_cast<int>(std::min(onset_ / width_ + 2.5, 1e9)) : 1;
+  const int first_merged = std::min(first_whole_bin, static_cast<int>(bins_.fine()));
+  set_bins_at_onset(energy, first_merged);
+  set_whole_bins(energy, static_cast<std::size_t>(first_merged));
+  for (int band = 0; band < num_bands_; ++band) drop_inaudible_end(band);
+}
+
+void LateEnvelope::resize(const EnergyHistogram& energy) {
+  num_bins_ = energy.num_bins();
+  num_bands_ = energy.num_bands();
   // From the onset: where widths change, a steep decay gains a little, and should not while it is loud.
-  bins_ = WideningBins(num_bins_, static_cast<std::size_t>(std::clamp(onset_sample / width_, 0.0, 1e9)));
-  const std::size_t cells = bins_.size() * static_cast<std::size_t>(num_bands);
+  bins_ = WideningBins(num_bins_, static_cast<std::size_t>(std::clamp(onset_ / width_, 0.0, 1e9)));
+  const std::size_t cells = bins_.size() * static_cast<std::size_t>(num_bands_);
   samples_.assign(cells, LateEnvelopeSample{});
   hat_area_.assign(static_cast<std::size_t>(num_bins_), width_);
   const auto num_known = static_cast<std::size_t>(energy.num_coefficients() >= 4 ? energy.num_coefficients() : 1);
   num_higher_ = num_known > 4 ? num_known - 4 : 0;
   higher_.assign(cells * num_higher_, 0.f);
+  carried_.resize(num_known);
+  sum_.resize(static_cast<std::size_t>(num_bands_) * static_cast<std::size_t>(energy.num_coefficients()));
+}
 
-  // A single bin's energy is spread by a hat that reaches the neighbours' centres.  Where the onset cuts the hat, what is left of it
-  // carries all.
-  const auto first_sample = static_cast<std::int64_t>(std::ceil(onset_sample));
-  for (int bin = 0; bin < num_bins_ && (bin - 0.5) * width_ < onset_sample; ++bin) {
+/// A single bin's energy is spread by a hat that reaches the neighbours' centres.  Where the onset cuts the hat, what is left of it carries
+/// all.
+void LateEnvelope::cut_hats() {
+  const auto first_sample = static_cast<std::int64_t>(std::ceil(onset_));
+  for (int bin = 0; bin < num_bins_ && (bin - 0.5) * width_ < onset_; ++bin) {
     const double centre = (bin + 0.5) * width_;
     double area = 0;
     for (auto n = std::max<std::int64_t>(first_sample, static_cast<std::int64_t>(std::ceil(centre - width_)));
@@ -63,36 +78,42 @@ void LateEnvelope::make(const EnergyHistogram& energy, float sample_rate_hz, dou
     }
     hat_area_[static_cast<std::size_t>(bin)] = area;
   }
+}
 
-  // From here on no hat is cut and nothing is carried.
-  const int first_whole_bin = onset_sample > 0 ? static_cast<int>(std::min(onset_sample / width_ + 2.5, 1e9)) : 1;
-  const float* values = energy.values().data();
-  const auto stride = static_cast<std::size_t>(num_bands) * static_cast<std::size_t>(energy.num_coefficients());
-  const int last_bin = std::min(num_bins_ - 1, static_cast<int>(static_cast<double>(num_samples) / width_ + 0.5));
-  carried_.resize(num_known);
-  sum_.resize(stride);
-  const auto fine = static_cast<int>(bins_.fine());
-  // A segment to the middle of a merged bin may begin within the response though the merged bin does not.
-  const auto begins_before_the_end = [&](std::size_t merged) {
-    return bins_.middle(merged - 1) * width_ < static_cast<double>(num_samples);
-  };
-  const auto coefficients = static_cast<std::size_t>(energy.num_coefficients());
-  for (int band = 0; band < num_bands; ++band) {
-    double* c = carried_.data();  // energy of the bin, and of those before the onset
-    std::fill_n(c, num_known, 0.0);
-    const float* cell = values + static_cast<std::size_t>(band) * coefficients;
-    for (int bin = 0; bin <= last_bin && bin < std::min(first_whole_bin, fine); ++bin, cell += stride) {
+/// The last bin that may reach into the response.
+int LateEnvelope::last_bin() const { return std::min(num_bins_ - 1, static_cast<int>(static_cast<double>(num_samples_) / width_ + 0.5)); }
+
+/// Bins before end_bin: what lies before the onset is carried to the first bin that has a hat behind it.
+void LateEnvelope::set_bins_at_onset(const EnergyHistogram& energy, int end_bin) {
+  const std::size_t coefficients = static_cast<std::size_t>(energy.num_coefficients()), stride = sum_.size();
+  const int last = last_bin();
+  double* c = carried_.data();  // energy of the bin, and of those before the onset
+  for (int band = 0; band < num_bands_; ++band) {
+    std::ranges::fill(carried_, 0.0);
+    const float* cell = energy.values().data() + static_cast<std::size_t>(band) * coefficients;
+    for (int bin = 0; bin <= last && bin < end_bin; ++bin, cell += stride) {
       const double area = hat_area_[static_cast<std::size_t>(bin)];
-      for (std::size_t k = 0; k < num_known; ++k) c[k] += static_cast<double>(cell[k]);
+      for (std::size_t k = 0; k < carried_.size(); ++k) c[k] += static_cast<double>(cell[k]);
       if (area < 0.25 * width_ && bin + 1 < num_bins_) continue;
       if (c[0] > 0 && c[0] < 1e30 && area > 0) set_sample(band, bin, std::span(carried_), area);
-      std::fill_n(c, num_known, 0.0);
+      std::ranges::fill(carried_, 0.0);
     }
   }
-  for (auto merged = static_cast<std::size_t>(std::min(first_whole_bin, fine)); merged < bins_.size(); ++merged) {
+}
+
+/// Merged bins from first_merged on, each spread over its own width.
+void LateEnvelope::set_whole_bins(const EnergyHistogram& energy, std::size_t first_merged) {
+  const auto coefficients = static_cast<std::size_t>(energy.num_coefficients());
+  const std::size_t stride = sum_.size(), num_known = carried_.size();
+  const int last = last_bin();
+  // A segment to the middle of a merged bin may begin within the response though the merged bin does not.
+  const auto begins_before_the_end = [&](std::size_t merged) {
+    return bins_.middle(merged - 1) * width_ < static_cast<double>(num_samples_);
+  };
+  for (std::size_t merged = first_merged; merged < bins_.size(); ++merged) {
     const bool is_wide = merged >= bins_.fine();
-    if (is_wide ? !begins_before_the_end(merged) : static_cast<int>(merged) > last_bin) continue;
-    const float* all_bands = values + bins_.first_bin(merged) * stride;
+    if (is_wide ? !begins_before_the_end(merged) : static_cast<int>(merged) > last) continue;
+    const float* all_bands = energy.values().data() + bins_.first_bin(merged) * stride;
     if (is_wide) {
       std::fill_n(sum_.begin(), stride, 0.f);
       for (std::size_t i = 0; i < bins_.width(merged); ++i, all_bands += stride)
@@ -100,14 +121,13 @@ void LateEnvelope::make(const EnergyHistogram& energy, float sample_rate_hz, dou
       all_bands = sum_.data();
     }
     const auto per_width = static_cast<float>(1.0 / (static_cast<double>(bins_.width(merged)) * width_));
-    for (int band = 0; band < num_bands; ++band) {
+    for (int band = 0; band < num_bands_; ++band) {
       const float* c = all_bands + static_cast<std::size_t>(band) * coefficients;
       const std::size_t index = static_cast<std::size_t>(band) * bins_.size() + merged;
       set_whole(samples_[index], c, num_known >= 4, per_width);
       if (samples_[index].density > 0.f) set_higher(index, c, num_known);
     }
   }
-  for (int band = 0; band < num_bands; ++band) drop_inaudible_end(band);
 }
 
 double LateEnvelope::first_sound() const {

@@ -93,6 +93,12 @@ class LateEnvelope {
     return static_cast<std::size_t>(std::clamp(std::ceil(position), 0.0, static_cast<double>(num_samples_)));
   }
 
+  void resize(const EnergyHistogram& energy);
+  void cut_hats();
+  void set_bins_at_onset(const EnergyHistogram& energy, int end_bin);
+  void set_whole_bins(const EnergyHistogram& energy, std::size_t first_merged);
+  [[nodiscard]] int last_bin() const;
+
   /// c: harmonics of its energy, from 0 on.  area: samples over which it spreads.
   void set_sample(int band, int bin, std::span<const double> c, double area);
   template <class Float>
