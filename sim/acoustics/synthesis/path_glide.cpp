@@ -120,12 +120,25 @@ void PathGlider::advance(const EnergyResponse& response, std::span<const std::ui
 }
 
 /// line_[j]: the dry sound through the line at j - (num_taps / 2 - 1) samples from the start of the block.
-void PathGlider::read_line(const OversampledSound& sound, const StreamPosition& position, const Line& line, int block) {
+void PathGlider::read_line(const Block& block, const Line& line) {
   const std::size_t half = num_taps_ / 2, before = half - 1;
-  line_.resize(static_cast<std::size_t>(block) + num_taps_ - 1);
+  line_.resize(static_cast<std::size_t>(block.samples) + num_taps_ - 1);
   const auto all = std::span(line_);
-  sound.read(position, -static_cast<double>(before) * (1.0 - line.slope_before) - line.delay, 1.0 - line.slope_before, all.first(before));
-  sound.read(position, -line.delay, 1.0 - line.slope, all.subspan(before));
+  block.sound.read(block.position, -static_cast<double>(before) * (1.0 - line.slope_before) - line.delay, 1.0 - line.slope_before,
+                   all.first(before));
+  block.sound.read(block.position, -line.delay, 1.0 - line.slope, all.subspan(before));
+}
+
+/// A line through a filter into one of the sums.
+void PathGlider::add_line(const Block& block, const Line& line, const std::complex<float>* filter, std::size_t channel, Sum& sum) {
+  read_line(block, line);
+  const auto whole = std::span<const float>(line_);
+  for (std::size_t piece = 0; piece < pieces_; ++piece) {
+    const auto from_piece = whole.subspan(piece * hop());
+    fft_.forward(from_piece.first(std::min(from_piece.size(), static_cast<std::size_t>(fft_.size()))),
+                 std::span(spectrum_).subspan(piece * num_bins_, num_bins_));
+  }
+  add_product(filter, channel, sum);
 }
 
 /// spectrum_ through a filter into one of the sums.
@@ -142,49 +155,52 @@ void PathGlider::render(const OversampledSound& sound, const StreamPosition& pos
                         std::span<float> output) {
   const FlushDenormals flush;
   EARSHOT_EXPECT(block >= 0 && block <= block_samples_ && output.size() >= num_channels_ * static_cast<std::size_t>(block));
-  Pose &now = paths.now_, &before = paths.before_;
   const bool moves = std::exchange(paths.moves_, false);
-  const std::size_t leaving = moves ? before.count : 0;
-  if (now.count + leaving == 0 || block == 0) return;
+  if (paths.now_.count + (moves ? paths.before_.count : 0) == 0 || block == 0) return;
   for (Sum* sum : {&resting_, &from_, &to_, &entering_, &leaving_}) sum->any = false;
   pieces_ = (static_cast<std::size_t>(block) + hop() - 1) / hop();
-  const auto filter_of = [&](const Pose& pose, std::size_t row) { return pose.filter.data() + row * num_bins_; };
-  const auto add_line = [&](const Line& line, const std::complex<float>* filter, std::size_t channel, Sum& sum) {
-    read_line(sound, position, line, block);
-    const auto whole = std::span<const float>(line_);
-    for (std::size_t piece = 0; piece < pieces_; ++piece) {
-      const auto from_piece = whole.subspan(piece * hop());
-      fft_.forward(from_piece.first(std::min(from_piece.size(), static_cast<std::size_t>(fft_.size()))),
-                   std::span(spectrum_).subspan(piece * num_bins_, num_bins_));
-    }
-    add_product(filter, channel, sum);
-  };
+  const Block taken{sound, position, block};
+  add_present_paths(taken, paths, moves);
+  if (moves) add_leaving_paths(taken, paths);
+  fade_sums(block, fade, output);
+}
 
+/// Paths of the new pose: at rest, entering, or gliding from the pose before.
+void PathGlider::add_present_paths(const Block& block, GlidingPaths& paths, bool moves) {
+  Pose& now = paths.now_;
+  const Pose& before = paths.before_;
   for (std::size_t path = 0; path < now.count; ++path) {
     const int partner = moves ? now.partner[path] : kNoPartner;
     for (std::size_t c = 0; c < num_channels_; ++c) {
       const std::size_t row = path * num_channels_ + c;
       if (partner == kNoPartner) {
         // At rest what it did in the block before still rings in the filter.
-        add_line({now.delay[row], 0.0, moves ? 0.0 : now.slope[row]}, filter_of(now, row), c, moves ? entering_ : resting_);
+        add_line(block, {now.delay[row], 0.0, moves ? 0.0 : now.slope[row]}, filter_of(now, row), c, moves ? entering_ : resting_);
         now.slope[row] = 0;
       } else {
         const std::size_t old = static_cast<std::size_t>(partner) * num_channels_ + c;
-        add_line({before.delay[old], now.slope[row], before.slope[old]}, filter_of(before, old), c, from_);
+        add_line(block, {before.delay[old], now.slope[row], before.slope[old]}, filter_of(before, old), c, from_);
         add_product(filter_of(now, row), c, to_);
       }
     }
   }
-  const auto partners = std::span(now.partner).first(now.count);
-  for (std::size_t path = 0; path < leaving; ++path) {
+}
+
+/// Paths of the pose before that are no partner of a new one.
+void PathGlider::add_leaving_paths(const Block& block, const GlidingPaths& paths) {
+  const Pose& before = paths.before_;
+  const auto partners = std::span(paths.now_.partner).first(paths.now_.count);
+  for (std::size_t path = 0; path < before.count; ++path) {
     if (std::ranges::find(partners, static_cast<int>(path)) != partners.end()) continue;
     for (std::size_t c = 0; c < num_channels_; ++c) {
       const std::size_t row = path * num_channels_ + c;
-      add_line({before.delay[row], 0.0, before.slope[row]}, filter_of(before, row), c, leaving_);
+      add_line(block, {before.delay[row], 0.0, before.slope[row]}, filter_of(before, row), c, leaving_);
     }
   }
+}
 
-  // Fades are behind the filters: nothing is left of what leaves once the fade is over, and a block begins with what the one before ended.
+/// Fades are behind the filters: nothing is left of what leaves once the fade is over, and a block begins with what the one before ended.
+void PathGlider::fade_sums(int block, int fade, std::span<float> output) {
   const int faded = std::min(fade, block);
   const auto weight = [&](int i) { return static_cast<float>(i) / static_cast<float>(fade); };
   const float glide = 1.f / static_cast<float>(block_samples_);
