@@ -109,23 +109,24 @@ void LateArray::sound_wave(const EnergyHistogram& energy, const CarrierBank& car
   });
 }
 
-void LateArray::render(const EnergyHistogram& energy, const CarrierBank& carriers, LateCarriers& place, const CarrierKey& key,
-                       double onset_sample, const ListenerOrientation& orientation, float speed_of_sound_m_per_s,
+void LateArray::render(const LateFieldAtArray& field, const CarrierBank& carriers, LateCarriers& place,
                        std::span<const BandDirectivity> patterns, std::span<float> out) {
-  if (energy.num_bins() == 0) return;
-  envelope_.make(energy, rate_hz_, onset_sample, num_samples_);
-  weigh_waves(energy);
+  if (field.energy.num_bins() == 0) return;
+  const CarrierKey& key = field.key;
+  const auto speed_m_per_s = static_cast<double>(field.speed_of_sound_m_per_s);
+  envelope_.make(field.energy, rate_hz_, field.onset_sample, num_samples_);
+  weigh_waves(field.energy);
   for (auto& spectrum : microphone_spectrum_) std::fill(spectrum.begin(), spectrum.end(), Complex{});
   for (std::size_t wave = 0; wave < kNumWaves; ++wave) {
     // A wave reaches a place on its own side earlier: whole samples are read ahead, the rest is a delay.  The place has no part in `place`.
-    const double ahead = glm::dot(glm::dvec3(direction_[wave]), glm::dvec3(key.listener.value_or(glm::vec3(0)))) /
-                         static_cast<double>(speed_of_sound_m_per_s) * static_cast<double>(rate_hz_);
+    const double ahead = glm::dot(glm::dvec3(direction_[wave]), glm::dvec3(key.listener.value_or(glm::vec3(0)))) / speed_m_per_s *
+                         static_cast<double>(rate_hz_);
     const auto loop = static_cast<double>(carriers.length());
     const double whole = std::floor(ahead);
     place.set({key.source, std::nullopt, key.moving_source}, kFirstStream + static_cast<std::uint32_t>(wave), envelope_);
-    sound_wave(energy, carriers, place, wave, static_cast<std::size_t>(whole - loop * std::floor(whole / loop)));
+    sound_wave(field.energy, carriers, place, wave, static_cast<std::size_t>(whole - loop * std::floor(whole / loop)));
     fft_.forward(signal_, wave_spectrum_);
-    const glm::vec3 from = orientation.world_to_local(direction_[wave]);
+    const glm::vec3 from = field.orientation.world_to_local(direction_[wave]);
     for (std::size_t i = 0; i < microphones_.size(); ++i) {
       const Microphone& microphone = microphones_[i];
       patterns[i].pressure(glm::conjugate(microphone.orientation) * from, band_gain_);
@@ -138,8 +139,8 @@ void LateArray::render(const EnergyHistogram& energy, const CarrierBank& carrier
         for (std::size_t k = 0; k < path_.size(); ++k) path_[k] *= gain_[k];
       }
       // A wave from the side of the microphone reaches it before the listener's position.
-      const double early_samples = static_cast<double>(glm::dot(from, microphone.position_m)) /
-                                   static_cast<double>(speed_of_sound_m_per_s) * static_cast<double>(rate_hz_);
+      const double early_samples =
+          static_cast<double>(glm::dot(from, microphone.position_m)) / speed_m_per_s * static_cast<double>(rate_hz_);
       delay_spectrum(path_, whole - ahead - early_samples, fft_.size());
       for (std::size_t k = 0; k < path_.size(); ++k) microphone_spectrum_[i][k] += path_[k];
     }

@@ -16,6 +16,15 @@
 
 namespace earshot {
 
+/// A late field at one pose of an array.
+struct LateFieldAtArray {
+  const EnergyHistogram& energy;
+  double onset_sample;    ///< no sound before it
+  const CarrierKey& key;  ///< of its noise
+  const ListenerOrientation& orientation;
+  float speed_of_sound_m_per_s;
+};
+
 /// Late sound at the microphones of an array: plane waves with independent noise from directions spread evenly over the sphere, each with
 /// the delay of its way to a microphone and the gain of that microphone's pattern.  In every bin (late_envelope.h) and band the waves
 /// divide the energy as exp(k cos) about its mean direction (von Mises and Fisher), with k from the length of that mean: even in a diffuse
@@ -33,8 +42,7 @@ class LateArray {
   LateArray(const BandLayout& bands, float sample_rate_hz, int num_samples, const std::vector<Microphone>& microphones);
 
   /// out: [microphone][num_samples], added to.  patterns: of the microphones.  carriers: kNumWaves channels.
-  void render(const EnergyHistogram& energy, const CarrierBank& carriers, LateCarriers& place, const CarrierKey& key, double onset_sample,
-              const ListenerOrientation& orientation, float speed_of_sound_m_per_s, std::span<const BandDirectivity> patterns,
+  void render(const LateFieldAtArray& field, const CarrierBank& carriers, LateCarriers& place, std::span<const BandDirectivity> patterns,
               std::span<float> out);
 
  private:

@@ -18,9 +18,17 @@ struct FirstOrderRamps {
   Ramp density, m1, m2, m3, d;
 };
 
+/// What one band brings to one segment.
+struct FirstOrderBand {
+  FirstOrderRamps ramps;
+  std::array<const float*, 4> carrier;
+};
+
 // Without __restrict on the outputs the loop is not vectorized (3 times the time).
-void add_first_order(int count, FirstOrderRamps ramps, const float* w, const float* n1, const float* n2, const float* n3,
-                     float* __restrict out0, float* __restrict out1, float* __restrict out2, float* __restrict out3) {
+void add_first_order(int count, const FirstOrderBand& band, float* __restrict out0, float* __restrict out1, float* __restrict out2,
+                     float* __restrict out3) {
+  const FirstOrderRamps ramps = band.ramps;
+  const float *w = band.carrier[0], *n1 = band.carrier[1], *n2 = band.carrier[2], *n3 = band.carrier[3];
   for (int i = 0; i < count; ++i) {
     const float s = std::sqrt(std::max(ramps.density.at(i), 0.f));
     const float omni = s * w[i], diffuse = s * ramps.d.at(i);
@@ -31,15 +39,12 @@ void add_first_order(int count, FirstOrderRamps ramps, const float* w, const flo
   }
 }
 
-/// What one band brings to one segment.
-struct FirstOrderBand {
-  FirstOrderRamps ramps;
-  std::array<const float*, 4> carrier;
-};
+using FirstOrderPair = std::array<FirstOrderBand, 2>;
 
 /// Two bands at a time: the outputs are read and written half as often.
-void add_first_order(int count, const FirstOrderBand& a, const FirstOrderBand& b, float* __restrict out0, float* __restrict out1,
-                     float* __restrict out2, float* __restrict out3) {
+void add_first_order(int count, const FirstOrderPair& bands, float* __restrict out0, float* __restrict out1, float* __restrict out2,
+                     float* __restrict out3) {
+  const auto& [a, b] = bands;
   const FirstOrderRamps p = a.ramps, q = b.ramps;
   const float *w = a.carrier[0], *n1 = a.carrier[1], *n2 = a.carrier[2], *n3 = a.carrier[3];
   const float *v = b.carrier[0], *k1 = b.carrier[1], *k2 = b.carrier[2], *k3 = b.carrier[3];
@@ -53,8 +58,13 @@ void add_first_order(int count, const FirstOrderBand& a, const FirstOrderBand& b
   }
 }
 
-void add_higher(int count, Ramp density, Ramp m, Ramp d, const float* w, const float* n, float* __restrict out) {
-  for (int i = 0; i < count; ++i) out[i] += std::sqrt(std::max(density.at(i), 0.f)) * (m.at(i) * w[i] + d.at(i) * n[i]);
+/// Amplitudes of one channel above first order at one segment.
+struct HigherRamps {
+  Ramp density, m, d;
+};
+
+void add_higher(int count, HigherRamps ramps, const float* w, const float* n, float* __restrict out) {
+  for (int i = 0; i < count; ++i) out[i] += std::sqrt(std::max(ramps.density.at(i), 0.f)) * (ramps.m.at(i) * w[i] + ramps.d.at(i) * n[i]);
 }
 
 }  // namespace
@@ -91,8 +101,8 @@ std::size_t LateSynthesizer::render(const LateEnvelope& envelope, int num_bins, 
   std::size_t end_of_sound = 0;
   const auto add = [&](const LateSegment& segment, const LateCarriers::Read& read) {
     const auto out = [&](std::size_t c) { return channels[c].data() + segment.begin; };
-    FirstOrderBand waiting{};  // for another band to be added with
-    bool waits = false;
+    FirstOrderPair bands{};
+    bool waits = false;  // bands[0], for a second one to be added with
     for (int band = 0; band < num_bands; ++band) {
       const auto row = envelope.band(band);
       const LateEnvelopeSample &a = row[static_cast<std::size_t>(segment.left)], &b = row[static_cast<std::size_t>(segment.right)];
@@ -109,24 +119,19 @@ std::size_t LateSynthesizer::render(const LateEnvelope& envelope, int num_bins, 
       const int left_bin = from_density > 0.f ? segment.left : segment.right, right_bin = to_density > 0.f ? segment.right : segment.left;
       const LateEnvelopeSample &left = row[static_cast<std::size_t>(left_bin)], &right = row[static_cast<std::size_t>(right_bin)];
       const auto ramp = [&](float from, float to) { return ramp_over(segment, from, to); };
-      const FirstOrderBand now{
+      bands[waits ? 1 : 0] = {
           {density, ramp(left.m[0], right.m[0]), ramp(left.m[1], right.m[1]), ramp(left.m[2], right.m[2]), ramp(left.d, right.d)},
           {carrier(0), carrier(1), carrier(2), carrier(3)}};
-      if (waits)
-        add_first_order(segment.count, waiting, now, out(0), out(1), out(2), out(3));
-      else
-        waiting = now;
+      if (waits) add_first_order(segment.count, bands, out(0), out(1), out(2), out(3));
       waits = !waits;
       const std::size_t higher = num_channels - 4;
       for (std::size_t c = 4; c < num_channels; ++c) {
         const HigherAmplitude& from = higher_[static_cast<std::size_t>(band * envelope.size() + left_bin) * higher + c - 4];
         const HigherAmplitude& to = higher_[static_cast<std::size_t>(band * envelope.size() + right_bin) * higher + c - 4];
-        add_higher(segment.count, density, ramp(from.m, to.m), ramp(from.d, to.d), carrier(0), carrier(c), out(c));
+        add_higher(segment.count, {density, ramp(from.m, to.m), ramp(from.d, to.d)}, carrier(0), carrier(c), out(c));
       }
     }
-    if (waits)
-      add_first_order(segment.count, waiting.ramps, waiting.carrier[0], waiting.carrier[1], waiting.carrier[2], waiting.carrier[3], out(0),
-                      out(1), out(2), out(3));
+    if (waits) add_first_order(segment.count, bands[0], out(0), out(1), out(2), out(3));
   };
   envelope.visit(CarrierBank::kPad, [&](const LateSegment& segment) {
     if (segment.left >= num_bins) return;

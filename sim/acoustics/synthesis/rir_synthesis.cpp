@@ -372,8 +372,12 @@ void RirSynthesizer::render_late(const Pass& pass, double onset_sample, Rir& rir
       return;
     }
     case ListenerKind::array:
-      scratch.array->render(late, tables.carriers, scratch.place, pass.key, onset_sample, pass.orientation,
-                            pass.response.speed_of_sound_m_per_s, tables.patterns, rir.samples);
+      scratch.array->render({.energy = late,
+                             .onset_sample = onset_sample,
+                             .key = pass.key,
+                             .orientation = pass.orientation,
+                             .speed_of_sound_m_per_s = pass.response.speed_of_sound_m_per_s},
+                            tables.carriers, scratch.place, tables.patterns, rir.samples);
   }
 }
 
