@@ -103,10 +103,16 @@ void deposit(const Trace& trace, const RayState<W>& ray, float path_m, EnergyHis
                 std::span(ray.sh.data(), static_cast<std::size_t>(trace.num_coefficients)));
 }
 
-/// Track-length estimate of a segment that left a mirror: chord / (4 pi volume) of the source sphere.
+/// Where a trace puts what it finds.
+struct TraceOutput {
+  EnergyHistogram& histogram;
+  TraceStats& stats;
+};
+
+/// Track-length estimate of the ray's present segment, which left a mirror: chord / (4 pi volume) of the source sphere.
 template <int W>
-void cross_source_volume(const Trace& trace, RayState<W>& ray, glm::vec3 origin, glm::vec3 direction, float segment_m,
-                         EnergyHistogram& histogram, TraceStats& stats) {
+void cross_source_volume(const Trace& trace, RayState<W>& ray, float segment_m, TraceOutput output) {
+  const glm::vec3 origin = ray.origin, direction = ray.direction;
   const auto [enter_m, leave_m] = chord_through(trace.source, trace.source_radius_m, origin, direction, segment_m);
   if (!(leave_m > enter_m) || ray.only_walls || carried<W>(trace, ray, nullptr)) return;
   const float volume_m3 = 4.f / 3.f * kPi * trace.source_radius_m * trace.source_radius_m * trace.source_radius_m;
@@ -114,10 +120,10 @@ void cross_source_volume(const Trace& trace, RayState<W>& ray, glm::vec3 origin,
   for (int b = 0; b < W; ++b) ray.arriving[b] = ray.throughput[b] * factor;
   apply_emission(trace, ray, -direction);
   if (!std::isfinite(sum_over_bands<W>(ray.arriving))) {
-    ++stats.nonfinite_dropped;
+    ++output.stats.nonfinite_dropped;
     return;
   }
-  deposit(trace, ray, ray.path_m + 0.5f * (enter_m + leave_m), histogram);
+  deposit(trace, ray, ray.path_m + 0.5f * (enter_m + leave_m), output.histogram);
 }
 
 /// Multiplies ray.arriving by what the walls between two points let through, and adds to `path_m` what they delay.  False if nothing is
@@ -143,17 +149,25 @@ bool pass_walls(const Trace& trace, RayState<W>& ray, glm::vec3 from, glm::vec3 
   return false;
 }
 
-/// Next-event estimation: d e = T f cos / (4 pi d^2) / (4 pi) with T starting at 4 pi / N and f = (1 - a) s / pi (docs/estimators.md,
-/// section 1; O-11).  blocker: see EmbreeScene::occluded; may be null.
+/// The point that next-event estimation aims at.
 template <int W>
-void connect_to_source(const Trace& trace, RayState<W>& ray, const Hit& hit, glm::vec3 start, glm::vec3 source, const float* scattering,
-                       const RandomStream& random, WallRoulette<W>& roulette, std::uint32_t* blocker, EnergyHistogram& histogram,
-                       TraceStats& stats) {
+glm::vec3 point_of_source(const Trace& trace, const RayState<W>& ray, const RandomStream& random) {
+  if (!(trace.source_spread_m > 0)) return trace.source;
+  const auto u = random.uniform4(0x80000000u | static_cast<std::uint32_t>(ray.bounces));
+  return point_in_sphere(trace.source, trace.source_spread_m, u[0], u[1], u[2]);
+}
+
+/// What a vertex brings: next-event estimation from where the ray waits, d e = T f cos / (4 pi d^2) / (4 pi) with T starting at 4 pi / N
+/// and f = (1 - a) s / pi (docs/estimators.md, section 1; O-11).  blocker: see EmbreeScene::occluded; may be null.
+template <int W>
+void connect_vertex(const Trace& trace, RayState<W>& ray, const RandomStream& random, WallRoulette<W>& roulette, TraceOutput output,
+                    std::uint32_t* blocker = nullptr) {
+  const glm::vec3 start = ray.origin, source = point_of_source(trace, ray, random);
   const EmbreeScene& rays = trace.scene.scene().rays();
   const auto blocked = [&] { return blocker ? rays.occluded(start, source, *blocker) : rays.occluded(start, source); };
   const glm::vec3 to_source = source - start;
   const float distance2 = glm::dot(to_source, to_source);
-  const float height_m = glm::dot(hit.normal, to_source);
+  const float height_m = glm::dot(ray.hit.normal, to_source);
   if (!(height_m > 0)) return;
   const float distance_m = std::sqrt(distance2);
   float path_m = ray.path_m + distance_m;
@@ -163,26 +177,28 @@ void connect_to_source(const Trace& trace, RayState<W>& ray, const Hit& hit, glm
   const bool through_walls = may_pass_walls && blocked();
   const float cosine = height_m / distance_m;
   const float geometry = trace.weight_per_ray * cosine / (4.f * kPi * kPi * std::max(distance2, trace.least_distance2_m2));
-  const std::uint32_t plane = trace.scene.plane_of_triangle()[hit.triangle];
+  const std::uint32_t plane = trace.scene.plane_of_triangle()[ray.hit.triangle];
+  const std::uint32_t material = trace.scene.scene().mesh().triangle_material[ray.hit.triangle];
   // Image paths pass no walls: behind one the specular part is found here only.
   if (trace.diffuse_last_segment && (through_walls || !carried(trace, ray, &plane))) {
     for (int b = 0; b < W; ++b) ray.arriving[b] = ray.reflected[b] * geometry;
   } else {
+    const float* scattering = trace.scene.padded_scattering(material);
     for (int b = 0; b < W; ++b) ray.arriving[b] = ray.reflected[b] * scattering[b] * geometry;
   }
   if (trace.walls) {
     // `reflected` holds what passes through as well.
-    const float* transmitted = trace.walls->transmitted(trace.scene.scene().mesh().triangle_material[hit.triangle]);
+    const float* transmitted = trace.walls->transmitted(material);
     for (int b = 0; b < W; ++b) ray.arriving[b] *= 1.f - transmitted[b];
   }
   apply_emission(trace, ray, -to_source / distance_m);
   const float total = sum_over_bands<W>(ray.arriving);
   if (!std::isfinite(total)) {
-    ++stats.nonfinite_dropped;
+    ++output.stats.nonfinite_dropped;
     return;
   }
   if (!(total > 0)) return;
-  ++stats.shadow_rays;
+  ++output.stats.shadow_rays;
   if (through_walls) {
     const bool followed = roulette.begin(ray.arriving, geometry, random.uniform(0x40000000u | static_cast<std::uint32_t>(ray.bounces)));
     if (!followed || !pass_walls(trace, ray, start, source, roulette, path_m)) return roulette.lose();
@@ -192,7 +208,7 @@ void connect_to_source(const Trace& trace, RayState<W>& ray, const Hit& hit, glm
   } else if (blocked()) {
     return;
   }
-  deposit(trace, ray, path_m, histogram);
+  deposit(trace, ray, path_m, output.histogram);
 }
 
 /// Does the ray go straight on through the wall that it waits at?  If not, what is left of `random` is returned in it.
@@ -300,19 +316,6 @@ void leave_vertex(const Trace& trace, RayState<W>& ray, const RandomStream& rand
   end_if_spent(ray, stats);
 }
 
-/// What a vertex brings: next-event estimation from where the ray waits.
-template <int W>
-void connect_vertex(const Trace& trace, RayState<W>& ray, const RandomStream& random, WallRoulette<W>& roulette, EnergyHistogram& histogram,
-                    TraceStats& stats, std::uint32_t* blocker = nullptr) {
-  glm::vec3 source = trace.source;
-  if (trace.source_spread_m > 0) {
-    const auto u = random.uniform4(0x80000000u | static_cast<std::uint32_t>(ray.bounces));
-    source = point_in_sphere(source, trace.source_spread_m, u[0], u[1], u[2]);
-  }
-  const float* scattering = trace.scene.padded_scattering(trace.scene.scene().mesh().triangle_material[ray.hit.triangle]);
-  connect_to_source(trace, ray, ray.hit, ray.origin, source, scattering, random, roulette, blocker, histogram, stats);
-}
-
 /// Notes the vertex that a ray waits at.
 template <int W>
 void record_vertex(RayState<W>& ray, std::uint32_t slot, std::uint32_t stage, ListenerPaths& paths) {
@@ -363,20 +366,17 @@ void recall_vertex(const Trace& trace, ListenerPaths& paths, std::uint32_t index
 
 /// Follows a ray until it has gone `until_m` and stands at a vertex, or ends.  visit(): at each vertex.
 template <int W, class Visit>
-void advance(const Trace& trace, RayState<W>& ray, float until_m, const RandomStream& random, const Visit& visit,
-             EnergyHistogram& histogram, TraceStats& stats) {
+void advance(const Trace& trace, RayState<W>& ray, float until_m, const RandomStream& random, const Visit& visit, TraceOutput output) {
   const AcousticScene& scene = trace.scene;
   while (true) {
     if (ray.at_vertex) {
       if (ray.path_m >= until_m) return;
-      leave_vertex(trace, ray, random, stats);
+      leave_vertex(trace, ray, random, output.stats);
       if (!ray.alive) return;
     }
     const Hit hit = scene.scene().rays().intersect(ray.origin, ray.direction);
-    ++(hit.valid() ? stats.ray_hits : stats.ray_escapes);
-    if (ray.after_mirror && trace.source_radius_m > 0) {
-      cross_source_volume(trace, ray, ray.origin, ray.direction, hit.distance_m, histogram, stats);
-    }
+    ++(hit.valid() ? output.stats.ray_hits : output.stats.ray_escapes);
+    if (ray.after_mirror && trace.source_radius_m > 0) cross_source_volume(trace, ray, hit.distance_m, output);
     ray.path_m += hit.distance_m;
     ray.alive = hit.valid() && ray.bounces < trace.max_bounces && ray.path_m < trace.max_path_m;
     if (!ray.alive) return;

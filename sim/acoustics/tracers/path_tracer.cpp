@@ -65,10 +65,10 @@ void trace_chunk(const Trace& trace, std::uint32_t chunk, ListenerPaths* paths, 
       const auto visit = [&] {
         if (paths != nullptr) record_vertex(rays[i], first + i, stage, *paths);
         const std::uint64_t before = stats.nonfinite_dropped;
-        connect_vertex(trace, rays[i], random, roulette, histogram, stats);
+        connect_vertex(trace, rays[i], random, roulette, {histogram, stats});
         of_connections += stats.nonfinite_dropped - before;
       };
-      advance(trace, rays[i], until_m, random, visit, histogram, stats);
+      advance(trace, rays[i], until_m, random, visit, {histogram, stats});
       any_alive = any_alive || rays[i].alive;
     }
     if (!any_alive) break;
@@ -90,7 +90,7 @@ void connect_chunk(const Trace& trace, ListenerPaths& paths, EnergyHistogram& hi
   for (std::uint32_t i = 0; i < vertices.size(); ++i) {
     recall_vertex(trace, paths, i, sh[vertices[i].first].data(), ray);
     const RandomStream random(trace.scene.config().seed, Purpose::scatter, vertices[i].slot, vertices[i].stage);
-    connect_vertex(trace, ray, random, roulette, histogram, stats, &vertices[i].blocker);
+    connect_vertex(trace, ray, random, roulette, {histogram, stats}, &vertices[i].blocker);
   }
   stats.ray_hits += paths.counters.ray_hits;
   stats.ray_escapes += paths.counters.ray_escapes;
