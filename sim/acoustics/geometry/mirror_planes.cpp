@@ -97,6 +97,45 @@ class PlaneIndex {
   std::unordered_map<Cell, std::multimap<double, Entry>, CellHash> cells_;
 };
 
+/// Large triangles first: their normals are the best known, and small neighbours join them.
+std::vector<std::uint32_t> order_by_area(const std::vector<Facet>& facets) {
+  std::vector<std::uint32_t> order(facets.size());
+  std::iota(order.begin(), order.end(), 0u);
+  std::stable_sort(order.begin(), order.end(), [&](auto a, auto b) { return facets[a].area > facets[b].area; });
+  return order;
+}
+
+/// The plane of a facet, without any triangle yet.
+MirrorPlane empty_plane(const Facet& facet, glm::dvec3 centre) {
+  constexpr float infinity = std::numeric_limits<float>::infinity();
+  return {.normal = glm::vec3(facet.normal),
+          .offset_m = static_cast<float>(glm::dot(facet.normal, facet.centroid + centre)),
+          .area_m2 = 0,
+          .material = 0,
+          .bounds = {glm::vec3(infinity), glm::vec3(-infinity)}};
+}
+
+void extend_bounds(Bounds& bounds, const TriangleMesh& mesh, std::uint32_t triangle) {
+  for (int corner = 0; corner < 3; ++corner) {
+    const glm::vec3 vertex = mesh.vertices[mesh.triangles[triangle][corner]];
+    bounds.lower = glm::min(bounds.lower, vertex);
+    bounds.upper = glm::max(bounds.upper, vertex);
+  }
+}
+
+using AreaOfMaterial = std::map<std::pair<std::uint32_t, std::uint32_t>, double>;  // (plane, slot) -> m2
+
+/// Each plane gets the material that covers most of it.
+void choose_materials(const AreaOfMaterial& area_of_material, std::vector<MirrorPlane>& planes) {
+  std::vector<double> largest(planes.size(), -1);
+  for (const auto& [key, area_m2] : area_of_material) {
+    if (area_m2 > largest[key.first]) {
+      largest[key.first] = area_m2;
+      planes[key.first].material = key.second;
+    }
+  }
+}
+
 }  // namespace
 
 MirrorPlanes find_mirror_planes(const TriangleMesh& mesh) {
@@ -113,45 +152,23 @@ MirrorPlanes find_mirror_planes(const TriangleMesh& mesh) {
 
   std::vector<Facet> facets(count);
   for (std::size_t i = 0; i < count; ++i) facets[i] = facet_of(mesh, i, centre);
-  // Large triangles first: their normals are the best known, and small neighbours join them.
-  std::vector<std::uint32_t> order(count);
-  std::iota(order.begin(), order.end(), 0u);
-  std::stable_sort(order.begin(), order.end(), [&](auto a, auto b) { return facets[a].area > facets[b].area; });
-
-  std::map<std::pair<std::uint32_t, std::uint32_t>, double> area_of_material;  // (plane, slot) -> m2
+  AreaOfMaterial area_of_material;
   std::vector<double> area;
-  for (const std::uint32_t triangle : order) {
+  for (const std::uint32_t triangle : order_by_area(facets)) {
     const Facet& facet = facets[triangle];
     std::uint32_t plane = index.find(facet);
     if (plane == 0xFFFFFFFFu) {
       plane = static_cast<std::uint32_t>(result.planes.size());
       index.insert(facet.normal, glm::dot(facet.normal, facet.centroid), plane);
-      const double offset_m = glm::dot(facet.normal, facet.centroid + centre);
-      constexpr float infinity = std::numeric_limits<float>::infinity();
-      result.planes.push_back({.normal = glm::vec3(facet.normal),
-                               .offset_m = static_cast<float>(offset_m),
-                               .area_m2 = 0,
-                               .material = 0,
-                               .bounds = {glm::vec3(infinity), glm::vec3(-infinity)}});
+      result.planes.push_back(empty_plane(facet, centre));
       area.push_back(0);
     }
     result.plane_of_triangle[triangle] = plane;
     area[plane] += facet.area;
-    Bounds& extent = result.planes[plane].bounds;
-    for (int corner = 0; corner < 3; ++corner) {
-      const glm::vec3 vertex = mesh.vertices[mesh.triangles[triangle][corner]];
-      extent.lower = glm::min(extent.lower, vertex);
-      extent.upper = glm::max(extent.upper, vertex);
-    }
+    extend_bounds(result.planes[plane].bounds, mesh, triangle);
     area_of_material[{plane, mesh.triangle_material[triangle]}] += facet.area;
   }
-  std::vector<double> largest(result.planes.size(), -1);
-  for (const auto& [key, area_m2] : area_of_material) {
-    if (area_m2 > largest[key.first]) {
-      largest[key.first] = area_m2;
-      result.planes[key.first].material = key.second;
-    }
-  }
+  choose_materials(area_of_material, result.planes);
   for (std::size_t i = 0; i < area.size(); ++i) {
     MirrorPlane& plane = result.planes[i];
     plane.area_m2 = static_cast<float>(area[i]);
