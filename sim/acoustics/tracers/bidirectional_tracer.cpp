@@ -72,14 +72,15 @@ class BatchTracer {
   }
 
  private:
-  [[nodiscard]] BatchOutput<W> output() {
+  [[nodiscard]] BatchOutput<W> output(std::uint32_t num_paths) {
     return {part_,
             stats_,
             shared_.seconds_per_m,
             static_cast<std::size_t>(shared_.scene.num_bands()),
             static_cast<std::size_t>(shared_.num_coefficients),
             unseen_,
-            static_cast<float>(batch_.count)};
+            static_cast<float>(batch_.count),
+            1.f / static_cast<float>(num_paths)};
   }
   [[nodiscard]] SphereSequence directions(Purpose purpose) const {
     const auto shift = RandomStream(shared_.seed, purpose, 0xFFFFFFFFu, 0, batch_.index + 1).bits4(0);
@@ -93,14 +94,13 @@ class BatchTracer {
     sources_ = {.vertices = vertices_, .num_paths = batch_.num_source_paths, .num_events = num_events};
     if (vertices_.empty()) return;
     const SphereSequence sequence = directions(Purpose::source_ray);
-    const float path_weight = 1.f / static_cast<float>(batch_.num_source_paths);
-    BatchOutput<W> out = output();
+    BatchOutput<W> out = output(batch_.num_source_paths);
     for (std::uint32_t path = 0; path < batch_.num_source_paths; ++path) {
       const auto vertices = std::span(vertices_).subspan(std::size_t{path} * num_events, num_events);
       trace_source_subpath<W>(shared_, sequence.direction(path), RandomStream(shared_.seed, Purpose::source_ray, path, 0, batch_.index + 1),
                               vertices, stats_);
       if (!(shared_.strategies.to_listener > 0)) continue;
-      for (const SourceVertex<W>& vertex : vertices) connect_to_listener(shared_, vertex, path_weight, out);
+      for (const SourceVertex<W>& vertex : vertices) connect_to_listener(shared_, vertex, out);
       if ((path + 1) % kRaysPerChunk != 0 && path + 1 != batch_.num_source_paths) continue;
       sum.add(part_);
       part_.clear();
@@ -110,17 +110,16 @@ class BatchTracer {
   /// Rays `first` and following, under population control (population_control.h).
   void trace_rays(std::uint32_t first, std::span<ListenerRay<W>> rays) {
     const SphereSequence sequence = directions(Purpose::listener_ray);
-    const float path_weight = 1.f / static_cast<float>(batch_.num_rays);
     for (std::uint32_t i = 0; i < rays.size(); ++i) start_ray(shared_, sequence.direction(first + i), rays[i]);
-    BatchOutput<W> out = output();
+    BatchOutput<W> out = output(batch_.num_rays);
     for (std::uint32_t stage = 0;; ++stage) {
       const float until_m = static_cast<float>(stage + 1) * shared_.stage_m;
       bool any_alive = false;
       for (std::uint32_t i = 0; i < rays.size(); ++i) {
         if (!rays[i].alive) continue;
         // A slot draws new numbers in each stage, whichever ray it holds.
-        advance(shared_, sources_, first + i, rays[i], until_m, path_weight,
-                RandomStream(shared_.seed, Purpose::scatter, first + i, stage, batch_.index + 1), out);
+        const RandomStream random(shared_.seed, Purpose::scatter, first + i, stage, batch_.index + 1);
+        advance(shared_, sources_, {first + i, until_m, random}, rays[i], out);
         any_alive = any_alive || rays[i].alive;
       }
       if (!any_alive) return;
@@ -202,6 +201,68 @@ void attenuate(const AcousticScene& scene, float bin_s, std::span<float> unseen)
   }
 }
 
+/// What all batches share; the strategies are those of each batch.
+BidirectionalScene shared_by_batches(const AcousticScene& scene, const EarlyCandidates& candidates, glm::vec3 listener,
+                                     int num_coefficients) {
+  const AcousticConfig& config = scene.config();
+  const float source_radius_m = candidates.sound_source().radius_m;
+  const float least_distance_m = kLeastDistanceFraction * scene.diagonal_m();
+  return {.scene = scene,
+          .candidates = candidates,
+          .model = scene.reflection_model(),
+          .emission = candidates.emission().omnidirectional() ? nullptr : &candidates.emission(),
+          .source = candidates.source(),
+          .listener = listener,
+          .source_radius_m = source_radius_m,
+          .volume_radius_m = source_radius_m > 0.f ? source_radius_m : free_radius_m(scene, candidates.source()),
+          .strategies = {},
+          .max_bounces = config.max_bounces,
+          .carried_order = scene.image_order(),
+          .sh_order = config.sh_order,
+          .num_coefficients = num_coefficients,
+          .max_path_m = scene.max_path_m(),
+          .seconds_per_m = 1.f / scene.speed_of_sound_m_per_s(),
+          .stage_m = std::max(kStageOfDiagonal * scene.diagonal_m(), 1e-4f * scene.max_path_m()),
+          .least_distance2_m2 = least_distance_m * least_distance_m,
+          .seed = config.seed};
+}
+
+LateBatches empty_batches(std::size_t count, const EnergyHistogram& shape) {
+  LateBatches batches{
+      .count = static_cast<int>(count), .num_bins = shape.num_bins(), .num_bands = shape.num_bands(), .energy = {}, .unseen = {}};
+  const std::size_t size = static_cast<std::size_t>(shape.num_bins()) * static_cast<std::size_t>(shape.num_bands());
+  batches.energy.resize(count * size);
+  batches.unseen.resize(size);
+  return batches;
+}
+
+/// Results of one batch of a wave.
+struct BatchResult {
+  EnergyHistogram late;
+  std::vector<float> unseen;
+  TraceStats stats;
+};
+
+/// images: of long chains, the same in every batch.  result: overwritten.
+void trace_whole_batch(const BidirectionalScene& shared, const BidirectionalOptions& options, const Batch& batch,
+                       const EnergyHistogram& images, BatchResult& result, ProgressReport& progress) {
+  const FlushDenormals flush;
+  const AcousticScene& scene = shared.scene;
+  BidirectionalScene own = shared;
+  own.strategies = strategies_of(scene.config(), options, batch, shared.volume_radius_m);
+  result.stats = {};
+  std::fill(result.unseen.begin(), result.unseen.end(), 0.f);
+  trace_batch(own, batch, result.late, result.unseen, result.stats, progress);
+  result.late.attenuate(scene.air_energy_per_m(), scene.speed_of_sound_m_per_s());
+  if (shared.candidates.long_chains()) result.late.add(images);
+}
+
+void keep_batch(const BatchResult& result, std::uint32_t batch, LateBatches& batches) {
+  keep_energy(result.late, batch, batches);
+  std::transform(result.unseen.begin(), result.unseen.end(), batches.unseen.begin(), batches.unseen.begin(),
+                 [](float a, float b) { return std::max(a, b); });
+}
+
 }  // namespace
 
 TraceStats trace_bidirectional(const AcousticScene& scene, const EarlyCandidates& candidates, glm::vec3 listener,
@@ -215,39 +276,8 @@ TraceStats trace_bidirectional(const AcousticScene& scene, const EarlyCandidates
   stats.rays = static_cast<std::uint64_t>(config.rays);
 
   const std::vector<Batch> dealt = deal_batches(static_cast<std::uint32_t>(config.rays), static_cast<std::uint32_t>(config.source_rays));
-  const ReflectionModel& model = scene.reflection_model();
-  const float source_radius_m = candidates.sound_source().radius_m;
-  const float least_distance_m = kLeastDistanceFraction * scene.diagonal_m();
-  const BidirectionalScene shared{.scene = scene,
-                                  .candidates = candidates,
-                                  .model = model,
-                                  .emission = candidates.emission().omnidirectional() ? nullptr : &candidates.emission(),
-                                  .source = candidates.source(),
-                                  .listener = listener,
-                                  .source_radius_m = source_radius_m,
-                                  .volume_radius_m = source_radius_m > 0.f ? source_radius_m : free_radius_m(scene, candidates.source()),
-                                  .strategies = {},
-                                  .max_bounces = config.max_bounces,
-                                  .carried_order = scene.image_order(),
-                                  .sh_order = config.sh_order,
-                                  .num_coefficients = histogram.num_coefficients(),
-                                  .max_path_m = scene.max_path_m(),
-                                  .seconds_per_m = 1.f / scene.speed_of_sound_m_per_s(),
-                                  .stage_m = std::max(kStageOfDiagonal * scene.diagonal_m(), 1e-4f * scene.max_path_m()),
-                                  .least_distance2_m2 = least_distance_m * least_distance_m,
-                                  .seed = config.seed};
-  if (batches) {
-    *batches = {.count = static_cast<int>(dealt.size()),
-                .num_bins = histogram.num_bins(),
-                .num_bands = histogram.num_bands(),
-                .energy = {},
-                .unseen = {}};
-    const std::size_t size = static_cast<std::size_t>(histogram.num_bins()) * static_cast<std::size_t>(histogram.num_bands());
-    batches->energy.resize(dealt.size() * size);
-    batches->unseen.resize(size);
-  }
-
-  // What is not traced is the same in every batch.
+  const BidirectionalScene shared = shared_by_batches(scene, candidates, listener, histogram.num_coefficients());
+  if (batches) *batches = empty_batches(dealt.size(), histogram);
   EnergyHistogram images;
   if (candidates.long_chains()) {
     images = make_histogram(scene);
@@ -256,9 +286,7 @@ TraceStats trace_bidirectional(const AcousticScene& scene, const EarlyCandidates
   // Batches in waves, summed in double and in their order, so that threads cannot change a bit.
   const std::size_t bytes = std::max<std::size_t>(histogram.values().size() * sizeof(float), 1);
   const std::size_t wave = std::clamp<std::size_t>(kWaveBytes / bytes, 1, dealt.size());
-  std::vector<EnergyHistogram> results(wave, make_histogram(scene));
-  std::vector<std::vector<float>> unseen(wave, std::vector<float>(batches ? batches->unseen.size() : 0));
-  std::vector<TraceStats> part_stats(wave);
+  std::vector<BatchResult> results(wave, {make_histogram(scene), std::vector<float>(batches ? batches->unseen.size() : 0), {}});
   HistogramSum sum(histogram);
   ProgressReport progress(options.progress, stats.rays);
   const int available = tbb::this_task_arena::max_concurrency();
@@ -266,25 +294,13 @@ TraceStats trace_bidirectional(const AcousticScene& scene, const EarlyCandidates
   for (std::size_t first = 0; first < dealt.size(); first += wave) {
     const std::size_t count = std::min(wave, dealt.size() - first);
     arena.execute([&] {
-      tbb::parallel_for(std::size_t{0}, count, [&](std::size_t i) {
-        const FlushDenormals flush_worker;
-        BidirectionalScene own = shared;
-        own.strategies = strategies_of(config, options, dealt[first + i], shared.volume_radius_m);
-        part_stats[i] = {};
-        std::fill(unseen[i].begin(), unseen[i].end(), 0.f);
-        trace_batch(own, dealt[first + i], results[i], unseen[i], part_stats[i], progress);
-        results[i].attenuate(scene.air_energy_per_m(), scene.speed_of_sound_m_per_s());
-        if (candidates.long_chains()) results[i].add(images);
-      });
+      tbb::parallel_for(std::size_t{0}, count,
+                        [&](std::size_t i) { trace_whole_batch(shared, options, dealt[first + i], images, results[i], progress); });
     });
     for (std::size_t i = 0; i < count; ++i) {
-      if (batches) {
-        keep_energy(results[i], dealt[first + i].index, *batches);
-        std::transform(unseen[i].begin(), unseen[i].end(), batches->unseen.begin(), batches->unseen.begin(),
-                       [](float a, float b) { return std::max(a, b); });
-      }
-      sum.add(results[i], 1.0 / static_cast<double>(dealt.size()));
-      stats.add(part_stats[i]);
+      if (batches) keep_batch(results[i], dealt[first + i].index, *batches);
+      sum.add(results[i].late, 1.0 / static_cast<double>(dealt.size()));
+      stats.add(results[i].stats);
     }
   }
   sum.write(histogram);

@@ -55,6 +55,7 @@ struct BatchOutput {
   std::size_t num_bands, num_coefficients;
   std::span<float> unseen;  // LateBatches::unseen; empty: not kept
   float batches;            // their number
+  float path_weight;        // of each path that is deposited: 1 / (paths of this batch)
 
   /// Notes `energy` that could come once in a length of `spacing_m` about path_m.
   void note_unseen(const float (&energy)[W], float path_m, float spacing_m) {
@@ -103,11 +104,10 @@ bool some_strategy_connects(const BidirectionalScene& shared, const ListenerRay<
 /// One ray is caught again and again, at every second segment, until its beam has spread, half of the times within an octave of length; the
 /// mean chord of a sphere is 4 r / 3.  But no chain holds more than the two images that come in such a length.
 template <int W>
-void note_unseen_chain(const BidirectionalScene& shared, const ListenerRay<W>& ray, float path_m, float path_weight,
-                       BatchOutput<W>& output) {
+void note_unseen_chain(const BidirectionalScene& shared, const ListenerRay<W>& ray, float path_m, BatchOutput<W>& output) {
   constexpr float pi = std::numbers::pi_v<float>, rays = 1.74f / 2;
   const float radius_m = shared.volume_radius_m;
-  const float catches = rays * path_weight / (output.batches * std::min(ray.split, 1.f) * 4.f * pi * pi * radius_m * radius_m);
+  const float catches = rays * output.path_weight / (output.batches * std::min(ray.split, 1.f) * 4.f * pi * pi * radius_m * radius_m);
   const float images = 2.f / (16.f * pi * pi * path_m * path_m);
   alignas(32) float energy[W];
   for (int b = 0; b < W; ++b) energy[b] = std::min(catches * ray.arriving[b], images * ray.image[b]);
@@ -118,17 +118,16 @@ void note_unseen_chain(const BidirectionalScene& shared, const ListenerRay<W>& r
 /// What no strategy can connect: chord of the segment through the source's sphere over 4 pi times its volume (docs/estimators.md, section
 /// 2).
 template <int W>
-void catch_in_volume(const BidirectionalScene& shared, const ListenerRay<W>& ray, float segment_m, float path_weight,
-                     BatchOutput<W>& output) {
+void catch_in_volume(const BidirectionalScene& shared, const ListenerRay<W>& ray, float segment_m, BatchOutput<W>& output) {
   const float radius_m = shared.volume_radius_m;
   const Chord chord = chord_through(shared.source, radius_m, ray.origin, ray.direction, segment_m);
   const bool missed = !(chord.leave_m > chord.enter_m), noted = ray.only_mirrors && !output.unseen.empty() && radius_m > 0.f;
   if ((missed && !noted) || some_strategy_connects(shared, ray) || carried(shared, ray)) return;
-  if (noted && segment_m < shared.max_path_m) note_unseen_chain(shared, ray, ray.path_m + 0.5f * segment_m, path_weight, output);
+  if (noted && segment_m < shared.max_path_m) note_unseen_chain(shared, ray, ray.path_m + 0.5f * segment_m, output);
   if (missed) return;
   constexpr float pi = std::numbers::pi_v<float>;
   const float volume_m3 = 4.f / 3.f * pi * radius_m * radius_m * radius_m;
-  const float factor = path_weight * (chord.leave_m - chord.enter_m) / (4.f * pi * volume_m3);
+  const float factor = output.path_weight * (chord.leave_m - chord.enter_m) / (4.f * pi * volume_m3);
   alignas(32) float energy[W];
   for (int b = 0; b < W; ++b) energy[b] = ray.arriving[b] * factor;
   apply_emission(shared, -ray.direction, energy);
@@ -138,7 +137,7 @@ void catch_in_volume(const BidirectionalScene& shared, const ListenerRay<W>& ray
 /// Strategy 0: connects the listener's vertex to the source.
 template <int W>
 void connect_to_source(const BidirectionalScene& shared, const ListenerRay<W>& ray, std::uint32_t material, glm::vec3 source,
-                       float path_weight, BatchOutput<W>& output) {
+                       BatchOutput<W>& output) {
   const glm::vec3 to_source = source - ray.origin, normal = ray.hit.normal, in = -ray.direction;
   const float height_m = glm::dot(normal, to_source);
   if (!(height_m > 0.f)) return;
@@ -146,7 +145,7 @@ void connect_to_source(const BidirectionalScene& shared, const ListenerRay<W>& r
   if (ray.path_m + distance_m > shared.max_path_m) return;
   const glm::vec3 out = to_source / distance_m;
   const float cosine = height_m / distance_m;
-  float factor = path_weight * cosine / (4.f * std::numbers::pi_v<float> * std::max(distance2, shared.least_distance2_m2));
+  float factor = output.path_weight * cosine / (4.f * std::numbers::pi_v<float> * std::max(distance2, shared.least_distance2_m2));
   alignas(32) float energy[W];
   rough_value<W>(shared.model, material, normal, in, out, energy);
   for (int b = 0; b < W; ++b) energy[b] *= ray.reflected[b];
@@ -168,7 +167,7 @@ void connect_to_source(const BidirectionalScene& shared, const ListenerRay<W>& r
 /// Strategy i = source_event: connects the listener's vertex to the source's.
 template <int W>
 void connect_to_vertex(const BidirectionalScene& shared, const ListenerRay<W>& ray, std::uint32_t material, const SourceVertex<W>& vertex,
-                       int source_event, float path_weight, BatchOutput<W>& output) {
+                       int source_event, BatchOutput<W>& output) {
   if (!vertex.exists || ray.events + source_event > shared.max_bounces) return;
   const glm::vec3 between = vertex.position - ray.origin, normal = ray.hit.normal, in = -ray.direction;
   const float height_here = glm::dot(normal, between), height_there = -glm::dot(vertex.normal, between);
@@ -193,7 +192,8 @@ void connect_to_vertex(const BidirectionalScene& shared, const ListenerRay<W>& r
   const double earlier = vertex.end.earlier(mis::area_pdf(model.mean_pdf(material, normal, in, out), cos_there, distance_m),
                                             model.mean_pdf(vertex.material, vertex.normal, -out, vertex.toward_previous));
   const double weight = mis::weight(strategies.connection, earlier, later) / strategies.connection;
-  const float factor = path_weight * cos_here * cos_there / std::max(distance2, shared.least_distance2_m2) * static_cast<float>(weight);
+  const float factor =
+      output.path_weight * cos_here * cos_there / std::max(distance2, shared.least_distance2_m2) * static_cast<float>(weight);
   for (int b = 0; b < W; ++b) energy[b] *= factor;
   output.deposit(energy, path_m, ray.sh.data(), [&] {
     ++output.stats.shadow_rays;
@@ -203,7 +203,7 @@ void connect_to_vertex(const BidirectionalScene& shared, const ListenerRay<W>& r
 
 /// Strategy k: connects the source's vertex to the listener.
 template <int W>
-void connect_to_listener(const BidirectionalScene& shared, const SourceVertex<W>& vertex, float path_weight, BatchOutput<W>& output) {
+void connect_to_listener(const BidirectionalScene& shared, const SourceVertex<W>& vertex, BatchOutput<W>& output) {
   const glm::vec3 to_listener = shared.listener - vertex.position;
   const float height_m = glm::dot(vertex.normal, to_listener);
   if (!vertex.exists || !(height_m > 0.f)) return;
@@ -218,7 +218,8 @@ void connect_to_listener(const BidirectionalScene& shared, const SourceVertex<W>
   const double earlier = vertex.end.earlier(mis::area_pdf(mis::kPointPdf, cosine, distance_m),
                                             shared.model.mean_pdf(vertex.material, vertex.normal, out, vertex.toward_previous));
   const auto weight = static_cast<float>(mis::weight(shared.strategies.to_listener, earlier, 0));
-  const float factor = path_weight * weight * cosine / (4.f * std::numbers::pi_v<float> * std::max(distance2, shared.least_distance2_m2));
+  const float factor =
+      output.path_weight * weight * cosine / (4.f * std::numbers::pi_v<float> * std::max(distance2, shared.least_distance2_m2));
   for (int b = 0; b < W; ++b) energy[b] *= factor;
   std::array<float, kMaxCoefficients> sh;
   spherical_harmonics_n3d(-out, shared.sh_order, std::span(sh).first(output.num_coefficients));
@@ -241,8 +242,7 @@ template <int W>
 void leave_vertex(const BidirectionalScene& shared, ListenerRay<W>& ray, const std::array<float, 4>& u, TraceStats& stats) {
   const glm::vec3 in = -ray.direction, normal = ray.hit.normal;
   const std::uint32_t material = shared.scene.scene().mesh().triangle_material[ray.hit.triangle];
-  float extra_path_m = 0.f;
-  const Leaving leaving = leave_surface<W>(shared.scene, shared.model, ray.hit, u, ray, ray.origin, ray.direction, extra_path_m);
+  const auto [leaving, extra_path_m] = leave_surface<W>(shared.scene, ray.hit, u, ray, ray.origin, ray.direction);
   ray.at_vertex = false;
   ray.after_pass = leaving != Leaving::rough;
   ray.path_m += extra_path_m;
@@ -272,20 +272,27 @@ void leave_vertex(const BidirectionalScene& shared, ListenerRay<W>& ray, const s
   if (!(total > 0.f) || !std::isfinite(total)) ray.alive = false;
 }
 
-/// Follows a ray until it has gone `until_m` and stands at a vertex, or ends.  slot: which source paths it is paired with.
+/// The part of a ray between two rounds of population control.
+struct RayStage {
+  std::uint32_t slot;  // which source paths the ray is paired with
+  float until_m;       // it ends at the first vertex from this path length on
+  RandomStream random;
+};
+
+/// Follows a ray until it stands at the end of a stage, or ends.
 template <int W>
-void advance(const BidirectionalScene& shared, const SourceSubpaths<W>& sources, std::uint32_t slot, ListenerRay<W>& ray, float until_m,
-             float path_weight, const RandomStream& random, BatchOutput<W>& output) {
+void advance(const BidirectionalScene& shared, const SourceSubpaths<W>& sources, const RayStage& stage, ListenerRay<W>& ray,
+             BatchOutput<W>& output) {
   const AcousticScene& scene = shared.scene;
   while (true) {
     if (ray.at_vertex) {
-      if (ray.path_m >= until_m) return;
-      leave_vertex(shared, ray, random.uniform4(static_cast<std::uint32_t>(ray.events)), output.stats);
+      if (ray.path_m >= stage.until_m) return;
+      leave_vertex(shared, ray, stage.random.uniform4(static_cast<std::uint32_t>(ray.events)), output.stats);
       if (!ray.alive) return;
     }
     ray.hit = scene.scene().rays().intersect(ray.origin, ray.direction);
     ++(ray.hit.valid() ? output.stats.ray_hits : output.stats.ray_escapes);
-    if (ray.after_pass) catch_in_volume(shared, ray, ray.hit.distance_m, path_weight, output);
+    if (ray.after_pass) catch_in_volume(shared, ray, ray.hit.distance_m, output);
     ray.path_m += ray.hit.distance_m;
     ray.alive = ray.hit.valid() && ray.events < shared.max_bounces && ray.path_m < shared.max_path_m;
     if (!ray.alive) return;
@@ -297,19 +304,19 @@ void advance(const BidirectionalScene& shared, const SourceSubpaths<W>& sources,
     ++ray.events;
     ray.chain.arrive(-glm::dot(ray.hit.normal, ray.direction), ray.hit.distance_m);
     constexpr std::uint32_t second_set = 0x80000000u;
-    const std::array<float, 4> u = random.uniform4(second_set | static_cast<std::uint32_t>(ray.events));
+    const std::array<float, 4> u = stage.random.uniform4(second_set | static_cast<std::uint32_t>(ray.events));
     const auto connected = static_cast<float>(shared.strategies.connected);
     if (u[0] >= connected) continue;  // what is left of u[0] picks the event below
     if (shared.strategies.next_event > 0) {
-      connect_to_source(shared, ray, material, point_of_source(shared, u[1], u[2], u[3]), path_weight, output);
+      connect_to_source(shared, ray, material, point_of_source(shared, u[1], u[2], u[3]), output);
     }
     if (shared.strategies.connection > 0) {
       // Another path at each vertex: neighbours on one ray do not share the luck of one path.
-      const std::uint32_t path = (slot + static_cast<std::uint32_t>(ray.events) * 7919u) % sources.num_paths;
+      const std::uint32_t path = (stage.slot + static_cast<std::uint32_t>(ray.events) * 7919u) % sources.num_paths;
       const auto event =
           std::min(static_cast<std::uint32_t>(u[0] / connected * static_cast<float>(sources.num_events)), sources.num_events - 1);
       connect_to_vertex(shared, ray, material, sources.vertices[std::size_t{path} * sources.num_events + event],
-                        static_cast<int>(event) + 1, path_weight, output);
+                        static_cast<int>(event) + 1, output);
     }
   }
 }

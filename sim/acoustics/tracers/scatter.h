@@ -49,11 +49,28 @@ enum class Leaving {
   through,  ///< straight through the wall
 };
 
-/// Draws how and where the subpath leaves.  On entry origin and direction are those of the segment that ended at `hit`; on return those of
-/// the next one; arriving and weight are those behind the event.  u: uniform in [0, 1).  extra_path_m: what a wall adds to the path.
+/// How a subpath leaves a surface.
+struct Departure {
+  Leaving way;
+  float extra_path_m;  ///< what a wall adds to the path
+};
+
+/// What a wall absorbs on the way through it, beside tau, which the fractions of a material include.
 template <int W>
-Leaving leave_surface(const AcousticScene& scene, const ReflectionModel& model, const Hit& hit, const std::array<float, 4>& u,
-                      BandEnergy<W>& energy, glm::vec3& origin, glm::vec3& direction, float& extra_path_m) {
+void absorb_inside(const AcousticScene& scene, std::uint32_t material, const WallCrossing& crossing, BandEnergy<W>& energy) {
+  alignas(32) std::array<float, W> passed;
+  passed.fill(1.f);
+  transmit(scene.surfaces(), crossing, std::span(passed).first(static_cast<std::size_t>(scene.num_bands())));
+  const auto tau = scene.transmission(material);
+  for (std::size_t b = 0; b < tau.size(); ++b) energy.arriving[b] *= tau[b] > 0.f ? passed[b] / tau[b] : 0.f;
+}
+
+/// Draws how and where the subpath leaves.  On entry origin and direction are those of the segment that ended at `hit`; on return those of
+/// the next one; arriving and weight are those behind the event.  u: uniform in [0, 1).
+template <int W>
+Departure leave_surface(const AcousticScene& scene, const Hit& hit, const std::array<float, 4>& u, BandEnergy<W>& energy, glm::vec3& origin,
+                        glm::vec3& direction) {
+  const ReflectionModel& model = scene.reflection_model();
   const std::uint32_t material = scene.scene().mesh().triangle_material[hit.triangle];
   const auto num_bands = static_cast<float>(scene.num_bands());
   const auto probability_of = [&](const float* fractions) {
@@ -77,33 +94,24 @@ Leaving leave_surface(const AcousticScene& scene, const ReflectionModel& model, 
     if (u[2] < through_probability) {
       take(transmitted, through_probability);
       const WallCrossing crossing = cross_wall(scene.surfaces(), direction, hit);
-      if (crossing.inside_m > 0.f) {
-        // The fractions above include tau; what the wall absorbs on the way comes on top.
-        alignas(32) std::array<float, W> passed;
-        passed.fill(1.f);
-        transmit(scene.surfaces(), crossing, std::span(passed).first(static_cast<std::size_t>(scene.num_bands())));
-        const auto tau = scene.transmission(material);
-        for (std::size_t b = 0; b < tau.size(); ++b) energy.arriving[b] *= tau[b] > 0.f ? passed[b] / tau[b] : 0.f;
-      }
-      extra_path_m = crossing.inside_m + earshot::extra_path_m(scene.surfaces(), crossing);
+      if (crossing.inside_m > 0.f) absorb_inside(scene, material, crossing, energy);
       origin = crossing.exit;
-      return Leaving::through;
+      return {Leaving::through, crossing.inside_m + extra_path_m(scene.surfaces(), crossing)};
     }
   }
   const float diffuse_probability = probability_of(model.diffuse(material));
   const bool diffuse = u[2] < through_probability + diffuse_probability;
   const glm::vec3 in = -direction;
   origin = offset_from_surface(hit.position, hit.normal);
-  extra_path_m = 0.f;
   if (!model.glossy()) {
     if (diffuse) {
       take(model.diffuse(material), diffuse_probability);
       direction = lambert_direction(hit.normal, u[0], u[1]);
-      return Leaving::rough;
+      return {Leaving::rough, 0.f};
     }
     take(model.specular(material), 1.f - through_probability - diffuse_probability);
     direction = mirror_direction(direction, hit.normal);
-    return Leaving::mirror;
+    return {Leaving::mirror, 0.f};
   }
   // One direction for the whole mixture, weighed by the density of the whole mixture (one-sample balance heuristic).
   direction = diffuse ? lambert_direction(hit.normal, u[0], u[1]) : model.lobe().sample(hit.normal, in, u[0], u[1], u[3]);
@@ -118,7 +126,7 @@ Leaving leave_surface(const AcousticScene& scene, const ReflectionModel& model, 
     energy.arriving[b] = energy.reflected[b] * (diffuse_fraction[b] * lambert_pdf + specular_fraction[b] * lobe_value * cosine) * scale;
     energy.weight[b] *= (diffuse_fraction[b] * lambert_pdf + specular_fraction[b] * lobe_pdf) * scale;
   }
-  return Leaving::rough;
+  return {Leaving::rough, 0.f};
 }
 
 }  // namespace earshot

@@ -88,16 +88,15 @@ void trace_source_subpath(const BidirectionalScene& shared, glm::vec3 direction,
     vertex.end = chain.arrive(-glm::dot(hit.normal, direction), hit.distance_m);
     vertex.exists = true;
 
-    float extra_path_m = 0.f;
     const auto draw = static_cast<std::uint32_t>(i) + 1;
-    const Leaving leaving = leave_surface(scene, shared.model, hit, random.uniform4(draw), energy, origin, direction, extra_path_m);
-    path_m += extra_path_m;
-    if (leaving == Leaving::rough) {
+    const Departure departure = leave_surface(scene, hit, random.uniform4(draw), energy, origin, direction);
+    path_m += departure.extra_path_m;
+    if (departure.way == Leaving::rough) {
       const glm::vec3 toward = vertex.toward_previous;
       chain.leave(vertex.end, shared.model.mean_pdf(vertex.material, hit.normal, toward, direction),
                   shared.model.mean_pdf(vertex.material, hit.normal, direction, toward), glm::dot(hit.normal, direction));
     } else {
-      chain.segment().pass(hit.distance_m + extra_path_m);
+      chain.segment().pass(hit.distance_m + departure.extra_path_m);
     }
   }
 }
