@@ -21,6 +21,13 @@ int frame_size(float sample_rate_hz) {
   return next_power_of_two(static_cast<int>(std::lround(kFrame_s * static_cast<double>(sample_rate_hz))));
 }
 
+/// From the largest value, at `best`, to the vertex of the parabola through it and its neighbours; in steps, at most half of one.
+double offset_of_peak(std::span<const float> response, std::size_t best) {
+  if (best == 0 || best + 1 >= response.size()) return 0;
+  const double before = response[best - 1], at = response[best], after = response[best + 1], bend = before - 2 * at + after;
+  return bend < 0 ? std::clamp(0.5 * (before - after) / bend, -0.5, 0.5) : 0.0;
+}
+
 }  // namespace
 
 double InterauralBearing::angle_rad(int i) { return std::numbers::pi * (static_cast<double>(i) / (kNumAngles - 1) - 0.5); }
@@ -62,12 +69,28 @@ InterauralBearing::InterauralBearing(float sample_rate_hz) : fft_(frame_size(sam
 }
 
 InterauralBearing::Estimate InterauralBearing::estimate(std::span<const float> sound, std::span<float> response) {
+  EARSHOT_EXPECT(response.size() == kNumAngles && sound.size() / 2 >= frame_.size());
+  std::ranges::fill(response, 0.f);
+  add_frames(sound);
+  const float loudest = loudest_power();
+  if (!(loudest > kLeastPower)) return {};
+  const BinSums sums = steer(loudest * std::pow(10.f, -0.1f * kRange_db), response);
+  if (!(sums.weights > 0)) return {};
+  for (float& r : response) r = static_cast<float>(static_cast<double>(r) / sums.weights);
+  const auto best = static_cast<std::size_t>(std::ranges::max_element(response) - response.begin());
+  const double step_rad = std::numbers::pi / (kNumAngles - 1);
+  return {.lateral_rad = angle_rad(static_cast<int>(best)) + offset_of_peak(response, best) * step_rad,
+          .agreement = static_cast<double>(response[best]),
+          .coherence = sums.coherences / static_cast<double>(sums.num_bins),
+          .silent = false};
+}
+
+/// Sums powers and cross spectra over half-overlapping frames.
+void InterauralBearing::add_frames(std::span<const float> sound) {
   const std::size_t samples = sound.size() / 2, size = frame_.size();
-  EARSHOT_EXPECT(response.size() == kNumAngles && samples >= size);
   std::ranges::fill(cross_, std::complex<float>{});
   std::ranges::fill(power_left_, 0.f);
   std::ranges::fill(power_right_, 0.f);
-  std::ranges::fill(response, 0.f);
   const auto transform = [&](std::size_t ear, std::size_t start, std::span<std::complex<float>> spectrum) {
     for (std::size_t i = 0; i < size; ++i) frame_[i] = window_[i] * sound[ear * samples + start + i];
     fft_.forward(frame_, spectrum);
@@ -82,46 +105,39 @@ InterauralBearing::Estimate InterauralBearing::estimate(std::span<const float> s
       power_right_[k] += std::norm(r);
     }
   }
+}
+
+/// Of both ears together in one bin.
+float InterauralBearing::loudest_power() const {
   float loudest = 0;
   for (std::size_t k = 0; k < num_bins_; ++k) loudest = std::max(loudest, power_left_[k] + power_right_[k]);
-  if (!(loudest > kLeastPower)) return {};
-  const float least = loudest * std::pow(10.f, -0.1f * kRange_db);
-  double weights = 0, coherences = 0;
-  std::size_t counted = 0;
+  return loudest;
+}
+
+/// Adds to the response, for each angle, how well phases and levels of all bins from least_power on fit it.
+InterauralBearing::BinSums InterauralBearing::steer(float least_power, std::span<float> response) const {
+  BinSums sums;
   for (std::size_t k = 0; k < num_bins_; ++k) {
-    if (power_left_[k] + power_right_[k] < least) continue;
-    const float left = power_left_[k] + 1e-3f * least, right = power_right_[k] + 1e-3f * least;
+    if (power_left_[k] + power_right_[k] < least_power) continue;
+    const float left = power_left_[k] + 1e-3f * least_power, right = power_right_[k] + 1e-3f * least_power;
     const float magnitude = std::abs(cross_[k]);
     const float coherence = std::min(1.f, magnitude / std::sqrt(left * right));
-    coherences += static_cast<double>(coherence);
-    ++counted;
+    sums.coherences += static_cast<double>(coherence);
+    ++sums.num_bins;
     if (!(magnitude > 0)) continue;
     // Phase transform: every bin counts the same, but for the diffuse ones.
     const float weight = coherence * coherence;
-    weights += static_cast<double>(weight);
+    sums.weights += static_cast<double>(weight);
     const std::complex<float> phase = cross_[k] / magnitude;
     const float difference_db = 10.f * std::log10(left / right);
     for (std::size_t i = 0; i < kNumAngles; ++i) {
-      const std::complex<float> steer = steer_[i * num_bins_ + k];
-      const float aligned = phase.real() * steer.real() + phase.imag() * steer.imag();
+      const std::complex<float> expected = steer_[i * num_bins_ + k];
+      const float aligned = phase.real() * expected.real() + phase.imag() * expected.imag();
       const float off = std::min(1.f, std::abs(difference_db - level_db_[i * num_bins_ + k]) / kLevelTolerance_db);
       response[i] += weight * ((1 - kLevelWeight) * aligned + kLevelWeight * (1 - 2 * off));
     }
   }
-  if (!(weights > 0)) return {};
-  for (float& r : response) r = static_cast<float>(static_cast<double>(r) / weights);
-  const auto best = static_cast<std::size_t>(std::ranges::max_element(response) - response.begin());
-  // The vertex of the parabola through the largest value and its neighbours.
-  double offset = 0;
-  if (best > 0 && best + 1 < kNumAngles) {
-    const double before = response[best - 1], at = response[best], after = response[best + 1], bend = before - 2 * at + after;
-    if (bend < 0) offset = std::clamp(0.5 * (before - after) / bend, -0.5, 0.5);
-  }
-  const double step_rad = std::numbers::pi / (kNumAngles - 1);
-  return {.lateral_rad = angle_rad(static_cast<int>(best)) + offset * step_rad,
-          .agreement = static_cast<double>(response[best]),
-          .coherence = coherences / static_cast<double>(counted),
-          .silent = false};
+  return sums;
 }
 
 }  // namespace earshot

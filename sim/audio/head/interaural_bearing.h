@@ -31,6 +31,15 @@ class InterauralBearing {
   Estimate estimate(std::span<const float> sound, std::span<float> response);
 
  private:
+  /// Sums over the bins that hold sound.
+  struct BinSums {
+    double weights = 0, coherences = 0;
+    std::size_t num_bins = 0;
+  };
+  void add_frames(std::span<const float> sound);
+  [[nodiscard]] float loudest_power() const;
+  BinSums steer(float least_power, std::span<float> response) const;
+
   RealFft fft_;
   std::size_t first_bin_, num_bins_;
   std::vector<float> window_, frame_;
