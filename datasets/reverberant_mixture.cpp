@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numbers>
 #include <set>
+#include <utility>
 
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
@@ -56,22 +57,27 @@ RandomStream noise_stream(const ConvolveConfig& config, std::uint64_t number, st
   return {config.seed, Purpose::sound, kSignalStream, static_cast<std::uint32_t>(number), static_cast<std::uint32_t>(channel)};
 }
 
+/// Responses of the room of response `first` whose sources are not taken: those at its place, or all where there is none.
+std::vector<std::size_t> free_responses(const ResponseIndex& index, std::size_t first, const std::set<int>& taken) {
+  const std::vector<IndexedResponse>& all = index.responses();
+  std::vector<std::size_t> free, here;
+  for (const std::size_t i : index.room_of(first)) {
+    if (taken.contains(all[i].source)) continue;
+    free.push_back(i);
+    if (all[i].place == all[first].place) here.push_back(i);
+  }
+  return here.empty() ? std::move(free) : std::move(here);
+}
+
 }  // namespace
 
 std::vector<std::size_t> MixtureMaker::draw_responses(std::uint64_t number, std::size_t count) const {
   const RandomStream first = stream_of(config_, number, 0);
   const std::vector<IndexedResponse>& all = index_.responses();
   std::vector<std::size_t> drawn{first.below(static_cast<std::uint32_t>(all.size()), MixtureDraw::response)};
-  const std::vector<std::size_t>& room = index_.room_of(drawn[0]);
   std::set<int> taken{all[drawn[0]].source};
   while (drawn.size() < count) {
-    std::vector<std::size_t> free, here;  // of sources that are left; of those at the first one's place
-    for (const std::size_t i : room) {
-      if (taken.contains(all[i].source)) continue;
-      free.push_back(i);
-      if (all[i].place == all[drawn[0]].place) here.push_back(i);
-    }
-    const std::vector<std::size_t>& among = here.empty() ? free : here;
+    const std::vector<std::size_t> among = free_responses(index_, drawn[0], taken);
     if (among.empty()) return drawn;
     const RandomStream random = stream_of(config_, number, drawn.size());
     drawn.push_back(among[random.below(static_cast<std::uint32_t>(among.size()), MixtureDraw::source)]);
@@ -131,25 +137,31 @@ void MixtureMaker::add_talker(Mixture& mixture, std::uint64_t number, std::size_
 
 void MixtureMaker::add_noise(Mixture& mixture, std::uint64_t number) {
   const RandomStream random = stream_of(config_, number, 0);
-  const std::size_t channels = index_.channels().size(), frames = mixture.num_frames;
   MixedNoise& noise = mixture.noise;
   mixture.has_noise = true;
+  noise.response = draw_noise_response(mixture, random);
+  const std::vector<float> clip = open_noise(noise, random);
+  render_noise(mixture, number, clip);
+  const double energy = energy_of(noise.samples);
+  if (energy <= 0)
+    throw InputError(noise_ ? (noise_->root / noise.sound).string() : noise.sound, "is silent, or has a pause as long as a signal",
+                     "take it out of the folder");
+  noise.snr_db = within_range(config_.snr_db, random.uniform(MixtureDraw::snr));
+  noise.gain = std::sqrt(energy_of(mixture.samples) / energy) / amplitude_of_db(noise.snr_db);
+  scale(noise.samples, noise.gain);
+  for (std::size_t i = 0; i < mixture.samples.size(); ++i) mixture.samples[i] += noise.samples[i];
+}
 
-  // The response of a source that is left in the room, at the same place where there is one.
-  const std::vector<IndexedResponse>& all = index_.responses();
+std::ptrdiff_t MixtureMaker::draw_noise_response(const Mixture& mixture, const RandomStream& random) const {
   std::set<int> taken;
-  for (const MixedTalker& talker : mixture.talkers) taken.insert(all[talker.response].source);
-  std::vector<std::size_t> free, here;
-  for (const std::size_t i : index_.room_of(mixture.talkers[0].response)) {
-    if (taken.contains(all[i].source)) continue;
-    free.push_back(i);
-    if (all[i].place == all[mixture.talkers[0].response].place) here.push_back(i);
-  }
-  const std::vector<std::size_t>& among = here.empty() ? free : here;
-  if (!among.empty())
-    noise.response = static_cast<std::ptrdiff_t>(among[random.below(static_cast<std::uint32_t>(among.size()), MixtureDraw::noise_source)]);
+  for (const MixedTalker& talker : mixture.talkers) taken.insert(index_.responses()[talker.response].source);
+  const std::vector<std::size_t> among = free_responses(index_, mixture.talkers[0].response, taken);
+  if (among.empty()) return -1;
+  return static_cast<std::ptrdiff_t>(among[random.below(static_cast<std::uint32_t>(among.size()), MixtureDraw::noise_source)]);
+}
 
-  std::vector<float> clip;  // empty: white noise without an end
+std::vector<float> MixtureMaker::open_noise(MixedNoise& noise, const RandomStream& random) const {
+  std::vector<float> clip;
   if (noise_) {
     noise.sound = noise_->files[random.below(static_cast<std::uint32_t>(noise_->files.size()), MixtureDraw::noise_file)];
     clip = load_sound(noise_->root / noise.sound, index_.sample_rate_hz()).samples;
@@ -159,6 +171,13 @@ void MixtureMaker::add_noise(Mixture& mixture, std::uint64_t number) {
     noise.sound = fmt::format("{}:{}", config_.noise, random.below(1u << 30, MixtureDraw::noise_file));
     clip = synthesize_sound(noise.sound, index_.sample_rate_hz()).samples;
   }
+  return clip;
+}
+
+void MixtureMaker::render_noise(Mixture& mixture, std::uint64_t number, const std::vector<float>& clip) {
+  const RandomStream random = stream_of(config_, number, 0);
+  const std::size_t channels = index_.channels().size(), frames = mixture.num_frames;
+  MixedNoise& noise = mixture.noise;
   const auto part = [&](std::size_t channel, std::size_t count) {
     if (clip.empty()) return white_noise(noise_stream(config_, number, channel), count);
     const auto size = static_cast<std::uint32_t>(clip.size());
@@ -169,7 +188,7 @@ void MixtureMaker::add_noise(Mixture& mixture, std::uint64_t number) {
   };
   if (noise.response >= 0) {
     // It has been sounding: what it rings from before the first sample is there, and its end is not.
-    const IndexedResponse& response = all[static_cast<std::size_t>(noise.response)];
+    const IndexedResponse& response = index_.responses()[static_cast<std::size_t>(noise.response)];
     const SoundChannels filter = index_.load(response, response.file);
     const std::size_t before = filter.num_frames() - 1;
     const std::vector<float> sound = convolver_.convolve(part(0, before + frames), filter.samples, filter.num_channels);
@@ -184,14 +203,6 @@ void MixtureMaker::add_noise(Mixture& mixture, std::uint64_t number) {
       noise.samples.insert(noise.samples.end(), channel.begin(), channel.end());
     }
   }
-  const double energy = energy_of(noise.samples);
-  if (energy <= 0)
-    throw InputError(noise_ ? (noise_->root / noise.sound).string() : noise.sound, "is silent, or has a pause as long as a signal",
-                     "take it out of the folder");
-  noise.snr_db = within_range(config_.snr_db, random.uniform(MixtureDraw::snr));
-  noise.gain = std::sqrt(energy_of(mixture.samples) / energy) / amplitude_of_db(noise.snr_db);
-  scale(noise.samples, noise.gain);
-  for (std::size_t i = 0; i < mixture.samples.size(); ++i) mixture.samples[i] += noise.samples[i];
 }
 
 Mixture MixtureMaker::mix(std::uint64_t number) {

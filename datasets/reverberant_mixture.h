@@ -10,6 +10,7 @@
 #include "datasets/corpus_sounds.h"
 #include "datasets/response_index.h"
 #include "sim/audio/transforms/fir_convolver.h"
+#include "sim/base/random.h"
 
 namespace earshot {
 
@@ -52,6 +53,12 @@ class MixtureMaker {
   [[nodiscard]] std::vector<std::size_t> draw_responses(std::uint64_t number, std::size_t count) const;
   void add_talker(Mixture& mixture, std::uint64_t number, std::size_t talker, std::size_t response);
   void add_noise(Mixture& mixture, std::uint64_t number);
+  /// Of a source that is left in the room, at the place of the first talker where there is one; -1: none is left.
+  [[nodiscard]] std::ptrdiff_t draw_noise_response(const Mixture& mixture, const RandomStream& random) const;
+  /// Names the sound and returns its samples; empty: white noise without an end.
+  std::vector<float> open_noise(MixedNoise& noise, const RandomStream& random) const;
+  /// Writes noise.samples and noise.start_sample.
+  void render_noise(Mixture& mixture, std::uint64_t number, const std::vector<float>& clip);
   std::vector<float> convolved(const IndexedResponse& response, const std::string& file, std::span<const float> dry);
 
   const ConvolveConfig& config_;

@@ -163,94 +163,128 @@ CorpusSourceRenderer::CorpusSourceRenderer(const RirCorpusConfig& config, const 
 
 std::string CorpusSourceRenderer::sofa_name() const { return fmt::format("{:06}_s{:02}.sofa", room_index_, number_); }
 
-std::string CorpusSourceRenderer::render(int listener, const std::string& folder, std::vector<CorpusFile>& files) {
-  const AcousticScene& acoustics = room_.acoustics();
-  const Scene& scene = room_.scene();
-  const CorpusListener pose = room_.draw_listener(source_, number_, listener);
-  const ListenerOrientation orientation = pose.orientation();
-  compute_energy_response(acoustics, candidates_, field_.get(), pose.position, response_);
-  heads_[pose.head].render(response_, orientation, CarrierKey(carrier_key(acoustics.hash(), candidates_.source()), pose.position), rir_);
-  const RoomMetrics metrics = measure(acoustics, response_);
+struct CorpusSourceRenderer::Recording {
+  int listener = 0;
+  CorpusListener pose;
+  std::string id;
+  const std::string& folder;
+  std::vector<CorpusFile>& files;
+  double direct_s = 0;
+  Json line;
+};
 
-  const std::string id = fmt::format("{:06}_s{:02}_l{:04}", room_index_, number_, listener);
+std::string CorpusSourceRenderer::render(int listener, const std::string& folder, std::vector<CorpusFile>& files) {
+  const std::uint64_t room_hash = room_.acoustics().hash();
+  Recording recording{.listener = listener,
+                      .pose = room_.draw_listener(source_, number_, listener),
+                      .id = fmt::format("{:06}_s{:02}_l{:04}", room_index_, number_, listener),
+                      .folder = folder,
+                      .files = files,
+                      .line = Json::object()};
+  const CorpusListener& pose = recording.pose;
+  compute_energy_response(room_.acoustics(), candidates_, field_.get(), pose.position, response_);
+  heads_[pose.head].render(response_, pose.orientation(), CarrierKey(carrier_key(room_hash, candidates_.source()), pose.position), rir_);
   const float gain = gain_for(config_.format, rir_.samples);
   std::vector<float> samples = scaled(rir_.samples, gain);
-  const auto add = [&](const std::string& suffix, std::span<const float> channels) {
-    if (config_.sofa) {
-      // Harmonics in the axes of the room are those of a listener who looks along them.
-      const ListenerLayout layout = ListenerLayout::named(config_.channels);
-      const bool turned = layout.kind != ListenerKind::ambisonics || layout.axes == HarmonicAxes::ego;
-      const ListenerOrientation facing = turned ? orientation : ListenerOrientation();
-      sofa_.num_samples = rir_.num_samples;
-      sofa_.samples.insert(sofa_.samples.end(), channels.begin(), channels.end());
-      sofa_.listeners.push_back({.position = sofa_axes(scene.to_world(pose.position)),
-                                 .view = sofa_axes(facing.local_to_world(glm::vec3(0, 0, -1))),
-                                 .up = sofa_axes(facing.local_to_world(glm::vec3(0, 1, 0)))});
-      return folder + sofa_name();
-    }
-    const std::string name = id + suffix + ending_of(config_.format);
-    files.push_back({name, encode_sound(channels, rir_.num_channels, rir_.sample_rate_hz, config_.format, folder + name)});
-    return folder + name;
-  };
 
-  const glm::dvec3 from = scene.to_world(source_.sound.position), at = scene.to_world(pose.position);
+  Json& line = recording.line;
+  line["id"] = recording.id;
+  line["file"] = store(recording, "", samples);
+  label_geometry(recording);
+  label_metrics(recording);
+  line["num_samples"] = rir_.num_samples;
+  line["gain"] = gain;
+  add_pictures(recording);
+  if (config_.sofa) line["measurement"] = sofa_.listeners.size() - 1;
+  if (config_.split_ms > 0) store_split(recording, samples);
+  return line.dump();
+}
+
+std::string CorpusSourceRenderer::store(const Recording& recording, const std::string& suffix, std::span<const float> channels) {
+  if (config_.sofa) {
+    // Harmonics in the axes of the room are those of a listener who looks along them.
+    const ListenerLayout layout = ListenerLayout::named(config_.channels);
+    const bool turned = layout.kind != ListenerKind::ambisonics || layout.axes == HarmonicAxes::ego;
+    const ListenerOrientation facing = turned ? recording.pose.orientation() : ListenerOrientation();
+    sofa_.num_samples = rir_.num_samples;
+    sofa_.samples.insert(sofa_.samples.end(), channels.begin(), channels.end());
+    sofa_.listeners.push_back({.position = sofa_axes(room_.scene().to_world(recording.pose.position)),
+                               .view = sofa_axes(facing.local_to_world(glm::vec3(0, 0, -1))),
+                               .up = sofa_axes(facing.local_to_world(glm::vec3(0, 1, 0)))});
+    return recording.folder + sofa_name();
+  }
+  const std::string name = recording.id + suffix + ending_of(config_.format);
+  recording.files.push_back(
+      {name, encode_sound(channels, rir_.num_channels, rir_.sample_rate_hz, config_.format, recording.folder + name)});
+  return recording.folder + name;
+}
+
+void CorpusSourceRenderer::label_geometry(Recording& recording) const {
+  const Scene& scene = room_.scene();
+  const CorpusListener& pose = recording.pose;
   const glm::vec3 toward = source_.sound.position - pose.position;
   const double distance_m = static_cast<double>(glm::length(toward));
-  const glm::vec3 direction = distance_m > 0 ? orientation.world_to_local(glm::normalize(toward)) : glm::vec3(0, 0, -1);
+  const glm::vec3 direction = distance_m > 0 ? pose.orientation().world_to_local(glm::normalize(toward)) : glm::vec3(0, 0, -1);
   const bool in_sight = std::ranges::any_of(response_.arrivals, [](const Arrival& a) { return a.kind == ArrivalKind::direct; });
   // Behind a wall the direct sound counts from when the straight line would bring it.
-  const double direct_s = distance_m / static_cast<double>(response_.speed_of_sound_m_per_s);
+  recording.direct_s = distance_m / static_cast<double>(response_.speed_of_sound_m_per_s);
 
-  Json line = {
-      {"id", id},
-      {"file", add("", samples)},
-      {"scene", scene.name()},
-      {"scene_hash", hex64(scene.hash())},
-      {"room", room_index_},
-      {"source", {{"index", number_}, {"position_m", place(from)}, {"heading_deg", source_.heading_deg}, {"pattern", source_.pattern}}},
-      {"listener",
-       {{"index", listener},
-        {"position_m", place(at)},
-        {"heading_deg", pose.heading_deg},
-        {"pitch_deg", pose.pitch_deg},
-        {"roll_deg", pose.roll_deg}}},
-      {"distance_m", rounded(distance_m)},
-      {"azimuth_deg", rounded(kRadian * std::atan2(static_cast<double>(-direction.x), static_cast<double>(-direction.z)))},
-      {"elevation_deg", rounded(kRadian * std::asin(std::clamp(static_cast<double>(direction.y), -1.0, 1.0)))},
-      {"line_of_sight", in_sight},
-      {"direct_delay_s", rounded(direct_s)},
-      {"drr_db", rounded(metrics.drr_db)},
-      {"t20_mid_s", mid_t20(metrics)},
-      {"t20_s", per_band(metrics, [](const BandMetrics& band) { return band.t20_s; })},
-      {"rt60_s", per_band(metrics, [](const BandMetrics& band) { return band.rt60_s; })},
-      {"c50_db", per_band(metrics, [](const BandMetrics& band) { return band.c50_db; })},
-      {"field_t20_error", field_ ? rounded(field_->t20_error()) : Json(nullptr)},
-      {"num_samples", rir_.num_samples},
-      {"gain", gain}};
+  Json& line = recording.line;
+  line["scene"] = scene.name();
+  line["scene_hash"] = hex64(scene.hash());
+  line["room"] = room_index_;
+  line["source"] = {{"index", number_},
+                    {"position_m", place(scene.to_world(source_.sound.position))},
+                    {"heading_deg", source_.heading_deg},
+                    {"pattern", source_.pattern}};
+  line["listener"] = {{"index", recording.listener},
+                      {"position_m", place(scene.to_world(pose.position))},
+                      {"heading_deg", pose.heading_deg},
+                      {"pitch_deg", pose.pitch_deg},
+                      {"roll_deg", pose.roll_deg}};
   if (!config_.hrtfs.empty()) line["listener"]["hrtf"] = config_.hrtfs[pose.head];
-  if (const CorpusPictures* pictures = room_.pictures()) {
-    std::vector<CorpusFile> made = pictures->render(scene, pose.position, pose.heading_deg / kRadian, id);
-    line["rgb_file"] = folder + made[0].name;
-    line["depth_file"] = folder + made[1].name;
-    line["category_file"] = folder + made[2].name;
-    std::ranges::move(made, std::back_inserter(files));
+  line["distance_m"] = rounded(distance_m);
+  line["azimuth_deg"] = rounded(kRadian * std::atan2(static_cast<double>(-direction.x), static_cast<double>(-direction.z)));
+  line["elevation_deg"] = rounded(kRadian * std::asin(std::clamp(static_cast<double>(direction.y), -1.0, 1.0)));
+  line["line_of_sight"] = in_sight;
+  line["direct_delay_s"] = rounded(recording.direct_s);
+}
+
+void CorpusSourceRenderer::label_metrics(Recording& recording) const {
+  const RoomMetrics metrics = measure(room_.acoustics(), response_);
+  Json& line = recording.line;
+  line["drr_db"] = rounded(metrics.drr_db);
+  line["t20_mid_s"] = mid_t20(metrics);
+  line["t20_s"] = per_band(metrics, [](const BandMetrics& band) { return band.t20_s; });
+  line["rt60_s"] = per_band(metrics, [](const BandMetrics& band) { return band.rt60_s; });
+  line["c50_db"] = per_band(metrics, [](const BandMetrics& band) { return band.c50_db; });
+  line["field_t20_error"] = field_ ? rounded(field_->t20_error()) : Json(nullptr);
+}
+
+void CorpusSourceRenderer::add_pictures(Recording& recording) const {
+  const CorpusPictures* pictures = room_.pictures();
+  if (!pictures) return;
+  const CorpusListener& pose = recording.pose;
+  std::vector<CorpusFile> made = pictures->render(room_.scene(), pose.position, pose.heading_deg / kRadian, recording.id);
+  recording.line["rgb_file"] = recording.folder + made[0].name;
+  recording.line["depth_file"] = recording.folder + made[1].name;
+  recording.line["category_file"] = recording.folder + made[2].name;
+  std::ranges::move(made, std::back_inserter(recording.files));
+}
+
+void CorpusSourceRenderer::store_split(Recording& recording, std::vector<float>& samples) {
+  const auto frames = static_cast<std::size_t>(rir_.num_samples);
+  const double split = (recording.direct_s + 1e-3 * static_cast<double>(config_.split_ms)) * static_cast<double>(rir_.sample_rate_hz);
+  const std::size_t first_late = std::min(frames, static_cast<std::size_t>(std::lround(split)));
+  std::vector<float> late = samples;
+  for (std::size_t channel = 0; channel < static_cast<std::size_t>(rir_.num_channels); ++channel) {
+    const auto begin = static_cast<std::ptrdiff_t>(channel * frames), split_at = begin + static_cast<std::ptrdiff_t>(first_late);
+    std::fill(late.begin() + begin, late.begin() + split_at, 0.f);
+    std::fill(samples.begin() + split_at, samples.begin() + begin + static_cast<std::ptrdiff_t>(frames), 0.f);
   }
-  if (config_.sofa) line["measurement"] = sofa_.listeners.size() - 1;
-  if (config_.split_ms > 0) {
-    const auto frames = static_cast<std::size_t>(rir_.num_samples);
-    const double split = (direct_s + 1e-3 * static_cast<double>(config_.split_ms)) * static_cast<double>(rir_.sample_rate_hz);
-    const std::size_t first_late = std::min(frames, static_cast<std::size_t>(std::lround(split)));
-    std::vector<float> late = samples;
-    for (std::size_t channel = 0; channel < static_cast<std::size_t>(rir_.num_channels); ++channel) {
-      const auto begin = static_cast<std::ptrdiff_t>(channel * frames), split_at = begin + static_cast<std::ptrdiff_t>(first_late);
-      std::fill(late.begin() + begin, late.begin() + split_at, 0.f);
-      std::fill(samples.begin() + split_at, samples.begin() + begin + static_cast<std::ptrdiff_t>(frames), 0.f);
-    }
-    line["split_sample"] = first_late;
-    line["early_file"] = add(".early", samples);
-    line["late_file"] = add(".late", late);
-  }
-  return line.dump();
+  recording.line["split_sample"] = first_late;
+  recording.line["early_file"] = store(recording, ".early", samples);
+  recording.line["late_file"] = store(recording, ".late", late);
 }
 
 }  // namespace earshot

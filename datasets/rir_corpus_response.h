@@ -36,6 +36,16 @@ class CorpusSourceRenderer {
   [[nodiscard]] std::string sofa_name() const;
 
  private:
+  struct Recording;  // of the response at one listener: its names, its files and its line of the manifest
+
+  /// Appends the samples to the files, or to sofa_; returns the name of their file.
+  std::string store(const Recording& recording, const std::string& suffix, std::span<const float> channels);
+  void label_geometry(Recording& recording) const;
+  void label_metrics(Recording& recording) const;
+  void add_pictures(Recording& recording) const;
+  /// Stores the sound until config.split_ms after the direct sound, which stays in `samples`, and the sound from then on.
+  void store_split(Recording& recording, std::vector<float>& samples);
+
   const RirCorpusConfig& config_;
   const CorpusRoom& room_;
   std::size_t room_index_;

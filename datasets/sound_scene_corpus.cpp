@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 #include <numbers>
 #include <optional>
+#include <utility>
 
 #include "datasets/corpus_parts.h"
 #include "datasets/corpus_sounds.h"
@@ -43,21 +44,22 @@ float diffuse_level(const ListenerLayout& layout, std::size_t channel) {
   return static_cast<float>(1 / std::sqrt(2 * degree + 1));
 }
 
+/// What all rooms of a corpus share.
+struct SceneInputs {
+  const SoundSceneConfig& config;
+  const ClassSounds& sounds;
+  const SoundFolder* noise = nullptr;  ///< null: none, or noise that is synthesized
+  const ListenerLayout& layout;
+};
+
 /// One room's recordings.
 class RoomRecorder {
  public:
-  RoomRecorder(const SoundSceneConfig& config, const ClassSounds& sounds, const SoundFolder* noise, const ListenerLayout& layout,
-               SoundSceneRecorder& recorder, const CorpusRoomSpec& spec, std::size_t room)
-      : config_(config),
-        sounds_(sounds),
-        noise_(noise),
-        layout_(layout),
-        recorder_(recorder),
-        room_index_(room),
-        room_(config.rooms, room, spec) {}
+  RoomRecorder(const SceneInputs& inputs, SoundSceneRecorder& recorder, const CorpusRoomSpec& spec, std::size_t room)
+      : inputs_(inputs), config_(inputs.config), recorder_(recorder), room_index_(room), room_(inputs.config.rooms, room, spec) {}
 
   void record(int recording, CorpusPieceWriter& writer) {
-    const SoundScenePlan plan = plan_sound_scene(config_, sounds_, room_, room_index_, recording);
+    const SoundScenePlan plan = plan_sound_scene(config_, inputs_.sounds, room_, room_index_, recording);
     const RandomStream random(config_.rooms.seed, Purpose::episode, kMixStream, static_cast<std::uint32_t>(room_index_),
                               static_cast<std::uint32_t>(recording));
     const float rate_hz = config_.rooms.acoustics.sample_rate_hz;
@@ -73,8 +75,12 @@ class RoomRecorder {
       SoundSource source(event.path[0].position);
       source.directivity = Directivity::named(pattern);
       source.orientation = glm::angleAxis(static_cast<float>(heading_deg * std::numbers::pi / 180), glm::vec3(0, 1, 0));
-      recorder_.add(room_, event, plan.listener, source, carrier_key(room_.acoustics().hash(), static_cast<std::size_t>(event.number)),
-                    frames, mix);
+      recorder_.add({.room = room_,
+                     .event = event,
+                     .listener = plan.listener,
+                     .source = std::move(source),
+                     .carrier = carrier_key(room_.acoustics().hash(), static_cast<std::size_t>(event.number))},
+                    {.frames = frames, .samples = mix});
       events.push_back(describe(event, pattern, heading_deg));
     }
     Json noise = nullptr;
@@ -134,12 +140,12 @@ class RoomRecorder {
 
   /// Unrelated between channels, at the levels of a diffuse field.
   Json add_noise(int recording, const RandomStream& random, std::size_t frames, std::vector<float>& mix) const {
-    const auto channels = static_cast<std::size_t>(layout_.num_channels());
+    const auto channels = static_cast<std::size_t>(inputs_.layout.num_channels());
     std::string name = "synth";
     std::vector<float> clip;
-    if (noise_) {
-      name = noise_->files[random.below(static_cast<std::uint32_t>(noise_->files.size()), MixDraw::noise_file)];
-      clip = load_sound(noise_->root / name, config_.rooms.acoustics.sample_rate_hz).samples;
+    if (inputs_.noise) {
+      name = inputs_.noise->files[random.below(static_cast<std::uint32_t>(inputs_.noise->files.size()), MixDraw::noise_file)];
+      clip = load_sound(inputs_.noise->root / name, config_.rooms.acoustics.sample_rate_hz).samples;
     }
     std::vector<float> noise;
     for (std::size_t c = 0; c < channels; ++c) {
@@ -150,20 +156,18 @@ class RoomRecorder {
               ? white_noise(white, frames)
               : looped(clip, random.below(static_cast<std::uint32_t>(clip.size()), MixDraw::noise_start + static_cast<std::uint32_t>(c)),
                        frames);
-      scale(channel, static_cast<double>(diffuse_level(layout_, c)));
+      scale(channel, static_cast<double>(diffuse_level(inputs_.layout, c)));
       noise.insert(noise.end(), channel.begin(), channel.end());
     }
     const double energy = energy_of(noise), snr_db = within_range(config_.snr_db, random.uniform(MixDraw::snr));
-    if (energy <= 0) throw InputError((noise_->root / name).string(), "is silent", "take it out of the folder");
+    if (energy <= 0) throw InputError((inputs_.noise->root / name).string(), "is silent", "take it out of the folder");
     const double gain = std::sqrt(energy_of(mix) / energy) / amplitude_of_db(snr_db);
     for (std::size_t i = 0; i < mix.size(); ++i) mix[i] += static_cast<float>(gain) * noise[i];
     return {{"sound", name}, {"snr_db", rounded(snr_db)}};
   }
 
+  const SceneInputs& inputs_;
   const SoundSceneConfig& config_;
-  const ClassSounds& sounds_;
-  const SoundFolder* noise_;
-  const ListenerLayout& layout_;
   SoundSceneRecorder& recorder_;
   std::size_t room_index_;
   CorpusRoom room_;
@@ -229,6 +233,7 @@ SoundSceneReport write_sound_scenes(const SoundSceneConfig& config, const Corpus
   write_file_atomically(run.out / "classes.txt", names);
 
   const std::shared_ptr<const SynthesisTables> tables = corpus_tables(config.rooms).front();
+  const SceneInputs inputs{.config = config, .sounds = sounds, .noise = noise ? &*noise : nullptr, .layout = layout};
   const CorpusPartsReport done = complete_corpus(
       folder, run,
       {.items = [&](std::size_t) { return static_cast<std::uint64_t>(config.recordings_per_room); },
@@ -236,7 +241,7 @@ SoundSceneReport write_sound_scenes(const SoundSceneConfig& config, const Corpus
            [&] {
              auto recorder = std::make_shared<SoundSceneRecorder>(config, tables);
              return [&, recorder](CorpusPiece piece, CorpusPieceWriter& writer, const std::function<void()>& count_item) {
-               RoomRecorder of_room(config, sounds, noise ? &*noise : nullptr, layout, *recorder, rooms[piece.part], piece.part);
+               RoomRecorder of_room(inputs, *recorder, rooms[piece.part], piece.part);
                for (int recording = 0; recording < config.recordings_per_room; ++recording) {
                  of_room.record(recording, writer);
                  count_item();

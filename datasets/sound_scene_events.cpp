@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <glm/geometric.hpp>
 #include <numbers>
 
@@ -90,17 +91,16 @@ std::vector<WalkPoint> timed(const std::vector<glm::vec3>& way, double speed_m_p
   return points;
 }
 
-/// The walk of an event from `start`; one point if none is found that keeps its distance from the listener.
-std::vector<WalkPoint> draw_walk(const SoundSceneConfig& config, const CorpusRoom& room, const RandomStream& random, FreePlace start,
-                                 glm::vec3 listener, double speed_m_per_s, double length_s) {
-  const auto keeps_distance = [&](glm::vec3 place) {
-    const float distance_m = glm::length(place - listener);
-    return distance_m >= config.rooms.min_distance_m && distance_m <= config.rooms.max_distance_m;
-  };
+/// Tells whether a source may be at a place, by its distance from the listener.
+using DistanceRule = std::function<bool(glm::vec3)>;
+
+/// A way from `start` to a drawn goal that keeps its distance everywhere; empty if none is found.
+std::vector<glm::vec3> draw_way(const RirCorpusConfig& config, const CorpusRoom& room, const RandomStream& random, FreePlace start,
+                                const DistanceRule& keeps_distance) {
   for (int attempt = 0; attempt < kWalkTries; ++attempt) {
-    const FreePlace goal = room.draw_place(random, static_cast<std::uint32_t>(1 + attempt), config.rooms.source_height_m, keeps_distance,
-                                           "a source that moves");
-    const std::vector<glm::vec3> way = way_between(room.navmesh(), start, goal);
+    const FreePlace goal =
+        room.draw_place(random, static_cast<std::uint32_t>(1 + attempt), config.source_height_m, keeps_distance, "a source that moves");
+    std::vector<glm::vec3> way = way_between(room.navmesh(), start, goal);
     if (way.size() < 2) continue;
     float length_m = 0;
     bool keeps = true;
@@ -110,9 +110,9 @@ std::vector<WalkPoint> draw_walk(const SoundSceneConfig& config, const CorpusRoo
       for (int step = 0; step <= steps && keeps; ++step)
         keeps = keeps_distance(way[i - 1] + (static_cast<float>(step) / steps) * (way[i] - way[i - 1]));
     }
-    if (keeps && length_m >= 0.3f) return timed(way, speed_m_per_s, length_s);
+    if (keeps && length_m >= 0.3f) return way;
   }
-  return {{0, start.position()}};
+  return {};
 }
 
 int most_at_once(const std::vector<SoundEvent>& events, double begin_s, double end_s) {
@@ -154,7 +154,7 @@ SoundScenePlan plan_sound_scene(const SoundSceneConfig& config, const ClassSound
   plan.listener.heading_deg = 0.01 * whole.below(36000, EventDraw::heading);
   plan.listener.pitch_deg = hundredths_within(config.rooms.pitch_deg, whole.uniform(EventDraw::pitch));
   plan.listener.roll_deg = hundredths_within(config.rooms.roll_deg, whole.uniform(EventDraw::roll));
-  const auto keeps_distance = [&](glm::vec3 place) {
+  const DistanceRule keeps_distance = [&](glm::vec3 place) {
     const float distance_m = glm::length(place - plan.listener.position);
     return distance_m >= config.rooms.min_distance_m && distance_m <= config.rooms.max_distance_m;
   };
@@ -183,7 +183,8 @@ SoundScenePlan plan_sound_scene(const SoundSceneConfig& config, const ClassSound
     event.path = {{0, start.position()}};
     if (random.uniform(EventDraw::moving) < config.moving) {
       event.speed_m_per_s = std::max(0.01, hundredths_within(config.speed_m_per_s, random.uniform(EventDraw::speed)));
-      event.path = draw_walk(config, room, places, start, plan.listener.position, event.speed_m_per_s, length_s);
+      const std::vector<glm::vec3> way = draw_way(config.rooms, room, places, start, keeps_distance);
+      if (!way.empty()) event.path = timed(way, event.speed_m_per_s, length_s);
     }
     if (!event.moves()) event.speed_m_per_s = 0;
     plan.events.push_back(std::move(event));

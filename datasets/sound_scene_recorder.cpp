@@ -26,11 +26,11 @@ SoundClip levelled(const SoundEvent& event, float sample_rate_hz, std::size_t so
   return clip;
 }
 
-/// [channels, from_frames] added to [channels, frames] from sample `first` on.
-void add_block(std::span<const float> from, std::size_t channels, std::size_t first, std::size_t frames, std::span<float> mix) {
-  const std::size_t width = from.size() / channels, count = first >= frames ? 0 : std::min(width, frames - first);
+/// Adds `block` [channels, n] to the recording from frame `first` on.
+void add_block(std::span<const float> block, std::size_t channels, std::size_t first, const RecordingMix& mix) {
+  const std::size_t width = block.size() / channels, count = first >= mix.frames ? 0 : std::min(width, mix.frames - first);
   for (std::size_t c = 0; c < channels; ++c)
-    for (std::size_t n = 0; n < count; ++n) mix[c * frames + first + n] += from[c * width + n];
+    for (std::size_t n = 0; n < count; ++n) mix.samples[c * mix.frames + first + n] += block[c * width + n];
 }
 
 }  // namespace
@@ -42,66 +42,66 @@ SoundSceneRecorder::SoundSceneRecorder(const SoundSceneConfig& config, std::shar
       synthesizer_(tables),
       glider_(tables, block_) {}
 
-void SoundSceneRecorder::add(const CorpusRoom& room, const SoundEvent& event, const CorpusListener& listener, const SoundSource& source,
-                             std::uint64_t carrier, std::size_t frames, std::span<float> mix) {
+void SoundSceneRecorder::add(const PlacedEvent& placed, const RecordingMix& mix) {
+  const SoundEvent& event = placed.event;
   const auto rate_hz = static_cast<double>(config_.rooms.acoustics.sample_rate_hz);
   const auto first = static_cast<std::size_t>(std::lround(event.onset_s * rate_hz));
   const auto sounding = static_cast<std::size_t>(std::lround((event.offset_s - event.onset_s) * rate_hz));
   const SoundClip clip = levelled(event, config_.rooms.acoustics.sample_rate_hz, sounding);
+  const DrySound dry{.clip = clip, .first = first, .sounding = sounding};
   if (event.moves())
-    add_moving(room, event, listener, source, carrier, clip, sounding, first, frames, mix);
+    add_moving(placed, dry, mix);
   else
-    add_resting(room, event, listener, source, carrier, clip, sounding, first, frames, mix);
+    add_resting(placed, dry, mix);
 }
 
-void SoundSceneRecorder::add_resting(const CorpusRoom& room, const SoundEvent& event, const CorpusListener& listener, const SoundSource& at,
-                                     std::uint64_t carrier, const SoundClip& clip, std::size_t sounding, std::size_t first,
-                                     std::size_t frames, std::span<float> mix) {
-  SoundSource source = at;
-  source.position = event.path[0].position;
-  const AcousticScene& acoustics = room.acoustics();
+void SoundSceneRecorder::add_resting(const PlacedEvent& placed, const DrySound& dry, const RecordingMix& mix) {
+  SoundSource source = placed.source;
+  source.position = placed.event.path[0].position;
+  const glm::vec3 listener = placed.listener.position;
+  const AcousticScene& acoustics = placed.room.acoustics();
   const EarlyCandidates candidates(acoustics, source);
   std::shared_ptr<const SourceField> field;
   if (acoustics.config().field == Switch::on && uses_source_field(acoustics)) field = build_source_field(acoustics, candidates);
-  compute_energy_response(acoustics, candidates, field.get(), listener.position, response_);
+  compute_energy_response(acoustics, candidates, field.get(), listener, response_);
   Rir rir;
-  synthesizer_.render(response_, listener.orientation(), CarrierKey(carrier, listener.position), rir);
-  std::vector<float> dry(sounding);
-  for (std::size_t i = 0; i < sounding; ++i) dry[i] = clip.samples[i % clip.samples.size()];
-  add_block(fir_.convolve(dry, rir.samples, rir.num_channels), static_cast<std::size_t>(num_channels_), first, frames, mix);
+  synthesizer_.render(response_, placed.listener.orientation(), CarrierKey(placed.carrier, listener), rir);
+  std::vector<float> sound(dry.sounding);
+  for (std::size_t i = 0; i < sound.size(); ++i) sound[i] = dry.clip.samples[i % dry.clip.samples.size()];
+  add_block(fir_.convolve(sound, rir.samples, rir.num_channels), static_cast<std::size_t>(num_channels_), dry.first, mix);
 }
 
-void SoundSceneRecorder::add_moving(const CorpusRoom& room, const SoundEvent& event, const CorpusListener& listener, SoundSource source,
-                                    std::uint64_t carrier, const SoundClip& clip, std::size_t sounding, std::size_t first,
-                                    std::size_t frames, std::span<float> mix) {
-  const AcousticScene& acoustics = room.acoustics();
+void SoundSceneRecorder::add_moving(const PlacedEvent& placed, const DrySound& dry, const RecordingMix& mix) {
+  const AcousticScene& acoustics = placed.room.acoustics();
   const AcousticConfig& config = acoustics.config();
   const auto rate_hz = static_cast<double>(config.sample_rate_hz);
-  const OversampledSound oversampled(clip);
-  const ListenerOrientation orientation = listener.orientation();
-  StreamPosition position{.sample = 0, .clip_offset = 0, .already_playing = false, .begin = 0, .end = sounding};
+  const OversampledSound oversampled(dry.clip);
+  const glm::vec3 listener = placed.listener.position;
+  const ListenerOrientation orientation = placed.listener.orientation();
+  SoundSource source = placed.source;
+  StreamPosition position{.sample = 0, .clip_offset = 0, .already_playing = false, .begin = 0, .end = dry.sounding};
   TemporalReuse reuse;
   const bool reuses = config.temporal_reuse != Switch::off && config.source_rays == 0 && config.specular_exponent == 0.f;
   GlidingPaths gliding;
   Rir rir, previous;
   std::vector<float> part(static_cast<std::size_t>(block_) * static_cast<std::size_t>(num_channels_));
   const double ring_s = 2 * static_cast<double>(config.rir_length_s);
-  const auto end = std::min(frames, first + sounding + static_cast<std::size_t>(ring_s * rate_hz));
-  for (std::size_t at = first; at < end; at += static_cast<std::size_t>(block_)) {
+  const auto end = std::min(mix.frames, dry.first + dry.sounding + static_cast<std::size_t>(ring_s * rate_hz));
+  for (std::size_t at = dry.first; at < end; at += static_cast<std::size_t>(block_)) {
     // The response of where the source is when the block ends: the block leads there from the one before.
-    source.position = event.position_at(static_cast<double>(at - first + static_cast<std::size_t>(block_)) / rate_hz);
+    source.position = placed.event.position_at(static_cast<double>(at - dry.first + static_cast<std::size_t>(block_)) / rate_hz);
     const EarlyCandidates candidates(acoustics, source, SourceMotion::moves);
     if (reuses)
-      reuse.compute(acoustics, candidates, listener.position, response_);
+      reuse.compute(acoustics, candidates, listener, response_);
     else
-      compute_energy_response(acoustics, candidates, nullptr, listener.position, response_);
+      compute_energy_response(acoustics, candidates, nullptr, listener, response_);
     const std::span<const std::uint8_t> glides = glider_.choose(response_, &gliding);
-    synthesizer_.render(response_, orientation, {carrier, listener.position, std::optional(source.position)}, rir, nullptr, glides);
+    synthesizer_.render(response_, orientation, {placed.carrier, listener, std::optional(source.position)}, rir, nullptr, glides);
     glider_.advance(response_, glides, orientation, gliding);
     if (!stream_) stream_.emplace(StreamConfig{rir.sample_rate_hz, rir.num_samples, block_, block_}, rir.num_channels);
-    stream_->convolve(clip, position, rir.samples, previous.samples, rir.num_samples, block_, part);
+    stream_->convolve(dry.clip, position, rir.samples, previous.samples, rir.num_samples, block_, part);
     glider_.render(oversampled, position, block_, block_, gliding, part);
-    add_block(part, static_cast<std::size_t>(num_channels_), at, frames, mix);
+    add_block(part, static_cast<std::size_t>(num_channels_), at, mix);
     position.sample += static_cast<std::uint64_t>(block_);
     std::swap(rir, previous);
   }

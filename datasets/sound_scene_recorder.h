@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <optional>
 #include <span>
@@ -14,6 +16,21 @@
 
 namespace earshot {
 
+/// An event of a recording with its source and its listener.
+struct PlacedEvent {
+  const CorpusRoom& room;
+  const SoundEvent& event;
+  const CorpusListener& listener;
+  SoundSource source;         ///< its directivity and orientation; the path of the event places it
+  std::uint64_t carrier = 0;  ///< of the noise of its late field
+};
+
+/// The samples of a recording, to which events are added.
+struct RecordingMix {
+  std::size_t frames = 0;
+  std::span<float> samples;  ///< [channels, frames]
+};
+
 /// Renders the events of sound scenes at their listener.  Owns scratch: one per thread.
 class SoundSceneRecorder {
  public:
@@ -22,20 +39,20 @@ class SoundSceneRecorder {
 
   /// Seconds between two responses of a source that moves; strong paths glide between them, the rest fades (path_glide.h).
   static constexpr double kStepS = 0.05;
-  /// Adds an event to `mix` [channels, frames] from its onset on; what rings on after the last frame is cut.  The dry sound is scaled to a
-  /// root mean square of level_db over 1 while it sounds.  carrier: of the noise of its late field. Throws InputError: a sound that cannot
-  /// be read or is silent.
-  void add(const CorpusRoom& room, const SoundEvent& event, const CorpusListener& listener, const SoundSource& source,
-           std::uint64_t carrier, std::size_t frames, std::span<float> mix);
+  /// Adds an event to `mix` from its onset on; what rings on after the last frame is cut.  The dry sound is scaled to a root mean square of
+  /// level_db over 1 while it sounds.  Throws InputError: a sound that cannot be read or is silent.
+  void add(const PlacedEvent& placed, const RecordingMix& mix);
   [[nodiscard]] int num_channels() const { return num_channels_; }
 
  private:
-  void add_resting(const CorpusRoom& room, const SoundEvent& event, const CorpusListener& listener, const SoundSource& source,
-                   std::uint64_t carrier, const SoundClip& clip, std::size_t sounding, std::size_t first, std::size_t frames,
-                   std::span<float> mix);
-  void add_moving(const CorpusRoom& room, const SoundEvent& event, const CorpusListener& listener, SoundSource source,
-                  std::uint64_t carrier, const SoundClip& clip, std::size_t sounding, std::size_t first, std::size_t frames,
-                  std::span<float> mix);
+  /// The sound of an event without a room.
+  struct DrySound {
+    const SoundClip& clip;     ///< loops
+    std::size_t first = 0;     ///< frame of the onset
+    std::size_t sounding = 0;  ///< frames from there to the offset
+  };
+  void add_resting(const PlacedEvent& placed, const DrySound& dry, const RecordingMix& mix);
+  void add_moving(const PlacedEvent& placed, const DrySound& dry, const RecordingMix& mix);
 
   const SoundSceneConfig& config_;
   int num_channels_, block_;
