@@ -266,9 +266,9 @@ class RirBench {
     }
     check_truth(high, candidates, truth);
     // The same carriers and head for both, as for a pose rendered in two modes.
-    BenchJson reference = {
+    const BenchJson reference = {
         {"reference", "field"}, {"reference_rt60_standard_error_pct", 100 * field->t20_error()}, {"reference_photons", field->photons()}};
-    report_errors(high, truth, carrier_key(fast_.hash()), std::move(reference));
+    report_errors(high, truth, carrier_key(fast_.hash()), reference);
   }
 
   /// Bidirectional paths as the truth, which have nothing but the scene in common with a field, heard with carriers of their own.
@@ -283,15 +283,24 @@ class RirBench {
     const std::vector<ConvergedPose> truth =
         converge(paths, EarlyCandidates(paths, scene_.source()), scene_.some_poses(std::min(options_.poses, options_.path_poses)),
                  options_.reference_seconds, [&](double fraction) { progress.update(static_cast<std::uint64_t>(1000 * fraction)); });
-    BenchJson reference = {
+    const BenchJson reference = {
         {"reference", "paths"}, {"reference_rt60_standard_error_pct", 100 * mean_t20_error(truth)}, {"reference_runs", count_runs(truth)}};
     fmt::print("  paths at {} poses, {} runs in all: standard error of T20 {:.2f} %\n", truth.size(), count_runs(truth),
                100 * mean_t20_error(truth));
-    report_errors(paths, truth, carrier_key(fast_.hash()) + 1, std::move(reference));
+    report_errors(paths, truth, carrier_key(fast_.hash()) + 1, reference);
   }
 
+  /// Errors of `fast` against a truth.  The photons of one field err together at all poses: one field is one draw, whatever the number of
+  /// poses.
+  struct FastErrors {
+    std::vector<std::vector<PoseErrors>> of_field;
+    std::vector<PoseErrors> all;
+    std::vector<double> stated_pct;  ///< by each field, of T20
+    ErrorCoverage coverage;
+  };
+
   /// `fast` with fields of several seeds against the truth, which is rendered with the carriers of `truth_key`.
-  void report_errors(const AcousticScene& high, const std::vector<ConvergedPose>& truth, std::uint64_t truth_key, BenchJson reference) {
+  FastErrors measure_fast_errors(const AcousticScene& high, const std::vector<ConvergedPose>& truth, std::uint64_t truth_key) {
     const int samples = static_cast<int>(std::lround(fast_.config().rir_length_s * fast_.config().sample_rate_hz));
     // The truth is decoded to its end.
     AcousticConfig decoded = fast_.config();
@@ -301,61 +310,66 @@ class RirBench {
     std::vector<HeardResponse> heard_truth;
     for (const ConvergedPose& at : truth) heard_truth.push_back(truth_listener.hear(high, at.response, at.pose.heading_rad, truth_key));
     EnergyResponse response;
-
-    // The photons of one field err together at all poses: one field is one draw, whatever the number of poses.
-    std::vector<std::vector<PoseErrors>> errors_of_field;
-    std::vector<PoseErrors> errors;
-    std::vector<double> stated;
-    ErrorCoverage coverage;
+    FastErrors errors;
     for (int i = 0; i < options_.error_fields; ++i) {
       AcousticConfig own = fast_.config();
       own.seed = fast_.config().seed + static_cast<std::uint64_t>(i == 0 ? 0 : i + 1);  // the next one is the truth's
       const AcousticScene scene(scene_.scene, own);
       const EarlyCandidates own_candidates(scene, scene_.source());
       const auto own_field = uses_source_field(scene) ? build_source_field(scene, own_candidates) : nullptr;
-      auto& of_field = errors_of_field.emplace_back();
+      auto& of_field = errors.of_field.emplace_back();
       for (std::size_t p = 0; p < truth.size(); ++p) {
         compute_energy_response(scene, own_candidates, own_field.get(), truth[p].pose.ears(), response);
         of_field.push_back(
             compare(heard_truth[p], fast_listener.hear(scene, response, truth[p].pose.heading_rad, carrier_key(fast_.hash()))));
-        if (own_field) coverage.add(of_field.back().values[static_cast<int>(ErrorKind::t20)], own_field->t20_error(), truth[p].t20_error);
+        if (own_field)
+          errors.coverage.add(of_field.back().values[static_cast<int>(ErrorKind::t20)], own_field->t20_error(), truth[p].t20_error);
       }
-      if (own_field) stated.push_back(100 * own_field->t20_error());
-      errors.insert(errors.end(), of_field.begin(), of_field.end());
+      if (own_field) errors.stated_pct.push_back(100 * own_field->t20_error());
+      errors.all.insert(errors.all.end(), of_field.begin(), of_field.end());
     }
-    BenchJson fast_json = setting(fast_);
-    fast_json["poses"] = truth.size();
-    fast_json["fields"] = options_.error_fields;
-    fast_json.update(reference);
-    const auto add_error = [&](const std::string& name, const std::string& unit, ErrorKind kind) {
-      const ErrorSummary summary = summarise(errors, kind);
-      const double scale = scale_of(kind);
-      std::vector<double> means;
-      for (const auto& of_field : errors_of_field)
-        if (const ErrorSummary own = summarise(of_field, kind); own.count > 0) means.push_back(scale * own.mean);
-      if (means.empty()) return;
-      BenchJson with_spread = fast_json;
-      with_spread["range"] = "least and largest mean of one field";
-      with_spread["rms"] = scale * summary.rms;
-      with_spread["p95"] = scale * summary.p95;
-      with_spread["values"] = summary.count;
-      with_spread["missing"] = summary.missing;
-      with_spread["fields_mean"] = means;
-      add(name, unit, {scale * summary.mean, *std::ranges::min_element(means), *std::ranges::max_element(means)}, with_spread);
-    };
-    add_error("fast.rt60_error_pct.energy", "%", ErrorKind::t20);
-    add_error("fast.rt60_error_pct.rir", "%", ErrorKind::rir_to_rir_t20);
-    add_error("fast.rt60_error_pct.rir_to_energy", "%", ErrorKind::rir_t20);
-    add_error("fast.drr_error_db", "dB", ErrorKind::drr_db);
-    if (coverage.poses > 0) {
+    return errors;
+  }
+
+  /// The mean of one kind of error, with the range over the fields; nothing where no pose has it.
+  void add_error(const std::string& name, const std::string& unit, ErrorKind kind, const FastErrors& errors,
+                 const BenchJson& setting) const {
+    const ErrorSummary summary = summarise(errors.all, kind);
+    const double scale = scale_of(kind);
+    std::vector<double> means;
+    for (const auto& of_field : errors.of_field)
+      if (const ErrorSummary own = summarise(of_field, kind); own.count > 0) means.push_back(scale * own.mean);
+    if (means.empty()) return;
+    BenchJson with_spread = setting;
+    with_spread["range"] = "least and largest mean of one field";
+    with_spread["rms"] = scale * summary.rms;
+    with_spread["p95"] = scale * summary.p95;
+    with_spread["values"] = summary.count;
+    with_spread["missing"] = summary.missing;
+    with_spread["fields_mean"] = means;
+    add(name, unit, {scale * summary.mean, *std::ranges::min_element(means), *std::ranges::max_element(means)}, with_spread);
+  }
+
+  void report_errors(const AcousticScene& high, const std::vector<ConvergedPose>& truth, std::uint64_t truth_key,
+                     const BenchJson& reference) {
+    const FastErrors errors = measure_fast_errors(high, truth, truth_key);
+    BenchJson json = setting(fast_);
+    json["poses"] = truth.size();
+    json["fields"] = options_.error_fields;
+    json.update(reference);
+    add_error("fast.rt60_error_pct.energy", "%", ErrorKind::t20, errors, json);
+    add_error("fast.rt60_error_pct.rir", "%", ErrorKind::rir_to_rir_t20, errors, json);
+    add_error("fast.rt60_error_pct.rir_to_energy", "%", ErrorKind::rir_t20, errors, json);
+    add_error("fast.drr_error_db", "dB", ErrorKind::drr_db, errors, json);
+    if (const ErrorCoverage& coverage = errors.coverage; coverage.poses > 0) {
       const double covered_pct = 100.0 * coverage.covered / coverage.poses;
-      fast_json["poses_counted"] = coverage.poses;
-      add("fast.rt60_stated_error_pct", "%", median_of(stated), fast_json);
-      add("fast.rt60_covered_pct", "%", {covered_pct, covered_pct, covered_pct}, fast_json);
-      fmt::print("  fast states {:.2f} % of T20; two of that and of the truth's cover {} of {} places\n", median_of(stated).value,
-                 coverage.covered, coverage.poses);
+      json["poses_counted"] = coverage.poses;
+      add("fast.rt60_stated_error_pct", "%", median_of(errors.stated_pct), json);
+      add("fast.rt60_covered_pct", "%", {covered_pct, covered_pct, covered_pct}, json);
+      fmt::print("  fast states {:.2f} % of T20; two of that and of the truth's cover {} of {} places\n",
+                 median_of(errors.stated_pct).value, coverage.covered, coverage.poses);
     }
-    add_error("fast.edc_rms_db", "dB", ErrorKind::decay_db);
+    add_error("fast.edc_rms_db", "dB", ErrorKind::decay_db, errors, json);
   }
 
   /// The truth against bidirectional path tracing at a few of its poses: how far apart their T20 are, and how well the paths know it.

@@ -97,17 +97,12 @@ nb::list finished_of(const Batch& batch) {
 
 std::span<const std::int32_t> flat(const Input<std::int32_t>& actions) { return {actions.data(), actions.size()}; }
 
-}  // namespace
+using BatchClass = nb::class_<Batch>;
 
-void bind_batch(nb::module_& m) {
+void bind_stepping(BatchClass& batch) {
   using namespace nb::literals;
-  const auto released = nb::call_guard<nb::gil_scoped_release>();
-  nb::class_<Batch> batch(m, "Batch");
-  using Texts = std::vector<std::string>;
-  batch.def(nb::init<const std::string&, const std::string&, const Texts&, const Texts&, const std::string&, int, int>(), "yaml"_a,
-            "where"_a, "overrides"_a, "env_overrides"_a, "split"_a, "num_envs"_a, "first_env"_a, released);
   batch.def(
-      "reset", [](Batch& b) { b.env.reset(); }, released);
+      "reset", [](Batch& b) { b.env.reset(); }, nb::call_guard<nb::gil_scoped_release>());
   batch.def(
       "reset_masked",
       [](Batch& b, const Input<std::uint8_t>& mask, const Input<std::uint64_t>& seeds) {
@@ -144,7 +139,9 @@ void bind_batch(nb::module_& m) {
         return array_of(std::move(ready), {count});
       },
       "min_ready"_a, "as_sent"_a);
+}
 
+void bind_properties(BatchClass& batch) {
   batch.def_prop_ro("num_envs", [](const Batch& b) { return b.env.num_envs(); });
   batch.def_prop_ro("num_agents", [](const Batch& b) { return b.env.config().agents; });
   batch.def_prop_ro("num_rows", [](const Batch& b) { return b.env.num_rows(); });
@@ -160,6 +157,10 @@ void bind_batch(nb::module_& m) {
     return "same_step";
   });
   batch.def_prop_ro("config_text", [](const Batch& b) { return config_text(b.env.config()); });
+}
+
+void bind_arrays(BatchClass& batch) {
+  using namespace nb::literals;
   batch.def("sensors", &sensors_of);
   batch.def(
       "rows", [](nb::handle_t<Batch> self, const std::string& sensor) { return rows_of(self, sensor, false); }, "sensor"_a);
@@ -172,6 +173,10 @@ void bind_batch(nb::module_& m) {
   batch.def("collided", [](nb::handle_t<Batch> self) { return view_of(self, nb::inst_ptr<Batch>(self)->env.collided()); });
   batch.def("quarantined", [](nb::handle_t<Batch> self) { return view_of(self, nb::inst_ptr<Batch>(self)->env.quarantined()); });
   batch.def("acted", [](nb::handle_t<Batch> self) { return view_of(self, nb::inst_ptr<Batch>(self)->env.acted()); });
+}
+
+void bind_episodes(BatchClass& batch) {
+  using namespace nb::literals;
   batch.def("finished", &finished_of);
   batch.def(
       "pose",
@@ -185,7 +190,10 @@ void bind_batch(nb::module_& m) {
       "scene_name", [](const Batch& b, int row) { return b.env.source(row).scene->scene->name(); }, "row"_a);
   batch.def(
       "episode_index", [](const Batch& b, int row) { return b.env.agent(row).episode_index; }, "row"_a);
+}
 
+void bind_state(BatchClass& batch) {
+  using namespace nb::literals;
   batch.def(
       "snapshot",
       [](const Batch& b, int env) {
@@ -213,6 +221,21 @@ void bind_batch(nb::module_& m) {
         b.env.restore(text);
       },
       "state"_a);
+}
+
+}  // namespace
+
+void bind_batch(nb::module_& m) {
+  using namespace nb::literals;
+  BatchClass batch(m, "Batch");
+  using Texts = std::vector<std::string>;
+  batch.def(nb::init<const std::string&, const std::string&, const Texts&, const Texts&, const std::string&, int, int>(), "yaml"_a,
+            "where"_a, "overrides"_a, "env_overrides"_a, "split"_a, "num_envs"_a, "first_env"_a, nb::call_guard<nb::gil_scoped_release>());
+  bind_stepping(batch);
+  bind_properties(batch);
+  bind_arrays(batch);
+  bind_episodes(batch);
+  bind_state(batch);
 }
 
 }  // namespace earshot::python
