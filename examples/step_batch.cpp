@@ -22,7 +22,8 @@ int main(int argc, char** argv) try {
   const std::shared_ptr<SceneCache> scenes = make_scene_cache(config);
   const std::shared_ptr<const EnvScene> loaded = scenes->scene(scene);
   EpisodeSet set;
-  set.episodes = generate_episodes(scene, *loaded->scene, loaded->navmesh, config.task, {}, {"synth:telephone", "synth:music"}, 8, 1);
+  set.episodes = generate_episodes(scene, *loaded->scene, loaded->navmesh,
+                                   {.task = config.task, .sounds = {"synth:telephone", "synth:music"}, .count = 8, .seed = 1});
   BatchedEnv env(config, std::make_shared<const EpisodeSet>(std::move(set)), scenes, num_envs);
   env.reset();
 

@@ -227,7 +227,8 @@ void StudyScene::measure_steps(const AcousticScene& acoustics, double budget_s, 
   const auto loaded = scenes->scene(scene_.spec);
   const EpisodeFilter near{.min_geodesic_m = 2.f, .max_geodesic_m = 100.f, .min_ratio = 1.f, .max_tries = 1000};
   EpisodeSet set;
-  set.episodes = generate_episodes(scene_.spec, *loaded->scene, loaded->navmesh, config.task, near, {"synth:speech"}, 1, 1);
+  set.episodes = generate_episodes(scene_.spec, *loaded->scene, loaded->navmesh,
+                                   {.task = config.task, .filter = near, .sounds = {"synth:speech"}, .count = 1, .seed = 1});
   const auto episodes = std::make_shared<const EpisodeSet>(std::move(set));
   config.threads = 1;
   result.steps_per_s_one = steps_per_s(config, scenes, episodes, num_envs, budget_s);

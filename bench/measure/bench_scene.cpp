@@ -71,7 +71,8 @@ BenchScene load_bench_scene(const std::string& name, const std::string& spec, st
   bench.navmesh = std::make_shared<const Navmesh>(bench.scene->mesh(), NavmeshConfig{});
   const EpisodeFilter anywhere{.min_geodesic_m = 0.5f, .max_geodesic_m = 100.f, .min_ratio = 1.f, .max_tries = 1000};
   constexpr int num_points = 12;
-  const auto episodes = generate_episodes(name, *bench.scene, *bench.navmesh, TaskConfig{}, anywhere, {"synth:speech"}, num_points, seed);
+  const auto episodes = generate_episodes(name, *bench.scene, *bench.navmesh,
+                                          {.filter = anywhere, .sounds = {"synth:speech"}, .count = num_points, .seed = seed});
   bench.source_foot = bench.scene->to_local(episodes.front().goal_position);
   std::vector<glm::vec3> points;
   for (const Episode& episode : episodes) points.push_back(bench.scene->to_local(episode.start_position));

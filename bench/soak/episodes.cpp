@@ -101,8 +101,9 @@ MadeInScene make_in_scene(const SoakScene& scene, int per_scene, const EnvConfig
   MadeInScene made;
   try {
     const auto loaded = cache.scene(scene.spec);
-    made.episodes =
-        generate_episodes(scene.spec, *loaded->scene, loaded->navmesh, config.task, filter_of(scene.kind), soak_sounds(), per_scene, seed);
+    made.episodes = generate_episodes(
+        scene.spec, *loaded->scene, loaded->navmesh,
+        {.task = config.task, .filter = filter_of(scene.kind), .sounds = soak_sounds(), .count = per_scene, .seed = seed});
   } catch (const InputError& error) {
     made.refused = error.what();
   } catch (...) {

@@ -63,7 +63,9 @@ Renderer renderer_of(const std::string& name) {
 /// Those of the default filter; where a scene has none, such as a single room, shorter and straighter ones.
 std::vector<Episode> episodes_in(const std::string& id, const EnvScene& scene, const TaskConfig& task, int goals) {
   const auto draw = [&](const EpisodeFilter& filter) {
-    return generate_episodes(id, *scene.scene, scene.navmesh, task, filter, {"synth:telephone", "synth:music"}, kEpisodes, 1, goals);
+    return generate_episodes(
+        id, *scene.scene, scene.navmesh,
+        {.task = task, .filter = filter, .sounds = {"synth:telephone", "synth:music"}, .count = kEpisodes, .seed = 1, .num_goals = goals});
   };
   try {
     return draw({});
@@ -106,7 +108,7 @@ class EnvBench {
     set.episodes = episodes_in(options.scene, *loaded_, config_.task, options.field ? kSharedGoals : 0);
     AgentScenario agents{.count = options.agents};
     if (options.agent_sounds && options.agents > 1) agents.sounds = {"synth:speech:1", "synth:bird", "synth:engine", "synth:alarm"};
-    apply_agents(agents, *loaded_->scene, loaded_->navmesh, config_.task, kNearStarts, 1, set.episodes);
+    apply_agents(agents, *loaded_->scene, loaded_->navmesh, {.task = config_.task, .filter = kNearStarts, .seed = 1}, set.episodes);
     set_ = std::make_shared<const EpisodeSet>(std::move(set));
     if (!options.field) return;
     const Stopwatch watch;

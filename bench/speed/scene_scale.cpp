@@ -61,8 +61,11 @@ EpisodeSet prepare(const SceneScaleOptions& options, const EnvConfig& config, Sc
       const Stopwatch second;
       const EnvScene scene = store.load(id, acoustics, config.navmesh);
       const double second_ms = second.wall_ms();
-      auto episodes = generate_episodes(id, *scene.scene, scene.navmesh, config.task, {}, {"synth:telephone", "synth:speech:2"},
-                                        options.episodes_per_scene, options.seed);
+      auto episodes = generate_episodes(id, *scene.scene, scene.navmesh,
+                                        {.task = config.task,
+                                         .sounds = {"synth:telephone", "synth:speech:2"},
+                                         .count = options.episodes_per_scene,
+                                         .seed = options.seed});
       set.episodes.insert(set.episodes.end(), episodes.begin(), episodes.end());
       result.first_load_ms.push_back(first_ms);
       result.second_load_ms.push_back(second_ms);

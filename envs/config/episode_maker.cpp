@@ -22,18 +22,25 @@ EpisodeMaker::EpisodeMaker(const DataConfig& data, const TaskConfig& task, std::
 
 std::vector<Episode> EpisodeMaker::make(const std::string& name) {
   const auto scene = scenes_->scene(name);
-  auto episodes = generate_episodes(name, *scene->scene, scene->navmesh, task_, data_.filter, sounds_, data_.episodes_per_scene, data_.seed,
-                                    data_.goals_per_scene);
+  const EpisodeRequest request{.task = task_,
+                               .filter = data_.filter,
+                               .sounds = sounds_,
+                               .count = data_.episodes_per_scene,
+                               .seed = data_.seed,
+                               .num_goals = data_.goals_per_scene};
+  auto episodes = generate_episodes(name, *scene->scene, scene->navmesh, request);
   if (data_.scenario.changes_episodes()) {
     // Distractors stand where goals of the scene may: what is made once per source serves both.
     std::vector<glm::dvec3> places;
-    if (data_.scenario.distractors > 0)
-      for (const glm::vec3 place : spread_goals(name, *scene->scene, scene->navmesh, task_, data_.filter,
-                                                std::max(data_.goals_per_scene, kDistractorPlaces), data_.seed))
+    if (data_.scenario.distractors > 0) {
+      EpisodeRequest distractor_request = request;
+      distractor_request.num_goals = std::max(data_.goals_per_scene, kDistractorPlaces);
+      for (const glm::vec3 place : spread_goals(name, *scene->scene, scene->navmesh, distractor_request))
         places.push_back(scene->scene->to_world(place));
+    }
     apply_scenario(data_.scenario, sounds_, places, data_.seed, episodes);
   }
-  apply_agents(agents_, *scene->scene, scene->navmesh, task_, data_.filter, data_.seed, episodes);
+  apply_agents(agents_, *scene->scene, scene->navmesh, request, episodes);
   return episodes;
 }
 

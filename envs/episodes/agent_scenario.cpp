@@ -38,16 +38,18 @@ void validate(const AgentScenario& scenario) {
   require(!scenario.sounds.empty() || scenario.level_db == 0, "agents.level_db", scenario.level_db, "has no effect without agents.sounds");
 }
 
-void apply_agents(const AgentScenario& scenario, const Scene& scene, const Navmesh& navmesh, const TaskConfig& task,
-                  const EpisodeFilter& filter, std::uint64_t seed, std::span<Episode> episodes) {
+void apply_agents(const AgentScenario& scenario, const Scene& scene, const Navmesh& navmesh, const EpisodeRequest& request,
+                  std::span<Episode> episodes) {
+  const TaskConfig& task = request.task;
+  const EpisodeFilter& filter = request.filter;
   validate(scenario);
   if (scenario.count == 1) return;
   const auto max_tries = std::min(static_cast<std::uint32_t>(filter.max_tries), kTriesPerAgent);
   for (std::size_t index = 0; index < episodes.size(); ++index) {
     Episode& episode = episodes[index];
     const auto random_of = [&](std::uint32_t agent, std::uint32_t attempt) {
-      return RandomStream(seed, Purpose::episode, static_cast<std::uint32_t>(hash64(episode.scene_id)), static_cast<std::uint32_t>(index),
-                          kFirstOfAgents + agent * kTriesPerAgent + attempt);
+      return RandomStream(request.seed, Purpose::episode, static_cast<std::uint32_t>(hash64(episode.scene_id)),
+                          static_cast<std::uint32_t>(index), kFirstOfAgents + agent * kTriesPerAgent + attempt);
     };
     const auto sound_of = [&](std::uint32_t agent) {
       return scenario.sounds.empty()

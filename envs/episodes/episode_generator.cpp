@@ -43,8 +43,10 @@ struct SharedGoals {
   }
 };
 
-std::optional<Episode> draw_episode(const RandomStream& random, const Scene* scene, const Navmesh& navmesh, const TaskConfig& task,
-                                    const EpisodeFilter& filter, SharedGoals& shared) {
+std::optional<Episode> draw_episode(const RandomStream& random, const Scene* scene, const Navmesh& navmesh, const EpisodeRequest& request,
+                                    SharedGoals& shared) {
+  const TaskConfig& task = request.task;
+  const EpisodeFilter& filter = request.filter;
   const std::size_t which = shared.places.empty() ? 0 : random.below(static_cast<std::uint32_t>(shared.places.size()), EpisodeDraw::goal);
   const glm::vec3 start = navmesh.random_point(random, EpisodeDraw::start),
                   goal = shared.places.empty() ? navmesh.random_point(random, EpisodeDraw::goal) : shared.places[which];
@@ -73,21 +75,23 @@ std::optional<Episode> draw_episode(const RandomStream& random, const Scene* sce
   return episode;
 }
 
-std::vector<Episode> generate(const std::string& scene_id, const Scene* scene, const Navmesh& navmesh, const TaskConfig& task,
-                              const EpisodeFilter& filter, const std::vector<std::string>& sounds, int count, std::uint64_t seed,
+std::vector<Episode> generate(const std::string& scene_id, const Scene* scene, const Navmesh& navmesh, const EpisodeRequest& request,
                               SharedGoals shared) {
-  validate(task);
+  const EpisodeFilter& filter = request.filter;
+  const std::vector<std::string>& sounds = request.sounds;
+  validate(request.task);
   validate(filter);
-  require(count >= 0, "count", count, "must not be negative");
+  require(request.count >= 0, "count", request.count, "must not be negative");
   if (sounds.empty()) throw InputError(scene_id, "no sounds to draw from", "name at least one, for example synth:telephone");
   const auto scene_word = static_cast<std::uint32_t>(hash64(scene_id));
   std::vector<Episode> episodes;
-  episodes.reserve(static_cast<std::size_t>(count));
-  for (int index = 0; index < count; ++index) {
+  episodes.reserve(static_cast<std::size_t>(request.count));
+  for (int index = 0; index < request.count; ++index) {
     std::optional<Episode> episode;
     for (int attempt = 0; attempt < filter.max_tries && !episode; ++attempt) {
-      const RandomStream random(seed, Purpose::episode, scene_word, static_cast<std::uint32_t>(index), static_cast<std::uint32_t>(attempt));
-      episode = draw_episode(random, scene, navmesh, task, filter, shared);
+      const RandomStream random(request.seed, Purpose::episode, scene_word, static_cast<std::uint32_t>(index),
+                                static_cast<std::uint32_t>(attempt));
+      episode = draw_episode(random, scene, navmesh, request, shared);
       if (episode) episode->sound = sounds[random.below(static_cast<std::uint32_t>(sounds.size()), EpisodeDraw::sound)];
     }
     if (!episode)
@@ -123,34 +127,34 @@ void validate(const EpisodeFilter& filter) {
   require(filter.max_tries >= 1, "max_tries", filter.max_tries, "must be at least 1");
 }
 
-std::vector<Episode> generate_episodes(const std::string& scene_id, const Navmesh& navmesh, const TaskConfig& task,
-                                       const EpisodeFilter& filter, const std::vector<std::string>& sounds, int count, std::uint64_t seed) {
-  return generate(scene_id, nullptr, navmesh, task, filter, sounds, count, seed, {});
+std::vector<Episode> generate_episodes(const std::string& scene_id, const Navmesh& navmesh, const EpisodeRequest& request) {
+  return generate(scene_id, nullptr, navmesh, request, {});
 }
 
-std::vector<Episode> generate_episodes(const std::string& scene_id, const Scene& scene, const Navmesh& navmesh, const TaskConfig& task,
-                                       const EpisodeFilter& filter, const std::vector<std::string>& sounds, int count, std::uint64_t seed,
-                                       int num_goals) {
-  SharedGoals shared{.places = spread_goals(scene_id, scene, navmesh, task, filter, num_goals, seed), .fields = {}};
+std::vector<Episode> generate_episodes(const std::string& scene_id, const Scene& scene, const Navmesh& navmesh,
+                                       const EpisodeRequest& request) {
+  SharedGoals shared{.places = spread_goals(scene_id, scene, navmesh, request), .fields = {}};
   shared.fields.resize(shared.places.size());
-  return generate(scene_id, &scene, navmesh, task, filter, sounds, count, seed, std::move(shared));
+  return generate(scene_id, &scene, navmesh, request, std::move(shared));
 }
 
-std::vector<glm::vec3> spread_goals(const std::string& scene_id, const Scene& scene, const Navmesh& navmesh, const TaskConfig& task,
-                                    const EpisodeFilter& filter, int count, std::uint64_t seed) {
-  validate(task);
-  validate(filter);
-  require(count >= 0, "goals_per_scene", count, "must not be negative; 0 gives every episode a goal of its own");
+std::vector<glm::vec3> spread_goals(const std::string& scene_id, const Scene& scene, const Navmesh& navmesh,
+                                    const EpisodeRequest& request) {
+  const float source_height_m = request.task.source_height_m;
+  const int max_tries = request.filter.max_tries;
+  validate(request.task);
+  validate(request.filter);
+  require(request.num_goals >= 0, "goals_per_scene", request.num_goals, "must not be negative; 0 gives every episode a goal of its own");
   const auto scene_word = static_cast<std::uint32_t>(hash64(scene_id));
   std::vector<glm::vec3> goals;
   std::uint32_t draw = 0;
-  for (int i = 0; i < count; ++i) {
+  for (int i = 0; i < request.num_goals; ++i) {
     float farthest_m = -1.f;
     glm::vec3 best{0};
-    for (int found = 0, occupied = 0; found < kPlacesPerGoal && occupied < filter.max_tries;) {
-      const RandomStream random(seed, Purpose::episode, scene_word, kGoalsOfTheScene, draw++);
+    for (int found = 0, occupied = 0; found < kPlacesPerGoal && occupied < max_tries;) {
+      const RandomStream random(request.seed, Purpose::episode, scene_word, kGoalsOfTheScene, draw++);
       const glm::vec3 place = navmesh.random_point(random, EpisodeDraw::goal);
-      if (!stands_free(scene, place, task.source_height_m)) {
+      if (!stands_free(scene, place, source_height_m)) {
         ++occupied;
         continue;
       }
@@ -163,7 +167,7 @@ std::vector<glm::vec3> spread_goals(const std::string& scene_id, const Scene& sc
       }
     }
     if (farthest_m < 0)
-      throw InputError(scene_id, fmt::format("no place in {} has free air up to {} m", filter.max_tries, task.source_height_m),
+      throw InputError(scene_id, fmt::format("no place in {} has free air up to {} m", max_tries, source_height_m),
                        "lower task.source_height_m or take another scene");
     goals.push_back(best);
   }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -22,24 +23,31 @@ void validate(const EpisodeFilter& filter);
 /// Whether there is free air from knee height to `top_m` above a foot point.
 bool stands_free(const Scene& scene, glm::vec3 foot, float top_m);
 
-/// `count` episodes in one scene: start and goal uniform on the largest island, sound drawn from `sounds`, heading uniform over multiples
-/// of the turn. A function of (scene_id, seed) and the arguments, independent of other calls.  Throws InputError if the filter finds none
-/// in max_tries.
-std::vector<Episode> generate_episodes(const std::string& scene_id, const Navmesh& navmesh, const TaskConfig& task,
-                                       const EpisodeFilter& filter, const std::vector<std::string>& sounds, int count, std::uint64_t seed);
+/// The episodes that are wanted of a scene.
+struct EpisodeRequest {
+  TaskConfig task = {};
+  EpisodeFilter filter = {};
+  std::vector<std::string> sounds = {};  ///< each episode draws one
+  int count = 0;                         ///< episodes
+  std::uint64_t seed = 0;
+  int num_goals = 0;  ///< that the episodes share; 0: every episode has a goal of its own
+};
+
+/// request.count episodes in one scene: start and goal uniform on the largest island, sound drawn from request.sounds, heading uniform over
+/// multiples of the turn.  A function of (scene_id, seed) and the arguments, independent of other calls.  num_goals is not used.  Throws
+/// InputError if the filter finds none in max_tries.
+std::vector<Episode> generate_episodes(const std::string& scene_id, const Navmesh& navmesh, const EpisodeRequest& request);
 /// The same, and start and goal have free air from knee to ear or source: the navmesh resolves walls to a cell only, and a source inside
 /// a shelf would be inaudible.
 /// num_goals > 0: the episodes share the goals of spread_goals, each taking one at random among those that the filter lets it have, so that
-/// what is made once per source (source fields, distances) serves many episodes.  0: every episode has a goal of its own.
-std::vector<Episode> generate_episodes(const std::string& scene_id, const Scene& scene, const Navmesh& navmesh, const TaskConfig& task,
-                                       const EpisodeFilter& filter, const std::vector<std::string>& sounds, int count, std::uint64_t seed,
-                                       int num_goals = 0);
+/// what is made once per source (source fields, distances) serves many episodes.
+std::vector<Episode> generate_episodes(const std::string& scene_id, const Scene& scene, const Navmesh& navmesh,
+                                       const EpisodeRequest& request);
 
-/// `count` foot points on the largest island with free air up to the source, far from each other: each is the farthest from those before
-/// it among 20 random places (best-candidate sampling: Mitchell 1991, "Spectrally optimal sampling for distribution ray tracing").  In the
-/// coordinates of the engine.  A function of (scene_id, seed), the first n whatever the count.  Throws InputError if max_tries places in a
-/// row are not free.
-std::vector<glm::vec3> spread_goals(const std::string& scene_id, const Scene& scene, const Navmesh& navmesh, const TaskConfig& task,
-                                    const EpisodeFilter& filter, int count, std::uint64_t seed);
+/// request.num_goals foot points on the largest island with free air up to the source, far from each other: each is the farthest from those
+/// before it among 20 random places (best-candidate sampling: Mitchell 1991, "Spectrally optimal sampling for distribution ray tracing").
+/// In the coordinates of the engine.  A function of (scene_id, seed), the first n whatever their number.  Sounds and count of the request
+/// are not used.  Throws InputError if max_tries places in a row are not free.
+std::vector<glm::vec3> spread_goals(const std::string& scene_id, const Scene& scene, const Navmesh& navmesh, const EpisodeRequest& request);
 
 }  // namespace earshot

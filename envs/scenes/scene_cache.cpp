@@ -44,6 +44,8 @@ struct Entry {
   [[nodiscard]] long uses() const { return future.get().use_count(); }
 };
 
+using SourceFuture = std::shared_future<std::shared_ptr<const EnvSource>>;
+
 struct SceneEntry : Entry<EnvScene> {
   std::map<SourceKey, Entry<EnvSource>> sources;
   [[nodiscard]] std::size_t bytes_with_sources() const {
@@ -163,6 +165,63 @@ struct SceneCache::Impl {
     scene.sources.erase(source);
   }
 
+  /// Entries of sources live in their scene's entry, which may be evicted (and loaded anew) at any time: look it up afresh each time.
+  /// Under the lock.  Null: the scene is not there.
+  SceneEntry* find_scene(const std::string& scene_id) {
+    const auto found = scenes.find(scene_id);
+    return found == scenes.end() ? nullptr : &found->second;
+  }
+  /// Under the lock: what is there or on its way, and used now; not valid: neither.
+  SourceFuture find_source_locked(const std::string& scene_id, const SourceKey& key) {
+    SceneEntry* scene = find_scene(scene_id);
+    if (!scene) return {};
+    const auto found = scene->sources.find(key);
+    if (found == scene->sources.end()) return {};
+    scene->last_used = found->second.last_used = ++clock;  // a scene is never older than its sources
+    return found->second.future;
+  }
+  SourceFuture find_source(const std::string& scene_id, const SourceKey& key) {
+    const std::scoped_lock lock(mutex);
+    return find_source_locked(scene_id, key);
+  }
+  /// What find_source finds; else not valid, and from now on other threads wait for `promise`.
+  SourceFuture find_or_announce_source(const std::string& scene_id, const SourceKey& key,
+                                       std::promise<std::shared_ptr<const EnvSource>>& promise) {
+    const std::scoped_lock lock(mutex);
+    if (SourceFuture future = find_source_locked(scene_id, key); future.valid()) return future;
+    if (SceneEntry* scene = find_scene(scene_id)) {
+      Entry<EnvSource>& entry = scene->sources[key];
+      entry.future = promise.get_future().share();
+      scene->last_used = entry.last_used = ++clock;
+    }
+    return {};
+  }
+  /// The scene may have been dropped and loaded anew meanwhile: what another thread has made there stays.
+  void forget_failed_source(const std::string& scene_id, const SourceKey& key) {
+    const std::scoped_lock lock(mutex);
+    SceneEntry* scene = find_scene(scene_id);
+    if (!scene) return;
+    const auto failed = scene->sources.find(key);
+    if (failed != scene->sources.end() && !failed->second.ready) scene->sources.erase(failed);
+  }
+  /// Counts a source that was built, and drops others for it where there are too many.
+  void keep_source(const std::string& scene_id, const SourceKey& key, const EnvSource& built) {
+    const std::scoped_lock lock(mutex);
+    ++sources_built;
+    SceneEntry* scene = find_scene(scene_id);
+    if (!scene) return;
+    if (const auto found = scene->sources.find(key); found != scene->sources.end() && !found->second.ready) {
+      found->second.ready = true;
+      found->second.bytes = bytes_of(built);
+    }
+    while (scene->sources.size() > kMaxSourcesPerScene) {
+      const auto oldest = least_recently_used(scene->sources, key);
+      if (oldest == scene->sources.end()) break;
+      drop_source(*scene, oldest);
+    }
+    drop_over_the_bound(scene_id, key);
+  }
+
   /// Held now.  Scenes are counted anew: they grow with what is found in them on demand.
   std::size_t count_bytes() {
     std::size_t sum = 0;
@@ -271,73 +330,20 @@ std::shared_ptr<const EnvScene> SceneCache::scene(const std::string& scene_id) {
 std::shared_ptr<const EnvSource> SceneCache::source(const std::string& scene_id, glm::dvec3 goal, float source_height_m) {
   Impl& in = *impl_;
   const SourceKey key = key_of(goal, source_height_m);
-  // Entries live in their scene's entry, which may be evicted (and loaded anew) at any time: look it up afresh each time.
-  const auto entry_of_scene = [&]() -> SceneEntry* {
-    const auto found = in.scenes.find(scene_id);
-    return found == in.scenes.end() ? nullptr : &found->second;
-  };
-  /// Under the lock: what is there or on its way, and used now.
-  const auto find_future = [&]() -> std::shared_future<std::shared_ptr<const EnvSource>> {
-    SceneEntry* entry_of = entry_of_scene();
-    if (!entry_of) return {};
-    const auto found = entry_of->sources.find(key);
-    if (found == entry_of->sources.end()) return {};
-    entry_of->last_used = found->second.last_used = ++in.clock;  // a scene is never older than its sources
-    return found->second.future;
-  };
-  {
-    std::unique_lock lock(in.mutex);
-    const auto future = find_future();
-    lock.unlock();
-    if (future.valid()) return future.get();
-  }
+  if (const SourceFuture future = in.find_source(scene_id, key); future.valid()) return future.get();
   const std::shared_ptr<const EnvScene> loaded_scene = scene(scene_id);
   std::promise<std::shared_ptr<const EnvSource>> promise;
-  {
-    std::unique_lock lock(in.mutex);
-    const auto future = find_future();
-    if (future.valid()) {
-      lock.unlock();
-      return future.get();
-    }
-    if (SceneEntry* entry_of = entry_of_scene()) {
-      Entry<EnvSource>& entry = entry_of->sources[key];
-      entry.future = promise.get_future().share();
-      entry_of->last_used = entry.last_used = ++in.clock;
-    }
-  }
+  if (const SourceFuture future = in.find_or_announce_source(scene_id, key, promise); future.valid()) return future.get();
   std::shared_ptr<const EnvSource> built;
   try {
     built = in.build(loaded_scene, loaded_scene->scene->to_local(goal), source_height_m);
   } catch (...) {
-    {
-      const std::scoped_lock lock(in.mutex);
-      // The scene may have been dropped and loaded anew meanwhile: what another thread has made there stays.
-      if (SceneEntry* entry_of = entry_of_scene()) {
-        const auto failed = entry_of->sources.find(key);
-        if (failed != entry_of->sources.end() && !failed->second.ready) entry_of->sources.erase(failed);
-      }
-    }
+    in.forget_failed_source(scene_id, key);
     promise.set_exception(std::current_exception());
     throw;
   }
   promise.set_value(built);
-  {
-    const std::scoped_lock lock(in.mutex);
-    ++in.sources_built;
-    if (SceneEntry* entry_of = entry_of_scene()) {
-      if (const auto found = entry_of->sources.find(key); found != entry_of->sources.end() && !found->second.ready) {
-        found->second.ready = true;
-        found->second.bytes = bytes_of(*built);
-      }
-      while (entry_of->sources.size() > kMaxSourcesPerScene) {
-        const auto oldest = least_recently_used(entry_of->sources, key);
-        if (oldest == entry_of->sources.end()) break;
-        in.drop_source(*entry_of, oldest);
-      }
-      in.drop_over_the_bound(scene_id, key);
-    }
-  }
+  in.keep_source(scene_id, key, *built);
   return built;
 }
 

@@ -59,7 +59,8 @@ TEST_F(H62_GoalOnAnotherIsland, HasNoDistanceAndIsNeverGenerated) {
   EpisodeFilter filter;
   filter.min_geodesic_m = 1;
   filter.min_ratio = 0;
-  for (const Episode& episode : generate_episodes(mesh_, scene, navmesh, TaskConfig{}, filter, {"synth:noise"}, 40, 3)) {
+  for (const Episode& episode :
+       generate_episodes(mesh_, scene, navmesh, {.filter = filter, .sounds = {"synth:noise"}, .count = 40, .seed = 3})) {
     EXPECT_TRUE(std::isfinite(episode.geodesic_distance_m));
     EXPECT_LT(episode.start_position.x, 6);  // the larger room
     EXPECT_LT(episode.goal_position.x, 6);
@@ -152,7 +153,8 @@ TEST(H63_BadStartsAndGoals, NobodyStartsInsideAnObstacle) {
   EpisodeFilter filter;
   filter.min_geodesic_m = 0.5f;
   filter.min_ratio = 0;
-  for (const Episode& episode : generate_episodes("obstacle", scene, navmesh, TaskConfig{}, filter, {"synth:noise"}, 60, 5))
+  for (const Episode& episode :
+       generate_episodes("obstacle", scene, navmesh, {.filter = filter, .sounds = {"synth:noise"}, .count = 60, .seed = 5}))
     for (const glm::dvec3 point : {episode.start_position, episode.goal_position})
       EXPECT_FALSE(point.x > 3 && point.x < 5 && point.z > 2 && point.z < 4) << point.x << " " << point.z;
 }

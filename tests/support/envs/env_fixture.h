@@ -41,8 +41,9 @@ inline std::shared_ptr<const EpisodeSet> quick_set(int per_scene) {
   for (const std::string& id : scenes) {
     const Scene scene = load_scene(id);
     const Navmesh navmesh(scene.mesh(), NavmeshConfig{});
-    for (Episode& episode :
-         generate_episodes(id, scene, navmesh, TaskConfig{}, filter, {"synth:telephone", "synth:noise", "synth:speech:3"}, per_scene, 7)) {
+    for (Episode& episode : generate_episodes(
+             id, scene, navmesh,
+             {.filter = filter, .sounds = {"synth:telephone", "synth:noise", "synth:speech:3"}, .count = per_scene, .seed = 7})) {
       episode.episode_id = std::to_string(all.size());
       all.push_back(std::move(episode));
     }

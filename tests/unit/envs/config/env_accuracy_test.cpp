@@ -21,7 +21,8 @@ EpisodeSet episodes_in_two_boxes(const EnvConfig& config) {
   EpisodeSet set;
   for (const char* scene_id : {"shoebox:6x3x5@0.15", "shoebox:5x3x4@0.4"}) {
     const auto scene = make_scene_cache(config)->scene(scene_id);
-    for (Episode& episode : generate_episodes(scene_id, *scene->scene, scene->navmesh, config.task, filter, {"synth:noise"}, 2, 1))
+    for (Episode& episode : generate_episodes(scene_id, *scene->scene, scene->navmesh,
+                                              {.task = config.task, .filter = filter, .sounds = {"synth:noise"}, .count = 2, .seed = 1}))
       set.episodes.push_back(std::move(episode));
   }
   set.hash = episode_set_hash(set.episodes);

@@ -14,25 +14,28 @@ namespace {
 class AgentScenarios : public testing::Test {
  protected:
   static constexpr const char* kHouse = "house:2,rooms=2,area_m2=30";
-  std::vector<Episode> episodes() { return generate_episodes(kHouse, scene_, navmesh_, {}, filter_, {"synth:noise"}, 20, 5); }
+  std::vector<Episode> episodes() {
+    return generate_episodes(kHouse, scene_, navmesh_, {.filter = filter_, .sounds = {"synth:noise"}, .count = 20, .seed = 5});
+  }
   const Scene scene_ = load_scene(kHouse);
   const Navmesh navmesh_{scene_.mesh(), NavmeshConfig{}};
+  EpisodeRequest with_seed(std::uint64_t seed) const { return {.filter = filter_, .seed = seed}; }
   const EpisodeFilter filter_{.min_geodesic_m = 1, .max_geodesic_m = 100, .min_ratio = 0, .max_tries = 1000};
 };
 
 TEST_F(AgentScenarios, AsItStandsEpisodesStayAsTheyAre) {
   std::vector<Episode> all = episodes();
   const std::uint64_t before = episode_set_hash(all);
-  apply_agents({}, scene_, navmesh_, {}, filter_, 1, all);
+  apply_agents({}, scene_, navmesh_, with_seed(1), all);
   EXPECT_EQ(episode_set_hash(all), before);
 }
 
 TEST_F(AgentScenarios, StartsAreApartAndOnAPathToTheGoal) {
   std::vector<Episode> all = episodes(), again = all, other = all;
   const AgentScenario scenario{.count = 4, .apart_m = 0.8f, .sounds = {"synth:bird", "synth:alarm"}, .level_db = -3};
-  apply_agents(scenario, scene_, navmesh_, {}, filter_, 1, all);
-  apply_agents(scenario, scene_, navmesh_, {}, filter_, 1, again);
-  apply_agents(scenario, scene_, navmesh_, {}, filter_, 2, other);
+  apply_agents(scenario, scene_, navmesh_, with_seed(1), all);
+  apply_agents(scenario, scene_, navmesh_, with_seed(1), again);
+  apply_agents(scenario, scene_, navmesh_, with_seed(2), other);
   EXPECT_EQ(episode_set_hash(all), episode_set_hash(again));
   EXPECT_NE(episode_set_hash(all), episode_set_hash(other));
   std::set<std::string> sounds;
@@ -55,8 +58,8 @@ TEST_F(AgentScenarios, StartsAreApartAndOnAPathToTheGoal) {
 
 TEST_F(AgentScenarios, WhatCannotBeIsRefused) {
   std::vector<Episode> all = episodes();
-  EXPECT_THROW(apply_agents({.count = 16, .apart_m = 5}, scene_, navmesh_, {}, filter_, 1, all), InputError);
-  EXPECT_THROW(apply_agents({.count = 17}, scene_, navmesh_, {}, filter_, 1, all), InputError);
+  EXPECT_THROW(apply_agents({.count = 16, .apart_m = 5}, scene_, navmesh_, with_seed(1), all), InputError);
+  EXPECT_THROW(apply_agents({.count = 17}, scene_, navmesh_, with_seed(1), all), InputError);
   EXPECT_THROW(validate(AgentScenario{.count = 1, .sounds = {"synth:bird"}}), InputError);
   EXPECT_THROW(validate(AgentScenario{.count = 2, .level_db = 3}), InputError);
 }

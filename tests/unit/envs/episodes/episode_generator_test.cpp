@@ -19,7 +19,11 @@ const std::vector<std::string> kSounds = {"synth:telephone", "synth:alarm", "syn
 struct World {
   explicit World(const std::string& spec) : id(spec), scene(load_scene(spec)), navmesh(scene.mesh(), NavmeshConfig{}) {}
   std::vector<Episode> generate(int count, std::uint64_t seed, EpisodeFilter filter = {}, int num_goals = 0) const {
-    return generate_episodes(id, scene, navmesh, TaskConfig{}, filter, kSounds, count, seed, num_goals);
+    return generate_episodes(id, scene, navmesh,
+                             {.filter = filter, .sounds = kSounds, .count = count, .seed = seed, .num_goals = num_goals});
+  }
+  std::vector<glm::vec3> goals(int count, std::uint64_t seed) const {
+    return spread_goals(id, scene, navmesh, {.seed = seed, .num_goals = count});
   }
   std::string id;
   Scene scene;
@@ -102,7 +106,7 @@ TEST(EpisodeGenerator, StartsAreUniformOverTheFloor) {
 
 TEST(EpisodeGenerator, SharedGoalsAreFewFreeAndFarApart) {
   const World& world = house();
-  const auto goals = spread_goals(world.id, world.scene, world.navmesh, TaskConfig{}, EpisodeFilter{}, 10, 4);
+  const auto goals = world.goals(10, 4);
   ASSERT_EQ(goals.size(), 10u);
   // The closest two of ten uniform places of A m2 lie about sqrt(A) / (2 * 9.5) apart (mean over pairs of exponential areas), and hardly
   // ever over twice that; of a spread set they are near sqrt(A / 10) / 2.
@@ -113,9 +117,9 @@ TEST(EpisodeGenerator, SharedGoalsAreFewFreeAndFarApart) {
   }
   EXPECT_GT(closest_m, 2.f * std::sqrt(world.navmesh.main_area_m2()) / 19.f);
   // The first goals do not depend on how many follow.
-  const auto fewer = spread_goals(world.id, world.scene, world.navmesh, TaskConfig{}, EpisodeFilter{}, 4, 4);
+  const auto fewer = world.goals(4, 4);
   EXPECT_TRUE(std::equal(fewer.begin(), fewer.end(), goals.begin()));
-  EXPECT_NE(spread_goals(world.id, world.scene, world.navmesh, TaskConfig{}, EpisodeFilter{}, 1, 5)[0], goals[0]);
+  EXPECT_NE(world.goals(1, 5)[0], goals[0]);
 
   const EpisodeFilter filter;
   std::map<std::size_t, int> used;
@@ -145,7 +149,7 @@ TEST(EpisodeGenerator, ImpossibleFiltersAndEmptyListsAreRefused) {
   far.min_geodesic_m = 90;
   far.max_tries = 20;
   EXPECT_THROW(house().generate(1, 1, far), InputError);
-  EXPECT_THROW(generate_episodes("x", house().navmesh, TaskConfig{}, {}, {}, 1, 0), InputError);
+  EXPECT_THROW(generate_episodes("x", house().navmesh, {.count = 1}), InputError);
   EpisodeFilter wrong;
   wrong.max_geodesic_m = 1;
   EXPECT_THROW(validate(wrong), InputError);
