@@ -77,25 +77,38 @@ Json numbers(const std::vector<double>& values) {
   return array;
 }
 
-void run_scene(const SceneArguments& options) {
+/// A scene and what was measured of it.
+struct ExaminedScene {
+  std::shared_ptr<const Scene> scene;
+  SceneReport report;
+  std::vector<Hole> holes;
+  std::optional<float> navigable_m2;
+  std::string navigation_problem;  ///< why no floor is navigable
+};
+
+ExaminedScene examine(const SceneArguments& options) {
   SceneOverrides overrides;
   overrides.unit_m = options.unit_m;
   if (options.simplify_m) overrides.simplify_m = static_cast<float>(*options.simplify_m);
-  const auto shared_scene = std::make_shared<const Scene>(load_scene(options.scene, overrides));
-  const Scene& scene = *shared_scene;
+  ExaminedScene examined;
+  examined.scene = std::make_shared<const Scene>(load_scene(options.scene, overrides));
+  const Scene& scene = *examined.scene;
   std::array<double, report_bands_hz.size()> air_per_m;
   for (std::size_t band = 0; band < air_per_m.size(); ++band)
     air_per_m[band] = air_absorption_energy_per_m(scene.air(), report_bands_hz[band]);
-  const SceneReport report = report_scene(scene, 0, air_per_m);
-  const std::vector<Hole> holes = report.leaked_ray_fraction > hardly_any_leak ? find_holes(scene) : std::vector<Hole>{};
-  std::optional<float> navigable_m2;
-  std::string navigation_problem;
+  examined.report = report_scene(scene, 0, air_per_m);
+  if (examined.report.leaked_ray_fraction > hardly_any_leak) examined.holes = find_holes(scene);
   try {
-    navigable_m2 = Navmesh(scene.mesh(), {}).main_area_m2();
+    examined.navigable_m2 = Navmesh(scene.mesh(), {}).main_area_m2();
   } catch (const InputError& error) {
-    navigation_problem = error.what();
+    examined.navigation_problem = error.what();
   }
+  return examined;
+}
 
+void print_mesh(const ExaminedScene& examined) {
+  const Scene& scene = *examined.scene;
+  const SceneReport& report = examined.report;
   const Bounds& b = scene.bounds();
   fmt::print("scene            {}\n", scene.name());
   fmt::print("triangles        {} ({} degenerate and {} duplicate removed, {} vertices welded)\n", report.triangles,
@@ -108,65 +121,89 @@ void run_scene(const SceneArguments& options) {
     fmt::print("origin           computed around ({:.9g}, {:.9g}, {:.9g}); positions here and on the command line are those of the file\n",
                scene.origin_m().x, scene.origin_m().y, scene.origin_m().z);
   for (const std::string& warning : report.removed.warnings) fmt::print("warning          {}\n", warning);
+}
+
+void print_openings(const ExaminedScene& examined) {
+  const SceneReport& report = examined.report;
   fmt::print("open edges       {}\n", report.open_edges);
   fmt::print("ray efficiency   {:.4f}: {:.2f} % of rays leaked{}\n", report.ray_efficiency, 100 * report.leaked_ray_fraction,
              report.leaked_ray_fraction > 0.01 ? " (holes, or a missing ceiling: set ceiling_m in a scene YAML)" : "");
-  for (const Hole& hole : holes) {
+  for (const Hole& hole : examined.holes) {
     const glm::vec3 size = hole.bounds.upper - hole.bounds.lower;
-    const glm::dvec3 centre = scene.to_world(0.5f * (hole.bounds.lower + hole.bounds.upper));
+    const glm::dvec3 centre = examined.scene->to_world(0.5f * (hole.bounds.lower + hole.bounds.upper));
     fmt::print("  hole           {:.2f} % of rays around ({:.2f}, {:.2f}, {:.2f}), {:.2f} x {:.2f} x {:.2f} m, beside {}\n",
                100 * hole.ray_fraction, centre.x, centre.y, centre.z, size.x, size.y, size.z, fmt::join(hole.rim, ", "));
   }
+}
+
+void print_room(const ExaminedScene& examined) {
+  const SceneReport& report = examined.report;
   // An open scene has no enclosed volume, nor a surface distinct from its outside.
   const auto shown = [](double value, const char* unit) {
     return std::isfinite(value) ? fmt::format("{:.1f} {}", value, unit) : std::string("-");
   };
   fmt::print("volume           {}\nsurface          {}\n", shown(report.volume_m3, "m3"), shown(report.area_m2, "m2"));
-  if (navigable_m2)
-    fmt::print("navigable        {:.1f} m2\n", *navigable_m2);
+  if (examined.navigable_m2)
+    fmt::print("navigable        {:.1f} m2\n", *examined.navigable_m2);
   else
-    fmt::print("navigable        none ({})\n", navigation_problem);
+    fmt::print("navigable        none ({})\n", examined.navigation_problem);
   fmt::print("RT60 estimate    ");
   for (std::size_t i = 0; i < report.rt60_estimate_s.size(); ++i)
     fmt::print("{}{:.0f} Hz {}", i == 0 ? "" : ", ", 125.0 * (1 << i),
                std::isfinite(report.rt60_estimate_s[i]) ? fmt::format("{:.2f} s", report.rt60_estimate_s[i]) : "-");
   fmt::print("\n");
-  if (!options.explain && options.json.empty()) return;
-  const AcousticScene acoustics = acoustics_of(shared_scene, options);
-  if (options.explain) print_plan(acoustics.plan());
-  if (options.json.empty()) return;
-  const auto point = [](glm::dvec3 p) { return Json{p.x, p.y, p.z}; };
-  Json hole_list = Json::array();
-  for (const Hole& hole : holes) {
-    hole_list.push_back({{"ray_fraction", hole.ray_fraction},
-                         {"lower", point(scene.to_world(hole.bounds.lower))},
-                         {"upper", point(scene.to_world(hole.bounds.upper))},
-                         {"rim", hole.rim}});
+}
+
+Json point_json(glm::dvec3 p) { return {p.x, p.y, p.z}; }
+
+Json holes_json(const ExaminedScene& examined) {
+  Json list = Json::array();
+  for (const Hole& hole : examined.holes) {
+    list.push_back({{"ray_fraction", hole.ray_fraction},
+                    {"lower", point_json(examined.scene->to_world(hole.bounds.lower))},
+                    {"upper", point_json(examined.scene->to_world(hole.bounds.upper))},
+                    {"rim", hole.rim}});
   }
+  return list;
+}
+
+Json report_json(const ExaminedScene& examined, const EffectPlan& plan) {
+  const Scene& scene = *examined.scene;
+  const SceneReport& report = examined.report;
   const auto& simplified = report.removed.simplified;
-  const Json json = {{"schema_version", 1},
-                     {"scene", scene.name()},
-                     {"triangles", report.triangles},
-                     {"removed",
-                      {{"degenerate", report.removed.degenerate_removed},
-                       {"duplicate", report.removed.duplicate_removed},
-                       {"welded_vertices", report.removed.vertices_welded}}},
-                     {"origin_m", point(scene.origin_m())},
-                     {"warnings", report.removed.warnings},
-                     {"open_edges", report.open_edges},
-                     {"ray_efficiency", report.ray_efficiency},
-                     {"leaked_ray_fraction", report.leaked_ray_fraction},
-                     {"holes", hole_list},
-                     {"simplified", simplified ? Json{{"triangles_before", simplified->triangles_before},
-                                                      {"triangles_after", simplified->triangles_after},
-                                                      {"deviation_m", simplified->deviation_m}}
-                                               : Json(nullptr)},
-                     {"volume_m3", report.volume_m3},
-                     {"area_m2", report.area_m2},
-                     {"navigable_area_m2", navigable_m2 ? Json(*navigable_m2) : Json(nullptr)},
-                     {"rt60_estimate_s", numbers(report.rt60_estimate_s)},
-                     {"effects", plan_json(acoustics.plan())}};
-  write_file_atomically(options.json, json.dump(1) + "\n");
+  return {{"schema_version", 1},
+          {"scene", scene.name()},
+          {"triangles", report.triangles},
+          {"removed",
+           {{"degenerate", report.removed.degenerate_removed},
+            {"duplicate", report.removed.duplicate_removed},
+            {"welded_vertices", report.removed.vertices_welded}}},
+          {"origin_m", point_json(scene.origin_m())},
+          {"warnings", report.removed.warnings},
+          {"open_edges", report.open_edges},
+          {"ray_efficiency", report.ray_efficiency},
+          {"leaked_ray_fraction", report.leaked_ray_fraction},
+          {"holes", holes_json(examined)},
+          {"simplified", simplified ? Json{{"triangles_before", simplified->triangles_before},
+                                           {"triangles_after", simplified->triangles_after},
+                                           {"deviation_m", simplified->deviation_m}}
+                                    : Json(nullptr)},
+          {"volume_m3", report.volume_m3},
+          {"area_m2", report.area_m2},
+          {"navigable_area_m2", examined.navigable_m2 ? Json(*examined.navigable_m2) : Json(nullptr)},
+          {"rt60_estimate_s", numbers(report.rt60_estimate_s)},
+          {"effects", plan_json(plan)}};
+}
+
+void run_scene(const SceneArguments& options) {
+  const ExaminedScene examined = examine(options);
+  print_mesh(examined);
+  print_openings(examined);
+  print_room(examined);
+  if (!options.explain && options.json.empty()) return;
+  const AcousticScene acoustics = acoustics_of(examined.scene, options);
+  if (options.explain) print_plan(acoustics.plan());
+  if (!options.json.empty()) write_file_atomically(options.json, report_json(examined, acoustics.plan()).dump(1) + "\n");
 }
 
 }  // namespace

@@ -53,19 +53,38 @@ LateSound choose_late_sound(const AcousticScene& acoustics, bool moving, int ref
   return reuse ? LateSound::reused : LateSound::traced;
 }
 
+/// A source before its sound is rendered.
+struct WalkSourceSetup {
+  std::vector<TimedPose> path;
+  SoundSource at_start;
+  bool moving = false;
+  LateSound late = LateSound::traced;
+  int refine_every = 0;  ///< blocks, with LateSound::refined
+  SoundClip clip;
+  std::uint64_t carrier_key = 0;
+};
+
+/// One block of the walk: when it begins, and how the listener stands then.
+struct WalkBlock {
+  double t_s = 0;
+  std::size_t index = 0;
+  int num_samples = 0;
+  glm::vec3 listener{0};
+  ListenerOrientation orientation;
+};
+
 /// One source with its response and convolver.  A source at rest keeps its candidates; a moving one gets new ones where it is.
 class WalkSource {
  public:
-  WalkSource(std::vector<TimedPose> path, SoundSource at_start, bool moving, LateSound late, int refine_every, SoundClip clip,
-             std::uint64_t carrier_key)
-      : path_(std::move(path)),
-        source_(std::move(at_start)),
-        moving_(moving),
-        late_(late),
-        refine_every_(refine_every),
-        clip_(std::move(clip)),
+  explicit WalkSource(WalkSourceSetup setup)
+      : path_(std::move(setup.path)),
+        source_(std::move(setup.at_start)),
+        moving_(setup.moving),
+        late_(setup.late),
+        refine_every_(setup.refine_every),
+        clip_(std::move(setup.clip)),
         oversampled_(clip_),
-        carrier_key_(carrier_key) {}
+        carrier_key_(setup.carrier_key) {}
 
   /// Of a source at rest: what belongs to it and not to the pose.  Once, before the first block.
   void prepare(const AcousticScene& acoustics, SourceFieldStore& fields) {
@@ -79,28 +98,28 @@ class WalkSource {
     }
   }
 
-  /// Adds the sound of this source at the listener during the block that begins at t_s to `mix` [channels, block].
-  void add_block(const AcousticScene& acoustics, RirSynthesizer& synthesizer, PathGlider& glider, const TimedPose& listener,
-                 const ListenerOrientation& orientation, double t_s, std::size_t block_index, int block, std::vector<float>& mix) {
+  /// Adds the sound of this source at the listener during the block to `mix` [channels, block.num_samples].
+  void add_block(const AcousticScene& acoustics, RirSynthesizer& synthesizer, PathGlider& glider, const WalkBlock& block,
+                 std::vector<float>& mix) {
+    const int samples = block.num_samples;
     if (moving_) {
-      const TimedPose pose = pose_at(path_, t_s);
+      const TimedPose pose = pose_at(path_, block.t_s);
       source_.position = glm::vec3(pose.position);
       source_.orientation = orientation_of(pose.heading_deg, 0, 0);
       candidates_ = std::make_unique<EarlyCandidates>(acoustics, source_, SourceMotion::moves);
     }
-    respond(acoustics, glm::vec3(listener.position), block_index);
+    respond(acoustics, block.listener, block.index);
     const std::span<const std::uint8_t> glides = glider.choose(response_, &gliding_);
-    synthesizer.render(response_, orientation,
-                       {carrier_key_, glm::vec3(listener.position), moving_ ? std::optional(source_.position) : std::nullopt}, rir_,
-                       nullptr, glides);
-    glider.advance(response_, glides, orientation, gliding_);
-    if (!convolver_) convolver_.emplace(StreamConfig{rir_.sample_rate_hz, rir_.num_samples, block, block}, rir_.num_channels);
-    part_.resize(static_cast<std::size_t>(block) * static_cast<std::size_t>(rir_.num_channels));
-    convolver_->convolve(clip_, position_, rir_.samples, previous_.samples, rir_.num_samples, block, part_);
-    glider.render(oversampled_, position_, block, block, gliding_, part_);
+    synthesizer.render(response_, block.orientation,
+                       {carrier_key_, block.listener, moving_ ? std::optional(source_.position) : std::nullopt}, rir_, nullptr, glides);
+    glider.advance(response_, glides, block.orientation, gliding_);
+    if (!convolver_) convolver_.emplace(StreamConfig{rir_.sample_rate_hz, rir_.num_samples, samples, samples}, rir_.num_channels);
+    part_.resize(static_cast<std::size_t>(samples) * static_cast<std::size_t>(rir_.num_channels));
+    convolver_->convolve(clip_, position_, rir_.samples, previous_.samples, rir_.num_samples, samples, part_);
+    glider.render(oversampled_, position_, samples, samples, gliding_, part_);
     mix.resize(part_.size());
     for (std::size_t i = 0; i < part_.size(); ++i) mix[i] += part_[i];
-    position_.sample += static_cast<std::uint64_t>(block);
+    position_.sample += static_cast<std::uint64_t>(samples);
     std::swap(rir_, previous_);
   }
 
@@ -161,10 +180,16 @@ std::vector<WalkSource> make_sources(const WalkArguments& options, const Acousti
     else
       path = {{.t_s = 0, .position = parse_point(options.sources[i], "--source"), .heading_deg = 0}};
     shift(path, acoustics.scene());
-    const SoundSource at_start = options.radiation.source(i, count, glm::vec3(path[0].position));
+    SoundSource at_start = options.radiation.source(i, count, glm::vec3(path[0].position));
     SoundClip clip = open_sound(options.sounds.size() == 1 ? options.sounds[0] : options.sounds[i], acoustics.config().sample_rate_hz);
     const LateSound late = choose_late_sound(acoustics, moving, options.refine_every);
-    sources.emplace_back(std::move(path), at_start, moving, late, options.refine_every, std::move(clip), carrier_key(acoustics.hash(), i));
+    sources.emplace_back(WalkSourceSetup{.path = std::move(path),
+                                         .at_start = std::move(at_start),
+                                         .moving = moving,
+                                         .late = late,
+                                         .refine_every = options.refine_every,
+                                         .clip = std::move(clip),
+                                         .carrier_key = carrier_key(acoustics.hash(), i)});
   }
   return sources;
 }
@@ -222,10 +247,13 @@ void run_walk(const WalkArguments& options) {
   for (std::size_t i = 0; i < num_blocks; ++i) {
     const double t_s = poses.front().t_s + static_cast<double>(i) * block / static_cast<double>(config.sample_rate_hz);
     const TimedPose listener = pose_at(poses, t_s);
+    const WalkBlock at{.t_s = t_s,
+                       .index = i,
+                       .num_samples = block,
+                       .listener = glm::vec3(listener.position),
+                       .orientation = options.acoustics.orientation(listener.heading_deg, 0, 0)};
     std::fill(mix.begin(), mix.end(), 0.f);
-    for (WalkSource& source : sources)
-      source.add_block(acoustics, synthesizer, glider, listener, options.acoustics.orientation(listener.heading_deg, 0, 0), t_s, i, block,
-                       mix);
+    for (WalkSource& source : sources) source.add_block(acoustics, synthesizer, glider, at, mix);
     num_channels = mix.size() / static_cast<std::size_t>(block);
     sound.resize(num_samples * num_channels);
     const std::size_t first = i * static_cast<std::size_t>(block),
