@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "envs/batch/env_workers.h"
+#include "tests/support/wait_for_flag.h"
 
 namespace earshot {
 namespace {
@@ -62,8 +63,7 @@ struct Gate {
   std::atomic<int> refused{0};  ///< tasks that were told that they had been given up
   EnvWorkers* workers = nullptr;
   void operator()(std::size_t env, std::size_t worker) {
-    if (env == 0)
-      while (!open) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    EXPECT_TRUE(env != 0 || wait_for_flag(open));
     if (!workers->beat(worker)) ++refused;
   }
 };

@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "tests/support/envs/vector_semantics.h"
+#include "tests/support/wait_for_flag.h"
 
 namespace earshot {
 namespace {
@@ -158,7 +159,7 @@ TEST_F(VectorSemantics, AStalledStartLeavesTheBatchUntilItReturns) {
   std::atomic<bool> armed{true}, released{false};
   env.set_stage_hook([&](const StageOutput& output, std::span<float>) {
     if (output.env != 1 || output.kind != Fault::rir || !armed.exchange(false)) return;
-    while (!released) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    EXPECT_TRUE(wait_for_flag(released));
   });
   env.reset();
   EXPECT_FALSE(armed);
@@ -194,7 +195,7 @@ TEST_F(VectorSemantics, AStalledStageLeavesTheBatchUntilItReturns) {
   env.set_stage_hook([&](const StageOutput& output, std::span<float>) {
     if (output.env != 1 || output.kind != Fault::pose || !armed.exchange(false)) return;
     stuck = true;
-    while (!released) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    EXPECT_TRUE(wait_for_flag(released));
     stuck = false;
   });
   env.reset();
