@@ -186,8 +186,8 @@ void validate(const ConvolveConfig& config) {
 }
 
 ConvolveReport write_convolve_corpus(const ConvolveConfig& config, const CorpusRun& run) {
-  validate(run);
   validate(config);
+  validate(run);
   const ResponseIndex index(config.corpus);
   const SoundFolder speech = SoundFolder::list(config.speech);
   std::optional<SoundFolder> noise;

@@ -183,6 +183,9 @@ std::string CorpusSourceRenderer::render(int listener, const std::string& folder
                       .line = Json::object()};
   const CorpusListener& pose = recording.pose;
   compute_energy_response(room_.acoustics(), candidates_, field_.get(), pose.position, response_);
+  // Behind a wall the direct sound counts from when the straight line would bring it.
+  recording.direct_s =
+      static_cast<double>(glm::length(source_.sound.position - pose.position)) / static_cast<double>(response_.speed_of_sound_m_per_s);
   heads_[pose.head].render(response_, pose.orientation(), CarrierKey(carrier_key(room_hash, candidates_.source()), pose.position), rir_);
   const float gain = gain_for(config_.format, rir_.samples);
   std::vector<float> samples = scaled(rir_.samples, gain);
@@ -200,7 +203,7 @@ std::string CorpusSourceRenderer::render(int listener, const std::string& folder
   return line.dump();
 }
 
-std::string CorpusSourceRenderer::store(const Recording& recording, const std::string& suffix, std::span<const float> channels) {
+std::string CorpusSourceRenderer::store(Recording& recording, const std::string& suffix, std::span<const float> channels) {
   if (config_.sofa) {
     // Harmonics in the axes of the room are those of a listener who looks along them.
     const ListenerLayout layout = ListenerLayout::named(config_.channels);
@@ -226,8 +229,6 @@ void CorpusSourceRenderer::label_geometry(Recording& recording) const {
   const double distance_m = static_cast<double>(glm::length(toward));
   const glm::vec3 direction = distance_m > 0 ? pose.orientation().world_to_local(glm::normalize(toward)) : glm::vec3(0, 0, -1);
   const bool in_sight = std::ranges::any_of(response_.arrivals, [](const Arrival& a) { return a.kind == ArrivalKind::direct; });
-  // Behind a wall the direct sound counts from when the straight line would bring it.
-  recording.direct_s = distance_m / static_cast<double>(response_.speed_of_sound_m_per_s);
 
   Json& line = recording.line;
   line["scene"] = scene.name();

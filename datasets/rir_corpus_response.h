@@ -39,7 +39,7 @@ class CorpusSourceRenderer {
   struct Recording;  // of the response at one listener: its names, its files and its line of the manifest
 
   /// Appends the samples to the files, or to sofa_; returns the name of their file.
-  std::string store(const Recording& recording, const std::string& suffix, std::span<const float> channels);
+  std::string store(Recording& recording, const std::string& suffix, std::span<const float> channels);
   void label_geometry(Recording& recording) const;
   void label_metrics(Recording& recording) const;
   void add_pictures(Recording& recording) const;

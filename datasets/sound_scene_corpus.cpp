@@ -44,7 +44,7 @@ float diffuse_level(const ListenerLayout& layout, std::size_t channel) {
   return static_cast<float>(1 / std::sqrt(2 * degree + 1));
 }
 
-/// What all rooms of a corpus share.
+/// Inputs common to all rooms of a corpus.
 struct SceneInputs {
   const SoundSceneConfig& config;
   const ClassSounds& sounds;
@@ -213,8 +213,8 @@ std::string supervision_lines(const std::string& manifest_line, std::size_t num_
 }  // namespace
 
 SoundSceneReport write_sound_scenes(const SoundSceneConfig& config, const CorpusRun& run) {
-  validate(run);
   validate(config);
+  validate(run);
   const ClassSounds sounds = expand_classes(config);
   const std::uint64_t sounds_hash = hash_of(sounds, config.rooms.acoustics.sample_rate_hz);  // before anything is written
   std::optional<SoundFolder> noise;

@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # scripts/build.sh [PRESET] [--target NAME...] [-- CTEST ARGUMENTS...]
-# Configures and builds one preset (release, ci, debug, asan-ubsan, tsan, coverage; default release) or the named targets of it, with ccache where it
-# is installed; ci is release without the slow tests and the small benchmarks, in the same folder.  With further arguments it also runs ctest with them:
+# Configures and builds one preset (release, ci, debug, asan-ubsan, tsan, coverage; default release) or the named targets of it,
+# with ccache where it is installed; ci is release without the slow tests and the small benchmarks, in the same folder.  With
+# further arguments it also runs ctest with them:
 #   scripts/build.sh release --target test_sim_nav -- -R Navmesh
 # Of asan-ubsan the tests and fuzz targets of CI are built (--target all: all of them), of tsan the tests in which threads meet.
 set -euo pipefail

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # scripts/coverage.sh [CTEST ARGUMENTS...]
-# On Debian 12: builds the preset `coverage` (clang 14), runs its tests (all but the slow and long ones, or those that the arguments choose) and prints, by folder,
-# how many lines of code they run.  build/coverage/lines.txt has a row per source.
+# On Debian 12: builds the preset `coverage` (clang 14), runs its tests (all but the slow and long ones, or those that the
+# arguments choose) and prints, by folder, how many lines of code they run.  build/coverage/lines.txt has a row per source.
 # Exit status: that of the tests.  EARSHOT_JOBS: how many jobs at once (default: all cores).
 set -euo pipefail
 cd "$(dirname "$0")/.."

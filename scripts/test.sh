@@ -1,8 +1,9 @@
 #!/usr/bin/env bash
 # scripts/test.sh [full|quick|all]
-#   full   (default; what CI runs) format, clang-tidy on changed lines (45 s at most; `all` looks at all of them), the release build and its tests but the slow and long ones, those of the Python package (skipped with
-#          a line where the Python package index cannot be reached), the tests of code that parses outside files under the address
-#          and undefined-behaviour sanitizers, those in which threads meet under the thread sanitizer, and a minute of fuzzing
+#   full   (default; what CI runs) format, clang-tidy on changed lines (45 s at most; `all` looks at all of them), the release
+#          build and its tests but the slow and long ones, those of the Python package (skipped with a line where the Python
+#          package index cannot be reached), the tests of code that parses outside files under the address and
+#          undefined-behaviour sanitizers, those in which threads meet under the thread sanitizer, and a minute of fuzzing
 #   quick  the loop while working: builds and runs the tests of the folders with uncommitted changes (of the last commit, if there are none)
 #   all    full, the slow tests (label slow: statistics, launchers, sweeps, long benchmarks), the long ones (tests/long_tests*.txt, scripts among them), and all tests
 #          under the sanitizers; notes date and commit in tests/slow_statistics.txt if the slow tests pass
@@ -53,6 +54,7 @@ changed_folders() {
     folder=$(dirname "$file")
     case $folder in
       tests/*) folder=${folder#tests/} ;;
+      bench | bench/questions) echo unit/bench; continue ;;
       sim/reader) printf 'unit/sim/base\nunit/sim/scene\n'; continue ;;
       *) folder=unit/$folder ;;
     esac
@@ -61,7 +63,6 @@ changed_folders() {
     case $folder in
       unit/trainer/net | unit/trainer/launch | unit/trainer/collective) echo "$folder"; continue ;;
       unit/bench/training) echo "$folder"; continue ;;
-      unit/bench/questions | unit/bench) echo unit/bench; continue ;;
       unit/sim/base/* | unit/sim/scene/* | unit/sim/audio/* | unit/bench/* | unit/envs/* | unit/trainer/* | unit/evaluation/*) dirname "$folder"; continue ;;
     esac
     if compgen -G "tests/$folder/*_test.cpp" >/dev/null; then echo "$folder"; else echo "test.sh: no test folder mirrors $file" >&2; fi

@@ -38,7 +38,8 @@ def changed_lines(since: str | None) -> dict[str, list[list[int]]]:
         if since == "HEAD~1" and not git("log", "-1", "--format=%P").strip():
             print("tidy: no commit before the last; --since names another")
             return {}
-    lines = {name: [[1, len((ROOT / name).read_bytes().splitlines())]] for name in untracked}
+    counts = {name: len((ROOT / name).read_bytes().splitlines()) for name in untracked}
+    lines = {name: [[1, count]] for name, count in counts.items() if count > 0}
     name = ""
     format_options = ["-U0", "--find-renames", "--no-ext-diff", "--no-color", "--src-prefix=a/", "--dst-prefix=b/"]
     for line in git("diff", *format_options, since, "--", "*.h", "*.cpp").splitlines():

@@ -247,13 +247,13 @@ void run_walk(const WalkArguments& options) {
   for (std::size_t i = 0; i < num_blocks; ++i) {
     const double t_s = poses.front().t_s + static_cast<double>(i) * block / static_cast<double>(config.sample_rate_hz);
     const TimedPose listener = pose_at(poses, t_s);
-    const WalkBlock at{.t_s = t_s,
-                       .index = i,
-                       .num_samples = block,
-                       .listener = glm::vec3(listener.position),
-                       .orientation = options.acoustics.orientation(listener.heading_deg, 0, 0)};
+    const WalkBlock walk_block{.t_s = t_s,
+                               .index = i,
+                               .num_samples = block,
+                               .listener = glm::vec3(listener.position),
+                               .orientation = options.acoustics.orientation(listener.heading_deg, 0, 0)};
     std::fill(mix.begin(), mix.end(), 0.f);
-    for (WalkSource& source : sources) source.add_block(acoustics, synthesizer, glider, at, mix);
+    for (WalkSource& source : sources) source.add_block(acoustics, synthesizer, glider, walk_block, mix);
     num_channels = mix.size() / static_cast<std::size_t>(block);
     sound.resize(num_samples * num_channels);
     const std::size_t first = i * static_cast<std::size_t>(block),

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "bench/measure/measured.h"
 #include "sim/acoustics/accuracy/cross_validation.h"
 #include "sim/base/errors.h"
 
@@ -28,12 +29,6 @@ std::optional<double> item_error(ErrorKind kind, std::span<const double> test, s
   if (facts.curve) return root(difference_product(kind, test, test, reference, reference));
   if (test.empty()) return kMissing;
   return facts.relative ? test[0] / reference[0] - 1 : test[0] - reference[0];
-}
-
-/// sorted: not empty.
-double quantile(const std::vector<double>& sorted, double fraction) {
-  const auto n = static_cast<double>(sorted.size());
-  return sorted[static_cast<std::size_t>(std::max(std::ceil(fraction * n), 1.0)) - 1];
 }
 
 /// mean, its error, percentiles, count, missing, and the plain root mean square.  by_pose: signed or not.
@@ -71,9 +66,8 @@ ErrorSummary summarise_sizes(const std::vector<std::vector<double>>& by_pose, bo
   summary.standard_error = poses > 1 ? pose_mean.standard_error() : kMissing;
   summary.rms = std::sqrt(squares / n);
   summary.signed_mean = has_sign ? signed_sum / n : kMissing;
-  std::sort(sizes.begin(), sizes.end());
-  summary.p50 = quantile(sizes, 0.5);
-  summary.p95 = quantile(sizes, 0.95);
+  summary.p50 = percentile(sizes, 0.5);
+  summary.p95 = percentile(sizes, 0.95);
   return summary;
 }
 

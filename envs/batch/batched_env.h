@@ -132,8 +132,9 @@ class BatchedEnv {
   void set_stage_hook(StageHook hook);
 
   /// Ends what env `env` of the batch does and begins this episode of the set there, as that env's episode number `episode_count`: replays.
-  /// Returns what is wrong if it cannot begin; the env is idle then.  Throws std::out_of_range or std::invalid_argument for an env, an
-  /// episode or a number that does not exist.
+  /// Returns what is wrong if it cannot begin.  The env is idle then; after a stall only until the stage returns, when it begins another
+  /// episode.  Throws std::out_of_range or std::invalid_argument for an env, an episode or a number that does not exist, and
+  /// std::logic_error while a stage of that env that was given up still runs.
   std::optional<FaultReport> begin(int env, std::uint64_t episode_index, int episode_count);
 
   /// Cursors and actions of all running episodes; restore() replays them, which gives the same bits in all observations.  Rewards and flags

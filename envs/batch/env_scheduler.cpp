@@ -191,7 +191,7 @@ std::optional<FaultReport> EnvScheduler::begin(int env, std::uint64_t episode_in
   has_started_ = true;
   submitted_.assign(1, static_cast<std::uint32_t>(env));
   run_all();
-  if (stalled_[index] != 0) return FaultReport{Fault::stall, "a stage took longer than its limit and still runs"};
+  if (stalled_[index] != 0) return FaultReport{Fault::stall, stall_text(parts_.setup.config)};
   const FaultReport* found = begun.run().fault();
   if (!found) return std::nullopt;
   const FaultReport fault = *found;

@@ -307,7 +307,7 @@ void Environment::end_episode() {
 
 void Environment::give_up() {
   const EnvConfig& config = parts_.setup.config;
-  const FaultReport fault{Fault::stall, fmt::format("a stage took longer than stage_limit_s = {}", config.stage_limit_s)};
+  const FaultReport fault{Fault::stall, stall_text(config)};
   parts_.faults.quarantine(run_.agents, fault);
   for (const Agent& agent : run_.agents) {
     if (config.order == EpisodeOrder::once) results_.given_up.push_back(parts_.faults.failed_episode(agent, fault, false));

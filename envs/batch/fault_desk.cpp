@@ -18,6 +18,8 @@ constexpr std::uint64_t kHopelessStarts = 64;
 
 }  // namespace
 
+std::string stall_text(const EnvConfig& config) { return fmt::format("a stage took longer than stage_limit_s = {}", config.stage_limit_s); }
+
 void FaultDesk::report(Agent& agent, Fault fault, std::string detail) {
   if (!agent.fault) agent.fault = {fault, std::move(detail)};
 }

@@ -14,6 +14,9 @@
 
 namespace earshot {
 
+/// The detail of Fault::stall.
+[[nodiscard]] std::string stall_text(const EnvConfig& config);
+
 /// Finds, notes and files the faults of episodes.  A stage calls check() or runs within guard(); a fault is noted at the agent, whose later
 /// stages are then skipped, and the env quarantines the episode in the same step.
 ///

@@ -21,7 +21,7 @@ void validate(const AgentScenario& scenario);
 
 /// Gives the episodes of one scene their further agents: starts uniform on the largest island with free air up to the ears, apart from each
 /// other, on a path to the goal of a length that the filter allows (its ratio does not count); headings uniform over multiples of the turn.
-/// A function of (episodes, seed) and the arguments.  request: task, filter and seed of the episodes; nothing else of it is used.  Throws
+/// A function of the arguments.  request: task, filter and seed of the episodes; nothing else of it is used.  Throws
 /// InputError if no place is found in filter.max_tries.
 void apply_agents(const AgentScenario& scenario, const Scene& scene, const Navmesh& navmesh, const EpisodeRequest& request,
                   std::span<Episode> episodes);

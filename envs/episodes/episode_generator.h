@@ -23,7 +23,7 @@ void validate(const EpisodeFilter& filter);
 /// Whether there is free air from knee height to `top_m` above a foot point.
 bool stands_free(const Scene& scene, glm::vec3 foot, float top_m);
 
-/// The episodes that are wanted of a scene.
+/// The episodes to generate in one scene.
 struct EpisodeRequest {
   TaskConfig task = {};
   EpisodeFilter filter = {};
@@ -34,7 +34,7 @@ struct EpisodeRequest {
 };
 
 /// request.count episodes in one scene: start and goal uniform on the largest island, sound drawn from request.sounds, heading uniform over
-/// multiples of the turn.  A function of (scene_id, seed) and the arguments, independent of other calls.  num_goals is not used.  Throws
+/// multiples of the turn.  A function of (scene_id, request), independent of other calls.  num_goals is not used.  Throws
 /// InputError if the filter finds none in max_tries.
 std::vector<Episode> generate_episodes(const std::string& scene_id, const Navmesh& navmesh, const EpisodeRequest& request);
 /// The same, and start and goal have free air from knee to ear or source: the navmesh resolves walls to a cell only, and a source inside
@@ -46,8 +46,8 @@ std::vector<Episode> generate_episodes(const std::string& scene_id, const Scene&
 
 /// request.num_goals foot points on the largest island with free air up to the source, far from each other: each is the farthest from those
 /// before it among 20 random places (best-candidate sampling: Mitchell 1991, "Spectrally optimal sampling for distribution ray tracing").
-/// In the coordinates of the engine.  A function of (scene_id, seed), the first n whatever their number.  Sounds and count of the request
-/// are not used.  Throws InputError if max_tries places in a row are not free.
+/// In the coordinates of the engine.  A function of (scene_id, request.seed), the first n whatever their number.  Sounds and count of the
+/// request are not used.  Throws InputError if max_tries places in a row are not free.
 std::vector<glm::vec3> spread_goals(const std::string& scene_id, const Scene& scene, const Navmesh& navmesh, const EpisodeRequest& request);
 
 }  // namespace earshot

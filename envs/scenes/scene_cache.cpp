@@ -184,7 +184,7 @@ struct SceneCache::Impl {
     const std::scoped_lock lock(mutex);
     return find_source_locked(scene_id, key);
   }
-  /// What find_source finds; else not valid, and from now on other threads wait for `promise`.
+  /// The source if it is there or on its way.  Otherwise an invalid future, and from now on other threads wait for `promise`.
   SourceFuture find_or_announce_source(const std::string& scene_id, const SourceKey& key,
                                        std::promise<std::shared_ptr<const EnvSource>>& promise) {
     const std::scoped_lock lock(mutex);

@@ -38,7 +38,7 @@ def main() -> None:
 
         def expect(status: int, text: str, *arguments: str) -> None:
             run = subprocess.run([sys.executable, root / "scripts/tidy.py", *arguments], capture_output=True, text=True)
-            assert run.returncode == status and text in run.stdout, f"{arguments}: {run.returncode}\n{run.stdout}{run.stderr}"
+            assert run.returncode == status and text in run.stdout + run.stderr, f"{arguments}: {run.returncode}\n{run.stdout}{run.stderr}"
 
         write("CMakeLists.txt", PROJECT)
         write("CMakePresets.json", PRESETS)
@@ -69,9 +69,10 @@ def main() -> None:
         expect(0, "1 of 1 files")
         # One that git does not track yet.
         write("sim/c.cpp", NULL_AS_ZERO.format("untracked"))
+        write("sim/empty.h", "")
         write("CMakeLists.txt", PROJECT.replace("sim/b.cpp", "sim/b.cpp sim/c.cpp"))
         expect(1, "sim/c.cpp:1:")
-        expect(2, "", "--since", "no_such_commit")
+        expect(2, "tidy: git diff:", "--since", "no_such_commit")
 
 
 main()

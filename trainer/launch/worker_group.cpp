@@ -22,6 +22,7 @@
 #include "sim/base/temporary_folder.h"
 #include "trainer/launch/worker_names.h"
 #include "trainer/net/rendezvous.h"
+#include "trainer/net/wire.h"
 
 extern char** environ;
 
@@ -122,7 +123,7 @@ class WorkerGroup {
   void start(int rank, const CStrings& arguments, const CStrings& environment, bool joins = false) {
     const pid_t parent = ::getpid();
     const pid_t pid = ::fork();
-    if (pid < 0) throw RunError(fmt::format("worker {}", rank), fmt::format("cannot be started: {}", std::strerror(errno)));
+    if (pid < 0) throw RunError(worker_name(rank), fmt::format("cannot be started: {}", std::strerror(errno)));
     if (pid == 0) {
       ::prctl(PR_SET_PDEATHSIG, SIGKILL);
       if (::getppid() != parent) ::_exit(1);  // the parent died before prctl took effect

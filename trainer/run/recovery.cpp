@@ -10,6 +10,7 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "trainer/net/wire.h"
 
 namespace earshot {
 namespace {
@@ -111,7 +112,7 @@ Recovery::Standing Recovery::gather_standing() {
     if (standing.source < 0) standing.source = static_cast<int>(place);
     std::uint64_t update = 0, lost = 0, joined = 0;
     if (!(std::istringstream(of_all[place]) >> update >> lost >> joined))
-      throw RunError(fmt::format("worker {}", collective_.members()[place]), "does not say how far it is");
+      throw RunError(worker_name(collective_.members()[place]), "does not say how far it is");
     standing.last = std::min(standing.last, update);
     // A change that some have not seen, as another one followed it at once.
     report_.raise_member_counts(lost, joined);

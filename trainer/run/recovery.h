@@ -31,7 +31,7 @@ class Recovery {
   Recovery(Collective& collective, const EnvPlaces& places, ActorCritic policy, PpoLearner& learner, RunProgress& progress,
            UpdateReport& report);
 
-  /// WholeUpdate the first optimizer step: keeps a copy of the state if the collective survives a loss.
+  /// Before the first optimizer step: keeps a copy of the state if the collective survives a loss.
   void begin_update();
   /// The weights are those of a whole update.
   void end_update() { learning_ = false; }

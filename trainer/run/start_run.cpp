@@ -12,6 +12,7 @@
 #include "sim/base/text/config_reader.h"
 #include "trainer/checkpoint/find_checkpoint.h"
 #include "trainer/checkpoint/run_folder.h"
+#include "trainer/net/wire.h"
 #include "trainer/run/effective_config.h"
 #include "trainer/run/episode_data.h"
 #include "trainer/run/initial_policy.h"
@@ -109,7 +110,7 @@ void prepare_run(const RunConfig& config, const RunStart& start, Collective& col
     }
   const std::string decision = collective.all_gather(message).front();
   if (refusal) std::rethrow_exception(refusal);
-  if (!decision.empty()) throw InputError(fmt::format("worker {}", rank), "rank 0 refuses to start: " + decision, "");
+  if (!decision.empty()) throw InputError(worker_name(rank), "rank 0 refuses to start: " + decision, "");
 }
 
 }  // namespace earshot

@@ -306,7 +306,7 @@ class AirWalks {
       direction = next_direction(surfaces_, hit, direction, random.uniform4(step));
     }
   }
-  /// What is left of the walk's energy behind a hit, in the loudest band.
+  /// Reflects the walk's energy at a hit; returns that of the loudest band.
   double reflect(std::uint32_t material) {
     const auto reflectance = surfaces_.reflectance(material), tau = surfaces_.transmission(material);
     double loudest = 0;

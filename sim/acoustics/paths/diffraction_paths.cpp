@@ -1,11 +1,14 @@
 #include "sim/acoustics/paths/diffraction_paths.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <glm/geometric.hpp>
 #include <map>
 #include <numbers>
+#include <span>
 #include <tuple>
+#include <utility>
 
 #include "sim/acoustics/paths/edge_growth.h"
 #include "sim/acoustics/paths/edge_reflections.h"
@@ -113,11 +116,11 @@ class DiffractionCandidates::Search {
         first_(arrivals.size()),
         limit_(static_cast<std::size_t>(candidates.budget_.paths)) {}
 
-  /// What find_arrivals does.
+  /// DiffractionCandidates::find_arrivals for this listener.
   int find_arrivals();
 
  private:
-  /// What one candidate brings: a path, or, in sight, the waves of one edge, each for one path of those found before.
+  /// The yield of one candidate: a path, or, in sight, the waves of one edge, each for one path of those found before.
   struct Found {
     int count = 0;
     std::array<Arrival, 2> arrival;        ///< in sight, order is the index of the path that this is added to, or -1
@@ -301,7 +304,7 @@ bool DiffractionCandidates::Search::find_path(const EdgeCandidate& candidate, do
     split(edges_[candidate.sequence.edge[0]], field.first_edge(), Arrival(arrival));
     return found_.count > 0;
   }
-  const double distance_m = std::max(path.length_m, double{kLeastDistanceM});
+  const double distance_m = path.distance_m();
   for (const EdgeBands& bands : candidates_.bands_) found_.count |= set_bands(bands, field.ratio(bands), distance_m, arrival) ? 1 : 0;
   return found_.count > 0;
 }
@@ -323,7 +326,7 @@ bool DiffractionCandidates::Search::may_exceed(double weakest_db, const EdgeCand
 bool DiffractionCandidates::Search::find_shortest_path(EdgeSequence sequence, EdgePath& path) const {
   if (swapped_) std::reverse(sequence.edge.begin(), sequence.edge.begin() + sequence.order);
   const glm::dvec3 from(swapped_ ? listener_ : candidates_.source_), to(swapped_ ? candidates_.source_ : listener_);
-  return shortest_path(edges_, sequence, from, to, path) && !(std::max(path.length_m, double{kLeastDistanceM}) > scene_.max_path_m());
+  return shortest_path(edges_, sequence, from, to, path) && !(path.distance_m() > scene_.max_path_m());
 }
 
 bool DiffractionCandidates::Search::all_segments_free(const EdgePath& path) const {
@@ -346,7 +349,7 @@ void DiffractionCandidates::Search::describe(const EdgeCandidate& candidate, con
   arrival.kind = ArrivalKind::diffraction;
   arrival.identity = path_identity(arrival.kind, std::span(candidate.sequence.edge).first(order));
   arrival.order = candidate.sequence.order;
-  arrival.distance_m = static_cast<float>(std::max(path.length_m, double{kLeastDistanceM}));
+  arrival.distance_m = static_cast<float>(path.distance_m());
   const glm::dvec3 near_source = swapped_ ? path.point[order - 1] : path.point[0];
   const glm::dvec3 near_listener = swapped_ ? path.point[0] : path.point[order - 1];
   arrival.direction = unit_or(near_listener - glm::dvec3(listener_), {0, 0, -1});

@@ -174,7 +174,7 @@ bool confirm_segments(const AcousticScene& scene, bool by_folds, glm::vec3 liste
   return !rays.occluded(origin, source);
 }
 
-/// What panels of finite size leave of an image.
+/// Fraction of an image that remains with panels of finite size.
 struct PanelLoss {
   std::array<double, kMaxBands> energy_fraction, phase_rad{};
   bool finite = false;  ///< is any panel?

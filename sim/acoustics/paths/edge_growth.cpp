@@ -1,6 +1,7 @@
 #include "sim/acoustics/paths/edge_growth.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <glm/geometric.hpp>
 #include <numbers>
@@ -36,6 +37,14 @@ Lanes kurze_anderson_factor(const Lanes& fresnel_number) {
   return 0.562341325f * (x < 0.02f ? all_lanes(1.f) : (1.f - fall) / ((1.f + fall) * x));
 }
 
+/// Limits of links that all edges have in common.
+struct LinkLimits {
+  float slack_m = 0;           ///< error of a length of single precision
+  float clearance_m = 0;       ///< within which a point counts as on the faces of an edge
+  float longest_m = 0;         ///< way of a sequence
+  float half_waves_per_m = 0;  ///< at the frequency that ranks
+};
+
 /// The last edge of a sequence, for links to eight edges at a time.  Lengths of single precision are wrong by less than slack_m, so that
 /// all that follows errs to the side of the better score.
 struct LastEdgeLanes {
@@ -49,7 +58,7 @@ struct LastEdgeLanes {
     Lanes factor, way_m;
   };
 
-  LastEdgeLanes(const DiffractionEdge& edge, const EdgeCandidate& parent)
+  LastEdgeLanes(const DiffractionEdge& edge, const EdgeCandidate& parent, const LinkLimits& limits)
       : here(three(glm::dvec3(parent.before))),
         start(three(edge.start)),
         along(three(edge.along)),
@@ -58,7 +67,11 @@ struct LastEdgeLanes {
         face(three(edge.face)),
         exterior(static_cast<float>(edge.exterior_rad)),
         length_m(static_cast<float>(edge.length_m)),
-        reached_m(parent.reached_m) {
+        reached_m(parent.reached_m),
+        slack_m(limits.slack_m),
+        outside_m(limits.clearance_m + limits.slack_m),
+        most_m(limits.longest_m),
+        half_waves_per_m(limits.half_waves_per_m) {
     const glm::dvec3 before(parent.before), from_edge = before - edge.start;
     const double along_before = glm::dot(from_edge, edge.along), away_before = glm::length(from_edge - along_before * edge.along);
     along_here = static_cast<float>(along_before);
@@ -108,7 +121,7 @@ struct LastEdgeLanes {
   float exterior, length_m, reached_m;
   float along_here = 0, away_here = 0, angle_here = 0;  ///< of the end of the sequence before the edge
   float least_factor = 0;                               ///< of a loss that is not too much
-  float slack_m = 0, outside_m = 0, most_m = 0, half_waves_per_m = 0;
+  float slack_m, outside_m, most_m, half_waves_per_m;
 };
 
 }  // namespace
@@ -165,13 +178,13 @@ void EdgeGrowth::add_links_of_source(Family& family) const {
 void EdgeGrowth::add_links_of_edge(Family& family) const {
   const EdgeCandidate& parent = family.parent;
   const auto path = std::span(parent.sequence.edge).first(static_cast<std::size_t>(parent.sequence.order));
-  LastEdgeLanes last(edges_[path.back()], parent);
   const float reach_m = largest_m_ + std::max({std::abs(parent.before.x), std::abs(parent.before.y), std::abs(parent.before.z)}) +
                         static_cast<float>(scene_.max_path_m());
-  last.slack_m = 2e-6f * reach_m;
-  last.outside_m = static_cast<float>(edges_.clearance_m()) + last.slack_m;
-  last.most_m = 1.0001f * static_cast<float>(scene_.max_path_m());
-  last.half_waves_per_m = static_cast<float>(2.0 * kRankingHz / static_cast<double>(scene_.speed_of_sound_m_per_s()));
+  const LinkLimits limits{.slack_m = 2e-6f * reach_m,
+                          .clearance_m = static_cast<float>(edges_.clearance_m()),
+                          .longest_m = 1.0001f * static_cast<float>(scene_.max_path_m()),
+                          .half_waves_per_m = static_cast<float>(2.0 * kRankingHz / static_cast<double>(scene_.speed_of_sound_m_per_s()))};
+  const LastEdgeLanes last(edges_[path.back()], parent, limits);
 
   for (std::size_t group = 0; group < lanes_.size(); ++group) {
     const EdgeLanes& edge = lanes_[group];

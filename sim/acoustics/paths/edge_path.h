@@ -1,9 +1,11 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <glm/vec3.hpp>
 
+#include "sim/acoustics/core/arrival.h"
 #include "sim/acoustics/geometry/diffraction_edges.h"
 #include "sim/acoustics/paths/edge_bands.h"
 #include "sim/acoustics/paths/finite_edge.h"
@@ -30,6 +32,9 @@ struct EdgePath {
   std::array<double, kMaxDiffractionOrder> along_m{};  ///< on each edge, between its ends
   std::array<glm::dvec3, kMaxDiffractionOrder> point{};
   double length_m = 0;  ///< of the way by these points
+
+  /// What levels and delays count with: not less than kLeastDistanceM.
+  [[nodiscard]] double distance_m() const { return std::max(length_m, double{kLeastDistanceM}); }
 };
 /// False if the points of two edges coincide, as at a corner where they meet.
 bool shortest_path(const DiffractionEdges& edges, const EdgeSequence& sequence, glm::dvec3 from, glm::dvec3 to, EdgePath& path);

@@ -108,7 +108,7 @@ bool EdgeReflections::find_path(const EdgeSequence& sequence, EndPlanes planes, 
   const DiffractionEdges& edges = *scene_.diffraction_edges();
   EdgePath path;
   if (!shortest_path(edges, sequence, image_of(from_, planes.first), image_of(to_, planes.second), path)) return false;
-  if (std::max(path.length_m, double{kLeastDistanceM}) > scene_.max_path_m()) return false;
+  if (path.distance_m() > scene_.max_path_m()) return false;
   const EdgePathField field(edges, path, false);
   if (!field.valid()) return false;
 
@@ -185,14 +185,14 @@ void EdgeReflections::describe(const EdgePath& path, EndPlanes planes, const End
   arrival.kind = ArrivalKind::diffraction;
   arrival.identity = path_identity(arrival.kind, std::span(met).first(count));
   arrival.order = static_cast<int>(count);
-  arrival.distance_m = static_cast<float>(std::max(path.length_m, double{kLeastDistanceM}));
+  arrival.distance_m = static_cast<float>(path.distance_m());
   arrival.departure = glm::vec3(swapped_ ? ends.last.toward : ends.first.toward);
   arrival.direction = glm::vec3(swapped_ ? ends.first.toward : ends.last.toward);
 }
 
 bool EdgeReflections::set_field(const EdgePath& path, const EdgePathField& field, bool joins_image, std::span<const double> gain,
                                 Arrival& arrival) const {
-  const double distance_m = std::max(path.length_m, double{kLeastDistanceM});
+  const double distance_m = path.distance_m();
   bool any = false;
   for (const EdgeBands& bands : bands_) {
     ComplexLanes ratio;

@@ -60,11 +60,13 @@ class FacingPlanes::Family {
 
  private:
   enum class LineStatus { whole, broken, degenerate };
-  /// Past kTracedBounces, of an obstructed strip: the fraction that comes through is that of two paths out of each run of a quarter more
-  /// bounces.  What is wide across the strip blocks them all from some length on: the row ends with two runs of which nothing is left.
+  /// State of sampling an obstructed strip past kTracedBounces: the fraction that comes through is that of two paths out of each run of a
+  /// quarter more bounces.  What is wide across the strip blocks them all from some length on: the row ends with two runs of which nothing
+  /// is left.
   struct RunSample {
-    int end = kTracedBounces, blocked_runs = 0;
-    double passing = 1;
+    int end = kTracedBounces;  ///< bounces at which the run ends
+    int blocked_runs = 0;      ///< in a row, of which nothing came through
+    double passing = 1;        ///< fraction that comes through in this run
   };
 
   [[nodiscard]] std::size_t num_sides() const { return sides_.size(); }

@@ -82,16 +82,16 @@ class BeamQueue {
   /// Reflects the beam of `image` behind `from` (null: of the source itself) in plane p, as a child of `node`.
   void reflect(const Beam* from, std::uint32_t node, glm::dvec3 image, std::uint32_t p) {
     Beam beam{};
-    const double strongest = keep(from, p, beam);
+    const double strongest = set_kept_energy(from, p, beam);
     if (strongest < kSpentChain || waiting_.size() >= kMostWaiting) return;
     const ExactPlane& plane = mirrors_[p].plane;
     if (std::abs(plane.height(image)) < 1e-6 * scene_.diagonal_m()) return;
-    light(from, image, p, beam);
+    clip_aperture(from, image, p, beam);
     if (beam.aperture.empty()) return;
     const double length_m = glm::length(middle_of(beam.aperture) - image);
     if (std::abs(plane.height(image)) > double{scene_.max_path_m()} || !(length_m > 0)) return;
     beam.strength = strongest / (length_m * length_m);
-    beam.number = born_++;
+    beam.number = num_pushed_++;
     beam.parent = node, beam.plane = p, beam.order = (from ? from->order : 0) + 1;
     beam.image = plane.mirror(image);
     if (from) beam.chain = from->chain, beam.facing = from->facing;
@@ -102,7 +102,7 @@ class BeamQueue {
 
  private:
   /// The energy that is left after plane p.  Returns that of the strongest band.
-  double keep(const Beam* from, std::uint32_t p, Beam& beam) const {
+  double set_kept_energy(const Beam* from, std::uint32_t p, Beam& beam) const {
     double strongest = 0;
     for (int b = 0; b < scene_.num_bands(); ++b) {
       const auto i = static_cast<std::size_t>(b);
@@ -112,7 +112,7 @@ class BeamQueue {
     return strongest;
   }
   /// The part of plane p on the side of the last plane on which the image is not, and in its light.
-  void light(const Beam* from, glm::dvec3 image, std::uint32_t p, Beam& beam) const {
+  void clip_aperture(const Beam* from, glm::dvec3 image, std::uint32_t p, Beam& beam) const {
     beam.aperture = mirrors_[p].polygon;
     if (!from) return;
     const ExactPlane& last = mirrors_[from->plane].plane;
@@ -124,7 +124,7 @@ class BeamQueue {
   const FacingPlanes& facing_;
   std::span<const BeamMirror> mirrors_;
   std::priority_queue<Beam> waiting_;
-  std::uint64_t born_ = 0;
+  std::uint64_t num_pushed_ = 0;
 };
 
 }  // namespace

@@ -102,7 +102,7 @@ std::size_t LateSynthesizer::render(const LateEnvelope& envelope, int num_bins, 
   const auto add = [&](const LateSegment& segment, const LateCarriers::Read& read) {
     const auto out = [&](std::size_t c) { return channels[c].data() + segment.begin; };
     FirstOrderPair bands{};
-    bool waits = false;  // bands[0], for a second one to be added with
+    bool waits = false;  // bands[0] holds a band that is not yet added
     for (int band = 0; band < num_bands; ++band) {
       const auto row = envelope.band(band);
       const LateEnvelopeSample &a = row[static_cast<std::size_t>(segment.left)], &b = row[static_cast<std::size_t>(segment.right)];

@@ -159,9 +159,9 @@ void PathGlider::render(const OversampledSound& sound, const StreamPosition& pos
   if (paths.now_.count + (moves ? paths.before_.count : 0) == 0 || block == 0) return;
   for (Sum* sum : {&resting_, &from_, &to_, &entering_, &leaving_}) sum->any = false;
   pieces_ = (static_cast<std::size_t>(block) + hop() - 1) / hop();
-  const Block taken{sound, position, block};
-  add_present_paths(taken, paths, moves);
-  if (moves) add_leaving_paths(taken, paths);
+  const Block dry_block{sound, position, block};
+  add_present_paths(dry_block, paths, moves);
+  if (moves) add_leaving_paths(dry_block, paths);
   fade_sums(block, fade, output);
 }
 

@@ -201,7 +201,7 @@ void attenuate(const AcousticScene& scene, float bin_s, std::span<float> unseen)
   }
 }
 
-/// What all batches share; the strategies are those of each batch.
+/// Constants of all batches; each batch sets `strategies`.
 BidirectionalScene shared_by_batches(const AcousticScene& scene, const EarlyCandidates& candidates, glm::vec3 listener,
                                      int num_coefficients) {
   const AcousticConfig& config = scene.config();

@@ -103,7 +103,7 @@ void deposit(const Trace& trace, const RayState<W>& ray, float path_m, EnergyHis
                 std::span(ray.sh.data(), static_cast<std::size_t>(trace.num_coefficients)));
 }
 
-/// Where a trace puts what it finds.
+/// Histogram and counters that a trace adds to.
 struct TraceOutput {
   EnergyHistogram& histogram;
   TraceStats& stats;

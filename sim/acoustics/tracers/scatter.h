@@ -55,7 +55,7 @@ struct Departure {
   float extra_path_m;  ///< what a wall adds to the path
 };
 
-/// What a wall absorbs on the way through it, beside tau, which the fractions of a material include.
+/// Absorption inside a wall, beside tau, which the fractions of a material include.
 template <int W>
 void absorb_inside(const AcousticScene& scene, std::uint32_t material, const WallCrossing& crossing, BandEnergy<W>& energy) {
   alignas(32) std::array<float, W> passed;

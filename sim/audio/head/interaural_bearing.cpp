@@ -107,7 +107,7 @@ void InterauralBearing::add_frames(std::span<const float> sound) {
   }
 }
 
-/// Of both ears together in one bin.
+/// Largest power of one bin, both ears summed.
 float InterauralBearing::loudest_power() const {
   float loudest = 0;
   for (std::size_t k = 0; k < num_bins_; ++k) loudest = std::max(loudest, power_left_[k] + power_right_[k]);

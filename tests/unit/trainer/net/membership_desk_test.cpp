@@ -40,6 +40,12 @@ TEST_F(AddressBookTest, AnotherStartOfARankReplacesItsAddresses) {
   EXPECT_EQ(book_.control(1).endpoint, "control1");
 }
 
+TEST_F(AddressBookTest, AStartThatWasLeftOutIsToldWhereItListens) {
+  const auto current = book_.take_notice_address({1, 0});
+  ASSERT_TRUE(current);
+  EXPECT_EQ(current->endpoint, "control1");
+}
+
 // The start that was a member hears that it is none any more; one that never was has no address to be told at.
 TEST_F(AddressBookTest, NoticesGoToTheStartThatWasAMember) {
   book_.replace(candidate(2, 9), true);

@@ -22,6 +22,7 @@ TEST(KeptFrames, GivesThoseOfACallByRankInTheirOrder) {
   kept.put(frame_of(1, 0, 8, 1));
   EXPECT_EQ(kept.num_peers(0, 7), 2);
   EXPECT_EQ(kept.num_peers(0, 8), 0);  // behind one of an earlier call
+  EXPECT_FALSE(kept.take(0, 8));
   std::vector<std::pair<int, std::uint32_t>> taken;
   while (const auto frame = kept.take(0, 7)) taken.emplace_back(frame->from, frame->header.step);
   EXPECT_EQ(taken, (std::vector<std::pair<int, std::uint32_t>>{{1, 1}, {1, 2}, {3, 1}}));
