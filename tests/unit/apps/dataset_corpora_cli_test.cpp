@@ -106,6 +106,19 @@ TEST_F(DatasetCorporaCli, ScenesThatShipAreRead) {
   EXPECT_FALSE(read_file(folder_.path() / "scenes" / lines[0]["metadata_file"].get<std::string>()).empty());
 }
 
+TEST_F(DatasetCorporaCli, WhatARunCannotDoLeavesNoFolder) {
+  ASSERT_EQ(dataset("rir " + path("rir.yaml") + " --out " + path("corpus")).exit_code, 0);
+  std::filesystem::create_directory(path("speech"));
+  write_wav(path("speech/1.wav"), synthesize_sound("synth:engine:1", 16000).samples, 1, 16000);
+  const std::string scenes = (source_dir() / "configs/datasets/scenes.yaml").string();
+  for (const std::string& corpus : {"rir " + path("rir.yaml"), "convolve " + path("corpus") + " --speech " + path("speech") + " --count 2",
+                                    "scenes " + scenes, std::string("pano shoebox:6x3x4@0.3 --pairs 1 --size 16x8")}) {
+    expect_refused(corpus + " --threads -1 --out " + path("refused"), "--threads");
+    expect_refused(corpus + " --shard 3/2 --out " + path("refused"), "K from 1 to N");
+    EXPECT_FALSE(std::filesystem::exists(path("refused"))) << corpus;
+  }
+}
+
 // A preset names neither rate nor length; --set does.
 TEST_F(DatasetCorporaCli, PanoramasKeepRateAndLengthWithAPreset) {
   const std::string pano = "pano shoebox:6x3x4@0.3 --pairs 1 --size 16x8 --rate 16000 --length 0.1 --set acoustics.preset=fast ";
