@@ -6,6 +6,7 @@
 
 #include "apps/board/board_commands.h"
 #include "sim/base/errors.h"
+#include "sim/base/text/listed.h"
 #include "sim/base/version.h"
 
 namespace earshot {
@@ -15,7 +16,7 @@ namespace {
 struct Command {
   std::vector<std::string> words;
   const CLI::App* app;
-  [[nodiscard]] std::string name() const { return fmt::format("{}", fmt::join(words, " ")); }
+  [[nodiscard]] std::string name() const { return listed(words, " "); }
 };
 
 void collect(const CLI::App& app, const std::vector<std::string>& words, std::vector<Command>& commands) {
@@ -60,7 +61,7 @@ std::string bash_script(const std::vector<Command>& commands) {
     std::vector<std::string> words = children_of(*command.app);
     for (const CLI::Option* option : shown_options(*command.app))
       for (const std::string& flag : flags_of(*option)) words.push_back(flag);
-    script += fmt::format("    '{}') words='{}' ;;\n", command.words.empty() ? "" : " " + command.name(), fmt::join(words, " "));
+    script += fmt::format("    '{}') words='{}' ;;\n", command.words.empty() ? "" : " " + command.name(), listed(words, " "));
   }
   // Files where no option begins: most arguments are files, and -o default leaves them to bash.
   return script +

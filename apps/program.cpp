@@ -11,6 +11,7 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/text/config_reader.h"
+#include "sim/base/text/listed.h"
 #include "sim/base/version.h"
 
 namespace earshot {
@@ -39,7 +40,7 @@ void check_commands(const CLI::App& app, const std::vector<std::string>& words) 
     if (command == nullptr) {
       std::set<std::string> names;
       for (const CLI::App* known : commands_of(*level)) names.insert(known->get_name());
-      const std::string all = fmt::format("one of: {}", fmt::join(names, ", "));
+      const std::string all = fmt::format("one of: {}", listed(names, ", "));
       if (i == words.size()) throw InputError(before.empty() ? "earshot" : before.substr(0, before.size() - 1), "lacks a command", all);
       const std::string nearest = nearest_word(words[i], names);
       throw InputError(before + words[i], "is not a command", nearest.empty() ? all : fmt::format("did you mean '{}{}'?", before, nearest));

@@ -4,13 +4,13 @@
 set(EARSHOT_HEADERS_sim
   embree4/rtcore.h|embree3/rtcore.h libembree-dev  tbb/parallel_for.h libtbb-dev  assimp/Importer.hpp libassimp-dev  meshoptimizer.h libmeshoptimizer-dev
   Recast.h librecast-dev  DetourNavMesh.h librecast-dev  glm/glm.hpp libglm-dev  sndfile.h libsndfile1-dev  mysofa.h libmysofa-dev  xxhash.h libxxhash-dev  yaml-cpp/yaml.h libyaml-cpp-dev
-  nlohmann/json.hpp nlohmann-json3-dev  fmt/format.h libfmt-dev  png.h libpng-dev  turbojpeg.h libturbojpeg0-dev
+  nlohmann/json.hpp nlohmann-json3-dev  fmt/format.h libfmt-dev  spdlog/spdlog.h libspdlog-dev  png.h libpng-dev  turbojpeg.h libturbojpeg0-dev
   EGL/egl.h libegl-dev  GLES3/gl3.h libgles-dev)
 # What transforms and resamples sound (EARSHOT_AUDIO_LIBRARIES).
 set(EARSHOT_HEADERS_audio_libav libavutil/tx.h libavutil-dev  libswresample/swresample.h libswresample-dev)
 set(EARSHOT_HEADERS_audio_permissive samplerate.h libsamplerate0-dev)
 list(APPEND EARSHOT_HEADERS_sim ${EARSHOT_HEADERS_audio_${EARSHOT_AUDIO_LIBRARIES}})
-set(EARSHOT_HEADERS_envs zlib.h zlib1g-dev  spdlog/spdlog.h libspdlog-dev)
+set(EARSHOT_HEADERS_envs zlib.h zlib1g-dev)
 set(EARSHOT_HEADERS_policy torch/torch.h libtorch-dev)
 set(EARSHOT_HEADERS_trainer zmq.h libzmq3-dev  zmq.hpp cppzmq-dev  msgpack.hpp libmsgpack-cxx-dev)
 
@@ -76,6 +76,7 @@ function(earshot_find_packages)
     find_package(yaml-cpp REQUIRED)
     find_package(nlohmann_json REQUIRED)
     find_package(fmt REQUIRED)
+    find_package(spdlog REQUIRED)
     find_package(meshoptimizer REQUIRED)
     earshot_import(sndfile sndfile.h sndfile)
     if(EARSHOT_AUDIO_LIBRARIES STREQUAL "libav")
@@ -92,7 +93,6 @@ function(earshot_find_packages)
     earshot_import(egl EGL/egl.h EGL)
   endif()
   if("envs" IN_LIST ARGN)
-    find_package(spdlog REQUIRED)
     find_package(ZLIB REQUIRED)
   endif()
   if("policy" IN_LIST ARGN)

@@ -15,6 +15,8 @@
 #include "datasets/reverberant_mixture.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/text/json.h"
+#include "sim/base/text/listed.h"
 #include "sim/base/text/utf8.h"
 
 namespace earshot {
@@ -28,8 +30,7 @@ constexpr std::size_t kLongestTranscript = 1 << 16;
 
 void validate_range(const std::vector<float>& range, const std::string& key, float low, float high) {
   const bool ok = range.size() == 2 && range[0] >= low && range[1] <= high && range[0] <= range[1];
-  require(ok, key, fmt::format("{}", fmt::join(range, ",")),
-          fmt::format("must be LOW,HIGH within [{}, {}] dB, the smaller one first", low, high));
+  require(ok, key, listed(range, ","), fmt::format("must be LOW,HIGH within [{}, {}] dB, the smaller one first", low, high));
 }
 
 /// What stands beside a speech file in a text file of its name; nothing if there is none.  Throws InputError for what is no text.
@@ -99,7 +100,7 @@ class SignalWriter {
       const MixedTalker& talker = mixture.talkers[t];
       const IndexedResponse& response = index_.responses()[talker.response];
       Json labels = {{"speech", talker.speech}, {"start_sample", talker.start_sample}, {"num_samples", talker.dry_samples}};
-      labels.update(Json::parse(response.labels));
+      labels.update(parse_ordered_json(response.labels));
       labels["gain"] = rounded(talker.gain);
       labels["same_listener"] = response.place == index_.responses()[mixture.talkers[0].response].place;
       const std::string suffix = fmt::format(".t{}", t);
@@ -116,7 +117,7 @@ class SignalWriter {
       Json labels = {{"sound", noise.sound}, {"start_sample", noise.start_sample}, {"snr_db", rounded(noise.snr_db)}};
       if (noise.response >= 0) {
         const IndexedResponse& response = index_.responses()[static_cast<std::size_t>(noise.response)];
-        labels.update(Json::parse(response.labels));
+        labels.update(parse_ordered_json(response.labels));
         labels["same_listener"] = response.place == index_.responses()[mixture.talkers[0].response].place;
       } else {
         labels["response"] = nullptr;
@@ -125,7 +126,7 @@ class SignalWriter {
       if (config_.stems) labels["file"] = add(".noise", noise.samples, channels);
       line["noise"] = labels;
     }
-    writer_.add_line(line.dump());
+    writer_.add_line(json_text(line));
   }
 
  private:
@@ -137,7 +138,7 @@ class SignalWriter {
 
 /// The talkers of a recording as lhotse's SupervisionSegments.
 std::string supervision_lines(const std::string& manifest_line, float sample_rate_hz, std::size_t num_channels) {
-  const Json recording = Json::parse(manifest_line);
+  const Json recording = parse_ordered_json(manifest_line);
   Json channels = Json::array();
   for (std::size_t channel = 0; channel < num_channels; ++channel) channels.push_back(channel);
   const auto frames = recording.at("num_samples").get<std::uint64_t>();
@@ -159,7 +160,7 @@ std::string supervision_lines(const std::string& manifest_line, float sample_rat
                     {"channel", channels}};
     if (talker.contains("text")) segment["text"] = talker.at("text");
     segment["custom"] = custom;
-    lines += segment.dump() + "\n";
+    lines += json_text(segment) + "\n";
   }
   return lines;
 }

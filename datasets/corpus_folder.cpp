@@ -13,6 +13,7 @@
 #include "sim/base/engine_commit.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/text/json.h"
 #include "sim/base/text/schema_version.h"
 
 namespace earshot {
@@ -77,11 +78,11 @@ std::string trimmed(const std::string& text) {
 /// corpus.json as lines with one key each, the config among them.
 std::string as_lines(const std::string& json, const std::string& where) {
   try {
-    const Json parsed = Json::parse(json);
+    const Json parsed = parse_ordered_json(json);
     check_schema_version(parsed, kCorpusVersionKey, where, "a corpus", {1, kCorpusVersion});
     std::string lines;
     for (const auto& [key, value] : parsed.items())
-      lines += key == "config" ? value.get<std::string>() : fmt::format("{}: {}\n", key, value.dump());
+      lines += key == "config" ? value.get<std::string>() : fmt::format("{}: {}\n", key, json_text(value));
     return lines;
   } catch (const nlohmann::json::exception&) {
     throw InputError(where, "is damaged", "remove it if the folder holds no corpus that you want to complete");
@@ -165,17 +166,16 @@ void CorpusFolder::complete(std::size_t folder) const {
 }
 
 std::string CorpusFolder::recording_line(const std::string& manifest_line) const {
-  const Json response = Json::parse(manifest_line);
+  const Json response = parse_ordered_json(manifest_line);
   Json channels = Json::array();
   for (std::size_t channel = 0; channel < num_channels_; ++channel) channels.push_back(channel);
   const auto samples = response.at("num_samples").get<std::uint64_t>();
-  return Json{{"id", response.at("id")},
-              {"sources", Json::array({{{"type", "file"}, {"channels", channels}, {"source", response.at("file")}}})},
-              {"sampling_rate", static_cast<int>(sample_rate_hz_)},
-              {"num_samples", samples},
-              {"duration", static_cast<double>(samples) / static_cast<double>(sample_rate_hz_)},
-              {"channel_ids", channels}}
-      .dump();
+  return json_text(Json{{"id", response.at("id")},
+                        {"sources", Json::array({{{"type", "file"}, {"channels", channels}, {"source", response.at("file")}}})},
+                        {"sampling_rate", static_cast<int>(sample_rate_hz_)},
+                        {"num_samples", samples},
+                        {"duration", static_cast<double>(samples) / static_cast<double>(sample_rate_hz_)},
+                        {"channel_ids", channels}});
 }
 
 std::string CorpusFolder::describe(const std::string& kind, const std::string& config, float sample_rate_hz,
@@ -183,7 +183,7 @@ std::string CorpusFolder::describe(const std::string& kind, const std::string& c
   const Json json = {
       {kCorpusVersionKey, kCorpusVersion}, {"kind", kind},    {"engine", engine_commit() + " " + build_type()}, {"channels", channels},
       {"sample_rate_hz", sample_rate_hz},  {"config", config}};
-  return json.dump(1) + "\n";
+  return json_text(json, 1) + "\n";
 }
 
 std::size_t CorpusFolder::join_manifests(const std::vector<DerivedManifest>& derived) const {

@@ -9,6 +9,7 @@
 #include "datasets/corpus_folder.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/text/json.h"
 #include "sim/base/text/schema_version.h"
 
 namespace earshot {
@@ -22,7 +23,7 @@ constexpr double kMostDistanceM = 1e6, kLongestDelayS = 3600;
 constexpr float kHighestRateHz = 1e6f;
 
 IndexedResponse parse_line(std::string_view line) {
-  const Json json = Json::parse(line);
+  const Json json = parse_ordered_json(line);
   IndexedResponse response{.id = json.at("id").get<std::string>(),
                            .file = json.at("file").get<std::string>(),
                            .early_file = {},
@@ -36,11 +37,11 @@ IndexedResponse parse_line(std::string_view line) {
   if (json.contains("early_file") && json.at("early_file").is_string()) response.early_file = json.at("early_file").get<std::string>();
   Json listener = json.at("listener");
   listener.erase("index");
-  response.place = listener.dump();
+  response.place = json_text(listener);
   Json labels = {{"response", response.id}, {"scene", json.at("scene")}, {"room", response.room}, {"source", response.source}};
   for (const char* key : {"distance_m", "azimuth_deg", "elevation_deg", "line_of_sight", "direct_delay_s", "drr_db", "t20_mid_s"})
     labels[key] = json.at(key);
-  response.labels = labels.dump();
+  response.labels = json_text(labels);
   return response;
 }
 
@@ -56,7 +57,7 @@ ResponseIndex::ResponseIndex(std::filesystem::path corpus) : corpus_(std::move(c
   hash_ = hash64(text);
   std::size_t number = 1;
   try {
-    const Json json = Json::parse(read_file(description));
+    const Json json = parse_ordered_json(read_file(description));
     check_schema_version(json, kCorpusVersionKey, description.string(), "a corpus", {1, kCorpusVersion});
     sample_rate_hz_ = json.at("sample_rate_hz").get<float>();
     channels_ = json.at("channels").get<std::vector<std::string>>();

@@ -16,6 +16,7 @@
 #include "datasets/rir_corpus_room.h"
 #include "sim/base/engine_commit.h"
 #include "sim/base/errors.h"
+#include "sim/base/text/json.h"
 #include "sim/scene/appearance.h"
 
 namespace earshot {
@@ -68,7 +69,7 @@ std::string description_of(const RirCorpusConfig& config, std::size_t rooms) {
                {"bands_hz", centres},
                {"config", config_text(config)}};
   if (config.panorama) json["categories"] = category_names();
-  return json.dump(1) + "\n";
+  return json_text(json, 1) + "\n";
 }
 
 }  // namespace

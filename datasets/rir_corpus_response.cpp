@@ -17,6 +17,7 @@
 #include "sim/acoustics/source_field/field_for_poses.h"
 #include "sim/acoustics/synthesis/carriers.h"
 #include "sim/base/files.h"
+#include "sim/base/text/json.h"
 
 namespace earshot {
 namespace {
@@ -200,7 +201,7 @@ std::string CorpusSourceRenderer::render(int listener, const std::string& folder
   add_pictures(recording);
   if (config_.sofa) line["measurement"] = sofa_.listeners.size() - 1;
   if (config_.split_ms > 0) store_split(recording, samples);
-  return line.dump();
+  return json_text(line);
 }
 
 std::string CorpusSourceRenderer::store(Recording& recording, const std::string& suffix, std::span<const float> channels) {

@@ -5,13 +5,14 @@
 #include <algorithm>
 
 #include "sim/base/errors.h"
+#include "sim/base/text/listed.h"
 
 namespace earshot {
 namespace {
 
 template <class T>
 std::string shown(const std::vector<T>& values) {
-  return fmt::format("[{}]", fmt::join(values, ", "));
+  return fmt::format("[{}]", listed(values, ", "));
 }
 
 template <class T>

@@ -21,6 +21,7 @@
 #include "sim/acoustics/synthesis/carriers.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/text/json.h"
 #include "sim/base/text/utf8.h"
 
 namespace earshot {
@@ -115,7 +116,7 @@ class RoomRecorder {
                        {"noise", noise},
                        {"level_dbfs", mean_square > 0 ? rounded(level_dbfs) : Json(nullptr)},
                        {"lowered", lowered}};
-    writer.add_line(line.dump());
+    writer.add_line(json_text(line));
   }
 
  private:
@@ -192,19 +193,18 @@ std::uint64_t hash_of(const ClassSounds& sounds, float sample_rate_hz) {
 
 /// The events of a recording as lhotse's SupervisionSegments.
 std::string supervision_lines(const std::string& manifest_line, std::size_t num_channels) {
-  const Json recording = Json::parse(manifest_line);
+  const Json recording = parse_ordered_json(manifest_line);
   Json channels = Json::array();
   for (std::size_t channel = 0; channel < num_channels; ++channel) channels.push_back(channel);
   std::string lines;
   for (const Json& event : recording.at("events")) {
     const double onset_s = event.at("onset_s").get<double>(), offset_s = event.at("offset_s").get<double>();
-    lines += Json{{"id", fmt::format("{}-{}", recording.at("id").get<std::string>(), event.at("source").get<int>())},
-                  {"recording_id", recording.at("id")},
-                  {"start", onset_s},
-                  {"duration", std::round(1e6 * (offset_s - onset_s)) / 1e6},
-                  {"channel", channels},
-                  {"custom", event}}
-                 .dump() +
+    lines += json_text(Json{{"id", fmt::format("{}-{}", recording.at("id").get<std::string>(), event.at("source").get<int>())},
+                            {"recording_id", recording.at("id")},
+                            {"start", onset_s},
+                            {"duration", std::round(1e6 * (offset_s - onset_s)) / 1e6},
+                            {"channel", channels},
+                            {"custom", event}}) +
              "\n";
   }
   return lines;

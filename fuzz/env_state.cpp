@@ -5,6 +5,7 @@
 
 #include "fuzz/fuzz_target.h"
 #include "sim/base/files.h"
+#include "sim/base/text/json.h"
 
 int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace earshot;
@@ -12,7 +13,7 @@ int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const bool sanitize = fuzz::take_choice(bytes, 2) == 1;
   std::string text(bytes);
   if (sanitize) {
-    const auto body = nlohmann::json::parse(bytes, nullptr, false);
+    const auto body = parse_json(bytes, nullptr, false);
     if (body.is_discarded()) return 0;
     const std::string dumped = body.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
     text = R"({"earshot_env_state":1,"checksum":")" + hex64(hash64(dumped)) + R"(","body":)" + dumped + "}";

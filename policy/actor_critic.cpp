@@ -6,6 +6,7 @@
 
 #include "policy/weight_init.h"
 #include "sim/base/errors.h"
+#include "sim/base/text/listed.h"
 
 namespace earshot {
 
@@ -204,7 +205,7 @@ std::int64_t ActorCriticImpl::num_parameters() const {
 std::string ActorCriticImpl::architecture() const {
   std::string line = "actor-critic v1:";
   for (const SensorSpec& sensor : sensors_) {
-    line += fmt::format(" {} {}", sensor.name, fmt::join(sensor.shape, "x"));
+    line += fmt::format(" {} {}", sensor.name, listed(sensor.shape, "x"));
     if (is_picture(sensor)) line += fmt::format(" -> {}", config_.visual_features);
     if (is_sound(sensor)) line += fmt::format(" -> {}", config_.audio_features);
     line += ",";

@@ -13,6 +13,7 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/temporary_folder.h"
+#include "sim/base/text/json.h"
 #include "trainer/collective/gloo_group.h"
 #include "trainer/launch/worker_group.h"
 
@@ -34,7 +35,7 @@ void measure(const BenchAllreduceArguments& options, const LaunchedWorker& worke
   if (worker.ring.identity.rank != 0) return;
   nlohmann::json rows = nlohmann::json::array();
   for (const AllReduceTime& time : times) rows.push_back({{"way", time.way}, {"bytes", time.bytes}, {"ms", time.ms}});
-  write_file_atomically(options.times, rows.dump());
+  write_file_atomically(options.times, json_text(rows));
 }
 
 std::string size_text(std::size_t bytes) {
@@ -119,7 +120,7 @@ int run(BenchAllreduceArguments options, const std::vector<std::string>& argumen
       if (const int code = spawn_workers(ranks, worker_arguments); code != 0) return code;
       const BenchJson setting = {{"seconds", options.speed.seconds}, {"threads", 1}, {"delay_ms", delay_ms}};
       if (delay_ms > 0) fmt::print("\n{:g} ms from host to host, a worker on each", delay_ms);
-      fmt::print("\n{}", table(ranks, nlohmann::json::parse(read_file(file)), setting, report));
+      fmt::print("\n{}", table(ranks, parse_json(read_file(file)), setting, report));
     }
   report.write(options.json);
   return 0;

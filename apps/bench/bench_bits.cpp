@@ -12,6 +12,7 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/text/config_reader.h"
+#include "sim/base/text/json.h"
 
 namespace earshot {
 namespace {
@@ -65,7 +66,7 @@ void run_bits(const BenchBitsArguments& options) {
   fmt::print("{}  {} steps of {} envs\n", hash, options.steps, options.envs);
   if (options.json.empty()) return;
   const nlohmann::ordered_json report{{"schema_version", 1}, {"hash", hash}, {"steps", options.steps}, {"envs", options.envs}};
-  write_file_atomically(options.json, report.dump(2) + "\n");
+  write_file_atomically(options.json, json_text(report, 2) + "\n");
 }
 
 }  // namespace

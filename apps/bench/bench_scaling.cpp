@@ -13,6 +13,7 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/temporary_folder.h"
+#include "sim/base/text/json.h"
 #include "trainer/collective/collective.h"
 #include "trainer/launch/worker_group.h"
 
@@ -43,13 +44,13 @@ void measure(const BenchScalingArguments& options, const LaunchedWorker& worker)
   const MeasuredUpdates measured = make_updates(options.check, *workers);
   if (worker.ring.identity.rank != 0) return;
   result["update_s"] = measured.update_s;
-  write_file_atomically(options.times, result.dump());
+  write_file_atomically(options.times, json_text(result));
 }
 
 json run_workers(int ranks, std::vector<std::string> arguments, const std::string& file, int& code) {
   arguments.insert(arguments.end(), {"--times", file});
   code = spawn_workers(ranks, arguments);
-  return code == 0 ? json::parse(read_file(file)) : json();
+  return code == 0 ? parse_json(read_file(file)) : json();
 }
 
 LinkSpeed link_of(const json& numbers) {

@@ -21,6 +21,7 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/temporary_folder.h"
+#include "sim/base/text/json.h"
 
 namespace earshot {
 namespace {
@@ -66,7 +67,7 @@ std::string torch_script() {
 /// One process of torch: its samples per second, by processor time and by the wall, and its version.
 nlohmann::json ask_torch(const std::string& python, const std::string& script, const std::string& request) {
   const Answer answer = run_shell(shell_quoted(python) + " " + shell_quoted(script) + " " + shell_quoted(request));
-  const nlohmann::json result = nlohmann::json::parse(answer.text, nullptr, false);
+  const nlohmann::json result = parse_json_or_discard(answer.text);
   if (answer.code != 0 || !result.is_object() || !result.contains("samples_per_cpu_s") || !result["samples_per_cpu_s"].is_number() ||
       !result.contains("samples_per_s") || !result["samples_per_s"].is_number())
     throw RunError(script, fmt::format("failed with exit code {}; leave it out with --no-torch", answer.code));

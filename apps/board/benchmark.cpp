@@ -9,6 +9,7 @@
 #include "evaluation/leaderboard/private_set.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/text/json.h"
 
 namespace earshot {
 
@@ -30,7 +31,7 @@ void run_benchmark(const BenchmarkArguments& options) {
     if (options.json.empty()) return;
     const nlohmann::ordered_json report{
         {"schema_version", 1}, {"benchmark", benchmark.name}, {"version", benchmark.version}, {"private_sha256", sha256}};
-    write_file_atomically(options.json, report.dump(2) + "\n");
+    write_file_atomically(options.json, json_text(report, 2) + "\n");
     return;
   }
   check_splits(benchmark);
@@ -57,7 +58,7 @@ void run_benchmark(const BenchmarkArguments& options) {
     report["private_episodes"] = private_set.episodes.size();
     report["private_set_hash"] = hidden.set_hash;
   }
-  if (!options.json.empty()) write_file_atomically(options.json, report.dump(2) + "\n");
+  if (!options.json.empty()) write_file_atomically(options.json, json_text(report, 2) + "\n");
 }
 
 }  // namespace

@@ -17,6 +17,7 @@
 #include "evaluation/leaderboard/private_set.h"
 #include "evaluation/results/result_groups.h"
 #include "sim/base/files.h"
+#include "sim/base/text/json.h"
 
 namespace earshot {
 namespace {
@@ -152,7 +153,7 @@ std::string comparison_json(const EvaluationResult& first, const EvaluationResul
                                     {"episodes", first.episodes.size()},
                                     {"success", json_of(comparison.success)},
                                     {"spl", json_of(comparison.spl)}};
-  return json.dump(2) + "\n";
+  return json_text(json, 2) + "\n";
 }
 
 void run_leaderboard(const LeaderboardArguments& options) {
@@ -188,7 +189,7 @@ void run_leaderboard(const LeaderboardArguments& options) {
   if (options.by) fmt::print("\n{}", groups);
   if (!options.html.empty()) write_file_atomically(options.html, leaderboard_page(results, page));
   if (options.json.empty()) return;
-  auto json = nlohmann::ordered_json::parse(leaderboard_json(results));
+  auto json = parse_ordered_json(leaderboard_json(results));
   for (const PrivateScore& score : page.private_scores) json["private"].push_back(json_of(score));
   if (options.by)
     for (const EvaluationResult& result : results)
@@ -199,7 +200,7 @@ void run_leaderboard(const LeaderboardArguments& options) {
                                   {"success", json_of(group.success())},
                                   {"success_when_silent", json_of(group.success_when_silent())},
                                   {"spl", json_of(group.spl())}});
-  write_file_atomically(options.json, json.dump(2) + "\n");
+  write_file_atomically(options.json, json_text(json, 2) + "\n");
 }
 
 }  // namespace

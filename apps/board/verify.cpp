@@ -8,6 +8,7 @@
 #include "evaluation/leaderboard/benchmark.h"
 #include "evaluation/leaderboard/private_set.h"
 #include "sim/base/files.h"
+#include "sim/base/text/json.h"
 
 namespace earshot {
 namespace {
@@ -66,7 +67,7 @@ void run_verify(VerifyArguments options) {
     note(file, verified, hash_of_rules(rules));
   }
   const nlohmann::ordered_json report{{"schema_version", 1}, {"results", std::move(rows)}};
-  if (!options.json.empty()) write_file_atomically(options.json, report.dump(2) + "\n");
+  if (!options.json.empty()) write_file_atomically(options.json, json_text(report, 2) + "\n");
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 
 #include "sim/base/process/progress.h"
+#include "sim/base/text/listed.h"
 
 namespace earshot {
 
@@ -17,7 +18,7 @@ AccuracyPlan plan_and_print(const AcousticScene& acoustics, const AccuracyTarget
              plan.calibration_s);
   fmt::print("  predicted {}; {:.1f} ms per source, {:.2f} ms per response\n", text_of(choice.predicted), choice.per_source_ms,
              choice.per_pose_ms);
-  fmt::print("  the same bits with --set {}\n", fmt::join(settings_of(choice), " --set "));
+  fmt::print("  the same bits with --set {}\n", listed(settings_of(choice), " --set "));
   return plan;
 }
 

@@ -7,6 +7,7 @@
 #include "apps/commands.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/text/json.h"
 #include "sim/scene/materials/material_lint.h"
 
 namespace earshot {
@@ -39,9 +40,10 @@ std::string materials_json(const MaterialDatabase& database, const std::vector<M
                          {"scattering", json_of(material, "scattering", material.scattering)},
                          {"transmission", json_of(material, "transmission", material.transmission)}});
   for (const MaterialWarning& finding : findings) lint.push_back({{"material", finding.material}, {"text", finding.text}});
-  return nlohmann::ordered_json{
-             {"schema_version", 1}, {"bands_hz", kOctavesHz}, {"materials", std::move(materials)}, {"findings", std::move(lint)}}
-             .dump(2) +
+  return json_text(
+             nlohmann::ordered_json{
+                 {"schema_version", 1}, {"bands_hz", kOctavesHz}, {"materials", std::move(materials)}, {"findings", std::move(lint)}},
+             2) +
          "\n";
 }
 

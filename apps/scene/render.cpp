@@ -18,6 +18,7 @@
 #include "sim/base/coordinates.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/text/json.h"
 #include "sim/scene/appearance.h"
 #include "sim/scene/category_palette.h"
 #include "sim/vision/egl_renderer.h"
@@ -71,7 +72,7 @@ void write_legend(const std::vector<std::uint16_t>& semantic, const std::string&
     rows.push_back({{"category", i}, {"name", category_names()[i]}, {"fraction", fraction}});
   }
   const nlohmann::ordered_json report{{"schema_version", 1}, {"categories", std::move(rows)}};
-  if (!json_file.empty()) write_file_atomically(json_file, report.dump(2) + "\n");
+  if (!json_file.empty()) write_file_atomically(json_file, json_text(report, 2) + "\n");
 }
 
 void run_render(const RenderArguments& options) {

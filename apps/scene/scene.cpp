@@ -14,6 +14,8 @@
 #include "sim/acoustics/model/effect_plan.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/text/json.h"
+#include "sim/base/text/listed.h"
 #include "sim/nav/navmesh.h"
 #include "sim/scene/hole_finder.h"
 #include "sim/scene/scene_report.h"
@@ -132,7 +134,7 @@ void print_openings(const ExaminedScene& examined) {
     const glm::vec3 size = hole.bounds.upper - hole.bounds.lower;
     const glm::dvec3 centre = examined.scene->to_world(0.5f * (hole.bounds.lower + hole.bounds.upper));
     fmt::print("  hole           {:.2f} % of rays around ({:.2f}, {:.2f}, {:.2f}), {:.2f} x {:.2f} x {:.2f} m, beside {}\n",
-               100 * hole.ray_fraction, centre.x, centre.y, centre.z, size.x, size.y, size.z, fmt::join(hole.rim, ", "));
+               100 * hole.ray_fraction, centre.x, centre.y, centre.z, size.x, size.y, size.z, listed(hole.rim, ", "));
   }
 }
 
@@ -203,7 +205,7 @@ void run_scene(const SceneArguments& options) {
   if (!options.explain && options.json.empty()) return;
   const AcousticScene acoustics = acoustics_of(examined.scene, options);
   if (options.explain) print_plan(acoustics.plan());
-  if (!options.json.empty()) write_file_atomically(options.json, report_json(examined, acoustics.plan()).dump(1) + "\n");
+  if (!options.json.empty()) write_file_atomically(options.json, json_text(report_json(examined, acoustics.plan()), 1) + "\n");
 }
 
 }  // namespace

@@ -20,6 +20,7 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/process/progress.h"
+#include "sim/base/text/json.h"
 
 namespace earshot {
 namespace {
@@ -237,7 +238,7 @@ void run_rir(const RirArguments& options) {
   if (!options.metrics.empty()) {
     OrderedJson report{{"schema_version", 1}};
     report.update(single ? pairs : OrderedJson{{"pairs", pairs}});
-    write_file_atomically(options.metrics, report.dump(1) + "\n");
+    write_file_atomically(options.metrics, json_text(report, 1) + "\n");
   }
 }
 

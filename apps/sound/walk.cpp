@@ -1,5 +1,4 @@
 #include <fmt/format.h>
-#include <spdlog/spdlog.h>
 
 #include <algorithm>
 #include <cmath>
@@ -23,6 +22,7 @@
 #include "sim/audio/stream/sound_stream.h"
 #include "sim/base/errors.h"
 #include "sim/base/process/progress.h"
+#include "sim/base/text/log.h"
 
 namespace earshot {
 namespace {
@@ -239,7 +239,7 @@ void run_walk(const WalkArguments& options) {
   SourceFieldStore fields({.folder = options.field_store,
                            .max_bytes = static_cast<std::uint64_t>(options.field_store_gb * 1e9),
                            .max_memory_bytes = 0,
-                           .warn = [](const std::string& message) { spdlog::warn("{}", message); }});
+                           .warn = [](const std::string& message) { log_warning(message); }});
   for (WalkSource& source : sources) source.prepare(acoustics, fields);
   std::size_t num_channels = 0;
   std::vector<float> sound, mix;

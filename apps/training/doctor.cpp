@@ -26,6 +26,8 @@
 #include "sim/base/files.h"
 #include "sim/base/process/isolated_call.h"
 #include "sim/base/processor.h"
+#include "sim/base/text/json.h"
+#include "sim/base/text/listed.h"
 #include "sim/base/version.h"
 #include "sim/rays/embree_options.h"
 #include "sim/rays/ray_tracer_version.h"
@@ -59,8 +61,8 @@ Finding check_vectors() {
     else if ((present & bit) != 0)
       unused.emplace_back(kInstructionSets[set]);
   }
-  std::string text = used.empty() ? "compiled for the plain instruction set" : fmt::format("compiled for {}", fmt::join(used, ", "));
-  if (!unused.empty()) text += fmt::format("; the CPU also has {}", fmt::join(unused, ", "));
+  std::string text = used.empty() ? "compiled for the plain instruction set" : fmt::format("compiled for {}", listed(used, ", "));
+  if (!unused.empty()) text += fmt::format("; the CPU also has {}", listed(unused, ", "));
   const bool could_be_faster = (present & ~kUsedInstructionSets & kDefaultInstructionSets) != 0;
   if (could_be_faster) text += ": configure without -DEARSHOT_ARCH";
   return {could_be_faster ? State::slow : State::ok, text};
@@ -187,9 +189,9 @@ Finding check_test_data() {
     (std::filesystem::is_directory(folder / part, error) ? present : absent).emplace_back(part);
   const std::string where = fmt::format("{} ({})", folder.lexically_normal().string(), named ? "EARSHOT_DATA" : "EARSHOT_DATA is not set");
   if (absent.empty()) return {State::ok, where};
-  return {State::absent, fmt::format("{} has {}: tests that read {} are skipped; nothing else needs them", where,
-                                     present.empty() ? std::string("no test data") : fmt::format("only {}", fmt::join(present, ", ")),
-                                     fmt::join(absent, ", "))};
+  return {State::absent,
+          fmt::format("{} has {}: tests that read {} are skipped; nothing else needs them", where,
+                      present.empty() ? std::string("no test data") : fmt::format("only {}", listed(present, ", ")), listed(absent, ", "))};
 }
 
 void run_doctor(const std::string& json) {
@@ -211,7 +213,7 @@ void run_doctor(const std::string& json) {
   print("libtorch", check_torch());
   print("test data", check_test_data());
   const nlohmann::ordered_json report{{"schema_version", 1}, {"findings", std::move(rows)}};
-  if (!json.empty()) write_file_atomically(json, report.dump(2) + "\n");
+  if (!json.empty()) write_file_atomically(json, json_text(report, 2) + "\n");
   if (bad > 0) throw RunError("doctor", fmt::format("{} of the lines above must be remedied", bad));
 }
 

@@ -17,6 +17,7 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/stopwatch.h"
+#include "sim/base/text/json.h"
 
 namespace earshot {
 namespace {
@@ -96,7 +97,7 @@ json request_of(const ShoeboxRoom& room, double seconds_per_response) {
 
 void read_result(const EngineCommand& engine, const std::filesystem::path& file, std::size_t listeners, EngineAnswer& answer) {
   if (!std::filesystem::exists(file)) refuse(engine, "wrote no result.json");
-  const json result = json::parse(read_file(file, std::size_t{1} << 24), nullptr, false);
+  const json result = parse_json_or_discard(read_file(file, std::size_t{1} << 24));
   if (!result.is_object() || !result.contains("seconds") || !result["seconds"].is_array() || result["seconds"].size() != listeners)
     refuse(engine, fmt::format("wrote a result.json without `seconds`, one number for each of {} listeners", listeners));
   for (const json& seconds : result["seconds"]) {
@@ -132,7 +133,7 @@ EngineAnswer ask_engine(const EngineCommand& engine, const ShoeboxRoom& room, do
   std::filesystem::remove(folder / "result.json");  // of a run before
   for (std::size_t l = 0; l < listeners; ++l) std::filesystem::remove(wav(l));
   const std::filesystem::path request = folder / "request.json", log = folder / "log.txt";
-  write_file_atomically(request, request_of(room, seconds_per_response).dump(2) + "\n");
+  write_file_atomically(request, json_text(request_of(room, seconds_per_response), 2) + "\n");
   const int code = run_shell(engine, engine.command + " " + shell_quoted(std::filesystem::absolute(request).string()), log, timeout_s);
   EngineAnswer answer;
   if (code == kEngineUnavailable || (code != 0 && engine.optional)) {

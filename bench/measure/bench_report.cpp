@@ -9,6 +9,7 @@
 
 #include "sim/base/engine_commit.h"
 #include "sim/base/files.h"
+#include "sim/base/text/json.h"
 
 namespace earshot {
 namespace {
@@ -53,7 +54,7 @@ std::string BenchReport::table() const {
 }
 
 void BenchReport::write(const std::string& path) const {
-  if (!path.empty()) write_file_atomically(path, json().dump(1) + "\n");
+  if (!path.empty()) write_file_atomically(path, json_text(json(), 1) + "\n");
 }
 
 BenchJson machine_json() {

@@ -9,6 +9,7 @@
 #include "bench/soak/plot.h"
 #include "sim/base/engine_commit.h"
 #include "sim/base/files.h"
+#include "sim/base/text/json.h"
 
 namespace earshot {
 namespace {
@@ -99,7 +100,7 @@ std::string soak_markdown(const SoakResult& result) {
       "loaded, "
       "{} sources built.\n\n",
       options.steps, options.scenes, options.num_envs, options.seed, engine_commit(), machine["cpu"].get<std::string>(),
-      machine["cores"].dump(), machine["load_1min"].dump(), result.steps, result.seconds / 60, per(steps, result.seconds),
+      json_text(machine["cores"]), json_text(machine["load_1min"]), result.steps, result.seconds / 60, per(steps, result.seconds),
       per(steps, result.cpu_seconds), result.episodes, result.successes, result.rounds,
       result.memory.empty() ? 0 : result.memory.back().scenes_loaded, result.memory.empty() ? 0 : result.memory.back().sources_built);
   text += fmt::format(
@@ -184,7 +185,7 @@ BenchJson soak_json(const SoakResult& result) {
 
 void write_soak_files(const SoakResult& result, const std::filesystem::path& folder) {
   write_file_atomically(folder / "soak.md", soak_markdown(result));
-  write_file_atomically(folder / "soak.json", soak_json(result).dump() + "\n");
+  write_file_atomically(folder / "soak.json", json_text(soak_json(result)) + "\n");
   write_file_atomically(folder / "soak.svg", soak_svg(result));
 }
 

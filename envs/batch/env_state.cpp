@@ -6,6 +6,7 @@
 #include "envs/task/action_digits.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/text/json.h"
 #include "sim/base/text/json_depth.h"
 #include "sim/base/text/json_number.h"
 #include "sim/base/text/schema_version.h"
@@ -35,19 +36,19 @@ std::string encode(const EnvState& state) {
   }
   const json body = {{"set_hash", hex64(state.set_hash)}, {"seed", state.seed},       {"first_env", state.first_env},
                      {"total_envs", state.total_envs},    {"started", state.started}, {"envs", envs}};
-  const json document = {{"earshot_env_state", kStateVersion}, {"checksum", hex64(hash64(body.dump()))}, {"body", body}};
-  return document.dump();
+  const json document = {{"earshot_env_state", kStateVersion}, {"checksum", hex64(hash64(json_text(body)))}, {"body", body}};
+  return json_text(document);
 }
 
 EnvState decode_env_state(std::string_view text) {
   EnvState state;
   check_json_depth(text, "environment state");
   try {
-    const json document = json::parse(text);
+    const json document = parse_json(text);
     check_schema_version("environment state", "a state", whole_number<std::int64_t>(document, "earshot_env_state"),
                          {kStateVersion, kStateVersion});
     const json& body = document.at("body");
-    if (document.at("checksum").get<std::string>() != hex64(hash64(body.dump()))) fail("is damaged: its checksum is wrong");
+    if (document.at("checksum").get<std::string>() != hex64(hash64(json_text(body)))) fail("is damaged: its checksum is wrong");
     const auto hash = body.at("set_hash").get<std::string>();
     state.set_hash = std::stoull(hash, nullptr, 16);
     state.seed = whole_number<std::uint64_t>(body, "seed");

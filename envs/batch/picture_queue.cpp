@@ -1,6 +1,6 @@
 #include "envs/batch/picture_queue.h"
 
-#include <spdlog/spdlog.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <chrono>
@@ -8,6 +8,7 @@
 #include <string>
 
 #include "sim/base/errors.h"
+#include "sim/base/text/log.h"
 
 namespace earshot {
 namespace {
@@ -30,14 +31,14 @@ ClearedAtEnd(std::vector<T>&) -> ClearedAtEnd<T>;
 std::unique_ptr<EglRenderer> open_renderer(const ObservationSpec& spec, std::span<const AgentCamera> cameras) {
   if (spec.renderer == Renderer::embree || !std::ranges::any_of(cameras, &AgentCamera::is_pinhole)) return nullptr;
   std::unique_ptr<EglRenderer> egl;
-  const auto warn = [](const std::string& message) { spdlog::warn(message); };
+  const auto warn = [](const std::string& message) { log_warning(message); };
   try {
     egl = std::make_unique<EglRenderer>(EglOptions{.device = spec.egl_device, .warn = warn});
   } catch (const InputError&) {  // no hardware; but a device that has a name is there or is a mistake
     if (spec.renderer == Renderer::egl || spec.egl_device != "auto") throw;
   } catch (const RunError& error) {
     if (spec.renderer == Renderer::egl) throw;
-    spdlog::warn("pictures are drawn by Embree: {}", error.what());
+    log_warning(fmt::format("pictures are drawn by Embree: {}", error.what()));
   }
   if (egl && spec.renderer == Renderer::automatic && egl->software()) egl.reset();
   return egl;
@@ -104,7 +105,7 @@ void PictureQueue::draw_by_egl(const CameraSensorConfig& config) {
       require_finite(views_[i].images.normals);
     }
   } catch (const std::exception& error) {
-    spdlog::warn("pictures are drawn by Embree from now on: {}", error.what());
+    log_warning(fmt::format("pictures are drawn by Embree from now on: {}", error.what()));
     draws_ = false;
   }
 }

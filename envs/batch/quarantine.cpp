@@ -1,7 +1,6 @@
 #include "envs/batch/quarantine.h"
 
 #include <fmt/format.h>
-#include <spdlog/spdlog.h>
 
 #include <algorithm>
 #include <bit>
@@ -15,8 +14,10 @@
 #include "envs/task/action_digits.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/text/json.h"
 #include "sim/base/text/json_depth.h"
 #include "sim/base/text/json_number.h"
+#include "sim/base/text/log.h"
 #include "sim/base/text/schema_version.h"
 
 namespace earshot {
@@ -72,10 +73,10 @@ std::string encode(const QuarantineRecord& record) {
                    {"set_hash", hex64(record.set_hash)},
                    {"episode_index", record.episode_index},
                    {"step", record.step},
-                   {"set", json::parse(episode_set_text({record.episode}))},
+                   {"set", parse_json(episode_set_text({record.episode}))},
                    {"config", record.config}};
   write_actions(document, record.actions, record.others);
-  return document.dump(1, ' ', false, json::error_handler_t::replace) + "\n";
+  return json_text_of_any_bytes(document, 1) + "\n";
 }
 
 QuarantineRecord decode_quarantine_record(std::string_view text, const std::string& where) {
@@ -83,7 +84,7 @@ QuarantineRecord decode_quarantine_record(std::string_view text, const std::stri
   check_json_depth(text, where);
   QuarantineRecord record;
   try {
-    const json document = json::parse(text);
+    const json document = parse_json(text);
     if (!document.is_object() || !document.contains("earshot_quarantine")) fail("is no quarantined episode");
     check_schema_version(document, "earshot_quarantine", where, "a quarantined episode", {kQuarantineVersion, kQuarantineVersion});
     const auto reason = document.at("reason").get<std::string>();
@@ -99,7 +100,7 @@ QuarantineRecord decode_quarantine_record(std::string_view text, const std::stri
     record.step = whole_number<int>(document, "step");
     read_actions(document, record.actions, record.others, fail);
     record.config = document.at("config").get<std::string>();
-    const EpisodeSet set = parse_episode_set(document.at("set").dump(), where);
+    const EpisodeSet set = parse_episode_set(json_text(document.at("set")), where);
     if (set.episodes.size() != 1) fail("holds not one episode");
     record.episode = set.episodes.front();
   } catch (const json::exception& error) {
@@ -140,7 +141,7 @@ struct Quarantine::Impl {
     } catch (const std::exception& error) {
       ++counters.files_failed;
       if (!std::exchange(warned, true))
-        spdlog::warn("quarantined episodes are counted but cannot be written (said once): {}", error.what());
+        log_warning(fmt::format("quarantined episodes are counted but cannot be written (said once): {}", error.what()));
     }
   }
 };
@@ -156,9 +157,9 @@ void Quarantine::add(const QuarantineRecord& record) {
   const std::scoped_lock lock(in.mutex);
   const std::uint64_t count = ++in.counters.episodes[static_cast<std::size_t>(record.report.fault)];
   if (std::has_single_bit(count))
-    spdlog::error("quarantined, {} for this reason: {} at step {} of episode '{}' in {}, env {}, seed {}: {}", count,
-                  name_of(record.report.fault), record.step, record.episode.episode_id, record.episode.scene_id, record.env, record.seed,
-                  record.report.detail);
+    log_error(fmt::format("quarantined, {} for this reason: {} at step {} of episode '{}' in {}, env {}, seed {}: {}", count,
+                          name_of(record.report.fault), record.step, record.episode.episode_id, record.episode.scene_id, record.env,
+                          record.seed, record.report.detail));
   if (!in.folder.empty()) in.write(record);
 }
 

@@ -9,6 +9,7 @@
 #include "envs/episodes/gzip.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/text/json.h"
 #include "sim/base/text/json_depth.h"
 #include "sim/base/text/schema_version.h"
 
@@ -36,7 +37,7 @@ class EpisodeReader {
     Episode out;
     const json& id = member(episode_, "episode_id");
     // Some published sets number their episodes instead of naming them.
-    out.episode_id = id.is_number_integer() ? id.dump() : text(id, "episode_id");
+    out.episode_id = id.is_number_integer() ? json_text(id) : text(id, "episode_id");
     out.scene_id = text(member(episode_, "scene_id"), "scene_id");
     if (out.scene_id.starts_with(kScenePrefix)) out.scene_id.erase(0, kScenePrefix.size());
     if (out.scene_id.empty()) fail("scene_id", "is empty");
@@ -316,7 +317,7 @@ std::string canonical_text(const std::vector<Episode>& episodes) {
   std::string text = "{\"episodes\":[";
   for (std::size_t i = 0; i < episodes.size(); ++i) {
     text += i == 0 ? "\n" : ",\n";
-    text += to_json(episodes[i]).dump(-1, ' ', false, json::error_handler_t::replace);
+    text += json_text_of_any_bytes(to_json(episodes[i]));
   }
   return text + "\n]}\n";
 }
@@ -346,7 +347,7 @@ EpisodeSet load_episode_set(const std::filesystem::path& path) {
 void save_episode_set(const EpisodeSet& set, const std::filesystem::path& path) {
   std::string text = canonical_text(set.episodes);
   if (!set.generator.empty()) {
-    const std::string generator = json(set.generator).dump(-1, ' ', false, json::error_handler_t::replace);
+    const std::string generator = json_text_of_any_bytes(json(set.generator));
     text.insert(1, "\"" + std::string(kGeneratorKey) + "\":" + generator + ",\n");
   }
   write_file_atomically(path, path.extension() == ".gz" ? gzip(text) : text);

@@ -1,6 +1,5 @@
 #include "envs/scenes/scene_cache.h"
 
-#include <spdlog/spdlog.h>
 #include <tbb/task_arena.h>
 
 #include <array>
@@ -16,6 +15,7 @@
 #include <vector>
 
 #include "sim/base/denormals.h"
+#include "sim/base/text/log.h"
 
 namespace earshot {
 namespace {
@@ -277,7 +277,7 @@ struct SceneCache::Impl {
 SceneCache::SceneCache(const AcousticConfig& acoustics, const NavmeshConfig& navmesh, std::filesystem::path scene_root,
                        std::size_t max_bytes, FieldStoreConfig fields, SceneStoreConfig scenes) {
   fields.max_memory_bytes = 0;  // the sources here hold what is used
-  fields.warn = [](const std::string& message) { spdlog::warn("{}", message); };
+  fields.warn = [](const std::string& message) { log_warning(message); };
   scenes.warn = fields.warn;
   impl_ = std::make_unique<Impl>(std::move(fields), std::move(scenes));
   validate(acoustics);

@@ -6,6 +6,8 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
+#include "sim/base/text/json.h"
+
 namespace earshot {
 namespace {
 
@@ -112,7 +114,7 @@ std::string leaderboard_json(const std::vector<EvaluationResult>& results) {
                       {"metrics", std::move(metrics)}});
   }
   const Json json{{"schema_version", 1}, {"intervals", interval_kind(rows)}, {"agents", std::move(agents)}, {"notes", board_notes(rows)}};
-  return json.dump(2) + "\n";
+  return json_text(json, 2) + "\n";
 }
 
 }  // namespace earshot

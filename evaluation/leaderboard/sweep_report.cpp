@@ -9,6 +9,7 @@
 #include "evaluation/leaderboard/sweep.h"
 #include "sim/base/charts/plot_axes.h"
 #include "sim/base/charts/svg_document.h"
+#include "sim/base/text/json.h"
 #include "sim/base/text/markup.h"
 
 namespace earshot {
@@ -207,7 +208,7 @@ std::string sweep_json(const SweepConfig& sweep, const std::vector<SweepCurve>& 
                     {"held_out_spl", json_of(row.held_out_spl)},
                     {"seeds", std::move(seeds)}});
   }
-  return Json{{"schema_version", 1}, {"sweep", sweep.name}, {"config", sweep.config}, {"runs", std::move(runs)}}.dump(2) + "\n";
+  return json_text(Json{{"schema_version", 1}, {"sweep", sweep.name}, {"config", sweep.config}, {"runs", std::move(runs)}}, 2) + "\n";
 }
 
 std::string sweep_svg(const SweepConfig& sweep, const std::vector<SweepCurve>& curves) {

@@ -9,6 +9,7 @@
 #include <string_view>
 
 #include "evaluation/replay/base64.h"
+#include "sim/base/text/json.h"
 #include "sim/base/version.h"
 #include "sim/vision/jpeg_bytes.h"
 
@@ -52,11 +53,11 @@ class McapWriter {
   /// Channel and schema have this number, from 1 on.
   void add(std::uint16_t number, std::string_view topic, std::string_view name, const Json& properties) {
     const Json described{{"title", name}, {"type", "object"}, {"properties", properties}};
-    write(schema, Fields().number(number).text(name).text("jsonschema").text(described.dump()));
+    write(schema, Fields().number(number).text(name).text("jsonschema").text(json_text(described)));
     write(channel, Fields().number(number).number(number).text(topic).text("json").number(std::uint32_t{0}));  // no metadata
   }
   void message_of(std::uint16_t number, std::uint32_t sequence, std::uint64_t time_ns, const Json& value) {
-    write(message, Fields().number(number).number(sequence).number(time_ns).number(time_ns).rest(value.dump()));
+    write(message, Fields().number(number).number(sequence).number(time_ns).number(time_ns).rest(json_text(value)));
   }
   [[nodiscard]] std::string finish() {
     write(data_end, Fields().number(std::uint32_t{0}));                                                  // no checksum

@@ -10,6 +10,7 @@
 #include "evaluation/replay/base64.h"
 #include "evaluation/replay/replay_scene.h"
 #include "sim/audio/dry_sounds/flac_bytes.h"
+#include "sim/base/text/json.h"
 #include "sim/base/text/markup.h"
 #include "sim/vision/jpeg_bytes.h"
 
@@ -203,7 +204,7 @@ std::string replay_json(const EpisodeRecording& recording, const ReplayCaption& 
                   {"map", map_json(recording, floor_m)},
                   {"pictures", pictures_json(recording)},
                   {"audio", sound_json(recording)}};
-  return json.dump();
+  return json_text(json);
 }
 
 std::string replay_html(const EpisodeRecording& recording, const ReplayCaption& caption) {

@@ -1,7 +1,6 @@
 #include "evaluation/results/episode_loop.h"
 
 #include <fmt/format.h>
-#include <spdlog/spdlog.h>
 
 #include <algorithm>
 #include <chrono>
@@ -13,6 +12,7 @@
 #include "sim/base/files.h"
 #include "sim/base/process/progress.h"
 #include "sim/base/stopwatch.h"
+#include "sim/base/text/log.h"
 
 namespace earshot {
 namespace {
@@ -70,7 +70,8 @@ class PartOfEpisodes {
       const auto fault = env_->begin(env, index, round);
       if (!fault) break;
       const Episode& episode = set_->episodes[index];
-      spdlog::warn("episode '{}' in {} cannot begin and counts as failed: {}", episode.episode_id, episode.scene_id, fault->detail);
+      log_warning(
+          fmt::format("episode '{}' in {} cannot begin and counts as failed: {}", episode.episode_id, episode.scene_id, fault->detail));
       FinishedEpisode failed;
       failed.metrics.dtg_m = static_cast<double>(episode.geodesic_distance_m);
       result_->episodes[index] = row_of(episode, failed);

@@ -15,6 +15,7 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/random.h"
+#include "sim/base/text/json.h"
 #include "sim/base/text/json_depth.h"
 #include "sim/base/text/json_number.h"
 #include "sim/base/text/schema_version.h"
@@ -76,7 +77,7 @@ constexpr int kResultVersion = 2;
 std::string checksum_of(const nlohmann::json& json) {
   nlohmann::json rest = json;
   rest.erase("checksum");
-  return hex64(hash64(rest.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace)));
+  return hex64(hash64(json_text_of_any_bytes(rest)));
 }
 
 Json to_json(const Estimate& estimate) { return {{"mean", estimate.mean}, {"low", estimate.low}, {"high", estimate.high}}; }
@@ -215,7 +216,7 @@ void save_result(const EvaluationResult& result, const std::filesystem::path& pa
                {"summary", summary},
                {"episodes", rows}};
   json["checksum"] = checksum_of(json);
-  write_file_atomically(path, json.dump(1) + "\n");
+  write_file_atomically(path, json_text(json, 1) + "\n");
 }
 
 namespace {
@@ -237,7 +238,7 @@ EvaluationResult load_result(const std::filesystem::path& path) {
   check_json_depth(text, path.string());
   EvaluationResult result;
   try {
-    const auto json = nlohmann::json::parse(text);
+    const auto json = parse_json(text);
     check_schema_version(json, "earshot_result", path.string(), "a result", {1, kResultVersion});
     json.at("agent").get_to(result.agent);
     json.at("policy_hash").get_to(result.policy_hash);

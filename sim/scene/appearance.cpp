@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "sim/base/errors.h"
+#include "sim/base/text/listed.h"
 #include "sim/base/text/text_match.h"
 #include "sim/scene/color.h"
 #include "sim/scene/materials/semantic_materials.h"
@@ -55,7 +56,7 @@ std::string category_of(const SemanticMaterials& semantics, std::string_view nam
     const std::size_t end = std::min(name.find('/', begin), name.size());
     const std::vector<std::string> words = words_without_index(name.substr(begin, end - begin));
     for (const char* between : {"_", ""})
-      if (category.empty()) category = semantics.category_of(fmt::format("{}", fmt::join(words, between)));
+      if (category.empty()) category = semantics.category_of(listed(words, between));
     begin = end + 1;
   }
   return category;

@@ -13,6 +13,7 @@
 #include "sim/base/coordinates.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/text/json.h"
 #include "sim/base/text/text_match.h"
 #include "sim/scene/color.h"
 #include "sim/scene/readers/assimp_reader.h"
@@ -181,12 +182,12 @@ void read_gltf_looks(const std::filesystem::path& path, const glm::dmat4& to_wor
     const Json& attributes = part.json.at("attributes");
     const GltfLook look = read_look(part.asset.json(), part.json);
     if (look.base_color) mesh.color_of_material.try_emplace(part.material, *look.base_color);
-    const std::string key = part.json.contains("material") ? part.json["material"].dump() : "none";
+    const std::string key = part.json.contains("material") ? json_text(part.json["material"]) : "none";
     const std::uint32_t paint = builder.paint(key, [&] {
       Paint made{.base_color = look.base_color.value_or(glm::vec3(1))};
       if (look.image)
         made.texture = builder.texture(
-            fmt::format("{} {}", *look.image, look.sampler.dump()), [&] { return part.asset.read_image(*look.image); },
+            fmt::format("{} {}", *look.image, json_text(look.sampler)), [&] { return part.asset.read_image(*look.image); },
             gltf_wrap(look.sampler, "wrapS"), gltf_wrap(look.sampler, "wrapT"));
       return made;
     });

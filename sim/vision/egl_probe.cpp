@@ -7,6 +7,7 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/process/isolated_call.h"
+#include "sim/base/text/json.h"
 #include "sim/vision/egl_device.h"
 #include "sim/vision/egl_opening.h"
 
@@ -27,11 +28,11 @@ std::string encode(const EglDevice& device) {
   nlohmann::json fields{{"renderer", device.renderer}, {"problem", device.problem}, {"uuid", device.uuid}, {"software", device.software}};
   if (device.cuda) fields["cuda"] = *device.cuda;
   // A driver names itself in any bytes.
-  return fields.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+  return json_text_of_any_bytes(fields);
 }
 
 EglDevice decode(int index, const std::string& text) {
-  const nlohmann::json fields = nlohmann::json::parse(text);
+  const nlohmann::json fields = parse_json(text);
   EglDevice device{.index = index,
                    .renderer = fields.at("renderer"),
                    .problem = fields.at("problem"),

@@ -1,9 +1,10 @@
 #include "trainer/checkpoint/find_checkpoint.h"
 
-#include <spdlog/spdlog.h>
+#include <fmt/format.h>
 
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/text/log.h"
 #include "trainer/checkpoint/checkpoint_format.h"
 #include "trainer/checkpoint/run_folder.h"
 
@@ -30,7 +31,7 @@ std::filesystem::path find_checkpoint(const std::filesystem::path& folder_or_fil
       }
     } catch (const InputError& error) {
       damaged = error.what();
-      spdlog::warn("skipped: {}", damaged);
+      log_warning(fmt::format("skipped: {}", damaged));
     }
   }
   if (!newest.empty()) return newest;

@@ -10,6 +10,7 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/text/listed.h"
 #include "trainer/checkpoint/checkpoint_format.h"
 #include "trainer/net/wire.h"
 
@@ -88,7 +89,7 @@ std::string hash_of_learner(const Checkpoint& learner) {
 }
 
 std::string encode_briefing(const JoinBriefing& briefing) {
-  return fmt::format("{} {} {}", briefing.update, briefing.started_workers, fmt::join(briefing.places, " "));
+  return fmt::format("{} {} {}", briefing.update, briefing.started_workers, listed(briefing.places, " "));
 }
 
 JoinBriefing decode_briefing(const std::string& text, int world_size) {

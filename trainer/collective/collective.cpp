@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <numeric>
 
+#include "sim/base/text/listed.h"
+
 namespace earshot {
 namespace {
 
@@ -21,7 +23,7 @@ class SingleWorker : public Collective {
 
 std::string subject_of(const std::vector<int>& lost, const std::vector<int>& joined) {
   if (lost.empty() && joined.empty()) return "workers";
-  return fmt::format("worker {}", fmt::join(lost.empty() ? joined : lost, ", "));
+  return fmt::format("worker {}", listed(lost.empty() ? joined : lost, ", "));
 }
 
 std::string describe(const std::vector<int>& lost, const std::vector<int>& joined) {

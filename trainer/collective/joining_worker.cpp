@@ -1,8 +1,9 @@
-#include <spdlog/spdlog.h>
+#include <fmt/format.h>
 
 #include <optional>
 
 #include "sim/base/errors.h"
+#include "sim/base/text/log.h"
 #include "trainer/collective/zmq_ring.h"
 #include "trainer/net/join_request.h"
 #include "trainer/net/rendezvous.h"
@@ -29,7 +30,7 @@ class JoiningWorker : public Collective {
         ring_.emplace(config_);
       } catch (const LeftOut& error) {
         if (std::chrono::steady_clock::now() >= deadline) throw;
-        spdlog::info("{}; it asks again", error.what());
+        log_info(fmt::format("{}; it asks again", error.what()));
         config_.incarnation = new_incarnation();
       } catch (const zmq::error_t& error) {
         throw RunError("ZeroMQ", error.what());

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <spdlog/spdlog.h>
 
 #include <algorithm>
 #include <exception>
@@ -10,6 +9,8 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/text/listed.h"
+#include "sim/base/text/log.h"
 #include "trainer/net/rendezvous.h"
 
 namespace earshot {
@@ -61,7 +62,7 @@ TreeMesh::~TreeMesh() {
     if (abandoned_) return;
     abandon(std::uncaught_exceptions() > exceptions_at_start_ ? "an error of its own" : "");
   } catch (const std::exception& error) {
-    spdlog::error("leaving the run: {}", error.what());
+    log_error(fmt::format("leaving the run: {}", error.what()));
   }
 }
 
@@ -183,7 +184,7 @@ void TreeMesh::check_deadline() {
   if (now >= liveness_.deadline() + config_.timeout + kPassingOn)
     throw RunError(worker_name(config_.identity.rank),
                    fmt::format("collective call {} did not end within {} ms, though all neighbours ({}) have begun it", liveness_.call(),
-                               (now - liveness_.call_began()) / milliseconds(1), fmt::join(node_.neighbours(), ", ")));
+                               (now - liveness_.call_began()) / milliseconds(1), listed(node_.neighbours(), ", ")));
 }
 
 /// Workers that have begun the open or next call, without those on that neighbour's side.

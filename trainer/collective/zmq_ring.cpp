@@ -1,12 +1,12 @@
 #include "trainer/collective/zmq_ring.h"
 
 #include <fmt/format.h>
-#include <spdlog/spdlog.h>
 
 #include <algorithm>
 #include <cstring>
 
 #include "sim/base/errors.h"
+#include "sim/base/text/log.h"
 #include "trainer/collective/abandon_on_error.h"
 #include "trainer/collective/ring_sum.h"
 #include "trainer/collective/sum_order.h"
@@ -27,7 +27,7 @@ void ZmqRing::set_up_shared_memory(const RingConfig& config) {
   if (config.network.shared_memory) host = config.rendezvous.starts_with("ipc://") ? "ipc" : host_identity();
   const auto layout = contiguous_hosts(all_gather(host));
   if (!layout && identity.rank == 0)
-    spdlog::warn("workers send their sums: the ranks of one host do not follow each other, so that they cannot share memory");
+    log_warning("workers send their sums: the ranks of one host do not follow each other, so that they cannot share memory");
   if (!layout || !layout->shares() || !map_shared_memory(*layout)) return;
   if (layout->num_hosts() > 1) {
     hierarchy_.emplace(mesh_, *layout, std::move(memory_));
@@ -57,7 +57,7 @@ bool ZmqRing::map_shared_memory(const HostLayout& layout) {
   if (!leads && !path.empty()) attempt([&] { memory_.emplace(SharedMemory::open(path, bytes)); });
   for (const std::string& reason : all_gather(fault)) {
     if (reason.empty()) continue;
-    if (rank == 0) spdlog::warn("workers send their sums: {}", reason);
+    if (rank == 0) log_warning(fmt::format("workers send their sums: {}", reason));
     memory_.reset();
     return false;
   }

@@ -13,6 +13,7 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/text/json.h"
 #include "sim/base/text/json_number.h"
 #include "sim/base/text/schema_version.h"
 
@@ -29,13 +30,13 @@ std::string line_of(const CurvePoint& point) {
   Json values = Json::object();
   for (const auto& [name, value] : point.values) values[name] = std::isfinite(value) ? Json(value) : Json(nullptr);
   const Json line{{"update", point.update}, {"env_steps", point.env_steps}, {"wall_s", point.wall_s}, {"values", std::move(values)}};
-  return line.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
+  return json_text_of_any_bytes(line) + "\n";
 }
 
 /// Throws nlohmann::json::exception when the line is no point, InputError naming `where` when it is of a newer version.
 CurvePoint point_of(std::string_view line, const std::string& where) {
   // To the parser a zero byte is the end of the text.
-  const Json json = Json::parse(line.substr(0, line.find('\0') == std::string_view::npos ? line.size() : 0));
+  const Json json = parse_ordered_json(line.substr(0, line.find('\0') == std::string_view::npos ? line.size() : 0));
   check_schema_version(json, "schema_version", where, "an event log", {1, 1});
   CurvePoint point;
   point.update = whole_number<std::uint64_t>(json, "update");

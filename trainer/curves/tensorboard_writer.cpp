@@ -2,7 +2,6 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
-#include <spdlog/spdlog.h>
 #include <unistd.h>
 
 #include <array>
@@ -14,6 +13,7 @@
 #include <system_error>
 
 #include "sim/base/errors.h"
+#include "sim/base/text/log.h"
 
 namespace earshot {
 namespace {
@@ -158,7 +158,7 @@ void TensorBoardWriter::write_record(std::string_view event) {
     if (written <= 0) {
       const std::string reason = std::generic_category().message(errno);
       // Readers stop at a torn record: on a full disk the file ends with its last whole one.
-      if (whole < 0 || ::ftruncate(descriptor_, whole) != 0) spdlog::warn("{} ends with half a record", path_.string());
+      if (whole < 0 || ::ftruncate(descriptor_, whole) != 0) log_warning(fmt::format("{} ends with half a record", path_.string()));
       throw RunError(path_.string(), "cannot be written: " + reason);
     }
     rest.remove_prefix(static_cast<std::size_t>(written));

@@ -6,6 +6,7 @@
 #include <algorithm>
 
 #include "sim/base/errors.h"
+#include "sim/base/text/listed.h"
 #include "trainer/net/wire.h"
 
 namespace earshot {
@@ -73,7 +74,7 @@ StepDecision decide(std::span<const StepStatus> statuses) {
 }
 
 std::string describe(const SkippedStep& step) {
-  const std::string who = fmt::format("worker{} {}", step.faulty_ranks.size() == 1 ? "" : "s", fmt::join(step.faulty_ranks, ", "));
+  const std::string who = fmt::format("worker{} {}", step.faulty_ranks.size() == 1 ? "" : "s", listed(step.faulty_ranks, ", "));
   switch (step.cause) {
     case SkipCause::gradient:
       return fmt::format("the loss or gradient of {} is not finite", who);

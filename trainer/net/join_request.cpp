@@ -1,12 +1,12 @@
 #include "trainer/net/join_request.h"
 
 #include <fmt/format.h>
-#include <spdlog/spdlog.h>
 #include <sys/random.h>
 
 #include <algorithm>
 
 #include "sim/base/errors.h"
+#include "sim/base/text/log.h"
 #include "trainer/net/meeting_sockets.h"
 #include "trainer/net/rendezvous.h"
 #include "trainer/net/stop_signals.h"
@@ -88,7 +88,8 @@ class Asker {
     if (answer.state == static_cast<std::uint8_t>(JoinState::refused))
       throw InputError(where_, fmt::format("worker {} is refused: {}", config_.identity.rank, answer.reason),
                        "join with the program, config and keys of the run");
-    if (!answer.reason.empty() && answer.reason != reason_) spdlog::info("worker {} waits: {}", config_.identity.rank, answer.reason);
+    if (!answer.reason.empty() && answer.reason != reason_)
+      log_info(fmt::format("worker {} waits: {}", config_.identity.rank, answer.reason));
     // A rank that still takes part is missed within an update, or this one was started twice.
     if (answer.reason.empty() || answer.state != static_cast<std::uint8_t>(JoinState::waits)) held_up_since_ = Clock::now();
     reason_ = answer.reason;

@@ -5,6 +5,8 @@
 
 #include <algorithm>
 
+#include "sim/base/text/listed.h"
+
 namespace earshot {
 
 Goodbye decode_goodbye(const PeerFrame& frame) {
@@ -63,7 +65,7 @@ RunError Liveness::has_left(int rank) const {
 }
 
 RunError Liveness::missed(const std::vector<int>& ranks) const {
-  return {fmt::format("worker {}", fmt::join(ranks, ", ")),
+  return {fmt::format("worker {}", listed(ranks, ", ")),
           fmt::format("did not take part in collective call {} within {} ms", call_, limits_.timeout.count())};
 }
 

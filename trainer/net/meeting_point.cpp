@@ -1,12 +1,12 @@
 #include "trainer/net/meeting_point.h"
 
 #include <fmt/format.h>
-#include <spdlog/spdlog.h>
 #include <sys/stat.h>
 
 #include <algorithm>
 
 #include "sim/base/errors.h"
+#include "sim/base/text/log.h"
 #include "trainer/net/host_address.h"
 #include "trainer/net/meeting_sockets.h"
 
@@ -83,11 +83,11 @@ void MeetingPoint::open() {
   try {
     socket.bind(address_);
     socket_ = std::move(socket);
-    spdlog::info("worker {} listens at {} for workers that come back", config_.identity.rank, address_);
+    log_info(fmt::format("worker {} listens at {} for workers that come back", config_.identity.rank, address_));
   } catch (const zmq::error_t& error) {
     if (!std::exchange(warned_, true))
-      spdlog::warn("worker {} cannot listen at {} for workers that come back, and tries again: {}", config_.identity.rank, address_,
-                   error.what());
+      log_warning(fmt::format("worker {} cannot listen at {} for workers that come back, and tries again: {}", config_.identity.rank,
+                              address_, error.what()));
   }
 }
 

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <spdlog/spdlog.h>
 
 #include <algorithm>
 #include <span>
@@ -11,6 +10,8 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/text/listed.h"
+#include "sim/base/text/log.h"
 
 namespace earshot {
 namespace {
@@ -144,7 +145,7 @@ PeerLinks::Origin MembershipDesk::admit_or_notify(PeerSender sender) {
 /// A lost peer is the end of the run, or of this view.
 void MembershipDesk::lose(int rank, const std::string& what) {
   if (!config_.survives_loss()) throw RunError(worker_name(rank), what);
-  spdlog::warn("worker {}: {}", rank, what);
+  log_warning(fmt::format("worker {}: {}", rank, what));
   views_->leave_out(rank);
 }
 
@@ -174,7 +175,7 @@ void MembershipDesk::take_view(const PeerFrame& frame) {
     throw LeftOut(worker_name(config_.identity.rank),
                   fmt::format("was left out of the run after a pause: worker {} go on without it; what it did since is void, nothing is "
                               "to be resumed",
-                              fmt::join(view.ranks(), ", ")));
+                              listed(view.ranks(), ", ")));
   } catch (const WireError& error) {
     throw protocol_breach(frame.from, error);
   }
@@ -192,7 +193,7 @@ void MembershipDesk::propose() {
     left_out_ = true;
     throw LeftOut(worker_name(config_.identity.rank), fmt::format("reaches only worker {} of {}: others may go on without them, so that it "
                                                                   "ends here; if they did not, go on with --resume",
-                                                                  fmt::join(views_->proposal().ranks(), ", "), fmt::join(members_, ", ")));
+                                                                  listed(views_->proposal().ranks(), ", "), listed(members_, ", ")));
   }
   if (sent_ != views_->proposal())
     for (const int rank : contacts()) uninformed_.insert(rank);
@@ -209,7 +210,7 @@ void MembershipDesk::drop_lost_peers() {
     const double timeout_s = config_.network.progress_timeout_s;
     const Seconds patience(joins ? std::min(kJoinPatience_s, timeout_s) : timeout_s);
     if (!liveness_.finished_after(rank) && liveness_.silence(rank, agreement_began_) < patience && !liveness_.is_gone(rank)) continue;
-    spdlog::warn("worker {}: {}", rank, joins ? "did not come in time, or went again: it has not joined" : "has gone as well");
+    log_warning(fmt::format("worker {}: {}", rank, joins ? "did not come in time, or went again: it has not joined" : "has gone as well"));
     views_->leave_out(rank);
   }
 }
@@ -231,8 +232,7 @@ void MembershipDesk::send_proposals() {
 bool MembershipDesk::is_settled() {
   if (is_guest_ && Liveness::Clock::now() - agreement_began_ >= kGuestPatience) {
     left_out_ = true;
-    throw LeftOut(worker_name(config_.identity.rank),
-                  fmt::format("was not let in by worker {}", fmt::join(views_->current().ranks(), ", ")));
+    throw LeftOut(worker_name(config_.identity.rank), fmt::format("was not let in by worker {}", listed(views_->current().ranks(), ", ")));
   }
   const bool all_know = std::ranges::none_of(uninformed_, [&](int rank) { return sent_.has(rank); });
   return all_know && views_->is_decided();

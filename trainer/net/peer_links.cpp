@@ -1,7 +1,6 @@
 #include "trainer/net/peer_links.h"
 
 #include <fmt/format.h>
-#include <spdlog/spdlog.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -12,6 +11,7 @@
 #include <string_view>
 #include <utility>
 
+#include "sim/base/text/log.h"
 #include "trainer/net/rendezvous.h"
 
 namespace earshot {
@@ -289,7 +289,7 @@ std::optional<PeerFrame> PeerLinks::receive(Plane plane, const std::function<Ori
     const Origin origin = sender.rank < 0 ? Origin::unknown : origin_of(sender);
     if (origin == Origin::known) return frame_of(std::move(*message), sender.rank, run_key_);
     if (origin == Origin::late) continue;
-    if (++unknown_peers_ == 1) spdlog::warn("worker {} ignores messages of an unknown peer on its port", config_.identity.rank);
+    if (++unknown_peers_ == 1) log_warning(fmt::format("worker {} ignores messages of an unknown peer on its port", config_.identity.rank));
     ++unknown;
   }
   return std::nullopt;  // a flood: first see whether the peers are alive

@@ -1,13 +1,13 @@
 #include "trainer/net/peer_mesh.h"
 
 #include <fmt/format.h>
-#include <spdlog/spdlog.h>
 
 #include <algorithm>
 #include <exception>
 #include <utility>
 
 #include "sim/base/errors.h"
+#include "sim/base/text/log.h"
 #include "trainer/net/rendezvous.h"
 
 namespace earshot {
@@ -64,7 +64,7 @@ PeerMesh::~PeerMesh() {
     if (abandoned_) return;
     abandon(std::uncaught_exceptions() > exceptions_at_start_ ? "an error of its own" : "");
   } catch (const std::exception& error) {
-    spdlog::error("leaving the run: {}", error.what());
+    log_error(fmt::format("leaving the run: {}", error.what()));
   }
 }
 
@@ -169,7 +169,7 @@ void PeerMesh::check_peers(const std::vector<int>& awaited) {
     if (!liveness_.finished_after(neighbour) && !links_.lost_at(neighbour)) {
       const std::string fault = fmt::format("the connection for gradients to worker {} broke", neighbour);
       if (!config_.survives_loss()) throw RunError(worker_name(config_.identity.rank), fault);
-      spdlog::warn("worker {}: {}, and is opened anew", config_.identity.rank, fault);
+      log_warning(fmt::format("worker {}: {}, and is opened anew", config_.identity.rank, fault));
       membership_.renew();
     }
   }

@@ -13,6 +13,7 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/process/file_limit.h"
+#include "sim/base/text/listed.h"
 #include "trainer/net/host_address.h"
 #include "trainer/net/meeting_sockets.h"
 #include "trainer/net/tree_shape.h"
@@ -99,7 +100,7 @@ class Host {
     while (!missing().empty()) {
       if (wait_readable(socket_, deadline) == Readable::none)
         throw RunError(fmt::format("rendezvous {}", config_.rendezvous),
-                       fmt::format("worker {} of {} did not come within {} ms", fmt::join(missing(), ", "), config_.identity.world_size,
+                       fmt::format("worker {} of {} did not come within {} ms", listed(missing(), ", "), config_.identity.world_size,
                                    config_.timeout.count()));
       admit(receive_parts(socket_));
     }

@@ -8,6 +8,7 @@
 #include "sim/base/files.h"
 #include "sim/base/process/progress.h"
 #include "sim/base/text/config_reader.h"
+#include "sim/base/text/listed.h"
 
 namespace earshot {
 namespace {
@@ -77,7 +78,7 @@ RunConfig plan_acoustics(const RunConfig& config) {
   const AccuracyChoice& choice = accuracy.plan.choice();
   fmt::print("env.accuracy {}: {}, the cheapest of {} candidates in {} scenes of {}, predicted {}; kept in {}\n", config.env.accuracy,
              choice.method, accuracy.plan.tried.size(), accuracy.scenes, config.train.file, text_of(choice.predicted), file.string());
-  fmt::print("  {}\n", fmt::join(settings_of(choice), " "));
+  fmt::print("  {}\n", listed(settings_of(choice), " "));
   return read_plan(config, file);
 }
 

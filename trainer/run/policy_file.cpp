@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "sim/base/errors.h"
+#include "sim/base/text/json.h"
 #include "trainer/run/effective_config.h"
 
 namespace earshot {
@@ -51,7 +52,7 @@ std::string policy_json(const Checkpoint& checkpoint, const std::string& where) 
                                     {"mean_reward", has_reward ? nlohmann::ordered_json(checkpoint.mean_reward) : nlohmann::ordered_json()},
                                     {"engine", checkpoint.engine},
                                     {"engine_commit", checkpoint.engine_commit}};
-  return json.dump(2) + "\n";
+  return json_text(json, 2) + "\n";
 }
 
 std::string describe_policy(const Checkpoint& checkpoint, const std::string& where) {

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <spdlog/spdlog.h>
 
 #include <algorithm>
 #include <sstream>
@@ -10,6 +9,8 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/text/listed.h"
+#include "sim/base/text/log.h"
 #include "trainer/net/wire.h"
 
 namespace earshot {
@@ -73,11 +74,9 @@ void Recovery::recover(const MembershipChange& change) {
   brief();
   if (rank != 0) return;
   report_.open_files();
-  const auto named = [](const std::vector<int>& ranks) {
-    return ranks.empty() ? std::string("none") : fmt::format("{}", fmt::join(ranks, ", "));
-  };
-  spdlog::warn("update {}: lost worker {}, joined worker {}; worker {} go on", progress_.update(), named(lost), named(joined),
-               fmt::join(collective_.members(), ", "));
+  const auto named = [](const std::vector<int>& ranks) { return ranks.empty() ? std::string("none") : listed(ranks, ", "); };
+  log_warning(fmt::format("update {}: lost worker {}, joined worker {}; worker {} go on", progress_.update(), named(lost), named(joined),
+                          listed(collective_.members(), ", ")));
 }
 
 /// Members differ by one call at most, so that by one update at most.  False where a worker that joins has to leave again.

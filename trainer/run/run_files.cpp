@@ -1,11 +1,12 @@
 #include "trainer/run/run_files.h"
 
-#include <spdlog/spdlog.h>
+#include <fmt/format.h>
 
 #include <exception>
 #include <utility>
 
 #include "sim/base/files.h"
+#include "sim/base/text/log.h"
 #include "trainer/curves/curve_svg.h"
 #include "trainer/curves/metrics_file.h"
 
@@ -18,7 +19,7 @@ std::uint64_t failures_of(const Write& write) {
     write();
     return 0;
   } catch (const std::exception& error) {
-    spdlog::error("{}; training goes on", error.what());
+    log_error(fmt::format("{}; training goes on", error.what()));
     return 1;
   }
 }

@@ -1,7 +1,6 @@
 #include "trainer/run/update_report.h"
 
 #include <fmt/format.h>
-#include <spdlog/spdlog.h>
 
 #include <algorithm>
 #include <array>
@@ -11,6 +10,7 @@
 
 #include "sim/base/engine_commit.h"
 #include "sim/base/engine_hash.h"
+#include "sim/base/text/log.h"
 #include "trainer/curves/update_curves.h"
 
 namespace earshot {
@@ -59,13 +59,13 @@ void UpdateReport::close_files() {
 /// The statuses are those of all workers, so rank 0 can name any.
 void UpdateReport::log_guards(const UpdateStats& stats) const {
   for (std::size_t i = 0; i < stats.skipped.size() && guards_.skipped_steps + i < kLoggedSkips; ++i)
-    spdlog::warn("update {}, epoch {}, minibatch {}: no worker takes the step: {}{}", progress_.update(), stats.skipped[i].epoch,
-                 stats.skipped[i].minibatch, describe(stats.skipped[i]),
-                 guards_.skipped_steps + i + 1 == kLoggedSkips ? " (further ones are counted only)" : "");
+    log_warning(fmt::format("update {}, epoch {}, minibatch {}: no worker takes the step: {}{}", progress_.update(), stats.skipped[i].epoch,
+                            stats.skipped[i].minibatch, describe(stats.skipped[i]),
+                            guards_.skipped_steps + i + 1 == kLoggedSkips ? " (further ones are counted only)" : ""));
   if (stats.alarm_rank >= 0 && guards_.loss_alarms + guards_.kl_alarms == 0)
-    spdlog::warn(
+    log_warning(fmt::format(
         "update {}, worker {}: a loss of {:.4g} and a KL divergence of {:.4g} (alarms at {} and {}; further ones are counted only)",
-        progress_.update(), stats.alarm_rank, stats.alarm_loss, stats.alarm_kl, config_.ppo.loss_alarm, config_.ppo.kl_alarm);
+        progress_.update(), stats.alarm_rank, stats.alarm_loss, stats.alarm_kl, config_.ppo.loss_alarm, config_.ppo.kl_alarm));
 }
 
 std::optional<std::string> UpdateReport::note(UpdateStats stats) {
@@ -76,10 +76,10 @@ std::optional<std::string> UpdateReport::note(UpdateStats stats) {
   if (stats.alarm_rank >= 0) stats.alarm_rank = members[static_cast<std::size_t>(stats.alarm_rank)];
   if (rank == 0) log_guards(stats);
   if (stats.max_ratio_error > kMaxRatioError && ratio_alarms_++ == 0)
-    spdlog::warn(
+    log_warning(fmt::format(
         "update {}, worker {}: before the first step the learner's probabilities differ from the rollout's by {:.2g} of them: a mask, a "
         "hidden state or an observation is not what the policy acted on (further updates are counted only)",
-        progress_.update(), members[rank], stats.max_ratio_error);
+        progress_.update(), members[rank], stats.max_ratio_error));
   guards_.taken_steps += static_cast<std::uint64_t>(stats.taken_steps);
   guards_.skipped_steps += stats.skipped.size();
   guards_.loss_alarms += static_cast<std::uint64_t>(stats.loss_alarms);

@@ -11,6 +11,7 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/text/config_reader.h"
+#include "sim/base/text/json.h"
 #include "sim/base/text/json_depth.h"
 #include "sim/base/text/schema_version.h"
 #include "sim/base/text/text_match.h"
@@ -32,8 +33,7 @@ struct Entry {
 };
 
 float read_number(const Entry& entry, const std::string& key, const Json& json) {
-  if (!json.is_number())
-    entry.fail(key, fmt::format("{} is not a number", json.dump(-1, ' ', false, Json::error_handler_t::replace)), "write a number");
+  if (!json.is_number()) entry.fail(key, fmt::format("{} is not a number", json_text_of_any_bytes(json)), "write a number");
   const auto value = json.get<float>();
   if (!std::isfinite(value)) entry.fail(key, "the number is too large", "write a finite number");
   return value;
@@ -172,7 +172,7 @@ MaterialDatabase MaterialDatabase::from_json(std::string_view text, const std::s
   check_json_depth(text, where);
   Json json;
   try {
-    json = Json::parse(text);
+    json = parse_json(text);
   } catch (const Json::parse_error& error) {
     throw InputError(where, fmt::format("is not JSON: error at byte {}", error.byte), "correct the syntax there");
   } catch (const Json::exception&) {

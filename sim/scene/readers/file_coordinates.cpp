@@ -10,7 +10,6 @@
 #include <cstdint>
 #include <cstring>
 #include <glm/common.hpp>
-#include <iterator>
 #include <limits>
 #include <optional>
 #include <string_view>
@@ -143,7 +142,7 @@ glm::dvec3 move_text(std::string& bytes, VisitPositions visit_positions) {
       const Token token = position.text[static_cast<std::size_t>(axis)];
       moved.append(bytes, copied, token.begin - copied);
       // The shortest text of the float: what a modeller would have written near zero.
-      fmt::format_to(std::back_inserter(moved), "{}", static_cast<float>(position.value[axis] - origin[axis]));
+      moved += fmt::format("{}", static_cast<float>(position.value[axis] - origin[axis]));
       copied = token.end;
     }
   });

@@ -8,6 +8,7 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/text/json.h"
 #include "sim/base/text/json_depth.h"
 
 namespace earshot {
@@ -137,7 +138,7 @@ GltfAsset::GltfAsset(const std::filesystem::path& path) : path_(path), where_(pa
   }
   check_json_depth(text, where_);
   try {
-    json_ = Json::parse(text);
+    json_ = parse_json(text);
   } catch (const Json::parse_error& error) {
     fail(fmt::format("is not glTF: JSON error at byte {}", error.byte));
   }

@@ -10,6 +10,7 @@
 
 #include "datasets/rir_corpus.h"
 #include "sim/base/files.h"
+#include "sim/base/text/json.h"
 
 namespace earshot::corpus_cases {
 
@@ -51,7 +52,7 @@ inline std::vector<nlohmann::json> lines_of(const std::filesystem::path& file) {
   const std::string text = read_file(file);
   for (std::size_t begin = 0; begin < text.size();) {
     const std::size_t end = text.find('\n', begin);
-    lines.push_back(nlohmann::json::parse(text.substr(begin, end - begin)));
+    lines.push_back(parse_json(text.substr(begin, end - begin)));
     begin = end + 1;
   }
   return lines;

@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "sim/base/text/json.h"
+
 namespace earshot {
 
 /// Builds small glTF files for tests; knows nothing of the reader.
@@ -43,12 +45,12 @@ class GltfWriter {
     if (bytes.size() % 3) text.replace(text.size() - (3 - bytes.size() % 3), 3 - bytes.size() % 3, bytes.size() % 3 == 1 ? "==" : "=");
     nlohmann::json whole = json;
     whole["buffers"] = {{{"byteLength", bytes.size()}, {"uri", "data:application/octet-stream;base64," + text}}};
-    return whole.dump();
+    return json_text(whole);
   }
   [[nodiscard]] std::string glb() const {
     nlohmann::json whole = json;
     whole["buffers"] = {{{"byteLength", bytes.size()}}};
-    std::string text = whole.dump(), binary = bytes;
+    std::string text = json_text(whole), binary = bytes;
     while (text.size() % 4) text.push_back(' ');
     while (binary.size() % 4) binary.push_back('\0');
     const auto word = [](std::size_t value) {

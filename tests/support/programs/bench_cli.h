@@ -12,6 +12,7 @@
 #include <set>
 #include <string>
 
+#include "sim/base/text/json.h"
 #include "tests/support/files/test_paths.h"
 
 namespace earshot {
@@ -38,7 +39,7 @@ class BenchCli : public testing::Test {
   }
   /// Checks the contents that docs/formats.md, section 5.4 documents, and returns the names in it.
   [[nodiscard]] std::set<std::string> names_in(const std::string& name, const std::string& bench) const {
-    const nlohmann::json report = nlohmann::json::parse(read(name));
+    const nlohmann::json report = parse_json(read(name));
     EXPECT_EQ(report.at("bench"), bench);
     EXPECT_TRUE(report.at("machine").at("cpu").is_string());
     EXPECT_GE(report.at("machine").at("cores"), 1);

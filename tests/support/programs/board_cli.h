@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
+#include "sim/base/text/json.h"
 #include "tests/support/programs/train_cli.h"
 
 namespace earshot {
@@ -14,7 +15,7 @@ class BoardCli : public TrainCli {
   void make_episodes(int count) const {
     expect_done("dataset episodes --config " + path("tiny.yaml") + " --set data.eval.episodes_per_scene=" + std::to_string(count));
   }
-  [[nodiscard]] nlohmann::json json_of(const std::string& name) const { return nlohmann::json::parse(read_file(path(name))); }
+  [[nodiscard]] nlohmann::json json_of(const std::string& name) const { return parse_json(read_file(path(name))); }
   /// A line of bash; what it prints.
   [[nodiscard]] std::string bash(const std::string& line) const {
     write_text(path("line.sh"), line);

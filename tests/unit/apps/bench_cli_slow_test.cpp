@@ -8,6 +8,7 @@
 #include <set>
 #include <string>
 
+#include "sim/base/text/json.h"
 #include "tests/support/programs/bench_cli.h"
 
 namespace earshot {
@@ -26,7 +27,7 @@ TEST_F(BenchCli, RirTakesAnySceneAndItsPathsAsTheTruth) {
   EXPECT_EQ(names.count("fast.rt60_stated_error_pct"), 1u);
   EXPECT_EQ(names.count("fast.rt60_covered_pct"), 1u);
   std::set<std::string> scenes;
-  const json report = json::parse(read("scenes.json"));
+  const json report = parse_json(read("scenes.json"));
   for (const json& result : report.at("results")) {
     if (result.at("name") != "fast.rt60_error_pct.energy") continue;
     const json& setting = result.at("setting");
@@ -43,7 +44,7 @@ TEST_F(BenchCli, AllReduceTimesEachWayWithItsSetting) {
   const std::set<std::string> names = names_in("sums.json", "allreduce");
   for (const char* way : {"shared_memory", "ipc", "tcp"}) EXPECT_EQ(names.count(std::string("allreduce.ms.") + way), 1u) << way;
   std::set<std::pair<int, int>> settings;
-  const json report = json::parse(read("sums.json"));
+  const json report = parse_json(read("sums.json"));
   for (const json& result : report.at("results"))
     settings.insert({result.at("setting").at("ranks").get<int>(), result.at("setting").at("bytes").get<int>()});
   EXPECT_EQ(settings, (std::set<std::pair<int, int>>{{2, 4096}, {2, 262144}, {3, 4096}, {3, 262144}}));
@@ -55,7 +56,7 @@ TEST_F(BenchCli, ScalingChecksItsModelAndPredicts) {
   ASSERT_EQ(earshot("bench scaling --quick --kib 512 --predict 8,128 --json " + file("scaling.json")), 0) << read("stderr");
   const std::set<std::string> names = names_in("scaling.json", "scaling");
   for (const char* name : {"scaling.update_ms", "scaling.prediction_error", "scaling.efficiency"}) EXPECT_EQ(names.count(name), 1u) << name;
-  const json report = json::parse(read("scaling.json"));
+  const json report = parse_json(read("scaling.json"));
   for (const json& result : report.at("results")) {
     if (result.at("name") != "scaling.efficiency") continue;
     EXPECT_GT(result.at("value").get<double>(), 0.1);

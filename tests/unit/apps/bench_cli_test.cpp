@@ -10,6 +10,8 @@
 #include <set>
 #include <string>
 
+#include "sim/base/text/json.h"
+
 namespace earshot {
 namespace {
 
@@ -19,7 +21,7 @@ TEST_F(BenchCli, BitsAreThoseOfAnyThreadsRestoredOrNot) {
   const std::string pinned = (earshot::source_dir() / "tests/pinned").string();
   const std::string bits = "bench bits --envs 2 --env " + pinned + "/batch.yaml --episodes " + pinned + "/episodes.json";
   ASSERT_EQ(earshot(bits + " --steps 12 --json " + file("bits.json")), 0) << read("stderr");
-  const json report = json::parse(read("bits.json"));
+  const json report = parse_json(read("bits.json"));
   EXPECT_EQ(report.at("schema_version"), 1);
   const std::string hash = report.at("hash");
   EXPECT_EQ(hash.size(), 16u);
@@ -41,7 +43,7 @@ TEST_F(BenchCli, RirWritesTheNamesThatScriptsRelyOn) {
         "high_field.rir_per_s", "high_field.rt60_standard_error_pct", "observation_per_s"})
     EXPECT_EQ(names.count(name), 1u) << name;
   // The source's cost spreads over more RIRs: rates rise with n, and serving n costs no more than that many warm ones and the source.
-  const json results = json::parse(read("rir.json")).at("results");
+  const json results = parse_json(read("rir.json")).at("results");
   double last = 0;
   for (const json& result : results) {
     if (!result.at("name").get<std::string>().starts_with("fast.rir_per_s.")) continue;
@@ -79,7 +81,7 @@ TEST_F(BenchCli, EnvTakesSceneAgentsPictureThreadsAndFields) {
       earshot("bench env --quick --scene house:5,rooms=2,area_m2=24 --envs 3 --size 64x32 --threads 2 --field --json " + file("env.json")),
       0)
       << read("stderr");
-  const json report = json::parse(read("env.json"));
+  const json report = parse_json(read("env.json"));
   int rates = 0;
   for (const json& result : report.at("results")) {
     if (result.at("name") != "env.steps_per_s") continue;
@@ -130,7 +132,7 @@ TEST_F(BenchCli, TrainWritesRatesOfTheLearnerAndOfAShortTraining) {
   // Beside torch where a python has it, else with a line that says how to get it.
   EXPECT_EQ(names.count("torch.samples_per_cpu_s") + (read("stdout").find("torch left out") != std::string::npos), 1u);
   EXPECT_EQ(names.count("torch.samples_per_cpu_s"), names.count("learner.ratio_to_torch"));
-  const json report = json::parse(read("train.json"));
+  const json report = parse_json(read("train.json"));
   for (const json& result : report.at("results")) {
     EXPECT_EQ(result.at("setting").at("epochs"), 3) << result;
     for (const char* key : {"config", "parameters", "envs", "rollout_steps", "minibatches", "threads"})

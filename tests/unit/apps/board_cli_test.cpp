@@ -12,6 +12,7 @@
 
 #include "evaluation/results/result.h"
 #include "sim/base/files.h"
+#include "sim/base/text/json.h"
 
 namespace earshot {
 namespace {
@@ -43,7 +44,7 @@ TEST_F(BoardCli, ReplayWritesAPageOfWhatHappened) {
   expect_done(replay + " --episode best --link board.html=leaderboard");
   const std::string page = read_file(path("page.html"));
   const std::size_t begin = page.find("id=\"episode\">") + 13;
-  const Json episode = Json::parse(page.substr(begin, page.find("</script>", begin) - begin));
+  const Json episode = parse_json(page.substr(begin, page.find("</script>", begin) - begin));
   EXPECT_EQ(episode["schema_version"], 1);
   EXPECT_EQ(episode["links"][0]["href"], "board.html");
   const std::size_t index = episode["episode"]["index"];
@@ -60,7 +61,7 @@ TEST_F(BoardCli, ReplayWritesAPageOfWhatHappened) {
   expect_refused("replay " + path("result.json") + " --link a=b", HasSubstr("--link"));
   Json forged = json_of("result.json");
   forged["episodes"][index]["spl"] = 0.25;
-  write_text(path("result.json"), forged.dump());
+  write_text(path("result.json"), json_text(forged));
   expect_refused(replay + " --episode " + std::to_string(index), HasSubstr("claims spl = 0.25"));
 }
 

@@ -18,6 +18,7 @@
 #include <string>
 #include <vector>
 
+#include "sim/base/text/json.h"
 #include "tests/support/acoustics/band_levels.h"
 
 namespace {
@@ -76,7 +77,7 @@ TEST_F(Cli, RirGathersAFieldOnRequest) {
     const auto run = [&](const std::string& setting) {
       const CliOutcome outcome = earshot(room + setting + " " + preset + "--out " + file("f.wav") + " --metrics " + file("f.json"));
       EXPECT_EQ(outcome.exit_code, 0) << outcome.errors;
-      return nlohmann::json::parse(read("f.json"));
+      return earshot::parse_json(read("f.json"));
     };
     const auto traced = run("field=off"), gathered = run("field=on");
     EXPECT_NE(traced.at("effects").at("late"), gathered.at("effects").at("late")) << preset;  // rays, photons
@@ -93,7 +94,7 @@ TEST_F(Cli, RirPlansForAnAccuracy) {
       "rir shoebox:5x3x4@0.2 --source 1.2,1.1,1.5 --listener 3.8,1.6,2.3 --listener 2,1.4,3 --preset fast --channels mono ";
   const CliOutcome planned = earshot(room + "--accuracy t20=15%,edc=2dB --out " + file("a.wav") + " --metrics " + file("a.json"));
   ASSERT_EQ(planned.exit_code, 0) << planned.errors;
-  const auto metrics = nlohmann::json::parse(read("a.json"));
+  const auto metrics = earshot::parse_json(read("a.json"));
   const auto accuracy = metrics.at("pairs").at(0).at("accuracy");
   EXPECT_EQ(accuracy.at("target"), "t20=15%,edc=2dB");
   EXPECT_LE(accuracy.at("predicted").at("t20_pct").get<double>(), 0.85 * 15);
@@ -121,7 +122,7 @@ TEST_F(Cli, RirWritesSoundAndMetrics) {
       "--components --seed 5 --out " +
       file("r.wav") + " --metrics " + file("r.json"));
   ASSERT_EQ(outcome.exit_code, 0) << outcome.errors;
-  const auto document = nlohmann::json::parse(read("r.json"));
+  const auto document = earshot::parse_json(read("r.json"));
   EXPECT_NEAR(document.at("direct_amplitude").get<double>(), 0.0287713, 1e-4);
   EXPECT_NEAR(document.at("direct_delay_s").get<double>(), 2.765863 / 343.2, 1e-6);
   EXPECT_EQ(document.at("seed").get<int>(), 5);
@@ -191,7 +192,7 @@ TEST_F(Cli, ComponentsOfAPairBehindAWall) {
   EXPECT_NEAR(energy("p.transmitted.wav"), 0.05 / std::pow(4 * std::numbers::pi * 4, 2),
               0.02 * 0.05 / std::pow(4 * std::numbers::pi * 4, 2))
       << "tau / (4 pi r)^2";
-  EXPECT_TRUE(nlohmann::json::parse(read("p.json")).at("direct_delay_s").is_null());
+  EXPECT_TRUE(earshot::parse_json(read("p.json")).at("direct_delay_s").is_null());
 }
 
 // The listener is 2 m ahead (-z) of a cardioid that turns: (1 + cos) / 2 of 1 / (4 pi 2 m), as the metrics say and as the samples are.
@@ -203,7 +204,7 @@ TEST_F(Cli, DirectSoundFollowsThePatternOfTheSource) {
                 file("d.wav") + " --metrics " + file("d.json"));
     ASSERT_EQ(outcome.exit_code, 0) << outcome.errors;
     const double expected = (0.5 + 0.5 * std::cos(heading_deg * std::numbers::pi / 180)) / (4 * std::numbers::pi * 2);
-    const auto heard = nlohmann::json::parse(read("d.json")).at("direct_amplitude");
+    const auto heard = earshot::parse_json(read("d.json")).at("direct_amplitude");
     EXPECT_NEAR(heard.is_null() ? 0.0 : heard.get<double>(), expected, 1e-4) << heading_deg;
     double energy = 0;
     for (const float sample : read_wav("d.direct.wav")) energy += double{sample} * double{sample};
@@ -220,7 +221,7 @@ TEST_F(Cli, SeveralSourcesAndListenersGiveAFileEach) {
   ASSERT_EQ(outcome.exit_code, 0) << outcome.errors;
   for (const char* name : {"m.s0.l0.wav", "m.s0.l1.wav", "m.s1.l0.wav", "m.s1.l1.wav"})
     EXPECT_TRUE(std::filesystem::exists(file(name))) << name;
-  EXPECT_EQ(nlohmann::json::parse(read("m.json")).at("pairs").size(), 4u);
+  EXPECT_EQ(earshot::parse_json(read("m.json")).at("pairs").size(), 4u);
   expect_bad_input("rir shoebox:5x3x4 --source 1,1,1 --listener 2,1,2 --source-pattern cardoid --out " + file("x.wav"), "cardioid");
   expect_bad_input("rir shoebox:5x3x4 --source 1,1,1 --listener 2,1,2 --heading nan --out " + file("x.wav"), "--heading");
   expect_bad_input("rir shoebox:5x3x4 --source 1,1,1 --listener 2,1,2 --simplify 0 --out " + file("x.wav"), "simplify_m");
@@ -362,7 +363,7 @@ TEST_F(Cli, MaterialsAreListedAndLinted) {
 
 TEST_F(Cli, SceneReportIsJson) {
   ASSERT_EQ(earshot("scene house:4,rooms=2,area_m2=24 --explain --json " + file("s.json")).exit_code, 0);
-  const auto document = nlohmann::json::parse(read("s.json"));
+  const auto document = earshot::parse_json(read("s.json"));
   EXPECT_TRUE(document.at("holes").empty());
   EXPECT_GT(document.at("ray_efficiency").get<double>(), 0.999);
   EXPECT_GT(document.at("navigable_area_m2").get<double>(), 10.0);
@@ -390,8 +391,8 @@ TEST_F(Cli, FarScenesSoundAsNearOnes) {
   // Eighths of a metre are exact in float and in double, so nothing rounds.
   EXPECT_EQ(rir(far, " --source 1000001.25,1.125,-199998.5 --listener 1000003.75,1.625,-199997.75", "far"),
             rir(near, " --source 1.25,1.125,1.5 --listener 3.75,1.625,2.25", "near"));
-  EXPECT_EQ(nlohmann::json::parse(read("far.json")).at("origin_m"), nlohmann::json({1e6, 0, -2e5}));
-  EXPECT_EQ(nlohmann::json::parse(read("near.json")).at("origin_m"), nlohmann::json({0, 0, 0}));
+  EXPECT_EQ(earshot::parse_json(read("far.json")).at("origin_m"), nlohmann::json({1e6, 0, -2e5}));
+  EXPECT_EQ(earshot::parse_json(read("near.json")).at("origin_m"), nlohmann::json({0, 0, 0}));
 
   const auto walk = [&](const std::string& scene, const std::string& poses, const std::string& source, const std::string& name) {
     const CliOutcome outcome = earshot("walk " + scene + " --poses " + write(name + ".csv", poses) + source + options +
@@ -406,7 +407,7 @@ TEST_F(Cli, FarScenesSoundAsNearOnes) {
 
   const CliOutcome report = earshot("scene " + far + " --json " + file("scene.json"));
   EXPECT_THAT(report.output, HasSubstr("computed around (1000000, 0, -200000)"));
-  EXPECT_EQ(nlohmann::json::parse(read("scene.json")).at("origin_m"), nlohmann::json({1e6, 0, -2e5}));
+  EXPECT_EQ(earshot::parse_json(read("scene.json")).at("origin_m"), nlohmann::json({1e6, 0, -2e5}));
   expect_bad_input("rir " + near + " --source 1e39,0,0 --listener 1,1,1 --out " + file("x.wav"), "is not a point");
 
   // Centimetres taken for metres: said on the way, by every command that loads the scene.

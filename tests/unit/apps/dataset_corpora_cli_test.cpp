@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "sim/base/files.h"
+#include "sim/base/text/json.h"
 #include "tests/support/envs/env_cases.h"
 #include "tests/support/envs/rir_corpus_cases.h"
 #include "tests/support/files/test_paths.h"
@@ -171,7 +172,7 @@ TEST_F(DatasetCorporaCli, PanoramasShowTheRoomOfTheResponse) {
     EXPECT_LE(lines[i]["distance_m"].get<double>(), 5);
     EXPECT_EQ(read_file(folder_.path() / "pano" / lines[i]["rgb_file"].get<std::string>()).substr(1, 3), "PNG");
   }
-  const auto corpus = nlohmann::json::parse(read_file(folder_.path() / "pano/corpus.json"));
+  const auto corpus = parse_json(read_file(folder_.path() / "pano/corpus.json"));
   EXPECT_EQ(corpus["categories"][0], "unknown");
   expect_refused("pano shoebox:6x3x4@0.3 --size 100 --out " + path("refused"), "--size 100");
   expect_refused("pano shoebox:6x3x4@0.3 --size 4294967424x48 --out " + path("refused"), "is not a size");

@@ -14,6 +14,7 @@
 #include <thread>
 
 #include "sim/base/files.h"
+#include "sim/base/text/json.h"
 #include "tests/support/envs/env_cases.h"
 #include "tests/support/envs/rir_corpus_cases.h"
 #include "tests/support/files/test_paths.h"
@@ -78,11 +79,13 @@ TEST_F(DatasetRirCli, AKilledRunIsCompletedWithTheSameBytes) {
 TEST_F(DatasetRirCli, AResponseIsThatOfTheCommandRir) {
   ASSERT_EQ(earshot("dataset rir " + path("rir.yaml") + " --set shoeboxes.count=1 --out " + path("corpus")).exit_code, 0);
   const auto line = lines_of(folder_.path() / "corpus/manifest.jsonl").at(4);
-  const auto point = [](const nlohmann::json& place) { return place[0].dump() + "," + place[1].dump() + "," + place[2].dump(); };
+  const auto point = [](const nlohmann::json& place) {
+    return json_text(place[0]) + "," + json_text(place[1]) + "," + json_text(place[2]);
+  };
   const Outcome rir =
       earshot("rir '" + line["scene"].get<std::string>() + "' --source " + point(line["source"]["position_m"]) + " --source-heading " +
-              line["source"]["heading_deg"].dump() + " --listener " + point(line["listener"]["position_m"]) + " --heading " +
-              line["listener"]["heading_deg"].dump() + " --preset fast --set rays=16 --set rir_length_s=0.2 --out " + path("one.wav"));
+              json_text(line["source"]["heading_deg"]) + " --listener " + point(line["listener"]["position_m"]) + " --heading " +
+              json_text(line["listener"]["heading_deg"]) + " --preset fast --set rays=16 --set rir_length_s=0.2 --out " + path("one.wav"));
   ASSERT_EQ(rir.exit_code, 0) << rir.text;
   EXPECT_TRUE(read_file(path("one.wav")) == read_file(folder_.path() / "corpus" / line["file"].get<std::string>()));
 }

@@ -2,6 +2,7 @@
 #include <nlohmann/json.hpp>
 
 #include "sim/base/files.h"
+#include "sim/base/text/json.h"
 #include "tests/support/programs/train_cli.h"
 
 namespace earshot {
@@ -15,9 +16,9 @@ class SchemaVersionsCli : public TrainCli {
  protected:
   /// Writes `name` as the file `from` with `key` set.
   std::string raised(const std::string& from, const std::string& name, const std::string& key, int version) const {
-    Json json = Json::parse(read_file(from));
+    Json json = parse_json(read_file(from));
     json[key] = version;
-    write_text(path(name), json.dump());
+    write_text(path(name), json_text(json));
     return path(name);
   }
   static testing::Matcher<std::string> names(const std::string& file, int version) {
@@ -40,7 +41,7 @@ TEST_F(SchemaVersionsCli, WhatARunWritesIsRefusedInANewerVersion) {
   const std::string config = path("tiny.yaml");
   expect_done("dataset episodes --config " + config);
   expect_done("eval greedy --config " + config + " --out " + path("result.json"));
-  const Json result = Json::parse(read_file(path("result.json")));
+  const Json result = parse_json(read_file(path("result.json")));
   const int newer = result.at("earshot_result").get<int>() + 1;
   const std::string file = raised(path("result.json"), "newer.json", "earshot_result", newer);
   expect_refused("leaderboard " + file, names("newer.json", newer));

@@ -13,6 +13,7 @@
 
 #include "datasets/rir_corpus_room.h"
 #include "sim/base/errors.h"
+#include "sim/base/text/json.h"
 #include "tests/support/envs/env_cases.h"
 #include "tests/support/envs/rir_corpus_cases.h"
 #include "tests/support/files/test_files.h"
@@ -292,7 +293,7 @@ TEST(RirCorpus, ChannelsHaveNames) {
   config.channels = "ambisonic:1";
   const TestFolder folder("corpus_names");
   write_rir_corpus(config, {.out = folder.path(), .threads = 1, .shard = {}, .progress = {}});
-  const auto corpus = nlohmann::json::parse(read_file(folder.path() / "corpus.json"));
+  const auto corpus = parse_json(read_file(folder.path() / "corpus.json"));
   EXPECT_EQ(corpus["channels"], nlohmann::json({"acn0", "acn1", "acn2", "acn3"}));
   const auto recordings = lines_of(folder.path() / "recordings.jsonl");
   ASSERT_EQ(recordings.size(), 1u);

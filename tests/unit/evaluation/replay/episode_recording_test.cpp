@@ -8,6 +8,7 @@
 #include "envs/baselines/baselines.h"
 #include "evaluation/replay/replay_page.h"
 #include "evaluation/results/evaluator.h"
+#include "sim/base/text/json.h"
 #include "tests/support/envs/env_cases.h"
 
 namespace earshot {
@@ -46,7 +47,7 @@ TEST(EpisodeRecording, TellsWhenEachSourcePlays) {
   for (std::size_t k = 4; k <= 8; ++k) EXPECT_GT(recording.steps[k].level_db[0], kSilent + 40) << k;
   EXPECT_EQ(recording.steps.back().level_db[0], kSilent);
   EXPECT_EQ(recording.metrics.success_when_silent, 1);
-  const auto json = nlohmann::json::parse(replay_json(recording, {}));
+  const auto json = parse_json(replay_json(recording, {}));
   EXPECT_EQ(json["sources"][0]["playing"], (std::vector<int>{3, 8}));
   EXPECT_EQ(json["metrics"]["success_when_silent"], 1);
 }
@@ -65,7 +66,7 @@ TEST(EpisodeRecording, KnowsSourcesWithoutEndClipsAndThoseThatNeverPlay) {
   EXPECT_EQ(several.playing[0], (std::array<std::size_t, 2>{1, last}));
   EXPECT_EQ(several.playing[1], (std::array<std::size_t, 2>{1, std::min(end, last)}));
   EXPECT_EQ(several.playing[2], std::nullopt);
-  const auto json = nlohmann::json::parse(replay_json(several, {}));
+  const auto json = parse_json(replay_json(several, {}));
   EXPECT_TRUE(json["sources"][2]["playing"].is_null());
   EXPECT_FALSE(json["sources"][2]["goal"]);
 }

@@ -11,6 +11,7 @@
 #include "envs/baselines/baselines.h"
 #include "evaluation/results/evaluator.h"
 #include "sim/base/files.h"
+#include "sim/base/text/json.h"
 #include "tests/support/envs/env_cases.h"
 
 namespace earshot {
@@ -35,7 +36,7 @@ std::string refusal(const std::function<void()>& body) {
 /// What save_result writes as the checksum: whoever forges a result has the source too.
 Json with_checksum(Json json) {
   json.erase("checksum");
-  json["checksum"] = hex64(hash64(json.dump()));
+  json["checksum"] = hex64(hash64(json_text(json)));
   return json;
 }
 
@@ -68,13 +69,13 @@ class VerifyResult : public testing::Test {
     config.seed = 5;
     return config;
   }
-  static Json json_of(const std::string& name) { return Json::parse(read_file(path(name))); }
+  static Json json_of(const std::string& name) { return parse_json(read_file(path(name))); }
   static Verification verify(const EvaluationResult& result, const VerifyConfig& config = {}) {
     return verify_result(result, "result", load_episode_set(path("set.json")), result.rules, config);
   }
   /// The reason for which a file of this content is refused, at its reading or by what it holds.  rules: of the honest result.
   static std::string refusal_of(const Json& forged, const VerifyConfig& config = {}) {
-    write_file_atomically(path("forged.json"), forged.dump());
+    write_file_atomically(path("forged.json"), json_text(forged));
     return refusal([&] {
       const MetricRules rules = load_result(path("oracle.json")).rules;
       verify_result(load_result(path("forged.json")), "forged", load_episode_set(path("set.json")), rules, config);
@@ -266,7 +267,7 @@ TEST_F(VerifyResult, NumbersOfAnotherToolchainAreRefusedAsSuchAndNotAsForged) {
   json["engine_hash"] = "0123456789abcdef";
   json["toolchain"]["compiler"] = "g++99";
   EXPECT_EQ(refusal_of(with_checksum(json), any), "");
-  write_file_atomically(path("other.json"), with_checksum(json).dump());
+  write_file_atomically(path("other.json"), json_text(with_checksum(json)));
   EXPECT_THAT(verify(load_result(path("other.json")), any).toolchain, StartsWith("g++99, "));
   json.erase("toolchain");
   EXPECT_EQ(refusal_of(with_checksum(json), any), "");

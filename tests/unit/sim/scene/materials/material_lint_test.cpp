@@ -7,6 +7,7 @@
 #include <string>
 
 #include "sim/base/files.h"
+#include "sim/base/text/json.h"
 #include "tests/support/files/test_files.h"
 
 namespace earshot {
@@ -34,8 +35,8 @@ std::vector<std::string> findings_with(const std::string& key, const std::string
                           {"scattering", {125, 0.1, 250, 0.2, 500, 0.3}},
                           {"transmission", {125, 0.01, 250, 0.002, 500, 0.001}},
                           {"source", "a book"}};
-  entry[key] = nlohmann::json::parse(value);
-  std::vector<std::string> lines = findings_of(nlohmann::json{{"materials", {entry}}}.dump());
+  entry[key] = parse_json(value);
+  std::vector<std::string> lines = findings_of(json_text(nlohmann::json{{"materials", {entry}}}));
   std::erase_if(lines, [](const std::string& line) { return line.find("is named or labelled") != std::string::npos; });
   return lines;
 }
@@ -82,7 +83,7 @@ TEST(MaterialLint, FindsFaultsBetweenMaterials) {
 /// The predecessor's table (its published material map), in the layout of its JSON, with the faulty labels that docs/formats.md, section 2
 /// lists.
 std::string predecessor_json(const std::filesystem::path& path) {
-  const nlohmann::json table = nlohmann::json::parse(read_file(path));
+  const nlohmann::json table = parse_json(read_file(path));
   nlohmann::json materials = nlohmann::json::array();
   for (const auto& [name, curves] : table["materials"].items()) {
     nlohmann::json entry = {{"name", name}};
@@ -101,7 +102,7 @@ std::string predecessor_json(const std::filesystem::path& path) {
     if (name == "gypsumBoard") entry["labels"] = {"wall"};
     materials.push_back(entry);
   }
-  return nlohmann::json{{"materials", materials}}.dump();
+  return json_text(nlohmann::json{{"materials", materials}});
 }
 
 // docs/formats.md, section 2.

@@ -10,6 +10,7 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/text/json.h"
 #include "tests/support/files/test_files.h"
 #include "tests/support/files/test_paths.h"
 
@@ -225,7 +226,7 @@ TEST(BuiltinMaterials, CarryThePublishedNumbers) {
 TEST(BuiltinMaterials, AreThePublishedRowsTheyName) {
   SKIP_WITHOUT_DATA("materials/pyroomacoustics_materials.json");
   const std::filesystem::path path = data_folder() / "materials/pyroomacoustics_materials.json";
-  const nlohmann::json table = nlohmann::json::parse(read_file(path));
+  const nlohmann::json table = parse_json(read_file(path));
   const auto row = [&](const char* kind, const std::string& key) {
     for (const auto& group : table[kind]) {
       if (group.contains(key)) return group[key]["coeffs"].get<std::vector<float>>();

@@ -4,6 +4,7 @@
 #include <glm/geometric.hpp>
 
 #include "sim/base/errors.h"
+#include "sim/base/text/json.h"
 #include "sim/scene/readers/mesh_import.h"
 #include "tests/support/files/gltf_files.h"
 #include "tests/support/files/test_files.h"
@@ -162,7 +163,7 @@ TEST(GltfReader, RefusesBrokenFilesInOneLine) {
   EXPECT_THAT(changed([](Json& j) { j["meshes"] = 5; }), HasSubstr("'meshes' is not a list"));
   GltfWriter external = one_triangle();
   external.json["buffers"] = {{{"byteLength", 36}, {"uri", "gone.bin"}}};
-  EXPECT_THAT(error_of(external.json.dump()), HasSubstr("gone.bin"));
+  EXPECT_THAT(error_of(json_text(external.json)), HasSubstr("gone.bin"));
 }
 
 TEST(GltfReader, NamesTheVertexThatIsNotANumber) {
@@ -181,7 +182,7 @@ TEST(GltfReader, ReadsBuffersBesideTheFile) {
   GltfWriter file = one_triangle();
   file.json["buffers"] = {{{"byteLength", file.bytes.size()}, {"uri", "my%20data.bin"}}};
   folder.write("my data.bin", file.bytes);
-  EXPECT_EQ(import_mesh(folder.write("a.gltf", file.json.dump())).mesh.triangles.size(), 1u);
+  EXPECT_EQ(import_mesh(folder.write("a.gltf", json_text(file.json))).mesh.triangles.size(), 1u);
 }
 
 }  // namespace
