@@ -48,7 +48,8 @@ endfunction()
 # Those that tests/long_tests.txt names, and under a sanitizer tests/long_tests_address.txt or long_tests_thread.txt, have the label `long` too,
 # and run in `scripts/test.sh all` alone.
 # Tests of code that parses outside files and messages have the label `sanitized` (folders below): the address sanitizer runs them in CI (target
-# sanitized_tests), and all tests in `scripts/test.sh all`.
+# sanitized_tests), and all tests in `scripts/test.sh all`.  Those that include libtorch, and those of the program, have the label `training`: they run
+# under the address sanitizer in `scripts/test.sh all` (target training_tests of the preset asan-ubsan-training).
 # A leading unit/ is not part of the executables' names.  ALONE REGEX: tests that compare times, beside which ctest runs no others.  ROOMS
 # FOLDER...: the tests of DIR and of these folders in it; `*` stands for all.
 # LIBTORCH LIBS...: tests that include libtorch are an executable of their own, test_DIR_libtorch, with these libraries, so that the others start
@@ -112,6 +113,9 @@ function(earshot_test_program target dir labels alone)
   if(dir MATCHES "^(robustness|unit/(datasets|sim/(base|rays|scene|audio|sofa|vision|nav)|trainer/(net|launch)))$")
     list(APPEND labels sanitized)
   endif()
+  if(dir STREQUAL "unit/apps" OR target MATCHES "_libtorch$")
+    list(APPEND labels training)
+  endif()
   add_executable(${target} ${arg_SOURCES})
   target_link_libraries(${target} PRIVATE ${arg_LIBS} GTest::gtest GTest::gmock GTest::gtest_main test_paths project_flags)
   target_compile_options(${target} PRIVATE ${EARSHOT_TEST_OPTIMIZATION})
@@ -143,5 +147,8 @@ function(earshot_test_program target dir labels alone)
   endif()
   if("sanitized" IN_LIST labels)
     add_dependencies(sanitized_tests ${target})
+  endif()
+  if("training" IN_LIST labels)
+    add_dependencies(training_tests ${target})
   endif()
 endfunction()

@@ -1,10 +1,11 @@
 #!/usr/bin/env bash
 # scripts/build.sh [PRESET] [--target NAME...] [-- CTEST ARGUMENTS...]
-# Configures and builds one preset (release, ci, debug, asan-ubsan, tsan, coverage; default release) or the named targets of it,
-# with ccache where it is installed; ci is release without the slow tests and the small benchmarks, in the same folder.  With
-# further arguments it also runs ctest with them:
+# Configures and builds one preset (release, ci, debug, asan-ubsan, asan-ubsan-training, tsan, coverage; default release) or the
+# named targets of it, with ccache where it is installed; ci is release without the slow tests and the small benchmarks, in the
+# same folder.  With further arguments it also runs ctest with them:
 #   scripts/build.sh release --target test_sim_nav -- -R Navmesh
-# Of asan-ubsan the tests and fuzz targets of CI are built (--target all: all of them), of tsan the tests in which threads meet.
+# Of asan-ubsan the tests and fuzz targets of CI are built (--target all: all of them), of asan-ubsan-training the tests of what
+# needs libtorch and of the program, of tsan the tests in which threads meet.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -27,7 +28,7 @@ command -v ccache >/dev/null && launcher=(-DCMAKE_CXX_COMPILER_LAUNCHER=ccache)
 # the preset sets, the sanitizer first of all.
 fresh=()
 compiler=()
-case $preset in asan-ubsan | tsan)
+case $preset in asan-ubsan* | tsan)
   for clang in clang++-14 clang++-19 clang++; do if command -v "$clang" >/dev/null; then break; fi; done
   compiler=(-DCMAKE_CXX_COMPILER="$clang")
   grep -qs "^CMAKE_CXX_COMPILER:.*=.*$clang\$" "build/$preset/CMakeCache.txt" || fresh=(--fresh) ;;

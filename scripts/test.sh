@@ -115,6 +115,9 @@ run_full() {
       printf 'The slow tests (scripts/test.sh all) last passed on %s at commit %s.\n' "$(date -u +%Y-%m-%d)" "$(git describe --always --abbrev=12 --dirty)" >"$record"
     fi
   fi
+  if [ "$mode" = all ] && stage "asan training build" scripts/build.sh asan-ubsan-training; then
+    run_tests "asan training tests" asan-ubsan-training || true
+  fi
   if stage "asan-ubsan build" scripts/build.sh asan-ubsan "${asan_targets[@]}"; then
     run_tests "asan-ubsan tests" "asan-ubsan$sanitized" || true
     stage "fuzzing" scripts/fuzz.sh "${fuzz[@]}" || true
