@@ -1,7 +1,6 @@
 #include "apps/options/accuracy_planning.h"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include "sim/base/process/progress.h"
 #include "sim/base/text/listed.h"

@@ -1,7 +1,6 @@
 #include "sim/scene/appearance.h"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <map>

@@ -1,7 +1,6 @@
 #include "trainer/checkpoint/run_state.h"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <msgpack.hpp>

@@ -1,7 +1,6 @@
 #include "trainer/collective/collective.h"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <numeric>

@@ -1,7 +1,6 @@
 #include "trainer/learner/step_agreement.h"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <algorithm>
 

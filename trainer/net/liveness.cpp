@@ -1,7 +1,6 @@
 #include "trainer/net/liveness.h"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <algorithm>
 

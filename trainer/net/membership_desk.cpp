@@ -1,7 +1,6 @@
 #include "trainer/net/membership_desk.h"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <span>

@@ -1,7 +1,6 @@
 #include "trainer/net/rendezvous.h"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 #include <sys/random.h>
 #include <sys/stat.h>
 #include <unistd.h>

@@ -1,7 +1,6 @@
 #include "trainer/run/planned_acoustics.h"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include "envs/config/env_accuracy.h"
 #include "sim/base/errors.h"

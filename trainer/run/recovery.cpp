@@ -1,7 +1,6 @@
 #include "trainer/run/recovery.h"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <sstream>
