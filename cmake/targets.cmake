@@ -42,8 +42,8 @@ endfunction()
 # earshot_tests(DIR LIBS...): the tests of one folder, as an executable per kind.  Each test has the folder as a label, so that a change runs the
 # tests of its own folder (scripts/test.sh quick), and these:
 #   *_slow_test.cpp     test_DIR_slow, label `slow`: statistics of `scripts/test.sh all`; the sanitizer presets leave them out
-#   *_threads_test.cpp  test_DIR_threads, labels `fast` and `threads`: tests in which threads meet, all that the thread sanitizer builds
-#                       (target thread_tests) and runs
+#   *_threads_test.cpp  test_DIR_threads, labels `fast` and `threads`: tests in which threads meet, all that the thread sanitizer builds and runs
+#                       (target thread_tests; those of datasets, the only ones there that link it, in `scripts/test.sh all` alone)
 #   other *_test.cpp    test_DIR, label `fast`
 # Those that tests/long_tests.txt names, and under a sanitizer tests/long_tests_address.txt or long_tests_thread.txt, have the label `long` too,
 # and run in `scripts/test.sh all` alone.
@@ -110,7 +110,7 @@ endforeach()
 # earshot_test_program(TARGET DIR LABELS ALONE SOURCES... LIBS... PCH TARGET): one executable of earshot_tests.
 function(earshot_test_program target dir labels alone)
   cmake_parse_arguments(PARSE_ARGV 4 arg "" "PCH" "SOURCES;LIBS")
-  if(dir MATCHES "^(robustness|unit/(datasets|sim/(base|rays|scene|audio|sofa|vision|nav)|trainer/(net|launch)))$")
+  if(dir MATCHES "^(robustness|unit/(sim/(base|rays|scene|audio|sofa|vision|nav)|trainer/(net|launch)))$")
     list(APPEND labels sanitized)
   endif()
   if(dir STREQUAL "unit/apps" OR target MATCHES "_libtorch$")
@@ -142,7 +142,7 @@ function(earshot_test_program target dir labels alone)
        "  list(FILTER long_tests INCLUDE REGEX \"\${name}\")\n  if(long_tests)\n"
        "    set_tests_properties(\${long_tests} PROPERTIES LABELS \"${labels};${dir};long\")\n  endif()\nendforeach()\n")
   set_property(DIRECTORY APPEND PROPERTY TEST_INCLUDE_FILES ${labels_file})
-  if("threads" IN_LIST labels)
+  if("threads" IN_LIST labels AND NOT dir STREQUAL "unit/datasets")
     add_dependencies(thread_tests ${target})
   endif()
   if("sanitized" IN_LIST labels)

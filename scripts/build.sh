@@ -24,11 +24,12 @@ export CCACHE_SLOPPINESS=${CCACHE_SLOPPINESS:-pch_defines,time_macros}
 export CCACHE_BASEDIR=${CCACHE_BASEDIR:-$PWD} CCACHE_NOHASHDIR=${CCACHE_NOHASHDIR:-1}
 launcher=()
 command -v ccache >/dev/null && launcher=(-DCMAKE_CXX_COMPILER_LAUNCHER=ccache)
-# The sanitizers take the clang of the distribution: 14 in Debian 12, 19 in Debian 13.  In a folder of another compiler's, CMake would forget what
+# The sanitizers take the clang of the distribution: 14 in Debian 12, 19 in Debian 13 (what needs libtorch takes g++: clang 14
+# refuses the headers of libtorch 1.13 in C++20).  In a folder of another compiler's, CMake would forget what
 # the preset sets, the sanitizer first of all.
 fresh=()
 compiler=()
-case $preset in asan-ubsan* | tsan)
+case $preset in asan-ubsan | tsan)
   for clang in clang++-14 clang++-19 clang++; do if command -v "$clang" >/dev/null; then break; fi; done
   compiler=(-DCMAKE_CXX_COMPILER="$clang")
   grep -qs "^CMAKE_CXX_COMPILER:.*=.*$clang\$" "build/$preset/CMakeCache.txt" || fresh=(--fresh) ;;

@@ -5,8 +5,9 @@
 #          package index cannot be reached), the tests of code that parses outside files under the address and
 #          undefined-behaviour sanitizers, those in which threads meet under the thread sanitizer, and a minute of fuzzing
 #   quick  the loop while working: builds and runs the tests of the folders with uncommitted changes (of the last commit, if there are none)
-#   all    full, the slow tests (label slow: statistics, launchers, sweeps, long benchmarks), the long ones (tests/long_tests*.txt, scripts among them), and all tests
-#          under the sanitizers; notes date and commit in tests/slow_statistics.txt if the slow tests pass
+#   all    full, the slow tests (label slow: statistics, launchers, sweeps, long benchmarks), the long ones (tests/long_tests*.txt,
+#          scripts among them), and all tests under the sanitizers, those of policy, learner and program too; notes date and
+#          commit in tests/slow_statistics.txt if the slow tests pass
 # Ends with the seconds of each stage, the number of tests, failures and skips, and the absent test data that caused skips.
 # EARSHOT_JOBS: how many jobs at once (default: all cores).
 set -euo pipefail
@@ -16,8 +17,8 @@ mode=${1:-full}
 case $mode in full | quick | all) ;; *) echo "test.sh: unknown mode '$mode'; one of: full, quick, all" >&2; exit 2 ;; esac
 jobs=${EARSHOT_JOBS:-$(nproc)}
 record=tests/slow_statistics.txt
-build=ci left_out='^(slow|long)$' asan_targets=() sanitized="" fuzz=(--quick 60) tidy=(--seconds 45)
-if [ "$mode" = all ]; then build=release left_out='^slow$' asan_targets=(--target all) sanitized=-all fuzz=(60) tidy=(); fi
+build=ci left_out='^(slow|long)$' asan_targets=() tsan_targets=() sanitized="" fuzz=(--quick 60) tidy=(--seconds 45)
+if [ "$mode" = all ]; then build=release left_out='^slow$' asan_targets=(--target all) tsan_targets=(--target thread_tests test_datasets_threads) sanitized=-all fuzz=(60) tidy=(); fi
 table=""
 failed=()
 results=$(mktemp -d)
@@ -122,7 +123,7 @@ run_full() {
     run_tests "asan-ubsan tests" "asan-ubsan$sanitized" || true
     stage "fuzzing" scripts/fuzz.sh "${fuzz[@]}" || true
   fi
-  stage "tsan build" scripts/build.sh tsan && run_tests "tsan tests" "tsan$sanitized" || true
+  stage "tsan build" scripts/build.sh tsan "${tsan_targets[@]}" && run_tests "tsan tests" "tsan$sanitized" || true
 }
 
 if [ "$mode" = quick ]; then
