@@ -1,45 +1,54 @@
 #!/usr/bin/env bash
 # scripts/coverage.sh [CTEST ARGUMENTS...]
-# On Debian 12: builds the preset `coverage` (clang 14), runs its tests (all but the slow and long ones, or those that the
-# arguments choose) and prints, by folder, how many lines of code they run.  build/coverage/lines.txt has a row per source.
+# Builds the preset `coverage` (g++), runs its tests (all but the slow and long ones, or those that the arguments choose) and
+# prints, by folder, how many lines of code they run.  build/coverage/lines.txt has a row per source.
 # Exit status: that of the tests.  EARSHOT_JOBS: how many jobs at once (default: all cores).
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-for tool in clang++-14 llvm-profdata-14 llvm-cov-14; do
-  command -v "$tool" >/dev/null || { echo "coverage: $tool is missing: scripts/setup.sh installs it on Debian 12" >&2; exit 2; }
-done
+gcov=gcov-$(g++ -dumpversion)
+command -v "$gcov" >/dev/null || { echo "coverage: $gcov is missing: scripts/setup.sh installs g++, which has it" >&2; exit 2; }
 build=build/coverage
-rm -rf "$build/profiles"
+jobs=${EARSHOT_JOBS:-$(nproc)}
 scripts/build.sh coverage
+find "$build" -name '*.gcda' -delete
 status=0
-ctest --preset coverage -j "${EARSHOT_JOBS:-$(nproc)}" "$@" || status=$?
-
-llvm-profdata-14 merge -sparse -o "$build/profile" "$build"/profiles/*.profraw
-objects=()
-while read -r program; do objects+=(-object "$program"); done < <(
-  find "$build" -maxdepth 2 -type f -perm -u+x \( -name 'test_*' -o -name 'earshot*' \) | sort)
-llvm-cov-14 export -summary-only -instr-profile "$build/profile" "${objects[@]}" >"$build/coverage.json"
-python3 - "$build/coverage.json" "$build/lines.txt" <<'PYTHON'
-import collections, json, os, sys
-files = json.load(open(sys.argv[1]))["data"][0]["files"]
+ctest --preset coverage -j "$jobs" "$@" || status=$?
+python3 - "$build" "$gcov" "$jobs" <<'PYTHON'
+import collections, concurrent.futures, json, os, pathlib, subprocess, sys
+build, gcov, jobs = pathlib.Path(sys.argv[1]), sys.argv[2], int(sys.argv[3])
 root = os.getcwd() + "/"
-by_folder = collections.defaultdict(lambda: [0, 0])
-with open(sys.argv[2], "w") as rows:
-    for file in files:
-        # -fmacro-prefix-map leaves paths from the root.
-        name = file["filename"].removeprefix(root)
-        folder = name.split("/")[0]
-        if folder not in ("sim", "envs", "datasets", "policy", "trainer", "evaluation", "bench", "apps"):
-            continue
-        lines = file["summary"]["lines"]
-        rows.write(f"{lines['covered']:6} of {lines['count']:6} {name}\n")
-        for key in (folder, "in all"):
-            by_folder[key][0] += lines["covered"]
-            by_folder[key][1] += lines["count"]
-total = by_folder.pop("in all", None)
-if total is None:
+rooms = ("sim", "envs", "datasets", "policy", "trainer", "evaluation", "bench", "apps")
+
+def counts_of(notes):
+    """How often each line of our sources ran in one object; an object that no test has run has zeros."""
+    told = subprocess.run([gcov, "--json-format", "--stdout", str(notes)], capture_output=True, text=True)
+    found = []
+    for text in told.stdout.splitlines():
+        report = json.loads(text)
+        for file in report["files"]:
+            name = os.path.normpath(os.path.join(report["current_working_directory"], file["file"])).removeprefix(root)
+            if name.split("/")[0] in rooms:
+                found.append((name, [(line["line_number"], line["count"]) for line in file["lines"]]))
+    return found
+
+lines = collections.defaultdict(dict)
+with concurrent.futures.ThreadPoolExecutor(jobs) as pool:
+    for found in pool.map(counts_of, sorted(build.rglob("*.gcno"))):
+        for name, counts in found:
+            for number, count in counts:
+                lines[name][number] = max(count, lines[name].get(number, 0))
+if not any(count for file in lines.values() for count in file.values()):
     sys.exit("coverage: no program has counts of our sources")
+by_folder = collections.defaultdict(lambda: [0, 0])
+with open(build / "lines.txt", "w") as rows:
+    for name, counts in sorted(lines.items()):
+        covered = sum(count > 0 for count in counts.values())
+        rows.write(f"{covered:6} of {len(counts):6} {name}\n")
+        for key in (name.split("/")[0], "in all"):
+            by_folder[key][0] += covered
+            by_folder[key][1] += len(counts)
+total = by_folder.pop("in all")
 for folder, (covered, count) in [*sorted(by_folder.items()), ("in all", total)]:
     print(f"{folder:12} {covered:6} of {count:6} lines, {100 * covered / count:.1f} %")
 PYTHON
