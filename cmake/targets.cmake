@@ -43,12 +43,12 @@ endfunction()
 # tests of its own folder (scripts/test.sh quick), and these:
 #   *_slow_test.cpp     test_DIR_slow, label `slow`: statistics of `scripts/test.sh all`; the sanitizer presets leave them out
 #   *_threads_test.cpp  test_DIR_threads, labels `fast` and `threads`: tests in which threads meet, all that the thread sanitizer builds and runs
-#                       (target thread_tests; those of datasets, the only ones there that link it, in `scripts/test.sh all` alone)
+#                       (target thread_tests; test_datasets_threads, which alone links datasets, in `scripts/test.sh all`)
 #   other *_test.cpp    test_DIR, label `fast`
 # Those that tests/long_tests.txt names, and under a sanitizer tests/long_tests_address.txt or long_tests_thread.txt, have the label `long` too,
 # and run in `scripts/test.sh all` alone.
 # Tests of code that parses outside files and messages have the label `sanitized` (folders below): the address sanitizer runs them in CI (target
-# sanitized_tests), and all tests in `scripts/test.sh all`.  Those that include libtorch, and those of the program, have the label `training`: they run
+# sanitized_tests), and all tests but those of bench in `scripts/test.sh all`.  Those that include libtorch, and those of the program, have the label `training`: they run
 # under the address sanitizer in `scripts/test.sh all` (target training_tests of the preset asan-ubsan-training).
 # A leading unit/ is not part of the executables' names.  ALONE REGEX: tests that compare times, beside which ctest runs no others.  ROOMS
 # FOLDER...: the tests of DIR and of these folders in it; `*` stands for all.

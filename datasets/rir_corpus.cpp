@@ -1,7 +1,5 @@
 #include "datasets/rir_corpus.h"
 
-#include <fmt/format.h>
-
 #include <cmath>
 #include <functional>
 #include <memory>

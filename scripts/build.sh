@@ -24,16 +24,20 @@ export CCACHE_SLOPPINESS=${CCACHE_SLOPPINESS:-pch_defines,time_macros}
 export CCACHE_BASEDIR=${CCACHE_BASEDIR:-$PWD} CCACHE_NOHASHDIR=${CCACHE_NOHASHDIR:-1}
 launcher=()
 command -v ccache >/dev/null && launcher=(-DCMAKE_CXX_COMPILER_LAUNCHER=ccache)
-# The sanitizers take the clang of the distribution: 14 in Debian 12, 19 in Debian 13 (what needs libtorch takes g++: clang 14
-# refuses the headers of libtorch 1.13 in C++20).  In a folder of another compiler's, CMake would forget what
-# the preset sets, the sanitizer first of all.
+# The sanitizers take the clang of the distribution: 14 in Debian 12, 19 in Debian 13.  What needs libtorch takes g++: clang 14 refuses
+# the headers of libtorch 1.13 in C++20.  In a folder of another compiler's, CMake would forget what the preset sets, the sanitizer
+# first of all.
 fresh=()
 compiler=()
-case $preset in asan-ubsan | tsan)
-  for clang in clang++-14 clang++-19 clang++; do if command -v "$clang" >/dev/null; then break; fi; done
-  compiler=(-DCMAKE_CXX_COMPILER="$clang")
-  grep -qs "^CMAKE_CXX_COMPILER:.*=.*$clang\$" "build/$preset/CMakeCache.txt" || fresh=(--fresh) ;;
+case $preset in
+  asan-ubsan | tsan) for wanted in clang++-14 clang++-19 clang++; do if command -v "$wanted" >/dev/null; then break; fi; done ;;
+  asan-ubsan-training | coverage) wanted=g++ ;;
+  *) wanted= ;;
 esac
+if [ -n "$wanted" ]; then
+  compiler=(-DCMAKE_CXX_COMPILER="$wanted")
+  grep -qs "^CMAKE_CXX_COMPILER:.*[=/]$wanted\$" "build/$preset/CMakeCache.txt" || fresh=(--fresh)
+fi
 cmake --preset "$preset" "${fresh[@]}" "${compiler[@]}" "${launcher[@]}" >/dev/null
 cmake --build --preset "$preset" "${targets[@]}" -- -j "${EARSHOT_JOBS:-$(nproc)}"
 if [ $# -gt 0 ]; then ctest --preset "$preset" "$@"; fi

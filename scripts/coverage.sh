@@ -22,9 +22,11 @@ rooms = ("sim", "envs", "datasets", "policy", "trainer", "evaluation", "bench", 
 
 def counts_of(notes):
     """How often each line of our sources ran in one object; an object that no test has run has zeros."""
-    told = subprocess.run([gcov, "--json-format", "--stdout", str(notes)], capture_output=True, text=True)
+    gcov_run = subprocess.run([gcov, "--json-format", "--stdout", str(notes)], capture_output=True, text=True)
+    if gcov_run.returncode:
+        raise RuntimeError(f"{gcov} {notes}: {gcov_run.stderr.strip()}")
     found = []
-    for text in told.stdout.splitlines():
+    for text in gcov_run.stdout.splitlines():
         report = json.loads(text)
         for file in report["files"]:
             name = os.path.normpath(os.path.join(report["current_working_directory"], file["file"])).removeprefix(root)
@@ -34,7 +36,9 @@ def counts_of(notes):
 
 lines = collections.defaultdict(dict)
 with concurrent.futures.ThreadPoolExecutor(jobs) as pool:
-    for found in pool.map(counts_of, sorted(build.rglob("*.gcno"))):
+    # Notes without an object are of a source that is gone.
+    objects = sorted(notes for notes in build.rglob("*.gcno") if notes.with_suffix(".o").exists())
+    for found in pool.map(counts_of, objects):
         for name, counts in found:
             for number, count in counts:
                 lines[name][number] = max(count, lines[name].get(number, 0))

@@ -332,14 +332,15 @@ class RirBench {
   }
 
   /// The mean of one kind of error, with the range over the fields; nothing where no pose has it.
-  void add_error(const std::string& name, const std::string& unit, ErrorKind kind, const FastErrors& errors, const BenchJson& json) const {
+  void add_error(const std::string& name, const std::string& unit, ErrorKind kind, const FastErrors& errors,
+                 const BenchJson& field_setting) const {
     const ErrorSummary summary = summarise(errors.all, kind);
     const double scale = scale_of(kind);
     std::vector<double> means;
     for (const auto& of_field : errors.of_field)
       if (const ErrorSummary own = summarise(of_field, kind); own.count > 0) means.push_back(scale * own.mean);
     if (means.empty()) return;
-    BenchJson with_spread = json;
+    BenchJson with_spread = field_setting;
     with_spread["range"] = "least and largest mean of one field";
     with_spread["rms"] = scale * summary.rms;
     with_spread["p95"] = scale * summary.p95;

@@ -1,7 +1,5 @@
 #include "evaluation/results/result.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
 #include <limits>

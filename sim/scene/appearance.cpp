@@ -1,7 +1,5 @@
 #include "sim/scene/appearance.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <map>
 #include <string_view>

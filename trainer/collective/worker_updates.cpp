@@ -6,7 +6,7 @@
 #include <limits>
 
 #include "sim/base/errors.h"
-#include "trainer/net/wire.h"
+#include "trainer/net/ring_config.h"
 
 namespace earshot {
 

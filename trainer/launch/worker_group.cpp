@@ -22,7 +22,7 @@
 #include "sim/base/temporary_folder.h"
 #include "trainer/launch/worker_names.h"
 #include "trainer/net/rendezvous.h"
-#include "trainer/net/wire.h"
+#include "trainer/net/ring_config.h"
 
 extern char** environ;
 

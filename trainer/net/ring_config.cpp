@@ -55,6 +55,8 @@ void validate(const NetworkConfig& config) {
           "must be a public key as `earshot keys` prints it: 40 characters");
 }
 
+std::string worker_name(int rank) { return fmt::format("worker {}", rank); }
+
 void validate_world(int num_workers, OnLoss on_loss) {
   require(num_workers >= 1 && num_workers <= kMaxWorkers, "workers", num_workers, fmt::format("must be in [1, {}]", kMaxWorkers));
   require(num_workers <= kMaxMeshWorkers || on_loss == OnLoss::stop, "network.on_loss", "continue",

@@ -53,6 +53,9 @@ struct WorkerIdentity {
   [[nodiscard]] int left() const { return (rank + world_size - 1) % world_size; }
 };
 
+/// How errors and log lines name a worker.
+[[nodiscard]] std::string worker_name(int rank);
+
 /// This worker is no part of the run any more: the others have gone on without it, or may have.
 class LeftOut : public RunError {
  public:

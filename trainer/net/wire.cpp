@@ -15,8 +15,6 @@ constexpr std::uint8_t kLastOperation = static_cast<std::uint8_t>(Operation::han
 
 }  // namespace
 
-std::string worker_name(int rank) { return fmt::format("worker {}", rank); }
-
 RunError protocol_breach(int rank, const WireError& error) {
   return {worker_name(rank), fmt::format("breaks the protocol: {}", error.what())};
 }

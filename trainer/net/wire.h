@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "sim/base/errors.h"
+#include "trainer/net/ring_config.h"
 
 namespace earshot {
 
@@ -20,8 +21,6 @@ class WireError : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-/// How errors and log lines name a worker.
-[[nodiscard]] std::string worker_name(int rank);
 /// The error of a worker whose message cannot be what it should be.
 [[nodiscard]] RunError protocol_breach(int rank, const WireError& error);
 

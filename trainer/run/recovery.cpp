@@ -10,7 +10,7 @@
 #include "sim/base/files.h"
 #include "sim/base/text/listed.h"
 #include "sim/base/text/log.h"
-#include "trainer/net/wire.h"
+#include "trainer/net/ring_config.h"
 
 namespace earshot {
 namespace {

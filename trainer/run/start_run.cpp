@@ -12,7 +12,7 @@
 #include "sim/base/text/config_reader.h"
 #include "trainer/checkpoint/find_checkpoint.h"
 #include "trainer/checkpoint/run_folder.h"
-#include "trainer/net/wire.h"
+#include "trainer/net/ring_config.h"
 #include "trainer/run/effective_config.h"
 #include "trainer/run/episode_data.h"
 #include "trainer/run/initial_policy.h"

@@ -33,7 +33,7 @@ struct EdgePath {
   std::array<glm::dvec3, kMaxDiffractionOrder> point{};
   double length_m = 0;  ///< of the way by these points
 
-  /// What levels and delays count with: not less than kLeastDistanceM.
+  /// Path length for levels and delays: at least kLeastDistanceM.
   [[nodiscard]] double distance_m() const { return std::max(length_m, double{kLeastDistanceM}); }
 };
 /// False if the points of two edges coincide, as at a corner where they meet.

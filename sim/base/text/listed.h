@@ -7,14 +7,14 @@
 
 namespace earshot {
 
-/// The elements of a range as fmt writes them, with `between` between them.  fmt::join would compile the formatting of numbers into each
-/// source that calls it, two and a half seconds.
+/// The elements of a range as fmt writes them, with the separator between them.  fmt::join would compile the formatting of numbers into
+/// each source that calls it, two and a half seconds.
 template <class Range>
-[[nodiscard]] std::string listed(const Range& range, std::string_view between) {
+[[nodiscard]] std::string listed(const Range& range, std::string_view separator) {
   std::string text;
   bool first = true;
   for (const auto& element : range) {
-    text += fmt::format("{}{}", first ? "" : between, element);
+    text += fmt::format("{}{}", first ? "" : separator, element);
     first = false;
   }
   return text;
