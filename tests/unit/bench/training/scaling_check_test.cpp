@@ -28,6 +28,14 @@ double mean(const std::vector<double>& values) {
   return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
 }
 
+/// What a call has taken, on the clock and of the processor.
+struct Taken {
+  double all_s = 0, processor_s = 0;
+};
+double sum_of(const std::vector<Taken>& calls, double Taken::*part) {
+  return std::accumulate(calls.begin(), calls.end(), 0.0, [&](double sum, const Taken& call) { return sum + call.*part; });
+}
+
 /// Two workers whose calls take known times at least, a part of them of the processor, and note what they have taken: a machine that is
 /// busy makes them longer.
 class TimedCalls : public Collective {
@@ -58,29 +66,40 @@ class TimedCalls : public Collective {
   /// Median over the runs between barriers of a call's mean.
   [[nodiscard]] double median_of_sum_s(std::size_t bytes) const {
     std::vector<double> means;
-    for (const std::vector<double>& run : seconds_.at(bytes))
-      if (!run.empty()) means.push_back(mean(run));
+    for (const std::vector<Taken>& run : seconds_.at(bytes))
+      if (!run.empty()) means.push_back(sum_of(run, &Taken::all_s) / static_cast<double>(run.size()));
     std::ranges::sort(means);
     return means[means.size() / 2];
+  }
+  /// Mean over all calls of this size.
+  [[nodiscard]] double processor_of_sum_s(std::size_t bytes) const {
+    double sum = 0;
+    std::size_t calls = 0;
+    for (const std::vector<Taken>& run : seconds_.at(bytes)) {
+      sum += sum_of(run, &Taken::processor_s);
+      calls += run.size();
+    }
+    return sum / static_cast<double>(calls);
   }
   /// Of all calls since the last barrier.
   [[nodiscard]] double all_s() const {
     double sum = 0;
-    for (const auto& [bytes, runs] : seconds_) sum += std::accumulate(runs.back().begin(), runs.back().end(), 0.0);
-    return std::accumulate(gathers_.back().begin(), gathers_.back().end(), sum);
+    for (const auto& [bytes, runs] : seconds_) sum += sum_of(runs.back(), &Taken::all_s);
+    return sum + sum_of(gathers_.back(), &Taken::all_s);
   }
 
  private:
-  using Runs = std::vector<std::vector<double>>;
+  using Runs = std::vector<std::vector<Taken>>;
   struct OfSize : Runs {
     OfSize() : Runs(1) {}
   };
 
   static void take(double seconds, double of_processor_s, Runs& runs) {
     const auto start = Clock::now();
-    for (const double begin = processor_s(); processor_s() - begin < of_processor_s;) continue;
+    const double begin = processor_s();
+    while (processor_s() - begin < of_processor_s) continue;
     std::this_thread::sleep_until(start + std::chrono::duration<double>(seconds));
-    runs.back().push_back(std::chrono::duration<double>(Clock::now() - start).count());
+    runs.back().push_back({std::chrono::duration<double>(Clock::now() - start).count(), processor_s() - begin});
   }
 
   std::map<std::size_t, OfSize> seconds_;
@@ -112,11 +131,12 @@ TEST(ScalingCheck, LinkIsWhatItsCallsTake) {
   EXPECT_NEAR(link.bytes_per_s, bytes_per_s, 0.1 * bytes_per_s);
   const double step_s = (ring_s - 262144 / bytes_per_s) / 2;
   EXPECT_NEAR(link.step_s, step_s, 0.2 * step_s);
-  // Time of the processor is no longer on a busy machine; beside it there is what sleeping costs.
+  const double message_s = workers.processor_of_sum_s(kSmall);
   EXPECT_GE(link.message_s, TimedCalls::kMessage_s);
-  EXPECT_LT(link.message_s, 1.5 * TimedCalls::kMessage_s);
+  EXPECT_NEAR(link.message_s, message_s, 0.2 * message_s);
+  const double byte_s = workers.processor_of_sum_s(kLarge) / static_cast<double>(kLarge);
   EXPECT_GE(link.byte_s, TimedCalls::kByte_s);
-  EXPECT_LT(link.byte_s, 1.5 * TimedCalls::kByte_s);
+  EXPECT_NEAR(link.byte_s, byte_s, 0.2 * byte_s);
 }
 
 TEST(ScalingCheck, PartsOfAnUpdateAddUp) {
