@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # scripts/test.sh [full|quick|all]
-#   full   (default; what CI runs) format, clang-tidy on changed lines (45 s at most; `all` looks at all of them), the release
+#   full   (default; what CI runs) format, clang-tidy on changed lines (begins no file after 20 s; `all` looks at all of them), the release
 #          build and its tests but the slow and long ones, those of the Python package (skipped with a line where the Python
 #          package index cannot be reached), the tests of code that parses outside files under the address and
 #          undefined-behaviour sanitizers, those in which threads meet under the thread sanitizer, and a minute of fuzzing
@@ -17,7 +17,7 @@ mode=${1:-full}
 case $mode in full | quick | all) ;; *) echo "test.sh: unknown mode '$mode'; one of: full, quick, all" >&2; exit 2 ;; esac
 jobs=${EARSHOT_JOBS:-$(nproc)}
 record=tests/slow_statistics.txt
-build=ci left_out='^(slow|long)$' asan_targets=() tsan_targets=() sanitized="" fuzz=(--quick 60) tidy=(--seconds 45)
+build=ci left_out='^(slow|long)$' asan_targets=() tsan_targets=() sanitized="" fuzz=(--quick 60) tidy=(--seconds 20)
 if [ "$mode" = all ]; then build=release left_out='^slow$' asan_targets=(--target all) tsan_targets=(--target thread_tests test_datasets_threads) sanitized=-all fuzz=(60) tidy=(); fi
 table=""
 failed=()
