@@ -18,8 +18,8 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/process/progress.h"
+#include "sim/base/process/stop_signals.h"
 #include "trainer/checkpoint/run_folder.h"
-#include "trainer/net/stop_signals.h"
 
 namespace earshot {
 namespace {

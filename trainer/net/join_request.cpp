@@ -6,10 +6,10 @@
 #include <algorithm>
 
 #include "sim/base/errors.h"
+#include "sim/base/process/stop_signals.h"
 #include "sim/base/text/log.h"
 #include "trainer/net/meeting_sockets.h"
 #include "trainer/net/rendezvous.h"
-#include "trainer/net/stop_signals.h"
 
 namespace earshot {
 namespace {

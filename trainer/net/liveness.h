@@ -81,7 +81,7 @@ class Liveness {
 
  private:
   struct Peer {
-    Clock::time_point heard_at;
+    Clock::time_point heard_at = Clock::time_point::min();  ///< never
     std::optional<std::uint64_t> finished_after;
   };
   Peer& peer(int rank) { return peers_[static_cast<std::size_t>(rank)]; }

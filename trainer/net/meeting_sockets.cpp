@@ -4,7 +4,6 @@
 
 #include <array>
 #include <cerrno>
-#include <cstring>
 
 #include "sim/base/errors.h"
 #include "trainer/net/host_address.h"
@@ -83,18 +82,14 @@ std::vector<zmq::message_t> receive_parts(zmq::socket_t& socket) {
   return parts;
 }
 
-HandshakeMonitor::HandshakeMonitor(zmq::context_t& context, zmq::socket_t& socket) : events_(context, zmq::socket_type::pair) {
-  constexpr const char* kAddress = "inproc://rendezvous.handshakes";
-  constexpr int kEvents = ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL | ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL | ZMQ_EVENT_HANDSHAKE_FAILED_AUTH;
-  if (::zmq_socket_monitor(socket.handle(), kAddress, kEvents) != 0) throw zmq::error_t();
-  events_.set(zmq::sockopt::linger, 0);
-  events_.connect(kAddress);
-}
+HandshakeMonitor::HandshakeMonitor(zmq::context_t& context, zmq::socket_t& socket)
+    : monitor_(context, socket,
+               ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL | ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL | ZMQ_EVENT_HANDSHAKE_FAILED_AUTH,
+               "inproc://rendezvous.handshakes") {}
 
 void HandshakeMonitor::read(const std::string& where, const LinkSecurity& security) {
-  const auto parts = receive_parts(events_);
-  std::uint16_t event = 0;
-  if (!parts.empty() && parts[0].size() >= sizeof(event)) std::memcpy(&event, parts[0].data(), sizeof(event));
+  const auto event = monitor_.next();
+  if (!event) return;
   ++failed_;
   if (event == ZMQ_EVENT_HANDSHAKE_FAILED_AUTH)
     throw RunError(where, fmt::format("worker 0 does not allow the key {}: add it to its network.allow_list", security.public_key()));

@@ -8,6 +8,7 @@
 
 #include "trainer/net/link_security.h"
 #include "trainer/net/ring_config.h"
+#include "trainer/net/socket_monitor.h"
 
 namespace earshot {
 
@@ -37,12 +38,12 @@ std::vector<zmq::message_t> receive_parts(zmq::socket_t& socket);
 class HandshakeMonitor {
  public:
   HandshakeMonitor(zmq::context_t& context, zmq::socket_t& socket);
-  [[nodiscard]] zmq::socket_t& socket() { return events_; }
-  /// Reads the next event; throws RunError if the other end refuses the key, or after too many failures.
+  [[nodiscard]] zmq::socket_t& socket() { return monitor_.reader(); }
+  /// Reads the next event, if one has come; throws RunError if the other end refuses the key, or after too many failures.
   void read(const std::string& where, const LinkSecurity& security);
 
  private:
-  zmq::socket_t events_;
+  SocketMonitor monitor_;
   int failed_ = 0;
 };
 

@@ -7,7 +7,6 @@
 #include <array>
 #include <cerrno>
 #include <charconv>
-#include <cstring>
 #include <string_view>
 #include <utility>
 
@@ -51,26 +50,10 @@ zmq::socket_t open_dialer(zmq::context_t& context, const std::string& routing_id
   return socket;
 }
 
-/// Events of a connection that ends.  address: an inproc:// name of its own.
-zmq::socket_t monitor_of(zmq::context_t& context, zmq::socket_t& socket, const std::string& address) {
-  if (zmq_socket_monitor(socket.handle(), address.c_str(), ZMQ_EVENT_DISCONNECTED | ZMQ_EVENT_CLOSED) != 0) throw zmq::error_t();
-  zmq::socket_t events(context, zmq::socket_type::pair);
-  events.set(zmq::sockopt::linger, 0);
-  events.connect(address);
-  return events;
-}
-
 /// Whether a monitor tells of an end.  Reads all that there is.
-bool has_ended(zmq::socket_t& monitor) {
+bool has_ended(SocketMonitor& monitor) {
   bool ended = false;
-  zmq::message_t event;
-  while (monitor.recv(event, zmq::recv_flags::dontwait)) {
-    std::uint16_t number = 0;
-    if (event.size() >= sizeof(number)) std::memcpy(&number, event.data(), sizeof(number));
-    zmq::message_t address;
-    if (event.more() && !monitor.recv(address, zmq::recv_flags::dontwait)) break;
-    ended = ended || number == ZMQ_EVENT_DISCONNECTED || number == ZMQ_EVENT_CLOSED;
-  }
+  while (const auto event = monitor.next()) ended = ended || *event == ZMQ_EVENT_DISCONNECTED || *event == ZMQ_EVENT_CLOSED;
   return ended;
 }
 
@@ -212,21 +195,21 @@ PeerLinks::PeerLinks(const RingConfig& config, milliseconds linger)
 
 std::string PeerLinks::routing_id() const { return routing_id_of(run_key_, config_.identity.rank, config_.incarnation); }
 
-zmq::socket_t PeerLinks::watch(zmq::socket_t& socket) {
-  return monitor_of(context_, socket, fmt::format("inproc://monitor-{}", ++num_monitors_));
+/// Events of a connection that ends.
+SocketMonitor PeerLinks::watch(zmq::socket_t& socket) {
+  return {context_, socket, ZMQ_EVENT_DISCONNECTED | ZMQ_EVENT_CLOSED, fmt::format("inproc://monitor-{}", ++num_monitors_)};
 }
 
 void PeerLinks::connect(int rank, const PeerAddress& to) {
   disconnect(rank);
-  Link link;
-  link.control = open_dialer(context_, routing_id(), linger_);
-  security_.secure_dialer(link.control, to.public_key);
+  zmq::socket_t control = open_dialer(context_, routing_id(), linger_);
+  security_.secure_dialer(control, to.public_key);
   const int interval_ms = static_cast<int>(config_.heartbeat.count());
-  link.control.set(zmq::sockopt::heartbeat_ivl, interval_ms);
-  link.control.set(zmq::sockopt::heartbeat_timeout, 4 * interval_ms);
-  link.monitor = watch(link.control);
-  link.control.connect(to.endpoint);
-  links_.emplace(rank, std::move(link));
+  control.set(zmq::sockopt::heartbeat_ivl, interval_ms);
+  control.set(zmq::sockopt::heartbeat_timeout, 4 * interval_ms);
+  SocketMonitor monitor = watch(control);
+  control.connect(to.endpoint);
+  links_.emplace(rank, Link{std::move(control), std::move(monitor), std::nullopt});
 }
 
 void PeerLinks::disconnect(int rank) {
@@ -244,8 +227,8 @@ void PeerLinks::connect_bulk(const PeerAddress& to, std::optional<std::uint32_t>
 }
 
 void PeerLinks::disconnect_bulk() {
+  bulk_monitor_.reset();
   bulk_out_.close();
-  bulk_monitor_.close();
   bulk_lost_at_.reset();
 }
 
@@ -299,7 +282,7 @@ void PeerLinks::read_monitors() {
   const auto now = Clock::now();
   for (auto& [rank, link] : links_)
     if (has_ended(link.monitor) && !link.lost_at) link.lost_at = now;
-  if (bulk_monitor_ && has_ended(bulk_monitor_) && !bulk_lost_at_) bulk_lost_at_ = now;
+  if (bulk_monitor_ && has_ended(*bulk_monitor_) && !bulk_lost_at_) bulk_lost_at_ = now;
 }
 
 std::optional<PeerLinks::Clock::time_point> PeerLinks::lost_at(int rank) const {
@@ -321,8 +304,8 @@ void PeerLinks::poll(const PeerInterest& interest, milliseconds longest) {
   if (interest.bulk_queue_full) poll_items_.push_back({bulk_out_.handle(), 0, ZMQ_POLLOUT, 0});
   for (const int rank : interest.full_control_queues) poll_items_.push_back({links_.at(rank).control.handle(), 0, ZMQ_POLLOUT, 0});
   for (auto& [rank, link] : links_)
-    if (!link.lost_at) poll_items_.push_back({link.monitor.handle(), 0, ZMQ_POLLIN, 0});
-  if (bulk_monitor_ && !bulk_lost_at_) poll_items_.push_back({bulk_monitor_.handle(), 0, ZMQ_POLLIN, 0});
+    if (!link.lost_at) poll_items_.push_back({link.monitor.reader().handle(), 0, ZMQ_POLLIN, 0});
+  if (bulk_monitor_ && !bulk_lost_at_) poll_items_.push_back({bulk_monitor_->reader().handle(), 0, ZMQ_POLLIN, 0});
   const long longest_ms = std::max<long>(0, static_cast<long>(longest.count()));
   if (zmq_poll(poll_items_.data(), static_cast<int>(poll_items_.size()), longest_ms) < 0 && zmq_errno() != EINTR) throw zmq::error_t();
   read_monitors();

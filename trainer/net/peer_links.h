@@ -18,6 +18,7 @@
 #include "sim/base/errors.h"
 #include "trainer/net/link_security.h"
 #include "trainer/net/ring_config.h"
+#include "trainer/net/socket_monitor.h"
 #include "trainer/net/wire.h"
 
 namespace earshot {
@@ -158,11 +159,12 @@ class PeerLinks {
 
  private:
   struct Link {
-    zmq::socket_t monitor, control;  ///< the socket that is watched closes first
+    zmq::socket_t control;
+    SocketMonitor monitor;
     std::optional<Clock::time_point> lost_at;
   };
   [[nodiscard]] std::string routing_id() const;
-  [[nodiscard]] zmq::socket_t watch(zmq::socket_t& socket);
+  [[nodiscard]] SocketMonitor watch(zmq::socket_t& socket);
 
   const RingConfig& config_;
   std::chrono::milliseconds linger_;
@@ -170,7 +172,8 @@ class PeerLinks {
   zmq::context_t context_{1};
   LinkSecurity security_;
   std::unique_ptr<CurveGate> gate_;
-  zmq::socket_t control_in_, bulk_in_, bulk_out_, bulk_monitor_;
+  zmq::socket_t control_in_, bulk_in_, bulk_out_;
+  std::optional<SocketMonitor> bulk_monitor_;
   std::string control_endpoint_, bulk_endpoint_;
   std::map<int, Link> links_;
   std::optional<Clock::time_point> bulk_lost_at_;

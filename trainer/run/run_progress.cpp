@@ -4,7 +4,7 @@
 #include <array>
 #include <span>
 
-#include "trainer/net/stop_signals.h"
+#include "sim/base/process/stop_signals.h"
 
 namespace earshot {
 

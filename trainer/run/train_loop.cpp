@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 
 #include "policy/torch_threads.h"
-#include "trainer/net/stop_signals.h"
+#include "sim/base/process/stop_signals.h"
 #include "trainer/run/start_run.h"
 #include "trainer/run/train_worker.h"
 

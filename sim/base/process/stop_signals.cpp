@@ -1,4 +1,4 @@
-#include "trainer/net/stop_signals.h"
+#include "sim/base/process/stop_signals.h"
 
 #include <atomic>
 #include <csignal>

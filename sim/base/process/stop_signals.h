@@ -4,9 +4,8 @@
 
 namespace earshot {
 
-/// While it lives, SIGTERM, SIGINT, SIGHUP and SIGUSR1 ask for a graceful stop instead of ending the process (SIGHUP only
-/// where it was not ignored, as under nohup); the old handlers come back at its
-/// end. One at a time.
+/// While it lives, SIGTERM, SIGINT, SIGHUP and SIGUSR1 ask for a graceful stop instead of ending the process (SIGHUP only where it was not
+/// ignored, as under nohup); the old handlers come back at its end.  One at a time.
 class StopSignals {
  public:
   StopSignals();
