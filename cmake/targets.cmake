@@ -47,9 +47,10 @@ endfunction()
 #   other *_test.cpp    test_DIR, label `fast`
 # Those that tests/long_tests.txt names, and under a sanitizer tests/long_tests_address.txt or long_tests_thread.txt, have the label `long` too,
 # and run in `scripts/test.sh all` alone.
-# Tests of code that parses outside files and messages have the label `sanitized` (folders below): the address sanitizer runs them in CI (target
-# sanitized_tests), and all tests but those of bench in `scripts/test.sh all`.  Those that include libtorch, and those of the program, have the label `training`: they run
-# under the address sanitizer in `scripts/test.sh all` (target training_tests of the preset asan-ubsan-training).
+# Tests of code that parses outside files and messages, but for datasets, have the label `sanitized` (folders below): the address sanitizer
+# runs them in CI (target sanitized_tests), and all tests but slow ones and those of bench in `scripts/test.sh all`.  Those that include
+# libtorch, and those of the program, have the label `training`: they run under the address sanitizer in `scripts/test.sh all` (target
+# training_tests of the preset asan-ubsan-training).
 # A leading unit/ is not part of the executables' names.  ALONE REGEX: tests that compare times, beside which ctest runs no others.  ROOMS
 # FOLDER...: the tests of DIR and of these folders in it; `*` stands for all.
 # LIBTORCH LIBS...: tests that include libtorch are an executable of their own, test_DIR_libtorch, with these libraries, so that the others start

@@ -239,7 +239,7 @@ void run_walk(const WalkArguments& options) {
   SourceFieldStore fields({.folder = options.field_store,
                            .max_bytes = static_cast<std::uint64_t>(options.field_store_gb * 1e9),
                            .max_memory_bytes = 0,
-                           .warn = [](const std::string& message) { log_warning(message); }});
+                           .warn = log_warning});
   for (WalkSource& source : sources) source.prepare(acoustics, fields);
   std::size_t num_channels = 0;
   std::vector<float> sound, mix;

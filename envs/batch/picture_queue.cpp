@@ -31,9 +31,8 @@ ClearedAtEnd(std::vector<T>&) -> ClearedAtEnd<T>;
 std::unique_ptr<EglRenderer> open_renderer(const ObservationSpec& spec, std::span<const AgentCamera> cameras) {
   if (spec.renderer == Renderer::embree || !std::ranges::any_of(cameras, &AgentCamera::is_pinhole)) return nullptr;
   std::unique_ptr<EglRenderer> egl;
-  const auto warn = [](const std::string& message) { log_warning(message); };
   try {
-    egl = std::make_unique<EglRenderer>(EglOptions{.device = spec.egl_device, .warn = warn});
+    egl = std::make_unique<EglRenderer>(EglOptions{.device = spec.egl_device, .warn = log_warning});
   } catch (const InputError&) {  // no hardware; but a device that has a name is there or is a mistake
     if (spec.renderer == Renderer::egl || spec.egl_device != "auto") throw;
   } catch (const RunError& error) {

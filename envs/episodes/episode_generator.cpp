@@ -43,7 +43,7 @@ struct SharedGoals {
   }
 };
 
-std::optional<Episode> draw_episode(const RandomStream& random, const Scene* scene, const Navmesh& navmesh, const EpisodeRequest& request,
+std::optional<Episode> draw_episode(const RandomStream& random, const Scene& scene, const Navmesh& navmesh, const EpisodeRequest& request,
                                     SharedGoals& shared) {
   const TaskConfig& task = request.task;
   const EpisodeFilter& filter = request.filter;
@@ -55,7 +55,7 @@ std::optional<Episode> draw_episode(const RandomStream& random, const Scene* sce
   // The plain path query refuses most draws before a distance field is built for the goal.
   const auto path_m = navmesh.path_length_m(start, goal);
   if (!path_m || !passes(filter, *path_m, straight_m)) return std::nullopt;
-  if (scene && !(stands_free(*scene, start, task.ear_height_m) && stands_free(*scene, goal, task.source_height_m))) return std::nullopt;
+  if (!(stands_free(scene, start, task.ear_height_m) && stands_free(scene, goal, task.source_height_m))) return std::nullopt;
 
   std::optional<GeodesicField> own;
   if (shared.places.empty()) own.emplace(navmesh, goal);
@@ -68,42 +68,11 @@ std::optional<Episode> draw_episode(const RandomStream& random, const Scene* sce
   // Counted from the heading that a reader of the file gets.
   const auto actions = count_oracle_actions(task, navmesh, field, start, heading_of(episode.start_rotation));
   if (!actions || *actions > task.max_steps) return std::nullopt;
-  episode.start_position = scene ? scene->to_world(start) : glm::dvec3(start);
-  episode.goal_position = scene ? scene->to_world(goal) : glm::dvec3(goal);
+  episode.start_position = scene.to_world(start);
+  episode.goal_position = scene.to_world(goal);
   episode.geodesic_distance_m = *geodesic_m;
   episode.num_action = *actions;
   return episode;
-}
-
-std::vector<Episode> generate(const std::string& scene_id, const Scene* scene, const Navmesh& navmesh, const EpisodeRequest& request,
-                              SharedGoals shared) {
-  const EpisodeFilter& filter = request.filter;
-  const std::vector<std::string>& sounds = request.sounds;
-  validate(request.task);
-  validate(filter);
-  require(request.count >= 0, "count", request.count, "must not be negative");
-  if (sounds.empty()) throw InputError(scene_id, "no sounds to draw from", "name at least one, for example synth:telephone");
-  const auto scene_word = static_cast<std::uint32_t>(hash64(scene_id));
-  std::vector<Episode> episodes;
-  episodes.reserve(static_cast<std::size_t>(request.count));
-  for (int index = 0; index < request.count; ++index) {
-    std::optional<Episode> episode;
-    for (int attempt = 0; attempt < filter.max_tries && !episode; ++attempt) {
-      const RandomStream random(request.seed, Purpose::episode, scene_word, static_cast<std::uint32_t>(index),
-                                static_cast<std::uint32_t>(attempt));
-      episode = draw_episode(random, scene, navmesh, request, shared);
-      if (episode) episode->sound = sounds[random.below(static_cast<std::uint32_t>(sounds.size()), EpisodeDraw::sound)];
-    }
-    if (!episode)
-      throw InputError(scene_id,
-                       fmt::format("no episode with a path of {} to {} m, {} times the straight distance, in {} tries",
-                                   filter.min_geodesic_m, filter.max_geodesic_m, filter.min_ratio, filter.max_tries),
-                       "loosen the filter (min_geodesic_m, min_ratio) or take a larger scene");
-    episode->episode_id = std::to_string(index);
-    episode->scene_id = scene_id;
-    episodes.push_back(std::move(*episode));
-  }
-  return episodes;
 }
 
 }  // namespace
@@ -127,15 +96,37 @@ void validate(const EpisodeFilter& filter) {
   require(filter.max_tries >= 1, "max_tries", filter.max_tries, "must be at least 1");
 }
 
-std::vector<Episode> generate_episodes(const std::string& scene_id, const Navmesh& navmesh, const EpisodeRequest& request) {
-  return generate(scene_id, nullptr, navmesh, request, {});
-}
-
 std::vector<Episode> generate_episodes(const std::string& scene_id, const Scene& scene, const Navmesh& navmesh,
                                        const EpisodeRequest& request) {
+  const EpisodeFilter& filter = request.filter;
+  const std::vector<std::string>& sounds = request.sounds;
+  validate(request.task);
+  validate(filter);
+  require(request.count >= 0, "count", request.count, "must not be negative");
+  if (sounds.empty()) throw InputError(scene_id, "no sounds to draw from", "name at least one, for example synth:telephone");
   SharedGoals shared{.places = spread_goals(scene_id, scene, navmesh, request), .fields = {}};
   shared.fields.resize(shared.places.size());
-  return generate(scene_id, &scene, navmesh, request, std::move(shared));
+  const auto scene_word = static_cast<std::uint32_t>(hash64(scene_id));
+  std::vector<Episode> episodes;
+  episodes.reserve(static_cast<std::size_t>(request.count));
+  for (int index = 0; index < request.count; ++index) {
+    std::optional<Episode> episode;
+    for (int attempt = 0; attempt < filter.max_tries && !episode; ++attempt) {
+      const RandomStream random(request.seed, Purpose::episode, scene_word, static_cast<std::uint32_t>(index),
+                                static_cast<std::uint32_t>(attempt));
+      episode = draw_episode(random, scene, navmesh, request, shared);
+      if (episode) episode->sound = sounds[random.below(static_cast<std::uint32_t>(sounds.size()), EpisodeDraw::sound)];
+    }
+    if (!episode)
+      throw InputError(scene_id,
+                       fmt::format("no episode with a path of {} to {} m, {} times the straight distance, in {} tries",
+                                   filter.min_geodesic_m, filter.max_geodesic_m, filter.min_ratio, filter.max_tries),
+                       "loosen the filter (min_geodesic_m, min_ratio) or take a larger scene");
+    episode->episode_id = std::to_string(index);
+    episode->scene_id = scene_id;
+    episodes.push_back(std::move(*episode));
+  }
+  return episodes;
 }
 
 std::vector<glm::vec3> spread_goals(const std::string& scene_id, const Scene& scene, const Navmesh& navmesh,

@@ -33,14 +33,11 @@ struct EpisodeRequest {
   int num_goals = 0;  ///< that the episodes share; 0: every episode has a goal of its own
 };
 
-/// request.count episodes in one scene: start and goal uniform on the largest island, sound drawn from request.sounds, heading uniform over
-/// multiples of the turn.  A function of (scene_id, request), independent of other calls.  num_goals is not used.  Throws
-/// InputError if the filter finds none in max_tries.
-std::vector<Episode> generate_episodes(const std::string& scene_id, const Navmesh& navmesh, const EpisodeRequest& request);
-/// The same, and start and goal have free air from knee to ear or source: the navmesh resolves walls to a cell only, and a source inside
-/// a shelf would be inaudible.
-/// num_goals > 0: the episodes share the goals of spread_goals, each taking one at random among those that the filter lets it have, so that
-/// what is made once per source (source fields, distances) serves many episodes.
+/// request.count episodes in one scene: start and goal uniform on the largest island, with free air from knee to ear or source (the navmesh
+/// resolves walls to a cell only, and a source inside a shelf would be inaudible), sound drawn from request.sounds, heading uniform over
+/// multiples of the turn.  A function of (scene_id, scene, request), independent of other calls.  Throws InputError if the filter finds
+/// none in max_tries. num_goals > 0: the episodes share the goals of spread_goals, each taking one at random among those that the filter
+/// lets it have, so that what is made once per source (source fields, distances) serves many episodes.
 std::vector<Episode> generate_episodes(const std::string& scene_id, const Scene& scene, const Navmesh& navmesh,
                                        const EpisodeRequest& request);
 

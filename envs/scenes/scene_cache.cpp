@@ -277,7 +277,7 @@ struct SceneCache::Impl {
 SceneCache::SceneCache(const AcousticConfig& acoustics, const NavmeshConfig& navmesh, std::filesystem::path scene_root,
                        std::size_t max_bytes, FieldStoreConfig fields, SceneStoreConfig scenes) {
   fields.max_memory_bytes = 0;  // the sources here hold what is used
-  fields.warn = [](const std::string& message) { log_warning(message); };
+  fields.warn = log_warning;
   scenes.warn = fields.warn;
   impl_ = std::make_unique<Impl>(std::move(fields), std::move(scenes));
   validate(acoustics);

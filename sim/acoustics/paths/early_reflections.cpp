@@ -175,16 +175,16 @@ bool confirm_segments(const AcousticScene& scene, bool by_folds, glm::vec3 liste
 }
 
 /// Fraction of an image that remains with panels of finite size.
-struct PanelLoss {
+struct PanelFactor {
   std::array<double, kMaxBands> energy_fraction, phase_rad{};
   bool finite = false;  ///< is any panel?
 };
 
-PanelLoss find_panel_loss(const AcousticScene& scene, std::span<const EdgeBands> groups, glm::dvec3 source, double distance_m,
-                          const MirrorPath& path) {
-  PanelLoss loss;
-  loss.energy_fraction.fill(1.0);
-  if (scene.panel_edges() == nullptr) return loss;
+PanelFactor find_panel_factor(const AcousticScene& scene, std::span<const EdgeBands> groups, glm::dvec3 source, double distance_m,
+                              const MirrorPath& path) {
+  PanelFactor product;
+  product.energy_fraction.fill(1.0);
+  if (scene.panel_edges() == nullptr) return product;
   const auto num_planes = static_cast<std::uint32_t>(scene.planes().size());
   const double longest_wave_m = scene.speed_of_sound_m_per_s() / scene.bands().centre_hz.front();
   glm::dvec3 image = source;
@@ -196,16 +196,16 @@ PanelLoss find_panel_loss(const AcousticScene& scene, std::span<const EdgeBands>
     if (edges.empty() || !(before_m > 0)) continue;
     const PanelReflection panel(edges, image, image + (path.point[i] - image) * (distance_m / before_m), path.point[i], longest_wave_m);
     if (!panel.finite()) continue;
-    loss.finite = true;
+    product.finite = true;
     for (const EdgeBands& bands : groups) {
       const PanelReflection::Factor factor = panel.factor(bands.wave.number);
       for (int lane = 0; lane < bands.count; ++lane) {
-        loss.energy_fraction[bands.first + lane] *= double{factor.energy[lane]};
-        loss.phase_rad[bands.first + lane] += double{factor.phase_rad[lane]};
+        product.energy_fraction[bands.first + lane] *= double{factor.energy[lane]};
+        product.phase_rad[bands.first + lane] += double{factor.phase_rad[lane]};
       }
     }
   }
-  return loss;
+  return product;
 }
 
 }  // namespace
@@ -294,7 +294,7 @@ bool EarlyCandidates::find_path(const AcousticScene& scene, std::size_t index, g
   if (!scene.folds().planes.empty() && !weigh_folds(scene, std::span(path.met_plane).first(order), std::span(path.met_fold).first(order),
                                                     by_folds, listener, path.energy_fraction))
     return false;
-  const PanelLoss panels = find_panel_loss(scene, diffraction_.bands(), glm::dvec3(source()), distance_m, path);
+  const PanelFactor panels = find_panel_factor(scene, diffraction_.bands(), glm::dvec3(source()), distance_m, path);
 
   const glm::dvec3 departure = path.point[0] - glm::dvec3(source());
   arrival.kind = ArrivalKind::reflection;

@@ -120,18 +120,18 @@ void PathGlider::advance(const EnergyResponse& response, std::span<const std::ui
 }
 
 /// line_[j]: the dry sound through the line at j - (num_taps / 2 - 1) samples from the start of the block.
-void PathGlider::read_line(const Block& block, const Line& line) {
+void PathGlider::read_line(const DryBlock& dry, const Line& line) {
   const std::size_t half = num_taps_ / 2, before = half - 1;
-  line_.resize(static_cast<std::size_t>(block.samples) + num_taps_ - 1);
+  line_.resize(static_cast<std::size_t>(dry.samples) + num_taps_ - 1);
   const auto all = std::span(line_);
-  block.sound.read(block.position, -static_cast<double>(before) * (1.0 - line.slope_before) - line.delay, 1.0 - line.slope_before,
-                   all.first(before));
-  block.sound.read(block.position, -line.delay, 1.0 - line.slope, all.subspan(before));
+  dry.sound.read(dry.position, -static_cast<double>(before) * (1.0 - line.slope_before) - line.delay, 1.0 - line.slope_before,
+                 all.first(before));
+  dry.sound.read(dry.position, -line.delay, 1.0 - line.slope, all.subspan(before));
 }
 
 /// A line through a filter into one of the sums.
-void PathGlider::add_line(const Block& block, const Line& line, const std::complex<float>* filter, std::size_t channel, Sum& sum) {
-  read_line(block, line);
+void PathGlider::add_line(const DryBlock& dry, const Line& line, const std::complex<float>* filter, std::size_t channel, Sum& sum) {
+  read_line(dry, line);
   const auto whole = std::span<const float>(line_);
   for (std::size_t piece = 0; piece < pieces_; ++piece) {
     const auto from_piece = whole.subspan(piece * hop());
@@ -159,14 +159,14 @@ void PathGlider::render(const OversampledSound& sound, const StreamPosition& pos
   if (paths.now_.count + (moves ? paths.before_.count : 0) == 0 || block == 0) return;
   for (Sum* sum : {&resting_, &from_, &to_, &entering_, &leaving_}) sum->any = false;
   pieces_ = (static_cast<std::size_t>(block) + hop() - 1) / hop();
-  const Block dry_block{sound, position, block};
-  add_present_paths(dry_block, paths, moves);
-  if (moves) add_leaving_paths(dry_block, paths);
+  const DryBlock dry{sound, position, block};
+  add_present_paths(dry, paths, moves);
+  if (moves) add_leaving_paths(dry, paths);
   fade_sums(block, fade, output);
 }
 
 /// Paths of the new pose: at rest, entering, or gliding from the pose before.
-void PathGlider::add_present_paths(const Block& block, GlidingPaths& paths, bool moves) {
+void PathGlider::add_present_paths(const DryBlock& dry, GlidingPaths& paths, bool moves) {
   Pose& now = paths.now_;
   const Pose& before = paths.before_;
   for (std::size_t path = 0; path < now.count; ++path) {
@@ -175,11 +175,11 @@ void PathGlider::add_present_paths(const Block& block, GlidingPaths& paths, bool
       const std::size_t row = path * num_channels_ + c;
       if (partner == kNoPartner) {
         // At rest what it did in the block before still rings in the filter.
-        add_line(block, {now.delay[row], 0.0, moves ? 0.0 : now.slope[row]}, filter_of(now, row), c, moves ? entering_ : resting_);
+        add_line(dry, {now.delay[row], 0.0, moves ? 0.0 : now.slope[row]}, filter_of(now, row), c, moves ? entering_ : resting_);
         now.slope[row] = 0;
       } else {
         const std::size_t old = static_cast<std::size_t>(partner) * num_channels_ + c;
-        add_line(block, {before.delay[old], now.slope[row], before.slope[old]}, filter_of(before, old), c, from_);
+        add_line(dry, {before.delay[old], now.slope[row], before.slope[old]}, filter_of(before, old), c, from_);
         add_product(filter_of(now, row), c, to_);
       }
     }
@@ -187,14 +187,14 @@ void PathGlider::add_present_paths(const Block& block, GlidingPaths& paths, bool
 }
 
 /// Paths of the pose before that are no partner of a new one.
-void PathGlider::add_leaving_paths(const Block& block, const GlidingPaths& paths) {
+void PathGlider::add_leaving_paths(const DryBlock& dry, const GlidingPaths& paths) {
   const Pose& before = paths.before_;
   const auto partners = std::span(paths.now_.partner).first(paths.now_.count);
   for (std::size_t path = 0; path < before.count; ++path) {
     if (std::ranges::find(partners, static_cast<int>(path)) != partners.end()) continue;
     for (std::size_t c = 0; c < num_channels_; ++c) {
       const std::size_t row = path * num_channels_ + c;
-      add_line(block, {before.delay[row], 0.0, before.slope[row]}, filter_of(before, row), c, leaving_);
+      add_line(dry, {before.delay[row], 0.0, before.slope[row]}, filter_of(before, row), c, leaving_);
     }
   }
 }

@@ -74,23 +74,23 @@ class PathGlider {
   struct Line {
     double delay, slope, slope_before;
   };
-  void reserve(Pose& pose) const;
-  void mark_strongest(std::span<const float> energy, float weakest, std::vector<std::uint8_t>& marked);
   /// Dry sound and the samples of the stream that a block takes.
-  struct Block {
+  struct DryBlock {
     const OversampledSound& sound;
     const StreamPosition& position;
     int samples;
   };
-  void read_line(const Block& block, const Line& line);
   struct Sum {
     bool any = false;
     std::vector<std::complex<float>> spectrum;  ///< [channel][piece][bin]
   };
-  void add_present_paths(const Block& block, GlidingPaths& paths, bool moves);
-  void add_leaving_paths(const Block& block, const GlidingPaths& paths);
+  void reserve(Pose& pose) const;
+  void mark_strongest(std::span<const float> energy, float weakest, std::vector<std::uint8_t>& marked);
+  void read_line(const DryBlock& dry, const Line& line);
+  void add_present_paths(const DryBlock& dry, GlidingPaths& paths, bool moves);
+  void add_leaving_paths(const DryBlock& dry, const GlidingPaths& paths);
   void fade_sums(int block, int fade, std::span<float> output);
-  void add_line(const Block& block, const Line& line, const std::complex<float>* filter, std::size_t channel, Sum& sum);
+  void add_line(const DryBlock& dry, const Line& line, const std::complex<float>* filter, std::size_t channel, Sum& sum);
   [[nodiscard]] const std::complex<float>* filter_of(const Pose& pose, std::size_t row) const {
     return pose.filter.data() + row * num_bins_;
   }

@@ -73,14 +73,14 @@ class BatchTracer {
 
  private:
   [[nodiscard]] BatchOutput<W> output(std::uint32_t num_paths) {
-    return {part_,
-            stats_,
-            shared_.seconds_per_m,
-            static_cast<std::size_t>(shared_.scene.num_bands()),
-            static_cast<std::size_t>(shared_.num_coefficients),
-            unseen_,
-            static_cast<float>(batch_.count),
-            1.f / static_cast<float>(num_paths)};
+    return {.histogram = part_,
+            .stats = stats_,
+            .seconds_per_m = shared_.seconds_per_m,
+            .num_bands = static_cast<std::size_t>(shared_.scene.num_bands()),
+            .num_coefficients = static_cast<std::size_t>(shared_.num_coefficients),
+            .unseen = unseen_,
+            .batches = static_cast<float>(batch_.count),
+            .path_weight = 1.f / static_cast<float>(num_paths)};
   }
   [[nodiscard]] SphereSequence directions(Purpose purpose) const {
     const auto shift = RandomStream(shared_.seed, purpose, 0xFFFFFFFFu, 0, batch_.index + 1).bits4(0);

@@ -2,11 +2,26 @@
 
 #include <nlohmann/json.hpp>
 
-namespace earshot {
+#include "sim/base/text/json_depth.h"
 
-nlohmann::json parse_json(std::string_view text) { return nlohmann::json::parse(text); }
-nlohmann::ordered_json parse_ordered_json(std::string_view text) { return nlohmann::ordered_json::parse(text); }
-nlohmann::json parse_json_or_discard(std::string_view text) { return nlohmann::json::parse(text, nullptr, false); }
+namespace earshot {
+namespace {
+
+template <class Json>
+Json parse(std::string_view text) {
+  if (json_depth(text) > kMaxJsonDepth) throw Json::parse_error::create(101, 0, "nests lists and maps hundreds of levels deep", nullptr);
+  return Json::parse(text);
+}
+
+}  // namespace
+
+nlohmann::json parse_json(std::string_view text) { return parse<nlohmann::json>(text); }
+nlohmann::ordered_json parse_ordered_json(std::string_view text) { return parse<nlohmann::ordered_json>(text); }
+
+nlohmann::json parse_json_or_discard(std::string_view text) {
+  if (json_depth(text) > kMaxJsonDepth) return nlohmann::json::value_t::discarded;
+  return nlohmann::json::parse(text, nullptr, false);
+}
 
 std::string json_text(const nlohmann::json& json, int indent) { return json.dump(indent); }
 std::string json_text(const nlohmann::ordered_json& json, int indent) { return json.dump(indent); }

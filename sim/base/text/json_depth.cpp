@@ -5,11 +5,6 @@
 #include "sim/base/errors.h"
 
 namespace earshot {
-namespace {
-
-constexpr std::size_t kMaxDepth = 256;
-
-}  // namespace
 
 std::size_t json_depth(std::string_view text) {
   std::size_t depth = 0, deepest = 0;
@@ -33,7 +28,7 @@ std::size_t json_depth(std::string_view text) {
 }
 
 void check_json_depth(std::string_view text, const std::string& where) {
-  if (json_depth(text) > kMaxDepth) throw InputError(where, "nests lists and maps hundreds of levels deep", "is it the right file?");
+  if (json_depth(text) > kMaxJsonDepth) throw InputError(where, "nests lists and maps hundreds of levels deep", "is it the right file?");
 }
 
 }  // namespace earshot

@@ -268,7 +268,13 @@ TEST_F(ConvolveCorpus, NumbersOfADamagedManifestAreRefused) {
     EXPECT_THAT(refused("corpus/manifest.jsonl", manifest, key, "1e300"), HasSubstr("manifest.jsonl:1: has a number out of its range"));
   write_text(files_.path("corpus/manifest.jsonl"), manifest);
   EXPECT_EQ(ResponseIndex(files_.path("corpus")).sample_rate_hz(), 16000);
+  // What walks such a place calls itself once per bracket.
+  const std::string deep = R"({"a":)" + std::string(100'000, '[') + std::string(100'000, ']') + "}";
+  for (const char* key : {"listener", "scene"})
+    EXPECT_THAT(refused("corpus/manifest.jsonl", manifest, key, deep), HasSubstr("manifest.jsonl:1: is not a line of a manifest")) << key;
+  write_text(files_.path("corpus/manifest.jsonl"), manifest);
   EXPECT_THAT(refused("corpus/corpus.json", description, "sample_rate_hz", "1e30"), HasSubstr("has a sample rate out of its range"));
+  EXPECT_THAT(refused("corpus/corpus.json", description, "sample_rate_hz", deep), HasSubstr("is not a line of a manifest"));
 }
 
 }  // namespace

@@ -149,7 +149,7 @@ TEST(EpisodeGenerator, ImpossibleFiltersAndEmptyListsAreRefused) {
   far.min_geodesic_m = 90;
   far.max_tries = 20;
   EXPECT_THROW(house().generate(1, 1, far), InputError);
-  EXPECT_THROW(generate_episodes("x", house().navmesh, {.count = 1}), InputError);
+  EXPECT_THROW(generate_episodes("x", house().scene, house().navmesh, {.count = 1}), InputError);
   EpisodeFilter wrong;
   wrong.max_geodesic_m = 1;
   EXPECT_THROW(validate(wrong), InputError);

@@ -33,6 +33,18 @@ TEST(Json, NoJsonIsAnErrorOrDiscarded) {
   EXPECT_EQ(parse_json_or_discard("[1]"), json({1}));
 }
 
+TEST(Json, HundredsOfLevelsAreNoJson) {
+  const auto nested = [](std::size_t levels) { return std::string(levels, '[') + std::string(levels, ']'); };
+  EXPECT_EQ(json_text(parse_json(nested(256))), nested(256));
+  EXPECT_EQ(json_text(parse_ordered_json(nested(256))), nested(256));
+  EXPECT_FALSE(parse_json_or_discard(nested(256)).is_discarded());
+  for (const std::size_t levels : {257u, 1'000'000u}) {
+    EXPECT_THROW(static_cast<void>(parse_json(nested(levels))), json::parse_error);
+    EXPECT_THROW(static_cast<void>(parse_ordered_json(nested(levels))), json::parse_error);
+    EXPECT_TRUE(parse_json_or_discard(nested(levels)).is_discarded());
+  }
+}
+
 TEST(Json, BytesThatAreNoTextAreReplacedWhereAsked) {
   const std::string bytes =
       "a\xff\xfe"
