@@ -2,7 +2,7 @@
 # policy and trainer; each needs the parts before it.  Every package is Debian's; docs/dependencies.md says why each.
 
 set(EARSHOT_HEADERS_sim
-  embree4/rtcore.h|embree3/rtcore.h libembree-dev  tbb/parallel_for.h libtbb-dev  assimp/Importer.hpp libassimp-dev  meshoptimizer.h libmeshoptimizer-dev
+  embree4/rtcore.h|embree3/rtcore.h libembree-dev  tbb/parallel_for.h libtbb-dev  meshoptimizer.h libmeshoptimizer-dev
   Recast.h librecast-dev  DetourNavMesh.h librecast-dev  glm/glm.hpp libglm-dev  sndfile.h libsndfile1-dev  mysofa.h libmysofa-dev  xxhash.h libxxhash-dev  yaml-cpp/yaml.h libyaml-cpp-dev
   nlohmann/json.hpp nlohmann-json3-dev  fmt/format.h libfmt-dev  spdlog/spdlog.h libspdlog-dev  png.h libpng-dev  turbojpeg.h libturbojpeg0-dev
   EGL/egl.h libegl-dev  GLES3/gl3.h libgles-dev)
@@ -72,7 +72,6 @@ function(earshot_find_packages)
       target_compile_definitions(earshot_deps::embree INTERFACE EARSHOT_EMBREE_MAJOR=${embree_VERSION_MAJOR})
     endif()
     find_package(TBB REQUIRED)
-    find_package(assimp REQUIRED)
     find_package(yaml-cpp REQUIRED)
     find_package(nlohmann_json REQUIRED)
     find_package(fmt REQUIRED)

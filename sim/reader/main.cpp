@@ -3,14 +3,11 @@
 #include "sim/audio/head/sofa_reader.h"
 #include "sim/base/errors.h"
 #include "sim/base/process/isolated_call.h"
-#include "sim/scene/readers/assimp_reader.h"
 #include "sim/vision/egl_device.h"
 
 int main(int argc, char** argv) {
   using namespace earshot;
   return answer_isolated(argc, argv, [](const std::vector<std::string>& arguments) -> std::string {
-    if (arguments.size() == 2 && arguments[0] == "mesh") return encode_parts(read_parts_with_assimp(arguments[1]));
-    if (arguments.size() == 2 && arguments[0] == "visual") return encode_parts(read_parts_with_assimp(arguments[1], true));
     if (arguments.size() == 2 && arguments[0] == "sofa") return encode_responses(parse_sofa(arguments[1]));
     if (arguments.size() == 2 && arguments[0] == "egl") return answer_egl_probe(arguments[1]);
     throw InputError("earshot_reader", "got an unknown command", "build earshot and earshot_reader together");

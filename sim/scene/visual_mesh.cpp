@@ -16,8 +16,9 @@
 #include "sim/base/text/json.h"
 #include "sim/base/text/text_match.h"
 #include "sim/scene/color.h"
-#include "sim/scene/readers/assimp_reader.h"
 #include "sim/scene/readers/gltf_reader.h"
+#include "sim/scene/readers/mesh_builder.h"
+#include "sim/scene/readers/mesh_file.h"
 
 namespace earshot {
 namespace {
@@ -69,13 +70,13 @@ class VisualMeshBuilder {
     return found->second;
   }
 
-  void append(const std::string& object, const glm::dmat4& to_world, std::span<const glm::vec3> positions,
+  void append(const std::string& object, const glm::dmat4& to_world, std::span<const glm::dvec3> positions,
               std::span<const std::uint32_t> corners, std::span<const glm::vec2> uvs, std::span<const glm::vec3> colors,
               std::uint32_t paint_index) {
     const std::size_t first = mesh_.vertices.size();
     if (first + positions.size() >= 0xFFFFFFFFu) throw InputError(where_, "has more than 4 billion vertices", "simplify it");
-    for (const glm::vec3 position : positions) {
-      const glm::dvec3 world = to_world * glm::dvec4(glm::dvec3(position), 1.0);
+    for (const glm::dvec3 position : positions) {
+      const glm::dvec3 world = to_world * glm::dvec4(position, 1.0);
       if (!is_valid_position(world))
         throw InputError(where_, fmt::format("a vertex of '{}' is not finite or too far", one_line(object)), "repair the mesh");
       mesh_.vertices.emplace_back(world - origin_m_);
@@ -114,6 +115,7 @@ TextureWrap gltf_wrap(const Json& sampler, const char* key) {
 struct GltfLook {
   std::optional<glm::vec3> base_color;
   std::optional<std::size_t> image;
+  bool has_unread_texture = false;  ///< only in a format of an extension
   Json sampler = Json::object();
   std::string uv_name = "TEXCOORD_0";
   // KHR_texture_transform: uv * scale, turned, plus offset.
@@ -149,6 +151,7 @@ GltfLook read_look(const Json& file, const Json& primitive) {
     read_transform(use["extensions"]["KHR_texture_transform"], look);
   const Json& texture = file.at("textures").at(use.at("index").get<std::size_t>());
   if (texture.contains("source")) look.image = texture["source"].get<std::size_t>();
+  look.has_unread_texture = !look.image;
   if (texture.contains("sampler")) look.sampler = file.at("samplers").at(texture["sampler"].get<std::size_t>());
   return look;
 }
@@ -185,6 +188,9 @@ void read_gltf_looks(const std::filesystem::path& path, const glm::dmat4& to_wor
     const std::string key = part.json.contains("material") ? json_text(part.json["material"]) : "none";
     const std::uint32_t paint = builder.paint(key, [&] {
       Paint made{.base_color = look.base_color.value_or(glm::vec3(1))};
+      if (look.has_unread_texture)
+        mesh.warnings.push_back(fmt::format("{}: the texture of material {} is neither PNG nor JPEG: its surfaces have their base colour",
+                                            path.string(), one_line(part.material)));
       if (look.image)
         made.texture = builder.texture(
             fmt::format("{} {}", *look.image, json_text(look.sampler)), [&] { return part.asset.read_image(*look.image); },
@@ -196,8 +202,8 @@ void read_gltf_looks(const std::filesystem::path& path, const glm::dmat4& to_wor
   });
 }
 
-void read_assimp_looks(const std::filesystem::path& path, const glm::dmat4& to_world, VisualMeshBuilder& builder, VisualMesh& mesh) {
-  for (const MeshPart& part : read_visual_parts(path)) {
+void read_file_looks(const std::filesystem::path& path, const glm::dmat4& to_world, VisualMeshBuilder& builder, VisualMesh& mesh) {
+  for (const MeshPart& part : read_mesh_file(path, true).parts) {
     const std::size_t count = part.positions.size();
     std::vector<glm::vec2> uvs;
     // Coordinates of these formats count v upwards, rows of a picture count down.
@@ -214,7 +220,7 @@ void read_assimp_looks(const std::filesystem::path& path, const glm::dmat4& to_w
             TextureWrap::repeat);
       return made;
     });
-    builder.append(part.object, to_world * part.to_file, part.positions, part.corners, uvs, colors, paint);
+    builder.append(part.object, to_world, part.positions, part.corners, uvs, colors, paint);
   }
 }
 
@@ -226,7 +232,7 @@ VisualMesh read_visual_mesh(const std::filesystem::path& path, const MeshImportO
   VisualMeshBuilder builder(path.string(), origin_m, largest_texture_px, mesh);
   const std::string extension = fold_case(path.extension().string());
   const bool is_gltf = extension == ".glb" || extension == ".gltf";
-  (is_gltf ? read_gltf_looks : read_assimp_looks)(path, file_to_world(options), builder, mesh);
+  (is_gltf ? read_gltf_looks : read_file_looks)(path, file_to_world(options), builder, mesh);
   return mesh;
 }
 

@@ -32,13 +32,13 @@ struct VisualMesh {
   bool varies = false;  ///< a texture or colours of vertices: the colour of a point is not that of its material alone
   /// Base colour, linear, of each material of the file that has one.
   std::map<std::string, glm::vec3> color_of_material;
-  std::vector<std::string> warnings;  ///< textures in formats that are not read, one line each
+  std::vector<std::string> warnings;  ///< textures that are not read, one line each
 };
 
 /// Reads a mesh file for its looks: base colours (glTF pbrMetallicRoughness, Kd of OBJ), colours of vertices (COLOR_0, PLY, OBJ), textures
 /// as PNG and JPEG (baseColorTexture with KHR_texture_transform, map_Kd), by the coordinates TEXCOORD_n and vt.  Alpha, emission and normal
-/// maps play no part.  OBJ, PLY and STL are read by Assimp in a process of its own.  largest_texture_px: texture.h. Throws InputError as
-/// import_mesh does, and for textures that are missing or damaged.  About as long as import_mesh, and the textures.
+/// maps play no part.  largest_texture_px: texture.h.  Throws InputError as import_mesh does, and for textures that are missing or damaged.
+/// About as long as import_mesh, and the textures.
 VisualMesh read_visual_mesh(const std::filesystem::path& path, const MeshImportOptions& options, glm::dvec3 origin_m,
                             int largest_texture_px);
 

@@ -143,7 +143,8 @@ GltfAsset::GltfAsset(const std::filesystem::path& path) : path_(path), where_(pa
     fail(fmt::format("is not glTF: JSON error at byte {}", error.byte));
   }
   if (!json_.is_object() || !json_.contains("asset")) fail("is not glTF: it has no 'asset'");
-  if (!json_["asset"].value("version", "").starts_with("2")) fail("is not of glTF version 2");
+  const auto version = json_["asset"].value("version", std::string());
+  if (version != "2" && !version.starts_with("2.")) fail("is not of glTF version 2");
 
   const Json none = Json::array();
   const Json& buffers = json_.contains("buffers") ? json_["buffers"] : none;
@@ -151,7 +152,8 @@ GltfAsset::GltfAsset(const std::filesystem::path& path) : path_(path), where_(pa
     const std::size_t size = read_size(buffers.at(i), "byteLength");
     std::string bytes;
     if (!buffers[i].contains("uri")) {
-      bytes = binary_chunk;
+      // The chunk is the first buffer; others without data are placeholders of a compression.
+      if (i == 0) bytes = binary_chunk;
     } else {
       bytes = read_uri(buffers[i]["uri"].get<std::string>(), fmt::format("buffer {}", i));
     }
@@ -248,9 +250,9 @@ std::vector<double> GltfAsset::read_accessor(std::size_t index, std::size_t comp
   return values;
 }
 
-std::vector<glm::vec3> GltfAsset::read_positions(std::size_t accessor) const {
+std::vector<glm::dvec3> GltfAsset::read_positions(std::size_t accessor) const {
   const std::vector<double> values = read_accessor(accessor, 3);
-  std::vector<glm::vec3> positions(values.size() / 3);
+  std::vector<glm::dvec3> positions(values.size() / 3);
   for (std::size_t i = 0; i < positions.size(); ++i) positions[i] = glm::dvec3(values[3 * i], values[3 * i + 1], values[3 * i + 2]);
   return positions;
 }

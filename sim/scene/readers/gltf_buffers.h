@@ -18,8 +18,8 @@ class GltfAsset {
   explicit GltfAsset(const std::filesystem::path& path);
 
   [[nodiscard]] const nlohmann::json& json() const { return json_; }
-  /// VEC3 accessor as floats; integers are scaled if the accessor is normalized (KHR_mesh_quantization).
-  [[nodiscard]] std::vector<glm::vec3> read_positions(std::size_t accessor) const;
+  /// VEC3 accessor; integers are scaled if the accessor is normalized (KHR_mesh_quantization).
+  [[nodiscard]] std::vector<glm::dvec3> read_positions(std::size_t accessor) const;
   /// SCALAR accessor of unsigned integers.
   [[nodiscard]] std::vector<std::uint32_t> read_indices(std::size_t accessor) const;
   /// Accessor of any type with `components` numbers per element (1 to 4), flat; integers are scaled as in read_positions.

@@ -2,44 +2,31 @@
 
 #include <fmt/format.h>
 
-#include <array>
-#include <glm/gtc/quaternion.hpp>
-#include <glm/gtc/type_ptr.hpp>
+#include <algorithm>
 #include <nlohmann/json.hpp>
 #include <numeric>
 
 #include "sim/base/errors.h"
 #include "sim/scene/readers/gltf_buffers.h"
+#include "sim/scene/readers/gltf_extensions.h"
+#include "sim/scene/readers/gltf_instances.h"
 
 namespace earshot {
 namespace {
 
 using Json = nlohmann::json;
 
-template <std::size_t N>
-std::array<double, N> read_numbers(const Json& json, const char* key, std::array<double, N> fallback) {
-  return json.contains(key) ? json[key].get<std::array<double, N>>() : fallback;
-}
-
-glm::dmat4 node_to_parent(const Json& node) {
-  if (node.contains("matrix")) return glm::make_mat4(read_numbers<16>(node, "matrix", {}).data());
-  const auto t = read_numbers<3>(node, "translation", {0, 0, 0});
-  const auto q = read_numbers<4>(node, "rotation", {0, 0, 0, 1});  // x, y, z, w
-  const auto s = read_numbers<3>(node, "scale", {1, 1, 1});
-  glm::dmat4 matrix = glm::mat4_cast(glm::dquat(q[3], q[0], q[1], q[2]));
-  for (int axis = 0; axis < 3; ++axis) matrix[axis] *= s[static_cast<std::size_t>(axis)];
-  matrix[3] = glm::dvec4(t[0], t[1], t[2], 1);
-  return matrix;
-}
+/// Of all instances of a primitive.
+constexpr std::size_t kMostCorners = std::size_t{1} << 30;
+constexpr std::size_t kPlain = 4, kStrip = 5, kFan = 6;
 
 /// Strips and fans as plain triangles (glTF 2.0, section 3.7.2.1); other modes have none.
 std::vector<std::uint32_t> triangle_corners(const std::vector<std::uint32_t>& indices, std::size_t mode) {
-  constexpr std::size_t plain = 4, strip = 5, fan = 6;
-  if (mode == plain) return {indices.begin(), indices.end() - static_cast<std::ptrdiff_t>(indices.size() % 3)};
+  if (mode == kPlain) return indices;
   std::vector<std::uint32_t> corners;
-  if (mode != strip && mode != fan) return corners;
+  if (mode != kStrip && mode != kFan) return corners;
   for (std::size_t i = 0; i + 2 < indices.size(); ++i) {
-    if (mode == fan)
+    if (mode == kFan)
       corners.insert(corners.end(), {indices[i + 1], indices[i + 2], indices[0]});
     else
       corners.insert(corners.end(), {indices[i], indices[i + 1 + i % 2], indices[i + 2 - i % 2]});
@@ -51,14 +38,8 @@ class GltfReader {
  public:
   using Visit = std::function<void(const GltfPrimitive&)>;
 
-  GltfReader(const std::filesystem::path& path, const Visit& visit) : where_(path.string()), asset_(path), visit_(visit) {
-    for (const Json& extension : list("extensionsRequired")) {
-      const auto name = extension.get<std::string>();
-      if (name == "KHR_draco_mesh_compression" || name == "EXT_meshopt_compression" || name == "EXT_mesh_gpu_instancing") {
-        throw InputError(where_, "needs the extension " + name, "export the file without compression and instancing");
-      }
-    }
-  }
+  GltfReader(const std::filesystem::path& path, const Visit& visit)
+      : where_(path.string()), asset_(path), visit_(visit), warnings_(check_gltf_extensions(asset_.json(), where_)) {}
 
   void append_scene(const glm::dmat4& file_to_world) {
     struct Pending {
@@ -75,13 +56,17 @@ class GltfReader {
       const Json& node = list("nodes").at(index);
       if (visited[index]) throw InputError(where_, fmt::format("node {} hangs on two parents", index), "export the file again");
       visited[index] = true;
-      const glm::dmat4 to_world = parent_to_world * node_to_parent(node);
+      const glm::dmat4 to_world = parent_to_world * gltf_node_to_parent(node);
       if (node.contains("mesh")) append_mesh(node, index, to_world);
       if (!node.contains("children")) continue;
       const auto children = node["children"].get<std::vector<std::size_t>>();
       for (std::size_t i = children.size(); i-- > 0;) pending.push_back({children[i], to_world});
     }
+    if (num_triangles_ != num_promised_)
+      throw InputError(where_, fmt::format("promises {} triangles, of which {} were understood", num_promised_, num_triangles_),
+                       "export the file again");
   }
+  [[nodiscard]] std::vector<std::string> take_warnings() { return std::move(warnings_); }
 
  private:
   [[nodiscard]] const Json& list(const char* key) const {
@@ -117,18 +102,47 @@ class GltfReader {
     std::string object = node.value("name", std::string());
     if (object.empty()) object = mesh.value("name", std::string());
     if (object.empty()) object = fmt::format("node_{}", node_index);
+    const std::vector<glm::dmat4> instances = gltf_instances(asset_, node, where_);
     for (const Json& primitive : mesh.at("primitives")) {
       const Json& attributes = primitive.at("attributes");
-      if (!attributes.contains("POSITION")) continue;
-      std::vector<glm::vec3> positions = asset_.read_positions(attributes["POSITION"].get<std::size_t>());
-      std::vector<std::uint32_t> indices(primitive.contains("indices") ? 0 : positions.size());
-      if (primitive.contains("indices"))
-        indices = asset_.read_indices(primitive["indices"].get<std::size_t>());
-      else
-        std::iota(indices.begin(), indices.end(), 0u);
-      std::vector<std::uint32_t> corners = triangle_corners(indices, primitive.value("mode", std::size_t{4}));
-      visit_({asset_, primitive, object, material_name(primitive), to_world, std::move(positions), std::move(corners)});
+      if (!attributes.contains("POSITION")) {
+        warnings_.push_back(fmt::format("a primitive of '{}' has no positions and is left out", one_line(object)));
+        continue;
+      }
+      std::vector<glm::dvec3> positions = asset_.read_positions(attributes["POSITION"].get<std::size_t>());
+      apply_morph_targets(asset_, node, mesh, primitive, where_, positions);
+      const std::vector<std::uint32_t> corners = read_corners(primitive, positions.size(), instances.size());
+      for (const glm::dmat4& instance : instances) {
+        num_triangles_ += corners.size() / 3;
+        visit_({asset_, primitive, object, material_name(primitive), to_world * instance, positions, corners});
+      }
     }
+  }
+
+  std::vector<std::uint32_t> read_corners(const Json& primitive, std::size_t num_positions, std::size_t num_instances) {
+    const std::size_t mode = primitive.value("mode", kPlain);
+    std::vector<std::uint32_t> indices(primitive.contains("indices") ? 0 : num_positions);
+    if (primitive.contains("indices"))
+      indices = asset_.read_indices(primitive["indices"].get<std::size_t>());
+    else
+      std::iota(indices.begin(), indices.end(), 0u);
+    if (mode > kFan) throw InputError(where_, fmt::format("a primitive has the unknown mode {}", mode), "export the file again");
+    if (mode == kPlain && indices.size() % 3 != 0)
+      throw InputError(where_, fmt::format("a primitive has {} corners of triangles, not a multiple of three", indices.size()),
+                       "export the file again");
+    std::vector<std::uint32_t> corners = triangle_corners(indices, mode);
+    num_promised_ += num_instances * promised_triangles(primitive, mode);
+    if (corners.size() > kMostCorners / std::max<std::size_t>(num_instances, 1))
+      throw InputError(where_, fmt::format("has {} instances of {} triangles", num_instances, corners.size() / 3), "simplify it");
+    return corners;
+  }
+
+  /// By the count of its accessor.
+  [[nodiscard]] std::uint64_t promised_triangles(const Json& primitive, std::size_t mode) const {
+    const Json& accessor = primitive.contains("indices") ? primitive["indices"] : primitive.at("attributes").at("POSITION");
+    const auto count = list("accessors").at(accessor.get<std::size_t>()).at("count").get<std::uint64_t>();
+    if (mode == kPlain) return count / 3;
+    return (mode == kStrip || mode == kFan) && count > 2 ? count - 2 : 0;
   }
 
   [[nodiscard]] std::string material_name(const Json& primitive) const {
@@ -141,14 +155,18 @@ class GltfReader {
   std::string where_;
   GltfAsset asset_;
   const Visit& visit_;
+  std::vector<std::string> warnings_;
+  std::uint64_t num_triangles_ = 0, num_promised_ = 0;
 };
 
 }  // namespace
 
-void visit_gltf(const std::filesystem::path& path, const glm::dmat4& file_to_world,
-                const std::function<void(const GltfPrimitive& primitive)>& visit) {
+std::vector<std::string> visit_gltf(const std::filesystem::path& path, const glm::dmat4& file_to_world,
+                                    const std::function<void(const GltfPrimitive& primitive)>& visit) {
   try {
-    GltfReader(path, visit).append_scene(file_to_world);
+    GltfReader reader(path, visit);
+    reader.append_scene(file_to_world);
+    return reader.take_warnings();
   } catch (const Json::exception& error) {  // a key is missing or of the wrong type
     throw InputError(path.string(), "is not valid glTF: " + one_line(error.what()), "export the file again");
   } catch (const std::out_of_range&) {
@@ -156,9 +174,10 @@ void visit_gltf(const std::filesystem::path& path, const glm::dmat4& file_to_wor
   }
 }
 
-void read_gltf(const std::filesystem::path& path, const glm::dmat4& file_to_world, MeshBuilder& builder) {
-  visit_gltf(path, file_to_world,
-             [&](const GltfPrimitive& part) { builder.append(part.object, part.material, part.to_world, part.positions, part.corners); });
+std::vector<std::string> read_gltf(const std::filesystem::path& path, const glm::dmat4& file_to_world, MeshBuilder& builder) {
+  return visit_gltf(path, file_to_world, [&](const GltfPrimitive& part) {
+    builder.append(part.object, part.material, part.to_world, part.positions, part.corners, PositionDigits::floats);
+  });
 }
 
 }  // namespace earshot

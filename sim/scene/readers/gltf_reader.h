@@ -20,19 +20,19 @@ struct GltfPrimitive {
   const nlohmann::json& json;  ///< of the primitive
   std::string object, material;
   glm::dmat4 to_world{1};
-  std::vector<glm::vec3> positions;
+  std::vector<glm::dvec3> positions;   ///< morph targets added with their default weights
   std::vector<std::uint32_t> corners;  ///< as the file has them: may point past the positions
 };
-/// Calls `visit` with each primitive that has positions.  Throws InputError, also for json exceptions and std::out_of_range of `visit`.
-void visit_gltf(const std::filesystem::path& path, const glm::dmat4& file_to_world,
-                const std::function<void(const GltfPrimitive& primitive)>& visit);
+/// Calls `visit` with each primitive that has positions, once per instance of its node.  Throws InputError, also for json exceptions and
+/// std::out_of_range of `visit`.  Returns one line for each thing that was left out (gltf_extensions.h, primitives without positions).
+std::vector<std::string> visit_gltf(const std::filesystem::path& path, const glm::dmat4& file_to_world,
+                                    const std::function<void(const GltfPrimitive& primitive)>& visit);
 
-/// Gives the builder the triangles of a .gltf or .glb file (glTF 2.0): default scene, node transforms, indexed and plain triangles, strips
-/// and fans, sparse and quantized accessors, external, embedded and base64 buffers.  Objects are named by the node, else the mesh.
-///
-/// Not Assimp: release 5.2 refuses interleaved accessors whose last element ends before a whole stride (the layout of the
-/// glTF specification), ignores quantized positions, and allocates the counts of a damaged file before it checks them against its size.
-/// Throws InputError.  Compressed geometry (Draco, meshopt) is refused by name.
-void read_gltf(const std::filesystem::path& path, const glm::dmat4& file_to_world, MeshBuilder& builder);
+/// Gives the builder the triangles of a .gltf or .glb file (glTF 2.0): default scene, node transforms, instances (EXT_mesh_gpu_instancing),
+/// default weights of morph targets, indexed and plain triangles, strips and fans, sparse and quantized accessors, external, embedded and
+/// base64 buffers.  Objects are named by the node, else the mesh.  Returns warnings as visit_gltf does.
+/// Throws InputError.  Extensions that are required and not known are refused by name, compressed geometry (Draco, meshopt) among them, and
+/// so is a number of triangles that differs from what the accessors promise.
+std::vector<std::string> read_gltf(const std::filesystem::path& path, const glm::dmat4& file_to_world, MeshBuilder& builder);
 
 }  // namespace earshot

@@ -23,13 +23,13 @@ std::string one_line(std::string text) {
 }
 
 void MeshBuilder::append(const std::string& object, const std::string& material, const glm::dmat4& to_world,
-                         std::span<const glm::vec3> positions, std::span<const std::uint32_t> corners) {
+                         std::span<const glm::dvec3> positions, std::span<const std::uint32_t> corners, PositionDigits digits) {
   const std::size_t first = world_.size();
   if (first + positions.size() >= std::numeric_limits<std::uint32_t>::max()) {
     throw InputError(where_, "has more than 4 billion vertices", "simplify it");
   }
   for (std::size_t i = 0; i < positions.size(); ++i) {
-    const glm::dvec3 world = to_world * glm::dvec4(glm::dvec3(positions[i]), 1.0);
+    const glm::dvec3 world = to_world * glm::dvec4(positions[i], 1.0);
     if (!is_valid_position(world)) {
       throw InputError(where_, fmt::format("vertex {} of '{}' is not finite or beyond {:g} m", i, one_line(object), kMaxCoordinateM),
                        "repair the mesh and export it again");
@@ -53,9 +53,9 @@ void MeshBuilder::append(const std::string& object, const std::string& material,
     mesh_.triangle_object.push_back(object_index);
     if (is_point_or_line(mesh_.triangles.back())) continue;
     for (std::size_t c = i; c < i + 3; ++c)
-      for (int axis = 0; axis < 3; ++axis) farthest = std::max(farthest, std::fabs(double{positions[corners[c]][axis]}));
+      for (int axis = 0; axis < 3; ++axis) farthest = std::max(farthest, std::fabs(positions[corners[c]][axis]));
   }
-  if (!(farthest > 0)) return;
+  if (digits == PositionDigits::doubles || !(farthest > 0)) return;
   const double scale =
       std::max({glm::length(glm::dvec3(to_world[0])), glm::length(glm::dvec3(to_world[1])), glm::length(glm::dvec3(to_world[2]))});
   position_step_m_ = std::max(position_step_m_, 0x1p-23 * scale * std::exp2(std::floor(std::log2(farthest))));

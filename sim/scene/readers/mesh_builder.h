@@ -11,6 +11,9 @@
 
 namespace earshot {
 
+/// Type of the numbers that a file holds its positions in; of a text doubles.
+enum class PositionDigits { floats, doubles };
+
 /// Makes a TriangleMesh of the parts of a mesh file and checks them; shared by the readers of all formats.  Positions stay double until all
 /// parts are there and it is known where the mesh lies.
 class MeshBuilder {
@@ -21,11 +24,11 @@ class MeshBuilder {
   /// positions in the part's own frame; corners: three per triangle, indices into positions.
   /// Throws InputError for a position that is not finite, or beyond kMaxCoordinateM (sim/base/coordinates.h), after the transform and for
   /// an index out of range.
-  void append(const std::string& object, const std::string& material, const glm::dmat4& to_world, std::span<const glm::vec3> positions,
-              std::span<const std::uint32_t> corners);
+  void append(const std::string& object, const std::string& material, const glm::dmat4& to_world, std::span<const glm::dvec3> positions,
+              std::span<const std::uint32_t> corners, PositionDigits digits);
   /// Writes the vertices and the origin of the mesh (origin_near, of the triangles).  Once, after the last part.
   void finish();
-  /// Spacing of floats at the farthest position that was added, in metres: the resolution of the file itself.
+  /// Spacing of floats at the farthest position that was added as floats, in metres: the resolution of the file itself.
   [[nodiscard]] double position_step_m() const { return position_step_m_; }
 
  private:

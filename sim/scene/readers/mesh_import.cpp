@@ -8,9 +8,9 @@
 #include "sim/base/errors.h"
 #include "sim/base/text/text_match.h"
 #include "sim/scene/mesh/mesh_repair.h"
-#include "sim/scene/readers/assimp_reader.h"
 #include "sim/scene/readers/gltf_reader.h"
 #include "sim/scene/readers/mesh_builder.h"
+#include "sim/scene/readers/mesh_file.h"
 
 namespace earshot {
 namespace {
@@ -32,6 +32,15 @@ void warn_about_size(const TriangleMesh& mesh, double position_step_m, ImportRep
         "to the origin of the file (a node may put it back)",
         position_step_m, largest_m));
   }
+}
+
+/// OBJ, PLY and STL.
+std::vector<std::string> read_file_parts(const std::filesystem::path& path, const glm::dmat4& file_to_world, MeshBuilder& builder) {
+  MeshFile file = read_mesh_file(path);
+  for (const MeshPart& part : file.parts)
+    builder.append(part.object, part.material, file_to_world, part.positions, part.corners,
+                   part.has_floats ? PositionDigits::floats : PositionDigits::doubles);
+  return std::move(file.warnings);
 }
 
 }  // namespace
@@ -57,7 +66,8 @@ ImportedMesh import_mesh(const std::filesystem::path& path, const MeshImportOpti
   ImportedMesh imported;
   const std::string extension = folded_extension(path);
   MeshBuilder builder(where, imported.mesh);
-  (extension == ".glb" || extension == ".gltf" ? read_gltf : read_with_assimp)(path, file_to_world(options), builder);
+  const bool is_gltf = extension == ".glb" || extension == ".gltf";
+  imported.report.warnings = (is_gltf ? read_gltf : read_file_parts)(path, file_to_world(options), builder);
   builder.finish();
   imported.report.triangles_read = imported.mesh.triangles.size();
   if (imported.mesh.triangles.empty()) throw InputError(where, "has no triangles", "export the file with its surfaces");

@@ -1,33 +1,39 @@
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace earshot {
 
-/// Throws InputError unless `bytes` begins with a well-formed PLY header whose elements fit into the bytes that follow.
-/// Assimp 5.2 loops for ever on a header without end and allocates whatever count it reads.
-void check_ply_header(std::string_view bytes, const std::string& where);
+/// Types of numbers in a PLY file.
+enum class PlyType { int8, uint8, int16, uint16, int32, uint32, float32, float64 };
+std::size_t size_of(PlyType type);
 
-/// Where the header ends, its last line break included; npos if it has no end.
-std::size_t end_of_ply_header(std::string_view bytes);
-
-/// Where the positions of a PLY file are.
-struct PlyVertices {
-  bool ascii = false, big_endian = false, doubles = false;  ///< doubles: x, y and z are of eight bytes
-  std::size_t body_begin = 0;
-  std::uint64_t elements_before = 0;  ///< of other kinds
-  std::uint64_t count = 0;
-  std::size_t num_properties = 0;
-  std::array<std::size_t, 3> xyz{};  ///< which properties
-  std::size_t bytes_per_vertex = 0;  ///< of a binary file
-  std::array<std::size_t, 3> xyz_bytes{};
+struct PlyProperty {
+  std::string name;
+  PlyType type{};                     ///< of the number, or of each number of the list
+  std::optional<PlyType> count_type;  ///< of the length of a list
 };
 
-/// Of a header that check_ply_header lets pass; nullopt if there is no element `vertex` with x, y and z, or a list in it.
-std::optional<PlyVertices> find_ply_vertices(std::string_view bytes);
+struct PlyElement {
+  std::string name;
+  std::uint64_t count = 0;
+  std::vector<PlyProperty> properties;
+};
+
+struct PlyHeader {
+  enum class Body { ascii, little_endian, big_endian } body{};
+  std::vector<PlyElement> elements;
+  std::size_t body_begin = 0;  ///< right behind the line break of end_header: a binary body may begin with any byte
+  std::size_t num_lines = 0;   ///< of the header
+};
+
+/// Reads the header of a PLY file.  Comments and obj_info may stand in any line; the first line tells how all lines of the header end
+/// ("\n", "\r\n" or "\r").  Throws InputError for a header that is not well formed, and if its elements cannot fit into the bytes that
+/// follow.
+PlyHeader parse_ply_header(std::string_view bytes, const std::string& where);
 
 }  // namespace earshot

@@ -1,0 +1,53 @@
+#include "sim/scene/readers/mesh_file.h"
+
+#include <fmt/format.h>
+
+#include "sim/base/errors.h"
+#include "sim/base/files.h"
+#include "sim/base/text/text_match.h"
+#include "sim/scene/readers/face_count.h"
+#include "sim/scene/readers/obj_materials.h"
+#include "sim/scene/readers/obj_reader.h"
+#include "sim/scene/readers/ply_reader.h"
+#include "sim/scene/readers/stl_reader.h"
+
+namespace earshot {
+namespace {
+
+void add_obj_looks(std::string_view bytes, const std::filesystem::path& path, MeshFile& file) {
+  const auto looks = read_obj_looks(bytes, path);
+  for (MeshPart& part : file.parts) {
+    const auto found = looks.find(part.material);
+    if (found == looks.end()) continue;
+    if (found->second.base_color) part.base_color = {*found->second.base_color};
+    part.texture = found->second.texture;
+  }
+}
+
+}  // namespace
+
+MeshFile read_mesh_file(const std::filesystem::path& path, bool with_looks) {
+  const std::string where = path.string(), extension = fold_case(path.extension().string()), stem = path.stem().string();
+  const std::string whole = read_file(path);
+  std::string_view bytes = whole;
+  if (bytes.starts_with("\xEF\xBB\xBF")) bytes.remove_prefix(3);
+  MeshFile file;
+  std::uint64_t num_faces = 0;
+  if (extension == ".obj") {
+    file = parse_obj(bytes, where, {.with_looks = with_looks});
+    num_faces = count_obj_faces(bytes);
+    if (with_looks) add_obj_looks(bytes, path, file);
+  } else if (extension == ".ply") {
+    file = parse_ply(bytes, where, stem, with_looks);
+    num_faces = count_ply_faces(bytes);
+  } else {
+    file = parse_stl(bytes, where, stem, with_looks);
+    num_faces = count_stl_faces(bytes);
+  }
+  if (file.num_faces != num_faces)
+    throw InputError(where, fmt::format("holds {} faces, of which {} were understood", num_faces, file.num_faces),
+                     "export it again, or as glTF");
+  return file;
+}
+
+}  // namespace earshot

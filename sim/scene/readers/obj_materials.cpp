@@ -1,0 +1,78 @@
+#include "sim/scene/readers/obj_materials.h"
+
+#include <array>
+#include <cmath>
+#include <vector>
+
+#include "sim/base/files.h"
+#include "sim/base/text/text_match.h"
+#include "sim/scene/readers/text_scanner.h"
+
+namespace earshot {
+namespace {
+
+/// The file of map_Kd: what follows its options, blanks in its name included.
+std::string texture_file(std::string_view rest) {
+  for (;;) {
+    rest = trimmed(rest);
+    if (!rest.starts_with('-')) return std::string(rest);
+    const std::string option = fold_case(std::string(take_word(rest)));
+    const bool is_vector = option == "-o" || option == "-s" || option == "-t";
+    const std::size_t most = is_vector ? 3 : option == "-mm" ? 2 : 1;
+    for (std::size_t taken = 0; taken < most; ++taken) {
+      std::string_view after = rest;
+      const std::string_view value = take_word(after);
+      if (is_vector && !parse_decimal(value)) break;  // one to three numbers
+      rest = after;
+    }
+  }
+}
+
+bool is_file(const std::filesystem::path& path) {
+  std::error_code error;
+  return std::filesystem::is_regular_file(path, error);
+}
+
+}  // namespace
+
+void parse_mtl(std::string_view text, std::map<std::string, ObjLook, std::less<>>& looks) {
+  ObjLook* look = nullptr;
+  for (LineScanner lines(text); lines.next();) {
+    std::string_view rest = lines.line();
+    const std::string keyword = fold_case(std::string(take_word(rest)));
+    if (keyword == "newmtl") {
+      look = &looks[std::string(trimmed(rest))];
+    } else if (look != nullptr && keyword == "kd") {
+      std::array<std::optional<double>, 3> rgb;
+      for (auto& value : rgb) value = parse_decimal(take_word(rest));
+      if (rgb[0] && rgb[1] && rgb[2]) look->base_color = glm::vec3(*rgb[0], *rgb[1], *rgb[2]);
+    } else if (look != nullptr && keyword == "map_kd") {
+      look->texture = texture_file(rest);
+    }
+  }
+}
+
+std::map<std::string, ObjLook, std::less<>> read_obj_looks(std::string_view obj, const std::filesystem::path& path) {
+  std::map<std::string, ObjLook, std::less<>> looks;
+  const std::filesystem::path own = std::filesystem::path(path).replace_extension(".mtl");
+  for (LineScanner lines(obj); lines.next();) {
+    std::string_view rest = lines.line();
+    if (take_word(rest) != "mtllib") continue;
+    const std::filesystem::path whole = path.parent_path() / std::string(trimmed(rest));
+    std::vector<std::filesystem::path> libraries{whole};
+    if (!is_file(whole)) {  // several names on one line
+      libraries.clear();
+      for (std::string_view name = take_word(rest); !name.empty(); name = take_word(rest))
+        libraries.push_back(path.parent_path() / std::string(name));
+    }
+    for (const std::filesystem::path& library : libraries) {
+      if (is_file(library))
+        parse_mtl(read_file(library), looks);
+      else if (is_file(own))
+        parse_mtl(read_file(own), looks);
+    }
+  }
+  return looks;
+}
+
+}  // namespace earshot
