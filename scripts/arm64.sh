@@ -32,7 +32,7 @@ left_out=(
 
 # What the sources include and link (scripts/setup.sh), without compilers, training and pictures drawn by a driver; gcc, python3 and numpy are for the wheel.
 packages=(
-  libc6-dev libembree-dev libassimp-dev librecast-dev libmeshoptimizer-dev libglm-dev libegl-dev libgles-dev libtbb-dev libmysofa-dev libsndfile1-dev
+  libc6-dev libembree-dev librecast-dev libmeshoptimizer-dev libglm-dev libegl-dev libgles-dev libtbb-dev libmysofa-dev libsndfile1-dev
   libavutil-dev libswresample-dev libsamplerate0-dev libyaml-cpp-dev nlohmann-json3-dev libfmt-dev libspdlog-dev libxxhash-dev zlib1g-dev libpng-dev
   libturbojpeg0-dev libhdf5-dev libgtest-dev libgmock-dev gcc python3-dev python3-venv python3-numpy
 )

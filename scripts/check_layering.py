@@ -66,7 +66,6 @@ ALLOWED = [
 # Headers of libraries, and the files that may include them.
 OWNED = [
     (r"embree", r"sim/rays/"),
-    (r"assimp", r"sim/scene/"),
     (r"Recast|Detour", r"sim/nav/"),
     (r"sndfile|mysofa|libav|libsw|samplerate", r"sim/audio/"),
     (r"hdf5", r"sim/sofa/"),

@@ -17,7 +17,6 @@ packages='
   file                     *                          *
   ca-certificates          *                          *
   libembree-dev            3.13.5+dfsg-2              4.3.3+dfsg-1
-  libassimp-dev            5.2.5~ds0-1+b1             5.4.3+ds-2
   librecast-dev            1.5.1+git20210215.e75adf8-1+b1 1.5.1+git20210215.e75adf8-1+b2
   libmeshoptimizer-dev     0.18+dfsg-2                0.22+dfsg-1
   libglm-dev               0.9.9.8+ds-6               0.9.9.8+ds-9

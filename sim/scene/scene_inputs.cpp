@@ -83,7 +83,7 @@ void add_uris(InputHash& hash, const fs::path& mesh, std::string_view text) {
   }
 }
 
-/// Every `mtllib NAME` of an OBJ, and the library of its own name, which Assimp takes where that one is absent.
+/// Every `mtllib NAME` of an OBJ, and the library of its own name, which is read where that one is absent.
 void add_material_libraries(InputHash& hash, const fs::path& mesh, std::string_view text) {
   constexpr std::string_view key = "mtllib";
   for (std::size_t at = text.find(key); at != std::string_view::npos; at = text.find(key, at + 1)) {

@@ -38,7 +38,7 @@ mkdir -p "$root/include/tbb" "$root/include/embree3"
 touch "$root/include/tbb/parallel_for.h" "$root/include/embree3/rtcore.h" "$root/include/zlib.h"
 install
 line=$(grep -m 1 "earshot: missing" "$root/output" || true)
-[[ "$line" == *"apt-get install libassimp-dev"* ]] || complain "the first package is not libassimp-dev"
+[[ "$line" == *"apt-get install libmeshoptimizer-dev"* ]] || complain "the first package is not libmeshoptimizer-dev"
 for word in rtcore.h libtbb-dev zlib; do [[ "$line" != *"$word"* ]] || complain "names $word, which is there"; done
 
 # Without any compiler that is what is named first.

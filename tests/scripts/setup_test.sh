@@ -80,9 +80,9 @@ done
 # Other systems: nothing is installed; a line names the packages, unless the headers are there.
 fedora='ID=fedora
 PRETTY_NAME="Fedora Linux 43"'
-echo "earshot: missing assimp/Importer.hpp: apt-get install libassimp-dev" >"$root/cmake_says"
+echo "earshot: missing Recast.h: apt-get install librecast-dev" >"$root/cmake_says"
 run 2 "headers missing" <<<"$fedora"
-for word in Fedora "missing assimp/Importer.hpp" libtorch-dev; do grep -q "$word" "$root/output" || complain "headers missing: no word of $word"; done
+for word in Fedora "missing Recast.h" libtorch-dev; do grep -q "$word" "$root/output" || complain "headers missing: no word of $word"; done
 [ ! -s "$root/installed" ] || complain "installs packages on Fedora"
 rm "$root/cmake_says"
 run 0 "headers there" <<<"$fedora"

@@ -36,7 +36,7 @@ IsolationLimits limits_for_file(const std::filesystem::path& file);
 std::string call_isolated(const std::filesystem::path& program, const std::vector<std::string>& arguments, const std::string& where,
                           const IsolationLimits& limits = {});
 
-/// The program that reads meshes and SOFA files: $EARSHOT_READER, or the companion program earshot_reader (companion_program.h).  Throws
+/// The program that reads SOFA files: $EARSHOT_READER, or the companion program earshot_reader (companion_program.h).  Throws
 /// RunError if it is nowhere.
 std::filesystem::path reader_program();
 

@@ -113,7 +113,7 @@ class StlTextParser {
     is_open_ = true;
   }
 
-  /// facet normal x y z outer loop, three or more vertices, endloop endfacet.  The normal is that of the corners: it is passed over.
+  /// facet normal x y z outer loop, three or more vertices, endloop endfacet.  The corners decide the normal: that of the file is skipped.
   void read_facet() {
     constexpr int most_words_of_normal = 4;
     for (int i = 0;; ++i) {

@@ -15,7 +15,7 @@
 
 namespace earshot {
 
-/// Small whole files of the formats that Assimp reads, by name.
+/// Small whole files of OBJ, PLY and STL, by name.
 inline std::map<std::string, std::string> small_meshes() {
   const auto put = [](std::string& bytes, auto... values) { (bytes.append(reinterpret_cast<const char*>(&values), sizeof values), ...); };
   const std::string header =

@@ -38,7 +38,7 @@ TEST(SceneInputs, EveryFileOfASceneCounts) {
   const std::string obj = folder.write("room.obj", "mtllib paint.mtl\r\nv 0 0 0\nv 1 0 0\nv 0 0 1\nf 1 2 3\n");
   expect_depends_on(folder, obj, "room.obj", "mtllib paint.mtl\nv 0 0 0\n", "mtllib paint.mtl\nv 0 0 1\n");
   expect_depends_on(folder, obj, "paint.mtl", "newmtl a", "newmtl b");
-  expect_depends_on(folder, obj, "room.mtl", "newmtl a", "newmtl b");  // Assimp falls back on it
+  expect_depends_on(folder, obj, "room.mtl", "newmtl a", "newmtl b");  // the fallback for a library that is absent
 
   const std::string yaml =
       folder.write("scene.yaml", "mesh: room.obj\nmaterials: stuff.json\nsemantics: words.yaml\nair: {temperature_c: 20}\n");

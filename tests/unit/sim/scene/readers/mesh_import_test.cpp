@@ -176,7 +176,7 @@ struct Known {
   glm::vec3 lower, upper;
 };
 
-// Triangle counts are those of the files' own headers; bounds as Assimp bakes them.
+// Triangle counts are those of the files' own headers; bounds as Assimp 5.2 bakes them.
 TEST(MeshImport, ReadsTheSharedScenes) {
   SKIP_WITHOUT_DATA("scenes");
   const std::vector<Known> known{
