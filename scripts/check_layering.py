@@ -6,7 +6,7 @@ without a README.md that says what it holds, on a folder of more than 35 sources
   in sim           base <- rays <- scene <- {acoustics, vision, nav}; audio stands on base
   in sim/base      its own files <- text <- process <- charts
   in sim/scene     mesh <- materials <- generators <- readers <- its own files
-  in sim/audio     transforms <- dry_sounds <- head <- stream
+  in sim/audio     transforms <- dry_sounds <- measured <- head <- stream
   in sim/acoustics core <- geometry <- model <- paths <- tracers <- source_field <- response <- synthesis <- metrics <- accuracy
   in envs          task <- episodes <- sensors <- scenes <- config <- hearing <- batch <- baselines
   in trainer       net <- launch <- collective <- learner <- rollout <- checkpoint <- curves <- run; the first three use of the rest sim/base alone
@@ -31,7 +31,7 @@ QUESTIONS_OF_THE_LEARNER = r"bench/questions/learner_[a-z_]*_bench\.cpp$"
 # Room by room: each may use those before it, and what is allowed to all.
 CHAINS = [
     ("sim/scene", "mesh materials generators readers", "sim/base sim/rays"),
-    ("sim/audio", "transforms dry_sounds head stream", "sim/base"),
+    ("sim/audio", "transforms dry_sounds measured head stream", "sim/base"),
     ("sim/acoustics", "core geometry model paths tracers source_field response synthesis metrics accuracy", "sim/base sim/rays sim/scene sim/audio"),
     ("envs", "task episodes sensors scenes config hearing batch baselines", "sim"),
     ("trainer", "net launch collective", "sim/base"),

@@ -10,15 +10,16 @@
 #include <string>
 #include <vector>
 
-#include "sim/audio/head/near_head.h"
-
 namespace earshot {
 
+struct HeadGrid;
 struct SofaResponses;
 
 /// Head-related transfer functions on a grid of directions, as spectra ready for synthesis.  Immutable.
 /// Directions are in head axes: x right, y up, -z front.  A source near the head is heard as such, by a rigid sphere of the size of ours
-/// (near_head.h).
+/// (near_head.h).  Of a head that was measured at several distances, a source between two of them is interpolated, linearly in the
+/// reciprocal of the distance; one beyond the farthest has that one, one within the nearest that one and the rigid sphere.
+/// measured_spheres.h says what counts as a distance.
 class Hrtf {
  public:
   /// Rigid sphere of radius 8.75 cm with ears at +-100 degrees (Duda and Martens 1998), computed, without a file.
@@ -49,13 +50,13 @@ class Hrtf {
   [[nodiscard]] std::span<const std::complex<float>> diffuse_decoder(int channel, int ear) const;
 
  private:
-  struct Grid;
-  /// measured_m: distance of the sources of the grid.
-  Hrtf(float sample_rate_hz, std::shared_ptr<const Grid> grid, double measured_m);
+  struct Spheres;
+  /// The nearest first, of one size of spectra.
+  Hrtf(float sample_rate_hz, std::vector<HeadGrid> spheres);
+  static void check_rate(float sample_rate_hz);
   float sample_rate_hz_ = 0;
   int fft_size_ = 0, lead_samples_ = 0, decoder_taps_ = 0;
-  std::shared_ptr<const Grid> grid_;
-  NearHead near_;
+  std::shared_ptr<const Spheres> spheres_;
   std::array<std::vector<std::complex<float>>, 8> decoder_;  ///< [channel * 2 + ear]
 };
 

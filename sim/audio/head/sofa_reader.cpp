@@ -4,13 +4,20 @@
 #include <mysofa.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
+#include <functional>
 #include <glm/geometric.hpp>
 #include <memory>
+#include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 
+#include "sim/audio/measured/ear_order.h"
+#include "sim/audio/measured/listener_frame.h"
+#include "sim/audio/measured/sofa_convention.h"
 #include "sim/audio/transforms/resample.h"
 #include "sim/base/byte_stream.h"
 #include "sim/base/errors.h"
@@ -70,6 +77,107 @@ std::uint64_t stated_size(std::string_view bytes) {
   return size;
 }
 
+using Refusal = std::function<InputError(const std::string&)>;
+
+/// Triplets of a variable: one for all measurements, or one for each.
+class Triplets {
+ public:
+  /// type: of coordinates where the variable does not say it.  Throws unless it has 3 or 3 M values.
+  Triplets(const MYSOFA_ARRAY& array, const char* name, std::string type, std::size_t measurements, const Refusal& refuse)
+      : values_(array.values, array.values ? array.elements : 0), shared_(array.elements == 3) {
+    if (array.elements != 3 && array.elements != 3 * measurements)
+      throw refuse(fmt::format("has {} values in {}, not {} or 3", array.elements, name, 3 * measurements));
+    if (values_.empty()) throw refuse(fmt::format("has no values in {}", name));
+    for (const MYSOFA_ATTRIBUTE* at = array.attributes; at; at = at->next)
+      if (at->name && at->value && std::string_view(at->name) == "Type") type = at->value;
+    if (type != "cartesian" && type != "spherical")
+      throw refuse(fmt::format("has {} of Type '{}', neither cartesian nor spherical", name, type));
+    spherical_ = type == "spherical";
+  }
+  [[nodiscard]] bool spherical() const { return spherical_; }
+  /// In metres, axes of SOFA.
+  [[nodiscard]] glm::dvec3 operator[](std::size_t measurement) const {
+    const float* value = values_.data() + (shared_ ? 0 : 3 * measurement);
+    return sofa_position({value[0], value[1], value[2]}, spherical_);
+  }
+
+ private:
+  std::span<const float> values_;
+  bool shared_, spherical_ = false;
+};
+
+/// Writes directions and distances of the sources as the listener has them.
+void place_sources(const MYSOFA_HRTF& sofa, const Refusal& refuse, SofaResponses& responses) {
+  const auto measurements = static_cast<std::size_t>(sofa.M);
+  const Triplets source(sofa.SourcePosition, "SourcePosition", "", measurements, refuse);
+  const auto read = [&](const MYSOFA_ARRAY& array, const char* name, const std::string& type) {
+    return array.elements == 0 ? std::optional<Triplets>() : Triplets(array, name, type, measurements, refuse);
+  };
+  const auto listener = read(sofa.ListenerPosition, "ListenerPosition", "cartesian");
+  const auto view = read(sofa.ListenerView, "ListenerView", "cartesian");
+  // Its Type is that of ListenerView, but for files that mean cartesian and have (0, 0, 1) in both.
+  const auto up = read(sofa.ListenerUp, "ListenerUp", view && view->spherical() ? "spherical" : "cartesian");
+  const auto plain_up = read(sofa.ListenerUp, "ListenerUp", "cartesian");
+  for (std::size_t m = 0; m < measurements; ++m) {
+    const glm::dvec3 front = view ? (*view)[m] : glm::dvec3(1, 0, 0);
+    if (!(glm::length(front) > 1e-6) || !std::isfinite(glm::length(front)))
+      throw refuse(fmt::format("has no direction in ListenerView {}", view ? m : 0));
+    glm::dvec3 crown = up ? (*up)[m] : glm::dvec3(0, 0, 1);
+    if (up && glm::length(glm::cross(crown, front)) < 1e-6) crown = (*plain_up)[m];
+    const glm::dvec3 towards = ListenerFrame(listener ? (*listener)[m] : glm::dvec3(0), front, crown).to_head(source[m]);
+    const double distance = glm::length(towards);
+    if (!(distance > 1e-6) || !std::isfinite(distance)) throw refuse(fmt::format("has no direction in SourcePosition {}", m));
+    responses.direction.emplace_back(towards / distance);
+    responses.distance_m.push_back(static_cast<float>(distance));
+  }
+}
+
+/// Whether the second of the two receivers is the left ear.  Labels that name the left one first are right; those that name it second are
+/// in some files (of the first API) and not in others.
+bool second_is_left(const MYSOFA_HRTF& sofa, const SofaResponses& as_stored, const Refusal& refuse) {
+  MYSOFA_ARRAY pair = sofa.ReceiverPosition;  // [2, 3, 1] or [2, 3, M]: of the first measurement
+  const std::size_t step = std::max<std::size_t>(1, pair.elements / 6);
+  std::array<float, 6> values{};
+  for (std::size_t i = 0; i < 6; ++i) values[i] = sofa.ReceiverPosition.values[i * step];
+  pair.values = values.data();
+  pair.elements = 6;
+  const Triplets ears(pair, "ReceiverPosition", "cartesian", 2, refuse);
+  const double to_the_left = ears[0].y - ears[1].y;
+  if (to_the_left > 0) return false;
+  const int first_is_left =
+      weigh_ears(as_stored.direction, as_stored.taps, as_stored.num_taps, as_stored.delay_samples, as_stored.sample_rate_hz)
+          .first_is_left();
+  if (first_is_left == 0 && !(to_the_left < 0)) throw refuse("has ReceiverPosition values that do not tell the left ear from the right");
+  return first_is_left <= 0;
+}
+
+/// Everything that the arrays must hold before they are read.
+void check_sizes(const MYSOFA_HRTF& sofa, const Refusal& refuse) {
+  if (sofa.R != 2) throw refuse(fmt::format("has {} receivers (R), not two ears", sofa.R));
+  if (sofa.M < kMinDirections || sofa.M > kMaxDirections) throw refuse(fmt::format("has {} measurements (M)", sofa.M));
+  if (sofa.N < 1 || sofa.N > kMaxTaps) throw refuse(fmt::format("has {} samples per response (N)", sofa.N));
+  const auto measurements = static_cast<std::size_t>(sofa.M), taps = static_cast<std::size_t>(sofa.N);
+  const auto expect_size = [&](const MYSOFA_ARRAY& array, std::size_t size, const char* field) {
+    if (array.elements != size || !array.values) throw refuse(fmt::format("has {} values in {}, not {}", array.elements, field, size));
+  };
+  expect_size(sofa.DataIR, measurements * 2 * taps, "Data.IR");
+  expect_size(sofa.DataSamplingRate, 1, "Data.SamplingRate");
+  if (sofa.DataDelay.elements != 0 && sofa.DataDelay.elements != 2) expect_size(sofa.DataDelay, measurements * 2, "Data.Delay");
+  const unsigned ears = sofa.ReceiverPosition.elements;
+  if ((ears != 6 && ears != 6 * sofa.M) || !sofa.ReceiverPosition.values) throw refuse("has no ReceiverPosition for two ears");
+  for (unsigned i = 0; i < sofa.EmitterPosition.elements && sofa.EmitterPosition.values; ++i)
+    if (std::abs(sofa.EmitterPosition.values[i]) > 1e-3f) throw refuse("has an EmitterPosition beside its source: it must be 0");
+}
+
+void exchange_ears(SofaResponses& responses) {
+  const auto taps = static_cast<std::ptrdiff_t>(responses.num_taps);
+  for (std::size_t m = 0; m < responses.direction.size(); ++m) {
+    const auto left = responses.taps.begin() + static_cast<std::ptrdiff_t>(2 * m) * taps;
+    std::swap_ranges(left, left + taps, left + taps);
+    std::swap(responses.delay_samples[2 * m], responses.delay_samples[2 * m + 1]);
+  }
+}
+
 }  // namespace
 
 SofaResponses read_sofa(const std::filesystem::path& path) {
@@ -80,55 +188,32 @@ SofaResponses read_sofa(const std::filesystem::path& path) {
 
 SofaResponses parse_sofa(const std::filesystem::path& path) {
   const std::string name = path.string();
-  const auto refuse = [&](const std::string& what) { return InputError(name, what, kRemedy); };
+  const Refusal refuse = [&](const std::string& what) { return InputError(name, what, kRemedy); };
   const std::string bytes = read_file(path, kMaxFileBytes);
   // libmysofa 1.3 writes past its stack on files that end too early, so it is never given one.
   const std::uint64_t stated = stated_size(bytes);
   if (stated == 0) throw refuse(describe(MYSOFA_INVALID_FORMAT));
   if (stated > bytes.size()) throw refuse(fmt::format("ends too early: {} bytes of {}", bytes.size(), stated));
+  if (const auto contents = refusal_of_convention(find_sofa_convention(bytes))) throw refuse(*contents);
   int status = MYSOFA_OK;
   const std::unique_ptr<MYSOFA_HRTF, FreeResponses> sofa{mysofa_load_data(bytes.data(), bytes.size(), &status)};
   if (!sofa || status != MYSOFA_OK) throw refuse(describe(status));
-  // Sizes first: mysofa_check reads the arrays and trusts them.
-  if (sofa->R != 2) throw refuse(fmt::format("has {} receivers (R), not two ears", sofa->R));
-  if (sofa->M < kMinDirections || sofa->M > kMaxDirections) throw refuse(fmt::format("has {} measurements (M)", sofa->M));
-  if (sofa->N < 1 || sofa->N > kMaxTaps) throw refuse(fmt::format("has {} samples per response (N)", sofa->N));
-  const auto measurements = static_cast<std::size_t>(sofa->M), taps = static_cast<std::size_t>(sofa->N);
-  const auto expect_size = [&](const MYSOFA_ARRAY& array, std::size_t size, const char* field) {
-    if (array.elements != size || !array.values) throw refuse(fmt::format("has {} values in {}, not {}", array.elements, field, size));
-  };
-  expect_size(sofa->DataIR, measurements * 2 * taps, "Data.IR");
-  expect_size(sofa->SourcePosition, measurements * 3, "SourcePosition");
-  expect_size(sofa->DataSamplingRate, 1, "Data.SamplingRate");
-  if (sofa->ReceiverPosition.elements < 6 || !sofa->ReceiverPosition.values) throw refuse("has no ReceiverPosition for two ears");
-  const bool shared_delay = sofa->DataDelay.elements == 2;
-  if (sofa->DataDelay.elements != 0 && !shared_delay) expect_size(sofa->DataDelay, measurements * 2, "Data.Delay");
-  status = mysofa_check(sofa.get());
-  if (status != MYSOFA_OK) throw refuse(describe(status));
-  mysofa_tocartesian(sofa.get());
+  for (const MYSOFA_ATTRIBUTE* at = sofa->attributes; at; at = at->next)
+    if (at->name && at->value && std::string_view(at->name) == "DataType" && !std::string_view(at->value).starts_with("FIR"))
+      throw refuse(fmt::format("has DataType '{}', not FIR", at->value));
+  check_sizes(*sofa, refuse);
 
   SofaResponses responses;
   responses.sample_rate_hz = sofa->DataSamplingRate.values[0];
-  responses.num_taps = static_cast<int>(taps);
-  // SOFA: x front, y left, z up.  Ears come left first, but some files name the right one first.
-  const bool swapped = sofa->ReceiverPosition.values[1] < sofa->ReceiverPosition.values[4];
-  responses.taps.resize(measurements * 2 * taps);
-  for (std::size_t m = 0; m < measurements; ++m) {
-    const float* position = sofa->SourcePosition.values + 3 * m;
-    const glm::vec3 head(-position[1], position[2], -position[0]);
-    const float length = glm::length(head);
-    if (!(length > 1e-6f) || !std::isfinite(length)) throw refuse(fmt::format("has no direction in SourcePosition {}", m));
-    responses.direction.push_back(head / length);
-    responses.distance_m += length / static_cast<float>(measurements);
-    for (std::size_t ear = 0; ear < 2; ++ear) {
-      const std::size_t receiver = swapped ? 1 - ear : ear;
-      std::copy_n(sofa->DataIR.values + (2 * m + receiver) * taps, taps,
-                  responses.taps.begin() + static_cast<std::ptrdiff_t>((2 * m + ear) * taps));
-      const float delay = sofa->DataDelay.elements == 0 ? 0.f : sofa->DataDelay.values[shared_delay ? receiver : 2 * m + receiver];
-      responses.delay_samples.push_back(delay);
-    }
-  }
+  responses.num_taps = static_cast<int>(sofa->N);
+  place_sources(*sofa, refuse, responses);
+  responses.taps.assign(sofa->DataIR.values, sofa->DataIR.values + sofa->DataIR.elements);
+  responses.delay_samples.resize(2 * responses.direction.size());
+  if (sofa->DataDelay.elements != 0)
+    for (std::size_t i = 0; i < responses.delay_samples.size(); ++i)
+      responses.delay_samples[i] = sofa->DataDelay.values[i % sofa->DataDelay.elements];
   validate(responses, name);
+  if (second_is_left(*sofa, responses, refuse)) exchange_ears(responses);
   return responses;
 }
 
@@ -140,8 +225,10 @@ void validate(const SofaResponses& responses, const std::string& where) {
   if (measurements < kMinDirections || measurements > kMaxDirections) throw refuse(fmt::format("has {} measurements (M)", measurements));
   if (responses.num_taps < 1 || responses.num_taps > static_cast<int>(kMaxTaps))
     throw refuse(fmt::format("has {} samples per response (N)", responses.num_taps));
-  if (!(responses.distance_m >= 0 && responses.distance_m <= 1e6f))
-    throw refuse(fmt::format("has SourcePosition values at {} m", responses.distance_m));
+  if (!responses.distance_m.empty() && responses.distance_m.size() != measurements)
+    throw refuse(fmt::format("has {} distances in SourcePosition", responses.distance_m.size()));
+  for (const float distance : responses.distance_m)
+    if (!(distance > 0 && distance <= 1e6f)) throw refuse(fmt::format("has SourcePosition values at {} m", distance));
   if (responses.taps.size() != measurements * 2 * static_cast<std::size_t>(responses.num_taps))
     throw refuse(fmt::format("has {} values in Data.IR", responses.taps.size()));
   if (responses.delay_samples.size() != measurements * 2)
@@ -163,8 +250,8 @@ std::string encode_responses(const SofaResponses& responses) {
   ByteWriter writer;
   writer.put(responses.sample_rate_hz);
   writer.put(responses.num_taps);
-  writer.put(responses.distance_m);
   writer.put_list(responses.direction);
+  writer.put_list(responses.distance_m);
   writer.put_list(responses.taps);
   writer.put_list(responses.delay_samples);
   return writer.take();
@@ -175,8 +262,8 @@ SofaResponses decode_responses(std::string_view bytes, const std::string& where)
   SofaResponses responses;
   responses.sample_rate_hz = reader.take<float>();
   responses.num_taps = reader.take<int>();
-  responses.distance_m = reader.take<float>();
   responses.direction = reader.take_list<glm::vec3>();
+  responses.distance_m = reader.take_list<float>();
   responses.taps = reader.take_list<float>();
   responses.delay_samples = reader.take_list<float>();
   reader.finish();
