@@ -14,8 +14,10 @@ struct SoundClip {
   std::vector<float> samples;  ///< finite
 };
 
-/// Reads WAV, FLAC or OGG (libsndfile), averages channels, resamples to `sample_rate_hz` (resample.h).  Throws InputError: missing,
-/// not audio, empty, non-finite samples, rate outside [1000, 768000], longer than 10 minutes.
+/// Reads WAV, W64, AIFF, 8SVX, AU, CAF, NIST SPHERE, FLAC, Ogg or MP3 (libsndfile), averages channels, resamples to `sample_rate_hz`
+/// (resample.h).  A sound comes whole: headers with a placeholder for the length (sound_extent.h) are read to the end of the file.  Throws
+/// InputError: missing, not audio, another container, shorter or longer than its header states, damaged, empty, non-finite samples, rate
+/// outside [1000, 768000], longer than 10 minutes.
 SoundClip load_sound(const std::filesystem::path& path, float sample_rate_hz);
 
 /// The channels of a sound file as they are, at its own rate.
