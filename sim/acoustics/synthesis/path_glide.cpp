@@ -83,7 +83,8 @@ void PathGlider::reserve(Pose& pose) const {
 }
 
 void PathGlider::advance(const EnergyResponse& response, std::span<const std::uint8_t> marked, const ListenerOrientation& orientation,
-                         GlidingPaths& paths) {
+                         GlidingPaths& paths, int samples) {
+  EARSHOT_EXPECT(samples >= 0 && samples <= block_samples_);
   EARSHOT_EXPECT(marked.size() == response.arrivals.size() && by_right_.size() == marked.size());
   const FlushDenormals flush;
   std::swap(paths.now_, paths.before_);
@@ -91,6 +92,7 @@ void PathGlider::advance(const EnergyResponse& response, std::span<const std::ui
   reserve(now);
   now.count = 0;
   paths.moves_ = std::exchange(paths.known_, true);
+  paths.samples_ = samples > 0 ? samples : block_samples_;
   for (std::size_t i = 0; i < marked.size(); ++i) {
     if (marked[i] == 0) continue;
     const std::size_t path = now.count, row = path * num_channels_;
@@ -107,7 +109,7 @@ void PathGlider::advance(const EnergyResponse& response, std::span<const std::ui
       if (before.identity[other] != now.identity[path]) continue;
       double most = 0;
       for (std::size_t c = 0; c < num_channels_; ++c) {
-        slope[c] = (delay[c] - before.delay[other * num_channels_ + c]) / block_samples_;
+        slope[c] = (delay[c] - before.delay[other * num_channels_ + c]) / paths.samples_;
         most = std::max(most, std::abs(slope[c]));
       }
       if (most < most_slope_)
@@ -162,7 +164,7 @@ void PathGlider::render(const OversampledSound& sound, const StreamPosition& pos
   const DryBlock dry{sound, position, block};
   add_present_paths(dry, paths, moves);
   if (moves) add_leaving_paths(dry, paths);
-  fade_sums(block, fade, output);
+  fade_sums(block, fade, paths.samples_, output);
 }
 
 /// Paths of the new pose: at rest, entering, or gliding from the pose before.
@@ -200,10 +202,10 @@ void PathGlider::add_leaving_paths(const DryBlock& dry, const GlidingPaths& path
 }
 
 /// Fades are behind the filters: nothing is left of what leaves once the fade is over, and a block begins with what the one before ended.
-void PathGlider::fade_sums(int block, int fade, std::span<float> output) {
+void PathGlider::fade_sums(int block, int fade, int glided_samples, std::span<float> output) {
   const int faded = std::min(fade, block);
   const auto weight = [&](int i) { return static_cast<float>(i) / static_cast<float>(fade); };
-  const float glide = 1.f / static_cast<float>(block_samples_);
+  const float glide = 1.f / static_cast<float>(glided_samples);
   for (std::size_t c = 0; c < num_channels_; ++c) {
     float* out = output.data() + c * static_cast<std::size_t>(block);
     if (const float* heard = inverse(resting_, c))

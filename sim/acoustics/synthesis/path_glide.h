@@ -34,6 +34,7 @@ class GlidingPaths {
     std::vector<std::complex<float>> filter;  ///< [path][channel][bin]
   };
   Pose now_, before_;
+  int samples_ = 0;     ///< from the one to the other
   bool known_ = false;  ///< is there a pose?
   bool moves_ = false;  ///< from the one to the other, in the next block
 };
@@ -59,12 +60,13 @@ class PathGlider {
   /// none.  What was among the strongest there counts as stronger by kKeptDb, so that paths of about one level do not take turns; what
   /// was kept there by that alone does not, so that the choice depends on two poses and no others.  Valid until the next call.
   std::span<const std::uint8_t> choose(const EnergyResponse& response, const GlidingPaths* before = nullptr);
-  /// A new pose: its strong paths are those that the next block leads to.  marked: of the last choose, for this response.
+  /// A new pose: its strong paths are those that the next block leads to.  marked: of the last choose, for this response.  samples: of
+  /// that block where it is shorter than block_samples; 0: it is not.
   void advance(const EnergyResponse& response, std::span<const std::uint8_t> marked, const ListenerOrientation& orientation,
-               GlidingPaths& paths);
+               GlidingPaths& paths, int samples = 0);
   /// Adds what the paths bring in stream samples [position.sample, position.sample + block) to output [num_channels, block].  The first
-  /// call after advance() leads from the pose before to the new one, over block_samples; further ones stay there.  fade: samples over which
-  /// paths of one pose alone fade.  About 20 us per path for two ears and 150 ms at 16 kHz; no allocation once warm.
+  /// call after advance() leads from the pose before to the new one, over the samples given there; further ones stay there.  fade: samples
+  /// over which paths of one pose alone fade.  About 20 us per path for two ears and 150 ms at 16 kHz; no allocation once warm.
   void render(const OversampledSound& sound, const StreamPosition& position, int block, int fade, GlidingPaths& paths,
               std::span<float> output);
 
@@ -89,7 +91,7 @@ class PathGlider {
   void read_line(const DryBlock& dry, const Line& line);
   void add_present_paths(const DryBlock& dry, GlidingPaths& paths, bool moves);
   void add_leaving_paths(const DryBlock& dry, const GlidingPaths& paths);
-  void fade_sums(int block, int fade, std::span<float> output);
+  void fade_sums(int block, int fade, int glided_samples, std::span<float> output);
   void add_line(const DryBlock& dry, const Line& line, const std::complex<float>* filter, std::size_t channel, Sum& sum);
   [[nodiscard]] const std::complex<float>* filter_of(const Pose& pose, std::size_t row) const {
     return pose.filter.data() + row * num_bins_;

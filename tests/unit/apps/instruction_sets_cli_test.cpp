@@ -65,13 +65,13 @@ std::vector<Energies> energies(const std::string& isa, const std::string& scene,
   for (std::size_t i = 1; i < places.size(); ++i) command += " --listener " + places[i];
   EXPECT_EQ(run(command + " >" + folder + "/log 2>&1"), 0) << command;
   std::ifstream file(folder + "/rir.json");
-  const nlohmann::json json = nlohmann::json::parse(file, nullptr, false);
+  const nlohmann::json document = nlohmann::json::parse(file, nullptr, false);
   std::vector<Energies> result;
-  if (!json.contains("pairs")) {
+  if (!document.contains("pairs")) {
     ADD_FAILURE() << "no pairs in what " << command << " wrote";
     return result;
   }
-  for (const nlohmann::json& pair : json["pairs"]) {
+  for (const nlohmann::json& pair : document["pairs"]) {
     const nlohmann::json& strengths_db = pair["energy"]["g_db"];
     const nlohmann::json errors_db = pair["standard_error"].value("g_db", nlohmann::json::array());
     Energies of;

@@ -134,6 +134,28 @@ TEST_F(EpisodeSounds, AMovingSourceIsHeardFromWhereItIs) {
   EXPECT_NEAR(stand(moving, 14, 50) - stand(resting, 14, 50), -20 * std::log10(4.0), 0.3);
 }
 
+// A turn to the left by a right angle before a source straight ahead: the step begins with equal ears, and ends with the level between
+// them of an agent that has stood so.
+TEST_F(EpisodeSounds, AStepLeadsFromThePoseBeforeToTheOneThatItIsGiven) {
+  config_.acoustics.early = config_.acoustics.late = config_.acoustics.diffraction = Switch::off;
+  config_.task.turn_deg = 90;
+  scenes_ = make_scene_cache(config_);
+  const auto right_over_left_db = [](std::span<const float> sound, std::size_t from, std::size_t count) {
+    return 10 * std::log10(energy(sound.subspan(sound.size() / 2 + from, count)) / energy(sound.subspan(from, count)));
+  };
+  const auto facing = [&](double heading_rad) { return make_set({room_episode(kRoom, {4, 0, 5}, heading_rad, {4, 0, 1}, "synth:noise")}); };
+  BatchedEnv standing(config_, facing(0.5 * std::numbers::pi), scenes_, 1), turning(config_, facing(0), scenes_, 1);
+  standing.reset();
+  const std::span<const float> before = float_rows(standing, "heard");
+  const double expected_db = right_over_left_db(before, 0, before.size() / 2);
+  ASSERT_GT(expected_db, 4) << "the test sees a step that is late";
+  turning.reset();
+  turning.step(std::vector<std::int32_t>{2});
+  constexpr std::size_t part = kBlock / 10;
+  EXPECT_NEAR(right_over_left_db(float_rows(turning, "waveform"), 0, kBlock / 40), 0, 1);
+  EXPECT_NEAR(right_over_left_db(float_rows(turning, "waveform"), kBlock - part, part), expected_db, 1.5);
+}
+
 TEST_F(EpisodeSounds, ARestoredEnvGoesOnWithTheSameBits) {
   Episode episode = quiet_room();
   episode.sources = {{.position = {3, 0, 1}, .sound = "synth:music", .path = {{0.5, {3, 0, 1}}, {3.0, {3, 0, 4}}}},
