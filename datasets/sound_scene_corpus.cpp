@@ -18,7 +18,6 @@
 #include "datasets/rir_corpus_room.h"
 #include "datasets/sound_scene_events.h"
 #include "datasets/sound_scene_recorder.h"
-#include "sim/acoustics/synthesis/carriers.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/text/json.h"
@@ -76,11 +75,7 @@ class RoomRecorder {
       SoundSource source(event.path[0].position);
       source.directivity = Directivity::named(pattern);
       source.orientation = glm::angleAxis(static_cast<float>(heading_deg * std::numbers::pi / 180), glm::vec3(0, 1, 0));
-      recorder_.add({.room = room_,
-                     .event = event,
-                     .listener = plan.listener,
-                     .source = std::move(source),
-                     .carrier = carrier_key(room_.acoustics().hash(), static_cast<std::size_t>(event.number))},
+      recorder_.add({.room = room_, .event = event, .listener = plan.listener, .source = std::move(source)},
                     {.frames = frames, .samples = mix});
       events.push_back(describe(event, pattern, heading_deg));
     }

@@ -33,6 +33,9 @@ void add_block(std::span<const float> block, std::size_t channels, std::size_t f
     for (std::size_t n = 0; n < count; ++n) mix.samples[c * mix.frames + first + n] += block[c * width + n];
 }
 
+/// By the place, so that events add up; one that moves by where it begins.
+std::uint64_t noise_key(const PlacedEvent& placed) { return carrier_key(placed.room.acoustics().hash(), placed.event.path[0].position); }
+
 }  // namespace
 
 SoundSceneRecorder::SoundSceneRecorder(const SoundSceneConfig& config, std::shared_ptr<const SynthesisTables> tables)
@@ -65,7 +68,7 @@ void SoundSceneRecorder::add_resting(const PlacedEvent& placed, const DrySound& 
   if (acoustics.config().field == Switch::on && uses_source_field(acoustics)) field = build_source_field(acoustics, candidates);
   compute_energy_response(acoustics, candidates, field.get(), listener, response_);
   Rir rir;
-  synthesizer_.render(response_, placed.listener.orientation(), CarrierKey(placed.carrier, listener), rir);
+  synthesizer_.render(response_, placed.listener.orientation(), CarrierKey(noise_key(placed), listener), rir);
   std::vector<float> sound(dry.sounding);
   for (std::size_t i = 0; i < sound.size(); ++i) sound[i] = dry.clip.samples[i % dry.clip.samples.size()];
   add_block(fir_.convolve(sound, rir.samples, rir.num_channels), static_cast<std::size_t>(num_channels_), dry.first, mix);
@@ -96,7 +99,7 @@ void SoundSceneRecorder::add_moving(const PlacedEvent& placed, const DrySound& d
     else
       compute_energy_response(acoustics, candidates, nullptr, listener, response_);
     const std::span<const std::uint8_t> glides = glider_.choose(response_, &gliding);
-    synthesizer_.render(response_, orientation, {placed.carrier, listener, std::optional(source.position)}, rir, nullptr, glides);
+    synthesizer_.render(response_, orientation, {noise_key(placed), listener, std::optional(source.position)}, rir, nullptr, glides);
     glider_.advance(response_, glides, orientation, gliding);
     if (!stream_) stream_.emplace(StreamConfig{rir.sample_rate_hz, rir.num_samples, block_, block_}, rir.num_channels);
     stream_->convolve(dry.clip, position, rir.samples, previous.samples, rir.num_samples, block_, part);

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstddef>
-#include <cstdint>
 #include <memory>
 #include <optional>
 #include <span>
@@ -21,8 +20,7 @@ struct PlacedEvent {
   const CorpusRoom& room;
   const SoundEvent& event;
   const CorpusListener& listener;
-  SoundSource source;         ///< its directivity and orientation; the path of the event places it
-  std::uint64_t carrier = 0;  ///< of the noise of its late field
+  SoundSource source;  ///< its directivity and orientation; the path of the event places it
 };
 
 /// The samples of a recording, to which events are added.

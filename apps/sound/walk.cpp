@@ -15,7 +15,6 @@
 #include "sim/acoustics/model/acoustic_scene.h"
 #include "sim/acoustics/source_field/field_for_poses.h"
 #include "sim/acoustics/source_field/source_field_store.h"
-#include "sim/acoustics/synthesis/carriers.h"
 #include "sim/acoustics/synthesis/path_glide.h"
 #include "sim/audio/dry_sounds/sound_clip.h"
 #include "sim/audio/stream/sound_stream.h"
@@ -74,7 +73,7 @@ std::vector<WalkSource> make_sources(const WalkArguments& options, const Acousti
                                          .late = late,
                                          .refine_every = options.refine_every,
                                          .clip = std::move(clip),
-                                         .carrier_key = carrier_key(acoustics.hash(), i)},
+                                         .scene_hash = acoustics.hash()},
                          block_samples);
   }
   return sources;

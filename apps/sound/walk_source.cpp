@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "apps/options/source_options.h"
+#include "sim/acoustics/synthesis/carriers.h"
 #include "sim/base/process/progress.h"
 
 namespace earshot {
@@ -17,7 +18,7 @@ WalkSource::WalkSource(WalkSourceSetup setup, int block_samples)
       block_samples_(block_samples),
       clip_(std::move(setup.clip)),
       oversampled_(clip_),
-      carrier_key_(setup.carrier_key) {}
+      carrier_key_(carrier_key(setup.scene_hash, source_.position)) {}
 
 void WalkSource::prepare(const AcousticScene& acoustics, SourceFieldStore& fields) {
   if (moving_) return;

@@ -36,7 +36,7 @@ struct WalkSourceSetup {
   WalkLateSound late = WalkLateSound::traced;
   int refine_every = 0;  ///< blocks, with WalkLateSound::refined
   SoundClip clip;
-  std::uint64_t carrier_key = 0;
+  std::uint64_t scene_hash = 0;  ///< with at_start.position the key of its noise, that of `earshot rir`
 };
 
 /// The listener at a moment of the walk.

@@ -122,8 +122,6 @@ std::uint64_t carrier_key(std::uint64_t scene_hash, glm::vec3 source_position) {
   return hash64(identity);
 }
 
-std::uint64_t carrier_key(std::uint64_t scene_hash, std::size_t source_number) { return scene_hash + source_number; }
-
 CarrierBank::CarrierBank(const BandLayout& bands, float sample_rate_hz, int num_channels, int length, std::uint64_t seed, CarrierKind kind)
     : length_(static_cast<std::size_t>(length)), num_channels_(num_channels) {
   require(num_channels >= 1 && num_channels <= kMaxChannels, "carrier channels", num_channels, "must be in [1, 256]");

@@ -23,10 +23,11 @@ struct CarrierKey {
   std::optional<glm::vec3> moving_source;  ///< of a source that moves under one key: where it is, in metres
 };
 
-/// Key of a source by position: its noise is the same in every episode and for every agent.
+/// Key of a source by position, for a source that moves by where it begins: its noise is the same in every response, walk, recording and
+/// episode, and for every agent.  Sources elsewhere have independent noise, so that what several bring adds up.
 std::uint64_t carrier_key(std::uint64_t scene_hash, glm::vec3 source_position);
-/// By number: a source that moves keeps its key, and sources at one position have different noise.
-std::uint64_t carrier_key(std::uint64_t scene_hash, std::size_t source_number = 0);
+/// Of a scene in which one source is heard.
+inline std::uint64_t carrier_key(std::uint64_t scene_hash) { return scene_hash; }
 
 /// plain: noise that is not flattened, for sums of so many channels that flattening would be lost; quick to make.
 enum class CarrierKind { flattened, plain };

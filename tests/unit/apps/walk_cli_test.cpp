@@ -1,4 +1,4 @@
-// `earshot walk` against closed forms at true time: x(t - delay) along straight and mirrored paths, whoever moves.
+// `earshot walk` against closed forms at true time: x(t - delay) along straight and mirrored paths, whoever moves; and its tails.
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>
@@ -195,6 +195,76 @@ TEST_F(WalkCli, ClicksArriveWhereTheListenerIsByThen) {
   SKIP_WITHOUT_DATA("field/clicks.wav");
   const auto field = [](const char* name) { return (data_folder() / "field" / name).string(); };
   expect_arrivals(fmt::format("--poses {} --source 2,2,2 --sound {}", field("c14_listener_leaves.csv"), field("clicks.wav")), 1, 2, 10);
+}
+
+/// Two sources of a room, and a walk in it.
+class WalkTails : public WalkCli {
+ protected:
+  [[nodiscard]] std::vector<float> heard(const std::string& sources, const std::string& options = "") const {
+    const std::string line = "walk shoebox:7x3x6@0.15 --channels mono --preset fast --set field=off rays=64 rir_length_s=0.6 --poses " +
+                             file("poses.csv") + " " + sources + " --sound " + file("clicks.wav") + " --out " + file("heard.wav") + options;
+    const CliOutcome outcome = earshot(line);
+    EXPECT_EQ(outcome.exit_code, 0) << line << "\n" << outcome.errors;
+    return read_wav("heard.wav");
+  }
+  static glm::dvec3 place(Draw& draw) { return {draw.in(0.7, 6.3), draw.in(0.7, 2.3), draw.in(0.7, 5.3)}; }
+  void write_inputs(Draw& draw, bool moves) const {
+    const glm::dvec3 from = place(draw), to = moves ? place(draw) : from;
+    write("poses.csv", Motion{from, (to - from) / 0.6}.rows(0.6));
+    std::vector<float> click(16000);
+    click[0] = 1;
+    write_wav(file("clicks.wav"), click, 1, static_cast<float>(kRateHz));
+  }
+  /// A source at a drawn place, or one that moves from there.
+  [[nodiscard]] std::string source(Draw& draw, const std::string& name, bool moves) const {
+    const glm::dvec3 from = place(draw);
+    if (!moves) return fmt::format("--source {},{},{} ", from.x, from.y, from.z);
+    return "--source-path " + write(name, Motion{from, (place(draw) - from) / 0.6}.rows(0.6)) + " ";
+  }
+  static std::vector<float> sum(std::span<const float> a, std::span<const float> b) {
+    std::vector<float> both(a.begin(), a.end());
+    for (std::size_t n = 0; n < both.size(); ++n) both[n] += b[n];
+    return both;
+  }
+  static constexpr std::size_t kTail = 2400;  ///< behind every early path
+};
+
+TEST_F(WalkTails, SourcesAddUpAndAreUncorrelated) {
+  for (std::uint32_t i = 0; i < kDrawn + 1; ++i) {
+    Draw draw(5, i);
+    write_inputs(draw, i % 3 != 0);
+    // Sources at rest come first in a walk: one of each kind is a pair too.
+    const std::string first = source(draw, "first.csv", i % 4 == 1), second = source(draw, "second.csv", i % 4 == 1 || i % 4 == 2);
+    const std::vector<float> a = heard(first), b = heard(second), both = heard(first + second);
+    EXPECT_LT(residual_db(both, sum(a, b), 0), -100) << first << second;
+    EXPECT_LT(residual_db(heard(second + first), both, 0), -100) << first << second;
+    double product = 0, of_a = 0, of_b = 0;
+    for (std::size_t n = kTail; n < a.size(); ++n) {
+      const double x{a[n]}, y{b[n]};
+      product += x * y, of_a += x * x, of_b += y * y;
+    }
+    // 7,000 samples of which the last ones are quiet: a thousand that count, five standard errors.
+    EXPECT_LT(std::abs(product) / std::sqrt(of_a * of_b), 0.16) << first << second;
+  }
+}
+
+TEST_F(WalkTails, AtRestAWalkIsItsImpulseResponse) {
+  for (std::uint32_t i = 0; i < kDrawn; ++i) {
+    Draw draw(6, i);
+    const glm::dvec3 listener = place(draw), source = place(draw);
+    write("poses.csv", Motion{listener, {}}.rows(0.6));
+    std::vector<float> click(16000);
+    click[0] = 1;
+    write_wav(file("clicks.wav"), click, 1, static_cast<float>(kRateHz));
+    const std::vector<float> walk = heard(fmt::format("--source {},{},{}", source.x, source.y, source.z));
+    const CliOutcome outcome =
+        earshot(fmt::format("rir shoebox:7x3x6@0.15 --channels mono --preset fast --set field=off rays=64 rir_length_s=0.6 --source "
+                            "{},{},{} --listener {},{},{} --out {}",
+                            source.x, source.y, source.z, listener.x, listener.y, listener.z, file("rir.wav")));
+    ASSERT_EQ(outcome.exit_code, 0) << outcome.errors;
+    const std::vector<float> rir = read_wav("rir.wav");
+    EXPECT_LT(residual_db(walk, std::span(rir).first(std::min(rir.size(), walk.size())), kTail), -60);
+  }
 }
 
 }  // namespace
