@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "sim/acoustics/response/retarded_source.h"
 #include "sim/acoustics/source_field/source_field.h"
 #include "sim/acoustics/synthesis/carriers.h"
 #include "sim/acoustics/synthesis/synthesis_tables.h"
@@ -90,23 +91,31 @@ void SoundSceneRecorder::add_moving(const PlacedEvent& placed, const DrySound& d
   std::vector<float> part(static_cast<std::size_t>(block_) * static_cast<std::size_t>(num_channels_));
   const double ring_s = 2 * static_cast<double>(config.rir_length_s);
   const auto end = std::min(mix.frames, dry.first + dry.sounding + static_cast<std::size_t>(ring_s * rate_hz));
-  for (std::size_t at = dry.first; at < end; at += static_cast<std::size_t>(block_)) {
-    // The response of where the source is when the block ends: the block leads there from the one before.
-    source.position = placed.event.position_at(static_cast<double>(at - dry.first + static_cast<std::size_t>(block_)) / rate_hz);
+  const SourcePlaceAt place = [&](double since_onset_s) { return glm::dvec3(placed.event.position_at(since_onset_s)); };
+  const std::uint64_t noise = noise_key(placed);
+  const auto hear = [&](double since_onset_s) {
+    const double emitted_s = emission_time_s(place, listener, since_onset_s, double{acoustics.speed_of_sound_m_per_s()});
+    source.position = placed.event.position_at(emitted_s);
     const EarlyCandidates candidates(acoustics, source, SourceMotion::moves);
     if (reuses)
       reuse.compute(acoustics, candidates, listener, response_);
     else
       compute_energy_response(acoustics, candidates, nullptr, listener, response_);
+    retard_arrivals(place, emitted_s, since_onset_s, response_);
     const std::span<const std::uint8_t> glides = glider_.choose(response_, &gliding);
-    synthesizer_.render(response_, orientation, {noise_key(placed), listener, std::optional(source.position)}, rir, nullptr, glides);
+    synthesizer_.render(response_, orientation, {noise, listener, std::optional(source.position)}, rir, nullptr, glides);
     glider_.advance(response_, glides, orientation, gliding);
+  };
+  hear(0);
+  for (std::size_t at = dry.first; at < end; at += static_cast<std::size_t>(block_)) {
+    // Each block leads from where the one before has ended to where it ends.
+    std::swap(rir, previous);
+    hear(static_cast<double>(at - dry.first + static_cast<std::size_t>(block_)) / rate_hz);
     if (!stream_) stream_.emplace(StreamConfig{rir.sample_rate_hz, rir.num_samples, block_, block_}, rir.num_channels);
     stream_->convolve(dry.clip, position, rir.samples, previous.samples, rir.num_samples, block_, part);
     glider_.render(oversampled, position, block_, block_, gliding, part);
     add_block(part, static_cast<std::size_t>(num_channels_), at, mix);
     position.sample += static_cast<std::uint64_t>(block_);
-    std::swap(rir, previous);
   }
 }
 

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "apps/options/source_options.h"
+#include "sim/acoustics/response/retarded_source.h"
 #include "sim/acoustics/synthesis/carriers.h"
 #include "sim/base/process/progress.h"
 
@@ -50,13 +51,17 @@ void WalkSource::add_block(const AcousticScene& acoustics, RirSynthesizer& synth
 
 void WalkSource::hear(const AcousticScene& acoustics, RirSynthesizer& synthesizer, PathGlider& glider, const WalkMoment& moment,
                       WalkBlock block) {
+  const SourcePlaceAt place = [this](double t_s) { return pose_at(path_, t_s).position; };
+  double emitted_s = moment.t_s;
   if (moving_) {
-    const TimedPose pose = pose_at(path_, moment.t_s);
+    emitted_s = emission_time_s(place, moment.listener, moment.t_s, double{acoustics.speed_of_sound_m_per_s()});
+    const TimedPose pose = pose_at(path_, emitted_s);
     source_.position = glm::vec3(pose.position);
     source_.orientation = orientation_of(pose.heading_deg, 0, 0);
     candidates_ = std::make_unique<EarlyCandidates>(acoustics, source_, SourceMotion::moves);
   }
   respond(acoustics, moment.listener, block.index);
+  if (moving_) retard_arrivals(place, emitted_s, moment.t_s, response_);
   const std::span<const std::uint8_t> glides = glider.choose(response_, &gliding_);
   synthesizer.render(response_, moment.orientation,
                      {carrier_key_, moment.listener, moving_ ? std::optional(source_.position) : std::nullopt}, rir_, nullptr, glides);

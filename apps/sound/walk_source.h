@@ -53,7 +53,7 @@ struct WalkBlock {
 };
 
 /// One source of a walk with its response and convolver.  A source at rest keeps its candidates; a moving one
-/// gets new ones where it is.
+/// gets new ones where it was when it made what is heard.
 class WalkSource {
  public:
   /// block_samples: of the longest block.

@@ -148,6 +148,66 @@ TEST_F(WalkCli, IsInTimeWithTheListenersPoses) {
   }
 }
 
+TEST_F(WalkCli, HearsAMovingSourceFromWhereItWas) {
+  expect_closed_form({{100, 2, 200}, {}}, {{160, 1.5, 200}, {-20, 0, 0}}, 1.5, 0.05, 20);
+  for (std::uint32_t i = 0; i < kDrawn; ++i) {
+    Draw draw(2, i);
+    const Motion listener{{draw.in(190, 210), draw.in(1, 4), draw.in(190, 210)}, draw.in(0, 3) * draw.direction()};
+    const Motion source{listener.start + draw.in(60, 100) * draw.direction() + glm::dvec3(0, draw.in(-0.5, 3), 0),
+                        draw.in(3, 30) * draw.direction()};
+    expect_closed_form(listener, source, 1.5, draw.in(0.01, 0.03), 20 + i);
+  }
+}
+
+/// Frequency of the tone near `hz` in samples [first, first + size): by how much its phase goes on from one half to the other.
+double frequency_hz(std::span<const float> heard, std::size_t first, std::size_t size, double hz) {
+  std::array<double, 2> phase{};
+  const std::size_t half = size / 2;
+  for (std::size_t part = 0; part < 2; ++part) {
+    double re = 0, im = 0;
+    for (std::size_t n = 0; n < half; ++n) {
+      const std::size_t at = first + part * half + n;
+      const double window = 0.5 - 0.5 * std::cos(2 * std::numbers::pi * (static_cast<double>(n) + 0.5) / static_cast<double>(half));
+      const double turn = 2 * std::numbers::pi * hz * static_cast<double>(at) / kRateHz;
+      re += window * static_cast<double>(heard[at]) * std::cos(turn);
+      im -= window * static_cast<double>(heard[at]) * std::sin(turn);
+    }
+    phase[part] = std::atan2(im, re);
+  }
+  return hz + std::remainder(phase[1] - phase[0], 2 * std::numbers::pi) / (2 * std::numbers::pi) * kRateHz / static_cast<double>(half);
+}
+
+// f (c + listener toward the source) / (c - source toward the listener), on one line, within a cent.
+TEST_F(WalkCli, PitchIsThatOfTheRetardedPosition) {
+  std::vector<float> tone(16000);
+  for (std::size_t n = 0; n < tone.size(); ++n)
+    tone[n] = static_cast<float>(std::sin(2.0 * std::numbers::pi * 1000.0 * static_cast<double>(n) / kRateHz));
+  write_wav(file("tone.wav"), tone, 1, static_cast<float>(kRateHz));
+  const auto expect_pitch = [&](const std::string& poses, const std::string& path, double listener_speed, double source_speed,
+                                double step_s) {
+    const std::vector<float> heard =
+        walk_outside(fmt::format("--poses {} --source-path {} --sound {} --step {}", poses, path, file("tone.wav"), step_s), false);
+    const double expected_hz = 1000 * (kSpeedOfSound + listener_speed) / (kSpeedOfSound - source_speed);
+    // From when the motion is heard on; the halves are so short that phases of neighbouring pitches stay apart.
+    const double found_hz = frequency_hz(heard, 16000, 3000, expected_hz);
+    EXPECT_LT(std::abs(1200 * std::log2(found_hz / expected_hz)), 1)
+        << found_hz << " Hz for " << expected_hz << " Hz: listener " << listener_speed << " m/s, source " << source_speed << " m/s, step "
+        << step_s;
+  };
+  for (std::uint32_t i = 0; i < kDrawn + 2; ++i) {
+    Draw draw(3, i);
+    const glm::dvec3 toward = draw.direction();
+    const double listener_speed = i < 2 ? 0 : draw.in(-10, 10), source_speed = i == 0 ? 20 : i == 1 ? 5 : draw.in(-40, 40);
+    const double step_s = i < 2 ? 0.05 : draw.in(0.01, 0.2);
+    const Motion listener{{200, 5, 200}, listener_speed * toward};
+    const Motion source{listener.start + draw.in(130, 140) * toward, -source_speed * toward};
+    expect_pitch(write("listener.csv", listener.rows(1.4)), write("source.csv", source.rows(1.4)), listener_speed, source_speed, step_s);
+  }
+  SKIP_WITHOUT_DATA("field/c14_fast_approach.csv");
+  const auto field = [](const char* name) { return (data_folder() / "field" / name).string(); };
+  expect_pitch(field("c14_fast_rest.csv"), field("c14_fast_approach.csv"), 0, 30, 0.05);
+}
+
 /// Where between samples the band-limited pulse near sample `near` is largest: sinc interpolation, by bisecting three times the step.
 double peak_sample(std::span<const float> heard, double near) {
   const auto value = [&](double at) {
