@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <fstream>
+#include <iterator>
 #include <locale>
 #include <sstream>
 
@@ -22,6 +23,9 @@ std::vector<TimedPose> read_timed_path(const std::string& path) {
   for (std::string line; std::getline(stream, line);) {
     ++line_number;
     if (line_number == 1 && line.starts_with("\xEF\xBB\xBF")) line.erase(0, 3);
+    if (stream.eof())
+      throw InputError(fmt::format("{}:{}", path, line_number), "has no line feed at its end: the file may have been cut",
+                       "write the file again, or end its last line with a line feed");
     if (line.empty() || line == "\r" || line.starts_with("#") || line.starts_with("t_s")) continue;
     std::istringstream fields(line);
     fields.imbue(std::locale::classic());
@@ -44,9 +48,9 @@ std::vector<TimedPose> read_timed_path(const std::string& path) {
 
 TimedPose pose_at(const std::vector<TimedPose>& path, double t_s) {
   if (path.size() == 1) return {t_s, path[0].position, path[0].heading_deg};
-  std::size_t next = 1;
-  while (next + 1 < path.size() && path[next].t_s < t_s) ++next;
-  const TimedPose &a = path[next - 1], &b = path[next];
+  // The first later pose, of all but the first and the last.
+  const auto next = std::lower_bound(path.begin() + 1, path.end() - 1, t_s, [](const TimedPose& pose, double t) { return pose.t_s < t; });
+  const TimedPose &a = *std::prev(next), &b = *next;
   const double fraction = std::clamp((t_s - a.t_s) / (b.t_s - a.t_s), 0.0, 1.0);
   const double turn_deg = std::remainder(b.heading_deg - a.heading_deg, 360.0);
   return {t_s, a.position + fraction * (b.position - a.position), a.heading_deg + fraction * turn_deg};

@@ -327,5 +327,32 @@ TEST_F(WalkTails, AtRestAWalkIsItsImpulseResponse) {
   }
 }
 
+// What is left of a file that was cut within a line is no path; one cut between two lines is a shorter path, and whole.
+TEST_F(WalkCli, PosesThatWereCutAreRefused) {
+  Draw draw(7, 0);
+  std::string rows = "# a walk\nt_s,x,y,z,heading_deg\n";
+  for (int i = 0; i < 12; ++i)
+    rows +=
+        fmt::format("{:.3f},{:.4f},{:.2f},{:.3f},{:.1f}\n", 0.01 * i, draw.in(10, 11), draw.in(1, 2), draw.in(10, 11), draw.in(-180, 180));
+  const std::string whole = write("whole.csv", rows);
+  int refused = 0;
+  for (int i = 0; i < 24; ++i) {
+    const auto size = static_cast<std::size_t>(draw.in(1, static_cast<double>(rows.size() - 1)));
+    const std::string kept = rows.substr(0, size), cut = write("cut.csv", kept), out = file("cut.wav");
+    const std::string line =
+        "walk shoebox:20x4x20@1 --channels mono --set late=off early=off diffraction=off rir_length_s=0.1 --sound synth:noise --out " +
+        out + (i % 2 == 0 ? " --source 5,1,5 --poses " + cut : " --poses " + whole + " --source-path " + cut);
+    if (kept.back() == '\n' && std::count(kept.begin(), kept.end(), '\n') >= 4) {
+      EXPECT_EQ(earshot(line).exit_code, 0) << kept;
+      std::filesystem::remove(out);
+      continue;
+    }
+    ++refused;
+    expect_bad_input(line, "cut.csv");
+    EXPECT_FALSE(std::filesystem::exists(out));
+  }
+  EXPECT_GE(refused, 20);
+}
+
 }  // namespace
 }  // namespace earshot
