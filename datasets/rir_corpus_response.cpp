@@ -156,7 +156,8 @@ CorpusSourceRenderer::CorpusSourceRenderer(const RirCorpusConfig& config, const 
       number_(source),
       heads_(heads),
       source_(room.draw_source(source)),
-      candidates_(room.acoustics(), source_.sound) {
+      candidates_(room.acoustics(), source_.sound),
+      places_(room.acoustics()) {
   const AcousticScene& acoustics = room.acoustics();
   field_ = field_for_poses(acoustics, candidates_, static_cast<std::size_t>(config.listeners_per_source));
   if (config.sofa) sofa_ = describe_sofa(config, room.scene(), source_);
@@ -183,6 +184,7 @@ std::string CorpusSourceRenderer::render(int listener, const std::string& folder
                       .files = files,
                       .line = Json::object()};
   const CorpusListener& pose = recording.pose;
+  static_cast<void>(places_.check({"source", source_.sound.position}, {"listener", pose.position}));
   compute_energy_response(room_.acoustics(), candidates_, field_.get(), pose.position, response_);
   // Behind a wall the direct sound counts from when the straight line would bring it.
   recording.direct_s =

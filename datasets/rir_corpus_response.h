@@ -8,6 +8,7 @@
 #include "datasets/corpus_folder.h"
 #include "datasets/rir_corpus_room.h"
 #include "sim/acoustics/paths/early_reflections.h"
+#include "sim/acoustics/response/place_check.h"
 #include "sim/acoustics/source_field/source_field.h"
 #include "sim/acoustics/synthesis/rir_synthesis.h"
 #include "sim/sofa/sofa_room_responses.h"
@@ -27,6 +28,7 @@ class CorpusSourceRenderer {
   /// field_for_poses(config.listeners_per_source).
   CorpusSourceRenderer(const RirCorpusConfig& config, const CorpusRoom& room, std::size_t room_index, int source,
                        std::span<RirSynthesizer> heads);
+  /// Throws InputError where the listener cannot hear the source because one of them lies outside the closed room (place_check.h).
   /// Renders a listener, appends its files, and returns its line of the manifest, without the line feed.  folder: prefix of the names
   /// there.
   /// With config.sofa nothing is appended, and the response kept for sofa().
@@ -53,6 +55,7 @@ class CorpusSourceRenderer {
   std::span<RirSynthesizer> heads_;
   CorpusSource source_;
   EarlyCandidates candidates_;
+  PlaceCheck places_;
   std::shared_ptr<const SourceField> field_;
   EnergyResponse response_;
   Rir rir_;

@@ -16,7 +16,9 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/random.h"
+#include "sim/base/text/log.h"
 #include "sim/base/text/utf8.h"
+#include "sim/scene/checks/scene_check.h"
 #include "sim/scene/materials/materials.h"
 #include "sim/scene/materials/semantic_materials.h"
 
@@ -100,6 +102,8 @@ std::vector<std::string> expand_scenes(const std::vector<std::string>& scenes) {
 
 std::shared_ptr<const Scene> load_room(const RirCorpusConfig& config, const CorpusRoomSpec& spec) {
   Scene scene = load_scene(spec.scene);
+  if (spec.is_first_of_scene)
+    for (const std::string& warning : scene_warnings(scene)) log_warning(spec.scene + ": " + warning);
   if (!config.randomize) return std::make_shared<const Scene>(std::move(scene));
   AcousticRandomization randomization = *config.randomize;
   randomization.seed = spec.materials_seed;
@@ -121,7 +125,7 @@ std::vector<CorpusRoomSpec> list_corpus_rooms(const RirCorpusConfig& config) {
   for (int i = 0; i < config.shoeboxes.count; ++i) rooms.push_back({shoebox_spec(config, static_cast<std::uint32_t>(i)), 0});
   const std::vector<std::string> scenes = expand_scenes(config.scenes);
   for (int again = 0; again < config.rooms_per_scene; ++again)
-    for (const std::string& scene : scenes) rooms.push_back({scene, 0});
+    for (const std::string& scene : scenes) rooms.push_back({.scene = scene, .is_first_of_scene = again == 0});
   for (std::size_t i = 0; i < rooms.size(); ++i) {
     const auto words = shape_stream(config.seed, static_cast<std::uint32_t>(i)).bits4(ShapeDraw::materials);
     rooms[i].materials_seed = (std::uint64_t{words[0]} << 32) | words[1];

@@ -21,6 +21,7 @@ namespace earshot {
 struct CorpusRoomSpec {
   std::string scene;                 ///< any SCENE
   std::uint64_t materials_seed = 0;  ///< of config.randomize
+  bool is_first_of_scene = true;     ///< of several rooms of one scene the one that says what is odd about it
 };
 
 /// All rooms: shoeboxes first, then every scene rooms_per_scene times.  Room i is a function of (config, i); shoeboxes do not depend on how
@@ -50,7 +51,8 @@ struct FreePlace {
 /// A loaded room, with what draws places in it.  Immutable, safe from any thread.
 class CorpusRoom {
  public:
-  /// Throws InputError as load_scene, where nothing is walkable, and with config.shared_listeners as draw_source.
+  /// Logs what is odd about a scene (scene_check.h).  Throws InputError as load_scene, where nothing is walkable, and with
+  /// config.shared_listeners as draw_source.
   CorpusRoom(const RirCorpusConfig& config, std::size_t index, const CorpusRoomSpec& spec);
 
   [[nodiscard]] const AcousticScene& acoustics() const { return acoustics_; }

@@ -18,6 +18,7 @@
 #include "datasets/rir_corpus_room.h"
 #include "datasets/sound_scene_events.h"
 #include "datasets/sound_scene_recorder.h"
+#include "sim/acoustics/response/place_check.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/text/json.h"
@@ -56,7 +57,12 @@ struct SceneInputs {
 class RoomRecorder {
  public:
   RoomRecorder(const SceneInputs& inputs, SoundSceneRecorder& recorder, const CorpusRoomSpec& spec, std::size_t room)
-      : inputs_(inputs), config_(inputs.config), recorder_(recorder), room_index_(room), room_(inputs.config.rooms, room, spec) {}
+      : inputs_(inputs),
+        config_(inputs.config),
+        recorder_(recorder),
+        room_index_(room),
+        room_(inputs.config.rooms, room, spec),
+        places_(room_.acoustics()) {}
 
   void record(int recording, CorpusPieceWriter& writer) {
     const SoundScenePlan plan = plan_sound_scene(config_, inputs_.sounds, room_, room_index_, recording);
@@ -68,6 +74,8 @@ class RoomRecorder {
     std::vector<float> mix(channels * frames, 0.f);
     Json events = Json::array();
     for (const SoundEvent& event : plan.events) {
+      for (const WalkPoint& point : event.path)
+        static_cast<void>(places_.check({"source", point.position}, {"listener", plan.listener.position}));
       const auto number = static_cast<std::uint32_t>(event.number);
       const std::vector<std::string>& patterns = config_.rooms.source_patterns;
       const std::string& pattern = patterns[random.below(static_cast<std::uint32_t>(patterns.size()), MixDraw::pattern + number)];
@@ -167,6 +175,7 @@ class RoomRecorder {
   SoundSceneRecorder& recorder_;
   std::size_t room_index_;
   CorpusRoom room_;
+  PlaceCheck places_;
 };
 
 /// Of the names of all sounds, and of the sizes of those that are files.  Throws InputError: an unknown kind, a file that cannot be read or

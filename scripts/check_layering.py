@@ -5,7 +5,7 @@ without a README.md that says what it holds, on a folder of more than 35 sources
   all              sim <- envs <- {datasets, policy};  policy <- trainer <- evaluation <- bench <- apps;  python over sim, envs and datasets
   in sim           base <- rays <- scene <- {acoustics, vision, nav}; audio stands on base
   in sim/base      its own files <- text <- process <- charts
-  in sim/scene     mesh <- materials <- generators <- readers <- its own files
+  in sim/scene     mesh <- materials <- generators <- readers <- its own files <- checks
   in sim/audio     transforms <- dry_sounds <- measured <- head <- stream
   in sim/acoustics core <- geometry <- model <- paths <- tracers <- source_field <- response <- synthesis <- metrics <- accuracy
   in envs          task <- episodes <- sensors <- scenes <- config <- hearing <- batch <- baselines

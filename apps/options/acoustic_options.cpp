@@ -14,7 +14,7 @@ namespace earshot {
 
 void AcousticOptions::add_to(CLI::App& command, const std::string& default_preset) {
   preset = default_preset;
-  command.add_option("SCENE", scene, "Mesh file, shoebox:XxYxZ[@M], house:SEED, floor:SEED, or scene YAML")->required();
+  scene.add_to(command);
   command.add_option("--preset", preset, "Quality: fast (training), balanced, high (reference)")->capture_default_str();
   command.add_option(
       "--set", settings,
@@ -36,8 +36,7 @@ void AcousticOptions::add_to(CLI::App& command, const std::string& default_prese
                   "HEADING,PITCH,ROLL in degrees of the head filters in the listener's axes (default: 0,0,0)")
       ->delimiter(',')
       ->expected(3);
-  command.add_option("--unit", unit_m, "Metres per unit of a mesh file (0.01 for centimetres); default: what a YAML says, else 1");
-  command.add_option("--simplify", simplify_m, "Simplify the mesh: largest deviation of its surface in metres, (0, 1]");
+  scene.add_simplify_to(command);
   command.add_option("--rate", rate_hz, "Sample rate in Hz, 8000 to 96000 (default: the preset's)");
   command.add_option("--seed", seed, "Seed of rays and carriers; the same seed gives the same bits");
 }
@@ -90,12 +89,7 @@ ListenerOrientation AcousticOptions::orientation(double heading_deg, double pitc
 }
 
 AcousticScene AcousticOptions::load(const AcousticConfig& config) const {
-  SceneOverrides overrides;
-  overrides.unit_m = unit_m;
-  if (simplify_m) overrides.simplify_m = static_cast<float>(*simplify_m);
-  auto loaded = std::make_shared<const Scene>(load_scene(scene, overrides));
-  for (const std::string& warning : loaded->import_report().warnings) fmt::print(stderr, "warning: {}: {}\n", scene, warning);
-  return {std::move(loaded), config};
+  return {std::make_shared<const Scene>(load_scene(scene.scene, scene.overrides())), config};
 }
 
 std::shared_ptr<const SynthesisTables> AcousticOptions::tables(const AcousticScene& acoustics) const {

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "apps/options/scene_options.h"
 #include "sim/acoustics/accuracy/accuracy_target.h"
 #include "sim/acoustics/model/acoustic_scene.h"
 #include "sim/acoustics/synthesis/rir_synthesis.h"
@@ -15,11 +16,11 @@ namespace earshot {
 
 /// Options common to all commands that render sound.
 struct AcousticOptions {
-  std::string scene, preset, channels = "binaural", hrtf;
-  std::vector<std::string> settings;         ///< key=value
-  std::optional<double> rate_hz;             ///< default: the preset's
-  std::optional<double> unit_m, simplify_m;  ///< default: what the scene says
-  std::optional<std::uint64_t> seed;         ///< default: the preset's
+  SceneOptions scene;
+  std::string preset, channels = "binaural", hrtf;
+  std::vector<std::string> settings;  ///< key=value
+  std::optional<double> rate_hz;      ///< default: the preset's
+  std::optional<std::uint64_t> seed;  ///< default: the preset's
 
   std::vector<double> hrtf_orientation_deg;  ///< heading, pitch, roll of the head filters in the listener's axes; empty: none
 

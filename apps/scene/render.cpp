@@ -15,12 +15,15 @@
 #include "apps/commands.h"
 #include "apps/options/parse_point.h"
 #include "apps/options/picture_size.h"
+#include "apps/options/print_warning.h"
+#include "apps/options/scene_options.h"
 #include "sim/base/coordinates.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/text/json.h"
 #include "sim/scene/appearance.h"
 #include "sim/scene/category_palette.h"
+#include "sim/scene/checks/scene_check.h"
 #include "sim/vision/egl_renderer.h"
 #include "sim/vision/embree_camera.h"
 #include "sim/vision/png_file.h"
@@ -29,9 +32,9 @@ namespace earshot {
 namespace {
 
 struct RenderArguments {
-  std::string scene, pose, sensor = "rgb", size = "512x512", renderer = "embree", device = "auto", out, json;
+  SceneOptions scene;
+  std::string pose, sensor = "rgb", size = "512x512", renderer = "embree", device = "auto", out, json;
   double fov_deg = 90, height_m = 1.25, yaw_deg = 0, pitch_deg = 0, max_depth_m = 10;
-  std::optional<double> unit_m;
   bool panorama = false, unlit = false;
 };
 
@@ -79,11 +82,11 @@ void run_render(const RenderArguments& options) {
   if (!options.json.empty() && options.sensor != "semantic")
     throw InputError("--json", "has no effect without a table of categories", "say --sensor semantic, or leave it out");
   const CameraSensorConfig config = camera_of(options);
-  SceneOverrides overrides;
-  overrides.unit_m = options.unit_m;
-  const auto shared_scene = std::make_shared<const Scene>(load_scene(options.scene, overrides));
+  const SceneOverrides overrides = options.scene.overrides();
+  const auto shared_scene = std::make_shared<const Scene>(load_scene(options.scene.scene, overrides));
   const Scene& scene = *shared_scene;
   const Pose pose = parse_pose(options.pose, scene);
+  for (const std::string& warning : scene_warnings(scene)) print_warning(warning);
   const auto pixels = static_cast<std::size_t>(config.width_px) * static_cast<std::size_t>(config.height_px);
   std::shared_ptr<const Appearance> appearance;
   if (options.sensor == "rgb" || options.sensor == "semantic") appearance = load_appearance(scene, overrides);
@@ -128,7 +131,7 @@ void run_render(const RenderArguments& options) {
 void add_render(CLI::App& app) {
   const auto options = std::make_shared<RenderArguments>();
   CLI::App* command = app.add_subcommand("render", "What an agent's camera sees from a pose, as a PNG file");
-  command->add_option("SCENE", options->scene, "Mesh file, shoebox:XxYxZ[@M], house:SEED, floor:SEED, or scene YAML")->required();
+  options->scene.add_to(*command);
   command->add_option("--pose", options->pose, "X,Y,Z,HEADING: the agent's foot point in metres, and degrees to the left of -z")
       ->required();
   command->add_option("--out", options->out, "PNG file to write")->required();
@@ -151,7 +154,6 @@ void add_render(CLI::App& app) {
   command->add_option("--yaw", options->yaw_deg, "Of the camera to the left of the heading, degrees")->capture_default_str();
   command->add_option("--pitch", options->pitch_deg, "Of the camera upwards, degrees")->capture_default_str();
   command->add_option("--max-depth", options->max_depth_m, "Metres that are white in a picture of depth")->capture_default_str();
-  command->add_option("--unit", options->unit_m, "Metres per unit of a mesh file");
   command->add_flag("--panorama", options->panorama,
                     "All around: 360 degrees over the width, rows are angles (height: at most half the width)");
   command->add_option("--json", options->json, "Of semantic: also write the table of categories to a file");

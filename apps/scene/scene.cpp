@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "apps/commands.h"
+#include "apps/options/scene_options.h"
 #include "sim/acoustics/model/acoustic_scene.h"
 #include "sim/acoustics/model/air_absorption.h"
 #include "sim/acoustics/model/effect_plan.h"
@@ -16,6 +17,8 @@
 #include "sim/base/text/json.h"
 #include "sim/base/text/listed.h"
 #include "sim/nav/navmesh.h"
+#include "sim/scene/checks/axes_guess.h"
+#include "sim/scene/checks/scene_check.h"
 #include "sim/scene/hole_finder.h"
 #include "sim/scene/scene_report.h"
 
@@ -25,9 +28,9 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 struct SceneArguments {
-  std::string scene, json, preset = "fast";
+  SceneOptions scene;
+  std::string json, preset = "fast";
   std::vector<std::string> settings;
-  std::optional<double> unit_m, simplify_m;
   bool explain = false;
 };
 
@@ -83,21 +86,22 @@ struct ExaminedScene {
   std::shared_ptr<const Scene> scene;
   SceneReport report;
   std::vector<Hole> holes;
+  std::vector<std::string> warnings;
+  AxesGuess axes;
   std::optional<float> navigable_m2;
   std::string navigation_problem;  ///< why no floor is navigable
 };
 
 ExaminedScene examine(const SceneArguments& options) {
-  SceneOverrides overrides;
-  overrides.unit_m = options.unit_m;
-  if (options.simplify_m) overrides.simplify_m = static_cast<float>(*options.simplify_m);
   ExaminedScene examined;
-  examined.scene = std::make_shared<const Scene>(load_scene(options.scene, overrides));
+  examined.scene = std::make_shared<const Scene>(load_scene(options.scene.scene, options.scene.overrides()));
   const Scene& scene = *examined.scene;
   std::array<double, report_bands_hz.size()> air_per_m;
   for (std::size_t band = 0; band < air_per_m.size(); ++band)
     air_per_m[band] = air_absorption_energy_per_m(scene.air(), report_bands_hz[band]);
   examined.report = report_scene(scene, 0, air_per_m);
+  examined.warnings = scene_warnings(scene, examined.report);
+  examined.axes = guess_axes(scene, examined.report);
   if (examined.report.leaked_ray_fraction > hardly_any_leak) examined.holes = find_holes(scene);
   try {
     examined.navigable_m2 = Navmesh(scene.mesh(), {}).main_area_m2();
@@ -105,6 +109,18 @@ ExaminedScene examine(const SceneArguments& options) {
     examined.navigation_problem = error.what();
   }
   return examined;
+}
+
+/// The unit and the up axis of a mesh file, whence, and what the mesh says of them.
+void print_axes(const ExaminedScene& examined) {
+  const std::optional<FileAxes>& axes = examined.scene->import_report().axes;
+  if (!axes) return;
+  const AxesGuess& guess = examined.axes;
+  const auto given = [](bool is_given) { return is_given ? "given" : "default"; };
+  fmt::print("unit             {:g} m ({}); {}{}\n", axes->unit_m, given(axes->is_unit_given),
+             guess.unit_m ? fmt::format("probably {:g} m: ", *guess.unit_m) : "", guess.unit_why);
+  fmt::print("up axis          {} ({}); {}{}\n", axes->up, given(axes->is_up_given),
+             guess.up ? fmt::format("probably {}: ", *guess.up) : "", guess.up_why);
 }
 
 void print_mesh(const ExaminedScene& examined) {
@@ -121,7 +137,23 @@ void print_mesh(const ExaminedScene& examined) {
   if (scene.origin_m() != glm::dvec3(0))
     fmt::print("origin           computed around ({:.9g}, {:.9g}, {:.9g}); positions here and on the command line are those of the file\n",
                scene.origin_m().x, scene.origin_m().y, scene.origin_m().z);
-  for (const std::string& warning : report.removed.warnings) fmt::print("warning          {}\n", warning);
+  print_axes(examined);
+  for (const std::string& warning : examined.warnings) fmt::print("warning          {}\n", warning);
+}
+
+/// Which material every surface got, and why.
+void print_surfaces(const Scene& scene) {
+  const std::vector<MaterialChoice>& choices = scene.import_report().choices;
+  const std::vector<double> areas = slot_areas(scene);
+  std::size_t widest = 0, widest_material = 0;
+  for (std::size_t slot = 0; slot < choices.size(); ++slot) {
+    widest = std::max(widest, scene.mesh().material_names[slot].size());
+    widest_material = std::max(widest_material, scene.materials()[slot].name.size());
+  }
+  fmt::print("surfaces         {}\n", choices.size());
+  for (std::size_t slot = 0; slot < choices.size(); ++slot)
+    fmt::print("  {:<{}}  {:<{}}  {:>8.1f} m2  {}\n", scene.mesh().material_names[slot], widest, scene.materials()[slot].name,
+               widest_material, areas[slot], reason_of(choices[slot]));
 }
 
 void print_openings(const ExaminedScene& examined) {
@@ -168,6 +200,33 @@ Json holes_json(const ExaminedScene& examined) {
   return list;
 }
 
+Json surfaces_json(const Scene& scene) {
+  Json list = Json::array();
+  const std::vector<MaterialChoice>& choices = scene.import_report().choices;
+  const std::vector<double> areas = slot_areas(scene);
+  for (std::size_t slot = 0; slot < choices.size(); ++slot)
+    list.push_back({{"name", scene.mesh().material_names[slot]},
+                    {"material", scene.materials()[slot].name},
+                    {"area_m2", areas[slot]},
+                    {"why", reason_of(choices[slot])}});
+  return list;
+}
+
+/// null for a generated scene; guesses are null where nothing speaks against the axes as read.
+Json axes_json(const ExaminedScene& examined) {
+  const std::optional<FileAxes>& axes = examined.scene->import_report().axes;
+  if (!axes) return nullptr;
+  const AxesGuess& guess = examined.axes;
+  return {{"unit_m", axes->unit_m},
+          {"unit_given", axes->is_unit_given},
+          {"unit_guess_m", guess.unit_m ? Json(*guess.unit_m) : Json(nullptr)},
+          {"unit_why", guess.unit_why},
+          {"up", std::string(1, axes->up)},
+          {"up_given", axes->is_up_given},
+          {"up_guess", guess.up ? Json(std::string(1, *guess.up)) : Json(nullptr)},
+          {"up_why", guess.up_why}};
+}
+
 Json report_json(const ExaminedScene& examined, const EffectPlan& plan) {
   const Scene& scene = *examined.scene;
   const SceneReport& report = examined.report;
@@ -180,7 +239,9 @@ Json report_json(const ExaminedScene& examined, const EffectPlan& plan) {
             {"duplicate", report.removed.duplicate_removed},
             {"welded_vertices", report.removed.vertices_welded}}},
           {"origin_m", point_json(scene.origin_m())},
-          {"warnings", report.removed.warnings},
+          {"warnings", examined.warnings},
+          {"axes", axes_json(examined)},
+          {"surfaces", surfaces_json(scene)},
           {"open_edges", report.open_edges},
           {"ray_efficiency", report.ray_efficiency},
           {"leaked_ray_fraction", report.leaked_ray_fraction},
@@ -201,6 +262,7 @@ void run_scene(const SceneArguments& options) {
   print_mesh(examined);
   print_openings(examined);
   print_room(examined);
+  print_surfaces(*examined.scene);
   if (!options.explain && options.json.empty()) return;
   const AcousticScene acoustics = acoustics_of(examined.scene, options);
   if (options.explain) print_plan(acoustics.plan());
@@ -212,10 +274,8 @@ void run_scene(const SceneArguments& options) {
 void add_scene(CLI::App& app) {
   auto options = std::make_shared<SceneArguments>();
   CLI::App* command = app.add_subcommand("scene", "Triangles, holes, ray efficiency, volume, RT60 estimate and navigable area of a scene");
-  command->add_option("SCENE", options->scene, "Mesh file, shoebox:XxYxZ[@M], house:SEED, floor:SEED, or scene YAML")->required();
-  command->add_option("--unit", options->unit_m,
-                      "Metres per unit of a mesh file (0.01 for centimetres); default: what a YAML says, else 1");
-  command->add_option("--simplify", options->simplify_m, "Simplify the mesh: largest deviation of its surface in metres, (0, 1]");
+  options->scene.add_to(*command);
+  options->scene.add_simplify_to(*command);
   command->add_flag("--explain", options->explain, "Also print the effect plan: what is simulated, on which bound, and what it saves");
   command->add_option("--preset", options->preset, "Whose plan: fast (training), balanced, high (reference)")->capture_default_str();
   command->add_option("--set", options->settings, "key=value over that preset, as in `earshot rir`");

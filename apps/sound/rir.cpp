@@ -1,8 +1,10 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <chrono>
 #include <cmath>
+#include <iterator>
 #include <memory>
 #include <optional>
 
@@ -10,10 +12,11 @@
 #include "apps/options/accuracy_planning.h"
 #include "apps/options/acoustic_options.h"
 #include "apps/options/parse_point.h"
+#include "apps/options/print_warning.h"
 #include "apps/options/source_options.h"
 #include "apps/sound/echogram_svg.h"
 #include "apps/sound/rir_json.h"
-#include "sim/acoustics/geometry/position_check.h"
+#include "sim/acoustics/response/place_check.h"
 #include "sim/acoustics/source_field/field_for_poses.h"
 #include "sim/acoustics/synthesis/carriers.h"
 #include "sim/audio/dry_sounds/sound_clip.h"
@@ -21,6 +24,7 @@
 #include "sim/base/files.h"
 #include "sim/base/process/progress.h"
 #include "sim/base/text/json.h"
+#include "sim/scene/checks/scene_check.h"
 
 namespace earshot {
 namespace {
@@ -82,11 +86,11 @@ OrderedJson effects_json(const EnergyResponse& response, const AcousticConfig& c
 class PairRenderer {
  public:
   PairRenderer(const RirArguments& options, const AcousticScene& acoustics)
-      : options_(options), places_(acoustics.scene()), synthesizer_(options.acoustics.tables(acoustics)) {}
+      : options_(options), synthesizer_(options.acoustics.tables(acoustics)) {}
 
-  /// planned: what the synthesizer's tables fit.  field: of the source; null: the late field is traced.
+  /// planned: what the synthesizer's tables fit.  field: of the source; null: the late field is traced.  warnings: of the scene and places.
   OrderedJson render(const AcousticScene& planned, const EarlyCandidates& candidates, const SourceField* field, glm::vec3 listener,
-                     double heading_deg, const std::string& file) {
+                     double heading_deg, const std::string& file, std::vector<std::string> warnings) {
     const ListenerOrientation orientation = options_.acoustics.orientation(heading_deg, options_.pitch_deg, options_.roll_deg);
     const auto begin = std::chrono::steady_clock::now();
     EnergyResponse response;
@@ -108,8 +112,10 @@ class PairRenderer {
     }
     const RoomMetrics energy = measure(planned, response);
     print(file, rir, response, energy, render_ms);
-    const std::vector<std::string> warnings = warnings_of(planned, candidates.source(), listener, response);
-    for (const std::string& warning : warnings) fmt::print(stderr, "warning: {}\n", warning);
+    for (const std::string& warning : warnings_of(planned, candidates.source(), listener, response)) {
+      print_warning(warning);
+      warnings.push_back(warning);
+    }
     if (!options_.plot.empty()) write_plot(planned, file, response);
     if (options_.metrics.empty()) return {};
     const double delay_s = energy.direct_delay_s ? *energy.direct_delay_s : 0.0;
@@ -130,16 +136,16 @@ class PairRenderer {
   }
 
  private:
-  /// What is odd about the places, and what was not finite: with all that it takes to see it again.
-  [[nodiscard]] std::vector<std::string> warnings_of(const AcousticScene& planned, glm::vec3 source, glm::vec3 listener,
-                                                     const EnergyResponse& response) const {
+  /// A response without any sound, and what was not finite: with all that it takes to see it again.
+  [[nodiscard]] static std::vector<std::string> warnings_of(const AcousticScene& planned, glm::vec3 source, glm::vec3 listener,
+                                                            const EnergyResponse& response) {
     const auto text = [&](glm::vec3 place) {
       const glm::dvec3 p = planned.scene().to_world(place);
       return fmt::format("{},{},{}", p.x, p.y, p.z);
     };
     std::vector<std::string> warnings;
-    if (places_.inside_solid(source)) warnings.push_back(fmt::format("the source {} lies inside a wall or a thing", text(source)));
-    if (places_.inside_solid(listener)) warnings.push_back(fmt::format("the listener {} lies inside a wall or a thing", text(listener)));
+    if (response.arrivals.empty() && std::ranges::all_of(response.late.values(), [](float energy) { return energy == 0.f; }))
+      warnings.push_back(fmt::format("the response is silent: nothing of source {} gets to listener {}", text(source), text(listener)));
     if (response.stats.nonfinite_dropped > 0)
       warnings.push_back(fmt::format("{} contributions were not finite and were left out: scene {}, source {}, listener {}, seed {}",
                                      response.stats.nonfinite_dropped, planned.scene().name(), text(source), text(listener),
@@ -165,7 +171,6 @@ class PairRenderer {
   }
 
   const RirArguments& options_;
-  PositionCheck places_;
   RirSynthesizer synthesizer_;
 };
 
@@ -175,12 +180,33 @@ std::shared_ptr<const SourceField> field_of(const AcousticScene& acoustics, cons
                          [&](double fraction) { progress.update(static_cast<std::uint64_t>(100 * fraction)); });
 }
 
+/// Of every pair of a source and a listener, source by source; throws InputError before anything is written.
+std::vector<std::vector<std::string>> check_places(const AcousticScene& acoustics, const std::vector<SoundSource>& sources,
+                                                   const std::vector<glm::vec3>& listeners) {
+  const PlaceCheck check(acoustics);
+  std::vector<std::vector<std::string>> warnings;
+  for (const SoundSource& source : sources) {
+    for (const glm::vec3 listener : listeners) {
+      const NamedPlace from{"source", source.position}, to{"listener", listener};
+      std::vector<std::string>& of_pair = warnings.emplace_back(check.check(from, to));
+      std::ranges::move(check.inside_solids(from, to), std::back_inserter(of_pair));
+    }
+  }
+  return warnings;
+}
+
 /// A setting that changes nothing is an error.
 void refuse_settings_of_trajectories(const std::vector<std::string>& settings) {
   for (const std::string& setting : settings)
     for (const char* key : {"temporal_reuse", "glide_paths"})
       if (setting.starts_with(std::string(key) + "="))
         throw InputError("--set " + setting, "has no effect on a single response", "leave it out, or give it to `earshot walk`");
+}
+
+void print_warnings(const std::vector<std::string>& odd_in_scene, const std::vector<std::vector<std::string>>& place_warnings) {
+  for (const std::string& warning : odd_in_scene) print_warning(warning);
+  for (const std::vector<std::string>& of_pair : place_warnings)
+    for (const std::string& warning : of_pair) print_warning(warning);
 }
 
 void run_rir(const RirArguments& options) {
@@ -209,11 +235,14 @@ void run_rir(const RirArguments& options) {
   std::vector<glm::vec3> places;
   for (const glm::dvec3 listener : listeners) places.push_back(scene.to_local(listener));
 
+  const std::vector<std::vector<std::string>> place_warnings = check_places(acoustics, sources, places);
+  const std::vector<std::string> odd_in_scene = scene_warnings(scene);
   PairRenderer renderer(options, acoustics);  // what is wrong with its files shows before the planner takes its time
   std::vector<std::optional<AccuracyPlan>> plans(sources.size());
   for (std::size_t s = 0; target && s < sources.size(); ++s)
     plans[s] = plan_and_print(acoustics, *target, sources[s], places, static_cast<double>(places.size()));
 
+  print_warnings(odd_in_scene, place_warnings);
   const bool single = sources.size() == 1 && listeners.size() == 1;
   OrderedJson pairs = OrderedJson::array();
   for (std::size_t s = 0; s < sources.size(); ++s) {
@@ -223,8 +252,11 @@ void run_rir(const RirArguments& options) {
     const std::shared_ptr<const SourceField> field = field_of(planned, candidates, listeners.size());
     for (std::size_t l = 0; l < listeners.size(); ++l) {
       const double heading_deg = options.heading_deg[options.heading_deg.size() == 1 ? 0 : l];
-      OrderedJson pair = renderer.render(planned, candidates, field.get(), places[l], heading_deg,
-                                         single ? options.out : with_suffix(options.out, fmt::format(".s{}.l{}", s, l)));
+      std::vector<std::string> warnings = odd_in_scene;
+      std::ranges::copy(place_warnings[s * places.size() + l], std::back_inserter(warnings));
+      OrderedJson pair =
+          renderer.render(planned, candidates, field.get(), places[l], heading_deg,
+                          single ? options.out : with_suffix(options.out, fmt::format(".s{}.l{}", s, l)), std::move(warnings));
       if (plan && !pair.is_null()) pair["accuracy"] = accuracy_json(*target, *plan);
       if (single) {
         pairs = std::move(pair);

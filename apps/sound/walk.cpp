@@ -9,8 +9,10 @@
 #include "apps/options/accuracy_planning.h"
 #include "apps/options/acoustic_options.h"
 #include "apps/options/parse_point.h"
+#include "apps/options/print_warning.h"
 #include "apps/options/source_options.h"
 #include "apps/options/timed_path.h"
+#include "apps/sound/walk_places.h"
 #include "apps/sound/walk_source.h"
 #include "sim/acoustics/model/acoustic_scene.h"
 #include "sim/acoustics/source_field/field_for_poses.h"
@@ -21,6 +23,7 @@
 #include "sim/base/errors.h"
 #include "sim/base/process/progress.h"
 #include "sim/base/text/log.h"
+#include "sim/scene/checks/scene_check.h"
 
 namespace earshot {
 namespace {
@@ -105,6 +108,13 @@ struct WalkTimes {
   int block_samples = 0;
 
   [[nodiscard]] double duration_s() const { return poses.back().t_s - poses.front().t_s; }
+  [[nodiscard]] double time_s(std::size_t sample) const {
+    return poses.front().t_s + static_cast<double>(sample) / static_cast<double>(sample_rate_hz);
+  }
+  /// The sample behind the first `num` blocks; the last block may be shorter.
+  [[nodiscard]] std::size_t end_of_block(std::size_t num) const {
+    return std::min(num * static_cast<std::size_t>(block_samples), num_samples);
+  }
 };
 
 WalkTimes times_of(const WalkArguments& options, float sample_rate_hz) {
@@ -121,13 +131,27 @@ WalkTimes times_of(const WalkArguments& options, float sample_rate_hz) {
   return times;
 }
 
+/// What is odd about the scene, and about the places at the ends of the blocks.
+std::vector<std::string> find_oddities(const WalkArguments& options, const AcousticScene& acoustics, const WalkTimes& times) {
+  std::vector<std::vector<TimedPose>> sources;
+  for (const std::string& source : options.sources) sources.push_back({{.t_s = 0, .position = parse_point(source, "--source")}});
+  for (const std::string& path : options.source_paths) sources.push_back(read_timed_path(path));
+  for (std::vector<TimedPose>& path : sources) shift(path, acoustics.scene());
+  std::vector<double> times_s;
+  for (std::size_t i = 0; i <= times.num_blocks; ++i) times_s.push_back(times.time_s(times.end_of_block(i)));
+  std::vector<std::string> warnings = check_walk_places(acoustics, times.poses, sources, times_s);
+  const std::vector<std::string> of_scene = scene_warnings(acoustics.scene());
+  warnings.insert(warnings.begin(), of_scene.begin(), of_scene.end());
+  return warnings;
+}
+
 /// The sum of all sources along the walk, [num_channels, num_samples].
 std::vector<float> render(const WalkArguments& options, const WalkTimes& times, const AcousticScene& acoustics,
                           const std::shared_ptr<const SynthesisTables>& tables, std::vector<WalkSource>& sources) {
   RirSynthesizer synthesizer(tables);
   PathGlider glider(tables, times.block_samples);
   const auto moment_at = [&](std::size_t sample) {
-    const double t_s = times.poses.front().t_s + static_cast<double>(sample) / static_cast<double>(times.sample_rate_hz);
+    const double t_s = times.time_s(sample);
     const TimedPose listener = pose_at(times.poses, t_s);
     return WalkMoment{
         .t_s = t_s, .listener = glm::vec3(listener.position), .orientation = options.acoustics.orientation(listener.heading_deg, 0, 0)};
@@ -137,8 +161,7 @@ std::vector<float> render(const WalkArguments& options, const WalkTimes& times, 
   std::vector<float> sound(times.num_samples * num_channels), mix;
   Progress progress("walk", "block", times.num_blocks);
   for (std::size_t i = 0; i < times.num_blocks; ++i) {
-    const auto block = static_cast<std::size_t>(times.block_samples);
-    const std::size_t first = i * block, count = std::min(block, times.num_samples - first);
+    const std::size_t first = times.end_of_block(i), count = times.end_of_block(i + 1) - first;
     mix.assign(count * num_channels, 0.f);
     const WalkMoment end = moment_at(first + count);
     for (WalkSource& source : sources)
@@ -164,6 +187,7 @@ void run_walk(const WalkArguments& options) {
   const AcousticScene loaded = options.acoustics.load(config);
   shift(times.poses, loaded.scene());
   const std::shared_ptr<const SynthesisTables> tables = options.acoustics.tables(loaded);  // of what no plan chooses
+  for (const std::string& warning : find_oddities(options, loaded, times)) print_warning(warning);
   const AcousticScene acoustics = target ? planned(options, loaded, *target, times.poses, num_moments) : loaded;
   std::vector<WalkSource> sources = make_sources(options, acoustics, times.block_samples);
   SourceFieldStore fields({.folder = options.field_store,

@@ -19,6 +19,7 @@
 #include "sim/base/stopwatch.h"
 #include "sim/base/text/config_reader.h"
 #include "sim/nav/navmesh_image.h"
+#include "sim/scene/checks/scene_check.h"
 #include "sim/scene/scene_image.h"
 #include "sim/scene/scene_inputs.h"
 
@@ -102,11 +103,18 @@ struct SceneStore::Impl {
     return value;
   }
 
+  [[nodiscard]] Scene load_and_warn(const std::string& spec) const {
+    Scene scene = load_scene(spec);
+    if (config.warn)
+      for (const std::string& warning : scene_warnings(scene)) config.warn(spec + ": " + warning);
+    return scene;
+  }
+
   EnvScene load(const std::string& spec, std::uint64_t inputs, const AcousticConfig& acoustic_config, const NavmeshConfig& navmesh_config,
                 bool& made) {
     const std::uint64_t scene_key = hash64(identity, inputs);
     const auto scene = std::make_shared<const Scene>(read_or_make(
-        scenes, scene_key, made, decode_scene, [&] { return load_scene(spec); }, encode_scene));
+        scenes, scene_key, made, decode_scene, [&] { return load_and_warn(spec); }, encode_scene));
     const std::uint64_t content = hash64(identity, scene->hash());
     return {scene,
             read_or_make(
@@ -139,7 +147,7 @@ EnvScene SceneStore::load(const std::string& spec, const AcousticConfig& acousti
   EnvScene loaded = [&]() -> EnvScene {
     if (inputs) return in.load(spec, *inputs, acoustics, navmesh, made);
     made = true;
-    const auto scene = std::make_shared<const Scene>(load_scene(spec));
+    const auto scene = std::make_shared<const Scene>(in.load_and_warn(spec));
     return {scene, AcousticScene(scene, acoustics), Navmesh(scene->mesh(), navmesh)};
   }();
   const std::scoped_lock lock(in.mutex);

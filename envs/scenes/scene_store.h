@@ -13,9 +13,10 @@
 namespace earshot {
 
 struct SceneStoreConfig {
-  std::filesystem::path folder;                  ///< shared by threads, processes and runs; empty: nothing is kept on disk
-  std::uint64_t max_bytes = 20'000'000'000;      ///< in that folder (image_store.h says how exactly)
-  std::function<void(const std::string&)> warn;  ///< damaged files, a folder that cannot be written; empty: silent
+  std::filesystem::path folder;              ///< shared by threads, processes and runs; empty: nothing is kept on disk
+  std::uint64_t max_bytes = 20'000'000'000;  ///< in that folder (image_store.h says how exactly)
+  /// Damaged files, a folder that cannot be written, and what is odd about a scene that is built (scene_check.h); empty: silent.
+  std::function<void(const std::string&)> warn;
 };
 
 /// Where scenes came from, since construction.

@@ -22,6 +22,7 @@ class SceneModel:
         seed: int | None,
         unit_m: float | None,
         simplify_m: float | None,
+        up: str,
     ) -> None: ...
     @property
     def name(self) -> str: ...

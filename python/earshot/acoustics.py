@@ -7,6 +7,7 @@ threads, and those of ``earshot rir`` where it is built with the same transforms
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -207,6 +208,7 @@ class Source:
         positions, single = _positions(listener, "listener")
         angles = _angles(len(positions), heading_deg, pitch_deg, roll_deg)
         rirs = self._model.render(positions, angles, channels, str(hrtf), threads)
+        self.scene._tell()
         return rirs[0] if single else rirs
 
     def response(self, listener: ArrayLike, *, channels: str = "binaural") -> Response:
@@ -214,11 +216,15 @@ class Source:
         positions, single = _positions(listener, "listener")
         if not single:
             raise InputError(f"listener: has shape {positions.shape}; give one position [3], or call responses")
-        return Response(self._model.respond(positions, channels, 1)[0], channels)
+        model = self._model.respond(positions, channels, 1)[0]
+        self.scene._tell()
+        return Response(model, channels)
 
     def responses(self, listeners: ArrayLike, *, channels: str = "binaural", threads: int = 0) -> list[Response]:
         positions, _ = _positions(listeners, "listeners")
-        return [Response(model, channels) for model in self._model.respond(positions, channels, threads)]
+        models = self._model.respond(positions, channels, threads)
+        self.scene._tell()
+        return [Response(model, channels) for model in models]
 
     def plan_accuracy(self, target: str, listeners: ArrayLike, *, responses: int | None = None) -> AccuracyPlan:
         """The cheapest settings within `target` for responses at places like `listeners`, [3] or [n, 3], as ``earshot rir --accuracy``.
@@ -237,7 +243,10 @@ class Scene:
     """A scene with acoustic settings.
 
     spec: a mesh file, ``shoebox:XxYxZ[@M]``, ``house:SEED[,key=value]``, ``floor:SEED`` or a scene YAML.  preset: fast, balanced or high;
-    settings: a dict (or "key=value" texts) over it, as ``earshot rir --set``.  Scenes from files are read by a process of their own.
+    settings: a dict (or "key=value" texts) over it, as ``earshot rir --set``.  unit_m: metres per unit of a mesh file; up: its axis that
+    points up, y or z; None: what a scene YAML says, else 1 and y.  Scenes from files are read by a process of their own.
+
+    A source or a listener outside a closed scene, which nothing could be heard of, raises InputError.
     """
 
     def __init__(
@@ -250,8 +259,18 @@ class Scene:
         seed: int | None = None,
         unit_m: float | None = None,
         simplify_m: float | None = None,
+        up: str | None = None,
     ) -> None:
-        self._model = _engine.SceneModel(str(spec), preset, _settings(settings), rate_hz, seed, unit_m, simplify_m)
+        self._model = _engine.SceneModel(str(spec), preset, _settings(settings), rate_hz, seed, unit_m, simplify_m, up or "")
+        self._num_told = 0
+        self._tell()
+
+    def _tell(self) -> None:
+        """Issues the warnings that are new as a UserWarning each."""
+        lines = self._model.warnings
+        for line in lines[self._num_told :]:
+            warnings.warn(f"{self.name}: {line}", stacklevel=3)
+        self._num_told = len(lines)
 
     def __repr__(self) -> str:
         return f"earshot.Scene({self.name!r}, {self._model.num_triangles} triangles)"
@@ -284,7 +303,7 @@ class Scene:
 
     @property
     def warnings(self) -> list[str]:
-        """What was odd about the file, one line each."""
+        """What may not be meant about the scene and, since then, about places, one line each; a ``UserWarning`` is issued for each."""
         return self._model.warnings
 
     @property

@@ -11,11 +11,13 @@
 #include <thread>
 
 #include "envs/episodes/episode_generator.h"
+#include "sim/acoustics/response/place_check.h"
 #include "sim/acoustics/source_field/field_for_poses.h"
 #include "sim/base/errors.h"
 #include "sim/base/random.h"
 #include "sim/base/text/config_reader.h"
 #include "sim/nav/navmesh.h"
+#include "sim/scene/checks/scene_check.h"
 
 namespace earshot::python {
 namespace {
@@ -68,8 +70,7 @@ Rir synthesize(RirSynthesizer& synthesizer, const SourceParts& parts, const List
 }  // namespace
 
 SceneModel::SceneModel(const std::string& spec, const std::string& preset, const std::vector<std::string>& settings,
-                       std::optional<double> rate_hz, std::optional<std::uint64_t> seed, std::optional<double> unit_m,
-                       std::optional<double> simplify_m)
+                       std::optional<double> rate_hz, std::optional<std::uint64_t> seed, const SceneOverrides& overrides)
     : config_(acoustic_preset(preset)) {
   ConfigReader reader = ConfigReader::from_text("", "settings", settings);
   read(reader, config_);
@@ -77,10 +78,19 @@ SceneModel::SceneModel(const std::string& spec, const std::string& preset, const
   if (rate_hz) config_.sample_rate_hz = static_cast<float>(*rate_hz);
   if (seed) config_.seed = *seed;
   validate(config_);
-  SceneOverrides overrides;
-  overrides.unit_m = unit_m;
-  if (simplify_m) overrides.simplify_m = static_cast<float>(*simplify_m);
   scene_ = std::make_shared<const Scene>(load_scene(spec, overrides));
+  warnings_ = scene_warnings(*scene_);
+}
+
+std::vector<std::string> SceneModel::warnings() const {
+  const std::lock_guard lock(mutex_);
+  return warnings_;
+}
+
+void SceneModel::add_warnings(const std::vector<std::string>& lines) {
+  const std::lock_guard lock(mutex_);
+  for (const std::string& line : lines)
+    if (std::ranges::find(warnings_, line) == warnings_.end()) warnings_.push_back(line);
 }
 
 int SceneModel::harmonics_of(const ListenerLayout& layout) const {
@@ -149,9 +159,17 @@ SourceParts SourceModel::parts(int sh_order, std::size_t responses) {
   return kept;
 }
 
+void SourceModel::check_places(const AcousticScene& acoustics, std::span<const ListenerPose> listeners) {
+  const PlaceCheck check(acoustics);
+  for (const ListenerPose& pose : listeners)
+    scene_->add_warnings(check.check({"source", source_.position}, {"listener", scene_->scene().to_local(pose.position)}));
+}
+
 std::vector<ResponseModel> SourceModel::respond(std::span<const ListenerPose> listeners, const std::string& channels, int threads) {
   for (const ListenerPose& pose : listeners) require_finite(pose.position, "listener");
-  const SourceParts shared = parts(scene_->harmonics_of(ListenerLayout::named(channels)), listeners.size());
+  const int harmonics = scene_->harmonics_of(ListenerLayout::named(channels));
+  check_places(*scene_->acoustics(harmonics), listeners);
+  const SourceParts shared = parts(harmonics, listeners.size());
   std::vector<ResponseModel> responses(listeners.size());
   for_each(listeners.size(), threads, [&] {
     return [&](std::size_t i) {
@@ -171,7 +189,9 @@ std::vector<Rir> SourceModel::render(std::span<const ListenerPose> listeners, co
     require_finite(pose.position, "listener");
     (void)pose.orientation();  // before any work
   }
-  const SourceParts shared = parts(scene_->harmonics_of(ListenerLayout::named(channels)), listeners.size());
+  const int harmonics = scene_->harmonics_of(ListenerLayout::named(channels));
+  check_places(*scene_->acoustics(harmonics), listeners);
+  const SourceParts shared = parts(harmonics, listeners.size());
   const std::shared_ptr<const SynthesisTables> synthesis = scene_->tables(channels, hrtf);
   std::vector<Rir> rirs(listeners.size());
   for_each(listeners.size(), threads, [&] {

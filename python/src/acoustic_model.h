@@ -24,10 +24,13 @@ class SceneModel {
  public:
   /// settings: key=value over the preset, as `earshot rir --set`.  Throws InputError.
   SceneModel(const std::string& spec, const std::string& preset, const std::vector<std::string>& settings, std::optional<double> rate_hz,
-             std::optional<std::uint64_t> seed, std::optional<double> unit_m, std::optional<double> simplify_m);
+             std::optional<std::uint64_t> seed, const SceneOverrides& overrides);
 
   [[nodiscard]] const Scene& scene() const { return *scene_; }
   [[nodiscard]] const AcousticConfig& config() const { return config_; }
+  /// What may not be meant: of the scene (scene_check.h), and of the places since then (place_check.h), each line once.
+  [[nodiscard]] std::vector<std::string> warnings() const;
+  void add_warnings(const std::vector<std::string>& lines);
   /// Order of the harmonics that these channels need of the late field: as `earshot rir` chooses it.
   [[nodiscard]] int harmonics_of(const ListenerLayout& layout) const;
   std::shared_ptr<const AcousticScene> acoustics(int sh_order);
@@ -37,7 +40,8 @@ class SceneModel {
  private:
   std::shared_ptr<const Scene> scene_;
   AcousticConfig config_;
-  std::mutex mutex_;
+  mutable std::mutex mutex_;
+  std::vector<std::string> warnings_;
   std::map<int, std::shared_ptr<const AcousticScene>> acoustics_;
   std::map<std::pair<std::string, std::string>, std::shared_ptr<const SynthesisTables>> tables_;
 };
@@ -74,7 +78,8 @@ class SourceModel {
   [[nodiscard]] const SoundSource& source() const { return source_; }
   /// For `responses` poses a source field is built where the plan of the scene calls for one: many share its cost.
   SourceParts parts(int sh_order, std::size_t responses);
-  /// Responses of all listeners on `threads` threads (0: all cores): the same bits for any number.
+  /// Responses of all listeners on `threads` threads (0: all cores): the same bits for any number.  This and render throw InputError where
+  /// the source or a listener lies outside the closed scene (place_check.h).
   std::vector<ResponseModel> respond(std::span<const ListenerPose> listeners, const std::string& channels, int threads);
   /// RIRs [listeners, channels, samples] of all listeners.
   std::vector<Rir> render(std::span<const ListenerPose> listeners, const std::string& channels, const std::string& hrtf, int threads);
@@ -82,6 +87,8 @@ class SourceModel {
   AccuracyPlan plan_accuracy(const std::string& target, std::span<const ListenerPose> listeners, double responses);
 
  private:
+  void check_places(const AcousticScene& acoustics, std::span<const ListenerPose> listeners);
+
   std::shared_ptr<SceneModel> scene_;
   SoundSource source_;
   std::mutex mutex_;

@@ -45,6 +45,16 @@ Array<float> rirs_of(std::vector<Rir> rirs) {
 
 std::tuple<double, double, double> triple(glm::dvec3 v) { return {v.x, v.y, v.z}; }
 
+/// up: y, z, or empty for what the scene says.
+SceneOverrides overrides_of(std::optional<double> unit_m, std::optional<double> simplify_m, const std::string& up) {
+  if (!up.empty() && up != "y" && up != "z") throw InputError("up", "is '" + up + "'", "write y or z");
+  SceneOverrides overrides;
+  overrides.unit_m = unit_m;
+  if (simplify_m) overrides.simplify_m = static_cast<float>(*simplify_m);
+  if (!up.empty()) overrides.up = up == "z" ? MeshImportOptions::Up::z : MeshImportOptions::Up::y;
+  return overrides;
+}
+
 Array<double> random_places(SceneModel& scene, int count, double height_m, std::uint64_t seed) {
   std::vector<double> numbers;
   {
@@ -140,13 +150,18 @@ void bind_scene(nb::module_& m) {
   using namespace nb::literals;
   const auto released = nb::call_guard<nb::gil_scoped_release>();
   nb::class_<SceneModel>(m, "SceneModel")
-      .def(nb::init<const std::string&, const std::string&, const std::vector<std::string>&, std::optional<double>,
-                    std::optional<std::uint64_t>, std::optional<double>, std::optional<double>>(),
-           "spec"_a, "preset"_a, "settings"_a, "rate_hz"_a.none(), "seed"_a.none(), "unit_m"_a.none(), "simplify_m"_a.none(), released)
+      .def(
+          "__init__",
+          [](SceneModel* self, const std::string& spec, const std::string& preset, const std::vector<std::string>& settings,
+             std::optional<double> rate_hz, std::optional<std::uint64_t> seed, std::optional<double> unit_m,
+             std::optional<double> simplify_m,
+             const std::string& up) { new (self) SceneModel(spec, preset, settings, rate_hz, seed, overrides_of(unit_m, simplify_m, up)); },
+          "spec"_a, "preset"_a, "settings"_a, "rate_hz"_a.none(), "seed"_a.none(), "unit_m"_a.none(), "simplify_m"_a.none(), "up"_a,
+          released)
       .def_prop_ro("name", [](const SceneModel& s) { return s.scene().name(); })
       .def_prop_ro("hash", [](const SceneModel& s) { return s.scene().hash(); })
       .def_prop_ro("num_triangles", [](const SceneModel& s) { return s.scene().mesh().triangles.size(); })
-      .def_prop_ro("warnings", [](const SceneModel& s) { return s.scene().import_report().warnings; })
+      .def_prop_ro("warnings", &SceneModel::warnings)
       .def_prop_ro("bounds",
                    [](const SceneModel& s) {
                      const Bounds& bounds = s.scene().bounds();

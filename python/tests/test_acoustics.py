@@ -186,3 +186,38 @@ def test_settings_of_an_accuracy_keep_it() -> None:
         source.plan_accuracy("t20=5", listeners)
     with pytest.raises(earshot.InputError, match="listeners"):
         source.plan_accuracy("t20=20%", np.empty((0, 3)))
+
+
+def test_a_place_outside_a_closed_scene_is_refused() -> None:
+    generator = np.random.default_rng(7)
+    for _ in range(11):
+        size = generator.uniform([3, 2.4, 3], [8, 4, 8])
+        room = earshot.Scene(f"shoebox:{size[0]:.3f}x{size[1]:.3f}x{size[2]:.3f}@0.3", preset="fast", settings={"rays": 16})
+        inside = size * generator.uniform(0.1, 0.9, 3)
+        outside = size * generator.uniform(0.1, 0.9, 3)
+        axis = generator.integers(3)
+        outside[axis] = generator.choice([-0.5, 1.5]) * size[axis]
+        assert room.source(inside).render(size / 2, channels="mono").any()
+        with pytest.raises(earshot.InputError, match="listener .* lies outside the scene"):
+            room.source(inside).render([size / 2, outside], channels="mono")
+        with pytest.raises(earshot.InputError, match="source .* lies outside the scene"):
+            room.source(outside).response(inside)
+    with pytest.warns(UserWarning, match="both lie outside"):
+        room.source(size + 1).response(size + 2)
+    assert any("both lie outside" in line for line in room.warnings)
+
+
+def test_what_is_odd_about_a_scene_is_warned_of(tmp_path: Path) -> None:
+    corners = [(x, y, z) for z in (0, 3) for y in (0, 4) for x in (0, 5)]  # z up, without a wall
+    faces = {"floor": "1 2 4 3", "ceiling": "5 7 8 6", "wall": "1 3 7 5"}
+    text = "".join(f"v {x} {y} {z}\n" for x, y, z in corners)
+    file = tmp_path / "room.obj"
+    file.write_text(text + "".join(f"usemtl {name}\nf {face}\n" for name, face in faces.items()))
+    with pytest.warns(UserWarning, match="up axis of the mesh is probably z"):
+        scene = earshot.Scene(str(file), preset="fast")
+    assert any("up axis" in line for line in scene.warnings)
+    with pytest.warns(UserWarning, match="of the rays leave the scene"):
+        turned = earshot.Scene(str(file), preset="fast", up="z")
+    assert not any("up axis" in line for line in turned.warnings)
+    with pytest.raises(earshot.InputError, match="up"):
+        earshot.Scene(str(file), up="x")

@@ -130,6 +130,7 @@ std::shared_ptr<const Appearance> load_appearance(const Scene& scene, const Scen
   const std::string extension = fold_case(std::filesystem::path(scene.name()).extension().string());
   if (extension == ".yaml" || extension == ".yml") config = read_scene_config(scene.name());
   if (overrides.unit_m) config.import.unit_m = *overrides.unit_m;
+  if (overrides.up) config.import.up = *overrides.up;
   VisualMesh file;
   const bool generated = config.mesh.starts_with("shoebox:") || config.mesh.starts_with("house:") || config.mesh.starts_with("floor:");
   if (!generated && is_mesh_file(config.mesh))

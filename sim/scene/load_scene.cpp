@@ -1,15 +1,18 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <optional>
 #include <string>
 
 #include "sim/base/errors.h"
+#include "sim/base/files.h"
 #include "sim/base/text/text_match.h"
 #include "sim/scene/generators/floor_plan.h"
 #include "sim/scene/generators/house_generator.h"
 #include "sim/scene/generators/shoebox.h"
 #include "sim/scene/materials/material_assignment.h"
 #include "sim/scene/mesh/mesh_simplify.h"
+#include "sim/scene/readers/mesh_builder.h"
 #include "sim/scene/readers/mesh_import.h"
 #include "sim/scene/scene.h"
 #include "sim/scene/scene_config.h"
@@ -23,6 +26,25 @@ struct Geometry {
   std::vector<std::optional<Material>> own;
   ImportReport report;
 };
+
+/// A line for each material library that an OBJ names and that is not there.
+void warn_of_missing_libraries(const std::filesystem::path& mesh, std::vector<std::string>& warnings) {
+  if (fold_case(mesh.extension().string()) != ".obj") return;
+  const std::string text = read_file(mesh);
+  for (std::size_t at = 0; at < text.size();) {
+    const std::size_t end = std::min(text.find('\n', at), text.size());
+    const std::string_view line = std::string_view(text).substr(at, end - at);
+    at = end + 1;
+    if (!line.starts_with("mtllib ")) continue;
+    const std::size_t begin = line.find_first_not_of(" \t", 6), last = line.find_last_not_of(" \t\r");
+    if (begin == std::string_view::npos || last < begin) continue;
+    const std::string name(line.substr(begin, last - begin + 1));
+    std::error_code error;
+    if (!std::filesystem::exists(mesh.parent_path() / name, error))
+      warnings.push_back(fmt::format("{}: its material library {} is missing: names of materials count, colours and textures do not",
+                                     mesh.string(), one_line(name)));
+  }
+}
 
 Geometry make_geometry(const std::string& spec, const MeshImportOptions& options, const MaterialDatabase& database) {
   Geometry geometry;
@@ -39,6 +61,7 @@ Geometry make_geometry(const std::string& spec, const MeshImportOptions& options
     ImportedMesh imported = import_mesh(spec, options);
     geometry.mesh = std::move(imported.mesh);
     geometry.report = std::move(imported.report);
+    warn_of_missing_libraries(spec, geometry.report.warnings);
   }
   if (geometry.report.triangles_read == 0) geometry.report.triangles_read = geometry.mesh.triangles.size();
   return geometry;
@@ -92,6 +115,10 @@ Scene load_scene(const std::string& spec, const SceneOverrides& overrides) {
     require(*overrides.unit_m >= 1e-6 && *overrides.unit_m <= 1e6, "unit", *overrides.unit_m, "must be in [1e-6, 1e6] metres per unit");
     config.import.unit_m = *overrides.unit_m;
   }
+  if (overrides.up) {
+    if (!is_mesh_file(config.mesh)) throw InputError(spec, "is generated with y up, but an up axis was given", "leave it out");
+    config.import.up = *overrides.up;
+  }
   if (overrides.simplify_m) config.simplify_m = overrides.simplify_m;
 
   std::vector<MaterialWarning> material_warnings;
@@ -100,17 +127,24 @@ Scene load_scene(const std::string& spec, const SceneOverrides& overrides) {
           ? MaterialDatabase::from_file(*config.materials, MaterialImport{.reading = config.coefficients, .warnings = &material_warnings})
           : MaterialDatabase::builtin();
   if (config.own_semantics) config.rules.semantics->require_materials(database);
-  if (yaml && config.has_import_options && !is_mesh_file(config.mesh)) {
+  if (yaml && (config.is_up_given || config.is_unit_given) && !is_mesh_file(config.mesh)) {
     throw InputError(spec, "up and unit_m are given, but mesh is generated", "remove them: they describe mesh files");
   }
   Geometry geometry = make_geometry(config.mesh, config.import, database);
+  if (is_mesh_file(config.mesh))
+    geometry.report.axes = FileAxes{.unit_m = config.import.unit_m,
+                                    .up = config.import.up == MeshImportOptions::Up::z ? 'z' : 'y',
+                                    .is_unit_given = config.is_unit_given || overrides.unit_m.has_value(),
+                                    .is_up_given = config.is_up_given || overrides.up.has_value()};
   for (const MaterialWarning& warning : material_warnings) {
     geometry.report.warnings.push_back(fmt::format("{}: {}: {}", config.materials->string(), warning.material, warning.text));
   }
   if (config.ceiling_m) add_ceiling(geometry, *config.ceiling_m, spec);
   if (config.simplify_m) geometry.report.simplified = simplify_mesh(geometry.mesh, *config.simplify_m);
   config.rules.own_first = config.mesh.starts_with("shoebox:") && config.mesh.find('@') != std::string::npos;
-  std::vector<Material> materials = assign_materials(geometry.mesh, config.rules, database, geometry.own, spec, geometry.report.warnings);
+  geometry.report.has_semantics = config.rules.semantics != nullptr;
+  std::vector<Material> materials =
+      assign_materials(geometry.mesh, config.rules, database, geometry.own, spec, geometry.report.warnings, &geometry.report.choices);
   if (config.randomization) {
     const SemanticMaterials semantics = config.rules.semantics ? *config.rules.semantics : SemanticMaterials::indoor();
     materials = randomize_materials(spec, {}, materials, semantics, database, *config.randomization);

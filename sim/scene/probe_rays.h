@@ -14,7 +14,7 @@
 namespace earshot::probe {
 
 /// What the numbers of one random stream are for (its third word).
-enum class Use : std::uint32_t { place = 0, first_ray = 1, walk = 2, partner = 3 };
+enum class Use : std::uint32_t { place = 0, first_ray = 1, walk = 2, partner = 3, connection = 4 };
 
 inline RandomStream stream(std::uint64_t seed, Use use, std::uint32_t item) {
   return RandomStream(seed, Purpose::ray_efficiency, item, static_cast<std::uint32_t>(use));

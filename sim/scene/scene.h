@@ -13,6 +13,7 @@
 #include "sim/scene/materials/materials.h"
 #include "sim/scene/mesh/import_report.h"
 #include "sim/scene/mesh/triangle_mesh.h"
+#include "sim/scene/readers/mesh_import.h"
 
 namespace earshot {
 
@@ -75,8 +76,9 @@ class Scene {
 
 /// What a command line may set over the scene it names.
 struct SceneOverrides {
-  std::optional<double> unit_m;     ///< metres per unit of a mesh file, as unit_m in a scene YAML
-  std::optional<float> simplify_m;  ///< mesh_simplify.h, as simplify_m in a scene YAML
+  std::optional<double> unit_m;                            ///< metres per unit of a mesh file, as unit_m in a scene YAML
+  std::optional<float> simplify_m;                         ///< mesh_simplify.h, as simplify_m in a scene YAML
+  std::optional<MeshImportOptions::Up> up = std::nullopt;  ///< axis that points up in a mesh file, as up in a scene YAML
 };
 
 /// Loads any SCENE of the command line: a mesh file (mesh_import.h), `shoebox:XxYxZ[@M]` (shoebox.h), `house:SEED[,key=value...]`

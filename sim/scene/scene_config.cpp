@@ -89,7 +89,8 @@ SceneConfig read_scene_config(const std::filesystem::path& path) {
   if (!config.mesh.starts_with("shoebox:") && !config.mesh.starts_with("house:") && !config.mesh.starts_with("floor:"))
     config.mesh = beside(path, config.mesh).string();
 
-  config.has_import_options = reader.has("up") || reader.has("unit_m");
+  config.is_up_given = reader.has("up");
+  config.is_unit_given = reader.has("unit_m");
   reader.read_choice<MeshImportOptions::Up>("up", config.import.up, {{"y", MeshImportOptions::Up::y}, {"z", MeshImportOptions::Up::z}});
   reader.read("unit_m", config.import.unit_m);
   if (!(config.import.unit_m >= 1e-6 && config.import.unit_m <= 1e6)) reader.fail("unit_m", "must be in [1e-6, 1e6] metres per unit");

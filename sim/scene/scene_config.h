@@ -34,7 +34,7 @@ namespace earshot {
 struct SceneConfig {
   std::string mesh;
   MeshImportOptions import;
-  bool has_import_options = false;  ///< up or unit_m was given
+  bool is_up_given = false, is_unit_given = false;
   std::optional<double> ceiling_m;  ///< in world coordinates
   std::optional<float> simplify_m;
   std::optional<std::filesystem::path> materials;

@@ -84,6 +84,27 @@ void put_report(ByteWriter& writer, const ImportReport& report) {
   writer.put(simplified.triangles_after);
   writer.put(simplified.deviation_m);
   put_texts(writer, report.warnings);
+  writer.put(static_cast<std::uint64_t>(report.choices.size()));
+  for (const MaterialChoice& choice : report.choices) {
+    writer.put(static_cast<std::uint8_t>(choice.reason));
+    writer.put_text(choice.by);
+    writer.put(static_cast<std::uint8_t>(choice.has_category));
+  }
+  writer.put(static_cast<std::uint8_t>(report.has_semantics));
+  writer.put(static_cast<std::uint8_t>(report.axes.has_value()));
+  const FileAxes axes = report.axes.value_or(FileAxes{});
+  writer.put(axes.unit_m);
+  for (const char flag : {axes.up, static_cast<char>(axes.is_unit_given), static_cast<char>(axes.is_up_given)}) writer.put(flag);
+}
+
+MaterialChoice take_choice(ByteReader& reader) {
+  MaterialChoice choice;
+  const auto reason = reader.take<std::uint8_t>();
+  reader.check(reason <= static_cast<std::uint8_t>(MaterialReason::fallback));
+  choice.reason = static_cast<MaterialReason>(reason);
+  choice.by = reader.take_text();
+  choice.has_category = reader.take<std::uint8_t>() != 0;
+  return choice;
 }
 
 ImportReport take_report(ByteReader& reader) {
@@ -97,6 +118,17 @@ ImportReport take_report(ByteReader& reader) {
   simplification.deviation_m = reader.take<double>();
   if (simplified) report.simplified = simplification;
   report.warnings = take_texts(reader);
+  const auto count = reader.take<std::uint64_t>();
+  reader.check(count <= kMostTexts);
+  for (std::uint64_t i = 0; i < count; ++i) report.choices.push_back(take_choice(reader));
+  report.has_semantics = reader.take<std::uint8_t>() != 0;
+  const bool has_axes = reader.take<std::uint8_t>() != 0;
+  FileAxes axes;
+  axes.unit_m = reader.take<double>();
+  axes.up = reader.take<char>();
+  axes.is_unit_given = reader.take<char>() != 0;
+  axes.is_up_given = reader.take<char>() != 0;
+  if (has_axes) report.axes = axes;
   return report;
 }
 

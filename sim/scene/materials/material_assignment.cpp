@@ -33,10 +33,12 @@ const Material* find_by_slot_name(const MaterialDatabase& database, std::string_
   return find_called(database, slot);
 }
 
-/// The material of a slot, and the category that chose it (empty: none).
+/// The material of a slot, and why it is that one.
 struct Decision {
   const Material* material = nullptr;
-  std::string category = {};
+  MaterialChoice choice = {};
+  /// That chose the material; empty: none did.
+  [[nodiscard]] std::string category() const { return choice.reason == MaterialReason::category ? choice.by : std::string(); }
 };
 
 /// The rules with their materials looked up, remembering which patterns matched anything.
@@ -53,29 +55,9 @@ class RuleBook {
 
   /// No material: nothing answers.
   Decision decide(const std::string& slot, const std::string& node, const std::optional<Material>& own) const {
-    for (const bool glob : {false, true}) {
-      for (const std::string* name : {&slot, &node}) {
-        if (const Material* found = first_match(*name, glob)) return {found};
-      }
-    }
-    if (own && own_first_) return {&*own};
-    if (semantics_) {
-      for (const std::string* name : {&slot, &node}) {
-        const std::string category = semantics_->category_of(*name);
-        const std::vector<const Material*> materials = semantics_->materials_of(category, database_);
-        if (!materials.empty()) return {materials.front(), category};
-      }
-    }
-    if (own) return {&*own};
-    if (default_) return {default_};
-    if (label_matching_ == LabelMatching::exact) {
-      if (const Material* found = find_by_slot_name(database_, slot)) return {found};
-    } else {
-      for (const std::string* name : {&slot, &node}) {
-        if (const Material* found = database_.find_by_substrings(*name)) return {found};
-      }
-    }
-    return {fallback_};
+    Decision decision = first_rule(slot, node, own);
+    if (semantics_) decision.choice.has_category = !(semantics_->category_of(slot).empty() && semantics_->category_of(node).empty());
+    return decision;
   }
 
   void note_matches(const std::vector<std::string>& names) {
@@ -100,11 +82,37 @@ class RuleBook {
     bool matched = false;
   };
 
-  [[nodiscard]] const Material* first_match(const std::string& name, bool glob) const {
+  [[nodiscard]] const Rule* first_match(const std::string& name, bool glob) const {
     for (const Rule& rule : rules_) {
-      if (glob ? rule.glob && glob_match(rule.pattern, name) : rule.pattern == name) return rule.material;
+      if (glob ? rule.glob && glob_match(rule.pattern, name) : rule.pattern == name) return &rule;
     }
     return nullptr;
+  }
+
+  [[nodiscard]] Decision first_rule(const std::string& slot, const std::string& node, const std::optional<Material>& own) const {
+    for (const bool glob : {false, true}) {
+      for (const std::string* name : {&slot, &node}) {
+        if (const Rule* found = first_match(*name, glob)) return {found->material, {MaterialReason::pattern, found->pattern}};
+      }
+    }
+    if (own && own_first_) return {&*own, {MaterialReason::own, slot}};
+    if (semantics_) {
+      for (const std::string* name : {&slot, &node}) {
+        const std::string category = semantics_->category_of(*name);
+        const std::vector<const Material*> materials = semantics_->materials_of(category, database_);
+        if (!materials.empty()) return {materials.front(), {MaterialReason::category, category}};
+      }
+    }
+    if (own) return {&*own, {MaterialReason::own, slot}};
+    if (default_) return {default_, {MaterialReason::chosen_default, default_->name}};
+    if (label_matching_ == LabelMatching::exact) {
+      if (const Material* found = find_by_slot_name(database_, slot)) return {found, {MaterialReason::label, slot}};
+    } else {
+      for (const std::string* name : {&slot, &node}) {
+        if (const Material* found = database_.find_by_substrings(*name)) return {found, {MaterialReason::label, *name}};
+      }
+    }
+    return {fallback_, {MaterialReason::fallback}};
   }
 
   const MaterialDatabase& database_;
@@ -120,7 +128,7 @@ class RuleBook {
 
 std::vector<Material> assign_materials(TriangleMesh& mesh, const MaterialRules& rules, const MaterialDatabase& database,
                                        const std::vector<std::optional<Material>>& own, const std::string& where,
-                                       std::vector<std::string>& warnings) {
+                                       std::vector<std::string>& warnings, std::vector<MaterialChoice>* choices) {
   RuleBook book(rules, database, where);
   book.note_matches(mesh.material_names);
   book.note_matches(mesh.object_names);
@@ -139,7 +147,9 @@ std::vector<Material> assign_materials(TriangleMesh& mesh, const MaterialRules& 
     const std::uint32_t slot = mesh.triangle_material[t], node = mesh.triangle_object[t];
     const auto [pair, is_new_pair] = slot_of_pair.try_emplace({slot, node}, 0u);
     if (is_new_pair) {
-      const auto [material, category] = book.decide(old_names[slot], mesh.object_names[node], slot < own.size() ? own[slot] : no_material);
+      const Decision decision = book.decide(old_names[slot], mesh.object_names[node], slot < own.size() ? own[slot] : no_material);
+      const Material* material = decision.material;
+      const std::string category = decision.category();
       if (!material) {
         throw InputError(where, fmt::format("no material for '{}': the database has none labelled 'default'", old_names[slot]),
                          "set default_material, or label an entry 'default'");
@@ -152,6 +162,7 @@ std::vector<Material> assign_materials(TriangleMesh& mesh, const MaterialRules& 
         slot_taken[slot] = true;
         materials.push_back(*material);
         materials.back().category = category;
+        if (choices) choices->push_back(decision.choice);
       }
       pair->second = split->second;
     }

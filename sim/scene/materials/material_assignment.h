@@ -8,6 +8,7 @@
 
 #include "sim/scene/materials/materials.h"
 #include "sim/scene/materials/semantic_materials.h"
+#include "sim/scene/mesh/import_report.h"
 #include "sim/scene/mesh/triangle_mesh.h"
 
 namespace earshot {
@@ -39,9 +40,9 @@ struct MaterialRules {
 /// Node names may give one slot several materials or categories: such slots are split, the new ones are called "slot (material)" or
 /// "slot (category)".  A material that a category chose carries its name (Material::category).
 /// Patterns that match nothing are appended to `warnings`.  Throws InputError for a material that the database lacks.
-/// where: the file that the rules come from, for messages.
+/// where: the file that the rules come from, for messages.  choices: of each slot, appended, if not null.
 std::vector<Material> assign_materials(TriangleMesh& mesh, const MaterialRules& rules, const MaterialDatabase& database,
                                        const std::vector<std::optional<Material>>& own, const std::string& where,
-                                       std::vector<std::string>& warnings);
+                                       std::vector<std::string>& warnings, std::vector<MaterialChoice>* choices = nullptr);
 
 }  // namespace earshot

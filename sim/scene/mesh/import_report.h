@@ -15,11 +15,38 @@ struct SimplifyReport {
   double deviation_m = 0;
 };
 
+/// Why a surface has its material: the rules of material_assignment.h, by number.
+enum class MaterialReason : std::uint8_t {
+  pattern,         ///< 1 to 4: of `assign`
+  category,        ///< 5: of `semantics`
+  own,             ///< 6: of a generated scene
+  chosen_default,  ///< 7: `default_material`
+  label,           ///< 8: a name or label of the database
+  fallback,        ///< 9: nothing names a material
+};
+
+/// How a material slot of the mesh came to its material.
+struct MaterialChoice {
+  MaterialReason reason = MaterialReason::own;
+  std::string by = {};        ///< the pattern, category or name that decided; empty with the last
+  bool has_category = false;  ///< whether `semantics`, if given, know its mesh material or its node
+};
+
+/// How the coordinates of a mesh file were read.
+struct FileAxes {
+  double unit_m = 1;
+  char up = 'y';                                    ///< or z
+  bool is_unit_given = false, is_up_given = false;  ///< by the user; otherwise they are the defaults
+};
+
 /// What import repaired, as counts, and what it found odd, one line each (unmatched pattern, suspicious size, lowered transmission).
 struct ImportReport {
   std::uint64_t triangles_read = 0, degenerate_removed = 0, duplicate_removed = 0, vertices_welded = 0;
   std::optional<SimplifyReport> simplified;  ///< if the scene was simplified
   std::vector<std::string> warnings;
+  std::vector<MaterialChoice> choices;  ///< per material slot of the mesh; empty where nothing was assigned
+  bool has_semantics = false;           ///< whether categories play a part
+  std::optional<FileAxes> axes;         ///< of a mesh file
 };
 
 }  // namespace earshot

@@ -1,0 +1,116 @@
+#include "sim/acoustics/response/place_check.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <glm/common.hpp>
+#include <glm/vector_relational.hpp>
+
+#include "sim/acoustics/paths/transmission.h"
+#include "sim/base/errors.h"
+#include "sim/scene/checks/air_connection.h"
+#include "sim/scene/scene_report.h"
+
+namespace earshot {
+namespace {
+
+/// A scene that is thinner than this is a thing in the open, no room.
+constexpr float kThinnestRoomM = 1.5f;
+constexpr double kMostLeaked = 0.01;
+/// People place sources and listeners at least so far from walls.
+constexpr float kFromWallsM = 0.2f;
+
+bool is_within(const Bounds& bounds, glm::vec3 place) {
+  return glm::all(glm::greaterThanEqual(place, bounds.lower)) && glm::all(glm::lessThanEqual(place, bounds.upper));
+}
+
+std::string shown(glm::dvec3 p) { return fmt::format("{:.6g},{:.6g},{:.6g}", p.x, p.y, p.z); }
+
+/// How a place may have been meant that lies outside the bounds: in another unit, or with z up.
+std::string suggestion(const Scene& scene, glm::dvec3 world) {
+  struct Reading {
+    const char* how;
+    double factor;
+    bool is_z_up;
+  };
+  constexpr std::array<Reading, 6> readings{{{"with z up", 1, true},
+                                             {"in centimetres", 0.01, false},
+                                             {"in millimetres", 0.001, false},
+                                             {"in feet", 0.3048, false},
+                                             {"in inches", 0.0254, false},
+                                             {"in centimetres with z up", 0.01, true}}};
+  if (is_within(scene.bounds(), scene.to_local(world))) return {};
+  const Bounds middle{scene.bounds().lower + kFromWallsM, scene.bounds().upper - kFromWallsM};
+  for (const auto& [how, factor, is_z_up] : readings) {
+    const glm::dvec3 meant = factor * (is_z_up ? glm::dvec3(world.x, world.z, -world.y) : world);
+    if (is_within(middle, scene.to_local(meant))) return fmt::format(" (read {} it would be {}, inside)", how, shown(meant));
+  }
+  return {};
+}
+
+}  // namespace
+
+std::vector<std::string> PlaceCheck::check(const NamedPlace& source, const NamedPlace& listener) const {
+  const Scene& scene = acoustics_.scene();
+  if (!is_within(scene.bounds(), source.position) && !is_within(scene.bounds(), listener.position)) {
+    if (!is_closed_room()) return {};
+    return {fmt::format("{} and {} both lie outside the scene, whose surfaces are closed: only what passes around them is heard",
+                        text_of(source), text_of(listener))};
+  }
+  const AirBetween air = air_between(scene, source.position, listener.position);
+  if (air != AirBetween::first_outside && air != AirBetween::second_outside) return {};
+  const NamedPlace &outside = air == AirBetween::first_outside ? source : listener, &enclosed = &outside == &source ? listener : source;
+  if (is_heard_through_walls(source.position, listener.position))
+    return {fmt::format("{} lies outside the surfaces that are closed around {}: only what walls let through is heard", text_of(outside),
+                        text_of(enclosed))};
+  if (positions().inside_solid(enclosed.position)) return {};
+  refuse(outside, enclosed);
+}
+
+std::vector<std::string> PlaceCheck::inside_solids(const NamedPlace& source, const NamedPlace& listener) const {
+  std::vector<std::string> warnings;
+  for (const NamedPlace& place : {source, listener})
+    if (positions().inside_solid(place.position)) warnings.push_back(fmt::format("the {} lies inside a wall or a thing", text_of(place)));
+  return warnings;
+}
+
+const PositionCheck& PlaceCheck::positions() const {
+  const std::lock_guard lock(mutex_);
+  if (!positions_) positions_ = std::make_unique<const PositionCheck>(acoustics_.scene());
+  return *positions_;
+}
+
+std::string PlaceCheck::text_of(const NamedPlace& place) const {
+  return fmt::format("{} {}", place.name, shown(acoustics_.scene().to_world(place.position)));
+}
+
+bool PlaceCheck::is_heard_through_walls(glm::vec3 source, glm::vec3 listener) const {
+  if (traces_transmission(acoustics_)) return true;
+  std::vector<Arrival> arrivals;
+  find_transmitted(acoustics_, source, listener, arrivals);
+  return !arrivals.empty();
+}
+
+bool PlaceCheck::is_closed_room() const {
+  const std::lock_guard lock(mutex_);
+  if (!is_closed_room_) {
+    const Scene& scene = acoustics_.scene();
+    const glm::vec3 size = scene.bounds().upper - scene.bounds().lower;
+    is_closed_room_ = std::min({size.x, size.y, size.z}) >= kThinnestRoomM && report_scene(scene).leaked_ray_fraction <= kMostLeaked;
+  }
+  return *is_closed_room_;
+}
+
+void PlaceCheck::refuse(const NamedPlace& outside, const NamedPlace& enclosed) const {
+  const Scene& scene = acoustics_.scene();
+  const glm::dvec3 world = scene.to_world(outside.position);
+  throw InputError(fmt::format("{}: {}", scene.name(), text_of(outside)),
+                   fmt::format("lies outside the scene, whose surfaces are closed around {}: no sound gets from one to the other{}",
+                               text_of(enclosed), suggestion(scene, world)),
+                   fmt::format("give a position in metres with y up; the scene spans {} to {}{}",
+                               shown(scene.to_world(scene.bounds().lower)), shown(scene.to_world(scene.bounds().upper)),
+                               scene.import_report().axes ? "; or correct the unit or the up axis of the mesh" : ""));
+}
+
+}  // namespace earshot
