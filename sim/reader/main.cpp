@@ -8,6 +8,7 @@
 int main(int argc, char** argv) {
   using namespace earshot;
   return answer_isolated(argc, argv, [](const std::vector<std::string>& arguments) -> std::string {
+    if (arguments.size() == 1 && arguments[0] == "check") return "reads SOFA files";
     if (arguments.size() == 2 && arguments[0] == "sofa") return encode_responses(parse_sofa(arguments[1]));
     if (arguments.size() == 2 && arguments[0] == "egl") return answer_egl_probe(arguments[1]);
     throw InputError("earshot_reader", "got an unknown command", "build earshot and earshot_reader together");
