@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "sim/audio/head/rigid_sphere.h"
+#include "sim/audio/measured/node_grid.h"
 #include "sim/audio/transforms/fft.h"
 #include "sim/audio/transforms/spectrum_math.h"
 
@@ -38,31 +39,13 @@ HeadGrid::Blend HeadGrid::blend_sphere(glm::dvec3 towards, int ear) const {
   return {.count = 2, .row = {row, row + 1}, .weight = {1.f - weight, weight}};
 }
 
-/// Inverse-distance weights that fade to zero at the next farther neighbour (Franke and Little 1979): exact at measured directions and
-/// continuous everywhere, in gaps and at the poles, without a triangulation.  Rows of the left ear; the right one follows each.
-HeadGrid::Blend HeadGrid::blend_measured(glm::dvec3 towards) const {
-  std::array<std::pair<double, std::size_t>, kNeighbours + 1> nearest;
-  nearest.fill({std::numeric_limits<double>::infinity(), 0});
-  for (std::size_t i = 0; i < direction.size(); ++i) {
-    const glm::dvec3 apart = towards - glm::dvec3(direction[i]);
-    std::pair<double, std::size_t> candidate{glm::dot(apart, apart), i};
-    if (candidate >= nearest.back()) continue;
-    for (auto& slot : nearest)
-      if (candidate < slot) std::swap(candidate, slot);
-  }
-  const double reach = std::sqrt(nearest[kNeighbours].first);
-  Blend blend{.count = kNeighbours};
-  std::array<double, kNeighbours> weight{};
-  double sum = 0;
-  for (std::size_t n = 0; n < kNeighbours; ++n) {
-    const double distance = std::max(std::sqrt(nearest[n].first), 1e-6);
-    const double root = std::max(reach - distance, 0.0) / distance;
-    weight[n] = root * root;
-    sum += weight[n];
-  }
-  for (std::size_t n = 0; n < kNeighbours; ++n) {
-    blend.row[n] = 2 * nearest[n].second;
-    blend.weight[n] = static_cast<float>(sum > 0 ? weight[n] / sum : 1.0 / kNeighbours);
+/// Rows of the left ear; the right one follows each.
+HeadGrid::Blend HeadGrid::blend_nodes(glm::dvec3 towards) {
+  Blend blend{.count = kMostRows};
+  const NodeGrid::Place place = NodeGrid::find(towards);
+  for (std::size_t i = 0; i < kMostRows; ++i) {
+    blend.row[i] = 2 * place.node[i];
+    blend.weight[i] = place.weight[i];
   }
   return blend;
 }
@@ -90,7 +73,7 @@ void HeadGrid::write_aligned(glm::vec3 towards, float fraction, bool add, std::a
     delay[1] = write_rows(blend_sphere(towards, 1), fraction, add, delay[1], right);
     return;
   }
-  Blend blend = blend_measured(towards);
+  Blend blend = blend_nodes(towards);
   delay[0] = write_rows(blend, fraction, add, delay[0], left);
   for (std::size_t& row : blend.row) ++row;
   delay[1] = write_rows(blend, fraction, add, delay[1], right);

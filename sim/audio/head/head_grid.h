@@ -24,8 +24,8 @@ struct HeadGrid {
   int fft_size = 0;
   std::size_t num_bins = 0;
   double distance_m = std::numeric_limits<double>::infinity();
-  int intervals = 0;                         ///< sphere: rows are incidence angles, pi / intervals apart; 0 for a measured head
-  std::vector<glm::vec3> direction{};        ///< measured head: rows are [direction][ear]
+  int intervals = 0;                         ///< sphere: rows are incidence angles, pi / intervals apart; 0 for a measured head, whose
+                                             ///< rows are [node][ear] (NodeGrid)
   std::vector<std::complex<float>> aligned;  ///< [row][num_bins]
   std::vector<double> delay_samples;         ///< [row], relative to the head's centre
 
@@ -39,15 +39,14 @@ struct HeadGrid {
   static HeadGrid rigid_sphere(float sample_rate_hz);
 
  private:
-  /// Neighbours among which a measured head is interpolated.
-  static constexpr std::size_t kNeighbours = 5;
+  static constexpr std::size_t kMostRows = 4;
   struct Blend {
     std::size_t count = 0;
-    std::array<std::size_t, kNeighbours> row{};
-    std::array<float, kNeighbours> weight{};
+    std::array<std::size_t, kMostRows> row{};
+    std::array<float, kMostRows> weight{};
   };
   [[nodiscard]] Blend blend_sphere(glm::dvec3 towards, int ear) const;
-  [[nodiscard]] Blend blend_measured(glm::dvec3 towards) const;
+  [[nodiscard]] static Blend blend_nodes(glm::dvec3 towards);
   double write_rows(const Blend& blend, float fraction, bool add, double delay, std::span<std::complex<float>> out) const;
 };
 

@@ -14,6 +14,48 @@
 
 namespace earshot {
 
+/// What a file of a head holds, in axes of SOFA: x front, y left, z up.
+struct HeadFile {
+  std::vector<double> sources{};  ///< [measurement][3]
+  std::vector<double> taps{};     ///< [measurement][2][num_taps]
+  std::size_t num_taps = 0;
+  double rate_hz = 48000;
+  bool spherical = false;  ///< sources as azimuth, elevation, radius
+  bool right_named_first = false;
+  glm::dvec3 position{0}, view{1, 0, 0}, up{0, 0, 1};
+  std::string convention = "SimpleFreeFieldHRIR", data_type = "FIR";
+};
+
+/// The bytes of a SOFA file.
+inline std::string head_file(const HeadFile& head) {
+  NetcdfFile file("head.sofa");
+  for (const auto& [name, text] : {std::pair<const char*, std::string>{"Conventions", "SOFA"},
+                                   {"Version", "2.1"},
+                                   {"SOFAConventions", head.convention},
+                                   {"SOFAConventionsVersion", "1.0"},
+                                   {"DataType", head.data_type},
+                                   {"RoomType", "free field"},
+                                   {"Title", "made"}})
+    file.add_attribute(name, text);
+  for (const auto& [name, size] :
+       {std::pair<char, std::size_t>{'I', 1}, {'C', 3}, {'R', 2}, {'E', 1}, {'N', head.num_taps}, {'M', head.sources.size() / 3}})
+    file.add_dimension(name, size);
+  const NetcdfFile::Attributes cartesian{{"Type", "cartesian"}, {"Units", "metre"}};
+  const NetcdfFile::Attributes spherical{{"Type", "spherical"}, {"Units", "degree, degree, metre"}};
+  const auto one = [](glm::dvec3 v) { return std::vector<double>{v.x, v.y, v.z}; };
+  file.add_variable("ListenerPosition", "IC", one(head.position), cartesian);
+  file.add_variable("ListenerView", "IC", one(head.view), cartesian);
+  file.add_variable("ListenerUp", "IC", one(head.up));
+  const double side = head.right_named_first ? -0.09 : 0.09;
+  file.add_variable("ReceiverPosition", "RCI", std::vector<double>{0, side, 0, 0, -side, 0}, cartesian);
+  file.add_variable("SourcePosition", "MC", head.sources, head.spherical ? spherical : cartesian);
+  file.add_variable("EmitterPosition", "ECI", std::vector<double>(3, 0.0), cartesian);
+  file.add_variable("Data.SamplingRate", "I", std::vector<double>{head.rate_hz}, {{"Units", "hertz"}});
+  file.add_variable("Data.Delay", "IR", std::vector<double>(2, 0.0));
+  file.add_variable(head.data_type == "FIR" ? "Data.IR" : "Data.Real", "MRN", head.taps);
+  return file.finish();
+}
+
 /// A head in closed form, written as a SOFA file: an ear hears a source at the angle a from its side with the pressure 1 + level * cos a,
 /// early by early_samples * cos a.  All positions in axes of SOFA: x front, y left, z up.
 struct MadeHead {
@@ -47,7 +89,6 @@ struct MadeHead {
   [[nodiscard]] double lead_s(double lateral) const { return 2.0 * early_samples * lateral / rate_hz; }
 
   [[nodiscard]] std::string bytes() const {
-    const std::size_t count = measurements.size();
     const glm::dvec3 front = glm::normalize(view), left = glm::normalize(glm::cross(up, front)), above = glm::cross(front, left);
     std::vector<double> taps, sources;
     for (const Measurement& m : measurements) {
@@ -59,31 +100,17 @@ struct MadeHead {
         append_response((receiver == 0 ? 1.0 : second_gain) * (1.0 + m.level * side), kMiddle - early_samples * side, taps);
       }
     }
-    NetcdfFile file("head.sofa");
-    for (const auto& [name, text] : {std::pair<const char*, std::string>{"Conventions", "SOFA"},
-                                     {"Version", "2.1"},
-                                     {"SOFAConventions", convention},
-                                     {"SOFAConventionsVersion", "1.0"},
-                                     {"DataType", data_type},
-                                     {"RoomType", "free field"},
-                                     {"Title", "made"}})
-      file.add_attribute(name, text);
-    for (const auto& [name, size] : {std::pair<char, std::size_t>{'I', 1}, {'C', 3}, {'R', 2}, {'E', 1}, {'N', kTaps}, {'M', count}})
-      file.add_dimension(name, size);
-    const NetcdfFile::Attributes cartesian{{"Type", "cartesian"}, {"Units", "metre"}};
-    const auto one = [](glm::dvec3 v) { return std::vector<double>{v.x, v.y, v.z}; };
-    file.add_variable("ListenerPosition", "IC", one(position), cartesian);
-    file.add_variable("ListenerView", "IC", one(view), cartesian);
-    file.add_variable("ListenerUp", "IC", one(up));
-    const double side = right_named_first ? -0.09 : 0.09;
-    file.add_variable("ReceiverPosition", "RCI", std::vector<double>{0, side, 0, 0, -side, 0}, cartesian);
-    file.add_variable("SourcePosition", "MC", sources,
-                      spherical ? NetcdfFile::Attributes{{"Type", "spherical"}, {"Units", "degree, degree, metre"}} : cartesian);
-    file.add_variable("EmitterPosition", "ECI", std::vector<double>(3, 0.0), cartesian);
-    file.add_variable("Data.SamplingRate", "I", std::vector<double>{rate_hz}, {{"Units", "hertz"}});
-    file.add_variable("Data.Delay", "IR", std::vector<double>(2, 0.0));
-    file.add_variable(data_type == "FIR" ? "Data.IR" : "Data.Real", "MRN", taps);
-    return file.finish();
+    return head_file({.sources = sources,
+                      .taps = taps,
+                      .num_taps = kTaps,
+                      .rate_hz = rate_hz,
+                      .spherical = spherical,
+                      .right_named_first = right_named_first,
+                      .position = position,
+                      .view = view,
+                      .up = up,
+                      .convention = convention,
+                      .data_type = data_type});
   }
 
  private:

@@ -1,7 +1,13 @@
 // Heads as their files have them, by `earshot rir --hrtf`: the direct sound of one source in a free field.
 #if __has_include(<hdf5.h>)
 
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
 #include <glm/vec3.hpp>
+#include <numbers>
+#include <tuple>
 
 #include "sim/base/files.h"
 #include "tests/support/files/made_head.h"
