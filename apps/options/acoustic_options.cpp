@@ -101,4 +101,8 @@ std::shared_ptr<const SynthesisTables> AcousticOptions::tables(const AcousticSce
   return make_synthesis_tables(config, acoustics.bands(), listener, head);
 }
 
+std::shared_ptr<const SynthesisTables> AcousticOptions::omni_tables(const AcousticScene& acoustics) {
+  return make_synthesis_tables(acoustics.config(), acoustics.bands(), ListenerLayout(ChannelLayout::mono), nullptr);
+}
+
 }  // namespace earshot

@@ -40,6 +40,8 @@ struct AcousticOptions {
   [[nodiscard]] ListenerOrientation orientation(double heading_deg, double pitch_deg, double roll_deg) const;
   [[nodiscard]] AcousticScene load(const AcousticConfig& config) const;
   [[nodiscard]] std::shared_ptr<const SynthesisTables> tables(const AcousticScene& scene) const;
+  /// Of an omnidirectional microphone in the place of the listener.
+  [[nodiscard]] static std::shared_ptr<const SynthesisTables> omni_tables(const AcousticScene& scene);
 };
 
 }  // namespace earshot

@@ -16,6 +16,7 @@
 #include "apps/options/source_options.h"
 #include "apps/sound/echogram_svg.h"
 #include "apps/sound/rir_json.h"
+#include "datasets/rir_corpus_response.h"
 #include "sim/acoustics/response/place_check.h"
 #include "sim/acoustics/source_field/field_for_poses.h"
 #include "sim/acoustics/synthesis/carriers.h"
@@ -86,7 +87,10 @@ OrderedJson effects_json(const EnergyResponse& response, const AcousticConfig& c
 class PairRenderer {
  public:
   PairRenderer(const RirArguments& options, const AcousticScene& acoustics)
-      : options_(options), synthesizer_(options.acoustics.tables(acoustics)) {}
+      : options_(options), synthesizer_(options.acoustics.tables(acoustics)) {
+    if (!options.metrics.empty() && options.acoustics.layout().kind != ListenerKind::mono)
+      omni_.emplace(AcousticOptions::omni_tables(acoustics));
+  }
 
   /// planned: what the synthesizer's tables fit.  field: of the source; null: the late field is traced.  warnings: of the scene and places.
   OrderedJson render(const AcousticScene& planned, const EarlyCandidates& candidates, const SourceField* field, glm::vec3 listener,
@@ -120,19 +124,21 @@ class PairRenderer {
     if (options_.metrics.empty()) return {};
     const double delay_s = energy.direct_delay_s ? *energy.direct_delay_s : 0.0;
     const glm::dvec3 origin = planned.scene().origin_m();
-    return {{"bands_hz", energy.bands_hz},
-            {"origin_m", {origin.x, origin.y, origin.z}},
-            {"energy", metrics_json(energy)},
-            {"rir", metrics_json(measure(rir, delay_s))},
-            {"drr_db", number_or_null(energy.drr_db)},
-            {"direct_delay_s", number_or_null(energy.direct_delay_s)},
-            {"direct_amplitude", number_or_null(energy.direct_amplitude)},
-            {"ray_efficiency", response.stats.ray_efficiency()},
-            {"standard_error", standard_errors_json(planned, candidates, field, listener, response)},
-            {"render_ms", render_ms},
-            {"effects", effects_json(response, planned.config())},
-            {"warnings", warnings},
-            {"seed", planned.config().seed}};
+    OrderedJson json{{"bands_hz", energy.bands_hz}, {"origin_m", {origin.x, origin.y, origin.z}}, {"energy", metrics_json(energy)}};
+    Rir omni;
+    if (omni_) omni_->render(response, orientation, key, omni);
+    const ListenerLayout layout = options_.acoustics.layout();
+    add_sample_metrics(omni_ ? omni : rir, rir, layout, channel_names(layout), delay_s, json);
+    json.update({{"drr_db", number_or_null(energy.drr_db)},
+                 {"direct_delay_s", number_or_null(energy.direct_delay_s)},
+                 {"direct_amplitude", number_or_null(energy.direct_amplitude)},
+                 {"ray_efficiency", response.stats.ray_efficiency()},
+                 {"standard_error", standard_errors_json(planned, candidates, field, listener, response)},
+                 {"render_ms", render_ms},
+                 {"effects", effects_json(response, planned.config())},
+                 {"warnings", warnings},
+                 {"seed", planned.config().seed}});
+    return json;
   }
 
  private:
@@ -172,6 +178,7 @@ class PairRenderer {
 
   const RirArguments& options_;
   RirSynthesizer synthesizer_;
+  std::optional<RirSynthesizer> omni_;  ///< of metrics where the channels are no omnidirectional microphone
 };
 
 std::shared_ptr<const SourceField> field_of(const AcousticScene& acoustics, const EarlyCandidates& candidates, std::size_t responses) {

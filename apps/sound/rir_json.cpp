@@ -76,6 +76,27 @@ OrderedJson metrics_json(const RoomMetrics& metrics) {
   return json;
 }
 
+void add_sample_metrics(const Rir& omni, const Rir& heard, const ListenerLayout& layout, const std::vector<std::string>& names,
+                        double delay_s, OrderedJson& json) {
+  RoomMetrics metrics = measure(omni.channel(0), omni.sample_rate_hz, delay_s);
+  if (layout.kind == ListenerKind::binaural) {
+    const RoomMetrics ears = measure(heard, delay_s);
+    for (std::size_t band = 0; band < metrics.bands.size(); ++band) {
+      metrics.bands[band].iacc = ears.bands[band].iacc;
+      metrics.bands[band].iacc_early = ears.bands[band].iacc_early;
+      metrics.bands[band].iacc_late = ears.bands[band].iacc_late;
+    }
+  }
+  json["rir"] = metrics_json(metrics);
+  if (layout.kind != ListenerKind::binaural && layout.kind != ListenerKind::array) return;
+  OrderedJson& channels = json[layout.kind == ListenerKind::binaural ? "ears" : "microphones"] = OrderedJson::object();
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    OrderedJson one = metrics_json(measure(heard.channel(static_cast<int>(i)), heard.sample_rate_hz, delay_s));
+    for (const char* key : {"iacc", "iacc_early", "iacc_late"}) one.erase(key);
+    channels[names[i]] = std::move(one);
+  }
+}
+
 OrderedJson standard_errors_json(const AcousticScene& acoustics, const EarlyCandidates& candidates, const SourceField* field,
                                  glm::vec3 listener, const EnergyResponse& response) {
   if (field != nullptr) return errors_of_field(acoustics, *field, response);
