@@ -13,7 +13,7 @@
 namespace earshot {
 namespace {
 
-constexpr double kLongestFreePathM = 40, kRoomFreePathM = 2.5, kGreatestHeightM = 150, kRoomHeightM = 3;
+constexpr double kLongestFreePathM = 40, kRoomFreePathM = 2.8, kGreatestHeightM = 150, kRoomHeightM = 3;
 constexpr double kClearFraction = 0.8;
 
 struct FileUnit {

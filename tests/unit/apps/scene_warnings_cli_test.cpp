@@ -22,25 +22,27 @@ using testing::Not;
 
 class SceneWarningsCli : public Cli {
  protected:
+  /// What `scene` says of a scene, in its output and its JSON.
+  [[nodiscard]] std::vector<std::string> said_by_scene(const std::string& scene) const {
+    const CliOutcome outcome = earshot("scene " + scene + " --json " + file("s.json"));
+    EXPECT_EQ(outcome.exit_code, 0) << scene << "\n" << outcome.errors;
+    return {outcome.output, parse_json(read("s.json")).at("warnings").dump()};
+  }
   /// What `scene`, `rir`, `walk` and `render` say of a scene, each in its place; source and listener in metres.
   [[nodiscard]] std::vector<std::string> said_of(const std::string& scene, glm::dvec3 source, glm::dvec3 listener) const {
     const std::string out = file("x.wav") + " --preset fast --channels mono --set rays=16 rir_length_s=0.1";
-    std::vector<std::string> said;
-    const auto add = [&](const std::string& arguments, bool from_output) {
+    std::vector<std::string> said = said_by_scene(scene);
+    const auto add = [&](const std::string& arguments) {
       const CliOutcome outcome = earshot(arguments);
       EXPECT_EQ(outcome.exit_code, 0) << arguments << "\n" << outcome.errors;
-      said.push_back(from_output ? outcome.output : outcome.errors);
+      said.push_back(outcome.errors);
     };
-    add("scene " + scene + " --json " + file("s.json"), true);
-    said.push_back(parse_json(read("s.json")).at("warnings").dump());
     add("rir " + scene + " --source " + point_text(source) + " --listener " + point_text(listener) + " --out " + out + " --metrics " +
-            file("m.json"),
-        false);
+        file("m.json"));
     said.push_back(parse_json(read("m.json")).at("warnings").dump());
     add("walk " + scene + " --sound synth:noise --step 0.1 --source " + point_text(source) + " --poses " +
-            write("p.csv", "0," + point_text(listener) + ",0\n0.2," + point_text(listener) + ",0\n") + " --out " + out,
-        false);
-    add("render " + scene + " --sensor depth --size 16x16 --pose " + point_text(listener) + ",0 --out " + file("x.png"), false);
+        write("p.csv", "0," + point_text(listener) + ",0\n0.2," + point_text(listener) + ",0\n") + " --out " + out);
+    add("render " + scene + " --sensor depth --size 16x16 --pose " + point_text(listener) + ",0 --out " + file("x.png"));
     return said;
   }
   void expect_all_say(const std::vector<std::string>& said, const std::string& text) const {
@@ -84,8 +86,8 @@ TEST_F(SceneWarningsCli, AWrongAxisOrUnitIsGuessed) {
     const glm::dvec3 a = room.to_file(room.inside(0)), b = room.to_file(room.inside(1));
     const std::string scene = write("room.obj", room.obj());
     expect_all_say(said_of(scene, a, b), "up axis of the mesh is probably z");
-    expect_none_says(said_of(scene + " --up z", room.inside(0), room.inside(1)), "up axis of the mesh is probably");
-    expect_none_says(said_of(scene + " --up y", a, b), "up axis of the mesh is probably");
+    expect_none_says(said_by_scene(scene + " --up z"), "up axis of the mesh is probably");
+    expect_none_says(said_by_scene(scene + " --up y"), "up axis of the mesh is probably");
 
     const std::array<double, 3> units{0.01, 0.001, 0.0254};
     room.is_z_up = false;
@@ -95,7 +97,7 @@ TEST_F(SceneWarningsCli, AWrongAxisOrUnitIsGuessed) {
     for (const std::string& text : said)
       EXPECT_THAT(text, testing::AnyOf(HasSubstr("unit of the mesh is probably"), HasSubstr("is the unit right?")));
     EXPECT_NEAR(parse_json(read("s.json")).at("axes").at("unit_guess_m").get<double>(), room.unit_m, 1e-9) << room.unit_m;
-    expect_none_says(said_of(other + fmt::format(" --unit {}", room.unit_m), room.inside(0), room.inside(1)), "unit");
+    expect_none_says({said_by_scene(other + fmt::format(" --unit {}", room.unit_m))[1]}, "unit");
   }
 }
 
@@ -119,10 +121,9 @@ TEST_F(SceneWarningsCli, SurfacesWithoutAMaterialAreCountedAndNamed) {
     expect_all_say(said, "no material is named for 1 of ");
     expect_all_say(said, "'" + odd + "'");
     expect_all_say(said, "its material library gone.mtl is missing");
-    expect_all_say(said_of(write("room.yaml", "mesh: room.obj\nsemantics: indoor\n") + room.flags(), room.inside(0), room.inside(1)),
+    expect_all_say(said_by_scene(write("room.yaml", "mesh: room.obj\nsemantics: indoor\n") + room.flags()),
                    "no semantic category was found for 1 of ");
-    expect_none_says(said_of(write("room.yaml", "mesh: room.obj\nassign: {\"" + odd + "\": brick_rough}\n") + room.flags(), room.inside(0),
-                             room.inside(1)),
+    expect_none_says(said_by_scene(write("room.yaml", "mesh: room.obj\nassign: {\"" + odd + "\": brick_rough}\n") + room.flags()),
                      "no material is named");
   }
 }
