@@ -27,7 +27,7 @@ namespace earshot {
 namespace {
 
 /// Of the layout of the images.  What fills them has the commit of the engine.
-constexpr std::string_view kVersion = "scene store 1";
+constexpr std::string_view kVersion = "scene store 2";
 
 /// For another process that makes the same: far longer than that takes, unless the process has been stopped.
 constexpr std::chrono::minutes kPatience(10);

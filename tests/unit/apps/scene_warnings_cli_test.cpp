@@ -114,7 +114,7 @@ TEST_F(SceneWarningsCli, SurfacesWithoutAMaterialAreCountedAndNamed) {
   for (std::uint32_t i = 0; i < 10; ++i) {
     const DrawnRoom room(180 + i);
     std::array<std::string, 6> names{"wall", "wall", "floor", "ceiling", "wall", "wall"};
-    const std::string odd = "Mat_" + std::to_string(i);
+    const std::string odd = "Xq_" + std::to_string(i);
     names[i % 6] = odd;
     write("room.obj", "mtllib gone.mtl\n" + room.obj(names));
     const std::vector<std::string> said = said_of(file("room.obj") + room.flags(), room.inside(0), room.inside(1));
@@ -132,7 +132,7 @@ TEST_F(SceneWarningsCli, SceneSaysWhyASurfaceHasItsMaterial) {
   DrawnRoom room(200);
   room.unit_m = 1;
   room.is_z_up = false;
-  write("room.obj", room.obj({"wall", "Panel", "floor", "ceiling", "Mat_1", "wall"}));
+  write("room.obj", room.obj({"wall", "Panel", "floor", "ceiling", "Xq_1", "wall"}));
   const std::string scene = write("room.yaml", "mesh: room.obj\nsemantics: indoor\nassign: {\"Pan*\": wood_door}\n");
   ASSERT_EQ(earshot("scene " + scene + " --json " + file("s.json")).exit_code, 0);
   std::map<std::string, std::string> why;
@@ -143,7 +143,7 @@ TEST_F(SceneWarningsCli, SceneSaysWhyASurfaceHasItsMaterial) {
   }
   EXPECT_EQ(why.at("Panel"), "assign.Pan*");
   EXPECT_EQ(why.at("floor"), "category floor");
-  EXPECT_EQ(why.at("Mat_1"), "default: nothing names a material");
+  EXPECT_EQ(why.at("Xq_1"), "default: nothing names a material");
   const glm::dvec3 s = room.size;
   EXPECT_NEAR(area_m2, 2 * (s.x * s.y + s.y * s.z + s.z * s.x), 1e-3);
   EXPECT_THAT(read("stdout"), HasSubstr("assign.Pan*"));

@@ -68,6 +68,9 @@ TEST(SceneImage, MaterialsAndReportComeBackWhole) {
   report.duplicate_removed = 2;
   report.simplified = SimplifyReport{.triangles_before = 20, .triangles_after = 14, .deviation_m = 0.01};
   report.warnings = {"odd"};
+  report.choices = {{MaterialReason::category, "wall", true}};
+  report.has_semantics = true;
+  report.axes = FileAxes{.unit_m = 0.01, .up = 'z', .is_unit_given = true};
   const Air air{.temperature_c = 10.f, .humidity_percent = 30.f, .speed_of_sound_m_per_s = 343.f};
   const Scene scene("a name", mesh, {wall}, air, report);
   const Scene back = decode_scene(encode_scene(scene), "memory");
@@ -92,6 +95,16 @@ TEST(SceneImage, MaterialsAndReportComeBackWhole) {
   EXPECT_EQ(back.import_report().simplified->triangles_before, 20u);
   EXPECT_EQ(back.import_report().simplified->deviation_m, 0.01);
   EXPECT_EQ(back.import_report().warnings, report.warnings);
+  ASSERT_EQ(back.import_report().choices.size(), 1u);
+  EXPECT_EQ(back.import_report().choices[0].reason, MaterialReason::category);
+  EXPECT_EQ(back.import_report().choices[0].by, "wall");
+  EXPECT_TRUE(back.import_report().choices[0].has_category);
+  EXPECT_TRUE(back.import_report().has_semantics);
+  ASSERT_TRUE(back.import_report().axes);
+  EXPECT_EQ(back.import_report().axes->unit_m, 0.01);
+  EXPECT_EQ(back.import_report().axes->up, 'z');
+  EXPECT_TRUE(back.import_report().axes->is_unit_given);
+  EXPECT_FALSE(back.import_report().axes->is_up_given);
 }
 
 TEST(SceneImage, AnEmptySceneIsOneToo) {
