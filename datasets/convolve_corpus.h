@@ -41,10 +41,13 @@ struct ConvolveReport {
 ///   OUT/00000/0000007.t0.wav, .noise.wav   with `stems`: what each talker, and the noise, adds to it
 ///   OUT/00000/0000007.t0.early.wav     with `early`: the talker through the early part of its response
 ///   OUT/00000/0000007.t0.dry.wav       with `dry`: the dry speech, one channel, at the time and level of the direct sound of an
-///                                      omnidirectional source: delayed by distance / speed of sound, times 1 / (4 pi distance)
+///                                      omnidirectional source: delayed by distance / speed of sound, to a fraction of a sample by
+///                                      the kernel of responses (delayed_impulse.h), times 1 / (4 pi distance)
 ///   OUT/manifest.jsonl, recordings.jsonl, supervisions.jsonl
 ///
-/// All files of a signal have one factor, below which no sample of any exceeds 0.999.  Throws InputError, RunError.
+/// Sample 0 of all files of a signal is the moment at which the first talker's source emits the first sample of its file; direct sound is
+/// heard from sample start_sample + direct_delay_s * rate on.  All files of a signal have one factor, below which no sample of any exceeds
+/// 0.999.  Throws InputError, RunError.
 ConvolveReport write_convolve_corpus(const ConvolveConfig& config, const CorpusRun& run);
 
 }  // namespace earshot

@@ -8,6 +8,8 @@
 #include <set>
 #include <utility>
 
+#include "sim/acoustics/core/arrival.h"
+#include "sim/acoustics/synthesis/delayed_impulse.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/random.h"
@@ -91,6 +93,19 @@ std::vector<float> MixtureMaker::convolved(const IndexedResponse& response, cons
   return convolver_.convolve(dry, filter.samples, filter.num_channels);
 }
 
+std::vector<float> MixtureMaker::direct_sound(const IndexedResponse& response, std::span<const float> dry, std::size_t start_sample,
+                                              std::size_t num_frames) {
+  // As a response counts a source that is nearer than the engine tells apart.
+  const double distance_m = std::max(response.distance_m, static_cast<double>(kLeastDistanceM));
+  const double farther = response.distance_m > 0 ? distance_m / response.distance_m : 1;
+  const double delay_samples = farther * response.direct_delay_s * static_cast<double>(index_.sample_rate_hz());
+  if (delay_samples > static_cast<double>(num_frames) + arrival_fft_size(index_.sample_rate_hz())) return std::vector<float>(num_frames);
+  const std::vector<float> impulse = delayed_impulse(delay_samples, index_.sample_rate_hz());
+  std::vector<float> sound = placed(direct_convolver_.convolve(dry, impulse, 1), 1, start_sample, num_frames);
+  scale(sound, 1 / (4 * std::numbers::pi * distance_m));
+  return sound;
+}
+
 void MixtureMaker::add_talker(Mixture& mixture, std::uint64_t number, std::size_t talker, std::size_t response_index) {
   const RandomStream random = stream_of(config_, number, talker);
   const auto num_files = static_cast<std::uint32_t>(speech_.files.size());
@@ -118,11 +133,7 @@ void MixtureMaker::add_talker(Mixture& mixture, std::uint64_t number, std::size_
   if (talker == 0) mixture.num_frames = config_.cut ? dry.size() : sound.size() / channels;
   added.reverberant = placed(sound, channels, added.start_sample, mixture.num_frames);
   if (config_.early) added.early = placed(convolved(response, response.early_file, dry), channels, added.start_sample, mixture.num_frames);
-  if (config_.dry) {
-    const auto delay = static_cast<std::size_t>(std::lround(response.direct_delay_s * static_cast<double>(index_.sample_rate_hz())));
-    added.dry = placed(dry, 1, added.start_sample + delay, mixture.num_frames);
-    scale(added.dry, 1 / (4 * std::numbers::pi * std::max(response.distance_m, 1e-3)));
-  }
+  if (config_.dry) added.dry = direct_sound(response, dry, added.start_sample, mixture.num_frames);
   const double energy = energy_of(added.reverberant);
   if (energy <= 0)
     throw InputError((speech_.root / added.speech).string(), fmt::format("is silent through response {}", response.id),

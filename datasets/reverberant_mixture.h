@@ -60,12 +60,15 @@ class MixtureMaker {
   /// Writes noise.samples and noise.start_sample.
   void render_noise(Mixture& mixture, std::uint64_t number, const std::vector<float>& clip);
   std::vector<float> convolved(const IndexedResponse& response, const std::string& file, std::span<const float> dry);
+  /// [num_frames]: the dry sound as an omnidirectional microphone in the open would hear it, to a fraction of a sample.
+  std::vector<float> direct_sound(const IndexedResponse& response, std::span<const float> dry, std::size_t start_sample,
+                                  std::size_t num_frames);
 
   const ConvolveConfig& config_;
   const ResponseIndex& index_;
   const SoundFolder& speech_;
   const SoundFolder* noise_;
-  FirConvolver convolver_;
+  FirConvolver convolver_, direct_convolver_;
 };
 
 }  // namespace earshot

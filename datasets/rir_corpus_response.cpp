@@ -25,6 +25,8 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 constexpr double kRadian = 180 / std::numbers::pi;
+/// A hundredth of a sample at the highest rates, however far the source.
+constexpr int kDelayDigits = 9;
 
 Json place(glm::dvec3 position) { return {position.x, position.y, position.z}; }
 
@@ -251,7 +253,7 @@ void CorpusSourceRenderer::label_geometry(Recording& recording) const {
   line["azimuth_deg"] = rounded(kRadian * std::atan2(static_cast<double>(-direction.x), static_cast<double>(-direction.z)));
   line["elevation_deg"] = rounded(kRadian * std::asin(std::clamp(static_cast<double>(direction.y), -1.0, 1.0)));
   line["line_of_sight"] = in_sight;
-  line["direct_delay_s"] = rounded(recording.direct_s);
+  line["direct_delay_s"] = rounded(recording.direct_s, kDelayDigits);
 }
 
 void CorpusSourceRenderer::label_metrics(Recording& recording) const {

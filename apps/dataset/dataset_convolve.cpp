@@ -67,7 +67,9 @@ void add_dataset_convolve(CLI::App& dataset) {
       ->capture_default_str();
   command->add_option("--level", options->level, "LOW,HIGH in dB: root mean square of a signal, 0 is full scale")->capture_default_str();
   command->add_flag("--early", config.early, "Also each talker through the early part of the response (split_ms of the corpus)");
-  command->add_flag("--dry", config.dry, "Also each talker dry, at the time and the level of the direct sound");
+  command->add_flag("--dry", config.dry,
+                    "Also each talker dry, at the time (to a fraction of a sample) and the level of the direct sound; sample 0 of every "
+                    "file is when the first talker's file starts at its source");
   command->add_flag("--stems", config.stems, "Also each talker and the noise alone");
   command->add_flag("--cut", config.cut, "End with the dry speech, not with its last echo");
   command->add_option("--format", options->format, "wav (32-bit float) or flac (24 bits)")

@@ -13,6 +13,7 @@
 
 #include "sim/acoustics/synthesis/arrival_spectrum.h"
 #include "sim/acoustics/synthesis/binaural_late_tail.h"
+#include "sim/acoustics/synthesis/delayed_impulse.h"
 #include "sim/acoustics/synthesis/late_array.h"
 #include "sim/acoustics/synthesis/late_synthesis.h"
 #include "sim/acoustics/synthesis/microphone_wave.h"
@@ -68,31 +69,6 @@ int bins_to_decode(const LateEnvelope& envelope, double decode_samples, std::vec
   int last = first;
   while (last < envelope.size() && before[static_cast<std::size_t>(last)] < end - (1.f - decoded) * left) ++last;
   return last;
-}
-
-/// Delays this close to a whole sample count as whole: an unfiltered arrival then is one sample exactly.
-constexpr double kWholeSample = 1e-5;
-
-/// A delay as the nearest whole sample and the rest.
-struct SplitDelay {
-  explicit SplitDelay(double samples) : whole(std::llround(samples)), part(samples - static_cast<double>(whole)) {
-    if (std::abs(part) < kWholeSample) part = 0;
-  }
-  std::int64_t whole;
-  double part;
-};
-
-/// Adds the circular response to `target` with its sample `zero` at sample `at`: samples up to half a turn before `zero` lie before it.
-void add_circular(std::span<const float> response, int zero, std::int64_t at, std::span<float> target) {
-  const auto size = static_cast<std::int64_t>(response.size()), length = static_cast<std::int64_t>(target.size());
-  const std::int64_t first = at - size / 2;  // target sample of the earliest one
-  const std::int64_t begin = std::max<std::int64_t>(0, -first), end = std::min(size, length - first);
-  // The response is cut at `seam` where its index wraps.
-  const std::int64_t start = ((zero - size / 2) % size + size) % size, seam = size - start;
-  for (std::int64_t i = begin; i < std::min(end, seam); ++i)
-    target[static_cast<std::size_t>(first + i)] += response[static_cast<std::size_t>(start + i)];
-  for (std::int64_t i = std::max(begin, seam); i < end; ++i)
-    target[static_cast<std::size_t>(first + i)] += response[static_cast<std::size_t>(i - seam)];
 }
 
 // Plain loops over __restrict pointers: else they are not vectorized.

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "sim/acoustics/synthesis/delayed_impulse.h"
 #include "sim/acoustics/synthesis/late_array.h"
 #include "sim/audio/transforms/fft.h"
 #include "sim/base/denormals.h"
@@ -75,7 +76,7 @@ SynthesisTables::SynthesisTables(const AcousticConfig& config, const BandLayout&
       num_bands(bands.size()),
       glide_paths(config.glide_paths),
       seed(config.seed),
-      early_fft(hrtf ? hrtf->fft_size() : next_power_of_two(static_cast<int>(std::ceil(0.02 * config.sample_rate_hz)))),
+      early_fft(hrtf ? hrtf->fft_size() : arrival_fft_size(config.sample_rate_hz)),
       filters(bands, config.sample_rate_hz, early_fft),
       carriers(make_carriers(layout, config, bands)),
       late_decode_samples(static_cast<double>(config.late_decode_s) * static_cast<double>(config.sample_rate_hz)) {

@@ -7,15 +7,19 @@
 
 #include <algorithm>
 #include <cmath>
+#include <complex>
 #include <cstdlib>
 #include <numbers>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "sim/audio/transforms/fft.h"
 #include "sim/base/files.h"
 #include "sim/base/text/json.h"
 #include "tests/support/envs/env_cases.h"
 #include "tests/support/envs/rir_corpus_cases.h"
+#include "tests/support/files/test_data.h"
 #include "tests/support/files/test_paths.h"
 
 namespace earshot {
@@ -81,6 +85,74 @@ TEST_F(DatasetCorporaCli, SpeechThroughACorpusByShardsOfTheTemplate) {
   expect_refused("convolve " + path("corpus") + " --speech " + path("speech") + " --talkers 1e30 --out " + path("refused"), "--talkers");
   EXPECT_FALSE(std::filesystem::exists(path("refused")));
   expect_refused(signals + path("whole") + " --seed 9", "'seed: 0' there, 'seed: 9' here");
+}
+
+/// By how many samples the second sound lags the first, and the largest difference of samples as a fraction of the peak.  A lag is that of
+/// the phase, by least squares weighted with the energy.
+struct Lag {
+  double samples = 0, difference = 0;
+};
+Lag lag_of(const std::vector<float>& first, const std::vector<float>& second) {
+  RealFft fft(next_power_of_two(static_cast<int>(first.size())));
+  std::vector<std::complex<float>> a(static_cast<std::size_t>(fft.num_bins())), b(a.size());
+  fft.forward(first, a);
+  fft.forward(second, b);
+  double slope = 0, weight = 0, peak = 0;
+  Lag lag;
+  for (std::size_t k = 1; k < a.size(); ++k) {
+    const std::complex<double> cross = std::conj(std::complex<double>(b[k])) * std::complex<double>(a[k]);
+    const double omega = 2 * std::numbers::pi * static_cast<double>(k) / fft.size();
+    slope += std::abs(cross) * omega * std::arg(cross);
+    weight += std::abs(cross) * omega * omega;
+  }
+  for (std::size_t n = 0; n < first.size(); ++n) {
+    peak = std::max(peak, std::abs(static_cast<double>(first[n])));
+    lag.difference = std::max(lag.difference, std::abs(static_cast<double>(first[n]) - static_cast<double>(second[n])));
+  }
+  lag.samples = slope / weight;
+  lag.difference /= peak;
+  return lag;
+}
+
+// In the open a talker's signal and its dry target are the same samples, however far the source.
+TEST_F(DatasetCorporaCli, DryAndWetAreTheSameSamplesInTheOpen) {
+  std::filesystem::create_directory(path("speech"));
+  write_wav(path("speech/a.wav"), synthesize_sound("synth:noise", 16000).samples, 1, 16000);
+  std::vector<std::pair<std::string, std::string>> runs;  // config, speech
+  for (const char* rate : {"16000", "24000", "48000"}) {
+    const std::string config = path(std::string("open") + rate + ".yaml");
+    write_text(config,
+               std::string("seed: ") + rate +
+                   "\nshoeboxes: {count: 3, min_size_m: [3, 3, 3], max_size_m: [60, 9, 60], absorption: [1, 1]}\nsources_per_room: 2\n"
+                   "listeners_per_source: 3\nshared_listeners: true\nchannels: mono\nacoustics: {preset: fast, sample_rate_hz: " +
+                   rate + ", rir_length_s: 0.4, air_absorption: off}\n");
+    runs.emplace_back(config, path("speech"));
+  }
+  const std::filesystem::path given = data_folder() / "field";
+  if (std::filesystem::exists(given / "c30.yaml")) runs.emplace_back((given / "c30.yaml").string(), (given / "c30_speech").string());
+  std::size_t compared = 0;
+  for (const auto& [config, speech] : runs) {
+    std::filesystem::remove_all(path("corpus"));
+    std::filesystem::remove_all(path("out"));
+    ASSERT_EQ(dataset("rir " + config + " --out " + path("corpus")).exit_code, 0);
+    const Outcome made =
+        dataset("convolve " + path("corpus") + " --speech " + speech + " --count 8 --dry --stems --talkers 1,2 --out " + path("out"));
+    ASSERT_EQ(made.exit_code, 0) << made.text;
+    const auto sound = [&](const nlohmann::json& file) {
+      return read_float_wav(read_file(folder_.path() / "out" / file.get<std::string>())).channels.at(0);
+    };
+    for (const auto& line : lines_of(path("out/manifest.jsonl"))) {
+      for (const auto& talker : line["talkers"]) {
+        const std::vector<float> wet = sound(talker["file"]), dry = sound(talker["dry_file"]);
+        ASSERT_EQ(wet.size(), dry.size());
+        const Lag lag = lag_of(wet, dry);
+        EXPECT_LT(std::abs(lag.samples), 0.01) << talker;
+        EXPECT_LT(lag.difference, 2e-3) << talker;
+        ++compared;
+      }
+    }
+  }
+  EXPECT_GE(compared, 24u);
 }
 
 TEST_F(DatasetCorporaCli, SofaFilesAreTheSameTwice) {
