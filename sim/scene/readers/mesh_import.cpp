@@ -34,13 +34,33 @@ void warn_about_size(const TriangleMesh& mesh, double position_step_m, ImportRep
   }
 }
 
-/// OBJ, PLY and STL.
-std::vector<std::string> read_file_parts(const std::filesystem::path& path, const glm::dmat4& file_to_world, MeshBuilder& builder) {
+/// Whether an edge belongs to one triangle only.
+bool has_open_edge(const TriangleMesh& mesh) {
+  std::vector<std::uint64_t> edges;
+  edges.reserve(3 * mesh.triangles.size());
+  for (const glm::uvec3 t : mesh.triangles) {
+    for (int c = 0; c < 3; ++c) {
+      const auto [low, high] = std::minmax(t[c], t[(c + 1) % 3]);
+      edges.push_back(std::uint64_t{low} << 32 | high);
+    }
+  }
+  std::sort(edges.begin(), edges.end());
+  for (std::size_t i = 0; i < edges.size(); ++i) {
+    const bool same_before = i > 0 && edges[i - 1] == edges[i], same_behind = i + 1 < edges.size() && edges[i + 1] == edges[i];
+    if (!same_before && !same_behind) return true;
+  }
+  return false;
+}
+
+/// OBJ, PLY and STL.  Returns the doubts of the reader.
+std::vector<std::string> read_file_parts(const std::filesystem::path& path, const glm::dmat4& file_to_world, MeshBuilder& builder,
+                                         ImportReport& report) {
   MeshFile file = read_mesh_file(path);
   for (const MeshPart& part : file.parts)
     builder.append(part.object, part.material, file_to_world, part.positions, part.corners,
                    part.has_floats ? PositionDigits::floats : PositionDigits::doubles);
-  return std::move(file.warnings);
+  report.warnings = std::move(file.warnings);
+  return std::move(file.doubts);
 }
 
 }  // namespace
@@ -66,13 +86,18 @@ ImportedMesh import_mesh(const std::filesystem::path& path, const MeshImportOpti
   ImportedMesh imported;
   const std::string extension = folded_extension(path);
   MeshBuilder builder(where, imported.mesh);
-  const bool is_gltf = extension == ".glb" || extension == ".gltf";
-  imported.report.warnings = (is_gltf ? read_gltf : read_file_parts)(path, file_to_world(options), builder);
+  std::vector<std::string> doubts;
+  if (extension == ".glb" || extension == ".gltf")
+    imported.report.warnings = read_gltf(path, file_to_world(options), builder);
+  else
+    doubts = read_file_parts(path, file_to_world(options), builder, imported.report);
   builder.finish();
   imported.report.triangles_read = imported.mesh.triangles.size();
   if (imported.mesh.triangles.empty()) throw InputError(where, "has no triangles", "export the file with its surfaces");
   repair_mesh(imported.mesh, imported.report);
   if (imported.mesh.triangles.empty()) throw InputError(where, "has no triangle with an area", "export the file with its surfaces");
+  if (!doubts.empty() && has_open_edge(imported.mesh))
+    imported.report.warnings.insert(imported.report.warnings.end(), doubts.begin(), doubts.end());
   warn_about_size(imported.mesh, builder.position_step_m(), imported.report);
   return imported;
 }

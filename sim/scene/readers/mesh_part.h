@@ -27,6 +27,8 @@ struct MeshFile {
   std::vector<MeshPart> parts;
   std::uint64_t num_faces = 0;        ///< polygons and strips as parsed, before they are cut into triangles
   std::vector<std::string> warnings;  ///< one line each
+  /// Warnings where the mesh is open: signs of a file that was cut off, which a whole file may have too.
+  std::vector<std::string> doubts = {};
 };
 
 /// Cuts the faces of one file into triangles (polygon.h).

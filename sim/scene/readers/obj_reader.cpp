@@ -241,7 +241,7 @@ class ObjParser {
                        fmt::format("ends within its last line{}: the file was cut off",
                                    is_complete ? fmt::format(", and no face uses the vertices from {}", highest_used_ + 1) : ""),
                        "copy or export it again; if it is whole, end its last line with a line break");
-    warnings_.push_back("the last line has no line break behind it: is the file whole?");
+    doubts_.emplace_back("the last line has no line break behind it: is the file whole?");
   }
 
   static bool is_without_corner_count(std::string_view word) { return word == "l" || word == "p" || word == "s"; }
@@ -282,7 +282,7 @@ class ObjParser {
     if (num_unknown_ > 0)
       warnings_.push_back(
           fmt::format("{} lines begin with an unknown word and are left out (line {}: '{}')", num_unknown_, unknown_line_, unknown_));
-    return {std::move(parts_), cutter.num_faces(), std::move(warnings_)};
+    return {std::move(parts_), cutter.num_faces(), std::move(warnings_), std::move(doubts_)};
   }
 
   void add_position(const Corner& corner, std::uint64_t face, MeshPart& part) const {
@@ -310,7 +310,7 @@ class ObjParser {
   std::vector<MeshPart> parts_;
   std::size_t num_unknown_ = 0, unknown_line_ = 0;
   std::string unknown_;
-  std::vector<std::string> warnings_;
+  std::vector<std::string> warnings_, doubts_;
 };
 
 }  // namespace

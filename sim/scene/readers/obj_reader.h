@@ -17,7 +17,7 @@ struct ObjOptions {
 /// usemtl.  A part is a run of faces of one object and one material.  Comments may stand behind data, a backslash continues a line.
 ///
 /// Refuses every face and vertex line that it does not understand whole, free-form surfaces, and a file that ends within a line: a last
-/// line without a line break is accepted if it is a complete face and every vertex before it is used, with a warning.  Warns about
+/// line without a line break is accepted if it is a complete face and every vertex before it is used, as a doubt.  Warns about
 /// trailing vertices that no face uses (a file that was cut off between two faces has such), and about unknown keywords.
 /// Throws InputError naming `where` and the line.
 MeshFile parse_obj(std::string_view bytes, const std::string& where, const ObjOptions& options = {});

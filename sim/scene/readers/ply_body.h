@@ -21,7 +21,7 @@ class PlyBody {
   std::int64_t whole(PlyType type);
   /// Behind the last number of an element.  In a text an element ends with its line.
   void end_element();
-  /// Behind the last element: a warning, or nothing.  Throws for text that follows.
+  /// Behind the last element: a doubt of a text, a warning of a binary body, or nothing.  Throws for text that follows.
   [[nodiscard]] std::string end();
   [[nodiscard]] std::size_t bytes_left() const { return bytes_.size() - at_; }
 

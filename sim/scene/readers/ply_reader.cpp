@@ -51,7 +51,8 @@ class PlyParser {
         pass_over(element);
       }
     }
-    if (const std::string warning = body_.end(); !warning.empty()) warnings_.push_back(warning);
+    const bool is_text = header_.body == PlyHeader::Body::ascii;
+    if (const std::string line = body_.end(); !line.empty()) (is_text ? doubts_ : warnings_).push_back(line);
     return assemble();
   }
 
@@ -152,7 +153,8 @@ class PlyParser {
       cut_strip(corners);
     }
     if (const std::string warning = cutter.warning(); !warning.empty()) warnings_.push_back(warning);
-    MeshFile file{.parts = {}, .num_faces = cutter.num_faces() + num_strips, .warnings = std::move(warnings_)};
+    MeshFile file{
+        .parts = {}, .num_faces = cutter.num_faces() + num_strips, .warnings = std::move(warnings_), .doubts = std::move(doubts_)};
     file.parts.push_back(std::move(part_));
     return file;
   }
@@ -185,7 +187,7 @@ class PlyParser {
   MeshPart part_;
   std::vector<std::uint32_t> corners_;
   std::vector<Face> faces_;
-  std::vector<std::string> warnings_;
+  std::vector<std::string> warnings_, doubts_;
 };
 
 }  // namespace

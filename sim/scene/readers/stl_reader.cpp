@@ -76,7 +76,7 @@ class StlTextParser {
       }
     }
     MeshFile file{.parts = std::move(parts_), .num_faces = cutter_.num_faces(), .warnings = {}};
-    if (is_open_) file.warnings.emplace_back("the last solid has no endsolid: is the file whole?");
+    if (is_open_) file.doubts.emplace_back("the last solid has no endsolid: is the file whole?");
     if (num_unknown_ > 0) file.warnings.push_back(fmt::format("{} lines are not understood and left out ({})", num_unknown_, unknown_));
     if (const std::string warning = cutter_.warning(); !warning.empty()) file.warnings.push_back(warning);
     return file;

@@ -13,7 +13,7 @@ namespace earshot {
 /// bytes that no text has; the word `solid` at its beginning decides nothing, many programs write it into binary headers.
 std::optional<std::uint32_t> binary_stl_count(std::string_view bytes);
 
-/// Reads an STL file.  One part per solid of a text, named by it, else `object`; keywords in any case; a missing endsolid is a warning,
+/// Reads an STL file.  One part per solid of a text, named by it, else `object`; keywords in any case; a missing endsolid is a doubt,
 /// since a file that was cut off lacks it.  Colours of binary facets (VisCAM, Materialise) where looks are asked for.
 /// Throws InputError naming `where`: a facet that is not whole, fewer triangles than a binary header promises, or more.
 MeshFile parse_stl(std::string_view bytes, const std::string& where, const std::string& object, bool with_looks);
