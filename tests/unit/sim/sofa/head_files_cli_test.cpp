@@ -128,6 +128,18 @@ TEST_F(HeadFiles, TheNearerEarIsTheNearerEarInMadeHeads) {
   }
 }
 
+// Labels that name the left ear first count, and a line says that the data contradict them.
+TEST_F(HeadFiles, ExchangedDataAreKeptAndNamed) {
+  MadeHead head;
+  head.right_stored_first = true;
+  head.add_sphere(100, 2.0, 0.5);
+  const CliOutcome outcome = earshot(command(made(head), kLeft, 5, "ears.wav"));
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.errors;
+  // The log is on the standard output of this command.
+  EXPECT_THAT(outcome.output + outcome.errors,
+              testing::ContainsRegex("head.sofa: a source on the left is [^\n]* louder [^\n]* at the right ear: check whether"));
+}
+
 TEST_F(HeadFiles, ASourceTakesTheSphereOfItsDistance) {
   SKIP_WITHOUT_DATA("field/c10_two_spheres.sofa");
   rate_hz_ = 44100;

@@ -35,23 +35,24 @@ class LeftOutDirections : public Cli {
     Cli::SetUp();
     if (!std::filesystem::exists(earshot_program())) GTEST_SKIP() << "built without the program";
   }
-  /// What the ears hear of sources 5 m away, in a free field at 44.1 kHz.
-  [[nodiscard]] std::vector<Pair> hear(const std::string& head, const std::vector<glm::vec3>& towards) const {
+  /// What the ears hear of sources in a free field at 44.1 kHz.
+  [[nodiscard]] std::vector<Pair> hear(const std::string& head, const std::vector<glm::vec3>& towards, double distance_m = 5) const {
     std::string line =
         "rir shoebox:40x40x40@1 --preset fast --rate 44100 --set early=off --set late=off --set air_absorption=off "
         "--listener 20,20,20 --hrtf " +
         head + " --out " + file("ears.wav");
     for (const glm::vec3 direction : towards) {
-      const glm::dvec3 place = glm::dvec3(20) + 5.0 * glm::dvec3(direction);
+      const glm::dvec3 place = glm::dvec3(20) + distance_m * glm::dvec3(direction);
       line += fmt::format(" --source {:.7f},{:.7f},{:.7f}", place.x, place.y, place.z);
     }
     const CliOutcome outcome = earshot(line);
     EXPECT_EQ(outcome.exit_code, 0) << outcome.errors;
     std::vector<Pair> heard;
+    const auto first = static_cast<std::size_t>(std::max(0.0, distance_m / 343.0 * 44100 - 140));
     for (std::size_t i = 0; i < towards.size(); ++i) {
       const std::vector<float> samples = read_wav(towards.size() == 1 ? "ears.wav" : fmt::format("ears.s{}.l0.wav", i));
       Pair ears;
-      for (std::size_t n = 500; n < 1300 && 2 * n + 1 < samples.size(); ++n)
+      for (std::size_t n = first; n < first + 800 && 2 * n + 1 < samples.size(); ++n)
         for (std::size_t ear = 0; ear < 2; ++ear) ears[ear].push_back(static_cast<double>(samples[2 * n + ear]));
       heard.push_back(std::move(ears));
     }
@@ -114,6 +115,31 @@ TEST_F(LeftOutDirections, TheFarEarHasNoDipHalfWay) {
     for (std::size_t i = 0; i < 3; ++i) level[i] = level_db(heard[i][0], 44100, low_hz, 2 * low_hz);
     EXPECT_GT(level[1], std::min(level[0], level[2]) - 1.0) << low_hz;
     EXPECT_LT(level[1], std::max(level[0], level[2]) + 1.0) << low_hz;
+  }
+}
+
+// field/README.md: 13 us per half degree at most, of one sphere and of equal data at two distances (0.9 and 1.4 m), also between them.
+TEST_F(LeftOutDirections, TheTimeBetweenTheEarsIsSmooth) {
+  SKIP_WITHOUT_DATA("field/c10_same_2_distances.sofa");
+  for (const auto& [name, distance_m] : {std::pair{"hrtf/MIT_KEMAR_normal_pinna.sofa", 5.0},
+                                         {"field/c10_same_2_distances.sofa", 1.1},
+                                         {"field/c10_same_2_distances.sofa", 5.0}}) {
+    for (std::uint32_t run = 0; run < 2; ++run) {
+      const auto u = RandomStream(72, Purpose::test).uniform2(run);
+      std::vector<glm::vec3> towards;
+      for (int step = 0; step < 20; ++step) {
+        const double azimuth = (360.0 * static_cast<double>(u[0]) + 0.5 * step) * std::numbers::pi / 180;
+        const double elevation = (60.0 * static_cast<double>(u[1]) - 20.0) * std::numbers::pi / 180;
+        towards.emplace_back(std::cos(elevation) * std::sin(azimuth), std::sin(elevation), -std::cos(elevation) * std::cos(azimuth));
+      }
+      const std::vector<Pair> heard = hear((data_folder() / name).string(), towards, distance_m);
+      double before = lead_us(heard[0], 44100);
+      for (std::size_t i = 1; i < heard.size(); ++i) {
+        const double here = lead_us(heard[i], 44100);
+        EXPECT_LT(std::abs(here - before), 13.0) << name << ' ' << i;
+        before = here;
+      }
+    }
   }
 }
 
