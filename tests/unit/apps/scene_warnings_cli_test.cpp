@@ -137,7 +137,8 @@ TEST_F(SceneWarningsCli, SceneSaysWhyASurfaceHasItsMaterial) {
   ASSERT_EQ(earshot("scene " + scene + " --json " + file("s.json")).exit_code, 0);
   std::map<std::string, std::string> why;
   double area_m2 = 0;
-  for (const nlohmann::json& surface : parse_json(read("s.json")).at("surfaces")) {
+  const nlohmann::json report = parse_json(read("s.json"));
+  for (const nlohmann::json& surface : report.at("surfaces")) {
     why[surface.at("name").get<std::string>()] = surface.at("why").get<std::string>();
     area_m2 += surface.at("area_m2").get<double>();
   }
