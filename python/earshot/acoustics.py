@@ -244,7 +244,7 @@ class Scene:
 
     spec: a mesh file, ``shoebox:XxYxZ[@M]``, ``house:SEED[,key=value]``, ``floor:SEED`` or a scene YAML.  preset: fast, balanced or high;
     settings: a dict (or "key=value" texts) over it, as ``earshot rir --set``.  unit_m: metres per unit of a mesh file; up: its axis that
-    points up, y or z; None: what a scene YAML says, else 1 and y.  Scenes from files are read by a process of their own.
+    points up, y or z; None: what a scene YAML says, else 1 and y.
 
     A source or a listener outside a closed scene, which nothing could be heard of, raises InputError.
     """
@@ -268,9 +268,9 @@ class Scene:
     def _tell(self) -> None:
         """Issues the warnings that are new as a UserWarning each."""
         lines = self._model.warnings
-        for line in lines[self._num_told :]:
+        new, self._num_told = lines[self._num_told :], len(lines)
+        for line in new:
             warnings.warn(f"{self.name}: {line}", stacklevel=3)
-        self._num_told = len(lines)
 
     def __repr__(self) -> str:
         return f"earshot.Scene({self.name!r}, {self._model.num_triangles} triangles)"

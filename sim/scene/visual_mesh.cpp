@@ -27,14 +27,14 @@ using Json = nlohmann::json;
 
 constexpr std::size_t kLargestTextureFile = std::size_t{512} << 20;
 
-glm::vec3 decode_srgb(glm::vec3 encoded) {
-  encoded = glm::clamp(encoded, 0.f, 1.f);
-  return {earshot::decode_srgb(encoded.x), earshot::decode_srgb(encoded.y), earshot::decode_srgb(encoded.z)};
-}
-
 /// Numbers of a file as a float in [lower, upper]; what is none becomes zero.
 float bounded(double value, double lower, double upper) {
   return std::isfinite(value) ? static_cast<float>(std::min(std::max(value, lower), upper)) : 0.f;
+}
+
+glm::vec3 decode_srgb(glm::vec3 encoded) {
+  const auto decode = [](float value) { return earshot::decode_srgb(bounded(double{value}, 0, 1)); };
+  return {decode(encoded.x), decode(encoded.y), decode(encoded.z)};
 }
 
 constexpr double kLargestUv = 65536;  // as sample_bilinear

@@ -2,7 +2,9 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
+#include <cstdint>
 #include <glm/geometric.hpp>
 #include <glm/gtc/quaternion.hpp>
 #include <glm/gtc/type_ptr.hpp>
@@ -11,6 +13,8 @@
 
 namespace earshot {
 namespace {
+
+constexpr std::uint64_t kMostInstances = 1'000'000;  // of one node
 
 using Json = nlohmann::json;
 
@@ -43,8 +47,13 @@ std::vector<glm::dmat4> gltf_instances(const GltfAsset& asset, const Json& node,
   const auto read = [&](const char* key, std::size_t components) {
     return attributes.contains(key) ? asset.read_accessor(attributes[key].get<std::size_t>(), components) : std::vector<double>();
   };
+  std::uint64_t most = 0;
+  for (const Json& index : attributes)
+    most = std::max(most, asset.json().at("accessors").at(index.get<std::size_t>()).at("count").get<std::uint64_t>());
+  if (most == 0) throw InputError(where, fmt::format("{} of a node has no instances", name), "export the file again");
+  if (most > kMostInstances) throw InputError(where, fmt::format("has {} instances of one mesh", most), "simplify it");
   const std::vector<double> t = read("TRANSLATION", 3), q = read("ROTATION", 4), s = read("SCALE", 3);
-  const std::size_t count = std::max({t.size() / 3, q.size() / 4, s.size() / 3});
+  const auto count = static_cast<std::size_t>(most);
   const auto differs = [&](std::size_t size) { return size != 0 && size != count; };
   if (differs(t.size() / 3) || differs(q.size() / 4) || differs(s.size() / 3))
     throw InputError(where, fmt::format("the attributes of {} have different counts", name), "export the file again");

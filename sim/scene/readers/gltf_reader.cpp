@@ -132,7 +132,8 @@ class GltfReader {
                        "export the file again");
     std::vector<std::uint32_t> corners = triangle_corners(indices, mode);
     num_promised_ += num_instances * promised_triangles(primitive, mode);
-    if (corners.size() > kMostCorners / std::max<std::size_t>(num_instances, 1))
+    num_copied_ += std::max(corners.size(), num_positions) * num_instances;
+    if (num_copied_ > kMostCorners)
       throw InputError(where_, fmt::format("has {} instances of {} triangles", num_instances, corners.size() / 3), "simplify it");
     return corners;
   }
@@ -156,7 +157,7 @@ class GltfReader {
   GltfAsset asset_;
   const Visit& visit_;
   std::vector<std::string> warnings_;
-  std::uint64_t num_triangles_ = 0, num_promised_ = 0;
+  std::uint64_t num_triangles_ = 0, num_promised_ = 0, num_copied_ = 0;
 };
 
 }  // namespace

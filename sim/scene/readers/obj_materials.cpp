@@ -35,13 +35,22 @@ bool is_file(const std::filesystem::path& path) {
 
 }  // namespace
 
+std::string_view obj_name(std::string_view rest) {
+  for (std::size_t at = rest.find('#'); at != std::string_view::npos; at = rest.find('#', at + 1)) {
+    const bool blank_before = at == 0 || line_blanks.find(rest[at - 1]) != std::string_view::npos;
+    const bool blank_behind = at + 1 == rest.size() || line_blanks.find(rest[at + 1]) != std::string_view::npos;
+    if (blank_before && blank_behind) return trimmed(rest.substr(0, at));
+  }
+  return trimmed(rest);
+}
+
 void parse_mtl(std::string_view text, std::map<std::string, ObjLook, std::less<>>& looks) {
   ObjLook* look = nullptr;
   for (LineScanner lines(text); lines.next();) {
     std::string_view rest = lines.line();
     const std::string keyword = fold_case(std::string(take_word(rest)));
     if (keyword == "newmtl") {
-      look = &looks[std::string(trimmed(rest))];
+      look = &looks[std::string(obj_name(rest))];
     } else if (look != nullptr && keyword == "kd") {
       std::array<std::optional<double>, 3> rgb;
       for (auto& value : rgb) value = parse_decimal(take_word(rest));

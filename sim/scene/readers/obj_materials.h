@@ -9,6 +9,9 @@
 
 namespace earshot {
 
+/// A name of an OBJ or MTL ends at its line; a number sign with blanks around it begins a comment ("Brick #1" is a name).
+std::string_view obj_name(std::string_view rest);
+
 /// Diffuse colour (Kd) and its texture (map_Kd) of one material of an OBJ.
 struct ObjLook {
   std::optional<glm::vec3> base_color;

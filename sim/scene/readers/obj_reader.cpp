@@ -9,6 +9,7 @@
 
 #include "sim/base/errors.h"
 #include "sim/scene/readers/mesh_builder.h"
+#include "sim/scene/readers/obj_materials.h"
 #include "sim/scene/readers/text_scanner.h"
 
 namespace earshot {
@@ -16,6 +17,7 @@ namespace {
 
 constexpr std::uint32_t kNoUv = 0xFFFFFFFFu;
 constexpr std::size_t kMostVertices = 0xFFFFFFF0u;
+constexpr std::size_t kLongestName = 4096;  // every part holds a copy
 
 /// A statement: a line and those that continue it, without comment.
 struct ObjStatement {
@@ -35,14 +37,10 @@ bool is_without_surface(std::string_view word) {
   return std::find(known.begin(), known.end(), word) != known.end();
 }
 
-/// A name ends at its line; a number sign with blanks around it begins a comment ("Brick #1" is a name).
-std::string_view name_in(std::string_view rest) {
-  for (std::size_t at = rest.find('#'); at != std::string_view::npos; at = rest.find('#', at + 1)) {
-    const bool blank_before = at == 0 || line_blanks.find(rest[at - 1]) != std::string_view::npos;
-    const bool blank_behind = at + 1 == rest.size() || line_blanks.find(rest[at + 1]) != std::string_view::npos;
-    if (blank_before && blank_behind) return trimmed(rest.substr(0, at));
-  }
-  return trimmed(rest);
+/// Whether a backslash is the last thing on the line.  Looks at its end alone.
+bool is_continued(std::string_view line) {
+  const std::size_t last = line.find_last_not_of(line_blanks);
+  return last != std::string_view::npos && line[last] == '\\';
 }
 
 /// Joins continued lines.
@@ -58,7 +56,7 @@ class ObjStatements {
       statement = {keyword, rest, lines_.number(), lines_.has_break()};
       if (is_name_keyword(keyword)) return true;
       statement.rest = rest.substr(0, rest.find('#'));
-      if (statement.rest.size() == rest.size() && trimmed(rest).ends_with('\\')) join(statement);
+      if (statement.rest.size() == rest.size() && is_continued(rest)) join(statement);
       return true;
     }
     return false;
@@ -69,7 +67,7 @@ class ObjStatements {
  private:
   void join(ObjStatement& statement) {
     joined_ = statement.rest;
-    while (trimmed(joined_).ends_with('\\')) {
+    while (is_continued(joined_)) {
       joined_.resize(joined_.rfind('\\'));
       joined_ += ' ';
       if (!lines_.next()) {
@@ -205,7 +203,8 @@ class ObjParser {
   }
 
   void take_name() {
-    const std::string name(name_in(statement_.rest));
+    const std::string name(obj_name(statement_.rest));
+    if (name.size() > kLongestName) fail(fmt::format("has a name of {} bytes", name.size()));
     if (statement_.keyword == "usemtl") material_ = name.empty() ? kDefaultMaterial : name;
     if ((statement_.keyword == "o" || statement_.keyword == "g") && !name.empty()) object_ = name;
   }

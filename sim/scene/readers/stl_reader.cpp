@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <cstring>
@@ -166,7 +167,8 @@ std::optional<std::uint32_t> binary_stl_count(std::string_view bytes) {
   std::memcpy(&count, bytes.data() + 80, sizeof count);
   // The four bytes of a text at this place count more triangles than a file of 6 GB holds.
   if (count <= (bytes.size() - kStlHeaderBytes) / kStlFacetBytes) return count;
-  const bool is_solid = fold_case(bytes.substr(0, 5)) == "solid";
+  const std::size_t first = std::min(bytes.find_first_not_of(" \t\r\n\v\f"), bytes.size());
+  const bool is_solid = fold_case(bytes.substr(first, 5)) == "solid";
   return is_solid && bytes.find('\0') == std::string_view::npos ? std::nullopt : std::optional(count);
 }
 

@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
+#include <limits>
 #include <set>
 
 #include "sim/base/errors.h"
@@ -69,6 +71,21 @@ TEST(Appearance, ObjTakesKdAndObjectNames) {
     const bool table = scene.mesh().object_names[scene.mesh().triangle_object[t]] == "table_3";
     expect_color(appearance->triangle_color[t], table ? decoded(1, 0.5f, 0) : decoded(0.2f, 0.2f, 0.2f));
   }
+}
+
+// Colours that are no numbers, or past every bound, give a colour all the same, and a comment behind a name is no part of it.
+TEST(Appearance, ColoursThatAreNoNumbersAreBlack) {
+  const TempFolder folder;
+  folder.write("room.mtl", "newmtl odd # of an exporter\nKd nan nan inf\n");
+  const std::string file =
+      folder.write("room.obj", "mtllib room.mtl\nv 0 0 0 nan inf -1e40\nv 1 0 0 0 0 0\nv 0 1 0 2 2 2\no thing\nusemtl odd\nf 1 2 3\n");
+  const Scene scene = load_scene(file);
+  const auto appearance = load_appearance(scene);
+  ASSERT_FALSE(appearance->triangle_color.empty());
+  for (const glm::vec3 color : appearance->triangle_color)
+    for (int channel = 0; channel < 3; ++channel) EXPECT_TRUE(color[channel] >= 0.f && color[channel] <= 1.f) << color[channel];
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  EXPECT_EQ(to_srgb8({nan, -nan, 2.f}), (std::array<std::uint8_t, 3>{0, 0, 255}));
 }
 
 TEST(Appearance, PlyColoursOfVerticesAreKeptInDetail) {

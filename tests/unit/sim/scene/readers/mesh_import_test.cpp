@@ -153,6 +153,7 @@ TEST(MeshImport, RefusesBadFilesInOneLine) {
   EXPECT_THAT(file_error_of("a.obj", "v 0 0 0\nv nan 0 0\nv 0 1 0\nf 1 2 3\n"), AllOf(HasSubstr("vertex 1"), HasSubstr("not finite")));
   EXPECT_THAT(file_error_of("a.obj", "v 0 0 0\nv 1 0 0\nv 0 inf 0\nf 1 2 3\n"), AllOf(HasSubstr("vertex 2"), HasSubstr("not finite")));
   EXPECT_NE(file_error_of("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n"), "") << "index out of range";
+  EXPECT_THAT(file_error_of("a.obj", "usemtl " + std::string(5000, 'n') + "\nv 0 0 0\n"), HasSubstr("5000 bytes"));
   EXPECT_NE(file_error_of("a.stl", "solid x\n"), "");
   EXPECT_NE(file_error_of("a.stl", std::string(200, 'x')), "");
   const std::string ply =
@@ -167,6 +168,17 @@ TEST(MeshImport, RefusesBadFilesInOneLine) {
   for (const char* name : {"a.glb", "a.gltf", "a.obj", "a.ply", "a.stl"}) {
     EXPECT_THAT(file_error_of(name, "\x01\x02garbage\n\n\xFF"), AllOf(HasSubstr(name), Not(HasSubstr("\n")))) << name;
   }
+}
+
+// Each line of a long continuation is looked at from its end: half a million of them take a moment.
+TEST(MeshImport, LongContinuationsAndBlanksBeforeATextAreRead) {
+  const std::string triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 \\\n";
+  std::string lines;
+  for (int i = 0; i < 500'000; ++i) lines += "\\\n";
+  const TempFolder folder;
+  EXPECT_EQ(import_mesh(folder.write("a.obj", triangle + lines + "3\n")).mesh.triangles.size(), 1u);
+  const std::string facet = "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n";
+  EXPECT_EQ(import_mesh(folder.write("a.stl", "\n \r\nsolid room\n" + facet + "endsolid room\n")).mesh.triangles.size(), 1u);
 }
 
 struct Known {
