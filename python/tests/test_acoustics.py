@@ -198,9 +198,9 @@ def test_a_place_outside_a_closed_scene_is_refused() -> None:
         axis = generator.integers(3)
         outside[axis] = generator.choice([-0.5, 1.5]) * size[axis]
         assert room.source(inside).render(size / 2, channels="mono").any()
-        with pytest.raises(earshot.InputError, match="listener .* lies outside the scene"):
+        with pytest.raises(earshot.InputError, match=r"listener .* lies outside the scene"):
             room.source(inside).render([size / 2, outside], channels="mono")
-        with pytest.raises(earshot.InputError, match="source .* lies outside the scene"):
+        with pytest.raises(earshot.InputError, match=r"source .* lies outside the scene"):
             room.source(outside).response(inside)
     with pytest.warns(UserWarning, match="both lie outside"):
         room.source(size + 1).response(size + 2)
