@@ -28,10 +28,9 @@ class CorpusSourceRenderer {
   /// field_for_poses(config.listeners_per_source).
   CorpusSourceRenderer(const RirCorpusConfig& config, const CorpusRoom& room, std::size_t room_index, int source,
                        std::span<RirSynthesizer> heads);
-  /// Throws InputError where the listener cannot hear the source because one of them lies outside the closed room (place_check.h).
   /// Renders a listener, appends its files, and returns its line of the manifest, without the line feed.  folder: prefix of the names
-  /// there.
-  /// With config.sofa nothing is appended, and the response kept for sofa().
+  /// there.  With config.sofa nothing is appended, and the response kept for sofa().
+  /// Throws InputError where the listener cannot hear the source because one of them lies outside the closed room (place_check.h).
   std::string render(int listener, const std::string& folder, std::vector<CorpusFile>& files);
   /// All responses so far, for one file.
   [[nodiscard]] const SofaRoomResponses& sofa() const { return sofa_; }

@@ -78,7 +78,26 @@ std::string shoebox_spec(const RirCorpusConfig& config, std::uint32_t room) {
   return fmt::format("shoebox:{:.2f}x{:.2f}x{:.2f}@{}", size[0], size[1], size[2], walls);
 }
 
-/// Ranges of names, and folders as the scenes in them by order of names.
+std::shared_ptr<const Scene> load_room(const RirCorpusConfig& config, const CorpusRoomSpec& spec) {
+  Scene scene = load_scene(spec.scene);
+  if (spec.is_first_of_scene)
+    for (const std::string& warning : scene_warnings(scene)) log_warning(spec.scene + ": " + warning);
+  if (!config.randomize) return std::make_shared<const Scene>(std::move(scene));
+  AcousticRandomization randomization = *config.randomize;
+  randomization.seed = spec.materials_seed;
+  return std::make_shared<const Scene>(randomize_materials(scene, SemanticMaterials::indoor(), MaterialDatabase::builtin(), randomization));
+}
+
+NavmeshConfig floor_of(const RirCorpusConfig& config) {
+  NavmeshConfig navmesh;
+  navmesh.agent_radius_m = config.clearance_m;
+  return navmesh;
+}
+
+glm::quat source_orientation(double heading_deg) { return glm::angleAxis(static_cast<float>(heading_deg * kDegree), glm::vec3(0, 1, 0)); }
+
+}  // namespace
+
 std::vector<std::string> expand_scenes(const std::vector<std::string>& scenes) {
   static const std::set<std::string> endings{".glb", ".gltf", ".obj", ".ply", ".stl", ".yaml", ".yml"};
   std::vector<std::string> all;
@@ -99,26 +118,6 @@ std::vector<std::string> expand_scenes(const std::vector<std::string>& scenes) {
     if (!is_utf8(scene)) throw InputError(scene, "has a name that is not UTF-8, as manifests are", "rename it");
   return all;
 }
-
-std::shared_ptr<const Scene> load_room(const RirCorpusConfig& config, const CorpusRoomSpec& spec) {
-  Scene scene = load_scene(spec.scene);
-  if (spec.is_first_of_scene)
-    for (const std::string& warning : scene_warnings(scene)) log_warning(spec.scene + ": " + warning);
-  if (!config.randomize) return std::make_shared<const Scene>(std::move(scene));
-  AcousticRandomization randomization = *config.randomize;
-  randomization.seed = spec.materials_seed;
-  return std::make_shared<const Scene>(randomize_materials(scene, SemanticMaterials::indoor(), MaterialDatabase::builtin(), randomization));
-}
-
-NavmeshConfig floor_of(const RirCorpusConfig& config) {
-  NavmeshConfig navmesh;
-  navmesh.agent_radius_m = config.clearance_m;
-  return navmesh;
-}
-
-glm::quat source_orientation(double heading_deg) { return glm::angleAxis(static_cast<float>(heading_deg * kDegree), glm::vec3(0, 1, 0)); }
-
-}  // namespace
 
 std::vector<CorpusRoomSpec> list_corpus_rooms(const RirCorpusConfig& config) {
   std::vector<CorpusRoomSpec> rooms;

@@ -24,6 +24,10 @@ struct CorpusRoomSpec {
   bool is_first_of_scene = true;     ///< of several rooms of one scene the one that says what is odd about it
 };
 
+/// Scenes as a config lists them: ranges of names (name_ranges.h) and folders become the scenes in them, by order of names.  Throws
+/// InputError: a folder without scenes, a damaged range, a name that is not UTF-8.
+std::vector<std::string> expand_scenes(const std::vector<std::string>& scenes);
+
 /// All rooms: shoeboxes first, then every scene rooms_per_scene times.  Room i is a function of (config, i); shoeboxes do not depend on how
 /// many there are.  Throws InputError: a folder without scenes, a damaged range.
 std::vector<CorpusRoomSpec> list_corpus_rooms(const RirCorpusConfig& config);

@@ -10,6 +10,7 @@
 
 #include "apps/commands.h"
 #include "apps/options/picture_size.h"
+#include "apps/options/scene_options.h"
 #include "bench/accuracy/accuracy_promise.h"
 #include "bench/accuracy/accuracy_report.h"
 #include "bench/accuracy/engine_comparison.h"
@@ -35,6 +36,7 @@ void finish(const BenchReport& report, const BenchArguments& options) {
 
 struct RirCommand : BenchArguments {
   std::vector<std::string> scenes;
+  AxesOptions axes;
   std::optional<double> reference_seconds;
   std::optional<int> reference_poses;
 };
@@ -64,10 +66,11 @@ void run_accuracy(const AccuracyCommand& command) {
 
 struct PromiseCommand : BenchArguments {
   std::vector<std::string> scenes, targets;
+  AxesOptions axes;
 };
 
 void run_promise(const PromiseCommand& command) {
-  PromiseOptions options{.quick = command.quick, .scenes = command.scenes, .targets = command.targets};
+  PromiseOptions options{.quick = command.quick, .scenes = command.axes.applied_to(command.scenes), .targets = command.targets};
   const std::vector<PromiseScene> scenes =
       run_promises(options, [](const PromiseScene& scene) { fmt::print("{}\n", promises_markdown({scene})), std::fflush(stdout); });
   fmt::print("\n{}", promises_markdown(scenes));
@@ -160,6 +163,7 @@ CLI::App* add_bench_command(CLI::App& bench, const std::string& name, const std:
 
 struct EnvCommand : BenchArguments {
   EnvBenchOptions bench;
+  AxesOptions axes;
   std::string size;
   std::optional<double> seconds;
 };
@@ -170,6 +174,7 @@ void add_env(CLI::App& bench) {
       bench, "env",
       "Agent steps per second with all senses and bare, milliseconds of every stage, percentiles of a step, memory, bare rays", env);
   command->add_option("--scene", env->bench.scene, "SCENE")->capture_default_str();
+  env->axes.add_to(*command);
   command->add_option("--envs", env->bench.envs, "Environments in the batch")->capture_default_str();
   command->add_option("--agents", env->bench.agents, "Agents in each, who see each other; rates count steps of agents")
       ->capture_default_str();
@@ -186,6 +191,7 @@ void add_env(CLI::App& bench) {
   command->add_flag("--autotune", env->bench.autotune, "Instead: steps per second over agents and threads, and the best of them here");
   command->callback([env] {
     EnvBenchOptions& options = env->bench;
+    options.scene = env->axes.applied_to({options.scene}).front();
     options.quick = env->quick;
     if (env->quick) options.repeats = 3, options.seconds = 0.2;
     if (env->seconds) options.seconds = *env->seconds;
@@ -197,6 +203,7 @@ void add_env(CLI::App& bench) {
 
 struct HearingCommand : BenchArguments {
   std::vector<std::string> scenes;
+  AxesOptions axes;
   std::optional<double> truth_seconds;
 };
 
@@ -205,10 +212,11 @@ void add_hearing(CLI::App& bench) {
   CLI::App* command = add_bench_command(
       bench, "hearing", "What 16, 64, 256 rays per pose and the source field cost an environment and give its agents", hearing);
   command->add_option("--scene", hearing->scenes, "SCENE in place of the usual two, repeatable")->allow_extra_args(false);
+  hearing->axes.add_to(*command);
   command->add_option("--reference-seconds", hearing->truth_seconds,
                       "Per scene, for the converged reference (default: 60, 0.2 with --quick)");
   command->callback([hearing] {
-    HearingCostOptions options{.quick = hearing->quick, .scenes = hearing->scenes};
+    HearingCostOptions options{.quick = hearing->quick, .scenes = hearing->axes.applied_to(hearing->scenes)};
     options.truth_seconds = hearing->truth_seconds.value_or(hearing->quick ? 0.2 : 60);
     require(options.truth_seconds > 0 && options.truth_seconds <= 36'000, "--reference-seconds", options.truth_seconds,
             "must lie in (0, 36000]");
@@ -233,6 +241,7 @@ void add_bench(CLI::App& app, const std::vector<std::string>& arguments, int& ex
           "SCENE to measure in place of the usual two, repeatable; errors are then taken against bidirectional paths, not against a "
           "finer field")
       ->allow_extra_args(false);
+  rir->axes.add_to(*rir_command);
   rir_command->add_option("--reference-seconds", rir->reference_seconds,
                           "Per scene, for the paths that are the truth or check it (default: 60, 0.2 with --quick)");
   rir_command->add_option("--reference-poses", rir->reference_poses,
@@ -240,7 +249,7 @@ void add_bench(CLI::App& app, const std::vector<std::string>& arguments, int& ex
   rir_command->callback([rir] {
     RirBenchOptions options;
     options.quick = rir->quick;
-    options.scenes = rir->scenes;
+    options.scenes = rir->axes.applied_to(rir->scenes);
     if (rir->quick) options.repeats = 3, options.poses = 2, options.error_fields = 2, options.reference_seconds = 0.2;
     if (rir->reference_seconds) options.reference_seconds = *rir->reference_seconds;
     require(options.reference_seconds > 0 && options.reference_seconds <= 36'000, "--reference-seconds", options.reference_seconds,
@@ -270,6 +279,7 @@ void add_bench(CLI::App& app, const std::vector<std::string>& arguments, int& ex
   CLI::App* promise_command = add_bench_command(
       *bench, "promise", "What --accuracy promises, predicts and keeps in ten scenes, and what it saves over the presets", promise);
   promise_command->add_option("--scene", promise->scenes, "SCENE in place of the usual ten, repeatable")->allow_extra_args(false);
+  promise->axes.add_to(*promise_command);
   promise_command
       ->add_option("--target", promise->targets, "As --accuracy; repeatable (default: 2, 5, with 1 dB of drr and edc, and 10 % of T20)")
       ->allow_extra_args(false);

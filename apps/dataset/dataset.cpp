@@ -3,6 +3,7 @@
 #include <memory>
 
 #include "apps/commands.h"
+#include "apps/options/scene_options.h"
 #include "trainer/run/episode_data.h"
 
 namespace earshot {
@@ -10,6 +11,7 @@ namespace {
 
 struct DatasetArguments {
   std::vector<std::string> scenes, overrides;
+  AxesOptions axes;
   std::string config, out, sounds;
   int count = 50, goals = 0, agents = 1;
   std::string agent_sounds;
@@ -24,6 +26,9 @@ void generate(const DataConfig& data, const EnvConfig& env) {
 void run_dataset(const DatasetArguments& options) {
   if (!options.config.empty()) {
     if (!options.scenes.empty()) throw InputError("--config", "names the scenes itself", "give either SCENEs or --config");
+    if (options.axes.unit_m || options.axes.up)
+      throw InputError("--config", "names the scenes itself, but --unit or --up was given",
+                       "write FILE,unit=METRES or FILE,up=z in data.train.scenes and data.eval.scenes");
     const RunConfig config = load_run_config(options.config, options.overrides);
     generate(config.train, config.env);
     generate(config.eval, config.env);
@@ -33,7 +38,7 @@ void run_dataset(const DatasetArguments& options) {
   // The keys of --set are those of a run config: env.task.forward_m=0.25, data.train.filter.min_geodesic_m=2.
   RunConfig config = parse_run_config("", "--set", options.overrides);
   config.train.file = options.out;
-  config.train.scenes = options.scenes;
+  config.train.scenes = options.axes.applied_to(options.scenes);
   config.train.episodes_per_scene = options.count;
   config.train.goals_per_scene = options.goals;
   config.train.seed = options.seed;
@@ -53,6 +58,7 @@ void add_dataset(CLI::App& app) {
   dataset->require_subcommand(1);
   CLI::App* episodes = dataset->add_subcommand("episodes", "Draw AV-Nav episodes in scenes and write them as AudioNav JSON(.gz)");
   episodes->add_option("SCENE", options->scenes, "Scenes; house:10..14,rooms=3 stands for five houses");
+  options->axes.add_to(*episodes);
   episodes->add_option("--count", options->count, "Episodes per scene")->capture_default_str();
   episodes
       ->add_option("--goals-per-scene", options->goals,

@@ -5,7 +5,9 @@
 #include "apps/commands.h"
 #include "apps/dataset/corpus_command.h"
 #include "apps/options/picture_size.h"
+#include "apps/options/scene_options.h"
 #include "datasets/rir_corpus.h"
+#include "datasets/rir_corpus_room.h"
 #include "sim/base/errors.h"
 
 namespace earshot {
@@ -14,6 +16,7 @@ namespace {
 struct DatasetPanoArguments {
   CorpusTarget target;
   std::vector<std::string> scenes, overrides;
+  AxesOptions axes;
   std::string size = "1152x384", channels = "mono";
   int pairs = 100;
   float max_distance_m = 5, rate_hz = 44100, length_s = 1;
@@ -23,7 +26,7 @@ struct DatasetPanoArguments {
 RirCorpusConfig config_of(const DatasetPanoArguments& options) {
   RirCorpusConfig config;
   config.seed = options.seed;
-  config.scenes = options.scenes;
+  config.scenes = options.axes.applied_to(expand_scenes(options.scenes));
   config.sources_per_room = options.pairs;
   config.listeners_per_source = 1;
   config.max_distance_m = options.max_distance_m;
@@ -60,6 +63,7 @@ void add_dataset_pano(CLI::App& dataset) {
   CLI::App* command = dataset.add_subcommand(
       "pano", "Write panoramas (colour, depth, category) with a response at the same pose, as the PanoIR sets (docs/datasets.md)");
   command->add_option("SCENE", options->scenes, "Scenes, and folders of them; house:10..14 stands for five houses")->required();
+  options->axes.add_to(*command);
   add_out_option(*command, options->target);
   command->add_option("--pairs", options->pairs, "Of a source and a listener, in each scene")->capture_default_str();
   command->add_option("--size", options->size, "WIDTHxHEIGHT in pixels: 360 degrees over the width, square in angle")

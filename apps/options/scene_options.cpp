@@ -1,12 +1,31 @@
 #include "apps/options/scene_options.h"
 
+#include "sim/base/errors.h"
+#include "sim/scene/mesh_spec.h"
+
 namespace earshot {
 
-void SceneOptions::add_to(CLI::App& command) {
-  command.add_option("SCENE", scene, "Mesh file, shoebox:XxYxZ[@M], house:SEED, floor:SEED, or scene YAML")->required();
+void AxesOptions::add_to(CLI::App& command) {
   command.add_option("--unit", unit_m, "Metres per unit of a mesh file (0.01 for centimetres); default: what a YAML says, else 1");
   command.add_option("--up", up, "Axis that points up in a mesh file: y or z; default: what a YAML says, else y")
       ->check(CLI::IsMember({"y", "z"}));
+}
+
+std::optional<MeshImportOptions::Up> AxesOptions::up_axis() const {
+  if (!up) return std::nullopt;
+  return *up == "z" ? MeshImportOptions::Up::z : MeshImportOptions::Up::y;
+}
+
+std::vector<std::string> AxesOptions::applied_to(std::vector<std::string> scenes) const {
+  if (scenes.empty() && (unit_m || up))
+    throw InputError(up ? "--up" : "--unit", "describes a mesh file, but no SCENE is given", "name one");
+  for (std::string& scene : scenes) scene = add_mesh_choices(scene, unit_m, up_axis());
+  return scenes;
+}
+
+void SceneOptions::add_to(CLI::App& command) {
+  command.add_option("SCENE", scene, "Mesh file, shoebox:XxYxZ[@M], house:SEED, floor:SEED, or scene YAML")->required();
+  axes.add_to(command);
 }
 
 void SceneOptions::add_simplify_to(CLI::App& command) {
@@ -15,9 +34,9 @@ void SceneOptions::add_simplify_to(CLI::App& command) {
 
 SceneOverrides SceneOptions::overrides() const {
   SceneOverrides overrides;
-  overrides.unit_m = unit_m;
+  overrides.unit_m = axes.unit_m;
   if (simplify_m) overrides.simplify_m = static_cast<float>(*simplify_m);
-  if (up) overrides.up = *up == "z" ? MeshImportOptions::Up::z : MeshImportOptions::Up::y;
+  overrides.up = axes.up_axis();
   return overrides;
 }
 

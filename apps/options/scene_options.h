@@ -3,16 +3,28 @@
 #include <CLI/CLI.hpp>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "sim/scene/scene.h"
 
 namespace earshot {
 
-/// The options of every command that takes a SCENE.
-struct SceneOptions {
-  std::string scene;
+/// How the coordinates of mesh files are read: --unit and --up.
+struct AxesOptions {
   std::optional<double> unit_m;   ///< default: what the scene says
   std::optional<std::string> up;  ///< y or z; default: what the scene says
+
+  void add_to(CLI::App& command);
+  [[nodiscard]] std::optional<MeshImportOptions::Up> up_axis() const;
+  /// The SCENEs with these choices added to each (mesh_spec.h).  Throws InputError where a choice is given and one names no mesh file, or
+  /// there is none.
+  [[nodiscard]] std::vector<std::string> applied_to(std::vector<std::string> scenes) const;
+};
+
+/// The options of every command that takes one SCENE.
+struct SceneOptions {
+  std::string scene;
+  AxesOptions axes;
   std::optional<double> simplify_m;
 
   /// SCENE, --unit and --up.

@@ -91,7 +91,7 @@ void run_render(const RenderArguments& options) {
   std::shared_ptr<const Appearance> appearance;
   if (options.sensor == "rgb" || options.sensor == "semantic") appearance = load_appearance(scene, overrides);
   if (appearance)
-    for (const std::string& warning : appearance->warnings) fmt::print("warning: {}\n", warning);
+    for (const std::string& warning : appearance->warnings) print_warning(warning);
   const auto render = [&](const CameraImages& images) {
     if (options.renderer == "embree") return EmbreeCamera(config).render(scene, appearance.get(), pose, images);
     const EglView view{shared_scene, appearance, pose, images};

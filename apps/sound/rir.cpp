@@ -7,6 +7,8 @@
 #include <iterator>
 #include <memory>
 #include <optional>
+#include <set>
+#include <string_view>
 
 #include "apps/commands.h"
 #include "apps/options/accuracy_planning.h"
@@ -196,7 +198,8 @@ std::vector<std::vector<std::string>> check_places(const AcousticScene& acoustic
     for (const glm::vec3 listener : listeners) {
       const NamedPlace from{"source", source.position}, to{"listener", listener};
       std::vector<std::string>& of_pair = warnings.emplace_back(check.check(from, to));
-      std::ranges::move(check.inside_solids(from, to), std::back_inserter(of_pair));
+      for (const NamedPlace& place : {from, to})
+        if (auto line = check.inside_solid(place)) of_pair.push_back(std::move(*line));
     }
   }
   return warnings;
@@ -210,10 +213,13 @@ void refuse_settings_of_trajectories(const std::vector<std::string>& settings) {
         throw InputError("--set " + setting, "has no effect on a single response", "leave it out, or give it to `earshot walk`");
 }
 
+/// Each line once: what is odd about a source is the same for all listeners.
 void print_warnings(const std::vector<std::string>& odd_in_scene, const std::vector<std::vector<std::string>>& place_warnings) {
   for (const std::string& warning : odd_in_scene) print_warning(warning);
+  std::set<std::string_view> printed;
   for (const std::vector<std::string>& of_pair : place_warnings)
-    for (const std::string& warning : of_pair) print_warning(warning);
+    for (const std::string& warning : of_pair)
+      if (printed.insert(warning).second) print_warning(warning);
 }
 
 void run_rir(const RirArguments& options) {

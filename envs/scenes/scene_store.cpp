@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <string_view>
 #include <system_error>
 #include <utility>
@@ -103,11 +104,17 @@ struct SceneStore::Impl {
     return value;
   }
 
-  [[nodiscard]] Scene load_and_warn(const std::string& spec) const {
+  /// Says what is odd about a scene when it is first loaded.
+  [[nodiscard]] Scene load_and_warn(const std::string& spec) {
     Scene scene = load_scene(spec);
-    if (config.warn)
+    if (config.warn && is_new(spec))
       for (const std::string& warning : scene_warnings(scene)) config.warn(spec + ": " + warning);
     return scene;
+  }
+
+  [[nodiscard]] bool is_new(const std::string& spec) {
+    const std::lock_guard lock(mutex);
+    return loaded.insert(spec).second;
   }
 
   EnvScene load(const std::string& spec, std::uint64_t inputs, const AcousticConfig& acoustic_config, const NavmeshConfig& navmesh_config,
@@ -132,6 +139,7 @@ struct SceneStore::Impl {
   ImageStore scenes, acoustics, navmeshes;
   mutable std::mutex mutex;  // guards what is below
   SceneStoreCounters counters;
+  std::set<std::string> loaded;  ///< specs
 };
 
 SceneStore::SceneStore(SceneStoreConfig config) : impl_(std::make_unique<Impl>(std::move(config))) {}

@@ -49,7 +49,8 @@ void check_head(const EvaluationResult& result, const std::string& where, const 
   const auto refuse = [&](const std::string& what) { throw InputError(where, what, kRemedy); };
   if (result.engine_hash != engine_hash() && !config.any_engine)
     throw InputError(where, fmt::format("was made by the engine {}, this one is {}", result.engine_hash, engine_hash()),
-                     "verify it with the program that made it, or say --any-engine: the numbers must then be those of this one");
+                     "make it anew with 'earshot eval', verify it with the program that made it, or say --any-engine: the numbers must "
+                     "then be those of this one");
   const std::size_t episodes = result.episodes.size(), whole = set.episodes.size();
   if (episodes > whole) refuse(fmt::format("has {} episodes, its set {}", episodes, whole));
   if ((episodes < whole || !result.partial_of.empty()) && !config.partial)

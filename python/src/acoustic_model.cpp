@@ -11,7 +11,6 @@
 #include <thread>
 
 #include "envs/episodes/episode_generator.h"
-#include "sim/acoustics/response/place_check.h"
 #include "sim/acoustics/source_field/field_for_poses.h"
 #include "sim/base/errors.h"
 #include "sim/base/random.h"
@@ -159,16 +158,22 @@ SourceParts SourceModel::parts(int sh_order, std::size_t responses) {
   return kept;
 }
 
-void SourceModel::check_places(const AcousticScene& acoustics, std::span<const ListenerPose> listeners) {
-  const PlaceCheck check(acoustics);
+void SourceModel::check_places(std::shared_ptr<const AcousticScene> acoustics, std::span<const ListenerPose> listeners) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (!places_) {
+      checked_ = std::move(acoustics);
+      places_.emplace(*checked_);
+    }
+  }
   for (const ListenerPose& pose : listeners)
-    scene_->add_warnings(check.check({"source", source_.position}, {"listener", scene_->scene().to_local(pose.position)}));
+    scene_->add_warnings(places_->check({"source", source_.position}, {"listener", scene_->scene().to_local(pose.position)}));
 }
 
 std::vector<ResponseModel> SourceModel::respond(std::span<const ListenerPose> listeners, const std::string& channels, int threads) {
   for (const ListenerPose& pose : listeners) require_finite(pose.position, "listener");
   const int harmonics = scene_->harmonics_of(ListenerLayout::named(channels));
-  check_places(*scene_->acoustics(harmonics), listeners);
+  check_places(scene_->acoustics(harmonics), listeners);
   const SourceParts shared = parts(harmonics, listeners.size());
   std::vector<ResponseModel> responses(listeners.size());
   for_each(listeners.size(), threads, [&] {
@@ -190,7 +195,7 @@ std::vector<Rir> SourceModel::render(std::span<const ListenerPose> listeners, co
     (void)pose.orientation();  // before any work
   }
   const int harmonics = scene_->harmonics_of(ListenerLayout::named(channels));
-  check_places(*scene_->acoustics(harmonics), listeners);
+  check_places(scene_->acoustics(harmonics), listeners);
   const SourceParts shared = parts(harmonics, listeners.size());
   const std::shared_ptr<const SynthesisTables> synthesis = scene_->tables(channels, hrtf);
   std::vector<Rir> rirs(listeners.size());

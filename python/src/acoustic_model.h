@@ -13,6 +13,7 @@
 
 #include "sim/acoustics/accuracy/accuracy_plan.h"
 #include "sim/acoustics/response/energy_response.h"
+#include "sim/acoustics/response/place_check.h"
 #include "sim/acoustics/source_field/source_field.h"
 #include "sim/acoustics/synthesis/rir_synthesis.h"
 
@@ -87,12 +88,14 @@ class SourceModel {
   AccuracyPlan plan_accuracy(const std::string& target, std::span<const ListenerPose> listeners, double responses);
 
  private:
-  void check_places(const AcousticScene& acoustics, std::span<const ListenerPose> listeners);
+  void check_places(std::shared_ptr<const AcousticScene> acoustics, std::span<const ListenerPose> listeners);
 
   std::shared_ptr<SceneModel> scene_;
   SoundSource source_;
   std::mutex mutex_;
   std::map<int, SourceParts> parts_;
+  std::shared_ptr<const AcousticScene> checked_;
+  std::optional<PlaceCheck> places_;  ///< of checked_, from the first call on
 };
 
 /// The RIR of a response for a listener of this orientation.  Throws InputError for channels that need harmonics it was computed without.

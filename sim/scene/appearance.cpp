@@ -10,6 +10,7 @@
 #include "sim/base/text/text_match.h"
 #include "sim/scene/color.h"
 #include "sim/scene/materials/semantic_materials.h"
+#include "sim/scene/mesh_spec.h"
 #include "sim/scene/scene_config.h"
 #include "sim/scene/surface_palette.h"
 
@@ -126,7 +127,10 @@ std::shared_ptr<const Appearance> load_appearance(const Scene& scene, const Scen
   appearance->triangle_category = categories_of(scene);
 
   SceneConfig config;
-  config.mesh = scene.name();
+  const MeshSpec named = parse_mesh_spec(scene.name());
+  config.mesh = named.path;
+  if (named.unit_m) config.import.unit_m = *named.unit_m;
+  if (named.up) config.import.up = *named.up;
   const std::string extension = fold_case(std::filesystem::path(scene.name()).extension().string());
   if (extension == ".yaml" || extension == ".yml") config = read_scene_config(scene.name());
   if (overrides.unit_m) config.import.unit_m = *overrides.unit_m;

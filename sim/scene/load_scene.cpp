@@ -1,18 +1,16 @@
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <optional>
 #include <string>
 
 #include "sim/base/errors.h"
-#include "sim/base/files.h"
 #include "sim/base/text/text_match.h"
 #include "sim/scene/generators/floor_plan.h"
 #include "sim/scene/generators/house_generator.h"
 #include "sim/scene/generators/shoebox.h"
 #include "sim/scene/materials/material_assignment.h"
 #include "sim/scene/mesh/mesh_simplify.h"
-#include "sim/scene/readers/mesh_builder.h"
+#include "sim/scene/mesh_spec.h"
 #include "sim/scene/readers/mesh_import.h"
 #include "sim/scene/scene.h"
 #include "sim/scene/scene_config.h"
@@ -26,25 +24,6 @@ struct Geometry {
   std::vector<std::optional<Material>> own;
   ImportReport report;
 };
-
-/// A line for each material library that an OBJ names and that is not there.
-void warn_of_missing_libraries(const std::filesystem::path& mesh, std::vector<std::string>& warnings) {
-  if (fold_case(mesh.extension().string()) != ".obj") return;
-  const std::string text = read_file(mesh);
-  for (std::size_t at = 0; at < text.size();) {
-    const std::size_t end = std::min(text.find('\n', at), text.size());
-    const std::string_view line = std::string_view(text).substr(at, end - at);
-    at = end + 1;
-    if (!line.starts_with("mtllib ")) continue;
-    const std::size_t begin = line.find_first_not_of(" \t", 6), last = line.find_last_not_of(" \t\r");
-    if (begin == std::string_view::npos || last < begin) continue;
-    const std::string name(line.substr(begin, last - begin + 1));
-    std::error_code error;
-    if (!std::filesystem::exists(mesh.parent_path() / name, error))
-      warnings.push_back(fmt::format("{}: its material library {} is missing: names of materials count, colours and textures do not",
-                                     mesh.string(), one_line(name)));
-  }
-}
 
 Geometry make_geometry(const std::string& spec, const MeshImportOptions& options, const MaterialDatabase& database) {
   Geometry geometry;
@@ -61,7 +40,6 @@ Geometry make_geometry(const std::string& spec, const MeshImportOptions& options
     ImportedMesh imported = import_mesh(spec, options);
     geometry.mesh = std::move(imported.mesh);
     geometry.report = std::move(imported.report);
-    warn_of_missing_libraries(spec, geometry.report.warnings);
   }
   if (geometry.report.triangles_read == 0) geometry.report.triangles_read = geometry.mesh.triangles.size();
   return geometry;
@@ -100,7 +78,8 @@ bool is_scene_yaml(const std::string& spec) {
 Scene load_scene(const std::string& spec, const SceneOverrides& overrides) {
   const bool yaml = is_scene_yaml(spec),
              generated = spec.starts_with("shoebox:") || spec.starts_with("house:") || spec.starts_with("floor:");
-  if (!yaml && !generated && !is_mesh_file(spec)) {
+  const MeshSpec named = yaml || generated ? MeshSpec{.path = spec, .unit_m = {}, .up = {}} : parse_mesh_spec(spec);
+  if (!yaml && !generated && !is_mesh_file(named.path)) {
     throw InputError(spec, "is not a scene",
                      "name a glb, gltf, obj, ply, stl or yaml file, or write shoebox:XxYxZ[@M], house:SEED or floor:SEED");
   }
@@ -108,7 +87,11 @@ Scene load_scene(const std::string& spec, const SceneOverrides& overrides) {
   if (yaml)
     config = read_scene_config(spec);
   else
-    config.mesh = spec;
+    config.mesh = named.path;
+  if ((named.unit_m && overrides.unit_m) || (named.up && overrides.up))
+    throw InputError(spec, "says by itself how it is read, but a unit or an up axis was given too", "say it once");
+  if (named.unit_m) config.import.unit_m = *named.unit_m, config.is_unit_given = true;
+  if (named.up) config.import.up = *named.up, config.is_up_given = true;
 
   if (overrides.unit_m) {
     if (!is_mesh_file(config.mesh)) throw InputError(spec, "is generated in metres, but a unit was given", "leave the unit out");

@@ -10,7 +10,9 @@
 #include "sim/base/files.h"
 #include "sim/base/text/config_reader.h"
 #include "sim/base/text/text_match.h"
+#include "sim/scene/mesh_spec.h"
 #include "sim/scene/readers/mesh_import.h"
+#include "sim/scene/readers/obj_materials.h"
 
 namespace earshot {
 namespace {
@@ -83,16 +85,11 @@ void add_uris(InputHash& hash, const fs::path& mesh, std::string_view text) {
   }
 }
 
-/// Every `mtllib NAME` of an OBJ, and the library of its own name, which is read where that one is absent.
+/// Every material library that an OBJ names, and that of its own name, which counts where one is absent.
 void add_material_libraries(InputHash& hash, const fs::path& mesh, std::string_view text) {
-  constexpr std::string_view key = "mtllib";
-  for (std::size_t at = text.find(key); at != std::string_view::npos; at = text.find(key, at + 1)) {
-    std::string_view name = text.substr(at + key.size());
-    name = name.substr(0, name.find_first_of("\r\n"));
-    const std::size_t begin = name.find_first_not_of(" \t"), last = name.find_last_not_of(" \t");
-    if (begin == std::string_view::npos) continue;
-    hash.add_reference(mesh.parent_path(), std::string(name.substr(begin, last - begin + 1)));
-  }
+  const ObjLibraries libraries = find_obj_libraries(text, mesh);
+  for (const std::vector<fs::path>* list : {&libraries.found, &libraries.missing})
+    for (const fs::path& library : *list) hash.add_reference(mesh.parent_path(), library.lexically_relative(mesh.parent_path()).string());
   hash.add_if_there(fs::path(mesh).replace_extension(".mtl"));
 }
 
@@ -125,7 +122,7 @@ std::optional<std::uint64_t> hash_of_scene_inputs(const std::string& spec) {
     if (!is_generated(spec) && (extension == ".yaml" || extension == ".yml"))
       add_yaml(hash, spec);
     else
-      add_mesh(hash, spec);
+      add_mesh(hash, is_generated(spec) ? spec : parse_mesh_spec(spec).path);
     return hash.value();
   } catch (const Unknown&) {
     return std::nullopt;

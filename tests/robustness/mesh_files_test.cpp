@@ -9,6 +9,8 @@
 #include <glm/geometric.hpp>
 #include <map>
 #include <set>
+#include <utility>
+#include <vector>
 
 #include "sim/base/errors.h"
 #include "sim/scene/scene_report.h"
@@ -26,13 +28,13 @@ struct Expected {
   const char* refusal;                                ///< part of the message; null: it loads
   std::uint64_t triangles, open_edges, shared_edges;  ///< shared: edges of more than two triangles
   double lower[3], upper[3];
-  const char* warning;  ///< part of the only warning; null: none
+  std::vector<const char*> warnings;  ///< part of each
 };
 
-Expected refused(const char* why) { return {why, 0, 0, 0, {}, {}, nullptr}; }
+Expected refused(const char* why) { return {why, 0, 0, 0, {}, {}, {}}; }
 Expected loads(std::uint64_t triangles, std::uint64_t open, std::uint64_t shared, std::array<double, 3> lower, std::array<double, 3> upper,
-               const char* warning = nullptr) {
-  return {nullptr, triangles, open, shared, {lower[0], lower[1], lower[2]}, {upper[0], upper[1], upper[2]}, warning};
+               std::vector<const char*> warnings = {}) {
+  return {nullptr, triangles, open, shared, {lower[0], lower[1], lower[2]}, {upper[0], upper[1], upper[2]}, std::move(warnings)};
 }
 
 const std::map<std::string, Expected>& expectations() {
@@ -43,7 +45,7 @@ const std::map<std::string, Expected>& expectations() {
       {"meshes_hard/empty.stl", refused("has no triangles")},
       {"meshes_hard/featuretype.STL", loads(3476, 0, 0, {-2.5, -1.25, 0}, {2.5, 1.25, 1.375})},
       {"meshes_hard/groups.obj", loads(2308, 0, 0, {-4.713, -2.554, 0}, {4.713, 2.382, 4})},
-      {"meshes_hard/large_block.STL", loads(12, 0, 0, {0, -152.4, 0}, {4572, 152.4, 2438.4}, "is the unit right?")},
+      {"meshes_hard/large_block.STL", loads(12, 0, 0, {0, -152.4, 0}, {4572, 152.4, 2438.4}, {"is the unit right?"})},
       {"meshes_hard/multibody.stl", loads(32, 0, 0, {-0.511, -0.719, -0.052}, {0.125, 0.37, 0.288})},
       {"meshes_hard/nancolor.obj", loads(12, 0, 0, {-0.5, -0.5, -0.5}, {0.5, 0.5, 0.5})},
       {"meshes_hard/not_convex.obj", loads(96, 0, 12, {-0.366, 0, 0}, {0, 0.762, 0.762})},
@@ -53,19 +55,21 @@ const std::map<std::string, Expected>& expectations() {
       {"meshes_hard/ray_data.json", refused("unknown extension")},
       {"meshes_hard/soup.stl", loads(100, 300, 0, {0.002, 0.003, 0.006}, {1, 0.999, 0.999})},
       {"meshes_hard/stl_empty_bin.stl", refused("has no triangles")},
-      {"meshes_hard/tube.obj", loads(120, 0, 0, {-0.832, 0, -0.833}, {0.832, 11.844, 0.833})},
+      {"meshes_hard/tube.obj", loads(120, 0, 0, {-0.832, 0, -0.833}, {0.832, 11.844, 0.833}, {"missing (fat_pipe.mtl)"})},
       {"meshes_hard/unit_cube.STL", loads(12, 0, 0, {-0.5, -0.5, -0.5}, {0.5, 0.5, 0.5})},
-      {"meshes_hard/wallhole.obj", loads(66, 0, 0, {0, 0, -10}, {10, 15, 0})},
+      {"meshes_hard/wallhole.obj", loads(66, 0, 0, {0, 0, -10}, {10, 15, 0}, {"missing (00.mtl)"})},
       {"scenes/formats/batch-four-squares-deep-hierarchy-whole-file.bin", refused("unknown extension")},
       {"scenes/formats/batch-four-squares-deep-hierarchy-whole-file.gltf", loads(8, 16, 0, {-0.9, -0.9, 0}, {0.9, 0.9, 0})},
-      {"scenes/formats/boxroom.obj", loads(12, 0, 0, {-8, -2, -8}, {8, 4, 8})},
+      {"scenes/formats/boxroom.obj", loads(12, 0, 0, {-8, -2, -8}, {8, 4, 8}, {"missing (boxroom.mtl)"})},
       {"scenes/formats/chair.glb", loads(1008, 0, 0, {-0.335, -0.657, -0.21}, {0.187, 0.243, 0.222})},
-      {"scenes/formats/cornell_box.obj", loads(34, 4, 0, {0, 0, 0}, {556, 548.8, 559.2}, "is the unit right?")},
+      {"scenes/formats/cornell_box.obj",
+       loads(34, 4, 0, {0, 0, 0}, {556, 548.8, 559.2}, {"missing (cornell_box.mtl)", "is the unit right?"})},
       {"scenes/formats/nested_box.glb", loads(24, 0, 0, {-0.517, -0.32, -0.439}, {0.517, 0.32, 0.439})},
       {"scenes/formats/simple_room.glb", loads(84, 0, 0, {-5.247, -5.398, -0.061}, {5.28, 5.449, 2.154})},
-      {"scenes/formats/simplescene.obj", loads(108, 0, 0, {-6.503, -3.724, -32.511}, {33.545, 4.295, 15.249})},
+      {"scenes/formats/simplescene.obj",
+       loads(108, 0, 0, {-6.503, -3.724, -32.511}, {33.545, 4.295, 15.249}, {"missing (simplescene.mtl)"})},
       {"scenes/formats/skinned_prism.glb", loads(768, 0, 0, {-1, 0, -1}, {1, 6, 1})},
-      {"scenes/formats/smallbox.obj", loads(12, 0, 0, {-0.4, -0.4, -0.4}, {0.4, 0.4, 0.4})},
+      {"scenes/formats/smallbox.obj", loads(12, 0, 0, {-0.4, -0.4, -0.4}, {0.4, 0.4, 0.4}, {"missing (smallbox.mtl)"})},
       {"scenes/formats/stage_floor1.glb", loads(2048, 128, 0, {-9.999, -0.793, -9.999}, {9.999, 1.078, 9.999})},
       {"scenes/formats/transform_box.glb", loads(12, 0, 0, {-1, -1, -1}, {1, 1, 1})},
   };
@@ -125,10 +129,8 @@ TEST(X_MeshFiles, EachLoadsOrIsRefusedAsStated) {
         EXPECT_NEAR(bounds.upper[axis], expected.upper[axis], 6e-4) << key;
       }
       EXPECT_EQ(imported.mesh.origin_m, glm::dvec3(0)) << key;
-      ASSERT_EQ(report.warnings.size(), expected.warning ? 1u : 0u) << key;
-      if (expected.warning) {
-        EXPECT_THAT(report.warnings[0], HasSubstr(expected.warning)) << key;
-      }
+      ASSERT_EQ(report.warnings.size(), expected.warnings.size()) << key;
+      for (std::size_t i = 0; i < expected.warnings.size(); ++i) EXPECT_THAT(report.warnings[i], HasSubstr(expected.warnings[i])) << key;
     }
   }
   EXPECT_EQ(seen.size(), expectations().size()) << "a file is stated and not there";

@@ -7,9 +7,8 @@
 #include <glm/common.hpp>
 #include <glm/vector_relational.hpp>
 
-#include "sim/acoustics/paths/transmission.h"
+#include "sim/acoustics/core/sampling.h"
 #include "sim/base/errors.h"
-#include "sim/scene/checks/air_connection.h"
 #include "sim/scene/scene_report.h"
 
 namespace earshot {
@@ -23,6 +22,21 @@ constexpr float kFromWallsM = 0.2f;
 
 bool is_within(const Bounds& bounds, glm::vec3 place) {
   return glm::all(glm::greaterThanEqual(place, bounds.lower)) && glm::all(glm::lessThanEqual(place, bounds.upper));
+}
+
+/// Whether what a place sees all round is thinner than a room: the inside of a cabinet or a pipe.
+bool sees_a_thing(const Scene& scene, glm::vec3 place) {
+  constexpr std::uint32_t kRays = 64;
+  const SphereSequence directions(0x80000000u, 0x80000000u);
+  Bounds seen{place, place};
+  for (std::uint32_t i = 0; i < kRays; ++i) {
+    const Hit hit = scene.rays().intersect(place, directions.direction(i));
+    if (!hit.valid()) continue;
+    seen.lower = glm::min(seen.lower, hit.position);
+    seen.upper = glm::max(seen.upper, hit.position);
+  }
+  const glm::vec3 size = seen.upper - seen.lower;
+  return std::min({size.x, size.y, size.z}) < kThinnestRoomM;
 }
 
 std::string shown(glm::dvec3 p) { return fmt::format("{:.6g},{:.6g},{:.6g}", p.x, p.y, p.z); }
@@ -58,21 +72,38 @@ std::vector<std::string> PlaceCheck::check(const NamedPlace& source, const Named
     return {fmt::format("{} and {} both lie outside the scene, whose surfaces are closed: only what passes around them is heard",
                         text_of(source), text_of(listener))};
   }
-  const AirBetween air = air_between(scene, source.position, listener.position);
-  if (air != AirBetween::first_outside && air != AirBetween::second_outside) return {};
-  const NamedPlace &outside = air == AirBetween::first_outside ? source : listener, &enclosed = &outside == &source ? listener : source;
-  if (is_heard_through_walls(source.position, listener.position))
+  const AirBetween between = air(source.position, listener.position);
+  if (between != AirBetween::first_outside && between != AirBetween::second_outside) return {};
+  const NamedPlace &outside = between == AirBetween::first_outside ? source : listener, &enclosed = &outside == &source ? listener : source;
+  if (acoustics_.plan().straight_transmission || traces_transmission(acoustics_))
     return {fmt::format("{} lies outside the surfaces that are closed around {}: only what walls let through is heard", text_of(outside),
                         text_of(enclosed))};
   if (positions().inside_solid(enclosed.position)) return {};
+  if (!positions().has_consistent_windings() && sees_a_thing(scene, enclosed.position))
+    return {fmt::format("no air joins {} and {}: what one of them lies in is closed", text_of(outside), text_of(enclosed))};
   refuse(outside, enclosed);
 }
 
-std::vector<std::string> PlaceCheck::inside_solids(const NamedPlace& source, const NamedPlace& listener) const {
-  std::vector<std::string> warnings;
-  for (const NamedPlace& place : {source, listener})
-    if (positions().inside_solid(place.position)) warnings.push_back(fmt::format("the {} lies inside a wall or a thing", text_of(place)));
-  return warnings;
+std::optional<std::string> PlaceCheck::inside_solid(const NamedPlace& place) const {
+  if (!positions().inside_solid(place.position)) return std::nullopt;
+  return fmt::format("the {} lies inside a wall or a thing", text_of(place));
+}
+
+AirBetween PlaceCheck::air(glm::vec3 source, glm::vec3 listener) const {
+  const EmbreeScene& rays = acoustics_.scene().rays();
+  const auto in_sight = [&](glm::vec3 a, glm::vec3 b) { return a == b || !rays.occluded(a, b); };
+  {
+    const std::lock_guard lock(mutex_);
+    if (before_ && in_sight(before_->source, source) && in_sight(before_->listener, listener)) {
+      before_->source = source;
+      before_->listener = listener;
+      return before_->air;
+    }
+  }
+  const AirBetween found = air_between(acoustics_.scene(), source, listener);
+  const std::lock_guard lock(mutex_);
+  before_ = {source, listener, found};
+  return found;
 }
 
 const PositionCheck& PlaceCheck::positions() const {
@@ -83,13 +114,6 @@ const PositionCheck& PlaceCheck::positions() const {
 
 std::string PlaceCheck::text_of(const NamedPlace& place) const {
   return fmt::format("{} {}", place.name, shown(acoustics_.scene().to_world(place.position)));
-}
-
-bool PlaceCheck::is_heard_through_walls(glm::vec3 source, glm::vec3 listener) const {
-  if (traces_transmission(acoustics_)) return true;
-  std::vector<Arrival> arrivals;
-  find_transmitted(acoustics_, source, listener, arrivals);
-  return !arrivals.empty();
 }
 
 bool PlaceCheck::is_closed_room() const {

@@ -11,7 +11,7 @@ namespace earshot {
 using SourcePlaceAt = std::function<glm::dvec3(double t_s)>;
 
 /// When the sound that is heard at heard_s along the straight line has left a source that moves: the t with
-/// |listener - place(t)| = c (heard_s - t).  One time for a source slower than sound, within 1e-9 s; of several for a faster one.
+/// |listener - place(t)| = c (heard_s - t).  For a source slower than sound, within 1e-9 s; of a faster one nothing is promised.
 /// Cost: a few calls of `place` at common speeds, at most 200.  Retarded time: Morse and Ingard, Theoretical Acoustics, 1968, section 11.2.
 double emission_time_s(const SourcePlaceAt& place, glm::dvec3 listener, double heard_s, double speed_of_sound_m_per_s);
 

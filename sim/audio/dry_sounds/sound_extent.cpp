@@ -41,14 +41,10 @@ std::string number_bytes(std::uint64_t value, const SizeField& field) {
 SoundExtent extent_of(const SoundBytes& bytes, const SizeField& field) {
   SoundExtent extent;
   const std::uint64_t present = bytes.size() - std::min(bytes.size(), field.start);
-  if (field.size > 0 && field.size <= present) {
-    extent.end_byte = field.start + field.size;
-  } else if (is_placeholder(field.size)) {
-    extent.size_place = field.place;
-    if (present > 0 && (field.width == 8 || present < std::uint64_t{1} << 32)) extent.size_bytes = number_bytes(present, field);
-  } else {
-    throw cut_short(bytes.name(), field.start + field.size, bytes.size());
-  }
+  if (field.size > 0 && field.size <= present) return extent;
+  if (!is_placeholder(field.size)) throw cut_short(bytes.name(), field.start + field.size, bytes.size());
+  extent.size_place = field.place;
+  if (present > 0 && (field.width == 8 || present < std::uint64_t{1} << 32)) extent.size_bytes = number_bytes(present, field);
   return extent;
 }
 
@@ -142,7 +138,7 @@ SoundExtent extent_of_nist(SoundBytes& bytes, std::uint64_t start) {
   if (frames == 0 || width == 0 || frames > (std::uint64_t{1} << 40) || width > (1 << 20)) return {};
   const std::uint64_t end = start + head_bytes + frames * width;
   if (end > bytes.size()) throw cut_short(bytes.name(), end, bytes.size());
-  return {.end_byte = end};
+  return {};
 }
 
 /// Bytes of a tag (ID3v2) before the sound.

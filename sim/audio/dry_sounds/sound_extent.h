@@ -6,11 +6,10 @@
 
 namespace earshot {
 
-/// The length of a sound as its file states it, read before the sound is decoded: a decoder returns what is there and says nothing of the
-/// rest.
+/// What the header of a sound says of its length, read before the sound is decoded: a decoder returns what is there and says nothing of
+/// the rest.
 struct SoundExtent {
-  std::uint64_t end_byte = 0;      ///< end of the sound in the file; 0: not stated
-  std::uint64_t least_frames = 0;  ///< frames that a decoder must return; 0: not stated
+  std::uint64_t least_frames = 0;  ///< frames that a decoder must return; 0: the header says no more than that the file is long enough
   /// A header from before the length was known (a pipe) holds a placeholder: the bytes that state what follows, and their place.
   std::uint64_t size_place = 0;
   std::string size_bytes{};  ///< empty: no placeholder

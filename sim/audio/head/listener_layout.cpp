@@ -5,6 +5,10 @@
 #include <charconv>
 #include <cmath>
 #include <numbers>
+#include <optional>
+#include <set>
+#include <span>
+#include <string>
 
 #include "sim/audio/head/ambisonics.h"
 #include "sim/audio/head/listener_orientation.h"
@@ -50,6 +54,16 @@ Microphone read_microphone(ConfigReader reader, const std::filesystem::path& fol
   constexpr double degree = std::numbers::pi / 180.0;
   microphone.orientation = glm::quat(ListenerOrientation(azimuth_deg * degree, elevation_deg * degree, roll_deg * degree).local_to_world());
   return microphone;
+}
+
+/// Of results; a microphone without a name is called by its number.
+std::optional<std::string> repeated_name(std::span<const Microphone> microphones) {
+  std::set<std::string> names;
+  for (std::size_t i = 0; i < microphones.size(); ++i) {
+    const std::string name = microphones[i].name.empty() ? fmt::format("mic{}", i) : microphones[i].name;
+    if (!names.insert(name).second) return name;
+  }
+  return std::nullopt;
 }
 
 }  // namespace
@@ -119,6 +133,7 @@ ListenerLayout ListenerLayout::from_file(const std::filesystem::path& path) {
   if (*count == 0 || *count > kMaxMicrophones) reader.fail("microphones", fmt::format("holds {}, not 1 to {}", *count, kMaxMicrophones));
   std::vector<Microphone> microphones;
   for (std::size_t i = 0; i < *count; ++i) microphones.push_back(read_microphone(reader.list_child("microphones", i), path.parent_path()));
+  if (const auto name = repeated_name(microphones)) reader.fail("microphones", fmt::format("have the name '{}' twice", *name));
   return array(std::move(microphones));
 }
 
@@ -143,6 +158,8 @@ void validate(const ListenerLayout& layout) {
   if (layout.kind != ListenerKind::array) return;
   require(!layout.microphones.empty() && layout.microphones.size() <= kMaxMicrophones, "microphones", layout.microphones.size(),
           "must be in [1, 256]: each is a channel");
+  if (const auto name = repeated_name(layout.microphones))
+    throw InputError("microphones", fmt::format("have the name '{}' twice", *name), "give each a name of its own, or none");
   for (const Microphone& microphone : layout.microphones) {
     for (int axis = 0; axis < 3; ++axis) {
       const float value = microphone.position_m[axis];

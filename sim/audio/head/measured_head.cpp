@@ -36,15 +36,18 @@ double mean_power(std::span<const Complex> left, std::span<const Complex> right,
 /// Up to where magnitudes of the measurement count: those above the band of the simulation have a part in its phases.
 double band_for(float sample_rate_hz) { return std::max(24000.0, 0.5 * static_cast<double>(sample_rate_hz)); }
 
-/// A rate that is wrong in the file, or rooms instead of heads: every response costs a sum over its samples for each bin.
-void check_work(const SofaResponses& sofa, float sample_rate_hz, int fft_size, const std::string& where) {
+/// A rate that is wrong in the file, or rooms instead of heads: every response costs a sum over its samples for each bin, every sphere a
+/// grid.
+void check_work(const SofaResponses& sofa, std::size_t num_spheres, float sample_rate_hz, int fft_size, const std::string& where) {
   const double bin_hz = static_cast<double>(sample_rate_hz) / fft_size;
   const double bins = std::min(band_for(sample_rate_hz), 0.5 * static_cast<double>(sofa.sample_rate_hz)) / bin_hz;
-  const double rows = 2.0 * static_cast<double>(sofa.direction.size()), nodes = 2.0 * static_cast<double>(NodeGrid::num_nodes());
-  if ((rows + nodes) * std::max(bins, 0.5 * fft_size) * sizeof(Complex) > 4e9 || rows * sofa.num_taps * bins > 1e11)
+  const double rows = 2.0 * static_cast<double>(sofa.direction.size());
+  const double nodes = 2.0 * static_cast<double>(NodeGrid::num_nodes() * num_spheres);
+  const double tables_bytes = 2.0 * sizeof(float) * sofa.num_taps * bins;
+  if ((rows + nodes) * std::max(bins, 0.5 * fft_size) * sizeof(Complex) + tables_bytes > 4e9 || rows * sofa.num_taps * bins > 1e11)
     throw InputError(where,
-                     fmt::format("holds {:.0f} responses of {} samples at {} Hz: too much for {} Hz", rows, sofa.num_taps,
-                                 sofa.sample_rate_hz, sample_rate_hz),
+                     fmt::format("holds {:.0f} responses of {} samples at {} Hz from {} distances: too much for {} Hz", rows, sofa.num_taps,
+                                 sofa.sample_rate_hz, num_spheres, sample_rate_hz),
                      "check Data.SamplingRate, or cut the responses to those of a head");
 }
 
@@ -52,7 +55,8 @@ void check_work(const SofaResponses& sofa, float sample_rate_hz, int fft_size, c
 std::vector<ResponseParts> divide_sphere(const SofaResponses& sofa, const MeasuredSphere& sphere, ResponseDivider& divider) {
   const auto taps = static_cast<std::size_t>(sofa.num_taps);
   std::vector<ResponseParts> parts;
-  for (const std::vector<std::size_t>& copies : sphere.directions) {
+  for (const MeasuredDirection& one_direction : sphere.directions) {
+    const std::vector<std::size_t>& copies = one_direction.copies;
     for (std::size_t ear = 0; ear < 2; ++ear) {
       ResponseParts mean = divider.empty();
       for (const std::size_t m : copies) {
@@ -71,7 +75,7 @@ std::vector<ResponseParts> divide_sphere(const SofaResponses& sofa, const Measur
 HeadGrid make_grid(const SofaResponses& sofa, const MeasuredSphere& sphere, float sample_rate_hz, int fft_size, ResponseDivider& divider) {
   const std::vector<ResponseParts> parts = divide_sphere(sofa, sphere, divider);
   std::vector<glm::vec3> directions;
-  for (const std::vector<std::size_t>& copies : sphere.directions) directions.push_back(sofa.direction[copies.front()]);
+  for (const MeasuredDirection& one : sphere.directions) directions.push_back(one.direction);
   const DirectionWeights weights(directions);
   HeadGrid grid;
   grid.fft_size = fft_size;
@@ -135,13 +139,14 @@ std::shared_ptr<const Hrtf> Hrtf::from_responses(const SofaResponses& sofa, floa
   const double ratio = static_cast<double>(sample_rate_hz) / static_cast<double>(sofa.sample_rate_hz);
   const int length = static_cast<int>(std::ceil(static_cast<double>(sofa.num_taps) * ratio)) + 2 * lead_for(sample_rate_hz);
   const int fft_size = std::max(smallest_fft_for(sample_rate_hz), next_power_of_two(length));
-  check_work(sofa, sample_rate_hz, fft_size, where);
+  const std::vector<float> unknown(sofa.distance_m.empty() ? sofa.direction.size() : 0, 0.f);
+  const std::vector<MeasuredSphere> spheres = sort_into_spheres(sofa.direction, sofa.distance_m.empty() ? unknown : sofa.distance_m);
+  check_work(sofa, spheres.size(), sample_rate_hz, fft_size, where);
   ResponseDivider divider(static_cast<std::size_t>(sofa.num_taps), static_cast<double>(sofa.sample_rate_hz),
                           static_cast<double>(sample_rate_hz) / fft_size, band_for(sample_rate_hz));
-  const std::vector<float> unknown(sofa.distance_m.empty() ? sofa.direction.size() : 0, 0.f);
   const auto sphere = rigid_sphere(sample_rate_hz);
   std::vector<HeadGrid> grids;
-  for (const MeasuredSphere& measured : sort_into_spheres(sofa.direction, sofa.distance_m.empty() ? unknown : sofa.distance_m)) {
+  for (const MeasuredSphere& measured : spheres) {
     grids.push_back(make_grid(sofa, measured, sample_rate_hz, fft_size, divider));
     bring_to_sphere(grids.back(), *sphere, where);
   }

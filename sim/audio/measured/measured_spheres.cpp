@@ -74,15 +74,15 @@ MeasuredSphere make_sphere(std::span<const glm::vec3> direction, std::span<const
   DirectionTable table;
   for (const std::size_t m : measurements) {  // the farthest first
     const std::size_t number = table.number_of(glm::dvec3(direction[m]));
-    if (number == sphere.directions.size()) sphere.directions.emplace_back();
-    Measurements& copies = sphere.directions[number];
-    if (copies.empty() || distance_m[m] * kSameDistance > distance_m[copies.front()]) copies.push_back(m);
+    if (number == sphere.directions.size()) sphere.directions.push_back({direction[m], {}});
+    Measurements& copies = sphere.directions[number].copies;
+    if (copies.empty() || distance_m[m] * kSameDistance >= distance_m[copies.front()]) copies.push_back(m);
   }
   // In the order of the file, whatever the distances.
-  for (Measurements& copies : sphere.directions) std::ranges::sort(copies);
-  std::ranges::sort(sphere.directions, {}, [](const Measurements& copies) { return copies.front(); });
-  for (const Measurements& copies : sphere.directions)
-    sphere.distance_m += static_cast<double>(distance_m[copies.front()]) / static_cast<double>(sphere.directions.size());
+  for (MeasuredDirection& one : sphere.directions) std::ranges::sort(one.copies);
+  std::ranges::sort(sphere.directions, {}, [](const MeasuredDirection& one) { return one.copies.front(); });
+  for (const MeasuredDirection& one : sphere.directions)
+    sphere.distance_m += static_cast<double>(distance_m[one.copies.front()]) / static_cast<double>(sphere.directions.size());
   return sphere;
 }
 

@@ -22,8 +22,7 @@ void warn_of_air(const SceneReport& report, std::vector<std::string>& warnings) 
   if (report.ray_efficiency < kMostLeaked)
     warnings.emplace_back(
         "the scene encloses no air: next to no ray that starts above its floor meets a surface; is part of the mesh missing, or its up "
-        "axis "
-        "another one?");
+        "axis another one?");
   else if (report.leaked_ray_fraction > kOpenCountry)
     return;
   else if (report.leaked_ray_fraction > kMostLeaked)

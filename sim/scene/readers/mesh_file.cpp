@@ -2,10 +2,14 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/text/listed.h"
 #include "sim/base/text/text_match.h"
 #include "sim/scene/readers/face_count.h"
+#include "sim/scene/readers/mesh_builder.h"
 #include "sim/scene/readers/obj_materials.h"
 #include "sim/scene/readers/obj_reader.h"
 #include "sim/scene/readers/ply_reader.h"
@@ -13,6 +17,8 @@
 
 namespace earshot {
 namespace {
+
+constexpr std::size_t kMostNames = 4;  // in a warning
 
 void add_obj_looks(std::string_view bytes, const std::filesystem::path& path, MeshFile& file) {
   const auto looks = read_obj_looks(bytes, path);
@@ -22,6 +28,18 @@ void add_obj_looks(std::string_view bytes, const std::filesystem::path& path, Me
     if (found->second.base_color) part.base_color = {*found->second.base_color};
     part.texture = found->second.texture;
   }
+}
+
+void warn_of_missing_libraries(std::string_view bytes, const std::filesystem::path& path, MeshFile& file) {
+  std::vector<std::string> names;
+  for (const std::filesystem::path& library : find_obj_libraries(bytes, path).missing)
+    names.push_back(one_line(library.filename().string()));
+  if (names.empty()) return;
+  const std::size_t count = names.size();
+  names.resize(std::min(count, kMostNames));
+  file.warnings.push_back(
+      fmt::format("{} material libraries that it names are missing ({}{}): names of materials count, colours and textures do not", count,
+                  listed(names, ", "), count > kMostNames ? ", ..." : ""));
 }
 
 }  // namespace
@@ -36,7 +54,10 @@ MeshFile read_mesh_file(const std::filesystem::path& path, bool with_looks) {
   if (extension == ".obj") {
     file = parse_obj(bytes, where, {.with_looks = with_looks});
     num_faces = count_obj_faces(bytes);
-    if (with_looks) add_obj_looks(bytes, path, file);
+    if (with_looks)
+      add_obj_looks(bytes, path, file);
+    else
+      warn_of_missing_libraries(bytes, path, file);
   } else if (extension == ".ply") {
     file = parse_ply(bytes, where, stem, with_looks);
     num_faces = count_ply_faces(bytes);

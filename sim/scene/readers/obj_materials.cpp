@@ -1,7 +1,7 @@
 #include "sim/scene/readers/obj_materials.h"
 
 #include <array>
-#include <cmath>
+#include <set>
 #include <vector>
 
 #include "sim/base/files.h"
@@ -61,26 +61,35 @@ void parse_mtl(std::string_view text, std::map<std::string, ObjLook, std::less<>
   }
 }
 
-std::map<std::string, ObjLook, std::less<>> read_obj_looks(std::string_view obj, const std::filesystem::path& path) {
-  std::map<std::string, ObjLook, std::less<>> looks;
+ObjLibraries find_obj_libraries(std::string_view obj, const std::filesystem::path& path) {
   const std::filesystem::path own = std::filesystem::path(path).replace_extension(".mtl");
+  ObjLibraries libraries;
+  std::set<std::filesystem::path> seen;
+  const auto add = [&](std::vector<std::filesystem::path>& list, std::filesystem::path file) {
+    if (seen.insert(file).second) list.push_back(std::move(file));
+  };
+  const auto add_named = [&](const std::filesystem::path& file) {
+    const bool is_there = is_file(file);
+    add(is_there ? libraries.found : libraries.missing, file);
+    if (!is_there && is_file(own)) add(libraries.found, own);
+  };
   for (LineScanner lines(obj); lines.next();) {
     std::string_view rest = lines.line();
-    if (take_word(rest) != "mtllib") continue;
+    if (take_word(rest) != "mtllib" || trimmed(rest).empty()) continue;
     const std::filesystem::path whole = path.parent_path() / std::string(trimmed(rest));
-    std::vector<std::filesystem::path> libraries{whole};
-    if (!is_file(whole)) {  // several names on one line
-      libraries.clear();
+    if (is_file(whole)) {
+      add(libraries.found, whole);
+    } else {
       for (std::string_view name = take_word(rest); !name.empty(); name = take_word(rest))
-        libraries.push_back(path.parent_path() / std::string(name));
-    }
-    for (const std::filesystem::path& library : libraries) {
-      if (is_file(library))
-        parse_mtl(read_file(library), looks);
-      else if (is_file(own))
-        parse_mtl(read_file(own), looks);
+        add_named(path.parent_path() / std::string(name));
     }
   }
+  return libraries;
+}
+
+std::map<std::string, ObjLook, std::less<>> read_obj_looks(std::string_view obj, const std::filesystem::path& path) {
+  std::map<std::string, ObjLook, std::less<>> looks;
+  for (const std::filesystem::path& library : find_obj_libraries(obj, path).found) parse_mtl(read_file(library), looks);
   return looks;
 }
 

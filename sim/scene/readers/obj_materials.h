@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace earshot {
 
@@ -21,8 +22,17 @@ struct ObjLook {
 /// By name, of the text of a material library (MTL).  What it does not understand it leaves out: looks are no geometry.
 void parse_mtl(std::string_view text, std::map<std::string, ObjLook, std::less<>>& looks);
 
-/// Of every library that the OBJ names (mtllib), beside it, and of the library of its own name where one of those is absent.
-/// obj: the bytes of the file at `path`.  Throws InputError for a library that is there and cannot be read.
+/// The material libraries (mtllib) of an OBJ, each once.
+struct ObjLibraries {
+  std::vector<std::filesystem::path> found;    ///< in the order of the file
+  std::vector<std::filesystem::path> missing;  ///< that it names and that are not there
+};
+
+/// The libraries that the OBJ names, beside it: a line is one name, or several where no file has the whole of it as its name.  Where one
+/// is absent, the library of the OBJ's own name counts.  obj: the bytes of the file at `path`.
+ObjLibraries find_obj_libraries(std::string_view obj, const std::filesystem::path& path);
+
+/// Of all libraries that are found.  Throws InputError for one that cannot be read.
 std::map<std::string, ObjLook, std::less<>> read_obj_looks(std::string_view obj, const std::filesystem::path& path);
 
 }  // namespace earshot

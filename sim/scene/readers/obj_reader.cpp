@@ -28,12 +28,12 @@ struct ObjStatement {
 
 bool is_name_keyword(std::string_view word) { return word == "o" || word == "g" || word == "usemtl" || word == "mtllib"; }
 
-/// Statements that hold no surface: smoothing, points, lines, normals, display, and what free-form surfaces are made of.
+/// Statements that hold no surface: smoothing, normals, display, and what free-form surfaces are made of.
 bool is_without_surface(std::string_view word) {
-  constexpr std::array<std::string_view, 30> known{"vn",     "vp",   "s",     "l",        "p",        "mg",         "mtllib",    "maplib",
-                                                   "usemap", "lod",  "bevel", "c_interp", "d_interp", "shadow_obj", "trace_obj", "cstype",
-                                                   "deg",    "bmat", "step",  "curv",     "curv2",    "parm",       "trim",      "hole",
-                                                   "scrv",   "sp",   "end",   "con",      "ctech",    "stech"};
+  constexpr std::array<std::string_view, 27> known{"vn",    "vp",       "s",        "mg",         "maplib",    "usemap", "lod",
+                                                   "bevel", "c_interp", "d_interp", "shadow_obj", "trace_obj", "cstype", "deg",
+                                                   "bmat",  "step",     "curv",     "curv2",      "parm",      "trim",   "hole",
+                                                   "scrv",  "sp",       "end",      "con",        "ctech",     "stech"};
   return std::find(known.begin(), known.end(), word) != known.end();
 }
 

@@ -111,6 +111,32 @@ TEST_F(MeshCli, GltfInstancesAreAllThere) {
   expect_field_file("c02_instancing_used.gltf", 20);
 }
 
+// Attributes of the user's own count instances too; none, or more than memory holds, are refused before anything is read.
+TEST_F(MeshCli, GltfInstancesAreCountedByAnyAttribute) {
+  const auto with_attributes = [&](const auto& attributes_of) {
+    Draws draws(26, 0);
+    GltfWriter file = room_file(random_rooms::room(draws));
+    file.json["nodes"][0]["extensions"]["EXT_mesh_gpu_instancing"] = {{"attributes", attributes_of(file)}};
+    file.json["extensionsUsed"] = {"EXT_mesh_gpu_instancing"};
+    return write("own.gltf", file.gltf());
+  };
+  const std::string one = with_attributes([](GltfWriter& file) {
+    return nlohmann::json{{"_FEATURE_ID_0", file.add_accessor(file.add_view(std::vector<float>{7}), 1, 5126, "SCALAR")}};
+  });
+  EXPECT_EQ(scene(one).at("triangles"), 12);
+  const auto refused = [&](const std::string& mesh, const char* why) {
+    const CliOutcome outcome = earshot("scene " + mesh);
+    EXPECT_EQ(outcome.exit_code, 2);
+    EXPECT_THAT(outcome.errors, HasSubstr(why));
+  };
+  refused(with_attributes([](GltfWriter&) { return nlohmann::json::object(); }), "no instances");
+  refused(with_attributes([](GltfWriter& file) {
+            file.json["accessors"].push_back({{"componentType", 5126}, {"count", 1 << 28}, {"type", "VEC3"}});
+            return nlohmann::json{{"TRANSLATION", file.json["accessors"].size() - 1}};
+          }),
+          "instances of one mesh");
+}
+
 // The corners above the floor rise by the weighted sum of the targets.  A node's weights come before the mesh's; without any they are zero.
 TEST_F(MeshCli, GltfDefaultWeightsOfMorphTargetsCount) {
   for (std::uint32_t number = 0; number < kRooms; ++number) {

@@ -40,6 +40,9 @@ TEST(SceneInputs, EveryFileOfASceneCounts) {
   expect_depends_on(folder, obj, "paint.mtl", "newmtl a", "newmtl b");
   expect_depends_on(folder, obj, "room.mtl", "newmtl a", "newmtl b");  // the fallback for a library that is absent
 
+  folder.write("room.obj", "mtllib one.mtl two.mtl\nmtllib\tthree four.mtl\nv 0 0 0\n");
+  for (const char* library : {"one.mtl", "two.mtl", "three four.mtl"}) expect_depends_on(folder, obj, library, "newmtl a", "newmtl b");
+
   const std::string yaml =
       folder.write("scene.yaml", "mesh: room.obj\nmaterials: stuff.json\nsemantics: words.yaml\nair: {temperature_c: 20}\n");
   folder.write("stuff.json", "{}");

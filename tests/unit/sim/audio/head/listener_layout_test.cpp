@@ -84,6 +84,9 @@ TEST_F(ArrayFile, BadOnesAreRefused) {
   expect_refused("microphones: [{position_m: [0, 0, .nan]}]", "position_m");
   expect_refused("microphones: [{position_m: [0, 0, 0], pattern: cardioid, omni_weight: 0.5}]", "omni_weight");
   expect_refused("microphones: [{position_m: [0, 0, 0], gain: 2}]", "gain");
+  expect_refused("microphones: [{position_m: [0, 0, 0], name: a}, {position_m: [0, 0, 1], name: a}]", "'a' twice");
+  expect_refused("microphones: [{position_m: [0, 0, 0], name: mic1}, {position_m: [0, 0, 1]}]",
+                 "'mic1' twice");  // the name of an unnamed one
 }
 
 }  // namespace

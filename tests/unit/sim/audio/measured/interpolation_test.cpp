@@ -116,12 +116,14 @@ TEST(HeadInterpolation, DirectionsLeftOutAreMadeFromTheOthers) {
   const std::vector<double> centres = third_octaves();
   for (std::size_t b = 0; b < centres.size(); ++b) {
     const double both = std::sqrt((kemar.sum_of_squares_db[b] + sadie.sum_of_squares_db[b]) / (2.0 * (kemar.count + sadie.count)));
-    EXPECT_LT(both, centres[b] < 7000 ? 1.0 : 2.0) << centres[b];
+    // At 8 kHz, where notches move with the direction, it falls short of 1 dB (docs/heads.md).
+    EXPECT_LT(both, centres[b] < 7000 ? 1.0 : centres[b] < 9000 ? 1.25 : 2.0) << centres[b];
   }
   EXPECT_EQ(kemar.num_beyond_neighbour, 0);
   // One measurement of this head, at azimuth 225 and elevation -50 degrees, differs by 13 dB and 0.25 ms from those about it.
   EXPECT_LE(sadie.num_beyond_neighbour, 4);
-  EXPECT_LT(std::sqrt(kemar.sum_of_squares_us / kemar.count), 10.0);  // SADIE: its faulty measurement alone makes more
+  EXPECT_LE(kemar.num_late, 5);
+  EXPECT_LT(std::sqrt(kemar.sum_of_squares_us / kemar.count), 3.0);  // SADIE: its faulty measurement alone makes more
 }
 
 // Weights add up to one; a measured direction is itself, and a copy of it would not change that.
