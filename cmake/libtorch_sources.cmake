@@ -1,5 +1,5 @@
 # Which sources need libtorch: those that include one of its headers, or a header of ours that includes one or is named torch_*.  The others
-# build and start without it (docs/decisions.md).
+# build and start without it (docs/explanation/decisions.md).
 
 # Sets RESULT to whether FILE, a path in the project, needs libtorch.
 function(earshot_needs_libtorch result file)

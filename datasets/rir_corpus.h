@@ -14,7 +14,7 @@ struct CorpusReport {
   std::size_t folders_missing = 0;         ///< of other shards; 0: the manifests of the whole corpus are written
 };
 
-/// Writes a corpus of responses, or completes one (docs/datasets.md).  Every byte is a function of (config, program), not of threads,
+/// Writes a corpus of responses, or completes one (docs/howto/datasets.md).  Every byte is a function of (config, program), not of threads,
 /// shards or how often the run was killed; a room is begun again if its line in the folder is missing.
 ///
 ///   OUT/corpus.json                   config, program, channels: what is compared before a corpus is completed

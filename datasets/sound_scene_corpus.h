@@ -13,7 +13,7 @@ struct SoundSceneReport {
   std::size_t folders_missing = 0;
 };
 
-/// Writes recordings of sound scenes with DCASE's labels, or completes what was begun (docs/datasets.md); every byte is a function of
+/// Writes recordings of sound scenes with DCASE's labels, or completes what was begun (docs/howto/datasets.md); every byte is a function of
 /// (config, sounds, program).
 ///
 ///   OUT/00000/000007_r0003.wav   recording 3 of room 7

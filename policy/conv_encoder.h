@@ -16,7 +16,8 @@ struct ConvLayer {
   int kernel = 1, stride = 1, channels = 1;
 };
 
-/// Layers for camera pictures: 8/4, 4/2, 3/2 (docs/formats.md, section 6.5); `channels` of the first layer, twice as many in the others.
+/// Layers for camera pictures: 8/4, 4/2, 3/2 (docs/reference/formats.md, section 6.5); `channels` of the first layer, twice as many in the
+/// others.
 std::vector<ConvLayer> visual_layers(int channels);
 /// Layers for spectrograms: 5/2, 3/2, 3/1 where a side is below 30, else 8/4, 4/2, 3/1.
 std::vector<ConvLayer> audio_layers(int rows, int columns, int channels);

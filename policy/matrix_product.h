@@ -11,8 +11,8 @@ namespace earshot {
 /// the next, of a and b as they lie in memory.  With beta 0 what c holds is not read.
 ///
 /// By oneDNN where libtorch brings it as a shared library: its kernels are made for the processor at run time, and know AVX-512 on
-/// processors that OpenBLAS 0.3.21 takes for a Haswell (twice as fast there, docs/agent.md).  Else by the BLAS.  On one thread, the bits
-/// are a function of the arguments and the processor.
+/// processors that OpenBLAS 0.3.21 takes for a Haswell (twice as fast there, docs/explanation/agent.md).  Else by the BLAS.  On one thread,
+/// the bits are a function of the arguments and the processor.
 struct MatrixProduct {
   std::int64_t m, n, k;
   bool transpose_a = false, transpose_b = false;

@@ -6,7 +6,7 @@ namespace earshot {
 
 class ConfigReader;
 
-/// Sizes of the network; the defaults are docs/formats.md, section 6.5 (4,952,453 parameters with 128 x 128 depth and 65 x 26 x 2
+/// Sizes of the network; the defaults are docs/reference/formats.md, section 6.5 (4,952,453 parameters with 128 x 128 depth and 65 x 26 x 2
 /// spectrograms).
 struct PolicyConfig {
   int hidden_size = 512;  ///< of the GRU

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Tracked files cite only what the repository holds: no document outside it is named, every page of docs/ that is named exists, and every place
-# on it: a section N (a heading "N" or "N.M"), docs/oracles.md, O-N (a heading), docs/stability.md, H-N (a row).
+# on it: a section N (a heading "N" or "N.M"), docs/evidence/oracles.md, O-N (a heading), docs/evidence/stability.md, H-N (a row).
 set -euo pipefail
 cd "$(dirname "$0")/.."
 git rev-parse --is-inside-work-tree >/dev/null   # what is tracked is checked
@@ -16,9 +16,9 @@ while IFS= read -r line; do fail "names a file outside the repository: $line"; d
 
 # One line per citation, comments joined over line breaks: file, page, place, with tabs between.
 citations() {
-  git grep -lE '\bdocs/[A-Za-z0-9_-]+\.md' -- ':!CHANGELOG.md' | while IFS= read -r file; do
+  git grep -lE '\bdocs/[A-Za-z0-9_/-]+\.md' -- ':!CHANGELOG.md' | while IFS= read -r file; do
     sed -E 's#^[[:space:]]*(///?<?|\#|\*)?[[:space:]]*##' "$file" | tr '\n' ' ' | tr -s ' ' |
-      grep -oE '\bdocs/[A-Za-z0-9_-]+\.md(, (sections? [0-9.]*[0-9]|[OH]-[0-9]+))?' | sed -E "s#^docs/([A-Za-z0-9_-]+\.md)(, )?#$file	\1	#"
+      grep -oE '\bdocs/[A-Za-z0-9_/-]+\.md(, (sections? [0-9.]*[0-9]|[OH]-[0-9]+))?' | sed -E "s#^docs/([A-Za-z0-9_/-]+\.md)(, )?#$file	\1	#"
   done | sort -u
 }
 count=0

@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
-# Every hard case H-1 to H-75 has a row in docs/stability.md, and every test that the page names exists in tests/.
+# Every hard case H-1 to H-75 has a row in docs/evidence/stability.md, and every test that the page names exists in tests/.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-page=docs/stability.md
+page=docs/evidence/stability.md
 failed=0
 for case in $(seq 1 75); do
   grep -qE "^\|[^|]*\bH-$case\b[^|]*\|" "$page" || { echo "$page: no row for H-$case"; failed=1; }

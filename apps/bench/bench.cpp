@@ -269,9 +269,10 @@ void add_bench(CLI::App& app, const std::vector<std::string>& arguments, int& ex
   command->add_option("--minutes", accuracy->minutes,
                       "Of the whole study; poses and repeats are cut to fit (default: 20, 2.5 with --quick)");
   command
-      ->add_option("--engine", accuracy->engines,
-                   "NAME=COMMAND: another engine for the comparison in shoeboxes, repeatable (protocol: docs/accuracy.md; default: "
-                   "pyroomacoustics, where python3 has it)")
+      ->add_option(
+          "--engine", accuracy->engines,
+          "NAME=COMMAND: another engine for the comparison in shoeboxes, repeatable (protocol: docs/evidence/accuracy.md; default: "
+          "pyroomacoustics, where python3 has it)")
       ->allow_extra_args(false);
   command->callback([accuracy] { run_accuracy(*accuracy); });
 

@@ -26,7 +26,7 @@ struct BenchScalingArguments {
   std::vector<int> ranks{2, 4, 8}, predicted{8, 32, 128, 1024};
   ScalingCheckOptions check;
   double step_ms = 5, learn_ms = 40, kib = 19345.52;
-  // Of the training that is predicted: 8 envs and 128 steps of the published network on a core (docs/ppo.md, section 8).
+  // Of the training that is predicted: 8 envs and 128 steps of the published network on a core (docs/explanation/ppo.md, section 8).
   double rollout_s = 10, rollout_spread = 0.3, learn_s = 8.8;
   double latency_us = 0, gbit_per_s = 0;
   std::string json, times;

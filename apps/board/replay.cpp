@@ -132,7 +132,7 @@ void add_replay(CLI::App& app) {
       "env.scene_root=DIR (quarantined: scene_root=DIR) where files have moved");
   command->footer(
       "A page: the recorded actions are walked again, with eyes and ears, and refused if their numbers are not those of the result.\n"
-      "Without --policy, --config or --benchmark the agent senses by the defaults.  docs/replay.md says what the page shows.\n"
+      "Without --policy, --config or --benchmark the agent senses by the defaults.  docs/howto/replay.md says what the page shows.\n"
       "A quarantined episode: runs the recorded actions with the recorded config and seed, on one thread, up to the recorded step. The "
       "last\n"
       "line says `recurs yes` if the same fault is found at the same step, else `recurs no`; either way the exit code is 0.");

@@ -61,7 +61,7 @@ void run_dataset_pano(const DatasetPanoArguments& options) {
 void add_dataset_pano(CLI::App& dataset) {
   auto options = std::make_shared<DatasetPanoArguments>();
   CLI::App* command = dataset.add_subcommand(
-      "pano", "Write panoramas (colour, depth, category) with a response at the same pose, as the PanoIR sets (docs/datasets.md)");
+      "pano", "Write panoramas (colour, depth, category) with a response at the same pose, as the PanoIR sets (docs/howto/datasets.md)");
   command->add_option("SCENE", options->scenes, "Scenes, and folders of them; house:10..14 stands for five houses")->required();
   options->axes.add_to(*command);
   add_out_option(*command, options->target);

@@ -34,7 +34,7 @@ void run_dataset_rir(const DatasetRirArguments& options) {
 void add_dataset_rir(CLI::App& dataset) {
   auto options = std::make_shared<DatasetRirArguments>();
   CLI::App* command = dataset.add_subcommand(
-      "rir", "Write a corpus of room impulse responses with their labels, or complete one that was interrupted (docs/datasets.md)");
+      "rir", "Write a corpus of room impulse responses with their labels, or complete one that was interrupted (docs/howto/datasets.md)");
   command->add_option("CONFIG", options->config, "YAML file with rooms, sources, listeners and acoustics, as configs/datasets/rir.yaml")
       ->required();
   add_out_option(*command, options->target);

@@ -32,7 +32,7 @@ void add_keys(CLI::App& app) {
   command->add_flag("--show", options->show, "Print the public key of a file that is there");
   command->footer(
       "The simplest: one file for all workers of a run, on every host under the same name, network.curve_key_file=FILE.  With a file per\n"
-      "host, network.allow_list names a file of all public keys and network.meeting_key is that of rank 0: docs/hosts.md.");
+      "host, network.allow_list names a file of all public keys and network.meeting_key is that of rank 0: docs/howto/hosts.md.");
   command->callback([options] { run_keys(*options); });
 }
 

@@ -45,7 +45,8 @@ void add_policy(CLI::App& app) {
   command->add_flag("--config", options->config, "Print its config (YAML), the start of one for fine-tuning")->excludes(out);
   command->add_option("--json", options->json, "Also write what AGENT is to a file");
   command->footer(
-      "Fine-tuning: a run config with `initial_policy: FILE` starts from these weights (configs/train/finetune.yaml, docs/agent.md).");
+      "Fine-tuning: a run config with `initial_policy: FILE` starts from these weights (configs/train/finetune.yaml, "
+      "docs/explanation/agent.md).");
   command->callback([options] { run_policy(*options); });
 }
 

@@ -63,7 +63,7 @@ int run_train(const TrainArguments& options, const std::vector<std::string>& arg
     throw InputError(asked.train.file, "no such episode set", "write it with 'earshot dataset episodes --config " + options.config + "'");
   if (options.join && !is_worker)
     throw InputError("--join", "is for a worker of a launcher, and there is none",
-                     "set the variables with which this worker was started (docs/hosts.md, section 4)");
+                     "set the variables with which this worker was started (docs/howto/hosts.md, section 4)");
   RunStart start;
   if (!options.resume.empty()) start.resume = find_checkpoint(options.resume);
   start.overwrite = options.overwrite;
@@ -117,9 +117,10 @@ void add_train(CLI::App& app, const std::vector<std::string>& arguments, int& ex
       ->allow_extra_args(false);
   command->add_flag("--overwrite", options->overwrite,
                     "Remove the files of an earlier run in `out` first; without it such a folder is refused");
-  command->add_flag("--join", options->join,
-                    "Come (back) to a run under way in the place of a lost worker, where network.on_loss is continue (docs/hosts.md);\n"
-                    "beside the options of the first start, which are not carried out again");
+  command->add_flag(
+      "--join", options->join,
+      "Come (back) to a run under way in the place of a lost worker, where network.on_loss is continue (docs/howto/hosts.md);\n"
+      "beside the options of the first start, which are not carried out again");
   command->add_flag("--insecure-network", options->insecure_network,
                     "Let links between hosts go without encryption and without keys (network.insecure=true)");
   command->footer(
@@ -136,7 +137,8 @@ void add_train(CLI::App& app, const std::vector<std::string>& arguments, int& ex
       "  env.quarantine_dir=FOLDER  episodes that went wrong, each as a file that replays it (default: `out`/quarantine)\n"
       "  checkpoint_every=50        updates between checkpoints; a full disk is reported and training goes on\n"
       "  keep=3                     newest checkpoints that stay, beside best.ckpt and last.ckpt\n"
-      "All keys, curves and counters: docs/training.md.  Several machines, srun, mpirun, torchrun and Kubernetes: docs/hosts.md.");
+      "All keys, curves and counters: docs/howto/training.md.  Several machines, srun, mpirun, torchrun and Kubernetes: "
+      "docs/howto/hosts.md.");
   command->callback([options, &arguments, &exit_code] { exit_code = run_train(*options, arguments); });
 }
 

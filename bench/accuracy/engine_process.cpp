@@ -25,7 +25,8 @@ namespace {
 using nlohmann::json;
 
 [[noreturn]] void refuse(const EngineCommand& engine, const std::string& what) {
-  throw InputError("engine " + engine.name, what, "see docs/accuracy.md for what a command must read and write, or leave the engine out");
+  throw InputError("engine " + engine.name, what,
+                   "see docs/evidence/accuracy.md for what a command must read and write, or leave the engine out");
 }
 
 /// What is said last, on one line.

@@ -30,8 +30,8 @@ inline constexpr int kEngineUnavailable = 69;
 /// A word of /bin/sh.
 std::string shell_quoted(const std::string& text);
 
-/// Runs `COMMAND REQUEST` with a room in a JSON file and reads what it wrote beside it, as documented in docs/accuracy.md.  folder: must
-/// exist; files of that name are overwritten.  What the command has started ends with it.  Throws InputError, one line that names the
+/// Runs `COMMAND REQUEST` with a room in a JSON file and reads what it wrote beside it, as documented in docs/evidence/accuracy.md. folder:
+/// must exist; files of that name are overwritten.  What the command has started ends with it.  Throws InputError, one line that names the
 /// engine: it fails (unless it is optional), takes longer than timeout_s, or a file is missing or wrong.
 EngineAnswer ask_engine(const EngineCommand& engine, const ShoeboxRoom& room, double seconds_per_response,
                         const std::filesystem::path& folder, double timeout_s = 300);

@@ -1,5 +1,5 @@
-// Question: does a step cost more when the sound and the room die away through the denormals than when there is noise?  (docs/stability.md,
-// H-39)
+// Question: does a step cost more when the sound and the room die away through the denormals than when there is noise?
+// (docs/evidence/stability.md, H-39)
 
 #include <benchmark/benchmark.h>
 

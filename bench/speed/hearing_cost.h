@@ -19,7 +19,7 @@ struct HearingCostOptions {
 /// log-spectral distance of the observed spectrogram to the one from that reference.
 struct HearingCost {
   BenchReport report;
-  std::string markdown;  ///< the table of docs/hearing_cost.md
+  std::string markdown;  ///< the table of docs/evidence/hearing_cost.md
 };
 HearingCost bench_hearing(const HearingCostOptions& options);
 

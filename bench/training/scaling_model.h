@@ -4,8 +4,8 @@
 
 namespace earshot {
 
-/// A model of what more workers are worth (docs/ppo.md, section 8): each update waits for the slowest rollout, then sums gradients.  It
-/// says nothing of learning: a larger batch is not worth as many small ones.
+/// A model of what more workers are worth (docs/explanation/ppo.md, section 8): each update waits for the slowest rollout, then sums
+/// gradients.  It says nothing of learning: a larger batch is not worth as many small ones.
 
 /// Expected k-th smallest of n draws from the standard normal distribution, k = 1 ... n; k = n is the largest.  By integration, to 1e-6.
 double expected_normal_order(int k, int n);

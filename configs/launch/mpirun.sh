@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Trains with Open MPI's mpirun:
 #   configs/launch/mpirun.sh NUM_WORKERS CONFIG [key=value]...
-# On several hosts (docs/hosts.md) set
+# On several hosts (docs/howto/hosts.md) set
 #   EARSHOT_HOSTS       host:slots,host:slots as `mpirun --host` takes them; rank 0 runs on the first
 #   EARSHOT_RENDEZVOUS  tcp://FIRST HOST:PORT
 #   EARSHOT_KEYS        a file of `earshot keys` that all hosts see
@@ -16,6 +16,6 @@ launch+=(-n "$workers" --bind-to none)
 options=("$@")
 if [ -n "${EARSHOT_HOSTS:-}" ]; then launch+=(--host "$EARSHOT_HOSTS" -x "EARSHOT_RENDEZVOUS"); fi
 if [ -n "${EARSHOT_KEYS:-}" ]; then options+=("network.curve_key_file=$EARSHOT_KEYS"); fi
-# One thread per worker: docs/ppo.md, section 4.
+# One thread per worker: docs/explanation/ppo.md, section 4.
 export OMP_NUM_THREADS=${OMP_NUM_THREADS:-1} OPENBLAS_NUM_THREADS=${OPENBLAS_NUM_THREADS:-1}
 exec mpirun "${launch[@]}" -x OMP_NUM_THREADS -x OPENBLAS_NUM_THREADS "${EARSHOT:-earshot}" train "$config" "${options[@]}"

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Trains with torchrun, on each host alike:
 #   configs/launch/torchrun.sh NUM_WORKERS_PER_HOST CONFIG [key=value]...
-# On several hosts (docs/hosts.md) set EARSHOT_NODES, EARSHOT_NODE (0 to EARSHOT_NODES - 1), MASTER_ADDR (host of node 0), MASTER_PORT, and EARSHOT_KEYS,
+# On several hosts (docs/howto/hosts.md) set EARSHOT_NODES, EARSHOT_NODE (0 to EARSHOT_NODES - 1), MASTER_ADDR (host of node 0), MASTER_PORT, and EARSHOT_KEYS,
 # a file of `earshot keys`; the workers meet at the port after MASTER_PORT, as torchrun's agent has that one.
 # torchrun 1.13 starts nothing under Python 3.11 without --redirects and --tee.
 set -euo pipefail

@@ -160,7 +160,7 @@ void AgentSenses::observe_sound(Agent& agent, HearingEngines& engines) const {
   const auto picture = spectrogram ? spectrogram->row<float>(agent.row) : std::span<float>{};
   const auto cells = interaural ? interaural->row<float>(agent.row) : std::span<float>{};
   const bool legacy = setup_->config.observation.legacy_spectrogram;
-  if (legacy) {  // the new samples, then zeros (docs/formats.md, section 6.2)
+  if (legacy) {  // the new samples, then zeros (docs/reference/formats.md, section 6.2)
     const std::size_t samples = engines.window.size() / 2, block = size_of(setup_->block_samples);
     const auto sound = rows_->of(SensorKind::waveform)->row<float>(agent.row);
     std::fill(engines.window.begin(), engines.window.end(), 0.f);

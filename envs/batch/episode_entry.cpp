@@ -111,7 +111,7 @@ void EpisodeEntry::enter_agent(const EnvRun& run, Agent& agent, double silent_fr
     return FaultDesk::report(agent, Fault::path, std::move(detail));
   }
   const double heading_rad = heading_of(further ? further->start_rotation : episode.start_rotation);
-  // Counted here and not read from the file: published sets count 1 m steps and 90 degree turns (docs/conventions.md, section 7).
+  // Counted here and not read from the file: published sets count 1 m steps and 90 degree turns (docs/reference/conventions.md, section 7).
   const int known = further ? task.max_steps : episode.num_action;
   const int oracle_actions = oracle_.of(agent.episode_index * setup_->per_env + size_of(agent.number), [&] {
     return std::max(1, count_oracle_actions(task, scene.navmesh, goal, *start, heading_rad).value_or(known));

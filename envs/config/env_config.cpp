@@ -40,7 +40,7 @@ void read(ConfigReader& reader, EnvConfig& config) {
   ConfigReader observation = reader.child("observation");
   read(observation, config.observation);
   observation.finish();
-  // The analysed window is one second of what is rendered (docs/conventions.md, section 6).
+  // The analysed window is one second of what is rendered (docs/reference/conventions.md, section 6).
   config.observation.sound.sample_rate_hz = config.acoustics.sample_rate_hz;
   config.observation.sound.num_samples = static_cast<int>(std::lround(config.acoustics.sample_rate_hz));
   ConfigReader navmesh = reader.child("navmesh");

@@ -22,9 +22,9 @@ struct FieldChoice {
 
 /// acoustics.field is `automatic` or on.  steps: of all agents and workers together; 0: each episode once, as many steps as its oracle
 /// needs and at least kStepsPerEpisode.  A function of its arguments alone: workers and resumed runs come to the same.
-/// Photons: (1.8 / field_error)^2, what furnished houses need (docs/estimators.md, section 10); a photon costs as much as 2.5 rays, which
-/// is measured (docs/hearing_cost.md), and a gather as much as 2.5; two of five steps of a policy lead to a new place.  A field has to
-/// halve the work, as the effect plan asks too.
+/// Photons: (1.8 / field_error)^2, what furnished houses need (docs/explanation/estimators.md, section 10); a photon costs as much as 2.5
+/// rays, which is measured (docs/evidence/hearing_cost.md), and a gather as much as 2.5; two of five steps of a policy lead to a new place.
+/// A field has to halve the work, as the effect plan asks too.
 FieldChoice choose_field(const AcousticConfig& acoustics, const EpisodeSet& set, double steps);
 
 }  // namespace earshot

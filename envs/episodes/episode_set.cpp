@@ -22,7 +22,7 @@ constexpr std::size_t kMaxTextBytes = std::size_t{1} << 30;
 constexpr const char* kGeneratorKey = "earshot_generator";
 constexpr const char* kVersionKey = "schema_version";
 constexpr std::string_view kScenePrefix = "data/scene_datasets/";
-constexpr std::string_view kRemedy = "see docs/formats.md for the episode format, or make a set with `earshot dataset episodes`";
+constexpr std::string_view kRemedy = "see docs/reference/formats.md for the episode format, or make a set with `earshot dataset episodes`";
 
 /// One JSON episode, with messages that name the episode and the key.
 class EpisodeReader {

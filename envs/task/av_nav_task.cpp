@@ -143,7 +143,7 @@ float AvNavState::step(const TaskConfig& config, const Navmesh& navmesh, const N
     }
   }
   if (error.turn_rad != 0) heading_error_rad_ = std::remainder(heading_error_rad_ + error.turn_rad, 2.0 * std::numbers::pi);
-  // Stopping on the last step is still the agent's own end: no bootstrap (docs/ppo.md, section 1.1).
+  // Stopping on the last step is still the agent's own end: no bootstrap (docs/explanation/ppo.md, section 1.1).
   truncated_ = !terminated_ && steps_ >= config.max_steps;
   float reward = config.step_reward + config.distance_reward * (before_m - distance_m_);
   if (terminated_ && distance_m_ < config.success_radius_m) reward += config.success_reward;

@@ -38,7 +38,7 @@ struct ActuationError {
 /// The error of a step that takes this action, from the numbers of `random`.
 ActuationError draw_actuation_error(const ActuationNoise& noise, Action action, const RandomStream& random);
 
-/// Continuous AV-Nav (docs/conventions.md, section 6).
+/// Continuous AV-Nav (docs/reference/conventions.md, section 6).
 struct TaskConfig {
   Motion motion = Motion::continuous;
   float step_time_s = 0.15f;
@@ -54,7 +54,7 @@ void read(ConfigReader& reader, TaskConfig& config);
 /// Throws InputError "key = value: rule".
 void validate(const TaskConfig& config);
 
-/// Metrics of a finished episode (docs/conventions.md, section 7; SNA with an oracle of the same actions).
+/// Metrics of a finished episode (docs/reference/conventions.md, section 7; SNA with an oracle of the same actions).
 struct EpisodeMetrics {
   double success = 0, spl = 0, soft_spl = 0, sna = 0, dtg_m = 0, reward = 0;
   double success_when_silent = 0;  ///< success, and the sound of the goal had ended by then (SWS of Chen, Al-Halah and Grauman 2021)

@@ -39,7 +39,7 @@ struct EpisodeAgent {
   friend bool operator==(const EpisodeAgent&, const EpisodeAgent&) = default;
 };
 
-/// One continuous AV-Nav episode, the AudioNav JSON fields of docs/formats.md, section 1.
+/// One continuous AV-Nav episode, the AudioNav JSON fields of docs/reference/formats.md, section 1.
 struct Episode {
   std::string episode_id;
   std::string scene_id;                             ///< a SCENE of the command line, or a path under the scene root

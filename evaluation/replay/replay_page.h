@@ -14,7 +14,7 @@ struct ReplayCaption {
   std::vector<std::pair<std::string, std::string>> links = {};
 };
 
-/// The recording as JSON, its pictures, sound and geometry in base64 (docs/replay.md): what the page reads.
+/// The recording as JSON, its pictures, sound and geometry in base64 (docs/howto/replay.md): what the page reads.
 std::string replay_json(const EpisodeRecording& recording, const ReplayCaption& caption);
 /// One HTML file that plays the recording in a browser, without a network: the house in three dimensions, a map, what was seen and heard.
 std::string replay_html(const EpisodeRecording& recording, const ReplayCaption& caption);

@@ -2,7 +2,7 @@
 
 Positions are metres in the coordinates of the scene's file, y up; angles degrees, headings counter-clockwise from -z seen from above.
 Pressure is in Green units: a unit source gives 1 / (4 pi r) at distance r.  Equal arguments and seeds give equal bits, for any number of
-threads, and those of ``earshot rir`` where it is built with the same transforms (docs/python.md).
+threads, and those of ``earshot rir`` where it is built with the same transforms (docs/howto/python.md).
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 /// Floats must obey IEEE 754 here: every stage finds NaN and infinity with std::isfinite and drops them with a counter, and sums promise
 /// the same bits.  With -ffinite-math-only the compiler replaces those tests by `true`, with -fassociative-math it reorders sums
-/// (docs/stability.md, H-71).  Included by sim/base/errors.h, so everywhere.
+/// (docs/evidence/stability.md, H-71).  Included by sim/base/errors.h, so everywhere.
 #if defined(__FAST_MATH__)
 #error "Earshot must not be compiled with -ffast-math: tests for NaN would vanish and results would depend on the compiler"
 #endif

@@ -56,7 +56,7 @@ struct CameraImages {
 /// Ends the process if a span that is not empty has another size than config says.
 void check_sizes(const CameraSensorConfig& config, const CameraImages& images);
 
-/// Light of all renderers: from above and aside, half round the corner, never dark (docs/vision.md).
+/// Light of all renderers: from above and aside, half round the corner, never dark (docs/howto/vision.md).
 /// Factor for a base colour in linear light; normal: unit, in the scene, toward the viewer.
 inline constexpr glm::vec3 kLightDirection{0.35629062f, 0.81437856f, 0.45808794f};  // (0.35, 0.8, 0.45), unit
 inline constexpr float kAmbientLight = 0.35f, kDirectedLight = 0.65f;

@@ -32,9 +32,9 @@ struct EglView {
 ///   EglRenderer renderer({.device = "auto"});                  // once per process; throws InputError where there is no hardware
 ///   renderer.render(config, views);                            // views: one per agent, of any scenes
 ///
-/// Pictures are those of EmbreeCamera but for pixels on edges (docs/vision.md has the shares), and for what is nearer than kNearPlaneM,
-/// which is not drawn; a view has the same bits in every batch on the same device.  Pinholes only.  Geometry and textures of a scene are
-/// uploaded when it first occurs, and dropped when the scene is: 144 bytes per triangle, and the textures.
+/// Pictures are those of EmbreeCamera but for pixels on edges (docs/howto/vision.md has the shares), and for what is nearer than
+/// kNearPlaneM, which is not drawn; a view has the same bits in every batch on the same device.  Pinholes only.  Geometry and textures of a
+/// scene are uploaded when it first occurs, and dropped when the scene is: 144 bytes per triangle, and the textures.
 ///
 /// One thread of its own owns the context.  render may be called from any thread, one call at a time is served, and each waits for its
 /// pictures. A context that the driver loses is reported (warn), made anew with all scenes of the batch, and the batch is drawn again,

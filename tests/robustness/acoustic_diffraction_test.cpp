@@ -45,7 +45,7 @@ TEST(H66_ShadowBoundary, ThePoleOfTheCotangentIsNotThere) {
 }
 
 TEST(H66_ShadowBoundary, FollowsTheTableAtAMicroradian) {
-  // docs/oracles.md, O-24: source 2 m at 45 degrees, listener 2 m at 225.006 degrees: 3.7362, 5.2004, 5.7392 dB by this theory; a
+  // docs/evidence/oracles.md, O-24: source 2 m at 45 degrees, listener 2 m at 225.006 degrees: 3.7362, 5.2004, 5.7392 dB by this theory; a
   // microradian more or less changes none of the digits.
   const double exact[] = {3.7362, 5.2004, 5.7392}, frequency_hz[] = {125, 1000, 8000};
   for (int i = 0; i < 3; ++i)

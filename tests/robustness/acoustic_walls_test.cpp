@@ -14,7 +14,7 @@ namespace {
 
 using namespace engines;
 
-/// First reflections of SHOE-1 by Lambert walls that keep everything, all six walls (docs/oracles.md, O-8).
+/// First reflections of SHOE-1 by Lambert walls that keep everything, all six walls (docs/evidence/oracles.md, O-8).
 constexpr double kFirstReflections = 3.315472e-04 + 3.393299e-04 + 3.373553e-04 + 2.868505e-04 + 5.257685e-04 + 4.373527e-04;
 
 TEST(H18_GrazingRays, NoSingleContributionIsAFirefly) {

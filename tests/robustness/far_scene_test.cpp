@@ -1,4 +1,4 @@
-// Scenes far from the origin of their files are computed near it (docs/stability.md, H-9).
+// Scenes far from the origin of their files are computed near it (docs/evidence/stability.md, H-9).
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -146,7 +146,7 @@ void expect_equal(const EnergyResponse& far, const EnergyResponse& near, double 
   }
 }
 
-// docs/stability.md, H-9: equal to the results at the origin to 1e-6.  Offsets in whole metres give the same bits.
+// docs/evidence/stability.md, H-9: equal to the results at the origin to 1e-6.  Offsets in whole metres give the same bits.
 TEST(H9_FarFromTheOrigin, ResultsAreThoseAtTheOrigin) {
   const TempFolder folder;
   const EnergyResponse near = respond(folder.write("near.obj", obj_text(box(kSize))), glm::dvec3(0));

@@ -1,4 +1,4 @@
-// Rooms of a decimetre and of ten kilometres, and files in another unit than they seem (docs/stability.md, H-10 to H-12).
+// Rooms of a decimetre and of ten kilometres, and files in another unit than they seem (docs/evidence/stability.md, H-10 to H-12).
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

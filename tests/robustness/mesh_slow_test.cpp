@@ -1,4 +1,5 @@
-// Leak rates over millions of bounces (docs/stability.md, H-17), and meshes of many triangles and of one that is far larger (H-73).
+// Leak rates over millions of bounces (docs/evidence/stability.md, H-17), and meshes of many triangles and of one that is far larger
+// (H-73).
 
 #include <fmt/core.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-// Meshes whose triangles do not fit together as they should (docs/stability.md, H-7, H-8, H-17, H-19).
+// Meshes whose triangles do not fit together as they should (docs/evidence/stability.md, H-7, H-8, H-17, H-19).
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -57,8 +57,8 @@ TEST(H7_BadTopology, NormalsFaceTheRayWhateverTheWinding) {
   }
 }
 
-// The bound of docs/stability.md is 1e-5 per bounce.  Corners of one face round off the sides of the other: gaps of a rounding, and rays of
-// a rounding.
+// The bound of docs/evidence/stability.md is 1e-5 per bounce.  Corners of one face round off the sides of the other: gaps of a rounding,
+// and rays of a rounding.
 TEST(H7_BadTopology, TJunctionsLeakLessThanOneIn100000) {
   for (const double size_m : {1.0, 1000.0}) {
     for (const glm::dvec3 centre : {glm::dvec3(0), glm::dvec3(3.7, 1.1, -2.9) * size_m}) {
@@ -167,7 +167,7 @@ TEST(H8_Holes, ReportSaysWhatEscapesAndDecayFallsByIt) {
   const double with_holes = decay_s(open), with_patches = decay_s(perforated(n, is_kept, false, 0.1f));
   EXPECT_NEAR(with_holes, with_patches, 1e-3 * with_patches);
   // alpha_eff = 1 - (1 - alpha)(1 - p), Eyring, in the diffuse cube of 27 m3 and 54 m2.  The exact decay of a Lambert cube is within 3 %
-  // of Eyring's (docs/oracles.md, O-10), and 6,000 rays give T20 to 2 %.
+  // of Eyring's (docs/evidence/oracles.md, O-10), and 6,000 rays give T20 to 2 %.
   const auto eyring = [](double alpha) { return 24 * std::log(10.0) * 27 / (343.2 * 54 * -std::log1p(-alpha)); };
   EXPECT_NEAR(with_holes / eyring(1 - 0.9 * (1 - p)), 1, 0.06);
   EXPECT_LT(with_holes, 0.8 * eyring(0.1)) << "and not that of the closed room";

@@ -1,4 +1,4 @@
-// Single triangles that are wrong, doubled, or lie on each other (docs/stability.md, H-1 to H-6).
+// Single triangles that are wrong, doubled, or lie on each other (docs/evidence/stability.md, H-1 to H-6).
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

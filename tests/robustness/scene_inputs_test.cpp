@@ -1,5 +1,5 @@
-// Scenes of one triangle and of none, material tables with odd entries, and text as other systems write it (docs/stability.md, H-24 to
-// H-28, H-70, H-72).
+// Scenes of one triangle and of none, material tables with odd entries, and text as other systems write it (docs/evidence/stability.md,
+// H-24 to H-28, H-70, H-72).
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-// Sources and listeners exactly on walls, edges and corners (docs/stability.md, H-16), and rays that start there (H-17).
+// Sources and listeners exactly on walls, edges and corners (docs/evidence/stability.md, H-16), and rays that start there (H-17).
 
 #include <gtest/gtest.h>
 

@@ -249,7 +249,7 @@ TEST(DEchorate, OneFloorCarriesTheDecayAndDirectToReverberantRatioFollows) {
     std::printf("\n            mean over octaves: T20 %+.1f %%, DRR %+.2f dB\n", 100 * t20_error, drr_error_db);
     std::printf("            mean sizes: T20 %.1f %%, DRR %.2f dB\n", 100 * t20_size, drr_size_db);
     // The bounds, for the mean over octaves: a single octave of one response scatters by 5 to 10 % in T20 by its random phases
-    // alone (docs/estimators.md, section 6), and its DRR by interference of the direct sound with what falls into its window.
+    // alone (docs/explanation/estimators.md, section 6), and its DRR by interference of the direct sound with what falls into its window.
     EXPECT_LT(std::fabs(t20_error), 0.10) << m;
     EXPECT_LT(std::fabs(drr_error_db), 1.5) << m;
     // Errors of opposite sign must not pass for none.

@@ -7,7 +7,7 @@
 #include "tests/support/acoustics/image_sum.h"
 #include "tests/support/acoustics/late_field.h"
 
-// docs/oracles.md, O-6: corridor of mirrors, 40 x 2 x 2.5 m, absorption 0.1.
+// docs/evidence/oracles.md, O-6: corridor of mirrors, 40 x 2 x 2.5 m, absorption 0.1.
 namespace earshot {
 namespace {
 

@@ -5,7 +5,7 @@
 #include "tests/support/acoustics/decay.h"
 #include "tests/support/acoustics/late_field.h"
 
-// docs/oracles.md, O-21: a dead room of 60 m3 and a live one of 210 m3 that share a doorway of 2 m2.
+// docs/evidence/oracles.md, O-21: a dead room of 60 m3 and a live one of 210 m3 that share a doorway of 2 m2.
 namespace earshot {
 namespace {
 

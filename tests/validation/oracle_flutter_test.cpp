@@ -9,7 +9,7 @@
 #include "tests/support/acoustics/decay.h"
 #include "tests/support/acoustics/late_field.h"
 
-// docs/oracles.md, O-5: two parallel planes 3.43 m apart, open sides.
+// docs/evidence/oracles.md, O-5: two parallel planes 3.43 m apart, open sides.
 namespace earshot {
 namespace {
 

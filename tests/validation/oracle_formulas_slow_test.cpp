@@ -8,7 +8,7 @@
 #include "tests/support/acoustics/late_field.h"
 #include "tests/support/acoustics/shoe2.h"
 
-// docs/oracles.md, O-14: estimates by formula against the exact decay of Lambert rooms.
+// docs/evidence/oracles.md, O-14: estimates by formula against the exact decay of Lambert rooms.
 namespace earshot {
 namespace {
 

@@ -7,7 +7,7 @@
 #include "tests/support/acoustics/decay.h"
 #include "tests/support/acoustics/late_field.h"
 
-// docs/oracles.md, O-20: what a rigid motion of scene, source and listener must not change.
+// docs/evidence/oracles.md, O-20: what a rigid motion of scene, source and listener must not change.
 namespace earshot {
 namespace {
 

@@ -7,7 +7,7 @@
 #include "tests/support/acoustics/image_sum.h"
 #include "tests/support/acoustics/shoe2.h"
 
-// docs/oracles.md, O-4: decay in rooms of mirrors, by all images.
+// docs/evidence/oracles.md, O-4: decay in rooms of mirrors, by all images.
 namespace earshot {
 namespace {
 

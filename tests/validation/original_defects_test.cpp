@@ -15,7 +15,7 @@
 #include "tests/support/acoustics/decay.h"
 #include "tests/support/acoustics/rooms.h"
 
-// One test per defect that the predecessor had or its users reported (docs/formats.md, section 6): each would have caught it.
+// One test per defect that the predecessor had or its users reported (docs/reference/formats.md, section 6): each would have caught it.
 namespace earshot {
 namespace {
 

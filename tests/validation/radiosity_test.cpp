@@ -6,7 +6,7 @@
 
 #include "tests/support/acoustics/decay.h"
 
-// The radiosity solver is judged first, by closed forms and by docs/oracles.md, O-10, before it judges the tracer
+// The radiosity solver is judged first, by closed forms and by docs/evidence/oracles.md, O-10, before it judges the tracer
 // (radiosity_slow_test.cpp).
 namespace earshot {
 namespace {

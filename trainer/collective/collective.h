@@ -51,8 +51,8 @@ class Collective {
   /// more).
   [[nodiscard]] virtual int num_waiting() { return 0; }
 
-  /// Workers that come to a run under way (docs/hosts.md, section 4).  Not collective: what they are told before they prepare their part;
-  /// the same on all workers, as any may come to be the one that tells them.
+  /// Workers that come to a run under way (docs/howto/hosts.md, section 4).  Not collective: what they are told before they prepare their
+  /// part; the same on all workers, as any may come to be the one that tells them.
   virtual void brief(const std::string& /*text*/) {}
   /// Not collective: whether some are ready.  On one worker at most.
   [[nodiscard]] virtual bool has_joiners() { return false; }
@@ -73,8 +73,8 @@ class Collective {
 /// One worker alone: every call is the identity.
 std::unique_ptr<Collective> make_single_worker();
 
-/// Ring over ZeroMQ (docs/ppo.md, section 6): reduce-scatter and all-gather in 1 MiB chunks, MessagePack control messages, version and run
-/// id checked.  With more than kMaxMeshWorkers all but large sums go through a tree, with the same bits.
+/// Ring over ZeroMQ (docs/explanation/ppo.md, section 6): reduce-scatter and all-gather in 1 MiB chunks, MessagePack control messages,
+/// version and run id checked.  With more than kMaxMeshWorkers all but large sums go through a tree, with the same bits.
 std::unique_ptr<Collective> make_zmq_ring(const RingConfig& config);
 
 /// A worker that comes to a run under way, in the place of a lost one: same run id, world size and meeting point as at the start of the

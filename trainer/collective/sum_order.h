@@ -6,7 +6,7 @@ namespace earshot {
 
 /// The order in which a sum over workers adds, the same whatever connects them, so that bits do not depend on it: buffers below
 /// kSmallSumBytes in rank order; larger ones in world_size segments, segment k in the order k, k + 1, ..., k + P - 1 (mod P), which is what
-/// a ring does (docs/ppo.md, section 6.1).
+/// a ring does (docs/explanation/ppo.md, section 6.1).
 inline constexpr std::size_t kSmallSumBytes = 64 * 1024;  // below this, latency counts and not bandwidth
 
 /// Elements that are summed over all workers before the next ones: they stay in the first cache.

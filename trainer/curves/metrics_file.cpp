@@ -80,7 +80,7 @@ std::string prometheus_text(const CurvePoint& point, const std::string& run) {
 
   std::string text;
   for (const Family& family : families) {
-    text += fmt::format("# HELP {} Curve {} of the last update (docs/training.md).\n# TYPE {} {}\n", family.name, family.source,
+    text += fmt::format("# HELP {} Curve {} of the last update (docs/howto/training.md).\n# TYPE {} {}\n", family.name, family.source,
                         family.name, family.counter ? "counter" : "gauge");
     for (const Sample& sample : family.samples) {
       const std::string worker = sample.worker.empty() ? std::string() : fmt::format(",worker=\"{}\"", sample.worker);

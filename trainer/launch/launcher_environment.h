@@ -22,7 +22,7 @@ struct LaunchedWorker {
   std::shared_ptr<MeetingFolder> made_folder = {};  ///< it, once worker_from_environment has made it
 };
 
-/// Rank, world size, meeting point and run id from the first of these tables that is there (docs/hosts.md has the variables):
+/// Rank, world size, meeting point and run id from the first of these tables that is there (docs/howto/hosts.md has the variables):
 ///   1 EARSHOT_RANK, _WORLD_SIZE, _RENDEZVOUS and _RUN_ID, all four;
 ///   2 torchrun; 3 Open MPI; 4 MPICH's Hydra; 5 a Slurm step; 6 an indexed job of Kubernetes.
 /// Inner launchers come before outer ones: mpirun within a Slurm job starts ranks of mpirun.  EARSHOT_RENDEZVOUS and EARSHOT_RUN_ID

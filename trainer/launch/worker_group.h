@@ -16,11 +16,11 @@ std::optional<LaunchedWorker> worker_from_environment(const NetworkConfig& netwo
 
 /// Starts `num_workers` copies of this program and waits for all.  arguments: those after the program's name.  Each copy has EARSHOT_RANK,
 /// _WORLD_SIZE, _RENDEZVOUS and _RUN_ID set, for a rendezvous in a private folder that is removed afterwards, and OMP_NUM_THREADS and
-/// OPENBLAS_NUM_THREADS set to 1 unless they are set already (one thread per worker: docs/ppo.md, section 4).  Standard output and error
-/// are inherited.  The first worker that fails stops the others (SIGTERM, after `grace` SIGKILL).  SIGINT, SIGTERM, SIGHUP and SIGUSR1 are
-/// passed on; a second SIGINT or SIGTERM stops all in the same way.  Returns the exit code for main: 0 if all succeeded, else the first
-/// failing worker's code (1 if it was killed).  No worker outlives the call, or the calling process. Call it before other threads exist.
-/// Throws RunError if no process can be started, InputError for a number that validate_world() refuses.
+/// OPENBLAS_NUM_THREADS set to 1 unless they are set already (one thread per worker: docs/explanation/ppo.md, section 4).  Standard output
+/// and error are inherited.  The first worker that fails stops the others (SIGTERM, after `grace` SIGKILL).  SIGINT, SIGTERM, SIGHUP and
+/// SIGUSR1 are passed on; a second SIGINT or SIGTERM stops all in the same way.  Returns the exit code for main: 0 if all succeeded, else
+/// the first failing worker's code (1 if it was killed).  No worker outlives the call, or the calling process. Call it before other threads
+/// exist. Throws RunError if no process can be started, InputError for a number that validate_world() refuses.
 ///
 /// With OnLoss::go_on a worker that is killed, or ends with kLeftOutExitCode, stops no other, and the run has succeeded if a worker has;
 /// what then still stands stopped, or is there a minute later, is killed.  While the run is under way, a lost worker is started again with

@@ -6,7 +6,7 @@
 
 namespace earshot {
 
-/// The variables in which our own spawn says a worker's place, and which a user may set by hand (docs/hosts.md).
+/// The variables in which our own spawn says a worker's place, and which a user may set by hand (docs/howto/hosts.md).
 inline constexpr const char *kRankName = "EARSHOT_RANK", *kWorldSizeName = "EARSHOT_WORLD_SIZE", *kRendezvousName = "EARSHOT_RENDEZVOUS",
                             *kRunIdName = "EARSHOT_RUN_ID";
 

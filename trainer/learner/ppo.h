@@ -34,8 +34,8 @@ PpoLoss ppo_loss(const torch::Tensor& log_prob, const torch::Tensor& old_log_pro
                  const torch::Tensor& values, const torch::Tensor& old_values, const torch::Tensor& returns, const torch::Tensor& entropy,
                  const torch::Tensor& valid, double clip, const PpoConfig& config);
 
-/// A larger difference between the policy of the rollout and that of the learner before its first step is no rounding (docs/ppo.md): a
-/// mask, a hidden state or an observation is not what the policy acted on.
+/// A larger difference between the policy of the rollout and that of the learner before its first step is no rounding
+/// (docs/explanation/ppo.md): a mask, a hidden state or an observation is not what the policy acted on.
 inline constexpr double kMaxRatioError = 1e-4;
 
 /// Means over the minibatches of one update.
@@ -64,7 +64,7 @@ struct UpdateStats {
 /// worker steps; weights and Adam's state stay as they are and the run goes on.
 ///
 /// A minibatch is a part of the envs with their whole sequences; each env is in one minibatch per epoch.  The loss is the mean over the
-/// valid rows of a worker's minibatch, and each worker that has such rows weighs the same (docs/ppo.md, section 5.1), or as
+/// valid rows of a worker's minibatch, and each worker that has such rows weighs the same (docs/explanation/ppo.md, section 5.1), or as
 /// PpoConfig::preempt_weight says if a rollout ended early; a worker that has none joins the sum with weight 0.
 class PpoLearner {
  public:

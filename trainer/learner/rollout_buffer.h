@@ -12,8 +12,8 @@
 namespace earshot {
 
 /// One rollout of T steps of B envs, time first.  Row t holds what the policy saw before action t.  Begin with begin(), then one push per
-/// step, then finish(); a rollout may stop early, the rows past num_steps() are never read (docs/ppo.md, section 1.2: stale rows corrupted
-/// the original).
+/// step, then finish(); a rollout may stop early, the rows past num_steps() are never read (docs/explanation/ppo.md, section 1.2: stale
+/// rows corrupted the original).
 ///
 /// Nothing that is not finite comes to rest here: a row whose reward, value, log-probability or bootstrap is NaN or infinite gets a zero
 /// there and valid = 0, which gae() and the losses know how to leave out, and is counted.

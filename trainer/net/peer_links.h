@@ -28,8 +28,8 @@ namespace earshot {
 // reader that is away gets eight messages of progress until it counts as lost.
 inline constexpr int kQueuedControl = 256;
 
-/// Counts buffers that libzmq still reads.  Its I/O thread gives them back (docs/ppo.md, section 6.2: touching one earlier gave wrong
-/// sums).  Safe from any thread.
+/// Counts buffers that libzmq still reads.  Its I/O thread gives them back (docs/explanation/ppo.md, section 6.2: touching one earlier gave
+/// wrong sums).  Safe from any thread.
 class BuffersInFlight {
  public:
   void lend();

@@ -12,8 +12,8 @@ namespace earshot {
 /// What the others do when a worker is lost: end the run, or go on without it.
 enum class OnLoss { stop, go_on };
 
-/// How workers on several hosts reach each other: section `network` of a run config (docs/hosts.md).  Without any key, workers meet on one
-/// host only.
+/// How workers on several hosts reach each other: section `network` of a run config (docs/howto/hosts.md).  Without any key, workers meet
+/// on one host only.
 struct NetworkConfig {
   std::string interface;       ///< where this worker listens: name (eth0) or address; empty: where the way to rank 0 begins
   std::string port_range;      ///< "FIRST-LAST"; empty: any free port, and 20000-29999 for a meeting point whose launcher names none

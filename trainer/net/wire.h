@@ -26,8 +26,8 @@ class WireError : public std::runtime_error {
 
 inline constexpr std::uint16_t kWireVersion = 6;
 inline constexpr std::size_t kMaxControlBytes = 64 * 1024;  ///< of one control message
-inline constexpr std::size_t kChunkBytes = std::size_t{1}
-                                           << 20;  ///< payload of one bulk message (docs/ppo.md, section 6.3: 1 MiB was the fastest)
+inline constexpr std::size_t kChunkBytes =
+    std::size_t{1} << 20;  ///< payload of one bulk message (docs/explanation/ppo.md, section 6.3: 1 MiB was the fastest)
 
 inline constexpr std::size_t kMaxGatherBytes = std::size_t{1} << 30;  ///< of one worker's part: bounds what a peer can make us allocate
 

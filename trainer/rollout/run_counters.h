@@ -17,7 +17,7 @@ struct RunCounters {
   enum Field {
     poses,                 ///< heard: one per env step and episode start
     in_sight,              ///< of these, with a free line of sight
-    without_transmission,  ///< of these, heard without an effect that the plan found not to matter (docs/effect_plan.md)
+    without_transmission,  ///< of these, heard without an effect that the plan found not to matter (docs/explanation/effect_plan.md)
     without_diffraction,
     without_early,
     without_late,

@@ -21,7 +21,7 @@ struct ConfigChange {
 std::vector<ConfigChange> config_changes(const std::map<std::string, std::string>& before, const std::map<std::string, std::string>& now);
 
 /// Whether the key may differ between a run and the one it goes on from without being declared: it has no part in the bits of the weights
-/// (docs/training.md lists these keys).  `now`: the config of the resumed run; total_steps and max_minutes are bound where a decay or
+/// (docs/howto/training.md lists these keys).  `now`: the config of the resumed run; total_steps and max_minutes are bound where a decay or
 /// guidance depends on them.
 bool is_free_to_change(std::string_view key, const RunConfig& now);
 

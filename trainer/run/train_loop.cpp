@@ -10,7 +10,7 @@
 namespace earshot {
 
 TrainReport train(const RunConfig& config, Collective& collective, const RunStart& start, const TrainHooks& hooks) {
-  // One thread per worker: the fast setting on shared cores, and the one that gives the same bits (docs/ppo.md, section 4).
+  // One thread per worker: the fast setting on shared cores, and the one that gives the same bits (docs/explanation/ppo.md, section 4).
   use_one_torch_thread();
   if (collective.is_joining())
     refuse_stale_episodes(config, start);

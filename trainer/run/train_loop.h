@@ -30,12 +30,12 @@ struct TrainHooks {
 /// after the current update with a checkpoint.  start: see prepare_run; a resumed run gives the bits of the unbroken one.
 ///
 /// What goes wrong in one episode, one observation or one gradient is left out, counted and reported, and the run goes on
-/// (docs/stability.md); so it does when a curve point or a periodic checkpoint cannot be written, and, where the collective survives it,
-/// when a worker is lost: the others go back to the last update that all of them have completed, make the one under way again with what
-/// they have collected, and go on; the lowest of them writes the files.  A collective that is_joining() comes to a run under way: fresh
-/// environments, all else from another worker; start.resume and start.overwrite are of no matter then.  RunError: a worker dies otherwise,
-/// or before the first update, weights differ between workers, the last checkpoint cannot be written, or twenty updates in a row take no
-/// step; the last good checkpoint stays. Episodes that are quarantined leave their files in config.env.quarantine_dir, or else in
+/// (docs/evidence/stability.md); so it does when a curve point or a periodic checkpoint cannot be written, and, where the collective
+/// survives it, when a worker is lost: the others go back to the last update that all of them have completed, make the one under way again
+/// with what they have collected, and go on; the lowest of them writes the files.  A collective that is_joining() comes to a run under way:
+/// fresh environments, all else from another worker; start.resume and start.overwrite are of no matter then.  RunError: a worker dies
+/// otherwise, or before the first update, weights differ between workers, the last checkpoint cannot be written, or twenty updates in a row
+/// take no step; the last good checkpoint stays. Episodes that are quarantined leave their files in config.env.quarantine_dir, or else in
 /// `quarantine` under config.out.
 TrainReport train(const RunConfig& config, Collective& collective, const RunStart& start = {}, const TrainHooks& hooks = {});
 

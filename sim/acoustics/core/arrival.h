@@ -9,8 +9,8 @@
 
 namespace earshot {
 
-/// Paths shorter than this count as this long (docs/stability.md, H-13): level and delay stay finite and continuous down to source ==
-/// listener.
+/// Paths shorter than this count as this long (docs/evidence/stability.md, H-13): level and delay stay finite and continuous down to source
+/// == listener.
 inline constexpr float kLeastDistanceM = 0.01f;
 
 /// How a deterministic path gets from source to listener.

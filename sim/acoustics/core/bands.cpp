@@ -32,7 +32,7 @@ BandLayout BandLayout::octaves(float sample_rate_hz) {
 
 BandLayout BandLayout::log_spaced(int count, float sample_rate_hz) {
   require(count >= 1 && count <= kMaxBands, "bands", count, "must be in [1, 32]");
-  // Eight octaves around 125 Hz ... 8 kHz with one below (docs/oracles.md, O-31): 62.5 / sqrt(2) to 8000 sqrt(2).
+  // Eight octaves around 125 Hz ... 8 kHz with one below (docs/evidence/oracles.md, O-31): 62.5 / sqrt(2) to 8000 sqrt(2).
   const double lowest_hz = 62.5 / std::sqrt(2.0);
   const auto at = [&](double position) { return lowest_hz * std::exp2(8.0 * position / count); };
   BandLayout layout;

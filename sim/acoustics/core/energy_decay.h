@@ -6,7 +6,7 @@
 
 namespace earshot {
 
-/// Is there a decay time, and if not, why (docs/stability.md, H-75)?
+/// Is there a decay time, and if not, why (docs/evidence/stability.md, H-75)?
 enum class DecayStatus : std::uint8_t {
   measured,          ///< rt60_s exists
   silent,            ///< nothing arrives, or nothing finite
@@ -42,7 +42,7 @@ void energy_decay_curve(std::span<const double> energy, std::span<double> edc);
 ///  - A response that stops before it has decayed has a curve that falls too steeply at its end.  The level of what is missing is estimated
 ///  from the energy at
 ///    the end and its rate of decay over the second half; a range is only fitted if it ends 10 dB above that level, which
-///    keeps the bias below 1 % for T30, 2 % for T20 and 4 % for EDT (docs/oracles.md, O-25).
+///    keeps the bias below 1 % for T30, 2 % for T20 and 4 % for EDT (docs/evidence/oracles.md, O-25).
 ///  - Fewer than three points of the curve in the range, or a curve that does not fall: nullopt.
 /// C50, C80, D50: energy at the limit or after it is late.  DRR, C50 and C80 are nullopt where a side is zero.
 BandMetrics measure_band(std::span<const double> energy, double bin_s, double direct_energy);

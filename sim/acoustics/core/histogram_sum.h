@@ -10,8 +10,8 @@
 namespace earshot {
 
 /// Sum of histograms of one shape, in double and in the order in which they are added, so that neither their number nor threads change it.
-/// A histogram adds in float: 1e7 equal contributions to one of its cells are off by 8.8 % (docs/oracles.md, O-25).  Tracers therefore fill
-/// one for each block of rays, small enough for float, and add the blocks here (H-40).
+/// A histogram adds in float: 1e7 equal contributions to one of its cells are off by 8.8 % (docs/evidence/oracles.md, O-25).  Tracers
+/// therefore fill one for each block of rays, small enough for float, and add the blocks here (H-40).
 class HistogramSum {
  public:
   explicit HistogramSum(const EnergyHistogram& shape) : sum_(shape.values().size(), 0.0) {}

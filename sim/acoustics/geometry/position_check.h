@@ -6,8 +6,8 @@
 
 namespace earshot {
 
-/// Tells points inside walls and furniture from points of the air (docs/stability.md, H-15), by the side of the nearest faces that five
-/// rays meet.  Which side of a face is the air is found from points of the air (air_sample.h), so rooms modelled as shells and as the
+/// Tells points inside walls and furniture from points of the air (docs/evidence/stability.md, H-15), by the side of the nearest faces that
+/// five rays meet.  Which side of a face is the air is found from points of the air (air_sample.h), so rooms modelled as shells and as the
 /// inside of boxes both work.  In a scene whose windings are mixed no point counts as inside.
 class PositionCheck {
  public:

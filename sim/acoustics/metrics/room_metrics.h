@@ -22,7 +22,7 @@ struct RoomMetrics {
 /// are continuous through a shadow boundary; in sight, what is diffracted within 2.5 ms belongs to the direct sound.
 RoomMetrics measure(const AcousticScene& scene, const EnergyResponse& response);
 /// From one channel of a rendered RIR: zero-phase octave filters, energies in 1 ms windows.  The direct sound is what lies within 2.5 ms of
-/// `direct_delay_s`.  Shorter than 16 / bandwidth a decay is that of the filter (docs/oracles.md, O-25).
+/// `direct_delay_s`.  Shorter than 16 / bandwidth a decay is that of the filter (docs/evidence/oracles.md, O-25).
 RoomMetrics measure(std::span<const float> rir, float sample_rate_hz, double direct_delay_s);
 
 /// The same of channel 0 of a RIR; with two channels the correlation between them is added.

@@ -4,7 +4,7 @@
 
 namespace earshot {
 
-/// Attenuation of a plane wave in air in dB per metre (ISO 9613-1:1993, eqs. 3 to 5).  Within 0.1 % of docs/oracles.md, O-23.
+/// Attenuation of a plane wave in air in dB per metre (ISO 9613-1:1993, eqs. 3 to 5).  Within 0.1 % of docs/evidence/oracles.md, O-23.
 /// air: ranges as in its declaration.  frequency_hz > 0.  Cost: about 0.3 us.
 double air_absorption_db_per_m(const Air& air, double frequency_hz);
 /// The same as an energy exponent: energy falls as exp(-m r).  m = dB / 4.342945.

@@ -28,10 +28,10 @@ constexpr double kShortestRirS = 0.1, kShortestHorizonS = 1.5, kLongestRirS = 4.
 constexpr double kFlutterFallDb = 55;
 /// Rays for 5 % error of T30, one diffuse room; they grow with the inverse cube of the fraction of the air that is visible from a point:
 /// 10, 80, 640 and 1250 for fractions of 1, 1/2, 1/4 and 1/5, against 10 in a room, 100 to 1300 in two coupled ones and 900 to 2100 in an
-/// apartment that were measured (docs/estimators.md, section 10).
+/// apartment that were measured (docs/explanation/estimators.md, section 10).
 constexpr double kRaysOfARoom = 10;
 /// Radius of the source volume.  Its blur in time and level goes with radius over path length, its noise with 1 / radius^2 of rays per room
-/// surface, so it grows with the room (docs/estimators.md, section 2).
+/// surface, so it grows with the room (docs/explanation/estimators.md, section 2).
 constexpr float kPathsPerRadius = 12.f, kLeastRadiusM = 0.25f, kLargestRadiusM = 2.f;
 /// A field costs memory and blurs cells: it must be this much cheaper.
 constexpr double kFieldGain = 2;
@@ -134,8 +134,8 @@ class Planner {
             ? fmt::format("{} falls by {:.0f} dB within {:.2f} s",
                           flutter_s > diffuse_s ? "what facing mirrors throw to and fro" : "the slowest band", kProbedFallDb, longest_s)
             : "nothing comes back";
-    // An exponential decay is cut off 60 dB down: that moves T30 by less than the 0.85 % of a cut at -45 dB (docs/estimators.md, section
-    // 12).
+    // An exponential decay is cut off 60 dB down: that moves T30 by less than the 0.85 % of a cut at -45 dB
+    // (docs/explanation/estimators.md, section 12).
     if (automatic) {
       const bool capped = wanted_s > kLongestRirS;
       const double saved = trace_ms(all_rays(), kLongestRirS) - late_ms();
@@ -336,7 +336,7 @@ class Planner {
     for (int b = 0; b < surfaces_.num_bands(); ++b) {
       const auto band = static_cast<std::size_t>(b);
       const double loss_db = 10.0 / std::numbers::ln10 * air_per_m_[band] * longest_m;
-      // 1/T = 1/T0 + m c / (6 ln 10) (docs/oracles.md, O-16).
+      // 1/T = 1/T0 + m c / (6 ln 10) (docs/evidence/oracles.md, O-16).
       const double rt_change = air_per_m_[band] * speed / (6.0 * std::numbers::ln10) * probe_.decay_s[band] * 60.0 / kProbedFallDb;
       const bool matters = loss_db > kEffectBudgetDb || !(rt_change < kEffectBudgetRt);
       plan_.air[band] = config_.air_absorption == Switch::on || (config_.air_absorption == Switch::automatic && matters);

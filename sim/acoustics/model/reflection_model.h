@@ -8,7 +8,8 @@
 
 namespace earshot {
 
-/// What a surface does with the energy that meets it, per band, as the bidirectional tracer uses it (docs/estimators.md, sections 3 and 5):
+/// What a surface does with the energy that meets it, per band, as the bidirectional tracer uses it (docs/explanation/estimators.md,
+/// sections 3 and 5):
 ///   kept = 1 - alpha + tau; of the kept energy the fraction diffuse = (1 - alpha) s / kept leaves after Lambert, specular = (1 - alpha)(1
 ///   - s) / kept as from a mirror or in a lobe, transmitted = tau / kept goes straight on.
 /// Rows are surfaces.padded_bands() long and end in zeros.

@@ -9,7 +9,7 @@ namespace earshot {
 ///   g = (n + 2) / (2 pi) cos^n(gamma) / max(cos in, cos out),   gamma: angle to the mirror direction,
 /// plus what it loses, given back diffusely (Kelemen and Szirmay-Kalos 2001):
 ///   (1 - a(in)) (1 - a(out)) / (pi (1 - mean a)),   a: albedo of g, tabulated over the cosine.
-/// Reciprocal, and of albedo 1 for every angle (docs/estimators.md, section 3; O-30).  Immutable; safe from any thread.
+/// Reciprocal, and of albedo 1 for every angle (docs/explanation/estimators.md, section 3; O-30).  Immutable; safe from any thread.
 ///
 /// All directions are unit and point away from the surface; `normal` is on their side.
 class SpecularLobe {

@@ -31,12 +31,12 @@ struct WallCrossing {
 /// The object that begins at `hit`, the nearest hit of the ray (origin, direction).  `direction` is unit.
 ///
 /// Transmission belongs to the object, not to its faces, so that a sheet and a box of the same wall let the same energy through
-/// (docs/oracles.md, O-22).  The next hit along the ray is the far face of the same wall if it has the opposite winding, a material of the
-/// same name and coefficients, and either a normal within 11 degrees and a distance of at most kMaxWallThicknessM across the wall, or,
-/// where the windings point outward (corners and ends of walls), a distance of at most kMaxWallThicknessM along the ray.  Everything else
-/// is a sheet.  Where three faces alternate, a pair whose windings point outward is a wall before one whose windings point inward, from
-/// either side of the ray.  Triangles that coincide are passed together (docs/stability.md, H-5).  Cost: one ray, two for a wall whose
-/// windings point inward.
+/// (docs/evidence/oracles.md, O-22).  The next hit along the ray is the far face of the same wall if it has the opposite winding, a
+/// material of the same name and coefficients, and either a normal within 11 degrees and a distance of at most kMaxWallThicknessM across
+/// the wall, or, where the windings point outward (corners and ends of walls), a distance of at most kMaxWallThicknessM along the ray.
+/// Everything else is a sheet.  Where three faces alternate, a pair whose windings point outward is a wall before one whose windings point
+/// inward, from either side of the ray.  Triangles that coincide are passed together (docs/evidence/stability.md, H-5).  Cost: one ray, two
+/// for a wall whose windings point inward.
 WallCrossing cross_wall(const AcousticSurfaces& surfaces, glm::vec3 direction, const Hit& hit);
 
 /// Multiplies `energy` [num_bands] by the fraction that passes: tau of the material once, times 10^(-damping * inside_m / 10).

@@ -16,9 +16,9 @@ namespace earshot {
 /// Edge sequences that may diffract the sound of one source position.  Immutable; shared by every listener pose of that source.
 ///
 /// Sequences of one edge are those in sight of the source.  Longer ones are grown best first (least estimated loss) over edges in sight of
-/// each other, within a bounded number of expansions (docs/stability.md, H-68); Kurze-Anderson losses at 500 Hz rank and cull, never set an
-/// amplitude. Left out: edges in a row with a detour of more than two half waves (at 500 Hz) on the
-/// lit side, rims of one sheet in a row.
+/// each other, within a bounded number of expansions (docs/evidence/stability.md, H-68); Kurze-Anderson losses at 500 Hz rank and cull,
+/// never set an amplitude. Left out: edges in a row with a detour of more than two half waves (at 500 Hz) on the lit side, rims of one
+/// sheet in a row.
 class DiffractionCandidates {
  public:
   /// Nothing if config.diffraction is off or the scene has no edge in sight of the source.  About 0.1 us per edge of the scene and
@@ -35,11 +35,11 @@ class DiffractionCandidates {
   /// the direct sound's.  In sight the energy of direct sound and images is complete without edges, which only move it about near shadow
   /// and reflection boundaries: there what the wave of a single edge does to the direct sound is added to it with its phase, and what goes
   /// on where an image has ended is an arrival.  (Images themselves have the size of their panels: panel_reflection.h.)  That weighs 1 up
-  /// to a detour of a quarter of a wave, 0 from half a wave on (docs/estimators.md, section 14); on a shadow boundary itself all single
-  /// edges count, as they do behind it.  Many edges raise the direct sound by at most what one does, 1.4 dB.  Wedges blunter than 195
-  /// degrees take no part in reflections: images in their two faces overlap and gap by turns, and are that of a plane in the mean. With
-  /// config.diffraction_reflections, paths that are reflected before or after their edges as well (edge_reflections.h).  in_sight: is the
-  /// line from the source free (line_of_sight.h)?  Returns how many paths matter here.
+  /// to a detour of a quarter of a wave, 0 from half a wave on (docs/explanation/estimators.md, section 14); on a shadow boundary itself
+  /// all single edges count, as they do behind it.  Many edges raise the direct sound by at most what one does, 1.4 dB.  Wedges blunter
+  /// than 195 degrees take no part in reflections: images in their two faces overlap and gap by turns, and are that of a plane in the mean.
+  /// With config.diffraction_reflections, paths that are reflected before or after their edges as well (edge_reflections.h).  in_sight: is
+  /// the line from the source free (line_of_sight.h)?  Returns how many paths matter here.
   int find_arrivals(const AcousticScene& scene, glm::vec3 listener, bool in_sight, std::vector<Arrival>& arrivals) const;
   /// The same, with a ray of its own for the line of sight.
   int find_arrivals(const AcousticScene& scene, glm::vec3 listener, std::vector<Arrival>& arrivals) const;

@@ -27,8 +27,8 @@ double largest_ratio(const DiffractionEdge& edge, glm::dvec3 before, glm::dvec3 
 /// the q of the line integral less that of the theory, 0 at t = 0, is added there by its leading term.  So phases are exact at both ends,
 /// an edge short against the wave scatters in proportion to its length, and pieces of one edge add up to the whole.
 ///
-/// Error against the line integral (docs/validation.md): 1 dB, or 1.5 % of the free field.  Corners radiate nothing of their own, and edges
-/// of one object do not see each other here.
+/// Error against the line integral (docs/evidence/validation.md): 1 dB, or 1.5 % of the free field.  Corners radiate nothing of their own,
+/// and edges of one object do not see each other here.
 class FiniteWedge {
  public:
   FiniteWedge() = default;

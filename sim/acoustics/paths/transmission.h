@@ -8,7 +8,7 @@
 
 namespace earshot {
 
-/// Quieter than this a band passes nothing (docs/stability.md, H-69).
+/// Quieter than this a band passes nothing (docs/evidence/stability.md, H-69).
 inline constexpr double kSilentTransmissionDb = -200.0;
 
 /// Appends what goes straight from source to listener through the walls between them: at most one arrival, of kind transmission, with the

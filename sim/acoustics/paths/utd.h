@@ -27,8 +27,8 @@ struct FaceFactorLanes {
 /// and the bracket tends to n at the boundary: nothing to expand there.  Divided by the field at the length of the whole path the
 /// diffracted field is the sum below, whose terms are at most 1/2 each, so that it stays finite down to kL = 0.
 ///
-/// Error against the exact wedge (docs/oracles.md, O-24): 0.06 dB for a thin screen from 63 Hz on, 0.26 dB at 63 Hz for a 270 degree
-/// corner.
+/// Error against the exact wedge (docs/evidence/oracles.md, O-24): 0.06 dB for a thin screen from 63 Hz on, 0.26 dB at 63 Hz for a 270
+/// degree corner.
 class WedgeDiffraction {
  public:
   WedgeDiffraction() = default;  ///< diffracts nothing
@@ -60,7 +60,7 @@ class WedgeDiffraction {
 };
 
 /// Loss in dB of a thin screen at Fresnel number n >= 0 (Kurze and Anderson 1971): 5 + 20 log10(sqrt(2 pi n) / tanh(sqrt(2 pi n))).  Within
-/// 3 dB of the exact thin screen; at a 270 degree corner up to 4.1 dB too much (docs/oracles.md, O-24), so good for ranking only.
+/// 3 dB of the exact thin screen; at a 270 degree corner up to 4.1 dB too much (docs/evidence/oracles.md, O-24), so good for ranking only.
 double kurze_anderson_db(double fresnel_number);
 
 }  // namespace earshot

@@ -13,17 +13,17 @@
 namespace earshot {
 
 struct TemporalReuseConfig {
-  float least_weight = 0.1f;  ///< of the new frame: 0.1 leaves a / (2 - a) = 5 % of the variance, as 19 frames would, (0, 1]
-  float max_bias_db = 0.5f;   ///< of the late level under the drift that is expected of the motion, > 0
-  float drift_db_per_m =
-      0.33f;  ///< expected change of the late level per metre within a room (docs/estimators.md, section 8: 0.05 dB per 0.15 m), >= 0
-  float max_move_m = 0.5f;  ///< of source and listener together; a longer step forgets the past, > 0
+  float least_weight = 0.1f;     ///< of the new frame: 0.1 leaves a / (2 - a) = 5 % of the variance, as 19 frames would, (0, 1]
+  float max_bias_db = 0.5f;      ///< of the late level under the drift that is expected of the motion, > 0
+  float drift_db_per_m = 0.33f;  ///< expected change of the late level per metre within a room (docs/explanation/estimators.md, section 8:
+                                 ///< 0.05 dB per 0.15 m), >= 0
+  float max_move_m = 0.5f;       ///< of source and listener together; a longer step forgets the past, > 0
 };
 /// Throws InputError.
 void validate(const TemporalReuseConfig& config);
 
 /// Late fields along a trajectory where a source or a listener moves, blended from frame to frame so that fewer rays do
-/// (docs/estimators.md, section 8):
+/// (docs/explanation/estimators.md, section 8):
 ///   E_n = (1 - a) M(E_{n-1}) + a Ê_n,
 /// where Ê_n is traced with rays of its own and M shifts by the change of the direct sound's delay.  Direct sound, early reflections,
 /// diffraction and transmission are those of the pose, never blended.

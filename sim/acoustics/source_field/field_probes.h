@@ -14,7 +14,7 @@ namespace earshot {
 
 /// A few listeners spread over the air that sound from the source reaches, the same volume to each, with the energy that arrives there,
 /// smoothed as the field will be, held apart by batches of photons: the spread of the batches says how well decay times are known
-/// (docs/estimators.md, section 10).
+/// (docs/explanation/estimators.md, section 10).
 class FieldProbes {
  public:
   static constexpr std::uint32_t kBatches = 8;

@@ -19,8 +19,8 @@ namespace earshot {
 /// (field_grid.h), and each segment adds its length times its energy to the cells that it crosses (track-length estimator of fluence,
 /// Spanier and Gelbard 1969, resolved in time, band and direction).  The field at a listener blends the visible cells round it.  Unbiased
 /// but for the blur of a cell, mirrors included: no last segment is treated as diffuse.  Against final gathering from patches
-/// (docs/estimators.md, sections 9 and 10): half the error for the same photons, no rays and no noise of its own at the pose, a twentieth
-/// of the time per pose.
+/// (docs/explanation/estimators.md, sections 9 and 10): half the error for the same photons, no rays and no noise of its own at the pose, a
+/// twentieth of the time per pose.
 ///
 /// Immutable, shared by threads.  All that it holds is one flat image of bytes (native byte order), which may lie in memory or in a mapped
 /// file; source_field_store.h keeps such files.

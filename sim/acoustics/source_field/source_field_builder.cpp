@@ -149,8 +149,8 @@ struct SourceFieldBuilder::Impl {
 
   [[nodiscard]] std::uint64_t photons() const { return rounds * kPhotonsPerRound; }
 
-  /// Air once, here: path length is c t (docs/estimators.md, section 13).  factor: [padded bands], what air leaves of energy in this merged
-  /// bin.
+  /// Air once, here: path length is c t (docs/explanation/estimators.md, section 13).  factor: [padded bands], what air leaves of energy in
+  /// this merged bin.
   void air_at(std::size_t merged, std::span<double> factor) const {
     const double path_m = bins.middle(merged) * bin_s * scene.speed_of_sound_m_per_s();
     std::fill(factor.begin(), factor.end(), 0.0);
@@ -195,7 +195,7 @@ struct SourceFieldBuilder::Impl {
     std::vector<bool> lit(history.size());
     for (std::size_t cell = 0; cell < history.size(); ++cell) lit[cell] = !history[cell].empty();
     const std::vector<std::uint32_t> active = smoothing.reachable(lit);
-    // Fluence is track length per volume; the energy of the Green's function is that over 4 pi (docs/oracles.md, O-11).
+    // Fluence is track length per volume; the energy of the Green's function is that over 4 pi (docs/evidence/oracles.md, O-11).
     const double per_photon = 1.0 / (4.0 * std::numbers::pi * static_cast<double>(std::max<std::uint64_t>(photons(), 1)));
     std::vector<float> rows(history.size() * row, 0.f), spare;
     std::array<double, kMaxBands> air{};

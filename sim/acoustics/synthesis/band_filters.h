@@ -11,7 +11,7 @@ namespace earshot {
 /// Zero-phase band filters on the bins of an FFT.  Neighbours cross over with raised-cosine edges in log frequency, half an octave wide or
 /// as wide as the narrower band; the lowest band reaches down to 0 Hz and the highest up to half the rate.  The weights F_b of all bands
 /// sum to 1 in every bin: as amplitudes they leave an impulse an impulse, as powers (amplitude sqrt F_b) they leave the sum of independent
-/// noises white (docs/oracles.md, O-31).
+/// noises white (docs/evidence/oracles.md, O-31).
 class BandFilters {
  public:
   BandFilters(const BandLayout& bands, float sample_rate_hz, int fft_size);

@@ -34,14 +34,14 @@ enum class CarrierKind { flattened, plain };
 
 /// Noise on which late energy rides: one loop per band and channel, seeded.  The bands of a channel are cut from one white noise of unit
 /// variance by BandFilters, so they add up to it again: bands of equal energy give the same white tail for every number of bands
-/// (docs/oracles.md, O-31: one carrier, amplitude-complementary filters).  Channels are independent. The price: where neighbouring bands
-/// differ, the crossover between them follows their amplitudes, not their energies.  At 3 dB per octave that takes 0.03 dB off the sum, at
-/// 10 dB 0.3 dB, and 0.6 dB off an octave that stands alone.
+/// (docs/evidence/oracles.md, O-31: one carrier, amplitude-complementary filters).  Channels are independent. The price: where neighbouring
+/// bands differ, the crossover between them follows their amplitudes, not their energies.  At 3 dB per octave that takes 0.03 dB off the
+/// sum, at 10 dB 0.3 dB, and 0.6 dB off an octave that stands alone.
 ///
-/// The noise is flattened (docs/estimators.md, section 6): in every octave its power averaged over about 2 / bandwidth is nearly constant,
-/// so that the decay of a rendered response is that of its energy.  Flattening each channel alone would be lost where channels are mixed,
-/// as they are in the ears; the first four channels are therefore flattened together, so that every mixture of them is flat.  Further ones,
-/// which only ambisonics above first order have, are flattened alone.
+/// The noise is flattened (docs/explanation/estimators.md, section 6): in every octave its power averaged over about 2 / bandwidth is
+/// nearly constant, so that the decay of a rendered response is that of its energy.  Flattening each channel alone would be lost where
+/// channels are mixed, as they are in the ears; the first four channels are therefore flattened together, so that every mixture of them is
+/// flat.  Further ones, which only ambisonics above first order have, are flattened alone.
 ///
 /// Flattening takes long, so what is flat is used in four ways: loops are of four kinds, the first four channels (N3D: w, y, z, x) as they
 /// are or as (y', -w', x', -z') of the same loops, forwards and backwards.  All are equally flat, and two of them correlate no more than

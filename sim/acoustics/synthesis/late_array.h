@@ -31,8 +31,8 @@ struct LateFieldAtArray {
 /// field, positive always, exact in energy.  A diffuse field has the coherence sin(k d) / (k d) between two omnidirectional microphones
 /// within 0.05 up to k d = 13, which is 4 kHz at 0.175 m; farther apart, where it should be near 0, it stays within 0.1 rms.  So have two
 /// places of the array itself, which the waves pass in the order of their directions. Sums of many
-/// noises cannot be flattened: the T20 of a microphone scatters like that of any noise (docs/estimators.md, section 6, up to 13 % in the
-/// lowest octaves of a short decay), as it does in a real room.
+/// noises cannot be flattened: the T20 of a microphone scatters like that of any noise (docs/explanation/estimators.md, section 6, up to 13
+/// % in the lowest octaves of a short decay), as it does in a real room.
 class LateArray {
  public:
   static constexpr int kNumWaves = 96;

@@ -20,7 +20,7 @@ namespace earshot {
 /// horizontal axis is 1 - d / kCellM in all bands, which is the sin(k d) / (k d) of a diffuse field at 250 Hz for 0.2 m, where both are
 /// 0.86; at 500 Hz a diffuse field has 0.53 there.  (Bands with lattices of their own would follow it, but their noises would not be flat
 /// where they overlap: octave T20 at an ear 2.9 % rms for 1.9 %.)  Where the noise passes from one cell to the other it is not flat:
-/// docs/estimators.md, section 6, has what that costs.
+/// docs/explanation/estimators.md, section 6, has what that costs.
 ///
 /// Places more than kCellM + kBorderM apart along an axis, and two sources, have noise of their own: loops of one of four kinds
 /// (carriers.h), from a place anywhere in them.  What two of them share by chance, shifted, shows from 1 kHz on, where chance

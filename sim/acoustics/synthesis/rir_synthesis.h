@@ -47,10 +47,11 @@ class LateSound {
   std::array<std::vector<float>, 4> channels_;  ///< of those: N3D, world axes
 };
 
-/// Renders energy responses to pressure (docs/estimators.md, section 6): arrivals as fractional-delay impulses through band gains and
-/// phases and what the layout makes of their direction, the late field as the square root of its energy on carriers.  A response whose
-/// bands hold equal energy e gives a flat spectrum and sum h^2 = e.  Sample n is time n / rate after emission, at the listener's position;
-/// what a head or a filter rings before sample 0 is cut, arrivals past the end are dropped, and no late sound precedes the direct sound.
+/// Renders energy responses to pressure (docs/explanation/estimators.md, section 6): arrivals as fractional-delay impulses through band
+/// gains and phases and what the layout makes of their direction, the late field as the square root of its energy on carriers.  A response
+/// whose bands hold equal energy e gives a flat spectrum and sum h^2 = e.  Sample n is time n / rate after emission, at the listener's
+/// position; what a head or a filter rings before sample 0 is cut, arrivals past the end are dropped, and no late sound precedes the direct
+/// sound.
 ///  - binaural: the head's filters of each direction; the late field with its first-order moments, decoded at first order up to
 ///    late_decode_s, from there as in binaural_late_tail.h.
 ///  - ambisonics: harmonics of each direction; the late field with the moments that the histogram holds, diffuse above them.

@@ -18,8 +18,8 @@
 #include "sim/acoustics/tracers/wall_roulette.h"
 #include "sim/base/random.h"
 
-/// One listener ray of the path tracer, from vertex to vertex.  Internal to path_tracer.cpp; its equations are those of docs/estimators.md,
-/// sections 1 to 5.
+/// One listener ray of the path tracer, from vertex to vertex.  Internal to path_tracer.cpp; its equations are those of
+/// docs/explanation/estimators.md, sections 1 to 5.
 namespace earshot::listener_ray {
 
 inline constexpr float kPi = std::numbers::pi_v<float>;
@@ -158,7 +158,7 @@ glm::vec3 point_of_source(const Trace& trace, const RayState<W>& ray, const Rand
 }
 
 /// What a vertex brings: next-event estimation from where the ray waits, d e = T f cos / (4 pi d^2) / (4 pi) with T starting at 4 pi / N
-/// and f = (1 - a) s / pi (docs/estimators.md, section 1; O-11).  blocker: see EmbreeScene::occluded; may be null.
+/// and f = (1 - a) s / pi (docs/explanation/estimators.md, section 1; O-11).  blocker: see EmbreeScene::occluded; may be null.
 template <int W>
 void connect_vertex(const Trace& trace, RayState<W>& ray, const RandomStream& random, WallRoulette<W>& roulette, TraceOutput output,
                     std::uint32_t* blocker = nullptr) {

@@ -13,9 +13,9 @@
 
 /// Subpaths from the listener and all ways in which they meet the source and its subpaths.  Internal to the tracer.
 ///
-/// Normalisation: with densities and throughputs as in docs/estimators.md, section 1, and O-11, the factors 4 pi of both ends cancel: a
-/// listener ray starts with 1 / rays, a source path with 1, and a connection adds  T_listener f G f T_source / (probability of the source
-/// vertex) * weight.
+/// Normalisation: with densities and throughputs as in docs/explanation/estimators.md, section 1, and O-11, the factors 4 pi of both ends
+/// cancel: a listener ray starts with 1 / rays, a source path with 1, and a connection adds  T_listener f G f T_source / (probability of
+/// the source vertex) * weight.
 namespace earshot {
 
 /// The source subpaths of one batch: [path][event].
@@ -115,8 +115,8 @@ void note_unseen_chain(const BidirectionalScene& shared, const ListenerRay<W>& r
   output.note_unseen(energy, path_m, 2.f * ray.path_m / static_cast<float>(ray.events));
 }
 
-/// What no strategy can connect: chord of the segment through the source's sphere over 4 pi times its volume (docs/estimators.md, section
-/// 2).
+/// What no strategy can connect: chord of the segment through the source's sphere over 4 pi times its volume
+/// (docs/explanation/estimators.md, section 2).
 template <int W>
 void catch_in_volume(const BidirectionalScene& shared, const ListenerRay<W>& ray, float segment_m, BatchOutput<W>& output) {
   const float radius_m = shared.volume_radius_m;

@@ -6,7 +6,8 @@
 #include <cstdint>
 #include <numbers>
 
-/// Weights of the strategies that can make one and the same path (balance heuristic, Veach 1997, chapter 9; docs/estimators.md, section 4).
+/// Weights of the strategies that can make one and the same path (balance heuristic, Veach 1997, chapter 9; docs/explanation/estimators.md,
+/// section 4).
 ///
 /// A path is y_0 (source), y_1 ... y_k (surface), y_{k+1} (listener).  Strategy i traces y_1 ... y_i from the source, the rest from the
 /// listener, and connects y_i with y_{i+1}.  With p_i the density of making the path so and n_i the number of samples,

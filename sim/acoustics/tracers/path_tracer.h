@@ -11,8 +11,8 @@ namespace earshot {
 
 class ListenerPaths;
 
-/// Of the scene's diagonal: shortest distance in the geometry term (docs/stability.md, H-18).  Small, because scenes with 20 km of ground
-/// are legal.
+/// Of the scene's diagonal: shortest distance in the geometry term (docs/evidence/stability.md, H-18).  Small, because scenes with 20 km of
+/// ground are legal.
 inline constexpr float kLeastDistanceFraction = 1e-5f;
 
 /// Counters of one trace.
@@ -27,11 +27,11 @@ struct TraceStats {
   [[nodiscard]] double ray_efficiency() const;
 };
 
-/// Late field of a unit source at `listener`: listener-rooted path tracing with next-event estimation (docs/estimators.md, section 1), a
-/// mixture of Lambert and mirror reflection by the scattering coefficient per band.  Rays are under population control: light ones end,
-/// heavy ones split (ray_population.h), which keeps every mean and makes the tail as accurate as the start.  Air is applied at the
-/// end, per bin.  Left out: the direct sound, and the purely specular paths whose plane sequence is among `candidates` (image paths carry
-/// them).
+/// Late field of a unit source at `listener`: listener-rooted path tracing with next-event estimation (docs/explanation/estimators.md,
+/// section 1), a mixture of Lambert and mirror reflection by the scattering coefficient per band.  Rays are under population control: light
+/// ones end, heavy ones split (ray_population.h), which keeps every mean and makes the tail as accurate as the start.  Air is applied at
+/// the end, per bin.  Left out: the direct sound, and the purely specular paths whose plane sequence is among `candidates` (image paths
+/// carry them).
 ///
 /// Specular last segments, which next-event estimation cannot reach (config.diffuse_last_segment):
 ///  - false (reference): the source is also a sphere of config.source_radius_m that blocks nothing; segments that leave a mirror add their
@@ -44,10 +44,10 @@ struct TraceStats {
 /// goes straight from source to listener through walls is left out (find_transmitted carries it).
 ///
 /// histogram: shape of make_histogram(scene); overwritten.  The result is a function of (scene, config, source, listener), not of threads.
-/// Distances to the source below 1e-5 of the scene's diagonal are clamped in the geometry term (docs/stability.md, H-18).  A source within
-/// a few centimetres of a surface lights a patch that few rays find: its late field comes out low until the number of rays is large. No
-/// allocation with up to 256 rays; 64 rays take about a millisecond.  Scratch with more: a few histograms.
-/// paths: keeps the rays of a listener that stays where it is while sources move (listener_paths.h), with the same bits; null: does not.
+/// Distances to the source below 1e-5 of the scene's diagonal are clamped in the geometry term (docs/evidence/stability.md, H-18).  A
+/// source within a few centimetres of a surface lights a patch that few rays find: its late field comes out low until the number of rays is
+/// large. No allocation with up to 256 rays; 64 rays take about a millisecond.  Scratch with more: a few histograms. paths: keeps the rays
+/// of a listener that stays where it is while sources move (listener_paths.h), with the same bits; null: does not.
 TraceStats trace_late(const AcousticScene& scene, const EarlyCandidates& candidates, glm::vec3 listener, EnergyHistogram& histogram,
                       ListenerPaths* paths = nullptr);
 /// The same with candidates made on the spot, for single queries.

@@ -7,9 +7,9 @@ namespace earshot {
 
 inline constexpr int kMaxAmbisonicOrder = 9;
 
-/// Real spherical harmonics, ACN order, N3D: order n needs (n + 1)^2 values, sum of squares (n + 1)^2 for every direction (docs/oracles.md,
-/// O-28). direction: unit, world axes (x right, y up, -z front); ambisonic axes are (x, y, z) = (-z_w, -x_w, y_w).  order in [0,
-/// kMaxAmbisonicOrder].
+/// Real spherical harmonics, ACN order, N3D: order n needs (n + 1)^2 values, sum of squares (n + 1)^2 for every direction
+/// (docs/evidence/oracles.md, O-28). direction: unit, world axes (x right, y up, -z front); ambisonic axes are (x, y, z) = (-z_w, -x_w,
+/// y_w).  order in [0, kMaxAmbisonicOrder].
 void spherical_harmonics_n3d(glm::vec3 direction, int order, std::span<float> values);
 /// N3D -> SN3D factor of ACN channel `acn`: 1 / sqrt(2 l + 1).
 float sn3d_from_n3d(int acn);

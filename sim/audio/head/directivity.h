@@ -23,8 +23,8 @@ class Directivity {
   /// a of a pattern a + (1 - a) cos at all frequencies; nullopt for any other.
   [[nodiscard]] virtual std::optional<float> omni_weight() const { return std::nullopt; }
 
-  /// a + (1 - a) cos: omni (a = 1), subcardioid 0.7, cardioid 0.5, supercardioid 0.37, hypercardioid 0.25, dipole 0 (docs/oracles.md,
-  /// O-29).
+  /// a + (1 - a) cos: omni (a = 1), subcardioid 0.7, cardioid 0.5, supercardioid 0.37, hypercardioid 0.25, dipole 0
+  /// (docs/evidence/oracles.md, O-29).
   static std::shared_ptr<const Directivity> first_order(float omni_weight);
   /// A talker: the mouth as a point on a rigid sphere of 8.75 cm (the model of Flanagan 1960, exact series), and, as a sphere has no torso
   /// and no hair, a loss of 10 dB times angle / 180 degrees that sets in with the shadow of the sphere, as (ka)^2 / (1 + (ka)^2).  With it

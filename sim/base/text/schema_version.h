@@ -13,7 +13,7 @@ struct SchemaRange {
   std::int64_t oldest = 1, newest = 1;
 };
 
-/// The one check of the version that a file states (docs/versions.md).
+/// The one check of the version that a file states (docs/reference/versions.md).
 /// where: the file.  kind: what it is, "a result".  found: the version in the file.
 /// Throws InputError for a version outside the range: file, kind, its version, what this build reads, and which earshot to take.
 void check_schema_version(std::string_view where, std::string_view kind, std::int64_t found, SchemaRange range);

@@ -13,7 +13,7 @@ namespace earshot {
 struct CoefficientCurve {
   std::vector<float> hz, value;
   [[nodiscard]] float at(float frequency_hz) const;
-  /// Mean over log f of [lower_hz, upper_hz] (docs/oracles.md, O-31: [125, 0.1, 4000, 0.6] over the band at 707.1 Hz gives 0.35).
+  /// Mean over log f of [lower_hz, upper_hz] (docs/evidence/oracles.md, O-31: [125, 0.1, 4000, 0.6] over the band at 707.1 Hz gives 0.35).
   [[nodiscard]] float band_mean(float lower_hz, float upper_hz) const;
   static CoefficientCurve constant(float value);
 };
@@ -40,7 +40,7 @@ struct MaterialWarning {
 };
 
 /// What the numbers of a material file mean.  Textbooks print fractions of the energy; the predecessor's header calls its table fractions
-/// of the pressure, though it holds textbook values (docs/oracles.md, O-15).
+/// of the pressure, though it holds textbook values (docs/evidence/oracles.md, O-15).
 enum class CoefficientReading {
   energy,
   pressure,  ///< 1 - absorption is a pressure ratio: alpha = 1 - (1 - a)^2, tau = t^2; scattering as it stands
@@ -63,7 +63,8 @@ class MaterialDatabase {
   /// Throws InputError: missing file, JSON syntax with byte position, missing or mistyped key, coefficient outside [0, 1] or not a
   /// number, negative or zero frequency, unknown key (with the nearest known one), duplicate name, transmission > absorption.
   /// Frequencies may come in any order; of equal ones the last wins.  With a list of warnings, transmission > absorption is
-  /// lowered and reported instead of refused: published tables have such entries (docs/oracles.md, O-22; docs/stability.md, H-27).
+  /// lowered and reported instead of refused: published tables have such entries (docs/evidence/oracles.md, O-22;
+  /// docs/evidence/stability.md, H-27).
   static MaterialDatabase from_json(std::string_view json, const std::string& where, std::vector<MaterialWarning>* warnings = nullptr);
   static MaterialDatabase from_json(std::string_view json, const std::string& where, const MaterialImport& import);
   static MaterialDatabase from_file(const std::filesystem::path& path, std::vector<MaterialWarning>* warnings = nullptr);
@@ -74,9 +75,9 @@ class MaterialDatabase {
   [[nodiscard]] const Material* find(std::string_view name) const;
   /// Like find, but throws InputError with the nearest known name; `where` names the file and key that refer to it.
   [[nodiscard]] const Material& get(std::string_view name, const std::string& where) const;
-  /// The predecessor's choice (docs/formats.md, section 2), to reproduce its numbers: the material with the most labels that occur
-  /// anywhere inside the lower-cased `category`, a label listed twice counting twice; of equal ones the first in the file (the predecessor
-  /// leaves that open); nullptr if no label occurs.  So `vegetable` is a `table`.
+  /// The predecessor's choice (docs/reference/formats.md, section 2), to reproduce its numbers: the material with the most labels that
+  /// occur anywhere inside the lower-cased `category`, a label listed twice counting twice; of equal ones the first in the file (the
+  /// predecessor leaves that open); nullptr if no label occurs.  So `vegetable` is a `table`.
   [[nodiscard]] const Material* find_by_substrings(std::string_view category) const;
   /// The material that carries `category` as a label, compared as a whole, case-folded; nullptr if none.
   [[nodiscard]] const Material* find_label(std::string_view category) const;

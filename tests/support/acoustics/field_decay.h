@@ -91,8 +91,8 @@ struct Effort {
   double most_t20_error = 0, most_curve_error_db = 0;
 };
 
-/// What a field may err.  In the mean over places and octaves: what `fast` promises of T20 (docs/acoustics.md) and half of what is just
-/// heard of a level; its level at every place by what is just heard, 1 dB (docs/estimators.md, section 12).
+/// What a field may err.  In the mean over places and octaves: what `fast` promises of T20 (docs/explanation/acoustics.md) and half of what
+/// is just heard of a level; its level at every place by what is just heard, 1 dB (docs/explanation/estimators.md, section 12).
 inline constexpr double kT20 = 0.0475, kCurveDb = 0.5, kLevelDb = 1.0;
 struct DecayBounds {
   float cell_m;

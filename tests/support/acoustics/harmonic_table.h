@@ -5,7 +5,7 @@
 #include <glm/vec3.hpp>
 #include <numbers>
 
-/// docs/oracles.md, O-28: real harmonics to order 3 in ACN order, N3D, for seven directions.
+/// docs/evidence/oracles.md, O-28: real harmonics to order 3 in ACN order, N3D, for seven directions.
 namespace earshot::harmonic_table {
 
 /// World direction of an ambisonic azimuth (counter-clockwise from the front) and elevation.

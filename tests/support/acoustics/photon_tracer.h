@@ -11,7 +11,8 @@
 #include "tests/support/acoustics/late_field.h"
 
 /// A second opinion: photons in one box or in two boxes that share a wall, in double, with no ray tracer, no connections, no roulette and
-/// no code of the product; they are counted by the length of their tracks in a sphere around the listener (docs/estimators.md, section 2).
+/// no code of the product; they are counted by the length of their tracks in a sphere around the listener (docs/explanation/estimators.md,
+/// section 2).
 namespace earshot::rooms {
 
 struct PhotonRoom {

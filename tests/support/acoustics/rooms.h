@@ -8,7 +8,7 @@
 #include "sim/acoustics/model/acoustic_scene.h"
 #include "sim/scene/scene.h"
 
-/// Rooms of docs/oracles.md.  There z is up and the walls are x0, x1, y0, y1, z0 (floor), z1 (ceiling); here y is up.
+/// Rooms of docs/evidence/oracles.md.  There z is up and the walls are x0, x1, y0, y1, z0 (floor), z1 (ceiling); here y is up.
 namespace earshot::rooms {
 
 inline glm::vec3 point(double x, double y, double z) { return {static_cast<float>(x), static_cast<float>(z), static_cast<float>(-y)}; }

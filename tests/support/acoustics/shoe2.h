@@ -2,12 +2,12 @@
 
 #include "tests/support/acoustics/rooms.h"
 
-/// SHOE-2 of docs/oracles.md, O-3: walls of different materials, octaves 125 Hz to 4 kHz.
+/// SHOE-2 of docs/evidence/oracles.md, O-3: walls of different materials, octaves 125 Hz to 4 kHz.
 namespace earshot::shoe2 {
 
 inline constexpr int kBands = 6;
 inline constexpr double kEyringS[kBands] = {0.448657, 0.406253, 0.352781, 0.299104, 0.289844, 0.333082};
-/// Lambert walls: decay time and energy of all reflections by radiosity (docs/oracles.md, O-10).
+/// Lambert walls: decay time and energy of all reflections by radiosity (docs/evidence/oracles.md, O-10).
 inline constexpr double kLambertS[kBands] = {0.459677, 0.411276, 0.375107, 0.322330, 0.313950, 0.352225};
 inline constexpr double kLambertEnergy[kBands] = {0.00351019, 0.00292738, 0.00239446, 0.00184308, 0.00175498, 0.00211054};
 inline constexpr double kAbsorption[6][kBands] = {{.02, .02, .03, .04, .05, .07}, {.35, .25, .18, .12, .07, .04},

@@ -2,7 +2,7 @@
 
 #include <array>
 
-/// Wedges of docs/oracles.md, O-24, with more digits: cylindrical coordinates (r, theta, z) about the edge, c = 343 m/s, insertion
+/// Wedges of docs/evidence/oracles.md, O-24, with more digits: cylindrical coordinates (r, theta, z) about the edge, c = 343 m/s, insertion
 /// loss in dB against the free field over the straight distance at 63 Hz ... 8 kHz.
 namespace earshot::wedges {
 

@@ -114,8 +114,8 @@ TEST_F(Cli, RirPlansForAnAccuracy) {
   EXPECT_FALSE(std::filesystem::exists(file("x.wav")));
 }
 
-// O-1 through the command line: r = 2.765863 m in SHOE-1 (docs/oracles.md has z up, here it is y): amplitude 0.0287713, delay 8.06374 ms at
-// c = 343 m/s, 343 / 343.2 of that here.
+// O-1 through the command line: r = 2.765863 m in SHOE-1 (docs/evidence/oracles.md has z up, here it is y): amplitude 0.0287713,
+// delay 8.06374 ms at c = 343 m/s, 343 / 343.2 of that here.
 TEST_F(Cli, RirWritesSoundAndMetrics) {
   const CliOutcome outcome = earshot(
       "rir shoebox:5x3x4@0.2 --source 1.2,1.1,1.5 --listener 3.8,1.6,2.3 --preset fast --channels mono --set air_absorption=off "

@@ -29,7 +29,8 @@ TEST(ShippedPolicy, FindsSoundsInHousesOfItsKind) {
   ASSERT_EQ(result.episodes.size(), 20u);
   double success = 0;
   for (const auto& episode : result.episodes) success += episode.metrics.success ? 1 : 0;
-  // 0.95 of 300 (docs/agent.md).  Fewer than 15 of 20 has a probability of 3e-4 at that rate, and is what a deaf or blind agent has.
+  // 0.95 of 300 (docs/explanation/agent.md).  Fewer than 15 of 20 has a probability of 3e-4 at that rate, and is what a deaf or blind agent
+  // has.
   EXPECT_GE(success, 15);
   for (const char* part : {"compiler", "c_library", "processor", "embree", "libtorch", "onednn", "blas"})
     EXPECT_NE(result.toolchain.find(part), result.toolchain.end()) << part;

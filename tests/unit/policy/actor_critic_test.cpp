@@ -45,7 +45,7 @@ std::int64_t parameters_of(const torch::OrderedDict<std::string, torch::Tensor>&
 }
 
 TEST(ActorCritic, HasTheParametersOfThePublishedNetwork) {
-  ActorCritic policy(spec_of(128), PolicyConfig{});  // docs/formats.md, section 6.5
+  ActorCritic policy(spec_of(128), PolicyConfig{});  // docs/reference/formats.md, section 6.5
   const auto named = policy->named_parameters();
   EXPECT_EQ(parameters_of(named, "visual."), 1252000);
   EXPECT_EQ(parameters_of(named, "audio."), 1335520);

@@ -129,7 +129,7 @@ TEST(EnvConfig, SpectrogramFollowsTheRate) {
   const EnvConfig config = from_text("{acoustics: {sample_rate_hz: 44100}, task: {step_time_s: 0.25}}");
   EXPECT_EQ(config.observation.sound.num_samples, 44100);
   EXPECT_EQ(config.observation.sound.rows(), 65);
-  EXPECT_EQ(config.observation.sound.columns(), 69);  // docs/formats.md, section 6.3
+  EXPECT_EQ(config.observation.sound.columns(), 69);  // docs/reference/formats.md, section 6.3
 }
 
 TEST(EnvConfig, UnknownKeysAreErrorsAtEveryLevel) {

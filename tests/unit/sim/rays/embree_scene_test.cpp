@@ -45,7 +45,7 @@ Leaks bounce(const EmbreeScene& scene, glm::vec3 centre, unsigned triangles_per_
   return leaks;
 }
 
-// docs/stability.md, H-7, H-17: at most 1e-5 escapes per bounce with watertight triangles, at any scale and far from the origin.
+// docs/evidence/stability.md, H-7, H-17: at most 1e-5 escapes per bounce with watertight triangles, at any scale and far from the origin.
 TEST(EmbreeScene, ClosedCubeKeepsItsRays) {
   constexpr unsigned n = 16;
   constexpr std::uint32_t bounces = 1'000'000;
@@ -221,7 +221,7 @@ TEST(EmbreeScene, SegmentsEndAtSurfacesWithoutSeeingThem) {
   }
 }
 
-// docs/stability.md, H-6: coplanar overlapping triangles give the lowest id, whatever the direction of the ray.
+// docs/evidence/stability.md, H-6: coplanar overlapping triangles give the lowest id, whatever the direction of the ray.
 TEST(EmbreeScene, CoplanarTrianglesGiveTheLowestId) {
   for (const float height : {0.f, 0.3f, 777.7f}) {
     Soup soup;
@@ -275,7 +275,7 @@ TEST(EmbreeScene, HitsLieBeforeTheMaximumDistance) {
   EXPECT_FLOAT_EQ(hit.distance_m, 2);
 }
 
-// docs/stability.md, H-1, H-2: neither a triangle without area nor a needle gives a normal that is not a number.
+// docs/evidence/stability.md, H-1, H-2: neither a triangle without area nor a needle gives a normal that is not a number.
 TEST(EmbreeScene, DegenerateTrianglesGiveFiniteHits) {
   Soup soup;
   append_rectangle(soup, -1, -1, 1, 1, 0);

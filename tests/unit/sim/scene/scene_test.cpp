@@ -26,7 +26,7 @@ std::string material_at(const Scene& scene, glm::vec3 origin, glm::vec3 directio
   return hit.valid() ? scene.materials()[scene.mesh().triangle_material[hit.triangle]].name : "nothing";
 }
 
-// ISO 9613-1: 343.2 m/s sqrt(T / 293.15 K); the values of docs/oracles.md, Conventions.
+// ISO 9613-1: 343.2 m/s sqrt(T / 293.15 K); the values of docs/evidence/oracles.md, Conventions.
 TEST(Air, SpeedOfSoundFollowsTheTemperature) {
   const float expected[][2] = {{0, 331.286f}, {10, 337.296f}, {15, 340.261f}, {20, 343.2f}, {25, 346.114f}, {30, 349.005f}};
   for (const auto& [celsius, speed] : expected) EXPECT_NEAR(Air{.temperature_c = celsius}.speed(), speed, 6e-4f);

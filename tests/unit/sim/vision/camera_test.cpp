@@ -12,7 +12,7 @@
 namespace earshot {
 namespace {
 
-// docs/conventions.md, section 1: -z ahead at heading 0, counter-clockwise from above, so a quarter turn left looks along -x.
+// docs/reference/conventions.md, section 1: -z ahead at heading 0, counter-clockwise from above, so a quarter turn left looks along -x.
 TEST(Camera, HeadingsTurnCounterClockwiseFromMinusZ) {
   const double quarter = std::numbers::pi / 2;
   const float tolerance = 1e-7f;  // pi is rounded

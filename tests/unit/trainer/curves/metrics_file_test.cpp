@@ -29,19 +29,19 @@ const CurvePoint kPoint{12,
 
 TEST(MetricsFile, SaysWhatPrometheusReads) {
   EXPECT_EQ(prometheus_text({1, 2, 3, {{"time/learn_s", 0.5}, {"workers/3/update_s", 2.5}}}, "a \"b\""),
-            "# HELP earshot_update_total Curve update of the last update (docs/training.md).\n"
+            "# HELP earshot_update_total Curve update of the last update (docs/howto/training.md).\n"
             "# TYPE earshot_update_total counter\n"
             "earshot_update_total{run=\"a \\\"b\\\"\"} 1\n"
-            "# HELP earshot_env_steps_total Curve env_steps of the last update (docs/training.md).\n"
+            "# HELP earshot_env_steps_total Curve env_steps of the last update (docs/howto/training.md).\n"
             "# TYPE earshot_env_steps_total counter\n"
             "earshot_env_steps_total{run=\"a \\\"b\\\"\"} 2\n"
-            "# HELP earshot_training_seconds Curve training_s of the last update (docs/training.md).\n"
+            "# HELP earshot_training_seconds Curve training_s of the last update (docs/howto/training.md).\n"
             "# TYPE earshot_training_seconds gauge\n"
             "earshot_training_seconds{run=\"a \\\"b\\\"\"} 3\n"
-            "# HELP earshot_time_learn_seconds Curve time/learn_s of the last update (docs/training.md).\n"
+            "# HELP earshot_time_learn_seconds Curve time/learn_s of the last update (docs/howto/training.md).\n"
             "# TYPE earshot_time_learn_seconds gauge\n"
             "earshot_time_learn_seconds{run=\"a \\\"b\\\"\"} 0.5\n"
-            "# HELP earshot_workers_update_seconds Curve workers/update_s of the last update (docs/training.md).\n"
+            "# HELP earshot_workers_update_seconds Curve workers/update_s of the last update (docs/howto/training.md).\n"
             "# TYPE earshot_workers_update_seconds gauge\n"
             "earshot_workers_update_seconds{run=\"a \\\"b\\\"\",worker=\"3\"} 2.5\n");
 }

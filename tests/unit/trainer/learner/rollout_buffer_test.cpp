@@ -39,8 +39,8 @@ class Clock {
 std::vector<float> rows(const RolloutBuffer& buffer, const torch::Tensor& slab) { return floats_of(slab.slice(0, 0, buffer.num_steps())); }
 
 TEST(RolloutBuffer, AnEarlyStopLeavesNoStaleRows) {
-  // docs/ppo.md, section 1.2.  The original trained the second rollout on [9, 10, 11, 4, 5, 6, 7, 8] with bootstrap 8, and the third on
-  // [17, 18, 19, 12, ..., 16] with bootstrap 16.
+  // docs/explanation/ppo.md, section 1.2.  The original trained the second rollout on [9, 10, 11, 4, 5, 6, 7, 8] with bootstrap 8, and the
+  // third on [17, 18, 19, 12, ..., 16] with bootstrap 16.
   RolloutBuffer buffer(pointgoal_only(), 8, 1, 3);
   Clock clock(buffer);
 

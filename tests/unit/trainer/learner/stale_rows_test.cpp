@@ -1,4 +1,5 @@
-// Rows of an earlier rollout in the learner: the table of docs/ppo.md, section 1.2, by hand, for our buffer and for the predecessor's.
+// Rows of an earlier rollout in the learner: the table of docs/explanation/ppo.md, section 1.2, by hand, for our buffer and for the
+// predecessor's.
 #include <gtest/gtest.h>
 
 #include <array>

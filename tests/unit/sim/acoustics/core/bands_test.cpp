@@ -11,7 +11,7 @@ namespace {
 
 TEST(Bands, OctavesHaveExactMidbandsAndEndAtNyquist) {
   const BandLayout bands = BandLayout::octaves(16000.f);
-  const double centre_hz[] = {125.9, 251.2, 501.2, 1000, 1995, 3981, 7943};  // docs/oracles.md, Conventions, four digits
+  const double centre_hz[] = {125.9, 251.2, 501.2, 1000, 1995, 3981, 7943};  // docs/evidence/oracles.md, Conventions, four digits
   ASSERT_EQ(bands.size(), 7);
   ASSERT_EQ(bands.edge_hz.size(), 8u);
   for (int i = 0; i < 7; ++i) {

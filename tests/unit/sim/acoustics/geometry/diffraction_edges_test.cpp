@@ -91,7 +91,7 @@ TEST(DiffractionEdges, RimOfASheetIsAHalfPlaneAndItsPiecesAreOne) {
 }
 
 TEST(DiffractionEdges, FlatEdgesAndDegenerateTrianglesAreNone) {
-  // Two quads that meet at 4 degrees, and at 6; a triangle without area on the common edge (docs/stability.md, H-66).
+  // Two quads that meet at 4 degrees, and at 6; a triangle without area on the common edge (docs/evidence/stability.md, H-66).
   for (const double degrees : {4.0, 6.0}) {
     const double slope = std::tan(degrees * kPi / 180);
     TriangleMesh mesh;

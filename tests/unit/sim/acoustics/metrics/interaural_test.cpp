@@ -98,7 +98,8 @@ TEST(Interaural, WindowsCountFromTheDirectSound) {
   EXPECT_THROW(interaural_correlation(left, right, 16000.f, 0.1, 7), InputError);
 }
 
-// A frontal direct sound correlates fully; a diffuse tail at 125 Hz is nearly coherent, at 1 kHz it is not (docs/oracles.md, O-27).
+// A frontal direct sound correlates fully; a diffuse tail at 125 Hz is nearly coherent, at 1 kHz it is not (docs/evidence/oracles.md,
+// O-27).
 TEST(Interaural, MetricsOfABinauralResponseHaveIt) {
   RirSynthesizer synthesizer(binaural_tables());
   EnergyResponse response = response_with({arrival_at(3.43, 0.05, {0, 0, -1})});

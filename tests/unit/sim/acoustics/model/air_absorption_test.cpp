@@ -11,7 +11,7 @@ struct Row {
   float temperature_c, humidity_percent;
   double db_per_km[9];  // at exact midbands 63 Hz ... 16 kHz
 };
-// docs/oracles.md, O-23.
+// docs/evidence/oracles.md, O-23.
 const Row kTable[] = {
     {20.f, 50.f, {0.122811, 0.445347, 1.31805, 2.73346, 4.66473, 9.85524, 29.4192, 103.912, 358.757}},
     {20.f, 30.f, {0.191841, 0.614656, 1.42485, 2.51614, 5.00507, 14.0605, 48.4681, 166.345, 460.316}},

@@ -95,8 +95,8 @@ TEST(EffectPlan, LateIsOnInALiveCloset) {
 }
 
 TEST(EffectPlan, AirIsOnInAHallAndOffInLowBandsOfAShortResponse) {
-  // Lambert hall, a = 0.15: T = 3.077 s without air, 1.079 s with it in the octave of 8 kHz, 3.054 s in that of 125 Hz (docs/oracles.md,
-  // O-16).
+  // Lambert hall, a = 0.15: T = 3.077 s without air, 1.079 s with it in the octave of 8 kHz, 3.054 s in that of 125 Hz
+  // (docs/evidence/oracles.md, O-16).
   const auto hall = effects::hall_scene();
   AcousticConfig config = automatic_length();
   config.rays = 512;
@@ -109,8 +109,8 @@ TEST(EffectPlan, AirIsOnInAHallAndOffInLowBandsOfAShortResponse) {
   EXPECT_NEAR(*measure(scene, response).bands[6].t30_s, 1.0789, 0.03 * 1.0789);
   EXPECT_NEAR(*measure(dry_scene, dry).bands[6].t30_s, 3.0771, 0.03 * 3.0771);
 
-  // 0.5 s, 171.6 m: 4.4535e-4 dB/m at 125.9 Hz are 0.0764 dB, at 250 Hz 0.225 dB (docs/estimators.md, section 13); RT60 of a box with 0.2
-  // is far below the 4.0 s from where 1 % of it is lost.
+  // 0.5 s, 171.6 m: 4.4535e-4 dB/m at 125.9 Hz are 0.0764 dB, at 250 Hz 0.225 dB (docs/explanation/estimators.md, section 13); RT60 of a
+  // box with 0.2 is far below the 4.0 s from where 1 % of it is lost.
   const AcousticScene short_scene(effects::box_scene().scene, AcousticConfig{});
   EXPECT_FALSE(short_scene.plan().air[0]);
   for (std::size_t band = 1; band < 7; ++band) EXPECT_TRUE(short_scene.plan().air[band]);

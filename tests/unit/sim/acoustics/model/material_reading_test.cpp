@@ -7,7 +7,7 @@
 #include "sim/acoustics/metrics/room_metrics.h"
 #include "tests/support/acoustics/late_field.h"
 
-/// docs/oracles.md, O-15: what "0.1" in a material file means.
+/// docs/evidence/oracles.md, O-15: what "0.1" in a material file means.
 namespace earshot {
 namespace {
 

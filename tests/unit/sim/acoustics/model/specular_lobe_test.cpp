@@ -42,7 +42,7 @@ double integrate(glm::vec3 in, float exponent, const std::function<double(glm::v
 }
 
 TEST(OracleO30, AlbedoOfTheMaxNormalisedPhongLobe) {
-  // Table of docs/oracles.md, O-30: 0, 30, 60, 75, 85 degrees, hemispherical mean.  Four digits are given.
+  // Table of docs/evidence/oracles.md, O-30: 0, 30, 60, 75, 85 degrees, hemispherical mean.  Four digits are given.
   const double expected[6][6] = {{1.0000, 0.9914, 0.8899, 0.8210, 0.7738, 0.9343}, {1.0000, 0.9676, 0.8225, 0.7111, 0.6268, 0.8854},
                                  {1.0000, 0.9673, 0.8395, 0.7130, 0.6038, 0.8915}, {1.0000, 0.9729, 0.8907, 0.7687, 0.6120, 0.9175},
                                  {1.0000, 0.9817, 0.9359, 0.8569, 0.6701, 0.9472}, {1.0000, 0.9932, 0.9787, 0.9534, 0.8566, 0.9812}};

@@ -377,7 +377,7 @@ TEST(Diffraction, ReflectionsThatEndWithoutTheirEdgesChangeAnOctaveByWhatThePlan
   EXPECT_GT(std::max(more_db, less_db), decided->change - 0.5) << "the bound is not tight";
 }
 
-TEST(Diffraction, BoundedAtTheEdgeItself) {  // docs/stability.md, H-66, H-67
+TEST(Diffraction, BoundedAtTheEdgeItself) {  // docs/evidence/stability.md, H-66, H-67
   const AcousticScene scene(hard(wedge_mesh(1.5 * std::numbers::pi)), config_with(Switch::on));
   for (const glm::vec3 listener :
        {glm::vec3(-0.001f, 0, 0.001f), glm::vec3(-1e-5f, 0, 1e-5f), glm::vec3(0, 0.5f, 0), glm::vec3(0, 250, 0)}) {
@@ -391,7 +391,7 @@ TEST(Diffraction, BoundedAtTheEdgeItself) {  // docs/stability.md, H-66, H-67
   }
 }
 
-TEST(Diffraction, CombOfAThousandEdges) {  // docs/stability.md, H-68
+TEST(Diffraction, CombOfAThousandEdges) {  // docs/evidence/stability.md, H-68
   TriangleMesh mesh;
   for (int tooth = 0; tooth < 1000; ++tooth) {
     const float x = 0.02f * static_cast<float>(tooth);

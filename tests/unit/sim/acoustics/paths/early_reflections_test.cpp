@@ -17,7 +17,7 @@ struct Shoe1Row {
   glm::dvec3 direction;  // oracle axes
   double amplitude, rigid_amplitude;
 };
-// docs/oracles.md, O-2, with all digits.
+// docs/evidence/oracles.md, O-2, with all digits.
 const Shoe1Row kShoe1[] = {
     {2.76586333719, 0, {-0.940032, -0.289241, -0.180775}, 0.02877129556, 0.02877129556},
     {3.83275357935, 1, {-0.678363, -0.208727, -0.704454}, 0.01857052713, 0.02076248052},
@@ -46,7 +46,7 @@ struct Shoe2Row {
   int order;
   double amplitude[6];  // 125 Hz ... 4 kHz
 };
-// docs/oracles.md, O-3.
+// docs/evidence/oracles.md, O-3.
 const Shoe2Row kShoe2[] = {
     {4.33704968844, 0, {0.01834829602, 0.01834829602, 0.01834829602, 0.01834829602, 0.01834829602, 0.01834829602}},
     {5.1, 1, {0.01496628026, 0.01360275124, 0.01023185054, 0.008687619807, 0.008402701945, 0.008107777874}},
@@ -106,7 +106,7 @@ TEST(DirectSound, AirAbsorbsAlongThePath) {
   const AcousticScene scene(rooms::scene_of({}, {}, air), config);
   const auto arrivals = arrivals_in(scene, {100, 0, 0}, {0, 0, 0});
   ASSERT_EQ(arrivals.size(), 1u);
-  // docs/oracles.md, O-23, 20 C 50 %, exact midbands: dB per km, over 100 m.
+  // docs/evidence/oracles.md, O-23, 20 C 50 %, exact midbands: dB per km, over 100 m.
   const double db_per_km[] = {0.44535, 1.318, 2.7335, 4.6647, 9.8552, 29.419, 103.91};
   for (int b = 0; b < 7; ++b) {
     const double loss_db = -20 * std::log10(arrivals[0].amplitude[b] * 4 * std::numbers::pi * 100);

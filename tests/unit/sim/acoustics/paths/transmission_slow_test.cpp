@@ -5,7 +5,7 @@
 
 #include "tests/support/acoustics/bidirectional_field.h"
 
-/// docs/oracles.md, O-22, room to room: D = TL + 10 log10(A2 / S), S = 10 m2, A2 = 15 m2.
+/// docs/evidence/oracles.md, O-22, room to room: D = TL + 10 log10(A2 / S), S = 10 m2, A2 = 15 m2.
 namespace earshot {
 namespace {
 

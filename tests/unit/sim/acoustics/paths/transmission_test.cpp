@@ -14,8 +14,8 @@
 #include "sim/acoustics/response/energy_response.h"
 #include "tests/support/acoustics/rooms.h"
 
-/// docs/oracles.md, O-22; docs/stability.md, H-5, H-69.  Free field with panels across the x axis; oracle: 1 / (4 pi r) and the table of
-/// tau against TL.
+/// docs/evidence/oracles.md, O-22; docs/evidence/stability.md, H-5, H-69.  Free field with panels across the x axis; oracle: 1 / (4 pi r)
+/// and the table of tau against TL.
 namespace earshot {
 namespace {
 

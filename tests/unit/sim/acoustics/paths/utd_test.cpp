@@ -43,7 +43,7 @@ TEST(O24Diffraction, UniformTheoryOfFiveWedges) {
       const double loss = loss_db(relative(wedge.exterior_rad, wedge.source, wedge.listener, wedges::kFrequencyHz[i]));
       // Same theory, other code (transition function from another library): rounding of the table alone.
       EXPECT_NEAR(loss, wedge.utd_db[i], 1e-5) << wedge.name << " " << wedges::kFrequencyHz[i];
-      // The theory against the exact wedge, as docs/oracles.md, O-24 states it.
+      // The theory against the exact wedge, as docs/evidence/oracles.md, O-24 states it.
       EXPECT_NEAR(loss, wedge.exact_db[i], screen ? 0.06 : i == 0 ? 0.26 : 0.12) << wedge.name << " " << wedges::kFrequencyHz[i];
     }
   }
@@ -170,7 +170,7 @@ TEST(O24Diffraction, LevelIsContinuousThroughShadowAndReflectionBoundary) {
   }
 }
 
-TEST(WedgeDiffraction, StaysFiniteAtTheEdge) {  // docs/stability.md, H-67
+TEST(WedgeDiffraction, StaysFiniteAtTheEdge) {  // docs/evidence/stability.md, H-67
   for (const double exterior : {1.1 * std::numbers::pi, 1.5 * std::numbers::pi, 2 * std::numbers::pi}) {
     for (double source = 0; source <= exterior; source += 0.1) {
       for (double listener = 0; listener <= exterior; listener += 0.1) {
@@ -186,7 +186,7 @@ TEST(WedgeDiffraction, StaysFiniteAtTheEdge) {  // docs/stability.md, H-67
   }
 }
 
-TEST(WedgeDiffraction, FlatWedgeDiffractsNothing) {  // docs/stability.md, H-66: the reflection is already the image's
+TEST(WedgeDiffraction, FlatWedgeDiffractsNothing) {  // docs/evidence/stability.md, H-66: the reflection is already the image's
   // n = 1: the four terms cancel in pairs wherever no boundary is near (Keller's sum of cotangents is zero for a plane).
   const Complex ratio = uniform_theory::ratio(WedgeDiffraction(std::numbers::pi, 0.4, 1.3), 1e6);
   EXPECT_LT(std::abs(ratio), 1e-6);

@@ -75,8 +75,8 @@ TEST(TemporalReuse, FirstFrameHasTheBitsOfASingleResponse) {
   EXPECT_EQ(values_of(first), values_of(single));
 }
 
-// Linear blending of independent frames: after many, the variance of every value is a / (2 - a) of a single frame's (docs/estimators.md,
-// section 8).
+// Linear blending of independent frames: after many, the variance of every value is a / (2 - a) of a single frame's
+// (docs/explanation/estimators.md, section 8).
 TEST(TemporalReuse, AtRestTheErrorFallsAsTheWeightSays) {
   const auto scene = room("shoebox:6x3x4@0.3");
   constexpr int runs = 40, frames = 100;

@@ -85,7 +85,7 @@ TEST(OracleO28, EgoAxesAreWorldAxesTurned) {
   }
 }
 
-TEST(OracleO28, ThirtySixTurnsOfTenDegreesRenderTheStart) {  // docs/stability.md, H-58
+TEST(OracleO28, ThirtySixTurnsOfTenDegreesRenderTheStart) {  // docs/evidence/stability.md, H-58
   const EnergyResponse response = mixed_response();
   RirSynthesizer ego = ambisonic(2, HarmonicNorm::sn3d, HarmonicAxes::ego);
   const Rir start = rendered(ego, response, 0.3);

@@ -128,7 +128,7 @@ TEST(ArraySynthesis, LateFieldHasThePowerThatThePatternTakesIn) {
   const double put_in = 0.02 * (1.0 - std::exp(-6.0 * std::log(10.0) * 0.5 / 2.0));
   RirSynthesizer synthesizer = array_of({at({0, 0, 0}, "cardioid"), at({0, 0, 0}, "hypercardioid")}, 0.5f);
   const Pair diffuse = late_pair(synthesizer, decay_of(2.0, 0.02, 7), 0.7, 8);
-  EXPECT_NEAR(db(diffuse.first / put_in), -4.7712, 0.3);  // docs/oracles.md, O-29
+  EXPECT_NEAR(db(diffuse.first / put_in), -4.7712, 0.3);  // docs/evidence/oracles.md, O-29
   EXPECT_NEAR(db(diffuse.second / put_in), -6.0206, 0.3);
   // Energy from the right: cardioids with their front there get most of it, those with their back there little.
   RirSynthesizer sides = array_of(

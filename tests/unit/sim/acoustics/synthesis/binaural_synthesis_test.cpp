@@ -91,7 +91,7 @@ LateTail late_tail(const EnergyHistogram& late, double heading_rad) {
   return result;
 }
 
-// docs/estimators.md, section 6: pressure noise times spherical harmonics gives 1.0 here.
+// docs/explanation/estimators.md, section 6: pressure noise times spherical harmonics gives 1.0 here.
 TEST(BinauralSynthesis, DiffuseTailHasTheCoherenceOfAHead) {
   const LateTail ears = late_tail(decay_of(2.0, 0.02, 7), 0.7);
   EXPECT_NEAR(ears.coherence_250, 0.7636, 0.1);
@@ -126,7 +126,7 @@ TEST(BinauralSynthesis, DirectionalTailIsLouderOnItsSideAndTurnsWithTheHead) {
 }
 
 // Ears mix four carriers.  For these short decays plain noise gives 15 % rms; flattening is bounded by the few degrees of freedom at 125
-// Hz.  synthesis_decay_slow_test has the whole set of docs/estimators.md, section 6.
+// Hz.  synthesis_decay_slow_test has the whole set of docs/explanation/estimators.md, section 6.
 TEST(BinauralSynthesis, DecayTimeAtTheEarsIsThatOfTheEnergy) {
   RirSynthesizer synthesizer(binaural_tables());
   double sum = 0;

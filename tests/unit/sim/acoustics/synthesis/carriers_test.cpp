@@ -70,7 +70,7 @@ TEST(Carriers, BandsAddUpToWhiteNoiseOfUnitVarianceO31) {
       std::vector<float> sum(bank.length(), 0.f);
       for (int band = 0; band < bands.size(); ++band)
         for (std::size_t n = 0; n < sum.size(); ++n) sum[n] += bank.loop(band, channel)[n];
-      EXPECT_NEAR(energy_of(sum) / 8192, 1.0, 1e-3);  // docs/oracles.md, O-31: uniform noise in [-1, 1) would be 4.8 dB short
+      EXPECT_NEAR(energy_of(sum) / 8192, 1.0, 1e-3);  // docs/evidence/oracles.md, O-31: uniform noise in [-1, 1) would be 4.8 dB short
       RealFft fft(8192);
       std::vector<std::complex<float>> spectrum(4097);
       fft.forward(sum, spectrum);

@@ -14,7 +14,7 @@ namespace {
 
 constexpr double kPi = std::numbers::pi;
 
-/// RIR of the thin screen D1 of docs/oracles.md, O-24: 4 m straight, 4.472 m over the edge.
+/// RIR of the thin screen D1 of docs/evidence/oracles.md, O-24: 4 m straight, 4.472 m over the edge.
 Rir render_screen(const AcousticConfig& config) {
   TriangleMesh mesh;
   rooms::append_quad(mesh, {glm::vec3(0, -200, 0), glm::vec3(200, -200, 0), glm::vec3(200, 200, 0), glm::vec3(0, 200, 0)}, 0);

@@ -14,7 +14,7 @@ namespace {
 
 using namespace synthesis_cases;
 
-TEST(RirSynthesis, DirectSoundAtAWholeSampleIsOneSampleO1) {  // docs/oracles.md, O-1: 3.43 m, 10 ms, 0.02320043
+TEST(RirSynthesis, DirectSoundAtAWholeSampleIsOneSampleO1) {  // docs/evidence/oracles.md, O-1: 3.43 m, 10 ms, 0.02320043
   for (const auto& [rate, sample] : {std::pair{16000.f, 160}, {44100.f, 441}, {48000.f, 480}}) {
     const Rir rir = rendered(mono_at(rate, 0.1f), response_with({arrival_at(3.43, 0.02320043)}));
     ASSERT_EQ(rir.num_channels, 1);
@@ -118,7 +118,7 @@ TEST(RirSynthesis, ArrivalsAtTheSameSampleAddUp) {  // H-74
   EXPECT_EQ(rir.samples[160], 0.75f);
 }
 
-TEST(RirSynthesis, LateEnergyIsWhatWasPutIn) {  // docs/conventions.md, section 2
+TEST(RirSynthesis, LateEnergyIsWhatWasPutIn) {  // docs/reference/conventions.md, section 2
   for (const float rate : {8000.f, 16000.f, 48000.f}) {
     RirSynthesizer synthesizer = mono_at(rate);
     const int bands = BandLayout::octaves(rate).size();
@@ -137,8 +137,8 @@ TEST(RirSynthesis, LateEnergyIsWhatWasPutIn) {  // docs/conventions.md, section 
   }
 }
 
-// docs/estimators.md, section 6 (c).  One source alone scatters by 0.34 dB at 125 Hz, where an octave of this decay has few degrees of
-// freedom, and by 0.2 dB and less above; the mean over 32 must be four times flatter than the oracle requires.
+// docs/explanation/estimators.md, section 6 (c).  One source alone scatters by 0.34 dB at 125 Hz, where an octave of this decay has few
+// degrees of freedom, and by 0.2 dB and less above; the mean over 32 must be four times flatter than the oracle requires.
 TEST(RirSynthesis, LateSpectrumIsFlat) {
   RirSynthesizer synthesizer = usual_mono();
   EnergyResponse response = response_with();
@@ -174,7 +174,7 @@ TEST(RirSynthesis, BandEnergiesStayInTheirBands) {
         << centre_hz;  // the sudden start of the tail splatters
 }
 
-// docs/estimators.md, section 6: unflattened carriers put 9 % rms into an octave T20, flattened ones 1.6 %.
+// docs/explanation/estimators.md, section 6: unflattened carriers put 9 % rms into an octave T20, flattened ones 1.6 %.
 TEST(RirSynthesis, DecayTimeIsThatOfTheEnergy) {
   double sum = 0;
   int count = 0;

@@ -68,8 +68,8 @@ std::string shown(const DecayErrors& errors) {
   return text;
 }
 
-// docs/estimators.md, section 6: plain noise has 9.05 % rms over this set.  The shortest decay is 3.3 times what the octave filter at 125
-// Hz makes of a pulse (O-25), so all of it can be measured.  Over six seeds mono has 1.1 % and the ear 1.8 %.
+// docs/explanation/estimators.md, section 6: plain noise has 9.05 % rms over this set.  The shortest decay is 3.3 times what the octave
+// filter at 125 Hz makes of a pulse (O-25), so all of it can be measured.  Over six seeds mono has 1.1 % and the ear 1.8 %.
 TEST(SynthesisDecay, OctaveT20IsThatOfTheEnergyMono) {
   const DecayErrors errors = decay_errors(ChannelLayout::mono, 3, 4);
   EXPECT_LE(errors.total, 0.02) << shown(errors);
@@ -84,7 +84,7 @@ TEST(SynthesisDecay, OctaveT20IsThatOfTheEnergyAtAnEar) {
   RecordProperty("t20_rms_percent", std::to_string(100 * errors.total));
 }
 
-// docs/oracles.md, O-27: all bands of the table.
+// docs/evidence/oracles.md, O-27: all bands of the table.
 TEST(OracleO27, DiffuseTailHasTheCoherenceOfTheSphereInAllBands) {
   RirSynthesizer synthesizer(binaural_tables());
   EnergyResponse response = response_with();

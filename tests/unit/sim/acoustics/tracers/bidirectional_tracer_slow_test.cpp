@@ -158,7 +158,7 @@ TEST(BidirectionalSlow, O29_ADirectionalSourceFillsTheRoomByItsMean) {
 }
 
 TEST(BidirectionalSlow, EarlyOnAndOffHoldTheSameEnergy) {
-  // docs/estimators.md, section 7, with both tracers' ways of meeting the source: image paths take exactly what is left out.
+  // docs/explanation/estimators.md, section 7, with both tracers' ways of meeting the source: image paths take exactly what is left out.
   const auto room = rooms::shoe1(0.2, 0.3);
   AcousticConfig config = bidirectional_config(32768);
   const auto energy = [&](Switch early) {

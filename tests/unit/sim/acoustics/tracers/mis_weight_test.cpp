@@ -90,8 +90,8 @@ double weight_by_chains(const RandomPath& path, const mis::Strategies& strategie
   return mis::weight(samples, earlier, later);
 }
 
-/// The closed form of docs/estimators.md, section 4 for Lambert vertices: w_i = (n_i / G_i) / sum_j (n_j / G_j), G_i the area density of
-/// edge i, with the lobe probabilities of the two vertices that a connection does not draw.
+/// The closed form of docs/explanation/estimators.md, section 4 for Lambert vertices: w_i = (n_i / G_i) / sum_j (n_j / G_j), G_i the area
+/// density of edge i, with the lobe probabilities of the two vertices that a connection does not draw.
 std::vector<double> weights_by_closed_form(const RandomPath& path, const mis::Strategies& strategies) {
   const int k = path.surfaces();
   std::vector<double> weights(path.edges.size());

@@ -20,7 +20,7 @@ using rooms::Sample;
 using rooms::total_energy;
 
 TEST(PathTracerSlow, EarlyOnAndOffHoldTheSameEnergy) {
-  // docs/estimators.md, section 7: image paths take exactly what is left out of the stochastic part.
+  // docs/explanation/estimators.md, section 7: image paths take exactly what is left out of the stochastic part.
   const auto room = rooms::shoe1(0.2, 0.3);
   AcousticConfig config = plain_config();
   config.rays = 16384;

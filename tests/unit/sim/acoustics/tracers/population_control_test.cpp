@@ -13,8 +13,8 @@ struct Ray {
 };
 
 TEST(PopulationControl, RouletteWithFixedProbabilitiesKeepsEveryBand) {
-  // Two rays far down, of which one may stay: the first with probability q (docs/estimators.md, section 5).  Bands differ by a factor that
-  // q does not know.
+  // Two rays far down, of which one may stay: the first with probability q (docs/explanation/estimators.md, section 5).  Bands differ by a
+  // factor that q does not know.
   for (const double q : {0.1, 0.3, 0.5, 0.7, 0.9}) {
     constexpr int draws = 1000;
     std::array<double, 8> mean{};

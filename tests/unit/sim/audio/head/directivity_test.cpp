@@ -38,7 +38,7 @@ struct Pattern {
   double mean, q, di_db;
 };
 
-// docs/oracles.md, O-29; the omnidirectional one has none of all.  Means of a + (1 - a) cos are a^2 + (1 - a)^2 / 3.
+// docs/evidence/oracles.md, O-29; the omnidirectional one has none of all.  Means of a + (1 - a) cos are a^2 + (1 - a)^2 / 3.
 const Pattern kPatterns[] = {{"omni", 1.0, 1.0, 0.0},
                              {"subcardioid", 0.52, 1.9231, 2.8400},
                              {"cardioid", 1.0 / 3, 3, 4.7712},

@@ -115,7 +115,7 @@ TEST(OracleO28, RotationsAreAGroup) {
   EXPECT_GT(distance(rotation_of(ListenerOrientation(0.1), 9), still), 0.1);
 }
 
-TEST(OracleO28, ThirtySixTurnsOfTenDegreesReturnToTheStart) {  // docs/stability.md, H-58
+TEST(OracleO28, ThirtySixTurnsOfTenDegreesReturnToTheStart) {  // docs/evidence/stability.md, H-58
   for (const ListenerOrientation& orientation :
        {ListenerOrientation(10 * kDegree), ListenerOrientation(0, 10 * kDegree, 0), ListenerOrientation(0, 0, 10 * kDegree)}) {
     const HarmonicRotation step = rotation_of(orientation, 9);

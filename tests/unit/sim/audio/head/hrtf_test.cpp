@@ -40,7 +40,7 @@ class RigidSphereHead : public ::testing::Test {
 };
 std::shared_ptr<const Hrtf> RigidSphereHead::head_;
 
-// docs/oracles.md, O-27: exact phase ITD at 200 Hz, ears at +-90 degrees.
+// docs/evidence/oracles.md, O-27: exact phase ITD at 200 Hz, ears at +-90 degrees.
 TEST(RigidSphereSeries, HasTheExactTimeDifferenceAt200HzO27) {
   const double ka = 2.0 * std::numbers::pi * 200.0 / 343.0 * 0.0875;
   for (const auto& [azimuth_deg, expected_us] : {std::pair{10.0, 136.87}, {30.0, 392.91}, {60.0, 675.95}, {90.0, 777.96}}) {
@@ -51,7 +51,7 @@ TEST(RigidSphereSeries, HasTheExactTimeDifferenceAt200HzO27) {
   }
 }
 
-// docs/oracles.md, O-27, ears at +-90 degrees: independent of the head's own +-100.
+// docs/evidence/oracles.md, O-27, ears at +-90 degrees: independent of the head's own +-100.
 TEST(RigidSphereSeries, HasTheExactLevelDifferencesO27) {
   const double frequency_hz[] = {250, 500, 1000, 2000, 4000, 8000};
   const double expected_db[3][6] = {
@@ -84,7 +84,7 @@ TEST(RigidSphereSeries, HasItsLimits) {
   EXPECT_TRUE(std::isfinite(std::abs(pressure[2])));
 }
 
-TEST_F(RigidSphereHead, HasTheTableOfLevelDifferencesO27) {  // docs/oracles.md, O-27, ears at +-100 degrees
+TEST_F(RigidSphereHead, HasTheTableOfLevelDifferencesO27) {  // docs/evidence/oracles.md, O-27, ears at +-100 degrees
   const int bins[] = {5, 10, 20, 40, 80, 160};
   const double expected_db[3][6] = {{2.256e-4, 0.8982, 4.694, 5.309, 7.264, 9.6},
                                     {0.09622, 1.357, 3.206, 6.53, 15.12, 14.92},
@@ -208,7 +208,7 @@ DiffuseField diffuse_field(const Hrtf& head, std::size_t bin) {
   return field;
 }
 
-TEST_F(RigidSphereHead, DiffuseFieldHasTheCoherenceOfAHeadO27) {  // docs/oracles.md, O-27
+TEST_F(RigidSphereHead, DiffuseFieldHasTheCoherenceOfAHeadO27) {  // docs/evidence/oracles.md, O-27
   for (const auto& [frequency_hz, expected] : {std::pair{250, 0.7636}, {500, 0.2037}, {1000, -0.1251}, {2000, -0.03115}, {4000, 0.003034}})
     EXPECT_NEAR(diffuse_field(*head_, static_cast<std::size_t>(frequency_hz / 50)).coherence, expected, 0.02) << frequency_hz;
   EXPECT_GT(diffuse_field(*head_, 1).coherence, 0.97);

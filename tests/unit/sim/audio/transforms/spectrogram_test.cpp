@@ -15,7 +15,7 @@
 namespace earshot {
 namespace {
 
-/// The definition of docs/formats.md, section 6.3 written out in double, without any of the code under test.
+/// The definition of docs/reference/formats.md, section 6.3 written out in double, without any of the code under test.
 std::vector<double> naive_spectrogram(std::span<const float> sound, const SpectrogramConfig& c) {
   const int bins = c.fft_size / 2 + 1, frames = 1 + c.num_samples / c.hop;
   const int rows = (bins + c.pool - 1) / c.pool, columns = (frames + c.pool - 1) / c.pool;

@@ -80,8 +80,8 @@ TEST(MaterialLint, FindsFaultsBetweenMaterials) {
   EXPECT_THAT(lines, Not(Contains(HasSubstr("'default'"))));
 }
 
-/// The predecessor's table (its published material map), in the layout of its JSON, with the faulty labels that docs/formats.md, section 2
-/// lists.
+/// The predecessor's table (its published material map), in the layout of its JSON, with the faulty labels that docs/reference/formats.md,
+/// section 2 lists.
 std::string predecessor_json(const std::filesystem::path& path) {
   const nlohmann::json table = parse_json(read_file(path));
   nlohmann::json materials = nlohmann::json::array();
@@ -105,7 +105,7 @@ std::string predecessor_json(const std::filesystem::path& path) {
   return json_text(nlohmann::json{{"materials", materials}});
 }
 
-// docs/formats.md, section 2.
+// docs/reference/formats.md, section 2.
 TEST(MaterialLint, FindsThePredecessorsFaults) {
   SKIP_WITHOUT_DATA("materials/soundspaces_materials.json");
   const std::filesystem::path path = data_folder() / "materials/soundspaces_materials.json";

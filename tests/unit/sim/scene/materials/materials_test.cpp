@@ -27,7 +27,7 @@ std::string error_of(const std::string& json) {
 
 std::string with_entry(const std::string& keys) { return R"({"materials": [{"name": "felt", )" + keys + "}]}"; }
 
-// docs/oracles.md, O-31.
+// docs/evidence/oracles.md, O-31.
 TEST(CoefficientCurve, BandMeanIsTheMeanOverLogFrequency) {
   const CoefficientCurve curve{{125, 4000}, {0.1f, 0.6f}};
   EXPECT_NEAR(curve.band_mean(44.194f, 11313.7f), 0.35f, 1e-5f) << "symmetric around 707.1 Hz on a log axis";
@@ -79,7 +79,7 @@ TEST(MaterialDatabase, SourceMayBeOneTextPerKey) {
   EXPECT_THAT(error_of(with_entry(curves + R"(, "source": {"absorption": 3})")), HasSubstr("absorption"));
 }
 
-// docs/oracles.md, O-15: R_E = (1 - a)^2, and every transmission loss doubles in dB.
+// docs/evidence/oracles.md, O-15: R_E = (1 - a)^2, and every transmission loss doubles in dB.
 TEST(MaterialDatabase, PressureReadingSquaresTheReflection) {
   const std::string entry =
       R"("materials": [{"name": "felt", "absorption": [125, 0.1, 4000, 0.6], "scattering": [125, 0.3], "transmission": [125, 0.01]}]})";
@@ -99,7 +99,7 @@ TEST(MaterialDatabase, PressureReadingSquaresTheReflection) {
   EXPECT_THAT(error_of(R"({"coefficients": "volts", "materials": []})"), HasSubstr("pressure"));
 }
 
-// docs/formats.md, section 2: what the predecessor does, on request.
+// docs/reference/formats.md, section 2: what the predecessor does, on request.
 TEST(MaterialDatabase, SubstringMatchingCountsLabels) {
   const MaterialDatabase database = MaterialDatabase::from_json(R"({"materials": [
     {"name": "Default", "labels": ["default"], "absorption": [125, 0.1], "scattering": [125, 0.1]},
@@ -121,7 +121,7 @@ TEST(MaterialDatabase, SubstringMatchingCountsLabels) {
   for (const char* category : {"vegetable", "wall-lamp", "wall/lamp"}) EXPECT_TRUE(!database.find_label(category) || category[4] == '-');
 }
 
-// Whole words: the predecessor matched `table` inside `vegetable` (docs/formats.md, section 2).
+// Whole words: the predecessor matched `table` inside `vegetable` (docs/reference/formats.md, section 2).
 TEST(MaterialDatabase, LabelsMatchAsWholesWithoutCase) {
   const MaterialDatabase database = MaterialDatabase::from_json(
       R"({"materials": [{"name": "a", "labels": ["table"], "absorption": [125, 0.1], "scattering": [125, 0.1]}]})", "db");
@@ -251,7 +251,7 @@ TEST(BuiltinMaterials, AreThePublishedRowsTheyName) {
 }
 
 TEST(BuiltinMaterials, AreTheTableInTheDocuments) {
-  const std::string text = read_file(source_dir() / "docs/materials.md");
+  const std::string text = read_file(source_dir() / "docs/reference/materials.md");
   const MaterialDatabase database = MaterialDatabase::builtin();
   for (const Material& material : database.all()) {
     const std::pair<const char*, const CoefficientCurve*> rows[] = {
@@ -260,7 +260,7 @@ TEST(BuiltinMaterials, AreTheTableInTheDocuments) {
       std::string line = fmt::format("| {} | {} |", key[0] == 'a' ? material.name : "", key[0]);
       for (const float hz : {125.f, 250.f, 500.f, 1000.f, 2000.f, 4000.f}) line += fmt::format(" {:.3g} |", curve->at(hz));
       line += " " + material.source_of(key) + " |\n";
-      EXPECT_NE(text.find(line), std::string::npos) << "docs/materials.md lacks the line " << line;
+      EXPECT_NE(text.find(line), std::string::npos) << "docs/reference/materials.md lacks the line " << line;
     }
   }
 }

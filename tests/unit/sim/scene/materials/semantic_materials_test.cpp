@@ -106,7 +106,7 @@ TEST(SceneSemantics, CategoriesOfNodesChooseMaterials) {
   EXPECT_THAT(message_of<InputError>([&] { scene_with("semantics: mine.yaml\n", folder); }), HasSubstr("'grass'"));
 }
 
-// docs/formats.md, section 2: the predecessor's `table` inside `vegetable`.
+// docs/reference/formats.md, section 2: the predecessor's `table` inside `vegetable`.
 TEST(SceneSemantics, VegetableIsNoTableUnlessAskedFor) {
   const TempFolder folder;
   EXPECT_THAT(materials_of(scene_with("label_matching: exact\n", folder)), testing::ElementsAre("default", "default", "default"));
@@ -129,7 +129,7 @@ TEST(SceneSemantics, KeysAreChecked) {
   EXPECT_THAT(error_of("semantics: missing.yaml\n"), HasSubstr("missing.yaml"));
 }
 
-// docs/oracles.md, O-15 through a scene file.
+// docs/evidence/oracles.md, O-15 through a scene file.
 TEST(SceneSemantics, CoefficientsSayWhatAMaterialFileMeans) {
   const TempFolder folder;
   folder.write("m.json", R"({"materials": [{"name": "x", "labels": ["default"], "absorption": [125, 0.1], "scattering": [125, 1]}]})");

@@ -46,7 +46,7 @@ TEST(WeldMap, MatchesBruteForce) {
   EXPECT_GT(welded, 100u);
 }
 
-// docs/stability.md, H-1, H-2, H-5.
+// docs/evidence/stability.md, H-1, H-2, H-5.
 TEST(RepairMesh, RemovesWhatHasNoAreaOrIsThereTwice) {
   TriangleMesh mesh = soup({{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 0}, {2, 0, 0}, {0.5f, 1e-7f, 0}, {9, 9, 9}},
                            {{0, 1, 2},    // kept

@@ -134,7 +134,7 @@ TEST(MeshImport, CountsWhatItRepairs) {
   EXPECT_EQ(imported.mesh.triangles.size(), 1u);
 }
 
-// docs/stability.md, H-12.
+// docs/evidence/stability.md, H-12.
 TEST(MeshImport, WarnsAboutSuspiciousSizes) {
   const auto warnings = [](const char* text) { return import_file("a.obj", text).report.warnings; };
   EXPECT_THAT(warnings("v 0 0 0\nv 501 0 0\nv 0 1 0\nf 1 2 3\n"), testing::ElementsAre(HasSubstr("501 m")));
