@@ -116,7 +116,7 @@ TEST(HeadInterpolation, DirectionsLeftOutAreMadeFromTheOthers) {
   const std::vector<double> centres = third_octaves();
   for (std::size_t b = 0; b < centres.size(); ++b) {
     const double both = std::sqrt((kemar.sum_of_squares_db[b] + sadie.sum_of_squares_db[b]) / (2.0 * (kemar.count + sadie.count)));
-    // At 8 kHz, where notches move with the direction, it falls short of 1 dB (docs/heads.md).
+    // At 8 kHz, where notches move with the direction, it falls short of 1 dB (docs/howto/heads.md).
     EXPECT_LT(both, centres[b] < 7000 ? 1.0 : centres[b] < 9000 ? 1.25 : 2.0) << centres[b];
   }
   EXPECT_EQ(kemar.num_beyond_neighbour, 0);
