@@ -34,7 +34,7 @@ class EnergyHistogram {
   void add(const EnergyHistogram& other);  ///< same shape
   void add_dropped(double energy) { dropped_energy_ += energy; }
   void scale(float factor);
-  /// Multiplies each bin by exp(-m_b c t): exact for air, as path length is c t (docs/explanation/estimators.md, section 13).
+  /// Multiplies each bin by exp(-m_b c t): exact for air, as path length is c t (docs/explanation/effect_bounds.md, section 2).
   void attenuate(std::span<const float> energy_per_m, float speed_of_sound_m_per_s);
   void clear();  ///< keeps the shape
   [[nodiscard]] double dropped_energy() const { return dropped_energy_; }

@@ -135,7 +135,7 @@ class Planner {
                           flutter_s > diffuse_s ? "what facing mirrors throw to and fro" : "the slowest band", kProbedFallDb, longest_s)
             : "nothing comes back";
     // An exponential decay is cut off 60 dB down: that moves T30 by less than the 0.85 % of a cut at -45 dB
-    // (docs/explanation/estimators.md, section 12).
+    // (docs/explanation/effect_bounds.md, section 1).
     if (automatic) {
       const bool capped = wanted_s > kLongestRirS;
       const double saved = trace_ms(all_rays(), kLongestRirS) - late_ms();

@@ -12,7 +12,7 @@ namespace earshot {
 class AcousticSurfaces;
 
 /// What leaving an effect out may change: 0.1 dB in the energy of any band at every time down to -45 dB, and 1 % of RT60
-/// (docs/explanation/estimators.md, section 12: a tenth and a fifth of what is just heard).  An automatic length is no effect: it keeps
+/// (docs/explanation/effect_bounds.md, section 1: a tenth and a fifth of what is just heard).  An automatic length is no effect: it keeps
 /// RT60 by as much and the decay curve by 0.1 dB down to -35 dB, by 0.5 dB down to -45 dB, as a curve that ends bends down before its end.
 inline constexpr double kEffectBudgetDb = 0.1, kEffectBudgetRt = 0.01;
 /// The fraction of energy that changes a level by the budget, 10^0.01 - 1: -16.3 dB.

@@ -30,8 +30,8 @@ struct EffectProbe {
   double horizon_s = 0;
 
   /// Behind walls that let sound through: the largest fraction by which the energy that reaches a room through its walls adds to what
-  /// reaches it through the air, [num_bands] (docs/explanation/estimators.md, section 12: E_up / E_lo).  Zero if no wall has air behind it;
-  /// infinite if most walls lead to where no air does.
+  /// reaches it through the air, [num_bands] (docs/explanation/effect_bounds.md, section 1: E_up / E_lo).  Zero if no wall has air behind
+  /// it; infinite if most walls lead to where no air does.
   std::vector<double> wall_to_air;
 };
 

@@ -35,7 +35,7 @@ class DiffractionCandidates {
   /// the direct sound's.  In sight the energy of direct sound and images is complete without edges, which only move it about near shadow
   /// and reflection boundaries: there what the wave of a single edge does to the direct sound is added to it with its phase, and what goes
   /// on where an image has ended is an arrival.  (Images themselves have the size of their panels: panel_reflection.h.)  That weighs 1 up
-  /// to a detour of a quarter of a wave, 0 from half a wave on (docs/explanation/estimators.md, section 14); on a shadow boundary itself
+  /// to a detour of a quarter of a wave, 0 from half a wave on (docs/explanation/effect_bounds.md, section 3); on a shadow boundary itself
   /// all single edges count, as they do behind it.  Many edges raise the direct sound by at most what one does, 1.4 dB.  Wedges blunter
   /// than 195 degrees take no part in reflections: images in their two faces overlap and gap by turns, and are that of a plane in the mean.
   /// With config.diffraction_reflections, paths that are reflected before or after their edges as well (edge_reflections.h).  in_sight: is

@@ -149,8 +149,8 @@ struct SourceFieldBuilder::Impl {
 
   [[nodiscard]] std::uint64_t photons() const { return rounds * kPhotonsPerRound; }
 
-  /// Air once, here: path length is c t (docs/explanation/estimators.md, section 13).  factor: [padded bands], what air leaves of energy in
-  /// this merged bin.
+  /// Air once, here: path length is c t (docs/explanation/effect_bounds.md, section 2).  factor: [padded bands], what air leaves of energy
+  /// in this merged bin.
   void air_at(std::size_t merged, std::span<double> factor) const {
     const double path_m = bins.middle(merged) * bin_s * scene.speed_of_sound_m_per_s();
     std::fill(factor.begin(), factor.end(), 0.0);

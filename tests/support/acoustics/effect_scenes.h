@@ -14,7 +14,7 @@
 #include "sim/scene/air_sample.h"
 #include "tests/support/acoustics/rooms.h"
 
-/// The scenes that an effect plan is judged by (docs/explanation/estimators.md, section 16), and how far two responses are apart.
+/// The scenes that an effect plan is judged by (docs/explanation/effect_bounds.md, section 5), and how far two responses are apart.
 namespace earshot::effects {
 
 using rooms::point;

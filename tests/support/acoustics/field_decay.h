@@ -92,7 +92,7 @@ struct Effort {
 };
 
 /// What a field may err.  In the mean over places and octaves: what `fast` promises of T20 (docs/explanation/acoustics.md) and half of what
-/// is just heard of a level; its level at every place by what is just heard, 1 dB (docs/explanation/estimators.md, section 12).
+/// is just heard of a level; its level at every place by what is just heard, 1 dB (docs/explanation/effect_bounds.md, section 1).
 inline constexpr double kT20 = 0.0475, kCurveDb = 0.5, kLevelDb = 1.0;
 struct DecayBounds {
   float cell_m;

@@ -8,9 +8,9 @@
 #include "sim/base/random.h"
 #include "tests/support/acoustics/effect_scenes.h"
 
-/// The plan on trial (docs/explanation/estimators.md, section 16): where it leaves something out, the response with that forced on differs
-/// by less than the bound that it states; where it keeps something, leaving it out changes more than the budget somewhere.  Prints the
-/// table of docs/explanation/effect_plan.md.
+/// The plan on trial (docs/explanation/effect_bounds.md, section 5): where it leaves something out, the response with that forced on
+/// differs by less than the bound that it states; where it keeps something, leaving it out changes more than the budget somewhere.  Prints
+/// the table of docs/evidence/effect_plan_proof.md.
 namespace earshot {
 namespace {
 

@@ -109,7 +109,7 @@ TEST(EffectPlan, AirIsOnInAHallAndOffInLowBandsOfAShortResponse) {
   EXPECT_NEAR(*measure(scene, response).bands[6].t30_s, 1.0789, 0.03 * 1.0789);
   EXPECT_NEAR(*measure(dry_scene, dry).bands[6].t30_s, 3.0771, 0.03 * 3.0771);
 
-  // 0.5 s, 171.6 m: 4.4535e-4 dB/m at 125.9 Hz are 0.0764 dB, at 250 Hz 0.225 dB (docs/explanation/estimators.md, section 13); RT60 of a
+  // 0.5 s, 171.6 m: 4.4535e-4 dB/m at 125.9 Hz are 0.0764 dB, at 250 Hz 0.225 dB (docs/explanation/effect_bounds.md, section 2); RT60 of a
   // box with 0.2 is far below the 4.0 s from where 1 % of it is lost.
   const AcousticScene short_scene(effects::box_scene().scene, AcousticConfig{});
   EXPECT_FALSE(short_scene.plan().air[0]);
