@@ -16,7 +16,7 @@ using OrderedJson = nlohmann::ordered_json;
 
 /// null for a value that does not exist or is not finite.
 OrderedJson number_or_null(const std::optional<double>& value);
-/// Arrays per band under the names of docs/reference/formats.md, section 5.1 (edt_s, t20_s, ...), and drr_db.
+/// Arrays per band under the names of docs/reference/json_output.md, section 1 (edt_s, t20_s, ...), and drr_db.
 OrderedJson metrics_json(const RoomMetrics& metrics);
 /// Adds what is measured on rendered samples: "rir" of an omnidirectional microphone (ISO 3382-1), with the correlation between two ears
 /// where `heard` has them.  Beside it, by name, those of each channel of `heard`: "ears" (left, right) or "microphones"; of harmonics and
@@ -29,7 +29,7 @@ void add_sample_metrics(const Rir& omni, const Rir& heard, const ListenerLayout&
 /// estimate.
 OrderedJson standard_errors_json(const AcousticScene& acoustics, const EarlyCandidates& candidates, const SourceField* field,
                                  glm::vec3 listener, const EnergyResponse& response);
-/// What was asked for, what the choice is predicted to keep and to cost, and all that was tried (docs/reference/formats.md, section 5.1).
+/// What was asked for, what the choice is predicted to keep and to cost, and all that was tried (docs/reference/json_output.md, section 1).
 OrderedJson accuracy_json(const AccuracyTarget& target, const AccuracyPlan& plan);
 
 }  // namespace earshot

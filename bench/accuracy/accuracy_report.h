@@ -11,7 +11,7 @@
 namespace earshot {
 
 /// One line per scene and mode: times, then for every error mean, its standard error, signed mean, cross-validated rms and its standard
-/// error, bias and its standard error, deviation, percentiles and counts (docs/reference/formats.md).
+/// error, bias and its standard error, deviation, percentiles and counts (docs/reference/json_output.md).
 std::string accuracy_csv(const AccuracyStudy& study);
 
 /// Means over scenes of one mode, in the unit of files; scenes without a value are left out.

@@ -24,7 +24,7 @@ struct EnvBenchOptions {
 /// Question: how many agent steps per second does a machine give, and which stage takes them?  Agents that walk to their goals in one
 /// scene, ends of episodes included: with all senses, without sound, without picture, and bare (neither); percentiles of the time of a
 /// batch step, memory, and the rays per second of Embree alone in the same run, so that results are ratios.  autotune: steps per second
-/// over envs and threads, and the best of them.  Names and units: docs/reference/formats.md, section 5.4.  Throws InputError.
+/// over envs and threads, and the best of them.  Names and units: docs/reference/json_output.md, section 5.  Throws InputError.
 BenchReport bench_env(const EnvBenchOptions& options);
 
 }  // namespace earshot

@@ -19,7 +19,7 @@ struct RirBenchOptions {
 };
 
 /// Question: how many impulse responses per second does one thread render, how wrong are they, and where does the time go?  Prints a table
-/// of stages per scene as it goes.  Names and units: docs/reference/formats.md, section 5.4.
+/// of stages per scene as it goes.  Names and units: docs/reference/json_output.md, section 5.
 BenchReport bench_rir(const RirBenchOptions& options);
 
 }  // namespace earshot

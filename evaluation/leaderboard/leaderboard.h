@@ -13,7 +13,7 @@ std::vector<EvaluationResult> ranked(std::vector<EvaluationResult> results);
 /// The table for a terminal: one row per agent, each metric with its 95 % interval; a note when the agents ran different sets or engines.
 std::string leaderboard_text(const std::vector<EvaluationResult>& results);
 
-/// The same as JSON with a schema_version (docs/reference/formats.md).
+/// The same as JSON with a schema_version (docs/reference/json_output.md).
 std::string leaderboard_json(const std::vector<EvaluationResult>& results);
 
 /// A column of tables of agents.

@@ -17,7 +17,7 @@ Checkpoint policy_of(const Checkpoint& checkpoint, WeightStorage storage);
 
 /// A few lines for people: name, architecture, parameters, steps of training, seed, engine.  `where`: the file.
 std::string describe_policy(const Checkpoint& checkpoint, const std::string& where);
-/// The same as JSON with a schema_version (docs/reference/formats.md).
+/// The same as JSON with a schema_version (docs/reference/json_output.md).
 std::string policy_json(const Checkpoint& checkpoint, const std::string& where);
 
 }  // namespace earshot

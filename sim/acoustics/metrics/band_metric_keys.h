@@ -12,7 +12,7 @@ struct BandMetricKey {
   std::optional<double> BandMetrics::*value;
 };
 
-/// Metrics per band under the names of JSON and of Python (docs/reference/formats.md, section 5.1), in that order.
+/// Metrics per band under the names of JSON and of Python (docs/reference/json_output.md, section 1), in that order.
 inline constexpr std::array<BandMetricKey, 13> kBandMetricKeys{{{"edt_s", &BandMetrics::edt_s},
                                                                 {"t20_s", &BandMetrics::t20_s},
                                                                 {"t30_s", &BandMetrics::t30_s},

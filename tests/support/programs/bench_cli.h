@@ -37,7 +37,7 @@ class BenchCli : public testing::Test {
     const int status = std::system(command.c_str());
     return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
   }
-  /// Checks the contents that docs/reference/formats.md, section 5.4 documents, and returns the names in it.
+  /// Checks the contents that docs/reference/json_output.md, section 5 documents, and returns the names in it.
   [[nodiscard]] std::set<std::string> names_in(const std::string& name, const std::string& bench) const {
     const nlohmann::json report = parse_json(read(name));
     EXPECT_EQ(report.at("bench"), bench);
