@@ -14,7 +14,7 @@ import sys
 
 MAX_COLUMNS = 100
 MAX_WORDS_OF_SENTENCE = 30
-MAX_SHARE_OF_LONG = 0.03
+MAX_FRACTION_OF_LONG = 0.03
 
 
 def prose_of(text):
@@ -84,11 +84,11 @@ def main(arguments):
             for number, columns in lines:
                 print(f"{path}:{number}: {columns} columns; wrap at {MAX_COLUMNS}")
                 failed = True
-    share = num_guide_long / max(num_guide, 1)
-    print(f"prose: {total_words} words, {num_guide_long} of {num_guide} sentences outside evidence ({100 * share:.1f} %) over"
+    fraction = num_guide_long / max(num_guide, 1)
+    print(f"prose: {total_words} words, {num_guide_long} of {num_guide} sentences outside evidence ({100 * fraction:.1f} %) over"
           f" {MAX_WORDS_OF_SENTENCE} words")
-    if share > MAX_SHARE_OF_LONG and not report:
-        print(f"prose: at most {100 * MAX_SHARE_OF_LONG:.0f} % may be so long; --report names the pages")
+    if fraction > MAX_FRACTION_OF_LONG and not report:
+        print(f"prose: at most {100 * MAX_FRACTION_OF_LONG:.0f} % may be so long; --report names the pages")
         failed = True
     return 0 if report else int(failed)
 
