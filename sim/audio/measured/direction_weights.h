@@ -9,8 +9,8 @@
 namespace earshot {
 
 /// Interpolates what is known in some directions to any other, as a sum with weights: ordinary kriging (Matheron 1963) with the variogram
-/// h^1.3 of the chord h, which fits measured heads best (docs/howto/heads.md).  It has no length scale, is exact in the known
-/// directions, and a direction that stands alone counts more than each of a crowd.  Immutable, thread-safe.
+/// h^1.3 of the chord h, the best of those tried on two measured heads (docs/evidence/heads.md).  It has no length scale, is exact in the
+/// known directions, and a direction that stands alone counts more than each of a crowd.  Immutable, thread-safe.
 class DirectionWeights {
  public:
   /// Neighbours that count.
