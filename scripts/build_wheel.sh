@@ -53,7 +53,7 @@ repair() {
   mkdir -p "$work/no_mp3"
   nm -D --undefined-only "$sndfile" | awk '$2 ~ /^(lame|hip|id3tag)_/ {sub(/@.*/, "", $2); print "void *" $2 "(void) { return 0; }"}' >"$work/no_mp3/no_mp3.c"
   "$CC" -shared -fPIC -O1 -Wl,-soname,libmp3lame.so.0 -o "$work/no_mp3/libmp3lame.so.0" "$work/no_mp3/no_mp3.c"
-  # Not manylinux_2_28: sixteen of the libraries, as Debian 12 builds them, ask for symbols of glibc 2.29 to 2.34 (docs/howto/python.md).
+  # Not manylinux_2_28: sixteen of the libraries, as Debian 12 builds them, ask for symbols of glibc 2.29 to 2.34 (docs/reference/wheel.md).
   LD_LIBRARY_PATH=$work/no_mp3 auditwheel repair --plat "manylinux_2_36_$(uname -m)" -w "$work/repaired" "$work"/raw/*.whl >"$work/auditwheel.log" 2>&1 ||
     { cat "$work/auditwheel.log" >&2; return 1; }
 }
