@@ -33,8 +33,8 @@ struct SceneStoreCounters {
 /// A damaged file counts as missing, with one warning.  Of processes that need the same scene at once one makes it, the others wait for it
 /// and read it.  Thread-safe.
 ///
-/// A scene of 342,000 triangles (kLargeHouse of bench/measure/bench_scene.h) takes 15 MB; docs/howto/scenes_at_scale.md says how long it
-/// takes to read.
+/// A scene of 342,000 triangles (kLargeHouse of bench/measure/bench_scene.h) takes 15 MB; docs/howto/scenes_at_scale.md has the time of
+/// a load.
 class SceneStore {
  public:
   explicit SceneStore(SceneStoreConfig config);
