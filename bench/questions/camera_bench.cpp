@@ -1,4 +1,4 @@
-// Question: how many pictures per second of a core give the two renderers, depth alone and with all sensors?  (docs/howto/vision.md)
+// Question: how many pictures per second of a core give the two renderers, depth alone and with all sensors?  (docs/evidence/cameras.md)
 // EARSHOT_EGL_DEVICE names the device (EglOptions::device; default: software).
 
 #include <benchmark/benchmark.h>

@@ -32,7 +32,7 @@ struct EglView {
 ///   EglRenderer renderer({.device = "auto"});                  // once per process; throws InputError where there is no hardware
 ///   renderer.render(config, views);                            // views: one per agent, of any scenes
 ///
-/// Pictures are those of EmbreeCamera but for pixels on edges (docs/howto/vision.md has the shares), and for what is nearer than
+/// Pictures are those of EmbreeCamera but for pixels on edges (docs/evidence/cameras.md has the shares), and for what is nearer than
 /// kNearPlaneM, which is not drawn; a view has the same bits in every batch on the same device.  Pinholes only.  Geometry and textures of a
 /// scene are uploaded when it first occurs, and dropped when the scene is: 144 bytes per triangle, and the textures.
 ///

@@ -24,7 +24,7 @@ class EmbreeCamera {
   explicit EmbreeCamera(const CameraSensorConfig& config);
   /// appearance: of this scene; needed for rgb and semantic, else it may be null.  Rays go sixteen at a time, in blocks of 4 x 4
   /// pixels; depth has the same bits whatever else is wanted.  Depth alone takes 0.7 to 1 ms for 128 x 128 in 200,000 triangles;
-  /// docs/howto/vision.md has the times.  No allocation.
+  /// docs/evidence/cameras.md has the times.  No allocation.
   /// bodies: drawn into the scene, by rays that meet them before it: lit as it is, of category agent_category().  Each costs about
   /// 10 us a picture of 128 x 128, and 50 ns a pixel that may show it.
   void render(const Scene& scene, const Appearance* appearance, const Pose& pose, const CameraImages& images,
