@@ -35,7 +35,7 @@ struct ConvolveReport {
   std::size_t folders_missing = 0;
 };
 
-/// Writes signals, or completes what was begun (docs/howto/datasets.md); every byte is a function of (config, files, program).
+/// Writes signals, or completes what was begun (docs/howto/datasets_signals.md); every byte is a function of (config, files, program).
 ///
 ///   OUT/00000/0000007.wav              talkers and noise, channels as in the corpus
 ///   OUT/00000/0000007.t0.wav, .noise.wav   with `stems`: what each talker, and the noise, adds to it

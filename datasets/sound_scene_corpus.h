@@ -13,8 +13,8 @@ struct SoundSceneReport {
   std::size_t folders_missing = 0;
 };
 
-/// Writes recordings of sound scenes with DCASE's labels, or completes what was begun (docs/howto/datasets.md); every byte is a function of
-/// (config, sounds, program).
+/// Writes recordings of sound scenes with DCASE's labels, or completes what was begun (docs/howto/datasets_signals.md); every byte is a
+/// function of (config, sounds, program).
 ///
 ///   OUT/00000/000007_r0003.wav   recording 3 of room 7
 ///   OUT/00000/000007_r0003.csv   its labels (dcase_metadata)

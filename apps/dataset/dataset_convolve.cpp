@@ -50,7 +50,7 @@ void add_dataset_convolve(CLI::App& dataset) {
   auto options = std::make_shared<DatasetConvolveArguments>();
   ConvolveConfig& config = options->config;
   CLI::App* command = dataset.add_subcommand(
-      "convolve", "Send dry speech through the responses of a corpus, with noise, targets and labels (docs/howto/datasets.md)");
+      "convolve", "Send dry speech through the responses of a corpus, with noise, targets and labels (docs/howto/datasets_signals.md)");
   command->add_option("CORPUS", config.corpus, "Folder that `earshot dataset rir` has written")->required();
   command
       ->add_option("--speech", config.speech, "Folder of dry speech, with the folders below it: WAV, FLAC, OGG, Opus, MP3, AIFF, any rate")

@@ -31,7 +31,8 @@ void run_dataset_scenes(const DatasetScenesArguments& options) {
 void add_dataset_scenes(CLI::App& dataset) {
   auto options = std::make_shared<DatasetScenesArguments>();
   CLI::App* command = dataset.add_subcommand(
-      "scenes", "Record sound events at rest and on the move, with DCASE labels of class, direction and distance (docs/howto/datasets.md)");
+      "scenes",
+      "Record sound events at rest and on the move, with DCASE labels of class, direction and distance (docs/howto/datasets_signals.md)");
   command->add_option("CONFIG", options->config, "YAML file with rooms, classes, events and acoustics, as configs/datasets/scenes.yaml")
       ->required();
   add_out_option(*command, options->target);
