@@ -167,8 +167,10 @@ std::string man_page(const std::vector<Command>& commands) {
 
 void add_completion(CLI::App& app) {
   auto kind = std::make_shared<std::string>();
-  CLI::App* command = app.add_subcommand("completion", "Print what a shell completes commands and options by, or a manual page");
-  command->add_option("KIND", *kind, "bash, zsh or man")->required()->check(CLI::IsMember({"bash", "zsh", "man"}));
+  CLI::App* command = app.add_subcommand("completion", "Print a completion script for bash or zsh, or the manual page");
+  command->add_option("KIND", *kind, "Script to print: bash, zsh, or man for the manual page")
+      ->required()
+      ->check(CLI::IsMember({"bash", "zsh", "man"}));
   command->footer(
       "bash: earshot completion bash > ~/.local/share/bash-completion/completions/earshot\n"
       "zsh:  earshot completion zsh > _earshot, in a folder of $fpath\n"

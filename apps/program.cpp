@@ -41,7 +41,7 @@ void check_commands(const CLI::App& app, const std::vector<std::string>& words) 
       std::set<std::string> names;
       for (const CLI::App* known : commands_of(*level)) names.insert(known->get_name());
       const std::string all = fmt::format("one of: {}", listed(names, ", "));
-      if (i == words.size()) throw InputError(before.empty() ? "earshot" : before.substr(0, before.size() - 1), "lacks a command", all);
+      if (i == words.size()) throw InputError(before.empty() ? "earshot" : before.substr(0, before.size() - 1), "needs a command", all);
       const std::string nearest = nearest_word(words[i], names);
       throw InputError(before + words[i], "is not a command", nearest.empty() ? all : fmt::format("did you mean '{}{}'?", before, nearest));
     }
@@ -65,7 +65,8 @@ Program::Program(int argc, char** argv)
   app_.set_version_flag(kVersionFlag, fmt::format("earshot {}", kVersion));
   app_.require_subcommand(1);
   app_.footer(
-      "SCENE is a mesh file (glb, gltf, obj, ply, stl), shoebox:XxYxZ[@M], house:SEED[,rooms=N][,area_m2=A][,detail_m=D], "
+      "SCENE is a mesh file (glb, gltf, obj, ply, stl; FILE,unit=0.01,up=z names unit and up axis), shoebox:XxYxZ[@M], "
+      "house:SEED[,rooms=N][,area_m2=A][,detail_m=D], "
       "floor:SEED[,width_m=W][,length_m=L][,detail_m=D], or a scene YAML.\n"
       "Exit codes: 0 done, 1 a run that failed, 2 bad usage or bad input.");
 }

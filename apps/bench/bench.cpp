@@ -89,34 +89,38 @@ void run_soak_command(const SoakCommand& command) {
   if (!command.out.empty()) write_soak_files(result, command.out);
   soak_bench_report(result).write(command.json);
   fmt::print("{}", soak_markdown(result));
-  if (!result.passed()) throw RunError("bench soak", "a bound is broken: see the bounds above");
+  if (!result.passed()) throw RunError("bench soak", "a limit was exceeded: see the list of limits above");
 }
 
 void add_soak(CLI::App& bench) {
   const auto soak = std::make_shared<SoakCommand>();
   SoakOptions& options = soak->options;
   CLI::App* command = bench.add_subcommand("soak",
-                                           "Steps a batch through generated scenes for a long time and watches observations, heard energy, "
-                                           "memory and step times; exit code 1 if a bound is broken");
-  command->add_option("--steps", options.steps, "Agent steps")->capture_default_str();
+                                           "Soak test: steps a batch through generated scenes for a long time and checks observations, "
+                                           "energy, memory and step times; exits with code 1 if a limit is exceeded");
+  command->add_option("--steps", options.steps, "Agent steps to run")->capture_default_str();
   command->add_option("--scenes", options.scenes, "Generated scenes: houses and shoeboxes")->capture_default_str();
   command
-      ->add_option("--hard-every", options.hard_every, "Every how many-th scene is a hard one: tiny, rigid, open, far away, ...; 0: none")
+      ->add_option("--hard-every", options.hard_every,
+                   "Make every N-th scene a hard case (tiny, rigid, open, far from the origin and others); 0: no hard cases")
       ->capture_default_str();
-  command->add_option("--num-envs", options.num_envs, "Agents in the batch")->capture_default_str();
-  command->add_option("--threads", options.threads, "Over the batch; 0: all cores")->capture_default_str();
-  command->add_option("--minutes", options.minutes, "The steps end here, done or not")->capture_default_str();
-  command->add_option("--seed", options.seed, "Of scenes, episodes and actions")->capture_default_str();
-  command->add_option("--camera-px", options.camera_px, "Width and height of the picture; small, so that rendering does not hide the rest")
+  command->add_option("--num-envs", options.num_envs, "Number of environments in the batch")->capture_default_str();
+  command->add_option("--threads", options.threads, "Threads for the batch; 0: all cores")->capture_default_str();
+  command->add_option("--minutes", options.minutes, "Time limit in minutes; the run stops when it is reached")->capture_default_str();
+  command->add_option("--seed", options.seed, "Seed of scenes, episodes and actions")->capture_default_str();
+  command
+      ->add_option("--camera-px", options.camera_px, "Image width and height in pixels; keep it small so that rendering does not dominate")
       ->capture_default_str();
-  command->add_option("--cache-mb", options.cache_mb, "Bound of the scene cache, MiB; below what the scenes take, so that they come and go")
+  command
+      ->add_option("--cache-mb", options.cache_mb,
+                   "Size limit of the scene cache in MiB; choose it below the total size of the scenes so that the cache evicts")
       ->capture_default_str();
-  command->add_option("--replays", options.replays, "Episodes that are run again at the end, alone, and must give the same bits")
+  command->add_option("--replays", options.replays, "Number of episodes to replay at the end, one at a time; each must reproduce its bits")
       ->capture_default_str();
-  command->add_option("--memory-limit", options.memory_limit_mib, "Allowed growth of resident memory, MiB per 100000 steps")
+  command->add_option("--memory-limit", options.memory_limit_mib, "Allowed growth of resident memory in MiB per 100000 steps")
       ->capture_default_str();
-  command->add_option("--out", soak->out, "Folder for soak.md, soak.json and soak.svg, also written while it runs");
-  command->add_option("--json", soak->json, "Also write names, values and settings to a file");
+  command->add_option("--out", soak->out, "Folder for soak.md, soak.json and soak.svg, updated during the run");
+  command->add_option("--json", soak->json, "Also write names, values and settings to this JSON file");
   command->callback([soak] { run_soak_command(*soak); });
 }
 
@@ -138,17 +142,17 @@ void add_scenes(CLI::App& bench) {
   const auto scenes = std::make_shared<ScenesCommand>();
   SceneScaleOptions& options = scenes->options;
   CLI::App* command = bench.add_subcommand("scenes",
-                                           "Loads many generated houses twice, steps a batch through them within a bound on memory, and "
-                                           "tells which steps took longer than ten times the median, and why");
-  command->add_option("--scenes", options.scenes, "Generated houses of three to six rooms")->capture_default_str();
-  command->add_option("--episodes", options.episodes_per_scene, "Episodes in each")->capture_default_str();
-  command->add_option("--num-envs", options.num_envs, "Agents in the batch")->capture_default_str();
-  command->add_option("--threads", options.threads, "Over the batch; 0: all cores")->capture_default_str();
-  command->add_option("--cache-gb", options.cache_gb, "Bound of the scene cache")->capture_default_str();
-  command->add_option("--minutes", options.minutes, "The steps end here, done or not")->capture_default_str();
-  command->add_option("--seed", options.seed, "Of houses and episodes")->capture_default_str();
-  command->add_option("--store", scenes->store, "Folder for the preprocessed scenes, about 9 MB each")->required();
-  command->add_option("--json", scenes->json, "Also write names, values and settings to a file");
+                                           "Load many generated houses twice, step a batch through them with a bounded scene cache, and "
+                                           "explain each step that took longer than ten times the median");
+  command->add_option("--scenes", options.scenes, "Number of generated houses, each with three to six rooms")->capture_default_str();
+  command->add_option("--episodes", options.episodes_per_scene, "Episodes per house")->capture_default_str();
+  command->add_option("--num-envs", options.num_envs, "Number of environments in the batch")->capture_default_str();
+  command->add_option("--threads", options.threads, "Threads for the batch; 0: all cores")->capture_default_str();
+  command->add_option("--cache-gb", options.cache_gb, "Size limit of the scene cache in GB")->capture_default_str();
+  command->add_option("--minutes", options.minutes, "Time limit in minutes; the run stops when it is reached")->capture_default_str();
+  command->add_option("--seed", options.seed, "Seed of houses and episodes")->capture_default_str();
+  command->add_option("--store", scenes->store, "Folder for preprocessed scenes, about 9 MB each")->required();
+  command->add_option("--json", scenes->json, "Also write names, values and settings to this JSON file");
   command->callback([scenes] { run_scenes(*scenes); });
 }
 
@@ -156,8 +160,8 @@ void add_scenes(CLI::App& bench) {
 CLI::App* add_bench_command(CLI::App& bench, const std::string& name, const std::string& about,
                             const std::shared_ptr<BenchArguments>& options) {
   CLI::App* command = bench.add_subcommand(name, about);
-  command->add_option("--json", options->json, "Also write names, medians, ranges and settings to a file");
-  command->add_flag("--quick", options->quick, "A small run that shows that everything works; its numbers mean little");
+  command->add_option("--json", options->json, "Also write names, medians, ranges and settings to this JSON file");
+  command->add_flag("--quick", options->quick, "Short smoke test; its numbers are not meaningful");
   return command;
 }
 
@@ -173,22 +177,25 @@ void add_env(CLI::App& bench) {
   CLI::App* command = add_bench_command(
       bench, "env",
       "Agent steps per second with all senses and bare, milliseconds of every stage, percentiles of a step, memory, bare rays", env);
-  command->add_option("--scene", env->bench.scene, "SCENE")->capture_default_str();
+  command->add_option("--scene", env->bench.scene, "Scene to run in: SCENE as in 'earshot --help'")->capture_default_str();
   env->axes.add_to(*command);
-  command->add_option("--envs", env->bench.envs, "Environments in the batch")->capture_default_str();
-  command->add_option("--agents", env->bench.agents, "Agents in each, who see each other; rates count steps of agents")
+  command->add_option("--envs", env->bench.envs, "Number of environments in the batch")->capture_default_str();
+  command->add_option("--agents", env->bench.agents, "Agents per environment, visible to each other; rates count agent steps")
       ->capture_default_str();
-  command->add_flag("--walk", env->bench.walk, "Random walks in place of the oracle, whose agents queue where they share a goal");
-  command->add_option("--seconds", env->seconds, "Per repeat (default: 3, 0.2 with --quick)");
-  command->add_flag("--agent-sounds", env->bench.agent_sounds, "They make sounds, and hear each other");
-  command->add_option("--size", env->size, "Picture, WxH pixels (default: 128x128)");
-  command->add_option("--threads", env->bench.threads, "Over the batch (default: one, and two in a row of their own)");
-  command->add_option("--renderer", env->bench.renderer, "Of pictures: embree, egl or auto (egl where its device is hardware)")
+  command->add_flag("--walk", env->bench.walk, "Random walks instead of the oracle, whose agents queue when they share a goal");
+  command->add_option("--seconds", env->seconds, "Seconds per repeat (default: 3, or 0.2 with --quick)");
+  command->add_flag("--agent-sounds", env->bench.agent_sounds, "Agents make sounds and hear each other");
+  command->add_option("--size", env->size, "Image size as WIDTHxHEIGHT in pixels (default: 128x128)");
+  command->add_option("--threads", env->bench.threads,
+                      "Threads for the batch (default: measure one thread and two threads in separate rows)");
+  command->add_option("--renderer", env->bench.renderer, "Image renderer: embree, egl or auto (egl where its device is a GPU)")
       ->capture_default_str();
-  command->add_option("--egl-device", env->bench.egl_device, "auto, software, a number of `earshot doctor`, a UUID or cuda:N")
+  command->add_option("--egl-device", env->bench.egl_device, "EGL device: auto, software, a number from 'earshot doctor', a UUID or cuda:N")
       ->capture_default_str();
-  command->add_flag("--field", env->bench.field, "Late sound from source fields of ten shared goals instead of rays at each pose");
-  command->add_flag("--autotune", env->bench.autotune, "Instead: steps per second over agents and threads, and the best of them here");
+  command->add_flag("--field", env->bench.field,
+                    "Take late sound from source fields of ten shared goals instead of tracing rays at each pose");
+  command->add_flag("--autotune", env->bench.autotune,
+                    "Instead: measure steps per second over numbers of agents and threads, and report the best setting for this machine");
   command->callback([env] {
     EnvBenchOptions& options = env->bench;
     options.scene = env->axes.applied_to({options.scene}).front();
@@ -211,10 +218,11 @@ void add_hearing(CLI::App& bench) {
   const auto hearing = std::make_shared<HearingCommand>();
   CLI::App* command = add_bench_command(
       bench, "hearing", "What 16, 64, 256 rays per pose and the source field cost an environment and give its agents", hearing);
-  command->add_option("--scene", hearing->scenes, "SCENE in place of the usual two, repeatable")->allow_extra_args(false);
+  command->add_option("--scene", hearing->scenes, "Scene to measure instead of the two built-in ones; may be repeated")
+      ->allow_extra_args(false);
   hearing->axes.add_to(*command);
   command->add_option("--reference-seconds", hearing->truth_seconds,
-                      "Per scene, for the converged reference (default: 60, 0.2 with --quick)");
+                      "Seconds per scene for the converged reference (default: 60, or 0.2 with --quick)");
   command->callback([hearing] {
     HearingCostOptions options{.quick = hearing->quick, .scenes = hearing->axes.applied_to(hearing->scenes)};
     options.truth_seconds = hearing->truth_seconds.value_or(hearing->quick ? 0.2 : 60);
@@ -230,22 +238,23 @@ void add_hearing(CLI::App& bench) {
 
 void add_bench(CLI::App& app, const std::vector<std::string>& arguments, int& exit_code) {
   CLI::App* bench = app.add_subcommand(
-      "bench", "Measure this machine: rir, env, hearing, accuracy, promise, scenes, soak, bits, train, allreduce, scaling");
+      "bench",
+      "Measure speed and accuracy on this machine: rir, env, hearing, accuracy, promise, scenes, soak, bits, train, allreduce, scaling");
   bench->require_subcommand(1);
   const auto rir = std::make_shared<RirCommand>();
   CLI::App* rir_command =
       add_bench_command(*bench, "rir", "Impulse responses per second on one thread, their errors, and where the time goes", rir);
   rir_command
-      ->add_option(
-          "--scene", rir->scenes,
-          "SCENE to measure in place of the usual two, repeatable; errors are then taken against bidirectional paths, not against a "
-          "finer field")
+      ->add_option("--scene", rir->scenes,
+                   "Scene to measure instead of the two built-in ones; may be repeated. Errors are then relative to bidirectional paths "
+                   "instead of a finer field")
       ->allow_extra_args(false);
   rir->axes.add_to(*rir_command);
   rir_command->add_option("--reference-seconds", rir->reference_seconds,
-                          "Per scene, for the paths that are the truth or check it (default: 60, 0.2 with --quick)");
-  rir_command->add_option("--reference-poses", rir->reference_poses,
-                          "Poses at which those paths are the truth of a --scene: fewer are known better in the same time (default: 12)");
+                          "Seconds per scene for the reference paths (default: 60, or 0.2 with --quick)");
+  rir_command->add_option(
+      "--reference-poses", rir->reference_poses,
+      "Number of reference poses in a --scene; fewer poses give a more precise reference in the same time (default: 12)");
   rir_command->callback([rir] {
     RirBenchOptions options;
     options.quick = rir->quick;
@@ -267,22 +276,23 @@ void add_bench(CLI::App& app, const std::vector<std::string>& arguments, int& ex
       *bench, "accuracy", "What accuracy costs in time: every mode in every scene against a converged truth; tables and figures", accuracy);
   command->add_option("--out", accuracy->out, "Folder for accuracy.csv, accuracy_tables.md and the figures")->capture_default_str();
   command->add_option("--minutes", accuracy->minutes,
-                      "Of the whole study; poses and repeats are cut to fit (default: 20, 2.5 with --quick)");
+                      "Minutes for the whole study; poses and repeats are reduced to fit (default: 20, or 2.5 with --quick)");
   command
-      ->add_option(
-          "--engine", accuracy->engines,
-          "NAME=COMMAND: another engine for the comparison in shoeboxes, repeatable (protocol: docs/evidence/accuracy.md; default: "
-          "pyroomacoustics, where python3 has it)")
+      ->add_option("--engine", accuracy->engines,
+                   "NAME=COMMAND: another engine to compare with in shoeboxes; may be repeated (protocol: docs/evidence/accuracy.md; "
+                   "default: pyroomacoustics if python3 has it)")
       ->allow_extra_args(false);
   command->callback([accuracy] { run_accuracy(*accuracy); });
 
   const auto promise = std::make_shared<PromiseCommand>();
   CLI::App* promise_command = add_bench_command(
       *bench, "promise", "What --accuracy promises, predicts and keeps in ten scenes, and what it saves over the presets", promise);
-  promise_command->add_option("--scene", promise->scenes, "SCENE in place of the usual ten, repeatable")->allow_extra_args(false);
+  promise_command->add_option("--scene", promise->scenes, "Scene to measure instead of the ten built-in ones; may be repeated")
+      ->allow_extra_args(false);
   promise->axes.add_to(*promise_command);
   promise_command
-      ->add_option("--target", promise->targets, "As --accuracy; repeatable (default: 2, 5, with 1 dB of drr and edc, and 10 % of T20)")
+      ->add_option("--target", promise->targets,
+                   "Target error as in --accuracy; may be repeated (default: 2, 5 and 10 % of T20, each with 1 dB of drr and edc)")
       ->allow_extra_args(false);
   promise_command->callback([promise] { run_promise(*promise); });
 

@@ -102,7 +102,9 @@ int run(BenchAllreduceArguments options, const std::vector<std::string>& argumen
   for (const double kib : options.kib) options.speed.bytes.push_back(static_cast<std::size_t>(kib * 256) * sizeof(float));
   options.speed.gloo = !options.no_gloo;
   if (const auto worker = worker_from_environment()) {
-    if (options.times.empty()) throw InputError("bench allreduce", "starts its workers by itself", "call it without a launcher");
+    if (options.times.empty())
+      throw InputError("bench allreduce", "starts its own workers and cannot run under a launcher",
+                       "run it without srun, mpirun or torchrun");
     options.speed.delay_ms = options.delays_ms.back();  // after those of the command line
     measure(options, *worker);
     return 0;
@@ -131,21 +133,22 @@ int run(BenchAllreduceArguments options, const std::vector<std::string>& argumen
 void add_bench_allreduce(CLI::App& bench, const std::vector<std::string>& arguments, int& exit_code) {
   const auto options = std::make_shared<BenchAllreduceArguments>();
   CLI::App* command = bench.add_subcommand(
-      "allreduce", "Time of a sum over workers of this machine: shared memory, the ring over ipc and over tcp, and Gloo, in turn");
-  command->add_option("--ranks", options->ranks, "Numbers of workers")->delimiter(',')->capture_default_str();
+      "allreduce", "Measure the time of an all-reduce between workers on this machine: shared memory, the ring over ipc and tcp, and Gloo");
+  command->add_option("--ranks", options->ranks, "Worker counts to measure")->delimiter(',')->capture_default_str();
   command->add_option("--kib", options->kib, "Sizes in KiB; 19345.52 is the gradient of the published network")
       ->delimiter(',')
       ->capture_default_str();
   command
-      ->add_option("--delay-ms", options->delays_ms,
-                   "One way between workers, each of which is then a host of its own (a network namespace; needs root); 0: one host")
+      ->add_option(
+          "--delay-ms", options->delays_ms,
+          "One-way delay between workers in ms; each worker then acts as its own host (a network namespace, needs root); 0: one host")
       ->delimiter(',')
       ->capture_default_str();
-  command->add_option("--seconds", options->speed.seconds, "Per size, way and repeat")->capture_default_str();
-  command->add_option("--repeats", options->speed.rounds, "Of each, in turn")->capture_default_str();
-  command->add_flag("--no-gloo", options->no_gloo, "Without Gloo");
-  command->add_option("--json", options->json, "Also write names, medians, ranges and settings to a file");
-  command->add_flag("--quick", options->quick, "A small run that shows that everything works; its numbers mean little");
+  command->add_option("--seconds", options->speed.seconds, "Seconds per size, method and repeat")->capture_default_str();
+  command->add_option("--repeats", options->speed.rounds, "Repeats of each measurement, interleaved")->capture_default_str();
+  command->add_flag("--no-gloo", options->no_gloo, "Leave out Gloo");
+  command->add_option("--json", options->json, "Also write names, medians, ranges and settings to this JSON file");
+  command->add_flag("--quick", options->quick, "Short smoke test; its numbers are not meaningful");
   command->add_option("--times", options->times, "")->group("");  // of the workers
   command->callback([options, &arguments, &exit_code] { exit_code = run(*options, arguments); });
 }

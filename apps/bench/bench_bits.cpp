@@ -35,7 +35,7 @@ std::uint64_t hash_of_steps(const BenchBitsArguments& options) {
     EnvConfig own = config;
     own.threads = threads;
     validate(own);
-    require(own.agents == 1, "agents", own.agents, "must be 1: actions are those of one agent to an env");
+    require(own.agents == 1, "agents", own.agents, "must be 1: each environment takes the actions of one agent");
     return std::make_unique<BatchedEnv>(own, set, make_scene_cache(own), options.envs);
   };
   auto batch = batch_on(options.threads);
@@ -74,14 +74,15 @@ void run_bits(const BenchBitsArguments& options) {
 void add_bench_bits(CLI::App& bench) {
   const auto options = std::make_shared<BenchBitsArguments>();
   CLI::App* command = bench.add_subcommand(
-      "bits", "Hash of all that a batch of environments gives over some steps: the same on any number of threads, restored or not");
-  command->add_option("--env", options->env, "Keys of an env section (YAML), for example tests/pinned/batch.yaml")->required();
+      "bits", "Print a hash of everything a batch of environments returns over some steps; it must not depend on threads or on a restore");
+  command->add_option("--env", options->env, "File with the keys of an env section (YAML), for example tests/pinned/batch.yaml")
+      ->required();
   command->add_option("--episodes", options->episodes, "Episode set, for example tests/pinned/episodes.json")->required();
-  command->add_option("--envs", options->envs, "Environments in the batch")->capture_default_str();
-  command->add_option("--steps", options->steps, "Of each")->capture_default_str();
-  command->add_option("--threads", options->threads, "Over the batch; 0: all cores")->capture_default_str();
-  command->add_option("--restored", options->restored, "Half way the saved state goes on in another batch with so many threads");
-  command->add_option("--json", options->json, "Also write the hash to a file");
+  command->add_option("--envs", options->envs, "Number of environments in the batch")->capture_default_str();
+  command->add_option("--steps", options->steps, "Steps of each environment")->capture_default_str();
+  command->add_option("--threads", options->threads, "Threads for the batch; 0: all cores")->capture_default_str();
+  command->add_option("--restored", options->restored, "Half way, save the state and continue in another batch with this many threads");
+  command->add_option("--json", options->json, "Also write the hash to this JSON file");
   command->callback([options] { run_bits(*options); });
 }
 

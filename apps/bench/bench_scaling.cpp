@@ -98,7 +98,7 @@ int run(BenchScalingArguments options, const std::vector<std::string>& arguments
   require(options.step_ms > 0 && options.step_ms <= 1000, "--step-ms", options.step_ms, "must be in (0, 1000]");
   require(options.learn_ms >= 0 && options.learn_ms <= 1e5, "--learn-ms", options.learn_ms, "must be in [0, 100000]");
   require(options.kib >= 64 && options.kib <= 1024 * 1024, "--kib", options.kib,
-          "must lie in [64, 1048576]: smaller sums do not go round the ring");
+          "must lie in [64, 1048576]: smaller sums do not use the ring");
   require(options.check.spread >= 0 && options.check.spread <= 1, "--spread", options.check.spread, "must be in [0, 1]");
   require(options.check.rollout_steps >= 1 && options.check.rollout_steps <= 10000, "--rollout-steps", options.check.rollout_steps,
           "must be in [1, 10000]");
@@ -116,7 +116,9 @@ int run(BenchScalingArguments options, const std::vector<std::string>& arguments
   options.check.learn_s = 1e-3 * options.learn_ms;
   options.check.bytes = static_cast<std::size_t>(options.kib * 256) * sizeof(float);
   if (const auto worker = worker_from_environment()) {
-    if (options.times.empty()) throw InputError("bench scaling", "starts its workers by itself", "call it without a launcher");
+    if (options.times.empty())
+      throw InputError("bench scaling", "starts its own workers and cannot run under a launcher",
+                       "run it without srun, mpirun or torchrun");
     measure(options, *worker);
     return 0;
   }
@@ -158,28 +160,29 @@ int run(BenchScalingArguments options, const std::vector<std::string>& arguments
 void add_bench_scaling(CLI::App& bench, const std::vector<std::string>& arguments, int& exit_code) {
   const auto options = std::make_shared<BenchScalingArguments>();
   CLI::App* command = bench.add_subcommand(
-      "scaling", "A model of what more workers are worth, checked against workers of this machine whose computation is sleep");
+      "scaling",
+      "Predict training speed with more workers, and check the model with workers on this machine that sleep instead of computing");
   const auto list = [&](const char* name, std::vector<int>& values, const char* text) {
     command->add_option(name, values, text)->delimiter(',')->capture_default_str();
   };
   const auto number = [&](const char* name, auto& value, const char* text) {
     command->add_option(name, value, text)->capture_default_str();
   };
-  list("--ranks", options->ranks, "Numbers of workers to check");
-  list("--predict", options->predicted, "Numbers of workers to predict");
-  number("--updates", options->check.updates, "Of each number of workers");
-  number("--rollout-steps", options->check.rollout_steps, "Checked: steps of a rollout");
-  number("--step-ms", options->step_ms, "Checked: mean of a step, drawn from between 0 and twice that");
-  number("--spread", options->check.spread, "Checked: deviation of a rollout, relative");
-  number("--learn-ms", options->learn_ms, "Checked: learning in an update");
-  number("--kib", options->kib, "Checked and predicted: size of a sum in KiB");
-  number("--rollout-s", options->rollout_s, "Predicted: mean of a rollout");
-  number("--rollout-spread", options->rollout_spread, "Predicted: its deviation, relative");
-  number("--learn-s", options->learn_s, "Predicted: learning in an update");
-  number("--latency-us", options->latency_us, "Predicted: of a link and its sockets; 0: as measured here");
-  number("--gbit-per-s", options->gbit_per_s, "Predicted: of a link; 0: as measured here");
-  command->add_option("--json", options->json, "Also write names, values and settings to a file");
-  command->add_flag("--quick", options->quick, "A small run that shows that everything works; its numbers mean little");
+  list("--ranks", options->ranks, "Worker counts to check");
+  list("--predict", options->predicted, "Worker counts to predict");
+  number("--updates", options->check.updates, "Updates per worker count");
+  number("--rollout-steps", options->check.rollout_steps, "Check: steps per rollout");
+  number("--step-ms", options->step_ms, "Check: mean time of a step in ms; each step takes between 0 and twice this time");
+  number("--spread", options->check.spread, "Check: relative standard deviation of the rollout time");
+  number("--learn-ms", options->learn_ms, "Check: learning time per update in ms");
+  number("--kib", options->kib, "Check and prediction: size of an all-reduce in KiB");
+  number("--rollout-s", options->rollout_s, "Prediction: mean rollout time in s");
+  number("--rollout-spread", options->rollout_spread, "Prediction: relative standard deviation of the rollout time");
+  number("--learn-s", options->learn_s, "Prediction: learning time per update in s");
+  number("--latency-us", options->latency_us, "Prediction: latency of a link with its sockets in us; 0: as measured here");
+  number("--gbit-per-s", options->gbit_per_s, "Prediction: bandwidth of a link in Gbit/s; 0: as measured here");
+  command->add_option("--json", options->json, "Also write names, values and settings to this JSON file");
+  command->add_flag("--quick", options->quick, "Short smoke test; its numbers are not meaningful");
   command->add_option("--times", options->times, "")->group("");  // of the workers
   command->callback([options, &arguments, &exit_code] { exit_code = run(*options, arguments); });
 }

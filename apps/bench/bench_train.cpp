@@ -61,7 +61,7 @@ std::optional<std::string> python_with_torch(const BenchTrainArguments& options)
 
 std::string torch_script() {
   if (const auto script = source_file("scripts/bench_learner_torch.py")) return *script;
-  throw InputError("scripts/bench_learner_torch.py", "is not beside the sources of this program", "leave torch out with --no-torch");
+  throw InputError("scripts/bench_learner_torch.py", "was not found in the source folder of this program", "skip torch with --no-torch");
 }
 
 /// One process of torch: its samples per second, by processor time and by the wall, and its version.
@@ -70,7 +70,7 @@ nlohmann::json ask_torch(const std::string& python, const std::string& script, c
   const nlohmann::json result = parse_json_or_discard(answer.text);
   if (answer.code != 0 || !result.is_object() || !result.contains("samples_per_cpu_s") || !result["samples_per_cpu_s"].is_number() ||
       !result.contains("samples_per_s") || !result["samples_per_s"].is_number())
-    throw RunError(script, fmt::format("failed with exit code {}; leave it out with --no-torch", answer.code));
+    throw RunError(script, fmt::format("failed with exit code {}; skip it with --no-torch", answer.code));
   return result;
 }
 
@@ -98,7 +98,7 @@ void run(BenchTrainArguments options) {
   if (options.config.empty()) {
     const auto usual = source_file("configs/train/avnav.yaml");
     if (!usual)
-      throw InputError("--config", "is missing, and configs/train/avnav.yaml is not beside the sources of this program",
+      throw InputError("--config", "is missing, and configs/train/avnav.yaml was not found in the source folder of this program",
                        "name a run config");
     options.config = *usual;
   }
@@ -165,19 +165,20 @@ void run(BenchTrainArguments options) {
 
 void add_bench_train(CLI::App& bench) {
   const auto options = std::make_shared<BenchTrainArguments>();
-  CLI::App* command = bench.add_subcommand("train",
-                                           "Samples per second and core of the learner beside the same network in python3's torch, where "
-                                           "that is installed, and steps per second of a short training by stage; one process, one thread");
+  CLI::App* command =
+      bench.add_subcommand("train",
+                           "Measure the learner in samples per second and core, next to the same network in python3's torch if installed, "
+                           "and a short training in steps per second by stage; one process, one thread");
   command->add_option("--config", options->config, "Run config (default: configs/train/avnav.yaml)");
-  command->add_option("--set", options->overrides, "key=value over the config, repeatable")->allow_extra_args(false);
-  command->add_option("--seconds", options->seconds, "Of processor time per repeat; the short training takes five times as long")
+  command->add_option("--set", options->overrides, "Override a key of the config: key=value; may be repeated")->allow_extra_args(false);
+  command->add_option("--seconds", options->seconds, "Seconds of CPU time per repeat; the short training takes five times as long")
       ->capture_default_str();
-  command->add_option("--repeats", options->repeats, "Of the learner, and of torch in turn with it")->capture_default_str();
-  command->add_option("--python", options->python, "Interpreter that has torch (default: python3, then /usr/bin/python3)");
-  command->add_flag("--no-torch", options->no_torch, "Without torch");
-  command->add_flag("--no-training", options->no_training, "Without the short training");
-  command->add_option("--json", options->json, "Also write names, medians, ranges and settings to a file");
-  command->add_flag("--quick", options->quick, "A small run that shows that everything works; its numbers mean little");
+  command->add_option("--repeats", options->repeats, "Repeats of the learner, interleaved with torch")->capture_default_str();
+  command->add_option("--python", options->python, "Python interpreter with torch (default: python3, then /usr/bin/python3)");
+  command->add_flag("--no-torch", options->no_torch, "Skip torch");
+  command->add_flag("--no-training", options->no_training, "Skip the short training");
+  command->add_option("--json", options->json, "Also write names, medians, ranges and settings to this JSON file");
+  command->add_flag("--quick", options->quick, "Short smoke test; its numbers are not meaningful");
   command->callback([options] { run(*options); });
 }
 

@@ -21,12 +21,14 @@ struct BenchmarkArguments {
 
 void run_benchmark(const BenchmarkArguments& options) {
   if (!options.private_file.empty() && !options.new_private_file.empty())
-    throw InputError("--make-private", "makes the set that --private would read", "leave one of them out");
+    throw InputError("--make-private", "cannot be combined with --private: one writes the private set, the other reads it",
+                     "give only one of them");
   const Benchmark benchmark = load_benchmark(options.file);
   if (!options.new_private_file.empty()) {
     const std::string sha256 = make_private_set(benchmark, options.new_private_file);
     fmt::print(
-        "{}: a private set of {} {}; keep the file to yourself, and put this into {}, section benchmark:\n  private: {{sha256: \"{}\"}}\n",
+        "{}: private set of {} {} written; keep this file secret, and add this line to section `benchmark` of {}:\n"
+        "  private: {{sha256: \"{}\"}}\n",
         options.new_private_file, benchmark.name, benchmark.version, options.file, sha256);
     if (options.json.empty()) return;
     const nlohmann::ordered_json report{
@@ -36,9 +38,9 @@ void run_benchmark(const BenchmarkArguments& options) {
   }
   check_splits(benchmark);
   const EpisodeSet set = benchmark_set(benchmark);
-  fmt::print("{} {}: {} episodes in {}, set {}, rules {}; no scene of the training in it, and {}\n", benchmark.name, benchmark.version,
-             set.episodes.size(), benchmark.run.eval.file, hex64(set.hash), benchmark.rules_hash,
-             benchmark.heard_sounds.empty() ? "no sound" : "no sound but those that it says are heard");
+  fmt::print("{} {}: {} episodes in {}, set {}, rules {}; training and test set have no scene in common, and {}\n", benchmark.name,
+             benchmark.version, set.episodes.size(), benchmark.run.eval.file, hex64(set.hash), benchmark.rules_hash,
+             benchmark.heard_sounds.empty() ? "no sound" : "no sound except the declared heard_sounds");
   nlohmann::ordered_json report{{"schema_version", 1},
                                 {"benchmark", benchmark.name},
                                 {"version", benchmark.version},
@@ -52,9 +54,9 @@ void run_benchmark(const BenchmarkArguments& options) {
     const Benchmark hidden = with_private_set(benchmark, options.private_file);
     const EpisodeSet private_set = benchmark_set(hidden);
     check_private_split(benchmark, private_set);
-    fmt::print("{}: the private set of {} {}: {} episodes, set {}; no scene or sound of training or public set in it{}\n",
+    fmt::print("{}: private set of {} {}: {} episodes, set {}; it has no scene or sound of the training and public sets{}\n",
                options.private_file, benchmark.name, benchmark.version, private_set.episodes.size(), hidden.set_hash,
-               benchmark.heard_sounds.empty() ? "" : ", but for those that are heard");
+               benchmark.heard_sounds.empty() ? "" : ", except the declared heard_sounds");
     report["private_episodes"] = private_set.episodes.size();
     report["private_set_hash"] = hidden.set_hash;
   }
@@ -66,15 +68,16 @@ void run_benchmark(const BenchmarkArguments& options) {
 void add_benchmark(CLI::App& app) {
   auto options = std::make_shared<BenchmarkArguments>();
   CLI::App* command =
-      app.add_subcommand("benchmark", "Check a benchmark: its rules, its test set, and that training and test have nothing in common");
-  command->add_option("BENCHMARK", options->file, "File of configs/benchmarks")->required();
+      app.add_subcommand("benchmark", "Check a benchmark: its rules, its test set, and that training and test sets do not overlap");
+  command->add_option("BENCHMARK", options->file, "Benchmark file, for example configs/benchmarks/quick.yaml")->required();
   command->add_option(
       "--private", options->private_file,
-      "Also the private set in this file: that it is the one whose SHA-256 the benchmark names, and what it has in common with others");
-  command->add_option("--make-private", options->new_private_file,
-                      "Instead: draw a set of the same kind from secret numbers into this file, for those who keep the benchmark");
-  command->add_option("--json", options->json, "Also write what was found to a file");
-  command->footer("Makes the test set (data.eval.file) if it is missing, and refuses one whose hash is not that of the benchmark.");
+      "Also check the private set in this file: its SHA-256 must be the one in the benchmark; overlaps with the other sets are listed");
+  command->add_option(
+      "--make-private", options->new_private_file,
+      "Instead: draw a new private set from secret random numbers and write it to this file (for maintainers of a benchmark)");
+  command->add_option("--json", options->json, "Also write the findings to this JSON file");
+  command->footer("Generates the test set (data.eval.file) if it is missing, and refuses a set whose hash differs from the benchmark's.");
   command->callback([options] { run_benchmark(*options); });
 }
 

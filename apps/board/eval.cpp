@@ -57,10 +57,10 @@ Plan plan_of(const EvalArguments& options) {
   if (options.sample) evaluation.actions = ActionChoice::sample;
   std::optional<Benchmark> benchmark;
   if (options.benchmark.empty() && !options.private_file.empty())
-    throw InputError("--private", "is a set of a benchmark", "name it with --benchmark");
+    throw InputError("--private", "needs a benchmark", "name the benchmark with --benchmark FILE");
   if (!options.benchmark.empty()) {
     if (!options.config.empty() || !evaluation.episodes.empty())
-      throw InputError("--benchmark", "names rules and episodes itself", "leave out --config and --episodes");
+      throw InputError("--benchmark", "already sets the rules and the episodes", "leave out --config and --episodes");
     benchmark = load_benchmark(options.benchmark);
     if (!options.private_file.empty()) benchmark = with_private_set(*benchmark, options.private_file);
     static_cast<void>(benchmark_set(*benchmark));  // made where it is missing, and the right one
@@ -81,7 +81,7 @@ Plan plan_of(const EvalArguments& options) {
                                          options.overrides);
     take_set_of(plan.config, evaluation);
     if (evaluation.episodes.empty())
-      throw InputError("--episodes", "is missing and the checkpoint's config names none", "name an episode set");
+      throw InputError("--episodes", "is missing, and the checkpoint's config has no data.eval.file", "name an episode set");
   }
   evaluation.num_envs = plan.config.eval_envs;
   plan.trained_sounds =
@@ -105,8 +105,8 @@ int run_eval(const EvalArguments& options, const std::vector<std::string>& argum
   EvaluationResult result;
   if (options.workers > 1) {
     if (plan.config.env.stage_limit_s > 0)
-      throw InputError("--workers", "does not go with env.stage_limit_s: which episode is given up depends on the load",
-                       "set env.stage_limit_s=0, or evaluate in one process");
+      throw InputError("--workers", "cannot be combined with env.stage_limit_s: the time limit would end other episodes under another load",
+                       "set env.stage_limit_s=0, or evaluate with --workers 1");
     static_cast<void>(load_evaluated_set(plan.evaluation));  // what is wrong with it is said once
     int exit_code = 0;
     result = evaluate_with_workers(options.workers, arguments, exit_code);
@@ -126,30 +126,30 @@ int run_eval(const EvalArguments& options, const std::vector<std::string>& argum
 
 void add_eval(CLI::App& app, const std::vector<std::string>& arguments, int& exit_code) {
   auto options = std::make_shared<EvalArguments>();
-  CLI::App* command = app.add_subcommand("eval", "Run an agent on every episode of a set and report its metrics");
+  CLI::App* command = app.add_subcommand("eval", "Run an agent on all episodes of a set and report its metrics");
   command->add_option("AGENT", options->agent, "Checkpoint, run folder, or one of: " + baseline_names())->required();
   command->add_option("--episodes", options->evaluation.episodes, "Episode set (default: data.eval.file of the config)");
-  command->add_option("--out", options->out, "Result file (JSON) to write");
-  command->add_option("--config", options->config, "Run config that fixes the environment of a baseline");
+  command->add_option("--out", options->out, "Result file to write (JSON)");
+  command->add_option("--config", options->config, "Run config with the environment for a baseline");
   command->add_option("--benchmark", options->benchmark,
-                      "Benchmark (configs/benchmarks): its test set and seed, and a baseline's environment");
-  command->add_option("--private", options->private_file, "The benchmark's private set in this file, in the place of its test set");
-  command->add_option("--set", options->overrides, "key=value over the config");
-  command->add_option("--name", options->name, "Name in tables (default: the config's name)");
+                      "Benchmark file (see configs/benchmarks); sets the episodes, the seed and a baseline's environment");
+  command->add_option("--private", options->private_file, "Evaluate on the benchmark's private set in this file instead of its test set");
+  command->add_option("--set", options->overrides, "Override a key of the config: key=value; may be repeated");
+  command->add_option("--name", options->name, "Agent name in tables (default: name of the config)");
   command->add_option("--seed", options->evaluation.seed, "Seed of sampled actions")->capture_default_str();
-  command->add_option("--threads", options->evaluation.threads, "Simulation threads; 0: all cores; any number gives the same bits")
+  command->add_option("--threads", options->evaluation.threads, "Simulation threads; 0: all cores; the number does not change results")
       ->capture_default_str();
-  command->add_option("--max-episodes", options->evaluation.max_episodes, "Only the first N episodes; 0: all")->capture_default_str();
-  auto* argmax = command->add_flag("--argmax", options->argmax, "Most probable action (default: eval_actions of the config)");
-  command->add_flag("--sample", options->sample, "Action drawn from the policy's distribution")->excludes(argmax);
+  command->add_option("--max-episodes", options->evaluation.max_episodes, "Run only the first N episodes; 0: all")->capture_default_str();
+  auto* argmax = command->add_flag("--argmax", options->argmax, "Take the most probable action (default: eval_actions of the config)");
+  command->add_flag("--sample", options->sample, "Sample the action from the policy")->excludes(argmax);
   command
       ->add_option(
           "--workers", options->workers,
-          "Processes that run the episodes; any number gives the same bits.  Each has its part of --threads 0 and a cache of scenes")
+          "Worker processes; the number does not change results. They divide the cores of --threads 0, and each has its own scene cache")
       ->capture_default_str()
       ->check(CLI::Range(1, 64));
   command->add_option(kPartFolderOption, options->part_folder)->group("");  // of the workers that --workers starts
-  command->add_option("--json", options->json, "Also write the table to a file");
+  command->add_option("--json", options->json, "Also write the table to this JSON file");
   command->callback([options, &arguments, &exit_code] { exit_code = run_eval(*options, arguments); });
 }
 

@@ -52,10 +52,11 @@ ReadResults read_results(const std::vector<std::string>& files, const std::optio
   for (const auto& path : files) {
     EvaluationResult result = load_result(path);
     if (!result.partial_of.empty() && !verify.partial)
-      throw InputError(path, fmt::format("is partial: the first {} episodes of its set alone", result.episodes.size()),
-                       "evaluate the agent without --max-episodes, or say --partial");
+      throw InputError(path, fmt::format("covers only the first {} episodes of its set", result.episodes.size()),
+                       "evaluate the agent without --max-episodes, or add --partial");
     if (!result.is_as_written)
-      throw InputError(path, "was changed after it was written: its checksum is another", "take the file as 'earshot eval --out' wrote it");
+      throw InputError(path, "was changed after it was written: the checksum does not match",
+                       "use the original file of 'earshot eval --out'");
     if (benchmark) {
       verify_for_benchmark(result, path, *benchmark, read.set, verify);
       result.verified = true;
@@ -90,14 +91,14 @@ void note_places_of_all(ReadResults& read, const std::string& scene_root, bool i
 /// Throws InputError for the name of an agent without a result.
 void require_result_of(const std::string& agent, const std::string& option, const std::vector<EvaluationResult>& results) {
   if (std::ranges::find(results, agent, &EvaluationResult::agent) == results.end())
-    throw InputError(option, "is of an agent that has no result here", "name one of the agents of the results");
+    throw InputError(option, "names an agent without a result", "use the agent name of one of the result files");
 }
 
 /// "AGENT=ADDRESS=TEXT" of --replay.
 void add_replay_link(const std::string& text, const std::vector<EvaluationResult>& results, BoardPage& page) {
   const std::size_t equals = text.find('=');
   if (equals == std::string::npos || equals == 0)
-    throw InputError("--replay " + text, "is no link to a replay", "write AGENT=ADDRESS=TEXT, for example greedy=greedy_best.html=best");
+    throw InputError("--replay " + text, "is not a link to a replay", "write AGENT=ADDRESS=TEXT, for example greedy=greedy_best.html=best");
   const std::string agent = text.substr(0, equals);
   require_result_of(agent, "--replay " + text, results);
   page.replays[agent].push_back(parse_link(text.substr(equals + 1)));
@@ -108,22 +109,21 @@ void check_names(const std::vector<EvaluationResult>& results, const std::vector
   for (std::size_t i = 0; i < results.size(); ++i)
     for (std::size_t j = 0; j < i; ++j)
       if (results[i].agent == results[j].agent)
-        throw InputError(files[i], fmt::format("is of an agent '{}', as {} is", results[i].agent, files[j]),
-                         "evaluate one of them under another --name");
+        throw InputError(files[i], fmt::format("has the same agent name '{}' as {}", results[i].agent, files[j]),
+                         "evaluate one of them again with another --name");
 }
 
 void check_options(const LeaderboardArguments& options) {
-  if (options.compare && options.results.size() != 2)
-    throw InputError("--compare", "takes two results", "name the two agents' result files");
+  if (options.compare && options.results.size() != 2) throw InputError("--compare", "needs exactly two results", "give two result files");
   if (options.compare && !options.html.empty())
-    throw InputError("--html", "writes the table, which --compare takes the place of", "leave one out");
+    throw InputError("--html", "cannot be combined with --compare, which prints no ranking", "give only one of them");
   for (const auto& [list, option] :
        {std::pair(&options.links, "--link"), std::pair(&options.replays, "--replay"), std::pair(&options.run_here, "--run-here")})
-    if (options.html.empty() && !list->empty()) throw InputError(option, "has no effect without a page", "say --html");
+    if (options.html.empty() && !list->empty()) throw InputError(option, "has no effect without --html", "add --html FILE");
   if (options.private_file.empty() != options.private_results.empty())
-    throw InputError("--private", "goes with --private-result", "name the private set and the results on it, or neither");
+    throw InputError("--private", "and --private-result need each other", "give both or neither");
   if (!options.private_file.empty() && (options.benchmark.empty() || options.compare))
-    throw InputError("--private", "is a set of a benchmark", "name it with --benchmark, without --compare");
+    throw InputError("--private", "needs a benchmark", "name the benchmark with --benchmark FILE, and leave out --compare");
 }
 
 nlohmann::ordered_json json_of(const Estimate& estimate) {
@@ -208,7 +208,7 @@ void run_leaderboard(const LeaderboardArguments& options) {
 std::pair<std::string, std::string> parse_link(const std::string& text) {
   const std::size_t equals = text.find('=');
   if (equals == std::string::npos || equals == 0 || equals + 1 == text.size())
-    throw InputError("--link " + text, "is no link", "write ADDRESS=TEXT, for example leaderboard.html=leaderboard");
+    throw InputError("--link " + text, "is not a link", "write ADDRESS=TEXT, for example leaderboard.html=leaderboard");
   return {text.substr(0, equals), text.substr(equals + 1)};
 }
 
@@ -223,23 +223,25 @@ void add_leaderboard(CLI::App& app) {
                                                      {"scene", GroupBy::scene}};
   command
       ->add_option("--by", options->by,
-                   "Also a table by novelty of the sound (heard, unheard, unheard kind), its kind, size of the scene, distance of the "
-                   "goal, or scene")
+                   "Also print a table grouped by novelty of the sound (heard, unheard, unheard kind), kind of sound, size of the scene, "
+                   "distance to the goal, or scene")
       ->transform(CLI::CheckedTransformer(groups, CLI::ignore_case).description("{novelty,kind,size,distance,scene}"));
-  command->add_option("--html", options->html, "Also write a page");
-  command->add_option("--link", options->links, "ADDRESS=TEXT of a page that it links to; may be repeated");
-  command->add_option("--replay", options->replays, "AGENT=ADDRESS=TEXT of a replay that the page links to; may be repeated")
+  command->add_option("--html", options->html, "Also write the table as an HTML page");
+  command->add_option("--link", options->links, "ADDRESS=TEXT: link on the HTML page; may be repeated");
+  command->add_option("--replay", options->replays, "AGENT=ADDRESS=TEXT: link to a replay on the HTML page; may be repeated")
       ->allow_extra_args(false);
   command
-      ->add_option("--run-here", options->run_here,
-                   "Agent whose policy was run by whoever makes the page; of others it says that actions alone are known; may be repeated")
+      ->add_option(
+          "--run-here", options->run_here,
+          "Agent whose policy you ran yourself; the page marks all other results as verified from their actions alone; may be repeated")
       ->allow_extra_args(false);
-  command->add_option("--private", options->private_file, "The benchmark's private set in this file, on which --private-result was run");
-  command->add_option("--private-result", options->private_results, "Result of one of the agents on the private set; may be repeated")
+  command->add_option("--private", options->private_file, "File with the benchmark's private set, used for --private-result");
+  command->add_option("--private-result", options->private_results, "Result file of one of the agents on the private set; may be repeated")
       ->allow_extra_args(false);
-  command->add_option("--json", options->json, "Also write the table to a file");
-  command->add_flag("--compare", options->compare, "Instead: two results on the same episodes, the first less the second");
-  command->add_option("--benchmark", options->benchmark, "Benchmark (configs/benchmarks) by which every result is verified first");
+  command->add_option("--json", options->json, "Also write the table to this JSON file");
+  command->add_flag("--compare", options->compare, "Instead: compare two results on the same episodes (first minus second)");
+  command->add_option("--benchmark", options->benchmark,
+                      "Benchmark file (see configs/benchmarks); every result is verified against it first");
   add_verify_options(*command, options->verify);
   command->callback([options] { run_leaderboard(*options); });
 }

@@ -35,8 +35,8 @@ void replay_quarantined(const ReplayArguments& options) {
   fmt::print("episode     '{}' in {}, env {}, seed {}\n", record.episode.episode_id, record.episode.scene_id, record.env, record.seed);
   fmt::print("recorded    {}\n", shown(record.report, record.step));
   const ReplayOutcome outcome = replay(record, options.overrides);
-  fmt::print("now         {}\n", outcome.fault ? shown(*outcome.fault, outcome.step) : fmt::format("no fault in {} steps", outcome.step));
-  fmt::print("engine      {}\n", outcome.same_engine ? record.engine + ", the same" : record.engine + " then, another one now");
+  fmt::print("replayed    {}\n", outcome.fault ? shown(*outcome.fault, outcome.step) : fmt::format("no fault in {} steps", outcome.step));
+  fmt::print("engine      {}\n", outcome.same_engine ? record.engine + ", the same" : record.engine + " (recorded; this build differs)");
   fmt::print("recurs      {}\n", outcome.recurs ? "yes" : "no");
 }
 
@@ -50,7 +50,7 @@ RunConfig sensing_config(const ReplayArguments& options) {
   if (!options.benchmark.empty()) {
     RunConfig config = load_benchmark(options.benchmark).run;
     if (!options.overrides.empty())
-      throw InputError("--set", "has no effect on a benchmark, which is fixed", "leave it out, or name a --config");
+      throw InputError("--set", "has no effect on a benchmark, whose settings are fixed", "leave it out, or use --config FILE");
     return config;
   }
   const RunConfig config =
@@ -61,11 +61,12 @@ RunConfig sensing_config(const ReplayArguments& options) {
 
 void make_page(const ReplayArguments& options) {
   const int named = !options.policy.empty() + !options.config.empty() + !options.benchmark.empty();
-  if (named > 1) throw InputError("--policy, --config, --benchmark", "each say what the agent senses", "name one of them");
+  if (named > 1)
+    throw InputError("--policy, --config, --benchmark", "exclude each other: each one sets the sensors", "give only one of them");
   const EvaluationResult result = load_result(options.file);
   const std::size_t index = find_episode(result, options.episode);
   if (result.rules.empty())
-    throw InputError(options.file, "does not say by which rules it was run: it is older than that", "evaluate the agent again");
+    throw InputError(options.file, "does not contain its rules: an older version wrote it", "evaluate the agent again");
   ReplayCaption caption{.agent = result.agent, .set_hash = result.set_hash, .engine_hash = result.engine_hash, .policy = {}};
   for (const std::string& link : options.links) caption.links.push_back(parse_link(link));
   const EpisodeSet set = load_episode_set(options.episodes.empty() ? result.episodes_file : options.episodes);
@@ -95,14 +96,13 @@ void run_replay(const ReplayArguments& options) {
   if (!page) {
     for (const auto& [value, option] : {std::pair(&options.policy, "--policy"), std::pair(&options.config, "--config"),
                                         std::pair(&options.benchmark, "--benchmark"), std::pair(&options.episodes, "--episodes")})
-      if (!value->empty()) throw InputError(option, "has no effect on a quarantined episode", "leave it out, or say --episode and --html");
-    if (!options.links.empty()) throw InputError("--link", "has no effect without a page", "say --episode and --html");
+      if (!value->empty()) throw InputError(option, "has no effect on a quarantined episode", "leave it out, or add --episode and --html");
+    if (!options.links.empty()) throw InputError("--link", "has no effect without --html", "add --episode N and --html FILE");
     return replay_quarantined(options);
   }
-  if (options.episode.empty()) throw InputError("--episode", "is missing", "say which one: a number from 0 on, or best, median or worst");
-  if (options.html.empty() && options.mcap.empty())
-    throw InputError("--html", "is missing", "name the page to write, or a file with --mcap");
-  if (options.html.empty() && !options.links.empty()) throw InputError("--link", "has no effect without a page", "say --html");
+  if (options.episode.empty()) throw InputError("--episode", "is missing", "give a number (0 is the first), or best, median or worst");
+  if (options.html.empty() && options.mcap.empty()) throw InputError("--html", "is missing", "add --html FILE or --mcap FILE");
+  if (options.html.empty() && !options.links.empty()) throw InputError("--link", "has no effect without --html", "add --html FILE");
   make_page(options);
 }
 
@@ -110,32 +110,30 @@ void run_replay(const ReplayArguments& options) {
 
 void add_replay(CLI::App& app) {
   auto options = std::make_shared<ReplayArguments>();
-  CLI::App* command =
-      app.add_subcommand("replay", "Show an episode of a result as a page with picture, map and sound, or run a quarantined one again");
+  CLI::App* command = app.add_subcommand(
+      "replay", "Write an episode of a result as an HTML page with image, map and sound, or re-run a quarantined episode");
   command
-      ->add_option(
-          "FILE", options->file,
-          "Result file of 'earshot eval --out'; or a file that a run wrote to its quarantine_dir (env.quarantine_dir of a run config)")
+      ->add_option("FILE", options->file,
+                   "Result file of 'earshot eval --out', or a file from the quarantine folder of a run (env.quarantine_dir)")
       ->required();
-  command->add_option("--episode", options->episode, "Of a result: its number from 0 on, or best, median or worst by SPL");
-  command->add_option("--html", options->html, "Of a result: the page to write, one file that needs no network");
-  command->add_option("--mcap", options->mcap, "Of a result: an MCAP file to write, with pose, pictures, sound and numbers of each step");
+  command->add_option("--episode", options->episode, "For a result: episode number (0 is the first), or best, median or worst by SPL");
+  command->add_option("--html", options->html, "For a result: HTML page to write, a single file that works offline");
+  command->add_option("--mcap", options->mcap, "For a result: MCAP file to write, with pose, images, sound and values of each step");
   command->add_option("--policy", options->policy,
-                      "Policy file, checkpoint or run folder: what the agent sees and hears, and its values and probabilities");
-  command->add_option("--config", options->config, "Run config: what the agent sees and hears, where it is no policy");
-  command->add_option("--benchmark", options->benchmark, "Benchmark (configs/benchmarks): the same");
+                      "Policy file, checkpoint or run folder; sets the sensors and adds the policy's values and action probabilities");
+  command->add_option("--config", options->config, "Run config that sets the sensors, for an agent that is not a policy");
+  command->add_option("--benchmark", options->benchmark,
+                      "Benchmark file (see configs/benchmarks) that sets the sensors, for an agent that is not a policy");
   command->add_option("--episodes", options->episodes, "Episode set (default: the file that the result names)");
-  command->add_option("--link", options->links, "ADDRESS=TEXT of another page, for the head of this one; may be repeated");
-  command->add_option(
-      "--set", options->overrides,
-      "key=value over the config: that of the policy or --config, or the recorded one of a quarantined episode; for example "
-      "env.scene_root=DIR (quarantined: scene_root=DIR) where files have moved");
+  command->add_option("--link", options->links, "ADDRESS=TEXT: link in the header of the HTML page; may be repeated");
+  command->add_option("--set", options->overrides,
+                      "Override a key of the policy's config, of --config or of a quarantined episode: key=value. If files have moved: "
+                      "env.scene_root=DIR (quarantined episode: scene_root=DIR)");
   command->footer(
-      "A page: the recorded actions are walked again, with eyes and ears, and refused if their numbers are not those of the result.\n"
-      "Without --policy, --config or --benchmark the agent senses by the defaults.  docs/howto/replay.md says what the page shows.\n"
-      "A quarantined episode: runs the recorded actions with the recorded config and seed, on one thread, up to the recorded step. The "
-      "last\n"
-      "line says `recurs yes` if the same fault is found at the same step, else `recurs no`; either way the exit code is 0.");
+      "Result file: runs the recorded actions again with camera and ears. Refuses the result if the numbers differ.\n"
+      "Without --policy, --config or --benchmark the default sensors are used.  docs/howto/replay.md describes the page.\n"
+      "Quarantined episode: runs the recorded actions with the recorded config and seed, on one thread, up to the recorded step.\n"
+      "The last line is `recurs yes` if the same fault occurs at the same step, else `recurs no`.  The exit code is 0 in both cases.");
   command->callback([options] { run_replay(*options); });
 }
 

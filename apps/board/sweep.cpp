@@ -124,22 +124,22 @@ int run_program(const std::vector<std::string>& arguments, const std::filesystem
 void expect_done(int status, const std::string& what, const std::filesystem::path& log) {
   if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return;
   if (WIFSIGNALED(status))
-    throw RunError(what, fmt::format("was killed by signal {} ({}); its output is in {}; the same command goes on", WTERMSIG(status),
-                                     ::strsignal(WTERMSIG(status)), log.string()));
-  throw RunError(what, fmt::format("failed with code {}: {}; its output is in {}; the same command goes on", WEXITSTATUS(status),
-                                   last_line(log), log.string()));
+    throw RunError(what, fmt::format("was killed by signal {} ({}); see its output in {}, then run the same command again to continue",
+                                     WTERMSIG(status), ::strsignal(WTERMSIG(status)), log.string()));
+  throw RunError(what, fmt::format("failed with code {}: {}; see its output in {}, then run the same command again to continue",
+                                   WEXITSTATUS(status), last_line(log), log.string()));
 }
 
 void stop_if_told() {
-  if (StopSignals::received()) throw RunError("sweep", "was stopped; the same command goes on with it");
+  if (StopSignals::received()) throw RunError("sweep", "was stopped; run the same command again to continue");
 }
 
 /// A run of a sweep that was changed since is another run: its curve would be of two.
 void refuse_other_settings(const SweepConfig& sweep, const SweepRun& run) {
   const std::filesystem::path file = file_beside(run, ".settings");
   if (std::filesystem::exists(file) && read_file(file) != settings_of(sweep, run))
-    throw InputError(run.folder.string(), "was run with other settings than the sweep has by now",
-                     "take them back, give the run another name, or remove the folder and the files beside it");
+    throw InputError(run.folder.string(), "was trained with settings that differ from the sweep file",
+                     "restore the settings, rename the run, or remove the folder and the files next to it");
 }
 
 bool is_missing(const std::string& file) { return !file.empty() && !std::filesystem::exists(file); }
@@ -148,7 +148,8 @@ bool is_missing(const std::string& file) { return !file.empty() && !std::filesys
 void refuse_missing_set(const SweepConfig& sweep, const SweepRun& run) {
   const std::string& set = run.evaluated.eval.file;
   if (sweep.evaluate && set != run.config.eval.file && is_missing(set))
-    throw InputError(set, "the set of `evaluate` is missing", "make it with earshot dataset episodes, from the config that it belongs to");
+    throw InputError(set, "the episode set of `evaluate` does not exist",
+                     "write it with 'earshot dataset episodes --config' from the config that it belongs to");
 }
 
 std::string name_of(const SweepRun& run) { return fmt::format("sweep run {} seed {}", run.variant, run.seed); }
@@ -228,16 +229,23 @@ void run_sweep(const SweepArguments& options) {
 
 void add_sweep(CLI::App& app) {
   auto options = std::make_shared<SweepArguments>();
-  CLI::App* command = app.add_subcommand("sweep", "Train variants of a run config with several seeds each, and compare their curves");
+  CLI::App* command =
+      app.add_subcommand("sweep", "Train variants of a run config with several seeds each, and compare their learning curves");
   command->add_option("SWEEP", options->file, "Sweep file (YAML), for example configs/sweeps/learning_rate.yaml")->required();
-  command->add_flag("--report", options->report, "Train nothing: table and curves of what is there");
-  command->add_option("--json", options->json, "Also write the numbers to a file");
+  command->add_flag("--report", options->report, "Do not train: print the table and curves of the finished runs");
+  command->add_option("--json", options->json, "Also write the numbers to this JSON file");
   command->footer(
-      "Keys of SWEEP: config (run config that all start from), seeds, runs {NAME: [key=value, ...]}, and optionally name, out (default:\n"
-      "runs/sweeps/NAME), set [key=value, ...] for all, and evaluate [key=value, ...]: each finished run is evaluated on data.eval of its\n"
-      "config with these changes ([]: none).  Runs go one after the other, with the config's workers.  What is finished is\n"
-      "not run again, and what was stopped or killed goes on from its last checkpoint: the same command resumes.  `out` gets NAME/seed_N,\n"
-      "table.txt, sweep.json, sweep.svg and index.html, anew after each run.");
+      "Keys of SWEEP:\n"
+      "  config     run config that all runs start from\n"
+      "  seeds      list of seeds\n"
+      "  runs       {NAME: [key=value, ...]}: changes of each variant\n"
+      "  name       optional; default: name of the file\n"
+      "  out        optional; default: runs/sweeps/NAME\n"
+      "  set        optional, [key=value, ...]: changes for all runs\n"
+      "  evaluate   optional, [key=value, ...]: evaluates each finished run on data.eval of its config, with these changes ([]: none)\n"
+      "Runs are trained one after the other with the workers of the config.  The same command resumes an interrupted sweep: finished runs\n"
+      "are kept, and an interrupted run continues from its last checkpoint.  After each run `out` is updated: NAME/seed_N, table.txt,\n"
+      "sweep.json, sweep.svg and index.html.");
   command->callback([options] { run_sweep(*options); });
 }
 

@@ -24,12 +24,13 @@ void run_verify(VerifyArguments options) {
   std::optional<Benchmark> benchmark;
   std::optional<RunConfig> config;
   if (!options.benchmark.empty()) benchmark = load_benchmark(options.benchmark);
-  if (!benchmark && !options.private_file.empty()) throw InputError("--private", "is a set of a benchmark", "name it with --benchmark");
+  if (!benchmark && !options.private_file.empty())
+    throw InputError("--private", "needs a benchmark", "name the benchmark with --benchmark FILE");
   if (!options.private_file.empty()) benchmark = with_private_set(*benchmark, options.private_file);
   if (!options.config.empty()) config = load_run_config(options.config, options.overrides);
   if (!config && !options.overrides.empty()) throw InputError("--set", "has no effect without --config", "leave it out");
   if (benchmark && (config || !options.episodes.empty()))
-    throw InputError("--benchmark", "names rules and episodes itself", "leave out --config and --episodes");
+    throw InputError("--benchmark", "already sets the rules and the episodes", "leave out --config and --episodes");
   if (const RunConfig* run = benchmark ? &benchmark->run : config ? &*config : nullptr) {
     if (options.verify.scene_root.empty()) options.verify.scene_root = run->env.scene_root;
     if (options.verify.sound_root.empty()) options.verify.sound_root = run->env.sound_root;
@@ -59,8 +60,8 @@ void run_verify(VerifyArguments options) {
     }
     const EpisodeSet own = set_of_all ? EpisodeSet{} : load_episode_set(result.episodes_file);
     if (!config && result.rules.empty())
-      throw InputError(file, "does not say by which rules it was run: it is older than that",
-                       "name the run's config with --config, or evaluate the agent again");
+      throw InputError(file, "does not contain its rules: an older version wrote it",
+                       "give the config of the run with --config, or evaluate the agent again");
     const MetricRules rules = config ? rules_for(result.rules, metric_rules(config->env, config->eval_envs)) : result.rules;
     const Verification verified = verify_result(result, file, set_of_all ? *set_of_all : own, rules, options.verify);
     fmt::print("{}", verified_line(file, verified, config ? "of " + options.config : "hash " + hash_of_rules(rules) + ", its own"));
@@ -73,36 +74,38 @@ void run_verify(VerifyArguments options) {
 }  // namespace
 
 void add_verify_options(CLI::App& command, VerifyConfig& config) {
-  command.add_option("--threads", config.threads, "Threads that verify; 0: all cores")->capture_default_str()->check(CLI::Range(0, 1024));
-  command.add_flag("--any-engine", config.any_engine,
-                   "Also results of other builds of the program: their numbers must be those of this one nevertheless");
-  command.add_flag("--partial", config.partial, "Also results of the first episodes of a set (eval --max-episodes)");
-  command.add_option("--scene-root", config.scene_root, "Folder of relative scene files");
-  command.add_option("--sound-root", config.sound_root, "Folder of sounds that are named without a path");
+  command.add_option("--threads", config.threads, "Verification threads; 0: all cores")->capture_default_str()->check(CLI::Range(0, 1024));
+  command.add_flag("--any-engine", config.any_engine, "Also accept results of other builds; this build must still reproduce their numbers");
+  command.add_flag("--partial", config.partial, "Also accept results of the first episodes of a set (eval --max-episodes)");
+  command.add_option("--scene-root", config.scene_root, "Folder for relative paths of scene files");
+  command.add_option("--sound-root", config.sound_root, "Folder for sound files without a path");
 }
 
 std::string verified_line(const std::string& file, const Verification& verified, const std::string& rules) {
   return fmt::format("{}: verified, {} episodes{}, {} steps; rules {}{}\n", file, verified.episodes,
                      verified.partial ? " (the first of a set)" : "", verified.steps, rules,
                      verified.same_engine         ? ""
-                     : verified.toolchain.empty() ? "; made by another engine"
-                                                  : "; made by another engine with " + verified.toolchain);
+                     : verified.toolchain.empty() ? "; made by another build"
+                                                  : "; made by another build with " + verified.toolchain);
 }
 
 void add_verify(CLI::App& app) {
   auto options = std::make_shared<VerifyArguments>();
-  CLI::App* command = app.add_subcommand("verify", "Walk the actions of results again and refuse those whose numbers differ by a bit");
+  CLI::App* command =
+      app.add_subcommand("verify", "Run the recorded actions of results again, and refuse a result whose numbers differ by one bit");
   command->add_option("RESULT", options->results, "Result files written by 'earshot eval --out'")->required();
-  command->add_option("--benchmark", options->benchmark, "Benchmark (configs/benchmarks) whose rules and episodes they must have");
-  command->add_option("--private", options->private_file, "The benchmark's private set in this file, in the place of its test set");
-  command->add_option("--config", options->config, "Run config whose rules they must have (default: the rules that each file names)");
-  command->add_option("--set", options->overrides, "key=value over --config");
-  command->add_option("--episodes", options->episodes, "Episode set (default: the file that each result names)");
+  command->add_option("--benchmark", options->benchmark,
+                      "Benchmark file (see configs/benchmarks) whose rules and episodes the results must have");
+  command->add_option("--private", options->private_file,
+                      "Verify against the benchmark's private set in this file instead of its test set");
+  command->add_option("--config", options->config, "Run config whose rules the results must have (default: the rules in each result)");
+  command->add_option("--set", options->overrides, "Override a key of --config: key=value; may be repeated");
+  command->add_option("--episodes", options->episodes, "Episode set (default: the file named in each result)");
   add_verify_options(*command, options->verify);
-  command->add_option("--json", options->json, "Also write what was verified to a file, where all was");
+  command->add_option("--json", options->json, "Also write a report to this JSON file once all results are verified");
   command->footer(
-      "One line on stderr and exit code 2 for the first result that is not what its actions give, with the first episode that shows it.\n"
-      "Without --benchmark or --config a result may name easier rules than others: compare the hash of the rules.");
+      "Stops at the first result that its actions do not reproduce: exit code 2 and one line that names the first differing episode.\n"
+      "Without --benchmark or --config the rules of a result are its own, and may be easier than those of others: compare their hashes.");
   command->callback([options] { run_verify(*options); });
 }
 

@@ -12,12 +12,13 @@
 namespace earshot {
 
 void add_out_option(CLI::App& command, CorpusTarget& target) {
-  command.add_option("--out", target.out, "Folder to write; the same command completes it after an interruption")->required();
+  command.add_option("--out", target.out, "Folder to write; run the same command again to complete an interrupted corpus")->required();
 }
 
 void add_sharing_options(CLI::App& command, CorpusTarget& target, const std::string& parts) {
-  command.add_option("--threads", target.threads, "Threads; 0: all cores; any number gives the same bytes")->capture_default_str();
-  command.add_option("--shard", target.shard, "K/N: the K-th of N parts, " + parts + "; any N gives the same bytes")->capture_default_str();
+  command.add_option("--threads", target.threads, "Threads; 0: all cores; the number does not change the files")->capture_default_str();
+  command.add_option("--shard", target.shard, "K/N: write only part K of N, " + parts + "; N does not change the files")
+      ->capture_default_str();
 }
 
 double write_with_progress(const CorpusTarget& target, const std::string& command, const std::string& unit,
@@ -41,7 +42,7 @@ void print_state(const CorpusTarget& target, std::size_t folders_missing, const 
   if (folders_missing == 0)
     fmt::print("{}: complete, {}\n", target.out, complete);
   else
-    fmt::print("{}: {} folders are missing, which other shards write; run any shard again once all are here\n", target.out,
+    fmt::print("{}: {} folders of other shards are missing; run any shard again when all shards are in this folder\n", target.out,
                folders_missing);
 }
 

@@ -25,7 +25,7 @@ void generate(const DataConfig& data, const EnvConfig& env) {
 
 void run_dataset(const DatasetArguments& options) {
   if (!options.config.empty()) {
-    if (!options.scenes.empty()) throw InputError("--config", "names the scenes itself", "give either SCENEs or --config");
+    if (!options.scenes.empty()) throw InputError("--config", "already names the scenes", "give either SCENE or --config");
     if (options.axes.unit_m || options.axes.up)
       throw InputError("--config", "names the scenes itself, but --unit or --up was given",
                        "write FILE,unit=METRES or FILE,up=z in data.train.scenes and data.eval.scenes");
@@ -54,26 +54,30 @@ void run_dataset(const DatasetArguments& options) {
 
 void add_dataset(CLI::App& app) {
   auto options = std::make_shared<DatasetArguments>();
-  CLI::App* dataset = app.add_subcommand("dataset", "Generate data sets");
+  CLI::App* dataset = app.add_subcommand("dataset", "Generate episodes, corpora of room impulse responses, recordings and panoramas");
   dataset->require_subcommand(1);
-  CLI::App* episodes = dataset->add_subcommand("episodes", "Draw AV-Nav episodes in scenes and write them as AudioNav JSON(.gz)");
-  episodes->add_option("SCENE", options->scenes, "Scenes; house:10..14,rooms=3 stands for five houses");
+  CLI::App* episodes =
+      dataset->add_subcommand("episodes", "Draw random audio-visual navigation episodes and write them as AudioNav JSON(.gz)");
+  episodes->add_option("SCENE", options->scenes, "Scenes (see 'earshot --help'); house:10..14,rooms=3 means five houses");
   options->axes.add_to(*episodes);
   episodes->add_option("--count", options->count, "Episodes per scene")->capture_default_str();
   episodes
-      ->add_option("--goals-per-scene", options->goals,
-                   "Places of the source that the episodes of a scene share, far from each other; 0: each has one of its own")
+      ->add_option(
+          "--goals-per-scene", options->goals,
+          "Number of source positions per scene, far from each other and shared by its episodes; 0: a separate position for each episode")
       ->capture_default_str();
-  episodes->add_option("--out", options->out, "File to write; .gz compresses");
-  episodes->add_option(
-      "--sounds", options->sounds,
-      "Folder of sounds, one sound file, or synth:KIND[:SEED] (kinds: telephone alarm music noise speech click engine bird)");
-  episodes->add_option("--agents", options->agents, "Agents in each episode, with starts of their own and the same goal")
+  episodes->add_option("--out", options->out, "File to write; the ending .gz compresses it");
+  episodes->add_option("--sounds", options->sounds,
+                       "Sounds of the goal: a folder of sound files, one sound file, or synth:KIND[:SEED] (kinds: telephone alarm music "
+                       "noise speech click engine bird)");
+  episodes->add_option("--agents", options->agents, "Agents per episode; they have different start poses and the same goal")
       ->capture_default_str();
-  episodes->add_option("--agent-sounds", options->agent_sounds, "What the agents sound like to each other, as --sounds; none if left out");
-  episodes->add_option("--seed", options->seed, "Seed")->capture_default_str();
-  episodes->add_option("--config", options->config, "Run config: writes its data.train and data.eval sets instead");
-  episodes->add_option("--set", options->overrides, "key=value over the run config, for example data.train.filter.min_geodesic_m=2");
+  episodes->add_option("--agent-sounds", options->agent_sounds,
+                       "Sounds that agents make for each other, in the form of --sounds (default: silent agents)");
+  episodes->add_option("--seed", options->seed, "Random seed")->capture_default_str();
+  episodes->add_option("--config", options->config, "Instead: write the sets data.train and data.eval of this run config");
+  episodes->add_option("--set", options->overrides,
+                       "Override a key of the run config: key=value, for example data.train.filter.min_geodesic_m=2; may be repeated");
   episodes->callback([options] { run_dataset(*options); });
   add_dataset_rir(*dataset);
   add_dataset_convolve(*dataset);

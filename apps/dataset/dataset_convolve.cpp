@@ -38,10 +38,8 @@ void run_dataset_convolve(const DatasetConvolveArguments& options) {
   print_state(options.target, report.folders_missing,
               fmt::format("{} signals; manifest.jsonl, recordings.jsonl, supervisions.jsonl", report.all_signals));
   if (report.folders_missing == 0 && report.lowered > 0)
-    fmt::print(
-        "{} signals are below the level that was drawn, so that no sample exceeds 1 (lowered in the manifest); --level makes all "
-        "quieter\n",
-        report.lowered);
+    fmt::print("{} signals are quieter than drawn, so that no sample exceeds 1 (`lowered` in the manifest); a lower --level avoids this\n",
+               report.lowered);
 }
 
 }  // namespace
@@ -50,33 +48,41 @@ void add_dataset_convolve(CLI::App& dataset) {
   auto options = std::make_shared<DatasetConvolveArguments>();
   ConvolveConfig& config = options->config;
   CLI::App* command = dataset.add_subcommand(
-      "convolve", "Send dry speech through the responses of a corpus, with noise, targets and labels (docs/howto/datasets_signals.md)");
-  command->add_option("CORPUS", config.corpus, "Folder that `earshot dataset rir` has written")->required();
+      "convolve", "Convolve dry speech with the responses of a corpus, and add noise, targets and labels (docs/howto/datasets_signals.md)");
+  command->add_option("CORPUS", config.corpus, "Folder written by 'earshot dataset rir'")->required();
   command
-      ->add_option("--speech", config.speech, "Folder of dry speech, with the folders below it: WAV, FLAC, OGG, Opus, MP3, AIFF, any rate")
+      ->add_option("--speech", config.speech,
+                   "Folder of dry speech, including subfolders: WAV, FLAC, OGG, Opus, MP3 or AIFF at any sample rate")
       ->required();
   add_out_option(*command, options->target);
-  command->add_option("--count", config.count, "Signals; speech files come in turn; 0: one per speech file")->capture_default_str();
-  command->add_option("--talkers", options->talkers, "N or LOW,HIGH: so many, from different sources of a room")->capture_default_str();
-  command->add_option("--talker-level", options->talker_level, "LOW,HIGH in dB: further talkers over the first, as they are heard")
+  command->add_option("--count", config.count, "Number of signals; speech files are used in turn; 0: one signal per speech file")
+      ->capture_default_str();
+  command->add_option("--talkers", options->talkers, "N or LOW,HIGH: number of talkers, each at a different source of the room")
+      ->capture_default_str();
+  command
+      ->add_option("--talker-level", options->talker_level,
+                   "LOW,HIGH in dB: level of further talkers relative to the first, at the listener")
       ->capture_default_str();
   command->add_option("--noise", config.noise,
-                      "Folder of noise, synth (white), or synth:KIND, through the response of another source of the room; where there is "
-                      "none, unrelated noise on each channel");
-  command->add_option("--snr", options->snr, "LOW,HIGH in dB: all talkers over the noise, over all channels and the whole signal")
+                      "Noise: a folder of noise files, synth (white) or synth:KIND. It is convolved with the response of another source of "
+                      "the room; in a room with one source, each channel gets uncorrelated noise");
+  command->add_option("--snr", options->snr, "LOW,HIGH in dB: ratio of all talkers to noise, over all channels and the whole signal")
       ->capture_default_str();
-  command->add_option("--level", options->level, "LOW,HIGH in dB: root mean square of a signal, 0 is full scale")->capture_default_str();
-  command->add_flag("--early", config.early, "Also each talker through the early part of the response (split_ms of the corpus)");
+  command->add_option("--level", options->level, "LOW,HIGH in dB: RMS level of a signal relative to full scale")->capture_default_str();
+  command->add_flag("--early", config.early,
+                    "Also write each talker convolved with the early part of the response (split_ms of the corpus)");
   command->add_flag("--dry", config.dry,
-                    "Also each talker dry, at the time (to a fraction of a sample) and the level of the direct sound; sample 0 of every "
-                    "file is when the first talker's file starts at its source");
-  command->add_flag("--stems", config.stems, "Also each talker and the noise alone");
-  command->add_flag("--cut", config.cut, "End with the dry speech, not with its last echo");
-  command->add_option("--format", options->format, "wav (32-bit float) or flac (24 bits)")
+                    "Also write each talker dry, delayed (to a fraction of a sample) and scaled like the direct sound. Sample 0 of every "
+                    "file is the moment at which the first talker's file starts at its source");
+  command->add_flag("--stems", config.stems, "Also write each talker and the noise as separate files");
+  command->add_flag("--cut", config.cut, "Cut the signal at the end of the dry speech instead of the end of its reverberation");
+  command->add_option("--format", options->format, "Sound format: wav (32-bit float) or flac (24 bits)")
       ->check(CLI::IsMember({"wav", "flac"}))
       ->capture_default_str();
-  command->add_option("--seed", config.seed, "Seed of all that is drawn")->capture_default_str();
-  command->add_option("--signals-per-folder", config.signals_per_folder, "The unit of --shard: 1 to 10, or a multiple of 10")
+  command->add_option("--seed", config.seed, "Random seed")->capture_default_str();
+  command
+      ->add_option("--signals-per-folder", config.signals_per_folder,
+                   "Signals per folder, the unit of --shard: 1 to 10, or a multiple of 10")
       ->capture_default_str();
   add_sharing_options(*command, options->target);
   command->callback([options] { run_dataset_convolve(*options); });

@@ -60,21 +60,27 @@ void run_dataset_pano(const DatasetPanoArguments& options) {
 
 void add_dataset_pano(CLI::App& dataset) {
   auto options = std::make_shared<DatasetPanoArguments>();
-  CLI::App* command = dataset.add_subcommand(
-      "pano", "Write panoramas (colour, depth, category) with a response at the same pose, as the PanoIR sets (docs/howto/datasets.md)");
-  command->add_option("SCENE", options->scenes, "Scenes, and folders of them; house:10..14 stands for five houses")->required();
+  CLI::App* command = dataset.add_subcommand("pano",
+                                             "Write panoramas (color, depth, category), each with a response at the same pose, in the form "
+                                             "of the PanoIR sets (docs/howto/datasets.md)");
+  command->add_option("SCENE", options->scenes, "Scenes and folders of scenes; house:10..14 means five houses")->required();
   options->axes.add_to(*command);
   add_out_option(*command, options->target);
-  command->add_option("--pairs", options->pairs, "Of a source and a listener, in each scene")->capture_default_str();
-  command->add_option("--size", options->size, "WIDTHxHEIGHT in pixels: 360 degrees over the width, square in angle")
+  command->add_option("--pairs", options->pairs, "Pairs of source and listener per scene")->capture_default_str();
+  command
+      ->add_option("--size", options->size,
+                   "WIDTHxHEIGHT in pixels (equirectangular: the width spans 360 degrees, pixels are square in angle)")
       ->capture_default_str();
-  command->add_option("--channels", options->channels, "mono, binaural, ambisonic:N, array:FILE")->capture_default_str();
+  command->add_option("--channels", options->channels, "Channels of the responses: mono, binaural, ambisonic:N or array:FILE")
+      ->capture_default_str();
   command->add_option("--rate", options->rate_hz, "Sample rate of the responses in Hz")->capture_default_str();
-  command->add_option("--length", options->length_s, "Of the responses in seconds")->capture_default_str();
-  command->add_option("--max-distance", options->max_distance_m, "Of source and listener in metres")->capture_default_str();
-  command->add_option("--seed", options->seed, "Seed of all that is drawn")->capture_default_str();
-  command->add_option("--set", options->overrides, "key=value, any key of a config of `dataset rir`, for example acoustics.rays=64");
-  add_sharing_options(*command, options->target, "by scenes");
+  command->add_option("--length", options->length_s, "Length of the responses in seconds")->capture_default_str();
+  command->add_option("--max-distance", options->max_distance_m, "Largest distance between source and listener in metres")
+      ->capture_default_str();
+  command->add_option("--seed", options->seed, "Random seed")->capture_default_str();
+  command->add_option("--set", options->overrides,
+                      "Set a key of a `dataset rir` config: key=value, for example acoustics.rays=64; may be repeated");
+  add_sharing_options(*command, options->target, "split by scenes");
   command->callback([options] { run_dataset_pano(*options); });
 }
 

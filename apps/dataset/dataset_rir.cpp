@@ -34,12 +34,16 @@ void run_dataset_rir(const DatasetRirArguments& options) {
 void add_dataset_rir(CLI::App& dataset) {
   auto options = std::make_shared<DatasetRirArguments>();
   CLI::App* command = dataset.add_subcommand(
-      "rir", "Write a corpus of room impulse responses with their labels, or complete one that was interrupted (docs/howto/datasets.md)");
-  command->add_option("CONFIG", options->config, "YAML file with rooms, sources, listeners and acoustics, as configs/datasets/rir.yaml")
+      "rir", "Write a corpus of room impulse responses with labels, or complete an interrupted one (docs/howto/datasets.md)");
+  command
+      ->add_option("CONFIG", options->config,
+                   "Config (YAML) with rooms, sources, listeners and acoustics, for example configs/datasets/rir.yaml")
       ->required();
   add_out_option(*command, options->target);
-  command->add_option("--set", options->overrides, "key=value over the config, for example acoustics.field_error=0.03");
-  command->add_flag("--sofa", options->sofa, "SOFA files (SingleRoomSRIR 1.0), one per source, in place of sound files; as sofa=true");
+  command->add_option("--set", options->overrides,
+                      "Override a key of the config: key=value, for example acoustics.field_error=0.03; may be repeated");
+  command->add_flag("--sofa", options->sofa,
+                    "Write SOFA files (SingleRoomSRIR 1.0), one per source, instead of sound files; same as sofa=true");
   add_sharing_options(*command, options->target);
   command->callback([options] { run_dataset_rir(*options); });
 }

@@ -30,13 +30,15 @@ void run_dataset_scenes(const DatasetScenesArguments& options) {
 
 void add_dataset_scenes(CLI::App& dataset) {
   auto options = std::make_shared<DatasetScenesArguments>();
-  CLI::App* command = dataset.add_subcommand(
-      "scenes",
-      "Record sound events at rest and on the move, with DCASE labels of class, direction and distance (docs/howto/datasets_signals.md)");
-  command->add_option("CONFIG", options->config, "YAML file with rooms, classes, events and acoustics, as configs/datasets/scenes.yaml")
+  CLI::App* command = dataset.add_subcommand("scenes",
+                                             "Write recordings of static and moving sound events, with DCASE labels of class, direction "
+                                             "and distance (docs/howto/datasets_signals.md)");
+  command
+      ->add_option("CONFIG", options->config,
+                   "Config (YAML) with rooms, classes, events and acoustics, for example configs/datasets/scenes.yaml")
       ->required();
   add_out_option(*command, options->target);
-  command->add_option("--set", options->overrides, "key=value over the config, for example max_overlap=1");
+  command->add_option("--set", options->overrides, "Override a key of the config: key=value, for example max_overlap=1; may be repeated");
   add_sharing_options(*command, options->target);
   command->callback([options] { run_dataset_scenes(*options); });
 }

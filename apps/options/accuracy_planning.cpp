@@ -13,11 +13,11 @@ AccuracyPlan plan_and_print(const AcousticScene& acoustics, const AccuracyTarget
   AccuracyPlan plan = plan_accuracy(acoustics, target, source, places, poses,
                                     [&](double fraction) { progress.update(static_cast<std::uint64_t>(100 * fraction)); });
   const AccuracyChoice& choice = plan.choice();
-  fmt::print("accuracy {}: {}, the cheapest of {} candidates, calibrated in {:.1f} s\n", target.text(), choice.method, plan.tried.size(),
+  fmt::print("accuracy {}: {} (cheapest of {} candidates; calibration took {:.1f} s)\n", target.text(), choice.method, plan.tried.size(),
              plan.calibration_s);
   fmt::print("  predicted {}; {:.1f} ms per source, {:.2f} ms per response\n", text_of(choice.predicted), choice.per_source_ms,
              choice.per_pose_ms);
-  fmt::print("  the same bits with --set {}\n", listed(settings_of(choice), " --set "));
+  fmt::print("  reproduce these bits with --set {}\n", listed(settings_of(choice), " --set "));
   return plan;
 }
 

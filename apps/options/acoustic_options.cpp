@@ -15,38 +15,35 @@ namespace earshot {
 void AcousticOptions::add_to(CLI::App& command, const std::string& default_preset) {
   preset = default_preset;
   scene.add_to(command);
-  command.add_option("--preset", preset, "Quality: fast (training), balanced, high (reference)")->capture_default_str();
-  command.add_option(
-      "--set", settings,
-      "key=value over the preset.  Switches (auto|on|off): direct early late air_absorption diffraction transmission.  Numbers: rays "
-      "source_rays (above 0: bidirectional) source_bounces max_bounces early_order early_candidate_rays diffraction_order "
-      "diffraction_edge_m "
-      "diffraction_paths diffraction_reflections transmission_walls scattering specular_exponent (0: mirror) diffuse_last_segment "
-      "source_radius_m rir_length_s "
-      "time_bin_s "
-      "late_decode_s glide_paths bands (0: octaves) sh_order sample_rate_hz seed threads (0: all)");
+  command.add_option("--preset", preset, "Quality preset: fast (training), balanced or high (reference)")->capture_default_str();
+  command.add_option("--set", settings,
+                     "Override a key of the preset: key=value; may be repeated. Switches (auto|on|off): direct early late air_absorption "
+                     "diffraction transmission. Numbers: rays source_rays (above 0: bidirectional) source_bounces max_bounces early_order "
+                     "early_candidate_rays diffraction_order diffraction_edge_m diffraction_paths diffraction_reflections "
+                     "transmission_walls scattering specular_exponent (0: mirror) diffuse_last_segment source_radius_m rir_length_s "
+                     "time_bin_s late_decode_s glide_paths bands (0: octaves) sh_order sample_rate_hz seed threads (0: all)");
   command
-      .add_option(
-          "--channels", channels,
-          "mono[:PATTERN], binaural, ambisonic:ORDER[:n3d|:sn3d][:world|:ego] (ACN), or array:FILE (YAML or JSON list of microphones)")
+      .add_option("--channels", channels,
+                  "Listener: mono[:PATTERN], binaural, ambisonic:ORDER[:n3d|:sn3d][:world|:ego] (ACN order), or array:FILE (YAML or JSON "
+                  "list of microphones)")
       ->capture_default_str();
-  command.add_option("--hrtf", hrtf, "SOFA file of head filters (default: a rigid sphere of 8.75 cm)");
+  command.add_option("--hrtf", hrtf, "SOFA file with HRTFs (default: a rigid sphere of radius 8.75 cm)");
   command
       .add_option("--hrtf-orientation", hrtf_orientation_deg,
-                  "HEADING,PITCH,ROLL in degrees of the head filters in the listener's axes (default: 0,0,0)")
+                  "HEADING,PITCH,ROLL in degrees: orientation of the HRTFs relative to the listener (default: 0,0,0)")
       ->delimiter(',')
       ->expected(3);
   scene.add_simplify_to(command);
   command.add_option("--rate", rate_hz, "Sample rate in Hz, 8000 to 96000 (default: the preset's)");
-  command.add_option("--seed", seed, "Seed of rays and carriers; the same seed gives the same bits");
+  command.add_option("--seed", seed, "Random seed; the same seed gives the same bits");
 }
 
 void AcousticOptions::add_accuracy_to(CLI::App& command) {
   command.add_option(
       "--accuracy", accuracy,
-      "The errors that responses may have, as t20=5%,drr=1dB,edc=1dB or some of these (root mean squares over octaves and places against "
-      "converged paths): the planner tries the scene and chooses rays, photons or paths from both ends, images and edges, "
-      "whatever is cheapest; the length is automatic, all else is the preset's");
+      "Largest error of a response, for example t20=5%,drr=1dB,edc=1dB or a part of this (RMS over octaves and positions against converged "
+      "paths). A planner calibrates in the scene and picks the cheapest number of rays, method, reflection order and diffraction that meet "
+      "it. The length of the response is set automatically; everything else comes from the preset");
 }
 
 std::optional<AccuracyTarget> AcousticOptions::accuracy_target() const {
@@ -54,7 +51,7 @@ std::optional<AccuracyTarget> AcousticOptions::accuracy_target() const {
   for (const std::string& setting : settings)
     for (const std::string_view key : keys_of_accuracy())
       if (setting.substr(0, setting.find('=')) == key)
-        throw InputError("--set " + setting, "is what --accuracy chooses", "leave out one of the two");
+        throw InputError("--set " + setting, "sets a key that --accuracy chooses", "give either --accuracy or this key");
   return AccuracyTarget::parse(*accuracy);
 }
 

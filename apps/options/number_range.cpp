@@ -12,7 +12,7 @@ float parse_number(const std::string& part, const std::string& text, const std::
   float value = 0;
   const auto [end, error] = std::from_chars(part.data(), part.data() + part.size(), value);
   if (error != std::errc() || end != part.data() + part.size() || !std::isfinite(value))
-    throw InputError(option + " " + text, "is not LOW,HIGH", "write two numbers, for example " + option + " 5,20");
+    throw InputError(option + " " + text, "is not a range LOW,HIGH", "write two numbers, for example " + option + " 5,20");
   return value;
 }
 

@@ -6,8 +6,9 @@
 namespace earshot {
 
 void AxesOptions::add_to(CLI::App& command) {
-  command.add_option("--unit", unit_m, "Metres per unit of a mesh file (0.01 for centimetres); default: what a YAML says, else 1");
-  command.add_option("--up", up, "Axis that points up in a mesh file: y or z; default: what a YAML says, else y")
+  command.add_option("--unit", unit_m,
+                     "Metres per unit of a mesh file, for example 0.01 for centimetres (default: value of the scene YAML, else 1)");
+  command.add_option("--up", up, "Axis of a mesh file that points up: y or z (default: value of the scene YAML, else y)")
       ->check(CLI::IsMember({"y", "z"}));
 }
 
@@ -24,12 +25,15 @@ std::vector<std::string> AxesOptions::applied_to(std::vector<std::string> scenes
 }
 
 void SceneOptions::add_to(CLI::App& command) {
-  command.add_option("SCENE", scene, "Mesh file, shoebox:XxYxZ[@M], house:SEED, floor:SEED, or scene YAML")->required();
+  command
+      .add_option("SCENE", scene,
+                  "Mesh file[,unit=METRES][,up=z], shoebox:XxYxZ[@M], house:SEED, floor:SEED, or scene YAML (see 'earshot --help')")
+      ->required();
   axes.add_to(command);
 }
 
 void SceneOptions::add_simplify_to(CLI::App& command) {
-  command.add_option("--simplify", simplify_m, "Simplify the mesh: largest deviation of its surface in metres, (0, 1]");
+  command.add_option("--simplify", simplify_m, "Simplify the mesh; the value is the largest deviation of its surface in metres, (0, 1]");
 }
 
 SceneOverrides SceneOptions::overrides() const {

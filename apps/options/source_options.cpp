@@ -21,7 +21,7 @@ const T& pick(const std::vector<T>& values, std::size_t index, std::size_t count
 }
 
 double finite(double value, const char* option) {
-  if (!std::isfinite(value)) throw InputError(option, "is not a finite number", "write degrees");
+  if (!std::isfinite(value)) throw InputError(option, "is not a finite number", "write an angle in degrees");
   return value;
 }
 
@@ -34,16 +34,16 @@ glm::quat orientation_of(double heading_deg, double pitch_deg, double roll_deg) 
 
 void SourceOptions::add_to(CLI::App& command) {
   command
-      .add_option(
-          "--source-pattern", patterns,
-          "How sources radiate: omni, subcardioid, cardioid, supercardioid, hypercardioid, dipole, voice, or a balloon file (JSON or YAML)")
+      .add_option("--source-pattern", patterns,
+                  "Directivity of sources: omni, subcardioid, cardioid, supercardioid, hypercardioid, dipole, voice, or a balloon file "
+                  "(JSON or YAML)")
       ->capture_default_str()
       ->delimiter(',');
-  command.add_option("--source-heading", heading_deg, "Heading of the sources' fronts: degrees counter-clockwise from -z")
+  command.add_option("--source-heading", heading_deg, "Heading of sources in degrees, counter-clockwise from -z seen from above")
       ->capture_default_str()
       ->delimiter(',');
-  command.add_option("--source-pitch", pitch_deg, "Degrees up")->capture_default_str()->delimiter(',');
-  command.add_option("--source-radius", radius_m, "Radius in metres of the sphere that a source fills, [0, 10]; 0: a point")
+  command.add_option("--source-pitch", pitch_deg, "Pitch of sources in degrees, positive is up")->capture_default_str()->delimiter(',');
+  command.add_option("--source-radius", radius_m, "Radius of a spherical source in metres, [0, 10]; 0: point source")
       ->capture_default_str()
       ->delimiter(',');
 }

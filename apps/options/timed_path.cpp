@@ -24,8 +24,8 @@ std::vector<TimedPose> read_timed_path(const std::string& path) {
     ++line_number;
     if (line_number == 1 && line.starts_with("\xEF\xBB\xBF")) line.erase(0, 3);
     if (stream.eof())
-      throw InputError(fmt::format("{}:{}", path, line_number), "has no line feed at its end: the file may have been cut",
-                       "write the file again, or end its last line with a line feed");
+      throw InputError(fmt::format("{}:{}", path, line_number), "is incomplete: the last line has no line feed",
+                       "write the file again, or add a line feed if the line is complete");
     if (line.empty() || line == "\r" || line.starts_with("#") || line.starts_with("t_s")) continue;
     std::istringstream fields(line);
     fields.imbue(std::locale::classic());
@@ -36,13 +36,13 @@ std::vector<TimedPose> read_timed_path(const std::string& path) {
     const bool complete = !fields.fail() && (fields >> std::ws).eof();
     const bool possible = std::isfinite(pose.t_s) && is_valid_position(pose.position) && std::isfinite(pose.heading_deg);
     if (!complete || commas != std::array{',', ',', ',', ','} || !possible)
-      throw InputError(fmt::format("{}:{}", path, line_number), "is not 't_s,x,y,z,heading_deg'",
+      throw InputError(fmt::format("{}:{}", path, line_number), "does not have the columns t_s,x,y,z,heading_deg",
                        fmt::format("write five finite numbers, positions within {:g} m", kMaxCoordinateM));
     if (!poses.empty() && pose.t_s <= poses.back().t_s)
-      throw InputError(fmt::format("{}:{}", path, line_number), "time does not rise", "sort the poses by t_s");
+      throw InputError(fmt::format("{}:{}", path, line_number), "t_s is not larger than on the line before", "sort the poses by t_s");
     poses.push_back(pose);
   }
-  if (poses.size() < 2) throw InputError(path, "holds fewer than two poses", "give a start and an end");
+  if (poses.size() < 2) throw InputError(path, "contains fewer than two poses", "give at least a start and an end pose");
   return poses;
 }
 

@@ -66,19 +66,23 @@ void run_materials(const MaterialsArguments& options) {
     fmt::print("lint: {}{}{}\n", finding.material, finding.material.empty() ? "" : ": ", finding.text);
   if (!options.json.empty()) write_file_atomically(options.json, materials_json(database, findings));
   fmt::print("{} materials, {} findings\n", database.all().size(), findings.size());
-  if (!findings.empty()) throw RunError(options.file, fmt::format("has {} findings of the lint", findings.size()));
+  if (!findings.empty()) throw RunError(options.file, fmt::format("has {} findings, listed above", findings.size()));
 }
 
 }  // namespace
 
 void add_materials(CLI::App& app) {
   auto options = std::make_shared<MaterialsArguments>();
-  CLI::App* command = app.add_subcommand("materials", "Acoustic materials, their sources, and likely mistakes in a table of them");
-  command->add_option("FILE", options->file, "Material database (JSON); without it the built-in one");
-  command->add_option("--coefficients", options->reading, "What the numbers are fractions of; default: what the file says, else energy")
+  CLI::App* command =
+      app.add_subcommand("materials", "Print a table of acoustic materials with their sources, and check it for likely mistakes");
+  command->add_option("FILE", options->file, "Material database (JSON; default: the built-in database)");
+  command
+      ->add_option("--coefficients", options->reading,
+                   "Quantity that the coefficients are fractions of (default: value of the file, else energy)")
       ->check(CLI::IsMember({"energy", "pressure"}));
-  command->add_flag("--lint", options->only_lint, "Print the findings only.  Findings give exit code 1, with or without this");
-  command->add_option("--json", options->json, "Also write the table and the findings to a file");
+  command->add_flag("--lint", options->only_lint,
+                    "Print only the findings.  The exit code is 1 if there are any, with or without this flag");
+  command->add_option("--json", options->json, "Also write the table and the findings to this JSON file");
   command->callback([options] { run_materials(*options); });
 }
 

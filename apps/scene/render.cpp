@@ -46,7 +46,8 @@ Pose parse_pose(const std::string& text, const Scene& scene) {
   const auto parsed = last == std::string::npos ? std::from_chars_result{text.data(), std::errc::invalid_argument}
                                                 : std::from_chars(text.data() + last + 1, end, heading_deg);
   if (std::count(text.begin(), text.end(), ',') != 3 || parsed.ec != std::errc() || parsed.ptr != end || !(std::fabs(heading_deg) <= 1e6))
-    throw InputError("--pose " + text, "is not a pose", "write the foot point in metres and the heading in degrees: 1.2,0,0.8,90");
+    throw InputError("--pose " + text, "is not a pose",
+                     "write X,Y,Z,HEADING, the foot point in metres and the heading in degrees, for example 1.2,0,0.8,90");
   return {.position = scene.to_local(parse_point(text.substr(0, last), "--pose")), .heading_rad = heading_deg * std::numbers::pi / 180.0};
 }
 
@@ -80,7 +81,7 @@ void write_legend(const std::vector<std::uint16_t>& semantic, const std::string&
 
 void run_render(const RenderArguments& options) {
   if (!options.json.empty() && options.sensor != "semantic")
-    throw InputError("--json", "has no effect without a table of categories", "say --sensor semantic, or leave it out");
+    throw InputError("--json", "has no effect on this sensor, which has no table of categories", "use --sensor semantic, or leave it out");
   const CameraSensorConfig config = camera_of(options);
   const SceneOverrides overrides = options.scene.overrides();
   const auto shared_scene = std::make_shared<const Scene>(load_scene(options.scene.scene, overrides));
@@ -130,34 +131,35 @@ void run_render(const RenderArguments& options) {
 
 void add_render(CLI::App& app) {
   const auto options = std::make_shared<RenderArguments>();
-  CLI::App* command = app.add_subcommand("render", "What an agent's camera sees from a pose, as a PNG file");
+  CLI::App* command = app.add_subcommand("render", "Render the view of an agent's camera to a PNG file");
   options->scene.add_to(*command);
-  command->add_option("--pose", options->pose, "X,Y,Z,HEADING: the agent's foot point in metres, and degrees to the left of -z")
+  command
+      ->add_option("--pose", options->pose, "X,Y,Z,HEADING: the agent's foot point in metres, and its heading in degrees to the left of -z")
       ->required();
   command->add_option("--out", options->out, "PNG file to write")->required();
   command
       ->add_option(
           "--sensor", options->sensor,
-          "depth (16 bits of grey), rgb, semantic (palette image, the indices are the categories), or normals (camera axes, 128 is 0)")
+          "Sensor: depth (16-bit gray), rgb, semantic (palette image whose indices are categories) or normals (camera axes; 128 means 0)")
       ->check(CLI::IsMember({"depth", "rgb", "semantic", "normals"}))
       ->capture_default_str();
-  command->add_option("--renderer", options->renderer, "embree (rays, on the CPU) or egl (OpenGL ES, without a display)")
+  command->add_option("--renderer", options->renderer, "Renderer: embree (ray tracing on the CPU) or egl (OpenGL ES, no display needed)")
       ->check(CLI::IsMember({"embree", "egl"}))
       ->capture_default_str();
   command
       ->add_option("--device", options->device,
-                   "Of egl: auto (hardware only), software (Mesa on the CPU), a number of `earshot doctor`, a UUID, or cuda:N")
+                   "Device of egl: auto (GPU only), software (Mesa on the CPU), a number from 'earshot doctor', a UUID, or cuda:N")
       ->capture_default_str();
-  command->add_option("--size", options->size, "WIDTHxHEIGHT in pixels")->capture_default_str();
+  command->add_option("--size", options->size, "Image size as WIDTHxHEIGHT in pixels")->capture_default_str();
   command->add_option("--fov", options->fov_deg, "Horizontal field of view in degrees")->capture_default_str();
-  command->add_option("--height", options->height_m, "Of the camera above the foot point, metres")->capture_default_str();
-  command->add_option("--yaw", options->yaw_deg, "Of the camera to the left of the heading, degrees")->capture_default_str();
-  command->add_option("--pitch", options->pitch_deg, "Of the camera upwards, degrees")->capture_default_str();
-  command->add_option("--max-depth", options->max_depth_m, "Metres that are white in a picture of depth")->capture_default_str();
+  command->add_option("--height", options->height_m, "Height of the camera above the foot point in metres")->capture_default_str();
+  command->add_option("--yaw", options->yaw_deg, "Yaw of the camera in degrees, positive is left of the heading")->capture_default_str();
+  command->add_option("--pitch", options->pitch_deg, "Pitch of the camera in degrees, positive is up")->capture_default_str();
+  command->add_option("--max-depth", options->max_depth_m, "Depth in metres that is drawn white")->capture_default_str();
   command->add_flag("--panorama", options->panorama,
-                    "All around: 360 degrees over the width, rows are angles (height: at most half the width)");
-  command->add_option("--json", options->json, "Of semantic: also write the table of categories to a file");
-  command->add_flag("--unlit", options->unlit, "Colours as they are, without light");
+                    "Panorama: the width spans 360 degrees, rows are angles (height at most half the width)");
+  command->add_option("--json", options->json, "With --sensor semantic: also write the table of categories to this JSON file");
+  command->add_flag("--unlit", options->unlit, "Plain material colors without shading");
   command->callback([options] { run_render(*options); });
 }
 

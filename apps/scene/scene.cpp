@@ -273,13 +273,16 @@ void run_scene(const SceneArguments& options) {
 
 void add_scene(CLI::App& app) {
   auto options = std::make_shared<SceneArguments>();
-  CLI::App* command = app.add_subcommand("scene", "Triangles, holes, ray efficiency, volume, RT60 estimate and navigable area of a scene");
+  CLI::App* command =
+      app.add_subcommand("scene", "Check a scene: triangles, holes, ray efficiency, volume, RT60 estimate and navigable area");
   options->scene.add_to(*command);
   options->scene.add_simplify_to(*command);
-  command->add_flag("--explain", options->explain, "Also print the effect plan: what is simulated, on which bound, and what it saves");
-  command->add_option("--preset", options->preset, "Whose plan: fast (training), balanced, high (reference)")->capture_default_str();
-  command->add_option("--set", options->settings, "key=value over that preset, as in `earshot rir`");
-  command->add_option("--json", options->json, "Also write the report to a file");
+  command->add_flag("--explain", options->explain,
+                    "Also print the effect plan: each acoustic effect, whether it is simulated, its error bound and the time saved");
+  command->add_option("--preset", options->preset, "Quality preset of the plan: fast (training), balanced or high (reference)")
+      ->capture_default_str();
+  command->add_option("--set", options->settings, "Override a key of the preset: key=value, as in 'earshot rir'; may be repeated");
+  command->add_option("--json", options->json, "Also write the report to this JSON file");
   command->callback([options] { run_scene(*options); });
 }
 

@@ -153,11 +153,11 @@ class PairRenderer {
     };
     std::vector<std::string> warnings;
     if (response.arrivals.empty() && std::ranges::all_of(response.late.values(), [](float energy) { return energy == 0.f; }))
-      warnings.push_back(fmt::format("the response is silent: nothing of source {} gets to listener {}", text(source), text(listener)));
+      warnings.push_back(fmt::format("the response is silent: no sound of source {} reaches listener {}", text(source), text(listener)));
     if (response.stats.nonfinite_dropped > 0)
-      warnings.push_back(fmt::format("{} contributions were not finite and were left out: scene {}, source {}, listener {}, seed {}",
-                                     response.stats.nonfinite_dropped, planned.scene().name(), text(source), text(listener),
-                                     planned.config().seed));
+      warnings.push_back(
+          fmt::format("{} contributions are not finite and were left out; please report them: scene {}, source {}, listener {}, seed {}",
+                      response.stats.nonfinite_dropped, planned.scene().name(), text(source), text(listener), planned.config().seed));
     return warnings;
   }
   void write(const std::string& file, const Rir& rir) const {
@@ -210,7 +210,7 @@ void refuse_settings_of_trajectories(const std::vector<std::string>& settings) {
   for (const std::string& setting : settings)
     for (const char* key : {"temporal_reuse", "glide_paths"})
       if (setting.starts_with(std::string(key) + "="))
-        throw InputError("--set " + setting, "has no effect on a single response", "leave it out, or give it to `earshot walk`");
+        throw InputError("--set " + setting, "has no effect on single responses", "leave it out, or use it with 'earshot walk'");
 }
 
 /// Each line once: what is odd about a source is the same for all listeners.
@@ -229,7 +229,7 @@ void run_rir(const RirArguments& options) {
     (void)options.acoustics.orientation(heading_deg, options.pitch_deg, options.roll_deg);  // before any work
   for (const std::string& other : {options.metrics, options.plot})
     if (other == options.out || (!other.empty() && options.metrics == options.plot))
-      throw InputError(other, "is named for two outputs", "give each its own file");
+      throw InputError(other, "is given for two outputs", "give each output a different file");
   if (options.heading_deg.size() != 1 && options.heading_deg.size() != options.listeners.size())
     throw InputError("--heading", fmt::format("is given {} times for {} listeners", options.heading_deg.size(), options.listeners.size()),
                      "give it once for all or once per listener");
@@ -291,32 +291,35 @@ void run_rir(const RirArguments& options) {
 
 void add_rir(CLI::App& app) {
   auto options = std::make_shared<RirArguments>();
-  CLI::App* command = app.add_subcommand("rir", "Room impulse responses between points of a scene");
+  CLI::App* command = app.add_subcommand("rir", "Compute room impulse responses between points of a scene");
   options->acoustics.add_to(*command, "balanced");
   options->acoustics.add_accuracy_to(*command);
-  command->add_option("--source", options->sources, "X,Y,Z in metres; may be repeated")->required();
-  command->add_option("--listener", options->listeners, "X,Y,Z in metres, between the ears; may be repeated")->required();
-  command
-      ->add_option("--heading", options->heading_deg,
-                   "Degrees counter-clockwise from -z, seen from above; once for all listeners or once per listener")
-      ->capture_default_str()
-      ->delimiter(',');
-  command->add_option("--pitch", options->pitch_deg, "Elevation of the listener's front in degrees")->capture_default_str();
-  command->add_option("--roll", options->roll_deg, "Degrees that the listener's right ear goes down")->capture_default_str();
-  options->radiation.add_to(*command);
+  command->add_option("--source", options->sources, "Position of a source: X,Y,Z in metres; may be repeated")->required();
+  command->add_option("--listener", options->listeners, "Position of a listener between the ears: X,Y,Z in metres; may be repeated")
+      ->required();
   command
       ->add_option(
-          "--out", options->out,
-          "WAV file to write (32-bit float; a unit source gives 1 / (4 pi r)); with several sources or listeners OUT.s0.l0.wav and so on")
+          "--heading", options->heading_deg,
+          "Heading of the listener in degrees, counter-clockwise from -z seen from above; once for all listeners or once per listener")
+      ->capture_default_str()
+      ->delimiter(',');
+  command->add_option("--pitch", options->pitch_deg, "Pitch of the listener in degrees, positive is up")->capture_default_str();
+  command->add_option("--roll", options->roll_deg, "Roll of the listener in degrees, positive moves the right ear down")
+      ->capture_default_str();
+  options->radiation.add_to(*command);
+  command
+      ->add_option("--out", options->out,
+                   "WAV file to write (32-bit float; a unit source has pressure 1 / (4 pi r)). With several sources or listeners: "
+                   "OUT.s0.l0.wav and so on")
       ->required();
-  command->add_option("--gain", options->gain, "Factor on what is written to WAV files")->capture_default_str();
+  command->add_option("--gain", options->gain, "Factor applied to the samples of WAV files")->capture_default_str();
   command->add_option("--metrics", options->metrics,
-                      "JSON file with room-acoustic parameters per band (several pairs: a list under \"pairs\")");
+                      "JSON file to write, with room-acoustic parameters per band (several pairs: a list under \"pairs\")");
   command->add_option("--plot", options->plot,
-                      "SVG file: every path by its kind, the late field and the decay of each band (several pairs: beside each WAV)");
+                      "SVG plot to write: arrivals by kind, late field and decay of each band (several pairs: one file next to each WAV)");
   command->add_flag(
       "--components", options->components,
-      "Also write OUT.direct.wav, OUT.early.wav, OUT.diffracted.wav, OUT.transmitted.wav and OUT.late.wav, which add up to the whole");
+      "Also write OUT.direct.wav, OUT.early.wav, OUT.diffracted.wav, OUT.transmitted.wav and OUT.late.wav, whose sum is the response");
   command->callback([options] { run_rir(*options); });
 }
 

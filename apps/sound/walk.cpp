@@ -54,7 +54,7 @@ void shift(std::vector<TimedPose>& path, const Scene& scene) {
 std::vector<WalkSource> make_sources(const WalkArguments& options, const AcousticScene& acoustics, int block_samples) {
   const std::size_t count = options.sources.size() + options.source_paths.size();
   if (count == 0)
-    throw InputError("--source", "is missing", "give a source at rest with --source X,Y,Z or a moving one with --source-path FILE.csv");
+    throw InputError("--source", "is missing", "give a static source with --source X,Y,Z or a moving one with --source-path FILE.csv");
   if (options.sounds.size() != 1 && options.sounds.size() != count)
     throw InputError("--sound", fmt::format("is given {} times for {} sources", options.sounds.size(), count),
                      "give it once for all or once per source");
@@ -86,10 +86,9 @@ std::vector<WalkSource> make_sources(const WalkArguments& options, const Acousti
 AcousticScene planned(const WalkArguments& options, const AcousticScene& acoustics, const AccuracyTarget& target,
                       const std::vector<TimedPose>& poses, std::size_t num_moments) {
   if (options.sources.size() != 1 || !options.source_paths.empty())
-    throw InputError("--accuracy", "plans a walk for one source at rest", "give one --source, or leave it out");
+    throw InputError("--accuracy", "works with one static source only", "give a single --source, or leave out --accuracy");
   if (options.refine_every > 0 || acoustics.config().temporal_reuse == Switch::on)
-    throw InputError("--accuracy", "says nothing of fields that are refined on the way and of responses that are blended",
-                     "leave out --refine-every and temporal_reuse=on, or --accuracy");
+    throw InputError("--accuracy", "cannot be combined with --refine-every or temporal_reuse=on", "leave out either these or --accuracy");
   static_cast<void>(make_sources(options, acoustics, 1));  // what is wrong with its sounds shows before the planner takes its time
   SoundSource source = options.radiation.source(0, 1, acoustics.scene().to_local(parse_point(options.sources[0], "--source")));
   std::vector<glm::vec3> places;
@@ -124,7 +123,7 @@ WalkTimes times_of(const WalkArguments& options, float sample_rate_hz) {
   constexpr double longest_s = 3600;
   if (!(times.duration_s() * rate_hz >= 1 && times.duration_s() <= longest_s))
     throw InputError(options.poses, fmt::format("lasts {} s", times.duration_s()),
-                     fmt::format("let t_s run over at least one sample and at most {} s", longest_s));
+                     fmt::format("use a time range t_s of at least one sample and at most {} s", longest_s));
   const auto block = static_cast<std::size_t>(times.block_samples);
   times.num_samples = static_cast<std::size_t>(std::lround(times.duration_s() * rate_hz));
   times.num_blocks = (times.num_samples + block - 1) / block;
@@ -206,36 +205,40 @@ void run_walk(const WalkArguments& options) {
 
 void add_walk(CLI::App& app) {
   auto options = std::make_shared<WalkArguments>();
-  CLI::App* command = app.add_subcommand(
-      "walk", "Sound at a listener on a path through a scene: one gap-free signal of one or more sources, at rest or moving");
+  CLI::App* command =
+      app.add_subcommand("walk", "Render the sound at a moving listener as one gap-free signal, for one or more static or moving sources");
   options->acoustics.add_to(*command, "fast");
   options->acoustics.add_accuracy_to(*command);
-  command->add_option("--poses", options->poses, "CSV with the columns t_s,x,y,z,heading_deg (point between the ears, metres; degrees)")
+  command
+      ->add_option("--poses", options->poses,
+                   "CSV file with the columns t_s,x,y,z,heading_deg (seconds; point between the ears in metres; degrees)")
       ->required();
-  command->add_option("--source", options->sources, "X,Y,Z in metres of a source at rest; may be repeated");
+  command->add_option("--source", options->sources, "Position of a static source: X,Y,Z in metres; may be repeated");
   command->add_option("--source-path", options->source_paths,
-                      "CSV like --poses of a source that moves; may be repeated; counted after those at rest; its front is at heading_deg");
+                      "Path of a moving source: CSV file like --poses, whose heading_deg is its front; may be repeated.  Moving sources "
+                      "are counted after static ones");
   options->radiation.add_to(*command);
   command
       ->add_option("--sound", options->sounds,
-                   "Dry sound: a WAV, FLAC or OGG file, or synth:KIND[:SEED]; it loops.  Once for all sources, or once per source")
+                   "Dry sound: a WAV, FLAC or OGG file, or synth:KIND[:SEED]; it loops.  Give one for all sources or one per source")
       ->required();
   command->add_option("--out", options->out, "WAV file to write (32-bit float)")->required();
   command
-      ->add_option(
-          "--step", options->step_s,
-          "Seconds between two impulse responses; strong paths glide from one to the next, the rest fades.  The sound of a step ends at "
-          "the pose of its end")
+      ->add_option("--step", options->step_s,
+                   "Seconds between two impulse responses.  Between them strong paths glide and the rest crossfades; the sound of a step "
+                   "ends at the pose at its end")
       ->capture_default_str();
   command->add_option(
       "--field-store", options->field_store,
-      "Folder of the late fields of sources at rest (field=on, or auto over many blocks): read if they are there, written if not");
-  command->add_option("--field-store-gb", options->field_store_gb, "Bound of that folder; the least recently used go first")
+      "Folder of source fields of static sources (field=on, or field=auto over many blocks); missing fields are computed and written");
+  command
+      ->add_option("--field-store-gb", options->field_store_gb,
+                   "Size limit of --field-store in GB; the least recently used fields are removed first")
       ->capture_default_str();
   command
       ->add_option("--refine-every", options->refine_every,
-                   "Start with a coarse field and take the next of its snapshots, each with up to twice the photons, every so many steps; "
-                   "0: the complete field from the start")
+                   "Start with a coarse source field and replace it every N steps by a finer one with up to twice the photons; 0: use the "
+                   "complete field from the start")
       ->capture_default_str();
   command->callback([options] { run_walk(*options); });
 }

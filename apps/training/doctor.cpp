@@ -82,24 +82,25 @@ std::vector<Finding> check_egl() {
   try {
     devices = list_egl_devices();
   } catch (const RunError& error) {
-    return {{State::absent, fmt::format("is not probed: {}", error.what())}};  // the line of the reader has the remedy
+    return {{State::absent, fmt::format("was not probed: {}", error.what())}};  // the line of the reader has the remedy
   }
   for (const EglDevice& device : devices) {
-    std::string text = device.surfaceless() ? "without a device of its own" : fmt::format("device {}", device.index);
+    std::string text = device.surfaceless() ? "without a device (surfaceless)" : fmt::format("device {}", device.index);
     if (!device.uuid.empty()) text += fmt::format(", UUID {}", device.uuid);
     if (device.cuda) text += fmt::format(", cuda:{}", *device.cuda);
     if (device.renderer.empty()) {
-      findings.push_back({State::absent, fmt::format("{} gives no OpenGL ES 3: {}", text, device.problem)});
+      findings.push_back({State::absent, fmt::format("{} does not provide OpenGL ES 3: {}", text, device.problem)});
     } else if (device.software) {
-      findings.push_back({State::absent, fmt::format("{}: {} computes on the CPU, slower than Embree; taken on request only (software)",
+      findings.push_back({State::absent, fmt::format("{}: {} runs on the CPU and is slower than Embree; used only with device `software`",
                                                      text, device.renderer)});
     } else {
       findings.push_back({State::ok, fmt::format("{}: {}", text, device.renderer)});
     }
   }
   if (findings.empty())
-    findings.push_back(
-        {State::absent, "no device: cameras use Embree; for a GPU install its driver with EGL, without one libgl1-mesa-dri (tests)"});
+    findings.push_back({State::absent,
+                        "no device: cameras use Embree; to use a GPU install its driver with EGL, to run the EGL tests without one install "
+                        "libgl1-mesa-dri"});
   return findings;
 }
 
@@ -141,23 +142,23 @@ Finding check_blas() {
   // Debian's OpenBLAS is a libblas.so.3 in a folder of its own.
   const std::string path = loaded_library("libblas");
   if (path.find("openblas") != std::string::npos || path.find("blis") != std::string::npos) return fast_blas(path);
-  return {State::slow, fmt::format("{}: not OpenBLAS, which trains several times faster: apt-get install libopenblas0-pthread, then "
-                                   "update-alternatives --config libblas.so.3-$(uname -m)-linux-gnu",
-                                   path.empty() ? "unknown library" : path)};
+  return {State::slow,
+          fmt::format("{}: not OpenBLAS, which is several times faster in training: apt-get install libopenblas0-pthread, then ",
+                      path.empty() ? "unknown library" : path)};
 }
 
 Finding check_torch() {
   use_one_torch_thread();
   const TorchInfo torch = probe_torch();
   if (torch.threads != 1)
-    return {State::slow, fmt::format("{} takes {} threads per worker: set OMP_NUM_THREADS=1", torch.version, torch.threads)};
-  return {State::ok, fmt::format("{}, one thread per worker: `workers` up to {} have a core each", torch.version,
+    return {State::slow, fmt::format("{} uses {} threads per worker: set OMP_NUM_THREADS=1", torch.version, torch.threads)};
+  return {State::ok, fmt::format("{}, one thread per worker: up to {} workers have one core each", torch.version,
                                  std::thread::hardware_concurrency())};
 }
 
 /// Has the reader program answer: it starts only where the libraries that it links are there.
 Finding check_reader() {
-  constexpr const char* remedy = "SOFA files cannot be read: build or install earshot_reader with earshot";
+  constexpr const char* remedy = "SOFA files cannot be read: build or install earshot_reader next to earshot";
   std::filesystem::path program;
   try {
     program = reader_program();
@@ -183,7 +184,7 @@ Finding check_test_data() {
   const std::string where = fmt::format("{} ({})", folder.lexically_normal().string(), named ? "EARSHOT_DATA" : "EARSHOT_DATA is not set");
   if (absent.empty()) return {State::ok, where};
   return {State::absent,
-          fmt::format("{} has {}: tests that read {} are skipped; nothing else needs them", where,
+          fmt::format("{} has {}: only tests need it; those that read {} are skipped", where,
                       present.empty() ? std::string("no test data") : fmt::format("only {}", listed(present, ", ")), listed(absent, ", "))};
 }
 
@@ -207,15 +208,15 @@ void run_doctor(const std::string& json) {
   print("test data", check_test_data());
   const nlohmann::ordered_json report{{"schema_version", 1}, {"findings", std::move(rows)}};
   if (!json.empty()) write_file_atomically(json, json_text(report, 2) + "\n");
-  if (bad > 0) throw RunError("doctor", fmt::format("{} of the lines above must be remedied", bad));
+  if (bad > 0) throw RunError("doctor", fmt::format("{} problems must be fixed: see the lines marked BAD above", bad));
 }
 
 }  // namespace
 
 void add_doctor(CLI::App& app) {
   auto json = std::make_shared<std::string>();
-  CLI::App* command = app.add_subcommand("doctor", "What this machine has, what is missing and how to get it");
-  command->add_option("--json", *json, "Also write the findings to a file");
+  CLI::App* command = app.add_subcommand("doctor", "Check this machine: hardware, libraries, what is missing and how to install it");
+  command->add_option("--json", *json, "Also write the findings to this JSON file");
   command->callback([json] { run_doctor(*json); });
 }
 

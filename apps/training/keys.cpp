@@ -27,12 +27,13 @@ void run_keys(const KeysArguments& options) {
 
 void add_keys(CLI::App& app) {
   const auto options = std::make_shared<KeysArguments>();
-  CLI::App* command = app.add_subcommand("keys", "Make CURVE keys for workers on several hosts, and print the public one");
-  command->add_option("FILE", options->file, "New file for the keys, mode 0600")->required();
-  command->add_flag("--show", options->show, "Print the public key of a file that is there");
+  CLI::App* command = app.add_subcommand("keys", "Generate CURVE encryption keys for workers on several hosts, and print the public key");
+  command->add_option("FILE", options->file, "File to write the keys to (mode 0600)")->required();
+  command->add_flag("--show", options->show, "Print the public key of an existing file");
   command->footer(
-      "The simplest: one file for all workers of a run, on every host under the same name, network.curve_key_file=FILE.  With a file per\n"
-      "host, network.allow_list names a file of all public keys and network.meeting_key is that of rank 0: docs/howto/hosts.md.");
+      "Simplest setup: copy one key file to every host under the same path and set network.curve_key_file=FILE.\n"
+      "Separate keys per host: network.allow_list is a file with all public keys, network.meeting_key the public key of rank 0.\n"
+      "Details: docs/howto/hosts.md.");
   command->callback([options] { run_keys(*options); });
 }
 

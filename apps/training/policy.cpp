@@ -38,15 +38,14 @@ void run_policy(const PolicyArguments& options) {
 
 void add_policy(CLI::App& app) {
   auto options = std::make_shared<PolicyArguments>();
-  CLI::App* command = app.add_subcommand("policy", "Tell what a trained agent is, or write it without the state of its training");
+  CLI::App* command = app.add_subcommand("policy", "Describe a trained agent, or export it without the training state");
   command->add_option("AGENT", options->agent, "Policy file, checkpoint or run folder")->required();
-  auto* out = command->add_option("--out", options->out, "Policy file to write: weights and config, which `earshot eval` runs");
-  command->add_flag("--float16", options->float16, "Store weights in half the bytes, each within 2^-11 of itself");
-  command->add_flag("--config", options->config, "Print its config (YAML), the start of one for fine-tuning")->excludes(out);
-  command->add_option("--json", options->json, "Also write what AGENT is to a file");
+  auto* out = command->add_option("--out", options->out, "Policy file to write (weights and config) for 'earshot eval'");
+  command->add_flag("--float16", options->float16, "Store weights as float16 (half the size, relative error at most 2^-11)");
+  command->add_flag("--config", options->config, "Print the agent's config (YAML), a starting point for fine-tuning")->excludes(out);
+  command->add_option("--json", options->json, "Also write the description to this JSON file");
   command->footer(
-      "Fine-tuning: a run config with `initial_policy: FILE` starts from these weights (configs/train/finetune.yaml, "
-      "docs/explanation/agent.md).");
+      "To fine-tune the agent, set `initial_policy: FILE` in a run config (configs/train/finetune.yaml, docs/explanation/agent.md).");
   command->callback([options] { run_policy(*options); });
 }
 

@@ -32,10 +32,10 @@ RunConfig with_acoustics(const RunConfig& config, const RunStart& start, bool is
   if (!start.resume.empty()) folders.push_back(run_folder_of(start.resume));
   if (auto kept = with_kept_acoustics(config, folders)) return *kept;
   if (is_worker)
-    throw InputError("env.accuracy " + config.env.accuracy, "has not been planned, and a worker of a launcher does not",
-                     "run 'earshot plan " + config_file + "' once before");
+    throw InputError("env.accuracy " + config.env.accuracy, "has no plan, and workers under a launcher do not make one",
+                     "run 'earshot plan " + config_file + "' once before the launch");
   if (!start.resume.empty())
-    throw InputError("env.accuracy " + config.env.accuracy, "was not planned by the run to go on with, or for another config",
+    throw InputError("env.accuracy " + config.env.accuracy, "has no plan in the resumed run, or its plan is for another config",
                      "copy its " + acoustics_plan_file(config, {}).string() + " to " + config.out + ", or start a new run");
   // Before the minutes that a plan may take.
   refuse_mixed_runs(config, start);
@@ -54,16 +54,18 @@ int run_train(const TrainArguments& options, const std::vector<std::string>& arg
   validate_world(is_worker ? launched->ring.identity.world_size : workers, asked.network.on_loss);
   if (is_worker && options.workers > 0 && options.workers != launched->ring.identity.world_size)
     throw InputError(fmt::format("--workers {}", options.workers),
-                     fmt::format("starts processes on this machine, and {} has started {} workers already", launched->launcher,
+                     fmt::format("starts processes on this machine, but {} has already started {} workers", launched->launcher,
                                  launched->ring.identity.world_size),
-                     "leave it out, and ask the launcher for as many workers as are to train");
+                     "leave out --workers, and set the number of workers in the launcher");
   if (!is_worker && asked.train.file.empty())
-    throw InputError(options.config, "names no data.train.file", "add it, and write it with 'earshot dataset episodes --config'");
+    throw InputError(options.config, "has no data.train.file",
+                     "add the key, then write the episodes with 'earshot dataset episodes --config'");
   if (!is_worker && !std::filesystem::exists(asked.train.file))
-    throw InputError(asked.train.file, "no such episode set", "write it with 'earshot dataset episodes --config " + options.config + "'");
+    throw InputError(asked.train.file, "does not exist",
+                     "write the episode set with 'earshot dataset episodes --config " + options.config + "'");
   if (options.join && !is_worker)
-    throw InputError("--join", "is for a worker of a launcher, and there is none",
-                     "set the variables with which this worker was started (docs/howto/hosts.md, section 4)");
+    throw InputError("--join", "needs a launcher, and no launcher variables are set",
+                     "set the environment variables of the lost worker (docs/howto/hosts.md, section 4)");
   RunStart start;
   if (!options.resume.empty()) start.resume = find_checkpoint(options.resume);
   start.overwrite = options.overwrite;
@@ -108,36 +110,38 @@ void add_train(CLI::App& app, const std::vector<std::string>& arguments, int& ex
   auto options = std::make_shared<TrainArguments>();
   CLI::App* command = app.add_subcommand("train", "Train a policy with DD-PPO");
   command->add_option("CONFIG", options->config, "Run config (YAML)")->required();
-  command->add_option("OVERRIDES", options->overrides, "key=value over the config, for example ppo.learning_rate=1e-4");
+  command->add_option("OVERRIDES", options->overrides, "Override keys of the config: key=value, for example ppo.learning_rate=1e-4");
   command->add_option("--workers", options->workers,
-                      "Worker processes on this machine (default: the config's); not within a launcher, which starts them");
-  command->add_option("--resume", options->resume, "Run folder or checkpoint to go on from");
-  command->add_option("--change", options->changes, "With --resume: keys or sections that may differ from the checkpoint's, and 'engine'")
+                      "Worker processes on this machine (default: `workers` of the config); not allowed under a launcher");
+  command->add_option("--resume", options->resume, "Run folder or checkpoint to continue from");
+  command
+      ->add_option("--change", options->changes,
+                   "With --resume: keys or sections whose values may differ from the checkpoint's; 'engine' allows another build")
       ->delimiter(',')
       ->allow_extra_args(false);
   command->add_flag("--overwrite", options->overwrite,
-                    "Remove the files of an earlier run in `out` first; without it such a folder is refused");
-  command->add_flag(
-      "--join", options->join,
-      "Come (back) to a run under way in the place of a lost worker, where network.on_loss is continue (docs/howto/hosts.md);\n"
-      "beside the options of the first start, which are not carried out again");
+                    "Delete the files of an earlier run in `out` first; without this flag training stops at such a folder");
+  command->add_flag("--join", options->join,
+                    "Join a running training in the place of a lost worker (network.on_loss: continue; docs/howto/hosts.md).\n"
+                    "Repeat the options of the first start; they are not applied again");
   command->add_flag("--insecure-network", options->insecure_network,
-                    "Let links between hosts go without encryption and without keys (network.insecure=true)");
+                    "Allow connections between hosts without encryption and keys (network.insecure=true)");
   command->footer(
-      "Writes checkpoints, events.jsonl and TensorBoard curves under the config's `out`.  SIGTERM, SIGINT, SIGHUP and SIGUSR1 end the "
-      "run\n"
-      "after the current update with a checkpoint.  A resumed run gives the bits that the unbroken one would have given: another config "
-      "or\n"
-      "engine than the checkpoint's is refused unless --change declares it.\n\n"
-      "Keys of CONFIG that save or keep something on disk:\n"
-      "  env.field_store=FOLDER     source fields (env.acoustics.field) that all workers and later runs share (default: `out`/fields)\n"
-      "  env.field_store_gb=20      bound of that folder; the least recently used go first\n"
-      "  env.scene_store=FOLDER     preprocessed scenes that all workers and later runs share; empty: each worker makes them\n"
-      "  env.scene_store_gb=20      bound of that folder\n"
-      "  env.quarantine_dir=FOLDER  episodes that went wrong, each as a file that replays it (default: `out`/quarantine)\n"
-      "  checkpoint_every=50        updates between checkpoints; a full disk is reported and training goes on\n"
-      "  keep=3                     newest checkpoints that stay, beside best.ckpt and last.ckpt\n"
-      "All keys, curves and counters: docs/howto/training.md.  Several machines, srun, mpirun, torchrun and Kubernetes: "
+      "Writes checkpoints, events.jsonl and TensorBoard curves to the folder `out` of the config.\n"
+      "SIGTERM, SIGINT, SIGHUP and SIGUSR1 stop the run after the current update and write a checkpoint.\n"
+      "A resumed run gives the same bits as an uninterrupted one.  Training stops if the config or the engine differs from the "
+      "checkpoint's,\n"
+      "unless --change names the difference.\n"
+      "\n"
+      "Keys of CONFIG about files:\n"
+      "  env.field_store=FOLDER     source fields (env.acoustics.field), shared by workers and later runs (default: `out`/fields)\n"
+      "  env.field_store_gb=20      size limit of this folder; the least recently used fields are removed first\n"
+      "  env.scene_store=FOLDER     preprocessed scenes, shared by workers and later runs; empty: each worker preprocesses its scenes\n"
+      "  env.scene_store_gb=20      size limit of this folder\n"
+      "  env.quarantine_dir=FOLDER  one file per faulty episode, which 'earshot replay' runs again (default: `out`/quarantine)\n"
+      "  checkpoint_every=50        updates between checkpoints; a full disk is reported and training continues\n"
+      "  keep=3                     number of recent checkpoints to keep, in addition to best.ckpt and last.ckpt\n"
+      "All keys, curves and counters: docs/howto/training.md.  Several machines, srun, mpirun, torchrun and Kubernetes:\n"
       "docs/howto/hosts.md.");
   command->callback([options, &arguments, &exit_code] { exit_code = run_train(*options, arguments); });
 }

@@ -76,7 +76,7 @@ TEST_F(BoardCli, SweepsGoOnWhereTheyWereStopped) {
   expect_done("sweep " + path("sweep.yaml"));
   EXPECT_EQ(std::filesystem::last_write_time(path("sweep/base/seed_1.result.json")), result_time);
   sweep_file("2e-3");
-  expect_refused("sweep " + path("sweep.yaml"), AllOf(HasSubstr("fast/seed_1"), HasSubstr("other settings")));
+  expect_refused("sweep " + path("sweep.yaml"), AllOf(HasSubstr("fast/seed_1"), HasSubstr("settings that differ")));
   write_text(path("bad.yaml"), "config: " + path("tiny.yaml") + "\nseeds: [1]\nrun: {base: []}\n");
   expect_refused("sweep " + path("bad.yaml"), HasSubstr("runs"));
   // A run that is trained anew is evaluated anew.

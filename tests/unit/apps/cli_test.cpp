@@ -48,7 +48,7 @@ TEST_F(Cli, BadScenesAreOneLineAndExitCodeTwo) {
 TEST_F(Cli, BadConfigsAndFilesAreOneLineAndExitCodeTwo) {
   expect_bad_input("train " + file("none.yaml"), "no such file");
   expect_bad_input("train " + write("typo.yaml", "ppo: {learning_rat: 1}\n"), "did you mean 'learning_rate'");
-  expect_bad_input("train " + write("data.yaml", "data: {train: {file: " + file("none.json.gz") + "}}\n"), "no such episode set");
+  expect_bad_input("train " + write("data.yaml", "data: {train: {file: " + file("none.json.gz") + "}}\n"), "does not exist");
   expect_bad_input("eval " + write("junk.ckpt", "junk"), "junk.ckpt");
   expect_bad_input("leaderboard " + write("junk.json", "{}"), "junk.json");
   expect_bad_input("eval random --episodes " + write("bad.json", "{\"episodes\": [{\"episode_id\": \"0\"}]}"), "bad.json");
@@ -63,8 +63,8 @@ TEST_F(Cli, SettingsWithoutEffectAreRefused) {
   const std::string high = "rir shoebox:5x3x4 --source 1,1,1 --listener 2,1,2 --preset high --out " + file("x.wav") + " --set ";
   expect_bad_input(high + "diffuse_last_segment=true", "has no effect on bidirectional tracing");
   expect_bad_input(high + "field=on diffuse_last_segment=true", "has no effect on a source field");
-  expect_bad_input(high + "glide_paths=2", "has no effect on a single response");
-  expect_bad_input(high + "temporal_reuse=on", "has no effect on a single response");
+  expect_bad_input(high + "glide_paths=2", "has no effect on single responses");
+  expect_bad_input(high + "temporal_reuse=on", "has no effect on single responses");
   EXPECT_FALSE(std::filesystem::exists(file("x.wav")));
 }
 
@@ -108,7 +108,7 @@ TEST_F(Cli, RirPlansForAnAccuracy) {
 
   const std::string bad = "rir shoebox:5x3x4 --source 1,1,1 --listener 2,1,2 --out " + file("x.wav") + " --accuracy ";
   expect_bad_input(bad + "t20=5", "t20=5%,drr=1dB,edc=1dB");
-  expect_bad_input(bad + "t20=5% --set rays=64", "is what --accuracy chooses");
+  expect_bad_input(bad + "t20=5% --set rays=64", "sets a key that --accuracy chooses");
   expect_bad_input(bad + "t30=5%", "names none of t20, drr and edc");
   expect_bad_input(bad + "t20=5% --set rir_length_s=0.05", "has no value");
   EXPECT_FALSE(std::filesystem::exists(file("x.wav")));
@@ -294,7 +294,7 @@ TEST_F(Cli, WalkIsAsLongAsItsPosesAndNeverSilent) {
   EXPECT_GE(read("w.wav").size(), static_cast<std::size_t>(1.5 * 16000 * 2 * 4));
   expect_bad_input("walk shoebox:5x3x4@0.3 --poses " + write("back.csv", "1,0,0,0,0\n0,0,0,0,0\n") +
                        " --source 4,1.5,1 --sound synth:noise --out " + file("v.wav"),
-                   "time does not rise");
+                   "t_s is not larger");
 }
 
 TEST_F(Cli, WalkPlansForAnAccuracyOfOneSourceAtRest) {
@@ -305,7 +305,7 @@ TEST_F(Cli, WalkPlansForAnAccuracyOfOneSourceAtRest) {
   ASSERT_EQ(outcome.exit_code, 0) << outcome.errors;
   EXPECT_NE(outcome.output.find("predicted t20"), std::string::npos) << outcome.output;
   EXPECT_GE(read("w.wav").size(), static_cast<std::size_t>(16000 * 4));
-  expect_bad_input(walk + " --source 4,1.5,1 --source 4,1.5,2 --accuracy t20=20%", "one source at rest");
+  expect_bad_input(walk + " --source 4,1.5,1 --source 4,1.5,2 --accuracy t20=20%", "one static source");
   expect_bad_input(walk + " --source 4,1.5,1 --refine-every 5 --accuracy t20=20%", "--refine-every");
 }
 

@@ -106,7 +106,7 @@ TEST(Doctor, TestDataThatAreAbsentAreSaidToBeAndAreNoFault) {
   const Report report = doctor("EARSHOT_DATA=/nonexistent");
   EXPECT_EQ(report.exit_code, 0) << report.text;
   EXPECT_THAT(report.line("test data"),
-              AllOf(StartsWith("none "), HasSubstr("no test data"), HasSubstr("skipped"), HasSubstr("nothing else needs them")));
+              AllOf(StartsWith("none "), HasSubstr("no test data"), HasSubstr("skipped"), HasSubstr("only tests need it")));
 }
 
 TEST(Doctor, NamesTheTestDataThatAreThere) {

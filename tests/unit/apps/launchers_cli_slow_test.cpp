@@ -70,7 +70,7 @@ TEST_F(LaunchersCli, MpirunGivesTheBitsOfOurSpawn) {
   const std::string start = "EARSHOT_MPIRUN=--oversubscribe " + launch("mpirun.sh") + " 2 " + config_ + " out=" + path("mpirun");
   const Outcome refused = shell(start + " --workers 3");
   EXPECT_EQ(refused.exit_code, 2) << refused.text;
-  EXPECT_THAT(refused.text, HasSubstr("Open MPI has started 2 workers already"));
+  EXPECT_THAT(refused.text, HasSubstr("Open MPI has already started 2 workers"));
   const Outcome done = shell(start);
   EXPECT_EQ(done.exit_code, 0) << done.text;
   EXPECT_THAT(done.text, HasSubstr("2 workers started by Open MPI meet at ipc://"));
@@ -88,7 +88,7 @@ TEST_F(LaunchersCli, SlurmGivesTheBitsOfOurSpawnAcrossARequeue) {
   if (!slurm.missing().empty()) GTEST_SKIP() << slurm.missing();
   const Outcome refused = shell("srun -n2 " + earshot_program().string() + " train " + config_ + " --workers 3 out=" + path("srun"));
   EXPECT_EQ(refused.exit_code, 2) << refused.text;
-  EXPECT_THAT(refused.text, HasSubstr("Slurm has started 2 workers already"));
+  EXPECT_THAT(refused.text, HasSubstr("Slurm has already started 2 workers"));
 
   // Asked by USR1 after a few updates; the job writes a checkpoint, queues itself again and goes on.
   ::setenv("EARSHOT_OUT", path("slurm_run").c_str(), 1);

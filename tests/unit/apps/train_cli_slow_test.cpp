@@ -22,7 +22,7 @@ TEST_F(TrainCli, AccuracyIsPlannedOnceAndKeptWithTheRun) {
   const std::string chosen = "acoustics: {rays: 4, rir_length_s: 0.1, early_order: 0}";
   ASSERT_NE(yaml.find(chosen), std::string::npos);
   expect_done("dataset episodes --config " + path("tiny.yaml"));
-  expect_refused("plan " + path("tiny.yaml"), HasSubstr("asks for no env.accuracy"));
+  expect_refused("plan " + path("tiny.yaml"), HasSubstr("has no env.accuracy"));
   expect_refused("train " + path("tiny.yaml") + " env.accuracy=edc=3dB", HasSubstr("is what env.accuracy chooses"));
   yaml.replace(yaml.find(chosen), chosen.size(), "accuracy: edc=3dB\n  acoustics: {rir_length_s: 0.3}");
   write_text(path("asked.yaml"), yaml);
@@ -32,7 +32,7 @@ TEST_F(TrainCli, AccuracyIsPlannedOnceAndKeptWithTheRun) {
   const std::map<const char*, std::string> launcher = {
       {"EARSHOT_RANK", "0"}, {"EARSHOT_WORLD_SIZE", "2"}, {"EARSHOT_RENDEZVOUS", "tcp://127.0.0.1:29555"}, {"EARSHOT_RUN_ID", "1"}};
   for (const auto& [name, value] : launcher) ASSERT_EQ(::setenv(name, value.c_str(), 1), 0);
-  expect_refused(train, AllOf(HasSubstr("has not been planned"), HasSubstr("earshot plan " + path("asked.yaml"))));
+  expect_refused(train, AllOf(HasSubstr("has no plan"), HasSubstr("earshot plan " + path("asked.yaml"))));
   for (const auto& [name, value] : launcher) ASSERT_EQ(::unsetenv(name), 0);
 
   EXPECT_THAT(earshot("train " + path("asked.yaml") + " --workers 2").text, HasSubstr("kept in"));
@@ -40,7 +40,7 @@ TEST_F(TrainCli, AccuracyIsPlannedOnceAndKeptWithTheRun) {
   for (const auto& entry : std::filesystem::directory_iterator(folder_.path() / "run"))
     if (entry.path().filename().string().starts_with("acoustics_")) plans.push_back(entry.path());
   ASSERT_EQ(plans.size(), 1u);
-  EXPECT_THAT(earshot("plan " + path("asked.yaml")).text, HasSubstr("already kept"));
+  EXPECT_THAT(earshot("plan " + path("asked.yaml")).text, HasSubstr("already planned"));
 
   // The run that is resumed, elsewhere too, hears what it heard before.
   const Outcome resumed = earshot(train + " total_steps=48 out=" + path("elsewhere") + " --workers 2 --resume " + path("run"));
