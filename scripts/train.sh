@@ -24,7 +24,7 @@ for override in "$@"; do
   case $override in out=*) echo "scripts/train.sh: $override: results go to $out; copy the config to train into another folder" >&2; exit 2 ;; esac
 done
 if [ "$mode" = new ] && { compgen -G "$out/checkpoints/*.ckpt" || compgen -G "$out/*.ckpt"; } >/dev/null; then
-  echo "scripts/train.sh: $out holds an earlier run; go on with it by --resume, or replace it with --overwrite" >&2
+  echo "scripts/train.sh: $out contains an earlier run; continue it with --resume, or replace it with --overwrite" >&2
   exit 2
 fi
 

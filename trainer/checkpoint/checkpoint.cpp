@@ -41,7 +41,7 @@ using Packer = msgpack::packer<StringStream>;
 
 void pack_bytes(Packer& packer, const void* data, std::size_t size) {
   if (size > std::numeric_limits<std::uint32_t>::max())
-    throw RunError("checkpoint", fmt::format("a field of {} bytes is over the format's 4 GiB", size));
+    throw RunError("checkpoint", fmt::format("a field of {} bytes exceeds the limit of the format, 4 GiB", size));
   packer.pack_bin(static_cast<std::uint32_t>(size));
   packer.pack_bin_body(static_cast<const char*>(data), static_cast<std::uint32_t>(size));
 }
@@ -130,10 +130,10 @@ class BodyReader : CheckpointFields {
     if (checkpoint.members.empty()) return;
     int least = 0;
     for (const int member : checkpoint.members) {
-      if (member < least || member >= checkpoint.started_workers) fail("members", "are not workers in order");
+      if (member < least || member >= checkpoint.started_workers) fail("members", "does not list the workers in rank order");
       least = member + 1;
     }
-    if (checkpoint.members.size() != static_cast<std::size_t>(checkpoint.world_size)) fail("members", "are not one per worker");
+    if (checkpoint.members.size() != static_cast<std::size_t>(checkpoint.world_size)) fail("members", "does not have one entry per worker");
   }
 
   [[nodiscard]] torch::Tensor tensor(const msgpack::object& object, std::string_view name) const {
@@ -148,17 +148,17 @@ class BodyReader : CheckpointFields {
     std::uint64_t size_bytes = torch::elementSize(type->type);
     bool empty = false;
     for (const auto& extent : shape) {
-      if (extent.type != msgpack::type::POSITIVE_INTEGER || extent.via.u64 > kMaxCheckpointBytes) fail(name, "has an impossible shape");
+      if (extent.type != msgpack::type::POSITIVE_INTEGER || extent.via.u64 > kMaxCheckpointBytes) fail(name, "has an invalid shape");
       sizes.push_back(static_cast<std::int64_t>(extent.via.u64));
       empty = empty || extent.via.u64 == 0;
       if (extent.via.u64 == 0) continue;
-      if (size_bytes > kMaxCheckpointBytes / extent.via.u64) fail(name, "has an impossible shape");
+      if (size_bytes > kMaxCheckpointBytes / extent.via.u64) fail(name, "has an invalid shape");
       size_bytes *= extent.via.u64;
     }
     if (data.size() != (empty ? 0 : size_bytes)) fail(name, "has a shape that does not fit its data");
     if (type->type == torch::kBool)
       for (const char byte : data)
-        if (byte != 0 && byte != 1) fail(name, "holds booleans that are neither 0 nor 1");
+        if (byte != 0 && byte != 1) fail(name, "contains booleans other than 0 and 1");
     torch::Tensor tensor = torch::empty(sizes, type->type);
     if (!data.empty()) std::memcpy(tensor.data_ptr(), data.data(), data.size());
     return type->type == torch::kFloat16 ? tensor.to(torch::kFloat32) : tensor;  // exact; nothing computes with halves
@@ -175,9 +175,9 @@ class BodyReader : CheckpointFields {
     if (map.type != msgpack::type::MAP) fail(name, "is not a map");
     std::map<std::string, torch::Tensor> named;
     for (const auto& [key, item] : std::span(map.via.map.ptr, map.via.map.size)) {
-      if (key.type != msgpack::type::STR) fail(name, "has a key that is no name");
+      if (key.type != msgpack::type::STR) fail(name, "has a key that is not a string");
       const std::string tensor_name(key.via.str.ptr, key.via.str.size);
-      if (!named.emplace(tensor_name, tensor(item, name)).second) fail(name, "has a name twice");
+      if (!named.emplace(tensor_name, tensor(item, name)).second) fail(name, "contains the same name twice");
     }
     return named;
   }
@@ -202,7 +202,7 @@ std::string encode_checkpoint(const Checkpoint& checkpoint, const std::string& w
 
   const std::size_t length = file.size() - kCheckpointHeaderBytes;
   if (file.size() + kCheckpointHashBytes > kMaxCheckpointBytes)
-    throw RunError(where, fmt::format("{} bytes are more than a checkpoint can hold", file.size()));
+    throw RunError(where, fmt::format("{} bytes exceed the limit of a checkpoint", file.size()));
   file.replace(0, kCheckpointMagic.size(), kCheckpointMagic);
   write_little_endian(file, kCheckpointMagic.size(), kCheckpointVersion);
   write_little_endian(file, kCheckpointMagic.size() + sizeof(kCheckpointVersion), static_cast<std::uint64_t>(length));

@@ -23,18 +23,18 @@ T read_little_endian(std::string_view bytes, std::size_t at) {
 
 /// The body, once header and hash have been found good.
 std::string_view checked_body(std::string_view file, const std::string& where) {
-  const std::string remedy = "take another checkpoint";
+  const std::string remedy = "use another checkpoint";
   if (file.size() < kCheckpointHeaderBytes + kCheckpointHashBytes || file.substr(0, kCheckpointMagic.size()) != kCheckpointMagic)
-    throw InputError(where, "is not an Earshot checkpoint", "name a file that earshot train wrote");
+    throw InputError(where, "is not an Earshot checkpoint", "use a file written by 'earshot train'");
   const auto version = read_little_endian<std::uint32_t>(file, kCheckpointMagic.size());
   check_schema_version(where, "a checkpoint", version, {kCheckpointVersion, kCheckpointVersion});
   const auto length = read_little_endian<std::uint64_t>(file, kCheckpointMagic.size() + sizeof(version));
   const std::size_t present = file.size() - kCheckpointHeaderBytes - kCheckpointHashBytes;
   if (length != present)
-    throw InputError(where, fmt::format("is truncated or padded: {} bytes announced, {} there", length, present), remedy);
+    throw InputError(where, fmt::format("has the wrong size: the header announces {} bytes, the file has {}", length, present), remedy);
   const std::string_view body = file.substr(kCheckpointHeaderBytes, present);
   if (hash64(body) != read_little_endian<std::uint64_t>(file, kCheckpointHeaderBytes + present))
-    throw InputError(where, "is damaged: its hash does not match", remedy);
+    throw InputError(where, "is corrupted: its hash does not match", remedy);
   return body;
 }
 
@@ -49,17 +49,17 @@ msgpack::object_handle unpack_checkpoint(std::string_view file, const std::strin
     msgpack::object_handle handle = msgpack::unpack(
         body.data(), body.size(), offset, [](msgpack::type::object_type, std::size_t, void*) { return true; }, nullptr,
         msgpack::unpack_limit(kMaxItems, kMaxItems, limit, limit, 0, 8));
-    if (offset != body.size()) throw InputError(where, "has bytes after its end", "take another checkpoint");
+    if (offset != body.size()) throw InputError(where, "has extra bytes at its end", "use another checkpoint");
     return handle;
   } catch (const InputError&) {
     throw;
   } catch (const std::exception& error) {  // msgpack throws several unrelated types
-    throw InputError(where, fmt::format("is no valid checkpoint: {}", error.what()), "take another checkpoint");
+    throw InputError(where, fmt::format("is not a valid checkpoint: {}", error.what()), "use another checkpoint");
   }
 }
 
 void CheckpointFields::fail(std::string_view name, std::string_view what) const {
-  throw InputError(where_, fmt::format("is no valid checkpoint: '{}' {}", name, what), "take another checkpoint");
+  throw InputError(where_, fmt::format("is not a valid checkpoint: '{}' {}", name, what), "use another checkpoint");
 }
 
 bool CheckpointFields::has(const msgpack::object& map, std::string_view name) {
@@ -98,7 +98,7 @@ CheckpointMetadata CheckpointFields::metadata(const msgpack::object& body) const
   metadata.engine = value<std::string>(body, "engine");
   metadata.engine_commit = value<std::string>(body, "engine_commit");
   if (has(body, "elapsed_s")) metadata.elapsed_s = value<double>(body, "elapsed_s");
-  if (!(metadata.elapsed_s >= 0 && metadata.elapsed_s < 1e12)) fail("elapsed_s", "is no time");
+  if (!(metadata.elapsed_s >= 0 && metadata.elapsed_s < 1e12)) fail("elapsed_s", "is not a duration");
   metadata.mean_reward = value<double>(body, "mean_reward");
   metadata.is_policy = items(field(body, "env_states"), "env_states").empty();
   return metadata;

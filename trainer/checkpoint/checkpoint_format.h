@@ -40,7 +40,7 @@ class CheckpointFields {
     try {
       return field(map, name).template as<T>();
     } catch (const msgpack::type_error&) {
-      fail(name, "has another type");
+      fail(name, "has the wrong type");
     }
   }
 

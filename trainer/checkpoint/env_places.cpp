@@ -18,8 +18,8 @@ EnvPlaces env_places_of(const std::optional<Checkpoint>& resumed, int world_size
   if (!resumed || resumed->world_size == world_size) return places;
   if (std::ranges::find(changes, "workers") == changes.end())
     throw InputError(fmt::format("checkpoint of update {}", resumed->update),
-                     fmt::format("is of a run with {} workers, this one has {}", resumed->world_size, world_size),
-                     "resume with as many workers, or declare the change with --change workers");
+                     fmt::format("belongs to a run with {} workers, but this run has {}", resumed->world_size, world_size),
+                     "resume with the same number of workers, or allow the change with --change workers");
   places.begin_anew = true;
   return places;
 }

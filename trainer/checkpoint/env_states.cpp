@@ -20,7 +20,7 @@ std::string bytes_of(const torch::Tensor& tensor) {
 torch::Tensor tensor_of(const std::string& bytes, torch::IntArrayRef shape) {
   torch::Tensor tensor = torch::empty(shape);
   if (bytes.size() != static_cast<std::size_t>(tensor.numel()) * sizeof(float))
-    throw RunError("checkpoint", "workers disagree about the hidden state's size");
+    throw RunError("checkpoint", "the workers have hidden states of different sizes");
   std::copy(bytes.begin(), bytes.end(), reinterpret_cast<char*>(tensor.data_ptr<float>()));
   return tensor;
 }
@@ -45,12 +45,13 @@ void gather_env_states(Collective& collective, const BatchedEnv& env, const Roll
 void restore_env_states(const Checkpoint& checkpoint, const std::filesystem::path& path, WorkerIdentity identity, BatchedEnv& env,
                         RolloutCollector& collector) {
   if (checkpoint.env_states.size() != static_cast<std::size_t>(identity.world_size))
-    throw InputError(path.string(),
-                     fmt::format("holds {} workers' environments, of {} workers", checkpoint.env_states.size(), identity.world_size),
-                     "take an earlier checkpoint");
+    throw InputError(
+        path.string(),
+        fmt::format("contains the environments of {} workers instead of {}", checkpoint.env_states.size(), identity.world_size),
+        "use an earlier checkpoint");
   const auto rank = static_cast<std::size_t>(identity.rank);
   if (!torch::isfinite(checkpoint.hidden.at(rank)).all().item<bool>())
-    throw InputError(path.string(), "holds a recurrent state that is not finite", "take an earlier checkpoint");
+    throw InputError(path.string(), "contains a recurrent state with non-finite values", "use an earlier checkpoint");
   env.restore(checkpoint.env_states[rank]);
   collector.restore(checkpoint.hidden.at(rank), checkpoint.not_done.at(rank),
                     checkpoint.oracle_acted.empty() ? torch::Tensor() : checkpoint.oracle_acted.at(rank));

@@ -31,13 +31,13 @@ std::filesystem::path find_checkpoint(const std::filesystem::path& folder_or_fil
       }
     } catch (const InputError& error) {
       damaged = error.what();
-      log_warning(fmt::format("skipped: {}", damaged));
+      log_warning(fmt::format("skipped a damaged checkpoint: {}", damaged));
     }
   }
   if (!newest.empty()) return newest;
   if (!damaged.empty())
-    throw InputError(folder_or_file.string(), "holds no checkpoint that is whole: " + damaged, "start anew, or find a copy");
-  throw InputError(folder_or_file.string(), "holds no checkpoint (*.ckpt)", "name a run folder or a checkpoint file");
+    throw InputError(folder_or_file.string(), "contains only damaged checkpoints: " + damaged, "start a new run, or restore a copy");
+  throw InputError(folder_or_file.string(), "contains no checkpoint (*.ckpt)", "give a run folder or a checkpoint file");
 }
 
 }  // namespace earshot

@@ -34,23 +34,23 @@ std::uint64_t hash_of(const std::map<std::string, torch::Tensor>& weights, std::
 }
 
 void load_weights(ActorCritic& policy, const Checkpoint& checkpoint, const std::string& where) {
-  const std::string remedy = "use the config and sensors it was trained with";
+  const std::string remedy = "use the config and the sensors of the training";
   if (checkpoint.architecture != policy->architecture())
     throw InputError(
         where,
-        fmt::format("holds weights of the architecture '{}', the config asks for '{}'", checkpoint.architecture, policy->architecture()),
+        fmt::format("has weights of the architecture '{}', but the config needs '{}'", checkpoint.architecture, policy->architecture()),
         remedy);
   const auto live = live_tensors(policy);
   // Everything is checked before anything is changed.
   for (const auto& [name, tensor] : checkpoint.weights)
-    if (!live.contains(name)) throw InputError(where, fmt::format("holds weights '{}' that the policy does not have", name), remedy);
+    if (!live.contains(name)) throw InputError(where, fmt::format("has weights '{}' that the policy does not have", name), remedy);
   for (const auto& [name, tensor] : live) {
     const auto saved = checkpoint.weights.find(name);
-    if (saved == checkpoint.weights.end()) throw InputError(where, fmt::format("lacks the weights '{}'", name), remedy);
+    if (saved == checkpoint.weights.end()) throw InputError(where, fmt::format("has no weights '{}'", name), remedy);
     if (saved->second.sizes() != tensor.sizes() || saved->second.scalar_type() != tensor.scalar_type())
-      throw InputError(where, fmt::format("holds weights '{}' of another shape or type", name), remedy);
+      throw InputError(where, fmt::format("has weights '{}' of the wrong shape or type", name), remedy);
     if (!torch::isfinite(saved->second).all().item<bool>())
-      throw InputError(where, fmt::format("holds weights '{}' that are not finite", name), "take an earlier checkpoint");
+      throw InputError(where, fmt::format("has weights '{}' with non-finite values", name), "use an earlier checkpoint");
   }
   const torch::NoGradGuard no_grad;
   for (const auto& [name, tensor] : live) tensor.detach().copy_(checkpoint.weights.at(name));
@@ -71,7 +71,7 @@ std::map<std::string, torch::Tensor> optimizer_state_of(const ActorCritic& polic
 
 void load_optimizer_state(const ActorCritic& policy, torch::optim::Adam& optimizer, const Checkpoint& checkpoint) {
   const auto refuse = [](const std::string& name, const std::string& what) {
-    throw InputError("optimizer state of the checkpoint", fmt::format("'{}' {}", name, what), "use the config it was trained with");
+    throw InputError("optimizer state of the checkpoint", fmt::format("'{}' {}", name, what), "use the config of the training");
   };
   std::size_t used = 0;
   std::vector<std::pair<decltype(optimizer_key({})), std::unique_ptr<torch::optim::AdamParamState>>> states;
@@ -82,11 +82,11 @@ void load_optimizer_state(const ActorCritic& policy, torch::optim::Adam& optimiz
     if (step == none && mean == none && square == none) continue;
     if (step == none || mean == none || square == none) refuse(item.key(), "is incomplete");
     if (step->second.scalar_type() != torch::kInt64 || step->second.numel() != 1 || step->second.item<std::int64_t>() < 0)
-      refuse(item.key() + ".step", "is not a count");
+      refuse(item.key() + ".step", "is not a whole number");
     for (const auto& moment : {mean, square}) {
       if (moment->second.sizes() != item.value().sizes() || moment->second.scalar_type() != item.value().scalar_type())
-        refuse(moment->first, "has another shape or type than its weights");
-      if (!torch::isfinite(moment->second).all().item<bool>()) refuse(moment->first, "is not finite");
+        refuse(moment->first, "has a different shape or type than its weights");
+      if (!torch::isfinite(moment->second).all().item<bool>()) refuse(moment->first, "has non-finite values");
     }
     used += 3;
     auto state = std::make_unique<torch::optim::AdamParamState>();

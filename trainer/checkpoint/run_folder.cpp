@@ -70,8 +70,9 @@ void RunFolder::remove_run() const {
   std::vector<std::filesystem::path> files;
   for (const auto& file : checkpoints()) {
     if (file.parent_path() == out_ || !is_checkpoint_of_a_run(file.filename().string()))
-      throw InputError(file.string(), "is a checkpoint that no run writes there, and would be taken for one of the new run",
-                       "move it out of the folder");
+      throw InputError(file.string(),
+                       "does not belong to the run in this folder, and the new run would mistake it for one of its own checkpoints",
+                       "move it to another folder");
     files.push_back(file);
   }
   for (const auto& file : files_in(out_)) {

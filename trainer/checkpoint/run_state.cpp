@@ -55,7 +55,7 @@ RunState decode_run_state(std::string_view bytes) {
   RunState state;
   try {
     const auto message = decode<StateMessage>(bytes, kMaxCheckpointBytes);
-    if (message.counters.size() != state.counters.values.size()) throw WireError("another number of counters");
+    if (message.counters.size() != state.counters.values.size()) throw WireError("wrong number of counters");
     state.learner = decode_checkpoint(message.learner, where);
     std::ranges::copy(message.counters, state.counters.values.begin());
     state.guards = {.taken_steps = message.taken_steps,
@@ -98,7 +98,7 @@ JoinBriefing decode_briefing(const std::string& text, int world_size) {
   for (int place = 0; stream >> place;) briefing.places.push_back(place);
   bool sound = stream.eof() && briefing.places.size() == static_cast<std::size_t>(world_size) && briefing.started_workers <= 64;
   for (const int place : briefing.places) sound = sound && place >= 0 && place < briefing.started_workers;
-  if (!sound) throw RunError("the run", "does not say which environments its workers have");
+  if (!sound) throw RunError("the run", "does not contain the assignment of environments to workers");
   return briefing;
 }
 

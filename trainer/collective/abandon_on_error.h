@@ -22,7 +22,7 @@ void abandon_on_error(Mesh& mesh, Body&& body) {
     mesh.abandon(error.what());
     throw RunError("ZeroMQ", error.what());
   } catch (...) {
-    mesh.abandon("an error of its own");
+    mesh.abandon("an internal error");
     throw;
   }
 }

@@ -26,7 +26,7 @@ std::string subject_of(const std::vector<int>& lost, const std::vector<int>& joi
 }
 
 std::string describe(const std::vector<int>& lost, const std::vector<int>& joined) {
-  if (lost.empty() && joined.empty()) return "a connection was broken and has been opened anew";
+  if (lost.empty() && joined.empty()) return "a broken connection was opened again";
   if (lost.empty()) return joined.size() == 1 ? "has joined" : "have joined";
   return lost.size() == 1 ? "was lost" : "were lost";
 }

@@ -96,7 +96,7 @@ std::unique_ptr<Collective> make_gloo_group(WorkerIdentity identity, const std::
 bool has_gloo() { return false; }
 
 std::unique_ptr<Collective> make_gloo_group(WorkerIdentity, const std::string&, std::chrono::milliseconds, const std::string&) {
-  throw InputError("Gloo", "is not in this build", "install libgloo-dev and build again");
+  throw InputError("Gloo", "is not part of this build", "install libgloo-dev and build again");
 }
 #endif
 

@@ -170,7 +170,7 @@ void HierarchicalSum::check(Operation operation, std::size_t bytes, int awaited)
   while (const auto frame = mesh_.receive_control())
     throw RunError(
         worker_name(frame->from),
-        fmt::format("calls {} with {} bytes where this worker calls {} with {} bytes; do all workers run the same program and config?",
+        fmt::format("calls {} with {} bytes, but this worker calls {} with {} bytes; start all workers with the same program and config",
                     name_of(frame->header.operation), frame->header.total, name_of(operation), bytes));
   mesh_.check(awaited);
 }
@@ -203,18 +203,19 @@ PeerMesh::Frame HierarchicalSum::next_frame(Operation operation, std::span<T> bu
     if (auto frame = mesh_.receive_bulk()) {
       const FrameHeader& header = frame->header;
       if (header.operation != operation || header.total != buffer.size_bytes())
-        throw RunError(worker_name(frame->from),
-                       fmt::format("calls {} with {} bytes where this worker calls {} with {} bytes; do all workers run the same program "
-                                   "and config?",
-                                   name_of(header.operation), header.total, name_of(operation), buffer.size_bytes()));
+        throw RunError(
+            worker_name(frame->from),
+            fmt::format(
+                "calls {} with {} bytes, but this worker calls {} with {} bytes; start all workers with the same program and config",
+                name_of(header.operation), header.total, name_of(operation), buffer.size_bytes()));
       if (header.step + 1 != visit.step || header.offset != visit.first * sizeof(T) || header.length != visit.count * sizeof(T) ||
           (header.phase == 1) != (visit.work == HostRing::Work::copy))
-        throw RunError(worker_name(frame->from), "sends another part of the buffer than is due");
+        throw RunError(worker_name(frame->from), "sends the wrong part of the buffer");
       return std::move(*frame);
     }
     while (const auto frame = mesh_.receive_control())
       throw RunError(worker_name(frame->from),
-                     fmt::format("calls {} where this worker calls {}", name_of(frame->header.operation), name_of(operation)));
+                     fmt::format("calls {}, but this worker calls {}", name_of(frame->header.operation), name_of(operation)));
     mesh_.wait(interest);
   }
 }
@@ -267,7 +268,8 @@ void HierarchicalSum::sum_chunks(Operation operation, std::span<T> buffer) {
   interest.bulk_queue_full = true;
   while (!send_due(operation, sizeof(T), buffer.size_bytes())) {
     while (const auto frame = mesh_.receive_control())
-      throw RunError(worker_name(frame->from), fmt::format("calls {} where this worker still sends", name_of(frame->header.operation)));
+      throw RunError(worker_name(frame->from),
+                     fmt::format("calls {} while this worker is still sending", name_of(frame->header.operation)));
     mesh_.wait(interest);
   }
   mesh_.finish_sends();

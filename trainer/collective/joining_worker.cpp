@@ -30,7 +30,7 @@ class JoiningWorker : public Collective {
         ring_.emplace(config_);
       } catch (const LeftOut& error) {
         if (std::chrono::steady_clock::now() >= deadline) throw;
-        log_info(fmt::format("{}; it asks again", error.what()));
+        log_info(fmt::format("{}; trying again", error.what()));
         config_.incarnation = new_incarnation();
       } catch (const zmq::error_t& error) {
         throw RunError("ZeroMQ", error.what());

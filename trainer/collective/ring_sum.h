@@ -116,7 +116,7 @@ void sum_round_ring(Mesh& mesh, Operation operation, std::span<T> buffer) {
           throw call_mismatch(mesh.rank_of(frame->from), header, operation, buffer.size_bytes());
         if (header.step != chunk.step || header.segment != chunk.segment || header.phase != (schedule.reducing(chunk.step) ? 0 : 1) ||
             header.offset != chunk.first * sizeof(T) || header.length != chunk.count * sizeof(T))
-          throw RunError(worker_name(mesh.rank_of(frame->from)), "sends another part of the buffer than is due");
+          throw RunError(worker_name(mesh.rank_of(frame->from)), "sends the wrong part of the buffer");
         const std::span<T> target = buffer.subspan(chunk.first, chunk.count);
         if (schedule.reducing(chunk.step))
           add_to(target, frame->bytes());

@@ -39,7 +39,7 @@ SharedMemory::~SharedMemory() {
 
 SharedMemory SharedMemory::create(std::size_t bytes) {
   const int file = ::memfd_create("earshot", MFD_CLOEXEC);
-  if (file < 0) fail(file, "cannot be made", errno);
+  if (file < 0) fail(file, "cannot be created", errno);
   if (const int error = ::posix_fallocate(file, 0, static_cast<off_t>(bytes)); error != 0)
     fail(file, fmt::format("cannot take {} bytes", bytes), error);
   return {file, bytes};
@@ -52,7 +52,7 @@ SharedMemory SharedMemory::open(const std::string& path, std::size_t bytes) {
   if (::fstat(file, &status) != 0) fail(file, path, errno);
   if (static_cast<std::size_t>(status.st_size) != bytes) {
     ::close(file);
-    throw RunError(kName, fmt::format("{} has {} bytes, {} are due", path, status.st_size, bytes));
+    throw RunError(kName, fmt::format("{} has {} bytes instead of {}", path, status.st_size, bytes));
   }
   return {file, bytes};
 }

@@ -87,9 +87,10 @@ void SharedProgress::compare_calls(std::size_t parity, Operation operation, std:
   for (int place = 0; place < identity_.world_size; ++place) {
     const Counter::Call& peer = counter(place).calls[parity];
     if (peer.operation == static_cast<std::uint64_t>(operation) && peer.bytes == bytes) continue;
-    throw RunError(worker_name(first_rank_ + place),
-                   fmt::format("sums {} bytes where worker {} sums {}, or of another type; do all workers run the same program and config?",
-                               peer.bytes, first_rank_ + identity_.rank, bytes));
+    throw RunError(
+        worker_name(first_rank_ + place),
+        fmt::format("sums {} bytes, but worker {} sums {} bytes or another type; start all workers with the same program and config",
+                    peer.bytes, first_rank_ + identity_.rank, bytes));
   }
 }
 

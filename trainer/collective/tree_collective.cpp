@@ -43,7 +43,7 @@ struct Incoming {
   void take(const PeerFrame& frame, std::uint8_t phase) {
     const FrameHeader& header = frame.header;
     if (done || header.phase != phase || header.offset != bytes.size() || (header.offset > 0 && header.total != total))
-      throw RunError(worker_name(frame.from), "sends its part out of order");
+      throw RunError(worker_name(frame.from), "sends its part in the wrong order");
     total = header.total;
     bytes.insert(bytes.end(), frame.bytes().begin(), frame.bytes().end());
     done = bytes.size() == total;
@@ -89,7 +89,7 @@ void TreeCollective::gather(Operation operation, std::span<const std::byte> mine
     while (const auto frame = mesh_.receive_control()) {
       if (frame->header.operation != operation) throw call_mismatch(frame->from, frame->header, operation, mine.size());
       const auto child = std::ranges::find(node.children, frame->from, &TreeNode::Subtree::first);
-      if (child == node.children.end()) throw RunError(worker_name(frame->from), "sends a result before all parts were there");
+      if (child == node.children.end()) throw RunError(worker_name(frame->from), "sends a result before all parts have arrived");
       if (!is_expected(*child, frame->header)) {
         FrameHeader per_worker = frame->header;
         per_worker.total /= static_cast<std::uint64_t>(child->size());
@@ -124,7 +124,7 @@ void TreeCollective::scatter(Operation operation, const Expected& is_expected) {
     while (const auto frame = mesh_.receive_control()) {
       if (frame->header.operation != operation || !is_expected(frame->header))
         throw call_mismatch(frame->from, frame->header, operation, parts_.size());
-      if (frame->from != node.parent) throw RunError(worker_name(frame->from), "sends its part out of order");
+      if (frame->from != node.parent) throw RunError(worker_name(frame->from), "sends its part in the wrong order");
       incoming.take(*frame, 1);
       began = came = true;
     }
@@ -186,7 +186,8 @@ void TreeCollective::barrier() {
 std::vector<std::string> TreeCollective::all_gather(const std::string& bytes) {
   std::vector<std::string> texts;
   collective_call(Operation::all_gather, [&] {
-    if (bytes.size() > kMaxGatherBytes) throw RunError("all_gather", fmt::format("{} bytes, {} at most", bytes.size(), kMaxGatherBytes));
+    if (bytes.size() > kMaxGatherBytes)
+      throw RunError("all_gather", fmt::format("{} bytes exceed the limit of {}", bytes.size(), kMaxGatherBytes));
     const std::uint64_t length = bytes.size();
     std::vector<std::byte> mine(sizeof(length) + bytes.size());
     std::memcpy(mine.data(), &length, sizeof(length));
@@ -199,12 +200,12 @@ std::vector<std::string> TreeCollective::all_gather(const std::string& bytes) {
     for (std::span<const std::byte> rest = result_; !rest.empty();) {
       std::uint64_t size = 0;
       if (rest.size() >= sizeof(size)) std::memcpy(&size, rest.data(), sizeof(size));
-      if (rest.size() < sizeof(size) || size > rest.size() - sizeof(size)) throw RunError("all_gather", "lengths that cannot be");
+      if (rest.size() < sizeof(size) || size > rest.size() - sizeof(size)) throw RunError("all_gather", "received invalid lengths");
       texts.emplace_back(reinterpret_cast<const char*>(rest.data() + sizeof(size)), size);
       rest = rest.subspan(sizeof(size) + size);
     }
     if (texts.size() != static_cast<std::size_t>(identity().world_size))
-      throw RunError("all_gather", fmt::format("{} parts of {} workers", texts.size(), identity().world_size));
+      throw RunError("all_gather", fmt::format("received {} parts from {} workers", texts.size(), identity().world_size));
   });
   return texts;
 }

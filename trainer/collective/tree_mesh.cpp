@@ -59,7 +59,7 @@ TreeMesh::TreeMesh(const RingConfig& config)
 TreeMesh::~TreeMesh() {
   try {
     if (abandoned_) return;
-    abandon(std::uncaught_exceptions() > exceptions_at_start_ ? "an error of its own" : "");
+    abandon(std::uncaught_exceptions() > exceptions_at_start_ ? "an internal error" : "");
   } catch (const std::exception& error) {
     log_error(fmt::format("leaving the run: {}", error.what()));
   }
@@ -72,7 +72,7 @@ TreeMesh::Neighbour* TreeMesh::neighbour_of(int rank) {
 
 void TreeMesh::begin(std::uint64_t sequence, Operation operation) {
   if (between_calls_) throw RunError(*between_calls_);
-  if (abandoned_) throw RunError("workers", fmt::format("the run was stopped before: {}", *abandoned_));
+  if (abandoned_) throw RunError("workers", fmt::format("the run has already stopped: {}", *abandoned_));
   liveness_.begin(sequence);
   operation_ = operation;
   is_open_ = true;
@@ -117,7 +117,7 @@ std::optional<PeerFrame> TreeMesh::receive_control() {
     } else {
       // Every call needs something from every worker, so that none can be two calls ahead, or behind.
       if (header.sequence != call && !(is_open_ && header.sequence == call + 1))
-        throw RunError(worker_name(from.rank), fmt::format("is at collective call {} where this worker is at {}", header.sequence, call));
+        throw RunError(worker_name(from.rank), fmt::format("is at collective call {}, but this worker is at {}", header.sequence, call));
       from.begun = header.sequence + 1;
       if (is_open_ && header.sequence == call) return frame;
       links_.kept().put(std::move(*frame));
@@ -130,14 +130,14 @@ std::optional<PeerFrame> TreeMesh::receive_bulk() {
   auto frame = receive_from(PeerLinks::Plane::bulk);
   if (frame && frame->header.sequence != liveness_.call())
     throw RunError(worker_name(frame->from),
-                   fmt::format("sends part of collective call {} where call {} is due", frame->header.sequence, liveness_.call()));
+                   fmt::format("sends part of collective call {}, but call {} is expected", frame->header.sequence, liveness_.call()));
   return frame;
 }
 
 void TreeMesh::take_goodbye(const PeerFrame& frame) {
   const Goodbye goodbye = decode_goodbye(frame);
   if (frame.header.step >= static_cast<std::uint32_t>(config_.identity.world_size))
-    throw protocol_breach(frame.from, WireError("a goodbye of no worker"));
+    throw protocol_breach(frame.from, WireError("goodbye message with an invalid rank"));
   if (goodbye.reason.empty()) return;
   stopped_by_ = Stop{static_cast<int>(frame.header.step), goodbye.reason};
   throw RunError(worker_name(stopped_by_->rank), fmt::format("stopped the run: {}", goodbye.reason));
@@ -155,7 +155,7 @@ void TreeMesh::take_progress(Neighbour& from, const FrameHeader& header) {
   if (is_open_ && header.segment != 0 && header.sequence == liveness_.call() &&
       header.segment != static_cast<std::uint32_t>(operation_) + 1)
     throw RunError(worker_name(from.rank),
-                   fmt::format("calls {} where this worker calls {}; do all workers run the same program and config?",
+                   fmt::format("calls {}, but this worker calls {}; start all workers with the same program and config",
                                name_of(static_cast<Operation>(header.segment - 1)), name_of(operation_)));
 }
 
@@ -165,8 +165,9 @@ void TreeMesh::check_neighbours() {
       // It has done its part of this call or it never will; what it did send may still be on its way.
       if (is_open_ && *num_calls <= liveness_.call()) throw liveness_.has_left(neighbour.rank);
     } else if (liveness_.is_gone(neighbour.rank)) {
-      throw RunError(worker_name(neighbour.rank),
-                     fmt::format("has gone in or before collective call {}: it was killed, crashed, or hangs", liveness_.call()));
+      throw RunError(
+          worker_name(neighbour.rank),
+          fmt::format("stopped responding in or before collective call {}: the process was killed, crashed or hangs", liveness_.call()));
     }
   }
 }
@@ -182,8 +183,8 @@ void TreeMesh::check_deadline() {
   if (now >= liveness_.deadline() && !missing.empty()) throw liveness_.missed(missing);
   if (now >= liveness_.deadline() + config_.timeout + kPassingOn)
     throw RunError(worker_name(config_.identity.rank),
-                   fmt::format("collective call {} did not end within {} ms, though all neighbours ({}) have begun it", liveness_.call(),
-                               (now - liveness_.call_began()) / milliseconds(1), listed(node_.neighbours(), ", ")));
+                   fmt::format("collective call {} did not finish within {} ms, although all neighbours ({}) have started it",
+                               liveness_.call(), (now - liveness_.call_began()) / milliseconds(1), listed(node_.neighbours(), ", ")));
 }
 
 /// Workers that have begun the open or next call, without those on that neighbour's side.
@@ -273,7 +274,8 @@ void TreeMesh::finish_sends() {
   while (!links_.wait_for_buffers(milliseconds(5))) {
     send_progress();
     while (auto frame = receive_control())
-      throw RunError(worker_name(frame->from), fmt::format("calls {} where this worker still sends", name_of(frame->header.operation)));
+      throw RunError(worker_name(frame->from),
+                     fmt::format("calls {} while this worker is still sending", name_of(frame->header.operation)));
     links_.read_monitors();
     check_neighbours();
     check_deadline();
@@ -282,7 +284,7 @@ void TreeMesh::finish_sends() {
 
 void TreeMesh::abandon(const std::string& reason) {
   if (abandoned_) return;
-  abandoned_ = reason.empty() ? "it was left" : reason;
+  abandoned_ = reason.empty() ? "it was closed" : reason;
   if (reason.empty()) links_.extend_linger(PeerLinks::Plane::bulk);
   Goodbye goodbye;
   goodbye.reason = stopped_by_ ? stopped_by_->reason : reason.substr(0, kMaxReasonBytes);

@@ -17,7 +17,7 @@ std::vector<WorkerUpdate> gather_worker_updates(Collective& collective, const Wo
   for (const std::string& of_one : collective.all_gather(bytes)) {
     WorkerUpdate& update = all.emplace_back();
     if (of_one.size() != sizeof(update))
-      throw RunError(worker_name(collective.members()[all.size() - 1]), "reports an update of another size");
+      throw RunError(worker_name(collective.members()[all.size() - 1]), "reports an update of the wrong size");
     std::memcpy(&update, of_one.data(), sizeof(update));
   }
   return all;

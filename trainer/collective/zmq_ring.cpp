@@ -26,8 +26,7 @@ void ZmqRing::set_up_shared_memory(const RingConfig& config) {
   std::string host;
   if (config.network.shared_memory) host = config.rendezvous.starts_with("ipc://") ? "ipc" : host_identity();
   const auto layout = contiguous_hosts(all_gather(host));
-  if (!layout && identity.rank == 0)
-    log_warning("workers send their sums: the ranks of one host do not follow each other, so that they cannot share memory");
+  if (!layout && identity.rank == 0) log_warning("workers exchange sums by messages: shared memory needs consecutive ranks on each host");
   if (!layout || !layout->shares() || !map_shared_memory(*layout)) return;
   if (layout->num_hosts() > 1) {
     hierarchy_.emplace(mesh_, *layout, std::move(memory_));
@@ -57,7 +56,7 @@ bool ZmqRing::map_shared_memory(const HostLayout& layout) {
   if (!leads && !path.empty()) attempt([&] { memory_.emplace(SharedMemory::open(path, bytes)); });
   for (const std::string& reason : all_gather(fault)) {
     if (reason.empty()) continue;
-    if (rank == 0) log_warning(fmt::format("workers send their sums: {}", reason));
+    if (rank == 0) log_warning(fmt::format("workers exchange sums by messages instead of shared memory: {}", reason));
     memory_.reset();
     return false;
   }
@@ -136,7 +135,7 @@ void ZmqRing::exchange_parts(Operation operation, const PartFor& part_for, Sink&
       Progress& p = progress[static_cast<std::size_t>(frame->from)];
       if (frame->header.operation != operation) mismatch(frame->from, frame->header, operation, part_for(frame->from).size());
       if (frame->header.offset != p.received || p.received_all)
-        throw RunError(worker_name(rank_of(frame->from)), "sends its part out of order");
+        throw RunError(worker_name(rank_of(frame->from)), "sends its part in the wrong order");
       sink(frame->from, frame->header, frame->bytes());
       p.received += frame->payload.size();
       p.received_all = p.received == frame->header.total;
@@ -209,7 +208,8 @@ std::vector<std::string> ZmqRing::all_gather(const std::string& bytes) {
   std::vector<std::string> parts(static_cast<std::size_t>(mesh_.identity().world_size));
   parts[static_cast<std::size_t>(mesh_.identity().rank)] = bytes;
   collective_call([&] {
-    if (bytes.size() > kMaxGatherBytes) throw RunError("all_gather", fmt::format("{} bytes, {} at most", bytes.size(), kMaxGatherBytes));
+    if (bytes.size() > kMaxGatherBytes)
+      throw RunError("all_gather", fmt::format("{} bytes exceed the limit of {}", bytes.size(), kMaxGatherBytes));
     exchange(Operation::all_gather, std::as_bytes(std::span(bytes)),
              [&](int peer, const FrameHeader& header, std::span<const std::byte> piece) {
                if (header.total > kMaxGatherBytes) mismatch(peer, header, Operation::all_gather, bytes.size());
@@ -242,7 +242,8 @@ std::string ZmqRing::hand_over(int from, const std::vector<int>& to, const std::
   const auto receives = [&](int place) { return place != from && std::ranges::find(to, place) != to.end(); };
   std::string received;
   collective_call([&] {
-    if (bytes.size() > kMaxGatherBytes) throw RunError("hand_over", fmt::format("{} bytes, {} at most", bytes.size(), kMaxGatherBytes));
+    if (bytes.size() > kMaxGatherBytes)
+      throw RunError("hand_over", fmt::format("{} bytes exceed the limit of {}", bytes.size(), kMaxGatherBytes));
     const auto part_for = [&](int place) {
       return rank == from && receives(place) ? std::as_bytes(std::span(bytes)) : std::span<const std::byte>();
     };

@@ -66,8 +66,8 @@ ParsedLog parse_log(const std::filesystem::path& file) {
       log.points.push_back(point_of(line, file.string()));
     } catch (const Json::exception&) {
       if (begin == text.size() && number > 1) break;  // a machine that crashed may leave zeros where the last line was to be
-      throw InputError(fmt::format("{}:{}", file.string(), number), "is not a line of an event log",
-                       "move the file away, or correct the line");
+      throw InputError(fmt::format("{}:{}", file.string(), number), "is not a valid line of an event log",
+                       "move the file to another folder, or correct the line");
     }
     log.lines.push_back(line);
   }
@@ -100,15 +100,16 @@ EventLog::~EventLog() {
 void EventLog::write(const CurvePoint& point) {
   const std::string line = line_of(point);
   struct stat status {};
-  if (::fstat(descriptor_, &status) != 0) throw RunError(path_.string(), "cannot be examined: " + last_error());
+  if (::fstat(descriptor_, &status) != 0) throw RunError(path_.string(), "cannot be read: " + last_error());
   ssize_t written = -1;
   do {
     written = ::write(descriptor_, line.data(), line.size());
   } while (written < 0 && errno == EINTR);
   if (written != static_cast<ssize_t>(line.size())) {
-    const std::string reason = written < 0 ? last_error() : "no space left for a whole line";
+    const std::string reason = written < 0 ? last_error() : "no space left for a complete line";
     if (written > 0 && ::ftruncate(descriptor_, status.st_size) != 0)
-      throw RunError(path_.string(), fmt::format("cannot be written ({}) nor cut back ({})", reason, last_error()));
+      throw RunError(path_.string(),
+                     fmt::format("cannot be written ({}), and the incomplete line cannot be removed ({})", reason, last_error()));
     throw RunError(path_.string(), "cannot be written: " + reason);
   }
   tensorboard_->write(static_cast<std::int64_t>(point.env_steps), point.values);

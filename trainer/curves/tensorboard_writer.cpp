@@ -158,7 +158,7 @@ void TensorBoardWriter::write_record(std::string_view event) {
     if (written <= 0) {
       const std::string reason = std::generic_category().message(errno);
       // Readers stop at a torn record: on a full disk the file ends with its last whole one.
-      if (whole < 0 || ::ftruncate(descriptor_, whole) != 0) log_warning(fmt::format("{} ends with half a record", path_.string()));
+      if (whole < 0 || ::ftruncate(descriptor_, whole) != 0) log_warning(fmt::format("{} ends with an incomplete record", path_.string()));
       throw RunError(path_.string(), "cannot be written: " + reason);
     }
     rest.remove_prefix(static_cast<std::size_t>(written));

@@ -11,7 +11,7 @@ namespace earshot {
 namespace {
 
 constexpr std::size_t kMaxText = 256 * 1024, kMaxName = 253, kMaxDigits = 9;
-constexpr const char* kRemedy = "write names as Slurm does: node[1-4,07],login";
+constexpr const char* kRemedy = "write host names in Slurm's notation, for example node[1-4,07],login";
 
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
 bool is_name_character(char c) {
@@ -27,7 +27,7 @@ class HostlistReader {
     std::vector<std::string> hosts;
     while (true) {
       std::vector<std::string> names = read_name();
-      if (hosts.size() + names.size() > max_hosts_) fail(fmt::format("stands for more than {} hosts", max_hosts_));
+      if (hosts.size() + names.size() > max_hosts_) fail(fmt::format("contains more than {} hosts", max_hosts_));
       std::ranges::move(names, std::back_inserter(hosts));
       if (at_ == text_.size()) return hosts;
       ++at_;  // the comma that ended the name
@@ -44,7 +44,7 @@ class HostlistReader {
   std::vector<std::string> read_name() {
     std::vector<std::string> names{{}};
     while (more() && text_[at_] != ',') {
-      if (text_[at_] == ']') fail("closes a bracket that is not open");
+      if (text_[at_] == ']') fail("has a closing bracket without an opening one");
       if (text_[at_] == '[') {
         names = with_endings(names, read_bracket());
       } else {
@@ -53,18 +53,18 @@ class HostlistReader {
       }
     }
     for (const auto& name : names) {
-      if (name.empty()) fail("holds an empty name");
-      if (name.size() > kMaxName) fail(fmt::format("holds a name of more than {} characters", kMaxName));
+      if (name.empty()) fail("contains an empty name");
+      if (name.size() > kMaxName) fail(fmt::format("contains a name of more than {} characters", kMaxName));
     }
     return names;
   }
 
   std::vector<std::string> with_endings(const std::vector<std::string>& names, const std::vector<std::string>& endings) const {
-    if (names.size() * endings.size() > max_hosts_) fail(fmt::format("stands for more than {} hosts", max_hosts_));
+    if (names.size() * endings.size() > max_hosts_) fail(fmt::format("contains more than {} hosts", max_hosts_));
     std::vector<std::string> all;
     all.reserve(names.size() * endings.size());
     for (const auto& name : names) {
-      if (name.size() > kMaxName) fail(fmt::format("holds a name of more than {} characters", kMaxName));
+      if (name.size() > kMaxName) fail(fmt::format("contains a name of more than {} characters", kMaxName));
       for (const auto& ending : endings) all.push_back(name + ending);
     }
     return all;
@@ -82,11 +82,11 @@ class HostlistReader {
         high = read_digits();
       }
       const std::uint64_t first = value_of(low), last = value_of(high);
-      if (last < first) fail(fmt::format("holds the range {}-{}, which falls", low, high));
-      if (numbers.size() + (last - first) >= max_hosts_) fail(fmt::format("stands for more than {} hosts", max_hosts_));
+      if (last < first) fail(fmt::format("contains the decreasing range {}-{}", low, high));
+      if (numbers.size() + (last - first) >= max_hosts_) fail(fmt::format("contains more than {} hosts", max_hosts_));
       for (std::uint64_t value = first; value <= last; ++value) numbers.push_back(fmt::format("{:0{}}", value, low.size()));
     } while (more() && text_[at_] == ',');
-    if (!more() || text_[at_] != ']') fail("has a bracket that is not closed after a number");
+    if (!more() || text_[at_] != ']') fail("has a bracket that is not closed");
     ++at_;
     return numbers;
   }
@@ -94,8 +94,8 @@ class HostlistReader {
   std::string_view read_digits() {
     const std::size_t begin = at_;
     while (more() && is_digit(text_[at_])) ++at_;
-    if (at_ == begin) fail("has a bracket without a number where one belongs");
-    if (at_ - begin > kMaxDigits) fail(fmt::format("has a number of more than {} digits", kMaxDigits));
+    if (at_ == begin) fail("has a bracket with a missing number");
+    if (at_ - begin > kMaxDigits) fail(fmt::format("contains a number of more than {} digits", kMaxDigits));
     return text_.substr(begin, at_ - begin);
   }
 
@@ -116,7 +116,7 @@ std::vector<std::string> expand_hostlist(std::string_view text, std::size_t max_
   if (text.size() > kMaxText) throw InputError("host list", fmt::format("has more than {} characters", kMaxText), kRemedy);
   for (std::size_t i = 0; i < text.size(); ++i)
     if (!is_name_character(text[i]) && text[i] != ',' && text[i] != '[' && text[i] != ']')
-      throw InputError("host list", fmt::format("has a character at position {} that no host name has", i), kRemedy);
+      throw InputError("host list", fmt::format("has an invalid character at position {}", i), kRemedy);
   return HostlistReader(text, max_hosts).read();
 }
 

@@ -67,7 +67,8 @@ class Table {
   [[nodiscard]] std::string text(const std::string& name) const {
     const auto found = variables_.find(name);
     if (found == variables_.end())
-      throw InputError(name, "is not set, but other variables of " + launcher_ + " are", "start the workers with the launcher itself");
+      throw InputError(name, "is not set, although other variables of " + launcher_ + " are set",
+                       "start the workers directly with the launcher");
     return found->second;
   }
   [[nodiscard]] std::string text_or(const std::string& name, const std::string& otherwise) const {
@@ -87,7 +88,7 @@ class Table {
   }
   [[noreturn]] void refuse_both(const std::string& one, const std::string& other) const {
     throw InputError(fmt::format("{} = {}", one, shown(text(one))), fmt::format("contradicts {} = {}", other, shown(text(other))),
-                     "unset the one that is left over from another launcher");
+                     "unset the variable that belongs to another launcher");
   }
 
  private:
@@ -166,7 +167,7 @@ Said from_slurm(const Variables& variables) {
     said.one_host = hosts.size() == 1;
     return said;
   }
-  throw InputError("SLURM_STEP_NODELIST", "is not set, but other variables of Slurm are", "start the workers with srun");
+  throw InputError("SLURM_STEP_NODELIST", "is not set, although other variables of Slurm are set", "start the workers with srun");
 }
 
 Said from_kubernetes(const Variables& variables) {
@@ -174,8 +175,8 @@ Said from_kubernetes(const Variables& variables) {
   Said said{"Kubernetes", {table.number("JOB_COMPLETION_INDEX"), 0}, "JOB_COMPLETION_INDEX", kWorldSizeName, false, {}, 0, {}};
   if (!table.has(kWorldSizeName))
     throw InputError("JOB_COMPLETION_INDEX",
-                     "is set (an indexed job of Kubernetes), but not EARSHOT_WORLD_SIZE, and Kubernetes does not tell the number of pods",
-                     "set EARSHOT_WORLD_SIZE to the job's completions; 1 if every pod trains by itself");
+                     "is set (an indexed job of Kubernetes), but EARSHOT_WORLD_SIZE is not, and Kubernetes does not set the number of pods",
+                     "set EARSHOT_WORLD_SIZE to the completions of the job, or to 1 if every pod trains alone");
   said.identity.world_size = table.number(kWorldSizeName);
   return said;
 }
@@ -221,8 +222,8 @@ std::optional<LaunchedWorker> worker_from(const Variables& variables, int first_
     for (const char* name : {kRankName, kWorldSizeName, kRendezvousName, kRunIdName})
       for (const char* other : {kRankName, kWorldSizeName, kRendezvousName, kRunIdName})
         if (own.has(name) && !own.has(other))
-          throw InputError(other, fmt::format("is not set, but {} is, and there is no launcher", name),
-                           "set all of EARSHOT_RANK, _WORLD_SIZE, _RENDEZVOUS and _RUN_ID, or none");
+          throw InputError(other, fmt::format("is not set, although {} is set and no launcher was found", name),
+                           "set all of EARSHOT_RANK, EARSHOT_WORLD_SIZE, EARSHOT_RENDEZVOUS and EARSHOT_RUN_ID, or none of them");
     return std::nullopt;
   }
   own.expect_equal(kRankName, said->rank_name);
@@ -237,8 +238,8 @@ std::optional<LaunchedWorker> worker_from(const Variables& variables, int first_
   worker.ring.identity = said->identity;
   worker.ring.run_id = own.has(kRunIdName) ? own.text(kRunIdName) : said->run_id;
   if (worker.ring.run_id.empty())
-    throw InputError(kRunIdName, fmt::format("is not set, and {} gives the job no name", said->launcher),
-                     "set EARSHOT_RUN_ID to any text that is the same in all workers and in no other run");
+    throw InputError(kRunIdName, fmt::format("is not set, and {} provides no job id", said->launcher),
+                     "set EARSHOT_RUN_ID to a text that is the same in all workers of this run and different in every other run");
   if (own.has(kRendezvousName)) {
     worker.ring.rendezvous = own.text(kRendezvousName);
   } else if (said->one_host) {
@@ -249,8 +250,8 @@ std::optional<LaunchedWorker> worker_from(const Variables& variables, int first_
     const int port = said->port > 0 ? said->port : first_port + static_cast<int>(hash64(worker.ring.run_id, 1) % num_ports);
     worker.ring.rendezvous = tcp_address(said->host, port);
   } else {
-    throw InputError(kRendezvousName, fmt::format("is not set, and {} does not say where rank 0 is", said->launcher),
-                     "set EARSHOT_RENDEZVOUS=tcp://HOST OF RANK 0:PORT for all workers");
+    throw InputError(kRendezvousName, fmt::format("is not set, and {} does not provide the address of rank 0", said->launcher),
+                     "set EARSHOT_RENDEZVOUS=tcp://HOST:PORT in all workers, with the host of rank 0");
   }
   return worker;
 }

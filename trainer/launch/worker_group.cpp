@@ -211,12 +211,12 @@ class WorkerGroup {
       lost_ = true;
       if (succeeded_) return;
       const bool again = restarts_ > 0 && !asked_to_end_ && (WIFSIGNALED(status) || WEXITSTATUS(status) == kLeftOutExitCode);
-      const char* const then = again ? "; it is started again" : "";
+      const char* const then = again ? "; restarting it" : "";
       if (WIFSIGNALED(status))
-        fmt::print(stderr, "worker {}: was killed by signal {} ({}); the others go on{}\n", rank, WTERMSIG(status),
+        fmt::print(stderr, "worker {}: was killed by signal {} ({}); the other workers continue{}\n", rank, WTERMSIG(status),
                    ::strsignal(WTERMSIG(status)), then);
       else
-        fmt::print(stderr, "worker {}: ended with code {}; the others go on{}\n", rank, WEXITSTATUS(status), then);
+        fmt::print(stderr, "worker {}: exited with code {}; the other workers continue{}\n", rank, WEXITSTATUS(status), then);
       if (!again) return;
       --restarts_;
       lost_ranks_.push_back(rank);
@@ -228,7 +228,7 @@ class WorkerGroup {
         fmt::print(stderr, "worker {}: was killed by signal {} ({}); the run ends\n", rank, WTERMSIG(status),
                    ::strsignal(WTERMSIG(status)));
       else
-        fmt::print(stderr, "worker {}: ended with code {}; the run ends\n", rank, exit_code_);
+        fmt::print(stderr, "worker {}: exited with code {}; the run ends\n", rank, exit_code_);
     }
     stop();
   }

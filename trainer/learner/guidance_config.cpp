@@ -31,7 +31,7 @@ void read(ConfigReader& reader, GuidanceConfig& config) {
 
 void validate(const GuidanceConfig& config) {
   const auto weight = [](const char* key, double value) {
-    require(value >= 0 && std::isfinite(value), key, value, "must not be negative: it weighs a loss");
+    require(value >= 0 && std::isfinite(value), key, value, "must not be negative: it is the weight of a loss");
   };
   const auto fraction = [](const char* key, double value, const char* why) { require(value >= 0 && value <= 1, key, value, why); };
   weight("guidance.imitation", config.imitation);
@@ -41,13 +41,13 @@ void validate(const GuidanceConfig& config) {
   fraction("guidance.oracle", config.oracle, "must be in [0, 1]: a fraction of the episodes");
   fraction("guidance.oracle_until", config.oracle_until, "must be in [0, 1]: a fraction of the training");
   require(config.imitation == 0 || config.imitation_until > 0, "guidance.imitation_until", config.imitation_until,
-          "must be positive: guidance.imitation would be over before it begins");
+          "must be positive: otherwise guidance.imitation ends before it begins");
   require(config.oracle == 0 || config.imitation > 0, "guidance.oracle", config.oracle,
-          "has no effect without guidance.imitation: steps of the oracle teach by imitation alone");
+          "has no effect without guidance.imitation: the oracle's steps are used for imitation only");
   require(config.oracle == 0 || config.oracle_until > 0, "guidance.oracle_until", config.oracle_until,
-          "must be positive: guidance.oracle would be over before it begins");
+          "must be positive: otherwise guidance.oracle ends before it begins");
   require(config.oracle == 0 || config.oracle_until <= config.imitation_until || config.imitation_end_weight > 0, "guidance.oracle_until",
-          config.oracle_until, "must not exceed guidance.imitation_until: steps of the oracle would teach nothing");
+          config.oracle_until, "must not exceed guidance.imitation_until: later steps of the oracle would not be imitated");
 }
 
 }  // namespace earshot

@@ -78,9 +78,9 @@ std::string describe(const SkippedStep& step) {
     case SkipCause::gradient:
       return fmt::format("the loss or gradient of {} is not finite", who);
     case SkipCause::sum:
-      return "the gradients of all workers are finite, but not their sum: it overflowed, or a message was damaged";
+      return "all workers have finite gradients, but their sum is not finite: it overflowed, or a message was damaged";
     case SkipCause::message:
-      return fmt::format("the sum that reached {} was damaged on its way", who);
+      return fmt::format("the sum received by {} was damaged in transit", who);
   }
   return {};
 }

@@ -55,8 +55,7 @@ CandidateList AdmissionDesk::decode_candidates(const std::string& text) const {
     auto list = decode<CandidateList>(text);
     for (const Candidate& candidate : list.candidates) {
       const auto rank = static_cast<std::uint32_t>(candidate.rank);
-      if (rank >= world_size || desk_.view().has(candidate.rank) || (joining >> rank & 1) != 0)
-        throw WireError("a candidate that cannot be");
+      if (rank >= world_size || desk_.view().has(candidate.rank) || (joining >> rank & 1) != 0) throw WireError("invalid candidate");
       joining |= std::uint64_t{1} << rank;
     }
     return list;

@@ -73,8 +73,8 @@ void CurveGate::answer_one() {
     const auto now = std::chrono::steady_clock::now();
     if (refused_ == 1 || now - warned_at_ >= kWarningInterval) {
       warned_at_ = now;
-      log_warning(fmt::format("refused {} unknown peers so far, the last from {}: its key is not on the allow-list", refused_.load(),
-                              frames.size() > address ? frames[address].to_string() : "an unknown address"));
+      log_warning(fmt::format("refused {} unknown peers so far; the key of the last one, from {}, is not on the allow-list",
+                              refused_.load(), frames.size() > address ? frames[address].to_string() : "an unknown address"));
     }
   }
   const std::array<std::string, 6> reply{"1.0",

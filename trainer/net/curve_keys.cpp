@@ -19,14 +19,14 @@ namespace {
 
 constexpr std::size_t kKeyLength = 40;
 constexpr std::size_t kMaxFileBytes = 1 << 20;
-constexpr const char* kMakeAnother = "make one with 'earshot keys FILE'";
+constexpr const char* kMakeAnother = "make a key file with 'earshot keys FILE'";
 
 using KeyText = std::array<char, kKeyLength + 1>;
 
 struct stat status_of(const std::filesystem::path& file, const char* remedy) {
   struct stat status {};
   if (::stat(file.c_str(), &status) != 0) throw InputError(file.string(), std::strerror(errno), remedy);
-  if (!S_ISREG(status.st_mode)) throw InputError(file.string(), "is no file", remedy);
+  if (!S_ISREG(status.st_mode)) throw InputError(file.string(), "is not a file", remedy);
   return status;
 }
 
@@ -61,12 +61,14 @@ CurveKeys make_curve_keys() {
 void write_curve_keys(const std::filesystem::path& file, const CurveKeys& keys) {
   const int descriptor = ::open(file.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
   if (descriptor < 0) {
-    if (errno == EEXIST) throw InputError(file.string(), "exists already", "name a new file, or remove it first");
+    if (errno == EEXIST) throw InputError(file.string(), "already exists", "give a new file name, or delete the file first");
     throw RunError(file.string(), fmt::format("cannot be created: {}", std::strerror(errno)));
   }
-  const std::string text =
-      fmt::format("# CURVE keys of Earshot: whoever can read this file can take part in the run\npublic {}\nsecret {}\n", keys.public_key,
-                  keys.secret_key);
+  const std::string text = fmt::format(
+      "# CURVE keys of Earshot: anyone who can read this file can join the run\n"
+      "public {}\n"
+      "secret {}\n",
+      keys.public_key, keys.secret_key);
   const bool written = ::write(descriptor, text.data(), text.size()) == static_cast<ssize_t>(text.size()) && ::fsync(descriptor) == 0;
   if (::close(descriptor) != 0 || !written) {
     ::unlink(file.c_str());
@@ -79,8 +81,8 @@ CurveKeys read_curve_keys(const std::filesystem::path& file) {
   if (status.st_uid != ::geteuid()) throw InputError(file.string(), "belongs to another user", kMakeAnother);
   if ((status.st_mode & 0077) != 0)
     throw InputError(file.string(),
-                     fmt::format("is open to other users (mode {:04o}), who could take part in the run", status.st_mode & 07777),
-                     "chmod 600; make new keys if others may have read it");
+                     fmt::format("can be accessed by other users (mode {:04o}), who could join the run", status.st_mode & 07777),
+                     "run chmod 600 on it, and make new keys if another user may have read it");
   CurveKeys keys;
   const std::string text = read_file(file, kMaxFileBytes);
   for_each_line(text, [&](std::string_view line, int number) {
@@ -91,25 +93,26 @@ CurveKeys read_curve_keys(const std::filesystem::path& file) {
       throw InputError(file.string(), fmt::format("line {} is neither 'public KEY' nor 'secret KEY'", number), kMakeAnother);
     key = value;
   });
-  if (keys.public_key.empty() || keys.secret_key.empty()) throw InputError(file.string(), "does not hold two keys", kMakeAnother);
+  if (keys.public_key.empty() || keys.secret_key.empty()) throw InputError(file.string(), "does not contain two keys", kMakeAnother);
   KeyText expected{};
   if (::zmq_curve_public(expected.data(), keys.secret_key.c_str()) != 0 || keys.public_key != expected.data())
-    throw InputError(file.string(), "holds a public key that is not that of its secret key", kMakeAnother);
+    throw InputError(file.string(), "contains a public key that does not match the secret key", kMakeAnother);
   return keys;
 }
 
 std::set<std::string> read_allow_list(const std::filesystem::path& file) {
   constexpr const char* kRemedy = "write one public key per line, as 'earshot keys' prints it";
   const struct stat status = status_of(file, kRemedy);
-  if ((status.st_mode & 0022) != 0) throw InputError(file.string(), "can be written by other users, who could add a key", "chmod go-w");
+  if ((status.st_mode & 0022) != 0)
+    throw InputError(file.string(), "can be written by other users, who could add keys", "run chmod go-w on it");
   std::set<std::string> keys;
   const std::string text = read_file(file, kMaxFileBytes);
   for_each_line(text, [&](std::string_view line, int number) {
     const std::string_view key = line.substr(0, line.find(' '));
-    if (!is_curve_key(key)) throw InputError(file.string(), fmt::format("line {} is no public key", number), kRemedy);
+    if (!is_curve_key(key)) throw InputError(file.string(), fmt::format("line {} is not a public key", number), kRemedy);
     keys.emplace(key);
   });
-  if (keys.empty()) throw InputError(file.string(), "holds no key", kRemedy);
+  if (keys.empty()) throw InputError(file.string(), "contains no key", kRemedy);
   return keys;
 }
 

@@ -71,19 +71,19 @@ TcpAddress parse_tcp(std::string_view endpoint) {
   if (!endpoint.starts_with(kTcp)) throw refuse("does not begin with tcp://");
   const std::string_view rest = endpoint.substr(kTcp.size());
   const std::size_t colon = rest.rfind(':');
-  if (colon == std::string_view::npos || colon == 0) throw refuse("names no port, or no host");
+  if (colon == std::string_view::npos || colon == 0) throw refuse("has no port or no host");
   std::string_view host = rest.substr(0, colon);
   const std::string_view port = rest.substr(colon + 1);
   const bool brackets = host.starts_with('[') && host.ends_with(']');
   if (brackets) host = host.substr(1, host.size() - 2);
-  if (host.empty() || brackets != is_ipv6(host)) throw refuse("names no host");
+  if (host.empty() || brackets != is_ipv6(host)) throw refuse("has no host");
   if (host.find_first_not_of("0123456789abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ-._:") != std::string_view::npos)
-    throw refuse("names a host with a character that no host name has");
+    throw refuse("has a host name with an invalid character");
   TcpAddress address{std::string(host), 0};
   if (port == "*") return address;
   const auto [end, error] = std::from_chars(port.data(), port.data() + port.size(), address.port);
   if (error != std::errc() || end != port.data() + port.size() || address.port < 1 || address.port > 65535)
-    throw refuse("names a port outside 1 to 65535");
+    throw refuse("has a port outside 1 to 65535");
   return address;
 }
 
@@ -107,13 +107,13 @@ std::string resolve(const std::string& host, std::chrono::steady_clock::time_poi
       std::string address = text_of(entry->ai_addr);
       if (address.empty() || is_link_local(address)) continue;
       if (is_loopback(address))
-        throw InputError(host, fmt::format("is {} by this machine's own tables, where no other host can reach it", address),
-                         "give the address of rank 0 in EARSHOT_RENDEZVOUS=tcp://ADDRESS:PORT, or correct /etc/hosts");
+        throw InputError(host, fmt::format("resolves to {} on this machine, an address that other hosts cannot reach", address),
+                         "set EARSHOT_RENDEZVOUS=tcp://ADDRESS:PORT with the address of rank 0, or correct /etc/hosts");
       return address;
     }
     if (std::chrono::steady_clock::now() >= deadline)
-      throw InputError(host, fmt::format("has no address: {}", status != 0 ? ::gai_strerror(status) : "none of IPv4 or IPv6"),
-                       "check the name, or give the address of rank 0 in EARSHOT_RENDEZVOUS=tcp://ADDRESS:PORT");
+      throw InputError(host, fmt::format("has no address: {}", status != 0 ? ::gai_strerror(status) : "neither IPv4 nor IPv6"),
+                       "check the name, or set EARSHOT_RENDEZVOUS=tcp://ADDRESS:PORT with the address of rank 0");
     std::this_thread::sleep_for(std::chrono::milliseconds(200));
   }
 }
@@ -121,7 +121,7 @@ std::string resolve(const std::string& host, std::chrono::steady_clock::time_poi
 std::string local_address_towards(const TcpAddress& remote) {
   int status = 0;
   const auto list = look_up(remote.host, std::to_string(remote.port == 0 ? 9 : remote.port), AI_NUMERICHOST | AI_NUMERICSERV, status);
-  if (!list) throw InputError(remote.host, "is no address", "name it as numbers");
+  if (!list) throw InputError(remote.host, "is not an IP address", "write a numeric IP address");
   const int descriptor = ::socket(list->ai_family, SOCK_DGRAM | SOCK_CLOEXEC, 0);
   if (descriptor < 0) throw InputError(remote.host, std::strerror(errno), "check the network of this machine");
   sockaddr_storage local{};
@@ -160,8 +160,8 @@ std::string address_of_interface(const std::string& interface, const std::string
   for (const auto& name : names) all += (all.empty() ? "" : ", ") + name;
   throw InputError("network.interface " + interface,
                    names.contains(interface) ? fmt::format("has no {} address", want_ipv6 ? "IPv6" : "IPv4")
-                                             : std::string("is no interface of this machine that is up, and none of its addresses"),
-                   "name one of " + all);
+                                             : std::string("is neither an active network interface nor an address of this machine"),
+                   "use one of " + all);
 }
 
 }  // namespace earshot

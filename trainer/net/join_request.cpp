@@ -45,7 +45,7 @@ class Asker {
   JoinAnswer ask(JoinState wanted) {
     heard_at_ = Clock::now();
     while (true) {
-      if (StopSignals::received()) throw RunError(where_, "was left by a signal before this worker had joined");
+      if (StopSignals::received()) throw RunError(where_, "a signal stopped this worker before it joined");
       send();
       const Readable readable = wait_readable(socket_, Clock::now() + kAskInterval, &handshakes_.socket());
       if (readable == Readable::second) handshakes_.read(where_, security_);
@@ -73,7 +73,7 @@ class Asker {
     answered_ = true;
     JoinAnswer answer;
     try {
-      if (parts.size() != 1) throw WireError("answer of several parts");
+      if (parts.size() != 1) throw WireError("answer with several parts");
       answer = decode<JoinAnswer>(parts[0].to_string_view());
     } catch (const WireError& error) {
       bool begins = false;
@@ -82,12 +82,12 @@ class Asker {
         begins = true;
       } catch (const WireError&) {
       }
-      if (begins) throw InputError(where_, "the run has not begun yet", "start this worker without --join");
-      throw RunError(where_, fmt::format("the run speaks another protocol: {}", error.what()));
+      if (begins) throw InputError(where_, "the run has not started yet", "start this worker without --join");
+      throw RunError(where_, fmt::format("the run uses another protocol: {}", error.what()));
     }
     if (answer.state == static_cast<std::uint8_t>(JoinState::refused))
-      throw InputError(where_, fmt::format("worker {} is refused: {}", config_.identity.rank, answer.reason),
-                       "join with the program, config and keys of the run");
+      throw InputError(where_, fmt::format("the run refuses worker {}: {}", config_.identity.rank, answer.reason),
+                       "use the same program, config and keys as the run");
     if (!answer.reason.empty() && answer.reason != reason_)
       log_info(fmt::format("worker {} waits: {}", config_.identity.rank, answer.reason));
     // A rank that still takes part is missed within an update, or this one was started twice.
@@ -104,9 +104,10 @@ class Asker {
     if (Clock::now() - heard_at_ < limit) return;
     throw RunError(
         where_, answered_
-                    ? fmt::format("no worker of the run has answered for {} ms: it has ended, or its meeting point has gone", limit.count())
-                    : fmt::format("no worker of a run has answered within {} ms; if rank 0's host is gone, set "
-                                  "EARSHOT_RENDEZVOUS to the address that the log of the lowest worker names",
+                    ? fmt::format("no worker of the run has answered for {} ms: the run has ended, or the rendezvous address has changed",
+                                  limit.count())
+                    : fmt::format("no worker of a run has answered within {} ms; if the host of rank 0 is lost, set EARSHOT_RENDEZVOUS to "
+                                  "the address in the log of the lowest worker",
                                   limit.count()));
   }
 
@@ -150,22 +151,22 @@ JoinAnswer ask_for_admission(zmq::context_t& context, const RingConfig& config, 
     const auto world_size = static_cast<std::size_t>(config.identity.world_size);
     if (answer.control_endpoints.size() != world_size || answer.bulk_endpoints.size() != world_size ||
         answer.public_keys.size() != world_size || answer.incarnations.size() != world_size)
-      throw WireError("table of another size");
+      throw WireError("table of the wrong size");
     const std::uint64_t world = world_size == 64 ? ~std::uint64_t{0} : (std::uint64_t{1} << world_size) - 1;
     const std::uint64_t own = std::uint64_t{1} << config.identity.rank;
     if (((answer.members | answer.joining) & ~world) != 0 || answer.members == 0 || (answer.members & answer.joining) != 0 ||
         (answer.joining & own) == 0 || answer.meeting_rank < 0 || answer.meeting_rank >= config.identity.world_size ||
         (answer.members >> answer.meeting_rank & 1) == 0)
-      throw WireError("view that cannot be");
+      throw WireError("invalid membership view");
     for (std::size_t rank = 0; rank < world_size; ++rank) {
       if (((answer.members | answer.joining) >> rank & 1) == 0) continue;
       if (!is_possible_endpoint(config, answer.control_endpoints[rank]) || !is_possible_endpoint(config, answer.bulk_endpoints[rank]))
-        throw WireError("endpoint where no worker listens");
+        throw WireError("invalid worker endpoint");
       if (security.encrypted() ? !is_curve_key(answer.public_keys[rank]) : !answer.public_keys[rank].empty())
-        throw WireError("key that is none");
+        throw WireError("invalid key");
     }
   } catch (const WireError& error) {
-    throw RunError(fmt::format("rendezvous {}", config.rendezvous), fmt::format("the run speaks another protocol: {}", error.what()));
+    throw RunError(fmt::format("rendezvous {}", config.rendezvous), fmt::format("the run uses another protocol: {}", error.what()));
   }
   return answer;
 }
@@ -173,7 +174,7 @@ JoinAnswer ask_for_admission(zmq::context_t& context, const RingConfig& config, 
 std::uint32_t new_incarnation() {
   std::uint32_t number = 0;
   while (number == 0)
-    if (::getrandom(&number, sizeof(number), 0) != sizeof(number)) throw RunError("getrandom", "gives no bytes");
+    if (::getrandom(&number, sizeof(number), 0) != sizeof(number)) throw RunError("getrandom", "returned no random bytes");
   return number;
 }
 

@@ -16,7 +16,7 @@ LinkSecurity::LinkSecurity(const RingConfig& config) {
   const NetworkConfig& network = config.network;
   if (!config.rendezvous.starts_with("tcp://") || network.curve_key_file.empty()) return;
   if (!has_curve())
-    throw InputError("network.curve_key_file", "needs CURVE, and this libzmq was built without it", "install a libzmq with libsodium");
+    throw InputError("network.curve_key_file", "needs CURVE, which this build of libzmq does not have", "install libzmq with libsodium");
   keys_ = read_curve_keys(network.curve_key_file);
   meeting_key_ = network.meeting_key.empty() ? keys_.public_key : network.meeting_key;
   if (!network.allow_list.empty()) allowed_ = read_allow_list(network.allow_list);
@@ -43,10 +43,10 @@ void LinkSecurity::secure_dialer(zmq::socket_t& socket, const std::string& serve
 }
 
 std::string LinkSecurity::objection_to(const std::string& public_key, const zmq::message_t& message) const {
-  if (encrypted() != !public_key.empty()) return "of it and this run one has keys and the other none";
+  if (encrypted() != !public_key.empty()) return "either it or this run has no keys";
   if (!encrypted()) return {};
   const char* proven = ::zmq_msg_gets(message.handle(), "User-Id");
-  return proven != nullptr && public_key == proven ? "" : "it says another public key than it has";
+  return proven != nullptr && public_key == proven ? "" : "its public key does not match the key of its connection";
 }
 
 }  // namespace earshot

@@ -54,13 +54,12 @@ Liveness::Clock::duration Liveness::silence(int rank, Clock::time_point since) c
 }
 
 std::string Liveness::describe_silence() const {
-  return fmt::format("has made no progress for {} ms, in or before collective call {}: it hangs in a loop", limits_.patience.count(),
-                     call_);
+  return fmt::format("has made no progress for {} ms in or before collective call {}: it is stuck", limits_.patience.count(), call_);
 }
 
 RunError Liveness::has_left(int rank) const {
   return {worker_name(rank),
-          fmt::format("has left the run after {} collective calls, this worker makes another", finished_after(rank).value_or(0))};
+          fmt::format("has finished after {} collective calls, but this worker makes another call", finished_after(rank).value_or(0))};
 }
 
 RunError Liveness::missed(const std::vector<int>& ranks) const {

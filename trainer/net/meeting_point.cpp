@@ -50,7 +50,7 @@ std::string difference(const std::string& theirs, const std::string& ours) {
   for (const auto& [key, value] : a) {
     const auto other = b.find(key);
     const std::string their_value = other == b.end() ? "(absent)" : other->second;
-    if (value != their_value) return fmt::format("its {} is {:.60}, that of the run is {:.60}", key, value, their_value);
+    if (value != their_value) return fmt::format("its {} is {:.60}, but the run has {:.60}", key, value, their_value);
   }
   return {};
 }
@@ -83,11 +83,11 @@ void MeetingPoint::open() {
   try {
     socket.bind(address_);
     socket_ = std::move(socket);
-    log_info(fmt::format("worker {} listens at {} for workers that come back", config_.identity.rank, address_));
+    log_info(fmt::format("worker {} accepts rejoining workers at {}", config_.identity.rank, address_));
   } catch (const zmq::error_t& error) {
     if (!std::exchange(warned_, true))
-      log_warning(fmt::format("worker {} cannot listen at {} for workers that come back, and tries again: {}", config_.identity.rank,
-                              address_, error.what()));
+      log_warning(fmt::format("worker {} cannot listen at {} for rejoining workers, and tries again: {}", config_.identity.rank, address_,
+                              error.what()));
   }
 }
 
@@ -135,7 +135,7 @@ void MeetingPoint::take(const std::vector<zmq::message_t>& parts, const View& vi
     try {  // a worker that was started as if the run were new
       static_cast<void>(decode<Hello>(parts[1].to_string_view()));
       Welcome welcome;
-      welcome.refusal = "the run is under way; a worker that was lost comes back with --join, where network.on_loss is continue";
+      welcome.refusal = "the run has already started; a lost worker rejoins with --join if network.on_loss is continue";
       refuse(routing_id, encode(welcome));
     } catch (const WireError&) {
       refuse(routing_id, encoded_answer(JoinState::refused, error.what()));
@@ -151,9 +151,9 @@ void MeetingPoint::take(const std::vector<zmq::message_t>& parts, const View& vi
   const bool other_waits = known != waiting_.end() && known->second.candidate.incarnation != request.incarnation &&
                            Clock::now() - known->second.heard_at < kSilenceLimit;
   if (view.has(request.rank))
-    reason = fmt::format("worker {} still takes part", request.rank);
+    reason = fmt::format("worker {} is still a member", request.rank);
   else if (other_waits)
-    reason = fmt::format("another worker {} waits already", request.rank);
+    reason = fmt::format("another process is already waiting to join as worker {}", request.rank);
   if (reason.empty()) {
     const Candidate candidate{request.rank, request.incarnation, request.control_endpoint, request.bulk_endpoint, request.public_key};
     waiting_[request.rank] = {routing_id, candidate, request.is_ready(), Clock::now()};
@@ -163,16 +163,16 @@ void MeetingPoint::take(const std::vector<zmq::message_t>& parts, const View& vi
 
 std::string MeetingPoint::objection(const JoinRequest& request, const zmq::message_t& message) const {
   const int world_size = config_.identity.world_size;
-  if (request.run_id != config_.run_id) return "its run id is that of another run";
-  if (request.world_size != world_size) return fmt::format("it expects {} workers, this run began with {}", request.world_size, world_size);
-  if (request.rank < 0 || request.rank >= world_size) return fmt::format("its rank {} is not within 0 to {}", request.rank, world_size - 1);
-  if (request.incarnation == 0) return "it is one of the first world";
-  if (request.engine != config_.engine)
-    return fmt::format("its engine is {:.40}, that of the run is {:.40}", request.engine, config_.engine);
+  if (request.run_id != config_.run_id) return "its run id belongs to another run";
+  if (request.world_size != world_size)
+    return fmt::format("it expects {} workers, but this run started with {}", request.world_size, world_size);
+  if (request.rank < 0 || request.rank >= world_size) return fmt::format("its rank {} is outside 0 to {}", request.rank, world_size - 1);
+  if (request.incarnation == 0) return "it was not started with --join";
+  if (request.engine != config_.engine) return fmt::format("its engine is {:.40}, but the run has {:.40}", request.engine, config_.engine);
   if (const std::string other = difference(request.settings, config_.settings); !other.empty()) return other;
   if (request.is_ready() &&
       (!is_possible_endpoint(config_, request.control_endpoint) || !is_possible_endpoint(config_, request.bulk_endpoint)))
-    return "its endpoints are not where workers of this run listen";
+    return "its endpoints are not valid for workers of this run";
   return security_.objection_to(request.public_key, message);
 }
 

@@ -92,12 +92,13 @@ void HandshakeMonitor::read(const std::string& where, const LinkSecurity& securi
   if (!event) return;
   ++failed_;
   if (event == ZMQ_EVENT_HANDSHAKE_FAILED_AUTH)
-    throw RunError(where, fmt::format("worker 0 does not allow the key {}: add it to its network.allow_list", security.public_key()));
+    throw RunError(where, fmt::format("worker 0 does not accept the key {}; add the key to its network.allow_list", security.public_key()));
   // After another protocol, which another mechanism counts as, libzmq does not connect again.
   if (failed_ >= kFailedHandshakes || event == ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL)
-    throw RunError(where, fmt::format("worker 0 and this worker cannot agree on keys: {}",
-                                      security.encrypted() ? "network.meeting_key is not its public key, or it has none"
-                                                           : "it has some, this worker has none"));
+    throw RunError(where,
+                   fmt::format("worker 0 and this worker do not have matching keys: {}",
+                               security.encrypted() ? "network.meeting_key is not the public key of worker 0, or worker 0 has no keys"
+                                                    : "worker 0 has keys, this worker has none"));
 }
 
 }  // namespace earshot

@@ -154,7 +154,7 @@ void MembershipDesk::check(const std::vector<int>& awaited) {
       // It has done its part of this call or it never will; what it did send may still be on its way.
       if (*num_calls < liveness_.call()) throw liveness_.has_left(rank);
     } else if (liveness_.is_gone(rank)) {
-      lose(rank, fmt::format("has gone in collective call {}: it was killed, crashed, or hangs", liveness_.call()));
+      lose(rank, fmt::format("stopped responding in collective call {}: the process was killed, crashed or hangs", liveness_.call()));
     }
   }
   for (const int rank : awaited)
@@ -163,18 +163,18 @@ void MembershipDesk::check(const std::vector<int>& awaited) {
 
 void MembershipDesk::take_view(const PeerFrame& frame) {
   try {
-    if (!config_.survives_loss()) throw WireError("a view, where a lost worker is the end (do all have the same network.on_loss?)");
+    if (!config_.survives_loss())
+      throw WireError("membership view in a run with network.on_loss=stop; set the same network.on_loss in all workers");
     const auto message = decode<ViewMessage>(frame.payload.to_string_view());
     const View view{message.epoch, message.members};
     // A worker that joins may have proposed before this one knew of it; and one that proposes now hears so again.
     if (is_guest_ && is_regrouping_) uninformed_.insert(frame.from);
     if (views_->receive(frame.from, view) != ViewAgreement::Effect::excluded) return;
     left_out_ = true;
-    if (is_guest_) throw LeftOut(worker_name(config_.identity.rank), "was not let in, as another change of membership came first");
-    throw LeftOut(worker_name(config_.identity.rank),
-                  fmt::format("was left out of the run after a pause: worker {} go on without it; what it did since is void, nothing is "
-                              "to be resumed",
-                              listed(view.ranks(), ", ")));
+    if (is_guest_) throw LeftOut(worker_name(config_.identity.rank), "was not admitted because another membership change took precedence");
+    throw LeftOut(worker_name(config_.identity.rank), fmt::format("was excluded from the run after a pause: workers {} continue without "
+                                                                  "it; its later work is lost, and there is nothing to resume",
+                                                                  listed(view.ranks(), ", ")));
   } catch (const WireError& error) {
     throw protocol_breach(frame.from, error);
   }
@@ -190,8 +190,8 @@ void MembershipDesk::propose() {
   drop_lost_peers();
   if (!views_->has_quorum()) {
     left_out_ = true;
-    throw LeftOut(worker_name(config_.identity.rank), fmt::format("reaches only worker {} of {}: others may go on without them, so that it "
-                                                                  "ends here; if they did not, go on with --resume",
+    throw LeftOut(worker_name(config_.identity.rank), fmt::format("reaches only worker {} of {}, so it stops here: the other workers may "
+                                                                  "continue without them; if they did not, continue with --resume",
                                                                   listed(views_->proposal().ranks(), ", "), listed(members_, ", ")));
   }
   if (sent_ != views_->proposal())
@@ -209,7 +209,7 @@ void MembershipDesk::drop_lost_peers() {
     const double timeout_s = config_.network.progress_timeout_s;
     const Seconds patience(joins ? std::min(kJoinPatience_s, timeout_s) : timeout_s);
     if (!liveness_.finished_after(rank) && liveness_.silence(rank, agreement_began_) < patience && !liveness_.is_gone(rank)) continue;
-    log_warning(fmt::format("worker {}: {}", rank, joins ? "did not come in time, or went again: it has not joined" : "has gone as well"));
+    log_warning(fmt::format("worker {}: {}", rank, joins ? "did not join in time, or was lost again" : "was lost as well"));
     views_->leave_out(rank);
   }
 }
@@ -231,7 +231,8 @@ void MembershipDesk::send_proposals() {
 bool MembershipDesk::is_settled() {
   if (is_guest_ && Liveness::Clock::now() - agreement_began_ >= kGuestPatience) {
     left_out_ = true;
-    throw LeftOut(worker_name(config_.identity.rank), fmt::format("was not let in by worker {}", listed(views_->current().ranks(), ", ")));
+    throw LeftOut(worker_name(config_.identity.rank),
+                  fmt::format("was not admitted by worker {}", listed(views_->current().ranks(), ", ")));
   }
   const bool all_know = std::ranges::none_of(uninformed_, [&](int rank) { return sent_.has(rank); });
   return all_know && views_->is_decided();

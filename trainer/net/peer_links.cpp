@@ -130,9 +130,9 @@ PeerFrame frame_of(ReceivedMessage message, int from, std::uint64_t run_key) {
   frame.from = from;
   auto& parts = message.parts;
   try {
-    if (message.count != parts.size()) throw WireError(fmt::format("message of {} parts", message.count));
+    if (message.count != parts.size()) throw WireError(fmt::format("message with {} parts", message.count));
     frame.header = decode_header({parts[1].data<const std::byte>(), parts[1].size()});
-    if (frame.header.run_key != run_key) throw WireError("frame of another run");
+    if (frame.header.run_key != run_key) throw WireError("frame from another run");
     if (frame.header.length != parts[2].size())
       throw WireError(fmt::format("{} bytes announced, {} sent", frame.header.length, parts[2].size()));
   } catch (const WireError& error) {

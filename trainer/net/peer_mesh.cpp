@@ -62,7 +62,7 @@ PeerMesh::PeerMesh(const RingConfig& config)
 PeerMesh::~PeerMesh() {
   try {
     if (abandoned_) return;
-    abandon(std::uncaught_exceptions() > exceptions_at_start_ ? "an error of its own" : "");
+    abandon(std::uncaught_exceptions() > exceptions_at_start_ ? "an internal error" : "");
   } catch (const std::exception& error) {
     log_error(fmt::format("leaving the run: {}", error.what()));
   }
@@ -85,7 +85,7 @@ void PeerMesh::connect_bulk(int right, int left) {
 }
 
 void PeerMesh::begin(std::uint64_t sequence) {
-  if (abandoned_) throw RunError("workers", fmt::format("the run was stopped before: {}", *abandoned_));
+  if (abandoned_) throw RunError("workers", fmt::format("the run has already stopped: {}", *abandoned_));
   liveness_.begin(sequence);
 }
 
@@ -131,7 +131,7 @@ std::optional<PeerMesh::Frame> PeerMesh::receive_control() {
     } else if (header.sequence == call) {
       return with_place(std::move(*frame), membership_);
     } else {  // every call needs something from every worker, so no worker can be two calls ahead, or behind
-      throw RunError(worker_name(rank), fmt::format("is at collective call {} where this worker is at {}", header.sequence, call));
+      throw RunError(worker_name(rank), fmt::format("is at collective call {}, but this worker is at {}", header.sequence, call));
     }
   }
   return std::nullopt;
@@ -156,7 +156,7 @@ std::optional<PeerMesh::Frame> PeerMesh::receive_bulk() {
   }
   if (!frame) return std::nullopt;
   if (frame->from != rank_of(left()) || frame->header.sequence != liveness_.call())
-    throw RunError(worker_name(frame->from), fmt::format("sends part of collective call {} where call {} of worker {} is due",
+    throw RunError(worker_name(frame->from), fmt::format("sends part of collective call {}, but call {} of worker {} is expected",
                                                          frame->header.sequence, liveness_.call(), rank_of(left())));
   return with_place(std::move(*frame), membership_);
 }
@@ -169,7 +169,7 @@ void PeerMesh::check_peers(const std::vector<int>& awaited) {
     if (!liveness_.finished_after(neighbour) && !links_.lost_at(neighbour)) {
       const std::string fault = fmt::format("the connection for gradients to worker {} broke", neighbour);
       if (!config_.survives_loss()) throw RunError(worker_name(config_.identity.rank), fault);
-      log_warning(fmt::format("worker {}: {}, and is opened anew", config_.identity.rank, fault));
+      log_warning(fmt::format("worker {}: {}, and is opened again", config_.identity.rank, fault));
       membership_.renew();
     }
   }
@@ -207,7 +207,7 @@ int PeerMesh::num_waiting(std::uint64_t next) {
 
 PeerMesh::Change PeerMesh::regroup() {
   links_.disconnect_bulk();
-  if (!links_.wait_for_buffers(kBuffersBack)) throw RunError("ZeroMQ", "does not give lent buffers back");
+  if (!links_.wait_for_buffers(kBuffersBack)) throw RunError("ZeroMQ", "does not return its buffers");
   membership_.open_agreement();
   while (true) {
     while (receive_control()) {
@@ -252,7 +252,7 @@ void PeerMesh::finish_sends() {
     send_progress(true);
     while (auto frame = receive_control())
       throw RunError(worker_name(rank_of(frame->from)),
-                     fmt::format("calls {} where this worker still sends", name_of(frame->header.operation)));
+                     fmt::format("calls {} while this worker is still sending", name_of(frame->header.operation)));
     links_.read_monitors();
     check_peers({rank_of(right())});
   }
@@ -260,7 +260,7 @@ void PeerMesh::finish_sends() {
 
 void PeerMesh::abandon(const std::string& reason) {
   if (abandoned_) return;
-  abandoned_ = reason.empty() ? "it was left" : reason;
+  abandoned_ = reason.empty() ? "it was closed" : reason;
   if (reason.empty()) {
     links_.extend_linger(PeerLinks::Plane::bulk);
     links_.extend_linger(PeerLinks::Plane::control);

@@ -38,16 +38,17 @@ std::string listening_path(const RingConfig& config, const std::string& traffic)
 void check_private_folder(const RingConfig& config) {
   const std::filesystem::path socket = config.rendezvous.substr(kIpc.size());
   if (socket.empty() || config.rendezvous[kIpc.size()] == '@')
-    throw InputError(config.rendezvous, "is not the path of a socket file", "write ipc:///FOLDER/NAME");
+    throw InputError(config.rendezvous, "is not a path for a socket file", "write ipc:///FOLDER/NAME");
   if (listening_path(config, "control").size() > kMaxSocketPath)
-    throw InputError(config.rendezvous, fmt::format("is too long for a socket file ({} characters at most)", kMaxSocketPath),
-                     "use a shorter folder, in /tmp for example");
+    throw InputError(config.rendezvous, fmt::format("is too long for a socket file (at most {} characters)", kMaxSocketPath),
+                     "use a shorter path, for example in /tmp");
   const std::filesystem::path folder = socket.has_parent_path() ? socket.parent_path() : ".";
   struct stat status {};
   if (::stat(folder.c_str(), &status) != 0 || !S_ISDIR(status.st_mode))
-    throw InputError(folder.string(), "is no folder", "create it for the rendezvous, mode 0700");
+    throw InputError(folder.string(), "is not a folder", "create it with mode 0700");
   if (status.st_uid != ::geteuid() || (status.st_mode & 0077) != 0)
-    throw InputError(folder.string(), "is open to other users, who could join the run there", "chmod 700, or take a folder of your own");
+    throw InputError(folder.string(), "can be accessed by other users, who could join the run",
+                     "run chmod 700 on it, or use a private folder");
 }
 
 /// By rank, whether it is told where that other one is: all others, or its neighbours in the tree and in the ring.
@@ -72,7 +73,7 @@ class Host {
     socket_.set(zmq::sockopt::router_mandatory, true);
     if (config.identity.world_size > kMaxMeshWorkers) {
       file_limit_.emplace(config.identity.world_size + kOtherFiles, "rank 0",
-                          "raise the hard limit on rank 0's host, or start fewer workers");
+                          "raise the hard limit on the host of rank 0, or start fewer workers");
       socket_.set(zmq::sockopt::backlog, config.identity.world_size);
     }
     security.secure_listener(socket_);
@@ -80,7 +81,7 @@ class Host {
       socket_.bind(meeting_address(config));
     } catch (const zmq::error_t& error) {
       throw InputError(config.rendezvous, fmt::format("cannot listen there: {}", error.what()),
-                       "choose another address or port; rank 0 listens there, and has to run on that host");
+                       "choose another address or port; rank 0 must run on that host");
     }
     table_.control_endpoints.resize(addresses_.size());
     table_.bulk_endpoints.resize(addresses_.size());
@@ -88,7 +89,8 @@ class Host {
     table_.public_keys[0] = security.public_key();
     table_.control_endpoints[0] = control_endpoint;
     table_.bulk_endpoints[0] = bulk_endpoint;
-    if (::getrandom(&table_.run_key, sizeof(table_.run_key), 0) != sizeof(table_.run_key)) throw RunError("getrandom", "gives no bytes");
+    if (::getrandom(&table_.run_key, sizeof(table_.run_key), 0) != sizeof(table_.run_key))
+      throw RunError("getrandom", "returned no random bytes");
   }
 
   /// The socket at which it listened.
@@ -99,7 +101,7 @@ class Host {
     while (!missing().empty()) {
       if (wait_readable(socket_, deadline) == Readable::none)
         throw RunError(fmt::format("rendezvous {}", config_.rendezvous),
-                       fmt::format("worker {} of {} did not come within {} ms", listed(missing(), ", "), config_.identity.world_size,
+                       fmt::format("worker {} of {} did not connect within {} ms", listed(missing(), ", "), config_.identity.world_size,
                                    config_.timeout.count()));
       admit(receive_parts(socket_));
     }
@@ -107,7 +109,7 @@ class Host {
       try {
         send(*addresses_[rank], welcome_for(static_cast<int>(rank)));
       } catch (const zmq::error_t&) {
-        throw RunError(worker_name(static_cast<int>(rank)), "left before the run began");
+        throw RunError(worker_name(static_cast<int>(rank)), "disconnected before the run started");
       }
     }
     return table_;
@@ -166,12 +168,12 @@ class Host {
 
   [[nodiscard]] std::string objection(const Hello& hello, const zmq::message_t& message) const {
     const int world_size = config_.identity.world_size;
-    if (hello.run_id != config_.run_id) return "its run id is that of another run";
-    if (hello.world_size != world_size) return fmt::format("it expects {} workers, this run has {}", hello.world_size, world_size);
-    if (hello.rank < 1 || hello.rank >= world_size) return fmt::format("its rank {} is not within 1 to {}", hello.rank, world_size - 1);
-    if (addresses_[static_cast<std::size_t>(hello.rank)]) return fmt::format("rank {} is taken", hello.rank);
+    if (hello.run_id != config_.run_id) return "its run id belongs to another run";
+    if (hello.world_size != world_size) return fmt::format("it expects {} workers, but this run has {}", hello.world_size, world_size);
+    if (hello.rank < 1 || hello.rank >= world_size) return fmt::format("its rank {} is outside 1 to {}", hello.rank, world_size - 1);
+    if (addresses_[static_cast<std::size_t>(hello.rank)]) return fmt::format("rank {} is already taken", hello.rank);
     if (!is_possible_endpoint(config_, hello.control_endpoint) || !is_possible_endpoint(config_, hello.bulk_endpoint))
-      return "its endpoints are not where workers of this run listen";
+      return "its endpoints are not valid for workers of this run";
     return security_.objection_to(hello.public_key, message);
   }
 
@@ -236,31 +238,30 @@ PeerTable join(zmq::context_t& context, const RingConfig& config, const std::str
       handshakes.read(where, security);
       continue;
     }
-    throw RunError(where, fmt::format("worker 0 did not answer within {} ms, or not all workers came", config.timeout.count()));
+    throw RunError(where, fmt::format("worker 0 did not answer within {} ms, or not all workers connected", config.timeout.count()));
   }
   const auto parts = receive_parts(socket);
   try {
-    if (parts.size() != 1) throw WireError("answer of several parts");
+    if (parts.size() != 1) throw WireError("answer with several parts");
     Welcome welcome = decode<Welcome>(parts[0].to_string_view());
     if (!welcome.refusal.empty())
       throw RunError(where, fmt::format("worker 0 refuses worker {}: {}", config.identity.rank, welcome.refusal));
     const auto world_size = static_cast<std::size_t>(config.identity.world_size);
     if (welcome.control_endpoints.size() != world_size || welcome.bulk_endpoints.size() != world_size ||
         welcome.public_keys.size() != world_size)
-      throw WireError("table of another size");
+      throw WireError("table of the wrong size");
     const std::vector<bool> contacts = contacts_of(config.identity);
     for (std::size_t rank = 0; rank < world_size; ++rank) {
       for (const auto* endpoints : {&welcome.control_endpoints, &welcome.bulk_endpoints}) {
         const std::string& endpoint = (*endpoints)[rank];
-        if (contacts[rank] ? !is_possible_endpoint(config, endpoint) : !endpoint.empty())
-          throw WireError("endpoint where no worker listens");
+        if (contacts[rank] ? !is_possible_endpoint(config, endpoint) : !endpoint.empty()) throw WireError("invalid worker endpoint");
       }
       const std::string& key = welcome.public_keys[rank];
-      if (contacts[rank] && security.encrypted() ? !is_curve_key(key) : !key.empty()) throw WireError("key that is none");
+      if (contacts[rank] && security.encrypted() ? !is_curve_key(key) : !key.empty()) throw WireError("invalid key");
     }
     return {welcome.run_key, std::move(welcome.control_endpoints), std::move(welcome.bulk_endpoints), std::move(welcome.public_keys), 0, 0};
   } catch (const WireError& error) {
-    throw RunError(where, fmt::format("worker 0 speaks another protocol: {}", error.what()));
+    throw RunError(where, fmt::format("worker 0 uses another protocol: {}", error.what()));
   }
 }
 
@@ -270,21 +271,22 @@ void validate(const RingConfig& config) {
   const auto [rank, world_size] = config.identity;
   require(world_size >= 1 && world_size <= kMaxWorkers, "world size", world_size, fmt::format("must be 1 to {} workers", kMaxWorkers));
   validate_world(world_size, config.network.on_loss);
-  require(rank >= 0 && rank < world_size, "rank", rank, fmt::format("must be within 0 to {}", world_size - 1));
+  require(rank >= 0 && rank < world_size, "rank", rank, fmt::format("must be in 0 to {}", world_size - 1));
   require(config.run_id.size() <= 256, "run id", config.run_id.substr(0, 32), "must have at most 256 characters");
-  require(config.timeout.count() > 0, "timeout", config.timeout.count(), "must be positive: no call waits for ever");
-  require(config.heartbeat.count() > 0, "heartbeat", config.heartbeat.count(), "must be positive: it is how a dead peer is noticed");
+  require(config.timeout.count() > 0, "timeout", config.timeout.count(), "must be positive: every call has a time limit");
+  require(config.heartbeat.count() > 0, "heartbeat", config.heartbeat.count(), "must be positive: it detects lost peers");
   require(config.incarnation == 0 || (world_size > 1 && config.network.on_loss == OnLoss::go_on), "network.on_loss", "stop",
-          "must be continue, and the world more than one worker, where a worker is to join a run that goes on without it");
+          "must be continue, with more than one worker, for --join");
   if (world_size == 1) return;
   if (config.rendezvous.starts_with(kIpc)) {
     check_private_folder(config);
   } else if (config.rendezvous.starts_with(kTcp)) {
-    require(parse_tcp(config.rendezvous).port > 0, "rendezvous", config.rendezvous, "must name a port: the workers look for rank 0 there");
+    require(parse_tcp(config.rendezvous).port > 0, "rendezvous", config.rendezvous,
+            "must have a port: the workers connect to rank 0 there");
     validate(config.network);
     if (leaves_host(config.rendezvous) && config.network.curve_key_file.empty() && !config.network.insecure)
-      throw InputError(config.rendezvous, "can be reached from other hosts, and there are no keys for CURVE",
-                       "make some with 'earshot keys FILE' and set network.curve_key_file=FILE on all hosts, or say --insecure-network");
+      throw InputError(config.rendezvous, "can be reached from other hosts, but no encryption keys are set",
+                       "make keys with 'earshot keys FILE' and set network.curve_key_file=FILE on all hosts, or use --insecure-network");
   } else {
     throw InputError(fmt::format("rendezvous '{}'", config.rendezvous), "is not an address", "write tcp://HOST:PORT or ipc:///FOLDER/NAME");
   }

@@ -40,15 +40,15 @@ void read(ConfigReader& reader, NetworkConfig& config) {
 void validate(const NetworkConfig& config) {
   ports_of(config);
   require(config.progress_timeout_s >= 0.1 && config.progress_timeout_s <= 1e6, "network.progress_timeout_s", config.progress_timeout_s,
-          "must be in [0.1, 1e6]: a worker that makes no progress for so long counts as lost");
+          "must be in [0.1, 1e6]: a worker without progress for this time counts as lost");
   require(config.restarts >= 0 && config.restarts <= 1000000, "network.restarts", config.restarts,
-          "must be in [0, 1000000]: how often a lost worker is started again");
+          "must be in [0, 1000000]: number of restarts of a lost worker");
   require(config.restarts == 0 || config.on_loss == OnLoss::go_on, "network.restarts", config.restarts,
-          "needs network.on_loss=continue: else the run ends with the first lost worker");
+          "needs network.on_loss=continue: otherwise the run ends with the first lost worker");
   require(!config.insecure || config.curve_key_file.empty(), "network.insecure", true,
-          "contradicts network.curve_key_file: leave one of them out");
+          "contradicts network.curve_key_file: set only one of them");
   require(config.allow_list.empty() || !config.curve_key_file.empty(), "network.allow_list", config.allow_list,
-          "needs network.curve_key_file: without keys of its own a worker knows no other's");
+          "needs network.curve_key_file: a worker without keys cannot check the keys of others");
   require(config.meeting_key.empty() || !config.curve_key_file.empty(), "network.meeting_key", config.meeting_key,
           "needs network.curve_key_file");
   require(config.meeting_key.empty() || is_curve_key(config.meeting_key), "network.meeting_key", config.meeting_key,
@@ -60,7 +60,7 @@ std::string worker_name(int rank) { return fmt::format("worker {}", rank); }
 void validate_world(int num_workers, OnLoss on_loss) {
   require(num_workers >= 1 && num_workers <= kMaxWorkers, "workers", num_workers, fmt::format("must be in [1, {}]", kMaxWorkers));
   require(num_workers <= kMaxMeshWorkers || on_loss == OnLoss::stop, "network.on_loss", "continue",
-          fmt::format("must be stop with {} workers: more than {} do not go on without one of them", num_workers, kMaxMeshWorkers));
+          fmt::format("must be stop with {} workers: only up to {} workers can continue after a loss", num_workers, kMaxMeshWorkers));
 }
 
 }  // namespace earshot

@@ -80,9 +80,9 @@ FrameHeader decode_header(std::span<const std::byte> bytes) {
   take(version);
   if (magic != kMagic) throw WireError("frame without the magic number");
   if (version != kWireVersion)
-    throw WireError("frame of protocol version " + std::to_string(version) + ", this program speaks " + std::to_string(kWireVersion));
+    throw WireError("frame with protocol version " + std::to_string(version) + ", this program uses " + std::to_string(kWireVersion));
   take(operation);
-  if (operation > kLastOperation) throw WireError("frame of unknown operation " + std::to_string(operation));
+  if (operation > kLastOperation) throw WireError("frame with unknown operation " + std::to_string(operation));
   header.operation = static_cast<Operation>(operation);
   take(header.phase);
   take(header.run_key);
@@ -94,7 +94,7 @@ FrameHeader decode_header(std::span<const std::byte> bytes) {
   take(header.total);
   take(header.epoch);
   if (header.length > kChunkBytes || header.offset > header.total || header.length > header.total - header.offset)
-    throw WireError("frame whose lengths cannot be");
+    throw WireError("frame with invalid lengths");
   return header;
 }
 

@@ -141,14 +141,14 @@ T decode(std::string_view bytes, std::size_t max_bytes = kMaxControlBytes) {
     const std::size_t limit = bytes.size();
     const msgpack::object_handle handle =
         msgpack::unpack(bytes.data(), bytes.size(), offset, nullptr, nullptr, msgpack::unpack_limit(limit, limit, limit, limit, limit, 8));
-    if (offset != bytes.size()) throw WireError("bytes after the end of a control message");
+    if (offset != bytes.size()) throw WireError("extra bytes at the end of a control message");
     const msgpack::object& object = handle.get();
     if (object.type != msgpack::type::ARRAY || object.via.array.size == 0) throw WireError("control message is not a list");
     const auto version = object.via.array.ptr[0].as<std::uint64_t>();
     if (version != kWireVersion)
-      throw WireError("protocol version " + std::to_string(version) + ", this program speaks " + std::to_string(kWireVersion));
+      throw WireError("protocol version " + std::to_string(version) + ", this program uses " + std::to_string(kWireVersion));
     T message;
-    if (object.via.array.size < T::kFields) throw WireError("control message lacks fields");
+    if (object.via.array.size < T::kFields) throw WireError("control message with missing fields");
     object.convert(message);
     return message;
   } catch (const WireError&) {

@@ -49,7 +49,7 @@ void EpisodeWindow::restore(std::span<const double> state, int num_fields) {
   const auto width = static_cast<std::size_t>(std::max(num_fields, 0));
   if (width < 1 || width > EpisodeSums::num_fields || state.size() % width != 0 ||
       !std::ranges::all_of(state, [](double value) { return std::isfinite(value); }))
-    throw InputError("episode window of the checkpoint", "is not a list of finite sums", "take an earlier checkpoint");
+    throw InputError("episode window of the checkpoint", "is not a list of finite sums", "use an earlier checkpoint");
   recent_.clear();
   for (std::size_t first = 0; first < state.size(); first += width) {
     EpisodeSums sums;

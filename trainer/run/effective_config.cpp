@@ -116,8 +116,9 @@ RunConfig parse_effective_config(const std::string& yaml, const std::string& whe
   for (const auto& text : overrides)
     for (const char* key : {"env.acoustics.preset", "seed"})
       if (text.starts_with(std::string(key) + "="))
-        throw InputError("override '" + text + "'", "sets the defaults of other keys, and a checkpoint holds the value of every key",
-                         "override those keys");
+        throw InputError("override '" + text + "'",
+                         "sets several keys at once, which is not possible for a checkpoint: it contains the value of every key",
+                         "override the keys one by one");
   return parse_run_config(yaml, where, overrides);
 }
 

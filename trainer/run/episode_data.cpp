@@ -19,7 +19,7 @@ constexpr const char* kGeneratorVersion = "1";
 }  // namespace
 
 EpisodeSet generate_data(const DataConfig& data, const EnvConfig& env) {
-  if (data.scenes.empty()) throw InputError("data.scenes", "is empty", "name at least one SCENE, for example house:1");
+  if (data.scenes.empty()) throw InputError("data.scenes", "is empty", "give at least one scene, for example house:1");
   Progress progress("episodes", "scene", expand_ranges(data.scenes).size());
   EpisodeSet set = make_episodes(data, env.task, make_scene_cache(env), [&](std::size_t done) { progress.update(done); });
   set.generator = generator_keys(data, env);
@@ -55,13 +55,13 @@ std::map<std::string, std::string> expected_generator(const DataConfig& data, co
 void check_generator(const EpisodeSet& set, const std::map<std::string, std::string>& expected, const std::string& file,
                      const std::string& remedy) {
   if (expected.empty()) return;
-  if (set.generator.empty()) throw InputError(file, "does not say which keys its episodes were made from", remedy);
+  if (set.generator.empty()) throw InputError(file, "does not contain the keys that its episodes were made from", remedy);
   const auto changes = config_changes(set.generator, expected);
   if (changes.empty()) return;
   const std::string more = changes.size() > 1 ? fmt::format(" ({} more keys differ)", changes.size() - 1) : "";
   throw InputError(
       file,
-      fmt::format("was made with {} = {}, the config says {}{}", changes.front().key, changes.front().before, changes.front().now, more),
+      fmt::format("was made with {} = {}, but the config has {}{}", changes.front().key, changes.front().before, changes.front().now, more),
       remedy);
 }
 

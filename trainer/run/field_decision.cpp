@@ -16,13 +16,13 @@ FieldDecision decide(const RunConfig& config, const std::filesystem::path& resum
     const std::string yaml = load_checkpoint_metadata(resume).config_yaml;
     field = parse_run_config(yaml, resume.string() + " (its config)", {}).env.acoustics.field;
     if (field != Switch::automatic) {
-      decision.text = fmt::format("env.acoustics.field auto: {}, as in the run that goes on", field == Switch::on ? "on" : "off");
+      decision.text = fmt::format("env.acoustics.field auto: {}, as in the resumed run", field == Switch::on ? "on" : "off");
       return decision;
     }
   }
   field = Switch::off;
   if (config.train.file.empty() || !std::filesystem::exists(config.train.file)) {
-    decision.text = "env.acoustics.field auto: off, there is no training set that says how many places share a source";
+    decision.text = "env.acoustics.field auto: off, because there is no training set to count the listeners per source";
     return decision;
   }
   const FieldChoice choice =

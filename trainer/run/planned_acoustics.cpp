@@ -17,8 +17,8 @@ constexpr const char* kPlanVersion = "1";
 
 std::string plan_text(const RunConfig& config, const EnvAccuracy& accuracy) {
   const AccuracyChoice& choice = accuracy.plan.choice();
-  std::string text =
-      fmt::format("# What env.accuracy \"{}\" came to for {}; remove this file to choose anew.\n", config.env.accuracy, config.train.file);
+  std::string text = fmt::format("# Acoustic settings planned for env.accuracy \"{}\" in {}; delete this file to plan again.\n",
+                                 config.env.accuracy, config.train.file);
   text += fmt::format("method: {}\npredicted: {}\nscenes_tried: {}\nms_per_source: {:.1f}\nms_per_response: {:.3f}\nacoustics:\n",
                       choice.method, text_of(choice.predicted), accuracy.scenes, choice.per_source_ms, choice.per_pose_ms);
   for (const std::string& setting : settings_of(choice)) {
@@ -48,7 +48,8 @@ RunConfig read_plan(const RunConfig& config, const std::filesystem::path& file) 
 
 std::filesystem::path acoustics_plan_file(const RunConfig& config, const std::filesystem::path& folder) {
   if (config.train.file.empty())
-    throw InputError("env.accuracy", "is planned on the episodes of data.train.file, and there is none", "name an episode set");
+    throw InputError("env.accuracy", "needs data.train.file: it is planned on the episodes of that set",
+                     "set data.train.file to an episode set");
   EnvConfig asked;
   asked.task = config.env.task;
   asked.navmesh = config.env.navmesh;
@@ -75,7 +76,7 @@ RunConfig plan_acoustics(const RunConfig& config) {
   const std::filesystem::path file = acoustics_plan_file(config, config.out);
   write_file_atomically(file, plan_text(config, accuracy));
   const AccuracyChoice& choice = accuracy.plan.choice();
-  fmt::print("env.accuracy {}: {}, the cheapest of {} candidates in {} scenes of {}, predicted {}; kept in {}\n", config.env.accuracy,
+  fmt::print("env.accuracy {}: {} (cheapest of {} candidates in {} scenes of {}), predicted {}; written to {}\n", config.env.accuracy,
              choice.method, accuracy.plan.tried.size(), accuracy.scenes, config.train.file, text_of(choice.predicted), file.string());
   fmt::print("  {}\n", listed(settings_of(choice), " "));
   return read_plan(config, file);

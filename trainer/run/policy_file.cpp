@@ -20,7 +20,7 @@ Checkpoint policy_of(const Checkpoint& checkpoint, WeightStorage storage) {
   for (auto& [name, tensor] : policy.weights) {
     tensor = tensor.to(torch::kFloat16);
     if (!torch::isfinite(tensor).all().item<bool>())
-      throw InputError("weights '" + name + "'", "have values that float16 cannot hold", "store them as float32");
+      throw InputError("weights '" + name + "'", "have values outside the range of float16", "leave out --float16");
   }
   return policy;
 }
@@ -58,7 +58,7 @@ std::string policy_json(const Checkpoint& checkpoint, const std::string& where) 
 std::string describe_policy(const Checkpoint& checkpoint, const std::string& where) {
   const std::int64_t num_parameters = num_parameters_of(checkpoint);
   const RunConfig config = parse_effective_config(checkpoint.config_yaml, where + " (its config)", {});
-  std::string text = fmt::format("{}: {}\n", where, checkpoint.is_policy ? "policy" : "checkpoint of a training");
+  std::string text = fmt::format("{}: {}\n", where, checkpoint.is_policy ? "policy" : "training checkpoint");
   text += fmt::format("  name          {}\n  architecture  {}\n  parameters    {}\n", config.name, checkpoint.architecture, num_parameters);
   text += fmt::format("  trained       {} steps, {} updates, {:.1f} min, seed {}, {} worker{}\n", checkpoint.env_steps, checkpoint.update,
                       checkpoint.elapsed_s / 60, checkpoint.seed, checkpoint.world_size, checkpoint.world_size == 1 ? "" : "s");

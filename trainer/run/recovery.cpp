@@ -18,7 +18,8 @@ namespace {
 constexpr const char* kJoins = "joins";
 
 RunError different_weights() {
-  return RunError("workers", "hold different weights; are they the same program, config and seed, on sound memory?");
+  return RunError("workers",
+                  "have different weights; start all workers with the same program, config and seed, and check the memory of the hosts");
 }
 
 }  // namespace
@@ -74,7 +75,7 @@ void Recovery::recover(const MembershipChange& change) {
   if (rank != 0) return;
   report_.open_files();
   const auto named = [](const std::vector<int>& ranks) { return ranks.empty() ? std::string("none") : listed(ranks, ", "); };
-  log_warning(fmt::format("update {}: lost worker {}, joined worker {}; worker {} go on", progress_.update(), named(lost), named(joined),
+  log_warning(fmt::format("update {}: lost worker {}, joined worker {}; worker {} continue", progress_.update(), named(lost), named(joined),
                           listed(collective_.members(), ", ")));
 }
 
@@ -83,7 +84,7 @@ bool Recovery::agree_on_state() {
   const Standing standing = gather_standing();
   if (!joins_ && (progress_.update() > standing.last || learning_)) {
     if (!last_whole_update_ || last_whole_update_->update != standing.last)
-      throw RunError("workers", fmt::format("are at updates {} and {}, too far from each other", standing.last, progress_.update()));
+      throw RunError("workers", fmt::format("are at updates {} and {}, which is too far apart", standing.last, progress_.update()));
     go_back();
   }
   learning_ = false;
@@ -110,12 +111,12 @@ Recovery::Standing Recovery::gather_standing() {
     if (standing.source < 0) standing.source = static_cast<int>(place);
     std::uint64_t update = 0, lost = 0, joined = 0;
     if (!(std::istringstream(of_all[place]) >> update >> lost >> joined))
-      throw RunError(worker_name(collective_.members()[place]), "does not say how far it is");
+      throw RunError(worker_name(collective_.members()[place]), "does not report its update");
     standing.last = std::min(standing.last, update);
     // A change that some have not seen, as another one followed it at once.
     report_.raise_member_counts(lost, joined);
   }
-  if (standing.source < 0) throw RunError("workers", "all that had the state of the run were lost; go on with --resume");
+  if (standing.source < 0) throw RunError("workers", "all workers with the state of the run are lost; continue with --resume");
   return standing;
 }
 
@@ -136,7 +137,7 @@ bool Recovery::check_equal_learners(const Standing& standing) {
 }
 
 void Recovery::go_back() {
-  load_learner(last_whole_update_->learner, "the update before");
+  load_learner(last_whole_update_->learner, "the previous update");
   progress_.go_back(last_whole_update_->update, last_whole_update_->env_steps);
   report_.go_back(last_whole_update_->guards, last_whole_update_->updates_without_step);
 }

@@ -54,27 +54,27 @@ RunConfig read_run(ConfigReader reader) {
   reader.finish();
 
   validate(config.env);
-  require(config.env.autoreset == Autoreset::same_step, "env.autoreset", "another than same_step",
-          "has no place in a run: rollouts and evaluations take the next episode in the step that ends one");
+  require(config.env.autoreset == Autoreset::same_step, "env.autoreset", config.env.autoreset == Autoreset::off ? "off" : "next_step",
+          "must be same_step in a run: rollouts and evaluations start the next episode in the step that ends one");
   require(config.env.agents == 1, "env.agents", config.env.agents,
-          "has no place in a run yet: rollouts and results have one agent per environment; BatchedEnv and `earshot bench env` take more");
+          "must be 1 in a run: rollouts and results have one agent per environment; BatchedEnv and 'earshot bench env' support more");
   validate(config.policy);
   validate(config.ppo);
   validate(config.guidance);
   validate(config.network);
   require(config.guidance.goal == 0 || config.policy.goal_heads, "guidance.goal", config.guidance.goal,
-          "has no effect without policy.goal_heads: nothing says where the goal is");
+          "has no effect without policy.goal_heads, which predict the goal");
   require(config.guidance.goal > 0 || !config.policy.goal_heads, "policy.goal_heads", true,
-          "has no effect without guidance.goal: nothing would teach them");
+          "has no effect without guidance.goal, the weight of their loss");
   require(config.schedule == Schedule::steps || config.max_minutes > 0, "schedule", "minutes", "needs max_minutes");
   validate_world(config.workers, config.network.on_loss);
   require(config.envs_per_worker >= 1, "envs_per_worker", config.envs_per_worker, "must be positive");
-  require(!config.overlap || config.envs_per_worker >= 2, "overlap", true, "needs at least two environments in a worker");
+  require(!config.overlap || config.envs_per_worker >= 2, "overlap", true, "needs at least two environments per worker");
   require(config.rollout_steps >= 1, "rollout_steps", config.rollout_steps, "must be positive");
   require(config.total_steps >= 1, "total_steps", config.total_steps, "must be positive");
-  require(config.max_minutes >= 0, "max_minutes", config.max_minutes, "must not be negative; 0 means no bound");
+  require(config.max_minutes >= 0, "max_minutes", config.max_minutes, "must not be negative; 0: no time limit");
   require(config.checkpoint_every >= 1, "checkpoint_every", config.checkpoint_every, "must be positive");
-  require(config.keep >= 1, "keep", config.keep, "must be positive: the newest checkpoint always stays");
+  require(config.keep >= 1, "keep", config.keep, "must be positive: the newest checkpoint is always kept");
   require(config.eval_envs >= 1, "eval_envs", config.eval_envs, "must be positive");
   require(!config.out.empty(), "out", config.out, "must name a folder");
   return config;

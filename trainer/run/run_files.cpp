@@ -19,7 +19,7 @@ std::uint64_t failures_of(const Write& write) {
     write();
     return 0;
   } catch (const std::exception& error) {
-    log_error(fmt::format("{}; training goes on", error.what()));
+    log_error(fmt::format("{}; training continues", error.what()));
     return 1;
   }
 }

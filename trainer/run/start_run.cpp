@@ -37,16 +37,17 @@ void check_declared(const std::vector<std::string>& declared, const std::map<std
   for (const auto& name : declared) {
     if (known.contains(name)) continue;
     const std::string nearest = nearest_word(name, known);
-    throw InputError("--change " + name, "is no key of a run config, no section and not 'engine'",
-                     nearest.empty() ? "name the key with its section, for example env.task.forward_m" : "did you mean '" + nearest + "'?");
+    throw InputError(
+        "--change " + name, "is not a key or section of a run config, and not 'engine'",
+        nearest.empty() ? "write the key with its section, for example env.task.forward_m" : "did you mean '" + nearest + "'?");
   }
 }
 
 void check_same_run(const RunConfig& config, const RunStart& start) {
   const CheckpointMetadata saved = load_checkpoint_metadata(start.resume);
   if (saved.is_policy)
-    throw InputError(start.resume.string(), "is a policy: it holds no state of a training to go on with",
-                     "start a run from it with initial_policy=" + start.resume.string());
+    throw InputError(start.resume.string(), "is a policy file without training state",
+                     "start a new run from it with initial_policy=" + start.resume.string());
   const auto before = flat_config(saved.config_yaml), now = flat_config(config_text(config));
   check_declared(start.changes, before, now);
   const auto declared = [&](const std::string& key) {
@@ -56,38 +57,38 @@ void check_same_run(const RunConfig& config, const RunStart& start) {
   int others = -1;
   for (const auto& change : config_changes(before, now)) {
     if (is_free_to_change(change.key, config) || declared(change.key)) continue;
-    if (what.empty()) what = fmt::format("was trained with {} = {}, the resumed run has {}", change.key, change.before, change.now);
+    if (what.empty()) what = fmt::format("was trained with {} = {}, but the resumed run has {}", change.key, change.before, change.now);
     keys += (keys.empty() ? "" : ",") + change.key;
     ++others;
   }
   if (others > 0) what += fmt::format(" ({} more keys differ)", others);
-  if (!what.empty()) throw InputError(start.resume.string(), what, "take the old values, or declare the change with --change " + keys);
+  if (!what.empty()) throw InputError(start.resume.string(), what, "restore the old values, or allow the change with --change " + keys);
   if (saved.engine != engine_hash() && !declared(kEngine))
     throw InputError(start.resume.string(),
-                     fmt::format("was written by engine {} (commit {}), this one is {} (commit {})", saved.engine, saved.engine_commit,
-                                 engine_hash(), engine_commit()),
-                     "go on with the program that wrote it, or declare the change with --change engine");
+                     fmt::format("was written by engine {} (commit {}), but this is engine {} (commit {})", saved.engine,
+                                 saved.engine_commit, engine_hash(), engine_commit()),
+                     "use the program that wrote it, or allow the change with --change engine");
 }
 
 }  // namespace
 
 void refuse_mixed_runs(const RunConfig& config, const RunStart& start) {
   if (start.overwrite && !start.resume.empty())
-    throw InputError("--overwrite", "removes the run that --resume goes on with", "give one of the two");
+    throw InputError("--overwrite", "would delete the run that --resume continues", "give only one of them");
   if (!start.changes.empty() && start.resume.empty())
-    throw InputError("--change", "declares what differs from a checkpoint, and there is none", "give --resume, or leave it out");
+    throw InputError("--change", "has no effect without --resume", "add --resume, or leave it out");
   const auto checkpoints = RunFolder(config.out).checkpoints();
   if (start.resume.empty() && !checkpoints.empty() && !start.overwrite)
-    throw InputError(config.out, fmt::format("holds an earlier run ({} checkpoints)", checkpoints.size()),
-                     "go on with it by --resume " + config.out + ", replace it with --overwrite, or name another folder with out=FOLDER");
+    throw InputError(config.out, fmt::format("contains an earlier run ({} checkpoints)", checkpoints.size()),
+                     "continue it with --resume " + config.out + ", replace it with --overwrite, or use another folder with out=FOLDER");
   if (!start.resume.empty() && !checkpoints.empty() && run_folder_of(start.resume) != std::filesystem::weakly_canonical(config.out))
-    throw InputError(config.out, "holds another run than the one to go on with, " + start.resume.string(),
-                     "name another folder with out=FOLDER");
+    throw InputError(config.out, "contains a different run than the one to resume, " + start.resume.string(),
+                     "use another folder with out=FOLDER");
 }
 
 void refuse_stale_episodes(const RunConfig& config, const RunStart& start) {
   check_generator(load_episode_set(config.train.file), expected_generator(config.train, config.env), config.train.file,
-                  "make it anew with '" + start.remake + "', or leave data.train.scenes out to use it as it is");
+                  "write it again with '" + start.remake + "', or remove data.train.scenes from the config to use the file unchanged");
 }
 
 void prepare_run(const RunConfig& config, const RunStart& start) {

@@ -59,12 +59,12 @@ void UpdateReport::close_files() {
 /// The statuses are those of all workers, so rank 0 can name any.
 void UpdateReport::log_guards(const UpdateStats& stats) const {
   for (std::size_t i = 0; i < stats.skipped.size() && guards_.skipped_steps + i < kLoggedSkips; ++i)
-    log_warning(fmt::format("update {}, epoch {}, minibatch {}: no worker takes the step: {}{}", progress_.update(), stats.skipped[i].epoch,
-                            stats.skipped[i].minibatch, describe(stats.skipped[i]),
-                            guards_.skipped_steps + i + 1 == kLoggedSkips ? " (further ones are counted only)" : ""));
+    log_warning(fmt::format("update {}, epoch {}, minibatch {}: optimizer step skipped on all workers: {}{}", progress_.update(),
+                            stats.skipped[i].epoch, stats.skipped[i].minibatch, describe(stats.skipped[i]),
+                            guards_.skipped_steps + i + 1 == kLoggedSkips ? " (further skips are only counted)" : ""));
   if (stats.alarm_rank >= 0 && guards_.loss_alarms + guards_.kl_alarms == 0)
     log_warning(fmt::format(
-        "update {}, worker {}: a loss of {:.4g} and a KL divergence of {:.4g} (alarms at {} and {}; further ones are counted only)",
+        "update {}, worker {}: loss {:.4g} and KL divergence {:.4g} exceed an alarm level ({} and {}; further alarms are only counted)",
         progress_.update(), stats.alarm_rank, stats.alarm_loss, stats.alarm_kl, config_.ppo.loss_alarm, config_.ppo.kl_alarm));
 }
 
@@ -77,8 +77,8 @@ std::optional<std::string> UpdateReport::note(UpdateStats stats) {
   if (rank == 0) log_guards(stats);
   if (stats.max_ratio_error > kMaxRatioError && ratio_alarms_++ == 0)
     log_warning(fmt::format(
-        "update {}, worker {}: before the first step the learner's probabilities differ from the rollout's by {:.2g} of them: a mask, a "
-        "hidden state or an observation is not what the policy acted on (further updates are counted only)",
+        "update {}, worker {}: before the first optimizer step the learner's action probabilities differ from the rollout's by a relative "
+        "{:.2g}: a mask, hidden state or observation differs from the one that the policy acted on (further updates are only counted)",
         progress_.update(), members[rank], stats.max_ratio_error));
   guards_.taken_steps += static_cast<std::uint64_t>(stats.taken_steps);
   guards_.skipped_steps += stats.skipped.size();
@@ -87,8 +87,8 @@ std::optional<std::string> UpdateReport::note(UpdateStats stats) {
   updates_without_step_ = stats.taken_steps > 0 ? 0 : updates_without_step_ + 1;
   if (updates_without_step_ < kMaxUpdatesWithoutStep) return std::nullopt;
   return fmt::format(
-      "{} updates in a row took no step, at last because {}; resume from an earlier checkpoint, with a smaller learning rate",
-      updates_without_step_, stats.skipped.empty() ? "no row counted" : describe(stats.skipped.back()));
+      "{} updates in a row had no optimizer step, the last one because {}; resume from an earlier checkpoint with a smaller learning rate",
+      updates_without_step_, stats.skipped.empty() ? "all rows were masked" : describe(stats.skipped.back()));
 }
 
 void UpdateReport::report(const UpdateStats& stats, const WorkerSums& worker_sums, const std::vector<WorkerUpdate>& worker_updates,

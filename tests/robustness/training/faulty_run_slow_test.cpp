@@ -93,7 +93,7 @@ TEST_F(FaultyRun, ThatTakesNoStepIsEnded) {
     } catch (const RunError& error) {
       // Whoever says so first stops the others, which may still be on their way to say the same.
       const std::string what = error.what();
-      const bool own = what.find("20 updates in a row took no step") != std::string::npos;
+      const bool own = what.find("20 updates in a row had no optimizer step") != std::string::npos;
       reasons[0] += own;
       return own || what.find("stopped the run") != std::string::npos;
     }

@@ -35,7 +35,7 @@ TEST_F(TrainCli, AccuracyIsPlannedOnceAndKeptWithTheRun) {
   expect_refused(train, AllOf(HasSubstr("has no plan"), HasSubstr("earshot plan " + path("asked.yaml"))));
   for (const auto& [name, value] : launcher) ASSERT_EQ(::unsetenv(name), 0);
 
-  EXPECT_THAT(earshot("train " + path("asked.yaml") + " --workers 2").text, HasSubstr("kept in"));
+  EXPECT_THAT(earshot("train " + path("asked.yaml") + " --workers 2").text, HasSubstr("written to"));
   std::vector<std::filesystem::path> plans;
   for (const auto& entry : std::filesystem::directory_iterator(folder_.path() / "run"))
     if (entry.path().filename().string().starts_with("acoustics_")) plans.push_back(entry.path());
@@ -45,12 +45,12 @@ TEST_F(TrainCli, AccuracyIsPlannedOnceAndKeptWithTheRun) {
   // The run that is resumed, elsewhere too, hears what it heard before.
   const Outcome resumed = earshot(train + " total_steps=48 out=" + path("elsewhere") + " --workers 2 --resume " + path("run"));
   EXPECT_EQ(resumed.exit_code, 0) << resumed.text;
-  EXPECT_THAT(resumed.text, testing::Not(HasSubstr("kept in")));
+  EXPECT_THAT(resumed.text, testing::Not(HasSubstr("written to")));
   // Evaluation of a checkpoint and of a baseline need no plan of their own.
   expect_done("eval " + path("run"));
   const Outcome baseline = earshot("eval greedy --config " + path("asked.yaml"));
   EXPECT_EQ(baseline.exit_code, 0) << baseline.text;
-  EXPECT_THAT(baseline.text, testing::Not(HasSubstr("kept in")));
+  EXPECT_THAT(baseline.text, testing::Not(HasSubstr("written to")));
 
   // A plan that was cut off is said to be.
   const std::string text = read_file(plans.front());

@@ -47,7 +47,7 @@ TEST_F(TrainCli, AStaleEpisodeSetIsRefusedAndMadeAnew) {
   const std::string config = path("tiny.yaml");
   expect_done("dataset episodes --config " + config);
   expect_refused("train " + config + " data.train.seed=5",
-                 AllOf(HasSubstr("train.json.gz: was made with data.seed = 0, the config says 5"),
+                 AllOf(HasSubstr("train.json.gz: was made with data.seed = 0, but the config has 5"),
                        HasSubstr("earshot dataset episodes --config " + config + " --set data.train.seed=5")));
   expect_refused("eval random --config " + config + " --set data.eval.episodes_per_scene=3", HasSubstr("data.episodes_per_scene = 2"));
   expect_done("eval random --config " + config + " --set data.eval.episodes_per_scene=3 --episodes " + path("eval.json.gz"));
@@ -56,7 +56,7 @@ TEST_F(TrainCli, AStaleEpisodeSetIsRefusedAndMadeAnew) {
 
   // An evaluated checkpoint brings its config: its held-out set has been replaced.
   expect_done("train " + config + " total_steps=8");
-  expect_refused("eval " + path("run"), HasSubstr("data.episodes_per_scene = 3, the config says 2"));
+  expect_refused("eval " + path("run"), HasSubstr("data.episodes_per_scene = 3, but the config has 2"));
   expect_done("dataset episodes --config " + config);
   expect_done("eval " + path("run"));
 }
@@ -69,7 +69,7 @@ TEST_F(TrainCli, APolicyFileIsEvaluatedAndStartsAnotherRun) {
   EXPECT_LT(std::filesystem::file_size(policy), std::filesystem::file_size(path("run/checkpoints/last.ckpt")) / 2);
   EXPECT_THAT(earshot("policy " + policy).text,
               AllOf(HasSubstr(policy + ": policy"), HasSubstr("trained       16 steps"), HasSubstr("tiny")));
-  EXPECT_THAT(earshot("policy " + path("run")).text, HasSubstr("checkpoint of a training"));
+  EXPECT_THAT(earshot("policy " + path("run")).text, HasSubstr("training checkpoint"));
 
   // The same agent, to the last action.
   expect_done("eval " + path("run") + " --out " + path("a.json"));

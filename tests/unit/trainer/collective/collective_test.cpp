@@ -208,7 +208,7 @@ TEST_P(RingOf, AnotherSizeOnOneWorkerIsAnErrorOnAll) {
         ring->all_reduce_sum(buffer);
       };
       return fails_with(connect_and_sum, {"worker "}) &&
-             (!ring || fails_with([&] { ring->barrier(); }, {"stopped before"}));  // and it stays that way
+             (!ring || fails_with([&] { ring->barrier(); }, {"already stopped"}));  // and it stays that way
     });
     const auto start = Clock::now();
     workers.expect_all_succeed();
@@ -241,7 +241,7 @@ TEST(Collective, ASumOfAnotherSizeIsNamedWithBothSizes) {
       const std::string text = what_of([&] { make_zmq_ring(config)->all_reduce_sum(buffer); });
       const auto has = [&](const char* part) { return text.find(part) != std::string::npos; };
       said[0] += has("with 800000 bytes") && has("with 400000 bytes");
-      said[1] += has("another part of the buffer");
+      said[1] += has("wrong part of the buffer");
       return has("worker ");
     });
     workers.expect_all_succeed();
@@ -384,7 +384,7 @@ TEST(Collective, WorkerThatHasFinishedIsNamedByTheNextCall) {
       return buffer[0] == 3.0f;  // leaves in peace, maybe before the others have their sums
     }
     // A slow worker may learn it while it still collects its sum: the faster one is at the barrier by then and stops the run.
-    return fails_with([&] { ring->all_reduce_sum(buffer), ring->barrier(); }, {"worker 1", "has left"});
+    return fails_with([&] { ring->all_reduce_sum(buffer), ring->barrier(); }, {"worker 1", "has finished"});
   });
   workers.expect_all_succeed();
 }

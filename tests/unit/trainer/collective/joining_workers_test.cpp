@@ -177,17 +177,17 @@ TEST_F(JoiningWorkers, OneThatDoesNotFitIsRefused) {
   wait_for_rounds({0, 2}, 2);
   RingConfig other = ring(1, 3);
   other.engine = "engine-2";
-  expect_refused(other, "its engine is engine-2, that of the run is engine-1");
+  expect_refused(other, "its engine is engine-2, but the run has engine-1");
   other = ring(1, 3);
   other.settings = "ppo.clip=0.1\nseed=3\n";
-  expect_refused(other, "its ppo.clip is 0.1, that of the run is 0.2");
+  expect_refused(other, "its ppo.clip is 0.1, but the run has 0.2");
   other = ring(1, 3);
   other.settings = "seed=3\n";
-  expect_refused(other, "its ppo.clip is (absent), that of the run is 0.2");
+  expect_refused(other, "its ppo.clip is (absent), but the run has 0.2");
   other = ring(1, 3);
   other.run_id = "another";
   expect_refused(other, "run id");
-  expect_refused(ring(1, 4), "expects 4 workers, this run began with 3");
+  expect_refused(ring(1, 4), "expects 4 workers, but this run started with 3");
   other = ring(1, 3);
   other.network.on_loss = OnLoss::stop;
   expect_refused(other, "network.on_loss");
@@ -336,7 +336,7 @@ TEST_F(JoiningWorkers, TheKeyDecidesWhoMayCome) {
   wait_for_rounds({1, 2}, 2);
   RingConfig unknown_peer = curve(0, others);
   unknown_peer.network.meeting_key = public_key;
-  expect_refused(unknown_peer, "does not allow the key");
+  expect_refused(unknown_peer, "does not accept the key");
   wait_for_rounds({1, 2}, 2);
   WorkerProcesses back(1, [&](int) {
     const auto collective = make_joining_worker(curve(0, keys));

@@ -171,7 +171,7 @@ TEST(TreeCollective, AnotherSizeOnOneWorkerIsAnErrorOnAll) {
       }
       tree->all_reduce_sum(buffer);
     });
-    if (!tells(error, {"worker ", "bytes where this worker calls all_reduce"})) return false;
+    if (!tells(error, {"worker ", "bytes, but this worker calls all_reduce"})) return false;
     return seconds_since(start) < 15 && (!tree || tells(run_error_of([&] { tree->barrier(); }), {"worker"}));
   });
   workers.expect_all_succeed();
@@ -186,7 +186,7 @@ TEST(TreeCollective, AnotherCallOnOneWorkerIsAnErrorOnAll) {
       const auto tree = make_zmq_ring(ring_in(folder, rank, kWorkers));
       rank == 5 ? tree->barrier() : tree->all_reduce_sum(buffer);
     });
-    return tells(error, {"worker ", "do all workers run the same program and config?"}) && seconds_since(start) < 15;
+    return tells(error, {"worker ", "start all workers with the same program and config"}) && seconds_since(start) < 15;
   });
   workers.expect_all_succeed();
 }
@@ -232,7 +232,7 @@ TEST(TreeCollective, WorkerThatHasFinishedIsNamedByTheNextCall) {
       return buffer[0] == static_cast<float>(kWorkers);  // leaves in peace
     }
     return tells(run_error_of([&] { tree->all_reduce_sum(buffer), tree->barrier(); }),
-                 {fmt::format("worker {}: has left the run", leaves)});
+                 {fmt::format("worker {}: has finished", leaves)});
   });
   workers.expect_all_succeed();
 }

@@ -161,17 +161,17 @@ TEST(LauncherEnvironment, ContradictionsAreRefusedInOneLine) {
       {with(kOpenMpi, {{"PMIX_RANK", "0"}}), "OMPI_COMM_WORLD_RANK = 1", "contradicts PMIX_RANK = 0"},
       {with(kOpenMpi, {{"OMPI_COMM_WORLD_SIZE", "unset"}}), "OMPI_COMM_WORLD_SIZE", "is not set"},
       {with(kOpenMpi, {{"OMPI_COMM_WORLD_LOCAL_SIZE", "3"}}), "OMPI_COMM_WORLD_LOCAL_SIZE = 3", "contradicts"},
-      {with(kOpenMpi, {{"OMPI_COMM_WORLD_LOCAL_SIZE", "1"}}), "EARSHOT_RENDEZVOUS", "where rank 0 is"},
+      {with(kOpenMpi, {{"OMPI_COMM_WORLD_LOCAL_SIZE", "1"}}), "EARSHOT_RENDEZVOUS", "the address of rank 0"},
       {with(kOpenMpi, {{"EARSHOT_WORLD_SIZE", "3"}}), "EARSHOT_WORLD_SIZE = 3", "contradicts OMPI_COMM_WORLD_SIZE = 2"},
       {with(kOpenMpi, {{"EARSHOT_RANK", "0"}}), "EARSHOT_RANK = 0", "contradicts OMPI_COMM_WORLD_RANK = 1"},
-      {with(kHydra, {{"EARSHOT_RUN_ID", "unset"}}), "EARSHOT_RUN_ID", "gives the job no name"},
+      {with(kHydra, {{"EARSHOT_RUN_ID", "unset"}}), "EARSHOT_RUN_ID", "provides no job id"},
       {with(kSlurm, {{"SLURM_PROCID", "8"}}), "SLURM_PROCID = 8", "SLURM_STEP_NUM_TASKS = 8"},
       {with(kSlurm, {{"SLURM_JOB_ID", "unset"}}), "SLURM_JOB_ID", "is not set"},
       {with(kSlurm, {{"SLURM_STEP_NODELIST", "n[7-"}}), "host list 'n[7-'", "number"},
       {with(kSlurm, {{"SLURM_STEP_NODELIST", "unset"}, {"SLURM_NODELIST", "unset"}}), "SLURM_STEP_NODELIST", "is not set"},
       {with(kKubernetes, {{"EARSHOT_WORLD_SIZE", "unset"}}), "JOB_COMPLETION_INDEX", "EARSHOT_WORLD_SIZE"},
       {with(kKubernetes, {{"JOB_COMPLETION_INDEX", "4"}}), "JOB_COMPLETION_INDEX = 4", "EARSHOT_WORLD_SIZE = 4"},
-      {with(kKubernetes, {{"EARSHOT_RENDEZVOUS", "unset"}}), "EARSHOT_RENDEZVOUS", "where rank 0 is"},
+      {with(kKubernetes, {{"EARSHOT_RENDEZVOUS", "unset"}}), "EARSHOT_RENDEZVOUS", "the address of rank 0"},
   };
   for (const auto& [variables, where, what] : cases) {
     const std::string refusal = refusal_of(variables);

@@ -51,7 +51,7 @@ TEST_F(CurveKeysFile, IsWrittenForItsOwnerAloneAndReadBack) {
   const CurveKeys again = read_curve_keys(file_);
   EXPECT_EQ(again.public_key, keys.public_key);
   EXPECT_EQ(again.secret_key, keys.secret_key);
-  EXPECT_THAT(refusal_of([&](const auto& file) { write_curve_keys(file, keys); }), HasSubstr("exists already"));
+  EXPECT_THAT(refusal_of([&](const auto& file) { write_curve_keys(file, keys); }), HasSubstr("already exists"));
 }
 
 TEST_F(CurveKeysFile, IsRefusedIfOthersCanReadItOrItHoldsNoPair) {
@@ -61,7 +61,7 @@ TEST_F(CurveKeysFile, IsRefusedIfOthersCanReadItOrItHoldsNoPair) {
   EXPECT_NO_THROW(read_curve_keys(file_));
   for (const mode_t mode : {0640u, 0604u, 0620u, 0610u, 0666u}) {
     write(good, mode);
-    EXPECT_THAT(refusal_of(read_curve_keys), AllOf(HasSubstr("open to other users"), HasSubstr("chmod 600")));
+    EXPECT_THAT(refusal_of(read_curve_keys), AllOf(HasSubstr("accessed by other users"), HasSubstr("chmod 600")));
   }
   const std::string texts[] = {"",
                                "public " + keys.public_key + "\n",
@@ -78,7 +78,7 @@ TEST_F(CurveKeysFile, IsRefusedIfOthersCanReadItOrItHoldsNoPair) {
   std::filesystem::remove(file_);
   EXPECT_THAT(refusal_of(read_curve_keys), HasSubstr("No such file"));
   std::filesystem::create_directory(file_);
-  EXPECT_THAT(refusal_of(read_curve_keys), HasSubstr("is no file"));
+  EXPECT_THAT(refusal_of(read_curve_keys), HasSubstr("is not a file"));
 }
 
 TEST_F(CurveKeysFile, AllowListTakesNotesAndRefusesWhatIsNoKey) {
@@ -86,9 +86,9 @@ TEST_F(CurveKeysFile, AllowListTakesNotesAndRefusesWhatIsNoKey) {
   write("# hosts of the cluster\n\n" + one + " node1\n" + other + "\r\n#\n", 0644);
   EXPECT_THAT(read_allow_list(file_), testing::UnorderedElementsAre(one, other));
   write(one + "x\n");
-  EXPECT_THAT(refusal_of(read_allow_list), HasSubstr("line 1 is no public key"));
+  EXPECT_THAT(refusal_of(read_allow_list), HasSubstr("line 1 is not a public key"));
   write("# nothing\n");
-  EXPECT_THAT(refusal_of(read_allow_list), HasSubstr("holds no key"));
+  EXPECT_THAT(refusal_of(read_allow_list), HasSubstr("contains no key"));
   write(one, 0664);
   EXPECT_THAT(refusal_of(read_allow_list), HasSubstr("written by other users"));
 }

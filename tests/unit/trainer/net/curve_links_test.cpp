@@ -93,7 +93,7 @@ TEST_F(CurveLinks, WorkerWithoutTheRightKeyIsToldAtOnce) {
     }
     if (process == 1) config.network.meeting_key = read_curve_keys(keys_).public_key;  // a key that is not on the list
     if (process == 3) config.network = {};                                             // none
-    return contains(what_of([&] { make_zmq_ring(config); }), process == 1 ? "does not allow the key" : "cannot agree on keys");
+    return contains(what_of([&] { make_zmq_ring(config); }), process == 1 ? "does not accept the key" : "do not have matching keys");
   });
   for (const int process : {1, 2, 3}) EXPECT_EQ(workers.wait(process), 0) << process;
 }

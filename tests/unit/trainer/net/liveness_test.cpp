@@ -70,7 +70,7 @@ TEST_F(LivenessTest, APeerIsSilentWhoseLoopSaysNothing) {
                      links_, 3);
   impatient.begin(1);
   EXPECT_TRUE(impatient.is_silent(1));
-  EXPECT_THAT(impatient.describe_silence(), testing::HasSubstr("no progress for 0 ms, in or before collective call 1"));
+  EXPECT_THAT(impatient.describe_silence(), testing::HasSubstr("no progress for 0 ms in or before collective call 1"));
   EXPECT_FALSE(impatient.is_gone(1)) << "no connection broke";
 }
 

@@ -95,15 +95,15 @@ class JoinAnswers : public testing::Test {
 
 TEST_F(JoinAnswers, ThoseThatCannotBeAreNamedAndLeaveNoFile) {
   const auto expect_view_refused = [&](const std::function<void(JoinAnswer&)>& change) {
-    EXPECT_NE(error_after(change).find("view that cannot be"), std::string::npos);
+    EXPECT_NE(error_after(change).find("invalid membership view"), std::string::npos);
   };
   expect_view_refused([](JoinAnswer& answer) { answer.meeting_rank = 2; });
   expect_view_refused([](JoinAnswer& answer) { answer.meeting_rank = 70; });
   expect_view_refused([](JoinAnswer& answer) { answer.meeting_rank = -1; });
   expect_view_refused([](JoinAnswer& answer) { answer.members = 0b1011; });
   expect_view_refused([](JoinAnswer& answer) { answer.joining = 0b101; });
-  EXPECT_NE(error_after([](JoinAnswer& answer) { answer.public_keys.resize(2); }).find("table of another size"), std::string::npos);
-  EXPECT_NE(error_after([](JoinAnswer& answer) { answer.control_endpoints[1] = "tcp://192.0.2.7:80"; }).find("endpoint where no worker"),
+  EXPECT_NE(error_after([](JoinAnswer& answer) { answer.public_keys.resize(2); }).find("table of the wrong size"), std::string::npos);
+  EXPECT_NE(error_after([](JoinAnswer& answer) { answer.control_endpoints[1] = "tcp://192.0.2.7:80"; }).find("invalid worker endpoint"),
             std::string::npos);
 }
 

@@ -73,7 +73,7 @@ TEST_F(StartRun, AFolderWithCheckpointsIsRefusedUnlessTold) {
   const auto checkpoint = write_checkpoint("run/checkpoints/update_000050.ckpt");
   write_file_atomically(path("run/events.jsonl"), "x");
   write_file_atomically(path("run/notes.txt"), "x");
-  EXPECT_THAT(refusal(config()), AllOf(HasSubstr(path("run") + ": holds an earlier run"), HasSubstr("--resume"), HasSubstr("--overwrite")));
+  EXPECT_THAT(refusal(config()), AllOf(HasSubstr(path("run") + ": contains an earlier run"), HasSubstr("--resume"), HasSubstr("--overwrite")));
   EXPECT_THAT(refusal(config(), {.resume = checkpoint, .overwrite = true}), HasSubstr("--overwrite"));
   EXPECT_TRUE(std::filesystem::exists(checkpoint));
   EXPECT_EQ(refusal(config(), {.overwrite = true}), "starts");
@@ -151,13 +151,13 @@ TEST_F(StartRun, AResumedRunDoesNotGoIntoAnotherRunsFolder) {
   const auto checkpoint = write_checkpoint("first/checkpoints/last.ckpt");
   EXPECT_EQ(refusal(config(), {.resume = checkpoint}), "starts");
   write_checkpoint("run/checkpoints/last.ckpt");
-  EXPECT_THAT(refusal(config(), {.resume = checkpoint}), AllOf(HasSubstr("holds another run"), HasSubstr(checkpoint.string())));
+  EXPECT_THAT(refusal(config(), {.resume = checkpoint}), AllOf(HasSubstr("contains a different run"), HasSubstr(checkpoint.string())));
 }
 
 TEST_F(StartRun, AStaleEpisodeSetIsRefused) {
   const RunStart start{.remake = "earshot dataset episodes --config a.yaml"};
   EXPECT_THAT(refusal(config({"data.train.seed=9"}), start),
-              AllOf(HasSubstr("train.json: was made with data.seed = 0, the config says 9"), HasSubstr(start.remake)));
+              AllOf(HasSubstr("train.json: was made with data.seed = 0, but the config has 9"), HasSubstr(start.remake)));
   EXPECT_THAT(refusal(config({"data.train.episodes_per_scene=9", "data.train.filter.min_ratio=1"}), start),
               AllOf(HasSubstr("data.episodes_per_scene = 50"), HasSubstr("1 more keys differ")));
   EXPECT_THAT(refusal(config({"data.train.scenes=[house:2]"}), start), HasSubstr("data.scenes"));
@@ -172,7 +172,7 @@ TEST_F(StartRun, ASetFromElsewhereIsUsedWhereTheConfigNamesNoScenes) {
   EpisodeSet set = load_episode_set(path("train.json"));
   set.generator.clear();
   save_episode_set(set, path("train.json"));
-  EXPECT_THAT(refusal(config()), HasSubstr("does not say which keys"));
+  EXPECT_THAT(refusal(config()), HasSubstr("does not contain the keys"));
   EXPECT_EQ(refusal(config({"data.train.scenes=[]"})), "starts");
 }
 
@@ -198,8 +198,8 @@ TEST_F(StartRun, AllWorkersStopWhenRankZeroRefuses) {
   write_checkpoint("run/checkpoints/last.ckpt");
   const RunConfig free = config({"out=" + path("free")});
   const auto refused = decide({config(), free});
-  EXPECT_THAT(refused[0], HasSubstr("holds an earlier run"));
-  EXPECT_THAT(refused[1], AllOf(HasSubstr("worker 1"), HasSubstr("holds an earlier run")));
+  EXPECT_THAT(refused[0], HasSubstr("contains an earlier run"));
+  EXPECT_THAT(refused[1], AllOf(HasSubstr("worker 1"), HasSubstr("contains an earlier run")));
   EXPECT_EQ(decide({free, config()}), (std::array<std::string, 2>{"starts", "starts"}));
 }
 

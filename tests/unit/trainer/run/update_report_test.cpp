@@ -24,7 +24,7 @@ TEST_F(UpdateReportTest, TwentyUpdatesInARowWithoutAStepEndTheRun) {
   for (int update = 0; update < 19; ++update) EXPECT_FALSE(report_.note(stats_of(0)).has_value()) << update;
   EXPECT_FALSE(report_.note(stats_of(2)).has_value());
   for (int update = 0; update < 19; ++update) EXPECT_FALSE(report_.note(stats_of(0)).has_value()) << update;
-  EXPECT_THAT(report_.note(stats_of(0)).value_or(""), testing::HasSubstr("20 updates in a row took no step"));
+  EXPECT_THAT(report_.note(stats_of(0)).value_or(""), testing::HasSubstr("20 updates in a row had no optimizer step"));
   EXPECT_EQ(report_.guards().taken_steps, 2u);
 }
 
