@@ -30,7 +30,7 @@ constexpr std::size_t kLongestTranscript = 1 << 16;
 
 void validate_range(const std::vector<float>& range, const std::string& key, float low, float high) {
   const bool ok = range.size() == 2 && range[0] >= low && range[1] <= high && range[0] <= range[1];
-  require(ok, key, listed(range, ","), fmt::format("must be LOW,HIGH within [{}, {}] dB, the smaller one first", low, high));
+  require(ok, key, listed(range, ","), fmt::format("must be LOW,HIGH in [{}, {}] dB with LOW <= HIGH", low, high));
 }
 
 /// What stands beside a speech file in a text file of its name; nothing if there is none.  Throws InputError for what is no text.
@@ -175,9 +175,9 @@ std::uint64_t count_lowered(const std::filesystem::path& manifest) {
 }  // namespace
 
 void validate(const ConvolveConfig& config) {
-  require(config.count <= 100'000'000, "--count", config.count, "must be in [0, 100000000]; 0 means one signal per speech file");
+  require(config.count <= 100'000'000, "--count", config.count, "must be in [0, 100000000]; 0: one signal per speech file");
   require(config.min_talkers >= 1 && config.min_talkers <= config.max_talkers && config.max_talkers <= 100, "--talkers",
-          fmt::format("{},{}", config.min_talkers, config.max_talkers), "must be LOW,HIGH within [1, 100], the smaller one first");
+          fmt::format("{},{}", config.min_talkers, config.max_talkers), "must be LOW,HIGH in [1, 100] with LOW <= HIGH");
   validate_range(config.talker_db, "--talker-level", -60, 60);
   validate_range(config.snr_db, "--snr", -60, 120);
   validate_range(config.level_dbfs, "--level", -100, 0);
@@ -197,13 +197,15 @@ ConvolveReport write_convolve_corpus(const ConvolveConfig& config, const CorpusR
   else if (!config.noise.empty() && config.noise != "synth")
     noise = SoundFolder::list(config.noise);
   if (config.early && !index.has_early())
-    throw InputError("--early", "wants early parts, which " + config.corpus + " does not hold", "write the corpus with split_ms: 50");
+    throw InputError("--early", "needs early parts of responses, which " + config.corpus + " does not contain",
+                     "write the corpus again with split_ms: 50");
   if (index.fewest_sources() < static_cast<std::size_t>(config.max_talkers))
     throw InputError(fmt::format("--talkers {},{}", config.min_talkers, config.max_talkers),
-                     fmt::format("are more than the {} sources of a room of {}", index.fewest_sources(), config.corpus),
-                     "ask for fewer, or write the corpus with more sources_per_room");
+                     fmt::format("is more than the {} sources in a room of {}", index.fewest_sources(), config.corpus),
+                     "use fewer talkers, or write the corpus with a larger sources_per_room");
   if (config.format == SoundFormat::flac && index.channels().size() > 8)
-    throw InputError("--format flac", fmt::format("holds 8 channels, and the responses have {}", index.channels().size()), "take wav");
+    throw InputError("--format flac", fmt::format("supports at most 8 channels, but the responses have {}", index.channels().size()),
+                     "use --format wav");
 
   const std::uint64_t signals = config.count > 0 ? config.count : speech.files.size();
   const auto per_part = static_cast<std::uint64_t>(std::min(kSignalsPerPart, config.signals_per_folder));

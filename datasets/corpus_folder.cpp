@@ -85,7 +85,7 @@ std::string as_lines(const std::string& json, const std::string& where) {
       lines += key == "config" ? value.get<std::string>() : fmt::format("{}: {}\n", key, json_text(value));
     return lines;
   } catch (const nlohmann::json::exception&) {
-    throw InputError(where, "is damaged", "remove it if the folder holds no corpus that you want to complete");
+    throw InputError(where, "is corrupted", "delete this file if the folder contains no corpus that you want to complete");
   }
 }
 
@@ -103,16 +103,17 @@ void CorpusFolder::begin(const std::string& description) const {
   const std::filesystem::path path = out_ / "corpus.json";
   if (!std::filesystem::exists(path)) {
     if (std::filesystem::exists(out_) && !std::filesystem::is_directory(out_))
-      throw InputError(out_.string(), "is not a folder", "name a folder to write");
+      throw InputError(out_.string(), "is not a folder", "give a folder to write");
     write_file_atomically(path, description);
     return;
   }
   const std::string there = read_file(path);
   if (there == description) return;
   const auto [old_line, line] = first_difference(as_lines(there, path.string()), as_lines(description, path.string()));
-  throw InputError(out_.string(),
-                   fmt::format("holds a corpus that was begun otherwise: '{}' there, '{}' here", trimmed(old_line), trimmed(line)),
-                   "complete it with the same config and program, or name another folder");
+  throw InputError(
+      out_.string(),
+      fmt::format("contains a corpus that was started with other settings: '{}' there, '{}' here", trimmed(old_line), trimmed(line)),
+      "complete it with the same config and program, or use another folder");
 }
 
 std::filesystem::path CorpusFolder::folder_path(std::size_t folder) const { return out_ / fmt::format("{:05}", folder); }

@@ -148,7 +148,7 @@ std::string CorpusPieceWriter::write(const std::string& name, std::string_view b
 }
 
 void validate(const CorpusRun& run) {
-  require(run.threads >= 0 && run.threads <= 1024, "--threads", run.threads, "must be in [0, 1024]; 0 means all cores");
+  require(run.threads >= 0 && run.threads <= 1024, "--threads", run.threads, "must be in [0, 1024]; 0: all cores");
 }
 
 CorpusPartsReport complete_corpus(const CorpusFolder& folder, const CorpusRun& run, const CorpusParts& parts) {

@@ -29,19 +29,21 @@ bool names_sound(const std::filesystem::path& path) {
 
 SoundFolder SoundFolder::list(const std::string& folder) {
   std::error_code error;
-  if (!std::filesystem::is_directory(folder, error)) throw InputError(folder, "is not a folder", "name a folder of sound files");
+  if (!std::filesystem::is_directory(folder, error)) throw InputError(folder, "is not a folder", "give a folder with sound files");
   SoundFolder found{.root = folder, .files = {}};
   std::filesystem::recursive_directory_iterator at(folder, std::filesystem::directory_options::follow_directory_symlink, error);
   for (; !error && at != std::filesystem::recursive_directory_iterator(); at.increment(error)) {
     if (at.depth() > kDeepest)
-      throw InputError(folder, fmt::format("has more than {} folders within each other", kDeepest), "look for a link that leads back");
+      throw InputError(folder, fmt::format("has more than {} nested folders", kDeepest),
+                       "look for a symbolic link that leads back to a parent folder");
     std::error_code unknown;  // a link that leads nowhere is no file
     if (!names_sound(at->path()) || !at->is_regular_file(unknown)) continue;
     found.files.push_back(at->path().lexically_relative(folder).generic_string());
-    if (!is_utf8(found.files.back())) throw InputError(at->path().string(), "has a name that is not UTF-8, as manifests are", "rename it");
+    if (!is_utf8(found.files.back()))
+      throw InputError(at->path().string(), "has a name that is not valid UTF-8, which the manifest needs", "rename the file");
   }
-  if (error) throw InputError(folder, "cannot be listed: " + error.message(), "check the permissions and links of the folders in it");
-  if (found.files.empty()) throw InputError(folder, "holds no sound file", "name a folder of WAV, FLAC, OGG, Opus, MP3 or AIFF files");
+  if (error) throw InputError(folder, "cannot be listed: " + error.message(), "check the permissions and links of its folders");
+  if (found.files.empty()) throw InputError(folder, "contains no sound file", "give a folder with WAV, FLAC, OGG, Opus, MP3 or AIFF files");
   std::ranges::sort(found.files);
   return found;
 }

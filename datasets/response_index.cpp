@@ -50,9 +50,9 @@ IndexedResponse parse_line(std::string_view line) {
 ResponseIndex::ResponseIndex(std::filesystem::path corpus) : corpus_(std::move(corpus)) {
   const std::filesystem::path description = corpus_ / "corpus.json", manifest = corpus_ / "manifest.jsonl";
   if (!std::filesystem::exists(description))
-    throw InputError(corpus_.string(), "holds no corpus.json", "name a folder that `earshot dataset rir` has written");
+    throw InputError(corpus_.string(), "contains no corpus.json", "give a folder written by 'earshot dataset rir'");
   if (!std::filesystem::exists(manifest))
-    throw InputError(corpus_.string(), "holds a corpus that is not complete", "run `earshot dataset rir` once more, all its shards");
+    throw InputError(corpus_.string(), "contains an incomplete corpus", "run 'earshot dataset rir' again for all shards");
   const std::string text = read_file(manifest);
   hash_ = hash64(text);
   std::size_t number = 1;
@@ -67,21 +67,21 @@ ResponseIndex::ResponseIndex(std::filesystem::path corpus) : corpus_(std::move(c
       begin = end + 1;
     }
   } catch (const nlohmann::json::exception&) {
-    throw InputError(manifest.string() + ":" + std::to_string(number), "is not a line of a manifest of responses",
-                     "name a folder that `earshot dataset rir` has written");
+    throw InputError(manifest.string() + ":" + std::to_string(number), "is not a valid line of a response manifest",
+                     "give a folder written by 'earshot dataset rir'");
   }
   if (!(sample_rate_hz_ > 0 && sample_rate_hz_ <= kHighestRateHz))
-    throw InputError(description.string(), "has a sample rate out of its range", "write the corpus again");
-  if (responses_.empty()) throw InputError(manifest.string(), "holds no response", "write the corpus again");
+    throw InputError(description.string(), "has a sample rate outside the valid range", "write the corpus again");
+  if (responses_.empty()) throw InputError(manifest.string(), "contains no response", "write the corpus again");
   for (std::size_t i = 0; i < responses_.size(); ++i) {
     const IndexedResponse& response = responses_[i];
     if (response.file.ends_with(".sofa"))
-      throw InputError(corpus_.string(), "holds its responses in SOFA files", "write the corpus with format: wav or flac");
+      throw InputError(corpus_.string(), "stores its responses in SOFA files", "write the corpus with format wav or flac");
     const bool in_range = response.room < kMostRooms && response.gain > 0 && response.distance_m >= 0 &&
                           response.distance_m <= kMostDistanceM && response.direct_delay_s >= 0 &&
                           response.direct_delay_s <= kLongestDelayS;
     if (!in_range)
-      throw InputError(manifest.string() + ":" + std::to_string(i + 1), "has a number out of its range", "write the corpus again");
+      throw InputError(manifest.string() + ":" + std::to_string(i + 1), "has a number outside the valid range", "write the corpus again");
     if (response.room >= rooms_.size()) rooms_.resize(response.room + 1);
     rooms_[response.room].push_back(i);
   }
@@ -107,7 +107,8 @@ bool ResponseIndex::has_early() const {
 SoundChannels ResponseIndex::load(const IndexedResponse& response, const std::string& file) const {
   SoundChannels sound = load_sound_channels(corpus_ / file);
   if (static_cast<std::size_t>(sound.num_channels) != channels_.size() || sound.sample_rate_hz != sample_rate_hz_)
-    throw InputError((corpus_ / file).string(), "has other channels or another rate than its corpus", "write the corpus again");
+    throw InputError((corpus_ / file).string(), "has a different number of channels or sample rate than its corpus",
+                     "write the corpus again");
   const auto factor = static_cast<float>(1 / response.gain);
   for (float& sample : sound.samples) sample *= factor;
   return sound;

@@ -120,13 +120,13 @@ void MixtureMaker::add_talker(Mixture& mixture, std::uint64_t number, std::size_
   added.speech = speech_.files[file];
   added.response = response_index;
   std::vector<float> dry = load_sound(speech_.root / added.speech, index_.sample_rate_hz()).samples;
-  if (peak_of(dry) <= 0) throw InputError((speech_.root / added.speech).string(), "is silent", "take it out of the folder");
+  if (peak_of(dry) <= 0) throw InputError((speech_.root / added.speech).string(), "is silent", "remove it from the folder");
   const std::size_t first_samples = talker == 0 ? dry.size() : mixture.talkers[0].dry_samples;
   if (talker > 0) {
     if (dry.size() > first_samples) dry.resize(first_samples);
     added.start_sample = random.below(static_cast<std::uint32_t>(first_samples - dry.size() + 1), MixtureDraw::start);
     if (peak_of(dry) <= 0)
-      throw InputError((speech_.root / added.speech).string(), "begins with silence longer than others are", "trim it");
+      throw InputError((speech_.root / added.speech).string(), "starts with a silence that is longer than other files", "trim the silence");
   }
   added.dry_samples = dry.size();
   const std::vector<float> sound = convolved(response, response.file, dry);
@@ -137,7 +137,7 @@ void MixtureMaker::add_talker(Mixture& mixture, std::uint64_t number, std::size_
   const double energy = energy_of(added.reverberant);
   if (energy <= 0)
     throw InputError((speech_.root / added.speech).string(), fmt::format("is silent through response {}", response.id),
-                     "leave --cut out, or take the file out of the folder");
+                     "leave out --cut, or remove the file from the folder");
   if (talker > 0) {
     const double wanted = amplitude_of_db(within_range(config_.talker_db, random.uniform(MixtureDraw::gain)));
     added.gain = std::sqrt(energy_of(mixture.talkers[0].reverberant) / energy) * wanted;
@@ -155,8 +155,8 @@ void MixtureMaker::add_noise(Mixture& mixture, std::uint64_t number) {
   render_noise(mixture, number, clip);
   const double energy = energy_of(noise.samples);
   if (energy <= 0)
-    throw InputError(noise_ ? (noise_->root / noise.sound).string() : noise.sound, "is silent, or has a pause as long as a signal",
-                     "take it out of the folder");
+    throw InputError(noise_ ? (noise_->root / noise.sound).string() : noise.sound, "is silent, or has a pause that is longer than a signal",
+                     "remove it from the folder");
   noise.snr_db = within_range(config_.snr_db, random.uniform(MixtureDraw::snr));
   noise.gain = std::sqrt(energy_of(mixture.samples) / energy) / amplitude_of_db(noise.snr_db);
   scale(noise.samples, noise.gain);

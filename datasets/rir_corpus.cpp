@@ -76,8 +76,7 @@ CorpusReport write_rir_corpus(const RirCorpusConfig& config, const CorpusRun& ru
   validate(config);
   validate(run);
   if (config.sofa && !run.encode_sofa)
-    throw InputError("sofa", "cannot be written: this program was built without HDF5",
-                     "install libhdf5-dev and build again, or leave it out");
+    throw InputError("sofa", "cannot be written: this build has no HDF5", "install libhdf5-dev and build again, or leave out sofa");
   const std::vector<CorpusRoomSpec> rooms = list_corpus_rooms(config);
   const CorpusFolder folder(run.out, rooms.size(), static_cast<std::size_t>(config.rooms_per_folder), config.acoustics.sample_rate_hz,
                             config.sofa ? 0 : channel_names(ListenerLayout::named(config.channels)).size());

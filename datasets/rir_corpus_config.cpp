@@ -47,9 +47,8 @@ void validate(const ShoeboxRooms& rooms) {
   bool ordered = rooms.max_size_m.size() == 3;
   for (std::size_t axis = 0; ordered && axis < 3; ++axis)
     ordered = rooms.max_size_m[axis] >= rooms.min_size_m[axis] && rooms.max_size_m[axis] <= 1000;
-  require(ordered, "shoeboxes.max_size_m", shown(rooms.max_size_m),
-          "must be three sizes, none below shoeboxes.min_size_m nor above 1000 m");
-  validate_range(rooms.absorption, "shoeboxes.absorption", 0.001f, 1.f, "must be two numbers in [0.001, 1], the smaller one first");
+  require(ordered, "shoeboxes.max_size_m", shown(rooms.max_size_m), "must be three sizes between shoeboxes.min_size_m and 1000 m");
+  validate_range(rooms.absorption, "shoeboxes.absorption", 0.001f, 1.f, "must be two numbers in [0.001, 1], in increasing order");
 }
 
 }  // namespace
@@ -107,7 +106,7 @@ void read(ConfigReader& reader, RirCorpusConfig& config) {
   if (layout.kind == ListenerKind::mono && !acoustics.has("sh_order")) config.acoustics.sh_order = 0;
   const AcousticConfig before = config.acoustics;
   read(acoustics, config.acoustics);
-  if (config.acoustics.threads != before.threads) acoustics.fail("threads", "has no effect here; give --threads to the command");
+  if (config.acoustics.threads != before.threads) acoustics.fail("threads", "has no effect in this config; use the option --threads");
   if (config.acoustics.temporal_reuse != before.temporal_reuse) acoustics.fail("temporal_reuse", "has no effect on single responses");
   if (config.acoustics.glide_paths != before.glide_paths) acoustics.fail("glide_paths", "has no effect on single responses");
   acoustics.finish();
@@ -116,7 +115,7 @@ void read(ConfigReader& reader, RirCorpusConfig& config) {
 void validate(const RirCorpusConfig& config) {
   validate(config.shoeboxes);
   if (config.shoeboxes.count == 0 && config.scenes.empty())
-    throw InputError("shoeboxes.count, scenes", "name no room", "set shoeboxes: {count: 100}, or scenes: [house:0..9]");
+    throw InputError("shoeboxes.count, scenes", "give no room", "set shoeboxes: {count: 100}, or scenes: [house:0..9]");
   require(config.rooms_per_scene >= 1 && config.rooms_per_scene <= 1'000'000, "rooms_per_scene", config.rooms_per_scene,
           "must be in [1, 1000000]");
   if (config.randomize) validate(*config.randomize, "randomize");
@@ -124,39 +123,41 @@ void validate(const RirCorpusConfig& config) {
           "must be in [1, 65000]");
   require(config.listeners_per_source >= 1 && config.listeners_per_source <= 65000, "listeners_per_source", config.listeners_per_source,
           "must be in [1, 65000]");
-  validate_range(config.source_height_m, "source_height_m", 0.05f, 100.f, "must be two heights in [0.05, 100] m, the smaller one first");
-  validate_range(config.listener_height_m, "listener_height_m", 0.05f, 100.f,
-                 "must be two heights in [0.05, 100] m, the smaller one first");
+  validate_range(config.source_height_m, "source_height_m", 0.05f, 100.f, "must be two heights in [0.05, 100] m, in increasing order");
+  validate_range(config.listener_height_m, "listener_height_m", 0.05f, 100.f, "must be two heights in [0.05, 100] m, in increasing order");
   require(config.clearance_m >= 0.05f && config.clearance_m <= 10, "clearance_m", config.clearance_m, "must be in [0.05, 10] m");
   require(config.min_distance_m >= 0, "min_distance_m", config.min_distance_m, "must not be negative");
   require(config.max_distance_m > config.min_distance_m && std::isfinite(config.max_distance_m), "max_distance_m", config.max_distance_m,
           "must be finite and above min_distance_m");
-  if (config.source_patterns.empty()) throw InputError("source_patterns", "is empty", "name at least one, for example omni");
+  if (config.source_patterns.empty()) throw InputError("source_patterns", "is empty", "give at least one, for example omni");
   for (const std::string& pattern : config.source_patterns) (void)Directivity::named(pattern);
-  validate_range(config.pitch_deg, "pitch_deg", -90.f, 90.f, "must be two angles in [-90, 90] degrees, the smaller one first");
-  validate_range(config.roll_deg, "roll_deg", -180.f, 180.f, "must be two angles in [-180, 180] degrees, the smaller one first");
+  validate_range(config.pitch_deg, "pitch_deg", -90.f, 90.f, "must be two angles in [-90, 90] degrees, in increasing order");
+  validate_range(config.roll_deg, "roll_deg", -180.f, 180.f, "must be two angles in [-180, 180] degrees, in increasing order");
   const ListenerLayout layout = ListenerLayout::named(config.channels);
   if (!config.hrtf.empty() && layout.kind != ListenerKind::binaural)
-    throw InputError("hrtf", "has no effect on channels '" + config.channels + "'", "leave it out, or ask for binaural");
+    throw InputError("hrtf", "has no effect with channels '" + config.channels + "'", "leave it out, or set channels: binaural");
   if (!config.hrtfs.empty() && layout.kind != ListenerKind::binaural)
-    throw InputError("hrtfs", "have no effect on channels '" + config.channels + "'", "leave them out, or ask for binaural");
+    throw InputError("hrtfs", "has no effect with channels '" + config.channels + "'", "leave it out, or set channels: binaural");
   if (!config.hrtfs.empty() && !config.hrtf.empty())
-    throw InputError("hrtf, hrtfs", "are both given", "name the one head in hrtf, or those to draw from in hrtfs");
+    throw InputError("hrtf, hrtfs", "are both set", "set hrtf for a single head, or hrtfs for a list to draw from");
   require(config.hrtfs.size() <= 1000, "hrtfs", config.hrtfs.size(), "must be at most 1000 files");
-  if (config.sofa && config.format != SoundFormat::wav) throw InputError("format", "has no effect on SOFA files", "leave it out, or sofa");
+  if (config.sofa && config.format != SoundFormat::wav)
+    throw InputError("format", "has no effect with sofa: true", "leave out either this key or sofa");
   if (config.sofa && config.split_ms > 0)
-    throw InputError("split_ms", "has no effect on SOFA files, which hold whole responses", "leave it out, or sofa");
-  require(config.format == SoundFormat::wav || layout.num_channels() <= 8, "format", "flac", "holds 8 channels at most; take wav");
+    throw InputError("split_ms", "has no effect with sofa: true, because SOFA files contain undivided responses",
+                     "leave out either this key or sofa");
+  require(config.format == SoundFormat::wav || layout.num_channels() <= 8, "format", "flac",
+          "supports at most 8 channels; use format: wav");
   validate(config.acoustics);
   require(config.acoustics.rir_length_s > 0, "acoustics.rir_length_s", "auto",
-          "must be a number: the responses of a corpus have one length");
+          "must be a number: all responses of a corpus have the same length");
   require(config.split_ms >= 0 && config.split_ms < 1000 * config.acoustics.rir_length_s, "split_ms", config.split_ms,
-          "must be in [0, the length of a response)");
+          "must be at least 0 and below acoustics.rir_length_s");
   if (config.panorama) {
     const auto [width_px, height_px] = *config.panorama;
     require(width_px >= 8 && width_px <= 4096 && height_px >= 4 && 2 * height_px <= width_px, "panorama",
             std::to_string(width_px) + "x" + std::to_string(height_px),
-            "must be 8 to 4096 pixels wide, and at most half as high: 360 degrees over the width, 180 at most over the height");
+            "must be 8 to 4096 pixels wide and at most half as high: the width spans 360 degrees, the height at most 180");
   }
   require(config.rooms_per_folder >= 1 && config.rooms_per_folder <= 10000, "rooms_per_folder", config.rooms_per_folder,
           "must be in [1, 10000]");

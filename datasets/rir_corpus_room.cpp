@@ -110,12 +110,12 @@ std::vector<std::string> expand_scenes(const std::vector<std::string>& scenes) {
     std::vector<std::string> files;
     for (const auto& entry : std::filesystem::directory_iterator(scene))
       if (entry.is_regular_file() && endings.contains(entry.path().extension().string())) files.push_back(entry.path().string());
-    if (files.empty()) throw InputError(scene, "holds no .glb, .gltf, .obj, .ply, .stl or .yaml file", "name a folder of scenes");
+    if (files.empty()) throw InputError(scene, "contains no .glb, .gltf, .obj, .ply, .stl or .yaml file", "give a folder with scenes");
     std::ranges::sort(files);
     all.insert(all.end(), files.begin(), files.end());
   }
   for (const std::string& scene : all)
-    if (!is_utf8(scene)) throw InputError(scene, "has a name that is not UTF-8, as manifests are", "rename it");
+    if (!is_utf8(scene)) throw InputError(scene, "has a name that is not valid UTF-8, which the manifest needs", "rename the file");
   return all;
 }
 
@@ -158,7 +158,7 @@ FreePlace CorpusRoom::draw_place(const RandomStream& random, std::uint32_t numbe
                           within(height_m, random.uniform(draw + PlaceDraw::height))};
     if (accept(place.position()) && is_free(place.foot, place.height_m)) return place;
   }
-  throw InputError(scene().name(), fmt::format("has no free place for {} within {} draws", what, kTries),
+  throw InputError(scene().name(), fmt::format("has no free position for {} in {} tries", what, kTries),
                    "widen the distances, lower the heights or clearance_m, or leave this scene out");
 }
 
@@ -178,7 +178,7 @@ CorpusSource CorpusRoom::draw_source(int source) const {
     drawn.sound.orientation = source_orientation(drawn.heading_deg);
     return drawn;
   }
-  throw InputError(scene().name(), fmt::format("has no free place for a source within {} draws", kTries),
+  throw InputError(scene().name(), fmt::format("has no free position for a source in {} tries", kTries),
                    "lower source_height_m or clearance_m, or leave this scene out");
 }
 
@@ -202,7 +202,7 @@ CorpusListener CorpusRoom::draw_listener(const CorpusSource& from, int source, i
             .head = config_.hrtfs.empty() ? 0 : random.below(static_cast<std::uint32_t>(config_.hrtfs.size()), draw + PlaceDraw::head)};
   }
   throw InputError(scene().name(),
-                   fmt::format("has no free place for a listener {} to {} m from a source within {} draws", config_.min_distance_m,
+                   fmt::format("has no free position for a listener {} to {} m from a source in {} tries", config_.min_distance_m,
                                config_.max_distance_m, kTries),
                    "widen min_distance_m to max_distance_m, lower listener_height_m or clearance_m, or leave this scene out");
 }

@@ -18,7 +18,7 @@ std::string shown(const std::vector<T>& values) {
 template <class T>
 void validate_range(const std::vector<T>& range, const std::string& key, T low, T high) {
   const bool ok = range.size() == 2 && range[0] >= low && range[1] <= high && range[0] <= range[1];
-  require(ok, key, shown(range), fmt::format("must be two numbers in [{}, {}], the smaller one first", low, high));
+  require(ok, key, shown(range), fmt::format("must be two numbers in [{}, {}], in increasing order", low, high));
 }
 
 void read_classes(ConfigReader& reader, std::vector<SoundClass>& classes) {
@@ -40,7 +40,7 @@ void read_classes(ConfigReader& reader, std::vector<SoundClass>& classes) {
 
 void read(ConfigReader& reader, SoundSceneConfig& config) {
   for (const char* key : {"sources_per_room", "listeners_per_source", "shared_listeners", "split_ms", "sofa", "hrtfs", "panorama"})
-    if (reader.has(key)) reader.fail(key, "has no effect on recordings of scenes");
+    if (reader.has(key)) reader.fail(key, "has no effect on recordings");
   read(reader, config.rooms);
   reader.read("recordings_per_room", config.recordings_per_room);
   reader.read("duration_s", config.duration_s);
@@ -62,10 +62,10 @@ void validate(const SoundSceneConfig& config) {
           "must be in [1, 10000]");
   require(config.duration_s >= 0.2f && config.duration_s <= 600, "duration_s", config.duration_s, "must be in [0.2, 600] s");
   if (config.classes.empty())
-    throw InputError("classes", "names no class of sounds", "write for example classes: {speech: folder/of/speech, alarm: synth:alarm}");
+    throw InputError("classes", "lists no class of sounds", "write for example classes: {speech: folder/of/speech, alarm: synth:alarm}");
   require(config.classes.size() <= 1000, "classes", config.classes.size(), "must be at most 1000");
   for (const SoundClass& sounds : config.classes)
-    if (sounds.sounds.empty()) throw InputError("classes." + sounds.name, "names no sound", "name a file, a folder or synth:KIND");
+    if (sounds.sounds.empty()) throw InputError("classes." + sounds.name, "lists no sound", "give a file, a folder or synth:KIND");
   validate_range(config.events, "events", 1, 100);
   validate_range(config.event_s, "event_s", 0.1f, config.duration_s);
   require(config.max_overlap >= 1 && config.max_overlap <= 100, "max_overlap", config.max_overlap, "must be in [1, 100]");

@@ -164,7 +164,7 @@ class RoomRecorder {
       noise.insert(noise.end(), channel.begin(), channel.end());
     }
     const double energy = energy_of(noise), snr_db = within_range(config_.snr_db, random.uniform(MixDraw::snr));
-    if (energy <= 0) throw InputError((inputs_.noise->root / name).string(), "is silent", "take it out of the folder");
+    if (energy <= 0) throw InputError((inputs_.noise->root / name).string(), "is silent", "remove it from the folder");
     const double gain = std::sqrt(energy_of(mix) / energy) / amplitude_of_db(snr_db);
     for (std::size_t i = 0; i < mix.size(); ++i) mix[i] += static_cast<float>(gain) * noise[i];
     return {{"sound", name}, {"snr_db", rounded(snr_db)}};
@@ -184,7 +184,7 @@ std::uint64_t hash_of(const ClassSounds& sounds, float sample_rate_hz) {
   std::string text;
   for (const auto& of_class : sounds)
     for (const std::string& sound : of_class) {
-      if (!is_utf8(sound)) throw InputError(sound, "has a name that is not UTF-8, as manifests are", "rename it");
+      if (!is_utf8(sound)) throw InputError(sound, "has a name that is not valid UTF-8, which the manifest needs", "rename the file");
       text += sound;
       if (sound.starts_with("synth:"))
         (void)synthesize_sound(sound, sample_rate_hz);

@@ -21,7 +21,7 @@ SoundClip levelled(const SoundEvent& event, float sample_rate_hz, std::size_t so
     const auto sample = static_cast<double>(clip.samples[i % clip.samples.size()]);
     sum += sample * sample;
   }
-  if (sum <= 0) throw InputError(event.sound, "is silent for as long as an event", "take it out of its class, or make event_s longer");
+  if (sum <= 0) throw InputError(event.sound, "is silent for the length of an event", "remove it from its class, or increase event_s");
   const auto factor = static_cast<float>(std::pow(10, event.level_db / 20) / std::sqrt(sum / static_cast<double>(sounding)));
   for (float& sample : clip.samples) sample *= factor;
   return clip;

@@ -57,7 +57,7 @@ void sample_actions(const torch::Tensor& logits, std::span<const ActingEnv> envs
     const std::span<const double> row(rows.data_ptr<double>() + i * num_actions, num_actions);
     if (!all_finite(row))
       throw RunError(fmt::format("policy: env {}, episode {}, step {}", envs[i].env, envs[i].episode, envs[i].step),
-                     "the logits are not finite: the weights or the observation hold NaN or infinity");
+                     "the logits are not finite: the weights or the observation contain NaN or infinity");
     const RandomStream random(seed, Purpose::action, envs[i].env, envs[i].episode, envs[i].step);
     actions[i] = inverse_cdf(row, random.uniform(0));
   }

@@ -82,13 +82,12 @@ torch::Tensor features_of(const SensorSpec& sensor, const torch::Tensor& rows) {
 ActorCriticImpl::ActorCriticImpl(const ObservationSpec& spec, const PolicyConfig& config)
     : sensors_(sensor_table(spec, 1)), config_(config) {
   std::erase_if(sensors_, [](const SensorSpec& sensor) { return sensor.privileged; });
-  if (sensors_.empty())
-    throw InputError("sensors", "all are off: the policy would have nothing to go by", "switch depth, spectrogram or pointgoal on");
+  if (sensors_.empty()) throw InputError("sensors", "are all off, so the policy has no input", "switch on depth, spectrogram or pointgoal");
   int features = 0;
   for (const SensorSpec& sensor : sensors_) {
     if (sensor.kind == SensorKind::waveform || sensor.kind == SensorKind::heard || sensor.kind == SensorKind::semantic)
-      throw InputError("observation." + sensor.name, "has no encoder in the policy",
-                       "switch it off for training; a policy hears by spectrogram and interaural, and sees by depth, rgb and normals");
+      throw InputError("observation." + sensor.name, "has no encoder in this policy",
+                       "switch it off; this policy uses spectrogram and interaural, depth, rgb and normals");
     if (is_vector(sensor)) features += num_features(sensor);
   }
   Picture sound;

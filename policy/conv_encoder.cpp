@@ -27,7 +27,7 @@ ConvEncoderImpl::ConvEncoderImpl(const std::string& name, int height, int width,
       throw InputError(fmt::format("{} of {} x {}", name, height, width),
                        fmt::format("is too small for the encoder: convolution {} needs {} x {} and gets {} x {}", convolutions_.size() + 1,
                                    layer.kernel, layer.kernel, rows, columns),
-                       "use a larger picture, or switch the sensor off");
+                       "use a larger image, or switch the sensor off");
     const auto options = torch::nn::Conv2dOptions(channels, layer.channels, layer.kernel).stride(layer.stride);
     convolutions_.push_back(register_module(fmt::format("conv{}", convolutions_.size() + 1), torch::nn::Conv2d(options)));
     rows = (rows - layer.kernel) / layer.stride + 1;

@@ -66,7 +66,7 @@ void multiply(const MatrixProduct& p, const float* a, std::int64_t lda, const fl
   if (onednn == nullptr || p.k == 0) return multiply_by_blas(p, a, lda, b, ldb, c, ldc);
   at::internal::lazy_init_num_threads();  // the number of threads that torch was given, on this thread too
   const int status = onednn(p.transpose_a ? 'T' : 'N', p.transpose_b ? 'T' : 'N', p.m, p.n, p.k, 1.f, a, lda, b, ldb, p.beta, c, ldc);
-  if (status != 0) throw RunError("oneDNN", "refuses a product of matrices");
+  if (status != 0) throw RunError("oneDNN", "failed to compute a matrix product");
 }
 
 void multiply_into(torch::Tensor& c, const torch::Tensor& a, bool transpose_a, const torch::Tensor& b, bool transpose_b, float beta) {

@@ -19,10 +19,10 @@ void read(ConfigReader& reader, PolicyConfig& config) {
 
 void validate(const PolicyConfig& config) {
   require(config.initial_stop_logit >= -20 && config.initial_stop_logit <= 20, "policy.initial_stop_logit", config.initial_stop_logit,
-          "must be in [-20, 20]: beyond that the agent can never learn to stop, or to go");
+          "must be in [-20, 20]: beyond that the agent cannot learn to stop, or to move");
   constexpr int largest = 8192;  // the recurrent weights of a layer twice this size would fill 3 GB
   const auto check = [](const char* key, int value) {
-    require(value > 0 && value <= largest, key, value, "must be in 1 ... 8192: it is the width of a layer");
+    require(value > 0 && value <= largest, key, value, "must be in [1, 8192]: it is the width of a layer");
   };
   check("policy.hidden_size", config.hidden_size);
   check("policy.visual_features", config.visual_features);

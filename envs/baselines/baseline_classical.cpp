@@ -40,7 +40,7 @@ ClassicalAgent::ClassicalAgent(const EnvConfig& config)
       planner_(config.navmesh.agent_radius_m),
       response_(InterauralBearing::kNumAngles) {
   if (!config.observation.depth || !config.observation.hears())
-    throw InputError("classical", "needs the depth of the main camera and sound",
+    throw InputError("classical", "needs depth images of the main camera and interaural sound features",
                      "set env.observation.depth and env.observation.interaural");
 }
 

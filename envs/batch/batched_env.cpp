@@ -85,7 +85,7 @@ struct BatchedEnv::Impl {
   /// Throws std::out_of_range.
   [[nodiscard]] const Agent& agent_at(int row) const {
     if (row < 0 || size_of(row) >= agents.size())
-      throw std::out_of_range(fmt::format("BatchedEnv: agent {} of a batch of {}", row, agents.size()));
+      throw std::out_of_range(fmt::format("BatchedEnv: agent {} is out of range: the batch has {} agents", row, agents.size()));
     return agents[size_of(row)];
   }
   void check_cursor(const EnvCursor& cursor) const;
@@ -94,19 +94,19 @@ struct BatchedEnv::Impl {
 namespace {
 
 [[noreturn]] void refuse_state(const std::string& what) {
-  throw InputError("environment state", what, "resume with the set, seed and batch it was saved with");
+  throw InputError("environment state", what, "restore it with the same episode set, seed and batch");
 }
 
 }  // namespace
 
 void BatchedEnv::Impl::check_cursor(const EnvCursor& cursor) const {
-  if (cursor.active && cursor.episode_index >= setup.set->episodes.size()) refuse_state("names an episode that the set does not have");
-  if (cursor.others.size() + 1 != setup.per_env) refuse_state("has another number of agents");
+  if (cursor.active && cursor.episode_index >= setup.set->episodes.size()) refuse_state("refers to an episode that is not in the set");
+  if (cursor.others.size() + 1 != setup.per_env) refuse_state("has a different number of agents");
   std::size_t longest = cursor.actions.size();
   for (const auto& actions : cursor.others) longest = std::max(longest, actions.size());
   if (longest > size_of(setup.config.task.max_steps)) refuse_state("has an episode longer than task.max_steps");
   if (cursor.ended && !cursor.is_void && setup.config.autoreset == Autoreset::same_step)
-    refuse_state("has an episode that has ended, which autoreset same_step knows none of");
+    refuse_state("has an ended episode, which autoreset same_step cannot have");
 }
 
 BatchedEnv::BatchedEnv(const EnvConfig& config, std::shared_ptr<const EpisodeSet> set, std::shared_ptr<SceneCache> scenes, int num_envs,
@@ -144,7 +144,7 @@ void BatchedEnv::restore(std::string_view text) {
   in.scheduler.refuse_while_under_way("restore");
   const EnvState state = decode_env_state(text);
   if (state.set_hash != in.setup.set->hash) refuse_state("belongs to another episode set");
-  if (state.seed != in.setup.config.seed) refuse_state("has another seed");
+  if (state.seed != in.setup.config.seed) refuse_state("has a different seed");
   if (state.envs.size() != in.envs.size() || state.first_env != in.setup.first_env || state.total_envs != in.setup.total_envs)
     refuse_state("belongs to another batch of environments");
   for (const EnvCursor& cursor : state.envs) in.check_cursor(cursor);
@@ -154,7 +154,8 @@ void BatchedEnv::restore(std::string_view text) {
 std::string BatchedEnv::snapshot(int env) const {
   const Impl& in = *impl_;
   const std::size_t index = in.scheduler.index_of(env);
-  if (in.scheduler.is_under_way(index)) throw std::logic_error(fmt::format("BatchedEnv::snapshot: environment {} is under way", env));
+  if (in.scheduler.is_under_way(index))
+    throw std::logic_error(fmt::format("BatchedEnv::snapshot: environment {} is still stepping; call recv() first", env));
   return encode({.set_hash = in.setup.set->hash,
                  .seed = in.setup.config.seed,
                  .first_env = 0,
@@ -169,8 +170,8 @@ void BatchedEnv::restore(int env, std::string_view snapshot) {
   const std::size_t index = in.scheduler.index_of(env);
   const EnvState state = decode_env_state(snapshot);
   if (state.set_hash != in.setup.set->hash) refuse_state("belongs to another episode set");
-  if (state.envs.size() != 1 || !state.started) refuse_state("is no snapshot of one environment with an episode");
-  if (!in.scheduler.has_started()) throw std::logic_error("BatchedEnv::restore: no episode has begun, reset all environments first");
+  if (state.envs.size() != 1 || !state.started) refuse_state("is not a snapshot of a single environment with an episode");
+  if (!in.scheduler.has_started()) throw std::logic_error("BatchedEnv::restore: no episode has started; reset all environments first");
   in.check_cursor(state.envs.front());
   in.scheduler.restore(index, state.envs.front());
 }

@@ -32,13 +32,13 @@ EnvScheduler::EnvScheduler(const EnvParts& parts, PictureQueue& pictures, std::s
 
 std::size_t EnvScheduler::index_of(int env) const {
   if (env < 0 || size_of(env) >= envs_.size())
-    throw std::out_of_range(fmt::format("BatchedEnv: environment {} of a batch of {}", env, envs_.size()));
+    throw std::out_of_range(fmt::format("BatchedEnv: environment {} is out of range: the batch has {} environments", env, envs_.size()));
   return size_of(env);
 }
 
 void EnvScheduler::refuse_while_under_way(const char* call) const {
   if (!sent_order_.empty())
-    throw std::logic_error(fmt::format("BatchedEnv::{}: {} environments are under way, call recv()", call, sent_order_.size()));
+    throw std::logic_error(fmt::format("BatchedEnv::{}: {} environments are still stepping; call recv() first", call, sent_order_.size()));
 }
 
 void EnvScheduler::check_action(std::size_t row, std::int32_t action) const {
@@ -46,11 +46,11 @@ void EnvScheduler::check_action(std::size_t row, std::int32_t action) const {
   const std::size_t env = row / parts_.setup.per_env;
   if (envs_[env].run().has_ended()) {
     if (parts_.setup.config.autoreset == Autoreset::off)
-      throw std::logic_error(fmt::format("BatchedEnv: the episode of environment {} has ended, and autoreset is off: reset it", env));
+      throw std::logic_error(fmt::format("BatchedEnv: the episode of environment {} has ended and autoreset is off; reset it first", env));
     return;  // the action is not used
   }
   if (action < 0 || action >= kNumActions)
-    throw std::invalid_argument(fmt::format("BatchedEnv: action {} of environment {} is not in [0, {})", action, env, kNumActions));
+    throw std::invalid_argument(fmt::format("BatchedEnv: action {} of environment {} is outside [0, {})", action, env, kNumActions));
 }
 
 bool EnvScheduler::takes_part(std::size_t env) {
@@ -64,7 +64,7 @@ bool EnvScheduler::takes_part(std::size_t env) {
 
 void EnvScheduler::require_settled(std::size_t env, const char* call) {
   if (stalled_[env] == 0 || takes_part(env)) return;
-  throw std::logic_error(fmt::format("BatchedEnv::{}: a stage of environment {} still runs, long after its limit", call, env));
+  throw std::logic_error(fmt::format("BatchedEnv::{}: a stage of environment {} is still running long after stage_limit_s", call, env));
 }
 
 bool EnvScheduler::submit_step(std::size_t env, std::span<const std::int32_t> actions) {
@@ -79,11 +79,11 @@ bool EnvScheduler::submit_step(std::size_t env, std::span<const std::int32_t> ac
 }
 
 void EnvScheduler::step(std::span<const std::int32_t> actions) {
-  if (!has_started_) throw std::logic_error("BatchedEnv::step: no episode has begun, call reset() first");
+  if (!has_started_) throw std::logic_error("BatchedEnv::step: no episode has started; call reset() first");
   refuse_while_under_way("step");
   const std::size_t per_env = parts_.setup.per_env;
   if (actions.size() != parts_.rows.num_rows())
-    throw std::invalid_argument(fmt::format("BatchedEnv::step: {} actions for {} environments{}", actions.size(), envs_.size(),
+    throw std::invalid_argument(fmt::format("BatchedEnv::step: got {} actions for {} environments{}", actions.size(), envs_.size(),
                                             per_env > 1 ? fmt::format(" of {} agents", per_env) : ""));
   for (std::size_t row = 0; row < actions.size(); ++row) check_action(row, actions[row]);
   submitted_.clear();
@@ -109,9 +109,9 @@ void EnvScheduler::reset(std::span<const std::uint8_t> mask, std::span<const std
   refuse_while_under_way("reset");
   if (mask.size() != envs_.size() || (!seeds.empty() && seeds.size() != envs_.size()))
     throw std::invalid_argument(
-        fmt::format("BatchedEnv::reset: {} flags and {} seeds for {} environments", mask.size(), seeds.size(), envs_.size()));
+        fmt::format("BatchedEnv::reset: got {} flags and {} seeds for {} environments", mask.size(), seeds.size(), envs_.size()));
   if (!has_started_ && std::ranges::count(mask, std::uint8_t{0}) > 0)
-    throw std::logic_error("BatchedEnv::reset: no episode has begun, reset all environments first");
+    throw std::logic_error("BatchedEnv::reset: no episode has started; reset all environments first");
   submitted_.clear();
   for (const std::uint32_t env : all_envs_) {
     if (mask[env] == 0 || (stalled_[env] != 0 && !takes_part(env))) continue;
@@ -128,16 +128,16 @@ void EnvScheduler::reset(std::span<const std::uint8_t> mask, std::span<const std
 
 void EnvScheduler::send(std::span<const std::int32_t> envs, std::span<const std::int32_t> actions) {
   const std::size_t per_env = parts_.setup.per_env;
-  if (!has_started_) throw std::logic_error("BatchedEnv::send: no episode has begun, call reset() first");
+  if (!has_started_) throw std::logic_error("BatchedEnv::send: no episode has started; call reset() first");
   if (envs.size() * per_env != actions.size())
     throw std::invalid_argument(
-        fmt::format("BatchedEnv::send: {} environments of {} agents and {} actions", envs.size(), per_env, actions.size()));
+        fmt::format("BatchedEnv::send: got {} environments with {} agents each and {} actions", envs.size(), per_env, actions.size()));
   workers_->run_in_background();
   const std::size_t sent_before = sent_order_.size();
   try {
     for (std::size_t i = 0; i < envs.size(); ++i) {
       const std::size_t env = index_of(envs[i]);
-      if (is_under_way(env)) throw std::logic_error(fmt::format("BatchedEnv::send: environment {} is under way already", env));
+      if (is_under_way(env)) throw std::logic_error(fmt::format("BatchedEnv::send: environment {} is already stepping", env));
       for (std::size_t agent = 0; agent < per_env; ++agent) check_action(env * per_env + agent, actions[i * per_env + agent]);
       send_state_[env] = SendState::under_way;
       sent_order_.push_back(static_cast<std::uint32_t>(env));
@@ -158,7 +158,8 @@ void EnvScheduler::send(std::span<const std::int32_t> envs, std::span<const std:
 
 std::span<const std::int32_t> EnvScheduler::recv(int min_ready, RecvOrder order) {
   if (min_ready < 1 || size_of(min_ready) > sent_order_.size())
-    throw std::invalid_argument(fmt::format("BatchedEnv::recv: {} of {} environments under way", min_ready, sent_order_.size()));
+    throw std::invalid_argument(
+        fmt::format("BatchedEnv::recv: asked for {} environments, but {} are stepping", min_ready, sent_order_.size()));
   clear_finished();
   while (const auto completed = workers_->done_already()) settle(*completed);
   const auto is_done = [&](std::uint32_t env) { return send_state_[env] == SendState::done; };
@@ -182,7 +183,8 @@ std::optional<FaultReport> EnvScheduler::begin(int env, std::uint64_t episode_in
   const std::size_t index = index_of(env);
   const std::size_t num_episodes = parts_.setup.set->episodes.size();
   if (episode_index >= num_episodes || episode_count < 0)
-    throw std::invalid_argument(fmt::format("BatchedEnv::begin: episode {} of {}, number {}", episode_index, num_episodes, episode_count));
+    throw std::invalid_argument(fmt::format("BatchedEnv::begin: episode {} is out of range (set of {}), or episode count {} is negative",
+                                            episode_index, num_episodes, episode_count));
   require_settled(index, "begin");
   Environment& begun = envs_[index];
   begun.assign(Job::begin);

@@ -18,7 +18,7 @@ using nlohmann::json;
 
 constexpr int kStateVersion = 2;
 
-[[noreturn]] void fail(const std::string& what) { throw InputError("environment state", what, "resume from another checkpoint"); }
+[[noreturn]] void fail(const std::string& what) { throw InputError("environment state", what, "use another checkpoint"); }
 
 }  // namespace
 
@@ -48,7 +48,7 @@ EnvState decode_env_state(std::string_view text) {
     check_schema_version("environment state", "a state", whole_number<std::int64_t>(document, "earshot_env_state"),
                          {kStateVersion, kStateVersion});
     const json& body = document.at("body");
-    if (document.at("checksum").get<std::string>() != hex64(hash64(json_text(body)))) fail("is damaged: its checksum is wrong");
+    if (document.at("checksum").get<std::string>() != hex64(hash64(json_text(body)))) fail("is corrupted: its checksum does not match");
     const auto hash = body.at("set_hash").get<std::string>();
     state.set_hash = std::stoull(hash, nullptr, 16);
     state.seed = whole_number<std::uint64_t>(body, "seed");
@@ -65,7 +65,7 @@ EnvState decode_env_state(std::string_view text) {
                        .episode_count = whole_number<int>(env, "episode_count"),
                        .actions = {}};
       read_actions(env, cursor.actions, cursor.others, fail);
-      if (cursor.episode_count < 0) fail("holds a negative episode count");
+      if (cursor.episode_count < 0) fail("contains a negative episode count");
       state.envs.push_back(std::move(cursor));
     }
   } catch (const json::exception& error) {

@@ -235,7 +235,7 @@ CompletedEnv EnvWorkers::next() {
   for (int spin = 0;; ++spin) {
     if (const auto completed = done_already()) return *completed;
     if (in.hopeless.load(std::memory_order_acquire))
-      throw RunError("environments", "stages of so many have stalled that no thread is left: look at the scenes that the log names");
+      throw RunError("environments", "too many stages are stuck and no thread is left; check the scenes named in the log");
     bool gone = false;
     if (in.caller_works && in.work(0, gone)) continue;
     if (spin < kWorkerSpins)

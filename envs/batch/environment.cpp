@@ -213,9 +213,9 @@ void Environment::begin_next_episode(HearingEngines* engines) {
   const FaultReport fault = *run_.fault();
   go_idle();
   throw InputError("episode set",
-                   fmt::format("{} episodes in a row could not begin, the last one for its {}: episode '{}' in {}: {}", kMaxDraws,
+                   fmt::format("{} episodes in a row could not start, the last one because of its {}: episode '{}' in {}: {}", kMaxDraws,
                                name_of(fault.fault), last.episode_id, last.scene_id, fault.detail),
-                   "bring back what is missing, or make the set again for these scenes and this agent size");
+                   "restore the missing files, or write the episode set again for these scenes and this agent size");
 }
 
 void Environment::begin_episode(std::uint64_t episode_index, int episode_count, HearingEngines* engines) {
@@ -251,7 +251,7 @@ void Environment::restore(HearingEngines* engines) {
     if (!fault) return;
     const Episode& episode = parts_.setup.set->episodes[cursor_.episode_index];
     throw InputError("episode '" + episode.episode_id + "' in " + episode.scene_id, fault->detail,
-                     "it ran when the state was saved: bring back what is missing, or resume from another checkpoint");
+                     "restore the missing files, or use another checkpoint; the episode was valid when the state was saved");
   };
   parts_.entry.enter(run_);
   stop_at_fault();
@@ -276,9 +276,9 @@ void Environment::end_faulty_episode() {
   // One bad scene among many does not reach this count; a broken set would continue without end and without a whole episode.
   if (++faulty_in_a_row_ >= kMaxFaultyInARow && parts_.setup.config.order == EpisodeOrder::random)
     throw InputError(fmt::format("env {}", run_.agents.front().env_id),
-                     fmt::format("{} episodes in a row were quarantined, the last one for its {}: {}", kMaxFaultyInARow,
+                     fmt::format("{} episodes in a row were quarantined, the last one because of its {}: {}", kMaxFaultyInARow,
                                  name_of(fault.fault), fault.detail),
-                     "set quarantine_dir and run `earshot replay` on a file there");
+                     "set quarantine_dir, and run 'earshot replay' on a file in it");
 }
 
 /// Books the last observations and what became of the episode.

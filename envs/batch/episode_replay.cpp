@@ -7,7 +7,7 @@
 namespace earshot {
 namespace {
 
-[[noreturn]] void refuse_damaged(const char* what) { throw InputError("environment state", what, "resume from another checkpoint"); }
+[[noreturn]] void refuse_damaged(const char* what) { throw InputError("environment state", what, "use another checkpoint"); }
 
 }  // namespace
 
@@ -40,7 +40,8 @@ void EpisodeReplay::walk() {
       }
     }
   }
-  if (std::ranges::all_of(run_->agents, &Agent::has_ended) != cursor_->ended) refuse_damaged("its last action ends the episode, or should");
+  if (std::ranges::all_of(run_->agents, &Agent::has_ended) != cursor_->ended)
+    refuse_damaged("its last action does not match the end of the episode");
   observe();
 }
 
@@ -49,12 +50,12 @@ bool EpisodeReplay::move(std::size_t step) {
   for (Agent& agent : run_->agents) {
     const std::vector<std::int8_t>& actions = actions_of(agent);
     if (step > actions.size()) {
-      if (!agent.has_ended()) refuse_damaged("has an agent that took fewer actions than the others and has not ended");
+      if (!agent.has_ended()) refuse_damaged("has an agent that took fewer actions than the others without having ended");
       continue;
     }
     any_hears = any_hears || step >= heard_from(agent);
     if (step == 0) continue;
-    if (agent.has_ended()) refuse_damaged("its actions go on after the end of the episode");
+    if (agent.has_ended()) refuse_damaged("it has actions after the end of the episode");
     agent.outcome = {};
     agent.actions.push_back(actions[step - 1]);
     senses_->move(*run_, agent, static_cast<Action>(actions[step - 1]));

@@ -18,7 +18,7 @@ constexpr std::uint64_t kHopelessStarts = 64;
 
 }  // namespace
 
-std::string stall_text(const EnvConfig& config) { return fmt::format("a stage took longer than stage_limit_s = {}", config.stage_limit_s); }
+std::string stall_text(const EnvConfig& config) { return fmt::format("a stage exceeded stage_limit_s = {}", config.stage_limit_s); }
 
 void FaultDesk::report(Agent& agent, Fault fault, std::string detail) {
   if (!agent.fault) agent.fault = {fault, std::move(detail)};
@@ -80,8 +80,8 @@ void FaultDesk::stop_if_none_begins(std::span<const std::uint8_t> active) const 
   for (std::size_t i = 0; i < kNumFaults; ++i)
     if (by_reason.episodes[i] > 0)
       reasons += fmt::format("{}{} ({})", reasons.empty() ? "" : ", ", name_of(static_cast<Fault>(i)), by_reason.episodes[i]);
-  throw InputError("episode set", fmt::format("none of {} episodes could begin; reasons: {}", failed_starts_.load(), reasons),
-                   "the log above has the first of each reason; check scene_root and sound_root");
+  throw InputError("episode set", fmt::format("none of the {} episodes could start; reasons: {}", failed_starts_.load(), reasons),
+                   "check scene_root and sound_root; the log above shows the first case of each reason");
 }
 
 }  // namespace earshot

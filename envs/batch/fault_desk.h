@@ -72,7 +72,7 @@ void FaultDesk::guard(Agent& agent, Fault kind, const Body& body) {
   } catch (const std::exception& error) {
     report(agent, kind, error.what());
   } catch (...) {
-    report(agent, kind, "an exception of a type that is not known");
+    report(agent, kind, "an unknown exception");
   }
 }
 

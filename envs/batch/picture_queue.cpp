@@ -15,7 +15,7 @@ namespace {
 
 void require_finite(std::span<const float> values) {
   if (!std::ranges::all_of(values, [](float value) { return std::isfinite(value); }))
-    throw RunError("egl renderer", "the driver drew a picture that is not finite");
+    throw RunError("egl renderer", "the driver returned an image with non-finite values");
 }
 
 /// Empties a list at the end of a scope, thrown out of or not.
@@ -37,7 +37,7 @@ std::unique_ptr<EglRenderer> open_renderer(const ObservationSpec& spec, std::spa
     if (spec.renderer == Renderer::egl || spec.egl_device != "auto") throw;
   } catch (const RunError& error) {
     if (spec.renderer == Renderer::egl) throw;
-    log_warning(fmt::format("pictures are drawn by Embree: {}", error.what()));
+    log_warning(fmt::format("using the Embree renderer for images: {}", error.what()));
   }
   if (egl && spec.renderer == Renderer::automatic && egl->software()) egl.reset();
   return egl;
@@ -104,7 +104,7 @@ void PictureQueue::draw_by_egl(const CameraSensorConfig& config) {
       require_finite(views_[i].images.normals);
     }
   } catch (const std::exception& error) {
-    log_warning(fmt::format("pictures are drawn by Embree from now on: {}", error.what()));
+    log_warning(fmt::format("switching to the Embree renderer for images: {}", error.what()));
     draws_ = false;
   }
 }

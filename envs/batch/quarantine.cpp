@@ -85,7 +85,7 @@ QuarantineRecord decode_quarantine_record(std::string_view text, const std::stri
   QuarantineRecord record;
   try {
     const json document = parse_json(text);
-    if (!document.is_object() || !document.contains("earshot_quarantine")) fail("is no quarantined episode");
+    if (!document.is_object() || !document.contains("earshot_quarantine")) fail("is not a quarantined episode");
     check_schema_version(document, "earshot_quarantine", where, "a quarantined episode", {kQuarantineVersion, kQuarantineVersion});
     const auto reason = document.at("reason").get<std::string>();
     const auto fault = fault_by_name(reason);
@@ -101,7 +101,7 @@ QuarantineRecord decode_quarantine_record(std::string_view text, const std::stri
     read_actions(document, record.actions, record.others, fail);
     record.config = document.at("config").get<std::string>();
     const EpisodeSet set = parse_episode_set(json_text(document.at("set")), where);
-    if (set.episodes.size() != 1) fail("holds not one episode");
+    if (set.episodes.size() != 1) fail("does not contain exactly one episode");
     record.episode = set.episodes.front();
   } catch (const json::exception& error) {
     fail(std::string("cannot be read: ") + error.what());
@@ -109,11 +109,11 @@ QuarantineRecord decode_quarantine_record(std::string_view text, const std::stri
     fail("cannot be read: set_hash is not a hexadecimal number");
   }
   constexpr int kMostEnvs = 1 << 30;
-  if (record.env < 0 || record.env > kMostEnvs) fail("holds an env that cannot be");
-  if (record.episode_count < 0 || record.episode_count > kMostEnvs) fail("holds an episode_count that cannot be");
+  if (record.env < 0 || record.env > kMostEnvs) fail("contains an invalid env");
+  if (record.episode_count < 0 || record.episode_count > kMostEnvs) fail("contains an invalid episode_count");
   std::size_t longest = record.actions.size();
   for (const auto& actions : record.others) longest = std::max(longest, actions.size());
-  if (record.step < 0 || static_cast<std::size_t>(record.step) > longest) fail("holds fewer actions than steps");
+  if (record.step < 0 || static_cast<std::size_t>(record.step) > longest) fail("contains fewer actions than steps");
   return record;
 }
 
@@ -141,7 +141,7 @@ struct Quarantine::Impl {
     } catch (const std::exception& error) {
       ++counters.files_failed;
       if (!std::exchange(warned, true))
-        log_warning(fmt::format("quarantined episodes are counted but cannot be written (said once): {}", error.what()));
+        log_warning(fmt::format("quarantined episodes are counted but cannot be written (reported once): {}", error.what()));
     }
   }
 };
@@ -157,8 +157,8 @@ void Quarantine::add(const QuarantineRecord& record) {
   const std::scoped_lock lock(in.mutex);
   const std::uint64_t count = ++in.counters.episodes[static_cast<std::size_t>(record.report.fault)];
   if (std::has_single_bit(count))
-    log_error(fmt::format("quarantined, {} for this reason: {} at step {} of episode '{}' in {}, env {}, seed {}: {}", count,
-                          name_of(record.report.fault), record.step, record.episode.episode_id, record.episode.scene_id, record.env,
+    log_error(fmt::format("quarantined episode (number {} for this reason): {} at step {} of episode '{}' in {}, env {}, seed {}: {}",
+                          count, name_of(record.report.fault), record.step, record.episode.episode_id, record.episode.scene_id, record.env,
                           record.seed, record.report.detail));
   if (!in.folder.empty()) in.write(record);
 }

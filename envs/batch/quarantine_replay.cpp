@@ -23,8 +23,8 @@ EnvConfig config_of(const QuarantineRecord& record, const std::vector<std::strin
   config.autoreset = Autoreset::same_step;
   config.seed = record.seed;
   if (record.others.size() + 1 != static_cast<std::size_t>(config.agents))
-    throw InputError("config of the quarantined episode", "has another number of agents than there are lists of actions",
-                     "name a file that a run wrote to its quarantine_dir");
+    throw InputError("config of the quarantined episode", "has a different number of agents than its recorded actions",
+                     "use an unchanged file from the quarantine_dir of a run");
   return config;
 }
 

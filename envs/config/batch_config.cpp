@@ -23,8 +23,9 @@ void read_section(ConfigReader& parent, const char* key, Config& config) {
 void read_episodes(ConfigReader& reader, DataConfig& data) {
   read(reader, data);
   reader.finish();
-  if (data.scenes.empty() && data.file.empty()) reader.fail("scenes", "is missing; name at least one SCENE, or a `file` of episodes");
-  if (!data.scenes.empty() && data.sounds.empty()) reader.fail("sounds", "is missing; name at least one, for example synth:telephone");
+  if (data.scenes.empty() && data.file.empty()) reader.fail("scenes", "is missing; give at least one scene, or a `file` of episodes");
+  if (!data.scenes.empty() && data.sounds.empty())
+    reader.fail("sounds", "is missing; give at least one sound, for example synth:telephone");
 }
 
 }  // namespace
@@ -57,11 +58,11 @@ BatchParts read_batch(const std::string& yaml, const std::string& where, const s
     reader.read("seed", parts.config.seed);
     read_env_section(reader, parts.config);
     ConfigReader data = reader.child("data");
-    if (!data.has(split)) data.fail(split, "is missing; it names the episodes");
+    if (!data.has(split)) data.fail(split, "is missing; it describes the episodes");
     ConfigReader section = data.child(split);
     read_episodes(section, keys);
   } else {
-    if (!reader.has("episodes")) reader.fail("episodes", "is missing; it names scenes and sounds, or a file of episodes");
+    if (!reader.has("episodes")) reader.fail("episodes", "is missing; give `scenes` and `sounds`, or a `file` of episodes");
     ConfigReader section = reader.child("episodes");
     read_episodes(section, keys);
     read(reader, parts.config);

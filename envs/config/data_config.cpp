@@ -23,7 +23,7 @@ void read(ConfigReader& reader, DataConfig& data) {
   section("agents", data.agents);
   require(data.episodes_per_scene > 0, reader.prefix() + "episodes_per_scene", data.episodes_per_scene, "must be positive");
   require(data.goals_per_scene >= 0 && data.goals_per_scene <= 100'000, reader.prefix() + "goals_per_scene", data.goals_per_scene,
-          "must be in [0, 100000]; 0 gives every episode a goal of its own");
+          "must be in [0, 100000]; 0: each episode has its own goal");
 }
 
 }  // namespace earshot

@@ -31,7 +31,7 @@ void read(ConfigReader& reader, EnvConfig& config) {
   ConfigReader acoustics = reader.child("acoustics");
   if (!config.accuracy.empty())
     for (const std::string_view key : keys_of_accuracy())
-      if (acoustics.has(std::string(key))) acoustics.fail(std::string(key), "is what env.accuracy chooses; leave out one of the two");
+      if (acoustics.has(std::string(key))) acoustics.fail(std::string(key), "is a key that env.accuracy chooses; set only one of them");
   std::string preset;
   acoustics.read("preset", preset);
   if (!preset.empty()) config.acoustics = acoustic_preset(preset);
@@ -82,26 +82,27 @@ void validate(const EnvConfig& config) {
   validate(config.acoustics);
   if (!config.accuracy.empty()) {
     static_cast<void>(AccuracyTarget::parse(config.accuracy));
-    require(config.observation.hears(), "accuracy", config.accuracy, "has no effect without a sensor of sound");
+    require(config.observation.hears(), "accuracy", config.accuracy, "has no effect without a sound sensor");
   }
   validate(config.navmesh);
   const float rate_hz = config.acoustics.sample_rate_hz;
   require(config.observation.sound.sample_rate_hz == rate_hz, "observation.sound.sample_rate_hz", config.observation.sound.sample_rate_hz,
-          "must equal acoustics.sample_rate_hz: the spectrogram is taken of what is rendered");
+          "must equal acoustics.sample_rate_hz: the spectrogram is computed from the rendered sound");
   const double block = static_cast<double>(rate_hz) * static_cast<double>(config.task.step_time_s);
   require(std::abs(block - std::round(block)) < 1e-3 && block >= 1, "task.step_time_s", config.task.step_time_s,
-          "must be a whole number of samples at acoustics.sample_rate_hz: sound and motion have one clock");
+          "must be a whole number of samples at acoustics.sample_rate_hz: sound and motion share one clock");
   require(std::lround(block) <= config.observation.sound.num_samples, "task.step_time_s", config.task.step_time_s,
-          "must not exceed the window of sound that is analysed (1 s)");
+          "must not exceed the analysis window of the sound (1 s)");
   require(config.sound_gain > 0 && std::isfinite(config.sound_gain), "sound_gain", config.sound_gain, "must be positive and finite");
   require(config.crossfade_s >= 0 && config.crossfade_s <= config.task.step_time_s, "crossfade_s", config.crossfade_s,
           "must be in [0, task.step_time_s]: a fade ends within its step");
   require(config.agents >= 1 && config.agents <= static_cast<int>(kMaxAgents), "agents", config.agents, "must be in [1, 16]");
-  require(config.agents == 1 || config.observation.renderer == Renderer::embree, "observation.renderer", "another than embree",
-          "draws no bodies: with several agents in an env pictures are drawn by embree");
-  require(config.threads >= 0 && config.threads <= 1024, "threads", config.threads, "must be in [0, 1024]; 0 means all cores");
+  require(config.agents == 1 || config.observation.renderer == Renderer::embree, "observation.renderer",
+          config.observation.renderer == Renderer::egl ? "egl" : "auto",
+          "must be embree with several agents: other renderers do not draw agents");
+  require(config.threads >= 0 && config.threads <= 1024, "threads", config.threads, "must be in [0, 1024]; 0: all cores");
   require(config.stage_limit_s >= 0 && config.stage_limit_s <= 1e6, "stage_limit_s", config.stage_limit_s,
-          "must be in [0, 1e6] seconds; 0 means no limit");
+          "must be in [0, 1e6] seconds; 0: no limit");
   require(config.scene_cache_gb >= 0 && std::isfinite(config.scene_cache_gb), "scene_cache_gb", config.scene_cache_gb,
           "must not be negative");
   require(config.field_store_gb >= 0 && config.field_store_gb <= 1e9, "field_store_gb", config.field_store_gb, "must be in [0, 1e9]");

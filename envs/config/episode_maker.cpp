@@ -16,7 +16,7 @@ constexpr int kDistractorPlaces = 10;
 
 EpisodeMaker::EpisodeMaker(const DataConfig& data, const TaskConfig& task, std::shared_ptr<SceneCache> scenes)
     : data_(data), task_(task), sounds_(expand_sounds(data.sounds)), agents_(data.agents), scenes_(std::move(scenes)) {
-  if (sounds_.empty()) throw InputError("data.sounds", "is empty", "name at least one sound, for example synth:telephone");
+  if (sounds_.empty()) throw InputError("data.sounds", "is empty", "give at least one sound, for example synth:telephone");
   agents_.sounds = expand_sounds(agents_.sounds);
 }
 

@@ -20,10 +20,10 @@ constexpr double kNewPlacesPerStep = 0.4;
 constexpr double kFieldGain = 2;
 
 std::string why_unfit(const AcousticConfig& acoustics) {
-  if (acoustics.late == Switch::off) return "there is no late sound";
+  if (acoustics.late == Switch::off) return "late sound is off";
   if (acoustics.source_rays > 0) return "source_rays selects bidirectional tracing";
   if (acoustics.specular_exponent > 0.f) return "specular_exponent selects lobes";
-  if (acoustics.rays == 0) return "rays = 0 leaves no late sound to replace";
+  if (acoustics.rays == 0) return "rays = 0 gives no late sound";
   return {};
 }
 
@@ -54,7 +54,8 @@ FieldChoice choose_field(const AcousticConfig& acoustics, const EpisodeSet& set,
 std::string FieldChoice::text() const {
   if (!unfit.empty()) return "off: " + unfit;
   return fmt::format(
-      "{}: {} goals in {} scenes, {:.0f} places heard from each: {:.3g} rays a goal by tracing, {:.3g} with a field of {:.0f} photons",
+      "{}: {} goals in {} scenes, {:.0f} listener positions per goal; {:.3g} rays per goal by tracing, {:.3g} with a field of {:.0f} "
+      "photons",
       on ? "on" : "off", goals, scenes, places_per_goal, traced_rays, field_rays, photons);
 }
 

@@ -33,7 +33,7 @@ void validate(const AgentScenario& scenario) {
   require(scenario.count >= 1 && scenario.count <= static_cast<int>(kMaxAgents), "agents.count", scenario.count, "must be in [1, 16]");
   require(scenario.apart_m >= 0 && scenario.apart_m <= 100, "agents.apart_m", scenario.apart_m, "must be in [0, 100] metres");
   require(scenario.count > 1 || scenario.sounds.empty(), "agents.sounds", scenario.sounds.size(),
-          "have no effect with one agent, which does not hear its own");
+          "has no effect with one agent: agents do not hear themselves");
   require(std::abs(scenario.level_db) <= 60, "agents.level_db", scenario.level_db, "must be in [-60, 60]");
   require(!scenario.sounds.empty() || scenario.level_db == 0, "agents.level_db", scenario.level_db, "has no effect without agents.sounds");
 }
@@ -78,10 +78,11 @@ void apply_agents(const AgentScenario& scenario, const Scene& scene, const Navme
                                         .level_db = scenario.level_db});
       }
       if (starts.size() == agent)
-        throw InputError(episode.scene_id,
-                         fmt::format("no place for agent {} of {}, {} m from the others and {} to {} m from its goal, in {} tries", agent,
-                                     scenario.count, scenario.apart_m, filter.min_geodesic_m, filter.max_geodesic_m, max_tries),
-                         "ask for fewer agents, less apart (agents.apart_m), loosen the filter or take a larger scene");
+        throw InputError(
+            episode.scene_id,
+            fmt::format("no start position for agent {} of {} that is {} m from the others and {} to {} m from its goal, after {} tries",
+                        agent, scenario.count, scenario.apart_m, filter.min_geodesic_m, filter.max_geodesic_m, max_tries),
+            "use fewer agents, reduce agents.apart_m, widen the filter, or use a larger scene");
     }
   }
 }

@@ -103,7 +103,7 @@ std::vector<Episode> generate_episodes(const std::string& scene_id, const Scene&
   validate(request.task);
   validate(filter);
   require(request.count >= 0, "count", request.count, "must not be negative");
-  if (sounds.empty()) throw InputError(scene_id, "no sounds to draw from", "name at least one, for example synth:telephone");
+  if (sounds.empty()) throw InputError(scene_id, "the list of sounds is empty", "give at least one sound, for example synth:telephone");
   SharedGoals shared{.places = spread_goals(scene_id, scene, navmesh, request), .fields = {}};
   shared.fields.resize(shared.places.size());
   const auto scene_word = static_cast<std::uint32_t>(hash64(scene_id));
@@ -119,9 +119,9 @@ std::vector<Episode> generate_episodes(const std::string& scene_id, const Scene&
     }
     if (!episode)
       throw InputError(scene_id,
-                       fmt::format("no episode with a path of {} to {} m, {} times the straight distance, in {} tries",
+                       fmt::format("found no episode with a path of {} to {} m and at least {} times the straight distance after {} tries",
                                    filter.min_geodesic_m, filter.max_geodesic_m, filter.min_ratio, filter.max_tries),
-                       "loosen the filter (min_geodesic_m, min_ratio) or take a larger scene");
+                       "widen the filter (min_geodesic_m, min_ratio), or use a larger scene");
     episode->episode_id = std::to_string(index);
     episode->scene_id = scene_id;
     episodes.push_back(std::move(*episode));
@@ -135,7 +135,7 @@ std::vector<glm::vec3> spread_goals(const std::string& scene_id, const Scene& sc
   const int max_tries = request.filter.max_tries;
   validate(request.task);
   validate(request.filter);
-  require(request.num_goals >= 0, "goals_per_scene", request.num_goals, "must not be negative; 0 gives every episode a goal of its own");
+  require(request.num_goals >= 0, "goals_per_scene", request.num_goals, "must not be negative; 0: each episode has its own goal");
   const auto scene_word = static_cast<std::uint32_t>(hash64(scene_id));
   std::vector<glm::vec3> goals;
   std::uint32_t draw = 0;
@@ -158,8 +158,8 @@ std::vector<glm::vec3> spread_goals(const std::string& scene_id, const Scene& sc
       }
     }
     if (farthest_m < 0)
-      throw InputError(scene_id, fmt::format("no place in {} has free air up to {} m", max_tries, source_height_m),
-                       "lower task.source_height_m or take another scene");
+      throw InputError(scene_id, fmt::format("none of {} positions has free air up to {} m", max_tries, source_height_m),
+                       "lower task.source_height_m, or use another scene");
     goals.push_back(best);
   }
   return goals;

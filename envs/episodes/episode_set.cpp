@@ -22,7 +22,7 @@ constexpr std::size_t kMaxTextBytes = std::size_t{1} << 30;
 constexpr const char* kGeneratorKey = "earshot_generator";
 constexpr const char* kVersionKey = "schema_version";
 constexpr std::string_view kScenePrefix = "data/scene_datasets/";
-constexpr std::string_view kRemedy = "see docs/reference/formats.md for the episode format, or make a set with `earshot dataset episodes`";
+constexpr std::string_view kRemedy = "see docs/reference/formats.md for the format, or write a set with 'earshot dataset episodes'";
 
 /// One JSON episode, with messages that name the episode and the key.
 class EpisodeReader {
@@ -61,7 +61,7 @@ class EpisodeReader {
     const json& info = member(episode_, "info");
     if (!info.is_object()) fail("info", "must be an object");
     out.geodesic_distance_m = number(member(info, "geodesic_distance", "info."), "info.geodesic_distance");
-    if (!(out.geodesic_distance_m > 0)) fail("info.geodesic_distance", "must be positive: the goal must lie away from the start");
+    if (!(out.geodesic_distance_m > 0)) fail("info.geodesic_distance", "must be positive: goal and start must differ");
     const json& actions = member(info, "num_action", "info.");
     if (!actions.is_number_integer() || actions.get<double>() < 1 || actions.get<double>() > 1e9)
       fail("info.num_action", "must be a whole number of at least 1");
@@ -88,7 +88,7 @@ class EpisodeReader {
     for (const auto& [name, unused] : value.items())
       if (name != "position" && name != "sound" && name != "onset_s" && name != "duration_s" && name != "loop" && name != "goal" &&
           name != "level_db" && name != "path")
-        fail(prefix + name, "is no key of a source");
+        fail(prefix + name, "is not a key of a source");
     EpisodeSource out;
     out.position = position(member(value, "position", prefix.c_str()), prefix + "position");
     out.sound = text(member(value, "sound", prefix.c_str()), prefix + "sound");
@@ -96,7 +96,7 @@ class EpisodeReader {
     if (value.contains("onset_s")) out.onset_s = static_cast<double>(number(value["onset_s"], prefix + "onset_s"));
     if (out.onset_s < 0 || out.onset_s > 1e6) fail(prefix + "onset_s", "must be in [0, 1e6]");
     if (value.contains("duration_s")) out.duration_s = static_cast<double>(number(value["duration_s"], prefix + "duration_s"));
-    if (out.duration_s > 1e6) fail(prefix + "duration_s", "must be at most 1e6; below 0 it has no end");
+    if (out.duration_s > 1e6) fail(prefix + "duration_s", "must be at most 1e6; negative: no end");
     if (value.contains("loop")) out.loop = flag(value["loop"], prefix + "loop");
     if (value.contains("goal")) out.goal = flag(value["goal"], prefix + "goal");
     if (value.contains("level_db")) out.level_db = number(value["level_db"], prefix + "level_db");
@@ -120,14 +120,14 @@ class EpisodeReader {
     const auto agents = episode_.find("agents");
     if (agents == episode_.end() || agents->is_null()) return;
     if (!agents->is_array() || agents->size() >= kMaxAgents)
-      fail("agents", "must be a list of at most " + std::to_string(kMaxAgents - 1) + " agents, those beside the first");
+      fail("agents", "must be a list of at most " + std::to_string(kMaxAgents - 1) + " agents (without the first one)");
     for (std::size_t i = 0; i < agents->size(); ++i) {
       const json& value = (*agents)[i];
       const std::string key = "agents[" + std::to_string(i) + "]", prefix = key + ".";
       if (!value.is_object()) fail(key, "must be an object");
       for (const auto& [name, unused] : value.items())
         if (name != "start_position" && name != "start_rotation" && name != "sound" && name != "level_db")
-          fail(prefix + name, "is no key of an agent");
+          fail(prefix + name, "is not a key of an agent");
       EpisodeAgent agent;
       agent.start_position = position(member(value, "start_position", prefix.c_str()), prefix + "start_position");
       agent.start_rotation = rotation(member(value, "start_rotation", prefix.c_str()), prefix + "start_rotation");
@@ -150,7 +150,7 @@ class EpisodeReader {
       out.push_back({.t_s = value[i][0].get<double>(),
                      .position = {value[i][1].get<double>(), value[i][2].get<double>(), value[i][3].get<double>()}});
       if (out.back().t_s < 0 || out.back().t_s > 1e6 || (i > 0 && out.back().t_s <= out[i - 1].t_s))
-        fail(item, "must come after the one before, within 0 to 1e6 s");
+        fail(item, "must be larger than the time before it, within 0 to 1e6 s");
     }
     return out;
   }
@@ -222,7 +222,7 @@ ParsedSet parse_text(std::string_view text, const std::string& where) {
           return false;
         }
         if (event == json::parse_event_t::value || event == json::parse_event_t::array_end)
-          throw InputError(where, "episodes holds an entry that is not an object", kRemedy);
+          throw InputError(where, "`episodes` contains an entry that is not an object", kRemedy);
       } catch (const InputError& error) {
         first_error = error;
         return false;
@@ -238,7 +238,7 @@ ParsedSet parse_text(std::string_view text, const std::string& where) {
     throw InputError(where, std::string("is not valid JSON: ") + error.what(), kRemedy);
   }
   if (first_error) throw *first_error;
-  if (!document.is_object() || !has_list) throw InputError(where, "has no list 'episodes'", kRemedy);
+  if (!document.is_object() || !has_list) throw InputError(where, "has no list `episodes`", kRemedy);
   if (const auto pattern = document.find("content_scenes_path"); pattern != document.end() && pattern->is_string())
     set.content_pattern = pattern->get<std::string>();
   if (const auto generator = document.find(kGeneratorKey); generator != document.end()) {
@@ -323,7 +323,7 @@ std::string canonical_text(const std::vector<Episode>& episodes) {
 }
 
 EpisodeSet finish(ParsedSet set, const std::string& where) {
-  if (set.episodes.empty()) throw InputError(where, "holds no episodes", kRemedy);
+  if (set.episodes.empty()) throw InputError(where, "contains no episodes", kRemedy);
   const std::uint64_t hash = hash64(canonical_text(set.episodes));
   return {std::move(set.episodes), hash, std::move(set.generator)};
 }

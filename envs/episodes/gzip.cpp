@@ -31,7 +31,7 @@ void feed(z_stream& stream, std::string_view bytes, std::size_t& consumed) {
 }
 
 [[noreturn]] void fail(const std::string& where, const std::string& what) {
-  throw InputError(where, what, "fetch or write the file again");
+  throw InputError(where, what, "download or write the file again");
 }
 
 }  // namespace
@@ -55,16 +55,16 @@ std::string gunzip(std::string_view bytes, const std::string& where, std::size_t
     const uInt offered = stream.avail_out;
     const int status = inflate(&stream, Z_NO_FLUSH);
     text.resize(used + (offered - stream.avail_out));
-    if (text.size() > max_bytes) fail(where, "its gzip stream holds more than " + std::to_string(max_bytes) + " bytes");
+    if (text.size() > max_bytes) fail(where, "its gzip stream contains more than " + std::to_string(max_bytes) + " bytes");
     if (status == Z_STREAM_END) {
       const std::string_view rest = bytes.substr(consumed - stream.avail_in);
       if (rest.find_first_not_of('\0') == std::string_view::npos) return text;  // nothing, or tape padding
-      if (!is_gzip(rest)) fail(where, "has garbage behind its gzip stream");
+      if (!is_gzip(rest)) fail(where, "has extra data after its gzip stream");
       inflateReset(&stream);
     } else if (status == Z_BUF_ERROR || (status == Z_OK && stream.avail_in == 0 && consumed == bytes.size() && stream.avail_out > 0)) {
-      fail(where, "its gzip stream ends too early: the file is cut");
+      fail(where, "its gzip stream ends too early: the file is truncated");
     } else if (status != Z_OK) {
-      fail(where, std::string("its gzip stream is damaged (") + (stream.msg ? stream.msg : "no detail") + ")");
+      fail(where, std::string("its gzip stream is corrupted (") + (stream.msg ? stream.msg : "no detail") + ")");
     }
   }
 }

@@ -64,7 +64,7 @@ std::vector<std::string> expand_sounds(const std::vector<std::string>& sounds) {
     std::vector<std::string> files;
     for (const auto& entry : std::filesystem::directory_iterator(sound))
       if (entry.is_regular_file() && endings.contains(entry.path().extension().string())) files.push_back(entry.path().string());
-    if (files.empty()) throw InputError(sound, "holds no .wav, .flac, .ogg or .oga file", "name a folder of sounds");
+    if (files.empty()) throw InputError(sound, "contains no .wav, .flac, .ogg or .oga file", "use a folder with sound files");
     std::ranges::sort(files);
     all.insert(all.end(), files.begin(), files.end());
   }

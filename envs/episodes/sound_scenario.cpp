@@ -39,7 +39,7 @@ void validate(const SoundScenario& scenario) {
           "must be in [0, onset_high_s]");
   require(scenario.onset_high_s <= 1e5f, "scenario.onset_high_s", scenario.onset_high_s, "must be at most 1e5 seconds");
   require(scenario.duration_mean_s <= 1e5f, "scenario.duration_mean_s", scenario.duration_mean_s,
-          "must be at most 1e5 seconds; below 0 the sound has no end");
+          "must be at most 1e5 seconds; negative: the sound does not end");
   require(scenario.duration_std_s >= 0 && scenario.duration_std_s <= 1e5f, "scenario.duration_std_s", scenario.duration_std_s,
           "must be in [0, 1e5] seconds");
   require(scenario.duration_mean_s >= 0 || scenario.duration_std_s == 0, "scenario.duration_std_s", scenario.duration_std_s,
@@ -51,7 +51,7 @@ void validate(const SoundScenario& scenario) {
   require(scenario.distractors > 0 || scenario.distractor_level_db == 0, "scenario.distractor_level_db", scenario.distractor_level_db,
           "has no effect without distractors");
   require(std::abs(scenario.noise_snr_db) <= SoundScenario::kNoNoiseDb, "scenario.noise_snr_db", scenario.noise_snr_db,
-          "must be in [-200, 200]; 200 means none");
+          "must be in [-200, 200]; 200: no noise");
 }
 
 void apply_scenario(const SoundScenario& scenario, std::span<const std::string> sounds, std::span<const glm::dvec3> places,
@@ -78,8 +78,8 @@ void apply_scenario(const SoundScenario& scenario, std::span<const std::string> 
     std::copy_if(sounds.begin(), sounds.end(), std::back_inserter(others),
                  [&](const std::string& sound) { return sound != episode.sound; });
     if (scenario.distractors > 0 && (free.empty() || others.empty()))
-      throw InputError(episode.scene_id, "has no place, or the set no second sound, for a distractor",
-                       "name more sounds, take a larger scene, or set scenario.distractors to 0");
+      throw InputError(episode.scene_id, "has no free position for a distractor, or the set has no second sound",
+                       "give more sounds, use a larger scene, or set scenario.distractors to 0");
     for (int i = 0; i < scenario.distractors; ++i) {
       const std::uint32_t draw = SoundDraw::first_distractor + 2 * static_cast<std::uint32_t>(i);
       episode.sources.push_back({.position = free[random.below(static_cast<std::uint32_t>(free.size()), draw)],

@@ -98,7 +98,7 @@ void read(ConfigReader& reader, ObservationSpec& spec) {
 }
 
 void validate(const ObservationSpec& spec) {
-  require(!sensor_table(spec, 1).empty(), "observation", "nothing", "must have at least one sensor: a policy needs an input");
+  require(!sensor_table(spec, 1).empty(), "observation", "(empty)", "must have at least one sensor: the policy needs an input");
   require(spec.spectrogram || !spec.legacy_spectrogram, "observation.legacy_spectrogram", true,
           "has no effect without observation.spectrogram");
   validate(spec.camera);
@@ -118,33 +118,35 @@ void validate(const ObservationSpec& spec) {
   require(pose_noise.heading_deg >= 0.f && pose_noise.heading_deg <= 180.f, "observation.noise.heading_deg", pose_noise.heading_deg,
           "must be in [0, 180] degrees");
   require(spec.gps_compass || spec.pose || !pose_noise.any(), "observation.noise.position_m", pose_noise.position_m,
-          "has no effect, and heading_deg has none, without gps_compass or pose");
+          "has no effect without gps_compass or pose; the same holds for heading_deg");
   std::set<std::string> names;
   bool any_depth = spec.depth;
   for (const ExtraCamera& camera : spec.cameras) {
     require(!camera.name.empty() && camera.name.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789_") == std::string::npos,
-            "observation.cameras.name", camera.name, "must be of lower case letters, digits and underlines: sensors are named by it");
-    require(names.insert(camera.name).second, "observation.cameras.name", camera.name, "must be there once: sensors are named by it");
+            "observation.cameras.name", camera.name,
+            "must contain only lower-case letters, digits and underscores: sensor names contain it");
+    require(names.insert(camera.name).second, "observation.cameras.name", camera.name, "must be unique: sensor names contain it");
     require(camera.depth || camera.rgb || camera.semantic || camera.normals, "observation.cameras.name", camera.name,
-            "has no sensor: switch depth, rgb, semantic or normals on");
+            "has no sensor: set depth, rgb, semantic or normals to true");
     validate(camera.config);
     require(camera.rgb || !camera.config.unlit, "observation.cameras.unlit", true, "has no effect without rgb");
     any_depth = any_depth || camera.depth;
   }
-  require(any_depth || !spec.depth_noise, "observation.depth_noise", true, "has no effect without a sensor of depth");
-  require(spec.rgb || !spec.unlit, "observation.unlit", true, "has no effect without observation.rgb; further cameras have their own");
+  require(any_depth || !spec.depth_noise, "observation.depth_noise", true, "has no effect without a depth sensor");
+  require(spec.rgb || !spec.unlit, "observation.unlit", true,
+          "has no effect without observation.rgb; other cameras have their own key `unlit`");
   const std::vector<ExtraCamera> all = spec.all_cameras();
   const bool pinholes = std::ranges::any_of(all, [](const ExtraCamera& each) { return each.config.projection == Projection::pinhole; });
   require(spec.renderer != Renderer::egl || pinholes, "observation.renderer", "egl", "has no effect without a pinhole camera");
   require(spec.renderer != Renderer::embree || spec.egl_device == "auto", "observation.egl_device", spec.egl_device,
           "has no effect with renderer embree");
   require(spec.renderer != Renderer::automatic || spec.egl_device != "software", "observation.egl_device", spec.egl_device,
-          "is never taken by renderer auto; ask for it with renderer egl");
+          "is never used by renderer auto; set observation.renderer to egl");
   const SpectrogramConfig& sound = spec.sound;
   require(sound.sample_rate_hz >= 8000.f && sound.sample_rate_hz <= 96000.f, "observation.sound.sample_rate_hz", sound.sample_rate_hz,
           "must be in [8000, 96000]");
   require(sound.num_samples >= sound.fft_size && sound.num_samples <= 10'000'000, "observation.sound.num_samples", sound.num_samples,
-          "must hold at least one analysis frame");
+          "must be at least the length of one analysis frame");
 }
 
 }  // namespace earshot

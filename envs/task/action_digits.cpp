@@ -24,7 +24,7 @@ void read_actions(const nlohmann::json& object, std::vector<std::int8_t>& action
   const auto read = [&](const nlohmann::json& digits) {
     std::vector<std::int8_t> all;
     for (const char digit : digits.get_ref<const std::string&>()) {
-      if (digit < '0' || digit >= '0' + kNumActions) fail("holds an action that does not exist");
+      if (digit < '0' || digit >= '0' + kNumActions) fail("contains an unknown action");
       all.push_back(static_cast<std::int8_t>(digit - '0'));
     }
     return all;
@@ -33,7 +33,7 @@ void read_actions(const nlohmann::json& object, std::vector<std::int8_t>& action
   others.clear();
   const auto further = object.find("others");
   if (further == object.end()) return;
-  if (!further->is_array() || further->size() >= kMaxAgents) fail("holds more agents than there can be");
+  if (!further->is_array() || further->size() >= kMaxAgents) fail("contains too many agents");
   for (const nlohmann::json& digits : *further) others.push_back(read(digits));
 }
 

@@ -40,7 +40,7 @@ void validate(const TaskConfig& config) {
   require(within(config.forward_m, 0.01f, 10.f), "task.forward_m", config.forward_m, "must be in [0.01, 10] metres");
   require(within(config.turn_deg, 0.1f, 180.f), "task.turn_deg", config.turn_deg, "must be in [0.1, 180] degrees");
   require(std::abs(360.f / config.turn_deg - std::round(360.f / config.turn_deg)) < 1e-3f, "task.turn_deg", config.turn_deg,
-          "must divide 360: headings are whole numbers of turns, so that a full circle leads back to the same pose");
+          "must divide 360, so that a full circle of turns leads back to the same heading");
   require(within(config.success_radius_m, 0.01f, 100.f), "task.success_radius_m", config.success_radius_m, "must be in [0.01, 100] metres");
   require(config.max_steps >= 1 && config.max_steps <= 1'000'000, "task.max_steps", config.max_steps, "must be in [1, 1000000]");
   require(std::isfinite(config.step_reward), "task.step_reward", config.step_reward, "must be finite");
@@ -50,11 +50,11 @@ void validate(const TaskConfig& config) {
   require(within(config.source_height_m, 0.05f, 10.f), "task.source_height_m", config.source_height_m, "must be in [0.05, 10] metres");
   const ActuationNoise& noise = config.actuation_noise;
   require(within(noise.forward_m, 0.f, config.forward_m / 3), "task.actuation_noise.forward_m", noise.forward_m,
-          "must be in [0, forward_m / 3]: a step forward does not go back");
+          "must be in [0, forward_m / 3], so that a forward step never moves backwards");
   require(within(noise.turn_deg, 0.f, 45.f), "task.actuation_noise.turn_deg", noise.turn_deg, "must be in [0, 45] degrees");
   require(within(noise.veer_deg, 0.f, 45.f), "task.actuation_noise.veer_deg", noise.veer_deg, "must be in [0, 45] degrees");
   require(config.motion == Motion::continuous || !noise.any(), "task.actuation_noise", "on",
-          "has no place on a grid, whose steps are exact");
+          "has no effect with task.motion: grid, whose steps are exact");
 }
 
 ActuationError draw_actuation_error(const ActuationNoise& noise, Action action, const RandomStream& random) {
@@ -72,7 +72,7 @@ void AvNavState::begin(const TaskConfig&, const NearestGoal& goal, glm::vec3 sta
   const std::optional<float> distance_m = goal.distance_m(start);
   if (!distance_m || !std::isfinite(*distance_m))
     throw InputError("episode", "no walkable path leads from its start to its goal",
-                     "remove it from the set, or make the set again for this scene and agent size");
+                     "remove it from the set, or write the set again for this scene and agent size");
   *this = AvNavState{};
   position_ = start;
   start_heading_rad_ = start_heading_rad;

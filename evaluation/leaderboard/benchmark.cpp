@@ -23,8 +23,9 @@ std::vector<std::string> new_sounds(const Benchmark& benchmark, const std::vecto
   for (const std::string& heard : expand_sounds(benchmark.heard_sounds)) {
     const bool both = std::ranges::count(trained, heard) > 0 && std::ranges::count(tested, heard) > 0;
     if (!both)
-      throw InputError(benchmark.name, fmt::format("names '{}' in benchmark.heard_sounds, which training and test do not both have", heard),
-                       "leave it out there");
+      throw InputError(benchmark.name,
+                       fmt::format("lists '{}' in benchmark.heard_sounds, but training and test sets do not both contain it", heard),
+                       "remove it from this list");
     std::erase(tested, heard);
   }
   return tested;
@@ -42,8 +43,8 @@ Benchmark load_benchmark(const std::filesystem::path& path) {
   const std::string where = path.string();
   Benchmark benchmark;
   ConfigReader file = ConfigReader::from_file(path);
-  if (file.text().size() > kMaxBytes) throw InputError(where, "is longer than a benchmark is", "name a file of configs/benchmarks");
-  if (!file.has("benchmark")) throw InputError(where, "has no section 'benchmark'", "name a file of configs/benchmarks");
+  if (file.text().size() > kMaxBytes) throw InputError(where, "is too long for a benchmark file", "use a file of configs/benchmarks");
+  if (!file.has("benchmark")) throw InputError(where, "has no section 'benchmark'", "use a file of configs/benchmarks");
   ConfigReader section = file.child("benchmark");
   section.read_required("name", benchmark.name);
   section.read_required("version", benchmark.version);
@@ -58,17 +59,17 @@ Benchmark load_benchmark(const std::filesystem::path& path) {
   const bool is_hash =
       benchmark.private_sha256.size() == 64 && benchmark.private_sha256.find_first_not_of("0123456789abcdef") == std::string::npos;
   if (!benchmark.private_sha256.empty() && !is_hash)
-    throw InputError(where, "has a benchmark.private.sha256 that is not 64 hexadecimal digits", "write what sha256sum prints, in quotes");
+    throw InputError(where, "has a benchmark.private.sha256 that is not 64 hexadecimal digits", "write the output of sha256sum, in quotes");
   section.finish();
   std::vector<std::string> run;
   for (const auto& [key, value] : flat_config(file.text()))
     if (!key.starts_with("benchmark.")) run.push_back(key + "=" + value);
   benchmark.run = parse_run_config("", where, run);
-  if (benchmark.run.eval.file.empty()) throw InputError(where, "names no data.eval.file", "name the file of the test set");
+  if (benchmark.run.eval.file.empty()) throw InputError(where, "has no data.eval.file", "set it to the file of the test set");
   const std::string rules = hash_of_rules(metric_rules(benchmark.run.env, benchmark.run.eval_envs));
   if (rules != benchmark.rules_hash)
-    throw InputError(where, fmt::format("has rules of hash {}, its benchmark.rules_hash is {}", rules, benchmark.rules_hash),
-                     "a benchmark is fixed: take the file as it was, or give it another version and this hash");
+    throw InputError(where, fmt::format("has rules with hash {}, but benchmark.rules_hash is {}", rules, benchmark.rules_hash),
+                     "restore the benchmark file, or give the changed rules another version and this hash");
   return benchmark;
 }
 
@@ -78,8 +79,8 @@ EpisodeSet benchmark_set(const Benchmark& benchmark) {
   if (hex64(set.hash) != benchmark.set_hash)
     throw InputError(
         data.file,
-        fmt::format("holds the set {}, {} {} is about {}", hex64(set.hash), benchmark.name, benchmark.version, benchmark.set_hash),
-        "remove the file, so that it is made again; if the hash stays, this build draws other episodes");
+        fmt::format("contains the set {}, but {} {} needs {}", hex64(set.hash), benchmark.name, benchmark.version, benchmark.set_hash),
+        "delete the file so that it is written again; if the hash stays the same, this build generates other episodes");
   return set;
 }
 
@@ -87,11 +88,12 @@ void check_held_out_kinds(const Benchmark& benchmark, const std::vector<std::str
   for (const std::string& kind : benchmark.held_out_kinds) {
     const auto of_kind = [&](const std::string& sound) { return sound_kind(sound) == kind; };
     if (const auto found = std::ranges::find_if(trained, of_kind); found != trained.end())
-      throw InputError(benchmark.name, fmt::format("has '{}' in data.train, of the kind '{}' of benchmark.held_out_kinds", *found, kind),
-                       "leave it out of one of the two");
+      throw InputError(benchmark.name,
+                       fmt::format("has '{}' in data.train, which belongs to '{}' in benchmark.held_out_kinds", *found, kind),
+                       "remove it from one of them");
     if (std::ranges::none_of(tested, of_kind))
-      throw InputError(benchmark.name, fmt::format("has no sound of the kind '{}' of benchmark.held_out_kinds in its test set", kind),
-                       "leave it out there");
+      throw InputError(benchmark.name, fmt::format("has no sound of kind '{}' (benchmark.held_out_kinds) in its test set", kind),
+                       "remove it from this list");
   }
 }
 
@@ -99,7 +101,7 @@ void check_splits(const Benchmark& benchmark) {
   const RunConfig& run = benchmark.run;
   const auto refuse = [&](const SplitOverlap& found) {
     throw InputError(benchmark.name, fmt::format("has '{}' in its test set, {} '{}' of data.train", found.tested, found.why, found.trained),
-                     "leave it out of one of the two");
+                     "remove it from one of them");
   };
   const auto scenes = find_scene_overlap(expand_ranges(run.train.scenes), expand_ranges(run.eval.scenes), run.env.scene_root);
   if (scenes) refuse(*scenes);
@@ -113,7 +115,7 @@ Verification verify_for_benchmark(const EvaluationResult& result, const std::str
                                   const EpisodeSet& set, const VerifyConfig& config) {
   const char* remedy = "evaluate the agent again with --benchmark";
   if (result.seed != benchmark.seed)
-    throw InputError(where, fmt::format("was run with seed {}, {} has {}", result.seed, benchmark.name, benchmark.seed), remedy);
+    throw InputError(where, fmt::format("was run with seed {}, but {} needs {}", result.seed, benchmark.name, benchmark.seed), remedy);
   const Verification verified =
       verify_result(result, where, set, rules_for(result.rules, metric_rules(benchmark.run.env, benchmark.run.eval_envs)), config);
   EvaluationResult noted = result;
@@ -121,7 +123,7 @@ Verification verify_for_benchmark(const EvaluationResult& result, const std::str
   for (std::size_t i = 0; i < noted.episodes.size(); ++i)
     if (!result.episodes[i].novelty.empty() && result.episodes[i].novelty != noted.episodes[i].novelty)
       throw InputError(where,
-                       fmt::format("says that the sound of episode {} is '{}' to the training, by the benchmark it is '{}'", i,
+                       fmt::format("lists the sound of episode {} as '{}' relative to training; by the benchmark it is '{}'", i,
                                    result.episodes[i].novelty, noted.episodes[i].novelty),
                        remedy);
   return verified;

@@ -48,14 +48,14 @@ std::vector<std::string> board_notes(const std::vector<EvaluationResult>& result
   std::vector<std::string> all;
   const auto differ = [&](auto get) { return std::ranges::any_of(results, [&](const auto& r) { return get(r) != get(results.front()); }); };
   if (differ([](const auto& r) { return r.set_hash; }))
-    all.emplace_back("the agents ran different episode sets: the rows cannot be compared");
+    all.emplace_back("the agents ran different episode sets, so the rows are not comparable");
   if (differ([](const auto& r) { return ranked_rules(r); }))
-    all.emplace_back("the agents ran by different rules (the key 'rules' of their results)");
+    all.emplace_back("the agents ran with different rules (key 'rules' of their results)");
   for (const auto& result : results)
     if (!result.partial_of.empty())
       all.push_back(result.agent + " is partial: the first " + std::to_string(result.episodes.size()) + " episodes of its set");
   if (differ([](const auto& r) { return r.episodes.size(); })) all.emplace_back("the agents ran different numbers of episodes");
-  if (differ([](const auto& r) { return r.engine_hash; })) all.emplace_back("the agents ran in different builds of the engine");
+  if (differ([](const auto& r) { return r.engine_hash; })) all.emplace_back("the agents ran with different builds of the engine");
   return all;
 }
 

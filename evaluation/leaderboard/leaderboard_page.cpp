@@ -70,9 +70,9 @@ const PrivateScore* score_of(const BoardPage& page, const std::string& agent) {
 
 /// What shows that the agent chose its actions by what it sensed.
 std::string evidence(const BoardPage& page, const std::string& agent) {
-  if (score_of(page, agent) != nullptr) return "policy run on the private set";
-  if (page.run_here.contains(agent)) return "run here, on the public set";
-  return "actions only: not shown that ears chose them";
+  if (score_of(page, agent) != nullptr) return "policy was run on the private set";
+  if (page.run_here.contains(agent)) return "policy was run by the maintainer on the public set";
+  return "actions only: the policy was not run by the maintainer";
 }
 
 std::string main_table(const std::vector<EvaluationResult>& rows, const BoardPage& page) {
@@ -83,7 +83,7 @@ std::string main_table(const std::vector<EvaluationResult>& rows, const BoardPag
   const std::vector<BoardColumn>& columns = board_columns();
   std::vector<std::string> heads{"rank", "agent"};
   for (std::size_t c = 0; c < kRankedBy; ++c) heads.emplace_back(columns[c].title);
-  if (page.tells_evidence) heads.emplace_back("where the actions come from");
+  if (page.tells_evidence) heads.emplace_back("origin of the actions");
   if (!page.replays.empty()) heads.emplace_back("replays");
   for (std::size_t c = kRankedBy; c < columns.size(); ++c) heads.emplace_back(columns[c].title);
   if (silence) heads.emplace_back("success when silent");
@@ -120,7 +120,7 @@ std::string private_table(const BoardPage& page) {
           "<tr><th scope=\"row\">{}</th><td>{}</td><td>{}{}</td><td>{}{}</td><td>{:+.3f} <small>[{:+.3f}, {:+.3f}]</small></td>"
           "<td class=\"words\">{}</td></tr>\n",
           escape_markup(score.agent), metric, numbers(open, 3), bar(open), numbers(hidden, 3), bar(hidden), gap.mean, gap.low, gap.high,
-          gap.low > 0 ? "<span class=\"flag\">better in public than chance explains</span>" : "no more than chance explains");
+          gap.low > 0 ? "<span class=\"flag\">better in public than chance explains</span>" : "within chance");
     };
     line("success", score.public_success, score.private_success, score.success_gap);
     line("SPL", score.public_spl, score.private_spl, score.spl_gap);
@@ -129,7 +129,7 @@ std::string private_table(const BoardPage& page) {
          "been trained "
          "for it.</p>\n" +
          table("Public and private set: mean and 95 % interval, and their difference",
-               {"agent", "metric", "public set", "private set", "public less private", "the gap is"}, body);
+               {"agent", "metric", "public set", "private set", "public minus private", "the gap is"}, body);
 }
 
 struct Breakdown {
@@ -137,10 +137,10 @@ struct Breakdown {
   const char* name;   ///< of a group
   const char* title;  ///< of the section
 };
-constexpr Breakdown kBreakdowns[] = {{GroupBy::novelty, "sound", "By what the sound is to the training"},
+constexpr Breakdown kBreakdowns[] = {{GroupBy::novelty, "sound", "By novelty of the sound"},
                                      {GroupBy::kind, "kind of sound", "By kind of sound"},
-                                     {GroupBy::size, "floor of the scene", "By size of the scene"},
-                                     {GroupBy::distance, "distance", "By distance from start to goal on foot"},
+                                     {GroupBy::size, "floor area of the scene", "By size of the scene"},
+                                     {GroupBy::distance, "distance", "By geodesic distance from start to goal"},
                                      {GroupBy::scene, "scene", "By scene"}};
 
 /// Success and SPL of every agent by group; nothing where a result does not say, or all episodes are of one group.
@@ -193,9 +193,9 @@ std::string leaderboard_page(const std::vector<EvaluationResult>& results, const
       "<title>{0}</title>\n<style>\n{1}</style>\n</head>\n<body>\n<header>\n<h1>{0}</h1>\n",
       title, kStyle);
   if (!rows.empty())
-    html += fmt::format(
-        "<p class=\"quiet\">Set {}, engine {}.{}</p>\n", escape_markup(rows.front().set_hash), escape_markup(rows.front().engine_hash),
-        any_verified(rows) ? " Every number of a verified row follows from its recorded actions, which were walked again." : "");
+    html += fmt::format("<p class=\"quiet\">Set {}, engine {}.{}</p>\n", escape_markup(rows.front().set_hash),
+                        escape_markup(rows.front().engine_hash),
+                        any_verified(rows) ? " All numbers of a verified row follow from its recorded actions, which were run again." : "");
   if (!page.links.empty()) html += "<nav aria-label=\"Other pages\">" + links(page.links) + "</nav>\n";
   html += "</header>\n<main>\n" + main_table(rows, page);
   for (const std::string& note : board_notes(rows)) html += "<p><strong>Note:</strong> " + escape_markup(note) + "</p>\n";

@@ -59,10 +59,10 @@ double sign_test_p_value(std::uint64_t wins, std::uint64_t losses) {
 PairedComparison compare_paired(const EvaluationResult& first, const EvaluationResult& second) {
   const char* remedy = "evaluate both on the same set";
   if (first.set_hash != second.set_hash || first.episodes.size() != second.episodes.size())
-    throw InputError(second.agent, "was not run on the episodes of " + first.agent, remedy);
+    throw InputError(second.agent, "was not run on the same episodes as " + first.agent, remedy);
   for (std::size_t i = 0; i < first.episodes.size(); ++i)
     if (first.episodes[i].id != second.episodes[i].id || first.episodes[i].scene != second.episodes[i].scene)
-      throw InputError(second.agent, fmt::format("has another episode {} than {}", i, first.agent), remedy);
+      throw InputError(second.agent, fmt::format("has a different episode {} than {}", i, first.agent), remedy);
   return {.success = paired(first, second, [](const EpisodeMetrics& m) { return m.success; }),
           .spl = paired(first, second, [](const EpisodeMetrics& m) { return m.spl; })};
 }

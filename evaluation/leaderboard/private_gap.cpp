@@ -27,9 +27,9 @@ std::vector<PrivateScore> private_scores(const std::vector<EvaluationResult>& pu
                                          const std::vector<EvaluationResult>& private_results) {
   for (const EvaluationResult& hidden : private_results) {
     if (std::ranges::none_of(public_results, [&](const auto& open) { return open.agent == hidden.agent; }))
-      throw InputError(hidden.agent, "has a result on the private set alone", "name its result on the public set too");
+      throw InputError(hidden.agent, "has a result on the private set only", "give its result on the public set too");
     if (std::ranges::count(private_results, hidden.agent, &EvaluationResult::agent) > 1)
-      throw InputError(hidden.agent, "has several results on the private set", "name one of them");
+      throw InputError(hidden.agent, "has more than one result on the private set", "give only one of them");
   }
   std::vector<PrivateScore> scores;
   for (const EvaluationResult& open : public_results) {
@@ -38,8 +38,8 @@ std::vector<PrivateScore> private_scores(const std::vector<EvaluationResult>& pu
     if (hidden->policy_hash != open.policy_hash)
       throw InputError(
           open.agent,
-          fmt::format("is the policy '{}' on the public set and '{}' on the private one", open.policy_hash, hidden->policy_hash),
-          "evaluate the same policy on both");
+          fmt::format("has different policies: '{}' on the public set, '{}' on the private set", open.policy_hash, hidden->policy_hash),
+          "evaluate the same policy on both sets");
     PrivateScore score{.agent = open.agent,
                        .public_success = open.success(),
                        .private_success = hidden->success(),
@@ -56,11 +56,11 @@ std::vector<PrivateScore> private_scores(const std::vector<EvaluationResult>& pu
 
 std::string private_text(const std::vector<PrivateScore>& scores) {
   std::string text =
-      fmt::format("{:<20} {:<8} {:<22} {:<22} {:<25} {}\n", "agent", "", "public set", "private set", "public less private", "");
+      fmt::format("{:<20} {:<8} {:<22} {:<22} {:<25} {}\n", "agent", "", "public set", "private set", "public minus private", "");
   for (const PrivateScore& score : scores) {
     const auto line = [&](const char* metric, const Estimate& open, const Estimate& hidden, const Estimate& gap) {
       text += fmt::format("{:<20} {:<8} {:<22} {:<22} {:<25}{}\n", score.agent, metric, shown(open), shown(hidden), signed_shown(gap),
-                          gap.low > 0 ? " better in public than chance explains" : "");
+                          gap.low > 0 ? " significantly better on the public set" : "");
     };
     line("success", score.public_success, score.private_success, score.success_gap);
     line("SPL", score.public_spl, score.private_spl, score.spl_gap);

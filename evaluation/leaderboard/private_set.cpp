@@ -43,8 +43,8 @@ std::filesystem::path folder_of(const std::filesystem::path& file) {
 std::string other_scene(const std::string& scene, const SecretSeeds& draw) {
   const bool generated = scene.starts_with("house:") || scene.starts_with("floor:");
   if (!generated)
-    throw InputError(scene, "is a scene that no seed generates: another one cannot be drawn",
-                     "write the private set yourself (earshot dataset episodes), and publish its SHA-256");
+    throw InputError(scene, "is not a generated scene, so a new one cannot be drawn",
+                     "write the private set with 'earshot dataset episodes', and publish its SHA-256");
   const std::size_t begin = scene.find(':') + 1, end = std::min(scene.find(',', begin), scene.size());
   return scene.substr(0, begin) + std::to_string(draw()) + scene.substr(end);
 }
@@ -52,8 +52,8 @@ std::string other_scene(const std::string& scene, const SecretSeeds& draw) {
 /// "synth:bird:3" with another seed.
 std::string other_sound(const std::string& sound, const SecretSeeds& draw) {
   if (!sound.starts_with("synth:"))
-    throw InputError(sound, "is a sound that no seed generates: another one cannot be drawn",
-                     "write the private set yourself (earshot dataset episodes), and publish its SHA-256");
+    throw InputError(sound, "is not a synthesized sound, so a new one cannot be drawn",
+                     "write the private set with 'earshot dataset episodes', and publish its SHA-256");
   return sound.substr(0, sound.find(':', std::string_view("synth:").size())) + ":" + std::to_string(draw());
 }
 
@@ -97,8 +97,8 @@ std::vector<std::string> draw_sounds(const Benchmark& benchmark, const SecretSee
         break;
       }
       if (draws == kMostDraws)
-        throw InputError(sound, fmt::format("cannot be drawn anew: all of {} are {} '{}'", draws, found->why, found->trained),
-                         "name sounds of which there are more");
+        throw InputError(sound, fmt::format("has no replacement: all {} draws are {} '{}'", draws, found->why, found->trained),
+                         "use sounds with more variants");
     }
   }
   return sounds;
@@ -122,7 +122,7 @@ std::vector<std::vector<Episode>> draw_scenes(const Benchmark& benchmark, const 
         if (draws[i] == kMostDraws) throw;
       }
     }
-    throw InputError(asked[i], fmt::format("cannot be drawn anew: none of {} will do", kMostDraws), "name scenes of which there are more");
+    throw InputError(asked[i], fmt::format("has no replacement: none of {} draws fits", kMostDraws), "use scenes with more variants");
   };
   for (std::size_t i = 0; i < asked.size(); ++i) {
     draw_scene(i);
@@ -138,20 +138,20 @@ std::vector<std::vector<Episode>> draw_scenes(const Benchmark& benchmark, const 
 
 std::uint64_t secret_seed() {
   std::uint64_t bits = 0;
-  if (::getrandom(&bits, sizeof(bits), 0) != sizeof(bits)) throw RunError("getrandom", "gives no bytes");
+  if (::getrandom(&bits, sizeof(bits), 0) != sizeof(bits)) throw RunError("getrandom", "returned no random bytes");
   return kLeastSeed + bits % kSeedCount;
 }
 
 Benchmark with_private_set(const Benchmark& benchmark, const std::filesystem::path& file) {
   if (benchmark.private_sha256.empty())
-    throw InputError(benchmark.name, "names no private set: it has no benchmark.private.sha256",
+    throw InputError(benchmark.name, "has no private set: benchmark.private.sha256 is missing",
                      "make one with 'earshot benchmark FILE --make-private SET', and put its SHA-256 into the file");
   const std::string sha256 = sha256_hex(read_file(file));
   if (sha256 != benchmark.private_sha256)
     throw InputError(file.string(),
-                     fmt::format("has the SHA-256 {}, the private set of {} {} has {}", sha256, benchmark.name, benchmark.version,
+                     fmt::format("has the SHA-256 {}, but the private set of {} {} has {}", sha256, benchmark.name, benchmark.version,
                                  benchmark.private_sha256),
-                     "take the file whose SHA-256 was published");
+                     "use the file with the published SHA-256");
   Benchmark with = benchmark;
   with.run.eval.file = file.string();
   with.set_hash = hex64(load_episode_set(file).hash);
@@ -162,9 +162,9 @@ void check_private_split(const Benchmark& benchmark, const EpisodeSet& private_s
   const RunConfig& run = benchmark.run;
   const auto refuse = [&](const SplitOverlap& found, const char* whose) {
     throw InputError("the private set of " + benchmark.name,
-                     fmt::format("has '{}', {} '{}' of {}", found.tested, found.why, found.trained, whose), "make another one");
+                     fmt::format("has '{}', {} '{}' of {}", found.tested, found.why, found.trained, whose), "make another private set");
   };
-  constexpr const char* kOthers = "the training or the public test set";
+  constexpr const char* kOthers = "the training set or the public test set";
   const auto trained = expand_sounds(run.train.sounds), tested = expand_sounds(run.eval.sounds), own = sounds_of(private_set);
   check_held_out_kinds(benchmark, trained, joined(tested, own));
   const auto heard = expand_sounds(benchmark.heard_sounds);
@@ -176,7 +176,7 @@ void check_private_split(const Benchmark& benchmark, const EpisodeSet& private_s
 }
 
 std::string make_private_set(const Benchmark& benchmark, const std::filesystem::path& file, const SecretSeeds& draw) {
-  if (std::filesystem::exists(file)) throw InputError(file.string(), "is there already", "remove it, or name another file");
+  if (std::filesystem::exists(file)) throw InputError(file.string(), "already exists", "delete it, or use another file name");
   const RunConfig& run = benchmark.run;
   DataConfig data = run.eval;
   data.seed = draw();

@@ -15,7 +15,7 @@ namespace {
 std::uint64_t seed_of(ConfigReader& reader, const std::string& text) {
   std::uint64_t seed = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), seed);
-  if (error != std::errc() || end != text.data() + text.size()) reader.fail("seeds", "'" + text + "' is no whole number from 0 on");
+  if (error != std::errc() || end != text.data() + text.size()) reader.fail("seeds", "'" + text + "' is not a whole number of at least 0");
   return seed;
 }
 
@@ -29,7 +29,8 @@ bool is_plain(const std::string& name) {
 void refuse_own_keys(ConfigReader& reader, const std::string& key, const std::vector<std::string>& overrides) {
   for (const std::string& override : overrides)
     for (const char* own : {"seed", "out"})
-      if (override.starts_with(std::string(own) + "=")) reader.fail(key, fmt::format("sets '{}', which the sweep gives to each run", own));
+      if (override.starts_with(std::string(own) + "="))
+        reader.fail(key, fmt::format("sets '{}', which the sweep sets itself for each run", own));
 }
 
 }  // namespace
@@ -44,26 +45,26 @@ SweepConfig load_sweep(const std::filesystem::path& path) {
   std::vector<std::string> seeds;
   reader.read_required("seeds", seeds);
   for (const std::string& text : seeds) sweep.seeds.push_back(seed_of(reader, text));
-  if (sweep.seeds.empty()) reader.fail("seeds", "is empty: name at least one");
+  if (sweep.seeds.empty()) reader.fail("seeds", "is empty: give at least one seed");
   if (std::set<std::uint64_t>(sweep.seeds.begin(), sweep.seeds.end()).size() != sweep.seeds.size())
-    reader.fail("seeds", "names a seed twice: it would give the same run");
+    reader.fail("seeds", "contains a seed twice, which would repeat the run");
   reader.read("set", sweep.set);
   refuse_own_keys(reader, "set", sweep.set);
   ConfigReader runs = reader.child("runs");
   for (const std::string& name : runs.keys()) {
-    if (!is_plain(name)) runs.fail(name, "is no name of a run: it becomes a folder, take letters, digits, '_', '-' and '.'");
+    if (!is_plain(name)) runs.fail(name, "is not a valid run name: use letters, digits, '_', '-' and '.', because it becomes a folder");
     SweepConfig::Variant variant{.name = name, .overrides = {}};
-    if (!runs.list_size(name)) runs.fail(name, "is no list of key=value: write [] for the config as it is");
+    if (!runs.list_size(name)) runs.fail(name, "is not a list of key=value: write [] for the unchanged config");
     runs.read(name, variant.overrides);
     refuse_own_keys(runs, name, variant.overrides);
     sweep.runs.push_back(std::move(variant));
   }
   if (reader.has("evaluate")) {
-    if (!reader.list_size("evaluate")) reader.fail("evaluate", "is no list of key=value: write [] to evaluate as trained");
+    if (!reader.list_size("evaluate")) reader.fail("evaluate", "is not a list of key=value: write [] to evaluate as trained");
     reader.read("evaluate", sweep.evaluate.emplace());
     refuse_own_keys(reader, "evaluate", *sweep.evaluate);
   }
-  if (sweep.runs.empty()) reader.fail("runs", "is missing or empty: name the runs, for example {base: []}");
+  if (sweep.runs.empty()) reader.fail("runs", "is missing or empty: list the runs, for example {base: []}");
   reader.finish();
   return sweep;
 }
@@ -83,8 +84,8 @@ std::vector<SweepRun> runs_of(const SweepConfig& sweep) {
         overrides.insert(overrides.end(), sweep.evaluate->begin(), sweep.evaluate->end());
         run.evaluated = load_run_config(sweep.config, overrides);
         if (run.evaluated.eval.file.empty())
-          throw InputError(sweep.config, "names no data.eval.file, so runs cannot be evaluated",
-                           "leave `evaluate` out of the sweep, or name a set");
+          throw InputError(sweep.config, "has no data.eval.file, so runs cannot be evaluated",
+                           "remove `evaluate` from the sweep, or set data.eval.file in the config");
       }
       runs.push_back(std::move(run));
     }

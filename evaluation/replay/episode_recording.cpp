@@ -206,7 +206,7 @@ EpisodeRecording record_episode(const EvaluationResult& result, const std::strin
   const EvaluationResult::Row& row = result.episodes[index];
   const std::string place = fmt::format("episode {} ('{}' in {})", index, row.id, row.scene);
   if (index >= set.episodes.size() || set.episodes[index].episode_id != row.id || set.episodes[index].scene_id != row.scene)
-    throw InputError(where, place + " is not there in the episode set", "name the set of the result with --episodes");
+    throw InputError(where, place + " is not in the episode set", "give the episode set of the result with --episodes");
   const RuledEnv ruled = env_of_rules(result.rules, where, env.scene_root, env.sound_root);
 
   EpisodeRecording recording;
@@ -222,7 +222,7 @@ EpisodeRecording record_episode(const EvaluationResult& result, const std::strin
   one->hash = episode_set_hash(one->episodes);
   BatchedEnv batch(recording.env, one, make_scene_cache(recording.env), 1, static_cast<int>(index % envs), ruled.num_envs);
   const auto fault = batch.begin(0, 0, static_cast<int>(index / envs));
-  if (fault) throw InputError(where, place + " cannot begin: " + fault->detail, "see that its scene and sounds are there");
+  if (fault) throw InputError(where, place + " cannot start: " + fault->detail, "check that its scene and sounds exist");
   recording.scene = batch.source(0).scene;
   recording.looks = recording.scene->looks->of(*recording.scene->scene);
   for (const glm::dvec3 goal : {recording.episode.goal_position}) recording.goals.push_back(recording.scene->scene->to_local(goal));
@@ -233,30 +233,30 @@ EpisodeRecording record_episode(const EvaluationResult& result, const std::strin
   recorder.observe(false);
   std::optional<FinishedEpisode> finished;
   for (const std::int8_t action : row.actions) {
-    if (finished) throw InputError(where, place + " goes on after its end", "take a result as 'earshot eval --out' wrote it");
+    if (finished) throw InputError(where, place + " has actions after its end", "use an unchanged result of 'earshot eval --out'");
     if (observer.judge) recording.steps.back().judgement = observer.judge(batch);
     const std::int32_t taken = action;
     batch.step(std::span(&taken, 1));
     if (observer.after_step) observer.after_step(batch);
     for (const FinishedEpisode& episode : batch.finished()) finished = episode;
     if (finished && finished->fault)
-      throw InputError(where, place + " is faulty here: " + finished->fault->detail, "replay the file that a run quarantined it in");
+      throw InputError(where, place + " has a fault in the replay: " + finished->fault->detail, "replay its quarantine file instead");
     recorder.observe(finished.has_value());
   }
   recorder.finish();
-  if (!finished) throw InputError(where, place + " does not end with its actions", "take a result as 'earshot eval --out' wrote it");
+  if (!finished) throw InputError(where, place + " has not ended after its last action", "use an unchanged result of 'earshot eval --out'");
   recording.metrics = finished->metrics;
   if (recording.episode.sources.empty()) recording.playing = {std::array{std::size_t{0}, recording.steps.size() - 1}};
   for (const EpisodeSource& source : recording.episode.sources)
     recording.playing.push_back(playing_steps(source, recording.env, recording.steps.size()));
   if (const std::string what = difference(row.metrics, recording.metrics); !what.empty())
-    throw InputError(where, place + " " + what, "see 'earshot verify': it was changed, or made by another engine");
+    throw InputError(where, place + " " + what, "run 'earshot verify': the result was changed, or another build made it");
   return recording;
 }
 
 std::size_t find_episode(const EvaluationResult& result, const std::string& text) {
   const std::size_t count = result.episodes.size();
-  if (count == 0) throw InputError("--episode", "finds none: the result holds no episodes", "evaluate the agent again");
+  if (count == 0) throw InputError("--episode", "has no effect: the result contains no episodes", "evaluate the agent again");
   if (text == "best" || text == "median" || text == "worst") {
     std::vector<std::size_t> order(count);
     std::iota(order.begin(), order.end(), std::size_t{0});
@@ -269,7 +269,7 @@ std::size_t find_episode(const EvaluationResult& result, const std::string& text
   std::size_t index = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), index);
   if (error != std::errc() || end != text.data() + text.size() || index >= count)
-    throw InputError("--episode " + text, fmt::format("is no episode of the {} that the result holds", count),
+    throw InputError("--episode " + text, fmt::format("is out of range: the result contains {} episodes", count),
                      fmt::format("write a number from 0 to {}, or best, median or worst", count - 1));
   return index;
 }

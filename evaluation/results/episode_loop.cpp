@@ -71,7 +71,7 @@ class PartOfEpisodes {
       if (!fault) break;
       const Episode& episode = set_->episodes[index];
       log_warning(
-          fmt::format("episode '{}' in {} cannot begin and counts as failed: {}", episode.episode_id, episode.scene_id, fault->detail));
+          fmt::format("episode '{}' in {} cannot start and counts as failed: {}", episode.episode_id, episode.scene_id, fault->detail));
       FinishedEpisode failed;
       failed.metrics.dtg_m = static_cast<double>(episode.geodesic_distance_m);
       result_->episodes[index] = row_of(episode, failed);
@@ -136,7 +136,7 @@ EvaluationResult run_episodes(const EnvConfig& base, const EvaluationConfig& eva
     } else if (done < num_episodes) {  // stages that were given up hold all that is left
       if (idle.wall_s() > kLongestIdleS)
         throw RunError("evaluation",
-                       fmt::format("{} of {} episodes wait for stages that do not return", num_episodes - done, num_episodes));
+                       fmt::format("{} of {} episodes are stuck in a stage that does not finish", num_episodes - done, num_episodes));
       std::this_thread::sleep_for(std::chrono::milliseconds(10));
     }
   }

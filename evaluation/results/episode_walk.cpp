@@ -62,7 +62,7 @@ WalkOutcome walk_episode(const EnvConfig& config, const WalkedScene& scene, cons
   for (std::size_t step = 0; step < actions.size(); ++step) {
     if (state.terminated() || state.truncated())
       return {.metrics = state.metrics(task),
-              .fault = fmt::format("goes on for {} actions after its end at step {}{}", actions.size() - step, step,
+              .fault = fmt::format("has {} actions after its end at step {}{}", actions.size() - step, step,
                                    state.terminated() ? ", a stop" : "")};
     const auto action = static_cast<Action>(actions[step]);
     ActuationError error;
@@ -76,7 +76,7 @@ WalkOutcome walk_episode(const EnvConfig& config, const WalkedScene& scene, cons
   }
   if (!state.terminated() && !state.truncated())
     return {.metrics = state.metrics(task),
-            .fault = fmt::format("ends after {} actions without a stop, of {} that it has", actions.size(), task.max_steps)};
+            .fault = fmt::format("ends without a stop after {} of {} allowed actions", actions.size(), task.max_steps)};
   return {.metrics = state.metrics(task)};
 }
 

@@ -65,7 +65,7 @@ EvaluationWorker::EvaluationWorker(std::filesystem::path folder, std::string nam
   in.parts = number_of("EARSHOT_WORLD_SIZE");
   in.counts = ::open((in.folder / kCounts).c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
   if (in.part < 0 || in.parts <= in.part || in.counts < 0)
-    throw InputError(kPartFolderOption, "is for the processes that 'earshot eval --workers' starts", "leave it out");
+    throw InputError(kPartFolderOption, "is internal to the processes of 'earshot eval --workers'", "leave it out");
 }
 
 EvaluationWorker::~EvaluationWorker() {
@@ -108,12 +108,12 @@ EvaluationResult evaluate_with_workers(int workers, std::vector<std::string> arg
       continue;
     }
     if (own.set_hash != result.set_hash || own.episodes.size() != result.episodes.size() || own.policy_hash != result.policy_hash)
-      throw RunError("eval --workers", "its workers read different episodes or weights: a file was changed meanwhile");
+      throw RunError("eval --workers", "the workers read different episodes or weights: a file was changed during the evaluation");
     for (std::size_t i = 0; i < own.episodes.size(); ++i)
       if (!own.episodes[i].scene.empty()) result.episodes[i] = std::move(own.episodes[i]);
   }
   for (const auto& row : result.episodes)
-    if (row.scene.empty()) throw RunError("eval --workers", "its workers left an episode out");
+    if (row.scene.empty()) throw RunError("eval --workers", "the workers left out an episode");
   return result;
 }
 

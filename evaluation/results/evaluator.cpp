@@ -13,7 +13,7 @@ std::shared_ptr<const EpisodeSet> load_evaluated_set(const EvaluationConfig& eva
   EpisodeSet set = load_episode_set(evaluation.episodes);
   check_generator(
       set, evaluation.generator, evaluation.episodes,
-      "make it anew with 'earshot dataset episodes --config CONFIG', or use it as it is with --episodes " + evaluation.episodes);
+      "write it again with 'earshot dataset episodes --config CONFIG', or use it unchanged with --episodes " + evaluation.episodes);
   if (evaluation.max_episodes > 0 && set.episodes.size() > static_cast<std::size_t>(evaluation.max_episodes)) {
     if (whole != nullptr) *whole = hex64(set.hash);
     set.episodes.resize(static_cast<std::size_t>(evaluation.max_episodes));

@@ -37,26 +37,27 @@ MetricRules rules_for(const MetricRules& of_result, const MetricRules& of_benchm
 
 RuledEnv env_of_rules(const MetricRules& rules, const std::string& where, const std::string& scene_root, const std::string& sound_root) {
   const auto refuse = [&](const std::string& what) {
-    throw InputError(where, what, "evaluate the agent again with this program, or give the benchmark's config");
+    throw InputError(where, what, "evaluate the agent again with this program, or give the config of the benchmark");
   };
   RuledEnv ruled;
   std::vector<std::string> keys;
   bool hears = false;
   for (const auto& [key, value] : rules) {
     if (key == kHears) {
-      if (value != "true" && value != "false") refuse("has a rule 'hears' that is neither true nor false");
+      if (value != "true" && value != "false") refuse("has a rule 'hears' that is not true or false");
       hears = value == "true";
     } else if (key == kEnvs) {
       const auto [end, error] = std::from_chars(value.data(), value.data() + value.size(), ruled.num_envs);
-      if (error != std::errc() || end != value.data() + value.size() || ruled.num_envs < 1) refuse("has a rule 'envs' that is no number");
+      if (error != std::errc() || end != value.data() + value.size() || ruled.num_envs < 1)
+        refuse("has a rule 'envs' that is not a number");
     } else if (counts(key)) {
       keys.push_back(key + "=" + value);
     } else {
-      refuse("has a rule '" + key + "' that no metric depends on");
+      refuse("has a rule '" + key + "' that does not affect any metric");
     }
   }
   for (const auto& [key, unused] : metric_rules(ruled.env, 1))
-    if (!rules.contains(key)) refuse("does not say by which '" + key + "' its episodes were run");
+    if (!rules.contains(key)) refuse("does not contain the rule '" + key + "'");
   ConfigReader reader = ConfigReader::from_text("", where + " (its rules)", keys);
   read(reader, ruled.env);
   reader.finish();
@@ -67,7 +68,7 @@ RuledEnv env_of_rules(const MetricRules& rules, const std::string& where, const 
   ruled.env.scene_root = scene_root;
   ruled.env.sound_root = sound_root;
   validate(ruled.env);
-  if (ruled.env.agents != 1) refuse("is of several agents in an environment, whose results cannot be verified");
+  if (ruled.env.agents != 1) refuse("has several agents per environment, which cannot be verified");
   return ruled;
 }
 

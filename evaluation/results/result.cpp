@@ -268,13 +268,13 @@ EvaluationResult load_result(const std::filesystem::path& path) {
       read.metrics.collisions = whole_number<int>(row, "collisions");
       for (const auto& action : row.at("actions")) {
         if (!action.is_number_unsigned() || action.get<std::uint64_t>() >= static_cast<std::uint64_t>(kNumActions))
-          throw InputError(path.string(), "holds an action that does not exist", "it must be a file written by 'earshot eval --out'");
+          throw InputError(path.string(), "contains an unknown action", "use a file written by 'earshot eval --out'");
         read.actions.push_back(action.get<std::int8_t>());
       }
       result.episodes.push_back(std::move(read));
     }
   } catch (const nlohmann::json::exception& error) {
-    throw InputError(path.string(), error.what(), "it must be a file written by 'earshot eval --out'");
+    throw InputError(path.string(), error.what(), "use a file written by 'earshot eval --out'");
   }
   return result;
 }

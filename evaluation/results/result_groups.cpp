@@ -118,11 +118,11 @@ std::vector<std::pair<std::string, EvaluationResult>> groups_of(const Evaluation
     if (group.second.empty()) {
       const bool of_set = by == GroupBy::size || by == GroupBy::distance;
       throw InputError(result.agent,
-                       by == GroupBy::novelty ? "is a result that does not say which sounds the training had"
-                       : of_set               ? "is a result whose episode set is not at hand"
-                                              : "is a result that does not say which sounds its episodes had",
-                       by == GroupBy::novelty ? "evaluate it again with a config (--config) that names data.train.sounds"
-                       : of_set               ? "name the benchmark with --benchmark"
+                       by == GroupBy::novelty ? "has a result without the list of training sounds"
+                       : of_set               ? "has a result whose episode set is not available"
+                                              : "has a result without the sounds of its episodes",
+                       by == GroupBy::novelty ? "evaluate it again with a --config that has data.train.sounds"
+                       : of_set               ? "name the benchmark with --benchmark FILE"
                                               : "evaluate it again with this program");
     }
     groups[group].episodes.push_back(row);

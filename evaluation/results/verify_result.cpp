@@ -21,7 +21,7 @@
 namespace earshot {
 namespace {
 
-constexpr const char* kRemedy = "it is refused: only what 'earshot eval --out' wrote, on the whole set, is taken";
+constexpr const char* kRemedy = "only unchanged results of 'earshot eval --out' on a complete set are accepted";
 
 struct Metric {
   const char* name;
@@ -48,21 +48,21 @@ std::string place(std::size_t index, const EvaluationResult::Row& row) {
 void check_head(const EvaluationResult& result, const std::string& where, const EpisodeSet& set, const VerifyConfig& config) {
   const auto refuse = [&](const std::string& what) { throw InputError(where, what, kRemedy); };
   if (result.engine_hash != engine_hash() && !config.any_engine)
-    throw InputError(where, fmt::format("was made by the engine {}, this one is {}", result.engine_hash, engine_hash()),
-                     "make it anew with 'earshot eval', verify it with the program that made it, or say --any-engine: the numbers must "
-                     "then be those of this one");
+    throw InputError(where, fmt::format("was made by engine {}, but this is engine {}", result.engine_hash, engine_hash()),
+                     "make it anew with 'earshot eval', verify it with the build that made it, or add --any-engine, which requires the "
+                     "same numbers from this build");
   const std::size_t episodes = result.episodes.size(), whole = set.episodes.size();
-  if (episodes > whole) refuse(fmt::format("has {} episodes, its set {}", episodes, whole));
+  if (episodes > whole) refuse(fmt::format("has {} episodes, but its set has {}", episodes, whole));
   if ((episodes < whole || !result.partial_of.empty()) && !config.partial)
-    refuse(fmt::format("is partial: {} of the {} episodes of its set", episodes, whole));
-  if (episodes == whole && !result.partial_of.empty()) refuse("says that it is partial, and has as many episodes as its set");
+    refuse(fmt::format("is partial: it covers {} of the {} episodes of its set", episodes, whole));
+  if (episodes == whole && !result.partial_of.empty()) refuse("is marked as partial, but covers all episodes of its set");
 }
 
 void check_set_hash(const EvaluationResult& result, const std::string& where, const EpisodeSet& set) {
   const bool partial = result.episodes.size() < set.episodes.size();
   const std::string hash = set_hash_of_first(set, result.episodes.size());
   if (result.set_hash != hash || (partial && result.partial_of != hex64(set.hash)))
-    throw InputError(where, fmt::format("is of the set {}, the episodes here are {}", result.set_hash, hash), kRemedy);
+    throw InputError(where, fmt::format("belongs to the set {}, but these episodes are {}", result.set_hash, hash), kRemedy);
 }
 
 /// Rows are the episodes of the set, in its order.
@@ -74,10 +74,10 @@ void check_order(const EvaluationResult& result, const std::string& where, const
     const EvaluationResult::Row& row = result.episodes[i];
     const Episode& episode = set.episodes[i];
     const auto refuse = [&](const std::string& what) { throw InputError(where, place(i, row) + " " + what, kRemedy); };
-    if (!seen.emplace(row.scene, row.id).second && unique) refuse("is there twice");
+    if (!seen.emplace(row.scene, row.id).second && unique) refuse("occurs twice");
     if (row.id != episode.episode_id || row.scene != episode.scene_id)
-      refuse(fmt::format("stands where the set has '{}' in {}", episode.episode_id, episode.scene_id));
-    if (row.sound != episode.sound) refuse(fmt::format("says that its sound is '{}', the set has '{}'", row.sound, episode.sound));
+      refuse(fmt::format("is at the place of '{}' in {} of the set", episode.episode_id, episode.scene_id));
+    if (row.sound != episode.sound) refuse(fmt::format("lists its sound as '{}', but the set has '{}'", row.sound, episode.sound));
   }
 }
 
@@ -85,9 +85,9 @@ void check_rules(const EvaluationResult& result, const std::string& where, const
   if (result.rules.empty()) return;
   const auto changes = config_changes(result.rules, rules);
   if (changes.empty()) return;
-  throw InputError(where,
-                   fmt::format("was run with {} = {}, the rules say {}", changes.front().key, changes.front().before, changes.front().now),
-                   kRemedy);
+  throw InputError(
+      where, fmt::format("was run with {} = {}, but the rules have {}", changes.front().key, changes.front().before, changes.front().now),
+      kRemedy);
 }
 
 /// The summary is a function of the episodes: the same bits.
@@ -96,10 +96,10 @@ void check_summary(const EvaluationResult& result, const std::string& where) {
     const auto claimed = result.claimed_summary.find(name);
     const bool same = claimed != result.claimed_summary.end() && same_bits(claimed->second.mean, estimate.mean) &&
                       same_bits(claimed->second.low, estimate.low) && same_bits(claimed->second.high, estimate.high);
-    if (!same) throw InputError(where, fmt::format("has a summary whose '{}' does not follow from its episodes", name), kRemedy);
+    if (!same) throw InputError(where, fmt::format("has a summary whose '{}' does not match its episodes", name), kRemedy);
   }
   if (result.claimed_episodes != result.episodes.size())
-    throw InputError(where, "has a summary of another number of episodes than it holds", kRemedy);
+    throw InputError(where, "has a summary for a different number of episodes than it contains", kRemedy);
 }
 
 /// What is wrong with a row, or nothing.
@@ -107,7 +107,7 @@ std::string fault_of(const EvaluationResult::Row& row, const WalkOutcome& walked
   if (!walked.fault.empty()) return walked.fault;
   for (const Metric& metric : kMetrics) {
     const double claimed = metric.get(row.metrics), now = metric.get(walked.metrics);
-    if (!same_bits(claimed, now)) return fmt::format("claims {} = {}, its actions give {}", metric.name, claimed, now);
+    if (!same_bits(claimed, now)) return fmt::format("reports {} = {}, but its actions give {}", metric.name, claimed, now);
   }
   return {};
 }
@@ -125,9 +125,8 @@ struct FirstFault {
   const std::string made = walking_toolchain(result.toolchain), here = walking_toolchain(simulation_toolchain());
   if (!fault.is_walked || made == here || result.engine_hash == engine_hash()) throw InputError(where, what, kRemedy);
   throw InputError(where,
-                   fmt::format("{}; it was made with {}, and walked again with {}", what,
-                               made.empty() ? "a toolchain that it does not name" : made, here),
-                   "toolchains round differently, so this is no evidence of a forgery: verify it with the toolchain that made it");
+                   fmt::format("{}; it was made with {}, and verified with {}", what, made.empty() ? "an unknown toolchain" : made, here),
+                   "verify it with the same toolchain: toolchains round differently, so this difference alone does not prove a forgery");
 }
 
 /// Episodes of the scenes are walked by the threads, a scene by one of them.
@@ -181,8 +180,8 @@ std::optional<FirstFault> first_fault(const EvaluationResult& result, const Epis
 
 Verification verify_result(const EvaluationResult& result, const std::string& where, const EpisodeSet& set, const MetricRules& rules,
                            const VerifyConfig& config) {
-  if (!result.is_as_written) throw InputError(where, "was changed after it was written: its checksum is another", kRemedy);
-  if (result.episodes.empty()) throw InputError(where, "holds no episodes", kRemedy);
+  if (!result.is_as_written) throw InputError(where, "was changed after it was written: the checksum does not match", kRemedy);
+  if (result.episodes.empty()) throw InputError(where, "contains no episodes", kRemedy);
   check_head(result, where, set, config);
   check_order(result, where, set);
   check_set_hash(result, where, set);

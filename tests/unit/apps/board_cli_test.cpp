@@ -90,9 +90,9 @@ TEST_F(BoardCli, GroupsByPlaceAreThoseOfTheSetThatWasRun) {
   // The same scenes and names of episodes with other places in the same file.
   std::filesystem::remove(path("eval.json.gz"));
   expect_done("dataset episodes --config " + path("tiny.yaml") + " --set data.eval.episodes_per_scene=3 --set data.eval.seed=9");
-  expect_refused(board, HasSubstr("episode set is not at hand"));
+  expect_refused(board, HasSubstr("episode set is not available"));
   expect_done("leaderboard " + path("result.json") + " --html " + path("board.html"));
-  EXPECT_THAT(read_file(path("board.html")), testing::Not(HasSubstr("By distance")));
+  EXPECT_THAT(read_file(path("board.html")), testing::Not(HasSubstr("By geodesic distance")));
 }
 
 TEST_F(BoardCli, PagesTakeAgentsOfTheResultsAlone) {

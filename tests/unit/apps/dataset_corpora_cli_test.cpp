@@ -80,7 +80,7 @@ TEST_F(DatasetCorporaCli, SpeechThroughACorpusByShardsOfTheTemplate) {
   EXPECT_EQ(shell("SLURM_ARRAY_TASK_COUNT=2 SLURM_ARRAY_TASK_ID=3 bash " + script + " rir").exit_code, 2);
 
   expect_refused(signals + path("refused") + " --early", "split_ms");
-  expect_refused("convolve " + path("none") + " --speech " + path("speech") + " --out " + path("refused"), "holds no corpus.json");
+  expect_refused("convolve " + path("none") + " --speech " + path("speech") + " --out " + path("refused"), "contains no corpus.json");
   expect_refused("convolve " + path("corpus") + " --speech " + path("speech") + " --snr loud --out " + path("refused"), "--snr loud");
   expect_refused("convolve " + path("corpus") + " --speech " + path("speech") + " --talkers 1e30 --out " + path("refused"), "--talkers");
   EXPECT_FALSE(std::filesystem::exists(path("refused")));

@@ -102,7 +102,7 @@ TEST_F(DatasetRirCli, WhatIsWrongIsOneLine) {
   refused(config + " --set acoustics.raya=3", "did you mean 'rays'");
   refused(config + " --shard 3/2", "K from 1 to N");
   refused(config + " --threads -1", "--threads");
-  refused(config + " --set min_distance_m=30 --set max_distance_m=40", "no free place for a listener 30 to 40 m from a source");
+  refused(config + " --set min_distance_m=30 --set max_distance_m=40", "no free position for a listener 30 to 40 m from a source");
   EXPECT_FALSE(std::filesystem::exists(folder_.path() / "refused/manifest.jsonl"));
 }
 

@@ -23,7 +23,7 @@ TEST_F(TrainCli, AccuracyIsPlannedOnceAndKeptWithTheRun) {
   ASSERT_NE(yaml.find(chosen), std::string::npos);
   expect_done("dataset episodes --config " + path("tiny.yaml"));
   expect_refused("plan " + path("tiny.yaml"), HasSubstr("has no env.accuracy"));
-  expect_refused("train " + path("tiny.yaml") + " env.accuracy=edc=3dB", HasSubstr("is what env.accuracy chooses"));
+  expect_refused("train " + path("tiny.yaml") + " env.accuracy=edc=3dB", HasSubstr("is a key that env.accuracy chooses"));
   yaml.replace(yaml.find(chosen), chosen.size(), "accuracy: edc=3dB\n  acoustics: {rir_length_s: 0.3}");
   write_text(path("asked.yaml"), yaml);
   const std::string train = "train " + path("asked.yaml");

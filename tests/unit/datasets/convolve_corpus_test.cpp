@@ -269,7 +269,7 @@ TEST_F(ConvolveCorpus, OtherWordsAreAnotherCorpus) {
   config.count = 3;
   run(config);
   write_text(files_.path("speech/b.txt"), "words of d\n");  // of the same length
-  EXPECT_THAT(message_of<InputError>([&] { run(config); }), HasSubstr("begun otherwise: 'transcripts_hash"));
+  EXPECT_THAT(message_of<InputError>([&] { run(config); }), HasSubstr("started with other settings: 'transcripts_hash"));
 }
 
 TEST_F(ConvolveCorpus, NumbersOfADamagedManifestAreRefused) {

@@ -156,7 +156,7 @@ TEST(SoundSceneCorpus, SoundsAreKnownByNameAndSize) {
   write_wav(file, std::vector<float>(16000, 0.5f), 1, 16000);
   write_sound_scenes(config, {.out = out, .threads = 1, .shard = {}, .progress = {}});
   write_wav(file, std::vector<float>(17000, 0.5f), 1, 16000);
-  EXPECT_THAT(refused(), HasSubstr("begun otherwise: 'sounds"));
+  EXPECT_THAT(refused(), HasSubstr("started with other settings: 'sounds"));
   const std::string other = (folder.path() / "caf\xE9.wav").string();
   std::filesystem::copy_file(file, other);
   config.classes = {{"alarm", {other}}};

@@ -41,7 +41,7 @@ TEST_F(BatchedEnvArguments, AnActionOutOfRangeIsRefusedBeforeAnyAgentMoves) {
   env_.reset();
   for (const std::int32_t wrong : {-1, 4, 255, std::numeric_limits<std::int32_t>::min()}) {
     const std::vector<std::int32_t> actions{1, 1, wrong};
-    EXPECT_THAT([&] { env_.step(actions); }, ThrowsMessage<std::invalid_argument>(HasSubstr("of environment 2 is not in [0, 4)")));
+    EXPECT_THAT([&] { env_.step(actions); }, ThrowsMessage<std::invalid_argument>(HasSubstr("of environment 2 is outside [0, 4)")));
     EXPECT_EQ(env_.agent(0).episode_step, 0);
   }
 }

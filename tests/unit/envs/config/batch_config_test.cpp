@@ -58,10 +58,10 @@ TEST(BatchConfig, AsManyAgentsInTheEpisodesAsInTheEnvironments) {
 }
 
 TEST(BatchConfig, MissingEpisodesAreNamed) {
-  EXPECT_THAT(message_of("seed: 1"), HasSubstr("episodes: is missing; it names scenes and sounds, or a file of episodes"));
+  EXPECT_THAT(message_of("seed: 1"), HasSubstr("episodes: is missing; give `scenes` and `sounds`, or a `file` of episodes"));
   EXPECT_THAT(message_of("episodes: {sounds: [\"synth:telephone\"]}"), HasSubstr("episodes.scenes: is missing"));
   EXPECT_THAT(message_of("episodes: {scenes: [\"shoebox:5x3x4@0.2\"]}"), HasSubstr("episodes.sounds: is missing"));
-  EXPECT_THAT(message_of(run_text(), "eval"), HasSubstr("data.eval: is missing; it names the episodes"));
+  EXPECT_THAT(message_of(run_text(), "eval"), HasSubstr("data.eval: is missing; it describes the episodes"));
 }
 
 TEST(BatchConfig, UnknownKeysOfTheSectionsThatAreReadAreRefused) {

@@ -99,8 +99,8 @@ TEST(EnvAccuracy, WhatCannotBeAskedIsRefused) {
     return "taken";
   };
   EXPECT_EQ(read_config("accuracy: t20=10%\nacoustics: {preset: fast, rir_length_s: 0.3}").accuracy, "t20=10%");
-  EXPECT_THAT(refusal("accuracy: t20=10%\nacoustics: {rays: 24}"), HasSubstr("rays: is what env.accuracy chooses"));
-  EXPECT_THAT(refusal("accuracy: t20=10%\nacoustics: {field: on}"), HasSubstr("field: is what env.accuracy chooses"));
+  EXPECT_THAT(refusal("accuracy: t20=10%\nacoustics: {rays: 24}"), HasSubstr("rays: is a key that env.accuracy chooses"));
+  EXPECT_THAT(refusal("accuracy: t20=10%\nacoustics: {field: on}"), HasSubstr("field: is a key that env.accuracy chooses"));
   EXPECT_THAT(refusal("accuracy: t60=10%"), HasSubstr("t60"));
   EXPECT_THAT(refusal("accuracy: t20=10%\nobservation: {spectrogram: false}"), HasSubstr("no effect"));
 }

@@ -33,7 +33,7 @@ TEST(FieldChoice, CountsGoalsAndTheWorkOfBothWays) {
   EXPECT_NEAR(choice.traced_rays, 25600, 1e-6);
   EXPECT_NEAR(choice.field_rays, 2.5 * 2500 + 2.5 * 400, 0.05);
   EXPECT_TRUE(choice.on);
-  EXPECT_THAT(choice.text(), HasSubstr("on: 30 goals in 3 scenes, 400 places heard from each"));
+  EXPECT_THAT(choice.text(), HasSubstr("on: 30 goals in 3 scenes, 400 listener positions per goal"));
 }
 
 TEST(FieldChoice, OffWhereFewPlacesShareASource) {

@@ -218,15 +218,15 @@ TEST(EpisodeSet, BadValuesAreNamed) {
 }
 
 TEST(EpisodeSet, WrongDocumentsAreRefused) {
-  EXPECT_THAT(error_of("{\"episodes\":[]}"), HasSubstr("holds no episodes"));
-  EXPECT_THAT(error_of("[]"), HasSubstr("no list 'episodes'"));
-  EXPECT_THAT(error_of("{}"), HasSubstr("no list 'episodes'"));
+  EXPECT_THAT(error_of("{\"episodes\":[]}"), HasSubstr("contains no episodes"));
+  EXPECT_THAT(error_of("[]"), HasSubstr("no list `episodes`"));
+  EXPECT_THAT(error_of("{}"), HasSubstr("no list `episodes`"));
   EXPECT_THAT(error_of("{\"episodes\":{\"a\":{}}}"), HasSubstr("episode_id is missing"));
   EXPECT_THAT(error_of("{\"episodes\":{\"a\":1}}"), HasSubstr("set.json"));
   EXPECT_THAT(error_of("{\"episodes\":[1]}"), HasSubstr("not an object"));
   EXPECT_THAT(error_of("{\"episodes\":[[]]}"), HasSubstr("not an object"));
   EXPECT_THAT(error_of("{\"episodes\":[null]}"), HasSubstr("not an object"));
-  EXPECT_THAT(error_of("7"), HasSubstr("no list 'episodes'"));
+  EXPECT_THAT(error_of("7"), HasSubstr("no list `episodes`"));
   EXPECT_THAT(error_of(kExample + "x"), HasSubstr("is not valid JSON"));
   EXPECT_THAT(error_of(std::string(200000, '[')), HasSubstr("levels deep"));  // json_depth.h, before it is parsed
 }

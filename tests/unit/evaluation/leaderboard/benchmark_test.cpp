@@ -15,11 +15,11 @@ using testing::AllOf;
 using testing::HasSubstr;
 
 TEST_F(BenchmarkFile, FixesSetAndRules) {
-  EXPECT_THAT(refusal([&] { benchmark_set(load()); }), HasSubstr("tiny 1 is about 0123456789abcdef"));
+  EXPECT_THAT(refusal([&] { benchmark_set(load()); }), HasSubstr("tiny 1 needs 0123456789abcdef"));
   make_public_set();
   EXPECT_EQ(benchmark_set(load()).episodes.size(), 6u);
   config_.env.task.max_steps = 61;
-  EXPECT_THAT(refusal([&] { load(); }), HasSubstr("its benchmark.rules_hash is " + rules_hash_));
+  EXPECT_THAT(refusal([&] { load(); }), HasSubstr("but benchmark.rules_hash is " + rules_hash_));
   config_.env.task.max_steps = 60;
   section_ = "  privat: {}\n";
   EXPECT_THAT(refusal([&] { load(); }), HasSubstr("privat"));
@@ -43,11 +43,11 @@ TEST_F(BenchmarkFile, SoundsAreNewUnlessTheyAreCalledHeard) {
   section_ = "";
   EXPECT_THAT(split_refusal(), HasSubstr("'synth:bird:2' in its test set"));
   section_ = "  heard_sounds: [\"synth:bird:2\", \"synth:bird:9\"]\n";
-  EXPECT_THAT(split_refusal(), HasSubstr("'synth:bird:9' in benchmark.heard_sounds, which training and test do not both have"));
+  EXPECT_THAT(split_refusal(), HasSubstr("'synth:bird:9' in benchmark.heard_sounds, but training and test sets do not both contain it"));
   section_ = "  heard_sounds: [\"synth:bird:2\"]\n  held_out_kinds: [noise, bird]\n";
-  EXPECT_THAT(split_refusal(), HasSubstr("'synth:bird:0' in data.train, of the kind 'bird'"));
+  EXPECT_THAT(split_refusal(), HasSubstr("'synth:bird:0' in data.train, which belongs to 'bird'"));
   section_ = "  heard_sounds: [\"synth:bird:2\"]\n  held_out_kinds: [noise, click]\n";
-  EXPECT_THAT(split_refusal(), HasSubstr("no sound of the kind 'click'"));
+  EXPECT_THAT(split_refusal(), HasSubstr("no sound of kind 'click'"));
 }
 
 // What no number follows from is refused by the benchmark: the seed of sampled actions, what a sound was to the training; and what does not
@@ -73,10 +73,10 @@ TEST_F(BenchmarkFile, ResultsOfOtherSeedsAndNoveltiesAreRefused) {
   EXPECT_EQ(refused(result), "");
   EvaluationResult forged = result;
   forged.seed = 7;
-  EXPECT_THAT(refused(forged), HasSubstr("was run with seed 7, tiny has 0"));
+  EXPECT_THAT(refused(forged), HasSubstr("was run with seed 7, but tiny needs 0"));
   forged = result;
   for (auto& row : forged.episodes) row.novelty = "unheard kind";
-  EXPECT_THAT(refused(forged), HasSubstr("is 'unheard kind' to the training, by the benchmark it is"));
+  EXPECT_THAT(refused(forged), HasSubstr("as 'unheard kind' relative to training; by the benchmark it is"));
   evaluation.max_episodes = 3;
   EXPECT_THAT(refused(evaluate_baseline(Baseline::oracle, "oracle", config_.env, evaluation)), HasSubstr("is partial: 3 of the 6"));
 }

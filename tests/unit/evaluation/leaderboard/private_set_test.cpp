@@ -35,7 +35,7 @@ TEST_F(PrivateSet, IsNamedByAHash) {
 
 TEST_F(PrivateSet, IsOfTheSameKindAndNew) {
   make_public_set();
-  EXPECT_THAT(refusal([&] { with_private_set(load(), path("public.json")); }), HasSubstr("names no private set"));
+  EXPECT_THAT(refusal([&] { with_private_set(load(), path("public.json")); }), HasSubstr("has no private set"));
   const std::string sha256 = make_private_set(load(), path("private.json.gz"), seeds());
   EXPECT_EQ(sha256, sha256_hex(read_file(path("private.json.gz"))));
   EXPECT_EQ(std::filesystem::status(path("private.json.gz")).permissions(), std::filesystem::perms(0600));
@@ -46,7 +46,7 @@ TEST_F(PrivateSet, IsOfTheSameKindAndNew) {
     EXPECT_TRUE(std::ranges::none_of(open.episodes, [&](const Episode& other) { return other.scene_id == episode.scene_id; }));
     EXPECT_THAT(episode.sound, testing::AnyOf("synth:bird:2", testing::MatchesRegex("synth:(bird|noise):[0-9]{10,}")));
   }
-  EXPECT_THAT(refusal([&] { make_private_set(load(), path("private.json.gz"), seeds()); }), HasSubstr("is there already"));
+  EXPECT_THAT(refusal([&] { make_private_set(load(), path("private.json.gz"), seeds()); }), HasSubstr("already exists"));
   make_private_set(load(), path("second.json.gz"), seeds({3'000'000'000}));
 
   section_ += "  private: {sha256: \"" + sha256 + "\"}\n";
@@ -97,7 +97,7 @@ TEST_F(PrivateSet, WhatWillNotDoIsDrawnAgain) {
   // One that is never found: an end, and nothing left behind.
   const SecretSeeds never = [&, draws = 0]() mutable { return draws++ == 0 ? one.seed : small[0]; };
   EXPECT_THAT(refusal([&] { make_private_set(load(), path("never.json"), never); }), HasSubstr("no episode"));
-  EXPECT_THAT(refusal([&] { make_private_set(load(), path("never.json"), [] { return 9; }); }), HasSubstr("cannot be drawn anew"));
+  EXPECT_THAT(refusal([&] { make_private_set(load(), path("never.json"), [] { return 9; }); }), HasSubstr("has no replacement"));
   EXPECT_FALSE(std::filesystem::exists(path("never.json")));
   for (const auto& entry : std::filesystem::directory_iterator(folder_.path()))
     EXPECT_FALSE(entry.path().filename().string().starts_with(".private")) << entry.path();
@@ -117,12 +117,12 @@ TEST_F(PrivateSet, OverlapsAreRefused) {
   };
   EXPECT_EQ(changed("", ""), "");
   EXPECT_THAT(changed("house:2", ""),
-              HasSubstr("'house:2', the same as 'house:2,rooms=2,area_m2=24' of the training or the public test set"));
+              HasSubstr("'house:2', the same as 'house:2,rooms=2,area_m2=24' of the training set or the public test set"));
   EXPECT_THAT(changed("house:11,rooms=3", ""), HasSubstr("'house:11,rooms=3', the same as 'house:11,rooms=2,area_m2=24'"));
   EXPECT_THAT(changed("", "synth:bird:1"), HasSubstr("'synth:bird:1'"));
   EXPECT_THAT(changed("", "synth:bird:9"), HasSubstr("'synth:bird:9'"));
   config_.train.sounds = {"synth:bird:0..2", "synth:noise:77"};
-  EXPECT_THAT(changed("", ""), HasSubstr("'synth:noise:77' in data.train, of the kind 'noise'"));
+  EXPECT_THAT(changed("", ""), HasSubstr("'synth:noise:77' in data.train, which belongs to 'noise'"));
 }
 
 }  // namespace

@@ -174,27 +174,27 @@ TEST_F(VerifyResult, RefusesAHundredForgeries) {
     expect_refused(json, which);
     json = honest;
     row()["actions"].push_back(1);
-    expect_refused(json, "goes on for 1 actions after its end");
+    expect_refused(json, "has 1 actions after its end");
     json = honest;
     row()["scene"] = "house:" + std::to_string(i);
-    expect_refused(json, "stands where the set has");
+    expect_refused(json, "is at the place of");
     json = honest;
     row()["sound"] = "synth:bird:" + std::to_string(i);
-    expect_refused(json, "says that its sound is");
+    expect_refused(json, "lists its sound as");
     json = honest;
     std::swap(json["episodes"][i], json["episodes"][(i + 1) % count]);
-    expect_refused(json, "stands where the set has");
+    expect_refused(json, "is at the place of");
   }
   ASSERT_EQ(forged, 96);
   Json json = honest;
   json["episodes"].erase(11);
-  expect_refused(json, "is partial: 11 of the 12");
+  expect_refused(json, "is partial: it covers 11 of the 12");
   json = honest;
   json["engine_hash"] = "0123456789abcdef";
-  expect_refused(json, "was made by the engine");
+  expect_refused(json, "was made by engine");
   json = honest;
   json["summary"]["spl"]["mean"] = 0.999;
-  expect_refused(json, "summary whose 'spl' does not follow");
+  expect_refused(json, "summary whose 'spl' does not match");
   json = honest;
   json["rules"]["seed"] = "43";
   expect_refused(json, "was run with seed = 43");
@@ -209,22 +209,22 @@ TEST_F(VerifyResult, RefusesWhatElseCanBeForged) {
   EXPECT_THAT(refusal_of(json), HasSubstr("was changed after it was written"));
   json = honest;
   json["set_hash"] = "0123456789abcdef";
-  EXPECT_THAT(refusal_of(with_checksum(json)), HasSubstr("is of the set 0123456789abcdef"));
+  EXPECT_THAT(refusal_of(with_checksum(json)), HasSubstr("belongs to the set 0123456789abcdef"));
   json = honest;
   json["episodes"][3] = json["episodes"][2];
-  EXPECT_THAT(refusal_of(with_checksum(json)), HasSubstr("is there twice"));
+  EXPECT_THAT(refusal_of(with_checksum(json)), HasSubstr("occurs twice"));
   json = honest;
   json["episodes"].push_back(json["episodes"][2]);
-  EXPECT_THAT(refusal_of(with_checksum(json)), HasSubstr("has 13 episodes, its set 12"));
+  EXPECT_THAT(refusal_of(with_checksum(json)), HasSubstr("has 13 episodes, but its set has 12"));
   json = honest;
   json["rules"]["task.success_radius_m"] = "3";
   EXPECT_THAT(refusal_of(with_checksum(json)), HasSubstr("was run with task.success_radius_m = 3"));
   json = honest;
   json["episodes"][0]["actions"] = Json::array();
-  EXPECT_THAT(refusal_of(with_checksum(json)), HasSubstr("ends after 0 actions without a stop"));
+  EXPECT_THAT(refusal_of(with_checksum(json)), HasSubstr("ends without a stop after 0 of"));
   json = honest;
   json["partial_of"] = "0123456789abcdef";
-  EXPECT_THAT(refusal_of(with_checksum(json)), HasSubstr("is partial"));
+  EXPECT_THAT(refusal_of(with_checksum(json)), HasSubstr("is marked as partial"));
   json = honest;
   json["engine_hash"] = "0123456789abcdef";
   EXPECT_EQ(refusal_of(with_checksum(json), {.any_engine = true}), "");
@@ -243,24 +243,24 @@ TEST_F(VerifyResult, NumbersOfAnotherToolchainAreRefusedAsSuchAndNotAsForged) {
   off["episodes"][2]["spl"] = std::nextafter(off["episodes"][2]["spl"].get<double>(), 10.0);
   const VerifyConfig any{.any_engine = true};
   EXPECT_THAT(refusal_of(with_checksum(off), any),
-              AllOf(HasSubstr("episode 2 ("), HasSubstr("claims spl = "), HasSubstr("it is refused"), Not(HasSubstr("toolchain"))));
+              AllOf(HasSubstr("episode 2 ("), HasSubstr("reports spl = "), HasSubstr("are accepted"), Not(HasSubstr("toolchain"))));
   for (const auto& [part, value] : {std::pair("compiler", "g++99"), std::pair("c_library", "glibc 9.9"), std::pair("processor", "armv8-a"),
                                     std::pair("embree", "9.9.9 neon")}) {
     Json json = off;
     json["toolchain"][part] = value;
     const std::string why = refusal_of(with_checksum(json), any);
-    EXPECT_THAT(why, AllOf(HasSubstr("episode 2 ("), HasSubstr("claims spl = "), HasSubstr("it was made with "), HasSubstr(value),
-                           HasSubstr("walked again with " + here), HasSubstr("no evidence of a forgery")));
+    EXPECT_THAT(why, AllOf(HasSubstr("episode 2 ("), HasSubstr("reports spl = "), HasSubstr("it was made with "), HasSubstr(value),
+                           HasSubstr("verified with " + here), HasSubstr("does not prove a forgery")));
     EXPECT_EQ(why.find('\n'), std::string::npos);
     // Where this very program wrote it, another toolchain is no reason.
     json["engine_hash"] = honest["engine_hash"];
-    EXPECT_THAT(refusal_of(with_checksum(json)), AllOf(HasSubstr("it is refused"), Not(HasSubstr("no evidence"))));
+    EXPECT_THAT(refusal_of(with_checksum(json)), AllOf(HasSubstr("are accepted"), Not(HasSubstr("does not prove"))));
   }
   // libtorch chose the actions, which the file has: it has no part in the numbers.
   Json json = off;
   json["toolchain"]["libtorch"] = "9.9 AVX9";
   json["toolchain"]["blas"] = "unknown";
-  EXPECT_THAT(refusal_of(with_checksum(json), any), Not(HasSubstr("no evidence")));
+  EXPECT_THAT(refusal_of(with_checksum(json), any), Not(HasSubstr("does not prove")));
 
   // The same numbers are taken, whatever toolchain made them, and older files name none.
   json = honest;
@@ -272,7 +272,7 @@ TEST_F(VerifyResult, NumbersOfAnotherToolchainAreRefusedAsSuchAndNotAsForged) {
   json.erase("toolchain");
   EXPECT_EQ(refusal_of(with_checksum(json), any), "");
   off.erase("toolchain");
-  EXPECT_THAT(refusal_of(with_checksum(off), any), AllOf(HasSubstr("a toolchain that it does not name"), HasSubstr("no evidence")));
+  EXPECT_THAT(refusal_of(with_checksum(off), any), AllOf(HasSubstr("an unknown toolchain"), HasSubstr("does not prove")));
 }
 
 TEST_F(VerifyResult, RulesThatAreMissingOrUnknownAreRefused) {
