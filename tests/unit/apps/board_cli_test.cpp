@@ -62,7 +62,7 @@ TEST_F(BoardCli, ReplayWritesAPageOfWhatHappened) {
   Json forged = json_of("result.json");
   forged["episodes"][index]["spl"] = 0.25;
   write_text(path("result.json"), json_text(forged));
-  expect_refused(replay + " --episode " + std::to_string(index), HasSubstr("claims spl = 0.25"));
+  expect_refused(replay + " --episode " + std::to_string(index), HasSubstr("reports spl = 0.25"));
 }
 
 TEST_F(BoardCli, TablesAreThereAsJson) {

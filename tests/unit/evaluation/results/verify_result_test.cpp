@@ -136,7 +136,7 @@ TEST_F(VerifyResult, PartialResultsSaySo) {
   const EpisodeSet set = load_episode_set(path("set.json"));
   EXPECT_EQ(result.partial_of, hex64(set.hash));
   EXPECT_NE(result.set_hash, result.partial_of);
-  EXPECT_THAT(refusal([&] { verify(result); }), HasSubstr("is partial: 5 of the 12 episodes"));
+  EXPECT_THAT(refusal([&] { verify(result); }), HasSubstr("is partial: it covers 5 of the 12 episodes"));
   EXPECT_EQ(refusal([&] { EXPECT_TRUE(verify(result, {.partial = true}).partial); }), "");
 }
 
@@ -165,7 +165,7 @@ TEST_F(VerifyResult, RefusesAHundredForgeries) {
     json = honest;
     const char* whole = std::array{"steps", "collisions"}[i % 2];
     row()[whole] = row()[whole].get<int>() + 1;
-    expect_refused(json, std::string("claims ") + whole);
+    expect_refused(json, std::string("reports ") + whole);
     json = honest;
     row()["sna"] = 9.9;
     expect_refused(json, which);
