@@ -40,7 +40,7 @@ def test_import_on_an_older_processor_says_what_is_missing(processor: str, lacks
     if platform.machine() != "x86_64" or qemu is None:
         pytest.skip("no qemu-user-static, or not an x86-64 machine")
     done = subprocess.run([qemu, "-cpu", processor, sys.executable, "-c", "import earshot"], capture_output=True, text=True)
-    line = f"this processor lacks instructions that Earshot was compiled for ({lacks}); compile it with -DEARSHOT_ARCH=x86-64"
+    line = f"this build of Earshot uses instructions that this processor does not have ({lacks}); build it with -DEARSHOT_ARCH=x86-64"
     assert done.returncode == 1, done.stderr
     assert done.stderr.splitlines()[-1] == f"ImportError: {line}"
 

@@ -45,9 +45,8 @@ class ByteWriter {
 /// that are left: a length beyond them throws InputError naming `where`.
 class ByteReader {
  public:
-  ByteReader(std::string_view bytes, std::string where,
-             std::string problem = "makes its reader send an invalid answer: the file is damaged",
-             std::string remedy = "export or fetch the file again")
+  ByteReader(std::string_view bytes, std::string where, std::string problem = "is damaged: its reader sent an invalid answer",
+             std::string remedy = "export or download the file again")
       : bytes_(bytes), where_(std::move(where)), problem_(std::move(problem)), remedy_(std::move(remedy)) {}
 
   template <class T>

@@ -66,7 +66,7 @@ std::string read_file(const std::filesystem::path& path, std::size_t max_bytes) 
   std::error_code error;
   const auto status = std::filesystem::status(path, error);
   if (!std::filesystem::exists(status)) throw InputError(path.string(), "no such file", "check the path");
-  if (std::filesystem::is_directory(status)) throw InputError(path.string(), "is a folder, not a file", "name a file in it");
+  if (std::filesystem::is_directory(status)) throw InputError(path.string(), "is a folder, not a file", "give a file in this folder");
   std::ifstream stream(path, std::ios::binary);
   if (!stream) throw InputError(path.string(), "cannot be opened: " + last_error(), "check its permissions");
   std::string bytes;
@@ -75,7 +75,7 @@ std::string read_file(const std::filesystem::path& path, std::size_t max_bytes) 
     stream.read(block.data(), static_cast<std::streamsize>(block.size()));
     bytes.append(block, 0, static_cast<std::size_t>(stream.gcount()));
     if (bytes.size() > max_bytes)
-      throw InputError(path.string(), fmt::format("is larger than {} bytes", max_bytes), "is it the right file?");
+      throw InputError(path.string(), fmt::format("is larger than {} bytes", max_bytes), "check that it is the right file");
   }
   if (stream.bad()) throw InputError(path.string(), "cannot be read: " + last_error(), "check the disk");
   return bytes;
@@ -91,7 +91,7 @@ void write_file_atomically(const std::filesystem::path& path, std::string_view b
   std::error_code unknown;
   const auto status = std::filesystem::status(path, unknown);
   if (std::filesystem::exists(status) && !std::filesystem::is_regular_file(status))
-    throw InputError(path.string(), "is not a plain file", "name a file that may be written or replaced");
+    throw InputError(path.string(), "is not a regular file", "give a file that can be written or replaced");
   std::filesystem::path temporary = path;
   temporary += fmt::format(".tmp{}", ::getpid());
   TemporaryFile file(temporary);

@@ -115,29 +115,29 @@ std::optional<ImageStore::Image> ImageStore::load(std::uint64_t key) {
   // Not blocking: opening a pipe of this name must return.
   const Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
   if (file.get() < 0) {
-    if (errno != ENOENT) warn_once(fmt::format("{} cannot be opened: {}; it is made anew where it is needed", path.string(), last_error()));
+    if (errno != ENOENT) warn_once(fmt::format("{} cannot be opened: {}; it is computed again", path.string(), last_error()));
     return std::nullopt;
   }
   const auto damaged = [&](std::string_view what) {
-    warn(fmt::format("{} {} and is made anew", path.string(), what));
+    warn(fmt::format("{} {} and is computed again", path.string(), what));
     return std::nullopt;
   };
   struct stat status {};
-  if (::fstat(file.get(), &status) != 0 || !S_ISREG(status.st_mode)) return damaged("is not a plain file");
+  if (::fstat(file.get(), &status) != 0 || !S_ISREG(status.st_mode)) return damaged("is not a regular file");
   const auto size = static_cast<std::size_t>(status.st_size);
-  if (size <= sizeof(Header)) return damaged("is cut short");
+  if (size <= sizeof(Header)) return damaged("is truncated");
   const auto mapping = std::make_shared<const Mapping>(file.get(), size);
   if (mapping->bytes == MAP_FAILED) {
-    warn_once(fmt::format("{} cannot be mapped: {}; it is made anew where it is needed", path.string(), last_error()));
+    warn_once(fmt::format("{} cannot be mapped: {}; it is computed again", path.string(), last_error()));
     return std::nullopt;
   }
   Header header;
   std::memcpy(&header, mapping->bytes, sizeof header);
-  if (header.magic != Header::kMagic) return damaged("is of another kind");
+  if (header.magic != Header::kMagic) return damaged("is a file of another kind");
   if (header.key != key) return damaged("belongs to another key");
-  if (header.num_bytes != size - sizeof header) return damaged("is cut short");
+  if (header.num_bytes != size - sizeof header) return damaged("is truncated");
   const std::span<const std::byte> bytes(static_cast<const std::byte*>(mapping->bytes) + sizeof header, size - sizeof header);
-  if (hash64(bytes, key) != header.hash) return damaged("is damaged");
+  if (hash64(bytes, key) != header.hash) return damaged("is corrupted");
   // Both times to now: the least recently used images are removed first.  Fails without effect in a read-only folder.
   static_cast<void>(::futimens(file.get(), nullptr));
   return Image{bytes, mapping};
@@ -149,7 +149,7 @@ bool ImageStore::save(std::uint64_t key, std::span<const std::byte> image) {
   std::error_code error;
   std::filesystem::create_directories(config_.folder, error);
   if (error) {
-    warn_once(fmt::format("{} cannot be made: {}; nothing is cached there", config_.folder.string(), error.message()));
+    warn_once(fmt::format("{} cannot be created: {}; nothing is cached there", config_.folder.string(), error.message()));
     return false;
   }
   const std::filesystem::path path = path_of(key), temporary = temporary_in(config_.folder, key, state_->temporaries.fetch_add(1));
@@ -164,7 +164,7 @@ bool ImageStore::save(std::uint64_t key, std::span<const std::byte> image) {
   if (!write()) {
     const std::string why = last_error();
     ::unlink(temporary.c_str());
-    warn_once(fmt::format("{} cannot be written: {}; images that cannot be written are made anew", path.string(), why));
+    warn_once(fmt::format("{} cannot be written: {}; it is computed again when it is needed", path.string(), why));
     return false;
   }
   const std::scoped_lock lock(state_->mutex);
@@ -187,7 +187,7 @@ std::optional<FileLock> ImageStore::claim(std::uint64_t key, std::chrono::millis
 void ImageStore::reject(std::uint64_t key, const std::string& why) {
   const std::filesystem::path path = path_of(key);
   ::unlink(path.c_str());
-  warn(fmt::format("{} is unusable and is made anew: {}", path.string(), why));
+  warn(fmt::format("{} cannot be used and is computed again: {}", path.string(), why));
 }
 
 void ImageStore::remove_over_the_bound(const std::filesystem::path& keep) {

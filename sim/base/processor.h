@@ -144,7 +144,7 @@ EARSHOT_ANY_PROCESSOR inline std::size_t append_part(char (&text)[256], std::siz
 /// Whether this processor has all that this file is compiled for; where not, text gets the line to show, without its end.
 EARSHOT_ANY_PROCESSOR inline bool has_used_instruction_sets(char (&text)[256]) {
   const unsigned missing = kUsedInstructionSets & ~present_instruction_sets();
-  std::size_t length = append_part(text, 0, "this processor lacks instructions that Earshot was compiled for (");
+  std::size_t length = append_part(text, 0, "this build of Earshot uses instructions that this processor does not have (");
   bool is_first = true;
   for (std::size_t set = 0; set < sizeof kInstructionSets / sizeof *kInstructionSets; ++set) {
     if ((missing >> set & 1u) == 0) continue;
@@ -152,7 +152,7 @@ EARSHOT_ANY_PROCESSOR inline bool has_used_instruction_sets(char (&text)[256]) {
     length = append_part(text, length, kInstructionSets[set]);
     is_first = false;
   }
-  length = append_part(text, length, "); compile it with -DEARSHOT_ARCH=");
+  length = append_part(text, length, "); build it with -DEARSHOT_ARCH=");
   append_part(text, length, kFirstProcessor);
   return missing == 0;
 }

@@ -164,7 +164,7 @@ GeodesicField::GeodesicField(const Navmesh& navmesh, glm::vec3 goal, float reach
   if (!located) {
     std::ostringstream shown;
     shown << "goal (" << goal.x << ", " << goal.y << ", " << goal.z << ")";
-    throw InputError(shown.str(), "is not within reach of the walkable surface", "move the goal onto the floor or drop the episode");
+    throw InputError(shown.str(), "is too far from the walkable surface", "move the goal to the floor, or remove the episode");
   }
   impl_ = std::make_unique<Impl>(navmesh.impl(), *located);
 }

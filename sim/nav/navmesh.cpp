@@ -44,7 +44,7 @@ void validate(const NavmeshConfig& config) {
   require(config.agent_radius_m > 0.f && config.agent_radius_m <= 2.f, "nav.agent_radius_m", config.agent_radius_m, "must lie in (0, 2]");
   require(config.agent_height_m > 0.f && config.agent_height_m <= 10.f, "nav.agent_height_m", config.agent_height_m, "must lie in (0, 10]");
   require(config.max_climb_m >= 0.f && config.max_climb_m < config.agent_height_m, "nav.max_climb_m", config.max_climb_m,
-          "must lie between 0 and the agent's height");
+          "must be between 0 and nav.agent_height_m");
   require(config.max_slope_deg >= 0.f && config.max_slope_deg < 90.f, "nav.max_slope_deg", config.max_slope_deg, "must lie in [0, 90)");
   require(config.cell_size_m >= 0.005f && config.cell_size_m <= 1.f, "nav.cell_size_m", config.cell_size_m, "must lie in [0.005, 1]");
   require(config.cell_height_m >= 0.005f && config.cell_height_m <= 1.f, "nav.cell_height_m", config.cell_height_m,

@@ -35,12 +35,12 @@ constexpr float kDetailSpacingM = 0.3f;
 
 void check(bool ok, const char* stage) {
   if (!ok)
-    throw InputError(std::string("navmesh: ") + stage, "failed: the surface is too large or too intricate for one tile",
-                     "raise nav.cell_size_m or cut the mesh");
+    throw InputError(std::string("navmesh: ") + stage, "failed: the surface is too large or too complex for one tile",
+                     "increase nav.cell_size_m, or split the mesh");
 }
 
 [[noreturn]] void nothing_walkable() {
-  throw InputError("navmesh", "nothing is walkable: no upward face has the agent's height above it and its radius around it",
+  throw InputError("navmesh", "nothing is walkable: no floor has free space for the agent's height and radius",
                    "check the unit and the up axis of the mesh, or lower nav.agent_height_m");
 }
 
@@ -74,7 +74,7 @@ rcConfig recast_config(const Bounds& bounds, const NavmeshConfig& config) {
   if (!(columns * rows < static_cast<double>(kMaxCells)))
     throw InputError("navmesh",
                      "the mesh covers " + std::to_string(static_cast<std::int64_t>(columns * rows)) + " cells, more than 64 million",
-                     "check the unit of the mesh or raise nav.cell_size_m");
+                     "check the unit of the mesh, or increase nav.cell_size_m");
   rcCalcGridSize(rc.bmin, rc.bmax, rc.cs, &rc.width, &rc.height);
   return rc;
 }

@@ -125,7 +125,7 @@ std::string encode_navmesh(const Navmesh& navmesh) {
 
 Navmesh decode_navmesh(std::string_view bytes, const NavmeshConfig& config, const std::string& where) {
   validate(config);
-  ByteReader reader(bytes, where, "is no navmesh");
+  ByteReader reader(bytes, where, "is not a navmesh");
   const std::vector<unsigned char> data = reader.take_list<unsigned char>();
   reader.finish();
   {

@@ -21,7 +21,7 @@ struct BareRays::Handles {
 
 BareRays::BareRays(std::span<const glm::vec3> vertices, std::span<const glm::uvec3> triangles) : handles_(std::make_unique<Handles>()) {
   const auto check = [](bool fine) {
-    if (!fine) throw InputError("ray tracer", "cannot hold this mesh", "check the installation of libembree and the free memory");
+    if (!fine) throw InputError("ray tracer", "cannot load this mesh", "check the installation of libembree and the free memory");
   };
   handles_->device.reset(rtcNewDevice(embree_device_options().c_str()));
   check(handles_->device != nullptr);

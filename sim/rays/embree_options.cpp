@@ -43,14 +43,15 @@ std::string embree_options_of(const std::string& isa, const std::vector<RayIsa>&
     if (set.present) present += (present.empty() ? "" : ", ") + set.name;
   }
   const std::string where = "EARSHOT_ISA=" + isa;
-  if (isas.empty()) throw InputError(where, "Embree has no choice of instruction sets on this processor", "unset it");
+  if (isas.empty()) throw InputError(where, "Embree supports only one instruction set on this processor", "unset it");
   const auto found = std::find_if(isas.begin(), isas.end(), [&](const RayIsa& set) { return set.name == isa; });
   if (found == isas.end()) {
     const std::string nearest = nearest_word(isa, names);
     throw InputError(where, "unknown instruction set" + (nearest.empty() ? "" : "; did you mean '" + nearest + "'?"),
                      "one of: " + known + "; or unset it");
   }
-  if (!found->present) throw InputError(where, "this processor does not have it", "one of: " + present + "; or unset it");
+  if (!found->present)
+    throw InputError(where, "this processor does not support this instruction set", "one of: " + present + "; or unset it");
   return "isa=" + isa;
 }
 

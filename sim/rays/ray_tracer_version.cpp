@@ -9,7 +9,7 @@ namespace {
 
 EmbreeDevice open_device() {
   EmbreeDevice device{rtcNewDevice(embree_device_options().c_str())};
-  if (!device) throw InputError("ray tracer", "opens no device", "check the installation of libembree and the free memory");
+  if (!device) throw InputError("ray tracer", "cannot open a device", "check the installation of libembree and the free memory");
   return device;
 }
 

@@ -35,7 +35,8 @@ std::string key_of(const std::string& category, const Material& material) {
 void validate(const AcousticRandomization& randomization, const std::string& where) {
   const auto check = [&](const char* key, float value, float highest) {
     if (value >= 0 && value <= highest) return;  // also refuses NaN
-    throw InputError(fmt::format("{}: randomize.{} = {}", where, key, value), fmt::format("is outside [0, {}]", highest), "correct it");
+    throw InputError(fmt::format("{}: randomize.{} = {}", where, key, value), fmt::format("is outside [0, {}]", highest),
+                     "use a value in this range");
   };
   check("noise_std", randomization.noise_std, 1);
   check("transmission_noise_db", randomization.transmission_noise_db, 60);

@@ -81,7 +81,7 @@ Scene load_scene(const std::string& spec, const SceneOverrides& overrides) {
   const MeshSpec named = yaml || generated ? MeshSpec{.path = spec, .unit_m = {}, .up = {}} : parse_mesh_spec(spec);
   if (!yaml && !generated && !is_mesh_file(named.path)) {
     throw InputError(spec, "is not a scene",
-                     "name a glb, gltf, obj, ply, stl or yaml file, or write shoebox:XxYxZ[@M], house:SEED or floor:SEED");
+                     "give a glb, gltf, obj, ply, stl or yaml file, or write shoebox:XxYxZ[@M], house:SEED or floor:SEED");
   }
   SceneConfig config;
   if (yaml)
@@ -89,17 +89,17 @@ Scene load_scene(const std::string& spec, const SceneOverrides& overrides) {
   else
     config.mesh = named.path;
   if ((named.unit_m && overrides.unit_m) || (named.up && overrides.up))
-    throw InputError(spec, "says by itself how it is read, but a unit or an up axis was given too", "say it once");
+    throw InputError(spec, "already names a unit or an up axis, but another one was given", "give it once");
   if (named.unit_m) config.import.unit_m = *named.unit_m, config.is_unit_given = true;
   if (named.up) config.import.up = *named.up, config.is_up_given = true;
 
   if (overrides.unit_m) {
-    if (!is_mesh_file(config.mesh)) throw InputError(spec, "is generated in metres, but a unit was given", "leave the unit out");
+    if (!is_mesh_file(config.mesh)) throw InputError(spec, "is generated in metres and takes no unit", "leave out the unit");
     require(*overrides.unit_m >= 1e-6 && *overrides.unit_m <= 1e6, "unit", *overrides.unit_m, "must be in [1e-6, 1e6] metres per unit");
     config.import.unit_m = *overrides.unit_m;
   }
   if (overrides.up) {
-    if (!is_mesh_file(config.mesh)) throw InputError(spec, "is generated with y up, but an up axis was given", "leave it out");
+    if (!is_mesh_file(config.mesh)) throw InputError(spec, "is generated with y up and takes no up axis", "leave out the up axis");
     config.import.up = *overrides.up;
   }
   if (overrides.simplify_m) config.simplify_m = overrides.simplify_m;
@@ -111,7 +111,7 @@ Scene load_scene(const std::string& spec, const SceneOverrides& overrides) {
           : MaterialDatabase::builtin();
   if (config.own_semantics) config.rules.semantics->require_materials(database);
   if (yaml && (config.is_up_given || config.is_unit_given) && !is_mesh_file(config.mesh)) {
-    throw InputError(spec, "up and unit_m are given, but mesh is generated", "remove them: they describe mesh files");
+    throw InputError(spec, "up and unit_m have no effect on a generated mesh", "remove them");
   }
   Geometry geometry = make_geometry(config.mesh, config.import, database);
   if (is_mesh_file(config.mesh))

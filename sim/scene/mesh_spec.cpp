@@ -55,9 +55,9 @@ MeshSpec parse_mesh_spec(const std::string& spec) {
 std::string add_mesh_choices(const std::string& spec, std::optional<double> unit_m, std::optional<MeshImportOptions::Up> up) {
   if (!unit_m && !up) return spec;
   const MeshSpec mesh = parse_mesh_spec(spec);
-  if (!is_mesh_file(mesh.path)) throw InputError(spec, "is no mesh file, but --unit or --up was given", "leave them out");
+  if (!is_mesh_file(mesh.path)) throw InputError(spec, "is not a mesh file, but --unit or --up was given", "leave them out");
   if ((mesh.unit_m && unit_m) || (mesh.up && up))
-    throw InputError(spec, "says by itself how it is read, but --unit or --up was given too", "say it once");
+    throw InputError(spec, "already names a unit or an up axis, but --unit or --up was given", "give it once");
   std::string all = spec;
   if (unit_m) all += fmt::format(",unit={}", *unit_m);
   if (up) all += *up == MeshImportOptions::Up::z ? ",up=z" : ",up=y";

@@ -20,7 +20,7 @@ MaterialRules read_rules(ConfigReader& reader) {
   ConfigReader assign = reader.child("assign");
   std::set<std::string> seen;
   for (const std::string& pattern : assign.keys()) {
-    if (!seen.insert(pattern).second) assign.fail(pattern, "is there twice");
+    if (!seen.insert(pattern).second) assign.fail(pattern, "occurs twice");
     const std::optional<std::string> material = assign.scalar(pattern);
     if (!material) assign.fail(pattern, "is not the name of a material");
     rules.assign.emplace_back(pattern, *material);
@@ -73,7 +73,8 @@ Air read_air(ConfigReader& reader) {
 void validate(const Air& air, const std::string& where) {
   const auto check = [&](const char* key, float value, float lowest, float highest) {
     if (value >= lowest && value <= highest) return;  // also refuses NaN
-    throw InputError(fmt::format("{}: air.{} = {}", where, key, value), fmt::format("is outside [{}, {}]", lowest, highest), "correct it");
+    throw InputError(fmt::format("{}: air.{} = {}", where, key, value), fmt::format("is outside [{}, {}]", lowest, highest),
+                     "use a value in this range");
   };
   check("temperature_c", air.temperature_c, -20, 50);
   check("humidity_percent", air.humidity_percent, 0, 100);
@@ -108,7 +109,7 @@ SceneConfig read_scene_config(const std::filesystem::path& path) {
     config.materials = beside(path, name);
   }
   if (reader.has("coefficients")) {
-    if (!config.materials) reader.fail("coefficients", "is given without materials; the built-in ones are energy coefficients");
+    if (!config.materials) reader.fail("coefficients", "has no effect without `materials`: the built-in materials use energy coefficients");
     reader.read_choice<CoefficientReading>("coefficients", config.coefficients.emplace(),
                                            {{"energy", CoefficientReading::energy}, {"pressure", CoefficientReading::pressure}});
   }
@@ -117,7 +118,7 @@ SceneConfig read_scene_config(const std::filesystem::path& path) {
   config.air = read_air(reader);
   bool two_sided = true;
   reader.read("two_sided", two_sided);
-  if (!two_sided) reader.fail("two_sided", "= false is not offered: surfaces reflect from both sides, whatever their winding");
+  if (!two_sided) reader.fail("two_sided", "must be true: surfaces reflect on both sides, independent of their winding");
   reader.finish();
   return config;
 }

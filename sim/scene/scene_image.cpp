@@ -200,7 +200,7 @@ std::string encode_scene(const Scene& scene) {
 }
 
 Scene decode_scene(std::string_view bytes, const std::string& where) {
-  ByteReader reader(bytes, where, "is no scene");
+  ByteReader reader(bytes, where, "is not a scene");
   std::string name = reader.take_text();
   const Air air = reader.take<Air>();
   for (const float value : {air.temperature_c, air.humidity_percent, air.pressure_kpa, air.speed_of_sound_m_per_s})

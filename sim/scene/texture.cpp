@@ -24,7 +24,7 @@ constexpr int kLargestSide = 8192;  // a gigabyte of work behind a few kilobytes
 
 void check_size(const std::string& where, std::uint64_t width, std::uint64_t height) {
   if (width > kLargestSide || height > kLargestSide)
-    refuse(where, fmt::format("is a picture of {} x {} pixels: a side has at most {}", width, height, kLargestSide));
+    refuse(where, fmt::format("has {} x {} pixels, but at most {} per side are supported", width, height, kLargestSide));
 }
 
 Texture decode_png(std::string_view bytes, const std::string& where) {
@@ -32,13 +32,13 @@ Texture decode_png(std::string_view bytes, const std::string& where) {
   image.version = PNG_IMAGE_VERSION;
   const std::unique_ptr<png_image, decltype(&png_image_free)> release(&image, png_image_free);
   if (png_image_begin_read_from_memory(&image, bytes.data(), bytes.size()) == 0)
-    refuse(where, fmt::format("is not a whole PNG: {}", image.message));
+    refuse(where, fmt::format("is not a complete PNG: {}", image.message));
   check_size(where, image.width, image.height);
   // With the alpha channel read and dropped: without it libpng would blend with a background.
   image.format = PNG_FORMAT_RGBA;
   std::vector<std::uint8_t> rgba(PNG_IMAGE_SIZE(image));
   if (png_image_finish_read(&image, nullptr, rgba.data(), 0, nullptr) == 0)
-    refuse(where, fmt::format("is not a whole PNG: {}", image.message));
+    refuse(where, fmt::format("is not a complete PNG: {}", image.message));
   Texture texture{.width_px = static_cast<int>(image.width), .height_px = static_cast<int>(image.height)};
   texture.rgb.reserve(rgba.size() / 4 * 3);
   for (std::size_t i = 0; i < rgba.size(); i += 4) texture.rgb.insert(texture.rgb.end(), {rgba[i], rgba[i + 1], rgba[i + 2]});
@@ -47,17 +47,17 @@ Texture decode_png(std::string_view bytes, const std::string& where) {
 
 Texture decode_jpeg(std::string_view bytes, const std::string& where) {
   const std::unique_ptr<void, decltype(&tjDestroy)> reader(tjInitDecompress(), tjDestroy);
-  if (!reader) refuse(where, "is a JPEG that cannot be read: libjpeg-turbo does not start");
+  if (!reader) refuse(where, "cannot be read: libjpeg-turbo failed to initialize");
   const auto* data = reinterpret_cast<const unsigned char*>(bytes.data());
   int width = 0, height = 0, subsampling = 0, colorspace = 0;
   if (tjDecompressHeader3(reader.get(), data, bytes.size(), &width, &height, &subsampling, &colorspace) != 0)
-    refuse(where, fmt::format("is not a whole JPEG: {}", tjGetErrorStr2(reader.get())));
-  if (width <= 0 || height <= 0) refuse(where, "is not a whole JPEG: it holds no picture");
+    refuse(where, fmt::format("is not a complete JPEG: {}", tjGetErrorStr2(reader.get())));
+  if (width <= 0 || height <= 0) refuse(where, "is not a complete JPEG: it contains no image");
   check_size(where, static_cast<std::uint64_t>(width), static_cast<std::uint64_t>(height));
   Texture texture{.width_px = width, .height_px = height};
   texture.rgb.resize(3 * static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
   if (tjDecompress2(reader.get(), data, bytes.size(), texture.rgb.data(), width, 0, height, TJPF_RGB, TJFLAG_ACCURATEDCT) != 0)
-    refuse(where, fmt::format("is not a whole JPEG: {}", tjGetErrorStr2(reader.get())));
+    refuse(where, fmt::format("is not a complete JPEG: {}", tjGetErrorStr2(reader.get())));
   return texture;
 }
 

@@ -59,7 +59,7 @@ class VisualMeshBuilder {
     if (!is_new) return found->second;
     const std::string bytes = read();
     if (!bytes.starts_with("\x89PNG") && !bytes.starts_with("\xFF\xD8")) {
-      mesh_.warnings.push_back(fmt::format("{}: texture {} is neither PNG nor JPEG: its surfaces have their base colour", where_, key));
+      mesh_.warnings.push_back(fmt::format("{}: texture {} is neither PNG nor JPEG; its surfaces use their base color", where_, key));
       return Paint::no_texture;
     }
     Texture decoded = decode_texture(bytes, fmt::format("{}: texture {}", where_, key), largest_texture_px_);
@@ -78,7 +78,8 @@ class VisualMeshBuilder {
     for (const glm::dvec3 position : positions) {
       const glm::dvec3 world = to_world * glm::dvec4(position, 1.0);
       if (!is_valid_position(world))
-        throw InputError(where_, fmt::format("a vertex of '{}' is not finite or too far", one_line(object)), "repair the mesh");
+        throw InputError(where_, fmt::format("a vertex of '{}' is not finite or too far from the origin", one_line(object)),
+                         "repair the mesh");
       mesh_.vertices.emplace_back(world - origin_m_);
     }
     mesh_.uvs.insert(mesh_.uvs.end(), uvs.begin(), uvs.end());
@@ -90,7 +91,8 @@ class VisualMeshBuilder {
       const glm::uvec3 triangle(corners[i], corners[i + 1], corners[i + 2]);
       for (int corner = 0; corner < 3; ++corner)
         if (triangle[corner] >= positions.size())
-          throw InputError(where_, fmt::format("a triangle of '{}' points nowhere", one_line(object)), "repair the mesh");
+          throw InputError(where_, fmt::format("a triangle of '{}' uses a vertex that does not exist", one_line(object)),
+                           "repair the mesh");
       mesh_.triangles.push_back(triangle + base);
       mesh_.triangle_paint.push_back(paint_index);
     }
@@ -189,7 +191,7 @@ void read_gltf_looks(const std::filesystem::path& path, const glm::dmat4& to_wor
     const std::uint32_t paint = builder.paint(key, [&] {
       Paint made{.base_color = look.base_color.value_or(glm::vec3(1))};
       if (look.has_unread_texture)
-        mesh.warnings.push_back(fmt::format("{}: the texture of material {} is neither PNG nor JPEG: its surfaces have their base colour",
+        mesh.warnings.push_back(fmt::format("{}: the texture of material {} is neither PNG nor JPEG; its surfaces use their base color",
                                             path.string(), one_line(part.material)));
       if (look.image)
         made.texture = builder.texture(

@@ -53,7 +53,7 @@ bool can_write_sofa() { return true; }
 std::string encode_sofa(const SofaRoomResponses& responses, const std::string& where) {
   const std::size_t measurements = responses.listeners.size(), receivers = static_cast<std::size_t>(responses.num_receivers),
                     samples = static_cast<std::size_t>(responses.num_samples);
-  require(measurements > 0 && receivers > 0 && samples > 0, where, measurements, "must hold at least one response");
+  require(measurements > 0 && receivers > 0 && samples > 0, where, measurements, "must have at least one response");
   EARSHOT_EXPECT(responses.samples.size() == measurements * receivers * samples);
   EARSHOT_EXPECT(responses.harmonics || responses.receivers.size() == receivers);
 

@@ -6,8 +6,7 @@ namespace earshot {
 bool can_write_sofa() { return false; }
 
 std::string encode_sofa(const SofaRoomResponses&, const std::string& where) {
-  throw InputError(where, "cannot be written: this program was built without HDF5",
-                   "install libhdf5-dev and build again, or take format: wav");
+  throw InputError(where, "cannot be written: this build has no HDF5", "install libhdf5-dev and build again, or use format: wav");
 }
 
 }  // namespace earshot

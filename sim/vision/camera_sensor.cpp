@@ -19,7 +19,7 @@ void validate(const CameraSensorConfig& config) {
   require_side("camera.height_px", config.height_px);
   if (config.projection == Projection::pinhole) {
     require(config.horizontal_fov_deg > 1.f && config.horizontal_fov_deg < 179.f, "camera.horizontal_fov_deg", config.horizontal_fov_deg,
-            "must lie between 1 and 179: the view of a pinhole is less than a half-space");
+            "must be between 1 and 179: a pinhole camera sees less than 180 degrees");
   } else {
     require(config.horizontal_fov_deg >= 1.f && config.horizontal_fov_deg <= 360.f, "camera.horizontal_fov_deg", config.horizontal_fov_deg,
             "must be 1 to 360");
@@ -36,7 +36,7 @@ void validate(const CameraSensorConfig& config) {
   require(config.yaw_deg >= -360.f && config.yaw_deg <= 360.f, "camera.yaw_deg", config.yaw_deg, "must be in [-360, 360]");
   require(config.pitch_deg >= -90.f && config.pitch_deg <= 90.f, "camera.pitch_deg", config.pitch_deg, "must be in [-90, 90]");
   require(config.max_depth_m > 0.f && std::isfinite(config.max_depth_m), "camera.max_depth_m", config.max_depth_m,
-          "must be positive and finite: depth is divided by it");
+          "must be positive and finite: it scales the depth");
 }
 
 CameraSensorConfig sensor_of(const CameraConfig& config) {

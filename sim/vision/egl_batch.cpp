@@ -80,7 +80,7 @@ bool EglBatch::render(const CameraSensorConfig& config, std::span<const EglView>
   drop_dead_scenes();
   const int width = config.width_px, height = config.height_px;
   if (width > largest_side_px_ || height > largest_side_px_)
-    throw InputError("camera", "is larger than the device renders", "make it smaller, or take the embree renderer");
+    throw InputError("camera", "is larger than the device supports", "reduce its size, or use the embree renderer");
   const std::size_t pixels = static_cast<std::size_t>(width) * static_cast<std::size_t>(height), bytes = pixels * sizeof(PixelWord);
   const std::size_t most = std::max<std::size_t>(1, kMostPixelsAtOnce / pixels);
   require_target(width, height);
@@ -103,7 +103,7 @@ bool EglBatch::render(const CameraSensorConfig& config, std::span<const EglView>
     if (context_.is_lost()) return false;
     if (!mapped) {
       check_gl("reading the pictures back");
-      throw RunError("EGL renderer", "the driver maps no memory to read the pictures from");
+      throw RunError("EGL renderer", "the driver cannot map memory to read the images");
     }
     const std::span words(static_cast<const PixelWord*>(mapped), part.size() * pixels);
     for (std::size_t i = 0; i < part.size(); ++i) unpack(config, part[i], words.subspan(i * pixels, pixels));

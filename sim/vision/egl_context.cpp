@@ -132,7 +132,7 @@ struct CurrentContext {
       return fail(egl_problem("making the context current"));
     const auto* name = reinterpret_cast<const char*>(glGetString(GL_RENDERER));
     renderer = name ? name : "";
-    return renderer.empty() ? fail("the context names no renderer") : true;
+    return renderer.empty() ? fail("the context reports no renderer") : true;
   }
 
  private:
@@ -166,7 +166,7 @@ std::optional<int> whole_number(std::string_view text) {
 
 [[noreturn]] void refuse(const std::string& device, const std::string& what) {
   throw InputError("egl device " + device, what,
-                   "earshot doctor lists the devices; the embree renderer needs none, and `software` takes Mesa on the CPU");
+                   "run 'earshot doctor' for a list of devices; the embree renderer needs none, and `software` uses Mesa on the CPU");
 }
 
 }  // namespace
@@ -190,7 +190,7 @@ EglDevice open_egl_device(int index) {
   } else {
     const std::vector<EGLDeviceEXT> devices = query_devices();
     if (index < 0 || static_cast<std::size_t>(index) >= devices.size()) {
-      found.problem = fmt::format("is not among the {} devices that EGL lists", devices.size());
+      found.problem = fmt::format("is not one of the {} devices that EGL lists", devices.size());
       return found;
     }
     const EGLDeviceEXT device = devices[static_cast<std::size_t>(index)];
@@ -230,13 +230,13 @@ struct EglContext::Impl {
       if (named) refuse(device, problem);
     }
     if (!any_hardware && !any_software)
-      refuse(device, fmt::format("is none of the {} that EGL lists here: a number, a UUID, cuda:N, auto or software", devices.size()));
+      refuse(device, fmt::format("is not one of the {} devices of EGL on this machine; use a number, a UUID, cuda:N, auto or software",
+                                 devices.size()));
     const EglDevice surfaceless = probe_egl_device(EglDevice::kSurfaceless);
     if (!surfaceless.renderer.empty() && surfaceless.software == any_software) return take(device, surfaceless);
     if (problem.empty()) problem = surfaceless.problem;
     const std::string why = problem.empty() ? "" : " (" + problem + ")";
-    refuse(device, any_hardware ? "finds no hardware that renders OpenGL ES 3" + why
-                                : "finds no software renderer" + why + ": install libgl1-mesa-dri");
+    refuse(device, any_hardware ? "found no GPU with OpenGL ES 3" + why : "found no software renderer" + why + ": install libgl1-mesa-dri");
   }
 
   /// Opens a probed device in this process.  device: what the user called it.

@@ -54,7 +54,7 @@ EglDevice probe_egl_device(int index) {
     if (device.problem.starts_with(where)) device.problem.erase(0, where.size());
     return device;
   } catch (const nlohmann::json::exception&) {
-    throw RunError("earshot_reader", "answers as another build does: build earshot and earshot_reader together, or unset EARSHOT_READER");
+    throw RunError("earshot_reader", "belongs to another build; build earshot and earshot_reader together, or unset EARSHOT_READER");
   }
 }
 

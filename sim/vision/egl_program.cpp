@@ -104,7 +104,7 @@ struct Shader {
     std::array<char, 512> log{};
     glGetShaderInfoLog(name, static_cast<GLsizei>(log.size()), nullptr, log.data());
     glDeleteShader(name);
-    throw RunError("egl renderer", fmt::format("the driver does not compile a shader: {}", log.data()));
+    throw RunError("egl renderer", fmt::format("the driver cannot compile a shader: {}", log.data()));
   }
   ~Shader() { glDeleteShader(name); }
   Shader(const Shader&) = delete;
@@ -130,7 +130,7 @@ EglProgram::EglProgram() {
     std::array<char, 512> log{};
     glGetProgramInfoLog(program_, static_cast<GLsizei>(log.size()), nullptr, log.data());
     glDeleteProgram(program_);
-    throw RunError("egl renderer", fmt::format("the driver does not link the shaders: {}", log.data()));
+    throw RunError("egl renderer", fmt::format("the driver cannot link the shaders: {}", log.data()));
   }
   const auto at = [&](const char* name) { return glGetUniformLocation(program_, name); };
   uniforms_ = std::make_unique<Uniforms>(Uniforms{at("eye"), at("right"), at("up"), at("forward"), at("half_size"), at("near_m"),

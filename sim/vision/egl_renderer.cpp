@@ -56,7 +56,8 @@ class EglRenderer::Worker {
       ++contexts_lost_;
       batch_.reset();
       if (options_.warn)
-        options_.warn("egl renderer: the driver lost its context (reset or memory fault); it is made anew and the batch drawn again");
+        options_.warn(
+            "egl renderer: the driver lost its context (reset or memory fault); creating a new context and drawing the batch again");
     }
     throw RunError("egl renderer", "the driver lost its context twice in one batch");
   }
@@ -109,8 +110,7 @@ EglRenderer::~EglRenderer() = default;
 void EglRenderer::render(const CameraSensorConfig& config, std::span<const EglView> views) {
   validate(config);
   if (config.projection != Projection::pinhole)
-    throw InputError("camera.projection = equirectangular", "is not drawn by the egl renderer, whose pictures are flat",
-                     "take the embree renderer");
+    throw InputError("camera.projection = equirectangular", "is not supported by the egl renderer", "use the embree renderer");
   for (const EglView& view : views) {
     EARSHOT_EXPECT(view.scene);
     EARSHOT_EXPECT(view.appearance || !view.images.wants_appearance());

@@ -22,7 +22,7 @@ std::string jpeg_bytes(int width_px, int height_px, std::span<const std::uint8_t
   const int failed = tjCompress2(writer.get(), pixels.data(), width_px, 0, height_px, grey ? TJPF_GRAY : TJPF_RGB, &bytes, &count,
                                  subsampling, quality, TJFLAG_ACCURATEDCT);
   const std::unique_ptr<unsigned char, decltype(&tjFree)> release(bytes, tjFree);
-  if (failed != 0) throw RunError("libturbojpeg", std::string("cannot write a picture: ") + tjGetErrorStr2(writer.get()));
+  if (failed != 0) throw RunError("libturbojpeg", std::string("cannot write an image: ") + tjGetErrorStr2(writer.get()));
   return {reinterpret_cast<const char*>(bytes), count};
 }
 

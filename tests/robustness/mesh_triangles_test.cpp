@@ -95,7 +95,7 @@ TEST(H3_VertexThatIsNoNumber, IsRefusedWithItsIndex) {
                                       {"e.stl", stl_binary(mesh)},
                                       {"f.gltf", gltf_file(mesh)}}) {
       const std::string message = error(name, bytes);
-      EXPECT_THAT(message, AllOf(HasSubstr("vertex "), HasSubstr("not finite or beyond 1e+09 m"), Not(HasSubstr("\n"))))
+      EXPECT_THAT(message, AllOf(HasSubstr("vertex "), HasSubstr("not finite or farther than 1e+09 m"), Not(HasSubstr("\n"))))
           << name << " " << bad;
       // OBJ and STL have a vertex per corner by then: their number is that of the corner.
       const bool counts_corners = std::string_view(name) == "a.obj" || std::string_view(name) == "e.stl";

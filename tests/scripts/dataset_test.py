@@ -114,7 +114,7 @@ def main(earshot):
         if "sofar" in found:
             done = subprocess.run([str(earshot), "dataset", "rir", str(folder / "rir.yaml"), "--sofa", "--out", str(folder / "sofa")],
                                   capture_output=True, text=True)
-            if done.returncode == 2 and "without HDF5" in done.stderr:
+            if done.returncode == 2 and "has no HDF5" in done.stderr:
                 print("left out: SOFA, which this build cannot write")
                 found.remove("sofar")
             else:

@@ -16,7 +16,7 @@ run() {
 for program in "$@"; do
   while read -r processor lacks; do
     run "$processor" "$program"
-    line="earshot: this processor lacks instructions that Earshot was compiled for ($lacks); compile it with -DEARSHOT_ARCH=x86-64"
+    line="earshot: this build of Earshot uses instructions that this processor does not have ($lacks); build it with -DEARSHOT_ARCH=x86-64"
     [ "$status" = 1 ] || complain "$program on $processor: status $status, expected 1"
     [ "$output" = "$line" ] || complain "$program on $processor says: $output"
   done <<'ROWS'
@@ -26,6 +26,6 @@ SandyBridge AVX2, BMI2, FMA
 max,-fma FMA
 ROWS
   run max "$program"
-  [[ $status -lt 128 && "$output" != *"this processor lacks"* ]] || complain "$program on a processor with everything: status $status, $output"
+  [[ $status -lt 128 && "$output" != *"this processor does not have"* ]] || complain "$program on a processor with everything: status $status, $output"
 done
 exit "$failures"

@@ -79,14 +79,14 @@ void refuse_what_cannot_be_judged(const AccuracyRequest& request, const Accuracy
   for (std::size_t kind = 0; kind < kNumAccuracyKinds; ++kind)
     if (request.target.most[kind] && std::isnan(plan.reference_error[kind]))
       throw InputError("accuracy " + request.target.text(),
-                       fmt::format("asks for {}, which has no value at any of the places in {}",
+                       fmt::format("contains {}, which cannot be measured at any position in {}",
                                    unit_of(static_cast<AccuracyKind>(kind)).name, scenes_of(request)),
-                       "leave it out, or give a longer rir_length_s");
+                       "leave it out, or increase rir_length_s");
   if (request.target.used(plan.reference_error) > 1)
     throw InputError("accuracy " + request.target.text(),
-                     fmt::format("cannot be judged in {}: {} runs of paths from both ends leave a standard error of {}", scenes_of(request),
-                                 plan.reference_runs, text_of(plan.reference_error)),
-                     "ask for less, or use --preset high");
+                     fmt::format("cannot be checked in {}: after {} runs the bidirectional reference has a standard error of {}",
+                                 scenes_of(request), plan.reference_runs, text_of(plan.reference_error)),
+                     "allow a larger error, or use --preset high");
 }
 
 /// May something far cheaper than the best be within the target, which these paths are too uncertain to tell?
@@ -104,10 +104,10 @@ bool is_undecided(const AccuracyRequest& request, const std::vector<AccuracyChoi
   const bool too_dear = request.target.used(closest->predicted) <= kAccuracyMargin;
   throw InputError(
       "accuracy " + request.target.text(),
-      fmt::format("cannot be promised in {}: {}the closest of {} candidates, {}, is at {} (standard error of the paths that judge it: {})",
-                  scenes_of(request), too_dear ? "it takes longer than allowed; " : "", plan.tried.size(), closest->method,
+      fmt::format("cannot be met in {}: {}the best of {} candidates, {}, is predicted at {} (standard error of the reference: {})",
+                  scenes_of(request), too_dear ? "the time limit is exceeded; " : "", plan.tried.size(), closest->method,
                   text_of(closest->predicted), text_of(plan.reference_error)),
-      fmt::format("ask for less ({:.0f} % of it must be kept at the places), or use --preset high", 100 * kAccuracyMargin));
+      fmt::format("allow a larger error (predictions must stay below {:.0f} % of it), or use --preset high", 100 * kAccuracyMargin));
 }
 
 }  // namespace

@@ -20,7 +20,7 @@ struct Range {
 constexpr Range kPercent{1, 50}, kDecibels{0.1, 10};
 
 [[noreturn]] void refuse(const std::string& text, const std::string& what) {
-  throw InputError("accuracy '" + text + "'", what, "write t20=5%,drr=1dB,edc=1dB or some of these");
+  throw InputError("accuracy '" + text + "'", what, "write t20=5%,drr=1dB,edc=1dB or a part of it");
 }
 
 }  // namespace
@@ -36,17 +36,17 @@ AccuracyTarget AccuracyTarget::parse(const std::string& text) {
     const std::size_t equals = item.find('=');
     const std::string_view name = item.substr(0, equals);
     const auto unit = std::find_if(kUnits.begin(), kUnits.end(), [&](const AccuracyUnit& known) { return name == known.name; });
-    if (equals == std::string_view::npos || unit == kUnits.end()) refuse(text, fmt::format("'{}' names none of t20, drr and edc", item));
+    if (equals == std::string_view::npos || unit == kUnits.end()) refuse(text, fmt::format("'{}' is not one of t20=, drr= and edc=", item));
     const std::string_view value = item.substr(equals + 1);
     double number = 0;
     const auto read = std::from_chars(value.data(), value.data() + value.size(), number);
     const std::string_view suffix(read.ptr, static_cast<std::size_t>(value.data() + value.size() - read.ptr));
-    if (read.ec != std::errc() || suffix != unit->suffix) refuse(text, fmt::format("'{}' is no number in {}", item, unit->suffix));
+    if (read.ec != std::errc() || suffix != unit->suffix) refuse(text, fmt::format("'{}' is not a number in {}", item, unit->suffix));
     const Range range = unit->scale > 1 ? kPercent : kDecibels;
     if (!(number >= range.least && number <= range.most))
-      refuse(text, fmt::format("'{}' lies outside of {} to {} {}", item, range.least, range.most, unit->suffix));
+      refuse(text, fmt::format("'{}' is outside {} to {} {}", item, range.least, range.most, unit->suffix));
     std::optional<double>& most = target.most[static_cast<std::size_t>(unit - kUnits.begin())];
-    if (most) refuse(text, fmt::format("{} is asked for twice", name));
+    if (most) refuse(text, fmt::format("{} is given twice", name));
     most = number / unit->scale;
     if (comma == std::string_view::npos) return target;
     rest.remove_prefix(comma + 1);

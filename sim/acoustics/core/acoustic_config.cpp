@@ -108,15 +108,14 @@ void read(ConfigReader& reader, AcousticConfig& config) {
   reader.read("diffuse_last_segment", config.diffuse_last_segment);
   if (has_effect || !config.diffuse_last_segment) return;
   if (config.field == Switch::on)
-    throw InputError("diffuse_last_segment = true", "has no effect on a source field, which treats no last segment as diffuse",
-                     "drop it, or set field=off");
-  throw InputError("diffuse_last_segment = true", "has no effect on bidirectional tracing, which is unbiased without it",
-                   "drop it, or set source_rays=0 specular_exponent=0");
+    throw InputError("diffuse_last_segment = true", "has no effect on a source field", "leave it out, or set field=off");
+  throw InputError("diffuse_last_segment = true", "has no effect on bidirectional tracing",
+                   "leave it out, or set source_rays=0 specular_exponent=0");
 }
 
 void validate(const AcousticConfig& config) {
   require(config.early_order >= 0 && config.early_order <= 4, "early_order", config.early_order,
-          "must be in [0, 4]: the number of image paths grows with the power of it");
+          "must be in [0, 4]: the number of image paths grows exponentially with it");
   require(config.early_candidate_rays >= 0 && config.early_candidate_rays <= 10'000'000, "early_candidate_rays",
           config.early_candidate_rays, "must be in [0, 10000000]");
   require(config.diffraction_order >= 1 && config.diffraction_order <= 10, "diffraction_order", config.diffraction_order,
@@ -132,7 +131,7 @@ void validate(const AcousticConfig& config) {
   require(config.source_rays >= 0 && config.source_rays <= 1 << 20, "source_rays", config.source_rays, "must be in [0, 2^20]");
   require(config.source_bounces >= 1 && config.source_bounces <= 60, "source_bounces", config.source_bounces, "must be in [1, 60]");
   require(std::int64_t{config.source_rays} * config.source_bounces <= 1 << 23, "source_rays", config.source_rays,
-          "times source_bounces must be at most 2^23: every vertex is kept");
+          "times source_bounces must be at most 2^23: all vertices are stored");
   require(config.specular_exponent == 0.f || in_range(config.specular_exponent, 1.f, 1000.f), "specular_exponent", config.specular_exponent,
           "must be 0 (mirror) or in [1, 1000]");
   require(config.rays >= 0, "rays", config.rays, "must be in [0, 2^31): each ray carries 1/rays of the energy");
@@ -142,10 +141,10 @@ void validate(const AcousticConfig& config) {
   require(config.sh_order >= 0 && config.sh_order <= 5, "sh_order", config.sh_order, "must be in [0, 5]");
   require(in_range(config.rir_length_s, 0.f, 60.f), "rir_length_s", config.rir_length_s, "must be in (0, 60] s, or auto");
   require(config.rir_length_s / config.time_bin_s <= 1e6f, "rir_length_s", config.rir_length_s,
-          "needs more than a million bins of time_bin_s; shorten it or widen the bins");
+          "needs more than a million bins of time_bin_s; reduce it, or increase time_bin_s");
   require(in_range(config.source_radius_m, 0.f, 100.f), "source_radius_m", config.source_radius_m, "must be in (0, 100] m, or auto");
   require(std::isfinite(config.scattering) && config.scattering <= 1.f, "scattering", config.scattering,
-          "must be in [0, 1], or negative to take each material's own");
+          "must be in [0, 1], or negative to use the scattering of each material");
   require(config.field_photons >= 512 && config.field_photons <= 1 << 24, "field_photons", config.field_photons, "must be in [512, 2^24]");
   require(config.field_error > 0.f && config.field_error <= 1.f, "field_error", config.field_error, "must be in (0, 1]");
   require(in_range(config.field_cell_m, 0.05f, 10.f), "field_cell_m", config.field_cell_m, "must be in [0.05, 10] m");
@@ -153,7 +152,7 @@ void validate(const AcousticConfig& config) {
   require(config.glide_paths >= 0 && config.glide_paths <= 64, "glide_paths", config.glide_paths, "must be in [0, 64]");
   require(config.bands >= 0 && config.bands <= kMaxBands, "bands", config.bands, "must be in [1, 32], or 0 for octaves from 125 Hz");
   require(in_range(config.sample_rate_hz, 8000.f, 96000.f), "sample_rate_hz", config.sample_rate_hz, "must be in [8000, 96000] Hz");
-  require(config.threads >= 0 && config.threads <= 4096, "threads", config.threads, "must be in [0, 4096]; 0 means all");
+  require(config.threads >= 0 && config.threads <= 4096, "threads", config.threads, "must be in [0, 4096]; 0: all cores");
 }
 
 }  // namespace earshot

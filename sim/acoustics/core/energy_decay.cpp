@@ -125,7 +125,7 @@ std::optional<double> level_ratio_db(double over, double under) {
 }
 
 void energy_decay_curve(std::span<const double> energy, std::span<double> edc) {
-  require(energy.size() == edc.size(), "edc", edc.size(), "must be as long as the energy series");
+  require(energy.size() == edc.size(), "edc", edc.size(), "must have the length of the energy series");
   double sum = 0;
   for (std::size_t i = energy.size(); i-- > 0;) {
     sum += energy[i];

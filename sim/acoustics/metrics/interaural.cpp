@@ -68,7 +68,7 @@ std::optional<double> largest_correlation(std::span<const float> left, std::span
 InterauralCorrelation interaural_correlation(std::span<const float> left, std::span<const float> right, float sample_rate_hz,
                                              double direct_delay_s, int band) {
   require(left.size() == right.size() && !left.empty(), "samples of the right ear", right.size(),
-          "must be as many as of the left, and some");
+          "must be as many as of the left ear, and at least one");
   require(left.size() <= (std::size_t{1} << 21), "rir", left.size(), "is longer than 2^21 samples");
   require(direct_delay_s >= 0, "direct_delay_s", direct_delay_s, "must not be negative");
   require(band >= -1 && band < BandLayout::octaves(sample_rate_hz).size(), "band", band, "must be -1 or an octave of this sample rate");

@@ -92,7 +92,7 @@ Peak peak_of(const BandCorrelation& correlation, const Size& size) {
 std::vector<InterauralBand> interaural_bands(std::span<const float> left, std::span<const float> right, float sample_rate_hz,
                                              double direct_delay_s) {
   require(left.size() == right.size() && !left.empty(), "samples of the right ear", right.size(),
-          "must be as many as of the left, and some");
+          "must be as many as of the left ear, and at least one");
   require(left.size() <= (std::size_t{1} << 21), "rir", left.size(), "is longer than 2^21 samples");
   require(direct_delay_s >= 0, "direct_delay_s", direct_delay_s, "must not be negative");
   const BandLayout bands = BandLayout::octaves(sample_rate_hz);

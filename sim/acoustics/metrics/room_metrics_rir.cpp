@@ -103,7 +103,7 @@ class OctaveAnalysis {
 
 RoomMetrics measure(std::span<const float> rir, float sample_rate_hz, double direct_delay_s) {
   require(!rir.empty(), "rir", rir.size(), "has no samples to measure");
-  require(rir.size() <= (std::size_t{1} << 23), "rir", rir.size(), "is longer than 2^23 samples, a minute at 96 kHz and more");
+  require(rir.size() <= (std::size_t{1} << 23), "rir", rir.size(), "is longer than 2^23 samples");
   require(direct_delay_s >= 0, "direct_delay_s", direct_delay_s, "must not be negative");
   const BandLayout bands = BandLayout::octaves(sample_rate_hz);
   const double rate = sample_rate_hz;

@@ -147,7 +147,7 @@ std::string encode_acoustics(const AcousticScene& scene) {
 
 AcousticScene decode_acoustics(std::string_view bytes, std::shared_ptr<const Scene> scene, const AcousticConfig& config,
                                const std::string& where) {
-  ByteReader reader(bytes, where, "is no acoustics of this scene");
+  ByteReader reader(bytes, where, "is not an acoustic image of this scene");
   reader.check(reader.take<std::uint64_t>() == scene->hash());
   FoundGeometry found = take_geometry(reader, *scene);
   EffectPlan plan = take_plan(reader);

@@ -80,7 +80,7 @@ class Planner {
     decide_length();
     add("direct", config_.direct != Switch::off, name_of(config_.direct),
         {kNan, "", config_.direct == Switch::automatic ? BoundKind::exact : BoundKind::user_set}, 0,
-        config_.direct == Switch::automatic ? "always, where the line of sight is free" : "");
+        config_.direct == Switch::automatic ? "always on where the line of sight is free" : "");
     decide_late();
     decide_early();
     decide_diffraction();
@@ -132,8 +132,8 @@ class Planner {
     const std::string decay =
         longest_s > 0
             ? fmt::format("{} falls by {:.0f} dB within {:.2f} s",
-                          flutter_s > diffuse_s ? "what facing mirrors throw to and fro" : "the slowest band", kProbedFallDb, longest_s)
-            : "nothing comes back";
+                          flutter_s > diffuse_s ? "flutter echo between parallel walls" : "the slowest band", kProbedFallDb, longest_s)
+            : "there are no reflections";
     // An exponential decay is cut off 60 dB down: that moves T30 by less than the 0.85 % of a cut at -45 dB
     // (docs/explanation/effect_bounds.md, section 1).
     if (automatic) {
@@ -142,11 +142,11 @@ class Planner {
       add("rir_length_s", false, fmt::format("{:.2f} s", plan_.rir_length_s),
           {capped ? ends_db : 100 * kEffectBudgetRt, capped ? "dB of decay kept" : "% of T30",
            capped ? BoundKind::approximated : BoundKind::bounded},
-          saved, fmt::format("{}, after at most {:.2f} s on the way, with a margin{}", decay, delay_s, capped ? "; cut at 4 s" : ""));
+          saved, fmt::format("{}, plus a delay of at most {:.2f} s, with a margin{}", decay, delay_s, capped ? "; cut at 4 s" : ""));
     } else {
       add("rir_length_s", true, fmt::format("{:.2f} s", plan_.rir_length_s), kUserSet, 0,
-          fmt::format("{}; automatic would be {:.2f} s{}", decay, needed_s,
-                      ends_db < 35 ? fmt::format("; this one ends {:.0f} dB down: T30 cannot be measured from it", ends_db) : ""));
+          fmt::format("{}; the automatic length is {:.2f} s{}", decay, needed_s,
+                      ends_db < 35 ? fmt::format("; this length ends at -{:.0f} dB: T30 cannot be measured", ends_db) : ""));
     }
   }
 
@@ -163,17 +163,18 @@ class Planner {
     if (config_.late != Switch::automatic) {
       add("late", plan_.late, name_of(config_.late), kUserSet, late_ms(), "");
     } else if (!comes_back) {
-      add("late", false, "off", kUnchanged, late_ms(), "no surface sends anything back");
+      add("late", false, "off", kUnchanged, late_ms(), "no surface reflects or transmits sound");
     } else {
       // Its energy must stay 45 dB below the direct sound before the decay curve can do without it: nearer than this.
       double absorption = 0;
       for (const double a : probe_.absorption) absorption += a / static_cast<double>(probe_.absorption.size());
       const double bounces = segments_per_ray(plan_.rir_length_s);
       add("late", true, "on", {kNan, "dB", BoundKind::bounded}, 0,
-          fmt::format(
-              "{:.0f} % of rays meet a surface, which takes {:.0f} %: it is what comes after the direct sound, at every pose{}",
-              100 * probe_.hit_fraction, 100 * absorption,
-              config_.max_bounces > 3.0 * bounces ? "" : fmt::format("; max_bounces may cut it short: a ray meets about {:.0f}", bounces)));
+          fmt::format("{:.0f} % of rays hit a surface, which absorbs {:.0f} %: late sound follows the direct sound at every pose{}",
+                      100 * probe_.hit_fraction, 100 * absorption,
+                      config_.max_bounces > 3.0 * bounces
+                          ? ""
+                          : fmt::format("; max_bounces may end rays too early: a ray has about {:.0f} bounces", bounces)));
     }
   }
 
@@ -182,16 +183,18 @@ class Planner {
     const double reflectance = surfaces_.largest_specular_reflectance();
     const bool matters = reflectance > kEffectBudgetFraction;
     if (config_.early == Switch::off || order == 0) {
-      add("early", false, "off", kUserSet, early_ms(), config_.specular_exponent > 0.f ? "mirrors are lobes (specular_exponent)" : "");
+      add("early", false, "off", kUserSet, early_ms(),
+          config_.specular_exponent > 0.f ? "specular reflections are lobes (specular_exponent)" : "");
     } else if (config_.early == Switch::on || matters) {
       plan_.image_order = order;
       add("early", true, fmt::format("order {}", order),
           {level_change_db(reflectance), "dB", config_.early == Switch::on ? BoundKind::user_set : BoundKind::bounded}, 0,
-          fmt::format("{} planes, the best mirror sends {:.1f} % back", surfaces_.planes().size(), 100 * reflectance));
+          fmt::format("{} planes; the strongest specular reflection has {:.1f} % of the energy", surfaces_.planes().size(),
+                      100 * reflectance));
     } else {
       add("early", false, "off", {level_change_db(reflectance), "dB", reflectance > 0 ? BoundKind::bounded : BoundKind::exact}, early_ms(),
-          reflectance > 0 ? "what mirrors send back is below the direct sound by more than 16.3 dB; rays carry it"
-                          : "nothing reflects as a mirror");
+          reflectance > 0 ? "specular reflections are more than 16.3 dB below the direct sound; rays include them"
+                          : "there are no specular reflections");
     }
   }
   [[nodiscard]] double early_ms() const {
@@ -209,8 +212,7 @@ class Planner {
     const bool any = edges != nullptr && edges->size() > 0;
     plan_.diffraction = any && (config_.diffraction == Switch::on || edge_in_sight(*edges));
     if (!plan_.diffraction) {
-      add("diffraction", false, "off", kUnchanged, diffraction_ms(),
-          "no edge stands out into air where one could stand; sources look for none");
+      add("diffraction", false, "off", kUnchanged, diffraction_ms(), "no diffracting edge is visible from the air");
       return;
     }
     const DiffractionBudget budget(config_);
@@ -220,11 +222,11 @@ class Planner {
       // instead of 1: 20 log10(1.5) = 3.5 dB more in phase, and 3.8 dB less where the mean is least (k d = 2.85).
       constexpr double least_mean_cosine = -0.8333;
       add("diffraction", true, "where blocked, or nearly", {-10.0 * std::log10(1.25 + least_mean_cosine), "dB", BoundKind::approximated}, 0,
-          "in line of sight, where the energy is complete without it, at shadow boundaries; reflections end at half their pressure without "
-          "their edges' waves (on, or 512 rays: with them)");
+          "in the line of sight only at shadow boundaries; reflections end at half their pressure without diffraction at their edges (with "
+          "diffraction: on, or 512 rays)");
     } else {
       add("diffraction", true, "on", {6.0, "dB", config_.diffraction == Switch::on ? BoundKind::user_set : BoundKind::bounded}, 0,
-          "6 dB where sight ends, more behind it; in sight only at shadow and reflection boundaries, the energy is complete without it");
+          "6 dB at a shadow boundary, more behind it; in the line of sight only at shadow and reflection boundaries");
     }
   }
   /// Is an edge visible from any point of the air, or has the air round it a floor below?  The second finds those in rooms that no point is
@@ -248,12 +250,12 @@ class Planner {
     const double straight_ms = 2 * probe_.query_us * 1e-3;
     if (!surfaces_.transmits() || off) {
       add("transmission", false, "off", {off ? kNan : 0, off ? "" : "dB", off ? BoundKind::user_set : BoundKind::exact}, straight_ms,
-          off ? "" : "no material lets sound through");
+          off ? "" : "no material transmits sound");
       decide_field(false, 0);
       return;
     }
     add("transmission", true, "where blocked", {kNan, "dB", config_.transmission == Switch::on ? BoundKind::user_set : BoundKind::exact}, 0,
-        "along the straight line, which may bring the first sound; nothing where the line of sight is free");
+        "along the straight line, which may be the first arrival; none where the line of sight is free");
     decide_field(config_.transmission == Switch::on, *std::max_element(probe_.wall_to_air.begin(), probe_.wall_to_air.end()));
   }
 
@@ -261,7 +263,7 @@ class Planner {
   void decide_field(bool forced_transmission, double wall_to_air) {
     const std::string unfit = unfit_for_field();
     if (config_.field == Switch::on && !unfit.empty() && plan_.late)
-      throw InputError("field = on", "cannot be: " + unfit, "use field = auto, or drop the other setting");
+      throw InputError("field = on", "is not possible: " + unfit, "use field = auto, or remove the other setting");
     const FieldCosts costs = field_costs();
     // Cells fill the bounds of a scene: in the open a listener may be outside of them.
     const bool cheaper = probe_.hit_fraction >= kClosedFraction && costs.tracer_ms > kFieldGain * costs.field_ms;
@@ -271,7 +273,7 @@ class Planner {
   }
   /// Why no field can carry the late sound; empty: it can.
   [[nodiscard]] std::string unfit_for_field() const {
-    if (!plan_.late) return "there is no late field";
+    if (!plan_.late) return "late sound is off";
     if (config_.source_rays > 0 && config_.field != Switch::on) return "source_rays selects bidirectional tracing";
     if (config_.specular_exponent > 0.f) return "specular_exponent selects lobes";
     return "";
@@ -297,22 +299,22 @@ class Planner {
       add("transmission_late", true, "on", {change_db, "dB", BoundKind::user_set}, 0, "");
     } else if (plan_.traced_transmission) {
       add("transmission_late", true, "on", {change_db, "dB", BoundKind::bounded}, 0,
-          std::isinf(wall_to_air) ? "some rooms are reached through walls only"
-                                  : "walls bring that much beside what comes through the air");
+          std::isinf(wall_to_air) ? "sound reaches some rooms only through walls"
+                                  : "largest contribution of walls relative to sound through the air");
     } else if (!matters) {
       add("transmission_late", false, "off", {change_db, "dB", BoundKind::bounded}, traced_ms,
-          wall_to_air > 0 ? "walls bring next to nothing beside what comes through the air"
-                          : "no wall that lets sound through has air behind it");
+          wall_to_air > 0 ? "sound through walls is negligible relative to sound through the air"
+                          : "no transmitting wall has air behind it");
     } else {
       add("transmission_late", false, "off", {change_db, "dB", BoundKind::approximated}, traced_ms,
-          "walls bring up to that much in one band of one room, but few rays cannot tell (on, 512 rays or a source field: traced)");
+          "upper bound in one band of one room, below the noise of few rays (traced with on, 512 rays or a source field)");
     }
   }
   void add_field(const std::string& unfit, const FieldCosts& costs) {
     const bool on = plan_.field;
     const std::string why = fmt::format(
-        "{:.0f} % of the air are visible from a point of it: about {:.0f} rays per pose for 5 % of T30, {:.0f} ms for {:.0f} "
-        "poses against {:.0f} ms with a field",
+        "on average {:.0f} % of the air is visible from a point: about {:.0f} rays per pose for 5 % of T30, {:.0f} ms for {:.0f} poses, or "
+        "{:.0f} ms with a field",
         100 * probe_.visible_fraction, costs.rays, costs.tracer_ms, kPosesPerSource, costs.field_ms);
     const double saved = std::abs(costs.tracer_ms - costs.field_ms) / kPosesPerSource;
     if (config_.field != Switch::automatic) {

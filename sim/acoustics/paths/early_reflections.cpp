@@ -23,7 +23,8 @@ namespace {
 glm::vec3 checked_position(const SoundSource& source) {
   const glm::vec3 p = source.position;
   if (!is_valid_position(p))
-    throw InputError(fmt::format("source ({}, {}, {})", p.x, p.y, p.z), "is no valid position in a scene", "give three numbers in metres");
+    throw InputError(fmt::format("source ({}, {}, {})", p.x, p.y, p.z), "is not a valid position in a scene",
+                     "give three finite numbers in metres");
   require(source.radius_m >= 0.f && source.radius_m <= 100.f, "radius of the source", source.radius_m, "must be in [0, 100] m");
   return p;
 }

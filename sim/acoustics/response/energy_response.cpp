@@ -49,7 +49,7 @@ void compute_energy_response(const AcousticScene& scene, const EarlyCandidates& 
   const FlushDenormals flush;
   if (!is_valid_position(listener))
     throw InputError(fmt::format("listener ({}, {}, {}) in {}", listener.x, listener.y, listener.z, scene.scene().name()),
-                     "is no valid position in a scene", "give three numbers in metres");
+                     "is not a valid position in a scene", "give three finite numbers in metres");
   response.speed_of_sound_m_per_s = scene.speed_of_sound_m_per_s();
   response.arrivals.clear();
   PoseEffects effects = decide_pose_effects(scene, candidates, listener);

@@ -58,7 +58,8 @@ std::string suggestion(const Scene& scene, glm::dvec3 world) {
   const Bounds middle{scene.bounds().lower + kFromWallsM, scene.bounds().upper - kFromWallsM};
   for (const auto& [how, factor, is_z_up] : readings) {
     const glm::dvec3 meant = factor * (is_z_up ? glm::dvec3(world.x, world.z, -world.y) : world);
-    if (is_within(middle, scene.to_local(meant))) return fmt::format(" (read {} it would be {}, inside)", how, shown(meant));
+    if (is_within(middle, scene.to_local(meant)))
+      return fmt::format(" (if it was meant {}, it is {}, inside the scene)", how, shown(meant));
   }
   return {};
 }
@@ -69,24 +70,24 @@ std::vector<std::string> PlaceCheck::check(const NamedPlace& source, const Named
   const Scene& scene = acoustics_.scene();
   if (!is_within(scene.bounds(), source.position) && !is_within(scene.bounds(), listener.position)) {
     if (!is_closed_room()) return {};
-    return {fmt::format("{} and {} both lie outside the scene, whose surfaces are closed: only what passes around them is heard",
-                        text_of(source), text_of(listener))};
+    return {fmt::format("{} and {} both lie outside the closed scene: only sound that travels around it is heard", text_of(source),
+                        text_of(listener))};
   }
   const AirBetween between = air(source.position, listener.position);
   if (between != AirBetween::first_outside && between != AirBetween::second_outside) return {};
   const NamedPlace &outside = between == AirBetween::first_outside ? source : listener, &enclosed = &outside == &source ? listener : source;
   if (acoustics_.plan().straight_transmission || traces_transmission(acoustics_))
-    return {fmt::format("{} lies outside the surfaces that are closed around {}: only what walls let through is heard", text_of(outside),
+    return {fmt::format("{} lies outside the closed surfaces around {}: only sound through walls is heard", text_of(outside),
                         text_of(enclosed))};
   if (positions().inside_solid(enclosed.position)) return {};
   if (!positions().has_consistent_windings() && sees_a_thing(scene, enclosed.position))
-    return {fmt::format("no air joins {} and {}: what one of them lies in is closed", text_of(outside), text_of(enclosed))};
+    return {fmt::format("no air joins {} and {}: one of them lies in a closed object", text_of(outside), text_of(enclosed))};
   refuse(outside, enclosed);
 }
 
 std::optional<std::string> PlaceCheck::inside_solid(const NamedPlace& place) const {
   if (!positions().inside_solid(place.position)) return std::nullopt;
-  return fmt::format("the {} lies inside a wall or a thing", text_of(place));
+  return fmt::format("the {} lies inside a wall or an object", text_of(place));
 }
 
 AirBetween PlaceCheck::air(glm::vec3 source, glm::vec3 listener) const {
@@ -130,7 +131,7 @@ void PlaceCheck::refuse(const NamedPlace& outside, const NamedPlace& enclosed) c
   const Scene& scene = acoustics_.scene();
   const glm::dvec3 world = scene.to_world(outside.position);
   throw InputError(fmt::format("{}: {}", scene.name(), text_of(outside)),
-                   fmt::format("lies outside the scene, whose surfaces are closed around {}: no sound gets from one to the other{}",
+                   fmt::format("lies outside the scene, whose closed surfaces contain {}: no sound passes between them{}",
                                text_of(enclosed), suggestion(scene, world)),
                    fmt::format("give a position in metres with y up; the scene spans {} to {}{}",
                                shown(scene.to_world(scene.bounds().lower)), shown(scene.to_world(scene.bounds().upper)),

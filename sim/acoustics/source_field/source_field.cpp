@@ -167,18 +167,18 @@ std::uint64_t source_field_key(const AcousticScene& scene, const EarlyCandidates
 SourceField::SourceField(const AcousticScene& scene, const EarlyCandidates& candidates, std::span<const std::byte> image,
                          std::shared_ptr<const void> owner)
     : image_(image), owner_(std::move(owner)), long_chains_(candidates.long_chains()) {
-  const auto refuse = [](std::string_view what) { throw InputError("source field", what, "delete the file: it is built anew"); };
+  const auto refuse = [](std::string_view what) { throw InputError("source field", what, "delete the file; it is built again"); };
   static_assert(sizeof(FieldHeader) % alignof(FieldEntry) == 0);
   if (image.size() < sizeof(FieldHeader)) refuse("is truncated");
-  if (reinterpret_cast<std::uintptr_t>(image.data()) % alignof(FieldEntry) != 0) refuse("does not lie on a multiple of 8 bytes");
+  if (reinterpret_cast<std::uintptr_t>(image.data()) % alignof(FieldEntry) != 0) refuse("is not aligned to 8 bytes");
   const FieldHeader header = header_of(image);
-  if (header.magic != FieldHeader::kMagic) refuse("is of another version or no source field");
+  if (header.magic != FieldHeader::kMagic) refuse("is not a source field of this version");
   if (header.key != source_field_key(scene, candidates)) refuse("belongs to another scene, config or source");
   const EnergyHistogram shape = make_histogram(scene);
   if (header.num_cells != scene.field_grid().size() || header.num_bins != static_cast<std::uint32_t>(shape.num_bins()) ||
       header.num_coefficients != static_cast<std::uint32_t>(shape.num_coefficients()) ||
       header.padded_bands != static_cast<std::uint32_t>(scene.padded_bands()) || header.bin_s != double{shape.bin_s()})
-    refuse("has another shape than its scene");
+    refuse("has a shape that does not match its scene");
   const std::uint64_t entries_bytes = std::uint64_t{header.num_cells} * sizeof(FieldEntry);
   if (header.bytes != image.size() || header.num_values > image.size() ||
       sizeof header + entries_bytes + header.num_values * sizeof(FieldValue) != image.size())
@@ -190,7 +190,7 @@ SourceField::SourceField(const AcousticScene& scene, const EarlyCandidates& cand
     const std::uint64_t values = std::uint64_t{entry.count} * header.num_coefficients * header.padded_bands;
     if (entry.first > bins.size() || entry.count > bins.size() - entry.first || entry.offset > header.num_values ||
         values > header.num_values - entry.offset)
-      refuse("is damaged");
+      refuse("is corrupted");
   }
 }
 

@@ -125,7 +125,8 @@ std::uint64_t carrier_key(std::uint64_t scene_hash, glm::vec3 source_position) {
 CarrierBank::CarrierBank(const BandLayout& bands, float sample_rate_hz, int num_channels, int length, std::uint64_t seed, CarrierKind kind)
     : length_(static_cast<std::size_t>(length)), num_channels_(num_channels) {
   require(num_channels >= 1 && num_channels <= kMaxChannels, "carrier channels", num_channels, "must be in [1, 256]");
-  require(num_channels != 3 || kind == CarrierKind::plain, "carrier channels", num_channels, "change places in twos or fours");
+  require(num_channels != 3 || kind == CarrierKind::plain, "carrier channels", num_channels,
+          "must not be 3: channels are processed in twos or fours");
   const FlushDenormals flush;
   const auto channels = static_cast<std::size_t>(num_channels);
   std::vector<std::vector<Complex>> noise(channels);

@@ -371,7 +371,7 @@ void RirSynthesizer::render(const EnergyResponse& response, const ListenerOrient
   const FlushDenormals flush;
   const SynthesisTables& tables = *tables_;
   require(response.late.num_bins() == 0 || response.late.num_bands() == tables.num_bands, "bands of the response",
-          response.late.num_bands(), "must be those of the tables");
+          response.late.num_bands(), "must match the tables");
   const bool needs_speed = !response.arrivals.empty() || tables.layout.kind == ListenerKind::array;
   require(!needs_speed || response.speed_of_sound_m_per_s > 0, "speed of sound", response.speed_of_sound_m_per_s,
           "must be set with the response");

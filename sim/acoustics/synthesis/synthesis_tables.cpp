@@ -124,7 +124,8 @@ std::shared_ptr<const SynthesisTables> make_synthesis_tables(const AcousticConfi
   validate(layout);
   if (layout.kind != ListenerKind::binaural) return std::make_shared<const SynthesisTables>(config, bands, layout, nullptr);
   if (!hrtf) hrtf = Hrtf::rigid_sphere(config.sample_rate_hz);
-  require(hrtf->sample_rate_hz() == config.sample_rate_hz, "sample_rate_hz", config.sample_rate_hz, "must be that of the HRTF");
+  require(hrtf->sample_rate_hz() == config.sample_rate_hz, "sample_rate_hz", config.sample_rate_hz,
+          "must equal the sample rate of the HRTF");
   return std::make_shared<const SynthesisTables>(config, bands, layout, std::move(hrtf));
 }
 

@@ -17,9 +17,9 @@ std::string flac_bytes(std::span<const float> channels, int num_channels, float 
   require(num_channels > 0 && num_channels <= 8 && channels.size() % static_cast<std::size_t>(num_channels) == 0, "num_channels",
           num_channels, "must be at most 8 and divide the number of samples");
   require(sample_rate_hz >= 1 && sample_rate_hz == std::round(sample_rate_hz) && sample_rate_hz <= 655350.f, "sample_rate_hz",
-          sample_rate_hz, "must be a whole number that FLAC takes");
+          sample_rate_hz, "must be a whole number that FLAC supports");
   if (!std::all_of(channels.begin(), channels.end(), [](float value) { return std::isfinite(value); }))
-    throw RunError("sound", "cannot be encoded: it has samples that are not finite numbers");
+    throw RunError("sound", "cannot be encoded: it has non-finite samples");
   const auto width = static_cast<std::size_t>(num_channels), frames = channels.size() / width;
   std::vector<std::int16_t> interleaved(channels.size());
   for (std::size_t channel = 0; channel < width; ++channel)

@@ -71,7 +71,7 @@ void require_tail(SoundBytes& bytes, std::uint64_t place) {
   for (std::uint64_t at = place; at + 4 <= end; ++at) {
     const auto frame = frame_of(bytes.big_endian(at, 4));
     if (frame && frame->bytes > 0 && frame_of(bytes.big_endian(at + frame->bytes, 4)))
-      throw damaged_at(bytes.name(), place, "no frame of MPEG audio begins there");
+      throw damaged_at(bytes.name(), place, "no MPEG audio frame starts there");
   }
 }
 
@@ -98,7 +98,7 @@ std::uint64_t walk_mpeg_frames(SoundBytes& bytes, std::uint64_t start) {
   const std::uint64_t sounding = count - 1;
   // Some encoders count the frame that states the length.
   if (stated.frames > 0 && (sounding > stated.frames || sounding + 1 < stated.frames))
-    throw InputError(bytes.name(), fmt::format("has {} frames of MPEG audio, and its header states {}", sounding, stated.frames),
+    throw InputError(bytes.name(), fmt::format("has {} frames of MPEG audio, but its header states {}", sounding, stated.frames),
                      "copy or export the sound again");
   return 0;
 }

@@ -56,7 +56,7 @@ void walk_ogg_pages(SoundBytes& bytes, std::uint64_t start) {
   for (std::uint64_t place = start; place < bytes.size();) {
     if (bytes.at(place, 4) != "OggS") {
       if (all_ended()) return;  // a tag behind the sound
-      throw damaged_at(bytes.name(), place, "no page of Ogg begins there");
+      throw damaged_at(bytes.name(), place, "no Ogg page starts there");
     }
     const std::uint64_t size = page_size(bytes, place);
     if (place + kPageHead > bytes.size() || place + size > bytes.size()) throw cut_short(bytes.name(), place + size, bytes.size());
@@ -66,7 +66,7 @@ void walk_ogg_pages(SoundBytes& bytes, std::uint64_t start) {
     const std::uint64_t flags = bytes.little_endian(place + 5, 1), number = bytes.little_endian(place + 18, 4);
     const bool is_first = (flags & 2) != 0;
     if (is_first && past_first_pages)
-      throw InputError(bytes.name(), "holds several sounds in sequence (chained Ogg)", "split it into one file for each sound");
+      throw InputError(bytes.name(), "contains several sounds in sequence (chained Ogg)", "split it into one file per sound");
     past_first_pages = past_first_pages || !is_first;
     OggStream& stream = streams[bytes.little_endian(place + 14, 4)];
     if (!is_first && number != stream.next_page) throw damaged_at(bytes.name(), place, "a page is missing");
@@ -74,7 +74,7 @@ void walk_ogg_pages(SoundBytes& bytes, std::uint64_t start) {
     stream.has_ended = (flags & 4) != 0;
     place += size;
   }
-  if (!all_ended()) throw InputError(bytes.name(), "is cut short: its last page does not end the stream", "copy or export the sound again");
+  if (!all_ended()) throw InputError(bytes.name(), "is truncated: its last page does not end the stream", "copy or export the sound again");
 }
 
 }  // namespace earshot

@@ -78,13 +78,15 @@ std::unique_ptr<OpenSound> open_for_reading(const std::filesystem::path& path) {
   std::error_code error;
   const auto status = std::filesystem::status(path, error);
   if (!std::filesystem::exists(status)) throw InputError(name, "no such file", "check the path");
-  if (!std::filesystem::is_regular_file(status)) throw InputError(name, "is not a file", "name a WAV, FLAC or OGG file");
+  if (!std::filesystem::is_regular_file(status)) throw InputError(name, "is not a file", "give a WAV, FLAC or OGG file");
 
   open_file(*sound, path);
-  if (!sound->file) throw InputError(name, fmt::format("cannot be read as sound ({})", sf_strerror(nullptr)), "give WAV, FLAC or OGG");
+  if (!sound->file)
+    throw InputError(name, fmt::format("cannot be read as sound ({})", sf_strerror(nullptr)), "use a WAV, FLAC or OGG file");
   const SF_INFO& info = sound->info;
   if (!length_can_be_checked(info.format))
-    throw InputError(name, fmt::format("is {}, of which a cut cannot be told", container_name(info.format)), "convert it to WAV or FLAC");
+    throw InputError(name, fmt::format("is {}, a format in which a truncated file cannot be detected", container_name(info.format)),
+                     "convert it to WAV or FLAC");
   if (!rate_is_valid(info.samplerate))
     throw InputError(name, fmt::format("has a sample rate of {} Hz, outside [1000, 768000]", info.samplerate), "correct its header");
   if (info.channels < 1) throw InputError(name, "has no channels", "correct its header");
@@ -101,19 +103,19 @@ void read_blocks(const OpenSound& sound, const TakeBlock& take) {
   while (true) {
     const sf_count_t count = sf_readf_float(sound.file.get(), block.data(), kBlockFrames);
     if (const int error = sf_error(sound.file.get()))
-      throw InputError(sound.name, fmt::format("is damaged behind sample {} ({})", total, sf_error_number(error)),
+      throw InputError(sound.name, fmt::format("is damaged after sample {} ({})", total, sf_error_number(error)),
                        "copy or export the sound again");
     if (count <= 0) break;
     total += count;
-    if (total > max_frames) throw InputError(sound.name, "is longer than 10 minutes", "cut the sound");
+    if (total > max_frames) throw InputError(sound.name, "is longer than 10 minutes", "shorten the sound");
     take(std::span<const float>(block).first(static_cast<std::size_t>(count * sound.info.channels)));
   }
-  if (total == 0) throw InputError(sound.name, "holds no samples", "is the file complete?");
+  if (total == 0) throw InputError(sound.name, "contains no samples", "check that the file is complete");
   const bool is_stated = sound.info.frames > 0 && sound.info.frames < SF_COUNT_MAX;
   const auto stated = is_stated ? static_cast<std::uint64_t>(sound.info.frames) : sound.least_frames;
   const auto read = static_cast<std::uint64_t>(total);
   if ((is_stated && read != stated) || read < sound.least_frames)
-    throw InputError(sound.name, fmt::format("is damaged: {} samples can be read of {}", read, std::max(stated, sound.least_frames)),
+    throw InputError(sound.name, fmt::format("is damaged: only {} of {} samples can be read", read, std::max(stated, sound.least_frames)),
                      "copy or export the sound again");
 }
 
@@ -154,7 +156,7 @@ SoundChannels load_sound_channels(const std::filesystem::path& path) {
   std::vector<float> interleaved;
   read_blocks(*file, [&](std::span<const float> block) { interleaved.insert(interleaved.end(), block.begin(), block.end()); });
   if (!std::all_of(interleaved.begin(), interleaved.end(), [](float value) { return std::isfinite(value); }))
-    throw InputError(path.string(), "has samples that are not finite numbers", "export the sound again");
+    throw InputError(path.string(), "has non-finite samples", "export the sound again");
   SoundChannels sound{file->info.channels, static_cast<float>(file->info.samplerate), std::vector<float>(interleaved.size())};
   const std::size_t frames = sound.num_frames();
   for (std::size_t channel = 0; channel < channels; ++channel)

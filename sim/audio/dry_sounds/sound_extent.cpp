@@ -153,7 +153,7 @@ std::uint64_t tag_size(SoundBytes& bytes) {
 }  // namespace
 
 InputError cut_short(const std::string& name, std::uint64_t stated_bytes, std::uint64_t present_bytes) {
-  return {name, fmt::format("is cut short: its sound ends at byte {}, the file at byte {}", stated_bytes, present_bytes),
+  return {name, fmt::format("is truncated: its sound ends at byte {}, the file at byte {}", stated_bytes, present_bytes),
           "copy or export the sound again"};
 }
 

@@ -276,7 +276,7 @@ Recipe parse_recipe(const std::string& spec) {
     rest = rest.substr(0, colon);
   }
   const auto found = std::find_if(kKinds.begin(), kKinds.end(), [&](const Kind& kind) { return kind.name == rest; });
-  if (found == kKinds.end()) throw refuse("names an unknown kind of sound");
+  if (found == kKinds.end()) throw refuse("has an unknown kind of sound");
   recipe.kind = static_cast<std::size_t>(found - kKinds.begin());
   return recipe;
 }

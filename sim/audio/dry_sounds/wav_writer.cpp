@@ -17,14 +17,14 @@ std::string encode_sound(std::span<const float> channels, int num_channels, floa
                          const std::string& where) {
   require(num_channels > 0 && channels.size() % static_cast<std::size_t>(num_channels) == 0, "num_channels", num_channels,
           "must divide the number of samples");
-  require(format == SoundFormat::wav || num_channels <= 8, "num_channels", num_channels, "must be at most 8 in FLAC; WAV holds more");
+  require(format == SoundFormat::wav || num_channels <= 8, "num_channels", num_channels, "must be at most 8 in FLAC; WAV supports more");
   require(sample_rate_hz >= 1 && sample_rate_hz == std::round(sample_rate_hz) && sample_rate_hz <= 1e7f, "sample_rate_hz", sample_rate_hz,
-          "must be a whole number: the header of a sound file holds no fraction");
-  if (channels.size() > (std::size_t{1} << 30) - 64) throw RunError(where, "would not fit into a WAV file of 4 GiB");
+          "must be a whole number: headers of sound files store an integer");
+  if (channels.size() > (std::size_t{1} << 30) - 64) throw RunError(where, "exceeds the 4 GiB limit of WAV files");
   if (!std::all_of(channels.begin(), channels.end(), [](float value) { return std::isfinite(value); }))
-    throw RunError(where, "not written: the sound has samples that are not finite numbers");
+    throw RunError(where, "not written: the sound has non-finite samples");
   if (format == SoundFormat::flac && !std::all_of(channels.begin(), channels.end(), [](float value) { return value >= -1 && value < 1; }))
-    throw RunError(where, "not written: FLAC holds no samples outside [-1, 1)");
+    throw RunError(where, "not written: FLAC cannot store samples outside [-1, 1)");
 
   const auto width = static_cast<std::size_t>(num_channels), frames = channels.size() / width;
   std::vector<float> interleaved(channels.size());

@@ -109,7 +109,7 @@ std::vector<double> rising_list(ConfigReader& reader, const std::string& key, do
   if (list.empty()) reader.fail(key, "is empty");
   for (std::size_t i = 0; i < list.size(); ++i) {
     if (!(list[i] >= lowest && list[i] <= highest)) reader.fail(key, fmt::format("{} is outside [{}, {}]", list[i], lowest, highest));
-    if (i > 0 && !(list[i] > list[i - 1])) reader.fail(key, fmt::format("does not rise at {}", list[i]));
+    if (i > 0 && !(list[i] > list[i - 1])) reader.fail(key, fmt::format("is not increasing at {}", list[i]));
   }
   return list;
 }
@@ -122,18 +122,19 @@ std::shared_ptr<const Directivity> read_balloon(ConfigReader reader) {
   std::vector<double> elevation = rising_list(reader, "elevations_deg", -90.0, 90.0);
   std::vector<double> azimuth = rising_list(reader, "azimuths_deg", -360.0, 360.0);
   if (azimuth.back() - azimuth.front() >= 360.0)
-    reader.fail("azimuths_deg", "goes round more than once: leave out the last, it is the first");
+    reader.fail("azimuths_deg", "covers more than a full circle: leave out the last angle, which repeats the first");
   std::vector<std::vector<std::vector<double>>> nested;
   reader.read_required("gains_db", nested);
   reader.finish();
   std::vector<double> gain_db;
   gain_db.reserve(frequency.size() * elevation.size() * azimuth.size());
   if (nested.size() != frequency.size())
-    reader.fail("gains_db", fmt::format("has {} frequencies, not {}", nested.size(), frequency.size()));
+    reader.fail("gains_db", fmt::format("has {} frequencies instead of {}", nested.size(), frequency.size()));
   for (const auto& rows : nested) {
-    if (rows.size() != elevation.size()) reader.fail("gains_db", fmt::format("has {} elevations, not {}", rows.size(), elevation.size()));
+    if (rows.size() != elevation.size())
+      reader.fail("gains_db", fmt::format("has {} elevations instead of {}", rows.size(), elevation.size()));
     for (const auto& row : rows) {
-      if (row.size() != azimuth.size()) reader.fail("gains_db", fmt::format("has {} azimuths, not {}", row.size(), azimuth.size()));
+      if (row.size() != azimuth.size()) reader.fail("gains_db", fmt::format("has {} azimuths instead of {}", row.size(), azimuth.size()));
       for (const double value : row) {
         if (!(std::abs(value) <= kMaxDb)) reader.fail("gains_db", fmt::format("{} is outside [-{}, {}] dB", value, kMaxDb, kMaxDb));
         gain_db.push_back(value);

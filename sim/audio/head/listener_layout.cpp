@@ -38,11 +38,11 @@ Microphone read_microphone(ConfigReader reader, const std::filesystem::path& fol
   reader.read("elevation_deg", elevation_deg);
   reader.read("roll_deg", roll_deg);
   reader.finish();
-  if (position.size() != 3) reader.fail("position_m", fmt::format("has {} numbers, not x, y, z", position.size()));
+  if (position.size() != 3) reader.fail("position_m", fmt::format("has {} numbers instead of x, y, z", position.size()));
   for (const float value : position)
     if (!(std::abs(value) <= kMaxOffsetM))
-      reader.fail("position_m", fmt::format("{} m is not within {} m of the listener", value, kMaxOffsetM));
-  if (has_weight && has_pattern) reader.fail("omni_weight", "stands beside pattern; give one of them");
+      reader.fail("position_m", fmt::format("{} m is more than {} m from the listener", value, kMaxOffsetM));
+  if (has_weight && has_pattern) reader.fail("omni_weight", "is given together with pattern; give only one of them");
   for (const auto& [key, value] : {std::pair{"azimuth_deg", azimuth_deg}, {"elevation_deg", elevation_deg}, {"roll_deg", roll_deg}})
     if (!std::isfinite(value)) reader.fail(key, "is not a finite number");
   microphone.position_m = {position[0], position[1], position[2]};
@@ -106,7 +106,7 @@ ListenerLayout ListenerLayout::named(std::string_view text) {
   if (error != std::errc()) throw refuse("has no order");
   rest.remove_prefix(static_cast<std::size_t>(end - rest.data()));
   while (!rest.empty()) {
-    if (rest.front() != ':') throw refuse("has something behind its order");
+    if (rest.front() != ':') throw refuse("has extra text after its order");
     rest.remove_prefix(1);
     const std::string_view word = rest.substr(0, rest.find(':'));
     rest.remove_prefix(word.size());
@@ -130,7 +130,8 @@ ListenerLayout ListenerLayout::from_file(const std::filesystem::path& path) {
   const std::optional<std::size_t> count = reader.list_size("microphones");
   reader.finish();
   if (!count) reader.fail("microphones", "is missing or not a list of microphones");
-  if (*count == 0 || *count > kMaxMicrophones) reader.fail("microphones", fmt::format("holds {}, not 1 to {}", *count, kMaxMicrophones));
+  if (*count == 0 || *count > kMaxMicrophones)
+    reader.fail("microphones", fmt::format("has {} entries instead of 1 to {}", *count, kMaxMicrophones));
   std::vector<Microphone> microphones;
   for (std::size_t i = 0; i < *count; ++i) microphones.push_back(read_microphone(reader.list_child("microphones", i), path.parent_path()));
   if (const auto name = repeated_name(microphones)) reader.fail("microphones", fmt::format("have the name '{}' twice", *name));

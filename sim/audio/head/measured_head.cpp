@@ -46,9 +46,9 @@ void check_work(const SofaResponses& sofa, std::size_t num_spheres, float sample
   const double tables_bytes = 2.0 * sizeof(float) * sofa.num_taps * bins;
   if ((rows + nodes) * std::max(bins, 0.5 * fft_size) * sizeof(Complex) + tables_bytes > 4e9 || rows * sofa.num_taps * bins > 1e11)
     throw InputError(where,
-                     fmt::format("holds {:.0f} responses of {} samples at {} Hz from {} distances: too much for {} Hz", rows, sofa.num_taps,
-                                 sofa.sample_rate_hz, num_spheres, sample_rate_hz),
-                     "check Data.SamplingRate, or cut the responses to those of a head");
+                     fmt::format("has {:.0f} responses of {} samples at {} Hz from {} distances, which is too much at {} Hz", rows,
+                                 sofa.num_taps, sofa.sample_rate_hz, num_spheres, sample_rate_hz),
+                     "check Data.SamplingRate, or shorten the responses");
 }
 
 /// Parts of the responses of a sphere, [direction][ear]: of each direction the mean of its copies.
@@ -114,7 +114,8 @@ void bring_to_sphere(HeadGrid& grid, const Hrtf& sphere, const std::string& wher
     power += mean_power(left, right, bin_hz);
     sphere_power += mean_power(sphere_left, sphere_right, sphere_bin_hz);
   }
-  if (!(power > 0)) throw InputError(where, "has no energy between 250 Hz and 4 kHz in Data.IR", "give the responses of a head");
+  if (!(power > 0))
+    throw InputError(where, "has no energy between 250 Hz and 4 kHz in Data.IR", "use a file with head-related impulse responses");
   for (double& value : grid.delay_samples) value -= late;
   const auto gain = static_cast<float>(std::sqrt(sphere_power / power));
   for (Complex& value : grid.aligned) value *= gain;
@@ -133,8 +134,8 @@ std::shared_ptr<const Hrtf> Hrtf::from_responses(const SofaResponses& sofa, floa
   const EarEvidence evidence = weigh_ears(sofa.direction, sofa.taps, sofa.num_taps, sofa.delay_samples, sofa.sample_rate_hz);
   if (evidence.first_is_left() < 0)
     log_warning(
-        fmt::format("{}: a source on the left is {:.1f} dB louder and {:.0f} us earlier at the right ear: check whether "
-                    "SourcePosition counts azimuths clockwise, or ears are exchanged",
+        fmt::format("{}: a source on the left is {:.1f} dB louder and {:.0f} us earlier at the right ear; check whether SourcePosition "
+                    "counts azimuths clockwise, or the ears are swapped",
                     where, -evidence.level_db, -1e6 * evidence.early_s));
   const double ratio = static_cast<double>(sample_rate_hz) / static_cast<double>(sofa.sample_rate_hz);
   const int length = static_cast<int>(std::ceil(static_cast<double>(sofa.num_taps) * ratio)) + 2 * lead_for(sample_rate_hz);

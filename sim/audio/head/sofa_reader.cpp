@@ -29,7 +29,7 @@ namespace {
 
 constexpr std::size_t kMaxFileBytes = std::size_t{1} << 30;
 constexpr unsigned kMinDirections = 8, kMaxDirections = 100000, kMaxTaps = 16384;
-constexpr std::string_view kRemedy = "give a SimpleFreeFieldHRIR SOFA file";
+constexpr std::string_view kRemedy = "use a SimpleFreeFieldHRIR SOFA file";
 
 struct FreeResponses {
   void operator()(MYSOFA_HRTF* responses) const noexcept { mysofa_free(responses); }
@@ -38,15 +38,15 @@ struct FreeResponses {
 std::string describe(int status) {
   switch (status) {
     case MYSOFA_INVALID_FORMAT:
-      return "is not a SOFA file, or a damaged one";
+      return "is not a SOFA file, or is damaged";
     case MYSOFA_UNSUPPORTED_FORMAT:
       return "is of a SOFA version or HDF5 layout that libmysofa cannot read";
     case MYSOFA_NO_MEMORY:
-      return "needs more memory than there is: damaged?";
+      return "needs more memory than is available; the file may be damaged";
     case MYSOFA_READ_ERROR:
       return "ends too early";
     case MYSOFA_INVALID_ATTRIBUTES:
-      return "lacks global attributes of AES69 (Conventions, DataType)";
+      return "has no global attributes of AES69 (Conventions, DataType)";
     case MYSOFA_INVALID_DIMENSIONS:
       return "has wrong dimensions (M, R, E, N)";
     case MYSOFA_INVALID_DIMENSION_LIST:
@@ -86,12 +86,12 @@ class Triplets {
   Triplets(const MYSOFA_ARRAY& array, const char* name, std::string type, std::size_t measurements, const Refusal& refuse)
       : values_(array.values, array.values ? array.elements : 0), shared_(array.elements == 3) {
     if (array.elements != 3 && array.elements != 3 * measurements)
-      throw refuse(fmt::format("has {} values in {}, not {} or 3", array.elements, name, 3 * measurements));
+      throw refuse(fmt::format("has {} values in {} instead of {} or 3", array.elements, name, 3 * measurements));
     if (values_.empty()) throw refuse(fmt::format("has no values in {}", name));
     for (const MYSOFA_ATTRIBUTE* at = array.attributes; at; at = at->next)
       if (at->name && at->value && std::string_view(at->name) == "Type") type = at->value;
     if (type != "cartesian" && type != "spherical")
-      throw refuse(fmt::format("has {} of Type '{}', neither cartesian nor spherical", name, type));
+      throw refuse(fmt::format("has {} of Type '{}', which is neither cartesian nor spherical", name, type));
     spherical_ = type == "spherical";
   }
   [[nodiscard]] bool spherical() const { return spherical_; }
@@ -147,18 +147,19 @@ bool second_is_left(const MYSOFA_HRTF& sofa, const SofaResponses& as_stored, con
   const int first_is_left =
       weigh_ears(as_stored.direction, as_stored.taps, as_stored.num_taps, as_stored.delay_samples, as_stored.sample_rate_hz)
           .first_is_left();
-  if (first_is_left == 0 && !(to_the_left < 0)) throw refuse("has ReceiverPosition values that do not tell the left ear from the right");
+  if (first_is_left == 0 && !(to_the_left < 0)) throw refuse("has ReceiverPosition values that do not distinguish the left and right ear");
   return first_is_left <= 0;
 }
 
 /// Everything that the arrays must hold before they are read.
 void check_sizes(const MYSOFA_HRTF& sofa, const Refusal& refuse) {
-  if (sofa.R != 2) throw refuse(fmt::format("has {} receivers (R), not two ears", sofa.R));
+  if (sofa.R != 2) throw refuse(fmt::format("has {} receivers (R) instead of two ears", sofa.R));
   if (sofa.M < kMinDirections || sofa.M > kMaxDirections) throw refuse(fmt::format("has {} measurements (M)", sofa.M));
   if (sofa.N < 1 || sofa.N > kMaxTaps) throw refuse(fmt::format("has {} samples per response (N)", sofa.N));
   const auto measurements = static_cast<std::size_t>(sofa.M), taps = static_cast<std::size_t>(sofa.N);
   const auto expect_size = [&](const MYSOFA_ARRAY& array, std::size_t size, const char* field) {
-    if (array.elements != size || !array.values) throw refuse(fmt::format("has {} values in {}, not {}", array.elements, field, size));
+    if (array.elements != size || !array.values)
+      throw refuse(fmt::format("has {} values in {} instead of {}", array.elements, field, size));
   };
   expect_size(sofa.DataIR, measurements * 2 * taps, "Data.IR");
   expect_size(sofa.DataSamplingRate, 1, "Data.SamplingRate");
@@ -166,7 +167,7 @@ void check_sizes(const MYSOFA_HRTF& sofa, const Refusal& refuse) {
   const unsigned ears = sofa.ReceiverPosition.elements;
   if ((ears != 6 && ears != 6 * sofa.M) || !sofa.ReceiverPosition.values) throw refuse("has no ReceiverPosition for two ears");
   for (unsigned i = 0; i < sofa.EmitterPosition.elements && sofa.EmitterPosition.values; ++i)
-    if (std::abs(sofa.EmitterPosition.values[i]) > 1e-3f) throw refuse("has an EmitterPosition beside its source: it must be 0");
+    if (std::abs(sofa.EmitterPosition.values[i]) > 1e-3f) throw refuse("has an EmitterPosition other than 0");
 }
 
 void exchange_ears(SofaResponses& responses) {
@@ -193,14 +194,14 @@ SofaResponses parse_sofa(const std::filesystem::path& path) {
   // libmysofa 1.3 writes past its stack on files that end too early, so it is never given one.
   const std::uint64_t stated = stated_size(bytes);
   if (stated == 0) throw refuse(describe(MYSOFA_INVALID_FORMAT));
-  if (stated > bytes.size()) throw refuse(fmt::format("ends too early: {} bytes of {}", bytes.size(), stated));
+  if (stated > bytes.size()) throw refuse(fmt::format("is truncated: {} of {} bytes", bytes.size(), stated));
   if (const auto contents = refusal_of_convention(find_sofa_convention(bytes))) throw refuse(*contents);
   int status = MYSOFA_OK;
   const std::unique_ptr<MYSOFA_HRTF, FreeResponses> sofa{mysofa_load_data(bytes.data(), bytes.size(), &status)};
   if (!sofa || status != MYSOFA_OK) throw refuse(describe(status));
   for (const MYSOFA_ATTRIBUTE* at = sofa->attributes; at; at = at->next)
     if (at->name && at->value && std::string_view(at->name) == "DataType" && !std::string_view(at->value).starts_with("FIR"))
-      throw refuse(fmt::format("has DataType '{}', not FIR", at->value));
+      throw refuse(fmt::format("has DataType '{}' instead of FIR", at->value));
   check_sizes(*sofa, refuse);
 
   SofaResponses responses;
@@ -240,7 +241,7 @@ void validate(const SofaResponses& responses, const std::string& where) {
     if (!(delay >= 0.f && delay <= static_cast<float>(kMaxTaps))) throw refuse(fmt::format("has Data.Delay {} samples", delay));
   float largest = 0;
   for (const float value : responses.taps) {
-    if (!std::isfinite(value)) throw refuse("has values in Data.IR that are not finite numbers");
+    if (!std::isfinite(value)) throw refuse("has non-finite values in Data.IR");
     largest = std::max(largest, std::abs(value));
   }
   if (!(largest > 0)) throw refuse("has only zeros in Data.IR");

@@ -14,7 +14,7 @@ struct Convention {
 };
 constexpr std::string_view kTransfer = "transfer functions, not impulse responses";
 constexpr std::string_view kSections = "second-order sections, not impulse responses";
-constexpr std::string_view kRadiation = "the radiation of a source, not a head";
+constexpr std::string_view kRadiation = "the directivity of a source, not head responses";
 /// AES69-2022, annex D, with names of earlier editions and of the SOFA toolbox.
 constexpr std::array<Convention, 29> kConventions{{{"SimpleFreeFieldHRIR", ""},
                                                    {"SimpleFreeFieldHRTF", kTransfer},
@@ -26,9 +26,9 @@ constexpr std::array<Convention, 29> kConventions{{{"SimpleFreeFieldHRIR", ""},
                                                    {"FreeFieldDirectivityTF", kRadiation},
                                                    {"FreeFieldDirectivityIR", kRadiation},
                                                    {"FreeFieldDirectivitySOS", kRadiation},
-                                                   {"SimpleHeadphoneIR", "responses of headphones, not of directions"},
-                                                   {"SimpleHeadphoneTF", "responses of headphones, not of directions"},
-                                                   {"SimpleHeadphoneSOS", "responses of headphones, not of directions"},
+                                                   {"SimpleHeadphoneIR", "headphone responses, not responses per direction"},
+                                                   {"SimpleHeadphoneTF", "headphone responses, not responses per direction"},
+                                                   {"SimpleHeadphoneSOS", "headphone responses, not responses per direction"},
                                                    {"GeneralFIR", ""},
                                                    {"GeneralFIRE", ""},
                                                    {"GeneralFIR-E", ""},
@@ -36,12 +36,12 @@ constexpr std::array<Convention, 29> kConventions{{{"SimpleFreeFieldHRIR", ""},
                                                    {"GeneralTFE", kTransfer},
                                                    {"GeneralTF-E", kTransfer},
                                                    {"GeneralSOS", kSections},
-                                                   {"GeneralString", "texts, not impulse responses"},
-                                                   {"SingleRoomDRIR", "responses of a room, not of a head in a free field"},
-                                                   {"SingleRoomSRIR", "responses of a room, not of a head in a free field"},
-                                                   {"SingleRoomMIMOSRIR", "responses of a room, not of a head in a free field"},
-                                                   {"MultiSpeakerBRIR", "responses of a room, not of a head in a free field"},
-                                                   {"SimpleBRIR", "responses of a room, not of a head in a free field"},
+                                                   {"GeneralString", "text, not impulse responses"},
+                                                   {"SingleRoomDRIR", "room responses, not head responses in a free field"},
+                                                   {"SingleRoomSRIR", "room responses, not head responses in a free field"},
+                                                   {"SingleRoomMIMOSRIR", "room responses, not head responses in a free field"},
+                                                   {"MultiSpeakerBRIR", "room responses, not head responses in a free field"},
+                                                   {"SimpleBRIR", "room responses, not head responses in a free field"},
                                                    {"SingleTrackedAudio", "a recording, not impulse responses"},
                                                    {"AnnotatedReceiverAudio", "a recording, not impulse responses"},
                                                    {"AnnotatedEmitterAudio", "a recording, not impulse responses"}}};
@@ -85,7 +85,7 @@ std::string find_sofa_convention(std::string_view file) {
 std::optional<std::string> refusal_of_convention(std::string_view convention) {
   const Convention* known = convention_named(convention);
   if (!known || known->contents.empty()) return std::nullopt;
-  return fmt::format("holds {} (SOFA convention {})", known->contents, convention);
+  return fmt::format("contains {} (SOFA convention {})", known->contents, convention);
 }
 
 }  // namespace earshot

@@ -14,7 +14,7 @@ RaisedFileLimit::RaisedFileLimit(int num_files, const std::string& user, const s
   const auto wanted = static_cast<rlim_t>(num_files);
   if (before_.rlim_cur == RLIM_INFINITY || before_.rlim_cur >= wanted) return;
   if (before_.rlim_max != RLIM_INFINITY && before_.rlim_max < wanted)
-    throw InputError("open files (ulimit -Hn)", fmt::format("at most {} are allowed here, and {} needs {}", before_.rlim_max, user, wanted),
+    throw InputError("open files (ulimit -Hn)", fmt::format("at most {} are allowed here, but {} needs {}", before_.rlim_max, user, wanted),
                      remedy);
   rlimit raised = before_;
   raised.rlim_cur = wanted;

@@ -77,7 +77,7 @@ void write_all(std::string_view bytes) {
 
 int answer_isolated(int argc, char** argv, const std::function<std::string(const std::vector<std::string>& arguments)>& work) {
   if (argc < kOwnArguments || ::fcntl(kAnswerDescriptor, F_GETFD) < 0) {
-    std::fprintf(stderr, "%s: reads a file for earshot, which starts it; not for direct use\n", argc > 0 ? argv[0] : "reader");
+    std::fprintf(stderr, "%s: internal program of earshot; do not run it directly\n", argc > 0 ? argv[0] : "reader");
     return 2;
   }
   AnswerKind kind = AnswerKind::refusal;
@@ -89,7 +89,7 @@ int answer_isolated(int argc, char** argv, const std::function<std::string(const
     bytes = work({argv + kOwnArguments, argv + argc});
     kind = AnswerKind::answer;
   } catch (const std::bad_alloc&) {
-    bytes = fmt::format("takes more than {} MB of memory to read; is it damaged?", memory_bytes >> 20);
+    bytes = fmt::format("needs more than {} MB of memory to read; the file may be damaged", memory_bytes >> 20);
   } catch (const std::exception& error) {
     bytes = error.what();
   }

@@ -32,7 +32,7 @@ constexpr std::uint64_t kMagic = 0x31534E4152414545;  // "EEARANS1" in little-en
 constexpr std::size_t kHeaderBytes = 4 * sizeof(std::uint64_t);
 constexpr int kPipeBytes = 1 << 20;
 constexpr const char* kDriverRemedy = "update or remove the driver";
-constexpr const char* kRemedy = "check the file in another program, or export or fetch it again";
+constexpr const char* kRemedy = "check the file in another program, or export or download it again";
 
 std::string message_of(int error) { return std::generic_category().message(error); }
 
@@ -149,8 +149,9 @@ std::string manner_of(std::optional<int> status, const char* worker) {
     if (signal == SIGXCPU) return "takes too long to read";
     if (signal != SIGKILL) return fmt::format("crashes {} (signal {}, {})", worker, signal, ::strsignal(signal));
   }
-  if (status && WIFEXITED(*status) && WEXITSTATUS(*status) != 0) return fmt::format("ends {} (exit code {})", worker, WEXITSTATUS(*status));
-  return fmt::format("gives no whole answer from {}", worker);
+  if (status && WIFEXITED(*status) && WEXITSTATUS(*status) != 0)
+    return fmt::format("makes {} exit with code {}", worker, WEXITSTATUS(*status));
+  return fmt::format("gets an incomplete answer from {}", worker);
 }
 
 }  // namespace
@@ -180,7 +181,7 @@ std::string call_isolated(const std::filesystem::path& program, const std::vecto
   const std::optional<int> status = child.end();
   // The exit code of a shell, the dynamic loader, or posix_spawn under an emulator when a program cannot start.
   if (frame.empty() && status && WIFEXITED(*status) && WEXITSTATUS(*status) == 127)
-    throw RunError(program.string(), "cannot be started: it is missing, or one of its libraries is (exit code 127)");
+    throw RunError(program.string(), "cannot be started: the program or one of its libraries is missing (exit code 127)");
   const Answer answer = decode_answer(frame, max_bytes);
   if (answer.state == Answer::State::whole && answer.kind == AnswerKind::answer) {
     frame.erase(0, frame.size() - answer.bytes.size());
@@ -194,7 +195,7 @@ std::string call_isolated(const std::filesystem::path& program, const std::vecto
   }
   if (!in_time)
     throw InputError(where,
-                     fmt::format("{} within {} s", is_driver ? "gives no answer" : "is not read",
+                     fmt::format("{} within {} s", is_driver ? "did not answer" : "was not read",
                                  std::chrono::duration<double>(limits.wall_time).count()),
                      remedy);
   throw InputError(where, manner_of(status, limits.worker), remedy);

@@ -67,7 +67,7 @@ void apply_override(YAML::Node root, const std::string& text, const std::string&
     const std::string key = path.substr(0, dot);
     path.erase(0, dot + 1);
     if (node[key].IsDefined() && !node[key].IsMap())
-      throw InputError("override '" + text + "'", "'" + key + "' is a value, not a map, in " + where, "check the path");
+      throw InputError("override '" + text + "'", "'" + key + "' is a value, not a map, in " + where, "check the key");
     YAML::Node next = node[key];
     if (!next.IsDefined() || next.IsNull()) {
       node[key] = YAML::Node(YAML::NodeType::Map);
@@ -142,7 +142,8 @@ ConfigReader ConfigReader::from_text(std::string_view yaml, std::string where, c
   if (!root.IsMap()) throw InputError(where, "is not a map of keys and values", "write 'key: value' lines");
   for (const auto& text : overrides) apply_override(root, text, where);
   take_schema_version(root, where);
-  if (!can_be_written(root)) throw InputError(where, "holds text that cannot be written and read again", "use no \\N and \\_ in quotes");
+  if (!can_be_written(root))
+    throw InputError(where, "contains text that cannot be written and read back unchanged", "do not use \\N and \\_ in quotes");
   return {Nodes{root}, std::move(where), ""};
 }
 

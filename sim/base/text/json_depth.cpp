@@ -28,7 +28,8 @@ std::size_t json_depth(std::string_view text) {
 }
 
 void check_json_depth(std::string_view text, const std::string& where) {
-  if (json_depth(text) > kMaxJsonDepth) throw InputError(where, "nests lists and maps hundreds of levels deep", "is it the right file?");
+  if (json_depth(text) > kMaxJsonDepth)
+    throw InputError(where, "has lists and maps nested hundreds of levels deep", "check that it is the right file");
 }
 
 }  // namespace earshot

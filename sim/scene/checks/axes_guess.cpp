@@ -67,28 +67,28 @@ void guess_unit(const Scene& scene, const SceneReport& report, const FileAxes& a
   const FileUnit& best = *std::ranges::min_element(kUnits, {}, distance);
   if (best.unit_m == axes.unit_m) return;
   guess.unit_m = best.unit_m;
-  guess.unit_why =
-      fmt::format("{:.3g} m {} is no room's; in {} it would be {:.3g} m", length_m, what, best.name, length_m / axes.unit_m * best.unit_m);
+  guess.unit_why = fmt::format("{:.3g} m {} is not plausible for a room; in {} it is {:.3g} m", length_m, what, best.name,
+                               length_m / axes.unit_m * best.unit_m);
 }
 
 void guess_up(const Scene& scene, const FileAxes& axes, AxesGuess& guess) {
   const glm::dvec3 size = glm::dvec3(scene.bounds().upper) - glm::dvec3(scene.bounds().lower);
   const char other = axes.up == 'y' ? 'z' : 'y';
-  guess.up_why = fmt::format("{:.3g} m high, {:.3g} m with {} up", size.y, size.z, other);
+  guess.up_why = fmt::format("{:.3g} m high, or {:.3g} m with {} up", size.y, size.z, other);
   const glm::dvec3 level = level_area(scene);
   const double all = level.x + level.y + level.z;
   if (all > 0) {
-    if (level.y > kClearFraction * all) guess.up_why = "surfaces called floor or ceiling are level";
+    if (level.y > kClearFraction * all) guess.up_why = "surfaces named floor or ceiling are horizontal";
     if (level.z > kClearFraction * all) {
       guess.up = other;
-      guess.up_why = "surfaces called floor or ceiling stand upright";
+      guess.up_why = "surfaces named floor or ceiling are vertical";
     }
     return;
   }
   constexpr double lowest_room_m = 1.8, highest_room_m = 6, slab = 2;
   if (size.z < lowest_room_m || size.z > highest_room_m || size.y < slab * size.z || size.x < slab * size.z) return;
   guess.up = other;
-  guess.up_why = fmt::format("the scene stands upright: {:.3g} m high and {:.3g} m deep", size.y, size.z);
+  guess.up_why = fmt::format("the scene is {:.3g} m high but only {:.3g} m deep", size.y, size.z);
 }
 
 }  // namespace

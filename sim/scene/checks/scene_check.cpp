@@ -21,17 +21,16 @@ constexpr std::size_t kMostNames = 4;
 void warn_of_air(const SceneReport& report, std::vector<std::string>& warnings) {
   if (report.ray_efficiency < kMostLeaked)
     warnings.emplace_back(
-        "the scene encloses no air: next to no ray that starts above its floor meets a surface; is part of the mesh missing, or its up "
-        "axis another one?");
+        "the scene encloses no air: almost no ray that starts above its floor hits a surface; check that the mesh is complete and that its "
+        "up axis is right");
   else if (report.leaked_ray_fraction > kOpenCountry)
     return;
   else if (report.leaked_ray_fraction > kMostLeaked)
     warnings.push_back(
-        fmt::format("{:.0f} % of the rays leave the scene, which is open: holes, or a missing ceiling? `earshot scene` says where",
+        fmt::format("{:.0f} % of the rays leave the scene through holes or a missing ceiling; `earshot scene` lists the holes",
                     100 * report.leaked_ray_fraction));
   else if (report.volume_m3 < kLeastVolumeM3)
-    warnings.push_back(
-        fmt::format("the scene encloses {:.3g} m3 of air: is its unit right, or part of the mesh missing?", report.volume_m3));
+    warnings.push_back(fmt::format("the scene encloses {:.3g} m3 of air; check its unit, and that the mesh is complete", report.volume_m3));
 }
 
 /// Surfaces that nothing names a material for.
@@ -60,7 +59,7 @@ void warn_of_materials(const Scene& scene, std::vector<std::string>& warnings) {
     names.resize(kMostNames);
     names.emplace_back("...");
   }
-  warnings.push_back(fmt::format("no {} for {} of {} surfaces ({:.0f} % of the area), which take {}: {} ({})",
+  warnings.push_back(fmt::format("no {} for {} of {} surfaces ({:.0f} % of the area), which use {}: {} ({})",
                                  report.has_semantics ? "semantic category was found" : "material is named", count, areas.size(),
                                  all_m2 > 0 ? 100 * area_m2 / all_m2 : 0, listed(materials, ", "), listed(names, ", "),
                                  report.has_semantics ? "assign them in the scene YAML" : "assign materials in a scene YAML"));
@@ -72,8 +71,8 @@ void warn_of_axes(const Scene& scene, const SceneReport& report, std::vector<std
   const FileAxes& axes = *scene.import_report().axes;
   const AxesGuess guess = guess_axes(scene, report);
   if (guess.unit_m && !axes.is_unit_given && std::ranges::none_of(warnings, is_about_unit))
-    warnings.push_back(fmt::format("the unit of the mesh is probably another one: {} (--unit {}, or unit_m in a scene YAML)",
-                                   guess.unit_why, *guess.unit_m));
+    warnings.push_back(
+        fmt::format("the unit of the mesh is probably wrong: {} (--unit {}, or unit_m in a scene YAML)", guess.unit_why, *guess.unit_m));
   if (guess.up && !axes.is_up_given)
     warnings.push_back(
         fmt::format("the up axis of the mesh is probably {}: {} (--up {}, or up in a scene YAML)", *guess.up, guess.up_why, *guess.up));
@@ -110,7 +109,7 @@ std::string reason_of(const MaterialChoice& choice) {
     case MaterialReason::fallback:
       break;
   }
-  return "default: nothing names a material";
+  return "default: no material is assigned";
 }
 
 std::vector<double> slot_areas(const Scene& scene) {

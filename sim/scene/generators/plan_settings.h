@@ -50,7 +50,7 @@ void read_plan_settings(std::string_view kind, std::string_view text, std::uint6
     }
     const std::size_t equals = std::min(item.find('='), item.size());
     if (!set(item.substr(0, equals), item.substr(std::min(equals + 1, item.size()))))
-      throw InputError(std::string(kind) + ":" + std::string(item), "is not one of its settings", plan_usage(kind));
+      throw InputError(std::string(kind) + ":" + std::string(item), "is not a known setting", plan_usage(kind));
   }
 }
 

@@ -74,13 +74,14 @@ Shoebox parse_shoebox(std::string_view text, const MaterialDatabase& database) {
   Shoebox box{make_shoebox(size_m), {}};
   if (size_text.size() == text.size()) {
     const Material* fallback = database.find_label("default");
-    if (!fallback) throw InputError(where, "the material database has no material labelled 'default'", "name a material after @");
+    if (!fallback) throw InputError(where, "the material database has no material labelled 'default'", "give a material after @");
     box.material_of_slot.assign(6, *fallback);
     return box;
   }
   const std::vector<std::string_view> walls = split(text.substr(size_text.size() + 1), ',');
   if (walls.size() != 1 && walls.size() != 6) {
-    throw InputError(where, fmt::format("{} materials after @", walls.size()), "write one, or six in the order x0,x1,y0,y1,z0,z1");
+    throw InputError(where, fmt::format("has {} materials after @", walls.size()),
+                     "write one material, or six in the order x0,x1,y0,y1,z0,z1");
   }
   for (std::size_t wall = 0; wall < 6; ++wall) {
     box.material_of_slot.push_back(wall_material(walls[walls.size() == 1 ? 0 : wall], database, where));

@@ -102,7 +102,7 @@ void check_slips(const MaterialDatabase& database, std::size_t index, Findings& 
     for (std::size_t c = 0; c < mine.size(); ++c) {
       const int slip = decimal_slip(*mine[c].curve, *theirs[c].curve);
       if (slip < 0) continue;
-      findings.add(m.name, "{} is that of '{}' but for {:.4g} against {:.4g} at {:.4g} Hz: a slip of the decimal point?", mine[c].key,
+      findings.add(m.name, "{} equals that of '{}' except for {:.4g} instead of {:.4g} at {:.4g} Hz; check the decimal point", mine[c].key,
                    o.name, mine[c].curve->value[slip], theirs[c].curve->value[slip], mine[c].curve->hz[slip]);
     }
   }
@@ -117,7 +117,7 @@ void check_shared(const MaterialDatabase& database, Findings& findings) {
     if (materials.size() < 3) continue;
     std::string names;
     for (const Material* m : materials) names += (names.empty() ? "'" : "', '") + m->name;
-    findings.add("", "{}' share one transmission and name no source", names);
+    findings.add("", "{}' have the same transmission and no source", names);
   }
 }
 
@@ -144,11 +144,11 @@ void check_labels(const MaterialDatabase& database, Findings& findings) {
     for (const std::string& label : m.labels) {
       const std::string folded = fold_case(label);
       const auto [first, is_new] = owner.try_emplace(folded, m.name);
-      if (!is_new) findings.add(m.name, "label '{}' is there twice, first on '{}'", label, first->second);
+      if (!is_new) findings.add(m.name, "label '{}' occurs twice, first on '{}'", label, first->second);
       const auto named = name_of.find(folded);
       if (named != name_of.end() && named->second != m.name) findings.add(m.name, "label '{}' is the name of another material", label);
       const std::string words = fused(folded, vocabulary);
-      if (!words.empty()) findings.add(m.name, "label '{}' looks like {} run together", label, words);
+      if (!words.empty()) findings.add(m.name, "label '{}' looks like {} joined", label, words);
     }
   }
   if (!database.find_label("default")) findings.add("", "no material is labelled 'default'");

@@ -136,7 +136,7 @@ Material read_material(const Json& json, std::size_t index, const std::string& w
   if (json.contains("labels")) {
     if (!json["labels"].is_array()) entry.fail("labels", "is not a list", "write [\"wall\", ...]");
     for (const Json& label : json["labels"]) {
-      if (!label.is_string()) entry.fail("labels", "holds something that is not text", "write each label in quotes");
+      if (!label.is_string()) entry.fail("labels", "contains an entry that is not text", "write each label in quotes");
       material.labels.push_back(label.get<std::string>());
     }
   }
@@ -194,7 +194,7 @@ MaterialDatabase MaterialDatabase::from_json(std::string_view text, const std::s
   MaterialImport resolved = import;
   if (const auto written = read_reading(json, where)) {
     if (import.reading && *import.reading != *written) {
-      throw InputError(where, "says what its coefficients mean, and the scene says otherwise", "remove 'coefficients' from one of them");
+      throw InputError(where, "has another value of 'coefficients' than the scene", "remove 'coefficients' from one of them");
     }
     resolved.reading = written;
   }
@@ -203,7 +203,7 @@ MaterialDatabase MaterialDatabase::from_json(std::string_view text, const std::s
   for (const Json& entry : json["materials"]) {
     database.materials_.push_back(read_material(entry, database.materials_.size(), where, resolved));
     if (!names.insert(database.materials_.back().name).second) {
-      throw InputError(where, "material '" + database.materials_.back().name + "' is there twice", "rename or remove one");
+      throw InputError(where, "material '" + database.materials_.back().name + "' occurs twice", "rename or remove one of them");
     }
   }
   return database;

@@ -42,10 +42,10 @@ SemanticMaterials SemanticMaterials::from_yaml(std::string_view yaml, const std:
     std::vector<std::string> names;
     for (std::size_t i = 0; i < count; ++i) {
       const std::optional<std::string> name = categories.list_scalar(category, i);
-      if (!name) categories.fail(category, "holds something that is not the name of a material");
+      if (!name) categories.fail(category, "contains an entry that is not a material name");
       names.push_back(*name);
     }
-    if (!result.candidates_.emplace(normalized(category), std::move(names)).second) categories.fail(category, "is there twice");
+    if (!result.candidates_.emplace(normalized(category), std::move(names)).second) categories.fail(category, "occurs twice");
   }
   categories.finish();
   reader.finish();

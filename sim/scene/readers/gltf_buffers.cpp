@@ -125,13 +125,13 @@ GltfAsset::GltfAsset(const std::filesystem::path& path) : path_(path), where_(pa
   std::string_view binary_chunk;
   if (text.starts_with("glTF")) {
     if (text.size() < 20 || little_endian32(text, 4) != 2 || little_endian32(text, 8) > text.size())
-      fail("is not a whole GLB file of version 2");
+      fail("is not a complete GLB file of version 2");
     const std::size_t json_size = little_endian32(text, 12);
-    if (json_size > text.size() - 20 || little_endian32(text, 16) != 0x4E4F534Au) fail("is cut off in its JSON chunk");
+    if (json_size > text.size() - 20 || little_endian32(text, 16) != 0x4E4F534Au) fail("is truncated in its JSON chunk");
     const std::size_t binary_at = 20 + (json_size + 3) / 4 * 4;
     if (binary_at + 8 <= text.size() && little_endian32(text, binary_at + 4) == 0x004E4942u) {
       const std::size_t binary_size = little_endian32(text, binary_at);
-      if (binary_size > text.size() - binary_at - 8) fail("is cut off in its binary chunk");
+      if (binary_size > text.size() - binary_at - 8) fail("is truncated in its binary chunk");
       binary_chunk = text.substr(binary_at + 8, binary_size);
     }
     text = text.substr(20, json_size);
@@ -144,7 +144,7 @@ GltfAsset::GltfAsset(const std::filesystem::path& path) : path_(path), where_(pa
   }
   if (!json_.is_object() || !json_.contains("asset")) fail("is not glTF: it has no 'asset'");
   const auto version = json_["asset"].value("version", std::string());
-  if (version != "2" && !version.starts_with("2.")) fail("is not of glTF version 2");
+  if (version != "2" && !version.starts_with("2.")) fail("is not glTF version 2");
 
   const Json none = Json::array();
   const Json& buffers = json_.contains("buffers") ? json_["buffers"] : none;
@@ -157,7 +157,7 @@ GltfAsset::GltfAsset(const std::filesystem::path& path) : path_(path), where_(pa
     } else {
       bytes = read_uri(buffers[i]["uri"].get<std::string>(), fmt::format("buffer {}", i));
     }
-    if (bytes.size() < size) fail(fmt::format("buffer {} has {} bytes where {} are promised", i, bytes.size(), size));
+    if (bytes.size() < size) fail(fmt::format("buffer {} has {} bytes instead of {}", i, bytes.size(), size));
     buffers_.push_back(std::move(bytes));
   }
 }
@@ -176,7 +176,7 @@ std::string GltfAsset::read_image(std::size_t index) const {
   const Json& view = json_.at("bufferViews").at(read_size(image, "bufferView"));
   const std::string& buffer = buffers_.at(read_size(view, "buffer"));
   const std::size_t offset = read_size(view, "byteOffset", 0), size = read_size(view, "byteLength");
-  if (offset > buffer.size() || size > buffer.size() - offset) fail("a buffer view reaches past its buffer");
+  if (offset > buffer.size() || size > buffer.size() - offset) fail("a buffer view exceeds its buffer");
   return buffer.substr(offset, size);
 }
 
@@ -205,11 +205,11 @@ GltfAsset::Numbers GltfAsset::locate(const Json& holder, std::size_t count, std:
   if (element == 0) fail(fmt::format("component type {} is unknown", type));
   const std::size_t view_offset = read_size(view, "byteOffset", 0), view_size = read_size(view, "byteLength");
   const std::size_t offset = read_size(holder, "byteOffset", 0), stride = read_size(view, "byteStride", element);
-  if (view_offset > buffer.size() || view_size > buffer.size() - view_offset) fail("a buffer view reaches past its buffer");
+  if (view_offset > buffer.size() || view_size > buffer.size() - view_offset) fail("a buffer view exceeds its buffer");
   // The last element needs no whole stride.
   if (stride < element || stride > 4096 || offset > view_size || count > view_size ||
       (count > 0 && stride * (count - 1) + element > view_size - offset)) {
-    fail("an accessor reaches past its buffer view");
+    fail("an accessor exceeds its buffer view");
   }
   return {buffer.data() + view_offset + offset, count, components, stride, type};
 }
@@ -259,7 +259,7 @@ std::vector<glm::dvec3> GltfAsset::read_positions(std::size_t accessor) const {
 
 std::vector<std::uint32_t> GltfAsset::read_indices(std::size_t accessor) const {
   const std::size_t type = read_size(json_.at("accessors").at(accessor), "componentType");
-  if (type != 5121 && type != 5123 && type != 5125) fail(fmt::format("index accessor {} is not of unsigned integers", accessor));
+  if (type != 5121 && type != 5123 && type != 5125) fail(fmt::format("index accessor {} does not contain unsigned integers", accessor));
   const std::vector<double> values = read_accessor(accessor, 1);
   return {values.begin(), values.end()};
 }

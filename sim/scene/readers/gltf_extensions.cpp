@@ -76,8 +76,7 @@ class ExtensionSearch {
   [[nodiscard]] std::vector<std::string> warnings() const {
     std::vector<std::string> lines;
     for (const auto& [name, place] : places_)
-      lines.push_back(
-          fmt::format("the glTF extension {} ({}) is not known and left out: it may change the geometry", one_line(name), place));
+      lines.push_back(fmt::format("the unknown glTF extension {} ({}) is ignored; it may change the geometry", one_line(name), place));
     return lines;
   }
 
@@ -96,7 +95,7 @@ std::vector<std::string> check_gltf_extensions(const Json& json, const std::stri
     for (const Json& extension : json["extensionsRequired"]) {
       const auto name = extension.get<std::string>();
       if (is_known_extension(name)) continue;
-      throw InputError(where, fmt::format("needs the extension {}, which is not read", one_line(name)),
+      throw InputError(where, fmt::format("needs the extension {}, which is not supported", one_line(name)),
                        has_fallback(name) ? "export the file without compression" : "export the file without it");
     }
   }

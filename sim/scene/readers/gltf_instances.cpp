@@ -81,7 +81,7 @@ void apply_morph_targets(const GltfAsset& asset, const Json& node, const Json& m
     if (weights[i] == 0 || !targets[i].contains("POSITION")) continue;
     const std::vector<double> offsets = asset.read_accessor(targets[i]["POSITION"].get<std::size_t>(), 3);
     if (offsets.size() != 3 * positions.size())
-      throw InputError(where, fmt::format("morph target {} moves {} of {} vertices", i, offsets.size() / 3, positions.size()),
+      throw InputError(where, fmt::format("morph target {} has {} offsets for {} vertices", i, offsets.size() / 3, positions.size()),
                        "export the file again");
     for (std::size_t v = 0; v < positions.size(); ++v)
       positions[v] += weights[i] * glm::dvec3(offsets[3 * v], offsets[3 * v + 1], offsets[3 * v + 2]);

@@ -54,7 +54,7 @@ class GltfReader {
       const auto [index, parent_to_world] = pending.back();
       pending.pop_back();
       const Json& node = list("nodes").at(index);
-      if (visited[index]) throw InputError(where_, fmt::format("node {} hangs on two parents", index), "export the file again");
+      if (visited[index]) throw InputError(where_, fmt::format("node {} has two parents", index), "export the file again");
       visited[index] = true;
       const glm::dmat4 to_world = parent_to_world * gltf_node_to_parent(node);
       if (node.contains("mesh")) append_mesh(node, index, to_world);
@@ -63,7 +63,7 @@ class GltfReader {
       for (std::size_t i = children.size(); i-- > 0;) pending.push_back({children[i], to_world});
     }
     if (num_triangles_ != num_promised_)
-      throw InputError(where_, fmt::format("promises {} triangles, of which {} were understood", num_promised_, num_triangles_),
+      throw InputError(where_, fmt::format("declares {} triangles, but only {} could be read", num_promised_, num_triangles_),
                        "export the file again");
   }
   [[nodiscard]] std::vector<std::string> take_warnings() { return std::move(warnings_); }
@@ -106,7 +106,7 @@ class GltfReader {
     for (const Json& primitive : mesh.at("primitives")) {
       const Json& attributes = primitive.at("attributes");
       if (!attributes.contains("POSITION")) {
-        warnings_.push_back(fmt::format("a primitive of '{}' has no positions and is left out", one_line(object)));
+        warnings_.push_back(fmt::format("a primitive of '{}' has no positions and is ignored", one_line(object)));
         continue;
       }
       std::vector<glm::dvec3> positions = asset_.read_positions(attributes["POSITION"].get<std::size_t>());
@@ -126,9 +126,9 @@ class GltfReader {
       indices = asset_.read_indices(primitive["indices"].get<std::size_t>());
     else
       std::iota(indices.begin(), indices.end(), 0u);
-    if (mode > kFan) throw InputError(where_, fmt::format("a primitive has the unknown mode {}", mode), "export the file again");
+    if (mode > kFan) throw InputError(where_, fmt::format("a primitive has an unknown mode {}", mode), "export the file again");
     if (mode == kPlain && indices.size() % 3 != 0)
-      throw InputError(where_, fmt::format("a primitive has {} corners of triangles, not a multiple of three", indices.size()),
+      throw InputError(where_, fmt::format("a primitive has {} triangle corners, which is not a multiple of three", indices.size()),
                        "export the file again");
     std::vector<std::uint32_t> corners = triangle_corners(indices, mode);
     num_promised_ += num_instances * promised_triangles(primitive, mode);
@@ -171,7 +171,7 @@ std::vector<std::string> visit_gltf(const std::filesystem::path& path, const glm
   } catch (const Json::exception& error) {  // a key is missing or of the wrong type
     throw InputError(path.string(), "is not valid glTF: " + one_line(error.what()), "export the file again");
   } catch (const std::out_of_range&) {
-    throw InputError(path.string(), "is not valid glTF: an index points nowhere", "export the file again");
+    throw InputError(path.string(), "is not valid glTF: an index is out of range", "export the file again");
   }
 }
 

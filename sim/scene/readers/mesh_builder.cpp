@@ -31,8 +31,10 @@ void MeshBuilder::append(const std::string& object, const std::string& material,
   for (std::size_t i = 0; i < positions.size(); ++i) {
     const glm::dvec3 world = to_world * glm::dvec4(positions[i], 1.0);
     if (!is_valid_position(world)) {
-      throw InputError(where_, fmt::format("vertex {} of '{}' is not finite or beyond {:g} m", i, one_line(object), kMaxCoordinateM),
-                       "repair the mesh and export it again");
+      throw InputError(
+          where_,
+          fmt::format("vertex {} of '{}' is not finite or farther than {:g} m from the origin", i, one_line(object), kMaxCoordinateM),
+          "repair the mesh and export it again");
     }
     world_.push_back(world);
   }
@@ -43,7 +45,8 @@ void MeshBuilder::append(const std::string& object, const std::string& material,
     for (std::size_t c = i; c < i + 3; ++c) {
       if (corners[c] >= positions.size()) {
         throw InputError(where_,
-                         fmt::format("triangle {} of '{}' uses vertex {} of {}", i / 3, one_line(object), corners[c], positions.size()),
+                         fmt::format("triangle {} of '{}' uses vertex {}, but there are {} vertices", i / 3, one_line(object), corners[c],
+                                     positions.size()),
                          "repair the mesh and export it again");
       }
     }

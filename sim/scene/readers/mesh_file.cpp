@@ -38,7 +38,7 @@ void warn_of_missing_libraries(std::string_view bytes, const std::filesystem::pa
   const std::size_t count = names.size();
   names.resize(std::min(count, kMostNames));
   file.warnings.push_back(
-      fmt::format("{} material libraries that it names are missing ({}{}): names of materials count, colours and textures do not", count,
+      fmt::format("{} material libraries are missing ({}{}), so surfaces have no colors and textures; material names are still used", count,
                   listed(names, ", "), count > kMostNames ? ", ..." : ""));
 }
 
@@ -66,7 +66,7 @@ MeshFile read_mesh_file(const std::filesystem::path& path, bool with_looks) {
     num_faces = count_stl_faces(bytes);
   }
   if (file.num_faces != num_faces)
-    throw InputError(where, fmt::format("holds {} faces, of which {} were understood", num_faces, file.num_faces),
+    throw InputError(where, fmt::format("contains {} faces, but only {} could be read", num_faces, file.num_faces),
                      "export it again, or as glTF");
   return file;
 }

@@ -27,10 +27,10 @@ void warn_about_size(const TriangleMesh& mesh, double position_step_m, ImportRep
     report.warnings.push_back(fmt::format("the scene is {:.4g} m in size: is the unit right? (unit_m in a scene YAML)", largest_m));
   }
   if (position_step_m > 2e-6 * largest_m) {
-    report.warnings.push_back(fmt::format(
-        "the file holds floats so far from its origin that they are exact to {:.2g} m only, in a scene of {:.4g} m: move the mesh "
-        "to the origin of the file (a node may put it back)",
-        position_step_m, largest_m));
+    report.warnings.push_back(
+        fmt::format("the mesh is so far from the origin that its coordinates are exact to {:.2g} m only, in a scene of {:.4g} m; move the "
+                    "mesh to the origin of the file",
+                    position_step_m, largest_m));
   }
 }
 
@@ -80,8 +80,8 @@ ImportedMesh import_mesh(const std::filesystem::path& path, const MeshImportOpti
   const std::string where = path.string();
   std::error_code error;
   if (!std::filesystem::exists(path, error)) throw InputError(where, "does not exist", "check the path of the mesh");
-  if (!std::filesystem::is_regular_file(path, error)) throw InputError(where, "is not a file", "name a glb, gltf, obj, ply or stl file");
-  if (!is_mesh_file(path)) throw InputError(where, "has an unknown extension", "name a glb, gltf, obj, ply or stl file");
+  if (!std::filesystem::is_regular_file(path, error)) throw InputError(where, "is not a file", "give a glb, gltf, obj, ply or stl file");
+  if (!is_mesh_file(path)) throw InputError(where, "has an unknown extension", "give a glb, gltf, obj, ply or stl file");
 
   ImportedMesh imported;
   const std::string extension = folded_extension(path);

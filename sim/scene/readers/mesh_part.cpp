@@ -11,11 +11,12 @@ namespace earshot {
 void FaceCutter::add(std::span<const std::uint32_t> face, MeshPart& part) {
   const std::uint64_t number = num_faces_++;
   if (face.size() > largest_polygon)
-    throw InputError(where_, fmt::format("face {} has {} corners", number, face.size()), "cut it into triangles and export it again");
+    throw InputError(where_, fmt::format("face {} has {} corners", number, face.size()), "triangulate it and export it again");
   for (const std::uint32_t index : face) {
     if (index >= part.positions.size())
       throw InputError(where_,
-                       fmt::format("face {} of '{}' uses vertex {} of {}", number, one_line(part.object), index, part.positions.size()),
+                       fmt::format("face {} of '{}' uses vertex {}, but there are {} vertices", number, one_line(part.object), index,
+                                   part.positions.size()),
                        "repair the mesh and export it again");
   }
   if (face.size() < 3) {
@@ -36,8 +37,7 @@ void FaceCutter::add(std::span<const std::uint32_t> face, MeshPart& part) {
 
 std::string FaceCutter::warning() const {
   if (num_without_surface_ == 0) return {};
-  return fmt::format("{} of {} faces have fewer than three corners: they have no surface and are left out", num_without_surface_,
-                     num_faces_);
+  return fmt::format("{} of {} faces have fewer than three corners and are ignored", num_without_surface_, num_faces_);
 }
 
 }  // namespace earshot

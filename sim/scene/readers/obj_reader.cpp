@@ -168,7 +168,7 @@ class ObjParser {
 
   /// v, v/vt, v//vn or v/vt/vn.
   Corner corner(std::string_view word) {
-    const auto wrong = [&] { fail(fmt::format("the face corner '{}' is not understood", one_line(std::string(word)))); };
+    const auto wrong = [&] { fail(fmt::format("the face corner '{}' is not valid", one_line(std::string(word)))); };
     std::array<std::string_view, 3> fields;
     std::size_t count = 0;
     for (std::string_view left = word;; ++count) {
@@ -229,18 +229,18 @@ class ObjParser {
     const bool has_unused = highest_used_ < positions_.size();
     if (last.has_break && statements_.ends_in_break()) {
       if (has_unused && !faces_.empty())
-        warnings_.push_back(
-            fmt::format("no face uses the vertices {} to {}, the last of the file: is it whole?", highest_used_ + 1, positions_.size()));
+        warnings_.push_back(fmt::format("no face uses the last vertices of the file, {} to {}; check that the file is complete",
+                                        highest_used_ + 1, positions_.size()));
       return;
     }
     const bool is_face = last.keyword == "f" || last.keyword == "fo";
     const bool is_complete = last.has_break || (is_face ? is_complete_face() : is_without_corner_count(last.keyword));
     if (!is_complete || has_unused)
       throw InputError(where_,
-                       fmt::format("ends within its last line{}: the file was cut off",
+                       fmt::format("ends within its last line{}: the file is truncated",
                                    is_complete ? fmt::format(", and no face uses the vertices from {}", highest_used_ + 1) : ""),
-                       "copy or export it again; if it is whole, end its last line with a line break");
-    doubts_.emplace_back("the last line has no line break behind it: is the file whole?");
+                       "copy or export it again; if it is complete, end its last line with a line break");
+    doubts_.emplace_back("the last line has no line break; check that the file is complete");
   }
 
   static bool is_without_corner_count(std::string_view word) { return word == "l" || word == "p" || word == "s"; }
@@ -280,14 +280,15 @@ class ObjParser {
     if (const std::string warning = cutter.warning(); !warning.empty()) warnings_.push_back(warning);
     if (num_unknown_ > 0)
       warnings_.push_back(
-          fmt::format("{} lines begin with an unknown word and are left out (line {}: '{}')", num_unknown_, unknown_line_, unknown_));
+          fmt::format("{} lines start with an unknown word and are ignored (line {}: '{}')", num_unknown_, unknown_line_, unknown_));
     return {std::move(parts_), cutter.num_faces(), std::move(warnings_), std::move(doubts_)};
   }
 
   void add_position(const Corner& corner, std::uint64_t face, MeshPart& part) const {
     if (corner.vertex >= positions_.size())
       throw InputError(where_,
-                       fmt::format("face {} of '{}' uses vertex {} of {}", face, one_line(part.object), corner.vertex, positions_.size()),
+                       fmt::format("face {} of '{}' uses vertex {}, but there are {} vertices", face, one_line(part.object), corner.vertex,
+                                   positions_.size()),
                        "repair the mesh and export it again");
     part.positions.push_back(positions_[corner.vertex]);
     if (!uvs_.empty()) part.uvs.push_back(corner.uv == kNoUv ? glm::vec2(0) : uvs_[corner.uv]);

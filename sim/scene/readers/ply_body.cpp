@@ -44,12 +44,12 @@ std::string_view PlyBody::word() {
   for (;;) {
     const std::string_view found = take_word(line_);
     if (!found.empty()) return found;
-    if (!next_line()) fail("ends before all elements that its PLY header promises");
+    if (!next_line()) fail("ends before all elements of its PLY header");
   }
 }
 
 std::string_view PlyBody::take(std::size_t size) {
-  if (size > bytes_left()) fail("ends before all elements that its PLY header promises");
+  if (size > bytes_left()) fail("ends before all elements of its PLY header");
   const std::string_view raw = bytes_.substr(at_, size);
   at_ += size;
   return raw;
@@ -100,18 +100,18 @@ std::int64_t PlyBody::whole(PlyType type) {
 
 void PlyBody::end_element() {
   if (body_ == PlyHeader::Body::ascii && !trimmed(line_).empty())
-    fail(fmt::format("line {} holds more numbers than the PLY header promises", lines_before_ + lines_.number()));
+    fail(fmt::format("line {} has more numbers than the PLY header declares", lines_before_ + lines_.number()));
 }
 
 std::string PlyBody::end() {
   if (body_ != PlyHeader::Body::ascii)
-    return bytes_left() == 0 ? "" : fmt::format("{} bytes follow the elements that the PLY header promises", bytes_left());
+    return bytes_left() == 0 ? "" : fmt::format("{} extra bytes after the last element of the PLY header", bytes_left());
   const bool ends_in_break = lines_.has_break();
   while (next_line()) {
     if (trimmed(line_).find_first_not_of(std::string_view("\x1A\0", 2)) != std::string_view::npos)
-      fail(fmt::format("line {} follows the elements that the PLY header promises", lines_before_ + lines_.number()));
+      fail(fmt::format("line {} comes after the last element of the PLY header", lines_before_ + lines_.number()));
   }
-  return ends_in_break ? "" : "the last line has no line break behind it: is the file whole?";
+  return ends_in_break ? "" : "the last line has no line break; check that the file is complete";
 }
 
 }  // namespace earshot

@@ -50,7 +50,7 @@ class PlyHeaderParser {
   [[noreturn]] void fail(const std::string& what) const {
     throw InputError(where_, what, "check the file in a mesh viewer or export it again");
   }
-  [[noreturn]] void wrong_line() const { fail(fmt::format("PLY header line {} is not understood", header_.num_lines)); }
+  [[noreturn]] void wrong_line() const { fail(fmt::format("PLY header line {} is not valid", header_.num_lines)); }
 
   void find_line_break() {
     if (!bytes_.starts_with("ply")) fail("is not a PLY file");
@@ -123,7 +123,7 @@ class PlyHeaderParser {
     }
     const std::size_t rest = bytes_.size() - at_;
     if (body_bytes > static_cast<double>(rest) + (header_.body == PlyHeader::Body::ascii ? 1 : 0))
-      fail(fmt::format("PLY header promises at least {:.0f} bytes of data, {} are there", body_bytes, rest));
+      fail(fmt::format("PLY header declares at least {:.0f} bytes of data, but the file has {}", body_bytes, rest));
   }
 
   std::string_view bytes_, line_break_;

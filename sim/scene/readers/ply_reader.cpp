@@ -125,14 +125,15 @@ class PlyParser {
   std::uint32_t corner(const PlyProperty& property, bool is_strip) {
     const std::int64_t index = body_.whole(property.type);
     if (is_strip && index == -1) return kRestart;
-    if (index < 0 || index >= kRestart) fail(fmt::format("face {} uses vertex {} of {}", faces_.size(), index, part_.positions.size()));
+    if (index < 0 || index >= kRestart)
+      fail(fmt::format("face {} uses vertex {}, but there are {} vertices", faces_.size(), index, part_.positions.size()));
     return static_cast<std::uint32_t>(index);
   }
 
   void pass_over(const PlyElement& element) {
     const bool has_surface = std::any_of(element.properties.begin(), element.properties.end(), is_corner_list);
     if (has_surface && element.count > 0)
-      warnings_.push_back(fmt::format("the PLY elements '{}' ({}) are left out", one_line(element.name), element.count));
+      warnings_.push_back(fmt::format("the PLY elements '{}' ({}) are ignored", one_line(element.name), element.count));
     // An element without properties has no bytes, whatever its count.
     for (std::uint64_t i = 0; i < element.count && !element.properties.empty(); ++i) {
       for (const PlyProperty& property : element.properties) skip(property);
@@ -167,7 +168,8 @@ class PlyParser {
         begin = i + 1;
         continue;
       }
-      if (corners[i] >= part_.positions.size()) fail(fmt::format("a strip uses vertex {} of {}", corners[i], part_.positions.size()));
+      if (corners[i] >= part_.positions.size())
+        fail(fmt::format("a strip uses vertex {}, but there are {} vertices", corners[i], part_.positions.size()));
       if (i < begin + 2) continue;
       const bool is_odd = (i - begin) % 2 != 0;
       part_.corners.insert(part_.corners.end(), {corners[i - (is_odd ? 1 : 2)], corners[i - (is_odd ? 2 : 1)], corners[i]});

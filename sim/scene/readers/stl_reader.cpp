@@ -32,7 +32,7 @@ MeshFile parse_binary_stl(std::string_view bytes, std::uint32_t count, const std
   const std::size_t there = (bytes.size() - kStlHeaderBytes) / kStlFacetBytes;
   const std::size_t left = bytes.size() - kStlHeaderBytes - std::min<std::size_t>(count, there) * kStlFacetBytes;
   if (count > there || (left >= kStlFacetBytes && left % kStlFacetBytes == 0))
-    throw InputError(where, fmt::format("promises {} triangles in its header, {} are there", count, there), "copy or export it again");
+    throw InputError(where, fmt::format("declares {} triangles in its header, but contains {}", count, there), "copy or export it again");
   MeshFile file{.parts = {}, .num_faces = 0, .warnings = {}};
   MeshPart part{.object = object, .material = kStlMaterial, .positions = {}, .corners = {}, .has_floats = true};
   const bool is_materialise = bytes.substr(0, 80).find("COLOR=") != std::string_view::npos;
@@ -53,7 +53,7 @@ MeshFile parse_binary_stl(std::string_view bytes, std::uint32_t count, const std
   if (!has_color) part.colors.clear();
   file.num_faces = cutter.num_faces();
   file.parts.push_back(std::move(part));
-  if (left > 0) file.warnings.push_back(fmt::format("{} bytes follow the {} triangles that the header promises", left, count));
+  if (left > 0) file.warnings.push_back(fmt::format("{} extra bytes after the {} triangles of the header", left, count));
   return file;
 }
 
@@ -77,8 +77,8 @@ class StlTextParser {
       }
     }
     MeshFile file{.parts = std::move(parts_), .num_faces = cutter_.num_faces(), .warnings = {}};
-    if (is_open_) file.doubts.emplace_back("the last solid has no endsolid: is the file whole?");
-    if (num_unknown_ > 0) file.warnings.push_back(fmt::format("{} lines are not understood and left out ({})", num_unknown_, unknown_));
+    if (is_open_) file.doubts.emplace_back("the last solid has no endsolid; check that the file is complete");
+    if (num_unknown_ > 0) file.warnings.push_back(fmt::format("{} lines are not valid and are ignored ({})", num_unknown_, unknown_));
     if (const std::string warning = cutter_.warning(); !warning.empty()) file.warnings.push_back(warning);
     return file;
   }
@@ -103,7 +103,7 @@ class StlTextParser {
 
   void expect(const char* wanted) {
     if (!next_word()) fail(fmt::format("the file ends within a facet, before '{}'", wanted));
-    if (word_ != wanted) fail(fmt::format("'{}' where '{}' is expected", one_line(word_), wanted));
+    if (word_ != wanted) fail(fmt::format("found '{}' instead of '{}'", one_line(word_), wanted));
   }
 
   void begin_solid() {
@@ -129,7 +129,7 @@ class StlTextParser {
     for (;;) {
       if (!next_word()) fail("the file ends within a facet");
       if (word_ == "endloop") break;
-      if (word_ != "vertex") fail(fmt::format("'{}' where 'vertex' is expected", one_line(word_)));
+      if (word_ != "vertex") fail(fmt::format("found '{}' instead of 'vertex'", one_line(word_)));
       face_.push_back(static_cast<std::uint32_t>(part.positions.size()));
       glm::dvec3 position(0);
       for (int axis = 0; axis < 3; ++axis) position[axis] = coordinate();

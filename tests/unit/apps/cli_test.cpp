@@ -109,8 +109,8 @@ TEST_F(Cli, RirPlansForAnAccuracy) {
   const std::string bad = "rir shoebox:5x3x4 --source 1,1,1 --listener 2,1,2 --out " + file("x.wav") + " --accuracy ";
   expect_bad_input(bad + "t20=5", "t20=5%,drr=1dB,edc=1dB");
   expect_bad_input(bad + "t20=5% --set rays=64", "sets a key that --accuracy chooses");
-  expect_bad_input(bad + "t30=5%", "names none of t20, drr and edc");
-  expect_bad_input(bad + "t20=5% --set rir_length_s=0.05", "has no value");
+  expect_bad_input(bad + "t30=5%", "is not one of t20=, drr= and edc=");
+  expect_bad_input(bad + "t20=5% --set rir_length_s=0.05", "cannot be measured");
   EXPECT_FALSE(std::filesystem::exists(file("x.wav")));
 }
 
@@ -227,7 +227,7 @@ TEST_F(Cli, SeveralSourcesAndListenersGiveAFileEach) {
   expect_bad_input("rir shoebox:5x3x4 --source 1,1,1 --listener 2,1,2 --simplify 0 --out " + file("x.wav"), "simplify_m");
   expect_bad_input("rir shoebox:5x3x4 --source 1,1,1 --listener 2,1,2 --plot " + file("x.wav") + " --out " + file("x.wav"), "two outputs");
   std::filesystem::create_directory(file("folder.wav"));
-  expect_bad_input("rir shoebox:5x3x4 --source 1,1,1 --listener 2,1,2 --preset fast --out " + file("folder.wav"), "not a plain file");
+  expect_bad_input("rir shoebox:5x3x4 --source 1,1,1 --listener 2,1,2 --preset fast --out " + file("folder.wav"), "not a regular file");
   expect_bad_input("rir shoebox:5x3x4 --source 1,1,1 --listener 2,1,2 --heading 0,90 --out " + file("x.wav"), "--heading");
 }
 

@@ -87,10 +87,10 @@ TEST_F(MeshChoicesCli, WhatHasNoMeaningIsRefused) {
   expect_refused("scene " + mesh + ",up=x", "has the up axis 'x'");
   expect_refused("scene " + mesh + ",axis=z", "has 'axis=z' after the file");
   expect_refused("scene " + mesh + ",up=z,up=z", "each once");
-  expect_refused("scene " + mesh + ",up=z --up z", "say it once");
-  expect_refused("dataset episodes house:3 --up z --out " + file("e.json"), "is no mesh file");
+  expect_refused("scene " + mesh + ",up=z --up z", "give it once");
+  expect_refused("dataset episodes house:3 --up z --out " + file("e.json"), "is not a mesh file");
   expect_refused("bench rir --quick --up z", "no SCENE is given");
-  expect_refused("bench env --quick --unit 0.01", "is no mesh file");
+  expect_refused("bench env --quick --unit 0.01", "is not a mesh file");
 }
 
 TEST_F(MeshChoicesCli, AFileWithACommaIsThatFile) {

@@ -41,8 +41,8 @@ TEST_F(PlacesCli, APlaceOutsideAShoeboxIsRefused) {
   const std::string rir = "rir shoebox:5x3x4@0.2" + (kQuick + file("x.wav"));
   expect_outside(rir + " --source 1,1,1 --listener 12,1,1", "listener 12,1,1");
   expect_outside(rir + " --source 1,1,-2 --listener 2,1,1", "source 1,1,-2");
-  expect_outside(rir + " --source 1,1,1 --listener 380,160,230", "read in centimetres it would be 3.8,1.6,2.3, inside");
-  expect_outside(rir + " --source 1,1,1 --listener 2,-3,1.5", "read with z up it would be 2,1.5,3, inside");
+  expect_outside(rir + " --source 1,1,1 --listener 380,160,230", "if it was meant in centimetres, it is 3.8,1.6,2.3, inside");
+  expect_outside(rir + " --source 1,1,1 --listener 2,-3,1.5", "if it was meant with z up, it is 2,1.5,3, inside");
   expect_outside(rir + " --source 1,1,1 --listener 2,1,1 --listener 2,1,9", "listener 2,1,9");  // the second of two
   expect_outside(walk("shoebox:5x3x4@0.2", "0,1,1.5,1,0\n0.3,1,1.5,2,0\n") + " --source 4,1.5,9", "source at 0 s, 4,1.5,9");
   expect_outside(walk("shoebox:5x3x4@0.2", "0,1,1.5,1,0\n0.5,9,1.5,1,0\n") + " --source 4,1.5,1", "listener at 0.3 s, 5.8,1.5,1");
@@ -140,8 +140,8 @@ TEST_F(PlacesCli, WhatWallsLetThroughIsHeardWithAWarning) {
         earshot("rir " + scene + kQuick + file("x.wav") + " --set transmission=on --source " + point_text(room.inside(0)) + " --listener " +
                 point_text(room.outside(1)) + " --metrics " + file("x.json"));
     EXPECT_EQ(outcome.exit_code, 0) << outcome.errors;
-    EXPECT_THAT(outcome.errors, HasSubstr("only what walls let through"));
-    EXPECT_THAT(read("x.json"), HasSubstr("only what walls let through"));
+    EXPECT_THAT(outcome.errors, HasSubstr("only sound through walls"));
+    EXPECT_THAT(read("x.json"), HasSubstr("only sound through walls"));
   }
 }
 

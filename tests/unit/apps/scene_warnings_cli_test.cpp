@@ -144,7 +144,7 @@ TEST_F(SceneWarningsCli, SceneSaysWhyASurfaceHasItsMaterial) {
   }
   EXPECT_EQ(why.at("Panel"), "assign.Pan*");
   EXPECT_EQ(why.at("floor"), "category floor");
-  EXPECT_EQ(why.at("Xq_1"), "default: nothing names a material");
+  EXPECT_EQ(why.at("Xq_1"), "default: no material is assigned");
   const glm::dvec3 s = room.size;
   EXPECT_NEAR(area_m2, 2 * (s.x * s.y + s.y * s.z + s.z * s.x), 1e-3);
   EXPECT_THAT(read("stdout"), HasSubstr("assign.Pan*"));

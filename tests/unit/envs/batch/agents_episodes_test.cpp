@@ -154,7 +154,7 @@ TEST(Agents, WhatIsMissingOrWrongIsSaid) {
     BatchedEnv(config, make_set({alone}), scenes, 1);
     FAIL();
   } catch (const InputError& error) {
-    EXPECT_THAT(error.what(), testing::HasSubstr("env.agents asks for 2"));
+    EXPECT_THAT(error.what(), testing::HasSubstr("env.agents is 2"));
     EXPECT_THAT(error.what(), testing::HasSubstr("--agents"));
   }
   Episode off = two_in_a_room({40, 0, 4});

@@ -177,9 +177,9 @@ TEST(Appearance, MissingAndDamagedTexturesAreRefusedInOneLine) {
   };
   EXPECT_THAT(message_for("none.png"), testing::HasSubstr("none.png"));
   folder.write("cut.png", "\x89PNG\r\n\x1a\n and no more");
-  EXPECT_THAT(message_for("cut.png"), testing::HasSubstr("is not a whole PNG"));
+  EXPECT_THAT(message_for("cut.png"), testing::HasSubstr("is not a complete PNG"));
   folder.write("cut.jpg", "\xFF\xD8\xFF\xE0 and no more");
-  EXPECT_THAT(message_for("cut.jpg"), testing::HasSubstr("is not a whole JPEG"));
+  EXPECT_THAT(message_for("cut.jpg"), testing::HasSubstr("is not a complete JPEG"));
   folder.write("other.ktx2", "something else");
   EXPECT_EQ(message_for("other.ktx2"), "");  // a warning
 }

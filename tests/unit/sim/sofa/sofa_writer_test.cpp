@@ -46,7 +46,7 @@ std::string attribute(const MYSOFA_ATTRIBUTE* list, const char* name) {
 }
 
 TEST(SofaWriter, AnotherReaderFindsWhatWasWritten) {
-  if (!can_write_sofa()) GTEST_SKIP() << "built without HDF5";
+  if (!can_write_sofa()) GTEST_SKIP() << "this build has no HDF5";
   const SofaRoomResponses written = three_listeners();
   const std::filesystem::path path = std::filesystem::temp_directory_path() / ("earshot_sofa_" + std::to_string(::getpid()) + ".sofa");
   write_file_atomically(path, encode_sofa(written, "room.sofa"));
@@ -75,7 +75,7 @@ TEST(SofaWriter, AnotherReaderFindsWhatWasWritten) {
 }
 
 TEST(SofaWriter, TheSameResponsesAreTheSameBytes) {
-  if (!can_write_sofa()) GTEST_SKIP() << "built without HDF5";
+  if (!can_write_sofa()) GTEST_SKIP() << "this build has no HDF5";
   SofaRoomResponses responses = three_listeners();
   const std::string bytes = encode_sofa(responses, "a");
   EXPECT_TRUE(encode_sofa(responses, "b") == bytes);

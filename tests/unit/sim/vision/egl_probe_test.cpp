@@ -52,7 +52,7 @@ TEST(EglProbe, CrashOfEachDeviceIsItsProblem) {
 
 TEST(EglProbe, DriverThatEndsTheProcessIsAProblem) {
   const FakeReader reader(R"([ "$5" = count ] || exit 7)");
-  EXPECT_THAT(probe_egl_device(EglDevice::kSurfaceless).problem, HasSubstr("ends its driver (exit code 7)"));
+  EXPECT_THAT(probe_egl_device(EglDevice::kSurfaceless).problem, HasSubstr("makes its driver exit with code 7"));
 }
 
 TEST(EglProbe, ListThatCrashesNamesTheCrash) {

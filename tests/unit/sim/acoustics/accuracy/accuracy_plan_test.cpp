@@ -146,7 +146,7 @@ TEST(AccuracyPlan, SaysSoWhereNothingKeepsThePromise) {
     (void)plan_accuracy(request);
     FAIL() << "promised";
   } catch (const InputError& refused) {
-    EXPECT_NE(std::string(refused.what()).find("cannot be promised"), std::string::npos) << refused.what();
+    EXPECT_NE(std::string(refused.what()).find("cannot be met"), std::string::npos) << refused.what();
     EXPECT_NE(std::string(refused.what()).find("t20="), std::string::npos) << refused.what();
   }
 }

@@ -50,7 +50,7 @@ TEST(IsolatedCall, ACrashIsARefusal) {
   for (const char* how : {"segv", "abort", "overflow"})
     EXPECT_THAT(refusal({how}), AllOf(StartsWith("house.obj: "), HasSubstr("the library that reads it"), Not(HasSubstr("\n")))) << how;
   EXPECT_THAT(refusal({"exit"}), HasSubstr("exit code 3"));
-  EXPECT_THAT(refusal({"leave"}), HasSubstr("no whole answer"));
+  EXPECT_THAT(refusal({"leave"}), HasSubstr("an incomplete answer"));
 }
 
 TEST(IsolatedCall, AnEndlessReadEndsAtTheLimit) {
@@ -78,7 +78,7 @@ TEST(IsolatedCall, MemoryIsBounded) {
 
 TEST(IsolatedCall, AHalfOrWrongAnswerIsARefusal) {
   for (const char* how : {"half", "header", "garbage", "flipped", "huge"})
-    EXPECT_THAT(refusal({how}), AllOf(StartsWith("house.obj: "), HasSubstr("no whole answer"))) << how;
+    EXPECT_THAT(refusal({how}), AllOf(StartsWith("house.obj: "), HasSubstr("an incomplete answer"))) << how;
 }
 
 TEST(IsolatedCall, CannotWriteFiles) {

@@ -36,7 +36,7 @@ TEST(SchemaVersion, OfNewerFilesIsNamed) {
   EXPECT_THAT(refusal([] { check_schema_version("a.json", "a result", 4, {.oldest = 1, .newest = 3}); }),
               HasSubstr("reads versions 1 to 3"));
   EXPECT_THAT(refusal([] { check_schema_version("a.json", "a result", 1, {.oldest = 2, .newest = 2}); }),
-              HasSubstr("use the earshot that wrote it"));
+              HasSubstr("use the version of earshot that wrote it"));
   for (const std::int64_t version : {std::int64_t{0}, std::int64_t{-1}, std::int64_t{1} << 40})
     EXPECT_NE(refusal([&] { check_schema_version("a.json", "a result", version, {}); }), "") << version;
 }

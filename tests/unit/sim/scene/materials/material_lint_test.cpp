@@ -57,9 +57,9 @@ TEST(MaterialLint, FindsEachKindOfFault) {
   EXPECT_THAT(findings_with("transmission", "[125, 0.1, 250, 0.0009, 500, 0.0009]"), Contains(HasSubstr("transmission steps")));
   EXPECT_THAT(findings_with("transmission", "[125, 0.1, 250, 0.005, 500, 0.003]"), IsEmpty()) << "13 dB an octave occurs in drywall";
   EXPECT_THAT(findings_with("scattering", "[125, 0.5, 4000, 0.5]"), Contains(HasSubstr("scattering is 0.5 at all frequencies")));
-  EXPECT_THAT(findings_with("labels", R"(["default", "rug", "Rug"])"), Contains(HasSubstr("'Rug' is there twice")));
+  EXPECT_THAT(findings_with("labels", R"(["default", "rug", "Rug"])"), Contains(HasSubstr("'Rug' occurs twice")));
   EXPECT_THAT(findings_with("labels", R"(["rug"])"), Contains(": no material is labelled 'default'"));
-  EXPECT_THAT(findings_with("labels", R"(["default", "piperefrigerator"])"), Contains(HasSubstr("'pipe' and 'refrigerator' run together")));
+  EXPECT_THAT(findings_with("labels", R"(["default", "piperefrigerator"])"), Contains(HasSubstr("'pipe' and 'refrigerator' joined")));
   EXPECT_THAT(findings_with("labels", R"(["default", "bookcase"])"), IsEmpty()) << "a word of its own";
 }
 
@@ -72,10 +72,11 @@ TEST(MaterialLint, FindsFaultsBetweenMaterials) {
                                                      R"(, "transmission": [125, 0.02, 250, 0.01, 500, 0.00089]},
     {"name": "b", )" + rest + R"(, "transmission": [125, 0.02, 250, 0.01, 500, 0.0089]},
     {"name": "c", )" + rest + R"(, "transmission": [125, 0.02, 250, 0.01, 500, 0.0089]}]})");
-  EXPECT_THAT(lines,
-              Contains("plaster: transmission is that of 'brick' but for 0.00089 against 0.0089 at 500 Hz: a slip of the decimal point?"));
+  EXPECT_THAT(
+      lines,
+      Contains("plaster: transmission equals that of 'brick' except for 0.00089 instead of 0.0089 at 500 Hz; check the decimal point"));
   EXPECT_THAT(lines, Contains("plaster: label 'brick' is the name of another material"));
-  EXPECT_THAT(lines, Contains(": 'brick', 'b', 'c' share one transmission and name no source"));
+  EXPECT_THAT(lines, Contains(": 'brick', 'b', 'c' have the same transmission and no source"));
   EXPECT_THAT(lines, Contains(": no material is named or labelled 'wall'"));
   EXPECT_THAT(lines, Not(Contains(HasSubstr("'default'"))));
 }
@@ -111,15 +112,14 @@ TEST(MaterialLint, FindsThePredecessorsFaults) {
   const std::filesystem::path path = data_folder() / "materials/soundspaces_materials.json";
   const std::vector<std::string> lines = findings_of(predecessor_json(path));
   for (const char* finding : {
-           "plasterOnBrick: transmission is that of 'brick' but for 0.00089 against 0.0089 at 4000 Hz: a slip of the decimal point?",
-           "plasterOnConcreteBlock: transmission is that of 'concreteBlock' but for 0.00011 against 0.0011 at 2000 Hz: a slip of the "
-           "decimal "
-           "point?",
+           "plasterOnBrick: transmission equals that of 'brick' except for 0.00089 instead of 0.0089 at 4000 Hz; check the decimal point",
+           "plasterOnConcreteBlock: transmission equals that of 'concreteBlock' except for 0.00011 instead of 0.0011 at 2000 Hz; check the "
+           "decimal point",
            "plasterOnConcreteBlock: transmission steps from 0.0035 at 1000 Hz to 0.00011 at 2000 Hz",
            "foliage: transmission 0.9 exceeds the absorption 0.03 at 125 Hz",
            "steel: transmission 0.25 exceeds the absorption 0.05 at 125 Hz",
-           "steel: label 'piperefrigerator' looks like 'pipe' and 'refrigerator' run together",
-           "carpet: label 'floor' is there twice, first on 'carpet'",
+           "steel: label 'piperefrigerator' looks like 'pipe' and 'refrigerator' joined",
+           "carpet: label 'floor' occurs twice, first on 'carpet'",
            "soundProof: absorption is 1 at all frequencies, which looks like a placeholder",
            "soundProof: scattering is 0 at all frequencies, which looks like a placeholder",
            "brick: absorption has no source",
@@ -127,7 +127,7 @@ TEST(MaterialLint, FindsThePredecessorsFaults) {
     EXPECT_THAT(lines, Contains(finding));
   }
   EXPECT_THAT(lines, Contains(HasSubstr("'carpet', 'carpetHeavy', 'carpetHeavyPadded', 'ceramicTile', 'concrete', 'concreteRough', "
-                                        "'woodOnConcrete' share one transmission")));
+                                        "'woodOnConcrete' have the same transmission")));
 }
 
 // The predecessor's layout loads, flat arrays, water's speed and all; what exceeds its absorption is lowered and reported.

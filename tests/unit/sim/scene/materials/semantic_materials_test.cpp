@@ -120,7 +120,7 @@ TEST(SceneSemantics, KeysAreChecked) {
   const auto error_of = [&](const std::string& keys) { return message_of<InputError>([&] { scene_with(keys, folder); }); };
   EXPECT_THAT(error_of("semantic: indoor\n"), HasSubstr("semantics"));
   EXPECT_THAT(error_of("label_matching: substring\n"), HasSubstr("legacy_substring"));
-  EXPECT_THAT(error_of("coefficients: pressure\n"), HasSubstr("without materials"));
+  EXPECT_THAT(error_of("coefficients: pressure\n"), HasSubstr("without `materials`"));
   EXPECT_THAT(error_of("randomize: {seeds: 1}\n"), HasSubstr("seed"));
   EXPECT_THAT(error_of("randomize: {noise_std: -0.1}\n"), HasSubstr("noise_std"));
   EXPECT_THAT(error_of("randomize: {noise_std: .nan}\n"), HasSubstr("noise_std"));

@@ -144,10 +144,10 @@ TEST(GltfReader, RefusesBrokenFilesInOneLine) {
   EXPECT_THAT(error_of(R"({"asset": {"version": "1.0"}})"), HasSubstr("version"));
   EXPECT_THAT(error_of(R"({"asset": {"version": "2.0"}})"), HasSubstr("no triangles"));
   EXPECT_THAT(error_of(one_triangle().glb().substr(0, 60), "a.glb"), HasSubstr("GLB"));
-  EXPECT_THAT(changed([](Json& j) { j["accessors"][0]["count"] = 4; }), HasSubstr("past its buffer view"));
+  EXPECT_THAT(changed([](Json& j) { j["accessors"][0]["count"] = 4; }), HasSubstr("exceeds its buffer view"));
   EXPECT_THAT(changed([](Json& j) { j["accessors"][0]["count"] = 0xFFFFFFFFFFFFull; }), HasSubstr("elements"));
   EXPECT_THAT(changed([](Json& j) { j["accessors"][0]["byteOffset"] = -4; }), HasSubstr("byteOffset"));
-  EXPECT_THAT(changed([](Json& j) { j["bufferViews"][0]["byteLength"] = 1000; }), HasSubstr("past its buffer"));
+  EXPECT_THAT(changed([](Json& j) { j["bufferViews"][0]["byteLength"] = 1000; }), HasSubstr("exceeds its buffer"));
   EXPECT_THAT(changed([](Json& j) { j["accessors"][0]["componentType"] = 5130; }), HasSubstr("5130"));
   EXPECT_THAT(changed([](Json& j) { j["accessors"][0].erase("bufferView"); }), HasSubstr("no data"));
   EXPECT_THAT(changed([](Json& j) { j["nodes"][0]["mesh"] = 3; }), HasSubstr("not valid glTF"));
