@@ -78,7 +78,8 @@ TEST_F(BenchmarkFile, ResultsOfOtherSeedsAndNoveltiesAreRefused) {
   for (auto& row : forged.episodes) row.novelty = "unheard kind";
   EXPECT_THAT(refused(forged), HasSubstr("as 'unheard kind' relative to training; by the benchmark it is"));
   evaluation.max_episodes = 3;
-  EXPECT_THAT(refused(evaluate_baseline(Baseline::oracle, "oracle", config_.env, evaluation)), HasSubstr("is partial: it covers 3 of the 6"));
+  EXPECT_THAT(refused(evaluate_baseline(Baseline::oracle, "oracle", config_.env, evaluation)),
+              HasSubstr("is partial: it covers 3 of the 6"));
 }
 
 }  // namespace

@@ -231,8 +231,7 @@ TEST(TreeCollective, WorkerThatHasFinishedIsNamedByTheNextCall) {
       tree->all_reduce_sum(buffer);
       return buffer[0] == static_cast<float>(kWorkers);  // leaves in peace
     }
-    return tells(run_error_of([&] { tree->all_reduce_sum(buffer), tree->barrier(); }),
-                 {fmt::format("worker {}: has finished", leaves)});
+    return tells(run_error_of([&] { tree->all_reduce_sum(buffer), tree->barrier(); }), {fmt::format("worker {}: has finished", leaves)});
   });
   workers.expect_all_succeed();
 }

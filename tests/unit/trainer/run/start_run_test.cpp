@@ -73,7 +73,8 @@ TEST_F(StartRun, AFolderWithCheckpointsIsRefusedUnlessTold) {
   const auto checkpoint = write_checkpoint("run/checkpoints/update_000050.ckpt");
   write_file_atomically(path("run/events.jsonl"), "x");
   write_file_atomically(path("run/notes.txt"), "x");
-  EXPECT_THAT(refusal(config()), AllOf(HasSubstr(path("run") + ": contains an earlier run"), HasSubstr("--resume"), HasSubstr("--overwrite")));
+  EXPECT_THAT(refusal(config()),
+              AllOf(HasSubstr(path("run") + ": contains an earlier run"), HasSubstr("--resume"), HasSubstr("--overwrite")));
   EXPECT_THAT(refusal(config(), {.resume = checkpoint, .overwrite = true}), HasSubstr("--overwrite"));
   EXPECT_TRUE(std::filesystem::exists(checkpoint));
   EXPECT_EQ(refusal(config(), {.overwrite = true}), "starts");
