@@ -2,10 +2,10 @@
 # Trains with Open MPI's mpirun:
 #   configs/launch/mpirun.sh NUM_WORKERS CONFIG [key=value]...
 # On several hosts (docs/howto/hosts.md) set
-#   EARSHOT_HOSTS       host:slots,host:slots as `mpirun --host` takes them; rank 0 runs on the first
+#   EARSHOT_HOSTS       host:slots,host:slots as for `mpirun --host`; rank 0 runs on the first
 #   EARSHOT_RENDEZVOUS  tcp://FIRST HOST:PORT
-#   EARSHOT_KEYS        a file of `earshot keys` that all hosts see
-# EARSHOT_MPIRUN holds further options of mpirun, for example --oversubscribe.
+#   EARSHOT_KEYS        a file of `earshot keys` that all hosts can read
+# EARSHOT_MPIRUN has additional options of mpirun, for example --oversubscribe.
 set -euo pipefail
 
 workers=${1:?usage: mpirun.sh NUM_WORKERS CONFIG [key=value]...}

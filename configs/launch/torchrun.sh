@@ -1,9 +1,11 @@
 #!/usr/bin/env bash
-# Trains with torchrun, on each host alike:
+# Trains with torchrun.  Run the same command on each host:
 #   configs/launch/torchrun.sh NUM_WORKERS_PER_HOST CONFIG [key=value]...
-# On several hosts (docs/howto/hosts.md) set EARSHOT_NODES, EARSHOT_NODE (0 to EARSHOT_NODES - 1), MASTER_ADDR (host of node 0), MASTER_PORT, and EARSHOT_KEYS,
-# a file of `earshot keys`; the workers meet at the port after MASTER_PORT, as torchrun's agent has that one.
-# torchrun 1.13 starts nothing under Python 3.11 without --redirects and --tee.
+# On several hosts (docs/howto/hosts.md) set
+#   EARSHOT_NODES, EARSHOT_NODE  number of hosts, and the index of this host from 0
+#   MASTER_ADDR, MASTER_PORT     host of node 0, and a port; workers use the next port, because torchrun's agent uses this one
+#   EARSHOT_KEYS                 a file of `earshot keys`
+# Under Python 3.11 torchrun 1.13 needs --redirects and --tee.
 set -euo pipefail
 
 workers=${1:?usage: torchrun.sh NUM_WORKERS_PER_HOST CONFIG [key=value]...}
