@@ -99,7 +99,7 @@ void add_soak(CLI::App& bench) {
                                            "Soak test: steps a batch through generated scenes for a long time and checks observations, "
                                            "energy, memory and step times; exits with code 1 if a limit is exceeded");
   command->add_option("--steps", options.steps, "Agent steps to run")->capture_default_str();
-  command->add_option("--scenes", options.scenes, "Generated scenes: houses and shoeboxes")->capture_default_str();
+  command->add_option("--scenes", options.scenes, "Number of generated scenes (houses and shoeboxes)")->capture_default_str();
   command
       ->add_option("--hard-every", options.hard_every,
                    "Make every N-th scene a hard case (tiny, rigid, open, far from the origin and others); 0: no hard cases")
@@ -176,7 +176,8 @@ void add_env(CLI::App& bench) {
   const auto env = std::make_shared<EnvCommand>();
   CLI::App* command = add_bench_command(
       bench, "env",
-      "Agent steps per second with all senses and bare, milliseconds of every stage, percentiles of a step, memory, bare rays", env);
+      "Measure agent steps per second with all sensors and without, time per stage, percentiles of a step, memory, and bare ray tracing",
+      env);
   command->add_option("--scene", env->bench.scene, "Scene to run in: SCENE as in 'earshot --help'")->capture_default_str();
   env->axes.add_to(*command);
   command->add_option("--envs", env->bench.envs, "Number of environments in the batch")->capture_default_str();
@@ -217,7 +218,8 @@ struct HearingCommand : BenchArguments {
 void add_hearing(CLI::App& bench) {
   const auto hearing = std::make_shared<HearingCommand>();
   CLI::App* command = add_bench_command(
-      bench, "hearing", "What 16, 64, 256 rays per pose and the source field cost an environment and give its agents", hearing);
+      bench, "hearing", "Compare 16, 64 and 256 rays per pose with source fields: cost for an environment, and errors of the sound",
+      hearing);
   command->add_option("--scene", hearing->scenes, "Scene to measure instead of the two built-in ones; may be repeated")
       ->allow_extra_args(false);
   hearing->axes.add_to(*command);
@@ -243,7 +245,7 @@ void add_bench(CLI::App& app, const std::vector<std::string>& arguments, int& ex
   bench->require_subcommand(1);
   const auto rir = std::make_shared<RirCommand>();
   CLI::App* rir_command =
-      add_bench_command(*bench, "rir", "Impulse responses per second on one thread, their errors, and where the time goes", rir);
+      add_bench_command(*bench, "rir", "Measure impulse responses per second on one thread, their errors, and the time per stage", rir);
   rir_command
       ->add_option("--scene", rir->scenes,
                    "Scene to measure instead of the two built-in ones; may be repeated. Errors are then relative to bidirectional paths "
@@ -273,7 +275,9 @@ void add_bench(CLI::App& app, const std::vector<std::string>& arguments, int& ex
 
   const auto accuracy = std::make_shared<AccuracyCommand>();
   CLI::App* command = add_bench_command(
-      *bench, "accuracy", "What accuracy costs in time: every mode in every scene against a converged truth; tables and figures", accuracy);
+      *bench, "accuracy",
+      "Measure error against computing time: all presets and parameters in all scenes against a converged reference; tables and figures",
+      accuracy);
   command->add_option("--out", accuracy->out, "Folder for accuracy.csv, accuracy_tables.md and the figures")->capture_default_str();
   command->add_option("--minutes", accuracy->minutes,
                       "Minutes for the whole study; poses and repeats are reduced to fit (default: 20, or 2.5 with --quick)");
@@ -286,7 +290,8 @@ void add_bench(CLI::App& app, const std::vector<std::string>& arguments, int& ex
 
   const auto promise = std::make_shared<PromiseCommand>();
   CLI::App* promise_command = add_bench_command(
-      *bench, "promise", "What --accuracy promises, predicts and keeps in ten scenes, and what it saves over the presets", promise);
+      *bench, "promise", "Check --accuracy in ten scenes: target, predicted and measured error, and the time saved against the presets",
+      promise);
   promise_command->add_option("--scene", promise->scenes, "Scene to measure instead of the ten built-in ones; may be repeated")
       ->allow_extra_args(false);
   promise->axes.add_to(*promise_command);

@@ -59,9 +59,8 @@ LinkSpeed link_of(const json& numbers) {
 }
 
 void print_link(const char* name, const LinkSpeed& link) {
-  fmt::print(
-      "{}: {:.3f} ms for an exchange, {:.3f} ms and {:.2f} GB/s for a step of the ring; of a core {:.3f} ms a message, {:.2f} ns a byte\n",
-      name, 1e3 * link.exchange_s, 1e3 * link.step_s, 1e-9 * link.bytes_per_s, 1e3 * link.message_s, 1e9 * link.byte_s);
+  fmt::print("{}: exchange {:.3f} ms, ring step {:.3f} ms and {:.2f} GB/s; CPU time {:.3f} ms per message and {:.2f} ns per byte\n", name,
+             1e3 * link.exchange_s, 1e3 * link.step_s, 1e-9 * link.bytes_per_s, 1e3 * link.message_s, 1e9 * link.byte_s);
 }
 
 void predict_large(const BenchScalingArguments& options, LinkSpeed link, BenchReport& report) {
@@ -73,8 +72,10 @@ void predict_large(const BenchScalingArguments& options, LinkSpeed link, BenchRe
                   .sums = options.check.sums,
                   .bytes = options.check.bytes,
                   .exchanges = options.check.exchanges};
-  fmt::print("\nprediction: rollouts of {:g} s, deviation {:g}, {:g} s of learning, {} sums of {:.1f} MB, a worker on each host\n",
-             work.rollout_s, options.rollout_spread, work.learn_s, work.sums, 1e-6 * static_cast<double>(work.bytes));
+  fmt::print(
+      "\n"
+      "prediction: rollouts of {:g} s (relative standard deviation {:g}), {:g} s of learning, {} sums of {:.1f} MB, one worker per host\n",
+      work.rollout_s, options.rollout_spread, work.learn_s, work.sums, 1e-6 * static_cast<double>(work.bytes));
   print_link("link", link);
   fmt::print("{:>8}{:>14}{:>14}{:>14}{:>14}{:>20}\n", "workers", "waiting s", "sums s", "update s", "efficiency", "with preemption 0.6");
   for (const int workers : options.predicted) {
@@ -87,11 +88,9 @@ void predict_large(const BenchScalingArguments& options, LinkSpeed link, BenchRe
     report.add("scaling.efficiency", "1", {preempted, preempted, preempted}, {{"workers", workers}, {"preempt_fraction", 0.6}});
   }
   fmt::print(
-      "assumed: rollouts independent and normal; learning alike on all workers; a ring of whole segments over links that are all as fast; "
-      "small calls\n"
-      "from each worker to each other up to 64 workers, beyond by a tree of eight children; batches grow with the workers, and what such "
-      "a\n"
-      "batch is worth to the agent is left out\n");
+      "assumptions: independent normal rollout times, equal learning time on all workers, links of equal speed;\n"
+      "small calls go between all workers up to 64 workers, and through a tree of eight children beyond;\n"
+      "the batch grows with the number of workers, and its effect on learning is not modelled\n");
 }
 
 int run(BenchScalingArguments options, const std::vector<std::string>& arguments) {
@@ -133,9 +132,10 @@ int run(BenchScalingArguments options, const std::vector<std::string>& arguments
   if (code != 0) return code;
   const LinkSpeed link = link_of(two.at("link"));
   const int cores = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
-  fmt::print("one worker: rollouts of {:.1f} ms, deviation {:.1f} ms; {:.1f} ms of learning; {} sums of {:.1f} MB, {} exchanges\n",
-             1e3 * work.rollout_s, 1e3 * work.rollout_deviation_s, 1e3 * work.learn_s, work.sums, 1e-6 * static_cast<double>(work.bytes),
-             work.exchanges);
+  fmt::print(
+      "one worker: rollouts of {:.1f} ms (standard deviation {:.1f} ms), {:.1f} ms of learning, {} sums of {:.1f} MB, {} exchanges\n",
+      1e3 * work.rollout_s, 1e3 * work.rollout_deviation_s, 1e3 * work.learn_s, work.sums, 1e-6 * static_cast<double>(work.bytes),
+      work.exchanges);
   print_link("two workers, tcp on the loopback interface", link);
   fmt::print("{} cores\n\n{:>8}{:>14}{:>14}{:>14}{:>14}{:>10}\n", cores, "workers", "waiting ms", "sums ms", "predicted ms", "measured ms",
              "error");

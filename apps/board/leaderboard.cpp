@@ -182,9 +182,7 @@ void run_leaderboard(const LeaderboardArguments& options) {
   const std::string groups = options.by ? groups_text(results, *options.by) : "";  // refused before anything is written
 
   fmt::print("{}", leaderboard_text(results));
-  if (!benchmark)
-    fmt::print(
-        "not verified here: these are the numbers that the files hold (earshot verify, or --benchmark, walks their actions again)\n");
+  if (!benchmark) fmt::print("not verified: numbers as stored in the files ('earshot verify' or --benchmark checks them)\n");
   if (!page.private_scores.empty()) fmt::print("\n{}", private_text(page.private_scores));
   if (options.by) fmt::print("\n{}", groups);
   if (!options.html.empty()) write_file_atomically(options.html, leaderboard_page(results, page));

@@ -22,7 +22,7 @@ void run_dataset_scenes(const DatasetScenesArguments& options) {
                                              [&](const CorpusRun& run) { report = write_sound_scenes(config, run); });
   fmt::print("{}: {} recordings of {} s in {:.1f} s\n", options.target.out, report.recordings, config.duration_s, seconds);
   print_state(options.target, report.folders_missing,
-              fmt::format("{} recordings; manifest.jsonl, recordings.jsonl, supervisions.jsonl, a CSV beside each recording",
+              fmt::format("{} recordings; manifest.jsonl, recordings.jsonl, supervisions.jsonl, one CSV file next to each recording",
                           report.all_recordings));
 }
 

@@ -135,8 +135,8 @@ void print_mesh(const ExaminedScene& examined) {
                report.removed.simplified->triangles_after, report.removed.simplified->deviation_m);
   fmt::print("size             {:.2f} x {:.2f} x {:.2f} m\n", b.upper.x - b.lower.x, b.upper.y - b.lower.y, b.upper.z - b.lower.z);
   if (scene.origin_m() != glm::dvec3(0))
-    fmt::print("origin           computed around ({:.9g}, {:.9g}, {:.9g}); positions here and on the command line are those of the file\n",
-               scene.origin_m().x, scene.origin_m().y, scene.origin_m().z);
+    fmt::print("origin           computation origin ({:.9g}, {:.9g}, {:.9g}); all positions are those of the file\n", scene.origin_m().x,
+               scene.origin_m().y, scene.origin_m().z);
   print_axes(examined);
   for (const std::string& warning : examined.warnings) fmt::print("warning          {}\n", warning);
 }
@@ -164,7 +164,7 @@ void print_openings(const ExaminedScene& examined) {
   for (const Hole& hole : examined.holes) {
     const glm::vec3 size = hole.bounds.upper - hole.bounds.lower;
     const glm::dvec3 centre = examined.scene->to_world(0.5f * (hole.bounds.lower + hole.bounds.upper));
-    fmt::print("  hole           {:.2f} % of rays around ({:.2f}, {:.2f}, {:.2f}), {:.2f} x {:.2f} x {:.2f} m, beside {}\n",
+    fmt::print("  hole           {:.2f} % of rays around ({:.2f}, {:.2f}, {:.2f}), {:.2f} x {:.2f} x {:.2f} m, next to {}\n",
                100 * hole.ray_fraction, centre.x, centre.y, centre.z, size.x, size.y, size.z, listed(hole.rim, ", "));
   }
 }

@@ -22,7 +22,7 @@ std::optional<std::string> blas_kernel_remedy(const std::string& kernel, bool av
   std::string lower = kernel;
   for (char& c : lower) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
   if (!avx2 || std::find(kWithoutAvx2.begin(), kWithoutAvx2.end(), lower) == kWithoutAvx2.end()) return std::nullopt;
-  return fmt::format("kernels for {}, without the AVX2 of this CPU: set OPENBLAS_CORETYPE=Haswell", kernel);
+  return fmt::format("kernels for {} do not use the AVX2 of this CPU: set OPENBLAS_CORETYPE=Haswell", kernel);
 }
 
 }  // namespace earshot

@@ -83,7 +83,8 @@ int run_train(const TrainArguments& options, const std::vector<std::string>& arg
   }
 
   if (is_worker && launched->launcher != "EARSHOT_RANK" && launched->ring.identity.rank == 0)
-    fmt::print("{} workers started by {} meet at {}\n", launched->ring.identity.world_size, launched->launcher, launched->ring.rendezvous);
+    fmt::print("{} workers started by {}, rendezvous at {}\n", launched->ring.identity.world_size, launched->launcher,
+               launched->ring.rendezvous);
   RingConfig ring = is_worker ? launched->ring : RingConfig{};
   if (config.network.on_loss == OnLoss::go_on) {
     ring.engine = engine_hash();

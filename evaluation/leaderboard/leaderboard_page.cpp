@@ -125,9 +125,8 @@ std::string private_table(const BoardPage& page) {
     line("success", score.public_success, score.private_success, score.success_gap);
     line("SPL", score.public_spl, score.private_spl, score.spl_gap);
   }
-  return "<h2>Public and private set</h2>\n<p>The benchmark names the private set by the SHA-256 of its file alone: no policy can have "
-         "been trained "
-         "for it.</p>\n" +
+  return "<h2>Public and private set</h2>\n"
+         "<p>The benchmark contains only the SHA-256 of the private set, so no policy can have been trained on it.</p>\n" +
          table("Public and private set: mean and 95 % interval, and their difference",
                {"agent", "metric", "public set", "private set", "public minus private", "the gap is"}, body);
 }

@@ -62,8 +62,7 @@ std::string describe_policy(const Checkpoint& checkpoint, const std::string& whe
   text += fmt::format("  name          {}\n  architecture  {}\n  parameters    {}\n", config.name, checkpoint.architecture, num_parameters);
   text += fmt::format("  trained       {} steps, {} updates, {:.1f} min, seed {}, {} worker{}\n", checkpoint.env_steps, checkpoint.update,
                       checkpoint.elapsed_s / 60, checkpoint.seed, checkpoint.world_size, checkpoint.world_size == 1 ? "" : "s");
-  if (std::isfinite(checkpoint.mean_reward))
-    text += fmt::format("  mean reward   {:.2f} per episode of training\n", checkpoint.mean_reward);
+  if (std::isfinite(checkpoint.mean_reward)) text += fmt::format("  mean reward   {:.2f} per training episode\n", checkpoint.mean_reward);
   return text + fmt::format("  engine        {} (commit {})\n", checkpoint.engine, checkpoint.engine_commit);
 }
 

@@ -151,7 +151,7 @@ std::vector<Material> assign_materials(TriangleMesh& mesh, const MaterialRules& 
       const Material* material = decision.material;
       const std::string category = decision.category();
       if (!material) {
-        throw InputError(where, fmt::format("no material for '{}': the database has none labelled 'default'", old_names[slot]),
+        throw InputError(where, fmt::format("no material for '{}', and the database has no material labelled 'default'", old_names[slot]),
                          "set default_material, or label an entry 'default'");
       }
       const auto [split, is_new_slot] =
