@@ -44,12 +44,12 @@ std::string_view PlyBody::word() {
   for (;;) {
     const std::string_view found = take_word(line_);
     if (!found.empty()) return found;
-    if (!next_line()) fail("ends before all elements of its PLY header");
+    if (!next_line()) fail("ends before all elements that its PLY header declares");
   }
 }
 
 std::string_view PlyBody::take(std::size_t size) {
-  if (size > bytes_left()) fail("ends before all elements of its PLY header");
+  if (size > bytes_left()) fail("ends before all elements that its PLY header declares");
   const std::string_view raw = bytes_.substr(at_, size);
   at_ += size;
   return raw;

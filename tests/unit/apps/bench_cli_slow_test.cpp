@@ -62,7 +62,7 @@ TEST_F(BenchCli, ScalingChecksItsModelAndPredicts) {
     EXPECT_GT(result.at("value").get<double>(), 0.1);
     EXPECT_LT(result.at("value").get<double>(), 1);
   }
-  EXPECT_THAT(read("stdout"), testing::HasSubstr("assumed:"));
+  EXPECT_THAT(read("stdout"), testing::HasSubstr("assumptions:"));
   for (const char* wrong : {"--ranks 1", "--kib 4", "--predict 0", "--spread 2", "--updates 1", "--latency-us -1"})
     EXPECT_EQ(earshot("bench scaling --quick " + std::string(wrong)), 2) << wrong << read("stderr");
 }

@@ -402,7 +402,7 @@ TEST_F(Cli, FarScenesSoundAsNearOnes) {
                  "near_walk"));
 
   const CliOutcome report = earshot("scene " + far + " --json " + file("scene.json"));
-  EXPECT_THAT(report.output, HasSubstr("computed around (1000000, 0, -200000)"));
+  EXPECT_THAT(report.output, HasSubstr("computation origin (1000000, 0, -200000)"));
   EXPECT_EQ(earshot::parse_json(read("scene.json")).at("origin_m"), nlohmann::json({1e6, 0, -2e5}));
   expect_bad_input("rir " + near + " --source 1e39,0,0 --listener 1,1,1 --out " + file("x.wav"), "is not a point");
 

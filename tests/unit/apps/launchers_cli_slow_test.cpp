@@ -73,7 +73,7 @@ TEST_F(LaunchersCli, MpirunGivesTheBitsOfOurSpawn) {
   EXPECT_THAT(refused.text, HasSubstr("Open MPI has already started 2 workers"));
   const Outcome done = shell(start);
   EXPECT_EQ(done.exit_code, 0) << done.text;
-  EXPECT_THAT(done.text, HasSubstr("2 workers started by Open MPI meet at ipc://"));
+  EXPECT_THAT(done.text, HasSubstr("2 workers started by Open MPI, rendezvous at ipc://"));
   EXPECT_EQ(bits_of("mpirun"), bits_of_our_spawn());
 }
 

@@ -22,7 +22,7 @@ class SchemaVersionsCli : public TrainCli {
     return path(name);
   }
   static testing::Matcher<std::string> names(const std::string& file, int version) {
-    return AllOf(HasSubstr(file), HasSubstr("of version " + std::to_string(version) + "; earshot "), HasSubstr("use a newer earshot"));
+    return AllOf(HasSubstr(file), HasSubstr("of version " + std::to_string(version) + ", but earshot "), HasSubstr("use a newer earshot"));
   }
 };
 

@@ -33,7 +33,7 @@ TEST_F(TrainCli, ASecondRunIntoAFolderIsRefusedUnlessTold) {
   expect_refused(train + " --overwrite --resume " + path("run"), HasSubstr("--overwrite"));
   write_text(path("run/notes.txt"), "mine");
 
-  expect_refused(train + " env.task.turn_deg=15 --resume " + path("run"), HasSubstr("env.task.turn_deg = 10, the resumed run has 15"));
+  expect_refused(train + " env.task.turn_deg=15 --resume " + path("run"), HasSubstr("env.task.turn_deg = 10, but the resumed run has 15"));
   expect_done(train + " --resume " + path("run") + " --change ppo.learning_rate ppo.learning_rate=1e-4 total_steps=48");
   EXPECT_THAT(checkpoints(), testing::IsSupersetOf({"last.ckpt", "update_000005.ckpt", "update_000006.ckpt"}));
 

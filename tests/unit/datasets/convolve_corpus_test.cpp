@@ -230,17 +230,17 @@ TEST_F(ConvolveCorpus, WhatCannotBeIsOneLine) {
     change(config);
     return message_of<InputError>([&] { run(config, "refused"); });
   };
-  EXPECT_THAT(refused([&](auto& c) { c.corpus = files_.path("speech").string(); }), HasSubstr("holds no corpus.json"));
+  EXPECT_THAT(refused([&](auto& c) { c.corpus = files_.path("speech").string(); }), HasSubstr("contains no corpus.json"));
   EXPECT_THAT(refused([&](auto& c) { c.speech = files_.path("none").string(); }), HasSubstr("is not a folder"));
   EXPECT_THAT(refused([&](auto& c) { c.noise = "synth:nose"; }), HasSubstr("nose"));
-  EXPECT_THAT(refused([&](auto& c) { c.max_talkers = 3; }), HasSubstr("more than the 2 sources of a room"));
+  EXPECT_THAT(refused([&](auto& c) { c.max_talkers = 3; }), HasSubstr("more than the 2 sources in a room"));
   EXPECT_THAT(refused([&](auto& c) { c.snr_db = {20, 5}; }), HasSubstr("--snr"));
   EXPECT_THAT(refused([&](auto& c) { c.signals_per_folder = 15; }), HasSubstr("--signals-per-folder = 15"));
   EXPECT_FALSE(std::filesystem::exists(files_.path("refused")));
   write_wav(files_.path("speech/silent.wav"), std::vector<float>(2000, 0.f), 1, 16000);
   EXPECT_THAT(refused([](auto&) {}), HasSubstr("silent.wav: is silent"));
   std::filesystem::remove(files_.path("corpus/manifest.jsonl"));
-  EXPECT_THAT(refused([](auto&) {}), HasSubstr("is not complete"));
+  EXPECT_THAT(refused([](auto&) {}), HasSubstr("an incomplete corpus"));
 }
 
 // What a manifest cannot hold is named before anything is written.
@@ -250,7 +250,7 @@ TEST_F(ConvolveCorpus, TextThatIsNotUtf8IsRefused) {
   EXPECT_THAT(refused(), HasSubstr("c.txt: is not UTF-8 text"));
   write_text(files_.path("speech/other/c.txt"), "caf\xC3\xA9");
   std::filesystem::copy_file(files_.path("speech/a.wav"), files_.path("speech/caf\xE9.wav"));
-  EXPECT_THAT(refused(), HasSubstr("has a name that is not UTF-8"));
+  EXPECT_THAT(refused(), HasSubstr("has a name that is not valid UTF-8"));
   EXPECT_FALSE(std::filesystem::exists(files_.path("refused")));
 }
 
@@ -261,7 +261,7 @@ TEST_F(ConvolveCorpus, LinksAreFollowedButNotInCircles) {
   std::filesystem::create_symlink(files_.path("nowhere.wav"), files_.path("speech/gone.wav"));
   EXPECT_EQ(SoundFolder::list(config.speech).files, (std::vector<std::string>{"a.wav", "b.wav", "linked/engine.wav", "other/c.wav"}));
   std::filesystem::create_directory_symlink(files_.path("speech"), files_.path("speech/other/back"));
-  EXPECT_THAT(message_of<InputError>([&] { SoundFolder::list(config.speech); }), HasSubstr("look for a link that leads back"));
+  EXPECT_THAT(message_of<InputError>([&] { SoundFolder::list(config.speech); }), HasSubstr("look for a symbolic link that leads back"));
 }
 
 TEST_F(ConvolveCorpus, OtherWordsAreAnotherCorpus) {
@@ -286,10 +286,12 @@ TEST_F(ConvolveCorpus, NumbersOfADamagedManifestAreRefused) {
   // What walks such a place calls itself once per bracket.
   const std::string deep = R"({"a":)" + std::string(100'000, '[') + std::string(100'000, ']') + "}";
   for (const char* key : {"listener", "scene"})
-    EXPECT_THAT(refused("corpus/manifest.jsonl", manifest, key, deep), HasSubstr("manifest.jsonl:1: is not a line of a manifest")) << key;
+    EXPECT_THAT(refused("corpus/manifest.jsonl", manifest, key, deep),
+                HasSubstr("manifest.jsonl:1: is not a valid line of a response manifest"))
+        << key;
   write_text(files_.path("corpus/manifest.jsonl"), manifest);
-  EXPECT_THAT(refused("corpus/corpus.json", description, "sample_rate_hz", "1e30"), HasSubstr("has a sample rate out of its range"));
-  EXPECT_THAT(refused("corpus/corpus.json", description, "sample_rate_hz", deep), HasSubstr("is not a line of a manifest"));
+  EXPECT_THAT(refused("corpus/corpus.json", description, "sample_rate_hz", "1e30"), HasSubstr("has a sample rate outside the valid range"));
+  EXPECT_THAT(refused("corpus/corpus.json", description, "sample_rate_hz", deep), HasSubstr("is not a valid line of a response manifest"));
 }
 
 }  // namespace

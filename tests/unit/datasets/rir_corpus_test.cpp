@@ -201,7 +201,7 @@ TEST(RirCorpus, WhatWasBegunOtherwiseIsRefused) {
 TEST(RirCorpus, ConfigsAreCheckedByKey) {
   const auto refused = [](const std::string& yaml) { return message_of<InputError>([&] { from_yaml(yaml); }); };
   const std::string room = "shoeboxes: {count: 1}\n";
-  EXPECT_THAT(refused("seed: 1\n"), HasSubstr("name no room"));
+  EXPECT_THAT(refused("seed: 1\n"), HasSubstr("give no room"));
   EXPECT_THAT(refused(room + "sorces_per_room: 2\n"), HasSubstr("did you mean 'sources_per_room'"));
   EXPECT_THAT(refused("shoeboxes: {count: 1, max_size_m: [2, 2, 2]}\n"), HasSubstr("shoeboxes.max_size_m"));
   EXPECT_THAT(refused("shoeboxes: {count: 1, absorption: [0.5, 0.1]}\n"), HasSubstr("shoeboxes.absorption"));
@@ -211,7 +211,7 @@ TEST(RirCorpus, ConfigsAreCheckedByKey) {
   EXPECT_THAT(refused(room + "channels: ambisonic:3\nformat: flac\n"), HasSubstr("8 channels"));
   EXPECT_THAT(refused(room + "split_ms: 2000\n"), HasSubstr("split_ms"));
   EXPECT_THAT(refused(room + "sofa: true\nsplit_ms: 20\n"), HasSubstr("split_ms"));
-  EXPECT_THAT(refused(room + "hrtf: a.sofa\nhrtfs: [b.sofa]\n"), HasSubstr("are both given"));
+  EXPECT_THAT(refused(room + "hrtf: a.sofa\nhrtfs: [b.sofa]\n"), HasSubstr("are both set"));
   EXPECT_THAT(refused(room + "panorama: {width_px: 100, height_px: 60}\n"), HasSubstr("at most half as high"));
   EXPECT_THAT(refused(room + "acoustics: {threads: 4}\n"), HasSubstr("--threads"));
   EXPECT_THAT(refused(room + "acoustics: {rir_length_s: 0}\n"), HasSubstr("rir_length_s"));

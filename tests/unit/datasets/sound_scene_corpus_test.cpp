@@ -160,7 +160,7 @@ TEST(SoundSceneCorpus, SoundsAreKnownByNameAndSize) {
   const std::string other = (folder.path() / "caf\xE9.wav").string();
   std::filesystem::copy_file(file, other);
   config.classes = {{"alarm", {other}}};
-  EXPECT_THAT(refused(), HasSubstr("has a name that is not UTF-8"));
+  EXPECT_THAT(refused(), HasSubstr("has a name that is not valid UTF-8"));
 }
 
 TEST(SoundSceneCorpus, ConfigsAreCheckedByKey) {
@@ -170,7 +170,7 @@ TEST(SoundSceneCorpus, ConfigsAreCheckedByKey) {
     return message_of<InputError>([&] { load_sound_scene_config((folder.path() / "scenes.yaml").string(), {}); });
   };
   const std::string classes = "classes: {alarm: synth:alarm}\n";
-  EXPECT_THAT(refused(""), HasSubstr("names no class"));
+  EXPECT_THAT(refused(""), HasSubstr("lists no class"));
   EXPECT_THAT(refused(classes + "listeners_per_source: 3\n"), HasSubstr("has no effect"));
   EXPECT_THAT(refused(classes + "moving: 2\n"), HasSubstr("moving"));
   EXPECT_THAT(refused(classes + "event_s: [1, 40]\n"), HasSubstr("event_s"));

@@ -75,7 +75,7 @@ TEST_P(ManyWorkers, OneKilledIsNamedByAll) {
     return tells(run_error_of([&] {
                    while (true) tree->all_reduce_sum(buffer);
                  }),
-                 {fmt::format("worker {}: has gone", lost)});
+                 {fmt::format("worker {}: stopped responding", lost)});
   });
   ready.wait_for(world_size);
   ::kill(workers.pid(lost), SIGKILL);

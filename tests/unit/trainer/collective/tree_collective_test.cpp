@@ -136,7 +136,7 @@ class LostFromTheTree : public testing::Test {
       return tells(run_error_of([&] {
                      while (true) tree->all_reduce_sum(buffer);
                    }),
-                   {fmt::format("worker {}: has gone", kLost)});
+                   {fmt::format("worker {}: stopped responding", kLost)});
     });
     ready.wait_for(kWorkers);
     std::this_thread::sleep_for(milliseconds(100));

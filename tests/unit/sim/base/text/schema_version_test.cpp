@@ -31,7 +31,7 @@ std::string refusal(const std::function<void()>& body) {
 TEST(SchemaVersion, OfNewerFilesIsNamed) {
   EXPECT_EQ(refusal([] { check_schema_version("a.json", "a result", 1, {}); }), "");
   EXPECT_THAT(refusal([] { check_schema_version("a.json", "a result", 2, {}); }),
-              AllOf(HasSubstr("a.json"), HasSubstr(std::string("is a result of version 2; earshot ") + kVersion + " reads version 1"),
+              AllOf(HasSubstr("a.json"), HasSubstr(std::string("is a result of version 2, but earshot ") + kVersion + " reads version 1"),
                     HasSubstr("use a newer earshot")));
   EXPECT_THAT(refusal([] { check_schema_version("a.json", "a result", 4, {.oldest = 1, .newest = 3}); }),
               HasSubstr("reads versions 1 to 3"));

@@ -95,7 +95,7 @@ TEST(MaterialDatabase, PressureReadingSquaresTheReflection) {
   }
   EXPECT_FLOAT_EQ(MaterialDatabase::from_json(plain, "db").all()[0].absorption.at(125), 0.1f) << "energy is the default";
   EXPECT_FLOAT_EQ(MaterialDatabase::from_json(plain, "db", energy).all()[0].transmission.at(125), 0.01f);
-  EXPECT_THAT(message_of<InputError>([&] { MaterialDatabase::from_json(marked, "db", energy); }), HasSubstr("otherwise"));
+  EXPECT_THAT(message_of<InputError>([&] { MaterialDatabase::from_json(marked, "db", energy); }), HasSubstr("than the scene"));
   EXPECT_THAT(error_of(R"({"coefficients": "volts", "materials": []})"), HasSubstr("pressure"));
 }
 

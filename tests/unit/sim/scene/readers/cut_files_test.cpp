@@ -34,7 +34,7 @@ std::multiset<std::string> triangles_of(const TriangleMesh& mesh) {
 
 bool has_word_of_cut(const ImportReport& report) {
   for (const std::string& warning : report.warnings)
-    if (warning.find("whole?") != std::string::npos) return true;
+    if (warning.find("the file is complete") != std::string::npos) return true;
   return false;
 }
 

@@ -160,9 +160,9 @@ TEST(MeshImport, RefusesBadFilesInOneLine) {
       "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
       "element face 1\nproperty list uchar int vertex_indices\n";
   EXPECT_THAT(file_error_of("a.ply", ply), HasSubstr("end_header"));
-  EXPECT_THAT(file_error_of("a.ply", ply + "end_header\n0 0 0\n"), HasSubstr("promises"));
+  EXPECT_THAT(file_error_of("a.ply", ply + "end_header\n0 0 0\n"), HasSubstr("declares"));
   EXPECT_THAT(file_error_of("a.ply", "ply\nformat ascii 1.0\nelement vertex 99999999999999\nproperty float x\nend_header\n0\n"),
-              HasSubstr("promises"));
+              HasSubstr("declares"));
   EXPECT_THAT(file_error_of("a.ply", "ply\nformat ascii 1.0\nelement vertex three\nend_header\n0\n"), HasSubstr("line 3"));
   EXPECT_NE(file_error_of("a.ply", ply + "end_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n"), "") << "index out of range";
   for (const char* name : {"a.glb", "a.gltf", "a.obj", "a.ply", "a.stl"}) {
