@@ -62,7 +62,7 @@ class ConfigReader {
     if (found == choices.end()) {
       std::string all;
       for (const auto& [choice, unused] : choices) all += (all.empty() ? "" : ", ") + choice;
-      fail(key, "'" + name + "' is not one of: " + all);
+      fail(key, "'" + name + "' is none of: " + all);
     }
     value = found->second;
   }
