@@ -31,7 +31,7 @@ constexpr unsigned kCreationOrder = H5P_CRT_ORDER_TRACKED | H5P_CRT_ORDER_INDEXE
 
 }  // namespace
 
-void NetcdfFile::fail(const std::string& what) const { throw RunError(where_, "cannot be written: HDF5 failed at " + what); }
+void NetcdfFile::fail(const std::string& what) const { throw RunError(where_, "cannot be written: HDF5 error: " + what); }
 
 hid_t NetcdfFile::checked(hid_t id, const std::string& what) const {
   if (id < 0) fail(what);
@@ -112,7 +112,7 @@ std::string NetcdfFile::finish() {
   for (const auto& [name, dimension] : dimensions_)
     if (H5Dclose(dimension.scale) < 0) fail("the end of a dimension");
   dimensions_.clear();
-  if (H5Fflush(file_, H5F_SCOPE_GLOBAL) < 0) fail("to flush");
+  if (H5Fflush(file_, H5F_SCOPE_GLOBAL) < 0) fail("flushing");
   const ssize_t size = H5Fget_file_image(file_, nullptr, 0);
   if (size <= 0) fail("an image of the file");
   std::string bytes(static_cast<std::size_t>(size), '\0');

@@ -60,7 +60,7 @@ void warn_of_materials(const Scene& scene, std::vector<std::string>& warnings) {
     names.emplace_back("...");
   }
   warnings.push_back(fmt::format("no {} for {} of {} surfaces ({:.0f} % of the area), which use {}: {} ({})",
-                                 report.has_semantics ? "semantic category was found" : "material is named", count, areas.size(),
+                                 report.has_semantics ? "semantic category was found" : "material is assigned", count, areas.size(),
                                  all_m2 > 0 ? 100 * area_m2 / all_m2 : 0, listed(materials, ", "), listed(names, ", "),
                                  report.has_semantics ? "assign them in the scene YAML" : "assign materials in a scene YAML"));
 }

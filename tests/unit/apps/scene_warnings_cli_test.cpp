@@ -118,13 +118,13 @@ TEST_F(SceneWarningsCli, SurfacesWithoutAMaterialAreCountedAndNamed) {
     names[i % 6] = odd;
     write("room.obj", "mtllib gone.mtl\n" + room.obj(names));
     const std::vector<std::string> said = said_of(file("room.obj") + room.flags(), room.inside(0), room.inside(1));
-    expect_all_say(said, "no material is named for 1 of ");
+    expect_all_say(said, "no material is assigned for 1 of ");
     expect_all_say(said, "'" + odd + "'");
     expect_all_say(said, "material libraries are missing (gone.mtl)");
     expect_all_say(said_by_scene(write("room.yaml", "mesh: room.obj\nsemantics: indoor\n") + room.flags()),
                    "no semantic category was found for 1 of ");
     expect_none_says(said_by_scene(write("room.yaml", "mesh: room.obj\nassign: {\"" + odd + "\": brick_rough}\n") + room.flags()),
-                     "no material is named");
+                     "no material is assigned");
   }
 }
 
