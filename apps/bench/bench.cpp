@@ -89,15 +89,15 @@ void run_soak_command(const SoakCommand& command) {
   if (!command.out.empty()) write_soak_files(result, command.out);
   soak_bench_report(result).write(command.json);
   fmt::print("{}", soak_markdown(result));
-  if (!result.passed()) throw RunError("bench soak", "a limit was exceeded: see the list of limits above");
+  if (!result.passed()) throw RunError("bench soak", "a bound was exceeded: see the bounds above");
 }
 
 void add_soak(CLI::App& bench) {
   const auto soak = std::make_shared<SoakCommand>();
   SoakOptions& options = soak->options;
   CLI::App* command = bench.add_subcommand("soak",
-                                           "Soak test: steps a batch through generated scenes for a long time and checks observations, "
-                                           "energy, memory and step times; exits with code 1 if a limit is exceeded");
+                                           "Soak test: step a batch through generated scenes for a long time and check observations, "
+                                           "energy, memory and step times; exit code 1 if a bound is exceeded");
   command->add_option("--steps", options.steps, "Agent steps to run")->capture_default_str();
   command->add_option("--scenes", options.scenes, "Number of generated scenes (houses and shoeboxes)")->capture_default_str();
   command
