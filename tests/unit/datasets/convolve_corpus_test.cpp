@@ -280,7 +280,8 @@ TEST_F(ConvolveCorpus, NumbersOfADamagedManifestAreRefused) {
     return message_of<InputError>([&] { ResponseIndex(files_.path("corpus")); });
   };
   for (const char* key : {"direct_delay_s", "distance_m"})
-    EXPECT_THAT(refused("corpus/manifest.jsonl", manifest, key, "1e300"), HasSubstr("manifest.jsonl:1: has a number outside the valid range"));
+    EXPECT_THAT(refused("corpus/manifest.jsonl", manifest, key, "1e300"),
+                HasSubstr("manifest.jsonl:1: has a number outside the valid range"));
   write_text(files_.path("corpus/manifest.jsonl"), manifest);
   EXPECT_EQ(ResponseIndex(files_.path("corpus")).sample_rate_hz(), 16000);
   // What walks such a place calls itself once per bracket.
