@@ -19,8 +19,7 @@ function(earshot_library name dir)
   file(GLOB_RECURSE headers CONFIGURE_DEPENDS ${dir}/*.h)
   add_library(${name} STATIC ${sources} ${headers})
   set_target_properties(${name} PROPERTIES LINKER_LANGUAGE CXX)
-  target_include_directories(${name} PUBLIC $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}> $<BUILD_INTERFACE:${PROJECT_BINARY_DIR}/generated>
-                             $<INSTALL_INTERFACE:${EARSHOT_INSTALL_HEADERS}>)
+  target_include_directories(${name} PUBLIC $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}> $<BUILD_INTERFACE:${PROJECT_BINARY_DIR}/generated>)
   target_link_libraries(${name} PRIVATE $<BUILD_INTERFACE:project_flags>)
   if(CMAKE_POSITION_INDEPENDENT_CODE)
     # No other library replaces functions of ours, so they may be inlined as in a program.

@@ -1,43 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
 // rir SCENE OUT.wav SX SY SZ LX LY LZ
-// Writes the binaural room impulse response from a source at (SX, SY, SZ) to a listener at (LX, LY, LZ), in metres, y up.
+// Writes the binaural room impulse response from a source at (SX, SY, SZ) to a listener at (LX, LY, LZ), in metres, y up, and lists its
+// first paths.
+#include <earshot/audio.h>
+#include <earshot/rir.h>
+#include <earshot/scene.h>
+
+#include <algorithm>
 #include <cstdio>
 #include <cstdlib>
-#include <exception>
-#include <memory>
-
-#include "sim/acoustics/response/energy_response.h"
-#include "sim/acoustics/synthesis/carriers.h"
-#include "sim/acoustics/synthesis/rir_synthesis.h"
-#include "sim/audio/dry_sounds/sound_clip.h"
-
-using namespace earshot;
 
 int main(int argc, char** argv) try {
   if (argc != 9) {
     std::fputs("usage: rir SCENE OUT.wav SX SY SZ LX LY LZ\n", stderr);
     return 2;
   }
-  const auto point = [&](int first) { return glm::dvec3(std::atof(argv[first]), std::atof(argv[first + 1]), std::atof(argv[first + 2])); };
+  const auto point = [&](int first) {
+    return earshot::Vec3{std::atof(argv[first]), std::atof(argv[first + 1]), std::atof(argv[first + 2])};
+  };
+  const earshot::Scene scene(argv[1], {.settings = {{"rir_length_s", 1}}});
+  const earshot::Response response = scene.source(point(3)).response(point(6));  // before any head
+  const earshot::Rir rir = response.render();                                    // at two ears; the listener faces -z
+  earshot::write_wav(argv[2], rir);
 
-  // The scene, and the scene as one acoustic configuration sees it.
-  const auto scene = std::make_shared<const Scene>(load_scene(argv[1]));
-  AcousticConfig config = acoustic_preset("balanced");
-  config.rir_length_s = 1.f;
-  const AcousticScene acoustics(scene, config);
-
-  // What reaches the listener, before any head: paths and late energy.
-  const EarlyCandidates candidates(acoustics, SoundSource{scene->to_local(point(3))});
-  const glm::vec3 listener = scene->to_local(point(6));
-  EnergyResponse response;
-  compute_energy_response(acoustics, candidates, listener, response);
-
-  // The same as pressure at two ears; the listener faces -z.
-  RirSynthesizer synthesizer(make_synthesis_tables(acoustics.config(), acoustics.bands(), ChannelLayout::binaural, nullptr));
-  Rir rir;
-  synthesizer.render(response, 0.0, {carrier_key(acoustics.hash(), candidates.source()), listener}, rir);
-  write_wav(argv[2], rir.samples, rir.num_channels, rir.sample_rate_hz);
-  std::printf("%s: %d channels, %d samples at %.0f Hz, %zu paths\n", argv[2], rir.num_channels, rir.num_samples, rir.sample_rate_hz,
-              response.arrivals.size());
+  static constexpr const char* kinds[] = {"direct", "reflection", "diffraction", "transmission"};
+  const auto& arrivals = response.arrivals();
+  for (std::size_t i = 0; i < std::min<std::size_t>(arrivals.size(), 5); ++i)
+    std::printf("  %6.2f ms  %-12s order %d\n", 1000 * arrivals[i].delay_s, kinds[static_cast<int>(arrivals[i].kind)], arrivals[i].order);
+  const earshot::LateEnergy late = response.late();
+  std::printf("%s: %d channels, %d samples at %.0f Hz, %zu paths, late field of %d bins of %.0f ms\n", argv[2], rir.num_channels,
+              rir.num_samples, rir.sample_rate_hz, arrivals.size(), late.num_bins, 1000 * late.bin_s);
 } catch (const std::exception& error) {
   std::fprintf(stderr, "rir: %s\n", error.what());
   return 1;

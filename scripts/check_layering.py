@@ -2,7 +2,9 @@
 """check_layering.py [ROOT]: fails on any include against the arrows, on a library header outside the folder that owns it, on a folder of sources
 without a README.md that says what it holds, on a folder of more than 35 sources and on a source of more than 500 lines.
 
-  all              sim <- envs <- {datasets, policy};  policy <- trainer <- evaluation <- bench <- apps;  python over sim, envs and datasets
+  all              sim <- envs <- {datasets, policy};  policy <- trainer <- evaluation <- bench <- apps;  api over envs, its rooms datasets
+                   and training over the folders below them; python over the public headers alone
+  include          its own headers and the standard library; of the engine only sim/base/errors.h includes one (earshot/errors.h)
   in sim           base <- rays <- scene <- {acoustics, vision, nav}; audio stands on base
   in sim/base      its own files <- text <- process <- charts
   in sim/scene     mesh <- materials <- generators <- readers <- its own files <- checks
@@ -25,7 +27,9 @@ import sys
 
 ROOT = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else pathlib.Path(__file__).parent.parent).resolve()
 MAX_SOURCES, MAX_LINES = 35, 500
-PARTS = "sim envs datasets python policy trainer evaluation bench apps".split()
+PARTS = "include sim envs datasets api python policy trainer evaluation bench apps".split()
+# Public headers lie here, and reach nothing but each other and the standard library.
+PUBLIC, STANDARD = "include/earshot", r"[a-z_0-9]+$"
 QUESTIONS_OF_THE_LEARNER = r"bench/questions/learner_[a-z_]*_bench\.cpp$"
 
 # Room by room: each may use those before it, and what is allowed to all.
@@ -41,7 +45,7 @@ CHAINS = [
 ]
 # What a folder and all below it may use, but for the files that match the pattern.
 ALLOWED = [
-    ("sim/base", "sim/base", None),
+    ("sim/base", f"sim/base {PUBLIC}/errors.h", None),
     ("sim/rays", "sim/base sim/rays", None),
     ("sim/scene", "sim/base sim/rays sim/scene", None),
     ("sim/audio", "sim/base sim/audio", None),
@@ -52,7 +56,12 @@ ALLOWED = [
     ("sim/reader", "sim/base sim/scene sim/audio sim/vision", None),
     ("envs", "sim envs", None),
     ("datasets", "sim envs datasets", None),
-    ("python", "sim envs datasets python", None),
+    ("include", "include", None),
+    ("api", "include sim envs api", r"api/(datasets|training)/"),
+    ("api/datasets", "include sim datasets api", None),
+    ("api/training", "include sim envs policy trainer evaluation api", None),
+    ("python", "include python", r"python/processor/"),
+    ("python/processor", "sim/base python", None),
     ("policy", "sim envs policy", None),
     ("trainer", "sim envs policy trainer", None),
     ("evaluation", "sim envs policy trainer evaluation", None),
@@ -75,6 +84,7 @@ OWNED = [
 ]
 
 
+
 def is_in(path: str, folders: list[str]) -> bool:
     return any(path == folder or path.startswith(folder + "/") for folder in folders)
 
@@ -87,7 +97,7 @@ def rules() -> list[tuple[str, list[str], str | None]]:
             rooms.append(f"{folder}/{name}")
             found.append((rooms[-1], common.split() + rooms, None))
     # The files of sim/base itself lie under its rooms.
-    own = [path.relative_to(ROOT).as_posix() for path in (ROOT / "sim/base").glob("*.h")]
+    own = [path.relative_to(ROOT).as_posix() for path in (ROOT / "sim/base").glob("*.h")] + [f"{PUBLIC}/errors.h"]
     rooms = []
     for name in "text process charts".split():
         rooms.append(f"sim/base/{name}")
@@ -108,7 +118,11 @@ def main() -> int:
             if include is None:
                 continue
             header = include[2]
-            if include[1] == "<":
+            if header.startswith("earshot/"):
+                header = f"include/{header}"
+            if is_in(name, [PUBLIC]) and not is_in(header, [PUBLIC]) and not (include[1] == "<" and re.match(STANDARD, header)):
+                faults.append(f"{name}:{number} includes {header}, but a public header may only use its like and the standard library")
+            elif include[1] == "<" and not header.startswith("include/"):
                 for pattern, owners in OWNED:
                     if re.match(pattern, header) and not re.match(owners, name):
                         faults.append(f"{name}:{number} includes <{header}>, which only {owners} may")
@@ -126,7 +140,7 @@ def main() -> int:
         if number > MAX_SOURCES:
             faults.append(f"{folder.relative_to(ROOT)} has {number} sources, more than {MAX_SOURCES}")
     for folder in sorted({path.parent for path in sources}):
-        if not (folder / "README.md").exists() and folder.relative_to(ROOT).parts[0] != "python":
+        if not (folder / "README.md").exists() and folder.relative_to(ROOT).parts[0] not in ("python", "include"):
             faults.append(f"{folder.relative_to(ROOT)} has no README.md that says what it holds")
     for fault in faults:
         print(f"layering: {fault}")

@@ -46,7 +46,7 @@ DataConfig training_data() {
 }
 
 BatchParts read_batch(const std::string& yaml, const std::string& where, const std::vector<std::string>& overrides,
-                      const std::vector<std::string>& env_overrides, const std::string& split) {
+                      const std::vector<std::string>& env_overrides, const std::string& split, std::shared_ptr<const EpisodeSet> episodes) {
   const bool in_run = ConfigReader::from_text(yaml, where).has("env");
   std::vector<std::string> all = overrides;
   for (const std::string& text : env_overrides) all.push_back(in_run ? "env." + text : text);
@@ -57,14 +57,16 @@ BatchParts read_batch(const std::string& yaml, const std::string& where, const s
     if (split == "train") keys = training_data();
     reader.read("seed", parts.config.seed);
     read_env_section(reader, parts.config);
-    ConfigReader data = reader.child("data");
-    if (!data.has(split)) data.fail(split, "is missing; it describes the episodes");
-    ConfigReader section = data.child(split);
-    read_episodes(section, keys);
+    if (!episodes) {
+      ConfigReader data = reader.child("data");
+      if (!data.has(split)) data.fail(split, "is missing; it describes the episodes");
+      ConfigReader section = data.child(split);
+      read_episodes(section, keys);
+    }
   } else {
-    if (!reader.has("episodes")) reader.fail("episodes", "is missing; give `scenes` and `sounds`, or a `file` of episodes");
+    if (!episodes && !reader.has("episodes")) reader.fail("episodes", "is missing; give `scenes` and `sounds`, or a `file` of episodes");
     ConfigReader section = reader.child("episodes");
-    read_episodes(section, keys);
+    if (!episodes) read_episodes(section, keys);
     read(reader, parts.config);
     reader.finish();
     if (parts.config.agents > 1 && !section.has("agents")) keys.agents.count = parts.config.agents;
@@ -72,8 +74,10 @@ BatchParts read_batch(const std::string& yaml, const std::string& where, const s
   validate(parts.config);
 
   const std::shared_ptr<SceneCache> first = make_scene_cache(parts.config);
-  parts.set =
-      std::make_shared<const EpisodeSet>(keys.scenes.empty() ? load_episode_set(keys.file) : make_episodes(keys, parts.config.task, first));
+  parts.set = std::move(episodes);
+  if (!parts.set)
+    parts.set = std::make_shared<const EpisodeSet>(keys.scenes.empty() ? load_episode_set(keys.file)
+                                                                       : make_episodes(keys, parts.config.task, first));
   EnvConfig& config = parts.config;
   bool replanned = false;
   if (!config.accuracy.empty()) {

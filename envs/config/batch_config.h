@@ -32,8 +32,10 @@ struct BatchParts {
 /// in memory, the same as `earshot train` makes for the same keys; or without scenes `file`, a set to read.
 /// acoustics.field = auto and accuracy are decided for these episodes, each walked once (field_choice.h, env_accuracy.h).
 /// where: how messages name the text.  overrides: "a.b=value" over the text; env_overrides: the same from the env section on.
+/// episodes: taken instead of what the text says of episodes, which it may then leave out.
 /// Throws InputError.
 BatchParts read_batch(const std::string& yaml, const std::string& where, const std::vector<std::string>& overrides,
-                      const std::vector<std::string>& env_overrides, const std::string& split);
+                      const std::vector<std::string>& env_overrides, const std::string& split,
+                      std::shared_ptr<const EpisodeSet> episodes = nullptr);
 
 }  // namespace earshot

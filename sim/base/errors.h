@@ -2,26 +2,13 @@
 
 #include <concepts>
 #include <sstream>
-#include <stdexcept>
 #include <string>
 #include <string_view>
 
+#include "earshot/errors.h"  // InputError: main prints it as one line and exits with 2.  RunError: with 1.
 #include "sim/base/strict_floats.h"
 
 namespace earshot {
-
-/// The outside world is wrong: a file, a key, a message, a device.  `main` prints it as one line and exits with 2.
-/// where: file, key or address.  what: what is wrong there.  remedy: what to do about it.
-class InputError : public std::runtime_error {
- public:
-  InputError(std::string_view where, std::string_view what, std::string_view remedy);
-};
-
-/// A run that started well and then failed (a worker died, the disk is full).  `main` exits with 1.
-class RunError : public std::runtime_error {
- public:
-  RunError(std::string_view where, std::string_view what);
-};
 
 /// A configuration rule: throws InputError "key = value: rule" when `ok` is false.
 /// rule: what must hold and why, for example "must be positive: each ray carries 1/rays of the energy".

@@ -7,7 +7,7 @@ root=$(mktemp -d); trap 'rm -rf "$root"' EXIT
 new_tree() {  # one header per folder, one file that includes in order
   rm -rf "$root/tree"
   for folder in sim/base/{text,charts} sim/scene/{mesh,readers} sim/audio/{transforms,head} sim/{base,rays,scene,audio,vision,nav,reader} sim/acoustics/{core,geometry,model,paths,tracers,source_field,response,synthesis,metrics} \
-                envs/{task,episodes,batch} datasets python bench bench/{measure,accuracy,questions,training} policy trainer/{net,collective,run} evaluation/{results,replay} apps apps/{options,sound,board} tests; do
+                envs/{task,episodes,batch} include/earshot api api/{datasets,training} datasets python bench bench/{measure,accuracy,questions,training} policy trainer/{net,collective,run} evaluation/{results,replay} apps apps/{options,sound,board} tests; do
     mkdir -p "$root/tree/$folder"
     echo '#pragma once' > "$root/tree/$folder/a.h"
     echo "# $folder" > "$root/tree/$folder/README.md"
@@ -45,7 +45,18 @@ expect 1 envs/task/a.h '"trainer/net/a.h"'
 expect 0 envs/batch/a.h '"envs/task/a.h"'
 expect 1 envs/task/a.h '"envs/episodes/a.h"'
 expect 1 envs/task/a.h '"datasets/a.h"'
-expect 0 python/a.h '"datasets/a.h"'
+expect 1 python/a.h '"datasets/a.h"'
+expect 0 python/a.h '"earshot/a.h"'
+expect 1 include/earshot/a.h '"sim/base/a.h"'
+expect 1 include/earshot/a.h '<glm/vec3.hpp>'
+expect 0 include/earshot/a.h '<vector>'
+expect 0 api/a.h '"envs/batch/a.h"'
+expect 0 api/a.h '"earshot/a.h"'
+expect 1 api/a.h '"datasets/a.h"'
+expect 0 api/datasets/a.h '"datasets/a.h"'
+expect 0 api/training/a.h '"trainer/run/a.h"'
+expect 1 envs/task/a.h '"earshot/a.h"'
+expect 1 envs/task/a.h '"api/a.h"'
 expect 1 policy/a.h '"datasets/a.h"'
 expect 0 trainer/run/a.h '"policy/a.h"'
 expect 1 trainer/net/a.h '"policy/a.h"'
