@@ -1,10 +1,8 @@
+// SPDX-License-Identifier: Apache-2.0
 #include <nanobind/stl/string.h>
 
+#include "earshot/version.h"
 #include "python/src/bindings.h"
-#include "sim/base/compiler.h"
-#include "sim/base/errors.h"
-#include "sim/base/version.h"
-#include "sim/rays/ray_tracer_version.h"
 
 namespace earshot::python {
 
@@ -16,10 +14,10 @@ void bind_errors(nb::module_& m) {
 }  // namespace earshot::python
 
 NB_MODULE(_engine, m) {
-  m.attr("__version__") = earshot::kVersion;
-  m.attr("__compiler__") = earshot::compiler_name();
-  m.def("ray_tracer_version", &earshot::ray_tracer_version);
-  m.def("ray_tracer_isa", &earshot::ray_tracer_isa);
+  m.attr("__version__") = earshot::version();
+  m.attr("__compiler__") = earshot::compiler();
+  m.def("ray_tracer_version", [] { return earshot::build_info().ray_tracer_version; });
+  m.def("ray_tracer_isa", [] { return earshot::build_info().ray_tracer_isa; });
   earshot::python::bind_errors(m);
   earshot::python::bind_scene(m);
   earshot::python::bind_response(m);
