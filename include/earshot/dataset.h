@@ -28,7 +28,7 @@ struct CorpusReport {
 };
 
 /// Corpora on disk.  Each call writes a corpus, or completes one that was interrupted; every byte is a function of the config and the
-/// program.  docs/datasets.md describes keys and files.
+/// program.  docs/howto/datasets.md describes keys and files.
 ///
 /// Errors: InputError for a config that cannot work, or a folder that holds another corpus; RunError for a full disk.
 

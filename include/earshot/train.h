@@ -10,7 +10,7 @@
 
 #include "earshot/config.h"
 
-/// Training and evaluation in this process.  Component `training`.  Run configs: docs/training.md; examples lie in configs/train.
+/// Training and evaluation in this process.  Component `training`.  Run configs: docs/howto/training.md; examples lie in configs/train.
 namespace earshot::api {
 
 /// Every key of a run config with its value as YAML, defaults included.
@@ -36,7 +36,7 @@ struct TrainReport {
 
 /// Trains with PPO until total_steps or max_minutes: the work of one worker, on the threads of the config.  Writes checkpoints and curves
 /// under `out`.  SIGTERM, SIGINT, SIGHUP and SIGUSR1 end the run after the current update, with a checkpoint.  A resumed run has the bits
-/// of the unbroken one.  Several workers: the program (`earshot train --workers`, docs/hosts.md).
+/// of the unbroken one.  Several workers: the program (`earshot train --workers`, docs/howto/hosts.md).
 /// @param run  data.train.file must exist: write_episode_sets().
 /// @throws InputError for a config or folder that cannot work, RunError if the run fails; the last good checkpoint stays.
 TrainReport train(const Config& run, const TrainOptions& options = {});
