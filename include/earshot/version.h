@@ -17,7 +17,6 @@ std::string compiler();
 struct BuildInfo {
   std::string commit;              ///< of the sources, with "-dirty" if files differed; "unknown" outside a repository
   std::string build_type;          ///< "Release", "Debug"
-  std::string compiler;            ///< "g++12", "clang14"
   std::string ray_tracer_version;  ///< of Embree, "4.3.3"
   std::string ray_tracer_isa;      ///< instruction set that Embree uses in this process, "avx2"
 };

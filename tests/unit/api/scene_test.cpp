@@ -138,10 +138,11 @@ TEST(ApiScene, PathsLateEnergyAndMetricsAreThoseOfTheEngine) {
     for (std::size_t band = 0; band < expected.bands.size(); ++band) {
       const auto value = expected.bands[band].*kBandMetricKeys[field].value;
       const double found = (metrics.*api::metric_fields()[field].values)[band];
-      if (value)
+      if (value) {
         EXPECT_EQ(found, *value) << kBandMetricKeys[field].key;
-      else
+      } else {
         EXPECT_TRUE(std::isnan(found)) << kBandMetricKeys[field].key;
+      }
     }
   EXPECT_EQ(metrics.drr_db, expected.drr_db.value());
 }

@@ -87,8 +87,10 @@ TEST(ApiVectorEnv, StepsHaveTheBitsOfTheEngineFromEveryFormOfConfig) {
 TEST(ApiVectorEnv, TypedRowsAndTheTableAgree) {
   const api::VectorEnv envs(api::Config::from_text(kBatchYaml), 2,
                             {.settings = {{"observation.rgb", true}, {"observation.collision", true}}});
-  for (const api::SensorInfo& sensor : envs.sensors())
-    if (sensor.type == api::SensorType::float32) EXPECT_EQ(envs.rows_as<float>(sensor.name).size(), 2 * sensor.count()) << sensor.name;
+  for (const api::SensorInfo& sensor : envs.sensors()) {
+    if (sensor.type != api::SensorType::float32) continue;
+    EXPECT_EQ(envs.rows_as<float>(sensor.name).size(), 2 * sensor.count()) << sensor.name;
+  }
   EXPECT_EQ(envs.rows_as<std::uint8_t>("rgb").size(), envs.rows("rgb").size());
   EXPECT_THROW((void)envs.rows_as<float>("rgb"), std::invalid_argument);
   EXPECT_THROW((void)envs.rows_as<float>("smell"), std::invalid_argument);
