@@ -11,7 +11,6 @@
 #include "api/convert.h"
 #include "api/source_model.h"
 #include "sim/acoustics/accuracy/accuracy_plan.h"
-#include "sim/acoustics/response/place_check.h"
 #include "sim/acoustics/source_field/field_for_poses.h"
 #include "sim/base/errors.h"
 
@@ -84,10 +83,16 @@ SourceParts Source::Model::parts(int sh_order, std::size_t responses) {
   return kept;
 }
 
-void Source::Model::check_places(const AcousticScene& acoustics, std::span<const Vec3> listeners) {
-  const PlaceCheck check(acoustics);
+void Source::Model::check_places(std::shared_ptr<const AcousticScene> acoustics, std::span<const Vec3> listeners) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (!places_) {
+      checked_ = std::move(acoustics);
+      places_.emplace(*checked_);
+    }
+  }
   for (const Vec3& listener : listeners)
-    scene_->add_warnings(check.check({"source", source_.position}, {"listener", scene_->scene().to_local(glm_of(listener))}));
+    scene_->add_warnings(places_->check({"source", source_.position}, {"listener", scene_->scene().to_local(glm_of(listener))}));
 }
 
 Rir Source::render(const Vec3& listener, const RenderOptions& options) const {
@@ -105,7 +110,7 @@ std::vector<Rir> Source::render_all(std::span<const Listener> listeners, const B
   }
   Scene::Model& scene = *model_->scene();
   const int harmonics = scene.harmonics_of(ListenerLayout::named(options.channels));
-  model_->check_places(*scene.acoustics(harmonics), positions);
+  model_->check_places(scene.acoustics(harmonics), positions);
   const SourceParts shared = model_->parts(harmonics, listeners.size());
   const std::shared_ptr<const SynthesisTables> synthesis = scene.tables(options.channels, options.hrtf);
   std::vector<Rir> rirs(listeners.size());
@@ -129,7 +134,7 @@ std::vector<Response> Source::responses(std::span<const Vec3> listeners, const B
   for (const Vec3& listener : listeners) require_finite(listener, "listener");
   const std::shared_ptr<Scene::Model>& scene = model_->scene();
   const int harmonics = scene->harmonics_of(ListenerLayout::named(options.channels));
-  model_->check_places(*scene->acoustics(harmonics), listeners);
+  model_->check_places(scene->acoustics(harmonics), listeners);
   const SourceParts shared = model_->parts(harmonics, listeners.size());
   std::vector<std::shared_ptr<Response::Model>> models(listeners.size());
   for_each_index(listeners.size(), options.threads, [&] {

@@ -4,6 +4,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -11,6 +12,7 @@
 #include "api/scene_model.h"
 #include "earshot/source.h"
 #include "sim/acoustics/response/energy_response.h"
+#include "sim/acoustics/response/place_check.h"
 #include "sim/acoustics/source_field/source_field.h"
 
 namespace earshot::api {
@@ -31,13 +33,15 @@ struct Source::Model {
   /// With a source field where the plan of the scene calls for one for so many responses.
   SourceParts parts(int sh_order, std::size_t responses);
   /// Warns of places, or throws InputError for one outside the closed scene (place_check.h).
-  void check_places(const AcousticScene& acoustics, std::span<const Vec3> listeners);
+  void check_places(std::shared_ptr<const AcousticScene> acoustics, std::span<const Vec3> listeners);
 
  private:
   std::shared_ptr<Scene::Model> scene_;
   SoundSource source_;
   std::mutex mutex_;
   std::map<int, SourceParts> parts_;
+  std::shared_ptr<const AcousticScene> checked_;
+  std::optional<PlaceCheck> places_;  ///< of checked_, from the first call on
 };
 
 /// One response before any head, with its origin.
