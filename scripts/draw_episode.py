@@ -3,10 +3,10 @@
 
 draw_episode.py PAGE.html OUT.svg        PAGE: a page of `earshot replay ... --html`
 
-The picture of the README, in the folder of the main job's run:
+The picture of the README, by the shipped agent on the episodes of the main job:
 
-    build/release/earshot eval classical --config configs/train/quick.yaml --out classical.json
-    build/release/earshot replay classical.json --episode 2 --config configs/train/quick.yaml --html episode.html
+    build/release/earshot eval configs/policies/quick.policy --episodes runs/quick/eval.json.gz --out result.json
+    build/release/earshot replay result.json --episode 10 --policy configs/policies/quick.policy --html episode.html
     scripts/draw_episode.py episode.html docs/figures/episode.svg
 """
 
