@@ -39,7 +39,8 @@ def text(x, y, words, size=14, color="#222", anchor="start", weight="normal", ha
 
 def polyline(points, color, width):
     joined = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
-    return f'<polyline points="{joined}" fill="none" stroke="{color}" stroke-width="{width}" stroke-linejoin="round" stroke-linecap="round"/>'
+    ends = 'stroke-linejoin="round" stroke-linecap="round"'
+    return f'<polyline points="{joined}" fill="none" stroke="{color}" stroke-width="{width}" {ends}/>'
 
 
 def plan(episode):

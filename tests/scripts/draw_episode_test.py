@@ -42,5 +42,7 @@ with tempfile.TemporaryDirectory() as name:
 
     page.write_text("<html></html>")
     done = draw(page, folder / "none.svg")
-    assert done.returncode == 1 and "holds no episode" in done.stderr and not (folder / "none.svg").exists(), done
+    assert done.returncode == 1, done
+    assert "holds no episode" in done.stderr, done
+    assert not (folder / "none.svg").exists()
 print("draw_episode: path, sound and levels where they belong")
