@@ -49,7 +49,7 @@ TEST(IsolatedCall, ARefusalKeepsItsWords) {
 TEST(IsolatedCall, ACrashIsARefusal) {
   for (const char* how : {"segv", "abort", "overflow"})
     EXPECT_THAT(refusal({how}), AllOf(StartsWith("house.obj: "), HasSubstr("the library that reads it"), Not(HasSubstr("\n")))) << how;
-  EXPECT_THAT(refusal({"exit"}), HasSubstr("exit code 3"));
+  EXPECT_THAT(refusal({"exit"}), HasSubstr("exit with code 3"));
   EXPECT_THAT(refusal({"leave"}), HasSubstr("an incomplete answer"));
 }
 
