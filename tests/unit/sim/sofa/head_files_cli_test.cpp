@@ -222,8 +222,8 @@ TEST_F(HeadFiles, OtherConventionsAreRefusedByName) {
                                                         {"GeneralTF", "TF", "transfer functions"},
                                                         {"SimpleFreeFieldSOS", "SOS", "second-order sections"},
                                                         {"SimpleFreeFieldHRSOS", "SOS", "second-order sections"},
-                                                        {"FreeFieldDirectivityTF", "TF", "radiation"},
-                                                        {"SimpleHeadphoneIR", "FIR", "headphones"},
+                                                        {"FreeFieldDirectivityTF", "TF", "directivity of a source"},
+                                                        {"SimpleHeadphoneIR", "FIR", "headphone"},
                                                         {"SingleRoomSRIR", "FIR", "room"},
                                                         {"MultiSpeakerBRIR", "FIR", "room"},
                                                         {"SingleTrackedAudio", "Audio", "recording"}}) {

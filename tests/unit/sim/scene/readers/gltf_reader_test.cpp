@@ -174,7 +174,7 @@ TEST(GltfReader, NamesTheVertexThatIsNotANumber) {
   GltfWriter far = one_triangle();
   far.json["meshes"][0]["primitives"][0]["indices"] =
       far.add_accessor(far.add_view(std::vector<std::uint16_t>{0, 1, 3}), 3, 5123, "SCALAR");
-  EXPECT_THAT(error_of(far.gltf()), HasSubstr("uses vertex 3 of 3"));
+  EXPECT_THAT(error_of(far.gltf()), HasSubstr("uses vertex 3, but there are 3 vertices"));
 }
 
 TEST(GltfReader, ReadsBuffersBesideTheFile) {
