@@ -64,7 +64,7 @@ class Scene {
   /// @throws InputError for a scene that cannot be read, an unknown preset or setting, or a value out of range.
   explicit Scene(const std::string& spec, const SceneOptions& options = {});
 
-  [[nodiscard]] const std::string& name() const;  ///< the spec
+  [[nodiscard]] const std::string& name() const;  ///< the spec, with the unit and axis that were given
   [[nodiscard]] std::uint64_t hash() const;       ///< of geometry, materials and air
   [[nodiscard]] std::size_t num_triangles() const;
   [[nodiscard]] Bounds bounds() const;
