@@ -18,7 +18,7 @@ python3 - "$build" "$gcov" "$jobs" <<'PYTHON'
 import collections, concurrent.futures, json, os, pathlib, subprocess, sys
 build, gcov, jobs = pathlib.Path(sys.argv[1]), sys.argv[2], int(sys.argv[3])
 root = os.getcwd() + "/"
-rooms = ("sim", "envs", "datasets", "policy", "trainer", "evaluation", "bench", "apps")
+rooms = ("sim", "envs", "datasets", "api", "policy", "trainer", "evaluation", "bench", "apps")
 
 def counts_of(notes):
     """How often each line of our sources ran in one object; an object that no test has run has zeros."""

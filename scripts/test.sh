@@ -56,6 +56,7 @@ changed_folders() {
     case $folder in
       tests/*) folder=${folder#tests/} ;;
       bench | bench/questions) echo unit/bench; continue ;;
+      include/earshot) printf 'unit/api\nunit/api/training\n'; continue ;;
       sim/reader) printf 'unit/sim/base\nunit/sim/scene\n'; continue ;;
       *) folder=unit/$folder ;;
     esac
@@ -82,7 +83,7 @@ run_quick() {
     target=${folder#unit/}
     target=test_${target//\//_}
     case $folder in
-      unit/policy | pinned/training | robustness/training) target+=_libtorch ;;
+      unit/policy | unit/api/training | pinned/training | robustness/training) target+=_libtorch ;;
       unit/trainer) targets+=("${target}_libtorch") ;;
     esac
     if [ -n "$(find "tests/$folder" -name '*_threads_test.cpp' -print -quit)" ]; then targets+=("${target}_threads"); fi

@@ -59,8 +59,8 @@ struct Config {
   static Config from_text(std::string yaml, Settings overrides = {}) { return {std::move(yaml), "config", std::move(overrides)}; }
 };
 
-/// Every acoustic key with its value as YAML: preset `fast`, `balanced` or `high`, then `settings` over it.  docs/explanation/acoustics.md describes
-/// the keys.
+/// Every acoustic key with its value as YAML: preset `fast`, `balanced` or `high`, then `settings` over it.  docs/explanation/acoustics.md
+/// describes the keys.
 /// @throws InputError for an unknown preset or key, or a value out of range.
 std::string acoustic_config_text(const std::string& preset, const Settings& settings = {});
 
