@@ -60,7 +60,7 @@ struct AgentOptions {
 /// Rows whose observation is not finite are zeroed before the policy sees them.  One thread at a time.
 class Agent {
  public:
-  /// @param envs  must outlive the agent and stay where it is.
+  /// @param envs  must outlive the agent; it may move.
   /// @throws InputError if the batch lacks a sensor of the policy, or its shape differs.
   Agent(const Policy& policy, const VectorEnv& envs, const AgentOptions& options = {});
   ~Agent();
