@@ -1,0 +1,77 @@
+#!/usr/bin/env python3
+"""python_package.py PACKAGE VERSION PAGE: what autodoc imports, and the page that asks for it.
+
+PACKAGE becomes a copy of python/earshot in which the compiled modules are made from their type stubs (*.pyi), so that the page needs no build.
+"""
+
+import pathlib
+import sys
+
+from output import write_if_new
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+
+PAGE = """\
+Python
+======
+
+How to install and use the package: :doc:`../howto/python`.
+
+Responses
+---------
+
+.. currentmodule:: earshot
+
+.. autoclass:: Scene
+   :members:
+
+.. autoclass:: Source()
+   :members:
+
+.. autoclass:: Response()
+   :members:
+
+.. autofunction:: measure
+
+Results
+-------
+
+{results}
+Environments
+------------
+
+.. autofunction:: make_vec
+
+.. autoclass:: earshot.vector.EarshotVectorEnv()
+   :members:
+
+.. autofunction:: parallel_env
+
+.. autoclass:: earshot.multi_agent.EarshotParallelEnv()
+   :members:
+
+Errors
+------
+
+.. py:exception:: InputError
+
+   A file, key or value that is wrong; a ``ValueError``.  The message is one line: what, where, what to do.
+
+.. py:exception:: RunError
+
+   A run that fails; a ``RuntimeError``.
+"""
+RESULTS = ("Arrivals", "Metrics", "EffectDecision", "AccuracyPlan", "AccuracyChoice")
+
+
+def main(package: pathlib.Path, version: str, page: pathlib.Path) -> None:
+    for source in sorted((ROOT / "python/earshot").glob("*.py")):
+        write_if_new(package / source.name, source.read_bytes())
+    for stub in sorted((ROOT / "python/earshot").glob("*.pyi")):
+        code = "from __future__ import annotations\n" + stub.read_text(encoding="utf-8") + f'\n__version__ = "{version}"\n__compiler__ = ""\n'
+        write_if_new(package / stub.with_suffix(".py").name, code)
+    write_if_new(page, PAGE.format(results="".join(f".. autoclass:: {name}()\n   :members:\n\n" for name in RESULTS)))
+
+
+if __name__ == "__main__":
+    main(pathlib.Path(sys.argv[1]), sys.argv[2], pathlib.Path(sys.argv[3]))
