@@ -62,6 +62,7 @@ packages='
   libclang-rt-19-dev       -                          1:19.1.7-3+b1
   mold                     1.10.1+dfsg-1              2.37.1+dfsg-1
   python3-dev              *                          *
+  doxygen                  1.9.4-4                    1.9.8+ds-2.1
   python3-venv             *                          *
 '
 

@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # scripts/test.sh [full|quick|all]
 #   full   (default; what CI runs) format, clang-tidy on changed lines (begins no file after 20 s; `all` looks at all of them), the release
-#          build and its tests but the slow and long ones, those of the Python package (skipped with a line where the Python
-#          package index cannot be reached), the tests of code that parses outside files under the address and
+#          build and its tests but the slow and long ones, those of the Python package and the documentation site (both skipped with
+#          a line where the Python package index cannot be reached), the tests of code that parses outside files under the address and
 #          undefined-behaviour sanitizers, those in which threads meet under the thread sanitizer, and a minute of fuzzing
 #   quick  the loop while working: builds and runs the tests of the folders with uncommitted changes (of the last commit, if there are none)
 #   all    full, the slow tests (label slow: statistics, launchers, sweeps, long benchmarks), the long ones (tests/long_tests*.txt,
@@ -113,6 +113,7 @@ run_full() {
   if stage "release build" scripts/build.sh "$build"; then
     run_tests "release tests" release -LE "$left_out" || true
     stage "python tests" test_python || true
+    stage "docs" or_skipped scripts/docs.sh || true
     if [ "$mode" = all ] && run_tests "slow tests" release -L slow; then
       printf 'The slow tests (scripts/test.sh all) last passed on %s at commit %s.\n' "$(date -u +%Y-%m-%d)" "$(git describe --always --abbrev=12 --dirty)" >"$record"
     fi

@@ -85,7 +85,7 @@ def read_commands(program: str) -> tuple[Help, list[tuple[list[str], str, Help]]
 
 def main(program: str, folder: pathlib.Path) -> None:
     index = folder / "index.md"
-    sources = [pathlib.Path(program).parent / name for name in ("earshot", "earshot_training")] + list(pathlib.Path(__file__).parent.glob("*.py"))
+    sources = [pathlib.Path(program).parent / name for name in ("earshot", "earshot_training")] + [pathlib.Path(__file__)]
     if index.is_file() and all(not path.is_file() or path.stat().st_mtime < index.stat().st_mtime for path in sources):
         return
     top, commands = read_commands(program)

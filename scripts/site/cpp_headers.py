@@ -76,7 +76,7 @@ def main(folder: pathlib.Path, xml_folder: pathlib.Path) -> None:
     config = xml_folder.parent / "Doxyfile"
     write_if_new(config, doxyfile(headers, xml_folder))
     index = folder / "index.md"
-    sources = [config, *(ROOT / header for header in headers), *pathlib.Path(__file__).parent.glob("*.py")]
+    sources = [config, *(ROOT / header for header in headers), pathlib.Path(__file__)]
     if index.is_file() and all(path.stat().st_mtime < index.stat().st_mtime for path in sources):
         return
     shutil.rmtree(xml_folder, ignore_errors=True)

@@ -24,12 +24,15 @@ Responses
 
 .. autoclass:: Scene
    :members:
+   :undoc-members:
 
 .. autoclass:: Source()
    :members:
+   :undoc-members:
 
 .. autoclass:: Response()
    :members:
+   :undoc-members:
 
 .. autofunction:: measure
 
@@ -44,11 +47,13 @@ Environments
 
 .. autoclass:: earshot.vector.EarshotVectorEnv()
    :members:
+   :undoc-members:
 
 .. autofunction:: parallel_env
 
 .. autoclass:: earshot.multi_agent.EarshotParallelEnv()
    :members:
+   :undoc-members:
 
 Errors
 ------
@@ -70,7 +75,7 @@ def main(package: pathlib.Path, version: str, page: pathlib.Path) -> None:
     for stub in sorted((ROOT / "python/earshot").glob("*.pyi")):
         code = "from __future__ import annotations\n" + stub.read_text(encoding="utf-8") + f'\n__version__ = "{version}"\n__compiler__ = ""\n'
         write_if_new(package / stub.with_suffix(".py").name, code)
-    write_if_new(page, PAGE.format(results="".join(f".. autoclass:: {name}()\n   :members:\n\n" for name in RESULTS)))
+    write_if_new(page, PAGE.format(results="".join(f".. autoclass:: {name}()\n   :members:\n   :undoc-members:\n\n" for name in RESULTS)))
 
 
 if __name__ == "__main__":
