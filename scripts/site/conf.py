@@ -48,11 +48,14 @@ html_show_copyright = False
 html_theme_options = {"navigation_with_keys": True}
 
 
+ARRAY = r"~?(?:numpy\.)?ndarray\[tuple\[~?(?:typing\.)?Any, \.\.\.\], ~?(?:numpy\.)?dtype\[~?(?:numpy\.)?(\w+)\]\]"
+
+
 def shorten_arrays(app, what, name, obj, options, signature, returned):
     """Arrays as the sources name them: NDArray[float32]."""
 
     def short(text):
-        return text and re.sub(r"(?:np\.)?ndarray\[tuple\[Any, \.\.\.\], dtype\[(\w+)\]\]", r"NDArray[\1]", text)
+        return text and re.sub(ARRAY, r"NDArray[\1]", text)
 
     return short(signature), short(returned)
 
