@@ -38,6 +38,7 @@ if [ -z "${EARSHOT_PROGRAM:-}" ] && [ ! -x "$program" ]; then scripts/build.sh r
 python=$build/venv/bin/python
 version=$(sed -nE 's/^project\(earshot VERSION ([0-9.]+).*/\1/p' CMakeLists.txt)
 source=$build/source
+export PYTHONDONTWRITEBYTECODE=1
 export EARSHOT_DOCS_VERSION=$version EARSHOT_DOCS_XML=$build/doxygen/xml EARSHOT_DOCS_STATIC=$source/_static
 
 "$python" scripts/site/commands.py "$program" "$source/reference/commands"

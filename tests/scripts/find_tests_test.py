@@ -12,6 +12,7 @@ import subprocess
 import sys
 
 ROOT, BUILD = pathlib.Path(sys.argv[1]), pathlib.Path(sys.argv[2])
+sys.dont_write_bytecode = True
 sys.path.insert(0, str(ROOT / "scripts"))
 import find_tests  # noqa: E402
 

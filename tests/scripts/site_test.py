@@ -12,7 +12,7 @@ SITE = ROOT / "scripts/site"
 
 
 def run(*command: object) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, *map(str, command)], capture_output=True, text=True, check=False)
+    return subprocess.run([sys.executable, "-B", *map(str, command)], capture_output=True, text=True, check=False)
 
 
 def write(path: pathlib.Path, text: str) -> None:
