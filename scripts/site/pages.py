@@ -102,8 +102,16 @@ class Assembler:
         )
         self.write(page, linked + appended)
 
+    def navigation(self) -> str:
+        """navigation.md without the patterns that no further page matches, which Sphinx warns of."""
+        text = pathlib.Path(__file__).with_name("navigation.md").read_text(encoding="utf-8")
+        lines = text.splitlines(keepends=True)
+        pages = {page.removesuffix(".md") for path in self.tracked if (page := page_of(path))} - {line.strip() for line in lines}
+        matches = {line for line in lines if line.strip().endswith("/*") and any(str(pathlib.PurePath(page).parent) + "/*" == line.strip() for page in pages)}
+        return "".join(line for line in lines if not line.strip().endswith("/*") or line in matches)
+
     def run(self) -> int:
-        navigation = pathlib.Path(__file__).with_name("navigation.md").read_text(encoding="utf-8")
+        navigation = self.navigation()
         for path in self.tracked:
             page = page_of(path)
             if page is not None:

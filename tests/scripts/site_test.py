@@ -58,7 +58,12 @@ def check_pages(work: pathlib.Path) -> None:
         assert link in page, (link, page)
     assert "(../map.md)" in (site / "contributing/rules.md").read_text(encoding="utf-8")
     assert "```yaml\na: 1\n```" in (site / "files/configs/a.yaml.md").read_text(encoding="utf-8")
-    assert "{toctree}" in (site / "index.md").read_text(encoding="utf-8")
+    # Patterns of the navigation stay where pages match them that it does not name.
+    write(tree / "docs/howto/datasets.md", "# Named\n")
+    write(tree / "docs/reference/another.md", "# Another\n")
+    assert run(tree / "scripts/site/pages.py", site).returncode == 0
+    index = (site / "index.md").read_text(encoding="utf-8")
+    assert "{toctree}" in index and "\nreference/*\n" in index and "\nhowto/*\n" not in index, index
     # A page that is gone leaves the site.
     (tree / "docs/map.md").unlink()
     write(tree / "docs/index.md", "# Home\n")
