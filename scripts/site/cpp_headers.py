@@ -40,6 +40,7 @@ def doxyfile(headers: list[str], xml: pathlib.Path) -> str:
         # The first sentence of a comment is the brief description; `#` and `::` in a comment are no links.
         "JAVADOC_AUTOBRIEF": "YES",
         "AUTOLINK_SUPPORT": "NO",
+        "INPUT_FILTER": f'"{sys.executable} -B {pathlib.Path(__file__).with_name("header_filter.py")}"',
         "ENABLE_PREPROCESSING": "YES",
         "MACRO_EXPANSION": "YES",
         "SEARCH_INCLUDES": "NO",
@@ -53,20 +54,26 @@ def doxyfile(headers: list[str], xml: pathlib.Path) -> str:
     return "".join(f"{key} = {value}\n" for key, value in settings.items())
 
 
-def brief_of(xml: pathlib.Path, header: str) -> str:
-    """The first sentence about what a header declares: of the file, or of its first documented class or function."""
+def is_in(definition: xml.etree.ElementTree.Element, header: str) -> bool:
+    location = definition.find("location")
+    return location is not None and location.get("file", "").removeprefix(str(ROOT) + "/") == header
+
+
+def declared_by(xml: pathlib.Path, header: str) -> tuple[str, list[str]]:
+    """What a header says of itself in one sentence, if it does, and the names of its classes and functions."""
     for entry in xml.glob("*_8h.xml"):
         definition = xml_root(entry).find("compounddef")
-        location = definition.find("location") if definition is not None else None
-        if location is None or location.get("file", "").removeprefix(str(ROOT) + "/") != header:
+        if definition is None or not is_in(definition, header):
             continue
-        briefs = [definition.find("briefdescription")]
-        briefs += [xml_root(xml / f"{inner.get('refid')}.xml").find("compounddef/briefdescription") for inner in definition.iter("innerclass")]
-        briefs += [member.find("briefdescription") for member in definition.iter("memberdef")]
-        for brief in briefs:
-            if brief is not None and (text := " ".join("".join(brief.itertext()).split())):
-                return text
-    return ""
+        brief = " ".join("".join(definition.find("briefdescription").itertext()).split())
+        names = [inner.text for inner in definition.iter("innerclass")]
+        for inner in definition.iter("innernamespace"):
+            members = xml_root(xml / f"{inner.get('refid')}.xml").iter("memberdef")
+            names += [member.findtext("name") for member in members if is_in(member, header)]
+        # A class within a class, and the second of two functions of a name, add nothing.
+        names = list(dict.fromkeys(name.removeprefix("earshot::").removeprefix("api::") for name in names if name))
+        return brief, [name for name in names if "::" not in name]
+    return "", []
 
 
 def xml_root(path: pathlib.Path) -> xml.etree.ElementTree.Element:
@@ -78,12 +85,13 @@ def main(folder: pathlib.Path, xml_folder: pathlib.Path) -> None:
     config = xml_folder.parent / "Doxyfile"
     write_if_new(config, doxyfile(headers, xml_folder))
     index = folder / "index.md"
-    sources = [config, *(ROOT / header for header in headers), pathlib.Path(__file__)]
+    sources = [config, *(ROOT / header for header in headers), *pathlib.Path(__file__).parent.glob("*header*.py")]
     if index.is_file() and all(path.stat().st_mtime < index.stat().st_mtime for path in sources):
         return
     shutil.rmtree(xml_folder, ignore_errors=True)
     if subprocess.run(["doxygen", str(config)], cwd=ROOT, check=False).returncode != 0:
         sys.exit("docs: Doxygen warns of the comments above; correct them in the headers")
+    folder.mkdir(parents=True, exist_ok=True)
     rows, names = "", []
     for header in headers:
         include = header.removeprefix("include/")
@@ -91,10 +99,12 @@ def main(folder: pathlib.Path, xml_folder: pathlib.Path) -> None:
         names.append(name)
         page = f"# {include}\n\n```cpp\n#include \"{include}\"\n```\n\n```{{doxygenfile}} {pathlib.PurePath(header).name}\n:sections: briefdescription detaileddescription innernamespace innerclass"
         page += " enum typedef define func var public-type public-attrib public-func public-static-attrib public-static-func friend\n```\n"
-        write_if_new(folder / f"{name}.md", page)
-        rows += f"| [{include}]({name}.md) | {escape(brief_of(xml_folder, header))} |\n"
+        # Written anew with Doxygen's XML, so that Sphinx reads both again.
+        (folder / f"{name}.md").write_text(page, encoding="utf-8")
+        brief, declared = declared_by(xml_folder, header)
+        rows += f"| [{include}]({name}.md) | {escape(brief)}{' ' if brief else ''}{', '.join(f'`{each}`' for each in declared)} |\n"
     text = "# C++\n\nThe public headers. How to find and link the library: [Earshot as a library](../../howto/library.md).\n\n"
-    text += "| header | what it declares |\n|---|---|\n" + rows + "\n```{toctree}\n:hidden:\n\n" + "\n".join(names) + "\n```\n"
+    text += "| header | declares |\n|---|---|\n" + rows + "\n```{toctree}\n:hidden:\n\n" + "\n".join(names) + "\n```\n"
     index.write_text(text, encoding="utf-8")
     remove_others(folder, {folder / f"{name}.md" for name in [*names, "index"]})
     print(f"docs: {len(headers)} public headers")

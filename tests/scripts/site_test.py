@@ -121,10 +121,25 @@ def check_config_keys(work: pathlib.Path) -> None:
         assert text is None or text in page.read_text(encoding="utf-8"), (script, page.read_text(encoding="utf-8"))
 
 
+def check_header_filter(work: pathlib.Path) -> None:
+    """What is said before the namespace is said of the file; before a later one it is no documentation.  Lines keep their numbers."""
+    header = work / "made.h"
+    before = ["#pragma once", "", "/// Made things.", "/// Two lines.", "namespace made {", "", "/// A thing.", "struct Thing {};", "", "/// More.",
+              "namespace inner {}", "}  // namespace made"]
+    after = list(before)
+    after[1], after[9] = "/// \\file", "// More."
+    write(header, "\n".join(before) + "\n")
+    result = run(SITE / "header_filter.py", header)
+    assert result.returncode == 0 and result.stdout.splitlines() == after, result.stdout
+    write(header, "#pragma once\n\nnamespace made {\n/// A thing.\nstruct Thing {};\n}\n")
+    assert run(SITE / "header_filter.py", header).stdout == header.read_text(encoding="utf-8")
+
+
 with tempfile.TemporaryDirectory() as name:
     work = pathlib.Path(name)
     check_built_pages(work)
     check_pages(work)
     check_commands(work)
     check_config_keys(work)
-print("site_test: links, pages, commands and config keys")
+    check_header_filter(work)
+print("site_test: links, pages, commands, config keys and headers")
