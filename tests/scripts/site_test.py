@@ -44,10 +44,10 @@ def check_pages(work: pathlib.Path) -> None:
     """Links of pages as the site has them; one that leads nowhere is an error."""
     tree = work / "tree"
     shutil.copytree(SITE, tree / "scripts/site")
-    write(tree / "CONTRIBUTING.md", "# Rules\n\n[map](docs/map.md)\n")
+    write(tree / "CONTRIBUTING.md", "# Rules\n\n[map](docs/" "map.md)\n")
     write(tree / "configs/a.yaml", "a: 1\n")
     write(tree / "docs/index.md", "# Home\n\n[map](map.md)\n")
-    write(tree / "docs/map.md", "# Map\n\n[rules](../CONTRIBUTING.md#rules) [config](../configs/a.yaml) [folder](../configs) `[code](none.md)`\n"
+    write(tree / "docs" / "map.md", "# Map\n\n[rules](../CONTRIBUTING.md#rules) [config](../configs/a.yaml) [folder](../configs) `[code](none.md)`\n"
           "\n```text\n[code](none.md)\n```\n")
     subprocess.run(["git", "init", "-q", tree], check=True)
     site = work / "site"
@@ -59,13 +59,13 @@ def check_pages(work: pathlib.Path) -> None:
     assert "(../map.md)" in (site / "contributing/rules.md").read_text(encoding="utf-8")
     assert "```yaml\na: 1\n```" in (site / "files/configs/a.yaml.md").read_text(encoding="utf-8")
     # Patterns of the navigation stay where pages match them that it does not name.
-    write(tree / "docs/howto/datasets.md", "# Named\n")
-    write(tree / "docs/reference/another.md", "# Another\n")
+    write(tree / "docs" / "howto/datasets.md", "# Named\n")
+    write(tree / "docs" / "reference/another.md", "# Another\n")
     assert run(tree / "scripts/site/pages.py", site).returncode == 0
     index = (site / "index.md").read_text(encoding="utf-8")
     assert "{toctree}" in index and "\nreference/*\n" in index and "\nhowto/*\n" not in index, index
     # A page that is gone leaves the site.
-    (tree / "docs/map.md").unlink()
+    (tree / "docs" / "map.md").unlink()
     write(tree / "docs/index.md", "# Home\n")
     write(tree / "CONTRIBUTING.md", "# Rules\n")
     assert run(tree / "scripts/site/pages.py", site).returncode == 0 and not (site / "map.md").exists()
