@@ -3,7 +3,6 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
-#include <cmath>
 #include <glm/common.hpp>
 #include <glm/vector_relational.hpp>
 
@@ -18,42 +17,44 @@ bool is_inside(const Bounds& bounds, glm::vec3 point) {
   return glm::all(glm::greaterThanEqual(point, bounds.lower)) && glm::all(glm::lessThanEqual(point, bounds.upper));
 }
 
+/// Does a wall touch the box with these indices, or the next one along an axis?
+bool is_beside_wall(const FieldBoxes& boxes, const WallParts& walls, const glm::ivec3& index) {
+  bool is_beside = walls.touch_box(boxes.number_of(index));
+  for (int axis = 0; axis < 3; ++axis) {
+    glm::ivec3 next = index;
+    if (++next[axis] < boxes.count()[axis]) is_beside = is_beside || walls.touch_box(boxes.number_of(next));
+  }
+  return is_beside;
+}
+
 }  // namespace
 
 AirCells::AirCells(const Scene& scene, float cell_m) : scene_(&scene) {
   if (scene.mesh().triangles.empty()) return;
   boxes_ = FieldBoxes(scene.bounds(), cell_m);
   box_.resize(boxes_.size());
-  mark_boxes_with_geometry();
-  find_pieces();
+  const WallParts walls(scene.mesh(), boxes_);
+  find_pieces(walls);
   find_stray_air();
-  find_sure_labels();
-  for (Box& box : box_) box.is_whole = box.count > 0 && (box.labels == none || (box.count == 1 && box.stray == none));
+  find_sure_labels(walls);
 }
 
-void AirCells::mark_boxes_with_geometry() {
-  const TriangleMesh& mesh = scene_->mesh();
-  const glm::vec3 slack = 1e-4f * boxes_.edge_m();
-  for (const glm::uvec3 corner : mesh.triangles) {
-    const glm::vec3 a = mesh.vertices[corner.x], b = mesh.vertices[corner.y], c = mesh.vertices[corner.z];
-    const glm::ivec3 lower = boxes_.index_at(glm::min(a, glm::min(b, c)) - slack);
-    const glm::ivec3 upper = boxes_.index_at(glm::max(a, glm::max(b, c)) + slack);
-    for (int x = lower.x; x <= upper.x; ++x)
-      for (int y = lower.y; y <= upper.y; ++y)
-        for (int z = lower.z; z <= upper.z; ++z) box_[boxes_.number_of({x, y, z})].holds_geometry = true;
-  }
-}
-
-void AirCells::find_pieces() {
+void AirCells::find_pieces(const WallParts& walls) {
   std::vector<BoxPieces> pieces(box_.size());
+  open_across_.assign(box_.size(), {~std::uint64_t{0}, ~std::uint64_t{0}, ~std::uint64_t{0}});
   tbb::parallel_for(std::size_t{0}, pieces.size(), [&](std::size_t i) {
     const FlushDenormals flush;
     const glm::ivec3 index = boxes_.index_of(i);
-    pieces[i] = box_[i].holds_geometry ? find_box_pieces(*scene_, boxes_, index) : whole_box(boxes_, index);
+    pieces[i] = whole_box(boxes_, index);
+    if (!is_beside_wall(boxes_, walls, index)) return;
+    const OpenLines lines(*scene_, boxes_, walls, index);
+    for (int axis = 0; axis < 3; ++axis) open_across_[i][static_cast<std::size_t>(axis)] = lines.across(axis);
+    if (walls.reach_into_box(i)) pieces[i] = find_box_pieces(*scene_, boxes_, lines, index);
   });
   for (std::size_t i = 0; i < pieces.size(); ++i) {
     const BoxPieces& of_box = pieces[i];
     Box& box = box_[i];
+    box.is_whole = !walls.reach_into_box(i);
     box.first = static_cast<std::uint32_t>(cells_.size());
     box.count = static_cast<std::uint32_t>(of_box.pieces.size());
     // A sliver on the far side of a wall may be too thin for a piece: what crosses it is not counted for the near side.
@@ -122,74 +123,56 @@ bool AirCells::visible_from(std::uint32_t cell, glm::vec3 point) const {
   return false;
 }
 
-/// Around a point of a piece whose neighbours belong to it too, or to none, no wall is near.
-void AirCells::find_sure_labels() {
-  sure_ = labels_;
-  for (const Box& box : box_) {
-    if (box.labels == none) continue;
-    const std::uint8_t* label = &labels_[box.labels];
-    for (int i = 0; i < FieldBoxes::kPoints; ++i) {
-      const glm::ivec3 at = FieldBoxes::lattice_place(i);
-      const auto may_be = [&](int other) { return label[other] == label[i] || label[other] == kNoPiece; };
-      bool same = true;
-      for (int axis = 0; axis < 3; ++axis) {
-        const int stride = FieldBoxes::kStrides[static_cast<std::size_t>(axis)];
-        same = same && (at[axis] == 0 || may_be(i - stride));
-        same = same && (at[axis] + 1 == FieldBoxes::kPointsPerEdge || may_be(i + stride));
-      }
-      if (!same) sure_[box.labels + static_cast<std::uint32_t>(i)] = kNoPiece;
-    }
-  }
-}
-
 bool AirCells::may_be_stray(std::size_t box, glm::vec3 point) const {
   return box_[box].stray != none && is_inside(stray_[box_[box].stray], point);
 }
 
-/// The cell of a box that holds a point, as far as that is known without a ray; none where it is not.
+/// A part into which no wall reaches is of the cell of its point.
+void AirCells::find_sure_labels(const WallParts& walls) {
+  for (std::size_t i = 0; i < box_.size(); ++i) {
+    Box& box = box_[i];
+    if (box.is_whole) continue;
+    box.sure = static_cast<std::uint32_t>(sure_.size());
+    for (int number = 0; number < FieldBoxes::kPoints; ++number) {
+      const std::uint8_t label = box.labels == none ? std::uint8_t{0} : labels_[box.labels + static_cast<std::uint32_t>(number)];
+      sure_.push_back(walls.reach_into_part(i, number) ? kBesideWall : label);
+    }
+  }
+}
+
+/// The cell of a box that holds a point, or no_cell, as far as that is known without a ray; none where it is not.
 std::uint32_t AirCells::sure_cell_at(const Box& of, const glm::ivec3& index, glm::vec3 point) const {
   if (of.is_whole) return of.first;
-  // Mostly the points all round it belong to one piece, or bounds tell, as a straight wall leaves its two sides apart.
-  const auto number = static_cast<std::uint32_t>(FieldBoxes::lattice_number(boxes_.lattice_place_in(index, point)));
-  if (const std::uint8_t label = sure_[of.labels + number]; label < kStrayAir) return of.first + label;
-  if (of.stray != none && is_inside(stray_[of.stray], point)) return none;
-  std::uint32_t only = none, candidates = 0;
-  for (std::uint32_t cell = of.first; cell < of.first + of.count; ++cell)
-    if (is_inside({cells_[cell].lower, cells_[cell].upper}, point)) only = cell, ++candidates;
-  return candidates == 1 ? only : none;
+  const std::uint8_t label = sure_[of.sure + static_cast<std::uint32_t>(FieldBoxes::lattice_number(boxes_.lattice_place_in(index, point)))];
+  if (label == kBesideWall) return none;
+  return label < kStrayAir ? of.first + label : no_cell;
 }
 
 std::uint32_t AirCells::cell_at(std::size_t box, glm::vec3 point) const {
   if (box_[box].count == 0) return none;
   const std::uint32_t sure = sure_cell_at(box_[box], boxes_.index_of(box), point);
-  return sure != none ? sure : cell_near_walls(box, point);
+  return sure == no_cell ? none : sure != none ? sure : cell_near_walls(box, point);
 }
 
-std::uint32_t AirCells::sure_cell_among_pieces(const Box& of, const glm::ivec3& index, glm::vec3 enter, glm::vec3 leave) const {
-  if (of.count == 0) return none;
-  for (const float part : {0.5f, 0.25f, 0.75f})
-    if (const std::uint32_t sure = sure_cell_at(of, index, enter + part * (leave - enter)); sure != none) return sure;
-  return none;
+std::array<std::uint32_t, 2> AirCells::sure_cells_beside_walls(const Box& of, const glm::ivec3& index, glm::vec3 enter,
+                                                               glm::vec3 leave) const {
+  if (of.count == 0) return {none, none};
+  const auto at = [&](float part) { return sure_cell_at(of, index, enter + part * (leave - enter)); };
+  std::array<std::uint32_t, 2> halves{at(0.25f), at(0.75f)};
+  if (halves[0] == none) halves[0] = halves[1] == none ? at(0.5f) : halves[1];
+  if (halves[1] == none) halves[1] = halves[0];
+  return halves;
 }
 
-/// Near a wall: the cell of the nearest lattice points that are visible.  Lines to them are short, so seldom through a slit.
+/// Near a wall: the cell of most of the lattice points all round that are visible.
 std::uint32_t AirCells::cell_near_walls(std::size_t box, glm::vec3 point) const {
-  const Box& of = box_[box];
-  const glm::ivec3 index = boxes_.index_of(box), at = boxes_.lattice_place_in(index, point);
-  const std::uint8_t* label = &labels_[of.labels];
-  const auto sees = [&](const glm::ivec3& other) {
-    return label[FieldBoxes::lattice_number(other)] < kStrayAir && !scene_->rays().occluded(point, boxes_.lattice_point(index, other));
-  };
-  if (sees(at)) return of.first + label[FieldBoxes::lattice_number(at)];
-  // Those beside it by a face, an edge, a corner.
-  for (int distance = 1; distance <= 3; ++distance)
-    for (int step = 0; step < 27; ++step) {
-      const glm::ivec3 by(step / 9 - 1, step / 3 % 3 - 1, step % 3 - 1), other = at + by;
-      if (std::abs(by.x) + std::abs(by.y) + std::abs(by.z) != distance) continue;
-      if (glm::clamp(other, 0, FieldBoxes::kPointsPerEdge - 1) == other && sees(other))
-        return of.first + label[FieldBoxes::lattice_number(other)];
-    }
-  return none;
+  const glm::ivec3 index = boxes_.index_of(box), at = boxes_.lattice_place_in(index, point), last(FieldBoxes::kPointsPerEdge - 1);
+  VisibleMajority majority;
+  for_each_place(glm::max(at - 1, 0), glm::min(at + 1, last), [&](const glm::ivec3& place) {
+    const std::uint32_t cell = cell_of_lattice(box, FieldBoxes::lattice_number(place));
+    if (cell != none) majority.add(cell, !scene_->rays().occluded(point, boxes_.lattice_point(index, place)));
+  });
+  return majority.group();
 }
 
 }  // namespace earshot

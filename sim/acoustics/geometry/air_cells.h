@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <glm/vec3.hpp>
 #include <span>
@@ -7,6 +8,7 @@
 
 #include "sim/acoustics/geometry/box_pieces.h"
 #include "sim/acoustics/geometry/field_boxes.h"
+#include "sim/acoustics/geometry/wall_parts.h"
 #include "sim/base/memory_bytes.h"
 #include "sim/scene/scene.h"
 
@@ -16,14 +18,16 @@ namespace earshot {
 class AirCells {
  public:
   static constexpr std::uint32_t none = 0xFFFFFFFFu;
+  /// In place of a cell: known to be of no cell.
+  static constexpr std::uint32_t no_cell = none - 1;
 
   /// Of a box: its cells, and where it knows which of its air is of which.
   struct Box {
     std::uint32_t first = 0, count = 0;  ///< its cells
     std::uint32_t labels = none;         ///< of its points, in labels_; none: they are all of one cell
+    std::uint32_t sure = none;           ///< labels of its parts, in sure_; none where it is whole
     std::uint32_t stray = none;          ///< bounds of its air that is of no cell, in stray_; none: there is none
-    bool is_whole = false;               ///< all of its air is of its only cell
-    bool holds_geometry = false;         ///< the bounds of a triangle touch it
+    bool is_whole = false;               ///< all of its air is of its only cell, and no wall reaches into it
   };
 
   /// Keeps a reference to `scene`, which must outlive this.  cell_m: about the edge of the boxes.  A scene without triangles has no cells.
@@ -34,18 +38,21 @@ class AirCells {
   [[nodiscard]] const Box& box(std::size_t number) const { return box_[number]; }
   [[nodiscard]] std::size_t size() const { return cells_.size(); }
   [[nodiscard]] std::size_t bytes() const {
-    return bytes_of(box_) + bytes_of(cells_) + bytes_of(labels_) + bytes_of(sure_) + bytes_of(stray_);
+    return bytes_of(box_) + bytes_of(cells_) + bytes_of(labels_) + bytes_of(sure_) + bytes_of(open_across_) + bytes_of(stray_);
   }
   [[nodiscard]] const AirPiece& operator[](std::uint32_t cell) const { return cells_[cell]; }
 
   /// The cell of the box that holds a point of it; none where it is of no cell.  Rays, up to 27, near the walls between cells alone.
   [[nodiscard]] std::uint32_t cell_at(std::size_t box, glm::vec3 point) const;
-  /// The cell of the box, which has these indices, that a segment free of geometry crosses between two of its points, as far as that is
-  /// known without a ray; none where it is not.  Where the middle lies near a wall, other points of it tell as well.
-  [[nodiscard]] std::uint32_t sure_cell_along(std::size_t box, const glm::ivec3& index, glm::vec3 enter, glm::vec3 leave) const {
-    if (box_[box].is_whole) return box_[box].first;
-    return sure_cell_among_pieces(box_[box], index, enter, leave);
+  /// The cells of the box, which has these indices, that a segment free of geometry crosses between two of its points: that of its first
+  /// half and that of its second, which differ where it goes through a slit.  no_cell, or none, as far as that is not known without a ray.
+  [[nodiscard]] std::array<std::uint32_t, 2> sure_cells_along(std::size_t box, const glm::ivec3& index, glm::vec3 enter,
+                                                              glm::vec3 leave) const {
+    if (box_[box].is_whole) return {box_[box].first, box_[box].first};
+    return sure_cells_beside_walls(box_[box], index, enter, leave);
   }
+  /// The lines to the next box along an axis that belong to an opening wider than a slit, as in OpenLines::across.
+  [[nodiscard]] std::uint64_t open_across(std::size_t box, int axis) const { return open_across_[box][static_cast<std::size_t>(axis)]; }
   /// May air of no cell lie about this point of a box?
   [[nodiscard]] bool may_be_stray(std::size_t box, glm::vec3 point) const;
   /// The cell of one of the lattice points of a box.
@@ -56,12 +63,13 @@ class AirCells {
  private:
   /// Label of air that is of no piece, but is joined to the air of a neighbouring box.
   static constexpr std::uint8_t kStrayAir = 0xFE;
-  void mark_boxes_with_geometry();
-  void find_pieces();
+  static constexpr std::uint8_t kBesideWall = 0xFD;
+  void find_pieces(const WallParts& walls);
+  void find_sure_labels(const WallParts& walls);
   void find_stray_air();
-  void find_sure_labels();
   [[nodiscard]] std::uint32_t sure_cell_at(const Box& of, const glm::ivec3& index, glm::vec3 point) const;
-  [[nodiscard]] std::uint32_t sure_cell_among_pieces(const Box& of, const glm::ivec3& index, glm::vec3 enter, glm::vec3 leave) const;
+  [[nodiscard]] std::array<std::uint32_t, 2> sure_cells_beside_walls(const Box& of, const glm::ivec3& index, glm::vec3 enter,
+                                                                     glm::vec3 leave) const;
   [[nodiscard]] std::uint32_t cell_near_walls(std::size_t box, glm::vec3 point) const;
 
   const Scene* scene_;
@@ -69,7 +77,8 @@ class AirCells {
   std::vector<Box> box_;
   std::vector<AirPiece> cells_;
   std::vector<std::uint8_t> labels_;  ///< [boxes whose points are not all of one piece][points]
-  std::vector<std::uint8_t> sure_;    ///< the same where the points all round are of that piece too, else kStrayAir or kNoPiece
+  std::vector<std::uint8_t> sure_;    ///< [boxes that walls reach into][parts], kBesideWall where the label of the point is not that of all
+  std::vector<std::array<std::uint64_t, 3>> open_across_;  ///< [box][axis]
   std::vector<Bounds> stray_;
 };
 

@@ -5,8 +5,6 @@
 #include <algorithm>
 #include <utility>
 
-#include "sim/base/denormals.h"
-
 namespace earshot {
 namespace {
 
@@ -14,12 +12,17 @@ namespace {
 constexpr float kLeastOpenness = 0.25f;
 
 /// Passages through the face between a box and the next one along an axis.
-void find_passages_between(const Scene& scene, const AirCells& cells, const glm::ivec3& index, int axis, std::vector<CellPassage>& found) {
+void find_passages_between(const AirCells& cells, const glm::ivec3& index, int axis, std::vector<CellPassage>& found) {
   glm::ivec3 next = index;
   ++next[axis];
   const FieldBoxes& boxes = cells.boxes();
   const std::size_t box_here = boxes.number_of(index), box_there = boxes.number_of(next);
   const AirCells::Box &here = cells.box(box_here), &there = cells.box(box_there);
+  const std::uint64_t open_lines = cells.open_across(box_here, axis);
+  if (here.labels == AirCells::none && there.labels == AirCells::none && here.count == 1 && there.count == 1 && ~open_lines == 0) {
+    found.push_back({here.first, there.first, 1.f});
+    return;
+  }
   // The points beside the face, of each piece, and the lines across it that are open.
   std::vector<int> points_here(here.count, 0), points_there(there.count, 0), open(here.count * there.count, 0);
   for (int i = 0; i < FieldBoxes::kPointsPerEdge * FieldBoxes::kPointsPerEdge; ++i) {
@@ -27,13 +30,11 @@ void find_passages_between(const Scene& scene, const AirCells& cells, const glm:
     at[axis] = FieldBoxes::kPointsPerEdge - 1;
     at[(axis + 1) % 3] = other[(axis + 1) % 3] = i / FieldBoxes::kPointsPerEdge;
     at[(axis + 2) % 3] = other[(axis + 2) % 3] = i % FieldBoxes::kPointsPerEdge;
-    const std::uint32_t a = cells.cell_of_lattice(box_here, FieldBoxes::lattice_number(at)),
-                        b = cells.cell_of_lattice(box_there, FieldBoxes::lattice_number(other));
+    const int number_here = FieldBoxes::lattice_number(at), number_there = FieldBoxes::lattice_number(other);
+    const std::uint32_t a = cells.cell_of_lattice(box_here, number_here), b = cells.cell_of_lattice(box_there, number_there);
     if (a != AirCells::none) ++points_here[a - here.first];
     if (b != AirCells::none) ++points_there[b - there.first];
-    if (a != AirCells::none && b != AirCells::none &&
-        !scene.rays().occluded(boxes.lattice_point(index, at), boxes.lattice_point(next, other)))
-      ++open[(a - here.first) * there.count + b - there.first];
+    if (a != AirCells::none && b != AirCells::none && (open_lines >> i & 1) != 0) ++open[(a - here.first) * there.count + b - there.first];
   }
   for (std::uint32_t a = 0; a < here.count; ++a)
     for (std::uint32_t b = 0; b < there.count; ++b) {
@@ -45,20 +46,14 @@ void find_passages_between(const Scene& scene, const AirCells& cells, const glm:
 
 }  // namespace
 
-CellPassages::CellPassages(const Scene& scene, const AirCells& cells) {
+CellPassages::CellPassages(const AirCells& cells) {
   const FieldBoxes& boxes = cells.boxes();
   std::vector<std::vector<CellPassage>> of_box(boxes.size());
   tbb::parallel_for(std::size_t{0}, boxes.size(), [&](std::size_t i) {
-    const FlushDenormals flush;
     const glm::ivec3 index = boxes.index_of(i);
     for (int axis = 0; axis < 3; ++axis) {
       glm::ivec3 next = index;
-      if (++next[axis] == boxes.count()[axis]) continue;
-      const AirCells::Box &here = cells.box(i), &there = cells.box(boxes.number_of(next));
-      if (here.holds_geometry || there.holds_geometry)
-        find_passages_between(scene, cells, index, axis, of_box[i]);
-      else
-        of_box[i].push_back({here.first, there.first, 1.f});
+      if (++next[axis] < boxes.count()[axis]) find_passages_between(cells, index, axis, of_box[i]);
     }
   });
   for (const std::vector<CellPassage>& some : of_box) passages_.insert(passages_.end(), some.begin(), some.end());

@@ -6,21 +6,20 @@
 
 #include "sim/acoustics/geometry/air_cells.h"
 #include "sim/base/memory_bytes.h"
-#include "sim/scene/scene.h"
 
 namespace earshot {
 
 /// Two cells of adjacent boxes with more than a slit between them.
 struct CellPassage {
   std::uint32_t first, second;  ///< first < second
-  float openness;               ///< [0.25, 1]: fraction of short lines across their common face that geometry does not cut
+  float openness;               ///< [0.25, 1]: fraction of short lines across their common face that are open (OpenLines::in_windows)
 };
 
 /// How the cells of a scene are joined.  Immutable; safe from any thread.
 class CellPassages {
  public:
-  /// Cost: 64 short rays for each face of a box that holds geometry, in parallel.
-  CellPassages(const Scene& scene, const AirCells& cells);
+  /// Cost: about 0.5 us for each face of a box that a wall cuts, in parallel.
+  explicit CellPassages(const AirCells& cells);
 
   /// Every passage once, in ascending order of (first, second).
   [[nodiscard]] std::span<const CellPassage> all() const { return passages_; }

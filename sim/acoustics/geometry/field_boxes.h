@@ -61,4 +61,13 @@ class FieldBoxes {
   glm::ivec3 count_{0};
 };
 
+/// Calls visit(place) for every place from `first` to `last`, both included, in ascending order.
+template <class Visit>
+void for_each_place(const glm::ivec3& first, const glm::ivec3& last, Visit&& visit) {
+  glm::ivec3 place;
+  for (place.x = first.x; place.x <= last.x; ++place.x)
+    for (place.y = first.y; place.y <= last.y; ++place.y)
+      for (place.z = first.z; place.z <= last.z; ++place.z) visit(place);
+}
+
 }  // namespace earshot

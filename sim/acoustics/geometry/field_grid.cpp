@@ -13,13 +13,12 @@ constexpr std::array<int, 8> kByDistance{0, 1, 2, 4, 3, 5, 6, 7};
 
 }  // namespace
 
-FieldGrid::FieldGrid(const Scene& scene, float cell_m) : cells_(scene, cell_m), passages_(scene, cells_) {}
+FieldGrid::FieldGrid(const Scene& scene, float cell_m) : cells_(scene, cell_m), passages_(cells_) {}
 
-/// The cell of a box that a segment crosses, or none.  before: a cell of this box or of one beside it where the segment was, gap if it was
-/// in one of this box, none if that is not known.
-std::uint32_t FieldGrid::cell_after(std::uint32_t before, std::size_t box, const glm::ivec3& index, glm::vec3 enter,
-                                    glm::vec3 leave) const {
-  if (const std::uint32_t sure = cells_.sure_cell_along(box, index, enter, leave); sure != none) return sure;
+/// The cell of a box that a segment crosses, or none.  sure: what is known without a ray.  before: a cell of this box or of one beside it
+/// where the segment was, gap if it was in one of this box, none if that is not known.
+std::uint32_t FieldGrid::cell_after(std::uint32_t before, std::uint32_t sure, std::size_t box, glm::vec3 enter, glm::vec3 leave) const {
+  if (sure != none) return sure == AirCells::no_cell ? none : sure;
   if (before == gap) return none;
   const AirCells::Box& of = cells_.box(box);
   const glm::vec3 middle = 0.5f * (enter + leave);
@@ -64,12 +63,20 @@ std::uint32_t FieldGrid::cross(glm::vec3 origin, glm::vec3 direction, float leng
   const float least_m = 1e-5f * std::min({edge_m.x, edge_m.y, edge_m.z});
   float enter_m = 0;
   std::uint32_t before = start, cell = start;
+  const auto cover = [&](std::size_t number, std::uint32_t sure, float from_m, float to_m) {
+    cell = cell_after(before, sure, number, origin + from_m * direction, origin + to_m * direction);
+    if (cell != none) crossings.push_back({cell, from_m, to_m});
+    before = cell;
+  };
   while (enter_m < length_m) {
     const float nearest_m = std::min(x.next_m, std::min(y.next_m, z.next_m)), leave_m = std::min(nearest_m, length_m);
     if (leave_m > enter_m + least_m) {
-      cell = cell_after(before, static_cast<std::size_t>(box), index, origin + enter_m * direction, origin + leave_m * direction);
-      if (cell != none) crossings.push_back({cell, enter_m, leave_m});
-      before = cell;
+      const auto number = static_cast<std::size_t>(box);
+      const std::array<std::uint32_t, 2> sure =
+          cells_.sure_cells_along(number, index, origin + enter_m * direction, origin + leave_m * direction);
+      const float middle_m = sure[0] == sure[1] ? leave_m : 0.5f * (enter_m + leave_m);
+      cover(number, sure[0], enter_m, middle_m);
+      if (middle_m < leave_m) cover(number, sure[1], middle_m, leave_m);
       enter_m = leave_m;
     }
     if (leave_m >= length_m) break;

@@ -38,9 +38,9 @@ class FieldGrid {
     std::uint32_t cell;
     float enter_m, leave_m;
   };
-  /// Appends the cells that a segment crosses.  A segment is free of geometry between its ends, so it counts for one piece of each box:
-  /// near the walls between pieces the one that a passage joins to the cell before it, and where that is none or several, short rays
-  /// decide. start: the cell where the segment begins, gap, or none: not known.  Returns that of its end.
+  /// Appends the cells that a segment crosses.  A segment is free of geometry between its ends, so it counts for one piece of each box, or
+  /// where it goes through a slit for two: near the walls between pieces the one that a passage joins to the cell before it, and where that
+  /// is none or several, short rays decide. start: the cell where the segment begins, gap, or none: not known.  Returns that of its end.
   std::uint32_t cross(glm::vec3 origin, glm::vec3 direction, float length_m, std::vector<Crossing>& crossings,
                       std::uint32_t start = none) const;
 
@@ -58,8 +58,7 @@ class FieldGrid {
   [[nodiscard]] std::span<const Passage> passages() const { return passages_.all(); }
 
  private:
-  [[nodiscard]] std::uint32_t cell_after(std::uint32_t before, std::size_t box, const glm::ivec3& index, glm::vec3 enter,
-                                         glm::vec3 leave) const;
+  [[nodiscard]] std::uint32_t cell_after(std::uint32_t before, std::uint32_t sure, std::size_t box, glm::vec3 enter, glm::vec3 leave) const;
 
   AirCells cells_;
   CellPassages passages_;

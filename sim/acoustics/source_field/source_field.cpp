@@ -111,7 +111,7 @@ void add_parts(std::span<const Part> parts, const WideningBins& bins, std::size_
 }
 
 /// Part of the key: stored fields are built anew once photons or cells give other bits.  To be raised with every such change.
-constexpr std::uint32_t kPassVersion = 13;
+constexpr std::uint32_t kPassVersion = 14;
 
 FieldHeader header_of(std::span<const std::byte> image) {
   FieldHeader header;
