@@ -10,6 +10,7 @@
 #include <string_view>
 
 #include "sim/base/errors.h"
+#include "trainer/checkpoint/find_checkpoint.h"
 
 namespace earshot {
 namespace {
@@ -89,6 +90,24 @@ void RunFolder::remove_run() const {
 void RunFolder::remove_temporaries() const {
   for (const auto& file : files_in(out_ / "checkpoints"))
     if (file.filename().string().find(".ckpt.tmp") != std::string::npos) std::filesystem::remove(file);
+}
+
+std::optional<std::filesystem::path> RunFolder::drop_oldest() const {
+  std::map<std::uint64_t, std::filesystem::path> by_update;
+  for (const auto& file : files_in(out_ / "checkpoints"))
+    if (const auto of = update_of(file.filename().string())) by_update.emplace(*of, file);
+  if (by_update.empty()) return std::nullopt;
+  const auto [oldest, file] = *by_update.begin();
+  std::vector<std::filesystem::path> newer{last_checkpoint()};
+  for (auto item = by_update.rbegin(); item != by_update.rend() && item->first > oldest; ++item) newer.push_back(item->second);
+  for (const auto& other : newer)
+    if (std::filesystem::exists(other)) try {
+        if (load_checkpoint_metadata(other).update <= oldest) continue;
+        std::filesystem::remove(file);
+        return file;
+      } catch (const InputError&) {  // damaged: no reason to drop another
+      }
+  return std::nullopt;
 }
 
 void RunFolder::remove_surplus(std::uint64_t update, int keep, bool is_last) const {

@@ -1,0 +1,41 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+
+namespace earshot {
+
+/// What the holder of a run folder writes into its lock: who it is, for messages, and whether it can still be there.
+struct LockRecord {
+  bool is_lease = false;          ///< renewed by its holder; else the kernel knows whether it is held
+  std::string host;               ///< name
+  std::string machine;            ///< start of the machine and namespace of its processes: where process numbers mean something
+  std::int64_t process = 0;       ///< number there
+  std::uint64_t began_ticks = 0;  ///< when that process began: another one may get the number later
+  std::string since;              ///< UTC, "2026-11-27T04:30:12Z"
+  std::string what;               ///< "earshot train"
+  std::string job;                ///< of a launcher; empty: none
+  std::string token;              ///< of this holder, 16 hexadecimal digits; never twice
+  std::string run;                ///< token of the first holder that this run had
+
+  /// "process 41 (earshot train) on host n7, since 2026-11-27T04:30:12Z".
+  [[nodiscard]] std::string holder() const;
+};
+
+/// Of this process.  what, job, run: as above; no run: a new one.
+LockRecord own_lock_record(const std::string& what, const std::string& job, const std::string& run = {});
+
+/// Lines "key value".
+std::string encode_lock_record(const LockRecord& record);
+/// nullopt where the text is none: not written yet, or not by this program.
+std::optional<LockRecord> decode_lock_record(const std::string& text);
+/// Of the file behind a descriptor, whatever its position.
+std::optional<LockRecord> read_lock_record(int descriptor);
+
+/// Whether the holder is on this machine and has ended, or cannot do anything any more: a zombie, or about to be killed.  False on another
+/// machine, of which nothing is known.
+bool is_known_gone(const LockRecord& record);
+
+}  // namespace earshot

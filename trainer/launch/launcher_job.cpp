@@ -1,0 +1,29 @@
+#include "trainer/launch/launcher_job.h"
+
+#include <array>
+#include <cstdlib>
+
+#include "trainer/launch/worker_names.h"
+
+namespace earshot {
+namespace {
+
+/// Those of a batch system come first: what it runs may give itself another name at each start.
+constexpr std::array kJobNames{"SLURM_JOB_ID", "PBS_JOBID", "LSB_JOBID", "TORCHELASTIC_RUN_ID", "PMIX_NAMESPACE", kRunIdName};
+
+}  // namespace
+
+std::string launcher_job(const Variables& variables) {
+  for (const char* name : kJobNames)
+    if (const auto found = variables.find(name); found != variables.end() && !found->second.empty()) return name + (" " + found->second);
+  return {};
+}
+
+std::string launcher_job() {
+  Variables variables;
+  for (const char* name : kJobNames)
+    if (const char* value = std::getenv(name)) variables[name] = value;
+  return launcher_job(variables);
+}
+
+}  // namespace earshot
