@@ -11,16 +11,19 @@ namespace {
 constexpr std::array<int, 4> kSignals{SIGTERM, SIGINT, SIGHUP, SIGUSR1};
 
 // A signal handler may only touch a lock-free atomic; it has to be reachable without an argument.
-std::atomic<bool> stop_requested{false};
-static_assert(std::atomic<bool>::is_always_lock_free);
+std::atomic<int> stop_signal{0};
+static_assert(std::atomic<int>::is_always_lock_free);
 
-void request_stop(int) { stop_requested.store(true); }
+void request_stop(int signal) {
+  int none = 0;
+  stop_signal.compare_exchange_strong(none, signal);
+}
 
 }  // namespace
 
 StopSignals::StopSignals() {
   static_assert(kSignals.size() == std::tuple_size_v<decltype(previous_)>);
-  stop_requested.store(false);
+  stop_signal.store(0);
   for (std::size_t i = 0; i < kSignals.size(); ++i) {
     previous_[i] = std::signal(kSignals[i], request_stop);
     if (kSignals[i] == SIGHUP && previous_[i] == SIG_IGN) std::signal(SIGHUP, SIG_IGN);  // nohup
@@ -31,6 +34,6 @@ StopSignals::~StopSignals() {
   for (std::size_t i = 0; i < kSignals.size(); ++i) std::signal(kSignals[i], previous_[i]);
 }
 
-bool StopSignals::received() { return stop_requested.load(); }
+int StopSignals::signal() { return stop_signal.load(); }
 
 }  // namespace earshot

@@ -14,7 +14,9 @@ class StopSignals {
   StopSignals& operator=(const StopSignals&) = delete;
 
   /// Has one come since the last of these objects was made?
-  static bool received();
+  static bool received() { return signal() != 0; }
+  /// The first that has come since then; 0: none.
+  static int signal();
 
  private:
   std::array<void (*)(int), 4> previous_{};
